@@ -1,0 +1,42 @@
+// Named, calibrated cameras in one world. World: right-handed, metres, z up. Pure values.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "calib/model/camera_model.h"
+#include "calib/model/rigid3.h"
+
+namespace huetrack {
+
+struct ImageSize {
+  int width = 0;    // pixels
+  int height = 0;
+  bool operator==(const ImageSize&) const = default;
+};
+
+struct Camera {
+  std::string name;                 // unique in the rig
+  ImageSize image_size;
+  CameraModel model;
+  Rigid3d cam_from_world;           // p_cam = cam_from_world * p_world
+
+  std::optional<RawPixel> project_world(const Eigen::Vector3d& p_world) const {
+    return model.project(cam_from_world * p_world);
+  }
+  Eigen::Vector3d centre() const { return inverse(cam_from_world).translation; }   // in the world, metres
+  bool contains(const RawPixel& p) const {   // inside the image: the pixel that it rounds to exists
+    return p.px.x() >= -0.5 && p.px.y() >= -0.5 && p.px.x() < image_size.width - 0.5 && p.px.y() < image_size.height - 0.5;
+  }
+};
+
+struct CameraRig {
+  std::vector<Camera> cameras;      // Frame::camera indexes this
+
+  std::optional<int> index_of(std::string_view name) const;
+  std::vector<std::string> problems() const;   // empty when valid; one sentence per violated constraint
+};
+
+}  // namespace huetrack

@@ -1,0 +1,94 @@
+// Strict reading of YAML files: what every YAML file of ours goes through (rigs, recordings, service configurations,
+// boards). A key that nobody asked for, a wrong type or a value out of range is a ConfigError that names file and line:
+//   huetrackd.yaml:14: object_tracking.particle_cuont is not a known key (did you mean particle_count?)
+// thread-compatible. yaml-cpp does not show through this header.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <limits>
+#include <memory>
+#include <optional>
+#include <span>
+#include <stdexcept>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+namespace huetrack {
+
+// The user's input is at fault. what() is one readable line "file:line: key.path: what is wrong, what to do".
+class ConfigError : public std::runtime_error {
+ public:
+  ConfigError(const std::filesystem::path& file, int line, const std::string& message);   // line <= 0: whole file
+  const std::filesystem::path& file() const noexcept { return file_; }
+  int line() const noexcept { return line_; }
+
+ private:
+  std::filesystem::path file_;
+  int line_;
+};
+
+// An interval that a number must lie in; written into the error message. NaN and infinity are never accepted.
+struct Range {
+  double min = -std::numeric_limits<double>::infinity();
+  double max = std::numeric_limits<double>::infinity();
+  bool min_is_open = false;   // value > min rather than value >= min
+  bool max_is_open = false;
+};
+inline constexpr Range any_number{};
+inline constexpr Range positive{.min = 0, .min_is_open = true};
+inline constexpr Range non_negative{.min = 0};
+
+// One mapping of a YAML file. Ask for every key that you know, then call finish(): it throws on the first key that
+// nobody asked for, with a suggestion from those that were. Every getter throws ConfigError; the ones that take a
+// default return it when the key is absent (a key that is present but null is an error).
+class YamlReader {
+ public:
+  static YamlReader file(const std::filesystem::path& path);                    // unreadable or not a mapping: ConfigError
+  static YamlReader text(const std::string& yaml, const std::string& name);     // name stands for the file in messages
+
+  bool has(std::string_view key) const;                                         // counts as asked for
+  double number(std::string_view key, Range range) const;
+  double number(std::string_view key, Range range, double default_value) const;
+  std::int64_t integer(std::string_view key, Range range) const;
+  std::int64_t integer(std::string_view key, Range range, std::int64_t default_value) const;
+  bool boolean(std::string_view key) const;
+  bool boolean(std::string_view key, bool default_value) const;
+  std::string string(std::string_view key) const;                               // not empty
+  std::string string(std::string_view key, const std::string& default_value) const;
+  // One of the given words; the message lists them and suggests the nearest.
+  std::string choice(std::string_view key, std::span<const std::string_view> words) const;
+  std::string choice(std::string_view key, std::span<const std::string_view> words, const std::string& default_value) const;
+  // A list of numbers, min_count to max_count of them.
+  std::vector<double> numbers(std::string_view key, std::size_t min_count, std::size_t max_count, Range range) const;
+  std::vector<std::vector<double>> rows(std::string_view key, std::size_t row_count, std::size_t column_count) const;
+  std::vector<std::string> strings(std::string_view key) const;
+
+  YamlReader map(std::string_view key) const;                                   // required
+  std::optional<YamlReader> optional_map(std::string_view key) const;
+  std::vector<YamlReader> maps(std::string_view key) const;                     // a list of mappings
+  // A mapping whose keys are names of the user's choice (cameras, targets), in the order of the file.
+  // A name given twice is an error.
+  std::vector<std::pair<std::string, YamlReader>> named_maps(std::string_view key) const;
+  std::vector<std::string> keys() const;                                        // in the order of the file; asks for none
+
+  void finish() const;                                                          // throws on the first unknown key
+
+  // Throws ConfigError at the key (or, when it is absent, at this mapping): "file:line: path.key: message".
+  [[noreturn]] void fail(std::string_view key, const std::string& message) const;
+  const std::filesystem::path& path() const;                                    // of the file
+  std::string key_path() const;                                                 // "cameras.left", empty at the root
+  int line() const;
+
+ private:
+  struct Node;
+  explicit YamlReader(std::shared_ptr<Node> node);
+  std::shared_ptr<Node> node_;
+};
+
+// The one of `words` that is nearest to `word` by edit distance, if it is near enough to be a misspelling.
+std::optional<std::string> nearest_word(std::string_view word, std::span<const std::string> words);
+
+}  // namespace huetrack

@@ -1,0 +1,18 @@
+// Live, recorded and simulated cameras are the same thing to everyone downstream.
+#pragma once
+
+#include <optional>
+#include <stop_token>
+
+#include "capture/frame.h"
+
+namespace huetrack {
+
+// A stream of frames in time order. thread-compatible: read by one thread.
+class FrameSource {
+ public:
+  virtual ~FrameSource() = default;
+  virtual std::optional<Frame> next(std::stop_token stop) = 0;   // blocks; nullopt = ended or stopped
+};
+
+}  // namespace huetrack

@@ -1,0 +1,73 @@
+// WHERE IS THE OBJECT: still, calibrated cameras; the target's position in the world.
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "calib/model/camera_rig.h"
+#include "capture/frame.h"
+#include "object_tracking/color_model.h"
+#include "object_tracking/object_estimate.h"
+
+namespace huetrack {
+
+struct Box {                               // axis-aligned, world frame, metres
+  Eigen::Vector3d min{-1, -1, 0};
+  Eigen::Vector3d max{1, 1, 2};
+};
+
+// One target to track.
+struct TargetOptions {
+  std::string name;                        // unique; [A-Za-z][A-Za-z0-9_]*, so that it can be part of a topic's name
+  double radius_m = 0.04;                  // > 0; of the ball, or of a ball of about the object's size
+  HsiRange color;
+  std::vector<std::pair<std::string, HsiRange>> camera_colors;   // per-camera overrides: (camera name, range)
+  std::vector<std::string> problems() const;
+};
+
+enum class Observation : std::uint8_t {
+  paper,     // Barrera et al.: eqs. (1)-(6), nothing else
+  huetrack,  // ours
+};
+
+struct ObjectTrackerOptions {
+  Observation observation = Observation::huetrack;
+  Box volume;                              // where targets may be; the particles start uniformly in it
+  int particle_count = 200;                // >= 1; time per frame is linear in it
+  int max_particle_count = 2000;           // >= particle_count; while searching
+  std::uint64_t seed = 1;                  // same seed, same recording, same options => same track, byte for byte
+  // --- observation: paper
+  double position_noise_m = 0.06;          // > 0; sigma_m of eqs. (1)-(3), metres per frame set
+  // --- observation: huetrack
+  double acceleration_noise_m_s2 = 8.0;    // > 0; std. dev. of the white acceleration of the constant-velocity motion
+  double coast_s = 0.5;                    // > 0; coasting longer than this is lost
+  double max_coast_sigma_m = 0.25;         // > 0; coasting less surely than this (largest axis) is lost
+  std::vector<std::string> problems() const;
+};
+
+// thread-compatible; one per target; the pipeline's tracking threads own them. Never throws after construction.
+class ObjectTracker {
+ public:
+  // Copies what it needs of the rig. throws std::invalid_argument, naming the problems.
+  ObjectTracker(const CameraRig& rig, const TargetOptions& target, const ObjectTrackerOptions& options);
+  ~ObjectTracker();
+  ObjectTracker(ObjectTracker&&) noexcept;
+  ObjectTracker& operator=(ObjectTracker&&) noexcept;
+
+  // set.frames has one slot per camera of the rig; a frame whose size is not the rig's is not used (the caller checks
+  // sizes at start). Sets come in time order.
+  ObjectEstimate update(const FrameSet& set);
+
+  // The particles after the last update, world frame, metres: for pictures and previews.
+  std::vector<Eigen::Vector3f> particles() const;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace huetrack
