@@ -4,6 +4,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "calib/model/camera_model.h"
@@ -30,10 +31,13 @@ struct Camera {
   bool contains(const RawPixel& p) const {   // inside the image: the pixel that it rounds to exists
     return p.px.x() >= -0.5 && p.px.y() >= -0.5 && p.px.x() < image_size.width - 0.5 && p.px.y() < image_size.height - 0.5;
   }
+  std::vector<std::string> problems() const;   // empty when valid; one sentence per violated constraint
 };
 
 struct CameraRig {
   std::vector<Camera> cameras;      // Frame::camera indexes this
+  // How the calibration was made, for people to read (tool, date, residuals): unique keys, nothing empty.
+  std::vector<std::pair<std::string, std::string>> made_by;
 
   std::optional<int> index_of(std::string_view name) const;
   std::vector<std::string> problems() const;   // empty when valid; one sentence per violated constraint

@@ -1,0 +1,230 @@
+#include "calib/model/rig_yaml.h"
+
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <Eigen/SVD>
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <charconv>
+#include <cmath>
+#include <cstdint>
+#include <cstdio>
+#include <cstdlib>
+#include <span>
+#include <system_error>
+
+#include "calib/yaml/yaml_reader.h"
+
+namespace huetrack {
+namespace {
+
+constexpr std::array<std::string_view, 2> model_names{"pinhole_radtan", "fisheye_kb"};
+constexpr double rotation_tolerance = 1e-4;  // of a rotation that was printed with few digits
+
+template <typename Lens>
+Lens lens_of(const YamlReader& intrinsics, const std::vector<double>& distortion) {
+  Lens lens;
+  lens.fx = intrinsics.number("fx", positive);
+  lens.fy = intrinsics.number("fy", positive);
+  lens.cx = intrinsics.number("cx", any_number);
+  lens.cy = intrinsics.number("cy", any_number);
+  intrinsics.finish();
+  std::ranges::copy(distortion, lens.distortion.begin());
+  return lens;
+}
+
+CameraModel read_model(const YamlReader& camera) {
+  const bool fisheye = camera.choice("model", model_names) == "fisheye_kb";
+  const YamlReader intrinsics = camera.map("intrinsics");
+  if (!camera.has("distortion")) {
+    camera.fail("distortion", std::string("is missing; a lens without distortion has ") +
+                                  (fisheye ? "[0, 0, 0, 0]" : "[0, 0, 0, 0, 0]"));
+  }
+  if (fisheye) {
+    return CameraModel(lens_of<FisheyeKannalaBrandt>(intrinsics, camera.numbers("distortion", 4, 4, any_number)));
+  }
+  const auto distortion = camera.numbers("distortion", 4, 8, any_number);
+  if (distortion.size() == 6 || distortion.size() == 7) {
+    camera.fail("distortion", "pinhole_radtan has 4 (k1 k2 p1 p2), 5 (k3) or 8 (k4 k5 k6) coefficients, got " +
+                                  std::to_string(distortion.size()));
+  }
+  return CameraModel(lens_of<PinholeRadtan>(intrinsics, distortion));
+}
+
+Eigen::Quaterniond read_rotation_matrix(const YamlReader& pose) {
+  const auto rows = pose.rows("rotation", 3, 3);
+  Eigen::Matrix3d m;
+  for (int i = 0; i < 3; ++i) m.row(i) = Eigen::Map<const Eigen::RowVector3d>(rows[static_cast<std::size_t>(i)].data());
+  if (const double off = (m * m.transpose() - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff();
+      !(off <= rotation_tolerance)) {
+    std::array<char, 32> text;
+    std::snprintf(text.data(), text.size(), "%.2g", off);
+    pose.fail("rotation", "is not a rotation: its rows must be orthogonal and of length 1 (off by " +
+                              std::string(text.data()) + ")");
+  }
+  if (m.determinant() < 0) {
+    pose.fail("rotation", "is mirrored (determinant -1): a camera is right-handed, x right, y down, z forward");
+  }
+  // The nearest rotation; the file's digits are rounded.
+  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(m, Eigen::ComputeFullU | Eigen::ComputeFullV);
+  return Eigen::Quaterniond(Eigen::Matrix3d(svd.matrixU() * svd.matrixV().transpose())).normalized();
+}
+
+Eigen::Quaterniond read_quaternion(const YamlReader& pose) {
+  const auto xyzw = pose.numbers("quaternion_xyzw", 4, 4, any_number);
+  const Eigen::Quaterniond q(xyzw[3], xyzw[0], xyzw[1], xyzw[2]);
+  const double off = std::abs(q.norm() - 1);
+  if (!(off <= rotation_tolerance)) pose.fail("quaternion_xyzw", "must have length 1");
+  return off < 1e-12 ? q : q.normalized();  // what we wrote comes back to the last bit
+}
+
+Rigid3d read_pose(const YamlReader& pose) {
+  if (pose.has("rotation") && pose.has("quaternion_xyzw")) {
+    pose.fail("quaternion_xyzw", "is given beside rotation: give one of the two");
+  }
+  const Eigen::Quaterniond rotation = pose.has("quaternion_xyzw") ? read_quaternion(pose) : read_rotation_matrix(pose);
+  const auto t = pose.numbers("translation", 3, 3, any_number);
+  pose.finish();
+  return {rotation, {t[0], t[1], t[2]}};
+}
+
+Camera read_camera(const std::string& name, const YamlReader& reader, bool pose_required) {
+  Camera camera;
+  camera.name = name;
+  const auto size = reader.numbers("image_size", 2, 2, {.min = 1, .max = 32768});
+  for (const double pixels : size) {
+    if (pixels != std::trunc(pixels)) reader.fail("image_size", "must be whole pixels, [width, height]");
+  }
+  camera.image_size = {static_cast<int>(size[0]), static_cast<int>(size[1])};
+  camera.model = read_model(reader);
+  // A single camera may do without: then the world is the camera's own frame.
+  if (pose_required || reader.has("cam_from_world")) camera.cam_from_world = read_pose(reader.map("cam_from_world"));
+  reader.finish();
+  for (const auto& problem : camera.problems()) reader.fail("", problem);
+  return camera;
+}
+
+std::string number(double value) {
+  std::array<char, 32> buffer;  // the shortest text that reads back as the same double
+  return {buffer.data(), std::to_chars(buffer.data(), buffer.data() + buffer.size(), value).ptr};
+}
+
+std::string list(std::span<const double> values) {
+  std::string text = "[";
+  for (const double value : values) text += (text.size() > 1 ? ", " : "") + number(value);
+  return text + "]";
+}
+
+std::string in_quotes(std::string_view text) {
+  std::string out = "\"";
+  for (const char c : text) {
+    if (c == '"' || c == '\\') {
+      out += '\\';
+      out += c;
+    } else if (static_cast<unsigned char>(c) < 0x20 || c == 0x7F) {
+      std::array<char, 8> escape;
+      std::snprintf(escape.data(), escape.size(), "\\x%02x", static_cast<unsigned>(c));
+      out += escape.data();
+    } else {
+      out += c;
+    }
+  }
+  return out + '"';
+}
+
+std::string distortion_text(const PinholeRadtan& lens) {
+  const auto& k = lens.distortion;
+  const bool rational = k[5] != 0 || k[6] != 0 || k[7] != 0;
+  return list(std::span(k).first(rational ? 8 : 5)) +
+         (rational ? "   # k1 k2 p1 p2 k3 k4 k5 k6" : "   # k1 k2 p1 p2 k3");
+}
+
+std::string distortion_text(const FisheyeKannalaBrandt& lens) {
+  return list(lens.distortion) + "   # k1 k2 k3 k4";
+}
+
+}  // namespace
+
+CameraRig read_rig(const std::filesystem::path& file) {
+  const YamlReader reader = YamlReader::file(file);
+  if (const auto version = reader.integer("version", any_number); version != 1) {
+    reader.fail("version", "is " + std::to_string(version) + ", this program reads rig files of version 1");
+  }
+  CameraRig rig;
+  const auto cameras = reader.named_maps("cameras");
+  for (const auto& [name, camera] : cameras) rig.cameras.push_back(read_camera(name, camera, cameras.size() > 1));
+  if (const auto made_by = reader.optional_map("made_by")) {
+    for (const auto& key : made_by->keys()) rig.made_by.emplace_back(key, made_by->string(key));
+  }
+  reader.finish();
+  for (const auto& problem : rig.problems()) reader.fail("cameras", problem);
+  return rig;
+}
+
+std::string to_yaml(const CameraRig& rig) {
+  std::string out =
+      "# huetrack rig: see calib/README.md. Pixel (0,0) is the centre of the top-left pixel; metres;\n"
+      "# p_cam = R(quaternion) * p_world + translation.\n"
+      "version: 1\n"
+      "cameras:\n";
+  for (const Camera& camera : rig.cameras) {
+    const CameraModel& model = camera.model;
+    const Eigen::Quaterniond& q = camera.cam_from_world.rotation;
+    const Eigen::Vector3d& t = camera.cam_from_world.translation;
+    out += "  " + in_quotes(camera.name) + ":\n";
+    out += "    image_size: [" + std::to_string(camera.image_size.width) + ", " +
+           std::to_string(camera.image_size.height) + "]\n";
+    out += "    model: " + std::string(model.name()) + "\n";
+    out += "    intrinsics: {fx: " + number(model.fx()) + ", fy: " + number(model.fy()) +
+           ", cx: " + number(model.cx()) + ", cy: " + number(model.cy()) + "}\n";
+    out += "    distortion: " + std::visit([](const auto& lens) { return distortion_text(lens); }, model.lens()) + "\n";
+    out += "    cam_from_world:\n";
+    // Not as a matrix: nine numbers would have to be made a rotation again, and would not come back bit for bit.
+    out += "      quaternion_xyzw: " + list(std::array{q.x(), q.y(), q.z(), q.w()}) + "\n";
+    out += "      translation: " + list(std::array{t.x(), t.y(), t.z()}) + "\n";
+  }
+  if (!rig.made_by.empty()) {
+    out += "made_by:\n";
+    for (const auto& [key, value] : rig.made_by) out += "  " + in_quotes(key) + ": " + in_quotes(value) + "\n";
+  }
+  return out;
+}
+
+void write_rig(const CameraRig& rig, const std::filesystem::path& file) {
+  const auto problem = [](const std::filesystem::path& path) {
+    return std::system_error(errno, std::generic_category(), "cannot write " + path.string());
+  };
+  std::filesystem::path temporary = file;
+  temporary += ".XXXXXX";
+  std::string name = temporary.string();
+  const int fd = ::mkostemp(name.data(), O_CLOEXEC);
+  if (fd < 0) throw problem(file);
+  const std::string text = to_yaml(rig);
+  bool written = ::fchmod(fd, 0644) == 0;
+  for (std::size_t done = 0; written && done < text.size();) {
+    const ssize_t count = ::write(fd, text.data() + done, text.size() - done);
+    if (count < 0 && errno == EINTR) continue;
+    written = count > 0;
+    done += written ? static_cast<std::size_t>(count) : 0;
+  }
+  written = written && ::fsync(fd) == 0;  // before the rename: a power cut must not leave an empty rig
+  written = ::close(fd) == 0 && written;
+  if (!written || ::rename(name.c_str(), file.c_str()) != 0) {
+    const auto error = problem(file);
+    ::unlink(name.c_str());
+    throw error;
+  }
+}
+
+std::string rig_identity(const CameraRig& rig) {
+  std::uint64_t hash = 0xcbf29ce484222325u;  // FNV-1a
+  for (const char c : to_yaml(rig)) hash = (hash ^ static_cast<unsigned char>(c)) * 0x100000001b3u;
+  std::array<char, 17> text;
+  std::snprintf(text.data(), text.size(), "%016llx", static_cast<unsigned long long>(hash));
+  return text.data();
+}
+
+}  // namespace huetrack

@@ -1,0 +1,452 @@
+#include "calib/yaml/yaml_reader.h"
+
+#include <yaml-cpp/yaml.h>
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <charconv>
+#include <cmath>
+#include <fstream>
+#include <system_error>
+#include <unordered_set>
+
+namespace huetrack {
+namespace {
+
+// Our files are written by hand or by our own tools; more than this is some other file given by mistake.
+constexpr std::size_t largest_file = 4u << 20;
+
+// What a message shows of a text from the file: short, on one line.
+std::string shortened(std::string_view text, std::size_t length = 40) {
+  if (text.size() <= length) return std::string(text);
+  std::size_t end = length;
+  while (end > 0 && (static_cast<unsigned char>(text[end]) & 0xC0) == 0x80) --end;  // not inside a UTF-8 character
+  return std::string(text.substr(0, end)) + "...";
+}
+
+std::string in_quotes(std::string_view text) {
+  return '"' + shortened(text) + '"';
+}
+
+std::string to_text(double value) {
+  std::array<char, 32> buffer;
+  return {buffer.data(), std::to_chars(buffer.data(), buffer.data() + buffer.size(), value).ptr};
+}
+
+std::string plural(std::size_t count, const std::string& noun) {
+  return std::to_string(count) + " " + noun + (count == 1 ? "" : "s");
+}
+
+std::string list_of(std::size_t min_count, std::size_t max_count) {
+  if (min_count == max_count) return "must be a list of " + plural(min_count, "number");
+  if (max_count == std::numeric_limits<std::size_t>::max()) {
+    return "must be a list of at least " + plural(min_count, "number");
+  }
+  return "must be a list of " + std::to_string(min_count) + " to " + plural(max_count, "number");
+}
+
+bool is_null(const YAML::Node& node) {
+  if (!node.IsDefined() || node.IsNull()) return true;
+  const std::string& tag = node.Tag();
+  return node.IsScalar() && tag == "?" && (node.Scalar().empty() || node.Scalar() == "~");
+}
+
+// A scalar that is neither quoted nor tagged: the only kind that may be a number or a boolean.
+bool is_plain(const YAML::Node& node) {
+  return node.IsScalar() && node.Tag() == "?";
+}
+
+std::string described(const YAML::Node& node) {
+  if (is_null(node)) return "nothing";
+  if (node.IsSequence()) return "a list of " + std::to_string(node.size());
+  if (node.IsMap()) return "a mapping";
+  return in_quotes(node.Scalar());
+}
+
+std::optional<double> parse_number(std::string_view text) {
+  if (text.starts_with('+') && !text.starts_with("+-")) text.remove_prefix(1);
+  double value = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (error != std::errc{} || end != text.data() + text.size() || !std::isfinite(value)) return std::nullopt;
+  return value;
+}
+
+std::optional<std::int64_t> parse_integer(std::string_view text) {
+  if (text.starts_with('+') && !text.starts_with("+-")) text.remove_prefix(1);
+  int base = 10;
+  std::string_view digits = text;
+  if (text.starts_with("0x") || text.starts_with("0o")) {
+    base = text[1] == 'x' ? 16 : 8;
+    digits.remove_prefix(2);
+    if (digits.starts_with('-')) return std::nullopt;
+  }
+  std::int64_t value = 0;
+  const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), value, base);
+  if (error == std::errc{} && end == digits.data() + digits.size()) return value;
+  // 1e6 and 500.0 are whole numbers too; beyond 2^53 a double would have rounded.
+  const auto real = parse_number(text);
+  if (!real || *real != std::trunc(*real) || std::abs(*real) > 0x1p53) return std::nullopt;
+  return static_cast<std::int64_t>(*real);
+}
+
+bool contains(const Range& range, double value) {
+  return (range.min_is_open ? value > range.min : value >= range.min) &&
+         (range.max_is_open ? value < range.max : value <= range.max);
+}
+
+std::string described(const Range& range) {
+  const bool has_min = std::isfinite(range.min), has_max = std::isfinite(range.max);
+  if (has_min && has_max && !range.min_is_open && !range.max_is_open) {
+    return "from " + to_text(range.min) + " to " + to_text(range.max);
+  }
+  std::string text;
+  if (has_min) text = (range.min_is_open ? "> " : ">= ") + to_text(range.min);
+  if (has_min && has_max) text += " and ";
+  if (has_max) text += (range.max_is_open ? "< " : "<= ") + to_text(range.max);
+  return text;
+}
+
+// Optimal string alignment: insertions, deletions, replacements and swaps of neighbours, each at cost 1.
+std::size_t edit_distance(std::string_view a, std::string_view b) {
+  std::vector<std::size_t> before(b.size() + 1), previous(b.size() + 1), current(b.size() + 1);
+  for (std::size_t j = 0; j <= b.size(); ++j) previous[j] = j;
+  for (std::size_t i = 1; i <= a.size(); ++i) {
+    current[0] = i;
+    for (std::size_t j = 1; j <= b.size(); ++j) {
+      current[j] = std::min(
+          {previous[j] + 1, current[j - 1] + 1, previous[j - 1] + static_cast<std::size_t>(a[i - 1] != b[j - 1])});
+      if (i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1]) {
+        current[j] = std::min(current[j], before[j - 2] + 1);
+      }
+    }
+    std::swap(before, previous);
+    std::swap(previous, current);
+  }
+  return previous[b.size()];
+}
+
+std::string error_text(const std::filesystem::path& file, int line, const std::string& message) {
+  std::string text = file.string() + (line > 0 ? ":" + std::to_string(line) : "") + ": ";
+  for (const char c : message) text += static_cast<unsigned char>(c) < 0x20 || c == 0x7F ? ' ' : c;  // one line
+  return text;
+}
+
+std::string contents(const std::filesystem::path& path) {
+  std::error_code ignored;
+  if (std::filesystem::is_directory(path, ignored)) throw ConfigError(path, 0, "is a directory, not a file");
+  errno = 0;
+  std::ifstream stream(path, std::ios::binary);
+  std::string text(largest_file + 1, '\0');
+  if (stream) stream.read(text.data(), static_cast<std::streamsize>(text.size()));
+  if (!stream.is_open() || stream.bad()) {
+    throw ConfigError(path, 0, "cannot be read: " + std::generic_category().message(errno != 0 ? errno : EIO));
+  }
+  text.resize(static_cast<std::size_t>(stream.gcount()));
+  if (text.size() > largest_file) {
+    throw ConfigError(path, 0, "is larger than " + std::to_string(largest_file >> 20) + " MiB: not a file of ours");
+  }
+  return text;
+}
+
+}  // namespace
+
+ConfigError::ConfigError(const std::filesystem::path& file, int line, const std::string& message)
+    : std::runtime_error(error_text(file, line, message)), file_(file), line_(line) {}
+
+std::optional<std::string> nearest_word(std::string_view word, std::span<const std::string> words) {
+  std::optional<std::string> nearest;
+  std::size_t smallest = word.size() / 3 + 1;  // one slip in three letters is a misspelling, more is another word
+  for (const std::string& candidate : words) {
+    if (candidate.size() > 2 * word.size() + 2 || word.size() > 2 * candidate.size() + 2) continue;
+    if (const std::size_t distance = edit_distance(word, candidate); distance < smallest) {
+      smallest = distance;
+      nearest = candidate;
+    }
+  }
+  return nearest;
+}
+
+struct YamlReader::Node {
+  struct Entry {
+    std::string key;
+    YAML::Node value;
+    int line;  // of the key
+  };
+
+  std::filesystem::path file;
+  std::string path;  // dotted; empty at the root
+  int line;
+  std::vector<Entry> entries;
+  std::vector<std::string> asked;
+
+  // Takes a YAML mapping apart. Only one level: aliases may make the tree below exponentially large, or a circle.
+  Node(std::filesystem::path file_name, std::string key_path, int line_number, const YAML::Node& yaml)
+      : file(std::move(file_name)), path(std::move(key_path)), line(line_number) {
+    if (!yaml.IsMap()) {
+      throw ConfigError(file, line,
+                        (path.empty() ? "the file" : path) + " must be a mapping (key: value), got " + described(yaml));
+    }
+    std::unordered_set<std::string> seen;
+    for (const auto& pair : yaml) {
+      const int key_line = pair.first.Mark().line + 1;
+      if (!pair.first.IsScalar() || pair.first.Scalar().empty()) {
+        throw ConfigError(file, key_line > 0 ? key_line : line,
+                          (path.empty() ? "" : path + ": ") + "a key must be a word, got " + described(pair.first));
+      }
+      const std::string& key = pair.first.Scalar();
+      if (!seen.insert(key).second) throw ConfigError(file, key_line, child(key) + " is given twice");
+      entries.push_back({key, pair.second, key_line});
+    }
+  }
+
+  std::string child(std::string_view key) const {
+    const std::string shown = shortened(key, 80);
+    return path.empty() ? shown : key.empty() ? path : path + "." + shown;
+  }
+
+  const Entry* find(std::string_view key) {
+    if (std::ranges::find(asked, key) == asked.end()) asked.emplace_back(key);
+    const auto entry = std::ranges::find(entries, key, &Entry::key);
+    return entry == entries.end() ? nullptr : &*entry;
+  }
+
+  const Entry& required(std::string_view key) {
+    if (const Entry* entry = find(key)) return *entry;
+    std::string hint;
+    std::vector<std::string> not_asked;
+    for (const Entry& entry : entries) {
+      if (std::ranges::find(asked, entry.key) == asked.end()) not_asked.push_back(entry.key);
+    }
+    if (const auto near = nearest_word(key, not_asked)) {
+      const auto entry = std::ranges::find(entries, *near, &Entry::key);
+      hint = " (is " + *near + " in line " + std::to_string(entry->line) + " a misspelling of it?)";
+    }
+    throw ConfigError(file, line, child(key) + " is missing" + hint);
+  }
+
+  [[noreturn]] void fail(const Entry& entry, const std::string& message, const std::string& index = "") const {
+    throw ConfigError(file, entry.line, child(entry.key) + index + " " + message);
+  }
+
+  // A list may span lines, so its elements are reported where they are.
+  [[noreturn]] void fail(const Entry& entry, const YAML::Node& element, const std::string& index,
+                         const std::string& message) const {
+    const int element_line = element.Mark().line + 1;
+    throw ConfigError(file, element_line > 0 ? element_line : entry.line, child(entry.key) + index + " " + message);
+  }
+
+  double number(const Entry& entry, const YAML::Node& value, const std::string& index, Range range) const {
+    const auto parsed = is_plain(value) ? parse_number(value.Scalar()) : std::nullopt;
+    if (!parsed) fail(entry, value, index, "must be a number, got " + described(value));
+    if (!contains(range, *parsed)) {
+      fail(entry, value, index, "must be " + described(range) + " (is " + to_text(*parsed) + ")");
+    }
+    return *parsed;
+  }
+
+  std::string string(const Entry& entry, const YAML::Node& value, const std::string& index) const {
+    if (is_null(value) || !value.IsScalar()) fail(entry, value, index, "must be a text, got " + described(value));
+    if (value.Scalar().empty()) fail(entry, value, index, "must not be empty");
+    return value.Scalar();
+  }
+
+  std::vector<double> numbers(const Entry& entry, const YAML::Node& list, const std::string& index,
+                              std::size_t min_count, std::size_t max_count, Range range) const {
+    if (!list.IsSequence() || list.size() < min_count || list.size() > max_count) {
+      fail(entry, list, index, list_of(min_count, max_count) + ", got " + described(list));
+    }
+    std::vector<double> values;
+    values.reserve(list.size());
+    for (const auto& element : list) {
+      values.push_back(number(entry, element, index + "[" + std::to_string(values.size()) + "]", range));
+    }
+    return values;
+  }
+
+  std::shared_ptr<Node> map(const Entry& entry) const {
+    return std::make_shared<Node>(file, child(entry.key), entry.line, entry.value);
+  }
+};
+
+YamlReader::YamlReader(std::shared_ptr<Node> node) : node_(std::move(node)) {}
+
+YamlReader YamlReader::file(const std::filesystem::path& path) {
+  return text(contents(path), path.string());
+}
+
+YamlReader YamlReader::text(const std::string& yaml, const std::string& name) {
+  std::vector<YAML::Node> documents;
+  try {
+    documents = YAML::LoadAll(yaml);
+  } catch (const YAML::Exception& error) {
+    throw ConfigError(name, error.mark.line + 1,
+                      "is not valid YAML: " + error.msg + " (column " + std::to_string(error.mark.column + 1) + ")");
+  }
+  if (documents.empty() || (documents.size() == 1 && is_null(documents[0]))) throw ConfigError(name, 0, "is empty");
+  if (documents.size() > 1) {
+    throw ConfigError(name, 0, "must hold one YAML document, has " + std::to_string(documents.size()));
+  }
+  return YamlReader(std::make_shared<Node>(name, "", 1, documents[0]));
+}
+
+bool YamlReader::has(std::string_view key) const {
+  return node_->find(key) != nullptr;
+}
+
+double YamlReader::number(std::string_view key, Range range) const {
+  const auto& entry = node_->required(key);
+  return node_->number(entry, entry.value, "", range);
+}
+
+double YamlReader::number(std::string_view key, Range range, double default_value) const {
+  return has(key) ? number(key, range) : default_value;
+}
+
+std::int64_t YamlReader::integer(std::string_view key, Range range) const {
+  const auto& entry = node_->required(key);
+  const auto value = is_plain(entry.value) ? parse_integer(entry.value.Scalar()) : std::nullopt;
+  if (!value) node_->fail(entry, "must be a whole number, got " + described(entry.value));
+  if (!contains(range, static_cast<double>(*value))) {
+    node_->fail(entry, "must be " + described(range) + " (is " + std::to_string(*value) + ")");
+  }
+  return *value;
+}
+
+std::int64_t YamlReader::integer(std::string_view key, Range range, std::int64_t default_value) const {
+  return has(key) ? integer(key, range) : default_value;
+}
+
+bool YamlReader::boolean(std::string_view key) const {
+  const auto& entry = node_->required(key);
+  if (is_plain(entry.value)) {
+    const std::string& word = entry.value.Scalar();
+    if (word == "true" || word == "True" || word == "TRUE") return true;
+    if (word == "false" || word == "False" || word == "FALSE") return false;
+  }
+  node_->fail(entry, "must be true or false, got " + described(entry.value));
+}
+
+bool YamlReader::boolean(std::string_view key, bool default_value) const {
+  return has(key) ? boolean(key) : default_value;
+}
+
+std::string YamlReader::string(std::string_view key) const {
+  const auto& entry = node_->required(key);
+  return node_->string(entry, entry.value, "");
+}
+
+std::string YamlReader::string(std::string_view key, const std::string& default_value) const {
+  return has(key) ? string(key) : default_value;
+}
+
+std::string YamlReader::choice(std::string_view key, std::span<const std::string_view> words) const {
+  const auto& entry = node_->required(key);
+  const std::string word = node_->string(entry, entry.value, "");
+  if (std::ranges::find(words, word) != words.end()) return word;
+  std::string list;
+  for (const auto& known : words) list += (list.empty() ? "" : ", ") + std::string(known);
+  const auto near = nearest_word(word, std::vector<std::string>(words.begin(), words.end()));
+  node_->fail(entry, "must be one of " + list + ", got " + in_quotes(word) +
+                         (near ? " (did you mean " + *near + "?)" : std::string()));
+}
+
+std::string YamlReader::choice(std::string_view key, std::span<const std::string_view> words,
+                               const std::string& default_value) const {
+  return has(key) ? choice(key, words) : default_value;
+}
+
+std::vector<double> YamlReader::numbers(std::string_view key, std::size_t min_count, std::size_t max_count,
+                                        Range range) const {
+  const auto& entry = node_->required(key);
+  return node_->numbers(entry, entry.value, "", min_count, max_count, range);
+}
+
+std::vector<std::vector<double>> YamlReader::rows(std::string_view key, std::size_t row_count,
+                                                  std::size_t column_count) const {
+  const auto& entry = node_->required(key);
+  if (!entry.value.IsSequence() || entry.value.size() != row_count) {
+    node_->fail(entry, "must be a list of " + plural(row_count, "row") + " of " + plural(column_count, "number") +
+                           ", got " + described(entry.value));
+  }
+  std::vector<std::vector<double>> rows;
+  for (const auto& row : entry.value) {
+    rows.push_back(
+        node_->numbers(entry, row, "[" + std::to_string(rows.size()) + "]", column_count, column_count, any_number));
+  }
+  return rows;
+}
+
+std::vector<std::string> YamlReader::strings(std::string_view key) const {
+  const auto& entry = node_->required(key);
+  if (!entry.value.IsSequence()) node_->fail(entry, "must be a list of texts, got " + described(entry.value));
+  std::vector<std::string> strings;
+  for (const auto& element : entry.value) {
+    strings.push_back(node_->string(entry, element, "[" + std::to_string(strings.size()) + "]"));
+  }
+  return strings;
+}
+
+YamlReader YamlReader::map(std::string_view key) const {
+  return YamlReader(node_->map(node_->required(key)));
+}
+
+std::optional<YamlReader> YamlReader::optional_map(std::string_view key) const {
+  if (!has(key)) return std::nullopt;
+  return map(key);
+}
+
+std::vector<YamlReader> YamlReader::maps(std::string_view key) const {
+  const auto& entry = node_->required(key);
+  if (!entry.value.IsSequence()) node_->fail(entry, "must be a list of mappings, got " + described(entry.value));
+  std::vector<YamlReader> readers;
+  for (const auto& element : entry.value) {
+    const int line = element.Mark().line + 1;
+    readers.push_back(
+        YamlReader(std::make_shared<Node>(node_->file, node_->child(key) + "[" + std::to_string(readers.size()) + "]",
+                                          line > 0 ? line : entry.line, element)));
+  }
+  return readers;
+}
+
+std::vector<std::pair<std::string, YamlReader>> YamlReader::named_maps(std::string_view key) const {
+  const YamlReader parent = map(key);
+  std::vector<std::pair<std::string, YamlReader>> readers;
+  for (const auto& entry : parent.node_->entries) {
+    readers.emplace_back(entry.key, YamlReader(parent.node_->map(entry)));
+  }
+  return readers;
+}
+
+std::vector<std::string> YamlReader::keys() const {
+  std::vector<std::string> keys;
+  for (const auto& entry : node_->entries) keys.push_back(entry.key);
+  return keys;
+}
+
+void YamlReader::finish() const {
+  for (const auto& entry : node_->entries) {
+    if (std::ranges::find(node_->asked, entry.key) != node_->asked.end()) continue;
+    const auto near = nearest_word(entry.key, node_->asked);
+    node_->fail(entry, "is not a known key" + (near ? " (did you mean " + *near + "?)" : std::string()));
+  }
+}
+
+void YamlReader::fail(std::string_view key, const std::string& message) const {
+  const auto entry = std::ranges::find(node_->entries, key, &Node::Entry::key);
+  const std::string path = node_->child(key);
+  throw ConfigError(node_->file, entry == node_->entries.end() ? node_->line : entry->line,
+                    path.empty() ? message : path + ": " + message);
+}
+
+const std::filesystem::path& YamlReader::path() const {
+  return node_->file;
+}
+std::string YamlReader::key_path() const {
+  return node_->path;
+}
+int YamlReader::line() const {
+  return node_->line;
+}
+
+}  // namespace huetrack
