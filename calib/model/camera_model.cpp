@@ -1,5 +1,6 @@
 #include "calib/model/camera_model.h"
 
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <limits>
