@@ -1,0 +1,277 @@
+#include "idl/dds_participant.h"
+
+#include <arpa/inet.h>
+#include <ifaddrs.h>
+#include <net/if.h>
+
+#include <fastdds/rtps/transport/UDPv4TransportDescriptor.h>
+#include <algorithm>
+#include <charconv>
+#include <cstdio>
+#include <cstdlib>
+#include <fastdds/dds/domain/DomainParticipantFactory.hpp>
+#include <fastdds/dds/log/Log.hpp>
+#include <fastdds/dds/publisher/DataWriterListener.hpp>
+#include <fastdds/dds/publisher/Publisher.hpp>
+#include <fastdds/dds/subscriber/DataReaderListener.hpp>
+#include <fastdds/dds/subscriber/Subscriber.hpp>
+#include <fastdds/dds/topic/Topic.hpp>
+#include <fstream>
+#include <memory>
+#include <mutex>
+#include <stdexcept>
+#include <system_error>
+
+namespace huetrack {
+
+namespace dds = eprosima::fastdds::dds;
+using eprosima::fastrtps::types::ReturnCode_t;
+
+namespace {
+
+constexpr int max_domain = 232;  // above it, the RTPS port numbers end
+
+// Where Fast DDS' own messages go. By default it prints them on stdout, into the middle of a client's CSV.
+class FastDdsMessages {
+ public:
+  static FastDdsMessages& instance() {
+    static auto& messages = *new FastDdsMessages;  // never destroyed: Fast DDS' log thread outlives main()
+    return messages;
+  }
+
+  // Runs what may fail, and returns what Fast DDS said meanwhile ("" when nothing), instead of printing it.
+  template <typename Call>
+  std::string during(Call call) {
+    dds::Log::Flush();
+    {
+      const std::lock_guard lock(mutex_);
+      collecting_ = true;
+      collected_.clear();
+    }
+    call();
+    dds::Log::Flush();
+    const std::lock_guard lock(mutex_);
+    collecting_ = false;
+    return collected_;
+  }
+
+ private:
+  struct Consumer : dds::LogConsumer {
+    void Consume(const dds::Log::Entry& entry) override { instance().consume(entry); }
+  };
+
+  FastDdsMessages() {
+    dds::Log::ClearConsumers();
+    dds::Log::RegisterConsumer(std::make_unique<Consumer>());
+  }
+
+  void consume(const dds::Log::Entry& entry) {
+    const std::lock_guard lock(mutex_);
+    if (collecting_) {
+      collected_ += (collected_.empty() ? "" : "; ") + entry.message;
+    } else {
+      std::fprintf(stderr, "Fast DDS: %s\n", entry.message.c_str());
+    }
+  }
+
+  std::mutex mutex_;
+  bool collecting_ = false;  // guarded by mutex_
+  std::string collected_;    // guarded by mutex_
+};
+
+void check_readable(const std::filesystem::path& file, const std::string& role) {
+  if (!std::filesystem::is_regular_file(file))
+    throw std::invalid_argument(file.string() + ": " + role + " does not exist or is not a file");
+  if (!std::ifstream(file)) throw std::invalid_argument(file.string() + ": " + role + " cannot be read");
+}
+
+// Fast DDS prints that a file is missing or wrong, and goes on without it, or with the half that it understood.
+void load_profiles(const std::filesystem::path& profiles) {
+  auto& factory = *dds::DomainParticipantFactory::get_instance();
+  const char* environment = std::getenv("FASTRTPS_DEFAULT_PROFILES_FILE");
+  const bool has_environment = environment != nullptr && *environment != '\0';
+  if (has_environment) check_readable(environment, "the file in FASTRTPS_DEFAULT_PROFILES_FILE");
+  if (!profiles.empty()) check_readable(profiles, "the DDS profiles file");
+
+  bool ok = true;
+  std::string said =
+      FastDdsMessages::instance().during([&] { ok = factory.load_profiles() == ReturnCode_t::RETCODE_OK; });
+  if (!ok || !said.empty())
+    throw std::invalid_argument(std::string(has_environment ? environment : "DEFAULT_FASTRTPS_PROFILES.xml") +
+                                ": not a valid Fast DDS profiles file: " + said);
+  if (profiles.empty()) return;
+  said = FastDdsMessages::instance().during(
+      [&] { ok = factory.load_XML_profiles_file(profiles.string()) == ReturnCode_t::RETCODE_OK; });
+  if (!ok || !said.empty())
+    throw std::invalid_argument(profiles.string() + ": not a valid Fast DDS profiles file: " + said);
+}
+
+// The user's participant profile, if there is one.
+bool participant_profile(dds::DomainParticipantQos& qos) {
+  auto& factory = *dds::DomainParticipantFactory::get_instance();
+  bool named = false;
+  // It complains when there is no such profile; that is the ordinary case.
+  FastDdsMessages::instance().during(
+      [&] { named = factory.get_participant_qos_from_profile("huetrack", qos) == ReturnCode_t::RETCODE_OK; });
+  if (named) return true;
+  factory.get_default_participant_qos(qos);
+  return !(qos == dds::PARTICIPANT_QOS_DEFAULT);
+}
+
+std::vector<NetworkInterface> select(const std::vector<std::string>& wanted) {
+  const std::vector<NetworkInterface> present = network_interfaces();
+  std::vector<NetworkInterface> selected;
+  for (const std::string& one : wanted) {
+    const std::size_t before = selected.size();
+    std::ranges::copy_if(present, std::back_inserter(selected),
+                         [&](const NetworkInterface& i) { return i.name == one || i.address == one; });
+    if (selected.size() == before)
+      throw std::invalid_argument("DDS interface \"" + one +
+                                  "\": this host has no such interface or IPv4 address that is up; it has " +
+                                  describe(present));
+  }
+  return selected;
+}
+
+}  // namespace
+
+std::vector<NetworkInterface> network_interfaces() {
+  ::ifaddrs* first = nullptr;
+  if (::getifaddrs(&first) != 0) throw std::system_error(errno, std::generic_category(), "getifaddrs");
+  const std::unique_ptr<::ifaddrs, decltype(&::freeifaddrs)> owner(first, ::freeifaddrs);
+  std::vector<NetworkInterface> list;
+  for (const ::ifaddrs* i = first; i != nullptr; i = i->ifa_next) {
+    if (i->ifa_addr == nullptr || i->ifa_addr->sa_family != AF_INET || (i->ifa_flags & IFF_UP) == 0) continue;
+    char text[INET_ADDRSTRLEN] = "";
+    // The address family says what the generic sockaddr is.
+    const auto* address = static_cast<const ::sockaddr_in*>(static_cast<const void*>(i->ifa_addr));
+    ::inet_ntop(AF_INET, &address->sin_addr, text, sizeof text);
+    list.push_back({i->ifa_name, text});
+  }
+  return list;
+}
+
+std::string describe(const std::vector<NetworkInterface>& list) {
+  std::string text;
+  for (const NetworkInterface& i : list) text += (text.empty() ? "" : ", ") + i.name + " " + i.address;
+  return text.empty() ? "no network interface" : text;
+}
+
+int resolve_domain(std::optional<int> configured) {
+  const std::string range = "must be a whole number from 0 to " + std::to_string(max_domain);
+  if (configured) {
+    if (*configured < 0 || *configured > max_domain)
+      throw std::invalid_argument("DDS domain " + std::to_string(*configured) + ": " + range);
+    return *configured;
+  }
+  const char* environment = std::getenv("ROS_DOMAIN_ID");
+  if (environment == nullptr || *environment == '\0') return 0;
+  const std::string_view text = environment;
+  int domain = -1;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), domain);
+  if (error != std::errc{} || end != text.data() + text.size() || domain < 0 || domain > max_domain)
+    throw std::invalid_argument("environment variable ROS_DOMAIN_ID=\"" + std::string(text) + "\": " + range);
+  return domain;
+}
+
+DdsParticipant::DdsParticipant(const ParticipantOptions& options, dds::DomainParticipantListener* listener)
+    : domain_(resolve_domain(options.domain)), interfaces_(network_interfaces()) {
+  load_profiles(options.profiles);
+  dds::DomainParticipantQos qos;
+  if (participant_profile(qos)) {
+    transport_ = "transports as the participant profile says";
+    if (!options.interfaces.empty())
+      throw std::invalid_argument(
+          "DDS interfaces are given, and the XML has a participant profile: write the interfaces there "
+          "(interfaceWhiteList of its transport), or remove one of the two");
+  } else {
+    const std::vector<NetworkInterface> selected = select(options.interfaces);
+    if (!selected.empty()) transport_ = "UDP on " + describe(selected) + " only";
+    auto udp = std::make_shared<eprosima::fastdds::rtps::UDPv4TransportDescriptor>();
+    for (const NetworkInterface& i : selected) udp->interfaceWhiteList.push_back(i.address);
+    qos.transport().use_builtin_transports = false;
+    qos.transport().user_transports.push_back(udp);
+    auto& discovery = qos.wire_protocol().builtin.discovery_config;
+    discovery.leaseDuration = {3, 0};
+    discovery.leaseDuration_announcementperiod = {1, 0};
+  }
+  qos.name(options.name);
+
+  const std::string said = FastDdsMessages::instance().during([&] {
+    participant_ = dds::DomainParticipantFactory::get_instance()->create_participant(
+        static_cast<dds::DomainId_t>(domain_), qos, listener, dds::StatusMask::none());
+    if (participant_ == nullptr) return;
+    publisher_ = participant_->create_publisher(dds::PUBLISHER_QOS_DEFAULT);
+    subscriber_ = participant_->create_subscriber(dds::SUBSCRIBER_QOS_DEFAULT);
+  });
+  if (participant_ == nullptr || publisher_ == nullptr || subscriber_ == nullptr)
+    throw std::runtime_error("cannot join DDS domain " + std::to_string(domain_) + ": " + said);
+  if (!said.empty()) std::fprintf(stderr, "Fast DDS: %s\n", said.c_str());
+}
+
+DdsParticipant::~DdsParticipant() {
+  participant_->set_listener(nullptr);
+  participant_->delete_contained_entities();
+  dds::DomainParticipantFactory::get_instance()->delete_participant(participant_);
+}
+
+dds::Topic* DdsParticipant::topic(const std::string& name, dds::TypeSupport type) {
+  // With them, Cyclone DDS rejects our writers as having invalid type information.
+  type->auto_fill_type_information(false);
+  type->auto_fill_type_object(false);
+  type.register_type(participant_);
+  return participant_->create_topic(name, type.get_type_name(), dds::TOPIC_QOS_DEFAULT);
+}
+
+dds::DataWriter& DdsParticipant::create_writer(const std::string& name, dds::TypeSupport type, dds::DataWriterQos qos,
+                                               const std::string& user_data) {
+  dds::DataWriter* writer = nullptr;
+  dds::DataWriterQos profile;
+  auto& messages = FastDdsMessages::instance();
+  // It complains when there is no such profile; that is the ordinary case.
+  messages.during([&] {
+    if (publisher_->get_datawriter_qos_from_profile(name, profile) != ReturnCode_t::RETCODE_OK) return;
+    qos = profile;
+    profiled_topics_.push_back(name);
+  });
+  if (qos.user_data().empty()) qos.user_data().setValue({user_data.begin(), user_data.end()});
+  const std::string said = messages.during([&] {
+    if (dds::Topic* t = topic(name, type)) writer = publisher_->create_datawriter(t, qos);
+  });
+  if (writer == nullptr) throw std::runtime_error("cannot publish on DDS topic " + name + ": " + said);
+  return *writer;
+}
+
+dds::DataReader& DdsParticipant::create_reader(const std::string& name, dds::TypeSupport type, dds::DataReaderQos qos) {
+  dds::DataReader* reader = nullptr;
+  dds::DataReaderQos profile;
+  auto& messages = FastDdsMessages::instance();
+  messages.during([&] {
+    if (subscriber_->get_datareader_qos_from_profile(name, profile) != ReturnCode_t::RETCODE_OK) return;
+    qos = profile;
+    profiled_topics_.push_back(name);
+  });
+  const std::string said = messages.during([&] {
+    if (dds::Topic* t = topic(name, type)) reader = subscriber_->create_datareader(t, qos);
+  });
+  if (reader == nullptr) throw std::runtime_error("cannot subscribe to DDS topic " + name + ": " + said);
+  return *reader;
+}
+
+bool DdsParticipant::follow_network() {
+  std::vector<NetworkInterface> now = network_interfaces();
+  if (now == interfaces_) return false;
+  interfaces_ = std::move(now);
+  participant_->set_qos(participant_->get_qos());
+  return true;
+}
+
+std::string DdsParticipant::description() const {
+  std::string text = "DDS domain " + std::to_string(domain_) + ", " +
+                     (transport_.empty() ? "UDP on " + describe(interfaces_) : transport_);
+  for (std::size_t i = 0; i < profiled_topics_.size(); ++i)
+    text += (i == 0 ? ", QoS by XML profile: " : ", ") + profiled_topics_[i];
+  return text;
+}
+
+}  // namespace huetrack

@@ -1,0 +1,79 @@
+// How a program joins the bus: domain, network interfaces, the user's XML profiles, each checked, because Fast DDS goes
+// on silently where they are wrong. Service and clients share it.
+#pragma once
+
+#include <fastdds/dds/domain/DomainParticipant.hpp>
+#include <fastdds/dds/domain/DomainParticipantListener.hpp>
+#include <fastdds/dds/publisher/DataWriter.hpp>
+#include <fastdds/dds/subscriber/DataReader.hpp>
+#include <fastdds/dds/topic/TypeSupport.hpp>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace huetrack {
+
+struct NetworkInterface {
+  std::string name;     // "eth0"
+  std::string address;  // IPv4, "192.168.0.5"
+  bool operator==(const NetworkInterface&) const = default;
+};
+std::vector<NetworkInterface> network_interfaces();               // those that are up and have an IPv4 address
+std::string describe(const std::vector<NetworkInterface>& list);  // "lo 127.0.0.1, eth0 192.168.0.5"
+
+// The configured domain, else ROS_DOMAIN_ID, else 0. throws std::invalid_argument when it is not 0..232.
+int resolve_domain(std::optional<int> configured);
+
+struct ParticipantOptions {
+  std::string name;                     // what DDS tools show
+  std::optional<int> domain;            // 0..232; nullopt: ROS_DOMAIN_ID, and 0 without it
+  std::vector<std::string> interfaces;  // use only these: names or IPv4 addresses of this host; empty: all
+  std::filesystem::path profiles;       // Fast DDS XML; empty: none. FASTRTPS_DEFAULT_PROFILES_FILE is honoured too.
+};
+
+// Our default is UDPv4 only (no shared memory: a full /dev/shm, two users or two containers break it silently) and a
+// participant lease of 3 s. In the XML, a participant profile named "huetrack", or else one with is_default_profile,
+// replaces that; a data_writer or data_reader profile whose name is a topic's replaces the QoS of that topic.
+//
+// As long as one lives, messages of Fast DDS go to stderr, one line each, and never to stdout. Profiles are global to
+// the process (Fast DDS keeps them so).
+// thread-compatible; writing to a writer and reading a reader are thread-safe, as Fast DDS says.
+class DdsParticipant {
+ public:
+  // listener (may be null) hears of discovered participants and endpoints, from Fast DDS' threads; it must outlive
+  // this. throws std::invalid_argument on wrong options or a wrong XML file, naming it; std::runtime_error when Fast
+  // DDS refuses, with what it said.
+  explicit DdsParticipant(const ParticipantOptions& options,
+                          eprosima::fastdds::dds::DomainParticipantListener* listener = nullptr);
+  ~DdsParticipant();  // leaves cleanly: the others see it within 50 ms
+  DdsParticipant(const DdsParticipant&) = delete;
+  DdsParticipant& operator=(const DdsParticipant&) = delete;
+
+  // Owned by this object. throws std::runtime_error when Fast DDS refuses, with what it said.
+  eprosima::fastdds::dds::DataWriter& create_writer(const std::string& topic, eprosima::fastdds::dds::TypeSupport type,
+                                                    eprosima::fastdds::dds::DataWriterQos qos,
+                                                    const std::string& user_data);
+  eprosima::fastdds::dds::DataReader& create_reader(const std::string& topic, eprosima::fastdds::dds::TypeSupport type,
+                                                    eprosima::fastdds::dds::DataReaderQos qos);
+
+  // Fast DDS does not see an interface that comes up later. Call this now and then: when the host's addresses have
+  // changed, it makes Fast DDS use them and returns true.
+  bool follow_network();
+
+  int domain() const { return domain_; }
+  std::string description() const;  // one line for the log: "DDS domain 0, UDP on lo 127.0.0.1, eth0 192.168.0.5"
+
+ private:
+  eprosima::fastdds::dds::Topic* topic(const std::string& name, eprosima::fastdds::dds::TypeSupport type);
+
+  int domain_;
+  std::vector<NetworkInterface> interfaces_;  // at the last look
+  std::string transport_;                     // for description(); empty: ours on every interface
+  std::vector<std::string> profiled_topics_;  // whose QoS came from XML
+  eprosima::fastdds::dds::DomainParticipant* participant_ = nullptr;
+  eprosima::fastdds::dds::Publisher* publisher_ = nullptr;
+  eprosima::fastdds::dds::Subscriber* subscriber_ = nullptr;
+};
+
+}  // namespace huetrack

@@ -1,0 +1,63 @@
+// Topic names, type names, type hashes and QoS: the one place where the service and its clients agree. The table for
+// people is in README.md beside this file. Pure functions and constants; thread-safe.
+#pragma once
+
+#include <cstdint>
+#include <fastdds/dds/publisher/qos/DataWriterQos.hpp>
+#include <fastdds/dds/subscriber/qos/DataReaderQos.hpp>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace huetrack {
+
+namespace topics {
+
+// Native, types of huetrack.idl.
+inline constexpr const char* object_position = "huetrack/object_position";  // huetrack::msg::ObjectPosition, keyed
+inline constexpr const char* status = "huetrack/status";                    // huetrack::msg::ServiceStatus, keyed
+
+// ROS 2, types of ros2_messages.idl. A ROS 2 topic /x is the DDS topic rt/x.
+inline constexpr const char* ros2_tf = "rt/tf";  // tf2_msgs/msg/TFMessage
+std::string ros2_pose(
+    std::string_view target);  // rt/huetrack/<target>/pose: geometry_msgs/msg/PoseWithCovarianceStamped
+
+}  // namespace topics
+
+// REP-2011 type hashes, which ROS 2 Iron and later look for in an endpoint's USER_DATA.
+inline constexpr const char* ros2_pose_type_hash =
+    "RIHS01_26432f9803e43727d3c8f668d1fdb3c630f548af631e2f4e31382371bfea3b6e";
+inline constexpr const char* ros2_tf_type_hash =
+    "RIHS01_e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087";
+std::string ros2_user_data(std::string_view type_hash);  // "typehash=RIHS01_...;"
+
+// USER_DATA of the writer of object_position: who it is, readable before the first sample and without one.
+struct PublisherIdentity {
+  std::string host;
+  std::uint32_t pid = 0;
+  std::vector<std::string> targets;
+
+  static PublisherIdentity of_this_process(std::vector<std::string> targets);
+  std::string user_data() const;                                             // "host=h;pid=1;targets=a,b;"
+  static std::optional<PublisherIdentity> from(std::string_view user_data);  // nullopt: not written by user_data()
+};
+
+// A target's name is part of a ROS 2 topic's name: [A-Za-z][A-Za-z0-9_]*, without two underscores in a row.
+bool is_target_name(std::string_view name);
+
+// The QoS when the user's XML has no profile of the topic's name.
+//   object_position  reliable, volatile, keep-last 10; liveliness automatic, lease 1 s, so that the kill -9 of a
+//   service
+//                    is seen within 1.5 s. A reader keeps more, so that a slow terminal loses nothing.
+//   status           reliable, transient-local, keep-last 1; heartbeat 200 ms: who comes late has it within that time.
+//   ROS 2            reliable, volatile, keep-last 10: matches echo, RViz and best-effort readers.
+// All are published synchronously: the measured latency and its tail are the best so, and the publishing thread is not
+// a capturing one. No deadline is offered: it would exclude readers.
+eprosima::fastdds::dds::DataWriterQos object_position_writer_qos();
+eprosima::fastdds::dds::DataReaderQos object_position_reader_qos();
+eprosima::fastdds::dds::DataWriterQos status_writer_qos();
+eprosima::fastdds::dds::DataReaderQos status_reader_qos();
+eprosima::fastdds::dds::DataWriterQos ros2_writer_qos();
+
+}  // namespace huetrack
