@@ -19,7 +19,7 @@ struct NetworkInterface {
   std::string address;  // IPv4, "192.168.0.5"
   bool operator==(const NetworkInterface&) const = default;
 };
-std::vector<NetworkInterface> network_interfaces();               // those that are up and have an IPv4 address
+std::vector<NetworkInterface> network_interfaces();  // up, with an IPv4 address; empty when the kernel does not say
 std::string describe(const std::vector<NetworkInterface>& list);  // "lo 127.0.0.1, eth0 192.168.0.5"
 
 // The configured domain, else ROS_DOMAIN_ID, else 0. throws std::invalid_argument when it is not 0..232.

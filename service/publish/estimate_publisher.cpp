@@ -1,0 +1,270 @@
+#include "publish/estimate_publisher.h"
+
+#include <algorithm>
+#include <array>
+#include <atomic>
+#include <cassert>
+#include <limits>
+#include <map>
+#include <mutex>
+#include <set>
+#include <stdexcept>
+
+#include "idl/dds_participant.h"
+#include "idl/huetrackPubSubTypes.h"
+#include "idl/ros2_messagesPubSubTypes.h"
+#include "idl/topics.h"
+#include "publish/ros_messages.h"
+
+namespace huetrack {
+
+namespace dds = eprosima::fastdds::dds;
+namespace rtps = eprosima::fastrtps::rtps;
+
+namespace {
+
+std::int64_t unix_ns(Timestamp t) {
+  return t.time_since_epoch().count();
+}
+
+// The enums go over the wire by number; these keep both lists in step.
+static_assert(static_cast<std::uint32_t>(TrackState::searching) == msg::TRACK_STATE_SEARCHING &&
+              static_cast<std::uint32_t>(TrackState::tracking) == msg::TRACK_STATE_TRACKING &&
+              static_cast<std::uint32_t>(TrackState::coasting) == msg::TRACK_STATE_COASTING &&
+              static_cast<std::uint32_t>(TrackState::lost) == msg::TRACK_STATE_LOST);
+static_assert(static_cast<std::uint32_t>(CameraHealth::waiting) == msg::CAMERA_HEALTH_WAITING &&
+              static_cast<std::uint32_t>(CameraHealth::delivering) == msg::CAMERA_HEALTH_DELIVERING &&
+              static_cast<std::uint32_t>(CameraHealth::stalled) == msg::CAMERA_HEALTH_STALLED &&
+              static_cast<std::uint32_t>(CameraHealth::absent) == msg::CAMERA_HEALTH_ABSENT &&
+              static_cast<std::uint32_t>(CameraHealth::ended) == msg::CAMERA_HEALTH_ENDED);
+
+std::array<double, 3> array_of(const Eigen::Vector3d& v) {
+  return {v.x(), v.y(), v.z()};
+}
+
+// Everything but the names, which do not change, and published_at, which is set last.
+void fill(msg::ObjectPosition& sample, const ObjectEstimate& estimate, Timestamp captured, Timestamp received) {
+  sample.captured_at(unix_ns(captured));
+  sample.received_at(unix_ns(received));
+  sample.set_number(estimate.set_number);
+  sample.state(static_cast<msg::TrackState>(estimate.state));
+  // Whatever the estimate holds: where the state says that there is no position, none goes out.
+  const Eigen::Vector3d none = Eigen::Vector3d::Constant(std::numeric_limits<double>::quiet_NaN());
+  const bool valid = estimate.has_position();
+  sample.position(array_of(valid ? estimate.position : none));
+  sample.velocity(array_of(valid ? estimate.velocity : none));
+  sample.map_position(array_of(valid ? estimate.map_position : none));
+  for (Eigen::Index i = 0; i < 9; ++i)
+    sample.covariance()[static_cast<std::size_t>(i)] = valid ? estimate.covariance(i / 3, i % 3) : none.x();
+  sample.views(static_cast<std::uint32_t>(estimate.views));
+  sample.confidence(estimate.confidence);
+  sample.particle_count(static_cast<std::uint32_t>(estimate.particle_count));
+  sample.effective_sample_size(estimate.effective_sample_size);
+  for (std::size_t i = 0; i < sample.per_view().size(); ++i) {
+    const ViewSupport view = i < estimate.per_view.size() ? estimate.per_view[i] : ViewSupport{};
+    msg::ViewSupport& out = sample.per_view()[i];
+    out.delivered(view.delivered);
+    out.in_view(view.in_view);
+    out.seen(view.seen);
+    out.pixel({view.px.x(), view.px.y()});
+    out.radius_px(view.radius_px);
+    out.support(view.support);
+    out.residual_px(view.residual_px);
+  }
+}
+
+void fill(msg::ServiceStatus& sample, const ServiceStatus& status) {
+  sample.at(unix_ns(status.at));
+  sample.program_version(status.program_version);
+  sample.mode(status.mode);
+  sample.config_file(status.config_file);
+  sample.config_identity(status.config_identity);
+  sample.rig_identity(status.rig_identity);
+  sample.clock_offset_s(status.clock_offset_s);
+  sample.set_rate_hz(status.set_rate_hz);
+  sample.sets(status.sets);
+  sample.incomplete_sets(status.incomplete_sets);
+  sample.late_frames(status.late_frames);
+  sample.dropped_sets(status.dropped_sets);
+  sample.cameras().resize(status.cameras.size());
+  for (std::size_t i = 0; i < status.cameras.size(); ++i) {
+    const CameraStatus& camera = status.cameras[i];
+    msg::CameraStatus& out = sample.cameras()[i];
+    out.name(camera.name);
+    out.health(static_cast<msg::CameraHealth>(camera.health));
+    out.message(camera.message);
+    out.frames(camera.frames);
+    out.dropped(camera.dropped);
+    out.corrupted(camera.corrupted);
+    out.rate_hz(camera.rate_hz);
+    out.age_s(camera.age_s);
+  }
+  sample.targets(status.targets);
+  sample.warnings(status.warnings);
+}
+
+// Hears through discovery of other writers of our topics. Two services with the same target on one domain are two
+// answers to one question; readers get both, interleaved. thread-safe: called from Fast DDS' threads.
+class Rivals : public dds::DomainParticipantListener {
+ public:
+  explicit Rivals(PublisherIdentity self) : self_(std::move(self)) {}
+
+  void on_publisher_discovery(dds::DomainParticipant* participant, rtps::WriterDiscoveryInfo&& info) override {
+    const rtps::GUID_t guid = info.info.guid();
+    if (guid.guidPrefix == participant->guid().guidPrefix || info.info.topicName() != topics::object_position) return;
+    const std::lock_guard lock(mutex_);
+    if (info.status == rtps::WriterDiscoveryInfo::REMOVED_WRITER) {
+      others_.erase(guid);
+      return;
+    }
+    const auto& bytes = info.info.m_qos.m_userData;
+    if (auto other = PublisherIdentity::from(std::string(bytes.begin(), bytes.end())))
+      others_[guid] = std::move(*other);
+  }
+
+  std::vector<std::string> warnings() const {
+    std::vector<std::string> sentences;
+    const std::lock_guard lock(mutex_);
+    for (const auto& [guid, other] : others_)
+      for (const std::string& target : self_.targets)
+        if (std::ranges::find(other.targets, target) != other.targets.end())
+          sentences.push_back("target " + target + " is published by a second huetrackd too (process " +
+                              std::to_string(other.pid) + " on " + other.host +
+                              "): subscribers get both; stop one, or give it another domain or target name");
+    return sentences;
+  }
+
+  const PublisherIdentity& self() const { return self_; }
+
+ private:
+  const PublisherIdentity self_;
+  mutable std::mutex mutex_;
+  std::map<rtps::GUID_t, PublisherIdentity> others_;  // guarded by mutex_
+};
+
+}  // namespace
+
+std::vector<std::string> EstimatePublisherOptions::problems() const {
+  std::vector<std::string> sentences;
+  if (frame_id.empty() || frame_id.front() == '/')
+    sentences.push_back("frame_id \"" + frame_id + "\" must not be empty nor begin with '/'");
+  if (targets.empty()) sentences.push_back("there must be at least one target");
+  for (const std::string& target : targets)
+    if (!is_target_name(target))
+      sentences.push_back(
+          "target \"" + target +
+          "\" must be a letter, then letters, digits and single '_': it is part of a ROS 2 topic's name");
+  if (std::set(targets.begin(), targets.end()).size() != targets.size())
+    sentences.push_back("two targets have the same name");
+  return sentences;
+}
+
+struct EstimatePublisher::Impl {
+  struct Target {
+    msg::ObjectPosition position;            // the names in it are set once
+    dds::DataWriter* pose_writer = nullptr;  // null without ROS 2
+    geometry_msgs::msg::dds_::PoseWithCovarianceStamped_ pose;
+    tf2_msgs::msg::dds_::TFMessage_ tf;
+  };
+
+  explicit Impl(EstimatePublisherOptions o)
+      : options(std::move(o)),
+        rivals(PublisherIdentity::of_this_process(options.targets)),
+        participant({.name = "huetrackd",
+                     .domain = options.domain,
+                     .interfaces = options.interfaces,
+                     .profiles = options.profiles},
+                    &rivals),
+        position_writer(participant.create_writer(topics::object_position,
+                                                  dds::TypeSupport(new msg::ObjectPositionPubSubType),
+                                                  object_position_writer_qos(), rivals.self().user_data())),
+        status_writer(participant.create_writer(topics::status, dds::TypeSupport(new msg::ServiceStatusPubSubType),
+                                                status_writer_qos(), rivals.self().user_data())) {
+    for (const std::string& name : options.targets) {
+      Target& target = targets.emplace_back();
+      target.position.target(name);
+      for (const std::string& camera : options.cameras) target.position.per_view().emplace_back().camera(camera);
+      if (!options.ros2) continue;
+      target.pose_writer = &participant.create_writer(
+          topics::ros2_pose(name), dds::TypeSupport(new geometry_msgs::msg::dds_::PoseWithCovarianceStamped_PubSubType),
+          ros2_writer_qos(), ros2_user_data(ros2_pose_type_hash));
+    }
+    if (options.ros2)
+      tf_writer =
+          &participant.create_writer(topics::ros2_tf, dds::TypeSupport(new tf2_msgs::msg::dds_::TFMessage_PubSubType),
+                                     ros2_writer_qos(), ros2_user_data(ros2_tf_type_hash));
+    status.host(rivals.self().host);
+    status.pid(rivals.self().pid);
+    status.frame_id(options.frame_id);
+  }
+
+  bool count(bool ok) {
+    if (!ok) ++failures;
+    return ok;
+  }
+
+  const EstimatePublisherOptions options;
+  Rivals rivals;  // before participant: it outlives it
+  DdsParticipant participant;
+  dds::DataWriter& position_writer;
+  dds::DataWriter& status_writer;
+  dds::DataWriter* tf_writer = nullptr;  // null without ROS 2
+  std::vector<Target> targets;
+  msg::ServiceStatus status;  // the names in it are set once
+  std::atomic<std::uint64_t> published = 0;
+  std::atomic<std::uint64_t> failures = 0;
+};
+
+EstimatePublisher::EstimatePublisher(EstimatePublisherOptions options) {
+  std::string sentences;
+  for (const std::string& problem : options.problems()) sentences += (sentences.empty() ? "" : "; ") + problem;
+  if (!sentences.empty()) throw std::invalid_argument("publishing over DDS: " + sentences);
+  impl_ = std::make_unique<Impl>(std::move(options));
+}
+
+EstimatePublisher::~EstimatePublisher() = default;
+
+bool EstimatePublisher::publish(std::size_t target, const ObjectEstimate& estimate, Timestamp captured,
+                                Timestamp received) noexcept {
+  assert(target < impl_->targets.size());
+  assert(estimate.per_view.empty() || estimate.per_view.size() == impl_->options.cameras.size());
+  Impl::Target& to = impl_->targets[target];
+  fill(to.position, estimate, captured, received);
+  to.position.published_at(unix_ns(std::chrono::system_clock::now()));
+  bool ok = impl_->position_writer.write(&to.position);
+  if (ok) ++impl_->published;
+  if (impl_->options.ros2 && estimate.has_position()) {
+    to_ros(estimate, captured, impl_->options.frame_id, to.pose);
+    to_ros(estimate, captured, impl_->options.frame_id, impl_->options.targets[target], to.tf);
+    ok = to.pose_writer->write(&to.pose) && ok;
+    ok = impl_->tf_writer->write(&to.tf) && ok;
+  }
+  return impl_->count(ok);
+}
+
+bool EstimatePublisher::publish_status(const ServiceStatus& status) noexcept {
+  impl_->participant.follow_network();
+  fill(impl_->status, status);
+  const Counters now = counters();
+  impl_->status.published(now.published);
+  impl_->status.publish_failures(now.failures);
+  return impl_->count(impl_->status_writer.write(&impl_->status));
+}
+
+EstimatePublisher::Counters EstimatePublisher::counters() const {
+  return {impl_->published, impl_->failures};
+}
+
+std::vector<std::string> EstimatePublisher::warnings() const {
+  return impl_->rivals.warnings();
+}
+
+int EstimatePublisher::domain() const {
+  return impl_->participant.domain();
+}
+
+std::string EstimatePublisher::description() const {
+  return impl_->participant.description();
+}
+
+}  // namespace huetrack

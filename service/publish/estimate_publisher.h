@@ -1,0 +1,68 @@
+// Estimates to the bus: the native topics, and beside them the ROS 2 view of the same. README.md has the topics and
+// QoS.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "capture/frame.h"
+#include "object_tracking/object_estimate.h"
+#include "publish/service_status.h"
+
+namespace huetrack {
+
+struct EstimatePublisherOptions {
+  std::optional<int> domain;                  // 0..232; nullopt: ROS_DOMAIN_ID, and 0 without it
+  std::string frame_id = "world";             // not empty, no leading '/'; the world frame's name on the ROS 2 topics
+  std::vector<std::string> targets;           // at least one; unique; [A-Za-z][A-Za-z0-9_]*
+  std::vector<std::string> cameras;           // names in rig order: per_view[i] is what cameras[i] says
+  std::vector<std::string> interfaces;        // use only these: names or IPv4 addresses of this host; empty: all
+  std::filesystem::path profiles;             // Fast DDS XML profiles; empty: none
+  bool ros2 = true;                           // publish the ROS 2 topics too
+  std::vector<std::string> problems() const;  // empty when valid; one sentence per violated constraint
+};
+
+// thread-safe as far as it is needed: one thread at a time per target, and another for the status.
+class EstimatePublisher {
+ public:
+  // throws std::invalid_argument on invalid options, a domain, interface or XML file that is wrong (naming it);
+  // std::runtime_error when Fast DDS refuses.
+  explicit EstimatePublisher(EstimatePublisherOptions options);
+  ~EstimatePublisher();  // leaves the bus: subscribers see it within 50 ms
+
+  // Writes one native sample, in every state, and the ROS 2 messages while there is a position: never a stale or a zero
+  // one. Synchronous: when it returns, the sample has been sent.
+  //   target     index into options.targets
+  //   estimate   per_view is empty or has one entry per camera
+  //   captured   capture time, UNIX (a replay adds its clock offset to estimate.at)
+  //   received   when the last frame of the set had arrived, UNIX
+  // false, and counters().failures is one more, when something could not be written.
+  bool publish(std::size_t target, const ObjectEstimate& estimate, Timestamp captured, Timestamp received) noexcept;
+
+  // Host, process id, frame_id and the counters of published samples are added here. Call it about once a second: it
+  // also follows network interfaces that come and go.
+  bool publish_status(const ServiceStatus& status) noexcept;
+
+  struct Counters {
+    std::uint64_t published = 0;  // native position samples written
+    std::uint64_t failures = 0;   // calls of publish() and publish_status() that could not write everything
+  };
+  Counters counters() const;  // any thread
+
+  // What an operator should know, one sentence each; for the log and for ServiceStatus::warnings: another publisher has
+  // one of our targets. Any thread.
+  std::vector<std::string> warnings() const;
+
+  int domain() const;
+  std::string description() const;  // one line for the log: domain, interfaces in use, XML profiles in use
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace huetrack

@@ -1,0 +1,61 @@
+#include "publish/ros_messages.h"
+
+#include <cassert>
+
+namespace huetrack {
+
+namespace {
+
+constexpr double unknown_orientation_variance = 1e6;  // rad^2
+
+void fill(std_msgs::msg::dds_::Header_& header, Timestamp captured, const std::string& frame_id) {
+  const auto since_epoch = captured.time_since_epoch();
+  const auto whole = std::chrono::floor<std::chrono::seconds>(since_epoch);
+  header.stamp().sec(static_cast<std::int32_t>(whole.count()));
+  header.stamp().nanosec(static_cast<std::uint32_t>((since_epoch - whole).count()));
+  header.frame_id(frame_id);
+}
+
+template <typename Xyz>
+void fill(Xyz& to, const Eigen::Vector3d& from) {
+  to.x(from.x());
+  to.y(from.y());
+  to.z(from.z());
+}
+
+void fill_identity(geometry_msgs::msg::dds_::Quaternion_& q) {
+  q.x(0);
+  q.y(0);
+  q.z(0);
+  q.w(1);
+}
+
+}  // namespace
+
+void to_ros(const ObjectEstimate& estimate, Timestamp captured, const std::string& frame_id,
+            geometry_msgs::msg::dds_::PoseWithCovarianceStamped_& message) {
+  assert(estimate.has_position());
+  fill(message.header(), captured, frame_id);
+  fill(message.pose().pose().position(), estimate.position);
+  fill_identity(message.pose().pose().orientation());
+  auto& covariance = message.pose().covariance();
+  covariance.fill(0);
+  for (int row = 0; row < 3; ++row) {
+    for (int col = 0; col < 3; ++col)
+      covariance[static_cast<std::size_t>(6 * row + col)] = estimate.covariance(row, col);
+    covariance[static_cast<std::size_t>(7 * (row + 3))] = unknown_orientation_variance;
+  }
+}
+
+void to_ros(const ObjectEstimate& estimate, Timestamp captured, const std::string& frame_id, const std::string& target,
+            tf2_msgs::msg::dds_::TFMessage_& message) {
+  assert(estimate.has_position());
+  message.transforms().resize(1);
+  auto& transform = message.transforms().front();
+  fill(transform.header(), captured, frame_id);
+  transform.child_frame_id(target);
+  fill(transform.transform().translation(), estimate.position);
+  fill_identity(transform.transform().rotation());
+}
+
+}  // namespace huetrack

@@ -1,0 +1,24 @@
+// ObjectEstimate as ROS 2 messages: REP-103 (metres, right-handed, z up), stamped with the capture time. Pure
+// functions.
+#pragma once
+
+#include <string>
+
+#include "capture/frame.h"
+#include "idl/ros2_messages.h"
+#include "object_tracking/object_estimate.h"
+
+namespace huetrack {
+
+// A position is all that is known. The orientation is the identity with a variance of 1e6 rad^2 about each axis, which
+// readers take as "unknown"; position and orientation are uncorrelated.
+// Both require estimate.has_position(): without a position there is no message, and never a zero pose.
+//   captured   capture time, UNIX: the header's stamp
+//   frame_id   the world frame; child frame of the transform: the target's name
+// They fill an existing message, so that a publisher that keeps one does not allocate.
+void to_ros(const ObjectEstimate& estimate, Timestamp captured, const std::string& frame_id,
+            geometry_msgs::msg::dds_::PoseWithCovarianceStamped_& message);
+void to_ros(const ObjectEstimate& estimate, Timestamp captured, const std::string& frame_id, const std::string& target,
+            tf2_msgs::msg::dds_::TFMessage_& message);
+
+}  // namespace huetrack
