@@ -1,0 +1,174 @@
+#include "commands.h"
+
+#include <algorithm>
+#include <cerrno>
+#include <csignal>
+#include <cstdio>
+#include <cstring>
+#include <fastdds/dds/subscriber/DataReaderListener.hpp>
+#include <fastdds/dds/subscriber/SampleInfo.hpp>
+#include <memory>
+#include <set>
+#include <stdexcept>
+
+#include "idl/huetrackPubSubTypes.h"
+#include "idl/topics.h"
+#include "position_subscription.h"
+
+namespace huetrack::client {
+
+namespace dds = eprosima::fastdds::dds;
+using Clock = std::chrono::steady_clock;
+using eprosima::fastrtps::types::ReturnCode_t;
+using namespace std::chrono_literals;
+
+namespace {
+
+volatile std::sig_atomic_t ended = 0;
+
+// Discovery takes 0.1 s on one host and well below 1 s on a network; what is silent for so long is not there.
+constexpr auto nobody_after = 1500ms;
+constexpr auto poll = 50ms;  // how late a signal or a farewell may be noticed
+
+void say(const std::string& sentence) {
+  std::fprintf(stderr, "huetrack: %s\n", sentence.c_str());
+}
+
+std::int64_t unix_now() {
+  return std::chrono::duration_cast<std::chrono::nanoseconds>(std::chrono::system_clock::now().time_since_epoch())
+      .count();
+}
+
+std::string what_to_check(const DdsParticipant& participant) {
+  return "on domain " + std::to_string(participant.domain()) +
+         ". Check that huetrackd runs; that it uses the same domain (its config, ROS_DOMAIN_ID; here --domain or "
+         "ROS_DOMAIN_ID); that it is on a network of ours (" +
+         participant.description() + "); that multicast and UDP ports " +
+         std::to_string(7400 + 250 * participant.domain()) + "-" + std::to_string(7649 + 250 * participant.domain()) +
+         " are open between the hosts";
+}
+
+// Lines to stdout or to a file, each one flushed, so that whoever reads has it at once.
+class LineWriter {
+ public:
+  LineWriter(const std::filesystem::path& file, bool overwrite) : name_(file.empty() ? "stdout" : file.string()) {
+    if (file.empty()) return;
+    owned_.reset(std::fopen(file.c_str(), overwrite ? "we" : "wxe"));
+    if (!owned_ && errno == EEXIST) throw std::runtime_error(name_ + " exists; give another name, or --overwrite");
+    if (!owned_) throw std::runtime_error("cannot write " + name_ + ": " + std::strerror(errno));
+    to_ = owned_.get();
+  }
+
+  // false: the reader of the pipe is gone, nobody wants more. throws std::runtime_error when the disk is full.
+  bool write(const std::string& text) {
+    if (std::fwrite(text.data(), 1, text.size(), to_) == text.size() && std::fflush(to_) == 0) return true;
+    if (errno == EPIPE) return false;
+    throw std::runtime_error("cannot write " + name_ + ": " + std::strerror(errno));
+  }
+
+ private:
+  struct Close {
+    void operator()(std::FILE* file) const { std::fclose(file); }
+  };
+  std::string name_;
+  std::unique_ptr<std::FILE, Close> owned_;
+  std::FILE* to_ = stdout;
+};
+
+std::string joined(const std::set<std::string>& names) {
+  std::string text;
+  for (const std::string& name : names) text += (text.empty() ? "" : ", ") + name;
+  return text;
+}
+
+}  // namespace
+
+void end_on_signals() {
+  struct sigaction action {};
+  action.sa_handler = [](int) { ended = 1; };
+  for (const int signal : {SIGINT, SIGTERM}) ::sigaction(signal, &action, nullptr);
+  action.sa_handler = SIG_IGN;  // `huetrack watch | head` ends quietly: the write fails with EPIPE
+  ::sigaction(SIGPIPE, &action, nullptr);
+}
+
+int watch(const WatchOptions& options) {
+  LineWriter out(options.file, options.overwrite);
+  PositionSubscription subscription(options.participant);
+  if (!out.write(header(options.format))) return 0;
+
+  std::uint64_t lines = 0;
+  std::size_t target_width = 0;
+  std::set<std::string> seen_targets;
+  bool said_nobody = false;
+  std::set<std::string> said_targets;  // those named when ours was not among them
+  const Clock::time_point start = Clock::now();
+  Clock::time_point last_line = start;
+  const auto finish = [&](int exit_status) {
+    if (!options.file.empty()) say(std::to_string(lines) + " samples in " + options.file.string());
+    return exit_status;
+  };
+
+  while (!ended && (!options.count || lines < *options.count)) {
+    const std::optional<msg::ObjectPosition> sample = subscription.next(poll);
+    const Clock::time_point now = Clock::now();
+    if (sample) {
+      seen_targets.insert(sample->target());
+      if (options.target.empty() || sample->target() == options.target) {
+        target_width = std::max(target_width, sample->target().size());
+        const std::string text = line(options.format, *sample, unix_now(), target_width);
+        if (!text.empty()) {
+          if (!out.write(text)) return finish(0);
+          ++lines;
+          last_line = now;
+        }
+      }
+    }
+    for (const std::string& sentence : subscription.news()) say(sentence);
+
+    if (subscription.publishers() > 0) {
+      said_nobody = true;  // its farewell will be said, and that is enough
+      std::set<std::string> targets = subscription.targets();
+      targets.insert(seen_targets.begin(), seen_targets.end());
+      if (!options.target.empty() && !targets.empty() && !targets.contains(options.target) && targets != said_targets) {
+        say("nobody publishes target " + options.target + " on domain " +
+            std::to_string(subscription.participant().domain()) + "; there are: " + joined(targets));
+        said_targets = std::move(targets);
+      }
+    } else if (!said_nobody && now - start > nobody_after) {
+      say("no publisher of huetrack positions " + what_to_check(subscription.participant()) + ". Waiting for one");
+      said_nobody = true;
+    }
+    if (options.timeout && now - last_line > *options.timeout) {
+      say("no sample for " +
+          std::to_string(std::chrono::duration_cast<std::chrono::milliseconds>(now - last_line).count()) +
+          " ms (--timeout); " + std::to_string(lines) + " came before");
+      return finish(1);
+    }
+  }
+  return finish(0);
+}
+
+int status(const ParticipantOptions& options) {
+  DdsParticipant participant(options);
+  dds::DataReader& reader = participant.create_reader(
+      topics::status, dds::TypeSupport(new msg::ServiceStatusPubSubType), status_reader_qos());
+  LineWriter out({}, false);
+  // After the first one a moment more: a second service may be there.
+  Clock::time_point until = Clock::now() + nobody_after;
+  bool found = false;
+  while (!ended && Clock::now() < until) {
+    msg::ServiceStatus sample;
+    dds::SampleInfo info;
+    while (reader.take_next_sample(&sample, &info) == ReturnCode_t::RETCODE_OK) {
+      if (!info.valid_data) continue;
+      if (!out.write(text(sample, unix_now()))) return 0;
+      if (!found) until = Clock::now() + 300ms;
+      found = true;
+    }
+    reader.wait_for_unread_message(eprosima::fastrtps::Duration_t(0, 50'000'000));
+  }
+  if (!found && !ended) say("no huetrackd publishes its status " + what_to_check(participant));
+  return found ? 0 : 1;
+}
+
+}  // namespace huetrack::client

@@ -1,0 +1,61 @@
+// huetrack: the command-line client. It sees only what any DDS program can see.
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <exception>
+#include <map>
+#include <string>
+
+#include "commands.h"
+
+int main(int argc, char** argv) {
+  using namespace huetrack::client;
+  CLI::App app("huetrack: positions and status of a running huetrackd, over DDS");
+  app.require_subcommand(1);
+  WatchOptions options;
+  options.participant.name = "huetrack";
+
+  const auto add_bus = [&](CLI::App* command) {
+    command->add_option("--domain", options.participant.domain, "DDS domain, 0..232 (default: ROS_DOMAIN_ID, else 0)");
+    command->add_option("--interface", options.participant.interfaces,
+                        "use only this network interface: name or IPv4 address; may be repeated");
+    command->add_option("--profiles", options.participant.profiles, "Fast DDS XML profiles file");
+  };
+  double timeout_s = 0;
+  const auto add_samples = [&](CLI::App* command) {
+    command->add_option("--target", options.target, "only this target");
+    command->add_option("--count", options.count, "end after so many lines")->check(CLI::PositiveNumber);
+    command->add_option("--timeout", timeout_s, "end with exit status 1 when no line came for so many seconds")
+        ->check(CLI::PositiveNumber);
+    add_bus(command);
+  };
+
+  CLI::App* watch_command = app.add_subcommand("watch", "print every position sample, one line each");
+  const std::map<std::string, Format> formats{
+      {"text", Format::text}, {"csv", Format::csv}, {"json", Format::json}, {"tum", Format::tum}};
+  std::string format = "text";
+  watch_command->add_option("--format", format, "text, csv, json or tum (timestamp tx ty tz qx qy qz qw)")
+      ->check(CLI::IsMember({"text", "csv", "json", "tum"}))
+      ->capture_default_str();
+  add_samples(watch_command);
+
+  CLI::App* log_command = app.add_subcommand("log", "write every position sample to a CSV file");
+  log_command->add_option("file", options.file, "the CSV file")->required();
+  log_command->add_flag("--overwrite", options.overwrite, "replace the file if it exists");
+  add_samples(log_command);
+
+  CLI::App* status_command = app.add_subcommand("status", "print what the service says about itself");
+  add_bus(status_command);
+
+  CLI11_PARSE(app, argc, argv);
+
+  end_on_signals();
+  if (timeout_s > 0) options.timeout = std::chrono::duration<double>(timeout_s);
+  try {
+    if (status_command->parsed()) return status(options.participant);
+    options.format = log_command->parsed() ? Format::csv : formats.at(format);
+    return watch(options);
+  } catch (const std::exception& error) {  // a wrong option or file, a full disk: said once, here
+    std::fprintf(stderr, "huetrack: %s\n", error.what());
+    return 1;
+  }
+}

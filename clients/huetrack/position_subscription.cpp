@@ -1,0 +1,102 @@
+#include "position_subscription.h"
+
+#include <fastdds/dds/core/policy/QosPolicies.hpp>
+#include <fastdds/dds/subscriber/DataReaderListener.hpp>
+#include <fastdds/dds/subscriber/SampleInfo.hpp>
+
+#include "idl/huetrackPubSubTypes.h"
+
+namespace huetrack::client {
+
+namespace dds = eprosima::fastdds::dds;
+namespace rtps = eprosima::fastrtps::rtps;
+using eprosima::fastrtps::types::ReturnCode_t;
+
+namespace {
+
+std::string who(const std::optional<PublisherIdentity>& identity) {
+  if (!identity) return "a program that is not huetrackd";
+  std::string text = "process " + std::to_string(identity->pid) + " on " + identity->host + ", targets";
+  for (const std::string& target : identity->targets) text += " " + target;
+  return text;
+}
+
+}  // namespace
+
+void PositionSubscription::Announcements::on_publisher_discovery(dds::DomainParticipant*,
+                                                                 rtps::WriterDiscoveryInfo&& info) {
+  if (info.info.topicName() != topics::object_position) return;
+  const std::lock_guard lock(mutex_);
+  if (info.status == rtps::WriterDiscoveryInfo::REMOVED_WRITER) {
+    if (const auto it = known_.find(info.info.guid()); it != known_.end()) it->second.there = false;
+    return;
+  }
+  const auto& bytes = info.info.m_qos.m_userData;
+  if (auto identity = PublisherIdentity::from(std::string(bytes.begin(), bytes.end())))
+    known_[info.info.guid()] = {std::move(*identity)};
+}
+
+std::optional<PublisherIdentity> PositionSubscription::Announcements::find(const rtps::GUID_t& writer) const {
+  const std::lock_guard lock(mutex_);
+  const auto it = known_.find(writer);
+  return it == known_.end() ? std::nullopt : std::optional(it->second.identity);
+}
+
+std::set<std::string> PositionSubscription::Announcements::targets() const {
+  std::set<std::string> names;
+  const std::lock_guard lock(mutex_);
+  for (const auto& [guid, known] : known_)
+    if (known.there) names.insert(known.identity.targets.begin(), known.identity.targets.end());
+  return names;
+}
+
+PositionSubscription::PositionSubscription(const ParticipantOptions& options)
+    : participant_(options, &announcements_),
+      reader_(participant_.create_reader(topics::object_position, dds::TypeSupport(new msg::ObjectPositionPubSubType),
+                                         object_position_reader_qos())) {}
+
+std::optional<msg::ObjectPosition> PositionSubscription::next(std::chrono::milliseconds at_most) {
+  const auto until = std::chrono::steady_clock::now() + at_most;
+  msg::ObjectPosition sample;
+  dds::SampleInfo info;
+  for (;;) {
+    while (reader_.take_next_sample(&sample, &info) == ReturnCode_t::RETCODE_OK)
+      if (info.valid_data) return sample;  // the others only say that an instance has ended
+    const auto left = std::chrono::duration<long double>(until - std::chrono::steady_clock::now());
+    if (left.count() <= 0 || !reader_.wait_for_unread_message(eprosima::fastrtps::Duration_t(left.count())))
+      return std::nullopt;
+  }
+}
+
+std::vector<std::string> PositionSubscription::news() {
+  std::vector<std::string> sentences;
+  dds::LivelinessChangedStatus liveliness;
+  if (reader_.get_liveliness_changed_status(liveliness) == ReturnCode_t::RETCODE_OK &&
+      liveliness.alive_count != publishers_) {
+    const auto identity = announcements_.find(rtps::iHandle2GUID(liveliness.last_publication_handle));
+    const bool more = liveliness.alive_count > publishers_;
+    publishers_ = liveliness.alive_count;
+    sentences.push_back((more ? "a publisher is there: " : "a publisher went away: ") + who(identity) +
+                        (more              ? ""
+                         : publishers_ > 0 ? "; " + std::to_string(publishers_) + " left"
+                                           : "; waiting for one to come back"));
+  }
+  dds::RequestedIncompatibleQosStatus incompatible;
+  if (reader_.get_requested_incompatible_qos_status(incompatible) == ReturnCode_t::RETCODE_OK &&
+      incompatible.total_count_change > 0) {
+    const std::string policy = incompatible.last_policy_id == dds::LIVELINESS_QOS_POLICY_ID    ? "liveliness"
+                               : incompatible.last_policy_id == dds::RELIABILITY_QOS_POLICY_ID ? "reliability"
+                               : incompatible.last_policy_id == dds::DURABILITY_QOS_POLICY_ID
+                                   ? "durability"
+                                   : "policy " + std::to_string(incompatible.last_policy_id);
+    sentences.push_back("a publisher is there, but it offers less than we ask for (" + policy +
+                        "), so nothing comes from it: its XML profile, or ours, changed the QoS; see idl/README.md");
+  }
+  return sentences;
+}
+
+std::set<std::string> PositionSubscription::targets() const {
+  return announcements_.targets();
+}
+
+}  // namespace huetrack::client

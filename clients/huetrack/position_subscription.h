@@ -1,0 +1,59 @@
+// The subscription to huetrack/object_position, and who publishes there.
+#pragma once
+
+#include <chrono>
+#include <fastdds/dds/domain/DomainParticipantListener.hpp>
+#include <map>
+#include <mutex>
+#include <optional>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "idl/dds_participant.h"
+#include "idl/huetrack.h"
+#include "idl/topics.h"
+
+namespace huetrack::client {
+
+// thread-compatible.
+class PositionSubscription {
+ public:
+  explicit PositionSubscription(const ParticipantOptions& options);  // throws what DdsParticipant throws
+
+  // Waits for a sample, at most for the time given; nullopt when none came.
+  std::optional<msg::ObjectPosition> next(std::chrono::milliseconds at_most);
+
+  // What happened to the publishers since the last call, one sentence each: one appeared, went away (killed ones too,
+  // about 1 s later), or does not fit.
+  std::vector<std::string> news();
+
+  int publishers() const { return publishers_; }  // alive, as of the last news()
+  std::set<std::string> targets() const;          // that publishers announce
+  const DdsParticipant& participant() const { return participant_; }
+
+ private:
+  // Reads who a writer is from its USER_DATA. thread-safe: called from Fast DDS' threads.
+  class Announcements : public eprosima::fastdds::dds::DomainParticipantListener {
+   public:
+    void on_publisher_discovery(eprosima::fastdds::dds::DomainParticipant* participant,
+                                eprosima::fastrtps::rtps::WriterDiscoveryInfo&& info) override;
+    std::optional<PublisherIdentity> find(const eprosima::fastrtps::rtps::GUID_t& writer) const;
+    std::set<std::string> targets() const;
+
+   private:
+    struct Known {
+      PublisherIdentity identity;
+      bool there = true;  // kept when it is gone, so that its farewell can name it
+    };
+    mutable std::mutex mutex_;
+    std::map<eprosima::fastrtps::rtps::GUID_t, Known> known_;  // guarded by mutex_
+  };
+
+  Announcements announcements_;  // before participant_: it outlives it
+  DdsParticipant participant_;
+  eprosima::fastdds::dds::DataReader& reader_;
+  int publishers_ = 0;
+};
+
+}  // namespace huetrack::client

@@ -1,0 +1,191 @@
+#include "sample_format.h"
+
+#include <fmt/chrono.h>
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <array>
+#include <chrono>
+#include <cmath>
+
+namespace huetrack::client {
+
+namespace {
+
+constexpr std::int64_t ns_per_s = 1'000'000'000;
+constexpr double ns_per_ms = 1e6;
+
+// Seconds with nine decimals, exactly: a double has not enough digits for UNIX nanoseconds.
+std::string unix_seconds(std::int64_t ns) {
+  return fmt::format("{}{}.{:09}", ns < 0 ? "-" : "", std::abs(ns / ns_per_s), std::abs(ns % ns_per_s));
+}
+
+bool has_position(const msg::ObjectPosition& sample) {
+  return sample.state() == msg::TRACK_STATE_TRACKING || sample.state() == msg::TRACK_STATE_COASTING;
+}
+
+// The shortest text that reads back as the same number; "nan" whatever its sign bit.
+std::string csv_number(double value) {
+  return std::isnan(value) ? "nan" : fmt::format("{}", value);
+}
+
+std::string csv_line(const msg::ObjectPosition& s) {
+  std::string out = fmt::format("{},{}", s.target(), unix_seconds(s.captured_at()));
+  const auto add = [&](double value) { fmt::format_to(std::back_inserter(out), ",{}", csv_number(value)); };
+  std::ranges::for_each(s.position(), add);
+  std::ranges::for_each(s.velocity(), add);
+  for (const std::size_t upper : {0U, 1U, 2U, 4U, 5U, 8U}) add(s.covariance()[upper]);
+  return out + fmt::format(",{},{},{}\n", name(s.state()), s.views(), csv_number(s.confidence()));
+}
+
+std::string tum_line(const msg::ObjectPosition& s) {
+  if (!has_position(s)) return "";
+  return fmt::format("{} {} 0 0 0 1\n", unix_seconds(s.captured_at()), fmt::join(s.position(), " "));
+}
+
+std::string json_string(std::string_view text) {
+  std::string out = "\"";
+  for (const char c : text) {
+    if (c == '"' || c == '\\') {
+      out += '\\';
+      out += c;
+    } else if (static_cast<unsigned char>(c) < 0x20) {
+      fmt::format_to(std::back_inserter(out), "\\u{:04x}", static_cast<unsigned>(c));
+    } else {
+      out += c;
+    }
+  }
+  out += '"';
+  return out;
+}
+
+template <typename Float>
+std::string json_number(Float value) {
+  return std::isfinite(value) ? fmt::format("{}", value) : "null";
+}
+
+template <typename Floats>
+std::string json_array(const Floats& values) {
+  std::vector<std::string> texts;
+  for (const auto value : values) texts.push_back(json_number(value));
+  return fmt::format("[{}]", fmt::join(texts, ","));
+}
+
+std::string json_line(const msg::ObjectPosition& s) {
+  std::vector<std::string> views;
+  for (const msg::ViewSupport& view : s.per_view())
+    views.push_back(fmt::format(
+        R"({{"camera":{},"delivered":{},"in_view":{},"seen":{},"pixel":{},"radius_px":{},"support":{},"residual_px":{}}})",
+        json_string(view.camera()), view.delivered(), view.in_view(), view.seen(), json_array(view.pixel()),
+        json_number(view.radius_px()), json_number(view.support()), json_number(view.residual_px())));
+  return fmt::format(
+      R"({{"target":{},"t":{},"captured_at":{},"received_at":{},"published_at":{},"set_number":{},"state":"{}",)"
+      R"("position":{},"velocity":{},"covariance":{},"map_position":{},"views":{},"confidence":{},)"
+      R"("particle_count":{},"effective_sample_size":{},"per_view":[{}]}})"
+      "\n",
+      json_string(s.target()), unix_seconds(s.captured_at()), s.captured_at(), s.received_at(), s.published_at(),
+      s.set_number(), name(s.state()), json_array(s.position()), json_array(s.velocity()), json_array(s.covariance()),
+      json_array(s.map_position()), s.views(), json_number(s.confidence()), s.particle_count(),
+      json_number(s.effective_sample_size()), fmt::join(views, ","));
+}
+
+// For people: "-" where there is no such number.
+std::string number(double value, int decimals, int width = 0) {
+  return std::isfinite(value) ? fmt::format("{:{}.{}f}", value, width, decimals) : fmt::format("{:>{}}", "-", width);
+}
+
+std::string clock_time(std::int64_t ns) {  // local time, HH:MM:SS.mmm
+  return fmt::format("{:%H:%M:%S}.{:03}", fmt::localtime(static_cast<std::time_t>(ns / ns_per_s)),
+                     std::abs(ns % ns_per_s / 1'000'000));
+}
+
+std::string text_line(const msg::ObjectPosition& s, std::int64_t received_at, std::size_t target_width) {
+  const auto sigma_mm = [&](std::size_t axis) { return number(1000 * std::sqrt(s.covariance()[4 * axis]), 1, 6); };
+  return fmt::format(
+      "{}  {:<{}}  {:<9}  x {}  y {}  z {} m   sigma {} {} {} mm   views {}/{}   confidence {}   latency {} + {} ms\n",
+      clock_time(s.captured_at()), s.target(), target_width, name(s.state()), number(s.position()[0], 4, 8),
+      number(s.position()[1], 4, 8), number(s.position()[2], 4, 8), sigma_mm(0), sigma_mm(1), sigma_mm(2), s.views(),
+      s.per_view().size(), number(s.confidence(), 2),
+      number(static_cast<double>(s.published_at() - s.captured_at()) / ns_per_ms, 1, 6),
+      number(static_cast<double>(received_at - s.published_at()) / ns_per_ms, 2));
+}
+
+}  // namespace
+
+std::string header(Format format) {
+  return format == Format::csv ? "target,t,x,y,z,vx,vy,vz,cxx,cxy,cxz,cyy,cyz,czz,state,views,confidence\n" : "";
+}
+
+std::string line(Format format, const msg::ObjectPosition& sample, std::int64_t received_at, std::size_t target_width) {
+  switch (format) {
+    case Format::csv:
+      return csv_line(sample);
+    case Format::json:
+      return json_line(sample);
+    case Format::tum:
+      return tum_line(sample);
+    case Format::text:
+      break;
+  }
+  return text_line(sample, received_at, target_width);
+}
+
+std::string text(const msg::ServiceStatus& s, std::int64_t now) {
+  std::string out = fmt::format("huetrackd {} on {}, process {}, mode {}, {} s ago\n", s.program_version(), s.host(),
+                                s.pid(), s.mode(), number(static_cast<double>(now - s.at()) / ns_per_s, 1));
+  const auto add = [&](std::string_view label, const std::string& what) {
+    fmt::format_to(std::back_inserter(out), "  {:<9} {}\n", label, what);
+  };
+  add("config", fmt::format("{}  identity {}", s.config_file(), s.config_identity()));
+  add("rig", fmt::format("identity {}, world frame {}", s.rig_identity(), s.frame_id()));
+  add("targets", fmt::format("{}", fmt::join(s.targets(), ", ")));
+  add("tracking",
+      fmt::format("{} frame sets per second; {} sets, {} of them incomplete, {} dropped; {} late frames",
+                  number(s.set_rate_hz(), 1), s.sets(), s.incomplete_sets(), s.dropped_sets(), s.late_frames()));
+  add("sent", fmt::format("{} positions, {} failures", s.published(), s.publish_failures()));
+  if (s.clock_offset_s() != 0)
+    add("clock", fmt::format("capture times are the recording's plus {} s", number(s.clock_offset_s(), 3)));
+  std::size_t width = 0;
+  for (const msg::CameraStatus& camera : s.cameras()) width = std::max(width, camera.name().size());
+  for (const msg::CameraStatus& camera : s.cameras())
+    add("camera", fmt::format("{:<{}}  {:<10}  {} Hz, {} frames, {} dropped, {} corrupted, the last {} s ago{}{}",
+                              camera.name(), width, name(camera.health()), number(camera.rate_hz(), 1, 5),
+                              camera.frames(), camera.dropped(), camera.corrupted(), number(camera.age_s(), 2),
+                              camera.message().empty() ? "" : ": ", camera.message()));
+  for (const std::string& warning : s.warnings()) add("warning", warning);
+  if (s.warnings().empty()) add("warnings", "none");
+  return out;
+}
+
+std::string_view name(msg::TrackState state) {
+  switch (state) {
+    case msg::TRACK_STATE_SEARCHING:
+      return "searching";
+    case msg::TRACK_STATE_TRACKING:
+      return "tracking";
+    case msg::TRACK_STATE_COASTING:
+      return "coasting";
+    case msg::TRACK_STATE_LOST:
+      return "lost";
+  }
+  return "unknown";
+}
+
+std::string_view name(msg::CameraHealth health) {
+  switch (health) {
+    case msg::CAMERA_HEALTH_WAITING:
+      return "waiting";
+    case msg::CAMERA_HEALTH_DELIVERING:
+      return "delivering";
+    case msg::CAMERA_HEALTH_STALLED:
+      return "stalled";
+    case msg::CAMERA_HEALTH_ABSENT:
+      return "absent";
+    case msg::CAMERA_HEALTH_ENDED:
+      return "ended";
+  }
+  return "unknown";
+}
+
+}  // namespace huetrack::client

@@ -1,0 +1,36 @@
+// Samples as text. Pure functions: numbers do not depend on the locale, and every line ends with '\n'.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "idl/huetrack.h"
+
+namespace huetrack::client {
+
+enum class Format : std::uint8_t {
+  text,  // for people
+  csv,   // what `huetrackd replay --tracks` writes too; t is the UNIX capture time, s
+  json,  // one object per sample, every field; a number that does not exist is null
+  tum,   // timestamp tx ty tz qx qy qz qw, for evo and the like: samples with a position only
+};
+
+// What comes before the first sample: the CSV's header line, or nothing.
+std::string header(Format format);
+
+// One sample as one line; nothing for a tum line without a position.
+//   received_at    when it arrived here, UNIX ns; for the latency in the text
+//   target_width   the text pads the target's name to it
+std::string line(Format format, const msg::ObjectPosition& sample, std::int64_t received_at, std::size_t target_width);
+
+// The status for people, several lines.
+//   now   UNIX ns
+std::string text(const msg::ServiceStatus& status, std::int64_t now);
+
+std::string_view name(msg::TrackState state);  // "searching", "tracking", "coasting", "lost"; "unknown" if none of them
+std::string_view name(msg::CameraHealth health);
+
+}  // namespace huetrack::client
