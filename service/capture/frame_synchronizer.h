@@ -2,7 +2,9 @@
 #pragma once
 
 #include <cstdint>
+#include <deque>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -11,38 +13,79 @@
 namespace huetrack {
 
 struct FrameSynchronizerOptions {
-  int camera_count = 1;                    // >= 1
-  // A set spans at most this long, first to last capture time. Free-running cameras of one rate: half a frame period puts
-  // every frame into a set. Frames keep their own capture times inside the set.
-  Duration tolerance = duration_of(0.017); // > 0
+  int camera_count = 1;  // >= 1
+  // A set spans at most this long, first to last capture time. Free-running cameras of one rate: half a frame period
+  // puts every frame into a set (see suggested_tolerance). Frames keep their own capture times inside the set.
+  Duration tolerance = duration_of(0.017);  // > 0
   std::vector<std::string> problems() const;
 };
 
+// The tolerance for cameras with these frame periods (0: unknown, left out). Free-running cameras of one period T, with
+// phases as they happen to be, leave a gap of at least T/N somewhere on the circle of phases; all N frames lie in the
+// other (1 - 1/N) T. So a set may span that much of the fastest period, and 5 % more for jitter: 0.55 T for two
+// cameras, where it also means that nearest neighbours pair up. Never over 0.8 T: near T, a camera that loses one frame
+// would be paired one period late from then on. 17 ms when no period is known.
+Duration suggested_tolerance(std::span<const Duration> frame_periods);
+
+// Every frame pushed ends in a set or in one of these.
 struct FrameSynchronizerCounters {
   std::uint64_t sets = 0;              // handed out
   std::uint64_t incomplete_sets = 0;   // of them, without every camera
-  std::uint64_t late_frames = 0;       // older than a set already handed out: dropped
-  std::uint64_t duplicate_frames = 0;  // a second frame of one camera for one set: the older is kept, this one dropped
+  std::uint64_t late_frames = 0;       // not newer than a set already handed out: dropped
+  std::uint64_t early_frames = 0;      // over a second ahead of the other cameras, which did not follow: dropped
+  std::uint64_t duplicate_frames = 0;  // a second frame of one camera with the same capture time: the first is kept
   std::uint64_t corrupted_frames = 0;  // status not ok: not used
-  std::uint64_t clock_jumps = 0;       // a camera's clock went back by more than a second: resynchronised
+  std::uint64_t clock_jumps = 0;       // the clock went back by more than a second: resynchronised, and the sets' times
+                                       // restart from there
 };
 
 // Hands out a set as soon as it is complete, or as soon as newer frames prove that it never will be, in time order; one
-// push can prove several sets at once. A camera that has stopped delivering is not waited for longer than until every
-// other live camera has moved past the set.
+// push can prove several sets at once. What the set waits for:
+// - A camera is waited for until its own next frame is beyond the set (in order, so nothing older will come), or until
+//   every other live camera has moved past the set. Frames of one camera that reach us later than the others' (a slower
+//   transfer) are learned: then the others have to be further past the set by that much, up to 0.2 s.
+// - A camera that has been silent for three of its frame periods (or a second, when its period is not known) has
+//   stopped: nobody waits for it until it is back.
+// - A corrupted frame is not used, but it shows that its camera has nothing else to give for that time.
+// - A frame over a second (and three frame periods) off everyone's time, a driver's bad time stamp, is held back until
+// a second camera, or ten
+//   frames in a row, confirm it: then the clocks have changed, otherwise it is dropped and counted.
 // thread-compatible.
 class FrameSynchronizer {
  public:
-  explicit FrameSynchronizer(FrameSynchronizerOptions options);   // throws std::invalid_argument
+  explicit FrameSynchronizer(FrameSynchronizerOptions options);  // throws std::invalid_argument
 
   std::vector<FrameSet> push(Frame frame);
-  std::optional<FrameSet> flush();                                // at the end of the stream: what is still open
+  // At the end of the stream: the next of what is still open; call until nullopt. Capture may go on afterwards.
+  std::optional<FrameSet> flush();
   const FrameSynchronizerCounters& counters() const { return counters_; }
 
  private:
-  // (the state that the implementation needs)
+  struct CameraState {
+    std::deque<Frame> waiting;        // not in a set yet, ascending capture times, corrupted ones included
+    std::optional<Timestamp> newest;  // of the frames admitted
+    Duration period{0};               // between its last two frames; 0: not known yet
+    Duration lag{0};  // how far behind the newest frame of all its frames reach us, a slowly falling maximum
+  };
+
+  Duration clock_jump() const;
+  bool is_off_time(const Frame& frame) const;
+  bool is_confirmed() const;
+  void drop_off_time_frames();
+  void admit(Frame frame);
+  bool has_stopped(const CameraState& camera) const;
+  bool is_waited_for(const CameraState& camera, Timestamp end_of_set) const;
+  std::optional<Timestamp> oldest_waiting() const;
+  std::optional<FrameSet> take_set(Timestamp oldest);
+  void hand_out_proven(std::vector<FrameSet>& out);
+
   FrameSynchronizerOptions options_;
   FrameSynchronizerCounters counters_;
+  std::vector<CameraState> cameras_;
+  std::optional<Timestamp> first_;         // admitted; of all cameras
+  std::optional<Timestamp> newest_;        // admitted; of all cameras
+  std::optional<Timestamp> closed_until_;  // the newest capture time in the sets handed out
+  std::vector<Frame> off_time_;            // held back until confirmed
 };
 
 }  // namespace huetrack

@@ -12,55 +12,64 @@
 namespace huetrack {
 
 enum class PixelFormat : std::uint8_t {
-  yuyv,   // packed 4:2:2, Y0 U Y1 V
-  nv12,   // planar Y, then interleaved U V at half width and half height
-  i420,   // planar Y, U, V; chroma at half width and half height
-  i422,   // planar Y, U, V; chroma at half width (what a 4:2:2 MJPEG decodes to)
-  i444,   // planar Y, U, V at full size
-  bgr,    // packed 8-bit B G R
-  grey,   // Y only: has no colour, so no coloured target ever matches
+  yuyv,  // packed 4:2:2, Y0 U Y1 V
+  nv12,  // planar Y, then interleaved U V at half width and half height
+  i420,  // planar Y, U, V; chroma at half width and half height
+  i422,  // planar Y, U, V; chroma at half width (what a 4:2:2 MJPEG decodes to)
+  i444,  // planar Y, U, V at full size
+  bgr,   // packed 8-bit B G R
+  grey,  // Y only: has no colour, so no coloured target ever matches
 };
 
 // How 8 bits map to light. YUYV/NV12 webcams: limited (Y 16..235, chroma 16..240). JPEG, and so MJPEG: full (0..255).
 // Both with the BT.601 matrix, as UVC and JFIF say. BGR is always full.
 enum class ColorRange : std::uint8_t { limited, full };
 
-std::string_view name(PixelFormat format);                               // "yuyv", ...
+std::string_view name(PixelFormat format);  // "yuyv", ...
 std::optional<PixelFormat> pixel_format_of(std::string_view name);
 
 struct Plane {
   const std::uint8_t* data = nullptr;
-  std::ptrdiff_t stride = 0;      // bytes from one row to the next
+  std::ptrdiff_t stride = 0;  // bytes from one row to the next
 };
 
 // An image in the camera's own format, read-only. The bytes are kept alive by `owner` (a decoder's frame, an mmap()ed
-// buffer that goes back to the driver when the last reader lets go, a plain vector), which tracker, recorder and preview
-// may hold at once: truly several owners, hence shared.
-// Layout of planes: yuyv, bgr, grey use planes[0]; nv12 planes[0..1]; i4xx planes[0..2] = Y, U, V.
+// buffer that goes back to the driver when the last reader lets go, a plain vector), which tracker, recorder and
+// preview may hold at once: truly several owners, hence shared. Layout of planes: yuyv, bgr, grey use planes[0]; nv12
+// planes[0..1]; i4xx planes[0..2] = Y, U, V.
 struct Image {
   PixelFormat format = PixelFormat::grey;
   ColorRange range = ColorRange::limited;
-  int width = 0;                  // pixels; even for yuyv, nv12, i420, i422
+  int width = 0;  // pixels; even for yuyv, nv12, i420, i422
   int height = 0;
   std::array<Plane, 3> planes{};
   std::shared_ptr<const void> owner;
 };
 
-struct Yuv { std::uint8_t y, u, v; };
-struct Bgr { std::uint8_t b, g, r; };
+struct Yuv {
+  std::uint8_t y, u, v;
+};
+struct Bgr {
+  std::uint8_t b, g, r;
+};
 
 // The raw pixel at column u, row v (both inside the image). For the YUV family; grey gives u = v = 128.
 Yuv yuv_at(const Image& image, int u, int v);
 // For bgr images.
 Bgr bgr_at(const Image& image, int u, int v);
 
-// A new owned image of zero bytes with tight rows (stride = row bytes), its planes in one allocation, and writable access
-// to them: for decoders, tests and simulators. throws std::invalid_argument on odd sizes where the format needs even.
+// A new owned image of zero bytes with tight rows (stride = row bytes), its planes in one allocation, and writable
+// access to them: for decoders, tests and simulators. throws std::invalid_argument on odd sizes where the format needs
+// even.
 struct WritableImage {
   Image image;
   std::array<std::uint8_t*, 3> data{};
 };
 WritableImage make_image(PixelFormat format, ColorRange range, int width, int height);
+
+// Whether chroma is shared by neighbouring columns or rows, so that an odd size cannot be stored.
+bool needs_even_width(PixelFormat format);
+bool needs_even_height(PixelFormat format);
 
 // Bytes per row and rows of plane i; 0 where the format has no such plane.
 std::size_t plane_row_bytes(PixelFormat format, int plane, int width);

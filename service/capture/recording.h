@@ -4,12 +4,15 @@
 //   cameras:
 //     left:  {frames: left.mkv, fps: 30, offset_s: 0.0}
 //     right: {frames: right/%06d.png, timestamps: right.csv}        # csv: frame,t_s   (header line; frame from 0)
+//     fast:  {frames: fast.mkv, fps: 60, first_frame: 1, every: 2}  # frames 1, 3, 5, ... at 1/60, 3/60, 5/60 s
 // frames: anything that FFmpeg reads, or a printf pattern / glob of images. Relative paths start at the yaml file.
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "capture/frame.h"
@@ -18,16 +21,20 @@ namespace huetrack {
 
 struct RecordedCamera {
   std::string name;
-  std::filesystem::path frames;          // absolute: a video, a printf pattern or a glob
-  double fps = 0;                        // > 0 when the times are regular, else 0 and timestamps is set
-  Duration offset{0};                    // added to every capture time
-  std::vector<std::pair<std::int64_t, Timestamp>> timestamps;   // (frame in the stream, capture time), ascending
+  std::filesystem::path frames;  // absolute: a video, a printf pattern or a glob
+  double fps = 0;                // > 0 when the times are regular: frame k was captured at k / fps + offset
+  Duration offset{0};            // added to every capture time
+  // (frame in the stream, capture time before the offset), both strictly ascending. A frame that is not listed is not
+  // played. Neither fps nor timestamps: the container's own time stamps.
+  std::vector<std::pair<std::int64_t, Timestamp>> timestamps;
+  std::int64_t first_frame = 0;  // >= 0; frames first_frame, first_frame + every, ... are played, each at its
+  std::int64_t every = 1;        // >= 1; own time in the stream
 };
 
 struct Recording {
-  std::filesystem::path file;            // recording.yaml
-  std::vector<RecordedCamera> cameras;   // in the order of the file
-  std::optional<Timestamp> started_at;   // UNIX time of the recording clock's zero, when known (key started_at, seconds)
+  std::filesystem::path file;           // recording.yaml
+  std::vector<RecordedCamera> cameras;  // in the order of the file
+  std::optional<Timestamp> started_at;  // UNIX time of the recording clock's zero, when known (key started_at, seconds)
 };
 
 // path: the yaml file, or the folder that holds recording.yaml. throws ConfigError

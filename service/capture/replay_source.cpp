@@ -1,0 +1,272 @@
+#include "capture/replay_source.h"
+
+#include <algorithm>
+#include <cassert>
+#include <cmath>
+#include <deque>
+#include <stdexcept>
+#include <utility>
+
+#include "calib/yaml/yaml_reader.h"
+#include "capture/video_reader.h"
+
+namespace huetrack {
+namespace {
+
+std::string list_of(std::span<const std::string> names) {
+  std::string text;
+  for (const auto& name : names) text += (text.empty() ? "" : ", ") + name;
+  return text;
+}
+
+// The usual time between two frames of a CSV: the median, which a gap does not change.
+Duration usual_period(const RecordedCamera& camera, const FrameSelection& selection) {
+  std::vector<Duration> steps;
+  std::optional<Timestamp> before;
+  for (const auto& [frame, at] : camera.timestamps) {
+    if (!selection.contains(frame)) continue;
+    if (before) steps.push_back(at - *before);
+    before = at;
+  }
+  if (steps.empty()) return Duration::zero();
+  const auto middle = steps.begin() + static_cast<std::ptrdiff_t>(steps.size() / 2);
+  std::ranges::nth_element(steps, middle);
+  return *middle;
+}
+
+// One camera's file as frames with a time and a number.
+class Stream {
+ public:
+  Stream(int camera_index, const RecordedCamera& camera, const std::filesystem::path& recording_file, int threads,
+         std::vector<std::string>& warnings)
+      : camera_index_(camera_index),
+        camera_(camera),
+        selection_(camera_),
+        warnings_(warnings),
+        reader_(camera_, threads, warnings) {
+    info_.name = camera_.name;
+    info_.file = camera_.frames;
+    info_.frame_period = !camera_.timestamps.empty() ? usual_period(camera_, selection_)
+                         : camera_.fps > 0           ? duration_of(static_cast<double>(camera_.every) / camera_.fps)
+                                                     : camera_.every * reader_.frame_period();
+    if (!camera_.timestamps.empty())
+      info_.expected_frames = selection_.count_below(camera_.timestamps.back().first + 1);
+    else if (const auto count = reader_.frame_count())
+      info_.expected_frames = selection_.count_below(*count);
+
+    // The first frame with an image gives the size; those before it wait here for their turn.
+    while (auto frame = read()) {
+      const bool has_image = frame->status == FrameStatus::ok;
+      waiting_.push_back(std::move(*frame));
+      if (has_image) break;
+    }
+    if (info_.width == 0) {
+      if (has_no_stamps_)
+        throw ConfigError(
+            recording_file, 0,
+            "cameras." + camera_.name + ": " + camera_.frames.string() + " has no time stamps: give fps or timestamps");
+      throw ConfigError(camera_.frames, 0, "no frame of it can be played (frames of camera " + camera_.name + ")");
+    }
+    info_.first_at = waiting_.front().captured_at;
+  }
+
+  // The next frame, nullptr at the end.
+  const Frame* front() {
+    if (waiting_.empty())
+      if (auto frame = read()) waiting_.push_back(std::move(*frame));
+    return waiting_.empty() ? nullptr : &waiting_.front();
+  }
+
+  Frame take() {
+    Frame frame = std::move(waiting_.front());
+    waiting_.pop_front();
+    ++(frame.status == FrameStatus::ok ? info_.frames : info_.corrupted);
+    return frame;
+  }
+
+  const ReplayCamera& info() const { return info_; }
+
+  // Capture time of the last frame, as far as it can be told beforehand.
+  std::optional<Timestamp> expected_end() const {
+    if (!camera_.timestamps.empty()) return camera_.timestamps.back().second + camera_.offset;
+    if (!info_.expected_frames) return std::nullopt;
+    return info_.first_at + (*info_.expected_frames - 1) * info_.frame_period;
+  }
+
+ private:
+  std::optional<Frame> read() {
+    while (auto picture = reader_.next()) {
+      const auto at = capture_time(*picture);
+      if (!at) continue;
+      if (last_at_ && *at <= *last_at_) {
+        if (!std::exchange(warned_of_order_, true))
+          warn("time stamps go back at frame " + std::to_string(picture->index) + ": such frames are left out");
+        continue;  // its number is missing from the frames handed out
+      }
+      last_at_ = at;
+
+      const std::int64_t number = (picture->index - camera_.first_frame) / camera_.every;
+      if (!last_number_)
+        first_number_ = number;
+      else
+        info_.missing += number - *last_number_ - 1;
+      last_number_ = number;
+
+      Frame frame{.camera = camera_index_,
+                  .sequence = static_cast<std::uint32_t>(number - first_number_),
+                  .captured_at = *at,
+                  .status = FrameStatus::corrupted,
+                  .pixels = {}};
+      if (picture->image.width > 0 && has_the_size(*picture)) {
+        frame.status = FrameStatus::ok;
+        frame.pixels = std::move(picture->image);
+      }
+      return frame;
+    }
+    if (!std::exchange(ended_, true)) note_listed_frames_that_never_came();
+    return std::nullopt;
+  }
+
+  std::optional<Timestamp> capture_time(const VideoReader::Picture& picture) {
+    if (!camera_.timestamps.empty()) {
+      const auto row =
+          std::ranges::lower_bound(camera_.timestamps, picture.index, {}, &std::pair<std::int64_t, Timestamp>::first);
+      assert(row != camera_.timestamps.end() && row->first == picture.index);
+      return row->second + camera_.offset;
+    }
+    if (camera_.fps > 0) {  // rounded once, from the exact time
+      const long double since_start = static_cast<long double>(picture.index) * 1e9L / camera_.fps;
+      return Timestamp{Duration(std::llround(since_start)) + camera_.offset};
+    }
+    if (picture.stamp) return *picture.stamp + camera_.offset;
+    if (!std::exchange(has_no_stamps_, true) && last_at_)
+      warn("frame " + std::to_string(picture.index) + " and perhaps others have no time stamp: they are left out");
+    return std::nullopt;
+  }
+
+  bool has_the_size(const VideoReader::Picture& picture) {
+    const Image& image = picture.image;
+    if (info_.width == 0) {
+      info_.width = image.width;
+      info_.height = image.height;
+      info_.format = image.format;
+      info_.range = image.range;
+    }
+    if (image.width == info_.width && image.height == info_.height) return true;
+    if (!std::exchange(warned_of_size_, true))
+      warn("frame " + std::to_string(picture.index) + " is " + std::to_string(image.width) + "x" +
+           std::to_string(image.height) + ", not " + std::to_string(info_.width) + "x" + std::to_string(info_.height) +
+           " as the first: frames of another size are not used");
+    return false;
+  }
+
+  void note_listed_frames_that_never_came() {
+    const auto last = selection_.last();
+    if (!last) return;
+    const std::int64_t end = last_number_ ? camera_.first_frame + *last_number_ * camera_.every + 1 : 0;
+    const std::int64_t absent = selection_.count_below(*last + 1) - selection_.count_below(end);
+    if (absent <= 0) return;
+    info_.missing += absent;
+    warn("has no frame for the last " + std::to_string(absent) + " rows of its time stamps");
+  }
+
+  void warn(const std::string& text) { warnings_.push_back(camera_.frames.string() + ": " + text); }
+
+  int camera_index_;
+  RecordedCamera camera_;
+  FrameSelection selection_;  // of camera_
+  std::vector<std::string>& warnings_;
+  VideoReader reader_;
+  ReplayCamera info_;
+  std::deque<Frame> waiting_;
+  std::optional<Timestamp> last_at_;
+  std::optional<std::int64_t> last_number_;  // counted in frames that the recording plays
+  std::int64_t first_number_ = 0;
+  bool has_no_stamps_ = false;
+  bool warned_of_order_ = false;
+  bool warned_of_size_ = false;
+  bool ended_ = false;
+};
+
+}  // namespace
+
+std::vector<std::string> ReplayOptions::problems() const {
+  if (decoder_threads >= 1) return {};
+  return {"decoder_threads is " + std::to_string(decoder_threads) + ", but must be >= 1"};
+}
+
+struct ReplaySource::Impl {
+  std::vector<std::string> warnings;
+  std::vector<std::unique_ptr<Stream>> streams;
+  mutable std::vector<ReplayCamera> cameras;
+};
+
+ReplaySource::ReplaySource(const Recording& recording, std::span<const std::string> camera_names,
+                           const ReplayOptions& options)
+    : impl_(std::make_unique<Impl>()) {
+  for (const auto& problem : options.problems()) throw std::invalid_argument("ReplaySource: " + problem);
+
+  std::vector<std::string> recorded;
+  for (const auto& camera : recording.cameras) recorded.push_back(camera.name);
+  for (const auto& name : camera_names) {
+    if (std::ranges::find(recorded, name) != recorded.end()) continue;
+    const auto nearest = nearest_word(name, recorded);
+    throw ConfigError(recording.file, 0,
+                      "has no camera " + name + (nearest ? " (did you mean " + *nearest + "?)" : std::string()) +
+                          ": it has " + list_of(recorded) + ", and the rig has " + list_of(camera_names));
+  }
+  for (const auto& name : recorded)
+    if (std::ranges::find(camera_names, name) == camera_names.end())
+      impl_->warnings.push_back(recording.file.string() + ": camera " + name + " is not in the rig: it is not played");
+
+  for (const auto& name : camera_names) {
+    const auto& camera = *std::ranges::find(recording.cameras, name, &RecordedCamera::name);
+    impl_->streams.push_back(std::make_unique<Stream>(static_cast<int>(impl_->streams.size()), camera, recording.file,
+                                                      options.decoder_threads, impl_->warnings));
+    impl_->cameras.push_back(impl_->streams.back()->info());
+  }
+}
+
+ReplaySource::~ReplaySource() = default;
+
+std::optional<Frame> ReplaySource::next(std::stop_token stop) {
+  Stream* earliest = nullptr;
+  for (const auto& stream : impl_->streams) {
+    if (stop.stop_requested()) return std::nullopt;
+    const Frame* frame = stream->front();
+    if (frame && (!earliest || frame->captured_at < earliest->front()->captured_at)) earliest = stream.get();
+  }
+  return earliest ? std::optional(earliest->take()) : std::nullopt;
+}
+
+const std::vector<ReplayCamera>& ReplaySource::cameras() const {
+  for (std::size_t i = 0; i < impl_->streams.size(); ++i) impl_->cameras[i] = impl_->streams[i]->info();
+  return impl_->cameras;
+}
+
+std::optional<std::int64_t> ReplaySource::expected_frames() const {
+  std::int64_t sum = 0;
+  for (const auto& stream : impl_->streams) {
+    if (!stream->info().expected_frames) return std::nullopt;
+    sum += *stream->info().expected_frames;
+  }
+  return sum;
+}
+
+std::optional<Duration> ReplaySource::expected_duration() const {
+  std::optional<Timestamp> begin;
+  std::optional<Timestamp> end;
+  for (const auto& stream : impl_->streams) {
+    const auto stream_end = stream->expected_end();
+    if (!stream_end) return std::nullopt;
+    begin = std::min(begin.value_or(Timestamp::max()), stream->info().first_at);
+    end = std::max(end.value_or(Timestamp::min()), *stream_end);
+  }
+  return begin ? std::optional(*end - *begin) : std::nullopt;
+}
+
+std::vector<std::string> ReplaySource::take_warnings() {
+  return std::exchange(impl_->warnings, {});
+}
+
+}  // namespace huetrack

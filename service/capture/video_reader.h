@@ -1,0 +1,54 @@
+// One camera's pictures out of a video file or a series of image files, numbered as they lie in the stream. Private to
+// this module; video_reader.cpp is the only file that sees FFmpeg.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "capture/frame.h"
+#include "capture/recording.h"
+
+namespace huetrack {
+
+// Which frames of the stream a recording plays.
+class FrameSelection {
+ public:
+  explicit FrameSelection(const RecordedCamera& camera) : camera_(camera) {}  // camera must outlive it
+  bool contains(std::int64_t index) const;
+  std::optional<std::int64_t> last() const;          // known when they are listed
+  std::int64_t count_below(std::int64_t end) const;  // selected ones among 0 .. end - 1
+
+ private:
+  const RecordedCamera& camera_;
+};
+
+// thread-compatible.
+class VideoReader {
+ public:
+  struct Picture {
+    std::int64_t index = 0;          // in the stream; a picture that is lost still takes its number
+    std::optional<Timestamp> stamp;  // the container's own presentation time, if it has one
+    Image image;                     // of width 0: it does not decode
+  };
+
+  // camera and warnings must outlive the reader. Warnings are one line each. throws ConfigError that names the file
+  VideoReader(const RecordedCamera& camera, int threads, std::vector<std::string>& warnings);
+  ~VideoReader();
+  VideoReader(const VideoReader&) = delete;
+  VideoReader& operator=(const VideoReader&) = delete;
+
+  std::optional<Picture> next();  // the next selected one; nullopt at the end. Never throws.
+
+  std::optional<std::int64_t> frame_count() const;  // of the whole stream, as the file declares it: may be wrong
+  Duration frame_period() const;                    // average, as the file declares it; 0 when unknown
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace huetrack
