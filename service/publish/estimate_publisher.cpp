@@ -259,6 +259,12 @@ std::vector<std::string> EstimatePublisher::warnings() const {
   return impl_->rivals.warnings();
 }
 
+int EstimatePublisher::subscribers() const {
+  dds::PublicationMatchedStatus matched;
+  impl_->position_writer.get_publication_matched_status(matched);
+  return matched.current_count;
+}
+
 int EstimatePublisher::domain() const {
   return impl_->participant.domain();
 }

@@ -57,6 +57,9 @@ class EstimatePublisher {
   // one of our targets. Any thread.
   std::vector<std::string> warnings() const;
 
+  // How many DDS readers of the native positions are there now. Any thread.
+  int subscribers() const;
+
   int domain() const;
   std::string description() const;  // one line for the log: domain, interfaces in use, XML profiles in use
 
