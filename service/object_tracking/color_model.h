@@ -1,7 +1,9 @@
 // The target's colour in HSI, as in the paper (section 2.2): a range of hue and of saturation; pixels that are very dark
-// or very bright match nothing.
+// or very bright match nothing. Beside the plain formula stands a table that makes a raw pixel one look-up; the exhaustive
+// test tests/object_tracking/color_model_test.cpp holds every entry of the table to the formula.
 #pragma once
 
+#include <cstdint>
 #include <memory>
 #include <string>
 #include <vector>
@@ -12,10 +14,60 @@ namespace huetrack {
 
 // Degrees and shares, inclusive on both ends.
 struct HsiRange {
-  double hue_min_deg = 0, hue_max_deg = 360;           // [0, 360]; min > max: through 0, as in 340..20 for red
+  // [0, 360]; min > max: through 0, as in 340..20 for red. At most 300 degrees wide, or the whole circle 0..360.
+  double hue_min_deg = 0, hue_max_deg = 360;
   double saturation_min = 0.3, saturation_max = 1;     // [0, 1]
   double intensity_min = 0.1, intensity_max = 0.95;    // [0, 1]
-  std::vector<std::string> problems() const;
+  std::vector<std::string> problems() const;           // empty when valid; one sentence per violated constraint
+  bool operator==(const HsiRange&) const = default;
+};
+
+struct Rgb { double r, g, b; };                        // [0, 1]
+
+struct Hsi {
+  double hue_deg;                                      // [0, 360); 0 when !has_hue
+  double saturation;                                   // [0, 1]
+  double intensity;                                    // [0, 1]
+  bool has_hue;                                        // false for greys (r = g = b)
+};
+
+// The definitions. Pure.
+Rgb rgb_of(Yuv pixel, ColorRange range);               // ITU-R BT.601, clamped to [0, 1]
+Rgb rgb_of(Bgr pixel);
+// Gonzalez and Woods: I = (r+g+b)/3, S = 1 - min/I, H = the angle of the chroma; the arc cosine of the textbook written
+// as atan2, which is the same angle and exact near the axis.
+Hsi hsi_of(Rgb rgb);
+bool contains(const HsiRange& range, const Hsi& hsi);  // a grey matches only the whole circle of hues
+
+// For one target and one kind of pixel: does a raw pixel have the target's colour? Immutable; safe from any thread.
+//
+// YUV family: at one (u, v) the pixels that match are an interval of y. Away from the gamut's edge hue does not depend on
+// y at all, S falls and I rises with it; where r, g or b clip, the hue moves one way only, towards a primary below and a
+// secondary above. So a table of 65536 intervals (128 kB, of which a scene touches little) answers for all 2^24 pixels.
+// BGR has no such order and takes one bit per pixel value (2 MB).
+class ColorTable {
+ public:
+  struct Interval { std::uint8_t y_min, y_max; };      // empty: y_min 255, y_max 0
+
+  ColorTable(const HsiRange& target, PixelFormat format, ColorRange range);   // throws std::invalid_argument; some 100 ms
+
+  bool contains(Yuv p) const {
+    const Interval& i = y_of_uv_[static_cast<std::size_t>(p.u) | static_cast<std::size_t>(p.v) << 8];
+    return p.y >= i.y_min && p.y <= i.y_max;
+  }
+  bool contains(Bgr p) const {
+    const std::size_t index = static_cast<std::size_t>(p.b) | static_cast<std::size_t>(p.g) << 8 | static_cast<std::size_t>(p.r) << 16;
+    return (bgr_bits_[index >> 6] >> (index & 63) & 1) != 0;
+  }
+
+  bool is_for(PixelFormat format, ColorRange range) const;                    // which images it can read
+  const Interval* intervals() const { return y_of_uv_.data(); }               // [u | v << 8]; YUV family and grey
+
+ private:
+  bool is_bgr_;
+  ColorRange range_;
+  std::vector<Interval> y_of_uv_;
+  std::vector<std::uint64_t> bgr_bits_;
 };
 
 }  // namespace huetrack

@@ -1,0 +1,126 @@
+#include "object_tracking/color_model.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <stdexcept>
+
+namespace huetrack {
+namespace {
+
+double hue_width_deg(const HsiRange& r) {
+  return r.hue_max_deg >= r.hue_min_deg ? r.hue_max_deg - r.hue_min_deg : 360 - r.hue_min_deg + r.hue_max_deg;
+}
+
+bool whole_circle(const HsiRange& r) { return r.hue_min_deg == 0 && r.hue_max_deg == 360; }
+
+// contains(range, hsi_of(rgb)) for millions of pixels: the same answer without the arc tangent for all but the few whose
+// hue is within a rounding error of the range's ends. Four times as fast for a usual range.
+class Matcher {
+ public:
+  explicit Matcher(const HsiRange& range) : range_(range) {
+    const double from = range.hue_min_deg * (std::numbers::pi / 180);
+    const double to = range.hue_max_deg * (std::numbers::pi / 180);
+    from_ = {std::cos(from), std::sin(from)};
+    to_ = {std::cos(to), std::sin(to)};
+  }
+
+  bool operator()(const Rgb& c) const {
+    const double sum = c.r + c.g + c.b;
+    if (sum < 3 * range_.intensity_min - slack || sum > 3 * range_.intensity_max + slack) return false;
+    const double smallest = std::min({c.r, c.g, c.b});
+    if (3 * smallest > (1 - range_.saturation_min) * sum + slack) return false;
+    const double alpha = c.r - (c.g + c.b) / 2;
+    const double beta = std::numbers::sqrt3 / 2 * (c.g - c.b);
+    const double after_from = from_.x * beta - from_.y * alpha;   // > 0: up to 180 degrees counterclockwise of the start
+    const double before_to = alpha * to_.y - beta * to_.x;
+    const bool narrow = hue_width_deg(range_) <= 180;
+    const bool out = narrow ? after_from < -slack || before_to < -slack : after_from < -slack && before_to < -slack;
+    if (out && !whole_circle(range_)) return false;
+    return contains(range_, hsi_of(c));
+  }
+
+ private:
+  static constexpr double slack = 1e-6;   // far above rounding; inside it the formula decides
+  struct Direction { double x, y; };
+  HsiRange range_;
+  Direction from_{}, to_{};
+};
+
+}  // namespace
+
+std::vector<std::string> HsiRange::problems() const {
+  std::vector<std::string> out;
+  const auto inside = [](double v, double lo, double hi) { return v >= lo && v <= hi; };   // false for NaN
+  if (!inside(hue_min_deg, 0, 360) || !inside(hue_max_deg, 0, 360)) out.emplace_back("hue must lie in 0..360 degrees");
+  else if (!whole_circle(*this) && hue_width_deg(*this) > 300)
+    out.emplace_back("hue must be a range of at most 300 degrees, or 0..360 for any hue");
+  if (!inside(saturation_min, 0, 1) || !inside(saturation_max, 0, 1) || saturation_min > saturation_max)
+    out.emplace_back("saturation must be a range min <= max within 0..1");
+  if (!inside(intensity_min, 0, 1) || !inside(intensity_max, 0, 1) || intensity_min > intensity_max)
+    out.emplace_back("intensity must be a range min <= max within 0..1");
+  return out;
+}
+
+Rgb rgb_of(Yuv p, ColorRange range) {
+  const bool limited = range == ColorRange::limited;
+  const double y = limited ? (p.y - 16) / 219.0 : p.y / 255.0;
+  const double chroma_scale = limited ? 1 / 224.0 : 1 / 255.0;
+  const double u = (p.u - 128) * chroma_scale;
+  const double v = (p.v - 128) * chroma_scale;
+  return {std::clamp(y + 1.402 * v, 0.0, 1.0), std::clamp(y - 0.344136286 * u - 0.714136286 * v, 0.0, 1.0),
+          std::clamp(y + 1.772 * u, 0.0, 1.0)};
+}
+
+Rgb rgb_of(Bgr p) { return {p.r / 255.0, p.g / 255.0, p.b / 255.0}; }
+
+Hsi hsi_of(Rgb c) {
+  const double intensity = (c.r + c.g + c.b) / 3;
+  const double smallest = std::min({c.r, c.g, c.b});
+  // A spread below 1e-9 is rounding, not colour: 8-bit pixels differ by 1/255 or not at all.
+  if (std::max({c.r, c.g, c.b}) - smallest < 1e-9) return {0, 0, intensity, false};
+  const double alpha = c.r - (c.g + c.b) / 2;
+  const double beta = std::numbers::sqrt3 / 2 * (c.g - c.b);
+  double hue_deg = std::atan2(beta, alpha) * (180 / std::numbers::pi);
+  if (hue_deg < 0) hue_deg += 360;
+  return {hue_deg, 1 - smallest / intensity, intensity, true};
+}
+
+bool contains(const HsiRange& r, const Hsi& hsi) {
+  if (hsi.saturation < r.saturation_min || hsi.saturation > r.saturation_max) return false;
+  if (hsi.intensity < r.intensity_min || hsi.intensity > r.intensity_max) return false;
+  if (whole_circle(r)) return true;
+  if (!hsi.has_hue) return false;
+  if (r.hue_min_deg <= r.hue_max_deg) return hsi.hue_deg >= r.hue_min_deg && hsi.hue_deg <= r.hue_max_deg;
+  return hsi.hue_deg >= r.hue_min_deg || hsi.hue_deg <= r.hue_max_deg;
+}
+
+ColorTable::ColorTable(const HsiRange& target, PixelFormat format, ColorRange range)
+    : is_bgr_(format == PixelFormat::bgr), range_(range) {
+  if (const auto problems = target.problems(); !problems.empty()) throw std::invalid_argument(problems.front());
+  const Matcher matches(target);
+  if (is_bgr_) {
+    bgr_bits_.assign((std::size_t{1} << 24) / 64, 0);
+    for (unsigned index = 0; index < (1u << 24); ++index) {
+      const Bgr p{static_cast<std::uint8_t>(index), static_cast<std::uint8_t>(index >> 8), static_cast<std::uint8_t>(index >> 16)};
+      if (matches(rgb_of(p))) bgr_bits_[index >> 6] |= std::uint64_t{1} << (index & 63);
+    }
+    return;
+  }
+  y_of_uv_.assign(65536, Interval{255, 0});
+  for (unsigned uv = 0; uv < 65536; ++uv) {
+    Interval& interval = y_of_uv_[uv];
+    for (unsigned y = 0; y < 256; ++y) {
+      const Yuv p{static_cast<std::uint8_t>(y), static_cast<std::uint8_t>(uv), static_cast<std::uint8_t>(uv >> 8)};
+      if (!matches(rgb_of(p, range))) continue;
+      interval.y_min = std::min(interval.y_min, p.y);
+      interval.y_max = p.y;
+    }
+  }
+}
+
+bool ColorTable::is_for(PixelFormat format, ColorRange range) const {
+  return is_bgr_ ? format == PixelFormat::bgr : format != PixelFormat::bgr && range == range_;
+}
+
+}  // namespace huetrack

@@ -1,0 +1,171 @@
+#include "object_tracking/color_region.h"
+
+#include <algorithm>
+#include <bit>
+
+namespace huetrack {
+
+void RegionFinder::Moments::add(const Moments& o) {
+  n += o.n, u += o.u, v += o.v, uu += o.uu, uv += o.uv, vv += o.vv;
+  box = {std::min(box.u_min, o.box.u_min), std::min(box.v_min, o.box.v_min), std::max(box.u_max, o.box.u_max),
+         std::max(box.v_max, o.box.v_max)};
+}
+
+int RegionFinder::root(int label) {
+  while (parent_[static_cast<std::size_t>(label)] != label) {
+    int& up = parent_[static_cast<std::size_t>(label)];
+    up = parent_[static_cast<std::size_t>(up)];
+    label = up;
+  }
+  return label;
+}
+
+// Connected components in one pass over runs of matching pixels (He, Chao and Suzuki 2008): a run takes the label of the
+// runs that it touches in the row above, and joins them when they are several.
+void RegionFinder::label_runs(MatchBits& view, const PixelBox& box) {
+  constexpr int word = 56;                 // row() gives at least 57 pixels
+  parent_.clear();
+  moments_.clear();
+  above_.clear();
+  for (int v = box.v_min; v <= box.v_max; ++v) {
+    current_.clear();
+    for (int u0 = box.u_min; u0 <= box.u_max; u0 += word) {
+      const int length = std::min(word, box.u_max - u0 + 1);
+      std::uint64_t bits = view.row(u0, v) & ((std::uint64_t{1} << length) - 1);
+      while (bits != 0) {
+        const int from = std::countr_zero(bits);
+        const int to = from + std::countr_one(bits >> from);      // one past the run
+        bits &= ~((std::uint64_t{1} << to) - 1);
+        if (!current_.empty() && current_.back().u_max == u0 + from - 1) current_.back().u_max = u0 + to - 1;
+        else current_.push_back({u0 + from, u0 + to - 1, -1});
+      }
+    }
+    std::size_t first_above = 0;
+    for (Run& run : current_) {
+      while (first_above < above_.size() && above_[first_above].u_max < run.u_min - 1) ++first_above;
+      for (std::size_t a = first_above; a < above_.size() && above_[a].u_min <= run.u_max + 1; ++a) {
+        const int label = root(above_[a].label);
+        if (run.label < 0) run.label = label;
+        else if (label != run.label) {
+          const int keep = std::min(run.label, label), drop = std::max(run.label, label);
+          parent_[static_cast<std::size_t>(drop)] = keep;
+          run.label = keep;
+        }
+      }
+      if (run.label < 0) {
+        run.label = static_cast<int>(parent_.size());
+        parent_.push_back(run.label);
+        moments_.emplace_back();
+      }
+      const double n = run.u_max - run.u_min + 1;
+      const double sum_u = n * (run.u_min + run.u_max) / 2;
+      const double middle = (run.u_min + run.u_max) / 2.0;
+      const double sum_uu = n * middle * middle + n * (n * n - 1) / 12;
+      Moments of_run{n, sum_u, n * v, sum_uu, sum_u * v, n * v * v, {run.u_min, v, run.u_max, v}};
+      moments_[static_cast<std::size_t>(run.label)].add(of_run);
+    }
+    std::swap(above_, current_);
+  }
+  for (std::size_t i = 0; i < parent_.size(); ++i) {
+    const auto r = static_cast<std::size_t>(root(static_cast<int>(i)));
+    if (r == i) continue;
+    moments_[r].add(moments_[i]);
+    moments_[i].n = 0;
+  }
+}
+
+void RegionFinder::collect(int min_area, double reach_px) {
+  // Largest first; ties by place, so that the order never depends on how the labels were given.
+  std::ranges::sort(found_, [](const Moments& a, const Moments& b) {
+    if (a.n != b.n) return a.n > b.n;
+    return std::pair(a.box.v_min, a.box.u_min) < std::pair(b.box.v_min, b.box.u_min);
+  });
+  const double reach2 = reach_px * reach_px;
+  for (std::size_t i = 0; i < found_.size(); ++i) {
+    Moments& whole = found_[i];
+    if (whole.n == 0) continue;
+    const double u = whole.u / whole.n, v = whole.v / whole.n;   // of the largest part
+    for (std::size_t j = i + 1; j < found_.size(); ++j) {
+      Moments& part = found_[j];
+      if (part.n == 0) continue;
+      const double du = part.u / part.n - u, dv = part.v / part.n - v;
+      if (du * du + dv * dv > reach2) continue;
+      whole.add(part);
+      part.n = 0;
+    }
+  }
+  regions_.clear();
+  for (const Moments& m : found_) {
+    if (m.n < min_area || m.n == 0) continue;
+    ColorRegion region;
+    region.area = static_cast<int>(m.n);
+    region.centre = {m.u / m.n, m.v / m.n};
+    const double uv = m.uv / m.n - region.centre.x() * region.centre.y();
+    region.spread << m.uu / m.n - region.centre.x() * region.centre.x() + 1.0 / 12, uv, uv,
+        m.vv / m.n - region.centre.y() * region.centre.y() + 1.0 / 12;
+    regions_.push_back(region);
+  }
+  std::ranges::stable_sort(regions_, [](const ColorRegion& a, const ColorRegion& b) { return a.area > b.area; });
+}
+
+const std::vector<ColorRegion>& RegionFinder::find(MatchBits& view, PixelBox box, int min_area, double reach_px) {
+  box = {std::max(box.u_min, 0), std::max(box.v_min, 0), std::min(box.u_max, view.width() - 1),
+         std::min(box.v_max, view.height() - 1)};
+  found_.clear();
+  if (!box.empty()) {
+    view.look(box);
+    label_runs(view, box);
+    for (const Moments& m : moments_) {
+      if (m.n > 0) found_.push_back(m);
+    }
+  }
+  collect(min_area, reach_px);
+  return regions_;
+}
+
+const std::vector<ColorRegion>& RegionFinder::search(MatchBits& view, const Image& image, const ColorTable& table,
+                                                     int step_px, int max_extent_px, int min_area, double reach_px) {
+  found_.clear();
+  const auto covered = [this](int u, int v) {
+    return std::ranges::any_of(found_, [&](const Moments& m) {
+      return u >= m.box.u_min && u <= m.box.u_max && v >= m.box.v_min && v <= m.box.v_max;
+    });
+  };
+  for (int v = step_px / 2; v < view.height(); v += step_px) {
+    for (int u = step_px / 2; u < view.width(); u += step_px) {
+      const bool hit = image.format == PixelFormat::bgr ? table.contains(bgr_at(image, u, v))
+                                                        : table.contains(yuv_at(image, u, v));
+      if (!hit || covered(u, v)) continue;
+      const PixelBox box{std::max(u - max_extent_px, 0), std::max(v - max_extent_px, 0),
+                         std::min(u + max_extent_px, view.width() - 1), std::min(v + max_extent_px, view.height() - 1)};
+      view.look(box);
+      label_runs(view, box);
+      // The component under the grid point: of those whose box holds it, the smallest that reaches it.
+      const Moments* under = nullptr;
+      for (const Moments& m : moments_) {
+        if (m.n == 0 || u < m.box.u_min || u > m.box.u_max || v < m.box.v_min || v > m.box.v_max) continue;
+        if (under == nullptr || m.n > under->n) under = &m;
+      }
+      if (under == nullptr) continue;
+      found_.push_back(*under);
+    }
+  }
+  std::erase_if(found_, [&](const Moments& m) {
+    return m.box.u_max - m.box.u_min >= max_extent_px || m.box.v_max - m.box.v_min >= max_extent_px;
+  });
+  // Neighbouring boxes can report one component twice, cut differently: keep the larger.
+  std::ranges::stable_sort(found_, [](const Moments& a, const Moments& b) { return a.n > b.n; });
+  std::vector<Moments> kept;
+  for (const Moments& m : found_) {
+    const double u = m.u / m.n, v = m.v / m.n;
+    const bool again = std::ranges::any_of(kept, [&](const Moments& k) {
+      return u >= k.box.u_min && u <= k.box.u_max && v >= k.box.v_min && v <= k.box.v_max;
+    });
+    if (!again) kept.push_back(m);
+  }
+  found_ = std::move(kept);
+  collect(min_area, reach_px);
+  return regions_;
+}
+
+}  // namespace huetrack

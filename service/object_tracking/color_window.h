@@ -1,0 +1,74 @@
+// Which pixels of an image have the target's colour, looked at only where somebody asks: the paper's 5x5 windows
+// (section 2.2) and, for our own observation, larger boxes.
+//
+// The image is cut into tiles of 8x8 pixels. A tile is classified by table look-up when a window first touches it, and kept
+// as bits, so that overlapping windows (particles crowd around the object) do not look a pixel up twice, and a 5x5 count is
+// the popcount of 25 bits. Nothing is done for the rest of the image: the cost does not grow with the image's size.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "capture/pixel_format.h"
+#include "object_tracking/color_model.h"
+
+namespace huetrack {
+
+// Inclusive pixel bounds.
+struct PixelBox {
+  int u_min, v_min, u_max, v_max;
+  bool empty() const { return u_min > u_max || v_min > v_max; }
+};
+
+// thread-compatible. One per camera and target; lives as long as the tracker, so that a frame costs no allocation.
+class MatchBits {
+ public:
+  // Bits to the left of, right of, above and below the image that are always 0, so that no window needs clipping.
+  static constexpr int margin = 8;
+
+  MatchBits(int width, int height);                                     // pixels, >= 1
+
+  // The next frame. The image must have the size given above and `table` must be for its format; both must live until the
+  // next call. Forgets everything that was known of the frame before.
+  void look_at(const Image& image, const ColorTable& table);
+
+  // k of eq. (6) for n windows: how many of the 5x5 pixels around the pixel that (u, v) rounds to have the target's colour,
+  // 0..25; pixels of the window beyond the border count as not matching. `outside` where (u, v) is not in the image.
+  static constexpr std::uint8_t outside = 255;
+  void count_5x5(const float* u, const float* v, std::size_t n, std::uint8_t* k);
+
+  bool at(int u, int v);                                                // inside the image
+
+  // The 57 (or more) match bits of row v from pixel u on: bit i is pixel u + i. u in [-margin, width), v in the image.
+  // The pixels must have been covered by look(box) before; those beyond the border are 0.
+  std::uint64_t row(int u, int v) const;
+  void look(const PixelBox& box);                                       // classifies all tiles that the box touches; clipped
+
+  int width() const { return width_; }
+  int height() const { return height_; }
+  std::uint64_t tiles_looked_at() const { return tiles_looked_at_; }    // since the start: the honest cost of it all
+
+ private:
+  void fill_tile(int tile_u, int tile_v);
+  template <PixelFormat format> void fill_tile_as(int tile_u, int tile_v);
+  void ensure(int tile_u, int tile_v) {
+    if (looked_at_[static_cast<std::size_t>(tile_v * tile_stride_ + tile_u)] != frame_) fill_tile(tile_u, tile_v);
+  }
+
+  int width_, height_;
+  int tile_stride_;                       // tiles per row, margins included
+  std::ptrdiff_t row_stride_;             // bytes of bits per row, margins included
+  std::uint32_t frame_ = 0;
+  std::uint64_t tiles_looked_at_ = 0;
+  Image image_;
+  const ColorTable* table_ = nullptr;
+  std::vector<std::uint32_t> looked_at_;  // per tile: the frame it was classified for
+  std::vector<std::uint8_t> bits_;        // bit (u + margin) of row (v + margin)
+};
+
+// The obvious way, one look-up per pixel of the window: the truth that the test holds count_5x5 to.
+int count_5x5_reference(const Image& image, const ColorTable& table, int u, int v);
+
+}  // namespace huetrack

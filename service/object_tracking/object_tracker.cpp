@@ -1,0 +1,98 @@
+#include "object_tracking/object_tracker.h"
+
+#include <cmath>
+#include <regex>
+#include <stdexcept>
+#include <variant>
+
+#include "object_tracking/paper_tracker.h"
+#include "object_tracking/region_tracker.h"
+
+namespace huetrack {
+
+std::string_view name(TrackState state) {
+  switch (state) {
+    case TrackState::searching: return "searching";
+    case TrackState::tracking: return "tracking";
+    case TrackState::coasting: return "coasting";
+    case TrackState::lost: return "lost";
+  }
+  return "";
+}
+
+std::vector<std::string> TargetOptions::problems() const {
+  std::vector<std::string> out;
+  static const std::regex word("[A-Za-z][A-Za-z0-9_]*");
+  if (!std::regex_match(name, word))
+    out.push_back("target name '" + name + "' must be letters, digits and _, starting with a letter (it becomes part of a topic's name)");
+  if (!(radius_m > 0) || !std::isfinite(radius_m)) out.push_back("radius_m must be > 0");
+  for (const std::string& p : color.problems()) out.push_back("color: " + p);
+  for (const auto& [camera, own] : camera_colors) {
+    for (const std::string& p : own.problems()) out.push_back("camera_colors." + camera + ": " + p);
+  }
+  return out;
+}
+
+std::vector<std::string> ObjectTrackerOptions::problems() const {
+  std::vector<std::string> out;
+  const auto positive = [&out](double value, const char* what) {
+    if (!(value > 0) || !std::isfinite(value)) out.push_back(std::string(what) + " must be > 0");
+  };
+  if (!volume.min.allFinite() || !volume.max.allFinite() || !(volume.min.array() < volume.max.array()).all())
+    out.emplace_back("volume.min must be less than volume.max on every axis");
+  if (particle_count < 1) out.emplace_back("particle_count must be >= 1");
+  if (max_particle_count < particle_count) out.emplace_back("max_particle_count must be >= particle_count");
+  positive(position_noise_m, "position_noise_m");
+  positive(acceleration_m_s2, "acceleration_m_s2");
+  positive(start_speed_m_s, "start_speed_m_s");
+  positive(pixel_noise_px, "pixel_noise_px");
+  positive(max_tracking_sigma_m, "max_tracking_sigma_m");
+  positive(coast_s, "coast_s");
+  positive(max_coast_sigma_m, "max_coast_sigma_m");
+  return out;
+}
+
+struct ObjectTracker::Impl {
+  Impl(const CameraRig& rig, const TargetOptions& target, const ObjectTrackerOptions& options, Rng rng)
+      : tracker(options.observation == Observation::paper
+                    ? Tracker(std::in_place_type<PaperTracker>, rig, target, options, rng)
+                    : Tracker(std::in_place_type<RegionTracker>, rig, target, options, rng)) {}
+  using Tracker = std::variant<PaperTracker, RegionTracker>;
+  Tracker tracker;
+};
+
+ObjectTracker::ObjectTracker(const CameraRig& rig, const TargetOptions& target, const ObjectTrackerOptions& options) {
+  std::string all;
+  for (const auto& problems : {rig.problems(), target.problems(), options.problems()}) {
+    for (const std::string& p : problems) all += (all.empty() ? "" : "; ") + p;
+  }
+  for (const auto& [camera, own] : target.camera_colors) {
+    if (!rig.index_of(camera)) all += (all.empty() ? "" : "; ") + ("camera_colors: there is no camera '" + camera + "' in the rig");
+  }
+  if (!all.empty()) throw std::invalid_argument("target " + target.name + ": " + all);
+  // The target's name, not its place in the list, picks the stream: adding a target does not change another's track.
+  std::uint64_t stream = 0xcbf29ce484222325u;                 // FNV-1a
+  for (const char c : target.name) stream = (stream ^ static_cast<unsigned char>(c)) * 0x100000001b3u;
+  impl_ = std::make_unique<Impl>(rig, target, options, Rng(options.seed, stream));
+}
+
+ObjectTracker::~ObjectTracker() = default;
+ObjectTracker::ObjectTracker(ObjectTracker&&) noexcept = default;
+ObjectTracker& ObjectTracker::operator=(ObjectTracker&&) noexcept = default;
+
+ObjectEstimate ObjectTracker::update(const FrameSet& set) {
+  return std::visit([&](auto& tracker) { return tracker.update(set); }, impl_->tracker);
+}
+
+std::vector<Eigen::Vector3f> ObjectTracker::particles() const {
+  return std::visit(
+      [](const auto& tracker) {
+        const PositionParticles& p = tracker.particles();
+        std::vector<Eigen::Vector3f> out(p.size());
+        for (std::size_t i = 0; i < p.size(); ++i) out[i] = {p.x[i], p.y[i], p.z[i]};
+        return out;
+      },
+      impl_->tracker);
+}
+
+}  // namespace huetrack

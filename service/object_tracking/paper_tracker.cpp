@@ -1,0 +1,156 @@
+#include "object_tracking/paper_tracker.h"
+
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+
+#include "particle_filter/resample.h"
+
+namespace huetrack {
+
+// One iteration of CONDENSATION (section 2): prediction, update, estimate, resampling.
+ObjectEstimate PaperTracker::update(const FrameSet& set) {
+  const std::vector<TargetView>& views = views_.look_at(set);
+  predict();                                                // eqs. (1)-(3)
+  observation_.weigh(particles_, views, weight_);           // eqs. (4)-(6)
+  normalize_weights(weight_);
+  const ObjectEstimate result = estimate(set, views);       // weighted mean (MMSE) and the best particle (MAP)
+  resample();                                               // a larger population while the object is not seen
+  return result;
+}
+
+PaperTracker::PaperTracker(const CameraRig& rig, const TargetOptions& target, const ObjectTrackerOptions& options, Rng rng)
+    : options_(options), views_(rig, target), rng_(rng) {
+  particles_.resize(static_cast<std::size_t>(options_.particle_count));
+  scatter(0);                                               // section 3: uniform in the volume
+}
+
+// Uniform in the volume, from particle `from` on.
+void PaperTracker::scatter(std::size_t from) {
+  noise_.resize(3 * (particles_.size() - from));
+  rng_.fill_uniform(noise_);
+  const Eigen::Vector3f min = options_.volume.min.cast<float>();
+  const Eigen::Vector3f extent = (options_.volume.max - options_.volume.min).cast<float>();
+  for (std::size_t i = from, j = 0; i < particles_.size(); ++i, j += 3) {
+    particles_.x[i] = min.x() + extent.x() * noise_[j];
+    particles_.y[i] = min.y() + extent.y() * noise_[j + 1];
+    particles_.z[i] = min.z() + extent.z() * noise_[j + 2];
+  }
+}
+
+void PaperTracker::predict() {
+  const std::size_t n = particles_.size();
+  noise_.resize(3 * n);
+  rng_.fill_normal(noise_);
+  const auto sigma_m = static_cast<float>(options_.position_noise_m);
+  for (std::size_t i = 0; i < n; ++i) particles_.x[i] += sigma_m * noise_[i];
+  for (std::size_t i = 0; i < n; ++i) particles_.y[i] += sigma_m * noise_[n + i];
+  for (std::size_t i = 0; i < n; ++i) particles_.z[i] += sigma_m * noise_[2 * n + i];
+}
+
+void PaperObservation::weigh(const PositionParticles& particles, const std::vector<TargetView>& views,
+                             std::vector<float>& weight) {
+  const std::size_t n = particles.size();
+  u_.resize(n), v_.resize(n), k_.resize(n);
+  weight.assign(n, 1.0f);
+  for (const TargetView& view : views) {
+    view.projector->project(particles.x.data(), particles.y.data(), particles.z.data(), n, u_.data(), v_.data());
+    view.matches->count_5x5(u_.data(), v_.data(), n, k_.data());
+    for (std::size_t i = 0; i < n; ++i) {
+      const int k = k_[i] == MatchBits::outside ? 1 : k_[i];
+      weight[i] *= static_cast<float>(std::max(k, 1));
+    }
+  }
+}
+
+void PaperTracker::resample() {
+  // "When the system cannot see the object in the images it grows the particle population to widen the search area until
+  // it finds the object again" (section 3). The paper gives no rates: a fifth more per frame set; the newcomers are drawn
+  // as at the start, uniform in the volume. Found, the population shrinks by a fifth per set.
+  const auto wanted = static_cast<std::size_t>(
+      seen_ ? std::max(options_.particle_count, static_cast<int>(0.8 * static_cast<double>(particles_.size())))
+            : std::min(options_.max_particle_count, static_cast<int>(std::ceil(1.2 * static_cast<double>(particles_.size())))));
+  const std::size_t survivors = std::min(wanted, particles_.size());
+  ancestor_.resize(survivors);
+  systematic_ancestors(weight_, rng_.uniform(), ancestor_);
+  resampled_.resize(survivors);
+  for (std::size_t i = 0; i < survivors; ++i) {
+    const std::uint32_t a = ancestor_[i];
+    resampled_.x[i] = particles_.x[a];
+    resampled_.y[i] = particles_.y[a];
+    resampled_.z[i] = particles_.z[a];
+  }
+  std::swap(particles_, resampled_);
+  if (wanted > survivors) {
+    particles_.resize(wanted);
+    scatter(survivors);
+  }
+}
+
+ObjectEstimate PaperTracker::estimate(const FrameSet& set, const std::vector<TargetView>& views) {
+  const std::size_t n = particles_.size();
+  // Moments about the first particle, in one pass.
+  const Eigen::Vector3d origin(static_cast<double>(particles_.x[0]), static_cast<double>(particles_.y[0]),
+                               static_cast<double>(particles_.z[0]));
+  std::array<float, 9> sums{};
+  const float ox = particles_.x[0], oy = particles_.y[0], oz = particles_.z[0];
+  std::size_t best = 0;
+  float sum_w2 = 0;
+  for (std::size_t i = 0; i < n; ++i) {
+    const float w = weight_[i];
+    const float dx = particles_.x[i] - ox, dy = particles_.y[i] - oy, dz = particles_.z[i] - oz;
+    sums[0] += w * dx, sums[1] += w * dy, sums[2] += w * dz;
+    sums[3] += w * dx * dx, sums[4] += w * dx * dy, sums[5] += w * dx * dz;
+    sums[6] += w * dy * dy, sums[7] += w * dy * dz, sums[8] += w * dz * dz;
+    sum_w2 += w * w;
+    if (w > weight_[best]) best = i;
+  }
+  const Eigen::Vector3d shift(static_cast<double>(sums[0]), static_cast<double>(sums[1]), static_cast<double>(sums[2]));
+  Eigen::Matrix3d second;
+  second << static_cast<double>(sums[3]), static_cast<double>(sums[4]), static_cast<double>(sums[5]),
+      static_cast<double>(sums[4]), static_cast<double>(sums[6]), static_cast<double>(sums[7]),
+      static_cast<double>(sums[5]), static_cast<double>(sums[7]), static_cast<double>(sums[8]);
+
+  ObjectEstimate e;
+  e.at = set.at;
+  e.set_number = set.number;
+  e.particle_count = static_cast<int>(n);
+  e.effective_sample_size = 1.0 / static_cast<double>(sum_w2);
+  e.per_view.resize(views_.camera_count());
+
+  // Seen: around the best particle more than half of the window has the target's colour, in two views (in the only one,
+  // where there is but one).
+  for (const TargetView& view : views) {
+    ViewSupport& support = e.per_view[static_cast<std::size_t>(view.index)];
+    support.delivered = true;
+    float u = 0, v = 0;
+    std::uint8_t k = 0;
+    view.projector->project(&particles_.x[best], &particles_.y[best], &particles_.z[best], 1, &u, &v);
+    view.matches->count_5x5(&u, &v, 1, &k);
+    support.in_view = k != MatchBits::outside;
+    if (!support.in_view) continue;
+    support.px = {u, v};
+    support.support = static_cast<float>(k) / 25;
+    support.seen = k > 12;
+    support.radius_px = 2.5f;
+    e.views += support.seen ? 1 : 0;
+    e.confidence += static_cast<double>(support.support) / static_cast<double>(views.size());
+  }
+  seen_ = !views.empty() && e.views >= std::min<int>(2, static_cast<int>(views.size()));
+  if (seen_) {
+    state_ = TrackState::tracking;
+    last_seen_ = set.at;
+  } else if (state_ == TrackState::tracking || state_ == TrackState::coasting) {
+    state_ = seconds(set.at - last_seen_) > options_.coast_s ? TrackState::lost : TrackState::coasting;
+  }
+  e.state = state_;
+  if (!e.has_position()) return e;
+  e.position = origin + shift;
+  e.covariance = second - shift * shift.transpose();
+  e.velocity.setZero();          // the random walk has none: its expectation
+  e.map_position = {static_cast<double>(particles_.x[best]), static_cast<double>(particles_.y[best]),
+                    static_cast<double>(particles_.z[best])};
+  return e;
+}
+
+}  // namespace huetrack

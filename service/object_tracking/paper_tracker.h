@@ -1,0 +1,62 @@
+// Barrera, Canas, Matellan, Martin: "Multi-camera 3-D tracking using particle filter". All of it and nothing else; the
+// user selects it with `observation: paper`.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "object_tracking/object_estimate.h"
+#include "object_tracking/object_tracker.h"
+#include "object_tracking/target_views.h"
+#include "particle_filter/random.h"
+
+namespace huetrack {
+
+// Particle positions, world frame, metres; structure of arrays, because that is how they are projected.
+struct PositionParticles {
+  std::vector<float> x, y, z;
+  std::size_t size() const { return x.size(); }
+  void resize(std::size_t n) { x.resize(n), y.resize(n), z.resize(n); }
+};
+
+// Eqs. (4)-(6): weight[i] becomes the product over the views of p_m(s_i | img_m), times 25^M (a constant that the
+// normalisation takes out again, so that the product stays in the range of a float for up to 27 views).
+//   inside the image:  k / 25, k = pixels of the target's colour in the 5x5 window around the projection, at least 1
+//   outside:           1 / 25
+// The paper assumes lenses without distortion; here the projection has the whole lens in it.
+class PaperObservation {
+ public:
+  void weigh(const PositionParticles& particles, const std::vector<TargetView>& views, std::vector<float>& weight);
+
+ private:
+  std::vector<float> u_, v_;
+  std::vector<std::uint8_t> k_;
+};
+
+// thread-compatible.
+class PaperTracker {
+ public:
+  PaperTracker(const CameraRig& rig, const TargetOptions& target, const ObjectTrackerOptions& options, Rng rng);
+
+  ObjectEstimate update(const FrameSet& set);
+  const PositionParticles& particles() const { return particles_; }
+
+ private:
+  void predict();
+  void resample();
+  ObjectEstimate estimate(const FrameSet& set, const std::vector<TargetView>& views);
+  void scatter(std::size_t from);
+
+  ObjectTrackerOptions options_;
+  TargetViews views_;
+  Rng rng_;
+  PositionParticles particles_, resampled_;
+  std::vector<float> weight_, noise_;
+  std::vector<std::uint32_t> ancestor_;
+  PaperObservation observation_;
+  bool seen_ = false;            // in this set
+  TrackState state_ = TrackState::searching;
+  Timestamp last_seen_{};
+};
+
+}  // namespace huetrack

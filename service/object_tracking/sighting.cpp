@@ -1,0 +1,158 @@
+#include "object_tracking/sighting.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+namespace huetrack {
+namespace {
+
+// Square root of a symmetric positive semidefinite 2x2 matrix, by Cayley and Hamilton.
+Eigen::Matrix2d square_root(const Eigen::Matrix2d& m) {
+  const double root_det = std::sqrt(std::max(0.0, m.determinant()));
+  const double scale = std::sqrt(std::max(1e-12, m.trace() + 2 * root_det));
+  return (m + root_det * Eigen::Matrix2d::Identity()) / scale;
+}
+
+constexpr double min_start_support = 0.3;      // of either of the two regions that a candidate starts from
+constexpr double max_start_support = 3;        // larger regions are something else
+constexpr double gate = 11.8;                  // chi-square, 2 degrees of freedom, 99.7 %
+constexpr std::size_t max_regions_per_view = 8;
+
+bool inside(const Box& volume, const Eigen::Vector3d& p, double margin_m) {
+  return ((p - volume.min).array() >= -margin_m).all() && ((volume.max - p).array() >= -margin_m).all();
+}
+
+// Midpoint of the shortest line between two rays; nullopt when they are nearly parallel or meet behind a camera.
+std::optional<Eigen::Vector3d> crossing(const Eigen::Vector3d& c0, const Eigen::Vector3d& d0, const Eigen::Vector3d& c1,
+                                        const Eigen::Vector3d& d1) {
+  const double cosine = d0.dot(d1);
+  const double denominator = 1 - cosine * cosine;
+  if (denominator < 1e-6) return std::nullopt;
+  const Eigen::Vector3d base = c1 - c0;
+  const double s0 = (base.dot(d0) - cosine * base.dot(d1)) / denominator;
+  const double s1 = (cosine * base.dot(d0) - base.dot(d1)) / denominator;
+  if (s0 <= 0 || s1 <= 0) return std::nullopt;
+  return (c0 + s0 * d0 + c1 + s1 * d1) / 2;
+}
+
+double mahalanobis2(const Eigen::Vector2d& d, const Eigen::Matrix2d& covariance) {
+  return d.dot(covariance.inverse() * d);
+}
+
+}  // namespace
+
+std::optional<Appearance> appearance_of(const Camera& camera, const Eigen::Vector3d& p_world, double radius_m) {
+  const Eigen::Vector3d p_cam = camera.cam_from_world * p_world;
+  CameraModel::Jacobian px_from_cam;
+  const std::optional<RawPixel> px = camera.model.project(p_cam, px_from_cam);
+  if (!px) return std::nullopt;
+  Appearance a;
+  a.px = px->px;
+  a.jacobian = px_from_cam * camera.cam_from_world.rotation.toRotationMatrix();
+  // The mean scale across the line of sight: the square root of the area that a unit square there covers.
+  const Eigen::Matrix2d across = px_from_cam * px_from_cam.transpose();
+  a.radius_px = radius_m * std::sqrt(std::sqrt(std::max(0.0, across.determinant())));
+  return a;
+}
+
+Sighting sighting_of(const TargetView& view, const ColorRegion& region, double radius_px, double pixel_noise_px) {
+  Sighting s;
+  s.view = &view;
+  s.px = region.centre;
+  const double noise2 = pixel_noise_px * pixel_noise_px + 0.0025 * radius_px * radius_px;
+  const Eigen::Matrix2d misfit = radius_px * Eigen::Matrix2d::Identity() - 2 * square_root(region.spread);
+  s.covariance = noise2 * Eigen::Matrix2d::Identity() + misfit * misfit;
+  s.support = std::min(1.0, region.area / (std::numbers::pi * radius_px * radius_px));
+  return s;
+}
+
+PositionInformation information_of(std::span<const Sighting> sightings, const Eigen::Vector3d& p_world,
+                                   const Eigen::Vector3d& velocity) {
+  PositionInformation out;
+  for (const Sighting& s : sightings) {
+    const std::optional<Appearance> a = appearance_of(*s.view->camera, p_world - s.view->age_s * velocity, 1);
+    if (!a) continue;
+    const Eigen::Matrix<double, 3, 2> weighted = a->jacobian.transpose() * s.covariance.inverse();
+    out.information += weighted * a->jacobian;
+    out.vector += weighted * (s.px - a->px + a->jacobian * p_world);
+  }
+  return out;
+}
+
+std::vector<Candidate> cross_rays(const std::vector<TargetView>& views, std::span<const std::vector<ColorRegion>> regions,
+                                  const TargetOptions& target, const ObjectTrackerOptions& options,
+                                  std::size_t max_count) {
+  std::vector<Candidate> out;
+  const auto fits = [&](std::size_t view, const ColorRegion& region, const Appearance& at, double least_support) {
+    const double share = region.area / (std::numbers::pi * at.radius_px * at.radius_px);
+    if (share < least_support || share > max_start_support) return false;
+    const Sighting s = sighting_of(views[view], region, at.radius_px, options.pixel_noise_px);
+    return mahalanobis2(s.px - at.px, s.covariance) <= gate;
+  };
+  // All views that agree with the point, each with its nearest fitting region.
+  const auto sightings_at = [&](const Eigen::Vector3d& p, double& score) {
+    std::vector<Sighting> sightings;
+    score = 0;
+    for (std::size_t v = 0; v < views.size(); ++v) {
+      const std::optional<Appearance> at = appearance_of(*views[v].camera, p, target.radius_m);
+      if (!at || !views[v].camera->contains({at->px})) continue;
+      const ColorRegion* nearest = nullptr;
+      for (const ColorRegion& region : regions[v]) {
+        if (!fits(v, region, *at, 0.1)) continue;
+        if (nearest == nullptr || (region.centre - at->px).norm() < (nearest->centre - at->px).norm()) nearest = &region;
+      }
+      if (nearest == nullptr) {
+        score -= 0.25;
+        continue;
+      }
+      sightings.push_back(sighting_of(views[v], *nearest, at->radius_px, options.pixel_noise_px));
+      score += sightings.back().support;
+    }
+    return sightings;
+  };
+
+  for (std::size_t i = 0; i < views.size(); ++i) {
+    for (std::size_t j = i + 1; j < views.size(); ++j) {
+      for (std::size_t a = 0; a < std::min(regions[i].size(), max_regions_per_view); ++a) {
+        const auto ray_i = views[i].camera->model.ray({regions[i][a].centre});
+        if (!ray_i) continue;
+        for (std::size_t b = 0; b < std::min(regions[j].size(), max_regions_per_view); ++b) {
+          const auto ray_j = views[j].camera->model.ray({regions[j][b].centre});
+          if (!ray_j) continue;
+          const Camera& ci = *views[i].camera;
+          const Camera& cj = *views[j].camera;
+          const auto start = crossing(ci.centre(), ci.cam_from_world.rotation.conjugate() * *ray_i, cj.centre(),
+                                      cj.cam_from_world.rotation.conjugate() * *ray_j);
+          if (!start || !inside(options.volume, *start, target.radius_m)) continue;
+          const auto in_i = appearance_of(ci, *start, target.radius_m);
+          const auto in_j = appearance_of(cj, *start, target.radius_m);
+          if (!in_i || !in_j || !fits(i, regions[i][a], *in_i, min_start_support) ||
+              !fits(j, regions[j][b], *in_j, min_start_support))
+            continue;
+          Candidate c;
+          c.position = *start;
+          for (int iteration = 0; iteration < 2; ++iteration) {
+            c.sightings = sightings_at(c.position, c.score);
+            if (c.sightings.size() < 2) break;
+            const PositionInformation z = information_of(c.sightings, c.position, Eigen::Vector3d::Zero());
+            c.covariance = z.information.inverse();
+            c.position = c.covariance * z.vector;
+          }
+          if (c.sightings.size() < 2 || !c.position.allFinite()) continue;
+          const bool again = std::ranges::any_of(out, [&](const Candidate& o) {
+            return (o.position - c.position).norm() < target.radius_m / 2;
+          });
+          if (!again) out.push_back(std::move(c));
+        }
+      }
+    }
+  }
+  std::ranges::stable_sort(out, [](const Candidate& a, const Candidate& b) { return a.score > b.score; });
+  if (out.size() > max_count) out.resize(max_count);
+  return out;
+}
+
+}  // namespace huetrack

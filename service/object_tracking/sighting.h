@@ -1,0 +1,63 @@
+// What one view says about where the target is: a colour region as a measurement of the projected centre, with an honest
+// covariance. And from several views together: a position.
+#pragma once
+
+#include <Eigen/Core>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "object_tracking/color_region.h"
+#include "object_tracking/object_tracker.h"
+#include "object_tracking/target_views.h"
+
+namespace huetrack {
+
+// Where a ball would appear in a view.
+struct Appearance {
+  Eigen::Vector2d px;                    // projection of its centre, raw pixels
+  Eigen::Matrix<double, 2, 3> jacobian;  // d px / d p_world, pixels per metre
+  double radius_px = 0;
+};
+std::optional<Appearance> appearance_of(const Camera& camera, const Eigen::Vector3d& p_world, double radius_m);
+
+struct Sighting {
+  const TargetView* view = nullptr;
+  Eigen::Vector2d px;                    // measured centre, raw pixels
+  Eigen::Matrix2d covariance;            // px^2
+  double support = 0;                    // 0..1, share of the expected disc that has the target's colour
+};
+
+// The region's centre measures the ball's centre. Its covariance:
+//   R = (s^2 + (0.05 r)^2) I + B^2,   B = r I - 2 M^(1/2),   M the region's second central moment
+// A disc of radius r has M = r^2/4 I, so that B is 0. Where something hides a part of the ball, the visible rest is narrower
+// than the disc in the direction in which it is cut, and its centre is off by about as much as it is too narrow: B^2 says
+// so, and in that direction only. A region that is too large (motion blur, background of the same colour) is distrusted the
+// same way. s is options.pixel_noise_px; the share of r is the shading of a ball, whose bright side matches further out.
+Sighting sighting_of(const TargetView& view, const ColorRegion& region, double radius_px, double pixel_noise_px);
+
+// Gaussian in the world, in information form: what linearised sightings say. Positive semidefinite; rank 2 for one view.
+struct PositionInformation {
+  Eigen::Matrix3d information = Eigen::Matrix3d::Zero();   // 1/m^2
+  Eigen::Vector3d vector = Eigen::Vector3d::Zero();        // information * position, 1/m
+};
+
+// Linearised at p_world, a point at the set's time that moves with `velocity`: each view saw it age_s earlier.
+PositionInformation information_of(std::span<const Sighting> sightings, const Eigen::Vector3d& p_world,
+                                   const Eigen::Vector3d& velocity);
+
+// A position that several views agree on.
+struct Candidate {
+  Eigen::Vector3d position;
+  Eigen::Matrix3d covariance;
+  std::vector<Sighting> sightings;       // two or more
+  double score = 0;                      // sum of supports, less 0.25 for each view that should see it and does not
+};
+
+// Rays crossed between views: each pair of regions in two views whose rays meet inside the volume, at a distance at which
+// the target would have about the size that they have; refined over, and scored by, all views that agree. Best first, at
+// most max_count. regions[i] belongs to views[i].
+std::vector<Candidate> cross_rays(const std::vector<TargetView>& views, std::span<const std::vector<ColorRegion>> regions,
+                                  const TargetOptions& target, const ObjectTrackerOptions& options, std::size_t max_count);
+
+}  // namespace huetrack

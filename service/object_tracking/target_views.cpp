@@ -1,0 +1,41 @@
+#include "object_tracking/target_views.h"
+
+#include <algorithm>
+
+namespace huetrack {
+
+TargetViews::TargetViews(const CameraRig& rig, const TargetOptions& target) {
+  for (const Camera& camera : rig.cameras) {
+    const auto own = std::ranges::find(target.camera_colors, camera.name, &std::pair<std::string, HsiRange>::first);
+    cameras_.push_back(std::make_unique<PerCamera>(camera, own != target.camera_colors.end() ? own->second : target.color));
+  }
+}
+
+const ColorTable& TargetViews::table_for(PerCamera& camera, const Image& image) {
+  if (camera.table && camera.table->is_for(image.format, image.range)) return *camera.table;
+  for (const auto& other : cameras_) {         // cameras of one kind share a table
+    if (other->table && other->table->is_for(image.format, image.range) && other->color == camera.color) {
+      camera.table = other->table;
+      return *camera.table;
+    }
+  }
+  camera.table = std::make_shared<const ColorTable>(camera.color, image.format, image.range);
+  return *camera.table;
+}
+
+const std::vector<TargetView>& TargetViews::look_at(const FrameSet& set) {
+  views_.clear();
+  for (std::size_t i = 0; i < cameras_.size() && i < set.frames.size(); ++i) {
+    if (!set.frames[i] || set.frames[i]->status != FrameStatus::ok) continue;
+    const Frame& frame = *set.frames[i];
+    PerCamera& c = *cameras_[i];
+    if (frame.pixels.width != c.camera.image_size.width || frame.pixels.height != c.camera.image_size.height) continue;
+    const ColorTable& table = table_for(c, frame.pixels);
+    c.matches.look_at(frame.pixels, table);
+    views_.push_back({static_cast<int>(i), &c.camera, &c.projector, &c.matches, &frame.pixels, &table,
+                      seconds(set.at - frame.captured_at)});
+  }
+  return views_;
+}
+
+}  // namespace huetrack

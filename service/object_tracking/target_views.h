@@ -1,0 +1,59 @@
+// One target in every camera: its colour tables, what was already looked at of the current frames, the projections. What
+// both observations stand on.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "calib/model/batch_projector.h"
+#include "calib/model/camera_rig.h"
+#include "capture/frame.h"
+#include "object_tracking/color_model.h"
+#include "object_tracking/color_window.h"
+#include "object_tracking/object_tracker.h"
+
+namespace huetrack {
+
+// A camera that gave a usable frame in the current set.
+struct TargetView {
+  int index;                    // into CameraRig::cameras
+  const Camera* camera;
+  const BatchProjector* projector;
+  MatchBits* matches;           // the pixels of the target's colour in this frame
+  const Image* image;
+  const ColorTable* table;
+  double age_s;                 // the set's time minus this frame's own capture time, >= 0
+};
+
+// thread-compatible. Views point into this object: it does not move.
+class TargetViews {
+ public:
+  TargetViews(const CameraRig& rig, const TargetOptions& target);
+  TargetViews(const TargetViews&) = delete;
+  TargetViews& operator=(const TargetViews&) = delete;
+
+  // The views of this set, in camera order; valid until the next call. A frame of another size than the rig's is left out.
+  const std::vector<TargetView>& look_at(const FrameSet& set);
+
+  std::size_t camera_count() const { return cameras_.size(); }
+  const Camera& camera(std::size_t i) const { return cameras_[i]->camera; }
+  const BatchProjector& projector(std::size_t i) const { return cameras_[i]->projector; }
+
+ private:
+  struct PerCamera {
+    PerCamera(const Camera& c, const HsiRange& color_of_target)
+        : camera(c), projector(c), matches(c.image_size.width, c.image_size.height), color(color_of_target) {}
+    Camera camera;
+    BatchProjector projector;
+    MatchBits matches;
+    HsiRange color;
+    std::shared_ptr<const ColorTable> table;   // of the format seen last; made when a format is first seen
+  };
+  const ColorTable& table_for(PerCamera& camera, const Image& image);
+
+  std::vector<std::unique_ptr<PerCamera>> cameras_;
+  std::vector<TargetView> views_;
+};
+
+}  // namespace huetrack
