@@ -26,10 +26,10 @@ std::string describe(const std::vector<NetworkInterface>& list);  // "lo 127.0.0
 int resolve_domain(std::optional<int> configured);
 
 struct ParticipantOptions {
-  std::string name;                     // what DDS tools show
-  std::optional<int> domain;            // 0..232; nullopt: ROS_DOMAIN_ID, and 0 without it
-  std::vector<std::string> interfaces;  // use only these: names or IPv4 addresses of this host; empty: all
-  std::filesystem::path profiles;       // Fast DDS XML; empty: none. FASTRTPS_DEFAULT_PROFILES_FILE is honoured too.
+  std::string name{};                     // what DDS tools show
+  std::optional<int> domain{};            // 0..232; nullopt: ROS_DOMAIN_ID, and 0 without it
+  std::vector<std::string> interfaces{};  // use only these: names or IPv4 addresses of this host; empty: all
+  std::filesystem::path profiles{};       // Fast DDS XML; empty: none. FASTRTPS_DEFAULT_PROFILES_FILE is honoured too.
 };
 
 // Our default is UDPv4 only (no shared memory: a full /dev/shm, two users or two containers break it silently) and a

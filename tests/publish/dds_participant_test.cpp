@@ -1,0 +1,163 @@
+#include "idl/dds_participant.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <stdlib.h>
+
+#include <fstream>
+
+#include "idl/ros2_messagesPubSubTypes.h"
+#include "idl/topics.h"
+#include "publish/known_samples.h"
+
+namespace huetrack {
+namespace {
+
+namespace dds = eprosima::fastdds::dds;
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+
+template <typename Call>
+std::string refusal(Call call) {
+  try {
+    call();
+  } catch (const std::invalid_argument& error) {
+    return error.what();
+  }
+  return "";
+}
+
+std::string refusal(ParticipantOptions options) {
+  options.domain = testing::test_domain();
+  return refusal([&] { DdsParticipant{options}; });
+}
+
+std::filesystem::path file_with(const std::string& name, const std::string& text) {
+  const std::filesystem::path file = std::filesystem::path(::testing::TempDir()) / name;
+  std::ofstream(file) << text;
+  return file;
+}
+
+TEST(ResolveDomain, ConfigBeforeEnvironmentBeforeZero) {
+  ::unsetenv("ROS_DOMAIN_ID");
+  EXPECT_EQ(resolve_domain({}), 0);
+  ::setenv("ROS_DOMAIN_ID", "42", 1);
+  EXPECT_EQ(resolve_domain({}), 42);
+  EXPECT_EQ(resolve_domain(7), 7);
+  ::setenv("ROS_DOMAIN_ID", "", 1);
+  EXPECT_EQ(resolve_domain({}), 0);
+}
+
+TEST(ResolveDomain, WrongOnesAreRefused) {
+  for (const char* wrong : {"-1", "233", "4x", "four", " 4", "99999999999999999999"}) {
+    ::setenv("ROS_DOMAIN_ID", wrong, 1);
+    EXPECT_THAT(refusal([] { resolve_domain({}); }), AllOf(HasSubstr("ROS_DOMAIN_ID"), HasSubstr(wrong))) << wrong;
+  }
+  EXPECT_THAT(refusal([] { resolve_domain(233); }), HasSubstr("0 to 232"));
+}
+
+TEST(DdsParticipant, MissingProfilesFileIsNamed) {
+  EXPECT_THAT(refusal({.profiles = "/nowhere/dds.xml"}), HasSubstr("/nowhere/dds.xml"));
+  EXPECT_THAT(refusal({.profiles = "/tmp"}), HasSubstr("not a file"));
+}
+
+TEST(DdsParticipant, MissingProfilesFileOfTheEnvironmentIsNamed) {
+  ::setenv("FASTRTPS_DEFAULT_PROFILES_FILE", "/nowhere/env.xml", 1);
+  EXPECT_THAT(refusal({}), AllOf(HasSubstr("/nowhere/env.xml"), HasSubstr("FASTRTPS_DEFAULT_PROFILES_FILE")));
+}
+
+TEST(DdsParticipant, BrokenProfilesFileIsNamedWithWhatIsWrong) {
+  const auto truncated = file_with("truncated.xml", "<dds><profiles><participant profile_name=");
+  EXPECT_THAT(refusal({.profiles = truncated}), HasSubstr("truncated.xml"));
+  const auto unknown = file_with("unknown.xml", R"(<dds><profiles><participant profile_name="huetrack"><rtps>
+      <leeseDuration/></rtps></participant></profiles></dds>)");
+  EXPECT_THAT(refusal({.profiles = unknown}), AllOf(HasSubstr("unknown.xml"), HasSubstr("leeseDuration")));
+  const auto not_dds = file_with("not_dds.xml", "<html><body/></html>");
+  EXPECT_THAT(refusal({.profiles = not_dds}), HasSubstr("not_dds.xml"));
+  EXPECT_THAT(refusal({.profiles = file_with("empty.xml", "")}), HasSubstr("empty.xml"));
+}
+
+TEST(DdsParticipant, InterfaceThatIsNotThereIsRefusedWithThoseThatAre) {
+  EXPECT_THAT(refusal({.interfaces = {"203.0.113.77"}}), AllOf(HasSubstr("203.0.113.77"), HasSubstr("127.0.0.1")));
+  EXPECT_THAT(refusal({.interfaces = {"lo", "nope0"}}), HasSubstr("nope0"));
+}
+
+TEST(DdsParticipant, InterfaceByNameOrAddress) {
+  for (const char* loopback : {"lo", "127.0.0.1"}) {
+    const DdsParticipant participant({.domain = testing::test_domain(), .interfaces = {loopback}});
+    EXPECT_THAT(participant.description(), HasSubstr("UDP on lo 127.0.0.1 only"));
+  }
+}
+
+TEST(DdsParticipant, InterfacesBesideAParticipantProfileAreRefused) {
+  EXPECT_THAT(refusal({.interfaces = {"lo"}, .profiles = HUETRACK_SOURCE_DIR "/configs/dds/loopback_only.xml"}),
+              HasSubstr("interfaceWhiteList"));
+}
+
+TEST(DdsParticipant, DescriptionListsTheInterfacesInUse) {
+  const DdsParticipant participant({.domain = testing::test_domain()});
+  EXPECT_THAT(participant.description(), HasSubstr("domain " + std::to_string(testing::test_domain())));
+  for (const NetworkInterface& i : network_interfaces()) EXPECT_THAT(participant.description(), HasSubstr(i.address));
+}
+
+TEST(DdsParticipant, AnUnchangedNetworkIsLeftAlone) {
+  DdsParticipant participant({.domain = testing::test_domain()});
+  EXPECT_FALSE(participant.follow_network());
+}
+
+TEST(DdsParticipant, ProfileOfATopicsNameReplacesItsQosAndOthersKeepOurs) {
+  DdsParticipant participant(
+      {.domain = testing::test_domain(), .profiles = HUETRACK_SOURCE_DIR "/configs/dds/topic_qos.xml"});
+  using TfType = tf2_msgs::msg::dds_::TFMessage_PubSubType;
+  const auto qos_of = [&](const char* topic) {
+    return participant.create_writer(topic, dds::TypeSupport(new TfType), ros2_writer_qos(), "typehash=x;").get_qos();
+  };
+  const dds::DataWriterQos tf = qos_of(topics::ros2_tf);
+  EXPECT_EQ(tf.reliability().kind, dds::BEST_EFFORT_RELIABILITY_QOS);
+  EXPECT_EQ(tf.history().depth, 1);
+  EXPECT_EQ(tf.user_data().size(), 11U);  // the type hash is there all the same
+  const dds::DataWriterQos other = qos_of("rt/other");
+  EXPECT_EQ(other.reliability().kind, dds::RELIABLE_RELIABILITY_QOS);
+  EXPECT_EQ(other.history().depth, 10);
+  EXPECT_THAT(participant.description(), AllOf(HasSubstr("rt/tf"), ::testing::Not(HasSubstr("rt/other"))));
+}
+
+class ShippedProfiles : public ::testing::TestWithParam<std::string> {};
+
+TEST_P(ShippedProfiles, Load) {
+  const DdsParticipant participant(
+      {.domain = testing::test_domain(), .profiles = HUETRACK_SOURCE_DIR "/configs/dds/" + GetParam()});
+  EXPECT_THAT(participant.description(),
+              HasSubstr(GetParam() == "topic_qos.xml" ? "UDP on" : "as the participant profile says"));
+}
+
+std::vector<std::string> shipped() {
+  std::vector<std::string> names;
+  for (const auto& entry : std::filesystem::directory_iterator(HUETRACK_SOURCE_DIR "/configs/dds"))
+    if (entry.path().extension() == ".xml") names.push_back(entry.path().filename().string());
+  return names;
+}
+
+INSTANTIATE_TEST_SUITE_P(All, ShippedProfiles, ::testing::ValuesIn(shipped()),
+                         [](const auto& file) { return file.param.substr(0, file.param.find('.')); });
+
+TEST(PublisherIdentity, RoundTrip) {
+  const PublisherIdentity identity{"host-1.example", 4711, {"ball", "wand"}};
+  const auto back = PublisherIdentity::from(identity.user_data());
+  ASSERT_TRUE(back);
+  EXPECT_EQ(back->host, identity.host);
+  EXPECT_EQ(back->pid, identity.pid);
+  EXPECT_EQ(back->targets, identity.targets);
+  for (const char* other :
+       {"", "typehash=RIHS01_00;", "host=a;pid=b;targets=c;", "host=a;pid=1;", "host=a;pid=1;targets=c"})
+    EXPECT_FALSE(PublisherIdentity::from(other)) << other;
+}
+
+TEST(IsTargetName, WhatRosTopicsAllow) {
+  for (const char* good : {"ball", "Ball_2", "a"}) EXPECT_TRUE(is_target_name(good)) << good;
+  for (const char* bad : {"", "2ball", "_ball", "ball-2", "b\xC3\xA4ll", "a b", "a/b", "a__b"})
+    EXPECT_FALSE(is_target_name(bad)) << bad;
+}
+
+}  // namespace
+}  // namespace huetrack

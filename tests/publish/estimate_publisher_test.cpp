@@ -1,0 +1,329 @@
+#include "publish/estimate_publisher.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <fastrtps/xmlparser/XMLProfileManager.h>
+#include <cmath>
+#include <fastdds/dds/subscriber/DataReaderListener.hpp>
+#include <fastdds/dds/subscriber/SampleInfo.hpp>
+#include <map>
+#include <thread>
+
+#include "idl/dds_participant.h"
+#include "idl/huetrackPubSubTypes.h"
+#include "idl/ros2_messagesPubSubTypes.h"
+#include "idl/topics.h"
+#include "publish/child_process.h"
+#include "publish/known_samples.h"
+
+namespace huetrack {
+namespace {
+
+namespace dds = eprosima::fastdds::dds;
+using eprosima::fastrtps::types::ReturnCode_t;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using namespace testing;
+using namespace std::chrono_literals;
+using Clock = std::chrono::steady_clock;
+
+template <typename Sample>
+std::vector<Sample> take_all(dds::DataReader& reader) {
+  std::vector<Sample> samples;
+  Sample sample;
+  dds::SampleInfo info;
+  while (reader.take_next_sample(&sample, &info) == ReturnCode_t::RETCODE_OK)
+    if (info.valid_data) samples.push_back(sample);
+  return samples;
+}
+
+bool publish_known(EstimatePublisher& publisher, TrackState state, std::size_t target = 0) {
+  return publisher.publish(target, known_estimate(state), captured_at(state), received_at(state));
+}
+
+class Bus : public ::testing::Test {
+ protected:
+  Bus() {
+    // Within one process Fast DDS would hand the sample over without putting it on the wire.
+    eprosima::fastrtps::LibrarySettingsAttributes settings;
+    settings.intraprocess_delivery = eprosima::fastrtps::INTRAPROCESS_OFF;
+    eprosima::fastrtps::xmlparser::XMLProfileManager::library_settings(settings);
+    participant_.emplace(ParticipantOptions{.domain = test_domain()});
+  }
+
+  template <typename PubSubType>
+  dds::DataReader& reader(const std::string& topic, dds::DataReaderQos qos) {
+    return participant_->create_reader(topic, dds::TypeSupport(new PubSubType), qos);
+  }
+  dds::DataReader& position_reader() {
+    return reader<msg::ObjectPositionPubSubType>(topics::object_position, object_position_reader_qos());
+  }
+
+  static bool matched(dds::DataReader& reader, int publishers = 1) {
+    return ChildProcess::wait(
+        [&] {
+          dds::SubscriptionMatchedStatus status;
+          reader.get_subscription_matched_status(status);
+          return status.current_count == publishers;
+        },
+        5s);
+  }
+
+  std::optional<DdsParticipant> participant_;
+};
+
+// Samples that were written before the publisher had matched the reader are not delivered, and only the publisher knows
+// when it has: write until one arrives.
+template <typename Sample, typename Write>
+std::optional<Sample> first_after(dds::DataReader& reader, Write write) {
+  std::vector<Sample> got;
+  ChildProcess::wait(
+      [&] {
+        write();
+        std::this_thread::sleep_for(20ms);
+        got = take_all<Sample>(reader);
+        return !got.empty();
+      },
+      5s);
+  return got.empty() ? std::nullopt : std::optional(got.back());
+}
+
+TEST_F(Bus, PositionRoundTripOfEveryField) {
+  dds::DataReader& reader = position_reader();
+  EstimatePublisher publisher(known_options(test_domain()));
+  const auto before = std::chrono::system_clock::now().time_since_epoch();
+  const auto sample =
+      first_after<msg::ObjectPosition>(reader, [&] { EXPECT_TRUE(publish_known(publisher, TrackState::tracking)); });
+  ASSERT_TRUE(sample);
+  const ObjectEstimate e = known_estimate(TrackState::tracking);
+  EXPECT_EQ(sample->target(), "ball");
+  EXPECT_EQ(sample->captured_at(), captured_at(TrackState::tracking).time_since_epoch().count());
+  EXPECT_EQ(sample->received_at(), received_at(TrackState::tracking).time_since_epoch().count());
+  EXPECT_GE(sample->published_at(), std::chrono::nanoseconds(before).count());
+  EXPECT_LE(sample->published_at(),
+            std::chrono::nanoseconds(std::chrono::system_clock::now().time_since_epoch()).count());
+  EXPECT_EQ(sample->set_number(), 1001U);
+  EXPECT_EQ(sample->state(), msg::TRACK_STATE_TRACKING);
+  EXPECT_THAT(sample->position(), ElementsAre(e.position.x(), e.position.y(), e.position.z()));
+  EXPECT_THAT(sample->velocity(), ElementsAre(e.velocity.x(), e.velocity.y(), e.velocity.z()));
+  EXPECT_THAT(sample->covariance(), ElementsAre(1e-6, 2e-7, 3e-7, 2e-7, 4e-6, 5e-7, 3e-7, 5e-7, 9e-6));
+  EXPECT_THAT(sample->map_position(), ElementsAre(0.126, -1.51, 2.11));
+  EXPECT_EQ(sample->views(), 2U);
+  EXPECT_EQ(sample->confidence(), 0.875);
+  EXPECT_EQ(sample->particle_count(), 201U);
+  EXPECT_EQ(sample->effective_sample_size(), 123.5);
+  ASSERT_EQ(sample->per_view().size(), 2U);
+  const msg::ViewSupport& left = sample->per_view()[0];
+  EXPECT_EQ(left.camera(), "left");
+  EXPECT_TRUE(left.delivered() && left.in_view() && left.seen());
+  EXPECT_THAT(left.pixel(), ElementsAre(100.25F, 50.5F));
+  EXPECT_EQ(left.radius_px(), 12.5F);
+  EXPECT_EQ(left.support(), 0.75F);
+  EXPECT_EQ(left.residual_px(), 0.375F);
+  const msg::ViewSupport& right = sample->per_view()[1];
+  EXPECT_EQ(right.camera(), "rechts_\xC3\xBC");
+  EXPECT_TRUE(right.delivered() && !right.in_view() && !right.seen());
+}
+
+TEST_F(Bus, WithoutAPositionItIsNanWhateverTheEstimateHolds) {
+  dds::DataReader& reader = position_reader();
+  EstimatePublisher publisher(known_options(test_domain()));
+  for (const TrackState state : {TrackState::searching, TrackState::lost}) {
+    const auto sample = first_after<msg::ObjectPosition>(reader, [&] { publish_known(publisher, state); });
+    ASSERT_TRUE(sample);
+    EXPECT_EQ(sample->state(), static_cast<msg::TrackState>(state));
+    for (const double value : sample->position()) EXPECT_TRUE(std::isnan(value));
+    for (const double value : sample->velocity()) EXPECT_TRUE(std::isnan(value));
+    for (const double value : sample->covariance()) EXPECT_TRUE(std::isnan(value));
+    for (const double value : sample->map_position()) EXPECT_TRUE(std::isnan(value));
+    take_all<msg::ObjectPosition>(reader);
+  }
+}
+
+TEST_F(Bus, AViewThatSaysNothingDoesNotRepeatTheLastOne) {
+  dds::DataReader& reader = position_reader();
+  EstimatePublisher publisher(known_options(test_domain()));
+  ASSERT_TRUE(first_after<msg::ObjectPosition>(reader, [&] { publish_known(publisher, TrackState::tracking); }));
+  ObjectEstimate bare = known_estimate(TrackState::lost);
+  bare.per_view.clear();
+  publisher.publish(0, bare, captured_at(TrackState::lost), received_at(TrackState::lost));
+  ASSERT_TRUE(ChildProcess::wait(
+      [&] {
+        for (const auto& sample : take_all<msg::ObjectPosition>(reader))
+          if (sample.state() == msg::TRACK_STATE_LOST) {
+            EXPECT_FALSE(sample.per_view().at(0).delivered());
+            EXPECT_TRUE(std::isnan(sample.per_view().at(0).pixel()[0]));
+            return true;
+          }
+        return false;
+      },
+      2s));
+}
+
+TEST_F(Bus, EveryTargetIsAnInstanceOfItsOwnWithItsOwnHistory) {
+  dds::DataReader& reader = position_reader();
+  EstimatePublisherOptions options = known_options(test_domain());
+  options.targets.clear();
+  for (int i = 0; i < 30; ++i) options.targets.push_back("target" + std::to_string(i));
+  EstimatePublisher publisher(options);
+  ASSERT_TRUE(first_after<msg::ObjectPosition>(reader, [&] { publish_known(publisher, TrackState::tracking); }));
+  std::this_thread::sleep_for(50ms);
+  take_all<msg::ObjectPosition>(reader);
+  for (int repeat = 0; repeat < 10; ++repeat)
+    for (std::size_t i = 0; i < options.targets.size(); ++i)
+      EXPECT_TRUE(publish_known(publisher, TrackState::tracking, i));
+  std::map<std::string, int> count;
+  ChildProcess::wait(
+      [&] {
+        for (const auto& sample : take_all<msg::ObjectPosition>(reader)) ++count[sample.target()];
+        int total = 0;
+        for (const auto& [target, n] : count) total += n;
+        return total == 300;
+      },
+      3s);
+  ASSERT_EQ(count.size(), 30U);
+  for (const auto& [target, n] : count) EXPECT_EQ(n, 10) << target;
+  EXPECT_EQ(publisher.counters().failures, 0U);
+}
+
+TEST_F(Bus, StatusIsThereForWhoComesLate) {
+  EstimatePublisher publisher(known_options(test_domain()));
+  publish_known(publisher, TrackState::tracking);
+  ASSERT_TRUE(publisher.publish_status(known_status()));
+  std::this_thread::sleep_for(300ms);
+  dds::DataReader& reader = this->reader<msg::ServiceStatusPubSubType>(topics::status, status_reader_qos());
+  std::vector<msg::ServiceStatus> got;
+  ASSERT_TRUE(ChildProcess::wait([&] { return !(got = take_all<msg::ServiceStatus>(reader)).empty(); }, 2s));
+  const msg::ServiceStatus& s = got.back();
+  const ServiceStatus known = known_status();
+  EXPECT_FALSE(s.host().empty());
+  EXPECT_EQ(s.pid(), static_cast<std::uint32_t>(::getpid()));
+  EXPECT_EQ(s.at(), known.at.time_since_epoch().count());
+  EXPECT_EQ(s.program_version(), known.program_version);
+  EXPECT_EQ(s.mode(), known.mode);
+  EXPECT_EQ(s.frame_id(), "world");
+  EXPECT_EQ(s.config_file(), known.config_file);
+  EXPECT_EQ(s.config_identity(), known.config_identity);
+  EXPECT_EQ(s.rig_identity(), known.rig_identity);
+  EXPECT_EQ(s.clock_offset_s(), known.clock_offset_s);
+  EXPECT_EQ(s.set_rate_hz(), known.set_rate_hz);
+  EXPECT_EQ(s.sets(), known.sets);
+  EXPECT_EQ(s.incomplete_sets(), known.incomplete_sets);
+  EXPECT_EQ(s.late_frames(), known.late_frames);
+  EXPECT_EQ(s.dropped_sets(), known.dropped_sets);
+  EXPECT_EQ(s.published(), 1U);
+  EXPECT_EQ(s.publish_failures(), 0U);
+  ASSERT_EQ(s.cameras().size(), 2U);
+  const msg::CameraStatus& camera = s.cameras()[1];
+  EXPECT_EQ(camera.name(), known.cameras[1].name);
+  EXPECT_EQ(camera.health(), msg::CAMERA_HEALTH_ABSENT);
+  EXPECT_EQ(camera.message(), known.cameras[1].message);
+  EXPECT_EQ(camera.frames(), 301U);
+  EXPECT_EQ(camera.dropped(), 302U);
+  EXPECT_EQ(camera.corrupted(), 303U);
+  EXPECT_EQ(camera.rate_hz(), 0.5);
+  EXPECT_EQ(camera.age_s(), 17.25);
+  EXPECT_EQ(s.targets(), known.targets);
+  EXPECT_EQ(s.warnings(), known.warnings);
+}
+
+TEST_F(Bus, RosTopicsOnlyWhileThereIsAPosition) {
+  dds::DataReaderQos ros;  // what a ROS 2 node asks for
+  ros.reliability().kind = dds::RELIABLE_RELIABILITY_QOS;
+  ros.history().depth = 50;
+  dds::DataReader& pose_reader =
+      reader<geometry_msgs::msg::dds_::PoseWithCovarianceStamped_PubSubType>(topics::ros2_pose("wand"), ros);
+  dds::DataReader& tf_reader = reader<tf2_msgs::msg::dds_::TFMessage_PubSubType>(topics::ros2_tf, ros);
+  EstimatePublisher publisher(known_options(test_domain()));
+  ASSERT_TRUE(matched(pose_reader) && matched(tf_reader));
+  std::this_thread::sleep_for(200ms);
+  for (int repeat = 0; repeat < 3; ++repeat)
+    for (const TrackState state : states) EXPECT_TRUE(publish_known(publisher, state, 1));
+  std::this_thread::sleep_for(300ms);
+  const auto got_poses = take_all<geometry_msgs::msg::dds_::PoseWithCovarianceStamped_>(pose_reader);
+  const auto got_tfs = take_all<tf2_msgs::msg::dds_::TFMessage_>(tf_reader);
+  EXPECT_EQ(got_poses.size(), 6U);
+  EXPECT_EQ(got_tfs.size(), 6U);
+  for (const auto& pose : got_poses)
+    EXPECT_THAT(pose.header().stamp().nanosec(), ::testing::AnyOf(223'456'789U, 323'456'789U));
+  for (const auto& tf : got_tfs) EXPECT_EQ(tf.transforms().at(0).child_frame_id(), "wand");
+}
+
+TEST_F(Bus, WithoutRosThereAreNoRosTopics) {
+  dds::DataReaderQos ros;
+  dds::DataReader& tf_reader = reader<tf2_msgs::msg::dds_::TFMessage_PubSubType>(topics::ros2_tf, ros);
+  dds::DataReader& native = position_reader();
+  EstimatePublisherOptions options = known_options(test_domain());
+  options.ros2 = false;
+  EstimatePublisher publisher(options);
+  ASSERT_TRUE(first_after<msg::ObjectPosition>(native, [&] { publish_known(publisher, TrackState::tracking); }));
+  EXPECT_TRUE(matched(tf_reader, 0));
+  EXPECT_TRUE(take_all<tf2_msgs::msg::dds_::TFMessage_>(tf_reader).empty());
+}
+
+int alive(dds::DataReader& reader) {
+  dds::LivelinessChangedStatus status;
+  reader.get_liveliness_changed_status(status);
+  return status.alive_count;
+}
+
+TEST_F(Bus, AKilledPublisherIsMissedWithinOneAndAHalfSeconds) {
+  dds::DataReader& reader = position_reader();
+  ChildProcess publisher({HUETRACK_TEST_PUBLISHER, std::to_string(test_domain())});
+  ASSERT_TRUE(ChildProcess::wait([&] { return alive(reader) == 1; }, 5s));
+  const auto killed = Clock::now();
+  publisher.send(SIGKILL);
+  ASSERT_TRUE(ChildProcess::wait([&] { return alive(reader) == 0; }, 5s));
+  const double took_s = std::chrono::duration<double>(Clock::now() - killed).count();
+  RecordProperty("seconds", std::to_string(took_s));
+  EXPECT_LT(took_s, 1.5);
+}
+
+TEST_F(Bus, APublisherThatLeavesIsMissedAtOnce) {
+  dds::DataReader& reader = position_reader();
+  auto publisher = std::make_unique<EstimatePublisher>(known_options(test_domain()));
+  ASSERT_TRUE(matched(reader));
+  publisher.reset();
+  const auto left = Clock::now();
+  ASSERT_TRUE(matched(reader, 0));
+  EXPECT_LT(Clock::now() - left, 200ms);
+}
+
+TEST_F(Bus, ASecondPublisherOfTheSameTargetIsWarnedOf) {
+  EstimatePublisher publisher(known_options(test_domain()));
+  EXPECT_THAT(publisher.warnings(), ElementsAre());
+  EstimatePublisherOptions other = known_options(test_domain());
+  other.targets = {"cube"};
+  const EstimatePublisher harmless(other);
+  {
+    other.targets = {"wand", "cup"};
+    const EstimatePublisher rival(other);
+    ASSERT_TRUE(ChildProcess::wait([&] { return publisher.warnings().size() == 1; }, 3s));
+    EXPECT_THAT(publisher.warnings()[0], HasSubstr("target wand"));
+    EXPECT_THAT(publisher.warnings()[0], HasSubstr(std::to_string(::getpid())));
+  }
+  EXPECT_TRUE(ChildProcess::wait([&] { return publisher.warnings().empty(); }, 3s));
+}
+
+TEST(EstimatePublisher, WrongOptionsAreNamed) {
+  const auto refusal = [](auto change) -> std::string {
+    EstimatePublisherOptions options = known_options(test_domain());
+    change(options);
+    try {
+      EstimatePublisher{options};
+    } catch (const std::invalid_argument& error) {
+      return error.what();
+    }
+    return "";
+  };
+  EXPECT_THAT(refusal([](auto& o) { o.targets = {"my ball"}; }), HasSubstr("my ball"));
+  EXPECT_THAT(refusal([](auto& o) { o.targets = {"a", "a"}; }), HasSubstr("same name"));
+  EXPECT_THAT(refusal([](auto& o) { o.targets.clear(); }), HasSubstr("at least one target"));
+  EXPECT_THAT(refusal([](auto& o) { o.frame_id = "/world"; }), HasSubstr("/world"));
+  EXPECT_THAT(refusal([](auto& o) { o.domain = 1000; }), HasSubstr("1000"));
+  EXPECT_THAT(refusal([](auto& o) { o.profiles = "/nowhere.xml"; }), HasSubstr("/nowhere.xml"));
+}
+
+}  // namespace
+}  // namespace huetrack

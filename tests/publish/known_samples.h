@@ -1,0 +1,82 @@
+// What the tests publish, and so what every subscriber, of whatever vendor, must see: no two fields hold the same
+// value.
+#pragma once
+
+#include <unistd.h>
+
+#include <array>
+#include <chrono>
+
+#include "capture/frame.h"
+#include "object_tracking/object_estimate.h"
+#include "publish/estimate_publisher.h"
+#include "publish/service_status.h"
+
+namespace huetrack::testing {
+
+// One test process, one domain, so that tests run side by side. Below 100: the UDP ports of higher domains are those
+// that the kernel hands out to others.
+inline int test_domain() {
+  return 1 + static_cast<int>(::getpid() % 99);
+}
+
+inline constexpr std::array states{TrackState::searching, TrackState::tracking, TrackState::coasting, TrackState::lost};
+
+inline EstimatePublisherOptions known_options(int domain) {
+  EstimatePublisherOptions options;
+  options.domain = domain;
+  options.targets = {"ball", "wand"};
+  options.cameras = {"left", "rechts_\xC3\xBC"};  // a name in UTF-8
+  return options;
+}
+
+inline Timestamp captured_at(TrackState state) {
+  return Timestamp(std::chrono::nanoseconds(1'700'000'000'123'456'789 + 100'000'000 * static_cast<int>(state)));
+}
+inline Timestamp received_at(TrackState state) {
+  return captured_at(state) + std::chrono::milliseconds(7);
+}
+
+// Even where there is no position the numbers are set: a publisher must not let them out.
+inline ObjectEstimate known_estimate(TrackState state) {
+  const int n = static_cast<int>(state);
+  ObjectEstimate e;
+  e.at = captured_at(state);
+  e.set_number = 1000 + static_cast<unsigned>(n);
+  e.state = state;
+  e.position = {0.125 + n, -1.5, 2.1};
+  e.velocity = {0.25, -0.3, 9.81};
+  e.covariance << 1e-6, 2e-7, 3e-7, 2e-7, 4e-6, 5e-7, 3e-7, 5e-7, 9e-6;
+  e.map_position = {0.126, -1.51, 2.11};
+  e.views = 2;
+  e.confidence = 0.875;
+  e.particle_count = 200 + n;
+  e.effective_sample_size = 123.5;
+  e.per_view.resize(2);
+  e.per_view[0] = {true, true, true, {100.25F, 50.5F}, 12.5F, 0.75F, 0.375F};
+  e.per_view[1] = {true, false, false, {-3.5F, 7.25F}, 11.5F, 0.0625F, 0.0F};
+  return e;
+}
+
+inline ServiceStatus known_status() {
+  ServiceStatus s;
+  s.at = Timestamp(std::chrono::nanoseconds(1'700'000'001'000'000'001));
+  s.program_version = "1.2.3";
+  s.mode = "replay";
+  s.config_file = "/etc/huetrack/huetrackd.yaml";
+  s.config_identity = "c0ffee";
+  s.rig_identity = "decade";
+  s.clock_offset_s = 12.5;
+  s.set_rate_hz = 29.75;
+  s.sets = 101;
+  s.incomplete_sets = 102;
+  s.late_frames = 103;
+  s.dropped_sets = 104;
+  s.cameras = {{"left", CameraHealth::delivering, "", 201, 202, 203, 30.5, 0.03125},
+               {"rechts_\xC3\xBC", CameraHealth::absent, "unplugged: plug it in", 301, 302, 303, 0.5, 17.25}};
+  s.targets = {"ball", "wand"};
+  s.warnings = {"the light is low", "rechts is absent"};
+  return s;
+}
+
+}  // namespace huetrack::testing

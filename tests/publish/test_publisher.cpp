@@ -1,0 +1,24 @@
+// test_publisher DOMAIN: publishes the known samples, the states in turn, every 20 ms, and the status once a second,
+// until it is ended: what stands in for huetrackd where a test needs a publisher in another process.
+#include <csignal>
+#include <cstdlib>
+#include <thread>
+
+#include "publish/known_samples.h"
+
+namespace {
+volatile std::sig_atomic_t ended = 0;
+}
+
+int main(int argc, char** argv) {
+  using namespace huetrack;
+  if (argc != 2) return 2;
+  std::signal(SIGTERM, [](int) { ended = 1; });
+  EstimatePublisher publisher(testing::known_options(std::atoi(argv[1])));
+  for (unsigned n = 0; !ended; ++n) {
+    if (n % 50 == 0) publisher.publish_status(testing::known_status());
+    const TrackState state = testing::states[n % testing::states.size()];
+    publisher.publish(0, testing::known_estimate(state), testing::captured_at(state), testing::received_at(state));
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  }
+}
