@@ -1,0 +1,109 @@
+// The queue between threads: bounded, says what it does when it is full, and closes.
+#pragma once
+
+#include <chrono>
+#include <condition_variable>
+#include <cstddef>
+#include <deque>
+#include <mutex>
+#include <optional>
+#include <stdexcept>
+#include <utility>
+
+namespace huetrack {
+
+// Live: the newest frame matters most. Replay: every frame counts.
+enum class WhenFull { drop_oldest, wait };
+
+// thread-safe: any number of producers and consumers.
+template <typename T>
+class BoundedQueue {
+ public:
+  // throws std::invalid_argument when capacity is 0
+  BoundedQueue(std::size_t capacity, WhenFull when_full) : capacity_(capacity), when_full_(when_full) {
+    if (capacity == 0) throw std::invalid_argument("BoundedQueue: capacity must be at least 1");
+  }
+
+  // False once the queue is closed: the item is not taken, and the producer may end.
+  bool push(T item) {
+    {
+      std::unique_lock lock(mutex_);
+      if (when_full_ == WhenFull::wait) {
+        room_.wait(lock, [&] { return closed_ || items_.size() < capacity_; });
+      } else if (!closed_ && items_.size() == capacity_) {
+        items_.pop_front();
+        ++dropped_;
+      }
+      if (closed_) return false;
+      items_.push_back(std::move(item));
+    }
+    arrived_.notify_one();
+    return true;
+  }
+
+  // Blocks; nullopt once closed and empty: the consumer's end signal.
+  std::optional<T> pop() {
+    std::unique_lock lock(mutex_);
+    arrived_.wait(lock, [&] { return closed_ || !items_.empty(); });
+    return take(lock);
+  }
+
+  // As pop(), but gives up after `patience`; tell the two kinds of nullopt apart with ended().
+  std::optional<T> pop_for(std::chrono::nanoseconds patience) {
+    std::unique_lock lock(mutex_);
+    // wait_until on the system clock, because wait_for goes through pthread_cond_clockwait, which the ThreadSanitizer
+    // of GCC 12 does not know; a clock step only moves one wake-up.
+    arrived_.wait_until(lock, std::chrono::system_clock::now() + patience, [&] { return closed_ || !items_.empty(); });
+    return take(lock);
+  }
+
+  // Wakes everybody. What is in the queue can still be popped.
+  void close() {
+    {
+      const std::scoped_lock lock(mutex_);
+      closed_ = true;
+    }
+    arrived_.notify_all();
+    room_.notify_all();
+  }
+
+  // Closes, and throws away what nobody has popped.
+  void abandon() {
+    {
+      const std::scoped_lock lock(mutex_);
+      closed_ = true;
+      items_.clear();
+    }
+    arrived_.notify_all();
+    room_.notify_all();
+  }
+
+  bool ended() const {
+    const std::scoped_lock lock(mutex_);
+    return closed_ && items_.empty();
+  }
+  std::size_t dropped() const {
+    const std::scoped_lock lock(mutex_);
+    return dropped_;
+  }
+
+ private:
+  std::optional<T> take(std::unique_lock<std::mutex>& lock) {
+    if (items_.empty()) return std::nullopt;
+    std::optional<T> item(std::move(items_.front()));
+    items_.pop_front();
+    lock.unlock();
+    room_.notify_one();
+    return item;
+  }
+
+  const std::size_t capacity_;
+  const WhenFull when_full_;
+  mutable std::mutex mutex_;
+  std::condition_variable arrived_, room_;
+  std::deque<T> items_;      // guarded by mutex_
+  std::size_t dropped_ = 0;  // guarded by mutex_
+  bool closed_ = false;      // guarded by mutex_
+};
+
+}  // namespace huetrack

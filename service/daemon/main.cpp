@@ -1,0 +1,155 @@
+// huetrackd: the service. `run`, on live cameras, stands beside `replay`.
+#include <pthread.h>
+#include <signal.h>
+#include <spdlog/sinks/stdout_color_sinks.h>
+#include <spdlog/spdlog.h>
+
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <cstdlib>
+#include <exception>
+#include <map>
+#include <stop_token>
+#include <thread>
+
+#include "daemon/replay.h"
+#include "daemon/service_config.h"
+#include "daemon/track_csv.h"
+#include "daemon/truth.h"
+
+namespace {
+
+using namespace huetrack;
+
+// SIGINT and SIGTERM become a stop request, taken by a thread that waits for them: nothing runs inside a signal
+// handler. A second signal ends the program at once. Create it before any other thread, so that all inherit the blocked
+// signals.
+class StopOnSignal {
+ public:
+  StopOnSignal() {
+    sigemptyset(&signals_);
+    sigaddset(&signals_, SIGINT);
+    sigaddset(&signals_, SIGTERM);
+    pthread_sigmask(SIG_BLOCK, &signals_, nullptr);
+    thread_ = std::jthread([this](const std::stop_token& end) {
+      while (!end.stop_requested()) {
+        const timespec patience{.tv_sec = 0, .tv_nsec = 50'000'000};
+        const int signal = sigtimedwait(&signals_, nullptr, &patience);
+        if (signal < 0) continue;
+        if (!stop_.request_stop()) std::_Exit(128 + signal);
+        spdlog::info("stopping: {}", signal == SIGINT ? "SIGINT" : "SIGTERM");
+      }
+    });
+  }
+  std::stop_token token() const { return stop_.get_token(); }
+
+ private:
+  sigset_t signals_{};
+  std::stop_source stop_;
+  std::jthread thread_;
+};
+
+void check(const std::filesystem::path& file) {
+  const ServiceConfig config = load_service_config(file);
+  for (const auto& warning : warnings_of(config)) spdlog::warn("{}: {}", config.file.string(), warning);
+  std::printf("# %s, resolved; identity %s\n%s", config.file.c_str(), config_identity(config).c_str(),
+              to_yaml(config).c_str());
+  const auto coverage = volume_coverage(config.rig, config.object_tracking.volume);
+  std::printf("# of the volume are seen: by two or more cameras %.0f %%, by one or more %.0f %%", 100 * coverage.by_two,
+              100 * coverage.by_one);
+  for (std::size_t c = 0; c < config.rig.cameras.size(); ++c) {
+    std::printf(", by %s %.0f %%", config.rig.cameras[c].name.c_str(), 100 * coverage.per_camera[c]);
+  }
+  std::printf("\n");
+}
+
+void compare(const std::filesystem::path& tracks_file, const std::filesystem::path& truth_file, double clock_offset_s) {
+  const Truth truth = Truth::read(truth_file);
+  for (auto& [target, track] : read_track_csv(tracks_file)) {
+    TruthComparison comparison(truth, target);
+    for (ObjectEstimate& estimate : track) {
+      estimate.at -= duration_of(clock_offset_s);
+      comparison.add(estimate);
+    }
+    std::printf("%s: %zu samples; %s\n", target.c_str(), track.size(), to_text(comparison.figures()).c_str());
+  }
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  const auto log = spdlog::stderr_color_mt("huetrackd");
+  log->set_pattern("%n: %^%l%$: %v");
+  spdlog::set_default_logger(log);
+
+  CLI::App app("huetrackd: tracks coloured objects in 3-D with calibrated cameras, and publishes them over DDS");
+  app.set_version_flag("--version", "huetrackd " HUETRACK_VERSION);
+  app.require_subcommand(1);
+
+  std::filesystem::path config_file;
+  CLI::App* check_command =
+      app.add_subcommand("check", "validate a configuration and print it resolved: every key, default or given");
+  check_command->add_option("config", config_file, "huetrackd.yaml")->required();
+
+  ReplayCommand command;
+  bool quiet = false;
+  CLI::App* replay_command = app.add_subcommand("replay", "track a recording");
+  replay_command->add_option("config", command.config, "huetrackd.yaml")->required();
+  replay_command->add_option("recording", command.recording, "recording.yaml, or the folder that holds it")->required();
+  const std::map<std::string, ReplaySpeed> speeds{{"real", ReplaySpeed::real}, {"max", ReplaySpeed::max}};
+  replay_command
+      ->add_option("--speed", command.speed,
+                   "real: as it was recorded; max (default): as fast as possible, never dropping a frame")
+      ->transform(CLI::CheckedTransformer(speeds));
+  replay_command->add_option("--tracks", command.tracks, "write the tracks to this CSV file");
+  replay_command->add_option("--pictures", command.pictures,
+                             "draw every view of every frame set, and the track, into this folder");
+  replay_command->add_option("--pictures-every", command.pictures_every, "only every so many-th frame set")
+      ->check(CLI::PositiveNumber);
+  replay_command->add_option("--truth", command.truth, "compare with this CSV file (columns ball, t, x, y, z)");
+  const std::map<std::string, ReplayStamps> stamps{{"now", ReplayStamps::now}, {"recording", ReplayStamps::recording}};
+  replay_command
+      ->add_option("--stamps", command.stamps,
+                   "published capture times: now (default at speed real), as if captured in this moment, or recording "
+                   "(default at speed max)")
+      ->transform(CLI::CheckedTransformer(stamps));
+  replay_command->add_option("--threads", command.threads, "instead of the configuration's")->check(CLI::Range(1, 64));
+  replay_command
+      ->add_option("--wait-for-subscriber", command.wait_for_subscriber_s,
+                   "wait up to so many seconds for a DDS subscriber before the first frame")
+      ->check(CLI::NonNegativeNumber);
+  replay_command->add_flag("--no-dds", command.no_dds, "do not publish");
+  replay_command->add_flag("--quiet", quiet, "no progress bar and no summary");
+
+  std::filesystem::path tracks_file, truth_file;
+  CLI::App* compare_command =
+      app.add_subcommand("compare", "hold a track CSV (of replay or of huetrack watch) to the truth");
+  compare_command->add_option("tracks", tracks_file, "CSV of tracks")->required();
+  compare_command->add_option("truth", truth_file, "CSV with columns ball, t, x, y, z")->required();
+  double clock_offset_s = 0;
+  compare_command->add_option("--clock-offset", clock_offset_s,
+                              "seconds that the tracks' clock is ahead of the truth's");
+
+  CLI11_PARSE(app, argc, argv);
+
+  const StopOnSignal stop;
+  try {
+    if (check_command->parsed()) {
+      check(config_file);
+    } else if (compare_command->parsed()) {
+      compare(tracks_file, truth_file, clock_offset_s);
+    } else {
+      command.progress = !quiet;
+      const ReplaySummary summary = replay(command, stop.token());
+      if (!quiet) std::fputs(to_text(summary, command).c_str(), stdout);
+    }
+  } catch (const std::exception& error) {  // the user's input or the outside world: said once, in one line, here
+    std::fprintf(stderr, "huetrackd: %s\n", error.what());
+    return 1;
+  }
+  if (std::fflush(stdout) != 0) {
+    std::fprintf(stderr, "huetrackd: cannot write to standard output\n");
+    return 1;
+  }
+  return 0;
+}

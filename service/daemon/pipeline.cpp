@@ -1,0 +1,280 @@
+#include "daemon/pipeline.h"
+
+#include <time.h>
+
+#include <atomic>
+#include <barrier>
+#include <stdexcept>
+#include <string>
+#include <thread>
+
+namespace huetrack {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+using namespace std::chrono_literals;
+
+constexpr auto status_period = 1s;
+
+Duration thread_cpu() {
+  timespec t{};
+  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
+  return std::chrono::seconds(t.tv_sec) + std::chrono::nanoseconds(t.tv_nsec);
+}
+
+class Stopwatch {
+ public:
+  StageTime lap() const { return {.wall = Clock::now() - wall_, .cpu = thread_cpu() - cpu_}; }
+
+ private:
+  Clock::time_point wall_ = Clock::now();
+  Duration cpu_ = thread_cpu();
+};
+
+StageTime& operator+=(StageTime& sum, const StageTime& lap) {
+  sum.wall += lap.wall;
+  sum.cpu += lap.cpu;
+  return sum;
+}
+
+// False when stopped before. In slices: a stop is seen at once, without a condition variable that nobody notifies.
+bool sleep_until(Clock::time_point when, const std::stop_token& stop) {
+  for (auto now = Clock::now(); now < when; now = Clock::now()) {
+    if (stop.stop_requested()) return false;
+    std::this_thread::sleep_for(std::min<Clock::duration>(when - now, 20ms));
+  }
+  return !stop.stop_requested();
+}
+
+// Updates all trackers with one set, distributed over threads: the calling one and helpers that live as long as this.
+// Every tracker has its own state and randomness, so who updates it changes nothing.
+class TrackingTeam {
+ public:
+  TrackingTeam(std::vector<ObjectTracker>& trackers, int threads)
+      : trackers_(trackers),
+        helpers_(std::max(0, std::min<int>(threads, int(trackers.size())) - 1)),
+        start_(helpers_ + 1),
+        done_(helpers_ + 1) {
+    for (int i = 0; i < helpers_; ++i) {
+      threads_.emplace_back([this] {
+        for (;;) {
+          start_.arrive_and_wait();
+          if (set_ == nullptr) return;
+          const Stopwatch watch;
+          work();
+          helpers_cpu_ns_ += watch.lap().cpu.count();
+          done_.arrive_and_wait();
+        }
+      });
+    }
+  }
+  ~TrackingTeam() {
+    set_ = nullptr;
+    if (helpers_ > 0) start_.arrive_and_wait();
+  }
+  TrackingTeam(const TrackingTeam&) = delete;
+  TrackingTeam& operator=(const TrackingTeam&) = delete;
+
+  StageTime update(const FrameSet& set, std::vector<ObjectEstimate>& estimates) {
+    const Stopwatch watch;
+    set_ = &set;
+    estimates_ = &estimates;
+    next_ = 0;
+    helpers_cpu_ns_ = 0;
+    if (helpers_ > 0) start_.arrive_and_wait();
+    work();
+    if (helpers_ > 0) done_.arrive_and_wait();
+    StageTime lap = watch.lap();
+    lap.cpu += Duration(helpers_cpu_ns_);
+    return lap;
+  }
+
+ private:
+  void work() {
+    for (std::size_t i = next_++; i < trackers_.size(); i = next_++) (*estimates_)[i] = trackers_[i].update(*set_);
+  }
+
+  std::vector<ObjectTracker>& trackers_;
+  const int helpers_;
+  std::barrier<> start_, done_;    // what follows is handed over through them
+  const FrameSet* set_ = nullptr;  // nullptr at start_: the end
+  std::vector<ObjectEstimate>* estimates_ = nullptr;
+  std::atomic<std::size_t> next_ = 0;
+  std::atomic<std::int64_t> helpers_cpu_ns_ = 0;
+  std::vector<std::jthread> threads_;  // last: joined before the rest goes
+};
+
+}  // namespace
+
+Pipeline::Pipeline(const CameraRig& rig, std::vector<std::unique_ptr<FrameSource>> sources,
+                   std::vector<ObjectTracker> trackers, PipelineOptions options, PipelineOutputs outputs)
+    : rig_(rig),
+      sources_(std::move(sources)),
+      trackers_(std::move(trackers)),
+      options_(std::move(options)),
+      outputs_(std::move(outputs)),
+      frame_sets_(options_.queue_capacity, options_.when_full),
+      pictures_(options_.queue_capacity, WhenFull::wait),
+      synchronizer_(options_.frame_sets),
+      size_checked_(rig.cameras.size(), false) {
+  figures_.cameras.resize(rig.cameras.size());
+}
+
+Pipeline::~Pipeline() = default;
+
+void Pipeline::run(std::stop_token stop) {
+  const std::stop_callback forward(stop, [this] {
+    stop_.request_stop();
+    pictures_.abandon();  // a picture takes long: those that are not drawn yet would hold up the end
+  });
+  std::jthread drawing([this] { guarded([this] { draw(); }); });
+  std::jthread tracking([this] { guarded([this] { track(); }); });
+  {
+    std::vector<std::jthread> capturing;
+    for (auto& source : sources_) {
+      capturing.emplace_back([this, &source] { guarded([&] { capture(*source, stop_.get_token()); }); });
+    }
+  }  // joined: no more frames, whether stopped or at the end
+  if (!stop_.stop_requested()) {
+    const std::scoped_lock lock(synchronizer_mutex_);
+    if (auto set = synchronizer_.flush()) frame_sets_.push({std::move(*set), std::chrono::system_clock::now()});
+    const std::scoped_lock figures_lock(figures_mutex_);
+    figures_.frame_sets = synchronizer_.counters();
+  }
+  frame_sets_.close();
+  tracking.join();
+  pictures_.close();
+  drawing.join();
+  const std::scoped_lock lock(figures_mutex_);
+  if (error_) std::rethrow_exception(error_);
+}
+
+PipelineFigures Pipeline::figures() const {
+  const std::scoped_lock lock(figures_mutex_);
+  PipelineFigures figures = figures_;
+  figures.sets_dropped = frame_sets_.dropped();
+  return figures;
+}
+
+template <typename F>
+void Pipeline::guarded(F&& thread_body) {
+  try {
+    thread_body();
+  } catch (...) {  // not swallowed: run() throws it again, in the thread that waits for it
+    {
+      const std::scoped_lock lock(figures_mutex_);
+      if (!error_) error_ = std::current_exception();
+    }
+    stop_.request_stop();
+    frame_sets_.abandon();
+    pictures_.abandon();
+  }
+}
+
+void Pipeline::capture(FrameSource& source, std::stop_token stop) {
+  std::vector<bool> mine(rig_.cameras.size(), false);
+  for (;;) {
+    const Stopwatch watch;
+    auto frame = source.next(stop);
+    const StageTime lap = watch.lap();
+    {
+      const std::scoped_lock lock(figures_mutex_);
+      figures_.decode += lap;
+    }
+    if (!frame) break;
+    mine.at(std::size_t(frame->camera)) = true;
+    if (options_.pace && !sleep_until(options_.pace->start + (frame->captured_at - options_.pace->first), stop)) break;
+    receive(std::move(*frame));
+  }
+  const std::scoped_lock lock(figures_mutex_);
+  for (std::size_t c = 0; c < mine.size(); ++c) figures_.cameras[c].ended |= mine[c];
+}
+
+void Pipeline::receive(Frame frame) {
+  const auto camera = std::size_t(frame.camera);
+  {
+    const std::scoped_lock lock(figures_mutex_);
+    CameraFigures& figures = figures_.cameras[camera];
+    ++figures.frames;
+    if (figures.last_sequence && frame.sequence > *figures.last_sequence + 1) {
+      figures.dropped += frame.sequence - *figures.last_sequence - 1;
+    }
+    figures.last_sequence = frame.sequence;
+    figures.last_received = Clock::now();
+    if (frame.status == FrameStatus::corrupted) ++figures.corrupted;
+  }
+
+  const std::scoped_lock lock(synchronizer_mutex_);
+  if (frame.status == FrameStatus::ok && !size_checked_[camera]) {
+    const Camera& expected = rig_.cameras[camera];
+    const ImageSize size{frame.pixels.width, frame.pixels.height};
+    if (size != expected.image_size) {
+      throw std::runtime_error(
+          "camera " + expected.name + ": its frames are " + std::to_string(size.width) + "x" +
+          std::to_string(size.height) + ", but the rig was calibrated at " + std::to_string(expected.image_size.width) +
+          "x" + std::to_string(expected.image_size.height) + ": use frames of that size, or calibrate at this one");
+    }
+    size_checked_[camera] = true;
+  }
+  const Stopwatch watch;
+  auto sets = synchronizer_.push(std::move(frame));
+  {
+    const StageTime lap = watch.lap();
+    const std::scoped_lock figures_lock(figures_mutex_);
+    figures_.synchronise += lap;
+    figures_.frame_sets = synchronizer_.counters();
+  }
+  for (auto& set : sets) frame_sets_.push({std::move(set), std::chrono::system_clock::now()});
+}
+
+void Pipeline::track() {
+  TrackingTeam team(trackers_, options_.threads);
+  std::vector<ObjectEstimate> estimates(trackers_.size());
+  std::vector<std::pair<bool, bool>> cameras_then;  // started, ended
+  auto next_status = Clock::now() + status_period;
+
+  for (;;) {
+    if (auto ready = frame_sets_.pop_for(std::max<Clock::duration>(next_status - Clock::now(), 0ns))) {
+      const StageTime tracked = team.update(ready->set, estimates);
+      const Stopwatch watch;
+      if (outputs_.estimates) outputs_.estimates(ready->set, estimates, ready->received_at);
+      const StageTime published = watch.lap();
+      std::uint64_t index = 0;
+      {
+        const std::scoped_lock lock(figures_mutex_);
+        figures_.track += tracked;
+        figures_.publish += published;
+        index = figures_.sets_tracked++;
+      }
+      if (outputs_.pictures && index % std::uint64_t(options_.pictures_every) == 0) {
+        PictureJob job{std::move(ready->set), estimates, {}};
+        for (const auto& tracker : trackers_) job.particles.push_back(tracker.particles());
+        pictures_.push(std::move(job));
+      }
+    } else if (frame_sets_.ended()) {
+      break;
+    }
+    if (!outputs_.status) continue;
+    const PipelineFigures now = figures();
+    std::vector<std::pair<bool, bool>> cameras_now;
+    for (const auto& camera : now.cameras) cameras_now.emplace_back(camera.frames > 0, camera.ended);
+    if (Clock::now() >= next_status || cameras_now != cameras_then) {
+      outputs_.status(now);
+      cameras_then = std::move(cameras_now);
+      next_status = Clock::now() + status_period;
+    }
+  }
+  if (outputs_.status) outputs_.status(figures());
+}
+
+void Pipeline::draw() {
+  while (auto job = pictures_.pop()) {
+    const Stopwatch watch;
+    outputs_.pictures(*job);
+    const StageTime lap = watch.lap();
+    const std::scoped_lock lock(figures_mutex_);
+    figures_.draw += lap;
+  }
+}
+
+}  // namespace huetrack

@@ -1,0 +1,130 @@
+// The road of a frame, and every thread of the service:
+//
+//   capture threads (one per source)      tracking thread                              picture thread
+//   source -> [pace] -> synchroniser -> queue -> trackers (+ workers) -> estimates out -> queue -> pictures out
+//
+// Nothing calls back up. Stopping goes from upstream down: the sources end, the queue closes, tracking drains it.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <exception>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <span>
+#include <stop_token>
+#include <vector>
+
+#include "calib/model/camera_rig.h"
+#include "capture/frame_source.h"
+#include "capture/frame_synchronizer.h"
+#include "daemon/bounded_queue.h"
+#include "object_tracking/object_tracker.h"
+
+namespace huetrack {
+
+// What a stage took so far. Waiting (for a paced frame, for room in a queue) is not counted.
+struct StageTime {
+  Duration wall{0};
+  Duration cpu{0};  // of our threads; threads inside libraries (decoders) are not seen
+};
+
+struct CameraFigures {
+  std::uint64_t frames = 0;
+  std::uint64_t dropped = 0;  // sequence gaps
+  std::uint64_t corrupted = 0;
+  std::optional<std::uint32_t> last_sequence;
+  std::optional<std::chrono::steady_clock::time_point> last_received;
+  bool ended = false;  // its source has no more
+};
+
+// A snapshot of what has happened so far.
+struct PipelineFigures {
+  std::vector<CameraFigures> cameras;  // in the order of the rig
+  FrameSynchronizerCounters frame_sets;
+  std::uint64_t sets_tracked = 0;
+  std::uint64_t sets_dropped = 0;  // by the queue, because tracking was too slow
+  StageTime decode, synchronise, track, publish, draw;
+};
+
+// Frames are held back until their capture time: `first` is let through at `start`.
+struct Pace {
+  std::chrono::steady_clock::time_point start;
+  Timestamp first;
+};
+
+struct PipelineOptions {
+  FrameSynchronizerOptions frame_sets;
+  WhenFull when_full = WhenFull::wait;
+  std::size_t queue_capacity = 8;  // frame sets between capture and tracking
+  int threads = 1;                 // that track; the result does not depend on it
+  std::optional<Pace> pace;        // nullopt: as fast as frames come
+  int pictures_every = 1;          // >= 1; every how many-th set goes to the picture output
+};
+
+// What a picture of one set needs. A plain value.
+struct PictureJob {
+  FrameSet set;
+  std::vector<ObjectEstimate> estimates;                // per target
+  std::vector<std::vector<Eigen::Vector3f>> particles;  // per target
+};
+
+// Where the results go; an empty function is left out. An exception out of one of them stops the pipeline and comes out
+// of run(). Each is called from one thread only.
+struct PipelineOutputs {
+  // Tracking thread; sets in time order, estimates in target order. received_at: UNIX time, when the last frame came.
+  std::function<void(const FrameSet&, std::span<const ObjectEstimate>, Timestamp received_at)> estimates;
+  // Tracking thread; once a second, when a camera starts or ends, and a last time at the end.
+  std::function<void(const PipelineFigures&)> status;
+  // Picture thread. It may be slow: replay waits for it, the estimates of the same set are out before.
+  std::function<void(const PictureJob&)> pictures;
+};
+
+// thread-compatible; run() once.
+class Pipeline {
+ public:
+  // One tracker per target. sources yield frames whose `camera` indexes rig.cameras.
+  Pipeline(const CameraRig& rig, std::vector<std::unique_ptr<FrameSource>> sources, std::vector<ObjectTracker> trackers,
+           PipelineOptions options, PipelineOutputs outputs);
+  ~Pipeline();
+
+  // Returns when every source has ended, or soon after a stop: every set that was tracked is then out, none in part.
+  // throws what an output or a source threw, or std::runtime_error when a camera's frames have not the rig's size.
+  void run(std::stop_token stop);
+
+  PipelineFigures figures() const;  // thread-safe
+
+ private:
+  struct ReadySet {
+    FrameSet set;
+    Timestamp received_at;
+  };
+
+  void capture(FrameSource& source, std::stop_token stop);
+  void receive(Frame frame);
+  void track();
+  void draw();
+  template <typename F>
+  void guarded(F&& thread_body);  // an exception stops everything
+
+  const CameraRig& rig_;
+  std::vector<std::unique_ptr<FrameSource>> sources_;
+  std::vector<ObjectTracker> trackers_;  // the tracking thread's and its workers'
+  const PipelineOptions options_;
+  const PipelineOutputs outputs_;
+  std::stop_source stop_;
+  BoundedQueue<ReadySet> frame_sets_;
+  BoundedQueue<PictureJob> pictures_;
+
+  std::mutex synchronizer_mutex_;   // held while sets go into the queue too, which keeps their order
+  FrameSynchronizer synchronizer_;  // guarded by synchronizer_mutex_
+  std::vector<bool> size_checked_;  // guarded by synchronizer_mutex_
+
+  mutable std::mutex figures_mutex_;  // never held while waiting
+  PipelineFigures figures_;           // guarded by figures_mutex_
+  std::exception_ptr error_;          // guarded by figures_mutex_; the first one
+};
+
+}  // namespace huetrack

@@ -1,0 +1,276 @@
+#include "daemon/replay.h"
+
+#include <spdlog/spdlog.h>
+
+#include <algorithm>
+#include <cstdarg>
+#include <cstdio>
+#include <thread>
+
+#include "capture/recording.h"
+#include "capture/replay_source.h"
+#include "daemon/pictures.h"
+#include "daemon/progress_bar.h"
+#include "daemon/service_config.h"
+#include "daemon/status_reporter.h"
+#include "daemon/track_csv.h"
+#include "publish/estimate_publisher.h"
+
+namespace huetrack {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+using namespace std::chrono_literals;
+
+// Just over half of the shortest frame period: free-running cameras of one rate always share a set, and two that are
+// half a period apart do not change partners with every jitter.
+Duration automatic_tolerance(const std::vector<ReplayCamera>& cameras) {
+  Duration shortest = 0ns;
+  for (const auto& camera : cameras) {
+    if (camera.frame_period > 0ns && (shortest == 0ns || camera.frame_period < shortest))
+      shortest = camera.frame_period;
+  }
+  return shortest > 0ns ? duration_of(0.55 * seconds(shortest)) : FrameSynchronizerOptions{}.tolerance;
+}
+
+void wait_for_subscriber(const EstimatePublisher& publisher, double longest_s, const std::stop_token& stop) {
+  const auto until = Clock::now() + duration_of(longest_s);
+  while (publisher.subscribers() == 0 && !stop.stop_requested()) {
+    if (Clock::now() >= until) {
+      spdlog::warn("no subscriber within {} s: starting without one", longest_s);
+      return;
+    }
+    std::this_thread::sleep_for(10ms);
+  }
+}
+
+class Tally {  // of one target's estimates
+ public:
+  Tally(std::string name, const Truth* truth) {
+    summary_.name = std::move(name);
+    if (truth != nullptr && truth->targets().contains(summary_.name)) comparison_.emplace(*truth, summary_.name);
+  }
+  void add(const ObjectEstimate& estimate) {
+    if (!first_at_) first_at_ = estimate.at;
+    ++sets_;
+    ++summary_.sets[estimate.state];
+    state_ = estimate.state;
+    if (estimate.state == TrackState::tracking && !summary_.first_tracking_set) {
+      summary_.first_tracking_set = sets_;
+      summary_.first_tracking_s = seconds(estimate.at - *first_at_);
+    }
+    if (comparison_) comparison_->add(estimate);
+  }
+  TargetSummary summary() const {
+    TargetSummary summary = summary_;
+    if (comparison_) summary.truth = comparison_->figures();
+    return summary;
+  }
+  std::string progress() const { return summary_.name + " " + std::string(name(state_)); }
+
+ private:
+  TargetSummary summary_;
+  std::optional<TruthComparison> comparison_;
+  std::optional<Timestamp> first_at_;
+  std::uint64_t sets_ = 0;
+  TrackState state_ = TrackState::searching;
+};
+
+spdlog::level::level_enum spdlog_level(LogLevel level) {
+  switch (level) {
+    case LogLevel::debug:
+      return spdlog::level::debug;
+    case LogLevel::info:
+      return spdlog::level::info;
+    case LogLevel::warning:
+      return spdlog::level::warn;
+    case LogLevel::error:
+      return spdlog::level::err;
+  }
+  return spdlog::level::info;
+}
+
+}  // namespace
+
+ReplaySummary replay(const ReplayCommand& command, std::stop_token stop) {
+  const ServiceConfig config = load_service_config(command.config);
+  spdlog::set_level(spdlog_level(config.log_level));
+  for (const auto& warning : warnings_of(config)) spdlog::warn("{}: {}", config.file.string(), warning);
+
+  // Everything that may be wrong with the user's files is found before anything is written.
+  const Recording recording = read_recording(command.recording);
+  std::vector<std::string> camera_names;
+  for (const auto& camera : config.rig.cameras) camera_names.push_back(camera.name);
+  auto owned_source = std::make_unique<ReplaySource>(
+      recording, camera_names, ReplayOptions{.decoder_threads = std::max(1, int(std::thread::hardware_concurrency()))});
+  ReplaySource& source = *owned_source;
+  std::optional<Truth> truth;
+  if (!command.truth.empty()) truth = Truth::read(command.truth);
+  std::vector<ObjectTracker> trackers;
+  std::vector<Tally> tallies;
+  for (const auto& target : config.targets) {
+    trackers.emplace_back(config.rig, target, config.object_tracking);
+    tallies.emplace_back(target.name, truth ? &*truth : nullptr);
+    if (truth && !truth->targets().contains(target.name)) {
+      spdlog::warn("{} has no ball named {}: this target is not compared", command.truth.string(), target.name);
+    }
+  }
+
+  std::optional<TrackCsvWriter> csv;
+  if (!command.tracks.empty()) csv.emplace(command.tracks);
+  std::optional<PictureWriter> pictures;
+  if (!command.pictures.empty()) pictures.emplace(config, command.pictures);
+  std::optional<EstimatePublisher> publisher;
+  if (config.dds.enabled && !command.no_dds) {
+    publisher.emplace(config.dds.publisher);
+    spdlog::info("publishing on {}", publisher->description());
+    if (command.wait_for_subscriber_s > 0) wait_for_subscriber(*publisher, command.wait_for_subscriber_s, stop);
+  }
+
+  const Timestamp first_at = std::ranges::min(source.cameras(), {}, &ReplayCamera::first_at).first_at;
+  const auto started = Clock::now();
+  ReplaySummary summary;
+  if (command.stamps.value_or(command.speed == ReplaySpeed::real ? ReplayStamps::now : ReplayStamps::recording) ==
+      ReplayStamps::now) {
+    summary.clock_offset = Timestamp(std::chrono::system_clock::now()) - first_at;
+  } else if (recording.started_at) {
+    summary.clock_offset = recording.started_at->time_since_epoch();
+  }
+
+  StatusReporter reporter(config, "replay", summary.clock_offset);
+  ProgressBar progress(command.progress);
+  std::vector<std::vector<ObjectEstimate>> tracks(config.targets.size());  // only for the picture of the track
+  std::optional<Timestamp> last_at;
+  const Pipeline* running = nullptr;
+
+  PipelineOutputs outputs;
+  outputs.estimates = [&](const FrameSet& set, std::span<const ObjectEstimate> estimates, Timestamp received_at) {
+    last_at = set.at;
+    for (std::size_t t = 0; t < estimates.size(); ++t) {
+      if (publisher) publisher->publish(t, estimates[t], estimates[t].at + summary.clock_offset, received_at);
+      if (csv) csv->write(config.targets[t].name, estimates[t]);
+      tallies[t].add(estimates[t]);
+      if (pictures) {
+        tracks[t].push_back(estimates[t]);
+        tracks[t].back().per_view.clear();
+      }
+    }
+    if (!progress.due()) return;
+    std::uint64_t frames = 0;
+    for (const auto& camera : running->figures().cameras) frames += camera.frames;
+    std::string states;
+    for (const auto& tally : tallies) states += (states.empty() ? "" : ", ") + tally.progress();
+    progress.draw(frames, source.expected_frames(), seconds(set.at - first_at) / seconds(Clock::now() - started),
+                  states);
+  };
+  if (publisher) {
+    outputs.status = [&](const PipelineFigures& figures) {
+      ServiceStatus status = reporter.report(figures, Clock::now(), std::chrono::system_clock::now());
+      std::ranges::copy(publisher->warnings(), std::back_inserter(status.warnings));
+      publisher->publish_status(status);
+    };
+  }
+  if (pictures) outputs.pictures = [&](const PictureJob& job) { pictures->write(job); };
+
+  PipelineOptions options;
+  options.frame_sets.camera_count = int(config.rig.cameras.size());
+  options.frame_sets.tolerance =
+      config.set_tolerance_s ? duration_of(*config.set_tolerance_s) : automatic_tolerance(source.cameras());
+  options.threads = command.threads.value_or(config.threads);
+  options.pictures_every = command.pictures_every;
+  if (command.speed == ReplaySpeed::real) options.pace = Pace{started, first_at};
+
+  std::vector<std::unique_ptr<FrameSource>> sources;
+  sources.push_back(std::move(owned_source));
+  Pipeline pipeline(config.rig, std::move(sources), std::move(trackers), options, std::move(outputs));
+  running = &pipeline;
+  pipeline.run(stop);
+  if (csv) csv->flush();
+  progress.clear();
+
+  summary.wall_s = seconds(Clock::now() - started);
+  summary.stopped = stop.stop_requested();
+  summary.figures = pipeline.figures();
+  for (const auto& warning : source.take_warnings()) spdlog::warn("{}", warning);
+  Duration period = 0ns;
+  for (const auto& camera : source.cameras()) {
+    summary.missing_frames += camera.missing;
+    summary.corrupted_frames += camera.corrupted;
+    period = std::max(period, camera.frame_period);
+  }
+  if (last_at) summary.recorded_s = seconds(*last_at - first_at + period);
+  for (const auto& tally : tallies) summary.targets.push_back(tally.summary());
+  if (publisher) {
+    summary.published = publisher->counters().published;
+    summary.publish_failures = publisher->counters().failures;
+    summary.bus = publisher->description();
+  }
+  if (pictures) {
+    pictures->write("track_3d.png", draw_track_3d(config, recording.file.parent_path().filename().string(), tracks,
+                                                  truth ? &*truth : nullptr));
+    summary.pictures = pictures->written() + 1;
+  }
+  return summary;
+}
+
+std::string to_text(const ReplaySummary& s, const ReplayCommand& command) {
+  std::string text;
+  const auto line = [&text] [[gnu::format(printf, 2, 3)]] (const char* pattern, ...) {
+    char buffer[512];
+    va_list arguments;
+    va_start(arguments, pattern);
+    std::vsnprintf(buffer, sizeof buffer, pattern, arguments);
+    va_end(arguments);
+    text += buffer;
+  };
+  std::uint64_t frames = 0;
+  for (const auto& camera : s.figures.cameras) frames += camera.frames;
+  const auto& sets = s.figures.frame_sets;
+  line("%s%llu frame sets of %llu frames: %.3f s of recording in %.3f s, %.1fx real time\n",
+       s.stopped ? "stopped: " : "", static_cast<unsigned long long>(s.figures.sets_tracked),
+       static_cast<unsigned long long>(frames), s.recorded_s, s.wall_s, s.wall_s > 0 ? s.recorded_s / s.wall_s : 0);
+  line("  frames  %lld missing, %lld corrupted, %llu late; %llu sets without every camera\n",
+       static_cast<long long>(s.missing_frames), static_cast<long long>(s.corrupted_frames),
+       static_cast<unsigned long long>(sets.late_frames), static_cast<unsigned long long>(sets.incomplete_sets));
+
+  const auto& f = s.figures;
+  const double own_s = seconds(f.synchronise.wall + f.track.wall + f.publish.wall);
+  line("  time    decode %.3f s (CPU %.3f), synchronise %.3f (%.3f), track %.3f (%.3f), publish and write %.3f (%.3f)",
+       seconds(f.decode.wall), seconds(f.decode.cpu), seconds(f.synchronise.wall), seconds(f.synchronise.cpu),
+       seconds(f.track.wall), seconds(f.track.cpu), seconds(f.publish.wall), seconds(f.publish.cpu));
+  if (s.pictures > 0) line(", draw %.3f (%.3f)", seconds(f.draw.wall), seconds(f.draw.cpu));
+  line("\n          with decoding%s left out: %.0fx real time\n", s.pictures > 0 ? " and drawing" : "",
+       own_s > 0 ? s.recorded_s / own_s : 0);
+
+  for (const auto& target : s.targets) {
+    std::uint64_t all = 0;
+    for (const auto& [_, count] : target.sets) all += count;
+    line("  %-7s ", target.name.c_str());
+    if (target.first_tracking_set) {
+      line("tracking from set %llu on (%.3f s);", static_cast<unsigned long long>(*target.first_tracking_set),
+           target.first_tracking_s);
+    } else {
+      line("never tracking;");
+    }
+    for (const auto& [state, count] : target.sets) {
+      line(" %s %.1f %%", std::string(name(state)).c_str(), 100.0 * double(count) / double(all));
+    }
+    line("\n");
+    if (target.truth) text += "          " + to_text(*target.truth) + "\n";
+  }
+
+  if (!command.tracks.empty()) text += "  tracks  " + command.tracks.string() + "\n";
+  if (s.pictures > 0) {
+    text += "  pictures " + std::to_string(s.pictures) + " in " + command.pictures.string() + "\n";
+  }
+  if (!s.bus.empty()) {
+    const std::int64_t ns = s.clock_offset.count();
+    line("  bus     %llu samples, %llu failures; %s\n", static_cast<unsigned long long>(s.published),
+         static_cast<unsigned long long>(s.publish_failures), s.bus.c_str());
+    line("          published capture times are the recording's plus %lld.%09lld s\n",
+         static_cast<long long>(ns / 1'000'000'000), static_cast<long long>(std::abs(ns % 1'000'000'000)));
+  }
+  return text;
+}
+
+}  // namespace huetrack

@@ -1,0 +1,72 @@
+// `huetrackd replay`: a recording through the tracker, to DDS, CSV and pictures.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <map>
+#include <optional>
+#include <stop_token>
+#include <string>
+#include <vector>
+
+#include "daemon/pipeline.h"
+#include "daemon/truth.h"
+
+namespace huetrack {
+
+enum class ReplaySpeed : std::uint8_t {
+  real,  // frames are held back until their capture time
+  max,   // as fast as the machine can
+};
+
+// What the published capture times are. The CSV's are always the recording's own clock.
+enum class ReplayStamps : std::uint8_t {
+  now,        // as if the recording's first frame had been captured when the replay starts
+  recording,  // the recording's own clock, from its started_at where it has one
+};
+
+struct ReplayCommand {
+  std::filesystem::path config;
+  std::filesystem::path recording;  // recording.yaml or its folder
+  ReplaySpeed speed = ReplaySpeed::max;
+  std::optional<ReplayStamps> stamps;  // nullopt: now at speed real, recording at speed max
+  bool no_dds = false;                 // whatever the configuration says
+  double wait_for_subscriber_s = 0;    // at most so long before the first frame; only with DDS
+  std::optional<int> threads;          // instead of the configuration's
+  std::filesystem::path tracks;        // CSV; empty: none
+  std::filesystem::path pictures;      // folder; empty: none
+  int pictures_every = 1;              // >= 1
+  std::filesystem::path truth;         // CSV, see Truth; empty: none
+  bool progress = true;                // a bar on stderr, if that is a terminal
+};
+
+struct TargetSummary {
+  std::string name;
+  std::map<TrackState, std::uint64_t> sets;         // per state
+  std::optional<std::uint64_t> first_tracking_set;  // 1 = the first
+  double first_tracking_s = 0;                      // capture time from the first set to that one
+  std::optional<TruthFigures> truth;
+};
+
+struct ReplaySummary {
+  PipelineFigures figures;
+  bool stopped = false;  // before the end
+  std::int64_t missing_frames = 0;
+  std::int64_t corrupted_frames = 0;
+  double recorded_s = 0;  // the part that was played
+  double wall_s = 0;
+  std::vector<TargetSummary> targets;
+  std::uint64_t published = 0;  // DDS samples written
+  std::uint64_t publish_failures = 0;
+  std::string bus;           // where to; empty: no DDS
+  Duration clock_offset{0};  // published capture time minus the recording's clock
+  std::size_t pictures = 0;
+};
+
+// throws ConfigError and other std::exceptions whose what() is one readable line. Warnings go to the log.
+ReplaySummary replay(const ReplayCommand& command, std::stop_token stop);
+
+// For people, several lines.
+std::string to_text(const ReplaySummary& summary, const ReplayCommand& command);
+
+}  // namespace huetrack

@@ -1,0 +1,488 @@
+#include "daemon/service_config.h"
+
+#include <algorithm>
+#include <array>
+#include <cctype>
+#include <charconv>
+#include <cmath>
+#include <concepts>
+#include <cstdint>
+#include <span>
+#include <string_view>
+#include <utility>
+
+#include "calib/model/rig_yaml.h"
+#include "calib/yaml/yaml_reader.h"
+
+namespace huetrack {
+namespace {
+
+namespace fs = std::filesystem;
+
+template <typename T>
+using Words = std::span<const std::pair<std::string_view, T>>;
+
+constexpr std::pair<std::string_view, Observation> observation_words[] = {{"huetrack", Observation::huetrack},
+                                                                          {"paper", Observation::paper}};
+constexpr std::pair<std::string_view, LogLevel> log_level_words[] = {
+    {"debug", LogLevel::debug}, {"info", LogLevel::info}, {"warning", LogLevel::warning}, {"error", LogLevel::error}};
+constexpr Range share{.min = 0, .max = 1};
+constexpr Range degrees{.min = 0, .max = 360};
+constexpr Range at_least_one{.min = 1, .max = 1e6};
+
+enum class Need : std::uint8_t { optional, required };
+
+// ---------------------------------------------------------------------------------------------------------------------
+// The keys. ONE description serves reading and printing: `io` is a Reader, which fills the structs from a mapping, or a
+// Printer, which writes them out. A new option is one line here (and one in configs/huetrackd.yaml).
+
+template <typename Io, typename Color>
+void describe_color(Io& io, Color& color, Need need) {
+  io.interval("hue_deg", color.hue_min_deg, color.hue_max_deg, degrees, need,
+              "[from, to]; from > to goes through 0, as in [340, 20] for red");
+  io.interval("saturation", color.saturation_min, color.saturation_max, share, Need::optional, "[min, max], 0..1");
+  io.interval("intensity", color.intensity_min, color.intensity_max, share, Need::optional,
+              "[min, max], 0..1; darker and brighter pixels match nothing");
+}
+
+template <typename Io, typename Options>
+void describe_object_tracking(Io& io, Options& o) {
+  io.choice("observation", o.observation, Words<Observation>(observation_words),
+            "the filter: huetrack (ours), or paper (Barrera et al., eqs. (1)-(6), nothing else)");
+  io.group("volume", "where targets may be; world frame, metres", [&](auto& in) {
+    in.point("min", o.volume.min, "[x, y, z]");
+    in.point("max", o.volume.max, "[x, y, z]");
+  });
+  io.integer("particle_count", o.particle_count, at_least_one, "while tracking; time per frame set is linear in it");
+  io.integer("max_particle_count", o.max_particle_count, at_least_one, "while searching; >= particle_count");
+  io.integer("seed", o.seed, Range{.min = 0, .max = 9e15},
+             "same seed, same recording, same configuration: same track, byte for byte");
+  io.number("position_noise_m", o.position_noise_m, positive,
+            "paper only: sigma_m of the random walk, metres per frame set");
+  io.number("acceleration_m_s2", o.acceleration_m_s2, positive, "huetrack only: the hardest usual acceleration, m/s^2");
+  io.number("start_speed_m_s", o.start_speed_m_s, positive, "huetrack only: the highest usual speed, m/s");
+  io.number("pixel_noise_px", o.pixel_noise_px, positive,
+            "huetrack only: std. dev. of a colour region's centre in a view, pixels");
+  io.number("max_tracking_sigma_m", o.max_tracking_sigma_m, positive,
+            "huetrack only: less sure of the position than this is coasting, metres");
+  io.number("coast_s", o.coast_s, positive, "coasting for longer than this is lost, seconds");
+  io.number("max_coast_sigma_m", o.max_coast_sigma_m, positive, "less sure of the position than this is lost, metres");
+}
+
+template <typename Io, typename Dds>
+void describe_dds(Io& io, Dds& dds) {
+  io.boolean("enabled", dds.enabled, "publish at all");
+  io.integer_or("domain", "auto", dds.publisher.domain, Range{.min = 0, .max = 232},
+                "DDS domain; auto: ROS_DOMAIN_ID, else 0");
+  io.path_or("profile", "none", dds.publisher.profiles, "Fast DDS XML profiles that replace our transport and QoS");
+  io.strings("interfaces", dds.publisher.interfaces, "network interfaces to use (names or IPv4 addresses); empty: all");
+  io.boolean("ros2", dds.publisher.ros2, "also publish rt/huetrack/<target>/pose and rt/tf, which ROS 2 reads");
+  io.text("frame_id", dds.publisher.frame_id, "name of the world frame in the ROS 2 messages");
+}
+
+template <typename Io, typename Config>
+void describe(Io& io, Config& config) {
+  io.version(1);
+  io.path("rig", config.rig_file, "the calibrated cameras");
+  io.named("targets", config.targets, "what to track: name, size and colour of each", [&](auto& in, auto& target) {
+    in.number("radius_m", target.radius_m, positive, "of the ball, or of a ball of about the object's size, metres");
+    in.group("color", "HSI as in the paper", [&](auto& color) { describe_color(color, target.color, Need::required); });
+    in.named("camera_colors", target.camera_colors, "per-camera overrides of color", [&](auto& color, auto& range) {
+      if constexpr (!std::is_const_v<std::remove_reference_t<decltype(range)>>)
+        range = target.color;  // what is not given is the target's
+      describe_color(color, range, Need::optional);
+    });
+  });
+  io.group("object_tracking", "", [&](auto& in) { describe_object_tracking(in, config.object_tracking); });
+  io.group("frame_sets", "which frames belong together", [&](auto& in) {
+    in.number_or("tolerance_s", "auto", config.set_tolerance_s, positive,
+                 "first to last capture time in a set, seconds; auto: about half a frame period");
+  });
+  io.integer("threads", config.threads, Range{.min = 1, .max = 64},
+             "targets are tracked in parallel; the result does not depend on it");
+  io.group("dds", "", [&](auto& in) { describe_dds(in, config.dds); });
+  io.choice("log_level", config.log_level, Words<LogLevel>(log_level_words), "debug, info, warning or error");
+}
+
+// The name that a mapping of named entries gives to an entry, and the rest of the entry.
+std::string& name_of(TargetOptions& target) {
+  return target.name;
+}
+const std::string& name_of(const TargetOptions& target) {
+  return target.name;
+}
+TargetOptions& value_of(TargetOptions& target) {
+  return target;
+}
+const TargetOptions& value_of(const TargetOptions& target) {
+  return target;
+}
+std::string& name_of(std::pair<std::string, HsiRange>& entry) {
+  return entry.first;
+}
+const std::string& name_of(const std::pair<std::string, HsiRange>& entry) {
+  return entry.first;
+}
+HsiRange& value_of(std::pair<std::string, HsiRange>& entry) {
+  return entry.second;
+}
+const HsiRange& value_of(const std::pair<std::string, HsiRange>& entry) {
+  return entry.second;
+}
+
+// ---------------------------------------------------------------------------------------------------------------------
+// One mapping of the file, or none: then everything keeps its default.
+class Reader {
+ public:
+  explicit Reader(std::optional<YamlReader> yaml) : yaml_(std::move(yaml)) {}
+
+  void version(int only) {
+    if (yaml_) yaml_->integer("version", Range{.min = double(only), .max = double(only)});
+  }
+  void number(std::string_view key, double& value, Range range, std::string_view) {
+    if (yaml_) value = yaml_->number(key, range, value);
+  }
+  template <std::integral T>
+  void integer(std::string_view key, T& value, Range range, std::string_view) {
+    if (yaml_) value = static_cast<T>(yaml_->integer(key, range, static_cast<std::int64_t>(value)));
+  }
+  void boolean(std::string_view key, bool& value, std::string_view) {
+    if (yaml_) value = yaml_->boolean(key, value);
+  }
+  void text(std::string_view key, std::string& value, std::string_view) {
+    if (yaml_) value = yaml_->string(key, value);
+  }
+  void strings(std::string_view key, std::vector<std::string>& value, std::string_view) {
+    if (yaml_ && yaml_->has(key)) value = yaml_->strings(key);
+  }
+  template <typename T>
+  void choice(std::string_view key, T& value, Words<T> words, std::string_view) {
+    if (!yaml_ || !yaml_->has(key)) return;
+    std::vector<std::string_view> allowed;
+    for (const auto& [word, _] : words) allowed.push_back(word);
+    const std::string given = yaml_->choice(key, allowed);
+    value = std::ranges::find(words, given, [](const auto& w) { return w.first; })->second;
+  }
+  void path(std::string_view key, fs::path& value, std::string_view) {
+    if (yaml_) value = resolved(yaml_->string(key));
+  }
+  void path_or(std::string_view key, const std::string& none, fs::path& value, std::string_view) {
+    if (!yaml_) return;
+    const std::string given = yaml_->string(key, none);
+    value = given == none ? fs::path() : resolved(given);
+    if (!value.empty() && !fs::is_regular_file(value)) yaml_->fail(key, "there is no file " + value.string());
+  }
+  void number_or(std::string_view key, std::string_view word, std::optional<double>& value, Range range,
+                 std::string_view) {
+    if (!is_word(key, word)) value = yaml_->number(key, range);
+  }
+  void integer_or(std::string_view key, std::string_view word, std::optional<int>& value, Range range,
+                  std::string_view) {
+    if (!is_word(key, word)) value = static_cast<int>(yaml_->integer(key, range));
+  }
+  void point(std::string_view key, Eigen::Vector3d& value, std::string_view) {
+    if (yaml_ && yaml_->has(key)) value = Eigen::Vector3d(yaml_->numbers(key, 3, 3, any_number).data());
+  }
+  void interval(std::string_view key, double& min, double& max, Range range, Need need, std::string_view) {
+    if (!yaml_ || (need == Need::optional && !yaml_->has(key))) return;
+    const auto values = yaml_->numbers(key, 2, 2, range);
+    min = values[0];
+    max = values[1];
+  }
+  template <typename F>
+  void group(std::string_view key, std::string_view, F&& describe_group) {
+    Reader inner(yaml_ ? yaml_->optional_map(key) : std::nullopt);
+    describe_group(inner);
+    inner.finish();
+  }
+  template <typename T, typename F>
+  void named(std::string_view key, std::vector<T>& entries, std::string_view, F&& describe_entry) {
+    if (!yaml_ || !yaml_->has(key)) return;
+    for (auto& [name, yaml] : yaml_->named_maps(key)) {
+      Reader inner(yaml);
+      T& entry = entries.emplace_back();
+      name_of(entry) = name;
+      describe_entry(inner, value_of(entry));
+      inner.finish();
+    }
+  }
+  void finish() const {
+    if (yaml_) yaml_->finish();
+  }
+
+ private:
+  fs::path resolved(const std::string& path) const {
+    return fs::absolute(yaml_->path().parent_path() / path).lexically_normal();
+  }
+  // Absent, or the word that stands for "not a number".
+  bool is_word(std::string_view key, std::string_view word) const {
+    if (!yaml_ || !yaml_->has(key)) return true;
+    const std::string given = yaml_->string(key);
+    if (given == word) return true;
+    if (std::isalpha(static_cast<unsigned char>(given.front())) != 0) {
+      yaml_->fail(key, "must be a number or the word " + std::string(word) + ", got \"" + given + "\"");
+    }
+    return false;
+  }
+
+  std::optional<YamlReader> yaml_;
+};
+
+// ---------------------------------------------------------------------------------------------------------------------
+class Printer {
+ public:
+  explicit Printer(std::string& out, int depth = 0) : out_(out), depth_(depth) {}
+
+  void version(int only) { line("version", std::to_string(only), ""); }
+  void number(std::string_view key, double value, Range, std::string_view doc) { line(key, shortest(value), doc); }
+  template <std::integral T>
+  void integer(std::string_view key, T value, Range, std::string_view doc) {
+    line(key, std::to_string(value), doc);
+  }
+  void boolean(std::string_view key, bool value, std::string_view doc) { line(key, value ? "true" : "false", doc); }
+  void text(std::string_view key, const std::string& value, std::string_view doc) { line(key, quoted(value), doc); }
+  void strings(std::string_view key, const std::vector<std::string>& value, std::string_view doc) {
+    std::vector<std::string> items;
+    for (const auto& item : value) items.push_back(quoted(item));
+    line(key, list_of(items), doc);
+  }
+  template <typename T>
+  void choice(std::string_view key, T value, Words<T> words, std::string_view doc) {
+    line(key, std::string(std::ranges::find(words, value, [](const auto& w) { return w.second; })->first), doc);
+  }
+  void path(std::string_view key, const fs::path& value, std::string_view doc) {
+    line(key, quoted(value.string()), doc);
+  }
+  void path_or(std::string_view key, std::string_view none, const fs::path& value, std::string_view doc) {
+    line(key, value.empty() ? std::string(none) : quoted(value.string()), doc);
+  }
+  void number_or(std::string_view key, std::string_view word, std::optional<double> value, Range,
+                 std::string_view doc) {
+    line(key, value ? shortest(*value) : std::string(word), doc);
+  }
+  void integer_or(std::string_view key, std::string_view word, std::optional<int> value, Range, std::string_view doc) {
+    line(key, value ? std::to_string(*value) : std::string(word), doc);
+  }
+  void point(std::string_view key, const Eigen::Vector3d& p, std::string_view doc) {
+    line(key, list_of({shortest(p.x()), shortest(p.y()), shortest(p.z())}), doc);
+  }
+  void interval(std::string_view key, double min, double max, Range, Need, std::string_view doc) {
+    line(key, list_of({shortest(min), shortest(max)}), doc);
+  }
+  template <typename F>
+  void group(std::string_view key, std::string_view doc, F&& describe_group) {
+    line(key, "", doc);
+    Printer inner(out_, depth_ + 1);
+    describe_group(inner);
+  }
+  template <typename T, typename F>
+  void named(std::string_view key, const std::vector<T>& entries, std::string_view doc, F&& describe_entry) {
+    line(key, entries.empty() ? "{}" : "", doc);
+    for (const T& entry : entries) {
+      Printer inner(out_, depth_ + 1);
+      inner.line(quoted_key(name_of(entry)), "", "");
+      Printer fields(out_, depth_ + 2);
+      describe_entry(fields, value_of(entry));
+    }
+  }
+
+ private:
+  void line(std::string_view key, const std::string& value, std::string_view doc) {
+    constexpr std::size_t comment_column = 44;
+    std::string text(std::size_t(depth_) * 2, ' ');
+    text += key;
+    text += ":";
+    if (!value.empty()) text += " " + value;
+    if (!doc.empty()) {
+      text.resize(std::max(text.size() + 2, comment_column), ' ');
+      text += "# ";
+      text += doc;
+    }
+    out_ += text + "\n";
+  }
+  static std::string list_of(const std::vector<std::string>& items) {
+    std::string list = "[";
+    for (const auto& item : items) {
+      if (list.size() > 1) list += ", ";
+      list += item;
+    }
+    list += "]";
+    return list;
+  }
+  static std::string shortest(double value) {
+    std::array<char, 32> buffer{};
+    const auto end = std::to_chars(buffer.data(), buffer.data() + buffer.size(), value).ptr;
+    return {buffer.data(), end};
+  }
+  static std::string quoted(const std::string& text) {
+    std::string out = "\"";
+    for (const char c : text) {
+      if (c == '"' || c == '\\') out += '\\';
+      out += c;
+    }
+    out += '"';
+    return out;
+  }
+  static std::string quoted_key(const std::string& name) {
+    const bool plain = !name.empty() && std::isalpha(static_cast<unsigned char>(name.front())) != 0 &&
+                       std::ranges::all_of(name, [](unsigned char c) { return std::isalnum(c) != 0 || c == '_'; });
+    constexpr std::string_view words[] = {"true", "false", "null", "yes", "no", "on", "off", "y", "n"};
+    return plain && std::ranges::find(words, name) == std::end(words) ? name : quoted(name);
+  }
+
+  std::string& out_;
+  int depth_;
+};
+
+// ---------------------------------------------------------------------------------------------------------------------
+// What one key alone cannot tell.
+void check(const ServiceConfig& config, const YamlReader& root) {
+  const auto reader_of = [](const YamlReader& parent, std::string_view key) {
+    const auto map = parent.optional_map(key);
+    return map ? *map : parent;
+  };
+  if (config.targets.empty())
+    root.fail("targets", "at least one target is needed: targets: {ball: {color: {hue_deg: [65, 115]}}}");
+
+  const Box& volume = config.object_tracking.volume;
+  const YamlReader tracking = reader_of(root, "object_tracking");
+  for (int axis = 0; axis < 3; ++axis) {
+    if (!(volume.min[axis] < volume.max[axis])) {
+      tracking.fail("volume",
+                    std::string("min must be less than max on every axis, and on ") + "xyz"[axis] + " it is not");
+    }
+  }
+  if (const auto problems = config.object_tracking.problems(); !problems.empty())
+    root.fail("object_tracking", problems.front());
+  if (volume_coverage(config.rig, volume).by_one == 0) {
+    tracking.fail("volume", "no camera of the rig sees any of it: is the volume in the rig's world frame, in metres?");
+  }
+
+  std::vector<std::string> cameras;
+  std::string camera_list;
+  for (const auto& camera : config.rig.cameras) {
+    camera_list += (cameras.empty() ? "" : ", ") + camera.name;
+    cameras.push_back(camera.name);
+  }
+  const double smallest_side_m = (volume.max - volume.min).minCoeff();
+  const YamlReader targets = root.map("targets");
+  for (const auto& target : config.targets) {
+    const YamlReader yaml = targets.map(target.name);
+    if (2 * target.radius_m > smallest_side_m) {
+      yaml.fail("radius_m", "a ball of this radius does not fit into object_tracking.volume; the unit is metres");
+    }
+    for (const auto& [camera, range] : target.camera_colors) {
+      const YamlReader colors = yaml.map("camera_colors");
+      if (!config.rig.index_of(camera)) {
+        const auto nearest = nearest_word(camera, cameras);
+        colors.fail(camera, "is not a camera of the rig, which has " + camera_list +
+                                (nearest ? " (did you mean " + *nearest + "?)" : ""));
+      }
+      if (const auto problems = range.problems(); !problems.empty()) colors.fail(camera, problems.front());
+    }
+    if (const auto problems = target.color.problems(); !problems.empty()) yaml.fail("color", problems.front());
+    if (const auto problems = target.problems(); !problems.empty()) targets.fail(target.name, problems.front());
+  }
+  if (const auto problems = config.dds.publisher.problems(); !problems.empty()) {
+    (root.has("dds") ? root.map("dds") : root).fail("", problems.front());
+  }
+}
+
+// The share of the first hue range that lies in the second, both on the circle.
+bool hues_overlap(const HsiRange& a, const HsiRange& b) {
+  const auto inside = [](double hue, const HsiRange& r) {
+    return r.hue_min_deg <= r.hue_max_deg ? hue >= r.hue_min_deg && hue <= r.hue_max_deg
+                                          : hue >= r.hue_min_deg || hue <= r.hue_max_deg;
+  };
+  return (inside(a.hue_min_deg, b) || inside(b.hue_min_deg, a)) && a.saturation_min <= b.saturation_max &&
+         b.saturation_min <= a.saturation_max && a.intensity_min <= b.intensity_max &&
+         b.intensity_min <= a.intensity_max;
+}
+
+const HsiRange& color_of(const TargetOptions& target, const std::string& camera) {
+  const auto it = std::ranges::find(target.camera_colors, camera, [](const auto& entry) { return entry.first; });
+  return it == target.camera_colors.end() ? target.color : it->second;
+}
+
+}  // namespace
+
+ServiceConfig load_service_config(const fs::path& file) {
+  const YamlReader root = YamlReader::file(file);
+  ServiceConfig config;
+  config.file = fs::absolute(file).lexically_normal();
+  Reader reader(root);
+  describe(reader, config);
+  reader.finish();
+  if (!fs::is_regular_file(config.rig_file)) root.fail("rig", "there is no file " + config.rig_file.string());
+  config.rig = read_rig(config.rig_file);
+  for (const auto& target : config.targets) config.dds.publisher.targets.push_back(target.name);
+  for (const auto& camera : config.rig.cameras) config.dds.publisher.cameras.push_back(camera.name);
+  check(config, root);
+  return config;
+}
+
+std::string to_yaml(const ServiceConfig& config) {
+  std::string out;
+  Printer printer(out);
+  describe(printer, config);
+  return out;
+}
+
+std::string config_identity(const ServiceConfig& config) {
+  ServiceConfig anywhere = config;
+  anywhere.rig_file.clear();                 // where the rig lies changes nothing; what it says has its own identity
+  std::uint64_t hash = 0xcbf29ce484222325u;  // FNV-1a 64
+  for (const char c : to_yaml(anywhere)) hash = (hash ^ static_cast<unsigned char>(c)) * 0x100000001b3u;
+  std::array<char, 16> digits{};
+  digits.fill('0');
+  std::array<char, 16> raw{};
+  const auto end = std::to_chars(raw.data(), raw.data() + raw.size(), hash, 16).ptr;
+  std::copy(raw.data(), end, digits.data() + (raw.data() + raw.size() - end));
+  return {digits.begin(), digits.end()};
+}
+
+std::vector<std::string> warnings_of(const ServiceConfig& config) {
+  std::vector<std::string> warnings;
+  const auto coverage = volume_coverage(config.rig, config.object_tracking.volume);
+  for (std::size_t c = 0; c < config.rig.cameras.size(); ++c) {
+    if (coverage.per_camera[c] == 0)
+      warnings.push_back("camera " + config.rig.cameras[c].name + " sees nothing of the volume");
+  }
+  if (coverage.by_two < 0.5) {
+    warnings.push_back("only " + std::to_string(std::lround(100 * coverage.by_two)) +
+                       " % of the volume is seen by two or more cameras: a target's depth is not fixed in the rest");
+  }
+  for (std::size_t a = 0; a < config.targets.size(); ++a) {
+    for (std::size_t b = a + 1; b < config.targets.size(); ++b) {
+      for (const auto& camera : config.rig.cameras) {
+        if (!hues_overlap(color_of(config.targets[a], camera.name), color_of(config.targets[b], camera.name))) continue;
+        warnings.push_back("targets " + config.targets[a].name + " and " + config.targets[b].name +
+                           " have overlapping colours in camera " + camera.name + " and may be taken for each other");
+        break;
+      }
+    }
+  }
+  return warnings;
+}
+
+VolumeCoverage volume_coverage(const CameraRig& rig, const Box& volume) {
+  constexpr int steps = 12;  // per axis: 1728 points, fine enough for a share in per cent
+  VolumeCoverage coverage{.per_camera = std::vector<double>(rig.cameras.size(), 0.0)};
+  constexpr double weight = 1.0 / (steps * steps * steps);
+  for (int i = 0; i < steps * steps * steps; ++i) {
+    const Eigen::Array3d cell(i % steps, i / steps % steps, i / (steps * steps));
+    const Eigen::Vector3d p = volume.min.array() + (cell + 0.5) / steps * (volume.max - volume.min).array();
+    int views = 0;
+    for (std::size_t c = 0; c < rig.cameras.size(); ++c) {
+      const auto pixel = rig.cameras[c].project_world(p);
+      if (!pixel || !rig.cameras[c].contains(*pixel)) continue;
+      coverage.per_camera[c] += weight;
+      ++views;
+    }
+    if (views >= 1) coverage.by_one += weight;
+    if (views >= 2) coverage.by_two += weight;
+  }
+  return coverage;
+}
+
+}  // namespace huetrack

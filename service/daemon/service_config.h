@@ -1,0 +1,57 @@
+// The service's configuration file: YAML <-> the modules' option structs. configs/huetrackd.yaml documents every key.
+// Pure functions, any thread.
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "calib/model/camera_rig.h"
+#include "object_tracking/object_tracker.h"
+#include "publish/estimate_publisher.h"
+
+namespace huetrack {
+
+enum class LogLevel : std::uint8_t { debug, info, warning, error };
+
+struct DdsConfig {
+  bool enabled = true;
+  EstimatePublisherOptions publisher;  // targets and cameras are those of the configuration and the rig
+};
+
+struct ServiceConfig {
+  std::filesystem::path file;             // absolute
+  std::filesystem::path rig_file;         // absolute
+  CameraRig rig;                          // what rig_file says
+  std::vector<TargetOptions> targets;     // >= 1, in the order of the file
+  ObjectTrackerOptions object_tracking;   // the same for every target
+  std::optional<double> set_tolerance_s;  // > 0; FrameSynchronizerOptions::tolerance; nullopt: from the frame rates
+  int threads = 1;                        // >= 1; targets are tracked in parallel; no influence on the result
+  DdsConfig dds;
+  LogLevel log_level = LogLevel::info;
+};
+
+// throws ConfigError: unreadable, unknown key, wrong type, out of range, or keys that contradict each other or the rig.
+// Relative paths in the file start at the file's folder.
+ServiceConfig load_service_config(const std::filesystem::path& file);
+
+// Every key, default or given, as YAML that loads back to the same configuration from any folder (paths are absolute).
+std::string to_yaml(const ServiceConfig& config);
+
+// Of what to_yaml() says but the rig's path: FNV-1a 64 as 16 hex digits. Published in the status sample.
+std::string config_identity(const ServiceConfig& config);
+
+// What is allowed but probably not meant, one sentence each: targets of overlapping colours, much of the volume in
+// nobody's sight, ...
+std::vector<std::string> warnings_of(const ServiceConfig& config);
+
+// How much of the volume is seen by how many cameras, on a grid.
+struct VolumeCoverage {
+  std::vector<double> per_camera;  // share of the volume inside each camera's image
+  double by_one = 0;               // share that one or more cameras see
+  double by_two = 0;               // share that two or more see: where a position is fixed
+};
+VolumeCoverage volume_coverage(const CameraRig& rig, const Box& volume);
+
+}  // namespace huetrack

@@ -1,0 +1,75 @@
+#include "daemon/status_reporter.h"
+
+#include <cstdio>
+
+#include "calib/model/rig_yaml.h"
+
+namespace huetrack {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr auto stalled_after = 1s;
+constexpr auto shortest_rate_window = 500ms;
+
+double rate(std::uint64_t now, std::uint64_t then, Duration window) {
+  return window.count() > 0 ? static_cast<double>(now - then) / seconds(window) : 0;
+}
+
+}  // namespace
+
+StatusReporter::StatusReporter(const ServiceConfig& config, std::string mode, Duration clock_offset) {
+  fixed_.program_version = HUETRACK_VERSION;
+  fixed_.mode = std::move(mode);
+  fixed_.config_file = config.file.string();
+  fixed_.config_identity = config_identity(config);
+  fixed_.rig_identity = rig_identity(config.rig);
+  fixed_.clock_offset_s = seconds(clock_offset);
+  fixed_.warnings = warnings_of(config);
+  for (const auto& target : config.targets) fixed_.targets.push_back(target.name);
+  for (const auto& camera : config.rig.cameras) {
+    CameraStatus status;
+    status.name = camera.name;
+    fixed_.cameras.push_back(std::move(status));
+  }
+}
+
+ServiceStatus StatusReporter::report(const PipelineFigures& figures, std::chrono::steady_clock::time_point now,
+                                     Timestamp unix_now) {
+  if (latest_ && now - latest_->at >= shortest_rate_window) past_ = std::move(latest_);
+  const Duration window = past_ ? now - past_->at : 0ns;
+
+  ServiceStatus status = fixed_;
+  status.at = unix_now;
+  status.sets = figures.sets_tracked;
+  status.incomplete_sets = figures.frame_sets.incomplete_sets;
+  status.late_frames = figures.frame_sets.late_frames;
+  status.dropped_sets = figures.sets_dropped;
+  if (past_) status.set_rate_hz = rate(figures.sets_tracked, past_->figures.sets_tracked, window);
+  for (std::size_t c = 0; c < status.cameras.size(); ++c) {
+    const CameraFigures& camera = figures.cameras[c];
+    CameraStatus& out = status.cameras[c];
+    out.frames = camera.frames;
+    out.dropped = camera.dropped;
+    out.corrupted = camera.corrupted;
+    if (past_) out.rate_hz = rate(camera.frames, past_->figures.cameras[c].frames, window);
+    if (camera.last_received) out.age_s = seconds(now - *camera.last_received);
+    if (camera.ended) {
+      out.health = CameraHealth::ended;
+    } else if (!camera.last_received) {
+      out.health = CameraHealth::waiting;
+      out.message = "no frame yet";
+    } else if (now - *camera.last_received > stalled_after) {
+      out.health = CameraHealth::stalled;
+      char text[64];
+      std::snprintf(text, sizeof text, "no frame for %.1f s", out.age_s);
+      out.message = text;
+    } else {
+      out.health = CameraHealth::delivering;
+    }
+  }
+  if (!latest_ || now - latest_->at >= shortest_rate_window) latest_ = Past{now, figures};
+  return status;
+}
+
+}  // namespace huetrack

@@ -1,0 +1,33 @@
+// Turns the pipeline's figures into the status sample: rates, health of the cameras, warnings.
+#pragma once
+
+#include <chrono>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "daemon/pipeline.h"
+#include "daemon/service_config.h"
+#include "publish/service_status.h"
+
+namespace huetrack {
+
+// thread-compatible.
+class StatusReporter {
+ public:
+  // mode: "replay" or "run"
+  StatusReporter(const ServiceConfig& config, std::string mode, Duration clock_offset);
+
+  // Rates are over the time since a report at least half a second ago.
+  ServiceStatus report(const PipelineFigures& figures, std::chrono::steady_clock::time_point now, Timestamp unix_now);
+
+ private:
+  ServiceStatus fixed_;  // what does not change
+  struct Past {
+    std::chrono::steady_clock::time_point at;
+    PipelineFigures figures;
+  };
+  std::optional<Past> past_, latest_;
+};
+
+}  // namespace huetrack

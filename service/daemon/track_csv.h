@@ -1,0 +1,42 @@
+// Tracks as CSV: one row per target and frame set, in every state. Locale-independent; numbers read back to the same
+// bits.
+#pragma once
+
+#include <filesystem>
+#include <fstream>
+#include <map>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "object_tracking/object_estimate.h"
+
+namespace huetrack {
+
+inline constexpr std::string_view track_csv_header =
+    "target,t,x,y,z,vx,vy,vz,cxx,cxy,cxz,cyy,cyz,czz,state,views,confidence";
+
+// One row, without the end of line. t: capture time, seconds with 9 decimals, on the clock of estimate.at.
+// `nan` where there is no position.
+std::string to_csv_row(std::string_view target, const ObjectEstimate& estimate);
+
+// thread-compatible.
+class TrackCsvWriter {
+ public:
+  explicit TrackCsvWriter(std::filesystem::path file);  // throws std::system_error, naming the file
+  void write(std::string_view target, const ObjectEstimate& estimate);
+  // What is written so far is on disk. throws std::system_error, naming the file: a full disk must not look like a
+  // track.
+  void flush();
+
+ private:
+  std::filesystem::path file_;
+  std::ofstream stream_;
+};
+
+// What a TrackCsvWriter (or `huetrack watch --format csv`) wrote: the estimates of each target, in the file's order.
+// Fields that the file does not hold have their defaults; set_number counts the rows of the target.
+// throws ConfigError "file:line: ..."
+std::map<std::string, std::vector<ObjectEstimate>> read_track_csv(const std::filesystem::path& file);
+
+}  // namespace huetrack
