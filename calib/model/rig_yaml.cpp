@@ -5,7 +5,6 @@
 #include <unistd.h>
 
 #include <Eigen/LU>
-#include <Eigen/SVD>
 #include <algorithm>
 #include <array>
 #include <cerrno>
@@ -69,9 +68,7 @@ Eigen::Quaterniond read_rotation_matrix(const YamlReader& pose) {
   if (m.determinant() < 0) {
     pose.fail("rotation", "is mirrored (determinant -1): a camera is right-handed, x right, y down, z forward");
   }
-  // The nearest rotation; the file's digits are rounded.
-  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(m, Eigen::ComputeFullU | Eigen::ComputeFullV);
-  return Eigen::Quaterniond(Eigen::Matrix3d(svd.matrixU() * svd.matrixV().transpose())).normalized();
+  return Eigen::Quaterniond(m).normalized();  // a rotation, although the file's digits are rounded
 }
 
 Eigen::Quaterniond read_quaternion(const YamlReader& pose) {
@@ -136,6 +133,14 @@ std::string in_quotes(std::string_view text) {
   return out + '"';
 }
 
+// A word that YAML cannot take for anything else goes without quotes.
+std::string key_text(const std::string& key) {
+  const auto is_letter = [](char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || c == '_'; };
+  const bool is_word = !key.empty() && is_letter(key.front()) &&
+                       std::ranges::all_of(key, [&](char c) { return is_letter(c) || (c >= '0' && c <= '9'); });
+  return is_word && key != "null" && key != "Null" && key != "NULL" ? key : in_quotes(key);
+}
+
 std::string distortion_text(const PinholeRadtan& lens) {
   const auto& k = lens.distortion;
   const bool rational = k[5] != 0 || k[6] != 0 || k[7] != 0;
@@ -175,7 +180,7 @@ std::string to_yaml(const CameraRig& rig) {
     const CameraModel& model = camera.model;
     const Eigen::Quaterniond& q = camera.cam_from_world.rotation;
     const Eigen::Vector3d& t = camera.cam_from_world.translation;
-    out += "  " + in_quotes(camera.name) + ":\n";
+    out += "  " + key_text(camera.name) + ":\n";
     out += "    image_size: [" + std::to_string(camera.image_size.width) + ", " +
            std::to_string(camera.image_size.height) + "]\n";
     out += "    model: " + std::string(model.name()) + "\n";
@@ -189,7 +194,7 @@ std::string to_yaml(const CameraRig& rig) {
   }
   if (!rig.made_by.empty()) {
     out += "made_by:\n";
-    for (const auto& [key, value] : rig.made_by) out += "  " + in_quotes(key) + ": " + in_quotes(value) + "\n";
+    for (const auto& [key, value] : rig.made_by) out += "  " + key_text(key) + ": " + in_quotes(value) + "\n";
   }
   return out;
 }

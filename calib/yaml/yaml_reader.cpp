@@ -1,5 +1,6 @@
 #include "calib/yaml/yaml_reader.h"
 
+#include <yaml-cpp/eventhandler.h>
 #include <yaml-cpp/yaml.h>
 
 #include <algorithm>
@@ -8,6 +9,7 @@
 #include <charconv>
 #include <cmath>
 #include <fstream>
+#include <sstream>
 #include <system_error>
 #include <unordered_set>
 
@@ -132,6 +134,42 @@ std::string error_text(const std::filesystem::path& file, int line, const std::s
   return text;
 }
 
+// Hears where documents begin.
+class DocumentStarts : public YAML::EventHandler {
+ public:
+  void OnDocumentStart(const YAML::Mark& mark) override { line_ = mark.line + 1; }
+  void OnDocumentEnd() override {}
+  void OnNull(const YAML::Mark&, YAML::anchor_t) override {}
+  void OnAlias(const YAML::Mark&, YAML::anchor_t) override {}
+  void OnScalar(const YAML::Mark&, const std::string&, YAML::anchor_t, const std::string&) override {}
+  void OnSequenceStart(const YAML::Mark&, const std::string&, YAML::anchor_t, YAML::EmitterStyle::value) override {}
+  void OnSequenceEnd() override {}
+  void OnMapStart(const YAML::Mark&, const std::string&, YAML::anchor_t, YAML::EmitterStyle::value) override {}
+  void OnMapEnd() override {}
+  int line() const { return line_; }
+
+ private:
+  int line_ = 0;
+};
+
+// The file's one document. YAML::Load alone would ignore what follows the first document, and YAML::LoadAll never ends
+// (and eats all memory) when that is a stray "," or "}": https://github.com/jbeder/yaml-cpp/pull/1319
+YAML::Node parse(const std::string& yaml, const std::string& name) {
+  try {
+    const YAML::Node document = YAML::Load(yaml);
+    std::istringstream stream(yaml);
+    YAML::Parser parser(stream);
+    DocumentStarts starts;
+    if (parser.HandleNextDocument(starts) && parser.HandleNextDocument(starts)) {
+      throw ConfigError(name, starts.line(), "a second YAML document, or something that is no YAML, begins here");
+    }
+    return document;
+  } catch (const YAML::Exception& error) {
+    throw ConfigError(name, error.mark.line + 1,
+                      "is not valid YAML: " + error.msg + " (column " + std::to_string(error.mark.column + 1) + ")");
+  }
+}
+
 std::string contents(const std::filesystem::path& path) {
   std::error_code ignored;
   if (std::filesystem::is_directory(path, ignored)) throw ConfigError(path, 0, "is a directory, not a file");
@@ -229,10 +267,10 @@ struct YamlReader::Node {
     throw ConfigError(file, entry.line, child(entry.key) + index + " " + message);
   }
 
-  // A list may span lines, so its elements are reported where they are.
+  // A list may span lines, so its elements are reported where they are (but nothing is nowhere).
   [[noreturn]] void fail(const Entry& entry, const YAML::Node& element, const std::string& index,
                          const std::string& message) const {
-    const int element_line = element.Mark().line + 1;
+    const int element_line = index.empty() || is_null(element) ? 0 : element.Mark().line + 1;
     throw ConfigError(file, element_line > 0 ? element_line : entry.line, child(entry.key) + index + " " + message);
   }
 
@@ -276,18 +314,9 @@ YamlReader YamlReader::file(const std::filesystem::path& path) {
 }
 
 YamlReader YamlReader::text(const std::string& yaml, const std::string& name) {
-  std::vector<YAML::Node> documents;
-  try {
-    documents = YAML::LoadAll(yaml);
-  } catch (const YAML::Exception& error) {
-    throw ConfigError(name, error.mark.line + 1,
-                      "is not valid YAML: " + error.msg + " (column " + std::to_string(error.mark.column + 1) + ")");
-  }
-  if (documents.empty() || (documents.size() == 1 && is_null(documents[0]))) throw ConfigError(name, 0, "is empty");
-  if (documents.size() > 1) {
-    throw ConfigError(name, 0, "must hold one YAML document, has " + std::to_string(documents.size()));
-  }
-  return YamlReader(std::make_shared<Node>(name, "", 1, documents[0]));
+  const YAML::Node document = parse(yaml, name);
+  if (is_null(document)) throw ConfigError(name, 0, "is empty");
+  return YamlReader(std::make_shared<Node>(name, "", 1, document));
 }
 
 bool YamlReader::has(std::string_view key) const {

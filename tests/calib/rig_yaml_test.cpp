@@ -1,0 +1,390 @@
+#include "calib/model/rig_yaml.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <unistd.h>
+
+#include <array>
+#include <bit>
+#include <cmath>
+#include <cstdint>
+#include <filesystem>
+#include <fstream>
+#include <random>
+#include <sstream>
+#include <system_error>
+
+#include "calib/yaml/yaml_reader.h"
+
+namespace huetrack {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::HasSubstr;
+
+class RigYaml : public testing::Test {
+ protected:
+  RigYaml() : folder_(testing::TempDir() + "rig_yaml_test." + std::to_string(::getpid())) {
+    fs::create_directories(folder_);
+  }
+  ~RigYaml() override { fs::remove_all(folder_); }
+
+  fs::path file() const { return folder_ / "rig.yaml"; }
+
+  CameraRig read(const std::string& yaml) const {
+    std::ofstream(file(), std::ios::binary) << yaml;
+    return read_rig(file());
+  }
+
+  // The message, with the temporary folder's name left out.
+  std::string error_of(const std::string& yaml) const {
+    try {
+      read(yaml);
+    } catch (const ConfigError& error) {
+      const std::string what = error.what();
+      EXPECT_EQ(what.find(file().string()), 0u);
+      return what.substr(folder_.string().size() + 1);
+    }
+    return "no error";
+  }
+
+  fs::path folder_;
+};
+
+const std::string valid =
+    "version: 1\n"                                                      // 1
+    "cameras:\n"                                                        // 2
+    "  left:\n"                                                         // 3
+    "    image_size: [320, 240]\n"                                      // 4
+    "    model: pinhole_radtan\n"                                       // 5
+    "    intrinsics: {fx: 241.734, fy: 241.5, cx: 157.3, cy: 122.4}\n"  // 6
+    "    distortion: [-0.145, 0.033, -0.0004, 0.0005, 0]\n"             // 7
+    "    cam_from_world:\n"                                             // 8
+    "      rotation: [[0, -1, 0], [0, 0, -1], [1, 0, 0]]\n"             // 9
+    "      translation: [0.1, 0.2, 3]\n"                                // 10
+    "  right:\n"                                                        // 11
+    "    image_size: [640, 480]\n"                                      // 12
+    "    model: fisheye_kb\n"                                           // 13
+    "    intrinsics: {fx: 285, fy: 286, cx: 317, cy: 241}\n"            // 14
+    "    distortion: [-0.01, 0.002, -0.0003, 0.00004]\n"                // 15
+    "    cam_from_world:\n"                                             // 16
+    "      quaternion_xyzw: [0, 0.6, 0, 0.8]\n"                         // 17
+    "      translation: [-1, 0, 2.5]\n"                                 // 18
+    "made_by:\n"                                                        // 19
+    "  tool: huetrack-calibrate 0.1\n";                                 // 20
+
+std::string replaced(const std::string& from, const std::string& to) {
+  std::string text = valid;
+  const std::size_t at = text.find(from);
+  EXPECT_NE(at, std::string::npos) << from;
+  return text.replace(at, from.size(), to);
+}
+
+TEST_F(RigYaml, ReadsWhatIsThere) {
+  const CameraRig rig = read(valid);
+  ASSERT_EQ(rig.cameras.size(), 2u);
+  const Camera& left = rig.cameras[0];
+  EXPECT_EQ(left.name, "left");
+  EXPECT_EQ(left.image_size, (ImageSize{320, 240}));
+  const auto& pinhole = std::get<PinholeRadtan>(left.model.lens());
+  EXPECT_EQ(pinhole.fx, 241.734);
+  EXPECT_EQ(pinhole.fy, 241.5);
+  EXPECT_EQ(pinhole.cx, 157.3);
+  EXPECT_EQ(pinhole.cy, 122.4);
+  EXPECT_EQ(pinhole.distortion, (std::array<double, 8>{-0.145, 0.033, -0.0004, 0.0005}));
+  EXPECT_LT((left.cam_from_world * Eigen::Vector3d(1, 2, 3) - Eigen::Vector3d(-1.9, -2.8, 4)).norm(), 1e-15);
+  const Camera& right = rig.cameras[1];
+  EXPECT_EQ(std::get<FisheyeKannalaBrandt>(right.model.lens()).distortion,
+            (std::array<double, 4>{-0.01, 0.002, -0.0003, 0.00004}));
+  EXPECT_EQ(right.cam_from_world.rotation.y(), 0.6);
+  EXPECT_EQ(right.cam_from_world.rotation.w(), 0.8);
+  ASSERT_EQ(rig.made_by.size(), 1u);
+  EXPECT_EQ(rig.made_by[0], (std::pair<std::string, std::string>("tool", "huetrack-calibrate 0.1")));
+}
+
+TEST_F(RigYaml, PinholesHaveFourFiveOrEightCoefficients) {
+  const auto distortion = [&](const std::string& list) {
+    return std::get<PinholeRadtan>(read(replaced("[-0.145, 0.033, -0.0004, 0.0005, 0]", list)).cameras[0].model.lens())
+        .distortion;
+  };
+  EXPECT_EQ(distortion("[1, 2, 3, 4]"), (std::array<double, 8>{1, 2, 3, 4}));
+  EXPECT_EQ(distortion("[1, 2, 3, 4, 5]"), (std::array<double, 8>{1, 2, 3, 4, 5}));
+  EXPECT_EQ(distortion("[1, 2, 3, 4, 5, 6, 7, 8]"), (std::array<double, 8>{1, 2, 3, 4, 5, 6, 7, 8}));
+}
+
+TEST_F(RigYaml, ARoundedMatrixBecomesARotation) {
+  const CameraRig rig = read(replaced("[[0, -1, 0], [0, 0, -1], [1, 0, 0]]",
+                                      "[[0.36, 0.48, -0.80003], [-0.8, 0.60002, 0], [0.48, 0.64, 0.6]]"));
+  const Eigen::Matrix3d r = rig.cameras[0].cam_from_world.rotation.toRotationMatrix();
+  EXPECT_LT((r * r.transpose() - Eigen::Matrix3d::Identity()).norm(), 1e-15);
+  Eigen::Matrix3d exact;
+  exact << 0.36, 0.48, -0.8, -0.8, 0.6, 0, 0.48, 0.64, 0.6;
+  EXPECT_LT((r - exact).norm(), 5e-5);
+}
+
+TEST_F(RigYaml, ASingleCameraMayDoWithoutAPose) {
+  const std::string pose =
+      valid.substr(valid.find("    cam_from_world"), valid.find("  right") - valid.find("    cam"));
+  std::string one = valid.substr(0, valid.find("  right"));
+  one.erase(one.find("    cam_from_world"));
+  const CameraRig rig = read(one);
+  EXPECT_TRUE(rig.cameras[0].cam_from_world.rotation.isApprox(Eigen::Quaterniond::Identity(), 0));
+  EXPECT_EQ(rig.cameras[0].cam_from_world.translation, Eigen::Vector3d(0, 0, 0));
+  EXPECT_EQ(error_of(replaced(pose, "")), "rig.yaml:3: cameras.left.cam_from_world is missing");
+}
+
+struct Mutation {
+  std::string from, to, message;
+};
+
+TEST_F(RigYaml, EveryMistakeHasItsOwnMessage) {
+  const std::string matrix = "[[0, -1, 0], [0, 0, -1], [1, 0, 0]]";
+  const std::vector<Mutation> mutations{
+      {"version: 1", "version: 2", "rig.yaml:1: version: is 2, this program reads rig files of version 1"},
+      {"version: 1\n", "", "rig.yaml:1: version is missing"},
+      {"cameras:", "camera:", "rig.yaml:1: cameras is missing (is camera in line 2 a misspelling of it?)"},
+      {"made_by", "mad_by", "rig.yaml:19: mad_by is not a known key (did you mean made_by?)"},
+      {"huetrack-calibrate 0.1", "[a]", "rig.yaml:20: made_by.tool must be a text, got a list of 1"},
+      {"[320, 240]", "abc", "rig.yaml:4: cameras.left.image_size must be a list of 2 numbers, got \"abc\""},
+      {"[320, 240]", "[320]", "rig.yaml:4: cameras.left.image_size must be a list of 2 numbers, got a list of 1"},
+      {"[320, 240]", "[320, 0]", "rig.yaml:4: cameras.left.image_size[1] must be from 1 to 32768 (is 0)"},
+      {"[320, 240]", "[320, 240.5]", "rig.yaml:4: cameras.left.image_size: must be whole pixels, [width, height]"},
+      {"image_size", "image_siz",
+       "rig.yaml:3: cameras.left.image_size is missing (is image_siz in line 4 a misspelling of it?)"},
+      {"pinhole_radtan", "pinhole_radtn",
+       "rig.yaml:5: cameras.left.model must be one of pinhole_radtan, fisheye_kb, got \"pinhole_radtn\" (did you mean "
+       "pinhole_radtan?)"},
+      {"fx: 241.734", "fx: -3", "rig.yaml:6: cameras.left.intrinsics.fx must be > 0 (is -3)"},
+      {"fx: 241.734", "fx: .nan", "rig.yaml:6: cameras.left.intrinsics.fx must be a number, got \".nan\""},
+      {"fy: 241.5, ", "", "rig.yaml:6: cameras.left.intrinsics.fy is missing"},
+      {"cy: 122.4", "cy: 122.4, skew: 0", "rig.yaml:6: cameras.left.intrinsics.skew is not a known key"},
+      {"fx: 241.734", "fx: 0.755",
+       "rig.yaml:3: cameras.left: fx and fy do not fit the image size: are they in pixels of this image?"},
+      {"cx: 157.3", "cx: 1573",
+       "rig.yaml:3: cameras.left: the principal point (cx, cy) is far outside the image: is it in pixels of this "
+       "image?"},
+      {"    distortion: [-0.145, 0.033, -0.0004, 0.0005, 0]\n", "",
+       "rig.yaml:3: cameras.left.distortion: is missing; a lens without distortion has [0, 0, 0, 0, 0]"},
+      {"-0.0004, 0.0005, 0]", "-0.0004]",
+       "rig.yaml:7: cameras.left.distortion must be a list of 4 to 8 numbers, got a list of 3"},
+      {"-0.0004, 0.0005, 0]", "-0.0004, 0.0005, 0, 1]",
+       "rig.yaml:7: cameras.left.distortion: pinhole_radtan has 4 (k1 k2 p1 p2), 5 (k3) or 8 (k4 k5 k6) coefficients, "
+       "got 6"},
+      {"0.00004]", "0.00004, 0]", "rig.yaml:15: cameras.right.distortion must be a list of 4 numbers, got a list of 5"},
+      {matrix, "[[0, 1, 0], [0, 0, -1], [1, 0, 0]]",
+       "rig.yaml:9: cameras.left.cam_from_world.rotation: is mirrored (determinant -1): a camera is right-handed, x "
+       "right, y down, z forward"},
+      {matrix, "[[0, -1, 0], [0, 0, -1], [1.01, 0, 0]]",
+       "rig.yaml:9: cameras.left.cam_from_world.rotation: is not a rotation: its rows must be orthogonal and of length "
+       "1 (off by 0.02)"},
+      {matrix, "[[0, -1, 0], [0, 0, -1]]",
+       "rig.yaml:9: cameras.left.cam_from_world.rotation must be a list of 3 rows of 3 numbers, got a list of 2"},
+      {matrix, "[[0, -1, 0], [0, 0, -1], [1, 0]]",
+       "rig.yaml:9: cameras.left.cam_from_world.rotation[2] must be a list of 3 numbers, got a list of 2"},
+      {"[0, 0.6, 0, 0.8]", "[0, 0.6, 0, 0.9]",
+       "rig.yaml:17: cameras.right.cam_from_world.quaternion_xyzw: must have length 1"},
+      {"[0, 0.6, 0, 0.8]", "[0, 0.6, 0, 0.8]\n      rotation: " + matrix,
+       "rig.yaml:17: cameras.right.cam_from_world.quaternion_xyzw: is given beside rotation: give one of the two"},
+      {"      rotation: " + matrix + "\n", "", "rig.yaml:8: cameras.left.cam_from_world.rotation is missing"},
+      {"[0.1, 0.2, 3]", "[0.1, 0.2]",
+       "rig.yaml:10: cameras.left.cam_from_world.translation must be a list of 3 numbers, got a list of 2"},
+      {"translation: [-1, 0, 2.5]", "translation: [-1, 0, 2.5]\n      scale: 2",
+       "rig.yaml:19: cameras.right.cam_from_world.scale is not a known key"},
+      {"  right:", "  left:", "rig.yaml:11: cameras.left is given twice"},
+      {"  right:", "  \"ri ght\":",
+       "rig.yaml:11: cameras.ri ght: a camera's name has 1 to 64 letters, digits, '_', '-' or '.', and starts with a "
+       "letter, a digit or '_'"},
+      {valid.substr(valid.find("  left"), valid.find("made_by") - valid.find("  left")), "  {}\n",
+       "rig.yaml:2: cameras: a rig has at least one camera"},
+      {"[0, 0.6, 0, 0.8]\n      translation: [-1, 0, 2.5]", "[0.5, -0.5, 0.5, 0.5]\n      translation: [0.1, 0.2, 3]",
+       "rig.yaml:2: cameras: cameras left and right stand at the same place in the world: one pose is copied, or not "
+       "calibrated"},
+  };
+  for (const Mutation& m : mutations) EXPECT_EQ(error_of(replaced(m.from, m.to)), m.message) << m.to;
+}
+
+void expect_same_bits(double a, double b) {
+  EXPECT_EQ(std::bit_cast<std::uint64_t>(a), std::bit_cast<std::uint64_t>(b)) << a << " " << b;
+}
+
+void expect_same_bits(const CameraRig& a, const CameraRig& b) {
+  ASSERT_EQ(a.cameras.size(), b.cameras.size());
+  for (std::size_t i = 0; i < a.cameras.size(); ++i) {
+    const Camera &c = a.cameras[i], &d = b.cameras[i];
+    EXPECT_EQ(c.name, d.name);
+    EXPECT_EQ(c.image_size, d.image_size);
+    ASSERT_EQ(c.model.lens().index(), d.model.lens().index());
+    expect_same_bits(c.model.fx(), d.model.fx());
+    expect_same_bits(c.model.fy(), d.model.fy());
+    expect_same_bits(c.model.cx(), d.model.cx());
+    expect_same_bits(c.model.cy(), d.model.cy());
+    std::visit(
+        [&](const auto& lens) {
+          const auto& other = std::get<std::decay_t<decltype(lens)>>(d.model.lens());
+          for (std::size_t k = 0; k < lens.distortion.size(); ++k) {
+            expect_same_bits(lens.distortion[k], other.distortion[k]);
+          }
+        },
+        c.model.lens());
+    for (int k = 0; k < 4; ++k) {
+      expect_same_bits(c.cam_from_world.rotation.coeffs()[k], d.cam_from_world.rotation.coeffs()[k]);
+    }
+    for (int k = 0; k < 3; ++k) expect_same_bits(c.cam_from_world.translation[k], d.cam_from_world.translation[k]);
+  }
+  EXPECT_EQ(a.made_by, b.made_by);
+}
+
+double uniform(std::mt19937_64& rng) {
+  return static_cast<double>(rng() >> 11) * 0x1p-53 * 2 - 1;
+}
+
+TEST_F(RigYaml, WhatIsWrittenReadsBackToTheSameBits) {
+  std::mt19937_64 rng(5);
+  for (int i = 0; i < 200; ++i) {
+    CameraRig rig;
+    for (const std::string name : {"cam0", "null", "1e3", "a-b.c", "_x"}) {
+      Camera camera;
+      camera.name = name;
+      camera.image_size = {640, 480};
+      const double fx = 500 + 100 * uniform(rng), fy = 500 + 100 * uniform(rng);
+      const double cx = 320 + uniform(rng), cy = 240 + uniform(rng);
+      if (rng() % 3 == 0) {
+        FisheyeKannalaBrandt lens{fx, fy, cx, cy, {}};
+        for (double& k : lens.distortion) k = uniform(rng) * 1e-3;
+        camera.model = CameraModel(lens);
+      } else {
+        PinholeRadtan lens{fx, fy, cx, cy, {}};
+        const std::size_t count = std::array{0u, 2u, 5u, 8u}[rng() % 4];
+        for (std::size_t k = 0; k < count; ++k) lens.distortion[k] = uniform(rng) * std::pow(10, 8 * uniform(rng) - 8);
+        camera.model = CameraModel(lens);
+      }
+      camera.cam_from_world.rotation =
+          Eigen::Quaterniond(uniform(rng), uniform(rng), uniform(rng), uniform(rng)).normalized();
+      camera.cam_from_world.translation = {3 * uniform(rng), -0.0, 1e-9 * uniform(rng)};
+      rig.cameras.push_back(camera);
+    }
+    rig.made_by = {{"tool", "huetrack-calibrate"},
+                   {"a key: with # everything", "quotes \" and \\ and\nlines\tand \x01 and \xC3\xA9 {[*&!%@`"},
+                   {"null", "null"},
+                   {"rms_px", "0.21"},
+                   {"~", " spaces around "}};
+    write_rig(rig, file());
+    const CameraRig back = read_rig(file());
+    expect_same_bits(rig, back);
+    EXPECT_EQ(rig_identity(rig), rig_identity(back));
+  }
+}
+
+TEST_F(RigYaml, ComposedPosesReadBackToTheSameBits) {
+  // Products of rotations are normalised with rounding; the reader must not normalise once more.
+  std::mt19937_64 rng(6);
+  CameraRig rig = read(valid);
+  for (int i = 0; i < 2000; ++i) {
+    Tangent6d step;
+    for (int k = 0; k < 6; ++k) step[k] = uniform(rng);
+    rig.cameras[0].cam_from_world = exp(step) * rig.cameras[0].cam_from_world;
+    rig.cameras[0].cam_from_world.translation *= 0.5;
+    if (i % 50 == 0) expect_same_bits(rig, read(to_yaml(rig)));
+  }
+}
+
+TEST_F(RigYaml, TheWrittenFormIsThisOne) {
+  EXPECT_EQ(to_yaml(read(valid)),
+            "# huetrack rig: see calib/README.md. Pixel (0,0) is the centre of the top-left pixel; metres;\n"
+            "# p_cam = R(quaternion) * p_world + translation.\n"
+            "version: 1\n"
+            "cameras:\n"
+            "  left:\n"
+            "    image_size: [320, 240]\n"
+            "    model: pinhole_radtan\n"
+            "    intrinsics: {fx: 241.734, fy: 241.5, cx: 157.3, cy: 122.4}\n"
+            "    distortion: [-0.145, 0.033, -4e-04, 5e-04, 0]   # k1 k2 p1 p2 k3\n"
+            "    cam_from_world:\n"
+            "      quaternion_xyzw: [0.5, -0.5, 0.5, 0.5]\n"
+            "      translation: [0.1, 0.2, 3]\n"
+            "  right:\n"
+            "    image_size: [640, 480]\n"
+            "    model: fisheye_kb\n"
+            "    intrinsics: {fx: 285, fy: 286, cx: 317, cy: 241}\n"
+            "    distortion: [-0.01, 0.002, -3e-04, 4e-05]   # k1 k2 k3 k4\n"
+            "    cam_from_world:\n"
+            "      quaternion_xyzw: [0, 0.6, 0, 0.8]\n"
+            "      translation: [-1, 0, 2.5]\n"
+            "made_by:\n"
+            "  tool: \"huetrack-calibrate 0.1\"\n");
+}
+
+TEST_F(RigYaml, TheIdentityChangesWithAnyNumber) {
+  const CameraRig rig = read(valid);
+  EXPECT_EQ(rig_identity(rig).size(), 16u);
+  EXPECT_EQ(rig_identity(rig), rig_identity(read("# another comment\n" + valid)));
+  CameraRig other = rig;
+  other.cameras[1].cam_from_world.translation.x() = std::nextafter(-1.0, 0);
+  EXPECT_NE(rig_identity(rig), rig_identity(other));
+}
+
+TEST_F(RigYaml, WritingReplacesTheFileAsAWhole) {
+  const CameraRig rig = read(valid);
+  std::ofstream(file()) << "something that was there before";
+  write_rig(rig, file());
+  expect_same_bits(rig, read_rig(file()));
+  EXPECT_EQ(std::distance(fs::directory_iterator(folder_), {}), 1);  // no temporary file is left
+  EXPECT_EQ(fs::status(file()).permissions(), fs::perms{0644});
+  try {
+    write_rig(rig, folder_ / "no such folder" / "rig.yaml");
+    FAIL();
+  } catch (const std::system_error& error) {
+    EXPECT_THAT(error.what(), HasSubstr("no such folder/rig.yaml"));
+    EXPECT_THAT(error.what(), HasSubstr("No such file or directory"));
+  }
+  fs::create_directory(folder_ / "taken");
+  EXPECT_THROW(write_rig(rig, folder_ / "taken"), std::system_error);
+  EXPECT_EQ(std::distance(fs::directory_iterator(folder_), {}), 2);
+}
+
+TEST_F(RigYaml, ADamagedFileIsReadOrRefusedNothingElse) {
+  std::mt19937_64 rng(7);
+  const std::string alphabet = "{}[]:,-?&*!|>'\"%@#\n 0123456789.e+x~";
+  int refused = 0, read_through = 0;
+  for (int i = 0; i < 2000; ++i) {
+    std::string damaged = valid;
+    if (i % 4 == 0) damaged.resize(rng() % damaged.size());
+    for (std::size_t n = rng() % 4; n > 0 && !damaged.empty(); --n) {
+      damaged[rng() % damaged.size()] = i % 2 == 0 ? static_cast<char>(rng()) : alphabet[rng() % alphabet.size()];
+    }
+    std::ofstream(file(), std::ios::binary) << damaged;
+    try {
+      const CameraRig rig = read_rig(file());
+      EXPECT_TRUE(rig.problems().empty());
+      ++read_through;
+    } catch (const ConfigError&) {
+      ++refused;
+    }  // anything else fails the test
+  }
+  EXPECT_GT(refused, 200);
+  EXPECT_GT(read_through, 200);
+}
+
+TEST(SharedRigs, AllOfThemAreReadAsTheyAre) {
+  const fs::path data = HUETRACK_SHARED_DATA;
+  if (!fs::exists(data)) GTEST_SKIP() << data << " is not there";
+  int count = 0;
+  for (const auto& entry : fs::recursive_directory_iterator(data)) {
+    if (entry.path().filename() != "rig.yaml") continue;
+    SCOPED_TRACE(entry.path().string());
+    const CameraRig rig = read_rig(entry.path());
+    ++count;
+    for (const Camera& camera : rig.cameras) {
+      const RawPixel middle{{camera.image_size.width / 2.0, camera.image_size.height / 2.0}};
+      const auto ray = camera.model.ray(middle);
+      ASSERT_TRUE(ray);
+      EXPECT_LT((camera.model.project(*ray)->px - middle.px).norm(), 1e-9);
+      EXPECT_LT(camera.centre().norm(), 10);
+    }
+  }
+  EXPECT_GE(count, 8);
+}
+
+}  // namespace
+}  // namespace huetrack

@@ -1,0 +1,372 @@
+#include "calib/yaml/yaml_reader.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <array>
+#include <fstream>
+#include <functional>
+#include <random>
+#include <sstream>
+#include <string>
+
+namespace huetrack {
+namespace {
+
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::StartsWith;
+
+// The message of the ConfigError that `action` throws.
+std::string error_of(const std::function<void()>& action) {
+  try {
+    action();
+  } catch (const ConfigError& error) {
+    return error.what();
+  }
+  return "no error";
+}
+
+YamlReader read(const std::string& yaml) {
+  return YamlReader::text(yaml, "c.yaml");
+}
+
+constexpr std::array<std::string_view, 3> colours{"red", "green", "blue"};
+
+TEST(YamlReader, ReadsEveryType) {
+  const YamlReader r = read(R"(# a comment
+real: -1.5e-3
+whole_real: 7
+positive: +2.5
+count: 12
+hex: 0x1F
+exponent: 1e6
+yes_: true
+no_: False
+text: hello world
+quoted: "12"
+plain_number_as_text: 0815
+colour: green
+list: [1, 2.5, -3]
+block:
+  - 4
+  - 5
+rows: [[1, 2], [3, 4]]
+words: [a, "b c"]
+map: {x: 1}
+maps: [{x: 1}, {x: 2}]
+named:
+  zebra: {x: 1}
+  ant: {x: 2}
+)");
+  EXPECT_EQ(r.number("real", any_number), -1.5e-3);
+  EXPECT_EQ(r.number("whole_real", any_number), 7);
+  EXPECT_EQ(r.number("positive", positive), 2.5);
+  EXPECT_EQ(r.integer("count", any_number), 12);
+  EXPECT_EQ(r.integer("hex", any_number), 31);
+  EXPECT_EQ(r.integer("exponent", any_number), 1'000'000);
+  EXPECT_TRUE(r.boolean("yes_"));
+  EXPECT_FALSE(r.boolean("no_"));
+  EXPECT_EQ(r.string("text"), "hello world");
+  EXPECT_EQ(r.string("quoted"), "12");
+  EXPECT_EQ(r.string("plain_number_as_text"), "0815");
+  EXPECT_EQ(r.choice("colour", colours), "green");
+  EXPECT_THAT(r.numbers("list", 1, 3, any_number), ElementsAre(1, 2.5, -3));
+  EXPECT_THAT(r.numbers("block", 2, 2, any_number), ElementsAre(4, 5));
+  EXPECT_THAT(r.rows("rows", 2, 2), ElementsAre(ElementsAre(1, 2), ElementsAre(3, 4)));
+  EXPECT_THAT(r.strings("words"), ElementsAre("a", "b c"));
+  const YamlReader map = r.map("map");
+  EXPECT_EQ(map.integer("x", any_number), 1);
+  EXPECT_EQ(map.key_path(), "map");
+  EXPECT_EQ(map.line(), 20);
+  ASSERT_EQ(r.maps("maps").size(), 2u);
+  EXPECT_EQ(r.maps("maps")[1].integer("x", any_number), 2);
+  const auto named = r.named_maps("named");
+  ASSERT_EQ(named.size(), 2u);
+  EXPECT_EQ(named[0].first, "zebra");  // the order of the file
+  EXPECT_EQ(named[1].second.key_path(), "named.ant");
+  EXPECT_EQ(named[1].second.integer("x", any_number), 2);
+  EXPECT_EQ(r.keys().size(), 19u);
+  EXPECT_EQ(r.keys().front(), "real");
+  EXPECT_NO_THROW(r.finish());
+}
+
+TEST(YamlReader, DefaultsStandForAbsentKeysOnly) {
+  const YamlReader r = read("a: 1\nnull_: ~\nempty:\n");
+  EXPECT_EQ(r.number("n", positive, -4.0), -4.0);  // the program's own default is not checked
+  EXPECT_EQ(r.integer("i", any_number, 7), 7);
+  EXPECT_TRUE(r.boolean("b", true));
+  EXPECT_EQ(r.string("s", ""), "");
+  EXPECT_EQ(r.choice("c", colours, "red"), "red");
+  EXPECT_FALSE(r.optional_map("m").has_value());
+  EXPECT_EQ(r.number("a", positive, 9.0), 1);
+  EXPECT_EQ(error_of([&] { r.number("null_", any_number, 1.0); }), "c.yaml:2: null_ must be a number, got nothing");
+  EXPECT_EQ(error_of([&] { r.string("empty", "x"); }), "c.yaml:3: empty must be a text, got nothing");
+  EXPECT_EQ(error_of([&] { r.optional_map("null_"); }), "c.yaml:2: null_ must be a mapping (key: value), got nothing");
+}
+
+struct Case {
+  std::string yaml;
+  std::function<void(const YamlReader&)> read;
+  std::string message;
+};
+
+// Every error of every getter, word for word.
+TEST(YamlReader, SaysWhatIsWrongAndWhere) {
+  const auto number = [](Range range) { return [range](const YamlReader& r) { r.number("k", range); }; };
+  const auto integer = [](Range range) { return [range](const YamlReader& r) { r.integer("k", range); }; };
+  const auto boolean = [](const YamlReader& r) { r.boolean("k"); };
+  const auto string = [](const YamlReader& r) { r.string("k"); };
+  const auto choice = [](const YamlReader& r) { r.choice("k", colours); };
+  const auto pair = [](const YamlReader& r) { r.numbers("k", 2, 2, non_negative); };
+  const auto rows = [](const YamlReader& r) { r.rows("k", 2, 2); };
+  const std::vector<Case> cases{
+      {"k: abc", number(any_number), "c.yaml:1: k must be a number, got \"abc\""},
+      {"k: '5'", number(any_number), "c.yaml:1: k must be a number, got \"5\""},
+      {"k: 5px", number(any_number), "c.yaml:1: k must be a number, got \"5px\""},
+      {"k: 0.5.1", number(any_number), "c.yaml:1: k must be a number, got \"0.5.1\""},
+      {"k: .nan", number(any_number), "c.yaml:1: k must be a number, got \".nan\""},
+      {"k: nan", number(any_number), "c.yaml:1: k must be a number, got \"nan\""},
+      {"k: -.inf", number(any_number), "c.yaml:1: k must be a number, got \"-.inf\""},
+      {"k: inf", number(any_number), "c.yaml:1: k must be a number, got \"inf\""},
+      {"k: 1e999", number(any_number), "c.yaml:1: k must be a number, got \"1e999\""},
+      {"k: +-5", number(any_number), "c.yaml:1: k must be a number, got \"+-5\""},
+      {"k: [1]", number(any_number), "c.yaml:1: k must be a number, got a list of 1"},
+      {"k: {a: 1}", number(any_number), "c.yaml:1: k must be a number, got a mapping"},
+      {"k: -3", number(positive), "c.yaml:1: k must be > 0 (is -3)"},
+      {"k: 0", number(positive), "c.yaml:1: k must be > 0 (is 0)"},
+      {"k: -0.5", number(non_negative), "c.yaml:1: k must be >= 0 (is -0.5)"},
+      {"k: 2", number({.min = 0, .max = 1}), "c.yaml:1: k must be from 0 to 1 (is 2)"},
+      {"k: 360", number({.min = 0, .max = 360, .max_is_open = true}), "c.yaml:1: k must be >= 0 and < 360 (is 360)"},
+      {"k: 3", number({.max = 1}), "c.yaml:1: k must be <= 1 (is 3)"},
+      {"x: 1", number(any_number), "c.yaml:1: k is missing"},
+      {"k: 2.5", integer(any_number), "c.yaml:1: k must be a whole number, got \"2.5\""},
+      {"k: 0x", integer(any_number), "c.yaml:1: k must be a whole number, got \"0x\""},
+      {"k: 0x-5", integer(any_number), "c.yaml:1: k must be a whole number, got \"0x-5\""},
+      {"k: 1e30", integer(any_number), "c.yaml:1: k must be a whole number, got \"1e30\""},
+      {"k: 99999999999999999999", integer(any_number),
+       "c.yaml:1: k must be a whole number, got \"99999999999999999999\""},
+      {"k: 0", integer({.min = 1, .max = 9}), "c.yaml:1: k must be from 1 to 9 (is 0)"},
+      {"k: yes", boolean, "c.yaml:1: k must be true or false, got \"yes\""},
+      {"k: 'true'", boolean, "c.yaml:1: k must be true or false, got \"true\""},
+      {"k: ''", string, "c.yaml:1: k must not be empty"},
+      {"k: [a]", string, "c.yaml:1: k must be a text, got a list of 1"},
+      {"k: gren", choice, "c.yaml:1: k must be one of red, green, blue, got \"gren\" (did you mean green?)"},
+      {"k: magenta", choice, "c.yaml:1: k must be one of red, green, blue, got \"magenta\""},
+      {"k: abc", pair, "c.yaml:1: k must be a list of 2 numbers, got \"abc\""},
+      {"k: [1, 2, 3]", pair, "c.yaml:1: k must be a list of 2 numbers, got a list of 3"},
+      {"k: [1]", [](const YamlReader& r) { r.numbers("k", 4, 8, any_number); },
+       "c.yaml:1: k must be a list of 4 to 8 numbers, got a list of 1"},
+      {"k:\n  - 1\n  - x", pair, "c.yaml:3: k[1] must be a number, got \"x\""},
+      {"k:\n  - 1\n  - -7", pair, "c.yaml:3: k[1] must be >= 0 (is -7)"},
+      {"k: [1, 2]", rows, "c.yaml:1: k[0] must be a list of 2 numbers, got \"1\""},
+      {"k: [[1, 2]]", rows, "c.yaml:1: k must be a list of 2 rows of 2 numbers, got a list of 1"},
+      {"k: [[1, 2],\n    [3, z]]", rows, "c.yaml:2: k[1][1] must be a number, got \"z\""},
+      {"k: word", [](const YamlReader& r) { r.strings("k"); }, "c.yaml:1: k must be a list of texts, got \"word\""},
+      {"k: [a, '']", [](const YamlReader& r) { r.strings("k"); }, "c.yaml:1: k[1] must not be empty"},
+      {"k: 3", [](const YamlReader& r) { r.map("k"); }, "c.yaml:1: k must be a mapping (key: value), got \"3\""},
+      {"k: {a: 1}", [](const YamlReader& r) { r.maps("k"); }, "c.yaml:1: k must be a list of mappings, got a mapping"},
+      {"k:\n- {a: 1}\n- 5", [](const YamlReader& r) { r.maps("k"); },
+       "c.yaml:3: k[1] must be a mapping (key: value), got \"5\""},
+      {"k:\n  n: 5", [](const YamlReader& r) { r.named_maps("k"); },
+       "c.yaml:2: k.n must be a mapping (key: value), got \"5\""},
+      {"a: 1\nk:\n  n: {x: 5}", [](const YamlReader& r) { r.map("k").map("n").fail("x", "is too odd"); },
+       "c.yaml:3: k.n.x: is too odd"},
+      {"a: 1\nk:\n  n: 5", [](const YamlReader& r) { r.map("k").fail("absent", "is needed"); },
+       "c.yaml:2: k.absent: is needed"},
+      {"a: 1\nk:\n  n: 5", [](const YamlReader& r) { r.map("k").fail("", "is odd"); }, "c.yaml:2: k: is odd"},
+  };
+  for (const Case& c : cases) {
+    EXPECT_EQ(error_of([&] { c.read(read(c.yaml)); }), c.message) << c.yaml;
+  }
+}
+
+TEST(YamlReader, NamesTheUnknownKeyAndTheOneMeant) {
+  const YamlReader r = read("version: 1\n\nobject_tracking:\n  seed: 3\n  particle_cuont: 500\n");
+  r.integer("version", any_number);
+  const YamlReader tracking = r.map("object_tracking");
+  tracking.integer("seed", any_number);
+  tracking.integer("particle_count", any_number, 500);
+  EXPECT_EQ(error_of([&] { tracking.finish(); }),
+            "c.yaml:5: object_tracking.particle_cuont is not a known key (did you mean particle_count?)");
+  EXPECT_NO_THROW(r.finish());
+  EXPECT_EQ(error_of([&] { read("banana: 1").finish(); }), "c.yaml:1: banana is not a known key");
+}
+
+TEST(YamlReader, AMissingKeyPointsAtItsMisspelling) {
+  const YamlReader r = read("version: 1\nimage_szie: [1, 2]\n");
+  r.integer("version", any_number);
+  EXPECT_EQ(error_of([&] { r.numbers("image_size", 2, 2, any_number); }),
+            "c.yaml:1: image_size is missing (is image_szie in line 2 a misspelling of it?)");
+}
+
+TEST(YamlReader, KeysGivenTwiceAreAnError) {
+  EXPECT_EQ(error_of([] { read("a: 1\nb: 2\na: 3\n"); }), "c.yaml:3: a is given twice");
+  EXPECT_EQ(error_of([] { read("m:\n  a: 1\n  a: 1\n").map("m"); }), "c.yaml:3: m.a is given twice");
+  EXPECT_EQ(error_of([] { read("cams:\n  l: {}\n  l: {}\n").named_maps("cams"); }), "c.yaml:3: cams.l is given twice");
+}
+
+TEST(YamlReader, WhatIsNotOneMappingIsAnError) {
+  EXPECT_EQ(error_of([] { read(""); }), "c.yaml: is empty");
+  EXPECT_EQ(error_of([] { read("# only a comment\n"); }), "c.yaml: is empty");
+  EXPECT_EQ(error_of([] { read("~"); }), "c.yaml: is empty");
+  EXPECT_EQ(error_of([] { read("[1, 2]"); }), "c.yaml:1: the file must be a mapping (key: value), got a list of 2");
+  const std::string second = "a second YAML document, or something that is no YAML, begins here";
+  EXPECT_EQ(error_of([&] { read("a: 1\n---\nb: 2\n"); }), "c.yaml:2: " + second);
+  EXPECT_EQ(error_of([&] { read("{a: 1}\n,\n"); }), "c.yaml:2: " + second);
+  EXPECT_EQ(error_of([&] { read(","); }), "c.yaml:1: " + second);  // YAML::LoadAll never returns from this one
+  EXPECT_EQ(error_of([] { read("[a]: 1"); }), "c.yaml:1: a key must be a word, got a list of 1");
+  EXPECT_EQ(error_of([] { read("x: {'': 1}").map("x"); }), "c.yaml:1: x: a key must be a word, got \"\"");
+  EXPECT_THAT(error_of([] { read("a: 1\nb: [1, 2\nc: 3\n"); }), StartsWith("c.yaml:3: is not valid YAML: "));
+  EXPECT_THAT(error_of([] { read("a: 1\n\tb: 2\n"); }), StartsWith("c.yaml:2: is not valid YAML: "));
+}
+
+TEST(YamlReader, AMessageIsOneShortLine) {
+  const std::string message = error_of([] { read("k: \"line\\nbreak " + std::string(500, 'x') + "\"").boolean("k"); });
+  EXPECT_EQ(message.find('\n'), std::string::npos);
+  EXPECT_LT(message.size(), 120u);
+  EXPECT_THAT(message, StartsWith("c.yaml:1: k must be true or false, got \"line break xxx"));
+}
+
+TEST(YamlReader, FilesThatCannotBeReadAreNamedAsGiven) {
+  EXPECT_EQ(error_of([] { YamlReader::file("no/such/./rig.yaml"); }),
+            "no/such/./rig.yaml: cannot be read: No such file or directory");
+  EXPECT_EQ(error_of([] { YamlReader::file("/proc/self"); }), "/proc/self: is a directory, not a file");
+  EXPECT_EQ(error_of([] { YamlReader::file("/dev/zero"); }), "/dev/zero: is larger than 4 MiB: not a file of ours");
+  EXPECT_EQ(error_of([] { YamlReader::file("~/rig.yaml"); }), "~/rig.yaml: cannot be read: No such file or directory");
+}
+
+TEST(YamlReader, ReadsAFileAndKeepsItsName) {
+  const std::string path = testing::TempDir() + "yaml_reader_test.yaml";
+  std::ofstream(path) << "\xEF\xBB\xBF"
+                      << "a: 1\r\nb: x\r\n";  // a byte order mark and DOS line ends
+  const YamlReader r = YamlReader::file(path);
+  EXPECT_EQ(r.path(), path);
+  EXPECT_EQ(r.integer("a", any_number), 1);
+  EXPECT_EQ(r.string("b"), "x");
+  EXPECT_EQ(error_of([&] { r.boolean("b"); }), path + ":2: b must be true or false, got \"x\"");
+}
+
+TEST(YamlReader, DeepAndSelfContainingFilesDoNotCrash) {
+  for (const std::string open : {"[", "{a: ", "- ", "? ", "&a [", "!t ["}) {
+    std::string deep = "k: ";
+    for (int i = 0; i < 20'000; ++i) deep += open;
+    EXPECT_THAT(error_of([&] { read(deep).finish(); }), StartsWith("c.yaml:")) << open;
+  }
+  // "A billion laughs": 2^40 elements if aliases were expanded.
+  std::string laughs = "a0: &a0 {x: 1, y: 2}\n";
+  for (int i = 1; i < 40; ++i) {
+    std::ostringstream line;
+    line << "a" << i << ": &a" << i << " {x: *a" << i - 1 << ", y: *a" << i - 1 << "}\n";
+    laughs += line.str();
+  }
+  EXPECT_EQ(read(laughs).map("a39").map("x").map("y").keys().size(), 2u);
+  EXPECT_EQ(error_of([] { read("a: &a [*a]").strings("a"); }), "c.yaml:1: a[0] must be a text, got a list of 1");
+}
+
+TEST(YamlReader, ALongMappingIsReadInLinearTime) {
+  std::ostringstream yaml;
+  for (int i = 0; i < 50'000; ++i) yaml << "key" << i << ": 1\n";
+  EXPECT_EQ(read(yaml.str()).keys().size(), 50'000u);
+}
+
+TEST(NearestWord, FindsMisspellingsOnly) {
+  const std::vector<std::string> words{"particle_count", "fx", "fy", "seed", "yuyv"};
+  EXPECT_EQ(nearest_word("particle_cuont", words), "particle_count");
+  EXPECT_EQ(nearest_word("particlecount", words), "particle_count");
+  EXPECT_EQ(nearest_word("sead", words), "seed");
+  EXPECT_EQ(nearest_word("yuvy", words), "yuyv");
+  EXPECT_EQ(nearest_word("cx", words), std::nullopt);  // two letters are too few to tell
+  EXPECT_EQ(nearest_word("banana", words), std::nullopt);
+  EXPECT_EQ(nearest_word("", words), std::nullopt);
+  EXPECT_EQ(nearest_word("seed", {}), std::nullopt);
+}
+
+// Reads whatever is there, by every getter.
+void read_everything(const YamlReader& r, int depth) {
+  const auto tolerant = [](const std::function<void()>& action) {
+    try {
+      action();
+    } catch (const ConfigError&) {  // what a damaged file is allowed to do
+    }
+  };
+  for (const auto& key : r.keys()) {
+    tolerant([&] { r.number(key, positive); });
+    tolerant([&] { r.integer(key, positive); });
+    tolerant([&] { r.boolean(key); });
+    tolerant([&] { r.string(key); });
+    tolerant([&] { r.choice(key, colours); });
+    tolerant([&] { r.numbers(key, 0, 9, any_number); });
+    tolerant([&] { r.rows(key, 3, 3); });
+    tolerant([&] { r.strings(key); });
+    tolerant([&] { r.maps(key); });
+    if (depth < 5) {
+      tolerant([&] {
+        for (const auto& [name, map] : r.named_maps(key)) read_everything(map, depth + 2);
+      });
+      tolerant([&] { read_everything(r.map(key), depth + 1); });
+    }
+  }
+  tolerant([&] { r.number("not there", any_number); });
+  tolerant([&] { r.finish(); });
+}
+
+TEST(YamlReader, ADamagedFileIsReadOrRefusedNothingElse) {
+  const std::string valid = R"(# rig
+version: 1
+cameras:
+  left: &l
+    image_size: [320, 240]   # pixels
+    model: pinhole_radtan
+    intrinsics: {fx: 256.054, fy: 2.5e2, cx: 157.4, cy: 121.2}
+    rotation: [[1, 0, 0], [0, 1, 0], [0, 0, 1]]
+  right: *l
+made_by:
+  "tool": 'huetrack-calibrate'
+  text: |
+    two
+    lines
+list:
+  - {a: true}
+  - {a: ~}
+)";
+  const std::string syntax = "{}[]:,-?&*!|>'\"%@`#\n\t \\~<=";
+  std::mt19937_64 rng(20);
+  const auto below = [&](std::size_t n) { return static_cast<std::size_t>(rng() % n); };
+  int refused = 0, read_through = 0;
+  for (int i = 0; i < 4000; ++i) {
+    std::string damaged = valid;
+    switch (below(4)) {
+      case 0:
+        damaged.resize(below(valid.size()));
+        break;
+      case 1:  // random bytes alone
+        damaged.resize(below(200));
+        for (char& c : damaged) c = static_cast<char>(rng());
+        break;
+      case 2:
+        for (std::size_t n = 1 + below(8); n > 0; --n) damaged[below(damaged.size())] = static_cast<char>(rng());
+        break;
+      default:
+        for (std::size_t n = 1 + below(8); n > 0; --n) {
+          damaged.insert(below(damaged.size()), 1, syntax[below(syntax.size())]);
+          damaged.erase(below(damaged.size()), below(3));
+        }
+    }
+    try {
+      read_everything(YamlReader::text(damaged, "c.yaml"), 0);
+      ++read_through;
+    } catch (const ConfigError& error) {
+      ASSERT_THAT(error.what(), StartsWith("c.yaml:"));
+      ASSERT_THAT(error.what(), testing::Not(HasSubstr("\n")));
+      ++refused;
+    } catch (const std::exception& error) {
+      FAIL() << "attempt " << i << ": " << error.what() << " for\n" << damaged;
+    }
+  }
+  EXPECT_GT(refused, 500);  // both happen, or the test is not testing
+  EXPECT_GT(read_through, 500);
+}
+
+}  // namespace
+}  // namespace huetrack
