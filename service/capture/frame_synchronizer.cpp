@@ -83,18 +83,17 @@ Duration FrameSynchronizer::clock_jump() const {
   return std::max(least_clock_jump, stopped_after_periods * shortest_period);
 }
 
-// With one camera there is nobody to compare a jump forward with, and it does no harm.
 bool FrameSynchronizer::is_off_time(const Frame& frame) const {
   if (!newest_) return false;
-  if (frame.captured_at < *newest_ - clock_jump()) return true;
-  return cameras_.size() > 1 && frame.captured_at > *newest_ + clock_jump();
+  return std::chrono::abs(frame.captured_at - *newest_) > clock_jump();
 }
 
 bool FrameSynchronizer::is_confirmed() const {
-  if (cameras_.size() == 1 || off_time_.size() >= frames_that_confirm_a_clock) return true;
+  if (off_time_.size() >= frames_that_confirm_a_clock) return true;
   const Frame& latest = off_time_.back();
   return std::ranges::any_of(off_time_, [&](const Frame& f) {
-    return f.camera != latest.camera && std::chrono::abs(f.captured_at - latest.captured_at) <= clock_jump();
+    const bool is_another = cameras_.size() > 1 ? f.camera != latest.camera : &f != &latest;
+    return is_another && std::chrono::abs(f.captured_at - latest.captured_at) <= clock_jump();
   });
 }
 
@@ -113,7 +112,11 @@ void FrameSynchronizer::admit(Frame frame) {
   const bool is_duplicate =
       at == camera.newest || std::ranges::find(camera.waiting, at, &Frame::captured_at) != camera.waiting.end();
   if (!camera.newest || at > *camera.newest) {
-    if (camera.newest) camera.period = at - *camera.newest;
+    if (camera.newest) {
+      const Duration interval = at - *camera.newest;
+      camera.period = camera.last_interval > Duration::zero() ? std::min(interval, camera.last_interval) : interval;
+      camera.last_interval = interval;
+    }
     camera.newest = at;
   }
 

@@ -64,7 +64,8 @@ class FrameSynchronizer {
   struct CameraState {
     std::deque<Frame> waiting;        // not in a set yet, ascending capture times, corrupted ones included
     std::optional<Timestamp> newest;  // of the frames admitted
-    Duration period{0};               // between its last two frames; 0: not known yet
+    Duration last_interval{0};        // between its last two frames; 0: not known yet
+    Duration period{0};               // the shorter one of its last two intervals, so that a gap does not count
     Duration lag{0};  // how far behind the newest frame of all its frames reach us, a slowly falling maximum
   };
 

@@ -13,6 +13,11 @@ namespace {
 
 constexpr double longest_s = 4e9;  // |time|; far beyond any recording, and within 64 bits of nanoseconds
 
+// Nanoseconds survive even when the times are UNIX seconds.
+Duration exact_duration_of(long double s) {
+  return Duration(std::llround(s * 1e9L));
+}
+
 std::vector<std::string_view> fields_of(std::string_view line) {
   std::vector<std::string_view> fields;
   for (std::size_t at = 0; at <= line.size();) {
@@ -66,11 +71,10 @@ std::vector<std::pair<std::int64_t, Timestamp>> read_timestamps(const std::files
     const auto frame = parse<std::int64_t>(fields[frame_column]);
     if (!frame || *frame < 0)
       throw ConfigError(csv, number, "frame is '" + std::string(fields[frame_column]) + "', not an integer >= 0");
-    // long double: nanoseconds survive even when the times are UNIX seconds
     const auto t_s = parse<long double>(fields[time_column]);
     if (!t_s || !(std::fabs(*t_s) < static_cast<long double>(longest_s)))
       throw ConfigError(csv, number, "t_s is '" + std::string(fields[time_column]) + "', not a time in seconds");
-    const Timestamp at{Duration(std::llround(*t_s * 1e9L))};
+    const Timestamp at{exact_duration_of(*t_s)};
     if (!rows.empty() && *frame <= rows.back().first)
       throw ConfigError(csv, number,
                         "frame " + std::to_string(*frame) + " does not come after frame " +
@@ -99,13 +103,13 @@ Recording read_recording(const std::filesystem::path& path) {
   if (const auto version = yaml.integer("version", any_number); version != 1)
     yaml.fail("version", "is " + std::to_string(version) + ", but this program reads version 1");
   if (yaml.has("started_at"))
-    recording.started_at = Timestamp{duration_of(yaml.number("started_at", {.min = 0, .max = longest_s}))};
+    recording.started_at = Timestamp{exact_duration_of(yaml.number("started_at", {.min = 0, .max = longest_s}))};
   for (const auto& [name, entry] : yaml.named_maps("cameras")) {
     RecordedCamera camera;
     camera.name = name;
     camera.frames = (folder / entry.string("frames")).lexically_normal();
     if (entry.has("fps")) camera.fps = entry.number("fps", {.min = 1e-3, .max = 1e6});
-    camera.offset = duration_of(entry.number("offset_s", {.min = -longest_s, .max = longest_s}, 0));
+    camera.offset = exact_duration_of(entry.number("offset_s", {.min = -longest_s, .max = longest_s}, 0));
     camera.first_frame = entry.integer("first_frame", {.min = 0, .max = 1e12}, 0);
     camera.every = entry.integer("every", {.min = 1, .max = 1e9}, 1);
     if (entry.has("timestamps")) {

@@ -1,0 +1,126 @@
+#include "capture/recording.h"
+
+#include <gmock/gmock.h>
+#include <unistd.h>
+
+#include <fstream>
+
+#include "calib/yaml/yaml_reader.h"
+
+namespace huetrack {
+namespace {
+
+using testing::AllOf;
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::Pair;
+using namespace std::chrono_literals;
+
+class ReadRecording : public testing::Test {
+ protected:
+  void SetUp() override {
+    std::string name = (std::filesystem::temp_directory_path() / "huetrack_XXXXXX").string();
+    ASSERT_NE(::mkdtemp(name.data()), nullptr);
+    folder = name;
+  }
+  void TearDown() override { std::filesystem::remove_all(folder); }
+
+  void write(const std::string& name, const std::string& text) const { std::ofstream(folder / name) << text; }
+  Recording read(const std::string& yaml) const {
+    write("recording.yaml", yaml);
+    return read_recording(folder);
+  }
+  std::string error_of(const std::string& yaml) const {
+    try {
+      read(yaml);
+    } catch (const ConfigError& error) {
+      return error.what();
+    }
+    return "(accepted)";
+  }
+  std::string error_of_csv(const std::string& csv) const {
+    write("times.csv", csv);
+    return error_of("version: 1\ncameras:\n  left: {frames: left.mkv, timestamps: times.csv}\n");
+  }
+
+  std::filesystem::path folder;
+};
+
+Timestamp at(Duration since_zero) {
+  return Timestamp{since_zero};
+}
+
+TEST_F(ReadRecording, GivesEveryKey) {
+  write("right.csv",
+        "\xEF\xBB\xBF"
+        "stamp, frame ,t_s\r\na,0,0.5\r\n\r\nb,2,0.75\r\n");
+  const Recording recording = read(
+      "version: 1\n"
+      "started_at: 1700000000.25\n"
+      "cameras:\n"
+      "  left: {frames: sub/../left.mkv, fps: 60, offset_s: -0.001, first_frame: 1, every: 2}\n"
+      "  right: {frames: /abs/%06d.png, timestamps: right.csv}\n"
+      "  plain: {frames: plain.mkv}\n");
+  EXPECT_EQ(recording.file, folder / "recording.yaml");
+  EXPECT_EQ(recording.started_at, at(1700000000250ms));
+  ASSERT_EQ(recording.cameras.size(), 3u);
+  const auto& [left, right, plain] = std::tie(recording.cameras[0], recording.cameras[1], recording.cameras[2]);
+  EXPECT_EQ(left.name, "left");
+  EXPECT_EQ(left.frames, folder / "left.mkv");
+  EXPECT_EQ(left.fps, 60);
+  EXPECT_EQ(left.offset, -1ms);
+  EXPECT_EQ(left.first_frame, 1);
+  EXPECT_EQ(left.every, 2);
+  EXPECT_EQ(right.frames, "/abs/%06d.png");
+  EXPECT_EQ(right.fps, 0);
+  EXPECT_THAT(right.timestamps, ElementsAre(Pair(0, at(500ms)), Pair(2, at(750ms))));
+  EXPECT_EQ(plain.fps, 0);
+  EXPECT_EQ(plain.every, 1);
+}
+
+TEST_F(ReadRecording, TakesTheFileToo) {
+  write("other.yaml", "version: 1\ncameras:\n  left: {frames: left.mkv, fps: 30}\n");
+  EXPECT_EQ(read_recording(folder / "other.yaml").cameras.at(0).frames, folder / "left.mkv");
+}
+
+TEST_F(ReadRecording, KeepsNanosecondsOfUnixTimes) {
+  write("times.csv", "frame,t_s\n0,1672678250.931152347\n");
+  const auto recording = read("version: 1\ncameras:\n  left: {frames: left.mkv, timestamps: times.csv}\n");
+  EXPECT_EQ(recording.cameras.at(0).timestamps.at(0).second, at(1672678250931152347ns));
+}
+
+TEST_F(ReadRecording, NamesFileAndLineOfWhatIsWrong) {
+  EXPECT_THAT(error_of("version: 2\ncameras:\n  left: {frames: l.mkv}\n"),
+              AllOf(HasSubstr("recording.yaml:1"), HasSubstr("version")));
+  EXPECT_THAT(error_of("version: 1\ncameras:\n  left: {frames: l.mkv, fsp: 30}\n"),
+              AllOf(HasSubstr("recording.yaml:3"), HasSubstr("fsp"), HasSubstr("did you mean fps?")));
+  EXPECT_THAT(error_of("version: 1\ncameras:\n  left:\n    frames: l.mkv\n    fps: 0\n"),
+              AllOf(HasSubstr("recording.yaml:5"), HasSubstr("fps")));
+  EXPECT_THAT(error_of("version: 1\ncameras:\n  left: {fps: 30}\n"), HasSubstr("frames"));
+  EXPECT_THAT(error_of("version: 1\ncameras:\n  left: {frames: l.mkv, every: 0}\n"), HasSubstr("every"));
+  EXPECT_THAT(error_of("version: 1\ncameras: {}\n"), HasSubstr("cameras"));
+  EXPECT_THAT(error_of("version: 1\n"), HasSubstr("cameras"));
+  EXPECT_THROW(read_recording(folder / "none"), ConfigError);
+  write("times.csv", "frame,t_s\n0,0\n");
+  EXPECT_THAT(error_of("version: 1\ncameras:\n  left: {frames: l.mkv, fps: 30, timestamps: times.csv}\n"),
+              HasSubstr("together with fps"));
+}
+
+TEST_F(ReadRecording, NamesFileAndLineOfABadTimeStamp) {
+  EXPECT_THAT(error_of("version: 1\ncameras:\n  left: {frames: l.mkv, timestamps: none.csv}\n"), HasSubstr("none.csv"));
+  EXPECT_THAT(error_of_csv(""), HasSubstr("is empty"));
+  EXPECT_THAT(error_of_csv("frame,t_s\n"), HasSubstr("lists no frames"));
+  EXPECT_THAT(error_of_csv("frame,time\n0,0\n"), AllOf(HasSubstr("times.csv:1"), HasSubstr("t_s")));
+  EXPECT_THAT(error_of_csv("frame,t_s\n0,0\n1\n"), HasSubstr("times.csv:3"));
+  EXPECT_THAT(error_of_csv("frame,t_s\n0,0\n1.5,1\n"), AllOf(HasSubstr("times.csv:3"), HasSubstr("'1.5'")));
+  EXPECT_THAT(error_of_csv("frame,t_s\n0,0\n-1,1\n"), HasSubstr("times.csv:3"));
+  EXPECT_THAT(error_of_csv("frame,t_s\n0,zero\n"), AllOf(HasSubstr("times.csv:2"), HasSubstr("'zero'")));
+  EXPECT_THAT(error_of_csv("frame,t_s\n0,nan\n"), HasSubstr("times.csv:2"));
+  EXPECT_THAT(error_of_csv("frame,t_s\n0,1e30\n"), HasSubstr("times.csv:2"));
+  EXPECT_THAT(error_of_csv("frame,t_s\n0,0\n1,0.1\n2,0.1\n"), AllOf(HasSubstr("times.csv:4"), HasSubstr("later")));
+  EXPECT_THAT(error_of_csv("frame,t_s\n0,0\n1,0.2\n2,0.1\n"), HasSubstr("times.csv:4"));
+  EXPECT_THAT(error_of_csv("frame,t_s\n0,0\n0,0.2\n"), AllOf(HasSubstr("times.csv:3"), HasSubstr("frame 0")));
+}
+
+}  // namespace
+}  // namespace huetrack
