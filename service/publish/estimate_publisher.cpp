@@ -222,7 +222,9 @@ EstimatePublisher::EstimatePublisher(EstimatePublisherOptions options) {
   impl_ = std::make_unique<Impl>(std::move(options));
 }
 
-EstimatePublisher::~EstimatePublisher() = default;
+EstimatePublisher::~EstimatePublisher() {
+  impl_->position_writer.wait_for_acknowledgments(eprosima::fastrtps::Duration_t(0, 500'000'000));
+}
 
 bool EstimatePublisher::publish(std::size_t target, const ObjectEstimate& estimate, Timestamp captured,
                                 Timestamp received) noexcept {

@@ -57,7 +57,8 @@ class EstimatePublisher {
   // one of our targets. Any thread.
   std::vector<std::string> warnings() const;
 
-  // How many DDS readers of the native positions are there now. Any thread.
+  // How many readers of the native positions there are. A reader that is not counted yet misses what is written now: a
+  // replay that must not lose its beginning waits for it. Any thread.
   int subscribers() const;
 
   int domain() const;

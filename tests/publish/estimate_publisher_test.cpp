@@ -280,6 +280,15 @@ TEST_F(Bus, AKilledPublisherIsMissedWithinOneAndAHalfSeconds) {
   EXPECT_LT(took_s, 1.5);
 }
 
+TEST_F(Bus, WhoWaitsForItsSubscriberAndLeavesAtOnceLosesNothing) {
+  dds::DataReader& reader = position_reader();
+  auto publisher = std::make_unique<EstimatePublisher>(known_options(test_domain()));
+  ASSERT_TRUE(ChildProcess::wait([&] { return publisher->subscribers() == 1; }, 5s));
+  for (int i = 0; i < 10; ++i) EXPECT_TRUE(publish_known(*publisher, TrackState::tracking));
+  publisher.reset();
+  EXPECT_EQ(take_all<msg::ObjectPosition>(reader).size(), 10U);
+}
+
 TEST_F(Bus, APublisherThatLeavesIsMissedAtOnce) {
   dds::DataReader& reader = position_reader();
   auto publisher = std::make_unique<EstimatePublisher>(known_options(test_domain()));

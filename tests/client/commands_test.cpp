@@ -1,0 +1,221 @@
+// The program itself, as a user runs it, against a publisher in another process.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <sstream>
+
+#include "publish/child_process.h"
+#include "publish/known_samples.h"
+
+namespace huetrack {
+namespace {
+
+using namespace testing;
+using namespace std::chrono_literals;
+using ::testing::AllOf;
+using ::testing::ContainsRegex;
+using ::testing::HasSubstr;
+using ::testing::StartsWith;
+using Clock = std::chrono::steady_clock;
+
+const std::string domain = std::to_string(test_domain());
+
+std::vector<std::string> huetrack(std::vector<std::string> arguments) {
+  arguments.insert(arguments.begin(), HUETRACK_CLIENT);
+  arguments.insert(arguments.end(), {"--domain", domain});
+  return arguments;
+}
+
+std::vector<std::string> test_publisher() {
+  return {HUETRACK_TEST_PUBLISHER, domain};
+}
+
+std::vector<std::string> lines_of(const std::string& text) {
+  std::vector<std::string> lines;
+  std::istringstream stream(text);
+  for (std::string line; std::getline(stream, line);) lines.push_back(line);
+  return lines;
+}
+
+// The test publisher repeats the same samples; the client begins somewhere among them and must miss none.
+void expect_cycle(const std::vector<std::string>& lines, const std::vector<std::string>& cycle) {
+  ASSERT_FALSE(lines.empty());
+  const auto first = std::ranges::find(cycle, lines[0]);
+  ASSERT_NE(first, cycle.end()) << lines[0];
+  const auto offset = static_cast<std::size_t>(first - cycle.begin());
+  for (std::size_t i = 0; i < lines.size(); ++i) EXPECT_EQ(lines[i], cycle[(offset + i) % cycle.size()]) << i;
+}
+
+const std::vector<std::string> csv_cycle{
+    "ball,1700000000.123456789,nan,nan,nan,nan,nan,nan,nan,nan,nan,nan,nan,nan,searching,2,0.875",
+    "ball,1700000000.223456789,1.125,-1.5,2.1,0.25,-0.3,9.81,1e-06,2e-07,3e-07,4e-06,5e-07,9e-06,tracking,2,0.875",
+    "ball,1700000000.323456789,2.125,-1.5,2.1,0.25,-0.3,9.81,1e-06,2e-07,3e-07,4e-06,5e-07,9e-06,coasting,2,0.875",
+    "ball,1700000000.423456789,nan,nan,nan,nan,nan,nan,nan,nan,nan,nan,nan,nan,lost,2,0.875",
+};
+
+TEST(Watch, Csv) {
+  ChildProcess publisher(test_publisher());
+  ChildProcess client(huetrack({"watch", "--format", "csv", "--count", "12"}));
+  ASSERT_EQ(client.exit_status(10s), 0) << client.err();
+  std::vector<std::string> lines = lines_of(client.out());
+  ASSERT_EQ(lines.size(), 13U);
+  EXPECT_EQ(lines[0], "target,t,x,y,z,vx,vy,vz,cxx,cxy,cxz,cyy,cyz,czz,state,views,confidence");
+  lines.erase(lines.begin());
+  expect_cycle(lines, csv_cycle);
+}
+
+TEST(Watch, TumCountsWhatItPrints) {
+  ChildProcess publisher(test_publisher());
+  ChildProcess client(huetrack({"watch", "--format", "tum", "--count", "5"}));
+  ASSERT_EQ(client.exit_status(10s), 0) << client.err();
+  const std::vector<std::string> lines = lines_of(client.out());
+  EXPECT_EQ(lines.size(), 5U);
+  expect_cycle(lines, {"1700000000.223456789 1.125 -1.5 2.1 0 0 0 1", "1700000000.323456789 2.125 -1.5 2.1 0 0 0 1"});
+}
+
+TEST(Watch, JsonAndText) {
+  ChildProcess publisher(test_publisher());
+  ChildProcess json(huetrack({"watch", "--format", "json", "--count", "4"}));
+  ChildProcess text(huetrack({"watch", "--count", "4"}));
+  ASSERT_EQ(json.exit_status(10s), 0) << json.err();
+  ASSERT_EQ(text.exit_status(10s), 0) << text.err();
+  for (const std::string& line : lines_of(json.out()))
+    EXPECT_THAT(line, AllOf(StartsWith(R"({"target":"ball","t":1700000000.)"),
+                            HasSubstr(R"("per_view":[{"camera":"left")"), ::testing::EndsWith("}]}")));
+  EXPECT_THAT(text.out(),
+              AllOf(HasSubstr("tracking   x   1.1250  y  -1.5000  z   2.1000 m   sigma    1.0    2.0    3.0 mm"),
+                    HasSubstr("searching  x        -")));
+}
+
+TEST(Watch, SaysWithinTwoSecondsThatNobodyPublishesAndWhenSomebodyComes) {
+  const auto start = Clock::now();
+  ChildProcess client(huetrack({"watch", "--format", "csv"}));
+  EXPECT_TRUE(client.says("no publisher of huetrack positions on domain " + domain, 3s));
+  EXPECT_LT(Clock::now() - start, 2s);
+  EXPECT_THAT(client.err(), AllOf(HasSubstr("ROS_DOMAIN_ID"), HasSubstr("127.0.0.1")));
+  ChildProcess publisher(test_publisher());
+  EXPECT_TRUE(client.says("a publisher is there: process " + std::to_string(publisher.pid()), 3s));
+  EXPECT_TRUE(ChildProcess::wait([&] { return lines_of(client.out()).size() > 4; }, 3s));  // and it is read
+  client.send(SIGINT);
+  EXPECT_EQ(client.exit_status(2s), 0);
+}
+
+TEST(Watch, SaysWithinOneAndAHalfSecondsThatAPublisherWasKilledAndReadsItsSuccessor) {
+  ChildProcess client(huetrack({"watch", "--format", "csv"}));
+  {
+    ChildProcess publisher(test_publisher());
+    ASSERT_TRUE(client.says("a publisher is there", 5s));
+    const auto killed = Clock::now();
+    publisher.send(SIGKILL);
+    EXPECT_TRUE(client.says("a publisher went away: process " + std::to_string(publisher.pid()), 3s));
+    const std::chrono::duration<double> took = Clock::now() - killed;
+    RecordProperty("seconds", std::to_string(took.count()));
+    EXPECT_LT(took.count(), 1.5);
+  }
+  const std::size_t before = lines_of(client.out()).size();
+  ChildProcess successor(test_publisher());
+  EXPECT_TRUE(ChildProcess::wait([&] { return lines_of(client.out()).size() > before + 4; }, 5s));
+  EXPECT_TRUE(client.says("a publisher is there: process " + std::to_string(successor.pid()), 1s));
+  client.send(SIGTERM);
+  EXPECT_EQ(client.exit_status(2s), 0);
+}
+
+TEST(Watch, SaysAtOnceThatAPublisherLeft) {
+  ChildProcess client(huetrack({"watch"}));
+  ChildProcess publisher(test_publisher());
+  ASSERT_TRUE(client.says("a publisher is there", 5s));
+  publisher.send(SIGTERM);
+  ASSERT_EQ(publisher.exit_status(5s), 0);
+  EXPECT_TRUE(client.says("a publisher went away", 500ms));
+}
+
+TEST(Watch, UnknownTargetIsToldWhichOnesAreThere) {
+  ChildProcess publisher(test_publisher());
+  ChildProcess client(huetrack({"watch", "--target", "bal"}));
+  EXPECT_TRUE(client.says("nobody publishes target bal on domain " + domain + "; there are: ball, wand", 3s));
+  EXPECT_EQ(client.out(), "");
+}
+
+TEST(Watch, KnownTargetIsFiltered) {
+  ChildProcess publisher(test_publisher());  // announces ball and wand, publishes ball
+  ChildProcess wand(huetrack({"watch", "--target", "wand", "--timeout", "1"}));
+  ChildProcess ball(huetrack({"watch", "--target", "ball", "--count", "3"}));
+  EXPECT_EQ(ball.exit_status(5s), 0);
+  EXPECT_EQ(wand.exit_status(5s), 1);
+  EXPECT_EQ(wand.out(), "");
+  EXPECT_THAT(wand.err(), AllOf(HasSubstr("no sample for 1"), ::testing::Not(HasSubstr("nobody publishes target"))));
+}
+
+TEST(Watch, TimeoutEndsItWithAnError) {
+  ChildProcess client(huetrack({"watch", "--count", "1", "--timeout", "0.3"}));
+  EXPECT_EQ(client.exit_status(3s), 1);
+  EXPECT_THAT(client.err(), HasSubstr("--timeout"));
+}
+
+TEST(Watch, AClosedPipeEndsItQuietly) {
+  ChildProcess publisher(test_publisher());
+  ChildProcess shell({"/bin/bash", "-c",
+                      std::string(HUETRACK_CLIENT) + " watch --format csv --domain " + domain +
+                          " 2>/dev/null | head -n 2; echo ${PIPESTATUS[0]} >&2"});
+  ASSERT_EQ(shell.exit_status(10s), 0);
+  EXPECT_EQ(lines_of(shell.out()).size(), 2U);
+  EXPECT_EQ(shell.err(), "0\n");
+}
+
+TEST(Watch, AFullDiskIsSaid) {
+  ChildProcess client(
+      {"/bin/bash", "-c", std::string(HUETRACK_CLIENT) + " watch --format csv --domain " + domain + " > /dev/full"});
+  EXPECT_EQ(client.exit_status(5s), 1);
+  EXPECT_THAT(client.err(), HasSubstr("No space left on device"));
+}
+
+TEST(Watch, WrongArgumentsAreNamed) {
+  ChildProcess format(huetrack({"watch", "--format", "xml"}));
+  EXPECT_THAT(format.exit_status(5s), ::testing::Optional(::testing::Ne(0)));
+  EXPECT_THAT(format.err(), AllOf(HasSubstr("--format"), HasSubstr("tum")));
+  ChildProcess profiles(huetrack({"watch", "--profiles", "/nowhere.xml"}));
+  EXPECT_EQ(profiles.exit_status(5s), 1);
+  EXPECT_THAT(profiles.err(), HasSubstr("/nowhere.xml"));
+}
+
+TEST(Log, WritesTheCsvAndDoesNotOverwriteUnasked) {
+  const std::string file = ::testing::TempDir() + "huetrack_log_" + std::to_string(::getpid()) + ".csv";
+  std::filesystem::remove(file);
+  ChildProcess publisher(test_publisher());
+  ChildProcess first(huetrack({"log", file, "--count", "8"}));
+  ASSERT_EQ(first.exit_status(10s), 0) << first.err();
+  EXPECT_EQ(first.out(), "");
+  EXPECT_THAT(first.err(), HasSubstr("8 samples in " + file));
+  ChildProcess second(huetrack({"log", file, "--count", "1"}));
+  EXPECT_EQ(second.exit_status(10s), 1);
+  EXPECT_THAT(second.err(), HasSubstr("exists"));
+  std::ifstream stream(file);
+  std::vector<std::string> lines = lines_of({std::istreambuf_iterator<char>(stream), {}});
+  ASSERT_EQ(lines.size(), 9U);
+  lines.erase(lines.begin());
+  expect_cycle(lines, csv_cycle);
+  ChildProcess third(huetrack({"log", file, "--overwrite", "--count", "1"}));
+  EXPECT_EQ(third.exit_status(10s), 0) << third.err();
+  std::filesystem::remove(file);
+}
+
+TEST(Status, PrintsTheLatest) {
+  ChildProcess publisher(test_publisher());
+  ChildProcess client(huetrack({"status"}));
+  ASSERT_EQ(client.exit_status(5s), 0) << client.err();
+  EXPECT_THAT(client.out(), AllOf(HasSubstr("process " + std::to_string(publisher.pid())), HasSubstr("c0ffee"),
+                                  ContainsRegex("left +delivering"), HasSubstr("unplugged: plug it in"),
+                                  HasSubstr("the light is low")));
+}
+
+TEST(Status, SaysWithinTwoSecondsThatNobodyPublishes) {
+  const auto start = Clock::now();
+  ChildProcess client(huetrack({"status"}));
+  EXPECT_EQ(client.exit_status(5s), 1);
+  EXPECT_LT(Clock::now() - start, 2s);
+  EXPECT_THAT(client.err(), HasSubstr("no huetrackd publishes its status on domain " + domain));
+}
+
+}  // namespace
+}  // namespace huetrack

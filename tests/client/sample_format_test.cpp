@@ -1,0 +1,145 @@
+#include "huetrack/sample_format.h"
+
+#include <gtest/gtest.h>
+#include <stdlib.h>
+
+#include <limits>
+
+namespace huetrack::client {
+namespace {
+
+constexpr double nan = std::numeric_limits<double>::quiet_NaN();
+
+msg::ObjectPosition tracking() {
+  msg::ObjectPosition s;
+  s.target("ball");
+  s.captured_at(1'700'000'000'000'000'042);
+  s.received_at(1'700'000'000'010'000'000);
+  s.published_at(1'700'000'000'012'300'042);
+  s.set_number(18'000'000'000'000'000'000ULL);
+  s.state(msg::TRACK_STATE_TRACKING);
+  s.position({0.1, -1.25, 1e-7});
+  s.velocity({1, 2.5, -3});
+  s.covariance({1e-6, 0.5, 0.25, 0.5, 4e-6, 0.125, 0.25, 0.125, 9e-6});
+  s.map_position({0.1, -1.3, 0});
+  s.views(2);
+  s.confidence(0.975);
+  s.particle_count(200);
+  s.effective_sample_size(99.5);
+  msg::ViewSupport left;
+  left.camera("le\"ft\n");
+  left.delivered(true);
+  left.in_view(true);
+  left.seen(true);
+  left.pixel({1.5F, 2.25F});
+  left.radius_px(3);
+  left.support(0.5F);
+  left.residual_px(0.1F);
+  s.per_view({left, msg::ViewSupport{}});
+  return s;
+}
+
+msg::ObjectPosition lost() {
+  msg::ObjectPosition s = tracking();
+  s.state(msg::TRACK_STATE_LOST);
+  s.position({nan, -nan, nan});  // whatever the sign bit
+  s.velocity({nan, nan, nan});
+  s.covariance({nan, nan, nan, nan, nan, nan, nan, nan, nan});
+  s.map_position({nan, nan, nan});
+  s.per_view({});
+  return s;
+}
+
+constexpr std::int64_t received_at = 1'700'000'000'012'550'042;
+
+TEST(SampleFormat, CsvIsThatOfTheReplay) {
+  EXPECT_EQ(header(Format::csv), "target,t,x,y,z,vx,vy,vz,cxx,cxy,cxz,cyy,cyz,czz,state,views,confidence\n");
+  EXPECT_EQ(line(Format::csv, tracking(), received_at, 0),
+            "ball,1700000000.000000042,0.1,-1.25,1e-07,1,2.5,-3,1e-06,0.5,0.25,4e-06,0.125,9e-06,tracking,2,0.975\n");
+  EXPECT_EQ(line(Format::csv, lost(), received_at, 0),
+            "ball,1700000000.000000042,nan,nan,nan,nan,nan,nan,nan,nan,nan,nan,nan,nan,lost,2,0.975\n");
+}
+
+TEST(SampleFormat, TimesBefore1970) {
+  msg::ObjectPosition s = tracking();
+  s.captured_at(-1'500'000'000);
+  EXPECT_EQ(line(Format::tum, s, 0, 0), "-1.500000000 0.1 -1.25 1e-07 0 0 0 1\n");
+}
+
+TEST(SampleFormat, TumHasSamplesWithAPositionOnly) {
+  EXPECT_EQ(header(Format::tum), "");
+  EXPECT_EQ(line(Format::tum, tracking(), received_at, 0), "1700000000.000000042 0.1 -1.25 1e-07 0 0 0 1\n");
+  EXPECT_EQ(line(Format::tum, lost(), received_at, 0), "");
+}
+
+TEST(SampleFormat, JsonHasEveryFieldAndNullForWhatIsNotThere) {
+  EXPECT_EQ(line(Format::json, tracking(), received_at, 0),
+            R"({"target":"ball","t":1700000000.000000042,"captured_at":1700000000000000042,)"
+            R"("received_at":1700000000010000000,"published_at":1700000000012300042,)"
+            R"("set_number":18000000000000000000,"state":"tracking","position":[0.1,-1.25,1e-07],)"
+            R"("velocity":[1,2.5,-3],"covariance":[1e-06,0.5,0.25,0.5,4e-06,0.125,0.25,0.125,9e-06],)"
+            R"("map_position":[0.1,-1.3,0],"views":2,"confidence":0.975,"particle_count":200,)"
+            R"("effective_sample_size":99.5,"per_view":[{"camera":"le\"ft\u000a","delivered":true,"in_view":true,)"
+            R"("seen":true,"pixel":[1.5,2.25],"radius_px":3,"support":0.5,"residual_px":0.1},{"camera":"",)"
+            R"("delivered":false,"in_view":false,"seen":false,"pixel":[0,0],"radius_px":0,"support":0,)"
+            R"("residual_px":0}]})"
+            "\n");
+  const std::string without = line(Format::json, lost(), received_at, 0);
+  EXPECT_NE(without.find(R"("position":[null,null,null],"velocity":[null,null,null])"), std::string::npos);
+  EXPECT_EQ(without.find("nan"), std::string::npos);
+}
+
+TEST(SampleFormat, TextIsAlignedWithAndWithoutAPosition) {
+  ::setenv("TZ", "UTC", 1);
+  const std::string with = line(Format::text, tracking(), received_at, 6);
+  EXPECT_EQ(with,
+            "22:13:20.000  ball    tracking   x   0.1000  y  -1.2500  z   0.0000 m   sigma    1.0    2.0    3.0 mm   "
+            "views 2/2   confidence 0.97   latency   12.3 + 0.25 ms\n");
+  const std::string without = line(Format::text, lost(), received_at, 6);
+  EXPECT_EQ(without,
+            "22:13:20.000  ball    lost       x        -  y        -  z        - m   sigma      -      -      - mm   "
+            "views 2/0   confidence 0.97   latency   12.3 + 0.25 ms\n");
+  EXPECT_EQ(with.find("latency"), without.find("latency"));
+}
+
+TEST(SampleFormat, StatusNamesWhatIsWrong) {
+  msg::ServiceStatus s;
+  s.host("lab");
+  s.pid(42);
+  s.at(1'700'000'000'000'000'000);
+  s.program_version("0.1.0");
+  s.mode("run");
+  s.frame_id("world");
+  s.config_file("a.yaml");
+  s.config_identity("abc");
+  s.rig_identity("def");
+  s.set_rate_hz(29.96);
+  s.sets(100);
+  s.dropped_sets(4);
+  s.targets({"ball", "wand"});
+  s.cameras().resize(1);
+  s.cameras()[0].name("left");
+  s.cameras()[0].health(msg::CAMERA_HEALTH_STALLED);
+  s.cameras()[0].message("no frame for 3 s");
+  s.cameras()[0].age_s(3);
+  s.warnings({"too dark"});
+  EXPECT_EQ(
+      text(s, 1'700'000'000'500'000'000),
+      "huetrackd 0.1.0 on lab, process 42, mode run, 0.5 s ago\n"
+      "  config    a.yaml  identity abc\n"
+      "  rig       identity def, world frame world\n"
+      "  targets   ball, wand\n"
+      "  tracking  30.0 frame sets per second; 100 sets, 0 of them incomplete, 4 dropped; 0 late frames\n"
+      "  sent      0 positions, 0 failures\n"
+      "  camera    left  stalled       0.0 Hz, 0 frames, 0 dropped, 0 corrupted, the last 3.00 s ago: no frame for "
+      "3 s\n"
+      "  warning   too dark\n");
+}
+
+TEST(SampleFormat, ANumberThatIsNoStateOfOursIsNotOneOfThem) {
+  EXPECT_EQ(name(static_cast<msg::TrackState>(99)), "unknown");
+  EXPECT_EQ(name(static_cast<msg::CameraHealth>(99)), "unknown");
+}
+
+}  // namespace
+}  // namespace huetrack::client
