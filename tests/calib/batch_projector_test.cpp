@@ -7,6 +7,7 @@
 #include <cmath>
 #include <cstdint>
 #include <limits>
+#include <ostream>
 #include <random>
 #include <string>
 #include <vector>
@@ -26,6 +27,10 @@ struct TestLens {
   std::string name;
   CameraModel model;
 };
+
+void PrintTo(const TestLens& lens, std::ostream* out) {
+  *out << lens.name;
+}
 
 std::vector<TestLens> lenses() {
   const auto pinhole = [](std::array<double, 8> k) { return CameraModel(PinholeRadtan{500, 501, 322, 241, k}); };

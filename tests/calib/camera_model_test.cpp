@@ -8,6 +8,7 @@
 #include <limits>
 #include <numbers>
 #include <opencv2/calib3d.hpp>
+#include <ostream>
 #include <string>
 #include <vector>
 
@@ -23,6 +24,10 @@ struct TestLens {
   int width, height;
   bool folds = false;  // somewhere, the distorted radius stops growing
 };
+
+void PrintTo(const TestLens& lens, std::ostream* out) {
+  *out << lens.name;
+}
 
 std::vector<TestLens> lenses() {
   const auto pinhole = [](double f, double cx, double cy, std::array<double, 8> k) {

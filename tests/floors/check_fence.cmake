@@ -1,0 +1,48 @@
+# Fails when a file outside a fence has what only the files inside may have.
+#   ROOT   the source tree
+#   FENCE  one of the names below
+cmake_minimum_required(VERSION 3.25)
+include(${CMAKE_CURRENT_LIST_DIR}/sources.cmake)
+
+set(folders calib service idl clients tests)   # where it is looked for
+set(inside "^$")                               # the paths that may
+set(except "^$")                               # what matches the pattern and is allowed all the same
+set(include "[\n][ \t]*#[ \t]*include[ \t]*[\"<]")
+if(FENCE STREQUAL "ioctl")
+  set(pattern "[^A-Za-z0-9_]ioctl[ \t\n]*\\(")
+  set(inside "^service/capture/v4l2_device\\.cpp$")
+elseif(FENCE STREQUAL "yaml_cpp")
+  set(pattern "${include}yaml-cpp/")
+  set(inside "^calib/yaml/")
+elseif(FENCE STREQUAL "yaml_reader")   # modules are given option structs; YAML ends where files are read
+  set(pattern "${include}calib/yaml/")
+  set(inside "^(calib|service/capture|service/daemon|tests)/")
+elseif(FENCE STREQUAL "fast_dds")
+  set(pattern "${include}(fastdds|fastrtps|fastcdr)/")
+  set(inside "^(service/publish|idl|clients|tests)/")
+elseif(FENCE STREQUAL "frames_for_trackers")   # what a frame is, not where it came from
+  set(folders service/object_tracking service/camera_tracking)
+  set(pattern "${include}capture/")
+  set(except "${include}capture/(frame|pixel_format)\\.h")
+elseif(FENCE STREQUAL "results_for_publish")   # what was found, not how
+  set(folders service/publish)
+  set(pattern "${include}(capture|object_tracking|camera_tracking)/")
+  set(except "${include}(capture/frame|object_tracking/object_estimate|camera_tracking/camera_estimate)\\.h")
+else()
+  message(FATAL_ERROR "there is no fence ${FENCE}")
+endif()
+
+set(problems "")
+foreach(folder IN LISTS folders)
+  source_files(files ${ROOT}/${folder})
+  foreach(file IN LISTS files)
+    cmake_path(RELATIVE_PATH file BASE_DIRECTORY ${ROOT} OUTPUT_VARIABLE shown)
+    code_of(text ${file})
+    string(REGEX REPLACE "${except}" "" text "${text}")
+    if("${text}" MATCHES "${pattern}" AND NOT shown MATCHES "${inside}")
+      string(STRIP "${CMAKE_MATCH_0}" found)
+      list(APPEND problems "${shown} has '${found}', which is fenced in (fence ${FENCE})")
+    endif()
+  endforeach()
+endforeach()
+report("${problems}")
