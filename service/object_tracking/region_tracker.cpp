@@ -5,7 +5,9 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
+#include <optional>
 
 #include "particle_filter/resample.h"
 
@@ -14,7 +16,7 @@ namespace {
 
 // White acceleration has a power density a^2 tau: an acceleration of a that lasts for about tau.
 constexpr double acceleration_time_s = 0.1;
-constexpr double least_acceleration_m_s2 = 1;   // nothing moves more evenly than this for long
+constexpr double least_acceleration_m_s2 = 3;   // nothing moves more evenly than this for long
 constexpr double floor_likelihood = 1.0 / 25;   // the paper's, eqs. (5), (6): tolerates occlusion and locks nothing out
 constexpr double region_gate = 16;              // chi-square, 2 degrees of freedom, 99.97 %
 constexpr double least_support = 0.15;          // of a region that counts as the object
@@ -31,10 +33,13 @@ ObjectEstimate RegionTracker::update(const FrameSet& set) {
   sightings_.clear();
   if (state_ == TrackState::tracking || state_ == TrackState::coasting) {
     const double dt = std::max(0.0, seconds(set.at - last_at_));
-    choose_acceleration(views, dt);        // finds the sightings on its way
-    propose_and_weigh(prior());
-    summarize();
-    resample_if_poor();
+    Belief predicted = predict(dt);
+    sight(views, predicted, dt);                          // colour regions near the prediction, one per view at most
+    predicted = learn_acceleration(dt, predicted);
+    const Belief proposal = linear_update(predicted);     // motion and regions together, linearised
+    draw_particles(proposal);
+    weigh(predicted, proposal);                           // what the linearisation and the floor change
+    estimate(proposal);
     judge(set);
   }
   if (state_ != TrackState::tracking) search(set, views);
@@ -55,107 +60,61 @@ RegionTracker::RegionTracker(const CameraRig& rig, const TargetOptions& target, 
 
 void RegionTracker::scatter() {
   const auto n = static_cast<std::size_t>(options_.particle_count);
-  p_.resize(n), v_.resize(n);
-  noise_.resize(3 * n);
-  rng_.fill_uniform(noise_);
+  particles_.resize(n);
+  unit_.resize(3 * n);
+  rng_.fill_uniform(unit_);
   const Eigen::Vector3f min = options_.volume.min.cast<float>();
   const Eigen::Vector3f extent = (options_.volume.max - options_.volume.min).cast<float>();
   for (std::size_t i = 0; i < n; ++i) {
-    p_.x[i] = min.x() + extent.x() * noise_[i];
-    p_.y[i] = min.y() + extent.y() * noise_[n + i];
-    p_.z[i] = min.z() + extent.z() * noise_[2 * n + i];
-    v_.x[i] = v_.y[i] = v_.z[i] = 0;
+    particles_.x[i] = min.x() + extent.x() * unit_[i];
+    particles_.y[i] = min.y() + extent.y() * unit_[n + i];
+    particles_.z[i] = min.z() + extent.z() * unit_[2 * n + i];
   }
   weight_.assign(n, 1.0f / static_cast<float>(n));
+  effective_sample_size_ = static_cast<double>(n);
 }
 
-// Constant velocity: predicted = p + v dt.
-void RegionTracker::predict(double dt_s) {
-  const auto dt = static_cast<float>(dt_s);
-  const std::size_t n = p_.size();
-  predicted_.resize(n);
-  for (std::size_t i = 0; i < n; ++i) predicted_.x[i] = p_.x[i] + dt * v_.x[i];
-  for (std::size_t i = 0; i < n; ++i) predicted_.y[i] = p_.y[i] + dt * v_.y[i];
-  for (std::size_t i = 0; i < n; ++i) predicted_.z[i] = p_.z[i] + dt * v_.z[i];
-}
+double RegionTracker::power_density() const { return acceleration_ * acceleration_ * acceleration_time_s; }
 
-void RegionTracker::set_motion_noise(double dt) {
-  const double q = acceleration_ * acceleration_ * acceleration_time_s;
-  var_p_ = velocity_variance_ * dt * dt + q * dt * dt * dt / 3 + 1e-10;
-  cov_pv_ = velocity_variance_ * dt + q * dt * dt / 2;
-  var_v_ = velocity_variance_ + q * dt;
-}
-
-RegionTracker::Prior RegionTracker::prior() const {
-  const std::size_t n = predicted_.size();
-  const float ox = predicted_.x[0], oy = predicted_.y[0], oz = predicted_.z[0];
-  float sx = 0, sy = 0, sz = 0, xx = 0, xy = 0, xz = 0, yy = 0, yz = 0, zz = 0, vx = 0, vy = 0, vz = 0;
-  for (std::size_t i = 0; i < n; ++i) {
-    const float w = weight_[i], dx = predicted_.x[i] - ox, dy = predicted_.y[i] - oy, dz = predicted_.z[i] - oz;
-    sx += w * dx, sy += w * dy, sz += w * dz;
-    xx += w * dx * dx, xy += w * dx * dy, xz += w * dx * dz;
-    yy += w * dy * dy, yz += w * dy * dz, zz += w * dz * dz;
-    vx += w * v_.x[i], vy += w * v_.y[i], vz += w * v_.z[i];
-  }
-  Prior out;
-  const Eigen::Vector3d shift = Eigen::Vector3f(sx, sy, sz).cast<double>();
-  out.mean = Eigen::Vector3f(ox, oy, oz).cast<double>() + shift;
-  out.velocity = Eigen::Vector3f(vx, vy, vz).cast<double>();
-  Eigen::Matrix3f second;
-  second << xx, xy, xz, xy, yy, yz, xz, yz, zz;
-  out.covariance = second.cast<double>() - shift * shift.transpose() + var_p_ * Eigen::Matrix3d::Identity();
+// Constant velocity with white acceleration (Bar-Shalom, Li, Kirubarajan 2001, section 6.2.2).
+Belief RegionTracker::predict(double dt) const {
+  const Eigen::Matrix3d pp = belief_.covariance.topLeftCorner<3, 3>();
+  const Eigen::Matrix3d pv = belief_.covariance.topRightCorner<3, 3>();
+  const Eigen::Matrix3d vv = belief_.covariance.bottomRightCorner<3, 3>();
+  const Eigen::Matrix3d identity = Eigen::Matrix3d::Identity();
+  const double q = power_density();
+  Belief out;
+  out.mean << belief_.position() + dt * belief_.velocity(), belief_.velocity();
+  const Eigen::Matrix3d new_pv = pv + dt * vv + q * dt * dt / 2 * identity;
+  out.covariance.topLeftCorner<3, 3>() = pp + dt * (pv + pv.transpose()) + dt * dt * vv + q * dt * dt * dt / 3 * identity;
+  out.covariance.topRightCorner<3, 3>() = new_pv;
+  out.covariance.bottomLeftCorner<3, 3>() = new_pv.transpose();
+  out.covariance.bottomRightCorner<3, 3>() = vv + q * dt * identity;
   return out;
 }
 
-// Covariance matching: raise the acceleration until the innovation is one that it explains, lower it slowly while the
-// innovations are smaller than they need be. Only sightings that fix all three axes can tell.
-void RegionTracker::choose_acceleration(const std::vector<TargetView>& views, double dt) {
-  predict(dt);
-  set_motion_noise(dt);
-  Prior before = prior();
-  sightings_ = sight(views, before);
-  if (sightings_.size() < 2 || dt <= 0) return;
-  const PositionInformation z = information_of(sightings_, before.mean, before.velocity);
-  Eigen::Matrix3d z_covariance;
-  bool invertible = false;
-  z.information.computeInverseWithCheck(z_covariance, invertible, 1e-3);
-  if (!invertible || !(z_covariance.trace() < 0.01)) return;
-  const Eigen::Vector3d innovation = z_covariance * z.vector - before.mean;
-  const double ceiling = 4 * options_.acceleration_m_s2;
-  const auto surprise = [&] { return innovation.dot((before.covariance + z_covariance).inverse() * innovation) / 3; };
-  double nis = surprise();
-  while (nis > 3 && acceleration_ < ceiling) {
-    const double var_p_before = var_p_;
-    acceleration_ = std::min(ceiling, 1.5 * acceleration_);
-    set_motion_noise(dt);
-    before.covariance.diagonal().array() += var_p_ - var_p_before;
-    nis = surprise();
-  }
-  acceleration_ = std::clamp(acceleration_ * std::exp(0.05 * (std::min(nis, 3.0) - 1)), least_acceleration_m_s2, ceiling);
-}
-
 // In each view the region near the prediction that explains it best, if there is one.
-std::vector<Sighting> RegionTracker::sight(const std::vector<TargetView>& views, const Prior& before) {
-  std::vector<Sighting> out;
-  // The gate allows for the hardest usual acceleration, whatever the filter has learnt: a throw must not lose the object.
-  const double dt2 = velocity_variance_ > 0 ? (var_v_ - velocity_variance_) / (acceleration_ * acceleration_ * acceleration_time_s) : 0;
-  const double reach_m = 0.5 * 2 * options_.acceleration_m_s2 * dt2 * dt2;
-  const Eigen::Matrix3d wide = before.covariance + reach_m * reach_m * Eigen::Matrix3d::Identity();
+void RegionTracker::sight(const std::vector<TargetView>& views, const Belief& predicted, double dt) {
+  // The gate allows for twice the hardest usual acceleration, whatever the filter has learnt: a throw must not lose the
+  // object.
+  const double reach_m = options_.acceleration_m_s2 * dt * dt;
+  const Eigen::Matrix3d spread = predicted.position_covariance() + reach_m * reach_m * Eigen::Matrix3d::Identity();
   for (const TargetView& view : views) {
-    const auto at = appearance_of(*view.camera, before.mean - view.age_s * before.velocity, target_.radius_m);
+    const auto at =
+        appearance_of(*view.camera, predicted.position() - view.age_s * predicted.velocity(), target_.radius_m);
     if (!at) continue;
-    const Eigen::Matrix2d s = at->jacobian * wide * at->jacobian.transpose();
-    const double extent_u = 3 * std::sqrt(s(0, 0)) + 2 * at->radius_px + 2;
-    const double extent_v = 3 * std::sqrt(s(1, 1)) + 2 * at->radius_px + 2;
-    const double limit = 2.0 * (view.matches->width() + view.matches->height());
-    if (!(std::abs(at->px.x()) < limit && std::abs(at->px.y()) < limit)) continue;
-    const PixelBox box{static_cast<int>(std::floor(at->px.x() - std::min(extent_u, limit))),
-                       static_cast<int>(std::floor(at->px.y() - std::min(extent_v, limit))),
-                       static_cast<int>(std::ceil(at->px.x() + std::min(extent_u, limit))),
-                       static_cast<int>(std::ceil(at->px.y() + std::min(extent_v, limit)))};
+    const Eigen::Matrix2d s = at->jacobian * spread * at->jacobian.transpose();
+    // Not beyond the image's own size around it: a box is clipped to the image anyway, and an int must hold it.
+    const double limit = view.matches->width() + view.matches->height();
+    if (!(std::abs(at->px.x()) < 2 * limit && std::abs(at->px.y()) < 2 * limit)) continue;
+    const double reach_u = std::min(limit, 3 * std::sqrt(s(0, 0)) + 2 * at->radius_px + 2);
+    const double reach_v = std::min(limit, 3 * std::sqrt(s(1, 1)) + 2 * at->radius_px + 2);
+    const PixelBox box{
+        static_cast<int>(std::floor(at->px.x() - reach_u)), static_cast<int>(std::floor(at->px.y() - reach_v)),
+        static_cast<int>(std::ceil(at->px.x() + reach_u)), static_cast<int>(std::ceil(at->px.y() + reach_v))};
     const double disc = std::numbers::pi * at->radius_px * at->radius_px;
     const int min_area = std::max(2, static_cast<int>(least_support * disc));
-    double best = -1e30;
+    double best = -std::numeric_limits<double>::infinity();
     std::optional<Sighting> chosen;
     for (const ColorRegion& region :
          finders_[static_cast<std::size_t>(view.index)].find(*view.matches, box, min_area, 1.3 * at->radius_px)) {
@@ -167,124 +126,178 @@ std::vector<Sighting> RegionTracker::sight(const std::vector<TargetView>& views,
       const double score = std::log(sighting.support) - 0.5 * d2 - 0.5 * std::log(sighting.covariance.determinant());
       if (score > best) best = score, chosen = sighting;
     }
-    if (chosen) out.push_back(*chosen);
+    if (chosen) sightings_.push_back(*chosen);
   }
+}
+
+// Covariance matching: raise the acceleration until the innovation is one that it explains, lower it slowly while the
+// innovations are smaller than they need be. Only sightings that fix all three axes can tell. Returns the prediction with
+// what was learnt.
+Belief RegionTracker::learn_acceleration(double dt, const Belief& predicted) {
+  if (sightings_.size() < 2 || dt <= 0) return predicted;
+  const PositionInformation z = information_of(sightings_, predicted.position(), predicted.velocity());
+  Eigen::Matrix3d z_covariance;
+  bool invertible = false;
+  z.information.computeInverseWithCheck(z_covariance, invertible, 1e-3);
+  if (!invertible || z_covariance.trace() > 0.01) return predicted;
+  const Eigen::Vector3d innovation = z_covariance * z.vector - predicted.position();
+  const double ceiling = 4 * options_.acceleration_m_s2;
+  Belief out = predicted;
+  const auto surprise = [&] {
+    return innovation.dot((out.position_covariance() + z_covariance).inverse() * innovation) / 3;
+  };
+  double nis = surprise();
+  while (nis > 3 && acceleration_ < ceiling) {
+    acceleration_ = std::min(ceiling, 1.5 * acceleration_);
+    out = predict(dt);
+    nis = surprise();
+  }
+  acceleration_ = std::clamp(acceleration_ * std::exp(0.05 * (std::min(nis, 3.0) - 1)), least_acceleration_m_s2, ceiling);
   return out;
 }
 
-// Optimal proposal: given particle i, prior N(predicted_i, var_p I) times the linearised sightings is Gaussian, with one
-// covariance for all particles; draw from it, and let the weight put right what the linearisation and the floor neglect:
-//   w_i *= prod_m p_m(s_i | img_m) * p(s_i | path) / q(s_i)
-void RegionTracker::propose_and_weigh(const Prior& before) {
-  const std::size_t n = p_.size();
-  PositionInformation z = information_of(sightings_, before.mean, before.velocity);
-  if (z.information.trace() > 0) {          // linearise again where the object is, if that is far from where it was expected
-    const Eigen::Matrix3d prior_information = before.covariance.inverse();
-    const Eigen::Vector3d there =
-        (prior_information + z.information).ldlt().solve(prior_information * before.mean + z.vector);
-    if ((there - before.mean).norm() > target_.radius_m) z = information_of(sightings_, there, before.velocity);
-  }
-  proposal_covariance_ = (Eigen::Matrix3d::Identity() / var_p_ + z.information).inverse();
-  const Eigen::Matrix3f keep = (proposal_covariance_ / var_p_).cast<float>();       // mean_i = keep * predicted_i + add
-  const Eigen::Vector3f add = (proposal_covariance_ * z.vector).cast<float>();
-  const Eigen::Matrix3f root = Eigen::Matrix3d(proposal_covariance_.llt().matrixL()).cast<float>();
-  noise_.resize(3 * n);
-  rng_.fill_normal(noise_);
-  mean_.resize(n);
-  log_weight_.resize(n);
-  const auto inverse_var_p = static_cast<float>(1 / var_p_);
-  const auto velocity_gain = static_cast<float>(cov_pv_ / var_p_);    // E[v | path]: Kalman gain of a seen displacement
-  const float* e0 = noise_.data();
-  const float* e1 = e0 + n;
-  const float* e2 = e1 + n;
-  for (std::size_t i = 0; i < n; ++i) {
-    const float px = predicted_.x[i], py = predicted_.y[i], pz = predicted_.z[i];
-    const float mx = keep(0, 0) * px + keep(0, 1) * py + keep(0, 2) * pz + add(0);
-    const float my = keep(1, 0) * px + keep(1, 1) * py + keep(1, 2) * pz + add(1);
-    const float mz = keep(2, 0) * px + keep(2, 1) * py + keep(2, 2) * pz + add(2);
-    const float x = mx + root(0, 0) * e0[i];
-    const float y = my + root(1, 0) * e0[i] + root(1, 1) * e1[i];
-    const float s = mz + root(2, 0) * e0[i] + root(2, 1) * e1[i] + root(2, 2) * e2[i];
-    const float dx = x - px, dy = y - py, dz = s - pz;
-    mean_.x[i] = mx, mean_.y[i] = my, mean_.z[i] = mz;
-    p_.x[i] = x, p_.y[i] = y, p_.z[i] = s;
-    v_.x[i] += velocity_gain * dx, v_.y[i] += velocity_gain * dy, v_.z[i] += velocity_gain * dz;
-    log_weight_[i] = 0.5f * (e0[i] * e0[i] + e1[i] * e1[i] + e2[i] * e2[i]) -
-                     0.5f * inverse_var_p * (dx * dx + dy * dy + dz * dz);
-  }
-  velocity_variance_ = std::max(0.0, var_v_ - cov_pv_ * cov_pv_ / var_p_);
-
-  u_.resize(n), v_px_.resize(n);
+// Kalman update with each sighting, all linearised at the prediction. A view that looked age_s earlier saw p - age v.
+Belief RegionTracker::linear_update(const Belief& predicted) const {
+  Belief out = predicted;
   for (const Sighting& sighting : sightings_) {
-    const auto age = static_cast<float>(sighting.view->age_s);
-    const float *x = p_.x.data(), *y = p_.y.data(), *s = p_.z.data();
-    if (age != 0) {                         // where each particle was when this view looked
-      scratch_.resize(n);
-      for (std::size_t i = 0; i < n; ++i) scratch_.x[i] = p_.x[i] - age * v_.x[i];
-      for (std::size_t i = 0; i < n; ++i) scratch_.y[i] = p_.y[i] - age * v_.y[i];
-      for (std::size_t i = 0; i < n; ++i) scratch_.z[i] = p_.z[i] - age * v_.z[i];
-      x = scratch_.x.data(), y = scratch_.y.data(), s = scratch_.z.data();
+    const double age = sighting.view->age_s;
+    const auto at = appearance_of(*sighting.view->camera, predicted.position() - age * predicted.velocity(), target_.radius_m);
+    if (!at) continue;
+    Eigen::Matrix<double, 2, 6> h;
+    h << at->jacobian, -age * at->jacobian;
+    // What the object may have swerved since the view looked.
+    const Eigen::Matrix2d swerve = power_density() * age * age * age / 3 * at->jacobian * at->jacobian.transpose();
+    const Eigen::Matrix<double, 6, 2> ph = out.covariance * h.transpose();
+    const Eigen::Matrix2d s = h * ph + sighting.covariance + swerve;
+    const Eigen::Matrix<double, 6, 2> gain = ph * s.inverse();
+    out.mean += gain * (sighting.px - at->px - h * (out.mean - predicted.mean));
+    out.covariance -= gain * ph.transpose();
+  }
+  out.covariance = (0.5 * (out.covariance + out.covariance.transpose())).eval();
+  return out;
+}
+
+// Antithetic pairs, shaped to the proposal's covariance exactly: where everything is Gaussian the filter is then exactly
+// the Kalman filter, and the only Monte Carlo noise left is in what is not.
+void RegionTracker::draw_particles(const Belief& proposal) {
+  const auto n = static_cast<std::size_t>(options_.particle_count);
+  const std::size_t pairs = (n + 1) / 2;
+  unit_.resize(3 * pairs);
+  rng_.fill_normal(unit_);
+  const float *e0 = unit_.data(), *e1 = e0 + pairs, *e2 = e1 + pairs;
+  float xx = 0, xy = 0, xz = 0, yy = 0, yz = 0, zz = 0;
+  for (std::size_t i = 0; i < pairs; ++i) {
+    xx += e0[i] * e0[i], xy += e0[i] * e1[i], xz += e0[i] * e2[i];
+    yy += e1[i] * e1[i], yz += e1[i] * e2[i], zz += e2[i] * e2[i];
+  }
+  Eigen::Matrix3f drawn;
+  drawn << xx, xy, xz, xy, yy, yz, xz, yz, zz;
+  const Eigen::Matrix3d sample = drawn.cast<double>() / static_cast<double>(pairs);
+  const Eigen::Matrix3d root = proposal.position_covariance().llt().matrixL();
+  // root * sample_root^-1 turns the draws' own covariance into the proposal's; with fewer than four pairs they have none.
+  const Eigen::LLT<Eigen::Matrix3d> sample_root(sample);
+  Eigen::Matrix3d shape = root;
+  if (pairs > 3 && sample_root.info() == Eigen::Success) {
+    shape = root * Eigen::Matrix3d(sample_root.matrixL()).inverse();
+  }
+  const Eigen::Matrix3f a = shape.cast<float>();
+  const Eigen::Vector3f m = proposal.position().cast<float>();
+  particles_.resize(n);
+  const auto draw = [&](std::size_t from, std::size_t count, float sign) {
+    for (std::size_t i = 0; i < count; ++i) {
+      particles_.x[from + i] = m(0) + sign * (a(0, 0) * e0[i] + a(0, 1) * e1[i] + a(0, 2) * e2[i]);
+      particles_.y[from + i] = m(1) + sign * (a(1, 0) * e0[i] + a(1, 1) * e1[i] + a(1, 2) * e2[i]);
+      particles_.z[from + i] = m(2) + sign * (a(2, 0) * e0[i] + a(2, 1) * e1[i] + a(2, 2) * e2[i]);
     }
-    sighting.view->projector->project(x, y, s, n, u_.data(), v_px_.data());
-    // p_m = max(1/25, support * exp(-d^2 / 2)), d the distance to the region's centre in its covariance
+  };
+  draw(0, pairs, 1);
+  draw(pairs, n - pairs, -1);
+}
+
+// Weight of a particle: prior times likelihood over proposal. The proposal is the prior times the linearised Gaussian
+// likelihoods, so what is left is, per view,
+//   p_m(s_i | img_m) / Gauss_m(s_i),   p_m = max(1/25, support * exp(-d^2 / 2))
+// with d the distance from the particle's projection, through the whole lens and at the view's own time, to the centre of
+// the colour region, in the region's covariance.
+void RegionTracker::weigh(const Belief& predicted, const Belief& proposal) {
+  const std::size_t n = particles_.size();
+  log_weight_.assign(n, 0.0f);
+  u_.resize(n), v_.resize(n);
+  const Eigen::Matrix3d p_information = proposal.position_covariance().inverse();
+  const Eigen::Matrix3d velocity_of_position = proposal.covariance.bottomLeftCorner<3, 3>() * p_information;
+  for (const Sighting& sighting : sightings_) {
+    const double age = sighting.view->age_s;
+    const auto at = appearance_of(*sighting.view->camera, predicted.position() - age * predicted.velocity(), target_.radius_m);
+    if (!at) continue;
+    // Given the position, the velocity is that of the regression; so the position at the view's time is linear in it.
+    const Eigen::Matrix3d back = Eigen::Matrix3d::Identity() - age * velocity_of_position;
+    const Eigen::Vector3d mean_then = proposal.position() - age * proposal.velocity();
+    const float *x = particles_.x.data(), *y = particles_.y.data(), *z = particles_.z.data();
+    if (age != 0) {
+      const Eigen::Matrix3f b = back.cast<float>();
+      const Eigen::Vector3f c = (mean_then - back * proposal.position()).cast<float>();
+      seen_at_.resize(n);
+      for (std::size_t i = 0; i < n; ++i) seen_at_.x[i] = b(0, 0) * x[i] + b(0, 1) * y[i] + b(0, 2) * z[i] + c(0);
+      for (std::size_t i = 0; i < n; ++i) seen_at_.y[i] = b(1, 0) * x[i] + b(1, 1) * y[i] + b(1, 2) * z[i] + c(1);
+      for (std::size_t i = 0; i < n; ++i) seen_at_.z[i] = b(2, 0) * x[i] + b(2, 1) * y[i] + b(2, 2) * z[i] + c(2);
+      x = seen_at_.x.data(), y = seen_at_.y.data(), z = seen_at_.z.data();
+    }
+    sighting.view->projector->project(x, y, z, n, u_.data(), v_.data());
+
     const Eigen::Matrix2f information = sighting.covariance.inverse().cast<float>();
-    const float a = information(0, 0), b = 2 * information(0, 1), c = information(1, 1);
+    const float i_uu = information(0, 0), i_uv = 2 * information(0, 1), i_vv = information(1, 1);
+    const auto d2_of = [=](float du, float dv) { return i_uu * du * du + i_uv * du * dv + i_vv * dv * dv; };
     const auto cu = static_cast<float>(sighting.px.x()), cv = static_cast<float>(sighting.px.y());
-    const auto floor = static_cast<float>(std::log(floor_likelihood));
-    const auto top = static_cast<float>(std::log(sighting.support));
+    const auto floor = static_cast<float>(std::log(floor_likelihood / sighting.support));
+    // The linearisation: du = j p + k.
+    const Eigen::Matrix<float, 2, 3> j = at->jacobian.cast<float>();
+    const Eigen::Vector2f k =
+        (at->px - at->jacobian * (predicted.position() - age * predicted.velocity()) - sighting.px).cast<float>();
     for (std::size_t i = 0; i < n; ++i) {
-      const float du = u_[i] - cu, dv = v_px_[i] - cv;
-      log_weight_[i] += std::max(floor, top - 0.5f * (a * du * du + b * du * dv + c * dv * dv));
+      const float linear_du = j(0, 0) * x[i] + j(0, 1) * y[i] + j(0, 2) * z[i] + k(0);
+      const float linear_dv = j(1, 0) * x[i] + j(1, 1) * y[i] + j(1, 2) * z[i] + k(1);
+      const float likelihood = std::max(std::min(floor, 0.0f), -0.5f * d2_of(u_[i] - cu, v_[i] - cv));
+      log_weight_[i] += likelihood + 0.5f * std::min(d2_of(linear_du, linear_dv), 50.0f);
     }
   }
-  for (std::size_t i = 0; i < n; ++i) log_weight_[i] += std::log(std::max(weight_[i], 1e-30f));
+  weight_.resize(n);
   normalize_log_weights(log_weight_, weight_);
   effective_sample_size_ = effective_sample_size(weight_);
 }
 
-// Rao-Blackwellised moments: the mean of the particles' conditional means, and the conditional covariance on top of their
-// spread. The same expectation as over the drawn positions, with less Monte Carlo noise.
-void RegionTracker::summarize() {
-  const std::size_t n = p_.size();
-  const float ox = mean_.x[0], oy = mean_.y[0], oz = mean_.z[0];
-  float sx = 0, sy = 0, sz = 0, xx = 0, xy = 0, xz = 0, yy = 0, yz = 0, zz = 0, vx = 0, vy = 0, vz = 0;
+// The weighted particles' mean and covariance are the position's; the velocity follows by regression on the position.
+void RegionTracker::estimate(const Belief& proposal) {
+  const std::size_t n = particles_.size();
+  const Eigen::Vector3f o = proposal.position().cast<float>();
+  const float ox = o.x(), oy = o.y(), oz = o.z();
+  float sx = 0, sy = 0, sz = 0, xx = 0, xy = 0, xz = 0, yy = 0, yz = 0, zz = 0;
   std::size_t best = 0;
   for (std::size_t i = 0; i < n; ++i) {
-    const float w = weight_[i], dx = mean_.x[i] - ox, dy = mean_.y[i] - oy, dz = mean_.z[i] - oz;
+    const float w = weight_[i], dx = particles_.x[i] - ox, dy = particles_.y[i] - oy, dz = particles_.z[i] - oz;
     sx += w * dx, sy += w * dy, sz += w * dz;
     xx += w * dx * dx, xy += w * dx * dy, xz += w * dx * dz;
     yy += w * dy * dy, yz += w * dy * dz, zz += w * dz * dz;
-    vx += w * v_.x[i], vy += w * v_.y[i], vz += w * v_.z[i];
     if (w > weight_[best]) best = i;
   }
   const Eigen::Vector3d shift = Eigen::Vector3f(sx, sy, sz).cast<double>();
   Eigen::Matrix3f second;
   second << xx, xy, xz, xy, yy, yz, xz, yz, zz;
-  position_ = Eigen::Vector3f(ox, oy, oz).cast<double>() + shift;
-  covariance_ = second.cast<double>() - shift * shift.transpose() + proposal_covariance_;
-  velocity_ = Eigen::Vector3f(vx, vy, vz).cast<double>();
-  map_ = Eigen::Vector3f(p_.x[best], p_.y[best], p_.z[best]).cast<double>();
-}
-
-void RegionTracker::resample_if_poor() {
-  const std::size_t n = p_.size();
-  if (effective_sample_size_ > 0.5 * static_cast<double>(n)) return;
-  ancestor_.resize(n);
-  systematic_ancestors(weight_, rng_.uniform(), ancestor_);
-  scratch_.resize(n);
-  for (PositionParticles* set : {&p_, &v_}) {
-    for (std::size_t i = 0; i < n; ++i) {
-      scratch_.x[i] = set->x[ancestor_[i]];
-      scratch_.y[i] = set->y[ancestor_[i]];
-      scratch_.z[i] = set->z[ancestor_[i]];
-    }
-    std::swap(*set, scratch_);
-  }
-  weight_.assign(n, 1.0f / static_cast<float>(n));
+  const Eigen::Matrix3d covariance =
+      second.cast<double>() - shift * shift.transpose() + 1e-10 * Eigen::Matrix3d::Identity();
+  const Eigen::Matrix3d p_information = proposal.position_covariance().inverse();
+  const Eigen::Matrix3d regression = proposal.covariance.bottomLeftCorner<3, 3>() * p_information;
+  belief_.mean << o.cast<double>() + shift, proposal.velocity() + regression * shift;
+  belief_.covariance = proposal.covariance;
+  belief_.covariance.topLeftCorner<3, 3>() = covariance;
+  belief_.covariance.bottomLeftCorner<3, 3>() = regression * covariance;
+  belief_.covariance.topRightCorner<3, 3>() = (regression * covariance).transpose();
+  belief_.covariance.bottomRightCorner<3, 3>() +=
+      regression * (covariance - proposal.position_covariance()) * regression.transpose();
+  map_ = Eigen::Vector3f(particles_.x[best], particles_.y[best], particles_.z[best]).cast<double>();
 }
 
 void RegionTracker::judge(const FrameSet& set) {
-  const double sigma_m = largest_sigma(covariance_);
+  const double sigma_m = largest_sigma(belief_.position_covariance());
   if (!sightings_.empty() && sigma_m <= options_.max_tracking_sigma_m) {
     state_ = TrackState::tracking;
     last_tracking_ = set.at;
@@ -351,27 +364,16 @@ void RegionTracker::search(const FrameSet& set, const std::vector<TargetView>& v
 }
 
 void RegionTracker::start_at(const Candidate& found, const Eigen::Vector3d& velocity, double velocity_variance) {
-  const auto n = static_cast<std::size_t>(options_.particle_count);
-  p_.resize(n), v_.resize(n);
-  noise_.resize(6 * n);
-  rng_.fill_normal(noise_);
-  const Eigen::Matrix3d root = found.covariance.llt().matrixL();
-  for (std::size_t i = 0; i < n; ++i) {
-    const Eigen::Vector3d e = Eigen::Vector3f(noise_[3 * i], noise_[3 * i + 1], noise_[3 * i + 2]).cast<double>();
-    const Eigen::Vector3f p = (found.position + root * e).cast<float>();
-    p_.x[i] = p.x(), p_.y[i] = p.y(), p_.z[i] = p.z();
-    v_.x[i] = static_cast<float>(velocity.x());
-    v_.y[i] = static_cast<float>(velocity.y());
-    v_.z[i] = static_cast<float>(velocity.z());
-  }
-  weight_.assign(n, 1.0f / static_cast<float>(n));
-  velocity_variance_ = velocity_variance;
+  belief_.mean << found.position, velocity;
+  belief_.covariance.setZero();
+  belief_.covariance.topLeftCorner<3, 3>() = found.covariance;
+  belief_.covariance.bottomRightCorner<3, 3>() = velocity_variance * Eigen::Matrix3d::Identity();
   acceleration_ = options_.acceleration_m_s2;
-  position_ = map_ = found.position;
-  covariance_ = found.covariance;
-  velocity_ = velocity;
-  effective_sample_size_ = static_cast<double>(n);
   sightings_ = found.sightings;
+  draw_particles(belief_);
+  weight_.assign(particles_.size(), 1.0f / static_cast<float>(particles_.size()));
+  effective_sample_size_ = static_cast<double>(particles_.size());
+  map_ = found.position;
 }
 
 ObjectEstimate RegionTracker::report(const FrameSet& set, const std::vector<TargetView>& views) const {
@@ -379,18 +381,18 @@ ObjectEstimate RegionTracker::report(const FrameSet& set, const std::vector<Targ
   e.at = set.at;
   e.set_number = set.number;
   e.state = state_;
-  e.particle_count = static_cast<int>(p_.size());
-  e.effective_sample_size = e.has_position() ? effective_sample_size_ : static_cast<double>(p_.size());
+  e.particle_count = static_cast<int>(particles_.size());
+  e.effective_sample_size = effective_sample_size_;
   e.per_view.resize(views_.camera_count());
   for (const TargetView& view : views) e.per_view[static_cast<std::size_t>(view.index)].delivered = true;
   if (!e.has_position()) return e;
-  e.position = position_;
-  e.velocity = velocity_;
-  e.covariance = covariance_;
+  e.position = belief_.position();
+  e.velocity = belief_.velocity();
+  e.covariance = belief_.position_covariance();
   e.map_position = map_;
   for (const TargetView& view : views) {
     ViewSupport& support = e.per_view[static_cast<std::size_t>(view.index)];
-    const auto at = appearance_of(*view.camera, position_ - view.age_s * velocity_, target_.radius_m);
+    const auto at = appearance_of(*view.camera, e.position - view.age_s * e.velocity, target_.radius_m);
     if (!at || !view.camera->contains({at->px})) continue;
     support.in_view = true;
     support.px = at->px.cast<float>();

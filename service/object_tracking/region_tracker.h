@@ -1,14 +1,16 @@
-// Our own observation and filter, `observation: huetrack`: a Rao-Blackwellised particle filter. A particle is a position
-// with a path; its velocity, given the path, is Gaussian and kept in closed form (Schon, Gustafsson, Nordlund 2005). What
+// Our own observation and filter, `observation: huetrack`: a Gaussian particle filter (Kotecha and Djuric 2003) over the
+// position, with the velocity marginalised. Between frame sets the belief is one Gaussian over (position, velocity); in a
+// set, positions are drawn from it, weighed by what every view shows at their projections, and give the next one. What
 // differs from the paper, and why:
-//   - proposal: particles are drawn from motion AND the colour regions near them (the optimal proposal of Doucet, Godsill
-//     and Andrieu 2000), not from the motion alone. 200 particles then sit where they matter: millimetres, not centimetres.
+//   - proposal: particles are drawn from motion AND the colour regions near the prediction (the optimal proposal of Doucet,
+//     Godsill and Andrieu 2000), not from the motion alone. 200 particles then sit where they matter.
 //   - observation: the centre of the colour region is rewarded, not the inside of it, with a covariance that knows the
 //     object's radius and sees when a part of it is hidden (sighting.h). The paper's floor of 1/25 stays: no view can veto.
 //   - motion: constant velocity with white acceleration; how much of it is needed is learnt from the innovations, so that
 //     calm motion is smoothed and a thrown ball followed. Each view is scored at its own capture time.
-//   - search: rays crossed between views through matching pixels of a coarse grid, confirmed by a second frame set.
-// What was tried and left out, with figures: README.md beside this file.
+//   - search: rays crossed between views through matching pixels of a coarse grid, confirmed by a second frame set. Several
+//     hypotheses are needed only here, and here they are kept.
+// What else was tried, with figures: README.md beside this file.
 #pragma once
 
 #include <Eigen/Core>
@@ -24,60 +26,60 @@
 
 namespace huetrack {
 
+// Gaussian over (position, velocity): metres, m/s, world frame.
+struct Belief {
+  Eigen::Matrix<double, 6, 1> mean = Eigen::Matrix<double, 6, 1>::Zero();
+  Eigen::Matrix<double, 6, 6> covariance = Eigen::Matrix<double, 6, 6>::Identity();
+
+  auto position() const { return mean.head<3>(); }
+  auto velocity() const { return mean.tail<3>(); }
+  auto position_covariance() const { return covariance.topLeftCorner<3, 3>(); }
+};
+
 // thread-compatible.
 class RegionTracker {
  public:
   RegionTracker(const CameraRig& rig, const TargetOptions& target, const ObjectTrackerOptions& options, Rng rng);
 
   ObjectEstimate update(const FrameSet& set);
-  const PositionParticles& particles() const { return p_; }
+  const PositionParticles& particles() const { return particles_; }
 
  private:
-  struct Prior {                  // of the position, before this set's images
-    Eigen::Vector3d mean, velocity;
-    Eigen::Matrix3d covariance;
-  };
-  void predict(double dt);
-  Prior prior() const;
-  void choose_acceleration(const std::vector<TargetView>& views, double dt);
-  void set_motion_noise(double dt);
-  std::vector<Sighting> sight(const std::vector<TargetView>& views, const Prior& prior);
-  void propose_and_weigh(const Prior& prior);
-  void resample_if_poor();
-  void summarize();
+  Belief predict(double dt) const;
+  void sight(const std::vector<TargetView>& views, const Belief& predicted, double dt);
+  Belief learn_acceleration(double dt, const Belief& predicted);
+  Belief linear_update(const Belief& predicted) const;
+  void draw_particles(const Belief& proposal);
+  void weigh(const Belief& predicted, const Belief& proposal);
+  void estimate(const Belief& proposal);
   void judge(const FrameSet& set);
   void search(const FrameSet& set, const std::vector<TargetView>& views);
   void start_at(const Candidate& found, const Eigen::Vector3d& velocity, double velocity_variance);
   void scatter();
   ObjectEstimate report(const FrameSet& set, const std::vector<TargetView>& views) const;
+  double power_density() const;              // of the acceleration, m^2/s^3
 
   TargetOptions target_;
   ObjectTrackerOptions options_;
   TargetViews views_;
   Rng rng_;
 
-  // Particles: position, mean velocity, weight. The velocity's variance given the path, per axis, is common to all.
-  PositionParticles p_, v_, predicted_, mean_;
-  std::vector<float> weight_, log_weight_, noise_, u_, v_px_;
-  std::vector<std::uint32_t> ancestor_;
-  PositionParticles scratch_;
-  double velocity_variance_ = 0;         // (m/s)^2
-  double acceleration_ = 0;              // m/s^2, learnt
-  // One step of white acceleration, per axis: variances and covariance of (position, velocity).
-  double var_p_ = 0, cov_pv_ = 0, var_v_ = 0;
-  Eigen::Matrix3d proposal_covariance_ = Eigen::Matrix3d::Zero();
+  Belief belief_;                            // after the last set, at last_at_
+  double acceleration_ = 0;                  // m/s^2, learnt
+  PositionParticles particles_;
+  std::vector<float> weight_, log_weight_, unit_, u_, v_;
+  PositionParticles seen_at_;                // the particles at a view's own capture time
+  double effective_sample_size_ = 0;
+  Eigen::Vector3d map_ = Eigen::Vector3d::Zero();
 
-  std::vector<Sighting> sightings_;      // of this set
-  std::vector<RegionFinder> finders_;    // per camera
+  std::vector<Sighting> sightings_;          // of this set
+  std::vector<RegionFinder> finders_;        // per camera
   std::vector<std::vector<ColorRegion>> regions_;
-  std::vector<Candidate> candidates_;    // of the last set, while searching
+  std::vector<Candidate> candidates_;        // of the last set, while searching
   Timestamp candidates_at_{};
 
   TrackState state_ = TrackState::searching;
   Timestamp last_at_{}, last_tracking_{};
-  Eigen::Vector3d position_ = Eigen::Vector3d::Zero(), velocity_ = Eigen::Vector3d::Zero(), map_ = Eigen::Vector3d::Zero();
-  Eigen::Matrix3d covariance_ = Eigen::Matrix3d::Zero();
-  double effective_sample_size_ = 0;
 };
 
 }  // namespace huetrack

@@ -1,6 +1,6 @@
 #include "object_tracking/sighting.h"
 
-#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
@@ -8,13 +8,6 @@
 
 namespace huetrack {
 namespace {
-
-// Square root of a symmetric positive semidefinite 2x2 matrix, by Cayley and Hamilton.
-Eigen::Matrix2d square_root(const Eigen::Matrix2d& m) {
-  const double root_det = std::sqrt(std::max(0.0, m.determinant()));
-  const double scale = std::sqrt(std::max(1e-12, m.trace() + 2 * root_det));
-  return (m + root_det * Eigen::Matrix2d::Identity()) / scale;
-}
 
 constexpr double min_start_support = 0.3;      // of either of the two regions that a candidate starts from
 constexpr double max_start_support = 3;        // larger regions are something else
@@ -63,8 +56,15 @@ Sighting sighting_of(const TargetView& view, const ColorRegion& region, double r
   s.view = &view;
   s.px = region.centre;
   const double noise2 = pixel_noise_px * pixel_noise_px + 0.0025 * radius_px * radius_px;
-  const Eigen::Matrix2d misfit = radius_px * Eigen::Matrix2d::Identity() - 2 * square_root(region.spread);
-  s.covariance = noise2 * Eigen::Matrix2d::Identity() + misfit * misfit;
+  // Along each axis of the region: 2 sqrt(eigenvalue) is the radius of the disc that is as wide.
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> axes = Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>().computeDirect(region.spread);
+  Eigen::Vector2d variance = Eigen::Vector2d::Constant(noise2);
+  for (int i = 0; i < 2; ++i) {
+    const double misfit_px = std::abs(radius_px - 2 * std::sqrt(std::max(0.0, axes.eigenvalues()(i))));
+    const double excess_px = 1.3 * std::max(0.0, misfit_px - 0.2 * radius_px);
+    variance(i) += excess_px * excess_px;
+  }
+  s.covariance = axes.eigenvectors() * variance.asDiagonal() * axes.eigenvectors().transpose();
   s.support = std::min(1.0, region.area / (std::numbers::pi * radius_px * radius_px));
   return s;
 }
@@ -86,10 +86,17 @@ std::vector<Candidate> cross_rays(const std::vector<TargetView>& views, std::spa
                                   const TargetOptions& target, const ObjectTrackerOptions& options,
                                   std::size_t max_count) {
   std::vector<Candidate> out;
+  // Nothing is known of the velocity yet: a view that looked earlier saw the object up to so far away.
+  const auto sighting_at = [&](std::size_t view, const ColorRegion& region, const Appearance& at) {
+    Sighting s = sighting_of(views[view], region, at.radius_px, options.pixel_noise_px);
+    const double way_m = options.start_speed_m_s * views[view].age_s;
+    s.covariance += way_m * way_m * at.jacobian * at.jacobian.transpose();
+    return s;
+  };
   const auto fits = [&](std::size_t view, const ColorRegion& region, const Appearance& at, double least_support) {
     const double share = region.area / (std::numbers::pi * at.radius_px * at.radius_px);
     if (share < least_support || share > max_start_support) return false;
-    const Sighting s = sighting_of(views[view], region, at.radius_px, options.pixel_noise_px);
+    const Sighting s = sighting_at(view, region, at);
     return mahalanobis2(s.px - at.px, s.covariance) <= gate;
   };
   // All views that agree with the point, each with its nearest fitting region.
@@ -108,7 +115,7 @@ std::vector<Candidate> cross_rays(const std::vector<TargetView>& views, std::spa
         score -= 0.25;
         continue;
       }
-      sightings.push_back(sighting_of(views[v], *nearest, at->radius_px, options.pixel_noise_px));
+      sightings.push_back(sighting_at(v, *nearest, *at));
       score += sightings.back().support;
     }
     return sightings;
