@@ -446,6 +446,7 @@ struct VideoReader::Impl {
     const auto size = in ? static_cast<std::int64_t>(in.tellg()) : 0;
     std::optional<Image> image;
     if (in && size > 0 && size < (1 << 30) && av_new_packet(packet.get(), static_cast<int>(size)) == 0) {
+      packet->flags |= AV_PKT_FLAG_KEY;  // PNG knows pictures that build on the one before
       in.seekg(0);
       if (in.read(reinterpret_cast<char*>(packet->data), size)) image = decode_one().image;
       av_packet_unref(packet.get());

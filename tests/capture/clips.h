@@ -1,0 +1,193 @@
+// Small videos and images of a known content, written with FFmpeg for the tests to read back.
+#pragma once
+
+extern "C" {
+#include <libavcodec/avcodec.h>
+#include <libavformat/avformat.h>
+#include <libavutil/imgutils.h>
+#include <libavutil/opt.h>
+#include <libavutil/pixdesc.h>
+}
+
+#include <unistd.h>
+
+#include <cstdint>
+#include <filesystem>
+#include <fstream>
+#include <functional>
+#include <memory>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "capture/frame.h"
+
+namespace huetrack::clips {
+
+// A folder that goes with the test.
+class TemporaryFolder {
+ public:
+  TemporaryFolder() {
+    std::string name = (std::filesystem::temp_directory_path() / "huetrack_XXXXXX").string();
+    if (!::mkdtemp(name.data())) throw std::runtime_error("mkdtemp");
+    path_ = name;
+  }
+  ~TemporaryFolder() {
+    std::error_code ignored;
+    std::filesystem::remove_all(path_, ignored);
+  }
+  TemporaryFolder(const TemporaryFolder&) = delete;
+  TemporaryFolder& operator=(const TemporaryFolder&) = delete;
+  std::filesystem::path operator/(const std::string& name) const { return path_ / name; }
+  const std::filesystem::path& path() const { return path_; }
+
+ private:
+  std::filesystem::path path_;
+};
+
+inline void write_text(const std::filesystem::path& file, const std::string& text) {
+  std::filesystem::create_directories(file.parent_path());
+  std::ofstream(file, std::ios::binary) << text;
+}
+
+inline std::string read_bytes(const std::filesystem::path& file) {
+  std::ifstream in(file, std::ios::binary);
+  return {std::istreambuf_iterator<char>(in), {}};
+}
+
+struct Clip {
+  std::string codec = "ffv1";
+  AVPixelFormat format = AV_PIX_FMT_YUV422P;
+  AVColorRange range = AVCOL_RANGE_UNSPECIFIED;
+  AVColorSpace matrix = AVCOL_SPC_UNSPECIFIED;
+  int width = 64;
+  int height = 48;
+  int frames = 12;
+  int fps = 10;
+  int key_frame_every = 1;
+  int b_frames = 0;
+  // Sees every coded packet before it goes into the file; false leaves it out.
+  std::function<bool(int, AVPacket&)> tamper = {};
+};
+
+// Frame k is flat but for noise in its outer part (so that damage shows): its middle says which frame it is.
+constexpr int level_of_frame(int k) {
+  return 40 + 8 * k;
+}
+inline int frame_of_level(int level) {
+  return (level - 40 + 4) / 8;
+}
+inline int frame_shown_by(const Image& image) {
+  const int u = image.width / 2;
+  const int v = image.height / 2;
+  return frame_of_level(image.format == PixelFormat::bgr ? bgr_at(image, u, v).g : yuv_at(image, u, v).y);
+}
+
+inline void check(int error, const char* what) {
+  if (error < 0) throw std::runtime_error(std::string("clip: ") + what);
+}
+
+// For 8-bit planar formats and packed RGB; other formats get the level in every byte.
+inline void paint(AVFrame& frame, int k) {
+  const AVPixFmtDescriptor* format = av_pix_fmt_desc_get(static_cast<AVPixelFormat>(frame.format));
+  for (int plane = 0; plane < av_pix_fmt_count_planes(static_cast<AVPixelFormat>(frame.format)); ++plane) {
+    const bool is_chroma = plane > 0 && (format->flags & AV_PIX_FMT_FLAG_RGB) == 0;
+    const int rows = is_chroma ? -(-frame.height >> format->log2_chroma_h) : frame.height;
+    const int bytes = av_image_get_linesize(static_cast<AVPixelFormat>(frame.format), frame.width, plane);
+    for (int y = 0; y < rows; ++y)
+      for (int x = 0; x < bytes; ++x) {
+        const bool is_outer = x < bytes / 4 || y < rows / 4;
+        const unsigned noise = is_outer ? (static_cast<unsigned>((x * 7 + 3) * (y * 13 + 5) * (k + 11)) >> 4) % 16 : 0;
+        const int level = is_chroma ? 100 + 20 * plane : level_of_frame(k);
+        frame.data[plane][y * frame.linesize[plane] + x] = static_cast<std::uint8_t>(level + static_cast<int>(noise));
+      }
+  }
+}
+
+inline void write_clip(const std::filesystem::path& file, const Clip& clip) {
+  std::filesystem::create_directories(file.parent_path());
+  AVFormatContext* opened = nullptr;
+  check(avformat_alloc_output_context2(&opened, nullptr, nullptr, file.c_str()), "no such container");
+  const std::unique_ptr<AVFormatContext, void (*)(AVFormatContext*)> output(opened, avformat_free_context);
+  const AVCodec* encoder = avcodec_find_encoder_by_name(clip.codec.c_str());
+  if (!encoder) throw std::runtime_error("clip: no encoder " + clip.codec);
+  const std::unique_ptr<AVCodecContext, void (*)(AVCodecContext*)> codec(
+      avcodec_alloc_context3(encoder), [](AVCodecContext* c) { avcodec_free_context(&c); });
+  codec->width = clip.width;
+  codec->height = clip.height;
+  codec->pix_fmt = clip.format;
+  codec->color_range = clip.range;
+  codec->colorspace = clip.matrix;
+  codec->time_base = {1, clip.fps};
+  codec->framerate = {clip.fps, 1};
+  codec->gop_size = clip.key_frame_every;
+  codec->max_b_frames = clip.b_frames;
+  codec->thread_count = 1;
+  codec->flags |= AV_CODEC_FLAG_QSCALE | AV_CODEC_FLAG_BITEXACT;
+  codec->global_quality = 2 * FF_QP2LAMBDA;
+  if (clip.codec == "ffv1") {
+    codec->level = 3;  // with a checksum per slice
+    codec->slices = 4;
+    av_opt_set_int(codec->priv_data, "slicecrc", 1, 0);
+  }
+  codec->strict_std_compliance = FF_COMPLIANCE_UNOFFICIAL;
+  if ((output->oformat->flags & AVFMT_GLOBALHEADER) != 0) codec->flags |= AV_CODEC_FLAG_GLOBAL_HEADER;
+  check(avcodec_open2(codec.get(), encoder, nullptr), "the encoder does not open");
+  AVStream* stream = avformat_new_stream(output.get(), nullptr);
+  check(avcodec_parameters_from_context(stream->codecpar, codec.get()), "parameters");
+  stream->time_base = codec->time_base;
+  stream->avg_frame_rate = codec->framerate;
+  if ((output->oformat->flags & AVFMT_NOFILE) == 0)
+    check(avio_open(&output->pb, file.c_str(), AVIO_FLAG_WRITE), "file");
+  output->flags |= AVFMT_FLAG_BITEXACT;
+  check(avformat_write_header(output.get(), nullptr), "header");
+
+  const std::unique_ptr<AVPacket, void (*)(AVPacket*)> packet(av_packet_alloc(),
+                                                              [](AVPacket* p) { av_packet_free(&p); });
+  int packets = 0;
+  const auto write_packets = [&] {
+    while (avcodec_receive_packet(codec.get(), packet.get()) == 0) {
+      packet->duration = 1;
+      check(av_packet_make_writable(packet.get()), "packet");
+      if (!clip.tamper || clip.tamper(packets, *packet)) {
+        av_packet_rescale_ts(packet.get(), codec->time_base, stream->time_base);
+        packet->stream_index = 0;
+        check(av_write_frame(output.get(), packet.get()), "packet");
+      }
+      ++packets;
+      av_packet_unref(packet.get());
+    }
+  };
+  for (int k = 0; k < clip.frames; ++k) {
+    const std::unique_ptr<AVFrame, void (*)(AVFrame*)> frame(av_frame_alloc(), [](AVFrame* f) { av_frame_free(&f); });
+    frame->format = clip.format;
+    frame->width = clip.width;
+    frame->height = clip.height;
+    frame->color_range = clip.range;
+    frame->colorspace = clip.matrix;
+    frame->quality = codec->global_quality;
+    check(av_frame_get_buffer(frame.get(), 0), "frame");
+    paint(*frame, k);
+    frame->pts = k;
+    check(avcodec_send_frame(codec.get(), frame.get()), "encode");
+    write_packets();
+  }
+  check(avcodec_send_frame(codec.get(), nullptr), "encode");
+  write_packets();
+  check(av_write_trailer(output.get()), "trailer");
+  if ((output->oformat->flags & AVFMT_NOFILE) == 0) avio_closep(&output->pb);
+}
+
+// The bytes that one sees of an image: equal images, equal hash, however they lie in memory. FNV-1a.
+inline std::uint64_t hash_of(const Image& image, std::uint64_t hash = 0xcbf29ce484222325) {
+  const auto add = [&](std::uint8_t byte) { hash = (hash ^ byte) * 0x100000001b3; };
+  add(static_cast<std::uint8_t>(image.format));
+  for (int i = 0; i < 3; ++i)
+    for (int y = 0; y < plane_rows(image.format, i, image.height); ++y)
+      for (std::size_t x = 0; x < plane_row_bytes(image.format, i, image.width); ++x)
+        add(image.planes[static_cast<std::size_t>(i)]
+                .data[y * image.planes[static_cast<std::size_t>(i)].stride + static_cast<std::ptrdiff_t>(x)]);
+  return hash;
+}
+
+}  // namespace huetrack::clips
