@@ -51,7 +51,7 @@ void Canvas::image(cv::Point2d top_left, const cv::Mat& source, double zoom) {
   cv::resize(source, large, {}, zoom * scale, zoom * scale, cv::INTER_NEAREST);
   const cv::Point at(int(std::lround(top_left.x * scale)), int(std::lround(top_left.y * scale)));
   const cv::Rect into = cv::Rect(at, large.size()) & cv::Rect(cv::Point(), pixels_.size());
-  large(into - at).copyTo(pixels_(into));
+  if (!into.empty()) large(into - at).copyTo(pixels_(into));
 }
 
 void Canvas::line(cv::Point2d a, cv::Point2d b, DrawColor color, double width) {
@@ -103,6 +103,21 @@ void Canvas::text(cv::Point2d at, const std::string& text, double height, DrawCo
   if (align != Align::left) at.x -= text_width(text, height, bold) * (align == Align::centre ? 0.5 : 1.0);
   cv::putText(pixels_, text, {int(std::lround(at.x * scale)), int(std::lround(at.y * scale))}, font,
               font_scale(height) * scale, bgr(color), stroke(font_stroke(height, bold), scale), cv::LINE_AA);
+}
+
+void Canvas::rimmed_text(cv::Point2d at, const std::string& text, double height, DrawColor color, DrawColor rim,
+                         Align align) {
+  if (align != Align::left) at.x -= text_width(text, height) * (align == Align::centre ? 0.5 : 1.0);
+  const cv::Point origin(int(std::lround(at.x * scale)), int(std::lround(at.y * scale)));
+  const int width = stroke(font_stroke(height, false), scale);
+  cv::putText(pixels_, text, origin, font, font_scale(height) * scale, bgr(rim), width + 4 * scale, cv::LINE_AA);
+  cv::putText(pixels_, text, origin, font, font_scale(height) * scale, bgr(color), width, cv::LINE_AA);
+}
+
+void Canvas::paste(cv::Point2d top_left, const Canvas& other) {
+  const cv::Point at(int(std::lround(top_left.x * scale)), int(std::lround(top_left.y * scale)));
+  const cv::Rect into = cv::Rect(at, other.pixels_.size()) & cv::Rect(cv::Point(), pixels_.size());
+  if (!into.empty()) other.pixels_(into - at).copyTo(pixels_(into));
 }
 
 double Canvas::text_width(const std::string& text, double height, bool bold) {

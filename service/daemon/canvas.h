@@ -33,9 +33,13 @@ class Canvas {
   void circle(cv::Point2d centre, double radius, DrawColor color, double width);
   void disc(cv::Point2d centre, double radius, DrawColor fill);
   void rectangle(cv::Rect2d box, DrawColor fill, double opacity = 1);
+  void paste(cv::Point2d top_left, const Canvas& other);
   // at: on the base line. height: of a capital letter.
   void text(cv::Point2d at, const std::string& text, double height, DrawColor color, Align align = Align::left,
             bool bold = false);
+  // As text(), with a rim of another colour that keeps it readable over lines.
+  void rimmed_text(cv::Point2d at, const std::string& text, double height, DrawColor color, DrawColor rim,
+                   Align align = Align::left);
   static double text_width(const std::string& text, double height, bool bold = false);
 
   cv::Mat finished() const;  // 8-bit BGR

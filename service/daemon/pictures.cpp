@@ -46,28 +46,34 @@ DrawColor state_color(TrackState state) {
 // ---------------------------------------------------------------------------------------------------------------------
 // The views
 
-struct ViewFrame {  // where a camera's image lies in the picture
-  cv::Point2d origin;
+struct ViewFrame {     // how a camera's pixels lie on a canvas
+  cv::Point2d origin;  // of the image's top left corner; pixel (0,0) is the CENTRE of the top-left pixel
   double zoom;
-  // Pixel (0,0) is the centre of the top-left pixel.
   cv::Point2d operator()(const Eigen::Vector2d& px) const {
     return origin + cv::Point2d(px.x() + 0.5, px.y() + 0.5) * zoom;
   }
 };
 
-void draw_estimate(Canvas& canvas, const Camera& camera, const ViewFrame& frame, const ObjectEstimate& estimate,
-                   double radius_m, DrawColor color) {
-  CameraModel::Jacobian px_per_cam;
-  const Eigen::Vector3d p_cam = camera.cam_from_world * estimate.position;
-  const auto pixel = camera.model.project(p_cam, px_per_cam);
+// Of the target's outline, by its distance; both axes of the lens taken as one.
+double outline_radius_px(const Camera& camera, const Eigen::Vector3d& p_world, double radius_m) {
+  return radius_m / (camera.cam_from_world * p_world).norm() * 0.5 * (camera.model.fx() + camera.model.fy());
+}
+
+// The target's outline where it is thought to be.
+void draw_outline(Canvas& canvas, const Camera& camera, const ViewFrame& frame, const Eigen::Vector3d& position,
+                  double radius_m, DrawColor color) {
+  const auto pixel = camera.project_world(position);
   if (!pixel || !camera.contains(*pixel)) return;
-  const cv::Point2d at = frame(pixel->px);
+  const double radius_px = outline_radius_px(camera, position, radius_m);
+  canvas.circle(frame(pixel->px), radius_px * frame.zoom, black, 3.5);
+  canvas.circle(frame(pixel->px), radius_px * frame.zoom, color, 1.8);
+}
 
-  // The target's outline, by its radius at this distance; both axes of the lens taken as one.
-  const double radius_px = radius_m / p_cam.norm() * 0.5 * (camera.model.fx() + camera.model.fy());
-  canvas.circle(at, radius_px * frame.zoom, black, 3.5);
-  canvas.circle(at, radius_px * frame.zoom, color, 1.8);
-
+// The 95 % ellipse of where its centre is.
+void draw_ellipse(Canvas& canvas, const Camera& camera, const ViewFrame& frame, const ObjectEstimate& estimate) {
+  CameraModel::Jacobian px_per_cam;
+  const auto pixel = camera.model.project(camera.cam_from_world * estimate.position, px_per_cam);
+  if (!pixel || !camera.contains(*pixel)) return;
   const Eigen::Matrix<double, 2, 3> px_per_world = px_per_cam * camera.cam_from_world.rotation.toRotationMatrix();
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> axes(px_per_world * estimate.covariance *
                                                             px_per_world.transpose());
@@ -78,12 +84,62 @@ void draw_estimate(Canvas& canvas, const Camera& camera, const ViewFrame& frame,
     const double angle = 2 * std::numbers::pi * i / 64;
     ellipse.push_back(frame(pixel->px + half_axes * Eigen::Vector2d(std::cos(angle), std::sin(angle))));
   }
-  canvas.polyline(ellipse, black, 3, true);
-  canvas.polyline(ellipse, white, 1.4, true);
-  constexpr double arm = 5;
-  for (const auto& d : {cv::Point2d(arm, 0), cv::Point2d(0, arm)}) {
-    canvas.line(at - d, at + d, black, 3);
-    canvas.line(at - d, at + d, white, 1.2);
+  canvas.polyline(ellipse, black, 2.4, true);
+  canvas.polyline(ellipse, white, 1.3, true);
+}
+
+// The image with everything that is drawn into it, at any magnification.
+void draw_view(Canvas& canvas, const ServiceConfig& config, const PictureJob& job, const Camera& camera,
+               const cv::Mat& image, const ViewFrame& frame, double dot_radius) {
+  if (!image.empty()) canvas.image(frame.origin, image, frame.zoom);
+  for (std::size_t t = 0; t < config.targets.size(); ++t) {
+    const DrawColor color = color_of_hue(middle_hue_deg(config.targets[t].color), 0.75, 1);
+    std::vector<cv::Point2d> dots;
+    for (const auto& particle : job.particles[t]) {
+      const auto pixel = camera.project_world(particle.cast<double>());
+      if (pixel && camera.contains(*pixel)) dots.push_back(frame(pixel->px));
+    }
+    const ObjectEstimate& estimate = job.estimates[t];
+    if (estimate.has_position()) {
+      draw_outline(canvas, camera, frame, estimate.position, config.targets[t].radius_m, color);
+    }
+    for (const auto& dot : dots) canvas.disc(dot, dot_radius + 0.7, black);
+    for (const auto& dot : dots) canvas.disc(dot, dot_radius, color);
+    if (estimate.has_position()) draw_ellipse(canvas, camera, frame, estimate);
+  }
+}
+
+// Magnified squares around the targets, along the edge of the view that they are farther from.
+void draw_magnifiers(Canvas& view, const ServiceConfig& config, const PictureJob& job, const Camera& camera,
+                     const cv::Mat& image) {
+  constexpr double side = 168, gap = 10;
+  std::vector<std::pair<std::size_t, Eigen::Vector2d>> seen;  // target, where
+  double mean_v = 0;
+  for (std::size_t t = 0; t < config.targets.size(); ++t) {
+    if (!job.estimates[t].has_position()) continue;
+    const auto pixel = camera.project_world(job.estimates[t].position);
+    if (!pixel || !camera.contains(*pixel)) continue;
+    seen.emplace_back(t, pixel->px);
+    mean_v += pixel->px.y();
+  }
+  if (image.empty() || seen.empty()) return;
+  const bool at_bottom = mean_v / double(seen.size()) < camera.image_size.height / 2.0;
+  cv::Point2d at(gap, at_bottom ? view.height() - side - gap : gap);
+  for (const auto& [t, px] : seen) {
+    const double radius_px = outline_radius_px(camera, job.estimates[t].position, config.targets[t].radius_m);
+    const double zoom = side / (2 * std::max(6.0, 1.8 * radius_px));
+    Canvas glass{int(side), int(side), {44, 47, 53}};
+    const ViewFrame frame{cv::Point2d(side / 2, side / 2) - cv::Point2d(px.x() + 0.5, px.y() + 0.5) * zoom, zoom};
+    // Only the part of the image that shows: magnified whole it would be huge.
+    const int half = int(std::ceil(side / 2 / zoom)) + 1;
+    const cv::Rect part = cv::Rect(int(px.x()) - half, int(px.y()) - half, 2 * half + 1, 2 * half + 1) &
+                          cv::Rect(cv::Point(), image.size());
+    glass.image(frame.origin + cv::Point2d(part.x, part.y) * zoom, image(part), zoom);
+    draw_view(glass, config, job, camera, {}, frame, 1.0);
+    view.rectangle({at.x - 2, at.y - 2, side + 4, side + 4}, white);
+    view.paste(at, glass);
+    view.rimmed_text({at.x + 8, at.y + side - 9}, config.targets[t].name, 9.5, white, black);
+    at.x += side + gap;
   }
 }
 
@@ -140,40 +196,26 @@ cv::Mat draw_views(const ServiceConfig& config, const PictureJob& job) {
 
   for (std::size_t c = 0; c < cameras.size(); ++c) {
     const Camera& camera = cameras[c];
-    const ViewFrame frame{{margin + double(int(c) % columns) * (cell_width + margin),
-                           title_height + double(int(c) / columns) * (cell_height + margin) + name_height},
-                          zoom};
+    const cv::Rect2d area(margin + double(int(c) % columns) * (cell_width + margin),
+                          title_height + double(int(c) / columns) * (cell_height + margin) + name_height,
+                          camera.image_size.width * zoom, camera.image_size.height * zoom);
     const auto& captured = job.set.frames.at(c);
-    const cv::Rect2d area(frame.origin.x, frame.origin.y, camera.image_size.width * zoom,
-                          camera.image_size.height * zoom);
-    canvas.text({frame.origin.x, frame.origin.y - 9}, camera.name, 11, bright, Align::left, true);
-    if (captured) {
-      canvas.image(frame.origin, bgr_of(captured->pixels), zoom);
-    } else {
-      canvas.rectangle(area, {44, 47, 53});
-      canvas.text({area.x + area.width / 2, area.y + area.height / 2}, "no frame in this set", 13, faint,
-                  Align::centre);
+    const cv::Mat image = captured ? bgr_of(captured->pixels) : cv::Mat();
+    Canvas view(int(std::lround(area.width)), int(std::lround(area.height)), {44, 47, 53});
+    draw_view(view, config, job, camera, image, {{0, 0}, zoom}, 1.4);
+    draw_magnifiers(view, config, job, camera, image);
+    if (image.empty()) {
+      view.rimmed_text({area.width / 2, area.height / 2}, "no frame in this set", 13, faint, black, Align::centre);
     }
+    canvas.paste(area.tl(), view);
+
     std::string seen;
     for (std::size_t t = 0; t < targets; ++t) {
       const auto& views = job.estimates[t].per_view;
       if (c < views.size() && views[c].seen) seen += (seen.empty() ? "sees " : ", ") + config.targets[t].name;
     }
-    canvas.text({area.x + area.width, frame.origin.y - 9}, seen.empty() ? "sees no target" : seen, 10, faint,
-                Align::right);
-
-    for (std::size_t t = 0; t < targets; ++t) {
-      const DrawColor color = color_of_hue(middle_hue_deg(config.targets[t].color), 0.75, 1);
-      std::vector<cv::Point2d> dots;
-      for (const auto& particle : job.particles[t]) {
-        const auto pixel = camera.project_world(particle.cast<double>());
-        if (pixel && camera.contains(*pixel)) dots.push_back(frame(pixel->px));
-      }
-      for (const auto& dot : dots) canvas.disc(dot, 2.3, black);
-      for (const auto& dot : dots) canvas.disc(dot, 1.4, color);
-      if (job.estimates[t].has_position())
-        draw_estimate(canvas, camera, frame, job.estimates[t], config.targets[t].radius_m, color);
-    }
+    canvas.text({area.x, area.y - 9}, camera.name, 11, bright, Align::left, true);
+    canvas.text({area.x + area.width, area.y - 9}, seen.empty() ? "sees no target" : seen, 10, faint, Align::right);
   }
 
   double y = height - margin - double(targets) * row_height + 20;
@@ -347,6 +389,14 @@ void draw_world(Canvas& canvas, const ServiceConfig& config, const std::vector<s
   }
   const double near_x = view.towards.x() > 0 ? box.max.x() : box.min.x(),
                near_y = view.towards.y() > 0 ? box.max.y() : box.min.y();
+  // z: on the vertical edge that is leftmost in the picture.
+  int left_edge = 0;
+  for (int i = 1; i < 4; ++i) {
+    if (view(corner(i)).x < view(corner(left_edge)).x) left_edge = i;
+  }
+  const auto free_of_z = [&](const Eigen::Vector3d& at) {  // the foot of the z axis has a label already
+    return (at - corner(left_edge)).norm() > 1e-6;
+  };
   const auto tick = [&](const Eigen::Vector3d& at, const cv::Point2d& away, const std::string& label) {
     const cv::Point2d p = view(at);
     canvas.line(p, p + away * 5, soft, 1);
@@ -361,20 +411,15 @@ void draw_world(Canvas& canvas, const ServiceConfig& config, const std::vector<s
   };
   const Eigen::Vector3d away_y(0, near_y == box.max.y() ? 1 : -1, 0), away_x(near_x == box.max.x() ? 1 : -1, 0, 0);
   for (double x = std::ceil(box.min.x() / step - 1e-9) * step; x <= box.max.x() + 1e-9; x += step)
-    tick(floor_at(x, near_y), outward(away_y), tick_label(x, step));
+    if (free_of_z(floor_at(x, near_y))) tick(floor_at(x, near_y), outward(away_y), tick_label(x, step));
   for (double y = std::ceil(box.min.y() / step - 1e-9) * step; y <= box.max.y() + 1e-9; y += step)
-    tick(floor_at(near_x, y), outward(away_x), tick_label(y, step));
-  // z: on the vertical edge that is leftmost in the picture.
-  int left_edge = 0;
-  for (int i = 1; i < 4; ++i) {
-    if (view(corner(i)).x < view(corner(left_edge)).x) left_edge = i;
-  }
+    if (free_of_z(floor_at(near_x, y))) tick(floor_at(near_x, y), outward(away_x), tick_label(y, step));
   const double z_step = nice_step(size.z(), 8);
   for (double z = std::ceil(box.min.z() / z_step - 1e-9) * z_step; z <= box.max.z() + 1e-9; z += z_step)
     tick({corner(left_edge).x(), corner(left_edge).y(), z}, {-1, 0}, tick_label(z, z_step));
-  canvas.text(view(floor_at((box.min.x() + box.max.x()) / 2, near_y)) + outward(away_y) * 42, "x [m]", 10, ink,
+  canvas.text(view(floor_at((box.min.x() + box.max.x()) / 2, near_y)) + outward(away_y) * 62, "x [m]", 10, ink,
               Align::centre, true);
-  canvas.text(view(floor_at(near_x, (box.min.y() + box.max.y()) / 2)) + outward(away_x) * 42, "y [m]", 10, ink,
+  canvas.text(view(floor_at(near_x, (box.min.y() + box.max.y()) / 2)) + outward(away_x) * 62, "y [m]", 10, ink,
               Align::centre, true);
   canvas.text(view(corner(left_edge | 4)) + cv::Point2d(-12, -12), "z [m]", 10, ink, Align::centre, true);
 
@@ -413,8 +458,8 @@ void draw_world(Canvas& canvas, const ServiceConfig& config, const std::vector<s
     canvas.disc(view(first->position), 5.5, color);
     canvas.disc(view(first->position), 3.2, white);
     canvas.disc(view(last->position), 5.5, color);
-    canvas.text(view(first->position) + cv::Point2d(10, 4), "start", 9, ink);
-    canvas.text(view(last->position) + cv::Point2d(10, 4), "end", 9, ink);
+    canvas.rimmed_text(view(first->position) + cv::Point2d(9, 18), "start", 9, ink, white);
+    canvas.rimmed_text(view(last->position) + cv::Point2d(9, -10), "end", 9, ink, white);
   }
 }
 
@@ -429,6 +474,7 @@ cv::Mat draw_track_3d(const ServiceConfig& config, const std::string& title,
   // The legend: per target one line, with its figures.
   double y = 84;
   std::vector<std::vector<std::pair<double, double>>> errors(tracks.size());  // (t, mm)
+  std::vector<double> rms_mm(tracks.size(), 0);
   double t_min = 1e300, t_max = -1e300;
   for (std::size_t i = 0; i < tracks.size(); ++i, y += 26) {
     std::size_t tracking = 0, coasting = 0;
@@ -448,6 +494,7 @@ cv::Mat draw_track_3d(const ServiceConfig& config, const std::string& title,
                               per_cent * double(tracking), per_cent * double(coasting));
     if (comparison) {
       const TruthFigures f = comparison->figures();
+      rms_mm[i] = 1e3 * f.rms_m;
       text += f.lock_set ? format("; locked in set %zu; error after it %.1f mm rms, %.1f mm at most", *f.lock_set,
                                   1e3 * f.rms_m, 1e3 * f.max_m)
                          : "; never near the truth";
@@ -526,6 +573,12 @@ cv::Mat draw_track_3d(const ServiceConfig& config, const std::string& title,
           canvas.line(plot(errors[i][k - 1].first, std::min(high, errors[i][k - 1].second)),
                       plot(t, std::min(high, mm)), color, 1.1);
       }
+    }
+    for (std::size_t i = 0; i < errors.size(); ++i) {
+      if (!(rms_mm[i] > 0 && rms_mm[i] < high)) continue;
+      canvas.dashed(plot(t_min, rms_mm[i]), plot(t_max, rms_mm[i]), ink, 1.1);
+      canvas.rimmed_text(plot(t_max, rms_mm[i]) + cv::Point2d(-6 - 90.0 * double(i), -6), format("rms %.1f", rms_mm[i]),
+                         9, ink, white, Align::right);
     }
     if (all.back() > high)
       canvas.text({right, at_y - 9}, format("red: beyond the scale, up to %.0f mm", all.back()), 8.5, bad_color,

@@ -141,6 +141,7 @@ ReplaySummary replay(const ReplayCommand& command, std::stop_token stop) {
   ProgressBar progress(command.progress);
   std::vector<std::vector<ObjectEstimate>> tracks(config.targets.size());  // only for the picture of the track
   std::optional<Timestamp> last_at;
+  Clock::time_point tracked_until = started;
   const Pipeline* running = nullptr;
 
   PipelineOutputs outputs;
@@ -155,6 +156,7 @@ ReplaySummary replay(const ReplayCommand& command, std::stop_token stop) {
         tracks[t].back().per_view.clear();
       }
     }
+    tracked_until = Clock::now();
     if (!progress.due()) return;
     std::uint64_t frames = 0;
     for (const auto& camera : running->figures().cameras) frames += camera.frames;
@@ -188,7 +190,7 @@ ReplaySummary replay(const ReplayCommand& command, std::stop_token stop) {
   if (csv) csv->flush();
   progress.clear();
 
-  summary.wall_s = seconds(Clock::now() - started);
+  summary.wall_s = seconds(tracked_until - started);
   summary.stopped = stop.stop_requested();
   summary.figures = pipeline.figures();
   for (const auto& warning : source.take_warnings()) spdlog::warn("{}", warning);
@@ -206,8 +208,9 @@ ReplaySummary replay(const ReplayCommand& command, std::stop_token stop) {
     summary.bus = publisher->description();
   }
   if (pictures) {
-    pictures->write("track_3d.png", draw_track_3d(config, recording.file.parent_path().filename().string(), tracks,
-                                                  truth ? &*truth : nullptr));
+    pictures->write("track_3d.png",
+                    draw_track_3d(config, "Track in 3-D: recording " + recording.file.parent_path().filename().string(),
+                                  tracks, truth ? &*truth : nullptr));
     summary.pictures = pictures->written() + 1;
   }
   return summary;

@@ -1,0 +1,63 @@
+#!/bin/bash
+# From a clean clone to the first DDS sample: installs what is missing, builds, replays the bundled recording at its real
+# speed through huetrackd, while `huetrack watch`, another process, receives the positions over DDS and prints them.
+set -euo pipefail
+cd "$(dirname "$0")/../.."
+. configs/packages.sh
+
+build=build/demo
+out=out/demo
+recording=configs/demo/recording
+
+# shellcheck disable=SC2086
+install_missing $packages_build
+mkdir -p build
+build_huetrack "$build" OFF huetrackd huetrack
+huetrackd=$build/service/daemon/huetrackd
+huetrack=$build/clients/huetrack/huetrack
+
+rm -rf "$out"
+mkdir -p "$out"
+subscribers=""
+# shellcheck disable=SC2086
+trap '[ -z "$subscribers" ] || kill $subscribers 2>/dev/null || true' EXIT
+
+echo
+echo "== replaying $recording at its real speed; huetrack watch receives over DDS:"
+# One subscriber prints for people; a second one writes what it receives down, to be held to the truth below.
+"$huetrack" watch > >(tee "$out/watch.txt") &
+subscribers="$!"
+"$huetrack" log "$out/received.csv" 2>"$out/log.txt" &
+subscribers="$subscribers $!"
+
+"$huetrackd" replay configs/demo/huetrackd.yaml "$recording" --speed real --wait-for-subscriber 10 \
+  --tracks "$out/tracks.csv" --truth "$recording/groundtruth.csv" --pictures "$out/pictures" --pictures-every 5 \
+  >"$out/replay.txt" 2>"$out/replay.log" || {
+  cat "$out/replay.log" >&2
+  exit 1
+}
+sleep 0.5 # for the last samples
+# shellcheck disable=SC2086
+kill $subscribers 2>/dev/null || true
+# shellcheck disable=SC2086
+wait $subscribers 2>/dev/null || true
+subscribers=""
+sleep 0.2 # for tee
+
+sent=$(($(wc -l <"$out/tracks.csv") - 1))
+printed=$(grep -c . "$out/watch.txt" || true)
+offset=$(sed -n "s/.*published capture times are the recording's plus \([0-9.-]*\) s.*/\1/p" "$out/replay.txt")
+received=$("$huetrackd" compare "$out/received.csv" "$recording/groundtruth.csv" --clock-offset "$offset")
+
+echo
+echo "== huetrackd says:"
+cat "$out/replay.txt"
+echo
+echo "== the received stream"
+echo "  $printed of $sent samples arrived at huetrack watch"
+echo "  against the truth: $received"
+echo
+echo "== pictures"
+echo "  every view with the particles and the estimate: $(find "$out/pictures" -name 'set_*.png' | wc -l) files $out/pictures/set_*.png"
+echo "  the track in 3-D against the truth:             $out/pictures/track_3d.png"
+[ "$printed" -gt 0 ] || { echo "No sample arrived: see $out/replay.log" >&2; exit 1; }

@@ -1,0 +1,51 @@
+# The Debian packages that huetrack needs, in one place, and how they are installed. Sourced by configs/demo/run.sh and
+# tests/run.sh; not a program of its own.
+
+packages_build="g++ cmake ninja-build pkg-config
+  libeigen3-dev libyaml-cpp-dev libfmt-dev libspdlog-dev libcli11-dev
+  libopencv-dev libavformat-dev libavcodec-dev libavutil-dev libswscale-dev
+  libfastrtps-dev libssl-dev fastddsgen default-jre-headless"
+packages_test="libgtest-dev libgmock-dev libbenchmark-dev cyclonedds-dev cyclonedds-tools"
+
+# install_missing PACKAGES...: installs those that are not there. Asks nothing; says what it does.
+install_missing() {
+  local missing="" package sudo=""
+  for package in "$@"; do
+    [ "$(dpkg-query -W -f='${db:Status-Status}' "$package" 2>/dev/null)" = installed ] || missing="$missing $package"
+  done
+  [ -n "$missing" ] || return 0
+  echo "== installing:$missing"
+  if [ "$(id -u)" != 0 ]; then
+    if ! command -v sudo >/dev/null; then
+      echo "These Debian packages are missing, and neither root nor sudo is at hand. As root, run:" >&2
+      echo "  apt-get update && apt-get install --no-install-recommends$missing" >&2
+      return 1
+    fi
+    sudo="sudo"
+  fi
+  local options="-o Acquire::Retries=3 -o Dpkg::Use-Pty=0 -q"
+  # The lists of a fresh system are empty; those of an old one may name versions that are gone: then once more after an update.
+  # shellcheck disable=SC2086
+  if ! apt-cache show $missing >/dev/null 2>&1 ||
+    ! $sudo env DEBIAN_FRONTEND=noninteractive apt-get $options install -y --no-install-recommends $missing </dev/null; then
+    echo "== updating the package lists"
+    $sudo env DEBIAN_FRONTEND=noninteractive apt-get $options update </dev/null &&
+      $sudo env DEBIAN_FRONTEND=noninteractive apt-get $options install -y --no-install-recommends $missing </dev/null || {
+      echo "Installing packages failed; see above." >&2
+      return 1
+    }
+  fi
+}
+
+# build_huetrack FOLDER TESTS(ON|OFF) TARGETS...: configures and builds with Ninja.
+build_huetrack() {
+  local folder="$1" tests="$2" root
+  shift 2
+  root="$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)"
+  echo "== building in $folder"
+  cmake -S "$root" -B "$folder" -G Ninja -DCMAKE_BUILD_TYPE=RelWithDebInfo -DHUETRACK_TESTS="$tests" >"$folder.configure.log" 2>&1 || {
+    cat "$folder.configure.log" >&2
+    return 1
+  }
+  cmake --build "$folder" --target "$@"
+}
