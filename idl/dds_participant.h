@@ -65,6 +65,7 @@ class DdsParticipant {
   std::string description() const;  // one line for the log: "DDS domain 0, UDP on lo 127.0.0.1, eth0 192.168.0.5"
 
  private:
+  void leave();
   eprosima::fastdds::dds::Topic* topic(const std::string& name, eprosima::fastdds::dds::TypeSupport type);
 
   int domain_;

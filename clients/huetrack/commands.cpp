@@ -103,6 +103,7 @@ int watch(const WatchOptions& options) {
   std::set<std::string> said_targets;  // those named when ours was not among them
   const Clock::time_point start = Clock::now();
   Clock::time_point last_line = start;
+  Clock::time_point last_look_at_network = start;
   const auto finish = [&](int exit_status) {
     if (!options.file.empty()) say(std::to_string(lines) + " samples in " + options.file.string());
     return exit_status;
@@ -124,6 +125,10 @@ int watch(const WatchOptions& options) {
       }
     }
     for (const std::string& sentence : subscription.news()) say(sentence);
+    if (now - last_look_at_network > 2s) {
+      subscription.follow_network();
+      last_look_at_network = now;
+    }
 
     if (subscription.publishers() > 0) {
       said_nobody = true;  // its farewell will be said, and that is enough
