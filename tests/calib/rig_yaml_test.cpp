@@ -11,6 +11,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <fstream>
+#include <iterator>
 #include <random>
 #include <sstream>
 #include <system_error>
@@ -364,6 +365,24 @@ TEST_F(RigYaml, ADamagedFileIsReadOrRefusedNothingElse) {
   }
   EXPECT_GT(refused, 200);
   EXPECT_GT(read_through, 200);
+}
+
+TEST_F(RigYaml, TheExampleInTheReadmeIsRead) {
+  std::ifstream stream(HUETRACK_SOURCE_DIR "/calib/README.md");
+  const std::string text{std::istreambuf_iterator<char>(stream), {}};
+  const std::size_t begin = text.find("```yaml\n") + 8, end = text.find("```", begin);
+  ASSERT_LT(end, text.size());
+  std::string example = text.substr(begin, end - begin);
+  const CameraRig rig = read(example);
+  EXPECT_EQ(rig.cameras.at(0).name, "left");
+  EXPECT_EQ(rig.made_by.size(), 2u);
+  // Its other form of the rotation, which is commented out, is the same rotation.
+  const std::size_t matrix = example.find("rotation:");
+  example.erase(matrix, example.find('\n', matrix) - matrix);
+  const std::size_t comment = example.find("# quaternion");
+  example.erase(comment, 2);
+  const auto& q = read(example).cameras.at(0).cam_from_world.rotation;
+  EXPECT_LT(q.angularDistance(rig.cameras.at(0).cam_from_world.rotation), 1e-15);
 }
 
 TEST(SharedRigs, AllOfThemAreReadAsTheyAre) {
