@@ -1,0 +1,83 @@
+#include "benchmark/blob_tracker.h"
+
+#include <algorithm>
+#include <opencv2/calib3d.hpp>
+#include <opencv2/imgproc.hpp>
+#include <utility>
+
+#include "daemon/pictures.h"
+
+namespace huetrack {
+
+BlobTracker::BlobTracker(const CameraRig& rig, const TargetOptions& target) {
+  for (const Camera& camera : rig.cameras) {
+    PerCamera c;
+    const auto& lens = std::get<PinholeRadtan>(camera.model.lens());
+    c.k = (cv::Mat_<double>(3, 3) << lens.fx, 0, lens.cx, 0, lens.fy, lens.cy, 0, 0, 1);
+    c.distortion = cv::Mat(std::vector<double>(lens.distortion.begin(), lens.distortion.end()), true);
+    const Eigen::Matrix3d r = camera.cam_from_world.rotation.toRotationMatrix();
+    for (int i = 0; i < 3; ++i) {
+      for (int j = 0; j < 3; ++j) c.projection(i, j) = r(i, j);
+      c.projection(i, 3) = camera.cam_from_world.translation(i);
+    }
+    const auto own = std::ranges::find(target.camera_colors, camera.name, &std::pair<std::string, HsiRange>::first);
+    const HsiRange& color = own != target.camera_colors.end() ? own->second : target.color;
+    // HSV, not HSI: that is what OpenCV has. S > 0.3 is the comparison's, whatever S means.
+    c.low = {color.hue_min_deg / 2, 0.3 * 255, color.intensity_min * 255};
+    c.high = {color.hue_max_deg / 2, 255, 255};
+    c.hue_wraps = color.hue_min_deg > color.hue_max_deg;
+    cameras_.push_back(std::move(c));
+  }
+}
+
+const cv::Mat& BlobTracker::mask_of(const Image& image, std::size_t camera) {
+  PerCamera& c = cameras_[camera];
+  if (image.format == PixelFormat::yuyv) {
+    const cv::Mat yuyv(image.height, image.width, CV_8UC2, const_cast<std::uint8_t*>(image.planes[0].data),
+                       static_cast<std::size_t>(image.planes[0].stride));
+    cv::cvtColor(yuyv, c.bgr, cv::COLOR_YUV2BGR_YUYV);
+  } else {
+    c.bgr = bgr_of(image);
+  }
+  cv::cvtColor(c.bgr, c.hsv, cv::COLOR_BGR2HSV);
+  if (c.hue_wraps) {
+    cv::inRange(c.hsv, c.low, cv::Scalar(180, c.high[1], c.high[2]), c.mask);
+    cv::inRange(c.hsv, cv::Scalar(0, c.low[1], c.low[2]), c.high, c.other);
+    c.mask |= c.other;
+  } else {
+    cv::inRange(c.hsv, c.low, c.high, c.mask);
+  }
+  return c.mask;
+}
+
+std::optional<Eigen::Vector3d> BlobTracker::locate(const FrameSet& set) {
+  std::vector<std::pair<std::size_t, cv::Point2d>> seen;      // undistorted, normalised
+  for (std::size_t i = 0; i < cameras_.size(); ++i) {
+    if (!set.frames[i] || set.frames[i]->status != FrameStatus::ok) continue;
+    cv::Mat labels, stats, centroids;
+    const int n = cv::connectedComponentsWithStats(mask_of(set.frames[i]->pixels, i), labels, stats, centroids);
+    int largest = 0;
+    for (int label = 1; label < n; ++label) {
+      if (largest == 0 || stats.at<int>(label, cv::CC_STAT_AREA) > stats.at<int>(largest, cv::CC_STAT_AREA)) largest = label;
+    }
+    if (largest == 0) continue;
+    std::vector<cv::Point2d> px{{centroids.at<double>(largest, 0), centroids.at<double>(largest, 1)}}, ideal;
+    cv::undistortPoints(px, ideal, cameras_[i].k, cameras_[i].distortion);
+    seen.emplace_back(i, ideal.front());
+  }
+  if (seen.size() < 2) return std::nullopt;
+  // Direct linear transform over all views, as cv::triangulatePoints does it for two.
+  cv::Mat a(static_cast<int>(2 * seen.size()), 4, CV_64F), w, u, vt;
+  for (std::size_t s = 0; s < seen.size(); ++s) {
+    const cv::Matx34d& p = cameras_[seen[s].first].projection;
+    for (int j = 0; j < 4; ++j) {
+      a.at<double>(static_cast<int>(2 * s), j) = seen[s].second.x * p(2, j) - p(0, j);
+      a.at<double>(static_cast<int>(2 * s) + 1, j) = seen[s].second.y * p(2, j) - p(1, j);
+    }
+  }
+  cv::SVD::compute(a, w, u, vt);
+  const double scale = vt.at<double>(3, 3);
+  return Eigen::Vector3d(vt.at<double>(3, 0), vt.at<double>(3, 1), vt.at<double>(3, 2)) / scale;
+}
+
+}  // namespace huetrack

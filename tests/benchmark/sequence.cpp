@@ -1,0 +1,104 @@
+#include "benchmark/sequence.h"
+
+#include <algorithm>
+
+#include "calib/model/rig_yaml.h"
+#include "capture/frame_synchronizer.h"
+#include "capture/recording.h"
+#include "capture/replay_source.h"
+#include "daemon/csv_table.h"
+
+namespace huetrack {
+
+int TruthRow::views_that_see() const {
+  return static_cast<int>(std::ranges::count_if(visible, [](double share) { return share > 0.5; }));
+}
+
+const TruthRow* Sequence::row(const std::string& target, Timestamp at) const {
+  const auto rows = truth.find(target);
+  if (rows == truth.end()) return nullptr;
+  const auto it = std::ranges::find_if(rows->second, [at](const TruthRow& r) { return std::abs(seconds(r.at - at)) < 1e-4; });
+  return it == rows->second.end() ? nullptr : &*it;
+}
+
+std::filesystem::path shared_data() { return HUETRACK_SHARED_DATA; }
+bool have(const std::string& folder) { return std::filesystem::exists(shared_data() / folder / "recording.yaml"); }
+
+Sequence load_sequence(const std::filesystem::path& folder, int every) {
+  Sequence out;
+  out.name = folder.filename().string();
+  out.rig = read_rig(folder / "rig.yaml");
+  Recording recording = read_recording(folder);
+  std::vector<std::string> names;
+  for (const Camera& camera : out.rig.cameras) names.push_back(camera.name);
+  if (every > 1) {
+    out.name += ", free-running";
+    for (std::size_t i = 0; i < recording.cameras.size(); ++i) {
+      recording.cameras[i].every = every;
+      recording.cameras[i].first_frame = static_cast<std::int64_t>(i) % every;
+    }
+  }
+  ReplaySource source(recording, names);
+  Duration period = source.cameras().front().frame_period;
+  for (const ReplayCamera& camera : source.cameras()) period = std::min(period, camera.frame_period);
+  FrameSynchronizer synchronizer({.camera_count = static_cast<int>(names.size()), .tolerance = duration_of(0.55 * seconds(period))});
+  while (auto frame = source.next({})) {
+    for (FrameSet& set : synchronizer.push(std::move(*frame))) out.sets.push_back(std::move(set));
+  }
+  if (auto last = synchronizer.flush()) out.sets.push_back(std::move(*last));
+
+  if (const auto file = folder / "groundtruth.csv"; std::filesystem::exists(file)) {
+    std::vector<std::string> columns{"t", "ball", "x", "y", "z"};
+    for (const std::string& name : names) columns.push_back("vis_" + name);
+    const std::vector<std::string_view> views(columns.begin(), columns.end());
+    CsvTable table(file, views);
+    while (table.next()) {
+      TruthRow row{table.time(0), {table.number(2), table.number(3), table.number(4)}, {}};
+      for (std::size_t c = 0; c < names.size(); ++c) row.visible.push_back(table.number(5 + c));
+      out.truth[std::string(table.text(1))].push_back(std::move(row));
+    }
+  }
+  return out;
+}
+
+TargetOptions lime_ball() {
+  TargetOptions t;
+  t.name = "lime";
+  t.color.hue_min_deg = 65, t.color.hue_max_deg = 115;
+  return t;
+}
+
+TargetOptions pink_ball() {
+  TargetOptions t;
+  t.name = "pink";
+  t.color.hue_min_deg = 310, t.color.hue_max_deg = 355;
+  return t;
+}
+
+TargetOptions red_square() {
+  TargetOptions t;
+  t.name = "red";
+  t.radius_m = 0.008;
+  const HsiRange warm_and_dark{340, 358, 0.60, 1.0, 0.08, 0.40};
+  const HsiRange cool{335, 356, 0.22, 0.60, 0.25, 0.60};
+  t.color = warm_and_dark;
+  t.camera_colors = {{"cam1", warm_and_dark}, {"cam2", cool}};
+  return t;
+}
+
+ObjectTrackerOptions rendered_options(Observation observation, std::uint64_t seed) {
+  ObjectTrackerOptions o;
+  o.observation = observation;
+  o.seed = seed;
+  o.volume = {{-1, -1, 0.1}, {1, 1, 2.1}};
+  return o;
+}
+
+ObjectTrackerOptions red_square_options(Observation observation, std::uint64_t seed) {
+  ObjectTrackerOptions o = rendered_options(observation, seed);
+  o.volume = {{-0.3, -0.2, -1.2}, {0.4, 0.5, -0.3}};
+  o.pixel_noise_px = 1.4;                // this rig's reprojection error, see the data's README
+  return o;
+}
+
+}  // namespace huetrack

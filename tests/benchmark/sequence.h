@@ -1,0 +1,42 @@
+// A recording in memory as frame sets, with its rig and, where there is one, its truth.
+#pragma once
+
+#include <filesystem>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "calib/model/camera_rig.h"
+#include "capture/frame.h"
+#include "object_tracking/object_tracker.h"
+
+namespace huetrack {
+
+struct TruthRow {
+  Timestamp at;
+  Eigen::Vector3d position;              // metres
+  std::vector<double> visible;           // per camera, share of the ball that can be seen; a frame off the image has 0
+  int views_that_see() const;            // more than half of it
+};
+
+struct Sequence {
+  std::string name;
+  CameraRig rig;
+  std::vector<FrameSet> sets;
+  std::map<std::string, std::vector<TruthRow>> truth;   // per target, by time
+  const TruthRow* row(const std::string& target, Timestamp at) const;   // at this very time, else nullptr
+};
+
+// every = 2: as free-running cameras of half the rate, each taking other frames.
+Sequence load_sequence(const std::filesystem::path& folder, int every = 1);
+
+std::filesystem::path shared_data();                    // may not be there: then tests SKIP
+bool have(const std::string& folder);                   // below shared_data()
+
+TargetOptions lime_ball();                              // of data/rendered
+TargetOptions pink_ball();
+TargetOptions red_square();                             // of data/red_square_stereo, colours per camera
+ObjectTrackerOptions rendered_options(Observation observation, std::uint64_t seed);    // defaults, and their volume
+ObjectTrackerOptions red_square_options(Observation observation, std::uint64_t seed);
+
+}  // namespace huetrack

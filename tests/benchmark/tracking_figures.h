@@ -1,0 +1,37 @@
+// How well a tracker does on a sequence with known truth.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "benchmark/sequence.h"
+#include "object_tracking/object_estimate.h"
+
+namespace huetrack {
+
+struct TrackingFigures {
+  std::optional<std::size_t> lock_set;   // 1 = the first; first in `tracking` within 50 mm of the truth
+  std::size_t sets = 0;                  // all
+  std::size_t without_answer = 0;        // of all: no position
+  std::size_t compared = 0;              // with a position, from the lock on
+  double rms_m = 0, max_m = 0;           // of those
+  std::size_t seen_by_two = 0;           // of those: two or more views see more than half of the ball
+  double rms_two_views_m = 0, max_two_views_m = 0;
+  std::size_t wrong_tracking = 0;        // of all: `tracking` and over 10 cm off
+  std::size_t longest_return = 0;        // frame sets from being visible in two views to `tracking`, the longest
+  double largest_jump_m = 0;             // error's change between two sets on end that both have a position, at most two
+                                         // views of which see the ball
+  double mean_nees = 0, share_inside_95 = 0;   // of `compared`; 3 and 0.95 when the covariance is perfect
+};
+
+std::vector<ObjectEstimate> track(const Sequence& sequence, const TargetOptions& target, const ObjectTrackerOptions& options);
+TrackingFigures figures_of(const Sequence& sequence, const std::string& target, const std::vector<ObjectEstimate>& track);
+
+// The blob's positions as if they were estimates in `tracking`, so that one function judges both; no covariance.
+std::vector<ObjectEstimate> track_blob(const Sequence& sequence, const TargetOptions& target);
+
+// Frame sets whose estimate projects inside the red square in both views: inside the convex hull of the largest red region.
+std::size_t inside_red_square(const Sequence& sequence, const std::vector<ObjectEstimate>& track);
+
+}  // namespace huetrack
