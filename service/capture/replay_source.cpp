@@ -134,7 +134,9 @@ class Stream {
       assert(row != camera_.timestamps.end() && row->first == picture.index);
       return row->second + camera_.offset;
     }
-    if (camera_.fps > 0) {  // rounded once, from the exact time
+    if (camera_.fps > 0) {
+      warn_of_gap(picture);
+      // rounded once, from the exact time
       const long double since_start = static_cast<long double>(picture.index) * 1e9L / camera_.fps;
       return Timestamp{Duration(std::llround(since_start)) + camera_.offset};
     }
@@ -142,6 +144,21 @@ class Stream {
     if (!std::exchange(has_no_stamps_, true) && last_at_)
       warn("frame " + std::to_string(picture.index) + " and perhaps others have no time stamp: they are left out");
     return std::nullopt;
+  }
+
+  // A file of the stated rate that lacks a frame: every time from there on is wrong by a frame.
+  void warn_of_gap(const VideoReader::Picture& picture) {
+    const Duration period = duration_of(1 / camera_.fps);
+    if (warned_of_gap_ || !picture.stamp) return;
+    if (!first_stamp_) first_stamp_ = {picture.index, *picture.stamp};
+    const Duration by_stamps = *picture.stamp - first_stamp_->second;
+    const Duration gap = by_stamps - (picture.index - first_stamp_->first) * period;
+    if (std::chrono::abs(reader_.frame_period() - period) > period / 50 || gap < period * 9 / 10 ||
+        gap > period * 10 + by_stamps / 10)  // the file has another rate, or another notion of time
+      return;
+    warned_of_gap_ = true;
+    warn("its own time stamps say that a frame is missing before frame " + std::to_string(picture.index) +
+         ": from there on, fps gives times that are too early. Leave fps out to use the file's time stamps");
   }
 
   bool has_the_size(const VideoReader::Picture& picture) {
@@ -182,6 +199,8 @@ class Stream {
   std::optional<Timestamp> last_at_;
   std::optional<std::int64_t> last_number_;  // counted in frames that the recording plays
   std::int64_t first_number_ = 0;
+  std::optional<std::pair<std::int64_t, Timestamp>> first_stamp_;  // index and the container's time
+  bool warned_of_gap_ = false;
   bool has_no_stamps_ = false;
   bool warned_of_order_ = false;
   bool warned_of_size_ = false;

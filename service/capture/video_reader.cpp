@@ -399,6 +399,7 @@ struct VideoReader::Impl {
       format.reset();
       stream = nullptr;
     }
+    damaged = log.count() > 0;  // seen while looking for the streams
     log.take();
   }
 
@@ -461,6 +462,7 @@ struct VideoReader::Impl {
     for (int i = 0; result == AVERROR(EAGAIN) && i < 1000; ++i) result = av_read_frame(format.get(), packet.get());
     const bool is_damaged = log.count() > 0;
     if (result < 0) {
+      damaged = damaged || is_damaged || is_delayed;  // cut off, it may lack frames before the last that it has
       decode_rest();
       const bool read_failed = result != AVERROR_EOF || (format->pb && format->pb->error < 0);
       if (read_failed || is_damaged || ends_early())
@@ -478,6 +480,7 @@ struct VideoReader::Impl {
         damaged = true;
         lost_reference(sent_key);
       }
+      stamp_from_avi_index();
       if (is_delayed)
         decode_delayed();
       else
@@ -486,9 +489,29 @@ struct VideoReader::Impl {
     av_packet_unref(packet.get());
   }
 
+  // AVI has no time stamps but the number of the chunk, and FFmpeg counts only those that it finds. The index says
+  // which one it is.
+  void stamp_from_avi_index() {
+    if (packet->pts == AV_NOPTS_VALUE || packet->pos < 0 || std::string_view(format->iformat->name) != "avi") return;
+    const AVIndexEntry* entry = nullptr;
+    for (; next_avi_entry < avformat_index_get_entries_count(stream); ++next_avi_entry) {
+      const AVIndexEntry* next = avformat_index_get_entry(stream, next_avi_entry);
+      if (next->pos > packet->pos) break;
+      entry = next;
+    }
+    if (!entry || entry->timestamp <= packet->pts) return;
+    packet->pts = entry->timestamp;
+    damaged = true;
+  }
+
   // A decoder that answers each packet with its picture: packet and frame numbers are one.
   void decode_immediate() {
     const auto pts = packet->pts != AV_NOPTS_VALUE ? std::optional(packet->pts) : std::nullopt;
+    if (is_repeated(pts)) {
+      warn(damage_warnings, "has frames twice near frame " + std::to_string(index) + ": the first is used");
+      damaged = true;
+      return;
+    }
     ++sent_key;
     if (is_intra_only && !selection.contains(index + frames_lost_before(pts))) {
       accept(pts, std::nullopt);
@@ -615,30 +638,50 @@ struct VideoReader::Impl {
 
   // ---- Numbering
 
-  // Behind a damaged part of the file the number of frames that were in it is told by the time stamps, if these were
-  // regular up to there.
-  std::int64_t frames_lost_before(std::optional<std::int64_t> pts) const {
-    if (!damaged || !is_regular || !pts || !last_pts || regular_count < 2) return 0;
-    const double lost = std::round(static_cast<double>(*pts - *last_pts) / mean_step()) - 1;
-    return lost > 0 && lost <= static_cast<double>(longest_gap_frames) ? static_cast<std::int64_t>(lost) : 0;
+  // Ticks of the time stamps from one frame to the next; nullopt when they are not regular.
+  std::optional<double> step() const {
+    if (!is_regular || !stream) return std::nullopt;
+    if (regular_count >= 2)
+      return static_cast<double>(regular_last - *first_pts) / static_cast<double>(regular_count - 1);
+    const double ticks = av_q2d(av_inv_q(av_mul_q(stream->avg_frame_rate, stream->time_base)));
+    return std::isfinite(ticks) && ticks > 0 ? std::optional(ticks) : std::nullopt;
   }
 
-  double mean_step() const {
-    return static_cast<double>(regular_last - *first_pts) / static_cast<double>(regular_count - 1);
+  // In a damaged file, if the time stamps were regular up to the damage: the number of frames that they say are missing
+  // before this one; nullopt if it cannot be true, so that the time stamp itself is damaged.
+  std::optional<std::int64_t> gap_before(std::int64_t pts) const {
+    const auto ticks = step();
+    if (!damaged || !ticks) return 0;
+    const double frames = static_cast<double>(pts - last_pts.value_or(0)) / *ticks - (last_pts ? 1 : 0);
+    const auto most =
+        frame_count() ? std::clamp<std::int64_t>(*frame_count() - index, 0, longest_gap_frames) : longest_gap_frames;
+    if (std::round(frames) > static_cast<double>(most)) return std::nullopt;
+    return std::max<std::int64_t>(0, std::llround(frames));
+  }
+
+  std::int64_t frames_lost_before(std::optional<std::int64_t> pts) const {
+    return pts ? gap_before(*pts).value_or(0) : 0;
+  }
+
+  // A piece of the file that is there twice. (Time stamps too coarse to tell two frames apart say nothing.)
+  bool is_repeated(std::optional<std::int64_t> pts) const {
+    const auto ticks = step();
+    return pts && last_pts && *pts <= *last_pts && ticks && *ticks >= 2;
   }
 
   void accept(std::optional<std::int64_t> pts, std::optional<Image> image) {
-    for (std::int64_t lost = frames_lost_before(pts), i = 1; i <= lost; ++i)
-      show(*last_pts + std::llround(static_cast<double>(i) * mean_step()), std::nullopt);
+    if (pts && !gap_before(*pts)) pts.reset();
+    for (std::int64_t lost = frames_lost_before(pts), i = lost; i >= 1; --i)
+      show(*pts - std::llround(static_cast<double>(i) * *step()), std::nullopt);
     show(pts, std::move(image));
     if (!pts) return;
     if (!first_pts) first_pts = pts;
     if (!damaged) {
-      if (regular_count >= 2) {
-        const double steps = static_cast<double>(*pts - *last_pts) / mean_step();
-        is_regular = is_regular && steps > 0.5 && steps < 1.5;
+      if (last_pts) {
+        const auto ticks = regular_count >= 2 ? step() : std::nullopt;
+        const double steps = ticks ? static_cast<double>(*pts - *last_pts) / *ticks : 1;
+        is_regular = is_regular && *pts > *last_pts && steps > 0.5 && steps < 1.5;
       }
-      is_regular = is_regular && (!last_pts || *pts > *last_pts);
       regular_last = *pts;
       ++regular_count;
     }
@@ -657,13 +700,14 @@ struct VideoReader::Impl {
 
   bool ends_early() const {
     if (stream->nb_frames > 0) return index < stream->nb_frames;
-    if (!last_pts || regular_count < 2 || format->nb_streams != 1 || format->duration <= 0 ||
+    const auto ticks = step();
+    if (!last_pts || !ticks || format->nb_streams != 1 || format->duration <= 0 ||
         format->duration_estimation_method == AVFMT_DURATION_FROM_BITRATE)
       return false;
     const double second = av_q2d(av_inv_q(stream->time_base));
     const double begin = stream->start_time != AV_NOPTS_VALUE ? static_cast<double>(stream->start_time) : 0;
     const double end = begin + static_cast<double>(format->duration) / AV_TIME_BASE * second;
-    return static_cast<double>(*last_pts) + 2.5 * mean_step() < end;
+    return static_cast<double>(*last_pts) + 2.5 * *ticks < end;
   }
 
   std::optional<std::int64_t> frame_count() const {
@@ -692,6 +736,7 @@ struct VideoReader::Impl {
   CodecPtr codec;
   PacketPtr packet{not_null(av_packet_alloc())};
   Converter converter;
+  int next_avi_entry = 0;
   bool is_intra_only = false;
   bool is_delayed = false;
 
