@@ -381,7 +381,7 @@ TEST_F(RigYaml, TheExampleInTheReadmeIsRead) {
   example.erase(matrix, example.find('\n', matrix) - matrix);
   const std::size_t comment = example.find("# quaternion");
   example.erase(comment, 2);
-  const auto& q = read(example).cameras.at(0).cam_from_world.rotation;
+  const Eigen::Quaterniond q = read(example).cameras.at(0).cam_from_world.rotation;
   EXPECT_LT(q.angularDistance(rig.cameras.at(0).cam_from_world.rotation), 1e-15);
 }
 
