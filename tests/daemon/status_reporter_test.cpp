@@ -1,0 +1,85 @@
+#include "daemon/status_reporter.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+
+namespace huetrack {
+namespace {
+
+using namespace std::chrono_literals;
+using Clock = std::chrono::steady_clock;
+
+class Reporter : public testing::Test {
+ protected:
+  const ServiceConfig config_ =
+      load_service_config(std::filesystem::path(HUETRACK_SOURCE_DIR) / "configs/demo/huetrackd.yaml");
+  StatusReporter reporter_{config_, "replay", 250ms};
+  const Clock::time_point start_ = Clock::now();
+  PipelineFigures figures_ = [] {
+    PipelineFigures figures;
+    figures.cameras.resize(2);
+    return figures;
+  }();
+};
+
+TEST_F(Reporter, SaysWhoItIs) {
+  const ServiceStatus status = reporter_.report(figures_, start_, Timestamp(7s));
+  EXPECT_EQ(status.at, Timestamp(7s));
+  EXPECT_EQ(status.mode, "replay");
+  EXPECT_EQ(status.program_version, HUETRACK_VERSION);
+  EXPECT_EQ(status.config_identity, config_identity(config_));
+  EXPECT_EQ(status.rig_identity.size(), 16u);
+  EXPECT_DOUBLE_EQ(status.clock_offset_s, 0.25);
+  EXPECT_THAT(status.targets, testing::ElementsAre("lime"));
+  ASSERT_EQ(status.cameras.size(), 2u);
+  EXPECT_EQ(status.cameras[1].name, "cam1");
+}
+
+TEST_F(Reporter, HealthFollowsTheFrames) {
+  figures_.cameras[0].frames = 1;
+  figures_.cameras[0].last_received = start_;
+  const auto early = reporter_.report(figures_, start_ + 100ms, {});
+  EXPECT_EQ(early.cameras[0].health, CameraHealth::delivering);
+  EXPECT_EQ(early.cameras[1].health, CameraHealth::waiting);
+  EXPECT_EQ(early.cameras[1].message, "no frame yet");
+  const auto late = reporter_.report(figures_, start_ + 2500ms, {});
+  EXPECT_EQ(late.cameras[0].health, CameraHealth::stalled);
+  EXPECT_EQ(late.cameras[0].message, "no frame for 2.5 s");
+  EXPECT_NEAR(late.cameras[0].age_s, 2.5, 1e-9);
+  figures_.cameras[0].ended = true;
+  EXPECT_EQ(reporter_.report(figures_, start_ + 3s, {}).cameras[0].health, CameraHealth::ended);
+}
+
+TEST_F(Reporter, RatesAreOverTheTimeSinceAnEarlierReport) {
+  reporter_.report(figures_, start_, {});
+  figures_.sets_tracked = 25;
+  figures_.cameras[0].frames = 30;
+  figures_.cameras[0].last_received = start_ + 1s;
+  auto status = reporter_.report(figures_, start_ + 1s, {});
+  EXPECT_NEAR(status.set_rate_hz, 25, 1e-9);
+  EXPECT_NEAR(status.cameras[0].rate_hz, 30, 1e-9);
+  // A report right behind another has the same long window, not one of a millisecond.
+  status = reporter_.report(figures_, start_ + 1001ms, {});
+  EXPECT_NEAR(status.set_rate_hz, 25, 0.1);
+}
+
+TEST_F(Reporter, CountersAreHandedOn) {
+  figures_.frame_sets.incomplete_sets = 3;
+  figures_.frame_sets.late_frames = 4;
+  figures_.sets_dropped = 5;
+  figures_.sets_tracked = 6;
+  figures_.cameras[1].dropped = 7;
+  figures_.cameras[1].corrupted = 8;
+  const auto status = reporter_.report(figures_, start_, {});
+  EXPECT_EQ(status.incomplete_sets, 3u);
+  EXPECT_EQ(status.late_frames, 4u);
+  EXPECT_EQ(status.dropped_sets, 5u);
+  EXPECT_EQ(status.sets, 6u);
+  EXPECT_EQ(status.cameras[1].dropped, 7u);
+  EXPECT_EQ(status.cameras[1].corrupted, 8u);
+}
+
+}  // namespace
+}  // namespace huetrack
