@@ -1,0 +1,260 @@
+// huetrackd and huetrack as a user runs them, on the demo's recording.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <fstream>
+#include <functional>
+
+#include "calib/yaml/yaml_reader.h"
+#include "daemon/service_config.h"
+#include "daemon/track_csv.h"
+#include "end_to_end/process.h"
+
+namespace huetrack {
+namespace {
+
+namespace fs = std::filesystem;
+using namespace std::chrono_literals;
+using testing::HasSubstr;
+using testing::IsEmpty;
+using testing::Not;
+using testing::StartsWith;
+
+const fs::path demo = fs::path(HUETRACK_SOURCE_DIR) / "configs/demo";
+const std::string config = demo / "huetrackd.yaml";
+const std::string recording = demo / "recording";
+
+std::vector<std::string> lines_of(const std::string& text) {
+  std::vector<std::string> lines;
+  std::istringstream stream(text);
+  for (std::string line; std::getline(stream, line);) lines.push_back(line);
+  return lines;
+}
+
+class EndToEnd : public testing::Test {
+ protected:
+  EndToEnd()
+      : folder_(fs::path(testing::TempDir()) /
+                ("end_to_end_" + std::string(testing::UnitTest::GetInstance()->current_test_info()->name()))) {
+    fs::remove_all(folder_);
+    fs::create_directories(folder_);
+  }
+  ~EndToEnd() override {
+    if (!HasFailure()) fs::remove_all(folder_);
+  }
+
+  std::unique_ptr<Process> start(std::vector<std::string> command) {
+    const std::string name = "process_" + std::to_string(started_++);
+    return std::make_unique<Process>(command, folder_ / (name + ".out"), folder_ / (name + ".err"), environment_);
+  }
+  struct Result {
+    int status;
+    std::string out, err;
+  };
+  Result run(std::vector<std::string> command) {
+    const auto process = start(std::move(command));
+    const int status = process->wait();
+    return {status, process->out(), process->err()};
+  }
+  // The CSV of a replay at full speed, with further arguments.
+  std::string tracks(std::vector<std::string> more, const std::string& with_config = config,
+                     const std::string& of_recording = recording) {
+    const fs::path csv = folder_ / ("tracks_" + std::to_string(started_) + ".csv");
+    std::vector<std::string> command{HUETRACKD, "replay", with_config, of_recording, "--no-dds", "--tracks", csv};
+    command.insert(command.end(), more.begin(), more.end());
+    const Result result = run(command);
+    EXPECT_EQ(result.status, 0) << result.err;
+    return contents(csv);
+  }
+  std::string write(const std::string& text, const std::string& name) {
+    std::ofstream(folder_ / name) << text;
+    return folder_ / name;
+  }
+
+  fs::path folder_;
+  // A domain of its own, so that tests that run at once do not hear each other.
+  std::map<std::string, std::string> environment_{{"ROS_DOMAIN_ID", std::to_string(100 + getpid() % 100)}};
+  int started_ = 0;
+};
+
+TEST_F(EndToEnd, TheSameRecordingGivesTheSameBytes) {
+  const std::string first = tracks({});
+  const auto lines = lines_of(first);
+  ASSERT_EQ(lines.size(), 151u);  // the header, and one row per frame set
+  EXPECT_EQ(lines[0], track_csv_header);
+  EXPECT_THAT(lines[1], StartsWith("lime,0.000000000,"));
+  EXPECT_THAT(lines[150], StartsWith("lime,4.966666667,"));
+  EXPECT_EQ(tracks({}), first);
+  EXPECT_EQ(tracks({"--pictures", folder_ / "pictures", "--pictures-every", "25"}), first);
+  EXPECT_TRUE(fs::exists(folder_ / "pictures/set_000125.png"));
+  EXPECT_TRUE(fs::exists(folder_ / "pictures/track_3d.png"));
+}
+
+TEST_F(EndToEnd, TheNumberOfThreadsChangesNothing) {
+  const std::string three_targets = write("version: 1\nrig: " + recording +
+                                              "/rig.yaml\ntargets:\n"
+                                              "  lime: {color: {hue_deg: [65, 115]}}\n"
+                                              "  wood: {color: {hue_deg: [10, 40]}}\n"
+                                              "  couch: {color: {hue_deg: [200, 260]}}\n",
+                                          "three.yaml");
+  const std::string one = tracks({"--threads", "1"}, three_targets);
+  EXPECT_EQ(lines_of(one).size(), 451u);
+  EXPECT_THAT(lines_of(one)[3], StartsWith("couch,0.000000000,"));  // in the order of the configuration
+  EXPECT_EQ(tracks({"--threads", "2"}, three_targets), one);
+  EXPECT_EQ(tracks({"--threads", "4"}, three_targets), one);
+}
+
+TEST_F(EndToEnd, TheLosslessOriginalGivesTheSameBytesToo) {
+  const fs::path original = fs::path(HUETRACK_SHARED_DATA) / "rendered/two_cams";
+  if (!fs::exists(original)) GTEST_SKIP() << original << " is not there";
+  const std::string first = tracks({}, config, original);
+  EXPECT_EQ(lines_of(first).size(), 151u);
+  EXPECT_EQ(tracks({"--threads", "2"}, config, original), first);
+}
+
+TEST_F(EndToEnd, TheSummaryHoldsTheTrackToTheTruth) {
+  const Result result =
+      run({HUETRACKD, "replay", config, recording, "--no-dds", "--truth", recording + "/groundtruth.csv"});
+  EXPECT_EQ(result.status, 0);
+  EXPECT_THAT(result.out, HasSubstr("150 frame sets of 300 frames"));
+  EXPECT_THAT(result.out, HasSubstr("0 missing, 0 corrupted, 0 late"));
+  EXPECT_THAT(result.out, HasSubstr("with decoding left out: "));
+  EXPECT_THAT(result.out, HasSubstr("locked in set "));
+  EXPECT_THAT(result.out, HasSubstr("over 10 cm off while tracking: 0 of 150"));
+  EXPECT_THAT(result.err, IsEmpty());  // no progress bar where there is no terminal
+  EXPECT_THAT(run({HUETRACKD, "replay", config, recording, "--no-dds", "--quiet"}).out, IsEmpty());
+}
+
+TEST_F(EndToEnd, CheckPrintsAConfigurationThatGivesTheSameTrack) {
+  const Result result = run({HUETRACKD, "check", config});
+  EXPECT_EQ(result.status, 0);
+  const std::string resolved = write(result.out, "resolved.yaml");
+  EXPECT_EQ(to_yaml(load_service_config(resolved)), to_yaml(load_service_config(config)));
+  EXPECT_EQ(tracks({}, resolved), tracks({}));
+}
+
+TEST_F(EndToEnd, ASignalEndsItSoonWithACompleteCsv) {
+  for (const int signal : {SIGTERM, SIGINT}) {
+    const fs::path csv = folder_ / "stopped.csv";
+    fs::remove(csv);
+    const auto daemon = start({HUETRACKD, "replay", config, recording, "--speed", "real", "--tracks", csv, "--pictures",
+                               folder_ / "pictures"});
+    std::this_thread::sleep_for(2s);
+    const auto sent = std::chrono::steady_clock::now();
+    daemon->kill(signal);
+    EXPECT_EQ(daemon->wait(), 0);
+    EXPECT_LT(std::chrono::steady_clock::now() - sent, 1s);
+    EXPECT_THAT(daemon->out(), StartsWith("stopped: "));
+    EXPECT_THAT(daemon->err(), HasSubstr(signal == SIGTERM ? "stopping: SIGTERM" : "stopping: SIGINT"));
+
+    const std::string text = contents(csv);
+    ASSERT_THAT(text, testing::EndsWith("\n"));
+    const auto stopped = lines_of(text), whole = lines_of(tracks({}));
+    ASSERT_GT(stopped.size(), 5u);
+    ASSERT_LT(stopped.size(), whole.size());
+    EXPECT_TRUE(std::equal(stopped.begin(), stopped.end(), whole.begin()));  // complete up to there, and the same
+    EXPECT_THAT(daemon->out(), HasSubstr("stopped: " + std::to_string(stopped.size() - 1) + " frame sets"));
+  }
+}
+
+// The numbers that went over the wire are those of the CSV, and the stamps are the recording's plus one offset.
+TEST_F(EndToEnd, ASubscriberReceivesAtRealSpeedWhatTheCsvSays) {
+  const fs::path csv = folder_ / "sent.csv";
+  const auto watch = start({HUETRACK, "watch", "--format", "csv"});
+  const auto before = std::chrono::system_clock::now();
+  const auto started = std::chrono::steady_clock::now();
+  const Result daemon =
+      run({HUETRACKD, "replay", config, recording, "--speed", "real", "--wait-for-subscriber", "20", "--tracks", csv});
+  EXPECT_GE(std::chrono::steady_clock::now() - started, 4966ms);  // its real speed
+  ASSERT_EQ(daemon.status, 0) << daemon.err;
+  std::this_thread::sleep_for(500ms);
+  watch->kill(SIGTERM);
+  EXPECT_EQ(watch->wait(), 0);
+
+  const fs::path received_file = folder_ / "received.csv";
+  std::ofstream(received_file) << watch->out();
+  const auto sent = read_track_csv(csv).at("lime");
+  const auto received = read_track_csv(received_file)["lime"];
+  ASSERT_EQ(received.size(), sent.size()) << watch->err() << daemon.err;
+  const Duration offset = received[0].at - sent[0].at;
+  EXPECT_GE(received[0].at, Timestamp(before));  // --stamps now: when the replay started
+  EXPECT_LT(received[0].at - Timestamp(before), 30s);
+  for (std::size_t i = 0; i < sent.size(); ++i) {
+    EXPECT_EQ(received[i].at - sent[i].at, offset);
+    EXPECT_EQ(received[i].state, sent[i].state);
+    EXPECT_EQ(received[i].views, sent[i].views);
+    EXPECT_EQ(received[i].confidence, sent[i].confidence);
+    EXPECT_EQ(received[i].has_position(), sent[i].has_position());
+    if (!sent[i].has_position()) continue;
+    EXPECT_EQ(received[i].position, sent[i].position);
+    EXPECT_EQ(received[i].velocity, sent[i].velocity);
+    EXPECT_EQ(received[i].covariance, sent[i].covariance);
+  }
+  // What was received is as near to the truth as what was written; the offset is in the summary.
+  const std::string mark = "published capture times are the recording's plus ";
+  const auto at = daemon.out.find(mark);
+  ASSERT_NE(at, std::string::npos) << daemon.out;
+  const std::string seconds_text =
+      daemon.out.substr(at + mark.size(), daemon.out.find(' ', at + mark.size()) - at - mark.size());
+  const std::string truth = recording + "/groundtruth.csv";
+  const Result of_received = run({HUETRACKD, "compare", received_file, truth, "--clock-offset", seconds_text});
+  const Result of_sent = run({HUETRACKD, "compare", csv, truth});
+  EXPECT_THAT(of_received.out, HasSubstr("locked in set "));
+  const auto figures = [](const std::string& text) { return text.substr(0, text.find(", mean NEES")); };
+  EXPECT_EQ(figures(of_received.out), figures(of_sent.out));
+}
+
+TEST_F(EndToEnd, MistakesAreOneReadableLineAndExitStatusOne) {
+  const std::string no_rig_camera =
+      write("version: 1\ncameras:\n  cam0: {frames: " + recording + "/cam0.mkv, fps: 30}\n", "one.yaml");
+  std::string rig = contents(recording + "/rig.yaml");
+  rig.replace(rig.find("[320, 240]"), 10, "[640, 480]");
+  write(rig, "rig640.yaml");
+  const std::string other_size =
+      write("version: 1\nrig: rig640.yaml\ntargets: {lime: {color: {hue_deg: [65, 115]}}}\n", "size.yaml");
+  const std::string misspelt = write("version: 1\nrgi: rig.yaml\n", "misspelt.yaml");
+  struct Mistake {
+    std::vector<std::string> arguments;
+    std::string message;  // a part of it
+  };
+  const Mistake mistakes[] = {
+      {{"check", "/no/such.yaml"}, "/no/such.yaml: cannot be read: No such file or directory"},
+      {{"check", misspelt}, "misspelt.yaml:1: rig is missing (is rgi in line 2 a misspelling of it?)"},
+      {{"replay", config, "/no/such/folder", "--no-dds"}, "/no/such/folder"},
+      {{"replay", config, no_rig_camera, "--no-dds"}, "cam1"},
+      {{"replay", other_size, recording, "--no-dds"},
+       "camera cam0: its frames are 320x240, but the rig was calibrated at 640x480"},
+      {{"replay", config, recording, "--no-dds", "--tracks", "/no/such/t.csv"}, "cannot write /no/such/t.csv"},
+      {{"replay", config, recording, "--no-dds", "--truth", "/no/truth.csv"}, "/no/truth.csv: cannot be read"},
+      {{"replay", config, recording, "--no-dds", "--pictures", "/proc/pictures"}, "/proc/pictures"},
+      {{"compare", "/no/t.csv", recording + "/groundtruth.csv"}, "/no/t.csv: cannot be read"},
+  };
+  for (const auto& mistake : mistakes) {
+    std::vector<std::string> command{HUETRACKD};
+    command.insert(command.end(), mistake.arguments.begin(), mistake.arguments.end());
+    const Result result = run(command);
+    EXPECT_EQ(result.status, 1) << mistake.message;
+    EXPECT_THAT(result.err, HasSubstr(mistake.message));
+    EXPECT_THAT(result.err, StartsWith("huetrackd: "));
+    EXPECT_EQ(lines_of(result.err).size(), 1u) << result.err;
+  }
+  if (fs::exists("/dev/full")) {
+    const Result full = run({HUETRACKD, "replay", config, recording, "--no-dds", "--tracks", "/dev/full"});
+    EXPECT_EQ(full.status, 1);
+    EXPECT_THAT(full.err, HasSubstr("cannot write /dev/full: No space left on device"));
+  }
+}
+
+TEST_F(EndToEnd, WrongUsageIsSaidAndVersionsAreTold) {
+  EXPECT_NE(run({HUETRACKD}).status, 0);
+  EXPECT_NE(run({HUETRACKD, "replay", config}).status, 0);
+  EXPECT_NE(run({HUETRACKD, "replay", config, recording, "--speed", "fast"}).status, 0);
+  const Result version = run({HUETRACKD, "--version"});
+  EXPECT_EQ(version.status, 0);
+  EXPECT_EQ(version.out, "huetrackd " HUETRACK_VERSION "\n");
+}
+
+}  // namespace
+}  // namespace huetrack
