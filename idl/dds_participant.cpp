@@ -138,6 +138,10 @@ std::vector<NetworkInterface> select(const std::vector<std::string>& wanted) {
                                   "\": this host has no such interface or IPv4 address that is up; it has " +
                                   describe(present));
   }
+  // Between two programs of one host nothing arrives when one uses loopback and the other does not.
+  const auto is_loopback = [](const NetworkInterface& i) { return i.address == "127.0.0.1"; };
+  if (!selected.empty() && std::ranges::none_of(selected, is_loopback))
+    std::ranges::copy_if(present, std::back_inserter(selected), is_loopback);
   return selected;
 }
 
@@ -149,7 +153,8 @@ std::vector<NetworkInterface> network_interfaces() {
   const std::unique_ptr<::ifaddrs, decltype(&::freeifaddrs)> owner(first, ::freeifaddrs);
   std::vector<NetworkInterface> list;
   for (const ::ifaddrs* i = first; i != nullptr; i = i->ifa_next) {
-    if (i->ifa_addr == nullptr || i->ifa_addr->sa_family != AF_INET || (i->ifa_flags & IFF_UP) == 0) continue;
+    if (i->ifa_addr == nullptr || i->ifa_addr->sa_family != AF_INET) continue;
+    if ((i->ifa_flags & IFF_RUNNING) == 0) continue;  // no cable: Fast DDS does not use it either
     char text[INET_ADDRSTRLEN] = "";
     // The address family says what the generic sockaddr is.
     const auto* address = static_cast<const ::sockaddr_in*>(static_cast<const void*>(i->ifa_addr));
@@ -272,12 +277,11 @@ dds::DataReader& DdsParticipant::create_reader(const std::string& name, dds::Typ
   return *reader;
 }
 
-bool DdsParticipant::follow_network() {
+bool DdsParticipant::network_changed() {
   std::vector<NetworkInterface> now = network_interfaces();
-  if (now == interfaces_) return false;
-  interfaces_ = std::move(now);
-  participant_->set_qos(participant_->get_qos());
-  return true;
+  const bool steady = now == last_seen_;  // not in the middle of a DHCP renewal
+  last_seen_ = std::move(now);
+  return steady && last_seen_ != interfaces_;
 }
 
 std::string DdsParticipant::description() const {

@@ -19,7 +19,8 @@ struct NetworkInterface {
   std::string address;  // IPv4, "192.168.0.5"
   bool operator==(const NetworkInterface&) const = default;
 };
-std::vector<NetworkInterface> network_interfaces();  // up, with an IPv4 address; empty when the kernel does not say
+std::vector<NetworkInterface>
+network_interfaces();  // up, with a carrier and an IPv4 address; empty when the kernel does not say
 std::string describe(const std::vector<NetworkInterface>& list);  // "lo 127.0.0.1, eth0 192.168.0.5"
 
 // The configured domain, else ROS_DOMAIN_ID, else 0. throws std::invalid_argument when it is not 0..232.
@@ -28,7 +29,7 @@ int resolve_domain(std::optional<int> configured);
 struct ParticipantOptions {
   std::string name{};                     // what DDS tools show
   std::optional<int> domain{};            // 0..232; nullopt: ROS_DOMAIN_ID, and 0 without it
-  std::vector<std::string> interfaces{};  // use only these: names or IPv4 addresses of this host; empty: all
+  std::vector<std::string> interfaces{};  // use only these, and loopback: names or IPv4 addresses; empty: all
   std::filesystem::path profiles{};       // Fast DDS XML; empty: none. FASTRTPS_DEFAULT_PROFILES_FILE is honoured too.
 };
 
@@ -57,9 +58,11 @@ class DdsParticipant {
   eprosima::fastdds::dds::DataReader& create_reader(const std::string& topic, eprosima::fastdds::dds::TypeSupport type,
                                                     eprosima::fastdds::dds::DataReaderQos qos);
 
-  // Fast DDS does not see an interface that comes up later. Call this now and then: when the host's addresses have
-  // changed, it makes Fast DDS use them and returns true.
-  bool follow_network();
+  // Fast DDS uses and announces the addresses that the host had when the participant was made. (Setting its QoS again
+  // makes it listen on new ones, but its readers and writers go on announcing the old ones.) True when the addresses
+  // are others now, and have been so for two calls in a row: time to make a new participant. Call it about once a
+  // second.
+  bool network_changed();
 
   int domain() const { return domain_; }
   std::string description() const;  // one line for the log: "DDS domain 0, UDP on lo 127.0.0.1, eth0 192.168.0.5"
@@ -69,7 +72,8 @@ class DdsParticipant {
   eprosima::fastdds::dds::Topic* topic(const std::string& name, eprosima::fastdds::dds::TypeSupport type);
 
   int domain_;
-  std::vector<NetworkInterface> interfaces_;  // at the last look
+  std::vector<NetworkInterface> interfaces_;  // when it joined
+  std::vector<NetworkInterface> last_seen_;   // by network_changed()
   std::string transport_;                     // for description(); empty: ours on every interface
   std::vector<std::string> profiled_topics_;  // whose QoS came from XML
   eprosima::fastdds::dds::DomainParticipant* participant_ = nullptr;

@@ -93,7 +93,7 @@ void end_on_signals() {
 
 int watch(const WatchOptions& options) {
   LineWriter out(options.file, options.overwrite);
-  PositionSubscription subscription(options.participant);
+  std::optional<PositionSubscription> subscription(options.participant);  // made anew when the network changes
   if (!out.write(header(options.format))) return 0;
 
   std::uint64_t lines = 0;
@@ -110,7 +110,7 @@ int watch(const WatchOptions& options) {
   };
 
   while (!ended && (!options.count || lines < *options.count)) {
-    const std::optional<msg::ObjectPosition> sample = subscription.next(poll);
+    const std::optional<msg::ObjectPosition> sample = subscription->next(poll);
     const Clock::time_point now = Clock::now();
     if (sample) {
       seen_targets.insert(sample->target());
@@ -124,23 +124,26 @@ int watch(const WatchOptions& options) {
         }
       }
     }
-    for (const std::string& sentence : subscription.news()) say(sentence);
-    if (now - last_look_at_network > 2s) {
-      subscription.follow_network();
+    for (const std::string& sentence : subscription->news()) say(sentence);
+    if (now - last_look_at_network > 1s) {
       last_look_at_network = now;
+      if (subscription->network_changed()) {
+        subscription.emplace(options.participant);
+        say("the network has changed: now on " + subscription->participant().description());
+      }
     }
 
-    if (subscription.publishers() > 0) {
+    if (subscription->publishers() > 0) {
       said_nobody = true;  // its farewell will be said, and that is enough
-      std::set<std::string> targets = subscription.targets();
+      std::set<std::string> targets = subscription->targets();
       targets.insert(seen_targets.begin(), seen_targets.end());
       if (!options.target.empty() && !targets.empty() && !targets.contains(options.target) && targets != said_targets) {
         say("nobody publishes target " + options.target + " on domain " +
-            std::to_string(subscription.participant().domain()) + "; there are: " + joined(targets));
+            std::to_string(subscription->participant().domain()) + "; there are: " + joined(targets));
         said_targets = std::move(targets);
       }
     } else if (!said_nobody && now - start > nobody_after) {
-      say("no publisher of huetrack positions " + what_to_check(subscription.participant()) + ". Waiting for one");
+      say("no publisher of huetrack positions " + what_to_check(subscription->participant()) + ". Waiting for one");
       said_nobody = true;
     }
     if (options.timeout && now - last_line > *options.timeout) {

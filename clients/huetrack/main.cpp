@@ -17,7 +17,7 @@ int main(int argc, char** argv) {
   const auto add_bus = [&](CLI::App* command) {
     command->add_option("--domain", options.participant.domain, "DDS domain, 0..232 (default: ROS_DOMAIN_ID, else 0)");
     command->add_option("--interface", options.participant.interfaces,
-                        "use only this network interface: name or IPv4 address; may be repeated");
+                        "use only this network interface, and loopback: name or IPv4 address; may be repeated");
     command->add_option("--profiles", options.participant.profiles, "Fast DDS XML profiles file");
   };
   double timeout_s = 0;

@@ -28,9 +28,9 @@ class PositionSubscription {
   // about 1 s later), or does not fit.
   std::vector<std::string> news();
 
-  int publishers() const { return publishers_; }            // alive, as of the last news()
-  std::set<std::string> targets() const;                    // that publishers announce
-  void follow_network() { participant_.follow_network(); }  // see DdsParticipant
+  int publishers() const { return publishers_; }                     // alive, as of the last news()
+  std::set<std::string> targets() const;                             // that publishers announce
+  bool network_changed() { return participant_.network_changed(); }  // see DdsParticipant
   const DdsParticipant& participant() const { return participant_; }
 
  private:

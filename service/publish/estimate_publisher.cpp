@@ -8,6 +8,7 @@
 #include <map>
 #include <mutex>
 #include <set>
+#include <shared_mutex>
 #include <stdexcept>
 
 #include "idl/dds_participant.h"
@@ -109,17 +110,18 @@ class Rivals : public dds::DomainParticipantListener {
  public:
   explicit Rivals(PublisherIdentity self) : self_(std::move(self)) {}
 
-  void on_publisher_discovery(dds::DomainParticipant* participant, rtps::WriterDiscoveryInfo&& info) override {
+  void on_publisher_discovery(dds::DomainParticipant*, rtps::WriterDiscoveryInfo&& info) override {
     const rtps::GUID_t guid = info.info.guid();
-    if (guid.guidPrefix == participant->guid().guidPrefix || info.info.topicName() != topics::object_position) return;
+    if (info.info.topicName() != topics::object_position) return;
     const std::lock_guard lock(mutex_);
     if (info.status == rtps::WriterDiscoveryInfo::REMOVED_WRITER) {
       others_.erase(guid);
       return;
     }
     const auto& bytes = info.info.m_qos.m_userData;
-    if (auto other = PublisherIdentity::from(std::string(bytes.begin(), bytes.end())))
-      others_[guid] = std::move(*other);
+    auto other = PublisherIdentity::from(std::string(bytes.begin(), bytes.end()));
+    if (!other || (other->host == self_.host && other->pid == self_.pid)) return;  // we, while joining anew
+    others_[guid] = std::move(*other);
   }
 
   std::vector<std::string> warnings() const {
@@ -142,6 +144,40 @@ class Rivals : public dds::DomainParticipantListener {
   std::map<rtps::GUID_t, PublisherIdentity> others_;  // guarded by mutex_
 };
 
+// Our place on the bus: one participant and its writers. Made anew when the network changes.
+struct Connection {
+  Connection(const EstimatePublisherOptions& options, Rivals& rivals)
+      : participant({.name = "huetrackd",
+                     .domain = options.domain,
+                     .interfaces = options.interfaces,
+                     .profiles = options.profiles},
+                    &rivals),
+        position(participant.create_writer(topics::object_position, dds::TypeSupport(new msg::ObjectPositionPubSubType),
+                                           object_position_writer_qos(), rivals.self().user_data())),
+        status(participant.create_writer(topics::status, dds::TypeSupport(new msg::ServiceStatusPubSubType),
+                                         status_writer_qos(), rivals.self().user_data())) {
+    if (!options.ros2) return;
+    using PoseType = geometry_msgs::msg::dds_::PoseWithCovarianceStamped_PubSubType;
+    using TfType = tf2_msgs::msg::dds_::TFMessage_PubSubType;
+    for (const std::string& name : options.targets)
+      poses.push_back(&participant.create_writer(topics::ros2_pose(name), dds::TypeSupport(new PoseType),
+                                                 ros2_writer_qos(), ros2_user_data(ros2_pose_type_hash)));
+    tf = &participant.create_writer(topics::ros2_tf, dds::TypeSupport(new TfType), ros2_writer_qos(),
+                                    ros2_user_data(ros2_tf_type_hash));
+  }
+
+  // Lets the last samples arrive.
+  ~Connection() { position.wait_for_acknowledgments(eprosima::fastrtps::Duration_t(0, 500'000'000)); }
+  Connection(const Connection&) = delete;
+  Connection& operator=(const Connection&) = delete;
+
+  DdsParticipant participant;
+  dds::DataWriter& position;
+  dds::DataWriter& status;
+  std::vector<dds::DataWriter*> poses;  // by target; empty without ROS 2
+  dds::DataWriter* tf = nullptr;        // null without ROS 2
+};
+
 }  // namespace
 
 std::vector<std::string> EstimatePublisherOptions::problems() const {
@@ -161,8 +197,7 @@ std::vector<std::string> EstimatePublisherOptions::problems() const {
 
 struct EstimatePublisher::Impl {
   struct Target {
-    msg::ObjectPosition position;            // the names in it are set once
-    dds::DataWriter* pose_writer = nullptr;  // null without ROS 2
+    msg::ObjectPosition position;  // the names in it are set once
     geometry_msgs::msg::dds_::PoseWithCovarianceStamped_ pose;
     tf2_msgs::msg::dds_::TFMessage_ tf;
   };
@@ -170,32 +205,31 @@ struct EstimatePublisher::Impl {
   explicit Impl(EstimatePublisherOptions o)
       : options(std::move(o)),
         rivals(PublisherIdentity::of_this_process(options.targets)),
-        participant({.name = "huetrackd",
-                     .domain = options.domain,
-                     .interfaces = options.interfaces,
-                     .profiles = options.profiles},
-                    &rivals),
-        position_writer(participant.create_writer(topics::object_position,
-                                                  dds::TypeSupport(new msg::ObjectPositionPubSubType),
-                                                  object_position_writer_qos(), rivals.self().user_data())),
-        status_writer(participant.create_writer(topics::status, dds::TypeSupport(new msg::ServiceStatusPubSubType),
-                                                status_writer_qos(), rivals.self().user_data())) {
+        connection(std::make_unique<Connection>(options, rivals)) {
     for (const std::string& name : options.targets) {
       Target& target = targets.emplace_back();
       target.position.target(name);
       for (const std::string& camera : options.cameras) target.position.per_view().emplace_back().camera(camera);
-      if (!options.ros2) continue;
-      target.pose_writer = &participant.create_writer(
-          topics::ros2_pose(name), dds::TypeSupport(new geometry_msgs::msg::dds_::PoseWithCovarianceStamped_PubSubType),
-          ros2_writer_qos(), ros2_user_data(ros2_pose_type_hash));
     }
-    if (options.ros2)
-      tf_writer =
-          &participant.create_writer(topics::ros2_tf, dds::TypeSupport(new tf2_msgs::msg::dds_::TFMessage_PubSubType),
-                                     ros2_writer_qos(), ros2_user_data(ros2_tf_type_hash));
     status.host(rivals.self().host);
     status.pid(rivals.self().pid);
     status.frame_id(options.frame_id);
+  }
+
+  // The status thread only. The new connection is there before the old one goes, so that publish() hardly waits.
+  void join_anew() {
+    std::string why_not;
+    try {
+      auto fresh = std::make_unique<Connection>(options, rivals);
+      const std::unique_lock lock(connection_mutex);
+      std::swap(connection, fresh);
+    } catch (const std::invalid_argument& error) {  // a configured interface is gone
+      why_not = error.what();
+    } catch (const std::runtime_error& error) {  // Fast DDS refuses
+      why_not = error.what();
+    }
+    const std::lock_guard lock(problem_mutex);
+    network_problem = why_not.empty() ? "" : "the network has changed, and DDS goes on as it was: " + why_not;
   }
 
   bool count(bool ok) {
@@ -204,15 +238,16 @@ struct EstimatePublisher::Impl {
   }
 
   const EstimatePublisherOptions options;
-  Rivals rivals;  // before participant: it outlives it
-  DdsParticipant participant;
-  dds::DataWriter& position_writer;
-  dds::DataWriter& status_writer;
-  dds::DataWriter* tf_writer = nullptr;  // null without ROS 2
+  Rivals rivals;  // before connection: it outlives it
+  mutable std::shared_mutex connection_mutex;
+  std::unique_ptr<Connection>
+      connection;  // guarded by connection_mutex: shared to write to it, exclusive to replace it
   std::vector<Target> targets;
   msg::ServiceStatus status;  // the names in it are set once
   std::atomic<std::uint64_t> published = 0;
   std::atomic<std::uint64_t> failures = 0;
+  mutable std::mutex problem_mutex;
+  std::string network_problem;  // guarded by problem_mutex
 };
 
 EstimatePublisher::EstimatePublisher(EstimatePublisherOptions options) {
@@ -222,9 +257,7 @@ EstimatePublisher::EstimatePublisher(EstimatePublisherOptions options) {
   impl_ = std::make_unique<Impl>(std::move(options));
 }
 
-EstimatePublisher::~EstimatePublisher() {
-  impl_->position_writer.wait_for_acknowledgments(eprosima::fastrtps::Duration_t(0, 500'000'000));
-}
+EstimatePublisher::~EstimatePublisher() = default;
 
 bool EstimatePublisher::publish(std::size_t target, const ObjectEstimate& estimate, Timestamp captured,
                                 Timestamp received) noexcept {
@@ -232,25 +265,27 @@ bool EstimatePublisher::publish(std::size_t target, const ObjectEstimate& estima
   assert(estimate.per_view.empty() || estimate.per_view.size() == impl_->options.cameras.size());
   Impl::Target& to = impl_->targets[target];
   fill(to.position, estimate, captured, received);
+  const std::shared_lock lock(impl_->connection_mutex);
+  Connection& bus = *impl_->connection;
   to.position.published_at(unix_ns(std::chrono::system_clock::now()));
-  bool ok = impl_->position_writer.write(&to.position);
+  bool ok = bus.position.write(&to.position);
   if (ok) ++impl_->published;
   if (impl_->options.ros2 && estimate.has_position()) {
     to_ros(estimate, captured, impl_->options.frame_id, to.pose);
     to_ros(estimate, captured, impl_->options.frame_id, impl_->options.targets[target], to.tf);
-    ok = to.pose_writer->write(&to.pose) && ok;
-    ok = impl_->tf_writer->write(&to.tf) && ok;
+    ok = bus.poses[target]->write(&to.pose) && ok;
+    ok = bus.tf->write(&to.tf) && ok;
   }
   return impl_->count(ok);
 }
 
 bool EstimatePublisher::publish_status(const ServiceStatus& status) noexcept {
-  impl_->participant.follow_network();
+  if (impl_->connection->participant.network_changed()) impl_->join_anew();  // nobody else replaces it
   fill(impl_->status, status);
   const Counters now = counters();
   impl_->status.published(now.published);
   impl_->status.publish_failures(now.failures);
-  return impl_->count(impl_->status_writer.write(&impl_->status));
+  return impl_->count(impl_->connection->status.write(&impl_->status));
 }
 
 EstimatePublisher::Counters EstimatePublisher::counters() const {
@@ -258,21 +293,27 @@ EstimatePublisher::Counters EstimatePublisher::counters() const {
 }
 
 std::vector<std::string> EstimatePublisher::warnings() const {
-  return impl_->rivals.warnings();
+  std::vector<std::string> sentences = impl_->rivals.warnings();
+  const std::lock_guard lock(impl_->problem_mutex);
+  if (!impl_->network_problem.empty()) sentences.push_back(impl_->network_problem);
+  return sentences;
 }
 
 int EstimatePublisher::subscribers() const {
   dds::PublicationMatchedStatus matched;
-  impl_->position_writer.get_publication_matched_status(matched);
+  const std::shared_lock lock(impl_->connection_mutex);
+  impl_->connection->position.get_publication_matched_status(matched);
   return matched.current_count;
 }
 
 int EstimatePublisher::domain() const {
-  return impl_->participant.domain();
+  const std::shared_lock lock(impl_->connection_mutex);
+  return impl_->connection->participant.domain();
 }
 
 std::string EstimatePublisher::description() const {
-  return impl_->participant.description();
+  const std::shared_lock lock(impl_->connection_mutex);
+  return impl_->connection->participant.description();
 }
 
 }  // namespace huetrack

@@ -20,7 +20,7 @@ struct EstimatePublisherOptions {
   std::string frame_id = "world";             // not empty, no leading '/'; the world frame's name on the ROS 2 topics
   std::vector<std::string> targets;           // at least one; unique; [A-Za-z][A-Za-z0-9_]*
   std::vector<std::string> cameras;           // names in rig order: per_view[i] is what cameras[i] says
-  std::vector<std::string> interfaces;        // use only these: names or IPv4 addresses of this host; empty: all
+  std::vector<std::string> interfaces;        // use only these, and loopback: names or IPv4 addresses; empty: all
   std::filesystem::path profiles;             // Fast DDS XML profiles; empty: none
   bool ros2 = true;                           // publish the ROS 2 topics too
   std::vector<std::string> problems() const;  // empty when valid; one sentence per violated constraint
@@ -43,8 +43,9 @@ class EstimatePublisher {
   // false, and counters().failures is one more, when something could not be written.
   bool publish(std::size_t target, const ObjectEstimate& estimate, Timestamp captured, Timestamp received) noexcept;
 
-  // Host, process id, frame_id and the counters of published samples are added here. Call it about once a second: it
-  // also follows network interfaces that come and go.
+  // Host, process id, frame_id and the counters of published samples are added here. Call it about once a second: when
+  // the host's network addresses have changed (Wi-Fi or DHCP came up after us), it joins the bus anew, which takes this
+  // call 0.1-0.7 s, while publish() on another thread goes on; where that is not possible, warnings() says why.
   bool publish_status(const ServiceStatus& status) noexcept;
 
   struct Counters {

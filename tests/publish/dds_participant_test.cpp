@@ -89,6 +89,17 @@ TEST(DdsParticipant, InterfaceByNameOrAddress) {
   }
 }
 
+// Fast DDS does not connect two programs of one host when one uses loopback and the other does not.
+TEST(DdsParticipant, LoopbackIsAlwaysAmongTheInterfaces) {
+  for (const NetworkInterface& i : network_interfaces()) {
+    if (i.name == "lo") continue;
+    const DdsParticipant participant({.domain = testing::test_domain(), .interfaces = {i.name}});
+    EXPECT_THAT(participant.description(), HasSubstr("UDP on " + i.name + " " + i.address + ", lo 127.0.0.1 only"));
+    return;
+  }
+  GTEST_SKIP() << "this host has loopback only";
+}
+
 TEST(DdsParticipant, InterfacesBesideAParticipantProfileAreRefused) {
   EXPECT_THAT(refusal({.interfaces = {"lo"}, .profiles = HUETRACK_SOURCE_DIR "/configs/dds/loopback_only.xml"}),
               HasSubstr("interfaceWhiteList"));
@@ -100,9 +111,9 @@ TEST(DdsParticipant, DescriptionListsTheInterfacesInUse) {
   for (const NetworkInterface& i : network_interfaces()) EXPECT_THAT(participant.description(), HasSubstr(i.address));
 }
 
-TEST(DdsParticipant, AnUnchangedNetworkIsLeftAlone) {
+TEST(DdsParticipant, AnUnchangedNetworkIsNoChange) {
   DdsParticipant participant({.domain = testing::test_domain()});
-  EXPECT_FALSE(participant.follow_network());
+  for (int call = 0; call < 3; ++call) EXPECT_FALSE(participant.network_changed());
 }
 
 TEST(DdsParticipant, ProfileOfATopicsNameReplacesItsQosAndOthersKeepOurs) {

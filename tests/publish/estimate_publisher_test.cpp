@@ -2,9 +2,11 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sched.h>
 
 #include <fastrtps/xmlparser/XMLProfileManager.h>
 #include <cmath>
+#include <cstdlib>
 #include <fastdds/dds/subscriber/DataReaderListener.hpp>
 #include <fastdds/dds/subscriber/SampleInfo.hpp>
 #include <map>
@@ -22,6 +24,7 @@ namespace {
 
 namespace dds = eprosima::fastdds::dds;
 using eprosima::fastrtps::types::ReturnCode_t;
+using ::testing::AllOf;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using namespace testing;
@@ -300,19 +303,70 @@ TEST_F(Bus, APublisherThatLeavesIsMissedAtOnce) {
 }
 
 TEST_F(Bus, ASecondPublisherOfTheSameTargetIsWarnedOf) {
-  EstimatePublisher publisher(known_options(test_domain()));
-  EXPECT_THAT(publisher.warnings(), ElementsAre());
-  EstimatePublisherOptions other = known_options(test_domain());
-  other.targets = {"cube"};
-  const EstimatePublisher harmless(other);
-  {
-    other.targets = {"wand", "cup"};
-    const EstimatePublisher rival(other);
-    ASSERT_TRUE(ChildProcess::wait([&] { return publisher.warnings().size() == 1; }, 3s));
-    EXPECT_THAT(publisher.warnings()[0], HasSubstr("target wand"));
-    EXPECT_THAT(publisher.warnings()[0], HasSubstr(std::to_string(::getpid())));
-  }
+  EstimatePublisherOptions options = known_options(test_domain());
+  options.targets = {"wand", "cup"};
+  EstimatePublisher publisher(options);
+  options.targets = {"cube"};
+  ChildProcess rival({HUETRACK_TEST_PUBLISHER, std::to_string(test_domain())});  // publishes ball and wand
+  ASSERT_TRUE(ChildProcess::wait([&] { return publisher.warnings().size() == 1; }, 3s));
+  EXPECT_THAT(publisher.warnings()[0],
+              AllOf(HasSubstr("target wand"), HasSubstr("process " + std::to_string(rival.pid()))));
+  const EstimatePublisher harmless(options);
+  std::this_thread::sleep_for(300ms);
+  EXPECT_THAT(harmless.warnings(), ElementsAre());
+  rival.send(SIGTERM);
   EXPECT_TRUE(ChildProcess::wait([&] { return publisher.warnings().empty(); }, 3s));
+}
+
+// A network of our own, where interfaces come and go. Needs root (or unprivileged namespaces) and iproute2.
+bool in_own_network() {
+  return ::unshare(CLONE_NEWNET) == 0 &&
+         std::system("ip link set lo up && ip link add va type veth peer name vb && ip link set vb up") == 0;
+}
+bool interface_comes_up() {
+  return std::system("ip link set va up && ip addr add 10.99.0.1/24 dev va") == 0;
+}
+
+TEST(Network, AnInterfaceThatComesUpLaterIsUsed) {
+  if (!in_own_network()) GTEST_SKIP() << "needs the right to make a network namespace, and iproute2 (ip)";
+  // The publisher is another host: a network namespace with loopback only, until a cable is plugged in.
+  ChildProcess publisher({"/usr/bin/unshare", "--net", "/bin/sh", "-c",
+                          "ip link set lo up && exec " HUETRACK_TEST_PUBLISHER " " + std::to_string(test_domain())});
+  std::this_thread::sleep_for(1s);
+  const std::string pid = std::to_string(publisher.pid());
+  const std::string plug_in = "ip link set va netns " + pid + " && ip addr add 10.99.0.2/24 dev vb && nsenter -t " +
+                              pid + " -n sh -c 'ip link set va up && ip addr add 10.99.0.1/24 dev va'";
+  ASSERT_EQ(std::system(plug_in.c_str()), 0);
+  DdsParticipant participant({.domain = test_domain()});
+  EXPECT_THAT(participant.description(), HasSubstr("vb 10.99.0.2"));
+  dds::DataReader& reader = participant.create_reader(
+      topics::object_position, dds::TypeSupport(new msg::ObjectPositionPubSubType), object_position_reader_qos());
+  EXPECT_TRUE(ChildProcess::wait([&] { return !take_all<msg::ObjectPosition>(reader).empty(); }, 6s));
+}
+
+TEST(Network, JoiningAnewLeavesNothingBehind) {
+  if (!in_own_network()) GTEST_SKIP() << "needs the right to make a network namespace, and iproute2 (ip)";
+  EstimatePublisher publisher(known_options(test_domain()));
+  EXPECT_TRUE(publisher.publish_status(known_status()));
+  ASSERT_TRUE(interface_comes_up());
+  for (int second = 0; second < 3; ++second) EXPECT_TRUE(publisher.publish_status(known_status()));
+  EXPECT_THAT(publisher.description(), HasSubstr("va 10.99.0.1"));
+  EXPECT_TRUE(publish_known(publisher, TrackState::tracking));
+  EXPECT_THAT(publisher.warnings(), ElementsAre());
+  EXPECT_EQ(publisher.counters().failures, 0U);
+}
+
+TEST(Network, AConfiguredInterfaceThatGoesIsWarnedOfAndPublishingGoesOn) {
+  if (!in_own_network()) GTEST_SKIP() << "needs the right to make a network namespace, and iproute2 (ip)";
+  ASSERT_TRUE(interface_comes_up());
+  EstimatePublisherOptions options = known_options(test_domain());
+  options.interfaces = {"va"};
+  EstimatePublisher publisher(options);
+  ASSERT_EQ(std::system("ip link del va"), 0);
+  for (int second = 0; second < 3; ++second) publisher.publish_status(known_status());
+  ASSERT_EQ(publisher.warnings().size(), 1U);
+  EXPECT_THAT(publisher.warnings()[0], AllOf(HasSubstr("the network has changed"), HasSubstr("\"va\"")));
+  EXPECT_TRUE(publish_known(publisher, TrackState::tracking));
 }
 
 TEST(EstimatePublisher, WrongOptionsAreNamed) {
