@@ -28,6 +28,8 @@ double largest_sigma(const Eigen::Matrix3d& covariance) {
 
 }  // namespace
 
+using Vector6d = Eigen::Matrix<double, 6, 1>;
+
 ObjectEstimate RegionTracker::update(const FrameSet& set) {
   const std::vector<TargetView>& views = views_.look_at(set);
   sightings_.clear();
@@ -36,9 +38,9 @@ ObjectEstimate RegionTracker::update(const FrameSet& set) {
     Belief predicted = predict(dt);
     sight(views, predicted, dt);                          // colour regions near the prediction, one per view at most
     predicted = learn_acceleration(dt, predicted);
-    const Belief proposal = linear_update(predicted);     // motion and regions together, linearised
+    const Belief proposal = propose(predicted);           // motion and regions together, linearised
     draw_particles(proposal);
-    weigh(predicted, proposal);                           // what the linearisation and the floor change
+    weigh(proposal);                                      // what the linearisation and the floor change
     estimate(proposal);
     judge(set);
   }
@@ -55,7 +57,29 @@ RegionTracker::RegionTracker(const CameraRig& rig, const TargetOptions& target, 
       acceleration_(options.acceleration_m_s2),
       finders_(rig.cameras.size()),
       regions_(rig.cameras.size()) {
+  for (const Camera& camera : rig.cameras) size_in_view_.push_back(size_in(camera));
   scatter();
+}
+
+// How small and how large the target appears in a view anywhere in the volume: on a grid, of which only what is in the image
+// counts (a corner of the volume may be beside or behind the camera).
+RegionTracker::SizeInView RegionTracker::size_in(const Camera& camera) const {
+  constexpr int steps = 12;
+  SizeInView out;
+  for (int i = 0; i <= steps; ++i) {
+    for (int j = 0; j <= steps; ++j) {
+      for (int k = 0; k <= steps; ++k) {
+        const Eigen::Array3d share = Eigen::Array3d(i, j, k) / steps;
+        const Eigen::Vector3d p =
+            options_.volume.min.array() + share * (options_.volume.max - options_.volume.min).array();
+        const auto at = appearance_of(camera, p, target_.radius_m);
+        if (!at || !camera.contains({at->px})) continue;
+        out.smallest_px = out.largest_px == 0 ? at->radius_px : std::min(out.smallest_px, at->radius_px);
+        out.largest_px = std::max(out.largest_px, at->radius_px);
+      }
+    }
+  }
+  return out;
 }
 
 void RegionTracker::scatter() {
@@ -130,22 +154,31 @@ void RegionTracker::sight(const std::vector<TargetView>& views, const Belief& pr
   }
 }
 
-// Covariance matching: raise the acceleration until the innovation is one that it explains, lower it slowly while the
-// innovations are smaller than they need be. Only sightings that fix all three axes can tell. Returns the prediction with
-// what was learnt.
+// Covariance matching: raise the acceleration until the innovations of all sightings together are ones that it explains,
+// lower it slowly while they are smaller than they need be. Returns the prediction with what was learnt.
 Belief RegionTracker::learn_acceleration(double dt, const Belief& predicted) {
-  if (sightings_.size() < 2 || dt <= 0) return predicted;
-  const PositionInformation z = information_of(sightings_, predicted.position(), predicted.velocity());
-  Eigen::Matrix3d z_covariance;
-  bool invertible = false;
-  z.information.computeInverseWithCheck(z_covariance, invertible, 1e-3);
-  if (!invertible || z_covariance.trace() > 0.01) return predicted;
-  const Eigen::Vector3d innovation = z_covariance * z.vector - predicted.position();
-  const double ceiling = 4 * options_.acceleration_m_s2;
+  if (sightings_.empty() || dt <= 0) return predicted;
+  const auto size = static_cast<Eigen::Index>(2 * sightings_.size());
+  Eigen::VectorXd innovation(size);
+  Eigen::MatrixXd h = Eigen::MatrixXd::Zero(size, 6);
+  Eigen::MatrixXd noise = Eigen::MatrixXd::Zero(size, size);
+  for (std::size_t i = 0; i < sightings_.size(); ++i) {
+    const Sighting& sighting = sightings_[i];
+    const double age = sighting.view->age_s;
+    const auto at = appearance_of(*sighting.view->camera, predicted.position() - age * predicted.velocity(), target_.radius_m);
+    if (!at) return predicted;
+    const auto row = static_cast<Eigen::Index>(2 * i);
+    innovation.segment<2>(row) = sighting.px - at->px;
+    h.block<2, 3>(row, 0) = at->jacobian;
+    h.block<2, 3>(row, 3) = -age * at->jacobian;
+    noise.block<2, 2>(row, row) = sighting.covariance;
+  }
   Belief out = predicted;
-  const auto surprise = [&] {
-    return innovation.dot((out.position_covariance() + z_covariance).inverse() * innovation) / 3;
+  const auto surprise = [&] {        // 1 when all is as it should be
+    const Eigen::MatrixXd s = h * out.covariance * h.transpose() + noise;
+    return innovation.dot(s.llt().solve(innovation)) / static_cast<double>(size);
   };
+  const double ceiling = 4 * options_.acceleration_m_s2;
   double nis = surprise();
   while (nis > 3 && acceleration_ < ceiling) {
     acceleration_ = std::min(ceiling, 1.5 * acceleration_);
@@ -156,13 +189,16 @@ Belief RegionTracker::learn_acceleration(double dt, const Belief& predicted) {
   return out;
 }
 
-// Kalman update with each sighting, all linearised at the prediction. A view that looked age_s earlier saw p - age v.
-Belief RegionTracker::linear_update(const Belief& predicted) const {
+// Kalman update with each sighting, all linearised at one point. A view that looked age_s earlier saw p - age v.
+Belief RegionTracker::linear_update(const Belief& predicted, const Vector6d& linearised_at) {
   Belief out = predicted;
+  linear_views_.clear();
   for (const Sighting& sighting : sightings_) {
     const double age = sighting.view->age_s;
-    const auto at = appearance_of(*sighting.view->camera, predicted.position() - age * predicted.velocity(), target_.radius_m);
+    const Eigen::Vector3d then = linearised_at.head<3>() - age * linearised_at.tail<3>();
+    const auto at = appearance_of(*sighting.view->camera, then, target_.radius_m);
     if (!at) continue;
+    linear_views_.push_back({&sighting, at->jacobian, at->px - at->jacobian * then});
     Eigen::Matrix<double, 2, 6> h;
     h << at->jacobian, -age * at->jacobian;
     // What the object may have swerved since the view looked.
@@ -170,10 +206,24 @@ Belief RegionTracker::linear_update(const Belief& predicted) const {
     const Eigen::Matrix<double, 6, 2> ph = out.covariance * h.transpose();
     const Eigen::Matrix2d s = h * ph + sighting.covariance + swerve;
     const Eigen::Matrix<double, 6, 2> gain = ph * s.inverse();
-    out.mean += gain * (sighting.px - at->px - h * (out.mean - predicted.mean));
+    out.mean += gain * (sighting.px - at->px - h * (out.mean - linearised_at));
     out.covariance -= gain * ph.transpose();
   }
   out.covariance = (0.5 * (out.covariance + out.covariance.transpose())).eval();
+  return out;
+}
+
+// Linearised again where the object turns out to be, when that is not where it was expected (Bell and Cathey 1993). What a
+// single view leaves open must be the ray through its pixel, to a fraction of the pixel over all of the open depth, or
+// particles along the wrong line make the filter sure of a depth that nobody measured.
+Belief RegionTracker::propose(const Belief& predicted) {
+  Belief out = linear_update(predicted, predicted.mean);
+  for (int iteration = 0; iteration < 3; ++iteration) {
+    const Vector6d before = out.mean;
+    if ((out.position() - predicted.position()).norm() < 0.1 * target_.radius_m) break;
+    out = linear_update(predicted, before);
+    if ((out.position() - before.head<3>()).norm() < 0.01 * target_.radius_m) break;
+  }
   return out;
 }
 
@@ -219,16 +269,15 @@ void RegionTracker::draw_particles(const Belief& proposal) {
 //   p_m(s_i | img_m) / Gauss_m(s_i),   p_m = max(1/25, support * exp(-d^2 / 2))
 // with d the distance from the particle's projection, through the whole lens and at the view's own time, to the centre of
 // the colour region, in the region's covariance.
-void RegionTracker::weigh(const Belief& predicted, const Belief& proposal) {
+void RegionTracker::weigh(const Belief& proposal) {
   const std::size_t n = particles_.size();
   log_weight_.assign(n, 0.0f);
   u_.resize(n), v_.resize(n);
   const Eigen::Matrix3d p_information = proposal.position_covariance().inverse();
   const Eigen::Matrix3d velocity_of_position = proposal.covariance.bottomLeftCorner<3, 3>() * p_information;
-  for (const Sighting& sighting : sightings_) {
+  for (const LinearView& linear : linear_views_) {
+    const Sighting& sighting = *linear.sighting;
     const double age = sighting.view->age_s;
-    const auto at = appearance_of(*sighting.view->camera, predicted.position() - age * predicted.velocity(), target_.radius_m);
-    if (!at) continue;
     // Given the position, the velocity is that of the regression; so the position at the view's time is linear in it.
     const Eigen::Matrix3d back = Eigen::Matrix3d::Identity() - age * velocity_of_position;
     const Eigen::Vector3d mean_then = proposal.position() - age * proposal.velocity();
@@ -250,9 +299,8 @@ void RegionTracker::weigh(const Belief& predicted, const Belief& proposal) {
     const auto cu = static_cast<float>(sighting.px.x()), cv = static_cast<float>(sighting.px.y());
     const auto floor = static_cast<float>(std::log(floor_likelihood / sighting.support));
     // The linearisation: du = j p + k.
-    const Eigen::Matrix<float, 2, 3> j = at->jacobian.cast<float>();
-    const Eigen::Vector2f k =
-        (at->px - at->jacobian * (predicted.position() - age * predicted.velocity()) - sighting.px).cast<float>();
+    const Eigen::Matrix<float, 2, 3> j = linear.jacobian.cast<float>();
+    const Eigen::Vector2f k = (linear.offset - sighting.px).cast<float>();
     for (std::size_t i = 0; i < n; ++i) {
       const float linear_du = j(0, 0) * x[i] + j(0, 1) * y[i] + j(0, 2) * z[i] + k(0);
       const float linear_dv = j(1, 0) * x[i] + j(1, 1) * y[i] + j(1, 2) * z[i] + k(1);
@@ -262,7 +310,10 @@ void RegionTracker::weigh(const Belief& predicted, const Belief& proposal) {
   }
   weight_.resize(n);
   normalize_log_weights(log_weight_, weight_);
+  // The floor gives the target heavier tails than the proposal has, so that a few particles far out can outweigh all others;
+  // a handful of particles is a worse answer than the linearised one, which equal weights are.
   effective_sample_size_ = effective_sample_size(weight_);
+  if (effective_sample_size_ < 0.1 * static_cast<double>(n)) weight_.assign(n, 1.0f / static_cast<float>(n));
 }
 
 // The weighted particles' mean and covariance are the position's; the velocity follows by regression on the position.
@@ -314,25 +365,16 @@ void RegionTracker::judge(const FrameSet& set) {
 void RegionTracker::search(const FrameSet& set, const std::vector<TargetView>& views) {
   for (std::size_t i = 0; i < views.size(); ++i) {
     const TargetView& view = views[i];
-    // How large the object can be in this view: at the corners of the volume.
-    double smallest = 1e9, largest = 0;
-    for (int corner = 0; corner < 8; ++corner) {
-      const Eigen::Vector3d p((corner & 1 ? options_.volume.max : options_.volume.min).x(),
-                              (corner & 2 ? options_.volume.max : options_.volume.min).y(),
-                              (corner & 4 ? options_.volume.max : options_.volume.min).z());
-      if (const auto at = appearance_of(*view.camera, p, target_.radius_m)) {
-        smallest = std::min(smallest, at->radius_px);
-        largest = std::max(largest, at->radius_px);
-      }
-    }
-    if (largest == 0) {
+    const SizeInView& size = size_in_view_[static_cast<std::size_t>(view.index)];
+    if (size.largest_px == 0) {            // no part of the volume is in view
       regions_[i].clear();
       continue;
     }
-    const int step = std::max(1, static_cast<int>(smallest));
-    const int extent = static_cast<int>(std::ceil(3 * largest)) + 2;
-    regions_[i] = finders_[static_cast<std::size_t>(view.index)].search(
-        *view.matches, *view.image, *view.table, step, extent, std::max(2, static_cast<int>(0.3 * smallest * smallest)), largest);
+    const int step = std::max(1, static_cast<int>(size.smallest_px));
+    const int extent = static_cast<int>(std::ceil(3 * size.largest_px)) + 2;
+    const int min_area = std::max(2, static_cast<int>(0.3 * size.smallest_px * size.smallest_px));
+    regions_[i] = finders_[static_cast<std::size_t>(view.index)].search(*view.matches, *view.image, *view.table, step, extent,
+                                                                        min_area, 2 * size.smallest_px);
   }
   std::vector<Candidate> now =
       cross_rays(views, std::span(regions_).first(views.size()), target_, options_, max_candidates);

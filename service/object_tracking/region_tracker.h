@@ -45,12 +45,15 @@ class RegionTracker {
   const PositionParticles& particles() const { return particles_; }
 
  private:
+  struct SizeInView { double smallest_px = 0, largest_px = 0; };   // radius of the target; 0: never in view
+  SizeInView size_in(const Camera& camera) const;
   Belief predict(double dt) const;
   void sight(const std::vector<TargetView>& views, const Belief& predicted, double dt);
   Belief learn_acceleration(double dt, const Belief& predicted);
-  Belief linear_update(const Belief& predicted) const;
+  Belief linear_update(const Belief& predicted, const Eigen::Matrix<double, 6, 1>& linearised_at);
+  Belief propose(const Belief& predicted);
   void draw_particles(const Belief& proposal);
-  void weigh(const Belief& predicted, const Belief& proposal);
+  void weigh(const Belief& proposal);
   void estimate(const Belief& proposal);
   void judge(const FrameSet& set);
   void search(const FrameSet& set, const std::vector<TargetView>& views);
@@ -72,9 +75,16 @@ class RegionTracker {
   double effective_sample_size_ = 0;
   Eigen::Vector3d map_ = Eigen::Vector3d::Zero();
 
+  struct LinearView {                        // px = jacobian * (position at the view's time) + offset
+    const Sighting* sighting;
+    Eigen::Matrix<double, 2, 3> jacobian;
+    Eigen::Vector2d offset;
+  };
   std::vector<Sighting> sightings_;          // of this set
-  std::vector<RegionFinder> finders_;        // per camera
-  std::vector<std::vector<ColorRegion>> regions_;
+  std::vector<LinearView> linear_views_;     // of the proposal
+  std::vector<SizeInView> size_in_view_;     // per camera, as the next two
+  std::vector<RegionFinder> finders_;
+  std::vector<std::vector<ColorRegion>> regions_;   // of the views of this set, while searching
   std::vector<Candidate> candidates_;        // of the last set, while searching
   Timestamp candidates_at_{};
 

@@ -55,7 +55,7 @@ Sighting sighting_of(const TargetView& view, const ColorRegion& region, double r
   Sighting s;
   s.view = &view;
   s.px = region.centre;
-  const double noise2 = pixel_noise_px * pixel_noise_px + 0.0025 * radius_px * radius_px;
+  const double noise2 = pixel_noise_px * pixel_noise_px + 0.0016 * radius_px * radius_px;
   // Along each axis of the region: 2 sqrt(eigenvalue) is the radius of the disc that is as wide.
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> axes = Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>().computeDirect(region.spread);
   Eigen::Vector2d variance = Eigen::Vector2d::Constant(noise2);

@@ -29,12 +29,12 @@ struct Sighting {
 };
 
 // The region's centre measures the ball's centre. Along each axis of the region its variance is
-//   s^2 + (0.05 r)^2 + (1.3 max(0, |r - w| - 0.2 r))^2,   w = 2 sqrt(the region's second central moment along the axis)
+//   s^2 + (0.04 r)^2 + (1.3 max(0, |r - w| - 0.2 r))^2,   w = 2 sqrt(the region's second central moment along the axis)
 // w is the radius of the disc that would be as wide, so |r - w| is how much the region is too narrow or too wide. Where
 // something hides a part of the ball, the visible rest is narrower than the disc in the direction in which it is cut, and
 // its centre is off by about as much; a region that is too wide (motion blur, background of the same colour) is distrusted
 // the same way. Misfits below a fifth of the radius are the noise of a small disc's outline and say nothing. s is
-// options.pixel_noise_px; 0.05 r is the shading of a ball, whose bright side matches further out than its dark side.
+// options.pixel_noise_px; 0.04 r is the shading of a ball, whose bright side matches further out than its dark side.
 // The figures were fitted on data/rendered (README.md).
 Sighting sighting_of(const TargetView& view, const ColorRegion& region, double radius_px, double pixel_noise_px);
 

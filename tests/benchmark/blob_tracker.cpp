@@ -9,9 +9,16 @@
 
 namespace huetrack {
 
-BlobTracker::BlobTracker(const CameraRig& rig, const TargetOptions& target) {
+BlobTracker blob_tracker_for(const CameraRig& rig, const TargetOptions& target) {
+  if (target.name == "red") return BlobTracker(rig, {{{171, 210, 80}, {178, 255, 145}}, {{169, 120, 140}, {178, 165, 190}}}, 8);
+  const HsvRange color{{target.color.hue_min_deg / 2, 0.3 * 255, 0.25 * 255}, {target.color.hue_max_deg / 2, 255, 255}};
+  return BlobTracker(rig, std::vector<HsvRange>(rig.cameras.size(), color), 8);
+}
+
+BlobTracker::BlobTracker(const CameraRig& rig, std::vector<HsvRange> colors, int min_area) : min_area_(min_area) {
   for (const Camera& camera : rig.cameras) {
     PerCamera c;
+    c.color = colors[cameras_.size()];
     const auto& lens = std::get<PinholeRadtan>(camera.model.lens());
     c.k = (cv::Mat_<double>(3, 3) << lens.fx, 0, lens.cx, 0, lens.fy, lens.cy, 0, 0, 1);
     c.distortion = cv::Mat(std::vector<double>(lens.distortion.begin(), lens.distortion.end()), true);
@@ -20,12 +27,6 @@ BlobTracker::BlobTracker(const CameraRig& rig, const TargetOptions& target) {
       for (int j = 0; j < 3; ++j) c.projection(i, j) = r(i, j);
       c.projection(i, 3) = camera.cam_from_world.translation(i);
     }
-    const auto own = std::ranges::find(target.camera_colors, camera.name, &std::pair<std::string, HsiRange>::first);
-    const HsiRange& color = own != target.camera_colors.end() ? own->second : target.color;
-    // HSV, not HSI: that is what OpenCV has. S > 0.3 is the comparison's, whatever S means.
-    c.low = {color.hue_min_deg / 2, 0.3 * 255, color.intensity_min * 255};
-    c.high = {color.hue_max_deg / 2, 255, 255};
-    c.hue_wraps = color.hue_min_deg > color.hue_max_deg;
     cameras_.push_back(std::move(c));
   }
 }
@@ -40,13 +41,7 @@ const cv::Mat& BlobTracker::mask_of(const Image& image, std::size_t camera) {
     c.bgr = bgr_of(image);
   }
   cv::cvtColor(c.bgr, c.hsv, cv::COLOR_BGR2HSV);
-  if (c.hue_wraps) {
-    cv::inRange(c.hsv, c.low, cv::Scalar(180, c.high[1], c.high[2]), c.mask);
-    cv::inRange(c.hsv, cv::Scalar(0, c.low[1], c.low[2]), c.high, c.other);
-    c.mask |= c.other;
-  } else {
-    cv::inRange(c.hsv, c.low, c.high, c.mask);
-  }
+  cv::inRange(c.hsv, c.color.low, c.color.high, c.mask);
   return c.mask;
 }
 
@@ -60,7 +55,7 @@ std::optional<Eigen::Vector3d> BlobTracker::locate(const FrameSet& set) {
     for (int label = 1; label < n; ++label) {
       if (largest == 0 || stats.at<int>(label, cv::CC_STAT_AREA) > stats.at<int>(largest, cv::CC_STAT_AREA)) largest = label;
     }
-    if (largest == 0) continue;
+    if (largest == 0 || stats.at<int>(largest, cv::CC_STAT_AREA) < min_area_) continue;
     std::vector<cv::Point2d> px{{centroids.at<double>(largest, 0), centroids.at<double>(largest, 1)}}, ideal;
     cv::undistortPoints(px, ideal, cameras_[i].k, cameras_[i].distortion);
     seen.emplace_back(i, ideal.front());

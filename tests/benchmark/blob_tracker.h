@@ -13,9 +13,13 @@
 
 namespace huetrack {
 
+// OpenCV's 8-bit HSV: hue 0..180, may not wrap.
+struct HsvRange { cv::Scalar low, high; };
+
 class BlobTracker {
  public:
-  BlobTracker(const CameraRig& rig, const TargetOptions& target);
+  // One range per camera; blobs of fewer pixels than min_area are noise.
+  BlobTracker(const CameraRig& rig, std::vector<HsvRange> colors, int min_area);
 
   // nullopt when fewer than two views have a blob. All views that have one are triangulated together.
   std::optional<Eigen::Vector3d> locate(const FrameSet& set);
@@ -27,11 +31,15 @@ class BlobTracker {
   struct PerCamera {
     cv::Mat k, distortion;
     cv::Matx34d projection;              // normalised image coordinates from the world
-    cv::Scalar low, high;
-    bool hue_wraps;
-    cv::Mat bgr, hsv, mask, other;
+    HsvRange color;
+    cv::Mat bgr, hsv, mask;
   };
+  int min_area_;
   std::vector<PerCamera> cameras_;
 };
+
+// The best that was found for data/rendered (hue as the target's, S > 0.3, V > 0.25: darker pixels have any hue) and, from
+// its README, for data/red_square_stereo.
+BlobTracker blob_tracker_for(const CameraRig& rig, const TargetOptions& target);
 
 }  // namespace huetrack

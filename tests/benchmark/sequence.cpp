@@ -78,7 +78,7 @@ TargetOptions pink_ball() {
 TargetOptions red_square() {
   TargetOptions t;
   t.name = "red";
-  t.radius_m = 0.008;
+  t.radius_m = 0.0085;
   const HsiRange warm_and_dark{340, 358, 0.60, 1.0, 0.08, 0.40};
   const HsiRange cool{335, 356, 0.22, 0.60, 0.25, 0.60};
   t.color = warm_and_dark;

@@ -18,7 +18,7 @@ std::vector<ObjectEstimate> track(const Sequence& sequence, const TargetOptions&
 }
 
 std::vector<ObjectEstimate> track_blob(const Sequence& sequence, const TargetOptions& target) {
-  BlobTracker blob(sequence.rig, target);
+  BlobTracker blob = blob_tracker_for(sequence.rig, target);
   std::vector<ObjectEstimate> out;
   for (const FrameSet& set : sequence.sets) {
     ObjectEstimate e;
