@@ -65,12 +65,14 @@ void PaperObservation::weigh(const PositionParticles& particles, const std::vect
 
 void PaperTracker::resample() {
   // "When the system cannot see the object in the images it grows the particle population to widen the search area until
-  // it finds the object again" (section 3). The paper gives no rates: a fifth more per frame set; the newcomers are drawn
-  // as at the start, uniform in the volume. Found, the population shrinks by a fifth per set.
+  // it finds the object again" (section 3). The paper gives no rates. Here: a fifth more per frame set, drawn as at the
+  // start, uniform in the volume; at the largest population they take the place of a fifth of it, or a cloud that sits on
+  // something else would never search again. Found, the population shrinks by a fifth per set.
+  const auto n = static_cast<double>(particles_.size());
   const auto wanted = static_cast<std::size_t>(
-      seen_ ? std::max(options_.particle_count, static_cast<int>(0.8 * static_cast<double>(particles_.size())))
-            : std::min(options_.max_particle_count, static_cast<int>(std::ceil(1.2 * static_cast<double>(particles_.size())))));
-  const std::size_t survivors = std::min(wanted, particles_.size());
+      seen_ ? std::max(options_.particle_count, static_cast<int>(0.8 * n))
+            : std::min(options_.max_particle_count, static_cast<int>(std::ceil(1.2 * n))));
+  const std::size_t survivors = seen_ ? wanted : std::min(particles_.size(), static_cast<std::size_t>(0.8 * static_cast<double>(wanted)));
   ancestor_.resize(survivors);
   systematic_ancestors(weight_, rng_.uniform(), ancestor_);
   resampled_.resize(survivors);

@@ -4,6 +4,14 @@
 #include <bit>
 #include <cmath>
 
+// One copy per instruction set, chosen when the program is loaded. The sanitizers' run-time is not up yet when that choice is
+// made, so their builds go without.
+#if defined(__x86_64__) && !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
+#define HUETRACK_CLONES __attribute__((target_clones("avx512f", "avx2", "default")))
+#else
+#define HUETRACK_CLONES
+#endif
+
 namespace huetrack {
 namespace {
 
@@ -16,9 +24,8 @@ std::uint64_t splitmix64(std::uint64_t& x) {
 
 // 2 x 16 random words to 2 x 16 normals. Box-Muller with polynomials instead of libm, because only those vectorise:
 // worth a factor of 8 (tests/benchmark: fill_normal). Errors: log 1e-7 relative, sine 3e-7 absolute.
-__attribute__((target_clones("avx512f", "avx2", "default"))) void box_muller(const std::uint32_t* a,
-                                                                             const std::uint32_t* b, float* out,
-                                                                             std::size_t n) {
+HUETRACK_CLONES void box_muller(const std::uint32_t* __restrict a, const std::uint32_t* __restrict b,
+                                float* __restrict out, std::size_t n) {
   for (std::size_t i = 0; i < n; ++i) {
     // u in (0, 1], 24 bits
     const float u = static_cast<float>(static_cast<std::int32_t>(a[i] >> 8) + 1) * 0x1p-24f;
