@@ -323,8 +323,12 @@ bool in_own_network() {
   return ::unshare(CLONE_NEWNET) == 0 &&
          std::system("ip link set lo up && ip link add va type veth peer name vb && ip link set vb up") == 0;
 }
+// The kernel takes a moment to report the carrier.
+bool has_carrier(const std::string& address) {
+  return ChildProcess::wait([&] { return describe(network_interfaces()).find(address) != std::string::npos; }, 5s);
+}
 bool interface_comes_up() {
-  return std::system("ip link set va up && ip addr add 10.99.0.1/24 dev va") == 0;
+  return std::system("ip link set va up && ip addr add 10.99.0.1/24 dev va") == 0 && has_carrier("10.99.0.1");
 }
 
 TEST(Network, AnInterfaceThatComesUpLaterIsUsed) {
@@ -337,11 +341,12 @@ TEST(Network, AnInterfaceThatComesUpLaterIsUsed) {
   const std::string plug_in = "ip link set va netns " + pid + " && ip addr add 10.99.0.2/24 dev vb && nsenter -t " +
                               pid + " -n sh -c 'ip link set va up && ip addr add 10.99.0.1/24 dev va'";
   ASSERT_EQ(std::system(plug_in.c_str()), 0);
+  ASSERT_TRUE(has_carrier("10.99.0.2"));
   DdsParticipant participant({.domain = test_domain()});
   EXPECT_THAT(participant.description(), HasSubstr("vb 10.99.0.2"));
   dds::DataReader& reader = participant.create_reader(
       topics::object_position, dds::TypeSupport(new msg::ObjectPositionPubSubType), object_position_reader_qos());
-  EXPECT_TRUE(ChildProcess::wait([&] { return !take_all<msg::ObjectPosition>(reader).empty(); }, 6s));
+  EXPECT_TRUE(ChildProcess::wait([&] { return !take_all<msg::ObjectPosition>(reader).empty(); }, 10s));
 }
 
 TEST(Network, JoiningAnewLeavesNothingBehind) {
