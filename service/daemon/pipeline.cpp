@@ -243,6 +243,7 @@ void Pipeline::track() {
       {
         const std::scoped_lock lock(figures_mutex_);
         figures_.track += tracked;
+        if (figures_.sets_tracked == 0) figures_.track_first = tracked;
         figures_.publish += published;
         index = figures_.sets_tracked++;
       }

@@ -47,6 +47,7 @@ struct PipelineFigures {
   std::uint64_t sets_tracked = 0;
   std::uint64_t sets_dropped = 0;  // by the queue, because tracking was too slow
   StageTime decode, synchronise, track, publish, draw;
+  StageTime track_first;  // part of track: the first set, for which the trackers build colour tables
 };
 
 // Frames are held back until their capture time: `first` is let through at `start`.

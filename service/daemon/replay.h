@@ -54,7 +54,7 @@ struct ReplaySummary {
   std::int64_t missing_frames = 0;
   std::int64_t corrupted_frames = 0;
   double recorded_s = 0;  // the part that was played
-  double wall_s = 0;                               // until the last estimate was out; pictures may take longer
+  double wall_s = 0;      // until the last estimate was out; pictures may take longer
   std::vector<TargetSummary> targets;
   std::uint64_t published = 0;  // DDS samples written
   std::uint64_t publish_failures = 0;
