@@ -20,10 +20,10 @@ int RegionFinder::root(int label) {
   return label;
 }
 
-// Connected components in one pass over runs of matching pixels (He, Chao and Suzuki 2008): a run takes the label of the
-// runs that it touches in the row above, and joins them when they are several.
+// Connected components in one pass over runs of matching pixels (He, Chao and Suzuki 2008): a run takes the label of
+// the runs that it touches in the row above, and joins them when they are several.
 void RegionFinder::label_runs(MatchBits& view, const PixelBox& box) {
-  constexpr int word = 56;                 // row() gives at least 57 pixels
+  constexpr int word = 56;  // row() gives at least 57 pixels
   parent_.clear();
   moments_.clear();
   above_.clear();
@@ -34,10 +34,12 @@ void RegionFinder::label_runs(MatchBits& view, const PixelBox& box) {
       std::uint64_t bits = view.row(u0, v) & ((std::uint64_t{1} << length) - 1);
       while (bits != 0) {
         const int from = std::countr_zero(bits);
-        const int to = from + std::countr_one(bits >> from);      // one past the run
+        const int to = from + std::countr_one(bits >> from);  // one past the run
         bits &= ~((std::uint64_t{1} << to) - 1);
-        if (!current_.empty() && current_.back().u_max == u0 + from - 1) current_.back().u_max = u0 + to - 1;
-        else current_.push_back({u0 + from, u0 + to - 1, -1});
+        if (!current_.empty() && current_.back().u_max == u0 + from - 1)
+          current_.back().u_max = u0 + to - 1;
+        else
+          current_.push_back({u0 + from, u0 + to - 1, -1});
       }
     }
     std::size_t first_above = 0;
@@ -45,7 +47,8 @@ void RegionFinder::label_runs(MatchBits& view, const PixelBox& box) {
       while (first_above < above_.size() && above_[first_above].u_max < run.u_min - 1) ++first_above;
       for (std::size_t a = first_above; a < above_.size() && above_[a].u_min <= run.u_max + 1; ++a) {
         const int label = root(above_[a].label);
-        if (run.label < 0) run.label = label;
+        if (run.label < 0)
+          run.label = label;
         else if (label != run.label) {
           const int keep = std::min(run.label, label), drop = std::max(run.label, label);
           parent_[static_cast<std::size_t>(drop)] = keep;
@@ -84,7 +87,7 @@ void RegionFinder::collect(int min_area, double reach_px) {
   for (std::size_t i = 0; i < found_.size(); ++i) {
     Moments& whole = found_[i];
     if (whole.n == 0) continue;
-    const double u = whole.u / whole.n, v = whole.v / whole.n;   // of the largest part
+    const double u = whole.u / whole.n, v = whole.v / whole.n;  // of the largest part
     for (std::size_t j = i + 1; j < found_.size(); ++j) {
       Moments& part = found_[j];
       if (part.n == 0) continue;
@@ -123,32 +126,31 @@ const std::vector<ColorRegion>& RegionFinder::find(MatchBits& view, PixelBox box
   return regions_;
 }
 
-const std::vector<ColorRegion>& RegionFinder::search(MatchBits& view, const Image& image, const ColorTable& table,
-                                                     int step_px, int max_extent_px, int min_area, double reach_px) {
+const std::vector<ColorRegion>& RegionFinder::search(MatchBits& view, int step_px, int max_extent_px, int min_area,
+                                                     double reach_px) {
+  constexpr std::size_t max_regions = 200;
   found_.clear();
   const auto covered = [this](int u, int v) {
     return std::ranges::any_of(found_, [&](const Moments& m) {
       return u >= m.box.u_min && u <= m.box.u_max && v >= m.box.v_min && v <= m.box.v_max;
     });
   };
-  for (int v = step_px / 2; v < view.height(); v += step_px) {
-    for (int u = step_px / 2; u < view.width(); u += step_px) {
-      const bool hit = image.format == PixelFormat::bgr ? table.contains(bgr_at(image, u, v))
-                                                        : table.contains(yuv_at(image, u, v));
-      if (!hit || covered(u, v)) continue;
-      const PixelBox box{std::max(u - max_extent_px, 0), std::max(v - max_extent_px, 0),
-                         std::min(u + max_extent_px, view.width() - 1), std::min(v + max_extent_px, view.height() - 1)};
-      view.look(box);
-      label_runs(view, box);
-      // The component under the grid point: of those whose box holds it, the smallest that reaches it.
-      const Moments* under = nullptr;
-      for (const Moments& m : moments_) {
-        if (m.n == 0 || u < m.box.u_min || u > m.box.u_max || v < m.box.v_min || v > m.box.v_max) continue;
-        if (under == nullptr || m.n > under->n) under = &m;
-      }
-      if (under == nullptr) continue;
-      found_.push_back(*under);
+  view.grid(step_px, hits_);
+  for (const auto [u, v] : hits_) {
+    if (covered(u, v)) continue;
+    if (found_.size() >= max_regions) break;  // the colour is everywhere: no use in more
+    const PixelBox box{std::max(u - max_extent_px, 0), std::max(v - max_extent_px, 0),
+                       std::min(u + max_extent_px, view.width() - 1), std::min(v + max_extent_px, view.height() - 1)};
+    view.look(box);
+    label_runs(view, box);
+    // The component under the grid point: of those whose box holds it, the smallest that reaches it.
+    const Moments* under = nullptr;
+    for (const Moments& m : moments_) {
+      if (m.n == 0 || u < m.box.u_min || u > m.box.u_max || v < m.box.v_min || v > m.box.v_max) continue;
+      if (under == nullptr || m.n > under->n) under = &m;
     }
+    if (under == nullptr) continue;
+    found_.push_back(*under);
   }
   std::erase_if(found_, [&](const Moments& m) {
     return m.box.u_max - m.box.u_min >= max_extent_px || m.box.v_max - m.box.v_min >= max_extent_px;

@@ -25,8 +25,7 @@ class RegionFinder {
 
   // The same for the whole image, looked at through a grid of step_px: a region that no grid point hits is not found.
   // Regions wider than max_extent_px on either side are background and left out.
-  const std::vector<ColorRegion>& search(MatchBits& view, const Image& image, const ColorTable& table, int step_px,
-                                         int max_extent_px, int min_area, double reach_px);
+  const std::vector<ColorRegion>& search(MatchBits& view, int step_px, int max_extent_px, int min_area, double reach_px);
 
  private:
   struct Run { int u_min, u_max, label; };
@@ -39,6 +38,7 @@ class RegionFinder {
   void label_runs(MatchBits& view, const PixelBox& box);
   void collect(int min_area, double reach_px);
 
+  std::vector<PixelAt> hits_;
   std::vector<Run> above_, current_;
   std::vector<int> parent_;
   std::vector<Moments> moments_;          // per label

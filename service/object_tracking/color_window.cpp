@@ -5,156 +5,255 @@
 #include <cmath>
 #include <cstring>
 
+#include "particle_filter/vector_clones.h"
+
+#ifdef __SSE2__
+#include <emmintrin.h>
+#endif
+
 namespace huetrack {
 namespace {
 
-constexpr int tile = 8;      // pixels; the bits of one row of a tile are one byte
-static_assert(MatchBits::margin == tile);
-
-// A byte 0 or 1 per pixel to a bit per pixel, lowest first.
-std::uint8_t pack8(const std::uint8_t* match) {
-  std::uint64_t bytes;
-  std::memcpy(&bytes, match, 8);
-  return static_cast<std::uint8_t>((bytes * 0x0102040810204080u) >> 56);
-}
-
-// The match bytes of two neighbours that share one chroma sample: one look-up.
-void classify_pair(const ColorTable::Interval* intervals, std::uint8_t y0, std::uint8_t y1, std::uint8_t u, std::uint8_t v,
-                   std::uint8_t* match) {
-  const ColorTable::Interval i = intervals[static_cast<unsigned>(u) | static_cast<unsigned>(v) << 8];
-  match[0] = static_cast<std::uint8_t>((y0 >= i.y_min) & (y0 <= i.y_max));
-  match[1] = static_cast<std::uint8_t>((y1 >= i.y_min) & (y1 <= i.y_max));
-}
+constexpr int tile_size = 8;
+static_assert(MatchBits::margin == tile_size);
+constexpr std::uint64_t each_row = 0x0101010101010101u;
 
 bool matches(const Image& image, const ColorTable& table, int u, int v) {
   return image.format == PixelFormat::bgr ? table.contains(bgr_at(image, u, v)) : table.contains(yuv_at(image, u, v));
 }
+
+// Two rows of eight pixels whose neighbours share a chroma sample. y: 16 bytes, row after row; uv: the index u | v << 8 of
+// each pair. Eight look-ups give the intervals of y; sixteen comparisons at once give the bits.
+#ifdef __SSE2__
+std::uint32_t classify_two_rows(const ColorTable::Interval* intervals, __m128i y, __m128i uv) {
+  static_assert(sizeof(ColorTable::Interval) == 2);
+  const auto interval = [&](int index) {
+    std::uint16_t bytes;                  // y_min in the low byte, y_max in the high one
+    std::memcpy(&bytes, intervals + index, 2);
+    return bytes;
+  };
+  __m128i i = _mm_cvtsi32_si128(interval(_mm_extract_epi16(uv, 0)));
+  i = _mm_insert_epi16(i, interval(_mm_extract_epi16(uv, 1)), 1);
+  i = _mm_insert_epi16(i, interval(_mm_extract_epi16(uv, 2)), 2);
+  i = _mm_insert_epi16(i, interval(_mm_extract_epi16(uv, 3)), 3);
+  i = _mm_insert_epi16(i, interval(_mm_extract_epi16(uv, 4)), 4);
+  i = _mm_insert_epi16(i, interval(_mm_extract_epi16(uv, 5)), 5);
+  i = _mm_insert_epi16(i, interval(_mm_extract_epi16(uv, 6)), 6);
+  i = _mm_insert_epi16(i, interval(_mm_extract_epi16(uv, 7)), 7);
+  const __m128i low = _mm_or_si128(_mm_and_si128(i, _mm_set1_epi16(0xff)), _mm_slli_epi16(i, 8));
+  const __m128i high = _mm_or_si128(_mm_srli_epi16(i, 8), _mm_andnot_si128(_mm_set1_epi16(0xff), i));
+  const __m128i match = _mm_and_si128(_mm_cmpeq_epi8(_mm_max_epu8(y, low), y), _mm_cmpeq_epi8(_mm_min_epu8(y, high), y));
+  return static_cast<std::uint32_t>(_mm_movemask_epi8(match));
+}
+
+__m128i two_halves(const void* low, const void* high) {
+  return _mm_unpacklo_epi64(_mm_loadl_epi64(static_cast<const __m128i*>(low)), _mm_loadl_epi64(static_cast<const __m128i*>(high)));
+}
+
+__m128i four_bytes(const std::uint8_t* p) {
+  std::int32_t bytes;
+  std::memcpy(&bytes, p, 4);
+  return _mm_cvtsi32_si128(bytes);
+}
+#endif
 
 }  // namespace
 
 MatchBits::MatchBits(int width, int height)
     : width_(width),
       height_(height),
-      tile_stride_((width + tile - 1) / tile + 2),
-      row_stride_(tile_stride_ + 8),      // 8 more bytes: row() reads a word
-      looked_at_(static_cast<std::size_t>(tile_stride_) * static_cast<std::size_t>((height + tile - 1) / tile + 2), 0),
-      bits_(static_cast<std::size_t>(row_stride_) * static_cast<std::size_t>((height + tile - 1) / tile + 2) * tile, 0) {}
+      tile_stride_((width + tile_size - 1) / tile_size + 2),
+      tiles_(static_cast<std::size_t>(tile_stride_) * static_cast<std::size_t>((height + tile_size - 1) / tile_size + 2)) {}
 
 void MatchBits::look_at(const Image& image, const ColorTable& table) {
   image_ = image;
   table_ = &table;
   if (++frame_ == 0) {                    // after 2^32 frames the stamps would come round again
-    std::ranges::fill(looked_at_, 0);
+    for (Tile& tile : tiles_) tile.frame = 0;
     frame_ = 1;
   }
 }
 
-void MatchBits::fill_tile(int tile_u, int tile_v) {
-  std::uint32_t& stamp = looked_at_[static_cast<std::size_t>(tile_v * tile_stride_ + tile_u)];
-  if (stamp == frame_) return;
-  stamp = frame_;
-  const int u = (tile_u - 1) * tile;
-  const int v = (tile_v - 1) * tile;
+void MatchBits::fill(Tile& tile, int tile_u, int tile_v) {
+  tile.frame = frame_;
+  const int u = (tile_u - 1) * tile_size;
+  const int v = (tile_v - 1) * tile_size;
   if (u < 0 || v < 0 || u >= width_ || v >= height_) return;            // a margin tile: its bits stay 0
   ++tiles_looked_at_;
-  switch (image_.format) {
-    case PixelFormat::yuyv: return fill_tile_as<PixelFormat::yuyv>(u, v);
-    case PixelFormat::nv12: return fill_tile_as<PixelFormat::nv12>(u, v);
-    case PixelFormat::i420: return fill_tile_as<PixelFormat::i420>(u, v);
-    case PixelFormat::i422: return fill_tile_as<PixelFormat::i422>(u, v);
-    case PixelFormat::i444: return fill_tile_as<PixelFormat::i444>(u, v);
-    case PixelFormat::bgr: return fill_tile_as<PixelFormat::bgr>(u, v);
-    case PixelFormat::grey: return fill_tile_as<PixelFormat::grey>(u, v);
+  if (u + tile_size > width_ || v + tile_size > height_) {
+    tile.bits = classify_edge(u, v);
+    return;
   }
+  switch (image_.format) {
+    case PixelFormat::yuyv: tile.bits = classify<PixelFormat::yuyv>(u, v); break;
+    case PixelFormat::nv12: tile.bits = classify<PixelFormat::nv12>(u, v); break;
+    case PixelFormat::i420: tile.bits = classify<PixelFormat::i420>(u, v); break;
+    case PixelFormat::i422: tile.bits = classify<PixelFormat::i422>(u, v); break;
+    case PixelFormat::i444:
+    case PixelFormat::bgr:
+    case PixelFormat::grey: tile.bits = classify_edge(u, v); break;
+  }
+}
+
+// Pixel by pixel: the tiles that the image's border cuts, and the formats without shared chroma.
+std::uint64_t MatchBits::classify_edge(int u0, int v0) const {
+  std::uint64_t bits = 0;
+  for (int r = 0; r < std::min(tile_size, height_ - v0); ++r) {
+    for (int c = 0; c < std::min(tile_size, width_ - u0); ++c) {
+      bits |= static_cast<std::uint64_t>(matches(image_, *table_, u0 + c, v0 + r)) << (tile_size * r + c);
+    }
+  }
+  return bits;
 }
 
 template <PixelFormat format>
-void MatchBits::fill_tile_as(int u0, int v0) {
-  const int columns = std::min(tile, width_ - u0);
-  const int rows = std::min(tile, height_ - v0);
-  std::uint8_t* out = bits_.data() + (v0 + margin) * row_stride_ + (u0 + margin) / 8;
+std::uint64_t MatchBits::classify(int u, int v) const {
+#ifdef __SSE2__
   const ColorTable::Interval* intervals = table_->intervals();
-  for (int r = 0; r < rows; ++r, out += row_stride_) {
-    const int v = v0 + r;
-    std::uint8_t match[tile] = {};
-    const bool whole_pairs = columns == tile;
-    if constexpr (format == PixelFormat::yuyv) {
-      if (whole_pairs) {
-        const std::uint8_t* p = image_.planes[0].data + v * image_.planes[0].stride + 2 * u0;
-        for (int i = 0; i < tile; i += 2, p += 4) classify_pair(intervals, p[0], p[2], p[1], p[3], match + i);
-        *out = pack8(match);
-        continue;
-      }
-    } else if constexpr (format == PixelFormat::nv12 || format == PixelFormat::i420 || format == PixelFormat::i422) {
-      if (whole_pairs) {
-        const int chroma_v = format == PixelFormat::i422 ? v : v / 2;
-        const std::uint8_t* y = image_.planes[0].data + v * image_.planes[0].stride + u0;
-        const std::uint8_t* u_row = image_.planes[1].data + chroma_v * image_.planes[1].stride;
-        if constexpr (format == PixelFormat::nv12) {
-          u_row += u0;
-          for (int i = 0; i < tile; i += 2) classify_pair(intervals, y[i], y[i + 1], u_row[i], u_row[i + 1], match + i);
-        } else {
-          u_row += u0 / 2;
-          const std::uint8_t* v_row = image_.planes[2].data + chroma_v * image_.planes[2].stride + u0 / 2;
-          for (int i = 0; i < tile; i += 2) classify_pair(intervals, y[i], y[i + 1], u_row[i / 2], v_row[i / 2], match + i);
-        }
-        *out = pack8(match);
-        continue;
+  const auto row = [this](int plane, int r) {
+    const Plane& p = image_.planes[static_cast<std::size_t>(plane)];
+    return p.data + r * p.stride;
+  };
+  std::uint64_t bits = 0;
+  for (int r = 0; r < tile_size; r += 2) {
+    __m128i y, uv;
+    if constexpr (format == PixelFormat::yuyv) {                        // Y0 U Y1 V: luma in the even bytes, u v in the odd
+      const __m128i a = _mm_loadu_si128(reinterpret_cast<const __m128i*>(row(0, v + r) + 2 * u));
+      const __m128i b = _mm_loadu_si128(reinterpret_cast<const __m128i*>(row(0, v + r + 1) + 2 * u));
+      const __m128i even = _mm_set1_epi16(0xff);
+      y = _mm_packus_epi16(_mm_and_si128(a, even), _mm_and_si128(b, even));
+      uv = _mm_packus_epi16(_mm_srli_epi16(a, 8), _mm_srli_epi16(b, 8));
+    } else {
+      y = two_halves(row(0, v + r) + u, row(0, v + r + 1) + u);
+      const int first = format == PixelFormat::i422 ? v + r : (v + r) / 2;
+      const int second = format == PixelFormat::i422 ? v + r + 1 : first;
+      if constexpr (format == PixelFormat::nv12) {
+        uv = two_halves(row(1, first) + u, row(1, second) + u);
+      } else {
+        uv = _mm_unpacklo_epi64(_mm_unpacklo_epi8(four_bytes(row(1, first) + u / 2), four_bytes(row(2, first) + u / 2)),
+                                _mm_unpacklo_epi8(four_bytes(row(1, second) + u / 2), four_bytes(row(2, second) + u / 2)));
       }
     }
-    for (int i = 0; i < columns; ++i) match[i] = static_cast<std::uint8_t>(matches(image_, *table_, u0 + i, v));
-    *out = pack8(match);
+    bits |= static_cast<std::uint64_t>(classify_two_rows(intervals, y, uv)) << (tile_size * r);
+  }
+  return bits;
+#else
+  return classify_edge(u, v);
+#endif
+}
+
+// Brings the rows of a tile on their way from memory: a frame that was just captured is in no cache.
+void MatchBits::fetch(int tile_u, int tile_v) const {
+  const int u = std::max(0, (tile_u - 1) * tile_size);
+  const int v = std::max(0, (tile_v - 1) * tile_size);
+  const int step = image_.format == PixelFormat::yuyv ? 2 : image_.format == PixelFormat::bgr ? 3 : 1;
+  const std::uint8_t* p = image_.planes[0].data + v * image_.planes[0].stride + step * u;
+  for (int r = 0; r < std::min(tile_size, height_ - v); ++r, p += image_.planes[0].stride) __builtin_prefetch(p);
+}
+
+namespace {
+
+// The corner of each window in pixels from the margin's corner, -1 where the window's middle is not in the image.
+HUETRACK_CLONES void corners(const float* __restrict u, const float* __restrict v, std::size_t n, float width, float height,
+                             std::int32_t* __restrict left, std::int32_t* __restrict top) {
+  for (std::size_t i = 0; i < n; ++i) {
+    const float us = u[i] + 0.5f, vs = v[i] + 0.5f;   // the whole part is the pixel that (u, v) rounds to
+    const bool in = (us >= 0) & (vs >= 0) & (us < width) & (vs < height);
+    left[i] = in ? static_cast<std::int32_t>(us) + MatchBits::margin - 2 : -1;
+    top[i] = in ? static_cast<std::int32_t>(vs) + MatchBits::margin - 2 : -1;
   }
 }
 
-void MatchBits::count_5x5(const float* u, const float* v, std::size_t n, std::uint8_t* k) {
-  const auto width = static_cast<float>(width_);
-  const auto height = static_cast<float>(height_);
-  const std::uint8_t* const bits = bits_.data();
+}  // namespace
+
+HUETRACK_CLONES void MatchBits::count_5x5(const float* u, const float* v, std::size_t n, std::uint8_t* k) {
+  left_.resize(n), top_.resize(n);
+  corners(u, v, n, static_cast<float>(width_), static_cast<float>(height_), left_.data(), top_.data());
+
+  // First the tiles that nobody has looked at yet, all together, so that the memory works on many at a time.
+  unknown_.clear();
+  Tile* const tiles = tiles_.data();
   for (std::size_t i = 0; i < n; ++i) {
-    const float u_shifted = u[i] + 0.5f;              // its whole part is the pixel that (u, v) rounds to
-    const float v_shifted = v[i] + 0.5f;
-    if (!(u_shifted >= 0 && v_shifted >= 0 && u_shifted < width && v_shifted < height)) {
-      k[i] = outside;
-      continue;
+    if (left_[i] < 0) continue;
+    const int first = top_[i] / tile_size * tile_stride_ + left_[i] / tile_size;
+    const int right = (left_[i] + 4) / tile_size - left_[i] / tile_size;
+    const int below = ((top_[i] + 4) / tile_size - top_[i] / tile_size) * tile_stride_;
+    for (const int t : {first, first + right, first + below, first + below + right}) {
+      if (tiles[t].frame == frame_) continue;
+      tiles[t].frame = frame_;
+      unknown_.push_back(t);
+      fetch(t % tile_stride_, t / tile_stride_);
     }
-    const int left = static_cast<int>(u_shifted) + margin - 2;
-    const int top = static_cast<int>(v_shifted) + margin - 2;
-    const int tile_left = left / tile, tile_right = (left + 4) / tile;
-    const int tile_top = top / tile, tile_bottom = (top + 4) / tile;
-    ensure(tile_left, tile_top);
-    ensure(tile_right, tile_top);
-    ensure(tile_left, tile_bottom);
-    ensure(tile_right, tile_bottom);
-    const std::uint8_t* p = bits + top * row_stride_ + left / 8;
-    std::uint32_t window = 0;
-    for (int r = 0; r < 5; ++r, p += row_stride_) {
-      std::uint16_t two;
-      std::memcpy(&two, p, 2);
-      window |= ((static_cast<std::uint32_t>(two) >> (left & 7)) & 31u) << (5 * r);
-    }
-    k[i] = static_cast<std::uint8_t>(std::popcount(window));
+  }
+  for (const int t : unknown_) fill(tiles[t], t % tile_stride_, t / tile_stride_);
+
+  for (std::size_t i = 0; i < n; ++i) {
+    const int left = std::max(left_[i], 0), top = std::max(top_[i], 0);
+    const int first = top / tile_size * tile_stride_ + left / tile_size;
+    const int right = (left + 4) / tile_size - left / tile_size;
+    const int below = ((top + 4) / tile_size - top / tile_size) * tile_stride_;
+    // The rows from `top` on: a byte is a row. (Shifted twice, because a shift by 64 is undefined.)
+    const int rows = 8 * (top % tile_size);
+    const std::uint64_t west = tiles[first].bits >> rows | (tiles[first + below].bits << (63 - rows)) << 1;
+    const std::uint64_t east = tiles[first + right].bits >> rows | (tiles[first + below + right].bits << (63 - rows)) << 1;
+    // The columns from `left` on, five of them, of five rows.
+    const int columns = left % tile_size;
+    const std::uint64_t from_west = (west >> columns) & (each_row * (0xffu >> columns));
+    const std::uint64_t from_east = (east << (8 - columns)) & (each_row * (0xffu & ~(0xffu >> columns)));
+    const int count = std::popcount((from_west | from_east) & 0x1f1f1f1f1fu);
+    k[i] = left_[i] < 0 ? outside : static_cast<std::uint8_t>(count);
   }
 }
 
 bool MatchBits::at(int u, int v) {
-  ensure((u + margin) / tile, (v + margin) / tile);
-  return (bits_[static_cast<std::size_t>((v + margin) * row_stride_ + (u + margin) / 8)] >> ((u + margin) & 7) & 1) != 0;
+  const Tile& tile = tile_at((u + margin) / tile_size, (v + margin) / tile_size);
+  return (tile.bits >> (tile_size * (v % tile_size) + u % tile_size) & 1) != 0;
 }
 
 std::uint64_t MatchBits::row(int u, int v) const {
   const int left = u + margin;
-  std::uint64_t word;
-  std::memcpy(&word, bits_.data() + (v + margin) * row_stride_ + left / 8, 8);
-  return word >> (left & 7);
+  const int byte = 8 * (v % tile_size);
+  const Tile* tile = &tiles_[static_cast<std::size_t>((v + margin) / tile_size * tile_stride_)];
+  std::uint64_t word = 0;
+  for (int i = 0; i < 8; ++i) {
+    const int tile_u = left / tile_size + i;
+    if (tile_u < tile_stride_ && tile[tile_u].frame == frame_) word |= (tile[tile_u].bits >> byte & 0xff) << (8 * i);
+  }
+  return word >> left % tile_size;
 }
 
 void MatchBits::look(const PixelBox& box) {
   if (box.empty()) return;
-  const auto first = [](int p) { return (std::max(p, 0) + margin) / tile; };
-  const auto last = [](int p, int size) { return (std::min(p, size - 1) + margin) / tile; };
+  const auto first = [](int p) { return (std::max(p, 0) + margin) / tile_size; };
+  const auto last = [](int p, int size) { return (std::min(p, size - 1) + margin) / tile_size; };
   for (int tv = first(box.v_min); tv <= last(box.v_max, height_); ++tv) {
-    for (int tu = first(box.u_min); tu <= last(box.u_max, width_); ++tu) ensure(tu, tv);
+    for (int tu = first(box.u_min); tu <= last(box.u_max, width_); ++tu) tile_at(tu, tv);
+  }
+}
+
+void MatchBits::grid(int step, std::vector<PixelAt>& hits) const {
+  hits.clear();
+  const Image& image = image_;
+  const auto scan = [&](auto matches_at) {
+    for (int v = step / 2; v < height_; v += step) {
+      for (int u = step / 2; u < width_; u += step) {
+        if (matches_at(u, v)) hits.push_back({u, v});
+      }
+    }
+  };
+  const auto byte = [&image](int plane, int r, int offset) {
+    const Plane& p = image.planes[static_cast<std::size_t>(plane)];
+    return p.data[r * p.stride + offset];
+  };
+  const ColorTable& table = *table_;
+  switch (image.format) {
+    case PixelFormat::yuyv:
+      return scan([&](int u, int v) {
+        return table.contains(Yuv{byte(0, v, 2 * u), byte(0, v, 4 * (u / 2) + 1), byte(0, v, 4 * (u / 2) + 3)});
+      });
+    case PixelFormat::i422:
+      return scan([&](int u, int v) { return table.contains(Yuv{byte(0, v, u), byte(1, v, u / 2), byte(2, v, u / 2)}); });
+    default: return scan([&](int u, int v) { return matches(image, table, u, v); });
   }
 }
 

@@ -2,8 +2,9 @@
 // (section 2.2) and, for our own observation, larger boxes.
 //
 // The image is cut into tiles of 8x8 pixels. A tile is classified by table look-up when a window first touches it, and kept
-// as bits, so that overlapping windows (particles crowd around the object) do not look a pixel up twice, and a 5x5 count is
-// the popcount of 25 bits. Nothing is done for the rest of the image: the cost does not grow with the image's size.
+// as the 64 bits of one word, so that overlapping windows (particles crowd around the object) do not look a pixel up twice,
+// and a 5x5 count is the popcount of 25 bits out of at most four words. Nothing is done for the rest of the image: the cost
+// does not grow with the image's size. tests/benchmark/speed measures it.
 #pragma once
 
 #include <cstddef>
@@ -15,6 +16,8 @@
 #include "object_tracking/color_model.h"
 
 namespace huetrack {
+
+struct PixelAt { int u, v; };
 
 // Inclusive pixel bounds.
 struct PixelBox {
@@ -42,30 +45,40 @@ class MatchBits {
   bool at(int u, int v);                                                // inside the image
 
   // The 57 (or more) match bits of row v from pixel u on: bit i is pixel u + i. u in [-margin, width), v in the image.
-  // The pixels must have been covered by look(box) before; those beyond the border are 0.
+  // Pixels that look(box) has not covered, and those beyond the border, are 0.
   std::uint64_t row(int u, int v) const;
   void look(const PixelBox& box);                                       // classifies all tiles that the box touches; clipped
+
+  // The matching pixels among those of a grid of step pixels over the whole image: (step/2 + i step, step/2 + j step).
+  void grid(int step, std::vector<PixelAt>& hits) const;
 
   int width() const { return width_; }
   int height() const { return height_; }
   std::uint64_t tiles_looked_at() const { return tiles_looked_at_; }    // since the start: the honest cost of it all
 
  private:
-  void fill_tile(int tile_u, int tile_v);
-  template <PixelFormat format> void fill_tile_as(int tile_u, int tile_v);
-  void ensure(int tile_u, int tile_v) {
-    if (looked_at_[static_cast<std::size_t>(tile_v * tile_stride_ + tile_u)] != frame_) fill_tile(tile_u, tile_v);
+  struct Tile {
+    std::uint64_t bits = 0;               // bit 8 r + c: pixel c of row r
+    std::uint32_t frame = 0;              // that it was classified for
+  };
+  Tile& tile_at(int tile_u, int tile_v) {
+    Tile& tile = tiles_[static_cast<std::size_t>(tile_v * tile_stride_ + tile_u)];
+    if (tile.frame != frame_) fill(tile, tile_u, tile_v);
+    return tile;
   }
+  void fill(Tile& tile, int tile_u, int tile_v);
+  void fetch(int tile_u, int tile_v) const;
+  template <PixelFormat format> std::uint64_t classify(int u, int v) const;
+  std::uint64_t classify_edge(int u, int v) const;
 
   int width_, height_;
-  int tile_stride_;                       // tiles per row, margins included
-  std::ptrdiff_t row_stride_;             // bytes of bits per row, margins included
+  int tile_stride_;                       // tiles per row; a margin tile on each side
   std::uint32_t frame_ = 0;
   std::uint64_t tiles_looked_at_ = 0;
   Image image_;
   const ColorTable* table_ = nullptr;
-  std::vector<std::uint32_t> looked_at_;  // per tile: the frame it was classified for
-  std::vector<std::uint8_t> bits_;        // bit (u + margin) of row (v + margin)
+  std::vector<Tile> tiles_;
+  std::vector<std::int32_t> left_, top_, unknown_;   // work space of count_5x5
 };
 
 // The obvious way, one look-up per pixel of the window: the truth that the test holds count_5x5 to.

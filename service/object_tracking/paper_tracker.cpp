@@ -1,12 +1,30 @@
 #include "object_tracking/paper_tracker.h"
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 
+#include "particle_filter/moments.h"
 #include "particle_filter/resample.h"
+#include "particle_filter/vector_clones.h"
 
 namespace huetrack {
+
+namespace {
+
+// weight *= k, eqs. (5) and (6) times 25: k at least 1, and 1 outside the image.
+HUETRACK_CLONES void multiply(const std::uint8_t* __restrict k, std::size_t n, float* __restrict weight) {
+  for (std::size_t i = 0; i < n; ++i) {
+    const int inside = k[i] < 1 ? 1 : k[i];
+    weight[i] *= static_cast<float>(k[i] == MatchBits::outside ? 1 : inside);
+  }
+}
+
+// Eqs. (1)-(3), one axis.
+HUETRACK_CLONES void walk(const float* __restrict noise, std::size_t n, float sigma_m, float* __restrict position) {
+  for (std::size_t i = 0; i < n; ++i) position[i] += sigma_m * noise[i];
+}
+
+}  // namespace
 
 // One iteration of CONDENSATION (section 2): prediction, update, estimate, resampling.
 ObjectEstimate PaperTracker::update(const FrameSet& set) {
@@ -43,9 +61,9 @@ void PaperTracker::predict() {
   noise_.resize(3 * n);
   rng_.fill_normal(noise_);
   const auto sigma_m = static_cast<float>(options_.position_noise_m);
-  for (std::size_t i = 0; i < n; ++i) particles_.x[i] += sigma_m * noise_[i];
-  for (std::size_t i = 0; i < n; ++i) particles_.y[i] += sigma_m * noise_[n + i];
-  for (std::size_t i = 0; i < n; ++i) particles_.z[i] += sigma_m * noise_[2 * n + i];
+  walk(noise_.data(), n, sigma_m, particles_.x.data());
+  walk(noise_.data() + n, n, sigma_m, particles_.y.data());
+  walk(noise_.data() + 2 * n, n, sigma_m, particles_.z.data());
 }
 
 void PaperObservation::weigh(const PositionParticles& particles, const std::vector<TargetView>& views,
@@ -56,10 +74,7 @@ void PaperObservation::weigh(const PositionParticles& particles, const std::vect
   for (const TargetView& view : views) {
     view.projector->project(particles.x.data(), particles.y.data(), particles.z.data(), n, u_.data(), v_.data());
     view.matches->count_5x5(u_.data(), v_.data(), n, k_.data());
-    for (std::size_t i = 0; i < n; ++i) {
-      const int k = k_[i] == MatchBits::outside ? 1 : k_[i];
-      weight[i] *= static_cast<float>(std::max(k, 1));
-    }
+    multiply(k_.data(), n, weight.data());
   }
 }
 
@@ -91,33 +106,16 @@ void PaperTracker::resample() {
 
 ObjectEstimate PaperTracker::estimate(const FrameSet& set, const std::vector<TargetView>& views) {
   const std::size_t n = particles_.size();
-  // Moments about the first particle, in one pass.
-  const Eigen::Vector3d origin(static_cast<double>(particles_.x[0]), static_cast<double>(particles_.y[0]),
-                               static_cast<double>(particles_.z[0]));
-  std::array<float, 9> sums{};
-  const float ox = particles_.x[0], oy = particles_.y[0], oz = particles_.z[0];
-  std::size_t best = 0;
-  float sum_w2 = 0;
-  for (std::size_t i = 0; i < n; ++i) {
-    const float w = weight_[i];
-    const float dx = particles_.x[i] - ox, dy = particles_.y[i] - oy, dz = particles_.z[i] - oz;
-    sums[0] += w * dx, sums[1] += w * dy, sums[2] += w * dz;
-    sums[3] += w * dx * dx, sums[4] += w * dx * dy, sums[5] += w * dx * dz;
-    sums[6] += w * dy * dy, sums[7] += w * dy * dz, sums[8] += w * dz * dz;
-    sum_w2 += w * w;
-    if (w > weight_[best]) best = i;
-  }
-  const Eigen::Vector3d shift(static_cast<double>(sums[0]), static_cast<double>(sums[1]), static_cast<double>(sums[2]));
-  Eigen::Matrix3d second;
-  second << static_cast<double>(sums[3]), static_cast<double>(sums[4]), static_cast<double>(sums[5]),
-      static_cast<double>(sums[4]), static_cast<double>(sums[6]), static_cast<double>(sums[7]),
-      static_cast<double>(sums[5]), static_cast<double>(sums[7]), static_cast<double>(sums[8]);
+  const WeightedMoments moments =
+      weighted_moments(particles_.x.data(), particles_.y.data(), particles_.z.data(), weight_.data(), n,
+                       {particles_.x[0], particles_.y[0], particles_.z[0]});
+  const std::size_t best = moments.best;
 
   ObjectEstimate e;
   e.at = set.at;
   e.set_number = set.number;
   e.particle_count = static_cast<int>(n);
-  e.effective_sample_size = 1.0 / static_cast<double>(sum_w2);
+  e.effective_sample_size = effective_sample_size(weight_);
   e.per_view.resize(views_.camera_count());
 
   // Seen: around the best particle more than half of the window has the target's colour, in two views (in the only one,
@@ -147,8 +145,8 @@ ObjectEstimate PaperTracker::estimate(const FrameSet& set, const std::vector<Tar
   }
   e.state = state_;
   if (!e.has_position()) return e;
-  e.position = origin + shift;
-  e.covariance = second - shift * shift.transpose();
+  e.position = moments.mean;
+  e.covariance = moments.covariance;
   e.velocity.setZero();          // the random walk has none: its expectation
   e.map_position = {static_cast<double>(particles_.x[best]), static_cast<double>(particles_.y[best]),
                     static_cast<double>(particles_.z[best])};

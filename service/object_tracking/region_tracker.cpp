@@ -9,6 +9,7 @@
 #include <numbers>
 #include <optional>
 
+#include "particle_filter/moments.h"
 #include "particle_filter/resample.h"
 
 namespace huetrack {
@@ -318,33 +319,21 @@ void RegionTracker::weigh(const Belief& proposal) {
 
 // The weighted particles' mean and covariance are the position's; the velocity follows by regression on the position.
 void RegionTracker::estimate(const Belief& proposal) {
-  const std::size_t n = particles_.size();
-  const Eigen::Vector3f o = proposal.position().cast<float>();
-  const float ox = o.x(), oy = o.y(), oz = o.z();
-  float sx = 0, sy = 0, sz = 0, xx = 0, xy = 0, xz = 0, yy = 0, yz = 0, zz = 0;
-  std::size_t best = 0;
-  for (std::size_t i = 0; i < n; ++i) {
-    const float w = weight_[i], dx = particles_.x[i] - ox, dy = particles_.y[i] - oy, dz = particles_.z[i] - oz;
-    sx += w * dx, sy += w * dy, sz += w * dz;
-    xx += w * dx * dx, xy += w * dx * dy, xz += w * dx * dz;
-    yy += w * dy * dy, yz += w * dy * dz, zz += w * dz * dz;
-    if (w > weight_[best]) best = i;
-  }
-  const Eigen::Vector3d shift = Eigen::Vector3f(sx, sy, sz).cast<double>();
-  Eigen::Matrix3f second;
-  second << xx, xy, xz, xy, yy, yz, xz, yz, zz;
-  const Eigen::Matrix3d covariance =
-      second.cast<double>() - shift * shift.transpose() + 1e-10 * Eigen::Matrix3d::Identity();
+  const WeightedMoments moments =
+      weighted_moments(particles_.x.data(), particles_.y.data(), particles_.z.data(), weight_.data(), particles_.size(),
+                       proposal.position().cast<float>());
+  const Eigen::Matrix3d covariance = moments.covariance + 1e-10 * Eigen::Matrix3d::Identity();
+  const Eigen::Vector3d shift = moments.mean - proposal.position();
   const Eigen::Matrix3d p_information = proposal.position_covariance().inverse();
   const Eigen::Matrix3d regression = proposal.covariance.bottomLeftCorner<3, 3>() * p_information;
-  belief_.mean << o.cast<double>() + shift, proposal.velocity() + regression * shift;
+  belief_.mean << moments.mean, proposal.velocity() + regression * shift;
   belief_.covariance = proposal.covariance;
   belief_.covariance.topLeftCorner<3, 3>() = covariance;
   belief_.covariance.bottomLeftCorner<3, 3>() = regression * covariance;
   belief_.covariance.topRightCorner<3, 3>() = (regression * covariance).transpose();
   belief_.covariance.bottomRightCorner<3, 3>() +=
       regression * (covariance - proposal.position_covariance()) * regression.transpose();
-  map_ = Eigen::Vector3f(particles_.x[best], particles_.y[best], particles_.z[best]).cast<double>();
+  map_ = Eigen::Vector3f(particles_.x[moments.best], particles_.y[moments.best], particles_.z[moments.best]).cast<double>();
 }
 
 void RegionTracker::judge(const FrameSet& set) {
@@ -373,8 +362,8 @@ void RegionTracker::search(const FrameSet& set, const std::vector<TargetView>& v
     const int step = std::max(1, static_cast<int>(size.smallest_px));
     const int extent = static_cast<int>(std::ceil(3 * size.largest_px)) + 2;
     const int min_area = std::max(2, static_cast<int>(0.3 * size.smallest_px * size.smallest_px));
-    regions_[i] = finders_[static_cast<std::size_t>(view.index)].search(*view.matches, *view.image, *view.table, step, extent,
-                                                                        min_area, 2 * size.smallest_px);
+    regions_[i] = finders_[static_cast<std::size_t>(view.index)].search(*view.matches, step, extent, min_area,
+                                                                        2 * size.smallest_px);
   }
   std::vector<Candidate> now =
       cross_rays(views, std::span(regions_).first(views.size()), target_, options_, max_candidates);

@@ -4,13 +4,7 @@
 #include <bit>
 #include <cmath>
 
-// One copy per instruction set, chosen when the program is loaded. The sanitizers' run-time is not up yet when that choice is
-// made, so their builds go without.
-#if defined(__x86_64__) && !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
-#define HUETRACK_CLONES __attribute__((target_clones("avx512f", "avx2", "default")))
-#else
-#define HUETRACK_CLONES
-#endif
+#include "particle_filter/vector_clones.h"
 
 namespace huetrack {
 namespace {

@@ -4,16 +4,36 @@
 #include <cmath>
 #include <numeric>
 
+#include "particle_filter/vector_clones.h"
+
 namespace huetrack {
 
+namespace {
+
+// In eight sums side by side, added up in a fixed order: that is what vectorises.
+template <typename Term>
+[[gnu::always_inline]] inline double sum_of(std::span<const float> values, Term term) {
+  double sums[8] = {};
+  const std::size_t whole = values.size() / 8 * 8;
+  for (std::size_t i = 0; i < whole; i += 8) {
+    for (std::size_t j = 0; j < 8; ++j) sums[j] += term(static_cast<double>(values[i + j]));
+  }
+  for (std::size_t i = whole; i < values.size(); ++i) sums[i - whole] += term(static_cast<double>(values[i]));
+  return ((sums[0] + sums[1]) + (sums[2] + sums[3])) + ((sums[4] + sums[5]) + (sums[6] + sums[7]));
+}
+
+HUETRACK_CLONES double sum(std::span<const float> values) { return sum_of(values, [](double w) { return w; }); }
+HUETRACK_CLONES double sum_of_squares(std::span<const float> values) { return sum_of(values, [](double w) { return w * w; }); }
+
+}  // namespace
+
 bool normalize_weights(std::span<float> weight) {
-  double sum = 0;
-  for (const float w : weight) sum += static_cast<double>(w);
-  if (!(sum > 0)) {
+  const double total = sum(weight);
+  if (!(total > 0)) {
     std::ranges::fill(weight, 1.0f / static_cast<float>(weight.size()));
     return false;
   }
-  const auto scale = static_cast<float>(1.0 / sum);
+  const auto scale = static_cast<float>(1.0 / total);
   for (float& w : weight) w *= scale;
   return true;
 }
@@ -29,22 +49,29 @@ bool normalize_log_weights(std::span<const float> log_weight, std::span<float> w
 }
 
 double effective_sample_size(std::span<const float> weight) {
-  double sum = 0;
-  for (const float w : weight) sum += static_cast<double>(w) * static_cast<double>(w);
-  return std::clamp(1.0 / sum, 1.0, static_cast<double>(weight.size()));
+  return std::clamp(1.0 / sum_of_squares(weight), 1.0, static_cast<double>(weight.size()));
 }
 
 void systematic_ancestors(std::span<const float> weight, double offset, std::span<std::uint32_t> ancestor) {
-  // Each particle says how many of the comb's teeth lie below its cumulative weight; no search, no inner loop that a
-  // branch predictor could miss much.
-  const auto n = static_cast<double>(ancestor.size());
+  // Each particle says how many of the comb's teeth lie below its cumulative weight, and writes itself on the next four
+  // places whether they are its own or not: most weigh less than four, and no branch depends on how many.
+  const std::size_t count = ancestor.size();
+  const auto n = static_cast<double>(count);
   double cumulative = 0;
   std::size_t done = 0;
-  for (std::size_t i = 0; i < weight.size() && done < ancestor.size(); ++i) {
+  for (std::size_t i = 0; i < weight.size() && done < count; ++i) {
     cumulative += static_cast<double>(weight[i]);
-    const double teeth = std::ceil(cumulative * n - offset);
-    const auto below = std::min(ancestor.size(), static_cast<std::size_t>(std::max(0.0, teeth)));
-    for (; done < below; ++done) ancestor[done] = static_cast<std::uint32_t>(i);
+    const double teeth = cumulative * n - offset;      // those below: its ceiling
+    auto below = static_cast<std::size_t>(std::max(0.0, teeth));
+    below += static_cast<double>(below) < teeth ? 1 : 0;
+    below = std::min(below, count);
+    if (done + 4 <= count) {
+      for (std::size_t j = 0; j < 4; ++j) ancestor[done + j] = static_cast<std::uint32_t>(i);
+      for (std::size_t j = done + 4; j < below; ++j) ancestor[j] = static_cast<std::uint32_t>(i);
+    } else {
+      for (std::size_t j = done; j < below; ++j) ancestor[j] = static_cast<std::uint32_t>(i);
+    }
+    done = std::max(done, below);
   }
   // Rounding can leave the last tooth above a sum of 0.9999999: it belongs to the last particle that weighs anything.
   std::size_t last = weight.size() - 1;
