@@ -3,6 +3,7 @@
 
 #include <chrono>
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <vector>
 
@@ -29,6 +30,11 @@ struct Frame {
   Timestamp captured_at;                 // when the light fell on the sensor, never when we woke up
   FrameStatus status = FrameStatus::ok;
   Image pixels;
+  // The camera's own bytes of this image, when it came compressed (MJPEG): for a recorder, which must not encode anew.
+  std::shared_ptr<const std::vector<std::uint8_t>> encoded = {};
+  // Which number among all cameras' frames it had when it entered the FrameSynchronizer, from 1; 0: not numbered. The
+  // frames of a set depend on the order of arrival; a recording keeps it, and a replay repeats it.
+  std::uint64_t arrival = 0;
 };
 
 // What the cameras saw at (nearly) one time. A camera that gave no usable frame is absent, not black.

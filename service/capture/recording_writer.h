@@ -1,0 +1,104 @@
+// Writes a recording that replays to exactly the frames that were written: a folder with recording.yaml, the rig, the
+// configuration, and per camera one Matroska file and one CSV of exact capture times. service/capture/README.md.
+// Also the pre-roll: the last seconds in memory, to be written when something has happened.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <deque>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "capture/frame.h"
+
+namespace huetrack {
+
+// How raw (not JPEG) images are stored; both lossless.
+enum class RawStorage : std::uint8_t {
+  uncompressed,  // the bytes as they are: a memory copy per frame, 18 MB/s for 640x480 YUYV at 30 fps
+  ffv1,          // about a third to a half of it, for several ms of a core per frame (README.md); yuyv replays as i422,
+                 // nv12 as i420: the same pixel values in other places
+};
+
+struct RecordingOptions {
+  std::filesystem::path folder;      // made; must not exist yet, or be empty
+  std::vector<std::string> cameras;  // names; Frame::camera indexes it
+  std::vector<double> fps;           // per camera, nominal, a hint for players; 0 or empty: unknown
+  std::string rig_yaml;              // text of the rig file, becomes rig.yaml; empty: none
+  std::string config_yaml;           // the resolved configuration, becomes huetrackd.yaml; empty: none
+  RawStorage raw_storage = RawStorage::uncompressed;
+  Duration flush_every = std::chrono::milliseconds(250);  // > 0; what a kill -9 costs at most
+  std::vector<std::string> problems() const;              // empty when valid
+};
+
+struct RecordedCameraFigures {
+  std::uint64_t frames = 0;        // written, corrupted ones included
+  std::uint64_t out_of_order = 0;  // not later than the frame before: left out
+  std::uint64_t bytes = 0;         // of video, so far
+};
+
+// One camera's frames are written by one thread at a time, different cameras' by different threads at once: so the
+// pipeline may own one writing thread per camera, each behind its own bounded queue (service/daemon/bounded_queue.h,
+// WhenFull::drop_oldest). write() blocks on the disk and, for ffv1, computes: never call it on the tracking road. What
+// the queue drops is the pipeline's to count.
+// figures(), failure() are thread-safe.
+class RecordingWriter {
+ public:
+  // Writes recording.yaml, rig.yaml and huetrackd.yaml, and the time-stamp files' headers: what is killed later
+  // replays. throws CaptureError: a folder that cannot be made or is not empty; std::invalid_argument:
+  // options.problems()
+  explicit RecordingWriter(RecordingOptions options);
+  ~RecordingWriter();  // finish()
+
+  // Appends it to its camera's file. MJPEG (Frame::encoded): the camera's own bytes. False, now and from then on for
+  // every camera: writing has failed, failure() says why; what was written until then replays. Does not throw.
+  bool write(const Frame& frame);
+  // One line, "/data/run7/left.mkv: No space left on device: recording stopped after 123.4 s, ..."; nullopt: all is
+  // well.
+  std::optional<std::string> failure() const;
+  std::vector<RecordedCameraFigures> figures() const;
+  const std::filesystem::path& folder() const;
+
+  // Closes the files properly (an index for players). Once every writing thread is through; idempotent. Does not throw.
+  void finish();
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+struct PreRollOptions {
+  Duration length = std::chrono::seconds(5);        // > 0; how far back it goes, by capture time
+  std::size_t most_bytes = std::size_t{256} << 20;  // > 0; of all cameras; the oldest frames go first
+  std::vector<std::string> problems() const;
+};
+
+// The last seconds of frames. JPEG frames keep their own bytes only; raw ones are copied, so that no driver's buffer is
+// held. thread-compatible.
+class PreRoll {
+ public:
+  explicit PreRoll(PreRollOptions options);  // throws std::invalid_argument: options.problems()
+  void push(const Frame& frame);
+  // Everything in it, in the order pushed, and empties it: feed it to RecordingWriter::write() on a writing thread,
+  // live frames after it. The frames of JPEG cameras carry encoded and no pixels.
+  std::vector<Frame> take();
+  std::size_t bytes() const { return bytes_; }
+  std::size_t size() const { return frames_.size(); }
+
+ private:
+  struct Held {
+    Frame frame;
+    std::size_t bytes = 0;
+  };
+  void shrink();
+
+  PreRollOptions options_;
+  std::deque<Held> frames_;
+  std::size_t bytes_ = 0;
+};
+
+}  // namespace huetrack

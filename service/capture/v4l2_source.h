@@ -1,0 +1,100 @@
+// One live camera as a source of frames: it comes back by itself from whatever happens to it.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "capture/frame_source.h"
+#include "capture/v4l2_device.h"
+
+namespace huetrack {
+
+struct V4l2SourceOptions {
+  int camera = 0;                // >= 0; Frame::camera
+  std::string name;              // the camera's name in the rig, for messages
+  std::filesystem::path device;  // /dev/v4l/by-path/... (a port), by-id/... (a camera), or /dev/videoN (unstable)
+  std::optional<CaptureFormat> format;   // nullopt: the first of yuyv, nv12, mjpeg, grey that reaches size and rate
+  int width = 0, height = 0;             // > 0, pixels; the rig's
+  double fps = 0;                        // >= 0; 0: the driver's choice
+  std::vector<ControlSetting> controls;  // applied at start, and again after a replug
+  bool restore_controls = false;         // put the camera's own values back at the end
+  // Subtracted from every capture time: how long after the light fell on the sensor (mid-exposure) the driver's stamp
+  // is.
+  Duration latency{0};
+  int buffers = 8;                            // 4 .. 32; readers may hold all but three of them, then frames are copied
+  std::chrono::milliseconds retry{700};       // > 0; between two attempts to open an absent camera
+  std::vector<std::string> problems() const;  // empty when valid; one sentence per violated constraint
+  // Allowed but perhaps not meant: a /dev/videoN, which is not stable.
+  std::vector<std::string> warnings() const;
+};
+
+enum class CameraState : std::uint8_t {
+  waiting,  // opened or just about to be; no frame yet
+  delivering,
+  stalled,  // open, but no frame for max(1 s, 10 periods): its stream is being restarted
+  absent,   // not there (unplugged, another camera in its port, no permission, busy): tried again and again
+};
+std::string_view name(CameraState state);
+
+// A change of state or something the user should read, each once.
+struct CameraEvent {
+  Timestamp at;  // UNIX
+  CameraState state = CameraState::waiting;
+  bool is_problem = false;  // a warning; otherwise information
+  std::string message;      // one line without the camera's name: "unplugged (No such device): waiting for its return"
+};
+
+// A snapshot.
+struct CameraHealth {
+  CameraState state = CameraState::waiting;
+  std::string message;                    // of the last change of state
+  std::uint64_t frames = 0;               // handed out with an image
+  std::uint64_t dropped = 0;              // gaps in the driver's sequence numbers
+  std::uint64_t corrupted = 0;            // error-flagged, wrong length, or a JPEG that does not decode
+  std::uint64_t copied = 0;               // because readers held too many buffers
+  std::uint64_t restarts = 0;             // of a stalled stream
+  std::uint64_t reconnects = 0;           // opened again after an absence
+  std::optional<V4l2Identity> identity;   // of the camera that was last open
+  std::optional<StreamFormat> stream;     // what it agreed to, last
+  StampKind stamp = StampKind::dequeued;  // of the last frame
+  std::vector<ControlResult> controls;    // of the last time that they were applied
+  std::optional<Timestamp> last_frame;    // its capture time
+  // When next() last came round, with a frame or deliberately waiting: for a watchdog. At least every 0.5 s while
+  // next() is being called.
+  std::chrono::steady_clock::time_point last_progress;
+};
+
+// thread-compatible, one thread calls next(); health() and take_events() are thread-safe.
+//
+// Frames: capture times are UNIX time (capture_clock.h), from the driver's own stamp minus options.latency, strictly
+// ascending. sequence starts at 0 and follows the driver's, so a gap is a drop; after a restart or a replug it goes on
+// without a gap. MJPEG is decoded to planar YUV and carries its own bytes in Frame::encoded. A frame that the driver
+// flagged, of a wrong length, or that does not decode is handed out as corrupted, without an image.
+class V4l2Source final : public FrameSource {
+ public:
+  // Opens the camera and starts it. A camera that is not there, busy, or not permitted is no error: next() waits for
+  // it. throws CaptureError when it is there but cannot do what is asked (std::errc::invalid_argument), such as a
+  // format or size that it has not; std::invalid_argument: options.problems().
+  explicit V4l2Source(V4l2SourceOptions options);
+  ~V4l2Source() override;  // stops; restores the controls when asked
+
+  // Blocks until the next frame, through unplugging, stalls and returns; nullopt only after a stop, within milliseconds
+  // (an ioctl of the driver aside). Never throws.
+  std::optional<Frame> next(std::stop_token stop) override;
+
+  const V4l2SourceOptions& options() const;
+  CameraHealth health() const;
+  std::vector<CameraEvent> take_events();  // since the last call
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace huetrack
