@@ -4,6 +4,7 @@
 #include <bit>
 #include <cmath>
 #include <cstring>
+#include <limits>
 
 #include "particle_filter/vector_clones.h"
 
@@ -14,7 +15,7 @@
 namespace huetrack {
 namespace {
 
-constexpr int tile_size = 8;
+constexpr int tile_size = 8;               // its powers are written out where that vectorises
 static_assert(MatchBits::margin == tile_size);
 constexpr std::uint64_t each_row = 0x0101010101010101u;
 
@@ -63,7 +64,8 @@ MatchBits::MatchBits(int width, int height)
     : width_(width),
       height_(height),
       tile_stride_((width + tile_size - 1) / tile_size + 2),
-      tiles_(static_cast<std::size_t>(tile_stride_) * static_cast<std::size_t>((height + tile_size - 1) / tile_size + 2)) {}
+      tiles_(static_cast<std::size_t>(tile_stride_) * static_cast<std::size_t>((height + tile_size - 1) / tile_size + 2)),
+      needed_(tiles_.size() + 8, 0) {}
 
 void MatchBits::look_at(const Image& image, const ColorTable& table) {
   image_ = image;
@@ -153,55 +155,73 @@ void MatchBits::fetch(int tile_u, int tile_v) const {
 
 namespace {
 
-// The corner of each window in pixels from the margin's corner, -1 where the window's middle is not in the image.
-HUETRACK_CLONES void corners(const float* __restrict u, const float* __restrict v, std::size_t n, float width, float height,
-                             std::int32_t* __restrict left, std::int32_t* __restrict top) {
+// Where each window lies, for all of them at vector speed. A window whose middle is not in the image gets the corner tile of
+// the margin, which has no matches.
+HUETRACK_CLONES void locate(const float* __restrict u, const float* __restrict v, std::size_t n, float width, float height,
+                            std::int32_t tile_stride, std::int32_t* __restrict first, std::int32_t* __restrict right,
+                            std::int32_t* __restrict below, std::int32_t* __restrict columns, std::int32_t* __restrict rows,
+                            std::int32_t* __restrict inside) {
   for (std::size_t i = 0; i < n; ++i) {
     const float us = u[i] + 0.5f, vs = v[i] + 0.5f;   // the whole part is the pixel that (u, v) rounds to
     const bool in = (us >= 0) & (vs >= 0) & (us < width) & (vs < height);
-    left[i] = in ? static_cast<std::int32_t>(us) + MatchBits::margin - 2 : -1;
-    top[i] = in ? static_cast<std::int32_t>(vs) + MatchBits::margin - 2 : -1;
+    const std::int32_t left = in ? static_cast<std::int32_t>(in ? us : 0.0f) + MatchBits::margin - 2 : 0;
+    const std::int32_t top = in ? static_cast<std::int32_t>(in ? vs : 0.0f) + MatchBits::margin - 2 : 0;
+    first[i] = (top >> 3) * tile_stride + (left >> 3);
+    right[i] = ((left + 4) >> 3) - (left >> 3);                        // 1 where it reaches into the next tile
+    below[i] = (((top + 4) >> 3) - (top >> 3)) * tile_stride;
+    columns[i] = left & 7;
+    rows[i] = (top & 7) * 8;
+    inside[i] = in ? 1 : 0;
   }
 }
 
 }  // namespace
 
 HUETRACK_CLONES void MatchBits::count_5x5(const float* u, const float* v, std::size_t n, std::uint8_t* k) {
-  left_.resize(n), top_.resize(n);
-  corners(u, v, n, static_cast<float>(width_), static_cast<float>(height_), left_.data(), top_.data());
+  where_.resize(6 * n);
+  std::int32_t *first = where_.data(), *right = first + n, *below = right + n, *columns = below + n, *rows = columns + n,
+               *inside = rows + n;
+  locate(u, v, n, static_cast<float>(width_), static_cast<float>(height_), tile_stride_, first, right, below, columns, rows,
+         inside);
 
-  // First the tiles that nobody has looked at yet, all together, so that the memory works on many at a time.
-  unknown_.clear();
+  // The tiles that are needed, marked without a branch or a load; then those of them that nobody has looked at yet, all
+  // together, so that the memory works on many at a time.
   Tile* const tiles = tiles_.data();
+  std::uint8_t* const needed = needed_.data();
+  std::int32_t lowest = std::numeric_limits<std::int32_t>::max(), highest = 0;
   for (std::size_t i = 0; i < n; ++i) {
-    if (left_[i] < 0) continue;
-    const int first = top_[i] / tile_size * tile_stride_ + left_[i] / tile_size;
-    const int right = (left_[i] + 4) / tile_size - left_[i] / tile_size;
-    const int below = ((top_[i] + 4) / tile_size - top_[i] / tile_size) * tile_stride_;
-    for (const int t : {first, first + right, first + below, first + below + right}) {
-      if (tiles[t].frame == frame_) continue;
-      tiles[t].frame = frame_;
-      unknown_.push_back(t);
-      fetch(t % tile_stride_, t / tile_stride_);
+    const std::int32_t t = first[i];
+    lowest = std::min(lowest, t);
+    highest = std::max(highest, t);
+    needed[t] = needed[t + right[i]] = needed[t + below[i]] = needed[t + below[i] + right[i]] = 1;
+  }
+  highest += tile_stride_ + 1;
+  unknown_.clear();
+  for (std::int32_t t = lowest; t <= highest; t += 8) {                 // needed_ has 8 bytes to spare at its end
+    std::uint64_t eight;
+    std::memcpy(&eight, needed + t, 8);
+    if (eight == 0) continue;
+    std::memset(needed + t, 0, 8);
+    for (; eight != 0; eight &= eight - 1) {
+      const std::int32_t at = t + std::countr_zero(eight) / 8;
+      if (tiles[at].frame == frame_) continue;
+      tiles[at].frame = frame_;
+      unknown_.push_back(at);
+      fetch(at % tile_stride_, at / tile_stride_);
     }
   }
-  for (const int t : unknown_) fill(tiles[t], t % tile_stride_, t / tile_stride_);
+  for (const std::int32_t t : unknown_) fill(tiles[t], t % tile_stride_, t / tile_stride_);
 
   for (std::size_t i = 0; i < n; ++i) {
-    const int left = std::max(left_[i], 0), top = std::max(top_[i], 0);
-    const int first = top / tile_size * tile_stride_ + left / tile_size;
-    const int right = (left + 4) / tile_size - left / tile_size;
-    const int below = ((top + 4) / tile_size - top / tile_size) * tile_stride_;
-    // The rows from `top` on: a byte is a row. (Shifted twice, because a shift by 64 is undefined.)
-    const int rows = 8 * (top % tile_size);
-    const std::uint64_t west = tiles[first].bits >> rows | (tiles[first + below].bits << (63 - rows)) << 1;
-    const std::uint64_t east = tiles[first + right].bits >> rows | (tiles[first + below + right].bits << (63 - rows)) << 1;
-    // The columns from `left` on, five of them, of five rows.
-    const int columns = left % tile_size;
-    const std::uint64_t from_west = (west >> columns) & (each_row * (0xffu >> columns));
-    const std::uint64_t from_east = (east << (8 - columns)) & (each_row * (0xffu & ~(0xffu >> columns)));
+    const Tile* const tile = tiles + first[i];
+    // The rows from the window's top on: a byte is a row. (Shifted twice, because a shift by 64 is undefined.)
+    const std::uint64_t west = tile[0].bits >> rows[i] | (tile[below[i]].bits << (63 - rows[i])) << 1;
+    const std::uint64_t east = tile[right[i]].bits >> rows[i] | (tile[below[i] + right[i]].bits << (63 - rows[i])) << 1;
+    // The columns from its left on, five of them, of five rows.
+    const std::uint64_t from_west = (west >> columns[i]) & (each_row * (0xffu >> columns[i]));
+    const std::uint64_t from_east = (east << (8 - columns[i])) & (each_row * (0xffu & ~(0xffu >> columns[i])));
     const int count = std::popcount((from_west | from_east) & 0x1f1f1f1f1fu);
-    k[i] = left_[i] < 0 ? outside : static_cast<std::uint8_t>(count);
+    k[i] = static_cast<std::uint8_t>(inside[i] != 0 ? count : outside);
   }
 }
 

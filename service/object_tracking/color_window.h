@@ -78,7 +78,8 @@ class MatchBits {
   Image image_;
   const ColorTable* table_ = nullptr;
   std::vector<Tile> tiles_;
-  std::vector<std::int32_t> left_, top_, unknown_;   // work space of count_5x5
+  std::vector<std::int32_t> where_, unknown_;   // work space of count_5x5, as is
+  std::vector<std::uint8_t> needed_;            // 1 per tile that a window touches; all 0 between calls
 };
 
 // The obvious way, one look-up per pixel of the window: the truth that the test holds count_5x5 to.

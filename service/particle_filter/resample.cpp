@@ -1,6 +1,7 @@
 #include "particle_filter/resample.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numeric>
 
@@ -24,6 +25,16 @@ template <typename Term>
 
 HUETRACK_CLONES double sum(std::span<const float> values) { return sum_of(values, [](double w) { return w; }); }
 HUETRACK_CLONES double sum_of_squares(std::span<const float> values) { return sum_of(values, [](double w) { return w * w; }); }
+
+// The number of teeth (offset + i) / count below a cumulative weight: ceil(cumulative * count - offset), at least 0.
+HUETRACK_CLONES void teeth_below(const double* __restrict cumulative, std::size_t n, double count, double offset,
+                                 std::int32_t* __restrict below) {
+  for (std::size_t i = 0; i < n; ++i) {
+    const double teeth = std::max(0.0, cumulative[i] * count - offset);
+    const auto whole = static_cast<std::int32_t>(teeth);
+    below[i] = whole + (static_cast<double>(whole) < teeth ? 1 : 0);
+  }
+}
 
 }  // namespace
 
@@ -54,24 +65,30 @@ double effective_sample_size(std::span<const float> weight) {
 
 void systematic_ancestors(std::span<const float> weight, double offset, std::span<std::uint32_t> ancestor) {
   // Each particle says how many of the comb's teeth lie below its cumulative weight, and writes itself on the next four
-  // places whether they are its own or not: most weigh less than four, and no branch depends on how many.
+  // places whether they are its own or not: most weigh less than four, and no branch depends on how many. In blocks, so
+  // that all but the sum itself is done at vector speed.
+  constexpr std::size_t block = 256;
+  std::array<double, block> cumulative;
+  std::array<std::int32_t, block> below;
   const std::size_t count = ancestor.size();
-  const auto n = static_cast<double>(count);
-  double cumulative = 0;
+  double sum = 0;
   std::size_t done = 0;
-  for (std::size_t i = 0; i < weight.size() && done < count; ++i) {
-    cumulative += static_cast<double>(weight[i]);
-    const double teeth = cumulative * n - offset;      // those below: its ceiling
-    auto below = static_cast<std::size_t>(std::max(0.0, teeth));
-    below += static_cast<double>(below) < teeth ? 1 : 0;
-    below = std::min(below, count);
-    if (done + 4 <= count) {
-      for (std::size_t j = 0; j < 4; ++j) ancestor[done + j] = static_cast<std::uint32_t>(i);
-      for (std::size_t j = done + 4; j < below; ++j) ancestor[j] = static_cast<std::uint32_t>(i);
-    } else {
-      for (std::size_t j = done; j < below; ++j) ancestor[j] = static_cast<std::uint32_t>(i);
+  for (std::size_t from = 0; from < weight.size() && done < count; from += block) {
+    const std::size_t size = std::min(block, weight.size() - from);
+    for (std::size_t i = 0; i < size; ++i) cumulative[i] = sum += static_cast<double>(weight[from + i]);
+    teeth_below(cumulative.data(), size, static_cast<double>(count), offset, below.data());
+    for (std::size_t i = 0; i < size; ++i) {
+      const std::size_t end = std::min(count, static_cast<std::size_t>(below[i]));
+      const auto self = static_cast<std::uint32_t>(from + i);
+      const std::size_t four = std::min(done + 4, count);
+      if (four == done + 4) [[likely]] {
+        for (std::size_t j = done; j < done + 4; ++j) ancestor[j] = self;
+      } else {
+        for (std::size_t j = done; j < end; ++j) ancestor[j] = self;
+      }
+      for (std::size_t j = four; j < end; ++j) ancestor[j] = self;
+      done = std::max(done, end);
     }
-    done = std::max(done, below);
   }
   // Rounding can leave the last tooth above a sum of 0.9999999: it belongs to the last particle that weighs anything.
   std::size_t last = weight.size() - 1;
