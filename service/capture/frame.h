@@ -15,19 +15,25 @@ namespace huetrack {
 using Timestamp = std::chrono::time_point<std::chrono::system_clock, std::chrono::nanoseconds>;
 using Duration = std::chrono::nanoseconds;
 
-inline double seconds(Duration d) { return std::chrono::duration<double>(d).count(); }
-inline double seconds(Timestamp t) { return seconds(t.time_since_epoch()); }
-inline Duration duration_of(double s) { return std::chrono::round<Duration>(std::chrono::duration<double>(s)); }
+inline double seconds(Duration d) {
+  return std::chrono::duration<double>(d).count();
+}
+inline double seconds(Timestamp t) {
+  return seconds(t.time_since_epoch());
+}
+inline Duration duration_of(double s) {
+  return std::chrono::round<Duration>(std::chrono::duration<double>(s));
+}
 
 enum class FrameStatus : std::uint8_t {
   ok,
-  corrupted,   // the driver flagged it (V4L2_BUF_FLAG_ERROR), or it does not decode: counted, never used
+  corrupted,  // the driver flagged it (V4L2_BUF_FLAG_ERROR), or it does not decode: counted, never used
 };
 
 struct Frame {
-  int camera = 0;                        // index into CameraRig::cameras
-  std::uint32_t sequence = 0;            // 0 at stream start; a gap is a drop
-  Timestamp captured_at;                 // when the light fell on the sensor, never when we woke up
+  int camera = 0;              // index into CameraRig::cameras
+  std::uint32_t sequence = 0;  // 0 at stream start; a gap is a drop
+  Timestamp captured_at;       // when the light fell on the sensor, never when we woke up
   FrameStatus status = FrameStatus::ok;
   Image pixels;
   // The camera's own bytes of this image, when it came compressed (MJPEG): for a recorder, which must not encode anew.
@@ -39,9 +45,9 @@ struct Frame {
 
 // What the cameras saw at (nearly) one time. A camera that gave no usable frame is absent, not black.
 struct FrameSet {
-  std::uint64_t number = 0;              // counts the sets that were handed out, from 0
-  Timestamp at;                          // capture time of the newest frame in it
-  std::vector<std::optional<Frame>> frames;   // one slot per camera of the rig
+  std::uint64_t number = 0;                  // counts the sets that were handed out, from 0
+  Timestamp at;                              // capture time of the newest frame in it
+  std::vector<std::optional<Frame>> frames;  // one slot per camera of the rig
 };
 
 }  // namespace huetrack

@@ -12,7 +12,7 @@ namespace huetrack {
 class FrameSource {
  public:
   virtual ~FrameSource() = default;
-  virtual std::optional<Frame> next(std::stop_token stop) = 0;   // blocks; nullopt = ended or stopped
+  virtual std::optional<Frame> next(std::stop_token stop) = 0;  // blocks; nullopt = ended or stopped
 };
 
 }  // namespace huetrack

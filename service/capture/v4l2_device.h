@@ -113,6 +113,7 @@ struct Control {
   std::optional<std::int64_t> value;  // nullopt: cannot be read
   std::vector<ControlMenuItem> menu;  // of menus only
   bool is_boolean = false;
+  bool is_64_bit = false;
   bool is_read_only = false;
   bool is_inactive = false;  // another control, mostly an automatic one, rules it now
 };
@@ -184,6 +185,8 @@ class V4l2Device {
   // A manual value that an automatic control rules switches that one off, unless it is asked for itself (is_implied).
   // One result per setting, in the order asked, the implied ones at the end. Does not throw.
   std::vector<ControlResult> set_controls(std::span<const ControlSetting> settings);
+  // One after the other in the order given, nothing implied: for previous_controls(). Does not throw.
+  std::vector<ControlResult> set_controls_plainly(std::span<const ControlSetting> settings);
   // Values from before the first set_controls() that changed them, in the order in which they can be set back.
   const std::vector<ControlSetting>& previous_controls() const;
 
@@ -202,6 +205,8 @@ class V4l2Device {
   int buffer_count() const;  // that the driver gave
 
  private:
+  void release_buffers();
+
   struct Impl;
   std::unique_ptr<Impl> impl_;
 };
