@@ -720,6 +720,17 @@ std::vector<V4l2Node> list_v4l2_nodes() {
   return nodes;
 }
 
+std::vector<fs::path> v4l2_nodes_at(const std::string& usb_port) {
+  std::vector<fs::path> nodes;
+  std::error_code error;
+  for (const auto& entry : fs::directory_iterator("/sys/class/video4linux", error)) {
+    const auto place = usb_place_of(entry.path() / "device");
+    if (place && place->port == usb_port) nodes.push_back("/dev" / entry.path().filename());
+  }
+  std::ranges::sort(nodes);
+  return nodes;
+}
+
 // ---- The device
 
 struct V4l2Device::Impl {

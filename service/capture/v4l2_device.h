@@ -65,6 +65,9 @@ struct V4l2Node {
 };
 std::vector<V4l2Node> list_v4l2_nodes();  // sorted by number; no exception
 
+// The video nodes of the device on that USB port (UsbPlace::port), sorted; none is opened.
+std::vector<std::filesystem::path> v4l2_nodes_at(const std::string& usb_port);
+
 // ---- What it offers
 
 // What a camera sends that we can use.

@@ -72,10 +72,10 @@ struct CameraHealth {
 
 // thread-compatible, one thread calls next(); health() and take_events() are thread-safe.
 //
-// Frames: capture times are UNIX time (capture_clock.h), from the driver's own stamp minus options.latency, strictly
-// ascending. sequence starts at 0 and follows the driver's, so a gap is a drop; after a restart or a replug it goes on
-// without a gap. MJPEG is decoded to planar YUV and carries its own bytes in Frame::encoded. A frame that the driver
-// flagged, of a wrong length, or that does not decode is handed out as corrupted, without an image.
+// Frames: capture times are UNIX time (capture_clock.h), from the driver's own stamp minus options.latency. sequence
+// starts at 0 and follows the driver's, so a gap is a drop; after a restart or a replug it goes on without a gap. MJPEG
+// is decoded to planar YUV and carries its own bytes in Frame::encoded. A frame that the driver flagged, of a wrong
+// length, or that does not decode is handed out as corrupted, without an image.
 class V4l2Source final : public FrameSource {
  public:
   // Opens the camera and starts it. A camera that is not there, busy, or not permitted is no error: next() waits for

@@ -1,0 +1,516 @@
+#include "capture/v4l2_source.h"
+
+#include <poll.h>
+#include <sys/eventfd.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <cmath>
+#include <cstring>
+#include <mutex>
+#include <stdexcept>
+#include <utility>
+
+#include "capture/capture_clock.h"
+#include "capture/jpeg_decoder.h"
+
+namespace huetrack {
+namespace {
+
+using namespace std::chrono_literals;
+using Clock = std::chrono::steady_clock;
+namespace fs = std::filesystem;
+
+constexpr auto heartbeat = 500ms;          // next() comes round at least this often
+constexpr auto shortest_stall = 1s;        // and ten periods
+constexpr auto longest_stall = 8s;         // after several restarts in vain: some cameras need seconds to start
+constexpr int restarts_before_reopen = 3;  // in vain
+
+std::string fps_text(double fps) {
+  std::array<char, 32> text{};
+  std::snprintf(text.data(), text.size(), "%.4g", fps);
+  return text.data();
+}
+
+std::string seconds_text(Clock::duration d) {
+  std::array<char, 32> text{};
+  std::snprintf(text.data(), text.size(), "%.1f s", std::chrono::duration<double>(d).count());
+  return text.data();
+}
+
+std::size_t image_bytes(const StreamFormat& stream) {
+  const auto rows = static_cast<std::size_t>(stream.height);
+  return stream.stride * (stream.format == CaptureFormat::nv12 ? rows + rows / 2 : rows);
+}
+
+PixelFormat pixel_format_of(CaptureFormat format) {
+  switch (format) {
+    case CaptureFormat::yuyv:
+      return PixelFormat::yuyv;
+    case CaptureFormat::nv12:
+      return PixelFormat::nv12;
+    case CaptureFormat::grey:
+    case CaptureFormat::mjpeg:
+      break;
+  }
+  return PixelFormat::grey;
+}
+
+// Ends a pause when another thread says so.
+class Alarm {
+ public:
+  Alarm() : fd_(::eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC)) {
+    if (fd_ < 0)
+      throw CaptureError({errno, std::generic_category()}, "eventfd: " + std::generic_category().message(errno));
+  }
+  ~Alarm() { ::close(fd_); }
+  Alarm(const Alarm&) = delete;
+  Alarm& operator=(const Alarm&) = delete;
+
+  void ring() {
+    const std::uint64_t one = 1;
+    [[maybe_unused]] const auto written = ::write(fd_, &one, sizeof one);
+  }
+  void pause(Clock::duration longest) {
+    pollfd waiting{fd_, POLLIN, 0};
+    const auto ms = std::chrono::ceil<std::chrono::milliseconds>(longest).count();
+    std::uint64_t count = 0;
+    if (::poll(&waiting, 1, static_cast<int>(std::max<std::int64_t>(ms, 0))) > 0) [[maybe_unused]]
+      const auto drained = ::read(fd_, &count, sizeof count);
+  }
+
+ private:
+  int fd_;
+};
+
+bool is_absence(const CaptureError& error) {
+  const int code = error.code().value();
+  return code == ENOENT || code == ENODEV || code == ENXIO;
+}
+
+}  // namespace
+
+std::string_view name(CameraState state) {
+  switch (state) {
+    case CameraState::waiting:
+      return "waiting";
+    case CameraState::delivering:
+      return "delivering";
+    case CameraState::stalled:
+      return "stalled";
+    case CameraState::absent:
+      break;
+  }
+  return "absent";
+}
+
+std::vector<std::string> V4l2SourceOptions::problems() const {
+  std::vector<std::string> found;
+  const auto check = [&](bool is_fine, const std::string& sentence) {
+    if (!is_fine) found.push_back(sentence);
+  };
+  check(camera >= 0, "camera is " + std::to_string(camera) + ", but must be >= 0");
+  check(!device.empty(), "device is empty: give one of /dev/v4l/by-path/*-video-index0");
+  check(width > 0 && height > 0,
+        "the size is " + std::to_string(width) + "x" + std::to_string(height) + ", but must be positive");
+  check(fps >= 0 && std::isfinite(fps), "fps is " + std::to_string(fps) + ", but must be >= 0");
+  check(buffers >= 4 && buffers <= 32, "buffers is " + std::to_string(buffers) + ", but must be 4 to 32");
+  check(retry > 0ms, "retry must be positive");
+  for (const auto& control : controls) check(!control.name.empty(), "a control has no name");
+  return found;
+}
+
+std::vector<std::string> V4l2SourceOptions::warnings() const {
+  std::error_code error;
+  const std::string file = device.filename().string();
+  const bool is_index =
+      device.parent_path() == "/dev" && file.starts_with("video") && !fs::is_symlink(fs::symlink_status(device, error));
+  if (!is_index) return {};
+  return {device.string() +
+          " is not stable: the next boot may give this name to another camera. Use its name in /dev/v4l/by-path/ (the "
+          "port) or /dev/v4l/by-id/ (the camera); huetrackd doctor lists them"};
+}
+
+struct V4l2Source::Impl {
+  explicit Impl(V4l2SourceOptions o) : options(std::move(o)) {
+    health.last_progress = Clock::now();
+    for (const auto& warning : options.warnings()) tell(CameraState::waiting, true, warning);
+  }
+
+  // ---- What others see
+
+  // An event; it changes the state too.
+  void tell(CameraState state, bool is_problem, const std::string& message) {
+    const std::scoped_lock lock(mutex);
+    health.state = state;
+    health.message = message;
+    events.push_back({.at = unix_now(), .state = state, .is_problem = is_problem, .message = message});
+  }
+  // The same, unless it was the last thing said: an absent camera is said to be absent once.
+  void tell_once(CameraState state, const std::string& message) {
+    {
+      const std::scoped_lock lock(mutex);
+      if (health.state == state && health.message == message) return;
+    }
+    tell(state, true, message);
+  }
+  void note(bool is_problem, const std::string& message) {
+    const std::scoped_lock lock(mutex);
+    events.push_back({.at = unix_now(), .state = health.state, .is_problem = is_problem, .message = message});
+  }
+  CameraState state() const {
+    const std::scoped_lock lock(mutex);
+    return health.state;
+  }
+  void progress() {
+    const std::scoped_lock lock(mutex);
+    health.last_progress = Clock::now();
+  }
+
+  // ---- Opening
+
+  // throws CaptureError
+  void open() {
+    V4l2Device opened = right_camera();
+    if (!known) known = opened.identity();
+    const auto controls = opened.set_controls(options.controls);
+    if (!before) before = opened.previous_controls();
+    StreamFormat agreed = opened.start({.format = options.format,
+                                        .width = options.width,
+                                        .height = options.height,
+                                        .fps = options.fps,
+                                        .buffers = options.buffers});
+    known = opened.identity();
+    stream = agreed;
+    last_of_driver.reset();
+    silent_since = Clock::now();
+    restarts_in_vain = 0;
+    told_of_damage = false;
+    told_why_absent.reset();
+    {
+      const std::scoped_lock lock(mutex);
+      device = std::make_unique<V4l2Device>(std::move(opened));
+      health.identity = known;
+      health.stream = agreed;
+      health.controls = controls;
+      health.state = CameraState::waiting;
+    }
+    for (const auto& control : controls)
+      if (!control.problem.empty() || control.is_implied) note(!control.problem.empty(), to_string(control));
+    if (options.fps > 0 && agreed.fps > 0 && std::abs(agreed.fps - options.fps) > 0.02 * options.fps)
+      note(true, "was asked for " + fps_text(options.fps) + " frames/s and says that it does " + fps_text(agreed.fps));
+    if (agreed.is_interlaced) note(true, "delivers interlaced frames: moving objects come out as combs");
+  }
+
+  // The configured device; or, when that name is gone or taken, the camera that we know, where it hung before.
+  V4l2Device right_camera() {
+    std::optional<CaptureError> error;
+    try {
+      V4l2Device opened(options.device);
+      if (!known || is_ours(opened.identity())) return opened;
+      error.emplace(std::make_error_code(std::errc::address_in_use),
+                    "another camera is in its place: " + opened.identity().to_string() + " instead of " +
+                        known->to_string() + ". Plug the right one in, or restart with another configuration");
+    } catch (const CaptureError& e) {
+      if (!known) throw;
+      error.emplace(e);
+    }
+    for (const auto& node : known->usb ? v4l2_nodes_at(known->usb->port) : std::vector<fs::path>{}) {
+      try {
+        V4l2Device opened(node);
+        if (is_ours(opened.identity())) return opened;
+      } catch (const CaptureError&) {
+        // not this one: its metadata node, or just going away
+      }
+    }
+    throw CaptureError(*error);
+  }
+
+  // The camera that we had, not just one that took its name: the same one by its serial number, or one that cannot be
+  // told apart, in the same port.
+  bool is_ours(const V4l2Identity& found) const {
+    if (!found.is_same_camera(*known)) return false;
+    const bool has_serial = found.usb && !found.usb->serial.empty();
+    return has_serial || found.bus_info == known->bus_info;
+  }
+
+  void close() {
+    std::unique_ptr<V4l2Device> closing;
+    {
+      const std::scoped_lock lock(mutex);
+      closing = std::move(device);
+    }
+  }
+
+  // Whether it makes sense to go on at once.
+  bool try_to_open() {
+    try {
+      open();
+      return true;
+    } catch (const CaptureError& e) {
+      explain_absence(e);
+      return false;
+    }
+  }
+
+  // Each reason once, not at every attempt. That a camera which was lost is still not there is no news.
+  void explain_absence(const CaptureError& error) {
+    const std::string why = is_absence(error) ? std::string() : error.what();
+    if (told_why_absent != why) tell(CameraState::absent, true, "not available: " + std::string(error.what()));
+    told_why_absent = why;
+    if (!absent_since) absent_since = Clock::now();
+  }
+
+  // ---- Trouble
+
+  void lose(const std::string& why) {
+    close();
+    tell(CameraState::absent, true, why);
+    told_why_absent = "";
+    if (!absent_since) absent_since = Clock::now();
+  }
+
+  Clock::duration patience() const {
+    Clock::duration limit = shortest_stall;
+    if (stream.fps > 0)
+      limit = std::max<Clock::duration>(
+          limit, std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(10 / stream.fps)));
+    if (!last_of_driver) limit = std::max<Clock::duration>(limit, 2s);  // some cameras take their time to start
+    return std::min<Clock::duration>(limit * (1 << restarts_in_vain), std::max<Clock::duration>(longest_stall, limit));
+  }
+
+  // No frame for too long, or the driver gave up.
+  void restart(const std::string& why) {
+    tell_once(CameraState::stalled, why + ": its stream is restarted");
+    std::string problem;
+    const bool is_alive = restarts_in_vain < restarts_before_reopen && device->restart(problem);
+    {
+      const std::scoped_lock lock(mutex);
+      ++health.restarts;
+    }
+    if (is_alive) {
+      ++restarts_in_vain;
+      silent_since = Clock::now();
+      last_of_driver.reset();
+      return;
+    }
+    // Opened anew; the state stays stalled until that has failed, too.
+    close();
+    if (!absent_since) absent_since = Clock::now();
+    if (!problem.empty()) note(true, "its stream does not restart: " + problem + "; it is opened anew");
+    next_attempt = Clock::now();
+  }
+
+  // ---- Frames
+
+  // Our number for a frame, and how many the driver lost before it. Some drivers do not count.
+  std::pair<std::uint32_t, std::uint32_t> number(std::uint32_t of_driver) {
+    const auto step = last_of_driver ? static_cast<std::int32_t>(of_driver - *last_of_driver) : 1;
+    last_of_driver = of_driver;
+    const std::uint32_t lost = step > 1 ? static_cast<std::uint32_t>(step - 1) : 0;
+    const std::uint32_t ours = next_sequence + lost;
+    next_sequence = ours + 1;
+    return {ours, lost};
+  }
+
+  Frame frame_from(Dequeued&& raw) {
+    Frame frame;
+    frame.camera = options.camera;
+    frame.captured_at = unix_time_of(raw.at) - options.latency;
+    const auto [sequence, lost] = number(raw.sequence);
+    frame.sequence = sequence;
+    const StampKind stamp = raw.stamp;
+
+    bool is_copied = false;
+    std::string problem;
+    if (raw.has_error)
+      problem = "the driver flags it as damaged";
+    else if (stream.format == CaptureFormat::mjpeg)
+      problem = decode(std::move(raw), frame);
+    else if (raw.bytes.size() < image_bytes(stream))
+      problem =
+          "it has " + std::to_string(raw.bytes.size()) + " bytes instead of " + std::to_string(image_bytes(stream));
+    else
+      is_copied = take_image(std::move(raw), frame);
+    frame.status = problem.empty() ? FrameStatus::ok : FrameStatus::corrupted;
+
+    const bool is_back = state() != CameraState::delivering;
+    {
+      const std::scoped_lock lock(mutex);
+      ++(problem.empty() ? health.frames : health.corrupted);
+      health.dropped += lost;
+      health.copied += is_copied ? 1 : 0;
+      health.stamp = stamp;
+      health.last_frame = frame.captured_at;
+    }
+    // A damaged frame is a sign of life, not of health.
+    if (problem.empty() && is_back) tell_of_delivery(stamp);
+    if (!problem.empty() && !std::exchange(told_of_damage, true))
+      note(true, "a frame is damaged and not used (" + problem + "); further ones are only counted");
+    silent_since = Clock::now();
+    if (problem.empty()) restarts_in_vain = 0;
+    return frame;
+  }
+
+  void tell_of_delivery(StampKind stamp) {
+    std::string text = "delivers " + std::string(name(stream.format)) + " " + std::to_string(stream.width) + "x" +
+                       std::to_string(stream.height);
+    if (stream.fps > 0) text += " at " + fps_text(stream.fps) + " frames/s";
+    text += ", time stamps: " + std::string(name(stamp)) + "; " + known->to_string();
+    const bool was_absent = absent_since && was_delivering;
+    if (was_absent) text = "is back after " + seconds_text(Clock::now() - *absent_since) + ", " + text;
+    if (!was_absent && was_delivering) text = "delivers again";
+    if (was_absent) {
+      const std::scoped_lock lock(mutex);
+      ++health.reconnects;
+    }
+    absent_since.reset();
+    was_delivering = true;
+    tell(CameraState::delivering, false, text);
+  }
+
+  // The image in the driver's buffer, or a copy of it. True: copied.
+  bool take_image(Dequeued&& raw, Frame& frame) {
+    const bool copies = device->is_short_of_buffers();
+    const std::uint8_t* data = raw.bytes.data();
+    std::shared_ptr<const void> owner;
+    if (copies) {
+      auto memory = std::make_shared_for_overwrite<std::uint8_t[]>(image_bytes(stream));
+      std::memcpy(memory.get(), data, image_bytes(stream));
+      data = memory.get();
+      owner = std::move(memory);
+      raw.owner.reset();
+    } else {
+      owner = std::move(raw.owner);
+    }
+    frame.pixels = {.format = pixel_format_of(stream.format),
+                    .range = stream.range,
+                    .width = stream.width,
+                    .height = stream.height,
+                    .planes = {},
+                    .owner = std::move(owner)};
+    const auto stride = static_cast<std::ptrdiff_t>(stream.stride);
+    frame.pixels.planes[0] = {data, stride};
+    if (stream.format == CaptureFormat::nv12) frame.pixels.planes[1] = {data + stride * stream.height, stride};
+    return copies;
+  }
+
+  // Empty, or what is wrong with it.
+  std::string decode(Dequeued&& raw, Frame& frame) {
+    auto bytes = std::make_shared<const std::vector<std::uint8_t>>(raw.bytes.begin(), raw.bytes.end());
+    raw.owner.reset();  // the driver may have its buffer back while we decode
+    auto result = jpeg.decode(*bytes);
+    if (!result.image) return result.problem;
+    if (result.image->width != stream.width || result.image->height != stream.height)
+      return "its JPEG is " + std::to_string(result.image->width) + "x" + std::to_string(result.image->height);
+    frame.pixels = std::move(*result.image);
+    frame.encoded = std::move(bytes);
+    return {};
+  }
+
+  // ---- The loop
+
+  std::optional<Frame> next(std::stop_token stop) {
+    const std::stop_callback wakes(stop, [this] {
+      alarm.ring();
+      const std::scoped_lock lock(mutex);
+      if (device) device->wake();
+    });
+    while (!stop.stop_requested()) {
+      progress();
+      if (!device) {
+        if (Clock::now() >= next_attempt) {
+          next_attempt = Clock::now() + options.retry;
+          if (try_to_open()) continue;
+        }
+        alarm.pause(std::min<Clock::duration>(next_attempt - Clock::now(), heartbeat));
+        continue;
+      }
+      auto result = device->dequeue(heartbeat);
+      switch (result.outcome) {
+        case DequeueOutcome::frame:
+          return frame_from(std::move(result.frame));
+        case DequeueOutcome::stopped:
+          break;
+        case DequeueOutcome::timeout:
+          if (Clock::now() - silent_since > patience())
+            restart("no frame for " + seconds_text(Clock::now() - silent_since));
+          break;
+        case DequeueOutcome::unplugged:
+          lose("unplugged: " + result.message + "; waiting for its return");
+          next_attempt = Clock::now() + options.retry;
+          break;
+        case DequeueOutcome::failed:
+          if (restarts_in_vain > 0) alarm.pause(std::min<Clock::duration>(options.retry, heartbeat));
+          restart("the driver reports " + result.message);
+          break;
+      }
+    }
+    return std::nullopt;
+  }
+
+  void end() {
+    if (device && options.restore_controls) device->set_controls_plainly(*before);
+    close();
+  }
+
+  const V4l2SourceOptions options;
+  Alarm alarm;
+  mutable std::mutex mutex;
+  std::unique_ptr<V4l2Device> device;  // changed under mutex; read by the capturing thread without
+  CameraHealth health;                 // guarded by mutex
+  std::vector<CameraEvent> events;     // guarded by mutex
+
+  // of the capturing thread
+  JpegDecoder jpeg;
+  StreamFormat stream;
+  std::optional<V4l2Identity> known;                  // the camera that was opened first, and where it hangs
+  std::optional<std::vector<ControlSetting>> before;  // the controls as we found them
+  Clock::time_point next_attempt{};
+  Clock::time_point silent_since{};
+  std::optional<Clock::time_point> absent_since;
+  int restarts_in_vain = 0;
+  bool was_delivering = false;
+  bool told_of_damage = false;
+  std::optional<std::string> told_why_absent;
+  std::optional<std::uint32_t> last_of_driver;  // sequence number in this stream
+  std::uint32_t next_sequence = 0;
+};
+
+V4l2Source::V4l2Source(V4l2SourceOptions options) {
+  for (const auto& problem : options.problems()) throw std::invalid_argument("V4l2Source: " + problem);
+  impl_ = std::make_unique<Impl>(std::move(options));
+  try {
+    impl_->open();
+  } catch (const CaptureError& e) {
+    if (e.code() == std::errc::invalid_argument) throw;
+    impl_->explain_absence(e);
+    impl_->next_attempt = Clock::now() + impl_->options.retry;
+  }
+}
+
+V4l2Source::~V4l2Source() {
+  impl_->end();
+}
+
+std::optional<Frame> V4l2Source::next(std::stop_token stop) {
+  return impl_->next(stop);
+}
+
+const V4l2SourceOptions& V4l2Source::options() const {
+  return impl_->options;
+}
+
+CameraHealth V4l2Source::health() const {
+  const std::scoped_lock lock(impl_->mutex);
+  return impl_->health;
+}
+
+std::vector<CameraEvent> V4l2Source::take_events() {
+  const std::scoped_lock lock(impl_->mutex);
+  return std::exchange(impl_->events, {});
+}
+
+}  // namespace huetrack
