@@ -15,10 +15,10 @@ double hue_width_deg(const HsiRange& r) {
 bool whole_circle(const HsiRange& r) { return r.hue_min_deg == 0 && r.hue_max_deg == 360; }
 
 // contains(range, hsi_of(rgb)) for millions of pixels: the same answer without the arc tangent for all but the few whose
-// hue is within a rounding error of the range's ends. Four times as fast for a usual range.
+// hue is within a rounding error of the range's ends.
 class Matcher {
  public:
-  explicit Matcher(const HsiRange& range) : range_(range) {
+  explicit Matcher(const HsiRange& range) : range_(range), narrow_(hue_width_deg(range) <= 180), any_hue_(whole_circle(range)) {
     const double from = range.hue_min_deg * (std::numbers::pi / 180);
     const double to = range.hue_max_deg * (std::numbers::pi / 180);
     from_ = {std::cos(from), std::sin(from)};
@@ -34,16 +34,21 @@ class Matcher {
     const double beta = std::numbers::sqrt3 / 2 * (c.g - c.b);
     const double after_from = from_.x * beta - from_.y * alpha;   // > 0: up to 180 degrees counterclockwise of the start
     const double before_to = alpha * to_.y - beta * to_.x;
-    const bool narrow = hue_width_deg(range_) <= 180;
-    const bool out = narrow ? after_from < -slack || before_to < -slack : after_from < -slack && before_to < -slack;
-    if (out && !whole_circle(range_)) return false;
-    return contains(range_, hsi_of(c));
+    const double chroma2 = alpha * alpha + beta * beta;
+    if (any_hue_ || chroma2 < slack || std::min(after_from * after_from, before_to * before_to) < slack * chroma2)
+      return contains(range_, hsi_of(c));
+    if (!(narrow_ ? after_from > 0 && before_to > 0 : after_from > 0 || before_to > 0)) return false;
+    const double intensity = sum / 3;
+    const double saturation = 1 - smallest / intensity;
+    return saturation >= range_.saturation_min && saturation <= range_.saturation_max && intensity >= range_.intensity_min &&
+           intensity <= range_.intensity_max;
   }
 
  private:
-  static constexpr double slack = 1e-6;   // far above rounding; inside it the formula decides
+  static constexpr double slack = 1e-9;   // far above rounding; inside it the formula decides
   struct Direction { double x, y; };
   HsiRange range_;
+  bool narrow_, any_hue_;
   Direction from_{}, to_{};
 };
 
@@ -83,6 +88,7 @@ Hsi hsi_of(Rgb c) {
   const double beta = std::numbers::sqrt3 / 2 * (c.g - c.b);
   double hue_deg = std::atan2(beta, alpha) * (180 / std::numbers::pi);
   if (hue_deg < 0) hue_deg += 360;
+  if (hue_deg >= 360) hue_deg = 0;         // a rounding error below 0
   return {hue_deg, 1 - smallest / intensity, intensity, true};
 }
 
@@ -91,6 +97,7 @@ bool contains(const HsiRange& r, const Hsi& hsi) {
   if (hsi.intensity < r.intensity_min || hsi.intensity > r.intensity_max) return false;
   if (whole_circle(r)) return true;
   if (!hsi.has_hue) return false;
+  if (hsi.hue_deg == 0 && r.hue_max_deg == 360) return true;            // the same angle
   if (r.hue_min_deg <= r.hue_max_deg) return hsi.hue_deg >= r.hue_min_deg && hsi.hue_deg <= r.hue_max_deg;
   return hsi.hue_deg >= r.hue_min_deg || hsi.hue_deg <= r.hue_max_deg;
 }
