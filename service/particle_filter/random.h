@@ -9,7 +9,8 @@
 namespace huetrack {
 
 // 16 interleaved xoshiro128++ generators (Blackman and Vigna 2021), so that noise for a whole particle set is drawn at
-// vector speed. thread-compatible.
+// vector speed. thread-compatible. Several fills give the same numbers as one, if all but the last are of whole batches: a
+// multiple of 16 for uniform numbers, of 256 for normal ones.
 class Rng {
  public:
   // Each use has its own stream of the user's one seed, for example stream = index of the target.

@@ -44,6 +44,10 @@ bool normalize_weights(std::span<float> weight) {
     std::ranges::fill(weight, 1.0f / static_cast<float>(weight.size()));
     return false;
   }
+  if (total < 1e-30) {                    // its inverse may be beyond a float
+    for (float& w : weight) w *= 0x1p100f;
+    return normalize_weights(weight);
+  }
   const auto scale = static_cast<float>(1.0 / total);
   for (float& w : weight) w *= scale;
   return true;
