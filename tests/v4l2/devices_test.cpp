@@ -10,6 +10,7 @@
 
 #include <cstdlib>
 #include <cstring>
+#include <deque>
 #include <random>
 #include <thread>
 
@@ -19,6 +20,7 @@
 #include "capture/recording_writer.h"
 #include "capture/replay_source.h"
 #include "capture/v4l2_source.h"
+#include "daemon/bounded_queue.h"
 
 namespace huetrack {
 namespace {
@@ -487,6 +489,33 @@ TEST_F(Vivid, AStopWakesItAtOnce) {
   set("percentage_of_dropped_buffers", 0);
 }
 
+TEST_F(Vivid, FramesAreLetGoOnOtherThreadsWhileItRestarts) {
+  auto source = std::make_unique<V4l2Source>(options());
+  BoundedQueue<Frame> queue(4, WhenFull::drop_oldest);
+  std::uint64_t sum = 0;
+  int read = 0;
+  std::jthread reader([&] {
+    std::deque<Frame> held;
+    while (auto frame = queue.pop()) {
+      if (frame->status == FrameStatus::ok) sum += hash_of(frame->pixels);
+      held.push_back(std::move(*frame));
+      if (held.size() > 3) held.pop_front();
+      ++read;
+    }
+  });
+  for (int k = 0; k < 60; ++k) {
+    if (k == 20 || k == 40) set("inject_fatal_streaming_error", 1);
+    auto frame = source->next({});
+    ASSERT_TRUE(frame);
+    queue.push(std::move(*frame));
+  }
+  source.reset();  // the reader still holds some
+  queue.close();
+  reader.join();
+  EXPECT_GT(read, 40);
+  EXPECT_NE(sum, 0U);
+}
+
 TEST_F(Vivid, ControlsByNameRangeAndKind) {
   const std::vector<ControlSetting> settings{{"brightness", 100},
                                              {"brightnes", 1},
@@ -561,6 +590,22 @@ TEST_F(Uvc, FramesAreBitExactAndTheCameraKnown) {
     EXPECT_THROW(V4l2Device(node.identity.node), CaptureError);
   }
   EXPECT_TRUE(has_metadata_node);
+}
+
+TEST_F(Uvc, StableNamesAreFoundAndFollowed) {
+  plug_in();
+  const fs::path link = "/dev/v4l/by-path/platform-vhci_hcd.0-usb-0:1:1.0-video-index0";  // the VM has no udev
+  fs::create_directories(link.parent_path());
+  fs::remove(link);
+  fs::create_symlink(node_of("uvcvideo"), link);
+  {
+    V4l2Source source(options_for(link, width, height, 15));
+    EXPECT_THAT(source.take_events(), Each(Field(&CameraEvent::message, Not(HasSubstr("not stable")))));
+    EXPECT_EQ(take(source, 3).frames.size(), 3U);
+    EXPECT_THAT(source.health().identity->by_path, testing::ElementsAre(link));
+    EXPECT_EQ(source.health().identity->node, node_of("uvcvideo"));
+  }
+  fs::remove(link);
 }
 
 TEST_F(Uvc, ManualValuesSwitchTheirAutomaticsOffFirst) {
