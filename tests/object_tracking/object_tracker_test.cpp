@@ -238,6 +238,21 @@ TEST(ObjectTracker, freeRunningCameras) {
   }
 }
 
+// Every other set, or two of three, has one view only: it neither confirms a find nor refutes one.
+TEST(ObjectTracker, camerasOfDifferentRates) {
+  const Scene scene = ring(2).ball({}).build();
+  for (const std::size_t every : {2u, 3u}) {
+    std::vector<FrameSet> sets = render(scene, {.set_count = 90});
+    for (std::size_t i = 0; i < sets.size(); ++i) {
+      if (i % every != 1) sets[i].frames[1].reset();
+    }
+    const Outcome o = run(scene, sets, lime(), options_with());
+    EXPECT_LE(o.lock, 2 * every) << every;
+    EXPECT_LT(o.rms_m, 0.012) << every;
+    EXPECT_EQ(std::ranges::count(o.estimates, TrackState::lost, &ObjectEstimate::state), 0) << every;
+  }
+}
+
 TEST(ObjectTracker, oneOfThreeCamerasStaysAway) {
   const Scene scene = ring(3).ball({}).build();
   std::vector<FrameSet> sets = render(scene, {.set_count = 80});
