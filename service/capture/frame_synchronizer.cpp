@@ -84,7 +84,7 @@ Duration FrameSynchronizer::clock_jump() const {
 }
 
 bool FrameSynchronizer::is_off_time(const Frame& frame) const {
-  if (!newest_) return false;
+  if (!newest_ || options_.ascending_input) return false;
   return std::chrono::abs(frame.captured_at - *newest_) > clock_jump();
 }
 
@@ -144,6 +144,15 @@ bool FrameSynchronizer::is_waited_for(const CameraState& camera, Timestamp end_o
   });
 }
 
+bool FrameSynchronizer::may_still_change(Timestamp end_of_set) const {
+  if (!options_.ascending_input)
+    return std::ranges::any_of(cameras_, [&](const CameraState& camera) { return is_waited_for(camera, end_of_set); });
+  if (*newest_ > end_of_set) return false;
+  // A set that has every camera is not final yet: a camera's next frame may be of the newest time too, in the set's
+  // span, and closing the set now would make that one late.
+  return std::ranges::any_of(cameras_, [&](const CameraState& camera) { return camera.newest != newest_; });
+}
+
 std::optional<Timestamp> FrameSynchronizer::oldest_waiting() const {
   std::optional<Timestamp> oldest;
   for (const CameraState& camera : cameras_)
@@ -186,8 +195,7 @@ std::optional<FrameSet> FrameSynchronizer::take_set(Timestamp oldest) {
 
 void FrameSynchronizer::hand_out_proven(std::vector<FrameSet>& out) {
   while (const auto oldest = oldest_waiting()) {
-    const Timestamp end = *oldest + options_.tolerance;
-    if (std::ranges::any_of(cameras_, [&](const CameraState& camera) { return is_waited_for(camera, end); })) return;
+    if (may_still_change(*oldest + options_.tolerance)) return;
     if (auto set = take_set(*oldest)) out.push_back(std::move(*set));
   }
 }

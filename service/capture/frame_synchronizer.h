@@ -17,6 +17,8 @@ struct FrameSynchronizerOptions {
   // A set spans at most this long, first to last capture time. Free-running cameras of one rate: half a frame period
   // puts every frame into a set (see suggested_tolerance). Frames keep their own capture times inside the set.
   Duration tolerance = duration_of(0.017);  // > 0
+  // The frames of all cameras come merged by capture time, as from a recording: then nothing is late.
+  bool ascending_input = false;
   std::vector<std::string> problems() const;
 };
 
@@ -48,8 +50,10 @@ struct FrameSynchronizerCounters {
 //   stopped: nobody waits for it until it is back.
 // - A corrupted frame is not used, but it shows that its camera has nothing else to give for that time.
 // - A frame over a second (and three frame periods) off everyone's time, a driver's bad time stamp, is held back until
-// a second camera, or ten
-//   frames in a row, confirm it: then the clocks have changed, otherwise it is dropped and counted.
+//   a second camera, or ten frames in a row, confirm it: then the clocks have changed, otherwise it is dropped and
+//   counted.
+// With ascending_input nothing of this is guessed: a set is handed out when a frame beyond its span has come, or when
+// every camera has given a frame of the newest time. The sets then depend on the capture times alone.
 // thread-compatible.
 class FrameSynchronizer {
  public:
@@ -76,6 +80,7 @@ class FrameSynchronizer {
   void admit(Frame frame);
   bool has_stopped(const CameraState& camera) const;
   bool is_waited_for(const CameraState& camera, Timestamp end_of_set) const;
+  bool may_still_change(Timestamp end_of_set) const;
   std::optional<Timestamp> oldest_waiting() const;
   std::optional<FrameSet> take_set(Timestamp oldest);
   void hand_out_proven(std::vector<FrameSet>& out);

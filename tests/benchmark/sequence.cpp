@@ -41,11 +41,12 @@ Sequence load_sequence(const std::filesystem::path& folder, int every, int phase
   ReplaySource source(recording, names);
   Duration period = source.cameras().front().frame_period;
   for (const ReplayCamera& camera : source.cameras()) period = std::min(period, camera.frame_period);
-  FrameSynchronizer synchronizer({.camera_count = static_cast<int>(names.size()), .tolerance = duration_of(0.55 * seconds(period))});
+  FrameSynchronizer synchronizer({.camera_count = static_cast<int>(names.size()), .tolerance = duration_of(0.55 * seconds(period)),
+                                  .ascending_input = true});
   while (auto frame = source.next({})) {
     for (FrameSet& set : synchronizer.push(std::move(*frame))) out.sets.push_back(std::move(set));
   }
-  if (auto last = synchronizer.flush()) out.sets.push_back(std::move(*last));
+  while (auto last = synchronizer.flush()) out.sets.push_back(std::move(*last));
 
   if (const auto file = folder / "groundtruth.csv"; std::filesystem::exists(file)) {
     std::vector<std::string> columns{"t", "ball", "x", "y", "z"};

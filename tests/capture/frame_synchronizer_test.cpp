@@ -41,8 +41,8 @@ Views views(const FrameSet& set) {
 
 // Milliseconds in, views out.
 struct Sync : FrameSynchronizer {
-  explicit Sync(int cameras, Duration tolerance = 17ms)
-      : FrameSynchronizer({.camera_count = cameras, .tolerance = tolerance}) {}
+  explicit Sync(int cameras, Duration tolerance = 17ms, bool ascending_input = false)
+      : FrameSynchronizer({.camera_count = cameras, .tolerance = tolerance, .ascending_input = ascending_input}) {}
   std::vector<Views> push(int camera, int at_ms, FrameStatus status = FrameStatus::ok) {
     std::vector<Views> sets;
     for (const auto& set : FrameSynchronizer::push(frame(camera, at_ms * 1ms, status))) sets.push_back(views(set));
@@ -389,7 +389,7 @@ TEST(FrameSynchronizer, KeepsItsPromisesWhateverComes) {
   }
 }
 
-// In the order of capture, as a replay gives them, no frame is ever late.
+// In the order of capture no frame is late as long as no camera stops, and no two frames have the same time.
 TEST(FrameSynchronizer, FramesInTimeOrderAreNeverLate) {
   for (unsigned seed = 0; seed < 100; ++seed) {
     std::mt19937_64 rng(seed);
@@ -409,6 +409,78 @@ TEST(FrameSynchronizer, FramesInTimeOrderAreNeverLate) {
     while (const auto set = sync.flush()) count(*set);
     EXPECT_EQ(views, frames.size());
     EXPECT_EQ(sync.counters().late_frames, 0u);
+  }
+}
+
+TEST(FrameSynchronizer, AscendingACameraThatReturnsAtTheTimeOfAnotherIsNotLate) {
+  Sync sync(2, 17ms, true);
+  for (int t = 0; t < 100; t += 33) sync.push(0, t), sync.push(1, t);
+  for (int t = 132; t < 462; t += 33) sync.push(0, t);  // camera 1 loses ten frames
+  EXPECT_THAT(sync.push(0, 462), ElementsAre(Views{{0, 429}}));
+  EXPECT_THAT(sync.push(1, 462), ElementsAre(Views{{0, 462}, {1, 462}}));
+  EXPECT_EQ(sync.counters().incomplete_sets, 10u);
+  EXPECT_EQ(sync.counters().late_frames, 0u);
+}
+
+TEST(FrameSynchronizer, AscendingASetIsOpenAsLongAsAFrameOfItsTimeMayCome) {
+  Sync sync(2, 17ms, true);
+  sync.push(1, 0);
+  EXPECT_THAT(sync.push(0, 5), IsEmpty());
+  EXPECT_THAT(sync.push(1, 5), ElementsAre(Views{{1, 0}}, Views{{0, 5}, {1, 5}}));
+  sync.push(0, 38);
+  EXPECT_THAT(sync.push(1, 50), IsEmpty());
+  EXPECT_THAT(sync.push(0, 71), ElementsAre(Views{{0, 38}, {1, 50}}));
+  EXPECT_EQ(sync.counters().late_frames, 0u);
+}
+
+TEST(FrameSynchronizer, AscendingAPauseOfAllCamerasNeedsNoConfirmation) {
+  Sync sync(2, 17ms, true);
+  sync.push(0, 0);
+  EXPECT_THAT(sync.push(1, 60'000), ElementsAre(Views{{0, 0}}));
+  EXPECT_THAT(sync.push(0, 120'000), ElementsAre(Views{{1, 60'000}}));
+  EXPECT_THAT(sync.flush_all(), ElementsAre(Views{{0, 120'000}}));
+}
+
+// Merged by capture time, as a replay gives them, every frame gets into one set, whatever is missing.
+TEST(FrameSynchronizer, AscendingFramesAreNeverLate) {
+  for (unsigned seed = 0; seed < 300; ++seed) {
+    SCOPED_TRACE("seed " + std::to_string(seed));
+    std::mt19937_64 rng(seed);
+    const auto integer = [&](int a, int b) { return std::uniform_int_distribution(a, b)(rng); };
+    const int cameras = integer(1, 5);
+    const bool same_rate = integer(0, 1) == 1;
+    const bool same_phase = integer(0, 1) == 1;  // whole milliseconds: equal times are frequent
+    const bool jitters = integer(0, 3) == 0;
+    std::vector<Frame> frames;
+    for (int camera = 0; camera < cameras; ++camera) {
+      const int period = same_rate ? 20 : 10 * integer(1, 6);
+      int gap_ends = -1;
+      for (int t = same_phase ? 0 : integer(0, 40); t < 4000; t += jitters ? integer(1, 2 * period) : period) {
+        if (integer(0, 40) == 0) gap_ends = t + integer(1, 1500);
+        if (t >= gap_ends) frames.push_back(frame(camera, t * 1ms));
+      }
+    }
+    std::ranges::stable_sort(frames, {}, &Frame::captured_at);
+
+    const Duration tolerance = integer(1, 50) * 1ms;
+    FrameSynchronizer sync({.camera_count = cameras, .tolerance = tolerance, .ascending_input = true});
+    std::set<std::pair<int, Timestamp>> in_sets;
+    std::optional<Timestamp> before;
+    const auto take = [&](const FrameSet& set) {
+      EXPECT_TRUE(!before || set.at > *before);
+      before = set.at;
+      for (const auto& f : set.frames) {
+        if (!f) continue;
+        EXPECT_LE(set.at - f->captured_at, tolerance);
+        EXPECT_TRUE(in_sets.emplace(f->camera, f->captured_at).second) << "in two sets";
+      }
+    };
+    for (const auto& f : frames)
+      for (const auto& set : sync.push(f)) take(set);
+    while (const auto set = sync.flush()) take(*set);
+    EXPECT_EQ(in_sets.size(), frames.size());
+    const auto& c = sync.counters();
+    EXPECT_EQ(c.late_frames + c.early_frames + c.duplicate_frames + c.clock_jumps, 0u);
   }
 }
 
