@@ -174,6 +174,9 @@ ReplaySummary replay(const ReplayCommand& command, std::stop_token stop) {
 
   PipelineOptions options;
   options.frame_sets.camera_count = int(config.rig.cameras.size());
+  // Merged by capture time, but our own recordings repeat the order of arrival, and with it the live sets.
+  options.frame_sets.ascending_input = std::ranges::all_of(
+      recording.cameras, [](const auto& camera) { return camera.received.empty() && camera.corrupted.empty(); });
   options.frame_sets.tolerance =
       config.set_tolerance_s ? duration_of(*config.set_tolerance_s) : automatic_tolerance(source.cameras());
   options.threads = command.threads.value_or(config.threads);
