@@ -33,7 +33,11 @@ std::string in_quotes(std::string_view text) {
 
 std::string to_text(double value) {
   std::array<char, 32> buffer;
-  return {buffer.data(), std::to_chars(buffer.data(), buffer.data() + buffer.size(), value).ptr};
+  // The shortest way to write a million is 1e+06, and not the most readable one.
+  const bool plain = value == 0 || (std::abs(value) >= 1e-4 && std::abs(value) < 1e16);
+  return {buffer.data(), std::to_chars(buffer.data(), buffer.data() + buffer.size(), value,
+                                       plain ? std::chars_format::fixed : std::chars_format::general)
+                             .ptr};
 }
 
 std::string plural(std::size_t count, const std::string& noun) {
@@ -423,6 +427,12 @@ YamlReader YamlReader::map(std::string_view key) const {
 std::optional<YamlReader> YamlReader::optional_map(std::string_view key) const {
   if (!has(key)) return std::nullopt;
   return map(key);
+}
+
+YamlReader YamlReader::map_or_empty(std::string_view key) const {
+  if (has(key)) return map(key);
+  const YAML::Node nothing(YAML::NodeType::Map);
+  return YamlReader(std::make_shared<Node>(node_->file, node_->child(key), node_->line, nothing));
 }
 
 std::vector<YamlReader> YamlReader::maps(std::string_view key) const {

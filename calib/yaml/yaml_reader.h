@@ -68,6 +68,7 @@ class YamlReader {
 
   YamlReader map(std::string_view key) const;                                   // required
   std::optional<YamlReader> optional_map(std::string_view key) const;
+  YamlReader map_or_empty(std::string_view key) const;                          // absent: no key, at this one's line
   std::vector<YamlReader> maps(std::string_view key) const;                     // a list of mappings
   // A mapping whose keys are names of the user's choice (cameras, targets), in the order of the file.
   // A name given twice is an error.

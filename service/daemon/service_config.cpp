@@ -131,74 +131,65 @@ const HsiRange& value_of(const std::pair<std::string, HsiRange>& entry) {
 }
 
 // ---------------------------------------------------------------------------------------------------------------------
-// One mapping of the file, or none: then everything keeps its default.
+// One mapping of the file; what it lacks keeps its default, or is an error where it is required.
 class Reader {
  public:
-  explicit Reader(std::optional<YamlReader> yaml) : yaml_(std::move(yaml)) {}
+  explicit Reader(YamlReader yaml) : yaml_(std::move(yaml)) {}
 
-  void version(int only) {
-    if (yaml_) yaml_->integer("version", Range{.min = double(only), .max = double(only)});
-  }
+  void version(int only) { yaml_.integer("version", Range{.min = double(only), .max = double(only)}); }
   void number(std::string_view key, double& value, Range range, std::string_view) {
-    if (yaml_) value = yaml_->number(key, range, value);
+    value = yaml_.number(key, range, value);
   }
   template <std::integral T>
   void integer(std::string_view key, T& value, Range range, std::string_view) {
-    if (yaml_) value = static_cast<T>(yaml_->integer(key, range, static_cast<std::int64_t>(value)));
+    value = static_cast<T>(yaml_.integer(key, range, static_cast<std::int64_t>(value)));
   }
-  void boolean(std::string_view key, bool& value, std::string_view) {
-    if (yaml_) value = yaml_->boolean(key, value);
-  }
-  void text(std::string_view key, std::string& value, std::string_view) {
-    if (yaml_) value = yaml_->string(key, value);
-  }
+  void boolean(std::string_view key, bool& value, std::string_view) { value = yaml_.boolean(key, value); }
+  void text(std::string_view key, std::string& value, std::string_view) { value = yaml_.string(key, value); }
   void strings(std::string_view key, std::vector<std::string>& value, std::string_view) {
-    if (yaml_ && yaml_->has(key)) value = yaml_->strings(key);
+    if (yaml_.has(key)) value = yaml_.strings(key);
   }
   template <typename T>
   void choice(std::string_view key, T& value, Words<T> words, std::string_view) {
-    if (!yaml_ || !yaml_->has(key)) return;
+    if (!yaml_.has(key)) return;
     std::vector<std::string_view> allowed;
     for (const auto& [word, _] : words) allowed.push_back(word);
-    const std::string given = yaml_->choice(key, allowed);
+    const std::string given = yaml_.choice(key, allowed);
     value = std::ranges::find(words, given, [](const auto& w) { return w.first; })->second;
   }
-  void path(std::string_view key, fs::path& value, std::string_view) {
-    if (yaml_) value = resolved(yaml_->string(key));
-  }
+  void path(std::string_view key, fs::path& value, std::string_view) { value = resolved(yaml_.string(key)); }
   void path_or(std::string_view key, const std::string& none, fs::path& value, std::string_view) {
-    if (!yaml_) return;
-    const std::string given = yaml_->string(key, none);
+    const std::string given = yaml_.string(key, none);
     value = given == none ? fs::path() : resolved(given);
-    if (!value.empty() && !fs::is_regular_file(value)) yaml_->fail(key, "there is no file " + value.string());
+    if (!value.empty() && !fs::is_regular_file(value)) yaml_.fail(key, "there is no file " + value.string());
   }
   void number_or(std::string_view key, std::string_view word, std::optional<double>& value, Range range,
                  std::string_view) {
-    if (!is_word(key, word)) value = yaml_->number(key, range);
+    if (!is_word(key, word)) value = yaml_.number(key, range);
   }
   void integer_or(std::string_view key, std::string_view word, std::optional<int>& value, Range range,
                   std::string_view) {
-    if (!is_word(key, word)) value = static_cast<int>(yaml_->integer(key, range));
+    if (!is_word(key, word)) value = static_cast<int>(yaml_.integer(key, range));
   }
   void point(std::string_view key, Eigen::Vector3d& value, std::string_view) {
-    if (yaml_ && yaml_->has(key)) value = Eigen::Vector3d(yaml_->numbers(key, 3, 3, any_number).data());
+    if (yaml_.has(key)) value = Eigen::Vector3d(yaml_.numbers(key, 3, 3, any_number).data());
   }
   void interval(std::string_view key, double& min, double& max, Range range, Need need, std::string_view) {
-    if (!yaml_ || (need == Need::optional && !yaml_->has(key))) return;
-    const auto values = yaml_->numbers(key, 2, 2, range);
+    if (need == Need::optional && !yaml_.has(key)) return;
+    const auto values = yaml_.numbers(key, 2, 2, range);
     min = values[0];
     max = values[1];
   }
   template <typename F>
   void group(std::string_view key, std::string_view, F&& describe_group) {
-    Reader inner(yaml_ ? yaml_->optional_map(key) : std::nullopt);
+    Reader inner(yaml_.map_or_empty(key));  // even when it is absent: something in it may be required
     describe_group(inner);
     inner.finish();
   }
   template <typename T, typename F>
   void named(std::string_view key, std::vector<T>& entries, std::string_view, F&& describe_entry) {
-    if (!yaml_ || !yaml_->has(key)) return;
-    for (auto& [name, yaml] : yaml_->named_maps(key)) {
+    if (!yaml_.has(key)) return;
+    for (auto& [name, yaml] : yaml_.named_maps(key)) {
       Reader inner(yaml);
       T& entry = entries.emplace_back();
       name_of(entry) = name;
@@ -206,26 +197,24 @@ class Reader {
       inner.finish();
     }
   }
-  void finish() const {
-    if (yaml_) yaml_->finish();
-  }
+  void finish() const { yaml_.finish(); }
 
  private:
   fs::path resolved(const std::string& path) const {
-    return fs::absolute(yaml_->path().parent_path() / path).lexically_normal();
+    return fs::absolute(yaml_.path().parent_path() / path).lexically_normal();
   }
   // Absent, or the word that stands for "not a number".
   bool is_word(std::string_view key, std::string_view word) const {
-    if (!yaml_ || !yaml_->has(key)) return true;
-    const std::string given = yaml_->string(key);
+    if (!yaml_.has(key)) return true;
+    const std::string given = yaml_.string(key);
     if (given == word) return true;
     if (std::isalpha(static_cast<unsigned char>(given.front())) != 0) {
-      yaml_->fail(key, "must be a number or the word " + std::string(word) + ", got \"" + given + "\"");
+      yaml_.fail(key, "must be a number or the word " + std::string(word) + ", got \"" + given + "\"");
     }
     return false;
   }
 
-  std::optional<YamlReader> yaml_;
+  YamlReader yaml_;
 };
 
 // ---------------------------------------------------------------------------------------------------------------------
@@ -337,15 +326,11 @@ class Printer {
 // ---------------------------------------------------------------------------------------------------------------------
 // What one key alone cannot tell.
 void check(const ServiceConfig& config, const YamlReader& root) {
-  const auto reader_of = [](const YamlReader& parent, std::string_view key) {
-    const auto map = parent.optional_map(key);
-    return map ? *map : parent;
-  };
   if (config.targets.empty())
     root.fail("targets", "at least one target is needed: targets: {ball: {color: {hue_deg: [65, 115]}}}");
 
   const Box& volume = config.object_tracking.volume;
-  const YamlReader tracking = reader_of(root, "object_tracking");
+  const YamlReader tracking = root.map_or_empty("object_tracking");
   for (int axis = 0; axis < 3; ++axis) {
     if (!(volume.min[axis] < volume.max[axis])) {
       tracking.fail("volume",
@@ -367,6 +352,9 @@ void check(const ServiceConfig& config, const YamlReader& root) {
   const double smallest_side_m = (volume.max - volume.min).minCoeff();
   const YamlReader targets = root.map("targets");
   for (const auto& target : config.targets) {
+    EstimatePublisherOptions topics;  // the name becomes part of theirs
+    topics.targets = {target.name};
+    if (const auto problems = topics.problems(); !problems.empty()) targets.fail(target.name, problems.front());
     const YamlReader yaml = targets.map(target.name);
     if (2 * target.radius_m > smallest_side_m) {
       yaml.fail("radius_m", "a ball of this radius does not fit into object_tracking.volume; the unit is metres");
@@ -384,7 +372,7 @@ void check(const ServiceConfig& config, const YamlReader& root) {
     if (const auto problems = target.problems(); !problems.empty()) targets.fail(target.name, problems.front());
   }
   if (const auto problems = config.dds.publisher.problems(); !problems.empty()) {
-    (root.has("dds") ? root.map("dds") : root).fail("", problems.front());
+    root.map_or_empty("dds").fail("", problems.front());
   }
 }
 

@@ -8,6 +8,7 @@
 #include <fstream>
 #include <sstream>
 
+#include "calib/model/rig_yaml.h"
 #include "calib/yaml/yaml_reader.h"
 
 namespace huetrack {
@@ -189,6 +190,13 @@ INSTANTIATE_TEST_SUITE_P(
                 "c.yaml:1: targets: at least one target is needed: targets: {ball: {color: {hue_deg: [65, 115]}}}"},
         Mistake{"NoHue", head + "targets:\n  ball:\n    color: {saturation: [0.3, 1]}\n",
                 "c.yaml:5: targets.ball.color.hue_deg is missing"},
+        Mistake{"NoColor", head + "targets:\n  lime: {radius_m: 0.04}\n",
+                "c.yaml:4: targets.lime.color.hue_deg is missing"},
+        Mistake{"TargetNameThatIsNoTopic", head + "targets:\n  ball__x: {color: {hue_deg: [65, 115]}}\n",
+                "c.yaml:4: targets.ball__x: target \"ball__x\" must be a letter, then letters, digits and single '_': "
+                "it is part of a ROS 2 topic's name"},
+        Mistake{"TooManyParticles", ball + "object_tracking: {particle_count: 2000000}\n",
+                "c.yaml:4: object_tracking.particle_count must be from 1 to 1000000 (is 2000000)"},
         Mistake{"TargetTwice",
                 head + "targets:\n  ball: {color: {hue_deg: [1, 2]}}\n  ball: {color: {hue_deg: [3, 4]}}\n",
                 "c.yaml:5: targets.ball is given twice"},
@@ -213,6 +221,13 @@ INSTANTIATE_TEST_SUITE_P(
 TEST_F(ServiceConfigFile, NamesThatCannotBePartOfATopicAreRefused) {
   EXPECT_THAT(error(head + "targets:\n  2balls: {color: {hue_deg: [65, 115]}}\n"),
               HasSubstr("c.yaml:4: targets.2balls: "));
+}
+
+TEST_F(ServiceConfigFile, ADefaultVolumeOutOfSightIsNamedByItsWholeKey) {
+  CameraRig far = read_rig(folder_ / "rig.yaml");
+  for (auto& camera : far.cameras) camera.cam_from_world.translation += Eigen::Vector3d(0, 0, -100);  // all behind it
+  write_rig(far, folder_ / "rig.yaml");
+  EXPECT_THAT(error(ball), HasSubstr("c.yaml:1: object_tracking.volume: no camera of the rig sees any of it"));
 }
 
 TEST_F(ServiceConfigFile, EmptyRangesAreRefused) {
