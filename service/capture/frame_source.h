@@ -13,6 +13,8 @@ class FrameSource {
  public:
   virtual ~FrameSource() = default;
   virtual std::optional<Frame> next(std::stop_token stop) = 0;  // blocks; nullopt = ended or stopped
+  // No more frames of this camera will come, though of others they may. Called by the thread that calls next().
+  virtual bool ended(int /*camera*/) const { return false; }
 };
 
 }  // namespace huetrack

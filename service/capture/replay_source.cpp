@@ -87,6 +87,10 @@ class Stream {
 
   const ReplayCamera& info() const { return info_; }
 
+  bool ended() const {
+    return waiting_.empty() && !picture_ && (!reader_ || ended_) && next_corrupted_ == camera_.corrupted.size();
+  }
+
   // No picture, that is.
   bool delivered_nothing() const { return camera_.is_listed && camera_.timestamps.empty(); }
 
@@ -304,6 +308,10 @@ std::optional<Frame> ReplaySource::next(std::stop_token stop) {
     if (frame && (!earliest || comes_before(*frame, *earliest->front()))) earliest = stream.get();
   }
   return earliest ? std::optional(earliest->take()) : std::nullopt;
+}
+
+bool ReplaySource::ended(int camera) const {
+  return impl_->streams.at(static_cast<std::size_t>(camera))->ended();
 }
 
 const std::vector<ReplayCamera>& ReplaySource::cameras() const {

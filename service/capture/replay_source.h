@@ -50,6 +50,7 @@ class ReplaySource final : public FrameSource {
   ~ReplaySource() override;
 
   std::optional<Frame> next(std::stop_token stop) override;  // returns within one frame's decoding time of a stop
+  bool ended(int camera) const override;                     // known when the frame after its last is out
 
   const std::vector<ReplayCamera>& cameras() const;     // in the order of camera_names
   std::optional<std::int64_t> expected_frames() const;  // of all cameras

@@ -227,7 +227,7 @@ cv::Mat draw_views(const ServiceConfig& config, const PictureJob& job) {
     std::string details = format("%d particles, %d of %zu views", e.particle_count, e.views, cameras.size());
     if (e.has_position()) {
       const double sigma_mm = 1e3 * std::sqrt(std::max(0.0, e.covariance.trace()));
-      details = format("x %+.3f  y %+.3f  z %+.3f m   +- %.1f mm   speed %.2f m/s   ", e.position.x(), e.position.y(),
+      details = format("x %+.3f  y %+.3f  z %+.3f m   +/- %.1f mm   speed %.2f m/s   ", e.position.x(), e.position.y(),
                        e.position.z(), sigma_mm, e.velocity.norm()) +
                 details;
     }
@@ -514,7 +514,8 @@ cv::Mat draw_track_3d(const ServiceConfig& config, const std::string& title,
     canvas.line({key_x - 34, 46.5}, {key_x - 8, 46.5}, color, stroke);
     key_x -= 54;
   };
-  if (truth != nullptr) key("truth", truth_color, 1);
+  const auto has_truth = [&](const TargetOptions& target) { return truth->targets().contains(target.name); };
+  if (truth != nullptr && std::ranges::any_of(config.targets, has_truth)) key("truth", truth_color, 1);
   key("coasting", coasting_color, 3.5);
   key("tracking: the target's colour", track_color(config.targets.front()), 3.5);
 

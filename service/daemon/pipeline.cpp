@@ -180,6 +180,7 @@ void Pipeline::capture(FrameSource& source, std::stop_token stop) {
     {
       const std::scoped_lock lock(figures_mutex_);
       figures_.decode += lap;
+      for (std::size_t c = 0; c < mine.size(); ++c) figures_.cameras[c].ended |= mine[c] && source.ended(int(c));
     }
     if (!frame) break;
     mine.at(std::size_t(frame->camera)) = true;
@@ -201,6 +202,7 @@ void Pipeline::receive(Frame frame) {
     }
     figures.last_sequence = frame.sequence;
     figures.last_received = Clock::now();
+    figures.last_captured = frame.captured_at;
     if (frame.status == FrameStatus::corrupted) ++figures.corrupted;
   }
 

@@ -37,7 +37,8 @@ struct CameraFigures {
   std::uint64_t corrupted = 0;
   std::optional<std::uint32_t> last_sequence;
   std::optional<std::chrono::steady_clock::time_point> last_received;
-  bool ended = false;  // its source has no more
+  std::optional<Timestamp> last_captured;  // the source's clock
+  bool ended = false;                      // its source has no more of it
 };
 
 // A snapshot of what has happened so far.

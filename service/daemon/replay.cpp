@@ -3,6 +3,7 @@
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstdarg>
 #include <cstdio>
 #include <thread>
@@ -71,6 +72,30 @@ class Tally {  // of one target's estimates
   TrackState state_ = TrackState::searching;
 };
 
+// Of the cameras whose frames end before those of others do.
+std::vector<std::string> early_ends(const std::vector<ReplayCamera>& cameras,
+                                    const std::vector<CameraFigures>& figures) {
+  const auto last = std::ranges::max(figures, {}, &CameraFigures::last_captured).last_captured;
+  std::vector<std::string> sentences;
+  for (std::size_t c = 0; c < cameras.size(); ++c) {
+    if (!figures[c].last_captured || cameras[c].frame_period <= 0ns) continue;
+    const double short_s = seconds(*last - *figures[c].last_captured);
+    const long frames = std::lround(short_s / seconds(cameras[c].frame_period));
+    if (frames < 2) continue;  // one more or less is how cameras happen to be stopped
+    char text[160];
+    std::snprintf(text, sizeof text, "%s ended early: %ld frames (%.3f s) short of the others", cameras[c].name.c_str(),
+                  frames, short_s);
+    sentences.emplace_back(text);
+  }
+  return sentences;
+}
+
+// Its folder's name, with the folder around it: many are named just "recording".
+std::string shown_name(const Recording& recording) {
+  const auto folder = std::filesystem::absolute(recording.file).lexically_normal().parent_path();
+  return (folder.parent_path().filename() / folder.filename()).string();
+}
+
 spdlog::level::level_enum spdlog_level(LogLevel level) {
   switch (level) {
     case LogLevel::debug:
@@ -100,7 +125,12 @@ ReplaySummary replay(const ReplayCommand& command, std::stop_token stop) {
       recording, camera_names, ReplayOptions{.decoder_threads = std::max(1, int(std::thread::hardware_concurrency()))});
   ReplaySource& source = *owned_source;
   std::optional<Truth> truth;
-  if (!command.truth.empty()) truth = Truth::read(command.truth);
+  if (!command.truth.empty()) {
+    truth = Truth::read(command.truth);
+    for (const auto& sentence : truth->match(config.dds.publisher.targets)) {
+      spdlog::warn("{}: {}", command.truth.string(), sentence);
+    }
+  }
   std::vector<ObjectTracker> trackers;
   std::vector<Tally> tallies;
   for (const auto& target : config.targets) {
@@ -109,9 +139,6 @@ ReplaySummary replay(const ReplayCommand& command, std::stop_token stop) {
       trackers.back().expect(static_cast<int>(c), source.cameras()[c].format, source.cameras()[c].range);
     }
     tallies.emplace_back(target.name, truth ? &*truth : nullptr);
-    if (truth && !truth->targets().contains(target.name)) {
-      spdlog::warn("{} has no ball named {}: this target is not compared", command.truth.string(), target.name);
-    }
   }
 
   std::optional<TrackCsvWriter> csv;
@@ -201,6 +228,7 @@ ReplaySummary replay(const ReplayCommand& command, std::stop_token stop) {
     summary.corrupted_frames += camera.corrupted;
     period = std::max(period, camera.frame_period);
   }
+  if (!summary.stopped) summary.ended_early = early_ends(source.cameras(), summary.figures.cameras);
   if (last_at) summary.recorded_s = seconds(*last_at - first_at + period);
   for (const auto& tally : tallies) summary.targets.push_back(tally.summary());
   if (publisher) {
@@ -210,8 +238,7 @@ ReplaySummary replay(const ReplayCommand& command, std::stop_token stop) {
   }
   if (pictures) {
     pictures->write("track_3d.png",
-                    draw_track_3d(config, "Track in 3-D: recording " + recording.file.parent_path().filename().string(),
-                                  tracks, truth ? &*truth : nullptr));
+                    draw_track_3d(config, "Track in 3-D: " + shown_name(recording), tracks, truth ? &*truth : nullptr));
     summary.pictures = pictures->written() + 1;
   }
   return summary;
@@ -236,6 +263,8 @@ std::string to_text(const ReplaySummary& s, const ReplayCommand& command) {
   line("  frames  %lld missing, %lld corrupted, %llu late; %llu sets without every camera\n",
        static_cast<long long>(s.missing_frames), static_cast<long long>(s.corrupted_frames),
        static_cast<unsigned long long>(sets.late_frames), static_cast<unsigned long long>(sets.incomplete_sets));
+
+  for (const auto& sentence : s.ended_early) text += "          " + sentence + "\n";
 
   const auto& f = s.figures;
   const double own_s = seconds(f.synchronise.wall + f.track.wall + f.publish.wall);

@@ -53,8 +53,9 @@ struct ReplaySummary {
   bool stopped = false;  // before the end
   std::int64_t missing_frames = 0;
   std::int64_t corrupted_frames = 0;
-  double recorded_s = 0;  // the part that was played
-  double wall_s = 0;      // until the last estimate was out; pictures may take longer
+  std::vector<std::string> ended_early;  // cameras that lack more than a frame at the end, one sentence each
+  double recorded_s = 0;                 // the part that was played
+  double wall_s = 0;                     // until the last estimate was out; pictures may take longer
   std::vector<TargetSummary> targets;
   std::uint64_t published = 0;  // DDS samples written
   std::uint64_t publish_failures = 0;

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstdio>
 #include <limits>
+#include <utility>
 
 #include "daemon/csv_table.h"
 
@@ -30,6 +31,25 @@ Truth Truth::read(const std::filesystem::path& file) {
     samples.push_back(sample);
   }
   return truth;
+}
+
+std::vector<std::string> Truth::match(std::span<const std::string> targets) {
+  if (targets.size() == 1 && targets_.size() == 1 && !targets_.contains(targets.front())) {
+    auto only = targets_.extract(targets_.begin());
+    const std::string ball = std::exchange(only.key(), targets.front());
+    targets_.insert(std::move(only));
+    return {"the truth is of a ball named " + ball + ", the only one, and is compared with the only target, " +
+            targets.front()};
+  }
+  std::string balls;
+  for (const auto& [ball, _] : targets_) balls += (balls.empty() ? "" : ", ") + ball;
+  std::vector<std::string> sentences;
+  for (const auto& target : targets) {
+    if (targets_.contains(target)) continue;
+    sentences.push_back("the truth has no ball named " + target + ", which is not compared: it has " +
+                        (balls.empty() ? "none" : balls));
+  }
+  return sentences;
 }
 
 std::optional<Eigen::Vector3d> Truth::position(std::string_view target, Timestamp at) const {

@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <map>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -24,6 +25,10 @@ class Truth {
     Eigen::Vector3d position;
   };
   const std::map<std::string, std::vector<Sample>, std::less<>>& targets() const { return targets_; }  // by time
+
+  // Makes the truth that of these targets: the only ball takes the name of the only target when their names differ.
+  // Returns what to tell the user, one sentence each: that, or which targets have no truth and which balls there are.
+  std::vector<std::string> match(std::span<const std::string> targets);
 
   // Linear between samples that are at most 0.1 s apart; nullopt outside them and for an unknown target.
   std::optional<Eigen::Vector3d> position(std::string_view target, Timestamp at) const;

@@ -51,6 +51,23 @@ ObjectEstimate estimate(double t, const Eigen::Vector3d& position, TrackState st
   return e;
 }
 
+TEST_F(TruthFile, TheOnlyBallIsTheOnlyTargetWhateverItsName) {
+  Truth t = truth(along_x);
+  const std::vector<std::string> lime{"lime"};
+  EXPECT_THAT(t.match(lime), testing::ElementsAre(testing::AllOf(HasSubstr("ball named ball"), HasSubstr("lime"))));
+  EXPECT_TRUE(t.position("lime", Timestamp(100ms)).has_value());
+  EXPECT_THAT(t.match(lime), testing::IsEmpty());
+}
+
+TEST_F(TruthFile, SaysWhichBallsItHasForTargetsThatItHasNot) {
+  Truth t = truth(along_x + "0,0,red,0,0,0,1\n");
+  const std::vector<std::string> lime{"lime"}, both{"ball", "lime"};
+  const std::string sentence = "the truth has no ball named lime, which is not compared: it has ball, red";
+  EXPECT_THAT(t.match(lime), testing::ElementsAre(sentence));
+  EXPECT_THAT(t.match(both), testing::ElementsAre(sentence));
+  EXPECT_FALSE(t.position("lime", Timestamp(100ms)).has_value());
+}
+
 TEST_F(TruthFile, IsLinearBetweenItsSamplesAndNotBeyond) {
   const Truth t = truth(along_x);
   EXPECT_THAT(*t.position("ball", Timestamp(100ms)), testing::Eq(Eigen::Vector3d(0.1, 2, 3)));
