@@ -126,7 +126,8 @@ bool participant_profile(dds::DomainParticipantQos& qos) {
   return !(qos == dds::PARTICIPANT_QOS_DEFAULT);
 }
 
-std::vector<NetworkInterface> select(const std::vector<std::string>& wanted) {
+// lacking: one sentence for each that this host does not have
+std::vector<NetworkInterface> select(const std::vector<std::string>& wanted, std::vector<std::string>& lacking) {
   const std::vector<NetworkInterface> present = network_interfaces();
   std::vector<NetworkInterface> selected;
   for (const std::string& one : wanted) {
@@ -134,9 +135,8 @@ std::vector<NetworkInterface> select(const std::vector<std::string>& wanted) {
     std::ranges::copy_if(present, std::back_inserter(selected),
                          [&](const NetworkInterface& i) { return i.name == one || i.address == one; });
     if (selected.size() == before)
-      throw std::invalid_argument("DDS interface \"" + one +
-                                  "\": this host has no such interface or IPv4 address that is up; it has " +
-                                  describe(present));
+      lacking.push_back("DDS interface \"" + one +
+                        "\": this host has no such interface or IPv4 address that is up; it has " + describe(present));
   }
   // Between two programs of one host nothing arrives when one uses loopback and the other does not.
   const auto is_loopback = [](const NetworkInterface& i) { return i.address == "127.0.0.1"; };
@@ -145,7 +145,25 @@ std::vector<NetworkInterface> select(const std::vector<std::string>& wanted) {
   return selected;
 }
 
+bool load_participant_profile(const ParticipantOptions& options, dds::DomainParticipantQos& qos) {
+  load_profiles(options.profiles);
+  if (!participant_profile(qos)) return false;
+  if (!options.interfaces.empty())
+    throw std::invalid_argument(
+        "DDS interfaces are given, and the XML has a participant profile: write the interfaces there "
+        "(interfaceWhiteList of its transport), or remove one of the two");
+  return true;
+}
+
 }  // namespace
+
+std::vector<std::string> check(const ParticipantOptions& options) {
+  resolve_domain(options.domain);
+  std::vector<std::string> lacking;
+  dds::DomainParticipantQos qos;
+  if (!load_participant_profile(options, qos)) select(options.interfaces, lacking);
+  return lacking;
+}
 
 std::vector<NetworkInterface> network_interfaces() {
   ::ifaddrs* first = nullptr;
@@ -189,16 +207,13 @@ int resolve_domain(std::optional<int> configured) {
 
 DdsParticipant::DdsParticipant(const ParticipantOptions& options, dds::DomainParticipantListener* listener)
     : domain_(resolve_domain(options.domain)), interfaces_(network_interfaces()) {
-  load_profiles(options.profiles);
   dds::DomainParticipantQos qos;
-  if (participant_profile(qos)) {
+  if (load_participant_profile(options, qos)) {
     transport_ = "transports as the participant profile says";
-    if (!options.interfaces.empty())
-      throw std::invalid_argument(
-          "DDS interfaces are given, and the XML has a participant profile: write the interfaces there "
-          "(interfaceWhiteList of its transport), or remove one of the two");
   } else {
-    const std::vector<NetworkInterface> selected = select(options.interfaces);
+    std::vector<std::string> lacking;
+    const std::vector<NetworkInterface> selected = select(options.interfaces, lacking);
+    if (!lacking.empty()) throw std::invalid_argument(lacking.front());
     if (!selected.empty()) transport_ = "UDP on " + describe(selected) + " only";
     auto udp = std::make_shared<eprosima::fastdds::rtps::UDPv4TransportDescriptor>();
     for (const NetworkInterface& i : selected) udp->interfaceWhiteList.push_back(i.address);

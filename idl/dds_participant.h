@@ -33,6 +33,11 @@ struct ParticipantOptions {
   std::filesystem::path profiles{};       // Fast DDS XML; empty: none. FASTRTPS_DEFAULT_PROFILES_FILE is honoured too.
 };
 
+// What making a participant with these options would say, without making one: throws std::invalid_argument as
+// DdsParticipant does; but an interface that this host lacks, which another host may have, is only a warning, one
+// sentence each. It loads the profiles: once in a process.
+std::vector<std::string> check(const ParticipantOptions& options);
+
 // Our default is UDPv4 only (no shared memory: a full /dev/shm, two users or two containers break it silently) and a
 // participant lease of 3 s. In the XML, a participant profile named "huetrack", or else one with is_default_profile,
 // replaces that; a data_writer or data_reader profile whose name is a topic's replaces the QoS of that topic.

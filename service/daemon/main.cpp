@@ -5,9 +5,11 @@
 #include <spdlog/spdlog.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <cstdio>
 #include <cstdlib>
 #include <exception>
+#include <iterator>
 #include <map>
 #include <stop_token>
 #include <thread>
@@ -16,6 +18,7 @@
 #include "daemon/service_config.h"
 #include "daemon/track_csv.h"
 #include "daemon/truth.h"
+#include "publish/estimate_publisher.h"
 
 namespace {
 
@@ -51,7 +54,10 @@ class StopOnSignal {
 
 void check(const std::filesystem::path& file) {
   const ServiceConfig config = load_service_config(file);
-  for (const auto& warning : warnings_of(config)) spdlog::warn("{}: {}", config.file.string(), warning);
+  auto warnings = warnings_of(config);
+  if (config.dds.enabled)
+    std::ranges::copy(EstimatePublisher::check(config.dds.publisher), std::back_inserter(warnings));
+  for (const auto& warning : warnings) spdlog::warn("{}: {}", config.file.string(), warning);
   std::printf("# %s, resolved; identity %s\n%s", config.file.c_str(), config_identity(config).c_str(),
               to_yaml(config).c_str());
   const auto coverage = volume_coverage(config.rig, config.object_tracking.volume);
@@ -64,8 +70,13 @@ void check(const std::filesystem::path& file) {
 }
 
 void compare(const std::filesystem::path& tracks_file, const std::filesystem::path& truth_file, double clock_offset_s) {
-  const Truth truth = Truth::read(truth_file);
-  for (auto& [target, track] : read_track_csv(tracks_file)) {
+  Truth truth = Truth::read(truth_file);
+  auto tracks = read_track_csv(tracks_file);
+  std::vector<std::string> targets;
+  for (const auto& [target, _] : tracks) targets.push_back(target);
+  for (const auto& sentence : truth.match(targets)) spdlog::warn("{}: {}", truth_file.string(), sentence);
+  for (auto& [target, track] : tracks) {
+    if (!truth.targets().contains(target)) continue;
     TruthComparison comparison(truth, target);
     for (ObjectEstimate& estimate : track) {
       estimate.at -= duration_of(clock_offset_s);
@@ -100,7 +111,8 @@ int main(int argc, char** argv) {
   replay_command
       ->add_option("--speed", command.speed,
                    "real: as it was recorded; max (default): as fast as possible, never dropping a frame")
-      ->transform(CLI::CheckedTransformer(speeds));
+      ->transform(CLI::CheckedTransformer(speeds).description(""))
+      ->type_name("max|real");
   replay_command->add_option("--tracks", command.tracks, "write the tracks to this CSV file");
   replay_command->add_option("--pictures", command.pictures,
                              "draw every view of every frame set, and the track, into this folder");
@@ -112,7 +124,8 @@ int main(int argc, char** argv) {
       ->add_option("--stamps", command.stamps,
                    "published capture times: now (default at speed real), as if captured in this moment, or recording "
                    "(default at speed max)")
-      ->transform(CLI::CheckedTransformer(stamps));
+      ->transform(CLI::CheckedTransformer(stamps).description(""))
+      ->type_name("now|recording");
   replay_command->add_option("--threads", command.threads, "instead of the configuration's")->check(CLI::Range(1, 64));
   replay_command
       ->add_option("--wait-for-subscriber", command.wait_for_subscriber_s,

@@ -144,14 +144,15 @@ class Rivals : public dds::DomainParticipantListener {
   std::map<rtps::GUID_t, PublisherIdentity> others_;  // guarded by mutex_
 };
 
+ParticipantOptions participant_options(const EstimatePublisherOptions& options) {
+  return {
+      .name = "huetrackd", .domain = options.domain, .interfaces = options.interfaces, .profiles = options.profiles};
+}
+
 // Our place on the bus: one participant and its writers. Made anew when the network changes.
 struct Connection {
   Connection(const EstimatePublisherOptions& options, Rivals& rivals)
-      : participant({.name = "huetrackd",
-                     .domain = options.domain,
-                     .interfaces = options.interfaces,
-                     .profiles = options.profiles},
-                    &rivals),
+      : participant(participant_options(options), &rivals),
         position(participant.create_writer(topics::object_position, dds::TypeSupport(new msg::ObjectPositionPubSubType),
                                            object_position_writer_qos(), rivals.self().user_data())),
         status(participant.create_writer(topics::status, dds::TypeSupport(new msg::ServiceStatusPubSubType),
@@ -255,6 +256,10 @@ EstimatePublisher::EstimatePublisher(EstimatePublisherOptions options) {
   for (const std::string& problem : options.problems()) sentences += (sentences.empty() ? "" : "; ") + problem;
   if (!sentences.empty()) throw std::invalid_argument("publishing over DDS: " + sentences);
   impl_ = std::make_unique<Impl>(std::move(options));
+}
+
+std::vector<std::string> EstimatePublisher::check(const EstimatePublisherOptions& options) {
+  return huetrack::check(participant_options(options));
 }
 
 EstimatePublisher::~EstimatePublisher() = default;

@@ -32,6 +32,9 @@ class EstimatePublisher {
   // throws std::invalid_argument on invalid options, a domain, interface or XML file that is wrong (naming it);
   // std::runtime_error when Fast DDS refuses.
   explicit EstimatePublisher(EstimatePublisherOptions options);
+  // Whether the bus can be joined so, without joining it: throws std::invalid_argument as the constructor does. What may
+  // be right on another host, an interface that this one lacks, is returned, one sentence each.
+  static std::vector<std::string> check(const EstimatePublisherOptions& options);
   ~EstimatePublisher();  // leaves the bus: subscribers see it within 50 ms
 
   // Writes one native sample, in every state, and the ROS 2 messages while there is a position: never a stale or a zero
