@@ -19,6 +19,17 @@ constexpr int tile_size = 8;               // its powers are written out where t
 static_assert(MatchBits::margin == tile_size);
 constexpr std::uint64_t each_row = 0x0101010101010101u;
 
+std::uint64_t load_word(const std::uint8_t* p) {
+  std::uint64_t word;
+  std::memcpy(&word, p, 8);
+  return std::endian::native == std::endian::little ? word : __builtin_bswap64(word);
+}
+
+void store_word(std::uint8_t* p, std::uint64_t word) {
+  if (std::endian::native != std::endian::little) word = __builtin_bswap64(word);
+  std::memcpy(p, &word, 8);
+}
+
 bool matches(const Image& image, const ColorTable& table, int u, int v) {
   return image.format == PixelFormat::bgr ? table.contains(bgr_at(image, u, v)) : table.contains(yuv_at(image, u, v));
 }
@@ -64,37 +75,48 @@ MatchBits::MatchBits(int width, int height)
     : width_(width),
       height_(height),
       tile_stride_((width + tile_size - 1) / tile_size + 2),
-      tiles_(static_cast<std::size_t>(tile_stride_) * static_cast<std::size_t>((height + tile_size - 1) / tile_size + 2)),
-      needed_(tiles_.size() + 8, 0) {}
+      tile_rows_((height + tile_size - 1) / tile_size + 2),
+      band_rows_(tile_size * tile_rows_),
+      cell_stride_((2 * tile_stride_ + 7) / 8 * 8),                     // whole words
+      tile_frame_(static_cast<std::size_t>(tile_stride_ * tile_rows_), 0),
+      bands_(static_cast<std::size_t>(2 * tile_stride_ * band_rows_ + 8), 0),   // a window at the end reads 8 rows
+      marked_(static_cast<std::size_t>(cell_stride_ * 2 * tile_rows_), 0) {}
 
 void MatchBits::look_at(const Image& image, const ColorTable& table) {
   image_ = image;
   table_ = &table;
   if (++frame_ == 0) {                    // after 2^32 frames the stamps would come round again
-    for (Tile& tile : tiles_) tile.frame = 0;
+    std::ranges::fill(tile_frame_, 0u);
     frame_ = 1;
   }
 }
 
-void MatchBits::fill(Tile& tile, int tile_u, int tile_v) {
-  tile.frame = frame_;
+void MatchBits::fill(int tile_u, int tile_v) {
   const int u = (tile_u - 1) * tile_size;
   const int v = (tile_v - 1) * tile_size;
   if (u < 0 || v < 0 || u >= width_ || v >= height_) return;            // a margin tile: its bits stay 0
   ++tiles_looked_at_;
+  std::uint64_t bits = 0;
   if (u + tile_size > width_ || v + tile_size > height_) {
-    tile.bits = classify_edge(u, v);
-    return;
+    bits = classify_edge(u, v);
+  } else {
+    switch (image_.format) {
+      case PixelFormat::yuyv: bits = classify<PixelFormat::yuyv>(u, v); break;
+      case PixelFormat::nv12: bits = classify<PixelFormat::nv12>(u, v); break;
+      case PixelFormat::i420: bits = classify<PixelFormat::i420>(u, v); break;
+      case PixelFormat::i422: bits = classify<PixelFormat::i422>(u, v); break;
+      case PixelFormat::i444:
+      case PixelFormat::bgr:
+      case PixelFormat::grey: bits = classify_edge(u, v); break;
+    }
   }
-  switch (image_.format) {
-    case PixelFormat::yuyv: tile.bits = classify<PixelFormat::yuyv>(u, v); break;
-    case PixelFormat::nv12: tile.bits = classify<PixelFormat::nv12>(u, v); break;
-    case PixelFormat::i420: tile.bits = classify<PixelFormat::i420>(u, v); break;
-    case PixelFormat::i422: tile.bits = classify<PixelFormat::i422>(u, v); break;
-    case PixelFormat::i444:
-    case PixelFormat::bgr:
-    case PixelFormat::grey: tile.bits = classify_edge(u, v); break;
-  }
+  constexpr std::uint64_t left_half = 0x0f * each_row, right_half = 0xf0 * each_row;
+  const int row = tile_size * tile_v;
+  store_word(band(2 * tile_u, row), bits);
+  std::uint8_t* const west = band(2 * tile_u - 1, row);
+  std::uint8_t* const east = band(2 * tile_u + 1, row);
+  store_word(west, (load_word(west) & left_half) | (bits << 4 & right_half));
+  store_word(east, (load_word(east) & right_half) | (bits >> 4 & left_half));
 }
 
 // Pixel by pixel: the tiles that the image's border cuts, and the formats without shared chroma.
@@ -155,89 +177,100 @@ void MatchBits::fetch(int tile_u, int tile_v) const {
 
 namespace {
 
-// Where each window lies, for all of them at vector speed. A window whose middle is not in the image gets the corner tile of
-// the margin, which has no matches.
-HUETRACK_CLONES void locate(const float* __restrict u, const float* __restrict v, std::size_t n, float width, float height,
-                            std::int32_t tile_stride, std::int32_t* __restrict first, std::int32_t* __restrict right,
-                            std::int32_t* __restrict below, std::int32_t* __restrict columns, std::int32_t* __restrict rows,
-                            std::int32_t* __restrict inside) {
+struct CellBox { int u_min, v_min, u_max, v_max; };
+
+// Where each window lies, for all of them at vector speed. It begins in a cell of 4x4 pixels, and so touches that one and its
+// three neighbours to the right and below; its band begins in the same cell. A window whose middle is not in the image gets
+// the corner of the margin. Returns the cells in which those begin that are in the image.
+HUETRACK_CLONES CellBox locate(const float* __restrict u, const float* __restrict v, std::size_t n, float width, float height,
+                               std::int32_t cell_stride, std::int32_t band_rows, std::int32_t* __restrict cell,
+                               std::int32_t* __restrict byte, std::int32_t* __restrict shift) {
+  std::int32_t* const left = cell;
+  std::int32_t* const top = byte;
   for (std::size_t i = 0; i < n; ++i) {
     const float us = u[i] + 0.5f, vs = v[i] + 0.5f;   // the whole part is the pixel that (u, v) rounds to
     const bool in = (us >= 0) & (vs >= 0) & (us < width) & (vs < height);
-    const std::int32_t left = in ? static_cast<std::int32_t>(in ? us : 0.0f) + MatchBits::margin - 2 : 0;
-    const std::int32_t top = in ? static_cast<std::int32_t>(in ? vs : 0.0f) + MatchBits::margin - 2 : 0;
-    first[i] = (top >> 3) * tile_stride + (left >> 3);
-    right[i] = ((left + 4) >> 3) - (left >> 3);                        // 1 where it reaches into the next tile
-    below[i] = (((top + 4) >> 3) - (top >> 3)) * tile_stride;
-    columns[i] = left & 7;
-    rows[i] = (top & 7) * 8;
-    inside[i] = in ? 1 : 0;
+    left[i] = in ? static_cast<std::int32_t>(in ? us : 0.0f) + MatchBits::margin - 2 : 0;
+    top[i] = in ? static_cast<std::int32_t>(in ? vs : 0.0f) + MatchBits::margin - 2 : 0;
+  }
+  std::uint32_t u_min = ~0u, v_min = ~0u, u_max = 0, v_max = 0;        // less 1, so that outside is the largest of all
+  for (std::size_t i = 0; i < n; ++i) {
+    const std::int32_t l = left[i], t = top[i];
+    u_min = std::min(u_min, static_cast<std::uint32_t>(l) - 1);
+    v_min = std::min(v_min, static_cast<std::uint32_t>(t) - 1);
+    u_max = std::max(u_max, static_cast<std::uint32_t>(l));
+    v_max = std::max(v_max, static_cast<std::uint32_t>(t));
+    shift[i] = (l & 3) | (l == 0 ? MatchBits::outside << 8 : 0);
+    cell[i] = (t >> 2) * cell_stride + (l >> 2);
+    byte[i] = (l >> 2) * band_rows + t;
+  }
+  if (u_max == 0) return {0, 0, -1, -1};
+  return {static_cast<int>((u_min + 1) / 4), static_cast<int>((v_min + 1) / 4), static_cast<int>(u_max / 4), static_cast<int>(v_max / 4)};
+}
+
+HUETRACK_CLONES void count(const std::uint8_t* __restrict bands, const std::int32_t* __restrict byte,
+                           const std::int32_t* __restrict shift, std::size_t n, std::uint8_t* __restrict k) {
+  for (std::size_t i = 0; i < n; ++i) {
+    const std::uint64_t window = load_word(bands + byte[i]) >> (shift[i] & 3) & 0x1f1f1f1f1fu;
+    k[i] = static_cast<std::uint8_t>(std::popcount(window) | shift[i] >> 8);
   }
 }
 
 }  // namespace
 
-HUETRACK_CLONES void MatchBits::count_5x5(const float* u, const float* v, std::size_t n, std::uint8_t* k) {
-  where_.resize(6 * n);
-  std::int32_t *first = where_.data(), *right = first + n, *below = right + n, *columns = below + n, *rows = columns + n,
-               *inside = rows + n;
-  locate(u, v, n, static_cast<float>(width_), static_cast<float>(height_), tile_stride_, first, right, below, columns, rows,
-         inside);
-
-  // The tiles that are needed, marked without a branch or a load; then those of them that nobody has looked at yet, all
-  // together, so that the memory works on many at a time.
-  Tile* const tiles = tiles_.data();
-  std::uint8_t* const needed = needed_.data();
-  std::int32_t lowest = std::numeric_limits<std::int32_t>::max(), highest = 0;
-  for (std::size_t i = 0; i < n; ++i) {
-    const std::int32_t t = first[i];
-    lowest = std::min(lowest, t);
-    highest = std::max(highest, t);
-    needed[t] = needed[t + right[i]] = needed[t + below[i]] = needed[t + below[i] + right[i]] = 1;
-  }
-  highest += tile_stride_ + 1;
+// Looks at the tiles that the marked windows touch, and clears the marks. First all of them are told apart from what is known
+// already, then looked at together, so that the memory works on many at a time.
+void MatchBits::look_at_marked(int cell_u_min, int cell_v_min, int cell_u_max, int cell_v_max) {
+  // A tile is touched by windows that begin in its four cells, or in those to the left of and above them.
   unknown_.clear();
-  for (std::int32_t t = lowest; t <= highest; t += 8) {                 // needed_ has 8 bytes to spare at its end
-    std::uint64_t eight;
-    std::memcpy(&eight, needed + t, 8);
-    if (eight == 0) continue;
-    std::memset(needed + t, 0, 8);
-    for (; eight != 0; eight &= eight - 1) {
-      const std::int32_t at = t + std::countr_zero(eight) / 8;
-      if (tiles[at].frame == frame_) continue;
-      tiles[at].frame = frame_;
-      unknown_.push_back(at);
-      fetch(at % tile_stride_, at / tile_stride_);
+  const int first_word = cell_u_min / 8, last_word = (cell_u_max + 1) / 8;
+  for (int tile_v = cell_v_min / 2; tile_v <= (cell_v_max + 1) / 2; ++tile_v) {
+    const std::uint8_t* const row = &marked_[static_cast<std::size_t>(2 * tile_v * cell_stride_)];
+    const std::uint8_t* const above = tile_v > 0 ? row - cell_stride_ : row;
+    std::uint64_t before = 0;
+    for (int w = first_word; w <= last_word; ++w) {
+      const std::uint64_t eight = load_word(above + 8 * w) | load_word(row + 8 * w) | load_word(row + cell_stride_ + 8 * w);
+      const std::uint64_t with_left = eight | eight >> 8 | eight << 8 | before >> 56;
+      before = eight;
+      for (std::uint64_t four = with_left & 0x0001000100010001u; four != 0; four &= four - 1) {
+        const int tile_u = 4 * w + std::countr_zero(four) / 16;
+        const std::int32_t tile = tile_v * tile_stride_ + tile_u;
+        if (tile_frame_[static_cast<std::size_t>(tile)] == frame_) continue;
+        tile_frame_[static_cast<std::size_t>(tile)] = frame_;
+        unknown_.push_back(tile);
+        fetch(tile_u, tile_v);
+      }
     }
   }
-  for (const std::int32_t t : unknown_) fill(tiles[t], t % tile_stride_, t / tile_stride_);
-
-  for (std::size_t i = 0; i < n; ++i) {
-    const Tile* const tile = tiles + first[i];
-    // The rows from the window's top on: a byte is a row. (Shifted twice, because a shift by 64 is undefined.)
-    const std::uint64_t west = tile[0].bits >> rows[i] | (tile[below[i]].bits << (63 - rows[i])) << 1;
-    const std::uint64_t east = tile[right[i]].bits >> rows[i] | (tile[below[i] + right[i]].bits << (63 - rows[i])) << 1;
-    // The columns from its left on, five of them, of five rows.
-    const std::uint64_t from_west = (west >> columns[i]) & (each_row * (0xffu >> columns[i]));
-    const std::uint64_t from_east = (east << (8 - columns[i])) & (each_row * (0xffu & ~(0xffu >> columns[i])));
-    const int count = std::popcount((from_west | from_east) & 0x1f1f1f1f1fu);
-    k[i] = static_cast<std::uint8_t>(inside[i] != 0 ? count : outside);
+  for (int cell_v = cell_v_min; cell_v <= cell_v_max; ++cell_v) {
+    std::memset(&marked_[static_cast<std::size_t>(cell_v * cell_stride_ + 8 * first_word)], 0, static_cast<std::size_t>(8 * (last_word - first_word + 1)));
   }
+  for (const std::int32_t tile : unknown_) fill(tile % tile_stride_, tile / tile_stride_);
+}
+
+void MatchBits::count_5x5(const float* u, const float* v, std::size_t n, std::uint8_t* k) {
+  where_.resize(3 * n);
+  std::int32_t *cell = where_.data(), *byte = cell + n, *shift = byte + n;
+  const CellBox box = locate(u, v, n, static_cast<float>(width_), static_cast<float>(height_), cell_stride_, band_rows_, cell, byte, shift);
+  std::uint8_t* const marked = marked_.data();
+  for (std::size_t i = 0; i < n; ++i) marked[cell[i]] = 1;
+  if (box.u_min <= box.u_max) look_at_marked(box.u_min, box.v_min, box.u_max, box.v_max);
+  count(bands_.data(), byte, shift, n, k);
 }
 
 bool MatchBits::at(int u, int v) {
-  const Tile& tile = tile_at((u + margin) / tile_size, (v + margin) / tile_size);
-  return (tile.bits >> (tile_size * (v % tile_size) + u % tile_size) & 1) != 0;
+  const int tile_u = (u + margin) / tile_size;
+  look_at_tile(tile_u, (v + margin) / tile_size);
+  return (*band(2 * tile_u, v + margin) >> u % tile_size & 1) != 0;
 }
 
 std::uint64_t MatchBits::row(int u, int v) const {
   const int left = u + margin;
-  const int byte = 8 * (v % tile_size);
-  const Tile* tile = &tiles_[static_cast<std::size_t>((v + margin) / tile_size * tile_stride_)];
+  const std::uint32_t* const frame = &tile_frame_[static_cast<std::size_t>((v + margin) / tile_size * tile_stride_)];
   std::uint64_t word = 0;
   for (int i = 0; i < 8; ++i) {
     const int tile_u = left / tile_size + i;
-    if (tile_u < tile_stride_ && tile[tile_u].frame == frame_) word |= (tile[tile_u].bits >> byte & 0xff) << (8 * i);
+    if (tile_u < tile_stride_ && frame[tile_u] == frame_) word |= std::uint64_t{*band(2 * tile_u, v + margin)} << (8 * i);
   }
   return word >> left % tile_size;
 }
@@ -247,7 +280,7 @@ void MatchBits::look(const PixelBox& box) {
   const auto first = [](int p) { return (std::max(p, 0) + margin) / tile_size; };
   const auto last = [](int p, int size) { return (std::min(p, size - 1) + margin) / tile_size; };
   for (int tv = first(box.v_min); tv <= last(box.v_max, height_); ++tv) {
-    for (int tu = first(box.u_min); tu <= last(box.u_max, width_); ++tu) tile_at(tu, tv);
+    for (int tu = first(box.u_min); tu <= last(box.u_max, width_); ++tu) look_at_tile(tu, tv);
   }
 }
 

@@ -2,9 +2,11 @@
 // (section 2.2) and, for our own observation, larger boxes.
 //
 // The image is cut into tiles of 8x8 pixels. A tile is classified by table look-up when a window first touches it, and kept
-// as the 64 bits of one word, so that overlapping windows (particles crowd around the object) do not look a pixel up twice,
-// and a 5x5 count is the popcount of 25 bits out of at most four words. Nothing is done for the rest of the image: the cost
-// does not grow with the image's size. tests/benchmark/speed measures it.
+// as the 64 bits of one word, so that overlapping windows (particles crowd around the object) do not look a pixel up twice.
+// The words lie in bands, columns of bytes: a byte is eight pixels of one row, and below it lies the row below. The bands
+// overlap by half, so that every 5x5 window lies within one of them, and its count is one load, one shift and the popcount
+// of 25 bits. Nothing is done for the rest of the image: the cost does not grow with the image's size.
+// tests/benchmark/speed measures it.
 #pragma once
 
 #include <cstddef>
@@ -57,29 +59,34 @@ class MatchBits {
   std::uint64_t tiles_looked_at() const { return tiles_looked_at_; }    // since the start: the honest cost of it all
 
  private:
-  struct Tile {
-    std::uint64_t bits = 0;               // bit 8 r + c: pixel c of row r
-    std::uint32_t frame = 0;              // that it was classified for
-  };
-  Tile& tile_at(int tile_u, int tile_v) {
-    Tile& tile = tiles_[static_cast<std::size_t>(tile_v * tile_stride_ + tile_u)];
-    if (tile.frame != frame_) fill(tile, tile_u, tile_v);
-    return tile;
+  // Band b has the columns 4 b .. 4 b + 7 (margin included), bit c of a byte is column 4 b + c. Of an odd band a nibble is
+  // only as new as the tile that it is of; even bands are the tiles themselves.
+  std::uint8_t* band(int b, int padded_row) { return &bands_[static_cast<std::size_t>(b * band_rows_ + padded_row)]; }
+  const std::uint8_t* band(int b, int padded_row) const { return &bands_[static_cast<std::size_t>(b * band_rows_ + padded_row)]; }
+  void look_at_tile(int tile_u, int tile_v) {
+    std::uint32_t& frame = tile_frame_[static_cast<std::size_t>(tile_v * tile_stride_ + tile_u)];
+    if (frame == frame_) return;
+    frame = frame_;
+    fill(tile_u, tile_v);
   }
-  void fill(Tile& tile, int tile_u, int tile_v);
+  void look_at_marked(int cell_u_min, int cell_v_min, int cell_u_max, int cell_v_max);
+  void fill(int tile_u, int tile_v);
   void fetch(int tile_u, int tile_v) const;
   template <PixelFormat format> std::uint64_t classify(int u, int v) const;
   std::uint64_t classify_edge(int u, int v) const;
 
   int width_, height_;
-  int tile_stride_;                       // tiles per row; a margin tile on each side
+  int tile_stride_, tile_rows_;           // tiles per row, and rows of them; a margin tile on each side
+  int band_rows_;                         // bytes per band
+  int cell_stride_;                       // cells per row
   std::uint32_t frame_ = 0;
   std::uint64_t tiles_looked_at_ = 0;
   Image image_;
   const ColorTable* table_ = nullptr;
-  std::vector<Tile> tiles_;
+  std::vector<std::uint32_t> tile_frame_;       // that the tile was classified for
+  std::vector<std::uint8_t> bands_;
+  std::vector<std::uint8_t> marked_;            // per cell of 4x4 pixels: a window begins in it; all 0 between calls, but for cell 0
   std::vector<std::int32_t> where_, unknown_;   // work space of count_5x5, as is
-  std::vector<std::uint8_t> needed_;            // 1 per tile that a window touches; all 0 between calls
 };
 
 // The obvious way, one look-up per pixel of the window: the truth that the test holds count_5x5 to.

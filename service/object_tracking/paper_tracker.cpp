@@ -68,13 +68,15 @@ void PaperTracker::predict() {
 
 void PaperObservation::weigh(const PositionParticles& particles, const std::vector<TargetView>& views,
                              std::vector<float>& weight) {
-  const std::size_t n = particles.size();
-  u_.resize(n), v_.resize(n), k_.resize(n);
+  const std::size_t n = particle_count_ = particles.size();
+  u_.resize(n * views.size()), v_.resize(n * views.size()), k_.resize(n * views.size());
   weight.assign(n, 1.0f);
-  for (const TargetView& view : views) {
-    view.projector->project(particles.x.data(), particles.y.data(), particles.z.data(), n, u_.data(), v_.data());
-    view.matches->count_5x5(u_.data(), v_.data(), n, k_.data());
-    multiply(k_.data(), n, weight.data());
+  for (std::size_t m = 0; m < views.size(); ++m) {
+    float *const u = &u_[m * n], *const v = &v_[m * n];
+    std::uint8_t* const k = &k_[m * n];
+    views[m].projector->project(particles.x.data(), particles.y.data(), particles.z.data(), n, u, v);
+    views[m].matches->count_5x5(u, v, n, k);
+    multiply(k, n, weight.data());
   }
 }
 
@@ -120,18 +122,15 @@ ObjectEstimate PaperTracker::estimate(const FrameSet& set, const std::vector<Tar
 
   // Seen: around the best particle more than half of the window has the target's colour, in two views (in the only one,
   // where there is but one).
-  for (const TargetView& view : views) {
-    ViewSupport& support = e.per_view[static_cast<std::size_t>(view.index)];
+  for (std::size_t m = 0; m < views.size(); ++m) {
+    ViewSupport& support = e.per_view[static_cast<std::size_t>(views[m].index)];
+    const PaperObservation::Window window = observation_.window(m, best);
     support.delivered = true;
-    float u = 0, v = 0;
-    std::uint8_t k = 0;
-    view.projector->project(&particles_.x[best], &particles_.y[best], &particles_.z[best], 1, &u, &v);
-    view.matches->count_5x5(&u, &v, 1, &k);
-    support.in_view = k != MatchBits::outside;
+    support.in_view = window.k != MatchBits::outside;
     if (!support.in_view) continue;
-    support.px = {u, v};
-    support.support = static_cast<float>(k) / 25;
-    support.seen = k > 12;
+    support.px = window.px;
+    support.support = static_cast<float>(window.k) / 25;
+    support.seen = window.k > 12;
     support.radius_px = 2.5f;
     e.views += support.seen ? 1 : 0;
     e.confidence += static_cast<double>(support.support) / static_cast<double>(views.size());

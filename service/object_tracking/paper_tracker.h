@@ -28,8 +28,19 @@ class PaperObservation {
  public:
   void weigh(const PositionParticles& particles, const std::vector<TargetView>& views, std::vector<float>& weight);
 
+  // What the last call saw of one particle in views[view].
+  struct Window {
+    Eigen::Vector2f px;          // its projection, raw pixels
+    std::uint8_t k;              // matching pixels around it, 0..25; MatchBits::outside
+  };
+  Window window(std::size_t view, std::size_t particle) const {
+    const std::size_t i = view * particle_count_ + particle;
+    return {{u_[i], v_[i]}, k_[i]};
+  }
+
  private:
-  std::vector<float> u_, v_;
+  std::size_t particle_count_ = 0;
+  std::vector<float> u_, v_;     // per view, per particle; as k_
   std::vector<std::uint8_t> k_;
 };
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <cstring>
 
 #include "particle_filter/vector_clones.h"
 
@@ -59,19 +60,36 @@ Rng::Rng(std::uint64_t seed, std::uint64_t stream) {
   }
 }
 
-void Rng::advance(Block& out) {
-  auto& [s0, s1, s2, s3] = state_;
-  for (std::size_t i = 0; i < lanes; ++i) {
-    out[i] = std::rotl(s0[i] + s3[i], 7) + s0[i];
-    const std::uint32_t t = s1[i] << 9;
-    s2[i] ^= s0[i];
-    s3[i] ^= s1[i];
-    s1[i] ^= s2[i];
-    s0[i] ^= s3[i];
-    s2[i] ^= t;
-    s3[i] = std::rotl(s3[i], 11);
+namespace {
+
+// One word per generator, all of them in one vector: a register where the machine has such, several where it has not.
+using Lanes [[gnu::vector_size(64)]] = std::uint32_t;
+
+// count blocks of one word per generator, in turn to a and to b (a first), which are count / 2 blocks long.
+HUETRACK_CLONES void advance(std::array<std::array<std::uint32_t, 16>, 4>& state, std::size_t count, std::uint32_t* __restrict a,
+                             std::uint32_t* __restrict b) {
+  Lanes s[4];
+  static_assert(sizeof s == sizeof state);
+  std::memcpy(s, state.data(), sizeof s);
+  for (std::size_t i = 0; i < count; ++i) {
+    const Lanes sum = s[0] + s[3];
+    const Lanes out = (sum << 7 | sum >> 25) + s[0];
+    const Lanes t = s[1] << 9;
+    s[2] ^= s[0];
+    s[3] ^= s[1];
+    s[1] ^= s[2];
+    s[0] ^= s[3];
+    s[2] ^= t;
+    s[3] = s[3] << 11 | s[3] >> 21;
+    std::memcpy(i % 2 == 0 ? a : b, &out, sizeof out);
+    (i % 2 == 0 ? a : b) += 16;
   }
+  std::memcpy(state.data(), s, sizeof s);
 }
+
+}  // namespace
+
+void Rng::advance(Block& out) { huetrack::advance(state_, 1, out.data(), nullptr); }
 
 double Rng::uniform() {
   Block block;
@@ -97,13 +115,7 @@ void Rng::fill_normal(std::span<float> out) {
   for (std::size_t i = 0; i < out.size(); i += 2 * batch) {
     const std::size_t wanted = std::min(2 * batch, out.size() - i);
     const std::size_t words = (wanted + 2 * lanes - 1) / (2 * lanes) * lanes;
-    Block block;
-    for (std::size_t k = 0; k < words; k += lanes) {
-      advance(block);
-      std::copy(block.begin(), block.end(), a.begin() + static_cast<std::ptrdiff_t>(k));
-      advance(block);
-      std::copy(block.begin(), block.end(), b.begin() + static_cast<std::ptrdiff_t>(k));
-    }
+    huetrack::advance(state_, 2 * words / lanes, a.data(), b.data());
     box_muller(a.data(), b.data(), wanted == 2 * words ? out.data() + i : z.data(), words);
     if (wanted != 2 * words) std::copy_n(z.begin(), wanted, out.begin() + static_cast<std::ptrdiff_t>(i));
   }

@@ -27,10 +27,10 @@ HUETRACK_CLONES double sum(std::span<const float> values) { return sum_of(values
 HUETRACK_CLONES double sum_of_squares(std::span<const float> values) { return sum_of(values, [](double w) { return w * w; }); }
 
 // The number of teeth (offset + i) / count below a cumulative weight: ceil(cumulative * count - offset), at least 0.
-HUETRACK_CLONES void teeth_below(const double* __restrict cumulative, std::size_t n, double count, double offset,
+HUETRACK_CLONES void teeth_below(const double* __restrict cumulative, std::size_t n, double base, double count, double offset,
                                  std::int32_t* __restrict below) {
   for (std::size_t i = 0; i < n; ++i) {
-    const double teeth = std::max(0.0, cumulative[i] * count - offset);
+    const double teeth = std::min(count, std::max(0.0, (base + cumulative[i]) * count - offset));
     const auto whole = static_cast<std::int32_t>(teeth);
     below[i] = whole + (static_cast<double>(whole) < teeth ? 1 : 0);
   }
@@ -68,10 +68,10 @@ double effective_sample_size(std::span<const float> weight) {
 }
 
 void systematic_ancestors(std::span<const float> weight, double offset, std::span<std::uint32_t> ancestor) {
-  // Each particle says how many of the comb's teeth lie below its cumulative weight, and writes itself on the next four
-  // places whether they are its own or not: most weigh less than four, and no branch depends on how many. In blocks, so
-  // that all but the sum itself is done at vector speed.
-  constexpr std::size_t block = 256;
+  // In blocks; of each the weights are summed up in four parts side by side, as a sum waits for the one before it. Then each
+  // particle says how many of the comb's teeth lie below its cumulative weight, and writes itself on the next eight places
+  // whether they are its own or not: most have fewer, and no branch depends on how many.
+  constexpr std::size_t block = 256, parts = 4, at_once = 8;
   std::array<double, block> cumulative;
   std::array<std::int32_t, block> below;
   const std::size_t count = ancestor.size();
@@ -79,19 +79,28 @@ void systematic_ancestors(std::span<const float> weight, double offset, std::spa
   std::size_t done = 0;
   for (std::size_t from = 0; from < weight.size() && done < count; from += block) {
     const std::size_t size = std::min(block, weight.size() - from);
-    for (std::size_t i = 0; i < size; ++i) cumulative[i] = sum += static_cast<double>(weight[from + i]);
-    teeth_below(cumulative.data(), size, static_cast<double>(count), offset, below.data());
+    const std::size_t part = size / parts;
+    const float* const w = &weight[from];
+    double sums[parts] = {};
+    for (std::size_t i = 0; i < part; ++i) {
+      for (std::size_t p = 0; p < parts; ++p) cumulative[p * part + i] = sums[p] += static_cast<double>(w[p * part + i]);
+    }
+    for (std::size_t i = parts * part; i < size; ++i) cumulative[i] = sums[parts - 1] += static_cast<double>(w[i]);
+    for (std::size_t p = 0; p < parts; ++p) {
+      const std::size_t first = p * part, end = p + 1 < parts ? first + part : size;
+      teeth_below(&cumulative[first], end - first, sum, static_cast<double>(count), offset, &below[first]);
+      sum += sums[p];
+    }
     for (std::size_t i = 0; i < size; ++i) {
-      const std::size_t end = std::min(count, static_cast<std::size_t>(below[i]));
       const auto self = static_cast<std::uint32_t>(from + i);
-      const std::size_t four = std::min(done + 4, count);
-      if (four == done + 4) [[likely]] {
-        for (std::size_t j = done; j < done + 4; ++j) ancestor[j] = self;
+      const auto end = static_cast<std::size_t>(below[i]);
+      if (done + at_once <= count) [[likely]] {
+        for (std::size_t j = done; j < done + at_once; ++j) ancestor[j] = self;
+        for (std::size_t j = done + at_once; j < end; ++j) ancestor[j] = self;
       } else {
         for (std::size_t j = done; j < end; ++j) ancestor[j] = self;
       }
-      for (std::size_t j = four; j < end; ++j) ancestor[j] = self;
-      done = std::max(done, end);
+      done = end;
     }
   }
   // Rounding can leave the last tooth above a sum of 0.9999999: it belongs to the last particle that weighs anything.
