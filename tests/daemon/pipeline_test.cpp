@@ -118,6 +118,41 @@ TEST(Pipeline, EverySetComesOutOnceInOrderWithEveryTarget) {
   }
 }
 
+// Camera 1 ends after three turns, and camera 0 goes on.
+class CutShortSource final : public FrameSource {
+ public:
+  std::optional<Frame> next(std::stop_token stop) override {
+    auto frame = all_.next(stop);
+    while (frame && frame->camera == 1 && frame->captured_at >= Timestamp(30ms)) {
+      cut_ = true;
+      frame = all_.next(stop);
+    }
+    return frame;
+  }
+  bool ended(int camera) const override { return camera == 1 && cut_; }
+
+ private:
+  GreySource all_{{0, 1}, 20};
+  bool cut_ = false;
+};
+
+TEST(Pipeline, ACameraThatIsCutShortHasEndedWhileTheOtherGoesOn) {
+  const CameraRig rig = rig_of(2);
+  bool seen = false;
+  PipelineOptions options = options_for(rig);
+  options.pace = Pace{std::chrono::steady_clock::now(), Timestamp(0ns)};  // so that sets are tracked meanwhile
+  Pipeline pipeline(
+      rig, sources(CutShortSource()), trackers_for(rig, 1), options,
+      {.estimates = {},
+       .status = [&](const PipelineFigures& figures) { seen |= figures.cameras[1].ended && !figures.cameras[0].ended; },
+       .pictures = {}});
+  pipeline.run({});
+  EXPECT_TRUE(seen);
+  EXPECT_EQ(pipeline.figures().cameras[1].frames, 3u);
+  EXPECT_EQ(pipeline.figures().cameras[1].last_captured, Timestamp(20ms));
+  EXPECT_EQ(pipeline.figures().cameras[0].last_captured, Timestamp(190ms));
+}
+
 TEST(Pipeline, OneSourcePerCameraWorksToo) {
   const CameraRig rig = rig_of(2);
   std::uint64_t last = 0, sets = 0;
