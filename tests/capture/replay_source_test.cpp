@@ -138,7 +138,15 @@ TEST_F(Replay, CamerasAreMergedByTimeAndTiesGoByOrder) {
       "  c: {frames: b.mkv, fps: 10, offset_s: -0.025}\n";
   auto source = open(cameras, {"b", "a", "c"});
   std::vector<std::pair<int, Duration>> order;
-  for (const auto& f : read_all(source)) order.emplace_back(f.camera, f.captured_at.time_since_epoch());
+  while (const auto f = source.next({})) {
+    order.emplace_back(f->camera, f->captured_at.time_since_epoch());
+    if (order.size() == 10) {  // the last frame of 0; the last of 2 was the one before
+      EXPECT_TRUE(source.ended(2));
+    } else {
+      EXPECT_FALSE(source.ended(0)) << order.size();
+    }
+  }
+  EXPECT_TRUE(source.ended(0) && source.ended(1));
   const std::vector<std::pair<int, Duration>> expected{{2, -25ms}, {0, 0ms},   {1, 0ms},   {1, 50ms},  {2, 75ms},
                                                        {0, 100ms}, {1, 100ms}, {1, 150ms}, {2, 175ms}, {0, 200ms}};
   EXPECT_EQ(order, expected);
