@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "calib/model/camera_rig.h"
+#include "capture/v4l2_source.h"
 #include "object_tracking/object_tracker.h"
 #include "publish/estimate_publisher.h"
 
@@ -20,11 +21,25 @@ struct DdsConfig {
   EstimatePublisherOptions publisher;  // targets and cameras are those of the configuration and the rig
 };
 
+// How `run` reaches one camera of the rig.
+struct LiveCameraConfig {
+  std::string name;                      // in the rig
+  std::filesystem::path device;          // as written, but an index: /dev/videoN
+  std::optional<CaptureFormat> format;   // nullopt: the first of yuyv, nv12, mjpeg, grey that reaches size and rate
+  std::optional<ImageSize> size;         // nullopt: the rig's; another one is refused
+  std::optional<double> fps;             // > 0; nullopt: the driver's choice
+  std::vector<ControlSetting> controls;  // in the order of the file
+  double latency_offset_s = 0;           // subtracted from every capture time
+  bool restore_controls = false;
+};
+
 struct ServiceConfig {
   std::filesystem::path file;             // absolute
   std::filesystem::path rig_file;         // absolute
   CameraRig rig;                          // what rig_file says
   std::vector<TargetOptions> targets;     // >= 1, in the order of the file
+  std::vector<LiveCameraConfig> cameras;  // for `run`, in the order of the file; empty: replay only
+  std::optional<int> quorum;              // 0..cameras: how many must deliver before the service is ready; nullopt: all
   ObjectTrackerOptions object_tracking;   // the same for every target
   std::optional<double> set_tolerance_s;  // > 0; FrameSynchronizerOptions::tolerance; nullopt: from the frame rates
   int threads = 1;                        // >= 1; targets are tracked in parallel; no influence on the result
@@ -41,6 +56,9 @@ std::string to_yaml(const ServiceConfig& config);
 
 // Of what to_yaml() says but the rig's path: FNV-1a 64 as 16 hex digits. Published in the status sample.
 std::string config_identity(const ServiceConfig& config);
+
+// The keys of the first level whose values differ, in the order of to_yaml(); "rig" too when the rigs themselves do.
+std::vector<std::string> differing_keys(const ServiceConfig& a, const ServiceConfig& b);
 
 // What is allowed but probably not meant, one sentence each: targets of overlapping colours, much of the volume in
 // nobody's sight, ...
