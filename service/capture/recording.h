@@ -4,6 +4,7 @@
 //   cameras:
 //     left:  {frames: left.mkv, fps: 30, offset_s: 0.0}
 //     right: {frames: right/%06d.png, timestamps: right.csv}        # csv: frame,t_s   (header line; frame from 0)
+//                                                                   # our own: frame,t_s,sequence,arrival
 //     fast:  {frames: fast.mkv, fps: 60, first_frame: 1, every: 2}  # frames 1, 3, 5, ... at 1/60, 3/60, 5/60 s
 // frames: anything that FFmpeg reads, or a printf pattern / glob of images. Relative paths start at the yaml file.
 #pragma once
@@ -27,6 +28,15 @@ struct RecordedCamera {
   // (frame in the stream, capture time before the offset), both strictly ascending. A frame that is not listed is not
   // played. Neither fps nor timestamps: the container's own time stamps.
   std::vector<std::pair<std::int64_t, Timestamp>> timestamps;
+  // What our own recordings tell besides (the columns sequence and arrival): one per row of timestamps, or empty.
+  struct Received {
+    std::uint32_t sequence = 0;  // Frame::sequence
+    std::uint64_t arrival = 0;   // Frame::arrival
+  };
+  std::vector<Received> received;
+  // Frames that came corrupted (rows without a frame number): a time, but no picture. Ascending in time.
+  std::vector<std::pair<Timestamp, Received>> corrupted;
+  bool is_listed = false;        // by a time-stamp file; if that lists nothing, the camera delivered nothing
   std::int64_t first_frame = 0;  // >= 0; frames first_frame, first_frame + every, ... are played, each at its
   std::int64_t every = 1;        // >= 1; own time in the stream
 };
@@ -34,6 +44,7 @@ struct RecordedCamera {
 struct Recording {
   std::filesystem::path file;           // recording.yaml
   std::vector<RecordedCamera> cameras;  // in the order of the file
+  std::vector<std::string> warnings;    // one line each: what was cut off
   std::optional<Timestamp> started_at;  // UNIX time of the recording clock's zero, when known (key started_at, seconds)
 };
 

@@ -13,15 +13,16 @@
 #include <string>
 #include <vector>
 
+#include "capture/capture_error.h"
 #include "capture/frame.h"
 
 namespace huetrack {
 
-// How raw (not JPEG) images are stored; both lossless.
+// How raw (not JPEG) images are stored; both lossless. Figures: service/capture/README.md.
 enum class RawStorage : std::uint8_t {
-  uncompressed,  // the bytes as they are: a memory copy per frame, 18 MB/s for 640x480 YUYV at 30 fps
-  ffv1,          // about a third to a half of it, for several ms of a core per frame (README.md); yuyv replays as i422,
-                 // nv12 as i420: the same pixel values in other places
+  uncompressed,  // the bytes as they are: 18 MB/s for 640x480 YUYV at 30 frames/s
+  huffyuv,       // about half of it; a millisecond of a core per such frame. yuyv replays as i422, nv12 as i420: the
+                 // same pixel values in other places
 };
 
 struct RecordingOptions {
@@ -36,14 +37,14 @@ struct RecordingOptions {
 };
 
 struct RecordedCameraFigures {
-  std::uint64_t frames = 0;        // written, corrupted ones included
-  std::uint64_t out_of_order = 0;  // not later than the frame before: left out
-  std::uint64_t bytes = 0;         // of video, so far
+  std::uint64_t frames = 0;    // written, corrupted ones included
+  std::uint64_t left_out = 0;  // not later than the frame before, or of another format or size than the first
+  std::uint64_t bytes = 0;     // of video, so far
 };
 
 // One camera's frames are written by one thread at a time, different cameras' by different threads at once: so the
 // pipeline may own one writing thread per camera, each behind its own bounded queue (service/daemon/bounded_queue.h,
-// WhenFull::drop_oldest). write() blocks on the disk and, for ffv1, computes: never call it on the tracking road. What
+// WhenFull::drop_oldest). write() blocks on the disk and computes: never call it on the tracking road. What
 // the queue drops is the pipeline's to count.
 // figures(), failure() are thread-safe.
 class RecordingWriter {
@@ -98,6 +99,7 @@ class PreRoll {
 
   PreRollOptions options_;
   std::deque<Held> frames_;
+  std::optional<Timestamp> newest_;
   std::size_t bytes_ = 0;
 };
 

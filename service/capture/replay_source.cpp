@@ -39,19 +39,20 @@ class Stream {
  public:
   Stream(int camera_index, const RecordedCamera& camera, const std::filesystem::path& recording_file, int threads,
          std::vector<std::string>& warnings)
-      : camera_index_(camera_index),
-        camera_(camera),
-        selection_(camera_),
-        warnings_(warnings),
-        reader_(camera_, threads, warnings) {
+      : camera_index_(camera_index), camera_(camera), selection_(camera_), warnings_(warnings) {
     info_.name = camera_.name;
     info_.file = camera_.frames;
+    if (delivered_nothing()) {  // nor need there be a file
+      info_.expected_frames = 0;
+      return;
+    }
+    reader_.emplace(camera_, threads, warnings);
     info_.frame_period = !camera_.timestamps.empty() ? usual_period(camera_, selection_)
                          : camera_.fps > 0           ? duration_of(static_cast<double>(camera_.every) / camera_.fps)
-                                                     : camera_.every * reader_.frame_period();
+                                                     : camera_.every * reader_->frame_period();
     if (!camera_.timestamps.empty())
       info_.expected_frames = selection_.count_below(camera_.timestamps.back().first + 1);
-    else if (const auto count = reader_.frame_count())
+    else if (const auto count = reader_->frame_count())
       info_.expected_frames = selection_.count_below(*count);
 
     // The first frame with an image gives the size; those before it wait here for their turn.
@@ -86,6 +87,17 @@ class Stream {
 
   const ReplayCamera& info() const { return info_; }
 
+  // No picture, that is.
+  bool delivered_nothing() const { return camera_.is_listed && camera_.timestamps.empty(); }
+
+  // Its rows say in which order the frames of all cameras came.
+  bool has_arrivals() const {
+    const auto is_numbered = [](const RecordedCamera::Received& received) { return received.arrival > 0; };
+    return camera_.is_listed && camera_.received.size() == camera_.timestamps.size() &&
+           std::ranges::all_of(camera_.received, is_numbered) &&
+           std::ranges::all_of(camera_.corrupted, is_numbered, &std::pair<Timestamp, RecordedCamera::Received>::second);
+  }
+
   // Capture time of the last frame, as far as it can be told beforehand.
   std::optional<Timestamp> expected_end() const {
     if (!camera_.timestamps.empty()) return camera_.timestamps.back().second + camera_.offset;
@@ -94,8 +106,33 @@ class Stream {
   }
 
  private:
+  // The next picture, or the frame before it that was recorded as corrupted.
   std::optional<Frame> read() {
-    while (auto picture = reader_.next()) {
+    if (!picture_ && reader_) picture_ = read_picture();
+    const auto& corrupted = camera_.corrupted;
+    if (next_corrupted_ < corrupted.size() &&
+        (!picture_ || corrupted[next_corrupted_].first + camera_.offset < picture_->captured_at)) {
+      const auto& [at, received] = corrupted[next_corrupted_++];
+      count_number(received.sequence);
+      return Frame{.camera = camera_index_,
+                   .sequence = received.sequence,
+                   .captured_at = at + camera_.offset,
+                   .status = FrameStatus::corrupted,
+                   .pixels = {},
+                   .arrival = received.arrival};
+    }
+    auto frame = std::exchange(picture_, std::nullopt);
+    if (frame) count_number(frame->sequence);
+    return frame;
+  }
+
+  void count_number(std::uint32_t number) {
+    if (last_number_ && number > *last_number_) info_.missing += number - *last_number_ - 1;
+    last_number_ = number;
+  }
+
+  std::optional<Frame> read_picture() {
+    while (auto picture = reader_->next()) {
       const auto at = capture_time(*picture);
       if (!at) continue;
       if (last_at_ && *at <= *last_at_) {
@@ -104,19 +141,19 @@ class Stream {
         continue;  // its number is missing from the frames handed out
       }
       last_at_ = at;
-
-      const std::int64_t number = (picture->index - camera_.first_frame) / camera_.every;
-      if (!last_number_)
-        first_number_ = number;
-      else
-        info_.missing += number - *last_number_ - 1;
-      last_number_ = number;
+      last_index_ = picture->index;
+      if (!first_index_) first_index_ = picture->index;
 
       Frame frame{.camera = camera_index_,
-                  .sequence = static_cast<std::uint32_t>(number - first_number_),
+                  .sequence = static_cast<std::uint32_t>((picture->index - *first_index_) / camera_.every),
                   .captured_at = *at,
                   .status = FrameStatus::corrupted,
                   .pixels = {}};
+      if (!camera_.received.empty()) {
+        const auto& received = camera_.received[row_of(picture->index)];
+        frame.sequence = received.sequence;
+        frame.arrival = received.arrival;
+      }
       if (picture->image.width > 0 && has_the_size(*picture)) {
         frame.status = FrameStatus::ok;
         frame.pixels = std::move(picture->image);
@@ -127,13 +164,15 @@ class Stream {
     return std::nullopt;
   }
 
+  std::size_t row_of(std::int64_t index) const {
+    const auto row =
+        std::ranges::lower_bound(camera_.timestamps, index, {}, &std::pair<std::int64_t, Timestamp>::first);
+    assert(row != camera_.timestamps.end() && row->first == index);
+    return static_cast<std::size_t>(row - camera_.timestamps.begin());
+  }
+
   std::optional<Timestamp> capture_time(const VideoReader::Picture& picture) {
-    if (!camera_.timestamps.empty()) {
-      const auto row =
-          std::ranges::lower_bound(camera_.timestamps, picture.index, {}, &std::pair<std::int64_t, Timestamp>::first);
-      assert(row != camera_.timestamps.end() && row->first == picture.index);
-      return row->second + camera_.offset;
-    }
+    if (!camera_.timestamps.empty()) return camera_.timestamps[row_of(picture.index)].second + camera_.offset;
     if (camera_.fps > 0) {
       warn_of_gap(picture);
       // rounded once, from the exact time
@@ -153,7 +192,7 @@ class Stream {
     if (!first_stamp_) first_stamp_ = {picture.index, *picture.stamp};
     const Duration by_stamps = *picture.stamp - first_stamp_->second;
     const Duration gap = by_stamps - (picture.index - first_stamp_->first) * period;
-    if (std::chrono::abs(reader_.frame_period() - period) > period / 50 || gap < period * 9 / 10 ||
+    if (std::chrono::abs(reader_->frame_period() - period) > period / 50 || gap < period * 9 / 10 ||
         gap > period * 10 + by_stamps / 10)  // the file has another rate, or another notion of time
       return;
     warned_of_gap_ = true;
@@ -180,7 +219,7 @@ class Stream {
   void note_listed_frames_that_never_came() {
     const auto last = selection_.last();
     if (!last) return;
-    const std::int64_t end = last_number_ ? camera_.first_frame + *last_number_ * camera_.every + 1 : 0;
+    const std::int64_t end = last_index_ ? *last_index_ + 1 : 0;
     const std::int64_t absent = selection_.count_below(*last + 1) - selection_.count_below(end);
     if (absent <= 0) return;
     info_.missing += absent;
@@ -193,12 +232,14 @@ class Stream {
   RecordedCamera camera_;
   FrameSelection selection_;  // of camera_
   std::vector<std::string>& warnings_;
-  VideoReader reader_;
+  std::optional<VideoReader> reader_;  // of camera_; none when it delivered nothing
+  std::optional<Frame> picture_;       // read ahead
+  std::size_t next_corrupted_ = 0;     // row of camera_.corrupted
   ReplayCamera info_;
   std::deque<Frame> waiting_;
   std::optional<Timestamp> last_at_;
-  std::optional<std::int64_t> last_number_;  // counted in frames that the recording plays
-  std::int64_t first_number_ = 0;
+  std::optional<std::int64_t> first_index_, last_index_;           // in the stream, of the pictures that are played
+  std::optional<std::uint32_t> last_number_;                       // Frame::sequence
   std::optional<std::pair<std::int64_t, Timestamp>> first_stamp_;  // index and the container's time
   bool warned_of_gap_ = false;
   bool has_no_stamps_ = false;
@@ -218,6 +259,7 @@ struct ReplaySource::Impl {
   std::vector<std::string> warnings;
   std::vector<std::unique_ptr<Stream>> streams;
   mutable std::vector<ReplayCamera> cameras;
+  bool repeats_arrivals = false;  // the order in which the frames came, which all cameras' rows tell
 };
 
 ReplaySource::ReplaySource(const Recording& recording, std::span<const std::string> camera_names,
@@ -225,6 +267,7 @@ ReplaySource::ReplaySource(const Recording& recording, std::span<const std::stri
     : impl_(std::make_unique<Impl>()) {
   for (const auto& problem : options.problems()) throw std::invalid_argument("ReplaySource: " + problem);
 
+  impl_->warnings = recording.warnings;
   std::vector<std::string> recorded;
   for (const auto& camera : recording.cameras) recorded.push_back(camera.name);
   for (const auto& name : camera_names) {
@@ -244,16 +287,21 @@ ReplaySource::ReplaySource(const Recording& recording, std::span<const std::stri
                                                       options.decoder_threads, impl_->warnings));
     impl_->cameras.push_back(impl_->streams.back()->info());
   }
+  impl_->repeats_arrivals =
+      std::ranges::all_of(impl_->streams, [](const auto& stream) { return stream->has_arrivals(); });
 }
 
 ReplaySource::~ReplaySource() = default;
 
 std::optional<Frame> ReplaySource::next(std::stop_token stop) {
+  const auto comes_before = [&](const Frame& a, const Frame& b) {
+    return impl_->repeats_arrivals ? a.arrival < b.arrival : a.captured_at < b.captured_at;
+  };
   Stream* earliest = nullptr;
   for (const auto& stream : impl_->streams) {
     if (stop.stop_requested()) return std::nullopt;
     const Frame* frame = stream->front();
-    if (frame && (!earliest || frame->captured_at < earliest->front()->captured_at)) earliest = stream.get();
+    if (frame && (!earliest || comes_before(*frame, *earliest->front()))) earliest = stream.get();
   }
   return earliest ? std::optional(earliest->take()) : std::nullopt;
 }
@@ -276,6 +324,7 @@ std::optional<Duration> ReplaySource::expected_duration() const {
   std::optional<Timestamp> begin;
   std::optional<Timestamp> end;
   for (const auto& stream : impl_->streams) {
+    if (stream->delivered_nothing()) continue;
     const auto stream_end = stream->expected_end();
     if (!stream_end) return std::nullopt;
     begin = std::min(begin.value_or(Timestamp::max()), stream->info().first_at);

@@ -11,27 +11,15 @@
 #include <memory>
 #include <optional>
 #include <span>
-#include <stdexcept>
 #include <string>
 #include <string_view>
-#include <system_error>
 #include <variant>
 #include <vector>
 
+#include "capture/capture_error.h"
 #include "capture/frame.h"
 
 namespace huetrack {
-
-class CaptureError : public std::runtime_error {
- public:
-  CaptureError(std::error_code code, const std::string& what) : std::runtime_error(what), code_(code) {}
-  // The driver's errno. std::errc::invalid_argument: the camera works, but cannot do what was asked of it; trying again
-  // will not help.
-  const std::error_code& code() const noexcept { return code_; }
-
- private:
-  std::error_code code_;
-};
 
 // ---- Which camera
 

@@ -1,8 +1,6 @@
 #include "capture/video_reader.h"
 
 extern "C" {
-#include <libavcodec/avcodec.h>
-#include <libavformat/avformat.h>
 #include <libavutil/pixdesc.h>
 #include <libswscale/swscale.h>
 }
@@ -24,6 +22,8 @@ extern "C" {
 #include <utility>
 
 #include "calib/yaml/yaml_reader.h"
+#include "capture/ffmpeg_objects.h"
+#include "capture/jpeg_decoder.h"
 
 namespace huetrack {
 
@@ -50,40 +50,16 @@ constexpr std::int64_t most_pixels = 1 << 26;      // of one image; a damaged he
 constexpr std::int64_t longest_gap_frames = 1000;  // a damaged time stamp must not make us invent frames
 constexpr int most_warnings = 5;                   // of one kind, one by one; the others are summed up
 
-// ---- FFmpeg's objects, owned
+using ffmpeg::CodecPtr;
+using ffmpeg::error_text;
+using ffmpeg::FramePtr;
+using ffmpeg::not_null;
+using ffmpeg::PacketPtr;
 
-struct CloseFormat {
-  void operator()(AVFormatContext* p) const { avformat_close_input(&p); }
-};
-struct FreeCodec {
-  void operator()(AVCodecContext* p) const { avcodec_free_context(&p); }
-};
-struct FreePacket {
-  void operator()(AVPacket* p) const { av_packet_free(&p); }
-};
-struct FreeFrame {
-  void operator()(AVFrame* p) const { av_frame_free(&p); }
-};
 struct FreeScaler {
   void operator()(SwsContext* p) const { sws_freeContext(p); }
 };
-using FormatPtr = std::unique_ptr<AVFormatContext, CloseFormat>;
-using CodecPtr = std::unique_ptr<AVCodecContext, FreeCodec>;
-using PacketPtr = std::unique_ptr<AVPacket, FreePacket>;
-using FramePtr = std::unique_ptr<AVFrame, FreeFrame>;
 using ScalerPtr = std::unique_ptr<SwsContext, FreeScaler>;
-
-template <typename Pointer>
-Pointer not_null(Pointer pointer) {
-  if (!pointer) throw std::bad_alloc();
-  return pointer;
-}
-
-std::string error_text(int error) {
-  std::array<char, AV_ERROR_MAX_STRING_SIZE> text{};
-  av_strerror(error, text.data(), text.size());
-  return text.data();
-}
 
 // ---- FFmpeg's log: nothing is printed; errors are kept for the warning or exception that they explain
 
@@ -141,10 +117,14 @@ void on_log(void* source, int level, const char* format, va_list arguments) {
   if (!text.empty()) log->add(std::move(text));
 }
 
-void take_over_log() {
+}  // namespace
+
+void ffmpeg::take_over_log() {
   static std::once_flag once;
   std::call_once(once, [] { av_log_set_callback(on_log); });
 }
+
+namespace {
 
 // ---- FFmpeg's pictures to ours
 
@@ -342,7 +322,7 @@ std::vector<ImageFile> image_files_of(const RecordedCamera& camera) {
 struct VideoReader::Impl {
   Impl(const RecordedCamera& c, int threads, std::vector<std::string>& w)
       : camera(c), selection(c), warnings(w), images(image_files_of(c)) {
-    take_over_log();
+    ffmpeg::take_over_log();
     open(images.empty() ? camera.frames : images.front().path, threads);
   }
 
@@ -532,6 +512,7 @@ struct VideoReader::Impl {
   Decoded decode_one() {
     Decoded result;
     if (packet->size == 0) return result;  // to the decoder it would mean the end
+    if (codec->codec_id == AV_CODEC_ID_MJPEG && decode_jpeg(result)) return result;
     const int errors_before = log.count();
     int error = avcodec_send_packet(codec.get(), packet.get());
     while (error == 0) {
@@ -545,6 +526,20 @@ struct VideoReader::Impl {
     const bool is_patched = codec->codec_id == AV_CODEC_ID_FFV1 && log.count() > errors_before;
     if ((error != AVERROR(EAGAIN) && error != AVERROR_EOF) || is_patched) result.image.reset();
     return result;
+  }
+
+  // As a live camera's JPEGs are decoded, so that a recording replays to the same pixels. False: it is of a kind that
+  // only FFmpeg knows (odd sizes, interlaced fields, RGB, ...).
+  bool decode_jpeg(Decoded& result) {
+    auto decoded = jpeg.decode({packet->data, static_cast<std::size_t>(packet->size)});
+    if (!decoded.image && !decoded.is_unsupported) log.add(decoded.problem);
+    if (decoded.is_unsupported) return false;
+    if (decoded.image && codec->width > 0 &&
+        (decoded.image->width != codec->width || decoded.image->height != codec->height))
+      return false;
+    if (decoded.image && codec->color_range == AVCOL_RANGE_MPEG) decoded.image->range = ColorRange::limited;
+    result.image = std::move(decoded.image);
+    return true;
   }
 
   // A decoder that holds pictures back to sort them: the picture's time stamp says which packet it comes from.
@@ -731,9 +726,10 @@ struct VideoReader::Impl {
   ErrorLog log;
   std::vector<ImageFile> images;  // empty: a video
   std::size_t next_image = 0;
-  FormatPtr format;            // null for images
+  ffmpeg::InputPtr format;     // null for images
   AVStream* stream = nullptr;  // of format
   CodecPtr codec;
+  JpegDecoder jpeg;
   PacketPtr packet{not_null(av_packet_alloc())};
   Converter converter;
   int next_avi_entry = 0;

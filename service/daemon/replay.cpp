@@ -23,15 +23,10 @@ namespace {
 using Clock = std::chrono::steady_clock;
 using namespace std::chrono_literals;
 
-// Just over half of the shortest frame period: free-running cameras of one rate always share a set, and two that are
-// half a period apart do not change partners with every jitter.
 Duration automatic_tolerance(const std::vector<ReplayCamera>& cameras) {
-  Duration shortest = 0ns;
-  for (const auto& camera : cameras) {
-    if (camera.frame_period > 0ns && (shortest == 0ns || camera.frame_period < shortest))
-      shortest = camera.frame_period;
-  }
-  return shortest > 0ns ? duration_of(0.55 * seconds(shortest)) : FrameSynchronizerOptions{}.tolerance;
+  std::vector<Duration> periods;
+  for (const auto& camera : cameras) periods.push_back(camera.frame_period);
+  return suggested_tolerance(periods);
 }
 
 void wait_for_subscriber(const EstimatePublisher& publisher, double longest_s, const std::stop_token& stop) {

@@ -25,6 +25,19 @@ class Matcher {
     to_ = {std::cos(to), std::sin(to)};
   }
 
+  // Can a pixel of this chroma match at any luma? The order of r, g and b is that of their chroma, clipped or not, and the
+  // order fixes the hue's sextant: from the primary of the largest to the secondary that lacks the smallest.
+  bool can_match(const Rgb& chroma) const {
+    if (any_hue_) return true;
+    const double smallest = std::min({chroma.r, chroma.g, chroma.b}), largest = std::max({chroma.r, chroma.g, chroma.b});
+    const double primary_deg = largest == chroma.r ? 0 : largest == chroma.g ? 120 : 240;
+    const double secondary_deg = smallest == chroma.r ? 180 : smallest == chroma.g ? 300 : 60;
+    const double low_deg = primary_deg == 0 && secondary_deg == 300 ? 300 : std::min(primary_deg, secondary_deg);
+    const auto beyond_start_deg = [](double hue_deg, double start_deg) { return std::fmod(hue_deg - start_deg + 720, 360); };
+    return beyond_start_deg(low_deg, range_.hue_min_deg - 1) <= hue_width_deg(range_) + 2 ||   // a degree is far above rounding
+           beyond_start_deg(range_.hue_min_deg, low_deg - 1) <= 62;
+  }
+
   bool operator()(const Rgb& c) const {
     const double sum = c.r + c.g + c.b;
     if (sum < 3 * range_.intensity_min - slack || sum > 3 * range_.intensity_max + slack) return false;
@@ -117,6 +130,8 @@ ColorTable::ColorTable(const HsiRange& target, PixelFormat format, ColorRange ra
   y_of_uv_.assign(65536, Interval{255, 0});
   for (unsigned uv = 0; uv < 65536; ++uv) {
     Interval& interval = y_of_uv_[uv];
+    const double u = static_cast<double>(uv & 255) - 128, v = static_cast<double>(uv >> 8) - 128;
+    if (!matches.can_match({1.402 * v, -0.344136286 * u - 0.714136286 * v, 1.772 * u})) continue;
     for (unsigned y = 0; y < 256; ++y) {
       const Yuv p{static_cast<std::uint8_t>(y), static_cast<std::uint8_t>(uv), static_cast<std::uint8_t>(uv >> 8)};
       if (!matches(rgb_of(p, range))) continue;

@@ -141,7 +141,8 @@ ObjectEstimate PaperTracker::estimate(const FrameSet& set, const std::vector<Tar
     state_ = TrackState::tracking;
     last_seen_ = set.at;
   } else if (state_ == TrackState::tracking || state_ == TrackState::coasting) {
-    state_ = seconds(set.at - last_seen_) > options_.coast_s ? TrackState::lost : TrackState::coasting;
+    const double unseen_s = seconds(set.at - last_seen_);    // negative: the clock was put back
+    state_ = unseen_s < 0 || unseen_s > options_.coast_s ? TrackState::lost : TrackState::coasting;
   }
   e.state = state_;
   if (!e.has_position()) return e;

@@ -34,6 +34,7 @@ using Vector6d = Eigen::Matrix<double, 6, 1>;
 ObjectEstimate RegionTracker::update(const FrameSet& set) {
   const std::vector<TargetView>& views = views_.look_at(set);
   sightings_.clear();
+  if (set.at < last_at_) forget();                        // the clock was put back: what was known is of another time
   if (state_ == TrackState::tracking || state_ == TrackState::coasting) {
     const double dt = std::max(0.0, seconds(set.at - last_at_));
     Belief predicted = predict(dt);
@@ -336,14 +337,19 @@ void RegionTracker::estimate(const Belief& proposal) {
   map_ = Eigen::Vector3f(particles_.x[moments.best], particles_.y[moments.best], particles_.z[moments.best]).cast<double>();
 }
 
+void RegionTracker::forget() {
+  if (state_ != TrackState::searching) state_ = TrackState::lost;
+  candidates_.clear();
+  scatter();
+}
+
 void RegionTracker::judge(const FrameSet& set) {
   const double sigma_m = largest_sigma(belief_.position_covariance());
   if (!sightings_.empty() && sigma_m <= options_.max_tracking_sigma_m) {
     state_ = TrackState::tracking;
     last_tracking_ = set.at;
   } else if (sigma_m > options_.max_coast_sigma_m || seconds(set.at - last_tracking_) > options_.coast_s) {
-    state_ = TrackState::lost;
-    scatter();
+    forget();
   } else {
     state_ = TrackState::coasting;
   }

@@ -56,6 +56,7 @@ class RegionTracker {
   void weigh(const Belief& proposal);
   void estimate(const Belief& proposal);
   void judge(const FrameSet& set);
+  void forget();
   void search(const FrameSet& set, const std::vector<TargetView>& views);
   void start_at(const Candidate& found, const Eigen::Vector3d& velocity, double velocity_variance);
   void scatter();

@@ -1,0 +1,22 @@
+// What cameras and recordings throw at start: the outside world is at fault.
+#pragma once
+
+#include <stdexcept>
+#include <string>
+#include <system_error>
+
+namespace huetrack {
+
+// what() is one readable line that names the device or file and says what helps.
+class CaptureError : public std::runtime_error {
+ public:
+  CaptureError(std::error_code code, const std::string& what) : std::runtime_error(what), code_(code) {}
+  // The system's errno. std::errc::invalid_argument: the camera works, but cannot do what was asked of it; trying again
+  // will not help.
+  const std::error_code& code() const noexcept { return code_; }
+
+ private:
+  std::error_code code_;
+};
+
+}  // namespace huetrack

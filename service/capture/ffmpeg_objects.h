@@ -1,0 +1,56 @@
+// FFmpeg's objects, owned. Private to this module: for video_reader.cpp and recording_writer.cpp, which alone see
+// FFmpeg.
+#pragma once
+
+extern "C" {
+#include <libavcodec/avcodec.h>
+#include <libavformat/avformat.h>
+}
+
+#include <array>
+#include <memory>
+#include <new>
+#include <string>
+
+namespace huetrack::ffmpeg {
+
+struct CloseInput {
+  void operator()(AVFormatContext* p) const { avformat_close_input(&p); }
+};
+struct CloseOutput {
+  void operator()(AVFormatContext* p) const {
+    avio_closep(&p->pb);
+    avformat_free_context(p);
+  }
+};
+struct FreeCodec {
+  void operator()(AVCodecContext* p) const { avcodec_free_context(&p); }
+};
+struct FreePacket {
+  void operator()(AVPacket* p) const { av_packet_free(&p); }
+};
+struct FreeFrame {
+  void operator()(AVFrame* p) const { av_frame_free(&p); }
+};
+using InputPtr = std::unique_ptr<AVFormatContext, CloseInput>;
+using OutputPtr = std::unique_ptr<AVFormatContext, CloseOutput>;
+using CodecPtr = std::unique_ptr<AVCodecContext, FreeCodec>;
+using PacketPtr = std::unique_ptr<AVPacket, FreePacket>;
+using FramePtr = std::unique_ptr<AVFrame, FreeFrame>;
+
+template <typename Pointer>
+Pointer not_null(Pointer pointer) {
+  if (!pointer) throw std::bad_alloc();
+  return pointer;
+}
+
+inline std::string error_text(int error) {
+  std::array<char, AV_ERROR_MAX_STRING_SIZE> text{};
+  av_strerror(error, text.data(), text.size());
+  return text.data();
+}
+
+// FFmpeg prints nothing from here on; VideoReader hears what it has to say. thread-safe.
+void take_over_log();
+
+}  // namespace huetrack::ffmpeg
