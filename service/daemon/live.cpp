@@ -5,10 +5,13 @@
 #include <algorithm>
 #include <array>
 #include <cstdio>
+#include <ctime>
 #include <set>
 #include <thread>
 
+#include "calib/model/rig_yaml.h"
 #include "capture/capture_clock.h"
+#include "daemon/metrics.h"
 #include "daemon/service_manager.h"
 #include "daemon/status_reporter.h"
 #include "daemon/track_csv.h"
@@ -29,6 +32,11 @@ std::string tenths(double value) {
   std::array<char, 32> text{};
   std::snprintf(text.data(), text.size(), "%.1f", value);
   return text.data();
+}
+
+std::string without_numbers(std::string text) {
+  std::erase_if(text, [](char c) { return c >= '0' && c <= '9'; });
+  return text;
 }
 
 bool is_same(const TargetOptions& a, const TargetOptions& b) {
@@ -54,11 +62,11 @@ class LiveService {
  public:
   LiveService(const ServiceConfig& config, std::vector<LiveCamera> cameras, const LiveOptions& options,
               LiveRequests& requests)
-      : config_(config), options_(options), requests_(requests), targets_(config.targets.size()) {
+      : config_(config), options_(options), requests_(requests), targets_(options.track ? config.targets.size() : 0) {
     config_.set_tolerance_s = config.set_tolerance_s.value_or(seconds(automatic_tolerance(config, std::span(cameras))));
     quorum_ = std::size_t(config.quorum.value_or(int(cameras.size())));
     if (!options.tracks.empty()) csv_.emplace(options.tracks);
-    if (config.dds.enabled && !options.no_dds) {
+    if (config.dds.enabled && !options.no_dds && options.track) {
       publisher_.emplace(config.dds.publisher);
       spdlog::info("publishing on {}", publisher_->description());
     }
@@ -69,13 +77,23 @@ class LiveService {
     pipeline.when_full = WhenFull::drop_oldest;
     pipeline.threads = config.threads;
     std::vector<ObjectTracker> trackers;
-    for (const auto& target : config.targets) trackers.emplace_back(config.rig, target, config.object_tracking);
+    for (const auto& target : config.targets)
+      if (options.track) trackers.emplace_back(config.rig, target, config.object_tracking);
     std::vector<std::unique_ptr<FrameSource>> sources;
     for (auto& camera : cameras) sources.push_back(std::move(camera.source));
     cameras_ = std::move(cameras);
+    make_recorder();
     PipelineOutputs outputs;
-    outputs.estimates = [this](const FrameSet&, std::span<const ObjectEstimate> estimates, Timestamp received_at) {
-      put_out(estimates, received_at);
+    outputs.frames = [this](const Frame& frame, Timestamp received_at) {
+      capture_to_dequeue_[std::size_t(frame.camera)].add(received_at - frame.captured_at);
+      if (recorder_) recorder_->offer(frame);
+    };
+    if (config.metrics.port) {
+      metrics_.emplace(config.metrics.address, *config.metrics.port);
+      spdlog::info("metrics on http://{}:{}/metrics", config.metrics.address, *config.metrics.port);
+    }
+    outputs.estimates = [this](const FrameSet& set, std::span<const ObjectEstimate> estimates, Timestamp received_at) {
+      put_out(set, estimates, received_at);
     };
     pipeline_.emplace(config_.rig, std::move(sources), std::move(trackers), pipeline, std::move(outputs));
   }
@@ -101,28 +119,39 @@ class LiveService {
       std::this_thread::sleep_for(supervision_period);
     }
     notify_service_manager("STOPPING=1\nSTATUS=Stopping");
+    if (metrics_) metrics_->stop();
     ending.request_stop();
     running.join();
+    if (recorder_) recorder_->finish();
     supervise(true);
     if (csv_) csv_->flush();
     if (error) std::rethrow_exception(error);
     return {.figures = pipeline_->figures(),
             .status = last_status_,
+            .recorded = recorder_ ? recorder_->figures() : RecorderFigures{},
             .published = publisher_ ? publisher_->counters().published : 0};
   }
 
  private:
   struct Target {
     std::atomic<TrackState> state = TrackState::searching;
+    std::atomic<double> effective_sample_size = 0;
+    std::atomic<int> particles = 0;
   };
 
   // The tracking thread.
-  void put_out(std::span<const ObjectEstimate> estimates, Timestamp received_at) {
+  void put_out(const FrameSet& set, std::span<const ObjectEstimate> estimates, Timestamp received_at) {
     for (std::size_t t = 0; t < estimates.size(); ++t) {
       if (publisher_) publisher_->publish(t, estimates[t], estimates[t].at, received_at);
       if (csv_) csv_->write(config_names_[t], estimates[t]);
-      targets_[t].state = estimates[t].state;
+      targets_[t].effective_sample_size = estimates[t].effective_sample_size;
+      targets_[t].particles = estimates[t].particle_count;
+      const TrackState before = targets_[t].state.exchange(estimates[t].state);
+      if (estimates[t].state == TrackState::lost && before != TrackState::lost) has_lost_ = true;
     }
+    const Timestamp now = unix_now();
+    dequeue_to_publish_.add(now - received_at);
+    capture_to_publish_.add(now - set.at);
   }
 
   // ---- All below: the supervising thread.
@@ -133,6 +162,11 @@ class LiveService {
 
   void supervise(bool is_last) {
     if (requests_.reload.exchange(false) && !is_last) reload();
+    if (recorder_) {
+      recorder_->end_when_due();
+      if (has_lost_.exchange(false) && config_.record.on_lost) save_pre_roll("lost");
+    }
+    if (requests_.save.exchange(false)) save_pre_roll("signal");
     bool is_news = is_last;
     std::vector<CameraHealth> healths;
     std::vector<std::optional<CameraHealth>> by_rig(config_.rig.cameras.size());
@@ -173,17 +207,96 @@ class LiveService {
                    std::span<const TrackState> states, Clock::time_point now, bool is_last) {
     ServiceStatus status = reporter_->report(figures, now, std::chrono::system_clock::now(), cameras);
     if (publisher_) std::ranges::copy(publisher_->warnings(), std::back_inserter(status.warnings));
+    if (recorder_) std::ranges::copy(recording_warnings(), std::back_inserter(status.warnings));
     if (const Duration step = wall_clock_step(); std::chrono::abs(step) >= told_clock_step) {
       status.warnings.push_back("the wall clock was set by " + tenths(seconds(step)) +
                                 " s since the start, and published times are off by that: restart the service");
     }
     std::set<std::string> warnings(status.warnings.begin(), status.warnings.end());
-    for (const auto& warning : warnings)
-      if (!told_warnings_.contains(warning)) spdlog::warn("{}", warning);
-    told_warnings_ = std::move(warnings);
+    for (const auto& warning : warnings)  // once, not again for every further frame that it counts
+      if (!told_warnings_.contains(without_numbers(warning))) spdlog::warn("{}", warning);
+    std::set<std::string> told;
+    for (const auto& warning : warnings) told.insert(without_numbers(warning));
+    told_warnings_ = std::move(told);
     if (publisher_) publisher_->publish_status(status);
+    if (metrics_) show_metrics(status);
     if (!is_last) notify_service_manager("STATUS=" + status_line(status, states));
     last_status_ = std::move(status);
+  }
+
+  void show_metrics(const ServiceStatus& status) {
+    std::vector<TargetFigures> targets;
+    for (const auto& target : targets_)
+      targets.push_back({target.state, target.effective_sample_size, target.particles});
+    LatencyFigures latencies;
+    for (const auto& camera : capture_to_dequeue_) latencies.capture_to_dequeue.push_back(camera.snapshot());
+    latencies.dequeue_to_publish = dequeue_to_publish_.snapshot();
+    latencies.capture_to_publish = capture_to_publish_.snapshot();
+    metrics_->show(to_prometheus(status, targets, latencies, publisher_ ? publisher_->counters().published : 0));
+  }
+
+  // ---- Recording
+
+  void make_recorder() {
+    const RecordConfig& record = config_.record;
+    const bool has_pre_roll = record.pre_roll_s > 0 && !record.always && options_.record_to.empty();
+    if (!record.always && !has_pre_roll && options_.record_to.empty()) return;
+    RecorderOptions options;
+    for (const auto& camera : config_.rig.cameras) options.recording.cameras.push_back(camera.name);
+    options.recording.rig_yaml = to_yaml(config_.rig);
+    options.recording.config_yaml = to_portable_yaml(config_);
+    options.recording.raw_storage = record.raw_storage;
+    options.queue_frames = std::size_t(record.queue_frames);
+    if (has_pre_roll) {
+      options.pre_roll = PreRollOptions{.length = duration_of(record.pre_roll_s),
+                                        .most_bytes = std::size_t(record.pre_roll_mb) * 1'000'000};
+    }
+    recorder_.emplace(std::move(options));
+    if (has_pre_roll) return;
+    const auto folder = options_.record_to.empty() ? new_folder("") : options_.record_to;
+    recorder_->start(folder);
+    spdlog::info("recording to {}", folder.string());
+  }
+
+  std::filesystem::path new_folder(const std::string& why) const {
+    const auto now = std::chrono::system_clock::to_time_t(std::chrono::system_clock::now());
+    std::tm utc{};
+    ::gmtime_r(&now, &utc);
+    std::array<char, 32> time{};
+    std::strftime(time.data(), time.size(), "%Y%m%dT%H%M%SZ", &utc);
+    const std::string name = time.data() + why;
+    auto folder = config_.record.folder / name;
+    for (int i = 2; std::filesystem::exists(folder); ++i)
+      folder = config_.record.folder / (name + "-" + std::to_string(i));
+    return folder;
+  }
+
+  void save_pre_roll(const std::string& why) {
+    if (!recorder_) {
+      spdlog::warn("there is no pre-roll to save: give record.folder and record.pre_roll_s");
+      return;
+    }
+    const auto folder = new_folder("-" + why);
+    try {
+      if (recorder_->save_pre_roll(folder, duration_of(config_.record.after_s)))
+        spdlog::info("saving the pre-roll to {}", folder.string());
+    } catch (const CaptureError& error) {  // a full or read-only disk ends no tracking
+      spdlog::error("the pre-roll cannot be saved: {}", error.what());
+    }
+  }
+
+  std::vector<std::string> recording_warnings() const {
+    std::vector<std::string> warnings;
+    const RecorderFigures figures = recorder_->figures();
+    if (figures.failure) warnings.push_back(*figures.failure);
+    std::string cameras;
+    for (std::size_t c = 0; c < figures.dropped.size(); ++c)
+      if (figures.dropped[c] > 0)
+        cameras +=
+            (cameras.empty() ? "" : ", ") + config_.rig.cameras[c].name + " " + std::to_string(figures.dropped[c]);
+    if (!cameras.empty())
+      warnings.push_back("the disk is too slow for the recording, frames are missing in it: " + cameras);
+    return warnings;
   }
 
   // What may change while running are the trackers: their targets' colours and radii, and how they track.
@@ -244,6 +357,11 @@ class LiveService {
   std::optional<TrackCsvWriter> csv_;           // the tracking thread's
   std::optional<EstimatePublisher> publisher_;  // positions: the tracking thread; status: the supervising one
   std::optional<StatusReporter> reporter_;
+  std::optional<Recorder> recorder_;
+  std::atomic<bool> has_lost_ = false;
+  std::vector<LatencyHistogram> capture_to_dequeue_{config_.rig.cameras.size()};
+  LatencyHistogram dequeue_to_publish_, capture_to_publish_;
+  std::optional<MetricsServer> metrics_;
   std::vector<LiveCamera> cameras_;   // their sources are the pipeline's
   std::optional<Pipeline> pipeline_;  // after what its outputs use, and cameras_ is used only while it lives
 
@@ -327,7 +445,7 @@ std::string status_line(const ServiceStatus& status, std::span<const TrackState>
   for (std::size_t t = 0; t < states.size(); ++t)
     targets += (targets.empty() ? "" : ", ") + status.targets[t] + " " + std::string(name(states[t]));
   return std::to_string(delivering) + " of " + std::to_string(status.cameras.size()) + " cameras deliver: " + cameras +
-         "; " + tenths(status.set_rate_hz) + " sets/s; " + targets;
+         "; " + tenths(status.set_rate_hz) + " sets/s" + (targets.empty() ? "" : "; " + targets);
 }
 
 }  // namespace huetrack

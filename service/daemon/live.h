@@ -15,6 +15,7 @@
 #include "capture/frame_source.h"
 #include "capture/v4l2_source.h"
 #include "daemon/pipeline.h"
+#include "daemon/recorder.h"
 #include "daemon/service_config.h"
 #include "publish/service_status.h"
 
@@ -35,17 +36,21 @@ std::vector<LiveCamera> open_cameras(const ServiceConfig& config);
 // What is asked of a running service from outside. thread-safe: signals set them, the service clears them.
 struct LiveRequests {
   std::atomic<bool> reload = false;  // SIGHUP
+  std::atomic<bool> save = false;    // SIGUSR1: the pre-roll
 };
 
 struct LiveOptions {
-  bool no_dds = false;            // whatever the configuration says
-  std::filesystem::path tracks;   // CSV of the estimates; empty: none
-  std::optional<double> seconds;  // > 0; end so long after the first frame
+  bool track = true;                // false: only record, and do not publish
+  std::filesystem::path record_to;  // record everything into this folder; empty: what the configuration says
+  bool no_dds = false;              // whatever the configuration says
+  std::filesystem::path tracks;     // CSV of the estimates; empty: none
+  std::optional<double> seconds;    // > 0; end so long after the first frame
 };
 
 struct LiveSummary {
   PipelineFigures figures;
   ServiceStatus status;  // the last one
+  RecorderFigures recorded;
   std::uint64_t published = 0;
 };
 

@@ -79,6 +79,25 @@ void run(const std::filesystem::path& file, const LiveOptions& options, LiveRequ
   spdlog::info("stopped after {} frame sets, {} samples published", summary.figures.sets_tracked, summary.published);
 }
 
+void record(const std::filesystem::path& file, LiveOptions options, LiveRequests& requests,
+            const std::stop_token& stop) {
+  const ServiceConfig config = load_service_config(file);
+  set_log_level(config.log_level);
+  options.track = false;
+  const LiveSummary summary = run_live(config, open_cameras(config), options, requests, stop);
+  std::printf("%s\n", options.record_to.c_str());
+  for (const auto& camera : config.cameras) {
+    const auto c = std::size_t(config.rig.index_of(camera.name).value());
+    const RecordedCameraFigures& recorded = summary.recorded.cameras[c];
+    std::printf("  %-10s %llu frames, %.1f MB; %llu lost by the camera, %llu by the disk, %llu left out\n",
+                camera.name.c_str(), static_cast<unsigned long long>(recorded.frames), double(recorded.bytes) / 1e6,
+                static_cast<unsigned long long>(summary.figures.cameras[c].dropped),
+                static_cast<unsigned long long>(summary.recorded.dropped[c]),
+                static_cast<unsigned long long>(recorded.left_out));
+  }
+  if (summary.recorded.failure) throw std::runtime_error(*summary.recorded.failure);
+}
+
 void compare(const std::filesystem::path& tracks_file, const std::filesystem::path& truth_file, double clock_offset_s) {
   const Truth truth = Truth::read(truth_file);
   for (auto& [target, track] : read_track_csv(tracks_file)) {
@@ -141,6 +160,12 @@ int main(int argc, char** argv) {
   run_command->add_option("--tracks", live.tracks, "write the tracks to this CSV file");
   run_command->add_flag("--no-dds", live.no_dds, "do not publish");
 
+  CLI::App* record_command = app.add_subcommand("record", "record the live cameras of the configuration");
+  record_command->add_option("config", config_file, "huetrackd.yaml")->required();
+  record_command->add_option("out", live.record_to, "a new folder for the recording")->required();
+  record_command->add_option("--seconds", live.seconds, "end so long after the first frame")
+      ->check(CLI::PositiveNumber);
+
   std::filesystem::path tracks_file, truth_file;
   CLI::App* compare_command =
       app.add_subcommand("compare", "hold a track CSV (of replay or of huetrack watch) to the truth");
@@ -154,7 +179,10 @@ int main(int argc, char** argv) {
 
   LiveRequests requests;
   std::map<int, std::function<void()>> on_signal;
-  if (run_command->parsed()) on_signal[SIGHUP] = [&] { requests.reload = true; };
+  if (run_command->parsed()) {
+    on_signal[SIGHUP] = [&] { requests.reload = true; };
+    on_signal[SIGUSR1] = [&] { requests.save = true; };
+  }
   const Signals signals(std::move(on_signal));
   try {
     if (check_command->parsed()) {
@@ -163,6 +191,8 @@ int main(int argc, char** argv) {
       compare(tracks_file, truth_file, clock_offset_s);
     } else if (run_command->parsed()) {
       run(config_file, live, requests, signals.token());
+    } else if (record_command->parsed()) {
+      record(config_file, live, requests, signals.token());
     } else {
       command.progress = !quiet;
       const ReplaySummary summary = replay(command, signals.token());

@@ -30,6 +30,8 @@ constexpr std::pair<std::string_view, CaptureFormat> format_words[] = {{"yuyv", 
                                                                        {"nv12", CaptureFormat::nv12},
                                                                        {"mjpeg", CaptureFormat::mjpeg},
                                                                        {"grey", CaptureFormat::grey}};
+constexpr std::pair<std::string_view, RawStorage> raw_storage_words[] = {{"uncompressed", RawStorage::uncompressed},
+                                                                         {"huffyuv", RawStorage::huffyuv}};
 constexpr Range share{.min = 0, .max = 1};
 constexpr Range degrees{.min = 0, .max = 360};
 constexpr Range at_least_one{.min = 1, .max = 1e6};
@@ -97,6 +99,21 @@ void describe_dds(Io& io, Dds& dds) {
   io.text("frame_id", dds.publisher.frame_id, "name of the world frame in the ROS 2 messages");
 }
 
+template <typename Io, typename Record>
+void describe_record(Io& io, Record& record) {
+  io.folder_or("folder", "none", record.folder,
+               "recordings become folders in it, named by their time; none: no recording");
+  io.boolean("always", record.always, "record everything that `run` sees");
+  io.choice("raw_storage", record.raw_storage, Words<RawStorage>(raw_storage_words),
+            "of cameras that do not compress: uncompressed or huffyuv (half the size, more time); both lossless");
+  io.integer("queue_frames", record.queue_frames, at_least_one, "per camera, may wait for the disk; then drops");
+  io.number("pre_roll_s", record.pre_roll_s, Range{.min = 0, .max = 3600},
+            "keep so much in memory, and save it on SIGUSR1; seconds, 0: none");
+  io.integer("pre_roll_mb", record.pre_roll_mb, at_least_one, "megabytes that the pre-roll may take, all cameras");
+  io.number("after_s", record.after_s, Range{.min = 0, .max = 3600}, "record so long after the pre-roll, seconds");
+  io.boolean("on_lost", record.on_lost, "save the pre-roll when a target is lost, too");
+}
+
 template <typename Io, typename Config>
 void describe(Io& io, Config& config) {
   io.version(1);
@@ -122,6 +139,12 @@ void describe(Io& io, Config& config) {
   io.integer("threads", config.threads, Range{.min = 1, .max = 64},
              "targets are tracked in parallel; the result does not depend on it");
   io.group("dds", "", [&](auto& in) { describe_dds(in, config.dds); });
+  io.group("record", "what `run` records", [&](auto& in) { describe_record(in, config.record); });
+  io.group("metrics", "for Prometheus, while `run`", [&](auto& in) {
+    in.integer_or("port", "none", config.metrics.port, Range{.min = 1, .max = 65535},
+                  "GET /metrics; none: no endpoint");
+    in.text("address", config.metrics.address, "to listen on; 127.0.0.1: this host only");
+  });
   io.choice("log_level", config.log_level, Words<LogLevel>(log_level_words), "debug, info, warning or error");
 }
 
@@ -251,6 +274,11 @@ class Reader {
     value = given == none ? fs::path() : resolved(given);
     if (!value.empty() && !fs::is_regular_file(value)) yaml_->fail(key, "there is no file " + value.string());
   }
+  void folder_or(std::string_view key, const std::string& none, fs::path& value, std::string_view) {
+    if (!yaml_) return;
+    const std::string given = yaml_->string(key, none);
+    value = given == none ? fs::path() : resolved(given);
+  }
   void number_or(std::string_view key, std::string_view word, std::optional<double>& value, Range range,
                  std::string_view) {
     if (!is_word(key, word)) value = yaml_->number(key, range);
@@ -353,6 +381,9 @@ class Printer {
   }
   void path_or(std::string_view key, std::string_view none, const fs::path& value, std::string_view doc) {
     line(key, value.empty() ? std::string(none) : quoted(value.string()), doc);
+  }
+  void folder_or(std::string_view key, std::string_view none, const fs::path& value, std::string_view doc) {
+    path_or(key, none, value, doc);
   }
   void number_or(std::string_view key, std::string_view word, std::optional<double> value, Range,
                  std::string_view doc) {
@@ -486,6 +517,10 @@ void check(const ServiceConfig& config, const YamlReader& root) {
     root.fail("quorum", "is more than there are in cameras (" + std::to_string(config.cameras.size()) + ")");
   }
 
+  if (config.record.folder.empty() && (config.record.always || config.record.pre_roll_s > 0)) {
+    root.map("record").fail("", "a folder is needed to record to, or to save the pre-roll to");
+  }
+
   const double smallest_side_m = (volume.max - volume.min).minCoeff();
   const YamlReader targets = root.map("targets");
   for (const auto& target : config.targets) {
@@ -548,6 +583,13 @@ std::string to_yaml(const ServiceConfig& config) {
   Printer printer(out);
   describe(printer, config);
   return out;
+}
+
+std::string to_portable_yaml(const ServiceConfig& config) {
+  ServiceConfig portable = config;
+  portable.rig_file = "rig.yaml";
+  portable.dds.publisher.profiles.clear();
+  return to_yaml(portable);
 }
 
 std::string config_identity(const ServiceConfig& config) {

@@ -106,6 +106,16 @@ object_tracking:
 frame_sets: {tolerance_s: 0.0123}
 threads: 3
 dds: {enabled: false, domain: 42, profile: dds.xml, interfaces: [lo, 10.0.0.1], ros2: false, frame_id: "the \"map\""}
+record:
+  folder: recordings
+  always: true
+  raw_storage: huffyuv
+  queue_frames: 7
+  pre_roll_s: 1.5
+  pre_roll_mb: 64
+  after_s: 0.5
+  on_lost: false
+metrics: {port: 9464, address: 0.0.0.0}
 log_level: debug
 )";
 
@@ -158,6 +168,16 @@ TEST_F(ServiceConfigFile, EveryKeyIsRead) {
   EXPECT_THAT(c.dds.publisher.interfaces, ElementsAre("lo", "10.0.0.1"));
   EXPECT_FALSE(c.dds.publisher.ros2);
   EXPECT_EQ(c.dds.publisher.frame_id, "the \"map\"");
+  EXPECT_EQ(c.record.folder, folder_ / "recordings");
+  EXPECT_TRUE(c.record.always);
+  EXPECT_EQ(c.record.raw_storage, RawStorage::huffyuv);
+  EXPECT_EQ(c.record.queue_frames, 7);
+  EXPECT_EQ(c.record.pre_roll_s, 1.5);
+  EXPECT_EQ(c.record.pre_roll_mb, 64);
+  EXPECT_EQ(c.record.after_s, 0.5);
+  EXPECT_FALSE(c.record.on_lost);
+  EXPECT_EQ(c.metrics.port, 9464);
+  EXPECT_EQ(c.metrics.address, "0.0.0.0");
   EXPECT_EQ(c.log_level, LogLevel::debug);
 }
 
@@ -258,6 +278,8 @@ INSTANTIATE_TEST_SUITE_P(
                 "calibrate anew"},
         Mistake{"QuorumTooLarge", ball + "cameras:\n  cam0: {device: 0}\nquorum: 2\n",
                 "c.yaml:6: quorum: is more than there are in cameras (1)"},
+        Mistake{"RecordWithoutFolder", ball + "record: {always: true}\n",
+                "c.yaml:4: record: a folder is needed to record to, or to save the pre-roll to"},
         Mistake{"NoSuchProfile", ball + "dds: {profile: none.xml}\n",
                 "c.yaml:4: dds.profile: there is no file none.xml"}),
     [](const auto& instance) { return std::string(instance.param.name); });
