@@ -141,9 +141,8 @@ AVPixelFormat av_format_of(PixelFormat format) {
       return AV_PIX_FMT_YUV422P;
     case PixelFormat::i444:
       return AV_PIX_FMT_YUV444P;
-    case PixelFormat::bgr:
-      return AV_PIX_FMT_BGR24;
     case PixelFormat::grey:
+    case PixelFormat::bgr:  // not stored
       break;
   }
   return AV_PIX_FMT_GRAY8;
@@ -214,6 +213,11 @@ void unpack(const Image& image, AVFrame& to) {
   }
 }
 
+// Cameras do not send BGR, and Matroska does not know it raw.
+bool can_be_stored(const Frame& frame) {
+  return frame.encoded || frame.pixels.format != PixelFormat::bgr;
+}
+
 // ---- One camera's video file
 
 class VideoFile {
@@ -226,7 +230,8 @@ class VideoFile {
         height_(first.pixels.height),
         range_(first.pixels.range),
         is_jpeg_(first.encoded != nullptr) {
-    const bool is_huffyuv = !is_jpeg_ && storage == RawStorage::huffyuv && format_ != PixelFormat::bgr;
+    // Matroska has no name for raw 4:4:4, which no camera sends anyway but as JPEG.
+    const bool is_huffyuv = !is_jpeg_ && (storage == RawStorage::huffyuv || format_ == PixelFormat::i444);
     AVFormatContext* opened = nullptr;
     check(avformat_alloc_output_context2(&opened, nullptr, "matroska", file_.c_str()));
     AVStream* stream = ffmpeg::not_null(avformat_new_stream(opened, nullptr));
@@ -379,7 +384,7 @@ struct CameraFiles {
   std::atomic<std::uint64_t> frames{0}, left_out{0}, bytes{0};
 
   void flush() {
-    // The video first: a row whose picture is not there would be a lie, a picture without a row is only not played.
+    // The video first: a picture without a row is not played, a row without its picture counts as missing.
     if (video) {
       video->flush();
       bytes = video->bytes();
@@ -471,9 +476,9 @@ struct RecordingWriter::Impl {
     // What it would replay as: a corrupted frame has no picture, only its time.
     std::string picture;
     if (frame.status == FrameStatus::ok) {
-      if (!camera.video)
+      if (!camera.video && can_be_stored(frame))
         camera.video = std::make_unique<VideoFile>(camera.video_path, frame, camera.fps, options.raw_storage);
-      if (!camera.video->takes(frame)) {
+      if (!camera.video || !camera.video->takes(frame)) {
         ++camera.left_out;
         return;
       }
@@ -511,10 +516,14 @@ struct RecordingWriter::Impl {
     if (std::exchange(is_finished, true)) return;
     for (const auto& camera : files) {
       try {
-        if (has_failed) break;  // rows without pictures would be a lie
+        if (has_failed) {
+          camera->times->flush();  // of what went out before
+          continue;
+        }
         camera->flush();
-        if (camera->video) camera->video->finish();
-        if (camera->video) camera->bytes = camera->video->bytes();
+        if (!camera->video) continue;
+        camera->video->finish();
+        camera->bytes = camera->video->bytes();
       } catch (const WriteError& e) {
         fail(e);
       }

@@ -37,9 +37,10 @@ struct RecordingOptions {
 };
 
 struct RecordedCameraFigures {
-  std::uint64_t frames = 0;    // written, corrupted ones included
-  std::uint64_t left_out = 0;  // not later than the frame before, or of another format or size than the first
-  std::uint64_t bytes = 0;     // of video, so far
+  std::uint64_t frames = 0;  // written, corrupted ones included
+  // Not later than the frame before; of another format or size than the first; BGR, which no camera sends.
+  std::uint64_t left_out = 0;
+  std::uint64_t bytes = 0;  // of video, so far
 };
 
 // One camera's frames are written by one thread at a time, different cameras' by different threads at once: so the

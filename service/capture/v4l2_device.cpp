@@ -74,7 +74,8 @@ std::string error_line(const fs::path& node, int error, const std::string& doing
 }
 
 [[noreturn]] void fail(const fs::path& node, int error, const std::string& doing) {
-  throw CaptureError({error, std::generic_category()}, error_line(node, error, doing));
+  // EINVAL of a driver may pass; "invalid argument" is kept for what the user asked and the camera has not.
+  throw CaptureError({error == EINVAL ? EIO : error, std::generic_category()}, error_line(node, error, doing));
 }
 
 [[noreturn]] void refuse(const fs::path& node, const std::string& what) {
@@ -551,6 +552,7 @@ std::vector<Control> controls_of(const FileDescriptor& fd) {
     control.default_value = query.default_value;
     control.is_boolean = query.type == V4L2_CTRL_TYPE_BOOLEAN;
     control.is_64_bit = query.type == V4L2_CTRL_TYPE_INTEGER64;
+    control.is_button = query.type == V4L2_CTRL_TYPE_BUTTON;
     control.is_read_only = (query.flags & V4L2_CTRL_FLAG_READ_ONLY) != 0;
     control.is_inactive = (query.flags & V4L2_CTRL_FLAG_INACTIVE) != 0;
     if ((query.flags & V4L2_CTRL_FLAG_WRITE_ONLY) == 0) control.value = value_of(fd, control.id, control.is_64_bit);
@@ -600,6 +602,7 @@ std::string range_text(const Control& control) {
 // The number meant, or what is wrong with it.
 std::variant<std::int64_t, std::string> number_for(const Control& control, const ControlValue& value) {
   if (const auto* number = std::get_if<std::int64_t>(&value)) {
+    if (control.is_button) return *number;
     const bool is_known =
         control.menu.empty() || std::ranges::find(control.menu, *number, &ControlMenuItem::value) != control.menu.end();
     if (is_known && *number >= control.min && *number <= control.max) return *number;
@@ -741,7 +744,7 @@ struct V4l2Device::Impl {
     fd = std::make_shared<const FileDescriptor>(std::move(opened.fd));
     if (!can_capture(opened.capabilities)) {
       // A v4l2loopback becomes a camera only once something plays into it.
-      if (identity.driver == "v4l2 loopback") fail(path, ENODEV, "nothing plays into this v4l2loopback device");
+      if (is_loopback()) fail(path, ENODEV, "nothing plays into this v4l2loopback device");
       refuse(path, "(" + identity.card +
                        ") gives no video frames: many cameras have a second node for metadata. Take " +
                        "the one that ends in -video-index0 in /dev/v4l/by-path/");
@@ -751,6 +754,7 @@ struct V4l2Device::Impl {
   }
 
   bool is_multi_planar() const { return buffer_type == V4L2_BUF_TYPE_VIDEO_CAPTURE_MPLANE; }
+  bool is_loopback() const { return identity.driver == "v4l2 loopback"; }
 
   StreamFormat negotiate(const StreamRequest& request) {
     const auto formats = formats_of(*fd, buffer_type);
@@ -1103,7 +1107,7 @@ void V4l2Device::wake() {
 }
 
 bool V4l2Device::is_short_of_buffers() const {
-  return impl_->buffers && impl_->buffers->left_to_driver() < least_left_to_driver;
+  return impl_->buffers && (impl_->is_loopback() || impl_->buffers->left_to_driver() < least_left_to_driver);
 }
 
 int V4l2Device::buffer_count() const {

@@ -105,6 +105,7 @@ struct Control {
   std::vector<ControlMenuItem> menu;  // of menus only
   bool is_boolean = false;
   bool is_64_bit = false;
+  bool is_button = false;  // any value presses it; it has none to read
   bool is_read_only = false;
   bool is_inactive = false;  // another control, mostly an automatic one, rules it now
 };
@@ -191,7 +192,8 @@ class V4l2Device {
   // The next frame. Does not throw.
   DequeueResult dequeue(std::chrono::milliseconds patience);
   void wake();  // thread-safe: ends dequeue() with `stopped`, once now or the next one
-  // Fewer than three buffers are left to the driver: copy the frame and let go of it rather than hold it.
+  // Copy the frame and let go of it rather than hold it: fewer than three buffers are left to the driver, or it is
+  // v4l2loopback, whose player writes on into buffers that were handed out.
   bool is_short_of_buffers() const;
   int buffer_count() const;  // that the driver gave
 

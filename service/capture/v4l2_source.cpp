@@ -174,7 +174,6 @@ struct V4l2Source::Impl {
   // throws CaptureError
   void open() {
     V4l2Device opened = right_camera();
-    if (!known) known = opened.identity();
     const auto controls = opened.set_controls(options.controls);
     if (!before) before = opened.previous_controls();
     StreamFormat agreed = opened.start({.format = options.format,
@@ -207,24 +206,23 @@ struct V4l2Source::Impl {
   // The configured device; or, when that name is gone or taken, the camera that we know, where it hung before.
   V4l2Device right_camera() {
     std::optional<CaptureError> error;
-    try {
-      V4l2Device opened(options.device);
-      if (!known || is_ours(opened.identity())) return opened;
-      error.emplace(std::make_error_code(std::errc::address_in_use),
-                    "another camera is in its place: " + opened.identity().to_string() + " instead of " +
-                        known->to_string() + ". Plug the right one in, or restart with another configuration");
-    } catch (const CaptureError& e) {
-      if (!known) throw;
-      error.emplace(e);
-    }
-    for (const auto& node : known->usb ? v4l2_nodes_at(known->usb->port) : std::vector<fs::path>{}) {
+    const auto try_node = [&](const fs::path& node, bool is_configured) -> std::optional<V4l2Device> {
       try {
         V4l2Device opened(node);
-        if (is_ours(opened.identity())) return opened;
-      } catch (const CaptureError&) {
-        // not this one: its metadata node, or just going away
+        if (!known || is_ours(opened.identity())) return opened;
+        error.emplace(std::make_error_code(std::errc::address_in_use),
+                      "another camera is in its place: " + opened.identity().to_string() + " instead of " +
+                          known->to_string() + ". Plug the right one in, or start anew with another configuration");
+      } catch (const CaptureError& e) {
+        // elsewhere on its port: its metadata node, or it is just coming
+        if (is_configured) error.emplace(e);
       }
-    }
+      return std::nullopt;
+    };
+    if (auto opened = try_node(options.device, true)) return std::move(*opened);
+    if (known && known->usb)
+      for (const auto& node : v4l2_nodes_at(known->usb->port))
+        if (auto opened = try_node(node, false)) return std::move(*opened);
     throw CaptureError(*error);
   }
 

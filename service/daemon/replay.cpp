@@ -92,6 +92,9 @@ ReplaySummary replay(const ReplayCommand& command, std::stop_token stop) {
   std::vector<Tally> tallies;
   for (const auto& target : config.targets) {
     trackers.emplace_back(config.rig, target, config.object_tracking);
+    for (std::size_t c = 0; c < source.cameras().size(); ++c) {
+      trackers.back().expect(static_cast<int>(c), source.cameras()[c].format, source.cameras()[c].range);
+    }
     tallies.emplace_back(target.name, truth ? &*truth : nullptr);
     if (truth && !truth->targets().contains(target.name)) {
       spdlog::warn("{} has no ball named {}: this target is not compared", command.truth.string(), target.name);

@@ -22,8 +22,9 @@ int RegionFinder::root(int label) {
 
 // Connected components in one pass over runs of matching pixels (He, Chao and Suzuki 2008): a run takes the label of
 // the runs that it touches in the row above, and joins them when they are several.
-void RegionFinder::label_runs(MatchBits& view, const PixelBox& box) {
+int RegionFinder::label_runs(MatchBits& view, const PixelBox& box, PixelAt probe) {
   constexpr int word = 56;  // row() gives at least 57 pixels
+  int probed = -1;
   parent_.clear();
   moments_.clear();
   above_.clear();
@@ -60,6 +61,7 @@ void RegionFinder::label_runs(MatchBits& view, const PixelBox& box) {
         parent_.push_back(run.label);
         moments_.emplace_back();
       }
+      if (v == probe.v && run.u_min <= probe.u && probe.u <= run.u_max) probed = run.label;
       const double n = run.u_max - run.u_min + 1;
       const double sum_u = n * (run.u_min + run.u_max) / 2;
       const double middle = (run.u_min + run.u_max) / 2.0;
@@ -75,6 +77,7 @@ void RegionFinder::label_runs(MatchBits& view, const PixelBox& box) {
     moments_[r].add(moments_[i]);
     moments_[i].n = 0;
   }
+  return probed < 0 ? -1 : root(probed);
 }
 
 void RegionFinder::collect(int min_area, double reach_px) {
@@ -142,15 +145,7 @@ const std::vector<ColorRegion>& RegionFinder::search(MatchBits& view, int step_p
     const PixelBox box{std::max(u - max_extent_px, 0), std::max(v - max_extent_px, 0),
                        std::min(u + max_extent_px, view.width() - 1), std::min(v + max_extent_px, view.height() - 1)};
     view.look(box);
-    label_runs(view, box);
-    // The component under the grid point: of those whose box holds it, the smallest that reaches it.
-    const Moments* under = nullptr;
-    for (const Moments& m : moments_) {
-      if (m.n == 0 || u < m.box.u_min || u > m.box.u_max || v < m.box.v_min || v > m.box.v_max) continue;
-      if (under == nullptr || m.n > under->n) under = &m;
-    }
-    if (under == nullptr) continue;
-    found_.push_back(*under);
+    if (const int under = label_runs(view, box, {u, v}); under >= 0) found_.push_back(moments_[static_cast<std::size_t>(under)]);
   }
   std::erase_if(found_, [&](const Moments& m) {
     return m.box.u_max - m.box.u_min >= max_extent_px || m.box.v_max - m.box.v_min >= max_extent_px;

@@ -23,7 +23,8 @@ class RegionFinder {
   // box cuts are as they appear in the box. The reference is valid until the next call.
   const std::vector<ColorRegion>& find(MatchBits& view, PixelBox box, int min_area, double reach_px);
 
-  // The same for the whole image, looked at through a grid of step_px: a region that no grid point hits is not found.
+  // The same for the whole image, looked at through a grid of step_px: a region is not found when no grid point hits it, or
+  // only such as lie in the bounding box of another one that was found before.
   // Regions wider than max_extent_px on either side are background and left out.
   const std::vector<ColorRegion>& search(MatchBits& view, int step_px, int max_extent_px, int min_area, double reach_px);
 
@@ -35,7 +36,8 @@ class RegionFinder {
     void add(const Moments& other);
   };
   int root(int label);
-  void label_runs(MatchBits& view, const PixelBox& box);
+  // Fills moments_, per label. Returns the label of the component that has `probe`; -1 when none has.
+  int label_runs(MatchBits& view, const PixelBox& box, PixelAt probe = {-1, -1});
   void collect(int min_area, double reach_px);
 
   std::vector<PixelAt> hits_;

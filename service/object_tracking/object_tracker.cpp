@@ -80,6 +80,10 @@ ObjectTracker::~ObjectTracker() = default;
 ObjectTracker::ObjectTracker(ObjectTracker&&) noexcept = default;
 ObjectTracker& ObjectTracker::operator=(ObjectTracker&&) noexcept = default;
 
+void ObjectTracker::expect(int camera, PixelFormat format, ColorRange range) {
+  std::visit([&](auto& tracker) { tracker.views().expect(static_cast<std::size_t>(camera), format, range); }, impl_->tracker);
+}
+
 ObjectEstimate ObjectTracker::update(const FrameSet& set) {
   return std::visit([&](auto& tracker) { return tracker.update(set); }, impl_->tracker);
 }

@@ -62,6 +62,10 @@ class ObjectTracker {
   ObjectTracker(ObjectTracker&&) noexcept;
   ObjectTracker& operator=(ObjectTracker&&) noexcept;
 
+  // What a camera is going to deliver, where that is known beforehand: makes its colour table now, which otherwise holds the
+  // first set up for some 50 ms.
+  void expect(int camera, PixelFormat format, ColorRange range);
+
   // set.frames has one slot per camera of the rig; a frame whose size is not the rig's is not used (the caller checks
   // sizes at start). Sets come in time order.
   ObjectEstimate update(const FrameSet& set);

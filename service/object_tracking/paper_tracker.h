@@ -39,6 +39,7 @@ class PaperTracker {
   PaperTracker(const CameraRig& rig, const TargetOptions& target, const ObjectTrackerOptions& options, Rng rng);
 
   ObjectEstimate update(const FrameSet& set);
+  TargetViews& views() { return views_; }
   const PositionParticles& particles() const { return particles_; }
 
  private:

@@ -22,6 +22,7 @@ constexpr double floor_likelihood = 1.0 / 25;   // the paper's, eqs. (5), (6): t
 constexpr double region_gate = 16;              // chi-square, 2 degrees of freedom, 99.97 %
 constexpr double least_support = 0.15;          // of a region that counts as the object
 constexpr std::size_t max_candidates = 4;
+constexpr double longest_confirmation_s = 0.5;  // a candidate that is older confirms nothing
 
 double largest_sigma(const Eigen::Matrix3d& covariance) {
   return std::sqrt(std::max(0.0, covariance.selfadjointView<Eigen::Lower>().eigenvalues().maxCoeff()));
@@ -355,9 +356,10 @@ void RegionTracker::judge(const FrameSet& set) {
   }
 }
 
-// Two candidates in two frame sets on end that one object can explain are a find. One alone never is: a chance match of
+// Two candidates in two frame sets that one object can explain are a find. One alone never is: a chance match of
 // background pixels does not move like an object.
 void RegionTracker::search(const FrameSet& set, const std::vector<TargetView>& views) {
+  if (views.size() < 2) return;            // of cameras of different rates: such a set neither confirms nor refutes
   for (std::size_t i = 0; i < views.size(); ++i) {
     const TargetView& view = views[i];
     const SizeInView& size = size_in_view_[static_cast<std::size_t>(view.index)];
@@ -373,11 +375,12 @@ void RegionTracker::search(const FrameSet& set, const std::vector<TargetView>& v
   }
   std::vector<Candidate> now =
       cross_rays(views, std::span(regions_).first(views.size()), target_, options_, max_candidates);
+  if (now.empty()) return;                 // nor does one in which too few of these views see it
   const double dt = seconds(set.at - candidates_at_);
   const Candidate* found = nullptr;
   const Candidate* earlier = nullptr;
   double best = -1e30;
-  if (dt > 0 && dt < 0.5) {
+  if (dt > 0 && dt < longest_confirmation_s) {
     for (const Candidate& c : now) {
       for (const Candidate& e : candidates_) {
         const double spread = 3 * (largest_sigma(c.covariance) + largest_sigma(e.covariance));
@@ -391,7 +394,7 @@ void RegionTracker::search(const FrameSet& set, const std::vector<TargetView>& v
     const double variance = (found->covariance.trace() + earlier->covariance.trace()) / 3 / (dt * dt) +
                             std::pow(options_.acceleration_m_s2 * dt, 2);
     start_at(*found, velocity, variance);
-    state_ = TrackState::tracking;
+    state_ = largest_sigma(found->covariance) <= options_.max_tracking_sigma_m ? TrackState::tracking : TrackState::coasting;
     last_tracking_ = set.at;
     candidates_.clear();
     return;

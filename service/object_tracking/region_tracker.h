@@ -42,6 +42,7 @@ class RegionTracker {
   RegionTracker(const CameraRig& rig, const TargetOptions& target, const ObjectTrackerOptions& options, Rng rng);
 
   ObjectEstimate update(const FrameSet& set);
+  TargetViews& views() { return views_; }
   const PositionParticles& particles() const { return particles_; }
 
  private:

@@ -11,15 +11,15 @@ TargetViews::TargetViews(const CameraRig& rig, const TargetOptions& target) {
   }
 }
 
-const ColorTable& TargetViews::table_for(PerCamera& camera, const Image& image) {
-  if (camera.table && camera.table->is_for(image.format, image.range)) return *camera.table;
+const ColorTable& TargetViews::table_for(PerCamera& camera, PixelFormat format, ColorRange range) {
+  if (camera.table && camera.table->is_for(format, range)) return *camera.table;
   for (const auto& other : cameras_) {         // cameras of one kind share a table
-    if (other->table && other->table->is_for(image.format, image.range) && other->color == camera.color) {
+    if (other->table && other->table->is_for(format, range) && other->color == camera.color) {
       camera.table = other->table;
       return *camera.table;
     }
   }
-  camera.table = std::make_shared<const ColorTable>(camera.color, image.format, image.range);
+  camera.table = std::make_shared<const ColorTable>(camera.color, format, range);
   return *camera.table;
 }
 
@@ -30,7 +30,7 @@ const std::vector<TargetView>& TargetViews::look_at(const FrameSet& set) {
     const Frame& frame = *set.frames[i];
     PerCamera& c = *cameras_[i];
     if (frame.pixels.width != c.camera.image_size.width || frame.pixels.height != c.camera.image_size.height) continue;
-    const ColorTable& table = table_for(c, frame.pixels);
+    const ColorTable& table = table_for(c, frame.pixels.format, frame.pixels.range);
     c.matches.look_at(frame.pixels, table);
     views_.push_back({static_cast<int>(i), &c.camera, &c.projector, &c.matches, &frame.pixels, &table,
                       seconds(set.at - frame.captured_at)});

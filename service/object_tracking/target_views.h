@@ -36,6 +36,9 @@ class TargetViews {
   // The views of this set, in camera order; valid until the next call. A frame of another size than the rig's is left out.
   const std::vector<TargetView>& look_at(const FrameSet& set);
 
+  // Makes the camera's colour table for this format before the first frame needs it.
+  void expect(std::size_t camera, PixelFormat format, ColorRange range) { table_for(*cameras_.at(camera), format, range); }
+
   std::size_t camera_count() const { return cameras_.size(); }
   const Camera& camera(std::size_t i) const { return cameras_[i]->camera; }
   const BatchProjector& projector(std::size_t i) const { return cameras_[i]->projector; }
@@ -50,7 +53,7 @@ class TargetViews {
     HsiRange color;
     std::shared_ptr<const ColorTable> table;   // of the format seen last; made when a format is first seen
   };
-  const ColorTable& table_for(PerCamera& camera, const Image& image);
+  const ColorTable& table_for(PerCamera& camera, PixelFormat format, ColorRange range);
 
   std::vector<std::unique_ptr<PerCamera>> cameras_;
   std::vector<TargetView> views_;

@@ -24,7 +24,7 @@ const TruthRow* Sequence::row(const std::string& target, Timestamp at) const {
 std::filesystem::path shared_data() { return HUETRACK_SHARED_DATA; }
 bool have(const std::string& folder) { return std::filesystem::exists(shared_data() / folder / "recording.yaml"); }
 
-Sequence load_sequence(const std::filesystem::path& folder, int every) {
+Sequence load_sequence(const std::filesystem::path& folder, int every, int phase) {
   Sequence out;
   out.name = folder.filename().string();
   out.rig = read_rig(folder / "rig.yaml");
@@ -32,10 +32,10 @@ Sequence load_sequence(const std::filesystem::path& folder, int every) {
   std::vector<std::string> names;
   for (const Camera& camera : out.rig.cameras) names.push_back(camera.name);
   if (every > 1) {
-    out.name += ", free-running";
+    out.name += ", free-running, phase " + std::to_string(phase);
     for (std::size_t i = 0; i < recording.cameras.size(); ++i) {
       recording.cameras[i].every = every;
-      recording.cameras[i].first_frame = static_cast<std::int64_t>(i) % every;
+      recording.cameras[i].first_frame = (static_cast<std::int64_t>(i) + phase) % every;
     }
   }
   ReplaySource source(recording, names);

@@ -27,8 +27,8 @@ struct Sequence {
   const TruthRow* row(const std::string& target, Timestamp at) const;   // at this very time, else nullptr
 };
 
-// every = 2: as free-running cameras of half the rate, each taking other frames.
-Sequence load_sequence(const std::filesystem::path& folder, int every = 1);
+// every = 2: as free-running cameras of half the rate, each taking other frames; phase 1: the ones that phase 0 leaves out.
+Sequence load_sequence(const std::filesystem::path& folder, int every = 1, int phase = 0);
 
 std::filesystem::path shared_data();                    // may not be there: then tests SKIP
 bool have(const std::string& folder);                   // below shared_data()

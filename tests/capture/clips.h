@@ -66,6 +66,7 @@ struct Clip {
   int fps = 10;
   int key_frame_every = 1;
   int b_frames = 0;
+  bool standard_huffman = false;  // mjpeg: the tables that webcams use, and leave out
   // Sees every coded packet before it goes into the file; false leaves it out.
   std::function<bool(int, AVPacket&)> tamper = {};
 };
@@ -130,6 +131,7 @@ inline void write_clip(const std::filesystem::path& file, const Clip& clip) {
     codec->slices = 4;
     av_opt_set_int(codec->priv_data, "slicecrc", 1, 0);
   }
+  if (clip.standard_huffman) av_opt_set(codec->priv_data, "huffman", "default", 0);
   codec->strict_std_compliance = FF_COMPLIANCE_UNOFFICIAL;
   if ((output->oformat->flags & AVFMT_GLOBALHEADER) != 0) codec->flags |= AV_CODEC_FLAG_GLOBAL_HEADER;
   check(avcodec_open2(codec.get(), encoder, nullptr), "the encoder does not open");

@@ -1,0 +1,238 @@
+#include "object_tracking/color_window.h"
+
+#include <gmock/gmock.h>
+
+#include <cmath>
+#include <limits>
+
+#include "object_tracking/random_image.h"
+
+namespace huetrack {
+namespace {
+
+struct Size {
+  int width, height;
+};
+// Multiples of the tile and not; narrower than a tile, than a window, than a word.
+const std::vector<Size> sizes{{64, 48}, {66, 50}, {70, 46}, {8, 8}, {4, 2}, {2, 4}, {130, 18}, {56, 10}};
+
+struct Windows {
+  std::vector<float> u, v;
+  void add(double at_u, double at_v) { u.push_back(static_cast<float>(at_u)), v.push_back(static_cast<float>(at_v)); }
+};
+
+// What eq. (6) asks for: the pixel that (u, v) rounds to, halves upwards; the test's own arithmetic, in double.
+int expected_count(const Image& image, const ColorTable& table, float u, float v) {
+  const double ru = std::floor(static_cast<double>(u) + 0.5), rv = std::floor(static_cast<double>(v) + 0.5);
+  if (!(ru >= 0 && rv >= 0 && ru < image.width && rv < image.height)) return MatchBits::outside;
+  return count_5x5_reference(image, table, static_cast<int>(ru), static_cast<int>(rv));
+}
+
+std::vector<int> counts(MatchBits& bits, const Windows& w) {
+  std::vector<std::uint8_t> k(w.u.size() + 1, 201);
+  bits.count_5x5(w.u.data(), w.v.data(), w.u.size(), k.data());
+  EXPECT_EQ(k.back(), 201);
+  return {k.begin(), k.end() - 1};
+}
+
+std::vector<int> expected_counts(const Image& image, const ColorTable& table, const Windows& w) {
+  std::vector<int> out;
+  for (std::size_t i = 0; i < w.u.size(); ++i) out.push_back(expected_count(image, table, w.u[i], w.v[i]));
+  return out;
+}
+
+// The middle of every pixel, and of those around the image.
+Windows every_pixel(Size size) {
+  Windows w;
+  for (int v = -4; v < size.height + 4; ++v) {
+    for (int u = -4; u < size.width + 4; ++u) w.add(u, v);
+  }
+  return w;
+}
+
+Windows strewn(Size size, int n, std::uint64_t seed) {
+  std::mt19937_64 rng(seed);
+  const auto uniform = [&](double from, double to) {
+    return from + (to - from) * static_cast<double>(rng() >> 11) * 0x1p-53;
+  };
+  Windows w;
+  for (int i = 0; i < n; ++i) w.add(uniform(-6, size.width + 6), uniform(-6, size.height + 6));
+  return w;
+}
+
+class EveryFormat : public testing::TestWithParam<PixelFormat> {
+ protected:
+  const PixelFormat format = GetParam();
+  const ColorTable table{common_color(format), format, ColorRange::limited};
+};
+INSTANTIATE_TEST_SUITE_P(, EveryFormat, testing::ValuesIn(all_formats),
+                         [](const auto& param) { return std::string(name(param.param)); });
+
+TEST_P(EveryFormat, referenceCountsPixelByPixel) {
+  const Image image = random_image(format, 20, 20, 1);
+  for (const auto& [u, v] : {std::pair{0, 0}, {2, 2}, {10, 9}, {19, 19}, {18, 1}}) {
+    int k = 0;
+    for (int y = v - 2; y <= v + 2; ++y) {
+      for (int x = u - 2; x <= u + 2; ++x)
+        k += x >= 0 && x < 20 && y >= 0 && y < 20 && matches_at(image, table, x, y) ? 1 : 0;
+    }
+    EXPECT_EQ(count_5x5_reference(image, table, u, v), k);
+  }
+}
+
+TEST_P(EveryFormat, everyWindowAsTheReference) {
+  for (const Size size : sizes) {
+    MatchBits bits(size.width, size.height);
+    const Windows w = every_pixel(size);
+    for (std::uint64_t frame = 1; frame <= 3; ++frame) {  // nothing is left over from the frame before
+      const Image image = random_image(format, size.width, size.height, frame);
+      bits.look_at(image, table);
+      const std::vector<int> expected = expected_counts(image, table, w);
+      EXPECT_EQ(counts(bits, w), expected) << size.width << "x" << size.height << " frame " << frame;
+      EXPECT_EQ(counts(bits, w), expected) << "again, now that all tiles are known";
+      if (size.width > 40) {
+        EXPECT_GT(std::ranges::count_if(expected, [](int k) { return k > 0 && k < 25; }), 100);
+      }
+    }
+  }
+}
+
+TEST_P(EveryFormat, anyNumberOfStrewnWindowsAsTheReference) {
+  const Size size{70, 46};
+  MatchBits bits(size.width, size.height);
+  for (int n = 0; n < 70; ++n) {
+    const Image image = random_image(format, size.width, size.height, static_cast<std::uint64_t>(n));
+    bits.look_at(image, table);
+    const Windows w = strewn(size, n, static_cast<std::uint64_t>(n));
+    ASSERT_EQ(counts(bits, w), expected_counts(image, table, w)) << n;
+  }
+  const Image image = random_image(format, size.width, size.height, 99);
+  bits.look_at(image, table);
+  const Windows w = strewn(size, 5000, 99);
+  ASSERT_EQ(counts(bits, w), expected_counts(image, table, w));
+}
+
+TEST_P(EveryFormat, rowsAndPixelsAsTheImage) {
+  for (const Size size : sizes) {
+    const Image image = random_image(format, size.width, size.height, 7);
+    MatchBits bits(size.width, size.height);
+    bits.look_at(image, table);
+    bits.look({-100, -100, 1000, 1000});  // clipped
+    for (int v = 0; v < size.height; ++v) {
+      for (int u = -MatchBits::margin; u < size.width; ++u) {
+        const std::uint64_t row = bits.row(u, v);
+        for (int i = 0; i < 57; ++i) {
+          const bool in = u + i >= 0 && u + i < size.width;
+          ASSERT_EQ(row >> i & 1, in && matches_at(image, table, u + i, v) ? 1u : 0u) << u << " + " << i << ", " << v;
+        }
+      }
+    }
+    MatchBits fresh(size.width, size.height);
+    fresh.look_at(image, table);
+    for (int v = 0; v < size.height; ++v) {
+      for (int u = 0; u < size.width; ++u) ASSERT_EQ(fresh.at(u, v), matches_at(image, table, u, v)) << u << ", " << v;
+    }
+  }
+}
+
+TEST_P(EveryFormat, gridAsTheImage) {
+  for (const Size size : sizes) {
+    const Image image = random_image(format, size.width, size.height, 8);
+    MatchBits bits(size.width, size.height);
+    bits.look_at(image, table);
+    for (const int step : {1, 2, 3, 7, 200}) {
+      std::vector<PixelAt> hits{{-1, -1}};
+      bits.grid(step, hits);
+      std::vector<std::pair<int, int>> got, expected;
+      for (const PixelAt& p : hits) got.emplace_back(p.u, p.v);
+      for (int v = step / 2; v < size.height; v += step) {
+        for (int u = step / 2; u < size.width; u += step) {
+          if (matches_at(image, table, u, v)) expected.emplace_back(u, v);
+        }
+      }
+      EXPECT_EQ(got, expected) << step;
+    }
+  }
+}
+
+TEST(MatchBits, imagesWithPaddedRows) {
+  const ColorTable table(common_color(PixelFormat::i420), PixelFormat::i420, ColorRange::limited);
+  const Image wide = random_image(PixelFormat::i420, 96, 32, 1);
+  Image left = wide;  // the left part of it: rows are longer than pixels
+  left.width = 42;
+  MatchBits bits(42, 32);
+  bits.look_at(left, table);
+  const Windows w = every_pixel({42, 32});
+  EXPECT_EQ(counts(bits, w), expected_counts(left, table, w));
+}
+
+TEST(MatchBits, coordinatesThatAreNoPixel) {
+  const ColorTable table(common_color(PixelFormat::yuyv), PixelFormat::yuyv, ColorRange::limited);
+  const Image image = random_image(PixelFormat::yuyv, 40, 30, 1);
+  MatchBits bits(40, 30);
+  bits.look_at(image, table);
+  const double nan = std::nan(""), inf = std::numeric_limits<double>::infinity();
+  const std::vector<std::pair<double, double>> outside{
+      {nan, 5}, {5, nan},   {inf, 5},   {-inf, 5}, {5, inf},  {5, -inf}, {-1e9, -1e9}, {1e30, 5},        {-1, 5},
+      {5, -1},  {-0.51, 5}, {5, -0.51}, {39.5, 5}, {5, 29.5}, {40, 5},   {5, 30},      {2147483648., 1}, {3e9, 3e9}};
+  Windows w;
+  for (const auto& [u, v] : outside) w.add(u, v), w.add(20, 15);  // between windows that are inside
+  const std::vector<int> k = counts(bits, w);
+  for (std::size_t i = 0; i < outside.size(); ++i) {
+    EXPECT_EQ(k[2 * i], MatchBits::outside) << outside[i].first << ", " << outside[i].second;
+    EXPECT_EQ(k[2 * i + 1], count_5x5_reference(image, table, 20, 15));
+  }
+  Windows border;
+  border.add(-0.5, -0.5), border.add(39.49, 29.49), border.add(-0.49, 29.4);
+  EXPECT_EQ(counts(bits, border),
+            (std::vector<int>{count_5x5_reference(image, table, 0, 0), count_5x5_reference(image, table, 39, 29),
+                              count_5x5_reference(image, table, 0, 29)}));
+}
+
+// The point of it all: the cost follows the windows, not the image.
+TEST(MatchBits, looksOnlyWhereAWindowIs) {
+  const ColorTable table(common_color(PixelFormat::nv12), PixelFormat::nv12, ColorRange::limited);
+  const Image image = random_image(PixelFormat::nv12, 1920, 1080, 1);
+  MatchBits bits(1920, 1080);
+  bits.look_at(image, table);
+  EXPECT_EQ(bits.tiles_looked_at(), 0u);
+  Windows one;
+  one.add(1000.2, 500.4);
+  counts(bits, one);
+  EXPECT_LE(bits.tiles_looked_at(), 4u);
+  Windows cloud;
+  for (int i = 0; i < 2000; ++i) cloud.add(1000 + i % 40, 500 + i % 37);
+  counts(bits, cloud);
+  const std::uint64_t once = bits.tiles_looked_at();
+  EXPECT_LE(once, 49u);  // 44 x 41 pixels touch at most 7 x 7 tiles
+  EXPECT_GE(once, 25u);
+  counts(bits, cloud);
+  EXPECT_EQ(bits.tiles_looked_at(), once);  // known
+  Windows beside;
+  beside.add(-5, 4), beside.add(3000, 4);
+  counts(bits, beside);
+  EXPECT_EQ(bits.tiles_looked_at(), once);
+  bits.look({1000, 500, 1007, 507});
+  EXPECT_EQ(bits.tiles_looked_at(), once);
+  bits.look_at(image, table);
+  counts(bits, cloud);
+  EXPECT_GE(bits.tiles_looked_at(), once + 25);  // a new frame is looked at anew
+}
+
+TEST(MatchBits, rowsThatNobodyLookedAtAreEmpty) {
+  const ColorTable any({0, 360, 0, 1, 0, 1}, PixelFormat::grey, ColorRange::limited);
+  const Image image = random_image(PixelFormat::grey, 64, 64, 1);
+  MatchBits bits(64, 64);
+  bits.look_at(image, any);
+  EXPECT_EQ(bits.row(0, 20), 0u);
+  bits.look({16, 16, 23, 23});
+  EXPECT_EQ(bits.row(0, 20), 0xff0000u);
+  EXPECT_EQ(bits.row(0, 24), 0u);
+  bits.look_at(image, any);
+  EXPECT_EQ(bits.row(0, 20), 0u);
+  bits.look({5, 5, 4, 8});  // empty
+  EXPECT_EQ(bits.tiles_looked_at(), 1u);
+}
+
+}  // namespace
+}  // namespace huetrack

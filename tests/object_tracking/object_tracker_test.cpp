@@ -1,0 +1,457 @@
+#include "object_tracking/object_tracker.h"
+
+#include <gmock/gmock.h>
+
+#include <Eigen/Cholesky>
+#include <bit>
+#include <cmath>
+#include <functional>
+#include <stdexcept>
+
+#include "scene/scene.h"
+
+namespace huetrack {
+namespace {
+
+using Eigen::Vector3d;
+using testing::AllOf;
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::IsEmpty;
+
+TargetOptions lime() {
+  TargetOptions t;
+  t.name = "lime";
+  t.color.hue_min_deg = 65, t.color.hue_max_deg = 115;
+  return t;
+}
+
+BallOptions pink_ball() {
+  return {.name = "pink", .rgb = {0.85, 0.25, 0.55}};
+}
+
+TargetOptions pink() {
+  TargetOptions t = lime();
+  t.name = "pink";
+  t.color.hue_min_deg = 310, t.color.hue_max_deg = 355;
+  return t;
+}
+
+ObjectTrackerOptions options_with(std::uint64_t seed = 1, Observation observation = Observation::huetrack) {
+  ObjectTrackerOptions o;
+  o.seed = seed;
+  o.observation = observation;
+  return o;
+}
+
+SceneBuilder ring(int count) {
+  return SceneBuilder{}.cameras_on_ring({.count = count});
+}
+
+// What holds of every estimate, whatever happens.
+void expect_sound(const ObjectEstimate& e, const FrameSet& set, std::size_t cameras) {
+  EXPECT_EQ(e.at, set.at);
+  EXPECT_EQ(e.set_number, set.number);
+  EXPECT_EQ(e.has_position(), e.state == TrackState::tracking || e.state == TrackState::coasting);
+  for (const bool finite :
+       {e.position.allFinite(), e.velocity.allFinite(), e.covariance.allFinite(), e.map_position.allFinite()})
+    EXPECT_EQ(finite, e.has_position()) << name(e.state);
+  if (e.has_position()) {
+    EXPECT_EQ(Eigen::LLT<Eigen::Matrix3d>(e.covariance).info(), Eigen::Success) << e.covariance;
+    EXPECT_LT((e.covariance - e.covariance.transpose()).norm(), 1e-12);
+  }
+  EXPECT_GE(e.confidence, 0);
+  EXPECT_LE(e.confidence, 1);
+  EXPECT_GE(e.effective_sample_size, 1);
+  EXPECT_LE(e.effective_sample_size, e.particle_count);
+  ASSERT_EQ(e.per_view.size(), cameras);
+  int seen = 0;
+  for (std::size_t c = 0; c < cameras; ++c) {
+    const ViewSupport& view = e.per_view[c];
+    seen += view.seen ? 1 : 0;
+    EXPECT_TRUE(!view.seen || view.in_view);
+    EXPECT_TRUE(!view.in_view || view.delivered);
+    EXPECT_TRUE(!view.delivered || (c < set.frames.size() && set.frames[c]));
+    EXPECT_EQ(view.px.allFinite(), view.in_view);
+  }
+  EXPECT_EQ(seen, e.views);
+}
+
+struct Outcome {
+  std::vector<ObjectEstimate> estimates;
+  std::vector<double> error_m;                           // NaN without a position
+  std::size_t lock = 1000;                               // 1: the first set
+  double rms_m = 0, mean_nees = 0, share_inside_95 = 0;  // from the lock on, in `tracking`
+};
+
+Outcome run(const Scene& scene, const std::vector<FrameSet>& sets, const TargetOptions& target,
+            const ObjectTrackerOptions& options, std::size_t ball = 0) {
+  ObjectTracker tracker(scene.rig, target, options);
+  Outcome out;
+  double sum2 = 0;
+  int n = 0;
+  for (const FrameSet& set : sets) {
+    const ObjectEstimate e = tracker.update(set);
+    expect_sound(e, set, scene.rig.cameras.size());
+    const Vector3d error = e.position - scene.ball_at(ball, set.at);
+    out.error_m.push_back(error.norm());
+    out.estimates.push_back(e);
+    if (e.state != TrackState::tracking) continue;
+    EXPECT_LT(error.norm(), 0.1) << "`tracking`, set " << set.number;
+    if (out.lock == 1000) out.lock = out.estimates.size();
+    const double nees = error.dot(e.covariance.llt().solve(error));
+    sum2 += error.squaredNorm(), out.mean_nees += nees, out.share_inside_95 += nees < 7.815 ? 1 : 0, ++n;
+  }
+  out.rms_m = std::sqrt(sum2 / n), out.mean_nees /= n, out.share_inside_95 /= n;
+  return out;
+}
+
+// All that it says, to the last bit.
+std::vector<std::uint64_t> bits_of(const ObjectEstimate& e) {
+  std::vector<std::uint64_t> out{static_cast<std::uint64_t>(e.state), static_cast<std::uint64_t>(e.views),
+                                 static_cast<std::uint64_t>(e.particle_count)};
+  const auto add = [&out](double x) { out.push_back(std::bit_cast<std::uint64_t>(x)); };
+  for (int i = 0; i < 3; ++i) add(e.position(i)), add(e.velocity(i)), add(e.map_position(i));
+  for (int i = 0; i < 9; ++i) add(e.covariance(i));
+  add(e.confidence), add(e.effective_sample_size);
+  for (const ViewSupport& v : e.per_view) {
+    out.push_back((v.delivered ? 1 : 0) + (v.in_view ? 2 : 0) + (v.seen ? 4 : 0));
+    for (const float x : {v.px.x(), v.px.y(), v.radius_px, v.support, v.residual_px})
+      out.push_back(std::bit_cast<std::uint32_t>(x));
+  }
+  return out;
+}
+
+std::vector<std::vector<std::uint64_t>> bits_of(const std::vector<ObjectEstimate>& estimates) {
+  std::vector<std::vector<std::uint64_t>> out;
+  for (const ObjectEstimate& e : estimates) out.push_back(bits_of(e));
+  return out;
+}
+
+TEST(ObjectTracker, locksByTheThirdSetAndIsHonest) {
+  double nees = 0, inside = 0;
+  int runs = 0;
+  for (const int cameras : {2, 3}) {
+    const Scene scene = ring(cameras).ball({}).build();
+    for (std::uint64_t seed = 1; seed <= 4; ++seed) {
+      const Outcome o = run(scene, render(scene, {.set_count = 50, .seed = seed}), lime(), options_with(seed));
+      EXPECT_LE(o.lock, 3u) << cameras << " cameras, seed " << seed;
+      EXPECT_LT(o.rms_m, 0.006) << cameras << " cameras, seed " << seed;
+      for (std::size_t i = o.lock; i < o.estimates.size(); ++i)
+        EXPECT_EQ(o.estimates[i].state, TrackState::tracking) << i;
+      nees += o.mean_nees, inside += o.share_inside_95, ++runs;
+    }
+  }
+  EXPECT_GT(nees / runs, 1);
+  EXPECT_LT(nees / runs, 6);
+  EXPECT_GT(inside / runs, 0.85);
+}
+
+TEST(ObjectTracker, readsEveryFormat) {
+  for (const PixelFormat format : {PixelFormat::yuyv, PixelFormat::nv12, PixelFormat::i420, PixelFormat::i422,
+                                   PixelFormat::i444, PixelFormat::bgr}) {
+    const Scene scene = ring(2).ball({}).build();
+    const Outcome o = run(scene, render(scene, {.set_count = 15, .format = format}), lime(), options_with());
+    EXPECT_LE(o.lock, 3u) << name(format);
+    EXPECT_LT(o.rms_m, 0.01) << name(format);
+  }
+}
+
+TEST(ObjectTracker, findsNothingWhereNothingIs) {
+  Scene scene = ring(3).build();
+  ObjectTracker tracker(scene.rig, lime(), options_with());
+  for (const FrameSet& set : render(scene, {.set_count = 20})) {
+    const ObjectEstimate e = tracker.update(set);
+    expect_sound(e, set, 3);
+    EXPECT_EQ(e.state, TrackState::searching);
+  }
+  ObjectTracker of_grey(scene.rig, lime(), options_with());
+  scene.balls.push_back({});
+  for (const FrameSet& set : render(scene, {.set_count = 5, .format = PixelFormat::grey})) {
+    EXPECT_EQ(of_grey.update(set).state, TrackState::searching);
+  }
+}
+
+// Through a chimney without a roof, 40 cm wide, whose walls hide the ball from all cameras for a second.
+class BehindWalls : public testing::TestWithParam<int> {};
+
+TEST_P(BehindWalls, coastsIsLostAndComesBack) {
+  const double a = 0.2;
+  const Vector3d up(0, 0, 2.5), x(2 * a, 0, 0), y(0, 2 * a, 0);
+  SceneBuilder builder = ring(GetParam());
+  for (const Wall& wall : {Wall{{-a, -a, 0}, x, up}, {{-a, a, 0}, x, up}, {{-a, -a, 0}, y, up}, {{a, -a, 0}, y, up}})
+    builder.wall(wall);
+  const Scene scene =
+      builder.ball({.path = [](double t) { return Vector3d(-0.7 + 0.35 * t, 0.45 - 0.2 * t, 1.0); }}).build();
+  for (std::uint64_t seed = 1; seed <= 2; ++seed) {
+    const Outcome o = run(scene, render(scene, {.set_count = 120, .seed = seed}), lime(), options_with(seed));
+    const auto state_is = [&](TrackState s) { return std::ranges::count(o.estimates, s, &ObjectEstimate::state); };
+    EXPECT_LE(o.lock, 3u);
+    EXPECT_GT(state_is(TrackState::coasting), 2);
+    EXPECT_GT(state_is(TrackState::lost), 2);
+    EXPECT_LT(state_is(TrackState::searching), 3);  // that is before it was ever found
+    EXPECT_EQ(o.estimates.back().state, TrackState::tracking);
+    EXPECT_LT(o.error_m.back(), 0.02);
+    // While it coasts it is ever less sure.
+    for (std::size_t i = 1; i < o.estimates.size(); ++i) {
+      const ObjectEstimate &before = o.estimates[i - 1], &now = o.estimates[i];
+      if (now.state == TrackState::coasting && now.views == 0 && before.has_position()) {
+        EXPECT_GT(now.covariance.trace(), before.covariance.trace()) << i;
+      }
+      if (now.views == 0) {
+        EXPECT_NE(now.state, TrackState::tracking) << i;
+      }
+    }
+  }
+}
+INSTANTIATE_TEST_SUITE_P(Cameras, BehindWalls, testing::Values(2, 3));
+
+TEST(ObjectTracker, droppedFrames) {
+  const Scene scene = ring(3).ball({}).build();
+  const Outcome o =
+      run(scene, render(scene, {.set_count = 90, .dropped_frames = 0.25, .seed = 3}), lime(), options_with());
+  EXPECT_LE(o.lock, 6u);
+  EXPECT_LT(o.rms_m, 0.01);
+  EXPECT_EQ(std::ranges::count(o.estimates, TrackState::lost, &ObjectEstimate::state), 0);
+}
+
+// Cameras that look at different times, a ball at 2 m/s: 22 ms are 44 mm.
+TEST(ObjectTracker, freeRunningCameras) {
+  const Scene scene =
+      ring(3)
+          .ball({.path =
+                     [](double t) {
+                       return Vector3d(0.5 * std::sin(4 * t), 0.4 * std::cos(4 * t), 1 + 0.2 * std::sin(3 * t));
+                     }})
+          .build();
+  const std::vector<FrameSet> sets = render(scene, {.set_count = 90, .offset_s = {0, 0.011, 0.022}});
+  const Outcome o = run(scene, sets, lime(), options_with());
+  EXPECT_LE(o.lock, 4u);
+  EXPECT_LT(o.rms_m, 0.010);
+  EXPECT_GT(o.share_inside_95, 0.8);
+  for (std::size_t i = 10; i < o.estimates.size(); ++i) {
+    if (o.estimates[i].state == TrackState::tracking) {
+      const Vector3d velocity =
+          (scene.ball_at(0, sets[i].at + duration_of(1e-3)) - scene.ball_at(0, sets[i].at)) / 1e-3;
+      EXPECT_LT((o.estimates[i].velocity - velocity).norm(), 1.0) << i;
+    }
+  }
+}
+
+TEST(ObjectTracker, oneOfThreeCamerasStaysAway) {
+  const Scene scene = ring(3).ball({}).build();
+  std::vector<FrameSet> sets = render(scene, {.set_count = 80});
+  for (std::size_t i = 20; i < 60; ++i) sets[i].frames[1].reset();
+  const Outcome o = run(scene, sets, lime(), options_with());
+  EXPECT_LT(o.rms_m, 0.008);
+  for (std::size_t i = 3; i < sets.size(); ++i) {
+    EXPECT_EQ(o.estimates[i].state, TrackState::tracking) << i;
+    EXPECT_EQ(o.estimates[i].per_view[1].delivered, i < 20 || i >= 60) << i;
+  }
+}
+
+// One view leaves the depth open: the filter may go on for a while, but must say how unsure it is, and give up.
+TEST(ObjectTracker, oneViewIsNotEnoughForLong) {
+  const Scene scene = ring(2).ball({}).build();
+  std::vector<FrameSet> sets = render(scene, {.set_count = 120});
+  for (std::size_t i = 20; i < 100; ++i) sets[i].frames[1].reset();
+  const Outcome o = run(scene, sets, lime(), options_with());
+  int outside = 0, positions = 0;
+  for (std::size_t i = 20; i < 100; ++i) {
+    if (!o.estimates[i].has_position()) continue;
+    const Vector3d error = o.estimates[i].position - scene.ball_at(0, sets[i].at);
+    outside += error.dot(o.estimates[i].covariance.llt().solve(error)) > 16.27 ? 1 : 0;  // 99.9 %
+    ++positions;
+  }
+  EXPECT_LE(outside, positions / 5);
+  EXPECT_NE(o.estimates[99].state, TrackState::tracking);
+  EXPECT_EQ(o.estimates[104].state, TrackState::tracking);
+}
+
+TEST(ObjectTracker, unusableFramesAreAsIfTheyWereNotThere) {
+  const Scene scene = ring(3).ball({}).build();
+  const std::vector<FrameSet> sets = render(scene, {.set_count = 20});
+  std::vector<FrameSet> absent = sets, small = sets, corrupted = sets;
+  const WritableImage other = make_image(PixelFormat::yuyv, ColorRange::limited, 160, 120);
+  for (std::size_t i = 5; i < sets.size(); ++i) {
+    absent[i].frames[2].reset();
+    small[i].frames[2]->pixels = other.image;
+    corrupted[i].frames[2]->status = FrameStatus::corrupted;
+  }
+  const auto expected = bits_of(run(scene, absent, lime(), options_with()).estimates);
+  EXPECT_EQ(bits_of(run(scene, small, lime(), options_with()).estimates), expected);
+  EXPECT_EQ(bits_of(run(scene, corrupted, lime(), options_with()).estimates), expected);
+  EXPECT_NE(bits_of(run(scene, sets, lime(), options_with()).estimates), expected);
+}
+
+TEST(ObjectTracker, colorsPerCamera) {
+  const Scene scene = ring(2).ball({}).build();
+  const std::vector<FrameSet> sets = render(scene, {.set_count = 6});
+  TargetOptions target = lime();
+  target.color = {200, 260, 0.3, 1, 0.1, 0.95};
+  EXPECT_EQ(run(scene, sets, target, options_with()).lock, 1000u);
+  target.camera_colors = {{"cam0", lime().color}};
+  EXPECT_EQ(run(scene, sets, target, options_with()).lock, 1000u);
+  target.camera_colors.emplace_back("cam1", lime().color);
+  EXPECT_LE(run(scene, sets, target, options_with()).lock, 3u);
+}
+
+class BothObservations : public testing::TestWithParam<Observation> {};
+INSTANTIATE_TEST_SUITE_P(, BothObservations, testing::Values(Observation::paper, Observation::huetrack),
+                         [](const auto& param) { return param.param == Observation::paper ? "paper" : "huetrack"; });
+
+std::vector<ObjectEstimate> track(const Scene& scene, const std::vector<FrameSet>& sets, const TargetOptions& target,
+                                  const ObjectTrackerOptions& options) {
+  ObjectTracker tracker(scene.rig, target, options);
+  std::vector<ObjectEstimate> out;
+  for (const FrameSet& set : sets) {
+    out.push_back(tracker.update(set));
+    expect_sound(out.back(), set, scene.rig.cameras.size());
+  }
+  return out;
+}
+
+TEST_P(BothObservations, sameSeedSameBytes) {
+  const Scene scene = ring(2).ball({}).build();
+  const std::vector<FrameSet> sets = render(scene, {.set_count = 40, .dropped_frames = 0.1});
+  const auto first = bits_of(track(scene, sets, lime(), options_with(5, GetParam())));
+  EXPECT_EQ(bits_of(track(scene, sets, lime(), options_with(5, GetParam()))), first);
+  EXPECT_NE(bits_of(track(scene, sets, lime(), options_with(6, GetParam()))), first);
+}
+
+// Each target has its own stream: another tracker beside it, before or after it, changes nothing.
+TEST_P(BothObservations, targetsDoNotDisturbEachOther) {
+  const Scene scene = ring(3).ball({}).ball(pink_ball()).build();
+  const std::vector<FrameSet> sets = render(scene, {.set_count = 40});
+  const auto alone = bits_of(track(scene, sets, lime(), options_with(1, GetParam())));
+  ObjectTracker pink_tracker(scene.rig, pink(), options_with(1, GetParam())),
+      lime_tracker(scene.rig, lime(), options_with(1, GetParam()));
+  std::vector<ObjectEstimate> beside, of_pink;
+  for (const FrameSet& set : sets) {
+    of_pink.push_back(pink_tracker.update(set));
+    beside.push_back(lime_tracker.update(set));
+  }
+  EXPECT_EQ(bits_of(beside), alone);
+  if (GetParam() == Observation::huetrack) {
+    EXPECT_LT((beside.back().position - scene.ball_at(0, sets.back().at)).norm(), 0.02);
+    EXPECT_LT((of_pink.back().position - scene.ball_at(1, sets.back().at)).norm(), 0.02);
+  }
+}
+
+TEST_P(BothObservations, singleCamera) {
+  const Scene scene = ring(1).ball({}).build();
+  for (const ObjectEstimate& e : track(scene, render(scene, {.set_count = 20}), lime(), options_with(1, GetParam()))) {
+    if (GetParam() == Observation::huetrack) {
+      EXPECT_EQ(e.state, TrackState::searching);
+    }
+  }
+}
+
+TEST_P(BothObservations, setsWithoutFrames) {
+  const Scene scene = ring(2).ball({}).build();
+  std::vector<FrameSet> sets = render(scene, {.set_count = 60});
+  for (std::size_t i = 0; i < sets.size(); ++i) {
+    if (i % 3 == 0) sets[i].frames.clear();  // no slots at all
+    if (i > 40) sets[i].frames.assign(2, std::nullopt);
+  }
+  const auto estimates = track(scene, sets, lime(), options_with(1, GetParam()));
+  EXPECT_NE(estimates.back().state, TrackState::tracking);
+}
+
+TEST_P(BothObservations, oneParticle) {
+  const Scene scene = ring(2).ball({}).build();
+  ObjectTrackerOptions options = options_with(1, GetParam());
+  options.particle_count = options.max_particle_count = 1;
+  for (const ObjectEstimate& e : track(scene, render(scene, {.set_count = 20}), lime(), options))
+    EXPECT_EQ(e.particle_count, 1);
+}
+
+TEST_P(BothObservations, particlesAreThoseOfTheEstimate) {
+  const Scene scene = ring(2).ball({}).build();
+  ObjectTracker tracker(scene.rig, lime(), options_with(1, GetParam()));
+  const std::vector<FrameSet> sets = render(scene, {.set_count = 70});
+  for (const FrameSet& set : sets) tracker.update(set);
+  Vector3d mean = Vector3d::Zero();
+  const auto particles = tracker.particles();
+  EXPECT_EQ(particles.size(), 200u);
+  for (const Eigen::Vector3f& p : particles) mean += p.cast<double>() / static_cast<double>(particles.size());
+  EXPECT_LT((mean - scene.ball_at(0, sets.back().at)).norm(), 0.06);
+}
+
+TEST(ObjectTracker, fisheyeCameras) {
+  Scene scene = ring(3).ball({}).build();
+  for (Camera& camera : scene.rig.cameras)
+    camera.model = CameraModel(FisheyeKannalaBrandt{200, 200, 159.5, 119.5, {-0.02, 0.004, -0.001, 0}});
+  const Outcome o = run(scene, render(scene, {.set_count = 40}), lime(), options_with());
+  EXPECT_LE(o.lock, 3u);
+  EXPECT_LT(o.rms_m, 0.008);
+}
+
+TEST(ObjectTracker, refusesWhatIsInvalidAndSaysAllOfIt) {
+  const Scene scene = ring(2).build();
+  TargetOptions target = lime();
+  target.radius_m = 0;
+  target.camera_colors = {{"cam7", {}}};
+  ObjectTrackerOptions options;
+  options.particle_count = 0;
+  try {
+    ObjectTracker(scene.rig, target, options);
+    FAIL() << "nothing thrown";
+  } catch (const std::invalid_argument& e) {
+    EXPECT_THAT(e.what(), AllOf(HasSubstr("target lime"), HasSubstr("radius_m must be > 0"),
+                                HasSubstr("particle_count must be >= 1"), HasSubstr("there is no camera 'cam7'")));
+  }
+  CameraRig twins = scene.rig;
+  twins.cameras[1].name = twins.cameras[0].name;
+  EXPECT_THROW(ObjectTracker(twins, lime(), {}), std::invalid_argument);
+  EXPECT_THROW(ObjectTracker(CameraRig{}, lime(), {}), std::invalid_argument);
+}
+
+TEST(TargetOptions, problemsNameTheConstraint) {
+  EXPECT_THAT(lime().problems(), IsEmpty());
+  for (const char* bad : {"", "2nd", "a-b", "a b", "_a", "ä"}) {
+    TargetOptions t = lime();
+    t.name = bad;
+    EXPECT_THAT(t.problems(), ElementsAre(HasSubstr("must be letters, digits and _"))) << bad;
+  }
+  TargetOptions t = lime();
+  for (const double radius : {0.0, -1.0, std::nan(""), HUGE_VAL}) {
+    t.radius_m = radius;
+    EXPECT_THAT(t.problems(), ElementsAre(HasSubstr("radius_m"))) << radius;
+  }
+  t = lime();
+  t.color.saturation_min = 2;
+  t.camera_colors = {{"cam0", {.hue_min_deg = -5}}};
+  EXPECT_THAT(t.problems(), ElementsAre(HasSubstr("color: saturation"), HasSubstr("camera_colors.cam0: hue")));
+}
+
+TEST(ObjectTrackerOptions, problemsNameTheConstraint) {
+  EXPECT_THAT(ObjectTrackerOptions{}.problems(), IsEmpty());
+  const auto problems_with = [](const std::function<void(ObjectTrackerOptions&)>& change) {
+    ObjectTrackerOptions o;
+    change(o);
+    return o.problems();
+  };
+  EXPECT_THAT(problems_with([](auto& o) { o.volume.max.y() = o.volume.min.y(); }),
+              ElementsAre(HasSubstr("volume.min must be less")));
+  EXPECT_THAT(problems_with([](auto& o) { o.volume.max.x() = HUGE_VAL; }),
+              ElementsAre(HasSubstr("volume.min must be less")));
+  EXPECT_THAT(problems_with([](auto& o) { o.max_particle_count = 5; }), ElementsAre(HasSubstr("max_particle_count")));
+  using Member = double ObjectTrackerOptions::*;
+  for (const auto& [member, what] : std::vector<std::pair<Member, std::string>>{
+           {&ObjectTrackerOptions::position_noise_m, "position_noise_m"},
+           {&ObjectTrackerOptions::acceleration_m_s2, "acceleration_m_s2"},
+           {&ObjectTrackerOptions::start_speed_m_s, "start_speed_m_s"},
+           {&ObjectTrackerOptions::pixel_noise_px, "pixel_noise_px"},
+           {&ObjectTrackerOptions::max_tracking_sigma_m, "max_tracking_sigma_m"},
+           {&ObjectTrackerOptions::coast_s, "coast_s"},
+           {&ObjectTrackerOptions::max_coast_sigma_m, "max_coast_sigma_m"}}) {
+    for (const double bad : {0.0, -1.0, std::nan(""), HUGE_VAL}) {
+      EXPECT_THAT(problems_with([&](auto& o) { o.*member = bad; }), ElementsAre(HasSubstr(what + " must be > 0")))
+          << bad;
+    }
+  }
+}
+
+}  // namespace
+}  // namespace huetrack
