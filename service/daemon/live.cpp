@@ -406,8 +406,8 @@ LiveSummary run_live(const ServiceConfig& config, std::vector<LiveCamera> camera
                      LiveRequests& requests, std::stop_token stop) {
   if (cameras.empty())
     throw std::runtime_error(config.file.string() +
-                             ": cameras: none is given: name the live cameras; huetrackd doctor "
-                             "lists those that there are");
+                             ": cameras: none is given: name the live cameras; "
+                             "ls -l /dev/v4l/by-path/ lists those that there are");
   return LiveService(config, std::move(cameras), options, requests).run(stop);
 }
 

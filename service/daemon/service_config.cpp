@@ -238,8 +238,8 @@ class Reader {
     const bool is_index = given.size() < 4 && std::ranges::all_of(given, [](char c) { return c >= '0' && c <= '9'; });
     value = is_index ? fs::path("/dev/video" + given) : fs::path(given);
     if (!value.is_absolute())
-      yaml_->fail(key,
-                  "must be a path below /dev or an index, got \"" + given + "\": huetrackd doctor lists the cameras");
+      yaml_->fail(key, "must be a path below /dev or an index, got \"" + given +
+                           "\": ls -l /dev/v4l/by-path/ lists the cameras");
   }
   void size_or(std::string_view key, std::string_view word, std::optional<ImageSize>& value, std::string_view) {
     if (!yaml_ || !yaml_->has(key)) return;

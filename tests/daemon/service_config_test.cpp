@@ -267,10 +267,9 @@ INSTANTIATE_TEST_SUITE_P(
                 "c.yaml:5: cameras.cma1: is not a camera of the rig, which has cam0, cam1 (did you mean cam1?)"},
         Mistake{"CameraWithoutDevice", ball + "cameras:\n  cam1: {fps: 30}\n",
                 "c.yaml:5: cameras.cam1.device is missing"},
-        Mistake{
-            "DeviceNotBelowDev", ball + "cameras:\n  cam1: {device: webcam}\n",
-            "c.yaml:5: cameras.cam1.device: must be a path below /dev or an index, got \"webcam\": huetrackd doctor "
-            "lists the cameras"},
+        Mistake{"DeviceNotBelowDev", ball + "cameras:\n  cam1: {device: webcam}\n",
+                "c.yaml:5: cameras.cam1.device: must be a path below /dev or an index, got \"webcam\": "
+                "ls -l /dev/v4l/by-path/ lists the cameras"},
         Mistake{"DeviceTwice", ball + "cameras:\n  cam0: {device: 0}\n  cam1: {device: /dev/video0}\n",
                 "c.yaml:6: cameras.cam1.device: is the device of cam0 already"},
         Mistake{"SizeNotTheRigs", ball + "cameras:\n  cam0: {device: 0, size: [640, 480]}\n",
