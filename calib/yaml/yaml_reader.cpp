@@ -364,6 +364,10 @@ bool YamlReader::boolean(std::string_view key, bool default_value) const {
   return has(key) ? boolean(key) : default_value;
 }
 
+bool YamlReader::is_list(std::string_view key) const {
+  return has(key) && node_->required(key).value.IsSequence();
+}
+
 std::string YamlReader::string(std::string_view key) const {
   const auto& entry = node_->required(key);
   return node_->string(entry, entry.value, "");

@@ -50,6 +50,7 @@ class YamlReader {
   static YamlReader text(const std::string& yaml, const std::string& name);     // name stands for the file in messages
 
   bool has(std::string_view key) const;                                         // counts as asked for
+  bool is_list(std::string_view key) const;                                     // false when absent; counts as asked for
   double number(std::string_view key, Range range) const;
   double number(std::string_view key, Range range, double default_value) const;
   std::int64_t integer(std::string_view key, Range range) const;

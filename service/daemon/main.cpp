@@ -1,7 +1,6 @@
-// huetrackd: the service. `run`, on live cameras, stands beside `replay`.
+// huetrackd: the service, on live cameras and on recordings.
 #include <pthread.h>
 #include <signal.h>
-#include <spdlog/sinks/stdout_color_sinks.h>
 #include <spdlog/spdlog.h>
 
 #include <CLI/CLI.hpp>
@@ -9,13 +8,16 @@
 #include <cstdio>
 #include <cstdlib>
 #include <exception>
+#include <functional>
 #include <iterator>
 #include <map>
 #include <stop_token>
 #include <thread>
 
+#include "daemon/live.h"
 #include "daemon/replay.h"
 #include "daemon/service_config.h"
+#include "daemon/service_manager.h"
 #include "daemon/track_csv.h"
 #include "daemon/truth.h"
 #include "publish/estimate_publisher.h"
@@ -24,21 +26,26 @@ namespace {
 
 using namespace huetrack;
 
-// SIGINT and SIGTERM become a stop request, taken by a thread that waits for them: nothing runs inside a signal
-// handler. A second signal ends the program at once. Create it before any other thread, so that all inherit the blocked
-// signals.
-class StopOnSignal {
+// SIGINT and SIGTERM become a stop request, others what they are mapped to, taken by a thread that waits for them:
+// nothing runs inside a signal handler. A second SIGINT or SIGTERM ends the program at once. Create it before any other
+// thread, so that all inherit the blocked signals.
+class Signals {
  public:
-  StopOnSignal() {
+  explicit Signals(std::map<int, std::function<void()>> others) : others_(std::move(others)) {
     sigemptyset(&signals_);
     sigaddset(&signals_, SIGINT);
     sigaddset(&signals_, SIGTERM);
+    for (const auto& [signal, _] : others_) sigaddset(&signals_, signal);
     pthread_sigmask(SIG_BLOCK, &signals_, nullptr);
     thread_ = std::jthread([this](const std::stop_token& end) {
       while (!end.stop_requested()) {
         const timespec patience{.tv_sec = 0, .tv_nsec = 50'000'000};
         const int signal = sigtimedwait(&signals_, nullptr, &patience);
         if (signal < 0) continue;
+        if (const auto other = others_.find(signal); other != others_.end()) {
+          other->second();
+          continue;
+        }
         if (!stop_.request_stop()) std::_Exit(128 + signal);
         spdlog::info("stopping: {}", signal == SIGINT ? "SIGINT" : "SIGTERM");
       }
@@ -47,6 +54,7 @@ class StopOnSignal {
   std::stop_token token() const { return stop_.get_token(); }
 
  private:
+  std::map<int, std::function<void()>> others_;
   sigset_t signals_{};
   std::stop_source stop_;
   std::jthread thread_;
@@ -69,6 +77,33 @@ void check(const std::filesystem::path& file) {
   std::printf("\n");
 }
 
+void run(const std::filesystem::path& file, const LiveOptions& options, LiveRequests& requests,
+         const std::stop_token& stop) {
+  const ServiceConfig config = load_service_config(file);
+  set_log_level(config.log_level);
+  const LiveSummary summary = run_live(config, open_cameras(config), options, requests, stop);
+  spdlog::info("stopped after {} frame sets, {} samples published", summary.figures.sets_tracked, summary.published);
+}
+
+void record(const std::filesystem::path& file, LiveOptions options, LiveRequests& requests,
+            const std::stop_token& stop) {
+  const ServiceConfig config = load_service_config(file);
+  set_log_level(config.log_level);
+  options.track = false;
+  const LiveSummary summary = run_live(config, open_cameras(config), options, requests, stop);
+  std::printf("%s\n", options.record_to.c_str());
+  for (const auto& camera : config.cameras) {
+    const auto c = std::size_t(config.rig.index_of(camera.name).value());
+    const RecordedCameraFigures& recorded = summary.recorded.cameras[c];
+    std::printf("  %-10s %llu frames, %.1f MB; %llu lost by the camera, %llu by the disk, %llu left out\n",
+                camera.name.c_str(), static_cast<unsigned long long>(recorded.frames), double(recorded.bytes) / 1e6,
+                static_cast<unsigned long long>(summary.figures.cameras[c].dropped),
+                static_cast<unsigned long long>(summary.recorded.dropped[c]),
+                static_cast<unsigned long long>(recorded.left_out));
+  }
+  if (summary.recorded.failure) throw std::runtime_error(*summary.recorded.failure);
+}
+
 void compare(const std::filesystem::path& tracks_file, const std::filesystem::path& truth_file, double clock_offset_s) {
   Truth truth = Truth::read(truth_file);
   auto tracks = read_track_csv(tracks_file);
@@ -89,9 +124,7 @@ void compare(const std::filesystem::path& tracks_file, const std::filesystem::pa
 }  // namespace
 
 int main(int argc, char** argv) {
-  const auto log = spdlog::stderr_color_mt("huetrackd");
-  log->set_pattern("%n: %^%l%$: %v");
-  spdlog::set_default_logger(log);
+  set_up_log();
 
   CLI::App app("huetrackd: tracks coloured objects in 3-D with calibrated cameras, and publishes them over DDS");
   app.set_version_flag("--version", "huetrackd " HUETRACK_VERSION);
@@ -134,6 +167,18 @@ int main(int argc, char** argv) {
   replay_command->add_flag("--no-dds", command.no_dds, "do not publish");
   replay_command->add_flag("--quiet", quiet, "no progress bar and no summary");
 
+  LiveOptions live;
+  CLI::App* run_command = app.add_subcommand("run", "track with the live cameras of the configuration");
+  run_command->add_option("config", config_file, "huetrackd.yaml")->required();
+  run_command->add_option("--tracks", live.tracks, "write the tracks to this CSV file");
+  run_command->add_flag("--no-dds", live.no_dds, "do not publish");
+
+  CLI::App* record_command = app.add_subcommand("record", "record the live cameras of the configuration");
+  record_command->add_option("config", config_file, "huetrackd.yaml")->required();
+  record_command->add_option("out", live.record_to, "a new folder for the recording")->required();
+  record_command->add_option("--seconds", live.seconds, "end so long after the first frame")
+      ->check(CLI::PositiveNumber);
+
   std::filesystem::path tracks_file, truth_file;
   CLI::App* compare_command =
       app.add_subcommand("compare", "hold a track CSV (of replay or of huetrack watch) to the truth");
@@ -145,15 +190,25 @@ int main(int argc, char** argv) {
 
   CLI11_PARSE(app, argc, argv);
 
-  const StopOnSignal stop;
+  LiveRequests requests;
+  std::map<int, std::function<void()>> on_signal;
+  if (run_command->parsed()) {
+    on_signal[SIGHUP] = [&] { requests.reload = true; };
+    on_signal[SIGUSR1] = [&] { requests.save = true; };
+  }
+  const Signals signals(std::move(on_signal));
   try {
     if (check_command->parsed()) {
       check(config_file);
     } else if (compare_command->parsed()) {
       compare(tracks_file, truth_file, clock_offset_s);
+    } else if (run_command->parsed()) {
+      run(config_file, live, requests, signals.token());
+    } else if (record_command->parsed()) {
+      record(config_file, live, requests, signals.token());
     } else {
       command.progress = !quiet;
-      const ReplaySummary summary = replay(command, stop.token());
+      const ReplaySummary summary = replay(command, signals.token());
       if (!quiet) std::fputs(to_text(summary, command).c_str(), stdout);
     }
   } catch (const std::exception& error) {  // the user's input or the outside world: said once, in one line, here

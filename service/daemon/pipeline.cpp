@@ -8,6 +8,8 @@
 #include <string>
 #include <thread>
 
+#include "capture/capture_clock.h"
+
 namespace huetrack {
 namespace {
 
@@ -135,9 +137,9 @@ void Pipeline::run(std::stop_token stop) {
       capturing.emplace_back([this, &source] { guarded([&] { capture(*source, stop_.get_token()); }); });
     }
   }  // joined: no more frames, whether stopped or at the end
-  if (!stop_.stop_requested()) {
+  {
     const std::scoped_lock lock(synchronizer_mutex_);
-    if (auto set = synchronizer_.flush()) frame_sets_.push({std::move(*set), std::chrono::system_clock::now()});
+    while (auto set = synchronizer_.flush()) frame_sets_.push({std::move(*set), unix_now()});
     const std::scoped_lock figures_lock(figures_mutex_);
     figures_.frame_sets = synchronizer_.counters();
   }
@@ -193,6 +195,7 @@ void Pipeline::capture(FrameSource& source, std::stop_token stop) {
 
 void Pipeline::receive(Frame frame) {
   const auto camera = std::size_t(frame.camera);
+  const Timestamp received_at = unix_now();
   {
     const std::scoped_lock lock(figures_mutex_);
     CameraFigures& figures = figures_.cameras[camera];
@@ -218,6 +221,8 @@ void Pipeline::receive(Frame frame) {
     }
     size_checked_[camera] = true;
   }
+  frame.arrival = ++arrivals_;
+  if (outputs_.frames) outputs_.frames(frame, received_at);
   const Stopwatch watch;
   auto sets = synchronizer_.push(std::move(frame));
   {
@@ -226,7 +231,7 @@ void Pipeline::receive(Frame frame) {
     figures_.synchronise += lap;
     figures_.frame_sets = synchronizer_.counters();
   }
-  for (auto& set : sets) frame_sets_.push({std::move(set), std::chrono::system_clock::now()});
+  for (auto& set : sets) frame_sets_.push({std::move(set), received_at});
 }
 
 void Pipeline::track() {
@@ -236,7 +241,12 @@ void Pipeline::track() {
   auto next_status = Clock::now() + status_period;
 
   for (;;) {
+    {
+      const std::scoped_lock lock(figures_mutex_);
+      figures_.tracking_round = Clock::now();
+    }
     if (auto ready = frame_sets_.pop_for(std::max<Clock::duration>(next_status - Clock::now(), 0ns))) {
+      take_replacements();
       const StageTime tracked = team.update(ready->set, estimates);
       const Stopwatch watch;
       if (outputs_.estimates) outputs_.estimates(ready->set, estimates, ready->received_at);
@@ -257,7 +267,10 @@ void Pipeline::track() {
     } else if (frame_sets_.ended()) {
       break;
     }
-    if (!outputs_.status) continue;
+    if (!outputs_.status) {
+      if (Clock::now() >= next_status) next_status = Clock::now() + status_period;
+      continue;
+    }
     const PipelineFigures now = figures();
     std::vector<std::pair<bool, bool>> cameras_now;
     for (const auto& camera : now.cameras) cameras_now.emplace_back(camera.frames > 0, camera.ended);
@@ -268,6 +281,17 @@ void Pipeline::track() {
     }
   }
   if (outputs_.status) outputs_.status(figures());
+}
+
+void Pipeline::replace_trackers(std::vector<std::pair<std::size_t, ObjectTracker>> replacements) {
+  const std::scoped_lock lock(replacements_mutex_);
+  for (auto& replacement : replacements) replacements_.push_back(std::move(replacement));
+}
+
+void Pipeline::take_replacements() {
+  const std::scoped_lock lock(replacements_mutex_);
+  for (auto& [target, tracker] : replacements_) trackers_.at(target) = std::move(tracker);
+  replacements_.clear();
 }
 
 void Pipeline::draw() {

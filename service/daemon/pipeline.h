@@ -15,6 +15,7 @@
 #include <optional>
 #include <span>
 #include <stop_token>
+#include <utility>
 #include <vector>
 
 #include "calib/model/camera_rig.h"
@@ -49,6 +50,7 @@ struct PipelineFigures {
   std::uint64_t sets_dropped = 0;  // by the queue, because tracking was too slow
   StageTime decode, synchronise, track, publish, draw;
   StageTime track_first;  // part of track: the first set, for which the trackers build colour tables
+  std::chrono::steady_clock::time_point tracking_round{};  // when the tracking thread last came round: once a second
 };
 
 // Frames are held back until their capture time: `first` is let through at `start`.
@@ -82,6 +84,9 @@ struct PipelineOutputs {
   std::function<void(const PipelineFigures&)> status;
   // Picture thread. It may be slow: replay waits for it, the estimates of the same set are out before.
   std::function<void(const PictureJob&)> pictures;
+  // Capture threads, one at a time, before the frame enters the synchroniser and in that order (Frame::arrival): must
+  // be quick, everything waits for it. received_at: UNIX time.
+  std::function<void(const Frame&, Timestamp received_at)> frames = nullptr;
 };
 
 // thread-compatible; run() once.
@@ -93,10 +98,14 @@ class Pipeline {
   ~Pipeline();
 
   // Returns when every source has ended, or soon after a stop: every set that was tracked is then out, none in part.
+  // What had been received when the stop came is tracked, too: a recording of the same frames gives the same track.
   // throws what an output or a source threw, or std::runtime_error when a camera's frames have not the rig's size.
   void run(std::stop_token stop);
 
   PipelineFigures figures() const;  // thread-safe
+
+  // From the next set on these take the place of the trackers of those targets (indices). No set is lost. thread-safe.
+  void replace_trackers(std::vector<std::pair<std::size_t, ObjectTracker>> replacements);
 
  private:
   struct ReadySet {
@@ -107,6 +116,7 @@ class Pipeline {
   void capture(FrameSource& source, std::stop_token stop);
   void receive(Frame frame);
   void track();
+  void take_replacements();
   void draw();
   template <typename F>
   void guarded(F&& thread_body);  // an exception stops everything
@@ -123,6 +133,10 @@ class Pipeline {
   std::mutex synchronizer_mutex_;   // held while sets go into the queue too, which keeps their order
   FrameSynchronizer synchronizer_;  // guarded by synchronizer_mutex_
   std::vector<bool> size_checked_;  // guarded by synchronizer_mutex_
+  std::uint64_t arrivals_ = 0;      // guarded by synchronizer_mutex_
+
+  std::mutex replacements_mutex_;
+  std::vector<std::pair<std::size_t, ObjectTracker>> replacements_;  // guarded by replacements_mutex_
 
   mutable std::mutex figures_mutex_;  // never held while waiting
   PipelineFigures figures_;           // guarded by figures_mutex_

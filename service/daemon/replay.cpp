@@ -13,6 +13,7 @@
 #include "daemon/pictures.h"
 #include "daemon/progress_bar.h"
 #include "daemon/service_config.h"
+#include "daemon/service_manager.h"
 #include "daemon/status_reporter.h"
 #include "daemon/track_csv.h"
 #include "publish/estimate_publisher.h"
@@ -96,25 +97,11 @@ std::string shown_name(const Recording& recording) {
   return (folder.parent_path().filename() / folder.filename()).string();
 }
 
-spdlog::level::level_enum spdlog_level(LogLevel level) {
-  switch (level) {
-    case LogLevel::debug:
-      return spdlog::level::debug;
-    case LogLevel::info:
-      return spdlog::level::info;
-    case LogLevel::warning:
-      return spdlog::level::warn;
-    case LogLevel::error:
-      return spdlog::level::err;
-  }
-  return spdlog::level::info;
-}
-
 }  // namespace
 
 ReplaySummary replay(const ReplayCommand& command, std::stop_token stop) {
   const ServiceConfig config = load_service_config(command.config);
-  spdlog::set_level(spdlog_level(config.log_level));
+  set_log_level(config.log_level);
   for (const auto& warning : warnings_of(config)) spdlog::warn("{}: {}", config.file.string(), warning);
 
   // Everything that may be wrong with the user's files is found before anything is written.

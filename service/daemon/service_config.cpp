@@ -26,6 +26,12 @@ constexpr std::pair<std::string_view, Observation> observation_words[] = {{"huet
                                                                           {"paper", Observation::paper}};
 constexpr std::pair<std::string_view, LogLevel> log_level_words[] = {
     {"debug", LogLevel::debug}, {"info", LogLevel::info}, {"warning", LogLevel::warning}, {"error", LogLevel::error}};
+constexpr std::pair<std::string_view, CaptureFormat> format_words[] = {{"yuyv", CaptureFormat::yuyv},
+                                                                       {"nv12", CaptureFormat::nv12},
+                                                                       {"mjpeg", CaptureFormat::mjpeg},
+                                                                       {"grey", CaptureFormat::grey}};
+constexpr std::pair<std::string_view, RawStorage> raw_storage_words[] = {{"uncompressed", RawStorage::uncompressed},
+                                                                         {"huffyuv", RawStorage::huffyuv}};
 constexpr Range share{.min = 0, .max = 1};
 constexpr Range degrees{.min = 0, .max = 360};
 constexpr Range at_least_one{.min = 1, .max = 1e6};
@@ -69,6 +75,19 @@ void describe_object_tracking(Io& io, Options& o) {
   io.number("max_coast_sigma_m", o.max_coast_sigma_m, positive, "less sure of the position than this is lost, metres");
 }
 
+template <typename Io, typename Camera>
+void describe_camera(Io& io, Camera& camera) {
+  io.device("device", camera.device, "/dev/v4l/by-path/... (a port), by-id/... (a camera), or an index (not stable)");
+  io.choice_or("format", "auto", camera.format, Words<CaptureFormat>(format_words),
+               "auto, yuyv, nv12, mjpeg or grey; auto: the first of these that reaches size and rate");
+  io.size_or("size", "rig", camera.size, "[width, height]; rig: as the rig was calibrated");
+  io.number_or("fps", "auto", camera.fps, positive, "frames per second; auto: the driver's choice");
+  io.controls("controls", camera.controls, "by their V4L2 names; automatic ones are switched first");
+  io.number("latency_offset_s", camera.latency_offset_s, Range{.min = -1, .max = 1},
+            "subtracted from the driver's time stamps, seconds");
+  io.boolean("restore_controls", camera.restore_controls, "put the camera's own values back at the end");
+}
+
 template <typename Io, typename Dds>
 void describe_dds(Io& io, Dds& dds) {
   io.boolean("enabled", dds.enabled, "publish at all");
@@ -78,6 +97,21 @@ void describe_dds(Io& io, Dds& dds) {
   io.strings("interfaces", dds.publisher.interfaces, "network interfaces to use (names or IPv4 addresses); empty: all");
   io.boolean("ros2", dds.publisher.ros2, "also publish rt/huetrack/<target>/pose and rt/tf, which ROS 2 reads");
   io.text("frame_id", dds.publisher.frame_id, "name of the world frame in the ROS 2 messages");
+}
+
+template <typename Io, typename Record>
+void describe_record(Io& io, Record& record) {
+  io.folder_or("folder", "none", record.folder,
+               "recordings become folders in it, named by their time; none: no recording");
+  io.boolean("always", record.always, "record everything that `run` sees");
+  io.choice("raw_storage", record.raw_storage, Words<RawStorage>(raw_storage_words),
+            "of cameras that do not compress: uncompressed or huffyuv (half the size, more time); both lossless");
+  io.integer("queue_frames", record.queue_frames, at_least_one, "per camera, may wait for the disk; then drops");
+  io.number("pre_roll_s", record.pre_roll_s, Range{.min = 0, .max = 3600},
+            "keep so much in memory, and save it on SIGUSR1; seconds, 0: none");
+  io.integer("pre_roll_mb", record.pre_roll_mb, at_least_one, "megabytes that the pre-roll may take, all cameras");
+  io.number("after_s", record.after_s, Range{.min = 0, .max = 3600}, "record so long after the pre-roll, seconds");
+  io.boolean("on_lost", record.on_lost, "save the pre-roll when a target is lost, too");
 }
 
 template <typename Io, typename Config>
@@ -93,6 +127,10 @@ void describe(Io& io, Config& config) {
       describe_color(color, range, Need::optional);
     });
   });
+  io.named("cameras", config.cameras, "the live cameras, for `run`; names as in the rig",
+           [&](auto& in, auto& camera) { describe_camera(in, camera); });
+  io.integer_or("quorum", "all", config.quorum, Range{.min = 0, .max = 1000},
+                "how many cameras must deliver before the service says that it is ready");
   io.group("object_tracking", "", [&](auto& in) { describe_object_tracking(in, config.object_tracking); });
   io.group("frame_sets", "which frames belong together", [&](auto& in) {
     in.number_or("tolerance_s", "auto", config.set_tolerance_s, positive,
@@ -101,10 +139,28 @@ void describe(Io& io, Config& config) {
   io.integer("threads", config.threads, Range{.min = 1, .max = 64},
              "targets are tracked in parallel; the result does not depend on it");
   io.group("dds", "", [&](auto& in) { describe_dds(in, config.dds); });
+  io.group("record", "what `run` records", [&](auto& in) { describe_record(in, config.record); });
+  io.group("metrics", "for Prometheus, while `run`", [&](auto& in) {
+    in.integer_or("port", "none", config.metrics.port, Range{.min = 1, .max = 65535},
+                  "GET /metrics; none: no endpoint");
+    in.text("address", config.metrics.address, "to listen on; 127.0.0.1: this host only");
+  });
   io.choice("log_level", config.log_level, Words<LogLevel>(log_level_words), "debug, info, warning or error");
 }
 
 // The name that a mapping of named entries gives to an entry, and the rest of the entry.
+std::string& name_of(LiveCameraConfig& camera) {
+  return camera.name;
+}
+const std::string& name_of(const LiveCameraConfig& camera) {
+  return camera.name;
+}
+LiveCameraConfig& value_of(LiveCameraConfig& camera) {
+  return camera;
+}
+const LiveCameraConfig& value_of(const LiveCameraConfig& camera) {
+  return camera;
+}
 std::string& name_of(TargetOptions& target) {
   return target.name;
 }
@@ -157,11 +213,59 @@ class Reader {
     const std::string given = yaml_.choice(key, allowed);
     value = std::ranges::find(words, given, [](const auto& w) { return w.first; })->second;
   }
+  template <typename T>
+  void choice_or(std::string_view key, std::string_view none, std::optional<T>& value, Words<T> words,
+                 std::string_view) {
+    if (!yaml_.has(key)) return;
+    std::vector<std::string_view> allowed{none};
+    for (const auto& [word, _] : words) allowed.push_back(word);
+    const std::string given = yaml_.choice(key, allowed);
+    if (given != none) value = std::ranges::find(words, given, [](const auto& w) { return w.first; })->second;
+  }
   void path(std::string_view key, fs::path& value, std::string_view) { value = resolved(yaml_.string(key)); }
+  // 0 is /dev/video0.
+  void device(std::string_view key, fs::path& value, std::string_view) {
+    const std::string given = yaml_.string(key);
+    const bool is_index = given.size() < 4 && std::ranges::all_of(given, [](char c) { return c >= '0' && c <= '9'; });
+    value = is_index ? fs::path("/dev/video" + given) : fs::path(given);
+    if (!value.is_absolute())
+      yaml_.fail(key, "must be a path below /dev or an index, got \"" + given +
+                           "\": ls -l /dev/v4l/by-path/ lists the cameras");
+  }
+  void size_or(std::string_view key, std::string_view word, std::optional<ImageSize>& value, std::string_view) {
+    if (!yaml_.has(key)) return;
+    if (!yaml_.is_list(key)) {
+      const std::string_view only[] = {word};
+      yaml_.choice(key, only);
+      return;
+    }
+    const auto sides = yaml_.numbers(key, 2, 2, Range{.min = 1, .max = 65535});
+    value = ImageSize{static_cast<int>(sides[0]), static_cast<int>(sides[1])};
+  }
+  void controls(std::string_view key, std::vector<ControlSetting>& settings, std::string_view) {
+    const auto map = yaml_.optional_map(key);
+    if (!map) return;
+    for (const auto& name : map->keys()) {
+      const std::string text = map->string(name);
+      std::int64_t number = 0;
+      const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
+      if (text == "true" || text == "false") {
+        settings.push_back({name, std::int64_t{text == "true"}});
+      } else if (error == std::errc{} && end == text.data() + text.size()) {
+        settings.push_back({name, number});
+      } else {
+        settings.push_back({name, text});
+      }
+    }
+  }
   void path_or(std::string_view key, const std::string& none, fs::path& value, std::string_view) {
     const std::string given = yaml_.string(key, none);
     value = given == none ? fs::path() : resolved(given);
     if (!value.empty() && !fs::is_regular_file(value)) yaml_.fail(key, "there is no file " + value.string());
+  }
+  void folder_or(std::string_view key, const std::string& none, fs::path& value, std::string_view) {
+    const std::string given = yaml_.string(key, none);
+    value = given == none ? fs::path() : resolved(given);
   }
   void number_or(std::string_view key, std::string_view word, std::optional<double>& value, Range range,
                  std::string_view) {
@@ -239,11 +343,33 @@ class Printer {
   void choice(std::string_view key, T value, Words<T> words, std::string_view doc) {
     line(key, std::string(std::ranges::find(words, value, [](const auto& w) { return w.second; })->first), doc);
   }
+  template <typename T>
+  void choice_or(std::string_view key, std::string_view none, const std::optional<T>& value, Words<T> words,
+                 std::string_view doc) {
+    if (value) return choice(key, *value, words, doc);
+    line(key, std::string(none), doc);
+  }
   void path(std::string_view key, const fs::path& value, std::string_view doc) {
     line(key, quoted(value.string()), doc);
   }
+  void device(std::string_view key, const fs::path& value, std::string_view doc) { path(key, value, doc); }
+  void size_or(std::string_view key, std::string_view word, const std::optional<ImageSize>& size,
+               std::string_view doc) {
+    line(key, size ? list_of({std::to_string(size->width), std::to_string(size->height)}) : std::string(word), doc);
+  }
+  void controls(std::string_view key, const std::vector<ControlSetting>& settings, std::string_view doc) {
+    line(key, settings.empty() ? "{}" : "", doc);
+    Printer inner(out_, depth_ + 1);
+    for (const auto& [name, value] : settings) {
+      const auto* number = std::get_if<std::int64_t>(&value);
+      inner.line(quoted_key(name), number ? std::to_string(*number) : quoted(std::get<std::string>(value)), "");
+    }
+  }
   void path_or(std::string_view key, std::string_view none, const fs::path& value, std::string_view doc) {
     line(key, value.empty() ? std::string(none) : quoted(value.string()), doc);
+  }
+  void folder_or(std::string_view key, std::string_view none, const fs::path& value, std::string_view doc) {
+    path_or(key, none, value, doc);
   }
   void number_or(std::string_view key, std::string_view word, std::optional<double> value, Range,
                  std::string_view doc) {
@@ -349,6 +475,34 @@ void check(const ServiceConfig& config, const YamlReader& root) {
     camera_list += (cameras.empty() ? "" : ", ") + camera.name;
     cameras.push_back(camera.name);
   }
+  const YamlReader live = config.cameras.empty() ? root : root.map("cameras");
+  for (const auto& camera : config.cameras) {
+    const auto index = config.rig.index_of(camera.name);
+    if (!index) {
+      const auto nearest = nearest_word(camera.name, cameras);
+      live.fail(camera.name, "is not a camera of the rig, which has " + camera_list +
+                                 (nearest ? " (did you mean " + *nearest + "?)" : ""));
+    }
+    const ImageSize calibrated = config.rig.cameras[std::size_t(*index)].image_size;
+    if (camera.size && *camera.size != calibrated) {
+      live.map(camera.name)
+          .fail("size", "the rig was calibrated at " + std::to_string(calibrated.width) + "x" +
+                            std::to_string(calibrated.height) + ": use that size (or the word rig), or calibrate anew");
+    }
+    for (const auto& other : config.cameras) {
+      if (&other == &camera) break;
+      if (other.device == camera.device)
+        live.map(camera.name).fail("device", "is the device of " + other.name + " already");
+    }
+  }
+  if (config.quorum && *config.quorum > int(config.cameras.size())) {
+    root.fail("quorum", "is more than there are in cameras (" + std::to_string(config.cameras.size()) + ")");
+  }
+
+  if (config.record.folder.empty() && (config.record.always || config.record.pre_roll_s > 0)) {
+    root.map("record").fail("", "a folder is needed to record to, or to save the pre-roll to");
+  }
+
   const double smallest_side_m = (volume.max - volume.min).minCoeff();
   const YamlReader targets = root.map("targets");
   for (const auto& target : config.targets) {
@@ -416,6 +570,13 @@ std::string to_yaml(const ServiceConfig& config) {
   return out;
 }
 
+std::string to_portable_yaml(const ServiceConfig& config) {
+  ServiceConfig portable = config;
+  portable.rig_file = "rig.yaml";
+  portable.dds.publisher.profiles.clear();
+  return to_yaml(portable);
+}
+
 std::string config_identity(const ServiceConfig& config) {
   ServiceConfig anywhere = config;
   anywhere.rig_file.clear();                 // where the rig lies changes nothing; what it says has its own identity
@@ -429,8 +590,36 @@ std::string config_identity(const ServiceConfig& config) {
   return {digits.begin(), digits.end()};
 }
 
+std::vector<std::string> differing_keys(const ServiceConfig& a, const ServiceConfig& b) {
+  using Sections = std::vector<std::pair<std::string, std::string>>;  // key of the first level, its text
+  const auto sections_of = [](const ServiceConfig& config) {
+    Sections sections;
+    const std::string yaml = to_yaml(config);
+    for (std::size_t at = 0; at < yaml.size();) {
+      const std::size_t end = yaml.find('\n', at) + 1;
+      const std::string line = yaml.substr(at, end - at);
+      if (line.front() != ' ') sections.emplace_back(line.substr(0, line.find(':')), "");
+      sections.back().second += line;
+      at = end;
+    }
+    return sections;
+  };
+  const Sections of_a = sections_of(a), of_b = sections_of(b);  // the same keys in the same order
+  std::vector<std::string> keys;
+  for (std::size_t i = 0; i < of_a.size(); ++i) {
+    const bool is_rig = of_a[i].first == "rig";
+    if (of_a[i] != of_b[i] || (is_rig && rig_identity(a.rig) != rig_identity(b.rig))) keys.push_back(of_a[i].first);
+  }
+  return keys;
+}
+
 std::vector<std::string> warnings_of(const ServiceConfig& config) {
   std::vector<std::string> warnings;
+  for (const auto& camera : config.rig.cameras) {
+    if (!config.cameras.empty() &&
+        std::ranges::find(config.cameras, camera.name, &LiveCameraConfig::name) == config.cameras.end())
+      warnings.push_back("camera " + camera.name + " of the rig is not among the live cameras, and not used by run");
+  }
   const auto coverage = volume_coverage(config.rig, config.object_tracking.volume);
   for (std::size_t c = 0; c < config.rig.cameras.size(); ++c) {
     if (coverage.per_camera[c] == 0)

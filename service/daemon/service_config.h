@@ -8,6 +8,8 @@
 #include <vector>
 
 #include "calib/model/camera_rig.h"
+#include "capture/recording_writer.h"
+#include "capture/v4l2_source.h"
 #include "object_tracking/object_tracker.h"
 #include "publish/estimate_publisher.h"
 
@@ -20,15 +22,48 @@ struct DdsConfig {
   EstimatePublisherOptions publisher;  // targets and cameras are those of the configuration and the rig
 };
 
+// How `run` reaches one camera of the rig.
+struct LiveCameraConfig {
+  std::string name;                      // in the rig
+  std::filesystem::path device;          // as written, but an index: /dev/videoN
+  std::optional<CaptureFormat> format;   // nullopt: the first of yuyv, nv12, mjpeg, grey that reaches size and rate
+  std::optional<ImageSize> size;         // nullopt: the rig's; another one is refused
+  std::optional<double> fps;             // > 0; nullopt: the driver's choice
+  std::vector<ControlSetting> controls;  // in the order of the file
+  double latency_offset_s = 0;           // subtracted from every capture time
+  bool restore_controls = false;
+};
+
+// What `run` records.
+struct RecordConfig {
+  std::filesystem::path folder;  // absolute; recordings become folders in it, named by their time; empty: none
+  bool always = false;           // from the start to the end
+  RawStorage raw_storage = RawStorage::uncompressed;
+  int queue_frames = 32;  // >= 1, per camera: may wait for the disk
+  double pre_roll_s = 0;  // 0: none
+  int pre_roll_mb = 256;  // >= 1, of all cameras
+  double after_s = 2;     // >= 0; what follows the pre-roll
+  bool on_lost = true;    // save the pre-roll when a target is lost, not only on SIGUSR1
+};
+
+struct MetricsConfig {
+  std::optional<int> port;            // 1..65535; nullopt: no endpoint
+  std::string address = "127.0.0.1";  // of this host
+};
+
 struct ServiceConfig {
   std::filesystem::path file;             // absolute
   std::filesystem::path rig_file;         // absolute
   CameraRig rig;                          // what rig_file says
   std::vector<TargetOptions> targets;     // >= 1, in the order of the file
+  std::vector<LiveCameraConfig> cameras;  // for `run`, in the order of the file; empty: replay only
+  std::optional<int> quorum;              // 0..cameras: how many must deliver before the service is ready; nullopt: all
   ObjectTrackerOptions object_tracking;   // the same for every target
   std::optional<double> set_tolerance_s;  // > 0; FrameSynchronizerOptions::tolerance; nullopt: from the frame rates
   int threads = 1;                        // >= 1; targets are tracked in parallel; no influence on the result
   DdsConfig dds;
+  RecordConfig record;
+  MetricsConfig metrics;
   LogLevel log_level = LogLevel::info;
 };
 
@@ -39,8 +74,14 @@ ServiceConfig load_service_config(const std::filesystem::path& file);
 // Every key, default or given, as YAML that loads back to the same configuration from any folder (paths are absolute).
 std::string to_yaml(const ServiceConfig& config);
 
+// The same for another machine: `rig` is rig.yaml beside it, and no file is referred to. What a recording holds.
+std::string to_portable_yaml(const ServiceConfig& config);
+
 // Of what to_yaml() says but the rig's path: FNV-1a 64 as 16 hex digits. Published in the status sample.
 std::string config_identity(const ServiceConfig& config);
+
+// The keys of the first level whose values differ, in the order of to_yaml(); "rig" too when the rigs themselves do.
+std::vector<std::string> differing_keys(const ServiceConfig& a, const ServiceConfig& b);
 
 // What is allowed but probably not meant, one sentence each: targets of overlapping colours, much of the volume in
 // nobody's sight, ...

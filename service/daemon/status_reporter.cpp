@@ -12,6 +12,20 @@ using namespace std::chrono_literals;
 constexpr auto stalled_after = 1s;
 constexpr auto shortest_rate_window = 500ms;
 
+CameraStatus::Health health_of(CameraState state) {
+  switch (state) {
+    case CameraState::waiting:
+      return CameraStatus::Health::waiting;
+    case CameraState::delivering:
+      return CameraStatus::Health::delivering;
+    case CameraState::stalled:
+      return CameraStatus::Health::stalled;
+    case CameraState::absent:
+      break;
+  }
+  return CameraStatus::Health::absent;
+}
+
 double rate(std::uint64_t now, std::uint64_t then, Duration window) {
   return window.count() > 0 ? static_cast<double>(now - then) / seconds(window) : 0;
 }
@@ -35,7 +49,7 @@ StatusReporter::StatusReporter(const ServiceConfig& config, std::string mode, Du
 }
 
 ServiceStatus StatusReporter::report(const PipelineFigures& figures, std::chrono::steady_clock::time_point now,
-                                     Timestamp unix_now) {
+                                     Timestamp unix_now, std::span<const std::optional<CameraHealth>> live) {
   if (latest_ && now - latest_->at >= shortest_rate_window) past_ = std::move(latest_);
   const Duration window = past_ ? now - past_->at : 0ns;
 
@@ -54,18 +68,26 @@ ServiceStatus StatusReporter::report(const PipelineFigures& figures, std::chrono
     out.corrupted = camera.corrupted;
     if (past_) out.rate_hz = rate(camera.frames, past_->figures.cameras[c].frames, window);
     if (camera.last_received) out.age_s = seconds(now - *camera.last_received);
-    if (camera.ended) {
-      out.health = CameraHealth::ended;
+    if (!live.empty()) {
+      const auto& said = live[c];
+      out.health = said ? health_of(said->state) : CameraStatus::Health::absent;
+      if (!said) {
+        out.message = "not used: it is not among the cameras of the configuration";
+      } else if (said->state != CameraState::delivering) {
+        out.message = said->message.empty() ? "no frame yet" : said->message;
+      }
+    } else if (camera.ended) {
+      out.health = CameraStatus::Health::ended;
     } else if (!camera.last_received) {
-      out.health = CameraHealth::waiting;
+      out.health = CameraStatus::Health::waiting;
       out.message = "no frame yet";
     } else if (now - *camera.last_received > stalled_after) {
-      out.health = CameraHealth::stalled;
+      out.health = CameraStatus::Health::stalled;
       char text[64];
       std::snprintf(text, sizeof text, "no frame for %.1f s", out.age_s);
       out.message = text;
     } else {
-      out.health = CameraHealth::delivering;
+      out.health = CameraStatus::Health::delivering;
     }
   }
   if (!latest_ || now - latest_->at >= shortest_rate_window) latest_ = Past{now, figures};

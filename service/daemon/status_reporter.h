@@ -3,9 +3,11 @@
 
 #include <chrono>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
+#include "capture/v4l2_source.h"
 #include "daemon/pipeline.h"
 #include "daemon/service_config.h"
 #include "publish/service_status.h"
@@ -18,8 +20,10 @@ class StatusReporter {
   // mode: "replay" or "run"
   StatusReporter(const ServiceConfig& config, std::string mode, Duration clock_offset);
 
+  // live: what the live cameras say of themselves, by rig camera, nullopt for one that is not used; empty in a replay.
   // Rates are over the time since a report at least half a second ago.
-  ServiceStatus report(const PipelineFigures& figures, std::chrono::steady_clock::time_point now, Timestamp unix_now);
+  ServiceStatus report(const PipelineFigures& figures, std::chrono::steady_clock::time_point now, Timestamp unix_now,
+                       std::span<const std::optional<CameraHealth>> live = {});
 
  private:
   ServiceStatus fixed_;  // what does not change

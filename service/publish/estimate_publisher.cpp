@@ -33,11 +33,11 @@ static_assert(static_cast<std::uint32_t>(TrackState::searching) == msg::TRACK_ST
               static_cast<std::uint32_t>(TrackState::tracking) == msg::TRACK_STATE_TRACKING &&
               static_cast<std::uint32_t>(TrackState::coasting) == msg::TRACK_STATE_COASTING &&
               static_cast<std::uint32_t>(TrackState::lost) == msg::TRACK_STATE_LOST);
-static_assert(static_cast<std::uint32_t>(CameraHealth::waiting) == msg::CAMERA_HEALTH_WAITING &&
-              static_cast<std::uint32_t>(CameraHealth::delivering) == msg::CAMERA_HEALTH_DELIVERING &&
-              static_cast<std::uint32_t>(CameraHealth::stalled) == msg::CAMERA_HEALTH_STALLED &&
-              static_cast<std::uint32_t>(CameraHealth::absent) == msg::CAMERA_HEALTH_ABSENT &&
-              static_cast<std::uint32_t>(CameraHealth::ended) == msg::CAMERA_HEALTH_ENDED);
+static_assert(static_cast<std::uint32_t>(CameraStatus::Health::waiting) == msg::CAMERA_HEALTH_WAITING &&
+              static_cast<std::uint32_t>(CameraStatus::Health::delivering) == msg::CAMERA_HEALTH_DELIVERING &&
+              static_cast<std::uint32_t>(CameraStatus::Health::stalled) == msg::CAMERA_HEALTH_STALLED &&
+              static_cast<std::uint32_t>(CameraStatus::Health::absent) == msg::CAMERA_HEALTH_ABSENT &&
+              static_cast<std::uint32_t>(CameraStatus::Health::ended) == msg::CAMERA_HEALTH_ENDED);
 
 std::array<double, 3> array_of(const Eigen::Vector3d& v) {
   return {v.x(), v.y(), v.z()};

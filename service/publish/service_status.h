@@ -9,11 +9,10 @@
 
 namespace huetrack {
 
-enum class CameraHealth : std::uint8_t { waiting, delivering, stalled, absent, ended };
-
 struct CameraStatus {
   std::string name;
-  CameraHealth health = CameraHealth::waiting;
+  enum class Health : std::uint8_t { waiting, delivering, stalled, absent, ended };
+  Health health = Health::waiting;
   std::string message;                 // what is wrong and what to do; empty when all is well
   std::uint64_t frames = 0;            // since the start
   std::uint64_t dropped = 0;           // sequence gaps

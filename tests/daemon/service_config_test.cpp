@@ -80,6 +80,17 @@ targets:
     camera_colors:
       cam1: {saturation: [0.5, 0.7]}
   lime: {color: {hue_deg: [65, 115]}}
+cameras:
+  cam1:
+    device: /dev/v4l/by-id/usb-cam
+    format: mjpeg
+    size: [320, 240]
+    fps: 29.97
+    controls: {exposure_time_absolute: 100, white_balance_automatic: false, power_line_frequency: 50 Hz}
+    latency_offset_s: 0.0125
+    restore_controls: true
+  cam0: {device: 3}
+quorum: 1
 object_tracking:
   observation: paper
   volume: {min: [-0.5, -0.25, 0.125], max: [0.5, 0.75, 1.5]}
@@ -96,6 +107,16 @@ object_tracking:
 frame_sets: {tolerance_s: 0.0123}
 threads: 3
 dds: {enabled: false, domain: 42, profile: dds.xml, interfaces: [lo, 10.0.0.1], ros2: false, frame_id: "the \"map\""}
+record:
+  folder: recordings
+  always: true
+  raw_storage: huffyuv
+  queue_frames: 7
+  pre_roll_s: 1.5
+  pre_roll_mb: 64
+  after_s: 0.5
+  on_lost: false
+metrics: {port: 9464, address: 0.0.0.0}
 log_level: debug
 )";
 
@@ -111,6 +132,21 @@ TEST_F(ServiceConfigFile, EveryKeyIsRead) {
   EXPECT_EQ(c.targets[0].camera_colors[0].first, "cam1");
   EXPECT_EQ(c.targets[0].camera_colors[0].second, (HsiRange{340, 20, 0.5, 0.7, 0.2, 0.7}));
   EXPECT_EQ(c.targets[1].name, "lime");
+  ASSERT_EQ(c.cameras.size(), 2u);
+  EXPECT_EQ(c.cameras[0].name, "cam1");
+  EXPECT_EQ(c.cameras[0].device, "/dev/v4l/by-id/usb-cam");
+  EXPECT_EQ(c.cameras[0].format, CaptureFormat::mjpeg);
+  EXPECT_EQ(c.cameras[0].size, (ImageSize{320, 240}));
+  EXPECT_EQ(c.cameras[0].fps, 29.97);
+  ASSERT_EQ(c.cameras[0].controls.size(), 3u);
+  EXPECT_EQ(c.cameras[0].controls[0].name, "exposure_time_absolute");
+  EXPECT_EQ(c.cameras[0].controls[0].value, ControlValue(std::int64_t{100}));
+  EXPECT_EQ(c.cameras[0].controls[1].value, ControlValue(std::int64_t{0}));
+  EXPECT_EQ(c.cameras[0].controls[2].value, ControlValue("50 Hz"));
+  EXPECT_EQ(c.cameras[0].latency_offset_s, 0.0125);
+  EXPECT_TRUE(c.cameras[0].restore_controls);
+  EXPECT_EQ(c.cameras[1].device, "/dev/video3");
+  EXPECT_EQ(c.quorum, 1);
   const ObjectTrackerOptions& o = c.object_tracking;
   EXPECT_EQ(o.observation, Observation::paper);
   EXPECT_EQ(o.volume.min, Eigen::Vector3d(-0.5, -0.25, 0.125));
@@ -133,6 +169,16 @@ TEST_F(ServiceConfigFile, EveryKeyIsRead) {
   EXPECT_THAT(c.dds.publisher.interfaces, ElementsAre("lo", "10.0.0.1"));
   EXPECT_FALSE(c.dds.publisher.ros2);
   EXPECT_EQ(c.dds.publisher.frame_id, "the \"map\"");
+  EXPECT_EQ(c.record.folder, folder_ / "recordings");
+  EXPECT_TRUE(c.record.always);
+  EXPECT_EQ(c.record.raw_storage, RawStorage::huffyuv);
+  EXPECT_EQ(c.record.queue_frames, 7);
+  EXPECT_EQ(c.record.pre_roll_s, 1.5);
+  EXPECT_EQ(c.record.pre_roll_mb, 64);
+  EXPECT_EQ(c.record.after_s, 0.5);
+  EXPECT_FALSE(c.record.on_lost);
+  EXPECT_EQ(c.metrics.port, 9464);
+  EXPECT_EQ(c.metrics.address, "0.0.0.0");
   EXPECT_EQ(c.log_level, LogLevel::debug);
 }
 
@@ -154,6 +200,17 @@ TEST_F(ServiceConfigFile, TheIdentityChangesWithAnyValueAndNotWithTheFolder) {
   const std::string here = config_identity(load(ball));
   fs::copy_file(folder_ / "rig.yaml", folder_ / "rig2.yaml", fs::copy_options::overwrite_existing);
   EXPECT_EQ(here, config_identity(load("version: 1\nrig: rig2.yaml\n" + ball.substr(head.size()))));
+}
+
+TEST_F(ServiceConfigFile, DifferingKeysAreThoseOfTheFirstLevel) {
+  const ServiceConfig config = load(ball);
+  EXPECT_THAT(differing_keys(config, config), IsEmpty());
+  EXPECT_THAT(differing_keys(config, load(ball + "threads: 2\ndds: {domain: 3}\n")), ElementsAre("threads", "dds"));
+  EXPECT_THAT(differing_keys(config, load(head + "targets: {ball: {color: {hue_deg: [66, 115]}}}\n")),
+              ElementsAre("targets"));
+  ServiceConfig moved = config;
+  moved.rig.cameras[0].cam_from_world.translation.x() += 0.01;
+  EXPECT_THAT(differing_keys(config, moved), ElementsAre("rig"));
 }
 
 struct Mistake {
@@ -214,6 +271,22 @@ INSTANTIATE_TEST_SUITE_P(
             "RadiusInMillimetres", head + "targets:\n  ball:\n    radius_m: 40\n    color: {hue_deg: [65, 115]}\n",
             "c.yaml:5: targets.ball.radius_m: a ball of this radius does not fit into object_tracking.volume; the unit "
             "is metres"},
+        Mistake{"UnknownLiveCamera", ball + "cameras:\n  cma1: {device: 0}\n",
+                "c.yaml:5: cameras.cma1: is not a camera of the rig, which has cam0, cam1 (did you mean cam1?)"},
+        Mistake{"CameraWithoutDevice", ball + "cameras:\n  cam1: {fps: 30}\n",
+                "c.yaml:5: cameras.cam1.device is missing"},
+        Mistake{"DeviceNotBelowDev", ball + "cameras:\n  cam1: {device: webcam}\n",
+                "c.yaml:5: cameras.cam1.device: must be a path below /dev or an index, got \"webcam\": "
+                "ls -l /dev/v4l/by-path/ lists the cameras"},
+        Mistake{"DeviceTwice", ball + "cameras:\n  cam0: {device: 0}\n  cam1: {device: /dev/video0}\n",
+                "c.yaml:6: cameras.cam1.device: is the device of cam0 already"},
+        Mistake{"SizeNotTheRigs", ball + "cameras:\n  cam0: {device: 0, size: [640, 480]}\n",
+                "c.yaml:5: cameras.cam0.size: the rig was calibrated at 320x240: use that size (or the word rig), or "
+                "calibrate anew"},
+        Mistake{"QuorumTooLarge", ball + "cameras:\n  cam0: {device: 0}\nquorum: 2\n",
+                "c.yaml:6: quorum: is more than there are in cameras (1)"},
+        Mistake{"RecordWithoutFolder", ball + "record: {always: true}\n",
+                "c.yaml:4: record: a folder is needed to record to, or to save the pre-roll to"},
         Mistake{"NoSuchProfile", ball + "dds: {profile: none.xml}\n",
                 "c.yaml:4: dds.profile: there is no file none.xml"}),
     [](const auto& instance) { return std::string(instance.param.name); });
@@ -310,6 +383,13 @@ TEST(ReferenceConfig, HasEveryKeyWithItsDefaultInTheOrderOfCheck) {
   target.color.hue_min_deg = reference.targets[0].color.hue_min_deg;
   target.color.hue_max_deg = reference.targets[0].color.hue_max_deg;
   defaults.targets = {target};
+  for (const auto& camera : reference.cameras) {
+    LiveCameraConfig live;
+    live.name = camera.name;
+    live.device = camera.device;
+    defaults.cameras.push_back(live);
+  }
+  EXPECT_FALSE(defaults.cameras.empty());
   EXPECT_EQ(to_yaml(reference), to_yaml(defaults));
 
   std::ifstream written(file);

@@ -41,15 +41,15 @@ TEST_F(Reporter, HealthFollowsTheFrames) {
   figures_.cameras[0].frames = 1;
   figures_.cameras[0].last_received = start_;
   const auto early = reporter_.report(figures_, start_ + 100ms, {});
-  EXPECT_EQ(early.cameras[0].health, CameraHealth::delivering);
-  EXPECT_EQ(early.cameras[1].health, CameraHealth::waiting);
+  EXPECT_EQ(early.cameras[0].health, CameraStatus::Health::delivering);
+  EXPECT_EQ(early.cameras[1].health, CameraStatus::Health::waiting);
   EXPECT_EQ(early.cameras[1].message, "no frame yet");
   const auto late = reporter_.report(figures_, start_ + 2500ms, {});
-  EXPECT_EQ(late.cameras[0].health, CameraHealth::stalled);
+  EXPECT_EQ(late.cameras[0].health, CameraStatus::Health::stalled);
   EXPECT_EQ(late.cameras[0].message, "no frame for 2.5 s");
   EXPECT_NEAR(late.cameras[0].age_s, 2.5, 1e-9);
   figures_.cameras[0].ended = true;
-  EXPECT_EQ(reporter_.report(figures_, start_ + 3s, {}).cameras[0].health, CameraHealth::ended);
+  EXPECT_EQ(reporter_.report(figures_, start_ + 3s, {}).cameras[0].health, CameraStatus::Health::ended);
 }
 
 TEST_F(Reporter, RatesAreOverTheTimeSinceAnEarlierReport) {

@@ -1,0 +1,451 @@
+#include "daemon/live.h"
+
+#include <spdlog/spdlog.h>
+
+#include <algorithm>
+#include <array>
+#include <cstdio>
+#include <ctime>
+#include <set>
+#include <thread>
+
+#include "calib/model/rig_yaml.h"
+#include "capture/capture_clock.h"
+#include "daemon/metrics.h"
+#include "daemon/service_manager.h"
+#include "daemon/status_reporter.h"
+#include "daemon/track_csv.h"
+#include "publish/estimate_publisher.h"
+
+namespace huetrack {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+using namespace std::chrono_literals;
+
+constexpr auto supervision_period = 50ms;
+constexpr auto status_period = 1s;
+constexpr Duration least_patience = 3s;  // several heartbeats of a camera, and of the tracking thread
+constexpr Duration told_clock_step = 500ms;
+
+std::string tenths(double value) {
+  std::array<char, 32> text{};
+  std::snprintf(text.data(), text.size(), "%.1f", value);
+  return text.data();
+}
+
+std::string without_numbers(std::string text) {
+  std::erase_if(text, [](char c) { return c >= '0' && c <= '9'; });
+  return text;
+}
+
+bool is_same(const TargetOptions& a, const TargetOptions& b) {
+  return a.name == b.name && a.radius_m == b.radius_m && a.color == b.color && a.camera_colors == b.camera_colors;
+}
+
+// From what the cameras agreed to, else what they were asked for; known once and for all, as a track depends on it.
+Duration automatic_tolerance(const ServiceConfig& config, std::span<const LiveCamera> cameras) {
+  std::vector<Duration> periods;
+  for (const auto& camera : cameras) {
+    const auto stream = camera.health().stream;
+    const auto& name = config.rig.cameras[std::size_t(camera.camera)].name;
+    const auto asked = std::ranges::find(config.cameras, name, &LiveCameraConfig::name);
+    const double fps = stream && stream->fps > 0       ? stream->fps
+                       : asked == config.cameras.end() ? 0
+                                                       : asked->fps.value_or(0);
+    if (fps > 0) periods.push_back(duration_of(1 / fps));
+  }
+  return suggested_tolerance(periods);
+}
+
+class LiveService {
+ public:
+  LiveService(const ServiceConfig& config, std::vector<LiveCamera> cameras, const LiveOptions& options,
+              LiveRequests& requests)
+      : config_(config), options_(options), requests_(requests), targets_(options.track ? config.targets.size() : 0) {
+    config_.set_tolerance_s = config.set_tolerance_s.value_or(seconds(automatic_tolerance(config, std::span(cameras))));
+    quorum_ = std::size_t(config.quorum.value_or(int(cameras.size())));
+    if (!options.tracks.empty()) csv_.emplace(options.tracks);
+    if (config.dds.enabled && !options.no_dds && options.track) {
+      publisher_.emplace(config.dds.publisher);
+      spdlog::info("publishing on {}", publisher_->description());
+    }
+    reporter_.emplace(config_, "run", Duration{0});
+    PipelineOptions pipeline;
+    pipeline.frame_sets.camera_count = int(config.rig.cameras.size());
+    pipeline.frame_sets.tolerance = duration_of(*config_.set_tolerance_s);
+    pipeline.when_full = WhenFull::drop_oldest;
+    pipeline.threads = config.threads;
+    std::vector<ObjectTracker> trackers;
+    for (const auto& target : config.targets)
+      if (options.track) trackers.emplace_back(config.rig, target, config.object_tracking);
+    std::vector<std::unique_ptr<FrameSource>> sources;
+    for (auto& camera : cameras) sources.push_back(std::move(camera.source));
+    cameras_ = std::move(cameras);
+    make_recorder();
+    PipelineOutputs outputs;
+    outputs.frames = [this](const Frame& frame, Timestamp received_at) {
+      capture_to_dequeue_[std::size_t(frame.camera)].add(received_at - frame.captured_at);
+      if (recorder_) recorder_->offer(frame);
+    };
+    if (config.metrics.port) {
+      metrics_.emplace(config.metrics.address, *config.metrics.port);
+      spdlog::info("metrics on http://{}:{}/metrics", config.metrics.address, *config.metrics.port);
+    }
+    outputs.estimates = [this](const FrameSet& set, std::span<const ObjectEstimate> estimates, Timestamp received_at) {
+      put_out(set, estimates, received_at);
+    };
+    pipeline_.emplace(config_.rig, std::move(sources), std::move(trackers), pipeline, std::move(outputs));
+  }
+
+  LiveSummary run(const std::stop_token& stop) {
+    std::stop_source ending;
+    const std::stop_callback forward(stop, [&] { ending.request_stop(); });
+    std::exception_ptr error;
+    std::atomic<bool> has_ended = false;
+    std::jthread running([&] {
+      try {
+        pipeline_->run(ending.get_token());
+      } catch (const std::exception&) {  // thrown again below, in the thread that waits
+        error = std::current_exception();
+      }
+      has_ended = true;
+    });
+    std::optional<Clock::time_point> end;
+    while (!has_ended && !ending.stop_requested()) {
+      supervise(false);
+      if (options_.seconds && !end && is_receiving()) end = Clock::now() + duration_of(*options_.seconds);
+      if (end && Clock::now() >= *end) break;
+      std::this_thread::sleep_for(supervision_period);
+    }
+    notify_service_manager("STOPPING=1\nSTATUS=Stopping");
+    if (metrics_) metrics_->stop();
+    ending.request_stop();
+    running.join();
+    if (recorder_) recorder_->finish();
+    supervise(true);
+    if (csv_) csv_->flush();
+    if (error) std::rethrow_exception(error);
+    return {.figures = pipeline_->figures(),
+            .status = last_status_,
+            .recorded = recorder_ ? recorder_->figures() : RecorderFigures{},
+            .published = publisher_ ? publisher_->counters().published : 0};
+  }
+
+ private:
+  struct Target {
+    std::atomic<TrackState> state = TrackState::searching;
+    std::atomic<double> effective_sample_size = 0;
+    std::atomic<int> particles = 0;
+  };
+
+  // The tracking thread.
+  void put_out(const FrameSet& set, std::span<const ObjectEstimate> estimates, Timestamp received_at) {
+    for (std::size_t t = 0; t < estimates.size(); ++t) {
+      if (publisher_) publisher_->publish(t, estimates[t], estimates[t].at, received_at);
+      if (csv_) csv_->write(config_names_[t], estimates[t]);
+      targets_[t].effective_sample_size = estimates[t].effective_sample_size;
+      targets_[t].particles = estimates[t].particle_count;
+      const TrackState before = targets_[t].state.exchange(estimates[t].state);
+      if (estimates[t].state == TrackState::lost && before != TrackState::lost) has_lost_ = true;
+    }
+    const Timestamp now = unix_now();
+    dequeue_to_publish_.add(now - received_at);
+    capture_to_publish_.add(now - set.at);
+  }
+
+  // ---- All below: the supervising thread.
+
+  bool is_receiving() const {
+    return std::ranges::any_of(pipeline_->figures().cameras, [](const auto& camera) { return camera.frames > 0; });
+  }
+
+  void supervise(bool is_last) {
+    if (requests_.reload.exchange(false) && !is_last) reload();
+    if (recorder_) {
+      recorder_->end_when_due();
+      if (has_lost_.exchange(false) && config_.record.on_lost) save_pre_roll("lost");
+    }
+    if (requests_.save.exchange(false)) save_pre_roll("signal");
+    bool is_news = is_last;
+    std::vector<CameraHealth> healths;
+    std::vector<std::optional<CameraHealth>> by_rig(config_.rig.cameras.size());
+    for (const auto& camera : cameras_) {
+      const auto& name = config_.rig.cameras[std::size_t(camera.camera)].name;
+      for (const auto& event : camera.take_events()) {
+        spdlog::log(event.is_problem ? spdlog::level::warn : spdlog::level::info, "camera {}: {}", name, event.message);
+        is_news = true;
+      }
+      healths.push_back(camera.health());
+      by_rig[std::size_t(camera.camera)] = healths.back();
+    }
+    const auto now = Clock::now();
+    const PipelineFigures figures = pipeline_->figures();
+    std::vector<TrackState> states;
+    for (const auto& target : targets_) states.push_back(target.state);
+    is_news |= states != told_states_;
+    if (is_news || now >= next_status_) {
+      next_status_ = now + status_period;
+      told_states_ = states;
+      tell_status(figures, by_rig, states, now, is_last);
+    }
+    if (is_last) return;
+    const auto delivering = std::ranges::count(healths, CameraState::delivering, &CameraHealth::state);
+    if (!is_ready_ && std::size_t(delivering) >= quorum_) {
+      is_ready_ = true;
+      notify_service_manager("READY=1");
+      spdlog::info("ready: {} of {} cameras deliver", delivering, cameras_.size());
+    }
+    if (watchdog_ && now >= next_watchdog_) {
+      next_watchdog_ = now + *watchdog_ / 4;
+      const Duration patience = std::max<Duration>(least_patience, *watchdog_ / 2);
+      if (is_progressing(healths, figures, now, patience)) notify_service_manager("WATCHDOG=1");
+    }
+  }
+
+  void tell_status(const PipelineFigures& figures, std::span<const std::optional<CameraHealth>> cameras,
+                   std::span<const TrackState> states, Clock::time_point now, bool is_last) {
+    ServiceStatus status = reporter_->report(figures, now, std::chrono::system_clock::now(), cameras);
+    if (publisher_) std::ranges::copy(publisher_->warnings(), std::back_inserter(status.warnings));
+    if (recorder_) std::ranges::copy(recording_warnings(), std::back_inserter(status.warnings));
+    if (const Duration step = wall_clock_step(); std::chrono::abs(step) >= told_clock_step) {
+      status.warnings.push_back("the wall clock was set by " + tenths(seconds(step)) +
+                                " s since the start, and published times are off by that: restart the service");
+    }
+    std::set<std::string> warnings(status.warnings.begin(), status.warnings.end());
+    for (const auto& warning : warnings)  // once, not again for every further frame that it counts
+      if (!told_warnings_.contains(without_numbers(warning))) spdlog::warn("{}", warning);
+    std::set<std::string> told;
+    for (const auto& warning : warnings) told.insert(without_numbers(warning));
+    told_warnings_ = std::move(told);
+    if (publisher_) publisher_->publish_status(status);
+    if (metrics_) show_metrics(status);
+    if (!is_last) notify_service_manager("STATUS=" + status_line(status, states));
+    last_status_ = std::move(status);
+  }
+
+  void show_metrics(const ServiceStatus& status) {
+    std::vector<TargetFigures> targets;
+    for (const auto& target : targets_)
+      targets.push_back({target.state, target.effective_sample_size, target.particles});
+    LatencyFigures latencies;
+    for (const auto& camera : capture_to_dequeue_) latencies.capture_to_dequeue.push_back(camera.snapshot());
+    latencies.dequeue_to_publish = dequeue_to_publish_.snapshot();
+    latencies.capture_to_publish = capture_to_publish_.snapshot();
+    metrics_->show(to_prometheus(status, targets, latencies, publisher_ ? publisher_->counters().published : 0));
+  }
+
+  // ---- Recording
+
+  void make_recorder() {
+    const RecordConfig& record = config_.record;
+    const bool has_pre_roll = record.pre_roll_s > 0 && !record.always && options_.record_to.empty();
+    if (!record.always && !has_pre_roll && options_.record_to.empty()) return;
+    RecorderOptions options;
+    for (const auto& camera : config_.rig.cameras) options.recording.cameras.push_back(camera.name);
+    options.recording.rig_yaml = to_yaml(config_.rig);
+    options.recording.config_yaml = to_portable_yaml(config_);
+    options.recording.raw_storage = record.raw_storage;
+    options.queue_frames = std::size_t(record.queue_frames);
+    if (has_pre_roll) {
+      options.pre_roll = PreRollOptions{.length = duration_of(record.pre_roll_s),
+                                        .most_bytes = std::size_t(record.pre_roll_mb) * 1'000'000};
+    }
+    recorder_.emplace(std::move(options));
+    if (has_pre_roll) return;
+    const auto folder = options_.record_to.empty() ? new_folder("") : options_.record_to;
+    recorder_->start(folder);
+    spdlog::info("recording to {}", folder.string());
+  }
+
+  std::filesystem::path new_folder(const std::string& why) const {
+    const auto now = std::chrono::system_clock::to_time_t(std::chrono::system_clock::now());
+    std::tm utc{};
+    ::gmtime_r(&now, &utc);
+    std::array<char, 32> time{};
+    std::strftime(time.data(), time.size(), "%Y%m%dT%H%M%SZ", &utc);
+    const std::string name = time.data() + why;
+    auto folder = config_.record.folder / name;
+    for (int i = 2; std::filesystem::exists(folder); ++i)
+      folder = config_.record.folder / (name + "-" + std::to_string(i));
+    return folder;
+  }
+
+  void save_pre_roll(const std::string& why) {
+    if (!recorder_) {
+      spdlog::warn("there is no pre-roll to save: give record.folder and record.pre_roll_s");
+      return;
+    }
+    const auto folder = new_folder("-" + why);
+    try {
+      if (recorder_->save_pre_roll(folder, duration_of(config_.record.after_s)))
+        spdlog::info("saving the pre-roll to {}", folder.string());
+    } catch (const CaptureError& error) {  // a full or read-only disk ends no tracking
+      spdlog::error("the pre-roll cannot be saved: {}", error.what());
+    }
+  }
+
+  std::vector<std::string> recording_warnings() const {
+    std::vector<std::string> warnings;
+    const RecorderFigures figures = recorder_->figures();
+    if (figures.failure) warnings.push_back(*figures.failure);
+    std::string cameras;
+    for (std::size_t c = 0; c < figures.dropped.size(); ++c)
+      if (figures.dropped[c] > 0)
+        cameras +=
+            (cameras.empty() ? "" : ", ") + config_.rig.cameras[c].name + " " + std::to_string(figures.dropped[c]);
+    if (!cameras.empty())
+      warnings.push_back("the disk is too slow for the recording, frames are missing in it: " + cameras);
+    return warnings;
+  }
+
+  // What may change while running are the trackers: their targets' colours and radii, and how they track.
+  void reload() {
+    const auto since_boot = std::chrono::duration_cast<std::chrono::microseconds>(Clock::now().time_since_epoch());
+    if (is_ready_) notify_service_manager("RELOADING=1\nMONOTONIC_USEC=" + std::to_string(since_boot.count()));
+    try {
+      take_over(load_service_config(config_.file));
+    } catch (const std::exception& error) {  // the file is not fit to run on, for whatever reason
+      spdlog::error("reload refused, running on with the old configuration: {}", error.what());
+    }
+    if (is_ready_) notify_service_manager("READY=1");
+    next_status_ = {};
+  }
+
+  void take_over(ServiceConfig fresh) {
+    if (!std::ranges::equal(fresh.targets, config_.targets, {}, &TargetOptions::name, &TargetOptions::name))
+      throw std::runtime_error("targets were added, removed, renamed or reordered: that needs a restart");
+    if (!tolerance_is_given_) fresh.set_tolerance_s = fresh.set_tolerance_s.value_or(*config_.set_tolerance_s);
+    std::string kept;
+    for (const auto& key : differing_keys(config_, fresh)) {
+      if (key == "targets" || key == "object_tracking" || key == "log_level") continue;
+      kept += (kept.empty() ? "" : ", ") + key;
+    }
+    if (!kept.empty()) spdlog::warn("reload: {} changed, too: that takes effect at the next start", kept);
+
+    ServiceConfig merged = config_;
+    merged.targets = fresh.targets;
+    merged.object_tracking = fresh.object_tracking;
+    merged.log_level = fresh.log_level;
+    const auto changed = differing_keys(config_, merged);
+    const bool all = std::ranges::find(changed, "object_tracking") != changed.end();
+    std::vector<std::pair<std::size_t, ObjectTracker>> trackers;
+    std::string names;
+    for (std::size_t t = 0; t < merged.targets.size(); ++t) {
+      if (!all && is_same(merged.targets[t], config_.targets[t])) continue;
+      trackers.emplace_back(t, ObjectTracker(merged.rig, merged.targets[t], merged.object_tracking));
+      names += (names.empty() ? "" : ", ") + merged.targets[t].name;
+    }
+    pipeline_->replace_trackers(std::move(trackers));
+    config_ = std::move(merged);
+    reporter_.emplace(config_, "run", Duration{0});
+    set_log_level(config_.log_level);
+    if (names.empty()) {
+      spdlog::info("reloaded {}: nothing to change", config_.file.string());
+    } else {
+      spdlog::info("reloaded {}: searching anew for {}", config_.file.string(), names);
+    }
+  }
+
+  ServiceConfig config_;  // as it is in force; the pipeline refers to its rig
+  const LiveOptions options_;
+  LiveRequests& requests_;
+  const bool tolerance_is_given_ = config_.set_tolerance_s.has_value();
+  const std::vector<std::string> config_names_ = config_.dds.publisher.targets;
+  std::size_t quorum_ = 0;
+  std::vector<Target> targets_;
+  std::optional<TrackCsvWriter> csv_;           // the tracking thread's
+  std::optional<EstimatePublisher> publisher_;  // positions: the tracking thread; status: the supervising one
+  std::optional<StatusReporter> reporter_;
+  std::optional<Recorder> recorder_;
+  std::atomic<bool> has_lost_ = false;
+  std::vector<LatencyHistogram> capture_to_dequeue_{config_.rig.cameras.size()};
+  LatencyHistogram dequeue_to_publish_, capture_to_publish_;
+  std::optional<MetricsServer> metrics_;
+  std::vector<LiveCamera> cameras_;   // their sources are the pipeline's
+  std::optional<Pipeline> pipeline_;  // after what its outputs use, and cameras_ is used only while it lives
+
+  ServiceStatus last_status_;
+  std::vector<TrackState> told_states_;
+  std::set<std::string> told_warnings_;
+  Clock::time_point next_status_{}, next_watchdog_{};
+  const std::optional<std::chrono::microseconds> watchdog_ = watchdog_period();
+  bool is_ready_ = false;
+};
+
+}  // namespace
+
+std::vector<LiveCamera> open_cameras(const ServiceConfig& config) {
+  std::vector<LiveCamera> cameras;
+  for (const auto& camera : config.cameras) {
+    const int index = config.rig.index_of(camera.name).value();
+    const ImageSize size = config.rig.cameras[std::size_t(index)].image_size;
+    V4l2SourceOptions options;
+    options.camera = index;
+    options.name = camera.name;
+    options.device = camera.device;
+    options.format = camera.format;
+    options.width = size.width;
+    options.height = size.height;
+    options.fps = camera.fps.value_or(0);
+    options.controls = camera.controls;
+    options.restore_controls = camera.restore_controls;
+    options.latency = duration_of(camera.latency_offset_s);
+    auto source = std::make_unique<V4l2Source>(std::move(options));
+    const V4l2Source* said_by = source.get();
+    V4l2Source* told_by = source.get();
+    cameras.push_back({.camera = index,
+                       .source = std::move(source),
+                       .health = [said_by] { return said_by->health(); },
+                       .take_events = [told_by] { return told_by->take_events(); }});
+  }
+  return cameras;
+}
+
+LiveSummary run_live(const ServiceConfig& config, std::vector<LiveCamera> cameras, const LiveOptions& options,
+                     LiveRequests& requests, std::stop_token stop) {
+  if (cameras.empty())
+    throw std::runtime_error(config.file.string() +
+                             ": cameras: none is given: name the live cameras; "
+                             "ls -l /dev/v4l/by-path/ lists those that there are");
+  return LiveService(config, std::move(cameras), options, requests).run(stop);
+}
+
+bool is_progressing(std::span<const CameraHealth> cameras, const PipelineFigures& figures,
+                    std::chrono::steady_clock::time_point now, Duration patience) {
+  const auto is_recent = [&](std::chrono::steady_clock::time_point at) { return now - at <= patience; };
+  return is_recent(figures.tracking_round) &&
+         std::ranges::all_of(cameras, [&](const auto& camera) { return is_recent(camera.last_progress); });
+}
+
+std::string status_line(const ServiceStatus& status, std::span<const TrackState> states) {
+  std::size_t delivering = 0;
+  std::string cameras, targets;
+  for (const auto& camera : status.cameras) {
+    cameras += (cameras.empty() ? "" : ", ") + camera.name + " ";
+    switch (camera.health) {
+      case CameraStatus::Health::delivering:
+        ++delivering;
+        cameras += tenths(camera.rate_hz) + " Hz";
+        break;
+      case CameraStatus::Health::waiting:
+        cameras += "waiting";
+        break;
+      case CameraStatus::Health::stalled:
+        cameras += "stalled";
+        break;
+      case CameraStatus::Health::absent:
+        cameras += "absent";
+        break;
+      case CameraStatus::Health::ended:
+        cameras += "ended";
+        break;
+    }
+  }
+  for (std::size_t t = 0; t < states.size(); ++t)
+    targets += (targets.empty() ? "" : ", ") + status.targets[t] + " " + std::string(name(states[t]));
+  return std::to_string(delivering) + " of " + std::to_string(status.cameras.size()) + " cameras deliver: " + cameras +
+         "; " + tenths(status.set_rate_hz) + " sets/s" + (targets.empty() ? "" : "; " + targets);
+}
+
+}  // namespace huetrack

@@ -1,0 +1,182 @@
+#include "daemon/metrics.h"
+
+#include <httplib.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <mutex>
+#include <stdexcept>
+#include <thread>
+#include <utility>
+
+namespace huetrack {
+namespace {
+
+std::string number(double value) {
+  if (std::isnan(value)) return "NaN";
+  std::array<char, 32> text{};
+  std::snprintf(text.data(), text.size(), "%.9g", value);
+  return text.data();
+}
+
+std::string label(std::string_view text) {
+  std::string out = "\"";
+  for (const char c : text) {
+    if (c == '"' || c == '\\') out += '\\';
+    out += c == '\n' ? ' ' : c;
+  }
+  return out + '"';
+}
+
+class Text {
+ public:
+  void family(std::string_view family, std::string_view type, std::string_view help) {
+    family_ = family;
+    text_.append("# HELP ").append(family).append(" ").append(help).append("\n");
+    text_.append("# TYPE ").append(family).append(" ").append(type).append("\n");
+  }
+  void sample(const std::string& labels, double value, std::string_view suffix = "") {
+    text_.append(family_).append(suffix);
+    if (!labels.empty()) text_.append("{").append(labels).append("}");
+    text_.append(" ").append(number(value)).append("\n");
+  }
+  void histogram(const std::string& labels, const LatencyHistogram::Snapshot& snapshot) {
+    const std::string before = labels.empty() ? "" : labels + ",";
+    std::uint64_t below = 0;
+    for (std::size_t i = 0; i < LatencyHistogram::bounds_s.size(); ++i) {
+      below += snapshot.counts[i];
+      sample(before + "le=\"" + number(LatencyHistogram::bounds_s[i]) + "\"", double(below), "_bucket");
+    }
+    sample(before + "le=\"+Inf\"", double(snapshot.count()), "_bucket");
+    sample(labels, snapshot.sum_s, "_sum");
+    sample(labels, double(snapshot.count()), "_count");
+  }
+  std::string take() { return std::move(text_); }
+
+ private:
+  std::string family_, text_;
+};
+
+}  // namespace
+
+void LatencyHistogram::add(Duration latency) {
+  const auto bucket = std::ranges::lower_bound(bounds_s, seconds(latency)) - bounds_s.begin();
+  counts_[std::size_t(bucket)].fetch_add(1, std::memory_order_relaxed);
+  sum_ns_.fetch_add(latency.count(), std::memory_order_relaxed);
+}
+
+LatencyHistogram::Snapshot LatencyHistogram::snapshot() const {
+  Snapshot snapshot;
+  for (std::size_t i = 0; i < counts_.size(); ++i) snapshot.counts[i] = counts_[i].load(std::memory_order_relaxed);
+  snapshot.sum_s = 1e-9 * double(sum_ns_.load(std::memory_order_relaxed));
+  return snapshot;
+}
+
+std::uint64_t LatencyHistogram::Snapshot::count() const {
+  std::uint64_t sum = 0;
+  for (const auto count : counts) sum += count;
+  return sum;
+}
+
+std::string to_prometheus(const ServiceStatus& status, std::span<const TargetFigures> targets,
+                          const LatencyFigures& latencies, std::uint64_t published) {
+  Text text;
+  const auto cameras = [&](std::string_view family, std::string_view type, std::string_view help, auto value) {
+    text.family(family, type, help);
+    for (const auto& camera : status.cameras) text.sample("camera=" + label(camera.name), double(value(camera)));
+  };
+  cameras("huetrack_camera_up", "gauge", "1 when the camera delivers",
+          [](const auto& c) { return c.health == CameraStatus::Health::delivering ? 1 : 0; });
+  cameras("huetrack_camera_frames_total", "counter", "frames received", [](const auto& c) { return c.frames; });
+  cameras("huetrack_camera_dropped_frames_total", "counter", "gaps in the driver's numbering",
+          [](const auto& c) { return c.dropped; });
+  cameras("huetrack_camera_corrupted_frames_total", "counter", "damaged frames, not used",
+          [](const auto& c) { return c.corrupted; });
+  cameras("huetrack_camera_rate_hertz", "gauge", "frames per second over the last seconds",
+          [](const auto& c) { return c.rate_hz; });
+  cameras("huetrack_camera_age_seconds", "gauge", "since the last frame was received",
+          [](const auto& c) { return c.age_s; });
+
+  const auto one = [&](std::string_view family, std::string_view type, std::string_view help, double value) {
+    text.family(family, type, help);
+    text.sample("", value);
+  };
+  one("huetrack_sets_total", "counter", "frame sets tracked", double(status.sets));
+  one("huetrack_incomplete_sets_total", "counter", "frame sets without every camera", double(status.incomplete_sets));
+  one("huetrack_dropped_sets_total", "counter", "frame sets not tracked, because tracking was too slow",
+      double(status.dropped_sets));
+  one("huetrack_late_frames_total", "counter", "frames that came after their set", double(status.late_frames));
+  one("huetrack_set_rate_hertz", "gauge", "frame sets tracked per second", status.set_rate_hz);
+  one("huetrack_published_samples_total", "counter", "positions written to DDS", double(published));
+  one("huetrack_warnings", "gauge", "sentences in the status sample's warnings", double(status.warnings.size()));
+
+  text.family("huetrack_target_state", "gauge", "1 for the state that the target is in");
+  for (std::size_t t = 0; t < targets.size(); ++t) {
+    for (const auto state : {TrackState::searching, TrackState::tracking, TrackState::coasting, TrackState::lost}) {
+      text.sample("target=" + label(status.targets[t]) + ",state=" + label(name(state)),
+                  targets[t].state == state ? 1 : 0);
+    }
+  }
+  text.family("huetrack_target_effective_sample_size", "gauge", "of the target's particles");
+  for (std::size_t t = 0; t < targets.size(); ++t)
+    text.sample("target=" + label(status.targets[t]), targets[t].effective_sample_size);
+  text.family("huetrack_target_particles", "gauge", "how many the target has");
+  for (std::size_t t = 0; t < targets.size(); ++t)
+    text.sample("target=" + label(status.targets[t]), targets[t].particles);
+
+  text.family("huetrack_capture_to_dequeue_seconds", "histogram", "from a frame's capture to its dequeue");
+  for (std::size_t c = 0; c < latencies.capture_to_dequeue.size(); ++c)
+    text.histogram("camera=" + label(status.cameras[c].name), latencies.capture_to_dequeue[c]);
+  text.family("huetrack_dequeue_to_publish_seconds", "histogram",
+              "from the dequeue of a set's last frame to the DDS write");
+  text.histogram("", latencies.dequeue_to_publish);
+  text.family("huetrack_capture_to_publish_seconds", "histogram", "from the newest capture in a set to the DDS write");
+  text.histogram("", latencies.capture_to_publish);
+  return text.take();
+}
+
+struct MetricsServer::Impl {
+  httplib::Server server;
+  std::mutex mutex;
+  std::string text;  // guarded by mutex
+  std::atomic<bool> has_ended = false;
+  std::jthread thread;
+};
+
+MetricsServer::MetricsServer(const std::string& address, int port) : impl_(std::make_unique<Impl>()) {
+  impl_->server.new_task_queue = [] { return new httplib::ThreadPool(1); };  // its default is eight threads and more
+  impl_->server.Get("/metrics", [this](const httplib::Request&, httplib::Response& response) {
+    const std::scoped_lock lock(impl_->mutex);
+    response.set_content(impl_->text, "text/plain; version=0.0.4");
+  });
+  if (!impl_->server.bind_to_port(address, port)) {
+    throw std::runtime_error(
+        "metrics: " + address + ":" + std::to_string(port) +
+        " cannot be listened on: another program has that port, or the address is not this host's");
+  }
+  impl_->server.set_keep_alive_max_count(1);  // a reader that stays connected would hold up our end, and others
+  impl_->server.set_keep_alive_timeout(1);    // seconds; one that says nothing, neither
+  impl_->server.set_read_timeout(std::chrono::milliseconds(300));
+  impl_->thread = std::jthread([this] {
+    impl_->server.listen_after_bind();
+    impl_->has_ended = true;
+  });
+  while (!impl_->server.is_running() && !impl_->has_ended)  // a stop() before that would be lost
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+}
+
+MetricsServer::~MetricsServer() {
+  stop();
+}
+
+void MetricsServer::stop() {
+  impl_->server.stop();
+}
+
+void MetricsServer::show(std::string text) {
+  const std::scoped_lock lock(impl_->mutex);
+  impl_->text = std::move(text);
+}
+
+}  // namespace huetrack

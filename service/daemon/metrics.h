@@ -1,0 +1,69 @@
+// What the service measures about itself, as Prometheus reads it (text format 0.0.4), and the small server that hands
+// it out.
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "capture/frame.h"
+#include "object_tracking/object_estimate.h"
+#include "publish/service_status.h"
+
+namespace huetrack {
+
+// Counts durations in fixed buckets from 0.1 ms to 1 s. thread-safe; add() takes no lock.
+class LatencyHistogram {
+ public:
+  static constexpr std::array<double, 13> bounds_s{0.0001, 0.0002, 0.0003, 0.0005, 0.001, 0.0012, 0.002,
+                                                   0.005,  0.01,   0.02,   0.05,   0.2,   1.0};
+  void add(Duration latency);
+  struct Snapshot {
+    std::array<std::uint64_t, bounds_s.size() + 1>
+        counts{};  // per bucket, not cumulated; the last one: beyond the bounds
+    double sum_s = 0;
+    std::uint64_t count() const;
+  };
+  Snapshot snapshot() const;
+
+ private:
+  std::array<std::atomic<std::uint64_t>, bounds_s.size() + 1> counts_{};
+  std::atomic<std::int64_t> sum_ns_ = 0;
+};
+
+struct TargetFigures {
+  TrackState state = TrackState::searching;
+  double effective_sample_size = 0;
+  int particles = 0;
+};
+
+struct LatencyFigures {
+  std::vector<LatencyHistogram::Snapshot> capture_to_dequeue;  // per camera of the status
+  LatencyHistogram::Snapshot dequeue_to_publish;               // from the last frame of a set to its last sample
+  LatencyHistogram::Snapshot capture_to_publish;               // from the newest capture time in a set
+};
+
+// targets: as status.targets, or empty.
+std::string to_prometheus(const ServiceStatus& status, std::span<const TargetFigures> targets,
+                          const LatencyFigures& latencies, std::uint64_t published);
+
+// Answers GET /metrics with the text that was given last. thread-safe.
+class MetricsServer {
+ public:
+  // throws std::runtime_error when the port cannot be had, naming it.
+  MetricsServer(const std::string& address, int port);
+  ~MetricsServer();
+  void show(std::string text);
+  void stop();  // begins what the destructor ends: that waits up to a second for a client that says nothing
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace huetrack

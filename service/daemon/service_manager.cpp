@@ -1,0 +1,90 @@
+#include "daemon/service_manager.h"
+
+#include <spdlog/pattern_formatter.h>
+#include <spdlog/sinks/stdout_color_sinks.h>
+#include <spdlog/sinks/stdout_sinks.h>
+#include <spdlog/spdlog.h>
+#include <sys/stat.h>
+#include <systemd/sd-daemon.h>
+#include <unistd.h>
+
+#include <cstdlib>
+#include <memory>
+
+namespace huetrack {
+namespace {
+
+// Whether stderr is the journal's, and not a file that a child of a service writes: systemd.exec(5), $JOURNAL_STREAM.
+bool stderr_is_journal() {
+  const char* stream = std::getenv("JOURNAL_STREAM");
+  struct stat status {};
+  if (stream == nullptr || ::fstat(STDERR_FILENO, &status) != 0) return false;
+  return std::to_string(status.st_dev) + ":" + std::to_string(status.st_ino) == stream;
+}
+
+// %J: the level as sd-daemon(3) writes it in front of a line.
+class JournalPriority final : public spdlog::custom_flag_formatter {
+ public:
+  void format(const spdlog::details::log_msg& message, const std::tm&, spdlog::memory_buf_t& out) override {
+    const std::string_view prefix = prefix_of(message.level);
+    out.append(prefix.data(), prefix.data() + prefix.size());
+  }
+  std::unique_ptr<custom_flag_formatter> clone() const override { return std::make_unique<JournalPriority>(); }
+
+ private:
+  static std::string_view prefix_of(spdlog::level::level_enum level) {
+    switch (level) {
+      case spdlog::level::critical:
+        return SD_CRIT;
+      case spdlog::level::err:
+        return SD_ERR;
+      case spdlog::level::warn:
+        return SD_WARNING;
+      case spdlog::level::info:
+        return SD_INFO;
+      default:
+        return SD_DEBUG;
+    }
+  }
+};
+
+}  // namespace
+
+void notify_service_manager(const std::string& assignments) {
+  sd_notify(0, assignments.c_str());  // its failure is the service manager's: there is nobody else to tell
+}
+
+std::optional<std::chrono::microseconds> watchdog_period() {
+  std::uint64_t microseconds = 0;
+  if (sd_watchdog_enabled(0, &microseconds) <= 0) return std::nullopt;
+  return std::chrono::microseconds(microseconds);
+}
+
+void set_up_log() {
+  if (stderr_is_journal()) {
+    const auto log = spdlog::stderr_logger_mt("huetrackd");
+    auto formatter = std::make_unique<spdlog::pattern_formatter>();
+    formatter->add_flag<JournalPriority>('J').set_pattern("%J%v");
+    log->set_formatter(std::move(formatter));
+    spdlog::set_default_logger(log);
+  } else {
+    const auto log = spdlog::stderr_color_mt("huetrackd");
+    log->set_pattern("%n: %^%l%$: %v");
+    spdlog::set_default_logger(log);
+  }
+}
+
+void set_log_level(LogLevel level) {
+  switch (level) {
+    case LogLevel::debug:
+      return spdlog::set_level(spdlog::level::debug);
+    case LogLevel::info:
+      return spdlog::set_level(spdlog::level::info);
+    case LogLevel::warning:
+      return spdlog::set_level(spdlog::level::warn);
+    case LogLevel::error:
+      return spdlog::set_level(spdlog::level::err);
+  }
+}
+
+}  // namespace huetrack

@@ -1,0 +1,22 @@
+// What a service manager (systemd) is told, and how the log looks under it. Without one, nothing happens.
+#pragma once
+
+#include <chrono>
+#include <optional>
+#include <string>
+
+#include "daemon/service_config.h"
+
+namespace huetrack {
+
+// Assignments as in sd_notify(3), "READY=1\nSTATUS=...", to $NOTIFY_SOCKET. thread-safe.
+void notify_service_manager(const std::string& assignments);
+
+// How often WATCHDOG=1 is wanted at the latest (WatchdogSec= of the unit); nullopt: not at all.
+std::optional<std::chrono::microseconds> watchdog_period();
+
+// The default logger: to the journal with its priority prefixes ("<4>..."), to a terminal in colour, to a file plainly.
+void set_up_log();
+void set_log_level(LogLevel level);
+
+}  // namespace huetrack

@@ -1,0 +1,104 @@
+// A live camera that is none: the pictures of a recording, in real time, stamped as a driver would.
+#pragma once
+
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <memory>
+#include <mutex>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include "capture/capture_clock.h"
+#include "capture/recording.h"
+#include "capture/replay_source.h"
+#include "daemon/live.h"
+
+namespace huetrack {
+
+// thread-safe where LiveCamera asks for it.
+class FakeCamera {
+ public:
+  // Frames of one camera on the recording's clock, whose zero is at `start`, UNIX; at the end it ends, or goes silent.
+  FakeCamera(int camera, std::vector<Frame> frames, Timestamp start, bool goes_silent)
+      : state_(std::make_shared<State>()), camera_(camera) {
+    state_->frames = std::move(frames);
+    state_->start = start;
+    state_->goes_silent = goes_silent;
+    state_->health.last_progress = std::chrono::steady_clock::now();
+  }
+
+  LiveCamera live() const {
+    LiveCamera live;
+    live.camera = camera_;
+    live.source = std::make_unique<Source>(state_);
+    live.health = [state = state_] {
+      const std::scoped_lock lock(state->mutex);
+      return state->health;
+    };
+    live.take_events = [state = state_] {
+      const std::scoped_lock lock(state->mutex);
+      return std::exchange(state->events, {});
+    };
+    return live;
+  }
+
+ private:
+  struct State {
+    std::vector<Frame> frames;
+    Timestamp start;
+    bool goes_silent = false;
+    std::mutex mutex;
+    CameraHealth health;              // guarded by mutex
+    std::vector<CameraEvent> events;  // guarded by mutex
+  };
+  class Source final : public FrameSource {
+   public:
+    explicit Source(std::shared_ptr<State> state) : state_(std::move(state)) {}
+    std::optional<Frame> next(std::stop_token stop) override {
+      using namespace std::chrono_literals;
+      const bool at_end = next_ == state_->frames.size();
+      if (at_end && !state_->goes_silent) return std::nullopt;
+      Frame frame = at_end ? Frame{} : state_->frames[next_];
+      frame.captured_at = state_->start + frame.captured_at.time_since_epoch();
+      while (!stop.stop_requested() && (at_end || unix_now() < frame.captured_at)) {
+        {
+          const std::scoped_lock lock(state_->mutex);
+          state_->health.last_progress = std::chrono::steady_clock::now();
+        }
+        std::this_thread::sleep_for(2ms);
+      }
+      if (stop.stop_requested()) return std::nullopt;
+      ++next_;
+      const std::scoped_lock lock(state_->mutex);
+      state_->health.state = CameraState::delivering;
+      ++state_->health.frames;
+      state_->health.last_progress = std::chrono::steady_clock::now();
+      return frame;
+    }
+
+   private:
+    std::shared_ptr<State> state_;
+    std::size_t next_ = 0;
+  };
+
+  std::shared_ptr<State> state_;
+  int camera_;
+};
+
+// The first `count` frames of each camera of a recording.
+inline std::vector<std::vector<Frame>> first_frames(const std::filesystem::path& recording,
+                                                    const std::vector<std::string>& cameras, std::size_t count) {
+  ReplaySource source(read_recording(recording), cameras);
+  std::vector<std::vector<Frame>> frames(cameras.size());
+  while (std::ranges::any_of(frames, [&](const auto& f) { return f.size() < count; })) {
+    auto frame = source.next({});
+    if (!frame) break;
+    auto& of_camera = frames[std::size_t(frame->camera)];
+    if (of_camera.size() < count) of_camera.push_back(std::move(*frame));
+  }
+  return frames;
+}
+
+}  // namespace huetrack

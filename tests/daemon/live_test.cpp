@@ -1,0 +1,253 @@
+#include "daemon/live.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <filesystem>
+#include <fstream>
+#include <sstream>
+
+#include "daemon/fake_camera.h"
+#include "daemon/replay.h"
+#include "daemon/track_csv.h"
+
+namespace huetrack {
+namespace {
+
+namespace fs = std::filesystem;
+using namespace std::chrono_literals;
+using testing::HasSubstr;
+
+const fs::path demo = fs::path(HUETRACK_SOURCE_DIR) / "configs/demo";
+
+class Live : public testing::Test {
+ protected:
+  Live()
+      : folder_(fs::path(testing::TempDir()) / ("live_" + std::to_string(::getpid()) + "_" +
+                                                testing::UnitTest::GetInstance()->current_test_info()->name())) {
+    fs::create_directories(folder_);
+    rewrite("65, 115");
+    config_ = load_service_config(folder_ / "c.yaml");
+    options_.no_dds = true;
+    options_.tracks = folder_ / "live.csv";
+  }
+  ~Live() override { fs::remove_all(folder_); }
+
+  void rewrite(const std::string& hue, const std::string& more = "") const {
+    std::ofstream(folder_ / "c.yaml") << "version: 1\nrig: " << (demo / "recording/rig.yaml").string()
+                                      << "\ntargets: {lime: {color: {hue_deg: [" << hue << "]}}}\n"
+                                      << "cameras: {cam0: {device: 0, fps: 30}, cam1: {device: 1, fps: 30}}\n"
+                                      << more;
+  }
+  std::vector<LiveCamera> cameras(std::size_t frames, bool go_silent = false) const {
+    auto pictures = first_frames(demo / "recording", {"cam0", "cam1"}, frames);
+    const Timestamp start = unix_now() + 50ms;
+    std::vector<LiveCamera> list;
+    for (std::size_t c = 0; c < pictures.size(); ++c)
+      list.push_back(FakeCamera(int(c), std::move(pictures[c]), start, go_silent).live());
+    return list;
+  }
+  static std::vector<fs::path> folders_in(const fs::path& folder) {
+    std::vector<fs::path> folders;
+    for (const auto& entry : fs::directory_iterator(folder)) folders.push_back(entry.path());
+    return folders;
+  }
+  // The tracks of a recording by the configuration that lies in it.
+  std::string replayed(const fs::path& recording) const {
+    ReplayCommand command;
+    command.config = recording / "huetrackd.yaml";
+    command.recording = recording;
+    command.no_dds = true;
+    command.progress = false;
+    command.tracks = folder_ / "replayed.csv";
+    replay(command, {});
+    return contents(command.tracks);
+  }
+  static std::string contents(const fs::path& file) {
+    std::ostringstream text;
+    text << std::ifstream(file, std::ios::binary).rdbuf();
+    return text.str();
+  }
+
+  fs::path folder_;
+  ServiceConfig config_;
+  LiveOptions options_;
+  LiveRequests requests_;
+};
+
+TEST_F(Live, TracksInRealTimeAndSaysSo) {
+  const auto before = unix_now();
+  const LiveSummary summary = run_live(config_, cameras(30), options_, requests_, {});
+  EXPECT_EQ(summary.figures.cameras.at(0).frames, 30u);
+  EXPECT_EQ(summary.figures.sets_tracked + summary.figures.sets_dropped, summary.figures.frame_sets.sets);
+  EXPECT_EQ(summary.status.mode, "run");
+  const auto tracks = read_track_csv(options_.tracks);
+  ASSERT_TRUE(tracks.contains("lime"));
+  EXPECT_EQ(tracks.at("lime").back().state, TrackState::tracking);
+  EXPECT_GT(tracks.at("lime").front().at, before);  // UNIX time, not the recording's
+}
+
+TEST_F(Live, AStopEndsItWithinASecondEvenWhenNoFrameComes) {
+  std::stop_source stop;
+  std::jthread stopper([&] {
+    std::this_thread::sleep_for(400ms);
+    stop.request_stop();
+  });
+  const auto start = std::chrono::steady_clock::now();
+  const LiveSummary summary = run_live(config_, cameras(3, true), options_, requests_, stop.get_token());
+  EXPECT_LT(std::chrono::steady_clock::now() - start, 2s);
+  EXPECT_EQ(summary.status.cameras.at(0).frames, 3u);
+  EXPECT_EQ(summary.status.cameras.at(0).health, CameraStatus::Health::delivering);
+}
+
+TEST_F(Live, EndsSoManySecondsAfterTheFirstFrame) {
+  options_.seconds = 0.3;
+  const auto start = std::chrono::steady_clock::now();
+  run_live(config_, cameras(60, true), options_, requests_, {});
+  const auto took = std::chrono::steady_clock::now() - start;
+  EXPECT_GE(took, 300ms);
+  EXPECT_LT(took, 2s);
+}
+
+TEST_F(Live, AReloadChangesTheColourAndLosesNoFrame) {
+  const std::string before = config_identity(config_);
+  std::jthread reloader([&] {
+    std::this_thread::sleep_for(700ms);
+    rewrite("240, 250");  // a colour that nothing has
+    requests_.reload = true;
+  });
+  const LiveSummary summary = run_live(config_, cameras(60), options_, requests_, {});
+  const auto track = read_track_csv(options_.tracks).at("lime");
+  EXPECT_EQ(track.size(), summary.figures.frame_sets.sets);
+  EXPECT_EQ(track.at(15).state, TrackState::tracking);
+  EXPECT_EQ(track.back().state, TrackState::searching);
+  EXPECT_EQ(summary.figures.cameras[0].frames, 60u);
+  EXPECT_NE(summary.status.config_identity, before);
+}
+
+TEST_F(Live, AReloadOfABadFileIsRefusedAndTheOldOneGoesOn) {
+  std::string identity;
+  std::jthread reloader([&] {
+    std::this_thread::sleep_for(500ms);
+    rewrite("65, 115", "object_tracking: {particle_cuont: 3}\n");
+    requests_.reload = true;
+  });
+  const LiveSummary summary = run_live(config_, cameras(45), options_, requests_, {});
+  EXPECT_FALSE(requests_.reload);  // it was seen
+  EXPECT_EQ(read_track_csv(options_.tracks).at("lime").back().state, TrackState::tracking);
+  EXPECT_EQ(summary.figures.cameras[1].frames, 45u);
+}
+
+TEST_F(Live, ARecordingReplaysToTheSameTrackByteForByte) {
+  rewrite("65, 115", "record: {folder: " + (folder_ / "recordings").string() + ", always: true, queue_frames: 100}\n");
+  config_ = load_service_config(folder_ / "c.yaml");
+  const LiveSummary summary = run_live(config_, cameras(60), options_, requests_, {});
+  ASSERT_EQ(summary.figures.sets_dropped, 0u);
+  ASSERT_EQ(summary.recorded.cameras.size(), 2u);
+  EXPECT_EQ(summary.recorded.cameras[0].frames, 60u);
+  EXPECT_THAT(summary.recorded.dropped, testing::ElementsAre(0, 0));
+  EXPECT_EQ(summary.recorded.failure, std::nullopt);
+
+  const auto recordings = folders_in(folder_ / "recordings");
+  ASSERT_EQ(recordings.size(), 1u);
+  const std::string live = contents(options_.tracks);
+  EXPECT_GT(std::ranges::count(live, '\n'), 50);
+  EXPECT_THAT(live, HasSubstr("tracking"));
+  EXPECT_EQ(replayed(recordings[0]), live);
+}
+
+TEST_F(Live, RecordWithoutTrackingReplays) {
+  options_ = LiveOptions{.track = false, .record_to = folder_ / "out", .no_dds = false, .tracks = {}, .seconds = {}};
+  const LiveSummary summary = run_live(config_, cameras(30), options_, requests_, {});
+  EXPECT_EQ(summary.recorded.cameras.at(1).frames, 30u);
+  EXPECT_EQ(summary.published, 0u);
+  EXPECT_THAT(replayed(folder_ / "out"), HasSubstr("tracking"));
+}
+
+TEST_F(Live, AFolderThatIsNotEmptyIsNotRecordedInto) {
+  options_.record_to = folder_;
+  EXPECT_THAT([&] { run_live(config_, cameras(3), options_, requests_, {}); },
+              testing::ThrowsMessage<CaptureError>(HasSubstr("is not an empty folder")));
+}
+
+TEST_F(Live, SavesThePreRollOnRequest) {
+  rewrite("65, 115", "record: {folder: " + (folder_ / "recordings").string() + ", pre_roll_s: 0.5, after_s: 0.3}\n");
+  config_ = load_service_config(folder_ / "c.yaml");
+  std::jthread user([&] {
+    std::this_thread::sleep_for(1000ms);
+    requests_.save = true;
+  });
+  run_live(config_, cameras(60), options_, requests_, {});
+  const auto recordings = folders_in(folder_ / "recordings");
+  ASSERT_EQ(recordings.size(), 1u);
+  EXPECT_THAT(recordings[0].filename().string(), testing::EndsWith("Z-signal"));
+  ReplaySource source(read_recording(recordings[0]), std::vector<std::string>{"cam0", "cam1"});
+  std::vector<int> frames(2);
+  std::uint32_t first = 0;
+  while (const auto frame = source.next({})) {
+    if (frame->camera == 0 && frames[0]++ == 0) first = frame->sequence;
+    if (frame->camera == 1) ++frames[1];
+  }
+  EXPECT_GT(first, 3u);      // not from the start on
+  EXPECT_LT(first, 40u);     // but from before the request
+  EXPECT_GT(frames[0], 15);  // half a second and what came after
+  EXPECT_LT(frames[0], 45);
+  EXPECT_GT(frames[1], 15);
+}
+
+TEST_F(Live, SavesThePreRollWhenATargetIsLost) {
+  rewrite("65, 115",
+          "object_tracking: {coast_s: 0.1}\n"
+          "record: {folder: " +
+              (folder_ / "recordings").string() + ", pre_roll_s: 5, after_s: 0.1}\n");
+  config_ = load_service_config(folder_ / "c.yaml");
+  auto pictures = first_frames(demo / "recording", {"cam0", "cam1"}, 60);
+  const Timestamp start = unix_now() + 50ms;
+  std::vector<LiveCamera> list;
+  for (std::size_t c = 0; c < 2; ++c) {
+    for (std::size_t i = 25; i < 60; ++i) {  // the lights go out
+      const Image& before = pictures[c][i].pixels;
+      pictures[c][i].pixels = make_image(PixelFormat::grey, ColorRange::full, before.width, before.height).image;
+    }
+    for (std::size_t i = 0; i < 25; ++i) pictures[c][i].encoded.reset();
+    list.push_back(FakeCamera(int(c), std::move(pictures[c]), start, false).live());
+  }
+  run_live(config_, std::move(list), options_, requests_, {});
+  const auto recordings = folders_in(folder_ / "recordings");
+  ASSERT_EQ(recordings.size(), 1u);
+  EXPECT_THAT(recordings[0].filename().string(), testing::EndsWith("Z-lost"));
+}
+
+TEST_F(Live, WithoutCamerasItSaysWhatToDo) {
+  EXPECT_THAT([&] { run_live(config_, {}, options_, requests_, {}); },
+              testing::ThrowsMessage<std::runtime_error>(HasSubstr("cameras: none is given")));
+}
+
+TEST(IsProgressing, NeedsEveryCameraAndTheTrackingThread) {
+  const auto now = std::chrono::steady_clock::now();
+  std::vector<CameraHealth> cameras(2);
+  for (auto& camera : cameras) camera.last_progress = now - 1s;
+  PipelineFigures figures;
+  figures.tracking_round = now - 1s;
+  EXPECT_TRUE(is_progressing(cameras, figures, now, 2s));
+  cameras[1].last_progress = now - 3s;
+  EXPECT_FALSE(is_progressing(cameras, figures, now, 2s));
+  cameras[1].last_progress = now;
+  figures.tracking_round = now - 3s;
+  EXPECT_FALSE(is_progressing(cameras, figures, now, 2s));
+}
+
+TEST(StatusLine, SaysRatesAndStates) {
+  ServiceStatus status;
+  status.cameras = {{.name = "left", .health = CameraStatus::Health::delivering, .message = {}, .rate_hz = 29.96},
+                    {.name = "back", .health = CameraStatus::Health::absent, .message = "unplugged"}};
+  status.set_rate_hz = 29.9;
+  status.targets = {"ball"};
+  const TrackState states[] = {TrackState::coasting};
+  EXPECT_EQ(status_line(status, states),
+            "1 of 2 cameras deliver: left 30.0 Hz, back absent; 29.9 sets/s; ball coasting");
+}
+
+}  // namespace
+}  // namespace huetrack
