@@ -11,6 +11,7 @@
 #include <opencv2/aruco/charuco.hpp>
 #include <opencv2/imgcodecs.hpp>
 
+#include "calib_solver/captures.h"
 #include "calib_solver/drawn_board.h"
 
 namespace huetrack {
@@ -18,10 +19,6 @@ namespace {
 
 namespace fs = std::filesystem;
 using testing::HasSubstr;
-
-GreyView view_of(const cv::Mat& image) {
-  return {image.data, image.cols, image.rows, static_cast<std::ptrdiff_t>(image.step)};
-}
 
 cv::Mat grey_image(const fs::path& file) {
   cv::Mat image = cv::imread(file.string(), cv::IMREAD_GRAYSCALE);
