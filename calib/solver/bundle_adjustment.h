@@ -1,0 +1,114 @@
+// The joint adjustment of cameras, lenses and board poses to the corners that the cameras saw: least squares over the
+// reprojection errors (Ceres), with outliers found and left out, and the covariance of everything that was found.
+// Deterministic: one thread, and the order of the views does not matter.
+#pragma once
+
+#include <Eigen/Core>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "calib/model/camera_rig.h"
+#include "calib/solver/board.h"
+#include "calib/solver/lens.h"
+
+namespace huetrack {
+
+// The calibration cannot be done with this input. what() is one readable line: which input, what is wrong, what to do.
+class CalibrationError : public std::runtime_error {
+  using std::runtime_error::runtime_error;
+};
+
+// One board in one image.
+struct BoardView {
+  int camera = 0;                   // index into the cameras
+  int set = 0;                      // >= 0; the views of one moment have the same board pose
+  std::string image;                // for messages: "left07.jpg", "cam0 at 3.20 s"
+  std::vector<int> ids;             // ascending; of Board::point()
+  std::vector<Eigen::Vector2d> px;  // raw pixels, beside ids
+};
+
+struct AdjustedCamera {
+  std::string name;
+  ImageSize image_size;
+  LensModel lens = LensModel::radtan5;
+  LensParameters parameters = LensParameters::Zero();
+  Rigid3d cam_from_world;
+  bool lens_is_free = true;  // otherwise the intrinsics stay
+  // Of an intrinsics that stays: how well it is known, parameter_count() square; empty: exactly. What follows from it
+  // is part of the result's covariance.
+  Eigen::MatrixXd lens_covariance;
+  // > 0: keeps the distorted radius growing out to the image's corners, where no board may have been; without it,
+  // coefficients that the views hardly determine can fold the image there. The weight of a slope that is too small by
+  // 1, in pixels.
+  double unfold = 0;
+  bool pose_is_free = true;  // otherwise cam_from_world stays; at least one camera's must
+
+  CameraModel model() const { return camera_model(lens, parameters); }
+};
+
+// How one view fits.
+struct ViewFit {
+  std::vector<Eigen::Vector2d> residuals;  // measured minus projected, pixels, beside BoardView::ids
+  std::vector<bool> used;                  // beside ids; false: an outlier
+  double rms_px = 0;                       // length of the residuals, over all corners of the view
+  std::string dropped;                     // why no corner of the view is used; empty: some are
+};
+
+// Before: where to start. After adjust(): what was found.
+struct Adjustment {
+  Board board;
+  std::vector<AdjustedCamera> cameras;
+  std::vector<BoardView> views;           // sorted by set, camera, image
+  std::vector<Rigid3d> world_from_board;  // per set; only of sets with views
+  // How far the board's middle stands out of the plane of its edges, along x and along y (a parabola each way), metres.
+  Eigen::Vector2d bend = Eigen::Vector2d::Zero();
+  bool bend_is_free = false;
+
+  // Results.
+  std::vector<ViewFit> fits;  // beside views
+  double noise_px = 0;        // standard deviation of a corner per axis, estimated from the residuals
+  double rms_px = 0;          // length of the residuals of all used corners
+  int corners_used = 0;
+  // Of all camera parameters that are not exactly known, in the order of `cameras`: first those of its lens
+  // (parameter_count() of them), then those of its pose: rotation (radians) and translation (metres) in the camera's
+  // frame, so that cam_from_world_true = exp(error) * cam_from_world. Scaled by the noise, and widened where the
+  // scatter between sets says that errors within a set are not independent.
+  Eigen::MatrixXd covariance;
+  std::vector<int> lens_offset;  // into covariance, per camera; -1: not in it
+  std::vector<int> pose_offset;
+
+  Eigen::Vector3d board_point(int id) const;         // with the bend, board frame
+  Eigen::Vector3d centre_sigma(int camera) const;    // std. dev. of the camera's position, its own axes, metres
+  Eigen::Vector3d rotation_sigma(int camera) const;  // about its own axes, radians
+  LensParameters lens_sigma(int camera) const;       // 0 where exactly known
+  double rms_of_camera(int camera) const;            // used corners, pixels
+  int views_used(int camera) const;
+};
+
+struct AdjustmentOptions {
+  // A corner further off than this many standard deviations (robustly estimated) is an outlier, but never one nearer
+  // than least_outlier_px.
+  double outlier_sigmas = 5;
+  double least_outlier_px = 0.5;
+  bool find_outliers = true;  // false: every corner counts
+  int max_iterations = 100;   // >= 1, of each solution
+  bool with_covariance = true;
+};
+
+// throws CalibrationError when it cannot be solved (nothing left to use, or numerically hopeless).
+Adjustment adjust(Adjustment start, const AdjustmentOptions& options = {});
+
+// The residuals of every view for the state as it is: fits of `state`, nothing moved, every corner used.
+std::vector<ViewFit> evaluate(const Adjustment& state);
+
+// Where a board can be, as one view shows it: the best pose and, where the view hardly tells them apart (planar boards
+// seen from afar have a mirrored twin), the second. Best first; empty when there are not enough corners.
+struct BoardPose {
+  Rigid3d cam_from_board;
+  double rms_px = 0;
+};
+std::vector<BoardPose> board_poses(const Board& board, const BoardView& view, LensModel lens,
+                                   const LensParameters& parameters);
+
+}  // namespace huetrack

@@ -1,0 +1,34 @@
+// Chessboard corners in an image: saddle points of the brightness, joined to lattices. Private to this module.
+// Unlike OpenCV's detectors it needs neither whole squares nor a white margin, finds parts of a board, and reaches down
+// to squares of some 3 pixels.
+#pragma once
+
+#include <Eigen/Core>
+#include <map>
+#include <opencv2/core.hpp>
+#include <utility>
+#include <vector>
+
+namespace huetrack {
+
+// A part of a chessboard: corners at lattice cells (i, j). u and v, the image directions of growing i and j, are
+// right-handed as seen (u right => v down).
+struct ChessboardLattice {
+  struct Node {
+    Eigen::Vector2d px;   // image pixels; rough (some tenths of a pixel)
+    double strength = 0;  // of the saddle
+  };
+  std::map<std::pair<int, int>, Node> nodes;  // by (i, j)
+  // Whether the squares on the (-u, -v) and (+u, +v) sides of node (0, 0) are dark; alternates from node to node.
+  bool dark_at_origin = false;
+
+  bool dark_at(int i, int j) const { return dark_at_origin != ((i + j) % 2 != 0); }
+  // Steps to the next node along i and along j, from the neighbours that are there.
+  std::pair<Eigen::Vector2d, Eigen::Vector2d> steps_at(int i, int j) const;
+};
+
+// The lattices that are in a grey image (8 bit or float, one channel) when it is scaled by `scale`; those of
+// many corners and high contrast first.
+std::vector<ChessboardLattice> find_chessboard_lattices(const cv::Mat& grey, double scale);
+
+}  // namespace huetrack

@@ -1,0 +1,489 @@
+#include "calib/solver/extrinsics.h"
+
+#include <Eigen/Geometry>
+#include <Eigen/SVD>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <map>
+#include <numeric>
+#include <set>
+#include <tuple>
+
+namespace huetrack {
+namespace {
+
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+
+std::size_t index(int i) {
+  return static_cast<std::size_t>(i);
+}
+
+// The rigid motion of the board that renumbers its points: point(symmetry[id]) = motion * point(id).
+Rigid3d motion_of(const Board& board, const std::vector<int>& symmetry) {
+  Eigen::Matrix3Xd from(3, board.point_count()), to(3, board.point_count());
+  for (int id = 0; id < board.point_count(); ++id) {
+    from.col(id) = board.point(id);
+    to.col(id) = board.point(symmetry[index(id)]);
+  }
+  const Eigen::Matrix4d t = Eigen::umeyama(from, to, false);
+  return {Eigen::Quaterniond(Eigen::Matrix3d(t.topLeftCorner<3, 3>())).normalized(), t.topRightCorner<3, 1>()};
+}
+
+// What one view says: where the board is for its camera, in the one or two ways that fit, for the numbering as
+// detected.
+struct Sighting {
+  const BoardView* view = nullptr;
+  std::vector<BoardPose> poses;
+  std::vector<std::size_t> corners;  // a few far apart, enough to score a pose
+};
+
+std::vector<std::size_t> far_corners(const Board& board, const BoardView& view) {
+  std::set<std::size_t> chosen;
+  for (const Vector2d& way : {Vector2d{1, 1}, {1, -1}, {-1, 1}, {-1, -1}, {1, 0}, {-1, 0}, {0, 1}, {0, -1}}) {
+    std::size_t best = 0;
+    for (std::size_t k = 1; k < view.ids.size(); ++k) {
+      if (way.dot(board.point(view.ids[k]).head<2>()) > way.dot(board.point(view.ids[best]).head<2>())) best = k;
+    }
+    chosen.insert(best);
+  }
+  return {chosen.begin(), chosen.end()};
+}
+
+// The starting point of a joint adjustment: camera poses from consistent pairs, then board poses.
+class Start {
+ public:
+  Start(const Board& board, const std::vector<AdjustedCamera>& cameras, const std::vector<BoardView>& views)
+      : board_(board), cameras_(cameras) {
+    for (const auto& symmetry : board.symmetries()) motions_.push_back(motion_of(board, symmetry));
+    for (const BoardView& view : views) {
+      const AdjustedCamera& camera = cameras[index(view.camera)];
+      Sighting sighting{&view, board_poses(board, view, camera.lens, camera.parameters), far_corners(board, view)};
+      if (!sighting.poses.empty()) sets_[view.set][view.camera] = std::move(sighting);
+    }
+  }
+
+  struct Link {
+    CameraPair pair;
+    Rigid3d b_from_a;
+  };
+
+  // nullopt: they never saw the board together.
+  std::optional<Link> link(int a, int b) const {
+    std::vector<std::pair<const Sighting*, const Sighting*>> shared;
+    for (const auto& [set, sightings] : sets_) {
+      const auto in_a = sightings.find(a), in_b = sightings.find(b);
+      if (in_a != sightings.end() && in_b != sightings.end()) shared.emplace_back(&in_a->second, &in_b->second);
+    }
+    if (shared.empty()) return std::nullopt;
+    Link best{{a, b, static_cast<int>(shared.size()), 0, 0, 0}, {}};
+    // Every shared set proposes how the cameras stand to one another; the proposal that suits most sets wins.
+    constexpr std::size_t most = 40;
+    std::vector<std::pair<const Sighting*, const Sighting*>> some;
+    for (std::size_t k = 0; k < std::min(most, shared.size()); ++k)
+      some.push_back(shared[k * shared.size() / std::min(most, shared.size())]);
+    best.pair.compared_sets = static_cast<int>(some.size());
+    double least = std::numeric_limits<double>::infinity();
+    for (const auto& [from, to] : some) {
+      for (const BoardPose& pose_a : from->poses) {
+        for (const BoardPose& pose_b : to->poses) {
+          for (const Rigid3d& motion : motions_) {
+            const Rigid3d b_from_a = pose_b.cam_from_board * motion * inverse(pose_a.cam_from_board);
+            double cost = 0;
+            int consistent = 0;
+            for (const auto& [other_a, other_b] : some) {
+              double off = std::numeric_limits<double>::infinity();
+              for (const BoardPose& pose : other_a->poses) {
+                off = std::min(off, off_px(*other_b, b_from_a * pose.cam_from_board));
+              }
+              const double limit = limit_px(b);
+              consistent += off < limit ? 1 : 0;
+              cost += std::min(off, 2 * limit);
+            }
+            if (cost < least) {
+              least = cost;
+              best.b_from_a = b_from_a;
+              best.pair.consistent_sets = consistent;
+            }
+          }
+        }
+      }
+    }
+    return best;
+  }
+
+  // Board poses in the world for these camera poses; the views renumbered so that all of one set agree. Views that no
+  // pose of their set's board explains keep their numbering: the adjustment finds them out.
+  Adjustment placed(const std::vector<AdjustedCamera>& cameras) const {
+    Adjustment a;
+    a.board = board_;
+    a.cameras = cameras;
+    const auto symmetries = board_.symmetries();
+    const int last = sets_.empty() ? -1 : sets_.rbegin()->first;
+    a.world_from_board.resize(index(last + 1));
+    for (const auto& [set, sightings] : sets_) {
+      Rigid3d best;
+      double least = std::numeric_limits<double>::infinity();
+      for (const auto& [camera, sighting] : sightings) {
+        for (const BoardPose& pose : sighting.poses) {
+          const Rigid3d world_from_board = inverse(cameras[index(camera)].cam_from_world) * pose.cam_from_board;
+          double cost = 0;
+          for (const auto& [other, seen] : sightings) {
+            cost +=
+                std::min(off_px(seen, cameras[index(other)].cam_from_world * world_from_board), 4 * limit_px(other));
+          }
+          if (cost < least) {
+            least = cost;
+            best = world_from_board;
+          }
+        }
+      }
+      a.world_from_board[index(set)] = best;
+      for (const auto& [camera, sighting] : sightings) {
+        BoardView view = *sighting.view;
+        const std::size_t way = best_motion(sighting, cameras[index(camera)].cam_from_world * best).first;
+        if (way > 0) {
+          std::vector<std::pair<int, Vector2d>> renumbered;
+          for (std::size_t k = 0; k < view.ids.size(); ++k)
+            renumbered.emplace_back(symmetries[way][index(view.ids[k])], view.px[k]);
+          std::ranges::sort(renumbered, {}, [](const auto& r) { return r.first; });
+          for (std::size_t k = 0; k < view.ids.size(); ++k) std::tie(view.ids[k], view.px[k]) = renumbered[k];
+        }
+        a.views.push_back(std::move(view));
+      }
+    }
+    return a;
+  }
+
+  // Centres of the board for both cameras, in the sets that they share.
+  std::pair<Eigen::Matrix3Xd, Eigen::Matrix3Xd> centres(int a, int b) const {
+    Vector3d centre = Vector3d::Zero();
+    for (int id = 0; id < board_.point_count(); ++id) centre += board_.point(id) / board_.point_count();
+    std::vector<Vector3d> in_a, in_b;
+    for (const auto& [set, sightings] : sets_) {
+      const auto at_a = sightings.find(a), at_b = sightings.find(b);
+      if (at_a == sightings.end() || at_b == sightings.end()) continue;
+      in_a.push_back(at_a->second.poses.front().cam_from_board * centre);
+      in_b.push_back(at_b->second.poses.front().cam_from_board * centre);
+    }
+    const auto matrix = [](const std::vector<Vector3d>& points) {
+      Eigen::Matrix3Xd m(3, points.size());
+      for (std::size_t k = 0; k < points.size(); ++k) m.col(static_cast<Eigen::Index>(k)) = points[k];
+      return m;
+    };
+    return {matrix(in_a), matrix(in_b)};
+  }
+
+ private:
+  double limit_px(int camera) const {  // that a good start keeps to
+    return std::max(2.0, 0.008 * cameras_[index(camera)].image_size.width);
+  }
+
+  // rms over a few corners, of the numbering that fits best.
+  double off_px(const Sighting& sighting, const Rigid3d& cam_from_board) const {
+    return best_motion(sighting, cam_from_board).second;
+  }
+
+  std::pair<std::size_t, double> best_motion(const Sighting& sighting, const Rigid3d& cam_from_board) const {
+    const AdjustedCamera& camera = cameras_[index(sighting.view->camera)];
+    std::pair<std::size_t, double> best{0, std::numeric_limits<double>::infinity()};
+    for (std::size_t m = 0; m < motions_.size(); ++m) {
+      double sum = 0;
+      for (const std::size_t k : sighting.corners) {
+        const Vector3d point = motions_[m] * board_.point(sighting.view->ids[k]);
+        Vector2d px;
+        if (!project(camera.lens, camera.parameters, cam_from_board * point, px, nullptr, nullptr)) {
+          sum = std::numeric_limits<double>::infinity();
+          break;
+        }
+        sum += (px - sighting.view->px[k]).squaredNorm();
+      }
+      const double rms = std::sqrt(sum / static_cast<double>(sighting.corners.size()));
+      if (rms < best.second) best = {m, rms};
+    }
+    return best;
+  }
+
+  const Board& board_;
+  const std::vector<AdjustedCamera>& cameras_;
+  std::vector<Rigid3d> motions_;
+  std::map<int, std::map<int, Sighting>> sets_;  // set -> camera -> what it saw
+};
+
+// Why two cameras' views contradict one another, from where each says that the board's centre was.
+std::string explain_contradiction(const Start& start, const std::string& a, const std::string& b, int ia, int ib) {
+  const auto [in_a, in_b] = start.centres(ia, ib);
+  if (in_a.cols() < 4) return "too few shared views to tell why";
+  const auto misfit = [&](const Eigen::Matrix3Xd& from, bool with_scale, double& scale) {
+    const Eigen::Matrix4d t = Eigen::umeyama(from, in_b, with_scale);
+    scale = t.topLeftCorner<3, 3>().col(0).norm();
+    const Eigen::Matrix3Xd off = ((t.topLeftCorner<3, 3>() * from).colwise() + t.topRightCorner<3, 1>()) - in_b;
+    std::vector<double> lengths;
+    for (Eigen::Index k = 0; k < off.cols(); ++k) lengths.push_back(off.col(k).norm());
+    std::ranges::sort(lengths);
+    return lengths[lengths.size() / 2];
+  };
+  double scale = 1, ignored = 1;
+  Eigen::Matrix3Xd mirrored = in_a;
+  mirrored.row(0) *= -1;
+  const double rigid = misfit(in_a, false, ignored), similar = misfit(in_a, true, scale),
+               mirror = misfit(mirrored, false, ignored);
+  if (mirror < 0.3 * rigid && mirror < 0.5 * similar) {
+    return "the images of one of them are mirrored (left and right swapped): record them as the sensor sees them";
+  }
+  if (similar < 0.4 * rigid && std::abs(scale - 1) > 0.02) {
+    std::array<char, 256> text;
+    std::snprintf(
+        text.data(), text.size(),
+        "camera %s sees the board %.2f times as large as camera %s does: did they see different boards, or is one "
+        "camera's focal length wrong?",
+        b.c_str(), scale, a.c_str());
+    return text.data();
+  }
+  return "were the images taken at the same time, are they in the right order, and did nobody move a camera?";
+}
+
+std::string names(const std::vector<CameraToCalibrate>& cameras, const std::vector<int>& some) {
+  std::string text;
+  for (std::size_t k = 0; k < some.size(); ++k) {
+    if (k > 0) text += k + 1 == some.size() ? " and " : ", ";
+    text += cameras[index(some[k])].name;
+  }
+  return text;
+}
+
+// Camera poses along the links with most shared views, from the reference outwards.
+void connect(std::vector<AdjustedCamera>& cameras, const std::vector<Start::Link>& links, const Start& start,
+             int reference, const std::vector<CameraToCalibrate>& named) {
+  const auto is_good = [](const CameraPair& p) {
+    return p.consistent_sets >= 2 && 2 * p.consistent_sets >= p.compared_sets;
+  };
+  std::vector<bool> reached(cameras.size(), false);
+  reached[index(reference)] = true;
+  cameras[index(reference)].cam_from_world = {};
+  for (std::size_t count = 1; count < cameras.size(); ++count) {
+    const Start::Link* best = nullptr;
+    const auto strength = [](const Start::Link& l) {
+      return l.pair.shared_sets * l.pair.consistent_sets / l.pair.compared_sets;
+    };
+    for (const Start::Link& l : links) {
+      if (reached[index(l.pair.a)] == reached[index(l.pair.b)] || !is_good(l.pair)) continue;
+      if (!best || strength(l) > strength(*best)) best = &l;
+    }
+    if (best) {
+      const auto [a, b] = std::pair(index(best->pair.a), index(best->pair.b));
+      if (reached[a]) {
+        cameras[b].cam_from_world = best->b_from_a * cameras[a].cam_from_world;
+      } else {
+        cameras[a].cam_from_world = inverse(best->b_from_a) * cameras[b].cam_from_world;
+      }
+      reached[a] = reached[b] = true;
+      continue;
+    }
+    std::vector<int> inside, outside;
+    for (std::size_t c = 0; c < cameras.size(); ++c) (reached[c] ? inside : outside).push_back(static_cast<int>(c));
+    // Some pair that should connect the two parts: does it contradict itself, or is there none?
+    const Start::Link* bad = nullptr;
+    int few = 0;
+    for (const Start::Link& l : links) {
+      if (reached[index(l.pair.a)] == reached[index(l.pair.b)]) continue;
+      few = std::max(few, l.pair.shared_sets);
+      if (l.pair.shared_sets >= 3 && (!bad || l.pair.shared_sets > bad->pair.shared_sets)) bad = &l;
+    }
+    if (bad) {
+      const std::string &a = named[index(bad->pair.a)].name, &b = named[index(bad->pair.b)].name;
+      throw CalibrationError("cameras " + a + " and " + b + " saw the board together " +
+                             std::to_string(bad->pair.shared_sets) +
+                             " times, but contradict each other on how they stand: " +
+                             explain_contradiction(start, a, b, bad->pair.a, bad->pair.b));
+    }
+    throw CalibrationError("camera" + std::string(outside.size() > 1 ? "s " : " ") + names(named, outside) +
+                           (few == 0 ? " never saw the board at the same time as "
+                                     : " saw the board at the same time only " + std::to_string(few) + " times as ") +
+                           names(named, inside) + ": show it to " + named[index(outside.front())].name + " and " +
+                           named[index(inside.front())].name +
+                           " (or to others of the two groups) together, 10 times or more");
+  }
+}
+
+int placed_corners(const Adjustment& a) {
+  int count = 0;
+  for (const BoardView& view : a.views) count += static_cast<int>(view.ids.size());
+  return count;
+}
+
+std::string with_numbers(const char* format, double a, double b) {
+  std::array<char, 256> text;
+  std::snprintf(text.data(), text.size(), format, a, b);
+  return text.data();
+}
+
+// Which lenses the joint adjustment may move, and why.
+struct LensPlan {
+  std::vector<bool> found;     // per camera: from these views, rather than given and borne out
+  std::string contradictions;  // of lenses that were given
+  double alone_px = 0;         // noise of the corners, as each camera by itself shows it; 0: not known
+};
+
+// The joint adjustment, with the lenses as options.refine_lens says.
+void refine(Extrinsics& result, const Adjustment& placed, const ExtrinsicsOptions& options, const LensPlan& plan) {
+  const auto freed = [&](Adjustment a) {
+    for (std::size_t c = 0; c < a.cameras.size(); ++c) {
+      a.cameras[c].lens_is_free = plan.found[c] || options.refine_lens == RefineLens::yes;
+    }
+    return a;
+  };
+  const bool any_found = std::ranges::count(plan.found, true) > 0;
+  if (options.refine_lens == RefineLens::yes) {
+    result.adjustment = adjust(freed(placed), options.adjustment);
+    result.lens_refined = true;
+    result.lens_reason = "refining the lenses was asked for";
+    return;
+  }
+  result.adjustment = adjust(placed, options.adjustment);
+  if (options.refine_lens == RefineLens::no || !any_found) {
+    result.lens_reason = any_found ? "the lenses stay as found camera by camera" : "the lenses stay as they were given";
+    return;
+  }
+  const std::string found_here =
+      plan.contradictions.empty() ? "the lenses were found from these views" : plan.contradictions;
+  Adjustment refined = adjust(freed(result.adjustment), options.adjustment);
+  constexpr double out_of_step = 1.6;
+  if (refined.noise_px < out_of_step * plan.alone_px && refined.corners_used > 0.8 * placed_corners(placed)) {
+    result.adjustment = std::move(refined);
+    result.lens_refined = true;
+    result.lens_reason = found_here + ", and are refined with all cameras' views";
+    return;
+  }
+  // The cameras agree with themselves far better than with one another: they did not see the board at the same moment,
+  // or it bent. Lenses that are refined jointly would be bent to make up for that.
+  result.lens_reason =
+      found_here + with_numbers(
+                       ", and stay as each camera's own views say (%.2f px), because the cameras agree "
+                       "less well with one another (%.2f px): they are not quite in step",
+                       plan.alone_px, result.adjustment.noise_px);
+}
+
+// A lens that was given for one camera, but fits another one's views.
+void refuse_swapped(const Board& board, const std::vector<AdjustedCamera>& cameras,
+                    const std::vector<std::vector<BoardView>>& own,
+                    const std::vector<std::optional<LensCheck>>& checks) {
+  const auto fits = [&](std::size_t lens, std::size_t views) {
+    if (cameras[lens].image_size != cameras[views].image_size) return false;
+    AdjustedCamera other = cameras[lens];
+    other.lens_covariance.resize(0, 0);
+    return check_lens(board, other, own[views]).contradiction.empty();
+  };
+  for (std::size_t a = 0; a < cameras.size(); ++a) {
+    for (std::size_t b = a + 1; b < cameras.size(); ++b) {
+      if (!checks[a] || !checks[b] || checks[a]->contradiction.empty() || checks[b]->contradiction.empty()) continue;
+      if (fits(a, b) && fits(b, a)) {
+        throw CalibrationError("cameras " + cameras[a].name + " and " + cameras[b].name +
+                               " look swapped: the views of each fit the lens that was given for the other");
+      }
+    }
+  }
+}
+
+}  // namespace
+
+CameraRig rig_of(const Adjustment& adjustment) {
+  CameraRig rig;
+  for (const AdjustedCamera& camera : adjustment.cameras) {
+    rig.cameras.push_back({camera.name, camera.image_size, camera.model(), camera.cam_from_world});
+  }
+  return rig;
+}
+
+Extrinsics calibrate_extrinsics(const Board& board, const std::vector<CameraToCalibrate>& cameras,
+                                const std::vector<BoardView>& given, const ExtrinsicsOptions& options) {
+  const auto tell = [&](const std::string& step) {
+    if (options.progress) options.progress(step);
+  };
+  std::vector<BoardView> views = given;
+  std::ranges::sort(views, {}, [](const BoardView& v) { return std::tie(v.set, v.camera, v.image); });
+  Extrinsics result;
+  std::vector<AdjustedCamera> adjusted;
+  std::vector<std::vector<BoardView>> own(cameras.size());
+  for (const BoardView& view : views) own[index(view.camera)].push_back(view);
+  std::vector<std::optional<LensCheck>> checks(cameras.size());
+  LensPlan plan;
+  for (std::size_t c = 0; c < cameras.size(); ++c) {
+    AdjustedCamera camera;
+    camera.name = cameras[c].name;
+    camera.image_size = cameras[c].image_size;
+    plan.found.push_back(!cameras[c].model);
+    if (own[c].empty()) throw CalibrationError("camera " + camera.name + " never saw the board");
+    tell("the lens of " + camera.name);
+    if (cameras[c].model) {
+      camera.lens = lens_model_of(*cameras[c].model);
+      camera.parameters = parameters_of(*cameras[c].model);
+      result.lenses.emplace_back();
+      constexpr std::size_t enough_to_judge = 6;
+      if (options.refine_lens == RefineLens::automatic && own[c].size() >= enough_to_judge) {
+        checks[c] = check_lens(board, camera, own[c]);
+        plan.alone_px = std::max(plan.alone_px, checks[c]->refined.noise_px);
+      }
+    } else {
+      Intrinsics lens = calibrate_intrinsics(board, camera.name, camera.image_size, own[c], options.intrinsics);
+      camera.lens = lens.adjustment.cameras.front().lens;
+      camera.parameters = lens.adjustment.cameras.front().parameters;
+      camera.lens_covariance = lens.adjustment.covariance;
+      camera.unfold = lens.adjustment.cameras.front().unfold;
+      plan.alone_px = std::max(plan.alone_px, lens.adjustment.noise_px);
+      result.lenses.emplace_back(std::move(lens));
+    }
+    adjusted.push_back(camera);
+  }
+  refuse_swapped(board, adjusted, own, checks);
+  for (std::size_t c = 0; c < cameras.size(); ++c) {
+    if (!checks[c] || checks[c]->contradiction.empty()) continue;
+    plan.contradictions += (plan.contradictions.empty() ? "" : "; ") + checks[c]->contradiction;
+    plan.found[c] = true;
+    adjusted[c].parameters = checks[c]->refined.cameras.front().parameters;
+    adjusted[c].lens_covariance = checks[c]->refined.covariance;
+  }
+  tell("how the cameras stand to one another");
+  const Start start(board, adjusted, views);
+  std::vector<Start::Link> links;
+  for (int a = 0; a < static_cast<int>(cameras.size()); ++a) {
+    for (int b = a + 1; b < static_cast<int>(cameras.size()); ++b) {
+      if (auto link = start.link(a, b)) links.push_back(*link);
+    }
+  }
+  connect(adjusted, links, start, options.reference, cameras);
+  for (std::size_t c = 0; c < adjusted.size(); ++c) {
+    adjusted[c].pose_is_free = static_cast<int>(c) != options.reference;
+    adjusted[c].lens_is_free = false;
+  }
+  tell("the joint adjustment");
+  refine(result, start.placed(adjusted), options, plan);
+  for (const Start::Link& link : links) {
+    CameraPair pair = link.pair;
+    std::map<int, std::array<bool, 2>> seen;
+    const Adjustment& a = result.adjustment;
+    for (std::size_t v = 0; v < a.views.size(); ++v) {
+      if (!a.fits[v].dropped.empty()) continue;
+      if (a.views[v].camera == pair.a) seen[a.views[v].set][0] = true;
+      if (a.views[v].camera == pair.b) seen[a.views[v].set][1] = true;
+    }
+    double sum = 0;
+    int count = 0;
+    for (std::size_t v = 0; v < a.views.size(); ++v) {
+      const BoardView& view = a.views[v];
+      if ((view.camera != pair.a && view.camera != pair.b) || !seen[view.set][0] || !seen[view.set][1]) continue;
+      for (std::size_t k = 0; k < view.ids.size(); ++k) {
+        if (!a.fits[v].used[k]) continue;
+        sum += a.fits[v].residuals[k].squaredNorm();
+        ++count;
+      }
+    }
+    pair.rms_px = count > 0 ? std::sqrt(sum / count) : 0;
+    result.pairs.push_back(pair);
+  }
+  return result;
+}
+
+}  // namespace huetrack

@@ -1,0 +1,59 @@
+// All cameras of a rig in one world, from a board that was carried through the volume.
+#pragma once
+
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "calib/solver/bundle_adjustment.h"
+#include "calib/solver/intrinsics.h"
+
+namespace huetrack {
+
+struct CameraToCalibrate {
+  std::string name;
+  ImageSize image_size;
+  std::optional<CameraModel> model;  // known intrinsics; nullopt: found from this camera's views
+};
+
+enum class RefineLens {
+  automatic,  // found from these views: refined with them; given: only where the camera's own views contradict them
+  yes,
+  no,  // as known before, or as found camera by camera
+};
+
+struct ExtrinsicsOptions {
+  int reference = 0;  // the camera whose frame becomes the world
+  RefineLens refine_lens = RefineLens::automatic;
+  IntrinsicsOptions intrinsics{};  // for cameras whose model is not known
+  AdjustmentOptions adjustment{};
+  std::function<void(const std::string& step)> progress{};  // may be empty
+};
+
+// Two cameras that saw the board at the same time.
+struct CameraPair {
+  int a = 0, b = 0;         // a < b
+  int shared_sets = 0;      // both saw the board
+  int consistent_sets = 0;  // of those compared, the ones that agree on how the cameras stand to one another
+  int compared_sets = 0;
+  double rms_px = 0;  // of the shared sets after the adjustment, both cameras' used corners
+};
+
+struct Extrinsics {
+  Adjustment adjustment;                          // the world is the reference camera's frame
+  std::vector<std::optional<Intrinsics>> lenses;  // per camera; nullopt: the model was given
+  std::vector<CameraPair> pairs;                  // with shared_sets > 0
+  bool lens_refined = false;                      // in the joint adjustment
+  std::string lens_reason;                        // why, one sentence
+};
+
+// views: BoardView::set is the moment. throws CalibrationError: a camera without enough views, cameras that share too
+// few views (names them), cameras whose views contradict one another (mirrored images, different boards, not at the
+// same time).
+Extrinsics calibrate_extrinsics(const Board& board, const std::vector<CameraToCalibrate>& cameras,
+                                const std::vector<BoardView>& views, const ExtrinsicsOptions& options = {});
+
+CameraRig rig_of(const Adjustment& adjustment);  // made_by is empty
+
+}  // namespace huetrack

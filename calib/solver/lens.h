@@ -1,0 +1,38 @@
+// The lens models that calibration chooses from, as parameters that an adjustment can move, with their derivatives.
+// CameraModel (calib/model) is the finished lens; a test holds project() here to CameraModel::project().
+#pragma once
+
+#include <Eigen/Core>
+#include <span>
+#include <string_view>
+#include <vector>
+
+#include "calib/model/camera_model.h"
+
+namespace huetrack {
+
+// From the simplest: pinhole with 4 (k1 k2 p1 p2), 5 (k3) or 8 (k4 k5 k6) distortion coefficients, and the fisheye.
+enum class LensModel { radtan4, radtan5, radtan8, fisheye };
+inline constexpr std::array<LensModel, 4> all_lens_models{LensModel::radtan4, LensModel::radtan5, LensModel::radtan8,
+                                                          LensModel::fisheye};
+
+// fx fy cx cy, then k1 k2 p1 p2 k3 k4 k5 k6 (radtan) or k1 k2 k3 k4 (fisheye; the rest is 0).
+using LensParameters = Eigen::Matrix<double, 12, 1>;
+
+std::string_view name(LensModel lens);                       // "radtan4", ..., "fisheye"
+int parameter_count(LensModel lens);                         // the leading ones of LensParameters that are free
+std::string_view parameter_name(LensModel lens, int index);  // "fx", ..., "k6"
+
+CameraModel camera_model(LensModel lens, const LensParameters& parameters);
+LensParameters parameters_of(const CameraModel& model);
+LensModel lens_model_of(const CameraModel& model);  // the simplest one that holds all its coefficients
+
+using PixelByPoint = Eigen::Matrix<double, 2, 3, Eigen::RowMajor>;
+using PixelByLens = Eigen::Matrix<double, 2, 12, Eigen::RowMajor>;
+
+// Pixel of p_cam, as CameraModel::project() but without its limit(): an adjustment may pass through lenses that fold on
+// its way. false: p_cam lies behind the camera (pinhole), or is not finite. The derivatives may be null.
+bool project(LensModel lens, const LensParameters& parameters, const Eigen::Vector3d& p_cam, Eigen::Vector2d& px,
+             PixelByPoint* by_point, PixelByLens* by_lens);
+
+}  // namespace huetrack
