@@ -3,7 +3,7 @@
 
 packages_build="g++ cmake ninja-build pkg-config
   libeigen3-dev libyaml-cpp-dev libfmt-dev libspdlog-dev libcli11-dev
-  libsystemd-dev libcpp-httplib-dev libopencv-dev libavformat-dev libavcodec-dev libavutil-dev libswscale-dev libjpeg62-turbo-dev
+  libsystemd-dev libcpp-httplib-dev libceres-dev libopencv-dev libavformat-dev libavcodec-dev libavutil-dev libswscale-dev libjpeg62-turbo-dev
   libfastrtps-dev libssl-dev fastddsgen default-jre-headless"
 packages_test="libgtest-dev libgmock-dev libbenchmark-dev cyclonedds-dev cyclonedds-tools"
 
