@@ -82,6 +82,14 @@ TEST(DdsParticipant, InterfaceThatIsNotThereIsRefusedWithThoseThatAre) {
   EXPECT_THAT(refusal({.interfaces = {"lo", "nope0"}}), HasSubstr("nope0"));
 }
 
+TEST(DdsCheck, RefusesABrokenProfilesFileAndReturnsInterfacesThatAreNotThere) {
+  const auto broken = file_with("broken.xml", "<dds><profiles><participant profile_name=");
+  EXPECT_THAT(refusal([&] { check({.profiles = broken}); }), HasSubstr("broken.xml"));
+  EXPECT_THAT(check({.interfaces = {"nope0", "lo", "203.0.113.77"}}),
+              ::testing::ElementsAre(HasSubstr("nope0"), HasSubstr("203.0.113.77")));
+  EXPECT_THAT(check({.interfaces = {"lo"}}), ::testing::IsEmpty());
+}
+
 TEST(DdsParticipant, InterfaceByNameOrAddress) {
   for (const char* loopback : {"lo", "127.0.0.1"}) {
     const DdsParticipant participant({.domain = testing::test_domain(), .interfaces = {loopback}});

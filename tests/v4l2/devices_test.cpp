@@ -205,7 +205,7 @@ TEST_F(Loopback, FramesAreBitExactAtTheTimesOfTheDriver) {
     EXPECT_NEAR(seconds(frame.captured_at - got.frames[0].captured_at), expected_s, 3e-6);
     EXPECT_EQ(frame.status, FrameStatus::ok);
   }
-  EXPECT_NEAR(seconds(std::chrono::system_clock::now() - got.frames.back().captured_at), 0, 2.0);
+  EXPECT_NEAR(seconds(std::chrono::system_clock::now() - got.frames.back().captured_at), 0, 5.0);
   const auto health = source.health();
   EXPECT_EQ(health.state, CameraState::delivering);
   EXPECT_EQ(health.stamp, StampKind::end_of_frame);
@@ -225,16 +225,13 @@ TEST_F(Loopback, ARecordingReplaysToWhatWasSeen) {
     go();
     std::vector<int> indices;
     std::vector<Timestamp> times;
-    std::uint64_t arrival = 0;
-    const auto end = std::chrono::steady_clock::now() + 20s;
-    while (indices.size() < 30 && std::chrono::steady_clock::now() < end) {
-      auto frame = source.next({});
-      ASSERT_TRUE(frame);
-      frame->arrival = ++arrival;
-      ASSERT_TRUE(writer.write(*frame)) << *writer.failure();
-      indices.push_back(film_index(frame->pixels));
-      times.push_back(frame->captured_at);
+    for (auto& frame : take(source, 30, 20s, {}, true).frames) {
+      frame.arrival = indices.size() + 1;
+      ASSERT_TRUE(writer.write(frame)) << *writer.failure();
+      indices.push_back(film_index(frame.pixels));
+      times.push_back(frame.captured_at);
     }
+    ASSERT_GE(indices.size(), 5U);
     writer.finish();
     const std::vector<std::string> cameras{"left"};
     ReplaySource replay(read_recording(out), cameras);
@@ -505,9 +502,9 @@ TEST_F(Vivid, FramesAreLetGoOnOtherThreadsWhileItRestarts) {
   });
   for (int k = 0; k < 60; ++k) {
     if (k == 20 || k == 40) set("inject_fatal_streaming_error", 1);
-    auto frame = source->next({});
-    ASSERT_TRUE(frame);
-    queue.push(std::move(*frame));
+    auto got = take(*source, 1, 20s, {}, true);
+    ASSERT_EQ(got.frames.size(), 1U);
+    queue.push(std::move(got.frames[0]));
   }
   source.reset();  // the reader still holds some
   queue.close();
