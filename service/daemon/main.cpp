@@ -14,6 +14,7 @@
 #include <stop_token>
 #include <thread>
 
+#include "daemon/doctor.h"
 #include "daemon/live.h"
 #include "daemon/replay.h"
 #include "daemon/service_config.h"
@@ -179,6 +180,14 @@ int main(int argc, char** argv) {
   record_command->add_option("--seconds", live.seconds, "end so long after the first frame")
       ->check(CLI::PositiveNumber);
 
+  DoctorOptions doctor_options;
+  CLI::App* doctor_command = app.add_subcommand(
+      "doctor", "examine this host's cameras, USB, permissions and network, and say what to do about what is wrong");
+  doctor_command->add_option("config", doctor_options.config, "huetrackd.yaml: examine what it says, too");
+  doctor_command->add_option("--seconds", doctor_options.seconds, "how long all cameras stream at once (3)")
+      ->check(CLI::Range(0.5, 3600.0));
+  doctor_command->add_flag("!--no-stream", doctor_options.streams, "look at the cameras without starting them");
+
   std::filesystem::path tracks_file, truth_file;
   CLI::App* compare_command =
       app.add_subcommand("compare", "hold a track CSV (of replay or of huetrack watch) to the truth");
@@ -200,6 +209,8 @@ int main(int argc, char** argv) {
   try {
     if (check_command->parsed()) {
       check(config_file);
+    } else if (doctor_command->parsed()) {
+      if (doctor(doctor_options, signals.token()) > 0) return 1;
     } else if (compare_command->parsed()) {
       compare(tracks_file, truth_file, clock_offset_s);
     } else if (run_command->parsed()) {

@@ -57,9 +57,8 @@ class MetricsServer {
  public:
   // throws std::runtime_error when the port cannot be had, naming it.
   MetricsServer(const std::string& address, int port);
-  ~MetricsServer();
+  ~MetricsServer();  // at once, whoever is connected
   void show(std::string text);
-  void stop();  // begins what the destructor ends: that waits up to a second for a client that says nothing
 
  private:
   struct Impl;

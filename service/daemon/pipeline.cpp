@@ -2,6 +2,7 @@
 
 #include <time.h>
 
+#include <algorithm>
 #include <atomic>
 #include <barrier>
 #include <stdexcept>
@@ -139,7 +140,7 @@ void Pipeline::run(std::stop_token stop) {
   }  // joined: no more frames, whether stopped or at the end
   {
     const std::scoped_lock lock(synchronizer_mutex_);
-    while (auto set = synchronizer_.flush()) frame_sets_.push({std::move(*set), unix_now()});
+    while (auto set = synchronizer_.flush()) put_in_queue({std::move(*set), unix_now()});
     const std::scoped_lock figures_lock(figures_mutex_);
     figures_.frame_sets = synchronizer_.counters();
   }
@@ -231,7 +232,13 @@ void Pipeline::receive(Frame frame) {
     figures_.synchronise += lap;
     figures_.frame_sets = synchronizer_.counters();
   }
-  for (auto& set : sets) frame_sets_.push({std::move(set), received_at});
+  for (auto& set : sets) put_in_queue({std::move(set), received_at});
+}
+
+void Pipeline::put_in_queue(ReadySet ready) {
+  std::optional<ReadySet> pushed_out;
+  frame_sets_.push(std::move(ready), &pushed_out);
+  if (pushed_out && outputs_.left_out) outputs_.left_out(pushed_out->set);
 }
 
 void Pipeline::track() {
@@ -246,7 +253,8 @@ void Pipeline::track() {
       figures_.tracking_round = Clock::now();
     }
     if (auto ready = frame_sets_.pop_for(std::max<Clock::duration>(next_status - Clock::now(), 0ns))) {
-      take_replacements();
+      if (std::ranges::binary_search(options_.left_out, ready->set.at)) continue;
+      take_replacements(ready->set.at);
       const StageTime tracked = team.update(ready->set, estimates);
       const Stopwatch watch;
       if (outputs_.estimates) outputs_.estimates(ready->set, estimates, ready->received_at);
@@ -283,15 +291,17 @@ void Pipeline::track() {
   if (outputs_.status) outputs_.status(figures());
 }
 
-void Pipeline::replace_trackers(std::vector<std::pair<std::size_t, ObjectTracker>> replacements) {
+void Pipeline::replace_trackers(Replacement replacement) {
   const std::scoped_lock lock(replacements_mutex_);
-  for (auto& replacement : replacements) replacements_.push_back(std::move(replacement));
+  replacements_.push_back(std::move(replacement));
 }
 
-void Pipeline::take_replacements() {
+void Pipeline::take_replacements(Timestamp at) {
   const std::scoped_lock lock(replacements_mutex_);
-  for (auto& [target, tracker] : replacements_) trackers_.at(target) = std::move(tracker);
-  replacements_.clear();
+  for (; !replacements_.empty() && replacements_.front().from.value_or(at) <= at; replacements_.pop_front()) {
+    for (auto& [target, tracker] : replacements_.front().trackers) trackers_.at(target) = std::move(tracker);
+    if (replacements_.front().done) replacements_.front().done(at);
+  }
 }
 
 void Pipeline::draw() {

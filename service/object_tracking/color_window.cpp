@@ -84,6 +84,7 @@ MatchBits::MatchBits(int width, int height)
 
 void MatchBits::look_at(const Image& image, const ColorTable& table) {
   image_ = image;
+  image_.owner.reset();                  // a camera's buffer is not kept until its next frame comes, if ever
   table_ = &table;
   if (++frame_ == 0) {                    // after 2^32 frames the stamps would come round again
     std::ranges::fill(tile_frame_, 0u);

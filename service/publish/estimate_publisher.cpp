@@ -262,6 +262,19 @@ std::vector<std::string> EstimatePublisher::check(const EstimatePublisherOptions
   return huetrack::check(participant_options(options));
 }
 
+EstimatePublisher::Bus EstimatePublisher::bus(const EstimatePublisherOptions& options) {
+  Bus bus{.domain = resolve_domain(options.domain), .interfaces = {}};
+  for (const auto& interface : network_interfaces()) {
+    const bool is_loopback = interface.address.starts_with("127.");
+    const bool is_named = std::ranges::any_of(options.interfaces, [&](const std::string& wanted) {
+      return wanted == interface.name || wanted == interface.address;
+    });
+    if (options.interfaces.empty() || is_loopback || is_named)
+      bus.interfaces.push_back(interface.name + " " + interface.address);
+  }
+  return bus;
+}
+
 EstimatePublisher::~EstimatePublisher() = default;
 
 bool EstimatePublisher::publish(std::size_t target, const ObjectEstimate& estimate, Timestamp captured,

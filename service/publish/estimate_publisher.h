@@ -35,6 +35,13 @@ class EstimatePublisher {
   // Whether the bus can be joined so, without joining it: throws std::invalid_argument as the constructor does. What may
   // be right on another host, an interface that this one lacks, is returned, one sentence each.
   static std::vector<std::string> check(const EstimatePublisherOptions& options);
+  // The domain, and the network interfaces of this host that would be used: "eth0 192.168.0.5". Those that the options
+  // name, or all. throws std::invalid_argument: a domain that is wrong.
+  struct Bus {
+    int domain = 0;
+    std::vector<std::string> interfaces;
+  };
+  static Bus bus(const EstimatePublisherOptions& options);
   ~EstimatePublisher();  // leaves the bus: subscribers see it within 50 ms
 
   // Writes one native sample, in every state, and the ROS 2 messages while there is a position: never a stale or a zero

@@ -64,6 +64,7 @@ class Process {
   Process& operator=(const Process&) = delete;
 
   void kill(int signal) const { ::kill(pid_, signal); }
+  pid_t pid() const { return pid_; }
 
   // The exit status, or -signal.
   int wait() {
