@@ -29,15 +29,16 @@ HUETRACK_CLONES void mean_of_2x2(const std::uint8_t* __restrict a, const std::ui
 GreyImage make_grey(int width, int height, std::uint8_t*& pixels) {
   auto bytes = std::make_shared<std::vector<std::uint8_t>>(static_cast<std::size_t>(width) * static_cast<std::size_t>(height));
   pixels = bytes->data();
-  return {width, height, width, pixels, std::move(bytes)};
+  return {width, height, width, pixels, std::move(bytes), ColorRange::full};
 }
 
 GreyImage grey_of(const Image& image) {
   const Plane& plane = image.planes[0];
   if (image.format != PixelFormat::yuyv && image.format != PixelFormat::bgr)
-    return {image.width, image.height, plane.stride, plane.data, image.owner};
+    return {image.width, image.height, plane.stride, plane.data, image.owner, image.range};
   std::uint8_t* out = nullptr;
   GreyImage grey = make_grey(image.width, image.height, out);
+  grey.range = image.format == PixelFormat::bgr ? ColorRange::full : image.range;
   for (int v = 0; v < image.height; ++v) {
     (image.format == PixelFormat::yuyv ? every_second : luma_of_bgr)(plane.data + v * plane.stride, image.width,
                                                                      out + v * image.width);
@@ -48,6 +49,7 @@ GreyImage grey_of(const Image& image) {
 GreyImage half_size(const GreyImage& image) {
   std::uint8_t* out = nullptr;
   GreyImage half = make_grey(image.width / 2, image.height / 2, out);
+  half.range = image.range;
   for (int v = 0; v < half.height; ++v) mean_of_2x2(image.row(2 * v), image.row(2 * v + 1), half.width, out + v * half.width);
   return half;
 }

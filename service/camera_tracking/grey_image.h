@@ -18,6 +18,7 @@ struct GreyImage {
   std::ptrdiff_t stride = 0;              // bytes from one row to the next
   const std::uint8_t* data = nullptr;
   std::shared_ptr<const void> owner;      // keeps data alive
+  ColorRange range = ColorRange::full;    // what black and white are
 
   const std::uint8_t* row(int v) const { return data + v * stride; }
   // Whether all pixels within margin of (u, v) exist.
@@ -29,7 +30,7 @@ struct GreyImage {
 // Formats with a plane of luma are read where they lie; yuyv and bgr are packed into one. Limited range stays as it is: all
 // who compare brightness here do not mind gain and offset.
 GreyImage grey_of(const Image& image);
-GreyImage make_grey(int width, int height, std::uint8_t*& pixels);   // owned, zero
+GreyImage make_grey(int width, int height, std::uint8_t*& pixels);   // owned, zero, full range
 GreyImage half_size(const GreyImage& image);                         // means of 2x2; an odd last row or column is dropped
 
 // Bilinear; (u, v) with contains(u, v, 0).

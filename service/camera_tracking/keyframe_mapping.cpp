@@ -320,7 +320,7 @@ void KeyframeMapping::promote(const Seed& seed) {
   const auto index = static_cast<int>(map_.points.size());
   add_look(p, seed.keyframe, seed.level, seed.px);
   map_.points.push_back(p);
-  by_point_.push_back({{seed.keyframe, index, seed.px, 0.4 * scale_of(seed.level)}});
+  by_point_.push_back(std::vector<Sighting>{Sighting{seed.keyframe, index, seed.px, 0.4 * scale_of(seed.level)}});
   given_sigma_m_.push_back(0);
   given_position_.push_back(Eigen::Vector3d::Zero());
   ++counters_.points_added;
@@ -392,6 +392,7 @@ void KeyframeMapping::adjust_near(int keyframe) {
   for (std::size_t j = source.size(); j-- > 0;) {
     if (!problem.observations[j].outlier || given_sigma_m_[source[j].first] > 0) continue;
     auto& sightings = by_point_[source[j].first];
+    if (!map_.points[source[j].first].alive) continue;
     sightings.erase(sightings.begin() + static_cast<std::ptrdiff_t>(source[j].second));
     if (sightings.size() < 2) remove(static_cast<int>(source[j].first));
   }

@@ -334,8 +334,10 @@ ProvenPose KeyframeTracking::fine(const Rigid3d& start, const Pyramid& pyramid, 
   const Covariance6d world = world_covariance(out.cam_from_world, out.tangent_covariance);
   const bool sure = std::sqrt(world.topLeftCorner<3, 3>().trace()) < 0.02 * depth && std::sqrt(world.bottomRightCorner<3, 3>().trace()) < 0.02;
   const bool by_points = out.found >= (strict ? 25 : 15) && share > (strict ? 0.35 : 0.25) && out.spread_px > (strict ? 16 : 11) * wide;
+  // At the beginning there are few points, but nothing is in doubt either.
+  const bool by_few = !strict && map.keyframes.size() < 4 && out.sought <= 30 && out.found >= 7 && share > 0.6 && out.spread_px > 16 * wide;
   const bool by_rectangle = out.corners == 4 && (out.sought < 8 || share > 0.4);
-  out.proven = sure && fit.scale < 3.5 && (by_points || by_rectangle);
+  out.proven = sure && fit.scale < 3.5 && (by_points || by_few || by_rectangle);
   if (out.proven) depth_m_ = depth;
   return out;
 }
