@@ -45,8 +45,10 @@ void KeyframeMapping::add_look(MapPoint& point, int keyframe, int level, const E
 }
 
 void KeyframeMapping::start(const TrackedFrame& frame, std::span<const Eigen::Vector3d> points, const Eigen::Vector3d& normal,
-                            double given_sigma_m) {
+                            double given_sigma_m, const Eigen::Matrix<double, 6, 6>& start_covariance) {
   map_ = {};
+  map_.start_covariance = start_covariance;
+  map_.start_centre = inverse(frame.cam_from_world).translation;
   by_point_.clear(), seeds_.clear(), given_sigma_m_.clear(), given_position_.clear();
   for (std::size_t i = 0; i < points.size(); ++i) {
     MapPoint p;

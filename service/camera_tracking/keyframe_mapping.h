@@ -36,7 +36,7 @@ class KeyframeMapping {
 
   // The first frame, with the points that are known: their true positions are within given_sigma_m of the given ones.
   void start(const TrackedFrame& frame, std::span<const Eigen::Vector3d> points, const Eigen::Vector3d& normal,
-             double given_sigma_m);
+             double given_sigma_m, const Eigen::Matrix<double, 6, 6>& start_covariance);
   void start(StoredMap stored);            // a loaded one
   void map(const TrackedFrame& frame);
   const SceneMap& scene() const { return map_; }

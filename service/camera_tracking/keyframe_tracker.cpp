@@ -69,7 +69,7 @@ class KeyframeTracker final : public CameraTracker {
       state_ = CameraState::tracking;
       tracked_at_ = frame.captured_at;
       pose_ = last_.cam_from_world;
-      covariance_ = world_covariance(pose_, last_.tangent_covariance);
+      covariance_ = world_covariance(pose_, last_.tangent_covariance) + of_the_world(pose_);
       handed_over_ = TrackedFrame{estimate.frame_number, pyramid, pose_, true,
                                   last_.sought > 0 ? static_cast<double>(last_.found) / last_.sought : 1.0, flow, last_.sightings, last_.missed};
       if (last_.sought < 8) handed_over_->share_found = 1;        // nothing is mapped yet: the rectangle was seen
@@ -104,16 +104,16 @@ class KeyframeTracker final : public CameraTracker {
     TrackedFrame first{frames_ - 1, pyramid, pose_, true, 1, 0, {}, {}};
     for (std::size_t i = 0; i < started->points.size(); ++i)
       first.sightings.push_back({0, static_cast<int>(i), started->px[i], started->sigma_px});
-    mapping_.start(first, started->points, started->normal, started->given_sigma_m);
+    const double scale = std::max(1.0, started->pose.scale);
+    const Eigen::Matrix<double, 6, 6> inverse_information = started->pose.information.inverse();
+    covariance_ = world_covariance(pose_, scale * scale * inverse_information);
+    mapping_.start(first, started->points, started->normal, started->given_sigma_m, covariance_);
     map_ = mapping_.scene();
     last_ = {};
     last_.cam_from_world = pose_;
     last_.proven = true;
     last_.sought = last_.found = static_cast<int>(started->points.size());
     last_.sightings = first.sightings;
-    const double scale = std::max(1.0, started->pose.scale);
-    const Eigen::Matrix<double, 6, 6> inverse_information = started->pose.information.inverse();
-    covariance_ = world_covariance(pose_, scale * scale * inverse_information);
     state_ = CameraState::tracking;
     tracked_at_ = frame.captured_at;
   }
@@ -133,6 +133,16 @@ class KeyframeTracker final : public CameraTracker {
     covariance_ = coasting_covariance_;
     covariance_.diagonal().head<3>().array() += coast_m_s * coast_m_s * t * t;
     covariance_.diagonal().tail<3>().array() += coast_rad_s * coast_rad_s * t * t;
+  }
+
+  // The start's error, as it shows here: all poses have it, turned about the start. Later views of the start make it smaller
+  // than it was; how much was measured on data/rendered/desk.
+  Covariance6d of_the_world(const Rigid3d& cam_from_world) const {
+    constexpr double left = 0.7;
+    const Eigen::Vector3d arm = inverse(cam_from_world).translation - map_.start_centre;
+    Covariance6d carry = Covariance6d::Identity();
+    carry.topRightCorner<3, 3>() << 0, arm.z(), -arm.y(), -arm.z(), 0, arm.x(), arm.y(), -arm.x(), 0;
+    return left * left * carry * map_.start_covariance * carry.transpose();
   }
 
   // How far the image's middle moved since the last pose.

@@ -94,6 +94,8 @@ int SceneMap::alive_count() const {
 void write_map(const std::filesystem::path& file, const StoredMap& stored) {
   Writer w;
   w.put(stored.image_size);
+  w.put(stored.map.start_covariance);
+  w.put(stored.map.start_centre);
   w.put(static_cast<std::int32_t>(stored.map.keyframes.size()));
   for (const Keyframe& k : stored.map.keyframes) {
     w.put(k.cam_from_world);
@@ -151,6 +153,8 @@ StoredMap read_map(const std::filesystem::path& file) {
   StoredMap out;
   r.get(out.image_size);
   if (out.image_size.minCoeff() < 1 || out.image_size.maxCoeff() > 1 << 15) r.fail("its image size is impossible; it is damaged");
+  r.get(out.map.start_covariance);
+  r.get(out.map.start_centre);
   constexpr int most = 10'000'000;
   const int keyframes = r.count(most, "the number of key frames");
   for (int i = 0; i < keyframes; ++i) {

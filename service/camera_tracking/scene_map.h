@@ -52,6 +52,10 @@ struct Sighting {
 struct SceneMap {
   std::vector<MapPoint> points;
   std::vector<Keyframe> keyframes;
+  // The world's place is only as sure as the first pose was, however many points agree with each other later: that pose's
+  // covariance (as CameraEstimate has it), and the camera's centre to which it refers.
+  Eigen::Matrix<double, 6, 6> start_covariance = Eigen::Matrix<double, 6, 6>::Zero();
+  Eigen::Vector3d start_centre = Eigen::Vector3d::Zero();
 
   int alive_count() const;
 };
