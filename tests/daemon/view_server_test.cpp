@@ -37,7 +37,9 @@ PictureJob job_of(const ServiceConfig& c, std::uint64_t number) {
   job.set.at = Timestamp(1s);
   for (std::size_t i = 0; i < c.rig.cameras.size(); ++i) {
     const ImageSize size = c.rig.cameras[i].image_size;
-    Frame frame{.camera = int(i), .captured_at = Timestamp(1s)};
+    Frame frame;
+    frame.camera = int(i);
+    frame.captured_at = Timestamp(1s);
     frame.pixels = make_image(PixelFormat::yuyv, ColorRange::limited, size.width, size.height).image;
     job.set.frames.emplace_back(std::move(frame));
   }
@@ -51,9 +53,9 @@ PictureJob job_of(const ServiceConfig& c, std::uint64_t number) {
 }
 
 bool until(const std::function<bool()>& condition, std::chrono::milliseconds at_most = 10s) {
-  const auto end = Clock::now() + at_most;
-  while (!condition() && Clock::now() < end) std::this_thread::sleep_for(5ms);
-  return condition();
+  for (const auto end = Clock::now() + at_most; Clock::now() < end; std::this_thread::sleep_for(5ms))
+    if (condition()) return true;
+  return false;
 }
 
 TEST(PreviewMaker, HoldsWhatIsDrawnAsData) {
