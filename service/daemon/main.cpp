@@ -126,6 +126,7 @@ void compare(const std::filesystem::path& tracks_file, const std::filesystem::pa
 
 int main(int argc, char** argv) {
   set_up_log();
+  signal(SIGXFSZ, SIG_IGN);  // a recording that meets the limit of file sizes ends with a message, the program does not
 
   CLI::App app("huetrackd: tracks coloured objects in 3-D with calibrated cameras, and publishes them over DDS");
   app.set_version_flag("--version", "huetrackd " HUETRACK_VERSION);

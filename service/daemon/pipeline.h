@@ -87,15 +87,12 @@ struct PipelineOutputs {
   std::function<void(const PipelineFigures&)> status;
   // Picture thread. It may be slow: replay waits for it, the estimates of the same set are out before.
   std::function<void(const PictureJob&)> pictures;
-<<<<<<< HEAD
   // Capture threads, one at a time: a set that will not be tracked, because tracking is too slow. Must be quick.
   std::function<void(const FrameSet&)> left_out = nullptr;
-=======
   // Tracking thread, after `estimates`: whether a picture of this set is wanted by who watches, and then the set. Both must
   // be quick: they are on the road.
   std::function<bool()> view_wanted = nullptr;
   std::function<void(PictureJob)> view = nullptr;
->>>>>>> main
   // Capture threads, one at a time, before the frame enters the synchroniser and in that order (Frame::arrival): must
   // be quick, everything waits for it. received_at: UNIX time.
   std::function<void(const Frame&, Timestamp received_at)> frames = nullptr;
@@ -132,11 +129,8 @@ class Pipeline {
 
   void capture(FrameSource& source, std::stop_token stop);
   void receive(Frame frame);
-<<<<<<< HEAD
   void put_in_queue(ReadySet ready);  // synchronizer_mutex_ is held
-=======
   PictureJob picture_of(FrameSet set, std::vector<ObjectEstimate> estimates) const;
->>>>>>> main
   void track();
   void take_replacements(Timestamp at);
   void draw();

@@ -394,7 +394,7 @@ TEST_F(Webcams, RecordKeepsTheirOwnJpegs) {
   for (int c = 0; c < 3; ++c)
     cameras.push_back({names[std::size_t(c)], nodes[std::size_t(c)], c == 0 ? "format: yuyv" : "format: mjpeg"});
   const fs::path config = configure(original / "rig.yaml", "pink: {color: {hue_deg: [310, 355]}}", cameras, 15);
-  service = start({HUETRACKD, "record", config, folder / "out", "--seconds", "2"}, "service");
+  service = start({HUETRACKD, "record", config, folder / "out", "--seconds", "3"}, "service");
   EXPECT_EQ(service->wait(), 0) << service->err();
   EXPECT_THAT(service->out(), AllOf(HasSubstr("cam0"), HasSubstr("0 by the disk")));
   EXPECT_TRUE(jpeg_of(folder / "out/cam1.mkv", 3) == jpeg_of(original / "cam1.mkv", still));
@@ -410,6 +410,34 @@ TEST_F(Webcams, RecordKeepsTheirOwnJpegs) {
   const auto again = start({HUETRACKD, "record", config, folder / "out"}, "again");
   EXPECT_EQ(again->wait(), 1);
   EXPECT_THAT(again->err(), HasSubstr("is not an empty folder"));
+}
+
+TEST_F(Webcams, DoctorSaysHowTheyAre) {
+  fs::create_directories("/dev/v4l/by-path");  // the VM has no udev
+  const fs::path link = "/dev/v4l/by-path/platform-vhci_hcd.0-usb-0:1:1.0-video-index0";
+  fs::remove(link);
+  fs::create_symlink(nodes[0], link);
+  const fs::path config = configure(original / "rig.yaml", "pink: {color: {hue_deg: [310, 355]}}",
+                                    {{"cam0", link, "format: yuyv, controls: {exposure_time_absolute: 200}"},
+                                     {"cam1", nodes[1], "format: mjpeg, controls: {white_balance_temperature: 99}"}},
+                                    15);
+  service = start({HUETRACKD, "doctor", config, "--seconds", "2"}, "service");
+  const int status = service->wait();
+  const std::string said = service->out();
+  std::printf("%s", said.c_str());
+  EXPECT_EQ(status, 0) << "warnings only";
+  for (const std::string& line :
+       {std::string("camera cam0 ("), "ok    by path (the port): " + link.string(),
+        std::string("note  no name in /dev/v4l/by-id"), std::string("ok    yuyv: 320x240@15"),
+        std::string("ok    mjpeg: 320x240@15"), std::string("yuyv 320x240: "), std::string("frames/s reached of 15"),
+        std::string("time stamps: start of exposure"),
+        std::string("controls of the configuration that stuck: exposure_time_absolute 200, auto_exposure 1"),
+        std::string("WARN  white_balance_temperature: asked 99"), std::string("is not stable"),
+        std::string("controls that stuck when moved by one step, and were put back: "), std::string("Mbit/s"),
+        std::string("domain 30, from ROS_DOMAIN_ID"), std::string("WARN  white balance is automatic")})
+    EXPECT_THAT(said, HasSubstr(line));
+  EXPECT_THAT(contents(log(0)), HasSubstr("exposure_time_absolute 157\n")) << "as it was found";
+  fs::remove(link);
 }
 
 // ---- vivid: a driver that fails on demand
