@@ -43,7 +43,7 @@ inline std::string film_config(const std::filesystem::path& folder, int particle
   std::string text = "version: 1\nrig: " + (folder / "rig.yaml").string() +
                      "\ntargets: {lime: {color: {hue_deg: [65, 115]}}}\nobject_tracking: {particle_count: " +
                      std::to_string(particles) + "}\ncameras:\n";
-  for (const auto& camera : rig.cameras) text += "  " + camera.name + ": {device: /dev/null, fps: 30}\n";
+  for (const auto& camera : rig.cameras) text += "  " + camera.name + ": {device: /dev/film/" + camera.name + ", fps: 30}\n";
   return text + more;
 }
 
