@@ -3,6 +3,7 @@
 #include <stdexcept>
 
 #include "camera_tracking/keyframe_tracker.h"
+#include "camera_tracking/lee_tracker.h"
 
 namespace huetrack {
 
@@ -35,7 +36,7 @@ std::unique_ptr<CameraTracker> CameraTracker::make(const Camera& camera, const C
   switch (options.method) {      // each method's maker is called here as soon as the method is there
     case CameraMethod::huetrack: return make_keyframe_tracker(camera, options);
     case CameraMethod::pupilli:
-    case CameraMethod::lee:
+    case CameraMethod::lee: return make_lee_tracker(camera, options);
     case CameraMethod::herranz: break;
   }
   throw std::invalid_argument("camera tracker: the method " + std::string(name(options.method)) + " is not there yet");
