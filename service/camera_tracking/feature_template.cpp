@@ -33,12 +33,12 @@ PixelRegion box_around(const Eigen::Vector2d& centre, double half_u, double half
 }
 
 std::optional<Eigen::Vector2d> corner_in_random_box(const GreyImage& image, std::span<const Eigen::Vector2d> features, int box, Rng& rng) {
-  const int margin = feature_side;
+  const int margin = feature_side, apart = feature_side / 2;
   for (int attempt = 0; attempt < 8; ++attempt) {
     const int u = margin + static_cast<int>(rng.uniform() * (image.width - 2 * margin - box));
     const int v = margin + static_cast<int>(rng.uniform() * (image.height - 2 * margin - box));
     const bool overlaps = std::ranges::any_of(features, [&](const Eigen::Vector2d& f) {
-      return f.x() >= u - feature_side && f.y() >= v - feature_side && f.x() <= u + box + feature_side && f.y() <= v + box + feature_side;
+      return f.x() >= u - apart && f.y() >= v - apart && f.x() <= u + box + apart && f.y() <= v + box + apart;
     });
     if (overlaps) continue;
     const auto corners = detect_corners(image, 20, margin, 120, u, v, u + box, v + box);

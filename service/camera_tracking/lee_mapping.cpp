@@ -176,21 +176,26 @@ void LeeMapping::detect(const LeeFrame& frame) {
   }
 }
 
-StoredMap LeeMapping::stored() const {
-  StoredMap out;
-  out.image_size = {camera_.image_size.width, camera_.image_size.height};
+SceneMap scene_of(const std::vector<LeeFeature>& features) {
+  SceneMap out;
   std::map<std::pair<const Pyramid*, double>, int> frames;              // a frame may have been used by several features
-  for (const LeeFeature& f : features_) {
-    const auto [it, fresh] = frames.try_emplace({f.source.pyramid.get(), f.source.cam_from_world.translation.x()}, static_cast<int>(out.map.keyframes.size()));
-    if (fresh) out.map.keyframes.push_back({f.source.pyramid, f.source.cam_from_world});
+  for (const LeeFeature& f : features) {
+    const auto [it, fresh] = frames.try_emplace({f.source.pyramid.get(), f.source.cam_from_world.translation.x()}, static_cast<int>(out.keyframes.size()));
+    if (fresh) out.keyframes.push_back({f.source.pyramid, f.source.cam_from_world});
     MapPoint p;
     p.position = f.position, p.covariance = f.covariance, p.given = f.given;
-    p.looks[0].keyframe = it->second, p.looks[0].px = f.source.px;
+    PointLook& look = p.looks[0];
+    look.keyframe = it->second, look.px = f.source.px;
+    const GreyImage& image = f.source.pyramid->levels.front();
+    look.described = image.contains(look.px.x(), look.px.y(), descriptor_margin);
+    if (look.described) look.descriptor = describe(image, look.px);
     p.look_count = 1;
-    out.map.points.push_back(p);
+    out.points.push_back(p);
   }
   return out;
 }
+
+StoredMap LeeMapping::stored() const { return {scene_of(features_), {}, {camera_.image_size.width, camera_.image_size.height}}; }
 
 void LeeMapping::start(const StoredMap& stored) {
   for (const MapPoint& p : stored.map.points) {

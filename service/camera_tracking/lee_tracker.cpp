@@ -17,7 +17,6 @@ class LeeTracker final : public PaperTrackerBase {
     if (auto stored = take_loaded()) {
       mapping_.start(*stored);
       features_ = mapping_.features();
-      loaded_ = std::move(stored->map);
     }
   }
 
@@ -60,7 +59,7 @@ class LeeTracker final : public PaperTrackerBase {
   }
   void restart(const Rigid3d& cam_from_world) override { tracking_.start(cam_from_world); }
   const PoseParticles& particles() const override { return tracking_.particles(); }
-  const SceneMap* loaded_map() const override { return loaded_ ? &*loaded_ : nullptr; }
+  SceneMap scene() const override { return scene_of(features_); }
 
   FilteredPose track(const std::shared_ptr<const Pyramid>& pyramid, std::uint64_t number) override {
     const bool mapping = last_.tracked;
@@ -78,7 +77,6 @@ class LeeTracker final : public PaperTrackerBase {
   LeeMapping mapping_;                 // while mapper_ works: its alone, as is last_
   LeeFrame last_;
   std::vector<LeeFeature> features_;   // what tracking sees
-  std::optional<SceneMap> loaded_;
   ParallelTask mapper_;                // last: it ends before what it works on
 };
 

@@ -49,10 +49,12 @@ class LeeTracking {
  public:
   struct Options {
     std::size_t particle_count = 350;
-    double rotation_rad = 0.012;                             // Omega_c: std. dev. per axis and frame
-    double position_m = 0.006;                               // V_c
-    float threshold = 0.75f;                                 // of NCC
+    double rotation_rad = 0.008;                             // Omega_c: std. dev. per axis and frame
+    double position_m = 0.005;                               // V_c
+    float threshold = 0.8f;                                 // of NCC
     std::size_t sampled = 40;                                // particles that are handed over
+    double wider_unseen = 1.5;                               // the walk after a frame that did not support the pose: the paper's
+                                                             // particles disperse by the walk alone, which takes longer
   };
   LeeTracking(const Camera& camera, const Options& options, std::uint64_t seed);
   void start(const Rigid3d& cam_from_world);
@@ -67,7 +69,8 @@ class LeeTracking {
   Rng rng_;
   PoseParticles particles_;
   int in_view_ = 0;
-  std::vector<float> u_, v_, log_weight_;
+  bool supported_ = true;                                    // the last frame supported the pose
+  std::vector<float> log_weight_;
   struct Cloud {                                             // M of Algorithm 1, of one feature
     std::vector<float> u, v;
     CloudMoments moments;
@@ -81,9 +84,9 @@ class LeeTracking {
 class LeeMapping {
  public:
   struct Options {
-    std::size_t wanted_in_view = 40;                         // features, known and on their way
-    std::size_t new_per_frame = 2;                           // boxes that are tried
-    int box_px = 40;
+    std::size_t wanted_in_view = 60;                         // features, known and on their way
+    std::size_t new_per_frame = 4;                           // boxes that are tried
+    int box_px = 20;
     double pixel_sigma = 0.7;                                // of R_p, eq. (9)
   };
   LeeMapping(const Camera& camera, const Options& options, std::uint64_t seed);
@@ -121,6 +124,8 @@ class LeeMapping {
   std::vector<Candidate> candidates_;
   std::vector<float> field_;
 };
+
+SceneMap scene_of(const std::vector<LeeFeature>& features);
 
 // options: checked. throws std::runtime_error naming the map file.
 std::unique_ptr<CameraTracker> make_lee_tracker(const Camera& camera, const CameraTrackerOptions& options);

@@ -29,7 +29,10 @@ Camera without_pose(Camera camera) {
 LeeTracking::LeeTracking(const Camera& camera, const Options& options, std::uint64_t seed)
     : camera_(camera), options_(options), lens_(without_pose(camera)), rng_(seed, 11) {}
 
-void LeeTracking::start(const Rigid3d& cam_from_world) { particles_.reset(options_.particle_count, cam_from_world); }
+void LeeTracking::start(const Rigid3d& cam_from_world) {
+  particles_.reset(options_.particle_count, cam_from_world);
+  supported_ = true;
+}
 
 LeeFrame LeeTracking::track(std::uint64_t number, const std::shared_ptr<const Pyramid>& pyramid, const std::vector<LeeFeature>& features) {
   LeeFrame out;
@@ -38,7 +41,8 @@ LeeFrame LeeTracking::track(std::uint64_t number, const std::shared_ptr<const Py
   // Step 1: resample.
   particles_.resample(rng_, options_.particle_count);
   // Step 2: the motion model, eq. (3), and the features' projections.
-  particles_.walk_normal(static_cast<float>(options_.rotation_rad), static_cast<float>(options_.position_m), rng_);
+  const double wider = supported_ ? 1 : options_.wider_unseen;
+  particles_.walk_normal(static_cast<float>(wider * options_.rotation_rad), static_cast<float>(wider * options_.position_m), rng_);
   const std::size_t n = particles_.size();
   const Rigid3d predicted = particles_.mean();
   struct Visible {
@@ -60,11 +64,12 @@ LeeFrame LeeTracking::track(std::uint64_t number, const std::shared_ptr<const Py
   in_view_ = static_cast<int>(visible.size());
   // Step 3: NCC in the search regions, with the predicted templates (section 3.5).
   std::vector<Visible> seen;
+  const double most = supported_ ? 28 : 56;
   for (const Visible& x : visible) {
     const LeeFeature& f = features[x.feature];
     const CloudMoments& m = clouds_[x.cloud].moments;
     if (!predict_template(camera_.model, f.source, f.depth, predicted, patch_)) continue;
-    const double half_u = std::clamp(3 * std::sqrt(m.covariance(0, 0)), 4.0, 28.0), half_v = std::clamp(3 * std::sqrt(m.covariance(1, 1)), 4.0, 28.0);
+    const double half_u = std::clamp(3 * std::sqrt(m.covariance(0, 0)), 4.0, most), half_v = std::clamp(3 * std::sqrt(m.covariance(1, 1)), 4.0, most);
     const PixelRegion region = clip(box_around(m.mean, half_u, half_v), image, feature_side);
     ncc_field(image, patch_.inner, region, field_);
     const NccPeak peak = best_of(field_, region);
@@ -87,15 +92,23 @@ LeeFrame LeeTracking::track(std::uint64_t number, const std::shared_ptr<const Py
   // Step 5.
   normalize_log_weights(log_weight_, particles_.weight);
   out.cam_from_world = particles_.mean();
+  // Whether the weighted cloud and the measurements agree, and it is a cloud still: eq. (9)'s covariance is that of it.
   const std::size_t total = seen.size() + out.missed.size();
-  out.tracked = seen.size() >= 4 && 5 * seen.size() >= 2 * total;
-  if (!out.tracked) return out;
-  out.state_covariance = state_covariance(particles_, out.cam_from_world);
-  for (std::size_t i = 0; i < seen.size(); ++i) {      // the clouds again, now with the weights: eq. (9)'s covariance
+  std::size_t agree = 0, narrow = 0;
+  for (std::size_t i = 0; i < seen.size(); ++i) {
     const Cloud& cloud = clouds_[seen[i].cloud];
     const CloudMoments m = cloud_moments(cloud.u, cloud.v, particles_.weight);
     out.matches[i].projected = m.mean, out.matches[i].cloud = m.covariance;
+    const Eigen::Vector2d off = out.matches[i].found - m.mean;
+    agree += off.dot((m.covariance + Eigen::Matrix2d::Identity()).inverse() * off) < 12;
+    narrow += m.covariance.trace() < 2 * 8 * 8;
   }
+  out.tracked = agree >= 4 && 5 * agree >= 2 * total && 2 * narrow > seen.size();
+  // What does not support the pose weighs nothing, or chance matches would hold the cloud together at a wrong place.
+  if (seen.size() < 4 || 5 * seen.size() < 2 * total) particles_.weight.assign(n, 1.0f / static_cast<float>(n));
+  supported_ = out.tracked;
+  if (!out.tracked) return out;
+  out.state_covariance = state_covariance(particles_, out.cam_from_world);
   std::vector<std::uint32_t> drawn(options_.sampled);
   systematic_ancestors(particles_.weight, rng_.uniform(), drawn);
   for (const std::uint32_t i : drawn) out.sampled.push_back(particles_.pose(i));

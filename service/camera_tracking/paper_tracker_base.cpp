@@ -9,6 +9,7 @@
 namespace huetrack {
 namespace {
 
+constexpr int patience = 4;           // frames
 constexpr double coast_s = 1.0;       // the particles disperse meanwhile, and say how far
 
 }  // namespace
@@ -33,7 +34,7 @@ CameraEstimate PaperTrackerBase::update(const Frame& frame) {
     const GreyImage grey = grey_of(frame.pixels);
     const auto pyramid = std::make_shared<const Pyramid>(make_pyramid(grey));
     if (!started_ && has_map_) {
-      if (const auto found = relocalize(camera_, *pyramid, *loaded_map(), seed_ + estimate.frame_number)) {
+      if (const auto found = relocalize(camera_, *pyramid, scene(), seed_ + estimate.frame_number)) {
         restart(found->cam_from_world);
         started_ = true;
       }
@@ -49,11 +50,17 @@ CameraEstimate PaperTrackerBase::update(const Frame& frame) {
         pose = {true, found->pose.cam_from_world, n, n, n};
       }
     } else {
-      // Lost for good: the papers' filters only get wider. What was started from is looked for again, now and then.
-      if (state_ == CameraState::lost && estimate.frame_number % 5 == 0) {
-        if (const auto found = starter_.find(frame.pixels, grey)) restart(found->pose.cam_from_world);
+      // Not in the papers, whose particles only disperse until they happen upon the features again: after some frames without
+      // support the stored looks of the features propose a pose, and now and then what was started from is looked for. The
+      // filter has to agree in the frames that follow.
+      if (unsupported_ >= patience) {
+        if (const auto found = relocalize(camera_, *pyramid, scene(), seed_ + estimate.frame_number)) restart(found->cam_from_world);
+        else if (unsupported_ % 5 == 0) {
+          if (const auto again = starter_.find(frame.pixels, grey)) restart(again->pose.cam_from_world);
+        }
       }
       pose = track(pyramid, estimate.frame_number);
+      unsupported_ = pose.tracked ? 0 : unsupported_ + 1;
     }
   }
   if (!started_) return estimate;

@@ -31,7 +31,7 @@ class PaperTrackerBase : public CameraTracker {
   virtual void restart(const Rigid3d& cam_from_world) = 0;       // seen again from here: a lost filter's particles are put there
   virtual FilteredPose track(const std::shared_ptr<const Pyramid>& pyramid, std::uint64_t number) = 0;
   virtual const PoseParticles& particles() const = 0;
-  virtual const SceneMap* loaded_map() const = 0;                // to find the way in; nullptr: none
+  virtual SceneMap scene() const = 0;                            // to find the way in, or back
   std::optional<StoredMap> take_loaded() { return std::move(loaded_); }
 
   Camera camera_;
@@ -42,6 +42,7 @@ class PaperTrackerBase : public CameraTracker {
   std::uint64_t seed_;
   std::uint64_t frames_ = 0;
   bool started_ = false, has_map_ = false;
+  int unsupported_ = 0;                                          // frames in a row
   CameraState state_ = CameraState::searching;
   Timestamp tracked_at_{};
   Covariance6d start_covariance_ = Covariance6d::Zero();
