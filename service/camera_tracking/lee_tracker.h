@@ -59,10 +59,19 @@ class LeeTracking {
   LeeTracking(const Camera& camera, const Options& options, std::uint64_t seed);
   void start(const Rigid3d& cam_from_world);
   LeeFrame track(std::uint64_t number, const std::shared_ptr<const Pyramid>& pyramid, const std::vector<LeeFeature>& features);
+  // Algorithm 1 without step 3: the measurements are given (NaN: none). For simulations.
+  Rigid3d track_points(const std::vector<Eigen::Vector3d>& points, const std::vector<Eigen::Vector2d>& px);
+  CloudMoments cloud_of(const Eigen::Vector3d& p_world);     // of the weighted particles' projections
   const PoseParticles& particles() const { return particles_; }
   int in_view() const { return in_view_; }
 
  private:
+  struct Cloud {                                             // M of Algorithm 1, of one feature
+    std::vector<float> u, v;
+    CloudMoments moments;
+  };
+  void weigh(const Cloud& cloud, const Eigen::Vector2d& y);
+
   Camera camera_;
   Options options_;
   BatchProjector lens_;
@@ -71,10 +80,6 @@ class LeeTracking {
   int in_view_ = 0;
   bool supported_ = true;                                    // the last frame supported the pose
   std::vector<float> log_weight_;
-  struct Cloud {                                             // M of Algorithm 1, of one feature
-    std::vector<float> u, v;
-    CloudMoments moments;
-  };
   std::vector<Cloud> clouds_;
   WarpedPatch patch_;
   std::vector<float> field_;

@@ -34,6 +34,36 @@ void LeeTracking::start(const Rigid3d& cam_from_world) {
   supported_ = true;
 }
 
+// Eq. (4): the cloud's covariance is that of the particles before they are weighed.
+void LeeTracking::weigh(const Cloud& cloud, const Eigen::Vector2d& px) {
+  const Eigen::Matrix2d c = (cloud.moments.covariance + 0.25 * Eigen::Matrix2d::Identity()).inverse();
+  const Eigen::Vector2f y = px.cast<float>();
+  add_log_likelihood(cloud.u.data(), cloud.v.data(), cloud.u.size(), y.x(), y.y(), static_cast<float>(c(0, 0)), static_cast<float>(c(0, 1)),
+                     static_cast<float>(c(1, 1)), log_weight_.data());
+}
+
+CloudMoments LeeTracking::cloud_of(const Eigen::Vector3d& p_world) {
+  if (clouds_.empty()) clouds_.emplace_back();
+  Cloud& cloud = clouds_.front();
+  cloud.u.resize(particles_.size()), cloud.v.resize(particles_.size());
+  particles_.project(lens_, p_world, cloud.u, cloud.v);
+  return cloud_moments(cloud.u, cloud.v, particles_.weight);
+}
+
+Rigid3d LeeTracking::track_points(const std::vector<Eigen::Vector3d>& points, const std::vector<Eigen::Vector2d>& px) {
+  particles_.resample(rng_, options_.particle_count);
+  particles_.walk_normal(static_cast<float>(options_.rotation_rad), static_cast<float>(options_.position_m), rng_);
+  log_weight_.assign(particles_.size(), 0.0f);
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    if (!px[i].allFinite()) continue;
+    const CloudMoments moments = cloud_of(points[i]);
+    clouds_.front().moments = moments;
+    weigh(clouds_.front(), px[i]);
+  }
+  normalize_log_weights(log_weight_, particles_.weight);
+  return particles_.mean();
+}
+
 LeeFrame LeeTracking::track(std::uint64_t number, const std::shared_ptr<const Pyramid>& pyramid, const std::vector<LeeFeature>& features) {
   LeeFrame out;
   out.number = number, out.pyramid = pyramid;
@@ -83,11 +113,7 @@ LeeFrame LeeTracking::track(std::uint64_t number, const std::shared_ptr<const Py
   // Step 4: eq. (4). Without a measurement all particles weigh the same, and the cloud disperses.
   log_weight_.assign(n, 0.0f);
   for (std::size_t i = 0; i < seen.size(); ++i) {
-    const Cloud& cloud = clouds_[seen[i].cloud];
-    const Eigen::Matrix2d c = (cloud.moments.covariance + 0.25 * Eigen::Matrix2d::Identity()).inverse();
-    const Eigen::Vector2f y = out.matches[i].found.cast<float>();
-    add_log_likelihood(cloud.u.data(), cloud.v.data(), n, y.x(), y.y(), static_cast<float>(c(0, 0)), static_cast<float>(c(0, 1)),
-                       static_cast<float>(c(1, 1)), log_weight_.data());
+    weigh(clouds_[seen[i].cloud], out.matches[i].found);
   }
   // Step 5.
   normalize_log_weights(log_weight_, particles_.weight);
