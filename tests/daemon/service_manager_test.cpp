@@ -10,6 +10,7 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <mutex>
 
 #include "daemon/fake_camera.h"
 #include "daemon/track_csv.h"
@@ -36,6 +37,10 @@ class Service : public testing::Test {
   ~Service() override {
     ::unsetenv("NOTIFY_SOCKET");
     ::unsetenv("WATCHDOG_USEC");
+    if (listening.joinable()) {
+      listening.request_stop();
+      listening.join();
+    }
     if (socket >= 0) ::close(socket);
     fs::remove_all(folder);
   }
@@ -46,13 +51,24 @@ class Service : public testing::Test {
     (folder / "notify").string().copy(address.sun_path, sizeof address.sun_path - 1);
     ASSERT_EQ(::bind(socket, reinterpret_cast<const sockaddr*>(&address), sizeof address), 0);
     ::setenv("NOTIFY_SOCKET", (folder / "notify").c_str(), 1);
+    listening = std::jthread([this](const std::stop_token& end) {  // at once: the kernel keeps some ten messages
+      char buffer[4096];
+      while (!end.stop_requested()) {
+        const ssize_t got = ::recv(socket, buffer, sizeof buffer, 0);
+        if (got < 0) {
+          std::this_thread::sleep_for(5ms);
+          continue;
+        }
+        const std::scoped_lock lock(mutex);
+        messages.emplace_back(buffer, std::size_t(got));
+      }
+    });
   }
-  std::vector<std::string> heard() const {
-    std::vector<std::string> messages;
-    char buffer[4096];
-    for (ssize_t got = 0; (got = ::recv(socket, buffer, sizeof buffer, 0)) >= 0;)
-      messages.emplace_back(buffer, std::size_t(got));
-    return messages;
+  // What was heard since the last call.
+  std::vector<std::string> heard() {
+    std::this_thread::sleep_for(50ms);
+    const std::scoped_lock lock(mutex);
+    return std::exchange(messages, {});
   }
   ServiceConfig configure(const std::string& more = "", const std::string& hue = "65, 115") const {
     std::ofstream(folder / "c.yaml") << "version: 1\nrig: " << (demo / "recording/rig.yaml").string()
@@ -74,6 +90,9 @@ class Service : public testing::Test {
   LiveOptions options;
   LiveRequests requests;
   int socket = -1;
+  std::mutex mutex;
+  std::vector<std::string> messages;  // guarded by mutex
+  std::jthread listening;
 };
 
 TEST_F(Service, TellsReadyStatusWatchdogReloadingAndStopping) {
