@@ -48,11 +48,8 @@ MatchBits::MatchBits(int width, int height, const WindowKernels& kernels)
 
 void MatchBits::look_at(const Image& image, const ColorTable& table) {
   image_ = image;
-<<<<<<< HEAD
   image_.owner.reset();                  // a camera's buffer is not kept until its next frame comes, if ever
-=======
   bytes_per_pixel_ = image.format == PixelFormat::yuyv ? 2 : image.format == PixelFormat::bgr ? 3 : 1;
->>>>>>> main
   table_ = &table;
   if (++frame_ == 0) {                    // after 2^32 frames the stamps would come round again
     std::ranges::fill(tile_frame_, 0u);
