@@ -74,7 +74,10 @@ class Stream {
         throw ConfigError(
             recording_file, 0,
             "cameras." + camera_.name + ": " + camera_.frames.string() + " has no time stamps: give fps or timestamps");
-      if (is_cut_off) return forget();
+      if (is_cut_off) {
+        forget();
+        return;
+      }
       throw ConfigError(camera_.frames, 0, "no frame of it can be played (frames of camera " + camera_.name + ")");
     }
     info_.first_at = waiting_.front().captured_at;

@@ -60,7 +60,7 @@ class Service : public testing::Test {
           continue;
         }
         const std::scoped_lock lock(mutex);
-        messages.emplace_back(buffer, std::size_t(got));
+        received.emplace_back(buffer, std::size_t(got));
       }
     });
   }
@@ -68,7 +68,7 @@ class Service : public testing::Test {
   std::vector<std::string> heard() {
     std::this_thread::sleep_for(50ms);
     const std::scoped_lock lock(mutex);
-    return std::exchange(messages, {});
+    return std::exchange(received, {});
   }
   ServiceConfig configure(const std::string& more = "", const std::string& hue = "65, 115") const {
     std::ofstream(folder / "c.yaml") << "version: 1\nrig: " << (demo / "recording/rig.yaml").string()
@@ -91,7 +91,7 @@ class Service : public testing::Test {
   LiveRequests requests;
   int socket = -1;
   std::mutex mutex;
-  std::vector<std::string> messages;  // guarded by mutex
+  std::vector<std::string> received;  // guarded by mutex
   std::jthread listening;
 };
 
