@@ -190,7 +190,7 @@ class LiveService {
       tell_status(figures, by_rig, states, now, is_last);
     }
     if (is_last) return;
-    const auto delivering = std::ranges::count(healths, CameraState::delivering, &CameraHealth::state);
+    const auto delivering = std::ranges::count(healths, CaptureState::delivering, &CameraHealth::state);
     if (!is_ready_ && std::size_t(delivering) >= quorum_) {
       is_ready_ = true;
       notify_service_manager("READY=1");
