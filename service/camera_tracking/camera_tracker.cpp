@@ -2,6 +2,8 @@
 
 #include <stdexcept>
 
+#include "camera_tracking/led_tracker.h"
+
 namespace huetrack {
 
 std::string_view name(CameraState state) {
@@ -30,6 +32,7 @@ std::unique_ptr<CameraTracker> CameraTracker::make(const Camera& camera, const C
     for (const std::string& p : problems) all += (all.empty() ? "" : "; ") + p;
   }
   if (!all.empty()) throw std::invalid_argument("camera tracker: " + all);
+  if (std::holds_alternative<LedStart>(options.start)) return make_led_tracker(camera, options);
   switch (options.method) {      // each method's maker is called here as soon as the method is there
     case CameraMethod::huetrack:
     case CameraMethod::pupilli:
