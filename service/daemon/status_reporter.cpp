@@ -90,6 +90,9 @@ ServiceStatus StatusReporter::report(const PipelineFigures& figures, std::chrono
       out.health = CameraStatus::Health::delivering;
     }
   }
+  if (figures.camera_frames_dropped > 0)
+    status.warnings.push_back("camera tracking is too slow: " + std::to_string(figures.camera_frames_dropped) +
+                              " frames gave no pose; a smaller camera_tracking.particle_count may help");
   if (!latest_ || now - latest_->at >= shortest_rate_window) latest_ = Past{now, figures};
   return status;
 }
