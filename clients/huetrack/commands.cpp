@@ -114,6 +114,10 @@ void end_on_signals() {
   ::sigaction(SIGPIPE, &action, nullptr);
 }
 
+bool has_ended() {
+  return ended != 0;
+}
+
 namespace {
 
 template <typename Sample>

@@ -251,6 +251,12 @@ void Pipeline::receive(Frame frame) {
   for (auto& set : sets) frame_sets_.push({std::move(set), received_at});
 }
 
+PictureJob Pipeline::picture_of(FrameSet set, std::vector<ObjectEstimate> estimates) const {
+  PictureJob job{std::move(set), std::move(estimates), {}};
+  for (const auto& tracker : trackers_) job.particles.push_back(tracker.particles());
+  return job;
+}
+
 void Pipeline::track() {
   TrackingTeam team(trackers_, options_.threads);
   std::vector<ObjectEstimate> estimates(trackers_.size());
@@ -265,10 +271,12 @@ void Pipeline::track() {
     if (auto ready = frame_sets_.pop_for(std::max<Clock::duration>(next_status - Clock::now(), 0ns))) {
       take_replacements();
       // Object tracking is for still cameras: a camera that moves is absent from its sets.
-      if (tracked_camera_ >= 0) ready->set.frames.at(std::size_t(tracked_camera_)).reset();
-      const StageTime tracked = team.update(ready->set, estimates);
+      FrameSet of_still_cameras = ready->set;  // images are shared
+      if (tracked_camera_ >= 0) of_still_cameras.frames.at(std::size_t(tracked_camera_)).reset();
+      const StageTime tracked = team.update(of_still_cameras, estimates);
       const Stopwatch watch;
       if (outputs_.estimates) outputs_.estimates(ready->set, estimates, ready->received_at);
+      if (outputs_.view_wanted && outputs_.view_wanted()) outputs_.view(picture_of(ready->set, estimates));
       const StageTime published = watch.lap();
       std::uint64_t index = 0;
       {
@@ -279,9 +287,7 @@ void Pipeline::track() {
         index = figures_.sets_tracked++;
       }
       if (outputs_.pictures && index % std::uint64_t(options_.pictures_every) == 0) {
-        PictureJob job{std::move(ready->set), estimates, {}};
-        for (const auto& tracker : trackers_) job.particles.push_back(tracker.particles());
-        pictures_.push(std::move(job));
+        pictures_.push(picture_of(std::move(ready->set), estimates));
       }
     } else if (frame_sets_.ended()) {
       break;
