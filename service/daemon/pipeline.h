@@ -54,6 +54,7 @@ struct PipelineFigures {
   std::uint64_t camera_frames_tracked = 0;
   std::uint64_t camera_frames_dropped = 0;  // by the queue, because camera tracking was too slow
   StageTime camera_track;
+  std::vector<SearchFindings> searches;  // per target, about once a second and at the end
   StageTime track_first;  // part of track: the first set, for which the trackers build colour tables
   std::chrono::steady_clock::time_point tracking_round{};  // when the tracking thread last came round: once a second
 };
@@ -141,6 +142,7 @@ class Pipeline {
   void receive(Frame frame);
   PictureJob picture_of(FrameSet set, std::vector<ObjectEstimate> estimates) const;
   void track();
+  void note_searches();
   void take_replacements();
   void draw();
   void track_camera_frames();
