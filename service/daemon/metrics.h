@@ -44,7 +44,7 @@ struct TargetFigures {
 
 struct LatencyFigures {
   std::vector<LatencyHistogram::Snapshot> capture_to_dequeue;  // per camera of the status
-  LatencyHistogram::Snapshot dequeue_to_publish;               // from the last frame of a set to its last sample
+  LatencyHistogram::Snapshot dequeue_to_publish;               // from the last frame of a set until its last native sample is sent
   LatencyHistogram::Snapshot capture_to_publish;               // from the newest capture time in a set
 };
 
