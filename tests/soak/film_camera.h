@@ -77,7 +77,7 @@ class FilmCamera {
     State(const State&) = delete;
     State& operator=(const State&) = delete;
 
-    void tell(CameraState state, bool is_problem, const std::string& message) {
+    void tell(CaptureState state, bool is_problem, const std::string& message) {
       const std::scoped_lock lock(mutex);
       health.state = state;
       health.message = message;
@@ -158,9 +158,9 @@ class FilmCamera {
         frame.pixels.planes[0] = {buffer->get(), 2 * options.width};
       }
       const std::scoped_lock lock(state_->mutex);
-      if (state_->health.state != CameraState::delivering)
-        state_->events.push_back({unix_now(), CameraState::delivering, false, "delivers"});
-      state_->health.state = CameraState::delivering;
+      if (state_->health.state != CaptureState::delivering)
+        state_->events.push_back({unix_now(), CaptureState::delivering, false, "delivers"});
+      state_->health.state = CaptureState::delivering;
       ++(is_damaged_ ? state_->health.corrupted : state_->health.frames);
       state_->health.last_frame = frame.captured_at;
       state_->health.last_progress = Clock::now();
@@ -175,11 +175,11 @@ class FilmCamera {
       };
       is_damaged_ = one_in(100);
       if (one_in(600)) {  // the driver stops delivering
-        state_->tell(CameraState::stalled, true, "no frame: its stream is restarted");
+        state_->tell(CaptureState::stalled, true, "no frame: its stream is restarted");
         sleep_until(Clock::now() + some(200, 3000), stop);
       }
       if (one_in(900)) {
-        state_->tell(CameraState::absent, true, "unplugged; waiting for its return");
+        state_->tell(CaptureState::absent, true, "unplugged; waiting for its return");
         sleep_until(Clock::now() + some(300, 6000), stop);
       }
       if (one_in(1500)) clock_jump_ = some(-3000, 3000);
