@@ -25,5 +25,8 @@ enum class ExitStatus : std::uint8_t {
 using Command = std::function<ExitStatus(std::stop_token stop)>;
 
 void add_intrinsics_command(CLI::App& app, Command& chosen);
+void add_extrinsics_command(CLI::App& app, Command& chosen);
+void add_world_command(CLI::App& app, Command& chosen);
+void add_check_command(CLI::App& app, Command& chosen);
 
 }  // namespace huetrack
