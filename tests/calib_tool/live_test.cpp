@@ -1,0 +1,143 @@
+// Live calibration without cameras: what it keeps, what it asks for, and what it says.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cstring>
+
+#include "calib/tool/image_files.h"
+#include "calib/tool/live_boards.h"
+#include "calib/tool/live_cameras.h"
+#include "calib_tool/pictured_rig.h"
+#include "end_to_end/process.h"
+
+namespace huetrack {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::AllOf;
+using testing::Contains;
+using testing::HasSubstr;
+
+// Shows pictures one after another, each for a while; then it ends.
+class ShownPictures final : public FrameSource {
+ public:
+  ShownPictures(std::vector<cv::Mat> pictures, int times) : pictures_(std::move(pictures)), times_(times) {}
+  std::optional<Frame> next(std::stop_token stop) override {
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));  // slower than they are looked at
+    if (stop.stop_requested() || at_ / times_ >= static_cast<int>(pictures_.size())) return std::nullopt;
+    const cv::Mat& picture = pictures_[static_cast<std::size_t>(at_ / times_)];
+    WritableImage image = make_image(PixelFormat::grey, ColorRange::full, picture.cols, picture.rows);
+    std::memcpy(image.data[0], picture.data, picture.total());
+    Frame frame;
+    frame.sequence = static_cast<std::uint32_t>(at_);
+    frame.captured_at = Timestamp(duration_of(0.1 * at_));
+    frame.pixels = image.image;
+    ++at_;
+    return frame;
+  }
+
+ private:
+  std::vector<cv::Mat> pictures_;
+  int times_;
+  int at_ = 0;
+};
+
+std::vector<LiveCameraSource> shown(const CameraRig& rig, const std::vector<Rigid3d>& poses, int times) {
+  std::vector<LiveCameraSource> cameras;
+  for (std::size_t c = 0; c < rig.cameras.size(); ++c) {
+    std::vector<cv::Mat> pictures;
+    for (const Rigid3d& pose : poses) pictures.push_back(picture_of(rig.cameras[c], pictured_board(), pose, c));
+    cameras.push_back({rig.cameras[c].name, std::make_unique<ShownPictures>(pictures, times), {}});
+  }
+  return cameras;
+}
+
+TEST(LiveBoards, KeepsTheBoardWhereItRests) {
+  CameraRig rig = pictured_rig();
+  rig.cameras.resize(2);
+  const fs::path page = fs::temp_directory_path() / ("huetrack_page_" + std::to_string(getpid()) + ".html");
+  const FoundBoards found = gather_live(shown(rig, pictured_poses(4), 30), BoardDetector(pictured_board()),
+                                        {.seconds = {}, .progress = false, .view = page}, {});
+  // Each of the four places once, however long it was shown.
+  EXPECT_EQ(found.set_at_s.size(), 4U);
+  EXPECT_EQ(found.views.size(), 8U);
+  EXPECT_EQ(found.thumbnails.size(), 8U);
+  EXPECT_THAT(contents(page), AllOf(HasSubstr("finished with 4 moments"), HasSubstr("cam1"),
+                                    HasSubstr("data:image/jpeg"), Not(HasSubstr("http-equiv=refresh"))));
+  fs::remove(page);
+}
+
+TEST(LiveBoards, ACameraThatNeverSeesTheBoardIsNamed) {
+  CameraRig rig = pictured_rig();
+  rig.cameras.resize(2);
+  auto cameras = shown(rig, pictured_poses(1), 10);
+  cameras[1].source = std::make_unique<ShownPictures>(std::vector<cv::Mat>{cv::Mat::zeros(240, 320, CV_8UC1)}, 10);
+  try {
+    gather_live(std::move(cameras), BoardDetector(pictured_board()), {.seconds = {}, .progress = false, .view = {}},
+                {});
+    FAIL();
+  } catch (const InputError& error) {
+    EXPECT_THAT(error.what(), AllOf(HasSubstr("camera cam1: the board"), HasSubstr("the image is black")));
+  }
+}
+
+TEST(ViewCoverage, SaysWhatIsMissing) {
+  ViewCoverage coverage(pictured_board(), {"left", "right", "back"}, {{320, 240}, {320, 240}, {320, 240}});
+  EXPECT_THAT(coverage.needs(), Contains("left has not seen the board yet"));
+  const CameraRig rig = pictured_rig();
+  const Board board = pictured_board();
+  const auto view = [&](int c, const Rigid3d& pose) {
+    BoardView seen{c, 0, "", {}, {}};
+    for (int id = 0; id < board.point_count(); ++id) {
+      const auto px = rig.cameras[static_cast<std::size_t>(c)].project_world(pose * board.point(id));
+      if (!px || !rig.cameras[static_cast<std::size_t>(c)].contains(*px)) continue;
+      seen.ids.push_back(id);
+      seen.px.push_back(px->px);
+    }
+    return seen;
+  };
+  for (const Rigid3d& pose : pictured_poses(30)) {
+    coverage.add({view(0, pose), view(1, pose)});
+    EXPECT_FALSE(coverage.is_new({view(0, pose), view(1, pose)}));
+  }
+  coverage.add({view(1, pictured_poses(1)[0]), view(2, pictured_poses(1)[0])});
+  EXPECT_EQ(coverage.shared(0, 1), 30);
+  EXPECT_EQ(coverage.shared(2, 1), 1);
+  EXPECT_THAT(coverage.needs(), Contains("show it to right and back together: 1 of 10 shared views"));
+  EXPECT_THAT(coverage.needs(), Contains("back: 1 of 15 views at different places"));
+  EXPECT_THAT(coverage.line(), HasSubstr("left-right 30 shared"));
+}
+
+TEST(ImagePairs, AreFoundByTheLastNumber) {
+  const std::vector<std::string> cameras{"left", "right"};
+  const auto sets = paired_images(cameras, {{"l/left2.png", "l/left10.png"}, {"r/right10.png", "r/right3.png"}});
+  ASSERT_EQ(sets.size(), 3U);
+  EXPECT_EQ(sets[0].number, 2);
+  EXPECT_FALSE(sets[0].files[1]);
+  EXPECT_EQ(sets[2].files[0], fs::path("l/left10.png"));
+  EXPECT_EQ(sets[2].files[1], fs::path("r/right10.png"));
+  // Numbers that have nothing in common: by their order, if there are as many.
+  EXPECT_EQ(paired_images(cameras, {{"a1.png", "a2.png"}, {"b7.png", "b8.png"}}).size(), 2U);
+  EXPECT_THROW(paired_images(cameras, {{"a1.png", "a2.png"}, {"b7.png"}}), InputError);
+}
+
+TEST(LiveCameras, AreReadFromAFileLikeTheServices) {
+  const fs::path file = fs::temp_directory_path() / ("huetrack_live_" + std::to_string(getpid()) + ".yaml");
+  std::ofstream(file) << "rig: rig.yaml\ncameras:\n  left: {device: 2, size: [640, 480], fps: 30, controls: "
+                         "{focus_automatic_continuous: false}}\n"
+                         "  right: {device: /dev/v4l/by-path/x, size: [800, 600], format: mjpeg}\n";
+  const auto cameras = live_cameras_in(file, {});
+  ASSERT_EQ(cameras.size(), 2U);
+  EXPECT_EQ(cameras[0].device, "/dev/video2");
+  EXPECT_EQ(cameras[0].fps, 30);
+  EXPECT_EQ(cameras[0].controls.at(0).name, "focus_automatic_continuous");
+  EXPECT_EQ(cameras[1].width, 800);
+  EXPECT_EQ(cameras[1].format, CaptureFormat::mjpeg);
+  fs::remove(file);
+  EXPECT_THROW(live_cameras(std::vector<std::string>{"/dev/video0"}, {.size = ImageSize{640, 480}}), InputError);
+  EXPECT_TRUE(are_devices(std::vector<std::string>{"a=/dev/video0", "/dev/video1"}));
+  EXPECT_FALSE(are_devices(std::vector<std::string>{"a=x.mp4", "b=/dev/video1"}));
+}
+
+}  // namespace
+}  // namespace huetrack
