@@ -44,13 +44,23 @@ ReportInput report_input(const FoundBoards& found, const std::vector<std::string
   for (const CameraSighting& camera : found.cameras) input.cameras.push_back({camera.pictures, camera.boards});
   input.warnings = found.warnings;
   input.made_of.emplace_back("tool", "huetrack-calibrate " HUETRACK_VERSION);
-  input.made_of.emplace_back("inputs", joined(inputs));
+  if (!inputs.empty()) input.made_of.emplace_back("inputs", joined(inputs));
   std::string sets = std::to_string(found.set_at_s.size()) + " moments used, " + std::to_string(found.sets_looked_at) +
                      " of " + std::to_string(found.sets_seen) + " looked at";
   if (found.duplicates > 0) sets += "; " + std::to_string(found.duplicates) + " left out: the board had not moved";
   if (found.thinned > 0) sets += "; " + std::to_string(found.thinned) + " left out: there were more than enough";
   input.made_of.emplace_back("pictures", sets);
   return input;
+}
+
+fs::path place_for(Verdict verdict, const fs::path& rig, bool overwrite) {
+  std::error_code error;
+  if (verdict == Verdict::usable || overwrite || !fs::exists(rig, error)) return rig;
+  const fs::path beside = fs::path(rig).replace_extension(".doubtful.yaml");
+  std::fprintf(stderr,
+               "huetrack-calibrate: doubtful, so %s is left as it was; the new rig is %s (--overwrite replaces)\n",
+               rig.c_str(), beside.c_str());
+  return beside;
 }
 
 void write_file(const fs::path& file, const std::string& text) {
@@ -90,18 +100,12 @@ ExitStatus put_out(const CalibrationReport& report, CameraRig rig, const FoundBo
 
   std::error_code error;
   const bool is_there = fs::exists(files.rig, error);
-  fs::path written = files.rig;
   if (report.verdict == Verdict::failed) {
     std::fprintf(stderr, "huetrack-calibrate: failed, so %s %s; see %s\n", files.rig.c_str(),
                  is_there ? "is left as it was" : "is not written", files.report.c_str());
     return ExitStatus::failed;
   }
-  if (report.verdict == Verdict::doubtful && is_there && !files.overwrite) {
-    written.replace_extension(".doubtful.yaml");
-    std::fprintf(stderr,
-                 "huetrack-calibrate: doubtful, so %s is left as it was; the new rig is %s (--overwrite replaces)\n",
-                 files.rig.c_str(), written.c_str());
-  }
+  const fs::path written = place_for(report.verdict, files.rig, files.overwrite);
   write_rig(rig, written);
   if (!files.quiet) std::printf("\nwritten: %s; the report with pictures: %s\n", written.c_str(), files.report.c_str());
   return status_of(report.verdict);

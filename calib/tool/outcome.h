@@ -28,6 +28,9 @@ struct OutputFiles {
 // throws std::system_error, std::runtime_error: a file cannot be written
 ExitStatus put_out(const CalibrationReport& report, CameraRig rig, const FoundBoards& found, const OutputFiles& files);
 
+// Where a rig of this verdict (usable, doubtful) goes: NAME.doubtful.yaml where it must not replace what is there.
+std::filesystem::path place_for(Verdict verdict, const std::filesystem::path& rig, bool overwrite);
+
 // Atomic: by a temporary file beside it. throws std::system_error
 void write_file(const std::filesystem::path& file, const std::string& text);
 

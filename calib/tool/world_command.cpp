@@ -24,11 +24,12 @@ struct Options {
   std::vector<std::string> inputs;
   double height_m = 0;
   std::optional<double> at_s;
-  bool scale = false, quiet = false;
+  bool scale = false, overwrite = false, quiet = false;
 };
 
 struct NewWorld {
   CameraRig rig;
+  bool is_floor = true;             // z = 0 is the floor
   std::string how;                  // for made_by
   std::vector<std::string> doubts;  // one sentence each, with what to do
   std::string details;              // for people
@@ -113,6 +114,7 @@ NewWorld from_points(const CameraRig& rig, const Options& options) {
   } else {
     const double scale = align_points(from, to, true).scale;
     change = align_points(from, to, options.scale);
+    world.is_floor = false;
     world.how = std::to_string(points.size()) + " measured points";
     if (options.scale) world.how += text_of(", scale %.5f", change.scale);
     if (!options.scale && std::abs(scale - 1) > 0.01) {
@@ -149,14 +151,19 @@ ExitStatus set_world(const Options& options, const std::stop_token& stop) {
   NewWorld world = options.points.empty() ? from_board(rig, options, stop) : from_points(rig, options);
   for (const Camera& camera : world.rig.cameras) {
     if (camera.centre().z() > 0) continue;
-    throw CalibrationError(
-        text_of("camera %s would stand %.2f m under the floor: the points are not on the floor, the board lies face "
-                "down, or the rig is "
-                "mirrored (was the camera's image?); nothing was written",
-                camera.name.c_str(), -camera.centre().z()));
+    const std::string below =
+        text_of("camera %s would stand %.2f m below z = 0", camera.name.c_str(), -camera.centre().z());
+    if (world.is_floor) {
+      throw CalibrationError(
+          below +
+          ", under the floor: the points are not on the floor, the board lies face down, or the rig is "
+          "mirrored (was the camera's image?); nothing was written");
+    }
+    world.doubts.push_back(below + ": is the world's z axis up, in the points that were measured?");
   }
   note_in(world.rig, "world", world.how);
-  const std::string out = options.out.empty() ? options.rig : options.out;
+  const auto out = place_for(world.doubts.empty() ? Verdict::usable : Verdict::doubtful,
+                             options.out.empty() ? options.rig : options.out, options.overwrite);
   write_rig(world.rig, out);
   if (!options.quiet) {
     std::printf("The world is that of %s.\n%s", world.how.c_str(), world.details.c_str());
@@ -187,6 +194,7 @@ void add_world_command(CLI::App& app, Command& chosen) {
       "seconds into the recording; default: when most cameras saw it");
   command->add_option("--points", options->points, "a file of three or more measured points; see calib/README.md");
   command->add_flag("--scale", options->scale, "take the scale from the points too");
+  command->add_flag("--overwrite", options->overwrite, "a doubtful result may replace the rig that is there");
   command->add_option("--out", options->out, "the rig file to write; default: in place");
   command->add_flag("--quiet", options->quiet, "print nothing but errors");
   command->callback(

@@ -182,7 +182,7 @@ CameraRig reference_rig(const fs::path& toml) {
 
 // What a rig makes of corners: triangulated from every set of two or more views.
 struct RigOnCorners {
-  std::vector<double> rms_px, median_px;     // per camera
+  std::vector<double> rms_px;                // per camera
   double pitch_mm = 0, pitch_spread_mm = 0;  // mean and standard deviation of the distances of neighbouring corners
   double flatness_mm = 0;  // rms distance of a set's corners from the true board, after the best motion
 };
@@ -228,8 +228,6 @@ RigOnCorners on_corners(const CameraRig& rig, const Board& board, const std::vec
     double sum = 0;
     for (const double e : own) sum += e * e;
     result.rms_px.push_back(std::sqrt(sum / double(std::max<std::size_t>(1, own.size()))));
-    std::ranges::sort(own);
-    result.median_px.push_back(own.empty() ? 0 : own[own.size() / 2]);
   }
   double sum = 0, squares = 0;
   for (const double p : pitches) {
@@ -253,25 +251,28 @@ std::string rms_list(const std::vector<double>& values) {
   return text;
 }
 
-// Their own corners, by camera and set.
-std::vector<BoardView> reference_corners(const fs::path& csv) {
-  std::map<std::pair<int, int>, BoardView> views;
-  std::ifstream file(csv);
-  std::string line;
-  std::getline(file, line);
-  while (std::getline(file, line)) {
-    int set = 0, camera = 0, id = 0;
-    double u = 0, v = 0;
-    if (std::sscanf(line.c_str(), "%d,%d,%*f,%*f,%*d,%d,%lf,%lf", &set, &camera, &id, &u, &v) != 5) continue;
-    BoardView& view = views[{set, camera}];
-    view.set = set;
-    view.camera = camera;
-    view.ids.push_back(id);
-    view.px.emplace_back(u, v);
+// Views of the third of the sets in which the corners move least from set to set.
+std::vector<BoardView> stillest_third(const std::vector<BoardView>& views) {
+  std::map<int, std::map<int, const BoardView*>> sets;
+  for (const BoardView& view : views) sets[view.set][view.camera] = &view;
+  std::vector<std::pair<double, int>> speeds;
+  for (const auto& [set, seen] : sets) {
+    double fastest = 0;
+    for (const auto& [camera, view] : seen) {
+      for (const int other : {set - 1, set + 1}) {
+        if (!sets.contains(other) || !sets[other].contains(camera)) continue;
+        if (const auto moved = moved_px(*view, *sets[other][camera])) fastest = std::max(fastest, *moved);
+      }
+    }
+    speeds.emplace_back(fastest, set);
   }
-  std::vector<BoardView> all;
-  for (auto& [key, view] : views) all.push_back(std::move(view));
-  return all;
+  std::ranges::sort(speeds);
+  speeds.resize(speeds.size() / 3);
+  std::vector<BoardView> still;
+  for (const BoardView& view : views) {
+    if (std::ranges::find(speeds, view.set, &std::pair<double, int>::second) != speeds.end()) still.push_back(view);
+  }
+  return still;
 }
 
 std::vector<double> centre_distances_mm(const CameraRig& a, const CameraRig& b) {
@@ -299,37 +300,41 @@ void charuco() {
                     .inverted = true};
   const FoundBoards found = look(board, {data(folder + "calibration/extrinsic").string()});
   const CameraRig reference = reference_rig(data(folder + "camera_array.toml"));
-  const auto theirs = reference_corners(data(folder + "calibration/extrinsic/xy.csv"));
+  // The board is carried around, and the cameras do not expose together: only where it (nearly) rests do they see the
+  // same. The third of the sets in which it moves least tells rigs apart.
+  const std::vector<BoardView> resting = stillest_third(found.views);
+  std::printf("  %-34s %-31s %-31s %s\n", "", "rms px, all corners", "rms px, stillest third",
+              "pitch and shape of the board (stillest third)");
   const auto print = [&](const char* name, const CameraRig& rig) {
-    const RigOnCorners a = on_corners(rig, board, found.views), b = on_corners(rig, board, theirs);
-    std::printf("  %-34s our corners: rms %s px, median %s, pitch %.2f +- %.2f mm, board shape %.2f mm\n", name,
-                rms_list(a.rms_px).c_str(), rms_list(a.median_px).c_str(), a.pitch_mm, a.pitch_spread_mm,
-                a.flatness_mm);
-    std::printf("  %-34s their corners: rms %s px, pitch %.2f +- %.2f mm, board shape %.2f mm\n", "",
-                rms_list(b.rms_px).c_str(), b.pitch_mm, b.pitch_spread_mm, b.flatness_mm);
-    return b;
+    const RigOnCorners all = on_corners(rig, board, found.views), still = on_corners(rig, board, resting);
+    std::printf("  %-34s %-31s %-31s %.2f +- %.2f mm, off by %.2f mm\n", name, rms_list(all.rms_px).c_str(),
+                rms_list(still.rms_px).c_str(), still.pitch_mm, still.pitch_spread_mm, still.flatness_mm);
+    return std::pair(all, still);
   };
-  const RigOnCorners reference_on = print("the reference", reference);
+  const auto [reference_all, reference_still] = print("the reference", reference);
+  const Extrinsics scratch = calibrate_extrinsics(board, unknown(found), found.views);
+  print("huetrack, lenses from these views", rig_of(scratch.adjustment));
+  std::printf("    centres off the reference's: %s mm; %s\n",
+              rms_list(centre_distances_mm(rig_of(scratch.adjustment), reference)).c_str(),
+              scratch.lens_reason.c_str());
+  // As its own users do: the lenses are known from recordings of their own.
   auto cameras = unknown(found);
   for (std::size_t c = 0; c < cameras.size(); ++c) cameras[c].model = reference.cameras[c].model;
-  for (const auto& [what, refine] :
-       {std::pair("its lenses given, auto", RefineLens::automatic), std::pair("its lenses given, no", RefineLens::no),
-        std::pair("its lenses given, yes", RefineLens::yes)}) {
-    const Extrinsics rig = calibrate_extrinsics(board, cameras, found.views, {.refine_lens = refine});
-    print(what, rig_of(rig.adjustment));
-    std::printf("    %s; %d corners of %d used; centres off %s mm\n", rig.lens_reason.c_str(),
-                rig.adjustment.corners_used, int(on_corners(reference, board, found.views).rms_px.size()),
-                rms_list(centre_distances_mm(rig_of(rig.adjustment), reference)).c_str());
-  }
-  const Extrinsics rig = calibrate_extrinsics(board, unknown(found), found.views);
-  const RigOnCorners ours = print("huetrack", rig_of(rig.adjustment));
-  for (std::size_t c = 0; c < 4; ++c)
-    figure("cam_" + std::to_string(c) + ": rms, all of their corners", ours.rms_px[c], "px", any_low,
-           reference_on.rms_px[c]);
-  figure("corner pitch", ours.pitch_mm, "mm", 53.7, 54.3);
+  const Extrinsics rig = calibrate_extrinsics(board, cameras, found.views);
+  const auto [ours_all, ours_still] = print("huetrack, the reference's lenses", rig_of(rig.adjustment));
+  std::printf("    %s; %d corners used, %d views dropped\n", rig.lens_reason.c_str(), rig.adjustment.corners_used,
+              int(std::ranges::count_if(rig.adjustment.fits, [](const ViewFit& fit) { return !fit.dropped.empty(); })));
   const auto off = centre_distances_mm(rig_of(rig.adjustment), reference);
-  for (std::size_t c = 0; c < 4; ++c)
-    figure("cam_" + std::to_string(c) + ": centre against the reference", off[c], "mm", any_low, 15);
+  for (std::size_t c = 0; c < 4; ++c) {
+    const std::string name = "cam_" + std::to_string(c);
+    figure(name + ": views used", rig.adjustment.views_used(int(c)), "", 1, any_high);
+    figure(name + ": rms of the corners used; limit: the reference's", rig.adjustment.rms_of_camera(int(c)), "px",
+           any_low, reference_all.rms_px[c]);
+    figure(name + ": rms, stillest third; limit: the reference's", ours_still.rms_px[c], "px", any_low,
+           reference_still.rms_px[c]);
+    figure(name + ": centre against the reference's", off[c], "mm", any_low, 15);
+  }
+  figure("corner pitch, all sets", ours_all.pitch_mm, "mm", 53.7, 54.3);
 }
 
 // ---- red_square_stereo

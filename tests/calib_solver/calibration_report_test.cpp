@@ -28,12 +28,20 @@ Extrinsics calibrated(const SyntheticCapture& capture) {
   return calibrate_extrinsics(capture.board, unknown(capture.rig), capture.views, {.intrinsics = one_lens});
 }
 
+// Seen from the side, or from behind: no real board is.
+bool is_steep(const SyntheticCapture& capture, const BoardView& view) {
+  const Rigid3d cam_from_board = capture.rig.cameras[static_cast<std::size_t>(view.camera)].cam_from_world *
+                                 capture.world_from_board[static_cast<std::size_t>(view.set)];
+  return (cam_from_board.rotation * Eigen::Vector3d::UnitZ()).dot(cam_from_board.translation.normalized()) < 0.3;
+}
+
 auto speaks_against(Verdict verdict, const std::string& name) {
   return Contains(AllOf(Field(&Check::verdict, verdict), Field(&Check::name, name)));
 }
 
 TEST(CalibrationReport, OfAGoodCaptureIsUsable) {
-  const SyntheticCapture capture = synthetic_capture({.cameras = 3, .sets = 40});
+  SyntheticCapture capture = synthetic_capture({.cameras = 3, .sets = 40});
+  std::erase_if(capture.views, [&](const BoardView& view) { return is_steep(capture, view); });
   Extrinsics found = calibrated(capture);
   found.adjustment = in_world(std::move(found.adjustment), upright_guess(found.adjustment));
   const CalibrationReport report =
@@ -46,8 +54,8 @@ TEST(CalibrationReport, OfAGoodCaptureIsUsable) {
   }
   // The predicted accuracy is that of the rig: of the same size as its true error.
   const double true_rms = volume_rms_m(capture.rig, rig_of(found.adjustment), {-0.3, -0.4, 0.6}, {0.3, 0.4, 1.4});
-  EXPECT_GT(report.volume->median_by_calibration_m, 0.3 * true_rms);
-  EXPECT_LT(report.volume->median_by_calibration_m, 3 * true_rms);
+  EXPECT_GT(report.volume->median_by_calibration_m, 0.5 * true_rms);
+  EXPECT_LT(report.volume->median_by_calibration_m, 5 * true_rms);
   EXPECT_GT(report.volume->median_total_m, report.volume->median_by_calibration_m);
   for (const PairReport& pair : report.pairs) {
     const double truth =
@@ -58,8 +66,9 @@ TEST(CalibrationReport, OfAGoodCaptureIsUsable) {
   EXPECT_THAT(to_text(report),
               AllOf(HasSubstr("USABLE"), HasSubstr("cam0 - cam1"), HasSubstr("mm by the calibration")));
   const std::string html = to_html(report);
-  EXPECT_THAT(html, AllOf(HasSubstr("<svg"), HasSubstr("Usable"), HasSubstr("Expected accuracy"), HasSubstr("cam2")));
-  EXPECT_EQ(html, to_html(report));
+  for (const char* part : {"<svg", "Usable", "Expected accuracy", "cam2"})
+    EXPECT_NE(html.find(part), std::string::npos) << part;
+  EXPECT_TRUE(html == to_html(report));
 }
 
 TEST(CalibrationReport, NamesWhatSpeaksAgainstALens) {
