@@ -319,7 +319,7 @@ std::string todo(const CalibrationReport& report) {
   for (const Check& check : report.checks) {
     if (check.verdict == Verdict::usable) continue;
     out += text_of("<li class=%s><b>%s</b>.<br>", name(check.verdict).data(), escaped(check.finding).c_str()) +
-           escaped(check.advice) + ".</li>";
+           escaped(check.advice) + (check.advice.ends_with('?') ? "</li>" : ".</li>");
   }
   return out.empty() ? out : "<ul class=todo>" + out + "</ul>";
 }

@@ -35,7 +35,7 @@ std::string to_text(const CalibrationReport& report) {
   for (const Check& check : report.checks) {
     if (check.verdict == Verdict::usable) continue;
     out += check.verdict == Verdict::failed ? "\n  ! " : "\n  ? ";
-    out += check.finding + ".\n    -> " + check.advice + ".\n";
+    out += check.finding + ".\n    -> " + check.advice + (check.advice.ends_with('?') ? "\n" : ".\n");
   }
   std::size_t width = 6;
   for (const CameraReport& camera : report.cameras) width = std::max(width, camera.name.size());

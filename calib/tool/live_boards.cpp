@@ -168,6 +168,7 @@ FoundBoards gather_live(std::vector<LiveCameraSource> cameras, const BoardDetect
     }
     before = std::move(views);
     before_s = at_s;
+    if (options.looked) options.looked(status);
     if (!coverage) continue;
     const auto needs = coverage->needs();
     if (line.due()) line.draw(coverage->line() + " | " + status + (needs.empty() ? "" : " | " + needs.front()));

@@ -44,7 +44,7 @@ class Calibrate : public testing::Test {
     return run;
   }
   Ended extrinsics(const std::string& pictures, const std::string& rig = "rig.yaml",
-                 std::vector<std::string> more = {}) const {
+                   std::vector<std::string> more = {}) const {
     std::vector<std::string> arguments{"extrinsics", "--board", path("board.yaml"), "--lens",
                                        "radtan4",    "--rig",   path(rig)};
     if (!pictures.empty()) arguments.push_back(path(pictures));
@@ -103,8 +103,7 @@ TEST_F(Calibrate, TheOrderOfImagesDoesNotMatter) {
   const CameraRig truth = pictured_rig();
   write_pictures(folder_ / "pictures", truth, pictured_poses(12));
   std::vector<std::string> files;
-  for (int p = 0; p < 12; ++p)
-    files.push_back(path("pictures/cam1/" + std::string(p < 10 ? "0" : "") + std::to_string(p) + ".png"));
+  for (int p = 0; p < 12; ++p) files.push_back((folder_ / "pictures/cam1" / picture_name(p)).string());
   std::vector<std::string> arguments{"intrinsics", "--camera", "cam1",  "--board",     path("board.yaml"),
                                      "--lens",     "radtan4",  "--rig", path("a.yaml")};
   std::vector<std::string> other = arguments;
@@ -214,7 +213,7 @@ TEST_F(Calibrate, BlurredAndEmptyImages) {
   result = extrinsics("empty");
   EXPECT_EQ(result.status, 1) << result.out;
   EXPECT_THAT(result.err, AllOf(HasSubstr("camera cam2"), HasSubstr("the image is black")));
-  for (int p = 0; p < 5; ++p) std::ofstream(path("empty/cam2/0" + std::to_string(p) + ".png"), std::ios::trunc);
+  for (int p = 0; p < 5; ++p) std::ofstream(folder_ / "empty/cam2" / picture_name(p), std::ios::trunc);
   result = extrinsics("empty");
   EXPECT_EQ(result.status, 1) << result.out;
   EXPECT_THAT(result.err, AllOf(HasSubstr("cam2"), HasSubstr("no picture that can be used")));
@@ -225,7 +224,7 @@ TEST_F(Calibrate, ATruncatedVideo) {
   const auto poses = pictured_poses(16);
   fs::create_directories(path("videos"));
   for (std::size_t c = 0; c < 2; ++c) {
-    cv::VideoWriter video(path("videos/" + rig.cameras[c].name + ".avi"), cv::CAP_OPENCV_MJPEG,
+    cv::VideoWriter video((folder_ / "videos" / rig.cameras[c].name).string().append(".avi"), cv::CAP_OPENCV_MJPEG,
                           cv::VideoWriter::fourcc('M', 'J', 'P', 'G'), 1, {320, 240}, false);
     ASSERT_TRUE(video.isOpened());
     for (std::size_t p = 0; p < poses.size(); ++p)

@@ -3,6 +3,9 @@
 #include <gtest/gtest.h>
 
 #include <cstring>
+#include <memory>
+#include <mutex>
+#include <thread>
 
 #include "calib/tool/image_files.h"
 #include "calib/tool/live_boards.h"
@@ -18,19 +21,41 @@ using testing::AllOf;
 using testing::Contains;
 using testing::HasSubstr;
 
-// Shows pictures one after another, each for a while; then it ends.
+// Which of some pictures all cameras show in their frame 0, 1, ...: the next one when turn() was called. thread-safe.
+class Programme {
+ public:
+  explicit Programme(int pictures) : pictures_(pictures) {}
+  void turn() {
+    const std::scoped_lock lock(mutex_);
+    ++now_;
+  }
+  std::optional<int> picture_of_frame(std::size_t frame) {  // nullopt: it is over
+    const std::scoped_lock lock(mutex_);
+    while (shown_.size() <= frame) shown_.push_back(now_);
+    return shown_[frame] < pictures_ ? std::optional(shown_[frame]) : std::nullopt;
+  }
+
+ private:
+  int pictures_;
+  std::mutex mutex_;
+  int now_ = 0;  // these two guarded by mutex_
+  std::vector<int> shown_;
+};
+
 class ShownPictures final : public FrameSource {
  public:
-  ShownPictures(std::vector<cv::Mat> pictures, int times) : pictures_(std::move(pictures)), times_(times) {}
+  ShownPictures(std::vector<cv::Mat> pictures, std::shared_ptr<Programme> programme)
+      : pictures_(std::move(pictures)), programme_(std::move(programme)) {}
   std::optional<Frame> next(std::stop_token stop) override {
-    std::this_thread::sleep_for(std::chrono::milliseconds(20));  // slower than they are looked at
-    if (stop.stop_requested() || at_ / times_ >= static_cast<int>(pictures_.size())) return std::nullopt;
-    const cv::Mat& picture = pictures_[static_cast<std::size_t>(at_ / times_)];
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));  // not to fill the memory; nothing depends on it
+    const auto picture_number = programme_->picture_of_frame(at_);
+    if (stop.stop_requested() || !picture_number) return std::nullopt;
+    const cv::Mat& picture = pictures_[static_cast<std::size_t>(*picture_number)];
     WritableImage image = make_image(PixelFormat::grey, ColorRange::full, picture.cols, picture.rows);
     std::memcpy(image.data[0], picture.data, picture.total());
     Frame frame;
     frame.sequence = static_cast<std::uint32_t>(at_);
-    frame.captured_at = Timestamp(duration_of(0.1 * at_));
+    frame.captured_at = Timestamp(duration_of(0.1 * static_cast<double>(at_)));
     frame.pixels = image.image;
     ++at_;
     return frame;
@@ -38,16 +63,17 @@ class ShownPictures final : public FrameSource {
 
  private:
   std::vector<cv::Mat> pictures_;
-  int times_;
-  int at_ = 0;
+  std::shared_ptr<Programme> programme_;
+  std::size_t at_ = 0;
 };
 
-std::vector<LiveCameraSource> shown(const CameraRig& rig, const std::vector<Rigid3d>& poses, int times) {
+std::vector<LiveCameraSource> shown(const CameraRig& rig, const std::vector<Rigid3d>& poses,
+                                    const std::shared_ptr<Programme>& programme) {
   std::vector<LiveCameraSource> cameras;
   for (std::size_t c = 0; c < rig.cameras.size(); ++c) {
     std::vector<cv::Mat> pictures;
     for (const Rigid3d& pose : poses) pictures.push_back(picture_of(rig.cameras[c], pictured_board(), pose, c));
-    cameras.push_back({rig.cameras[c].name, std::make_unique<ShownPictures>(pictures, times), {}});
+    cameras.push_back({rig.cameras[c].name, std::make_unique<ShownPictures>(pictures, programme), {}});
   }
   return cameras;
 }
@@ -56,8 +82,15 @@ TEST(LiveBoards, KeepsTheBoardWhereItRests) {
   CameraRig rig = pictured_rig();
   rig.cameras.resize(2);
   const fs::path page = fs::temp_directory_path() / ("huetrack_page_" + std::to_string(getpid()) + ".html");
-  const FoundBoards found = gather_live(shown(rig, pictured_poses(4), 30), BoardDetector(pictured_board()),
-                                        {.seconds = {}, .progress = false, .view = page}, {});
+  const auto programme = std::make_shared<Programme>(4);
+  LiveBoardsOptions options;
+  options.progress = false;
+  options.view = page;
+  options.looked = [&](const std::string& status) {
+    if (status.starts_with("seen before")) programme->turn();
+  };
+  const FoundBoards found =
+      gather_live(shown(rig, pictured_poses(4), programme), BoardDetector(pictured_board()), options, {});
   // Each of the four places once, however long it was shown.
   EXPECT_EQ(found.set_at_s.size(), 4U);
   EXPECT_EQ(found.views.size(), 8U);
@@ -70,11 +103,17 @@ TEST(LiveBoards, KeepsTheBoardWhereItRests) {
 TEST(LiveBoards, ACameraThatNeverSeesTheBoardIsNamed) {
   CameraRig rig = pictured_rig();
   rig.cameras.resize(2);
-  auto cameras = shown(rig, pictured_poses(1), 10);
-  cameras[1].source = std::make_unique<ShownPictures>(std::vector<cv::Mat>{cv::Mat::zeros(240, 320, CV_8UC1)}, 10);
+  const auto programme = std::make_shared<Programme>(1);
+  auto cameras = shown(rig, pictured_poses(1), programme);
+  cameras[1].source =
+      std::make_unique<ShownPictures>(std::vector<cv::Mat>{cv::Mat::zeros(240, 320, CV_8UC1)}, programme);
+  LiveBoardsOptions options;
+  options.progress = false;
+  options.looked = [&, looks = 0](const std::string&) mutable {
+    if (++looks == 5) programme->turn();
+  };
   try {
-    gather_live(std::move(cameras), BoardDetector(pictured_board()), {.seconds = {}, .progress = false, .view = {}},
-                {});
+    gather_live(std::move(cameras), BoardDetector(pictured_board()), options, {});
     FAIL();
   } catch (const InputError& error) {
     EXPECT_THAT(error.what(), AllOf(HasSubstr("camera cam1: the board"), HasSubstr("the image is black")));

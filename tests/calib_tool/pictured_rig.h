@@ -2,6 +2,8 @@
 #pragma once
 
 #include <Eigen/Geometry>
+#include <array>
+#include <cstdio>
 #include <filesystem>
 #include <functional>
 #include <map>
@@ -73,6 +75,12 @@ inline cv::Mat picture_of(const Camera& camera, const Board& board, const Rigid3
   return seen_through(drawn.image, m, {camera.image_size.width, camera.image_size.height}, 1.5, seed);
 }
 
+inline std::string picture_name(int pose) {  // "07.png"
+  std::array<char, 16> name{};
+  std::snprintf(name.data(), name.size(), "%02d.png", pose);
+  return name.data();
+}
+
 // folder/camN/00.png, ...: of every pose, unless `spoil` changes the picture (an empty one is left out).
 using Spoil = std::function<void(int camera, int pose, cv::Mat& picture)>;
 inline void write_pictures(const std::filesystem::path& folder, const CameraRig& rig, const std::vector<Rigid3d>& poses,
@@ -82,7 +90,7 @@ inline void write_pictures(const std::filesystem::path& folder, const CameraRig&
     for (std::size_t p = 0; p < poses.size(); ++p) {
       cv::Mat picture = picture_of(rig.cameras[c], board, poses[p], 100 * c + p);
       if (spoil) spoil(static_cast<int>(c), static_cast<int>(p), picture);
-      const std::string name = (p < 10 ? "0" : "") + std::to_string(p) + ".png";
+      const std::string name = picture_name(static_cast<int>(p));
       if (!picture.empty()) cv::imwrite((folder / rig.cameras[c].name / name).string(), picture);
     }
   }
