@@ -22,7 +22,7 @@ constexpr Limits rms_share{0.001, 0.006};
 constexpr Limits focal_share{0.005, 0.03};         // standard deviation / focal length
 constexpr Limits centre_share{0.006, 0.05};        // of the principal point / image width
 constexpr Limits aspect{0.01, never};              // |fx / fy - 1|
-constexpr Limits position_share{0.005, 0.05};      // of a camera / its distance to the boards
+constexpr Limits position_share{0.01, 0.05};       // of a camera / its distance to the boards
 constexpr Limits rotation_deg{0.3, 3};             // of a camera
 constexpr Limits volume_share{0.01, 0.05};         // 95 % of the volume / distance of the cameras; and
 constexpr double little_volume_share = 0.002;      // from here on, where it outweighs the noise of what will be tracked
@@ -147,7 +147,7 @@ class Judge {
     add(count, "views of " + camera.name,
         text_of("%s: %d views of the board, %d of them at different places", camera.name.c_str(), camera.views_used,
                 camera.distinct_views),
-        "repeated views count as one: move the board between pictures, 15 different places are good");
+        "show the board at some 15 different places; views that show it where it was before count as one");
     if (!own_lens) return;
     const Range tilt(camera.tilt_deg), distance(camera.distance_m);
     const double depth = distance.low > 0 ? distance.high / distance.low : 1;

@@ -21,7 +21,7 @@ body { font:15px/1.45 system-ui,sans-serif; color:var(--ink); margin:0 auto; pad
 h1 { font-size:22px; margin:0 0 4px; } h2 { font-size:18px; margin:34px 0 8px; } h3 { font-size:15px; margin:18px 0 6px; }
 p { margin:6px 0; max-width:85ch; } .soft { color:var(--soft); }
 .verdict { border-left:8px solid; padding:12px 16px; margin:14px 0; background:#f6f8fa; font-size:17px; }
-.usable { border-color:var(--good); } .doubtful { border-color:var(--doubt); } .failed { border-color:var(--bad); }
+.verdict.usable { border-color:var(--good); } .verdict.doubtful { border-color:var(--doubt); } .verdict.failed { border-color:var(--bad); }
 .usable b, td.usable { color:var(--good); } .doubtful b, td.doubtful { color:var(--doubt); } .failed b, td.failed { color:var(--bad); }
 table { border-collapse:collapse; font-variant-numeric:tabular-nums; margin:6px 0; }
 th { text-align:left; font-weight:600; color:var(--soft); } th,td { padding:3px 14px 3px 0; border-bottom:1px solid var(--line); vertical-align:top; }
@@ -368,7 +368,7 @@ std::string verdict_banner(const CalibrationReport& report) {
                                                            : "<b>Failed: do not use it.</b> ";
   if (bad > 0)
     text +=
-        text_of("%d of %d checks speak against it. ", static_cast<int>(bad), static_cast<int>(report.checks.size()));
+        text_of("%d of %d checks against it. ", static_cast<int>(bad), static_cast<int>(report.checks.size()));
   text += text_of("Corners fit to %.2f px rms", report.rms_px);
   if (report.volume && report.volume->covered > 0) {
     text += text_of("; points of the volume are expected within %.1f mm (median; 95 %%: %.1f mm)",

@@ -80,8 +80,15 @@ void add_extrinsics_command(CLI::App& app, Command& chosen) {
   command->get_option("inputs")->description(
       "a recording, or for each camera NAME=FRAMES (a video or images) or NAME=/dev/... (live)");
   command->add_option("--rig", options->rig, "the rig file to write")->required();
-  command->add_option("--cameras", options->cameras, "only these; the first one is the reference")->delimiter(',');
-  command->add_option("--intrinsics", options->intrinsics, "rig files with lenses that are known already");
+  command
+      ->add_option("--cameras", options->cameras,
+                   "only these, with commas between them; the first one is the reference")
+      ->delimiter(',')
+      ->allow_extra_args(false);
+  command
+      ->add_option("--intrinsics", options->intrinsics,
+                   "a rig file with lenses that are known already; may come more than once")
+      ->allow_extra_args(false);
   const std::map<std::string, RefineLens> refine{
       {"auto", RefineLens::automatic}, {"yes", RefineLens::yes}, {"no", RefineLens::no}};
   command
