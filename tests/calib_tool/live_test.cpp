@@ -87,11 +87,11 @@ TEST(LiveBoards, KeepsTheBoardWhereItRests) {
   options.progress = false;
   options.view = page;
   options.looked = [&](const std::string& status) {
-    if (status.starts_with("seen before")) programme->turn();
+    if (status.starts_with("kept view")) programme->turn();
   };
   const FoundBoards found =
       gather_live(shown(rig, pictured_poses(4), programme), BoardDetector(pictured_board()), options, {});
-  // Each of the four places once, however long it was shown.
+  // Each of the four places once.
   EXPECT_EQ(found.set_at_s.size(), 4U);
   EXPECT_EQ(found.views.size(), 8U);
   EXPECT_EQ(found.thumbnails.size(), 8U);
