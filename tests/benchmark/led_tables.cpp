@@ -61,8 +61,8 @@ Way wander(std::mt19937_64& random) {
     for (std::size_t k = 0; k < 3; ++k)
       waves[axis][k] = {(axis < 2    ? 0.8
                          : axis == 2 ? 0.25
-                         : axis == 3 ? 1.6
-                                     : 0.2) /
+                         : axis == 3 ? 0.8
+                                     : 0.1) /
                             (1.0 + static_cast<double>(k)),
                         0.25 + 0.5 * (static_cast<double>(k) + unit(random)), 2 * std::numbers::pi * unit(random)};
   return [waves](double t) {
