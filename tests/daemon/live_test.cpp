@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <atomic>
 #include <filesystem>
 #include <fstream>
 #include <sstream>
@@ -91,13 +92,14 @@ TEST_F(Live, TracksInRealTimeAndSaysSo) {
 
 TEST_F(Live, AStopEndsItWithinASecondEvenWhenNoFrameComes) {
   std::stop_source stop;
+  std::atomic<std::chrono::steady_clock::time_point> asked;
   std::jthread stopper([&] {
-    std::this_thread::sleep_for(400ms);
+    std::this_thread::sleep_for(1500ms);
+    asked = std::chrono::steady_clock::now();
     stop.request_stop();
   });
-  const auto start = std::chrono::steady_clock::now();
   const LiveSummary summary = run_live(config_, cameras(3, true), options_, requests_, stop.get_token());
-  EXPECT_LT(std::chrono::steady_clock::now() - start, 2s);
+  EXPECT_LT(std::chrono::steady_clock::now() - asked.load(), 1s);
   EXPECT_EQ(summary.status.cameras.at(0).frames, 3u);
   EXPECT_EQ(summary.status.cameras.at(0).health, CameraStatus::Health::delivering);
 }
@@ -197,10 +199,10 @@ TEST_F(Live, SavesThePreRollOnRequest) {
   rewrite("65, 115", "record: {folder: " + (folder_ / "recordings").string() + ", pre_roll_s: 0.5, after_s: 0.3}\n");
   config_ = load_service_config(folder_ / "c.yaml");
   std::jthread user([&] {
-    std::this_thread::sleep_for(1000ms);
+    std::this_thread::sleep_for(1400ms);
     requests_.save = true;
   });
-  run_live(config_, cameras(60), options_, requests_, {});
+  run_live(config_, cameras(75), options_, requests_, {});
   const auto recordings = folders_in(folder_ / "recordings");
   ASSERT_EQ(recordings.size(), 1u);
   EXPECT_THAT(recordings[0].filename().string(), testing::EndsWith("Z-signal"));
@@ -212,7 +214,7 @@ TEST_F(Live, SavesThePreRollOnRequest) {
     if (frame->camera == 1) ++frames[1];
   }
   EXPECT_GT(first, 3u);      // not from the start on
-  EXPECT_LT(first, 40u);     // but from before the request
+  EXPECT_LT(first, 50u);     // but from before the request
   EXPECT_GT(frames[0], 15);  // half a second and what came after
   EXPECT_LT(frames[0], 45);
   EXPECT_GT(frames[1], 15);
