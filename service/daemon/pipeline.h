@@ -6,6 +6,7 @@
 // Nothing calls back up. Stopping goes from upstream down: the sources end, the queue closes, tracking drains it.
 #pragma once
 
+#include <atomic>
 #include <chrono>
 #include <cstdint>
 #include <exception>
@@ -57,6 +58,7 @@ struct PipelineFigures {
 struct Pace {
   std::chrono::steady_clock::time_point start;
   Timestamp first;
+  const std::atomic<std::int64_t>* delay_ns = nullptr;  // is added to start; may change while nothing is let through
 };
 
 struct PipelineOptions {
