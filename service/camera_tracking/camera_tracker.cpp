@@ -2,6 +2,8 @@
 
 #include <stdexcept>
 
+#include "camera_tracking/keyframe_tracker.h"
+
 namespace huetrack {
 
 std::string_view name(CameraState state) {
@@ -31,7 +33,7 @@ std::unique_ptr<CameraTracker> CameraTracker::make(const Camera& camera, const C
   }
   if (!all.empty()) throw std::invalid_argument("camera tracker: " + all);
   switch (options.method) {      // each method's maker is called here as soon as the method is there
-    case CameraMethod::huetrack:
+    case CameraMethod::huetrack: return make_keyframe_tracker(camera, options);
     case CameraMethod::pupilli:
     case CameraMethod::lee:
     case CameraMethod::herranz: break;
