@@ -72,6 +72,10 @@ std::string ros2_camera_info(std::string_view camera) {
   return "rt/huetrack/" + std::string(camera) + "/camera_info";
 }
 
+std::string ros2_camera_pose(std::string_view camera) {
+  return "rt/huetrack/camera/" + std::string(camera) + "/pose";
+}
+
 }  // namespace topics
 
 std::string ros2_user_data(std::string_view type_hash) {

@@ -13,15 +13,15 @@ using namespace std::chrono_literals;
 constexpr auto stalled_after = 1s;
 constexpr auto shortest_rate_window = 500ms;
 
-CameraStatus::Health health_of(CameraState state) {
+CameraStatus::Health health_of(CaptureState state) {
   switch (state) {
-    case CameraState::waiting:
+    case CaptureState::waiting:
       return CameraStatus::Health::waiting;
-    case CameraState::delivering:
+    case CaptureState::delivering:
       return CameraStatus::Health::delivering;
-    case CameraState::stalled:
+    case CaptureState::stalled:
       return CameraStatus::Health::stalled;
-    case CameraState::absent:
+    case CaptureState::absent:
       break;
   }
   return CameraStatus::Health::absent;
@@ -81,7 +81,7 @@ ServiceStatus StatusReporter::report(const PipelineFigures& figures, std::chrono
       out.health = said ? health_of(said->state) : CameraStatus::Health::absent;
       if (!said) {
         out.message = "not used: it is not among the cameras of the configuration";
-      } else if (said->state != CameraState::delivering) {
+      } else if (said->state != CaptureState::delivering) {
         out.message = said->message.empty() ? "no frame yet" : said->message;
       }
     } else if (camera.ended) {
@@ -103,6 +103,9 @@ ServiceStatus StatusReporter::report(const PipelineFigures& figures, std::chrono
     if (figures.searches[t].sets < long_search) continue;
     status.warnings.push_back("target " + targets_[t].name + " is not found: " + figures.searches[t].advice(targets_[t], camera_names(status)));
   }
+  if (figures.camera_frames_dropped > 0)
+    status.warnings.push_back("camera tracking is too slow: " + std::to_string(figures.camera_frames_dropped) +
+                              " frames gave no pose; a smaller camera_tracking.particle_count may help");
   if (!latest_ || now - latest_->at >= shortest_rate_window) latest_ = Past{now, figures};
   return status;
 }
