@@ -18,6 +18,8 @@ if (!chromiumPath) skip("there is no /usr/bin/chromium");
 if (!existsSync(join(options.modules, "node_modules/playwright-core"))) skip("playwright-core is not installed");
 const occlusion = join(options.data, "rendered/occlusion");
 if (!existsSync(join(occlusion, "recording.yaml"))) skip(`no recording in ${occlusion}`);
+const twoCams = join(options.data, "rendered/two_cams");
+if (!existsSync(join(twoCams, "recording.yaml"))) skip(`no recording in ${twoCams}`);
 const { chromium } = createRequire(join(options.modules, "package.json"))("playwright-core");
 
 const domain = "74";
@@ -54,9 +56,9 @@ function configuration(name, text) {
 }
 const bus = `dds: {domain: ${domain}, interfaces: [lo]}\n`;
 const truthPixels = () => {
-  // Where the ball is in the demo's frame 0, through the rig file: pinhole with k1 k2 p1 p2 k3.
-  const rig = readFileSync(join(options.demo, "recording/rig.yaml"), "utf8");
-  const [header, row] = readFileSync(join(options.demo, "recording/groundtruth.csv"), "utf8").split("\n");
+  // Where the ball is in frame 0, through the rig file: pinhole with k1 k2 p1 p2 k3.
+  const rig = readFileSync(join(twoCams, "rig.yaml"), "utf8");
+  const [header, row] = readFileSync(join(twoCams, "groundtruth.csv"), "utf8").split("\n");
   const value = (name) => Number(row.split(",")[header.split(",").indexOf(name)]);
   const p = [value("x"), value("y"), value("z")];
   return Object.fromEntries(
@@ -155,9 +157,9 @@ async function test() {
   // ---- The daemon goes and comes; the page stays.
   await until("the page says that the service is gone", async () => (await link()) === "No service");
   const teachable = configuration("teach.yaml",
-    `# to be taught\nversion: 1\nrig: ${options.demo}/recording/rig.yaml\ntargets:\n  lime:   # the ball\n    radius_m: 0.04\n` +
+    `# to be taught\nversion: 1\nrig: ${twoCams}/rig.yaml\ntargets:\n  lime:   # the ball\n    radius_m: 0.04\n` +
     `    color: {hue_deg: [200, 220]}\nobject_tracking: {volume: {min: [-1, -1, 0.1], max: [1, 1, 2.1]}}\ncontrol: {allow_teach: true}\n${bus}`);
-  const hold = () => start(options.huetrackd, "replay", teachable, join(options.demo, "recording"), "--speed", "real", "--hold",
+  const hold = () => start(options.huetrackd, "replay", teachable, twoCams, "--speed", "real", "--hold",
     "--tracks", join(folder, "tracks.csv"));
   const killed = hold();
   await until("the page is live again", async () => (await link()) === "Live");
@@ -199,10 +201,10 @@ async function test() {
   const written = readFileSync(teachable, "utf8");
   assert.match(written, /# to be taught[\s\S]*lime:   # the ball[\s\S]*camera_colors: \{cam0: \{hue_deg: /);
   assert.equal(await daemon.ended, 0, daemon.err);
-  const compare = start(options.huetrackd, "compare", join(folder, "tracks.csv"), join(options.demo, "recording/groundtruth.csv"));
+  const compare = start(options.huetrackd, "compare", join(folder, "tracks.csv"), join(twoCams, "groundtruth.csv"));
   await compare.ended;
   say(compare.out.trim());
-  const figures = compare.out.match(/locked in set (\d+).*?rms ([\d.]+) mm.*?max ([\d.]+) mm/);
+  const figures = compare.out.match(/locked in set (\d+).*?rms error ([\d.]+) mm.*?max ([\d.]+) mm/);
   assert.ok(figures, compare.out);
   assert.ok(Number(figures[1]) <= 4, "the first set was tracked before anything was taught; lock by the third after it");
   assert.ok(Number(figures[2]) <= 4.2, "rms of the blob on the same frames");
