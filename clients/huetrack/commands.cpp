@@ -89,21 +89,23 @@ const std::string& name_of(const msg::CameraPose& sample) {
 }
 
 struct Wording {
-  const char* samples;   // "no publisher of ..."
-  const char* one;       // "nobody publishes ..."
+  const char* samples;  // "no publisher of ..."
+  const char* one;      // "nobody publishes ..."
 };
 
 // wanted: the name of the target or camera; empty: every one.
 template <typename Sample>
-int watch_topic(const WatchOptions& options, const std::string& wanted, const std::string& header_line, const Wording& words);
+int watch_topic(const WatchOptions& options, const std::string& wanted, const std::string& header_line,
+                const Wording& words);
 
 }  // namespace
 
 int watch(const WatchOptions& options) {
   if (options.camera)
-    return watch_topic<msg::CameraPose>(options, *options.camera == "all" ? "" : *options.camera, camera_header(options.format),
-                                        {"camera poses", "camera"});
-  return watch_topic<msg::ObjectPosition>(options, options.target, header(options.format), {"huetrack positions", "target"});
+    return watch_topic<msg::CameraPose>(options, *options.camera == "all" ? "" : *options.camera,
+                                        camera_header(options.format), {"camera poses", "camera"});
+  return watch_topic<msg::ObjectPosition>(options, options.target, header(options.format),
+                                          {"huetrack positions", "target"});
 }
 
 void end_on_signals() {
@@ -121,7 +123,8 @@ bool has_ended() {
 namespace {
 
 template <typename Sample>
-int watch_topic(const WatchOptions& options, const std::string& wanted, const std::string& header_line, const Wording& words) {
+int watch_topic(const WatchOptions& options, const std::string& wanted, const std::string& header_line,
+                const Wording& words) {
   LineWriter out(options.file, options.overwrite);
   std::optional<SampleSubscription<Sample>> subscription(options.participant);  // made anew when the network changes
   if (!out.write(header_line)) return 0;
@@ -173,7 +176,8 @@ int watch_topic(const WatchOptions& options, const std::string& wanted, const st
         said_targets = std::move(targets);
       }
     } else if (!said_nobody && now - start > nobody_after) {
-      say("no publisher of " + std::string(words.samples) + " " + what_to_check(subscription->participant()) + ". Waiting for one");
+      say("no publisher of " + std::string(words.samples) + " " + what_to_check(subscription->participant()) +
+          ". Waiting for one");
       said_nobody = true;
     }
     if (options.timeout && now - last_line > *options.timeout) {

@@ -123,12 +123,14 @@ std::string csv_line(const msg::CameraPose& s) {
   std::ranges::for_each(s.orientation(), add);
   for (std::size_t row = 0; row < 6; ++row)
     for (std::size_t column = row; column < 6; ++column) add(s.covariance()[6 * row + column]);
-  return out + fmt::format(",{},{},{},{}\n", name(s.state()), s.features_in_view(), s.features_matched(), csv_number(s.confidence()));
+  return out + fmt::format(",{},{},{},{}\n", name(s.state()), s.features_in_view(), s.features_matched(),
+                           csv_number(s.confidence()));
 }
 
 std::string tum_line(const msg::CameraPose& s) {
   if (!has_pose(s)) return "";
-  return fmt::format("{} {} {}\n", unix_seconds(s.captured_at()), fmt::join(s.position(), " "), fmt::join(s.orientation(), " "));
+  return fmt::format("{} {} {}\n", unix_seconds(s.captured_at()), fmt::join(s.position(), " "),
+                     fmt::join(s.orientation(), " "));
 }
 
 std::string json_line(const msg::CameraPose& s) {
@@ -138,22 +140,23 @@ std::string json_line(const msg::CameraPose& s) {
       R"("confidence":{},"particle_count":{},"effective_sample_size":{}}})"
       "\n",
       json_string(s.camera()), unix_seconds(s.captured_at()), s.captured_at(), s.received_at(), s.published_at(),
-      s.frame_number(), name(s.state()), json_array(s.position()), json_array(s.orientation()), json_array(s.covariance()),
-      s.features_in_view(), s.features_matched(), s.map_points(), json_number(s.confidence()), s.particle_count(),
-      json_number(s.effective_sample_size()));
+      s.frame_number(), name(s.state()), json_array(s.position()), json_array(s.orientation()),
+      json_array(s.covariance()), s.features_in_view(), s.features_matched(), s.map_points(),
+      json_number(s.confidence()), s.particle_count(), json_number(s.effective_sample_size()));
 }
 
 std::string text_line(const msg::CameraPose& s, std::int64_t received_at, std::size_t camera_width) {
-  const auto sigma = [&](std::size_t first, double unit) {   // of three axes together
+  const auto sigma = [&](std::size_t first, double unit) {  // of three axes together
     return unit * std::sqrt(s.covariance()[7 * first] + s.covariance()[7 * first + 7] + s.covariance()[7 * first + 14]);
   };
   return fmt::format(
-      "{}  {:<{}}  {:<9}  x {}  y {}  z {} m   q {} {} {} {}   sigma {} mm {} deg   features {}/{}   latency {} + {} ms\n",
+      "{}  {:<{}}  {:<9}  x {}  y {}  z {} m   q {} {} {} {}   sigma {} mm {} deg   features {}/{}   latency {} + {} "
+      "ms\n",
       clock_time(s.captured_at()), s.camera(), camera_width, name(s.state()), number(s.position()[0], 4, 8),
       number(s.position()[1], 4, 8), number(s.position()[2], 4, 8), number(s.orientation()[0], 4, 7),
       number(s.orientation()[1], 4, 7), number(s.orientation()[2], 4, 7), number(s.orientation()[3], 4, 7),
-      number(sigma(0, 1000), 1, 6), number(sigma(3, 180 / std::numbers::pi), 2, 5), s.features_matched(), s.features_in_view(),
-      number(static_cast<double>(s.published_at() - s.captured_at()) / ns_per_ms, 1, 6),
+      number(sigma(0, 1000), 1, 6), number(sigma(3, 180 / std::numbers::pi), 2, 5), s.features_matched(),
+      s.features_in_view(), number(static_cast<double>(s.published_at() - s.captured_at()) / ns_per_ms, 1, 6),
       number(static_cast<double>(received_at - s.published_at()) / ns_per_ms, 2));
 }
 

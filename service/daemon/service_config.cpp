@@ -575,11 +575,10 @@ void check_camera_tracking(const ServiceConfig& config, const YamlReader& yaml) 
 
 // What one key alone cannot tell.
 void check(const ServiceConfig& config, const YamlReader& root) {
+  check_camera_tracking(config, root.map_or_empty("camera_tracking"));
   if (config.targets.empty() && config.camera_tracking.camera.empty())
     root.fail("targets", "at least one target is needed: targets: {ball: {color: {hue_deg: [65, 115]}}}; or a camera to "
                          "track, under camera_tracking");
-  check_camera_tracking(config, root.map_or_empty("camera_tracking"));
-
   const Box& volume = config.object_tracking.volume;
   const YamlReader tracking = root.map_or_empty("object_tracking");
   for (int axis = 0; axis < 3; ++axis) {

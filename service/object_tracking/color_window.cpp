@@ -60,6 +60,7 @@ void MatchBits::ignore(const std::vector<PixelBox>& boxes) {
 
 void MatchBits::look_at(const Image& image, const ColorTable& table) {
   image_ = image;
+  bytes_per_pixel_ = image.format == PixelFormat::yuyv ? 2 : image.format == PixelFormat::bgr ? 3 : 1;
   table_ = &table;
   if (++frame_ == 0) {                    // after 2^32 frames the stamps would come round again
     std::ranges::fill(tile_frame_, 0u);
@@ -118,13 +119,12 @@ std::uint64_t MatchBits::classify_edge(int u0, int v0) const {
 // their cache lines: `last` is the one that was asked for last.
 void MatchBits::fetch(int tile_u, int tile_v, std::uintptr_t& last) const {
   constexpr std::uintptr_t line = 64;
-  const int u = std::max(0, (tile_u - 1) * tile_size);
-  const int v = std::max(0, (tile_v - 1) * tile_size);
-  const int step = image_.format == PixelFormat::yuyv ? 2 : image_.format == PixelFormat::bgr ? 3 : 1;
-  const std::uint8_t* p = image_.planes[0].data + v * image_.planes[0].stride + step * u;
+  const int u = (tile_u - 1) * tile_size, v = (tile_v - 1) * tile_size;
+  if (u < 0 || v < 0 || v + tile_size > height_) return;               // a tile at the border is no loss
+  const std::uint8_t* const p = image_.planes[0].data + v * image_.planes[0].stride + bytes_per_pixel_ * u;
   const std::uintptr_t at = reinterpret_cast<std::uintptr_t>(p) / line;
   if (std::exchange(last, at) == at) return;
-  for (int r = 0; r < std::min(tile_size, height_ - v); ++r, p += image_.planes[0].stride) __builtin_prefetch(p);
+  for (int r = 0; r < tile_size; ++r) __builtin_prefetch(p + r * image_.planes[0].stride);
 }
 
 namespace {
@@ -187,7 +187,8 @@ void MatchBits::look_at_marked(int cell_u_min, int cell_v_min, int cell_u_max, i
     }
   }
   for (int cell_v = cell_v_min; cell_v <= cell_v_max; ++cell_v) {
-    std::memset(&marked_[static_cast<std::size_t>(cell_v * cell_stride_ + 8 * first_word)], 0, static_cast<std::size_t>(8 * (last_word - first_word + 1)));
+    std::uint8_t* const row = &marked_[static_cast<std::size_t>(cell_v * cell_stride_)];
+    for (int w = first_word; w <= last_word; ++w) store_word(row + 8 * w, 0);
   }
   fill(unknown_);
 }

@@ -89,6 +89,7 @@ class MatchBits {
   std::uint32_t frame_ = 0;
   std::uint64_t tiles_looked_at_ = 0;
   Image image_;
+  int bytes_per_pixel_ = 1;               // of its first plane
   const ColorTable* table_ = nullptr;
   std::vector<std::uint32_t> tile_frame_;       // that the tile was classified for
   std::vector<std::uint8_t> bands_;

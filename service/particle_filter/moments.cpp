@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <cstring>
 #include <limits>
 
 #include "particle_filter/vector_clones.h"
@@ -47,6 +48,20 @@ HUETRACK_CLONES void total(const Lanes& a, const Lanes& b, double* __restrict ou
   }
 }
 
+// The first of the largest weights. Weights are >= 0 (and -1 where a lane has none): their bits compare as they do.
+HUETRACK_CLONES std::uint32_t best_of(const Lanes& a, const Lanes& b, std::uint32_t b_begins_at) {
+  std::int32_t bits[2 * lanes];
+  std::uint32_t at[2 * lanes];
+  std::memcpy(bits, a.best, sizeof a.best);
+  std::memcpy(bits + lanes, b.best, sizeof b.best);
+  for (std::size_t j = 0; j < lanes; ++j) at[j] = a.best_at[j], at[lanes + j] = b_begins_at + b.best_at[j];
+  std::int32_t most = bits[0];
+  for (const std::int32_t candidate : bits) most = std::max(most, candidate);
+  std::uint32_t first = std::numeric_limits<std::uint32_t>::max();
+  for (std::size_t j = 0; j < 2 * lanes; ++j) first = std::min(first, bits[j] == most ? at[j] : std::numeric_limits<std::uint32_t>::max());
+  return first;
+}
+
 }  // namespace
 
 WeightedMoments weighted_moments(const float* x, const float* y, const float* z, const float* weight, std::size_t n,
@@ -68,13 +83,7 @@ WeightedMoments weighted_moments(const float* x, const float* y, const float* z,
   out.covariance << t[xx_], t[xy_], t[xz_], t[xy_], t[yy_], t[yz_], t[xz_], t[yz_], t[zz_];
   out.covariance -= shift * shift.transpose();
   out.mean = origin.cast<double>() + shift;
-  float most = -1;
-  for (std::size_t j = 0; j < lanes; ++j) most = std::max({most, s.best[j], rest.best[j]});
-  std::uint32_t best = std::numeric_limits<std::uint32_t>::max();
-  for (std::size_t j = 0; j < lanes; ++j) {
-    const auto in_rest = static_cast<std::uint32_t>(whole) + rest.best_at[j];
-    best = std::min({best, s.best[j] == most ? s.best_at[j] : best, rest.best[j] == most ? in_rest : best});
-  }
+  const std::uint32_t best = best_of(s, rest, static_cast<std::uint32_t>(whole));
   out.best = best < n ? best : 0;        // all NaN: the first
   return out;
 }

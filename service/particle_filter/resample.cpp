@@ -97,24 +97,18 @@ void systematic_descendants(std::span<const float> weight, double offset, std::s
   for (; last < weight.size(); ++last) descendants_to[last] = static_cast<std::int32_t>(count);
 }
 
-// Each particle writes itself on the next eight places whether they are its own or not: most have fewer, and no branch
-// depends on how many. The place behind a particle's own is the next one's.
-constexpr std::size_t at_once = 8;
-
-HUETRACK_CLONES void name_ancestors(const std::int32_t* __restrict descendants_to, std::size_t n, std::size_t count,
-                                    std::uint32_t* __restrict ancestor) {
-  std::size_t i = 0, done = 0;
-  for (; i < n && done + at_once <= count; ++i) {
-    const auto end = static_cast<std::size_t>(descendants_to[i]);
-    for (std::size_t j = 0; j < at_once; ++j) ancestor[done + j] = static_cast<std::uint32_t>(i);
-    if (end > done + at_once) [[unlikely]] std::fill(ancestor + done + at_once, ancestor + end, static_cast<std::uint32_t>(i));
-    done = end;
+// Each particle writes itself where its descendants begin, and so do those before it that have none: the last one there is
+// right. What lies between two such places is the nearer one to the left, the largest so far. No branch depends on how many
+// descendants a particle has.
+void name_ancestors(const std::int32_t* descendants_to, std::size_t n, std::span<std::uint32_t> ancestor) {
+  std::ranges::fill(ancestor, 0u);
+  std::size_t begin = 0;
+  for (std::size_t i = 0; i < n && begin < ancestor.size(); ++i) {
+    ancestor[begin] = static_cast<std::uint32_t>(i);
+    begin = static_cast<std::size_t>(descendants_to[i]);
   }
-  for (; i < n; ++i) {
-    const auto end = static_cast<std::size_t>(descendants_to[i]);
-    std::fill(ancestor + done, ancestor + end, static_cast<std::uint32_t>(i));
-    done = end;
-  }
+  std::uint32_t largest = 0;
+  for (std::uint32_t& a : ancestor) a = largest = std::max(largest, a);
 }
 
 }  // namespace
@@ -125,7 +119,7 @@ void systematic_ancestors(std::span<const float> weight, double offset, std::spa
   std::vector<std::int32_t> many(weight.size() > usual ? weight.size() : 0);
   std::int32_t* const descendants_to = many.empty() ? few.data() : many.data();
   systematic_descendants(weight, offset, ancestor.size(), descendants_to);
-  name_ancestors(descendants_to, weight.size(), ancestor.size(), ancestor.data());
+  name_ancestors(descendants_to, weight.size(), ancestor);
 }
 
 void take_ancestors(std::span<const std::uint32_t> ancestor, std::span<const float> in, std::span<float> out) {

@@ -85,11 +85,11 @@ int main(int argc, char** argv) {
     check("mean NEES", f.mean_nees / n, "", 1.5, 6);
     check("truth inside the 95 % ellipsoid", 100 * f.share_inside_95 / n, "%", 85, 99);
     check("`tracking` and over 10 cm off", static_cast<double>(f.wrong_tracking), "sets", -1e9, 0);
-    constexpr const char* who[] = {"nobody sees it", "one view sees it", "two or more see it"};
+    constexpr const char* who[] = {"half of it: no view", "half of it: one view", "half of it: 2+ views"};
     for (std::size_t v = 0; v < 3; ++v) {
       const TrackingFigures::Seen& s = f.by_views[v];
       if (s.sets == 0) continue;
-      std::printf("    %-20s %4zu sets, `tracking` in %4zu, a position in %4zu", who[v], s.sets, s.tracking, s.compared);
+      std::printf("    %-21s %4zu sets, `tracking` in %4zu, a position in %4zu", who[v], s.sets, s.tracking, s.compared);
       if (s.compared > 0) {
         const double m = static_cast<double>(s.compared);
         std::printf(": %6.1f mm rms, %6.1f mm max, NEES %4.1f, %3.0f %% in95", 1e3 * std::sqrt(s.sum_error2 / m), 1e3 * s.max_m,
@@ -97,7 +97,7 @@ int main(int argc, char** argv) {
       }
       std::printf("\n");
     }
-    if (f.by_views[0].sets + f.by_views[1].sets > 0) std::printf("    largest jump where fewer than two see it: %.1f mm\n", 1e3 * f.largest_jump_m);
+    if (f.by_views[0].sets + f.by_views[1].sets > 0) std::printf("    largest jump where fewer than two do: %.1f mm\n", 1e3 * f.largest_jump_m);
   };
   const std::vector<Case> cases{
       {"rendered/two_cams", 1, {0}, {lime_ball()},

@@ -85,15 +85,15 @@ TEST(LedMotion, TheJacobianIsTheDerivative) {
 
 // ---- The filter
 
-struct Run {
+struct Course {
   int poses = 0, first = -1, wrong = 0;  // wrong: tracking, and over 5 cm or 5 degrees off
   double rms_mm = 0, rms_deg = 0, nees = 0;
 };
 
-Run follow(
+Course follow(
     LedFilter& filter, const LedScene& scene, const std::vector<int>& schedule, int frames, int judged_from,
     const std::function<bool(int)>& covered = [](int) { return false; }) {
-  Run run;
+  Course run;
   std::mt19937_64 random(7);
   std::normal_distribution<double> normal;
   int judged = 0;
@@ -144,7 +144,7 @@ const std::vector<int> in_turn{0, 1, 2, 3, 4, 5, 6, 7};
 TEST(LedFilter, FindsTheCameraFromOneLedPerFrameAndFollowsIt) {
   const LedScene scene = led_scene();
   const auto filter = LedFilter::huetrack(scene.camera, options_for(scene));
-  const Run run = follow(*filter, scene, in_turn, 140, 24);
+  const Course run = follow(*filter, scene, in_turn, 140, 24);
   EXPECT_GE(run.first, 7);
   EXPECT_LE(run.first, 16);
   EXPECT_LT(run.rms_mm, 3);
@@ -157,7 +157,7 @@ TEST(LedFilter, FindsTheCameraFromOneLedPerFrameAndFollowsIt) {
 TEST(LedFilter, FindsTheCameraFromLedsThatAreNotIdentified) {
   const LedScene scene = led_scene();
   const auto filter = LedFilter::huetrack(scene.camera, options_for(scene));
-  const Run run = follow(*filter, scene, {}, 60, 20);
+  const Course run = follow(*filter, scene, {}, 60, 20);
   EXPECT_GE(run.first, 0);
   EXPECT_LE(run.first, 12);
   EXPECT_LT(run.rms_mm, 2);
@@ -166,7 +166,7 @@ TEST(LedFilter, FindsTheCameraFromLedsThatAreNotIdentified) {
 
 TEST(LedFilter, FourLedsAreEnoughAndThreeNeverGiveAPose) {
   const LedScene scene = led_scene();
-  const Run four = follow(*LedFilter::huetrack(scene.camera, options_for(scene)), scene, {0, 2, 4, 6}, 140, 40);
+  const Course four = follow(*LedFilter::huetrack(scene.camera, options_for(scene)), scene, {0, 2, 4, 6}, 140, 40);
   EXPECT_GT(four.poses, 90);
   EXPECT_EQ(four.wrong, 0);
   EXPECT_LT(four.rms_mm, 6);
@@ -176,7 +176,7 @@ TEST(LedFilter, FourLedsAreEnoughAndThreeNeverGiveAPose) {
 TEST(LedFilter, CoveredItCoastsThenIsLostAndFoundAgain) {
   const LedScene scene = led_scene();
   const auto filter = LedFilter::huetrack(scene.camera, options_for(scene));
-  const Run run = follow(*filter, scene, in_turn, 300, 0, [](int i) { return i >= 60 && i < 180; });
+  const Course run = follow(*filter, scene, in_turn, 300, 0, [](int i) { return i >= 60 && i < 180; });
   EXPECT_EQ(run.wrong, 0);
   EXPECT_GT(run.poses, 140);
   EXPECT_LT(run.poses, 250);  // 120 frames are covered, 1.3 s
@@ -189,7 +189,7 @@ TEST(LedFilter, ThePapersFilterConvergesInASmallRoom) {
   options.start.room_max = {1.1, 0.4, 1.0};
   options.particle_count = 4000;
   options.pixel_noise_px = 1;
-  const Run run = follow(*LedFilter::paper(scene.camera, options), scene, in_turn, 250, 200);
+  const Course run = follow(*LedFilter::paper(scene.camera, options), scene, in_turn, 250, 200);
   EXPECT_EQ(run.wrong, 0);
   EXPECT_GT(run.poses, 30);
 }

@@ -131,7 +131,7 @@ Fields expected_camera(CameraState state) {
   f[path + "confidence"] = text(e.confidence);
   f[path + "particle_count"] = std::to_string(e.particle_count);
   f[path + "effective_sample_size"] = text(e.effective_sample_size);
-  if (!e.has_pose()) return f;   // and no ROS message
+  if (!e.has_pose()) return f;  // and no ROS message
   const std::string stamp = fmt::format("{}.{:09}/", ns / 1'000'000'000, ns % 1'000'000'000);
   for (const auto& [topic, position, orientation] :
        {std::tuple{"pose/", "position", "orientation"}, {"tf/", "translation", "rotation"}}) {
@@ -201,7 +201,8 @@ TEST(SecondVendor, CycloneSeesEveryFieldOfEveryTopic) {
     expected.merge(expected_camera(state));
     const auto published = got.extract(fmt::format("camera/{}/published_at", static_cast<int>(state)));
     ASSERT_FALSE(published.empty());
-    EXPECT_NEAR(std::stod(published.mapped()), static_cast<double>(std::chrono::system_clock::now().time_since_epoch() / 1ns), 30e9);
+    EXPECT_NEAR(std::stod(published.mapped()),
+                static_cast<double>(std::chrono::system_clock::now().time_since_epoch() / 1ns), 30e9);
   }
   const auto count = got.extract("status/published");
   ASSERT_FALSE(count.empty());
