@@ -14,7 +14,7 @@ using namespace std::chrono_literals;
 
 constexpr double least_share = 0.1;  // of the particles that survive a weighing, see LedParticles::weigh()
 constexpr double narrow = 1.5;       // up to this widening the particles are where the measurements are
-constexpr double tracking_sigma_m = 0.1, tracking_sigma_rad = 0.1;
+constexpr double tracking_sigma_m = 0.05, tracking_sigma_rad = 0.06;
 constexpr double explained_px = 6;  // a LED so near to where the pose has it supports the pose
 constexpr Duration evidence_length = 400ms;
 
@@ -105,7 +105,7 @@ class PaperLedFilter final : public LedFilter {
     evidence_.forget(frame.at - evidence_length);
     const Vector2d sigma = largest_sigmas(pose_.covariance);
     small_ = sigma.x() < tracking_sigma_m && sigma.y() < tracking_sigma_rad;
-    const bool explained = evidence_.distinct() >= 4 && 2 * evidence_.matched() > evidence_.in_view();
+    const bool explained = evidence_.distinct() >= 4 && 4 * evidence_.matched() > 3 * evidence_.in_view();
     if (small_ && explained && widening_ < narrow) {
       state_ = CameraState::tracking;
     } else if (state_ == CameraState::tracking || state_ == CameraState::coasting) {
