@@ -139,6 +139,26 @@ dds::DataReaderQos status_reader_qos() {
   return qos;
 }
 
+dds::DataWriterQos preview_writer_qos() {
+  dds::DataWriterQos qos = reliable_writer(1);
+  qos.reliability().kind = dds::BEST_EFFORT_RELIABILITY_QOS;
+  return qos;
+}
+
+dds::DataReaderQos preview_reader_qos() {
+  dds::DataReaderQos qos = reliable_reader(1);
+  qos.reliability().kind = dds::BEST_EFFORT_RELIABILITY_QOS;
+  return qos;
+}
+
+dds::DataWriterQos teach_writer_qos() {
+  return reliable_writer(10);
+}
+
+dds::DataReaderQos teach_reader_qos() {
+  return reliable_reader(10);
+}
+
 dds::DataWriterQos ros2_writer_qos() {
   return reliable_writer(10);
 }

@@ -18,6 +18,12 @@ namespace topics {
 inline constexpr const char* object_position = "huetrack/object_position";  // huetrack::msg::ObjectPosition, keyed
 inline constexpr const char* status = "huetrack/status";                    // huetrack::msg::ServiceStatus, keyed
 
+// Native, types of huetrack_view.idl: what a page shows and asks for.
+inline constexpr const char* scene = "huetrack/scene";                  // huetrack::msg::Scene, keyed
+inline constexpr const char* preview = "huetrack/preview";              // huetrack::msg::Preview, keyed
+inline constexpr const char* teach_request = "huetrack/teach_request";  // huetrack::msg::TeachRequest
+inline constexpr const char* teach_reply = "huetrack/teach_reply";      // huetrack::msg::TeachReply
+
 // ROS 2, types of ros2_messages.idl. A ROS 2 topic /x is the DDS topic rt/x.
 inline constexpr const char* ros2_tf = "rt/tf";  // tf2_msgs/msg/TFMessage
 std::string ros2_pose(
@@ -51,6 +57,10 @@ bool is_target_name(std::string_view name);
 //   service
 //                    is seen within 1.5 s. A reader keeps more, so that a slow terminal loses nothing.
 //   status           reliable, transient-local, keep-last 1; heartbeat 200 ms: who comes late has it within that time.
+//   scene            as status.
+//   preview          best effort, volatile, keep-last 1: a lost picture is not sent again. Large socket buffers are the
+//                    host's affair; our pictures fit into a few datagrams.
+//   teach_*          reliable, volatile, keep-last 10.
 //   ROS 2            reliable, volatile, keep-last 10: matches echo, RViz and best-effort readers.
 // All are published synchronously: the measured latency and its tail are the best so, and the publishing thread is not
 // a capturing one. No deadline is offered: it would exclude readers.
@@ -58,6 +68,10 @@ eprosima::fastdds::dds::DataWriterQos object_position_writer_qos();
 eprosima::fastdds::dds::DataReaderQos object_position_reader_qos();
 eprosima::fastdds::dds::DataWriterQos status_writer_qos();
 eprosima::fastdds::dds::DataReaderQos status_reader_qos();
+eprosima::fastdds::dds::DataWriterQos preview_writer_qos();
+eprosima::fastdds::dds::DataReaderQos preview_reader_qos();
+eprosima::fastdds::dds::DataWriterQos teach_writer_qos();
+eprosima::fastdds::dds::DataReaderQos teach_reader_qos();
 eprosima::fastdds::dds::DataWriterQos ros2_writer_qos();
 
 }  // namespace huetrack

@@ -35,7 +35,9 @@ std::optional<ExchangeFormat> exchange_format_of(std::string_view word) {
 ExchangeFormat detect_format(const std::filesystem::path& file) {
   const std::string text = text_of(file);
   const std::string extension = file.extension().string();
-  const auto has = [&](const char* pattern) { return std::regex_search(text, std::regex(pattern, std::regex::multiline)); };
+  const auto has = [&](const char* pattern) {
+    return std::regex_search(text, std::regex(pattern, std::regex::multiline));
+  };
   if (extension == ".xml" || extension == ".json" || text.starts_with("%YAML:1.0") || has("opencv-matrix"))
     return ExchangeFormat::opencv;
   if (extension == ".toml") {
@@ -44,27 +46,39 @@ ExchangeFormat detect_format(const std::filesystem::path& file) {
   }
   if (has(R"(^cam0\s*:)") && has(R"(^\s+camera_model\s*:)")) return ExchangeFormat::kalibr;
   if (has(R"(^distortion_model\s*:)") && has(R"(^camera_matrix\s*:)")) return ExchangeFormat::ros;
-  throw ConfigError(file, 0, "is no calibration file that we know by its looks; say which with --from: ros, opencv, kalibr, "
-                             "aniposelib or caliscope");
+  throw ConfigError(file, 0,
+                    "is no calibration file that we know by its looks; say which with --from: ros, opencv, kalibr, "
+                    "aniposelib or caliscope");
 }
 
 Imported import_rig(std::span<const std::filesystem::path> files, const ImportOptions& options) {
   if (files.empty()) throw ExchangeError("no file to import");
   const ExchangeFormat format = options.format ? *options.format : detect_format(files.front());
   if (format != ExchangeFormat::opencv && files.size() > 1) {
-    throw ExchangeError(format == ExchangeFormat::ros
-                            ? "a camera_info file holds one camera and no pose, so several make no rig: import each into a file of "
-                              "its own, and find the poses with extrinsics or wave"
-                            : "a file of this kind holds all cameras: give one");
+    throw ExchangeError(
+        format == ExchangeFormat::ros
+            ? "a camera_info file holds one camera and no pose, so several make no rig: import each into a file of "
+              "its own, and find the poses with extrinsics or wave"
+            : "a file of this kind holds all cameras: give one");
   }
   const std::filesystem::path& file = files.front();
   Imported out;
   switch (format) {
-    case ExchangeFormat::ros: out = import_camera_info(file, options); break;
-    case ExchangeFormat::opencv: out = import_opencv(files, options); break;
-    case ExchangeFormat::kalibr: out = import_kalibr(file, options); break;
-    case ExchangeFormat::aniposelib: out = import_aniposelib(file, options); break;
-    case ExchangeFormat::caliscope: out = import_caliscope(file, options); break;
+    case ExchangeFormat::ros:
+      out = import_camera_info(file, options);
+      break;
+    case ExchangeFormat::opencv:
+      out = import_opencv(files, options);
+      break;
+    case ExchangeFormat::kalibr:
+      out = import_kalibr(file, options);
+      break;
+    case ExchangeFormat::aniposelib:
+      out = import_aniposelib(file, options);
+      break;
+    case ExchangeFormat::caliscope:
+      out = import_caliscope(file, options);
+      break;
   }
   for (Camera& camera : out.rig.cameras) camera.cam_from_world.translation *= options.metres_per_unit;
   double widest = 0;
@@ -73,11 +87,13 @@ Imported import_rig(std::span<const std::filesystem::path> files, const ImportOp
   }
   std::array<char, 160> text;
   if (widest > 50) {
-    std::snprintf(text.data(), text.size(), "the cameras are up to %.0f m apart: is the file in millimetres? Then give --unit mm", widest);
+    std::snprintf(text.data(), text.size(),
+                  "the cameras are up to %.0f m apart: is the file in millimetres? Then give --unit mm", widest);
     throw ConfigError(file, 0, text.data());
   }
   if (out.rig.cameras.size() > 1) {
-    std::snprintf(text.data(), text.size(), "the cameras are up to %.3f m apart: if that is not so, give --unit", widest);
+    std::snprintf(text.data(), text.size(), "the cameras are up to %.3f m apart: if that is not so, give --unit",
+                  widest);
     out.notes.emplace_back(text.data());
   }
   if (out.rig.made_by.empty()) {
@@ -90,11 +106,16 @@ Imported import_rig(std::span<const std::filesystem::path> files, const ImportOp
 
 Exported export_rig(const CameraRig& rig, const ExportOptions& options) {
   switch (options.format) {
-    case ExchangeFormat::ros: return export_camera_info(rig);
-    case ExchangeFormat::opencv: return export_opencv(rig, options);
-    case ExchangeFormat::kalibr: return export_kalibr(rig);
-    case ExchangeFormat::aniposelib: return export_aniposelib(rig);
-    case ExchangeFormat::caliscope: return export_caliscope(rig);
+    case ExchangeFormat::ros:
+      return export_camera_info(rig);
+    case ExchangeFormat::opencv:
+      return export_opencv(rig, options);
+    case ExchangeFormat::kalibr:
+      return export_kalibr(rig);
+    case ExchangeFormat::aniposelib:
+      return export_aniposelib(rig);
+    case ExchangeFormat::caliscope:
+      return export_caliscope(rig);
   }
   throw ExchangeError("unknown format");
 }

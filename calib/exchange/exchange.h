@@ -1,9 +1,10 @@
 // Calibrations of other tools: read into our rig, and our rig written as theirs.
 //
-// Nothing is dropped in silence. Reading: what the file says and a rig cannot hold is a note; what cannot be understood (a
-// distortion model that we do not have, a wrong count of coefficients, a matrix that is not a rotation) is a ConfigError
-// with file and, where the format's reader tells it, line. Writing: what the format cannot hold and the positions do not
-// depend on (names, the choice of the world's frame) is a note; a lens that it cannot hold is an ExchangeError.
+// Nothing is dropped in silence. Reading: what the file says and a rig cannot hold is a note; what cannot be understood
+// (a distortion model that we do not have, a wrong count of coefficients, a matrix that is not a rotation) is a
+// ConfigError with file and, where the format's reader tells it, line. Writing: what the format cannot hold and the
+// positions do not depend on (names, the choice of the world's frame) is a note; a lens that it cannot hold is an
+// ExchangeError.
 #pragma once
 
 #include <filesystem>
@@ -34,9 +35,9 @@ class ExchangeError : public std::runtime_error {
 };
 
 struct ImportOptions {
-  std::optional<ExchangeFormat> format{};    // nullopt: by what the file looks like
-  std::optional<ImageSize> image_size{};     // for files that do not say it; of every camera
-  double metres_per_unit = 1;                // > 0; of the file's lengths, which no format but Kalibr's and ours fixes
+  std::optional<ExchangeFormat> format{};  // nullopt: by what the file looks like
+  std::optional<ImageSize> image_size{};   // for files that do not say it; of every camera
+  double metres_per_unit = 1;              // > 0; of the file's lengths, which no format but Kalibr's and ours fixes
 };
 
 struct Imported {
@@ -50,7 +51,8 @@ Imported import_rig(std::span<const std::filesystem::path> files, const ImportOp
 
 struct ExportOptions {
   ExchangeFormat format = ExchangeFormat::ros;
-  // opencv: yml, xml or json; with stereo a rig of two is one file with M1 D1 M2 D2 R T, otherwise each camera has its own.
+  // opencv: yml, xml or json; with stereo a rig of two is one file with M1 D1 M2 D2 R T, otherwise each camera has its
+  // own.
   std::string extension = "yml";
   bool stereo = false;
 };

@@ -15,8 +15,10 @@
 namespace huetrack {
 
 CameraModel opencv_lens(std::span<const double> intrinsics, std::string_view intrinsics_key,
-                        std::span<const double> coefficients, std::string_view coefficients_key, bool fisheye, const Fail& fail) {
-  if (intrinsics.size() != 9) fail(intrinsics_key, "must be a 3x3 matrix, got " + std::to_string(intrinsics.size()) + " numbers");
+                        std::span<const double> coefficients, std::string_view coefficients_key, bool fisheye,
+                        const Fail& fail) {
+  if (intrinsics.size() != 9)
+    fail(intrinsics_key, "must be a 3x3 matrix, got " + std::to_string(intrinsics.size()) + " numbers");
   for (const double value : intrinsics) {
     if (!std::isfinite(value)) fail(intrinsics_key, "must be numbers");
   }
@@ -29,7 +31,8 @@ CameraModel opencv_lens(std::span<const double> intrinsics, std::string_view int
   if (!(intrinsics[0] > 0) || !(intrinsics[4] > 0)) fail(intrinsics_key, "has a focal length that is not > 0");
   const std::size_t n = coefficients.size();
   if (fisheye) {
-    if (n != 4 && n != 0) fail(coefficients_key, "a fisheye has 4 coefficients (k1 k2 k3 k4), got " + std::to_string(n));
+    if (n != 4 && n != 0)
+      fail(coefficients_key, "a fisheye has 4 coefficients (k1 k2 k3 k4), got " + std::to_string(n));
     FisheyeKannalaBrandt lens{intrinsics[0], intrinsics[4], intrinsics[2], intrinsics[5], {}};
     std::ranges::copy(coefficients, lens.distortion.begin());
     return CameraModel(lens);
@@ -37,9 +40,10 @@ CameraModel opencv_lens(std::span<const double> intrinsics, std::string_view int
   // 12 and 14: with thin prism and tilt, which we have not; zeros there mean nothing.
   const bool tail_is_zero = n > 8 && std::ranges::all_of(coefficients.subspan(8), [](double k) { return k == 0; });
   if (n != 0 && n != 4 && n != 5 && n != 8 && !((n == 12 || n == 14) && tail_is_zero)) {
-    fail(coefficients_key, n == 12 || n == 14
-                               ? std::string("has thin prism or tilt coefficients, which a rig cannot hold: calibrate with 8 or fewer")
-                               : "must have 4 (k1 k2 p1 p2), 5 (k3) or 8 (k4 k5 k6) coefficients, got " + std::to_string(n));
+    fail(coefficients_key,
+         n == 12 || n == 14
+             ? std::string("has thin prism or tilt coefficients, which a rig cannot hold: calibrate with 8 or fewer")
+             : "must have 4 (k1 k2 p1 p2), 5 (k3) or 8 (k4 k5 k6) coefficients, got " + std::to_string(n));
   }
   PinholeRadtan lens{intrinsics[0], intrinsics[4], intrinsics[2], intrinsics[5], {}};
   std::ranges::copy(coefficients.first(std::min<std::size_t>(n, 8)), lens.distortion.begin());
@@ -53,11 +57,14 @@ Eigen::Quaterniond rotation_of(std::span<const double> m, std::string_view key, 
   if (!(off <= 1e-4)) {
     std::array<char, 32> text;
     std::snprintf(text.data(), text.size(), "%.2g", off);
-    fail(key, "is not a rotation: its rows must be orthogonal and of length 1 (off by " + std::string(text.data()) + ")");
+    fail(key,
+         "is not a rotation: its rows must be orthogonal and of length 1 (off by " + std::string(text.data()) + ")");
   }
   if (r.determinant() < 0) {
-    fail(key, "is mirrored (determinant -1): the tool's y or z axis points the other way; a camera is right-handed, x right, y "
-              "down, z forward");
+    fail(key,
+         "is mirrored (determinant -1): the tool's y or z axis points the other way; a camera is right-handed, x "
+         "right, y "
+         "down, z forward");
   }
   return Eigen::Quaterniond(r).normalized();
 }
@@ -74,7 +81,9 @@ Eigen::Vector3d vector_of(const Eigen::Quaterniond& rotation) {
   return turn.angle() * turn.axis();
 }
 
-bool is_fisheye(const CameraModel& model) { return std::holds_alternative<FisheyeKannalaBrandt>(model.lens()); }
+bool is_fisheye(const CameraModel& model) {
+  return std::holds_alternative<FisheyeKannalaBrandt>(model.lens());
+}
 
 std::vector<double> intrinsics_of(const CameraModel& model) {
   return {model.fx(), 0, model.cx(), 0, model.fy(), model.cy(), 0, 0, 1};

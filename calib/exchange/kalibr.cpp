@@ -1,5 +1,5 @@
-// Kalibr's camchain YAML (github.com/ethz-asl/kalibr/wiki/yaml-formats): T_cn_cnm1 takes points of the camera before to this
-// one; the first camera is the world.
+// Kalibr's camchain YAML (github.com/ethz-asl/kalibr/wiki/yaml-formats): T_cn_cnm1 takes points of the camera before to
+// this one; the first camera is the world.
 #include <algorithm>
 #include <array>
 
@@ -21,15 +21,19 @@ Imported import_kalibr(const std::filesystem::path& file, const ImportOptions& o
     camera.name = name;
     const std::string projection = cam.string("camera_model");
     if (projection != "pinhole") {
-      cam.fail("camera_model", "is " + projection + ", which a rig cannot hold: calibrate with pinhole-radtan or pinhole-equi");
+      cam.fail("camera_model",
+               "is " + projection + ", which a rig cannot hold: calibrate with pinhole-radtan or pinhole-equi");
     }
     constexpr std::array<std::string_view, 4> models{"radtan", "equidistant", "none", "fov"};
     const std::string model = cam.choice("distortion_model", models);
-    if (model == "fov") cam.fail("distortion_model", "is fov, which a rig cannot hold: calibrate with radtan or equidistant");
+    if (model == "fov")
+      cam.fail("distortion_model", "is fov, which a rig cannot hold: calibrate with radtan or equidistant");
     const auto i = cam.numbers("intrinsics", 4, 4, any_number);
     std::vector<double> d;
-    if (model != "none") d = cam.numbers("distortion_coeffs", 4, 4, any_number);
-    else if (cam.has("distortion_coeffs")) cam.numbers("distortion_coeffs", 0, 0, any_number);
+    if (model != "none")
+      d = cam.numbers("distortion_coeffs", 4, 4, any_number);
+    else if (cam.has("distortion_coeffs"))
+      cam.numbers("distortion_coeffs", 0, 0, any_number);
     const std::array<double, 9> k{i[0], 0, i[2], 0, i[1], i[3], 0, 0, 1};
     camera.model = opencv_lens(k, "intrinsics", d, "distortion_coeffs", model == "equidistant", fail);
     if (!cam.has("resolution") && options.image_size) {
@@ -91,17 +95,18 @@ Exported export_kalibr(const CameraRig& rig) {
       }
       text += "  - [0.0, 0.0, 0.0, 1.0]\n";
     }
-    text += "  camera_model: pinhole\n  distortion_coeffs: " + exact_list(d) + "\n  distortion_model: " +
-            (fisheye ? "equidistant" : "radtan") + "\n  intrinsics: " + exact_list(k) + "\n  resolution: [" +
-            std::to_string(camera.image_size.width) + ", " + std::to_string(camera.image_size.height) + "]\n  rostopic: /" +
-            camera.name + "/image_raw\n";
+    text += "  camera_model: pinhole\n  distortion_coeffs: " + exact_list(d) +
+            "\n  distortion_model: " + (fisheye ? "equidistant" : "radtan") + "\n  intrinsics: " + exact_list(k) +
+            "\n  resolution: [" + std::to_string(camera.image_size.width) + ", " +
+            std::to_string(camera.image_size.height) + "]\n  rostopic: /" + camera.name + "/image_raw\n";
     if (camera.name != "cam" + std::to_string(n))
       out.notes.push_back("Kalibr numbers its cameras: " + camera.name + " is cam" + std::to_string(n));
   }
   out.files.emplace_back("camchain.yaml", text);
   const Rigid3d& first = rig.cameras.front().cam_from_world;
   if (first.translation.norm() > 0 || std::abs(first.rotation.w()) < 1)
-    out.notes.push_back("Kalibr holds poses between cameras only: the world becomes " + rig.cameras.front().name + "'s frame");
+    out.notes.push_back("Kalibr holds poses between cameras only: the world becomes " + rig.cameras.front().name +
+                        "'s frame");
   if (!rig.made_by.empty()) out.notes.emplace_back("Kalibr has no place for made_by");
   return out;
 }

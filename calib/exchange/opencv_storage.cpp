@@ -27,7 +27,8 @@ class Storage {
       const auto bracket = what.find("(");
       const int line = bracket == std::string::npos ? 0 : std::atoi(what.c_str() + bracket + 1);
       const auto colon = what.find("): ");
-      throw ConfigError(path_, line, "OpenCV cannot read it: " + (colon == std::string::npos ? what : what.substr(colon + 3)));
+      throw ConfigError(path_, line,
+                        "OpenCV cannot read it: " + (colon == std::string::npos ? what : what.substr(colon + 3)));
     }
     if (!storage_.isOpened() || !storage_.root().isMap()) throw ConfigError(path_, 0, "is no OpenCV FileStorage");
   }
@@ -100,9 +101,11 @@ class Storage {
     }
   }
   int line_of(std::string_view key) const {
-    for (const std::string& pattern : {"\"" + std::string(key) + "\"", "<" + std::string(key), std::string(key) + ":"}) {
+    for (const std::string& pattern :
+         {"\"" + std::string(key) + "\"", "<" + std::string(key), std::string(key) + ":"}) {
       const auto at = text_.find(pattern);
-      if (at != std::string::npos) return static_cast<int>(1 + std::count(text_.begin(), text_.begin() + static_cast<std::ptrdiff_t>(at), '\n'));
+      if (at != std::string::npos)
+        return static_cast<int>(1 + std::count(text_.begin(), text_.begin() + static_cast<std::ptrdiff_t>(at), '\n'));
     }
     return 0;
   }
@@ -114,8 +117,14 @@ class Storage {
 };
 
 const Words k_keys{"camera_matrix", "cameraMatrix", "Camera_Matrix", "CameraMatrix", "intrinsic_matrix", "K", "mtx"};
-const Words d_keys{"distortion_coefficients", "Distortion_Coefficients", "distortionCoefficients", "distCoeffs", "dist_coeffs",
-                   "dist_coeff", "D", "dist"};
+const Words d_keys{"distortion_coefficients",
+                   "Distortion_Coefficients",
+                   "distortionCoefficients",
+                   "distCoeffs",
+                   "dist_coeffs",
+                   "dist_coeff",
+                   "D",
+                   "dist"};
 
 // The first file that has one of the keys.
 std::pair<const Storage*, std::string> in_any(const std::vector<const Storage*>& files, const Words& keys) {
@@ -127,7 +136,8 @@ std::pair<const Storage*, std::string> in_any(const std::vector<const Storage*>&
 
 ImageSize size_of(const std::vector<const Storage*>& files, const ImportOptions& options) {
   const auto whole = [](const Storage& file, const std::string& key, double value) {
-    if (!(value >= 1) || value > 32768 || value != std::trunc(value)) file.fail(key, "must be a whole number of pixels");
+    if (!(value >= 1) || value > 32768 || value != std::trunc(value))
+      file.fail(key, "must be a whole number of pixels");
     return static_cast<int>(value);
   };
   const auto [w, w_key] = in_any(files, {"image_width", "image_Width", "imageWidth", "width"});
@@ -140,25 +150,30 @@ ImageSize size_of(const std::vector<const Storage*>& files, const ImportOptions&
     return {whole(*s, s_key, wh[0]), whole(*s, s_key, wh[1])};
   }
   if (options.image_size) return *options.image_size;
-  throw ConfigError(files.front()->path(), 0, "does not say the image's size (image_width, image_height): give --size WIDTHxHEIGHT");
+  throw ConfigError(files.front()->path(), 0,
+                    "does not say the image's size (image_width, image_height): give --size WIDTHxHEIGHT");
 }
 
-Camera read_lens(const std::vector<const Storage*>& files, const Words& k, const Words& d, const ImportOptions& options) {
+Camera read_lens(const std::vector<const Storage*>& files, const Words& k, const Words& d,
+                 const ImportOptions& options) {
   Camera camera;
   const auto [in_k, k_key] = in_any(files, k);
-  if (in_k == nullptr) throw ConfigError(files.front()->path(), 0, "has no camera matrix (looked for " + joined(k) + ")");
+  if (in_k == nullptr)
+    throw ConfigError(files.front()->path(), 0, "has no camera matrix (looked for " + joined(k) + ")");
   const auto [in_d, d_key] = in_any(files, d);
-  if (in_d == nullptr) throw ConfigError(files.front()->path(), 0, "has no distortion coefficients (looked for " + joined(d) + ")");
+  if (in_d == nullptr)
+    throw ConfigError(files.front()->path(), 0, "has no distortion coefficients (looked for " + joined(d) + ")");
   const auto [in_f, f_key] = in_any(files, {"fisheye_model", "fisheye"});
   const bool fisheye = in_f != nullptr && in_f->number(f_key) != 0;
   const Storage* where = in_d;
   const auto matrix = in_k->numbers(k_key);
   const auto coefficients = in_d->numbers(d_key);
   if (matrix.size() == 9) {
-    camera.model = opencv_lens(matrix, k_key, coefficients, d_key, fisheye,
-                               [&, matrix_file = in_k, matrix_key = k_key](std::string_view key, const std::string& message) {
-                                 (key == matrix_key ? matrix_file : where)->fail(key, message);
-                               });
+    camera.model =
+        opencv_lens(matrix, k_key, coefficients, d_key, fisheye,
+                    [&, matrix_file = in_k, matrix_key = k_key](std::string_view key, const std::string& message) {
+                      (key == matrix_key ? matrix_file : where)->fail(key, message);
+                    });
   } else {
     in_k->fail(k_key, "must be a 3x3 matrix, got " + std::to_string(matrix.size()) + " numbers");
   }
@@ -210,8 +225,10 @@ Imported import_opencv(std::span<const std::filesystem::path> paths, const Impor
     files.push_back(storages.back().get());
   }
   Imported out;
-  const Words k1{"M1", "K1", "cameraMatrix1", "camera_matrix_1", "camera_matrix1"}, d1{"D1", "distCoeffs1", "dist_coeffs_1", "distortion_coefficients1"};
-  const Words k2{"M2", "K2", "cameraMatrix2", "camera_matrix_2", "camera_matrix2"}, d2{"D2", "distCoeffs2", "dist_coeffs_2", "distortion_coefficients2"};
+  const Words k1{"M1", "K1", "cameraMatrix1", "camera_matrix_1", "camera_matrix1"},
+      d1{"D1", "distCoeffs1", "dist_coeffs_1", "distortion_coefficients1"};
+  const Words k2{"M2", "K2", "cameraMatrix2", "camera_matrix_2", "camera_matrix2"},
+      d2{"D2", "distCoeffs2", "dist_coeffs_2", "distortion_coefficients2"};
   if (in_any(files, k1).first != nullptr) {
     Camera left = read_lens(files, k1, d1, options), right = read_lens(files, k2, d2, options);
     const auto [in_l, l_key] = in_any(files, {"camera_name1"});
@@ -220,35 +237,43 @@ Imported import_opencv(std::span<const std::filesystem::path> paths, const Impor
     right.name = in_r ? clean_name(*in_r->word({r_key})) : "right";
     const auto pose = read_pose(files, {"R"}, {"T"});
     if (!pose) {
-      throw ConfigError(files.front()->path(), 0, "has two cameras, but not how they stand to one another (R and T): give the file that has them "
-                                                  "too (extrinsics.yml)");
+      throw ConfigError(files.front()->path(), 0,
+                        "has two cameras, but not how they stand to one another (R and T): give the file that has them "
+                        "too (extrinsics.yml)");
     }
     right.cam_from_world = *pose;  // stereoCalibrate: p_2 = R p_1 + T
     out.rig.cameras = {std::move(left), std::move(right)};
-    out.notes.emplace_back("the world is the first camera's frame (z forward, y down): set it with huetrack-calibrate world");
+    out.notes.emplace_back(
+        "the world is the first camera's frame (z forward, y down): set it with huetrack-calibrate world");
   } else {
     std::vector<std::string> unposed;
     for (const Storage* file : files) {
       Camera camera = read_lens({file}, k_keys, d_keys, options);
       camera.name = clean_name(file->word({"camera_name"}).value_or(file->path().stem().string()));
-      if (const auto pose = read_pose({file}, world_r, world_t)) camera.cam_from_world = *pose;
-      else unposed.push_back(camera.name);
+      if (const auto pose = read_pose({file}, world_r, world_t))
+        camera.cam_from_world = *pose;
+      else
+        unposed.push_back(camera.name);
       out.rig.cameras.push_back(std::move(camera));
     }
     if (!unposed.empty() && files.size() > 1) {
-      throw ConfigError(files.front()->path(), 0, "no poses for " + joined(unposed) + ": import each camera into a file of its own, and "
-                                                  "find the poses with extrinsics or wave");
+      throw ConfigError(files.front()->path(), 0,
+                        "no poses for " + joined(unposed) +
+                            ": import each camera into a file of its own, and "
+                            "find the poses with extrinsics or wave");
     }
     if (!unposed.empty()) out.notes.emplace_back("the file holds no pose: the world is the camera's own frame");
   }
   for (const Storage* file : files) {
-    if (const Words left = file->left_out(); !left.empty()) out.notes.push_back(file->path().filename().string() + ": not taken over: " + joined(left));
+    if (const Words left = file->left_out(); !left.empty())
+      out.notes.push_back(file->path().filename().string() + ": not taken over: " + joined(left));
   }
   return out;
 }
 
 Exported export_opencv(const CameraRig& rig, const ExportOptions& options) {
-  if (options.extension != "yml" && options.extension != "yaml" && options.extension != "xml" && options.extension != "json")
+  if (options.extension != "yml" && options.extension != "yaml" && options.extension != "xml" &&
+      options.extension != "json")
     throw ExchangeError("OpenCV's FileStorage writes yml, xml or json, not " + options.extension);
   Exported out;
   const auto write = [&](const std::string& stem, const auto& fill) {
@@ -258,10 +283,13 @@ Exported export_opencv(const CameraRig& rig, const ExportOptions& options) {
     out.files.emplace_back(file, storage.releaseAndGetString());
   };
   if (options.stereo) {
-    if (rig.cameras.size() != 2) throw ExchangeError("a stereo file holds two cameras, the rig has " + std::to_string(rig.cameras.size()));
+    if (rig.cameras.size() != 2)
+      throw ExchangeError("a stereo file holds two cameras, the rig has " + std::to_string(rig.cameras.size()));
     const Camera &a = rig.cameras[0], &b = rig.cameras[1];
-    if (a.image_size != b.image_size) throw ExchangeError("a stereo file holds one image size, and the cameras' differ");
-    if (is_fisheye(a.model) != is_fisheye(b.model)) throw ExchangeError("a stereo file holds one kind of lens: one of the two is a fisheye");
+    if (a.image_size != b.image_size)
+      throw ExchangeError("a stereo file holds one image size, and the cameras' differ");
+    if (is_fisheye(a.model) != is_fisheye(b.model))
+      throw ExchangeError("a stereo file holds one kind of lens: one of the two is a fisheye");
     write("stereo", [&](cv::FileStorage& s) {
       s << "image_width" << a.image_size.width << "image_height" << a.image_size.height;
       s << "camera_name1" << a.name << "camera_name2" << b.name;
@@ -272,11 +300,13 @@ Exported export_opencv(const CameraRig& rig, const ExportOptions& options) {
       s << "R" << rotation_matrix(pose) << "T" << translation_matrix(pose);
     });
     if (a.cam_from_world.translation.norm() > 0 || std::abs(a.cam_from_world.rotation.w()) < 1)
-      out.notes.push_back("a stereo file holds the pose between the cameras only: the world becomes " + a.name + "'s frame");
+      out.notes.push_back("a stereo file holds the pose between the cameras only: the world becomes " + a.name +
+                          "'s frame");
   } else {
     for (const Camera& camera : rig.cameras) {
       write(camera.name, [&](cv::FileStorage& s) {
-        s << "camera_name" << camera.name << "image_width" << camera.image_size.width << "image_height" << camera.image_size.height;
+        s << "camera_name" << camera.name << "image_width" << camera.image_size.width << "image_height"
+          << camera.image_size.height;
         if (is_fisheye(camera.model)) s << "fisheye_model" << 1;
         s << "camera_matrix" << matrix_of(intrinsics_of(camera.model), 3);
         s << "distortion_coefficients" << matrix_of(coefficients_of(camera.model), 1);
@@ -285,7 +315,8 @@ Exported export_opencv(const CameraRig& rig, const ExportOptions& options) {
       });
     }
     if (rig.cameras.size() > 1)
-      out.notes.emplace_back("cam_from_world_rotation and _translation are keys of ours: OpenCV has none for a rig's poses");
+      out.notes.emplace_back(
+          "cam_from_world_rotation and _translation are keys of ours: OpenCV has none for a rig's poses");
   }
   if (!rig.made_by.empty()) out.notes.emplace_back("these files have no place for made_by");
   return out;

@@ -1,5 +1,5 @@
-// Anipose's and Caliscope's TOML. Both keep cam_from_world as OpenCV does: a rotation vector (Caliscope's older files: a
-// matrix) and a translation, p_cam = R p_world + t.
+// Anipose's and Caliscope's TOML. Both keep cam_from_world as OpenCV does: a rotation vector (Caliscope's older files:
+// a matrix) and a translation, p_cam = R p_world + t.
 #include <toml++/toml.h>
 
 #include <Eigen/Geometry>
@@ -69,8 +69,8 @@ class TomlReader {
       fail(key, "is missing: give --size WIDTHxHEIGHT");
     }
     const auto s = numbers(key);
-    if (s.size() != 2 || !(s[0] >= 1) || !(s[1] >= 1) || s[0] != std::trunc(s[0]) || s[1] != std::trunc(s[1]) || s[0] > 32768 ||
-        s[1] > 32768) {
+    if (s.size() != 2 || !(s[0] >= 1) || !(s[1] >= 1) || s[0] != std::trunc(s[0]) || s[1] != std::trunc(s[1]) ||
+        s[0] > 32768 || s[1] > 32768) {
       fail(key, "must be two whole numbers, [width, height]");
     }
     return {static_cast<int>(s[0]), static_cast<int>(s[1])};
@@ -110,7 +110,8 @@ bool read_camera(const TomlReader& reader, const ImportOptions& options, Camera&
   const auto k = reader.numbers("matrix");
   const auto d = reader.numbers("distortions");
   camera.model = opencv_lens(k, "matrix", d, "distortions", fisheye, fail);
-  if (reader.has("rotation") != reader.has("translation")) fail("rotation", "rotation and translation must both be there");
+  if (reader.has("rotation") != reader.has("translation"))
+    fail("rotation", "rotation and translation must both be there");
   if (!reader.has("rotation")) return false;
   const auto r = reader.numbers("rotation"), t = reader.numbers("translation");
   if (r.size() != 3 && r.size() != 9) fail("rotation", "must be a rotation vector (3 numbers) or a 3x3 matrix");
@@ -123,7 +124,8 @@ bool read_camera(const TomlReader& reader, const ImportOptions& options, Camera&
 void add(const TomlReader& reader, const std::filesystem::path& file, bool posed, Camera camera, CameraRig& rig,
          std::vector<std::string>& unposed) {
   for (const Camera& other : rig.cameras) {
-    if (other.name == camera.name) throw ConfigError(file, reader.line(), reader.path() + ": a second camera " + camera.name);
+    if (other.name == camera.name)
+      throw ConfigError(file, reader.line(), reader.path() + ": a second camera " + camera.name);
   }
   if (!posed) unposed.push_back(camera.name);
   rig.cameras.push_back(std::move(camera));
@@ -134,7 +136,9 @@ void require_poses(const std::filesystem::path& file, const CameraRig& rig, cons
   if (rig.cameras.empty()) throw ConfigError(file, 0, "has no camera");
   if (unposed.empty()) return;
   if (rig.cameras.size() > 1)
-    throw ConfigError(file, 0, "these cameras have no rotation and translation: " + joined(unposed) + ": calibrate them, or take them out");
+    throw ConfigError(
+        file, 0,
+        "these cameras have no rotation and translation: " + joined(unposed) + ": calibrate them, or take them out");
   notes.push_back(rig.cameras.front().name + " has no pose: the world is the camera's own frame");
 }
 
@@ -142,16 +146,19 @@ std::string camera_text(const Camera& camera, bool fisheye_always) {
   const auto k = intrinsics_of(camera.model);
   const std::span<const double> m(k);
   const Eigen::Vector3d r = vector_of(camera.cam_from_world.rotation), &t = camera.cam_from_world.translation;
-  std::string out = "size = [" + std::to_string(camera.image_size.width) + ", " + std::to_string(camera.image_size.height) + "]\n";
-  out += "matrix = [" + exact_list(m.subspan(0, 3)) + ", " + exact_list(m.subspan(3, 3)) + ", " + exact_list(m.subspan(6, 3)) + "]\n";
+  std::string out =
+      "size = [" + std::to_string(camera.image_size.width) + ", " + std::to_string(camera.image_size.height) + "]\n";
+  out += "matrix = [" + exact_list(m.subspan(0, 3)) + ", " + exact_list(m.subspan(3, 3)) + ", " +
+         exact_list(m.subspan(6, 3)) + "]\n";
   out += "distortions = " + exact_list(coefficients_of(camera.model)) + "\n";
   out += "rotation = " + exact_list(std::array{r.x(), r.y(), r.z()}) + "\n";
   out += "translation = " + exact_list(std::array{t.x(), t.y(), t.z()}) + "\n";
-  if (is_fisheye(camera.model) || fisheye_always) out += std::string("fisheye = ") + (is_fisheye(camera.model) ? "true\n" : "false\n");
+  if (is_fisheye(camera.model) || fisheye_always)
+    out += std::string("fisheye = ") + (is_fisheye(camera.model) ? "true\n" : "false\n");
   return out;
 }
 
-std::string quoted(std::string_view text) {
+std::string in_quotes(std::string_view text) {
   std::string out = "\"";
   for (const char c : text) {
     if (c == '"' || c == '\\') out += '\\';
@@ -185,23 +192,31 @@ Imported import_aniposelib(const std::filesystem::path& file, const ImportOption
     if (name == "metadata" && table != nullptr) {  // free texts, as our made_by
       for (const auto& [what, said] : *table) {
         std::string text;
-        if (const auto s = said.value<std::string>()) text = *s;
-        else if (const auto b = said.as_boolean()) text = b->get() ? "true" : "false";
-        else if (const auto i = said.as_integer()) text = std::to_string(i->get());
-        else if (const auto d = said.as_floating_point(); d != nullptr && std::isfinite(d->get())) text = exact(d->get());
-        if (text.empty()) out.notes.push_back("not taken over: metadata." + std::string(what.str()));
-        else out.rig.made_by.emplace_back(std::string(what.str()), text);
+        if (const auto s = said.value<std::string>())
+          text = *s;
+        else if (const auto b = said.as_boolean())
+          text = b->get() ? "true" : "false";
+        else if (const auto i = said.as_integer())
+          text = std::to_string(i->get());
+        else if (const auto d = said.as_floating_point(); d != nullptr && std::isfinite(d->get()))
+          text = exact(d->get());
+        if (text.empty())
+          out.notes.push_back("not taken over: metadata." + std::string(what.str()));
+        else
+          out.rig.made_by.emplace_back(std::string(what.str()), text);
       }
       continue;
     }
     if (table == nullptr || !name.starts_with("cam"))
-      throw ConfigError(file, static_cast<int>(value.source().begin.line), name + " is not a camera: expected [cam_0], [cam_1], ... and [metadata]");
+      throw ConfigError(file, static_cast<int>(value.source().begin.line),
+                        name + " is not a camera: expected [cam_0], [cam_1], ... and [metadata]");
     const TomlReader reader(*table, name, file);
     Camera camera;
     camera.name = reader.has("name") ? reader.string("name") : name;
     const bool posed = read_camera(reader, options, camera);
     if (reader.has("extra_dist")) reader.boolean("extra_dist", false);  // says no more than the count does
-    if (const auto left = reader.left_out(); !left.empty()) out.notes.push_back(camera.name + ": not taken over: " + joined(left));
+    if (const auto left = reader.left_out(); !left.empty())
+      out.notes.push_back(camera.name + ": not taken over: " + joined(left));
     add(reader, file, posed, std::move(camera), out.rig, unposed);
   }
   require_poses(file, out.rig, unposed, out.notes);
@@ -219,7 +234,8 @@ Imported import_caliscope(const std::filesystem::path& file, const ImportOptions
     if (name == "cameras" && table != nullptr) {
       for (const auto& [number, camera] : *table) {
         if (camera.as_table() == nullptr)
-          throw ConfigError(file, static_cast<int>(camera.source().begin.line), "cameras." + std::string(number.str()) + " is not a table");
+          throw ConfigError(file, static_cast<int>(camera.source().begin.line),
+                            "cameras." + std::string(number.str()) + " is not a table");
         tables.emplace_back("cam_" + std::string(number.str()), camera.as_table());
       }
     } else if (name.starts_with("cam_") && table != nullptr) {
@@ -247,12 +263,14 @@ Imported import_caliscope(const std::filesystem::path& file, const ImportOptions
       const auto turns = reader.numbers("rotation_count");
       if (turns.size() != 1) reader.fail("rotation_count", "must be a number");
       if (turns[0] != 0)
-        out.notes.push_back(name + ": was calibrated on images turned by " + exact(90 * turns[0]) + " degrees: turn this camera's images alike");
+        out.notes.push_back(name + ": was calibrated on images turned by " + exact(90 * turns[0]) +
+                            " degrees: turn this camera's images alike");
     }
     for (const std::string_view key : {"cam_id", "port"}) {
       if (reader.has(key)) reader.numbers(key);
     }
-    if (const auto left = reader.left_out(); !left.empty()) out.notes.push_back(name + ": not taken over: " + joined(left));
+    if (const auto left = reader.left_out(); !left.empty())
+      out.notes.push_back(name + ": not taken over: " + joined(left));
     add(reader, file, posed, std::move(camera), out.rig, unposed);
   }
   require_poses(file, out.rig, unposed, out.notes);
@@ -264,11 +282,12 @@ Exported export_aniposelib(const CameraRig& rig) {
   std::string text;
   for (std::size_t n = 0; n < rig.cameras.size(); ++n) {
     const Camera& camera = rig.cameras[n];
-    text += "[cam_" + std::to_string(n) + "]\nname = " + quoted(camera.name) + "\n" + camera_text(camera, false) + "\n";
+    text +=
+        "[cam_" + std::to_string(n) + "]\nname = " + in_quotes(camera.name) + "\n" + camera_text(camera, false) + "\n";
     note_rational(camera, "aniposelib", out.notes);
   }
   text += "[metadata]\n";
-  for (const auto& [key, value] : rig.made_by) text += quoted(key) + " = " + quoted(value) + "\n";
+  for (const auto& [key, value] : rig.made_by) text += in_quotes(key) + " = " + in_quotes(value) + "\n";
   out.files.emplace_back("calibration.toml", text);
   return out;
 }
@@ -283,7 +302,8 @@ Exported export_caliscope(const CameraRig& rig) {
     const std::string tail = digits == std::string::npos ? camera.name : camera.name.substr(digits + 1);
     if (!tail.empty() && tail.size() <= 6) numbers.push_back(std::to_string(std::stoi(tail)));
   }
-  if (numbers.size() != rig.cameras.size() || std::set<std::string>(numbers.begin(), numbers.end()).size() != numbers.size()) {
+  if (numbers.size() != rig.cameras.size() ||
+      std::set<std::string>(numbers.begin(), numbers.end()).size() != numbers.size()) {
     numbers.clear();
     for (std::size_t n = 0; n < rig.cameras.size(); ++n) numbers.push_back(std::to_string(n));
   }
@@ -291,7 +311,8 @@ Exported export_caliscope(const CameraRig& rig) {
     const Camera& camera = rig.cameras[n];
     text += "[cameras." + numbers[n] + "]\ncam_id = " + numbers[n] + "\nrotation_count = 0\nignore = false\n" +
             camera_text(camera, true) + "\n";
-    if (camera.name != "cam_" + numbers[n]) out.notes.push_back("Caliscope numbers its cameras: " + camera.name + " is cam_" + numbers[n]);
+    if (camera.name != "cam_" + numbers[n])
+      out.notes.push_back("Caliscope numbers its cameras: " + camera.name + " is cam_" + numbers[n]);
     note_rational(camera, "Caliscope", out.notes);
   }
   out.files.emplace_back("camera_array.toml", text);

@@ -12,9 +12,9 @@
 namespace huetrack {
 namespace {
 
-constexpr double edge_mm = 5;      // that printers leave white
+constexpr double edge_mm = 5;  // that printers leave white
 constexpr double ruler_mm = 100;
-constexpr double foot_mm = 17;     // for the text and the ruler
+constexpr double foot_mm = 17;  // for the text and the ruler
 
 std::string format(const char* text, auto... values) {
   std::array<char, 512> buffer;
@@ -46,7 +46,7 @@ cv::Mat marker_bits(const Board& board, int index) {
 struct Shapes {
   std::vector<std::array<double, 4>> black;
   Eigen::Vector2d size;
-  Eigen::Vector2d origin;   // of the board's own frame
+  Eigen::Vector2d origin;  // of the board's own frame
 };
 
 void add_marker(const Board& board, int index, double x, double y, double side, Shapes& shapes) {
@@ -69,7 +69,8 @@ Shapes shapes_of(const Board& board) {
   if (board.type == BoardType::aruco_grid) {
     shapes.size = {px * (board.columns - 1) + marker, py * (board.rows - 1) + marker};
     shapes.origin.setZero();
-    for (int i = 0; i < board.columns * board.rows; ++i) add_marker(board, i, px * (i % board.columns), py * (i / board.columns), marker, shapes);
+    for (int i = 0; i < board.columns * board.rows; ++i)
+      add_marker(board, i, px * (i % board.columns), py * (i / board.columns), marker, shapes);
     return shapes;
   }
   const bool charuco = board.type == BoardType::charuco;
@@ -81,8 +82,10 @@ Shapes shapes_of(const Board& board) {
     for (int column = 0; column < columns; ++column) {
       const double x = px * column, y = py * row;
       const bool white = charuco ? board.is_marker_square(column, row) : (column + row) % 2 == 1;
-      if (!white) shapes.black.push_back({x, y, px, py});
-      else if (charuco) add_marker(board, next++, x + (px - marker) / 2, y + (py - marker) / 2, marker, shapes);
+      if (!white)
+        shapes.black.push_back({x, y, px, py});
+      else if (charuco)
+        add_marker(board, next++, x + (px - marker) / 2, y + (py - marker) / 2, marker, shapes);
     }
   }
   return shapes;
@@ -92,8 +95,9 @@ Shapes shapes_of(const Board& board) {
 
 std::optional<Paper> paper_of(std::string_view text) {
   for (const Paper& paper : papers) {
-    if (std::ranges::equal(paper.name, text, {}, [](char c) { return std::tolower(static_cast<unsigned char>(c)); },
-                           [](char c) { return std::tolower(static_cast<unsigned char>(c)); }))
+    if (std::ranges::equal(
+            paper.name, text, {}, [](char c) { return std::tolower(static_cast<unsigned char>(c)); },
+            [](char c) { return std::tolower(static_cast<unsigned char>(c)); }))
       return paper;
   }
   const auto x = text.find('x');
@@ -112,16 +116,19 @@ BoardPdf board_pdf(const Board& board, const Paper& given) {
   const Shapes shapes = shapes_of(board);
   const double square = 1e3 * std::min(board.pitch.x(), board.pitch.y());
   const double margin = std::max(2.0, square / 4);
-  const Eigen::Vector2d needed = shapes.size + Eigen::Vector2d(2 * (margin + edge_mm), 2 * edge_mm + 2 * margin + foot_mm);
+  const Eigen::Vector2d needed =
+      shapes.size + Eigen::Vector2d(2 * (margin + edge_mm), 2 * edge_mm + 2 * margin + foot_mm);
   const auto fits = [&](double width, double height) { return needed.x() <= width && needed.y() <= height; };
   Paper paper = given;
   if (!fits(paper.width_mm, paper.height_mm)) std::swap(paper.width_mm, paper.height_mm);
   if (!fits(paper.width_mm, paper.height_mm)) {
     // What is not printed on does not grow with the board (but for the margin, nearly).
     const auto scale = [&](double width, double height) {
-      return std::min((width - 2 * edge_mm) / (shapes.size.x() + 2 * margin), (height - 2 * edge_mm - foot_mm) / (shapes.size.y() + 2 * margin));
+      return std::min((width - 2 * edge_mm) / (shapes.size.x() + 2 * margin),
+                      (height - 2 * edge_mm - foot_mm) / (shapes.size.y() + 2 * margin));
     };
-    const double largest = std::max(scale(given.width_mm, given.height_mm), scale(given.height_mm, given.width_mm)) * square;
+    const double largest =
+        std::max(scale(given.width_mm, given.height_mm), scale(given.height_mm, given.width_mm)) * square;
     std::string larger;
     for (const Paper& other : papers) {
       if (other.name[0] == 'A' && (fits(other.width_mm, other.height_mm) || fits(other.height_mm, other.width_mm))) {
@@ -130,13 +137,14 @@ BoardPdf board_pdf(const Board& board, const Paper& given) {
       }
     }
     const double step = largest >= 5 ? 1 : 0.1;
-    throw DoesNotFit(format("%s does not fit on %s: with its margin, the ruler and the printer's edge it needs %.0f x %.0f mm.", board.description().c_str(),
-                            given.name.c_str(), needed.x(), needed.y()) +
-                     (larger.empty() ? std::string() : " It fits on " + larger + ".") +
-                     (largest >= 1 ? format(" On %s the %s can be %g mm.", given.name.c_str(),
-                                            board.type == BoardType::aruco_grid ? "marker and gap together" : "squares",
-                                            std::floor(largest / step) * step)
-                                   : std::string()));
+    throw DoesNotFit(
+        format("%s does not fit on %s: with its margin, the ruler and the printer's edge it needs %.0f x %.0f mm.",
+               board.description().c_str(), given.name.c_str(), needed.x(), needed.y()) +
+        (larger.empty() ? std::string() : " It fits on " + larger + ".") +
+        (largest >= 1 ? format(" On %s the %s can be %g mm.", given.name.c_str(),
+                               board.type == BoardType::aruco_grid ? "marker and gap together" : "squares",
+                               std::floor(largest / step) * step)
+                      : std::string()));
   }
 
   BoardPdf out;
@@ -150,7 +158,8 @@ BoardPdf board_pdf(const Board& board, const Paper& given) {
   if (board.inverted) {
     page.rectangle(left - margin, top - margin, shapes.size.x() + 2 * margin, shapes.size.y() + 2 * margin, 0);
   }
-  for (const auto& [x, y, width, height] : shapes.black) page.rectangle(left + x, top + y, width, height, board.inverted ? 1 : 0);
+  for (const auto& [x, y, width, height] : shapes.black)
+    page.rectangle(left + x, top + y, width, height, board.inverted ? 1 : 0);
 
   // The ruler: 100 mm, or as many tens as fit.
   const double foot = top + shapes.size.y() + margin;

@@ -12,7 +12,7 @@ namespace huetrack {
 
 struct Paper {
   std::string name;
-  double width_mm = 0;   // as it is printed: the board lies along it
+  double width_mm = 0;  // as it is printed: the board lies along it
   double height_mm = 0;
 };
 // "A4", "A3", "A2", "A1", "A0", "letter", "legal", "tabloid", or WIDTHxHEIGHT in millimetres. nullopt: none of these.
@@ -25,13 +25,13 @@ class DoesNotFit : public std::runtime_error {
 
 struct BoardPdf {
   std::string pdf;
-  Paper paper;                           // as it was turned
-  Eigen::Vector2d origin_mm;             // where Board::point's origin lies on it, from the top left corner
-  Eigen::Vector2d size_mm;               // of the board, without its margin
+  Paper paper;                // as it was turned
+  Eigen::Vector2d origin_mm;  // where Board::point's origin lies on it, from the top left corner
+  Eigen::Vector2d size_mm;    // of the board, without its margin
 };
 
-// Turns the paper when the board fits only so. Around the board stays a white (inverted: black) margin of at least a quarter
-// of a square, which detectors need. throws DoesNotFit; std::invalid_argument: board.problems().
+// Turns the paper when the board fits only so. Around the board stays a white (inverted: black) margin of at least a
+// quarter of a square, which detectors need. throws DoesNotFit; std::invalid_argument: board.problems().
 BoardPdf board_pdf(const Board& board, const Paper& paper);
 
 }  // namespace huetrack

@@ -45,9 +45,11 @@ void PdfPage::text(double x, double y, double size_mm, const std::string& line, 
 
 std::string PdfPage::pdf(const std::string& title) const {
   const std::vector<std::string> objects{
-      "<< /Type /Catalog /Pages 2 0 R /ViewerPreferences << /PrintScaling /None >> >>",  // printers must not fit it to the page
+      "<< /Type /Catalog /Pages 2 0 R /ViewerPreferences << /PrintScaling /None >> >>",  // printers must not fit it to
+                                                                                         // the page
       "<< /Type /Pages /Kids [3 0 R] /Count 1 >>",
-      format("<< /Type /Page /Parent 2 0 R /MediaBox [0 0 %.6f %.6f] /Contents 4 0 R /Resources << /Font << /F1 5 0 R >> >> >>",
+      format("<< /Type /Page /Parent 2 0 R /MediaBox [0 0 %.6f %.6f] /Contents 4 0 R /Resources << /Font << /F1 5 0 R "
+             ">> >> >>",
              width_mm_ * points_per_mm, height_mm_ * points_per_mm),
       "<< /Length " + std::to_string(content_.size()) + " >>\nstream\n" + content_ + "endstream",
       "<< /Type /Font /Subtype /Type1 /BaseFont /Helvetica >>",
@@ -59,8 +61,8 @@ std::string PdfPage::pdf(const std::string& title) const {
     out += std::to_string(i + 1) + " 0 obj\n" + objects[i] + "\nendobj\n";
   }
   const std::size_t start = out.size();
-  return out + table + "trailer\n<< /Size " + std::to_string(objects.size() + 1) + " /Root 1 0 R /Info 6 0 R >>\nstartxref\n" +
-         std::to_string(start) + "\n%%EOF\n";
+  return out + table + "trailer\n<< /Size " + std::to_string(objects.size() + 1) +
+         " /Root 1 0 R /Info 6 0 R >>\nstartxref\n" + std::to_string(start) + "\n%%EOF\n";
 }
 
 }  // namespace huetrack

@@ -1,4 +1,5 @@
-// One page of PDF 1.4 with filled rectangles and lines of text: what a board needs, to the micrometre. Private to this module.
+// One page of PDF 1.4 with filled rectangles and lines of text: what a board needs, to the micrometre. Private to this
+// module.
 #pragma once
 
 #include <string>
@@ -14,7 +15,7 @@ class PdfPage {
   // Helvetica, its baseline at y; only printable ASCII is kept. turned: upwards.
   void text(double x, double y, double size_mm, const std::string& line, bool turned = false);
 
-  std::string pdf(const std::string& title) const;   // the file; the same bytes for the same page
+  std::string pdf(const std::string& title) const;  // the file; the same bytes for the same page
 
  private:
   double width_mm_, height_mm_;

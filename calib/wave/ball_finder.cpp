@@ -30,8 +30,7 @@ Vector3d light_at(const Image& image, int u, int v) {
 // background's light is missing is covered. Halves the noise of the centre, and does not care for the shading. Left as it
 // is where object and background have much the same chroma, or the background is too dark to miss any of it.
 ColorRegion soft_region(const Image& image, MatchBits& matches, const ColorRegion& region) {
-  static const auto env = [](const char* n, double d) { return std::getenv(n) ? std::atof(std::getenv(n)) : d; };
-  static const double rim_px = env("RIM", 1.5), ring_from_px = rim_px + 1, ring_to_px = rim_px + 3, noise = env("NOISE", 3), thr = env("THR", 0);
+  constexpr double rim_px = 1, ring_from_px = 2.5, ring_to_px = 4.5, noise = 4;
   const Eigen::Matrix2d shape = region.spread.inverse() / 4;  // 1 at the edge
   const double radius = 2 * std::pow(region.spread.determinant(), 0.25);
   const double reach_u = 2 * std::sqrt(region.spread(0, 0)), reach_v = 2 * std::sqrt(region.spread(1, 1));
@@ -90,7 +89,7 @@ ColorRegion soft_region(const Image& image, MatchBits& matches, const ColorRegio
       const Vector2d parts = (unmix * light_at(image, u, v)).cwiseMax(0);  // light of the object, of the background
       const Vector2d d = Vector2d(u, v) - region.centre;
       const double lit = std::max(shading[0] / 4, shading[0] + shading.tail<2>().dot(d));
-      const double covered = parts.x() / (parts.x() + parts.y() * lit / std::max(behind, 10.0) + noise) - thr; if (covered <= 0) continue;
+      const double covered = parts.x() / (parts.x() + parts.y() * lit / std::max(behind, 10.0) + noise);
       n += covered;
       sum += covered * d;
       squares += covered * d * d.transpose();

@@ -20,7 +20,8 @@ BallPath::Basis BallPath::basis(double t_s) const {
   const double whole = std::min(std::floor(s), spans - 1);
   const double u = s - whole, v = 1 - u;
   return {static_cast<std::size_t>(whole),
-          {v * v * v / 6, (3 * u * u * u - 6 * u * u + 4) / 6, (-3 * u * u * u + 3 * u * u + 3 * u + 1) / 6, u * u * u / 6}};
+          {v * v * v / 6, (3 * u * u * u - 6 * u * u + 4) / 6, (-3 * u * u * u + 3 * u * u + 3 * u + 1) / 6,
+           u * u * u / 6}};
 }
 
 Eigen::Vector3d BallPath::at(double t_s) const {

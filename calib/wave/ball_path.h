@@ -22,7 +22,7 @@ struct BallPath {
   Eigen::Vector3d at(double t_s) const;
   double end_s() const { return start_s + step_s * static_cast<double>(control.size() - 3); }
 
-  static BallPath over(double from_s, double to_s, double step_s);   // all control points at the origin
+  static BallPath over(double from_s, double to_s, double step_s);  // all control points at the origin
 };
 
 }  // namespace huetrack

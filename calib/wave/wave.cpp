@@ -43,6 +43,7 @@ double median(std::vector<double> values) {
   return *middle;
 }
 
+double ENV(const char* n, double d) { return std::getenv(n) ? std::atof(std::getenv(n)) : d; }
 std::size_t index(int i) {
   return static_cast<std::size_t>(i);
 }
@@ -121,14 +122,16 @@ class Wave {
     for (int round = 0; round < 2; ++round) {
       fit_ = adjust_wave(rig_, observations(), state_, o);
       choose(round == 0 ? 20 : 8);
-      o.loss = std::getenv("LOSS") ? std::atof(std::getenv("LOSS")) : 3;
+      o.loss = ENV("LOSS", 2);
       if (any_scale) Similarity{.scale = 1 / size_ratio()}.apply(state_);
     }
     learn_shapes();
+    find_gaps();
     rough_ = false;
     choose(8);
     for (int round = 0; round < 6; ++round) {
       learn_shapes();
+      find_gaps();
       if (round == 1 || round == 3) learn_jerk();
       o.jerk_m_s3 = jerk_m_s3_;
       fit_ = adjust_wave(rig_, observations(), state_, o);
@@ -174,7 +177,7 @@ class Wave {
     for (std::size_t f = 0; f < frames_.size(); ++f) {
       if (chosen_[f] < 0) continue;
       const auto at = appearance(frames_[f]);
-      const auto covariance = at ? covariance_of(region(f), *at, frames_[f].camera) : std::nullopt;
+      const auto covariance = at ? covariance_of(f, region(f), *at) : std::nullopt;
       if (covariance) out.push_back({frames_[f].camera, frames_[f].t_s, region(f).centre, *covariance});
     }
     return out;
@@ -206,7 +209,7 @@ class Wave {
   WaveAdjustmentOptions adjustment_options() const {
     WaveAdjustmentOptions o;
     o.radius_m = options_.radius_m;
-    if (std::getenv("LOSS")) o.loss = std::atof(std::getenv("LOSS"));
+    o.loss = ENV("LOSS", 2);
     o.jerk_m_s3 = jerk_m_s3_;
     // The scale is held by the two cameras that are furthest apart.
     double furthest = -1;
@@ -234,14 +237,14 @@ class Wave {
     return at;
   }
 
-  // How wide a region is along its axes, minor first, over how wide it should be; and its axes.
+  // How wide a region is along its axes, minor first, as the radius of a disc; and its axes.
   struct Shape {
     Eigen::Matrix2d axes;
-    Vector2d ratio;
+    Vector2d width_px;
   };
-  static Shape shape_of(const ColorRegion& region, double radius_px) {
+  static Shape shape_of(const ColorRegion& region) {
     const auto solver = Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>().computeDirect(region.spread);
-    return {solver.eigenvectors(), 2 * solver.eigenvalues().cwiseMax(0).cwiseSqrt() / radius_px};
+    return {solver.eigenvectors(), 2 * solver.eigenvalues().cwiseMax(0).cwiseSqrt()};
   }
 
   // How jerky the waving was: the smoother the path may be taken, the more it tells of the cameras. The most likely one.
@@ -270,43 +273,67 @@ class Wave {
     }
   }
 
-  // What whole balls look like to each camera: blur and shared chroma make them wider than they are. The upper half of what
-  // was seen, as hidden ones are narrow.
+  // What whole balls look like to each camera: blur and shared chroma widen them, by a square that is the same at all sizes.
+  // The upper half of what was seen, as hidden ones are narrow.
   void learn_shapes() {
-    std::vector<std::array<std::vector<double>, 2>> ratios(rig_.cameras.size());
+    std::vector<std::array<std::vector<double>, 2>> excess(rig_.cameras.size());
     for (std::size_t f = 0; f < frames_.size(); ++f) {
       if (chosen_[f] < 0) continue;
       const auto at = appearance(frames_[f]);
-      if (!at || at->radius_px <= 0) continue;
-      const Shape shape = shape_of(region(f), at->radius_px);
-      for (const std::size_t i : {0u, 1u}) ratios[index(frames_[f].camera)][i].push_back(shape.ratio[static_cast<int>(i)]);
-    }
-    whole_.assign(rig_.cameras.size(), Vector2d::Ones());
-    for (std::size_t c = 0; c < ratios.size(); ++c) {
+      if (!at) continue;
+      const Vector2d width = shape_of(region(f)).width_px;
       for (const std::size_t i : {0u, 1u}) {
-        auto& values = ratios[c][i];
+        const double w = width[static_cast<int>(i)];
+        excess[index(frames_[f].camera)][i].push_back(w * w - at->radius_px * at->radius_px);
+      }
+    }
+    blur2_.assign(rig_.cameras.size(), Vector2d::Zero());
+    for (std::size_t c = 0; c < excess.size(); ++c) {
+      for (const std::size_t i : {0u, 1u}) {
+        auto& values = excess[c][i];
         if (values.empty()) continue;
         const auto at = values.begin() + static_cast<std::ptrdiff_t>(0.6 * static_cast<double>(values.size()));
         std::ranges::nth_element(values, at);
-        whole_[c][static_cast<int>(i)] = *at;
+        blur2_[c][static_cast<int>(i)] = *at;
       }
     }
   }
 
-  // A region that is narrower than a whole ball is partly hidden, and its centre is off by as much: of little use here, where
-  // there are many others. nullopt: of none.
-  std::optional<Eigen::Matrix2d> covariance_of(const ColorRegion& region, const Appearance& at, int camera) const {
+  // A region that is narrower than a whole ball is partly hidden, one that is wider has something else in it, and its centre
+  // is off by as much: of little use here, where there are many others. nullopt: of none.
+  std::optional<Eigen::Matrix2d> covariance_of(std::size_t f, const ColorRegion& region, const Appearance& at) const {
     if (rough_) return Eigen::Matrix2d(Eigen::Matrix2d::Identity());
-    const Shape shape = shape_of(region, at.radius_px);
+    const Shape shape = shape_of(region);
+    const double r2 = at.radius_px * at.radius_px;
+    // Just before and after it is not seen it may be hidden in part.
+    const double hidden2 = beside_gap_[f] ? ENV("GAP", 0.3) * ENV("GAP", 0.3) * r2 : 0;
     Vector2d variance;
     for (const int i : {0, 1}) {
-      const double ratio = shape.ratio[i] / whole_[index(camera)][i];
-      if (ratio < (std::getenv("MINR") ? std::atof(std::getenv("MINR")) : 0.8) || ratio > 1.5) return std::nullopt;
-      const double misfit_px = std::max(0.0, std::abs(ratio - 1) - 0.08) * at.radius_px;
-      variance[i] = options_.pixel_noise_px * options_.pixel_noise_px + 4e-4 * at.radius_px * at.radius_px +
-                    2.25 * misfit_px * misfit_px;
+      const double whole = std::sqrt(std::max(r2 / 2, r2 + blur2_[index(frames_[f].camera)][i]));
+      const double ratio = shape.width_px[i] / whole;
+      if (ratio < 0.75 || ratio > 1.6) return std::nullopt;
+      const double misfit_px = ENV("SLOPE", 2.5) * std::max(0.0, std::abs(ratio - 1) - ENV("DEAD", 0.06)) * at.radius_px;
+      variance[i] = options_.pixel_noise_px * options_.pixel_noise_px + 4e-4 * r2 + misfit_px * misfit_px + hidden2;
     }
     return Eigen::Matrix2d(shape.axes * variance.asDiagonal() * shape.axes.transpose());
+  }
+
+  // Marks the frames that lie within a tenth of a second of one in which the camera did not see the ball.
+  void find_gaps() {
+    beside_gap_.assign(frames_.size(), false);
+    std::vector<double> last_gap(rig_.cameras.size(), -std::numeric_limits<double>::infinity());
+    constexpr double near_s = 0.11;
+    for (std::size_t f = 0; f < frames_.size(); ++f) {
+      const std::size_t c = index(frames_[f].camera);
+      if (chosen_[f] < 0) last_gap[c] = frames_[f].t_s;
+      else if (frames_[f].t_s - last_gap[c] < near_s) beside_gap_[f] = true;
+    }
+    std::ranges::fill(last_gap, std::numeric_limits<double>::infinity());
+    for (std::size_t f = frames_.size(); f-- > 0;) {
+      const std::size_t c = index(frames_[f].camera);
+      if (chosen_[f] < 0) last_gap[c] = frames_[f].t_s;
+      else if (last_gap[c] - frames_[f].t_s < near_s) beside_gap_[f] = true;
+    }
   }
 
   // How badly a region suits the path; nullopt: not at all.
@@ -314,7 +341,7 @@ class Wave {
     const auto at = appearance(frames_[f]);
     if (!at) return std::nullopt;
     const Vector2d d = region.centre - at->px;
-    const auto covariance = covariance_of(region, *at, frames_[f].camera);
+    const auto covariance = covariance_of(f, region, *at);
     if (!covariance) return std::nullopt;
     return d.dot(covariance->inverse() * d);
   }
@@ -340,7 +367,8 @@ class Wave {
   double from_s_ = 0, to_s_ = 0, step_s_ = 0, longest_s_ = 0;
   bool rough_ = true;
   double jerk_m_s3_ = 60;   // see learn_jerk()
-  std::vector<Vector2d> whole_;   // per camera: see learn_shapes()
+  std::vector<Vector2d> blur2_;      // per camera: see learn_shapes()
+  std::vector<bool> beside_gap_;     // per frame: see find_gaps()
   WaveState state_;
   WaveFit fit_;
 };
@@ -639,10 +667,14 @@ WaveResult calibrate_wave(const CameraRig& rig, std::vector<BallFrame> frames, c
     over_m = *options.rest_distance_m;
     result.scale_from = text("the distance between the two places where the ball rested, %.3f m", over_m);
   } else if (!options.marks.empty()) {
+    const BallTracks tracks = wave.tracks();
     std::vector<Vector3d> from, to;
     for (const BallMark& mark : options.marks) {
-      if (mark.t_s < wave.from_s() - wave.step_s() || mark.t_s > wave.to_s() + wave.step_s()) {
-        throw CalibrationError(text("the mark at %.3f s: the ball was seen from %.3f to %.3f s only", mark.t_s, wave.from_s(), wave.to_s()));
+      int views = 0;
+      for (std::size_t c = 0; c < n; ++c) views += tracks.at(c, mark.t_s) ? 1 : 0;
+      if (views < 2) {
+        throw CalibrationError(text("the mark at %.3f s: %s saw the ball then (it was seen from %.3f to %.3f s), and two are needed",
+                                    mark.t_s, views == 0 ? "no camera" : "only one camera", wave.from_s(), wave.to_s()));
       }
       from.push_back(state.path.at(mark.t_s));
       to.push_back(mark.p_world);

@@ -141,7 +141,8 @@ std::vector<Rigid3d> poses_from_nothing(const CameraRig& rig, const BallTracks& 
   }
   if (best.inliers < 12) {
     throw CalibrationError(
-        "no two cameras agree on how the ball moved, so their poses cannot be found: is its colour seen on anything else "
+        "no two cameras agree on how the ball moved, so their poses cannot be found: is its colour seen on anything "
+        "else "
         "that moves? Give approximate poses (--config with a rig), or wave for longer, through the whole volume");
   }
   std::vector<Rigid3d> poses(n);
@@ -173,8 +174,9 @@ std::vector<Rigid3d> poses_from_nothing(const CameraRig& rig, const BallTracks& 
     }
     cv::Mat rotation_vector, translation, rotation, inliers;
     if (next == n || points.size() < 12 ||
-        !cv::solvePnPRansac(points, seen, cv::Mat::eye(3, 3, CV_64F), cv::noArray(), rotation_vector, translation, false, 500,
-                            static_cast<float>(3 * reach_px / focal(next)), 0.999, inliers, cv::SOLVEPNP_SQPNP) ||
+        !cv::solvePnPRansac(points, seen, cv::Mat::eye(3, 3, CV_64F), cv::noArray(), rotation_vector, translation,
+                            false, 500, static_cast<float>(3 * reach_px / focal(next)), 0.999, inliers,
+                            cv::SOLVEPNP_SQPNP) ||
         inliers.rows < 12) {
       std::string names;
       for (std::size_t c = 0; c < n; ++c) {

@@ -26,8 +26,8 @@ struct BallTracks {
   std::vector<double> shared(std::size_t a, std::size_t b) const;
 };
 
-// Where the rays of those of the given cameras that saw the ball meet at that time; nullopt: fewer than two did, or they
-// do not meet.
+// Where the rays of those of the given cameras that saw the ball meet at that time; nullopt: fewer than two did, or
+// they do not meet.
 std::optional<Eigen::Vector3d> crossing(const CameraRig& rig, const std::vector<Rigid3d>& cam_from_world,
                                         const std::vector<bool>& use, const BallTracks& tracks, double t_s);
 
@@ -36,9 +36,9 @@ std::optional<Eigen::Vector3d> crossing(const CameraRig& rig, const std::vector<
 BallPath crossed_path(const CameraRig& rig, const std::vector<Rigid3d>& cam_from_world, const BallTracks& tracks,
                       double from_s, double to_s, double step_s, std::size_t* crossed);
 
-// Camera poses from what they saw alone, in the frame of one of the cameras and with a scale of its own: the pair with most
-// in common by its essential matrix (Nister 2004, in OpenCV), the others one by one from the path that those before make
-// (PnP). throws CalibrationError: no pair, or a camera, can be placed.
+// Camera poses from what they saw alone, in the frame of one of the cameras and with a scale of its own: the pair with
+// most in common by its essential matrix (Nister 2004, in OpenCV), the others one by one from the path that those
+// before make (PnP). throws CalibrationError: no pair, or a camera, can be placed.
 std::vector<Rigid3d> poses_from_nothing(const CameraRig& rig, const BallTracks& tracks);
 
 }  // namespace huetrack

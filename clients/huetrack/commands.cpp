@@ -91,6 +91,10 @@ void end_on_signals() {
   ::sigaction(SIGPIPE, &action, nullptr);
 }
 
+bool has_ended() {
+  return ended != 0;
+}
+
 int watch(const WatchOptions& options) {
   LineWriter out(options.file, options.overwrite);
   std::optional<PositionSubscription> subscription(options.participant);  // made anew when the network changes

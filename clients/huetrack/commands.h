@@ -23,6 +23,7 @@ struct WatchOptions {
 };
 
 void end_on_signals();  // call once, before the others
+bool has_ended();       // a signal came
 
 int watch(const WatchOptions& options);  // `watch`, and `log` with a file
 int status(const ParticipantOptions& options);

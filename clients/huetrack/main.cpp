@@ -6,10 +6,11 @@
 #include <string>
 
 #include "commands.h"
+#include "clients/live_view/view.h"
 
 int main(int argc, char** argv) {
   using namespace huetrack::client;
-  CLI::App app("huetrack: positions and status of a running huetrackd, over DDS");
+  CLI::App app("huetrack: what a running huetrackd says over DDS, as text, files and a live page");
   app.require_subcommand(1);
   WatchOptions options;
   options.participant.name = "huetrack";
@@ -46,12 +47,27 @@ int main(int argc, char** argv) {
   CLI::App* status_command = app.add_subcommand("status", "print what the service says about itself");
   add_bus(status_command);
 
+  huetrack::live_view::ViewOptions view;
+  CLI::App* view_command = app.add_subcommand("view", "serve a live page for browsers on this host");
+  view_command->add_option("--port", view.server.port, "to listen on; 0: any free one")
+      ->check(CLI::Range(0, 65535))
+      ->capture_default_str();
+  view_command->add_option("--address", view.server.address,
+                           "IPv4 address to listen on, 0.0.0.0: every one of this host. Any but 127.0.0.1 is open to the "
+                           "network: then a token is part of the page's address")
+      ->capture_default_str();
+  add_bus(view_command);
+
   CLI11_PARSE(app, argc, argv);
 
   end_on_signals();
   if (timeout_s > 0) options.timeout = std::chrono::duration<double>(timeout_s);
   try {
     if (status_command->parsed()) return status(options.participant);
+    if (view_command->parsed()) {
+      view.participant = options.participant;
+      return huetrack::live_view::view(view, has_ended);
+    }
     options.format = log_command->parsed() ? Format::csv : formats.at(format);
     return watch(options);
   } catch (const std::exception& error) {  // a wrong option or file, a full disk: said once, here

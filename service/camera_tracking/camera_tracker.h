@@ -8,6 +8,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <variant>
 #include <vector>
 
@@ -23,6 +24,7 @@ enum class CameraMethod : std::uint8_t {
   lee,        // Lee 2012
   herranz,    // Herranz et al. 2014: LED markers at known positions
 };
+std::string_view name(CameraMethod method);    // "huetrack", ...
 
 // How the tracker finds its first pose, and with it the world frame and metres. Points in the world frame, metres.
 struct RectangleStart {                        // a dark rectangle on a light ground, or the reverse, found in the view

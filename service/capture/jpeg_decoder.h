@@ -1,5 +1,5 @@
 // JPEG to planar YUV, and no further. Live MJPEG and recorded JPEG go through this one decoder, so that a replay sees
-// exactly the pixels that were seen live. The only file with libjpeg.
+// exactly the pixels that were seen live.
 #pragma once
 
 #include <cstdint>

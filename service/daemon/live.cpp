@@ -15,6 +15,7 @@
 #include "daemon/service_manager.h"
 #include "daemon/status_reporter.h"
 #include "daemon/track_csv.h"
+#include "daemon/view_server.h"
 #include "publish/estimate_publisher.h"
 
 namespace huetrack {
@@ -70,6 +71,7 @@ class LiveService {
       publisher_.emplace(config.dds.publisher);
       spdlog::info("publishing on {}", publisher_->description());
     }
+    if (publisher_) view_.emplace(config_, ViewServerOptions{});
     reporter_.emplace(config_, "run", Duration{0});
     PipelineOptions pipeline;
     pipeline.frame_sets.camera_count = int(config.rig.cameras.size());
@@ -95,6 +97,10 @@ class LiveService {
     outputs.estimates = [this](const FrameSet& set, std::span<const ObjectEstimate> estimates, Timestamp received_at) {
       put_out(set, estimates, received_at);
     };
+    if (view_) {
+      outputs.view_wanted = [this] { return view_->wants(); };
+      outputs.view = [this](PictureJob job) { view_->offer(std::move(job)); };
+    }
     pipeline_.emplace(config_.rig, std::move(sources), std::move(trackers), pipeline, std::move(outputs));
   }
 
@@ -338,6 +344,7 @@ class LiveService {
     }
     pipeline_->replace_trackers(std::move(trackers));
     config_ = std::move(merged);
+    if (view_) view_->take_over(config_);
     reporter_.emplace(config_, "run", Duration{0});
     set_log_level(config_.log_level);
     if (names.empty()) {
@@ -356,6 +363,7 @@ class LiveService {
   std::vector<Target> targets_;
   std::optional<TrackCsvWriter> csv_;           // the tracking thread's
   std::optional<EstimatePublisher> publisher_;  // positions: the tracking thread; status: the supervising one
+  std::optional<ViewServer> view_;
   std::optional<StatusReporter> reporter_;
   std::optional<Recorder> recorder_;
   std::atomic<bool> has_lost_ = false;

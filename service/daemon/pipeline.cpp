@@ -234,6 +234,12 @@ void Pipeline::receive(Frame frame) {
   for (auto& set : sets) frame_sets_.push({std::move(set), received_at});
 }
 
+PictureJob Pipeline::picture_of(FrameSet set, std::vector<ObjectEstimate> estimates) const {
+  PictureJob job{std::move(set), std::move(estimates), {}};
+  for (const auto& tracker : trackers_) job.particles.push_back(tracker.particles());
+  return job;
+}
+
 void Pipeline::track() {
   TrackingTeam team(trackers_, options_.threads);
   std::vector<ObjectEstimate> estimates(trackers_.size());
@@ -250,6 +256,7 @@ void Pipeline::track() {
       const StageTime tracked = team.update(ready->set, estimates);
       const Stopwatch watch;
       if (outputs_.estimates) outputs_.estimates(ready->set, estimates, ready->received_at);
+      if (outputs_.view_wanted && outputs_.view_wanted()) outputs_.view(picture_of(ready->set, estimates));
       const StageTime published = watch.lap();
       std::uint64_t index = 0;
       {
@@ -260,9 +267,7 @@ void Pipeline::track() {
         index = figures_.sets_tracked++;
       }
       if (outputs_.pictures && index % std::uint64_t(options_.pictures_every) == 0) {
-        PictureJob job{std::move(ready->set), estimates, {}};
-        for (const auto& tracker : trackers_) job.particles.push_back(tracker.particles());
-        pictures_.push(std::move(job));
+        pictures_.push(picture_of(std::move(ready->set), estimates));
       }
     } else if (frame_sets_.ended()) {
       break;

@@ -68,7 +68,7 @@ struct PipelineOptions {
   int pictures_every = 1;          // >= 1; every how many-th set goes to the picture output
 };
 
-// What a picture of one set needs. A plain value.
+// What a picture of one set needs. A plain value; images are shared, not copied.
 struct PictureJob {
   FrameSet set;
   std::vector<ObjectEstimate> estimates;                // per target
@@ -84,6 +84,10 @@ struct PipelineOutputs {
   std::function<void(const PipelineFigures&)> status;
   // Picture thread. It may be slow: replay waits for it, the estimates of the same set are out before.
   std::function<void(const PictureJob&)> pictures;
+  // Tracking thread, after `estimates`: whether a picture of this set is wanted by who watches, and then the set. Both must
+  // be quick: they are on the road.
+  std::function<bool()> view_wanted = nullptr;
+  std::function<void(PictureJob)> view = nullptr;
   // Capture threads, one at a time, before the frame enters the synchroniser and in that order (Frame::arrival): must
   // be quick, everything waits for it. received_at: UNIX time.
   std::function<void(const Frame&, Timestamp received_at)> frames = nullptr;
@@ -115,6 +119,7 @@ class Pipeline {
 
   void capture(FrameSource& source, std::stop_token stop);
   void receive(Frame frame);
+  PictureJob picture_of(FrameSet set, std::vector<ObjectEstimate> estimates) const;
   void track();
   void take_replacements();
   void draw();

@@ -16,6 +16,7 @@
 #include "daemon/service_manager.h"
 #include "daemon/status_reporter.h"
 #include "daemon/track_csv.h"
+#include "daemon/view_server.h"
 #include "publish/estimate_publisher.h"
 
 namespace huetrack {
@@ -183,6 +184,13 @@ ReplaySummary replay(const ReplayCommand& command, std::stop_token stop) {
       std::ranges::copy(publisher->warnings(), std::back_inserter(status.warnings));
       publisher->publish_status(status);
     };
+  }
+  std::optional<ViewServer> view;
+  if (publisher) {
+    view.emplace(config, ViewServerOptions{.keeps_frames = true});
+    view->set_clock_offset(summary.clock_offset);
+    outputs.view_wanted = [&view] { return view->wants(); };
+    outputs.view = [&view](PictureJob job) { view->offer(std::move(job)); };
   }
   if (pictures) outputs.pictures = [&](const PictureJob& job) { pictures->write(job); };
 

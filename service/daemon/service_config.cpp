@@ -145,6 +145,14 @@ void describe(Io& io, Config& config) {
                   "GET /metrics; none: no endpoint");
     in.text("address", config.metrics.address, "to listen on; 127.0.0.1: this host only");
   });
+  io.group("preview", "small pictures for people who watch; made only while somebody subscribes", [&](auto& in) {
+    in.boolean("enabled", config.preview.enabled, "publish huetrack/preview at all");
+    in.number("rate_hz", config.preview.rate_hz, Range{.min = 0, .max = 120, .min_is_open = true},
+              "at most so many pictures per camera and second");
+    in.integer("width", config.preview.width, Range{.min = 16, .max = 4096}, "pixels; larger images are scaled down");
+    in.integer("quality", config.preview.quality, Range{.min = 1, .max = 100}, "of the JPEGs");
+    in.integer("particles", config.preview.particles, Range{.min = 0, .max = 10000}, "drawn per target, about");
+  });
   io.choice("log_level", config.log_level, Words<LogLevel>(log_level_words), "debug, info, warning or error");
 }
 

@@ -51,6 +51,15 @@ struct MetricsConfig {
   std::string address = "127.0.0.1";  // of this host
 };
 
+// Small pictures for people who watch (`huetrack view`, RViz); made only while somebody subscribes.
+struct PreviewConfig {
+  bool enabled = true;
+  double rate_hz = 8;   // > 0; at most so many per camera and second
+  int width = 480;      // 16..4096 pixels; larger images are scaled down to it
+  int quality = 70;     // 1..100, JPEG's
+  int particles = 100;  // >= 0; at most about so many per target are drawn
+};
+
 struct ServiceConfig {
   std::filesystem::path file;             // absolute
   std::filesystem::path rig_file;         // absolute
@@ -64,6 +73,7 @@ struct ServiceConfig {
   DdsConfig dds;
   RecordConfig record;
   MetricsConfig metrics;
+  PreviewConfig preview;
   LogLevel log_level = LogLevel::info;
 };
 

@@ -139,8 +139,15 @@ int main(int argc, char** argv) {
     WaveOptions tape{.radius_m = c.target.radius_m};
     tape.camera_distance = CameraDistance{0, 1, baseline};
     WaveOptions marks{.radius_m = c.target.radius_m};
-    for (const std::size_t i : {rows.size() / 8, rows.size() / 3, rows.size() / 2, 3 * rows.size() / 4, 7 * rows.size() / 8})
-      marks.marks.push_back({seconds(rows[i].at), rows[i].position});
+    // Five moments at which every camera (of two or more) sees all of the ball, spread over the recording.
+    std::vector<const TruthRow*> clear;
+    for (const TruthRow& row : rows) {
+      if (std::ranges::all_of(row.visible, [](double share) { return share > 0.99; })) clear.push_back(&row);
+    }
+    for (std::size_t i = 0; i < 5; ++i) {
+      const TruthRow& row = *clear[i * (clear.size() - 1) / 4];
+      marks.marks.push_back({seconds(row.at), row.position});
+    }
     const WaveOptions rig_only{.radius_m = c.target.radius_m};
     struct Mode {
       const char* name;
@@ -163,7 +170,7 @@ int main(int argc, char** argv) {
           volume.push_back(f.volume_m), centre.push_back(f.centre_m), turned.push_back(f.turned_deg);
           scale.push_back(std::abs(f.scale - 1)), expected.push_back(r.expected_m), halves.push_back(r.halves_m);
           doubtful += r.usable() ? 0 : 1;
-          if (seed == 1 && mode.scale_known && std::getenv("HUETRACK_VERBOSE") != nullptr) std::printf("%s", to_text(r).c_str());
+          if (seed == 1 && mode.scale_known && std::getenv("WAVE_FIGURES_VERBOSE") != nullptr) std::printf("%s", to_text(r).c_str());
         } catch (const std::exception& e) {
           ++failed;
           std::printf("    seed %d: %s\n", seed, e.what());

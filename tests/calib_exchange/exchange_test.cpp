@@ -20,7 +20,9 @@ using testing::HasSubstr;
 
 class Exchange : public testing::Test {
  protected:
-  Exchange() : folder_(std::filesystem::path(testing::TempDir()) / ("exchange_" + std::string(testing::UnitTest::GetInstance()->current_test_info()->name()))) {
+  Exchange()
+      : folder_(std::filesystem::path(testing::TempDir()) /
+                ("exchange_" + std::string(testing::UnitTest::GetInstance()->current_test_info()->name()))) {
     std::filesystem::remove_all(folder_);
     std::filesystem::create_directories(folder_);
   }
@@ -55,7 +57,9 @@ class Exchange : public testing::Test {
   std::filesystem::path folder_;
 };
 
-cv::Mat column(const std::vector<double>& values) { return cv::Mat(values, true).reshape(1, static_cast<int>(values.size())); }
+cv::Mat column(const std::vector<double>& values) {
+  return cv::Mat(values, true).reshape(1, static_cast<int>(values.size()));
+}
 
 // OpenCV's own projection of points around (0, 0, 3) in front of the camera is ours.
 void expect_projects_like_opencv(const Camera& camera, const std::vector<double>& k, const std::vector<double>& d,
@@ -71,8 +75,10 @@ void expect_projects_like_opencv(const Camera& camera, const std::vector<double>
   }
   std::vector<cv::Point2d> px;
   const cv::Mat matrix = cv::Mat(k, true).reshape(1, 3);
-  if (fisheye) cv::fisheye::projectPoints(world, px, rotation_vector, column(t), matrix, column(d));
-  else cv::projectPoints(world, rotation_vector, column(t), matrix, d.empty() ? cv::Mat() : column(d), px);
+  if (fisheye)
+    cv::fisheye::projectPoints(world, px, rotation_vector, column(t), matrix, column(d));
+  else
+    cv::projectPoints(world, rotation_vector, column(t), matrix, d.empty() ? cv::Mat() : column(d), px);
   for (std::size_t i = 0; i < world.size(); ++i) {
     const auto ours = camera.project_world({world[i].x, world[i].y, world[i].z});
     ASSERT_TRUE(ours);
@@ -85,7 +91,9 @@ void expect_same(const CameraRig& a, const CameraRig& b, bool names = true) {
   ASSERT_EQ(a.cameras.size(), b.cameras.size());
   for (std::size_t c = 0; c < a.cameras.size(); ++c) {
     const Camera &x = a.cameras[c], &y = b.cameras[c];
-    if (names) EXPECT_EQ(x.name, y.name);
+    if (names) {
+      EXPECT_EQ(x.name, y.name);
+    }
     EXPECT_EQ(x.image_size, y.image_size);
     ASSERT_EQ(x.model.name(), y.model.name());
     EXPECT_EQ(x.model.fx(), y.model.fx());
@@ -95,10 +103,12 @@ void expect_same(const CameraRig& a, const CameraRig& b, bool names = true) {
     if (const auto* lens = std::get_if<PinholeRadtan>(&x.model.lens())) {
       EXPECT_EQ(lens->distortion, std::get<PinholeRadtan>(y.model.lens()).distortion);
     } else {
-      EXPECT_EQ(std::get<FisheyeKannalaBrandt>(x.model.lens()).distortion, std::get<FisheyeKannalaBrandt>(y.model.lens()).distortion);
+      EXPECT_EQ(std::get<FisheyeKannalaBrandt>(x.model.lens()).distortion,
+                std::get<FisheyeKannalaBrandt>(y.model.lens()).distortion);
     }
     EXPECT_LT((x.cam_from_world.translation - y.cam_from_world.translation).norm(), 1e-14);
-    EXPECT_LT((x.cam_from_world.rotation.toRotationMatrix() - y.cam_from_world.rotation.toRotationMatrix()).norm(), 1e-14);
+    EXPECT_LT((x.cam_from_world.rotation.toRotationMatrix() - y.cam_from_world.rotation.toRotationMatrix()).norm(),
+              1e-14);
   }
 }
 
@@ -115,8 +125,11 @@ CameraRig some_rig(bool fisheye = false) {
     Camera camera;
     camera.name = "cam" + std::to_string(c);
     camera.image_size = {640, 480};
-    if (fisheye) camera.model = CameraModel(FisheyeKannalaBrandt{310.0 / 3, 101.7, 320.1, 239.3 + c, {0.1 / 7, -0.003, 0.0007, -0.0001}});
-    else camera.model = CameraModel(PinholeRadtan{532.1 / 3, 531.7, 320.1 + c, 239.3, {-0.1 / 3, 0.02, 0.0005, -0.0004}});
+    if (fisheye)
+      camera.model =
+          CameraModel(FisheyeKannalaBrandt{310.0 / 3, 101.7, 320.1, 239.3 + c, {0.1 / 7, -0.003, 0.0007, -0.0001}});
+    else
+      camera.model = CameraModel(PinholeRadtan{532.1 / 3, 531.7, 320.1 + c, 239.3, {-0.1 / 3, 0.02, 0.0005, -0.0004}});
     const Eigen::Vector3d axis = Eigen::Vector3d(0.3, 1, 0.2 * c).normalized();
     camera.cam_from_world = {Eigen::Quaterniond(Eigen::AngleAxisd(0.4 + 1.3 * c, axis)), {0.1 * c, -0.2 / 3, 2.5}};
     rig.cameras.push_back(camera);
@@ -156,35 +169,43 @@ TEST_F(Exchange, CameraInfo) {
   const Imported in = import_text("left.yaml", camera_info);
   ASSERT_EQ(in.rig.cameras.size(), 1u);
   EXPECT_EQ(in.rig.cameras[0].name, "left");
-  expect_projects_like_opencv(in.rig.cameras[0], {532.1, 0, 320.5, 0, 531.2, 239.25, 0, 0, 1}, {-0.28, 0.07, 0.0012, -0.0003, 0.01},
-                              cv::Mat::zeros(3, 1, CV_64F), {0, 0, 0});
+  expect_projects_like_opencv(in.rig.cameras[0], {532.1, 0, 320.5, 0, 531.2, 239.25, 0, 0, 1},
+                              {-0.28, 0.07, 0.0012, -0.0003, 0.01}, cv::Mat::zeros(3, 1, CV_64F), {0, 0, 0});
   expect_same(in.rig, and_back(in.rig, {.format = ExchangeFormat::ros}).rig);
 }
 
 TEST_F(Exchange, CameraInfoSaysWhatItDoesNotTake) {
-  const Imported in = import_text("right.yaml", replaced(camera_info, "320.5, 0, 0, 531.2, 239.25, 0, 0, 0, 1, 0]", "320.5, -53.21, 0, 531.2, 239.25, 0, 0, 0, 1, 0]"));
+  const Imported in = import_text("right.yaml", replaced(camera_info, "320.5, 0, 0, 531.2, 239.25, 0, 0, 0, 1, 0]",
+                                                         "320.5, -53.21, 0, 531.2, 239.25, 0, 0, 0, 1, 0]"));
   EXPECT_THAT(in.notes, Contains(AllOf(HasSubstr("projection_matrix is not taken over"), HasSubstr("0.1 m"))));
   CameraRig rig = some_rig();
   EXPECT_THAT(export_rig(rig, {.format = ExchangeFormat::ros}).notes, Contains(HasSubstr("no poses")));
 }
 
 TEST_F(Exchange, CameraInfoErrorsNameTheLine) {
-  EXPECT_THAT(error_of("a.yaml", replaced(camera_info, "plumb_bob", "plump_bob")), AllOf(HasSubstr("a.yaml:8"), HasSubstr("plumb_bob")));
+  EXPECT_THAT(error_of("a.yaml", replaced(camera_info, "plumb_bob", "plump_bob")),
+              AllOf(HasSubstr("a.yaml:8"), HasSubstr("plumb_bob")));
   EXPECT_THAT(error_of("b.yaml", replaced(camera_info, "plumb_bob", "thin_prism")), HasSubstr("b.yaml:8"));
-  EXPECT_THAT(error_of("c.yaml", replaced(camera_info, "cols: 5\n  data: [-0.28, 0.07, 0.0012, -0.0003, 0.01]", "cols: 3\n  data: [-0.28, 0.07, 0.0012]")),
+  EXPECT_THAT(error_of("c.yaml", replaced(camera_info, "cols: 5\n  data: [-0.28, 0.07, 0.0012, -0.0003, 0.01]",
+                                          "cols: 3\n  data: [-0.28, 0.07, 0.0012]")),
               AllOf(HasSubstr("c.yaml:9"), HasSubstr("got 3")));
-  EXPECT_THAT(error_of("d.yaml", replaced(camera_info, "[532.1, 0, 320.5", "[532.1, 3, 320.5")), AllOf(HasSubstr("d.yaml:4"), HasSubstr("skew")));
-  EXPECT_THAT(error_of("e.yaml", replaced(camera_info, "image_width: 640\n", "")), AllOf(HasSubstr("e.yaml"), HasSubstr("--size")));
-  EXPECT_THAT(error_of("f.yaml", std::string(camera_info) + "binning_z: 2\n"), AllOf(HasSubstr("f.yaml:21"), HasSubstr("binning_z")));
+  EXPECT_THAT(error_of("d.yaml", replaced(camera_info, "[532.1, 0, 320.5", "[532.1, 3, 320.5")),
+              AllOf(HasSubstr("d.yaml:4"), HasSubstr("skew")));
+  EXPECT_THAT(error_of("e.yaml", replaced(camera_info, "image_width: 640\n", "")),
+              AllOf(HasSubstr("e.yaml"), HasSubstr("--size")));
+  EXPECT_THAT(error_of("f.yaml", std::string(camera_info) + "binning_z: 2\n"),
+              AllOf(HasSubstr("f.yaml:21"), HasSubstr("binning_z")));
 }
 
 TEST_F(Exchange, CameraInfoOfOtherLenses) {
   CameraRig rig{{some_rig(true).cameras[0]}, {}};
   rig.cameras[0].cam_from_world = {};
-  EXPECT_THAT(export_rig(rig, {.format = ExchangeFormat::ros}).files[0].second, HasSubstr("distortion_model: equidistant"));
+  EXPECT_THAT(export_rig(rig, {.format = ExchangeFormat::ros}).files[0].second,
+              HasSubstr("distortion_model: equidistant"));
   expect_same(rig, and_back(rig, {.format = ExchangeFormat::ros}).rig);
   rig.cameras[0].model = CameraModel(PinholeRadtan{500, 501, 320, 240, {0.1, 0.2, 1e-3, 2e-3, 0.3, 0.11, 0.22, 0.33}});
-  EXPECT_THAT(export_rig(rig, {.format = ExchangeFormat::ros}).files[0].second, HasSubstr("distortion_model: rational_polynomial"));
+  EXPECT_THAT(export_rig(rig, {.format = ExchangeFormat::ros}).files[0].second,
+              HasSubstr("distortion_model: rational_polynomial"));
   expect_same(rig, and_back(rig, {.format = ExchangeFormat::ros}).rig);
 }
 
@@ -219,36 +240,48 @@ cam1:
 TEST_F(Exchange, KalibrCamchain) {
   const Imported in = import_text("camchain.yaml", camchain);
   ASSERT_EQ(in.rig.cameras.size(), 2u);
-  const std::vector<double> k0{461.629, 0, 362.680, 0, 460.152, 246.049, 0, 0, 1}, k1{450.1, 0, 373.85, 0, 451.2, 253.749, 0, 0, 1};
-  expect_projects_like_opencv(in.rig.cameras[0], k0, {-0.27695497, 0.06712482, 0.00087538, 0.00011556}, cv::Mat::zeros(3, 1, CV_64F), {0, 0, 0});
+  const std::vector<double> k0{461.629, 0, 362.680, 0, 460.152, 246.049, 0, 0, 1},
+      k1{450.1, 0, 373.85, 0, 451.2, 253.749, 0, 0, 1};
+  expect_projects_like_opencv(in.rig.cameras[0], k0, {-0.27695497, 0.06712482, 0.00087538, 0.00011556},
+                              cv::Mat::zeros(3, 1, CV_64F), {0, 0, 0});
   cv::Mat r;
-  cv::Rodrigues((cv::Mat_<double>(3, 3) << 0.99998854, 0.00216014, 0.00427195, -0.00221074, 0.99992702, 0.01187697, -0.00424598, -0.01188627, 0.99992034), r);
+  const cv::Mat rounded = (cv::Mat_<double>(3, 3) << 0.99998854, 0.00216014, 0.00427195, -0.00221074, 0.99992702,
+                           0.01187697, -0.00424598, -0.01188627, 0.99992034);
+  cv::Rodrigues(rounded, r);
   // (Rodrigues makes the rounded matrix a rotation in a way of its own.)
   const auto p = in.rig.cameras[1].project_world({0.1, 0.2, 2});
   std::vector<cv::Point2d> px;
-  cv::fisheye::projectPoints(std::vector<cv::Point3d>{{0.1, 0.2, 2}}, px, r, column({-0.11003785, 0.00045792, -0.00064487}), cv::Mat(k1, true).reshape(1, 3),
+  cv::fisheye::projectPoints(std::vector<cv::Point3d>{{0.1, 0.2, 2}}, px, r,
+                             column({-0.11003785, 0.00045792, -0.00064487}), cv::Mat(k1, true).reshape(1, 3),
                              column({-0.01, 0.02, -0.003, 0.0004}));
   ASSERT_TRUE(p);
   EXPECT_NEAR(p->px.x(), px[0].x, 1e-4);
   EXPECT_NEAR(p->px.y(), px[0].y, 1e-4);
-  EXPECT_THAT(in.notes, Contains(AllOf(HasSubstr("cam0: not taken over"), HasSubstr("T_cam_imu"), HasSubstr("timeshift_cam_imu"))));
+  EXPECT_THAT(in.notes, Contains(AllOf(HasSubstr("cam0: not taken over"), HasSubstr("T_cam_imu"),
+                                       HasSubstr("timeshift_cam_imu"))));
   expect_same(in.rig, and_back(in.rig, {.format = ExchangeFormat::kalibr}).rig);
 }
 
 TEST_F(Exchange, KalibrChainOfThree) {
   for (const bool fisheye : {false, true}) {
     const CameraRig rig = some_rig(fisheye);
-    EXPECT_THAT(export_rig(rig, {.format = ExchangeFormat::kalibr}).notes, Contains(HasSubstr("the world becomes cam0's frame")));
+    EXPECT_THAT(export_rig(rig, {.format = ExchangeFormat::kalibr}).notes,
+                Contains(HasSubstr("the world becomes cam0's frame")));
     expect_same(from_first(rig), and_back(rig, {.format = ExchangeFormat::kalibr}).rig);
   }
 }
 
 TEST_F(Exchange, KalibrErrors) {
-  EXPECT_THAT(error_of("a.yaml", replaced(camchain, "camera_model: pinhole", "camera_model: omni")), AllOf(HasSubstr("a.yaml:2"), HasSubstr("omni")));
+  EXPECT_THAT(error_of("a.yaml", replaced(camchain, "camera_model: pinhole", "camera_model: omni")),
+              AllOf(HasSubstr("a.yaml:2"), HasSubstr("omni")));
   EXPECT_THAT(error_of("b.yaml", replaced(camchain, "radtan", "fov")), HasSubstr("b.yaml:4"));
   EXPECT_THAT(error_of("c.yaml", replaced(camchain, "0.00087538, 0.00011556]", "0.00087538]")), HasSubstr("c.yaml:5"));
-  EXPECT_THAT(error_of("d.yaml", replaced(camchain, "[ 0.99998854, 0.00216014", "[ 0.89998854, 0.00216014")), AllOf(HasSubstr("d.yaml:"), HasSubstr("not a rotation")));
-  EXPECT_THAT(error_of("e.yaml", replaced(replaced(camchain, "[ 0.99998854, 0.00216014, 0.00427195", "[ -0.99998854, -0.00216014, -0.00427195"), "0.2", "0.2")), HasSubstr("mirrored"));
+  EXPECT_THAT(error_of("d.yaml", replaced(camchain, "[ 0.99998854, 0.00216014", "[ 0.89998854, 0.00216014")),
+              AllOf(HasSubstr("d.yaml:"), HasSubstr("not a rotation")));
+  EXPECT_THAT(error_of("e.yaml", replaced(replaced(camchain, "[ 0.99998854, 0.00216014, 0.00427195",
+                                                   "[ -0.99998854, -0.00216014, -0.00427195"),
+                                          "0.2", "0.2")),
+              HasSubstr("mirrored"));
   CameraRig rig = some_rig();
   rig.cameras[1].model = CameraModel(PinholeRadtan{500, 500, 320, 240, {0.1, 0.2, 0, 0, 0.05}});
   try {
@@ -287,10 +320,10 @@ TEST_F(Exchange, Aniposelib) {
   const Imported in = import_text("calibration.toml", anipose, {.metres_per_unit = 1e-3});
   ASSERT_EQ(in.rig.cameras.size(), 2u);
   EXPECT_EQ(in.rig.cameras[0].name, "A");
-  expect_projects_like_opencv(in.rig.cameras[0], {900.5, 0, 639.5, 0, 901.5, 359.5, 0, 0, 1}, {-0.33, 0.04, -0.004, 0.004, 0.06},
-                              column({0.1, -0.2, 0.3}), {0.01, -0.02, 1.5});
-  expect_projects_like_opencv(in.rig.cameras[1], {800.5, 0, 630.5, 0, 801.5, 350.5, 0, 0, 1}, {0.01, 0.02, -0.003, 0.001},
-                              column({2.0, 1.0, -2.0}), {0.3, 0.04, 1.2}, true);
+  expect_projects_like_opencv(in.rig.cameras[0], {900.5, 0, 639.5, 0, 901.5, 359.5, 0, 0, 1},
+                              {-0.33, 0.04, -0.004, 0.004, 0.06}, column({0.1, -0.2, 0.3}), {0.01, -0.02, 1.5});
+  expect_projects_like_opencv(in.rig.cameras[1], {800.5, 0, 630.5, 0, 801.5, 350.5, 0, 0, 1},
+                              {0.01, 0.02, -0.003, 0.001}, column({2.0, 1.0, -2.0}), {0.3, 0.04, 1.2}, true);
   EXPECT_THAT(in.rig.made_by, Contains(testing::Pair("error", "0.5625")));
   const Imported back = and_back(in.rig, {.format = ExchangeFormat::aniposelib});
   expect_same(in.rig, back.rig);
@@ -300,17 +333,23 @@ TEST_F(Exchange, Aniposelib) {
 
 TEST_F(Exchange, TomlErrorsNameTheLine) {
   const ImportOptions mm{.metres_per_unit = 1e-3};
-  EXPECT_THAT(error_of("a.toml", replaced(anipose, "-0.004, 0.004, 0.06,]", "-0.004,]"), mm), AllOf(HasSubstr("a.toml:5"), HasSubstr("got 3")));
-  EXPECT_THAT(error_of("b.toml", replaced(anipose, "rotation = [ 0.1, -0.2, 0.3,]", "rotation = [ 0.1, -0.2,]"), mm), AllOf(HasSubstr("b.toml:6"), HasSubstr("rotation")));
-  EXPECT_THAT(error_of("c.toml", replaced(anipose, "size = [ 1280, 720,]", "size = [ 1280, 720"), mm), HasSubstr("c.toml:"));
-  EXPECT_THAT(error_of("d.toml", replaced(anipose, "size = [ 1280, 720,]\n", ""), mm), AllOf(HasSubstr("d.toml:1"), HasSubstr("--size")));
-  EXPECT_THAT(error_of("e.toml", replaced(anipose, "name = \"B\"", "name = \"A\""), mm), AllOf(HasSubstr("e.toml:9"), HasSubstr("second camera A")));
+  EXPECT_THAT(error_of("a.toml", replaced(anipose, "-0.004, 0.004, 0.06,]", "-0.004,]"), mm),
+              AllOf(HasSubstr("a.toml:5"), HasSubstr("got 3")));
+  EXPECT_THAT(error_of("b.toml", replaced(anipose, "rotation = [ 0.1, -0.2, 0.3,]", "rotation = [ 0.1, -0.2,]"), mm),
+              AllOf(HasSubstr("b.toml:6"), HasSubstr("rotation")));
+  EXPECT_THAT(error_of("c.toml", replaced(anipose, "size = [ 1280, 720,]", "size = [ 1280, 720"), mm),
+              HasSubstr("c.toml:"));
+  EXPECT_THAT(error_of("d.toml", replaced(anipose, "size = [ 1280, 720,]\n", ""), mm),
+              AllOf(HasSubstr("d.toml:1"), HasSubstr("--size")));
+  EXPECT_THAT(error_of("e.toml", replaced(anipose, "name = \"B\"", "name = \"A\""), mm),
+              AllOf(HasSubstr("e.toml:9"), HasSubstr("second camera A")));
   EXPECT_THAT(error_of("f.toml", replaced(anipose, "[ 900.5, 0.0", "[ \"900.5\", 0.0"), mm), HasSubstr("f.toml:4"));
   EXPECT_THAT(error_of("g.toml", "[other]\na = 1\n"), HasSubstr("--from"));
 }
 
 TEST_F(Exchange, RealCaliscopeFile) {
-  const std::filesystem::path folder = std::filesystem::path(HUETRACK_SHARED_DATA) / "caliscope_charuco_4cam/post_optimization";
+  const std::filesystem::path folder =
+      std::filesystem::path(HUETRACK_SHARED_DATA) / "caliscope_charuco_4cam/post_optimization";
   if (!std::filesystem::exists(folder / "camera_array.toml")) GTEST_SKIP() << "no " << folder;
   const Imported in = import(folder / "camera_array.toml");
   ASSERT_EQ(in.rig.cameras.size(), 4u);
@@ -318,24 +357,33 @@ TEST_F(Exchange, RealCaliscopeFile) {
   EXPECT_EQ(in.rig.cameras[2].image_size, (ImageSize{1280, 720}));
   // The numbers of the file, through OpenCV.
   cv::Mat r;
-  cv::Rodrigues((cv::Mat_<double>(3, 3) << -0.23474520574867236, 0.8701987696136831, -0.43318447541531985, 0.39180150339004355, -0.32313146123239816,
-                 -0.861439284397407, -0.8895989379036572, -0.3719410707688081, -0.26509162483193865), r);
-  expect_projects_like_opencv(in.rig.cameras[2], {650.801908585405, 0, 647.3391995946636, 0, 654.4652152401134, 392.19105369229516, 0, 0, 1},
-                              {0.18039827881295703, -0.25603810782846814, 0.003209768150056599, 0.0022377311012611876, 0.12402327219756225}, r,
-                              {-0.23847883889454596, 0.18461082840729343, 1.1682943900670697});
-  EXPECT_THAT(in.notes, Contains(AllOf(HasSubstr("cam_1: not taken over"), HasSubstr("exposure"), HasSubstr("verified_resolutions"))));
+  const cv::Mat of_file =
+      (cv::Mat_<double>(3, 3) << -0.23474520574867236, 0.8701987696136831, -0.43318447541531985, 0.39180150339004355,
+       -0.32313146123239816, -0.861439284397407, -0.8895989379036572, -0.3719410707688081, -0.26509162483193865);
+  cv::Rodrigues(of_file, r);
+  expect_projects_like_opencv(
+      in.rig.cameras[2], {650.801908585405, 0, 647.3391995946636, 0, 654.4652152401134, 392.19105369229516, 0, 0, 1},
+      {0.18039827881295703, -0.25603810782846814, 0.003209768150056599, 0.0022377311012611876, 0.12402327219756225}, r,
+      {-0.23847883889454596, 0.18461082840729343, 1.1682943900670697});
+  EXPECT_THAT(in.notes, Contains(AllOf(HasSubstr("cam_1: not taken over"), HasSubstr("exposure"),
+                                       HasSubstr("verified_resolutions"))));
   expect_same(in.rig, and_back(in.rig, {.format = ExchangeFormat::caliscope}).rig);
   // Its older form says the same.
   expect_same(in.rig, import(folder / "config.toml").rig);
 }
 
 TEST_F(Exchange, CaliscopeKnowsWhatIsMissing) {
-  const std::string camera = "matrix = [[500.0, 0.0, 320.0], [0.0, 500.0, 240.0], [0.0, 0.0, 1.0]]\ndistortions = [0.0, 0.0, 0.0, 0.0, 0.0]\nsize = [640, 480]\n";
-  const std::string pose = "rotation = [0.1, 0.2, 0.3]\ntranslation = [0.0, 0.0, 2.0]\n", no_pose = "rotation = \"null\"\ntranslation = \"null\"\n";
+  const std::string camera =
+      "matrix = [[500.0, 0.0, 320.0], [0.0, 500.0, 240.0], [0.0, 0.0, 1.0]]\ndistortions = [0.0, 0.0, 0.0, 0.0, "
+      "0.0]\nsize = [640, 480]\n";
+  const std::string pose = "rotation = [0.1, 0.2, 0.3]\ntranslation = [0.0, 0.0, 2.0]\n",
+                    no_pose = "rotation = \"null\"\ntranslation = \"null\"\n";
   const std::string other = "rotation = [0.1, 0.3, 0.3]\ntranslation = [0.5, 0.0, 2.0]\n";
-  EXPECT_THAT(error_of("a.toml", "[cameras.1]\ncam_id = 1\n" + camera + pose + "[cameras.2]\ncam_id = 2\n" + camera + no_pose),
-              AllOf(HasSubstr("cam_2"), HasSubstr("no rotation and translation")));
-  const Imported in = import_text("b.toml", "[cameras.1]\ncam_id = 1\nrotation_count = 1\n" + camera + pose + "[cameras.2]\ncam_id = 2\nignore = true\n" + camera +
+  EXPECT_THAT(
+      error_of("a.toml", "[cameras.1]\ncam_id = 1\n" + camera + pose + "[cameras.2]\ncam_id = 2\n" + camera + no_pose),
+      AllOf(HasSubstr("cam_2"), HasSubstr("no rotation and translation")));
+  const Imported in = import_text("b.toml", "[cameras.1]\ncam_id = 1\nrotation_count = 1\n" + camera + pose +
+                                                "[cameras.2]\ncam_id = 2\nignore = true\n" + camera +
                                                 "[cameras.10]\ncam_id = 10\n" + camera + other);
   ASSERT_EQ(in.rig.cameras.size(), 2u);
   EXPECT_EQ(in.rig.cameras[1].name, "cam_10");
@@ -349,14 +397,21 @@ TEST_F(Exchange, OpenCvSampleFile) {
   const Imported in = import(folder / "left_intrinsics.yml");
   ASSERT_EQ(in.rig.cameras.size(), 1u);
   EXPECT_EQ(in.rig.cameras[0].image_size, (ImageSize{640, 480}));
-  expect_projects_like_opencv(in.rig.cameras[0], {535.91573396163199, 0, 342.28315473308373, 0, 535.91573396163199, 235.57082909788173, 0, 0, 1},
-                              {-0.26637260909660682, -0.038588898922304653, 0.0017831947042852964, -0.00028122100441115472, 0.23839153080878486},
-                              cv::Mat::zeros(3, 1, CV_64F), {0, 0, 0});
+  expect_projects_like_opencv(
+      in.rig.cameras[0],
+      {535.91573396163199, 0, 342.28315473308373, 0, 535.91573396163199, 235.57082909788173, 0, 0, 1},
+      {-0.26637260909660682, -0.038588898922304653, 0.0017831947042852964, -0.00028122100441115472,
+       0.23839153080878486},
+      cv::Mat::zeros(3, 1, CV_64F), {0, 0, 0});
   EXPECT_THAT(in.notes, Contains(AllOf(HasSubstr("not taken over"), HasSubstr("avg_reprojection_error"))));
   // Two lenses, but not how they stand to one another; and no size.
-  EXPECT_THAT([&] { import(folder / "intrinsics.yml"); }, testing::Throws<ConfigError>(testing::Property(&ConfigError::what, HasSubstr("--size"))));
-  EXPECT_THAT([&] { import(folder / "intrinsics.yml", {.image_size = ImageSize{640, 480}}); },
-              testing::Throws<ConfigError>(testing::Property(&ConfigError::what, HasSubstr("extrinsics.yml"))));
+  EXPECT_THAT([&] { import(folder / "intrinsics.yml"); },
+              testing::Throws<ConfigError>(testing::Property(&ConfigError::what, HasSubstr("--size"))));
+  EXPECT_THAT(
+      [&] {
+        import(folder / "intrinsics.yml", {.image_size = ImageSize { 640, 480 }});
+      },
+      testing::Throws<ConfigError>(testing::Property(&ConfigError::what, HasSubstr("extrinsics.yml"))));
 }
 
 TEST_F(Exchange, OpenCvRoundTrips) {
@@ -376,28 +431,37 @@ TEST_F(Exchange, OpenCvRoundTrips) {
 // As samples/cpp/stereo_calib.cpp writes them: two files.
 TEST_F(Exchange, OpenCvStereoFiles) {
   const auto matrix = [](const char* name, int rows, int cols, const char* data) {
-    return std::string(name) + ": !!opencv-matrix\n   rows: " + std::to_string(rows) + "\n   cols: " + std::to_string(cols) + "\n   dt: d\n   data: [ " + data + " ]\n";
+    return std::string(name) + ": !!opencv-matrix\n   rows: " + std::to_string(rows) +
+           "\n   cols: " + std::to_string(cols) + "\n   dt: d\n   data: [ " + data + " ]\n";
   };
-  const std::string lens = matrix("M1", 3, 3, "534., 0., 335., 0., 534., 240., 0., 0., 1.") + matrix("D1", 1, 5, "0.29, -1.03, 0., 0., 0.") +
-                           matrix("M2", 3, 3, "535., 0., 334., 0., 535., 242., 0., 0., 1.") + matrix("D2", 1, 5, "-0.16, -0.11, 0., 0., 0.");
-  const std::string rotation = "0.99998854, 0.00216014, 0.00427195, -0.00221074, 0.99992702, 0.01187697, -0.00424598, -0.01188627, 0.99992034";
+  const std::string lens =
+      matrix("M1", 3, 3, "534., 0., 335., 0., 534., 240., 0., 0., 1.") + matrix("D1", 1, 5, "0.29, -1.03, 0., 0., 0.") +
+      matrix("M2", 3, 3, "535., 0., 334., 0., 535., 242., 0., 0., 1.") + matrix("D2", 1, 5, "-0.16, -0.11, 0., 0., 0.");
+  const std::string rotation =
+      "0.99998854, 0.00216014, 0.00427195, -0.00221074, 0.99992702, 0.01187697, -0.00424598, -0.01188627, 0.99992034";
   const auto intrinsics = file("intrinsics.yml", "%YAML:1.0\n---\n" + lens);
   const std::vector<std::filesystem::path> both{
-      intrinsics, file("extrinsics.yml", "%YAML:1.0\n---\n" + matrix("R", 3, 3, rotation.c_str()) + matrix("T", 3, 1, "-3.3, 0.04, 0.01") + matrix("Q", 1, 1, "1."))};
+      intrinsics, file("extrinsics.yml", "%YAML:1.0\n---\n" + matrix("R", 3, 3, rotation.c_str()) +
+                                             matrix("T", 3, 1, "-3.3, 0.04, 0.01") + matrix("Q", 1, 1, "1."))};
   const ImportOptions options{.image_size = ImageSize{640, 480}, .metres_per_unit = 0.025};  // in squares of 25 mm
   const Imported in = import_rig(both, options);
   ASSERT_EQ(in.rig.cameras.size(), 2u);
   EXPECT_NEAR(in.rig.cameras[1].cam_from_world.translation.x(), -0.0825, 1e-12);
   EXPECT_THAT(in.notes, Contains(AllOf(HasSubstr("extrinsics.yml"), HasSubstr("Q"))));
   const std::vector<std::filesystem::path> mirrored{
-      intrinsics, file("mirrored.yml", "%YAML:1.0\n---\n" + matrix("R", 3, 3, "1., 0., 0., 0., 1., 0., 0., 0., -1.") + matrix("T", 3, 1, "-3.3, 0.04, 0.01"))};
-  EXPECT_THAT([&] { import_rig(mirrored, options); }, testing::Throws<ConfigError>(testing::Property(&ConfigError::what, AllOf(HasSubstr("mirrored.yml:3"), HasSubstr("mirrored (determinant"))))));
+      intrinsics, file("mirrored.yml", "%YAML:1.0\n---\n" + matrix("R", 3, 3, "1., 0., 0., 0., 1., 0., 0., 0., -1.") +
+                                           matrix("T", 3, 1, "-3.3, 0.04, 0.01"))};
+  EXPECT_THAT([&] { import_rig(mirrored, options); },
+              testing::Throws<ConfigError>(testing::Property(
+                  &ConfigError::what, AllOf(HasSubstr("mirrored.yml:3"), HasSubstr("mirrored (determinant")))));
 }
 
 TEST_F(Exchange, OpenCvErrors) {
   EXPECT_THAT(error_of("a.yml", "%YAML:1.0\n---\ncamera_matrix: [1, 2\nfoo: }"), HasSubstr("a.yml"));
-  EXPECT_THAT(error_of("b.xml", "<?xml version=\"1.0\"?>\n<opencv_storage>\n<K type_id=\"opencv-matrix\"><rows>2</rows><cols>2</cols><dt>d</dt><data>1. 2. 3. 4.</data></K>\n"
-                                "<D>0. 0. 0. 0.</D>\n</opencv_storage>\n"),
+  EXPECT_THAT(error_of("b.xml",
+                       "<?xml version=\"1.0\"?>\n<opencv_storage>\n<K "
+                       "type_id=\"opencv-matrix\"><rows>2</rows><cols>2</cols><dt>d</dt><data>1. 2. 3. 4.</data></K>\n"
+                       "<D>0. 0. 0. 0.</D>\n</opencv_storage>\n"),
               AllOf(HasSubstr("b.xml:3"), HasSubstr("3x3")));
 }
 

@@ -1,0 +1,29 @@
+// The subcommands of huetrack-calibrate. Each adds itself to the program; the one that was asked for sets `chosen`.
+//
+// To add one: declare it here, define it in NAME_command.cpp, and list it in main.cpp.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <stop_token>
+
+namespace CLI {
+class App;
+}
+
+namespace huetrack {
+
+// What the program ends with, so that scripts can act.
+enum class ExitStatus : std::uint8_t {
+  usable = 0,
+  failed = 1,    // or the command line, an input or an output is at fault: one line on stderr says which
+  doubtful = 2,  // there is a result, but the report says what is wrong with it
+};
+
+// Does the work; output for people goes to stdout, progress to stderr. A stop is to be answered within a second: by
+// going on with what there is (live), or by an exception. Throws std::exceptions with one readable line.
+using Command = std::function<ExitStatus(std::stop_token stop)>;
+
+void add_intrinsics_command(CLI::App& app, Command& chosen);
+
+}  // namespace huetrack

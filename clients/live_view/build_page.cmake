@@ -1,0 +1,23 @@
+# npm ci, then the bundle. SOURCE: the page's folder. OUTPUT: where the files go. NPM, NODE: the programs.
+# Packages are installed beside the output, so that the source tree stays as it is.
+file(MAKE_DIRECTORY ${OUTPUT})
+file(COPY ${SOURCE}/package.json ${SOURCE}/package-lock.json ${SOURCE}/tsconfig.json ${SOURCE}/build.mjs ${SOURCE}/index.html
+          ${SOURCE}/page.css ${SOURCE}/src DESTINATION ${OUTPUT}/work)
+file(SHA256 ${SOURCE}/package-lock.json lock)
+set(stamp ${OUTPUT}/work/installed)
+set(installed "")
+if(EXISTS ${stamp})
+  file(READ ${stamp} installed)
+endif()
+if(NOT installed STREQUAL lock)
+  execute_process(COMMAND ${NPM} ci --no-audit --no-fund --loglevel=error WORKING_DIRECTORY ${OUTPUT}/work RESULT_VARIABLE failed)
+  if(failed)
+    message(FATAL_ERROR "npm ci failed in ${OUTPUT}/work: the page of `huetrack view` needs npm's registry (or a filled npm cache) "
+                        "once. Without a network, configure with -DHUETRACK_PAGE=OFF")
+  endif()
+  file(WRITE ${stamp} ${lock})
+endif()
+execute_process(COMMAND ${NODE} build.mjs ${OUTPUT} WORKING_DIRECTORY ${OUTPUT}/work RESULT_VARIABLE failed)
+if(failed)
+  message(FATAL_ERROR "bundling the page failed, see above")
+endif()

@@ -1,0 +1,57 @@
+// What comes over DDS into the hub, and what pages ask for out onto the bus.
+#pragma once
+
+#include <chrono>
+#include <deque>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <set>
+#include <string>
+
+#include "clients/live_view/event_hub.h"
+#include "idl/dds_participant.h"
+#include "idl/huetrack_view.h"
+
+namespace huetrack::live_view {
+
+// thread-compatible but for request(): poll() is one thread's.
+class BusReader {
+ public:
+  // throws as DdsParticipant does.
+  BusReader(const ParticipantOptions& options, EventHub& hub);
+  ~BusReader();
+
+  // Takes everything that has come. pages: without any, pictures are not subscribed to, so that nobody makes them.
+  // Call it every few milliseconds; it does not wait.
+  void poll(int pages);
+
+  // Any thread. False: too many wait already.
+  bool request(msg::TeachRequest request);
+
+  std::string description() const;
+
+ private:
+  struct Connection;
+  struct Previews;
+  void take_positions();
+  void take_statuses();
+  void take_scenes();
+  void take_replies();
+  void take_previews();
+  void send_requests();
+  void tell_pulse();
+
+  const ParticipantOptions options_;
+  EventHub& hub_;
+  std::unique_ptr<Connection> connection_;
+  std::unique_ptr<Previews> previews_;  // null while there is no page
+  std::chrono::steady_clock::time_point next_pulse_{}, no_page_since_{};
+  std::map<std::string, std::chrono::steady_clock::time_point> services_;  // host/pid, when heard last
+  std::string trouble_;
+
+  std::mutex mutex_;
+  std::deque<msg::TeachRequest> requests_;  // guarded by mutex_
+};
+
+}  // namespace huetrack::live_view

@@ -1,0 +1,72 @@
+#include "clients/live_view/event_hub.h"
+
+#include <utility>
+
+namespace huetrack::live_view {
+
+std::string to_event(const std::string& name, const std::string& json) {
+  return "event: " + name + "\ndata: " + json + "\n\n";
+}
+
+EventHub::EventHub(std::size_t stream_events, std::size_t stream_bytes)
+    : stream_events_(stream_events), stream_bytes_(stream_bytes) {}
+
+void EventHub::set(const std::string& key, std::string event) {
+  const std::scoped_lock lock(mutex_);
+  put(std::move(event), &key);
+}
+
+void EventHub::erase(const std::string& key) {
+  const std::scoped_lock lock(mutex_);
+  const auto it = latest_.find(key);
+  if (it == latest_.end()) return;
+  entries_.erase(it->second);
+  latest_.erase(it);
+}
+
+void EventHub::append(std::string event) {
+  const std::scoped_lock lock(mutex_);
+  put(std::move(event), nullptr);
+}
+
+void EventHub::put(std::string event, const std::string* key) {
+  const std::uint64_t number = ++last_;
+  const std::size_t size = event.size();
+  entries_[number] = std::make_shared<const std::string>(std::move(event));
+  if (key != nullptr) {
+    if (const auto old = latest_.find(*key); old != latest_.end()) entries_.erase(old->second);
+    latest_[*key] = number;
+  } else {
+    stream_[number] = size;
+    bytes_ += size;
+    while (stream_.size() > 1 && (stream_.size() > stream_events_ || bytes_ > stream_bytes_)) {
+      const auto oldest = stream_.begin();
+      bytes_ -= oldest->second;
+      entries_.erase(oldest->first);
+      stream_.erase(oldest);
+    }
+  }
+  if (listener_) listener_();
+}
+
+Text EventHub::next(std::uint64_t& cursor) const {
+  const std::scoped_lock lock(mutex_);
+  const auto it = entries_.upper_bound(cursor);
+  if (it == entries_.end()) return nullptr;
+  cursor = it->first;
+  return it->second;
+}
+
+void EventHub::on_news(std::function<void()> listener) {
+  const std::scoped_lock lock(mutex_);
+  listener_ = std::move(listener);
+}
+
+bool EventHub::if_nothing_after(std::uint64_t cursor, const std::function<void()>& what) const {
+  const std::scoped_lock lock(mutex_);
+  if (entries_.upper_bound(cursor) != entries_.end()) return false;
+  what();
+  return true;
+}
+
+}  // namespace huetrack::live_view

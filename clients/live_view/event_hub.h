@@ -1,0 +1,53 @@
+// What pages are told, kept once for all of them. A page reads at its own pace: it holds one number, how far it has
+// come. A page that is too slow misses what is no longer kept; it costs nobody else anything.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <string>
+
+namespace huetrack::live_view {
+
+using Text = std::shared_ptr<const std::string>;
+
+// As a server-sent event.
+std::string to_event(const std::string& name, const std::string& json);
+
+// thread-safe.
+class EventHub {
+ public:
+  // stream_events, stream_bytes: how much of what was appended is kept, at most.
+  explicit EventHub(std::size_t stream_events = 4000, std::size_t stream_bytes = 4'000'000);
+
+  void set(const std::string& key,
+           std::string event);  // replaces the last one of this key: who is late sees only the newest
+  void erase(const std::string& key);
+  void append(std::string event);  // every one counts, as long as it is kept
+
+  // What comes after `cursor` (0: the beginning), and moves it there; nullptr: nothing yet.
+  Text next(std::uint64_t& cursor) const;
+
+  // Called after every change, under the hub's lock: must be quick, and must not call the hub. One listener.
+  void on_news(std::function<void()> listener);
+  // Runs `what` under the hub's lock when there is nothing after the cursor (and returns true): so no news is missed
+  // between the look and the decision to wait.
+  bool if_nothing_after(std::uint64_t cursor, const std::function<void()>& what) const;
+
+ private:
+  void put(std::string event, const std::string* key);
+
+  const std::size_t stream_events_, stream_bytes_;
+  mutable std::mutex mutex_;
+  std::map<std::uint64_t, Text> entries_;        // guarded by mutex_; by number
+  std::map<std::string, std::uint64_t> latest_;  // guarded by mutex_; number of a key's entry
+  std::map<std::uint64_t, std::size_t> stream_;  // guarded by mutex_; sizes of the appended ones
+  std::size_t bytes_ = 0;                        // guarded by mutex_; their sum
+  std::uint64_t last_ = 0;                       // guarded by mutex_
+  std::function<void()> listener_;               // guarded by mutex_
+};
+
+}  // namespace huetrack::live_view

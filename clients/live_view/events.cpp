@@ -1,0 +1,230 @@
+#include "clients/live_view/events.h"
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+namespace huetrack::live_view {
+namespace {
+
+using Json = nlohmann::json;
+
+double unix_s(std::int64_t ns) {
+  return static_cast<double>(ns) * 1e-9;
+}
+
+std::string base64(const std::vector<std::uint8_t>& bytes) {
+  static constexpr char digits[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+  std::string out;
+  out.reserve((bytes.size() + 2) / 3 * 4);
+  for (std::size_t i = 0; i < bytes.size(); i += 3) {
+    const auto byte = [&](std::size_t k) { return i + k < bytes.size() ? std::uint32_t(bytes[i + k]) : 0U; };
+    const std::uint32_t group = byte(0) << 16 | byte(1) << 8 | byte(2);
+    out += digits[group >> 18 & 63];
+    out += digits[group >> 12 & 63];
+    out += i + 1 < bytes.size() ? digits[group >> 6 & 63] : '=';
+    out += i + 2 < bytes.size() ? digits[group & 63] : '=';
+  }
+  return out;
+}
+
+// For drawing: a tenth of a pixel is enough, and much shorter than the shortest exact digits.
+Json tenth(float value) {
+  if (!std::isfinite(value)) return nullptr;
+  return std::round(static_cast<double>(value) * 10) / 10;
+}
+
+Json color_json(const msg::SceneColor& color) {
+  return {{"camera", color.camera()},
+          {"hue_deg", color.hue_deg()},
+          {"saturation", color.saturation()},
+          {"intensity", color.intensity()}};
+}
+
+constexpr const char* states[] = {"searching", "tracking", "coasting", "lost"};
+const char* state_name(std::uint32_t state) {
+  return state < std::size(states) ? states[state] : "unknown";
+}
+
+constexpr const char* healths[] = {"waiting", "delivering", "stalled", "absent", "ended"};
+
+// Dumps what other programs sent: a string that is no UTF-8 must not end the bridge.
+std::string text(const Json& json) {
+  return json.dump(-1, ' ', false, Json::error_handler_t::replace);
+}
+
+}  // namespace
+
+std::string to_json(const msg::ObjectPosition& s) {
+  Json views = Json::array();
+  for (const auto& v : s.per_view())
+    views.push_back({{"camera", v.camera()},
+                     {"delivered", v.delivered()},
+                     {"seen", v.seen()},
+                     {"support", v.support()},
+                     {"residual_px", v.residual_px()}});
+  return text({{"target", s.target()},
+               {"t", unix_s(s.captured_at())},
+               {"set", s.set_number()},
+               {"state", state_name(s.state())},
+               {"position", s.position()},
+               {"velocity", s.velocity()},
+               {"covariance", s.covariance()},
+               {"views", s.views()},
+               {"confidence", s.confidence()},
+               {"particles", s.particle_count()},
+               {"ess", s.effective_sample_size()},
+               {"latency", unix_s(s.published_at() - s.captured_at())},
+               {"tracking_latency", unix_s(s.published_at() - s.received_at())},
+               {"per_view", std::move(views)}});
+}
+
+std::string to_json(const msg::ServiceStatus& s, double heard) {
+  Json cameras = Json::array();
+  for (const auto& c : s.cameras()) {
+    const auto health = static_cast<std::size_t>(c.health());
+    cameras.push_back({{"name", c.name()},
+                       {"health", health < std::size(healths) ? healths[health] : "unknown"},
+                       {"message", c.message()},
+                       {"frames", c.frames()},
+                       {"dropped", c.dropped()},
+                       {"corrupted", c.corrupted()},
+                       {"rate_hz", c.rate_hz()},
+                       {"age_s", c.age_s()}});
+  }
+  return text({{"host", s.host()},
+               {"pid", s.pid()},
+               {"heard", heard},
+               {"version", s.program_version()},
+               {"mode", s.mode()},
+               {"config_file", s.config_file()},
+               {"config_identity", s.config_identity()},
+               {"rig_identity", s.rig_identity()},
+               {"set_rate_hz", s.set_rate_hz()},
+               {"sets", s.sets()},
+               {"incomplete_sets", s.incomplete_sets()},
+               {"late_frames", s.late_frames()},
+               {"dropped_sets", s.dropped_sets()},
+               {"published", s.published()},
+               {"publish_failures", s.publish_failures()},
+               {"cameras", std::move(cameras)},
+               {"targets", s.targets()},
+               {"warnings", s.warnings()}});
+}
+
+std::string to_json(const msg::Scene& s) {
+  Json cameras = Json::array(), targets = Json::array(), ignored = Json::array();
+  for (const auto& c : s.cameras())
+    cameras.push_back({{"name", c.name()},
+                       {"size", {c.width(), c.height()}},
+                       {"model", c.model()},
+                       {"intrinsics", c.intrinsics()},
+                       {"position", c.position()},
+                       {"orientation", c.orientation_xyzw()},
+                       {"border", c.border()}});
+  for (const auto& t : s.targets()) {
+    Json colors = Json::array();
+    for (const auto& color : t.colors()) colors.push_back(color_json(color));
+    targets.push_back({{"name", t.name()}, {"radius", t.radius_m()}, {"rgb", t.rgb()}, {"colors", std::move(colors)}});
+  }
+  for (const auto& i : s.ignored()) ignored.push_back({{"camera", i.camera()}, {"box", i.box()}});
+  return text({{"host", s.host()},
+               {"pid", s.pid()},
+               {"at", unix_s(s.at())},
+               {"rig_identity", s.rig_identity()},
+               {"frame_id", s.frame_id()},
+               {"volume", {s.volume_min(), s.volume_max()}},
+               {"cameras", std::move(cameras)},
+               {"targets", std::move(targets)},
+               {"ignored", std::move(ignored)},
+               {"may_teach", s.may_teach()},
+               {"why_not", s.why_not()}});
+}
+
+std::string to_json(const msg::Preview& p) {
+  Json targets = Json::array();
+  for (const auto& t : p.targets()) {
+    Json particles = Json::array();
+    for (const float value : t.particles()) particles.push_back(tenth(value));
+    targets.push_back({{"target", t.target()},
+                       {"state", state_name(t.state())},
+                       {"px", {tenth(t.pixel()[0]), tenth(t.pixel()[1])}},
+                       {"radius", tenth(t.radius_px())},
+                       {"ellipse", {t.ellipse()[0], t.ellipse()[1], t.ellipse()[2]}},
+                       {"particles", std::move(particles)}});
+  }
+  return text({{"camera", p.camera()},
+               {"t", unix_s(p.captured_at())},
+               {"set", p.set_number()},
+               {"image", {p.image_width(), p.image_height()}},
+               {"size", {p.width(), p.height()}},
+               {"jpeg", base64(p.jpeg())},
+               {"targets", std::move(targets)}});
+}
+
+std::string to_json(const msg::TeachReply& r) {
+  Json cameras = Json::array();
+  for (const auto& c : r.cameras())
+    cameras.push_back({{"camera", c.camera()},
+                       {"pointed", c.pointed()},
+                       {"region", {c.region_pixel()[0], c.region_pixel()[1]}},
+                       {"region_radius", c.region_radius_px()},
+                       {"color", color_json(c.color())},
+                       {"background_share", c.background_share()},
+                       {"background_box", c.background_box()},
+                       {"verdict", c.verdict()},
+                       {"size", {c.width(), c.height()}},
+                       {"jpeg", base64(c.jpeg())},
+                       {"mask", base64(c.mask())}});
+  return text({{"client", r.client()},
+               {"number", r.number()},
+               {"granted", r.granted()},
+               {"reason", r.reason()},
+               {"set", r.set_number()},
+               {"radius", r.radius_m()},
+               {"cameras", std::move(cameras)}});
+}
+
+std::string to_json(const Pulse& p) {
+  return text(
+      {{"now", p.now}, {"domain", p.domain}, {"bus", p.bus}, {"publishers", p.publishers}, {"trouble", p.trouble}});
+}
+
+msg::TeachRequest teach_request_of(const std::string& json) {
+  constexpr std::size_t most = 64;  // points, rectangles
+  try {
+    const Json j = Json::parse(json);
+    msg::TeachRequest request;
+    request.client(j.at("client").get<std::string>());
+    request.number(j.at("number").get<std::uint32_t>());
+    request.host(j.at("host").get<std::string>());
+    request.pid(j.at("pid").get<std::uint32_t>());
+    const auto action = j.at("action").get<std::string>();
+    constexpr const char* actions[] = {"freeze", "look", "apply", "ignore", "resume"};
+    std::size_t a = 0;
+    while (a < std::size(actions) && action != actions[a]) ++a;
+    if (a == std::size(actions)) throw std::invalid_argument("action must be freeze, look, apply, ignore or resume");
+    request.action(static_cast<msg::TeachAction>(a));
+    request.target(j.value("target", ""));
+    request.wider(j.value("wider", 0));
+    const Json points = j.value("points", Json::array()), ignored = j.value("ignored", Json::array());
+    if (points.size() > most || ignored.size() > most)
+      throw std::invalid_argument("more than " + std::to_string(most) + " points or rectangles");
+    for (const Json& p : points) {
+      msg::TeachPoint& point = request.points().emplace_back();
+      point.camera(p.at("camera").get<std::string>());
+      point.pixel(p.at("pixel").get<std::array<double, 2>>());
+    }
+    for (const Json& i : ignored) {
+      msg::SceneIgnore& ignore = request.ignored().emplace_back();
+      ignore.camera(i.at("camera").get<std::string>());
+      ignore.box(i.at("box").get<std::array<double, 4>>());
+    }
+    if (request.client().size() > 64 || request.host().size() > 256 || request.target().size() > 256)
+      throw std::invalid_argument("a name is too long");
+    return request;
+  } catch (const Json::exception& error) {
+    throw std::invalid_argument(error.what());
+  }
+}
+
+}  // namespace huetrack::live_view

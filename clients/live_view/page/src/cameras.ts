@@ -1,0 +1,184 @@
+// The cameras' pictures, with what the tracker thinks drawn over them.
+import type { Preview } from "./messages";
+import { colorOf, store } from "./store";
+
+interface View {
+  card: HTMLElement;
+  canvas: HTMLCanvasElement;
+  health: HTMLElement;
+  note: HTMLElement;
+  image: ImageBitmap | null;
+  preview: Preview | null;
+  decoding: boolean;
+  next: Preview | null;
+}
+
+const views = new Map<string, View>();
+const grid = document.getElementById("cameras")!;
+
+export async function bitmapOf(base64: string): Promise<ImageBitmap> {
+  const bytes = Uint8Array.from(atob(base64), (c) => c.charCodeAt(0));
+  return createImageBitmap(new Blob([bytes], { type: "image/jpeg" }));
+}
+
+function viewOf(camera: string): View {
+  const old = views.get(camera);
+  if (old) return old;
+  const card = document.createElement("figure");
+  card.className = "camera";
+  card.innerHTML = `<figcaption><b></b><span class="chip"></span></figcaption><canvas role="img"></canvas><p class="note" hidden></p>`;
+  card.querySelector("b")!.textContent = camera;
+  const view: View = {
+    card,
+    canvas: card.querySelector("canvas")!,
+    health: card.querySelector(".chip")!,
+    note: card.querySelector(".note")!,
+    image: null,
+    preview: null,
+    decoding: false,
+    next: null,
+  };
+  view.canvas.setAttribute("aria-label", `Camera ${camera}: no picture yet`);
+  views.set(camera, view);
+  grid.append(card);
+  document.getElementById("no-cameras")!.hidden = true;
+  return view;
+}
+
+// Pictures that come while one is being decoded replace each other: a slow page shows fewer, not later ones.
+export async function showPreview(preview: Preview): Promise<void> {
+  const view = viewOf(preview.camera);
+  view.next = preview;
+  if (view.decoding) return;
+  view.decoding = true;
+  try {
+    while (view.next) {
+      const current: Preview = view.next;
+      view.next = null;
+      const image = await bitmapOf(current.jpeg);
+      view.image?.close();
+      view.image = image;
+      view.preview = current;
+      draw(view);
+    }
+  } finally {
+    view.decoding = false;
+  }
+}
+
+// Everything in pixels of the camera's image; the canvas is scaled so that lines stay thin on any size.
+function draw(view: View): void {
+  const { preview, image, canvas } = view;
+  if (!preview || !image) return;
+  const width = Math.max(320, Math.round(canvas.clientWidth * devicePixelRatio)) || preview.size[0];
+  const height = Math.round((width * preview.image[1]) / preview.image[0]);
+  if (canvas.width !== width || canvas.height !== height) {
+    canvas.width = width;
+    canvas.height = height;
+  }
+  const g = canvas.getContext("2d")!;
+  g.drawImage(image, 0, 0, width, height);
+  const s = width / preview.image[0];
+  const line = Math.max(1.2, 1.4 * devicePixelRatio);
+  const at = (u: number, v: number): [number, number] => [(u + 0.5) * s, (v + 0.5) * s];
+  const seen: string[] = [];
+  for (const target of preview.targets) {
+    const color = colorOf(target.target);
+    g.fillStyle = color;
+    const dot = Math.max(1.5, 1.2 * devicePixelRatio);
+    g.globalAlpha = 0.75;
+    for (let i = 0; i + 1 < target.particles.length; i += 2) {
+      const [x, y] = at(target.particles[i]!, target.particles[i + 1]!);
+      g.fillRect(x - dot / 2, y - dot / 2, dot, dot);
+    }
+    g.globalAlpha = 1;
+    if (target.px[0] === null || target.px[1] === null) continue;
+    const [x, y] = at(target.px[0], target.px[1]);
+    const ring = (width: number, style: string, dashed: boolean) => {
+      g.lineWidth = width;
+      g.strokeStyle = style;
+      g.setLineDash(dashed ? [4 * line, 3 * line] : []);
+      g.beginPath();
+      g.arc(x, y, Math.max(3, (target.radius ?? 0) * s), 0, 2 * Math.PI);
+      g.stroke();
+      const [a, b, angle] = target.ellipse;
+      if (a !== null && b !== null && angle !== null) {
+        g.beginPath();
+        g.ellipse(x, y, Math.min(a * s, 4 * canvas.width), Math.min(b * s, 4 * canvas.width), angle, 0, 2 * Math.PI);
+        g.stroke();
+      }
+      g.setLineDash([]);
+      const arm = 5 * line;
+      g.beginPath();
+      g.moveTo(x - arm, y);
+      g.lineTo(x + arm, y);
+      g.moveTo(x, y - arm);
+      g.lineTo(x, y + arm);
+      g.stroke();
+    };
+    const coasts = target.state === "coasting";
+    ring(line * 2.6, "rgb(0 0 0 / 0.65)", coasts);
+    ring(line, "white", coasts);
+    label(g, `${target.target}${coasts ? " (predicted)" : ""}`, x, y - Math.max(3, (target.radius ?? 0) * s) - 6 * line, color);
+    seen.push(`${target.target} ${target.state} at ${Math.round(target.px[0])}, ${Math.round(target.px[1])}`);
+  }
+  canvas.setAttribute("aria-label", `Camera ${preview.camera}: ${seen.join("; ") || "no target in view"}`);
+}
+
+export function label(g: CanvasRenderingContext2D, text: string, x: number, y: number, color: string): void {
+  const size = 12 * devicePixelRatio;
+  g.font = `600 ${size}px system-ui, sans-serif`;
+  g.textAlign = "center";
+  g.textBaseline = "bottom";
+  const width = g.measureText(text).width;
+  const left = Math.min(Math.max(x, width / 2 + 6), g.canvas.width - width / 2 - 6);
+  const bottom = Math.max(y, size + 6);
+  g.fillStyle = "rgb(0 0 0 / 0.6)";
+  g.beginPath();
+  g.roundRect(left - width / 2 - 5, bottom - size - 3, width + 10, size + 6, 4);
+  g.fill();
+  g.fillStyle = color;
+  g.fillRect(left - width / 2 - 5, bottom + 3, width + 10, 2);
+  g.fillStyle = "white";
+  g.fillText(text, left, bottom);
+}
+
+const healthWords = {
+  delivering: "delivering",
+  waiting: "waiting for its first frame",
+  stalled: "stalled",
+  absent: "absent",
+  ended: "recording ended",
+  unknown: "unknown",
+};
+
+// Once a second: health, and cameras that are gone.
+export function updateCameras(serving: boolean): void {
+  const status = store.status;
+  for (const camera of status?.cameras ?? []) {
+    const view = viewOf(camera.name);
+    const health = serving ? camera.health : "unknown";
+    view.health.textContent =
+      health === "delivering" ? `${camera.rate_hz.toFixed(1)} Hz` : healthWords[health] ?? health;
+    view.health.dataset.health = health;
+    const troubles = [camera.message];
+    if (camera.dropped) troubles.push(`${camera.dropped} of ${camera.frames + camera.dropped} frames dropped`);
+    if (camera.corrupted) troubles.push(`${camera.corrupted} damaged`);
+    const text = troubles.filter(Boolean).join("; ");
+    view.note.textContent = text;
+    view.note.hidden = !text;
+    view.card.classList.toggle("stale", !serving || health !== "delivering");
+  }
+  const order = status?.cameras.map((c) => views.get(c.name)!.card) ?? [];
+  if (order.some((card, i) => grid.children[i] !== card)) grid.append(...order);
+  for (const [name, view] of views) {
+    if (status && !status.cameras.some((c) => c.name === name)) {
+      view.card.remove();
+      views.delete(name);
+    }
+  }
+}
+
+export function redrawCameras(): void {
+  for (const view of views.values()) draw(view);
+}

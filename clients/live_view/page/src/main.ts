@@ -1,0 +1,250 @@
+// The page: listens to the bridge and shows what it says. Everything that is shown is in the store.
+import { redrawCameras, showPreview, updateCameras } from "./cameras";
+import type { Position, Pulse, Scene, State, Status, TeachReply } from "./messages";
+import { drawPlots, updatePlotTexts } from "./plots";
+import { Scene3d } from "./scene3d";
+import { colorOf, forget, isServing, store, takePosition, takeStatus } from "./store";
+import { takeTeachReply, updateTeach } from "./teach";
+
+const $ = (id: string) => document.getElementById(id)!;
+let dirty = true;
+
+// ---- The stream. Hidden pages let go of it: browsers allow only a few connections to one host.
+let events: EventSource | null = null;
+
+function listen(): void {
+  if (events || document.hidden) return;
+  events = new EventSource("/api/events");
+  const on = <T>(name: string, take: (message: T) => void) =>
+    events!.addEventListener(name, (event) => {
+      take(JSON.parse((event as MessageEvent<string>).data) as T);
+      dirty = true;
+    });
+  events.onopen = () => {
+    forget(); // the bridge tells again what it still has
+    store.connected = true;
+    dirty = true;
+    tick();
+  };
+  events.onerror = () => {
+    store.connected = false; // EventSource tries again by itself, but for some answers of a server
+    dirty = true;
+    tick();
+    if (events?.readyState === EventSource.CLOSED) {
+      hush();
+      setTimeout(listen, 2000);
+    }
+  };
+  on<Pulse>("pulse", (pulse) => (store.pulse = pulse));
+  on<Status>("status", takeStatus);
+  on<Scene>("scene", (scene) => (store.scene = scene));
+  on<Position>("position", takePosition);
+  on<Parameters<typeof showPreview>[0]>("preview", (preview) => void showPreview(preview));
+  on<TeachReply>("teach", (reply) => void takeTeachReply(reply));
+}
+
+function hush(): void {
+  events?.close();
+  events = null;
+}
+
+document.addEventListener("visibilitychange", () => (document.hidden ? hush() : listen()));
+
+// ---- Targets
+const stateText: Record<State, string> = {
+  searching: "not found yet",
+  tracking: "seen and sure",
+  coasting: "predicted, or seen by too few",
+  lost: "hidden for too long, searched for",
+};
+const told = new Map<string, State>();
+
+function cardOf(name: string): HTMLElement {
+  const list = $("targets");
+  for (const card of list.children) if ((card as HTMLElement).dataset.target === name) return card as HTMLElement;
+  const card = document.createElement("li");
+  card.dataset.target = name;
+  card.innerHTML = `<h3><span class="swatch" aria-hidden="true"></span><span class="name"></span><span class="state"></span></h3>
+    <p class="position"><span data-axis="x"></span><span data-axis="y"></span><span data-axis="z"></span></p>
+    <dl><div><dt>1σ</dt><dd class="sigma"></dd></div><div><dt>Speed</dt><dd class="speed"></dd></div>
+    <div><dt>Views</dt><dd class="views"></dd></div><div><dt>Confidence</dt><dd class="confidence"></dd></div>
+    <div><dt>Latency</dt><dd class="latency"></dd></div></dl>`;
+  card.querySelector(".name")!.textContent = name;
+  list.append(card);
+  return card;
+}
+
+function updateTargets(): void {
+  const now = performance.now();
+  for (const card of [...$("targets").children] as HTMLElement[])
+    if (!store.targets.has(card.dataset.target!)) card.remove();
+  for (const target of store.targets.values()) {
+    const card = cardOf(target.name);
+    const { latest } = target;
+    const fresh = isServing() && now - target.heard < 2000;
+    card.dataset.state = fresh ? latest.state : "none";
+    const text = (selector: string, value: string) => {
+      const element = card.querySelector(selector)!;
+      if (element.textContent !== value) element.textContent = value;
+    };
+    (card.querySelector(".swatch") as HTMLElement).style.background = colorOf(target.name);
+    text(".state", fresh ? latest.state : "no news");
+    (card.querySelector(".state") as HTMLElement).title = fresh ? stateText[latest.state] : "no sample for two seconds";
+    latest.position.forEach((value, i) => {
+      text(`[data-axis=${"xyz"[i]}]`, `${"xyz"[i]} ${value === null || !fresh ? "–" : value.toFixed(3)}`);
+    });
+    const sample = target.history.at(-1);
+    const has = fresh && sample?.p;
+    text(".sigma", has ? `${(sample.sigma * 1000).toFixed(1)} mm` : "–");
+    text(".speed", has ? `${sample.speed.toFixed(2)} m/s` : "–");
+    text(".views", fresh ? `${latest.views} of ${latest.per_view.length}` : "–");
+    text(".confidence", fresh ? `${Math.round(latest.confidence * 100)} %` : "–");
+    text(".latency", fresh ? `${(latest.latency * 1000).toFixed(1)} ms` : "–");
+    if (fresh && told.get(target.name) !== latest.state) {
+      if (told.has(target.name)) $("news").textContent = `${target.name} is ${latest.state}`; // screen readers say it
+      told.set(target.name, latest.state);
+    }
+  }
+}
+
+// ---- Header, warnings, health: once a second, and when the connection changes
+function tick(): void {
+  const serving = isServing();
+  const { status, pulse } = store;
+  const link = $("link");
+  link.dataset.link = !store.connected ? "bad" : serving ? "good" : "warn";
+  link.textContent = !store.connected ? "No bridge" : serving ? "Live" : "No service";
+  $("service").textContent = !store.connected
+    ? "The bridge does not answer: is `huetrack view` still running? Trying again."
+    : serving
+      ? `${status!.mode === "run" ? "live cameras" : "replay"} on ${status!.host}, ${status!.set_rate_hz.toFixed(1)} sets/s`
+      : `Waiting for huetrackd on ${pulse ? pulse.bus : "DDS"}. The page goes on by itself.`;
+  const warnings = [...(serving ? status!.warnings : []), ...(pulse?.trouble ? [pulse.trouble] : [])];
+  const list = $("warnings");
+  if (list.dataset.shown !== warnings.join("\n")) {
+    list.dataset.shown = warnings.join("\n");
+    list.replaceChildren(
+      ...warnings.map((text) => Object.assign(document.createElement("li"), { textContent: text })),
+    );
+    list.hidden = warnings.length === 0;
+  }
+  $("no-targets").hidden = store.targets.size > 0;
+  updateCameras(serving);
+  updateHealth(serving);
+  updatePlotTexts();
+  updateTeach(serving);
+}
+
+function updateHealth(serving: boolean): void {
+  const { status } = store;
+  const body = $("health");
+  const rows = (status?.cameras ?? []).map((camera) => {
+    const row = document.createElement("tr");
+    const cell = (text: string, name?: string) => {
+      const td = document.createElement(name ? "th" : "td");
+      if (name) td.scope = "row";
+      td.textContent = text;
+      row.append(td);
+      return td;
+    };
+    cell(camera.name, "row");
+    const chip = document.createElement("span");
+    chip.className = "chip";
+    chip.dataset.health = serving ? camera.health : "unknown";
+    chip.textContent = serving ? camera.health : "unknown";
+    cell("").append(chip);
+    cell(camera.rate_hz.toFixed(1));
+    cell(String(camera.frames));
+    cell(String(camera.dropped));
+    cell(String(camera.corrupted));
+    cell(camera.message);
+    return row;
+  });
+  body.replaceChildren(...rows);
+  const facts: [string, string][] = status
+    ? [
+        ["Configuration", `${status.config_file} (${status.config_identity})`],
+        ["Rig", status.rig_identity],
+        ["Version", status.version],
+        ["Frame sets", `${status.sets} tracked, ${status.incomplete_sets} incomplete, ${status.dropped_sets} dropped`],
+        ["Late frames", String(status.late_frames)],
+        ["Samples", `${status.published} published, ${status.publish_failures} failures`],
+        ["Process", `${status.pid} on ${status.host}`],
+        ["Bus", store.pulse?.bus ?? ""],
+      ]
+    : [];
+  $("facts").replaceChildren(
+    ...facts.map(([name, value]) => {
+      const div = document.createElement("div");
+      const dt = document.createElement("dt");
+      const dd = document.createElement("dd");
+      dt.textContent = name;
+      dd.textContent = value;
+      div.append(dt, dd);
+      return div;
+    }),
+  );
+}
+
+// ---- Theme: the system's, unless somebody chose
+const theme = $("theme") as HTMLButtonElement;
+const systemDark = matchMedia("(prefers-color-scheme: dark)");
+function applyTheme(): void {
+  const chosen = localStorage.getItem("huetrack-theme");
+  const dark = chosen ? chosen === "dark" : systemDark.matches;
+  document.documentElement.dataset.theme = dark ? "dark" : "light";
+  theme.textContent = dark ? "Light" : "Dark";
+  theme.setAttribute("aria-label", `Switch to ${dark ? "light" : "dark"} colours`);
+  dirty = true;
+}
+theme.addEventListener("click", () => {
+  localStorage.setItem("huetrack-theme", document.documentElement.dataset.theme === "dark" ? "light" : "dark");
+  applyTheme();
+});
+systemDark.addEventListener("change", applyTheme);
+applyTheme();
+
+// ---- Drawing, when there is news, at most with every frame of the display
+let scene3d: Scene3d | null = null;
+const canvas = $("scene") as HTMLCanvasElement;
+try {
+  scene3d = new Scene3d(canvas);
+  for (const name of ["pointermove", "wheel", "keydown"]) canvas.addEventListener(name, () => (dirty = true), { passive: true });
+  $("home").addEventListener("click", () => {
+    scene3d?.home();
+    dirty = true;
+  });
+} catch (error) {
+  // A browser without WebGL shows everything else.
+  canvas.hidden = true;
+  $("no-webgl").hidden = false;
+  console.warn("no 3-D view:", error);
+}
+
+let lastPlots = 0;
+function frame(now: number): void {
+  if (dirty) {
+    dirty = false;
+    updateTargets();
+    scene3d?.render();
+    if (now - lastPlots > 100) {
+      lastPlots = now;
+      drawPlots();
+    } else {
+      dirty = now - lastPlots > 0 && dirty;
+    }
+  }
+  requestAnimationFrame(frame);
+}
+addEventListener("resize", () => {
+  dirty = true;
+  redrawCameras();
+  drawPlots();
+});
+setInterval(() => {
+  dirty = true;
+  tick();
+}, 1000);
+listen();
+tick();
+requestAnimationFrame(frame);

@@ -1,0 +1,131 @@
+// The events that the bridge streams: the other half of clients/live_view/events.h. Times are UNIX seconds, lengths metres;
+// null stands for NaN: there is no such value.
+export type State = "searching" | "tracking" | "coasting" | "lost";
+export type N = number | null;
+
+export interface Position {
+  target: string;
+  t: number;
+  set: number;
+  state: State;
+  position: [N, N, N];
+  velocity: [N, N, N];
+  covariance: N[];
+  views: number;
+  confidence: number;
+  particles: number;
+  ess: number;
+  latency: number;
+  tracking_latency: number;
+  per_view: { camera: string; delivered: boolean; seen: boolean; support: number; residual_px: number }[];
+}
+
+export interface CameraStatus {
+  name: string;
+  health: "waiting" | "delivering" | "stalled" | "absent" | "ended" | "unknown";
+  message: string;
+  frames: number;
+  dropped: number;
+  corrupted: number;
+  rate_hz: number;
+  age_s: number;
+}
+
+export interface Status {
+  host: string;
+  pid: number;
+  heard: number;
+  version: string;
+  mode: string;
+  config_file: string;
+  config_identity: string;
+  rig_identity: string;
+  set_rate_hz: number;
+  sets: number;
+  incomplete_sets: number;
+  late_frames: number;
+  dropped_sets: number;
+  published: number;
+  publish_failures: number;
+  cameras: CameraStatus[];
+  targets: string[];
+  warnings: string[];
+}
+
+export interface Color {
+  camera: string;
+  hue_deg: [number, number];
+  saturation: [number, number];
+  intensity: [number, number];
+}
+
+export interface Ignore {
+  camera: string;
+  box: [number, number, number, number];
+}
+
+export interface SceneCamera {
+  name: string;
+  size: [number, number];
+  model: string;
+  intrinsics: number[];
+  position: [number, number, number];
+  orientation: [number, number, number, number];
+  border: N[];
+}
+
+export interface Scene {
+  host: string;
+  pid: number;
+  at: number;
+  rig_identity: string;
+  frame_id: string;
+  volume: [[number, number, number], [number, number, number]];
+  cameras: SceneCamera[];
+  targets: { name: string; radius: number; rgb: [number, number, number]; colors: Color[] }[];
+  ignored: Ignore[];
+  may_teach: boolean;
+  why_not: string;
+}
+
+export interface Preview {
+  camera: string;
+  t: number;
+  set: number;
+  image: [number, number];
+  size: [number, number];
+  jpeg: string;
+  targets: { target: string; state: State; px: [N, N]; radius: N; ellipse: [N, N, N]; particles: N[] }[];
+}
+
+export interface Pulse {
+  now: number;
+  domain: number;
+  bus: string;
+  publishers: number;
+  trouble: string;
+}
+
+export interface TaughtCamera {
+  camera: string;
+  pointed: boolean;
+  region: [N, N];
+  region_radius: N;
+  color: Color;
+  background_share: number;
+  background_box: number[];
+  verdict: string;
+  size: [number, number];
+  jpeg: string;
+  mask: string;
+}
+
+export interface TeachReply {
+  client: string;
+  number: number;
+  granted: boolean;
+  reason: string;
+  set: number;
+  radius: N;
+  cameras: TaughtCamera[];
+}

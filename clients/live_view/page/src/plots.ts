@@ -1,0 +1,255 @@
+// Plots over the last half minute: one canvas each, all with the same time axis.
+import { colorOf, historySeconds, store, type Sample } from "./store";
+
+interface Series {
+  name: string;
+  color: string;
+  dash?: number[];
+  points: [number, number][]; // t, y; NaN breaks the line
+}
+
+interface Plot {
+  title: string;
+  unit: string;
+  height: number;
+  series: () => Series[];
+  zero?: boolean; // the axis starts at 0
+  least?: number; // the axis covers at least so much
+}
+
+const stateColors = { tracking: "--good", coasting: "--warn", searching: "--info", lost: "--bad" } as const;
+
+function perTarget(value: (s: Sample) => number): () => Series[] {
+  return () =>
+    [...store.targets.values()].map((t) => ({
+      name: t.name,
+      color: colorOf(t.name),
+      points: t.history.map((s) => [s.t, value(s)] as [number, number]),
+    }));
+}
+
+const dashes = [[], [7, 4], [2, 3]];
+const plots: Plot[] = [
+  {
+    title: "Position",
+    unit: "m",
+    height: 190,
+    least: 0.2,
+    series: () =>
+      [...store.targets.values()].flatMap((t) =>
+        ["x", "y", "z"].map((axis, i) => ({
+          name: `${t.name} ${axis}`,
+          color: colorOf(t.name),
+          dash: dashes[i],
+          points: t.history.map((s) => [s.t, s.p ? s.p[i] : NaN] as [number, number]),
+        })),
+      ),
+  },
+  { title: "Uncertainty (1σ, largest axis)", unit: "mm", height: 120, zero: true, least: 5, series: perTarget((s) => s.sigma * 1000) },
+  { title: "Speed", unit: "m/s", height: 120, zero: true, least: 0.5, series: perTarget((s) => s.speed) },
+  { title: "Latency, capture to bus", unit: "ms", height: 120, zero: true, least: 5, series: perTarget((s) => s.latency * 1000) },
+  { title: "Effective particles", unit: "", height: 120, zero: true, least: 50, series: perTarget((s) => s.ess) },
+  {
+    title: "Frame sets tracked",
+    unit: "/s",
+    height: 120,
+    zero: true,
+    least: 10,
+    series: () => [{ name: "sets", color: "var(--accent)", points: store.rates.map((r) => [r.t, r.rate] as [number, number]) }],
+  },
+];
+
+interface Drawn {
+  plot: Plot;
+  canvas: HTMLCanvasElement;
+  now: HTMLElement;
+}
+const drawn: Drawn[] = [];
+const parent = document.getElementById("plots")!;
+const states = document.getElementById("states") as HTMLCanvasElement;
+
+for (const plot of plots) {
+  const figure = document.createElement("figure");
+  figure.className = "plot";
+  figure.innerHTML = `<figcaption><b></b> <span class="now"></span></figcaption><canvas role="img"></canvas>`;
+  figure.querySelector("b")!.textContent = plot.title + (plot.unit ? `, ${plot.unit}` : "");
+  parent.append(figure);
+  const canvas = figure.querySelector("canvas")!;
+  canvas.style.height = `${plot.height}px`;
+  drawn.push({ plot, canvas, now: figure.querySelector(".now")! });
+}
+
+function prepare(canvas: HTMLCanvasElement): [CanvasRenderingContext2D, number, number] {
+  const w = canvas.clientWidth;
+  const h = canvas.clientHeight;
+  const r = Math.min(devicePixelRatio, 2);
+  if (canvas.width !== Math.round(w * r) || canvas.height !== Math.round(h * r)) {
+    canvas.width = Math.round(w * r);
+    canvas.height = Math.round(h * r);
+  }
+  const g = canvas.getContext("2d")!;
+  g.setTransform(r, 0, 0, r, 0, 0);
+  g.clearRect(0, 0, w, h);
+  return [g, w, h];
+}
+
+const variable = (name: string) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+const resolve = (color: string) => (color.startsWith("var(") ? variable(color.slice(4, -1)) : color);
+
+function step(range: number, count: number): number {
+  const raw = range / count;
+  const power = 10 ** Math.floor(Math.log10(raw));
+  return ([1, 2, 5].find((m) => m * power >= raw) ?? 10) * power;
+}
+
+export function newestTime(): number {
+  let t = -Infinity;
+  for (const target of store.targets.values()) t = Math.max(t, target.history.at(-1)?.t ?? -Infinity);
+  return t;
+}
+
+const left = 46;
+const right = 10;
+
+function drawPlot({ plot, canvas }: Drawn, end: number): void {
+  const [g, w, h] = prepare(canvas);
+  const bottom = 18;
+  const series = plot.series();
+  const own = plot.title.startsWith("Frame sets") ? (store.rates.at(-1)?.t ?? 0) : end;
+  const begin = own - historySeconds;
+  let low = Infinity;
+  let high = -Infinity;
+  for (const s of series)
+    for (const [t, y] of s.points)
+      if (t >= begin && Number.isFinite(y)) {
+        low = Math.min(low, y);
+        high = Math.max(high, y);
+      }
+  if (low > high) [low, high] = [0, plot.least ?? 1];
+  if (plot.zero) low = 0;
+  const short = (plot.least ?? 0) - (high - low);
+  if (short > 0) plot.zero ? (high += short) : ((low -= short / 2), (high += short / 2));
+  const pad = (high - low) * 0.06;
+  high += pad;
+  if (!plot.zero) low -= pad;
+  const x = (t: number) => left + ((t - begin) / historySeconds) * (w - left - right);
+  const y = (v: number) => h - bottom - ((v - low) / (high - low)) * (h - bottom - 6);
+  const muted = variable("--muted");
+  g.font = "11px system-ui, sans-serif";
+  g.strokeStyle = variable("--line");
+  g.fillStyle = muted;
+  g.lineWidth = 1;
+  g.textAlign = "right";
+  g.textBaseline = "middle";
+  const dy = step(high - low, h / 45);
+  for (let v = Math.ceil(low / dy) * dy; v <= high; v += dy) {
+    g.beginPath();
+    g.moveTo(left, y(v));
+    g.lineTo(w - right, y(v));
+    g.stroke();
+    g.fillText(Math.abs(v) < dy / 1e6 ? "0" : String(+v.toPrecision(6)), left - 6, y(v));
+  }
+  timeAxis(g, w, h);
+  g.save();
+  g.beginPath();
+  g.rect(left, 0, w - left - right, h - bottom + 1);
+  g.clip();
+  for (const s of series) {
+    g.strokeStyle = resolve(s.color);
+    g.lineWidth = 1.8;
+    g.setLineDash(s.dash ?? []);
+    g.beginPath();
+    let open = false;
+    let last = -Infinity;
+    for (const [t, v] of s.points) {
+      if (t < begin - 1) continue;
+      if (!Number.isFinite(v)) {
+        open = false;
+        continue;
+      }
+      if (open && t - last < 2.5) g.lineTo(x(t), y(v));
+      else g.moveTo(x(t), y(v));
+      open = true;
+      last = t;
+    }
+    g.stroke();
+  }
+  g.restore();
+  if (plot.title === "Position" && series.length) {
+    g.textAlign = "left";
+    g.fillStyle = muted;
+    ["x", "y", "z"].forEach((axis, i) => {
+      g.strokeStyle = muted;
+      g.setLineDash(dashes[i]);
+      g.beginPath();
+      g.moveTo(left + 8 + i * 52, 8);
+      g.lineTo(left + 34 + i * 52, 8);
+      g.stroke();
+      g.fillText(axis, left + 38 + i * 52, 8);
+    });
+    g.setLineDash([]);
+  }
+}
+
+function timeAxis(g: CanvasRenderingContext2D, w: number, h: number): void {
+  g.textBaseline = "alphabetic";
+  for (let s = 0; s <= historySeconds; s += 10) {
+    const at = left + (1 - s / historySeconds) * (w - left - right);
+    g.textAlign = s === 0 ? "right" : s === historySeconds ? "left" : "center";
+    g.fillText(s === 0 ? "now" : `−${s} s`, at, h - 4);
+  }
+}
+
+function drawStates(end: number): void {
+  const targets = [...store.targets.values()];
+  states.style.height = `${Math.max(1, targets.length) * 22 + 20}px`;
+  const [g, w, h] = prepare(states);
+  const begin = end - historySeconds;
+  const x = (t: number) => left + ((t - begin) / historySeconds) * (w - left - right);
+  g.font = "11px system-ui, sans-serif";
+  targets.forEach((target, row) => {
+    const y = row * 22 + 4;
+    g.fillStyle = variable("--muted");
+    g.textAlign = "right";
+    g.textBaseline = "middle";
+    g.fillText(target.name.slice(0, 7), left - 6, y + 8);
+    const samples = target.history.filter((s) => s.t >= begin);
+    for (let i = 0; i < samples.length; ) {
+      let k = i;
+      while (k + 1 < samples.length && samples[k + 1].state === samples[i].state && samples[k + 1].t - samples[k].t < 1) k++;
+      const from = x(samples[i].t);
+      const to = k + 1 < samples.length && samples[k + 1].t - samples[k].t < 1 ? x(samples[k + 1].t) : x(samples[k].t) + 1;
+      g.fillStyle = variable(stateColors[samples[i].state]);
+      g.fillRect(from, y, Math.max(1, to - from), 16);
+      const text = samples[i].state;
+      if (to - from > g.measureText(text).width + 8) {
+        g.fillStyle = variable("--on-state");
+        g.textAlign = "left";
+        g.fillText(text, from + 4, y + 8.5);
+      }
+      i = k + 1;
+    }
+  });
+  g.fillStyle = variable("--muted");
+  timeAxis(g, w, h);
+  states.setAttribute("aria-label", `States over time. Now: ${targets.map((t) => `${t.name} ${t.latest.state}`).join(", ") || "no target"}`);
+}
+
+export function drawPlots(): void {
+  const end = newestTime();
+  if (Number.isFinite(end)) drawStates(end);
+  for (const d of drawn) drawPlot(d, Number.isFinite(end) ? end : 0);
+}
+
+// Once a second, for who does not see the lines.
+export function updatePlotTexts(): void {
+  for (const { plot, canvas, now } of drawn) {
+    const texts = plot
+      .series()
+      .map((s) => [s.name, s.points.at(-1)?.[1]] as const)
+      .filter(([, v]) => v !== undefined && Number.isFinite(v))
+      .map(([name, v]) => `${name} ${v!.toFixed(Math.abs(v!) < 10 ? 2 : 1)}`);
+    now.textContent = plot.title === "Position" ? "" : texts.join(", ");
+    canvas.setAttribute("aria-label", `${plot.title} over the last ${historySeconds} seconds, now: ${texts.join(", ") || "nothing"}`);
+  }
+}

@@ -1,0 +1,353 @@
+// Teaching a colour: freeze the pictures, point at the object, look at what matches, save. The page keeps what the user did
+// and sends all of it with every request; replies come back over the stream.
+import { bitmapOf } from "./cameras";
+import type { Ignore, Scene, TaughtCamera, TeachReply } from "./messages";
+import { store } from "./store";
+
+const $ = <T extends HTMLElement>(id: string) => document.getElementById(id) as T;
+const client = Array.from(crypto.getRandomValues(new Uint8Array(8)), (b) => b.toString(16).padStart(2, "0")).join("");
+
+interface Picture {
+  camera: string;
+  size: [number, number]; // of the camera's image
+  image: ImageBitmap;
+  mask: ImageBitmap | null;
+  canvas: HTMLCanvasElement;
+  verdict: HTMLElement;
+  cursor: [number, number] | null; // of the keyboard, image pixels
+  drag: [number, number] | null;
+  corner: [number, number] | null;
+  taught: TaughtCamera | null;
+}
+
+let number = 0;
+let pending = 0; // the request that is waited for
+let pictures: Picture[] = [];
+let points: { camera: string; pixel: [number, number] }[] = [];
+let ignored: Ignore[] = [];
+let wider = 0;
+let isIgnoring = false;
+let hasLearnt = false;
+
+const panel = $("teach-panel");
+const say = (text: string, isBad = false) => {
+  $("teach-says").textContent = text;
+  $("teach-says").classList.toggle("bad", isBad);
+};
+
+async function ask(action: string): Promise<void> {
+  const scene = store.scene;
+  if (!scene) return say("There is no service to ask.", true);
+  const mine = ++number;
+  pending = mine;
+  const body = JSON.stringify({
+    client,
+    number: mine,
+    host: scene.host,
+    pid: scene.pid,
+    action,
+    target: $<HTMLSelectElement>("teach-target").value,
+    points,
+    ignored,
+    wider,
+  });
+  update();
+  try {
+    const answer = await fetch("/api/teach", { method: "POST", headers: { "Content-Type": "application/json" }, body });
+    if (!answer.ok) throw new Error((await answer.text()).trim());
+  } catch (error) {
+    pending = 0;
+    update();
+    return say(`The request did not go through: ${error instanceof Error ? error.message : error}`, true);
+  }
+  setTimeout(() => {
+    if (pending !== mine) return;
+    pending = 0;
+    update();
+    say("The service did not answer. Is it still running?", true);
+  }, 8000);
+}
+
+export async function takeTeachReply(reply: TeachReply): Promise<void> {
+  if (reply.client !== client || reply.number !== pending) return;
+  pending = 0;
+  if (!reply.granted) {
+    update();
+    return say(reply.reason, true);
+  }
+  say(reply.reason);
+  if (reply.cameras.some((c) => c.jpeg)) await showPictures(reply.cameras);
+  for (const taught of reply.cameras) {
+    const picture = pictures.find((p) => p.camera === taught.camera);
+    if (!picture) continue;
+    if (taught.mask) picture.mask = await maskOf(taught);
+    picture.taught = taught;
+    picture.verdict.textContent = taught.verdict;
+    draw(picture);
+  }
+  hasLearnt = points.length > 0 && reply.cameras.some((c) => c.pointed);
+  update();
+}
+
+async function maskOf(taught: TaughtCamera): Promise<ImageBitmap> {
+  const [w, h] = taught.size;
+  const bytes = Uint8Array.from(atob(taught.mask), (c) => c.charCodeAt(0));
+  const stride = Math.ceil(w / 8);
+  const data = new ImageData(w, h);
+  for (let y = 0; y < h; y++)
+    for (let x = 0; x < w; x++) {
+      const on = (bytes[y * stride + (x >> 3)] >> (7 - (x & 7))) & 1;
+      data.data.set(on ? [255, 0, 220, 255] : [0, 0, 0, 120], 4 * (y * w + x));
+    }
+  return createImageBitmap(data);
+}
+
+async function showPictures(cameras: TaughtCamera[]): Promise<void> {
+  const scene = store.scene as Scene;
+  const grid = $("teach-pictures");
+  grid.replaceChildren();
+  pictures = [];
+  for (const taught of cameras) {
+    if (!taught.jpeg) continue;
+    const figure = document.createElement("figure");
+    figure.className = "camera";
+    figure.innerHTML = `<figcaption><b></b></figcaption><canvas tabindex="0" role="application"></canvas><p class="note"></p>`;
+    figure.querySelector("b")!.textContent = taught.camera;
+    grid.append(figure);
+    const canvas = figure.querySelector("canvas")!;
+    canvas.dataset.camera = taught.camera;
+    canvas.setAttribute(
+      "aria-label",
+      `Frozen picture of ${taught.camera}. Click on the object; or move the cross with the arrow keys (Shift: faster) and press Enter.`,
+    );
+    const picture: Picture = {
+      camera: taught.camera,
+      size: scene.cameras.find((c) => c.name === taught.camera)?.size ?? taught.size,
+      image: await bitmapOf(taught.jpeg),
+      mask: null,
+      canvas,
+      verdict: figure.querySelector(".note")!,
+      cursor: null,
+      drag: null,
+      corner: null,
+      taught: null,
+    };
+    pictures.push(picture);
+    attach(picture);
+    draw(picture);
+  }
+}
+
+function attach(picture: Picture): void {
+  const { canvas } = picture;
+  const pixel = (event: PointerEvent): [number, number] => {
+    const r = canvas.getBoundingClientRect();
+    return [
+      Math.min(picture.size[0] - 1, Math.max(0, Math.round(((event.clientX - r.left) / r.width) * picture.size[0] - 0.5))),
+      Math.min(picture.size[1] - 1, Math.max(0, Math.round(((event.clientY - r.top) / r.height) * picture.size[1] - 0.5))),
+    ];
+  };
+  canvas.addEventListener("pointerdown", (event) => {
+    if (pending) return;
+    if (!isIgnoring) return point(picture, pixel(event));
+    canvas.setPointerCapture(event.pointerId);
+    picture.drag = picture.corner = pixel(event);
+  });
+  canvas.addEventListener("pointermove", (event) => {
+    if (!picture.drag) return;
+    picture.corner = pixel(event);
+    draw(picture);
+  });
+  canvas.addEventListener("pointerup", () => closeRectangle(picture));
+  canvas.addEventListener("keydown", (event) => {
+    const step = event.shiftKey ? 10 : 1;
+    const move: Record<string, [number, number]> = {
+      ArrowLeft: [-step, 0],
+      ArrowRight: [step, 0],
+      ArrowUp: [0, -step],
+      ArrowDown: [0, step],
+    };
+    picture.cursor ??= [Math.round(picture.size[0] / 2), Math.round(picture.size[1] / 2)];
+    if (move[event.key]) {
+      const [u, v] = picture.cursor;
+      picture.cursor = [
+        Math.min(picture.size[0] - 1, Math.max(0, u + move[event.key][0])),
+        Math.min(picture.size[1] - 1, Math.max(0, v + move[event.key][1])),
+      ];
+      if (picture.drag) picture.corner = picture.cursor;
+      $("teach-cursor").textContent = `${picture.camera}: ${picture.cursor.join(", ")}`;
+    } else if (event.key === "Enter" || event.key === " ") {
+      if (!isIgnoring) point(picture, picture.cursor);
+      else if (picture.drag) closeRectangle(picture);
+      else picture.drag = picture.corner = picture.cursor;
+    } else if (event.key === "Escape") {
+      picture.drag = null;
+    } else return;
+    event.preventDefault();
+    draw(picture);
+  });
+}
+
+function point(picture: Picture, pixel: [number, number]): void {
+  points = points.filter((p) => p.camera !== picture.camera);
+  points.push({ camera: picture.camera, pixel });
+  void ask("look");
+}
+
+function closeRectangle(picture: Picture): void {
+  const { drag, corner } = picture;
+  picture.drag = null;
+  if (!drag || !corner) return;
+  const box: Ignore["box"] = [
+    Math.min(drag[0], corner[0]),
+    Math.min(drag[1], corner[1]),
+    Math.max(drag[0], corner[0]),
+    Math.max(drag[1], corner[1]),
+  ];
+  if (box[2] - box[0] >= 2 && box[3] - box[1] >= 2) {
+    ignored.push({ camera: picture.camera, box });
+    if (points.length) void ask("look");
+  }
+  draw(picture);
+  update();
+}
+
+function draw(picture: Picture): void {
+  const { canvas, image, size } = picture;
+  const width = Math.max(320, Math.round((canvas.clientWidth || 320) * devicePixelRatio));
+  const height = Math.round((width * size[1]) / size[0]);
+  if (canvas.width !== width || canvas.height !== height) {
+    canvas.width = width;
+    canvas.height = height;
+  }
+  const g = canvas.getContext("2d")!;
+  const s = width / size[0];
+  g.drawImage(image, 0, 0, width, height);
+  if (picture.mask && $<HTMLInputElement>("teach-mask").checked) {
+    g.globalAlpha = 0.75;
+    g.imageSmoothingEnabled = false;
+    g.drawImage(picture.mask, 0, 0, width, height);
+    g.imageSmoothingEnabled = true;
+    g.globalAlpha = 1;
+  }
+  g.lineWidth = 2 * devicePixelRatio;
+  const rectangle = (box: number[], color: string, dashed: boolean) => {
+    g.strokeStyle = color;
+    g.setLineDash(dashed ? [8, 6] : []);
+    g.strokeRect(box[0] * s, box[1] * s, (box[2] - box[0] + 1) * s, (box[3] - box[1] + 1) * s);
+    g.setLineDash([]);
+  };
+  for (const region of ignored)
+    if (region.camera === picture.camera) {
+      g.fillStyle = "rgb(30 30 30 / 0.55)";
+      g.fillRect(region.box[0] * s, region.box[1] * s, (region.box[2] - region.box[0] + 1) * s, (region.box[3] - region.box[1] + 1) * s);
+      rectangle(region.box, "white", true);
+    }
+  if (picture.drag && picture.corner)
+    rectangle(
+      [
+        Math.min(picture.drag[0], picture.corner[0]),
+        Math.min(picture.drag[1], picture.corner[1]),
+        Math.max(picture.drag[0], picture.corner[0]),
+        Math.max(picture.drag[1], picture.corner[1]),
+      ],
+      "white",
+      true,
+    );
+  const circle = (u: number, v: number, r: number, color: string, dashed: boolean) => {
+    g.setLineDash(dashed ? [6, 5] : []);
+    for (const [style, w] of [["rgb(0 0 0 / 0.7)", 4], [color, 2]] as const) {
+      g.strokeStyle = style;
+      g.lineWidth = w * devicePixelRatio;
+      g.beginPath();
+      g.arc((u + 0.5) * s, (v + 0.5) * s, Math.max(6, r * s), 0, 2 * Math.PI);
+      g.stroke();
+    }
+    g.setLineDash([]);
+  };
+  const { taught } = picture;
+  if (taught && taught.region[0] !== null && taught.region[1] !== null)
+    circle(taught.region[0], taught.region[1], (taught.region_radius ?? 4) * 1.3, taught.pointed ? "white" : "#ffd60a", !taught.pointed);
+  if (picture.cursor && document.activeElement === canvas) {
+    const [x, y] = [(picture.cursor[0] + 0.5) * s, (picture.cursor[1] + 0.5) * s];
+    for (const [style, w] of [["black", 3], ["white", 1.5]] as const) {
+      g.strokeStyle = style;
+      g.lineWidth = w * devicePixelRatio;
+      g.beginPath();
+      g.moveTo(0, y);
+      g.lineTo(width, y);
+      g.moveTo(x, 0);
+      g.lineTo(x, height);
+      g.stroke();
+    }
+  }
+}
+
+function startAgain(): void {
+  points = [];
+  wider = 0;
+  hasLearnt = false;
+  void ask("freeze");
+}
+
+function open(): void {
+  panel.hidden = false;
+  $("teach-open").setAttribute("aria-expanded", "true");
+  ignored = (store.scene?.ignored ?? []).map((i) => ({ camera: i.camera, box: [...i.box] as Ignore["box"] }));
+  startAgain();
+  panel.scrollIntoView({ behavior: "smooth", block: "start" });
+  $("teach-title").focus();
+}
+
+function close(): void {
+  panel.hidden = true;
+  $("teach-open").setAttribute("aria-expanded", "false");
+  $("teach-open").focus();
+}
+
+function update(): void {
+  const busy = pending !== 0;
+  panel.setAttribute("aria-busy", String(busy));
+  for (const id of ["teach-freeze", "teach-again"]) $<HTMLButtonElement>(id).disabled = busy;
+  for (const id of ["teach-wider", "teach-narrower", "teach-save"]) $<HTMLButtonElement>(id).disabled = busy || !hasLearnt;
+  $<HTMLButtonElement>("teach-save-ignored").disabled = busy || !pictures.length;
+  $<HTMLButtonElement>("teach-clear").disabled = !ignored.length;
+  $("teach-width").textContent = wider === 0 ? "as fitted" : wider > 0 ? `${wider} wider` : `${-wider} narrower`;
+}
+
+export function updateTeach(serving: boolean): void {
+  const scene = store.scene;
+  const button = $<HTMLButtonElement>("teach-open");
+  const allowed = serving && !!scene?.may_teach;
+  button.disabled = !allowed && panel.hidden;
+  $("teach-why").textContent = !serving ? "" : scene && !scene.may_teach ? scene.why_not : "";
+  const select = $<HTMLSelectElement>("teach-target");
+  const names = scene?.targets.map((t) => t.name) ?? [];
+  if ([...select.options].map((o) => o.value).join() !== names.join()) {
+    const chosen = select.value;
+    select.replaceChildren(...names.map((name) => new Option(name, name)));
+    if (names.includes(chosen)) select.value = chosen;
+  }
+}
+
+$("teach-open").addEventListener("click", () => (panel.hidden ? open() : close()));
+$("teach-close").addEventListener("click", close);
+$("teach-freeze").addEventListener("click", startAgain);
+$("teach-again").addEventListener("click", startAgain);
+$("teach-wider").addEventListener("click", () => (wider++, void ask("look")));
+$("teach-narrower").addEventListener("click", () => (wider--, void ask("look")));
+$("teach-save").addEventListener("click", () => void ask("apply"));
+$("teach-save-ignored").addEventListener("click", () => void ask("ignore"));
+$("teach-clear").addEventListener("click", () => {
+  ignored = [];
+  pictures.forEach(draw);
+  if (points.length) void ask("look");
+  update();
+});
+$<HTMLInputElement>("teach-mask").addEventListener("change", () => pictures.forEach(draw));
+$<HTMLInputElement>("teach-ignore").addEventListener("change", (event) => {
+  isIgnoring = (event.target as HTMLInputElement).checked;
+  say(isIgnoring ? "Drag a rectangle over what should never match (with keys: Enter, arrows, Enter)." : "Click on the object in one picture.");
+});
+$("teach-target").addEventListener("change", startAgain);
+addEventListener("resize", () => pictures.forEach(draw));

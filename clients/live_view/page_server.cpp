@@ -1,0 +1,304 @@
+#include "clients/live_view/page_server.h"
+
+#include <arpa/inet.h>
+#include <microhttpd.h>
+#include <netinet/in.h>
+#include <sys/random.h>
+#include <sys/resource.h>
+
+#include <array>
+#include <atomic>
+#include <cerrno>
+#include <cstring>
+#include <mutex>
+#include <optional>
+#include <set>
+#include <stdexcept>
+#include <string_view>
+#include <vector>
+
+#include "clients/live_view/page_files.h"
+
+namespace huetrack::live_view {
+namespace {
+
+constexpr std::size_t most_body_bytes = 64 * 1024;
+constexpr std::size_t connection_memory = 16 * 1024;  // request line and headers; larger ones are refused
+constexpr std::size_t stream_block = 32 * 1024;
+
+// What is kept of a request while its body comes in.
+struct Request {
+  std::string body;
+  bool is_too_long = false;
+};
+
+bool equal_in_constant_time(std::string_view a, std::string_view b) {
+  unsigned difference = a.size() == b.size() ? 0 : 1;
+  for (std::size_t i = 0; i < a.size(); ++i)
+    difference |= static_cast<unsigned char>(a[i]) ^ static_cast<unsigned char>(b[b.empty() ? 0 : i % b.size()]);
+  return difference == 0;
+}
+
+std::string_view header(MHD_Connection* connection, const char* name) {
+  const char* value = MHD_lookup_connection_value(connection, MHD_HEADER_KIND, name);
+  return value == nullptr ? std::string_view() : std::string_view(value);
+}
+
+// Without the port.
+std::string_view host_name(std::string_view host) {
+  if (host.starts_with('[')) return host.substr(0, host.find(']') + 1);
+  return host.substr(0, host.rfind(':'));
+}
+
+}  // namespace
+
+bool is_loopback(const std::string& address) {
+  in_addr parsed{};
+  return ::inet_pton(AF_INET, address.c_str(), &parsed) == 1 && (ntohl(parsed.s_addr) >> 24) == 127;
+}
+
+std::string random_token() {
+  std::array<unsigned char, 16> bytes{};
+  if (::getrandom(bytes.data(), bytes.size(), 0) != static_cast<ssize_t>(bytes.size()))
+    throw std::runtime_error("the kernel gives no random numbers");
+  std::string text;
+  for (const unsigned char byte : bytes) {
+    text += "0123456789abcdef"[byte >> 4];
+    text += "0123456789abcdef"[byte & 15];
+  }
+  return text;
+}
+
+struct PageServer::Impl {
+  // One page's stream. Lives until its connection is over.
+  struct Stream {
+    Impl* server;
+    MHD_Connection* connection;
+    std::uint64_t cursor = 0;
+    Text text = nullptr;      // being sent
+    std::size_t sent = 0;     // of it
+    bool is_waiting = false;  // suspended; guarded by the hub's lock
+  };
+
+  Impl(const PageServerOptions& o, EventHub& h, OnRequest t) : options(o), hub(h), on_teach(std::move(t)) {
+    sockaddr_in address{};
+    address.sin_family = AF_INET;
+    address.sin_port = htons(static_cast<std::uint16_t>(options.port));
+    if (::inet_pton(AF_INET, options.address.c_str(), &address.sin_addr) != 1)
+      throw std::runtime_error("\"" + options.address + "\" is not an IPv4 address");
+    rlimit files{};
+    if (::getrlimit(RLIMIT_NOFILE, &files) == 0 && files.rlim_cur < files.rlim_max) {
+      files.rlim_cur = std::min<rlim_t>(files.rlim_max, 8192);
+      ::setrlimit(RLIMIT_NOFILE, &files);  // less is not fatal: then fewer pages
+    }
+    ::getrlimit(RLIMIT_NOFILE, &files);
+    const auto most = static_cast<unsigned>(std::min<rlim_t>(static_cast<rlim_t>(options.most_connections),
+                                                             files.rlim_cur > 200 ? files.rlim_cur - 100 : 50));
+    errno = 0;
+    daemon = MHD_start_daemon(MHD_USE_EPOLL_INTERNAL_THREAD | MHD_ALLOW_SUSPEND_RESUME | MHD_USE_TURBO, 0, nullptr,
+                              nullptr, &Impl::answer, this, MHD_OPTION_SOCK_ADDR, &address, MHD_OPTION_CONNECTION_LIMIT,
+                              most, MHD_OPTION_CONNECTION_TIMEOUT, static_cast<unsigned>(options.timeout_s),
+                              MHD_OPTION_CONNECTION_MEMORY_LIMIT, connection_memory, MHD_OPTION_NOTIFY_COMPLETED,
+                              &Impl::completed, this, MHD_OPTION_LISTEN_BACKLOG_SIZE, 1024U, MHD_OPTION_END);
+    if (daemon == nullptr)
+      throw std::runtime_error("cannot listen on " + options.address + ":" + std::to_string(options.port) + ": " +
+                               (errno != 0 ? std::strerror(errno) : "the HTTP server does not start") +
+                               (errno == EADDRINUSE ? "; give another --port" : ""));
+    const MHD_DaemonInfo* info = MHD_get_daemon_info(daemon, MHD_DAEMON_INFO_BIND_PORT);
+    port = info != nullptr ? info->port : options.port;
+    hub.on_news([this] { wake(); });
+  }
+
+  ~Impl() {
+    hub.on_news(nullptr);
+    ends = true;
+    hub.if_nothing_after(~std::uint64_t{0}, [this] { wake(); });
+    MHD_stop_daemon(daemon);
+  }
+  Impl(const Impl&) = delete;
+  Impl& operator=(const Impl&) = delete;
+
+  // Under the hub's lock.
+  void wake() {
+    for (Stream* stream : waiting) {
+      stream->is_waiting = false;
+      MHD_resume_connection(stream->connection);
+    }
+    waiting.clear();
+  }
+
+  // ---- All below: the server's thread.
+
+  static ssize_t read_stream(void* closure, std::uint64_t, char* buffer, std::size_t size) {
+    auto* stream = static_cast<Stream*>(closure);
+    Impl& self = *stream->server;
+    std::size_t filled = 0;
+    while (filled < size) {
+      if (!stream->text || stream->sent == stream->text->size()) {
+        stream->text = self.hub.next(stream->cursor);
+        stream->sent = 0;
+        if (!stream->text) break;
+      }
+      const std::size_t part = std::min(size - filled, stream->text->size() - stream->sent);
+      std::memcpy(buffer + filled, stream->text->data() + stream->sent, part);
+      stream->sent += part;
+      filled += part;
+    }
+    if (filled > 0) return static_cast<ssize_t>(filled);
+    if (self.ends) return MHD_CONTENT_READER_END_OF_STREAM;
+    self.hub.if_nothing_after(stream->cursor, [&] {
+      stream->is_waiting = true;
+      self.waiting.insert(stream);
+      MHD_suspend_connection(stream->connection);
+    });
+    return 0;
+  }
+
+  static void end_stream(void* closure) {
+    auto* stream = static_cast<Stream*>(closure);
+    Impl& self = *stream->server;
+    self.hub.if_nothing_after(~std::uint64_t{0}, [&] { self.waiting.erase(stream); });
+    --self.pages;
+    delete stream;  // made in answer(), owned by MHD's response since
+  }
+
+  MHD_Result reply(MHD_Connection* connection, unsigned status, std::string_view text, const char* type,
+                   bool is_permanent = false, const char* location = nullptr, const std::string& cookie = "") const {
+    MHD_Response* response =
+        is_permanent
+            ? MHD_create_response_from_buffer(text.size(), const_cast<char*>(text.data()), MHD_RESPMEM_PERSISTENT)
+            : MHD_create_response_from_buffer(text.size(), const_cast<char*>(text.data()), MHD_RESPMEM_MUST_COPY);
+    if (response == nullptr) return MHD_NO;
+    MHD_add_response_header(response, "Content-Type", type);
+    add_safety(response);
+    if (status == MHD_HTTP_METHOD_NOT_ALLOWED) MHD_add_response_header(response, "Allow", "GET, HEAD, POST");
+    if (location != nullptr) MHD_add_response_header(response, "Location", location);
+    if (!cookie.empty()) MHD_add_response_header(response, "Set-Cookie", cookie.c_str());
+    const MHD_Result result = MHD_queue_response(connection, status, response);
+    MHD_destroy_response(response);
+    return result;
+  }
+
+  MHD_Result refuse(MHD_Connection* connection, unsigned status, std::string_view why) const {
+    return reply(connection, status, std::string(why) + "\n", "text/plain; charset=utf-8");
+  }
+
+  static void add_safety(MHD_Response* response) {
+    MHD_add_response_header(response, "Cache-Control", "no-store");
+    MHD_add_response_header(response, "X-Content-Type-Options", "nosniff");
+    MHD_add_response_header(response, "X-Frame-Options", "DENY");
+    MHD_add_response_header(response, "Referrer-Policy", "no-referrer");
+    MHD_add_response_header(response, "Content-Security-Policy",
+                            "default-src 'self'; img-src 'self' data: blob:; style-src 'self' 'unsafe-inline'; "
+                            "frame-ancestors 'none'; base-uri 'none'; form-action 'none'");
+  }
+
+  // A page of another origin whose name was made to point to us (DNS rebinding) says that name as the host.
+  bool is_for_us(MHD_Connection* connection) const {
+    if (!is_loopback(options.address)) return true;  // there the token decides
+    const std::string_view host = host_name(header(connection, "Host"));
+    return host == "localhost" || host == options.address || host == "127.0.0.1" || host == "[::1]";
+  }
+
+  bool has_token(MHD_Connection* connection) const {
+    if (options.token.empty()) return true;
+    const char* in_address = MHD_lookup_connection_value(connection, MHD_GET_ARGUMENT_KIND, "token");
+    const char* in_cookie = MHD_lookup_connection_value(connection, MHD_COOKIE_KIND, "huetrack_token");
+    return (in_address != nullptr && equal_in_constant_time(in_address, options.token)) ||
+           (in_cookie != nullptr && equal_in_constant_time(in_cookie, options.token));
+  }
+
+  MHD_Result stream(MHD_Connection* connection) {
+    auto* const stream = new Stream{.server = this, .connection = connection};
+    MHD_Response* response = MHD_create_response_from_callback(MHD_SIZE_UNKNOWN, stream_block, &Impl::read_stream,
+                                                               stream, &Impl::end_stream);
+    if (response == nullptr) {
+      delete stream;
+      return MHD_NO;
+    }
+    ++pages;
+    MHD_add_response_header(response, "Content-Type", "text/event-stream");
+    add_safety(response);
+    const MHD_Result result = MHD_queue_response(connection, MHD_HTTP_OK, response);
+    MHD_destroy_response(response);
+    return result;
+  }
+
+  MHD_Result get(MHD_Connection* connection, std::string_view path) {
+    if (!has_token(connection))
+      return refuse(connection, MHD_HTTP_FORBIDDEN,
+                    "A token is needed: open the address that `huetrack view` printed.");
+    if (path == "/api/events") return stream(connection);
+    // The token moves from the address into a cookie, so that it stays out of histories and links.
+    if (path == "/" && !options.token.empty() &&
+        MHD_lookup_connection_value(connection, MHD_GET_ARGUMENT_KIND, "token") != nullptr)
+      return reply(connection, MHD_HTTP_SEE_OTHER, "", "text/plain", false, "/",
+                   "huetrack_token=" + options.token + "; HttpOnly; SameSite=Strict; Path=/");
+    const auto file = page_file(path);
+    if (!file) return refuse(connection, MHD_HTTP_NOT_FOUND, "There is no such page.");
+    return reply(connection, MHD_HTTP_OK, file->content, file->type, true);
+  }
+
+  MHD_Result post(MHD_Connection* connection, std::string_view path, const Request& request) {
+    if (!has_token(connection)) return refuse(connection, MHD_HTTP_FORBIDDEN, "A token is needed.");
+    if (path != "/api/teach") return refuse(connection, MHD_HTTP_NOT_FOUND, "There is no such page.");
+    // Pages of other origins cannot send JSON without asking first (CORS), and we do not answer that question.
+    if (!header(connection, "Content-Type").starts_with("application/json"))
+      return refuse(connection, MHD_HTTP_UNSUPPORTED_MEDIA_TYPE, "The body must be application/json.");
+    if (request.is_too_long) return refuse(connection, MHD_HTTP_CONTENT_TOO_LARGE, "The request is too long.");
+    const std::string why_not = on_teach(request.body);
+    if (!why_not.empty()) return refuse(connection, MHD_HTTP_BAD_REQUEST, why_not);
+    return reply(connection, MHD_HTTP_ACCEPTED, "{}\n", "application/json");
+  }
+
+  // Called with the headers first, then for every part of the body, then once more without one.
+  static MHD_Result answer(void* closure, MHD_Connection* connection, const char* url, const char* method, const char*,
+                           const char* data, std::size_t* data_size, void** per_request) {
+    auto& self = *static_cast<Impl*>(closure);
+    auto* request = static_cast<Request*>(*per_request);
+    if (request == nullptr) {
+      *per_request = new Request;  // deleted in completed()
+      return MHD_YES;
+    }
+    if (*data_size > 0) {
+      request->is_too_long |= request->body.size() + *data_size > most_body_bytes;
+      if (!request->is_too_long) request->body.append(data, *data_size);
+      *data_size = 0;
+      return MHD_YES;
+    }
+    if (!self.is_for_us(connection))
+      return self.refuse(connection, MHD_HTTP_MISDIRECTED_REQUEST, "This server answers to localhost only.");
+    const std::string_view verb = method;
+    if (verb == "GET" || verb == "HEAD") return self.get(connection, url);
+    if (verb == "POST") return self.post(connection, url, *request);
+    return self.refuse(connection, MHD_HTTP_METHOD_NOT_ALLOWED, "Only GET, HEAD and POST.");
+  }
+
+  static void completed(void*, MHD_Connection*, void** per_request, MHD_RequestTerminationCode) {
+    delete static_cast<Request*>(*per_request);
+    *per_request = nullptr;
+  }
+
+  const PageServerOptions options;
+  EventHub& hub;
+  const OnRequest on_teach;
+  std::atomic<bool> ends = false;
+  std::atomic<int> pages = 0;
+  std::set<Stream*> waiting;  // guarded by the hub's lock
+  MHD_Daemon* daemon = nullptr;
+  int port = 0;
+};
+
+PageServer::PageServer(const PageServerOptions& options, EventHub& hub, OnRequest on_teach)
+    : impl_(std::make_unique<Impl>(options, hub, std::move(on_teach))) {}
+PageServer::~PageServer() = default;
+
+int PageServer::port() const {
+  return impl_->port;
+}
+
+int PageServer::pages() const {
+  return impl_->pages;
+}
+
+}  // namespace huetrack::live_view

@@ -1,0 +1,48 @@
+// HTTP for the pages: the files, one stream of server-sent events per page, and the requests. One thread, no blocking:
+// a page that reads slowly, not at all, or sends nonsense has its own small buffers and time limit, and nobody waits
+// for it.
+#pragma once
+
+#include <cstddef>
+#include <functional>
+#include <memory>
+#include <string>
+
+#include "clients/live_view/event_hub.h"
+
+namespace huetrack::live_view {
+
+struct PageServerOptions {
+  std::string address = "127.0.0.1";  // IPv4 of this host; 0.0.0.0: every one
+  int port = 8765;                    // 0..65535; 0: any free one
+  std::string token;                  // must be given by every request; empty: none is needed. Only sane on loopback
+  int most_connections = 4000;        // as far as the limit of open files allows
+  int timeout_s = 10;                 // a connection on which nothing moves for so long is closed
+};
+
+// thread-safe.
+class PageServer {
+ public:
+  // A page's request: body is JSON. Returns an empty string, or why it is refused. Called from the server's thread:
+  // quick.
+  using OnRequest = std::function<std::string(const std::string& body)>;
+
+  // Listens when it returns. throws std::runtime_error: the address is none of this host's, the port is taken, ...
+  PageServer(const PageServerOptions& options, EventHub& hub, OnRequest on_teach);
+  ~PageServer();
+  PageServer(const PageServer&) = delete;
+  PageServer& operator=(const PageServer&) = delete;
+
+  int port() const;
+  int pages() const;  // streams that are open
+
+  struct Impl;
+
+ private:
+  std::unique_ptr<Impl> impl_;
+};
+
+bool is_loopback(const std::string& address);
+std::string random_token();  // 128 bits from the kernel, as hex
+
+}  // namespace huetrack::live_view

@@ -1,0 +1,42 @@
+#include "clients/live_view/view.h"
+
+#include <chrono>
+#include <cstdio>
+#include <stdexcept>
+#include <thread>
+
+#include "clients/live_view/bus_reader.h"
+#include "clients/live_view/events.h"
+
+namespace huetrack::live_view {
+
+using namespace std::chrono_literals;
+
+int view(ViewOptions options, const std::function<bool()>& ended) {
+  if (!is_loopback(options.server.address) && options.server.token.empty()) options.server.token = random_token();
+  EventHub hub;
+  BusReader bus(options.participant, hub);
+  const PageServer server(options.server, hub, [&](const std::string& body) -> std::string {
+    try {
+      if (!bus.request(teach_request_of(body))) return "Too many requests wait for the service.";
+      return "";
+    } catch (const std::invalid_argument& error) {  // what a page, or somebody else, sent
+      return error.what();
+    }
+  });
+  const std::string host = options.server.address == "0.0.0.0" ? "THIS-HOST" : options.server.address;
+  std::printf("http://%s:%d/%s\n", host.c_str(), server.port(),
+              options.server.token.empty() ? "" : ("?token=" + options.server.token).c_str());
+  std::fflush(stdout);
+  std::fprintf(stderr, "huetrack: the page is at the address above, for %s; %s. Ctrl-C ends it\n",
+               options.server.token.empty() ? "this host only" : "everybody who has the token",
+               bus.description().c_str());
+  while (!ended()) {
+    const int pages = server.pages();
+    bus.poll(pages);
+    std::this_thread::sleep_for(pages > 0 ? 10ms : 50ms);
+  }
+  return 0;
+}
+
+}  // namespace huetrack::live_view

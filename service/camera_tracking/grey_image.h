@@ -1,0 +1,63 @@
+// The brightness of an image, and smaller copies of it.
+#pragma once
+
+#include <Eigen/Core>
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "capture/pixel_format.h"
+
+namespace huetrack {
+
+// 8-bit brightness, read-only. Pixel (0, 0) is the centre of the top-left pixel.
+struct GreyImage {
+  int width = 0;
+  int height = 0;
+  std::ptrdiff_t stride = 0;              // bytes from one row to the next
+  const std::uint8_t* data = nullptr;
+  std::shared_ptr<const void> owner;      // keeps data alive
+  ColorRange range = ColorRange::full;    // what black and white are
+
+  const std::uint8_t* row(int v) const { return data + v * stride; }
+  // Whether all pixels within margin of (u, v) exist.
+  bool contains(double u, double v, double margin) const {
+    return u >= margin && v >= margin && u <= width - 1 - margin && v <= height - 1 - margin;
+  }
+};
+
+// Formats with a plane of luma are read where they lie; yuyv and bgr are packed into one. Limited range stays as it is: all
+// who compare brightness here do not mind gain and offset.
+GreyImage grey_of(const Image& image);
+GreyImage make_grey(int width, int height, std::uint8_t*& pixels);   // owned, zero, full range
+GreyImage half_size(const GreyImage& image);                         // means of 2x2; an odd last row or column is dropped
+
+// Bilinear; (u, v) with contains(u, v, 0).
+inline float sample(const GreyImage& image, float u, float v) {
+  const int iu = static_cast<int>(u), iv = static_cast<int>(v);
+  const float fu = u - static_cast<float>(iu), fv = v - static_cast<float>(iv);
+  const std::uint8_t* a = image.row(iv) + iu;
+  const std::ptrdiff_t right = iu + 1 < image.width ? 1 : 0;
+  const std::uint8_t* b = iv + 1 < image.height ? a + image.stride : a;
+  const float top = static_cast<float>(a[0]) + fu * static_cast<float>(a[right] - a[0]);
+  const float bottom = static_cast<float>(b[0]) + fu * static_cast<float>(b[right] - b[0]);
+  return top + fv * (bottom - top);
+}
+
+// levels[0] is the image, each further one half as large. A pixel (u, v) of level 0 is ((u + 0.5) / 2^l - 0.5, ...) of level l.
+struct Pyramid {
+  std::vector<GreyImage> levels;
+  int count() const { return static_cast<int>(levels.size()); }
+};
+Pyramid make_pyramid(GreyImage image, int max_levels = 4);           // stops before a side gets below 30 pixels
+
+inline double scale_of(int level) { return static_cast<double>(1 << level); }
+inline Eigen::Vector2d to_level(const Eigen::Vector2d& px, int level) {
+  return (px.array() + 0.5).matrix() / scale_of(level) - Eigen::Vector2d::Constant(0.5);
+}
+inline Eigen::Vector2d from_level(const Eigen::Vector2d& px, int level) {
+  return (px.array() + 0.5).matrix() * scale_of(level) - Eigen::Vector2d::Constant(0.5);
+}
+
+}  // namespace huetrack

@@ -1,0 +1,112 @@
+#include "camera_tracking/observation_field.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "particle_filter/vector_clones.h"
+
+namespace huetrack {
+namespace {
+
+// out[i] = max(out[i], in[i])
+HUETRACK_CLONES void take_larger(const float* __restrict in, int n, float* __restrict out) {
+  for (int i = 0; i < n; ++i) out[i] = in[i] > out[i] ? in[i] : out[i];
+}
+
+// value += gain where a projection falls on a marked pixel. Projections outside the region (or without a pixel: hugely
+// negative) are held at a border cell that is empty.
+HUETRACK_CLONES void look_up(const float* __restrict marked, float left, float top, int width, int height,
+                             const float* __restrict u, const float* __restrict v, std::size_t n, float gain, bool binary,
+                             float* __restrict out) {
+  const float w = static_cast<float>(width), h = static_cast<float>(height);
+  for (std::size_t i = 0; i < n; ++i) {
+    const float x = u[i] - left, y = v[i] - top;
+    const bool inside = x >= 0 && y >= 0 && x < w && y < h;
+    const int at = inside ? static_cast<int>(y) * width + static_cast<int>(x) : 0;
+    const float m = inside ? marked[at] : 0.0f;
+    out[i] += gain * (binary ? (m > 0 ? 1.0f : 0.0f) : m);
+  }
+}
+
+}  // namespace
+
+void ObservationField::correlate(const GreyImage& image, const NccTemplate& t, const PixelRegion& region) {
+  region_ = clip(region, image, t.side);
+  offset_ = t.centre_offset();
+  ncc_field(image, t, region_, rho_);
+  marked_.clear();
+}
+
+void ObservationField::mark(float epsilon_rho, float epsilon_d) {
+  marked_.assign(rho_.size(), 0.0f);
+  if (region_.empty()) return;
+  const int width = region_.width(), height = region_.height(), reach = static_cast<int>(epsilon_d);
+  weight_.resize(rho_.size());
+  bool any = false;
+  for (std::size_t i = 0; i < rho_.size(); ++i) {
+    weight_[i] = rho_[i] > epsilon_rho ? rho_[i] : 0.0f;
+    any = any || weight_[i] > 0;
+  }
+  if (!any) return;
+  for (int dv = -reach; dv <= reach; ++dv) {
+    const int du = static_cast<int>(std::sqrt(epsilon_d * epsilon_d - static_cast<float>(dv * dv)));
+    for (int v = std::max(0, -dv); v < std::min(height, height - dv); ++v) {
+      const float* from = weight_.data() + (v + dv) * width;
+      float* to = marked_.data() + v * width;
+      for (int s = -du; s <= du; ++s) {
+        const int first = std::max(0, -s), count = std::min(width, width - s) - first;
+        if (count > 0) take_larger(from + first + s, count, to + first);
+      }
+    }
+  }
+}
+
+void ObservationField::score(std::span<const float> u, std::span<const float> v, float gain, bool binary,
+                             std::span<float> log_weight) const {
+  if (marked_.empty()) return;
+  // The pixel that a projection rounds to, seen from the template's centre.
+  look_up(marked_.data(), static_cast<float>(region_.u0) + offset_ - 0.5f, static_cast<float>(region_.v0) + offset_ - 0.5f,
+          region_.width(), region_.height(), u.data(), v.data(), u.size(), gain, binary, log_weight.data());
+}
+
+void ObservationField::reweight(std::span<const float> u, std::span<const float> v, std::span<const float> weight,
+                                float epsilon_d) {
+  if (region_.empty()) return;
+  const int width = region_.width(), height = region_.height();
+  weight_.assign(rho_.size(), 0.0f);
+  const int reach = static_cast<int>(std::ceil(epsilon_d));
+  for (std::size_t i = 0; i < u.size(); ++i) {
+    if (!(u[i] > -1e6f)) continue;
+    const float x = u[i] - static_cast<float>(region_.u0) - offset_, y = v[i] - static_cast<float>(region_.v0) - offset_;
+    if (!(x > -16 && y > -16 && x < static_cast<float>(width + 16) && y < static_cast<float>(height + 16))) continue;
+    const int cu = static_cast<int>(std::lround(x)), cv = static_cast<int>(std::lround(y));
+    for (int b = std::max(0, cv - reach); b <= std::min(height - 1, cv + reach); ++b) {
+      for (int a = std::max(0, cu - reach); a <= std::min(width - 1, cu + reach); ++a) {
+        const float du = static_cast<float>(a) - x, dv = static_cast<float>(b) - y;
+        if (du * du + dv * dv <= epsilon_d * epsilon_d) weight_[static_cast<std::size_t>(b * width + a)] += weight[i];
+      }
+    }
+  }
+  const float most = *std::ranges::max_element(weight_);
+  if (!(most > 0)) return;
+  for (std::size_t i = 0; i < rho_.size(); ++i) rho_[i] *= weight_[i] / most;
+}
+
+NccPeak ObservationField::strongest(float u, float v, float radius, float epsilon_rho) const {
+  NccPeak best{0, 0, 0};
+  if (region_.empty()) return best;
+  const float x = u - offset_, y = v - offset_;
+  const int reach = static_cast<int>(std::ceil(radius));
+  const int cu = static_cast<int>(std::lround(x)), cv = static_cast<int>(std::lround(y));
+  for (int b = std::max(region_.v0, cv - reach); b <= std::min(region_.v1, cv + reach); ++b) {
+    for (int a = std::max(region_.u0, cu - reach); a <= std::min(region_.u1, cu + reach); ++a) {
+      const float du = static_cast<float>(a) - x, dv = static_cast<float>(b) - y;
+      if (du * du + dv * dv > radius * radius) continue;
+      const float rho = rho_[static_cast<std::size_t>((b - region_.v0) * region_.width() + a - region_.u0)];
+      if (rho > epsilon_rho && rho > best.rho) best = {rho, a, b};
+    }
+  }
+  return best;
+}
+
+}  // namespace huetrack

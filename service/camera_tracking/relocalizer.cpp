@@ -1,0 +1,57 @@
+#include "camera_tracking/relocalizer.h"
+
+#include <algorithm>
+
+namespace huetrack {
+
+std::optional<PoseFit> relocalize(const Camera& camera, const Pyramid& pyramid, const SceneMap& map, std::uint64_t seed) {
+  constexpr std::size_t corners_per_level = 220;
+  constexpr int max_distance = 72;
+  struct Look {
+    const Descriptor* descriptor;
+    int point;
+  };
+  std::vector<Look> looks;
+  for (std::size_t i = 0; i < map.points.size(); ++i) {
+    const MapPoint& p = map.points[i];
+    if (!p.alive) continue;
+    for (int k = 0; k < p.look_count; ++k) {
+      const PointLook& l = p.looks[static_cast<std::size_t>(k)];
+      if (l.described) looks.push_back({&l.descriptor, static_cast<int>(i)});
+    }
+  }
+  struct Match {
+    int distance = 257;
+    PoseObservation observation{};
+  };
+  std::vector<Match> best_of_point(map.points.size());
+  for (int level = 0; level < std::min(3, pyramid.count()); ++level) {
+    const GreyImage& image = pyramid.levels[static_cast<std::size_t>(level)];
+    std::vector<Corner> corners = detect_corners(image, 12, descriptor_margin + 1, 40);
+    if (corners.size() > corners_per_level) corners.resize(corners_per_level);
+    for (const Corner& c : corners) {
+      const Descriptor d = describe(image, c.px);
+      int best = 257, second = 257, point = -1;
+      for (const Look& l : looks) {
+        const int x = distance(d, *l.descriptor);
+        if (x < best) {
+          if (l.point != point) second = best;
+          best = x, point = l.point;
+        } else if (x < second && l.point != point) {
+          second = x;
+        }
+      }
+      if (point < 0 || best > max_distance || best * 10 > second * 9) continue;
+      Match& m = best_of_point[static_cast<std::size_t>(point)];
+      if (best < m.distance)
+        m = {best, {map.points[static_cast<std::size_t>(point)].position, from_level(c.px, level), scale_of(level)}};
+    }
+  }
+  std::vector<PoseObservation> observations;
+  for (const Match& m : best_of_point) {
+    if (m.distance <= max_distance) observations.push_back(m.observation);
+  }
+  return solve_pose_ransac(camera.model, observations, 3, 10, seed);
+}
+
+}  // namespace huetrack

@@ -1,0 +1,208 @@
+#include "camera_tracking/scene_map.h"
+
+#include <algorithm>
+#include <bit>
+#include <cstring>
+#include <fstream>
+#include <stdexcept>
+#include <string>
+
+namespace huetrack {
+namespace {
+
+constexpr std::string_view magic = "huetrack camera map 1\n";
+static_assert(std::endian::native == std::endian::little, "the map file is little-endian");
+
+std::uint64_t checksum(std::string_view bytes) {          // FNV-1a
+  std::uint64_t h = 0xcbf29ce484222325u;
+  for (const char c : bytes) h = (h ^ static_cast<unsigned char>(c)) * 0x100000001b3u;
+  return h;
+}
+
+class Writer {
+ public:
+  template <typename T>
+    requires std::is_arithmetic_v<T>
+  void put(T value) {
+    char raw[sizeof value];
+    std::memcpy(raw, &value, sizeof value);
+    bytes.append(raw, sizeof value);
+  }
+  template <typename Derived>
+  void put(const Eigen::MatrixBase<Derived>& m) {
+    for (Eigen::Index j = 0; j < m.cols(); ++j) {
+      for (Eigen::Index i = 0; i < m.rows(); ++i) put(m(i, j));
+    }
+  }
+  void put(const Rigid3d& t) {
+    put(t.rotation.coeffs());
+    put(t.translation);
+  }
+  std::string bytes;
+};
+
+class Reader {
+ public:
+  Reader(std::string_view bytes, std::string file) : bytes_(bytes), file_(std::move(file)) {}
+  [[noreturn]] void fail(const std::string& what) const { throw std::runtime_error(file_ + ": " + what); }
+
+  template <typename T>
+    requires std::is_arithmetic_v<T>
+  void get(T& value) {
+    std::memcpy(&value, take(sizeof value).data(), sizeof value);
+    if constexpr (std::is_floating_point_v<T>) {
+      if (!(value - value == 0)) fail("a number in it is not finite; it is damaged");
+    }
+  }
+  template <typename Derived>
+  void get(Eigen::MatrixBase<Derived>& m) {
+    for (Eigen::Index j = 0; j < m.cols(); ++j) {
+      for (Eigen::Index i = 0; i < m.rows(); ++i) get(m(i, j));
+    }
+  }
+  void get(Rigid3d& t) {
+    get(t.rotation.coeffs());
+    get(t.translation);
+    if (!(std::abs(t.rotation.norm() - 1) < 1e-6)) fail("a rotation in it is none; it is damaged");
+  }
+  int index(int below, const char* what) {
+    std::int32_t i = 0;
+    get(i);
+    if (i < 0 || i >= below) fail(std::string(what) + " is out of range; it is damaged");
+    return i;
+  }
+  int count(int most, const char* what) { return index(most + 1, what); }
+  std::string_view take(std::size_t n) {
+    if (bytes_.size() < n) fail("it ends too early; it is cut off");
+    const std::string_view out = bytes_.substr(0, n);
+    bytes_.remove_prefix(n);
+    return out;
+  }
+  bool done() const { return bytes_.empty(); }
+
+ private:
+  std::string_view bytes_;
+  std::string file_;
+};
+
+}  // namespace
+
+int SceneMap::alive_count() const {
+  return static_cast<int>(std::ranges::count_if(points, [](const MapPoint& p) { return p.alive; }));
+}
+
+void write_map(const std::filesystem::path& file, const StoredMap& stored) {
+  Writer w;
+  w.put(stored.image_size);
+  w.put(stored.map.start_covariance);
+  w.put(stored.map.start_centre);
+  w.put(static_cast<std::int32_t>(stored.map.keyframes.size()));
+  for (const Keyframe& k : stored.map.keyframes) {
+    w.put(k.cam_from_world);
+    const GreyImage& image = k.pyramid->levels.front();
+    for (int v = 0; v < image.height; ++v)
+      w.bytes.append(reinterpret_cast<const char*>(image.row(v)), static_cast<std::size_t>(image.width));
+  }
+  w.put(static_cast<std::int32_t>(stored.map.points.size()));
+  for (const MapPoint& p : stored.map.points) {
+    w.put(p.position);
+    w.put(p.covariance);
+    w.put(p.normal);
+    w.put(static_cast<std::uint8_t>(p.given));
+    w.put(static_cast<std::uint8_t>(p.alive));
+    w.put(static_cast<std::int32_t>(p.look_count));
+    for (int i = 0; i < p.look_count; ++i) {
+      const PointLook& l = p.looks[static_cast<std::size_t>(i)];
+      w.put(static_cast<std::int32_t>(l.keyframe));
+      w.put(static_cast<std::int32_t>(l.level));
+      w.put(l.px);
+    }
+  }
+  w.put(static_cast<std::int32_t>(stored.sightings.size()));
+  for (const Sighting& s : stored.sightings) {
+    w.put(static_cast<std::int32_t>(s.keyframe));
+    w.put(static_cast<std::int32_t>(s.point));
+    w.put(s.px);
+    w.put(s.sigma_px);
+  }
+  std::filesystem::path temporary = file;
+  temporary += ".part";
+  {
+    std::ofstream out(temporary, std::ios::binary | std::ios::trunc);
+    const std::uint64_t sum = checksum(w.bytes);
+    out << magic;
+    out.write(reinterpret_cast<const char*>(&sum), sizeof sum);
+    out.write(w.bytes.data(), static_cast<std::streamsize>(w.bytes.size()));
+    out.flush();
+    if (!out) throw std::runtime_error(file.string() + ": cannot be written; is there room, and may this user write there?");
+  }
+  std::error_code error;
+  std::filesystem::rename(temporary, file, error);
+  if (error) throw std::runtime_error(file.string() + ": cannot be written: " + error.message());
+}
+
+StoredMap read_map(const std::filesystem::path& file) {
+  std::ifstream in(file, std::ios::binary);
+  const std::string all((std::istreambuf_iterator<char>(in)), std::istreambuf_iterator<char>());
+  if (!in.is_open()) throw std::runtime_error(file.string() + ": cannot be read; is it there?");
+  Reader r(all, file.string());
+  if (all.size() < magic.size() || r.take(magic.size()) != magic) r.fail("is not a camera map of this version of huetrack");
+  std::uint64_t sum = 0;
+  r.get(sum);
+  if (sum != checksum(std::string_view(all).substr(magic.size() + sizeof sum))) r.fail("is damaged or cut off (its check sum is wrong)");
+  StoredMap out;
+  r.get(out.image_size);
+  if (out.image_size.minCoeff() < 1 || out.image_size.maxCoeff() > 1 << 15) r.fail("its image size is impossible; it is damaged");
+  r.get(out.map.start_covariance);
+  r.get(out.map.start_centre);
+  constexpr int most = 10'000'000;
+  const int keyframes = r.count(most, "the number of key frames");
+  for (int i = 0; i < keyframes; ++i) {
+    Keyframe k;
+    r.get(k.cam_from_world);
+    std::uint8_t* pixels = nullptr;
+    GreyImage image = make_grey(out.image_size.x(), out.image_size.y(), pixels);
+    const auto bytes = r.take(static_cast<std::size_t>(image.width) * static_cast<std::size_t>(image.height));
+    std::memcpy(pixels, bytes.data(), bytes.size());
+    k.pyramid = std::make_shared<const Pyramid>(make_pyramid(std::move(image)));
+    out.map.keyframes.push_back(std::move(k));
+  }
+  const int points = r.count(most, "the number of points");
+  for (int i = 0; i < points; ++i) {
+    MapPoint p;
+    std::uint8_t given = 0, alive = 0;
+    r.get(p.position);
+    r.get(p.covariance);
+    r.get(p.normal);
+    r.get(given);
+    r.get(alive);
+    p.given = given != 0, p.alive = alive != 0;
+    p.look_count = r.count(static_cast<int>(p.looks.size()), "the number of a point's looks");
+    for (int k = 0; k < p.look_count; ++k) {
+      PointLook& l = p.looks[static_cast<std::size_t>(k)];
+      l.keyframe = r.index(keyframes, "a key frame");
+      const Pyramid& pyramid = *out.map.keyframes[static_cast<std::size_t>(l.keyframe)].pyramid;
+      l.level = r.index(pyramid.count(), "a level");
+      r.get(l.px);
+      const GreyImage& image = pyramid.levels[static_cast<std::size_t>(l.level)];
+      const Eigen::Vector2d px = to_level(l.px, l.level);
+      l.described = image.contains(px.x(), px.y(), descriptor_margin);
+      if (l.described) l.descriptor = describe(image, px);
+    }
+    out.map.points.push_back(p);
+  }
+  const int sightings = r.count(most, "the number of sightings");
+  for (int i = 0; i < sightings; ++i) {
+    Sighting s;
+    s.keyframe = r.index(keyframes, "a key frame");
+    s.point = r.index(points, "a point");
+    r.get(s.px);
+    r.get(s.sigma_px);
+    if (!(s.sigma_px > 0)) r.fail("a pixel's deviation is impossible; it is damaged");
+    out.sightings.push_back(s);
+  }
+  if (!r.done()) r.fail("has more in it than it should; it is damaged");
+  return out;
+}
+
+}  // namespace huetrack

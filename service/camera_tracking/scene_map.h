@@ -1,0 +1,73 @@
+// What a camera tracker knows of the scene: points with their covariance and their looks in stored key frames.
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <filesystem>
+#include <memory>
+#include <span>
+#include <string_view>
+#include <vector>
+
+#include "calib/model/rigid3.h"
+#include "camera_tracking/corners.h"
+#include "camera_tracking/grey_image.h"
+
+namespace huetrack {
+
+// A view that is kept.
+struct Keyframe {
+  std::shared_ptr<const Pyramid> pyramid;
+  Rigid3d cam_from_world;
+};
+
+// How a point looked in a key frame.
+struct PointLook {
+  int keyframe = -1;                       // index into SceneMap::keyframes
+  int level = 0;                           // of the pyramid, at which it was found
+  Eigen::Vector2d px = Eigen::Vector2d::Zero();   // raw, level 0
+  Descriptor descriptor{};
+  bool described = false;                  // else it was too near to the image's border
+};
+
+struct MapPoint {
+  Eigen::Vector3d position = Eigen::Vector3d::Zero();        // world, metres
+  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();      // m^2
+  Eigen::Vector3d normal = Eigen::Vector3d::Zero();          // of its surface, world, unit; zero: towards looks[0]'s camera
+  std::array<PointLook, 4> looks;                            // the first one is where it was first seen
+  int look_count = 0;
+  bool given = false;                      // a start point
+  bool alive = true;                       // false: a wrong one that was removed; indices stay
+  std::array<std::uint16_t, 2> found_of_sought{};            // how often, lately
+};
+
+// Whether a key frame saw a point, and where.
+struct Sighting {
+  int keyframe = 0;
+  int point = 0;
+  Eigen::Vector2d px = Eigen::Vector2d::Zero();              // raw
+  double sigma_px = 1;
+};
+
+struct SceneMap {
+  std::vector<MapPoint> points;
+  std::vector<Keyframe> keyframes;
+  // The world's place is only as sure as the first pose was, however many points agree with each other later: that pose's
+  // covariance (as CameraEstimate has it), and the camera's centre to which it refers.
+  Eigen::Matrix<double, 6, 6> start_covariance = Eigen::Matrix<double, 6, 6>::Zero();
+  Eigen::Vector3d start_centre = Eigen::Vector3d::Zero();
+
+  int alive_count() const;
+};
+
+// A map as a file: little-endian, with a version and a check sum; the points, the key frames' images and poses, and the
+// sightings.  throws std::runtime_error naming the file and what is wrong with it.
+struct StoredMap {
+  SceneMap map;
+  std::vector<Sighting> sightings;
+  Eigen::Vector2i image_size = Eigen::Vector2i::Zero();
+};
+void write_map(const std::filesystem::path& file, const StoredMap& stored);      // atomic: temporary file, then rename
+StoredMap read_map(const std::filesystem::path& file);
+
+}  // namespace huetrack

@@ -1,0 +1,152 @@
+#include "capture/jpeg_encoder.h"
+
+#include <algorithm>
+#include <array>
+#include <csetjmp>
+#include <cstdio>
+#include <cstdlib>
+
+// clang-format off
+#include <jpeglib.h>
+#include <jerror.h>
+// clang-format on
+
+namespace huetrack {
+namespace {
+
+struct Errors {
+  jpeg_error_mgr manager{};  // first: libjpeg hands us a pointer to it
+  std::jmp_buf on_error{};
+};
+
+[[noreturn]] void on_error(j_common_ptr info) {
+  std::longjmp(reinterpret_cast<Errors*>(info->err)->on_error, 1);
+}
+
+// Where the samples of one component lie: of column u, row v at data[(u >> u_shift) * step + (v >> v_shift) * stride].
+struct Component {
+  const std::uint8_t* data = nullptr;
+  std::ptrdiff_t stride = 0;
+  int step = 1, u_shift = 0, v_shift = 0;
+  std::uint8_t at(int u, int v) const { return data[(u >> u_shift) * step + (v >> v_shift) * stride]; }
+};
+
+std::array<Component, 3> components_of(const Image& image) {
+  const auto& p = image.planes;
+  switch (image.format) {
+    case PixelFormat::yuyv:
+      return {{{p[0].data, p[0].stride, 2, 0, 0},
+               {p[0].data + 1, p[0].stride, 4, 1, 0},
+               {p[0].data + 3, p[0].stride, 4, 1, 0}}};
+    case PixelFormat::nv12:
+      return {{{p[0].data, p[0].stride, 1, 0, 0},
+               {p[1].data, p[1].stride, 2, 1, 1},
+               {p[1].data + 1, p[1].stride, 2, 1, 1}}};
+    case PixelFormat::i420:
+      return {
+          {{p[0].data, p[0].stride, 1, 0, 0}, {p[1].data, p[1].stride, 1, 1, 1}, {p[2].data, p[2].stride, 1, 1, 1}}};
+    case PixelFormat::i422:
+      return {
+          {{p[0].data, p[0].stride, 1, 0, 0}, {p[1].data, p[1].stride, 1, 1, 0}, {p[2].data, p[2].stride, 1, 1, 0}}};
+    case PixelFormat::i444:
+      return {
+          {{p[0].data, p[0].stride, 1, 0, 0}, {p[1].data, p[1].stride, 1, 0, 0}, {p[2].data, p[2].stride, 1, 0, 0}}};
+    case PixelFormat::bgr:  // as they are: B, G, R
+      return {{{p[0].data, p[0].stride, 3, 0, 0},
+               {p[0].data + 1, p[0].stride, 3, 0, 0},
+               {p[0].data + 2, p[0].stride, 3, 0, 0}}};
+    case PixelFormat::grey:
+      break;
+  }
+  return {{{p[0].data, p[0].stride, 1, 0, 0}, {}, {}}};
+}
+
+using Levels = std::array<std::uint8_t, 256>;
+
+Levels levels(double black, double scale, double to) {
+  Levels table{};
+  for (int i = 0; i < 256; ++i)
+    table[std::size_t(i)] = static_cast<std::uint8_t>(std::clamp((i - black) * scale + to + 0.5, 0.0, 255.0));
+  return table;
+}
+
+// The two source columns (or rows) whose mean a picture's column stands for; the same one twice where there is but one.
+std::vector<std::array<int, 2>> samples(int from, int to) {
+  std::vector<std::array<int, 2>> out(static_cast<std::size_t>(to));
+  for (int i = 0; i < to; ++i) {
+    const int first = static_cast<int>(std::int64_t(i) * from / to);
+    const int end = std::max(first + 1, static_cast<int>(std::int64_t(i + 1) * from / to));
+    const int quarter = (end - first) / 4;
+    out[std::size_t(i)] = {first + quarter, end - 1 - quarter};
+  }
+  return out;
+}
+
+}  // namespace
+
+PictureSize picture_size(const Image& image, int width) {
+  const int w = std::max(2, std::min(image.width, width) & ~1);
+  const int h = static_cast<int>(std::int64_t(image.height) * w / std::max(1, image.width)) & ~1;
+  return {w, std::max(2, h)};
+}
+
+std::vector<std::uint8_t> encode_picture(const Image& image, PictureSize size, int quality) {
+  static const Levels full_luma = levels(0, 1, 0), limited_luma = levels(16, 255.0 / 219, 0);
+  static const Levels full_chroma = full_luma, limited_chroma = levels(128, 255.0 / 224, 128);
+  const bool is_limited = image.range == ColorRange::limited && image.format != PixelFormat::bgr;
+  const Levels& luma = is_limited ? limited_luma : full_luma;
+  const Levels& chroma = is_limited ? limited_chroma : full_chroma;
+  const bool is_bgr = image.format == PixelFormat::bgr, is_grey = image.format == PixelFormat::grey;
+  const auto parts = components_of(image);
+  const auto columns = samples(image.width, size.width), rows = samples(image.height, size.height);
+  std::vector<std::uint8_t> line(std::size_t(size.width) * (is_grey ? 1 : 3));
+  std::vector<std::uint8_t> jpeg;
+
+  jpeg_compress_struct info{};
+  Errors errors;
+  unsigned char* bytes = nullptr;
+  unsigned long byte_count = 0;  // NOLINT(google-runtime-int): libjpeg's type
+  info.err = jpeg_std_error(&errors.manager);
+  errors.manager.error_exit = on_error;
+  if (setjmp(errors.on_error) != 0) {
+    jpeg_destroy_compress(&info);
+    std::free(bytes);
+    return {};
+  }
+  jpeg_create_compress(&info);
+  jpeg_mem_dest(&info, &bytes, &byte_count);
+  info.image_width = static_cast<JDIMENSION>(size.width);
+  info.image_height = static_cast<JDIMENSION>(size.height);
+  info.input_components = is_grey ? 1 : 3;
+  info.in_color_space = is_grey ? JCS_GRAYSCALE : is_bgr ? JCS_EXT_BGR : JCS_YCbCr;
+  jpeg_set_defaults(&info);  // chroma at half width and height
+  jpeg_set_quality(&info, quality, TRUE);
+  info.dct_method = JDCT_IFAST;
+  jpeg_start_compress(&info, TRUE);
+  for (const auto [v0, v1] : rows) {
+    std::uint8_t* to = line.data();
+    for (const auto [u0, u1] : columns) {
+      const auto mean = [&, a = u0, b = u1, c = v0, d = v1](const Component& part) {
+        return static_cast<std::uint8_t>((part.at(a, c) + part.at(b, c) + part.at(a, d) + part.at(b, d) + 2) / 4);
+      };
+      if (is_bgr) {
+        for (const Component& part : parts) *to++ = mean(part);
+        continue;
+      }
+      *to++ = luma[mean(parts[0])];
+      if (is_grey) continue;
+      const int u = (u0 + u1) / 2, v = (v0 + v1) / 2;
+      *to++ = chroma[parts[1].at(u, v)];
+      *to++ = chroma[parts[2].at(u, v)];
+    }
+    JSAMPROW row = line.data();
+    jpeg_write_scanlines(&info, &row, 1);
+  }
+  jpeg_finish_compress(&info);
+  jpeg_destroy_compress(&info);
+  jpeg.assign(bytes, bytes + byte_count);
+  std::free(bytes);
+  return jpeg;
+}
+
+}  // namespace huetrack

@@ -1,0 +1,239 @@
+#include "color_teaching/color_teacher.h"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+#include "color_teaching/color_fit.h"
+
+namespace huetrack {
+namespace {
+
+constexpr int soft_edge_px = 3;          // blur, and chroma that neighbours share
+constexpr double notable_share = 0.005;  // of the background
+constexpr double notable_patch = 0.25;   // of the object's own area: a patch that could be taken for it
+
+std::string part_of_picture(const Eigen::Vector2d& at, int width, int height) {
+  const int column = std::clamp(static_cast<int>(3 * at.x() / width), 0, 2);
+  const int row = std::clamp(static_cast<int>(3 * at.y() / height), 0, 2);
+  const char* const words[3][3] = {{"at the upper left", "at the top", "at the upper right"},
+                                   {"at the left", "in the middle", "at the right"},
+                                   {"at the lower left", "at the bottom", "at the lower right"}};
+  return words[row][column];
+}
+
+// The point nearest to all rays; nullopt when they are nearly parallel.
+std::optional<Eigen::Vector3d> triangulate(const std::vector<std::pair<const Camera*, Eigen::Vector2d>>& views) {
+  Eigen::Matrix3d a = Eigen::Matrix3d::Zero();
+  Eigen::Vector3d b = Eigen::Vector3d::Zero();
+  for (const auto& [camera, px] : views) {
+    const auto ray = camera->model.ray({px});
+    if (!ray) return std::nullopt;
+    const Eigen::Vector3d direction = camera->cam_from_world.rotation.conjugate() * *ray;
+    const Eigen::Matrix3d across = Eigen::Matrix3d::Identity() - direction * direction.transpose();
+    a += across;
+    b += across * camera->centre();
+  }
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(a);
+  if (solver.eigenvalues()[0] < 1e-4) return std::nullopt;
+  return a.ldlt().solve(b);
+}
+
+double radius_m_of(const Camera& camera, const MaskRegion& region, const Eigen::Vector3d& at) {
+  return region.radius_px() * (camera.cam_from_world * at).norm() / camera.model.fx();
+}
+
+// Wide enough for another camera's white balance.
+HsiRange in_other_cameras(const HsiRange& r) {
+  const double width = std::fmod(r.hue_max_deg - r.hue_min_deg + 720, 360);
+  const double more = std::min(18.0, std::max(0.0, (280 - width) / 2));
+  return {.hue_min_deg = std::fmod(r.hue_min_deg - more + 720, 360),
+          .hue_max_deg = std::fmod(r.hue_max_deg + more, 360),
+          .saturation_min = std::max(0.15, 0.6 * r.saturation_min),
+          .saturation_max = 1,
+          .intensity_min = 0.06,
+          .intensity_max = 0.98};
+}
+
+}  // namespace
+
+bool Taught::any() const {
+  return std::ranges::any_of(views, &TaughtView::pointed);
+}
+
+ColorTeacher::ColorTeacher(const CameraRig& rig, const FrameSet& set) : rig_(rig), images_(rig.cameras.size()) {
+  for (std::size_t c = 0; c < images_.size() && c < set.frames.size(); ++c) {
+    const auto& frame = set.frames[c];
+    if (frame && frame->status == FrameStatus::ok && frame->pixels.width == rig.cameras[c].image_size.width &&
+        frame->pixels.height == rig.cameras[c].image_size.height)
+      images_[c] = hsi_image(frame->pixels);
+  }
+}
+
+Taught ColorTeacher::teach(const TeachRequestOptions& request, const Box& volume) const {
+  Taught taught;
+  taught.views.resize(images_.size());
+  const auto ignored_in = [&](std::size_t c) {
+    return c < request.ignored.size() ? request.ignored[c] : std::vector<PixelBox>();
+  };
+  for (const TeachPoint& point : request.points) {
+    const auto c = static_cast<std::size_t>(point.camera);
+    TaughtView& view = taught.views.at(c);
+    view = {};
+    if (!images_[c]) {
+      view.problem = "there is no picture of this camera";
+      continue;
+    }
+    const HsiImage& image = *images_[c];
+    const auto region =
+        grow_region(image, {static_cast<int>(std::lround(point.px.x())), static_cast<int>(std::lround(point.px.y()))});
+    if (!region) {
+      view.problem =
+          "there is no coloured region at this point: it is grey, dark, or runs into everything around it; point at "
+          "a more colourful part of the object";
+      continue;
+    }
+    view.pointed = true;
+    view.region = regions_of(*region, 1).front();
+    // Around the region everything counts as the object: its soft edge, its shadow, its glint.
+    const PixelMask object = grown(*region, soft_edge_px + static_cast<int>(view.region->radius_px() / 3));
+    PixelMask background = object;
+    for (auto& pixel : background.pixels) pixel = pixel == 0 ? 1 : 0;
+    for (const PixelBox& box : ignored_in(c)) {
+      for (int v = std::max(0, box.v_min); v <= std::min(box.v_max, image.height - 1); ++v)
+        for (int u = std::max(0, box.u_min); u <= std::min(box.u_max, image.width - 1); ++u) background.at(u, v) = 0;
+    }
+    view.color = fit_range(image, *region, background, request.wider);
+  }
+  if (!taught.any()) {
+    for (std::size_t c = 0; c < images_.size(); ++c)
+      if (!taught.views[c].problem.empty())
+        taught.views[c].verdict = "camera " + rig_.cameras[c].name + ": " + taught.views[c].problem;
+    return taught;
+  }
+  const auto first = std::ranges::find_if(taught.views, &TaughtView::pointed);
+  for (TaughtView& view : taught.views)
+    if (!view.pointed) view.color = first->color;
+  suggest(taught.views, request, volume);
+  for (std::size_t c = 0; c < images_.size(); ++c)
+    if (images_[c]) judge(taught.views[c], c, ignored_in(c));
+
+  std::vector<std::pair<const Camera*, Eigen::Vector2d>> seen;
+  for (std::size_t c = 0; c < images_.size(); ++c)
+    if (taught.views[c].pointed) seen.emplace_back(&rig_.cameras[c], taught.views[c].region->centre);
+  if (seen.size() >= 2) {
+    if (const auto at = triangulate(seen)) {
+      std::vector<double> radii;
+      for (std::size_t c = 0; c < images_.size(); ++c)
+        if (taught.views[c].pointed) radii.push_back(radius_m_of(rig_.cameras[c], *taught.views[c].region, *at));
+      std::ranges::sort(radii);
+      taught.radius_m = radii[radii.size() / 2];
+    }
+  }
+  return taught;
+}
+
+void ColorTeacher::suggest(std::vector<TaughtView>& views, const TeachRequestOptions&, const Box& volume) const {
+  std::vector<std::size_t> pointed;
+  for (std::size_t c = 0; c < views.size(); ++c)
+    if (views[c].pointed) pointed.push_back(c);
+  for (std::size_t c = 0; c < views.size(); ++c) {
+    if (views[c].pointed || !images_[c]) continue;
+    const HsiRange wide = in_other_cameras(views[pointed.front()].color);
+    double best_cost = 1;
+    for (const MaskRegion& region : regions_of(matching(*images_[c], wide, {}), 6)) {
+      std::vector<std::pair<const Camera*, Eigen::Vector2d>> rays{{&rig_.cameras[c], region.centre}};
+      for (const std::size_t p : pointed) rays.emplace_back(&rig_.cameras[p], views[p].region->centre);
+      const auto at = triangulate(rays);
+      if (!at || (at->array() < volume.min.array() - 0.1).any() || (at->array() > volume.max.array() + 0.1).any())
+        continue;
+      // Costs of 1 are as much as a suggestion may cost: off by the object's own radius (or 6 px), or 2.5 times as
+      // large.
+      double cost = 0;
+      for (const auto& [camera, px] : rays) {
+        const auto again = camera->project_world(*at);
+        cost = std::max(cost, again ? (again->px - px).norm() / std::max(6.0, region.radius_px()) : 1e9);
+      }
+      for (const std::size_t p : pointed) {
+        const double ratio =
+            radius_m_of(rig_.cameras[c], region, *at) / radius_m_of(rig_.cameras[p], *views[p].region, *at);
+        cost = std::max(cost, std::abs(std::log(ratio)) / std::log(2.5));
+      }
+      if (cost >= best_cost) continue;
+      best_cost = cost;
+      views[c].region = region;
+    }
+  }
+}
+
+void ColorTeacher::judge(TaughtView& view, std::size_t camera, const std::vector<PixelBox>& ignored) const {
+  const HsiImage& image = *images_[camera];
+  view.mask = matching(image, view.color, ignored);
+  PixelMask object(image.width, image.height);
+  if (view.region) {
+    // Of what matches, the part that is the object itself: connected to its region, or in its immediate neighbourhood.
+    const PixelBox& box = view.region->box;
+    const int reach = soft_edge_px + static_cast<int>(view.region->radius_px() / 2);
+    for (int v = std::max(0, box.v_min - reach); v <= std::min(box.v_max + reach, image.height - 1); ++v)
+      for (int u = std::max(0, box.u_min - reach); u <= std::min(box.u_max + reach, image.width - 1); ++u)
+        object.at(u, v) = 1;
+  }
+  PixelMask beside = view.mask;
+  for (std::size_t i = 0; i < beside.pixels.size(); ++i)
+    beside.pixels[i] = object.pixels[i] != 0 ? 0 : beside.pixels[i];
+  view.background_share = static_cast<double>(beside.count()) /
+                          static_cast<double>(std::max<std::size_t>(1, beside.pixels.size() - object.count()));
+  if (const auto patches = regions_of(beside, 1); !patches.empty()) view.patch = patches.front();
+
+  const std::string& name = rig_.cameras[camera].name;
+  char share[32];
+  std::snprintf(share, sizeof share, view.background_share < 0.001 ? "%.2f %%" : "%.1f %%",
+                100 * view.background_share);
+  const double own_area = view.region ? view.region->area : 30;
+  const bool is_rival = view.patch && view.patch->area >= std::max(6.0, notable_patch * own_area);
+  std::string text = "camera " + name + ": ";
+  if (!view.problem.empty()) {
+    view.verdict = text + view.problem;
+    return;
+  }
+  if (!view.pointed) {
+    text += view.region
+                ? "the object is probably at " + std::to_string(std::lround(view.region->centre.x())) + ", " +
+                      std::to_string(std::lround(view.region->centre.y())) + ": point at it to confirm"
+                : "no region fits what was pointed at in the other views; point at the object if it is in this picture";
+    view.verdict = text;
+    return;
+  }
+  text += share;
+  text += " of the background matches";
+  if (is_rival) {
+    text += ", mostly a patch of " + std::to_string(view.patch->area) + " pixels " +
+            part_of_picture(view.patch->centre, image.width, image.height) + " (around " +
+            std::to_string(std::lround(view.patch->centre.x())) + ", " +
+            std::to_string(std::lround(view.patch->centre.y())) +
+            "): choose another colour, narrow it, or ignore this region";
+  } else if (view.background_share > notable_share) {
+    text += ", scattered in small patches: narrow it, or choose another colour";
+  } else {
+    text += view.background_share == 0 ? ": the colour is unique here"
+                                       : ", in patches too small to matter: the colour stands out well";
+  }
+  view.verdict = text;
+}
+
+TargetOptions with_taught_color(TargetOptions target, const CameraRig& rig, const Taught& taught) {
+  target.camera_colors.clear();
+  bool is_first = true, differ = false;
+  for (const TaughtView& view : taught.views) {
+    if (!view.pointed) continue;
+    if (is_first) target.color = view.color;
+    differ |= !is_first && view.color != target.color;
+    is_first = false;
+  }
+  for (std::size_t c = 0; differ && c < taught.views.size(); ++c)
+    if (taught.views[c].pointed) target.camera_colors.emplace_back(rig.cameras[c].name, taught.views[c].color);
+  return target;
+}
+
+}  // namespace huetrack

@@ -1,0 +1,68 @@
+// Teaching a colour: somebody points at the object in some of the views; out come its region, the ranges of its colour
+// in each view, how well it stands out from the rest of each picture, and where it probably is in the other views.
+#pragma once
+
+#include <Eigen/Core>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "calib/model/camera_rig.h"
+#include "capture/frame.h"
+#include "color_teaching/hsi_image.h"
+#include "object_tracking/object_tracker.h"
+
+namespace huetrack {
+
+struct TeachPoint {
+  int camera = 0;            // in the rig
+  Eigen::Vector2d px{0, 0};  // raw pixels
+};
+
+struct TeachRequestOptions {
+  std::vector<TeachPoint> points;              // at most one per camera counts: the last
+  std::vector<std::vector<PixelBox>> ignored;  // per camera of the rig, or empty
+  int wider = 0;                               // steps; negative: narrower
+};
+
+// What was learnt of one camera.
+struct TaughtView {
+  bool pointed = false;              // somebody pointed into it, and there is a region
+  std::string problem;               // why nothing could be learnt where somebody pointed; what to do
+  std::optional<MaskRegion> region;  // the object's; where nobody pointed: the suggested one
+  HsiRange color;                    // where nobody pointed: as in the first view that was
+  double background_share = 0;       // 0..1, of the pixels away from the object: how many have the colour
+  std::optional<MaskRegion> patch;   // the largest connected part of them
+  std::string verdict;               // one sentence for people
+  PixelMask mask;                    // which pixels have the colour; empty where there is no picture
+};
+
+struct Taught {
+  std::vector<TaughtView> views;   // per camera of the rig
+  std::optional<double> radius_m;  // of a ball as large as the regions are, when two views or more were pointed into
+  bool any() const;                // something was learnt
+};
+
+// thread-compatible. Holds converted copies of the pictures; the frames may go.
+class ColorTeacher {
+ public:
+  // set: one slot per camera of the rig; cameras without a frame cannot be pointed into
+  ColorTeacher(const CameraRig& rig, const FrameSet& set);
+
+  // volume: where a suggested object may be
+  Taught teach(const TeachRequestOptions& request, const Box& volume) const;
+
+ private:
+  void judge(TaughtView& view, std::size_t camera, const std::vector<PixelBox>& ignored) const;
+  void suggest(std::vector<TaughtView>& views, const TeachRequestOptions& request, const Box& volume) const;
+
+  CameraRig rig_;
+  std::vector<std::optional<HsiImage>> images_;
+};
+
+// The target with what was learnt: `color` is that of the first view that was pointed into, `camera_colors` those of
+// all of them where they differ. Overrides of other cameras are of the old colour, and go.
+TargetOptions with_taught_color(TargetOptions target, const CameraRig& rig, const Taught& taught);
+
+}  // namespace huetrack

@@ -1,0 +1,91 @@
+#include "color_teaching/hsi_image.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+namespace huetrack {
+
+std::size_t PixelMask::count() const {
+  return static_cast<std::size_t>(std::ranges::count(pixels, 1));
+}
+
+double MaskRegion::radius_px() const {
+  return std::sqrt(area / std::numbers::pi);
+}
+
+HsiImage hsi_image(const Image& image) {
+  HsiImage out{image.width, image.height, {}};
+  out.pixels.reserve(static_cast<std::size_t>(image.width) * static_cast<std::size_t>(image.height));
+  for (int v = 0; v < image.height; ++v) {
+    for (int u = 0; u < image.width; ++u) {
+      out.pixels.push_back(hsi_of(image.format == PixelFormat::bgr ? rgb_of(bgr_at(image, u, v))
+                                                                   : rgb_of(yuv_at(image, u, v), image.range)));
+    }
+  }
+  return out;
+}
+
+PixelMask matching(const HsiImage& image, const HsiRange& range, const std::vector<PixelBox>& ignored) {
+  PixelMask mask(image.width, image.height);
+  for (std::size_t i = 0; i < image.pixels.size(); ++i) mask.pixels[i] = contains(range, image.pixels[i]) ? 1 : 0;
+  for (const PixelBox& box : ignored) {
+    for (int v = std::max(0, box.v_min); v <= std::min(box.v_max, image.height - 1); ++v) {
+      for (int u = std::max(0, box.u_min); u <= std::min(box.u_max, image.width - 1); ++u) mask.at(u, v) = 0;
+    }
+  }
+  return mask;
+}
+
+std::vector<MaskRegion> regions_of(const PixelMask& mask, int min_area) {
+  std::vector<MaskRegion> regions;
+  PixelMask left = mask;
+  std::vector<PixelAt> open;
+  for (int v0 = 0; v0 < mask.height; ++v0) {
+    for (int u0 = 0; u0 < mask.width; ++u0) {
+      if (left.at(u0, v0) == 0) continue;
+      MaskRegion region{.box = {u0, v0, u0, v0}};
+      left.at(u0, v0) = 0;
+      open.assign(1, {u0, v0});
+      while (!open.empty()) {
+        const auto [u, v] = open.back();
+        open.pop_back();
+        ++region.area;
+        region.centre += Eigen::Vector2d(u, v);
+        region.box = {std::min(region.box.u_min, u), std::min(region.box.v_min, v), std::max(region.box.u_max, u),
+                      std::max(region.box.v_max, v)};
+        for (int y = std::max(0, v - 1); y <= std::min(v + 1, mask.height - 1); ++y) {
+          for (int x = std::max(0, u - 1); x <= std::min(u + 1, mask.width - 1); ++x) {
+            if (left.at(x, y) == 0) continue;
+            left.at(x, y) = 0;
+            open.push_back({x, y});
+          }
+        }
+      }
+      if (region.area < min_area) continue;
+      region.centre /= region.area;
+      regions.push_back(region);
+    }
+  }
+  std::ranges::stable_sort(regions, std::greater{}, &MaskRegion::area);
+  return regions;
+}
+
+PixelMask grown(const PixelMask& mask, int px) {
+  PixelMask rows(mask.width, mask.height), out(mask.width, mask.height);
+  for (int v = 0; v < mask.height; ++v) {
+    for (int u = 0; u < mask.width; ++u) {
+      if (mask.at(u, v) == 0) continue;
+      for (int x = std::max(0, u - px); x <= std::min(u + px, mask.width - 1); ++x) rows.at(x, v) = 1;
+    }
+  }
+  for (int v = 0; v < mask.height; ++v) {
+    for (int u = 0; u < mask.width; ++u) {
+      if (rows.at(u, v) == 0) continue;
+      for (int y = std::max(0, v - px); y <= std::min(v + px, mask.height - 1); ++y) out.at(u, y) = 1;
+    }
+  }
+  return out;
+}
+
+}  // namespace huetrack

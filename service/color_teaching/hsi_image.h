@@ -1,0 +1,52 @@
+// A whole image in hue, saturation and intensity, and connected regions in it: what teaching works on. Pure values.
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <vector>
+
+#include "object_tracking/color_model.h"
+#include "object_tracking/color_window.h"
+
+namespace huetrack {
+
+// One byte per pixel, row by row, 0 or 1.
+struct PixelMask {
+  int width = 0, height = 0;
+  std::vector<std::uint8_t> pixels;
+  PixelMask() = default;
+  PixelMask(int w, int h) : width(w), height(h), pixels(static_cast<std::size_t>(w) * static_cast<std::size_t>(h), 0) {}
+  std::uint8_t& at(int u, int v) {
+    return pixels[static_cast<std::size_t>(v) * static_cast<std::size_t>(width) + static_cast<std::size_t>(u)];
+  }
+  std::uint8_t at(int u, int v) const {
+    return pixels[static_cast<std::size_t>(v) * static_cast<std::size_t>(width) + static_cast<std::size_t>(u)];
+  }
+  std::size_t count() const;
+};
+
+struct HsiImage {
+  int width = 0, height = 0;
+  std::vector<Hsi> pixels;
+  const Hsi& at(int u, int v) const {
+    return pixels[static_cast<std::size_t>(v) * static_cast<std::size_t>(width) + static_cast<std::size_t>(u)];
+  }
+};
+HsiImage hsi_image(const Image& image);
+
+// The pixels that have the colour, but those in the boxes.
+PixelMask matching(const HsiImage& image, const HsiRange& range, const std::vector<PixelBox>& ignored);
+
+struct MaskRegion {
+  int area = 0;  // pixels
+  Eigen::Vector2d centre{0, 0};
+  PixelBox box{0, 0, -1, -1};
+  double radius_px() const;  // of a disc of this area
+};
+// 8-connected, at least min_area pixels, largest first.
+std::vector<MaskRegion> regions_of(const PixelMask& mask, int min_area);
+
+// Everything within `px` pixels (in u or in v) of what is set.
+PixelMask grown(const PixelMask& mask, int px);
+
+}  // namespace huetrack

@@ -1,0 +1,98 @@
+#include "daemon/view_server.h"
+
+#include <spdlog/spdlog.h>
+
+#include "daemon/preview_maker.h"
+
+namespace huetrack {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+using namespace std::chrono_literals;
+
+constexpr auto look_round_period = 100ms;  // for subscribers
+constexpr auto network_period = 1s;
+constexpr auto repeat_after = 1s;  // a set that is kept is shown again: who comes late sees it too
+
+}  // namespace
+
+ViewServer::ViewServer(const ServiceConfig& config, ViewServerOptions options)
+    : options_(options),
+      publisher_(config.dds.publisher),
+      wanted_(options.keeps_frames),
+      config_(config),
+      thread_([this](const std::stop_token& stop) { serve(stop); }) {}
+
+ViewServer::~ViewServer() = default;
+
+void ViewServer::offer(PictureJob job) {
+  wanted_.store(false, std::memory_order_relaxed);
+  {
+    const std::scoped_lock lock(mutex_);
+    offered_ = std::move(job);
+  }
+  news_.notify_one();
+}
+
+void ViewServer::take_over(const ServiceConfig& config) {
+  {
+    const std::scoped_lock lock(mutex_);
+    fresh_ = config;
+  }
+  news_.notify_one();
+}
+
+ViewServer::Counters ViewServer::counters() const {
+  return {previews_, Duration(busy_ns_)};
+}
+
+void ViewServer::serve(const std::stop_token& stop) {
+  publisher_.publish(make_scene(config_, false, "this huetrackd cannot be taught"));
+  std::optional<PictureJob> last;  // only where frames may be kept
+  Clock::time_point next_preview{}, next_network = Clock::now() + network_period, shown_at{};
+  const auto period =
+      std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(1 / config_.preview.rate_hz));
+  bool is_watched = false;
+  while (!stop.stop_requested()) {
+    std::optional<PictureJob> job;
+    std::optional<ServiceConfig> fresh;
+    {
+      std::unique_lock lock(mutex_);
+      auto until = Clock::now() + look_round_period;
+      if (is_watched && next_preview > Clock::now()) until = std::min(until, next_preview);
+      news_.wait_until(lock, stop, until, [&] { return offered_ || fresh_; });
+      job.swap(offered_);
+      fresh.swap(fresh_);
+    }
+    if (fresh) {
+      config_ = std::move(*fresh);
+      publisher_.publish(make_scene(config_, false, "this huetrackd cannot be taught"));
+    }
+    const auto now = Clock::now();
+    is_watched = config_.preview.enabled && publisher_.preview_subscribers() > 0;
+    if (job && is_watched) {
+      publish_previews(*job);
+      shown_at = now;
+      next_preview = now + period;
+    } else if (last && !job && is_watched && now >= shown_at + repeat_after) {
+      publish_previews(*last);
+      shown_at = now;
+    }
+    if (job && options_.keeps_frames) last = std::move(job);
+    if (is_watched && now >= next_preview) wanted_.store(true, std::memory_order_relaxed);
+    if (now >= next_network) {
+      next_network = now + network_period;
+      publisher_.look_after_network();
+    }
+  }
+}
+
+void ViewServer::publish_previews(const PictureJob& job) {
+  const auto started = Clock::now();
+  for (const auto& preview : make_previews(config_, job, Duration(clock_offset_ns_))) {
+    if (publisher_.publish(preview)) ++previews_;
+  }
+  busy_ns_ += (Clock::now() - started).count();
+}
+
+}  // namespace huetrack

@@ -1,0 +1,68 @@
+// Serves the pages: previews at their own rate while somebody subscribes, and the scene. It stands beside the road of
+// the frames: the tracking thread asks one atomic flag per set, and hands over a set only when this thread waits for
+// one.
+#pragma once
+
+#include <atomic>
+#include <chrono>
+#include <condition_variable>
+#include <mutex>
+#include <optional>
+#include <thread>
+
+#include "daemon/pipeline.h"
+#include "daemon/service_config.h"
+#include "publish/view_publisher.h"
+
+namespace huetrack {
+
+struct ViewServerOptions {
+  // Of a replay: a set that is held may be kept, no driver waits for its buffers. The first set is always taken, and
+  // the newest one shown again while none comes.
+  bool keeps_frames = false;
+};
+
+// thread-safe as said per function. Has a thread of its own, ended by the destructor.
+class ViewServer {
+ public:
+  // throws as ViewPublisher's constructor does.
+  ViewServer(const ServiceConfig& config, ViewServerOptions options);
+  ~ViewServer();
+  ViewServer(const ViewServer&) = delete;
+  ViewServer& operator=(const ViewServer&) = delete;
+
+  // The tracking thread, for every set: does somebody wait for one?
+  bool wants() const noexcept { return wanted_.load(std::memory_order_relaxed); }
+  // The tracking thread, when wants(). Never waits for anything but a lock that is held for a swap.
+  void offer(PictureJob job);
+
+  // Any thread: the configuration now in force, or another offset of published capture times.
+  void take_over(const ServiceConfig& config);
+  void set_clock_offset(Duration offset) { clock_offset_ns_ = offset.count(); }
+
+  struct Counters {
+    std::uint64_t previews = 0;  // pictures published
+    Duration busy{0};            // that the thread has spent on them
+  };
+  Counters counters() const;  // any thread
+
+ private:
+  void serve(const std::stop_token& stop);
+  void publish_previews(const PictureJob& job);
+
+  const ViewServerOptions options_;
+  ViewPublisher publisher_;  // this thread's
+  std::atomic<bool> wanted_ = false;
+  std::atomic<std::int64_t> clock_offset_ns_ = 0;
+  std::atomic<std::uint64_t> previews_ = 0;
+  std::atomic<std::int64_t> busy_ns_ = 0;
+
+  std::mutex mutex_;
+  std::condition_variable_any news_;
+  std::optional<PictureJob> offered_;   // guarded by mutex_
+  std::optional<ServiceConfig> fresh_;  // guarded by mutex_; to be taken over
+  ServiceConfig config_;                // the thread's own
+  std::jthread thread_;                 // last: ends before the rest goes
+};
+
+}  // namespace huetrack

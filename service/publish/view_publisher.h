@@ -1,0 +1,41 @@
+// What a page shows beside positions and status: the scene, previews, and the teaching of colours asked for over the
+// bus. The messages are those of idl/huetrack_view.idl. It has its own place on the bus, apart from that of the
+// positions, so that nothing here can hold those up.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "idl/huetrack_view.h"
+#include "publish/estimate_publisher.h"
+
+namespace huetrack {
+
+// thread-compatible: one thread, which is not the tracking one.
+class ViewPublisher {
+ public:
+  // Of the options: domain, interfaces, profiles, cameras (names in rig order).
+  // throws as EstimatePublisher's constructor does.
+  explicit ViewPublisher(EstimatePublisherOptions options);
+  ~ViewPublisher();
+
+  // Each fills in what identifies this process where the message has it. False when it could not be written.
+  bool publish(msg::Scene scene) noexcept;  // kept, and sent to who comes late
+  bool publish(const msg::Preview& preview) noexcept;
+  bool publish(const msg::TeachReply& reply) noexcept;
+
+  std::optional<msg::TeachRequest> next_request();  // those to this process; does not wait
+
+  int preview_subscribers() const;  // on any of the topics that carry pictures
+
+  // About once a second: joins anew when the host's addresses have changed, as EstimatePublisher does.
+  void look_after_network();
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace huetrack

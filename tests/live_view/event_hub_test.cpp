@@ -1,0 +1,74 @@
+#include "clients/live_view/event_hub.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+namespace huetrack::live_view {
+namespace {
+
+using testing::ElementsAre;
+
+std::vector<std::string> all(const EventHub& hub, std::uint64_t& cursor) {
+  std::vector<std::string> texts;
+  while (const Text text = hub.next(cursor)) texts.push_back(*text);
+  return texts;
+}
+
+TEST(EventHub, EveryPageReadsAtItsOwnPace) {
+  EventHub hub;
+  std::uint64_t quick = 0, slow = 0;
+  hub.append("a");
+  EXPECT_THAT(all(hub, quick), ElementsAre("a"));
+  hub.append("b");
+  EXPECT_THAT(all(hub, quick), ElementsAre("b"));
+  EXPECT_THAT(all(hub, quick), ElementsAre());
+  EXPECT_THAT(all(hub, slow), ElementsAre("a", "b"));
+}
+
+TEST(EventHub, OfAKeyOnlyTheNewestIsTold) {
+  EventHub hub;
+  std::uint64_t page = 0;
+  hub.set("preview/a", "a1");
+  hub.set("preview/b", "b1");
+  hub.append("position");
+  hub.set("preview/a", "a2");
+  EXPECT_THAT(all(hub, page), ElementsAre("b1", "position", "a2"));
+  hub.set("preview/b", "b2");
+  EXPECT_THAT(all(hub, page), ElementsAre("b2"));
+  hub.erase("preview/b");
+  std::uint64_t late = 0;
+  EXPECT_THAT(all(hub, late), ElementsAre("position", "a2"));
+}
+
+TEST(EventHub, KeepsOnlySoMuchOfTheStream) {
+  EventHub hub(3, 1000);
+  for (const char* text : {"1", "2", "3", "4", "5"}) hub.append(text);
+  std::uint64_t page = 0;
+  EXPECT_THAT(all(hub, page), ElementsAre("3", "4", "5"));
+  EventHub small(100, 10);
+  small.append(std::string(6, 'a'));
+  small.append(std::string(6, 'b'));  // together too much
+  page = 0;
+  EXPECT_THAT(all(small, page), ElementsAre("bbbbbb"));
+  small.append(std::string(60, 'c'));  // alone too much: kept all the same, or nobody would ever see it
+  EXPECT_THAT(all(small, page), ElementsAre(std::string(60, 'c')));
+}
+
+TEST(EventHub, TellsItsListenerAndMissesNoNews) {
+  EventHub hub;
+  int news = 0;
+  hub.on_news([&] { ++news; });
+  hub.append("a");
+  hub.set("k", "b");
+  EXPECT_EQ(news, 2);
+  std::uint64_t page = 0;
+  bool waits = false;
+  EXPECT_FALSE(hub.if_nothing_after(page, [&] { waits = true; }));
+  all(hub, page);
+  EXPECT_FALSE(waits);
+  EXPECT_TRUE(hub.if_nothing_after(page, [&] { waits = true; }));
+  EXPECT_TRUE(waits);
+}
+
+}  // namespace
+}  // namespace huetrack::live_view

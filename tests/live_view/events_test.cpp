@@ -1,0 +1,66 @@
+#include "clients/live_view/events.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <limits>
+#include <nlohmann/json.hpp>
+
+namespace huetrack::live_view {
+namespace {
+
+using namespace testing;
+using Json = nlohmann::json;
+
+TEST(Events, WhatDoesNotExistIsNull) {
+  msg::ObjectPosition sample;
+  sample.target("ball");
+  sample.captured_at(1'700'000'000'250'000'000);
+  sample.published_at(1'700'000'000'260'000'000);
+  sample.state(msg::TRACK_STATE_LOST);
+  sample.position().fill(std::numeric_limits<double>::quiet_NaN());
+  const Json json = Json::parse(to_json(sample));
+  EXPECT_EQ(json["state"], "lost");
+  EXPECT_TRUE(json["position"][0].is_null());
+  EXPECT_DOUBLE_EQ(json["t"], 1'700'000'000.25);
+  EXPECT_NEAR(json["latency"], 0.01, 1e-9);
+}
+
+TEST(Events, APictureIsBase64) {
+  msg::Preview preview;
+  for (const auto& [bytes, text] :
+       std::vector<std::pair<std::vector<std::uint8_t>, std::string>>{{{}, ""},
+                                                                      {{'f'}, "Zg=="},
+                                                                      {{'f', 'o'}, "Zm8="},
+                                                                      {{'f', 'o', 'o'}, "Zm9v"},
+                                                                      {{0xfb, 0xff, 0xfe, 0}, "+//+AA=="}}) {
+    preview.jpeg(bytes);
+    EXPECT_EQ(Json::parse(to_json(preview))["jpeg"], text);
+  }
+}
+
+TEST(Events, StringsThatAreNoUtf8DoNotEndTheBridge) {
+  msg::ServiceStatus status;
+  status.warnings({"\xff\xfe broken", "sound"});
+  EXPECT_EQ(Json::parse(to_json(status, 0))["warnings"][1], "sound");
+}
+
+TEST(Events, ARequestIsReadStrictly) {
+  const std::string good = R"({"client":"c","number":3,"host":"h","pid":7,"action":"look","target":"ball","wider":-1,
+    "points":[{"camera":"cam0","pixel":[10,20.5]}],"ignored":[{"camera":"cam1","box":[1,2,3,4]}]})";
+  const msg::TeachRequest request = teach_request_of(good);
+  EXPECT_EQ(request.action(), msg::TEACH_ACTION_LOOK);
+  EXPECT_EQ(request.wider(), -1);
+  EXPECT_EQ(request.points().at(0).camera(), "cam0");
+  EXPECT_EQ(request.points().at(0).pixel()[1], 20.5);
+  EXPECT_EQ(request.ignored().at(0).box()[3], 4);
+  for (const std::string bad :
+       {"", "[]", "{", "null", R"({"client":1})", R"({"client":"c","number":1,"host":"h","pid":1,"action":"dance"})"})
+    EXPECT_THROW(teach_request_of(bad), std::invalid_argument) << bad;
+  std::string many = R"({"client":"c","number":1,"host":"h","pid":1,"action":"look","points":[)";
+  for (int i = 0; i < 65; ++i) many += std::string(i > 0 ? "," : "") + R"({"camera":"a","pixel":[0,0]})";
+  EXPECT_THROW(teach_request_of(many + "]}"), std::invalid_argument);
+}
+
+}  // namespace
+}  // namespace huetrack::live_view

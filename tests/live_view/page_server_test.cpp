@@ -1,0 +1,248 @@
+// The bridge's HTTP side against pages, and against what is no page: on loopback, with every connection bounded.
+#include "clients/live_view/page_server.h"
+
+#include <arpa/inet.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <netinet/in.h>
+#include <poll.h>
+#include <sys/resource.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <chrono>
+#include <fstream>
+#include <thread>
+
+namespace huetrack::live_view {
+namespace {
+
+using namespace std::chrono_literals;
+using namespace testing;
+using Clock = std::chrono::steady_clock;
+
+class Socket {
+ public:
+  explicit Socket(int port, int receive_buffer = 0) : fd_(::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0)) {
+    if (receive_buffer > 0) ::setsockopt(fd_, SOL_SOCKET, SO_RCVBUF, &receive_buffer, sizeof receive_buffer);
+    sockaddr_in to{};
+    to.sin_family = AF_INET;
+    to.sin_port = htons(static_cast<std::uint16_t>(port));
+    to.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    is_connected_ = ::connect(fd_, reinterpret_cast<const sockaddr*>(&to), sizeof to) == 0;
+  }
+  ~Socket() { ::close(fd_); }
+  Socket(Socket&& other) noexcept : fd_(std::exchange(other.fd_, -1)), is_connected_(other.is_connected_) {}
+  Socket(const Socket&) = delete;
+
+  bool is_connected() const { return is_connected_; }
+  bool send(const std::string& text) const {
+    std::size_t sent = 0;
+    while (sent < text.size()) {
+      const auto n = ::send(fd_, text.data() + sent, text.size() - sent, MSG_NOSIGNAL);
+      if (n <= 0) return false;
+      sent += static_cast<std::size_t>(n);
+    }
+    return true;
+  }
+  // Until `end` is in it, the other side closes, or the time is over.
+  std::string receive(const std::string& end, std::chrono::milliseconds at_most = 5s) {
+    std::string text;
+    const auto until = Clock::now() + at_most;
+    while (end.empty() || text.find(end) == std::string::npos) {
+      const auto left = std::chrono::duration_cast<std::chrono::milliseconds>(until - Clock::now()).count();
+      pollfd wait{fd_, POLLIN, 0};
+      if (left <= 0 || ::poll(&wait, 1, static_cast<int>(left)) <= 0) break;
+      char buffer[4096];
+      const auto n = ::recv(fd_, buffer, sizeof buffer, 0);
+      if (n <= 0) break;
+      text.append(buffer, static_cast<std::size_t>(n));
+    }
+    return text;
+  }
+
+ private:
+  int fd_;
+  bool is_connected_ = false;
+};
+
+class Server : public Test {
+ protected:
+  static PageServerOptions options() {
+    PageServerOptions o;
+    o.port = 0;
+    o.timeout_s = 2;
+    return o;
+  }
+  void start(const PageServerOptions& o = options()) {
+    server.emplace(o, hub, [this](const std::string& body) -> std::string {
+      bodies.push_back(body);
+      return body == "refuse" ? "No." : "";
+    });
+  }
+  std::string ask(const std::string& request) {
+    Socket socket(server->port());
+    socket.send(request);
+    return socket.receive("");
+  }
+  std::string get(const std::string& path, const std::string& headers = "") {
+    return ask("GET " + path + " HTTP/1.1\r\nHost: localhost:1\r\nConnection: close\r\n" + headers + "\r\n");
+  }
+  std::string post(const std::string& body, const std::string& type = "application/json") {
+    return ask("POST /api/teach HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\nContent-Type: " + type +
+               "\r\nContent-Length: " + std::to_string(body.size()) + "\r\n\r\n" + body);
+  }
+  EventHub hub;
+  std::vector<std::string> bodies;  // written by the server's thread before it answers, read after the answer
+  std::optional<PageServer> server;
+};
+
+const std::string listen_request = "GET /api/events HTTP/1.1\r\nHost: localhost\r\n\r\n";
+
+TEST_F(Server, ServesThePageAndNothingElse) {
+  start();
+  EXPECT_THAT(get("/"), AllOf(StartsWith("HTTP/1.1 200"), HasSubstr("text/html"), HasSubstr("Content-Security-Policy"),
+                              HasSubstr("<title>huetrack")));
+  EXPECT_THAT(get("/page.css"), HasSubstr("text/css"));
+  EXPECT_THAT(get("/page.js"), HasSubstr("text/javascript"));
+  EXPECT_THAT(get("/../../etc/passwd"), StartsWith("HTTP/1.1 404"));
+  EXPECT_THAT(ask("DELETE / HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n"), StartsWith("HTTP/1.1 405"));
+}
+
+TEST_F(Server, StreamsWhatIsThereAndWhatComes) {
+  start();
+  hub.set("status", to_event("status", "{\"old\":1}"));
+  Socket page(server->port());
+  page.send(listen_request);
+  EXPECT_THAT(page.receive("old"), AllOf(HasSubstr("text/event-stream"), HasSubstr("event: status")));
+  hub.append(to_event("position", "{\"new\":2}"));
+  EXPECT_THAT(page.receive("new"), HasSubstr("event: position\ndata: {\"new\":2}"));
+  EXPECT_EQ(server->pages(), 1);
+}
+
+TEST_F(Server, TakesRequestsThatAPageOfOursSends) {
+  start();
+  EXPECT_THAT(post("{\"a\":1}"), StartsWith("HTTP/1.1 202"));
+  EXPECT_THAT(bodies, ElementsAre("{\"a\":1}"));
+  EXPECT_THAT(post("refuse"), AllOf(StartsWith("HTTP/1.1 400"), HasSubstr("No.")));
+  bodies.clear();
+  EXPECT_THAT(post("{}", "text/plain"), StartsWith("HTTP/1.1 415"));  // what another origin's page could send
+  EXPECT_THAT(post(std::string(70'000, ' ')), StartsWith("HTTP/1.1 413"));
+  EXPECT_THAT(ask("GET / HTTP/1.1\r\nHost: evil.example\r\nConnection: close\r\n\r\n"), StartsWith("HTTP/1.1 421"));
+  EXPECT_THAT(bodies, ElementsAre());
+}
+
+TEST_F(Server, OtherAddressesNeedTheToken) {
+  PageServerOptions o = options();
+  o.address = "0.0.0.0";
+  o.token = random_token();
+  ASSERT_EQ(o.token.size(), 32u);
+  EXPECT_NE(o.token, random_token());
+  start(o);
+  EXPECT_THAT(get("/"), AllOf(StartsWith("HTTP/1.1 403"), HasSubstr("token"), Not(HasSubstr(o.token))));
+  EXPECT_THAT(get("/api/events"), StartsWith("HTTP/1.1 403"));
+  EXPECT_THAT(post("{}"), StartsWith("HTTP/1.1 403"));
+  EXPECT_THAT(get("/?token=" + o.token.substr(1)), StartsWith("HTTP/1.1 403"));
+  EXPECT_THAT(get("/?token=" + o.token),
+              AllOf(StartsWith("HTTP/1.1 303"), HasSubstr("Location: /\r\n"), HasSubstr("HttpOnly")));
+  EXPECT_THAT(get("/", "Cookie: huetrack_token=" + o.token + "\r\n"), StartsWith("HTTP/1.1 200"));
+}
+
+TEST_F(Server, AddressesThatCannotBeListenedOnAreSaid) {
+  start();
+  PageServerOptions taken = options();
+  taken.port = server->port();
+  EXPECT_THAT([&] { PageServer second(taken, hub, nullptr); },
+              ThrowsMessage<std::runtime_error>(AllOf(HasSubstr("cannot listen on 127.0.0.1"), HasSubstr("--port"))));
+  PageServerOptions wrong = options();
+  wrong.address = "localhost";
+  EXPECT_THAT([&] { PageServer second(wrong, hub, nullptr); }, ThrowsMessage<std::runtime_error>(HasSubstr("IPv4")));
+}
+
+TEST_F(Server, NonsenseAndHugeHeadersAreRefusedAndForgotten) {
+  start();
+  for (const std::string& nonsense :
+       {std::string("\r\n\r\n\r\n"), std::string("GET\r\n\r\n"), std::string("\x16\x03\x01\x02\x00\x01\x00\x01", 8),
+        std::string(3000, '\0'),
+        std::string("POST /api/teach HTTP/1.1\r\nHost: localhost\r\nContent-Length: -5\r\n\r\n"),
+        std::string("POST /api/teach HTTP/1.1\r\nHost: localhost\r\nTransfer-Encoding: chunked\r\n\r\nzzzz\r\n"),
+        std::string("GET / HTTP/9.9\r\nHost: localhost\r\n\r\n")}) {
+    Socket socket(server->port());
+    socket.send(nonsense);
+    EXPECT_THAT(socket.receive("\r\n\r\n", 300ms), Not(StartsWith("HTTP/1.1 200")));
+  }
+  Socket socket(server->port());
+  socket.send("GET / HTTP/1.1\r\nHost: localhost\r\n");
+  for (int i = 0; i < 200 && socket.send("X-Filler: " + std::string(10'000, 'x') + "\r\n"); ++i) {
+  }
+  EXPECT_THAT(socket.receive(""), AnyOf(IsEmpty(), StartsWith("HTTP/1.1 4")));
+  EXPECT_THAT(get("/"), StartsWith("HTTP/1.1 200"));
+  EXPECT_THAT(bodies, ElementsAre());
+}
+
+// A page that never reads: the others get everything at once, and the slow one costs no more than its buffers.
+TEST_F(Server, APageThatDoesNotReadHoldsNobodyUp) {
+  start();
+  std::vector<Socket> dead;
+  for (int i = 0; i < 5; ++i) {
+    dead.emplace_back(server->port(), 4096);
+    dead.back().send(listen_request);
+  }
+  Socket page(server->port());
+  page.send(listen_request);
+  page.receive("\r\n\r\n");
+  auto longest = 0ms;
+  for (int i = 0; i < 200; ++i) {  // 200 x 100 kB: far more than sockets hold
+    const std::string mark = "mark" + std::to_string(i) + "!";
+    const auto before = Clock::now();
+    hub.set("preview", to_event("preview", std::string(100'000, 'x') + mark));
+    ASSERT_THAT(page.receive(mark), HasSubstr(mark));
+    longest = std::max(longest, std::chrono::duration_cast<std::chrono::milliseconds>(Clock::now() - before));
+  }
+  EXPECT_LT(longest, 1s);  // a bound against waiting, not a measurement
+  // They are let go after the time limit.
+  const auto until = Clock::now() + 8s;
+  while (server->pages() > 1 && Clock::now() < until) {
+    hub.set("preview", to_event("preview", std::string(100'000, 'x') + "again!"));
+    page.receive("again!");
+    std::this_thread::sleep_for(20ms);
+  }
+  EXPECT_EQ(server->pages(), 1);
+}
+
+TEST_F(Server, AThousandConnectionsLeaveRoomForAPage) {
+  rlimit files{};
+  ASSERT_EQ(::getrlimit(RLIMIT_NOFILE, &files), 0);
+  files.rlim_cur = std::min<rlim_t>(files.rlim_max, 8192);
+  ASSERT_EQ(::setrlimit(RLIMIT_NOFILE, &files), 0);
+  if (files.rlim_cur < 2500) GTEST_SKIP() << "this host allows only " << files.rlim_cur << " open files";
+  start();
+  std::vector<Socket> idle;
+  for (int i = 0; i < 1000; ++i) {
+    idle.emplace_back(server->port());
+    ASSERT_TRUE(idle.back().is_connected()) << i;
+    if (i % 2 == 0) idle.back().send("GET / HTT");  // half of a request, and then nothing
+  }
+  EXPECT_THAT(get("/"), StartsWith("HTTP/1.1 200"));
+  std::vector<Socket> pages;
+  for (int i = 0; i < 100; ++i) {
+    pages.emplace_back(server->port());
+    pages.back().send(listen_request);
+  }
+  for (auto& page : pages) EXPECT_THAT(page.receive("\r\n\r\n"), HasSubstr("200 OK"));
+  hub.append(to_event("position", "\"to all\""));
+  for (auto& page : pages) EXPECT_THAT(page.receive("to all"), HasSubstr("to all"));
+}
+
+TEST_F(Server, EndsWithPagesOpen) {
+  start();
+  Socket page(server->port());
+  page.send(listen_request);
+  page.receive("\r\n\r\n");
+  server.reset();
+  page.receive("");
+  hub.append("nobody is there");
+}
+
+}  // namespace
+}  // namespace huetrack::live_view
