@@ -22,7 +22,8 @@ namespace huetrack {
 namespace {
 
 struct Options {
-  std::string recording, config, target, rig;
+  std::string recording, config, rig;
+  std::vector<std::string> targets;
   std::vector<std::string> lenses, camera_distance;
   std::vector<double> hue, saturation{0.3, 1}, intensity{0.1, 0.95}, marks;
   double radius_mm = 40, rest_distance = 0, live_s = 0;
@@ -32,7 +33,7 @@ struct Options {
 // What is to be calibrated, with which ball.
 struct Input {
   CameraRig rig;
-  TargetOptions target;
+  std::vector<TargetOptions> targets;
   std::optional<ServiceConfig> config;
 };
 
@@ -43,16 +44,20 @@ Input input_of(const Options& o) {
       throw InputError("--config says lenses and colours: leave --lens and --hue out");
     in.config = load_service_config(o.config);
     in.rig = in.config->rig;
+    const auto& known = in.config->targets;
     std::string names;
-    for (const TargetOptions& target : in.config->targets) {
-      names += (names.empty() ? "" : ", ") + target.name;
-      if (target.name == o.target || (o.target.empty() && in.config->targets.size() == 1)) in.target = target;
+    for (const TargetOptions& target : known) names += (names.empty() ? "" : ", ") + target.name;
+    if (o.targets.empty() && known.size() > 1)
+      throw InputError(o.config + " has several targets: say which with --target: " + names);
+    if (o.targets.empty()) in.targets = known;
+    for (const auto& name : o.targets) {
+      const auto target = std::ranges::find(known, name, &TargetOptions::name);
+      if (target == known.end()) throw InputError(o.config + " has no target " + name + ": it has " + names);
+      if (!in.targets.empty() && in.targets.front().radius_m != target->radius_m)
+        throw InputError("--target: " + in.targets.front().name + " and " + name +
+                         " are not of one radius: wave one of them");
+      in.targets.push_back(*target);
     }
-    if (in.target.name.empty())
-      throw InputError(o.config +
-                       (o.target.empty() ? " has several targets: say which with --target: "
-                                         : " has no target " + o.target + ": it has ") +
-                       names);
   } else {
     if (o.lenses.empty() || o.hue.empty())
       throw InputError(
@@ -61,10 +66,12 @@ Input input_of(const Options& o) {
       const CameraRig lens = read_rig(file);
       in.rig.cameras.insert(in.rig.cameras.end(), lens.cameras.begin(), lens.cameras.end());
     }
-    in.target.name = o.target.empty() ? "target" : o.target;
-    in.target.radius_m = o.radius_mm / 1e3;
-    in.target.color = {o.hue[0], o.hue[1], o.saturation[0], o.saturation[1], o.intensity[0], o.intensity[1]};
-    for (const auto& problem : in.target.problems()) throw InputError(problem);
+    TargetOptions target;
+    target.name = o.targets.empty() ? "target" : o.targets.front();
+    target.radius_m = o.radius_mm / 1e3;
+    target.color = {o.hue[0], o.hue[1], o.saturation[0], o.saturation[1], o.intensity[0], o.intensity[1]};
+    for (const auto& problem : target.problems()) throw InputError(problem);
+    in.targets.push_back(std::move(target));
     for (std::size_t a = 0; a < in.rig.cameras.size(); ++a) {
       for (std::size_t b = 0; b < a; ++b) {
         if (in.rig.cameras[a].name == in.rig.cameras[b].name)
@@ -76,7 +83,7 @@ Input input_of(const Options& o) {
 }
 
 WaveOptions wave_options(const Options& o, const Input& in) {
-  WaveOptions options{.radius_m = in.target.radius_m};
+  WaveOptions options{.radius_m = in.targets.front().radius_m};
   options.has_poses = !o.no_poses && in.config.has_value();
   if (!o.camera_distance.empty()) {
     CameraDistance d;
@@ -136,7 +143,22 @@ class Needs {
   std::vector<int> shared_;
 };
 
-std::vector<BallFrame> frames_of_recording(const Options& o, const Input& in, const std::stop_token& stop) {
+using BallsFrames = std::vector<std::vector<BallFrame>>;  // per target
+
+// All targets in one frame.
+class Finder {
+ public:
+  explicit Finder(const Input& in) {
+    for (const TargetOptions& target : in.targets) finders_.push_back(std::make_unique<BallFinder>(in.rig, target));
+  }
+  std::optional<BallFrame> look(std::size_t ball, const Frame& frame) { return finders_[ball]->look(frame); }
+  std::size_t unusable_frames() const { return finders_.front()->unusable_frames(); }
+
+ private:
+  std::vector<std::unique_ptr<BallFinder>> finders_;
+};
+
+BallsFrames frames_of_recording(const Options& o, const Input& in, const std::stop_token& stop) {
   std::vector<std::string> names;
   for (const Camera& camera : in.rig.cameras) names.push_back(camera.name);
   const Recording recording = read_recording(o.recording);
@@ -151,15 +173,17 @@ std::vector<BallFrame> frames_of_recording(const Options& o, const Input& in, co
                        std::to_string(size.width) + "x" + std::to_string(size.height));
     }
   }
-  BallFinder finder(in.rig, in.target);
+  Finder finder(in);
   Needs needs(in.rig);
   ProgressLine progress(!o.quiet);
-  std::vector<BallFrame> frames;
+  BallsFrames frames(in.targets.size());
   const auto expected = source.expected_frames();
   for (int done = 0; auto frame = source.next(stop); ++done) {
-    if (auto found = finder.look(*frame)) {
+    for (std::size_t ball = 0; ball < frames.size(); ++ball) {
+      auto found = finder.look(ball, *frame);
+      if (!found) continue;
       needs.add(*found);
-      frames.push_back(std::move(*found));
+      frames[ball].push_back(std::move(*found));
     }
     if (progress.due())
       progress.draw(progress_text("looking for the ball", done,
@@ -174,27 +198,29 @@ std::vector<BallFrame> frames_of_recording(const Options& o, const Input& in, co
 }
 
 // Every camera has its own thread, which looks for the ball as well: nothing is kept but where it was.
-std::vector<BallFrame> frames_of_cameras(const Options& o, const Input& in, const std::stop_token& stop) {
+BallsFrames frames_of_cameras(const Options& o, const Input& in, const std::stop_token& stop) {
   std::vector<LiveCamera> cameras = open_cameras(*in.config);
   if (cameras.size() < 2) throw InputError(o.config + ": cameras: two live cameras or more are needed");
   std::mutex mutex;
-  std::vector<BallFrame> frames;  // guarded by mutex
-  Needs needs(in.rig);            // guarded by mutex
-  std::optional<double> start;    // guarded by mutex
+  BallsFrames frames(in.targets.size());  // guarded by mutex
+  Needs needs(in.rig);                    // guarded by mutex
+  std::optional<double> start;            // guarded by mutex
   std::stop_source end;
   {
     std::vector<std::jthread> threads;
     for (LiveCamera& camera : cameras) {
       threads.emplace_back([&, source = camera.source.get()] {
-        BallFinder finder(in.rig, in.target);
+        Finder finder(in);
         while (const auto frame = source->next(end.get_token())) {
-          auto found = finder.look(*frame);
-          if (!found) continue;
-          const std::lock_guard lock(mutex);
-          if (!start) start = found->t_s;
-          found->t_s -= *start;
-          needs.add(*found);
-          frames.push_back(std::move(*found));
+          for (std::size_t ball = 0; ball < in.targets.size(); ++ball) {
+            auto found = finder.look(ball, *frame);
+            if (!found) continue;
+            const std::lock_guard lock(mutex);
+            if (!start) start = found->t_s;
+            found->t_s -= *start;
+            needs.add(*found);
+            frames[ball].push_back(std::move(*found));
+          }
         }
       });
     }
@@ -219,14 +245,19 @@ ExitStatus wave(const Options& o, const std::stop_token& stop) {
   if (o.marks.size() % 4 != 0) throw InputError("--mark has four numbers: SECONDS X Y Z");
   const Input in = input_of(o);
   const WaveOptions options = wave_options(o, in);
-  WaveResult result =
-      calibrate_wave(in.rig, o.live_s > 0 ? frames_of_cameras(o, in, stop) : frames_of_recording(o, in, stop), options);
+  WaveResult result = calibrate_wave(
+      in.rig,
+      one_after_the_other(o.live_s > 0 ? frames_of_cameras(o, in, stop) : frames_of_recording(o, in, stop),
+                          in.rig.cameras.size()),
+      options);
   std::printf("%s", to_text(result).c_str());
 
   std::array<char, 64> text;
+  std::string names;
+  for (const TargetOptions& target : in.targets) names += (names.empty() ? "" : ", ") + target.name;
   result.rig.made_by = {{"tool", "huetrack-calibrate " HUETRACK_VERSION " wave"},
                         {"input", o.live_s > 0 ? "live" : o.recording},
-                        {"target", in.target.name},
+                        {"target", names},
                         {"verdict", result.usable() ? "usable" : "doubtful"},
                         {"scale_from", result.scale_from}};
   std::snprintf(text.data(), text.size(), "%.3f", result.rms_px);
@@ -255,7 +286,7 @@ void add_wave_command(CLI::App& app, Command& chosen) {
       app.add_subcommand("wave", "find or refine the cameras' poses from the coloured ball, waved through the volume");
   command->add_option("recording", o->recording, "recording.yaml, or the folder that holds it");
   command->add_option("--config", o->config, "huetrackd.yaml: targets, the rig to start from, live cameras");
-  command->add_option("--target", o->target, "which of its targets is waved");
+  command->add_option("--target", o->targets, "which of its targets is waved; again for another ball of the same size");
   command->add_option("--rig", o->rig, "the rig file to write")->required();
   command->add_option("--live", o->live_s, "look at the live cameras for so many seconds")->check(CLI::PositiveNumber);
   command->add_flag("--no-poses", o->no_poses, "the rig's poses mean nothing: find them without");

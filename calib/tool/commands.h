@@ -25,5 +25,9 @@ enum class ExitStatus : std::uint8_t {
 using Command = std::function<ExitStatus(std::stop_token stop)>;
 
 void add_intrinsics_command(CLI::App& app, Command& chosen);
+// In calib/commands:
+void add_wave_command(CLI::App& app, Command& chosen);
+void add_exchange_commands(CLI::App& app, Command& chosen);  // import and export
+void add_board_command(CLI::App& app, Command& chosen);
 
 }  // namespace huetrack

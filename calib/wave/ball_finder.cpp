@@ -27,8 +27,8 @@ Vector3d light_at(const Image& image, int u, int v) {
 
 // The same region, not by counting the pixels that match but by how much of each pixel the object covers: a pixel is
 // light of the object's chroma, as bright as the object's shading makes it, over the background's light. What of the
-// background's light is missing is covered. Halves the noise of the centre, and does not care for the shading. Left as it
-// is where object and background have much the same chroma, or the background is too dark to miss any of it.
+// background's light is missing is covered. Halves the noise of the centre, and does not care for the shading. Left as
+// it is where object and background have much the same chroma, or the background is too dark to miss any of it.
 ColorRegion soft_region(const Image& image, MatchBits& matches, const ColorRegion& region) {
   constexpr double rim_px = 1, ring_from_px = 2.5, ring_to_px = 4.5, noise = 4;
   const Eigen::Matrix2d shape = region.spread.inverse() / 4;  // 1 at the edge
@@ -78,7 +78,8 @@ ColorRegion soft_region(const Image& image, MatchBits& matches, const ColorRegio
     }
   }
   normal.diagonal().tail<2>().array() += 0.5 * radius * radius;  // few pixels say little about it
-  const Vector3d shading = normal(0, 0) >= 5 ? Vector3d(normal.ldlt().solve(right)) : Vector3d(object.x() / inside, 0, 0);
+  const Vector3d shading =
+      normal(0, 0) >= 5 ? Vector3d(normal.ldlt().solve(right)) : Vector3d(object.x() / inside, 0, 0);
   if (shading[0] <= 0) return region;
   double n = 0;
   Vector2d sum = Vector2d::Zero();
@@ -176,7 +177,8 @@ std::vector<int> remove_still_regions(std::vector<BallFrame>& frames, std::size_
     }
     const double limit = std::max(3.0, share * frame_count);
     for (const auto& [cell, in_cell] : by_cell) {
-      places[camera] += static_cast<int>(std::ranges::count_if(in_cell, [&](const Place& p) { return p.seen >= limit; }));
+      places[camera] +=
+          static_cast<int>(std::ranges::count_if(in_cell, [&](const Place& p) { return p.seen >= limit; }));
     }
     if (places[camera] == 0) continue;
     for (BallFrame& frame : frames) {
@@ -188,6 +190,27 @@ std::vector<int> remove_still_regions(std::vector<BallFrame>& frames, std::size_
     }
   }
   return places;
+}
+
+std::vector<BallFrame> one_after_the_other(std::vector<std::vector<BallFrame>> frames, std::size_t camera_count) {
+  std::vector<BallFrame> out;
+  double from = 0, to = 0;
+  for (const auto& of_ball : frames) {
+    for (const BallFrame& frame : of_ball) {
+      if (from == 0 && to == 0) from = to = frame.t_s;
+      from = std::min(from, frame.t_s);
+      to = std::max(to, frame.t_s);
+    }
+  }
+  constexpr double pause_s = 2;  // long enough for the path not to care
+  for (std::size_t ball = 0; ball < frames.size(); ++ball) {
+    remove_still_regions(frames[ball], camera_count);
+    for (BallFrame& frame : frames[ball]) {
+      frame.t_s += static_cast<double>(ball) * (to - from + pause_s);
+      out.push_back(std::move(frame));
+    }
+  }
+  return out;
 }
 
 }  // namespace huetrack

@@ -20,9 +20,9 @@ struct BallFrame {
 };
 
 struct BallFinderOptions {
-  int min_area_px = 6;           // >= 1; smaller regions are noise
-  double max_extent_share = 0.3; // (0, 1]; of the image's height; wider regions are background
-  std::size_t max_regions = 6;   // >= 1; per frame
+  int min_area_px = 6;            // >= 1; smaller regions are noise
+  double max_extent_share = 0.3;  // (0, 1]; of the image's height; wider regions are background
+  std::size_t max_regions = 6;    // >= 1; per frame
 };
 
 // Of the rig only names and image sizes matter. thread-compatible.
@@ -43,8 +43,12 @@ class BallFinder {
 };
 
 // Takes out what stays where it is: regions that are seen at the same place (to 1.5 px) in at least `share` of their
-// camera's frames. The ball may rest for a while, things of its colour rest for ever. Returns how many such places there
-// are, per camera.
+// camera's frames. The ball may rest for a while, things of its colour rest for ever. Returns how many such places
+// there are, per camera.
 std::vector<int> remove_still_regions(std::vector<BallFrame>& frames, std::size_t camera_count, double share = 0.5);
+
+// Several balls of one size in one recording, as if they had been waved one after the other: the times of each are
+// moved beyond the end of the one before. Still regions are removed. frames: per ball.
+std::vector<BallFrame> one_after_the_other(std::vector<std::vector<BallFrame>> frames, std::size_t camera_count);
 
 }  // namespace huetrack

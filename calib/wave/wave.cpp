@@ -27,6 +27,7 @@ using Eigen::Matrix3d;
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
+constexpr double robust_sigmas = 1.5;    // beyond it an observation counts less and less
 constexpr int least_shared = 20;         // frames that two cameras must share to be connected
 constexpr double least_extent_m = 0.02;  // of the path, over the distance from the cameras
 
@@ -43,7 +44,6 @@ double median(std::vector<double> values) {
   return *middle;
 }
 
-double ENV(const char* n, double d) { return std::getenv(n) ? std::atof(std::getenv(n)) : d; }
 std::size_t index(int i) {
   return static_cast<std::size_t>(i);
 }
@@ -88,7 +88,8 @@ class Wave {
     for (const auto& of_camera : times) {
       std::vector<double> gaps;
       for (std::size_t i = 1; i < of_camera.size(); ++i) gaps.push_back(of_camera[i] - of_camera[i - 1]);
-      if (const double gap = median(gaps); gap > 0) step_s_ = std::min(step_s_, gap), longest_s_ = std::max(longest_s_, gap);
+      if (const double gap = median(gaps); gap > 0)
+        step_s_ = std::min(step_s_, gap), longest_s_ = std::max(longest_s_, gap);
     }
     // The largest region to begin with.
     for (std::size_t f = 0; f < frames_.size(); ++f) chosen_[f] = frames_[f].regions.empty() ? -1 : 0;
@@ -104,16 +105,16 @@ class Wave {
     return t;
   }
 
-  // Poses and path that suit the frames best, from these poses on. What does not agree is left out. `any_scale`: that of the
-  // start means nothing; take the one at which the ball looks as large as it is.
+  // Poses and path that suit the frames best, from these poses on. What does not agree is left out. `any_scale`: that
+  // of the start means nothing; take the one at which the ball looks as large as it is.
   void solve(const std::vector<Rigid3d>& start, bool any_scale) {
     state_.cam_from_world = start;
     std::size_t crossed = 0;
     state_.path = crossed_path(rig_, start, tracks(), from_s_, to_s_, step_s_, &crossed);
     if (crossed < index(least_shared)) {
-      throw CalibrationError("the cameras' rays to the ball hardly ever meet with the poses that the rig has (" +
-                             std::to_string(crossed) +
-                             " times): the poses are far off, the cameras' names are swapped, or they see different things");
+      throw CalibrationError(
+          "the cameras' rays to the ball hardly ever meet with the poses that the rig has (" + std::to_string(crossed) +
+          " times): the poses are far off, the cameras' names are swapped, or they see different things");
     }
     WaveAdjustmentOptions o = adjustment_options();
     // First everything may be wrong by much; then whatever agrees by its own covariance.
@@ -122,16 +123,14 @@ class Wave {
     for (int round = 0; round < 2; ++round) {
       fit_ = adjust_wave(rig_, observations(), state_, o);
       choose(round == 0 ? 20 : 8);
-      o.loss = ENV("LOSS", 2);
+      o.loss = robust_sigmas;
       if (any_scale) Similarity{.scale = 1 / size_ratio()}.apply(state_);
     }
     learn_shapes();
-    find_gaps();
     rough_ = false;
     choose(8);
     for (int round = 0; round < 6; ++round) {
       learn_shapes();
-      find_gaps();
       if (round == 1 || round == 3) learn_jerk();
       o.jerk_m_s3 = jerk_m_s3_;
       fit_ = adjust_wave(rig_, observations(), state_, o);
@@ -209,7 +208,7 @@ class Wave {
   WaveAdjustmentOptions adjustment_options() const {
     WaveAdjustmentOptions o;
     o.radius_m = options_.radius_m;
-    o.loss = ENV("LOSS", 2);
+    o.loss = robust_sigmas;
     o.jerk_m_s3 = jerk_m_s3_;
     // The scale is held by the two cameras that are furthest apart.
     double furthest = -1;
@@ -247,7 +246,8 @@ class Wave {
     return {solver.eigenvectors(), 2 * solver.eigenvalues().cwiseMax(0).cwiseSqrt()};
   }
 
-  // How jerky the waving was: the smoother the path may be taken, the more it tells of the cameras. The most likely one.
+  // How jerky the waving was: the smoother the path may be taken, the more it tells of the cameras. The most likely
+  // one.
   void learn_jerk() {
     const std::vector<BallObservation> seen = observations();
     const auto evidence_for = [&](double jerk) {
@@ -273,8 +273,8 @@ class Wave {
     }
   }
 
-  // What whole balls look like to each camera: blur and shared chroma widen them, by a square that is the same at all sizes.
-  // The upper half of what was seen, as hidden ones are narrow.
+  // What whole balls look like to each camera: blur and shared chroma widen them, by a square that is the same at all
+  // sizes. The upper half of what was seen, as hidden ones are narrow.
   void learn_shapes() {
     std::vector<std::array<std::vector<double>, 2>> excess(rig_.cameras.size());
     for (std::size_t f = 0; f < frames_.size(); ++f) {
@@ -299,41 +299,21 @@ class Wave {
     }
   }
 
-  // A region that is narrower than a whole ball is partly hidden, one that is wider has something else in it, and its centre
-  // is off by as much: of little use here, where there are many others. nullopt: of none.
+  // A region that is narrower than a whole ball is partly hidden, one that is wider has something else in it, and its
+  // centre is off by as much: of little use here, where there are many others. nullopt: of none.
   std::optional<Eigen::Matrix2d> covariance_of(std::size_t f, const ColorRegion& region, const Appearance& at) const {
     if (rough_) return Eigen::Matrix2d(Eigen::Matrix2d::Identity());
     const Shape shape = shape_of(region);
     const double r2 = at.radius_px * at.radius_px;
-    // Just before and after it is not seen it may be hidden in part.
-    const double hidden2 = beside_gap_[f] ? ENV("GAP", 0.3) * ENV("GAP", 0.3) * r2 : 0;
     Vector2d variance;
     for (const int i : {0, 1}) {
       const double whole = std::sqrt(std::max(r2 / 2, r2 + blur2_[index(frames_[f].camera)][i]));
       const double ratio = shape.width_px[i] / whole;
       if (ratio < 0.75 || ratio > 1.6) return std::nullopt;
-      const double misfit_px = ENV("SLOPE", 2.5) * std::max(0.0, std::abs(ratio - 1) - ENV("DEAD", 0.06)) * at.radius_px;
-      variance[i] = options_.pixel_noise_px * options_.pixel_noise_px + 4e-4 * r2 + misfit_px * misfit_px + hidden2;
+      const double misfit_px = 2.5 * std::max(0.0, std::abs(ratio - 1) - 0.08) * at.radius_px;
+      variance[i] = options_.pixel_noise_px * options_.pixel_noise_px + 4e-4 * r2 + misfit_px * misfit_px;
     }
     return Eigen::Matrix2d(shape.axes * variance.asDiagonal() * shape.axes.transpose());
-  }
-
-  // Marks the frames that lie within a tenth of a second of one in which the camera did not see the ball.
-  void find_gaps() {
-    beside_gap_.assign(frames_.size(), false);
-    std::vector<double> last_gap(rig_.cameras.size(), -std::numeric_limits<double>::infinity());
-    constexpr double near_s = 0.11;
-    for (std::size_t f = 0; f < frames_.size(); ++f) {
-      const std::size_t c = index(frames_[f].camera);
-      if (chosen_[f] < 0) last_gap[c] = frames_[f].t_s;
-      else if (frames_[f].t_s - last_gap[c] < near_s) beside_gap_[f] = true;
-    }
-    std::ranges::fill(last_gap, std::numeric_limits<double>::infinity());
-    for (std::size_t f = frames_.size(); f-- > 0;) {
-      const std::size_t c = index(frames_[f].camera);
-      if (chosen_[f] < 0) last_gap[c] = frames_[f].t_s;
-      else if (last_gap[c] - frames_[f].t_s < near_s) beside_gap_[f] = true;
-    }
   }
 
   // How badly a region suits the path; nullopt: not at all.
@@ -363,18 +343,17 @@ class Wave {
   const CameraRig& rig_;
   const std::vector<BallFrame>& frames_;
   const WaveOptions& options_;
-  std::vector<int> chosen_;   // beside the frames: the region that is taken for the ball; -1: none
+  std::vector<int> chosen_;  // beside the frames: the region that is taken for the ball; -1: none
   double from_s_ = 0, to_s_ = 0, step_s_ = 0, longest_s_ = 0;
   bool rough_ = true;
-  double jerk_m_s3_ = 60;   // see learn_jerk()
-  std::vector<Vector2d> blur2_;      // per camera: see learn_shapes()
-  std::vector<bool> beside_gap_;     // per frame: see find_gaps()
+  double jerk_m_s3_ = 60;        // see learn_jerk()
+  std::vector<Vector2d> blur2_;  // per camera: see learn_shapes()
   WaveState state_;
   WaveFit fit_;
 };
 
-// The frame and scale of the rig that it started from; `scale_too`: nothing else sets it. Cameras that moved count little
-// where most did not.
+// The frame and scale of the rig that it started from; `scale_too`: nothing else sets it. Cameras that moved count
+// little where most did not.
 Similarity onto_rig(const CameraRig& rig, const WaveState& state, bool scale_too) {
   const std::size_t n = rig.cameras.size();
   std::vector<double> weight(n, 1);
@@ -389,7 +368,8 @@ Similarity onto_rig(const CameraRig& rig, const WaveState& state, bool scale_too
     }
     double spread_from = 0, spread_to = 0;
     for (std::size_t c = 0; c < n; ++c) {
-      const Vector3d from = inverse(state.cam_from_world[c]).translation - mean_from, to = rig.cameras[c].centre() - mean_to;
+      const Vector3d from = inverse(state.cam_from_world[c]).translation - mean_from,
+                     to = rig.cameras[c].centre() - mean_to;
       spread_from += weight[c] * from.squaredNorm();
       spread_to += weight[c] * to.squaredNorm();
     }
@@ -399,7 +379,8 @@ Similarity onto_rig(const CameraRig& rig, const WaveState& state, bool scale_too
     for (std::size_t c = 0; c < n; ++c) {
       const Matrix3d guess = rig.cameras[c].cam_from_world.rotation.toRotationMatrix();
       const Matrix3d found = state.cam_from_world[c].rotation.toRotationMatrix();
-      const Vector3d from = inverse(state.cam_from_world[c]).translation - mean_from, to = rig.cameras[c].centre() - mean_to;
+      const Vector3d from = inverse(state.cam_from_world[c]).translation - mean_from,
+                     to = rig.cameras[c].centre() - mean_to;
       sum += weight[c] * (guess.transpose() * found + s.scale * to * from.transpose());
     }
     const Eigen::JacobiSVD<Matrix3d> svd(sum, Eigen::ComputeFullU | Eigen::ComputeFullV);
@@ -410,7 +391,8 @@ Similarity onto_rig(const CameraRig& rig, const WaveState& state, bool scale_too
       const Rigid3d& pose = state.cam_from_world[c];
       const double off = (s * inverse(pose).translation - rig.cameras[c].centre()).norm();
       const Matrix3d turned = pose.rotation.toRotationMatrix() * s.rotation.transpose();
-      const double angle = Eigen::AngleAxisd(turned * rig.cameras[c].cam_from_world.rotation.toRotationMatrix().transpose()).angle();
+      const double angle =
+          Eigen::AngleAxisd(turned * rig.cameras[c].cam_from_world.rotation.toRotationMatrix().transpose()).angle();
       weight[c] = 1 / std::max(0.002, std::hypot(off, angle));
     }
   }
@@ -460,9 +442,10 @@ std::array<Vector3d, 2> rests(const Wave& wave) {
   for (std::size_t i = 1; i < found.size(); ++i) {
     if ((found[i].place - found[0].place).norm() > 0.1) return {found[0].place, found[i].place};
   }
-  throw CalibrationError("the ball did not rest at two places (it rested " + std::to_string(found.size()) +
-                         " times for 0.7 s or longer), so the distance between them cannot set the scale: hold it still for "
-                         "two seconds at each of the two marks, in sight of two cameras");
+  throw CalibrationError(
+      "the ball did not rest at two places (it rested " + std::to_string(found.size()) +
+      " times for 0.7 s or longer), so the distance between them cannot set the scale: hold it still for "
+      "two seconds at each of the two marks, in sight of two cameras");
 }
 
 // Removes from a covariance of camera poses (centre, rotation; world axes) what moving the whole world would do.
@@ -475,13 +458,13 @@ Eigen::MatrixXd without_gauge(const Eigen::MatrixXd& covariance, const WaveState
     gauge.block<3, 3>(6 * c, 3) << 0, p.z(), -p.y(), -p.z(), 0, p.x(), p.y(), -p.x(), 0;  // g x p
     gauge.block<3, 3>(6 * c + 3, 3) = -Matrix3d::Identity();
   }
-  const Eigen::MatrixXd keep = Eigen::MatrixXd::Identity(6 * n, 6 * n) -
-                               gauge * (gauge.transpose() * gauge).ldlt().solve(gauge.transpose());
+  const Eigen::MatrixXd keep =
+      Eigen::MatrixXd::Identity(6 * n, 6 * n) - gauge * (gauge.transpose() * gauge).ldlt().solve(gauge.transpose());
   return keep * covariance * keep.transpose();
 }
 
-// How well positions along the path would be triangulated by all cameras that see them, for exact pixels, when the cameras
-// are wrong by this covariance; but for a motion of the whole world. rms, metres.
+// How well positions along the path would be triangulated by all cameras that see them, for exact pixels, when the
+// cameras are wrong by this covariance; but for a motion of the whole world. rms, metres.
 double expected_error(const CameraRig& rig, const WaveState& state, const Eigen::MatrixXd& covariance) {
   constexpr int samples = 60;
   const auto n = static_cast<Eigen::Index>(rig.cameras.size());
@@ -530,7 +513,8 @@ void require_connected(const CameraRig& rig, const std::vector<WavePair>& pairs)
   std::iota(group.begin(), group.end(), std::size_t{0});
   for (const WavePair& p : pairs) {
     if (p.shared < least_shared) continue;
-    const std::size_t from = std::max(group[index(p.a)], group[index(p.b)]), to = std::min(group[index(p.a)], group[index(p.b)]);
+    const std::size_t from = std::max(group[index(p.a)], group[index(p.b)]),
+                      to = std::min(group[index(p.a)], group[index(p.b)]);
     std::ranges::replace(group, from, to);
   }
   if (std::ranges::all_of(group, [](std::size_t g) { return g == 0; })) return;
@@ -544,8 +528,9 @@ void require_connected(const CameraRig& rig, const std::vector<WavePair>& pairs)
     shared = p.shared;
     most = rig.cameras[index(p.a)].name + " and " + rig.cameras[index(p.b)].name;
   }
-  throw CalibrationError("the cameras are not connected: " + alone + " and the others hardly saw the ball at the same time; " +
-                         most + " share " + std::to_string(shared) + " frames, " + std::to_string(least_shared) +
+  throw CalibrationError("the cameras are not connected: " + alone +
+                         " and the others hardly saw the ball at the same time; " + most + " share " +
+                         std::to_string(shared) + " frames, " + std::to_string(least_shared) +
                          " are needed. Wave it where both see it");
 }
 
@@ -600,15 +585,18 @@ WaveResult calibrate_wave(const CameraRig& rig, std::vector<BallFrame> frames, c
     const std::string& name = rig.cameras[c].name;
     if (camera.frames == 0) throw CalibrationError(name + " gave no frame");
     if (seen_anything[c] == 0) {
-      throw CalibrationError(name + " never saw the target: none of its " + std::to_string(camera.frames) +
-                             " frames has a region of the colour. Check the target's colour (hue, saturation, intensity) in "
-                             "this camera, or wave it in front of it");
+      throw CalibrationError(
+          name + " never saw the target: none of its " + std::to_string(camera.frames) +
+          " frames has a region of the colour. Check the target's colour (hue, saturation, intensity) in "
+          "this camera, or wave it in front of it");
     }
     if (camera.seen < least_shared) {
-      throw CalibrationError(name + (still[c] > 0 ? " saw the target's colour only where it never moves: too little motion, or "
-                                                    "something else of that colour"
-                                                  : " saw the target in only " + std::to_string(camera.seen) + " frames, " +
-                                                        std::to_string(least_shared) + " are needed") +
+      throw CalibrationError(name +
+                             (still[c] > 0
+                                  ? " saw the target's colour only where it never moves: too little motion, or "
+                                    "something else of that colour"
+                                  : " saw the target in only " + std::to_string(camera.seen) + " frames, " +
+                                        std::to_string(least_shared) + " are needed") +
                              ". Wave it through the whole volume");
     }
     if (still[c] > 0) {
@@ -673,8 +661,9 @@ WaveResult calibrate_wave(const CameraRig& rig, std::vector<BallFrame> frames, c
       int views = 0;
       for (std::size_t c = 0; c < n; ++c) views += tracks.at(c, mark.t_s) ? 1 : 0;
       if (views < 2) {
-        throw CalibrationError(text("the mark at %.3f s: %s saw the ball then (it was seen from %.3f to %.3f s), and two are needed",
-                                    mark.t_s, views == 0 ? "no camera" : "only one camera", wave.from_s(), wave.to_s()));
+        throw CalibrationError(
+            text("the mark at %.3f s: %s saw the ball then (it was seen from %.3f to %.3f s), and two are needed",
+                 mark.t_s, views == 0 ? "no camera" : "only one camera", wave.from_s(), wave.to_s()));
       }
       from.push_back(state.path.at(mark.t_s));
       to.push_back(mark.p_world);
@@ -711,13 +700,17 @@ WaveResult calibrate_wave(const CameraRig& rig, std::vector<BallFrame> frames, c
     Matrix3d scatter = Matrix3d::Zero();
     for (const Vector3d& p : to) scatter += (p - mean) * (p - mean).transpose();
     const Vector3d axes = Eigen::SelfAdjointEigenSolver<Matrix3d>(scatter).eigenvalues();
-    if (axes[1] < 1e-3 * axes[2]) throw CalibrationError("the marked points lie on one line, which leaves the world free to turn around it");
+    if (axes[1] < 1e-3 * axes[2])
+      throw CalibrationError("the marked points lie on one line, which leaves the world free to turn around it");
     const Similarity move = onto_points(from, to, false);
     move.apply(state);
     double worst = 0;
-    for (std::size_t i = 0; i < to.size(); ++i) worst = std::max(worst, (state.path.at(options.marks[i].t_s) - to[i]).norm());
+    for (std::size_t i = 0; i < to.size(); ++i)
+      worst = std::max(worst, (state.path.at(options.marks[i].t_s) - to[i]).norm());
     result.notes.push_back(text("the marked points fit to %.1f mm", 1e3 * worst));
-    if (worst > 0.03) result.doubts.push_back(text("a marked point is off by %.0f mm: measure them again, and check the times", 1e3 * worst));
+    if (worst > 0.03)
+      result.doubts.push_back(
+          text("a marked point is off by %.0f mm: measure them again, and check the times", 1e3 * worst));
   } else if (!from_nothing) {
     onto_rig(rig, state, false).apply(state);
   } else {
@@ -727,7 +720,8 @@ WaveResult calibrate_wave(const CameraRig& rig, std::vector<BallFrame> frames, c
     move.rotation = world_from_cam * state.cam_from_world[0].rotation.toRotationMatrix();
     move.translation = -(move.rotation * centre(0));
     move.apply(state);
-    result.notes.push_back("the world's origin is " + rig.cameras[0].name + ", with z up in its image; set it with huetrack-calibrate world");
+    result.notes.push_back("the world's origin is " + rig.cameras[0].name +
+                           ", with z up in its image; set it with huetrack-calibrate world");
   }
 
   wave.settle(true);
@@ -748,7 +742,8 @@ WaveResult calibrate_wave(const CameraRig& rig, std::vector<BallFrame> frames, c
     ++result.cameras[c].used;
     const ImageSize size = rig.cameras[c].image_size;
     const Vector2d& px = observations[i].px;
-    cells[c].insert(static_cast<int>(8 * (px.x() + 0.5) / size.width) + 8 * static_cast<int>(6 * (px.y() + 0.5) / size.height));
+    cells[c].insert(static_cast<int>(8 * (px.x() + 0.5) / size.width) +
+                    8 * static_cast<int>(6 * (px.y() + 0.5) / size.height));
   }
   result.rms_px = std::sqrt(sum / static_cast<double>(std::max<std::size_t>(1, observations.size())));
 
@@ -765,17 +760,22 @@ WaveResult calibrate_wave(const CameraRig& rig, std::vector<BallFrame> frames, c
   double away = 0;
   for (std::size_t c = 0; c < n; ++c) away += (centre(static_cast<int>(c)) - mean).norm() / static_cast<double>(n);
   if (result.extent_m[0] < 5 * least_extent_m * away) {
-    throw CalibrationError(text("too little motion: the ball moved within %.0f cm, at %.1f m from the cameras. Wave it through the "
-                                "whole volume", 1e2 * result.extent_m[0], away));
+    throw CalibrationError(
+        text("too little motion: the ball moved within %.0f cm, at %.1f m from the cameras. Wave it through the "
+             "whole volume",
+             1e2 * result.extent_m[0], away));
   }
   if (result.extent_m[1] < least_extent_m * away) {
-    throw CalibrationError(text("the ball moved along one line (%.2f m long, %.0f mm wide), which leaves the cameras free to turn "
-                                "around it. Wave it through the whole volume", result.extent_m[0], 1e3 * result.extent_m[1]));
+    throw CalibrationError(
+        text("the ball moved along one line (%.2f m long, %.0f mm wide), which leaves the cameras free to turn "
+             "around it. Wave it through the whole volume",
+             result.extent_m[0], 1e3 * result.extent_m[1]));
   }
   if (result.extent_m[2] < least_extent_m * away) {
-    const std::string what = text("the ball moved in one plane (%.2f x %.2f m, %.0f mm thick): wave it through the whole volume, "
-                                  "up and down and towards the cameras too", result.extent_m[0], result.extent_m[1],
-                                  1e3 * result.extent_m[2]);
+    const std::string what = text(
+        "the ball moved in one plane (%.2f x %.2f m, %.0f mm thick): wave it through the whole volume, "
+        "up and down and towards the cameras too",
+        result.extent_m[0], result.extent_m[1], 1e3 * result.extent_m[2]);
     if (from_nothing) throw CalibrationError(what);
     result.doubts.push_back(what);
   }
@@ -790,7 +790,8 @@ WaveResult calibrate_wave(const CameraRig& rig, std::vector<BallFrame> frames, c
     camera.rotation_sigma_rad = covariance.diagonal().segment<3>(row + 3).cwiseMax(0).cwiseSqrt();
     if (!options.has_poses) continue;
     camera.moved_m = (result.rig.cameras[c].centre() - rig.cameras[c].centre()).norm();
-    camera.turned_rad = result.rig.cameras[c].cam_from_world.rotation.angularDistance(rig.cameras[c].cam_from_world.rotation);
+    camera.turned_rad =
+        result.rig.cameras[c].cam_from_world.rotation.angularDistance(rig.cameras[c].cam_from_world.rotation);
   }
   result.expected_m = expected_error(result.rig, state, covariance);
 
@@ -829,37 +830,51 @@ WaveResult calibrate_wave(const CameraRig& rig, std::vector<BallFrame> frames, c
     result.scale_sigma = 0.1;
   }
   if (result.scale_sigma > 0.01) {
-    result.doubts.push_back(text("the scale is from %s, which is good to %.0f %% only: give --camera-distance, --rest-distance or "
-                                 "two marked points", result.scale_from.c_str(), 1e2 * result.scale_sigma));
+    result.doubts.push_back(
+        text("the scale is from %s, which is good to %.0f %% only: give --camera-distance, --rest-distance or "
+             "two marked points",
+             result.scale_from.c_str(), 1e2 * result.scale_sigma));
   }
   if (over_m > 0 && (result.size_ratio < 0.65 || result.size_ratio > 1.5)) {
-    result.doubts.push_back(text("at this scale the ball looks %.2f times as large as its radius of %.1f mm says: is the radius, "
-                                 "or the measured distance, wrong?", result.size_ratio, 1e3 * options.radius_m));
+    result.doubts.push_back(
+        text("at this scale the ball looks %.2f times as large as its radius of %.1f mm says: is the radius, "
+             "or the measured distance, wrong?",
+             result.size_ratio, 1e3 * options.radius_m));
   }
   for (std::size_t c = 0; c < n; ++c) {
     const WaveCamera& camera = result.cameras[c];
     const char* name = rig.cameras[c].name.c_str();
     if (camera.used < 0.6 * camera.seen) {
-      result.doubts.push_back(text("%s: only %d of the %d frames with the target's colour agree with the other cameras: other "
-                                   "things of that colour, wrong times, or the wrong lens", name, camera.used, camera.seen));
+      result.doubts.push_back(
+          text("%s: only %d of the %d frames with the target's colour agree with the other cameras: other "
+               "things of that colour, wrong times, or the wrong lens",
+               name, camera.used, camera.seen));
     }
     if (camera.used < least_shared) {
-      throw CalibrationError(text("%s: only %d of its %d frames with the target's colour agree with the other cameras; %d are "
-                                  "needed", name, camera.used, camera.seen, least_shared));
+      throw CalibrationError(
+          text("%s: only %d of its %d frames with the target's colour agree with the other cameras; %d are "
+               "needed",
+               name, camera.used, camera.seen, least_shared));
     }
     if (camera.coverage < 0.15) {
-      result.doubts.push_back(text("%s saw the ball in %.0f %% of its image only: wave it where the rest looks", name, 1e2 * camera.coverage));
+      result.doubts.push_back(text("%s saw the ball in %.0f %% of its image only: wave it where the rest looks", name,
+                                   1e2 * camera.coverage));
     }
   }
   if (result.rms_px > 1.5) {
-    result.doubts.push_back(text("the ball is %.1f px off on average: the lenses, the cameras' times or the colour are not right", result.rms_px));
+    result.doubts.push_back(
+        text("the ball is %.1f px off on average: the lenses, the cameras' times or the colour are not right",
+             result.rms_px));
   }
   if (result.expected_m > 0.003 * away) {
-    result.doubts.push_back(text("positions would be off by %.0f mm: wave for longer, and through more of the volume", 1e3 * result.expected_m));
+    result.doubts.push_back(text("positions would be off by %.0f mm: wave for longer, and through more of the volume",
+                                 1e3 * result.expected_m));
   }
   if (result.halves_m > 0.006 * away) {
-    result.doubts.push_back(text("the two halves of the recording disagree by %.0f mm: did a camera move meanwhile? Otherwise wave "
-                                 "for longer", 1e3 * result.halves_m));
+    result.doubts.push_back(
+        text("the two halves of the recording disagree by %.0f mm: did a camera move meanwhile? Otherwise wave "
+             "for longer",
+             1e3 * result.halves_m));
   }
   if (found_anew && !from_nothing) {
     result.doubts.emplace_back("the rig's poses were no use as a start: check that its cameras' names are not swapped");

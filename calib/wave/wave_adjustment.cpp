@@ -84,7 +84,8 @@ class OutlineCost final : public ceres::SizedCostFunction<2, 6, 3, 3, 3, 3> {
     }
     const Eigen::Matrix<double, 2, 3> by_world = by_cam * rotation;
     for (std::size_t k = 0; k < 4; ++k) {
-      if (jacobians[k + 1]) Eigen::Map<Eigen::Matrix<double, 2, 3, Eigen::RowMajor>>{jacobians[k + 1]} = weight_[k] * by_world;
+      if (jacobians[k + 1])
+        Eigen::Map<Eigen::Matrix<double, 2, 3, Eigen::RowMajor>>{jacobians[k + 1]} = weight_[k] * by_world;
     }
     return true;
   }
@@ -157,8 +158,8 @@ double log_determinant(const Eigen::SparseMatrix<double>& jacobian) {
 }
 
 // What the camera poses are known to, with the path eliminated.
-Eigen::MatrixXd pose_covariance(ceres::Problem& problem, const std::vector<double*>& poses, const std::vector<double*>& points,
-                                double variance_factor) {
+Eigen::MatrixXd pose_covariance(ceres::Problem& problem, const std::vector<double*>& poses,
+                                const std::vector<double*>& points, double variance_factor) {
   std::vector<double*> blocks = poses;
   blocks.insert(blocks.end(), points.begin(), points.end());
   const Eigen::SparseMatrix<double> j = jacobian_of(problem, blocks);
@@ -174,8 +175,9 @@ Eigen::MatrixXd pose_covariance(ceres::Problem& problem, const std::vector<doubl
   const Eigen::LDLT<Eigen::MatrixXd> ldlt(information);
   const Eigen::MatrixXd covariance = ldlt.solve(Eigen::MatrixXd::Identity(n, n));
   if (!covariance.allFinite() || (covariance.diagonal().array() <= 0).any()) {
-    throw CalibrationError("the camera poses are not determined by how the ball was moved: carry it through the whole volume, "
-                           "up and down and towards the cameras");
+    throw CalibrationError(
+        "the camera poses are not determined by how the ball was moved: carry it through the whole volume, "
+        "up and down and towards the cameras");
   }
   return variance_factor * covariance;
 }
@@ -233,14 +235,17 @@ WaveFit adjust_wave(const CameraRig& rig, const std::vector<BallObservation>& ob
   const double h = state.path.step_s;
   const double third_difference = options.jerk_m_s3 * std::sqrt(1 / (30 * h)) * h * h * h;
   for (std::size_t k = 0; k + 3 < control.size(); ++k) {
-    problem.AddResidualBlock(new ceres::AutoDiffCostFunction<SmoothCost, 3, 3, 3, 3, 3>(new SmoothCost{1 / third_difference}),
-                             new ceres::HuberLoss(3), control[k].data(), control[k + 1].data(), control[k + 2].data(),
-                             control[k + 3].data());
+    problem.AddResidualBlock(
+        new ceres::AutoDiffCostFunction<SmoothCost, 3, 3, 3, 3, 3>(new SmoothCost{1 / third_difference}),
+        new ceres::HuberLoss(3), control[k].data(), control[k + 1].data(), control[k + 2].data(),
+        control[k + 3].data());
   }
   const auto a = static_cast<std::size_t>(options.scale_a), b = static_cast<std::size_t>(options.scale_b);
-  const double distance = (inverse(state.cam_from_world[a]).translation - inverse(state.cam_from_world[b]).translation).norm();
-  problem.AddResidualBlock(new ceres::AutoDiffCostFunction<DistanceCost, 1, 6, 6>(new DistanceCost{base[a], base[b], distance, 1e5}),
-                           nullptr, poses[a].data(), poses[b].data());
+  const double distance =
+      (inverse(state.cam_from_world[a]).translation - inverse(state.cam_from_world[b]).translation).norm();
+  problem.AddResidualBlock(
+      new ceres::AutoDiffCostFunction<DistanceCost, 1, 6, 6>(new DistanceCost{base[a], base[b], distance, 1e5}),
+      nullptr, poses[a].data(), poses[b].data());
   problem.SetParameterBlockConstant(poses[static_cast<std::size_t>(options.reference)].data());
 
   ceres::Solver::Options solver;
@@ -265,7 +270,8 @@ WaveFit adjust_wave(const CameraRig& rig, const std::vector<BallObservation>& ob
   double sum = 0, weights = 0;
   for (const BallObservation& o : observations) {
     const auto c = static_cast<std::size_t>(o.camera);
-    const auto px = outline_centre(rig.cameras[c].model, state.cam_from_world[c] * state.path.at(o.t_s), options.radius_m);
+    const auto px =
+        outline_centre(rig.cameras[c].model, state.cam_from_world[c] * state.path.at(o.t_s), options.radius_m);
     const Vector2d residual = px ? Vector2d(o.px - *px) : Vector2d::Constant(1e4);
     fit.residuals.push_back(residual);
     fit.distance2.push_back(residual.dot(o.covariance.inverse() * residual));
@@ -288,7 +294,8 @@ WaveFit adjust_wave(const CameraRig& rig, const std::vector<BallObservation>& ob
                    3 * static_cast<double>(control.size() - 3) * std::log(third_difference);
   }
   if (!options.with_covariance) return fit;
-  const Eigen::MatrixXd in_blocks = pose_covariance(problem, free_poses, points, std::max(1.0, sum / std::max(1.0, weights)));
+  const Eigen::MatrixXd in_blocks =
+      pose_covariance(problem, free_poses, points, std::max(1.0, sum / std::max(1.0, weights)));
   // From (omega, t) to (centre, rotation): c = -R^T t.
   const auto n = 6 * static_cast<Eigen::Index>(cameras);
   Eigen::MatrixXd change = Eigen::MatrixXd::Zero(n, in_blocks.cols());

@@ -23,12 +23,12 @@ struct WaveState {
 };
 
 struct WaveAdjustmentOptions {
-  double radius_m = 0.04;         // of the ball: the centre of its outline is not its centre's projection
-  double loss = 3;                // > 0; Cauchy's, in standard deviations
-  double jerk_m_s3 = 60;          // > 0; usual jerk of the ball, at 30 knots a second: how smooth its path is
+  double radius_m = 0.04;  // of the ball: the centre of its outline is not its centre's projection
+  double loss = 3;         // > 0; Cauchy's, in standard deviations
+  double jerk_m_s3 = 60;   // > 0; usual jerk of the ball, at 30 knots a second: how smooth its path is
   bool with_evidence = false;
-  int reference = 0;              // the camera that stays
-  int scale_a = 0, scale_b = 1;   // the distance of these two cameras stays: nothing else holds the scale
+  int reference = 0;             // the camera that stays
+  int scale_a = 0, scale_b = 1;  // the distance of these two cameras stays: nothing else holds the scale
   int max_iterations = 50;
   bool with_covariance = false;
 };
@@ -37,8 +37,8 @@ struct WaveFit {
   std::vector<Eigen::Vector2d> residuals;  // measured minus predicted, px, beside the observations
   std::vector<double> distance2;           // squared, in standard deviations
   double cost = 0;                         // of the whole solution, with the loss
-  // Log of how likely the observations are for this jerk, whatever the poses and the path are (Laplace's approximation, but
-  // for a constant): the largest tells how jerky the waving was. with_evidence only.
+  // Log of how likely the observations are for this jerk, whatever the poses and the path are (Laplace's approximation,
+  // but for a constant): the largest tells how jerky the waving was. with_evidence only.
   double evidence = 0;
   // Per camera (centre in metres, rotation in radians), both in world axes, so that the true camera stands at centre +
   // error; 6 x cameras square. For the state as it is held by `reference` and the scale's two cameras.

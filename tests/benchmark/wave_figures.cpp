@@ -107,38 +107,44 @@ void print_column(const char* what, std::vector<double> values, double factor, c
 }  // namespace
 
 int main(int argc, char** argv) {
-  const int seeds = argc > 1 ? std::atoi(argv[1]) : 20;
+  const int seeds = argc > 1 ? std::atoi(argv[1]) : 10;
   if (seeds < 1) {
     std::fprintf(stderr, "usage: wave_figures [number of seeds >= 1]\n");
     return 2;
   }
   struct Case {
     const char* folder;
-    TargetOptions target;
+    std::vector<TargetOptions> targets;
     int every;
   };
-  for (const Case& c : {Case{"rendered/two_cams", lime_ball(), 1}, Case{"rendered/occlusion", pink_ball(), 1},
-                        Case{"rendered/occlusion", lime_ball(), 1}, Case{"rendered/fast_60fps", pink_ball(), 1},
-                        Case{"rendered/fast_60fps", pink_ball(), 2}}) {
+  for (const Case& c : {Case{"rendered/two_cams", {lime_ball()}, 1}, Case{"rendered/occlusion", {pink_ball(), lime_ball()}, 1},
+                        Case{"rendered/occlusion", {pink_ball()}, 1}, Case{"rendered/occlusion", {lime_ball()}, 1},
+                        Case{"rendered/fast_60fps", {pink_ball()}, 1}, Case{"rendered/fast_60fps", {pink_ball()}, 2}}) {
     if (!have(c.folder)) {
       std::fprintf(stderr, "wave_figures: no recordings in %s\n", shared_data().c_str());
       return 2;
     }
     const bool must = std::string(c.folder) != "rendered/fast_60fps";
     const Sequence sequence = load_sequence(shared_data() / c.folder, c.every);
-    BallFinder finder(sequence.rig, c.target);
-    std::vector<BallFrame> frames;
-    for (const FrameSet& set : sequence.sets) {
-      for (const auto& frame : set.frames) {
-        if (!frame) continue;
-        if (auto found = finder.look(*frame)) frames.push_back(std::move(*found));
+    std::vector<std::vector<BallFrame>> of_balls;
+    std::string names;
+    for (const TargetOptions& target : c.targets) {
+      BallFinder finder(sequence.rig, target);
+      names += (names.empty() ? "" : " and ") + target.name;
+      of_balls.emplace_back();
+      for (const FrameSet& set : sequence.sets) {
+        for (const auto& frame : set.frames) {
+          if (!frame) continue;
+          if (auto found = finder.look(*frame)) of_balls.back().push_back(std::move(*found));
+        }
       }
     }
-    const auto& rows = sequence.truth.at(c.target.name);
+    const auto frames = one_after_the_other(std::move(of_balls), sequence.rig.cameras.size());
+    const auto& rows = sequence.truth.at(c.targets.front().name);
     const double baseline = (sequence.rig.cameras[0].centre() - sequence.rig.cameras[1].centre()).norm();
-    WaveOptions tape{.radius_m = c.target.radius_m};
+    WaveOptions tape{.radius_m = c.targets.front().radius_m};
     tape.camera_distance = CameraDistance{0, 1, baseline};
-    WaveOptions marks{.radius_m = c.target.radius_m};
+    WaveOptions marks{.radius_m = c.targets.front().radius_m};
     // Five moments at which every camera (of two or more) sees all of the ball, spread over the recording.
     std::vector<const TruthRow*> clear;
     for (const TruthRow& row : rows) {
@@ -148,13 +154,13 @@ int main(int argc, char** argv) {
       const TruthRow& row = *clear[i * (clear.size() - 1) / 4];
       marks.marks.push_back({seconds(row.at), row.position});
     }
-    const WaveOptions rig_only{.radius_m = c.target.radius_m};
+    const WaveOptions rig_only{.radius_m = c.targets.front().radius_m};
     struct Mode {
       const char* name;
       WaveOptions options;
       bool scale_known;
     };
-    std::printf("\n%s, %s: %zu frames\n", sequence.name.c_str(), c.target.name.c_str(), frames.size());
+    std::printf("\n%s, %s: %zu frames\n", sequence.name.c_str(), names.c_str(), frames.size());
     for (const Mode& mode : {Mode{"scale from the distance of two cameras", tape, true},
                              Mode{"scale and world from five marked points", marks, true},
                              Mode{"scale from the spoilt rig alone", rig_only, false}}) {
