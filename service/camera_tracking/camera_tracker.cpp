@@ -3,6 +3,8 @@
 #include <stdexcept>
 
 #include "camera_tracking/keyframe_tracker.h"
+#include "camera_tracking/lee_tracker.h"
+#include "camera_tracking/pupilli_tracker.h"
 
 namespace huetrack {
 
@@ -34,8 +36,8 @@ std::unique_ptr<CameraTracker> CameraTracker::make(const Camera& camera, const C
   if (!all.empty()) throw std::invalid_argument("camera tracker: " + all);
   switch (options.method) {      // each method's maker is called here as soon as the method is there
     case CameraMethod::huetrack: return make_keyframe_tracker(camera, options);
-    case CameraMethod::pupilli:
-    case CameraMethod::lee:
+    case CameraMethod::pupilli: return make_pupilli_tracker(camera, options);
+    case CameraMethod::lee: return make_lee_tracker(camera, options);
     case CameraMethod::herranz: break;
   }
   throw std::invalid_argument("camera tracker: the method " + std::string(name(options.method)) + " is not there yet");

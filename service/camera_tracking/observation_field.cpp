@@ -37,6 +37,10 @@ void ObservationField::correlate(const GreyImage& image, const NccTemplate& t, c
   marked_.clear();
 }
 
+void ObservationField::threshold(float epsilon_rho) {
+  for (float& r : rho_) r = r > epsilon_rho ? r : 0.0f;
+}
+
 void ObservationField::mark(float epsilon_rho, float epsilon_d) {
   marked_.assign(rho_.size(), 0.0f);
   if (region_.empty()) return;

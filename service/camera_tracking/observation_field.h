@@ -22,6 +22,9 @@ class ObservationField {
   // set within radius epsilon_d of it, 0 without one; so that eq. (6) for a particle is one look-up.
   void mark(float epsilon_rho, float epsilon_d);
 
+  // Only the observation set is left: rho at or below epsilon_rho becomes 0.
+  void threshold(float epsilon_rho);
+
   // Per particle: + gain * the marked value at its projection (0 outside): eq. (5)'s sum over points, for one of them.
   // binary: 1 instead of rho, which is eq. (5) to the letter.
   void score(std::span<const float> u, std::span<const float> v, float gain, bool binary, std::span<float> log_weight) const;

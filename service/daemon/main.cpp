@@ -26,6 +26,22 @@ namespace {
 
 using namespace huetrack;
 
+// One of these words, as its value. (CLI11's own transformer names the choices by their numbers when a word is wrong.)
+template <typename Value>
+CLI::Validator word_of(const std::map<std::string, Value>& words) {
+  return CLI::Validator(
+      [words](std::string& text) {
+        if (const auto word = words.find(text); word != words.end()) {
+          text = std::to_string(static_cast<int>(word->second));
+          return std::string();
+        }
+        std::string choices;
+        for (const auto& [word, _] : words) choices += (choices.empty() ? "" : " or ") + word;
+        return "it is " + choices + ", not '" + text + "'";
+      },
+      "");
+}
+
 // SIGINT and SIGTERM become a stop request, others what they are mapped to, taken by a thread that waits for them:
 // nothing runs inside a signal handler. A second SIGINT or SIGTERM ends the program at once. Create it before any other
 // thread, so that all inherit the blocked signals.
@@ -144,7 +160,7 @@ int main(int argc, char** argv) {
   replay_command
       ->add_option("--speed", command.speed,
                    "real: as it was recorded; max (default): as fast as possible, never dropping a frame")
-      ->transform(CLI::CheckedTransformer(speeds).description(""))
+      ->transform(word_of(speeds))
       ->type_name("max|real");
   replay_command->add_option("--tracks", command.tracks, "write the tracks to this CSV file");
   replay_command->add_option("--pictures", command.pictures,
@@ -157,7 +173,7 @@ int main(int argc, char** argv) {
       ->add_option("--stamps", command.stamps,
                    "published capture times: now (default at speed real), as if captured in this moment, or recording "
                    "(default at speed max)")
-      ->transform(CLI::CheckedTransformer(stamps).description(""))
+      ->transform(word_of(stamps))
       ->type_name("now|recording");
   replay_command->add_option("--threads", command.threads, "instead of the configuration's")->check(CLI::Range(1, 64));
   replay_command

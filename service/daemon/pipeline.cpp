@@ -272,6 +272,7 @@ void Pipeline::track() {
     } else if (frame_sets_.ended()) {
       break;
     }
+    if (Clock::now() >= next_status) note_searches();
     if (!outputs_.status) {
       if (Clock::now() >= next_status) next_status = Clock::now() + status_period;
       continue;
@@ -285,7 +286,15 @@ void Pipeline::track() {
       next_status = Clock::now() + status_period;
     }
   }
+  note_searches();
   if (outputs_.status) outputs_.status(figures());
+}
+
+void Pipeline::note_searches() {
+  std::vector<SearchFindings> searches;
+  for (const auto& tracker : trackers_) searches.push_back(tracker.search_findings());
+  const std::scoped_lock lock(figures_mutex_);
+  figures_.searches = std::move(searches);
 }
 
 void Pipeline::replace_trackers(std::vector<std::pair<std::size_t, ObjectTracker>> replacements) {

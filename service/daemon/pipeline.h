@@ -49,6 +49,7 @@ struct PipelineFigures {
   std::uint64_t sets_tracked = 0;
   std::uint64_t sets_dropped = 0;  // by the queue, because tracking was too slow
   StageTime decode, synchronise, track, publish, draw;
+  std::vector<SearchFindings> searches;  // per target, about once a second and at the end
   StageTime track_first;  // part of track: the first set, for which the trackers build colour tables
   std::chrono::steady_clock::time_point tracking_round{};  // when the tracking thread last came round: once a second
 };
@@ -121,6 +122,7 @@ class Pipeline {
   void receive(Frame frame);
   PictureJob picture_of(FrameSet set, std::vector<ObjectEstimate> estimates) const;
   void track();
+  void note_searches();
   void take_replacements();
   void draw();
   template <typename F>

@@ -226,6 +226,10 @@ ReplaySummary replay(const ReplayCommand& command, std::stop_token stop) {
   if (!summary.stopped) summary.ended_early = early_ends(source.cameras(), summary.figures.cameras);
   if (last_at) summary.recorded_s = seconds(*last_at - first_at + period);
   for (const auto& tally : tallies) summary.targets.push_back(tally.summary());
+  for (std::size_t t = 0; t < config.targets.size(); ++t) {
+    TargetSummary& target = summary.targets[t];
+    if (!target.first_tracking_set) target.advice = summary.figures.searches[t].advice(config.targets[t], camera_names);
+  }
   if (publisher) {
     summary.published = publisher->counters().published;
     summary.publish_failures = publisher->counters().failures;
@@ -288,6 +292,7 @@ std::string to_text(const ReplaySummary& s, const ReplayCommand& command) {
       line(" %s %.1f %%", std::string(name(state)).c_str(), 100.0 * double(count) / double(all));
     }
     line("\n");
+    if (!target.advice.empty()) text += "          " + target.advice + "\n";
     if (target.truth) text += "          " + to_text(*target.truth) + "\n";
   }
 

@@ -46,6 +46,7 @@ struct TargetSummary {
   std::optional<std::uint64_t> first_tracking_set;  // 1 = the first
   double first_tracking_s = 0;                      // capture time from the first set to that one
   std::optional<TruthFigures> truth;
+  std::string advice;                               // when it was never tracked: what to try
 };
 
 struct ReplaySummary {

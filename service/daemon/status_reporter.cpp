@@ -1,5 +1,6 @@
 #include "daemon/status_reporter.h"
 
+#include <algorithm>
 #include <cstdio>
 
 #include "calib/model/rig_yaml.h"
@@ -30,9 +31,16 @@ double rate(std::uint64_t now, std::uint64_t then, Duration window) {
   return window.count() > 0 ? static_cast<double>(now - then) / seconds(window) : 0;
 }
 
+std::vector<std::string> camera_names(const ServiceStatus& status) {
+  std::vector<std::string> names;
+  for (const auto& camera : status.cameras) names.push_back(camera.name);
+  return names;
+}
+
 }  // namespace
 
-StatusReporter::StatusReporter(const ServiceConfig& config, std::string mode, Duration clock_offset) {
+StatusReporter::StatusReporter(const ServiceConfig& config, std::string mode, Duration clock_offset)
+    : targets_(config.targets) {
   fixed_.program_version = HUETRACK_VERSION;
   fixed_.mode = std::move(mode);
   fixed_.config_file = config.file.string();
@@ -89,6 +97,11 @@ ServiceStatus StatusReporter::report(const PipelineFigures& figures, std::chrono
     } else {
       out.health = CameraStatus::Health::delivering;
     }
+  }
+  constexpr std::size_t long_search = 60;   // sets
+  for (std::size_t t = 0; t < std::min(targets_.size(), figures.searches.size()); ++t) {
+    if (figures.searches[t].sets < long_search) continue;
+    status.warnings.push_back("target " + targets_[t].name + " is not found: " + figures.searches[t].advice(targets_[t], camera_names(status)));
   }
   if (!latest_ || now - latest_->at >= shortest_rate_window) latest_ = Past{now, figures};
   return status;

@@ -27,6 +27,7 @@ class StatusReporter {
 
  private:
   ServiceStatus fixed_;  // what does not change
+  std::vector<TargetOptions> targets_;
   struct Past {
     std::chrono::steady_clock::time_point at;
     PipelineFigures figures;

@@ -127,7 +127,7 @@ ColorTable::ColorTable(const HsiRange& target, PixelFormat format, ColorRange ra
     }
     return;
   }
-  y_of_uv_.assign(65536, Interval{255, 0});
+  y_of_uv_.assign(65536 + 1, Interval{255, 0});   // one more: window_kernels_avx512 reads two at a time
   for (unsigned uv = 0; uv < 65536; ++uv) {
     Interval& interval = y_of_uv_[uv];
     const double u = static_cast<double>(uv & 255) - 128, v = static_cast<double>(uv >> 8) - 128;

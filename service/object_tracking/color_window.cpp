@@ -1,16 +1,14 @@
 #include "object_tracking/color_window.h"
 
 #include <algorithm>
+#include <array>
 #include <bit>
 #include <cmath>
 #include <cstring>
 #include <limits>
+#include <utility>
 
 #include "particle_filter/vector_clones.h"
-
-#ifdef __SSE2__
-#include <emmintrin.h>
-#endif
 
 namespace huetrack {
 namespace {
@@ -34,45 +32,11 @@ bool matches(const Image& image, const ColorTable& table, int u, int v) {
   return image.format == PixelFormat::bgr ? table.contains(bgr_at(image, u, v)) : table.contains(yuv_at(image, u, v));
 }
 
-// Two rows of eight pixels whose neighbours share a chroma sample. y: 16 bytes, row after row; uv: the index u | v << 8 of
-// each pair. Eight look-ups give the intervals of y; sixteen comparisons at once give the bits.
-#ifdef __SSE2__
-std::uint32_t classify_two_rows(const ColorTable::Interval* intervals, __m128i y, __m128i uv) {
-  static_assert(sizeof(ColorTable::Interval) == 2);
-  const auto interval = [&](int index) {
-    std::uint16_t bytes;                  // y_min in the low byte, y_max in the high one
-    std::memcpy(&bytes, intervals + index, 2);
-    return bytes;
-  };
-  __m128i i = _mm_cvtsi32_si128(interval(_mm_extract_epi16(uv, 0)));
-  i = _mm_insert_epi16(i, interval(_mm_extract_epi16(uv, 1)), 1);
-  i = _mm_insert_epi16(i, interval(_mm_extract_epi16(uv, 2)), 2);
-  i = _mm_insert_epi16(i, interval(_mm_extract_epi16(uv, 3)), 3);
-  i = _mm_insert_epi16(i, interval(_mm_extract_epi16(uv, 4)), 4);
-  i = _mm_insert_epi16(i, interval(_mm_extract_epi16(uv, 5)), 5);
-  i = _mm_insert_epi16(i, interval(_mm_extract_epi16(uv, 6)), 6);
-  i = _mm_insert_epi16(i, interval(_mm_extract_epi16(uv, 7)), 7);
-  const __m128i low = _mm_or_si128(_mm_and_si128(i, _mm_set1_epi16(0xff)), _mm_slli_epi16(i, 8));
-  const __m128i high = _mm_or_si128(_mm_srli_epi16(i, 8), _mm_andnot_si128(_mm_set1_epi16(0xff), i));
-  const __m128i match = _mm_and_si128(_mm_cmpeq_epi8(_mm_max_epu8(y, low), y), _mm_cmpeq_epi8(_mm_min_epu8(y, high), y));
-  return static_cast<std::uint32_t>(_mm_movemask_epi8(match));
-}
-
-__m128i two_halves(const void* low, const void* high) {
-  return _mm_unpacklo_epi64(_mm_loadl_epi64(static_cast<const __m128i*>(low)), _mm_loadl_epi64(static_cast<const __m128i*>(high)));
-}
-
-__m128i four_bytes(const std::uint8_t* p) {
-  std::int32_t bytes;
-  std::memcpy(&bytes, p, 4);
-  return _mm_cvtsi32_si128(bytes);
-}
-#endif
-
 }  // namespace
 
-MatchBits::MatchBits(int width, int height)
-    : width_(width),
+MatchBits::MatchBits(int width, int height, const WindowKernels& kernels)
+    : kernels_(kernels),
+      width_(width),
       height_(height),
       tile_stride_((width + tile_size - 1) / tile_size + 2),
       tile_rows_((height + tile_size - 1) / tile_size + 2),
@@ -84,6 +48,7 @@ MatchBits::MatchBits(int width, int height)
 
 void MatchBits::look_at(const Image& image, const ColorTable& table) {
   image_ = image;
+  bytes_per_pixel_ = image.format == PixelFormat::yuyv ? 2 : image.format == PixelFormat::bgr ? 3 : 1;
   table_ = &table;
   if (++frame_ == 0) {                    // after 2^32 frames the stamps would come round again
     std::ranges::fill(tile_frame_, 0u);
@@ -91,27 +56,34 @@ void MatchBits::look_at(const Image& image, const ColorTable& table) {
   }
 }
 
-void MatchBits::fill(int tile_u, int tile_v) {
-  const int u = (tile_u - 1) * tile_size;
-  const int v = (tile_v - 1) * tile_size;
-  if (u < 0 || v < 0 || u >= width_ || v >= height_) return;            // a margin tile: its bits stay 0
-  ++tiles_looked_at_;
-  std::uint64_t bits = 0;
-  if (u + tile_size > width_ || v + tile_size > height_) {
-    bits = classify_edge(u, v);
-  } else {
-    switch (image_.format) {
-      case PixelFormat::yuyv: bits = classify<PixelFormat::yuyv>(u, v); break;
-      case PixelFormat::nv12: bits = classify<PixelFormat::nv12>(u, v); break;
-      case PixelFormat::i420: bits = classify<PixelFormat::i420>(u, v); break;
-      case PixelFormat::i422: bits = classify<PixelFormat::i422>(u, v); break;
-      case PixelFormat::i444:
-      case PixelFormat::bgr:
-      case PixelFormat::grey: bits = classify_edge(u, v); break;
+// In groups: each kind of tile has its own loop.
+void MatchBits::fill(std::span<const TileAt> tiles) {
+  constexpr std::size_t group = 64;
+  std::array<PixelAt, group> corner;
+  std::array<TileAt, group> tile_of;
+  std::array<std::uint64_t, group> bits;
+  while (!tiles.empty()) {
+    std::size_t n = 0;
+    for (const TileAt tile : tiles.first(std::min(group, tiles.size()))) {
+      const int u = (tile.u - 1) * tile_size, v = (tile.v - 1) * tile_size;
+      if (u < 0 || v < 0 || u >= width_ || v >= height_) continue;      // a margin tile: its bits stay 0
+      ++tiles_looked_at_;
+      if (u + tile_size > width_ || v + tile_size > height_) {
+        store(tile, classify_edge(u, v));
+        continue;
+      }
+      corner[n] = {u, v};
+      tile_of[n++] = tile;
     }
+    kernels_.classify(image_, *table_, corner.data(), n, bits.data());
+    for (std::size_t i = 0; i < n; ++i) store(tile_of[i], bits[i]);
+    tiles = tiles.subspan(std::min(group, tiles.size()));
   }
+}
+
+void MatchBits::store(TileAt tile, std::uint64_t bits) {
   constexpr std::uint64_t left_half = 0x0f * each_row, right_half = 0xf0 * each_row;
-  const int row = tile_size * tile_v;
+  const int tile_u = tile.u, row = tile_size * tile.v;
   store_word(band(2 * tile_u, row), bits);
   std::uint8_t* const west = band(2 * tile_u - 1, row);
   std::uint8_t* const east = band(2 * tile_u + 1, row);
@@ -119,7 +91,7 @@ void MatchBits::fill(int tile_u, int tile_v) {
   store_word(east, (load_word(east) & right_half) | (bits >> 4 & left_half));
 }
 
-// Pixel by pixel: the tiles that the image's border cuts, and the formats without shared chroma.
+// Pixel by pixel: the tiles that the image's border cuts.
 std::uint64_t MatchBits::classify_edge(int u0, int v0) const {
   std::uint64_t bits = 0;
   for (int r = 0; r < std::min(tile_size, height_ - v0); ++r) {
@@ -130,49 +102,16 @@ std::uint64_t MatchBits::classify_edge(int u0, int v0) const {
   return bits;
 }
 
-template <PixelFormat format>
-std::uint64_t MatchBits::classify(int u, int v) const {
-#ifdef __SSE2__
-  const ColorTable::Interval* intervals = table_->intervals();
-  const auto row = [this](int plane, int r) {
-    const Plane& p = image_.planes[static_cast<std::size_t>(plane)];
-    return p.data + r * p.stride;
-  };
-  std::uint64_t bits = 0;
-  for (int r = 0; r < tile_size; r += 2) {
-    __m128i y, uv;
-    if constexpr (format == PixelFormat::yuyv) {                        // Y0 U Y1 V: luma in the even bytes, u v in the odd
-      const __m128i a = _mm_loadu_si128(reinterpret_cast<const __m128i*>(row(0, v + r) + 2 * u));
-      const __m128i b = _mm_loadu_si128(reinterpret_cast<const __m128i*>(row(0, v + r + 1) + 2 * u));
-      const __m128i even = _mm_set1_epi16(0xff);
-      y = _mm_packus_epi16(_mm_and_si128(a, even), _mm_and_si128(b, even));
-      uv = _mm_packus_epi16(_mm_srli_epi16(a, 8), _mm_srli_epi16(b, 8));
-    } else {
-      y = two_halves(row(0, v + r) + u, row(0, v + r + 1) + u);
-      const int first = format == PixelFormat::i422 ? v + r : (v + r) / 2;
-      const int second = format == PixelFormat::i422 ? v + r + 1 : first;
-      if constexpr (format == PixelFormat::nv12) {
-        uv = two_halves(row(1, first) + u, row(1, second) + u);
-      } else {
-        uv = _mm_unpacklo_epi64(_mm_unpacklo_epi8(four_bytes(row(1, first) + u / 2), four_bytes(row(2, first) + u / 2)),
-                                _mm_unpacklo_epi8(four_bytes(row(1, second) + u / 2), four_bytes(row(2, second) + u / 2)));
-      }
-    }
-    bits |= static_cast<std::uint64_t>(classify_two_rows(intervals, y, uv)) << (tile_size * r);
-  }
-  return bits;
-#else
-  return classify_edge(u, v);
-#endif
-}
-
-// Brings the rows of a tile on their way from memory: a frame that was just captured is in no cache.
-void MatchBits::fetch(int tile_u, int tile_v) const {
-  const int u = std::max(0, (tile_u - 1) * tile_size);
-  const int v = std::max(0, (tile_v - 1) * tile_size);
-  const int step = image_.format == PixelFormat::yuyv ? 2 : image_.format == PixelFormat::bgr ? 3 : 1;
-  const std::uint8_t* p = image_.planes[0].data + v * image_.planes[0].stride + step * u;
-  for (int r = 0; r < std::min(tile_size, height_ - v); ++r, p += image_.planes[0].stride) __builtin_prefetch(p);
+// Brings the rows of a tile on their way from memory: a frame that was just captured is in no cache. Neighbours mostly share
+// their cache lines: `last` is the one that was asked for last.
+void MatchBits::fetch(int tile_u, int tile_v, std::uintptr_t& last) const {
+  constexpr std::uintptr_t line = 64;
+  const int u = (tile_u - 1) * tile_size, v = (tile_v - 1) * tile_size;
+  if (u < 0 || v < 0 || v + tile_size > height_) return;               // a tile at the border is no loss
+  const std::uint8_t* const p = image_.planes[0].data + v * image_.planes[0].stride + bytes_per_pixel_ * u;
+  const std::uintptr_t at = reinterpret_cast<std::uintptr_t>(p) / line;
+  if (std::exchange(last, at) == at) return;
+  for (int r = 0; r < tile_size; ++r) __builtin_prefetch(p + r * image_.planes[0].stride);
 }
 
 namespace {
@@ -208,14 +147,6 @@ HUETRACK_CLONES CellBox locate(const float* __restrict u, const float* __restric
   return {static_cast<int>((u_min + 1) / 4), static_cast<int>((v_min + 1) / 4), static_cast<int>(u_max / 4), static_cast<int>(v_max / 4)};
 }
 
-HUETRACK_CLONES void count(const std::uint8_t* __restrict bands, const std::int32_t* __restrict byte,
-                           const std::int32_t* __restrict shift, std::size_t n, std::uint8_t* __restrict k) {
-  for (std::size_t i = 0; i < n; ++i) {
-    const std::uint64_t window = load_word(bands + byte[i]) >> (shift[i] & 3) & 0x1f1f1f1f1fu;
-    k[i] = static_cast<std::uint8_t>(std::popcount(window) | shift[i] >> 8);
-  }
-}
-
 }  // namespace
 
 // Looks at the tiles that the marked windows touch, and clears the marks. First all of them are told apart from what is known
@@ -223,6 +154,7 @@ HUETRACK_CLONES void count(const std::uint8_t* __restrict bands, const std::int3
 void MatchBits::look_at_marked(int cell_u_min, int cell_v_min, int cell_u_max, int cell_v_max) {
   // A tile is touched by windows that begin in its four cells, or in those to the left of and above them.
   unknown_.clear();
+  std::uintptr_t last_line = 0;
   const int first_word = cell_u_min / 8, last_word = (cell_u_max + 1) / 8;
   for (int tile_v = cell_v_min / 2; tile_v <= (cell_v_max + 1) / 2; ++tile_v) {
     const std::uint8_t* const row = &marked_[static_cast<std::size_t>(2 * tile_v * cell_stride_)];
@@ -234,18 +166,18 @@ void MatchBits::look_at_marked(int cell_u_min, int cell_v_min, int cell_u_max, i
       before = eight;
       for (std::uint64_t four = with_left & 0x0001000100010001u; four != 0; four &= four - 1) {
         const int tile_u = 4 * w + std::countr_zero(four) / 16;
-        const std::int32_t tile = tile_v * tile_stride_ + tile_u;
-        if (tile_frame_[static_cast<std::size_t>(tile)] == frame_) continue;
-        tile_frame_[static_cast<std::size_t>(tile)] = frame_;
-        unknown_.push_back(tile);
-        fetch(tile_u, tile_v);
+        std::uint32_t& known = tile_frame_[static_cast<std::size_t>(tile_v * tile_stride_ + tile_u)];
+        if (std::exchange(known, frame_) == frame_) continue;
+        unknown_.push_back({tile_u, tile_v});
+        fetch(tile_u, tile_v, last_line);
       }
     }
   }
   for (int cell_v = cell_v_min; cell_v <= cell_v_max; ++cell_v) {
-    std::memset(&marked_[static_cast<std::size_t>(cell_v * cell_stride_ + 8 * first_word)], 0, static_cast<std::size_t>(8 * (last_word - first_word + 1)));
+    std::uint8_t* const row = &marked_[static_cast<std::size_t>(cell_v * cell_stride_)];
+    for (int w = first_word; w <= last_word; ++w) store_word(row + 8 * w, 0);
   }
-  for (const std::int32_t tile : unknown_) fill(tile % tile_stride_, tile / tile_stride_);
+  fill(unknown_);
 }
 
 void MatchBits::count_5x5(const float* u, const float* v, std::size_t n, std::uint8_t* k) {
@@ -255,7 +187,7 @@ void MatchBits::count_5x5(const float* u, const float* v, std::size_t n, std::ui
   std::uint8_t* const marked = marked_.data();
   for (std::size_t i = 0; i < n; ++i) marked[cell[i]] = 1;
   if (box.u_min <= box.u_max) look_at_marked(box.u_min, box.v_min, box.u_max, box.v_max);
-  count(bands_.data(), byte, shift, n, k);
+  kernels_.count(bands_.data(), byte, shift, n, k);
 }
 
 bool MatchBits::at(int u, int v) {
@@ -279,9 +211,17 @@ void MatchBits::look(const PixelBox& box) {
   if (box.empty()) return;
   const auto first = [](int p) { return (std::max(p, 0) + margin) / tile_size; };
   const auto last = [](int p, int size) { return (std::min(p, size - 1) + margin) / tile_size; };
+  unknown_.clear();
+  std::uintptr_t last_line = 0;
   for (int tv = first(box.v_min); tv <= last(box.v_max, height_); ++tv) {
-    for (int tu = first(box.u_min); tu <= last(box.u_max, width_); ++tu) look_at_tile(tu, tv);
+    for (int tu = first(box.u_min); tu <= last(box.u_max, width_); ++tu) {
+      std::uint32_t& known = tile_frame_[static_cast<std::size_t>(tv * tile_stride_ + tu)];
+      if (std::exchange(known, frame_) == frame_) continue;
+      unknown_.push_back({tu, tv});
+      fetch(tu, tv, last_line);
+    }
   }
+  fill(unknown_);
 }
 
 void MatchBits::grid(int step, std::vector<PixelAt>& hits) const {

@@ -16,10 +16,9 @@
 
 #include "capture/pixel_format.h"
 #include "object_tracking/color_model.h"
+#include "object_tracking/window_kernels.h"
 
 namespace huetrack {
-
-struct PixelAt { int u, v; };
 
 // Inclusive pixel bounds.
 struct PixelBox {
@@ -33,7 +32,7 @@ class MatchBits {
   // Bits to the left of, right of, above and below the image that are always 0, so that no window needs clipping.
   static constexpr int margin = 8;
 
-  MatchBits(int width, int height);                                     // pixels, >= 1
+  MatchBits(int width, int height, const WindowKernels& kernels = best_window_kernels());   // pixels, >= 1
 
   // The next frame. The image must have the size given above and `table` must be for its format; both must live until the
   // next call. Forgets everything that was known of the frame before.
@@ -59,6 +58,8 @@ class MatchBits {
   std::uint64_t tiles_looked_at() const { return tiles_looked_at_; }    // since the start: the honest cost of it all
 
  private:
+  struct TileAt { int u, v; };                  // in tiles, those of the margin included
+
   // Band b has the columns 4 b .. 4 b + 7 (margin included), bit c of a byte is column 4 b + c. Of an odd band a nibble is
   // only as new as the tile that it is of; even bands are the tiles themselves.
   std::uint8_t* band(int b, int padded_row) { return &bands_[static_cast<std::size_t>(b * band_rows_ + padded_row)]; }
@@ -67,14 +68,16 @@ class MatchBits {
     std::uint32_t& frame = tile_frame_[static_cast<std::size_t>(tile_v * tile_stride_ + tile_u)];
     if (frame == frame_) return;
     frame = frame_;
-    fill(tile_u, tile_v);
+    const TileAt tile{tile_u, tile_v};
+    fill({&tile, 1});
   }
   void look_at_marked(int cell_u_min, int cell_v_min, int cell_u_max, int cell_v_max);
-  void fill(int tile_u, int tile_v);
-  void fetch(int tile_u, int tile_v) const;
-  template <PixelFormat format> std::uint64_t classify(int u, int v) const;
+  void fill(std::span<const TileAt> tiles);
+  void store(TileAt tile, std::uint64_t bits);
+  void fetch(int tile_u, int tile_v, std::uintptr_t& last) const;
   std::uint64_t classify_edge(int u, int v) const;
 
+  const WindowKernels& kernels_;
   int width_, height_;
   int tile_stride_, tile_rows_;           // tiles per row, and rows of them; a margin tile on each side
   int band_rows_;                         // bytes per band
@@ -82,11 +85,13 @@ class MatchBits {
   std::uint32_t frame_ = 0;
   std::uint64_t tiles_looked_at_ = 0;
   Image image_;
+  int bytes_per_pixel_ = 1;               // of its first plane
   const ColorTable* table_ = nullptr;
   std::vector<std::uint32_t> tile_frame_;       // that the tile was classified for
   std::vector<std::uint8_t> bands_;
   std::vector<std::uint8_t> marked_;            // per cell of 4x4 pixels: a window begins in it; all 0 between calls, but for cell 0
-  std::vector<std::int32_t> where_, unknown_;   // work space of count_5x5, as is
+  std::vector<std::int32_t> where_;             // work space of count_5x5, as are:
+  std::vector<TileAt> unknown_;
 };
 
 // The obvious way, one look-up per pixel of the window: the truth that the test holds count_5x5 to.

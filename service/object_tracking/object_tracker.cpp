@@ -99,4 +99,9 @@ std::vector<Eigen::Vector3f> ObjectTracker::particles() const {
       impl_->tracker);
 }
 
+SearchFindings ObjectTracker::search_findings() const {
+  const auto* tracker = std::get_if<RegionTracker>(&impl_->tracker);
+  return tracker != nullptr ? tracker->search_findings() : SearchFindings{};
+}
+
 }  // namespace huetrack

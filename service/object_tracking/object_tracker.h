@@ -53,6 +53,15 @@ struct ObjectTrackerOptions {
   std::vector<std::string> problems() const;
 };
 
+// What searching has seen in the sets in which it found nothing, since the target was last found (observation: huetrack).
+struct SearchFindings {
+  std::size_t sets = 0;
+  std::vector<std::size_t> sets_with_color;   // per camera of the rig: those of them in which it showed a region of the colour
+  std::optional<double> radius_m;             // that the regions of two views agree on, if they do; > 0
+  // What a user should try, one sentence; empty when nothing was searched. `cameras`: their names, in the order of the rig.
+  std::string advice(const TargetOptions& target, const std::vector<std::string>& cameras) const;
+};
+
 // thread-compatible; one per target; the pipeline's tracking threads own them. Never throws after construction.
 class ObjectTracker {
  public:
@@ -72,6 +81,8 @@ class ObjectTracker {
 
   // The particles after the last update, world frame, metres: for pictures and previews.
   std::vector<Eigen::Vector3f> particles() const;
+
+  SearchFindings search_findings() const;
 
  private:
   struct Impl;

@@ -93,12 +93,9 @@ void PaperTracker::resample() {
   ancestor_.resize(survivors);
   systematic_ancestors(weight_, rng_.uniform(), ancestor_);
   resampled_.resize(survivors);
-  for (std::size_t i = 0; i < survivors; ++i) {
-    const std::uint32_t a = ancestor_[i];
-    resampled_.x[i] = particles_.x[a];
-    resampled_.y[i] = particles_.y[a];
-    resampled_.z[i] = particles_.z[a];
-  }
+  take_ancestors(ancestor_, particles_.x, resampled_.x);
+  take_ancestors(ancestor_, particles_.y, resampled_.y);
+  take_ancestors(ancestor_, particles_.z, resampled_.z);
   std::swap(particles_, resampled_);
   if (wanted > survivors) {
     particles_.resize(wanted);

@@ -59,7 +59,8 @@ RegionTracker::RegionTracker(const CameraRig& rig, const TargetOptions& target, 
       rng_(rng),
       acceleration_(options.acceleration_m_s2),
       finders_(rig.cameras.size()),
-      regions_(rig.cameras.size()) {
+      regions_(rig.cameras.size()),
+      search_log_(rig.cameras.size()) {
   for (const Camera& camera : rig.cameras) size_in_view_.push_back(size_in(camera));
   scatter();
 }
@@ -375,7 +376,10 @@ void RegionTracker::search(const FrameSet& set, const std::vector<TargetView>& v
   }
   std::vector<Candidate> now =
       cross_rays(views, std::span(regions_).first(views.size()), target_, options_, max_candidates);
-  if (now.empty()) return;                 // nor does one in which too few of these views see it
+  if (now.empty()) {                       // nor does one in which too few of these views see it
+    search_log_.add(views, std::span(regions_).first(views.size()), options_.volume);
+    return;
+  }
   const double dt = seconds(set.at - candidates_at_);
   const Candidate* found = nullptr;
   const Candidate* earlier = nullptr;
@@ -397,6 +401,7 @@ void RegionTracker::search(const FrameSet& set, const std::vector<TargetView>& v
     state_ = largest_sigma(found->covariance) <= options_.max_tracking_sigma_m ? TrackState::tracking : TrackState::coasting;
     last_tracking_ = set.at;
     candidates_.clear();
+    search_log_.clear();
     return;
   }
   candidates_ = std::move(now);

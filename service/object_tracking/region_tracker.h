@@ -19,6 +19,7 @@
 #include "object_tracking/color_region.h"
 #include "object_tracking/object_estimate.h"
 #include "object_tracking/object_tracker.h"
+#include "object_tracking/search_findings.h"
 #include "object_tracking/paper_tracker.h"
 #include "object_tracking/sighting.h"
 #include "object_tracking/target_views.h"
@@ -44,6 +45,7 @@ class RegionTracker {
   ObjectEstimate update(const FrameSet& set);
   TargetViews& views() { return views_; }
   const PositionParticles& particles() const { return particles_; }
+  SearchFindings search_findings() const { return search_log_.findings(); }
 
  private:
   struct SizeInView { double smallest_px = 0, largest_px = 0; };   // radius of the target; 0: never in view
@@ -87,6 +89,7 @@ class RegionTracker {
   std::vector<SizeInView> size_in_view_;     // per camera, as the next two
   std::vector<RegionFinder> finders_;
   std::vector<std::vector<ColorRegion>> regions_;   // of the views of this set, while searching
+  SearchLog search_log_;
   std::vector<Candidate> candidates_;        // of the last set, while searching
   Timestamp candidates_at_{};
 

@@ -82,6 +82,13 @@ PositionInformation information_of(std::span<const Sighting> sightings, const Ei
   return out;
 }
 
+std::optional<Eigen::Vector3d> crossing(const Camera& camera0, const RawPixel& px0, const Camera& camera1, const RawPixel& px1) {
+  const auto ray0 = camera0.model.ray(px0), ray1 = camera1.model.ray(px1);
+  if (!ray0 || !ray1) return std::nullopt;
+  return crossing(camera0.centre(), camera0.cam_from_world.rotation.conjugate() * *ray0, camera1.centre(),
+                  camera1.cam_from_world.rotation.conjugate() * *ray1);
+}
+
 std::vector<Candidate> cross_rays(const std::vector<TargetView>& views, std::span<const std::vector<ColorRegion>> regions,
                                   const TargetOptions& target, const ObjectTrackerOptions& options,
                                   std::size_t max_count) {

@@ -48,6 +48,10 @@ struct PositionInformation {
 PositionInformation information_of(std::span<const Sighting> sightings, const Eigen::Vector3d& p_world,
                                    const Eigen::Vector3d& velocity);
 
+// Midpoint of the shortest line between the rays through two raw pixels; nullopt when they are nearly parallel, or meet behind
+// a camera.
+std::optional<Eigen::Vector3d> crossing(const Camera& camera0, const RawPixel& px0, const Camera& camera1, const RawPixel& px1);
+
 // A position that several views agree on.
 struct Candidate {
   Eigen::Vector3d position;

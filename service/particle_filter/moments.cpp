@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <cstring>
 #include <limits>
 
 #include "particle_filter/vector_clones.h"
@@ -10,19 +11,25 @@ namespace huetrack {
 namespace {
 
 constexpr std::size_t lanes = 16;      // sums side by side, added up in a fixed order: that is what vectorises
-struct Sums { float x[lanes], y[lanes], z[lanes], xx[lanes], xy[lanes], xz[lanes], yy[lanes], yz[lanes], zz[lanes]; float best[lanes]; std::uint32_t best_at[lanes]; };
+enum { x_, y_, z_, xx_, xy_, xz_, yy_, yz_, zz_, sums };
+struct Lanes {
+  float sum[sums][lanes] = {};
+  float best[lanes];
+  std::uint32_t best_at[lanes] = {};
+  Lanes() { std::ranges::fill(best, -1.0f); }
+};
 
+// n is a multiple of lanes.
 HUETRACK_CLONES void add_up(const float* __restrict x, const float* __restrict y, const float* __restrict z,
-                            const float* __restrict weight, std::size_t n, float ox, float oy, float oz, Sums& out) {
-  Sums s{};
-  std::ranges::fill(s.best, -1.0f);
+                            const float* __restrict weight, std::size_t n, float ox, float oy, float oz, Lanes& out) {
+  Lanes s;
   for (std::size_t i = 0; i < n; i += lanes) {
     for (std::size_t j = 0; j < lanes; ++j) {
       const float w = weight[i + j], dx = x[i + j] - ox, dy = y[i + j] - oy, dz = z[i + j] - oz;
       const float wx = w * dx, wy = w * dy, wz = w * dz;
-      s.x[j] += wx, s.y[j] += wy, s.z[j] += wz;
-      s.xx[j] += wx * dx, s.xy[j] += wx * dy, s.xz[j] += wx * dz;
-      s.yy[j] += wy * dy, s.yz[j] += wy * dz, s.zz[j] += wz * dz;
+      s.sum[x_][j] += wx, s.sum[y_][j] += wy, s.sum[z_][j] += wz;
+      s.sum[xx_][j] += wx * dx, s.sum[xy_][j] += wx * dy, s.sum[xz_][j] += wx * dz;
+      s.sum[yy_][j] += wy * dy, s.sum[yz_][j] += wy * dz, s.sum[zz_][j] += wz * dz;
       s.best_at[j] = w > s.best[j] ? static_cast<std::uint32_t>(i + j) : s.best_at[j];
       s.best[j] = w > s.best[j] ? w : s.best[j];
     }
@@ -30,15 +37,38 @@ HUETRACK_CLONES void add_up(const float* __restrict x, const float* __restrict y
   out = s;
 }
 
+// Both parts, lane by lane, then halves onto halves.
+HUETRACK_CLONES void total(const Lanes& a, const Lanes& b, double* __restrict out) {
+  for (std::size_t k = 0; k < sums; ++k) {
+    double t[lanes];
+    for (std::size_t j = 0; j < lanes; ++j) t[j] = static_cast<double>(a.sum[k][j]) + static_cast<double>(b.sum[k][j]);
+    for (std::size_t j = 0; j < 8; ++j) t[j] += t[j + 8];
+    for (std::size_t j = 0; j < 4; ++j) t[j] += t[j + 4];
+    out[k] = (t[0] + t[2]) + (t[1] + t[3]);
+  }
+}
+
+// The first of the largest weights. Weights are >= 0 (and -1 where a lane has none): their bits compare as they do.
+HUETRACK_CLONES std::uint32_t best_of(const Lanes& a, const Lanes& b, std::uint32_t b_begins_at) {
+  std::int32_t bits[2 * lanes];
+  std::uint32_t at[2 * lanes];
+  std::memcpy(bits, a.best, sizeof a.best);
+  std::memcpy(bits + lanes, b.best, sizeof b.best);
+  for (std::size_t j = 0; j < lanes; ++j) at[j] = a.best_at[j], at[lanes + j] = b_begins_at + b.best_at[j];
+  std::int32_t most = bits[0];
+  for (const std::int32_t candidate : bits) most = std::max(most, candidate);
+  std::uint32_t first = std::numeric_limits<std::uint32_t>::max();
+  for (std::size_t j = 0; j < 2 * lanes; ++j) first = std::min(first, bits[j] == most ? at[j] : std::numeric_limits<std::uint32_t>::max());
+  return first;
+}
+
 }  // namespace
 
 WeightedMoments weighted_moments(const float* x, const float* y, const float* z, const float* weight, std::size_t n,
                                  const Eigen::Vector3f& origin) {
   const std::size_t whole = n / lanes * lanes;
-  Sums s;
+  Lanes s, rest;
   add_up(x, y, z, weight, whole, origin.x(), origin.y(), origin.z(), s);
-  Sums rest{};
-  std::ranges::fill(rest.best, -1.0f);
   if (whole < n) {
     float tail[4][lanes] = {};
     for (std::size_t i = whole; i < n; ++i) {
@@ -46,24 +76,14 @@ WeightedMoments weighted_moments(const float* x, const float* y, const float* z,
     }
     add_up(tail[0], tail[1], tail[2], tail[3], lanes, origin.x(), origin.y(), origin.z(), rest);
   }
-  const auto total = [](const float* a, const float* b) {
-    double sum = 0;
-    for (std::size_t j = 0; j < lanes; ++j) sum += static_cast<double>(a[j]) + static_cast<double>(b[j]);
-    return sum;
-  };
-  const Eigen::Vector3d shift(total(s.x, rest.x), total(s.y, rest.y), total(s.z, rest.z));
-  const double xy = total(s.xy, rest.xy), xz = total(s.xz, rest.xz), yz = total(s.yz, rest.yz);
+  double t[sums];
+  total(s, rest, t);
+  const Eigen::Vector3d shift(t[x_], t[y_], t[z_]);
   WeightedMoments out;
-  out.covariance << total(s.xx, rest.xx), xy, xz, xy, total(s.yy, rest.yy), yz, xz, yz, total(s.zz, rest.zz);
+  out.covariance << t[xx_], t[xy_], t[xz_], t[xy_], t[yy_], t[yz_], t[xz_], t[yz_], t[zz_];
   out.covariance -= shift * shift.transpose();
   out.mean = origin.cast<double>() + shift;
-  float most = -1;
-  for (std::size_t j = 0; j < lanes; ++j) most = std::max({most, s.best[j], rest.best[j]});
-  std::uint32_t best = std::numeric_limits<std::uint32_t>::max();
-  for (std::size_t j = 0; j < lanes; ++j) {
-    const auto in_rest = static_cast<std::uint32_t>(whole) + rest.best_at[j];
-    best = std::min({best, s.best[j] == most ? s.best_at[j] : best, rest.best[j] == most ? in_rest : best});
-  }
+  const std::uint32_t best = best_of(s, rest, static_cast<std::uint32_t>(whole));
   out.best = best < n ? best : 0;        // all NaN: the first
   return out;
 }

@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <numeric>
+#include <vector>
 
 #include "particle_filter/vector_clones.h"
 
@@ -67,17 +68,15 @@ double effective_sample_size(std::span<const float> weight) {
   return std::clamp(1.0 / sum_of_squares(weight), 1.0, static_cast<double>(weight.size()));
 }
 
-void systematic_ancestors(std::span<const float> weight, double offset, std::span<std::uint32_t> ancestor) {
-  // In blocks; of each the weights are summed up in four parts side by side, as a sum waits for the one before it. Then each
-  // particle says how many of the comb's teeth lie below its cumulative weight, and writes itself on the next eight places
-  // whether they are its own or not: most have fewer, and no branch depends on how many.
-  constexpr std::size_t block = 256, parts = 4, at_once = 8;
+namespace {
+
+// descendants_to[i]: how many of `count` new particles descend from particles 0 .. i. In blocks; of each the weights are
+// summed up in four parts side by side, as a sum waits for the one before it.
+void systematic_descendants(std::span<const float> weight, double offset, std::size_t count, std::int32_t* descendants_to) {
+  constexpr std::size_t block = 256, parts = 4;
   std::array<double, block> cumulative;
-  std::array<std::int32_t, block> below;
-  const std::size_t count = ancestor.size();
   double sum = 0;
-  std::size_t done = 0;
-  for (std::size_t from = 0; from < weight.size() && done < count; from += block) {
+  for (std::size_t from = 0; from < weight.size(); from += block) {
     const std::size_t size = std::min(block, weight.size() - from);
     const std::size_t part = size / parts;
     const float* const w = &weight[from];
@@ -88,25 +87,43 @@ void systematic_ancestors(std::span<const float> weight, double offset, std::spa
     for (std::size_t i = parts * part; i < size; ++i) cumulative[i] = sums[parts - 1] += static_cast<double>(w[i]);
     for (std::size_t p = 0; p < parts; ++p) {
       const std::size_t first = p * part, end = p + 1 < parts ? first + part : size;
-      teeth_below(&cumulative[first], end - first, sum, static_cast<double>(count), offset, &below[first]);
+      teeth_below(&cumulative[first], end - first, sum, static_cast<double>(count), offset, descendants_to + from + first);
       sum += sums[p];
-    }
-    for (std::size_t i = 0; i < size; ++i) {
-      const auto self = static_cast<std::uint32_t>(from + i);
-      const auto end = static_cast<std::size_t>(below[i]);
-      if (done + at_once <= count) [[likely]] {
-        for (std::size_t j = done; j < done + at_once; ++j) ancestor[j] = self;
-        for (std::size_t j = done + at_once; j < end; ++j) ancestor[j] = self;
-      } else {
-        for (std::size_t j = done; j < end; ++j) ancestor[j] = self;
-      }
-      done = end;
     }
   }
   // Rounding can leave the last tooth above a sum of 0.9999999: it belongs to the last particle that weighs anything.
   std::size_t last = weight.size() - 1;
   while (last > 0 && !(weight[last] > 0)) --last;
-  for (; done < ancestor.size(); ++done) ancestor[done] = static_cast<std::uint32_t>(last);
+  for (; last < weight.size(); ++last) descendants_to[last] = static_cast<std::int32_t>(count);
+}
+
+// Each particle writes itself where its descendants begin, and so do those before it that have none: the last one there is
+// right. What lies between two such places is the nearer one to the left, the largest so far. No branch depends on how many
+// descendants a particle has.
+void name_ancestors(const std::int32_t* descendants_to, std::size_t n, std::span<std::uint32_t> ancestor) {
+  std::ranges::fill(ancestor, 0u);
+  std::size_t begin = 0;
+  for (std::size_t i = 0; i < n && begin < ancestor.size(); ++i) {
+    ancestor[begin] = static_cast<std::uint32_t>(i);
+    begin = static_cast<std::size_t>(descendants_to[i]);
+  }
+  std::uint32_t largest = 0;
+  for (std::uint32_t& a : ancestor) a = largest = std::max(largest, a);
+}
+
+}  // namespace
+
+void systematic_ancestors(std::span<const float> weight, double offset, std::span<std::uint32_t> ancestor) {
+  constexpr std::size_t usual = 512;
+  std::array<std::int32_t, usual> few;
+  std::vector<std::int32_t> many(weight.size() > usual ? weight.size() : 0);
+  std::int32_t* const descendants_to = many.empty() ? few.data() : many.data();
+  systematic_descendants(weight, offset, ancestor.size(), descendants_to);
+  name_ancestors(descendants_to, weight.size(), ancestor);
+}
+
+void take_ancestors(std::span<const std::uint32_t> ancestor, std::span<const float> in, std::span<float> out) {
+  for (std::size_t i = 0; i < ancestor.size(); ++i) out[i] = in[ancestor[i]];
 }
 
 }  // namespace huetrack

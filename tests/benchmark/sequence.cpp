@@ -24,7 +24,7 @@ const TruthRow* Sequence::row(const std::string& target, Timestamp at) const {
 std::filesystem::path shared_data() { return HUETRACK_SHARED_DATA; }
 bool have(const std::string& folder) { return std::filesystem::exists(shared_data() / folder / "recording.yaml"); }
 
-Sequence load_sequence(const std::filesystem::path& folder, int every, int phase) {
+Sequence load_sequence(const std::filesystem::path& folder, int every, unsigned phases) {
   Sequence out;
   out.name = folder.filename().string();
   out.rig = read_rig(folder / "rig.yaml");
@@ -32,10 +32,11 @@ Sequence load_sequence(const std::filesystem::path& folder, int every, int phase
   std::vector<std::string> names;
   for (const Camera& camera : out.rig.cameras) names.push_back(camera.name);
   if (every > 1) {
-    out.name += ", free-running, phase " + std::to_string(phase);
+    out.name += ", free-running, first frames";
+    for (std::size_t i = 0; i < recording.cameras.size(); ++i) out.name += (i == 0 ? " " : ",") + std::to_string(phases >> i & 1);
     for (std::size_t i = 0; i < recording.cameras.size(); ++i) {
       recording.cameras[i].every = every;
-      recording.cameras[i].first_frame = (static_cast<std::int64_t>(i) + phase) % every;
+      recording.cameras[i].first_frame = phases >> i & 1;
     }
   }
   ReplaySource source(recording, names);

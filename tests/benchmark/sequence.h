@@ -27,8 +27,9 @@ struct Sequence {
   const TruthRow* row(const std::string& target, Timestamp at) const;   // at this very time, else nullptr
 };
 
-// every = 2: as free-running cameras of half the rate, each taking other frames; phase 1: the ones that phase 0 leaves out.
-Sequence load_sequence(const std::filesystem::path& folder, int every = 1, int phase = 0);
+// every = 2: as free-running cameras of half the rate; camera i begins with frame `phases` >> i & 1, so 0b010 lets the middle one
+// of three take the frames that the others leave out.
+Sequence load_sequence(const std::filesystem::path& folder, int every = 1, unsigned phases = 0b010);
 
 std::filesystem::path shared_data();                    // may not be there: then tests SKIP
 bool have(const std::string& folder);                   // below shared_data()

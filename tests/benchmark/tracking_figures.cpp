@@ -43,6 +43,9 @@ TrackingFigures figures_of(const Sequence& sequence, const std::string& target, 
     if (row == nullptr) continue;
     ++f.sets;
     const bool two = row->views_that_see() >= 2;
+    TrackingFigures::Seen& seen = f.by_views[static_cast<std::size_t>(std::min(2, row->views_that_see()))];
+    ++seen.sets;
+    seen.tracking += e.state == TrackState::tracking ? 1 : 0;
     waiting = two && e.state != TrackState::tracking ? waiting + 1 : 0;
     f.longest_return = std::max(f.longest_return, waiting);
     if (!e.has_position()) {
@@ -68,6 +71,11 @@ TrackingFigures figures_of(const Sequence& sequence, const std::string& target, 
       const double n = nees(error, e.covariance);
       sum_nees += n;
       inside += n <= 7.815 ? 1 : 0;
+      ++seen.compared;
+      seen.inside_95 += n <= 7.815 ? 1 : 0;
+      seen.sum_nees += n;
+      seen.sum_error2 += error.squaredNorm();
+      seen.max_m = std::max(seen.max_m, error.norm());
     }
   }
   const auto mean = [](double sum, std::size_t n) { return n > 0 ? sum / static_cast<double>(n) : 0; };

@@ -60,13 +60,18 @@ Windows strewn(Size size, int n, std::uint64_t seed) {
   return w;
 }
 
-class EveryFormat : public testing::TestWithParam<PixelFormat> {
+// Every format, with both kinds of inner loops.
+class EveryFormat : public testing::TestWithParam<std::tuple<PixelFormat, bool>> {
  protected:
-  const PixelFormat format = GetParam();
+  void SetUp() override {
+    if (kernels == nullptr) GTEST_SKIP() << "this machine has no AVX-512";
+  }
+  const PixelFormat format = std::get<0>(GetParam());
+  const WindowKernels* const kernels = std::get<1>(GetParam()) ? avx512_window_kernels() : &portable_window_kernels();
   const ColorTable table{common_color(format), format, ColorRange::limited};
 };
-INSTANTIATE_TEST_SUITE_P(, EveryFormat, testing::ValuesIn(all_formats),
-                         [](const auto& param) { return std::string(name(param.param)); });
+INSTANTIATE_TEST_SUITE_P(, EveryFormat, testing::Combine(testing::ValuesIn(all_formats), testing::Bool()),
+                         [](const auto& param) { return std::string(name(std::get<0>(param.param))) + (std::get<1>(param.param) ? "_avx512" : ""); });
 
 TEST_P(EveryFormat, referenceCountsPixelByPixel) {
   const Image image = random_image(format, 20, 20, 1);
@@ -82,7 +87,7 @@ TEST_P(EveryFormat, referenceCountsPixelByPixel) {
 
 TEST_P(EveryFormat, everyWindowAsTheReference) {
   for (const Size size : sizes) {
-    MatchBits bits(size.width, size.height);
+    MatchBits bits(size.width, size.height, *kernels);
     const Windows w = every_pixel(size);
     for (std::uint64_t frame = 1; frame <= 3; ++frame) {  // nothing is left over from the frame before
       const Image image = random_image(format, size.width, size.height, frame);
@@ -99,7 +104,7 @@ TEST_P(EveryFormat, everyWindowAsTheReference) {
 
 TEST_P(EveryFormat, anyNumberOfStrewnWindowsAsTheReference) {
   const Size size{70, 46};
-  MatchBits bits(size.width, size.height);
+  MatchBits bits(size.width, size.height, *kernels);
   for (int n = 0; n < 70; ++n) {
     const Image image = random_image(format, size.width, size.height, static_cast<std::uint64_t>(n));
     bits.look_at(image, table);
@@ -115,7 +120,7 @@ TEST_P(EveryFormat, anyNumberOfStrewnWindowsAsTheReference) {
 TEST_P(EveryFormat, rowsAndPixelsAsTheImage) {
   for (const Size size : sizes) {
     const Image image = random_image(format, size.width, size.height, 7);
-    MatchBits bits(size.width, size.height);
+    MatchBits bits(size.width, size.height, *kernels);
     bits.look_at(image, table);
     bits.look({-100, -100, 1000, 1000});  // clipped
     for (int v = 0; v < size.height; ++v) {
@@ -127,7 +132,7 @@ TEST_P(EveryFormat, rowsAndPixelsAsTheImage) {
         }
       }
     }
-    MatchBits fresh(size.width, size.height);
+    MatchBits fresh(size.width, size.height, *kernels);
     fresh.look_at(image, table);
     for (int v = 0; v < size.height; ++v) {
       for (int u = 0; u < size.width; ++u) ASSERT_EQ(fresh.at(u, v), matches_at(image, table, u, v)) << u << ", " << v;
@@ -138,7 +143,7 @@ TEST_P(EveryFormat, rowsAndPixelsAsTheImage) {
 TEST_P(EveryFormat, gridAsTheImage) {
   for (const Size size : sizes) {
     const Image image = random_image(format, size.width, size.height, 8);
-    MatchBits bits(size.width, size.height);
+    MatchBits bits(size.width, size.height, *kernels);
     bits.look_at(image, table);
     for (const int step : {1, 2, 3, 7, 200}) {
       std::vector<PixelAt> hits{{-1, -1}};

@@ -468,5 +468,36 @@ TEST(ObjectTrackerOptions, problemsNameTheConstraint) {
   }
 }
 
+SearchFindings findings_of(const Scene& scene, const TargetOptions& target, int sets) {
+  ObjectTracker tracker(scene.rig, target, options_with());
+  for (const FrameSet& set : render(scene, {.set_count = sets})) tracker.update(set);
+  return tracker.search_findings();
+}
+
+TEST(SearchFindings, sayWhichRadiusTheRegionsHave) {
+  const Scene scene = ring(3).ball({}).build();          // of 4 cm
+  TargetOptions target = lime();
+  target.radius_m = 0.1;
+  const SearchFindings found = findings_of(scene, target, 20);
+  EXPECT_EQ(found.sets, 20u);
+  EXPECT_THAT(found.sets_with_color, testing::Each(20u));
+  ASSERT_TRUE(found.radius_m);
+  EXPECT_NEAR(*found.radius_m, 0.04, 0.004);
+  EXPECT_THAT(found.advice(target, {"a", "b", "c"}), HasSubstr("not 0.1: correct radius_m"));
+}
+
+TEST(SearchFindings, sayThatTheColorIsNotThere) {
+  const SearchFindings found = findings_of(ring(2).ball(pink_ball()).build(), lime(), 12);
+  EXPECT_EQ(found.sets, 12u);
+  EXPECT_FALSE(found.radius_m);
+  EXPECT_THAT(found.advice(lime(), {"a", "b"}), HasSubstr("no camera shows a region of its colour"));
+}
+
+TEST(SearchFindings, areForgottenWhenTheTargetIsFound) {
+  const SearchFindings found = findings_of(ring(2).ball({}).build(), lime(), 12);
+  EXPECT_EQ(found.sets, 0u);
+  EXPECT_EQ(found.advice(lime(), {"a", "b"}), "");
+}
+
 }  // namespace
 }  // namespace huetrack

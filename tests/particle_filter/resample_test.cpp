@@ -24,6 +24,11 @@ Ancestors ancestors(const Weights& weight, double offset, std::size_t count) {
   systematic_ancestors(weight, offset, std::span(out).first(count));
   EXPECT_EQ(out.back(), 123456u);
   out.pop_back();
+  std::vector<float> values(weight.size()), taken(count + 1, 77.0f);
+  std::iota(values.begin(), values.end(), 0.25f);
+  take_ancestors(out, values, std::span(taken).first(count));
+  for (std::size_t i = 0; i < count; ++i) EXPECT_EQ(taken[i], values[out[i]]);
+  EXPECT_EQ(taken.back(), 77.0f);
   return out;
 }
 

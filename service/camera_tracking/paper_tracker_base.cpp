@@ -1,0 +1,91 @@
+#include "camera_tracking/paper_tracker_base.h"
+
+#include <Eigen/LU>
+#include <stdexcept>
+#include <string>
+
+#include "camera_tracking/relocalizer.h"
+
+namespace huetrack {
+namespace {
+
+constexpr int patience = 4;           // frames
+constexpr double coast_s = 1.0;       // the particles disperse meanwhile, and say how far
+
+}  // namespace
+
+PaperTrackerBase::PaperTrackerBase(const Camera& camera, const CameraTrackerOptions& options)
+    : camera_(camera), starter_(camera, options.start), seed_(options.seed) {
+  if (options.load_map.empty()) return;
+  loaded_ = read_map(options.load_map);
+  if (loaded_->image_size != Eigen::Vector2i(camera.image_size.width, camera.image_size.height))
+    throw std::runtime_error(options.load_map.string() + ": is a map of images of another size than the camera's");
+  has_map_ = true;
+}
+
+CameraEstimate PaperTrackerBase::update(const Frame& frame) {
+  CameraEstimate estimate;
+  estimate.at = frame.captured_at;
+  estimate.frame_number = frames_++;
+  const bool usable = frame.status == FrameStatus::ok && frame.pixels.width == camera_.image_size.width &&
+                      frame.pixels.height == camera_.image_size.height;
+  FilteredPose pose;
+  if (usable) {
+    const GreyImage grey = grey_of(frame.pixels);
+    const auto pyramid = std::make_shared<const Pyramid>(make_pyramid(grey));
+    if (!started_ && has_map_) {
+      if (const auto found = relocalize(camera_, *pyramid, scene(), seed_ + estimate.frame_number)) {
+        restart(found->cam_from_world);
+        started_ = true;
+      }
+    }
+    if (!started_) {
+      if (const auto found = starter_.find(frame.pixels, grey)) {
+        if (has_map_) restart(found->pose.cam_from_world);
+        else start(pyramid, *found, estimate.frame_number);
+        started_ = true;
+        const Eigen::Matrix<double, 6, 6> inverse_information = found->pose.information.inverse();
+        start_covariance_ = world_covariance(found->pose.cam_from_world, inverse_information);
+        const int n = static_cast<int>(found->points.size());
+        pose = {true, found->pose.cam_from_world, n, n, n};
+      }
+    } else {
+      // Not in the papers, whose particles only disperse until they happen upon the features again: after some frames without
+      // support the stored looks of the features propose a pose, and now and then what was started from is looked for. The
+      // filter has to agree in the frames that follow.
+      if (unsupported_ >= patience) {
+        if (const auto found = relocalize(camera_, *pyramid, scene(), seed_ + estimate.frame_number)) restart(found->cam_from_world);
+        else if (unsupported_ % 5 == 0) {
+          if (const auto again = starter_.find(frame.pixels, grey)) restart(again->pose.cam_from_world);
+        }
+      }
+      pose = track(pyramid, estimate.frame_number);
+      unsupported_ = pose.tracked ? 0 : unsupported_ + 1;
+    }
+  }
+  if (!started_) return estimate;
+  if (pose.tracked) {
+    state_ = CameraState::tracking;
+    tracked_at_ = frame.captured_at;
+  } else if (state_ == CameraState::tracking || state_ == CameraState::coasting) {
+    state_ = seconds(frame.captured_at - tracked_at_) > coast_s ? CameraState::lost : CameraState::coasting;
+  } else if (state_ == CameraState::searching) {
+    state_ = CameraState::lost;          // a map was loaded, and the way in was not right
+  }
+  estimate.state = state_;
+  estimate.particle_count = static_cast<int>(particles().size());
+  estimate.effective_sample_size = std::clamp(effective_sample_size(particles().weight), 1.0, static_cast<double>(particles().size()));
+  estimate.map_points = pose.map_points;
+  if (!estimate.has_pose()) return estimate;
+  const Rigid3d cam_from_world = usable ? pose.cam_from_world : particles().mean();
+  estimate.world_from_camera = inverse(cam_from_world);
+  // The particles' own, about their mean, and what the world's start leaves open.
+  estimate.covariance = particles().covariance(cam_from_world) + start_covariance_;
+  estimate.covariance.diagonal().array() += 1e-8;
+  estimate.features_in_view = pose.in_view;
+  estimate.features_matched = pose.tracked ? pose.matched : 0;
+  if (pose.in_view > 0) estimate.confidence = static_cast<double>(estimate.features_matched) / pose.in_view;
+  return estimate;
+}
+
+}  // namespace huetrack

@@ -1,0 +1,51 @@
+// What the trackers of the papers by Lee and by Pupilli and Calway have in common around their filters: the start, the states,
+// the covariance that is told.
+#pragma once
+
+#include <algorithm>
+#include <memory>
+
+#include "camera_tracking/camera_starter.h"
+#include "camera_tracking/camera_tracker.h"
+#include "camera_tracking/pose_particles.h"
+#include "camera_tracking/scene_map.h"
+#include "particle_filter/resample.h"
+
+namespace huetrack {
+
+// What a method makes of a frame.
+struct FilteredPose {
+  bool tracked = false;
+  Rigid3d cam_from_world;
+  int in_view = 0, matched = 0, map_points = 0;
+};
+
+class PaperTrackerBase : public CameraTracker {
+ public:
+  CameraEstimate update(const Frame& frame) final;
+
+ protected:
+  // throws std::runtime_error naming the map file
+  PaperTrackerBase(const Camera& camera, const CameraTrackerOptions& options);
+  virtual void start(const std::shared_ptr<const Pyramid>& pyramid, const Started& started, std::uint64_t number) = 0;
+  virtual void restart(const Rigid3d& cam_from_world) = 0;       // seen again from here: a lost filter's particles are put there
+  virtual FilteredPose track(const std::shared_ptr<const Pyramid>& pyramid, std::uint64_t number) = 0;
+  virtual const PoseParticles& particles() const = 0;
+  virtual SceneMap scene() const = 0;                            // to find the way in, or back
+  std::optional<StoredMap> take_loaded() { return std::move(loaded_); }
+
+  Camera camera_;
+
+ private:
+  CameraStarter starter_;
+  std::optional<StoredMap> loaded_;
+  std::uint64_t seed_;
+  std::uint64_t frames_ = 0;
+  bool started_ = false, has_map_ = false;
+  int unsupported_ = 0;                                          // frames in a row
+  CameraState state_ = CameraState::searching;
+  Timestamp tracked_at_{};
+  Covariance6d start_covariance_ = Covariance6d::Zero();
+};
+
+}  // namespace huetrack

@@ -1,0 +1,139 @@
+#include "object_tracking/window_kernels.h"
+
+#include <bit>
+#include <cstring>
+
+#include "particle_filter/vector_clones.h"
+
+#ifdef __SSE2__
+#include <emmintrin.h>
+#endif
+
+namespace huetrack {
+namespace {
+
+std::uint64_t load_word(const std::uint8_t* p) {
+  std::uint64_t word;
+  std::memcpy(&word, p, 8);
+  return std::endian::native == std::endian::little ? word : __builtin_bswap64(word);
+}
+
+bool matches(const Image& image, const ColorTable& table, int u, int v) {
+  return image.format == PixelFormat::bgr ? table.contains(bgr_at(image, u, v)) : table.contains(yuv_at(image, u, v));
+}
+
+std::uint64_t classify_pixel_by_pixel(const Image& image, const ColorTable& table, int u, int v) {
+  std::uint64_t bits = 0;
+  for (int i = 0; i < 64; ++i) bits |= static_cast<std::uint64_t>(matches(image, table, u + i % 8, v + i / 8)) << i;
+  return bits;
+}
+
+#ifdef __SSE2__
+// Two rows of eight pixels whose neighbours share a chroma sample. y: 16 bytes, row after row; uv: the index u | v << 8 of
+// each pair. Eight look-ups give the intervals of y; sixteen comparisons at once give the bits.
+std::uint32_t classify_two_rows(const ColorTable::Interval* intervals, __m128i y, __m128i uv) {
+  static_assert(sizeof(ColorTable::Interval) == 2);
+  const auto interval = [&](int index) {
+    std::uint16_t bytes;                  // y_min in the low byte, y_max in the high one
+    std::memcpy(&bytes, intervals + index, 2);
+    return bytes;
+  };
+  __m128i i = _mm_cvtsi32_si128(interval(_mm_extract_epi16(uv, 0)));
+  i = _mm_insert_epi16(i, interval(_mm_extract_epi16(uv, 1)), 1);
+  i = _mm_insert_epi16(i, interval(_mm_extract_epi16(uv, 2)), 2);
+  i = _mm_insert_epi16(i, interval(_mm_extract_epi16(uv, 3)), 3);
+  i = _mm_insert_epi16(i, interval(_mm_extract_epi16(uv, 4)), 4);
+  i = _mm_insert_epi16(i, interval(_mm_extract_epi16(uv, 5)), 5);
+  i = _mm_insert_epi16(i, interval(_mm_extract_epi16(uv, 6)), 6);
+  i = _mm_insert_epi16(i, interval(_mm_extract_epi16(uv, 7)), 7);
+  const __m128i low = _mm_or_si128(_mm_and_si128(i, _mm_set1_epi16(0xff)), _mm_slli_epi16(i, 8));
+  const __m128i high = _mm_or_si128(_mm_srli_epi16(i, 8), _mm_andnot_si128(_mm_set1_epi16(0xff), i));
+  const __m128i match = _mm_and_si128(_mm_cmpeq_epi8(_mm_max_epu8(y, low), y), _mm_cmpeq_epi8(_mm_min_epu8(y, high), y));
+  return static_cast<std::uint32_t>(_mm_movemask_epi8(match));
+}
+
+__m128i two_halves(const void* low, const void* high) {
+  return _mm_unpacklo_epi64(_mm_loadl_epi64(static_cast<const __m128i*>(low)), _mm_loadl_epi64(static_cast<const __m128i*>(high)));
+}
+
+__m128i four_bytes(const std::uint8_t* p) {
+  std::int32_t bytes;
+  std::memcpy(&bytes, p, 4);
+  return _mm_cvtsi32_si128(bytes);
+}
+template <PixelFormat format>
+std::uint64_t classify_tile(const Image& image, const ColorTable& table, int u, int v) {
+  const ColorTable::Interval* intervals = table.intervals();
+  const auto row = [&image](int plane, int r) {
+    const Plane& p = image.planes[static_cast<std::size_t>(plane)];
+    return p.data + r * p.stride;
+  };
+  std::uint64_t bits = 0;
+  for (int r = 0; r < 8; r += 2) {
+    __m128i y, uv;
+    if constexpr (format == PixelFormat::yuyv) {                        // Y0 U Y1 V: luma in the even bytes, u v in the odd
+      const __m128i a = _mm_loadu_si128(reinterpret_cast<const __m128i*>(row(0, v + r) + 2 * u));
+      const __m128i b = _mm_loadu_si128(reinterpret_cast<const __m128i*>(row(0, v + r + 1) + 2 * u));
+      const __m128i even = _mm_set1_epi16(0xff);
+      y = _mm_packus_epi16(_mm_and_si128(a, even), _mm_and_si128(b, even));
+      uv = _mm_packus_epi16(_mm_srli_epi16(a, 8), _mm_srli_epi16(b, 8));
+    } else {
+      y = two_halves(row(0, v + r) + u, row(0, v + r + 1) + u);
+      const int first = format == PixelFormat::i422 ? v + r : (v + r) / 2;
+      const int second = format == PixelFormat::i422 ? v + r + 1 : first;
+      if constexpr (format == PixelFormat::nv12) {
+        uv = two_halves(row(1, first) + u, row(1, second) + u);
+      } else {
+        uv = _mm_unpacklo_epi64(_mm_unpacklo_epi8(four_bytes(row(1, first) + u / 2), four_bytes(row(2, first) + u / 2)),
+                                _mm_unpacklo_epi8(four_bytes(row(1, second) + u / 2), four_bytes(row(2, second) + u / 2)));
+      }
+    }
+    bits |= static_cast<std::uint64_t>(classify_two_rows(intervals, y, uv)) << (8 * r);
+  }
+  return bits;
+}
+#else
+template <PixelFormat>
+std::uint64_t classify_tile(const Image& image, const ColorTable& table, int u, int v) {
+  return classify_pixel_by_pixel(image, table, u, v);
+}
+#endif
+
+template <typename Tile>
+void classify_all(const Tile& tile, const Image& image, const ColorTable& table, const PixelAt* tiles, std::size_t n, std::uint64_t* bits) {
+  for (std::size_t i = 0; i < n; ++i) bits[i] = tile(image, table, tiles[i].u, tiles[i].v);
+}
+
+void classify(const Image& image, const ColorTable& table, const PixelAt* tiles, std::size_t n, std::uint64_t* bits) {
+  switch (image.format) {
+    case PixelFormat::yuyv: return classify_all(classify_tile<PixelFormat::yuyv>, image, table, tiles, n, bits);
+    case PixelFormat::nv12: return classify_all(classify_tile<PixelFormat::nv12>, image, table, tiles, n, bits);
+    case PixelFormat::i420: return classify_all(classify_tile<PixelFormat::i420>, image, table, tiles, n, bits);
+    case PixelFormat::i422: return classify_all(classify_tile<PixelFormat::i422>, image, table, tiles, n, bits);
+    case PixelFormat::i444:
+    case PixelFormat::bgr:
+    case PixelFormat::grey: return classify_all(classify_pixel_by_pixel, image, table, tiles, n, bits);
+  }
+}
+
+HUETRACK_CLONES void count(const std::uint8_t* __restrict bands, const std::int32_t* __restrict byte,
+                           const std::int32_t* __restrict shift, std::size_t n, std::uint8_t* __restrict k) {
+  for (std::size_t i = 0; i < n; ++i) {
+    const std::uint64_t window = load_word(bands + byte[i]) >> (shift[i] & 3) & 0x1f1f1f1f1fu;
+    k[i] = static_cast<std::uint8_t>(std::popcount(window) | shift[i] >> 8);
+  }
+}
+
+}  // namespace
+
+const WindowKernels& portable_window_kernels() {
+  static const WindowKernels kernels{classify, count};
+  return kernels;
+}
+
+const WindowKernels& best_window_kernels() {
+  static const WindowKernels& best = avx512_window_kernels() != nullptr ? *avx512_window_kernels() : portable_window_kernels();
+  return best;
+}
+
+}  // namespace huetrack

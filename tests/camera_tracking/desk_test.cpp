@@ -1,0 +1,112 @@
+// The methods on the first frames of data/rendered/desk, which start on the rectangle and are covered in frames 46 to 64.
+#include <gmock/gmock.h>
+#include <unistd.h>
+
+#include <cstring>
+#include <string>
+
+#include "benchmark/camera_sequence.h"
+
+namespace huetrack {
+namespace {
+
+const CameraSequence& desk() {
+  static const CameraSequence sequence = load_camera_sequence(shared_camera_data() / "rendered/desk", "groundtruth.txt", 76);
+  return sequence;
+}
+
+class Desk : public testing::Test {
+ protected:
+  void SetUp() override {
+    if (!std::filesystem::exists(shared_camera_data() / "rendered/desk")) GTEST_SKIP() << "data/rendered/desk is not there";
+  }
+  static CameraTrackerOptions options(CameraMethod method) {
+    CameraTrackerOptions o;
+    o.method = method, o.start = desk_rectangle();
+    return o;
+  }
+  static CameraSequence part(std::size_t from, std::size_t to) {
+    CameraSequence s = desk();
+    s.frames = {s.frames.begin() + static_cast<std::ptrdiff_t>(from), s.frames.begin() + static_cast<std::ptrdiff_t>(to)};
+    s.world_from_camera = {s.world_from_camera.begin() + static_cast<std::ptrdiff_t>(from), s.world_from_camera.begin() + static_cast<std::ptrdiff_t>(to)};
+    return s;
+  }
+};
+
+TEST_F(Desk, huetrackFollowsFromTheFirstFrameAndThroughTheCover) {
+  const auto tracker = CameraTracker::make(desk().camera, options(CameraMethod::huetrack));
+  const auto estimates = run(*tracker, desk());
+  EXPECT_EQ(estimates[0].state, CameraState::tracking);
+  const PoseErrors e = errors_of(estimates, desk());
+  EXPECT_LT(e.rms_m, 0.004);
+  EXPECT_LT(e.max_m, 0.02);
+  EXPECT_LT(e.rms_deg, 0.4);
+  EXPECT_GT(errors_of(estimates, desk(), 0, 40).tracked, 39);
+  EXPECT_EQ(errors_of(estimates, desk(), 50, 60).tracked, 0);                // nothing to be seen, and it says so
+  for (std::size_t i = 50; i < 61; ++i) EXPECT_EQ(estimates[i].has_pose(), estimates[i].world_from_camera.translation.allFinite());
+  EXPECT_LE(frames_until_tracked(estimates, 65).value_or(99), 5);
+  const CameraTrackerView view = tracker->view();
+  EXPECT_GT(view.features.size(), 50u);
+  EXPECT_FALSE(view.particles.empty());
+}
+
+TEST_F(Desk, sameSeedSameBits) {
+  const CameraSequence s = part(0, 24);
+  for (const CameraMethod method : {CameraMethod::huetrack, CameraMethod::lee, CameraMethod::pupilli}) {
+    const auto first = run(*CameraTracker::make(s.camera, options(method)), s), second = run(*CameraTracker::make(s.camera, options(method)), s);
+    for (std::size_t i = 0; i < s.frames.size(); ++i) {
+      const auto bits = [](const CameraEstimate& e) {            // NaN included
+        std::string out(sizeof(double) * (4 + 3 + 36), 0);
+        std::memcpy(out.data(), e.world_from_camera.rotation.coeffs().data(), 4 * sizeof(double));
+        std::memcpy(out.data() + 4 * sizeof(double), e.world_from_camera.translation.data(), 3 * sizeof(double));
+        std::memcpy(out.data() + 7 * sizeof(double), e.covariance.data(), 36 * sizeof(double));
+        return out;
+      };
+      EXPECT_TRUE(bits(first[i]) == bits(second[i])) << name(method) << " frame " << i;
+      EXPECT_EQ(first[i].state, second[i].state);
+    }
+  }
+}
+
+TEST_F(Desk, thePapersMethodsFollowTheRectangle) {
+  const CameraSequence s = part(0, 30);
+  for (const CameraMethod method : {CameraMethod::lee, CameraMethod::pupilli}) {
+    const auto estimates = run(*CameraTracker::make(s.camera, options(method)), s);
+    const PoseErrors e = errors_of(estimates, s);
+    EXPECT_GE(e.tracked, 28) << name(method);
+    EXPECT_LT(e.rms_m, 0.05) << name(method);
+    EXPECT_GT(estimates.back().map_points, 4) << name(method);
+  }
+}
+
+TEST_F(Desk, relocalisesInALoadedMap) {
+  const std::filesystem::path file = std::filesystem::temp_directory_path() / ("huetrack_desk_" + std::to_string(::getpid()) + ".map");
+  {
+    const auto tracker = CameraTracker::make(desk().camera, options(CameraMethod::huetrack));
+    run(*tracker, part(0, 36));
+    tracker->save_map(file);
+  }
+  CameraTrackerOptions o = options(CameraMethod::huetrack);
+  o.load_map = file;
+  const CameraSequence s = part(25, 31);
+  const auto estimates = run(*CameraTracker::make(s.camera, o), s);
+  EXPECT_LE(frames_until_tracked(estimates, 0).value_or(99), 1);
+  EXPECT_LT(errors_of(estimates, s).max_m, 0.01);
+  // In a part of the scene that the map does not have, there is no pose rather than a false one.
+  const auto tracker = CameraTracker::make(s.camera, o);
+  CameraSequence covered = part(52, 58);
+  EXPECT_EQ(errors_of(run(*tracker, covered), covered).tracked, 0);
+  std::filesystem::remove(file);
+}
+
+TEST_F(Desk, aDamagedFrameIsNoFrame) {
+  CameraSequence s = part(0, 12);
+  s.frames[6].status = FrameStatus::corrupted;
+  s.frames[6].pixels = {};
+  const auto estimates = run(*CameraTracker::make(s.camera, options(CameraMethod::huetrack)), s);
+  EXPECT_EQ(estimates[6].state, CameraState::coasting);
+  EXPECT_EQ(estimates[7].state, CameraState::tracking);
+}
+
+}  // namespace
+}  // namespace huetrack
