@@ -856,6 +856,12 @@ WaveResult calibrate_wave(const CameraRig& rig, std::vector<BallFrame> frames, c
                "needed",
                name, camera.used, camera.seen, least_shared));
     }
+    if (options.has_poses && (camera.moved_m > 0.3 * away || camera.turned_rad > 0.35)) {
+      result.doubts.push_back(
+          text("%s is %.2f m and %.0f degrees from where the rig had it: are the cameras' names swapped, or is it the "
+               "wrong rig?",
+               name, camera.moved_m, camera.turned_rad * 180 / std::numbers::pi));
+    }
     if (camera.coverage < 0.15) {
       result.doubts.push_back(text("%s saw the ball in %.0f %% of its image only: wave it where the rest looks", name,
                                    1e2 * camera.coverage));
