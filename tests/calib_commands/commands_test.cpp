@@ -135,7 +135,7 @@ TEST_F(Commands, WaveOnTheBundledRecording) {
   EXPECT_EQ(run({"wave", recording, "--lens", path(truth.cameras[0].name + ".yaml"), "--lens",
                  path(truth.cameras[1].name + ".yaml"), "--hue", "200", "230", "--rig", path("new.yaml"), "--quiet"}),
             ExitStatus::failed);
-  EXPECT_THAT(said_, HasSubstr("target"));
+  EXPECT_THAT(said_, HasSubstr("not connected"));
   EXPECT_EQ(before, text(path("new.yaml")));
   EXPECT_EQ(run({"wave", recording, "--config", config, "--target", "bull", "--rig", path("new.yaml")}),
             ExitStatus::failed);
