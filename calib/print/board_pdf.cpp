@@ -172,8 +172,8 @@ BoardPdf board_pdf(const Board& board, const Paper& given) {
   page.rectangle(x0 - 0.05, y0, length + 0.1, 0.1, 0);
   page.text(x0 - 0.7, y0 + 3, 2.6, "0");
   page.text(x0 + length - 2.5, y0 + 3, 2.6, format("%.0f mm", length));
-  page.text(x0 + length + 6, y0 - 1.5, 2.6, format("The ruler must be %.0f mm.", length));
-  page.text(x0 + length + 6, y0 + 1.7, 2.6, "Print at 100 %, not fitted to the page.");
+  page.text(x0 + length + 6, y0 - 3.2, 2.6, format("The ruler must be %.0f mm.", length));
+  page.text(x0 + length + 6, y0 - 0.2, 2.6, "Print at 100 %, not fitted to the page.");
   page.text(x0, y0 + 7.2, 3, "huetrack: " + board.description() + format(", on %s", given.name.c_str()));
   out.pdf = page.pdf("huetrack: " + board.description());
   return out;
