@@ -64,6 +64,10 @@ std::string ros2_pose(std::string_view target) {
   return "rt/huetrack/" + std::string(target) + "/pose";
 }
 
+std::string ros2_camera_pose(std::string_view camera) {
+  return "rt/huetrack/camera/" + std::string(camera) + "/pose";
+}
+
 }  // namespace topics
 
 std::string ros2_user_data(std::string_view type_hash) {

@@ -16,6 +16,7 @@ namespace topics {
 
 // Native, types of huetrack.idl.
 inline constexpr const char* object_position = "huetrack/object_position";  // huetrack::msg::ObjectPosition, keyed
+inline constexpr const char* camera_pose = "huetrack/camera_pose";          // huetrack::msg::CameraPose, keyed
 inline constexpr const char* status = "huetrack/status";                    // huetrack::msg::ServiceStatus, keyed
 
 // Native, types of huetrack_view.idl: what a page shows and asks for.
@@ -28,6 +29,7 @@ inline constexpr const char* teach_reply = "huetrack/teach_reply";      // huetr
 inline constexpr const char* ros2_tf = "rt/tf";  // tf2_msgs/msg/TFMessage
 std::string ros2_pose(
     std::string_view target);  // rt/huetrack/<target>/pose: geometry_msgs/msg/PoseWithCovarianceStamped
+std::string ros2_camera_pose(std::string_view camera);  // rt/huetrack/camera/<camera>/pose: the same type
 
 }  // namespace topics
 
@@ -38,7 +40,8 @@ inline constexpr const char* ros2_tf_type_hash =
     "RIHS01_e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087";
 std::string ros2_user_data(std::string_view type_hash);  // "typehash=RIHS01_...;"
 
-// USER_DATA of the writer of object_position: who it is, readable before the first sample and without one.
+// USER_DATA of the writers of object_position and camera_pose: who it is, readable before the first sample and without one.
+// On camera_pose its targets are the camera's name.
 struct PublisherIdentity {
   std::string host;
   std::uint32_t pid = 0;
@@ -56,6 +59,7 @@ bool is_target_name(std::string_view name);
 //   object_position  reliable, volatile, keep-last 10; liveliness automatic, lease 1 s, so that the kill -9 of a
 //   service
 //                    is seen within 1.5 s. A reader keeps more, so that a slow terminal loses nothing.
+//   camera_pose      as object_position
 //   status           reliable, transient-local, keep-last 1; heartbeat 200 ms: who comes late has it within that time.
 //   scene            as status.
 //   preview          best effort, volatile, keep-last 1: a lost picture is not sent again. Large socket buffers are the

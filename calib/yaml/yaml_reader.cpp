@@ -414,6 +414,21 @@ std::vector<std::vector<double>> YamlReader::rows(std::string_view key, std::siz
   return rows;
 }
 
+std::vector<std::vector<double>> YamlReader::table(std::string_view key, std::size_t min_columns,
+                                                   std::size_t max_columns) const {
+  const auto& entry = node_->required(key);
+  if (!entry.value.IsSequence() || entry.value.size() == 0) {
+    node_->fail(entry, "must be a list of rows of numbers, got " + described(entry.value));
+  }
+  std::vector<std::vector<double>> rows;
+  for (const auto& row : entry.value) {
+    const std::size_t least = rows.empty() ? min_columns : rows.front().size();
+    const std::size_t most = rows.empty() ? max_columns : rows.front().size();
+    rows.push_back(node_->numbers(entry, row, "[" + std::to_string(rows.size()) + "]", least, most, any_number));
+  }
+  return rows;
+}
+
 std::vector<std::string> YamlReader::strings(std::string_view key) const {
   const auto& entry = node_->required(key);
   if (!entry.value.IsSequence()) node_->fail(entry, "must be a list of texts, got " + described(entry.value));

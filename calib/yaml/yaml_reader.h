@@ -65,6 +65,8 @@ class YamlReader {
   // A list of numbers, min_count to max_count of them.
   std::vector<double> numbers(std::string_view key, std::size_t min_count, std::size_t max_count, Range range) const;
   std::vector<std::vector<double>> rows(std::string_view key, std::size_t row_count, std::size_t column_count) const;
+  // At least one row, all of the same length.
+  std::vector<std::vector<double>> table(std::string_view key, std::size_t min_columns, std::size_t max_columns) const;
   std::vector<std::string> strings(std::string_view key) const;
 
   YamlReader map(std::string_view key) const;                                   // required

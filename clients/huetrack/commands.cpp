@@ -81,7 +81,32 @@ std::string joined(const std::set<std::string>& names) {
   return text;
 }
 
+const std::string& name_of(const msg::ObjectPosition& sample) {
+  return sample.target();
+}
+const std::string& name_of(const msg::CameraPose& sample) {
+  return sample.camera();
+}
+
+struct Wording {
+  const char* samples;  // "no publisher of ..."
+  const char* one;      // "nobody publishes ..."
+};
+
+// wanted: the name of the target or camera; empty: every one.
+template <typename Sample>
+int watch_topic(const WatchOptions& options, const std::string& wanted, const std::string& header_line,
+                const Wording& words);
+
 }  // namespace
+
+int watch(const WatchOptions& options) {
+  if (options.camera)
+    return watch_topic<msg::CameraPose>(options, *options.camera == "all" ? "" : *options.camera,
+                                        camera_header(options.format), {"camera poses", "camera"});
+  return watch_topic<msg::ObjectPosition>(options, options.target, header(options.format),
+                                          {"huetrack positions", "target"});
+}
 
 void end_on_signals() {
   struct sigaction action {};
@@ -95,10 +120,14 @@ bool has_ended() {
   return ended != 0;
 }
 
-int watch(const WatchOptions& options) {
+namespace {
+
+template <typename Sample>
+int watch_topic(const WatchOptions& options, const std::string& wanted, const std::string& header_line,
+                const Wording& words) {
   LineWriter out(options.file, options.overwrite);
-  std::optional<PositionSubscription> subscription(options.participant);  // made anew when the network changes
-  if (!out.write(header(options.format))) return 0;
+  std::optional<SampleSubscription<Sample>> subscription(options.participant);  // made anew when the network changes
+  if (!out.write(header_line)) return 0;
 
   std::uint64_t lines = 0;
   std::size_t target_width = 0;
@@ -114,12 +143,12 @@ int watch(const WatchOptions& options) {
   };
 
   while (!ended && (!options.count || lines < *options.count)) {
-    const std::optional<msg::ObjectPosition> sample = subscription->next(poll);
+    const std::optional<Sample> sample = subscription->next(poll);
     const Clock::time_point now = Clock::now();
     if (sample) {
-      seen_targets.insert(sample->target());
-      if (options.target.empty() || sample->target() == options.target) {
-        target_width = std::max(target_width, sample->target().size());
+      seen_targets.insert(name_of(*sample));
+      if (wanted.empty() || name_of(*sample) == wanted) {
+        target_width = std::max(target_width, name_of(*sample).size());
         const std::string text = line(options.format, *sample, unix_now(), target_width);
         if (!text.empty()) {
           if (!out.write(text)) return finish(0);
@@ -141,13 +170,14 @@ int watch(const WatchOptions& options) {
       said_nobody = true;  // its farewell will be said, and that is enough
       std::set<std::string> targets = subscription->targets();
       targets.insert(seen_targets.begin(), seen_targets.end());
-      if (!options.target.empty() && !targets.empty() && !targets.contains(options.target) && targets != said_targets) {
-        say("nobody publishes target " + options.target + " on domain " +
+      if (!wanted.empty() && !targets.empty() && !targets.contains(wanted) && targets != said_targets) {
+        say("nobody publishes " + std::string(words.one) + " " + wanted + " on domain " +
             std::to_string(subscription->participant().domain()) + "; there are: " + joined(targets));
         said_targets = std::move(targets);
       }
     } else if (!said_nobody && now - start > nobody_after) {
-      say("no publisher of huetrack positions " + what_to_check(subscription->participant()) + ". Waiting for one");
+      say("no publisher of " + std::string(words.samples) + " " + what_to_check(subscription->participant()) +
+          ". Waiting for one");
       said_nobody = true;
     }
     if (options.timeout && now - last_line > *options.timeout) {
@@ -159,6 +189,8 @@ int watch(const WatchOptions& options) {
   }
   return finish(0);
 }
+
+}  // namespace
 
 int status(const ParticipantOptions& options) {
   DdsParticipant participant(options);

@@ -16,6 +16,7 @@ struct WatchOptions {
   ParticipantOptions participant;
   Format format = Format::text;
   std::string target;                                    // empty: every target
+  std::optional<std::string> camera;                     // poses of this camera instead ("all": of every one)
   std::optional<std::uint64_t> count;                    // end after so many lines
   std::optional<std::chrono::duration<double>> timeout;  // end with 1 when no line came for so long
   std::filesystem::path file;                            // empty: stdout

@@ -24,13 +24,14 @@ int main(int argc, char** argv) {
   double timeout_s = 0;
   const auto add_samples = [&](CLI::App* command) {
     command->add_option("--target", options.target, "only this target");
+    command->add_option("--camera", options.camera, "the pose of this tracked camera instead of positions; all: of every one");
     command->add_option("--count", options.count, "end after so many lines")->check(CLI::PositiveNumber);
     command->add_option("--timeout", timeout_s, "end with exit status 1 when no line came for so many seconds")
         ->check(CLI::PositiveNumber);
     add_bus(command);
   };
 
-  CLI::App* watch_command = app.add_subcommand("watch", "print every position sample, one line each");
+  CLI::App* watch_command = app.add_subcommand("watch", "print every position (or camera pose), one line each");
   const std::map<std::string, Format> formats{
       {"text", Format::text}, {"csv", Format::csv}, {"json", Format::json}, {"tum", Format::tum}};
   std::string format = "text";
@@ -39,7 +40,7 @@ int main(int argc, char** argv) {
       ->capture_default_str();
   add_samples(watch_command);
 
-  CLI::App* log_command = app.add_subcommand("log", "write every position sample to a CSV file");
+  CLI::App* log_command = app.add_subcommand("log", "write every position (or camera pose) to a CSV file");
   log_command->add_option("file", options.file, "the CSV file")->required();
   log_command->add_flag("--overwrite", options.overwrite, "replace the file if it exists");
   add_samples(log_command);

@@ -14,18 +14,34 @@ using eprosima::fastrtps::types::ReturnCode_t;
 
 namespace {
 
-std::string who(const std::optional<PublisherIdentity>& identity) {
+template <typename Sample>
+struct Of;
+template <>
+struct Of<msg::ObjectPosition> {
+  using Type = msg::ObjectPositionPubSubType;
+  static constexpr const char* topic = topics::object_position;
+  static constexpr const char* named = ", targets";
+};
+template <>
+struct Of<msg::CameraPose> {
+  using Type = msg::CameraPosePubSubType;
+  static constexpr const char* topic = topics::camera_pose;
+  static constexpr const char* named = ", camera";
+};
+
+std::string who(const std::optional<PublisherIdentity>& identity, const char* named) {
   if (!identity) return "a program that is not huetrackd";
-  std::string text = "process " + std::to_string(identity->pid) + " on " + identity->host + ", targets";
+  std::string text = "process " + std::to_string(identity->pid) + " on " + identity->host + named;
   for (const std::string& target : identity->targets) text += " " + target;
   return text;
 }
 
 }  // namespace
 
-void PositionSubscription::Announcements::on_publisher_discovery(dds::DomainParticipant*,
+template <typename Sample>
+void SampleSubscription<Sample>::Announcements::on_publisher_discovery(dds::DomainParticipant*,
                                                                  rtps::WriterDiscoveryInfo&& info) {
-  if (info.info.topicName() != topics::object_position) return;
+  if (info.info.topicName() != Of<Sample>::topic) return;
   const std::lock_guard lock(mutex_);
   if (info.status == rtps::WriterDiscoveryInfo::REMOVED_WRITER) {
     if (const auto it = known_.find(info.info.guid()); it != known_.end()) it->second.there = false;
@@ -36,13 +52,15 @@ void PositionSubscription::Announcements::on_publisher_discovery(dds::DomainPart
     known_[info.info.guid()] = {std::move(*identity)};
 }
 
-std::optional<PublisherIdentity> PositionSubscription::Announcements::find(const rtps::GUID_t& writer) const {
+template <typename Sample>
+std::optional<PublisherIdentity> SampleSubscription<Sample>::Announcements::find(const rtps::GUID_t& writer) const {
   const std::lock_guard lock(mutex_);
   const auto it = known_.find(writer);
   return it == known_.end() ? std::nullopt : std::optional(it->second.identity);
 }
 
-std::set<std::string> PositionSubscription::Announcements::targets() const {
+template <typename Sample>
+std::set<std::string> SampleSubscription<Sample>::Announcements::targets() const {
   std::set<std::string> names;
   const std::lock_guard lock(mutex_);
   for (const auto& [guid, known] : known_)
@@ -50,14 +68,16 @@ std::set<std::string> PositionSubscription::Announcements::targets() const {
   return names;
 }
 
-PositionSubscription::PositionSubscription(const ParticipantOptions& options)
+template <typename Sample>
+SampleSubscription<Sample>::SampleSubscription(const ParticipantOptions& options)
     : participant_(options, &announcements_),
-      reader_(participant_.create_reader(topics::object_position, dds::TypeSupport(new msg::ObjectPositionPubSubType),
+      reader_(participant_.create_reader(Of<Sample>::topic, dds::TypeSupport(new typename Of<Sample>::Type),
                                          object_position_reader_qos())) {}
 
-std::optional<msg::ObjectPosition> PositionSubscription::next(std::chrono::milliseconds at_most) {
+template <typename Sample>
+std::optional<Sample> SampleSubscription<Sample>::next(std::chrono::milliseconds at_most) {
   const auto until = std::chrono::steady_clock::now() + at_most;
-  msg::ObjectPosition sample;
+  Sample sample;
   dds::SampleInfo info;
   for (;;) {
     while (reader_.take_next_sample(&sample, &info) == ReturnCode_t::RETCODE_OK)
@@ -68,7 +88,8 @@ std::optional<msg::ObjectPosition> PositionSubscription::next(std::chrono::milli
   }
 }
 
-std::vector<std::string> PositionSubscription::news() {
+template <typename Sample>
+std::vector<std::string> SampleSubscription<Sample>::news() {
   std::vector<std::string> sentences;
   dds::LivelinessChangedStatus liveliness;
   if (reader_.get_liveliness_changed_status(liveliness) == ReturnCode_t::RETCODE_OK &&
@@ -76,7 +97,7 @@ std::vector<std::string> PositionSubscription::news() {
     const auto identity = announcements_.find(rtps::iHandle2GUID(liveliness.last_publication_handle));
     const bool more = liveliness.alive_count > publishers_;
     publishers_ = liveliness.alive_count;
-    sentences.push_back((more ? "a publisher is there: " : "a publisher went away: ") + who(identity) +
+    sentences.push_back((more ? "a publisher is there: " : "a publisher went away: ") + who(identity, Of<Sample>::named) +
                         (more              ? ""
                          : publishers_ > 0 ? "; " + std::to_string(publishers_) + " left"
                                            : "; waiting for one to come back"));
@@ -95,8 +116,12 @@ std::vector<std::string> PositionSubscription::news() {
   return sentences;
 }
 
-std::set<std::string> PositionSubscription::targets() const {
+template <typename Sample>
+std::set<std::string> SampleSubscription<Sample>::targets() const {
   return announcements_.targets();
 }
+
+template class SampleSubscription<msg::ObjectPosition>;
+template class SampleSubscription<msg::CameraPose>;
 
 }  // namespace huetrack::client

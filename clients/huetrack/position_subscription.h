@@ -1,4 +1,4 @@
-// The subscription to huetrack/object_position, and who publishes there.
+// The subscription to huetrack/object_position or huetrack/camera_pose, and who publishes there.
 #pragma once
 
 #include <chrono>
@@ -16,20 +16,21 @@
 
 namespace huetrack::client {
 
-// thread-compatible.
-class PositionSubscription {
+// thread-compatible. Sample: msg::ObjectPosition or msg::CameraPose.
+template <typename Sample>
+class SampleSubscription {
  public:
-  explicit PositionSubscription(const ParticipantOptions& options);  // throws what DdsParticipant throws
+  explicit SampleSubscription(const ParticipantOptions& options);  // throws what DdsParticipant throws
 
   // Waits for a sample, at most for the time given; nullopt when none came.
-  std::optional<msg::ObjectPosition> next(std::chrono::milliseconds at_most);
+  std::optional<Sample> next(std::chrono::milliseconds at_most);
 
   // What happened to the publishers since the last call, one sentence each: one appeared, went away (killed ones too,
   // about 1 s later), or does not fit.
   std::vector<std::string> news();
 
   int publishers() const { return publishers_; }                     // alive, as of the last news()
-  std::set<std::string> targets() const;                             // that publishers announce
+  std::set<std::string> targets() const;                             // that publishers announce; cameras for poses
   bool network_changed() { return participant_.network_changed(); }  // see DdsParticipant
   const DdsParticipant& participant() const { return participant_; }
 
@@ -56,5 +57,8 @@ class PositionSubscription {
   eprosima::fastdds::dds::DataReader& reader_;
   int publishers_ = 0;
 };
+
+using PositionSubscription = SampleSubscription<msg::ObjectPosition>;
+using PoseSubscription = SampleSubscription<msg::CameraPose>;
 
 }  // namespace huetrack::client

@@ -8,6 +8,7 @@
 #include <array>
 #include <chrono>
 #include <cmath>
+#include <numbers>
 
 namespace huetrack::client {
 
@@ -111,7 +112,77 @@ std::string text_line(const msg::ObjectPosition& s, std::int64_t received_at, st
       number(static_cast<double>(received_at - s.published_at()) / ns_per_ms, 2));
 }
 
+bool has_pose(const msg::CameraPose& sample) {
+  return sample.state() == msg::CAMERA_STATE_TRACKING || sample.state() == msg::CAMERA_STATE_COASTING;
+}
+
+std::string csv_line(const msg::CameraPose& s) {
+  std::string out = fmt::format("{},{}", s.camera(), unix_seconds(s.captured_at()));
+  const auto add = [&](double value) { fmt::format_to(std::back_inserter(out), ",{}", csv_number(value)); };
+  std::ranges::for_each(s.position(), add);
+  std::ranges::for_each(s.orientation(), add);
+  for (std::size_t row = 0; row < 6; ++row)
+    for (std::size_t column = row; column < 6; ++column) add(s.covariance()[6 * row + column]);
+  return out + fmt::format(",{},{},{},{}\n", name(s.state()), s.features_in_view(), s.features_matched(),
+                           csv_number(s.confidence()));
+}
+
+std::string tum_line(const msg::CameraPose& s) {
+  if (!has_pose(s)) return "";
+  return fmt::format("{} {} {}\n", unix_seconds(s.captured_at()), fmt::join(s.position(), " "),
+                     fmt::join(s.orientation(), " "));
+}
+
+std::string json_line(const msg::CameraPose& s) {
+  return fmt::format(
+      R"({{"camera":{},"t":{},"captured_at":{},"received_at":{},"published_at":{},"frame_number":{},"state":"{}",)"
+      R"("position":{},"orientation":{},"covariance":{},"features_in_view":{},"features_matched":{},"map_points":{},)"
+      R"("confidence":{},"particle_count":{},"effective_sample_size":{}}})"
+      "\n",
+      json_string(s.camera()), unix_seconds(s.captured_at()), s.captured_at(), s.received_at(), s.published_at(),
+      s.frame_number(), name(s.state()), json_array(s.position()), json_array(s.orientation()),
+      json_array(s.covariance()), s.features_in_view(), s.features_matched(), s.map_points(),
+      json_number(s.confidence()), s.particle_count(), json_number(s.effective_sample_size()));
+}
+
+std::string text_line(const msg::CameraPose& s, std::int64_t received_at, std::size_t camera_width) {
+  const auto sigma = [&](std::size_t first, double unit) {  // of three axes together
+    return unit * std::sqrt(s.covariance()[7 * first] + s.covariance()[7 * first + 7] + s.covariance()[7 * first + 14]);
+  };
+  return fmt::format(
+      "{}  {:<{}}  {:<9}  x {}  y {}  z {} m   q {} {} {} {}   sigma {} mm {} deg   features {}/{}   latency {} + {} "
+      "ms\n",
+      clock_time(s.captured_at()), s.camera(), camera_width, name(s.state()), number(s.position()[0], 4, 8),
+      number(s.position()[1], 4, 8), number(s.position()[2], 4, 8), number(s.orientation()[0], 4, 7),
+      number(s.orientation()[1], 4, 7), number(s.orientation()[2], 4, 7), number(s.orientation()[3], 4, 7),
+      number(sigma(0, 1000), 1, 6), number(sigma(3, 180 / std::numbers::pi), 2, 5), s.features_matched(),
+      s.features_in_view(), number(static_cast<double>(s.published_at() - s.captured_at()) / ns_per_ms, 1, 6),
+      number(static_cast<double>(received_at - s.published_at()) / ns_per_ms, 2));
+}
+
 }  // namespace
+
+std::string camera_header(Format format) {
+  if (format != Format::csv) return "";
+  std::string header = "camera,t,x,y,z,qx,qy,qz,qw";
+  for (int row = 1; row <= 6; ++row)
+    for (int column = row; column <= 6; ++column) header += fmt::format(",c{}{}", row, column);
+  return header + ",state,features_in_view,features_matched,confidence\n";
+}
+
+std::string line(Format format, const msg::CameraPose& sample, std::int64_t received_at, std::size_t camera_width) {
+  switch (format) {
+    case Format::csv:
+      return csv_line(sample);
+    case Format::json:
+      return json_line(sample);
+    case Format::tum:
+      return tum_line(sample);
+    case Format::text:
+      break;
+  }
+  return text_line(sample, received_at, camera_width);
+}
 
 std::string header(Format format) {
   return format == Format::csv ? "target,t,x,y,z,vx,vy,vz,cxx,cxy,cxz,cyy,cyz,czz,state,views,confidence\n" : "";
@@ -167,6 +238,20 @@ std::string_view name(msg::TrackState state) {
     case msg::TRACK_STATE_COASTING:
       return "coasting";
     case msg::TRACK_STATE_LOST:
+      return "lost";
+  }
+  return "unknown";
+}
+
+std::string_view name(msg::CameraState state) {
+  switch (state) {
+    case msg::CAMERA_STATE_SEARCHING:
+      return "searching";
+    case msg::CAMERA_STATE_TRACKING:
+      return "tracking";
+    case msg::CAMERA_STATE_COASTING:
+      return "coasting";
+    case msg::CAMERA_STATE_LOST:
       return "lost";
   }
   return "unknown";

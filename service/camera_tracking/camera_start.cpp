@@ -76,6 +76,7 @@ void check(const LedStart& start, Problems& out) {
       out.push_back("start: the schedule lights " + std::to_string(lit.size()) +
                     " different LEDs, and at least 4 are needed");
   }
+  if (!(start.slot_s >= 0) || !std::isfinite(start.slot_s)) out.emplace_back("start: slot_s must be >= 0 seconds");
   if (!start.room_min.allFinite() || !start.room_max.allFinite() ||
       !(start.room_min.array() < start.room_max.array()).all())
     out.emplace_back("start: room_min must be less than room_max on every axis");
@@ -89,10 +90,9 @@ std::vector<std::string> CameraTrackerOptions::problems() const {
   const bool leds = std::holds_alternative<LedStart>(start);
   if (method == CameraMethod::herranz && !leds)
     out.emplace_back("the method herranz needs LEDs at known positions to start from");
-  if (method != CameraMethod::herranz && leds)
-    out.emplace_back("LEDs are what the method herranz starts from; the other methods need a rectangle, points or a board");
-  if (method == CameraMethod::herranz && !load_map.empty())
-    out.emplace_back("load_map: the method herranz has no map; the LEDs' positions are given");
+  if ((method == CameraMethod::pupilli || method == CameraMethod::lee) && leds)
+    out.emplace_back("LEDs are for the methods huetrack and herranz; this one needs a rectangle, points or a board");
+  if (leds && !load_map.empty()) out.emplace_back("load_map: with LEDs there is no map; their positions are given");
   std::visit([&out](const auto& s) { check(s, out); }, start);
   return out;
 }

@@ -3,6 +3,7 @@
 #include <stdexcept>
 
 #include "camera_tracking/keyframe_tracker.h"
+#include "camera_tracking/led_tracker.h"
 #include "camera_tracking/lee_tracker.h"
 #include "camera_tracking/pupilli_tracker.h"
 
@@ -34,13 +35,14 @@ std::unique_ptr<CameraTracker> CameraTracker::make(const Camera& camera, const C
     for (const std::string& p : problems) all += (all.empty() ? "" : "; ") + p;
   }
   if (!all.empty()) throw std::invalid_argument("camera tracker: " + all);
+  if (std::holds_alternative<LedStart>(options.start)) return make_led_tracker(camera, options);
   switch (options.method) {      // each method's maker is called here as soon as the method is there
     case CameraMethod::huetrack: return make_keyframe_tracker(camera, options);
     case CameraMethod::pupilli: return make_pupilli_tracker(camera, options);
     case CameraMethod::lee: return make_lee_tracker(camera, options);
     case CameraMethod::herranz: break;
   }
-  throw std::invalid_argument("camera tracker: the method " + std::string(name(options.method)) + " is not there yet");
+  throw std::invalid_argument("camera tracker: the method " + std::string(name(options.method)) + " needs LEDs to start from");
 }
 
 }  // namespace huetrack

@@ -45,6 +45,9 @@ struct LedStart {                              // no pose at all: uniform over t
   // Which LED is lit in which frame of the camera (index into leds, -1: none), repeated from the beginning; empty: LEDs are not
   // identified, and any number may be lit.
   std::vector<int> schedule;
+  // 0: one entry of the schedule per frame, as the driver numbers them. > 0, seconds: each entry holds for so long, by capture
+  // time, from the clock's zero on.
+  double slot_s = 0;
   Eigen::Vector3d room_min{-3, -3, 0}, room_max{3, 3, 3};
 };
 using CameraStart = std::variant<RectangleStart, PointsStart, FoundStart, LedStart>;

@@ -92,15 +92,15 @@ bool is_absence(const CaptureError& error) {
 
 }  // namespace
 
-std::string_view name(CameraState state) {
+std::string_view name(CaptureState state) {
   switch (state) {
-    case CameraState::waiting:
+    case CaptureState::waiting:
       return "waiting";
-    case CameraState::delivering:
+    case CaptureState::delivering:
       return "delivering";
-    case CameraState::stalled:
+    case CaptureState::stalled:
       return "stalled";
-    case CameraState::absent:
+    case CaptureState::absent:
       break;
   }
   return "absent";
@@ -136,20 +136,20 @@ std::vector<std::string> V4l2SourceOptions::warnings() const {
 struct V4l2Source::Impl {
   explicit Impl(V4l2SourceOptions o) : options(std::move(o)) {
     health.last_progress = Clock::now();
-    for (const auto& warning : options.warnings()) tell(CameraState::waiting, true, warning);
+    for (const auto& warning : options.warnings()) tell(CaptureState::waiting, true, warning);
   }
 
   // ---- What others see
 
   // An event; it changes the state too.
-  void tell(CameraState state, bool is_problem, const std::string& message) {
+  void tell(CaptureState state, bool is_problem, const std::string& message) {
     const std::scoped_lock lock(mutex);
     health.state = state;
     health.message = message;
     events.push_back({.at = unix_now(), .state = state, .is_problem = is_problem, .message = message});
   }
   // The same, unless it was the last thing said: an absent camera is said to be absent once.
-  void tell_once(CameraState state, const std::string& message) {
+  void tell_once(CaptureState state, const std::string& message) {
     {
       const std::scoped_lock lock(mutex);
       if (health.state == state && health.message == message) return;
@@ -160,7 +160,7 @@ struct V4l2Source::Impl {
     const std::scoped_lock lock(mutex);
     events.push_back({.at = unix_now(), .state = health.state, .is_problem = is_problem, .message = message});
   }
-  CameraState state() const {
+  CaptureState state() const {
     const std::scoped_lock lock(mutex);
     return health.state;
   }
@@ -194,7 +194,7 @@ struct V4l2Source::Impl {
       health.identity = known;
       health.stream = agreed;
       health.controls = controls;
-      health.state = CameraState::waiting;
+      health.state = CaptureState::waiting;
     }
     for (const auto& control : controls)
       if (!control.problem.empty() || control.is_implied) note(!control.problem.empty(), to_string(control));
@@ -256,7 +256,7 @@ struct V4l2Source::Impl {
   // Each reason once, not at every attempt. That a camera which was lost is still not there is no news.
   void explain_absence(const CaptureError& error) {
     const std::string why = is_absence(error) ? std::string() : error.what();
-    if (told_why_absent != why) tell(CameraState::absent, true, "not available: " + std::string(error.what()));
+    if (told_why_absent != why) tell(CaptureState::absent, true, "not available: " + std::string(error.what()));
     told_why_absent = why;
     if (!absent_since) absent_since = Clock::now();
   }
@@ -265,7 +265,7 @@ struct V4l2Source::Impl {
 
   void lose(const std::string& why) {
     close();
-    tell(CameraState::absent, true, why);
+    tell(CaptureState::absent, true, why);
     told_why_absent = "";
     if (!absent_since) absent_since = Clock::now();
   }
@@ -281,7 +281,7 @@ struct V4l2Source::Impl {
 
   // No frame for too long, or the driver gave up.
   void restart(const std::string& why) {
-    tell_once(CameraState::stalled, why + ": its stream is restarted");
+    tell_once(CaptureState::stalled, why + ": its stream is restarted");
     std::string problem;
     const bool is_alive = restarts_in_vain < restarts_before_reopen && device->restart(problem);
     {
@@ -334,7 +334,7 @@ struct V4l2Source::Impl {
       is_copied = take_image(std::move(raw), frame);
     frame.status = problem.empty() ? FrameStatus::ok : FrameStatus::corrupted;
 
-    const bool is_back = state() != CameraState::delivering;
+    const bool is_back = state() != CaptureState::delivering;
     {
       const std::scoped_lock lock(mutex);
       ++(problem.empty() ? health.frames : health.corrupted);
@@ -366,7 +366,7 @@ struct V4l2Source::Impl {
     }
     absent_since.reset();
     was_delivering = true;
-    tell(CameraState::delivering, false, text);
+    tell(CaptureState::delivering, false, text);
   }
 
   // The image in the driver's buffer, or a copy of it. True: copied.

@@ -34,25 +34,25 @@ struct V4l2SourceOptions {
   std::vector<std::string> warnings() const;
 };
 
-enum class CameraState : std::uint8_t {
+enum class CaptureState : std::uint8_t {
   waiting,  // opened or just about to be; no frame yet
   delivering,
   stalled,  // open, but no frame for max(1 s, 10 periods): its stream is being restarted
   absent,   // not there (unplugged, another camera in its port, no permission, busy): tried again and again
 };
-std::string_view name(CameraState state);
+std::string_view name(CaptureState state);
 
 // A change of state or something the user should read, each once.
 struct CameraEvent {
   Timestamp at;  // UNIX
-  CameraState state = CameraState::waiting;
+  CaptureState state = CaptureState::waiting;
   bool is_problem = false;  // a warning; otherwise information
   std::string message;      // one line without the camera's name: "unplugged (No such device): waiting for its return"
 };
 
 // A snapshot.
 struct CameraHealth {
-  CameraState state = CameraState::waiting;
+  CaptureState state = CaptureState::waiting;
   std::string message;                    // of the last change of state
   std::uint64_t frames = 0;               // handed out with an image
   std::uint64_t dropped = 0;              // gaps in the driver's sequence numbers

@@ -12,6 +12,7 @@
 #include "calib/model/rig_yaml.h"
 #include "capture/capture_clock.h"
 #include "daemon/metrics.h"
+#include "daemon/pose_file.h"
 #include "daemon/service_manager.h"
 #include "daemon/status_reporter.h"
 #include "daemon/track_csv.h"
@@ -97,11 +98,26 @@ class LiveService {
     outputs.estimates = [this](const FrameSet& set, std::span<const ObjectEstimate> estimates, Timestamp received_at) {
       put_out(set, estimates, received_at);
     };
+    const auto& tracked = config.camera_tracking.camera;
+    const bool tracks_camera = options.track && !tracked.empty();
+    if (!options.poses.empty() && !tracks_camera)
+      throw std::runtime_error("--poses needs a camera to track: give camera_tracking in " + config.file.string());
+    if (!options.poses.empty()) poses_.emplace(options.poses);
+    if (tracks_camera)
+      outputs.camera_poses = [this](const CameraEstimate& estimate, Timestamp received_at) {
+        if (publisher_) publisher_->publish(estimate, estimate.at, received_at);
+        if (poses_) poses_->write(estimate);
+      };
     if (view_) {
       outputs.view_wanted = [this] { return view_->wants(); };
       outputs.view = [this](PictureJob job) { view_->offer(std::move(job)); };
     }
     pipeline_.emplace(config_.rig, std::move(sources), std::move(trackers), pipeline, std::move(outputs));
+    if (tracks_camera) {
+      const int index = config_.rig.index_of(tracked).value();
+      pipeline_->track_camera(index, CameraTracker::make(config_.rig.cameras[std::size_t(index)],
+                                                         tracker_options(config_.camera_tracking)));
+    }
   }
 
   LiveSummary run(const std::stop_token& stop) {
@@ -131,7 +147,10 @@ class LiveService {
     if (recorder_) recorder_->finish();
     supervise(true);
     if (csv_) csv_->flush();
+    if (poses_) poses_->flush();
     if (error) std::rethrow_exception(error);
+    if (const auto* tracker = pipeline_->camera_tracker(); tracker != nullptr && !config_.camera_tracking.save_map.empty())
+      tracker->save_map(config_.camera_tracking.save_map);
     return {.figures = pipeline_->figures(),
             .status = last_status_,
             .recorded = recorder_ ? recorder_->figures() : RecorderFigures{},
@@ -196,7 +215,7 @@ class LiveService {
       tell_status(figures, by_rig, states, now, is_last);
     }
     if (is_last) return;
-    const auto delivering = std::ranges::count(healths, CameraState::delivering, &CameraHealth::state);
+    const auto delivering = std::ranges::count(healths, CaptureState::delivering, &CameraHealth::state);
     if (!is_ready_ && std::size_t(delivering) >= quorum_) {
       is_ready_ = true;
       notify_service_manager("READY=1");
@@ -362,6 +381,7 @@ class LiveService {
   std::size_t quorum_ = 0;
   std::vector<Target> targets_;
   std::optional<TrackCsvWriter> csv_;           // the tracking thread's
+  std::optional<PoseFileWriter> poses_;         // the camera thread's
   std::optional<EstimatePublisher> publisher_;  // positions: the tracking thread; status: the supervising one
   std::optional<ViewServer> view_;
   std::optional<StatusReporter> reporter_;

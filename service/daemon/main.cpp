@@ -84,6 +84,7 @@ void check(const std::filesystem::path& file) {
   for (const auto& warning : warnings) spdlog::warn("{}: {}", config.file.string(), warning);
   std::printf("# %s, resolved; identity %s\n%s", config.file.c_str(), config_identity(config).c_str(),
               to_yaml(config).c_str());
+  if (config.targets.empty()) return;
   const auto coverage = volume_coverage(config.rig, config.object_tracking.volume);
   std::printf("# of the volume are seen: by two or more cameras %.0f %%, by one or more %.0f %%", 100 * coverage.by_two,
               100 * coverage.by_one);
@@ -163,6 +164,7 @@ int main(int argc, char** argv) {
       ->transform(word_of(speeds))
       ->type_name("max|real");
   replay_command->add_option("--tracks", command.tracks, "write the tracks to this CSV file");
+  replay_command->add_option("--poses", command.poses, "write the tracked camera's poses to this file, as TUM text");
   replay_command->add_option("--pictures", command.pictures,
                              "draw every view of every frame set, and the track, into this folder");
   replay_command->add_option("--pictures-every", command.pictures_every, "only every so many-th frame set")
@@ -187,6 +189,7 @@ int main(int argc, char** argv) {
   CLI::App* run_command = app.add_subcommand("run", "track with the live cameras of the configuration");
   run_command->add_option("config", config_file, "huetrackd.yaml")->required();
   run_command->add_option("--tracks", live.tracks, "write the tracks to this CSV file");
+  run_command->add_option("--poses", live.poses, "write the tracked camera's poses to this file, as TUM text");
   run_command->add_flag("--no-dds", live.no_dds, "do not publish");
 
   CLI::App* record_command = app.add_subcommand("record", "record the live cameras of the configuration");

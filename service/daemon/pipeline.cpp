@@ -117,6 +117,8 @@ Pipeline::Pipeline(const CameraRig& rig, std::vector<std::unique_ptr<FrameSource
       outputs_(std::move(outputs)),
       frame_sets_(options_.queue_capacity, options_.when_full),
       pictures_(options_.queue_capacity, WhenFull::wait),
+      camera_frames_(options_.queue_capacity, options_.when_full),
+      camera_pictures_(options_.queue_capacity, WhenFull::wait),
       synchronizer_(options_.frame_sets),
       size_checked_(rig.cameras.size(), false) {
   figures_.cameras.resize(rig.cameras.size());
@@ -128,9 +130,15 @@ void Pipeline::run(std::stop_token stop) {
   const std::stop_callback forward(stop, [this] {
     stop_.request_stop();
     pictures_.abandon();  // a picture takes long: those that are not drawn yet would hold up the end
+    camera_pictures_.abandon();
   });
   std::jthread drawing([this] { guarded([this] { draw(); }); });
   std::jthread tracking([this] { guarded([this] { track(); }); });
+  std::jthread camera_drawing, camera_tracking;
+  if (camera_tracker_) {
+    camera_drawing = std::jthread([this] { guarded([this] { draw_camera(); }); });
+    camera_tracking = std::jthread([this] { guarded([this] { track_camera_frames(); }); });
+  }
   {
     std::vector<std::jthread> capturing;
     for (auto& source : sources_) {
@@ -144,9 +152,13 @@ void Pipeline::run(std::stop_token stop) {
     figures_.frame_sets = synchronizer_.counters();
   }
   frame_sets_.close();
+  camera_frames_.close();
   tracking.join();
+  if (camera_tracking.joinable()) camera_tracking.join();
   pictures_.close();
+  camera_pictures_.close();
   drawing.join();
+  if (camera_drawing.joinable()) camera_drawing.join();
   const std::scoped_lock lock(figures_mutex_);
   if (error_) std::rethrow_exception(error_);
 }
@@ -155,6 +167,7 @@ PipelineFigures Pipeline::figures() const {
   const std::scoped_lock lock(figures_mutex_);
   PipelineFigures figures = figures_;
   figures.sets_dropped = frame_sets_.dropped();
+  figures.camera_frames_dropped = camera_frames_.dropped();
   return figures;
 }
 
@@ -170,6 +183,8 @@ void Pipeline::guarded(F&& thread_body) {
     stop_.request_stop();
     frame_sets_.abandon();
     pictures_.abandon();
+    camera_frames_.abandon();
+    camera_pictures_.abandon();
   }
 }
 
@@ -223,6 +238,8 @@ void Pipeline::receive(Frame frame) {
   }
   frame.arrival = ++arrivals_;
   if (outputs_.frames) outputs_.frames(frame, received_at);
+  if (frame.camera == tracked_camera_ && frame.status == FrameStatus::ok)
+    camera_frames_.push({frame, received_at});  // the image is shared, not copied
   const Stopwatch watch;
   auto sets = synchronizer_.push(std::move(frame));
   {
@@ -253,7 +270,10 @@ void Pipeline::track() {
     }
     if (auto ready = frame_sets_.pop_for(std::max<Clock::duration>(next_status - Clock::now(), 0ns))) {
       take_replacements();
-      const StageTime tracked = team.update(ready->set, estimates);
+      // Object tracking is for still cameras: a camera that moves is absent from its sets.
+      FrameSet of_still_cameras = ready->set;  // images are shared
+      if (tracked_camera_ >= 0) of_still_cameras.frames.at(std::size_t(tracked_camera_)).reset();
+      const StageTime tracked = team.update(of_still_cameras, estimates);
       const Stopwatch watch;
       if (outputs_.estimates) outputs_.estimates(ready->set, estimates, ready->received_at);
       if (outputs_.view_wanted && outputs_.view_wanted()) outputs_.view(picture_of(ready->set, estimates));
@@ -306,6 +326,38 @@ void Pipeline::take_replacements() {
   const std::scoped_lock lock(replacements_mutex_);
   for (auto& [target, tracker] : replacements_) trackers_.at(target) = std::move(tracker);
   replacements_.clear();
+}
+
+void Pipeline::track_camera(int camera, std::unique_ptr<CameraTracker> tracker) {
+  tracked_camera_ = camera;
+  camera_tracker_ = std::move(tracker);
+}
+
+void Pipeline::track_camera_frames() {
+  while (auto ready = camera_frames_.pop()) {
+    const Stopwatch watch;
+    const CameraEstimate estimate = camera_tracker_->update(ready->frame);
+    const StageTime tracked = watch.lap();
+    if (outputs_.camera_poses) outputs_.camera_poses(estimate, ready->received_at);
+    std::uint64_t index = 0;
+    {
+      const std::scoped_lock lock(figures_mutex_);
+      figures_.camera_track += tracked;
+      index = figures_.camera_frames_tracked++;
+    }
+    if (outputs_.camera_pictures && index % std::uint64_t(options_.pictures_every) == 0)
+      camera_pictures_.push({std::move(ready->frame), estimate, camera_tracker_->view()});
+  }
+}
+
+void Pipeline::draw_camera() {
+  while (auto job = camera_pictures_.pop()) {
+    const Stopwatch watch;
+    outputs_.camera_pictures(*job);
+    const StageTime lap = watch.lap();
+    const std::scoped_lock lock(figures_mutex_);
+    figures_.draw += lap;
+  }
 }
 
 void Pipeline::draw() {

@@ -2,6 +2,7 @@
 //
 //   capture threads (one per source)      tracking thread                              picture thread
 //   source -> [pace] -> synchroniser -> queue -> trackers (+ workers) -> estimates out -> queue -> pictures out
+//                    `-> queue -> camera tracker -> poses out            (camera thread) -> queue -> pictures out
 //
 // Nothing calls back up. Stopping goes from upstream down: the sources end, the queue closes, tracking drains it.
 #pragma once
@@ -19,6 +20,7 @@
 #include <vector>
 
 #include "calib/model/camera_rig.h"
+#include "camera_tracking/camera_tracker.h"
 #include "capture/frame_source.h"
 #include "capture/frame_synchronizer.h"
 #include "daemon/bounded_queue.h"
@@ -49,6 +51,9 @@ struct PipelineFigures {
   std::uint64_t sets_tracked = 0;
   std::uint64_t sets_dropped = 0;  // by the queue, because tracking was too slow
   StageTime decode, synchronise, track, publish, draw;
+  std::uint64_t camera_frames_tracked = 0;
+  std::uint64_t camera_frames_dropped = 0;  // by the queue, because camera tracking was too slow
+  StageTime camera_track;
   std::vector<SearchFindings> searches;  // per target, about once a second and at the end
   StageTime track_first;  // part of track: the first set, for which the trackers build colour tables
   std::chrono::steady_clock::time_point tracking_round{};  // when the tracking thread last came round: once a second
@@ -76,6 +81,13 @@ struct PictureJob {
   std::vector<std::vector<Eigen::Vector3f>> particles;  // per target
 };
 
+// The same of one frame of a tracked camera.
+struct CameraPictureJob {
+  Frame frame;
+  CameraEstimate estimate;
+  CameraTrackerView view;
+};
+
 // Where the results go; an empty function is left out. An exception out of one of them stops the pipeline and comes out
 // of run(). Each is called from one thread only.
 struct PipelineOutputs {
@@ -85,6 +97,10 @@ struct PipelineOutputs {
   std::function<void(const PipelineFigures&)> status;
   // Picture thread. It may be slow: replay waits for it, the estimates of the same set are out before.
   std::function<void(const PictureJob&)> pictures;
+  // Camera thread: a pose per frame of the tracked camera. received_at: UNIX time.
+  std::function<void(const CameraEstimate&, Timestamp received_at)> camera_poses = nullptr;
+  // Camera picture thread; every options.pictures_every-th frame.
+  std::function<void(const CameraPictureJob&)> camera_pictures = nullptr;
   // Tracking thread, after `estimates`: whether a picture of this set is wanted by who watches, and then the set. Both must
   // be quick: they are on the road.
   std::function<bool()> view_wanted = nullptr;
@@ -107,6 +123,10 @@ class Pipeline {
   // throws what an output or a source threw, or std::runtime_error when a camera's frames have not the rig's size.
   void run(std::stop_token stop);
 
+  // Call it before run(): frames of this camera of the rig go to the tracker, too, whatever frame sets they are in.
+  void track_camera(int camera, std::unique_ptr<CameraTracker> tracker);
+  const CameraTracker* camera_tracker() const { return camera_tracker_.get(); }   // when run() is over
+
   PipelineFigures figures() const;  // thread-safe
 
   // From the next set on these take the place of the trackers of those targets (indices). No set is lost. thread-safe.
@@ -125,6 +145,8 @@ class Pipeline {
   void note_searches();
   void take_replacements();
   void draw();
+  void track_camera_frames();
+  void draw_camera();
   template <typename F>
   void guarded(F&& thread_body);  // an exception stops everything
 
@@ -136,6 +158,15 @@ class Pipeline {
   std::stop_source stop_;
   BoundedQueue<ReadySet> frame_sets_;
   BoundedQueue<PictureJob> pictures_;
+
+  struct ReadyFrame {
+    Frame frame;
+    Timestamp received_at;
+  };
+  int tracked_camera_ = -1;
+  std::unique_ptr<CameraTracker> camera_tracker_;  // the camera thread's while it runs
+  BoundedQueue<ReadyFrame> camera_frames_;
+  BoundedQueue<CameraPictureJob> camera_pictures_;
 
   std::mutex synchronizer_mutex_;   // held while sets go into the queue too, which keeps their order
   FrameSynchronizer synchronizer_;  // guarded by synchronizer_mutex_

@@ -10,7 +10,9 @@
 
 #include "capture/recording.h"
 #include "capture/replay_source.h"
+#include "daemon/camera_pictures.h"
 #include "daemon/pictures.h"
+#include "daemon/pose_file.h"
 #include "daemon/progress_bar.h"
 #include "daemon/service_config.h"
 #include "daemon/service_manager.h"
@@ -105,6 +107,10 @@ ReplaySummary replay(const ReplayCommand& command, std::stop_token stop) {
   set_log_level(config.log_level);
   for (const auto& warning : warnings_of(config)) spdlog::warn("{}: {}", config.file.string(), warning);
 
+  const bool tracks_camera = !config.camera_tracking.camera.empty();
+  if (!command.poses.empty() && !tracks_camera)
+    throw std::runtime_error("--poses needs a camera to track: give camera_tracking in " + config.file.string());
+
   // Everything that may be wrong with the user's files is found before anything is written.
   const Recording recording = read_recording(command.recording);
   std::vector<std::string> camera_names;
@@ -129,10 +135,22 @@ ReplaySummary replay(const ReplayCommand& command, std::stop_token stop) {
     tallies.emplace_back(target.name, truth ? &*truth : nullptr);
   }
 
+  int tracked_camera = -1;
+  std::unique_ptr<CameraTracker> camera_tracker;
+  if (tracks_camera) {
+    tracked_camera = config.rig.index_of(config.camera_tracking.camera).value();
+    camera_tracker =
+        CameraTracker::make(config.rig.cameras[std::size_t(tracked_camera)], tracker_options(config.camera_tracking));
+  }
+
+  std::optional<PoseFileWriter> poses;
+  if (!command.poses.empty()) poses.emplace(command.poses);
   std::optional<TrackCsvWriter> csv;
   if (!command.tracks.empty()) csv.emplace(command.tracks);
   std::optional<PictureWriter> pictures;
-  if (!command.pictures.empty()) pictures.emplace(config, command.pictures);
+  if (!command.pictures.empty() && !config.targets.empty()) pictures.emplace(config, command.pictures);
+  std::optional<CameraPictureWriter> camera_pictures;
+  if (!command.pictures.empty() && tracks_camera) camera_pictures.emplace(config, command.pictures);
   std::optional<EstimatePublisher> publisher;
   if (config.dds.enabled && !command.no_dds) {
     publisher.emplace(config.dds.publisher);
@@ -185,6 +203,19 @@ ReplaySummary replay(const ReplayCommand& command, std::stop_token stop) {
       publisher->publish_status(status);
     };
   }
+  std::vector<CameraEstimate> way;  // only for the picture of the map
+  if (tracks_camera) {
+    summary.camera.emplace().name = config.camera_tracking.camera;
+    outputs.camera_poses = [&](const CameraEstimate& estimate, Timestamp received_at) {
+      if (publisher) publisher->publish(estimate, estimate.at + summary.clock_offset, received_at);
+      if (poses) poses->write(estimate);
+      ++summary.camera->frames[estimate.state];
+      if (estimate.has_pose() && !summary.camera->first_pose_frame)
+        summary.camera->first_pose_frame = estimate.frame_number;
+      if (camera_pictures) way.push_back(estimate);
+    };
+    if (camera_pictures) outputs.camera_pictures = [&](const CameraPictureJob& job) { camera_pictures->write(job); };
+  }
   std::optional<ViewServer> view;
   if (publisher) {
     view.emplace(config, ViewServerOptions{.keeps_frames = true});
@@ -209,7 +240,11 @@ ReplaySummary replay(const ReplayCommand& command, std::stop_token stop) {
   sources.push_back(std::move(owned_source));
   Pipeline pipeline(config.rig, std::move(sources), std::move(trackers), options, std::move(outputs));
   running = &pipeline;
+  if (camera_tracker) pipeline.track_camera(tracked_camera, std::move(camera_tracker));
   pipeline.run(stop);
+  if (poses) poses->flush();
+  if (tracks_camera && !config.camera_tracking.save_map.empty())
+    pipeline.camera_tracker()->save_map(config.camera_tracking.save_map);
   if (csv) csv->flush();
   progress.clear();
 
@@ -239,6 +274,11 @@ ReplaySummary replay(const ReplayCommand& command, std::stop_token stop) {
     pictures->write("track_3d.png",
                     draw_track_3d(config, "Track in 3-D: " + shown_name(recording), tracks, truth ? &*truth : nullptr));
     summary.pictures = pictures->written() + 1;
+  }
+  if (camera_pictures) {
+    camera_pictures->finish("The way of " + config.camera_tracking.camera + ": " + shown_name(recording), way,
+                            pipeline.camera_tracker()->view());
+    summary.pictures += camera_pictures->written();
   }
   return summary;
 }
@@ -296,6 +336,22 @@ std::string to_text(const ReplaySummary& s, const ReplayCommand& command) {
     if (target.truth) text += "          " + to_text(*target.truth) + "\n";
   }
 
+  if (s.camera) {
+    std::uint64_t all = 0;
+    for (const auto& [_, count] : s.camera->frames) all += count;
+    line("  %-7s ", s.camera->name.c_str());
+    if (s.camera->first_pose_frame) {
+      line("pose from frame %llu on;", static_cast<unsigned long long>(*s.camera->first_pose_frame));
+    } else {
+      line("never a pose;");
+    }
+    for (const auto& [state, count] : s.camera->frames)
+      line(" %s %.1f %%", std::string(name(state)).c_str(), 100.0 * double(count) / double(all));
+    line("; %.2f ms per frame (CPU %.2f)\n", all > 0 ? 1e3 * seconds(f.camera_track.wall) / double(all) : 0,
+         all > 0 ? 1e3 * seconds(f.camera_track.cpu) / double(all) : 0);
+  }
+
+  if (!command.poses.empty()) text += "  poses   " + command.poses.string() + "\n";
   if (!command.tracks.empty()) text += "  tracks  " + command.tracks.string() + "\n";
   if (s.pictures > 0) {
     text += "  pictures " + std::to_string(s.pictures) + " in " + command.pictures.string() + "\n";

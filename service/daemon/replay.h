@@ -34,6 +34,7 @@ struct ReplayCommand {
   double wait_for_subscriber_s = 0;    // at most so long before the first frame; only with DDS
   std::optional<int> threads;          // instead of the configuration's
   std::filesystem::path tracks;        // CSV; empty: none
+  std::filesystem::path poses;         // TUM file of the tracked camera's poses; empty: none
   std::filesystem::path pictures;      // folder; empty: none
   int pictures_every = 1;              // >= 1
   std::filesystem::path truth;         // CSV, see Truth; empty: none
@@ -49,6 +50,12 @@ struct TargetSummary {
   std::string advice;                               // when it was never tracked: what to try
 };
 
+struct CameraSummary {
+  std::string name;
+  std::map<CameraState, std::uint64_t> frames;        // per state
+  std::optional<std::uint64_t> first_pose_frame;      // from 0
+};
+
 struct ReplaySummary {
   PipelineFigures figures;
   bool stopped = false;  // before the end
@@ -58,6 +65,7 @@ struct ReplaySummary {
   double recorded_s = 0;                 // the part that was played
   double wall_s = 0;                     // until the last estimate was out; pictures may take longer
   std::vector<TargetSummary> targets;
+  std::optional<CameraSummary> camera;   // the tracked one
   std::uint64_t published = 0;  // DDS samples written
   std::uint64_t publish_failures = 0;
   std::string bus;           // where to; empty: no DDS

@@ -32,6 +32,10 @@ constexpr std::pair<std::string_view, CaptureFormat> format_words[] = {{"yuyv", 
                                                                        {"grey", CaptureFormat::grey}};
 constexpr std::pair<std::string_view, RawStorage> raw_storage_words[] = {{"uncompressed", RawStorage::uncompressed},
                                                                          {"huffyuv", RawStorage::huffyuv}};
+constexpr std::pair<std::string_view, CameraMethod> camera_method_words[] = {{"huetrack", CameraMethod::huetrack},
+                                                                             {"pupilli", CameraMethod::pupilli},
+                                                                             {"lee", CameraMethod::lee},
+                                                                             {"herranz", CameraMethod::herranz}};
 constexpr Range share{.min = 0, .max = 1};
 constexpr Range degrees{.min = 0, .max = 360};
 constexpr Range at_least_one{.min = 1, .max = 1e6};
@@ -73,6 +77,29 @@ void describe_object_tracking(Io& io, Options& o) {
             "huetrack only: less sure of the position than this is coasting, metres");
   io.number("coast_s", o.coast_s, positive, "coasting for longer than this is lost, seconds");
   io.number("max_coast_sigma_m", o.max_coast_sigma_m, positive, "less sure of the position than this is lost, metres");
+}
+
+template <typename Io, typename Tracking>
+void describe_camera_tracking(Io& io, Tracking& t) {
+  io.text_or("camera", "none", t.camera, "whose pose is tracked, named as in the rig; none");
+  io.choice("method", t.method, Words<CameraMethod>(camera_method_words),
+            "huetrack (ours), or pupilli, lee, herranz (as in their papers)");
+  io.integer_or("particle_count", "auto", t.particle_count, at_least_one, "auto: the method's own");
+  io.integer("seed", t.seed, Range{.min = 0, .max = 9e15}, "same seed, recording and configuration: the same poses");
+  io.path_or("load_map", "none", t.load_map, "a map that was saved: the camera is found in it");
+  io.folder_or("save_map", "none", t.save_map, "where the map is written at the end");
+  io.group("start", "what the first pose is known from: exactly one of rectangle, points, board, leds", [&](auto& in) {
+    const std::vector<CsvColumn> xyz{{"X", "x"}, {"Y", "y"}, {"Z", "z"}, {"u", "u_frame0"}, {"v", "v_frame0"}};
+    in.table_or("rectangle", t.rectangle, xyz, 3, 5, "4 corners: CSV file, or [[x, y, z], ...]; with u, v: where in frame 0");
+    in.table_or("points", t.points, xyz, 5, 5, "known points in frame 0: CSV file, or [[x, y, z, u, v], ...]");
+    in.path_or("board", "none", t.board, "a board file (calib/README.md): found by itself in the view");
+    in.table_or("leds", t.leds, {xyz[0], xyz[1], xyz[2]}, 3, 3, "LED positions: CSV file, or [[x, y, z], ...]");
+    in.table_or("led_schedule", t.led_schedule, {{"led", "led"}}, 1, 1,
+                "which LED is lit, per slot (-1: none): CSV file, or [[0], [1], ...]; none: not identified");
+    in.number("led_slot_s", t.led_slot_s, non_negative, "0: a slot is a frame; else its length by capture time, seconds");
+    in.point("led_room_min", t.led_room_min, "[x, y, z]: where the camera may be, metres");
+    in.point("led_room_max", t.led_room_max, "[x, y, z]");
+  });
 }
 
 template <typename Io, typename Camera>
@@ -127,6 +154,8 @@ void describe(Io& io, Config& config) {
       describe_color(color, range, Need::optional);
     });
   });
+  io.group("camera_tracking", "the pose of one moving camera",
+           [&](auto& in) { describe_camera_tracking(in, config.camera_tracking); });
   io.named("cameras", config.cameras, "the live cameras, for `run`; names as in the rig",
            [&](auto& in, auto& camera) { describe_camera(in, camera); });
   io.integer_or("quorum", "all", config.quorum, Range{.min = 0, .max = 1000},
@@ -210,6 +239,24 @@ class Reader {
   }
   void boolean(std::string_view key, bool& value, std::string_view) { value = yaml_.boolean(key, value); }
   void text(std::string_view key, std::string& value, std::string_view) { value = yaml_.string(key, value); }
+  void text_or(std::string_view key, const std::string& none, std::string& value, std::string_view) {
+    const std::string given = yaml_.string(key, none);
+    value = given == none ? "" : given;
+  }
+  void table_or(std::string_view key, NumberRows& rows, const std::vector<CsvColumn>& columns, std::size_t min_columns,
+                std::size_t max_columns, std::string_view) {
+    if (!yaml_.has(key)) return;
+    if (yaml_.is_list(key)) {
+      rows = yaml_.table(key, min_columns, max_columns);
+      if (rows.front().size() != min_columns && rows.front().size() != max_columns)
+        yaml_.fail(key, "must have " + std::to_string(min_columns) + " or " + std::to_string(max_columns) + " numbers per row");
+      return;
+    }
+    const std::string given = yaml_.string(key);
+    if (given == "none") return;
+    if (!fs::is_regular_file(resolved(given))) yaml_.fail(key, "there is no file " + resolved(given).string());
+    rows = read_number_rows(resolved(given), columns, min_columns);
+  }
   void strings(std::string_view key, std::vector<std::string>& value, std::string_view) {
     if (yaml_.has(key)) value = yaml_.strings(key);
   }
@@ -342,6 +389,19 @@ class Printer {
   }
   void boolean(std::string_view key, bool value, std::string_view doc) { line(key, value ? "true" : "false", doc); }
   void text(std::string_view key, const std::string& value, std::string_view doc) { line(key, quoted(value), doc); }
+  void text_or(std::string_view key, const std::string& none, const std::string& value, std::string_view doc) {
+    line(key, value.empty() ? none : quoted(value), doc);
+  }
+  void table_or(std::string_view key, const NumberRows& rows, const std::vector<CsvColumn>&, std::size_t, std::size_t,
+                std::string_view doc) {
+    std::vector<std::string> items;
+    for (const auto& row : rows) {
+      std::vector<std::string> numbers;
+      for (const double number : row) numbers.push_back(shortest(number));
+      items.push_back(list_of(numbers));
+    }
+    line(key, rows.empty() ? "none" : list_of(items), doc);
+  }
   void strings(std::string_view key, const std::vector<std::string>& value, std::string_view doc) {
     std::vector<std::string> items;
     for (const auto& item : value) items.push_back(quoted(item));
@@ -458,11 +518,38 @@ class Printer {
 };
 
 // ---------------------------------------------------------------------------------------------------------------------
+void check_camera_tracking(const ServiceConfig& config, const YamlReader& yaml) {
+  const CameraTrackingConfig& tracking = config.camera_tracking;
+  if (tracking.camera.empty()) {
+    if (tracking.starts() > 0) yaml.fail("camera", "is not given: name the camera of the rig that moves");
+    return;
+  }
+  if (!config.rig.index_of(tracking.camera)) {
+    std::vector<std::string> names;
+    std::string list;
+    for (const auto& camera : config.rig.cameras) {
+      list += (names.empty() ? "" : ", ") + camera.name;
+      names.push_back(camera.name);
+    }
+    const auto nearest = nearest_word(tracking.camera, names);
+    yaml.fail("camera", tracking.camera + " is not a camera of the rig, which has " + list +
+                            (nearest ? " (did you mean " + *nearest + "?)" : ""));
+  }
+  if (tracking.starts() != 1)
+    yaml.fail("start", "exactly one of rectangle, points, board and leds must be given, and there are " +
+                           std::to_string(tracking.starts()));
+  for (const auto& row : tracking.led_schedule)
+    if (row[0] != std::floor(row[0])) yaml.map("start").fail("led_schedule", "must hold whole numbers of LEDs, from 0");
+  if (const auto problems = tracker_options(tracking).problems(); !problems.empty()) yaml.fail("", problems.front());
+  if (const auto problems = config.dds.publisher.problems(); !problems.empty()) yaml.fail("camera", problems.front());
+}
+
 // What one key alone cannot tell.
 void check(const ServiceConfig& config, const YamlReader& root) {
-  if (config.targets.empty())
-    root.fail("targets", "at least one target is needed: targets: {ball: {color: {hue_deg: [65, 115]}}}");
-
+  check_camera_tracking(config, root.map_or_empty("camera_tracking"));
+  if (config.targets.empty() && config.camera_tracking.camera.empty())
+    root.fail("targets", "at least one target is needed: targets: {ball: {color: {hue_deg: [65, 115]}}}; or a camera to "
+                         "track, under camera_tracking");
   const Box& volume = config.object_tracking.volume;
   const YamlReader tracking = root.map_or_empty("object_tracking");
   for (int axis = 0; axis < 3; ++axis) {
@@ -473,7 +560,7 @@ void check(const ServiceConfig& config, const YamlReader& root) {
   }
   if (const auto problems = config.object_tracking.problems(); !problems.empty())
     root.fail("object_tracking", problems.front());
-  if (volume_coverage(config.rig, volume).by_one == 0) {
+  if (!config.targets.empty() && volume_coverage(config.rig, volume).by_one == 0) {
     tracking.fail("volume", "no camera of the rig sees any of it: is the volume in the rig's world frame, in metres?");
   }
 
@@ -512,7 +599,7 @@ void check(const ServiceConfig& config, const YamlReader& root) {
   }
 
   const double smallest_side_m = (volume.max - volume.min).minCoeff();
-  const YamlReader targets = root.map("targets");
+  const YamlReader targets = root.map_or_empty("targets");
   for (const auto& target : config.targets) {
     EstimatePublisherOptions topics;  // the name becomes part of theirs
     topics.targets = {target.name};
@@ -567,6 +654,7 @@ ServiceConfig load_service_config(const fs::path& file) {
   config.rig = read_rig(config.rig_file);
   for (const auto& target : config.targets) config.dds.publisher.targets.push_back(target.name);
   for (const auto& camera : config.rig.cameras) config.dds.publisher.cameras.push_back(camera.name);
+  config.dds.publisher.tracked_camera = config.camera_tracking.camera;
   check(config, root);
   return config;
 }
@@ -628,6 +716,7 @@ std::vector<std::string> warnings_of(const ServiceConfig& config) {
         std::ranges::find(config.cameras, camera.name, &LiveCameraConfig::name) == config.cameras.end())
       warnings.push_back("camera " + camera.name + " of the rig is not among the live cameras, and not used by run");
   }
+  if (config.targets.empty()) return warnings;
   const auto coverage = volume_coverage(config.rig, config.object_tracking.volume);
   for (std::size_t c = 0; c < config.rig.cameras.size(); ++c) {
     if (coverage.per_camera[c] == 0)

@@ -10,6 +10,7 @@
 #include "calib/model/camera_rig.h"
 #include "capture/recording_writer.h"
 #include "capture/v4l2_source.h"
+#include "daemon/camera_tracking_config.h"
 #include "object_tracking/object_tracker.h"
 #include "publish/estimate_publisher.h"
 
@@ -64,7 +65,8 @@ struct ServiceConfig {
   std::filesystem::path file;             // absolute
   std::filesystem::path rig_file;         // absolute
   CameraRig rig;                          // what rig_file says
-  std::vector<TargetOptions> targets;     // >= 1, in the order of the file
+  std::vector<TargetOptions> targets;     // in the order of the file; none only where a camera is tracked
+  CameraTrackingConfig camera_tracking;   // of one moving camera of the rig
   std::vector<LiveCameraConfig> cameras;  // for `run`, in the order of the file; empty: replay only
   std::optional<int> quorum;              // 0..cameras: how many must deliver before the service is ready; nullopt: all
   ObjectTrackerOptions object_tracking;   // the same for every target

@@ -13,15 +13,15 @@ using namespace std::chrono_literals;
 constexpr auto stalled_after = 1s;
 constexpr auto shortest_rate_window = 500ms;
 
-CameraStatus::Health health_of(CameraState state) {
+CameraStatus::Health health_of(CaptureState state) {
   switch (state) {
-    case CameraState::waiting:
+    case CaptureState::waiting:
       return CameraStatus::Health::waiting;
-    case CameraState::delivering:
+    case CaptureState::delivering:
       return CameraStatus::Health::delivering;
-    case CameraState::stalled:
+    case CaptureState::stalled:
       return CameraStatus::Health::stalled;
-    case CameraState::absent:
+    case CaptureState::absent:
       break;
   }
   return CameraStatus::Health::absent;
@@ -81,7 +81,7 @@ ServiceStatus StatusReporter::report(const PipelineFigures& figures, std::chrono
       out.health = said ? health_of(said->state) : CameraStatus::Health::absent;
       if (!said) {
         out.message = "not used: it is not among the cameras of the configuration";
-      } else if (said->state != CameraState::delivering) {
+      } else if (said->state != CaptureState::delivering) {
         out.message = said->message.empty() ? "no frame yet" : said->message;
       }
     } else if (camera.ended) {
@@ -98,6 +98,9 @@ ServiceStatus StatusReporter::report(const PipelineFigures& figures, std::chrono
       out.health = CameraStatus::Health::delivering;
     }
   }
+  if (figures.camera_frames_dropped > 0)
+    status.warnings.push_back("camera tracking is too slow: " + std::to_string(figures.camera_frames_dropped) +
+                              " frames gave no pose; a smaller camera_tracking.particle_count may help");
   constexpr std::size_t long_search = 60;   // sets
   for (std::size_t t = 0; t < std::min(targets_.size(), figures.searches.size()); ++t) {
     if (figures.searches[t].sets < long_search) continue;

@@ -39,6 +39,11 @@ static_assert(static_cast<std::uint32_t>(CameraStatus::Health::waiting) == msg::
               static_cast<std::uint32_t>(CameraStatus::Health::absent) == msg::CAMERA_HEALTH_ABSENT &&
               static_cast<std::uint32_t>(CameraStatus::Health::ended) == msg::CAMERA_HEALTH_ENDED);
 
+static_assert(static_cast<std::uint32_t>(CameraState::searching) == msg::CAMERA_STATE_SEARCHING &&
+              static_cast<std::uint32_t>(CameraState::tracking) == msg::CAMERA_STATE_TRACKING &&
+              static_cast<std::uint32_t>(CameraState::coasting) == msg::CAMERA_STATE_COASTING &&
+              static_cast<std::uint32_t>(CameraState::lost) == msg::CAMERA_STATE_LOST);
+
 std::array<double, 3> array_of(const Eigen::Vector3d& v) {
   return {v.x(), v.y(), v.z()};
 }
@@ -72,6 +77,29 @@ void fill(msg::ObjectPosition& sample, const ObjectEstimate& estimate, Timestamp
     out.support(view.support);
     out.residual_px(view.residual_px);
   }
+}
+
+void fill(msg::CameraPose& sample, const CameraEstimate& estimate, Timestamp captured, Timestamp received) {
+  sample.captured_at(unix_ns(captured));
+  sample.received_at(unix_ns(received));
+  sample.frame_number(estimate.frame_number);
+  sample.state(static_cast<msg::CameraState>(estimate.state));
+  const bool valid = estimate.has_pose();
+  const double none = std::numeric_limits<double>::quiet_NaN();
+  sample.position(array_of(valid ? estimate.world_from_camera.translation : Eigen::Vector3d::Constant(none)));
+  const auto& q = estimate.world_from_camera.rotation;
+  if (valid)
+    sample.orientation({q.x(), q.y(), q.z(), q.w()});
+  else
+    sample.orientation({none, none, none, none});
+  for (Eigen::Index i = 0; i < 36; ++i)
+    sample.covariance()[static_cast<std::size_t>(i)] = valid ? estimate.covariance(i / 6, i % 6) : none;
+  sample.features_in_view(static_cast<std::uint32_t>(estimate.features_in_view));
+  sample.features_matched(static_cast<std::uint32_t>(estimate.features_matched));
+  sample.map_points(static_cast<std::uint32_t>(estimate.map_points));
+  sample.confidence(estimate.confidence);
+  sample.particle_count(static_cast<std::uint32_t>(estimate.particle_count));
+  sample.effective_sample_size(estimate.effective_sample_size);
 }
 
 void fill(msg::ServiceStatus& sample, const ServiceStatus& status) {
@@ -157,18 +185,29 @@ struct Connection {
                                            object_position_writer_qos(), rivals.self().user_data())),
         status(participant.create_writer(topics::status, dds::TypeSupport(new msg::ServiceStatusPubSubType),
                                          status_writer_qos(), rivals.self().user_data())) {
+    if (!options.tracked_camera.empty())
+      camera = &participant.create_writer(topics::camera_pose, dds::TypeSupport(new msg::CameraPosePubSubType),
+                                          object_position_writer_qos(),
+                                          PublisherIdentity::of_this_process({options.tracked_camera}).user_data());
     if (!options.ros2) return;
     using PoseType = geometry_msgs::msg::dds_::PoseWithCovarianceStamped_PubSubType;
     using TfType = tf2_msgs::msg::dds_::TFMessage_PubSubType;
     for (const std::string& name : options.targets)
       poses.push_back(&participant.create_writer(topics::ros2_pose(name), dds::TypeSupport(new PoseType),
                                                  ros2_writer_qos(), ros2_user_data(ros2_pose_type_hash)));
+    if (!options.tracked_camera.empty())
+      ros_camera = &participant.create_writer(topics::ros2_camera_pose(options.tracked_camera),
+                                              dds::TypeSupport(new PoseType), ros2_writer_qos(),
+                                              ros2_user_data(ros2_pose_type_hash));
     tf = &participant.create_writer(topics::ros2_tf, dds::TypeSupport(new TfType), ros2_writer_qos(),
                                     ros2_user_data(ros2_tf_type_hash));
   }
 
   // Lets the last samples arrive.
-  ~Connection() { position.wait_for_acknowledgments(eprosima::fastrtps::Duration_t(0, 500'000'000)); }
+  ~Connection() {
+    position.wait_for_acknowledgments(eprosima::fastrtps::Duration_t(0, 500'000'000));
+    if (camera != nullptr) camera->wait_for_acknowledgments(eprosima::fastrtps::Duration_t(0, 500'000'000));
+  }
   Connection(const Connection&) = delete;
   Connection& operator=(const Connection&) = delete;
 
@@ -177,6 +216,8 @@ struct Connection {
   dds::DataWriter& status;
   std::vector<dds::DataWriter*> poses;  // by target; empty without ROS 2
   dds::DataWriter* tf = nullptr;        // null without ROS 2
+  dds::DataWriter* camera = nullptr;    // null without a tracked camera
+  dds::DataWriter* ros_camera = nullptr;
 };
 
 }  // namespace
@@ -185,7 +226,12 @@ std::vector<std::string> EstimatePublisherOptions::problems() const {
   std::vector<std::string> sentences;
   if (frame_id.empty() || frame_id.front() == '/')
     sentences.push_back("frame_id \"" + frame_id + "\" must not be empty nor begin with '/'");
-  if (targets.empty()) sentences.push_back("there must be at least one target");
+  if (targets.empty() && tracked_camera.empty()) sentences.push_back("there must be at least one target or a tracked camera");
+  if (!tracked_camera.empty() && !is_target_name(tracked_camera))
+    sentences.push_back("camera \"" + tracked_camera +
+                        "\" must be a letter, then letters, digits and single '_': it is part of a ROS 2 topic's name");
+  if (std::ranges::find(targets, tracked_camera) != targets.end())
+    sentences.push_back("target " + tracked_camera + " has the name of the tracked camera: both are frames of ROS 2's /tf");
   for (const std::string& target : targets)
     if (!is_target_name(target))
       sentences.push_back(
@@ -212,6 +258,7 @@ struct EstimatePublisher::Impl {
       target.position.target(name);
       for (const std::string& camera : options.cameras) target.position.per_view().emplace_back().camera(camera);
     }
+    camera_sample.camera(options.tracked_camera);
     status.host(rivals.self().host);
     status.pid(rivals.self().pid);
     status.frame_id(options.frame_id);
@@ -244,6 +291,9 @@ struct EstimatePublisher::Impl {
   std::unique_ptr<Connection>
       connection;  // guarded by connection_mutex: shared to write to it, exclusive to replace it
   std::vector<Target> targets;
+  msg::CameraPose camera_sample;  // the name in it is set once; as the next two, the camera's thread's
+  geometry_msgs::msg::dds_::PoseWithCovarianceStamped_ camera_pose;
+  tf2_msgs::msg::dds_::TFMessage_ camera_tf;
   msg::ServiceStatus status;  // the names in it are set once
   std::atomic<std::uint64_t> published = 0;
   std::atomic<std::uint64_t> failures = 0;
@@ -284,6 +334,23 @@ bool EstimatePublisher::publish(std::size_t target, const ObjectEstimate& estima
   return impl_->count(ok);
 }
 
+bool EstimatePublisher::publish(const CameraEstimate& estimate, Timestamp captured, Timestamp received) noexcept {
+  assert(!impl_->options.tracked_camera.empty());
+  fill(impl_->camera_sample, estimate, captured, received);
+  const std::shared_lock lock(impl_->connection_mutex);
+  Connection& bus = *impl_->connection;
+  impl_->camera_sample.published_at(unix_ns(std::chrono::system_clock::now()));
+  bool ok = bus.camera->write(&impl_->camera_sample);
+  if (ok) ++impl_->published;
+  if (impl_->options.ros2 && estimate.has_pose()) {
+    to_ros(estimate, captured, impl_->options.frame_id, impl_->camera_pose);
+    to_ros(estimate, captured, impl_->options.frame_id, impl_->options.tracked_camera, impl_->camera_tf);
+    ok = bus.ros_camera->write(&impl_->camera_pose) && ok;
+    ok = bus.tf->write(&impl_->camera_tf) && ok;
+  }
+  return impl_->count(ok);
+}
+
 bool EstimatePublisher::publish_status(const ServiceStatus& status) noexcept {
   if (impl_->connection->participant.network_changed()) impl_->join_anew();  // nobody else replaces it
   fill(impl_->status, status);
@@ -308,7 +375,12 @@ int EstimatePublisher::subscribers() const {
   dds::PublicationMatchedStatus matched;
   const std::shared_lock lock(impl_->connection_mutex);
   impl_->connection->position.get_publication_matched_status(matched);
-  return matched.current_count;
+  int readers = matched.current_count;
+  if (impl_->connection->camera != nullptr) {
+    impl_->connection->camera->get_publication_matched_status(matched);
+    readers += matched.current_count;
+  }
+  return readers;
 }
 
 int EstimatePublisher::domain() const {

@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "camera_tracking/camera_estimate.h"
 #include "capture/frame.h"
 #include "object_tracking/object_estimate.h"
 #include "publish/service_status.h"
@@ -18,7 +19,8 @@ namespace huetrack {
 struct EstimatePublisherOptions {
   std::optional<int> domain;                  // 0..232; nullopt: ROS_DOMAIN_ID, and 0 without it
   std::string frame_id = "world";             // not empty, no leading '/'; the world frame's name on the ROS 2 topics
-  std::vector<std::string> targets;           // at least one; unique; [A-Za-z][A-Za-z0-9_]*
+  std::vector<std::string> targets;           // unique; [A-Za-z][A-Za-z0-9_]*; none only with a tracked camera
+  std::string tracked_camera;                 // whose pose is published, named like a target; empty: none
   std::vector<std::string> cameras;           // names in rig order: per_view[i] is what cameras[i] says
   std::vector<std::string> interfaces;        // use only these, and loopback: names or IPv4 addresses; empty: all
   std::filesystem::path profiles;             // Fast DDS XML profiles; empty: none
@@ -26,7 +28,7 @@ struct EstimatePublisherOptions {
   std::vector<std::string> problems() const;  // empty when valid; one sentence per violated constraint
 };
 
-// thread-safe as far as it is needed: one thread at a time per target, and another for the status.
+// thread-safe as far as it is needed: one thread at a time per target, one for the camera, and another for the status.
 class EstimatePublisher {
  public:
   // throws std::invalid_argument on invalid options, a domain, interface or XML file that is wrong (naming it);
@@ -46,13 +48,16 @@ class EstimatePublisher {
   // false, and counters().failures is one more, when something could not be written.
   bool publish(std::size_t target, const ObjectEstimate& estimate, Timestamp captured, Timestamp received) noexcept;
 
+  // The same for the pose of options.tracked_camera: in every state natively, for ROS 2 while there is a pose.
+  bool publish(const CameraEstimate& estimate, Timestamp captured, Timestamp received) noexcept;
+
   // Host, process id, frame_id and the counters of published samples are added here. Call it about once a second: when
   // the host's network addresses have changed (Wi-Fi or DHCP came up after us), it joins the bus anew, which takes this
   // call 0.1-0.7 s, while publish() on another thread goes on; where that is not possible, warnings() says why.
   bool publish_status(const ServiceStatus& status) noexcept;
 
   struct Counters {
-    std::uint64_t published = 0;  // native position samples written
+    std::uint64_t published = 0;  // native samples written: positions and poses
     std::uint64_t failures = 0;   // calls of publish() and publish_status() that could not write everything
   };
   Counters counters() const;  // any thread
@@ -61,7 +66,7 @@ class EstimatePublisher {
   // one of our targets. Any thread.
   std::vector<std::string> warnings() const;
 
-  // How many readers of the native positions there are. A reader that is not counted yet misses what is written now: a
+  // How many readers of the native positions and poses there are. A reader that is not counted yet misses what is written now: a
   // replay that must not lose its beginning waits for it. Any thread.
   int subscribers() const;
 

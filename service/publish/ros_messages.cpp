@@ -30,6 +30,13 @@ void fill_identity(geometry_msgs::msg::dds_::Quaternion_& q) {
   q.w(1);
 }
 
+void fill(geometry_msgs::msg::dds_::Quaternion_& to, const Eigen::Quaterniond& from) {
+  to.x(from.x());
+  to.y(from.y());
+  to.z(from.z());
+  to.w(from.w());
+}
+
 }  // namespace
 
 void to_ros(const ObjectEstimate& estimate, Timestamp captured, const std::string& frame_id,
@@ -56,6 +63,27 @@ void to_ros(const ObjectEstimate& estimate, Timestamp captured, const std::strin
   transform.child_frame_id(target);
   fill(transform.transform().translation(), estimate.position);
   fill_identity(transform.transform().rotation());
+}
+
+void to_ros(const CameraEstimate& estimate, Timestamp captured, const std::string& frame_id,
+            geometry_msgs::msg::dds_::PoseWithCovarianceStamped_& message) {
+  assert(estimate.has_pose());
+  fill(message.header(), captured, frame_id);
+  fill(message.pose().pose().position(), estimate.world_from_camera.translation);
+  fill(message.pose().pose().orientation(), estimate.world_from_camera.rotation);
+  for (int i = 0; i < 36; ++i)
+    message.pose().covariance()[static_cast<std::size_t>(i)] = estimate.covariance(i / 6, i % 6);
+}
+
+void to_ros(const CameraEstimate& estimate, Timestamp captured, const std::string& frame_id, const std::string& camera,
+            tf2_msgs::msg::dds_::TFMessage_& message) {
+  assert(estimate.has_pose());
+  message.transforms().resize(1);
+  auto& transform = message.transforms().front();
+  fill(transform.header(), captured, frame_id);
+  transform.child_frame_id(camera);
+  fill(transform.transform().translation(), estimate.world_from_camera.translation);
+  fill(transform.transform().rotation(), estimate.world_from_camera.rotation);
 }
 
 }  // namespace huetrack

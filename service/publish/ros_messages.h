@@ -4,6 +4,7 @@
 
 #include <string>
 
+#include "camera_tracking/camera_estimate.h"
 #include "capture/frame.h"
 #include "idl/ros2_messages.h"
 #include "object_tracking/object_estimate.h"
@@ -19,6 +20,13 @@ namespace huetrack {
 void to_ros(const ObjectEstimate& estimate, Timestamp captured, const std::string& frame_id,
             geometry_msgs::msg::dds_::PoseWithCovarianceStamped_& message);
 void to_ros(const ObjectEstimate& estimate, Timestamp captured, const std::string& frame_id, const std::string& target,
+            tf2_msgs::msg::dds_::TFMessage_& message);
+
+// A camera's pose, of its optical frame (x right, y down, z forward); they require estimate.has_pose(). Child frame: the
+// camera's name.
+void to_ros(const CameraEstimate& estimate, Timestamp captured, const std::string& frame_id,
+            geometry_msgs::msg::dds_::PoseWithCovarianceStamped_& message);
+void to_ros(const CameraEstimate& estimate, Timestamp captured, const std::string& frame_id, const std::string& camera,
             tf2_msgs::msg::dds_::TFMessage_& message);
 
 }  // namespace huetrack

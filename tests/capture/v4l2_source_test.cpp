@@ -99,7 +99,7 @@ TEST(V4l2SourceOptions, AnIndexIsNotStable) {
 
 TEST(V4l2Source, AnAbsentCameraIsWaitedForAndSaidOnce) {
   V4l2Source source(options());
-  EXPECT_EQ(source.health().state, CameraState::absent);
+  EXPECT_EQ(source.health().state, CaptureState::absent);
   std::stop_source stop;
   const std::jthread stopper([&] {
     std::this_thread::sleep_for(400ms);

@@ -3,6 +3,8 @@
 #include <gtest/gtest.h>
 #include <stdlib.h>
 
+#include <algorithm>
+#include <array>
 #include <limits>
 
 namespace huetrack::client {
@@ -100,6 +102,40 @@ TEST(SampleFormat, TextIsAlignedWithAndWithoutAPosition) {
             "22:13:20.000  ball    lost       x        -  y        -  z        - m   sigma      -      -      - mm   "
             "views 2/0   confidence 0.97   latency   12.3 + 0.25 ms\n");
   EXPECT_EQ(with.find("latency"), without.find("latency"));
+}
+
+msg::CameraPose pose(bool there) {
+  msg::CameraPose s;
+  s.camera("cam0");
+  s.captured_at(1'700'000'000'000'000'042);
+  s.published_at(1'700'000'000'012'300'042);
+  s.frame_number(7);
+  s.state(there ? msg::CAMERA_STATE_TRACKING : msg::CAMERA_STATE_SEARCHING);
+  s.position(there ? std::array{0.5, -1.25, 2.0} : std::array{nan, nan, nan});
+  s.orientation(there ? std::array{0.0, 0.5, -0.5, 0.25} : std::array{nan, nan, nan, nan});
+  for (std::size_t i = 0; i < 36; ++i) s.covariance()[i] = there ? (i % 7 == 0 ? 3e-6 : 0.125) : nan;
+  s.features_in_view(9);
+  s.features_matched(8);
+  s.confidence(0.875);
+  return s;
+}
+
+TEST(SampleFormat, CameraPoses) {
+  ::setenv("TZ", "UTC", 1);
+  EXPECT_TRUE(camera_header(Format::csv).starts_with("camera,t,x,y,z,qx,qy,qz,qw,c11,c12,c13,c14,c15,c16,c22,"));
+  EXPECT_TRUE(camera_header(Format::csv).ends_with(",c55,c56,c66,state,features_in_view,features_matched,confidence\n"));
+  EXPECT_EQ(line(Format::tum, pose(true), 0, 0), "1700000000.000000042 0.5 -1.25 2 0 0.5 -0.5 0.25\n");
+  EXPECT_EQ(line(Format::tum, pose(false), 0, 0), "");
+  EXPECT_EQ(line(Format::csv, pose(true), 0, 0),
+            "cam0,1700000000.000000042,0.5,-1.25,2,0,0.5,-0.5,0.25,3e-06,0.125,0.125,0.125,0.125,0.125,3e-06,0.125,0.125,0.125,"
+            "0.125,3e-06,0.125,0.125,0.125,3e-06,0.125,0.125,3e-06,0.125,3e-06,tracking,9,8,0.875\n");
+  const std::string commas = camera_header(Format::csv), row = line(Format::csv, pose(true), 0, 0);
+  EXPECT_EQ(std::ranges::count(commas, ','), std::ranges::count(row, ','));
+  EXPECT_NE(line(Format::json, pose(false), 0, 0).find(R"("state":"searching","position":[null,null,null],"orientation":[null,)"),
+            std::string::npos);
+  EXPECT_EQ(line(Format::text, pose(true), received_at, 5),
+            "22:13:20.000  cam0   tracking   x   0.5000  y  -1.2500  z   2.0000 m   q  0.0000  0.5000 -0.5000  0.2500   "
+            "sigma    3.0 mm  0.17 deg   features 8/9   latency   12.3 + 0.25 ms\n");
 }
 
 TEST(SampleFormat, StatusNamesWhatIsWrong) {

@@ -72,7 +72,7 @@ class FakeCamera {
       if (stop.stop_requested()) return std::nullopt;
       ++next_;
       const std::scoped_lock lock(state_->mutex);
-      state_->health.state = CameraState::delivering;
+      state_->health.state = CaptureState::delivering;
       ++state_->health.frames;
       state_->health.last_progress = std::chrono::steady_clock::now();
       return frame;

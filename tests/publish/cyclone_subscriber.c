@@ -68,6 +68,26 @@ static void print_position(const huetrack_msg_ObjectPosition* s) {
   }
 }
 
+static void print_camera(const huetrack_msg_CameraPose* s) {
+  char p[64];
+  snprintf(p, sizeof p, "camera/%d/", (int)s->state);
+  text(p, "camera", s->camera);
+  integer(p, "captured_at", s->captured_at);
+  integer(p, "received_at", s->received_at);
+  integer(p, "published_at", s->published_at);
+  integer(p, "frame_number", (int64_t)s->frame_number);
+  integer(p, "state", (int64_t)s->state);
+  numbers(p, "position", s->position, 3);
+  numbers(p, "orientation", s->orientation, 4);
+  numbers(p, "covariance", s->covariance, 36);
+  integer(p, "features_in_view", s->features_in_view);
+  integer(p, "features_matched", s->features_matched);
+  integer(p, "map_points", s->map_points);
+  number(p, "confidence", s->confidence);
+  integer(p, "particle_count", s->particle_count);
+  number(p, "effective_sample_size", s->effective_sample_size);
+}
+
 static void print_strings(const char* prefix, const char* field, const dds_sequence_string* list) {
   integer(prefix, field, list->_length);
   for (uint32_t i = 0; i < list->_length; ++i) {
@@ -203,6 +223,9 @@ static void any_position(const void* s) {
 static void any_status(const void* s) {
   print_status(s);
 }
+static void any_camera(const void* s) {
+  print_camera(s);
+}
 static void any_pose(const void* s) {
   print_pose(s);
 }
@@ -231,7 +254,13 @@ int main(int argc, char** argv) {
        subscribe(participant, &geometry_msgs_msg_dds__PoseWithCovarianceStamped__desc, pose_topic,
                  DDS_DURABILITY_VOLATILE),
        any_pose, 6, 0, 0},
-      {"tf", subscribe(participant, &tf2_msgs_msg_dds__TFMessage__desc, "rt/tf", DDS_DURABILITY_VOLATILE), any_tf, 6, 0,
+      {"camera", subscribe(participant, &huetrack_msg_CameraPose_desc, "huetrack/camera_pose", DDS_DURABILITY_VOLATILE),
+       any_camera, 12, 0, 0},
+      {"camera_ros",
+       subscribe(participant, &geometry_msgs_msg_dds__PoseWithCovarianceStamped__desc, "rt/huetrack/camera/hand/pose",
+                 DDS_DURABILITY_VOLATILE),
+       any_pose, 6, 0, 0},
+      {"tf", subscribe(participant, &tf2_msgs_msg_dds__TFMessage__desc, "rt/tf", DDS_DURABILITY_VOLATILE), any_tf, 12, 0,
        0},
   };
   const int topic_count = (int)(sizeof topics / sizeof topics[0]);

@@ -387,7 +387,9 @@ TEST(EstimatePublisher, WrongOptionsAreNamed) {
   };
   EXPECT_THAT(refusal([](auto& o) { o.targets = {"my ball"}; }), HasSubstr("my ball"));
   EXPECT_THAT(refusal([](auto& o) { o.targets = {"a", "a"}; }), HasSubstr("same name"));
-  EXPECT_THAT(refusal([](auto& o) { o.targets.clear(); }), HasSubstr("at least one target"));
+  EXPECT_THAT(refusal([](auto& o) { o.targets.clear(), o.tracked_camera.clear(); }), HasSubstr("at least one target"));
+  EXPECT_THAT(refusal([](auto& o) { o.tracked_camera = o.targets[0]; }), HasSubstr("has the name of the tracked camera"));
+  EXPECT_THAT(refusal([](auto& o) { o.tracked_camera = "cam.0"; }), HasSubstr("camera \"cam.0\" must be a letter"));
   EXPECT_THAT(refusal([](auto& o) { o.frame_id = "/world"; }), HasSubstr("/world"));
   EXPECT_THAT(refusal([](auto& o) { o.domain = 1000; }), HasSubstr("1000"));
   EXPECT_THAT(refusal([](auto& o) { o.profiles = "/nowhere.xml"; }), HasSubstr("/nowhere.xml"));

@@ -7,6 +7,7 @@
 #include <array>
 #include <chrono>
 
+#include "camera_tracking/camera_estimate.h"
 #include "capture/frame.h"
 #include "object_tracking/object_estimate.h"
 #include "publish/estimate_publisher.h"
@@ -26,6 +27,7 @@ inline EstimatePublisherOptions known_options(int domain) {
   EstimatePublisherOptions options;
   options.domain = domain;
   options.targets = {"ball", "wand"};
+  options.tracked_camera = "hand";
   options.cameras = {"left", "rechts_\xC3\xBC"};  // a name in UTF-8
   return options;
 }
@@ -55,6 +57,27 @@ inline ObjectEstimate known_estimate(TrackState state) {
   e.per_view.resize(2);
   e.per_view[0] = {true, true, true, {100.25F, 50.5F}, 12.5F, 0.75F, 0.375F};
   e.per_view[1] = {true, false, false, {-3.5F, 7.25F}, 11.5F, 0.0625F, 0.0F};
+  return e;
+}
+
+// As above; states go by number as a target's do.
+inline constexpr std::array camera_states{CameraState::searching, CameraState::tracking, CameraState::coasting, CameraState::lost};
+
+inline CameraEstimate known_pose(CameraState state) {
+  const int n = static_cast<int>(state);
+  CameraEstimate e;
+  e.at = Timestamp(std::chrono::nanoseconds(1'700'000'010'023'456'789 + 100'000'000 * n));
+  e.frame_number = 2000 + static_cast<unsigned>(n);
+  e.state = state;
+  e.world_from_camera = {Eigen::Quaterniond(0.5, -0.1, 0.7, 0.5), {0.5 + n, 1.25, -2.75}};
+  for (int row = 0; row < 6; ++row)
+    for (int column = 0; column < 6; ++column) e.covariance(row, column) = 1e-4 * (1 + row + column) + (row == column ? 0.01 : 0);
+  e.features_in_view = 41;
+  e.features_matched = 37;
+  e.map_points = 123;
+  e.confidence = 0.8125;
+  e.particle_count = 300 + n;
+  e.effective_sample_size = 77.5;
   return e;
 }
 

@@ -106,6 +106,45 @@ Fields expected_status(pid_t publisher) {
   return f;
 }
 
+Fields expected_camera(CameraState state) {
+  const CameraEstimate e = known_pose(state);
+  const std::string path = fmt::format("camera/{}/", static_cast<int>(state));
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  const auto value = [&](double v) { return e.has_pose() ? v : nan; };
+  const auto ns = e.at.time_since_epoch().count();
+  Fields f;
+  f[path + "camera"] = "hand";
+  f[path + "captured_at"] = std::to_string(ns);
+  f[path + "received_at"] = std::to_string(ns + 3'000'000);
+  f[path + "frame_number"] = std::to_string(e.frame_number);
+  f[path + "state"] = std::to_string(static_cast<int>(state));
+  const auto& t = e.world_from_camera.translation;
+  const auto& q = e.world_from_camera.rotation;
+  add(f, path + "position", std::array{value(t.x()), value(t.y()), value(t.z())});
+  add(f, path + "orientation", std::array{value(q.x()), value(q.y()), value(q.z()), value(q.w())});
+  std::vector<double> covariance;
+  for (int i = 0; i < 36; ++i) covariance.push_back(value(e.covariance(i / 6, i % 6)));
+  add(f, path + "covariance", covariance);
+  f[path + "features_in_view"] = std::to_string(e.features_in_view);
+  f[path + "features_matched"] = std::to_string(e.features_matched);
+  f[path + "map_points"] = std::to_string(e.map_points);
+  f[path + "confidence"] = text(e.confidence);
+  f[path + "particle_count"] = std::to_string(e.particle_count);
+  f[path + "effective_sample_size"] = text(e.effective_sample_size);
+  if (!e.has_pose()) return f;  // and no ROS message
+  const std::string stamp = fmt::format("{}.{:09}/", ns / 1'000'000'000, ns % 1'000'000'000);
+  for (const auto& [topic, position, orientation] :
+       {std::tuple{"pose/", "position", "orientation"}, {"tf/", "translation", "rotation"}}) {
+    f[topic + stamp + "frame_id"] = "world";
+    add(f, topic + stamp + position, std::array{t.x(), t.y(), t.z()});
+    add(f, topic + stamp + orientation, std::array{q.x(), q.y(), q.z(), q.w()});
+  }
+  add(f, "pose/" + stamp + "covariance", covariance);
+  f["tf/" + stamp + "transforms"] = "1";
+  f["tf/" + stamp + "child_frame_id"] = "hand";
+  return f;
+}
+
 Fields expected_ros(TrackState state) {
   const ObjectEstimate e = known_estimate(state);
   const auto ns = captured_at(state).time_since_epoch().count();
@@ -158,18 +197,30 @@ TEST(SecondVendor, CycloneSeesEveryFieldOfEveryTopic) {
     const auto now = std::chrono::system_clock::now().time_since_epoch() / 1ns;
     EXPECT_NEAR(std::stod(published.mapped()), static_cast<double>(now), 30e9);
   }
+  for (const CameraState state : camera_states) {
+    expected.merge(expected_camera(state));
+    const auto published = got.extract(fmt::format("camera/{}/published_at", static_cast<int>(state)));
+    ASSERT_FALSE(published.empty());
+    EXPECT_NEAR(std::stod(published.mapped()),
+                static_cast<double>(std::chrono::system_clock::now().time_since_epoch() / 1ns), 30e9);
+  }
   const auto count = got.extract("status/published");
   ASSERT_FALSE(count.empty());
   EXPECT_LT(std::stoul(count.mapped()), 1000U);
   expected["position/type"] = "huetrack::msg::ObjectPosition";
   expected["status/type"] = "huetrack::msg::ServiceStatus";
   expected["pose/type"] = "geometry_msgs::msg::dds_::PoseWithCovarianceStamped_";
+  expected["camera/type"] = "huetrack::msg::CameraPose";
+  expected["camera_ros/type"] = expected["pose/type"];
   expected["tf/type"] = "tf2_msgs::msg::dds_::TFMessage_";
   PublisherIdentity identity = PublisherIdentity::of_this_process({"ball", "wand"});
   identity.pid = static_cast<std::uint32_t>(publisher.pid());
   expected["position/user_data"] = expected["status/user_data"] = identity.user_data();
+  identity.targets = {"hand"};
+  expected["camera/user_data"] = identity.user_data();
   // REP-2011 hashes as published; topics.h is not asked.
   expected["pose/user_data"] = "typehash=RIHS01_26432f9803e43727d3c8f668d1fdb3c630f548af631e2f4e31382371bfea3b6e;";
+  expected["camera_ros/user_data"] = expected["pose/user_data"];
   expected["tf/user_data"] = "typehash=RIHS01_e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087;";
 
   // Both ways: nothing missing or different, and nothing more, so no ROS pose of searching or lost.

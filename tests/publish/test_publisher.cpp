@@ -19,6 +19,8 @@ int main(int argc, char** argv) {
     if (n % 50 == 0) publisher.publish_status(testing::known_status());
     const TrackState state = testing::states[n % testing::states.size()];
     publisher.publish(0, testing::known_estimate(state), testing::captured_at(state), testing::received_at(state));
+    const CameraEstimate pose = testing::known_pose(testing::camera_states[n % testing::camera_states.size()]);
+    publisher.publish(pose, pose.at, pose.at + std::chrono::milliseconds(3));
     std::this_thread::sleep_for(std::chrono::milliseconds(20));
   }
 }

@@ -207,7 +207,7 @@ TEST_F(Loopback, FramesAreBitExactAtTheTimesOfTheDriver) {
   }
   EXPECT_NEAR(seconds(std::chrono::system_clock::now() - got.frames.back().captured_at), 0, 5.0);
   const auto health = source.health();
-  EXPECT_EQ(health.state, CameraState::delivering);
+  EXPECT_EQ(health.state, CaptureState::delivering);
   EXPECT_EQ(health.stamp, StampKind::end_of_frame);
   EXPECT_EQ(health.dropped, got.frames.back().sequence + 1 - got.frames.size());
   EXPECT_EQ(health.copied, health.frames) << "its player writes into buffers that are held";
@@ -258,24 +258,24 @@ TEST_F(Loopback, ARecordingReplaysToWhatWasSeen) {
 
 TEST_F(Loopback, APlayerThatComesGoesAndReturns) {
   V4l2Source source(options_for(node));
-  EXPECT_EQ(source.health().state, CameraState::absent);
+  EXPECT_EQ(source.health().state, CaptureState::absent);
   EXPECT_THAT(source.health().message, HasSubstr("nothing plays"));
   EXPECT_THAT(take(source, 1, 2s).frames, IsEmpty());
   {
     const auto player = play(100000);
     go();
     EXPECT_EQ(take(source, 10).frames.size(), 10U);
-    EXPECT_EQ(source.health().state, CameraState::delivering);
+    EXPECT_EQ(source.health().state, CaptureState::delivering);
   }
   auto gone = take(source, 1000, 9s);
-  EXPECT_NE(source.health().state, CameraState::delivering);
+  EXPECT_NE(source.health().state, CaptureState::delivering);
   EXPECT_THAT(gone.messages(), Contains(HasSubstr("stalled: ")));
   EXPECT_LE(gone.events.size(), 4U) << testing::PrintToString(gone.messages());
   const auto player = play(100000);
   go();
   const auto back = take(source, 10, 30s);
   EXPECT_EQ(back.frames.size(), 10U) << source.health().message;
-  EXPECT_EQ(source.health().state, CameraState::delivering);
+  EXPECT_EQ(source.health().state, CaptureState::delivering);
 }
 
 // ---- vivid
@@ -393,7 +393,7 @@ TEST_F(Vivid, AnInputErrorEndsNothing) {
   set("inject_fatal_streaming_error", 1);
   Take got;
   take(source, got, 300, 30s,
-       [](const Take& t) { return !t.events.empty() && t.events.back().state == CameraState::delivering; });
+       [](const Take& t) { return !t.events.empty() && t.events.back().state == CaptureState::delivering; });
   EXPECT_THAT(got.messages(), Contains(HasSubstr("stalled: the driver reports Input/output error")));
   EXPECT_THAT(got.messages(), Contains(HasSubstr("delivering: delivers again")));
   EXPECT_EQ(take(source, 10).frames.size(), 10U);
@@ -405,21 +405,21 @@ TEST_F(Vivid, ADriverThatStopsDeliveringIsRestarted) {
   ASSERT_EQ(take(source, 3).frames.size(), 3U);
   set("percentage_of_dropped_buffers", 100);
   const auto silent = take(source, 1000, 6s);
-  EXPECT_EQ(source.health().state, CameraState::stalled) << source.health().message;
+  EXPECT_EQ(source.health().state, CaptureState::stalled) << source.health().message;
   EXPECT_GE(source.health().restarts, 1U);
   EXPECT_LE(silent.events.size(), 2U) << testing::PrintToString(silent.messages());
   EXPECT_LT(std::chrono::steady_clock::now() - source.health().last_progress, 2s) << "the watchdog would bark";
   set("percentage_of_dropped_buffers", 0);
   const auto back = take(source, 10, 30s);
   EXPECT_EQ(back.frames.size(), 10U);
-  EXPECT_EQ(source.health().state, CameraState::delivering);
+  EXPECT_EQ(source.health().state, CaptureState::delivering);
 }
 
 TEST_F(Vivid, FailuresAtStartAreTriedAgain) {
   for (const char* knob : {"inject_vidioc_streamon_error", "inject_vidioc_qbuf_error", "inject_vidioc_reqbufs_error"}) {
     set(knob, 1);
     V4l2Source source(options());
-    EXPECT_EQ(source.health().state, CameraState::absent) << knob;
+    EXPECT_EQ(source.health().state, CaptureState::absent) << knob;
     EXPECT_THAT(source.health().message, HasSubstr("Invalid argument")) << knob;
     EXPECT_EQ(take(source, 5).frames.size(), 5U) << knob;
   }
@@ -431,17 +431,17 @@ TEST_F(Vivid, AFailingRestartOpensItAnew) {
   set("inject_vidioc_streamon_error", 1);
   set("inject_fatal_streaming_error", 1);
   const auto got = take(source, 1000, 30s, [](const Take& t) {
-    return t.frames.size() > 20 && !t.events.empty() && t.events.back().state == CameraState::delivering;
+    return t.frames.size() > 20 && !t.events.empty() && t.events.back().state == CaptureState::delivering;
   });
   EXPECT_GT(got.frames.size(), 20U) << testing::PrintToString(got.messages());
-  EXPECT_EQ(source.health().state, CameraState::delivering);
+  EXPECT_EQ(source.health().state, CaptureState::delivering);
 }
 
 TEST_F(Vivid, ABusyCameraIsWaitedFor) {
   auto first = std::make_unique<V4l2Source>(options());
   ASSERT_EQ(take(*first, 3).frames.size(), 3U);
   V4l2Source second(options());
-  EXPECT_EQ(second.health().state, CameraState::absent);
+  EXPECT_EQ(second.health().state, CaptureState::absent);
   EXPECT_THAT(second.health().message, HasSubstr("another program uses it"));
   auto waiting = take(second, 1, 2500ms);
   EXPECT_THAT(waiting.frames, IsEmpty());
@@ -462,7 +462,7 @@ TEST_F(Vivid, ADisconnectedCameraComesBack) {
     knob.set_controls(pull);
   }
   const auto got = take(source, 1000, 20s, [](const Take& t) {
-    return t.frames.size() > 10 && !t.events.empty() && t.events.back().state == CameraState::delivering;
+    return t.frames.size() > 10 && !t.events.empty() && t.events.back().state == CaptureState::delivering;
   });
   EXPECT_THAT(got.messages(), Contains(HasSubstr("absent: unplugged: No such device")));
   EXPECT_GT(got.frames.size(), 10U) << testing::PrintToString(got.messages());
@@ -655,7 +655,7 @@ TEST_F(Uvc, UnplugAnotherAndReplug) {
   ASSERT_EQ(before.frames.size(), 5U);
   unplug();
   auto gone = take(*source, 1000, 3s);
-  EXPECT_EQ(source->health().state, CameraState::absent);
+  EXPECT_EQ(source->health().state, CaptureState::absent);
   EXPECT_THAT(gone.messages(), Contains(HasSubstr("absent: unplugged: No such device")));
   EXPECT_EQ(gone.events.size(), 1U) << testing::PrintToString(gone.messages());
   for (const auto& frame : before.frames) EXPECT_GE(film_index(frame.pixels), 0) << "held over the unplug";
@@ -663,7 +663,7 @@ TEST_F(Uvc, UnplugAnotherAndReplug) {
   plug_in("uvccam_other");
   auto other = take(*source, 1000, 4s);
   EXPECT_THAT(other.frames, IsEmpty());
-  EXPECT_EQ(source->health().state, CameraState::absent);
+  EXPECT_EQ(source->health().state, CaptureState::absent);
   EXPECT_THAT(other.messages(), Contains(AllOf(HasSubstr("another camera is in its place"), HasSubstr("XMU0000"))));
   EXPECT_LE(other.events.size(), 2U) << testing::PrintToString(other.messages());
   unplug();
@@ -744,7 +744,7 @@ TEST_F(Uvc, AbsentAtStartItIsTakenWhenItComes) {
   unplug();
   ASSERT_TRUE(comes_true([&] { return !fs::exists(node); }));
   V4l2Source source(options_for(node, width, height, 15));
-  EXPECT_EQ(source.health().state, CameraState::absent);
+  EXPECT_EQ(source.health().state, CaptureState::absent);
   EXPECT_THAT(source.health().message, HasSubstr("it is not plugged in"));
   EXPECT_THAT(take(source, 1, 1s).frames, IsEmpty());
   plug_in();

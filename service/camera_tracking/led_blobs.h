@@ -1,0 +1,30 @@
+// Lit LEDs in the raw image: bright dots, their centres to a fraction of a pixel. Herranz et al., section II.
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "capture/pixel_format.h"
+
+namespace huetrack {
+
+struct LedBlobOptions {
+  int min_contrast = 25;  // 1..255; grey levels that a LED's brightest pixel is above the dark around it
+  double threshold =
+      0.25;  // (0, 1); the "dynamic threshold": so far from the dark to the peak a pixel must reach to count
+  int max_diameter_px = 40;  // >= 1; what is larger is a lamp or a window
+  int max_count = 16;        // >= 1; the brightest so many
+};
+
+struct LedBlob {
+  Eigen::Vector2d px;  // centre, raw pixels: the distorted image, as the paper has it
+  int peak = 0;        // brightness of its brightest pixel, 1..255
+  int area_px = 0;     // pixels above the threshold
+};
+
+// The brightest pixel first; then the average of the connected pixels around it, weighted with their brightness above
+// the threshold. Reads Y of the YUV family and of grey images, and the mean of B, G, R of bgr ones; converts nothing.
+// Brightest (peak times area) first. Pure; safe from any thread.
+std::vector<LedBlob> find_led_blobs(const Image& image, const LedBlobOptions& options);
+
+}  // namespace huetrack

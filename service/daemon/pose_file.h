@@ -1,0 +1,26 @@
+// A camera's poses as TUM text, which evo and others read: "timestamp tx ty tz qx qy qz qw", camera to world.
+#pragma once
+
+#include <filesystem>
+#include <fstream>
+#include <string>
+
+#include "camera_tracking/camera_estimate.h"
+
+namespace huetrack {
+
+std::string to_tum_line(const CameraEstimate& estimate);  // without the line's end; requires has_pose()
+
+// thread-compatible.
+class PoseFileWriter {
+ public:
+  explicit PoseFileWriter(std::filesystem::path file);  // throws std::system_error, naming the file; so do the others
+  void write(const CameraEstimate& estimate);           // nothing where there is no pose
+  void flush();
+
+ private:
+  std::filesystem::path file_;
+  std::ofstream stream_;
+};
+
+}  // namespace huetrack

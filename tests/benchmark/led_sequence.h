@@ -1,0 +1,33 @@
+// The rendered LED sequence: its files, its truth, and how a tracker does on it.
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "calib/model/camera_rig.h"
+#include "camera_tracking/camera_tracker.h"
+#include "capture/frame.h"
+
+namespace huetrack {
+
+struct LedSequence {
+  CameraRig rig;
+  LedStart start;  // LEDs, schedule and room
+  std::vector<Frame> frames;
+  std::vector<Rigid3d> world_from_camera;  // truth, per frame
+};
+
+std::optional<LedSequence> load_led_sequence(const std::filesystem::path& folder);  // nullopt: it is not there
+
+struct PoseError {
+  double metres = 0;   // the length of the vector from the estimated to the true position
+  double degrees = 0;  // the angle of the one rotation from the estimated to the true orientation
+};
+PoseError pose_error(const Rigid3d& estimate, const Rigid3d& truth);
+
+// e^T C^-1 e of the six errors of a pose.
+double pose_nees(const CameraEstimate& estimate, const Rigid3d& truth);
+
+}  // namespace huetrack
