@@ -129,7 +129,13 @@ class Wave {
     learn_shapes();
     rough_ = false;
     choose(8);
-    for (int round = 0; round < 6; ++round) {
+    refine();
+  }
+
+  // Whatever agrees by its own covariance; what it is compared with is learnt anew in every round.
+  void refine() {
+    WaveAdjustmentOptions o = adjustment_options();
+    for (int round = 0; round < 8; ++round) {
       learn_shapes();
       if (round == 1 || round == 3) learn_jerk();
       o.jerk_m_s3 = jerk_m_s3_;
@@ -687,7 +693,7 @@ WaveResult calibrate_wave(const CameraRig& rig, std::vector<BallFrame> frames, c
     result.scale_from = "the ball's radius, roughly";
   }
   scale.apply(state);
-  wave.settle();  // the adjustment knows lengths (the path's smoothness, the ball's radius): once more at this scale
+  wave.refine();  // how large the ball should look, and how smooth its path is, depend on the scale
 
   if (options.marks.size() >= 3) {
     std::vector<Vector3d> from, to;
