@@ -646,54 +646,58 @@ WaveResult calibrate_wave(const CameraRig& rig, std::vector<BallFrame> frames, c
   // Scale and frame.
   WaveState& state = wave.state();
   const auto centre = [&](int c) { return inverse(state.cam_from_world[index(c)]).translation; };
-  Similarity scale;
   constexpr double tape_m = 0.005;  // how well a distance is measured
   double over_m = 0;                // which one; 0: none
-  if (options.camera_distance) {
-    const auto [a, b, metres] = *options.camera_distance;
-    scale.scale = metres / (centre(a) - centre(b)).norm();
-    over_m = metres;
-    result.scale_from = text("the distance between %s and %s, %.3f m", rig.cameras[index(a)].name.c_str(),
-                             rig.cameras[index(b)].name.c_str(), metres);
-  } else if (options.rest_distance_m) {
-    const auto places = rests(wave);
-    scale.scale = *options.rest_distance_m / (places[0] - places[1]).norm();
-    over_m = *options.rest_distance_m;
-    result.scale_from = text("the distance between the two places where the ball rested, %.3f m", over_m);
-  } else if (!options.marks.empty()) {
-    const BallTracks tracks = wave.tracks();
-    std::vector<Vector3d> from, to;
-    for (const BallMark& mark : options.marks) {
-      int views = 0;
-      for (std::size_t c = 0; c < n; ++c) views += tracks.at(c, mark.t_s) ? 1 : 0;
-      if (views < 2) {
-        throw CalibrationError(
-            text("the mark at %.3f s: %s saw the ball then (it was seen from %.3f to %.3f s), and two are needed",
-                 mark.t_s, views == 0 ? "no camera" : "only one camera", wave.from_s(), wave.to_s()));
+  const auto set_scale = [&] {
+    Similarity scale;
+    if (options.camera_distance) {
+      const auto [a, b, metres] = *options.camera_distance;
+      scale.scale = metres / (centre(a) - centre(b)).norm();
+      over_m = metres;
+      result.scale_from = text("the distance between %s and %s, %.3f m", rig.cameras[index(a)].name.c_str(),
+                               rig.cameras[index(b)].name.c_str(), metres);
+    } else if (options.rest_distance_m) {
+      const auto places = rests(wave);
+      scale.scale = *options.rest_distance_m / (places[0] - places[1]).norm();
+      over_m = *options.rest_distance_m;
+      result.scale_from = text("the distance between the two places where the ball rested, %.3f m", over_m);
+    } else if (!options.marks.empty()) {
+      const BallTracks tracks = wave.tracks();
+      std::vector<Vector3d> from, to;
+      for (const BallMark& mark : options.marks) {
+        int views = 0;
+        for (std::size_t c = 0; c < n; ++c) views += tracks.at(c, mark.t_s) ? 1 : 0;
+        if (views < 2) {
+          throw CalibrationError(
+              text("the mark at %.3f s: %s saw the ball then (it was seen from %.3f to %.3f s), and two are needed",
+                   mark.t_s, views == 0 ? "no camera" : "only one camera", wave.from_s(), wave.to_s()));
+        }
+        from.push_back(state.path.at(mark.t_s));
+        to.push_back(mark.p_world);
       }
-      from.push_back(state.path.at(mark.t_s));
-      to.push_back(mark.p_world);
-    }
-    double spread_from = 0, spread_to = 0;
-    for (std::size_t i = 0; i < from.size(); ++i) {
-      for (std::size_t k = i + 1; k < from.size(); ++k) {
-        spread_from += (from[i] - from[k]).squaredNorm();
-        spread_to += (to[i] - to[k]).squaredNorm();
-        over_m = std::max(over_m, (to[i] - to[k]).norm());
+      double spread_from = 0, spread_to = 0;
+      for (std::size_t i = 0; i < from.size(); ++i) {
+        for (std::size_t k = i + 1; k < from.size(); ++k) {
+          spread_from += (from[i] - from[k]).squaredNorm();
+          spread_to += (to[i] - to[k]).squaredNorm();
+          over_m = std::max(over_m, (to[i] - to[k]).norm());
+        }
       }
+      if (!(spread_to > 1e-4) || !(spread_from > 0)) throw CalibrationError("the marked points are all at one place");
+      scale.scale = std::sqrt(spread_to / spread_from);
+      result.scale_from = std::to_string(from.size()) + " marked points";
+    } else if (!from_nothing) {
+      scale.scale = onto_rig(rig, state, true).scale;
+      result.scale_from = "the rig's own poses";
+    } else {
+      scale.scale = 1 / wave.size_ratio();  // a ball that looks twice as large as it should is half as far away
+      result.scale_from = "the ball's radius, roughly";
     }
-    if (!(spread_to > 1e-4) || !(spread_from > 0)) throw CalibrationError("the marked points are all at one place");
-    scale.scale = std::sqrt(spread_to / spread_from);
-    result.scale_from = std::to_string(from.size()) + " marked points";
-  } else if (!from_nothing) {
-    scale.scale = onto_rig(rig, state, true).scale;
-    result.scale_from = "the rig's own poses";
-  } else {
-    scale.scale = 1 / wave.size_ratio();  // a ball that looks twice as large as it should is half as far away
-    result.scale_from = "the ball's radius, roughly";
-  }
-  scale.apply(state);
+    scale.apply(state);
+  };
+  set_scale();
   wave.refine();  // how large the ball should look, and how smooth its path is, depend on the scale
+  if (over_m > 0) set_scale();
 
   if (options.marks.size() >= 3) {
     std::vector<Vector3d> from, to;

@@ -151,7 +151,7 @@ int main(int argc, char** argv) {
       if (std::ranges::all_of(row.visible, [](double share) { return share > 0.99; })) clear.push_back(&row);
     }
     for (std::size_t i = 0; i < 5; ++i) {
-      const TruthRow& row = *clear[i * (clear.size() - 1) / 4];
+      const TruthRow& row = *clear[(2 * i + 1) * clear.size() / 10];
       marks.marks.push_back({seconds(row.at), row.position});
     }
     const WaveOptions rig_only{.radius_m = c.targets.front().radius_m};
