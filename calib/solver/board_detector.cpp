@@ -438,8 +438,21 @@ BoardDetection BoardDetector::detect_markers(const GreyView& view) const {
 
 std::string explain_missing_board(const Board& board, const std::vector<GreyView>& images) {
   std::map<std::string, int> guesses;
+  const BoardDetector detector(board);
   for (const GreyView& view : images) {
     const cv::Mat image = mat_of(view);
+    cv::Mat mirrored;
+    cv::flip(image, mirrored, 1);
+    if (detector.detect({mirrored.data, mirrored.cols, mirrored.rows, static_cast<std::ptrdiff_t>(mirrored.step)})
+            .found()) {
+      // Of a chessboard with two odd counts that is the same.
+      const bool or_inverted = board.type == BoardType::chessboard;
+      ++guesses[or_inverted
+                    ? "they are mirrored (left and right swapped; record them as the sensor sees them), or black and "
+                      "white are swapped (inverted: true)"
+                    : "they are mirrored (left and right swapped): record them as the sensor sees them"];
+      continue;
+    }
     if (board.type == BoardType::chessboard) {
       for (const double scale : {1.0, 2.0}) {
         const auto lattices = find_chessboard_lattices(image, scale);

@@ -214,17 +214,15 @@ double reach_of(const AdjustedCamera& camera) {
   return reach;
 }
 
-// Ceres tells of every step that it has to take back; the outcome is looked at here anyway.
-class QuietLog {
- public:
-  QuietLog() : level_(FLAGS_minloglevel) { FLAGS_minloglevel = google::GLOG_FATAL; }
-  ~QuietLog() { FLAGS_minloglevel = level_; }
-  QuietLog(const QuietLog&) = delete;
-  QuietLog& operator=(const QuietLog&) = delete;
-
- private:
-  int level_;
-};
+// Ceres tells of every step that it has to take back; the outcome is looked at here anyway. Once for all: adjustments
+// may run on several threads.
+void silence_ceres() {
+  static const bool done = [] {
+    FLAGS_minloglevel = google::GLOG_FATAL;
+    return true;
+  }();
+  static_cast<void>(done);
+}
 
 double median(std::vector<double> values) {
   if (values.empty()) return 0;
@@ -311,7 +309,7 @@ void solve(Adjustment& a, const BoardShape& shape, double robust_px, int max_ite
   options.gradient_tolerance = 1e-12;
   options.parameter_tolerance = 1e-10;
   options.logging_type = ceres::SILENT;
-  const QuietLog quiet;
+  silence_ceres();
   ceres::Solver::Summary summary;
   ceres::Solve(options, &problem, &summary);
   if (!summary.IsSolutionUsable()) throw CalibrationError("the adjustment does not converge: " + summary.message);

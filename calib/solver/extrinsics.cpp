@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <future>
 #include <limits>
 #include <map>
 #include <numeric>
@@ -387,7 +388,56 @@ void refuse_swapped(const Board& board, const std::vector<AdjustedCamera>& camer
   }
 }
 
+struct LensOfCamera {
+  AdjustedCamera camera;
+  std::optional<Intrinsics> found;
+  std::optional<LensCheck> check;
+  double alone_px = 0;
+};
+
+LensOfCamera lens_of(const Board& board, const CameraToCalibrate& given, const std::vector<BoardView>& views,
+                     const ExtrinsicsOptions& options) {
+  LensOfCamera lens;
+  lens.camera.name = given.name;
+  lens.camera.image_size = given.image_size;
+  if (given.model) {
+    lens.camera.lens = lens_model_of(*given.model);
+    lens.camera.parameters = parameters_of(*given.model);
+    constexpr std::size_t enough_to_judge = 6;
+    if (options.refine_lens == RefineLens::automatic && views.size() >= enough_to_judge) {
+      lens.check = check_lens(board, lens.camera, views);
+      lens.alone_px = lens.check->refined.noise_px;
+    }
+    return lens;
+  }
+  lens.found = calibrate_intrinsics(board, given.name, given.image_size, views, options.intrinsics);
+  const AdjustedCamera& camera = lens.found->adjustment.cameras.front();
+  lens.camera.lens = camera.lens;
+  lens.camera.parameters = camera.parameters;
+  lens.camera.lens_covariance = lens.found->adjustment.covariance;
+  lens.camera.unfold = camera.unfold;
+  lens.alone_px = lens.found->adjustment.noise_px;
+  return lens;
+}
+
 }  // namespace
+
+Adjustment place_boards(const Board& board, const CameraRig& rig, const std::vector<BoardView>& given) {
+  std::vector<AdjustedCamera> cameras;
+  for (const Camera& camera : rig.cameras) {
+    AdjustedCamera held;
+    held.name = camera.name;
+    held.image_size = camera.image_size;
+    held.lens = lens_model_of(camera.model);
+    held.parameters = parameters_of(camera.model);
+    held.cam_from_world = camera.cam_from_world;
+    held.lens_is_free = held.pose_is_free = false;
+    cameras.push_back(held);
+  }
+  std::vector<BoardView> views = given;
+  std::ranges::sort(views, {}, [](const BoardView& v) { return std::tie(v.set, v.camera, v.image); });
+  return Start(board, cameras, views).placed(cameras);
+}
 
 CameraRig rig_of(const Adjustment& adjustment) {
   CameraRig rig;
@@ -411,31 +461,21 @@ Extrinsics calibrate_extrinsics(const Board& board, const std::vector<CameraToCa
   std::vector<std::optional<LensCheck>> checks(cameras.size());
   LensPlan plan;
   for (std::size_t c = 0; c < cameras.size(); ++c) {
-    AdjustedCamera camera;
-    camera.name = cameras[c].name;
-    camera.image_size = cameras[c].image_size;
+    if (own[c].empty()) throw CalibrationError("camera " + cameras[c].name + " never saw the board");
+  }
+  tell("the lenses");
+  // Each camera's by itself: on all cores.
+  std::vector<std::future<LensOfCamera>> found;
+  for (std::size_t c = 0; c < cameras.size(); ++c) {
+    found.push_back(std::async(std::launch::async, [&, c] { return lens_of(board, cameras[c], own[c], options); }));
+  }
+  for (std::size_t c = 0; c < cameras.size(); ++c) {
+    LensOfCamera lens = found[c].get();
     plan.found.push_back(!cameras[c].model);
-    if (own[c].empty()) throw CalibrationError("camera " + camera.name + " never saw the board");
-    tell("the lens of " + camera.name);
-    if (cameras[c].model) {
-      camera.lens = lens_model_of(*cameras[c].model);
-      camera.parameters = parameters_of(*cameras[c].model);
-      result.lenses.emplace_back();
-      constexpr std::size_t enough_to_judge = 6;
-      if (options.refine_lens == RefineLens::automatic && own[c].size() >= enough_to_judge) {
-        checks[c] = check_lens(board, camera, own[c]);
-        plan.alone_px = std::max(plan.alone_px, checks[c]->refined.noise_px);
-      }
-    } else {
-      Intrinsics lens = calibrate_intrinsics(board, camera.name, camera.image_size, own[c], options.intrinsics);
-      camera.lens = lens.adjustment.cameras.front().lens;
-      camera.parameters = lens.adjustment.cameras.front().parameters;
-      camera.lens_covariance = lens.adjustment.covariance;
-      camera.unfold = lens.adjustment.cameras.front().unfold;
-      plan.alone_px = std::max(plan.alone_px, lens.adjustment.noise_px);
-      result.lenses.emplace_back(std::move(lens));
-    }
-    adjusted.push_back(camera);
+    plan.alone_px = std::max(plan.alone_px, lens.alone_px);
+    adjusted.push_back(std::move(lens.camera));
+    checks[c] = std::move(lens.check);
+    result.lenses.push_back(std::move(lens.found));
   }
   refuse_swapped(board, adjusted, own, checks);
   for (std::size_t c = 0; c < cameras.size(); ++c) {
@@ -459,6 +499,7 @@ Extrinsics calibrate_extrinsics(const Board& board, const std::vector<CameraToCa
     adjusted[c].lens_is_free = false;
   }
   tell("the joint adjustment");
+  result.alone_px = plan.alone_px;
   refine(result, start.placed(adjusted), options, plan);
   for (const Start::Link& link : links) {
     CameraPair pair = link.pair;

@@ -46,6 +46,7 @@ struct Extrinsics {
   std::vector<CameraPair> pairs;                  // with shared_sets > 0
   bool lens_refined = false;                      // in the joint adjustment
   std::string lens_reason;                        // why, one sentence
+  double alone_px = 0;  // noise of the corners, as each camera by itself shows it; 0: not known
 };
 
 // views: BoardView::set is the moment. throws CalibrationError: a camera without enough views, cameras that share too
@@ -53,6 +54,10 @@ struct Extrinsics {
 // same time).
 Extrinsics calibrate_extrinsics(const Board& board, const std::vector<CameraToCalibrate>& cameras,
                                 const std::vector<BoardView>& views, const ExtrinsicsOptions& options = {});
+
+// Where the boards are for cameras that are known: a start for adjust(), all cameras held. Views of symmetric boards
+// are renumbered so that those of one set agree. views: BoardView::camera indexes cameras.
+Adjustment place_boards(const Board& board, const CameraRig& cameras, const std::vector<BoardView>& views);
 
 CameraRig rig_of(const Adjustment& adjustment);  // made_by is empty
 

@@ -307,7 +307,9 @@ LensCheck check_lens(const Board& board, const AdjustedCamera& camera, const std
     if (std::abs(change) > 4 * sigma(i)) zoom = std::max(zoom, std::abs(change) / camera.parameters(i));
   }
   const bool corners_lost = given.corners_used < 0.8 * check.refined.corners_used;
-  if (check.given_px > 1.3 * check.refined_px || corners_lost) {
+  // A tenth of a pixel is no reason to throw away a lens that was calibrated with more views than these.
+  constexpr double little_px = 0.1;
+  if ((check.given_px > 1.3 * check.refined_px && check.given_px > check.refined_px + little_px) || corners_lost) {
     check.contradiction =
         text_of("the lens that was given for camera %s leaves %.2f px, one fitted to its views %.2f px",
                 camera.name.c_str(), corners_lost ? median_residual(given) : check.given_px, check.refined_px);

@@ -20,11 +20,14 @@ enum class ExitStatus : std::uint8_t {
   doubtful = 2,  // there is a result, but the report says what is wrong with it
 };
 
-// Does the work; output for people goes to stdout, progress to stderr. A stop is to be answered within a second: by
-// going on with what there is (live), or by an exception. Throws std::exceptions with one readable line.
+// Does the work; output for people goes to stdout, progress to stderr. A stop ends the looking: live it goes on with what
+// there is, otherwise it throws; solving is not interrupted. Throws std::exceptions with one readable line.
 using Command = std::function<ExitStatus(std::stop_token stop)>;
 
 void add_intrinsics_command(CLI::App& app, Command& chosen);
+void add_extrinsics_command(CLI::App& app, Command& chosen);
+void add_world_command(CLI::App& app, Command& chosen);
+void add_check_command(CLI::App& app, Command& chosen);
 // In calib/commands:
 void add_wave_command(CLI::App& app, Command& chosen);
 void add_exchange_commands(CLI::App& app, Command& chosen);  // import and export

@@ -8,6 +8,7 @@
 #include <opencv2/imgproc.hpp>
 #include <thread>
 
+#include "calib/tool/detection_page.h"
 #include "calib/tool/progress_line.h"
 
 namespace huetrack {
@@ -110,7 +111,10 @@ class Misses {
 void require_boards(const FoundBoards& found, const Board& board, const Misses& misses) {
   for (std::size_t c = 0; c < found.cameras.size(); ++c) {
     const CameraSighting& camera = found.cameras[c];
-    if (camera.pictures == 0) throw InputError("camera " + camera.name + " has no picture that can be used");
+    if (camera.pictures == 0) {
+      throw InputError("camera " + camera.name + " has no picture that can be used" +
+                       (found.warnings.empty() ? "" : ": " + found.warnings.front()));
+    }
     if (camera.boards > 0) continue;
     std::string text = "camera " + camera.name + ": the board (" + board.description() + ") is in none of its " +
                        std::to_string(camera.pictures) + " pictures";
@@ -139,9 +143,9 @@ std::optional<double> moved_px(const BoardView& a, const BoardView& b) {
   return *middle;
 }
 
-FoundBoards::Thumbnail thumbnail_of(const cv::Mat& grey) {
+EmbeddedPicture thumbnail_of(const cv::Mat& grey) {
   constexpr double width = 480;
-  FoundBoards::Thumbnail thumbnail;
+  EmbeddedPicture thumbnail;
   thumbnail.scale = std::min(1.0, width / grey.cols);
   cv::Mat small = grey;
   if (thumbnail.scale < 1) cv::resize(grey, small, {}, thumbnail.scale, thumbnail.scale, cv::INTER_AREA);
@@ -161,6 +165,9 @@ FoundBoards find_boards(PictureSource& source, const BoardDetector& detector, co
   ProgressLine line(options.progress);
   Misses misses;
   std::vector<BoardSet> sets;
+  DetectionPage page(options.view);
+  std::optional<ViewCoverage> coverage;
+  std::vector<ShownPicture> shown(found.cameras.size());
   for (bool ended = false; !ended;) {
     std::vector<PictureSet> batch;
     while (batch.size() < 8 && !ended) {
@@ -172,12 +179,13 @@ FoundBoards find_boards(PictureSource& source, const BoardDetector& detector, co
     struct Task {
       std::size_t set, camera;
       BoardDetection detection;
-      FoundBoards::Thumbnail thumbnail;
+      EmbeddedPicture thumbnail;
+      std::vector<Eigen::Vector2d> corners;  // for the page
     };
     std::vector<Task> tasks;
     for (std::size_t s = 0; s < batch.size(); ++s) {
       for (std::size_t c = 0; c < batch[s].pictures.size(); ++c) {
-        if (batch[s].pictures[c]) tasks.push_back({s, c, {}, {}});
+        if (batch[s].pictures[c]) tasks.push_back({s, c, {}, {}, {}});
       }
     }
     on_all_cores(tasks.size(), [&](std::size_t t) {
@@ -204,6 +212,7 @@ FoundBoards find_boards(PictureSource& source, const BoardDetector& detector, co
         continue;
       }
       ++camera.boards;
+      task.corners = task.detection.px;
       seen[task.set].views.push_back({static_cast<int>(task.camera), 0, picture.label, std::move(task.detection.ids),
                                       std::move(task.detection.px)});
       seen[task.set].thumbnails.push_back(std::move(task.thumbnail));
@@ -217,6 +226,21 @@ FoundBoards find_boards(PictureSource& source, const BoardDetector& detector, co
       }
       sets.push_back(std::move(set));
     }
+    if (page.due()) {
+      std::vector<ImageSize> sizes;
+      for (const CameraSighting& camera : found.cameras) sizes.push_back(camera.image_size);
+      const bool all = std::ranges::none_of(sizes, [](ImageSize size) { return size.width == 0; });
+      if (all) coverage.emplace(detector.board(), source.cameras(), sizes);
+      for (std::size_t s = 0; coverage && s < sets.size(); ++s) coverage->add(sets[s].views);
+      for (const Task& task : tasks) {
+        ShownPicture& now = shown[task.camera];
+        now.camera = found.cameras[task.camera].name;
+        now.grey = batch[task.set].pictures[task.camera]->grey;
+        now.caption = task.corners.empty() ? "no board" : std::to_string(task.corners.size()) + " corners";
+        now.corners = task.corners;
+      }
+      if (coverage) page.show(shown, *coverage, "looked at " + std::to_string(found.sets_looked_at) + " moments");
+    }
     if (line.due()) {
       std::string details;
       for (const CameraSighting& camera : found.cameras)
@@ -225,6 +249,7 @@ FoundBoards find_boards(PictureSource& source, const BoardDetector& detector, co
     }
   }
   line.clear();
+  page.close("looked at all " + std::to_string(found.sets_looked_at) + " moments");
   found.warnings = source.take_warnings();
   require_boards(found, detector.board(), misses);
   const std::size_t before = sets.size();

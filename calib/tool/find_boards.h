@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <filesystem>
 #include <functional>
 #include <map>
 #include <optional>
@@ -11,6 +12,7 @@
 
 #include "calib/solver/board_detector.h"
 #include "calib/solver/bundle_adjustment.h"
+#include "calib/solver/calibration_report.h"
 #include "calib/tool/picture_source.h"
 
 namespace huetrack {
@@ -20,6 +22,7 @@ struct FindBoardsOptions {
   int look_at = 800;   // >= 1
   int max_sets = 150;  // >= 1; the sets that are kept, spread over the time, with the board as still as possible
   bool progress = true;
+  std::filesystem::path view{};  // see DetectionPage; empty: none
 };
 
 // What was seen of one camera.
@@ -40,12 +43,8 @@ struct FoundBoards {
   int duplicates = 0;                 // sets left out because the board had not moved
   int thinned = 0;                    // sets left out because there were more than max_sets
   std::vector<std::string> warnings;  // about the pictures: files that were damaged
-  // A small JPEG of every picture in `views` (beside it), and by how much it was scaled.
-  struct Thumbnail {
-    std::vector<std::uint8_t> jpeg;
-    double scale = 1;
-  };
-  std::vector<Thumbnail> thumbnails;
+  // A small JPEG of every picture in `views`, beside it.
+  std::vector<EmbeddedPicture> thumbnails;
 };
 
 // throws InputError: no picture at all, pictures of one camera with different sizes, and, naming the camera and the
@@ -57,12 +56,12 @@ FoundBoards find_boards(PictureSource& source, const BoardDetector& detector, co
 struct BoardSet {
   double at_s = 0;
   std::vector<BoardView> views;
-  std::vector<FoundBoards::Thumbnail> thumbnails;  // beside views
+  std::vector<EmbeddedPicture> thumbnails;  // beside views
 };
 
 // How far the corners that both views have are apart, pixels (median); nullopt: they have none in common.
 std::optional<double> moved_px(const BoardView& a, const BoardView& b);
 
-FoundBoards::Thumbnail thumbnail_of(const cv::Mat& grey);
+EmbeddedPicture thumbnail_of(const cv::Mat& grey);
 
 }  // namespace huetrack

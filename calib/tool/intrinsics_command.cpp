@@ -1,29 +1,33 @@
-#include <CLI/CLI.hpp>
-#include <cstdio>
-#include <memory>
-
 #include "calib/solver/board_yaml.h"
 #include "calib/solver/intrinsics.h"
+#include "calib/tool/calibration_options.h"
 #include "calib/tool/commands.h"
-#include "calib/tool/find_boards.h"
+#include "calib/tool/progress_line.h"
 
 namespace huetrack {
 namespace {
 
-struct Options {
-  std::string board, camera, rig;
-  std::vector<std::string> inputs;
-  FindBoardsOptions find;
-  bool quiet = false;
+struct Options : CalibrationOptions {
+  std::string camera;
 };
 
-ExitStatus calibrate(const Options& options, const std::stop_token& stop) {
+ExitStatus calibrate(Options options, const std::stop_token& stop) {
+  if (options.rig.empty()) options.rig = options.camera + ".yaml";
   const Board board = read_board(options.board);
-  const auto source = open_pictures_of(options.camera, options.inputs);
-  const FoundBoards found = find_boards(*source, BoardDetector(board), options.find, stop);
-  const Intrinsics result = calibrate_intrinsics(board, options.camera, found.cameras.front().image_size, found.views);
-  std::printf("%s: rms %.3f px; %s\n", options.camera.c_str(), result.adjustment.rms_px, result.lens_reason.c_str());
-  return ExitStatus::usable;
+  GatherOptions gather;
+  gather.pictures.only = {options.camera};
+  gather.alone = true;
+  gather.find = options.find;
+  gather.find.progress = !options.quiet;
+  gather.live = options.live;
+  const FoundBoards found = gather_boards(options.inputs, board, gather, stop);
+  ProgressLine line(!options.quiet);
+  line.draw("fitting lens models to " + std::to_string(found.views.size()) + " views");
+  const Intrinsics result = calibrate_intrinsics(board, options.camera, found.cameras.front().image_size, found.views,
+                                                 {.lens = options.lens});
+  line.clear();
+  return put_out(report_on(result, report_input(found, options.inputs)), rig_of(result.adjustment), found,
+                 output_files(options));
 }
 
 }  // namespace
@@ -31,9 +35,11 @@ ExitStatus calibrate(const Options& options, const std::stop_token& stop) {
 void add_intrinsics_command(CLI::App& app, Command& chosen) {
   const auto options = std::make_shared<Options>();
   CLI::App* command = app.add_subcommand("intrinsics", "find the lens of one camera from pictures of a board");
-  command->add_option("inputs", options->inputs, "images, a video, a folder of images or a recording")->required();
-  command->add_option("--board", options->board, "the board file (calib/README.md)")->required();
+  add_calibration_options(*command, *options);
+  command->get_option("inputs")->description(
+      "images, a video, a folder of images, a recording, or a live camera (/dev/...)");
   command->add_option("--camera", options->camera, "the camera's name")->required();
+  command->add_option("--rig", options->rig, "the file to write; default: CAMERA.yaml");
   command->callback(
       [options, &chosen] { chosen = [options](const std::stop_token& stop) { return calibrate(*options, stop); }; });
 }

@@ -50,6 +50,9 @@ int main(int argc, char** argv) {
 
   Command chosen;
   add_intrinsics_command(app, chosen);
+  add_extrinsics_command(app, chosen);
+  add_world_command(app, chosen);
+  add_check_command(app, chosen);
   add_wave_command(app, chosen);
   add_exchange_commands(app, chosen);
   add_board_command(app, chosen);

@@ -1,0 +1,158 @@
+#include "calib/solver/volume_accuracy.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+
+namespace huetrack {
+namespace {
+
+using Eigen::Matrix3d;
+using Eigen::MatrixXd;
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+
+std::size_t index(int i) {
+  return static_cast<std::size_t>(i);
+}
+
+Matrix3d cross_matrix(const Vector3d& v) {
+  return (Matrix3d() << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0).finished();
+}
+
+double quantile(std::vector<double> values, double share) {
+  if (values.empty()) return 0;
+  const auto at = static_cast<std::ptrdiff_t>(share * static_cast<double>(values.size() - 1) + 0.5);
+  std::ranges::nth_element(values, values.begin() + at);
+  return values[static_cast<std::size_t>(at)];
+}
+
+}  // namespace
+
+VolumeAccuracy predict_accuracy(const Adjustment& a, const WorldBox& box, const std::array<int, 3>& steps,
+                                double object_noise_px) {
+  VolumeAccuracy result;
+  result.box = box;
+  result.steps = steps;
+  result.object_noise_px = object_noise_px;
+  const Eigen::Index parameters = a.covariance.rows();
+  struct Sensitivity {
+    std::size_t point;
+    Eigen::Matrix<double, 3, Eigen::Dynamic> by_parameters;
+    Matrix3d by_noise;  // covariance for a noise of 1 px
+  };
+  std::vector<Sensitivity> seen;
+  for (int iz = 0; iz < steps[2]; ++iz) {
+    for (int iy = 0; iy < steps[1]; ++iy) {
+      for (int ix = 0; ix < steps[0]; ++ix) {
+        const Vector3d share(static_cast<double>(ix) / (steps[0] - 1), static_cast<double>(iy) / (steps[1] - 1),
+                             static_cast<double>(iz) / (steps[2] - 1));
+        PointAccuracy point;
+        point.p_world = box.low + (box.high - box.low).cwiseProduct(share);
+        Matrix3d h = Matrix3d::Zero();
+        Eigen::Matrix<double, 3, Eigen::Dynamic> g = Eigen::Matrix<double, 3, Eigen::Dynamic>::Zero(3, parameters);
+        for (std::size_t c = 0; c < a.cameras.size(); ++c) {
+          const AdjustedCamera& camera = a.cameras[c];
+          const Vector3d p_cam = camera.cam_from_world * point.p_world;
+          const Camera finished{camera.name, camera.image_size, camera.model(), camera.cam_from_world};
+          const auto px = finished.project_world(point.p_world);
+          if (!px || !finished.contains(*px)) continue;
+          Vector2d ignored;
+          PixelByPoint by_point;
+          PixelByLens by_lens;
+          if (!project(camera.lens, camera.parameters, p_cam, ignored, &by_point, &by_lens)) continue;
+          ++point.views;
+          const Eigen::Matrix<double, 2, 3> by_world = by_point * camera.cam_from_world.rotation.toRotationMatrix();
+          h += by_world.transpose() * by_world;
+          if (!a.lens_offset.empty() && a.lens_offset[c] >= 0) {
+            const int count = parameter_count(camera.lens);
+            g.middleCols(a.lens_offset[c], count) += by_world.transpose() * by_lens.leftCols(count);
+          }
+          if (!a.pose_offset.empty() && a.pose_offset[c] >= 0) {
+            g.middleCols(a.pose_offset[c], 3) -= by_world.transpose() * by_point * cross_matrix(p_cam);
+            g.middleCols(a.pose_offset[c] + 3, 3) += by_world.transpose() * by_point;
+          }
+        }
+        if (point.views >= 2) {
+          const Matrix3d inverse_h = h.inverse();
+          seen.push_back({result.points.size(), -inverse_h * g, inverse_h});
+        }
+        result.points.push_back(point);
+      }
+    }
+  }
+  // What a rigid motion of everything would explain is no error of shape.
+  Eigen::Matrix<double, 6, 6> normal = Eigen::Matrix<double, 6, 6>::Zero();
+  MatrixXd moment = MatrixXd::Zero(6, parameters);
+  const Vector3d middle = (box.low + box.high) / 2;
+  const auto rigid = [&](const Sensitivity& s) {
+    Eigen::Matrix<double, 3, 6> motion;
+    motion << -cross_matrix(result.points[s.point].p_world - middle), Matrix3d::Identity();
+    return motion;
+  };
+  for (const Sensitivity& s : seen) {
+    const auto motion = rigid(s);
+    normal += motion.transpose() * motion;
+    moment += motion.transpose() * s.by_parameters;
+  }
+  const bool alignable = seen.size() >= 3;
+  result.alignment = alignable ? MatrixXd(normal.ldlt().solve(moment)) : MatrixXd::Zero(6, parameters);
+  std::vector<double> by_calibration, total;
+  for (const Sensitivity& s : seen) {
+    const MatrixXd left = s.by_parameters - rigid(s) * result.alignment;
+    const double calibration = std::max(0.0, (left * a.covariance * left.transpose()).trace());
+    PointAccuracy& point = result.points[s.point];
+    point.by_calibration_m = std::sqrt(calibration);
+    point.total_m = std::sqrt(calibration + object_noise_px * object_noise_px * s.by_noise.trace());
+    by_calibration.push_back(point.by_calibration_m);
+    total.push_back(point.total_m);
+  }
+  result.covered =
+      static_cast<double>(seen.size()) / static_cast<double>(std::max<std::size_t>(1, result.points.size()));
+  result.median_by_calibration_m = quantile(by_calibration, 0.5);
+  result.p95_by_calibration_m = quantile(by_calibration, 0.95);
+  result.median_total_m = quantile(total, 0.5);
+  result.p95_total_m = quantile(total, 0.95);
+  return result;
+}
+
+PoseSigma pose_sigma(const Adjustment& a, const VolumeAccuracy& volume, int camera) {
+  const Rigid3d& cam_from_world = a.cameras[index(camera)].cam_from_world;
+  const Matrix3d world_from_cam = cam_from_world.rotation.toRotationMatrix().transpose();
+  const Vector3d centre = inverse(cam_from_world).translation;
+  // With cam_from_world_true = exp(error) * cam_from_world the camera's axes turn, and its centre moves, the other way.
+  MatrixXd by_parameters = MatrixXd::Zero(6, a.covariance.rows());
+  if (const int at = a.pose_offset.empty() ? -1 : a.pose_offset[index(camera)]; at >= 0) {
+    by_parameters.block<3, 3>(0, at) = -world_from_cam;
+    by_parameters.block<3, 3>(3, at + 3) = -world_from_cam;
+  }
+  const Vector3d arm = centre - (volume.box.low + volume.box.high) / 2;
+  by_parameters.topRows<3>() -= volume.alignment.topRows<3>();
+  by_parameters.bottomRows<3>() -=
+      -cross_matrix(arm) * volume.alignment.topRows<3>() + volume.alignment.bottomRows<3>();
+  const Eigen::Matrix<double, 6, 1> variance = (by_parameters * a.covariance * by_parameters.transpose()).diagonal();
+  PoseSigma sigma;
+  sigma.rotation = variance.head<3>().cwiseMax(0).cwiseSqrt();
+  sigma.position = variance.tail<3>().cwiseMax(0).cwiseSqrt();
+  return sigma;
+}
+
+WorldBox board_volume(const Adjustment& a) {
+  std::array<std::vector<double>, 3> along;
+  for (std::size_t v = 0; v < a.views.size(); ++v) {
+    if (v < a.fits.size() && !a.fits[v].dropped.empty()) continue;
+    for (const int id : a.views[v].ids) {
+      const Vector3d p = a.world_from_board[index(a.views[v].set)] * a.board_point(id);
+      for (int axis = 0; axis < 3; ++axis) along[index(axis)].push_back(p[axis]);
+    }
+  }
+  WorldBox box;
+  for (int axis = 0; axis < 3; ++axis) {
+    box.low[axis] = quantile(along[index(axis)], 0.01);
+    box.high[axis] = quantile(along[index(axis)], 0.99);
+  }
+  return box;
+}
+
+}  // namespace huetrack

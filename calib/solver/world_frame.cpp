@@ -1,0 +1,171 @@
+#include "calib/solver/world_frame.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <Eigen/Geometry>
+#include <Eigen/SVD>
+#include <cmath>
+#include <set>
+
+namespace huetrack {
+namespace {
+
+using Eigen::Matrix3d;
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+
+std::size_t index(int i) {
+  return static_cast<std::size_t>(i);
+}
+
+Rigid3d with_axes(const Vector3d& x, const Vector3d& z, const Vector3d& origin) {
+  Matrix3d new_from_old;
+  const Vector3d across = z.cross(x).normalized();
+  new_from_old << across.cross(z).normalized().transpose(), across.transpose(), z.normalized().transpose();
+  return {Eigen::Quaterniond(new_from_old).normalized(), -new_from_old * origin};
+}
+
+// How far the points are from lying in a line, relative to their extent.
+double breadth(const std::vector<Vector3d>& points) {
+  Eigen::Matrix3Xd m(3, points.size());
+  for (std::size_t k = 0; k < points.size(); ++k) m.col(static_cast<Eigen::Index>(k)) = points[k];
+  const Eigen::Matrix3Xd centred = m.colwise() - Vector3d(m.rowwise().mean());
+  const Vector3d s = Eigen::JacobiSVD<Eigen::MatrixXd>(Eigen::MatrixXd(centred)).singularValues().head<3>();
+  return s(0) > 0 ? s(1) / s(0) : 0;
+}
+
+void require_spread(const std::vector<Vector3d>& points) {
+  if (points.size() < 3)
+    throw CalibrationError("three points are needed at least, there are " + std::to_string(points.size()));
+  constexpr double least = 0.05;
+  if (breadth(points) < least)
+    throw CalibrationError("the points lie in a line: a world can turn about it. Measure one well beside the line");
+}
+
+}  // namespace
+
+CameraRig in_world(CameraRig rig, const WorldChange& change) {
+  for (Camera& camera : rig.cameras) {
+    const Rigid3d new_cam{camera.cam_from_world.rotation, change.scale * camera.cam_from_world.translation};
+    camera.cam_from_world = new_cam * inverse(change.new_from_old);
+  }
+  return rig;
+}
+
+Adjustment in_world(Adjustment adjustment, const Rigid3d& new_from_old) {
+  const Rigid3d old_from_new = inverse(new_from_old);
+  for (AdjustedCamera& camera : adjustment.cameras) camera.cam_from_world = camera.cam_from_world * old_from_new;
+  for (Rigid3d& pose : adjustment.world_from_board) pose = new_from_old * pose;
+  return adjustment;
+}
+
+Rigid3d upright_guess(const Adjustment& a) {
+  Matrix3d level = Matrix3d::Zero();
+  Vector3d down = Vector3d::Zero();
+  for (const AdjustedCamera& camera : a.cameras) {
+    const Matrix3d axes = camera.cam_from_world.rotation.toRotationMatrix();  // its rows are the camera's axes
+    const Vector3d x = axes.row(0).transpose(), y = axes.row(1).transpose();
+    constexpr double of_columns = 0.001;  // tilt of the cameras is usual, roll is not; it only decides where rows do not
+    level += x * x.transpose() + of_columns * (Matrix3d::Identity() - y * y.transpose());
+    down += y;
+  }
+  const Eigen::SelfAdjointEigenSolver<Matrix3d> solver(level);
+  Vector3d up = solver.eigenvectors().col(0);
+  if (up.dot(down) > 0) up = -up;
+  Vector3d middle = Vector3d::Zero();
+  std::set<int> sets;
+  for (const BoardView& view : a.views) {
+    if (!sets.insert(view.set).second) continue;
+    middle += a.world_from_board[index(view.set)] * a.board_point(view.ids[view.ids.size() / 2]);
+  }
+  middle /= static_cast<double>(std::max<std::size_t>(1, sets.size()));
+  Vector3d forward = middle - inverse(a.cameras.front().cam_from_world).translation;
+  if (forward.cross(up).norm() < 0.1 * forward.norm()) {  // it looks straight down
+    forward = a.cameras.front().cam_from_world.rotation.conjugate() * Vector3d(0, -1, 0);
+  }
+  return with_axes(forward - up * up.dot(forward), up, middle);
+}
+
+Rigid3d floor_from_board(const Rigid3d& world_from_board, double height) {
+  const Vector3d x = world_from_board.rotation * Vector3d::UnitX(), up = world_from_board.rotation * -Vector3d::UnitZ();
+  return with_axes(x, up, world_from_board.translation - height * up);
+}
+
+WorldChange align_points(const std::vector<Vector3d>& old_points, const std::vector<Vector3d>& new_points,
+                         bool with_scale) {
+  require_spread(old_points);
+  require_spread(new_points);
+  Eigen::Matrix3Xd from(3, old_points.size()), to(3, new_points.size());
+  for (std::size_t k = 0; k < old_points.size(); ++k) {
+    from.col(static_cast<Eigen::Index>(k)) = old_points[k];
+    to.col(static_cast<Eigen::Index>(k)) = new_points[k];
+  }
+  const Eigen::Matrix4d t = Eigen::umeyama(from, to, with_scale);
+  WorldChange change;
+  change.scale = t.topLeftCorner<3, 3>().col(0).norm();
+  change.new_from_old.rotation = Eigen::Quaterniond(Matrix3d(t.topLeftCorner<3, 3>() / change.scale)).normalized();
+  change.new_from_old.translation = t.topRightCorner<3, 1>();
+  return change;
+}
+
+Rigid3d floor_from_points(const std::vector<Vector3d>& points, const CameraRig& rig) {
+  require_spread(points);
+  Vector3d middle = Vector3d::Zero();
+  for (const Vector3d& p : points) middle += p / static_cast<double>(points.size());
+  Matrix3d spread = Matrix3d::Zero();
+  for (const Vector3d& p : points) spread += (p - middle) * (p - middle).transpose();
+  Vector3d up = Eigen::SelfAdjointEigenSolver<Matrix3d>(spread).eigenvectors().col(0);
+  int above = 0;
+  for (const Camera& camera : rig.cameras) above += (camera.centre() - middle).dot(up) > 0 ? 1 : -1;
+  if (above == 0)
+    throw CalibrationError(
+        "as many cameras stand on one side of the floor as on the other: are the points on the floor?");
+  if (above < 0) up = -up;
+  const Vector3d x = points[1] - points[0];
+  return with_axes(x - up * up.dot(x), up, points[0] - up * up.dot(points[0] - middle));
+}
+
+MeasuredPoint measure_point(const CameraRig& rig, const std::vector<std::pair<int, Vector2d>>& pixels) {
+  Matrix3d a = Matrix3d::Zero();
+  Vector3d b = Vector3d::Zero();
+  std::set<int> cameras;
+  for (const auto& [c, px] : pixels) {
+    const Camera& camera = rig.cameras[index(c)];
+    const auto ray = camera.model.ray({px});
+    if (!ray) {
+      throw CalibrationError("camera " + camera.name + " sees nothing at pixel (" + std::to_string(px.x()) + ", " +
+                             std::to_string(px.y()) + "): its lens model does not reach there");
+    }
+    const Vector3d d = camera.cam_from_world.rotation.conjugate() * *ray;
+    const Matrix3d across = Matrix3d::Identity() - d * d.transpose();
+    a += across;
+    b += across * camera.centre();
+    cameras.insert(c);
+  }
+  if (cameras.size() < 2) throw CalibrationError("a point is fixed by its pixels in two or more cameras");
+  MeasuredPoint point;
+  point.p_world = a.ldlt().solve(b);
+  double sum = 0;
+  for (int iteration = 0; iteration < 20; ++iteration) {
+    Matrix3d h = Matrix3d::Zero();
+    Vector3d g = Vector3d::Zero();
+    sum = 0;
+    for (const auto& [c, px] : pixels) {
+      const Camera& camera = rig.cameras[index(c)];
+      CameraModel::Jacobian by_point;
+      const auto projected = camera.model.project(camera.cam_from_world * point.p_world, by_point);
+      if (!projected)
+        throw CalibrationError("the rays through the pixels do not meet in front of camera " + camera.name);
+      const Eigen::Matrix<double, 2, 3> j = by_point * camera.cam_from_world.rotation.toRotationMatrix();
+      const Vector2d r = projected->px - px;
+      h += j.transpose() * j;
+      g += j.transpose() * r;
+      sum += r.squaredNorm();
+    }
+    if (iteration + 1 < 20) point.p_world -= h.ldlt().solve(g);
+  }
+  point.rms_px = std::sqrt(sum / static_cast<double>(pixels.size()));
+  return point;
+}
+
+}  // namespace huetrack
