@@ -79,7 +79,8 @@ class HuetrackLedFilter final : public LedFilter {
  private:
   const std::vector<Vector3d>& leds() const { return options_.start.leds; }
   Eigen::Matrix2d noise() const {
-    return options_.pixel_noise_px * options_.pixel_noise_px * Eigen::Matrix2d::Identity();
+    const double sigma_px = (models_ ? models_->pixel_scale() : 1) * options_.pixel_noise_px;
+    return sigma_px * sigma_px * Eigen::Matrix2d::Identity();
   }
 
   // ---- No pose yet, or none any more.

@@ -1,5 +1,7 @@
 #include "camera_tracking/lee_tracker.h"
 
+#include <algorithm>
+#include <cmath>
 #include <limits>
 
 #include "camera_tracking/paper_tracker_base.h"
@@ -70,7 +72,14 @@ class LeeTracker final : public PaperTrackerBase {
       features_ = mapping_.features();
     }
     last_ = std::move(now);
-    return {last_.tracked, last_.cam_from_world, tracking_.in_view(), static_cast<int>(last_.matches.size()), static_cast<int>(features_.size())};
+    FilteredPose out{last_.tracked, last_.cam_from_world, tracking_.in_view(), static_cast<int>(last_.matches.size()), static_cast<int>(features_.size()), 0, 1};
+    for (const LeeFrame::Match& m : last_.matches) {
+      const auto f = std::ranges::lower_bound(features_, m.id, {}, &LeeFeature::id);
+      if (f == features_.end() || f->id != m.id) continue;
+      out.map_sigma_m = std::hypot(out.map_sigma_m, std::sqrt(f->covariance.trace() / static_cast<double>(last_.matches.size())));
+      out.depth_m = f->depth;
+    }
+    return out;
   }
 
   LeeTracking tracking_;

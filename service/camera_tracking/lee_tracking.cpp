@@ -36,7 +36,7 @@ void LeeTracking::start(const Rigid3d& cam_from_world) {
 
 // Eq. (4): the cloud's covariance is that of the particles before they are weighed.
 void LeeTracking::weigh(const Cloud& cloud, const Eigen::Vector2d& px) {
-  const Eigen::Matrix2d c = (cloud.moments.covariance + 0.25 * Eigen::Matrix2d::Identity()).inverse();
+  const Eigen::Matrix2d c = (options_.cloud_share * cloud.moments.covariance + 0.25 * Eigen::Matrix2d::Identity()).inverse();
   const Eigen::Vector2f y = px.cast<float>();
   add_log_likelihood(cloud.u.data(), cloud.v.data(), cloud.u.size(), y.x(), y.y(), static_cast<float>(c(0, 0)), static_cast<float>(c(0, 1)),
                      static_cast<float>(c(1, 1)), log_weight_.data());

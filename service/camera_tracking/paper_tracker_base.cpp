@@ -9,6 +9,10 @@
 namespace huetrack {
 namespace {
 
+// A proposal needs so many features within so many pixels (their maps are coarser than ours); the filter then judges it.
+constexpr double map_error_px = 6;
+constexpr int agreeing = 10;
+constexpr int probation = 3;          // frames in which the filter has to agree with a proposal before it is told
 constexpr int patience = 4;           // frames
 constexpr double coast_s = 1.0;       // the particles disperse meanwhile, and say how far
 
@@ -34,7 +38,7 @@ CameraEstimate PaperTrackerBase::update(const Frame& frame) {
     const GreyImage grey = grey_of(frame.pixels);
     const auto pyramid = std::make_shared<const Pyramid>(make_pyramid(grey));
     if (!started_ && has_map_) {
-      if (const auto found = relocalize(camera_, *pyramid, scene(), seed_ + estimate.frame_number)) {
+      if (const auto found = relocalize(camera_, *pyramid, scene(), seed_ + estimate.frame_number, map_error_px, agreeing)) {
         restart(found->cam_from_world);
         started_ = true;
       }
@@ -47,20 +51,26 @@ CameraEstimate PaperTrackerBase::update(const Frame& frame) {
         const Eigen::Matrix<double, 6, 6> inverse_information = found->pose.information.inverse();
         start_covariance_ = world_covariance(found->pose.cam_from_world, inverse_information);
         const int n = static_cast<int>(found->points.size());
-        pose = {true, found->pose.cam_from_world, n, n, n};
+        pose = {true, found->pose.cam_from_world, n, n, n, 0, 1};
       }
     } else {
       // Not in the papers, whose particles only disperse until they happen upon the features again: after some frames without
       // support the stored looks of the features propose a pose, and now and then what was started from is looked for. The
       // filter has to agree in the frames that follow.
       if (unsupported_ >= patience) {
-        if (const auto found = relocalize(camera_, *pyramid, scene(), seed_ + estimate.frame_number)) restart(found->cam_from_world);
-        else if (unsupported_ % 5 == 0) {
+        if (const auto found = relocalize(camera_, *pyramid, scene(), seed_ + estimate.frame_number, map_error_px, agreeing)) {
+          restart(found->cam_from_world);
+          probation_ = probation;
+        } else if (unsupported_ % 5 == 0) {
           if (const auto again = starter_.find(frame.pixels, grey)) restart(again->pose.cam_from_world);
         }
       }
       pose = track(pyramid, estimate.frame_number);
       unsupported_ = pose.tracked ? 0 : unsupported_ + 1;
+      if (probation_ > 0 && pose.tracked) {
+        --probation_;
+        pose.tracked = false;
+      }
     }
   }
   if (!started_) return estimate;
@@ -79,9 +89,11 @@ CameraEstimate PaperTrackerBase::update(const Frame& frame) {
   if (!estimate.has_pose()) return estimate;
   const Rigid3d cam_from_world = usable ? pose.cam_from_world : particles().mean();
   estimate.world_from_camera = inverse(cam_from_world);
-  // The particles' own, about their mean, and what the world's start leaves open.
+  // The particles' own, about their mean, and what the map and the world's start leave open.
   estimate.covariance = particles().covariance(cam_from_world) + start_covariance_;
-  estimate.covariance.diagonal().array() += 1e-8;
+  const double shared = pose.map_sigma_m * pose.map_sigma_m;
+  estimate.covariance.diagonal().head<3>().array() += 1e-8 + shared;
+  estimate.covariance.diagonal().tail<3>().array() += 1e-8 + shared / (pose.depth_m * pose.depth_m);
   estimate.features_in_view = pose.in_view;
   estimate.features_matched = pose.tracked ? pose.matched : 0;
   if (pose.in_view > 0) estimate.confidence = static_cast<double>(estimate.features_matched) / pose.in_view;

@@ -18,6 +18,8 @@ struct FilteredPose {
   bool tracked = false;
   Rigid3d cam_from_world;
   int in_view = 0, matched = 0, map_points = 0;
+  double map_sigma_m = 0;              // rms, of the matched points' own: errors that they share do not average out
+  double depth_m = 1;                  // of one of them
 };
 
 class PaperTrackerBase : public CameraTracker {
@@ -42,6 +44,7 @@ class PaperTrackerBase : public CameraTracker {
   std::uint64_t seed_;
   std::uint64_t frames_ = 0;
   bool started_ = false, has_map_ = false;
+  int probation_ = 0;
   int unsupported_ = 0;                                          // frames in a row
   CameraState state_ = CameraState::searching;
   Timestamp tracked_at_{};

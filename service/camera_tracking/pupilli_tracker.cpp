@@ -113,7 +113,9 @@ PupilliFilter::Result PupilliFilter::track(const std::shared_ptr<const Pyramid>&
     }
     if (p.found + p.missed > 60) p.found /= 2, p.missed /= 2;
   }
-  out.supported = out.matched >= 4 && 2 * out.matched >= out.active;
+  // A dispersed cloud finds something everywhere: it supports nothing until it has gathered.
+  const auto narrow = std::ranges::count_if(measured_, [](const Measured& x) { return x.cloud.covariance.trace() < 2 * 6 * 6; });
+  out.supported = out.matched >= 4 && 3 * out.matched >= 2 * out.active && 2 * narrow > static_cast<std::ptrdiff_t>(m);
   supported_ = out.supported;
   return out;
 }
@@ -121,7 +123,10 @@ PupilliFilter::Result PupilliFilter::track(const std::shared_ptr<const Pyramid>&
 void PupilliFilter::map(const std::shared_ptr<const Pyramid>& pyramid, const Result& result) {
   if (!result.supported) return;
   const GreyImage& image = pyramid->levels.front();
-  const auto in_view = static_cast<std::size_t>(result.active);
+  const auto in_view = static_cast<std::size_t>(std::ranges::count_if(points_, [&](const PupilliPoint& p) {
+    const auto px = camera_.model.project(result.cam_from_world * p.position);
+    return px && camera_.contains(*px);
+  }));
   std::vector<Candidate> kept;
   for (Candidate& c : candidates_) {
     ++c.attempts;
@@ -178,7 +183,7 @@ void PupilliFilter::map(const std::shared_ptr<const Pyramid>& pyramid, const Res
   candidates_.swap(kept);
   // Points that were mapped wrongly are never found.
   std::erase_if(points_, [](const PupilliPoint& p) { return !p.given && p.missed > 30 && p.missed > 4 * p.found; });
-  if (candidates_.empty() && in_view < options_.wanted_in_view) introduce(pyramid, result.cam_from_world);
+  if (candidates_.size() < options_.introduced_at_once && in_view < options_.wanted_in_view) introduce(pyramid, result.cam_from_world);
 }
 
 void PupilliFilter::introduce(const std::shared_ptr<const Pyramid>& pyramid, const Rigid3d& pose) {
@@ -277,7 +282,14 @@ class PupilliTracker final : public PaperTrackerBase {
   FilteredPose track(const std::shared_ptr<const Pyramid>& pyramid, std::uint64_t) override {
     const PupilliFilter::Result r = filter_.track(pyramid);
     filter_.map(pyramid, r);
-    return {r.supported, r.cam_from_world, r.active, r.matched, static_cast<int>(filter_.points().size())};
+    FilteredPose out{r.supported, r.cam_from_world, r.active, r.matched, static_cast<int>(filter_.points().size()), 0, 1};
+    for (const PupilliFilter::Measured& m : filter_.measured()) {
+      if (m.point >= filter_.points().size()) continue;
+      const PupilliPoint& p = filter_.points()[m.point];
+      out.map_sigma_m = std::hypot(out.map_sigma_m, p.sigma_m / std::sqrt(static_cast<double>(filter_.measured().size())));
+      out.depth_m = (r.cam_from_world * p.position).norm();
+    }
+    return out;
   }
 
   PupilliFilter filter_;

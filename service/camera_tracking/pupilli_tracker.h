@@ -38,7 +38,8 @@ class PupilliFilter {
     float wider_unseen = 1.5f;                               // of v, while too few points support the cloud
     std::size_t reweighting_particles = 60;                  // of eq. (7): a subset
     std::size_t max_active = 12;                             // points that are measured in one frame
-    std::size_t wanted_in_view = 10;                         // fewer: a new one is introduced, one at a time
+    std::size_t wanted_in_view = 16;                         // fewer: new ones are introduced,
+    std::size_t introduced_at_once = 4;                      // so many at a time (the paper: one)
   };
   PupilliFilter(const Camera& camera, const Options& options, std::uint64_t seed);
   void start(const Rigid3d& cam_from_world);
@@ -79,7 +80,7 @@ class PupilliFilter {
   Rng rng_;
   PoseParticles particles_;
   std::vector<PupilliPoint> points_;
-  std::vector<Candidate> candidates_;                        // at most one
+  std::vector<Candidate> candidates_;                        // at most introduced_at_once
   double depth_m_ = 1;
   bool supported_ = true;
   std::vector<ObservationField> fields_;

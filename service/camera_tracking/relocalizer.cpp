@@ -4,8 +4,9 @@
 
 namespace huetrack {
 
-std::optional<PoseFit> relocalize(const Camera& camera, const Pyramid& pyramid, const SceneMap& map, std::uint64_t seed) {
-  constexpr std::size_t corners_per_level = 220;
+std::optional<PoseFit> relocalize(const Camera& camera, const Pyramid& pyramid, const SceneMap& map, std::uint64_t seed,
+                                  double max_error_px, int min_inliers) {
+  constexpr std::size_t corners_per_level = 600;
   constexpr int max_distance = 72;
   struct Look {
     const Descriptor* descriptor;
@@ -51,7 +52,7 @@ std::optional<PoseFit> relocalize(const Camera& camera, const Pyramid& pyramid, 
   for (const Match& m : best_of_point) {
     if (m.distance <= max_distance) observations.push_back(m.observation);
   }
-  return solve_pose_ransac(camera.model, observations, 3, 10, seed);
+  return solve_pose_ransac(camera.model, observations, max_error_px, min_inliers, seed);
 }
 
 }  // namespace huetrack
