@@ -13,8 +13,9 @@ struct Scale {
   double motion;  // of the liveliest
   double pixel;   // of the sightings' sigma_px
 };
-constexpr std::array scales{Scale{1, 1},    Scale{1, 4},    Scale{1, 16},   Scale{0.2, 1},  Scale{0.2, 4},
-                            Scale{0.2, 16}, Scale{0.04, 1}, Scale{0.04, 4}, Scale{0.04, 16}};
+constexpr std::array scales{Scale{1, 1},     Scale{1, 4},     Scale{1, 16},    Scale{0.2, 1},
+                            Scale{0.2, 4},   Scale{0.2, 16},  Scale{0.04, 1},  Scale{0.04, 4},
+                            Scale{0.04, 16}, Scale{0.02, 1}, Scale{0.02, 4}, Scale{0.02, 16}};
 constexpr double switching_per_s = 2;  // how often a camera changes its way of moving
 constexpr double least_probability = 1e-4;
 
@@ -97,10 +98,10 @@ LedGaussian LedModels::state() const {
   return mixture(states_, probability_);
 }
 
-double LedModels::liveliness() const {
-  double mean = 0;
-  for (std::size_t i = 0; i < probability_.size(); ++i) mean += probability_[i] * scales[i].motion;
-  return mean;
+double LedModels::pixel_scale() const {
+  double square = 0;
+  for (std::size_t i = 0; i < probability_.size(); ++i) square += probability_[i] * scales[i].pixel * scales[i].pixel;
+  return std::sqrt(square);
 }
 
 }  // namespace huetrack

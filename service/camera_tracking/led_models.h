@@ -20,7 +20,7 @@ class LedModels {
   void update(const CameraModel& model, std::span<const Eigen::Vector3d> leds, std::span<const LedSighting> sightings,
               const LedMotionState& from);
   LedGaussian state() const;  // mean and covariance of the mixture
-  double liveliness() const;  // mean share of the liveliest noise, (0, 1]
+  double pixel_scale() const;  // rms, of the sightings' sigma_px: how noisy the image seems
 
  private:
   std::vector<LedGaussian> states_;

@@ -2,6 +2,7 @@
 
 #include <Eigen/SVD>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <map>
 #include <set>
@@ -14,10 +15,11 @@ using Eigen::Vector2d;
 using Eigen::Vector3d;
 
 constexpr int least_leds = 4;
-constexpr std::size_t least_sightings = 8;  // 16 equations for 12 unknowns
-constexpr std::size_t polished = 48;        // of the best positions
-constexpr double coarse_sigma_px = 4;       // of LEDs that were seen at several times, brought to one time
-constexpr double unique_by_chi2 = 25;       // a second pose must fit so much worse
+constexpr std::size_t least_sightings = 8;          // 16 equations for 12 unknowns
+constexpr std::size_t polished = 48;                // of the best positions
+constexpr double coarse_sigma_px = 4;               // of LEDs that were seen at several times, brought to one time
+constexpr std::array noise_scales{1.0, 4.0, 16.0};  // of the sightings' sigma_px, as in LedModels
+constexpr double unique_by_chi2 = 25;               // a second pose must fit so much worse
 
 struct Ray {
   int led;
@@ -171,36 +173,40 @@ std::optional<LedGaussian> LedSearch::polish(std::span<const Rigid3d> starts, st
   std::ranges::stable_sort(coarse_fits, {}, [](const auto& f) { return f.first; });
   if (coarse_fits.size() > 8) coarse_fits.resize(8);
 
-  // A camera does not keep its velocities over the whole window: the farther from the reference time, the less is
-  // known.
-  std::vector<LedSighting> timed(fine.begin(), fine.end());
-  for (LedSighting& s : timed) {
-    s.dt_s -= reference_dt_s;
-    const double drift_px = model.fx() * options_.motion.angular_acceleration / options_.motion.correlation_s / 6 *
-                            std::pow(std::abs(s.dt_s), 3);
-    s.sigma_px = std::hypot(s.sigma_px, drift_px);
+  // How noisy the image is, is not known: the least noise at which a pose fits counts, and at which it is the only one.
+  for (const double noise : noise_scales) {
+    // A camera does not keep its accelerations over the whole window: the farther from the reference time, the less is
+    // known.
+    std::vector<LedSighting> timed(fine.begin(), fine.end());
+    for (LedSighting& s : timed) {
+      s.dt_s -= reference_dt_s;
+      const double drift_px = model.fx() * options_.motion.angular_acceleration / options_.motion.correlation_s / 6 *
+                              std::pow(std::abs(s.dt_s), 3);
+      s.sigma_px = std::hypot(noise * s.sigma_px, drift_px);
+    }
+    std::vector<LedFit> fits;
+    for (const auto& [_, start] : coarse_fits) {
+      const LedGaussian prior = open_prior(start.world_from_camera, options_.start_velocity, options_.motion);
+      const auto fit = fit_leds(model, options_.leds, prior, start, timed, 40);
+      if (!fit || fit->used < static_cast<int>(timed.size())) continue;
+      const Rigid3d& pose = fit->posterior.mean.world_from_camera;
+      if (!in_front(pose)) continue;
+      if (std::ranges::any_of(fits,
+                              [&](const LedFit& f) { return is_same_pose(f.posterior.mean.world_from_camera, pose); }))
+        continue;
+      fits.push_back(*fit);
+    }
+    if (fits.empty()) return std::nullopt;
+    std::ranges::stable_sort(fits, {}, &LedFit::chi2);
+    candidates_.clear();
+    for (const LedFit& f : fits) candidates_.push_back(f.posterior.mean.world_from_camera);
+    const LedFit& first = fits.front();
+    const double freedom = 2.0 * first.used - 12;
+    if (!(first.chi2 < freedom + 5 * std::sqrt(2 * freedom))) continue;
+    if (fits.size() > 1 && fits[1].chi2 < first.chi2 + unique_by_chi2) return std::nullopt;
+    return predicted(first.posterior, -reference_dt_s, options_.motion);
   }
-  std::vector<LedFit> fits;
-  for (const auto& [_, start] : coarse_fits) {
-    const LedGaussian prior = open_prior(start.world_from_camera, options_.start_velocity, options_.motion);
-    const auto fit = fit_leds(model, options_.leds, prior, start, timed, 40);
-    if (!fit || fit->used < static_cast<int>(timed.size())) continue;
-    const Rigid3d& pose = fit->posterior.mean.world_from_camera;
-    if (!in_front(pose)) continue;
-    if (std::ranges::any_of(fits,
-                            [&](const LedFit& f) { return is_same_pose(f.posterior.mean.world_from_camera, pose); }))
-      continue;
-    fits.push_back(*fit);
-  }
-  if (fits.empty()) return std::nullopt;
-  std::ranges::stable_sort(fits, {}, &LedFit::chi2);
-  candidates_.clear();
-  for (const LedFit& f : fits) candidates_.push_back(f.posterior.mean.world_from_camera);
-  const LedFit& first = fits.front();
-  const double freedom = 2.0 * first.used - 12;
-  if (!(first.chi2 < freedom + 5 * std::sqrt(2 * freedom))) return std::nullopt;
-  if (fits.size() > 1 && fits[1].chi2 < first.chi2 + unique_by_chi2) return std::nullopt;
-  return predicted(first.posterior, -reference_dt_s, options_.motion);
+  return std::nullopt;
 }
 
 std::optional<LedGaussian> LedSearch::find_unidentified(std::span<const LedSighting> sightings) {
@@ -294,10 +300,13 @@ std::optional<LedGaussian> LedSearch::find_unidentified(std::span<const LedSight
   for (const Found& f : found) candidates_.push_back(f.fit.posterior.mean.world_from_camera);
   const LedFit& first = found.front().fit;
   const double freedom = 2.0 * first.used - 6;
-  if (!(first.chi2 < freedom + 5 * std::sqrt(2 * freedom))) return std::nullopt;
-  if (found.size() > 1 && found[1].cost < found[0].cost + unique_by_chi2) return std::nullopt;
+  const auto fitting = std::ranges::find_if(
+      noise_scales, [&](double noise) { return first.chi2 / (noise * noise) < freedom + 5 * std::sqrt(2 * freedom); });
+  if (fitting == noise_scales.end()) return std::nullopt;
+  if (found.size() > 1 && found[1].cost - found[0].cost < unique_by_chi2 * *fitting * *fitting) return std::nullopt;
   LedGaussian now = first.posterior;  // how it moves is not known from one frame
   const LedGaussian open = open_prior({}, options_.start_velocity, options_.motion);
+  now.covariance *= *fitting * *fitting;
   now.covariance.rightCols<12>().setZero();
   now.covariance.bottomRows<12>().setZero();
   now.covariance.bottomRightCorner<12, 12>() = open.covariance.bottomRightCorner<12, 12>();

@@ -2,10 +2,9 @@
 //
 // The paper simulates and measures (Table I: 1 px of noise, 90 fps, pi/2 rad/s, 5000 particles); what it leaves open is
 // set here:
-//   small scale   a camera of 640x480 and 80.85 degrees circles 8 LEDs in a box of 0.5 x 0.4 x 0.12 m at 0.66 m of
-//   radius and
-//                 height, at pi/2 rad/s, looking at their middle; one LED is lit per frame, in turn. 4 LEDs: every
-//                 second one.
+//   small scale   a camera of 640x480 and 80.85 degrees circles 8 LEDs in a box of 0.5 x 0.4 x 0.12 m at 0.38 m of radius
+//                 and 0.4 m of height, so that they fill half of the view, at pi/2 rad/s, looking at their middle; one LED
+//                 is lit per frame, in turn. 4 LEDs: every second one.
 //   room          5 x 5 x 2.5 m, LEDs at random places; the camera goes about smoothly at 0.5 m/s on the average and
 //   turns at up
 //                 to pi/2 rad/s; one LED per frame in turn, most of them out of view at a time.
@@ -47,7 +46,7 @@ using Way = std::function<Rigid3d(double)>;
 
 Way circle(double rate) {
   return [rate](double t) {
-    return looking_at({0.66 * std::cos(rate * t), 0.66 * std::sin(rate * t), 0.66}, {0, 0, 0.06});
+    return looking_at({0.38 * std::cos(rate * t), 0.38 * std::sin(rate * t), 0.40}, {0, 0, 0.06});
   };
 }
 
@@ -62,8 +61,8 @@ Way wander(std::mt19937_64& random) {
     for (std::size_t k = 0; k < 3; ++k)
       waves[axis][k] = {(axis < 2    ? 0.8
                          : axis == 2 ? 0.25
-                         : axis == 3 ? 1.6
-                                     : 0.2) /
+                         : axis == 3 ? 0.8
+                                     : 0.1) /
                             (1.0 + static_cast<double>(k)),
                         0.25 + 0.5 * (static_cast<double>(k) + unit(random)), 2 * std::numbers::pi * unit(random)};
   return [waves](double t) {
@@ -174,7 +173,8 @@ Errors repeat(const Setting& setting, int runs) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  int runs = 10;
+  std::setvbuf(stdout, nullptr, _IOLBF, 0);
+  int runs = 4;
   for (int i = 1; i < argc; ++i) {
     if (std::strcmp(argv[i], "herranz") == 0)
       paper_filter = true;

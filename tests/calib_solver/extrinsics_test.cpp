@@ -186,7 +186,8 @@ TEST(ExtrinsicsTrouble, SwappedCamerasAreNamed) {
 
 // --- figures ---
 
-TEST(ExtrinsicsFigures, ThreeHundredViewsOfFourCamerasInTenSeconds) {
+// In how many seconds: tests/benchmark/calibration_figures.
+TEST(ExtrinsicsFigures, ThreeHundredViewsOfFourCameras) {
   const SyntheticCapture capture = synthetic_capture({.sets = 300, .noise_px = 0.2, .columns = 8});
   ExtrinsicsOptions refining;
   refining.refine_lens = RefineLens::yes;
@@ -196,9 +197,6 @@ TEST(ExtrinsicsFigures, ThreeHundredViewsOfFourCamerasInTenSeconds) {
   std::printf("%zu views, %d corners: %.2f s\n", capture.views.size(), found.adjustment.corners_used, taken.count());
   EXPECT_GT(found.adjustment.corners_used, 40000);
   EXPECT_LT(synthetic_volume_rms_m(capture, found), 0.0005);
-#ifdef NDEBUG
-  EXPECT_LT(taken.count(), 10);
-#endif
 }
 
 TEST(ExtrinsicsFigures, RenderedChessboard) {
