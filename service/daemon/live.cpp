@@ -91,7 +91,11 @@ class LiveService {
       publisher_.emplace(config.dds.publisher);
       spdlog::info("publishing on {}", publisher_->description());
     }
-    if (publisher_) view_.emplace(config_, ViewServerOptions{});
+    if (publisher_) view_.emplace(config_, ViewServerOptions{.actions = {.reload = [this] {
+                                                                         requests_.reload = true;
+                                                                         return std::string();
+                                                                       },
+                                                                       .resume = nullptr}});
     reporter_.emplace(config_, "run", Duration{0});
     PipelineOptions pipeline;
     pipeline.frame_sets.camera_count = int(config.rig.cameras.size());
@@ -388,7 +392,7 @@ class LiveService {
     if (!tolerance_is_given_) fresh.set_tolerance_s = fresh.set_tolerance_s.value_or(*config_.set_tolerance_s);
     std::string kept;
     for (const auto& key : differing_keys(config_, fresh)) {
-      if (key == "targets" || key == "object_tracking" || key == "log_level") continue;
+      if (key == "targets" || key == "object_tracking" || key == "log_level" || key == "ignore" || key == "control") continue;
       kept += (kept.empty() ? "" : ", ") + key;
     }
     if (!kept.empty()) spdlog::warn("reload: {} changed, too: that takes effect at the next start", kept);
@@ -397,6 +401,8 @@ class LiveService {
     merged.targets = fresh.targets;
     merged.object_tracking = fresh.object_tracking;
     merged.log_level = fresh.log_level;
+    merged.ignored = fresh.ignored;
+    merged.control = fresh.control;
     Pipeline::Replacement replacement;
     std::string names;
     for (const auto t : targets_that_differ(config_, merged)) {
