@@ -300,7 +300,7 @@ ReplaySummary replay(const ReplayCommand& command, std::stop_token stop) {
       }
       if (fresh.targets.size() != config.targets.size()) return "targets were added: that needs a restart";
       if (running == nullptr) return "the replay has not begun yet";
-      running.load()->replace_trackers(std::move(replacements));
+      running.load()->replace_trackers({.trackers = std::move(replacements), .from = std::nullopt});
       view->take_over(fresh);
       return "";
     };
