@@ -37,7 +37,10 @@ function listen(): void {
   };
   on<Pulse>("pulse", (pulse) => (store.pulse = pulse));
   on<Status>("status", takeStatus);
-  on<Scene>("scene", (scene) => (store.scene = scene));
+  on<Scene>("scene", (scene) => {
+    store.scene = scene;
+    tick();
+  });
   on<Position>("position", takePosition);
   on<CameraPose>("camera_pose", takeCameraPose);
   on<Parameters<typeof showPreview>[0]>("preview", (preview) => void showPreview(preview));
