@@ -12,6 +12,10 @@ vm=${V4L2VM_DIR:-$root/../shared/tools/v4l2vm}
 filter='*'
 case ${1:-} in
   --all) shift ;;
+  --off)
+    echo "SKIPPED: configure with -DHUETRACK_VM_TESTS=short or all, or run tests/v4l2/run.sh"
+    exit 77
+    ;;
   --short)
     filter='Loopback.FramesAreBitExact*:Uvc.ManualValues*:Uvc.UnplugAnotherAndReplug:Vivid.FlaggedFrames*:Rendered/Films.*/two_cams:Webcams.TheTrack*:Webcams.Doctor*:Faults.*'
     shift
