@@ -64,6 +64,14 @@ std::string ros2_pose(std::string_view target) {
   return "rt/huetrack/" + std::string(target) + "/pose";
 }
 
+std::string ros2_image(std::string_view camera) {
+  return "rt/huetrack/" + std::string(camera) + "/image/compressed";
+}
+
+std::string ros2_camera_info(std::string_view camera) {
+  return "rt/huetrack/" + std::string(camera) + "/camera_info";
+}
+
 std::string ros2_camera_pose(std::string_view camera) {
   return "rt/huetrack/camera/" + std::string(camera) + "/pose";
 }

@@ -31,6 +31,11 @@ std::string ros2_pose(
     std::string_view target);  // rt/huetrack/<target>/pose: geometry_msgs/msg/PoseWithCovarianceStamped
 std::string ros2_camera_pose(std::string_view camera);  // rt/huetrack/camera/<camera>/pose: the same type
 
+inline constexpr const char* ros2_tf_static = "rt/tf_static";        // tf2_msgs/msg/TFMessage, transient local
+inline constexpr const char* ros2_markers = "rt/huetrack/markers";   // visualization_msgs/msg/MarkerArray
+std::string ros2_image(std::string_view camera);        // rt/huetrack/<camera>/image/compressed: CompressedImage
+std::string ros2_camera_info(std::string_view camera);  // rt/huetrack/<camera>/camera_info: CameraInfo; of the image's size
+
 }  // namespace topics
 
 // REP-2011 type hashes, which ROS 2 Iron and later look for in an endpoint's USER_DATA.
@@ -38,6 +43,12 @@ inline constexpr const char* ros2_pose_type_hash =
     "RIHS01_26432f9803e43727d3c8f668d1fdb3c630f548af631e2f4e31382371bfea3b6e";
 inline constexpr const char* ros2_tf_type_hash =
     "RIHS01_e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087";
+inline constexpr const char* ros2_image_type_hash =
+    "RIHS01_15640771531571185e2efc8a100baf923961a4d15d5569652e6cb6691e8e371a";
+inline constexpr const char* ros2_camera_info_type_hash =
+    "RIHS01_b3dfd68ff46c9d56c80fd3bd4ed22c7a4ddce8c8348f2f59c299e73118e7e275";
+inline constexpr const char* ros2_markers_type_hash =
+    "RIHS01_86cb8800b6fb05b5eff1abd7a56f62a5641d3ae9a1c29e78e67e704f1d067dcf";
 std::string ros2_user_data(std::string_view type_hash);  // "typehash=RIHS01_...;"
 
 // USER_DATA of the writers of object_position and camera_pose: who it is, readable before the first sample and without one.

@@ -7,6 +7,7 @@
 
 #include "commands.h"
 #include "clients/live_view/view.h"
+#include "clients/plot/plot.h"
 
 int main(int argc, char** argv) {
   using namespace huetrack::client;
@@ -59,12 +60,23 @@ int main(int argc, char** argv) {
       ->capture_default_str();
   add_bus(view_command);
 
+  huetrack::plot::PlotOptions plot;
+  CLI::App* plot_command = app.add_subcommand("plot", "draw a track CSV: the track, its states, its uncertainty");
+  plot_command->add_option("tracks", plot.tracks, "CSV of `huetrackd replay --tracks` or `huetrack log`")->required();
+  plot_command->add_option("--truth", plot.truth, "CSV with columns ball, t, x, y, z");
+  plot_command->add_option("--clock-offset", plot.clock_offset_s, "seconds that the tracks' clock is ahead of the truth's");
+  plot_command->add_option("--out", plot.out, "FILE.png, FILE.svg or FILE.html (one file that needs no other)")->required();
+
   CLI11_PARSE(app, argc, argv);
 
   end_on_signals();
   if (timeout_s > 0) options.timeout = std::chrono::duration<double>(timeout_s);
   try {
     if (status_command->parsed()) return status(options.participant);
+    if (plot_command->parsed()) {
+      huetrack::plot::plot(plot);
+      return 0;
+    }
     if (view_command->parsed()) {
       view.participant = options.participant;
       return huetrack::live_view::view(view, has_ended);

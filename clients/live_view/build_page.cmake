@@ -21,3 +21,11 @@ execute_process(COMMAND ${NODE} build.mjs ${OUTPUT} WORKING_DIRECTORY ${OUTPUT}/
 if(failed)
   message(FATAL_ERROR "bundling the page failed, see above")
 endif()
+
+# For page_files.cpp: its compilation must be new whenever a file is, for ccache too, which does not look into .incbin.
+set(stamp "")
+foreach(file index.html page.css page.js)
+  file(SHA256 ${OUTPUT}/${file} hash)
+  string(APPEND stamp ${hash})
+endforeach()
+file(WRITE ${OUTPUT}/page_stamp.h "#define HUETRACK_PAGE_STAMP \"${stamp}\"\n")

@@ -48,6 +48,8 @@ struct BusReader::Connection {
       : participant(named(options, "huetrack view")),
         position(participant.create_reader(topics::object_position, dds::TypeSupport(new msg::ObjectPositionPubSubType),
                                            object_position_reader_qos())),
+        camera_pose(participant.create_reader(topics::camera_pose, dds::TypeSupport(new msg::CameraPosePubSubType),
+                                              object_position_reader_qos())),
         status(participant.create_reader(topics::status, dds::TypeSupport(new msg::ServiceStatusPubSubType),
                                          status_reader_qos())),
         scene(
@@ -57,7 +59,7 @@ struct BusReader::Connection {
         request(participant.create_writer(topics::teach_request, dds::TypeSupport(new msg::TeachRequestPubSubType),
                                           teach_writer_qos(), "")) {}
   DdsParticipant participant;
-  dds::DataReader &position, &status, &scene, &reply;
+  dds::DataReader &position, &camera_pose, &status, &scene, &reply;
   dds::DataWriter& request;
 };
 
@@ -96,6 +98,7 @@ void BusReader::poll(int pages) {
     previews_.reset();
   }
   take_positions();
+  take_camera_poses();
   take_statuses();
   take_scenes();
   take_replies();
@@ -121,6 +124,11 @@ void BusReader::poll(int pages) {
 void BusReader::take_positions() {
   take_all<msg::ObjectPosition>(connection_->position,
                                 [&](const auto& sample) { hub_.append(to_event("position", to_json(sample))); });
+}
+
+void BusReader::take_camera_poses() {
+  take_all<msg::CameraPose>(connection_->camera_pose,
+                            [&](const auto& sample) { hub_.append(to_event("camera_pose", to_json(sample))); });
 }
 
 void BusReader::take_statuses() {

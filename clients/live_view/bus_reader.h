@@ -35,6 +35,7 @@ class BusReader {
   struct Connection;
   struct Previews;
   void take_positions();
+  void take_camera_poses();
   void take_statuses();
   void take_scenes();
   void take_replies();

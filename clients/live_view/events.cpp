@@ -78,6 +78,20 @@ std::string to_json(const msg::ObjectPosition& s) {
                {"per_view", std::move(views)}});
 }
 
+std::string to_json(const msg::CameraPose& s) {
+  return text({{"camera", s.camera()},
+               {"t", unix_s(s.captured_at())},
+               {"state", state_name(static_cast<std::uint32_t>(s.state()))},
+               {"position", s.position()},
+               {"orientation", s.orientation()},
+               {"sigma", {std::sqrt(s.covariance()[0]), std::sqrt(s.covariance()[7]), std::sqrt(s.covariance()[14])}},
+               {"features_in_view", s.features_in_view()},
+               {"features_matched", s.features_matched()},
+               {"map_points", s.map_points()},
+               {"confidence", s.confidence()},
+               {"latency", unix_s(s.published_at() - s.captured_at())}});
+}
+
 std::string to_json(const msg::ServiceStatus& s, double heard) {
   Json cameras = Json::array();
   for (const auto& c : s.cameras()) {

@@ -1,5 +1,7 @@
 #include "clients/live_view/page_files.h"
 
+#include "page_stamp.h"
+
 // The bundler's output, put in by the assembler as it is.
 #define HUETRACK_EMBED(symbol, file)                                                       \
   asm(".section .rodata\n.balign 16\n.globl " #symbol "\n.globl " #symbol "_end\n" #symbol \
@@ -15,6 +17,9 @@ extern const char huetrack_page_js[], huetrack_page_js_end[];
 }
 
 namespace huetrack::live_view {
+
+// The bundler's hash: the same as the files that were put in above.
+static_assert(sizeof(HUETRACK_PAGE_STAMP) > 1);
 
 std::optional<PageFile> page_file(std::string_view path) {
   if (path == "/" || path == "/index.html")

@@ -60,7 +60,11 @@ class KeyframeTracker final : public CameraTracker {
       return estimate;
     }
     if (handed_over_) mapper_.start([this] { mapping_.map(*handed_over_); });
-    last_ = tracking_.track(pyramid, map_, state_ == CameraState::lost);
+    std::optional<Rigid3d> proposed;              // what was started from, seen again
+    if (state_ == CameraState::lost && estimate.frame_number % 5 == 0) {
+      if (const auto again = starter_.find(frame.pixels, grey)) proposed = again->pose.cam_from_world;
+    }
+    last_ = tracking_.track(pyramid, map_, state_ == CameraState::lost, proposed);
     mapper_.wait();
     if (handed_over_) map_ = mapping_.scene();
     handed_over_.reset();

@@ -336,13 +336,15 @@ ProvenPose KeyframeTracking::fine(const Rigid3d& start, const Pyramid& pyramid, 
   const bool by_points = out.found >= (strict ? 25 : 15) && share > (strict ? 0.35 : 0.25) && out.spread_px > (strict ? 16 : 11) * wide;
   // At the beginning there are few points, but nothing is in doubt either.
   const bool by_few = !strict && map.keyframes.size() < 4 && out.sought <= 30 && out.found >= 7 && share > 0.6 && out.spread_px > 16 * wide;
-  const bool by_rectangle = out.corners == 4 && (out.sought < 8 || share > 0.4);
+  // A rectangle alone is proof while nothing else is known; later, another one of this shape may lie about.
+  const bool by_rectangle = out.corners == 4 && (out.sought >= 8 ? share > 0.4 : !strict || map.alive_count() < 12);
   out.proven = sure && fit.scale < 3.5 && (by_points || by_few || by_rectangle);
   if (out.proven) depth_m_ = depth;
   return out;
 }
 
-ProvenPose KeyframeTracking::track(const std::shared_ptr<const Pyramid>& pyramid, const SceneMap& map, bool lost) {
+ProvenPose KeyframeTracking::track(const std::shared_ptr<const Pyramid>& pyramid, const SceneMap& map, bool lost,
+                                   const std::optional<Rigid3d>& proposed) {
   ++frames_;
   ProvenPose best;
   if (!lost) {
@@ -361,6 +363,10 @@ ProvenPose KeyframeTracking::track(const std::shared_ptr<const Pyramid>& pyramid
       ProvenPose other = fine(proposal->cam_from_world, *pyramid, map, true);
       if (other.proven) best = std::move(other);
     }
+  }
+  if (!best.proven && proposed) {
+    ProvenPose other = fine(*proposed, *pyramid, map, true);
+    if (other.proven) best = std::move(other);
   }
   if (best.proven) {
     step_ = unproven_ == 0 ? best.cam_from_world * inverse(pose_) : Rigid3d{};

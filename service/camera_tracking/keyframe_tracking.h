@@ -42,8 +42,10 @@ class KeyframeTracking {
   void forget();                                              // the motion: lost
 
   // The next frame. The result's `proven` says whether the pose is one; otherwise it is what the particles make of it.
-  // lost: there is no pose to start from, so stored key frames are asked.
-  ProvenPose track(const std::shared_ptr<const Pyramid>& pyramid, const SceneMap& map, bool lost);
+  // lost: there is no pose to start from, so stored key frames are asked. proposed: a pose that somebody else found in this very
+  // frame (the start, seen again); it is proven like one from the key frames.
+  ProvenPose track(const std::shared_ptr<const Pyramid>& pyramid, const SceneMap& map, bool lost,
+                   const std::optional<Rigid3d>& proposed = std::nullopt);
 
   const PoseParticles& particles() const { return particles_; }
   double effective_sample_size() const { return effective_sample_size_; }

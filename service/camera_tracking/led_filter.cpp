@@ -100,6 +100,7 @@ class HuetrackLedFilter final : public LedFilter {
     if (!pose_) return;
     models_.emplace(*pose_, options_.motion);
     confirmed_ = 0;
+    explained_once_ = false;
     evidence_.clear();
     found_at_ = frame.at;
     prior_covariance_ = pose_->covariance;
@@ -130,11 +131,15 @@ class HuetrackLedFilter final : public LedFilter {
     const bool contradicted = evidence_.in_view() >= 6 && 3 * evidence_.matched() < evidence_.in_view();
     const bool too_long = frame.at - last > longest_coasting;
     if (contradicted || too_long || !(sigma.x() < lost_sigma_m) || !(sigma.y() < lost_sigma_rad)) {
-      was_found_ |= confirmed_ >= confirming;
-      pose_.reset();
-      window_.clear();
-      evidence_.clear();
+      forget_pose();
     }
+  }
+
+  void forget_pose() {
+    pose_.reset();
+    models_.reset();
+    window_.clear();
+    evidence_.clear();
   }
 
   // Which dot is which LED, where the prediction says.
@@ -186,8 +191,15 @@ class HuetrackLedFilter final : public LedFilter {
     const bool explained = 2 * evidence_.matched() > evidence_.in_view() && evidence_.distinct() >= 4;
     const bool sure = sigma.x() < tracking_sigma_m && sigma.y() < tracking_sigma_rad;
     // A new pose must have been right several times before it is said at all.
-    if (!was_found_ && !(explained_once_ |= explained && sure)) {
+    if (explained && sure) {
+      explained_once_ = true;
+      last_explained_ = frame.at;
+    }
+    // And when it has not been for long, it is no longer said: chance matches could carry it on.
+    if (!explained_once_ || frame.at - last_explained_ > longest_coasting) {
+      e.state = was_found_ ? CameraState::lost : CameraState::searching;
       e.features_in_view = e.features_matched = 0;
+      if (explained_once_) forget_pose();
       return e;
     }
     was_found_ = true;
@@ -214,7 +226,7 @@ class HuetrackLedFilter final : public LedFilter {
   LedCovariance prior_covariance_ = LedCovariance::Zero();
   LedEvidence evidence_;
   std::vector<std::pair<int, Vector2d>> found_;  // in the last frame
-  Timestamp last_at_{}, found_at_{};
+  Timestamp last_at_{}, found_at_{}, last_explained_{};
   int confirmed_ = 0;
   bool was_found_ = false, explained_once_ = false;
 };

@@ -176,8 +176,8 @@ HsiRange fit_range(const HsiImage& image, const PixelMask& region, const PixelMa
   }
 
   const double more = steps;
-  fit.bound[0] = std::clamp(fit.bound[0] - 3 * more, -150.0, -2.0);
-  fit.bound[1] = std::clamp(fit.bound[1] + 3 * more, 2.0, 150.0);
+  fit.bound[0] = std::clamp(fit.bound[0] - 3 * more, -149.0, -2.0);
+  fit.bound[1] = std::clamp(fit.bound[1] + 3 * more, 2.0, 149.0);
   const auto spread = [](double& low, double& high, double by, double middle) {
     low = std::min(low - by, middle - 0.02);
     high = std::max(high + by, middle + 0.02);

@@ -50,7 +50,7 @@ HsiRange in_other_cameras(const HsiRange& r) {
   const double more = std::min(18.0, std::max(0.0, (280 - width) / 2));
   return {.hue_min_deg = std::fmod(r.hue_min_deg - more + 720, 360),
           .hue_max_deg = std::fmod(r.hue_max_deg + more, 360),
-          .saturation_min = std::max(0.15, 0.6 * r.saturation_min),
+          .saturation_min = std::max(0.15, 0.35 * r.saturation_min),
           .saturation_max = 1,
           .intensity_min = 0.06,
           .intensity_max = 0.98};

@@ -21,9 +21,9 @@ struct TeachPoint {
 };
 
 struct TeachRequestOptions {
-  std::vector<TeachPoint> points;              // at most one per camera counts: the last
-  std::vector<std::vector<PixelBox>> ignored;  // per camera of the rig, or empty
-  int wider = 0;                               // steps; negative: narrower
+  std::vector<TeachPoint> points{};              // at most one per camera counts: the last
+  std::vector<std::vector<PixelBox>> ignored{};  // per camera of the rig, or empty
+  int wider = 0;                                 // steps; negative: narrower
 };
 
 // What was learnt of one camera.

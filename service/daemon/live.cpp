@@ -42,7 +42,8 @@ std::string without_numbers(std::string text) {
 }
 
 bool is_same(const TargetOptions& a, const TargetOptions& b) {
-  return a.name == b.name && a.radius_m == b.radius_m && a.color == b.color && a.camera_colors == b.camera_colors;
+  return a.name == b.name && a.radius_m == b.radius_m && a.color == b.color && a.camera_colors == b.camera_colors &&
+         a.ignored == b.ignored;
 }
 
 // From what the cameras agreed to, else what they were asked for; known once and for all, as a track depends on it.
@@ -72,7 +73,11 @@ class LiveService {
       publisher_.emplace(config.dds.publisher);
       spdlog::info("publishing on {}", publisher_->description());
     }
-    if (publisher_) view_.emplace(config_, ViewServerOptions{});
+    if (publisher_) view_.emplace(config_, ViewServerOptions{.actions = {.reload = [this] {
+                                                                         requests_.reload = true;
+                                                                         return std::string();
+                                                                       },
+                                                                       .resume = nullptr}});
     reporter_.emplace(config_, "run", Duration{0});
     PipelineOptions pipeline;
     pipeline.frame_sets.camera_count = int(config.rig.cameras.size());
@@ -343,7 +348,7 @@ class LiveService {
     if (!tolerance_is_given_) fresh.set_tolerance_s = fresh.set_tolerance_s.value_or(*config_.set_tolerance_s);
     std::string kept;
     for (const auto& key : differing_keys(config_, fresh)) {
-      if (key == "targets" || key == "object_tracking" || key == "log_level") continue;
+      if (key == "targets" || key == "object_tracking" || key == "log_level" || key == "ignore" || key == "control") continue;
       kept += (kept.empty() ? "" : ", ") + key;
     }
     if (!kept.empty()) spdlog::warn("reload: {} changed, too: that takes effect at the next start", kept);
@@ -352,6 +357,8 @@ class LiveService {
     merged.targets = fresh.targets;
     merged.object_tracking = fresh.object_tracking;
     merged.log_level = fresh.log_level;
+    merged.ignored = fresh.ignored;
+    merged.control = fresh.control;
     const auto changed = differing_keys(config_, merged);
     const bool all = std::ranges::find(changed, "object_tracking") != changed.end();
     std::vector<std::pair<std::size_t, ObjectTracker>> trackers;

@@ -18,6 +18,7 @@
 #include "daemon/replay.h"
 #include "daemon/service_config.h"
 #include "daemon/service_manager.h"
+#include "daemon/teach.h"
 #include "daemon/track_csv.h"
 #include "daemon/truth.h"
 #include "publish/estimate_publisher.h"
@@ -182,6 +183,8 @@ int main(int argc, char** argv) {
       ->add_option("--wait-for-subscriber", command.wait_for_subscriber_s,
                    "wait up to so many seconds for a DDS subscriber before the first frame")
       ->check(CLI::NonNegativeNumber);
+  replay_command->add_flag("--hold", command.hold,
+                           "hold after the first frame set, until a colour is taught or Resume is pressed on the page");
   replay_command->add_flag("--no-dds", command.no_dds, "do not publish");
   replay_command->add_flag("--quiet", quiet, "no progress bar and no summary");
 
@@ -207,6 +210,24 @@ int main(int argc, char** argv) {
   compare_command->add_option("--clock-offset", clock_offset_s,
                               "seconds that the tracks' clock is ahead of the truth's");
 
+  TeachCommand teaching;
+  CLI::App* teach_command = app.add_subcommand(
+      "teach", "learn a target's colour from where you point, and write it into the configuration");
+  teach_command->add_option("config", teaching.config, "huetrackd.yaml")->required();
+  teach_command->add_option("recording", teaching.recording, "recording.yaml, the folder that holds it, or the word live")
+      ->required();
+  teach_command->add_option("--at", teaching.at, "the object: CAMERA,FRAME,U,V (frames from 0, pixels); once per camera")
+      ->allow_extra_args(false);
+  teach_command->add_option("--target", teaching.target, "which one, where there are several");
+  teach_command->add_flag("--accept", teaching.accept, "where you did not point, take the place that is suggested");
+  teach_command->add_option("--wider", teaching.wider, "widen the ranges by so many steps; negative: narrow them")
+      ->check(CLI::Range(-50, 50));
+  teach_command
+      ->add_option("--ignore", teaching.ignore, "CAMERA,U_MIN,V_MIN,U_MAX,V_MAX: nothing matches in there; may be repeated")
+      ->allow_extra_args(false);
+  teach_command->add_option("--pictures", teaching.pictures, "draw what matches, one picture per camera, into this folder");
+  teach_command->add_flag("--dry-run", teaching.dry_run, "only say what would be learnt");
+
   CLI11_PARSE(app, argc, argv);
 
   LiveRequests requests;
@@ -221,6 +242,9 @@ int main(int argc, char** argv) {
       check(config_file);
     } else if (compare_command->parsed()) {
       compare(tracks_file, truth_file, clock_offset_s);
+    } else if (teach_command->parsed()) {
+      const int status = teach(teaching, signals.token());
+      if (status != 0) return status;
     } else if (run_command->parsed()) {
       run(config_file, live, requests, signals.token());
     } else if (record_command->parsed()) {

@@ -201,7 +201,10 @@ void Pipeline::capture(FrameSource& source, std::stop_token stop) {
     }
     if (!frame) break;
     mine.at(std::size_t(frame->camera)) = true;
-    if (options_.pace && !sleep_until(options_.pace->start + (frame->captured_at - options_.pace->first), stop)) break;
+    if (options_.pace) {
+      const Duration delay{options_.pace->delay_ns != nullptr ? options_.pace->delay_ns->load() : 0};
+      if (!sleep_until(options_.pace->start + delay + (frame->captured_at - options_.pace->first), stop)) break;
+    }
     receive(std::move(*frame));
   }
   const std::scoped_lock lock(figures_mutex_);

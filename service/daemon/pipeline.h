@@ -7,6 +7,7 @@
 // Nothing calls back up. Stopping goes from upstream down: the sources end, the queue closes, tracking drains it.
 #pragma once
 
+#include <atomic>
 #include <chrono>
 #include <cstdint>
 #include <exception>
@@ -51,10 +52,10 @@ struct PipelineFigures {
   std::uint64_t sets_tracked = 0;
   std::uint64_t sets_dropped = 0;  // by the queue, because tracking was too slow
   StageTime decode, synchronise, track, publish, draw;
+  std::vector<SearchFindings> searches;  // per target, about once a second and at the end
   std::uint64_t camera_frames_tracked = 0;
   std::uint64_t camera_frames_dropped = 0;  // by the queue, because camera tracking was too slow
   StageTime camera_track;
-  std::vector<SearchFindings> searches;  // per target, about once a second and at the end
   StageTime track_first;  // part of track: the first set, for which the trackers build colour tables
   std::chrono::steady_clock::time_point tracking_round{};  // when the tracking thread last came round: once a second
 };
@@ -63,6 +64,7 @@ struct PipelineFigures {
 struct Pace {
   std::chrono::steady_clock::time_point start;
   Timestamp first;
+  const std::atomic<std::int64_t>* delay_ns = nullptr;  // is added to start; may change while nothing is let through
 };
 
 struct PipelineOptions {

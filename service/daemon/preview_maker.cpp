@@ -143,6 +143,13 @@ msg::Scene make_scene(const ServiceConfig& config, bool may_teach, const std::st
       color.intensity({range.intensity_min, range.intensity_max});
     }
   }
+  for (const auto& [camera, boxes] : config.ignored) {
+    for (const PixelBox& box : boxes) {
+      msg::SceneIgnore& out = scene.ignored().emplace_back();
+      out.camera(camera);
+      out.box({double(box.u_min), double(box.v_min), double(box.u_max), double(box.v_max)});
+    }
+  }
   scene.may_teach(may_teach);
   scene.why_not(why_not);
   return scene;

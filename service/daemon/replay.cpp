@@ -3,10 +3,13 @@
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <cstdarg>
 #include <cstdio>
 #include <thread>
+#include <tuple>
+#include <utility>
 
 #include "capture/recording.h"
 #include "capture/replay_source.h"
@@ -43,6 +46,36 @@ void wait_for_subscriber(const EstimatePublisher& publisher, double longest_s, c
     std::this_thread::sleep_for(10ms);
   }
 }
+
+// Lets the first frame of every camera through, and then none until it is released: so a colour can be taught on it.
+class HeldSource final : public FrameSource {
+ public:
+  HeldSource(std::unique_ptr<FrameSource> source, std::size_t cameras)
+      : source_(std::move(source)), seen_(cameras, false) {}
+
+  std::optional<Frame> next(std::stop_token stop) override {
+    if (!ahead_) ahead_ = source_->next(stop);
+    if (!ahead_) return std::nullopt;
+    if (seen_.at(std::size_t(ahead_->camera)) && !released_) {
+      const auto since = Clock::now();
+      while (!released_ && !stop.stop_requested()) std::this_thread::sleep_for(5ms);
+      held_ns_ = (Clock::now() - since).count();
+    }
+    seen_[std::size_t(ahead_->camera)] = true;
+    return std::exchange(ahead_, std::nullopt);
+  }
+  bool ended(int camera) const override { return !ahead_ && source_->ended(camera); }
+
+  void release() { released_ = true; }                                   // any thread
+  const std::atomic<std::int64_t>& held_ns() const { return held_ns_; }  // how long
+
+ private:
+  std::unique_ptr<FrameSource> source_;
+  std::vector<bool> seen_;
+  std::optional<Frame> ahead_;
+  std::atomic<bool> released_ = false;
+  std::atomic<std::int64_t> held_ns_ = 0;
+};
 
 class Tally {  // of one target's estimates
  public:
@@ -125,13 +158,18 @@ ReplaySummary replay(const ReplayCommand& command, std::stop_token stop) {
       spdlog::warn("{}: {}", command.truth.string(), sentence);
     }
   }
+  std::vector<std::tuple<PixelFormat, ColorRange>> formats;  // known before the first frame, and for good
+  for (const auto& camera : source.cameras()) formats.emplace_back(camera.format, camera.range);
+  const auto tracker_of = [&formats](const ServiceConfig& c, const TargetOptions& target) {
+    ObjectTracker tracker(c.rig, target, c.object_tracking);
+    for (std::size_t i = 0; i < formats.size(); ++i)
+      std::apply([&](auto... f) { tracker.expect(int(i), f...); }, formats[i]);
+    return tracker;
+  };
   std::vector<ObjectTracker> trackers;
   std::vector<Tally> tallies;
   for (const auto& target : config.targets) {
-    trackers.emplace_back(config.rig, target, config.object_tracking);
-    for (std::size_t c = 0; c < source.cameras().size(); ++c) {
-      trackers.back().expect(static_cast<int>(c), source.cameras()[c].format, source.cameras()[c].range);
-    }
+    trackers.push_back(tracker_of(config, target));
     tallies.emplace_back(target.name, truth ? &*truth : nullptr);
   }
 
@@ -173,13 +211,27 @@ ReplaySummary replay(const ReplayCommand& command, std::stop_token stop) {
   std::vector<std::vector<ObjectEstimate>> tracks(config.targets.size());  // only for the picture of the track
   std::optional<Timestamp> last_at;
   Clock::time_point tracked_until = started;
-  const Pipeline* running = nullptr;
+  std::atomic<Pipeline*> running = nullptr;
+  if (command.hold && !publisher) throw std::runtime_error("--hold needs DDS: a page says when to go on");
+  HeldSource* held = nullptr;
+  std::unique_ptr<FrameSource> first_source = std::move(owned_source);
+  if (command.hold) {
+    auto holding = std::make_unique<HeldSource>(std::move(first_source), config.rig.cameras.size());
+    held = holding.get();
+    first_source = std::move(holding);
+  }
+  // While nothing was let through, time stood still for the recording too.
+  const auto clock_offset = [&, now = command.stamps.value_or(command.speed == ReplaySpeed::real
+                                                                  ? ReplayStamps::now
+                                                                  : ReplayStamps::recording) == ReplayStamps::now] {
+    return summary.clock_offset + Duration(held != nullptr && now ? held->held_ns().load() : 0);
+  };
 
   PipelineOutputs outputs;
   outputs.estimates = [&](const FrameSet& set, std::span<const ObjectEstimate> estimates, Timestamp received_at) {
     last_at = set.at;
     for (std::size_t t = 0; t < estimates.size(); ++t) {
-      if (publisher) publisher->publish(t, estimates[t], estimates[t].at + summary.clock_offset, received_at);
+      if (publisher) publisher->publish(t, estimates[t], estimates[t].at + clock_offset(), received_at);
       if (csv) csv->write(config.targets[t].name, estimates[t]);
       tallies[t].add(estimates[t]);
       if (pictures) {
@@ -190,7 +242,7 @@ ReplaySummary replay(const ReplayCommand& command, std::stop_token stop) {
     tracked_until = Clock::now();
     if (!progress.due()) return;
     std::uint64_t frames = 0;
-    for (const auto& camera : running->figures().cameras) frames += camera.frames;
+    for (const auto& camera : running.load()->figures().cameras) frames += camera.frames;
     std::string states;
     for (const auto& tally : tallies) states += (states.empty() ? "" : ", ") + tally.progress();
     progress.draw(frames, source.expected_frames(), seconds(set.at - first_at) / seconds(Clock::now() - started),
@@ -218,10 +270,29 @@ ReplaySummary replay(const ReplayCommand& command, std::stop_token stop) {
   }
   std::optional<ViewServer> view;
   if (publisher) {
-    view.emplace(config, ViewServerOptions{.keeps_frames = true});
+    ViewServerOptions viewing{.keeps_frames = true};
+    viewing.actions.reload = [&]() -> std::string {
+      ServiceConfig fresh = load_service_config(config.file);
+      std::vector<std::pair<std::size_t, ObjectTracker>> replacements;
+      for (std::size_t t = 0; t < config.targets.size(); ++t) {
+        const auto it = std::ranges::find(fresh.targets, config.targets[t].name, &TargetOptions::name);
+        if (it == fresh.targets.end()) return "target " + config.targets[t].name + " is gone from the configuration";
+        replacements.emplace_back(t, tracker_of(fresh, *it));
+      }
+      if (fresh.targets.size() != config.targets.size()) return "targets were added: that needs a restart";
+      if (running == nullptr) return "the replay has not begun yet";
+      running.load()->replace_trackers(std::move(replacements));
+      view->take_over(fresh);
+      return "";
+    };
+    if (held != nullptr) viewing.actions.resume = [held] { held->release(); };
+    view.emplace(config, std::move(viewing));
     view->set_clock_offset(summary.clock_offset);
     outputs.view_wanted = [&view] { return view->wants(); };
-    outputs.view = [&view](PictureJob job) { view->offer(std::move(job)); };
+    outputs.view = [&](PictureJob job) {
+      view->set_clock_offset(clock_offset());
+      view->offer(std::move(job));
+    };
   }
   if (pictures) outputs.pictures = [&](const PictureJob& job) { pictures->write(job); };
 
@@ -234,12 +305,17 @@ ReplaySummary replay(const ReplayCommand& command, std::stop_token stop) {
       config.set_tolerance_s ? duration_of(*config.set_tolerance_s) : automatic_tolerance(source.cameras());
   options.threads = command.threads.value_or(config.threads);
   options.pictures_every = command.pictures_every;
-  if (command.speed == ReplaySpeed::real) options.pace = Pace{started, first_at};
+  if (command.speed == ReplaySpeed::real)
+    options.pace = Pace{started, first_at, held != nullptr ? &held->held_ns() : nullptr};
 
   std::vector<std::unique_ptr<FrameSource>> sources;
-  sources.push_back(std::move(owned_source));
+  sources.push_back(std::move(first_source));
   Pipeline pipeline(config.rig, std::move(sources), std::move(trackers), options, std::move(outputs));
   running = &pipeline;
+  struct EndFirst {  // it calls back into the pipeline
+    std::optional<ViewServer>& view;
+    ~EndFirst() { view.reset(); }
+  } const end_first{view};
   if (camera_tracker) pipeline.track_camera(tracked_camera, std::move(camera_tracker));
   pipeline.run(stop);
   if (poses) poses->flush();
@@ -248,6 +324,7 @@ ReplaySummary replay(const ReplayCommand& command, std::stop_token stop) {
   if (csv) csv->flush();
   progress.clear();
 
+  summary.clock_offset = clock_offset();
   summary.wall_s = seconds(tracked_until - started);
   summary.stopped = stop.stop_requested();
   summary.figures = pipeline.figures();

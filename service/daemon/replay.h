@@ -38,6 +38,7 @@ struct ReplayCommand {
   std::filesystem::path pictures;      // folder; empty: none
   int pictures_every = 1;              // >= 1
   std::filesystem::path truth;         // CSV, see Truth; empty: none
+  bool hold = false;                   // after the first frame of every camera, until the page says go on; needs DDS
   bool progress = true;                // a bar on stderr, if that is a terminal
 };
 

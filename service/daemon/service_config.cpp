@@ -154,6 +154,7 @@ void describe(Io& io, Config& config) {
       describe_color(color, range, Need::optional);
     });
   });
+  io.boxes("ignore", config.ignored, "per camera, [u_min, v_min, u_max, v_max, ...]: rectangles in which nothing matches");
   io.group("camera_tracking", "the pose of one moving camera",
            [&](auto& in) { describe_camera_tracking(in, config.camera_tracking); });
   io.named("cameras", config.cameras, "the live cameras, for `run`; names as in the rig",
@@ -181,6 +182,9 @@ void describe(Io& io, Config& config) {
     in.integer("width", config.preview.width, Range{.min = 16, .max = 4096}, "pixels; larger images are scaled down");
     in.integer("quality", config.preview.quality, Range{.min = 1, .max = 100}, "of the JPEGs");
     in.integer("particles", config.preview.particles, Range{.min = 0, .max = 10000}, "drawn per target, about");
+  });
+  io.group("control", "what may be asked of the running service over DDS", [&](auto& in) {
+    in.boolean("allow_teach", config.control.allow_teach, "teach colours: writes into this file");
   });
   io.choice("log_level", config.log_level, Words<LogLevel>(log_level_words), "debug, info, warning or error");
 }
@@ -339,6 +343,22 @@ class Reader {
     min = values[0];
     max = values[1];
   }
+  void boxes(std::string_view key, IgnoredRegions& regions, std::string_view) {
+    const auto cameras = yaml_.optional_map(key);
+    if (!cameras) return;
+    for (const std::string& camera : cameras->keys()) {
+      const auto numbers = cameras->numbers(camera, 4, 400, Range{.min = -1e6, .max = 1e6});
+      auto& boxes = regions.emplace_back(camera, std::vector<PixelBox>()).second;
+      if (numbers.size() % 4 != 0) cameras->fail(camera, "must be four numbers per rectangle: u_min, v_min, u_max, v_max");
+      for (std::size_t i = 0; i < numbers.size(); i += 4) {
+        const auto at = [&](std::size_t k) { return int(std::lround(numbers[i + k])); };
+        boxes.push_back({at(0), at(1), at(2), at(3)});
+        if (boxes.back().empty())
+          cameras->fail(camera, "rectangle " + std::to_string(i / 4 + 1) + " ends before it begins");
+      }
+    }
+    cameras->finish();
+  }
   template <typename F>
   void group(std::string_view key, std::string_view, F&& describe_group) {
     Reader inner(yaml_.map_or_empty(key));  // even when it is absent: something in it may be required
@@ -451,6 +471,15 @@ class Printer {
   }
   void interval(std::string_view key, double min, double max, Range, Need, std::string_view doc) {
     line(key, list_of({shortest(min), shortest(max)}), doc);
+  }
+  void boxes(std::string_view key, const IgnoredRegions& regions, std::string_view doc) {
+    line(key, regions.empty() ? "{}" : "", doc);
+    for (const auto& [camera, boxes] : regions) {
+      std::vector<std::string> numbers;
+      for (const PixelBox& box : boxes)
+        for (const int value : {box.u_min, box.v_min, box.u_max, box.v_max}) numbers.push_back(std::to_string(value));
+      Printer(out_, depth_ + 1).line(quoted_key(camera), list_of(numbers), "");
+    }
   }
   template <typename F>
   void group(std::string_view key, std::string_view doc, F&& describe_group) {
@@ -570,6 +599,12 @@ void check(const ServiceConfig& config, const YamlReader& root) {
     camera_list += (cameras.empty() ? "" : ", ") + camera.name;
     cameras.push_back(camera.name);
   }
+  for (const auto& [camera, boxes] : config.ignored) {
+    if (config.rig.index_of(camera)) continue;
+    const auto nearest = nearest_word(camera, cameras);
+    root.map("ignore").fail(camera, "is not a camera of the rig, which has " + camera_list +
+                                        (nearest ? " (did you mean " + *nearest + "?)" : ""));
+  }
   const YamlReader live = config.cameras.empty() ? root : root.map("cameras");
   for (const auto& camera : config.cameras) {
     const auto index = config.rig.index_of(camera.name);
@@ -656,6 +691,7 @@ ServiceConfig load_service_config(const fs::path& file) {
   for (const auto& camera : config.rig.cameras) config.dds.publisher.cameras.push_back(camera.name);
   config.dds.publisher.tracked_camera = config.camera_tracking.camera;
   check(config, root);
+  for (auto& target : config.targets) target.ignored = config.ignored;
   return config;
 }
 

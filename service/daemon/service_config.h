@@ -61,6 +61,11 @@ struct PreviewConfig {
   int particles = 100;  // >= 0; at most about so many per target are drawn
 };
 
+// What may be asked of the running service over the bus.
+struct ControlConfig {
+  bool allow_teach = false;  // teach colours and ignore regions: changes the configuration file
+};
+
 struct ServiceConfig {
   std::filesystem::path file;             // absolute
   std::filesystem::path rig_file;         // absolute
@@ -76,6 +81,8 @@ struct ServiceConfig {
   RecordConfig record;
   MetricsConfig metrics;
   PreviewConfig preview;
+  ControlConfig control;
+  IgnoredRegions ignored;  // also in every target
   LogLevel log_level = LogLevel::info;
 };
 

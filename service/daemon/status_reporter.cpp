@@ -98,14 +98,14 @@ ServiceStatus StatusReporter::report(const PipelineFigures& figures, std::chrono
       out.health = CameraStatus::Health::delivering;
     }
   }
-  if (figures.camera_frames_dropped > 0)
-    status.warnings.push_back("camera tracking is too slow: " + std::to_string(figures.camera_frames_dropped) +
-                              " frames gave no pose; a smaller camera_tracking.particle_count may help");
   constexpr std::size_t long_search = 60;   // sets
   for (std::size_t t = 0; t < std::min(targets_.size(), figures.searches.size()); ++t) {
     if (figures.searches[t].sets < long_search) continue;
     status.warnings.push_back("target " + targets_[t].name + " is not found: " + figures.searches[t].advice(targets_[t], camera_names(status)));
   }
+  if (figures.camera_frames_dropped > 0)
+    status.warnings.push_back("camera tracking is too slow: " + std::to_string(figures.camera_frames_dropped) +
+                              " frames gave no pose; a smaller camera_tracking.particle_count may help");
   if (!latest_ || now - latest_->at >= shortest_rate_window) latest_ = Past{now, figures};
   return status;
 }

@@ -12,14 +12,17 @@ using namespace std::chrono_literals;
 
 constexpr auto look_round_period = 100ms;  // for subscribers
 constexpr auto network_period = 1s;
-constexpr auto repeat_after = 1s;  // a set that is kept is shown again: who comes late sees it too
+constexpr auto freeze_patience = 3s;          // for a set to freeze
+constexpr auto kept_freeze_patience = 300ms;  // likewise, when there is one that was kept
+constexpr auto repeat_after = 1s;             // a set that is kept is shown again: who comes late sees it too
 
 }  // namespace
 
 ViewServer::ViewServer(const ServiceConfig& config, ViewServerOptions options)
-    : options_(options),
+    : options_(std::move(options)),
       publisher_(config.dds.publisher),
-      wanted_(options.keeps_frames),
+      desk_(options_.actions),
+      wanted_(options_.keeps_frames),
       config_(config),
       thread_([this](const std::stop_token& stop) { serve(stop); }) {}
 
@@ -47,7 +50,7 @@ ViewServer::Counters ViewServer::counters() const {
 }
 
 void ViewServer::serve(const std::stop_token& stop) {
-  publisher_.publish(make_scene(config_, false, "this huetrackd cannot be taught"));
+  publish_scene();
   std::optional<PictureJob> last;  // only where frames may be kept
   Clock::time_point next_preview{}, next_network = Clock::now() + network_period, shown_at{};
   const auto period =
@@ -66,9 +69,18 @@ void ViewServer::serve(const std::stop_token& stop) {
     }
     if (fresh) {
       config_ = std::move(*fresh);
-      publisher_.publish(make_scene(config_, false, "this huetrackd cannot be taught"));
+      publish_scene();
     }
     const auto now = Clock::now();
+    take_requests();
+    if (to_freeze_ && job) {
+      freeze(job->set);
+    } else if (to_freeze_ && last && now > asked_to_freeze_ + kept_freeze_patience) {
+      freeze(last->set);
+    } else if (to_freeze_ && now > asked_to_freeze_ + freeze_patience) {
+      publisher_.publish(TeachDesk::refusal(*to_freeze_, "No pictures come from the cameras."));
+      to_freeze_.reset();
+    }
     is_watched = config_.preview.enabled && publisher_.preview_subscribers() > 0;
     if (job && is_watched) {
       publish_previews(*job);
@@ -79,7 +91,7 @@ void ViewServer::serve(const std::stop_token& stop) {
       shown_at = now;
     }
     if (job && options_.keeps_frames) last = std::move(job);
-    if (is_watched && now >= next_preview) wanted_.store(true, std::memory_order_relaxed);
+    if ((is_watched && now >= next_preview) || to_freeze_) wanted_.store(true, std::memory_order_relaxed);
     if (now >= next_network) {
       next_network = now + network_period;
       publisher_.look_after_network();
@@ -87,11 +99,37 @@ void ViewServer::serve(const std::stop_token& stop) {
   }
 }
 
+void ViewServer::publish_scene() {
+  const std::string why_not = !options_.actions.reload ? "This service cannot be taught." : TeachDesk::why_not(config_);
+  publisher_.publish(make_scene(config_, why_not.empty(), why_not));
+}
+
+void ViewServer::take_requests() {
+  while (const auto request = publisher_.next_request()) {
+    if (!options_.actions.reload) {
+      publisher_.publish(TeachDesk::refusal(*request, "This service cannot be taught."));
+    } else if (request->action() != msg::TEACH_ACTION_FREEZE) {
+      publisher_.publish(desk_.answer(*request, config_));
+    } else if (const std::string why = TeachDesk::why_not(config_); !why.empty()) {
+      publisher_.publish(TeachDesk::refusal(*request, why));
+    } else {
+      to_freeze_ = *request;
+      asked_to_freeze_ = Clock::now();
+    }
+  }
+}
+
+void ViewServer::freeze(const FrameSet& set) {
+  publisher_.publish(desk_.freeze(*to_freeze_, config_, set));
+  to_freeze_.reset();
+}
+
 void ViewServer::publish_previews(const PictureJob& job) {
   const auto started = Clock::now();
   for (const auto& preview : make_previews(config_, job, Duration(clock_offset_ns_))) {
     if (publisher_.publish(preview)) ++previews_;
   }
+  publisher_.publish(job.estimates, job.set.at + Duration(clock_offset_ns_));
   busy_ns_ += (Clock::now() - started).count();
 }
 

@@ -1,6 +1,6 @@
-// Serves the pages: previews at their own rate while somebody subscribes, and the scene. It stands beside the road of
-// the frames: the tracking thread asks one atomic flag per set, and hands over a set only when this thread waits for
-// one.
+// Serves the pages: previews at their own rate while somebody subscribes, the scene, and the teaching of colours. It
+// stands beside the road of the frames: the tracking thread asks one atomic flag per set, and hands over a set only
+// when this thread waits for one.
 #pragma once
 
 #include <atomic>
@@ -12,6 +12,7 @@
 
 #include "daemon/pipeline.h"
 #include "daemon/service_config.h"
+#include "daemon/teach_desk.h"
 #include "publish/view_publisher.h"
 
 namespace huetrack {
@@ -20,6 +21,8 @@ struct ViewServerOptions {
   // Of a replay: a set that is held may be kept, no driver waits for its buffers. The first set is always taken, and
   // the newest one shown again while none comes.
   bool keeps_frames = false;
+  // Called from the server's thread. Without reload, nothing can be taught.
+  TeachDesk::Actions actions = {};
 };
 
 // thread-safe as said per function. Has a thread of its own, ended by the destructor.
@@ -49,9 +52,15 @@ class ViewServer {
  private:
   void serve(const std::stop_token& stop);
   void publish_previews(const PictureJob& job);
+  void publish_scene();
+  void take_requests();
+  void freeze(const FrameSet& set);
 
   const ViewServerOptions options_;
-  ViewPublisher publisher_;  // this thread's
+  ViewPublisher publisher_;  // this and all that follows to wanted_: the server's thread's
+  TeachDesk desk_;
+  std::optional<msg::TeachRequest> to_freeze_;  // waits for a set
+  std::chrono::steady_clock::time_point asked_to_freeze_{};
   std::atomic<bool> wanted_ = false;
   std::atomic<std::int64_t> clock_offset_ns_ = 0;
   std::atomic<std::uint64_t> previews_ = 0;

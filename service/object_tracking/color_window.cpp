@@ -46,6 +46,18 @@ MatchBits::MatchBits(int width, int height, const WindowKernels& kernels)
       bands_(static_cast<std::size_t>(2 * tile_stride_ * band_rows_ + 8), 0),   // a window at the end reads 8 rows
       marked_(static_cast<std::size_t>(cell_stride_ * 2 * tile_rows_), 0) {}
 
+void MatchBits::ignore(const std::vector<PixelBox>& boxes) {
+  ignored_.assign(boxes.empty() ? 0 : tile_frame_.size(), 0);
+  for (const PixelBox& box : boxes) {
+    for (int v = std::max(0, box.v_min); v <= std::min(box.v_max, height_ - 1); ++v) {
+      for (int u = std::max(0, box.u_min); u <= std::min(box.u_max, width_ - 1); ++u) {
+        const int tile = (v / tile_size + 1) * tile_stride_ + u / tile_size + 1;
+        ignored_[static_cast<std::size_t>(tile)] |= std::uint64_t{1} << (tile_size * (v % tile_size) + u % tile_size);
+      }
+    }
+  }
+}
+
 void MatchBits::look_at(const Image& image, const ColorTable& table) {
   image_ = image;
   bytes_per_pixel_ = image.format == PixelFormat::yuyv ? 2 : image.format == PixelFormat::bgr ? 3 : 1;
@@ -82,6 +94,7 @@ void MatchBits::fill(std::span<const TileAt> tiles) {
 }
 
 void MatchBits::store(TileAt tile, std::uint64_t bits) {
+  if (!ignored_.empty()) bits &= ~ignored_[static_cast<std::size_t>(tile.v * tile_stride_ + tile.u)];
   constexpr std::uint64_t left_half = 0x0f * each_row, right_half = 0xf0 * each_row;
   const int tile_u = tile.u, row = tile_size * tile.v;
   store_word(band(2 * tile_u, row), bits);
@@ -233,6 +246,11 @@ void MatchBits::grid(int step, std::vector<PixelAt>& hits) const {
         if (matches_at(u, v)) hits.push_back({u, v});
       }
     }
+    if (ignored_.empty()) return;
+    std::erase_if(hits, [&](const PixelAt& p) {
+      const int tile = (p.v / tile_size + 1) * tile_stride_ + p.u / tile_size + 1;
+      return (ignored_[static_cast<std::size_t>(tile)] >> (tile_size * (p.v % tile_size) + p.u % tile_size) & 1) != 0;
+    });
   };
   const auto byte = [&image](int plane, int r, int offset) {
     const Plane& p = image.planes[static_cast<std::size_t>(plane)];

@@ -24,6 +24,7 @@ namespace huetrack {
 struct PixelBox {
   int u_min, v_min, u_max, v_max;
   bool empty() const { return u_min > u_max || v_min > v_max; }
+  bool operator==(const PixelBox&) const = default;
 };
 
 // thread-compatible. One per camera and target; lives as long as the tracker, so that a frame costs no allocation.
@@ -33,6 +34,9 @@ class MatchBits {
   static constexpr int margin = 8;
 
   MatchBits(int width, int height, const WindowKernels& kernels = best_window_kernels());   // pixels, >= 1
+
+  // Pixels in these boxes (which may reach beyond the image) match nothing from the next frame on.
+  void ignore(const std::vector<PixelBox>& boxes);
 
   // The next frame. The image must have the size given above and `table` must be for its format; both must live until the
   // next call. Forgets everything that was known of the frame before.
@@ -89,6 +93,7 @@ class MatchBits {
   const ColorTable* table_ = nullptr;
   std::vector<std::uint32_t> tile_frame_;       // that the tile was classified for
   std::vector<std::uint8_t> bands_;
+  std::vector<std::uint64_t> ignored_;          // per tile, bits that never match; empty: none
   std::vector<std::uint8_t> marked_;            // per cell of 4x4 pixels: a window begins in it; all 0 between calls, but for cell 0
   std::vector<std::int32_t> where_;             // work space of count_5x5, as are:
   std::vector<TileAt> unknown_;

@@ -69,6 +69,9 @@ ObjectTracker::ObjectTracker(const CameraRig& rig, const TargetOptions& target, 
   for (const auto& [camera, own] : target.camera_colors) {
     if (!rig.index_of(camera)) all += (all.empty() ? "" : "; ") + ("camera_colors: there is no camera '" + camera + "' in the rig");
   }
+  for (const auto& [camera, boxes] : target.ignored) {
+    if (!rig.index_of(camera)) all += (all.empty() ? "" : "; ") + ("ignored: there is no camera '" + camera + "' in the rig");
+  }
   if (!all.empty()) throw std::invalid_argument("target " + target.name + ": " + all);
   // The target's name, not its place in the list, picks the stream: adding a target does not change another's track.
   std::uint64_t stream = 0xcbf29ce484222325u;                 // FNV-1a

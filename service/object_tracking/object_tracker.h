@@ -11,6 +11,7 @@
 #include "calib/model/camera_rig.h"
 #include "capture/frame.h"
 #include "object_tracking/color_model.h"
+#include "object_tracking/color_window.h"
 #include "object_tracking/object_estimate.h"
 
 namespace huetrack {
@@ -20,12 +21,16 @@ struct Box {                               // axis-aligned, world frame, metres
   Eigen::Vector3d max{1, 1, 2};
 };
 
+// Rectangles of a camera's image in which nothing matches: (camera name, rectangles).
+using IgnoredRegions = std::vector<std::pair<std::string, std::vector<PixelBox>>>;
+
 // One target to track.
 struct TargetOptions {
   std::string name;                        // unique; [A-Za-z][A-Za-z0-9_]*, so that it can be part of a topic's name
   double radius_m = 0.04;                  // > 0; of the ball, or of a ball of about the object's size
   HsiRange color;
   std::vector<std::pair<std::string, HsiRange>> camera_colors;   // per-camera overrides: (camera name, range)
+  IgnoredRegions ignored;
   std::vector<std::string> problems() const;
 };
 

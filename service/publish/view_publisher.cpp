@@ -7,7 +7,9 @@
 
 #include "idl/dds_participant.h"
 #include "idl/huetrack_viewPubSubTypes.h"
+#include "idl/ros2_messagesPubSubTypes.h"
 #include "idl/topics.h"
+#include "publish/ros_view.h"
 
 namespace huetrack {
 
@@ -36,11 +38,31 @@ struct Connection {
         reply(participant.create_writer(topics::teach_reply, dds::TypeSupport(new msg::TeachReplyPubSubType),
                                         teach_writer_qos(), who)),
         request(participant.create_reader(topics::teach_request, dds::TypeSupport(new msg::TeachRequestPubSubType),
-                                          teach_reader_qos())) {}
+                                          teach_reader_qos())) {
+    if (!options.ros2) return;
+    using ImageType = sensor_msgs::msg::dds_::CompressedImage_PubSubType;
+    using InfoType = sensor_msgs::msg::dds_::CameraInfo_PubSubType;
+    using MarkersType = visualization_msgs::msg::dds_::MarkerArray_PubSubType;
+    using TfType = tf2_msgs::msg::dds_::TFMessage_PubSubType;
+    for (const std::string& camera : options.cameras) {
+      const std::string name = ros_name(camera);
+      images.push_back(&participant.create_writer(topics::ros2_image(name), dds::TypeSupport(new ImageType),
+                                                  ros2_writer_qos(), ros2_user_data(ros2_image_type_hash)));
+      infos.push_back(&participant.create_writer(topics::ros2_camera_info(name), dds::TypeSupport(new InfoType),
+                                                 ros2_writer_qos(), ros2_user_data(ros2_camera_info_type_hash)));
+    }
+    markers = &participant.create_writer(topics::ros2_markers, dds::TypeSupport(new MarkersType), ros2_writer_qos(),
+                                         ros2_user_data(ros2_markers_type_hash));
+    tf_static = &participant.create_writer(topics::ros2_tf_static, dds::TypeSupport(new TfType), status_writer_qos(),
+                                           ros2_user_data(ros2_tf_type_hash));
+  }
 
   DdsParticipant participant;
   dds::DataWriter &scene, &preview, &reply;
   dds::DataReader& request;
+  std::vector<dds::DataWriter*> images, infos;  // by camera; empty without ROS 2
+  dds::DataWriter* markers = nullptr;           // null without ROS 2
+  dds::DataWriter* tf_static = nullptr;
 };
 
 }  // namespace
@@ -54,6 +76,15 @@ struct ViewPublisher::Impl {
   const EstimatePublisherOptions options;
   const PublisherIdentity identity;
   std::unique_ptr<Connection> connection;
+  bool write_scene() {
+    bool ok = connection->scene.write(&*scene);
+    if (connection->tf_static != nullptr) {
+      auto tf = to_static_tf(*scene, options.frame_id);
+      ok = connection->tf_static->write(&tf) && ok;
+    }
+    return ok;
+  }
+
   std::optional<msg::Scene> scene;  // the last one, for a new connection
 };
 
@@ -65,11 +96,28 @@ bool ViewPublisher::publish(msg::Scene scene) noexcept {
   scene.pid(impl_->identity.pid);
   scene.frame_id(impl_->options.frame_id);
   impl_->scene = std::move(scene);
-  return impl_->connection->scene.write(&*impl_->scene);
+  return impl_->write_scene();
 }
 
 bool ViewPublisher::publish(const msg::Preview& preview) noexcept {
-  return impl_->connection->preview.write(const_cast<msg::Preview*>(&preview));  // write() takes void*, and only reads
+  Connection& bus = *impl_->connection;
+  bool ok = bus.preview.write(const_cast<msg::Preview*>(&preview));  // write() takes void*, and only reads
+  for (std::size_t c = 0; impl_->scene && c < bus.images.size(); ++c) {
+    if (impl_->options.cameras[c] != preview.camera() || readers_of(*bus.images[c]) + readers_of(*bus.infos[c]) == 0)
+      continue;
+    auto image = to_ros_image(preview);
+    auto info = to_camera_info(preview, impl_->scene->cameras()[c]);
+    ok = bus.images[c]->write(&image) && ok;
+    ok = bus.infos[c]->write(&info) && ok;
+  }
+  return ok;
+}
+
+bool ViewPublisher::publish(std::span<const ObjectEstimate> estimates, Timestamp captured) noexcept {
+  dds::DataWriter* const markers = impl_->connection->markers;
+  if (markers == nullptr || !impl_->scene || readers_of(*markers) == 0) return true;
+  auto array = to_markers(*impl_->scene, estimates, captured, impl_->options.frame_id);
+  return markers->write(&array);
 }
 
 bool ViewPublisher::publish(const msg::TeachReply& reply) noexcept {
@@ -87,14 +135,18 @@ std::optional<msg::TeachRequest> ViewPublisher::next_request() {
 }
 
 int ViewPublisher::preview_subscribers() const {
-  return readers_of(impl_->connection->preview);
+  const Connection& bus = *impl_->connection;
+  int readers = readers_of(bus.preview);
+  for (const auto* writer : bus.images) readers += readers_of(*writer);
+  for (const auto* writer : bus.infos) readers += readers_of(*writer);
+  return readers + (bus.markers != nullptr ? readers_of(*bus.markers) : 0);
 }
 
 void ViewPublisher::look_after_network() {
   if (!impl_->connection->participant.network_changed()) return;
   try {
     impl_->connection = std::make_unique<Connection>(impl_->options, impl_->identity.user_data());
-    if (impl_->scene) impl_->connection->scene.write(&*impl_->scene);
+    if (impl_->scene) impl_->write_scene();
   } catch (const std::invalid_argument&) {  // a configured interface is gone: EstimatePublisher warns of the same
   } catch (const std::runtime_error&) {     // Fast DDS refuses: likewise
   }

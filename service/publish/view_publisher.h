@@ -5,6 +5,7 @@
 
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -16,7 +17,7 @@ namespace huetrack {
 // thread-compatible: one thread, which is not the tracking one.
 class ViewPublisher {
  public:
-  // Of the options: domain, interfaces, profiles, cameras (names in rig order).
+  // Of the options: domain, interfaces, profiles, frame_id, ros2, cameras (names in rig order).
   // throws as EstimatePublisher's constructor does.
   explicit ViewPublisher(EstimatePublisherOptions options);
   ~ViewPublisher();
@@ -25,6 +26,8 @@ class ViewPublisher {
   bool publish(msg::Scene scene) noexcept;  // kept, and sent to who comes late
   bool publish(const msg::Preview& preview) noexcept;
   bool publish(const msg::TeachReply& reply) noexcept;
+  // For RViz: the markers of these targets (those of the last scene, in its order). Nothing without ROS 2.
+  bool publish(std::span<const ObjectEstimate> estimates, Timestamp captured) noexcept;
 
   std::optional<msg::TeachRequest> next_request();  // those to this process; does not wait
 

@@ -213,6 +213,15 @@ TEST_F(ServiceConfigFile, DifferingKeysAreThoseOfTheFirstLevel) {
   EXPECT_THAT(differing_keys(config, moved), ElementsAre("rig"));
 }
 
+TEST_F(ServiceConfigFile, IgnoredRectanglesAreThoseOfEveryTarget) {
+  const ServiceConfig config =
+      load(head + "targets: {a: {color: {hue_deg: [1, 9]}}, b: {color: {hue_deg: [65, 115]}}}\nignore: {cam1: [1, 2, 3, 4, 5, 6, 7, 8]}\n");
+  const IgnoredRegions expected = {{"cam1", {{1, 2, 3, 4}, {5, 6, 7, 8}}}};
+  EXPECT_EQ(config.ignored, expected);
+  for (const auto& target : config.targets) EXPECT_EQ(target.ignored, expected);
+  EXPECT_EQ(load_service_config(write(to_yaml(config), "printed.yaml")).ignored, expected);
+}
+
 struct Mistake {
   const char* name;
   std::string yaml, message;
@@ -240,6 +249,12 @@ INSTANTIATE_TEST_SUITE_P(
         Mistake{"WrongWord", ball + "object_tracking: {observation: papper}\n",
                 "c.yaml:4: object_tracking.observation must be one of huetrack, paper, got \"papper\" (did you mean "
                 "paper?)"},
+        Mistake{"IgnoredCameraUnknown", ball + "ignore: {cma0: [1, 2, 3, 4]}\n",
+                "c.yaml:4: ignore.cma0: is not a camera of the rig, which has cam0, cam1 (did you mean cam0?)"},
+        Mistake{"IgnoredNotFourNumbers", ball + "ignore: {cam0: [1, 2, 3, 4, 5]}\n",
+                "c.yaml:4: ignore.cam0: must be four numbers per rectangle: u_min, v_min, u_max, v_max"},
+        Mistake{"IgnoredEmpty", ball + "ignore: {cam0: [1, 2, 3, 4, 9, 9, 8, 9]}\n",
+                "c.yaml:4: ignore.cam0: rectangle 2 ends before it begins"},
         Mistake{"NoVersion", "rig: rig.yaml\n", "c.yaml:1: version is missing"},
         Mistake{"NoRig", "version: 1\n", "c.yaml:1: rig is missing"},
         Mistake{"RigFileMissing", "version: 1\nrig: no.yaml\n", "c.yaml:2: rig: there is no file no.yaml"},

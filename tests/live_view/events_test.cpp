@@ -26,6 +26,20 @@ TEST(Events, WhatDoesNotExistIsNull) {
   EXPECT_NEAR(json["latency"], 0.01, 1e-9);
 }
 
+TEST(Events, ACameraThatMovesHasItsPoseAndItsUncertainty) {
+  msg::CameraPose pose;
+  pose.camera("hand");
+  pose.state(msg::CAMERA_STATE_COASTING);
+  pose.position({1, 2, 3});
+  pose.covariance()[14] = 0.25;
+  pose.covariance()[0] = std::numeric_limits<double>::quiet_NaN();
+  const Json json = Json::parse(to_json(pose));
+  EXPECT_EQ(json["state"], "coasting");
+  EXPECT_EQ(json["position"][2], 3);
+  EXPECT_EQ(json["sigma"][2], 0.5);
+  EXPECT_TRUE(json["sigma"][0].is_null());
+}
+
 TEST(Events, APictureIsBase64) {
   msg::Preview preview;
   for (const auto& [bytes, text] :

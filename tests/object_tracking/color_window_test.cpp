@@ -2,6 +2,7 @@
 
 #include <gmock/gmock.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
@@ -222,6 +223,31 @@ TEST(MatchBits, looksOnlyWhereAWindowIs) {
   bits.look_at(image, table);
   counts(bits, cloud);
   EXPECT_GE(bits.tiles_looked_at(), once + 25);  // a new frame is looked at anew
+}
+
+TEST(MatchBits, ignoredBoxesMatchNothing) {
+  const PixelFormat format = PixelFormat::yuyv;
+  const Image image = random_image(format, 66, 50, 5);
+  const ColorTable table(common_color(format), format, image.range);
+  const std::vector<PixelBox> boxes{{3, 5, 20, 9}, {40, 30, 400, 41}, {-9, -9, 0, 0}};
+  const auto is_ignored = [&](int u, int v) {
+    return std::ranges::any_of(boxes, [&](const PixelBox& b) { return u >= b.u_min && u <= b.u_max && v >= b.v_min && v <= b.v_max; });
+  };
+  MatchBits bits(66, 50);
+  bits.ignore(boxes);
+  bits.look_at(image, table);
+  for (int v = 0; v < 50; ++v)
+    for (int u = 0; u < 66; ++u) ASSERT_EQ(bits.at(u, v), matches_at(image, table, u, v) && !is_ignored(u, v)) << u << ", " << v;
+  std::vector<PixelAt> hits;
+  bits.grid(3, hits);
+  EXPECT_FALSE(hits.empty());
+  for (const PixelAt& p : hits) EXPECT_FALSE(is_ignored(p.u, p.v));
+  bits.ignore({});
+  bits.look_at(image, table);
+  std::size_t inside = 0;
+  for (int v = 5; v <= 9; ++v)
+    for (int u = 3; u <= 20; ++u) inside += bits.at(u, v) ? 1 : 0;
+  EXPECT_GT(inside, 0u);
 }
 
 TEST(MatchBits, rowsThatNobodyLookedAtAreEmpty) {

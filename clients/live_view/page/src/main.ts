@@ -1,9 +1,9 @@
 // The page: listens to the bridge and shows what it says. Everything that is shown is in the store.
 import { redrawCameras, showPreview, updateCameras } from "./cameras";
-import type { Position, Pulse, Scene, State, Status, TeachReply } from "./messages";
+import type { CameraPose, Position, Pulse, Scene, State, Status, TeachReply } from "./messages";
 import { drawPlots, updatePlotTexts } from "./plots";
 import { Scene3d } from "./scene3d";
-import { colorOf, forget, isServing, store, takePosition, takeStatus } from "./store";
+import { colorOf, forget, isServing, store, takeCameraPose, takePosition, takeStatus } from "./store";
 import { takeTeachReply, updateTeach } from "./teach";
 
 const $ = (id: string) => document.getElementById(id)!;
@@ -39,6 +39,7 @@ function listen(): void {
   on<Status>("status", takeStatus);
   on<Scene>("scene", (scene) => (store.scene = scene));
   on<Position>("position", takePosition);
+  on<CameraPose>("camera_pose", takeCameraPose);
   on<Parameters<typeof showPreview>[0]>("preview", (preview) => void showPreview(preview));
   on<TeachReply>("teach", (reply) => void takeTeachReply(reply));
 }
@@ -77,7 +78,7 @@ function cardOf(name: string): HTMLElement {
 function updateTargets(): void {
   const now = performance.now();
   for (const card of [...$("targets").children] as HTMLElement[])
-    if (!store.targets.has(card.dataset.target!)) card.remove();
+    if (!store.targets.has(card.dataset.target!) && !store.trackedCameras.has(card.dataset.camera ?? "")) card.remove();
   for (const target of store.targets.values()) {
     const card = cardOf(target.name);
     const { latest } = target;
@@ -107,6 +108,33 @@ function updateTargets(): void {
   }
 }
 
+function updateTrackedCameras(): void {
+  for (const [name, camera] of store.trackedCameras) {
+    let card = [...$("targets").children].find((c) => (c as HTMLElement).dataset.camera === name) as HTMLElement;
+    if (!card) {
+      card = document.createElement("li");
+      card.dataset.camera = name;
+      card.innerHTML = `<h3><span aria-hidden="true">◉</span><span class="name"></span><span class="state"></span></h3>
+        <p class="position"><span data-axis="x"></span><span data-axis="y"></span><span data-axis="z"></span></p>
+        <dl><div><dt>1σ</dt><dd class="sigma"></dd></div><div><dt>Features</dt><dd class="features"></dd></div>
+        <div><dt>Map points</dt><dd class="map"></dd></div><div><dt>Latency</dt><dd class="latency"></dd></div></dl>`;
+      card.querySelector(".name")!.textContent = `camera ${name}`;
+      $("targets").append(card);
+    }
+    const fresh = isServing() && performance.now() - camera.heard < 2000;
+    const { latest } = camera;
+    card.dataset.state = fresh ? latest.state : "none";
+    const text = (selector: string, value: string) => (card.querySelector(selector)!.textContent = value);
+    text(".state", fresh ? latest.state : "no news");
+    latest.position.forEach((v, i) => text(`[data-axis=${"xyz"[i]}]`, `${"xyz"[i]} ${v === null || !fresh ? "–" : v.toFixed(3)}`));
+    const sigma = Math.max(...latest.sigma.map((s) => s ?? NaN));
+    text(".sigma", fresh && Number.isFinite(sigma) ? `${(sigma * 1000).toFixed(1)} mm` : "–");
+    text(".features", fresh ? `${latest.features_matched} of ${latest.features_in_view}` : "–");
+    text(".map", fresh ? String(latest.map_points) : "–");
+    text(".latency", fresh ? `${(latest.latency * 1000).toFixed(1)} ms` : "–");
+  }
+}
+
 // ---- Header, warnings, health: once a second, and when the connection changes
 function tick(): void {
   const serving = isServing();
@@ -128,7 +156,7 @@ function tick(): void {
     );
     list.hidden = warnings.length === 0;
   }
-  $("no-targets").hidden = store.targets.size > 0;
+  $("no-targets").hidden = store.targets.size + store.trackedCameras.size > 0;
   updateCameras(serving);
   updateHealth(serving);
   updatePlotTexts();
@@ -226,12 +254,11 @@ function frame(now: number): void {
   if (dirty) {
     dirty = false;
     updateTargets();
+    updateTrackedCameras();
     scene3d?.render();
     if (now - lastPlots > 100) {
       lastPlots = now;
       drawPlots();
-    } else {
-      dirty = now - lastPlots > 0 && dirty;
     }
   }
   requestAnimationFrame(frame);

@@ -20,6 +20,21 @@ export interface Position {
   per_view: { camera: string; delivered: boolean; seen: boolean; support: number; residual_px: number }[];
 }
 
+// Of the one camera that moves, where the camera tracker runs.
+export interface CameraPose {
+  camera: string;
+  t: number;
+  state: State;
+  position: [N, N, N];
+  orientation: [N, N, N, N]; // x y z w: camera axes to the world's
+  sigma: [N, N, N];
+  features_in_view: number;
+  features_matched: number;
+  map_points: number;
+  confidence: number;
+  latency: number;
+}
+
 export interface CameraStatus {
   name: string;
   health: "waiting" | "delivering" | "stalled" | "absent" | "ended" | "unknown";

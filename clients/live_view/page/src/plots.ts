@@ -33,7 +33,7 @@ const plots: Plot[] = [
   {
     title: "Position",
     unit: "m",
-    height: 190,
+    height: 150,
     least: 0.2,
     series: () =>
       [...store.targets.values()].flatMap((t) =>
@@ -45,14 +45,14 @@ const plots: Plot[] = [
         })),
       ),
   },
-  { title: "Uncertainty (1σ, largest axis)", unit: "mm", height: 120, zero: true, least: 5, series: perTarget((s) => s.sigma * 1000) },
-  { title: "Speed", unit: "m/s", height: 120, zero: true, least: 0.5, series: perTarget((s) => s.speed) },
-  { title: "Latency, capture to bus", unit: "ms", height: 120, zero: true, least: 5, series: perTarget((s) => s.latency * 1000) },
-  { title: "Effective particles", unit: "", height: 120, zero: true, least: 50, series: perTarget((s) => s.ess) },
+  { title: "Uncertainty (1σ, largest axis)", unit: "mm", height: 150, zero: true, least: 5, series: perTarget((s) => s.sigma * 1000) },
+  { title: "Speed", unit: "m/s", height: 150, zero: true, least: 0.5, series: perTarget((s) => s.speed) },
+  { title: "Latency, capture to bus", unit: "ms", height: 150, zero: true, least: 5, series: perTarget((s) => s.latency * 1000) },
+  { title: "Effective particles", unit: "", height: 150, zero: true, least: 50, series: perTarget((s) => s.ess) },
   {
     title: "Frame sets tracked",
     unit: "/s",
-    height: 120,
+    height: 150,
     zero: true,
     least: 10,
     series: () => [{ name: "sets", color: "var(--accent)", points: store.rates.map((r) => [r.t, r.rate] as [number, number]) }],

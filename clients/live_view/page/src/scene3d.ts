@@ -2,7 +2,7 @@
 import * as THREE from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 import type { Scene } from "./messages";
-import { colorOf, store, type Target } from "./store";
+import { colorOf, store, type Target, type TrackedCamera } from "./store";
 
 const chi95 = Math.sqrt(7.815); // of three dimensions
 const trailLength = 300;
@@ -88,6 +88,44 @@ class TargetModel {
   }
 }
 
+// The camera that moves: its frustum where it is now, and where it has been.
+class TrackedCameraModel {
+  readonly group = new THREE.Group();
+  private readonly frustum: THREE.LineSegments<THREE.BufferGeometry, THREE.LineBasicMaterial>;
+  private readonly trail: THREE.LineSegments<THREE.BufferGeometry, THREE.LineBasicMaterial>;
+
+  constructor(depth: number) {
+    const [w, h] = [0.62 * depth, 0.46 * depth];
+    const rim = [[-w, -h], [w, -h], [w, h], [-w, h]].map(([x, y]) => new THREE.Vector3(x, y, depth));
+    const eye = new THREE.Vector3();
+    this.frustum = new THREE.LineSegments(
+      new THREE.BufferGeometry().setFromPoints(rim.flatMap((p, i) => [p, rim[(i + 1) % 4], eye, p])),
+      new THREE.LineBasicMaterial(),
+    );
+    this.trail = new THREE.LineSegments(new THREE.BufferGeometry(), new THREE.LineBasicMaterial({ transparent: true, opacity: 0.6 }));
+    this.trail.frustumCulled = false;
+    this.group.add(this.frustum, this.trail);
+  }
+
+  update(camera: TrackedCamera, color: THREE.Color): void {
+    const [x, y, z] = camera.latest.position;
+    const [qx, qy, qz, qw] = camera.latest.orientation;
+    this.frustum.visible = x !== null && y !== null && z !== null && performance.now() - camera.heard < 2000;
+    if (this.frustum.visible) {
+      this.frustum.position.set(x!, y!, z!);
+      this.frustum.quaternion.set(qx!, qy!, qz!, qw!);
+    }
+    this.frustum.material.color.copy(color);
+    this.trail.material.color.copy(color);
+    const points: number[] = [];
+    for (let i = 1; i < camera.trail.length; i++) {
+      const [a, b] = [camera.trail[i - 1], camera.trail[i]];
+      if (a.p && b.p && b.t - a.t < 0.5) points.push(...a.p, ...b.p);
+    }
+    this.trail.geometry.setAttribute("position", new THREE.Float32BufferAttribute(points, 3));
+  }
+}
+
 export class Scene3d {
   private readonly renderer: THREE.WebGLRenderer;
   private readonly scene = new THREE.Scene();
@@ -95,6 +133,7 @@ export class Scene3d {
   private readonly controls: OrbitControls;
   private readonly still = new THREE.Group(); // what only the scene's message changes
   private readonly models = new Map<string, TargetModel>();
+  private readonly cameras = new Map<string, TrackedCameraModel>();
   private shown: Scene | null = null;
   private center = new THREE.Vector3(0, 0, 1);
   private reach = 3;
@@ -161,6 +200,16 @@ export class Scene3d {
         this.scene.add(model.group);
       }
       model?.update(target, color, background);
+    }
+    const accent = new THREE.Color(style.getPropertyValue("--accent").trim() || "#36c");
+    for (const [name, camera] of store.trackedCameras) {
+      let model = this.cameras.get(name);
+      if (!model) {
+        model = new TrackedCameraModel(this.reach * 0.12);
+        this.cameras.set(name, model);
+        this.scene.add(model.group);
+      }
+      model.update(camera, accent);
     }
     const { clientWidth: w, clientHeight: h } = this.canvas;
     const size = this.renderer.getSize(new THREE.Vector2());

@@ -1,5 +1,5 @@
 // What the page knows. The views read it; nothing here touches the document.
-import type { Position, Pulse, Scene, State, Status } from "./messages";
+import type { CameraPose, Position, Pulse, Scene, State, Status } from "./messages";
 
 export const historySeconds = 30;
 
@@ -21,6 +21,12 @@ export interface Target {
   history: Sample[];
 }
 
+export interface TrackedCamera {
+  latest: CameraPose;
+  heard: number;
+  trail: { t: number; p: [number, number, number] | null }[];
+}
+
 export const store = {
   connected: false, // to the bridge
   pulse: null as Pulse | null,
@@ -28,6 +34,7 @@ export const store = {
   statusHeard: 0,
   scene: null as Scene | null,
   targets: new Map<string, Target>(),
+  trackedCameras: new Map<string, TrackedCamera>(),
   rates: [] as { t: number; rate: number }[], // of frame sets
 };
 
@@ -77,6 +84,20 @@ export function takePosition(sample: Position): void {
   if (old > 60) target.history.splice(0, old);
 }
 
+export function takeCameraPose(sample: CameraPose): void {
+  let camera = store.trackedCameras.get(sample.camera);
+  if (!camera) {
+    camera = { latest: sample, heard: 0, trail: [] };
+    store.trackedCameras.set(sample.camera, camera);
+  }
+  if (camera.trail.length && sample.t < camera.trail.at(-1)!.t) camera.trail = [];
+  camera.latest = sample;
+  camera.heard = performance.now();
+  const [x, y, z] = sample.position;
+  camera.trail.push({ t: sample.t, p: x === null || y === null || z === null ? null : [x, y, z] });
+  if (camera.trail.length > 900) camera.trail.splice(0, 300);
+}
+
 export function takeStatus(status: Status): void {
   // Of several services the one that spoke last counts; its targets are the ones that there are.
   if (store.status && store.status.pid !== status.pid) store.rates = [];
@@ -98,5 +119,6 @@ export function colorOf(name: string): string {
 
 export function forget(): void {
   store.targets.clear();
+  store.trackedCameras.clear();
   store.rates = [];
 }

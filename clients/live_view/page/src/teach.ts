@@ -321,6 +321,7 @@ export function updateTeach(serving: boolean): void {
   const allowed = serving && !!scene?.may_teach;
   button.disabled = !allowed && panel.hidden;
   $("teach-why").textContent = !serving ? "" : scene && !scene.may_teach ? scene.why_not : "";
+  $("teach-resume").hidden = store.status?.mode !== "replay";
   const select = $<HTMLSelectElement>("teach-target");
   const names = scene?.targets.map((t) => t.name) ?? [];
   if ([...select.options].map((o) => o.value).join() !== names.join()) {
@@ -331,6 +332,7 @@ export function updateTeach(serving: boolean): void {
 }
 
 $("teach-open").addEventListener("click", () => (panel.hidden ? open() : close()));
+$("teach-resume").addEventListener("click", () => void ask("resume"));
 $("teach-close").addEventListener("click", close);
 $("teach-freeze").addEventListener("click", startAgain);
 $("teach-again").addEventListener("click", startAgain);

@@ -1,0 +1,44 @@
+// Answers what pages ask when a colour is taught: holds the frozen pictures, and writes what was learnt.
+#pragma once
+
+#include <functional>
+#include <optional>
+#include <string>
+
+#include "color_teaching/color_teacher.h"
+#include "daemon/service_config.h"
+#include "idl/huetrack_view.h"
+
+namespace huetrack {
+
+// thread-compatible; the view server's thread owns it.
+class TeachDesk {
+ public:
+  struct Actions {
+    // The configuration file was changed: take it over. Returns why that did not work, or an empty string.
+    std::function<std::string()> reload;
+    std::function<void()> resume;  // of a held replay; empty: nothing is held
+  };
+  explicit TeachDesk(Actions actions) : actions_(std::move(actions)) {}
+
+  // Why nothing may be taught; empty: it may.
+  static std::string why_not(const ServiceConfig& config);
+
+  // Everything but TEACH_ACTION_FREEZE.
+  msg::TeachReply answer(const msg::TeachRequest& request, const ServiceConfig& config);
+  // TEACH_ACTION_FREEZE: these are the pictures from now on.
+  msg::TeachReply freeze(const msg::TeachRequest& request, const ServiceConfig& config, const FrameSet& set);
+
+  static msg::TeachReply refusal(const msg::TeachRequest& request, const std::string& reason);
+
+ private:
+  msg::TeachReply look(const msg::TeachRequest& request, const ServiceConfig& config, bool applies);
+
+  const Actions actions_;
+  std::optional<ColorTeacher> teacher_;
+  std::string client_;  // whose pictures they are
+  std::uint64_t set_number_ = 0;
+  std::vector<std::pair<std::uint32_t, std::uint32_t>> picture_sizes_;  // per camera of the rig
+};
+
+}  // namespace huetrack

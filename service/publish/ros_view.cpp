@@ -1,0 +1,219 @@
+#include "publish/ros_view.h"
+
+#include <Eigen/Eigenvalues>
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cassert>
+#include <cmath>
+
+namespace huetrack {
+namespace {
+
+using Marker = visualization_msgs::msg::dds_::Marker_;
+
+enum MarkerType : std::int32_t {
+  sphere = 2,
+  line_list = 5,
+  text_view_facing = 9
+};  // visualization_msgs/msg/Marker.msg
+enum MarkerAction : std::int32_t { add = 0, remove = 2 };
+
+constexpr double chi_95_in_3d = 2.7955;  // the square root of 7.815
+constexpr float camera_grey = 0.6F;
+
+void fill(std_msgs::msg::dds_::Header_& header, std::int64_t unix_ns, const std::string& frame_id) {
+  header.stamp().sec(static_cast<std::int32_t>(unix_ns / 1'000'000'000));
+  header.stamp().nanosec(static_cast<std::uint32_t>(unix_ns % 1'000'000'000));
+  header.frame_id(frame_id);
+}
+
+Marker marker(std::int64_t at, const std::string& frame_id, const std::string& group, std::int32_t id,
+              MarkerType type) {
+  Marker m;
+  fill(m.header(), at, frame_id);
+  m.ns(group);
+  m.id(id);
+  m.type(type);
+  m.action(add);
+  m.pose().orientation().w(1);
+  return m;
+}
+
+void set_color(Marker& m, const std::array<float, 3>& rgb, float alpha) {
+  m.color().r(rgb[0]);
+  m.color().g(rgb[1]);
+  m.color().b(rgb[2]);
+  m.color().a(alpha);
+}
+
+void set_position(Marker& m, const Eigen::Vector3d& p) {
+  m.pose().position().x(p.x());
+  m.pose().position().y(p.y());
+  m.pose().position().z(p.z());
+}
+
+void set_scale(Marker& m, double x, double y, double z) {
+  m.scale().x(x);
+  m.scale().y(y);
+  m.scale().z(z);
+}
+
+void add_line(Marker& m, const Eigen::Vector3d& from, const Eigen::Vector3d& to) {
+  for (const Eigen::Vector3d& p : {from, to}) {
+    auto& point = m.points().emplace_back();
+    point.x(p.x());
+    point.y(p.y());
+    point.z(p.z());
+  }
+}
+
+void set_ellipsoid(Marker& m, const Eigen::Matrix3d& covariance) {
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> axes(covariance);
+  Eigen::Matrix3d rotation = axes.eigenvectors();
+  if (rotation.determinant() < 0) rotation.col(0) = -rotation.col(0);
+  const Eigen::Quaterniond q(rotation);
+  m.pose().orientation().x(q.x());
+  m.pose().orientation().y(q.y());
+  m.pose().orientation().z(q.z());
+  m.pose().orientation().w(q.w());
+  const Eigen::Vector3d diameter = 2 * chi_95_in_3d * axes.eigenvalues().cwiseMax(1e-12).cwiseSqrt();
+  set_scale(m, diameter[0], diameter[1], diameter[2]);
+}
+
+}  // namespace
+
+std::string ros_name(const std::string& camera) {
+  std::string name;
+  for (const char c : camera) {
+    const bool is_kept = (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9');
+    if (is_kept) {
+      name += c;
+    } else if (name.empty() || name.back() != '_') {
+      name += '_';
+    }
+  }
+  if (name.empty() || (name.front() >= '0' && name.front() <= '9')) name.insert(0, "camera_");
+  return name;
+}
+
+visualization_msgs::msg::dds_::MarkerArray_ to_markers(const msg::Scene& scene,
+                                                       std::span<const ObjectEstimate> estimates, Timestamp captured,
+                                                       const std::string& frame_id) {
+  assert(scene.targets().size() == estimates.size());
+  const std::int64_t at = captured.time_since_epoch().count();
+  visualization_msgs::msg::dds_::MarkerArray_ array;
+  for (std::size_t t = 0; t < estimates.size(); ++t) {
+    const msg::SceneTarget& target = scene.targets()[t];
+    const ObjectEstimate& estimate = estimates[t];
+    Marker ball = marker(at, frame_id, target.name(), 0, sphere);
+    Marker ellipsoid = marker(at, frame_id, target.name(), 1, sphere);
+    Marker name = marker(at, frame_id, target.name(), 2, text_view_facing);
+    if (estimate.has_position()) {
+      set_position(ball, estimate.position);
+      set_scale(ball, 2 * target.radius_m(), 2 * target.radius_m(), 2 * target.radius_m());
+      set_color(ball, target.rgb(), estimate.state == TrackState::tracking ? 1.0F : 0.4F);
+      set_position(ellipsoid, estimate.position);
+      set_ellipsoid(ellipsoid, estimate.covariance);
+      set_color(ellipsoid, target.rgb(), 0.25F);
+      set_position(name, estimate.position + Eigen::Vector3d(0, 0, 2 * target.radius_m()));
+      set_scale(name, 0, 0, 1.5 * target.radius_m());
+      set_color(name, {1, 1, 1}, 1);
+      name.text(target.name());
+    } else {
+      for (Marker* m : {&ball, &ellipsoid, &name}) m->action(remove);
+    }
+    for (Marker* m : {&ball, &ellipsoid, &name}) array.markers().push_back(std::move(*m));
+  }
+  const Eigen::Vector3d low(scene.volume_min().data()), high(scene.volume_max().data());
+  const double depth = 0.12 * (high - low).norm();
+  for (std::size_t c = 0; c < scene.cameras().size(); ++c) {
+    const msg::SceneCamera& camera = scene.cameras()[c];
+    const Eigen::Vector3d eye(camera.position().data());
+    Marker view = marker(at, frame_id, "cameras", static_cast<std::int32_t>(2 * c), line_list);
+    set_scale(view, 0.005, 0, 0);
+    set_color(view, {camera_grey, camera_grey, camera_grey}, 1);
+    std::vector<Eigen::Vector3d> rim;
+    for (std::size_t i = 0; i + 2 < camera.border().size(); i += 3) {
+      const Eigen::Vector3d ray(camera.border()[i], camera.border()[i + 1], camera.border()[i + 2]);
+      if (ray.allFinite()) rim.emplace_back(eye + depth * ray);
+    }
+    for (std::size_t i = 0; i < rim.size(); ++i) {
+      add_line(view, rim[i], rim[(i + 1) % rim.size()]);
+      if (i % std::max<std::size_t>(1, rim.size() / 4) == 0) add_line(view, eye, rim[i]);
+    }
+    Marker name = marker(at, frame_id, "cameras", static_cast<std::int32_t>(2 * c + 1), text_view_facing);
+    set_position(name, eye + Eigen::Vector3d(0, 0, depth / 4));
+    set_scale(name, 0, 0, depth / 5);
+    set_color(name, {1, 1, 1}, 1);
+    name.text(camera.name());
+    array.markers().push_back(std::move(view));
+    array.markers().push_back(std::move(name));
+  }
+  Marker box = marker(at, frame_id, "volume", 0, line_list);
+  set_scale(box, 0.004, 0, 0);
+  set_color(box, {camera_grey, camera_grey, camera_grey}, 0.6F);
+  for (int corner = 0; corner < 8; ++corner) {
+    for (int axis = 0; axis < 3; ++axis) {
+      if ((corner >> axis & 1) != 0) continue;
+      const auto at_corner = [&](int k) {
+        return Eigen::Vector3d((k & 1) != 0 ? high.x() : low.x(), (k & 2) != 0 ? high.y() : low.y(),
+                               (k & 4) != 0 ? high.z() : low.z());
+      };
+      add_line(box, at_corner(corner), at_corner(corner | 1 << axis));
+    }
+  }
+  array.markers().push_back(std::move(box));
+  return array;
+}
+
+sensor_msgs::msg::dds_::CompressedImage_ to_ros_image(const msg::Preview& preview) {
+  sensor_msgs::msg::dds_::CompressedImage_ image;
+  fill(image.header(), preview.captured_at(), preview.camera());
+  image.format("jpeg");
+  image.data(preview.jpeg());
+  return image;
+}
+
+sensor_msgs::msg::dds_::CameraInfo_ to_camera_info(const msg::Preview& preview, const msg::SceneCamera& camera) {
+  sensor_msgs::msg::dds_::CameraInfo_ info;
+  fill(info.header(), preview.captured_at(), preview.camera());
+  info.width(preview.width());
+  info.height(preview.height());
+  const double sx = static_cast<double>(preview.width()) / preview.image_width();
+  const double sy = static_cast<double>(preview.height()) / preview.image_height();
+  const double fx = camera.intrinsics()[0] * sx, fy = camera.intrinsics()[1] * sy;
+  // Pixel centres are whole numbers at both sizes; what scales is the distance from the image's edge at -0.5.
+  const double cx = (camera.intrinsics()[2] + 0.5) * sx - 0.5, cy = (camera.intrinsics()[3] + 0.5) * sy - 0.5;
+  std::vector<double> d = camera.distortion();
+  if (camera.model() == "fisheye_kb") {
+    info.distortion_model("equidistant");
+  } else {
+    const bool is_rational = d.size() > 5 && std::any_of(d.begin() + 5, d.end(), [](double k) { return k != 0; });
+    info.distortion_model(is_rational ? "rational_polynomial" : "plumb_bob");
+    if (!is_rational) d.resize(5, 0.0);
+  }
+  info.d(std::move(d));
+  info.k({fx, 0, cx, 0, fy, cy, 0, 0, 1});
+  info.r({1, 0, 0, 0, 1, 0, 0, 0, 1});
+  info.p({fx, 0, cx, 0, 0, fy, cy, 0, 0, 0, 1, 0});
+  return info;
+}
+
+tf2_msgs::msg::dds_::TFMessage_ to_static_tf(const msg::Scene& scene, const std::string& frame_id) {
+  tf2_msgs::msg::dds_::TFMessage_ message;
+  for (const msg::SceneCamera& camera : scene.cameras()) {
+    auto& transform = message.transforms().emplace_back();
+    fill(transform.header(), scene.at(), frame_id);
+    transform.child_frame_id(camera.name());
+    transform.transform().translation().x(camera.position()[0]);
+    transform.transform().translation().y(camera.position()[1]);
+    transform.transform().translation().z(camera.position()[2]);
+    transform.transform().rotation().x(camera.orientation_xyzw()[0]);
+    transform.transform().rotation().y(camera.orientation_xyzw()[1]);
+    transform.transform().rotation().z(camera.orientation_xyzw()[2]);
+    transform.transform().rotation().w(camera.orientation_xyzw()[3]);
+  }
+  return message;
+}
+
+}  // namespace huetrack

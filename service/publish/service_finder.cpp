@@ -1,0 +1,40 @@
+#include "publish/service_finder.h"
+
+#include <fastdds/dds/subscriber/DataReaderListener.hpp>
+#include <fastdds/dds/subscriber/SampleInfo.hpp>
+#include <map>
+#include <thread>
+
+#include "idl/dds_participant.h"
+#include "idl/huetrackPubSubTypes.h"
+#include "idl/topics.h"
+
+namespace huetrack {
+
+namespace dds = eprosima::fastdds::dds;
+using eprosima::fastrtps::types::ReturnCode_t;
+
+std::vector<RunningService> running_services(const EstimatePublisherOptions& options,
+                                             std::chrono::milliseconds patience) {
+  DdsParticipant participant(
+      {.name = "huetrackd", .domain = options.domain, .interfaces = options.interfaces, .profiles = options.profiles});
+  dds::DataReader& reader = participant.create_reader(
+      topics::status, dds::TypeSupport(new msg::ServiceStatusPubSubType), status_reader_qos());
+  const std::string host = PublisherIdentity::of_this_process({}).host;
+  std::map<std::pair<std::string, std::uint32_t>, RunningService> found;
+  const auto until = std::chrono::steady_clock::now() + patience;
+  while (std::chrono::steady_clock::now() < until) {
+    msg::ServiceStatus sample;
+    dds::SampleInfo info;
+    while (reader.take_next_sample(&sample, &info) == ReturnCode_t::RETCODE_OK)
+      if (info.valid_data)
+        found[{sample.host(), sample.pid()}] = {sample.pid(), sample.host() == host, sample.mode(),
+                                                sample.config_file()};
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  }
+  std::vector<RunningService> services;
+  for (auto& [who, service] : found) services.push_back(std::move(service));
+  return services;
+}
+
+}  // namespace huetrack

@@ -1,0 +1,240 @@
+// The live page as a user has it: a real browser, a real daemon, the real bridge.
+//   exit 0: passed, 77: skipped (no Chromium, no recordings), anything else: failed. Screenshots are left in --out.
+import assert from "node:assert/strict";
+import { spawn } from "node:child_process";
+import { existsSync, mkdirSync, mkdtempSync, readFileSync, rmSync, writeFileSync } from "node:fs";
+import { createRequire } from "node:module";
+import { tmpdir } from "node:os";
+import { join } from "node:path";
+
+const options = {};
+for (let i = 2; i + 1 < process.argv.length; i += 2) options[process.argv[i].slice(2)] = process.argv[i + 1];
+const skip = (why) => {
+  console.log(`skipped: ${why}`);
+  process.exit(77);
+};
+const chromiumPath = ["/usr/bin/chromium", "/usr/bin/chromium-browser"].find(existsSync);
+if (!chromiumPath) skip("there is no /usr/bin/chromium");
+if (!existsSync(join(options.modules, "node_modules/playwright-core"))) skip("playwright-core is not installed");
+const occlusion = join(options.data, "rendered/occlusion");
+if (!existsSync(join(occlusion, "recording.yaml"))) skip(`no recording in ${occlusion}`);
+const twoCams = join(options.data, "rendered/two_cams");
+if (!existsSync(join(twoCams, "recording.yaml"))) skip(`no recording in ${twoCams}`);
+const { chromium } = createRequire(join(options.modules, "package.json"))("playwright-core");
+
+const domain = "74";
+const folder = mkdtempSync(join(tmpdir(), "huetrack-browser-"));
+rmSync(options.out, { recursive: true, force: true });
+mkdirSync(options.out, { recursive: true });
+const children = [];
+const sleep = (ms) => new Promise((resolve) => setTimeout(resolve, ms));
+const say = (text) => console.log(`${((Date.now() - begun) / 1000).toFixed(1)} s: ${text}`);
+const begun = Date.now();
+
+function start(program, ...args) {
+  const child = spawn(program, args, { stdio: ["ignore", "pipe", "pipe"] });
+  const process = { child, out: "", err: "", code: null };
+  child.stdout.on("data", (data) => (process.out += data));
+  child.stderr.on("data", (data) => (process.err += data));
+  process.ended = new Promise((resolve) => child.on("close", (code) => resolve((process.code = code ?? -1))));
+  children.push(process);
+  return process;
+}
+async function until(what, condition, atMost = 15000) {
+  const end = Date.now() + atMost;
+  for (;;) {
+    const value = await condition();
+    if (value) return value;
+    assert.ok(Date.now() < end, `not within ${atMost} ms: ${what}`);
+    await sleep(50);
+  }
+}
+function configuration(name, text) {
+  const file = join(folder, name);
+  writeFileSync(file, text);
+  return file;
+}
+const bus = `dds: {domain: ${domain}, interfaces: [lo]}\n`;
+const truthPixels = () => {
+  // Where the ball is in frame 0, through the rig file: pinhole with k1 k2 p1 p2 k3.
+  const rig = readFileSync(join(twoCams, "rig.yaml"), "utf8");
+  const [header, row] = readFileSync(join(twoCams, "groundtruth.csv"), "utf8").split("\n");
+  const value = (name) => Number(row.split(",")[header.split(",").indexOf(name)]);
+  const p = [value("x"), value("y"), value("z")];
+  return Object.fromEntries(
+    ["cam0", "cam1"].map((camera) => {
+      const part = rig.slice(rig.indexOf(`  ${camera}:`));
+      const numbers = (key) => part.slice(part.indexOf(key)).match(/-?\d+(\.\d+)?(e-?\d+)?(?![\w:])/g).map(Number);
+      const [fx, fy, cx, cy] = ["fx", "fy", "cx", "cy"].map((k) => Number(part.match(new RegExp(`${k}: ([-\\d.e]+)`))[1]));
+      const d = numbers("distortion:").slice(0, 5);
+      const r = numbers("rotation:").slice(0, 9);
+      const t = numbers("translation:").slice(0, 3);
+      const c = [0, 1, 2].map((i) => r[3 * i] * p[0] + r[3 * i + 1] * p[1] + r[3 * i + 2] * p[2] + t[i]);
+      const [x, y] = [c[0] / c[2], c[1] / c[2]];
+      const r2 = x * x + y * y;
+      const k = 1 + d[0] * r2 + d[1] * r2 * r2 + d[4] * r2 ** 3;
+      return [
+        camera,
+        [
+          fx * (x * k + 2 * d[2] * x * y + d[3] * (r2 + 2 * x * x)) + cx,
+          fy * (y * k + d[2] * (r2 + 2 * y * y) + 2 * d[3] * x * y) + cy,
+        ],
+      ];
+    }),
+  );
+};
+
+let browser;
+async function test() {
+  const view = start(options.huetrack, "view", "--port", "0", "--domain", domain, "--interface", "lo");
+  const address = await until("the bridge says its address", () => view.out.match(/http:\S+/)?.[0]);
+  browser = await chromium.launch({
+    executablePath: chromiumPath,
+    args: ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
+      "--disable-component-update", "--disable-sync", "--enable-unsafe-swiftshader"],
+  });
+  const page = await browser.newPage({ viewport: { width: 1440, height: 1000 } });
+  const problems = [];
+  page.on("pageerror", (error) => problems.push(error.message));
+  page.on("request", (request) => request.url().startsWith(address) || request.url().startsWith("data:") ||
+    request.url().startsWith("blob:") || problems.push(`it asks ${request.url()}`));
+  await page.goto(address);
+  const link = () => page.textContent("#link");
+  await until("the page waits for a service", async () => (await link()) === "No service");
+  say("the page is there before the daemon");
+
+  // ---- Positions and states are those that another subscriber prints.
+  await page.evaluate(() => {
+    window.seen = [];
+    const look = () => {
+      for (const card of document.querySelectorAll("#targets li"))
+        window.seen.push([card.dataset.target, card.dataset.state, card.querySelector(".position").innerText.replace(/\s+/g, " ")]);
+    };
+    new MutationObserver(look).observe(document.getElementById("targets"), { subtree: true, childList: true, characterData: true, attributes: true });
+  });
+  const watch = start(options.huetrack, "watch", "--format", "json", "--domain", domain, "--interface", "lo");
+  const config = configuration("occlusion.yaml",
+    `version: 1\nrig: ${occlusion}/rig.yaml\ntargets:\n  pink: {radius_m: 0.04, color: {hue_deg: [310, 355]}}\n` +
+    `  lime: {radius_m: 0.04, color: {hue_deg: [65, 115]}}\nobject_tracking: {volume: {min: [-1, -1, 0.1], max: [1, 1, 2.1]}}\n${bus}`);
+  const replay = start(options.huetrackd, "replay", config, occlusion, "--speed", "real", "--wait-for-subscriber", "10");
+  await until("the page is live", async () => (await link()) === "Live");
+  await until("three cameras show pictures", () =>
+    page.evaluate(() => {
+      const canvases = [...document.querySelectorAll("#cameras canvas")];
+      return canvases.length === 3 && canvases.every((canvas) => {
+        const { data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
+        let low = 255, high = 0;
+        for (let i = 0; i < data.length; i += 400) low = Math.min(low, data[i]), high = Math.max(high, data[i]);
+        return high - low > 60;
+      });
+    }));
+  assert.equal(await page.isDisabled("#teach-open"), true);
+  assert.match(await page.textContent("#teach-why"), /allow_teach: true/);
+  await sleep(1500);
+  await page.screenshot({ path: join(options.out, "occlusion.png"), fullPage: true });
+  await replay.ended;
+  assert.equal(replay.code, 0, replay.err);
+  const seen = await page.evaluate(() => window.seen);
+  watch.child.kill("SIGTERM");
+  await watch.ended;
+  const printed = watch.out.trim().split("\n").map((line) => JSON.parse(line));
+  const key = (target, p) => `${target} ${p.map((v) => v.toFixed(3)).join(" ")}`;
+  const known = new Set(printed.filter((s) => s.position[0] !== null).map((s) => key(s.target, s.position)));
+  let compared = 0;
+  for (const [target, , text] of seen) {
+    const p = text.match(/x (-?\d+\.\d+) y (-?\d+\.\d+) z (-?\d+\.\d+)/);
+    if (!p) continue; // between two changes of its three numbers, or none
+    if (known.has(key(target, p.slice(1).map(Number)))) compared++;
+  }
+  const shown = seen.filter(([, , text]) => /x -?\d/.test(text)).length;
+  assert.ok(compared > 30, `only ${compared} positions`);
+  assert.ok(compared > 0.9 * shown, `${compared} of ${shown} shown positions were printed by huetrack watch`);
+  const states = seen.filter(([target]) => target === "pink").map(([, state]) => state).filter((s, i, all) => s !== all[i - 1]);
+  const first = states.indexOf("coasting");
+  assert.ok(first > 0 && states.lastIndexOf("tracking") > first, `states: ${states.join(" ")}`);
+  say(`${compared} of ${shown} shown positions are huetrack watch's; states: ${states.join(" ")}`);
+
+  // ---- The daemon goes and comes; the page stays.
+  await until("the page says that the service is gone", async () => (await link()) === "No service");
+  const teachable = configuration("teach.yaml",
+    `# to be taught\nversion: 1\nrig: ${twoCams}/rig.yaml\ntargets:\n  lime:   # the ball\n    radius_m: 0.04\n` +
+    `    color: {hue_deg: [200, 220]}\nobject_tracking: {volume: {min: [-1, -1, 0.1], max: [1, 1, 2.1]}}\ncontrol: {allow_teach: true}\n${bus}`);
+  const hold = () => start(options.huetrackd, "replay", teachable, twoCams, "--speed", "real", "--hold",
+    "--tracks", join(folder, "tracks.csv"));
+  const killed = hold();
+  await until("the page is live again", async () => (await link()) === "Live");
+  killed.child.kill("SIGKILL");
+  await killed.ended;
+  await until("the page sees that it was killed", async () => (await link()) === "No service");
+  const daemon = hold();
+  await until("the page has recovered", async () => (await link()) === "Live");
+  say("killed and restarted: the page has recovered");
+
+  // ---- A click teaches lime from frame 0.
+  const pixels = truthPixels();
+  await until("it may be taught", async () => !(await page.isDisabled("#teach-open")));
+  await page.click("#teach-open");
+  await page.waitForSelector("#teach-pictures canvas[data-camera=cam1]");
+  const at = async (camera) => {
+    const canvas = page.locator(`#teach-pictures canvas[data-camera=${camera}]`);
+    await canvas.scrollIntoViewIfNeeded();
+    const box = await canvas.boundingBox();
+    return { x: ((pixels[camera][0] + 0.5) / 320) * box.width, y: ((pixels[camera][1] + 0.5) / 240) * box.height };
+  };
+  await page.click("#teach-pictures canvas[data-camera=cam0]", { position: await at("cam0") });
+  await until("the other view is suggested", async () => /probably at/.test(await page.textContent("#teach-pictures")));
+  await page.screenshot({ path: join(options.out, "teach_suggested.png"), fullPage: true });
+  // The second one with the keyboard alone, from the middle of the picture.
+  const canvas = page.locator("#teach-pictures canvas[data-camera=cam1]");
+  await canvas.focus();
+  const steps = [Math.round(pixels.cam1[0]) - 160, Math.round(pixels.cam1[1]) - 120];
+  for (const [n, less, more] of [[steps[0], "ArrowLeft", "ArrowRight"], [steps[1], "ArrowUp", "ArrowDown"]]) {
+    for (let i = 0; i < Math.floor(Math.abs(n) / 10); i++) await page.keyboard.press(`Shift+${n < 0 ? less : more}`);
+    for (let i = 0; i < Math.abs(n) % 10; i++) await page.keyboard.press(n < 0 ? less : more);
+  }
+  await page.keyboard.press("Enter");
+  await until("both are learnt", async () => /Learnt from 2 of 2/.test(await page.textContent("#teach-says")));
+  await page.screenshot({ path: join(options.out, "teach_mask.png"), fullPage: true });
+  await page.click("#teach-save");
+  await until("it is saved", async () => /^Saved: lime/.test(await page.textContent("#teach-says")));
+  say(await page.textContent("#teach-says"));
+  const written = readFileSync(teachable, "utf8");
+  assert.match(written, /# to be taught[\s\S]*lime:   # the ball[\s\S]*camera_colors: \{cam0: \{hue_deg: /);
+  assert.equal(await daemon.ended, 0, daemon.err);
+  const compare = start(options.huetrackd, "compare", join(folder, "tracks.csv"), join(twoCams, "groundtruth.csv"));
+  await compare.ended;
+  say(compare.out.trim());
+  const figures = compare.out.match(/locked in set (\d+).*?rms error ([\d.]+) mm.*?max ([\d.]+) mm/);
+  assert.ok(figures, compare.out);
+  assert.ok(Number(figures[1]) <= 4, "the first set was tracked before anything was taught; lock by the third after it");
+  assert.ok(Number(figures[2]) <= 4.2, "rms of the blob on the same frames");
+  assert.ok(Number(figures[3]) <= 12, "largest error");
+
+  // ---- On a phone, in the dark.
+  const phone = await browser.newPage({ viewport: { width: 390, height: 844 }, deviceScaleFactor: 2, colorScheme: "dark" });
+  await phone.goto(address);
+  await until("the phone has the status", async () => (await phone.textContent("#link")) !== "Connecting");
+  const again = start(options.huetrackd, "replay", config, occlusion, "--speed", "real", "--wait-for-subscriber", "10");
+  await until("the phone is live", async () => (await phone.textContent("#link")) === "Live");
+  await sleep(2500);
+  await phone.screenshot({ path: join(options.out, "phone_dark.png"), fullPage: true });
+  const wide = await phone.evaluate(() => document.documentElement.scrollWidth);
+  assert.ok(wide <= 390, `the page is ${wide} px wide on a phone of 390`);
+  again.child.kill("SIGTERM");
+  assert.deepEqual(problems, []);
+}
+
+let code = 1;
+try {
+  await test();
+  code = 0;
+  say("passed");
+} catch (error) {
+  console.error(error);
+  for (const { child, out, err } of children) console.error(`--- ${child.spawnargs.slice(0, 3).join(" ")}\n${out.slice(-600)}\n${err.slice(-1200)}`);
+} finally {
+  await browser?.close();
+  for (const { child } of children) child.kill("SIGKILL");
+  if (code === 0) rmSync(folder, { recursive: true, force: true });
+}
+process.exit(code);

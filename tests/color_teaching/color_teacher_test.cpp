@@ -1,0 +1,119 @@
+// Taught on the first pictures of a recording, a colour must hold on the rest.
+#include "color_teaching/color_teacher.h"
+
+#include <gmock/gmock.h>
+
+#include "benchmark/tracking_figures.h"
+
+namespace huetrack {
+namespace {
+
+using namespace testing;
+
+#define SKIP_WITHOUT(folder) \
+  if (!have(folder)) GTEST_SKIP() << "no recording in " << (shared_data() / (folder))
+
+std::vector<TeachPoint> at_truth(const Sequence& s, const std::string& target, std::size_t set,
+                                 std::initializer_list<int> cameras) {
+  std::vector<TeachPoint> points;
+  for (const int c : cameras)
+    points.push_back({c, s.rig.cameras[std::size_t(c)].project_world(s.row(target, s.sets[set].at)->position)->px});
+  return points;
+}
+
+TEST(ColorTeacher, LimeInTwoViewsFromTheirFirstFrames) {
+  SKIP_WITHOUT("rendered/two_cams");
+  const Sequence s = load_sequence(shared_data() / "rendered/two_cams");
+  const ObjectTrackerOptions options = rendered_options(Observation::huetrack, 1);
+  const ColorTeacher teacher(s.rig, s.sets[0]);
+
+  // One click, and where it is in the other view is found.
+  const Taught one = teacher.teach({.points = at_truth(s, "lime", 0, {0})}, options.volume);
+  ASSERT_TRUE(one.views[0].pointed) << one.views[0].problem;
+  EXPECT_FALSE(one.views[1].pointed);
+  ASSERT_TRUE(one.views[1].region) << one.views[1].verdict;
+  const Eigen::Vector2d truth = at_truth(s, "lime", 0, {1})[0].px;
+  EXPECT_LT((one.views[1].region->centre - truth).norm(), 3);
+  EXPECT_FALSE(one.radius_m);
+
+  const Taught both =
+      teacher.teach({.points = {at_truth(s, "lime", 0, {0})[0], {1, one.views[1].region->centre}}}, options.volume);
+  ASSERT_TRUE(both.radius_m);
+  EXPECT_NEAR(*both.radius_m, 0.04, 0.006);
+  for (const TaughtView& view : both.views) {
+    EXPECT_TRUE(view.pointed);
+    EXPECT_LT(view.background_share, 0.001) << view.verdict;
+    std::printf("%s: hue %g..%g saturation %g..%g intensity %g..%g\n", view.verdict.c_str(), view.color.hue_min_deg,
+                view.color.hue_max_deg, view.color.saturation_min, view.color.saturation_max, view.color.intensity_min,
+                view.color.intensity_max);
+  }
+
+  for (const Taught& taught : {one, both}) {
+    TargetOptions target = lime_ball();
+    target = with_taught_color(target, s.rig, taught);
+    ASSERT_THAT(target.problems(), IsEmpty());
+    const TrackingFigures f = figures_of(s, "lime", track(s, target, options));
+    std::printf("lock in set %zu, rms %.2f mm, max %.2f mm, NEES %.2f, in 95 %%: %.0f %%\n", f.lock_set.value_or(0),
+                f.rms_m * 1e3, f.max_m * 1e3, f.mean_nees, f.share_inside_95 * 100);
+    ASSERT_TRUE(f.lock_set);
+    EXPECT_LE(*f.lock_set, 3u);
+    EXPECT_LE(f.rms_m, figures_of(s, "lime", track_blob(s, lime_ball())).rms_m);
+    EXPECT_LE(f.max_m, 0.012);
+  }
+}
+
+TEST(ColorTeacher, TheRedSquareFromTheFirstPair) {
+  SKIP_WITHOUT("red_square_stereo");
+  const Sequence s = load_sequence(shared_data() / "red_square_stereo");
+  const ObjectTrackerOptions options = red_square_options(Observation::huetrack, 1);
+  const ColorTeacher teacher(s.rig, s.sets[0]);
+  // Where it is in the first pair, read off the pictures.
+  const Taught one = teacher.teach({.points = {{0, {582, 210}}}}, options.volume);
+  ASSERT_TRUE(one.views[0].pointed) << one.views[0].problem;
+  ASSERT_TRUE(one.views[1].region) << one.views[1].verdict;
+  EXPECT_LT((one.views[1].region->centre - Eigen::Vector2d(328, 190)).norm(), 10);
+  const Taught both = teacher.teach({.points = {{0, {582, 210}}, {1, {328, 190}}}}, options.volume);
+  for (const TaughtView& view : both.views)
+    std::printf("%s: hue %g..%g saturation %g..%g intensity %g..%g\n", view.verdict.c_str(), view.color.hue_min_deg,
+                view.color.hue_max_deg, view.color.saturation_min, view.color.saturation_max, view.color.intensity_min,
+                view.color.intensity_max);
+  ASSERT_TRUE(both.radius_m);
+  std::printf("radius %.1f mm\n", *both.radius_m * 1e3);
+  TargetOptions target = with_taught_color(red_square(), s.rig, both);
+  ASSERT_EQ(target.camera_colors.size(), 2u);
+  const std::size_t inside = inside_red_square(s, track(s, target, options));
+  std::printf("inside the square in both views: %zu of %zu\n", inside, s.sets.size());
+  EXPECT_GE(inside, 110u);
+}
+
+TEST(ColorTeacher, SaysWhatIsInTheWay) {
+  SKIP_WITHOUT("rendered/two_cams");
+  const Sequence s = load_sequence(shared_data() / "rendered/two_cams");
+  const Box volume = rendered_options(Observation::huetrack, 1).volume;
+  const ColorTeacher teacher(s.rig, s.sets[0]);
+  const auto points = at_truth(s, "lime", 0, {0, 1});
+  const Taught wide = teacher.teach({.points = points, .wider = 12}, volume);
+  EXPECT_GT(wide.views[0].background_share, 0.005);
+  EXPECT_THAT(wide.views[0].verdict,
+              AllOf(HasSubstr("camera cam0: "), HasSubstr("% of the background matches"), HasSubstr("patch of")));
+  ASSERT_TRUE(wide.views[0].patch);
+  // Ignoring the patch takes it out of the mask and out of the share.
+  const Taught ignored =
+      teacher.teach({.points = points, .ignored = {{wide.views[0].patch->box}, {}}, .wider = 12}, volume);
+  EXPECT_LT(ignored.views[0].background_share, wide.views[0].background_share);
+  EXPECT_LT(ignored.views[0].mask.count(), wide.views[0].mask.count());
+}
+
+TEST(ColorTeacher, NothingToLearnIsSaid) {
+  SKIP_WITHOUT("rendered/two_cams");
+  Sequence s = load_sequence(shared_data() / "rendered/two_cams");
+  s.sets[0].frames[1].reset();
+  const ColorTeacher teacher(s.rig, s.sets[0]);
+  const Taught taught = teacher.teach({.points = {{0, {0, 0}}, {1, {5, 5}}}}, {});
+  EXPECT_FALSE(taught.any());
+  EXPECT_THAT(taught.views[0].verdict, HasSubstr("camera cam0: there is no coloured region"));
+  EXPECT_THAT(taught.views[1].verdict, HasSubstr("camera cam1: there is no picture"));
+}
+
+}  // namespace
+}  // namespace huetrack

@@ -1,0 +1,104 @@
+// A colour taught in a terminal, as a user does it, on the demo's recording.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+
+#include "calib/model/rig_yaml.h"
+#include "daemon/service_config.h"
+#include "daemon/truth.h"
+#include "end_to_end/process.h"
+
+namespace huetrack {
+namespace {
+
+namespace fs = std::filesystem;
+using namespace testing;
+
+const fs::path demo = fs::path(HUETRACK_SOURCE_DIR) / "configs/demo";
+
+class Teach : public Test {
+ protected:
+  Teach() {
+    fs::remove_all(folder);
+    fs::create_directories(folder);
+    std::ofstream(config)
+        << "# taught below\nversion: 1\nrig: " << (demo / "recording/rig.yaml").string()
+        << "\ntargets:\n  lime:   # the ball\n    radius_m: 0.04\n    color: {hue_deg: [200, 220]}  # not yet\n"
+           "dds: {domain: 73, interfaces: [lo]}\n";
+  }
+  ~Teach() override { fs::remove_all(folder); }
+  struct Result {
+    int status;
+    std::string out, err;
+  };
+  Result run(std::vector<std::string> arguments) {
+    arguments.insert(arguments.begin(), HUETRACKD);
+    Process process(arguments, folder / "out", folder / "err");
+    const int status = process.wait();
+    return {status, process.out(), process.err()};
+  }
+  // Where the ball is in frame 0, as --at wants it.
+  std::string at(const std::string& camera) {
+    const CameraRig rig = read_rig(demo / "recording/rig.yaml");
+    std::ifstream truth(demo / "recording/groundtruth.csv");
+    std::string header, row;
+    std::getline(truth, header);
+    std::getline(truth, row);
+    std::map<std::string, std::string> fields;
+    std::istringstream names(header), values(row);
+    for (std::string name, value; std::getline(names, name, ',') && std::getline(values, value, ',');)
+      fields[name] = value;
+    const auto pixel = rig.cameras[std::size_t(*rig.index_of(camera))].project_world(
+        {std::stod(fields.at("x")), std::stod(fields.at("y")), std::stod(fields.at("z"))});
+    return camera + ",0," + std::to_string(pixel->px.x()) + "," + std::to_string(pixel->px.y());
+  }
+  const fs::path folder =
+      fs::path(TempDir()) / (std::string("teach_") + UnitTest::GetInstance()->current_test_info()->name());
+  const std::string config = folder / "huetrackd.yaml";
+  const std::string recording = demo / "recording";
+};
+
+TEST_F(Teach, OnePointSuggestsTheOtherAndTheColourThenTracks) {
+  const Result one = run({"teach", config, recording, "--at", at("cam0"), "--dry-run"});
+  ASSERT_EQ(one.status, 0) << one.err;
+  EXPECT_THAT(one.out, AllOf(HasSubstr("camera cam0: "), HasSubstr("of the background matches"),
+                             HasSubstr("confirm it with  --at cam1,0,")));
+  EXPECT_EQ(load_service_config(config).targets[0].color.hue_min_deg, 200);  // nothing was written
+
+  const Result all =
+      run({"teach", config, recording, "--at", at("cam0"), "--accept", "--pictures", folder / "pictures"});
+  ASSERT_EQ(all.status, 0) << all.err;
+  EXPECT_THAT(all.out, AllOf(HasSubstr("written into "), HasSubstr("looks like a radius of"),
+                             HasSubstr("no huetrackd runs with this file")));
+  EXPECT_TRUE(fs::exists(folder / "pictures/cam1.png"));
+  EXPECT_THAT(contents(config), AllOf(HasSubstr("# taught below"), HasSubstr("lime:   # the ball"),
+                                      HasSubstr("# not yet"), HasSubstr("camera_colors: {cam0: {hue_deg: ")));
+  const Result replay = run({"replay", config, recording, "--no-dds", "--truth", recording + "/groundtruth.csv"});
+  ASSERT_EQ(replay.status, 0) << replay.err;
+  EXPECT_THAT(replay.out, ContainsRegex("tracking from set [23] on"));
+}
+
+TEST_F(Teach, MistakesAreOneReadableLine) {
+  for (const auto& [arguments, message] : std::vector<std::pair<std::vector<std::string>, std::string>>{
+           {{}, "point at the object: --at CAMERA,FRAME,U,V"},
+           {{"--at", "cam0,0,1"}, "is not of the form CAMERA,FRAME,U,V"},
+           {{"--at", "cam0,0,x,1"}, "is not of the form CAMERA,FRAME,U,V"},
+           {{"--at", "cma0,0,1,1"}, "did you mean cam0?"},
+           {{"--at", "cam0,0,5000,1"}, "the pictures of cam0 are 320x240"},
+           {{"--at", "cam0,-1,5,1"}, "frames count from 0"},
+           {{"--at", "cam0,9999,5,1"}, "camera cam0 has no sound frame 9999 (it has 150)"},
+           {{"--at", "cam0,0,5,5", "--target", "pink"}, "there is no target pink"},
+           {{"--at", "cam0,0,5,5", "--ignore", "cam0,9,9,1,1"}, "ends before it begins"}}) {
+    std::vector<std::string> command{"teach", config, recording};
+    command.insert(command.end(), arguments.begin(), arguments.end());
+    const Result result = run(command);
+    EXPECT_EQ(result.status, 1) << message;
+    EXPECT_THAT(result.err, HasSubstr(message));
+  }
+  EXPECT_EQ(load_service_config(config).targets[0].color.hue_min_deg, 200);
+}
+
+}  // namespace
+}  // namespace huetrack
