@@ -120,7 +120,7 @@ FoundBoards gather_live(std::vector<LiveCameraSource> cameras, const BoardDetect
     std::vector<cv::Mat> greys(cameras.size());
     for (std::size_t c = 0; c < cameras.size(); ++c) {
       if (!set->frames[c]) continue;
-      greys[c] = grey_of(set->frames[c]->pixels);
+      greys[c] = board_grey_of(set->frames[c]->pixels);
       sizes[c] = found.cameras[c].image_size = {greys[c].cols, greys[c].rows};
       detections[c] = std::async(std::launch::async, [&, c] {
         const cv::Mat& grey = greys[c];

@@ -53,6 +53,9 @@ int main(int argc, char** argv) {
   add_extrinsics_command(app, chosen);
   add_world_command(app, chosen);
   add_check_command(app, chosen);
+  add_wave_command(app, chosen);
+  add_exchange_commands(app, chosen);
+  add_board_command(app, chosen);
 
   try {
     app.parse(argc, argv);

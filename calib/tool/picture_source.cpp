@@ -107,7 +107,7 @@ class RecordedPictures final : public PictureSource {
       if (!frame) continue;
       std::array<char, 32> at{};
       std::snprintf(at.data(), at.size(), " at %.2f s", seconds(frame->captured_at));
-      pictures.pictures.back() = {grey_of(frame->pixels), cameras_[c] + at.data()};
+      pictures.pictures.back() = {board_grey_of(frame->pixels), cameras_[c] + at.data()};
     }
     ready_.pop_front();
     return pictures;
@@ -216,7 +216,7 @@ std::optional<std::pair<std::string, std::string>> named(const std::string& inpu
 
 }  // namespace
 
-cv::Mat grey_of(const Image& image) {
+cv::Mat board_grey_of(const Image& image) {
   auto* bytes = const_cast<std::uint8_t*>(image.planes[0].data);  // cv::Mat has no read-only form
   const auto stride = static_cast<std::size_t>(image.planes[0].stride);
   cv::Mat grey;

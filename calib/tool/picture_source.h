@@ -59,6 +59,6 @@ std::unique_ptr<PictureSource> open_pictures(std::span<const std::string> inputs
 // that has the camera. Every picture is a set of its own.
 std::unique_ptr<PictureSource> open_pictures_of(const std::string& name, std::span<const std::string> inputs);
 
-cv::Mat grey_of(const Image& image);  // what a board detector sees of it
+cv::Mat board_grey_of(const Image& image);  // what a board detector sees of it
 
 }  // namespace huetrack

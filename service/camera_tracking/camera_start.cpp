@@ -45,8 +45,8 @@ void check(const PointsStart& start, Problems& out) {
   if (start.points.size() < 4)
     out.push_back("start: at least 4 known points are needed, not " + std::to_string(start.points.size()));
   if (start.points.size() != start.pixels.size())
-    out.push_back("start: " + std::to_string(start.points.size()) + " points, but " + std::to_string(start.pixels.size()) +
-                  " pixels");
+    out.push_back("start: " + std::to_string(start.points.size()) + " points, but " +
+                  std::to_string(start.pixels.size()) + " pixels");
   if (!std::ranges::all_of(start.points, [](const Eigen::Vector3d& p) { return p.allFinite(); }))
     out.emplace_back("start: points must be finite numbers, in metres");
   else if (start.points.size() >= 4 && in_one_line(start.points))

@@ -23,13 +23,14 @@ Eigen::Vector3d plane_normal(const std::vector<Eigen::Vector3d>& points, const R
 std::optional<Started> from_points(const Camera& camera, const PointsStart& known) {
   constexpr double sigma_px = 0.5;
   std::vector<PoseObservation> observations;
-  for (std::size_t i = 0; i < known.points.size(); ++i) observations.push_back({known.points[i], known.pixels[i], sigma_px});
+  for (std::size_t i = 0; i < known.points.size(); ++i)
+    observations.push_back({known.points[i], known.pixels[i], sigma_px});
   const auto pose = solve_pose(camera.model, observations);
   if (!pose || pose->inliers < 4) return std::nullopt;
   Started out{*pose, {}, {}, sigma_px, 1e-4, Eigen::Vector3d::Zero(), false, false};
   std::vector<double> depth;
   for (std::size_t i = 0; i < known.points.size(); ++i) {
-    if (!(pose->weight[i] > 0)) continue;                          // a wrong one among the others
+    if (!(pose->weight[i] > 0)) continue;  // a wrong one among the others
     out.points.push_back(known.points[i]);
     out.px.push_back(known.pixels[i]);
     depth.push_back((pose->cam_from_world * known.points[i]).norm());
@@ -38,7 +39,8 @@ std::optional<Started> from_points(const Camera& camera, const PointsStart& know
   // With few points the residuals say little; with many, a scale well above 1 says that the points are not where they
   // are said to be, by so many pixels at their distance.
   if (observations.size() >= 6 && pose->scale > 2)
-    out.given_sigma_m = std::max(out.given_sigma_m, pose->scale * sigma_px / camera.model.fx() * depth[depth.size() / 2]);
+    out.given_sigma_m =
+        std::max(out.given_sigma_m, pose->scale * sigma_px / camera.model.fx() * depth[depth.size() / 2]);
   out.normal = plane_normal(out.points, pose->cam_from_world);
   return out;
 }
@@ -61,9 +63,11 @@ std::optional<Started> CameraStarter::find(const Image& image, const GreyImage& 
     out.normal = plane_normal(out.points, found->pose.cam_from_world);
     return out;
   }
-  if (const auto* points = std::get_if<PointsStart>(&start_)) return first ? from_points(camera_, *points) : std::nullopt;
+  if (const auto* points = std::get_if<PointsStart>(&start_))
+    return first ? from_points(camera_, *points) : std::nullopt;
   if (const auto* board = std::get_if<FoundStart>(&start_)) {
-    if (const auto known = board->find(image); known && known->points.size() >= 4 && known->points.size() == known->pixels.size())
+    if (const auto known = board->find(image);
+        known && known->points.size() >= 4 && known->points.size() == known->pixels.size())
       return from_points(camera_, *known);
   }
   return std::nullopt;

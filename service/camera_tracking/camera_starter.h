@@ -12,14 +12,15 @@ namespace huetrack {
 
 struct Started {
   PoseFit pose;
-  std::vector<Eigen::Vector3d> points;       // known ones, world
-  std::vector<Eigen::Vector2d> px;           // and where they are seen, raw
-  double sigma_px = 0.1;                     // of px
+  std::vector<Eigen::Vector3d> points;  // known ones, world
+  std::vector<Eigen::Vector2d> px;      // and where they are seen, raw
+  double sigma_px = 0.1;                // of px
   // How well the points are known: what their residuals in the view say, if they say that it is badly.
   double given_sigma_m = 1e-4;
-  Eigen::Vector3d normal = Eigen::Vector3d::Zero();   // of their plane, towards the camera; zero: they are not in a plane
+  Eigen::Vector3d normal =
+      Eigen::Vector3d::Zero();  // of their plane, towards the camera; zero: they are not in a plane
   bool rectangle = false;
-  bool dark = false;                         // the rectangle's inside
+  bool dark = false;  // the rectangle's inside
 };
 
 // thread-compatible.

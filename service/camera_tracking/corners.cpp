@@ -68,7 +68,7 @@ std::vector<Corner> detect_corners(const GreyImage& image, int threshold, int ma
   if (u1 - u0 < 1 || v1 - v0 < 1) return out;
   const cv::Mat grey(image.height, image.width, CV_8UC1, const_cast<std::uint8_t*>(image.data),
                      static_cast<std::size_t>(image.stride));
-  const int ring = 4;                      // FAST looks 3 pixels further, non-maximum suppression one more
+  const int ring = 4;  // FAST looks 3 pixels further, non-maximum suppression one more
   const cv::Rect part(u0 - ring, v0 - ring, u1 - u0 + 1 + 2 * ring, v1 - v0 + 1 + 2 * ring);
   std::vector<cv::KeyPoint> keypoints;
   cv::FAST(grey(part), keypoints, threshold, true);
@@ -101,7 +101,8 @@ Descriptor describe(const GreyImage& image, const Eigen::Vector2d& px) {
   std::size_t bit = 0;
   for (const Pair& p : pairs()) {
     const auto at = [&](float a, float b) {
-      return smooth(image, u + static_cast<int>(std::lround(c * a - s * b)), v + static_cast<int>(std::lround(s * a + c * b)));
+      return smooth(image, u + static_cast<int>(std::lround(c * a - s * b)),
+                    v + static_cast<int>(std::lround(s * a + c * b)));
     };
     if (at(p.u0, p.v0) < at(p.u1, p.v1)) out[bit / 64] |= std::uint64_t{1} << (bit % 64);
     ++bit;

@@ -5,16 +5,23 @@
 
 namespace huetrack {
 
-DepthRay::DepthRay(const Eigen::Vector3d& origin, const Eigen::Vector3d& direction, double near_m, double far_m, int bins)
-    : origin_(origin), direction_(direction.normalized()), least_(1 / far_m), step_((1 / near_m - 1 / far_m) / bins),
-      weight_(static_cast<std::size_t>(bins), 1.0 / bins), gained_(static_cast<std::size_t>(bins), 0.0) {}
+DepthRay::DepthRay(const Eigen::Vector3d& origin, const Eigen::Vector3d& direction, double near_m, double far_m,
+                   int bins)
+    : origin_(origin),
+      direction_(direction.normalized()),
+      least_(1 / far_m),
+      step_((1 / near_m - 1 / far_m) / bins),
+      weight_(static_cast<std::size_t>(bins), 1.0 / bins),
+      gained_(static_cast<std::size_t>(bins), 0.0) {}
 
-void DepthRay::begin() { std::ranges::fill(gained_, 0.0); }
+void DepthRay::begin() {
+  std::ranges::fill(gained_, 0.0);
+}
 
 void DepthRay::add(const Eigen::Vector3d& origin, const Eigen::Vector3d& direction, double weight, double sigma_rad) {
   const Eigen::Vector3d between = origin_ - origin;
   const double c = direction_.dot(direction), s2 = 1 - c * c;
-  if (s2 < 2e-5) return;                                   // 0.25 degrees: parallel
+  if (s2 < 2e-5) return;  // 0.25 degrees: parallel
   const double d0 = direction_.dot(between), d1 = direction.dot(between);
   const double depth = (c * d1 - d0) / s2, other = (d1 - c * d0) / s2;
   if (!(depth > 0) || !(other > 0)) return;

@@ -13,13 +13,15 @@ std::optional<NccTemplate> cut_template(const GreyImage& image, const Eigen::Vec
   if (!image.contains(u, v, half)) return std::nullopt;
   NccTemplate t;
   t.side = feature_side;
-  for (int j = -half; j <= half; ++j) t.pixels.insert(t.pixels.end(), image.row(v + j) + u - half, image.row(v + j) + u + half + 1);
+  for (int j = -half; j <= half; ++j)
+    t.pixels.insert(t.pixels.end(), image.row(v + j) + u - half, image.row(v + j) + u + half + 1);
   t.finish();
   if (!(t.norm > 0)) return std::nullopt;
   return t;
 }
 
-bool predict_template(const CameraModel& lens, const FeatureSource& source, double depth, const Rigid3d& cam_from_world, WarpedPatch& out) {
+bool predict_template(const CameraModel& lens, const FeatureSource& source, double depth, const Rigid3d& cam_from_world,
+                      WarpedPatch& out) {
   const auto ray = lens.ray({source.px});
   if (!ray) return false;
   const Rigid3d now_from_then = cam_from_world * inverse(source.cam_from_world);
@@ -32,7 +34,8 @@ PixelRegion box_around(const Eigen::Vector2d& centre, double half_u, double half
           static_cast<int>(std::ceil(centre.x() + half_u)), static_cast<int>(std::ceil(centre.y() + half_v))};
 }
 
-std::optional<Eigen::Vector2d> corner_in_random_box(const GreyImage& image, std::span<const Eigen::Vector2d> features, int box, Rng& rng) {
+std::optional<Eigen::Vector2d> corner_in_random_box(const GreyImage& image, std::span<const Eigen::Vector2d> features,
+                                                    int box, Rng& rng) {
   const int margin = feature_side, apart = feature_side / 2;
   for (int attempt = 0; attempt < 8; ++attempt) {
     const int u = margin + static_cast<int>(rng.uniform() * (image.width - 2 * margin - box));
@@ -52,7 +55,8 @@ Eigen::Matrix<double, 7, 7> state_covariance(const PoseParticles& particles, con
   Eigen::Matrix<double, 7, 7> sum = Eigen::Matrix<double, 7, 7>::Zero();
   const Eigen::Vector4d q0(mean.rotation.w(), mean.rotation.x(), mean.rotation.y(), mean.rotation.z());
   for (std::size_t i = 0; i < particles.size(); ++i) {
-    Eigen::Vector4d q = Eigen::Vector4f(particles.qw[i], particles.qx[i], particles.qy[i], particles.qz[i]).cast<double>();
+    Eigen::Vector4d q =
+        Eigen::Vector4f(particles.qw[i], particles.qx[i], particles.qy[i], particles.qz[i]).cast<double>();
     if (q.dot(q0) < 0) q = -q;
     Eigen::Matrix<double, 7, 1> e;
     e << Eigen::Vector3f(particles.cx[i], particles.cy[i], particles.cz[i]).cast<double>() - c, q - q0;

@@ -12,7 +12,7 @@ HUETRACK_CLONES void every_second(const std::uint8_t* __restrict in, int n, std:
 }
 
 HUETRACK_CLONES void luma_of_bgr(const std::uint8_t* __restrict in, int n, std::uint8_t* __restrict out) {
-  for (int i = 0; i < n; ++i) {      // BT.601, in 1/256
+  for (int i = 0; i < n; ++i) {  // BT.601, in 1/256
     out[i] = static_cast<std::uint8_t>((29 * in[3 * i] + 150 * in[3 * i + 1] + 77 * in[3 * i + 2] + 128) >> 8);
   }
 }
@@ -27,7 +27,8 @@ HUETRACK_CLONES void mean_of_2x2(const std::uint8_t* __restrict a, const std::ui
 }  // namespace
 
 GreyImage make_grey(int width, int height, std::uint8_t*& pixels) {
-  auto bytes = std::make_shared<std::vector<std::uint8_t>>(static_cast<std::size_t>(width) * static_cast<std::size_t>(height));
+  auto bytes =
+      std::make_shared<std::vector<std::uint8_t>>(static_cast<std::size_t>(width) * static_cast<std::size_t>(height));
   pixels = bytes->data();
   return {width, height, width, pixels, std::move(bytes), ColorRange::full};
 }
@@ -50,7 +51,8 @@ GreyImage half_size(const GreyImage& image) {
   std::uint8_t* out = nullptr;
   GreyImage half = make_grey(image.width / 2, image.height / 2, out);
   half.range = image.range;
-  for (int v = 0; v < half.height; ++v) mean_of_2x2(image.row(2 * v), image.row(2 * v + 1), half.width, out + v * half.width);
+  for (int v = 0; v < half.height; ++v)
+    mean_of_2x2(image.row(2 * v), image.row(2 * v + 1), half.width, out + v * half.width);
   return half;
 }
 

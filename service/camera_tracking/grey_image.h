@@ -15,10 +15,10 @@ namespace huetrack {
 struct GreyImage {
   int width = 0;
   int height = 0;
-  std::ptrdiff_t stride = 0;              // bytes from one row to the next
+  std::ptrdiff_t stride = 0;  // bytes from one row to the next
   const std::uint8_t* data = nullptr;
-  std::shared_ptr<const void> owner;      // keeps data alive
-  ColorRange range = ColorRange::full;    // what black and white are
+  std::shared_ptr<const void> owner;    // keeps data alive
+  ColorRange range = ColorRange::full;  // what black and white are
 
   const std::uint8_t* row(int v) const { return data + v * stride; }
   // Whether all pixels within margin of (u, v) exist.
@@ -27,11 +27,11 @@ struct GreyImage {
   }
 };
 
-// Formats with a plane of luma are read where they lie; yuyv and bgr are packed into one. Limited range stays as it is: all
-// who compare brightness here do not mind gain and offset.
+// Formats with a plane of luma are read where they lie; yuyv and bgr are packed into one. Limited range stays as it is:
+// all who compare brightness here do not mind gain and offset.
 GreyImage grey_of(const Image& image);
-GreyImage make_grey(int width, int height, std::uint8_t*& pixels);   // owned, zero, full range
-GreyImage half_size(const GreyImage& image);                         // means of 2x2; an odd last row or column is dropped
+GreyImage make_grey(int width, int height, std::uint8_t*& pixels);  // owned, zero, full range
+GreyImage half_size(const GreyImage& image);  // means of 2x2; an odd last row or column is dropped
 
 // Bilinear; (u, v) with contains(u, v, 0).
 inline float sample(const GreyImage& image, float u, float v) {
@@ -45,14 +45,17 @@ inline float sample(const GreyImage& image, float u, float v) {
   return top + fv * (bottom - top);
 }
 
-// levels[0] is the image, each further one half as large. A pixel (u, v) of level 0 is ((u + 0.5) / 2^l - 0.5, ...) of level l.
+// levels[0] is the image, each further one half as large. A pixel (u, v) of level 0 is ((u + 0.5) / 2^l - 0.5, ...) of
+// level l.
 struct Pyramid {
   std::vector<GreyImage> levels;
   int count() const { return static_cast<int>(levels.size()); }
 };
-Pyramid make_pyramid(GreyImage image, int max_levels = 4);           // stops before a side gets below 30 pixels
+Pyramid make_pyramid(GreyImage image, int max_levels = 4);  // stops before a side gets below 30 pixels
 
-inline double scale_of(int level) { return static_cast<double>(1 << level); }
+inline double scale_of(int level) {
+  return static_cast<double>(1 << level);
+}
 inline Eigen::Vector2d to_level(const Eigen::Vector2d& px, int level) {
   return (px.array() + 0.5).matrix() / scale_of(level) - Eigen::Vector2d::Constant(0.5);
 }

@@ -13,11 +13,11 @@ namespace {
 
 constexpr int patch_side = 8;
 constexpr int corner_levels = 3;
-constexpr int cell_px = 18;                      // of a 320 px wide image: at most one new corner per cell
+constexpr int cell_px = 18;  // of a 320 px wide image: at most one new corner per cell
 constexpr std::size_t max_seeds = 350;
-constexpr double converged = 0.035;              // sigma / inverse depth
+constexpr double converged = 0.035;  // sigma / inverse depth
 constexpr double enough_parallax_rad = 0.025;
-constexpr int window = 7;                        // key frames that an adjustment moves
+constexpr int window = 7;  // key frames that an adjustment moves
 
 double angle_between(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
   return std::atan2(a.cross(b).norm(), a.dot(b));
@@ -30,7 +30,8 @@ KeyframeMapping::KeyframeMapping(const Camera& camera) : camera_(camera) {}
 void KeyframeMapping::add_look(MapPoint& point, int keyframe, int level, const Eigen::Vector2d& px) {
   PointLook look;
   look.keyframe = keyframe, look.level = level, look.px = px;
-  const GreyImage& image = map_.keyframes[static_cast<std::size_t>(keyframe)].pyramid->levels[static_cast<std::size_t>(level)];
+  const GreyImage& image =
+      map_.keyframes[static_cast<std::size_t>(keyframe)].pyramid->levels[static_cast<std::size_t>(level)];
   const Eigen::Vector2d at = to_level(px, level);
   look.described = image.contains(at.x(), at.y(), descriptor_margin);
   if (look.described) look.descriptor = describe(image, at);
@@ -44,8 +45,9 @@ void KeyframeMapping::add_look(MapPoint& point, int keyframe, int level, const E
   }
 }
 
-void KeyframeMapping::start(const TrackedFrame& frame, std::span<const Eigen::Vector3d> points, const Eigen::Vector3d& normal,
-                            double given_sigma_m, const Eigen::Matrix<double, 6, 6>& start_covariance) {
+void KeyframeMapping::start(const TrackedFrame& frame, std::span<const Eigen::Vector3d> points,
+                            const Eigen::Vector3d& normal, double given_sigma_m,
+                            const Eigen::Matrix<double, 6, 6>& start_covariance) {
   map_ = {};
   map_.start_covariance = start_covariance;
   map_.start_centre = inverse(frame.cam_from_world).translation;
@@ -156,7 +158,8 @@ void KeyframeMapping::add_keyframe(const TrackedFrame& frame) {
 void KeyframeMapping::add_seeds(int keyframe) {
   const Keyframe& k = map_.keyframes[static_cast<std::size_t>(keyframe)];
   const int cell = std::max(8, cell_px * camera_.image_size.width / 320);
-  const int columns = (camera_.image_size.width + cell - 1) / cell, rows = (camera_.image_size.height + cell - 1) / cell;
+  const int columns = (camera_.image_size.width + cell - 1) / cell,
+            rows = (camera_.image_size.height + cell - 1) / cell;
   std::vector<char> taken(static_cast<std::size_t>(columns * rows), 0);
   const auto cell_of = [&](const Eigen::Vector2d& px) {
     return static_cast<std::size_t>(std::clamp(static_cast<int>(px.y()) / cell, 0, rows - 1) * columns +
@@ -171,9 +174,10 @@ void KeyframeMapping::add_seeds(int keyframe) {
     taken[cell_of(px->px)] = 1;
     depths.push_back(cam.norm());
   }
-  for (const Seed& s : seeds_) {                 // those that are on their way, about where they will be
+  for (const Seed& s : seeds_) {  // those that are on their way, about where they will be
     const Keyframe& from = map_.keyframes[static_cast<std::size_t>(s.keyframe)];
-    const auto px = camera_.model.project(k.cam_from_world * (inverse(from.cam_from_world) * (s.ray / s.inverse_depth)));
+    const auto px =
+        camera_.model.project(k.cam_from_world * (inverse(from.cam_from_world) * (s.ray / s.inverse_depth)));
     if (px && camera_.contains(*px)) taken[cell_of(px->px)] = 1;
   }
   std::ranges::sort(depths);
@@ -230,9 +234,12 @@ bool KeyframeMapping::update(Seed& seed, const TrackedFrame& frame) {
   const Keyframe& k = map_.keyframes[static_cast<std::size_t>(seed.keyframe)];
   const Rigid3d now_from_then = frame.cam_from_world * inverse(k.cam_from_world);
   const double low = std::max(seed.inverse_depth - 2 * seed.sigma, 1e-3), high = seed.inverse_depth + 2 * seed.sigma;
-  const auto at = [&](double inverse_depth) { return camera_.model.project(now_from_then * (seed.ray / inverse_depth)); };
+  const auto at = [&](double inverse_depth) {
+    return camera_.model.project(now_from_then * (seed.ray / inverse_depth));
+  };
   const auto a = at(low), b = at(high), middle = at(seed.inverse_depth);
-  if (!a || !b || !middle || !camera_.contains(*middle)) return seed.failed < 40 && ++seed.failed;   // out of view: maybe it returns
+  if (!a || !b || !middle || !camera_.contains(*middle))
+    return seed.failed < 40 && ++seed.failed;  // out of view: maybe it returns
   const Eigen::Matrix3d h = plane_homography(now_from_then, seed.ray, 1 / seed.inverse_depth);
   const auto view = view_patch(camera_.model, seed.px, h);
   if (!view) return ++seed.failed < 10;
@@ -269,7 +276,7 @@ bool KeyframeMapping::update(Seed& seed, const TrackedFrame& frame) {
     }
   }
   if (best < 0.8f) return ++seed.failed < 8;
-  if (second > 0.8f && second > best - 0.08f) return seed.failed < 40 && ++seed.failed;     // ambiguous: wait
+  if (second > 0.8f && second > best - 0.08f) return seed.failed < 40 && ++seed.failed;  // ambiguous: wait
   const auto refined = refine(image, patch_, best_px, 1.5);
   if (!refined || refined->ncc < 0.8f) return ++seed.failed < 8;
   // Its depth by the point of the ray nearest to the new ray; how sure from a pixel's error across the parallax.
@@ -286,9 +293,9 @@ bool KeyframeMapping::update(Seed& seed, const TrackedFrame& frame) {
   const double step = std::max(1e-4, 0.02 * seed.inverse_depth);
   const auto next = at(seed.inverse_depth + step);
   if (!next) return ++seed.failed < 8;
-  const Eigen::Vector2d slope = (next->px - middle->px) / step;             // px per 1/m
+  const Eigen::Vector2d slope = (next->px - middle->px) / step;  // px per 1/m
   const double per = slope.norm();
-  if (per < 1e-6) return true;                                              // no baseline yet
+  if (per < 1e-6) return true;  // no baseline yet
   // The curve is hyperbolic in the inverse depth; two steps of Newton's method on it.
   double rho = seed.inverse_depth;
   for (int i = 0; i < 3; ++i) {
@@ -298,7 +305,7 @@ bool KeyframeMapping::update(Seed& seed, const TrackedFrame& frame) {
     if (g.squaredNorm() < 1e-12) break;
     rho = std::max(1e-3, rho + g.dot(px - p0->px) / g.squaredNorm());
   }
-  const double sigma_px = 0.7 * scale_of(level);                            // of the corner here, there, and of both poses
+  const double sigma_px = 0.7 * scale_of(level);  // of the corner here, there, and of both poses
   const double sigma = sigma_px / per;
   const double sum = std::sqrt(sigma * sigma + seed.sigma * seed.sigma);
   if (std::abs(rho - seed.inverse_depth) > 3 * sum) return ++seed.failed < 8;
@@ -318,7 +325,8 @@ void KeyframeMapping::promote(const Seed& seed) {
   p.position = world_from_cam * (seed.ray / seed.inverse_depth);
   const double along = seed.sigma / (seed.inverse_depth * seed.inverse_depth);
   const double across = 0.5 * scale_of(seed.level) / camera_.model.fx() / seed.inverse_depth;
-  p.covariance = across * across * Eigen::Matrix3d::Identity() + (along * along - across * across) * ray * ray.transpose();
+  p.covariance =
+      across * across * Eigen::Matrix3d::Identity() + (along * along - across * across) * ray * ray.transpose();
   const auto index = static_cast<int>(map_.points.size());
   add_look(p, seed.keyframe, seed.level, seed.px);
   map_.points.push_back(p);
@@ -341,7 +349,7 @@ void KeyframeMapping::adjust_near(int keyframe) {
     if (std::ranges::none_of(sightings, [keyframe](const Sighting& s) { return s.keyframe == keyframe; })) continue;
     for (const Sighting& s : sightings) ++shared[s.keyframe];
   }
-  std::vector<std::pair<int, int>> order;        // (- how many, - which): newest first among equals
+  std::vector<std::pair<int, int>> order;  // (- how many, - which): newest first among equals
   for (const auto& [k, count] : shared) order.emplace_back(-count, -k);
   std::ranges::sort(order);
   std::set<int> moved{keyframe};
@@ -354,10 +362,11 @@ void KeyframeMapping::adjust_near(int keyframe) {
   bool anchored = false;
   const auto pose_index = [&](int k) {
     const auto [it, fresh] = pose_of.try_emplace(k, static_cast<int>(problem.poses.size()));
-    if (fresh) problem.poses.push_back({map_.keyframes[static_cast<std::size_t>(k)].cam_from_world, !moved.contains(k)});
+    if (fresh)
+      problem.poses.push_back({map_.keyframes[static_cast<std::size_t>(k)].cam_from_world, !moved.contains(k)});
     return it->second;
   };
-  std::vector<std::pair<std::size_t, std::size_t>> source;          // of each observation: point, place in its list
+  std::vector<std::pair<std::size_t, std::size_t>> source;  // of each observation: point, place in its list
   for (std::size_t i = 0; i < by_point_.size(); ++i) {
     const auto& sightings = by_point_[i];
     const bool given = given_sigma_m_[i] > 0;
@@ -370,22 +379,25 @@ void KeyframeMapping::adjust_near(int keyframe) {
     problem.points.push_back(p);
     point_of.push_back(static_cast<int>(i));
     for (std::size_t k = 0; k < sightings.size(); ++k) {
-      problem.observations.push_back({pose_index(sightings[k].keyframe), point, sightings[k].px, sightings[k].sigma_px, false});
+      problem.observations.push_back(
+          {pose_index(sightings[k].keyframe), point, sightings[k].px, sightings[k].sigma_px, false});
       source.emplace_back(i, k);
     }
   }
   const auto held = std::ranges::count_if(problem.poses, &BundlePose::fixed);
-  if (!anchored && held < 2) {                    // nothing else holds the scale: hold the oldest two
+  if (!anchored && held < 2) {  // nothing else holds the scale: hold the oldest two
     int hold = 2 - static_cast<int>(held);
     for (const int k : moved) {
-      if (hold-- > 0 && k != keyframe && pose_of.contains(k)) problem.poses[static_cast<std::size_t>(pose_of[k])].fixed = true;
+      if (hold-- > 0 && k != keyframe && pose_of.contains(k))
+        problem.poses[static_cast<std::size_t>(pose_of[k])].fixed = true;
     }
   }
   if (problem.observations.size() < 12) return;
   adjust(camera_.model, problem, 6);
   ++counters_.adjustments;
   for (const auto& [k, at] : pose_of)
-    map_.keyframes[static_cast<std::size_t>(k)].cam_from_world = problem.poses[static_cast<std::size_t>(at)].cam_from_world;
+    map_.keyframes[static_cast<std::size_t>(k)].cam_from_world =
+        problem.poses[static_cast<std::size_t>(at)].cam_from_world;
   for (std::size_t j = 0; j < point_of.size(); ++j) {
     MapPoint& p = map_.points[static_cast<std::size_t>(point_of[j])];
     p.position = problem.points[j].position;

@@ -19,22 +19,25 @@ constexpr double coast_s = 0.4;
 // How far a hand-held camera gets that nobody sees: the covariance grows by this, per second.
 constexpr double coast_m_s = 0.25, coast_rad_s = 0.6;
 
-// Frame n is tracked with the map as frame n - 2 left it, while frame n - 1 is being mapped: two tasks in parallel whose
-// result does not depend on who is faster.
+// Frame n is tracked with the map as frame n - 2 left it, while frame n - 1 is being mapped: two tasks in parallel
+// whose result does not depend on who is faster.
 class KeyframeTracker final : public CameraTracker {
  public:
   KeyframeTracker(const Camera& camera, const CameraTrackerOptions& options)
       : camera_(camera),
         starter_(camera, options.start),
-        tracking_(camera, options.particle_count > 0 ? static_cast<std::size_t>(options.particle_count) : default_particles, options.seed),
+        tracking_(camera,
+                  options.particle_count > 0 ? static_cast<std::size_t>(options.particle_count) : default_particles,
+                  options.seed),
         mapping_(camera),
         particle_count_(options.particle_count > 0 ? options.particle_count : static_cast<int>(default_particles)) {
     if (!options.load_map.empty()) {
       StoredMap stored = read_map(options.load_map);
       if (stored.image_size != Eigen::Vector2i(camera.image_size.width, camera.image_size.height))
-        throw std::runtime_error(options.load_map.string() + ": is a map of images of " + std::to_string(stored.image_size.x()) + "x" +
-                                 std::to_string(stored.image_size.y()) + ", the camera's are " + std::to_string(camera.image_size.width) +
-                                 "x" + std::to_string(camera.image_size.height));
+        throw std::runtime_error(options.load_map.string() + ": is a map of images of " +
+                                 std::to_string(stored.image_size.x()) + "x" + std::to_string(stored.image_size.y()) +
+                                 ", the camera's are " + std::to_string(camera.image_size.width) + "x" +
+                                 std::to_string(camera.image_size.height));
       mapping_.start(std::move(stored));
       map_ = mapping_.scene();
       started_ = true;
@@ -47,7 +50,8 @@ class KeyframeTracker final : public CameraTracker {
     estimate.at = frame.captured_at;
     estimate.frame_number = frames_++;
     estimate.particle_count = particle_count_;
-    if (frame.status != FrameStatus::ok || frame.pixels.width != camera_.image_size.width || frame.pixels.height != camera_.image_size.height) {
+    if (frame.status != FrameStatus::ok || frame.pixels.width != camera_.image_size.width ||
+        frame.pixels.height != camera_.image_size.height) {
       coast(frame.captured_at);
       fill(estimate, ProvenPose{});
       return estimate;
@@ -60,7 +64,7 @@ class KeyframeTracker final : public CameraTracker {
       return estimate;
     }
     if (handed_over_) mapper_.start([this] { mapping_.map(*handed_over_); });
-    std::optional<Rigid3d> proposed;              // what was started from, seen again
+    std::optional<Rigid3d> proposed;  // what was started from, seen again
     if (state_ == CameraState::lost && estimate.frame_number % 5 == 0) {
       if (const auto again = starter_.find(frame.pixels, grey)) proposed = again->pose.cam_from_world;
     }
@@ -74,9 +78,15 @@ class KeyframeTracker final : public CameraTracker {
       tracked_at_ = frame.captured_at;
       pose_ = last_.cam_from_world;
       covariance_ = world_covariance(pose_, last_.tangent_covariance) + of_the_world(pose_);
-      handed_over_ = TrackedFrame{estimate.frame_number, pyramid, pose_, true,
-                                  last_.sought > 0 ? static_cast<double>(last_.found) / last_.sought : 1.0, flow, last_.sightings, last_.missed};
-      if (last_.sought < 8) handed_over_->share_found = 1;        // nothing is mapped yet: the rectangle was seen
+      handed_over_ = TrackedFrame{estimate.frame_number,
+                                  pyramid,
+                                  pose_,
+                                  true,
+                                  last_.sought > 0 ? static_cast<double>(last_.found) / last_.sought : 1.0,
+                                  flow,
+                                  last_.sightings,
+                                  last_.missed};
+      if (last_.sought < 8) handed_over_->share_found = 1;  // nothing is mapped yet: the rectangle was seen
     } else {
       coast(frame.captured_at);
     }
@@ -88,10 +98,12 @@ class KeyframeTracker final : public CameraTracker {
     CameraTrackerView out;
     for (const KeyframeTracking::Sought& s : tracking_.sought()) {
       const MapPoint& p = map_.points[static_cast<std::size_t>(s.point)];
-      out.features.push_back({s.px.cast<float>(), s.found_px.cast<float>(), s.search.cast<float>(), p.position, p.covariance, p.given});
+      out.features.push_back(
+          {s.px.cast<float>(), s.found_px.cast<float>(), s.search.cast<float>(), p.position, p.covariance, p.given});
     }
     const std::size_t n = tracking_.particles().size();
-    for (std::size_t i = 0; i < std::min<std::size_t>(n, 300); ++i) out.particles.push_back(inverse(tracking_.particles().pose(i)));
+    for (std::size_t i = 0; i < std::min<std::size_t>(n, 300); ++i)
+      out.particles.push_back(inverse(tracking_.particles().pose(i)));
     return out;
   }
 
@@ -139,8 +151,8 @@ class KeyframeTracker final : public CameraTracker {
     covariance_.diagonal().tail<3>().array() += coast_rad_s * coast_rad_s * t * t;
   }
 
-  // The start's error, as it shows here: all poses have it, turned about the start. Later views of the start make it smaller
-  // than it was; how much was measured on data/rendered/desk.
+  // The start's error, as it shows here: all poses have it, turned about the start. Later views of the start make it
+  // smaller than it was; how much was measured on data/rendered/desk.
   Covariance6d of_the_world(const Rigid3d& cam_from_world) const {
     constexpr double left = 0.7;
     const Eigen::Vector3d arm = inverse(cam_from_world).translation - map_.start_centre;
@@ -178,8 +190,8 @@ class KeyframeTracker final : public CameraTracker {
   Camera camera_;
   CameraStarter starter_;
   KeyframeTracking tracking_;
-  KeyframeMapping mapping_;                 // while mapper_ works: its alone
-  SceneMap map_;                            // what tracking sees
+  KeyframeMapping mapping_;  // while mapper_ works: its alone
+  SceneMap map_;             // what tracking sees
   std::optional<TrackedFrame> handed_over_;
   int particle_count_;
   std::uint64_t frames_ = 0;
@@ -189,7 +201,7 @@ class KeyframeTracker final : public CameraTracker {
   Rigid3d pose_;
   Covariance6d covariance_ = Covariance6d::Zero(), coasting_covariance_ = Covariance6d::Zero();
   ProvenPose last_;
-  ParallelTask mapper_;                     // last: it ends before what it works on
+  ParallelTask mapper_;  // last: it ends before what it works on
 };
 
 }  // namespace

@@ -44,9 +44,12 @@ void KeyframeTracking::set_pose(const Rigid3d& cam_from_world) {
   effective_sample_size_ = static_cast<double>(particle_count_);
 }
 
-void KeyframeTracking::forget() { step_ = {}; }
+void KeyframeTracking::forget() {
+  step_ = {};
+}
 
-std::vector<KeyframeTracking::Visible> KeyframeTracking::visible(const Rigid3d& pose, const SceneMap& map, int levels) const {
+std::vector<KeyframeTracking::Visible> KeyframeTracking::visible(const Rigid3d& pose, const SceneMap& map,
+                                                                 int levels) const {
   std::vector<Visible> out;
   const Eigen::Vector3d centre = inverse(pose).translation;
   for (std::size_t i = 0; i < map.points.size(); ++i) {
@@ -60,20 +63,24 @@ std::vector<KeyframeTracking::Visible> KeyframeTracking::visible(const Rigid3d& 
       continue;
     Visible seen;
     seen.point = static_cast<int>(i), seen.px = px->px;
-    double least = 0.9;                               // radians, and factors of e in distance
+    double least = 0.9;  // radians, and factors of e in distance
     for (int k = 0; k < p.look_count; ++k) {
       const PointLook& look = p.looks[static_cast<std::size_t>(k)];
-      const Eigen::Vector3d then = inverse(map.keyframes[static_cast<std::size_t>(look.keyframe)].cam_from_world).translation;
+      const Eigen::Vector3d then =
+          inverse(map.keyframes[static_cast<std::size_t>(look.keyframe)].cam_from_world).translation;
       const double unlike = angle_between(then - p.position, centre - p.position) +
-                            std::abs(std::log((centre - p.position).norm() / (then - p.position).norm())) + (k > 0 ? 0.15 : 0.0);
+                            std::abs(std::log((centre - p.position).norm() / (then - p.position).norm())) +
+                            (k > 0 ? 0.15 : 0.0);
       if (unlike < least) least = unlike, seen.look = &look;
     }
     if (!seen.look) continue;
     const Rigid3d& then = map.keyframes[static_cast<std::size_t>(seen.look->keyframe)].cam_from_world;
     const Eigen::Vector3d source = then * p.position;
     const bool known = p.normal.squaredNorm() > 0.5;
-    const Eigen::Vector3d normal = known ? Eigen::Vector3d(then.rotation * p.normal) : Eigen::Vector3d(source.normalized());
-    const auto view = view_patch(camera_.model, seen.look->px, plane_homography(pose * inverse(then), normal, normal.dot(source)));
+    const Eigen::Vector3d normal =
+        known ? Eigen::Vector3d(then.rotation * p.normal) : Eigen::Vector3d(source.normalized());
+    const auto view =
+        view_patch(camera_.model, seen.look->px, plane_homography(pose * inverse(then), normal, normal.dot(source)));
     if (!view) continue;
     seen.view = *view;
     seen.level = search_level(view->affine, seen.look->level, levels);
@@ -84,8 +91,8 @@ std::vector<KeyframeTracking::Visible> KeyframeTracking::visible(const Rigid3d& 
   return out;
 }
 
-// Particles about the predicted pose and about the last one, drawn to where templates correlate on a small copy of the image:
-// Pupilli and Calway's annealing, with 40 points of which each costs little.
+// Particles about the predicted pose and about the last one, drawn to where templates correlate on a small copy of the
+// image: Pupilli and Calway's annealing, with 40 points of which each costs little.
 Rigid3d KeyframeTracking::coarse(const Rigid3d& predicted, const Pyramid& pyramid, const SceneMap& map) {
   int level = 0;
   while (level + 1 < pyramid.count() && pyramid.levels[static_cast<std::size_t>(level)].width > 100) ++level;
@@ -96,10 +103,14 @@ Rigid3d KeyframeTracking::coarse(const Rigid3d& predicted, const Pyramid& pyrami
   const auto rotation = static_cast<float>(wider * (0.012 + 0.4 * turned));
   const auto position = static_cast<float>(wider * depth_m_ * (0.010 + 0.4 * moved));
   if (unproven_ == 0) particles_.reset(particle_count_, predicted);
-  if (unproven_ == 0 && particle_count_ > 1) {          // half of them: it stopped, or turned about
+  if (unproven_ == 0 && particle_count_ > 1) {  // half of them: it stopped, or turned about
     PoseParticles still(particle_count_ / 2, pose_);
-    for (auto [to, from] : {std::pair{&particles_.qw, &still.qw}, {&particles_.qx, &still.qx}, {&particles_.qy, &still.qy},
-                            {&particles_.qz, &still.qz}, {&particles_.cx, &still.cx}, {&particles_.cy, &still.cy},
+    for (auto [to, from] : {std::pair{&particles_.qw, &still.qw},
+                            {&particles_.qx, &still.qx},
+                            {&particles_.qy, &still.qy},
+                            {&particles_.qz, &still.qz},
+                            {&particles_.cx, &still.cx},
+                            {&particles_.cy, &still.cy},
                             {&particles_.cz, &still.cz}})
       std::ranges::copy(*from, to->begin());
   }
@@ -113,16 +124,18 @@ Rigid3d KeyframeTracking::coarse(const Rigid3d& predicted, const Pyramid& pyrami
     std::vector<int> best(columns * rows, -1);
     std::vector<double> worth(columns * rows, -1);
     for (std::size_t i = 0; i < seen.size(); ++i) {
-      const int cell = std::clamp(static_cast<int>(seen[i].px.y()) * rows / camera_.image_size.height, 0, rows - 1) * columns +
-                       std::clamp(static_cast<int>(seen[i].px.x()) * columns / camera_.image_size.width, 0, columns - 1);
+      const int cell =
+          std::clamp(static_cast<int>(seen[i].px.y()) * rows / camera_.image_size.height, 0, rows - 1) * columns +
+          std::clamp(static_cast<int>(seen[i].px.x()) * columns / camera_.image_size.width, 0, columns - 1);
       const auto& counts = map.points[static_cast<std::size_t>(seen[i].point)].found_of_sought;
       const double w = (1.0 + counts[0]) / (2.0 + counts[1]) + 0.5 * seen[i].look->level;
-      if (w > worth[static_cast<std::size_t>(cell)]) worth[static_cast<std::size_t>(cell)] = w, best[static_cast<std::size_t>(cell)] = static_cast<int>(i);
+      if (w > worth[static_cast<std::size_t>(cell)])
+        worth[static_cast<std::size_t>(cell)] = w, best[static_cast<std::size_t>(cell)] = static_cast<int>(i);
     }
     for (const int i : best) {
       if (i >= 0) chosen.push_back(seen[static_cast<std::size_t>(i)]);
     }
-    while (chosen.size() > coarse_points) {              // every so manieth goes
+    while (chosen.size() > coarse_points) {  // every so manieth goes
       std::vector<Visible> fewer;
       for (std::size_t i = 0; i < chosen.size(); ++i) {
         if (i * coarse_points / chosen.size() != (i + 1) * coarse_points / chosen.size()) fewer.push_back(chosen[i]);
@@ -148,8 +161,10 @@ Rigid3d KeyframeTracking::coarse(const Rigid3d& predicted, const Pyramid& pyrami
     if (!(cloud.weight_sum > 0.5)) continue;
     const float reach = 24;
     const auto cu = static_cast<float>(cloud.mean.x()), cv = static_cast<float>(cloud.mean.y());
-    const PixelRegion region{static_cast<int>(std::max(cloud.u_min - 1, cu - reach)), static_cast<int>(std::max(cloud.v_min - 1, cv - reach)),
-                             static_cast<int>(std::min(cloud.u_max + 1, cu + reach)), static_cast<int>(std::min(cloud.v_max + 1, cv + reach))};
+    const PixelRegion region{static_cast<int>(std::max(cloud.u_min - 1, cu - reach)),
+                             static_cast<int>(std::max(cloud.v_min - 1, cv - reach)),
+                             static_cast<int>(std::min(cloud.u_max + 1, cu + reach)),
+                             static_cast<int>(std::min(cloud.v_max + 1, cv + reach))};
     fields_[used].correlate(image, patch_.inner, region);
     if (fields_[used].region().empty()) continue;
     chosen[used++] = s;
@@ -184,9 +199,12 @@ Rigid3d KeyframeTracking::coarse(const Rigid3d& predicted, const Pyramid& pyrami
       const auto px = camera_.model.project(pose * p);
       if (!px) continue;
       const Eigen::Vector2d at = to_level(px->px, level);
-      const NccPeak peak = fields_[i].strongest(static_cast<float>(at.x()), static_cast<float>(at.y()), pass == 0 ? 2.5f : 1.8f, 0.65f);
+      const NccPeak peak =
+          fields_[i].strongest(static_cast<float>(at.x()), static_cast<float>(at.y()), pass == 0 ? 2.5f : 1.8f, 0.65f);
       const double offset = static_cast<double>(fields_[i].centre_offset());
-      if (peak.rho > 0) observations.push_back({p, from_level(Eigen::Vector2d(peak.u + offset, peak.v + offset), level), 0.4 * scale_of(level)});
+      if (peak.rho > 0)
+        observations.push_back(
+            {p, from_level(Eigen::Vector2d(peak.u + offset, peak.v + offset), level), 0.4 * scale_of(level)});
     }
     if (observations.size() < 6) break;
     const PoseFit fit = refine_pose(camera_.model, observations, pose, 8);
@@ -197,7 +215,8 @@ Rigid3d KeyframeTracking::coarse(const Rigid3d& predicted, const Pyramid& pyrami
 }
 
 // A first fit with some well-spread points at one level above their own, over a wide region.
-Rigid3d KeyframeTracking::first_fit(const Rigid3d& pose, const Pyramid& pyramid, const SceneMap& map, const std::vector<Visible>& seen) {
+Rigid3d KeyframeTracking::first_fit(const Rigid3d& pose, const Pyramid& pyramid, const SceneMap& map,
+                                    const std::vector<Visible>& seen) {
   std::vector<PoseObservation> observations;
   const std::size_t stride = std::max<std::size_t>(1, seen.size() / first_points);
   for (std::size_t i = 0; i < seen.size(); i += stride) {
@@ -228,7 +247,7 @@ ProvenPose KeyframeTracking::fine(const Rigid3d& start, const Pyramid& pyramid, 
   ProvenPose out;
   Rigid3d pose = first_fit(start, pyramid, map, visible(start, map, pyramid.count()));
   std::vector<Visible> seen = visible(pose, map, pyramid.count());
-  if (seen.size() > fine_points) {                    // the surest ones, and in the order of the map
+  if (seen.size() > fine_points) {  // the surest ones, and in the order of the map
     std::vector<Visible> fewer;
     for (std::size_t i = 0; i < seen.size(); ++i) {
       if (i * fine_points / seen.size() != (i + 1) * fine_points / seen.size()) fewer.push_back(seen[i]);
@@ -258,7 +277,8 @@ ProvenPose KeyframeTracking::fine(const Rigid3d& start, const Pyramid& pyramid, 
     ncc_field(image, patch_.inner, region, field_);
     const NccPeak peak = best_of(field_, region);
     std::optional<Refined> refined;
-    if (peak.rho > good_ncc - 0.1f) refined = refine(image, patch_, Eigen::Vector2d(peak.u + offset, peak.v + offset), 1.5);
+    if (peak.rho > good_ncc - 0.1f)
+      refined = refine(image, patch_, Eigen::Vector2d(peak.u + offset, peak.v + offset), 1.5);
     if (!refined || refined->ncc < good_ncc) {
       out.missed.push_back(s.point);
       continue;
@@ -284,7 +304,8 @@ ProvenPose KeyframeTracking::fine(const Rigid3d& start, const Pyramid& pyramid, 
       if (px) about[i] = px->px;
     }
     if (before) {
-      const RectangleCorners corners = measure_rectangle(pyramid.levels.front(), camera_.model, about, observations.size() >= 12 ? 3.0 : 7.0, *rectangle_);
+      const RectangleCorners corners = measure_rectangle(pyramid.levels.front(), camera_.model, about,
+                                                         observations.size() >= 12 ? 3.0 : 7.0, *rectangle_);
       for (std::size_t i = 0; i < 4; ++i) {
         if (!corners.measured[i]) continue;
         observations.push_back({map.points[i].position, corners.px[i], corner_sigma_px});
@@ -309,7 +330,10 @@ ProvenPose KeyframeTracking::fine(const Rigid3d& start, const Pyramid& pyramid, 
       if (!corner) out.missed.push_back(point_of[i]);
       continue;
     }
-    if (corner) ++out.corners; else ++out.found;
+    if (corner)
+      ++out.corners;
+    else
+      ++out.found;
     ++inliers;
     mean += observations[i].px;
     spread += observations[i].px * observations[i].px.transpose();
@@ -327,15 +351,18 @@ ProvenPose KeyframeTracking::fine(const Rigid3d& start, const Pyramid& pyramid, 
   out.tangent_covariance = scale * scale * solver.solve(Eigen::Matrix<double, 6, 6>::Identity());
   std::ranges::sort(depths);
   const double depth = depths[depths.size() / 2];
-  // The evidence. Chance finds some share of points anywhere; that they agree on a pose, are many, are a fair share of what
-  // should be seen, and lie all over the place is not chance.
+  // The evidence. Chance finds some share of points anywhere; that they agree on a pose, are many, are a fair share of
+  // what should be seen, and lie all over the place is not chance.
   const double wide = camera_.image_size.width / 320.0;
   const double share = out.sought > 0 ? static_cast<double>(out.found) / out.sought : 0;
   const Covariance6d world = world_covariance(out.cam_from_world, out.tangent_covariance);
-  const bool sure = std::sqrt(world.topLeftCorner<3, 3>().trace()) < 0.02 * depth && std::sqrt(world.bottomRightCorner<3, 3>().trace()) < 0.02;
-  const bool by_points = out.found >= (strict ? 25 : 15) && share > (strict ? 0.35 : 0.25) && out.spread_px > (strict ? 16 : 11) * wide;
+  const bool sure = std::sqrt(world.topLeftCorner<3, 3>().trace()) < 0.02 * depth &&
+                    std::sqrt(world.bottomRightCorner<3, 3>().trace()) < 0.02;
+  const bool by_points =
+      out.found >= (strict ? 25 : 15) && share > (strict ? 0.35 : 0.25) && out.spread_px > (strict ? 16 : 11) * wide;
   // At the beginning there are few points, but nothing is in doubt either.
-  const bool by_few = !strict && map.keyframes.size() < 4 && out.sought <= 30 && out.found >= 7 && share > 0.6 && out.spread_px > 16 * wide;
+  const bool by_few = !strict && map.keyframes.size() < 4 && out.sought <= 30 && out.found >= 7 && share > 0.6 &&
+                      out.spread_px > 16 * wide;
   // A rectangle alone is proof while nothing else is known; later, another one of this shape may lie about.
   const bool by_rectangle = out.corners == 4 && (out.sought >= 8 ? share > 0.4 : !strict || map.alive_count() < 12);
   out.proven = sure && fit.scale < 3.5 && (by_points || by_few || by_rectangle);

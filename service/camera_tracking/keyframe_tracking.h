@@ -22,10 +22,10 @@ namespace huetrack {
 struct ProvenPose {
   Rigid3d cam_from_world;
   Eigen::Matrix<double, 6, 6> tangent_covariance = Eigen::Matrix<double, 6, 6>::Identity();
-  int sought = 0, found = 0;               // points; found: inliers of the pose
-  int corners = 0;                         // of the start rectangle, measured and agreeing
-  double spread_px = 0;                    // of the found ones over the image: the smaller standard deviation
-  double scale = 1;                        // residuals over what they should be
+  int sought = 0, found = 0;  // points; found: inliers of the pose
+  int corners = 0;            // of the start rectangle, measured and agreeing
+  double spread_px = 0;       // of the found ones over the image: the smaller standard deviation
+  double scale = 1;           // residuals over what they should be
   bool proven = false;
   std::vector<Sighting> sightings;
   std::vector<int> missed;
@@ -36,14 +36,15 @@ class KeyframeTracking {
  public:
   KeyframeTracking(const Camera& camera, std::size_t particle_count, std::uint64_t seed);
 
-  // The world's rectangle, when it is what was started from: its edges are measured in every view. Points 0 to 3 of the map.
+  // The world's rectangle, when it is what was started from: its edges are measured in every view. Points 0 to 3 of the
+  // map.
   void set_rectangle(bool dark) { rectangle_ = dark; }
-  void set_pose(const Rigid3d& cam_from_world);               // known from elsewhere: a start
-  void forget();                                              // the motion: lost
+  void set_pose(const Rigid3d& cam_from_world);  // known from elsewhere: a start
+  void forget();                                 // the motion: lost
 
   // The next frame. The result's `proven` says whether the pose is one; otherwise it is what the particles make of it.
-  // lost: there is no pose to start from, so stored key frames are asked. proposed: a pose that somebody else found in this very
-  // frame (the start, seen again); it is proven like one from the key frames.
+  // lost: there is no pose to start from, so stored key frames are asked. proposed: a pose that somebody else found in
+  // this very frame (the start, seen again); it is proven like one from the key frames.
   ProvenPose track(const std::shared_ptr<const Pyramid>& pyramid, const SceneMap& map, bool lost,
                    const std::optional<Rigid3d>& proposed = std::nullopt);
 
@@ -52,7 +53,7 @@ class KeyframeTracking {
   // What was sought in the last frame, for pictures.
   struct Sought {
     int point;
-    Eigen::Vector2d px, found_px;                             // raw; found NaN when not
+    Eigen::Vector2d px, found_px;  // raw; found NaN when not
     Eigen::Matrix2d search;
   };
   const std::vector<Sought>& sought() const { return sought_; }
@@ -61,10 +62,10 @@ class KeyframeTracking {
   struct Visible {
     int point = 0;
     const PointLook* look = nullptr;
-    Eigen::Vector2d px;                                       // raw
+    Eigen::Vector2d px;  // raw
     PatchView view;
-    int level = 0;                                            // to be searched at
-    double map_sigma_px = 0;                                  // of the point's own uncertainty, projected
+    int level = 0;            // to be searched at
+    double map_sigma_px = 0;  // of the point's own uncertainty, projected
   };
   std::vector<Visible> visible(const Rigid3d& pose, const SceneMap& map, int levels) const;
   Rigid3d coarse(const Rigid3d& predicted, const Pyramid& pyramid, const SceneMap& map);
@@ -77,14 +78,14 @@ class KeyframeTracking {
   std::size_t particle_count_;
   std::uint64_t seed_;
   std::uint64_t frames_ = 0;
-  std::optional<bool> rectangle_;                             // dark
+  std::optional<bool> rectangle_;  // dark
 
   PoseParticles particles_;
   double effective_sample_size_ = 0;
   Rigid3d pose_;
-  Rigid3d step_;                                              // of the last frame: pose = step * pose before
-  double depth_m_ = 1;                                        // median, of what is in view
-  int unproven_ = 0;                                          // frames since the last proven pose
+  Rigid3d step_;        // of the last frame: pose = step * pose before
+  double depth_m_ = 1;  // median, of what is in view
+  int unproven_ = 0;    // frames since the last proven pose
   std::vector<Sought> sought_;
 
   // buffers

@@ -28,13 +28,14 @@ void LeeMapping::start(const LeeFrame& first, const Started& started) {
   depth_m_ = depth;
 }
 
-void LeeMapping::add(const LeeFeature& feature, double inverse_depth_sigma, const Eigen::Matrix<double, 7, 7>& camera_covariance) {
+void LeeMapping::add(const LeeFeature& feature, double inverse_depth_sigma,
+                     const Eigen::Matrix<double, 7, 7>& camera_covariance) {
   LeeFeature f = feature;
   f.id = next_id_++;
   Estimator e;
   if (!f.given)
-    e.filter.emplace(camera_.model, f.source.cam_from_world, camera_covariance, 1 / f.depth, inverse_depth_sigma, f.source.px,
-                     options_.pixel_sigma * options_.pixel_sigma * Eigen::Matrix2d::Identity());
+    e.filter.emplace(camera_.model, f.source.cam_from_world, camera_covariance, 1 / f.depth, inverse_depth_sigma,
+                     f.source.px, options_.pixel_sigma * options_.pixel_sigma * Eigen::Matrix2d::Identity());
   depth_m_ = features_.empty() ? f.depth : depth_m_;
   features_.push_back(std::move(f));
   estimators_.push_back(std::move(e));
@@ -106,10 +107,12 @@ void LeeMapping::update_candidates(const LeeFrame& frame) {
     const auto b = camera_.model.project(frame.cam_from_world * (c.ray.origin() + c.ray.direction() / last));
     bool found = false;
     if (a && b && (camera_.contains(*a) || camera_.contains(*b)) && (a->px - b->px).norm() < 120) {
-      const Eigen::Vector2d along = (b->px - a->px).norm() > 0.5 ? Eigen::Vector2d((b->px - a->px).normalized()) : Eigen::Vector2d(1, 0);
+      const Eigen::Vector2d along =
+          (b->px - a->px).norm() > 0.5 ? Eigen::Vector2d((b->px - a->px).normalized()) : Eigen::Vector2d(1, 0);
       constexpr double reach = 4;
       const Eigen::Vector2d middle = 0.5 * (a->px + b->px);
-      const PixelRegion region = clip(box_around(middle, 0.5 * std::abs(a->px.x() - b->px.x()) + reach, 0.5 * std::abs(a->px.y() - b->px.y()) + reach),
+      const PixelRegion region = clip(box_around(middle, 0.5 * std::abs(a->px.x() - b->px.x()) + reach,
+                                                 0.5 * std::abs(a->px.y() - b->px.y()) + reach),
                                       image, feature_side);
       ncc_field(image, c.templ, region, field_);
       c.ray.begin();
@@ -121,7 +124,9 @@ void LeeMapping::update_candidates(const LeeFrame& frame) {
                        : field_[static_cast<std::size_t>((j - region.v0) * region.width() + i - region.u0)];
           };
           const float rho = rho_at(u, v);
-          if (rho < 0.75f || rho_at(u - 1, v) > rho || rho_at(u + 1, v) >= rho || rho_at(u, v - 1) > rho || rho_at(u, v + 1) >= rho) continue;
+          if (rho < 0.75f || rho_at(u - 1, v) > rho || rho_at(u + 1, v) >= rho || rho_at(u, v - 1) > rho ||
+              rho_at(u, v + 1) >= rho)
+            continue;
           const Eigen::Vector2d d = Eigen::Vector2d(u, v) - a->px;
           if (std::abs(along.x() * d.y() - along.y() * d.x()) > reach) continue;
           const auto ray = camera_.model.ray({Eigen::Vector2d(u, v)});
@@ -178,9 +183,10 @@ void LeeMapping::detect(const LeeFrame& frame) {
 
 SceneMap scene_of(const std::vector<LeeFeature>& features) {
   SceneMap out;
-  std::map<std::pair<const Pyramid*, double>, int> frames;              // a frame may have been used by several features
+  std::map<std::pair<const Pyramid*, double>, int> frames;  // a frame may have been used by several features
   for (const LeeFeature& f : features) {
-    const auto [it, fresh] = frames.try_emplace({f.source.pyramid.get(), f.source.cam_from_world.translation.x()}, static_cast<int>(out.keyframes.size()));
+    const auto [it, fresh] = frames.try_emplace({f.source.pyramid.get(), f.source.cam_from_world.translation.x()},
+                                                static_cast<int>(out.keyframes.size()));
     if (fresh) out.keyframes.push_back({f.source.pyramid, f.source.cam_from_world});
     MapPoint p;
     p.position = f.position, p.covariance = f.covariance, p.given = f.given;
@@ -195,7 +201,9 @@ SceneMap scene_of(const std::vector<LeeFeature>& features) {
   return out;
 }
 
-StoredMap LeeMapping::stored() const { return {scene_of(features_), {}, {camera_.image_size.width, camera_.image_size.height}}; }
+StoredMap LeeMapping::stored() const {
+  return {scene_of(features_), {}, {camera_.image_size.width, camera_.image_size.height}};
+}
 
 void LeeMapping::start(const StoredMap& stored) {
   for (const MapPoint& p : stored.map.points) {

@@ -10,12 +10,14 @@
 namespace huetrack {
 namespace {
 
-// Frame n is tracked with the features as frame n - 2 left them, while frame n - 1 is being mapped: section 3.6's two parallel
-// processes, with a result that does not depend on who is faster.
+// Frame n is tracked with the features as frame n - 2 left them, while frame n - 1 is being mapped: section 3.6's two
+// parallel processes, with a result that does not depend on who is faster.
 class LeeTracker final : public PaperTrackerBase {
  public:
   LeeTracker(const Camera& camera, const CameraTrackerOptions& options)
-      : PaperTrackerBase(camera, options), tracking_(camera, tracking_options(options), options.seed), mapping_(camera, {}, options.seed) {
+      : PaperTrackerBase(camera, options),
+        tracking_(camera, tracking_options(options), options.seed),
+        mapping_(camera, {}, options.seed) {
     if (auto stored = take_loaded()) {
       mapping_.start(*stored);
       features_ = mapping_.features();
@@ -30,7 +32,9 @@ class LeeTracker final : public PaperTrackerBase {
       x.found_px.setConstant(std::numeric_limits<float>::quiet_NaN());
       bool in_view = false;
       for (const LeeFrame::Match& m : last_.matches) {
-        if (m.id == f.id) x.px = m.projected.cast<float>(), x.found_px = m.found.cast<float>(), x.search = m.cloud.cast<float>(), in_view = true;
+        if (m.id == f.id)
+          x.px = m.projected.cast<float>(), x.found_px = m.found.cast<float>(), x.search = m.cloud.cast<float>(),
+          in_view = true;
       }
       if (!in_view) {
         const auto px = camera_.model.project(last_.cam_from_world * f.position);
@@ -39,7 +43,8 @@ class LeeTracker final : public PaperTrackerBase {
       }
       out.features.push_back(x);
     }
-    for (std::size_t i = 0; i < std::min<std::size_t>(particles().size(), 300); ++i) out.particles.push_back(inverse(particles().pose(i)));
+    for (std::size_t i = 0; i < std::min<std::size_t>(particles().size(), 300); ++i)
+      out.particles.push_back(inverse(particles().pose(i)));
     return out;
   }
 
@@ -72,21 +77,28 @@ class LeeTracker final : public PaperTrackerBase {
       features_ = mapping_.features();
     }
     last_ = std::move(now);
-    FilteredPose out{last_.tracked, last_.cam_from_world, tracking_.in_view(), static_cast<int>(last_.matches.size()), static_cast<int>(features_.size()), 0, 1};
+    FilteredPose out{last_.tracked,
+                     last_.cam_from_world,
+                     tracking_.in_view(),
+                     static_cast<int>(last_.matches.size()),
+                     static_cast<int>(features_.size()),
+                     0,
+                     1};
     for (const LeeFrame::Match& m : last_.matches) {
       const auto f = std::ranges::lower_bound(features_, m.id, {}, &LeeFeature::id);
       if (f == features_.end() || f->id != m.id) continue;
-      out.map_sigma_m = std::hypot(out.map_sigma_m, std::sqrt(f->covariance.trace() / static_cast<double>(last_.matches.size())));
+      out.map_sigma_m =
+          std::hypot(out.map_sigma_m, std::sqrt(f->covariance.trace() / static_cast<double>(last_.matches.size())));
       out.depth_m = f->depth;
     }
     return out;
   }
 
   LeeTracking tracking_;
-  LeeMapping mapping_;                 // while mapper_ works: its alone, as is last_
+  LeeMapping mapping_;  // while mapper_ works: its alone, as is last_
   LeeFrame last_;
-  std::vector<LeeFeature> features_;   // what tracking sees
-  ParallelTask mapper_;                // last: it ends before what it works on
+  std::vector<LeeFeature> features_;  // what tracking sees
+  ParallelTask mapper_;               // last: it ends before what it works on
 };
 
 }  // namespace

@@ -10,8 +10,8 @@ namespace huetrack {
 namespace {
 
 // One feature's term of eq. (4)'s exponent, for all particles: -(m - y)^T C^-1 (m - y) / 2.
-HUETRACK_CLONES void add_log_likelihood(const float* __restrict u, const float* __restrict v, std::size_t n, float yu, float yv,
-                                        float a, float b, float c, float* __restrict out) {
+HUETRACK_CLONES void add_log_likelihood(const float* __restrict u, const float* __restrict v, std::size_t n, float yu,
+                                        float yv, float a, float b, float c, float* __restrict out) {
   for (std::size_t i = 0; i < n; ++i) {
     // A projection without a pixel is as far as any can be.
     const float du = std::max(-1e4f, u[i] - yu), dv = std::max(-1e4f, v[i] - yv);
@@ -36,10 +36,11 @@ void LeeTracking::start(const Rigid3d& cam_from_world) {
 
 // Eq. (4): the cloud's covariance is that of the particles before they are weighed.
 void LeeTracking::weigh(const Cloud& cloud, const Eigen::Vector2d& px) {
-  const Eigen::Matrix2d c = (options_.cloud_share * cloud.moments.covariance + 0.25 * Eigen::Matrix2d::Identity()).inverse();
+  const Eigen::Matrix2d c =
+      (options_.cloud_share * cloud.moments.covariance + 0.25 * Eigen::Matrix2d::Identity()).inverse();
   const Eigen::Vector2f y = px.cast<float>();
-  add_log_likelihood(cloud.u.data(), cloud.v.data(), cloud.u.size(), y.x(), y.y(), static_cast<float>(c(0, 0)), static_cast<float>(c(0, 1)),
-                     static_cast<float>(c(1, 1)), log_weight_.data());
+  add_log_likelihood(cloud.u.data(), cloud.v.data(), cloud.u.size(), y.x(), y.y(), static_cast<float>(c(0, 0)),
+                     static_cast<float>(c(0, 1)), static_cast<float>(c(1, 1)), log_weight_.data());
 }
 
 CloudMoments LeeTracking::cloud_of(const Eigen::Vector3d& p_world) {
@@ -64,7 +65,8 @@ Rigid3d LeeTracking::track_points(const std::vector<Eigen::Vector3d>& points, co
   return particles_.mean();
 }
 
-LeeFrame LeeTracking::track(std::uint64_t number, const std::shared_ptr<const Pyramid>& pyramid, const std::vector<LeeFeature>& features) {
+LeeFrame LeeTracking::track(std::uint64_t number, const std::shared_ptr<const Pyramid>& pyramid,
+                            const std::vector<LeeFeature>& features) {
   LeeFrame out;
   out.number = number, out.pyramid = pyramid;
   const GreyImage& image = pyramid->levels.front();
@@ -72,7 +74,8 @@ LeeFrame LeeTracking::track(std::uint64_t number, const std::shared_ptr<const Py
   particles_.resample(rng_, options_.particle_count);
   // Step 2: the motion model, eq. (3), and the features' projections.
   const double wider = supported_ ? 1 : options_.wider_unseen;
-  particles_.walk_normal(static_cast<float>(wider * options_.rotation_rad), static_cast<float>(wider * options_.position_m), rng_);
+  particles_.walk_normal(static_cast<float>(wider * options_.rotation_rad),
+                         static_cast<float>(wider * options_.position_m), rng_);
   const std::size_t n = particles_.size();
   const Rigid3d predicted = particles_.mean();
   struct Visible {
@@ -99,7 +102,8 @@ LeeFrame LeeTracking::track(std::uint64_t number, const std::shared_ptr<const Py
     const LeeFeature& f = features[x.feature];
     const CloudMoments& m = clouds_[x.cloud].moments;
     if (!predict_template(camera_.model, f.source, f.depth, predicted, patch_)) continue;
-    const double half_u = std::clamp(3 * std::sqrt(m.covariance(0, 0)), 4.0, most), half_v = std::clamp(3 * std::sqrt(m.covariance(1, 1)), 4.0, most);
+    const double half_u = std::clamp(3 * std::sqrt(m.covariance(0, 0)), 4.0, most),
+                 half_v = std::clamp(3 * std::sqrt(m.covariance(1, 1)), 4.0, most);
     const PixelRegion region = clip(box_around(m.mean, half_u, half_v), image, feature_side);
     ncc_field(image, patch_.inner, region, field_);
     const NccPeak peak = best_of(field_, region);

@@ -15,14 +15,14 @@ using Matrix6d = Eigen::Matrix<double, 6, 6>;
 using Vector6d = Eigen::Matrix<double, 6, 1>;
 using Matrix63d = Eigen::Matrix<double, 6, 3>;
 
-struct Linear {                       // one observation, whitened and weighted
+struct Linear {  // one observation, whitened and weighted
   Eigen::Vector2d r;
   Eigen::Matrix<double, 2, 6> jp;
   Eigen::Matrix<double, 2, 3> jx;
   bool good = false;
 };
 
-constexpr double huber = 1.5;         // sigmas
+constexpr double huber = 1.5;  // sigmas
 
 // Sum of the robust costs; fills the residual lengths.
 double cost_of(const CameraModel& lens, const BundleProblem& p, std::vector<double>& length) {
@@ -51,7 +51,7 @@ BundleResult adjust(const CameraModel& lens, BundleProblem& p, int iterations) {
   for (std::size_t i = 0; i < p.poses.size(); ++i) {
     if (!p.poses[i].fixed) column[i] = free_poses++;
   }
-  std::vector<std::size_t> first(p.points.size() + 1, n);           // observations of each point
+  std::vector<std::size_t> first(p.points.size() + 1, n);  // observations of each point
   for (std::size_t i = n; i-- > 0;) first[static_cast<std::size_t>(p.observations[i].point)] = i;
   for (std::size_t k = p.points.size(); k-- > 0;) first[k] = std::min(first[k], first[k + 1]);
 
@@ -126,9 +126,10 @@ BundleResult adjust(const CameraModel& lens, BundleProblem& p, int iterations) {
       if (!step.allFinite()) return result;
       BundleProblem trial;
       trial.poses = p.poses, trial.points = p.points;
-      trial.observations.swap(p.observations);           // not changed: lent
+      trial.observations.swap(p.observations);  // not changed: lent
       for (std::size_t i = 0; i < p.poses.size(); ++i) {
-        if (column[i] >= 0) trial.poses[i].cam_from_world = exp(Vector6d(step.segment<6>(6 * column[i]))) * p.poses[i].cam_from_world;
+        if (column[i] >= 0)
+          trial.poses[i].cam_from_world = exp(Vector6d(step.segment<6>(6 * column[i]))) * p.poses[i].cam_from_world;
       }
       for (std::size_t k = 0; k < p.points.size(); ++k) {
         Eigen::Vector3d rhs = bx[k];

@@ -15,25 +15,25 @@ struct BundlePose {
 };
 struct BundlePoint {
   Eigen::Vector3d position = Eigen::Vector3d::Zero();
-  double prior_sigma_m = 0;                            // > 0: it is known to be at `prior`, about so well
+  double prior_sigma_m = 0;  // > 0: it is known to be at `prior`, about so well
   Eigen::Vector3d prior = Eigen::Vector3d::Zero();
-  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();   // out, with the poses held
+  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();  // out, with the poses held
 };
 struct BundleObservation {
   int pose = 0;
   int point = 0;
-  Eigen::Vector2d px = Eigen::Vector2d::Zero();        // raw
+  Eigen::Vector2d px = Eigen::Vector2d::Zero();  // raw
   double sigma_px = 1;
-  bool outlier = false;                                // out: more than 3.5 robust sigmas off, or it has no pixel
+  bool outlier = false;  // out: more than 3.5 robust sigmas off, or it has no pixel
 };
 struct BundleProblem {
   std::vector<BundlePose> poses;
-  std::vector<BundlePoint> points;                     // each seen by 2 poses or with a prior
-  std::vector<BundleObservation> observations;         // sorted by point
+  std::vector<BundlePoint> points;              // each seen by 2 poses or with a prior
+  std::vector<BundleObservation> observations;  // sorted by point
 };
 struct BundleResult {
   bool converged = false;
-  double rms = 0;                                      // of residual / sigma per axis, over the inliers
+  double rms = 0;  // of residual / sigma per axis, over the inliers
 };
 BundleResult adjust(const CameraModel& lens, BundleProblem& problem, int iterations);
 

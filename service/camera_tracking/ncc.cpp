@@ -34,16 +34,17 @@ HUETRACK_CLONES void sum_columns(const std::uint8_t* __restrict image, std::ptrd
     }
   }
 }
-HUETRACK_CLONES void slide_columns(const std::uint8_t* __restrict leaving, const std::uint8_t* __restrict entering, int n,
-                                   std::int32_t* __restrict sum, std::int32_t* __restrict square) {
+HUETRACK_CLONES void slide_columns(const std::uint8_t* __restrict leaving, const std::uint8_t* __restrict entering,
+                                   int n, std::int32_t* __restrict sum, std::int32_t* __restrict square) {
   for (int u = 0; u < n; ++u) {
     const std::int32_t a = leaving[u], b = entering[u];
     sum[u] += b - a, square[u] += b * b - a * a;
   }
 }
 HUETRACK_CLONES void finish_row(const std::int32_t* __restrict product, const std::int32_t* __restrict column_sum,
-                                const std::int32_t* __restrict column_square, int side, int n, float t_sum, float t_norm,
-                                std::int32_t* __restrict sum, std::int32_t* __restrict square, float* __restrict out) {
+                                const std::int32_t* __restrict column_square, int side, int n, float t_sum,
+                                float t_norm, std::int32_t* __restrict sum, std::int32_t* __restrict square,
+                                float* __restrict out) {
   for (int u = 0; u < n; ++u) sum[u] = square[u] = 0;
   for (int i = 0; i < side; ++i) {
     for (int u = 0; u < n; ++u) sum[u] += column_sum[u + i], square[u] += column_square[u + i];
@@ -53,8 +54,8 @@ HUETRACK_CLONES void finish_row(const std::int32_t* __restrict product, const st
     // Differences of large numbers: scaled by the count they are exact in double.
     const double s = sum[u];
     const double top = static_cast<double>(count) * product[u] - static_cast<double>(t_sum) * s;
-    const double var = static_cast<double>(count) * square[u] - s * s;      // count^2 times the variance
-    const float flat = 0.25f * count * count;                               // half a grey level: that is noise
+    const double var = static_cast<double>(count) * square[u] - s * s;  // count^2 times the variance
+    const float flat = 0.25f * count * count;                           // half a grey level: that is noise
     const float below = t_norm * std::sqrt(static_cast<float>(count * static_cast<float>(std::max(var, 1.0))));
     const float rho = static_cast<float>(top) / std::max(below, 1e-6f);
     out[u] = static_cast<float>(var) > flat ? rho : 0.0f;
@@ -69,7 +70,7 @@ void NccTemplate::finish() {
   for (const std::int32_t p : pixels) sum += p, square += p * p;
   const double n = static_cast<double>(pixels.size());
   norm = static_cast<float>(std::sqrt(std::max(0.0, static_cast<double>(square) - static_cast<double>(sum) * sum / n)));
-  if (norm < 0.5f * static_cast<float>(side)) norm = 0;         // less than half a grey level: noise
+  if (norm < 0.5f * static_cast<float>(side)) norm = 0;  // less than half a grey level: noise
 }
 
 PixelRegion clip(const PixelRegion& region, const GreyImage& image, int side) {

@@ -9,16 +9,16 @@
 
 namespace huetrack {
 
-// A square of brightness, side x side, row by row; 1 <= side <= 16. Its anchor is the pixel ((side - 1) / 2, (side - 1) / 2),
-// rounded down; centre_offset() leads from there to its true centre.
+// A square of brightness, side x side, row by row; 1 <= side <= 16. Its anchor is the pixel ((side - 1) / 2, (side - 1)
+// / 2), rounded down; centre_offset() leads from there to its true centre.
 struct NccTemplate {
   int side = 0;
   std::vector<std::uint8_t> pixels;
   float centre_offset() const { return side % 2 == 0 ? 0.5f : 0.0f; }
   // What it needs of itself, computed once.
   std::int32_t sum = 0;
-  float norm = 0;                  // sqrt(sum of (T - mean)^2); 0: it has no texture, and correlates with nothing
-  void finish();                   // after pixels are set
+  float norm = 0;  // sqrt(sum of (T - mean)^2); 0: it has no texture, and correlates with nothing
+  void finish();   // after pixels are set
 };
 
 // Columns u0..u1 and rows v0..v1, both inclusive, of anchors.
@@ -35,11 +35,11 @@ PixelRegion clip(const PixelRegion& region, const GreyImage& image, int side);
 //   field  (width x height,) out
 // Sums are exact integers, so that it is the same bits on every machine. Cost: side^2 multiply-adds per anchor.
 void ncc_field(const GreyImage& image, const NccTemplate& t, const PixelRegion& region, std::vector<float>& field);
-float ncc_reference(const GreyImage& image, const NccTemplate& t, int u, int v);   // obvious; the test's truth
+float ncc_reference(const GreyImage& image, const NccTemplate& t, int u, int v);  // obvious; the test's truth
 
 struct NccPeak {
-  float rho = -2;                  // -2: none
-  int u = 0, v = 0;                // anchor
+  float rho = -2;    // -2: none
+  int u = 0, v = 0;  // anchor
 };
 NccPeak best_of(const std::vector<float>& field, const PixelRegion& region);
 

@@ -16,8 +16,8 @@ HUETRACK_CLONES void take_larger(const float* __restrict in, int n, float* __res
 // value += gain where a projection falls on a marked pixel. Projections outside the region (or without a pixel: hugely
 // negative) are held at a border cell that is empty.
 HUETRACK_CLONES void look_up(const float* __restrict marked, float left, float top, int width, int height,
-                             const float* __restrict u, const float* __restrict v, std::size_t n, float gain, bool binary,
-                             float* __restrict out) {
+                             const float* __restrict u, const float* __restrict v, std::size_t n, float gain,
+                             bool binary, float* __restrict out) {
   const float w = static_cast<float>(width), h = static_cast<float>(height);
   for (std::size_t i = 0; i < n; ++i) {
     const float x = u[i] - left, y = v[i] - top;
@@ -69,8 +69,9 @@ void ObservationField::score(std::span<const float> u, std::span<const float> v,
                              std::span<float> log_weight) const {
   if (marked_.empty()) return;
   // The pixel that a projection rounds to, seen from the template's centre.
-  look_up(marked_.data(), static_cast<float>(region_.u0) + offset_ - 0.5f, static_cast<float>(region_.v0) + offset_ - 0.5f,
-          region_.width(), region_.height(), u.data(), v.data(), u.size(), gain, binary, log_weight.data());
+  look_up(marked_.data(), static_cast<float>(region_.u0) + offset_ - 0.5f,
+          static_cast<float>(region_.v0) + offset_ - 0.5f, region_.width(), region_.height(), u.data(), v.data(),
+          u.size(), gain, binary, log_weight.data());
 }
 
 void ObservationField::reweight(std::span<const float> u, std::span<const float> v, std::span<const float> weight,
@@ -81,7 +82,8 @@ void ObservationField::reweight(std::span<const float> u, std::span<const float>
   const int reach = static_cast<int>(std::ceil(epsilon_d));
   for (std::size_t i = 0; i < u.size(); ++i) {
     if (!(u[i] > -1e6f)) continue;
-    const float x = u[i] - static_cast<float>(region_.u0) - offset_, y = v[i] - static_cast<float>(region_.v0) - offset_;
+    const float x = u[i] - static_cast<float>(region_.u0) - offset_,
+                y = v[i] - static_cast<float>(region_.v0) - offset_;
     if (!(x > -16 && y > -16 && x < static_cast<float>(width + 16) && y < static_cast<float>(height + 16))) continue;
     const int cu = static_cast<int>(std::lround(x)), cv = static_cast<int>(std::lround(y));
     for (int b = std::max(0, cv - reach); b <= std::min(height - 1, cv + reach); ++b) {

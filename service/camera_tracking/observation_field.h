@@ -1,5 +1,5 @@
-// Where a point's template correlates in an image, as a table that particles look themselves up in: Pupilli and Calway's
-// correlation fields and observation sets, eqs. (3)-(7).
+// Where a point's template correlates in an image, as a table that particles look themselves up in: Pupilli and
+// Calway's correlation fields and observation sets, eqs. (3)-(7).
 #pragma once
 
 #include <cstddef>
@@ -11,15 +11,15 @@
 
 namespace huetrack {
 
-// One field, eq. (3), over the region in which the particles project. All pixels are of the field's own level of the pyramid.
-// thread-compatible.
+// One field, eq. (3), over the region in which the particles project. All pixels are of the field's own level of the
+// pyramid. thread-compatible.
 class ObservationField {
  public:
   // Correlates. The region is clipped to where the template lies inside the image; it may become empty.
   void correlate(const GreyImage& image, const NccTemplate& t, const PixelRegion& region);
 
-  // The observation set is where rho > epsilon_rho, eq. (4). Each pixel learns the strongest rho (times its weight) of the
-  // set within radius epsilon_d of it, 0 without one; so that eq. (6) for a particle is one look-up.
+  // The observation set is where rho > epsilon_rho, eq. (4). Each pixel learns the strongest rho (times its weight) of
+  // the set within radius epsilon_d of it, 0 without one; so that eq. (6) for a particle is one look-up.
   void mark(float epsilon_rho, float epsilon_d);
 
   // Only the observation set is left: rho at or below epsilon_rho becomes 0.
@@ -27,7 +27,8 @@ class ObservationField {
 
   // Per particle: + gain * the marked value at its projection (0 outside): eq. (5)'s sum over points, for one of them.
   // binary: 1 instead of rho, which is eq. (5) to the letter.
-  void score(std::span<const float> u, std::span<const float> v, float gain, bool binary, std::span<float> log_weight) const;
+  void score(std::span<const float> u, std::span<const float> v, float gain, bool binary,
+             std::span<float> log_weight) const;
 
   // Eq. (7): rho of each pixel times the weight of the particles that project within epsilon_d of it (a subset of the
   // particles, u, v, weight), the largest being 1. Then mark() again.
@@ -37,7 +38,7 @@ class ObservationField {
   NccPeak strongest(float u, float v, float radius, float epsilon_rho) const;
   const PixelRegion& region() const { return region_; }
   const std::vector<float>& rho() const { return rho_; }
-  float centre_offset() const { return offset_; }          // of the template's centre from an anchor
+  float centre_offset() const { return offset_; }  // of the template's centre from an anchor
 
  private:
   PixelRegion region_;

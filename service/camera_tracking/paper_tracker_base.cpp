@@ -9,12 +9,13 @@
 namespace huetrack {
 namespace {
 
-// A proposal needs so many features within so many pixels (their maps are coarser than ours); the filter then judges it.
+// A proposal needs so many features within so many pixels (their maps are coarser than ours); the filter then judges
+// it.
 constexpr double map_error_px = 6;
 constexpr int agreeing = 10;
-constexpr int probation = 3;          // frames in which the filter has to agree with a proposal before it is told
-constexpr int patience = 4;           // frames
-constexpr double coast_s = 1.0;       // the particles disperse meanwhile, and say how far
+constexpr int probation = 3;     // frames in which the filter has to agree with a proposal before it is told
+constexpr int patience = 4;      // frames
+constexpr double coast_s = 1.0;  // the particles disperse meanwhile, and say how far
 
 }  // namespace
 
@@ -38,15 +39,18 @@ CameraEstimate PaperTrackerBase::update(const Frame& frame) {
     const GreyImage grey = grey_of(frame.pixels);
     const auto pyramid = std::make_shared<const Pyramid>(make_pyramid(grey));
     if (!started_ && has_map_) {
-      if (const auto found = relocalize(camera_, *pyramid, scene(), seed_ + estimate.frame_number, map_error_px, agreeing)) {
+      if (const auto found =
+              relocalize(camera_, *pyramid, scene(), seed_ + estimate.frame_number, map_error_px, agreeing)) {
         restart(found->cam_from_world);
         started_ = true;
       }
     }
     if (!started_) {
       if (const auto found = starter_.find(frame.pixels, grey)) {
-        if (has_map_) restart(found->pose.cam_from_world);
-        else start(pyramid, *found, estimate.frame_number);
+        if (has_map_)
+          restart(found->pose.cam_from_world);
+        else
+          start(pyramid, *found, estimate.frame_number);
         started_ = true;
         const Eigen::Matrix<double, 6, 6> inverse_information = found->pose.information.inverse();
         start_covariance_ = world_covariance(found->pose.cam_from_world, inverse_information);
@@ -54,11 +58,12 @@ CameraEstimate PaperTrackerBase::update(const Frame& frame) {
         pose = {true, found->pose.cam_from_world, n, n, n, 0, 1};
       }
     } else {
-      // Not in the papers, whose particles only disperse until they happen upon the features again: after some frames without
-      // support the stored looks of the features propose a pose, and now and then what was started from is looked for. The
-      // filter has to agree in the frames that follow.
+      // Not in the papers, whose particles only disperse until they happen upon the features again: after some frames
+      // without support the stored looks of the features propose a pose, and now and then what was started from is
+      // looked for. The filter has to agree in the frames that follow.
       if (unsupported_ >= patience) {
-        if (const auto found = relocalize(camera_, *pyramid, scene(), seed_ + estimate.frame_number, map_error_px, agreeing)) {
+        if (const auto found =
+                relocalize(camera_, *pyramid, scene(), seed_ + estimate.frame_number, map_error_px, agreeing)) {
           restart(found->cam_from_world);
           probation_ = probation;
         } else if (unsupported_ % 5 == 0) {
@@ -80,11 +85,12 @@ CameraEstimate PaperTrackerBase::update(const Frame& frame) {
   } else if (state_ == CameraState::tracking || state_ == CameraState::coasting) {
     state_ = seconds(frame.captured_at - tracked_at_) > coast_s ? CameraState::lost : CameraState::coasting;
   } else if (state_ == CameraState::searching) {
-    state_ = CameraState::lost;          // a map was loaded, and the way in was not right
+    state_ = CameraState::lost;  // a map was loaded, and the way in was not right
   }
   estimate.state = state_;
   estimate.particle_count = static_cast<int>(particles().size());
-  estimate.effective_sample_size = std::clamp(effective_sample_size(particles().weight), 1.0, static_cast<double>(particles().size()));
+  estimate.effective_sample_size =
+      std::clamp(effective_sample_size(particles().weight), 1.0, static_cast<double>(particles().size()));
   estimate.map_points = pose.map_points;
   if (!estimate.has_pose()) return estimate;
   const Rigid3d cam_from_world = usable ? pose.cam_from_world : particles().mean();

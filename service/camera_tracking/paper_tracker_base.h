@@ -1,5 +1,5 @@
-// What the trackers of the papers by Lee and by Pupilli and Calway have in common around their filters: the start, the states,
-// the covariance that is told.
+// What the trackers of the papers by Lee and by Pupilli and Calway have in common around their filters: the start, the
+// states, the covariance that is told.
 #pragma once
 
 #include <algorithm>
@@ -18,8 +18,8 @@ struct FilteredPose {
   bool tracked = false;
   Rigid3d cam_from_world;
   int in_view = 0, matched = 0, map_points = 0;
-  double map_sigma_m = 0;              // rms, of the matched points' own: errors that they share do not average out
-  double depth_m = 1;                  // of one of them
+  double map_sigma_m = 0;  // rms, of the matched points' own: errors that they share do not average out
+  double depth_m = 1;      // of one of them
 };
 
 class PaperTrackerBase : public CameraTracker {
@@ -30,10 +30,11 @@ class PaperTrackerBase : public CameraTracker {
   // throws std::runtime_error naming the map file
   PaperTrackerBase(const Camera& camera, const CameraTrackerOptions& options);
   virtual void start(const std::shared_ptr<const Pyramid>& pyramid, const Started& started, std::uint64_t number) = 0;
-  virtual void restart(const Rigid3d& cam_from_world) = 0;       // seen again from here: a lost filter's particles are put there
+  virtual void restart(
+      const Rigid3d& cam_from_world) = 0;  // seen again from here: a lost filter's particles are put there
   virtual FilteredPose track(const std::shared_ptr<const Pyramid>& pyramid, std::uint64_t number) = 0;
   virtual const PoseParticles& particles() const = 0;
-  virtual SceneMap scene() const = 0;                            // to find the way in, or back
+  virtual SceneMap scene() const = 0;  // to find the way in, or back
   std::optional<StoredMap> take_loaded() { return std::move(loaded_); }
 
   Camera camera_;
@@ -45,7 +46,7 @@ class PaperTrackerBase : public CameraTracker {
   std::uint64_t frames_ = 0;
   bool started_ = false, has_map_ = false;
   int probation_ = 0;
-  int unsupported_ = 0;                                          // frames in a row
+  int unsupported_ = 0;  // frames in a row
   CameraState state_ = CameraState::searching;
   Timestamp tracked_at_{};
   Covariance6d start_covariance_ = Covariance6d::Zero();

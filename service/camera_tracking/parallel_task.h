@@ -1,4 +1,5 @@
-// One task at a time, beside the caller: how tracking and mapping run in parallel and yet give the same result every time.
+// One task at a time, beside the caller: how tracking and mapping run in parallel and yet give the same result every
+// time.
 #pragma once
 
 #include <condition_variable>
@@ -8,8 +9,8 @@
 
 namespace huetrack {
 
-// thread-compatible: start() and wait() by one thread. The task shares nothing with what the caller does in between; what it
-// made is the caller's after wait(). So the result does not depend on who is faster.
+// thread-compatible: start() and wait() by one thread. The task shares nothing with what the caller does in between;
+// what it made is the caller's after wait(). So the result does not depend on who is faster.
 class ParallelTask {
  public:
   ParallelTask() : worker_([this](std::stop_token stop) { run(stop); }) {}
@@ -17,7 +18,7 @@ class ParallelTask {
   ParallelTask(const ParallelTask&) = delete;
   ParallelTask& operator=(const ParallelTask&) = delete;
 
-  void start(std::function<void()> task) {          // the one before was waited for; the task does not throw
+  void start(std::function<void()> task) {  // the one before was waited for; the task does not throw
     std::lock_guard lock(mutex_);
     task_ = std::move(task);
     changed_.notify_all();
@@ -41,8 +42,8 @@ class ParallelTask {
 
   std::mutex mutex_;
   std::condition_variable_any changed_;
-  std::function<void()> task_;                      // guarded by mutex_; while it runs, nobody else touches it
-  std::jthread worker_;                             // last: it uses the others
+  std::function<void()> task_;  // guarded by mutex_; while it runs, nobody else touches it
+  std::jthread worker_;         // last: it uses the others
 };
 
 }  // namespace huetrack

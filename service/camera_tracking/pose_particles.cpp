@@ -10,9 +10,9 @@ namespace huetrack {
 namespace {
 
 // q <- dq q, c <- c + dc, with dq from the small rotation vector (a, b, c) by its second-order quaternion, normalised.
-HUETRACK_CLONES void step(std::size_t n, const float* __restrict a, const float* __restrict b, const float* __restrict c,
-                          float scale, float* __restrict qw, float* __restrict qx, float* __restrict qy,
-                          float* __restrict qz) {
+HUETRACK_CLONES void step(std::size_t n, const float* __restrict a, const float* __restrict b,
+                          const float* __restrict c, float scale, float* __restrict qw, float* __restrict qx,
+                          float* __restrict qy, float* __restrict qz) {
   for (std::size_t i = 0; i < n; ++i) {
     const float x = 0.5f * scale * a[i], y = 0.5f * scale * b[i], z = 0.5f * scale * c[i];
     const float w = 1.0f - 0.5f * (x * x + y * y + z * z);
@@ -101,7 +101,8 @@ void PoseParticles::move(const Rigid3d& by) {
     const Eigen::Quaterniond next = (by.rotation * q).normalized();
     qw[i] = static_cast<float>(next.w()), qx[i] = static_cast<float>(next.x());
     qy[i] = static_cast<float>(next.y()), qz[i] = static_cast<float>(next.z());
-    cx[i] += static_cast<float>(shift.x()), cy[i] += static_cast<float>(shift.y()), cz[i] += static_cast<float>(shift.z());
+    cx[i] += static_cast<float>(shift.x()), cy[i] += static_cast<float>(shift.y()),
+        cz[i] += static_cast<float>(shift.z());
   }
   rotations_hold_ = false;
 }
@@ -128,7 +129,8 @@ void PoseParticles::update_rotations() {
   rotations_hold_ = true;
 }
 
-void PoseParticles::project(const BatchProjector& lens, const Eigen::Vector3d& p, std::span<float> u, std::span<float> v) {
+void PoseParticles::project(const BatchProjector& lens, const Eigen::Vector3d& p, std::span<float> u,
+                            std::span<float> v) {
   if (!rotations_hold_) update_rotations();
   const auto& r = rotation_;
   const Eigen::Vector3f z = p.cast<float>();
@@ -147,7 +149,8 @@ Rigid3d PoseParticles::pose(std::size_t i) const {
 }
 
 Rigid3d PoseParticles::mean() const {
-  // A cloud of camera poses is narrow, so the normalised sum of its quaternions (brought to one hemisphere) is its mean.
+  // A cloud of camera poses is narrow, so the normalised sum of its quaternions (brought to one hemisphere) is its
+  // mean.
   const auto best = static_cast<std::size_t>(std::ranges::max_element(weight) - weight.begin());
   Eigen::Vector4d q = Eigen::Vector4d::Zero();
   Eigen::Vector3d c = Eigen::Vector3d::Zero();
@@ -181,12 +184,13 @@ CloudMoments cloud_moments(std::span<const float> u, std::span<const float> v, s
   CloudMoments m;
   m.u_min = m.v_min = 1e9f, m.u_max = m.v_max = -1e9f;
   double su = 0, sv = 0, suu = 0, suv = 0, svv = 0, sw = 0;
-  double ou = 0, ov = 0;               // sums about the first pixel, so that single precision differences stay exact
+  double ou = 0, ov = 0;  // sums about the first pixel, so that single precision differences stay exact
   bool first = true;
   for (std::size_t i = 0; i < u.size(); ++i) {
     if (!(u[i] > 0.5f * BatchProjector::outside)) continue;
     if (first) ou = static_cast<double>(u[i]), ov = static_cast<double>(v[i]), first = false;
-    const double w = static_cast<double>(weight[i]), du = static_cast<double>(u[i]) - ou, dv = static_cast<double>(v[i]) - ov;
+    const double w = static_cast<double>(weight[i]), du = static_cast<double>(u[i]) - ou,
+                 dv = static_cast<double>(v[i]) - ov;
     sw += w, su += w * du, sv += w * dv, suu += w * du * du, suv += w * du * dv, svv += w * dv * dv;
     m.u_min = std::min(m.u_min, u[i]), m.u_max = std::max(m.u_max, u[i]);
     m.v_min = std::min(m.v_min, v[i]), m.v_max = std::max(m.v_max, v[i]);

@@ -13,15 +13,15 @@
 
 namespace huetrack {
 
-// A state is (q, c): cam_from_world's rotation as a quaternion, and the camera's centre in the world, metres. The papers'
-// state is (q, t) with p_cam = R z + t; with the centre in place of t a step of the rotation turns the camera about itself,
-// wherever the world's origin lies. thread-compatible.
+// A state is (q, c): cam_from_world's rotation as a quaternion, and the camera's centre in the world, metres. The
+// papers' state is (q, t) with p_cam = R z + t; with the centre in place of t a step of the rotation turns the camera
+// about itself, wherever the world's origin lies. thread-compatible.
 class PoseParticles {
  public:
   PoseParticles() = default;
   PoseParticles(std::size_t count, const Rigid3d& cam_from_world) { reset(count, cam_from_world); }
 
-  void reset(std::size_t count, const Rigid3d& cam_from_world);    // all at one pose, equal weights
+  void reset(std::size_t count, const Rigid3d& cam_from_world);  // all at one pose, equal weights
   std::size_t size() const { return weight.size(); }
 
   // Pupilli, eq. (2): every component uniform within +-v of where it was.
@@ -32,25 +32,25 @@ class PoseParticles {
   // The same step for all: cam_from_world becomes step * cam_from_world (a velocity, for instance).
   void move(const Rigid3d& step);
 
-  void resample(Rng& rng, std::size_t count);                       // systematic; equal weights afterwards
+  void resample(Rng& rng, std::size_t count);  // systematic; equal weights afterwards
   void resample(Rng& rng) { resample(rng, size()); }
 
   // Where each particle sees a point of the world. The projector has the camera's lens and the identity as its pose.
   //   u, v  (n,) out; BatchProjector::outside where the point has no pixel
   void project(const BatchProjector& lens, const Eigen::Vector3d& p_world, std::span<float> u, std::span<float> v);
 
-  Rigid3d mean() const;                                             // cam_from_world; weighted
-  Rigid3d pose(std::size_t i) const;                                // cam_from_world
+  Rigid3d mean() const;               // cam_from_world; weighted
+  Rigid3d pose(std::size_t i) const;  // cam_from_world
   // Of world_from_camera's errors about the mean, as CameraEstimate::covariance has it.
   Covariance6d covariance(const Rigid3d& mean_cam_from_world) const;
 
-  std::vector<float> qw, qx, qy, qz;                                // unit
+  std::vector<float> qw, qx, qy, qz;  // unit
   std::vector<float> cx, cy, cz;
-  std::vector<float> weight;                                        // sum 1
+  std::vector<float> weight;  // sum 1
 
  private:
   void update_rotations();
-  std::array<std::vector<float>, 9> rotation_;                      // of the quaternions, row by row
+  std::array<std::vector<float>, 9> rotation_;  // of the quaternions, row by row
   bool rotations_hold_ = false;
   std::vector<float> scratch_, x_, y_, z_;
   std::vector<std::uint32_t> ancestor_;
@@ -61,7 +61,7 @@ struct CloudMoments {
   Eigen::Vector2d mean = Eigen::Vector2d::Zero();
   Eigen::Matrix2d covariance = Eigen::Matrix2d::Zero();
   double weight_sum = 0;
-  float u_min = 0, u_max = 0, v_min = 0, v_max = 0;                  // of those that have a pixel
+  float u_min = 0, u_max = 0, v_min = 0, v_max = 0;  // of those that have a pixel
 };
 CloudMoments cloud_moments(std::span<const float> u, std::span<const float> v, std::span<const float> weight);
 

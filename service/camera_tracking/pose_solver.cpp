@@ -125,14 +125,14 @@ std::optional<PoseFit> solve_pose(const CameraModel& lens, std::span<const PoseO
   try {
     cv::solvePnPGeneric(points, rays, identity, cv::noArray(), rvecs, tvecs, false,
                         plane ? cv::SOLVEPNP_IPPE : cv::SOLVEPNP_SQPNP);
-  } catch (const cv::Exception&) {      // points in one line, for instance: no pose
+  } catch (const cv::Exception&) {  // points in one line, for instance: no pose
     return std::nullopt;
   }
   std::optional<PoseFit> best;
   double best_cost = std::numeric_limits<double>::infinity();
   for (std::size_t i = 0; i < rvecs.size(); ++i) {
     const PoseFit fit = refine_pose(lens, observations, rigid_of(rvecs[i], tvecs[i]), 20);
-    double robust = 0;                  // an outlier costs as much as one that is 5 sigmas off
+    double robust = 0;  // an outlier costs as much as one that is 5 sigmas off
     for (const double e : fit.error) robust += std::min(e * e, 25.0);
     const double c = observations.size() <= 6 ? cost(lens, observations, fit.cam_from_world) : robust;
     if (c < best_cost) best_cost = c, best = fit;
@@ -183,13 +183,14 @@ std::optional<PoseFit> solve_pose_ransac(const CameraModel& lens, std::span<cons
       points.pop_back(), pixels.pop_back();
       cv::solveP3P(points, pixels, cv::Matx33d::eye(), cv::noArray(), rvecs, tvecs, cv::SOLVEPNP_AP3P);
     } catch (const cv::Exception&) {
-      continue;                                       // three points in one line
+      continue;  // three points in one line
     }
     for (std::size_t s = 0; s < rvecs.size(); ++s) {
       const Rigid3d pose = rigid_of(rvecs[s], tvecs[s]);
       if (!pose.translation.allFinite() || !pose.rotation.coeffs().allFinite()) continue;
       const auto seen = lens.project(pose * observations[pick[3]].p_world);
-      if (!seen || (seen->px - observations[pick[3]].px).norm() > 2 * max_error_px * observations[pick[3]].sigma_px) continue;
+      if (!seen || (seen->px - observations[pick[3]].px).norm() > 2 * max_error_px * observations[pick[3]].sigma_px)
+        continue;
       const int count = inliers_of(pose, nullptr);
       if (count <= best_count) continue;
       best_count = count, best = pose;

@@ -14,20 +14,21 @@ namespace huetrack {
 
 struct PoseObservation {
   Eigen::Vector3d p_world;
-  Eigen::Vector2d px;               // raw
-  double sigma_px = 1;              // of px
+  Eigen::Vector2d px;   // raw
+  double sigma_px = 1;  // of px
 };
 
 struct PoseFit {
   Rigid3d cam_from_world;
-  Eigen::Matrix<double, 6, 6> information = Eigen::Matrix<double, 6, 6>::Zero();   // of Tangent6d, at the given sigmas
-  std::vector<double> error;        // per observation: residual / sigma (length of the two); infinity without a pixel
-  std::vector<double> weight;       // 0..1, what the robust loss left of it
-  int inliers = 0;                  // weight > 0.1
-  double scale = 1;                 // robust standard deviation of residual / sigma per axis: 1 when the sigmas are true
+  Eigen::Matrix<double, 6, 6> information = Eigen::Matrix<double, 6, 6>::Zero();  // of Tangent6d, at the given sigmas
+  std::vector<double> error;   // per observation: residual / sigma (length of the two); infinity without a pixel
+  std::vector<double> weight;  // 0..1, what the robust loss left of it
+  int inliers = 0;             // weight > 0.1
+  double scale = 1;            // robust standard deviation of residual / sigma per axis: 1 when the sigmas are true
 };
 
-// Gauss-Newton with Tukey's loss, its width from the median residual. start: near enough for it. At least 3 observations.
+// Gauss-Newton with Tukey's loss, its width from the median residual. start: near enough for it. At least 3
+// observations.
 PoseFit refine_pose(const CameraModel& lens, std::span<const PoseObservation> observations, const Rigid3d& start,
                     int iterations = 10);
 
@@ -35,8 +36,8 @@ PoseFit refine_pose(const CameraModel& lens, std::span<const PoseObservation> ob
 // nullopt: no pose has the points before the camera.
 std::optional<PoseFit> solve_pose(const CameraModel& lens, std::span<const PoseObservation> observations);
 
-// Random sample consensus (Fischler and Bolles 1981) over P3P for matches of which many may be wrong. seed: same seed, same
-// answer. nullopt: fewer than min_inliers within max_error_px.
+// Random sample consensus (Fischler and Bolles 1981) over P3P for matches of which many may be wrong. seed: same seed,
+// same answer. nullopt: fewer than min_inliers within max_error_px.
 std::optional<PoseFit> solve_pose_ransac(const CameraModel& lens, std::span<const PoseObservation> observations,
                                          double max_error_px, int min_inliers, std::uint64_t seed);
 

@@ -10,7 +10,7 @@
 namespace huetrack {
 namespace {
 
-constexpr double most_half_px = 44;            // of a correlation field
+constexpr double most_half_px = 44;  // of a correlation field
 
 Camera without_pose(Camera camera) {
   camera.cam_from_world = {};
@@ -38,7 +38,8 @@ PupilliFilter::Result PupilliFilter::track(const std::shared_ptr<const Pyramid>&
   const std::size_t n = particles_.size();
   const Rigid3d predicted = particles_.mean();
 
-  // Active points: in view; the ones found most reliably, if there are many. Points that are not found go on being sought.
+  // Active points: in view; the ones found most reliably, if there are many. Points that are not found go on being
+  // sought.
   active_.clear();
   for (std::size_t i = 0; i < points_.size(); ++i) {
     const auto px = camera_.model.project(predicted * points_[i].position);
@@ -64,11 +65,14 @@ PupilliFilter::Result PupilliFilter::track(const std::shared_ptr<const Pyramid>&
   for (std::size_t k = 0; k < m; ++k) {
     project(k);
     const CloudMoments cloud = cloud_moments(u_[k], v_[k], particles_.weight);
-    const double left = std::max(static_cast<double>(cloud.u_min), cloud.mean.x() - most_half_px), right = std::min(static_cast<double>(cloud.u_max), cloud.mean.x() + most_half_px);
-    const double top = std::max(static_cast<double>(cloud.v_min), cloud.mean.y() - most_half_px), bottom = std::min(static_cast<double>(cloud.v_max), cloud.mean.y() + most_half_px);
+    const double left = std::max(static_cast<double>(cloud.u_min), cloud.mean.x() - most_half_px),
+                 right = std::min(static_cast<double>(cloud.u_max), cloud.mean.x() + most_half_px);
+    const double top = std::max(static_cast<double>(cloud.v_min), cloud.mean.y() - most_half_px),
+                 bottom = std::min(static_cast<double>(cloud.v_max), cloud.mean.y() + most_half_px);
     const Eigen::Vector2d centre(0.5 * (left + right), 0.5 * (top + bottom));
     const double margin = static_cast<double>(options_.epsilon_d_px[0]);
-    fields_[k].correlate(image, points_[active_[k]].templ, box_around(centre, 0.5 * (right - left) + margin, 0.5 * (bottom - top) + margin));
+    fields_[k].correlate(image, points_[active_[k]].templ,
+                         box_around(centre, 0.5 * (right - left) + margin, 0.5 * (bottom - top) + margin));
     measured_.push_back({active_[k], cloud, Eigen::Vector2d::Constant(std::numeric_limits<double>::quiet_NaN())});
   }
   // Annealing, section 4: weigh with a tolerance, resample, walk less, weigh with a smaller tolerance.
@@ -82,8 +86,9 @@ PupilliFilter::Result PupilliFilter::track(const std::shared_ptr<const Pyramid>&
     log_weight_.assign(n, 0.0f);
     for (std::size_t k = 0; k < m; ++k) {
       if (step > 0) project(k);
-      fields_[k].mark(options_.epsilon_rho * (step > 0 ? 0.5f : 1.0f), epsilon_d);     // after eq. (7) the values are smaller
-      fields_[k].score(u_[k], v_[k], 1.0f, true, log_weight_);                          // eqs. (5), (6)
+      fields_[k].mark(options_.epsilon_rho * (step > 0 ? 0.5f : 1.0f),
+                      epsilon_d);                               // after eq. (7) the values are smaller
+      fields_[k].score(u_[k], v_[k], 1.0f, true, log_weight_);  // eqs. (5), (6)
     }
     normalize_log_weights(log_weight_, particles_.weight);
     if (step + 1 == options_.annealing_steps) break;
@@ -102,7 +107,8 @@ PupilliFilter::Result PupilliFilter::track(const std::shared_ptr<const Pyramid>&
   for (std::size_t k = 0; k < m; ++k) {
     const auto px = camera_.model.project(out.cam_from_world * points_[active_[k]].position);
     if (!px) continue;
-    const NccPeak peak = fields_[k].strongest(static_cast<float>(px->px.x()), static_cast<float>(px->px.y()), 2 * options_.epsilon_d_px[2], 0.2f);
+    const NccPeak peak = fields_[k].strongest(static_cast<float>(px->px.x()), static_cast<float>(px->px.y()),
+                                              2 * options_.epsilon_d_px[2], 0.2f);
     PupilliPoint& p = points_[active_[k]];
     measured_[k].cloud = cloud_moments(u_[k], v_[k], particles_.weight);
     if (peak.rho > 0) {
@@ -114,7 +120,8 @@ PupilliFilter::Result PupilliFilter::track(const std::shared_ptr<const Pyramid>&
     if (p.found + p.missed > 60) p.found /= 2, p.missed /= 2;
   }
   // A dispersed cloud finds something everywhere: it supports nothing until it has gathered.
-  const auto narrow = std::ranges::count_if(measured_, [](const Measured& x) { return x.cloud.covariance.trace() < 2 * 6 * 6; });
+  const auto narrow =
+      std::ranges::count_if(measured_, [](const Measured& x) { return x.cloud.covariance.trace() < 2 * 6 * 6; });
   out.supported = out.matched >= 4 && 3 * out.matched >= 2 * out.active && 2 * narrow > static_cast<std::ptrdiff_t>(m);
   supported_ = out.supported;
   return out;
@@ -141,17 +148,21 @@ void PupilliFilter::map(const std::shared_ptr<const Pyramid>& pyramid, const Res
     const auto b = camera_.model.project(result.cam_from_world * (c.ray.origin() + c.ray.direction() / last));
     bool found = false;
     if (a && b && camera_.contains(*b) && (a->px - b->px).norm() < 120) {
-      const Eigen::Vector2d along = (b->px - a->px).norm() > 0.5 ? Eigen::Vector2d((b->px - a->px).normalized()) : Eigen::Vector2d(1, 0);
+      const Eigen::Vector2d along =
+          (b->px - a->px).norm() > 0.5 ? Eigen::Vector2d((b->px - a->px).normalized()) : Eigen::Vector2d(1, 0);
       const Eigen::Vector2d middle = 0.5 * (a->px + b->px);
       constexpr double reach = 5;
-      candidate_field_.correlate(image, c.templ, box_around(middle, 0.5 * std::abs(a->px.x() - b->px.x()) + reach, 0.5 * std::abs(a->px.y() - b->px.y()) + reach));
+      candidate_field_.correlate(image, c.templ,
+                                 box_around(middle, 0.5 * std::abs(a->px.x() - b->px.x()) + reach,
+                                            0.5 * std::abs(a->px.y() - b->px.y()) + reach));
       const PixelRegion& region = candidate_field_.region();
       std::vector<std::uint32_t> drawn(40);
       systematic_ancestors(particles_.weight, rng_.uniform(), drawn);
       c.ray.begin();
       for (int v = region.v0; v <= region.v1; ++v) {
         for (int u = region.u0; u <= region.u1; ++u) {
-          const float rho = candidate_field_.rho()[static_cast<std::size_t>((v - region.v0) * region.width() + u - region.u0)];
+          const float rho =
+              candidate_field_.rho()[static_cast<std::size_t>((v - region.v0) * region.width() + u - region.u0)];
           if (rho < options_.epsilon_rho) continue;
           // Section 5: re-weighted by the distance from the epipolar line.
           const Eigen::Vector2d d = Eigen::Vector2d(u, v) - a->px;
@@ -162,7 +173,8 @@ void PupilliFilter::map(const std::shared_ptr<const Pyramid>& pyramid, const Res
           const double rho2 = static_cast<double>(rho * rho);
           for (const std::uint32_t i : drawn) {
             const Rigid3d back = inverse(particles_.pose(i));
-            c.ray.add(back.translation, back.rotation * *ray, rho2 * rho2 * std::exp(-0.5 * off * off), 1.5 / camera_.model.fx());
+            c.ray.add(back.translation, back.rotation * *ray, rho2 * rho2 * std::exp(-0.5 * off * off),
+                      1.5 / camera_.model.fx());
           }
         }
       }
@@ -178,12 +190,13 @@ void PupilliFilter::map(const std::shared_ptr<const Pyramid>& pyramid, const Res
       points_.push_back(std::move(p));
     } else if (c.attempts < 60 && c.missed < 8) {
       kept.push_back(std::move(c));
-    }                                                                       // else: abandoned
+    }  // else: abandoned
   }
   candidates_.swap(kept);
   // Points that were mapped wrongly are never found.
   std::erase_if(points_, [](const PupilliPoint& p) { return !p.given && p.missed > 30 && p.missed > 4 * p.found; });
-  if (candidates_.size() < options_.introduced_at_once && in_view < options_.wanted_in_view) introduce(pyramid, result.cam_from_world);
+  if (candidates_.size() < options_.introduced_at_once && in_view < options_.wanted_in_view)
+    introduce(pyramid, result.cam_from_world);
 }
 
 void PupilliFilter::introduce(const std::shared_ptr<const Pyramid>& pyramid, const Rigid3d& pose) {
@@ -201,7 +214,9 @@ void PupilliFilter::introduce(const std::shared_ptr<const Pyramid>& pyramid, con
   const auto ray = camera_.model.ray({*px});
   if (!t || !ray) return;
   const Rigid3d back = inverse(pose);
-  candidates_.push_back({{pyramid, pose, *px}, std::move(*t), DepthRay(back.translation, back.rotation * *ray, 0.25 * depth_m_, 8 * depth_m_)});
+  candidates_.push_back({{pyramid, pose, *px},
+                         std::move(*t),
+                         DepthRay(back.translation, back.rotation * *ray, 0.25 * depth_m_, 8 * depth_m_)});
 }
 
 namespace {
@@ -224,10 +239,11 @@ class PupilliTracker final : public PaperTrackerBase {
     for (const PupilliFilter::Measured& m : filter_.measured()) {
       if (m.point >= filter_.points().size()) continue;
       const PupilliPoint& p = filter_.points()[m.point];
-      out.features.push_back({m.cloud.mean.cast<float>(), m.found.cast<float>(), m.cloud.covariance.cast<float>(), p.position,
-                              covariance_of(p), p.given});
+      out.features.push_back({m.cloud.mean.cast<float>(), m.found.cast<float>(), m.cloud.covariance.cast<float>(),
+                              p.position, covariance_of(p), p.given});
     }
-    for (std::size_t i = 0; i < std::min<std::size_t>(particles().size(), 300); ++i) out.particles.push_back(inverse(particles().pose(i)));
+    for (std::size_t i = 0; i < std::min<std::size_t>(particles().size(), 300); ++i)
+      out.particles.push_back(inverse(particles().pose(i)));
     return out;
   }
 
@@ -268,8 +284,10 @@ class PupilliTracker final : public PaperTrackerBase {
       x.position = p.position, x.covariance = covariance_of(p), x.given = p.given;
       PointLook& look = x.looks[0];
       look.keyframe = static_cast<int>(out.keyframes.size()), look.px = p.source.px;
-      if (!out.keyframes.empty() && out.keyframes.back().pyramid == p.source.pyramid) --look.keyframe;
-      else out.keyframes.push_back({p.source.pyramid, p.source.cam_from_world});
+      if (!out.keyframes.empty() && out.keyframes.back().pyramid == p.source.pyramid)
+        --look.keyframe;
+      else
+        out.keyframes.push_back({p.source.pyramid, p.source.cam_from_world});
       const GreyImage& image = p.source.pyramid->levels.front();
       look.described = image.contains(look.px.x(), look.px.y(), descriptor_margin);
       if (look.described) look.descriptor = describe(image, look.px);
@@ -282,11 +300,13 @@ class PupilliTracker final : public PaperTrackerBase {
   FilteredPose track(const std::shared_ptr<const Pyramid>& pyramid, std::uint64_t) override {
     const PupilliFilter::Result r = filter_.track(pyramid);
     filter_.map(pyramid, r);
-    FilteredPose out{r.supported, r.cam_from_world, r.active, r.matched, static_cast<int>(filter_.points().size()), 0, 1};
+    FilteredPose out{
+        r.supported, r.cam_from_world, r.active, r.matched, static_cast<int>(filter_.points().size()), 0, 1};
     for (const PupilliFilter::Measured& m : filter_.measured()) {
       if (m.point >= filter_.points().size()) continue;
       const PupilliPoint& p = filter_.points()[m.point];
-      out.map_sigma_m = std::hypot(out.map_sigma_m, p.sigma_m / std::sqrt(static_cast<double>(filter_.measured().size())));
+      out.map_sigma_m =
+          std::hypot(out.map_sigma_m, p.sigma_m / std::sqrt(static_cast<double>(filter_.measured().size())));
       out.depth_m = (r.cam_from_world * p.position).norm();
     }
     return out;

@@ -17,12 +17,12 @@ namespace huetrack {
 
 // A scene point z_i with its template T_i.
 struct PupilliPoint {
-  Eigen::Vector3d position = Eigen::Vector3d::Zero();        // world
-  double sigma_m = 0;                                        // along its ray; 0: given
+  Eigen::Vector3d position = Eigen::Vector3d::Zero();  // world
+  double sigma_m = 0;                                  // along its ray; 0: given
   NccTemplate templ;
   FeatureSource source;
   bool given = false;
-  int found = 0, missed = 0;                                 // lately
+  int found = 0, missed = 0;  // lately
 };
 
 // thread-compatible.
@@ -30,23 +30,23 @@ class PupilliFilter {
  public:
   struct Options {
     std::size_t particle_count = 500;
-    float rotation_rad = 0.03f;                              // v of eq. (2): half widths of the uniform walk
+    float rotation_rad = 0.03f;  // v of eq. (2): half widths of the uniform walk
     float position_m = 0.018f;
-    int annealing_steps = 3;                                 // of which each has half the v of the one before
-    float epsilon_d_px[3] = {5, 3, 2};                       // of eq. (6)
-    float epsilon_rho = 0.75f;                               // of eq. (4)
-    float wider_unseen = 1.5f;                               // of v, while too few points support the cloud
-    std::size_t reweighting_particles = 60;                  // of eq. (7): a subset
-    std::size_t max_active = 12;                             // points that are measured in one frame
-    std::size_t wanted_in_view = 16;                         // fewer: new ones are introduced,
-    std::size_t introduced_at_once = 4;                      // so many at a time (the paper: one)
+    int annealing_steps = 3;                 // of which each has half the v of the one before
+    float epsilon_d_px[3] = {5, 3, 2};       // of eq. (6)
+    float epsilon_rho = 0.75f;               // of eq. (4)
+    float wider_unseen = 1.5f;               // of v, while too few points support the cloud
+    std::size_t reweighting_particles = 60;  // of eq. (7): a subset
+    std::size_t max_active = 12;             // points that are measured in one frame
+    std::size_t wanted_in_view = 16;         // fewer: new ones are introduced,
+    std::size_t introduced_at_once = 4;      // so many at a time (the paper: one)
   };
   PupilliFilter(const Camera& camera, const Options& options, std::uint64_t seed);
   void start(const Rigid3d& cam_from_world);
   void add(const PupilliPoint& point) { points_.push_back(point); }
 
   struct Result {
-    Rigid3d cam_from_world;                                  // the weighted mean
+    Rigid3d cam_from_world;  // the weighted mean
     bool supported = false;
     int active = 0, matched = 0;
   };
@@ -61,7 +61,7 @@ class PupilliFilter {
   struct Measured {
     std::size_t point;
     CloudMoments cloud;
-    Eigen::Vector2d found;                                   // NaN: none
+    Eigen::Vector2d found;  // NaN: none
   };
   const std::vector<Measured>& measured() const { return measured_; }
 
@@ -80,12 +80,12 @@ class PupilliFilter {
   Rng rng_;
   PoseParticles particles_;
   std::vector<PupilliPoint> points_;
-  std::vector<Candidate> candidates_;                        // at most introduced_at_once
+  std::vector<Candidate> candidates_;  // at most introduced_at_once
   double depth_m_ = 1;
   bool supported_ = true;
   std::vector<ObservationField> fields_;
   std::vector<std::size_t> active_;
-  std::vector<std::vector<float>> u_, v_;                    // projections of each active point
+  std::vector<std::vector<float>> u_, v_;  // projections of each active point
   std::vector<float> log_weight_;
   std::vector<Measured> measured_;
   ObservationField candidate_field_;

@@ -11,13 +11,13 @@ namespace huetrack {
 namespace {
 
 constexpr double corner_sigma_px = 0.1;
-constexpr double fits_px = 0.6;                   // rms of the corners, of a rectangle of this size
+constexpr double fits_px = 0.6;  // rms of the corners, of a rectangle of this size
 using Quad = std::array<Eigen::Vector2d, 4>;
 
-struct Line {                                     // n . p = d, in ideal pixels; n unit
+struct Line {  // n . p = d, in ideal pixels; n unit
   Eigen::Vector2d n = Eigen::Vector2d::Zero();
   double d = 0;
-  double from = 0, to = 0;                        // which part of the edge was seen, 0..1
+  double from = 0, to = 0;  // which part of the edge was seen, 0..1
   bool good = false;
 };
 
@@ -27,14 +27,16 @@ std::optional<Eigen::Vector2d> raw_of(const CameraModel& lens, const Eigen::Vect
   return px->px;
 }
 
-// Brightness to light: what sRGB and BT.601 cameras put into 8 bits is about its square root. A blurred edge's middle is where
-// half of the light is; in brightness it seems to lie on the dark side of that, by 0.3 px on data/rendered/desk.
+// Brightness to light: what sRGB and BT.601 cameras put into 8 bits is about its square root. A blurred edge's middle
+// is where half of the light is; in brightness it seems to lie on the dark side of that, by 0.3 px on
+// data/rendered/desk.
 const std::array<float, 256>& light_of(ColorRange range) {
   static const auto table = [](double black, double white) {
     std::array<float, 256> t{};
     for (int i = 0; i < 256; ++i) {
       const double x = std::clamp((i - black) / (white - black), 0.0, 1.0);
-      t[static_cast<std::size_t>(i)] = static_cast<float>(x <= 0.04045 ? x / 12.92 : std::pow((x + 0.055) / 1.055, 2.4));
+      t[static_cast<std::size_t>(i)] =
+          static_cast<float>(x <= 0.04045 ? x / 12.92 : std::pow((x + 0.055) / 1.055, 2.4));
     }
     return t;
   };
@@ -60,7 +62,7 @@ std::optional<double> steepest(const GreyImage& image, const Eigen::Vector2d& at
   std::vector<double> slope(static_cast<std::size_t>(n), 0.0);
   const double sign = dark ? 1 : -1;
   const auto& light = light_of(image.range);
-  for (int i = 0; i < n; ++i) {                   // difference over 2 pixels: less noise, the same centre
+  for (int i = 0; i < n; ++i) {  // difference over 2 pixels: less noise, the same centre
     const Eigen::Vector2d p = at + spacing * (i - half) * outward;
     const Eigen::Vector2d a = p - outward, b = p + outward;
     if (!image.contains(a.x(), a.y(), 1.5) || !image.contains(b.x(), b.y(), 1.5)) return std::nullopt;
@@ -73,7 +75,7 @@ std::optional<double> steepest(const GreyImage& image, const Eigen::Vector2d& at
     return static_cast<double>(sample(image, static_cast<float>(p.x()), static_cast<float>(p.y())));
   };
   if (sign * (brightness(there + outward) - brightness(there - outward)) < 12) return std::nullopt;
-  double sum = 0, moment = 0;                     // centroid of the step
+  double sum = 0, moment = 0;  // centroid of the step
   for (int i = std::max(0, k - 5); i <= std::min(n - 1, k + 5); ++i) {
     const double w = std::max(0.0, slope[static_cast<std::size_t>(i)] - 0.25 * *peak);
     sum += w, moment += w * (i - half);
@@ -189,7 +191,8 @@ RectangleCorners measure_rectangle(const GreyImage& image, const CameraModel& le
   }
   const Eigen::Vector2d centre = (ideal[0] + ideal[1] + ideal[2] + ideal[3]) / 4;
   std::array<Line, 4> line;
-  for (std::size_t i = 0; i < 4; ++i) line[i] = fit_edge(image, lens, ideal[i], ideal[(i + 1) % 4], centre, search_px, dark);
+  for (std::size_t i = 0; i < 4; ++i)
+    line[i] = fit_edge(image, lens, ideal[i], ideal[(i + 1) % 4], centre, search_px, dark);
   for (std::size_t i = 0; i < 4; ++i) {
     const Line& before = line[(i + 3) % 4];
     const Line& after = line[i];
@@ -199,7 +202,8 @@ RectangleCorners measure_rectangle(const GreyImage& image, const CameraModel& le
     const Eigen::Vector2d corner((before.d * after.n.y() - after.d * before.n.y()) / det,
                                  (after.d * before.n.x() - before.d * after.n.x()) / det);
     if (!((corner - ideal[i]).norm() < 2 * search_px + 2)) continue;
-    if (const auto raw = raw_of(lens, corner); raw && image.contains(raw->x(), raw->y(), 2)) out.px[i] = *raw, out.measured[i] = true;
+    if (const auto raw = raw_of(lens, corner); raw && image.contains(raw->x(), raw->y(), 2))
+      out.px[i] = *raw, out.measured[i] = true;
   }
   return out;
 }
@@ -249,7 +253,7 @@ std::optional<FoundRectangle> find_rectangle(const GreyImage& image, const Camer
       if (corners.size() != 4 || !cv::isContourConvex(corners)) continue;
       Quad quad;
       for (std::size_t i = 0; i < 4; ++i) quad[i] = {corners[i].x, corners[i].y};
-      double twice_area = 0;                      // > 0: clockwise, v being down
+      double twice_area = 0;  // > 0: clockwise, v being down
       for (std::size_t i = 0; i < 4; ++i)
         twice_area += quad[i].x() * quad[(i + 1) % 4].y() - quad[i].y() * quad[(i + 1) % 4].x();
       if (twice_area < 0) std::swap(quad[1], quad[3]);

@@ -1,4 +1,5 @@
-// Lee's start: a dark rectangle of known size on a light ground, or the reverse, found in a view and measured along its edges.
+// Lee's start: a dark rectangle of known size on a light ground, or the reverse, found in a view and measured along its
+// edges.
 #pragma once
 
 #include <Eigen/Core>
@@ -13,13 +14,13 @@
 namespace huetrack {
 
 struct RectangleCorners {
-  std::array<Eigen::Vector2d, 4> px;      // raw, in the order of the corners; NaN: not measured
+  std::array<Eigen::Vector2d, 4> px;  // raw, in the order of the corners; NaN: not measured
   std::array<bool, 4> measured{};
   int count() const { return measured[0] + measured[1] + measured[2] + measured[3]; }
 };
 
-// Where the corners lie to a tenth of a pixel or so: a line is fitted to each edge by its steepest brightness at many places,
-// lens distortion removed, and neighbouring lines are intersected.
+// Where the corners lie to a tenth of a pixel or so: a line is fitted to each edge by its steepest brightness at many
+// places, lens distortion removed, and neighbouring lines are intersected.
 //   about      raw pixels, where the corners should be, in order around it; they may lie outside of the image
 //   search_px  how far off an edge may be
 //   dark       whether the inside is the dark side
@@ -33,8 +34,9 @@ struct FoundRectangle {
   bool dark = true;
 };
 // corners_world: in order around it, clockwise as the camera sees them. Which way round is told by the rectangle's
-// proportions, except that turned by half a turn it is the same: then the first corner is the one further to the top left
-// (smaller u + v). nullopt: there is none whose view fits the size; of several, the one with the strongest and cleanest contrast.
+// proportions, except that turned by half a turn it is the same: then the first corner is the one further to the top
+// left (smaller u + v). nullopt: there is none whose view fits the size; of several, the one with the strongest and
+// cleanest contrast.
 std::optional<FoundRectangle> find_rectangle(const GreyImage& image, const CameraModel& lens,
                                              std::span<const Eigen::Vector3d> corners_world);
 // The same from where the user says they are, within some pixels, and in that order.

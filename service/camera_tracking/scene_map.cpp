@@ -13,7 +13,7 @@ namespace {
 constexpr std::string_view magic = "huetrack camera map 1\n";
 static_assert(std::endian::native == std::endian::little, "the map file is little-endian");
 
-std::uint64_t checksum(std::string_view bytes) {          // FNV-1a
+std::uint64_t checksum(std::string_view bytes) {  // FNV-1a
   std::uint64_t h = 0xcbf29ce484222325u;
   for (const char c : bytes) h = (h ^ static_cast<unsigned char>(c)) * 0x100000001b3u;
   return h;
@@ -22,7 +22,7 @@ std::uint64_t checksum(std::string_view bytes) {          // FNV-1a
 class Writer {
  public:
   template <typename T>
-    requires std::is_arithmetic_v<T>
+  requires std::is_arithmetic_v<T>
   void put(T value) {
     char raw[sizeof value];
     std::memcpy(raw, &value, sizeof value);
@@ -47,7 +47,7 @@ class Reader {
   [[noreturn]] void fail(const std::string& what) const { throw std::runtime_error(file_ + ": " + what); }
 
   template <typename T>
-    requires std::is_arithmetic_v<T>
+  requires std::is_arithmetic_v<T>
   void get(T& value) {
     std::memcpy(&value, take(sizeof value).data(), sizeof value);
     if constexpr (std::is_floating_point_v<T>) {
@@ -134,7 +134,8 @@ void write_map(const std::filesystem::path& file, const StoredMap& stored) {
     out.write(reinterpret_cast<const char*>(&sum), sizeof sum);
     out.write(w.bytes.data(), static_cast<std::streamsize>(w.bytes.size()));
     out.flush();
-    if (!out) throw std::runtime_error(file.string() + ": cannot be written; is there room, and may this user write there?");
+    if (!out)
+      throw std::runtime_error(file.string() + ": cannot be written; is there room, and may this user write there?");
   }
   std::error_code error;
   std::filesystem::rename(temporary, file, error);
@@ -146,13 +147,16 @@ StoredMap read_map(const std::filesystem::path& file) {
   const std::string all((std::istreambuf_iterator<char>(in)), std::istreambuf_iterator<char>());
   if (!in.is_open()) throw std::runtime_error(file.string() + ": cannot be read; is it there?");
   Reader r(all, file.string());
-  if (all.size() < magic.size() || r.take(magic.size()) != magic) r.fail("is not a camera map of this version of huetrack");
+  if (all.size() < magic.size() || r.take(magic.size()) != magic)
+    r.fail("is not a camera map of this version of huetrack");
   std::uint64_t sum = 0;
   r.get(sum);
-  if (sum != checksum(std::string_view(all).substr(magic.size() + sizeof sum))) r.fail("is damaged or cut off (its check sum is wrong)");
+  if (sum != checksum(std::string_view(all).substr(magic.size() + sizeof sum)))
+    r.fail("is damaged or cut off (its check sum is wrong)");
   StoredMap out;
   r.get(out.image_size);
-  if (out.image_size.minCoeff() < 1 || out.image_size.maxCoeff() > 1 << 15) r.fail("its image size is impossible; it is damaged");
+  if (out.image_size.minCoeff() < 1 || out.image_size.maxCoeff() > 1 << 15)
+    r.fail("its image size is impossible; it is damaged");
   r.get(out.map.start_covariance);
   r.get(out.map.start_centre);
   constexpr int most = 10'000'000;

@@ -23,37 +23,37 @@ struct Keyframe {
 
 // How a point looked in a key frame.
 struct PointLook {
-  int keyframe = -1;                       // index into SceneMap::keyframes
-  int level = 0;                           // of the pyramid, at which it was found
-  Eigen::Vector2d px = Eigen::Vector2d::Zero();   // raw, level 0
+  int keyframe = -1;                             // index into SceneMap::keyframes
+  int level = 0;                                 // of the pyramid, at which it was found
+  Eigen::Vector2d px = Eigen::Vector2d::Zero();  // raw, level 0
   Descriptor descriptor{};
-  bool described = false;                  // else it was too near to the image's border
+  bool described = false;  // else it was too near to the image's border
 };
 
 struct MapPoint {
-  Eigen::Vector3d position = Eigen::Vector3d::Zero();        // world, metres
-  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();      // m^2
-  Eigen::Vector3d normal = Eigen::Vector3d::Zero();          // of its surface, world, unit; zero: towards looks[0]'s camera
-  std::array<PointLook, 4> looks;                            // the first one is where it was first seen
+  Eigen::Vector3d position = Eigen::Vector3d::Zero();    // world, metres
+  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();  // m^2
+  Eigen::Vector3d normal = Eigen::Vector3d::Zero();      // of its surface, world, unit; zero: towards looks[0]'s camera
+  std::array<PointLook, 4> looks;                        // the first one is where it was first seen
   int look_count = 0;
-  bool given = false;                      // a start point
-  bool alive = true;                       // false: a wrong one that was removed; indices stay
-  std::array<std::uint16_t, 2> found_of_sought{};            // how often, lately
+  bool given = false;                              // a start point
+  bool alive = true;                               // false: a wrong one that was removed; indices stay
+  std::array<std::uint16_t, 2> found_of_sought{};  // how often, lately
 };
 
 // Whether a key frame saw a point, and where.
 struct Sighting {
   int keyframe = 0;
   int point = 0;
-  Eigen::Vector2d px = Eigen::Vector2d::Zero();              // raw
+  Eigen::Vector2d px = Eigen::Vector2d::Zero();  // raw
   double sigma_px = 1;
 };
 
 struct SceneMap {
   std::vector<MapPoint> points;
   std::vector<Keyframe> keyframes;
-  // The world's place is only as sure as the first pose was, however many points agree with each other later: that pose's
-  // covariance (as CameraEstimate has it), and the camera's centre to which it refers.
+  // The world's place is only as sure as the first pose was, however many points agree with each other later: that
+  // pose's covariance (as CameraEstimate has it), and the camera's centre to which it refers.
   Eigen::Matrix<double, 6, 6> start_covariance = Eigen::Matrix<double, 6, 6>::Zero();
   Eigen::Vector3d start_centre = Eigen::Vector3d::Zero();
 
@@ -67,7 +67,7 @@ struct StoredMap {
   std::vector<Sighting> sightings;
   Eigen::Vector2i image_size = Eigen::Vector2i::Zero();
 };
-void write_map(const std::filesystem::path& file, const StoredMap& stored);      // atomic: temporary file, then rename
+void write_map(const std::filesystem::path& file, const StoredMap& stored);  // atomic: temporary file, then rename
 StoredMap read_map(const std::filesystem::path& file);
 
 }  // namespace huetrack

@@ -20,8 +20,8 @@ std::optional<Eigen::Vector2d> through(const CameraModel& lens, const Eigen::Mat
 constexpr int max_side = 16;
 
 // One row of a window at a sub-pixel position: the four weights are the same for all of its pixels.
-HUETRACK_CLONES void interpolate(const std::uint8_t* __restrict a, const std::uint8_t* __restrict b, float w00, float w01,
-                                 float w10, float w11, int n, float* __restrict out) {
+HUETRACK_CLONES void interpolate(const std::uint8_t* __restrict a, const std::uint8_t* __restrict b, float w00,
+                                 float w01, float w10, float w11, int n, float* __restrict out) {
   for (int i = 0; i < n; ++i) {
     out[i] = w00 * static_cast<float>(a[i]) + w01 * static_cast<float>(a[i + 1]) + w10 * static_cast<float>(b[i]) +
              w11 * static_cast<float>(b[i + 1]);
@@ -64,10 +64,10 @@ int search_level(const Eigen::Matrix2d& affine, int source_level, int levels) {
   return std::clamp(static_cast<int>(std::lround(source_level + std::log2(zoom))), 0, levels - 1);
 }
 
-bool warp_patch(const Pyramid& source, const Eigen::Vector2d& source_px, const Eigen::Matrix2d& affine, int level, int side,
-                WarpedPatch& out) {
+bool warp_patch(const Pyramid& source, const Eigen::Vector2d& source_px, const Eigen::Matrix2d& affine, int level,
+                int side, WarpedPatch& out) {
   const double zoom = affine.determinant();
-  if (!(zoom > 0.04) || !(zoom < 25)) return false;              // mirrored, edge-on, or another scale altogether
+  if (!(zoom > 0.04) || !(zoom < 25)) return false;  // mirrored, edge-on, or another scale altogether
   const Eigen::Matrix2d back = affine.inverse() * scale_of(level);
   if (back.norm() > 16 * scale_of(level)) return false;
   const double step = std::sqrt(std::abs(back.determinant()));
@@ -122,13 +122,13 @@ std::optional<Refined> refine(const GreyImage& image, const WarpedPatch& patch, 
   float mean_gu = 0, mean_gv = 0;
   for (int k = 0; k < n; ++k) mean_gu += gu[k], mean_gv += gv[k];
   mean_gu /= static_cast<float>(n), mean_gv /= static_cast<float>(n);
-  float huu = 0, huv = 0, hvv = 0;                 // offset is free: gradients about their mean
+  float huu = 0, huv = 0, hvv = 0;  // offset is free: gradients about their mean
   for (int k = 0; k < n; ++k) {
     gu[k] -= mean_gu, gv[k] -= mean_gv;
     huu += gu[k] * gu[k], huv += gu[k] * gv[k], hvv += gv[k] * gv[k];
   }
   const float det = huu * hvv - huv * huv;
-  if (!(det > 1e-4f * (huu + hvv) * (huu + hvv))) return std::nullopt;       // an edge: it would slide
+  if (!(det > 1e-4f * (huu + hvv) * (huu + hvv))) return std::nullopt;  // an edge: it would slide
 
   const float half = 0.5f * static_cast<float>(side - 1);
   float u = static_cast<float>(start.x()), v = static_cast<float>(start.y());

@@ -6,14 +6,15 @@
 
 namespace huetrack {
 
-FeatureFilter::FeatureFilter(const CameraModel& lens, const Rigid3d& cam_from_world, const Eigen::Matrix<double, 7, 7>& camera_covariance,
-                             double inverse_depth, double inverse_depth_sigma, const Eigen::Vector2d& px,
+FeatureFilter::FeatureFilter(const CameraModel& lens, const Rigid3d& cam_from_world,
+                             const Eigen::Matrix<double, 7, 7>& camera_covariance, double inverse_depth,
+                             double inverse_depth_sigma, const Eigen::Vector2d& px,
                              const Eigen::Matrix2d& px_covariance)
     : lens_(lens), covariance_(Covariance::Zero()) {
   const Eigen::Quaterniond& q = cam_from_world.rotation;
   state_ << inverse(cam_from_world).translation, q.w(), q.x(), q.y(), q.z(), inverse_depth, px;
   covariance_.topLeftCorner<7, 7>() = camera_covariance;
-  covariance_.diagonal().head<7>().array() += 1e-10;     // a quaternion's covariance has no width along itself
+  covariance_.diagonal().head<7>().array() += 1e-10;  // a quaternion's covariance has no width along itself
   covariance_(7, 7) = inverse_depth_sigma * inverse_depth_sigma;
   covariance_.bottomRightCorner<2, 2>() = px_covariance;
 }

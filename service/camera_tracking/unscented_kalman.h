@@ -1,5 +1,5 @@
-// Unscented Kalman filters (Simon, Optimal State Estimation, 2006): one small one per feature, as Lee's mapping has them, and
-// of any size, so that a monolithic one can be measured beside them.
+// Unscented Kalman filters (Simon, Optimal State Estimation, 2006): one small one per feature, as Lee's mapping has
+// them, and of any size, so that a monolithic one can be measured beside them.
 #pragma once
 
 #include <Eigen/Cholesky>
@@ -15,8 +15,8 @@ namespace huetrack {
 //   h(x, y) -> bool     false: this sigma point has no measurement
 // false: P is not positive, or a sigma point has none; x and P are as before.
 template <int N, int M, typename Measure>
-bool unscented_update(Eigen::Matrix<double, N, 1>& x, Eigen::Matrix<double, N, N>& p, const Eigen::Matrix<double, M, 1>& y,
-                      const Eigen::Matrix<double, M, M>& r, const Measure& h) {
+bool unscented_update(Eigen::Matrix<double, N, 1>& x, Eigen::Matrix<double, N, N>& p,
+                      const Eigen::Matrix<double, M, 1>& y, const Eigen::Matrix<double, M, M>& r, const Measure& h) {
   const Eigen::Index n = x.rows(), m = y.rows();
   const Eigen::LLT<Eigen::Matrix<double, N, N>> root(static_cast<double>(n) * p);
   if (root.info() != Eigen::Success) return false;
@@ -25,7 +25,8 @@ bool unscented_update(Eigen::Matrix<double, N, 1>& x, Eigen::Matrix<double, N, N
   Eigen::Matrix<double, M, 1> z(m);
   Eigen::Matrix<double, M, 1> mean = Eigen::Matrix<double, M, 1>::Zero(m);
   for (Eigen::Index i = 0; i < 2 * n; ++i) {
-    const Eigen::Matrix<double, N, 1> sigma = i < n ? Eigen::Matrix<double, N, 1>(x + l.col(i)) : Eigen::Matrix<double, N, 1>(x - l.col(i - n));
+    const Eigen::Matrix<double, N, 1> sigma =
+        i < n ? Eigen::Matrix<double, N, 1>(x + l.col(i)) : Eigen::Matrix<double, N, 1>(x - l.col(i - n));
     if (!h(sigma, z)) return false;
     predicted.col(i) = z;
     mean += z;
@@ -37,7 +38,8 @@ bool unscented_update(Eigen::Matrix<double, N, 1>& x, Eigen::Matrix<double, N, N
   for (Eigen::Index i = 0; i < 2 * n; ++i) {
     const Eigen::Matrix<double, M, 1> d = predicted.col(i) - mean;
     s += weight * d * d.transpose();
-    const Eigen::Matrix<double, N, 1> e = i < n ? Eigen::Matrix<double, N, 1>(l.col(i)) : Eigen::Matrix<double, N, 1>(-l.col(i - n));
+    const Eigen::Matrix<double, N, 1> e =
+        i < n ? Eigen::Matrix<double, N, 1>(l.col(i)) : Eigen::Matrix<double, N, 1>(-l.col(i - n));
     cross += weight * e * d.transpose();
   }
   const Eigen::Matrix<double, N, M> gain = s.ldlt().solve(cross.transpose()).transpose();
@@ -48,21 +50,22 @@ bool unscented_update(Eigen::Matrix<double, N, 1>& x, Eigen::Matrix<double, N, N
   return true;
 }
 
-// Lee's feature estimator: the camera pose at the reference frame (its centre t and quaternion q, cam_from_world), the inverse
-// depth along the reference ray, and the reference pixel; eqs. (5)-(9).  thread-compatible.
+// Lee's feature estimator: the camera pose at the reference frame (its centre t and quaternion q, cam_from_world), the
+// inverse depth along the reference ray, and the reference pixel; eqs. (5)-(9).  thread-compatible.
 class FeatureFilter {
  public:
-  using State = Eigen::Matrix<double, 10, 1>;            // t (m), q (w x y z), 1/d (1/m), m (raw px)
+  using State = Eigen::Matrix<double, 10, 1>;  // t (m), q (w x y z), 1/d (1/m), m (raw px)
   using Covariance = Eigen::Matrix<double, 10, 10>;
 
   // Eqs. (5), (6). camera_covariance: 7x7 of (t, q).
-  FeatureFilter(const CameraModel& lens, const Rigid3d& cam_from_world, const Eigen::Matrix<double, 7, 7>& camera_covariance,
-                double inverse_depth, double inverse_depth_sigma, const Eigen::Vector2d& px, const Eigen::Matrix2d& px_covariance);
+  FeatureFilter(const CameraModel& lens, const Rigid3d& cam_from_world,
+                const Eigen::Matrix<double, 7, 7>& camera_covariance, double inverse_depth, double inverse_depth_sigma,
+                const Eigen::Vector2d& px, const Eigen::Matrix2d& px_covariance);
 
   // Eq. (7): where it is in the world; nullopt: the state has no ray.
   std::optional<Eigen::Vector3d> position() const { return position_of(state_); }
-  Eigen::Matrix3d position_covariance() const;           // by the same sigma points
-  double depth() const { return 1 / state_[7]; }         // metres, along the reference ray
+  Eigen::Matrix3d position_covariance() const;    // by the same sigma points
+  double depth() const { return 1 / state_[7]; }  // metres, along the reference ray
 
   // Eqs. (8), (9): seen at px by a camera at this pose, r = R_p + cov of its projections under the particles.
   // false: rejected (5 sigmas off, or not before the camera).

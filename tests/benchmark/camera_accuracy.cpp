@@ -43,13 +43,19 @@ void print_frames(const std::vector<CameraEstimate>& estimates, const CameraSequ
       mm = 1e3 * (e.world_from_camera.translation - sequence.world_from_camera[i]->translation).norm();
       deg = e.world_from_camera.rotation.angularDistance(sequence.world_from_camera[i]->rotation) * 180 / M_PI;
     }
-    std::printf("  %3zu %-9s %7.1f mm %6.2f deg  sigma %6.1f mm  %3d of %3d  map %d\n", i, std::string(name(e.state)).c_str(), mm, deg,
-                1e3 * std::sqrt(e.covariance.topLeftCorner<3, 3>().trace()), e.features_matched, e.features_in_view, e.map_points);
+    std::printf("  %3zu %-9s %7.1f mm %6.2f deg  sigma %6.1f mm  %3d of %3d  map %d\n", i,
+                std::string(name(e.state)).c_str(), mm, deg,
+                1e3 * std::sqrt(e.covariance.topLeftCorner<3, 3>().trace()), e.features_matched, e.features_in_view,
+                e.map_points);
   }
 }
 
-bool within(bool ok, bool& all) { return all = all && ok, ok; }
-const char* mark(bool ok) { return ok ? "" : "  <- missed"; }
+bool within(bool ok, bool& all) {
+  return all = all && ok, ok;
+}
+const char* mark(bool ok) {
+  return ok ? "" : "  <- missed";
+}
 
 }  // namespace
 
@@ -58,8 +64,10 @@ int main(int argc, char** argv) {
   bool frames = false;
   std::uint64_t seed = 1;
   for (int i = 1; i < argc; ++i) {
-    if (std::strcmp(argv[i], "--frames") == 0) frames = true;
-    else if (std::strcmp(argv[i], "--seed") == 0 && i + 1 < argc) seed = std::stoull(argv[++i]);
+    if (std::strcmp(argv[i], "--frames") == 0)
+      frames = true;
+    else if (std::strcmp(argv[i], "--seed") == 0 && i + 1 < argc)
+      seed = std::stoull(argv[++i]);
     else {
       bool known = false;
       for (const CameraMethod m : {CameraMethod::huetrack, CameraMethod::lee, CameraMethod::pupilli}) {
@@ -82,35 +90,50 @@ int main(int argc, char** argv) {
     const bool ours = method == CameraMethod::huetrack;
     const auto [estimates, ms, worst] = run_method(method, desk_rectangle(), desk, seed);
     const PoseErrors e = errors_of(estimates, desk), back = errors_of(estimates, desk, 230, 240);
-    std::printf("desk, %s: %d of %zu frames tracked, first in frame %d; %.1f ms per frame, %.1f at most\n", std::string(name(method)).c_str(),
-                e.tracked, estimates.size(), frames_until_tracked(estimates, 0).value_or(-1), ms, worst);
+    std::printf("desk, %s: %d of %zu frames tracked, first in frame %d; %.1f ms per frame, %.1f at most\n",
+                std::string(name(method)).c_str(), e.tracked, estimates.size(),
+                frames_until_tracked(estimates, 0).value_or(-1), ms, worst);
     bool ok = true;
     const auto need = [&](bool reached) { return mark(!ours || within(reached, ok)); };
-    std::printf("  first frame tracked             %s%s\n", estimates[0].state == CameraState::tracking ? "yes" : "no", need(estimates[0].state == CameraState::tracking));
-    std::printf("  position, rms / at most         %.1f / %.1f mm (frame %d), bar 8 rms, 50 at most%s\n", 1e3 * e.rms_m, 1e3 * e.max_m, e.max_at, need(e.rms_m <= 0.008 && e.max_m < 0.05));
-    std::printf("  orientation, rms / at most      %.2f / %.2f deg, bar 0.6 rms%s\n", e.rms_deg, e.max_deg, need(e.rms_deg <= 0.6));
+    std::printf("  first frame tracked             %s%s\n", estimates[0].state == CameraState::tracking ? "yes" : "no",
+                need(estimates[0].state == CameraState::tracking));
+    std::printf("  position, rms / at most         %.1f / %.1f mm (frame %d), bar 8 rms, 50 at most%s\n", 1e3 * e.rms_m,
+                1e3 * e.max_m, e.max_at, need(e.rms_m <= 0.008 && e.max_m < 0.05));
+    std::printf("  orientation, rms / at most      %.2f / %.2f deg, bar 0.6 rms%s\n", e.rms_deg, e.max_deg,
+                need(e.rms_deg <= 0.6));
     const auto cover = frames_until_tracked(estimates, cover_gone), shake = frames_until_tracked(estimates, shake_over);
-    std::printf("  tracked again after the cover   %d frames, bar 5%s\n", cover.value_or(-1), need(cover && *cover <= 5));
-    std::printf("  tracked again after the shake   %d frames, bar 5%s\n", shake.value_or(-1), need(shake && *shake <= 5));
-    std::printf("  drift at the return (230-239)   %.1f mm rms, bar 5%s\n", 1e3 * back.rms_m, need(back.tracked > 0 && back.rms_m <= 0.005));
-    std::printf("  mean NEES (6 is perfect)        %.1f; truth inside the 95 %% ellipsoid in %.0f %%\n", e.mean_nees, 100 * e.inside_95);
-    std::printf("  under the cover                 %d tracked, %d coasting; in the shake %d tracked\n", errors_of(estimates, desk, cover_from, cover_gone).tracked,
-                errors_of(estimates, desk, cover_from, cover_gone).coasting, errors_of(estimates, desk, shake_from, shake_over).tracked);
+    std::printf("  tracked again after the cover   %d frames, bar 5%s\n", cover.value_or(-1),
+                need(cover && *cover <= 5));
+    std::printf("  tracked again after the shake   %d frames, bar 5%s\n", shake.value_or(-1),
+                need(shake && *shake <= 5));
+    std::printf("  drift at the return (230-239)   %.1f mm rms, bar 5%s\n", 1e3 * back.rms_m,
+                need(back.tracked > 0 && back.rms_m <= 0.005));
+    std::printf("  mean NEES (6 is perfect)        %.1f; truth inside the 95 %% ellipsoid in %.0f %%\n", e.mean_nees,
+                100 * e.inside_95);
+    std::printf("  under the cover                 %d tracked, %d coasting; in the shake %d tracked\n",
+                errors_of(estimates, desk, cover_from, cover_gone).tracked,
+                errors_of(estimates, desk, cover_from, cover_gone).coasting,
+                errors_of(estimates, desk, shake_from, shake_over).tracked);
     if (frames) print_frames(estimates, desk);
     if (ours) all = all && ok;
   }
   if (std::filesystem::exists(shared_camera_data() / "hand_held_7scenes")) {
-    const CameraSequence kitchen = load_camera_sequence(shared_camera_data() / "hand_held_7scenes", "reference_poses.tum");
+    const CameraSequence kitchen =
+        load_camera_sequence(shared_camera_data() / "hand_held_7scenes", "reference_poses.tum");
     for (const CameraMethod method : methods) {
       const auto [estimates, ms, worst] = run_method(method, kitchen_points(), kitchen, seed);
       const PoseErrors e = errors_of(estimates, kitchen);
       const AlignedError a = aligned_error(estimates, kitchen, false), b = aligned_error(estimates, kitchen, true);
       bool ok = true;
       const bool every = e.tracked == static_cast<int>(kitchen.frames.size());
-      std::printf("hand_held_7scenes, %s: %d of %zu frames tracked%s; %.1f ms per frame, %.1f at most\n", std::string(name(method)).c_str(), e.tracked,
-                  estimates.size(), mark(method != CameraMethod::huetrack || within(every, ok)), ms, worst);
-      std::printf("  after similarity alignment      %.1f mm rms (scale %.3f); with a lever arm %.1f mm\n", 1e3 * a.rms_m, a.scale, 1e3 * b.rms_m);
-      std::printf("  stella_vslam, all 1000 frames   52 mm; 36 mm with a lever arm; first pose at frames 12-28 (the data's README)\n");
+      std::printf("hand_held_7scenes, %s: %d of %zu frames tracked%s; %.1f ms per frame, %.1f at most\n",
+                  std::string(name(method)).c_str(), e.tracked, estimates.size(),
+                  mark(method != CameraMethod::huetrack || within(every, ok)), ms, worst);
+      std::printf("  after similarity alignment      %.1f mm rms (scale %.3f); with a lever arm %.1f mm\n",
+                  1e3 * a.rms_m, a.scale, 1e3 * b.rms_m);
+      std::printf(
+          "  stella_vslam, all 1000 frames   52 mm; 36 mm with a lever arm; first pose at frames 12-28 (the data's "
+          "README)\n");
       if (frames) print_frames(estimates, kitchen);
       all = all && ok;
     }

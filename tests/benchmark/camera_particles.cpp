@@ -1,9 +1,9 @@
-// Lee's comparisons on a synthetic scene: accuracy against the number of particles (Fig. 11), the particle filter with a UKF per
-// feature beside one monolithic UKF (Tables 3 and 4), and what both cost (Fig. 16).
+// Lee's comparisons on a synthetic scene: accuracy against the number of particles (Fig. 11), the particle filter with
+// a UKF per feature beside one monolithic UKF (Tables 3 and 4), and what both cost (Fig. 16).
 //   build/release/tests/benchmark/camera_particles [PLOT.svg]
-// As the paper does: the motion is one that a hand-held camera made (data/rendered/desk; without it, a made-up one), the
-// measurements are exact projections of co-planar points, 4 of them known. Both filters have the same constant-position model and
-// variances. Seeds 1 to 5, the mean of them.
+// As the paper does: the motion is one that a hand-held camera made (data/rendered/desk; without it, a made-up one),
+// the measurements are exact projections of co-planar points, 4 of them known. Both filters have the same
+// constant-position model and variances. Seeds 1 to 5, the mean of them.
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
@@ -22,9 +22,9 @@ using namespace huetrack;
 
 namespace {
 
-constexpr double rotation_rad = 0.008, position_m = 0.005, pixel_sigma = 0.7;     // both filters'
+constexpr double rotation_rad = 0.008, position_m = 0.005, pixel_sigma = 0.7;  // both filters'
 constexpr int known = 4;
-constexpr double first_error = 0.03;          // of the unknown features' first depths: a UKF of many dimensions bears no more
+constexpr double first_error = 0.03;  // of the unknown features' first depths: a UKF of many dimensions bears no more
 
 double milliseconds_of(const std::function<void()>& work) {
   timespec from{}, to{};
@@ -37,16 +37,16 @@ double milliseconds_of(const std::function<void()>& work) {
 struct World {
   Camera camera;
   std::vector<Rigid3d> cam_from_world;
-  std::vector<Eigen::Vector3d> points;                     // co-planar, the first 4 known
-  std::vector<double> wrong_by;                            // the others' first depths, as a factor
+  std::vector<Eigen::Vector3d> points;  // co-planar, the first 4 known
+  std::vector<double> wrong_by;         // the others' first depths, as a factor
 };
 
 World make_world(std::size_t points, std::size_t frames) {
-
   World w;
   w.camera = {"synthetic", {320, 240}, CameraModel(PinholeRadtan{246, 246, 159.5, 119.5, {}}), {}};
   if (std::filesystem::exists(shared_camera_data() / "rendered/desk")) {
-    for (const auto& pose : load_camera_sequence(shared_camera_data() / "rendered/desk", "groundtruth.txt", frames).world_from_camera)
+    for (const auto& pose :
+         load_camera_sequence(shared_camera_data() / "rendered/desk", "groundtruth.txt", frames).world_from_camera)
       w.cam_from_world.push_back(inverse(*pose));
   } else {
     for (std::size_t i = 0; i < frames; ++i) {
@@ -56,20 +56,22 @@ World make_world(std::size_t points, std::size_t frames) {
     }
   }
   w.points = {{-0.1, 0.075, 0}, {0.1, 0.075, 0}, {0.1, -0.075, 0}, {-0.1, -0.075, 0}};
-  for (std::size_t i = known; i < points; ++i) {           // a spiral over the desk
-    const double a = 2.4 * static_cast<double>(i), r = 0.05 + 0.20 * std::sqrt(static_cast<double>(i) / static_cast<double>(points));
+  for (std::size_t i = known; i < points; ++i) {  // a spiral over the desk
+    const double a = 2.4 * static_cast<double>(i),
+                 r = 0.05 + 0.20 * std::sqrt(static_cast<double>(i) / static_cast<double>(points));
     w.points.emplace_back(r * std::cos(a), 0.8 * r * std::sin(a), 0);
   }
-  for (std::size_t i = 0; i < points; ++i) w.wrong_by.push_back(i < known ? 1.0 : 1 + first_error * std::sin(7.0 * static_cast<double>(i)));
+  for (std::size_t i = 0; i < points; ++i)
+    w.wrong_by.push_back(i < known ? 1.0 : 1 + first_error * std::sin(7.0 * static_cast<double>(i)));
   return w;
 }
 
 struct Score {
-  double position_mse = 0, quaternion_mse = 0;             // m^2; per component, as Table 4
+  double position_mse = 0, quaternion_mse = 0;  // m^2; per component, as Table 4
   Eigen::Vector3d t_mse = Eigen::Vector3d::Zero();
   Eigen::Vector4d q_mse = Eigen::Vector4d::Zero();
-  std::vector<double> feature_error;                       // m, at the end
-  double ms = 0;                                           // per frame
+  std::vector<double> feature_error;  // m, at the end
+  double ms = 0;                      // per frame
 };
 void add(Score& s, const Rigid3d& estimate, const Rigid3d& truth, double share) {
   const Eigen::Vector3d d = inverse(estimate).translation - inverse(truth).translation;
@@ -95,23 +97,26 @@ Score particle_filter(const World& w, std::size_t particles, std::uint64_t seed,
   for (std::size_t i = first; i < points.size(); ++i) {
     const Eigen::Vector3d cam = w.cam_from_world[0] * w.points[i];
     const double inverse_depth = 1 / (cam.norm() * w.wrong_by[i]);
-    filters[i].emplace(w.camera.model, w.cam_from_world[0], 1e-10 * Eigen::Matrix<double, 7, 7>::Identity(), inverse_depth, first_error * inverse_depth,
-                       w.camera.model.project(cam)->px, 0.01 * Eigen::Matrix2d::Identity());
+    filters[i].emplace(w.camera.model, w.cam_from_world[0], 1e-10 * Eigen::Matrix<double, 7, 7>::Identity(),
+                       inverse_depth, first_error * inverse_depth, w.camera.model.project(cam)->px,
+                       0.01 * Eigen::Matrix2d::Identity());
     points[i] = *filters[i]->position();
   }
   Score out;
   const double share = 1.0 / static_cast<double>(w.cam_from_world.size() - 1);
   std::vector<Eigen::Vector2d> px(points.size());
   for (std::size_t k = 1; k < w.cam_from_world.size(); ++k) {
-    for (std::size_t i = 0; i < points.size(); ++i) px[i] = w.camera.model.project(w.cam_from_world[k] * w.points[i])->px;
+    for (std::size_t i = 0; i < points.size(); ++i)
+      px[i] = w.camera.model.project(w.cam_from_world[k] * w.points[i])->px;
     out.ms += share * milliseconds_of([&] {
-      const Rigid3d pose = tracking.track_points(points, px);
-      add(out, pose, w.cam_from_world[k], share);
-      for (std::size_t i = first; i < points.size(); ++i) {
-        const Eigen::Matrix2d r = pixel_sigma * pixel_sigma * Eigen::Matrix2d::Identity() + tracking.cloud_of(points[i]).covariance;
-        if (filters[i]->update(pose, px[i], r)) points[i] = *filters[i]->position();
-      }
-    });
+                const Rigid3d pose = tracking.track_points(points, px);
+                add(out, pose, w.cam_from_world[k], share);
+                for (std::size_t i = first; i < points.size(); ++i) {
+                  const Eigen::Matrix2d r =
+                      pixel_sigma * pixel_sigma * Eigen::Matrix2d::Identity() + tracking.cloud_of(points[i]).covariance;
+                  if (filters[i]->update(pose, px[i], r)) points[i] = *filters[i]->position();
+                }
+              });
   }
   for (std::size_t i = 0; i < points.size(); ++i) out.feature_error.push_back((points[i] - w.points[i]).norm());
   return out;
@@ -140,28 +145,33 @@ Score monolithic(const World& w) {
   const double share = 1.0 / static_cast<double>(w.cam_from_world.size() - 1);
   Eigen::VectorXd y(m);
   for (std::size_t k = 1; k < w.cam_from_world.size(); ++k) {
-    for (std::size_t i = 0; i < w.points.size(); ++i) y.segment<2>(static_cast<Eigen::Index>(2 * i)) = w.camera.model.project(w.cam_from_world[k] * w.points[i])->px;
+    for (std::size_t i = 0; i < w.points.size(); ++i)
+      y.segment<2>(static_cast<Eigen::Index>(2 * i)) = w.camera.model.project(w.cam_from_world[k] * w.points[i])->px;
     out.ms += share * milliseconds_of([&] {
-      p.diagonal().head<3>().array() += position_m * position_m;
-      p.diagonal().segment<4>(3).array() += 0.25 * rotation_rad * rotation_rad;
-      unscented_update<Eigen::Dynamic, Eigen::Dynamic>(x, p, y, r, [&](const Eigen::VectorXd& s, Eigen::VectorXd& z) {
-        const Rigid3d pose = pose_of(s);
-        for (std::size_t i = 0; i < w.points.size(); ++i) {
-          const auto px = w.camera.model.project(pose * Eigen::Vector3d(s.segment<3>(static_cast<Eigen::Index>(7 + 3 * i))));
-          if (!px) return false;
-          z.segment<2>(static_cast<Eigen::Index>(2 * i)) = px->px;
-        }
-        return true;
-      });
-      x.segment<4>(3).normalize();
-    });
+                p.diagonal().head<3>().array() += position_m * position_m;
+                p.diagonal().segment<4>(3).array() += 0.25 * rotation_rad * rotation_rad;
+                unscented_update<Eigen::Dynamic, Eigen::Dynamic>(
+                    x, p, y, r, [&](const Eigen::VectorXd& s, Eigen::VectorXd& z) {
+                      const Rigid3d pose = pose_of(s);
+                      for (std::size_t i = 0; i < w.points.size(); ++i) {
+                        const auto px = w.camera.model.project(
+                            pose * Eigen::Vector3d(s.segment<3>(static_cast<Eigen::Index>(7 + 3 * i))));
+                        if (!px) return false;
+                        z.segment<2>(static_cast<Eigen::Index>(2 * i)) = px->px;
+                      }
+                      return true;
+                    });
+                x.segment<4>(3).normalize();
+              });
     add(out, pose_of(x), w.cam_from_world[k], share);
   }
-  for (std::size_t i = 0; i < w.points.size(); ++i) out.feature_error.push_back((x.segment<3>(static_cast<Eigen::Index>(7 + 3 * i)) - w.points[i]).norm());
+  for (std::size_t i = 0; i < w.points.size(); ++i)
+    out.feature_error.push_back((x.segment<3>(static_cast<Eigen::Index>(7 + 3 * i)) - w.points[i]).norm());
   return out;
 }
 
-Score mean_over_seeds(const World& w, std::size_t particles, bool mapping, double cloud_share = LeeTracking::Options{}.cloud_share) {
+Score mean_over_seeds(const World& w, std::size_t particles, bool mapping,
+                      double cloud_share = LeeTracking::Options{}.cloud_share) {
   Score mean;
   mean.feature_error.assign(w.points.size(), 0.0);
   constexpr int seeds = 5;
@@ -194,10 +204,15 @@ std::string panel(double left, const std::string& title, const std::string& x_na
     std::snprintf(text, sizeof text, format, args...);
     out += text;
   };
-  put("<text x='%.0f' y='30' font-weight='bold'>%s</text><text x='%.0f' y='330'>%s</text>\n", left + 60, title.c_str(), left + 170, x_name.c_str());
+  put("<text x='%.0f' y='30' font-weight='bold'>%s</text><text x='%.0f' y='330'>%s</text>\n", left + 60, title.c_str(),
+      left + 170, x_name.c_str());
   for (double d = low; d <= high; ++d)
-    put("<line x1='%.0f' x2='%.0f' y1='%.1f' y2='%.1f' stroke='#ddd'/><text x='%.0f' y='%.1f' text-anchor='end'>%g</text>\n", left + 60, left + 360, at_y(std::pow(10, d)), at_y(std::pow(10, d)), left + 55, at_y(std::pow(10, d)) + 4, std::pow(10, d));
-  for (int i = 0; i <= 4; ++i) put("<text x='%.0f' y='310' text-anchor='middle'>%.0f</text>\n", at_x(x1 * i / 4), x1 * i / 4);
+    put("<line x1='%.0f' x2='%.0f' y1='%.1f' y2='%.1f' stroke='#ddd'/><text x='%.0f' y='%.1f' "
+        "text-anchor='end'>%g</text>\n",
+        left + 60, left + 360, at_y(std::pow(10, d)), at_y(std::pow(10, d)), left + 55, at_y(std::pow(10, d)) + 4,
+        std::pow(10, d));
+  for (int i = 0; i <= 4; ++i)
+    put("<text x='%.0f' y='310' text-anchor='middle'>%.0f</text>\n", at_x(x1 * i / 4), x1 * i / 4);
   double row = 55;
   for (const Curve& c : curves) {
     out += "<polyline fill='none' stroke-width='2' stroke='" + c.color + "' points='";
@@ -214,11 +229,13 @@ std::string panel(double left, const std::string& title, const std::string& x_na
 int main(int argc, char** argv) {
   const World ten = make_world(10, 45);
   std::puts("Lee, Fig. 11: accuracy against the number of particles (10 known points, 45 frames of hand-held motion)");
-  std::printf("  particles   C of eq. (4) is %.1f of the cloud's (default)      C is the cloud's, as printed\n", LeeTracking::Options{}.cloud_share);
+  std::printf("  particles   C of eq. (4) is %.1f of the cloud's (default)      C is the cloud's, as printed\n",
+              LeeTracking::Options{}.cloud_share);
   Curve position{"position rms, mm", "#1f77b4", {}, {}}, rotation{"quaternion rms, 1e-3", "#d62728", {}, {}};
   for (const std::size_t n : {50u, 100u, 200u, 350u, 500u, 1000u, 2000u, 4000u}) {
     const Score s = mean_over_seeds(ten, n, false), printed = mean_over_seeds(ten, n, false, 1);
-    std::printf("  %9zu   %6.2f mm, quaternion %.5f, %.3f ms     %6.2f mm, quaternion %.5f\n", n, 1e3 * std::sqrt(s.position_mse), std::sqrt(s.quaternion_mse), s.ms,
+    std::printf("  %9zu   %6.2f mm, quaternion %.5f, %.3f ms     %6.2f mm, quaternion %.5f\n", n,
+                1e3 * std::sqrt(s.position_mse), std::sqrt(s.quaternion_mse), s.ms,
                 1e3 * std::sqrt(printed.position_mse), std::sqrt(printed.quaternion_mse));
     position.x.push_back(static_cast<double>(n)), position.y.push_back(1e3 * std::sqrt(s.position_mse));
     rotation.x.push_back(static_cast<double>(n)), rotation.y.push_back(1e3 * std::sqrt(s.quaternion_mse));
@@ -232,7 +249,8 @@ int main(int argc, char** argv) {
   std::puts("\n\nTable 4: mean squared error of the camera's parameters, m^2");
   std::puts("             tx        ty        tz        q0        qx        qy        qz");
   for (const auto& [name, s] : {std::pair{"PF ", &pf}, {"UKF", &ukf}})
-    std::printf("  %s  %9.2e %9.2e %9.2e %9.2e %9.2e %9.2e %9.2e\n", name, s->t_mse[0], s->t_mse[1], s->t_mse[2], s->q_mse[0], s->q_mse[1], s->q_mse[2], s->q_mse[3]);
+    std::printf("  %s  %9.2e %9.2e %9.2e %9.2e %9.2e %9.2e %9.2e\n", name, s->t_mse[0], s->t_mse[1], s->t_mse[2],
+                s->q_mse[0], s->q_mse[1], s->q_mse[2], s->q_mse[3]);
   std::puts("\nFig. 16: ms per frame against the number of features (filtering alone, no image)");
   std::puts("  features   350 particles, a UKF each   monolithic UKF");
   Curve ours{"particles, a UKF each", "#2ca02c", {}, {}}, theirs{"monolithic UKF", "#ff7f0e", {}, {}};
@@ -249,8 +267,11 @@ int main(int argc, char** argv) {
       std::fprintf(stderr, "camera_particles: %s cannot be written\n", argv[1]);
       return 1;
     }
-    std::fprintf(file, "<svg xmlns='http://www.w3.org/2000/svg' width='800' height='350' font-family='sans-serif' font-size='12'><rect width='800' height='350' fill='white'/>\n%s%s</svg>\n",
-                 panel(0, "Accuracy (Lee, Fig. 11)", "particles", {position, rotation}).c_str(), panel(400, "ms per frame (Lee, Fig. 16)", "features", {ours, theirs}).c_str());
+    std::fprintf(file,
+                 "<svg xmlns='http://www.w3.org/2000/svg' width='800' height='350' font-family='sans-serif' "
+                 "font-size='12'><rect width='800' height='350' fill='white'/>\n%s%s</svg>\n",
+                 panel(0, "Accuracy (Lee, Fig. 11)", "particles", {position, rotation}).c_str(),
+                 panel(400, "ms per frame (Lee, Fig. 16)", "features", {ours, theirs}).c_str());
     std::fclose(file);
     std::printf("\n%s is drawn\n", argv[1]);
   }

@@ -14,7 +14,8 @@
 namespace huetrack {
 namespace {
 
-std::vector<std::vector<double>> numbers_of(const std::filesystem::path& file, char separator, std::size_t skip_columns = 0) {
+std::vector<std::vector<double>> numbers_of(const std::filesystem::path& file, char separator,
+                                            std::size_t skip_columns = 0) {
   std::ifstream in(file);
   if (!in) throw std::runtime_error(file.string() + ": cannot be read");
   std::vector<std::vector<double>> rows;
@@ -28,7 +29,7 @@ std::vector<std::vector<double>> numbers_of(const std::filesystem::path& file, c
       if (i < skip_columns) continue;
       char* end = nullptr;
       const double x = std::strtod(word.c_str(), &end);
-      if (end == word.c_str()) break;            // a heading
+      if (end == word.c_str()) break;  // a heading
       row.push_back(x);
     }
     if (!row.empty()) rows.push_back(std::move(row));
@@ -38,9 +39,12 @@ std::vector<std::vector<double>> numbers_of(const std::filesystem::path& file, c
 
 }  // namespace
 
-std::filesystem::path shared_camera_data() { return HUETRACK_SHARED_DATA; }
+std::filesystem::path shared_camera_data() {
+  return HUETRACK_SHARED_DATA;
+}
 
-CameraSequence load_camera_sequence(const std::filesystem::path& folder, const std::string& truth, std::size_t max_frames) {
+CameraSequence load_camera_sequence(const std::filesystem::path& folder, const std::string& truth,
+                                    std::size_t max_frames) {
   CameraSequence out;
   out.name = folder.filename().string();
   const CameraRig rig = read_rig(folder / "rig.yaml");
@@ -52,7 +56,7 @@ CameraSequence load_camera_sequence(const std::filesystem::path& folder, const s
     out.frames.push_back(std::move(*frame));
     if (out.frames.size() == max_frames) break;
   }
-  std::map<long, Rigid3d> poses;                 // by millisecond
+  std::map<long, Rigid3d> poses;  // by millisecond
   for (const auto& r : numbers_of(folder / truth, ' ')) {
     if (r.size() < 8) throw std::runtime_error((folder / truth).string() + ": a line has fewer than 8 numbers");
     poses[std::lround(1e3 * r[0])] = {Eigen::Quaterniond(r[7], r[4], r[5], r[6]).normalized(), {r[1], r[2], r[3]}};
@@ -66,7 +70,8 @@ CameraSequence load_camera_sequence(const std::filesystem::path& folder, const s
 
 RectangleStart desk_rectangle() {
   RectangleStart start;
-  for (const auto& r : numbers_of(shared_camera_data() / "rendered/desk/rectangle.csv", ',', 2)) start.corners.emplace_back(r[0], r[1], r[2]);
+  for (const auto& r : numbers_of(shared_camera_data() / "rendered/desk/rectangle.csv", ',', 2))
+    start.corners.emplace_back(r[0], r[1], r[2]);
   return start;
 }
 
@@ -85,7 +90,8 @@ std::vector<CameraEstimate> run(CameraTracker& tracker, const CameraSequence& se
   return out;
 }
 
-PoseErrors errors_of(const std::vector<CameraEstimate>& estimates, const CameraSequence& sequence, std::size_t from, std::size_t to) {
+PoseErrors errors_of(const std::vector<CameraEstimate>& estimates, const CameraSequence& sequence, std::size_t from,
+                     std::size_t to) {
   PoseErrors e;
   int inside = 0;
   for (std::size_t i = from; i < std::min(to, estimates.size()); ++i) {
@@ -119,9 +125,10 @@ std::optional<int> frames_until_tracked(const std::vector<CameraEstimate>& estim
   return std::nullopt;
 }
 
-AlignedError aligned_error(const std::vector<CameraEstimate>& estimates, const CameraSequence& sequence, bool lever_arm) {
+AlignedError aligned_error(const std::vector<CameraEstimate>& estimates, const CameraSequence& sequence,
+                           bool lever_arm) {
   std::vector<Eigen::Vector3d> from, to;
-  std::vector<Eigen::Matrix3d> rotation;          // of the truth, world from camera
+  std::vector<Eigen::Matrix3d> rotation;  // of the truth, world from camera
   for (std::size_t i = 0; i < estimates.size(); ++i) {
     if (estimates[i].state != CameraState::tracking || !sequence.world_from_camera[i]) continue;
     from.push_back(estimates[i].world_from_camera.translation);
@@ -146,7 +153,8 @@ AlignedError aligned_error(const std::vector<CameraEstimate>& estimates, const C
     for (Eigen::Index i = 0; i < n; ++i) {
       const Eigen::Vector3d aligned = t.topLeftCorner<3, 3>() * a.col(i) + t.topRightCorner<3, 1>();
       sum += (aligned - b.col(i)).squaredNorm();
-      next += rotation[static_cast<std::size_t>(i)].transpose() * (aligned - to[static_cast<std::size_t>(i)]) / static_cast<double>(n);
+      next += rotation[static_cast<std::size_t>(i)].transpose() * (aligned - to[static_cast<std::size_t>(i)]) /
+              static_cast<double>(n);
     }
     out.rms_m = std::sqrt(sum / static_cast<double>(n));
     arm = next;

@@ -1,6 +1,6 @@
-// How long the camera trackers take: Lee's Tables 1 and 2, Pupilli and Calway's rates, start-up, scaling. One thread's processor
-// time, the median of many frames, on data/rendered/desk (320x240).   build/release/tests/benchmark/camera_speed
-// Exit status 1 when a bar is missed.
+// How long the camera trackers take: Lee's Tables 1 and 2, Pupilli and Calway's rates, start-up, scaling. One thread's
+// processor time, the median of many frames, on data/rendered/desk (320x240).
+// build/release/tests/benchmark/camera_speed Exit status 1 when a bar is missed.
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -64,7 +64,8 @@ struct Times {
   int matched = 0;
   std::size_t features = 0;
 };
-Times lee_times(const CameraSequence& desk, const std::vector<std::shared_ptr<const Pyramid>>& pyramids, std::size_t features, std::size_t particles) {
+Times lee_times(const CameraSequence& desk, const std::vector<std::shared_ptr<const Pyramid>>& pyramids,
+                std::size_t features, std::size_t particles) {
   const Rigid3d pose = inverse(*desk.world_from_camera[0]);
   LeeTracking::Options t;
   t.particle_count = particles;
@@ -87,7 +88,9 @@ Times lee_times(const CameraSequence& desk, const std::vector<std::shared_ptr<co
   for (std::size_t i = 0; i < pyramids.size(); ++i) {
     LeeFrame frame;
     const std::vector<LeeFeature> known = mapping.features();
-    tracked.push_back(milliseconds_of([&] { frame = tracking.track(i, std::make_shared<const Pyramid>(make_pyramid(pyramids[i]->levels.front())), known); }));
+    tracked.push_back(milliseconds_of([&] {
+      frame = tracking.track(i, std::make_shared<const Pyramid>(make_pyramid(pyramids[i]->levels.front())), known);
+    }));
     mapped.push_back(milliseconds_of([&] { mapping.map(frame); }));
     out.matched = std::max(out.matched, static_cast<int>(frame.matches.size()));
   }
@@ -95,7 +98,8 @@ Times lee_times(const CameraSequence& desk, const std::vector<std::shared_ptr<co
   return out;
 }
 
-double pupilli_time(const CameraSequence& desk, const std::vector<std::shared_ptr<const Pyramid>>& pyramids, std::size_t points_wanted, std::size_t particles) {
+double pupilli_time(const CameraSequence& desk, const std::vector<std::shared_ptr<const Pyramid>>& pyramids,
+                    std::size_t points_wanted, std::size_t particles) {
   const Rigid3d pose = inverse(*desk.world_from_camera[0]);
   PupilliFilter::Options o;
   o.particle_count = particles, o.max_active = points_wanted;
@@ -124,7 +128,8 @@ int main() {
   }
   const CameraSequence desk = load_camera_sequence(folder, "groundtruth.txt", 36);
   std::vector<std::shared_ptr<const Pyramid>> pyramids;
-  for (const Frame& f : desk.frames) pyramids.push_back(std::make_shared<const Pyramid>(make_pyramid(grey_of(f.pixels))));
+  for (const Frame& f : desk.frames)
+    pyramids.push_back(std::make_shared<const Pyramid>(make_pyramid(grey_of(f.pixels))));
 
   std::puts("start-up: constructing the tracker and its first pose from the rectangle, ms (whole process)");
   for (const CameraMethod method : {CameraMethod::huetrack, CameraMethod::lee, CameraMethod::pupilli}) {
@@ -147,25 +152,31 @@ int main() {
   const double paper[5][2] = {{17.12, 15.15}, {21.46, 17.36}, {25.64, 20.53}, {28.92, 22.11}, {30.98, 27.32}};
   for (int i = 0; i < 5; ++i) {
     const Times t = lee_times(desk, pyramids, static_cast<std::size_t>(10 + 20 * i), 350);
-    std::printf("  %8zu %10.2f %9.2f   %.1f, %.1f  %d", t.features, t.tracking, t.mapping, paper[i][0], paper[i][1], t.matched);
+    std::printf("  %8zu %10.2f %9.2f   %.1f, %.1f  %d", t.features, t.tracking, t.mapping, paper[i][0], paper[i][1],
+                t.matched);
     if (i == 4) std::printf("   bars 4 and 4: %s, %s", mark(t.tracking, 4), mark(t.mapping, 4));
     std::puts("");
   }
   const Times seven = lee_times(desk, pyramids, 7, 350);
-  std::printf("Lee, Table 1: 7 points %.2f ms (paper: 10.12; its UKF 7.03)   bar 1: %s\n", seven.tracking, mark(seven.tracking, 1));
+  std::printf("Lee, Table 1: 7 points %.2f ms (paper: 10.12; its UKF 7.03)   bar 1: %s\n", seven.tracking,
+              mark(seven.tracking, 1));
   const Times many = lee_times(desk, pyramids, 300, 350);
-  std::printf("300 features: %zu mapped in %.2f ms, tracked in %.2f ms   bar 33.3: %s\n", many.features, many.mapping, many.tracking,
-              mark(std::max(many.mapping, many.tracking), 33.3));
+  std::printf("300 features: %zu mapped in %.2f ms, tracked in %.2f ms   bar 33.3: %s\n", many.features, many.mapping,
+              many.tracking, mark(std::max(many.mapping, many.tracking), 33.3));
 
   std::puts("\nPupilli and Calway, ms per frame, 3 annealing steps");
   const double p8 = pupilli_time(desk, pyramids, 8, 500), p4 = pupilli_time(desk, pyramids, 4, 500);
-  std::printf("  500 particles, 8 points %.2f (paper: 40)   bar 1.5: %s\n  500 particles, 4 points %.2f (paper: 25)\n", p8, mark(p8, 1.5), p4);
+  std::printf("  500 particles, 8 points %.2f (paper: 40)   bar 1.5: %s\n  500 particles, 4 points %.2f (paper: 25)\n",
+              p8, mark(p8, 1.5), p4);
 
-  std::puts("\ncost against particles (30 features) and features (350 particles): Lee's tracking, ms; Pupilli, 8 points, ms");
+  std::puts(
+      "\ncost against particles (30 features) and features (350 particles): Lee's tracking, ms; Pupilli, 8 points, ms");
   for (const std::size_t n : {200u, 400u, 800u, 1600u, 3200u})
-    std::printf("  %5zu particles %7.2f %7.2f\n", n, lee_times(desk, pyramids, 30, n).tracking, pupilli_time(desk, pyramids, 8, n));
+    std::printf("  %5zu particles %7.2f %7.2f\n", n, lee_times(desk, pyramids, 30, n).tracking,
+                pupilli_time(desk, pyramids, 8, n));
   for (const std::size_t n : {25u, 50u, 100u, 200u})
-    std::printf("  %5zu features  %7.2f, mapping %.2f\n", n, lee_times(desk, pyramids, n, 350).tracking, lee_times(desk, pyramids, n, 350).mapping);
+    std::printf("  %5zu features  %7.2f, mapping %.2f\n", n, lee_times(desk, pyramids, n, 350).tracking,
+                lee_times(desk, pyramids, n, 350).mapping);
   std::printf("\n%s\n", all_reached ? "every bar is reached" : "NOT every bar is reached");
   return all_reached ? 0 : 1;
 }

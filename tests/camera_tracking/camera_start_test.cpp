@@ -11,8 +11,12 @@ using testing::Contains;
 using testing::HasSubstr;
 using testing::IsEmpty;
 
-RectangleStart rectangle() { return {{{-0.1, 0.075, 0}, {0.1, 0.075, 0}, {0.1, -0.075, 0}, {-0.1, -0.075, 0}}, {}}; }
-LedStart leds() { return {{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}}, {0, 1, 2, 3, -1}}; }
+RectangleStart rectangle() {
+  return {{{-0.1, 0.075, 0}, {0.1, 0.075, 0}, {0.1, -0.075, 0}, {-0.1, -0.075, 0}}, {}};
+}
+LedStart leds() {
+  return {{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}}, {0, 1, 2, 3, -1}};
+}
 
 std::vector<std::string> problems(CameraMethod method, const CameraStart& start) {
   CameraTrackerOptions options;
@@ -57,8 +61,9 @@ TEST(CameraStart, fewerThanFourLedsAreRefused) {
 TEST(CameraStart, makeNamesTheProblems) {
   CameraTrackerOptions options;
   options.start = FoundStart{};
-  EXPECT_THROW(CameraTracker::make(Camera{.name = "cam", .image_size = {320, 240}, .model = {}, .cam_from_world = {}}, options),
-               std::invalid_argument);
+  EXPECT_THROW(
+      CameraTracker::make(Camera{.name = "cam", .image_size = {320, 240}, .model = {}, .cam_from_world = {}}, options),
+      std::invalid_argument);
 }
 
 }  // namespace

@@ -1,4 +1,5 @@
-// The methods on the first frames of data/rendered/desk, which start on the rectangle and are covered in frames 46 to 64.
+// The methods on the first frames of data/rendered/desk, which start on the rectangle and are covered in frames 46
+// to 64.
 #include <gmock/gmock.h>
 #include <unistd.h>
 
@@ -11,14 +12,16 @@ namespace huetrack {
 namespace {
 
 const CameraSequence& desk() {
-  static const CameraSequence sequence = load_camera_sequence(shared_camera_data() / "rendered/desk", "groundtruth.txt", 76);
+  static const CameraSequence sequence =
+      load_camera_sequence(shared_camera_data() / "rendered/desk", "groundtruth.txt", 76);
   return sequence;
 }
 
 class Desk : public testing::Test {
  protected:
   void SetUp() override {
-    if (!std::filesystem::exists(shared_camera_data() / "rendered/desk")) GTEST_SKIP() << "data/rendered/desk is not there";
+    if (!std::filesystem::exists(shared_camera_data() / "rendered/desk"))
+      GTEST_SKIP() << "data/rendered/desk is not there";
   }
   static CameraTrackerOptions options(CameraMethod method) {
     CameraTrackerOptions o;
@@ -27,8 +30,10 @@ class Desk : public testing::Test {
   }
   static CameraSequence part(std::size_t from, std::size_t to) {
     CameraSequence s = desk();
-    s.frames = {s.frames.begin() + static_cast<std::ptrdiff_t>(from), s.frames.begin() + static_cast<std::ptrdiff_t>(to)};
-    s.world_from_camera = {s.world_from_camera.begin() + static_cast<std::ptrdiff_t>(from), s.world_from_camera.begin() + static_cast<std::ptrdiff_t>(to)};
+    s.frames = {s.frames.begin() + static_cast<std::ptrdiff_t>(from),
+                s.frames.begin() + static_cast<std::ptrdiff_t>(to)};
+    s.world_from_camera = {s.world_from_camera.begin() + static_cast<std::ptrdiff_t>(from),
+                           s.world_from_camera.begin() + static_cast<std::ptrdiff_t>(to)};
     return s;
   }
 };
@@ -42,8 +47,9 @@ TEST_F(Desk, huetrackFollowsFromTheFirstFrameAndThroughTheCover) {
   EXPECT_LT(e.max_m, 0.02);
   EXPECT_LT(e.rms_deg, 0.4);
   EXPECT_GT(errors_of(estimates, desk(), 0, 40).tracked, 39);
-  EXPECT_EQ(errors_of(estimates, desk(), 50, 60).tracked, 0);                // nothing to be seen, and it says so
-  for (std::size_t i = 50; i < 61; ++i) EXPECT_EQ(estimates[i].has_pose(), estimates[i].world_from_camera.translation.allFinite());
+  EXPECT_EQ(errors_of(estimates, desk(), 50, 60).tracked, 0);  // nothing to be seen, and it says so
+  for (std::size_t i = 50; i < 61; ++i)
+    EXPECT_EQ(estimates[i].has_pose(), estimates[i].world_from_camera.translation.allFinite());
   EXPECT_LE(frames_until_tracked(estimates, 65).value_or(99), 5);
   const CameraTrackerView view = tracker->view();
   EXPECT_GT(view.features.size(), 50u);
@@ -53,9 +59,10 @@ TEST_F(Desk, huetrackFollowsFromTheFirstFrameAndThroughTheCover) {
 TEST_F(Desk, sameSeedSameBits) {
   const CameraSequence s = part(0, 24);
   for (const CameraMethod method : {CameraMethod::huetrack, CameraMethod::lee, CameraMethod::pupilli}) {
-    const auto first = run(*CameraTracker::make(s.camera, options(method)), s), second = run(*CameraTracker::make(s.camera, options(method)), s);
+    const auto first = run(*CameraTracker::make(s.camera, options(method)), s),
+               second = run(*CameraTracker::make(s.camera, options(method)), s);
     for (std::size_t i = 0; i < s.frames.size(); ++i) {
-      const auto bits = [](const CameraEstimate& e) {            // NaN included
+      const auto bits = [](const CameraEstimate& e) {  // NaN included
         std::string out(sizeof(double) * (4 + 3 + 36), 0);
         std::memcpy(out.data(), e.world_from_camera.rotation.coeffs().data(), 4 * sizeof(double));
         std::memcpy(out.data() + 4 * sizeof(double), e.world_from_camera.translation.data(), 3 * sizeof(double));
@@ -80,7 +87,8 @@ TEST_F(Desk, thePapersMethodsFollowTheRectangle) {
 }
 
 TEST_F(Desk, relocalisesInALoadedMap) {
-  const std::filesystem::path file = std::filesystem::temp_directory_path() / ("huetrack_desk_" + std::to_string(::getpid()) + ".map");
+  const std::filesystem::path file =
+      std::filesystem::temp_directory_path() / ("huetrack_desk_" + std::to_string(::getpid()) + ".map");
   {
     const auto tracker = CameraTracker::make(desk().camera, options(CameraMethod::huetrack));
     run(*tracker, part(0, 36));

@@ -1,10 +1,10 @@
 // The parts that the camera trackers are made of, each in a small known world.
 #include <gmock/gmock.h>
 
+#include <unistd.h>
 #include <Eigen/LU>
 #include <cmath>
 #include <filesystem>
-#include <unistd.h>
 
 #include <fstream>
 #include <numbers>
@@ -32,8 +32,9 @@ Camera camera() {
   return {"cam", {320, 240}, CameraModel(lens), {}};
 }
 
-Rigid3d look_at(const Eigen::Vector3d& from, const Eigen::Vector3d& at) {       // cam_from_world, upright
-  const Eigen::Vector3d z = (at - from).normalized(), x = z.cross(Eigen::Vector3d::UnitZ()).normalized(), y = z.cross(x);
+Rigid3d look_at(const Eigen::Vector3d& from, const Eigen::Vector3d& at) {  // cam_from_world, upright
+  const Eigen::Vector3d z = (at - from).normalized(), x = z.cross(Eigen::Vector3d::UnitZ()).normalized(),
+                        y = z.cross(x);
   Eigen::Matrix3d r;
   r.row(0) = x, r.row(1) = y, r.row(2) = z;
   return {Eigen::Quaterniond(r), -(r * from)};
@@ -41,13 +42,15 @@ Rigid3d look_at(const Eigen::Vector3d& from, const Eigen::Vector3d& at) {       
 
 // A smooth random texture: value at any place.
 double texture(double x, double y) {
-  return 128 + 45 * std::sin(0.9 * x + 0.4 * y) + 35 * std::sin(0.35 * x - 0.8 * y + 1) + 30 * std::sin(0.15 * x * y * 0.05 + 0.5 * y);
+  return 128 + 45 * std::sin(0.9 * x + 0.4 * y) + 35 * std::sin(0.35 * x - 0.8 * y + 1) +
+         30 * std::sin(0.15 * x * y * 0.05 + 0.5 * y);
 }
 GreyImage textured(int width, int height, double du = 0, double dv = 0) {
   std::uint8_t* px = nullptr;
   GreyImage image = make_grey(width, height, px);
   for (int v = 0; v < height; ++v) {
-    for (int u = 0; u < width; ++u) px[v * width + u] = static_cast<std::uint8_t>(std::lround(std::clamp(texture(u - du, v - dv), 0.0, 255.0)));
+    for (int u = 0; u < width; ++u)
+      px[v * width + u] = static_cast<std::uint8_t>(std::lround(std::clamp(texture(u - du, v - dv), 0.0, 255.0)));
   }
   return image;
 }
@@ -55,7 +58,9 @@ NccTemplate cut(const GreyImage& image, int u, int v, int side) {
   NccTemplate t;
   t.side = side;
   const int before = (side - 1) / 2;
-  for (int j = 0; j < side; ++j) t.pixels.insert(t.pixels.end(), image.row(v - before + j) + u - before, image.row(v - before + j) + u - before + side);
+  for (int j = 0; j < side; ++j)
+    t.pixels.insert(t.pixels.end(), image.row(v - before + j) + u - before,
+                    image.row(v - before + j) + u - before + side);
   t.finish();
   return t;
 }
@@ -69,7 +74,9 @@ TEST(Ncc, fieldIsTheReference) {
     ncc_field(b, t, region, field);
     for (int v = region.v0; v <= region.v1; ++v) {
       for (int u = region.u0; u <= region.u1; ++u)
-        ASSERT_NEAR(field[static_cast<std::size_t>((v - region.v0) * region.width() + u - region.u0)], ncc_reference(b, t, u, v), 2e-5f) << u << ' ' << v;
+        ASSERT_NEAR(field[static_cast<std::size_t>((v - region.v0) * region.width() + u - region.u0)],
+                    ncc_reference(b, t, u, v), 2e-5f)
+            << u << ' ' << v;
     }
     const NccPeak peak = best_of(field, region);
     EXPECT_EQ(peak.u, 33);
@@ -144,10 +151,10 @@ TEST(ObservationField, particlesNearAnObservationAreInliers) {
   const std::vector<float> u{40, 41.4f, 43.2f, 40, -1e9f}, v{30, 31.0f, 30, 26, 0};
   std::vector<float> score(5, 0.0f);
   field.score(u, v, 1, true, score);
-  EXPECT_THAT(score, testing::ElementsAre(1, 1, 0, 0, 0));                    // eqs. (5), (6)
+  EXPECT_THAT(score, testing::ElementsAre(1, 1, 0, 0, 0));  // eqs. (5), (6)
   field.threshold(0.98f);
   const std::vector<float> ru{44}, rv{30}, rw{1};
-  field.reweight(ru, rv, rw, 2.0f);                                           // eq. (7): no particle is near the peak
+  field.reweight(ru, rv, rw, 2.0f);  // eq. (7): no particle is near the peak
   EXPECT_EQ(field.strongest(40, 30, 1, 0).rho, 0.0f);
 }
 
@@ -168,10 +175,11 @@ TEST(TemplatePatch, viewOfAPlaneIsWhatTheCamerasSee) {
   const Rigid3d first = look_at({0, -0.5, 0.5}, {0, 0, 0}), second = look_at({0.2, -0.45, 0.5}, {0, 0, 0});
   const Eigen::Vector3d point(0.05, 0.03, 0);
   const Eigen::Vector3d in_first = first * point, normal = first.rotation * Eigen::Vector3d::UnitZ();
-  const auto view = view_patch(c.model, c.model.project(in_first)->px, plane_homography(second * inverse(first), normal, normal.dot(in_first)));
+  const auto view = view_patch(c.model, c.model.project(in_first)->px,
+                               plane_homography(second * inverse(first), normal, normal.dot(in_first)));
   ASSERT_TRUE(view);
   EXPECT_LT((view->px - c.model.project(second * point)->px).norm(), 1e-6);
-  const Eigen::Vector3d beside = point + Eigen::Vector3d(0.002, 0.001, 0);    // on the plane
+  const Eigen::Vector3d beside = point + Eigen::Vector3d(0.002, 0.001, 0);  // on the plane
   const Eigen::Vector2d d0 = c.model.project(first * beside)->px - c.model.project(in_first)->px;
   const Eigen::Vector2d d1 = c.model.project(second * beside)->px - view->px;
   EXPECT_LT((view->affine * d0 - d1).norm(), 0.02 * d1.norm());
@@ -186,11 +194,13 @@ TEST(PoseSolver, findsThePoseOfPlanesAndOfRooms) {
       const Eigen::Vector3d p(0.1 * std::cos(i), 0.08 * std::sin(2.0 * i), i % 3 == 0 ? height : 0);
       seen.push_back({p, c.model.project(truth * p)->px, 0.5});
     }
-    if (height > 0) seen[5].px += Eigen::Vector2d(30, 10);                    // one is wrong
+    if (height > 0) seen[5].px += Eigen::Vector2d(30, 10);  // one is wrong
     const auto fit = solve_pose(c.model, seen);
     ASSERT_TRUE(fit);
     EXPECT_LT(log(fit->cam_from_world * inverse(truth)).norm(), 1e-4);
-    if (height > 0) { EXPECT_EQ(fit->weight[5], 0); }
+    if (height > 0) {
+      EXPECT_EQ(fit->weight[5], 0);
+    }
   }
 }
 
@@ -201,7 +211,8 @@ TEST(PoseSolver, ransacBearsHalfOfThemWrong) {
   std::vector<PoseObservation> seen;
   for (int i = 0; i < 60; ++i) {
     const Eigen::Vector3d p(0.3 * rng.uniform() - 0.15, 0.3 * rng.uniform() - 0.15, 0.1 * rng.uniform());
-    seen.push_back({p, i % 2 ? Eigen::Vector2d(320 * rng.uniform(), 240 * rng.uniform()) : c.model.project(truth * p)->px, 1});
+    seen.push_back(
+        {p, i % 2 ? Eigen::Vector2d(320 * rng.uniform(), 240 * rng.uniform()) : c.model.project(truth * p)->px, 1});
   }
   const auto fit = solve_pose_ransac(c.model, seen, 3, 12, 9);
   ASSERT_TRUE(fit);
@@ -229,7 +240,8 @@ TEST(LocalBundle, putsPosesAndPointsRight) {
   std::vector<Rigid3d> truth;
   for (int k = 0; k < 4; ++k) truth.push_back(look_at({0.1 * k, -0.5, 0.4}, {0.02, 0.03, 0}));
   std::vector<Eigen::Vector3d> points;
-  for (int i = 0; i < 40; ++i) points.emplace_back(0.3 * rng.uniform() - 0.15, 0.3 * rng.uniform() - 0.15, 0.1 * rng.uniform());
+  for (int i = 0; i < 40; ++i)
+    points.emplace_back(0.3 * rng.uniform() - 0.15, 0.3 * rng.uniform() - 0.15, 0.1 * rng.uniform());
   for (int k = 0; k < 4; ++k) {
     Tangent6d off = Tangent6d::Constant(k < 2 ? 0.0 : 0.01);
     problem.poses.push_back({exp(off) * truth[static_cast<std::size_t>(k)], k < 2});
@@ -237,7 +249,10 @@ TEST(LocalBundle, putsPosesAndPointsRight) {
   for (int i = 0; i < 40; ++i) {
     problem.points.push_back({});
     problem.points.back().position = points[static_cast<std::size_t>(i)] + Eigen::Vector3d(0.01, -0.01, 0.01);
-    for (int k = 0; k < 4; ++k) problem.observations.push_back({k, i, c.model.project(truth[static_cast<std::size_t>(k)] * points[static_cast<std::size_t>(i)])->px, 0.5, false});
+    for (int k = 0; k < 4; ++k)
+      problem.observations.push_back(
+          {k, i, c.model.project(truth[static_cast<std::size_t>(k)] * points[static_cast<std::size_t>(i)])->px, 0.5,
+           false});
   }
   problem.observations[10].px += Eigen::Vector2d(12, -9);
   adjust(c.model, problem, 30);
@@ -270,11 +285,12 @@ TEST(RectangleFinder, measuresADrawnOneInLight) {
   const auto found = find_rectangle(image, c.model, corners);
   ASSERT_TRUE(found);
   EXPECT_TRUE(found->dark);
-  for (std::size_t i = 0; i < 4; ++i) EXPECT_LT((found->corners.px[i] - c.model.project(truth * corners[i])->px).norm(), 0.12) << i;
+  for (std::size_t i = 0; i < 4; ++i)
+    EXPECT_LT((found->corners.px[i] - c.model.project(truth * corners[i])->px).norm(), 0.12) << i;
   EXPECT_LT((inverse(found->pose.cam_from_world).translation - back.translation).norm(), 0.002);
   std::vector<Eigen::Vector3d> other = corners;
   for (auto& p : other) p.x() *= 2;
-  EXPECT_FALSE(find_rectangle(image, c.model, other));                       // another shape
+  EXPECT_FALSE(find_rectangle(image, c.model, other));  // another shape
 }
 
 TEST(DepthRay, convergesOnTheDepthAndNotOnNoise) {
@@ -294,7 +310,7 @@ TEST(DepthRay, convergesOnTheDepthAndNotOnNoise) {
   ASSERT_TRUE(depth);
   EXPECT_NEAR(1 / depth->inverse_depth, 0.7, 0.03);
 
-  DepthRay two(origin, direction, 0.2, 5);                                   // two places that look alike: not one peak
+  DepthRay two(origin, direction, 0.2, 5);  // two places that look alike: not one peak
   for (int k = 1; k <= 8; ++k) {
     two.begin();
     const Eigen::Vector3d from(0.02 * k, 0, 0);
@@ -314,21 +330,24 @@ TEST(FeatureFilter, convergesOnThePoint) {
   const Eigen::Vector3d truth(0.05, 0.04, 0.03);
   const Rigid3d first = look_at({0, -0.5, 0.4}, {0, 0, 0});
   const double depth = (first * truth).norm();
-  FeatureFilter filter(c.model, first, 1e-8 * Eigen::Matrix<double, 7, 7>::Identity(), 1 / (1.3 * depth), 0.3 / depth, c.model.project(first * truth)->px,
-                       0.25 * Eigen::Matrix2d::Identity());
+  FeatureFilter filter(c.model, first, 1e-8 * Eigen::Matrix<double, 7, 7>::Identity(), 1 / (1.3 * depth), 0.3 / depth,
+                       c.model.project(first * truth)->px, 0.25 * Eigen::Matrix2d::Identity());
   const double before = filter.position_covariance().trace();
   Rng rng(9);
   std::vector<float> noise(40);
   rng.fill_normal(noise);
   for (std::size_t k = 0; k < 20; ++k) {
     const Rigid3d pose = look_at({0.01 * static_cast<double>(k + 1), -0.5, 0.4}, {0, 0, 0});
-    const Eigen::Vector2d px = c.model.project(pose * truth)->px + 0.3 * Eigen::Vector2d(static_cast<double>(noise[2 * k]), static_cast<double>(noise[2 * k + 1]));
+    const Eigen::Vector2d px =
+        c.model.project(pose * truth)->px +
+        0.3 * Eigen::Vector2d(static_cast<double>(noise[2 * k]), static_cast<double>(noise[2 * k + 1]));
     EXPECT_TRUE(filter.update(pose, px, 0.09 * Eigen::Matrix2d::Identity()));
   }
   EXPECT_LT((*filter.position() - truth).norm(), 0.008);
   EXPECT_LT(filter.position_covariance().trace(), 0.02 * before);
   const Rigid3d pose = look_at({0.3, -0.5, 0.4}, {0, 0, 0});
-  EXPECT_FALSE(filter.update(pose, c.model.project(pose * truth)->px + Eigen::Vector2d(40, 0), 0.09 * Eigen::Matrix2d::Identity()));
+  EXPECT_FALSE(filter.update(pose, c.model.project(pose * truth)->px + Eigen::Vector2d(40, 0),
+                             0.09 * Eigen::Matrix2d::Identity()));
 }
 
 class MapFile : public testing::Test {
@@ -336,7 +355,8 @@ class MapFile : public testing::Test {
   MapFile() {
     std::filesystem::create_directories(folder);
     stored.image_size = {80, 64};
-    stored.map.keyframes.push_back({std::make_shared<const Pyramid>(make_pyramid(textured(80, 64))), look_at({0, -0.5, 0.4}, {0, 0, 0})});
+    stored.map.keyframes.push_back(
+        {std::make_shared<const Pyramid>(make_pyramid(textured(80, 64))), look_at({0, -0.5, 0.4}, {0, 0, 0})});
     MapPoint p;
     p.position = {1, 2, 3}, p.given = true, p.look_count = 1;
     p.looks[0].keyframe = 0, p.looks[0].px = {40, 30};
@@ -344,7 +364,8 @@ class MapFile : public testing::Test {
     stored.sightings.push_back({0, 0, {40, 30}, 0.5});
   }
   ~MapFile() override { std::filesystem::remove_all(folder); }
-  std::filesystem::path folder = std::filesystem::temp_directory_path() / ("huetrack_map_test_" + std::to_string(::getpid()));
+  std::filesystem::path folder =
+      std::filesystem::temp_directory_path() / ("huetrack_map_test_" + std::to_string(::getpid()));
   std::filesystem::path file = folder / "a.map";
   StoredMap stored;
 };
@@ -357,7 +378,8 @@ TEST_F(MapFile, readsBack) {
   EXPECT_TRUE(back.map.points[0].given);
   EXPECT_TRUE(back.map.points[0].looks[0].described);
   EXPECT_EQ(back.map.keyframes[0].cam_from_world.translation, stored.map.keyframes[0].cam_from_world.translation);
-  EXPECT_EQ(back.map.keyframes[0].pyramid->levels[0].row(20)[33], stored.map.keyframes[0].pyramid->levels[0].row(20)[33]);
+  EXPECT_EQ(back.map.keyframes[0].pyramid->levels[0].row(20)[33],
+            stored.map.keyframes[0].pyramid->levels[0].row(20)[33]);
   EXPECT_EQ(back.sightings[0].px, stored.sightings[0].px);
 }
 

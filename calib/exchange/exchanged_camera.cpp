@@ -1,0 +1,133 @@
+#include "calib/exchange/exchanged_camera.h"
+
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <cmath>
+#include <cstdio>
+#include <fstream>
+#include <iterator>
+
+#include "calib/yaml/yaml_reader.h"
+
+namespace huetrack {
+
+CameraModel opencv_lens(std::span<const double> intrinsics, std::string_view intrinsics_key,
+                        std::span<const double> coefficients, std::string_view coefficients_key, bool fisheye,
+                        const Fail& fail) {
+  if (intrinsics.size() != 9)
+    fail(intrinsics_key, "must be a 3x3 matrix, got " + std::to_string(intrinsics.size()) + " numbers");
+  for (const double value : intrinsics) {
+    if (!std::isfinite(value)) fail(intrinsics_key, "must be numbers");
+  }
+  for (const double value : coefficients) {
+    if (!std::isfinite(value)) fail(coefficients_key, "must be numbers");
+  }
+  if (intrinsics[3] != 0 || intrinsics[6] != 0 || intrinsics[7] != 0 || intrinsics[8] != 1)
+    fail(intrinsics_key, "is not a camera matrix: it must be [fx 0 cx; 0 fy cy; 0 0 1]");
+  if (intrinsics[1] != 0) fail(intrinsics_key, "has a skew of " + exact(intrinsics[1]) + ", which a rig cannot hold");
+  if (!(intrinsics[0] > 0) || !(intrinsics[4] > 0)) fail(intrinsics_key, "has a focal length that is not > 0");
+  const std::size_t n = coefficients.size();
+  if (fisheye) {
+    if (n != 4 && n != 0)
+      fail(coefficients_key, "a fisheye has 4 coefficients (k1 k2 k3 k4), got " + std::to_string(n));
+    FisheyeKannalaBrandt lens{intrinsics[0], intrinsics[4], intrinsics[2], intrinsics[5], {}};
+    std::ranges::copy(coefficients, lens.distortion.begin());
+    return CameraModel(lens);
+  }
+  // 12 and 14: with thin prism and tilt, which we have not; zeros there mean nothing.
+  const bool tail_is_zero = n > 8 && std::ranges::all_of(coefficients.subspan(8), [](double k) { return k == 0; });
+  if (n != 0 && n != 4 && n != 5 && n != 8 && !((n == 12 || n == 14) && tail_is_zero)) {
+    fail(coefficients_key,
+         n == 12 || n == 14
+             ? std::string("has thin prism or tilt coefficients, which a rig cannot hold: calibrate with 8 or fewer")
+             : "must have 4 (k1 k2 p1 p2), 5 (k3) or 8 (k4 k5 k6) coefficients, got " + std::to_string(n));
+  }
+  PinholeRadtan lens{intrinsics[0], intrinsics[4], intrinsics[2], intrinsics[5], {}};
+  std::ranges::copy(coefficients.first(std::min<std::size_t>(n, 8)), lens.distortion.begin());
+  return CameraModel(lens);
+}
+
+Eigen::Quaterniond rotation_of(std::span<const double> m, std::string_view key, const Fail& fail) {
+  if (m.size() != 9) fail(key, "must be a 3x3 matrix");
+  const Eigen::Matrix3d r = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(m.data());
+  const double off = (r * r.transpose() - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff();
+  if (!(off <= 1e-4)) {
+    std::array<char, 32> text;
+    std::snprintf(text.data(), text.size(), "%.2g", off);
+    fail(key,
+         "is not a rotation: its rows must be orthogonal and of length 1 (off by " + std::string(text.data()) + ")");
+  }
+  if (r.determinant() < 0) {
+    fail(key,
+         "is mirrored (determinant -1): the tool's y or z axis points the other way; a camera is right-handed, x "
+         "right, y "
+         "down, z forward");
+  }
+  return Eigen::Quaterniond(r).normalized();
+}
+
+Eigen::Quaterniond rotation_of_vector(std::span<const double> v) {
+  const Eigen::Vector3d omega(v[0], v[1], v[2]);
+  const double angle = omega.norm();
+  if (angle < 1e-300) return Eigen::Quaterniond::Identity();
+  return Eigen::Quaterniond(Eigen::AngleAxisd(angle, omega / angle));
+}
+
+Eigen::Vector3d vector_of(const Eigen::Quaterniond& rotation) {
+  const Eigen::AngleAxisd turn(rotation);
+  return turn.angle() * turn.axis();
+}
+
+bool is_fisheye(const CameraModel& model) {
+  return std::holds_alternative<FisheyeKannalaBrandt>(model.lens());
+}
+
+std::vector<double> intrinsics_of(const CameraModel& model) {
+  return {model.fx(), 0, model.cx(), 0, model.fy(), model.cy(), 0, 0, 1};
+}
+
+std::vector<double> coefficients_of(const CameraModel& model) {
+  if (const auto* fisheye = std::get_if<FisheyeKannalaBrandt>(&model.lens()))
+    return {fisheye->distortion.begin(), fisheye->distortion.end()};
+  const auto& k = std::get<PinholeRadtan>(model.lens()).distortion;
+  const bool rational = k[5] != 0 || k[6] != 0 || k[7] != 0;
+  return {k.begin(), k.begin() + (rational ? 8 : 5)};
+}
+
+std::string exact(double value) {
+  std::array<char, 32> buffer;
+  std::string text(buffer.data(), std::to_chars(buffer.data(), buffer.data() + buffer.size(), value).ptr);
+  // TOML and some YAML readers tell integers from floats.
+  return text.find_first_of(".en") == std::string::npos ? text + ".0" : text;
+}
+
+std::string exact_list(std::span<const double> values) {
+  std::string text = "[";
+  for (const double value : values) text += (text.size() > 1 ? ", " : "") + exact(value);
+  return text + "]";
+}
+
+std::string joined(const std::vector<std::string>& words) {
+  std::string text;
+  for (const auto& word : words) text += (text.empty() ? "" : ", ") + word;
+  return text;
+}
+
+void require_valid(const CameraRig& rig, const std::filesystem::path& file) {
+  for (const Camera& camera : rig.cameras) {
+    for (const auto& problem : camera.problems()) throw ConfigError(file, 0, camera.name + ": " + problem);
+  }
+  for (const auto& problem : rig.problems()) throw ConfigError(file, 0, problem);
+}
+
+std::string text_of(const std::filesystem::path& file) {
+  std::ifstream in(file, std::ios::binary);
+  std::string text((std::istreambuf_iterator<char>(in)), std::istreambuf_iterator<char>());
+  if (!in.is_open() || in.bad() || std::filesystem::is_directory(file)) throw ConfigError(file, 0, "cannot be read");
+  return text;
+}
+
+}  // namespace huetrack

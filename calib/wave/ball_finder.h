@@ -1,0 +1,54 @@
+// Where the waved ball may be in every frame: its colour's regions.
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "calib/model/camera_rig.h"
+#include "capture/frame.h"
+#include "object_tracking/color_region.h"
+#include "object_tracking/object_tracker.h"
+#include "object_tracking/target_views.h"
+
+namespace huetrack {
+
+// One frame of one camera.
+struct BallFrame {
+  int camera = 0;                    // in the rig
+  double t_s = 0;                    // its own capture time
+  std::vector<ColorRegion> regions;  // of the target's colour, largest first; not those that the image's border cuts
+};
+
+struct BallFinderOptions {
+  int min_area_px = 6;            // >= 1; smaller regions are noise
+  double max_extent_share = 0.3;  // (0, 1]; of the image's height; wider regions are background
+  std::size_t max_regions = 6;    // >= 1; per frame
+};
+
+// Of the rig only names and image sizes matter. thread-compatible.
+class BallFinder {
+ public:
+  BallFinder(const CameraRig& rig, const TargetOptions& target, const BallFinderOptions& options = {});
+
+  // nullopt: corrupted, or of another size than the rig's (counted).
+  std::optional<BallFrame> look(const Frame& frame);
+
+  std::size_t unusable_frames() const { return unusable_; }
+
+ private:
+  BallFinderOptions options_;
+  TargetViews views_;
+  RegionFinder finder_;
+  std::size_t unusable_ = 0;
+};
+
+// Takes out what stays where it is: regions that are seen at the same place (to 1.5 px) in at least `share` of their
+// camera's frames. The ball may rest for a while, things of its colour rest for ever. Returns how many such places
+// there are, per camera.
+std::vector<int> remove_still_regions(std::vector<BallFrame>& frames, std::size_t camera_count, double share = 0.5);
+
+// Several balls of one size in one recording, as if they had been waved one after the other: the times of each are
+// moved beyond the end of the one before. Still regions are removed. frames: per ball.
+std::vector<BallFrame> one_after_the_other(std::vector<std::vector<BallFrame>> frames, std::size_t camera_count);
+
+}  // namespace huetrack

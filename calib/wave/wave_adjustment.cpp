@@ -1,0 +1,316 @@
+#include "calib/wave/wave_adjustment.h"
+
+#include <ceres/ceres.h>
+#include <glog/logging.h>
+
+#include <Eigen/Cholesky>
+#include <Eigen/Geometry>
+#include <Eigen/SparseCholesky>
+#include <array>
+#include <cmath>
+#include <optional>
+
+#include "calib/solver/bundle_adjustment.h"
+#include "calib/solver/lens.h"
+
+namespace huetrack {
+namespace {
+
+using Eigen::Matrix2d;
+using Eigen::Matrix3d;
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+
+Matrix3d cross_matrix(const Vector3d& v) {
+  return (Matrix3d() << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0).finished();
+}
+
+Matrix3d rotation_of(const Vector3d& omega) {
+  const double angle = omega.norm();
+  return angle < 1e-12 ? Matrix3d(Matrix3d::Identity() + cross_matrix(omega))
+                       : Eigen::AngleAxisd(angle, omega / angle).toRotationMatrix();
+}
+
+// exp(omega + d) = exp(omega) exp(J d)
+Matrix3d right_jacobian(const Vector3d& omega) {
+  const double a = omega.norm();
+  const Matrix3d w = cross_matrix(omega);
+  if (a < 1e-6) return Matrix3d::Identity() - w / 2;
+  return Matrix3d::Identity() - (1 - std::cos(a)) / (a * a) * w + (a - std::sin(a)) / (a * a * a) * w * w;
+}
+
+// The point whose pinhole projection is the centre of the outline of a ball at p. The outline of a sphere is an ellipse
+// around (X Z, Y Z) / (Z^2 - r^2), as its tangent cone says. For a fisheye, where the outline is nearly symmetric in
+// angle, it is the ball's centre itself.
+Vector3d outline_point(bool pinhole, const Vector3d& p, double radius, double* z_by_z) {
+  *z_by_z = 1;
+  if (!pinhole || p.z() < 2 * radius) return p;
+  *z_by_z = 1 + radius * radius / (p.z() * p.z());
+  return {p.x(), p.y(), p.z() - radius * radius / p.z()};
+}
+
+// A pose is R = base * exp(omega), t: omega starts at 0, far from where rotation vectors turn over.
+// Blocks: pose (omega, t), and four control points. Residual: whitened, predicted minus measured.
+class OutlineCost final : public ceres::SizedCostFunction<2, 6, 3, 3, 3, 3> {
+ public:
+  OutlineCost(LensModel lens, const LensParameters& parameters, const Matrix3d& base, const BallObservation& o,
+              const std::array<double, 4>& weight, double radius)
+      : lens_(lens), parameters_(parameters), base_(base), measured_(o.px), weight_(weight), radius_(radius) {
+    whiten_ = Matrix2d(o.covariance.inverse()).llt().matrixL().transpose();
+  }
+
+  bool Evaluate(double const* const* blocks, double* residuals, double** jacobians) const override {
+    const Eigen::Map<const Vector3d> omega(blocks[0]), t(blocks[0] + 3);
+    Vector3d p = Vector3d::Zero();
+    for (std::size_t k = 0; k < 4; ++k) p += weight_[k] * Eigen::Map<const Vector3d>(blocks[k + 1]);
+    const Matrix3d rotation = base_ * rotation_of(omega);
+    const Vector3d p_cam = rotation * p + t;
+    double z_by_z = 1;
+    const Vector3d outline = outline_point(lens_ != LensModel::fisheye, p_cam, radius_, &z_by_z);
+    Vector2d px;
+    PixelByPoint by_point;
+    const bool seen = project(lens_, parameters_, outline, px, &by_point, nullptr) && px.allFinite();
+    Eigen::Map<Vector2d> r(residuals);
+    // Behind the camera there is no slope that leads back: the loss makes it an outlier.
+    r = seen ? Vector2d(whiten_ * (px - measured_)) : Vector2d::Constant(1e4);
+    if (!jacobians) return true;
+    by_point.col(2) *= z_by_z;
+    const Eigen::Matrix<double, 2, 3> by_cam = seen ? Eigen::Matrix<double, 2, 3>(whiten_ * by_point)
+                                                    : Eigen::Matrix<double, 2, 3>(Eigen::Matrix<double, 2, 3>::Zero());
+    if (jacobians[0]) {
+      Eigen::Map<Eigen::Matrix<double, 2, 6, Eigen::RowMajor>> j(jacobians[0]);
+      j.leftCols<3>() = -by_cam * rotation * cross_matrix(p) * right_jacobian(omega);
+      j.rightCols<3>() = by_cam;
+    }
+    const Eigen::Matrix<double, 2, 3> by_world = by_cam * rotation;
+    for (std::size_t k = 0; k < 4; ++k) {
+      if (jacobians[k + 1])
+        Eigen::Map<Eigen::Matrix<double, 2, 3, Eigen::RowMajor>>{jacobians[k + 1]} = weight_[k] * by_world;
+    }
+    return true;
+  }
+
+ private:
+  LensModel lens_;
+  LensParameters parameters_;
+  Matrix3d base_;
+  Vector2d measured_;
+  std::array<double, 4> weight_;
+  double radius_;
+  Matrix2d whiten_;
+};
+
+// The third difference of the control points is the jerk times step^3.
+struct SmoothCost {
+  double weight;
+  template <typename T>
+  bool operator()(const T* a, const T* b, const T* c, const T* d, T* residuals) const {
+    for (int i = 0; i < 3; ++i) residuals[i] = weight * (d[i] - 3.0 * c[i] + 3.0 * b[i] - a[i]);
+    return true;
+  }
+};
+
+struct DistanceCost {  // of two cameras; t and omega are about their bases
+  Matrix3d base_a, base_b;
+  double distance, weight;
+  template <typename T>
+  bool operator()(const T* a, const T* b, T* residual) const {
+    const Eigen::Matrix<T, 3, 1> ca = centre(base_a, a), cb = centre(base_b, b);
+    residual[0] = weight * ((ca - cb).norm() / distance - 1.0);
+    return true;
+  }
+  template <typename T>
+  static Eigen::Matrix<T, 3, 1> centre(const Matrix3d& base, const T* block) {
+    // R^T t = exp(-omega) base^T t
+    const Eigen::Matrix<T, 3, 1> t(block[3], block[4], block[5]);
+    const Eigen::Matrix<T, 3, 1> v = base.transpose().cast<T>() * t;
+    const Eigen::Matrix<T, 3, 1> w(-block[0], -block[1], -block[2]);
+    const T a2 = w.squaredNorm();
+    if (a2 < 1e-16) return -(v + w.cross(v));
+    const T a = ceres::sqrt(a2);
+    return -(v + ceres::sin(a) / a * w.cross(v) + (1.0 - ceres::cos(a)) / a2 * w.cross(w.cross(v)));
+  }
+};
+
+// Of all residuals, as the loss weighs them, by the blocks in this order.
+Eigen::SparseMatrix<double> jacobian_of(ceres::Problem& problem, const std::vector<double*>& blocks) {
+  ceres::Problem::EvaluateOptions options;
+  options.parameter_blocks = blocks;
+  options.num_threads = 1;
+  ceres::CRSMatrix crs;
+  problem.Evaluate(options, nullptr, nullptr, nullptr, &crs);
+  std::vector<Eigen::Triplet<double>> entries;
+  for (int row = 0; row < crs.num_rows; ++row) {
+    for (int k = crs.rows[static_cast<std::size_t>(row)]; k < crs.rows[static_cast<std::size_t>(row) + 1]; ++k) {
+      entries.emplace_back(row, crs.cols[static_cast<std::size_t>(k)], crs.values[static_cast<std::size_t>(k)]);
+    }
+  }
+  Eigen::SparseMatrix<double> j(crs.num_rows, crs.num_cols);
+  j.setFromTriplets(entries.begin(), entries.end());
+  return j;
+}
+
+double log_determinant(const Eigen::SparseMatrix<double>& jacobian) {
+  const Eigen::SparseMatrix<double> information = jacobian.transpose() * jacobian;
+  const Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>> solver(information);
+  if (solver.info() != Eigen::Success) throw CalibrationError("the ball's path is not determined by what was seen");
+  return solver.vectorD().array().max(1e-30).log().sum();
+}
+
+// What the camera poses are known to, with the path eliminated.
+Eigen::MatrixXd pose_covariance(ceres::Problem& problem, const std::vector<double*>& poses,
+                                const std::vector<double*>& points, double variance_factor) {
+  std::vector<double*> blocks = poses;
+  blocks.insert(blocks.end(), points.begin(), points.end());
+  const Eigen::SparseMatrix<double> j = jacobian_of(problem, blocks);
+  const Eigen::Index n = 6 * static_cast<Eigen::Index>(poses.size());
+  const Eigen::SparseMatrix<double> by_pose = j.leftCols(n), by_point = j.rightCols(j.cols() - n);
+  Eigen::SparseMatrix<double> pp = by_point.transpose() * by_point;
+  const Eigen::SparseMatrix<double> pc = by_point.transpose() * by_pose;
+  Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>> solver(pp);
+  if (solver.info() != Eigen::Success) throw CalibrationError("the ball's path is not determined by what was seen");
+  const Eigen::MatrixXd cross = pc;
+  const Eigen::MatrixXd information =
+      Eigen::MatrixXd(by_pose.transpose() * by_pose) - cross.transpose() * Eigen::MatrixXd(solver.solve(cross));
+  const Eigen::LDLT<Eigen::MatrixXd> ldlt(information);
+  const Eigen::MatrixXd covariance = ldlt.solve(Eigen::MatrixXd::Identity(n, n));
+  if (!covariance.allFinite() || (covariance.diagonal().array() <= 0).any()) {
+    throw CalibrationError(
+        "the camera poses are not determined by how the ball was moved: carry it through the whole volume, "
+        "up and down and towards the cameras");
+  }
+  return variance_factor * covariance;
+}
+
+class QuietLog {  // Ceres logs every step that it takes back
+ public:
+  QuietLog() : level_(FLAGS_minloglevel) { FLAGS_minloglevel = google::GLOG_FATAL; }
+  ~QuietLog() { FLAGS_minloglevel = level_; }
+  QuietLog(const QuietLog&) = delete;
+  QuietLog& operator=(const QuietLog&) = delete;
+
+ private:
+  int level_;
+};
+
+}  // namespace
+
+std::optional<Vector2d> outline_centre(const CameraModel& model, const Vector3d& p_cam, double radius_m) {
+  double unused = 1;
+  const bool pinhole = std::holds_alternative<PinholeRadtan>(model.lens());
+  if (pinhole && p_cam.z() <= 0) return std::nullopt;
+  const auto px = model.project(outline_point(pinhole, p_cam, radius_m, &unused));
+  if (!px) return std::nullopt;
+  return px->px;
+}
+
+WaveFit adjust_wave(const CameraRig& rig, const std::vector<BallObservation>& observations, WaveState& state,
+                    const WaveAdjustmentOptions& options) {
+  const std::size_t cameras = rig.cameras.size();
+  // Ceres orders parameter blocks by their addresses, and the order decides the last digits: each kind in one piece.
+  std::vector<std::array<double, 6>> poses(cameras);
+  std::vector<Vector3d>& control = state.path.control;
+  std::vector<Matrix3d> base(cameras);
+  std::vector<LensModel> lens(cameras);
+  std::vector<LensParameters> parameters(cameras);
+  for (std::size_t c = 0; c < cameras; ++c) {
+    base[c] = state.cam_from_world[c].rotation.toRotationMatrix();
+    const Vector3d& t = state.cam_from_world[c].translation;
+    poses[c] = {0, 0, 0, t.x(), t.y(), t.z()};
+    lens[c] = lens_model_of(rig.cameras[c].model);
+    parameters[c] = parameters_of(rig.cameras[c].model);
+  }
+  ceres::Problem problem;
+  ceres::LossFunction* loss = new ceres::CauchyLoss(options.loss);  // of all: it has no state
+  std::vector<bool> camera_used(cameras, false);
+  for (const BallObservation& o : observations) {
+    const auto c = static_cast<std::size_t>(o.camera);
+    const BallPath::Basis b = state.path.basis(o.t_s);
+    problem.AddResidualBlock(new OutlineCost(lens[c], parameters[c], base[c], o, b.weight, options.radius_m), loss,
+                             poses[c].data(), control[b.first].data(), control[b.first + 1].data(),
+                             control[b.first + 2].data(), control[b.first + 3].data());
+    camera_used[c] = true;
+  }
+  // White jerk: over a longer step it averages out.
+  const double h = state.path.step_s;
+  const double third_difference = options.jerk_m_s3 * std::sqrt(1 / (30 * h)) * h * h * h;
+  for (std::size_t k = 0; k + 3 < control.size(); ++k) {
+    problem.AddResidualBlock(
+        new ceres::AutoDiffCostFunction<SmoothCost, 3, 3, 3, 3, 3>(new SmoothCost{1 / third_difference}),
+        new ceres::HuberLoss(3), control[k].data(), control[k + 1].data(), control[k + 2].data(),
+        control[k + 3].data());
+  }
+  const auto a = static_cast<std::size_t>(options.scale_a), b = static_cast<std::size_t>(options.scale_b);
+  const double distance =
+      (inverse(state.cam_from_world[a]).translation - inverse(state.cam_from_world[b]).translation).norm();
+  problem.AddResidualBlock(
+      new ceres::AutoDiffCostFunction<DistanceCost, 1, 6, 6>(new DistanceCost{base[a], base[b], distance, 1e5}),
+      nullptr, poses[a].data(), poses[b].data());
+  problem.SetParameterBlockConstant(poses[static_cast<std::size_t>(options.reference)].data());
+
+  ceres::Solver::Options solver;
+  solver.num_threads = 1;  // the order of a sum decides its last digits
+  solver.linear_solver_type = ceres::SPARSE_NORMAL_CHOLESKY;
+  solver.max_num_iterations = options.max_iterations;
+  solver.function_tolerance = 1e-8;
+  solver.parameter_tolerance = 1e-9;
+  solver.logging_type = ceres::SILENT;
+  const QuietLog quiet;
+  ceres::Solver::Summary summary;
+  ceres::Solve(solver, &problem, &summary);
+  if (!summary.IsSolutionUsable()) throw CalibrationError("the adjustment does not converge: " + summary.message);
+
+  WaveFit fit;
+  fit.cost = summary.final_cost;
+  for (std::size_t c = 0; c < cameras; ++c) {
+    const Vector3d omega(poses[c].data());
+    state.cam_from_world[c] = {Eigen::Quaterniond(Matrix3d(base[c] * rotation_of(omega))).normalized(),
+                               Vector3d(poses[c].data() + 3)};
+  }
+  double sum = 0, weights = 0;
+  for (const BallObservation& o : observations) {
+    const auto c = static_cast<std::size_t>(o.camera);
+    const auto px =
+        outline_centre(rig.cameras[c].model, state.cam_from_world[c] * state.path.at(o.t_s), options.radius_m);
+    const Vector2d residual = px ? Vector2d(o.px - *px) : Vector2d::Constant(1e4);
+    fit.residuals.push_back(residual);
+    fit.distance2.push_back(residual.dot(o.covariance.inverse() * residual));
+    const double weight = 1 / (1 + fit.distance2.back() / (options.loss * options.loss));
+    sum += weight * fit.distance2.back();
+    weights += 2 * weight;
+  }
+  std::vector<double*> free_poses, points;
+  std::vector<std::size_t> free_cameras;
+  for (std::size_t c = 0; c < cameras; ++c) {
+    if (static_cast<int>(c) == options.reference || !camera_used[c]) continue;
+    free_poses.push_back(poses[c].data());
+    free_cameras.push_back(c);
+  }
+  for (Vector3d& p : control) points.push_back(p.data());
+  if (options.with_evidence) {
+    std::vector<double*> blocks = free_poses;
+    blocks.insert(blocks.end(), points.begin(), points.end());
+    fit.evidence = -fit.cost - log_determinant(jacobian_of(problem, blocks)) / 2 -
+                   3 * static_cast<double>(control.size() - 3) * std::log(third_difference);
+  }
+  if (!options.with_covariance) return fit;
+  const Eigen::MatrixXd in_blocks =
+      pose_covariance(problem, free_poses, points, std::max(1.0, sum / std::max(1.0, weights)));
+  // From (omega, t) to (centre, rotation): c = -R^T t.
+  const auto n = 6 * static_cast<Eigen::Index>(cameras);
+  Eigen::MatrixXd change = Eigen::MatrixXd::Zero(n, in_blocks.cols());
+  for (std::size_t i = 0; i < free_cameras.size(); ++i) {
+    const std::size_t c = free_cameras[i];
+    const Matrix3d rotation = state.cam_from_world[c].rotation.toRotationMatrix();
+    const Vector3d centre = -rotation.transpose() * state.cam_from_world[c].translation;
+    const auto row = 6 * static_cast<Eigen::Index>(c), column = 6 * static_cast<Eigen::Index>(i);
+    const Matrix3d jr = right_jacobian(Vector3d(poses[c].data()));
+    change.block<3, 3>(row, column) = cross_matrix(centre) * jr;
+    change.block<3, 3>(row, column + 3) = -rotation.transpose();
+    change.block<3, 3>(row + 3, column) = jr;
+  }
+  fit.covariance = change * in_blocks * change.transpose();
+  return fit;
+}
+
+}  // namespace huetrack

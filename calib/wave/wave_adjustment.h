@@ -1,0 +1,55 @@
+// The joint adjustment of camera poses and the ball's path to where the cameras saw it. Private to this module.
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "calib/model/camera_rig.h"
+#include "calib/wave/ball_path.h"
+
+namespace huetrack {
+
+// The ball's outline in one frame.
+struct BallObservation {
+  int camera = 0;
+  double t_s = 0;
+  Eigen::Vector2d px;          // centre of the outline, raw pixels
+  Eigen::Matrix2d covariance;  // px^2
+};
+
+struct WaveState {
+  std::vector<Rigid3d> cam_from_world;
+  BallPath path;
+};
+
+struct WaveAdjustmentOptions {
+  double radius_m = 0.04;  // of the ball: the centre of its outline is not its centre's projection
+  double loss = 3;         // > 0; Cauchy's, in standard deviations
+  double jerk_m_s3 = 60;   // > 0; usual jerk of the ball, at 30 knots a second: how smooth its path is
+  bool with_evidence = false;
+  int reference = 0;             // the camera that stays
+  int scale_a = 0, scale_b = 1;  // the distance of these two cameras stays: nothing else holds the scale
+  int max_iterations = 50;
+  bool with_covariance = false;
+};
+
+struct WaveFit {
+  std::vector<Eigen::Vector2d> residuals;  // measured minus predicted, px, beside the observations
+  std::vector<double> distance2;           // squared, in standard deviations
+  double cost = 0;                         // of the whole solution, with the loss
+  // Log of how likely the observations are for this jerk, whatever the poses and the path are (Laplace's approximation,
+  // but for a constant): the largest tells how jerky the waving was. with_evidence only.
+  double evidence = 0;
+  // Per camera (centre in metres, rotation in radians), both in world axes, so that the true camera stands at centre +
+  // error; 6 x cameras square. For the state as it is held by `reference` and the scale's two cameras.
+  Eigen::MatrixXd covariance;
+};
+
+// throws CalibrationError when it is numerically hopeless. Deterministic.
+WaveFit adjust_wave(const CameraRig& rig, const std::vector<BallObservation>& observations, WaveState& state,
+                    const WaveAdjustmentOptions& options);
+
+// Where the centre of a ball's outline appears; nullopt: behind the camera, or outside the lens model.
+std::optional<Eigen::Vector2d> outline_centre(const CameraModel& model, const Eigen::Vector3d& p_cam, double radius_m);
+
+}  // namespace huetrack

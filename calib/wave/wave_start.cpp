@@ -1,0 +1,194 @@
+#include "calib/wave/wave_start.h"
+
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <opencv2/calib3d.hpp>
+#include <opencv2/core.hpp>
+
+#include "calib/solver/bundle_adjustment.h"
+
+namespace huetrack {
+namespace {
+
+using Eigen::Matrix3d;
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+
+// On the plane z = 1; nullopt: too far off the axis for it.
+std::optional<cv::Point2d> on_plane(const CameraModel& model, const Vector2d& px) {
+  const auto ray = model.ray({px});
+  if (!ray || ray->z() < 0.1) return std::nullopt;
+  return cv::Point2d(ray->x() / ray->z(), ray->y() / ray->z());
+}
+
+Rigid3d pose_of(const cv::Mat& rotation, const cv::Mat& translation) {
+  Matrix3d r;
+  Vector3d t;
+  for (int i = 0; i < 3; ++i) {
+    for (int j = 0; j < 3; ++j) r(i, j) = rotation.at<double>(i, j);
+    t[i] = translation.at<double>(i);
+  }
+  return {Eigen::Quaterniond(r).normalized(), t};
+}
+
+}  // namespace
+
+std::optional<Vector2d> BallTracks::at(std::size_t camera, double t_s) const {
+  const auto& track = of_camera[camera];
+  const auto after = std::ranges::lower_bound(track, t_s - 1e-6, {}, &Point::t_s);
+  if (after != track.end() && after->t_s <= t_s + 1e-6) return after->px;
+  if (after == track.begin() || after == track.end()) return std::nullopt;
+  const auto before = after - 1;
+  const double gap = after->t_s - before->t_s;
+  if (gap > max_gap_s) return std::nullopt;
+  const double share = (t_s - before->t_s) / gap;
+  return Vector2d((1 - share) * before->px + share * after->px);
+}
+
+std::vector<double> BallTracks::shared(std::size_t a, std::size_t b) const {
+  std::vector<double> times;
+  for (const Point& p : of_camera[a]) {
+    if (at(b, p.t_s)) times.push_back(p.t_s);
+  }
+  return times;
+}
+
+std::optional<Vector3d> crossing(const CameraRig& rig, const std::vector<Rigid3d>& cam_from_world,
+                                 const std::vector<bool>& use, const BallTracks& tracks, double t_s) {
+  constexpr double most_off = 0.35;  // radians between a ray and the crossing: the poses may be well off
+  Matrix3d sum = Matrix3d::Zero();
+  Vector3d right = Vector3d::Zero();
+  std::vector<std::pair<Vector3d, Vector3d>> rays;  // centre, direction
+  for (std::size_t c = 0; c < rig.cameras.size(); ++c) {
+    if (!use[c]) continue;
+    const auto px = tracks.at(c, t_s);
+    if (!px) continue;
+    const auto ray = rig.cameras[c].model.ray({*px});
+    if (!ray) continue;
+    const Rigid3d world_from_cam = inverse(cam_from_world[c]);
+    rays.emplace_back(world_from_cam.translation, world_from_cam.rotation * *ray);
+    const Matrix3d across = Matrix3d::Identity() - rays.back().second * rays.back().second.transpose();
+    sum += across;
+    right += across * rays.back().first;
+  }
+  if (rays.size() < 2) return std::nullopt;
+  const Eigen::FullPivLU<Matrix3d> lu(sum);
+  if (lu.rcond() < 1e-6) return std::nullopt;
+  const Vector3d p = lu.solve(right);
+  const bool meet = std::ranges::all_of(rays, [&](const auto& ray) {
+    const Vector3d d = p - ray.first;
+    return d.norm() > 1e-9 && std::acos(std::clamp(d.normalized().dot(ray.second), -1.0, 1.0)) < most_off;
+  });
+  if (!meet) return std::nullopt;
+  return p;
+}
+
+BallPath crossed_path(const CameraRig& rig, const std::vector<Rigid3d>& cam_from_world, const BallTracks& tracks,
+                      double from_s, double to_s, double step_s, std::size_t* crossed) {
+  BallPath path = BallPath::over(from_s, to_s, step_s);
+  const std::vector<bool> all(rig.cameras.size(), true);
+  std::vector<std::size_t> known;
+  for (std::size_t k = 0; k < path.control.size(); ++k) {
+    const double t = from_s + (static_cast<double>(k) - 1) * step_s;  // where this control point has most weight
+    if (const auto p = crossing(rig, cam_from_world, all, tracks, t)) {
+      path.control[k] = *p;
+      known.push_back(k);
+    }
+  }
+  *crossed = known.size();
+  if (known.empty()) return path;
+  for (std::size_t k = 0; k < known.front(); ++k) path.control[k] = path.control[known.front()];
+  for (std::size_t k = known.back() + 1; k < path.control.size(); ++k) path.control[k] = path.control[known.back()];
+  for (std::size_t i = 0; i + 1 < known.size(); ++i) {
+    const Vector3d a = path.control[known[i]], b = path.control[known[i + 1]];
+    const auto steps = static_cast<double>(known[i + 1] - known[i]);
+    for (std::size_t k = known[i] + 1; k < known[i + 1]; ++k)
+      path.control[k] = a + (b - a) * static_cast<double>(k - known[i]) / steps;
+  }
+  return path;
+}
+
+std::vector<Rigid3d> poses_from_nothing(const CameraRig& rig, const BallTracks& tracks) {
+  const std::size_t n = rig.cameras.size();
+  const auto focal = [&](std::size_t c) { return (rig.cameras[c].model.fx() + rig.cameras[c].model.fy()) / 2; };
+  constexpr double reach_px = 2;  // of an inlier
+  struct Best {
+    std::size_t a = 0, b = 0;
+    int inliers = 0;
+    Rigid3d b_from_a;
+  } best;
+  for (std::size_t a = 0; a < n; ++a) {
+    for (std::size_t b = a + 1; b < n; ++b) {
+      std::vector<cv::Point2d> in_a, in_b;
+      for (const double t : tracks.shared(a, b)) {
+        const auto pa = on_plane(rig.cameras[a].model, *tracks.at(a, t));
+        const auto pb = on_plane(rig.cameras[b].model, *tracks.at(b, t));
+        if (!pa || !pb) continue;
+        in_a.push_back(*pa);
+        in_b.push_back(*pb);
+      }
+      if (in_a.size() < 12) continue;
+      // OpenCV's RANSAC has a seed of its own: the same input gives the same answer.
+      const cv::Mat identity = cv::Mat::eye(3, 3, CV_64F);
+      cv::Mat mask, rotation, translation;
+      const cv::Mat essential =
+          cv::findEssentialMat(in_a, in_b, identity, cv::RANSAC, 0.9999, 2 * reach_px / (focal(a) + focal(b)), mask);
+      if (essential.rows != 3 || essential.cols != 3) continue;
+      const int inliers = cv::recoverPose(essential, in_a, in_b, identity, rotation, translation, mask);
+      if (inliers > best.inliers) best = {a, b, inliers, pose_of(rotation, translation)};
+    }
+  }
+  if (best.inliers < 12) {
+    throw CalibrationError(
+        "no two cameras agree on how the ball moved, so their poses cannot be found: is its colour seen on anything "
+        "else "
+        "that moves? Give approximate poses (--config with a rig), or wave for longer, through the whole volume");
+  }
+  std::vector<Rigid3d> poses(n);
+  std::vector<bool> placed(n, false);
+  poses[best.b] = best.b_from_a;
+  placed[best.a] = placed[best.b] = true;
+
+  for (std::size_t round = 2; round < n; ++round) {
+    // The next camera: the one that shares most with those that are placed.
+    std::size_t next = n;
+    std::vector<cv::Point3d> points;
+    std::vector<cv::Point2d> seen;
+    for (std::size_t c = 0; c < n; ++c) {
+      if (placed[c]) continue;
+      std::vector<cv::Point3d> here;
+      std::vector<cv::Point2d> here_seen;
+      for (const BallTracks::Point& p : tracks.of_camera[c]) {
+        const auto p_world = crossing(rig, poses, placed, tracks, p.t_s);
+        const auto plane = on_plane(rig.cameras[c].model, p.px);
+        if (!plane || !p_world) continue;
+        here.emplace_back(p_world->x(), p_world->y(), p_world->z());
+        here_seen.push_back(*plane);
+      }
+      if (here.size() > points.size()) {
+        next = c;
+        points = std::move(here);
+        seen = std::move(here_seen);
+      }
+    }
+    cv::Mat rotation_vector, translation, rotation, inliers;
+    if (next == n || points.size() < 12 ||
+        !cv::solvePnPRansac(points, seen, cv::Mat::eye(3, 3, CV_64F), cv::noArray(), rotation_vector, translation,
+                            false, 500, static_cast<float>(3 * reach_px / focal(next)), 0.999, inliers,
+                            cv::SOLVEPNP_SQPNP) ||
+        inliers.rows < 12) {
+      std::string names;
+      for (std::size_t c = 0; c < n; ++c) {
+        if (!placed[c]) names += (names.empty() ? "" : ", ") + rig.cameras[c].name;
+      }
+      throw CalibrationError(names + ": cannot be placed; wave the ball where it and two other cameras see it at once");
+    }
+    cv::Rodrigues(rotation_vector, rotation);
+    poses[next] = pose_of(rotation, translation);
+    placed[next] = true;
+  }
+  return poses;
+}
+
+}  // namespace huetrack

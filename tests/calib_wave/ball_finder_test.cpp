@@ -1,0 +1,75 @@
+#include "calib/wave/ball_finder.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "scene/scene.h"
+
+namespace huetrack {
+namespace {
+
+TargetOptions lime() {
+  TargetOptions target;
+  target.name = "lime";
+  target.color.hue_min_deg = 65, target.color.hue_max_deg = 115;
+  return target;
+}
+
+TEST(BallFinder, FindsTheBallToAFractionOfAPixel) {
+  const Scene scene = SceneBuilder{}.cameras_on_ring({.count = 2}).ball({}).build();
+  BallFinder finder(scene.rig, lime());
+  double sum = 0;
+  int count = 0;
+  for (const FrameSet& set : render(scene, {.set_count = 40})) {
+    for (const auto& frame : set.frames) {
+      const auto found = finder.look(*frame);
+      ASSERT_TRUE(found);
+      ASSERT_FALSE(found->regions.empty());
+      const auto px = scene.rig.cameras[static_cast<std::size_t>(frame->camera)].project_world(
+          scene.ball_at(0, frame->captured_at));
+      ASSERT_TRUE(px);
+      sum += (found->regions.front().centre - px->px).squaredNorm();
+      ++count;
+    }
+  }
+  EXPECT_LT(std::sqrt(sum / count), 0.3);
+}
+
+TEST(BallFinder, LeavesOutFramesThatAreOfNoUse) {
+  const Scene scene = SceneBuilder{}.cameras_on_ring({.count = 1}).ball({}).build();
+  BallFinder finder(scene.rig, lime());
+  Frame frame = *render(scene, {.set_count = 1}).front().frames.front();
+  frame.status = FrameStatus::corrupted;
+  EXPECT_FALSE(finder.look(frame));
+  EXPECT_EQ(finder.unusable_frames(), 1u);
+}
+
+ColorRegion region_at(double u, double v) {
+  ColorRegion region;
+  region.area = 30;
+  region.centre = {u, v};
+  region.spread.setIdentity();
+  return region;
+}
+
+TEST(StillRegions, AreRemovedWhereverTheyAreSeenMostOfTheTime) {
+  std::vector<BallFrame> frames;
+  for (int i = 0; i < 100; ++i) {
+    BallFrame frame{0, i / 30.0, {}};
+    if (i % 3 != 0) frame.regions.push_back(region_at(50 + 0.3 * (i % 2), 60));  // a thing of the ball's colour
+    // The ball rests for a third of the time.
+    frame.regions.push_back(i < 34 ? region_at(200, 100) : region_at(200 + 2 * (i - 34), 100 + i));
+    frames.push_back(frame);
+    frames.push_back({1, i / 30.0, {region_at(10 + 2 * i, 30)}});
+  }
+  EXPECT_EQ(remove_still_regions(frames, 2), (std::vector<int>{1, 0}));
+  for (const BallFrame& frame : frames) {
+    ASSERT_EQ(frame.regions.size(), 1u);
+    if (frame.camera == 0) {
+      EXPECT_GE(frame.regions.front().centre.x(), 200);
+    }
+  }
+}
+
+}  // namespace
+}  // namespace huetrack
