@@ -3,11 +3,14 @@
 
 packages_build="g++ cmake ninja-build pkg-config
   libeigen3-dev libyaml-cpp-dev libfmt-dev libspdlog-dev libcli11-dev
-  libsystemd-dev libcpp-httplib-dev libmicrohttpd-dev nlohmann-json3-dev libcairo2-dev fonts-dejavu-core libceres-dev libtomlplusplus-dev libopencv-dev libavformat-dev libavcodec-dev libavutil-dev libswscale-dev libjpeg62-turbo-dev
+  libsystemd-dev libmicrohttpd-dev nlohmann-json3-dev libcairo2-dev fonts-dejavu-core libceres-dev libtomlplusplus-dev libopencv-dev libavformat-dev libavcodec-dev libavutil-dev libswscale-dev libjpeg62-turbo-dev
   libfastrtps-dev libssl-dev fastddsgen default-jre-headless"
 # The page of `huetrack view` is built with node and npm: whichever are there, else Debian's.
 command -v npm >/dev/null || packages_build="$packages_build nodejs npm"
 packages_test="chromium libgtest-dev libgmock-dev libbenchmark-dev cyclonedds-dev cyclonedds-tools poppler-utils"
+
+# For the VM with real V4L2 drivers (tests/v4l2/run.sh): where its scripts are, and only then. Its tests are skipped without.
+packages_vm="qemu-system-x86 cpio xz-utils binutils make gcc-12"
 
 # install_missing PACKAGES...: installs those that are not there. Asks nothing; says what it does.
 install_missing() {

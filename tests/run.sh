@@ -15,6 +15,10 @@ fail() {
 
 # shellcheck disable=SC2086
 install_missing $packages_build $packages_test || fail "the packages could not be installed"
+if [ -d ../shared/tools/v4l2vm ]; then
+  # shellcheck disable=SC2086,SC2154
+  install_missing $packages_vm || echo "no VM, so its tests will be skipped"
+fi
 mkdir -p build
 build_huetrack "$build" ON all || fail "the build failed"
 

@@ -46,7 +46,15 @@ class Stream {
       info_.expected_frames = 0;
       return;
     }
-    reader_.emplace(camera_, threads, warnings);
+    // One of ours, killed when its first frames were listed and not yet in the file: it delivered nothing.
+    const bool is_cut_off = !camera_.received.empty() && std::filesystem::exists(camera_.frames);
+    try {
+      reader_.emplace(camera_, threads, warnings);
+    } catch (const ConfigError&) {
+      if (!is_cut_off) throw;
+      forget();
+      return;
+    }
     info_.frame_period = !camera_.timestamps.empty() ? usual_period(camera_, selection_)
                          : camera_.fps > 0           ? duration_of(static_cast<double>(camera_.every) / camera_.fps)
                                                      : camera_.every * reader_->frame_period();
@@ -66,9 +74,26 @@ class Stream {
         throw ConfigError(
             recording_file, 0,
             "cameras." + camera_.name + ": " + camera_.frames.string() + " has no time stamps: give fps or timestamps");
+      if (is_cut_off) {
+        forget();
+        return;
+      }
       throw ConfigError(camera_.frames, 0, "no frame of it can be played (frames of camera " + camera_.name + ")");
     }
     info_.first_at = waiting_.front().captured_at;
+  }
+
+  // Its file has no frame to play.
+  void forget() {
+    warnings_.push_back(camera_.frames.string() +
+                        ": nothing of it can be played: the recording was cut off at its start");
+    reader_.reset();
+    picture_.reset();
+    waiting_.clear();
+    camera_.timestamps.clear();
+    camera_.received.clear();
+    camera_.corrupted.clear();
+    info_.expected_frames = 0;
   }
 
   // The next frame, nullptr at the end.

@@ -24,13 +24,15 @@ class BoundedQueue {
     if (capacity == 0) throw std::invalid_argument("BoundedQueue: capacity must be at least 1");
   }
 
-  // False once the queue is closed: the item is not taken, and the producer may end.
-  bool push(T item) {
+  // False once the queue is closed: the item is not taken, and the producer may end. pushed_out (may be null) gets the
+  // item that was dropped for it.
+  bool push(T item, std::optional<T>* pushed_out = nullptr) {
     {
       std::unique_lock lock(mutex_);
       if (when_full_ == WhenFull::wait) {
         room_.wait(lock, [&] { return closed_ || items_.size() < capacity_; });
       } else if (!closed_ && items_.size() == capacity_) {
+        if (pushed_out) *pushed_out = std::move(items_.front());
         items_.pop_front();
         ++dropped_;
       }
@@ -51,9 +53,12 @@ class BoundedQueue {
   // As pop(), but gives up after `patience`; tell the two kinds of nullopt apart with ended().
   std::optional<T> pop_for(std::chrono::nanoseconds patience) {
     std::unique_lock lock(mutex_);
-    // wait_until on the system clock, because wait_for goes through pthread_cond_clockwait, which the ThreadSanitizer
-    // of GCC 12 does not know; a clock step only moves one wake-up.
-    arrived_.wait_until(lock, std::chrono::system_clock::now() + patience, [&] { return closed_ || !items_.empty(); });
+    const auto is_due = [&] { return closed_ || !items_.empty(); };
+#ifdef __SANITIZE_THREAD__  // that of GCC 12 does not know pthread_cond_clockwait, which wait_for stands on
+    arrived_.wait_until(lock, std::chrono::system_clock::now() + patience, is_due);
+#else
+    arrived_.wait_for(lock, patience, is_due);
+#endif
     return take(lock);
   }
 

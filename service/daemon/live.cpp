@@ -6,12 +6,14 @@
 #include <array>
 #include <cstdio>
 #include <ctime>
+#include <mutex>
 #include <set>
 #include <thread>
 
 #include "calib/model/rig_yaml.h"
 #include "capture/capture_clock.h"
 #include "daemon/metrics.h"
+#include "daemon/recorded_changes.h"
 #include "daemon/pose_file.h"
 #include "daemon/service_manager.h"
 #include "daemon/status_reporter.h"
@@ -41,9 +43,25 @@ std::string without_numbers(std::string text) {
   return text;
 }
 
-bool is_same(const TargetOptions& a, const TargetOptions& b) {
-  return a.name == b.name && a.radius_m == b.radius_m && a.color == b.color && a.camera_colors == b.camera_colors &&
-         a.ignored == b.ignored;
+// What the camera's frames will be like for a colour table, as far as it has agreed to anything yet.
+struct ExpectedPixels {
+  PixelFormat format;
+  ColorRange range;
+};
+std::optional<ExpectedPixels> expected_pixels(const LiveCamera& camera) {
+  const auto stream = camera.health().stream;
+  if (!stream) return std::nullopt;
+  switch (stream->format) {
+    case CaptureFormat::yuyv:
+      return ExpectedPixels{PixelFormat::yuyv, stream->range};
+    case CaptureFormat::nv12:
+      return ExpectedPixels{PixelFormat::nv12, stream->range};
+    case CaptureFormat::mjpeg:
+      return ExpectedPixels{PixelFormat::i422, ColorRange::full};  // or i420, which has the same table
+    case CaptureFormat::grey:
+      break;
+  }
+  return ExpectedPixels{PixelFormat::grey, stream->range};
 }
 
 // From what the cameras agreed to, else what they were asked for; known once and for all, as a track depends on it.
@@ -85,8 +103,7 @@ class LiveService {
     pipeline.when_full = WhenFull::drop_oldest;
     pipeline.threads = config.threads;
     std::vector<ObjectTracker> trackers;
-    for (const auto& target : config.targets)
-      if (options.track) trackers.emplace_back(config.rig, target, config.object_tracking);
+    for (std::size_t t = 0; t < targets_.size(); ++t) trackers.push_back(tracker_for(config, t, cameras));
     std::vector<std::unique_ptr<FrameSource>> sources;
     for (auto& camera : cameras) sources.push_back(std::move(camera.source));
     cameras_ = std::move(cameras);
@@ -96,6 +113,7 @@ class LiveService {
       capture_to_dequeue_[std::size_t(frame.camera)].add(received_at - frame.captured_at);
       if (recorder_) recorder_->offer(frame);
     };
+    outputs.left_out = [this](const FrameSet& set) { happens(set.at); };
     if (config.metrics.port) {
       metrics_.emplace(config.metrics.address, *config.metrics.port);
       spdlog::info("metrics on http://{}:{}/metrics", config.metrics.address, *config.metrics.port);
@@ -146,7 +164,6 @@ class LiveService {
       std::this_thread::sleep_for(supervision_period);
     }
     notify_service_manager("STOPPING=1\nSTATUS=Stopping");
-    if (metrics_) metrics_->stop();
     ending.request_stop();
     running.join();
     if (recorder_) recorder_->finish();
@@ -171,17 +188,26 @@ class LiveService {
 
   // The tracking thread.
   void put_out(const FrameSet& set, std::span<const ObjectEstimate> estimates, Timestamp received_at) {
+    Timestamp sent = unix_now();
     for (std::size_t t = 0; t < estimates.size(); ++t) {
-      if (publisher_) publisher_->publish(t, estimates[t], estimates[t].at, received_at);
+      if (publisher_) publisher_->publish(t, estimates[t], estimates[t].at, received_at, &sent);
       if (csv_) csv_->write(config_names_[t], estimates[t]);
       targets_[t].effective_sample_size = estimates[t].effective_sample_size;
       targets_[t].particles = estimates[t].particle_count;
       const TrackState before = targets_[t].state.exchange(estimates[t].state);
       if (estimates[t].state == TrackState::lost && before != TrackState::lost) has_lost_ = true;
     }
-    const Timestamp now = unix_now();
-    dequeue_to_publish_.add(now - received_at);
-    capture_to_publish_.add(now - set.at);
+    dequeue_to_publish_.add(sent - received_at);
+    capture_to_publish_.add(sent - set.at);
+  }
+
+  // A tracker that has its colour tables: the tracking thread would need some 50 ms for each.
+  static ObjectTracker tracker_for(const ServiceConfig& config, std::size_t target,
+                                   std::span<const LiveCamera> cameras) {
+    ObjectTracker tracker(config.rig, config.targets[target], config.object_tracking);
+    for (const auto& camera : cameras)
+      if (const auto pixels = expected_pixels(camera)) tracker.expect(camera.camera, pixels->format, pixels->range);
+    return tracker;
   }
 
   // ---- All below: the supervising thread.
@@ -197,6 +223,7 @@ class LiveService {
       if (has_lost_.exchange(false) && config_.record.on_lost) save_pre_roll("lost");
     }
     if (requests_.save.exchange(false)) save_pre_roll("signal");
+    write_changes();
     bool is_news = is_last;
     std::vector<CameraHealth> healths;
     std::vector<std::optional<CameraHealth>> by_rig(config_.rig.cameras.size());
@@ -285,7 +312,23 @@ class LiveService {
     if (has_pre_roll) return;
     const auto folder = options_.record_to.empty() ? new_folder("") : options_.record_to;
     recorder_->start(folder);
+    if (options_.track) changes_.emplace(folder);
     spdlog::info("recording to {}", folder.string());
+  }
+
+  // What a replay must repeat, into the recording; away from the tracking road.
+  void write_changes() {
+    if (!changes_) return;
+    std::vector<std::pair<Timestamp, std::string>> happened;
+    {
+      const std::scoped_lock lock(happened_mutex_);
+      happened.swap(happened_);
+    }
+    for (const auto& [at, config] : happened) config.empty() ? changes_->left_out(at) : changes_->reloaded(at, config);
+  }
+  void happens(Timestamp at, std::string config = {}) {
+    const std::scoped_lock lock(happened_mutex_);
+    if (changes_) happened_.emplace_back(at, std::move(config));
   }
 
   std::filesystem::path new_folder(const std::string& why) const {
@@ -319,6 +362,7 @@ class LiveService {
     std::vector<std::string> warnings;
     const RecorderFigures figures = recorder_->figures();
     if (figures.failure) warnings.push_back(*figures.failure);
+    if (changes_ && !changes_->failure().empty()) warnings.push_back(changes_->failure());
     std::string cameras;
     for (std::size_t c = 0; c < figures.dropped.size(); ++c)
       if (figures.dropped[c] > 0)
@@ -359,16 +403,16 @@ class LiveService {
     merged.log_level = fresh.log_level;
     merged.ignored = fresh.ignored;
     merged.control = fresh.control;
-    const auto changed = differing_keys(config_, merged);
-    const bool all = std::ranges::find(changed, "object_tracking") != changed.end();
-    std::vector<std::pair<std::size_t, ObjectTracker>> trackers;
+    Pipeline::Replacement replacement;
     std::string names;
-    for (std::size_t t = 0; t < merged.targets.size(); ++t) {
-      if (!all && is_same(merged.targets[t], config_.targets[t])) continue;
-      trackers.emplace_back(t, ObjectTracker(merged.rig, merged.targets[t], merged.object_tracking));
+    for (const auto t : targets_that_differ(config_, merged)) {
+      replacement.trackers.emplace_back(t, tracker_for(merged, t, cameras_));
       names += (names.empty() ? "" : ", ") + merged.targets[t].name;
     }
-    pipeline_->replace_trackers(std::move(trackers));
+    if (!names.empty()) {
+      replacement.done = [this, yaml = to_portable_yaml(merged)](Timestamp at) { happens(at, yaml); };
+      pipeline_->replace_trackers(std::move(replacement));
+    }
     config_ = std::move(merged);
     if (view_) view_->take_over(config_);
     reporter_.emplace(config_, "run", Duration{0});
@@ -393,6 +437,9 @@ class LiveService {
   std::optional<ViewServer> view_;
   std::optional<StatusReporter> reporter_;
   std::optional<Recorder> recorder_;
+  std::mutex happened_mutex_;
+  std::vector<std::pair<Timestamp, std::string>> happened_;  // guarded by happened_mutex_; config: a reload
+  std::optional<ChangesWriter> changes_;                     // made before any other thread is
   std::atomic<bool> has_lost_ = false;
   std::vector<LatencyHistogram> capture_to_dequeue_{config_.rig.cameras.size()};
   LatencyHistogram dequeue_to_publish_, capture_to_publish_;

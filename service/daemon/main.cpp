@@ -14,6 +14,7 @@
 #include <stop_token>
 #include <thread>
 
+#include "daemon/doctor.h"
 #include "daemon/live.h"
 #include "daemon/replay.h"
 #include "daemon/service_config.h"
@@ -143,6 +144,7 @@ void compare(const std::filesystem::path& tracks_file, const std::filesystem::pa
 
 int main(int argc, char** argv) {
   set_up_log();
+  signal(SIGXFSZ, SIG_IGN);  // a recording that meets the limit of file sizes ends with a message, the program does not
 
   CLI::App app("huetrackd: tracks coloured objects in 3-D with calibrated cameras, and publishes them over DDS");
   app.set_version_flag("--version", "huetrackd " HUETRACK_VERSION);
@@ -201,6 +203,14 @@ int main(int argc, char** argv) {
   record_command->add_option("--seconds", live.seconds, "end so long after the first frame")
       ->check(CLI::PositiveNumber);
 
+  DoctorOptions doctor_options;
+  CLI::App* doctor_command = app.add_subcommand(
+      "doctor", "examine this host's cameras, USB, permissions and network, and say what to do about what is wrong");
+  doctor_command->add_option("config", doctor_options.config, "huetrackd.yaml: examine what it says, too");
+  doctor_command->add_option("--seconds", doctor_options.seconds, "how long all cameras stream at once (3)")
+      ->check(CLI::Range(0.5, 3600.0));
+  doctor_command->add_flag("!--no-stream", doctor_options.streams, "look at the cameras without starting them");
+
   std::filesystem::path tracks_file, truth_file;
   CLI::App* compare_command =
       app.add_subcommand("compare", "hold a track CSV (of replay or of huetrack watch) to the truth");
@@ -240,6 +250,8 @@ int main(int argc, char** argv) {
   try {
     if (check_command->parsed()) {
       check(config_file);
+    } else if (doctor_command->parsed()) {
+      if (doctor(doctor_options, signals.token()) > 0) return 1;
     } else if (compare_command->parsed()) {
       compare(tracks_file, truth_file, clock_offset_s);
     } else if (teach_command->parsed()) {

@@ -1,13 +1,8 @@
 #include "daemon/metrics.h"
 
-#include <httplib.h>
-
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <mutex>
-#include <stdexcept>
-#include <thread>
 #include <utility>
 
 namespace huetrack {
@@ -134,49 +129,6 @@ std::string to_prometheus(const ServiceStatus& status, std::span<const TargetFig
   text.family("huetrack_capture_to_publish_seconds", "histogram", "from the newest capture in a set to the DDS write");
   text.histogram("", latencies.capture_to_publish);
   return text.take();
-}
-
-struct MetricsServer::Impl {
-  httplib::Server server;
-  std::mutex mutex;
-  std::string text;  // guarded by mutex
-  std::atomic<bool> has_ended = false;
-  std::jthread thread;
-};
-
-MetricsServer::MetricsServer(const std::string& address, int port) : impl_(std::make_unique<Impl>()) {
-  impl_->server.new_task_queue = [] { return new httplib::ThreadPool(1); };  // its default is eight threads and more
-  impl_->server.Get("/metrics", [this](const httplib::Request&, httplib::Response& response) {
-    const std::scoped_lock lock(impl_->mutex);
-    response.set_content(impl_->text, "text/plain; version=0.0.4");
-  });
-  if (!impl_->server.bind_to_port(address, port)) {
-    throw std::runtime_error(
-        "metrics: " + address + ":" + std::to_string(port) +
-        " cannot be listened on: another program has that port, or the address is not this host's");
-  }
-  impl_->server.set_keep_alive_max_count(1);  // a reader that stays connected would hold up our end, and others
-  impl_->server.set_keep_alive_timeout(1);    // seconds; one that says nothing, neither
-  impl_->server.set_read_timeout(std::chrono::milliseconds(300));
-  impl_->thread = std::jthread([this] {
-    impl_->server.listen_after_bind();
-    impl_->has_ended = true;
-  });
-  while (!impl_->server.is_running() && !impl_->has_ended)  // a stop() before that would be lost
-    std::this_thread::sleep_for(std::chrono::milliseconds(1));
-}
-
-MetricsServer::~MetricsServer() {
-  stop();
-}
-
-void MetricsServer::stop() {
-  impl_->server.stop();
-}
-
-void MetricsServer::show(std::string text) {
-  const std::scoped_lock lock(impl_->mutex);
-  impl_->text = std::move(text);
 }
 
 }  // namespace huetrack

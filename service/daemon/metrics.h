@@ -44,7 +44,7 @@ struct TargetFigures {
 
 struct LatencyFigures {
   std::vector<LatencyHistogram::Snapshot> capture_to_dequeue;  // per camera of the status
-  LatencyHistogram::Snapshot dequeue_to_publish;               // from the last frame of a set to its last sample
+  LatencyHistogram::Snapshot dequeue_to_publish;               // from the last frame of a set until its last native sample is sent
   LatencyHistogram::Snapshot capture_to_publish;               // from the newest capture time in a set
 };
 
@@ -57,9 +57,8 @@ class MetricsServer {
  public:
   // throws std::runtime_error when the port cannot be had, naming it.
   MetricsServer(const std::string& address, int port);
-  ~MetricsServer();
+  ~MetricsServer();  // at once, whoever is connected
   void show(std::string text);
-  void stop();  // begins what the destructor ends: that waits up to a second for a client that says nothing
 
  private:
   struct Impl;

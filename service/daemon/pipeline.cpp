@@ -2,6 +2,7 @@
 
 #include <time.h>
 
+#include <algorithm>
 #include <atomic>
 #include <barrier>
 #include <stdexcept>
@@ -147,7 +148,7 @@ void Pipeline::run(std::stop_token stop) {
   }  // joined: no more frames, whether stopped or at the end
   {
     const std::scoped_lock lock(synchronizer_mutex_);
-    while (auto set = synchronizer_.flush()) frame_sets_.push({std::move(*set), unix_now()});
+    while (auto set = synchronizer_.flush()) put_in_queue({std::move(*set), unix_now()});
     const std::scoped_lock figures_lock(figures_mutex_);
     figures_.frame_sets = synchronizer_.counters();
   }
@@ -251,7 +252,13 @@ void Pipeline::receive(Frame frame) {
     figures_.synchronise += lap;
     figures_.frame_sets = synchronizer_.counters();
   }
-  for (auto& set : sets) frame_sets_.push({std::move(set), received_at});
+  for (auto& set : sets) put_in_queue({std::move(set), received_at});
+}
+
+void Pipeline::put_in_queue(ReadySet ready) {
+  std::optional<ReadySet> pushed_out;
+  frame_sets_.push(std::move(ready), &pushed_out);
+  if (pushed_out && outputs_.left_out) outputs_.left_out(pushed_out->set);
 }
 
 PictureJob Pipeline::picture_of(FrameSet set, std::vector<ObjectEstimate> estimates) const {
@@ -272,7 +279,8 @@ void Pipeline::track() {
       figures_.tracking_round = Clock::now();
     }
     if (auto ready = frame_sets_.pop_for(std::max<Clock::duration>(next_status - Clock::now(), 0ns))) {
-      take_replacements();
+      if (std::ranges::binary_search(options_.left_out, ready->set.at)) continue;
+      take_replacements(ready->set.at);
       // Object tracking is for still cameras: a camera that moves is absent from its sets.
       FrameSet of_still_cameras = ready->set;  // images are shared
       if (tracked_camera_ >= 0) of_still_cameras.frames.at(std::size_t(tracked_camera_)).reset();
@@ -320,15 +328,17 @@ void Pipeline::note_searches() {
   figures_.searches = std::move(searches);
 }
 
-void Pipeline::replace_trackers(std::vector<std::pair<std::size_t, ObjectTracker>> replacements) {
+void Pipeline::replace_trackers(Replacement replacement) {
   const std::scoped_lock lock(replacements_mutex_);
-  for (auto& replacement : replacements) replacements_.push_back(std::move(replacement));
+  replacements_.push_back(std::move(replacement));
 }
 
-void Pipeline::take_replacements() {
+void Pipeline::take_replacements(Timestamp at) {
   const std::scoped_lock lock(replacements_mutex_);
-  for (auto& [target, tracker] : replacements_) trackers_.at(target) = std::move(tracker);
-  replacements_.clear();
+  for (; !replacements_.empty() && replacements_.front().from.value_or(at) <= at; replacements_.pop_front()) {
+    for (auto& [target, tracker] : replacements_.front().trackers) trackers_.at(target) = std::move(tracker);
+    if (replacements_.front().done) replacements_.front().done(at);
+  }
 }
 
 void Pipeline::track_camera(int camera, std::unique_ptr<CameraTracker> tracker) {

@@ -10,6 +10,7 @@
 #include <atomic>
 #include <chrono>
 #include <cstdint>
+#include <deque>
 #include <exception>
 #include <functional>
 #include <memory>
@@ -73,7 +74,9 @@ struct PipelineOptions {
   std::size_t queue_capacity = 8;  // frame sets between capture and tracking
   int threads = 1;                 // that track; the result does not depend on it
   std::optional<Pace> pace;        // nullopt: as fast as frames come
-  int pictures_every = 1;          // >= 1; every how many-th set goes to the picture output
+  std::vector<Timestamp>
+      left_out;            // ascending; sets (FrameSet::at) that are not tracked: a replay of what live dropped
+  int pictures_every = 1;  // >= 1; every how many-th set goes to the picture output
 };
 
 // What a picture of one set needs. A plain value; images are shared, not copied.
@@ -99,6 +102,8 @@ struct PipelineOutputs {
   std::function<void(const PipelineFigures&)> status;
   // Picture thread. It may be slow: replay waits for it, the estimates of the same set are out before.
   std::function<void(const PictureJob&)> pictures;
+  // Capture threads, one at a time: a set that will not be tracked, because tracking is too slow. Must be quick.
+  std::function<void(const FrameSet&)> left_out = nullptr;
   // Camera thread: a pose per frame of the tracked camera. received_at: UNIX time.
   std::function<void(const CameraEstimate&, Timestamp received_at)> camera_poses = nullptr;
   // Camera picture thread; every options.pictures_every-th frame.
@@ -131,8 +136,13 @@ class Pipeline {
 
   PipelineFigures figures() const;  // thread-safe
 
-  // From the next set on these take the place of the trackers of those targets (indices). No set is lost. thread-safe.
-  void replace_trackers(std::vector<std::pair<std::size_t, ObjectTracker>> replacements);
+  // Trackers that take the place of those of their targets.
+  struct Replacement {
+    std::vector<std::pair<std::size_t, ObjectTracker>> trackers;  // targets' indices
+    std::optional<Timestamp> from;                                // the first set (FrameSet::at); nullopt: the next one
+    std::function<void(Timestamp)> done = nullptr;  // tracking thread, before that set is tracked; its FrameSet::at
+  };
+  void replace_trackers(Replacement replacement);  // no set is lost. thread-safe
 
  private:
   struct ReadySet {
@@ -142,10 +152,11 @@ class Pipeline {
 
   void capture(FrameSource& source, std::stop_token stop);
   void receive(Frame frame);
+  void put_in_queue(ReadySet ready);  // synchronizer_mutex_ is held
   PictureJob picture_of(FrameSet set, std::vector<ObjectEstimate> estimates) const;
   void track();
   void note_searches();
-  void take_replacements();
+  void take_replacements(Timestamp at);
   void draw();
   void track_camera_frames();
   void draw_camera();
@@ -176,7 +187,7 @@ class Pipeline {
   std::uint64_t arrivals_ = 0;      // guarded by synchronizer_mutex_
 
   std::mutex replacements_mutex_;
-  std::vector<std::pair<std::size_t, ObjectTracker>> replacements_;  // guarded by replacements_mutex_
+  std::deque<Replacement> replacements_;  // guarded by replacements_mutex_
 
   mutable std::mutex figures_mutex_;  // never held while waiting
   PipelineFigures figures_;           // guarded by figures_mutex_

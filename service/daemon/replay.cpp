@@ -11,12 +11,14 @@
 #include <tuple>
 #include <utility>
 
+#include "calib/yaml/yaml_reader.h"
 #include "capture/recording.h"
 #include "capture/replay_source.h"
 #include "daemon/camera_pictures.h"
 #include "daemon/pictures.h"
 #include "daemon/pose_file.h"
 #include "daemon/progress_bar.h"
+#include "daemon/recorded_changes.h"
 #include "daemon/service_config.h"
 #include "daemon/service_manager.h"
 #include "daemon/status_reporter.h"
@@ -125,6 +127,23 @@ std::vector<std::string> early_ends(const std::vector<ReplayCamera>& cameras,
     sentences.emplace_back(text);
   }
   return sentences;
+}
+
+// throws ConfigError: a configuration that cannot be read, or has other targets.
+std::vector<Pipeline::Replacement> replacements_of(const RecordedChanges& changes, const ServiceConfig& first) {
+  std::vector<Pipeline::Replacement> replacements;
+  ServiceConfig before = first;
+  for (const auto& reload : changes.reloads) {
+    ServiceConfig after = load_service_config(reload.config);
+    if (!std::ranges::equal(after.targets, before.targets, {}, &TargetOptions::name, &TargetOptions::name))
+      throw ConfigError(reload.config, 0, "has other targets than the recording's huetrackd.yaml");
+    Pipeline::Replacement replacement{.trackers = {}, .from = reload.at};
+    for (const auto t : targets_that_differ(before, after))
+      replacement.trackers.emplace_back(t, ObjectTracker(after.rig, after.targets[t], after.object_tracking));
+    replacements.push_back(std::move(replacement));
+    before = std::move(after);
+  }
+  return replacements;
 }
 
 // Its folder's name, with the folder around it: many are named just "recording".
@@ -281,7 +300,7 @@ ReplaySummary replay(const ReplayCommand& command, std::stop_token stop) {
       }
       if (fresh.targets.size() != config.targets.size()) return "targets were added: that needs a restart";
       if (running == nullptr) return "the replay has not begun yet";
-      running.load()->replace_trackers(std::move(replacements));
+      running.load()->replace_trackers({.trackers = std::move(replacements), .from = std::nullopt});
       view->take_over(fresh);
       return "";
     };
@@ -308,9 +327,20 @@ ReplaySummary replay(const ReplayCommand& command, std::stop_token stop) {
   if (command.speed == ReplaySpeed::real)
     options.pace = Pace{started, first_at, held != nullptr ? &held->held_ns() : nullptr};
 
+  // With the configuration that lies in the recording, what happened while it was made happens again.
+  const auto folder = recording.file.parent_path();
+  RecordedChanges changes;
+  if (std::error_code none; std::filesystem::equivalent(config.file, folder / "huetrackd.yaml", none))
+    changes = read_changes(folder);
+  if (!changes.left_out.empty() || !changes.reloads.empty())
+    spdlog::info("as when it was recorded, {} sets are left out and {} reloads repeated", changes.left_out.size(),
+                 changes.reloads.size());
+  options.left_out = changes.left_out;
+
   std::vector<std::unique_ptr<FrameSource>> sources;
   sources.push_back(std::move(first_source));
   Pipeline pipeline(config.rig, std::move(sources), std::move(trackers), options, std::move(outputs));
+  for (auto& replacement : replacements_of(changes, config)) pipeline.replace_trackers(std::move(replacement));
   running = &pipeline;
   struct EndFirst {  // it calls back into the pipeline
     std::optional<ViewServer>& view;

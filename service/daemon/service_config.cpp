@@ -745,6 +745,20 @@ std::vector<std::string> differing_keys(const ServiceConfig& a, const ServiceCon
   return keys;
 }
 
+std::vector<std::size_t> targets_that_differ(const ServiceConfig& before, const ServiceConfig& after) {
+  const auto keys = differing_keys(before, after);
+  const bool all = std::ranges::find(keys, "object_tracking") != keys.end();
+  std::vector<std::size_t> targets;
+  for (std::size_t t = 0; t < after.targets.size(); ++t) {
+    const TargetOptions &a = before.targets.at(t), &b = after.targets[t];
+    const bool is_same =
+        a.name == b.name && a.radius_m == b.radius_m && a.color == b.color && a.camera_colors == b.camera_colors &&
+        a.ignored == b.ignored;
+    if (all || !is_same) targets.push_back(t);
+  }
+  return targets;
+}
+
 std::vector<std::string> warnings_of(const ServiceConfig& config) {
   std::vector<std::string> warnings;
   for (const auto& camera : config.rig.cameras) {

@@ -99,6 +99,10 @@ std::string to_portable_yaml(const ServiceConfig& config);
 // Of what to_yaml() says but the rig's path: FNV-1a 64 as 16 hex digits. Published in the status sample.
 std::string config_identity(const ServiceConfig& config);
 
+// The targets, as indices, that have to be searched for anew when `after` takes the place of `before`: those whose
+// options differ, or all. The configurations have the same targets.
+std::vector<std::size_t> targets_that_differ(const ServiceConfig& before, const ServiceConfig& after);
+
 // The keys of the first level whose values differ, in the order of to_yaml(); "rig" too when the rigs themselves do.
 std::vector<std::string> differing_keys(const ServiceConfig& a, const ServiceConfig& b);
 

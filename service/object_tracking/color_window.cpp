@@ -60,6 +60,7 @@ void MatchBits::ignore(const std::vector<PixelBox>& boxes) {
 
 void MatchBits::look_at(const Image& image, const ColorTable& table) {
   image_ = image;
+  image_.owner.reset();                  // a camera's buffer is not kept until its next frame comes, if ever
   bytes_per_pixel_ = image.format == PixelFormat::yuyv ? 2 : image.format == PixelFormat::bgr ? 3 : 1;
   table_ = &table;
   if (++frame_ == 0) {                    // after 2^32 frames the stamps would come round again

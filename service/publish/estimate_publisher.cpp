@@ -11,6 +11,7 @@
 #include <shared_mutex>
 #include <stdexcept>
 
+#include "capture/capture_clock.h"
 #include "idl/dds_participant.h"
 #include "idl/huetrackPubSubTypes.h"
 #include "idl/ros2_messagesPubSubTypes.h"
@@ -312,10 +313,23 @@ std::vector<std::string> EstimatePublisher::check(const EstimatePublisherOptions
   return huetrack::check(participant_options(options));
 }
 
+EstimatePublisher::Bus EstimatePublisher::bus(const EstimatePublisherOptions& options) {
+  Bus bus{.domain = resolve_domain(options.domain), .interfaces = {}};
+  for (const auto& interface : network_interfaces()) {
+    const bool is_loopback = interface.address.starts_with("127.");
+    const bool is_named = std::ranges::any_of(options.interfaces, [&](const std::string& wanted) {
+      return wanted == interface.name || wanted == interface.address;
+    });
+    if (options.interfaces.empty() || is_loopback || is_named)
+      bus.interfaces.push_back(interface.name + " " + interface.address);
+  }
+  return bus;
+}
+
 EstimatePublisher::~EstimatePublisher() = default;
 
 bool EstimatePublisher::publish(std::size_t target, const ObjectEstimate& estimate, Timestamp captured,
-                                Timestamp received) noexcept {
+                                Timestamp received, Timestamp* sent) noexcept {
   assert(target < impl_->targets.size());
   assert(estimate.per_view.empty() || estimate.per_view.size() == impl_->options.cameras.size());
   Impl::Target& to = impl_->targets[target];
@@ -324,6 +338,7 @@ bool EstimatePublisher::publish(std::size_t target, const ObjectEstimate& estima
   Connection& bus = *impl_->connection;
   to.position.published_at(unix_ns(std::chrono::system_clock::now()));
   bool ok = bus.position.write(&to.position);
+  if (sent != nullptr) *sent = unix_now();
   if (ok) ++impl_->published;
   if (impl_->options.ros2 && estimate.has_position()) {
     to_ros(estimate, captured, impl_->options.frame_id, to.pose);

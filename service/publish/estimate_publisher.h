@@ -37,6 +37,13 @@ class EstimatePublisher {
   // Whether the bus can be joined so, without joining it: throws std::invalid_argument as the constructor does. What may
   // be right on another host, an interface that this one lacks, is returned, one sentence each.
   static std::vector<std::string> check(const EstimatePublisherOptions& options);
+  // The domain, and the network interfaces of this host that would be used: "eth0 192.168.0.5". Those that the options
+  // name, or all. throws std::invalid_argument: a domain that is wrong.
+  struct Bus {
+    int domain = 0;
+    std::vector<std::string> interfaces;
+  };
+  static Bus bus(const EstimatePublisherOptions& options);
   ~EstimatePublisher();  // leaves the bus: subscribers see it within 50 ms
 
   // Writes one native sample, in every state, and the ROS 2 messages while there is a position: never a stale or a zero
@@ -45,8 +52,10 @@ class EstimatePublisher {
   //   estimate   per_view is empty or has one entry per camera
   //   captured   capture time, UNIX (a replay adds its clock offset to estimate.at)
   //   received   when the last frame of the set had arrived, UNIX
+  //   sent       out, may be null: when the native sample had been sent, by unix_now(); its ROS 2 copies follow
   // false, and counters().failures is one more, when something could not be written.
-  bool publish(std::size_t target, const ObjectEstimate& estimate, Timestamp captured, Timestamp received) noexcept;
+  bool publish(std::size_t target, const ObjectEstimate& estimate, Timestamp captured, Timestamp received,
+               Timestamp* sent = nullptr) noexcept;
 
   // The same for the pose of options.tracked_camera: in every state natively, for ROS 2 while there is a pose.
   bool publish(const CameraEstimate& estimate, Timestamp captured, Timestamp received) noexcept;

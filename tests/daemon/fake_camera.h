@@ -27,6 +27,11 @@ class FakeCamera {
     state_->start = start;
     state_->goes_silent = goes_silent;
     state_->health.last_progress = std::chrono::steady_clock::now();
+    if (!state_->frames.empty()) {
+      const Image& image = state_->frames.front().pixels;
+      state_->health.stream =
+          StreamFormat{.width = image.width, .height = image.height, .stride = 0, .fps = 30, .range = image.range};
+    }
   }
 
   LiveCamera live() const {

@@ -4,11 +4,13 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <atomic>
 #include <filesystem>
 #include <fstream>
 #include <sstream>
 
 #include "daemon/fake_camera.h"
+#include "daemon/recorded_changes.h"
 #include "daemon/replay.h"
 #include "daemon/track_csv.h"
 
@@ -90,13 +92,14 @@ TEST_F(Live, TracksInRealTimeAndSaysSo) {
 
 TEST_F(Live, AStopEndsItWithinASecondEvenWhenNoFrameComes) {
   std::stop_source stop;
+  std::atomic<std::chrono::steady_clock::time_point> asked;
   std::jthread stopper([&] {
-    std::this_thread::sleep_for(400ms);
+    std::this_thread::sleep_for(1500ms);
+    asked = std::chrono::steady_clock::now();
     stop.request_stop();
   });
-  const auto start = std::chrono::steady_clock::now();
   const LiveSummary summary = run_live(config_, cameras(3, true), options_, requests_, stop.get_token());
-  EXPECT_LT(std::chrono::steady_clock::now() - start, 2s);
+  EXPECT_LT(std::chrono::steady_clock::now() - asked.load(), 1s);
   EXPECT_EQ(summary.status.cameras.at(0).frames, 3u);
   EXPECT_EQ(summary.status.cameras.at(0).health, CameraStatus::Health::delivering);
 }
@@ -119,7 +122,8 @@ TEST_F(Live, AReloadChangesTheColourAndLosesNoFrame) {
   });
   const LiveSummary summary = run_live(config_, cameras(60), options_, requests_, {});
   const auto track = read_track_csv(options_.tracks).at("lime");
-  EXPECT_EQ(track.size(), summary.figures.frame_sets.sets);
+  EXPECT_EQ(track.size() + summary.figures.sets_dropped, summary.figures.frame_sets.sets);
+  EXPECT_LT(summary.figures.sets_dropped, 10u);  // none, but on a machine that stands still for a third of a second
   EXPECT_EQ(track.at(15).state, TrackState::tracking);
   EXPECT_EQ(track.back().state, TrackState::searching);
   EXPECT_EQ(summary.figures.cameras[0].frames, 60u);
@@ -143,7 +147,6 @@ TEST_F(Live, ARecordingReplaysToTheSameTrackByteForByte) {
   rewrite("65, 115", "record: {folder: " + (folder_ / "recordings").string() + ", always: true, queue_frames: 100}\n");
   config_ = load_service_config(folder_ / "c.yaml");
   const LiveSummary summary = run_live(config_, cameras(60), options_, requests_, {});
-  ASSERT_EQ(summary.figures.sets_dropped, 0u);
   ASSERT_EQ(summary.recorded.cameras.size(), 2u);
   EXPECT_EQ(summary.recorded.cameras[0].frames, 60u);
   EXPECT_THAT(summary.recorded.dropped, testing::ElementsAre(0, 0));
@@ -155,6 +158,27 @@ TEST_F(Live, ARecordingReplaysToTheSameTrackByteForByte) {
   EXPECT_GT(std::ranges::count(live, '\n'), 50);
   EXPECT_THAT(live, HasSubstr("tracking"));
   EXPECT_EQ(replayed(recordings[0]), live);
+}
+
+TEST_F(Live, AReplayRepeatsTheReloads) {
+  rewrite("65, 115", "record: {folder: " + (folder_ / "recordings").string() + ", always: true, queue_frames: 100}\n");
+  config_ = load_service_config(folder_ / "c.yaml");
+  std::jthread reloader([&] {
+    for (const char* hue : {"240, 250", "60, 120"}) {
+      std::this_thread::sleep_for(600ms);
+      rewrite(hue, "object_tracking: {seed: 3}\n");
+      requests_.reload = true;
+    }
+  });
+  run_live(config_, cameras(75), options_, requests_, {});
+  const auto recording = folders_in(folder_ / "recordings").at(0);
+  const RecordedChanges changes = read_changes(recording);
+  EXPECT_EQ(changes.reloads.size(), 2u);
+  const std::string live = contents(options_.tracks);
+  const auto track = read_track_csv(options_.tracks).at("lime");
+  EXPECT_GT(std::ranges::count(track, TrackState::searching, &ObjectEstimate::state), 10);
+  EXPECT_EQ(track.back().state, TrackState::tracking);
+  EXPECT_TRUE(replayed(recording) == live);
 }
 
 TEST_F(Live, RecordWithoutTrackingReplays) {
@@ -175,10 +199,10 @@ TEST_F(Live, SavesThePreRollOnRequest) {
   rewrite("65, 115", "record: {folder: " + (folder_ / "recordings").string() + ", pre_roll_s: 0.5, after_s: 0.3}\n");
   config_ = load_service_config(folder_ / "c.yaml");
   std::jthread user([&] {
-    std::this_thread::sleep_for(1000ms);
+    std::this_thread::sleep_for(1400ms);
     requests_.save = true;
   });
-  run_live(config_, cameras(60), options_, requests_, {});
+  run_live(config_, cameras(75), options_, requests_, {});
   const auto recordings = folders_in(folder_ / "recordings");
   ASSERT_EQ(recordings.size(), 1u);
   EXPECT_THAT(recordings[0].filename().string(), testing::EndsWith("Z-signal"));
@@ -190,7 +214,7 @@ TEST_F(Live, SavesThePreRollOnRequest) {
     if (frame->camera == 1) ++frames[1];
   }
   EXPECT_GT(first, 3u);      // not from the start on
-  EXPECT_LT(first, 40u);     // but from before the request
+  EXPECT_LT(first, 50u);     // but from before the request
   EXPECT_GT(frames[0], 15);  // half a second and what came after
   EXPECT_LT(frames[0], 45);
   EXPECT_GT(frames[1], 15);

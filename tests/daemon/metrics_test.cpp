@@ -1,16 +1,19 @@
 #include "daemon/metrics.h"
 
-#include <arpa/inet.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <netinet/in.h>
-#include <sys/socket.h>
 #include <unistd.h>
+
+#include <memory>
+
+#include "end_to_end/http.h"
 
 namespace huetrack {
 namespace {
 
 using namespace std::chrono_literals;
+using testing::AllOf;
+using testing::EndsWith;
 using testing::HasSubstr;
 
 TEST(LatencyHistogram, PutsABoundIntoTheBucketThatItEnds) {
@@ -73,46 +76,53 @@ TEST(ToPrometheus, HasEveryFigureOnce) {
   }
 }
 
-// What a reader gets; empty when nobody listens.
-std::string get(int port) {
-  const int fd = ::socket(AF_INET, SOCK_STREAM, 0);
-  sockaddr_in to{};
-  to.sin_family = AF_INET;
-  to.sin_port = htons(static_cast<std::uint16_t>(port));
-  ::inet_pton(AF_INET, "127.0.0.1", &to.sin_addr);
-  std::string answer;
-  if (::connect(fd, reinterpret_cast<const sockaddr*>(&to), sizeof to) == 0) {
-    const std::string request = "GET /metrics HTTP/1.1\r\nHost: x\r\nConnection: close\r\n\r\n";
-    EXPECT_EQ(::send(fd, request.data(), request.size(), 0), ssize_t(request.size()));
-    char buffer[4096];
-    for (ssize_t n; (n = ::recv(fd, buffer, sizeof buffer, 0)) > 0;) answer.append(buffer, std::size_t(n));
-  }
-  ::close(fd);
-  return answer;
+class Server : public testing::Test {
+ protected:
+  const int port = 20000 + 2 * (::getpid() % 6000);
+  MetricsServer server{"127.0.0.1", port};
+};
+
+TEST_F(Server, AnswersWithTheLatestText) {
+  server.show("a 1\n");
+  EXPECT_THAT(
+      http_get(port, "/metrics").value(),
+      AllOf(HasSubstr("HTTP/1.1 200 OK\r\n"), HasSubstr("\r\nContent-Length: 4\r\n"), EndsWith("\r\n\r\na 1\n")));
+  const std::string long_text(3'000'000, 'x');  // more than a socket takes at once
+  server.show(long_text);
+  EXPECT_THAT(http_get(port, "/metrics").value(), EndsWith("\r\n\r\n" + long_text));
+  EXPECT_THAT(http_get(port, "/").value(), HasSubstr("404"));
+  const Connection poster(port);
+  poster.send("POST /metrics HTTP/1.1\r\n\r\n");
+  EXPECT_THAT(poster.receive(), HasSubstr("405"));
+  const Connection talker(port);  // in pieces, and never to the point
+  for (int i = 0; i < 20; ++i) talker.send(std::string(1000, 'y'));
+  EXPECT_EQ(talker.receive(), "");
 }
 
-TEST(MetricsServer, AnswersWithTheLatestTextAndEndsSoon) {
-  const int port = 20000 + ::getpid() % 20000;
-  {
-    auto server = std::make_unique<MetricsServer>("127.0.0.1", port);
-    server->show("a 1\n");
-    EXPECT_THAT(get(port), HasSubstr("\r\n\r\na 1\n"));
-    server->show("a 2\n");
-    EXPECT_THAT(get(port), HasSubstr("a 2\n"));
-    const int idle = ::socket(AF_INET, SOCK_STREAM, 0);  // says nothing
-    sockaddr_in to{};
-    to.sin_family = AF_INET;
-    to.sin_port = htons(static_cast<std::uint16_t>(port));
-    ::inet_pton(AF_INET, "127.0.0.1", &to.sin_addr);
-    ASSERT_EQ(::connect(idle, reinterpret_cast<const sockaddr*>(&to), sizeof to), 0);
-    EXPECT_THAT([&] { MetricsServer("192.0.2.77", port); },
-                testing::ThrowsMessage<std::runtime_error>(HasSubstr("192.0.2.77:" + std::to_string(port))));
-    const auto start = std::chrono::steady_clock::now();
-    server.reset();
-    EXPECT_LT(std::chrono::steady_clock::now() - start, 2s);
-    ::close(idle);
-  }
-  EXPECT_EQ(get(port), "");
+TEST_F(Server, ASilentClientHoldsUpNobodyAndNoEnd) {
+  server.show("a 1\n");
+  std::vector<std::unique_ptr<Connection>> silent;
+  for (int i = 0; i < 5; ++i) silent.push_back(std::make_unique<Connection>(port));
+  const auto start = std::chrono::steady_clock::now();
+  EXPECT_THAT(http_get(port, "/metrics").value(), EndsWith("a 1\n"));
+  EXPECT_LT(std::chrono::steady_clock::now() - start, 1s);
+  EXPECT_EQ(silent[0]->receive(), "") << "it is sent away";
+  EXPECT_LT(std::chrono::steady_clock::now() - start, 4s);
+
+  auto other = std::make_unique<MetricsServer>("127.0.0.1", port + 1);
+  const Connection says_nothing(port + 1);
+  ASSERT_TRUE(says_nothing.is_open());
+  const auto asked = std::chrono::steady_clock::now();
+  other.reset();
+  EXPECT_LT(std::chrono::steady_clock::now() - asked, 500ms);
+  EXPECT_EQ(http_get(port + 1, "/metrics"), std::nullopt);
+}
+
+TEST_F(Server, APortThatCannotBeHadIsNamed) {
+  const auto says = [](const std::string& what) { return testing::ThrowsMessage<std::runtime_error>(HasSubstr(what)); };
+  EXPECT_THAT([&] { MetricsServer("127.0.0.1", port); }, says("127.0.0.1:" + std::to_string(port)));
+  EXPECT_THAT([&] { MetricsServer("192.0.2.77", port); }, says("192.0.2.77:" + std::to_string(port)));
+  EXPECT_THAT([&] { MetricsServer("nowhere.invalid", port); }, says("nowhere.invalid"));
 }
 
 }  // namespace

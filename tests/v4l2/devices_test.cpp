@@ -1,14 +1,9 @@
 // V4l2Device, V4l2Source and RecordingWriter against real V4L2 drivers. Runs as root in the VM that tests/v4l2/run.sh
 // boots: v4l2loopback (a known film at known times), vivid (a driver that fails on demand), and uvcvideo with emulated
 // USB cameras (what webcams use). Elsewhere everything is skipped.
-#include <fcntl.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <signal.h>
-#include <sys/wait.h>
-#include <unistd.h>
 
-#include <cstdlib>
 #include <cstring>
 #include <deque>
 #include <random>
@@ -21,6 +16,7 @@
 #include "capture/replay_source.h"
 #include "capture/v4l2_source.h"
 #include "daemon/bounded_queue.h"
+#include "v4l2/vm.h"
 
 namespace huetrack {
 namespace {
@@ -38,60 +34,6 @@ using testing::Field;
 using testing::HasSubstr;
 using testing::IsEmpty;
 using testing::Not;
-
-bool is_in_vm() {
-  return std::getenv("V4L2VM") != nullptr;
-}
-#define SKIP_OUTSIDE_VM() \
-  if (!is_in_vm()) GTEST_SKIP() << "needs the VM: run tests/v4l2/run.sh"
-
-// A program of the VM's tools, killed when this goes.
-class Program {
- public:
-  explicit Program(std::vector<std::string> words) {
-    std::vector<char*> arguments;
-    for (auto& word : words) arguments.push_back(word.data());
-    arguments.push_back(nullptr);
-    pid_ = ::fork();
-    if (pid_ == 0) {
-      ::execv(arguments[0], arguments.data());
-      ::_exit(127);
-    }
-  }
-  ~Program() { end(); }
-  Program(const Program&) = delete;
-  Program& operator=(const Program&) = delete;
-  void end() {
-    if (pid_ <= 0) return;
-    ::kill(pid_, SIGKILL);
-    ::waitpid(pid_, nullptr, 0);
-    pid_ = -1;
-  }
-
- private:
-  pid_t pid_ = -1;
-};
-
-std::string tool(const std::string& name) {
-  return std::string(std::getenv("HUETRACK_V4L2_TOOLS")) + "/" + name;
-}
-
-template <typename Condition>
-bool comes_true(Condition condition, std::chrono::milliseconds patience = 20s) {
-  const auto end = std::chrono::steady_clock::now() + patience;
-  while (!condition()) {
-    if (std::chrono::steady_clock::now() > end) return false;
-    std::this_thread::sleep_for(20ms);
-  }
-  return true;
-}
-
-fs::path node_of(const std::string& driver, int number = 0) {
-  for (const auto& node : list_v4l2_nodes())
-    if (node.identity.driver == driver && (node.is_capture || driver == "v4l2 loopback") && number-- == 0)
-      return node.identity.node;
-  return {};
-}
 
 // Reads a source for a while.
 struct Take {

@@ -1,37 +1,71 @@
 #!/bin/bash
-# Runs the test of the V4L2 devices in a small VM that has some: v4l2loopback, vivid, and USB cameras through uvcvideo.
-#   tests/v4l2/run.sh [PROGRAM [GTEST_ARGUMENTS...]]     PROGRAM: v4l2_devices_test of a build (default build/release)
-# The VM's scripts are looked for in ../shared/tools/v4l2vm (V4L2VM says otherwise); its files are cached in
-# $V4L2VM_CACHE (default ~/.cache/v4l2vm). Exit status 77: skipped, because the VM cannot be had here.
+# Tests the capture and the whole daemon in a small VM with real V4L2 drivers: v4l2loopback, vivid, and USB cameras through
+# uvcvideo.
+#   tests/v4l2/run.sh [--all | --short] [BUILD [GTEST_ARGUMENTS...]]
+# --all (the default) takes minutes; --short is what ctest and the CI run. BUILD: where v4l2_devices_test and
+# v4l2_daemon_test were built (default build/release). The VM's scripts are looked for in ../shared/tools/v4l2vm (V4L2VM_DIR
+# says otherwise); its files are cached in $V4L2VM_CACHE (default ~/.cache/v4l2vm). Exit status 77: skipped, because the VM
+# cannot be had here.
 set -euo pipefail
 root=$(cd "$(dirname "$0")/../.." && pwd)
 vm=${V4L2VM_DIR:-$root/../shared/tools/v4l2vm}
-program=${1:-$root/build/release/tests/v4l2/v4l2_devices_test}
+filter='*'
+case ${1:-} in
+  --all) shift ;;
+  --off)
+    echo "SKIPPED: configure with -DHUETRACK_VM_TESTS=short or all, or run tests/v4l2/run.sh"
+    exit 77
+    ;;
+  --short)
+    filter='Loopback.FramesAreBitExact*:Uvc.ManualValues*:Uvc.UnplugAnotherAndReplug:Vivid.FlaggedFrames*:Rendered/Films.*/two_cams:Webcams.TheTrack*:Webcams.Doctor*:Faults.*'
+    shift
+    ;;
+esac
+build=$(realpath "${1:-$root/build/release}")
 shift || true
 
 skip() {
   echo "SKIPPED: $1"
   exit 77
 }
-[ "${HUETRACK_VM_TESTS:-1}" != 0 ] || skip "configure with -DHUETRACK_VM_TESTS=ON, or run tests/v4l2/run.sh"
 [ -x "$vm/v4l2vm.sh" ] || skip "no VM in $vm"
-command -v qemu-system-x86_64 >/dev/null || skip "no qemu: apt-get install --no-install-recommends qemu-system-x86 cpio xz-utils binutils make gcc-12"
-[ -x "$program" ] || { echo "$program: not built (cmake --build BUILD --target v4l2_devices_test)" >&2; exit 1; }
+for program in qemu-system-x86_64 cpio xz strip make gcc-12; do
+  command -v "$program" >/dev/null ||
+    skip "no $program: apt-get install --no-install-recommends qemu-system-x86 cpio xz-utils binutils make gcc-12"
+done
+for test in devices daemon; do
+  [ -x "$build/tests/v4l2/v4l2_${test}_test" ] || {
+    echo "$build/tests/v4l2/v4l2_${test}_test: not built (cmake --build $build --target v4l2_${test}_test)" >&2
+    exit 1
+  }
+done
 
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 tools=$work/tools
 mkdir "$tools"
-for tool in v4l2play uvccam; do gcc -O2 -w -pthread -o "$tools/$tool" "$vm/tools/$tool.c"; done
+gcc-12 -O2 -w -pthread -o "$tools/v4l2play" "$vm/tools/v4l2play.c"
+# cameras of several programs: each in a port of its own, and with its number
+sed -e 's/"EMU%04d", c->i/"EMU%04d", c->i + PORT/' -e 's/"%d %d %d %d", n, sv/"%d %d %d %d", n + PORT, sv/' \
+  "$vm/tools/uvccam.c" >"$work/uvccam.c"
+[ "$(grep -c PORT "$work/uvccam.c")" = 2 ] || { echo "$vm/tools/uvccam.c is not the one that this was written for" >&2; exit 1; }
+uvccam() { gcc-12 -O2 -w -pthread '-DPORT=(getenv("UVCCAM_PORT") ? atoi(getenv("UVCCAM_PORT")) : 0)' -o "$tools/$1" "$work/$1.c"; }
+uvccam uvccam
 # the same camera with another serial number: another one in its port
-sed 's/EMU%04d/XMU%04d/' "$vm/tools/uvccam.c" >"$work/uvccam_other.c"
-gcc -O2 -w -pthread -o "$tools/uvccam_other" "$work/uvccam_other.c"
+sed 's/EMU%04d/XMU%04d/' "$work/uvccam.c" >"$work/uvccam_other.c"
+uvccam uvccam_other
 
 "$vm/v4l2vm.sh" --prepare || skip "the VM cannot be prepared (see above)"
 start=$SECONDS
 status=0
-"$vm/v4l2vm.sh" --vivid 2 --loopback 1 --uvc --timeout 280 --out "$work/out" --env "HUETRACK_V4L2_TOOLS=$tools" \
-  --env "ASAN_OPTIONS=${ASAN_OPTIONS:-}" -- "$(realpath "$program")" --gtest_color=no "$@" || status=$?
+# shellcheck disable=SC2016
+"$vm/v4l2vm.sh" --vivid 2 --loopback 3 --uvc --timeout 600 --out "$work/out" --env "HUETRACK_V4L2_TOOLS=$tools" \
+  --env "ASAN_OPTIONS=${ASAN_OPTIONS:-}" -- \
+  sh -c 'cd /tmp; ip link set lo up 2>/dev/null; build=$1; filter=$2; shift 2; status=0
+    for test in devices daemon; do
+      "$build/tests/v4l2/v4l2_${test}_test" --gtest_color=no --gtest_filter="$filter" "$@" || status=1
+    done
+    exit $status' sh "$build" "$filter" "$@" || status=$?
 [ "$status" = 0 ] || tail -15 "$work/out/console.log"
 echo "v4l2/run.sh: $((SECONDS - start)) s in the VM, status $status"
 exit "$status"

@@ -1,0 +1,186 @@
+#include "daemon/doctor.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+namespace huetrack {
+namespace {
+
+using testing::AllOf;
+using testing::Contains;
+using testing::Field;
+using testing::HasSubstr;
+using testing::IsEmpty;
+using testing::Not;
+
+auto says(Verdict verdict, const std::string& what) {
+  return Contains(AllOf(Field(&Finding::verdict, verdict), Field(&Finding::what, HasSubstr(what))));
+}
+auto advises(const std::string& advice) {
+  return Contains(Field(&Finding::advice, HasSubstr(advice)));
+}
+
+OfferedFormat yuyv() {
+  return {.fourcc = 0x56595559,
+          .description = "YUYV 4:2:2",
+          .format = CaptureFormat::yuyv,
+          .sizes = {{640, 480, 640, 480, {30, 15}}, {1280, 720, 1280, 720, {10}}}};
+}
+
+Control control(const std::string& name, std::int64_t value) {
+  Control control;
+  control.name = name;
+  control.max = 100;
+  control.value = value;
+  return control;
+}
+
+// A webcam with nothing to complain of.
+CameraExam healthy(const std::string& name = "left", int bus = 1) {
+  CameraExam exam;
+  exam.name = name;
+  exam.node.identity.node = "/dev/video0";
+  exam.node.identity.driver = "uvcvideo";
+  exam.node.identity.usb = UsbPlace{.port = "1-2", .bus = bus, .speed_mbps = 480, .id = "046d:0825", .serial = "A1"};
+  exam.node.identity.by_path = {"/dev/v4l/by-path/pci-usb-0:2:1.0-video-index0"};
+  exam.node.identity.by_id = {"/dev/v4l/by-id/usb-A1-video-index0"};
+  exam.node.is_capture = true;
+  exam.asked_fps = 30;
+  exam.formats = {yuyv()};
+  StreamTrial trial;
+  trial.agreed = {.format = CaptureFormat::yuyv, .width = 640, .height = 480, .stride = 1280, .fps = 30};
+  trial.frames = 91;
+  trial.seconds = 3;
+  trial.bytes = 91ull * 640 * 480 * 2;
+  trial.longest_gap_s = 0.034;
+  trial.mean_age_s = 0.012;
+  trial.stamp = StampKind::start_of_exposure;
+  exam.trial = trial;
+  return exam;
+}
+
+TEST(JudgeCamera, AHealthyOneIsAllRight) {
+  const auto findings = judge_camera(healthy(), true);
+  for (const auto& finding : findings)
+    EXPECT_TRUE(finding.verdict == Verdict::ok || finding.what == "no controls") << finding.what;
+  EXPECT_THAT(findings, says(Verdict::ok, "by path (the port): /dev/v4l/by-path/pci-usb-0:2:1.0-video-index0"));
+  EXPECT_THAT(findings, says(Verdict::ok, "by id (the camera): /dev/v4l/by-id/usb-A1-video-index0"));
+  EXPECT_THAT(findings, says(Verdict::ok, "yuyv: 640x480@30/15, 1280x720@10"));
+  EXPECT_THAT(findings, says(Verdict::ok, "yuyv 640x480: 30.0 frames/s reached of 30 over 3.0 s, longest gap 34 ms"));
+  EXPECT_THAT(findings, says(Verdict::ok, "no frame of 91 dropped or damaged"));
+  EXPECT_THAT(findings, says(Verdict::ok, "time stamps: start of exposure, 12.0 ms"));
+}
+
+TEST(JudgeCamera, ARateThatIsNotReachedNamesItsCauses) {
+  CameraExam dark = healthy();
+  dark.trial->frames = 46;
+  const auto findings = judge_camera(dark, true);
+  EXPECT_THAT(findings, says(Verdict::warning, "15.0 frames/s reached of 30"));
+  EXPECT_THAT(findings, advises("exposure_time_absolute below the frame period"));
+}
+
+TEST(JudgeCamera, DropsDamageAndStampsAreSaid) {
+  CameraExam poor = healthy();
+  poor.trial->dropped = 3;
+  poor.trial->corrupted = 2;
+  poor.trial->stamp = StampKind::dequeued;
+  auto findings = judge_camera(poor, true);
+  EXPECT_THAT(findings, says(Verdict::warning, "3 frames dropped, 2 damaged of 94"));
+  EXPECT_THAT(findings, says(Verdict::warning, "the driver gives none"));
+  poor.trial->stamp = StampKind::end_of_frame;
+  EXPECT_THAT(judge_camera(poor, true), says(Verdict::note, "time stamps: end of frame"));
+  poor.trial->mean_age_s = -0.02;
+  EXPECT_THAT(judge_camera(poor, true), says(Verdict::warning, "they lie in the future"));
+  poor.trial->frames = 0;
+  poor.trial->failure = "no frame came";
+  findings = judge_camera(poor, true);
+  EXPECT_THAT(findings, says(Verdict::problem, "yuyv 640x480: no frame came"));
+}
+
+TEST(JudgeCamera, ControlsThatDidNotStick) {
+  CameraExam exam = healthy();
+  exam.controls = {control("auto_exposure", 3), control("gain", 0), control("sharpness", 2)};
+  exam.configured = {{"gain", "30", 30, "", false},
+                     {"exposure_time_absolute", "100", 157, "the camera refuses it", false},
+                     {"white_balance_temperature", "4600", 4600, "", false}};
+  exam.stayed = {{"gain", "30", 30, "", false},
+                 {"white_balance_temperature", "4600", 5000, "it did not stay so while the camera streamed", false}};
+  const auto findings = judge_camera(exam, true);
+  EXPECT_THAT(findings, says(Verdict::ok, "controls of the configuration that stuck: gain 30"));
+  EXPECT_THAT(findings, says(Verdict::warning, "exposure_time_absolute: asked 100, got 157: the camera refuses it"));
+  EXPECT_THAT(findings, says(Verdict::warning, "white_balance_temperature: asked 4600, got 5000: it did not stay"));
+  EXPECT_THAT(findings, says(Verdict::warning, "exposure is automatic"));
+  EXPECT_THAT(findings, says(Verdict::ok, "other controls: auto_exposure, sharpness"));
+}
+
+TEST(JudgeCamera, PermissionsAndBusyCamerasSayWhatToDo) {
+  CameraExam exam = healthy();
+  exam.trial.reset();
+  exam.node.problem = "/dev/video0: Permission denied: " + advice_for(EACCES);
+  EXPECT_THAT(judge_camera(exam, true), says(Verdict::problem, "group video"));
+  EXPECT_THAT(judge_camera(exam, false), Not(says(Verdict::problem, "")));
+  exam.node.problem.clear();
+  exam.problem = "/dev/video0: Device or resource busy: " + advice_for(EBUSY);
+  EXPECT_THAT(judge_camera(exam, true), says(Verdict::warning, "another program uses it"));
+  EXPECT_THAT(judge_camera(exam, true), advises("systemctl stop huetrackd"));
+  exam.problem = "/dev/video0: No space left on device: " + advice_for(ENOSPC);
+  EXPECT_THAT(judge_camera(exam, true), says(Verdict::problem, "USB bandwidth, not the disk"));
+}
+
+TEST(JudgeCamera, WithoutStableNamesItWarns) {
+  CameraExam exam = healthy();
+  exam.node.identity.by_path.clear();
+  exam.node.identity.by_id.clear();
+  EXPECT_THAT(judge_camera(exam, true), says(Verdict::warning, "no name in /dev/v4l/by-path"));
+  EXPECT_THAT(judge_camera(exam, true), says(Verdict::note, "no serial number"));
+}
+
+TEST(JudgeUsb, AddsUpWhatCamerasOfABusWant) {
+  // 640 x 480 x 2 bytes x 8 bits x 30.0 = 147 Mbit/s each
+  std::vector<CameraExam> exams{healthy("left"), healthy("right")};
+  auto findings = judge_usb(exams, {{1, 480}});
+  ASSERT_EQ(findings.size(), 1u);
+  EXPECT_EQ(findings[0].verdict, Verdict::warning);
+  EXPECT_THAT(findings[0].what, HasSubstr("bus 1, 480 Mbit/s: left (video0) in port 1-2 147 Mbit/s, right"));
+  EXPECT_THAT(findings[0].what, HasSubstr("together 295 of the 384 Mbit/s"));
+  exams.push_back(healthy("back"));
+  EXPECT_EQ(judge_usb(exams, {{1, 480}})[0].verdict, Verdict::problem);
+  exams[1] = healthy("right", 2);
+  exams[2] = healthy("back", 3);
+  findings = judge_usb(exams, {{1, 480}, {2, 480}, {3, 5000}});
+  ASSERT_EQ(findings.size(), 3u);
+  for (const auto& finding : findings) EXPECT_EQ(finding.verdict, Verdict::ok);
+  exams[0].node.identity.usb->speed_mbps = 12;
+  EXPECT_THAT(judge_usb(exams, {}), says(Verdict::problem, "left (video0) runs at 12 Mbit/s"));
+}
+
+TEST(JudgeNetwork, SaysWhoCanSubscribe) {
+  EXPECT_THAT(judge_network(7, "ROS_DOMAIN_ID", {"lo 127.0.0.1", "eth0 10.0.0.5"}),
+              AllOf(says(Verdict::ok, "domain 7, from ROS_DOMAIN_ID"), says(Verdict::ok, "eth0 10.0.0.5")));
+  EXPECT_THAT(judge_network(0, "", {"lo 127.0.0.1"}), says(Verdict::note, "subscribers on this host only"));
+  EXPECT_THAT(judge_network(0, "", {"lo 127.0.0.1", "eth0 10.0.0.5", "wlan0 10.1.0.5"}),
+              AllOf(says(Verdict::note, "several networks"), advises("interfaces: [...]")));
+  EXPECT_THAT(judge_network(0, "", {}), says(Verdict::problem, "no network interface"));
+}
+
+TEST(SuitableStream, IsVgaOrTheNearestBelowIt) {
+  const std::vector<OfferedFormat> formats{yuyv()};
+  const auto stream = suitable_stream(formats);
+  ASSERT_TRUE(stream);
+  EXPECT_EQ(stream->width, 640);
+  EXPECT_EQ(stream->fps, 30);
+  OfferedFormat large = yuyv();
+  large.sizes.erase(large.sizes.begin());
+  EXPECT_EQ(suitable_stream(std::vector{large})->width, 1280);
+  OfferedFormat unknown = yuyv();
+  unknown.format.reset();
+  EXPECT_EQ(suitable_stream(std::vector{unknown}), std::nullopt);
+}
+
+TEST(ToText, PutsTheAdviceBelowTheVerdict) {
+  EXPECT_EQ(to_text({Verdict::ok, "fine", ""}), "  ok    fine\n");
+  EXPECT_EQ(to_text({Verdict::problem, "bad", "mend it"}), "  FAIL  bad\n        -> mend it\n");
+}
+
+}  // namespace
+}  // namespace huetrack

@@ -1,0 +1,201 @@
+// A live camera that is none: it plays a film of raw YUYV frames in a loop, in real time, into eight buffers that are
+// handed out and taken back, as a V4L2 driver does; and fails, when asked, in the ways in which cameras fail.
+#pragma once
+
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <array>
+#include <chrono>
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <random>
+#include <stdexcept>
+#include <string>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include "capture/capture_clock.h"
+#include "daemon/live.h"
+
+namespace huetrack {
+
+struct FilmCameraOptions {
+  int camera = 0;
+  std::filesystem::path film;  // frames of width x height YUYV, back to back
+  int width = 0, height = 0;
+  double fps = 30;
+  std::chrono::steady_clock::time_point start;       // when frame 0 is captured; the same for all cameras
+  Duration phase{0};                                 // later than that
+  Duration transfer = std::chrono::milliseconds(5);  // from a frame's capture until it can be dequeued
+  std::optional<std::uint64_t> faults;               // seed; nullopt: none
+};
+
+class FilmCamera {
+ public:
+  explicit FilmCamera(FilmCameraOptions options) : state_(std::make_shared<State>(std::move(options))) {}
+
+  LiveCamera live() const {
+    return {.camera = state_->options.camera,
+            .source = std::make_unique<Source>(state_),
+            .health =
+                [state = state_] {
+                  const std::scoped_lock lock(state->mutex);
+                  return state->health;
+                },
+            .take_events =
+                [state = state_] {
+                  const std::scoped_lock lock(state->mutex);
+                  return std::exchange(state->events, {});
+                }};
+  }
+
+ private:
+  using Clock = std::chrono::steady_clock;
+
+  struct State {
+    explicit State(FilmCameraOptions o)
+        : options(std::move(o)), file(::open(options.film.c_str(), O_RDONLY | O_CLOEXEC)) {
+      struct stat status {};
+      if (file < 0 || ::fstat(file, &status) != 0) throw std::runtime_error(options.film.string() + ": cannot be read");
+      frame_bytes = std::size_t(options.width) * std::size_t(options.height) * 2;
+      frames = std::int64_t(std::size_t(status.st_size) / frame_bytes);
+      if (frames == 0) throw std::runtime_error(options.film.string() + ": has no frame of that size");
+      for (auto& buffer : buffers) buffer = std::make_shared<std::uint8_t[]>(frame_bytes);
+      health.stream = StreamFormat{.width = options.width,
+                                   .height = options.height,
+                                   .stride = 2 * std::size_t(options.width),
+                                   .fps = options.fps};
+      health.last_progress = Clock::now();
+    }
+    ~State() { ::close(file); }
+    State(const State&) = delete;
+    State& operator=(const State&) = delete;
+
+    void tell(CaptureState state, bool is_problem, const std::string& message) {
+      const std::scoped_lock lock(mutex);
+      health.state = state;
+      health.message = message;
+      events.push_back({unix_now(), state, is_problem, message});
+    }
+
+    const FilmCameraOptions options;
+    const int file;
+    std::size_t frame_bytes = 0;
+    std::int64_t frames = 0;
+    std::array<std::shared_ptr<std::uint8_t[]>, 8> buffers;
+    std::mutex mutex;
+    CameraHealth health;              // guarded by mutex
+    std::vector<CameraEvent> events;  // guarded by mutex
+  };
+
+  class Source final : public FrameSource {
+   public:
+    explicit Source(std::shared_ptr<State> state)
+        : state_(std::move(state)),
+          random_(state_->options.faults.value_or(0) + std::uint64_t(state_->options.camera)) {
+      period_ = duration_of(1 / state_->options.fps);
+    }
+
+    std::optional<Frame> next(std::stop_token stop) override {
+      const FilmCameraOptions& options = state_->options;
+      for (;;) {
+        // A program that was away for long finds the newest frames, and a gap in their numbers.
+        const auto due_of = [&](std::int64_t k) {
+          return options.start + options.phase + options.transfer + k * period_;
+        };
+        const auto newest = (Clock::now() - due_of(0)) / period_;
+        if (next_ < newest - 4) next_ = newest - 4;
+        const std::int64_t k = next_++;
+        if (!sleep_until(due_of(k), stop)) return std::nullopt;
+        if (options.faults && !is_delivered(stop)) {
+          if (stop.stop_requested()) return std::nullopt;
+          continue;
+        }
+        auto frame = frame_of(k);
+        if (frame) return frame;
+      }
+    }
+
+   private:
+    bool sleep_until(Clock::time_point due, const std::stop_token& stop) {
+      for (auto now = Clock::now(); now < due && !stop.stop_requested(); now = Clock::now()) {
+        {
+          const std::scoped_lock lock(state_->mutex);
+          state_->health.last_progress = now;
+        }
+        std::this_thread::sleep_for(std::min<Clock::duration>(due - now, std::chrono::milliseconds(200)));
+      }
+      return !stop.stop_requested();
+    }
+
+    std::optional<Frame> frame_of(std::int64_t k) {
+      const FilmCameraOptions& options = state_->options;
+      const auto buffer = std::ranges::find_if(state_->buffers, [](const auto& b) { return b.use_count() == 1; });
+      if (buffer == state_->buffers.end()) return std::nullopt;  // the readers hold all of them: this frame is lost
+      std::atomic_thread_fence(std::memory_order_acquire);
+      const auto got = ::pread(state_->file, buffer->get(), state_->frame_bytes,
+                               off_t(std::size_t(k % state_->frames) * state_->frame_bytes));
+      if (got != ssize_t(state_->frame_bytes)) throw std::runtime_error(options.film.string() + ": cannot be read");
+      Frame frame;
+      frame.camera = options.camera;
+      frame.sequence = std::uint32_t(k);
+      frame.captured_at = unix_time_of((options.start + options.phase + k * period_).time_since_epoch()) + clock_jump_;
+      if (is_damaged_) {
+        frame.status = FrameStatus::corrupted;
+      } else {
+        frame.pixels = {.format = PixelFormat::yuyv,
+                        .range = ColorRange::limited,
+                        .width = options.width,
+                        .height = options.height,
+                        .planes = {},
+                        .owner = *buffer};
+        frame.pixels.planes[0] = {buffer->get(), 2 * options.width};
+      }
+      const std::scoped_lock lock(state_->mutex);
+      if (state_->health.state != CaptureState::delivering)
+        state_->events.push_back({unix_now(), CaptureState::delivering, false, "delivers"});
+      state_->health.state = CaptureState::delivering;
+      ++(is_damaged_ ? state_->health.corrupted : state_->health.frames);
+      state_->health.last_frame = frame.captured_at;
+      state_->health.last_progress = Clock::now();
+      return frame;
+    }
+
+    // One frame's chance of trouble. False: the frame did not come.
+    bool is_delivered(const std::stop_token& stop) {
+      const auto one_in = [&](int n) { return std::uniform_int_distribution<int>(1, n)(random_) == 1; };
+      const auto some = [&](int least_ms, int most_ms) {
+        return std::chrono::milliseconds(std::uniform_int_distribution<int>(least_ms, most_ms)(random_));
+      };
+      is_damaged_ = one_in(100);
+      if (one_in(600)) {  // the driver stops delivering
+        state_->tell(CaptureState::stalled, true, "no frame: its stream is restarted");
+        sleep_until(Clock::now() + some(200, 3000), stop);
+      }
+      if (one_in(900)) {
+        state_->tell(CaptureState::absent, true, "unplugged; waiting for its return");
+        sleep_until(Clock::now() + some(300, 6000), stop);
+      }
+      if (one_in(1500)) clock_jump_ = some(-3000, 3000);
+      if (clock_jump_ != Duration{0} && one_in(60)) clock_jump_ = Duration{0};
+      return !one_in(80);
+    }
+
+    std::shared_ptr<State> state_;
+    std::mt19937_64 random_;
+    Duration period_{0};
+    Duration clock_jump_{0};
+    std::int64_t next_ = 0;
+    bool is_damaged_ = false;
+  };
+
+  std::shared_ptr<State> state_;
+};
+
+}  // namespace huetrack

@@ -1,0 +1,73 @@
+// What `huetrackd run` does, on films instead of V4L2 cameras: for figures, for the soak, and for tests that kill it.
+//   film_service CONFIG FILMS [--faults SEED] [--phases spread|together] [--tracks FILE]
+// FILMS: a folder with CAMERA.yuyv for every camera of the configuration, in the rig's size; each plays at the camera's
+// fps (default 30). Signals as huetrackd.
+#include <CLI/CLI.hpp>
+#include <csignal>
+#include <cstdio>
+#include <thread>
+
+#include "daemon/service_manager.h"
+#include "soak/film_camera.h"
+
+namespace {
+
+huetrack::LiveRequests requests;
+std::atomic<bool> is_ended = false;
+static_assert(std::atomic<bool>::is_always_lock_free);
+
+void on_signal(int signal) {
+  if (signal == SIGHUP) requests.reload = true;
+  if (signal == SIGUSR1) requests.save = true;
+  if (signal == SIGTERM || signal == SIGINT) is_ended = true;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  using namespace huetrack;
+  set_up_log();
+  CLI::App app("huetrackd run, on films");
+  std::filesystem::path config_file, films;
+  std::optional<std::uint64_t> faults;
+  std::string phases = "spread";
+  LiveOptions options;
+  app.add_option("config", config_file)->required();
+  app.add_option("films", films)->required();
+  app.add_option("--faults", faults);
+  app.add_option("--phases", phases)->check(CLI::IsMember({"spread", "together"}));
+  app.add_option("--tracks", options.tracks);
+  CLI11_PARSE(app, argc, argv);
+  for (const int signal : {SIGHUP, SIGUSR1, SIGTERM, SIGINT}) std::signal(signal, on_signal);
+  try {
+    const ServiceConfig config = load_service_config(config_file);
+    set_log_level(config.log_level);
+    const auto start = std::chrono::steady_clock::now();
+    std::vector<LiveCamera> cameras;
+    for (const auto& camera : config.cameras) {
+      FilmCameraOptions film;
+      film.camera = config.rig.index_of(camera.name).value();
+      film.film = films / (camera.name + ".yuyv");
+      film.width = config.rig.cameras[std::size_t(film.camera)].image_size.width;
+      film.height = config.rig.cameras[std::size_t(film.camera)].image_size.height;
+      film.fps = camera.fps.value_or(30);
+      film.start = start;
+      if (phases == "spread")
+        film.phase = duration_of(double(cameras.size()) / double(config.cameras.size()) / film.fps);
+      film.faults = faults;
+      cameras.push_back(FilmCamera(std::move(film)).live());
+    }
+    std::stop_source stop;
+    const std::jthread ending([&](const std::stop_token& done) {
+      while (!is_ended && !done.stop_requested()) std::this_thread::sleep_for(std::chrono::milliseconds(20));
+      stop.request_stop();
+    });
+    const LiveSummary summary = run_live(config, std::move(cameras), options, requests, stop.get_token());
+    std::printf("%llu sets tracked, %llu dropped\n", static_cast<unsigned long long>(summary.figures.sets_tracked),
+                static_cast<unsigned long long>(summary.figures.sets_dropped));
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "film_service: %s\n", error.what());
+    return 1;
+  }
+  return 0;
+}

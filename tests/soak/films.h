@@ -1,0 +1,50 @@
+// A rendered world for FilmCamera: a folder with rig.yaml and CAMERA.yuyv of N cameras on a ring around a lime ball
+// that goes round in two seconds; the films can be looped.
+#pragma once
+
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <numbers>
+#include <string>
+
+#include "calib/model/rig_yaml.h"
+#include "scene/scene.h"
+
+namespace huetrack {
+
+inline void make_films(const std::filesystem::path& folder, int cameras, int width, int height) {
+  constexpr int frames = 60;
+  BallOptions ball;
+  ball.path = [](double t_s) {
+    const double angle = std::numbers::pi * t_s;
+    return Eigen::Vector3d(0.4 * std::cos(angle), 0.4 * std::sin(angle), 1 + 0.2 * std::sin(2 * angle));
+  };
+  const Scene scene = SceneBuilder{}
+                          .cameras_on_ring({.count = cameras, .image_size = {width, height}, .focal_px = 0.75 * width})
+                          .ball(ball)
+                          .build();
+  std::filesystem::create_directories(folder);
+  write_rig(scene.rig, folder / "rig.yaml");
+  std::vector<std::ofstream> films;
+  for (const auto& camera : scene.rig.cameras) films.emplace_back(folder / (camera.name + ".yuyv"), std::ios::binary);
+  for (const FrameSet& set : render(scene, {.set_count = frames, .fps = 30}))
+    for (const auto& frame : set.frames) {
+      const Image& image = frame->pixels;
+      for (int v = 0; v < height; ++v)
+        films[std::size_t(frame->camera)].write(
+            reinterpret_cast<const char*>(image.planes[0].data + v * image.planes[0].stride), 2 * width);
+    }
+}
+
+// A configuration for those films. more: further keys of the first level.
+inline std::string film_config(const std::filesystem::path& folder, int particles, const std::string& more = "") {
+  const CameraRig rig = read_rig(folder / "rig.yaml");
+  std::string text = "version: 1\nrig: " + (folder / "rig.yaml").string() +
+                     "\ntargets: {lime: {color: {hue_deg: [65, 115]}}}\nobject_tracking: {particle_count: " +
+                     std::to_string(particles) + "}\ncameras:\n";
+  for (const auto& camera : rig.cameras) text += "  " + camera.name + ": {device: /dev/film/" + camera.name + ", fps: 30}\n";
+  return text + more;
+}
+
+}  // namespace huetrack
