@@ -202,7 +202,8 @@ class Films : public Daemon, public testing::WithParamInterface<Film> {
     EXPECT_TRUE(comes_true([&] { return fs::exists(outcome.folder / "go.ready"); }));
     run(config);
     EXPECT_TRUE(comes_true([&] { return open_videos() == int(film.cameras.size()); }));
-    std::this_thread::sleep_for(1s);  // it starts them; and the subscriber finds it
+    EXPECT_TRUE(says("metrics on http"));  // its trackers are made: it is about to read the cameras
+    std::this_thread::sleep_for(1s);       // and the subscriber finds it
     write_text(outcome.folder / "go", "");
     EXPECT_EQ(player->wait(), 0);
     std::this_thread::sleep_for(2s);  // the last sets go out, the metrics are renewed
@@ -259,8 +260,10 @@ TEST_P(Films, LiveIsAsReplayAndItsRecordingGivesTheSameBytes) {
       {HUETRACKD, "replay", folder / "c.yaml", original, "--no-dds", "--quiet", "--tracks", folder / "original.csv"},
       "original");
   EXPECT_EQ(of_original->wait(), 0) << of_original->err();
-  ReplaySource first(read_recording(recording), film.cameras);
-  const Duration offset = first.next({})->captured_at.time_since_epoch();
+  ReplaySource recorded(read_recording(recording), film.cameras);
+  Timestamp last{};  // nothing overwrites the film's last frame: that one came
+  while (const auto frame = recorded.next({})) last = std::max(last, frame->captured_at);
+  const Duration offset = last.time_since_epoch() - duration_of((film_frames - 1) * slowness / film.fps);
   const auto wanted = figures(folder / "original.csv", original / "groundtruth.csv", film.target, 0ns, 1);
   const auto got = figures(folder / "live.csv", original / "groundtruth.csv", film.target, offset, slowness);
   std::printf("%s: replay  %s\n%s: live    %s\n", film.name, to_text(wanted).c_str(), film.name, to_text(got).c_str());
