@@ -48,7 +48,7 @@ build_huetrack() {
   shift 2
   root="$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)"
   echo "== building in $folder"
-  cmake -S "$root" -B "$folder" -G Ninja -DCMAKE_BUILD_TYPE=RelWithDebInfo -DHUETRACK_TESTS="$tests" >"$folder.configure.log" 2>&1 || {
+  cmake -S "$root" -B "$folder" -G Ninja -DCMAKE_BUILD_TYPE=RelWithDebInfo -DHUETRACK_TESTS="$tests" -DHUETRACK_VM_TESTS="${HUETRACK_VM_TESTS:-off}" >"$folder.configure.log" 2>&1 || {
     cat "$folder.configure.log" >&2
     return 1
   }

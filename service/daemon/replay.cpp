@@ -292,15 +292,15 @@ ReplaySummary replay(const ReplayCommand& command, std::stop_token stop) {
     ViewServerOptions viewing{.keeps_frames = true};
     viewing.actions.reload = [&]() -> std::string {
       ServiceConfig fresh = load_service_config(config.file);
-      std::vector<std::pair<std::size_t, ObjectTracker>> replacements;
+      Pipeline::Replacement replacement;
       for (std::size_t t = 0; t < config.targets.size(); ++t) {
         const auto it = std::ranges::find(fresh.targets, config.targets[t].name, &TargetOptions::name);
         if (it == fresh.targets.end()) return "target " + config.targets[t].name + " is gone from the configuration";
-        replacements.emplace_back(t, tracker_of(fresh, *it));
+        replacement.trackers.emplace_back(t, tracker_of(fresh, *it));
       }
       if (fresh.targets.size() != config.targets.size()) return "targets were added: that needs a restart";
       if (running == nullptr) return "the replay has not begun yet";
-      running.load()->replace_trackers({.trackers = std::move(replacements), .from = std::nullopt});
+      running.load()->replace_trackers(std::move(replacement));
       view->take_over(fresh);
       return "";
     };

@@ -24,10 +24,10 @@ elseif(FENCE STREQUAL "frames_for_trackers")   # what a frame is, not where it c
   set(folders service/object_tracking service/camera_tracking)
   set(pattern "${include}capture/")
   set(except "${include}capture/(frame|pixel_format)\\.h")
-elseif(FENCE STREQUAL "results_for_publish")   # what was found, not how
+elseif(FENCE STREQUAL "results_for_publish")   # what was found, not how; and the clock that latencies are measured by
   set(folders service/publish)
   set(pattern "${include}(capture|object_tracking|camera_tracking)/")
-  set(except "${include}(capture/frame|object_tracking/object_estimate|camera_tracking/camera_estimate)\\.h")
+  set(except "${include}(capture/(frame|capture_clock)|object_tracking/object_estimate|camera_tracking/camera_estimate)\\.h")
 else()
   message(FATAL_ERROR "there is no fence ${FENCE}")
 endif()

@@ -2,7 +2,7 @@
 # Tests the capture and the whole daemon in a small VM with real V4L2 drivers: v4l2loopback, vivid, and USB cameras through
 # uvcvideo.
 #   tests/v4l2/run.sh [--all | --short] [BUILD [GTEST_ARGUMENTS...]]
-# --all (the default) takes minutes; --short is what ctest and the CI run. BUILD: where v4l2_devices_test and
+# --all (the default) takes minutes, --short some fewer; HUETRACK_VM_TESTS=short tests/run.sh has it among its tests. BUILD: where v4l2_devices_test and
 # v4l2_daemon_test were built (default build/release). The VM's scripts are looked for in ../shared/tools/v4l2vm (V4L2VM_DIR
 # says otherwise); its files are cached in $V4L2VM_CACHE (default ~/.cache/v4l2vm). Exit status 77: skipped, because the VM
 # cannot be had here.
