@@ -86,6 +86,13 @@ int main(int argc, char** argv) {
     Process service({FILM_SERVICE, folder / "c.yaml", folder, "--faults", std::to_string(seed)}, folder / "out",
                     folder / "err",
                     {{"NOTIFY_SOCKET", folder / "notify"}, {"WATCHDOG_USEC", std::to_string(watchdog.count())}});
+    const auto longest_start = Clock::now() + std::chrono::duration_cast<Clock::duration>(30s * slowness);
+    for (bool is_ready = false; !is_ready;) {  // a signal before that ends any program
+      if (service.has_ended() || Clock::now() > longest_start)
+        throw std::runtime_error("it does not start:\n" + service.err());
+      while (const auto message = notified.next()) is_ready |= message->find("READY=1") != std::string::npos;
+      std::this_thread::sleep_for(20ms);
+    }
     std::mt19937_64 random(seed);
     const auto any = [&](int n) { return std::uniform_int_distribution<int>(0, n - 1)(random); };
     std::unique_ptr<Process> watcher;
