@@ -12,8 +12,14 @@ using Eigen::Vector2d;
 using Eigen::Vector3d;
 using namespace std::chrono_literals;
 
-constexpr double least_share = 0.1;  // of the particles that survive a weighing, see LedParticles::weigh()
-constexpr double narrow = 1.5;       // up to this widening the particles are where the measurements are
+// While the cloud comes together, the Gaussian is so wide that so many of the particles survive, and their copies part
+// so far (of the cloud's own spread): fewer, or nearer, and 5000 particles end in a wrong place. Once enough survive
+// the Gaussian of the paper, it is that one.
+constexpr double gathering_share = 0.4, gathering_jitter = 0.2;
+constexpr double enough_share = 0.05, gathered_jitter = 0.03;
+constexpr double least_sigma_px = 1;  // Table I; a narrower Gaussian leaves too few of 5000
+constexpr double own_motion = 0.25;   // of LedFilterOptions::motion, which is that of the liveliest cameras
+constexpr double narrow = 1.5;        // up to this widening the particles are where the measurements are
 constexpr double tracking_sigma_m = 0.05, tracking_sigma_rad = 0.06;
 constexpr double explained_px = 6;  // a LED so near to where the pose has it supports the pose
 constexpr Duration evidence_length = 400ms;
@@ -21,13 +27,18 @@ constexpr Duration evidence_length = 400ms;
 class PaperLedFilter final : public LedFilter {
  public:
   PaperLedFilter(const Camera& camera, const LedFilterOptions& options)
-      : camera_(camera), options_(options), particles_(options.particle_count, Rng(options.seed)) {
+      : camera_(camera),
+        options_(options),
+        motion_{.acceleration = own_motion * options.motion.acceleration,
+                .angular_acceleration = own_motion * options.motion.angular_acceleration,
+                .correlation_s = options.motion.correlation_s},
+        particles_(options.particle_count, Rng(options.seed)) {
     scatter();
   }
 
   CameraEstimate update(const LedFrame& frame) override {
     // "the prediction phase ... sampling from the state transition distribution"
-    if (number_ > 0) particles_.predict(std::max(1e-6, seconds(frame.at - last_at_)), options_.motion);
+    if (number_ > 0) particles_.predict(std::max(1e-6, seconds(frame.at - last_at_)), motion_);
     last_at_ = frame.at;
     ++number_;
 
@@ -35,14 +46,15 @@ class PaperLedFilter final : public LedFilter {
     const std::vector<LedSighting> sightings = sightings_of(frame);
     if (!sightings.empty()) {
       const double miss_px = std::hypot(camera_.image_size.width, camera_.image_size.height);
-      widening_ = particles_.weigh(camera_.model, options_.start.leds, sightings, least_share, miss_px);
+      widening_ =
+          particles_.weigh(camera_.model, options_.start.leds, sightings, gathering_share, enough_share, miss_px);
     }
     pose_ = particles_.moments();
     const double ess = particles_.effective_sample_size();
     judge(frame, sightings);
 
     // "Finally, the resampling step is executed."
-    if (!sightings.empty()) particles_.resample();
+    if (!sightings.empty()) particles_.resample(widening_ > 1 ? gathering_jitter : gathered_jitter);
     return estimate(frame, ess);
   }
 
@@ -75,9 +87,11 @@ class PaperLedFilter final : public LedFilter {
   std::vector<LedSighting> sightings_of(const LedFrame& frame) const {
     std::vector<LedSighting> sightings;
     if (!frame.lit) {
-      for (const Vector2d& px : frame.dots) sightings.push_back({-1, px, 0, options_.pixel_noise_px});
+      for (const Vector2d& px : frame.dots)
+        sightings.push_back({-1, px, 0, std::max(least_sigma_px, options_.pixel_noise_px)});
     } else if (*frame.lit >= 0 && !frame.dots.empty()) {
-      sightings.push_back({*frame.lit, frame.dots.front(), 0, options_.pixel_noise_px});  // the brightest
+      sightings.push_back(
+          {*frame.lit, frame.dots.front(), 0, std::max(least_sigma_px, options_.pixel_noise_px)});  // the brightest
     }
     return sightings;
   }
@@ -139,6 +153,7 @@ class PaperLedFilter final : public LedFilter {
 
   Camera camera_;
   LedFilterOptions options_;
+  LedMotionNoise motion_;
   LedParticles particles_;
   LedGaussian pose_;
   LedEvidence evidence_;
