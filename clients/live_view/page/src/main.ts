@@ -1,9 +1,10 @@
 // The page: listens to the bridge and shows what it says. Everything that is shown is in the store.
 import { redrawCameras, showPreview, updateCameras } from "./cameras";
+import { colorOf } from "./color";
 import type { CameraPose, Position, Pulse, Scene, State, Status, TeachReply } from "./messages";
 import { drawPlots, updatePlotTexts } from "./plots";
 import { Scene3d } from "./scene3d";
-import { colorOf, forget, isServing, store, takeCameraPose, takePosition, takeStatus } from "./store";
+import { forget, isServing, store, takeCameraPose, takePosition, takeStatus } from "./store";
 import { takeTeachReply, updateTeach } from "./teach";
 
 const $ = (id: string) => document.getElementById(id)!;
@@ -148,7 +149,9 @@ function tick(): void {
   $("service").textContent = !store.connected
     ? "The bridge does not answer: is `huetrack view` still running? Trying again."
     : serving
-      ? `${status!.mode === "run" ? "live cameras" : "replay"} on ${status!.host}, ${status!.set_rate_hz.toFixed(1)} sets/s`
+      ? status!.mode === "held"
+        ? `replay on ${status!.host}, held at its first frames: teach a colour, or resume it there`
+        : `${status!.mode === "run" ? "live cameras" : "replay"} on ${status!.host}, ${status!.set_rate_hz.toFixed(1)} sets/s`
       : `Waiting for huetrackd on ${pulse ? pulse.bus : "DDS"}. The page goes on by itself.`;
   const warnings = [...(serving ? status!.warnings : []), ...(pulse?.trouble ? [pulse.trouble] : [])];
   const list = $("warnings");

@@ -1,5 +1,6 @@
 // Plots over the last half minute: one canvas each, all with the same time axis.
-import { colorOf, historySeconds, store, type Sample } from "./store";
+import { lineColorOf, variable } from "./color";
+import { historySeconds, store, type Sample } from "./store";
 
 interface Series {
   name: string;
@@ -23,7 +24,7 @@ function perTarget(value: (s: Sample) => number): () => Series[] {
   return () =>
     [...store.targets.values()].map((t) => ({
       name: t.name,
-      color: colorOf(t.name),
+      color: lineColorOf(t.name),
       points: t.history.map((s) => [s.t, value(s)] as [number, number]),
     }));
 }
@@ -39,7 +40,7 @@ const plots: Plot[] = [
       [...store.targets.values()].flatMap((t) =>
         ["x", "y", "z"].map((axis, i) => ({
           name: `${t.name} ${axis}`,
-          color: colorOf(t.name),
+          color: lineColorOf(t.name),
           dash: dashes[i],
           points: t.history.map((s) => [s.t, s.p ? s.p[i] : NaN] as [number, number]),
         })),
@@ -68,11 +69,19 @@ const drawn: Drawn[] = [];
 const parent = document.getElementById("plots")!;
 const states = document.getElementById("states") as HTMLCanvasElement;
 
+const line = (dash: number[]) =>
+  `<svg width="26" height="8" aria-hidden="true"><line x1="0" y1="4" x2="26" y2="4" stroke="currentcolor" stroke-width="1.8" stroke-dasharray="${dash.join(" ")}"/></svg>`;
+
 for (const plot of plots) {
   const figure = document.createElement("figure");
   figure.className = "plot";
   figure.innerHTML = `<figcaption><b></b> <span class="now"></span></figcaption><canvas role="img"></canvas>`;
   figure.querySelector("b")!.textContent = plot.title + (plot.unit ? `, ${plot.unit}` : "");
+  if (plot.title === "Position")
+    figure.querySelector("figcaption")!.insertAdjacentHTML(
+      "beforeend",
+      `<span class="key">${["x", "y", "z"].map((axis, i) => `${line(dashes[i])} ${axis}`).join(" ")}</span>`,
+    );
   parent.append(figure);
   const canvas = figure.querySelector("canvas")!;
   canvas.style.height = `${plot.height}px`;
@@ -93,7 +102,6 @@ function prepare(canvas: HTMLCanvasElement): [CanvasRenderingContext2D, number, 
   return [g, w, h];
 }
 
-const variable = (name: string) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 const resolve = (color: string) => (color.startsWith("var(") ? variable(color.slice(4, -1)) : color);
 
 function step(range: number, count: number): number {
@@ -108,6 +116,21 @@ export function newestTime(): number {
   return t;
 }
 
+// As long as there is something to show, in whole steps of the axis: a service that has just begun does not draw into a corner.
+const ticks = [
+  [10, 2],
+  [20, 5],
+  [historySeconds, 10],
+];
+let span = ticks[0][0];
+let tick = ticks[0][1];
+function fitSpan(end: number): void {
+  let oldest = end;
+  for (const target of store.targets.values()) oldest = Math.min(oldest, target.history[0]?.t ?? end);
+  for (const name of store.trackedCameras.values()) oldest = Math.min(oldest, name.trail[0]?.t ?? end);
+  [span, tick] = ticks.find(([seconds]) => end - oldest <= seconds) ?? ticks[ticks.length - 1];
+}
+
 const left = 46;
 const right = 10;
 
@@ -116,7 +139,7 @@ function drawPlot({ plot, canvas }: Drawn, end: number): void {
   const bottom = 18;
   const series = plot.series();
   const own = plot.title.startsWith("Frame sets") ? (store.rates.at(-1)?.t ?? 0) : end;
-  const begin = own - historySeconds;
+  const begin = own - span;
   let low = Infinity;
   let high = -Infinity;
   for (const s of series)
@@ -132,16 +155,16 @@ function drawPlot({ plot, canvas }: Drawn, end: number): void {
   const pad = (high - low) * 0.06;
   high += pad;
   if (!plot.zero) low -= pad;
-  const x = (t: number) => left + ((t - begin) / historySeconds) * (w - left - right);
+  const x = (t: number) => left + ((t - begin) / span) * (w - left - right);
   const y = (v: number) => h - bottom - ((v - low) / (high - low)) * (h - bottom - 6);
   const muted = variable("--muted");
-  g.font = "11px system-ui, sans-serif";
+  g.font = "12px system-ui, sans-serif";
   g.strokeStyle = variable("--line");
   g.fillStyle = muted;
   g.lineWidth = 1;
   g.textAlign = "right";
   g.textBaseline = "middle";
-  const dy = step(high - low, h / 45);
+  const dy = step(high - low, h / 36);
   for (let v = Math.ceil(low / dy) * dy; v <= high; v += dy) {
     g.beginPath();
     g.moveTo(left, y(v));
@@ -175,27 +198,13 @@ function drawPlot({ plot, canvas }: Drawn, end: number): void {
     g.stroke();
   }
   g.restore();
-  if (plot.title === "Position" && series.length) {
-    g.textAlign = "left";
-    g.fillStyle = muted;
-    ["x", "y", "z"].forEach((axis, i) => {
-      g.strokeStyle = muted;
-      g.setLineDash(dashes[i]);
-      g.beginPath();
-      g.moveTo(left + 8 + i * 52, 8);
-      g.lineTo(left + 34 + i * 52, 8);
-      g.stroke();
-      g.fillText(axis, left + 38 + i * 52, 8);
-    });
-    g.setLineDash([]);
-  }
 }
 
 function timeAxis(g: CanvasRenderingContext2D, w: number, h: number): void {
   g.textBaseline = "alphabetic";
-  for (let s = 0; s <= historySeconds; s += 10) {
-    const at = left + (1 - s / historySeconds) * (w - left - right);
-    g.textAlign = s === 0 ? "right" : s === historySeconds ? "left" : "center";
+  for (let s = 0; s <= span; s += tick) {
+    const at = left + (1 - s / span) * (w - left - right);
+    g.textAlign = s === 0 ? "right" : s === span ? "left" : "center";
     g.fillText(s === 0 ? "now" : `−${s} s`, at, h - 4);
   }
 }
@@ -204,15 +213,15 @@ function drawStates(end: number): void {
   const targets = [...store.targets.values()];
   states.style.height = `${Math.max(1, targets.length) * 22 + 20}px`;
   const [g, w, h] = prepare(states);
-  const begin = end - historySeconds;
-  const x = (t: number) => left + ((t - begin) / historySeconds) * (w - left - right);
-  g.font = "11px system-ui, sans-serif";
+  const begin = end - span;
+  const x = (t: number) => left + ((t - begin) / span) * (w - left - right);
+  g.font = "12px system-ui, sans-serif";
   targets.forEach((target, row) => {
     const y = row * 22 + 4;
     g.fillStyle = variable("--muted");
     g.textAlign = "right";
     g.textBaseline = "middle";
-    g.fillText(target.name.slice(0, 7), left - 6, y + 8);
+    g.fillText(target.name.length > 7 ? `${target.name.slice(0, 6)}…` : target.name, left - 6, y + 8);
     const samples = target.history.filter((s) => s.t >= begin);
     for (let i = 0; i < samples.length; ) {
       let k = i;
@@ -237,6 +246,7 @@ function drawStates(end: number): void {
 
 export function drawPlots(): void {
   const end = newestTime();
+  if (Number.isFinite(end)) fitSpan(end);
   if (Number.isFinite(end)) drawStates(end);
   for (const d of drawn) drawPlot(d, Number.isFinite(end) ? end : 0);
 }

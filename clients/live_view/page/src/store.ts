@@ -112,11 +112,6 @@ export function isServing(): boolean {
   return store.connected && store.status !== null && performance.now() - store.statusHeard < 4000;
 }
 
-export function colorOf(name: string): string {
-  const rgb = store.scene?.targets.find((t) => t.name === name)?.rgb ?? [0.5, 0.6, 0.9];
-  return `rgb(${rgb.map((x) => Math.round(x * 255)).join(", ")})`;
-}
-
 export function forget(): void {
   store.targets.clear();
   store.trackedCameras.clear();
