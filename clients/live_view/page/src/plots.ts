@@ -1,6 +1,6 @@
 // Plots over the last half minute: one canvas each, all with the same time axis.
 import { lineColorOf, variable } from "./color";
-import { historySeconds, store, type Sample } from "./store";
+import { historySeconds, store, tracks, type Sample } from "./store";
 
 interface Series {
   name: string;
@@ -16,15 +16,18 @@ interface Plot {
   series: () => Series[];
   zero?: boolean; // the axis starts at 0
   least?: number; // the axis covers at least so much
+  of?: "target" | "camera"; // only where there is one
 }
 
 const stateColors = { tracking: "--good", coasting: "--warn", searching: "--info", lost: "--bad" } as const;
 
-function perTarget(value: (s: Sample) => number): () => Series[] {
+const colorOfTrack = (track: { name: string; isCamera: boolean }) => (track.isCamera ? "var(--accent)" : lineColorOf(track.name));
+
+function perTrack(value: (s: Sample) => number): () => Series[] {
   return () =>
-    [...store.targets.values()].map((t) => ({
+    tracks().map((t) => ({
       name: t.name,
-      color: lineColorOf(t.name),
+      color: colorOfTrack(t),
       points: t.history.map((s) => [s.t, value(s)] as [number, number]),
     }));
 }
@@ -37,19 +40,20 @@ const plots: Plot[] = [
     height: 150,
     least: 0.2,
     series: () =>
-      [...store.targets.values()].flatMap((t) =>
+      tracks().flatMap((t) =>
         ["x", "y", "z"].map((axis, i) => ({
           name: `${t.name} ${axis}`,
-          color: lineColorOf(t.name),
+          color: colorOfTrack(t),
           dash: dashes[i],
           points: t.history.map((s) => [s.t, s.p ? s.p[i] : NaN] as [number, number]),
         })),
       ),
   },
-  { title: "Uncertainty (1σ, largest axis)", unit: "mm", height: 150, zero: true, least: 5, series: perTarget((s) => s.sigma * 1000) },
-  { title: "Speed", unit: "m/s", height: 150, zero: true, least: 0.5, series: perTarget((s) => s.speed) },
-  { title: "Latency, capture to bus", unit: "ms", height: 150, zero: true, least: 5, series: perTarget((s) => s.latency * 1000) },
-  { title: "Effective particles", unit: "", height: 150, zero: true, least: 50, series: perTarget((s) => s.ess) },
+  { title: "Uncertainty (1σ, largest axis)", unit: "mm", height: 150, zero: true, least: 5, series: perTrack((s) => s.sigma * 1000) },
+  { title: "Speed", unit: "m/s", height: 150, zero: true, least: 0.5, series: perTrack((s) => s.speed) },
+  { title: "Latency, capture to bus", unit: "ms", height: 150, zero: true, least: 5, series: perTrack((s) => s.latency * 1000) },
+  { title: "Effective particles", unit: "", height: 150, zero: true, least: 50, of: "target", series: perTrack((s) => s.ess) },
+  { title: "Features matched", unit: "", height: 150, zero: true, least: 10, of: "camera", series: perTrack((s) => s.features) },
   {
     title: "Frame sets tracked",
     unit: "/s",
@@ -62,6 +66,7 @@ const plots: Plot[] = [
 
 interface Drawn {
   plot: Plot;
+  figure: HTMLElement;
   canvas: HTMLCanvasElement;
   now: HTMLElement;
 }
@@ -85,7 +90,7 @@ for (const plot of plots) {
   parent.append(figure);
   const canvas = figure.querySelector("canvas")!;
   canvas.style.height = `${plot.height}px`;
-  drawn.push({ plot, canvas, now: figure.querySelector(".now")! });
+  drawn.push({ plot, figure, canvas, now: figure.querySelector(".now")! });
 }
 
 function prepare(canvas: HTMLCanvasElement): [CanvasRenderingContext2D, number, number] {
@@ -112,7 +117,7 @@ function step(range: number, count: number): number {
 
 export function newestTime(): number {
   let t = -Infinity;
-  for (const target of store.targets.values()) t = Math.max(t, target.history.at(-1)?.t ?? -Infinity);
+  for (const track of tracks()) t = Math.max(t, track.history.at(-1)?.t ?? -Infinity);
   return t;
 }
 
@@ -126,8 +131,7 @@ let span = ticks[0][0];
 let tick = ticks[0][1];
 function fitSpan(end: number): void {
   let oldest = end;
-  for (const target of store.targets.values()) oldest = Math.min(oldest, target.history[0]?.t ?? end);
-  for (const name of store.trackedCameras.values()) oldest = Math.min(oldest, name.trail[0]?.t ?? end);
+  for (const track of tracks()) oldest = Math.min(oldest, track.history[0]?.t ?? end);
   [span, tick] = ticks.find(([seconds]) => end - oldest <= seconds) ?? ticks[ticks.length - 1];
 }
 
@@ -210,7 +214,7 @@ function timeAxis(g: CanvasRenderingContext2D, w: number, h: number): void {
 }
 
 function drawStates(end: number): void {
-  const targets = [...store.targets.values()];
+  const targets = tracks();
   states.style.height = `${Math.max(1, targets.length) * 22 + 20}px`;
   const [g, w, h] = prepare(states);
   const begin = end - span;
@@ -241,13 +245,15 @@ function drawStates(end: number): void {
   });
   g.fillStyle = variable("--muted");
   timeAxis(g, w, h);
-  states.setAttribute("aria-label", `States over time. Now: ${targets.map((t) => `${t.name} ${t.latest.state}`).join(", ") || "no target"}`);
+  states.setAttribute("aria-label", `States over time. Now: ${targets.map((t) => `${t.name} ${t.history.at(-1)?.state ?? "unknown"}`).join(", ") || "no target"}`);
 }
 
 export function drawPlots(): void {
   const end = newestTime();
   if (Number.isFinite(end)) fitSpan(end);
-  if (Number.isFinite(end)) drawStates(end);
+  for (const { plot, figure } of drawn)
+    figure.hidden = plot.of === "camera" ? store.trackedCameras.size === 0 : plot.of === "target" && store.targets.size === 0 && store.trackedCameras.size > 0;
+  drawStates(Number.isFinite(end) ? end : 0);
   for (const d of drawn) drawPlot(d, Number.isFinite(end) ? end : 0);
 }
 

@@ -1,6 +1,6 @@
 // Teaching a colour: freeze the pictures, point at the object, look at what matches, save. The page keeps what the user did
 // and sends all of it with every request; replies come back over the stream.
-import { bitmapOf } from "./cameras";
+import { bitmapOf, label } from "./cameras";
 import type { Ignore, Scene, TaughtCamera, TeachReply } from "./messages";
 import { store } from "./store";
 
@@ -254,6 +254,17 @@ function draw(picture: Picture): void {
       "white",
       true,
     );
+  const patch = picture.taught?.background_box;
+  if (patch?.length === 4 && hasLearnt) {
+    // What could be taken for the object: the largest patch of the background that matches, with some air around it.
+    const air = 3 / s;
+    const box = [patch[0] - air, patch[1] - air, patch[2] + air, patch[3] + air];
+    g.lineWidth = 4 * devicePixelRatio;
+    rectangle(box, "rgb(0 0 0 / 0.7)", false);
+    g.lineWidth = 2 * devicePixelRatio;
+    rectangle(box, "#ff9f1c", false);
+    label(g, "matches, too", ((box[0] + box[2]) / 2) * s, box[1] * s - 8 * devicePixelRatio, "#ff9f1c");
+  }
   const circle = (u: number, v: number, r: number, color: string, dashed: boolean) => {
     g.setLineDash(dashed ? [6, 5] : []);
     for (const [style, w] of [["rgb(0 0 0 / 0.7)", 4], [color, 2]] as const) {
@@ -318,10 +329,10 @@ function update(): void {
 export function updateTeach(serving: boolean): void {
   const scene = store.scene;
   const button = $<HTMLButtonElement>("teach-open");
-  const allowed = serving && !!scene?.may_teach;
+  const allowed = serving && !!scene?.may_teach && scene.targets.length > 0;
   button.disabled = !allowed && panel.hidden;
-  $("teach-why").textContent = !serving ? "" : scene && !scene.may_teach ? scene.why_not : "";
-  $("teach-resume").hidden = store.status?.mode !== "replay";
+  $("teach-why").textContent = !serving ? "" : scene && !scene.may_teach ? scene.why_not : scene && !scene.targets.length ? "The configuration has no target to teach." : "";
+  $("teach-resume").hidden = !serving || store.status?.mode !== "held";
   const select = $<HTMLSelectElement>("teach-target");
   const names = scene?.targets.map((t) => t.name) ?? [];
   if ([...select.options].map((o) => o.value).join() !== names.join()) {
