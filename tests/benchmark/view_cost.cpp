@@ -15,8 +15,11 @@
 #include <atomic>
 #include <cmath>
 #include <cstdio>
+#include <map>
+#include <mutex>
 #include <numeric>
 #include <random>
+#include <set>
 #include <sstream>
 #include <thread>
 #include <tuple>
@@ -77,7 +80,7 @@ struct Window {
   std::size_t sets = 0;
 };
 
-// Pages: connections that read the stream as fast as it comes.
+// Pages: connections that read the stream as fast as it comes. They note the numbers of the sets that previews are of.
 class Pages {
  public:
   Pages(int port, int count) {
@@ -85,14 +88,52 @@ class Pages {
       threads_.emplace_back([this, port](const std::stop_token& stop) {
         Connection connection(port);
         connection.send("GET /api/events HTTP/1.1\r\nHost: localhost\r\n\r\n");
-        while (!stop.stop_requested()) received_ += connection.receive_some().size();
+        std::string text;
+        while (!stop.stop_requested()) {
+          const std::string some = connection.receive_some();
+          received_ += some.size();
+          text += some;
+          for (auto end = text.find("\n\n"); end != std::string::npos; end = text.find("\n\n")) {
+            note(text.substr(0, end));
+            text.erase(0, end + 2);
+          }
+        }
       });
   }
   std::size_t received() const { return received_; }
+  std::set<std::uint64_t> handed_over() const {
+    const std::scoped_lock lock(mutex_);
+    return handed_over_;
+  }
 
  private:
+  void note(const std::string& event) {
+    if (event.find("event: preview\n") == std::string::npos) return;
+    const auto at = event.find(",\"set\":");
+    if (at == std::string::npos) return;
+    const std::scoped_lock lock(mutex_);
+    handed_over_.insert(std::stoull(event.substr(at + 7)));
+  }
   std::atomic<std::size_t> received_ = 0;
+  mutable std::mutex mutex_;
+  std::set<std::uint64_t> handed_over_;  // guarded by mutex_
   std::vector<std::jthread> threads_;
+};
+
+// What one preview costs: against the set before it, on which none was being made, the set that is handed over, and the
+// next one, which comes after (or while) pictures are encoded, sent, bridged and read. No drift of the machine is in
+// it.
+struct PreviewCost {
+  std::vector<double> handed_over_us, next_us;
+  void add(const std::map<std::uint64_t, double>& cpu_us, const std::set<std::uint64_t>& handed_over) {
+    for (const std::uint64_t set : handed_over) {
+      const auto before = cpu_us.find(set - 1), now = cpu_us.find(set), next = cpu_us.find(set + 1);
+      if (before == cpu_us.end() || now == cpu_us.end() || next == cpu_us.end() || handed_over.contains(set - 2))
+        continue;
+      handed_over_us.push_back(now->second - before->second);
+      next_us.push_back(next->second - before->second);
+    }
+  }
 };
 
 class Service {
@@ -112,21 +153,24 @@ class Service {
         folder / "out", folder / "err");
     if (!subscription_.next(20s)) throw std::runtime_error("the service does not track: " + service_->err());
     tracking_.emplace(service_->pid(), "tracking");
-    discard(2s);  // tables, the lock
+    discard(1s);  // tables, the lock
   }
 
   void discard(std::chrono::duration<double> length) {
     for (const auto end = Clock::now() + length; Clock::now() < end;) subscription_.next(50ms);
   }
 
-  Window measure(std::chrono::duration<double> length) {
+  // by_set: gets the CPU time of each set.
+  Window measure(std::chrono::duration<double> length, std::map<std::uint64_t, double>& by_set) {
     std::vector<double> latency_us, cpu_us;
     auto [set, cpu] = after_a_set(latency_us);
     latency_us.clear();
     for (const auto end = Clock::now() + length; Clock::now() < end;) {
       const auto [set_then, cpu_then] = std::pair(set, cpu);
       std::tie(set, cpu) = after_a_set(latency_us);
-      if (set == set_then + 1) cpu_us.push_back(cpu - cpu_then);  // else we came too late, and two are in it
+      if (set != set_then + 1) continue;  // we came too late, and two are in it
+      cpu_us.push_back(cpu - cpu_then);
+      by_set[set] = cpu_us.back();
     }
     return {mean_of_most(cpu_us), quantile(latency_us, 0.5), quantile(latency_us, 0.9), cpu_us.size()};
   }
@@ -189,7 +233,8 @@ int main(int argc, char** argv) {
     std::array<std::vector<double>, 3> cpu, latency, p90;
     std::array<Watchers, 3> order{no_bridge, no_page, pages_open};
     std::mt19937 rng(1);
-    std::size_t received = 0, sets = 0;
+    std::size_t received = 0, sets = 0, open_sets = 0, handed_sets = 0;
+    PreviewCost previews;
     for (int round = 0; round < rounds; ++round) {
       std::ranges::shuffle(order, rng);
       for (const Watchers watchers : order) {
@@ -202,10 +247,18 @@ int main(int argc, char** argv) {
           const int port = port_of(*view);
           if (watchers == pages_open) readers.emplace(port, pages);
         }
-        service.discard(2s);
+        service.discard(1500ms);  // discovery
         const std::size_t before = readers ? readers->received() : 0;
-        const Window window = service.measure(std::chrono::duration<double>(seconds));
-        if (readers) received += readers->received() - before;
+        std::map<std::uint64_t, double> by_set;
+        const Window window = service.measure(std::chrono::duration<double>(seconds), by_set);
+        if (readers) {
+          received += readers->received() - before;
+          const auto handed_over = readers->handed_over();
+          previews.add(by_set, handed_over);
+          handed_sets +=
+              std::size_t(std::ranges::count_if(by_set, [&](const auto& s) { return handed_over.contains(s.first); }));
+          open_sets += by_set.size();
+        }
         sets += window.sets;
         cpu[watchers].push_back(window.cpu_us);
         latency[watchers].push_back(window.median_latency_us);
@@ -229,6 +282,17 @@ int main(int argc, char** argv) {
     std::printf("median latency from the last frame to the DDS write, against no bridge:\n");
     print("bridge, no page", latency[no_bridge], latency[no_page]);
     print("pages open", latency[no_bridge], latency[pages_open]);
+    const auto [h_low, h_high] = median_interval(previews.handed_over_us);
+    const auto [n_low, n_high] = median_interval(previews.next_us);
+    const double h = quantile(previews.handed_over_us, 0.5), n = quantile(previews.next_us, 0.5);
+    const double share = double(handed_sets) / double(open_sets), of = quantile(cpu[no_bridge], 0.5);
+    std::printf(
+        "the same from set to set, with pages open: %.0f %% of the sets are handed over, which costs %+.1f us (%+.1f "
+        "to %+.1f)\n"
+        "each, and the next one %+.1f us (%+.1f to %+.1f), n = %zu: together %+.2f %% (%+.2f to %+.2f %%) of the "
+        "tracking thread's time\n",
+        100 * share, h, h_low, h_high, n, n_low, n_high, previews.next_us.size(), 100 * share * (h + n) / of,
+        100 * share * (h_low + n_low) / of, 100 * share * (h_high + n_high) / of);
   } catch (const std::exception& error) {
     std::fprintf(stderr, "view_cost: %s\n", error.what());
     status = 1;

@@ -216,6 +216,7 @@ function tick(): void {
     );
     list.hidden = warnings.length === 0;
   }
+  $("targets-title").textContent = store.trackedCameras.size === 0 ? "Targets" : store.targets.size === 0 ? "Tracked camera" : "Targets and tracked camera";
   $("no-targets").hidden = store.targets.size + store.trackedCameras.size > 0;
   updateCameras(serving);
   updateHealth(serving);
