@@ -122,10 +122,7 @@ async function checkNames(page) {
 }
 // Once round with Tab: what gets the focus, in order. Each shows that it has it.
 async function tabStops(page) {
-  await page.evaluate(() => {
-    document.activeElement?.blur();
-    scrollTo(0, 0);
-  });
+  await page.evaluate(() => document.querySelector(".skip").focus());
   const stops = [];
   for (let i = 0; i < 60; i++) {
     await page.keyboard.press("Tab");
@@ -234,7 +231,9 @@ async function test() {
   const pixels = truthPixels();
   await until("it may be taught", async () => !(await page.isDisabled("#teach-open")));
   await page.click("#teach-open");
-  await page.waitForSelector("#teach-pictures canvas[data-camera=cam1]");
+  await page.waitForSelector("#teach-pictures canvas[data-camera=cam1]").catch(async (error) => {
+    throw new Error(`no frozen pictures; the page says: ${await page.textContent("#teach-says")}`, { cause: error });
+  });
   const at = async (camera) => {
     const canvas = page.locator(`#teach-pictures canvas[data-camera=${camera}]`);
     await canvas.scrollIntoViewIfNeeded();

@@ -315,7 +315,8 @@ export class Scene3d {
     const right = new THREE.Vector3(0, 0, 1).cross(back).normalize();
     const up = back.clone().cross(right);
     const tanY = Math.tan(THREE.MathUtils.degToRad(this.camera.fov / 2)) * share; // the rest is a margin
-    const tanX = tanY * this.camera.aspect;
+    const width = Math.max(1, this.canvas.clientWidth);
+    const tanX = tanY * this.camera.aspect * Math.max(0.6, 1 - 50 / width); // half a label on either side
     const points = [...this.extent];
     for (const { cloud, way } of this.roamed.values()) points.push(...cloud, ...way);
     const center = new THREE.Box3().setFromPoints(points).getCenter(new THREE.Vector3());

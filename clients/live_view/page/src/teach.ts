@@ -28,6 +28,7 @@ let ignored: Ignore[] = [];
 let wider = 0;
 let isIgnoring = false;
 let hasLearnt = false;
+let service = ""; // whose pictures these are
 
 const panel = $("teach-panel");
 const say = (text: string, isBad = false) => {
@@ -52,20 +53,23 @@ async function ask(action: string): Promise<void> {
     wider,
   });
   update();
-  try {
-    const answer = await fetch("/api/teach", { method: "POST", headers: { "Content-Type": "application/json" }, body });
-    if (!answer.ok) throw new Error((await answer.text()).trim());
-  } catch (error) {
-    pending = 0;
-    update();
-    return say(`The request did not go through: ${error instanceof Error ? error.message : error}`, true);
-  }
-  setTimeout(() => {
+  // Again when nothing comes back: a service that has just started may not have met the bridge yet. A second reply to the
+  // same request is not waited for any more.
+  for (let attempt = 0; attempt < 3; attempt++) {
+    try {
+      const answer = await fetch("/api/teach", { method: "POST", headers: { "Content-Type": "application/json" }, body });
+      if (!answer.ok) throw new Error((await answer.text()).trim());
+    } catch (error) {
+      pending = 0;
+      update();
+      return say(`The request did not go through: ${error instanceof Error ? error.message : error}`, true);
+    }
+    await new Promise((resolve) => setTimeout(resolve, 3000));
     if (pending !== mine) return;
-    pending = 0;
-    update();
-    say("The service did not answer. Is it still running?", true);
-  }, 8000);
+  }
+  pending = 0;
+  update();
+  say("The service did not answer. Is it still running?", true);
 }
 
 export async function takeTeachReply(reply: TeachReply): Promise<void> {
@@ -294,7 +298,10 @@ function draw(picture: Picture): void {
   }
 }
 
+const serviceOf = (scene: Scene) => `${scene.host}/${scene.pid}`;
+
 function startAgain(): void {
+  service = store.scene ? serviceOf(store.scene) : "";
   points = [];
   wider = 0;
   hasLearnt = false;
@@ -313,7 +320,6 @@ function open(): void {
 function close(): void {
   panel.hidden = true;
   $("teach-open").setAttribute("aria-expanded", "false");
-  $("teach-open").focus();
 }
 
 function update(): void {
@@ -330,6 +336,13 @@ export function updateTeach(serving: boolean): void {
   const scene = store.scene;
   const button = $<HTMLButtonElement>("teach-open");
   const allowed = serving && !!scene?.may_teach && scene.targets.length > 0;
+  // Another service knows nothing of these pictures.
+  if (!panel.hidden && serving && scene && service !== serviceOf(scene)) {
+    pictures = [];
+    $("teach-pictures").replaceChildren();
+    if (allowed) open();
+    else close();
+  }
   button.disabled = !allowed && panel.hidden;
   $("teach-why").textContent = !serving ? "" : scene && !scene.may_teach ? scene.why_not : scene && !scene.targets.length ? "The configuration has no target to teach." : "";
   $("teach-resume").hidden = !serving || store.status?.mode !== "held";
@@ -344,7 +357,10 @@ export function updateTeach(serving: boolean): void {
 
 $("teach-open").addEventListener("click", () => (panel.hidden ? open() : close()));
 $("teach-resume").addEventListener("click", () => void ask("resume"));
-$("teach-close").addEventListener("click", close);
+$("teach-close").addEventListener("click", () => {
+  close();
+  $("teach-open").focus();
+});
 $("teach-freeze").addEventListener("click", startAgain);
 $("teach-again").addEventListener("click", startAgain);
 $("teach-wider").addEventListener("click", () => (wider++, void ask("look")));
