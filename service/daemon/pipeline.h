@@ -78,6 +78,7 @@ struct PipelineOptions {
       left_out;            // ascending; sets (FrameSet::at) that are not tracked: a replay of what live dropped
   std::vector<Timestamp> camera_left_out;  // ascending; likewise, frames (captured_at) of the tracked camera
   int pictures_every = 1;  // >= 1; every how many-th set goes to the picture output
+  std::size_t view_particles = 0;  // about so many of each target's particles go to the view output; 0: all
 };
 
 // What a picture of one set needs. A plain value; images are shared, not copied.
@@ -164,7 +165,7 @@ class Pipeline {
   void receive(Frame frame);
   void put_in_queue(ReadySet ready);  // synchronizer_mutex_ is held
   void put_in_camera_queue(ReadyFrame ready);
-  PictureJob picture_of(FrameSet set, std::vector<ObjectEstimate> estimates) const;
+  PictureJob picture_of(FrameSet set, std::vector<ObjectEstimate> estimates, std::size_t particles) const;
   void track();
   void note_searches();
   void take_replacements(Timestamp at);

@@ -100,7 +100,7 @@ class LiveLeds : public LiveCameraTracking {
          << more;
     return load_service_config(write("c.yaml", text.str()));
   }
-  std::vector<LiveCamera> cameras(Timestamp start, Duration period) const {
+  std::vector<LiveCamera> cameras(Duration from_now, Duration period) {
     std::vector<Frame> list;
     for (int i = 0; i < frames; ++i) {
       Frame frame;
@@ -109,12 +109,14 @@ class LiveLeds : public LiveCameraTracking {
       frame.pixels = led_image(scene_, led_dots(scene_, led_scene_pose(i / scene_.fps), {i % 8}), std::uint64_t(i));
       list.push_back(std::move(frame));
     }
+    start_ = unix_now() + from_now;
     std::vector<LiveCamera> live;
-    live.push_back(FakeCamera(0, std::move(list), start, false).live());
+    live.push_back(FakeCamera(0, std::move(list), start_, false).live());
     return live;
   }
 
   const LedScene scene_ = led_scene();
+  Timestamp start_;
 };
 
 TEST_F(LiveLeds, PosesGoToTheBusNativelyAndForRos) {
@@ -132,9 +134,9 @@ TEST_F(LiveLeds, PosesGoToTheBusNativelyAndForRos) {
   LiveOptions options;
   options.poses = folder_ / "live.tum";
   LiveRequests requests;
-  const Timestamp start = unix_now() + 1s;  // readers and writers have met by then
   const auto period = std::chrono::duration_cast<Duration>(std::chrono::duration<double>(1 / scene_.fps));
-  const LiveSummary summary = run_live(c, cameras(start, period), options, requests, {});
+  // By then readers and writers have met.
+  const LiveSummary summary = run_live(c, cameras(1s, period), options, requests, {});
   EXPECT_EQ(summary.figures.camera_frames_tracked + summary.figures.camera_frames_dropped, std::uint64_t(frames));
 
   std::size_t with_pose = 0;
@@ -148,7 +150,7 @@ TEST_F(LiveLeds, PosesGoToTheBusNativelyAndForRos) {
     ASSERT_EQ(has_pose, std::isfinite(s.position()[0]));
     ASSERT_EQ(has_pose, std::isfinite(s.covariance()[35]));
     if (!has_pose) continue;
-    const std::int64_t offset = s.captured_at() - start.time_since_epoch().count();
+    const std::int64_t offset = s.captured_at() - start_.time_since_epoch().count();
     const double t = double(offset) * 1e-9;
     const Eigen::Vector3d at(s.position()[0], s.position()[1], s.position()[2]);
     EXPECT_LT((led_scene_pose(t).translation - at).norm(), 0.02) << t;
@@ -184,7 +186,7 @@ TEST_F(LiveLeds, ARecordingReplaysToTheSamePosesEvenWhenFramesWereDropped) {
   options.record_to = folder_ / "recording";
   LiveRequests requests;
   // The first 30 come at once: more than the queue holds, so that some are dropped.
-  const LiveSummary summary = run_live(c, cameras(unix_now() - 330ms, 11ms), options, requests, {});
+  const LiveSummary summary = run_live(c, cameras(-330ms, 11ms), options, requests, {});
   EXPECT_EQ(summary.figures.camera_frames_tracked + summary.figures.camera_frames_dropped, std::uint64_t(frames));
   EXPECT_GT(summary.figures.camera_frames_dropped, 0u);
   replay_of(folder_ / "recording/huetrackd.yaml", folder_ / "recording", folder_ / "replayed.tum");
@@ -205,7 +207,7 @@ TEST_F(LiveLeds, ARecordingHoldsTheFilesThatItsConfigurationNames) {
   options.record_to = folder_ / "recording";
   LiveRequests requests;
   options.seconds = 0.2;
-  run_live(c, cameras(unix_now(), 11ms), options, requests, {});
+  run_live(c, cameras(0ms, 11ms), options, requests, {});
   fs::remove(board);
   fs::rename(folder_ / "recording", folder_ / "moved");
   EXPECT_THAT(contents(folder_ / "moved/huetrackd.yaml"), Not(HasSubstr(folder_.string())));
