@@ -13,7 +13,7 @@ struct Scale {
   double motion;  // of the liveliest
   double pixel;   // of the sightings' sigma_px
 };
-constexpr std::array motion_scales{1.0, 0.2, 0.02, 0.001};  // the last: a camera on a turntable or a rail
+constexpr std::array motion_scales{1.0, 0.2, 0.05, 0.02, 0.001};  // the last: a camera on a turntable or a rail
 constexpr std::array pixel_scales{1.0, 4.0, 16.0, 64.0};
 constexpr auto scales = [] {
   std::array<Scale, motion_scales.size() * pixel_scales.size()> all{};
@@ -21,7 +21,7 @@ constexpr auto scales = [] {
     all[i] = {motion_scales[i / pixel_scales.size()], pixel_scales[i % pixel_scales.size()]};
   return all;
 }();
-constexpr double switching_per_s = 0.5;  // how often a camera changes its way of moving
+constexpr double switching_per_s = 1;  // how often a camera changes its way of moving
 constexpr double least_probability = 1e-4;
 
 LedGaussian mixture(std::span<const LedGaussian> states, std::span<const double> weight) {

@@ -20,6 +20,7 @@ constexpr double enough_share = 0.05, gathered_jitter = 0.03;
 constexpr double least_sigma_px = 1;  // Table I; a narrower Gaussian leaves too few of 5000
 constexpr double own_motion = 0.25;   // of LedFilterOptions::motion, which is that of the liveliest cameras
 constexpr double narrow = 1.5;        // up to this widening the particles are where the measurements are
+constexpr int gathered_frames = 12;
 constexpr double tracking_sigma_m = 0.05, tracking_sigma_rad = 0.06;
 constexpr double explained_px = 6;  // a LED so near to where the pose has it supports the pose
 constexpr Duration evidence_length = 400ms;
@@ -120,7 +121,9 @@ class PaperLedFilter final : public LedFilter {
     const Vector2d sigma = largest_sigmas(pose_.covariance);
     small_ = sigma.x() < tracking_sigma_m && sigma.y() < tracking_sigma_rad;
     const bool explained = evidence_.distinct() >= 4 && 4 * evidence_.matched() > 3 * evidence_.in_view();
-    if (small_ && explained && widening_ < narrow) {
+    // For some frames: a cloud that is just coming together may pass by.
+    gathered_ = widening_ < narrow ? gathered_ + static_cast<int>(!sightings.empty()) : 0;
+    if (small_ && explained && gathered_ >= gathered_frames) {
       state_ = CameraState::tracking;
     } else if (state_ == CameraState::tracking || state_ == CameraState::coasting) {
       state_ = small_ && frame.at - evidence_.last_match().value_or(Timestamp{}) < evidence_length
@@ -161,6 +164,7 @@ class PaperLedFilter final : public LedFilter {
   CameraState state_ = CameraState::searching;
   double widening_ = 1;
   bool small_ = false;
+  int gathered_ = 0;  // frames in a row
   std::uint64_t number_ = 0;
   Timestamp last_at_{};
 };
