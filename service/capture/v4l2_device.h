@@ -115,6 +115,8 @@ struct ControlSetting {
   std::string name;
   ControlValue value;
 };
+// From text, as it stands in a configuration: a number, true or false (1 or 0), or else a menu entry's name.
+ControlSetting control_setting(std::string name, const std::string& text);
 struct ControlResult {
   std::string name;
   std::string asked;                // as text
