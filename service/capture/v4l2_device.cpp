@@ -89,10 +89,19 @@ std::string first_line_of(const fs::path& file) {
 
 std::optional<UsbPlace> usb_place_of(const fs::path& device_folder) {
   std::error_code error;
+  const auto hex_in = [](const fs::path& file) {
+    const std::string text = first_line_of(file);
+    int value = -1;
+    std::from_chars(text.data(), text.data() + text.size(), value, 16);
+    return value;
+  };
+  int interface = -1;
   for (fs::path folder = fs::canonical(device_folder, error); !error && folder.has_relative_path();
        folder = folder.parent_path()) {
+    if (interface < 0) interface = hex_in(folder / "bInterfaceNumber");
     if (!fs::exists(folder / "idVendor", error)) continue;
     UsbPlace place;
+    place.interface = interface;
     place.port = folder.filename().string();
     place.id = first_line_of(folder / "idVendor") + ":" + first_line_of(folder / "idProduct");
     place.serial = first_line_of(folder / "serial");

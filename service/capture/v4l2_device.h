@@ -30,6 +30,7 @@ struct UsbPlace {
   double speed_mbps = 0;  // 12, 480, 5000, ...: what the device runs at
   std::string id;         // "046d:0825", vendor:product
   std::string serial;     // empty: it has none
+  int interface = -1;     // of the device, that the video node belongs to; -1: unknown
 };
 
 struct V4l2Identity {
