@@ -134,6 +134,8 @@ class LiveService {
     if (view_) {
       outputs.view_wanted = [this] { return view_->wants(); };
       outputs.view = [this](PictureJob job) { view_->offer(std::move(job)); };
+      outputs.camera_map_wanted = [this] { return view_->wants_map(); };
+      outputs.camera_map = [this](CameraMap map) { view_->offer(std::move(map)); };
     }
     pipeline_.emplace(config_.rig, std::move(sources), std::move(trackers), pipeline, std::move(outputs));
     if (tracks_camera) {

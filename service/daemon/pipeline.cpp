@@ -355,6 +355,8 @@ void Pipeline::track_camera_frames() {
     const CameraEstimate estimate = camera_tracker_->update(ready->frame);
     const StageTime tracked = watch.lap();
     if (outputs_.camera_poses) outputs_.camera_poses(estimate, ready->received_at);
+    if (outputs_.camera_map_wanted && outputs_.camera_map_wanted())
+      outputs_.camera_map({estimate.at, camera_tracker_->map()});
     std::uint64_t index = 0;
     {
       const std::scoped_lock lock(figures_mutex_);

@@ -106,6 +106,9 @@ struct PipelineOutputs {
   std::function<void(const FrameSet&)> left_out = nullptr;
   // Camera thread: a pose per frame of the tracked camera. received_at: UNIX time.
   std::function<void(const CameraEstimate&, Timestamp received_at)> camera_poses = nullptr;
+  // Camera thread, after camera_poses: whether the map is wanted by who watches, and then the map. Both must be quick.
+  std::function<bool()> camera_map_wanted = nullptr;
+  std::function<void(CameraMap)> camera_map = nullptr;
   // Camera picture thread; every options.pictures_every-th frame.
   std::function<void(const CameraPictureJob&)> camera_pictures = nullptr;
   // Tracking thread, after `estimates`: whether a picture of this set is wanted by who watches, and then the set. Both must

@@ -312,6 +312,8 @@ ReplaySummary replay(const ReplayCommand& command, std::stop_token stop) {
       view->set_clock_offset(clock_offset());
       view->offer(std::move(job));
     };
+    outputs.camera_map_wanted = [&view] { return view->wants_map(); };
+    outputs.camera_map = [&view](CameraMap map) { view->offer(std::move(map)); };
   }
   if (pictures) outputs.pictures = [&](const PictureJob& job) { pictures->write(job); };
 

@@ -12,6 +12,7 @@ using namespace std::chrono_literals;
 
 constexpr auto look_round_period = 100ms;  // for subscribers
 constexpr auto network_period = 1s;
+constexpr auto map_period = 1s;
 constexpr auto freeze_patience = 3s;          // for a set to freeze
 constexpr auto kept_freeze_patience = 300ms;  // likewise, when there is one that was kept
 constexpr auto repeat_after = 1s;             // a set that is kept is shown again: who comes late sees it too
@@ -37,6 +38,12 @@ void ViewServer::offer(PictureJob job) {
   news_.notify_one();
 }
 
+void ViewServer::offer(CameraMap map) {
+  map_wanted_.store(false, std::memory_order_relaxed);
+  const std::scoped_lock lock(mutex_);  // the thread comes round in time: no reason to wake it
+  map_ = std::move(map);
+}
+
 void ViewServer::take_over(const ServiceConfig& config) {
   {
     const std::scoped_lock lock(mutex_);
@@ -52,12 +59,13 @@ ViewServer::Counters ViewServer::counters() const {
 void ViewServer::serve(const std::stop_token& stop) {
   publish_scene();
   std::optional<PictureJob> last;  // only where frames may be kept
-  Clock::time_point next_preview{}, next_network = Clock::now() + network_period, shown_at{};
+  Clock::time_point next_preview{}, next_network = Clock::now() + network_period, next_map{}, shown_at{};
   const auto period =
       std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(1 / config_.preview.rate_hz));
   bool is_watched = false;
   while (!stop.stop_requested()) {
     std::optional<PictureJob> job;
+    std::optional<CameraMap> map;
     std::optional<ServiceConfig> fresh;
     {
       std::unique_lock lock(mutex_);
@@ -65,6 +73,7 @@ void ViewServer::serve(const std::stop_token& stop) {
       if (is_watched && next_preview > Clock::now()) until = std::min(until, next_preview);
       news_.wait_until(lock, stop, until, [&] { return offered_ || fresh_; });
       job.swap(offered_);
+      map.swap(map_);
       fresh.swap(fresh_);
     }
     if (fresh) {
@@ -92,6 +101,11 @@ void ViewServer::serve(const std::stop_token& stop) {
     }
     if (job && options_.keeps_frames) last = std::move(job);
     if ((is_watched && now >= next_preview) || to_freeze_) wanted_.store(true, std::memory_order_relaxed);
+    if (map) {
+      publisher_.publish(*map, map->at + Duration(clock_offset_ns_));
+      next_map = now + map_period;
+    }
+    if (now >= next_map) map_wanted_.store(true, std::memory_order_relaxed);
     if (now >= next_network) {
       next_network = now + network_period;
       publisher_.look_after_network();

@@ -137,8 +137,13 @@ TEST(ViewSecondVendor, CycloneSeesTheViewAndAsksForIt) {
   options.domain = 76;
   options.targets = {"ball"};
   options.cameras = {"cam.0", "left"};
+  options.tracked_camera = "left";
   ViewPublisher publisher(options);
   EXPECT_TRUE(publisher.publish(scene()));
+  CameraMap map{Timestamp(3s), {{.id = 5}, {.id = 9, .position = {1, 2, 3}, .given = true}}};
+  map.points[1].covariance(2, 2) = 0.25;
+  map.points[1].state = CameraMapPoint::State::found;
+  EXPECT_TRUE(publisher.publish(map, map.at + 1s));
   ChildProcess page(
       {HUETRACK_CYCLONE_PAGE, "76", PublisherIdentity::of_this_process({}).host, std::to_string(::getpid())});
   const ObjectEstimate e = estimate(TrackState::tracking);
@@ -177,6 +182,8 @@ TEST(ViewSecondVendor, CycloneSeesTheViewAndAsksForIt) {
   EXPECT_EQ(got["scene/camera"], "cam.0 640 500 1 8");
   EXPECT_EQ(got["scene/color"], "20");
   EXPECT_EQ(got["scene/why_not"], "because");
+  EXPECT_EQ(got["map/camera"], "left " + std::to_string(::getpid()) + " 4000000000 2 2");
+  EXPECT_EQ(got["map/point"], "9 2 0.25 2 1");
   EXPECT_EQ(got["preview/camera"], "cam.0");
   EXPECT_EQ(got["preview/set"], "42");
   EXPECT_EQ(got["preview/jpeg"], "30000 7");
