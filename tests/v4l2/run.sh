@@ -63,7 +63,7 @@ start=$SECONDS
 status=0
 # shellcheck disable=SC2016
 "$vm/v4l2vm.sh" --vivid 2 --loopback 3 --uvc --timeout 600 --out "$work/out" --env "HUETRACK_V4L2_TOOLS=$tools" \
-  --env "ASAN_OPTIONS=${ASAN_OPTIONS:-}" -- \
+  --env "ASAN_OPTIONS=${ASAN_OPTIONS:-}" --env "HUETRACK_KILLS=${HUETRACK_KILLS:-20}" -- \
   sh -c 'touch /out/started; cd /tmp; ip link set lo up 2>/dev/null; build=$1; filter=$2; shift 2; status=0
     for test in devices daemon; do
       "$build/tests/v4l2/v4l2_${test}_test" --gtest_color=no --gtest_filter="$filter" "$@" || status=1
