@@ -102,6 +102,7 @@ class LiveService {
     pipeline.frame_sets.tolerance = duration_of(*config_.set_tolerance_s);
     pipeline.when_full = WhenFull::drop_oldest;
     pipeline.threads = config.threads;
+    pipeline.view_particles = std::size_t(std::max(1, config.preview.particles));
     std::vector<ObjectTracker> trackers;
     for (std::size_t t = 0; t < targets_.size(); ++t) trackers.push_back(tracker_for(config, t, cameras));
     std::vector<std::unique_ptr<FrameSource>> sources;

@@ -77,6 +77,7 @@ struct PipelineOptions {
   std::vector<Timestamp>
       left_out;            // ascending; sets (FrameSet::at) that are not tracked: a replay of what live dropped
   int pictures_every = 1;  // >= 1; every how many-th set goes to the picture output
+  std::size_t view_particles = 0;  // about so many of each target's particles go to the view output; 0: all
 };
 
 // What a picture of one set needs. A plain value; images are shared, not copied.
@@ -156,7 +157,7 @@ class Pipeline {
   void capture(FrameSource& source, std::stop_token stop);
   void receive(Frame frame);
   void put_in_queue(ReadySet ready);  // synchronizer_mutex_ is held
-  PictureJob picture_of(FrameSet set, std::vector<ObjectEstimate> estimates) const;
+  PictureJob picture_of(FrameSet set, std::vector<ObjectEstimate> estimates, std::size_t particles) const;
   void track();
   void note_searches();
   void take_replacements(Timestamp at);

@@ -1,6 +1,9 @@
 #include "daemon/view_server.h"
 
 #include <spdlog/spdlog.h>
+#include <sys/prctl.h>
+#include <sys/resource.h>
+#include <unistd.h>
 
 #include "daemon/preview_maker.h"
 
@@ -10,7 +13,9 @@ namespace {
 using Clock = std::chrono::steady_clock;
 using namespace std::chrono_literals;
 
+constexpr int niceness = 10;               // of 19
 constexpr auto look_round_period = 100ms;  // for subscribers
+constexpr auto fetch_period = 10ms;        // for the set that was asked for
 constexpr auto network_period = 1s;
 constexpr auto map_period = 1s;
 constexpr auto freeze_patience = 3s;          // for a set to freeze
@@ -31,11 +36,9 @@ ViewServer::~ViewServer() = default;
 
 void ViewServer::offer(PictureJob job) {
   wanted_.store(false, std::memory_order_relaxed);
-  {
-    const std::scoped_lock lock(mutex_);
-    offered_ = std::move(job);
-  }
-  news_.notify_one();
+  const std::scoped_lock lock(mutex_);
+  offered_ = std::move(job);
+  // Nobody is woken: that costs the tracking thread more than all the rest of this, and the other one looks by itself.
 }
 
 void ViewServer::offer(CameraMap map) {
@@ -57,6 +60,9 @@ ViewServer::Counters ViewServer::counters() const {
 }
 
 void ViewServer::serve(const std::stop_token& stop) {
+  ::prctl(PR_SET_NAME, "view");
+  // Whoever tracks or captures comes first. In Linux this is the thread's own; where it is refused, nothing is lost.
+  ::setpriority(PRIO_PROCESS, static_cast<id_t>(::gettid()), niceness);
   publish_scene();
   std::optional<PictureJob> last;  // only where frames may be kept
   Clock::time_point next_preview{}, next_network = Clock::now() + network_period, next_map{}, shown_at{};
@@ -71,6 +77,7 @@ void ViewServer::serve(const std::stop_token& stop) {
       std::unique_lock lock(mutex_);
       auto until = Clock::now() + look_round_period;
       if (is_watched && next_preview > Clock::now()) until = std::min(until, next_preview);
+      if (wants()) until = Clock::now() + fetch_period;
       news_.wait_until(lock, stop, until, [&] { return offered_ || fresh_; });
       job.swap(offered_);
       map.swap(map_);

@@ -417,6 +417,36 @@ TEST_F(Webcams, RecordKeepsTheirOwnJpegs) {
   EXPECT_THAT(again->err(), HasSubstr("is not an empty folder"));
 }
 
+TEST_F(Webcams, AColourIsTaughtFromThem) {
+  std::vector<Camera> cameras;
+  for (int c = 0; c < 3; ++c)
+    cameras.push_back({names[std::size_t(c)], nodes[std::size_t(c)], c == 0 ? "format: yuyv" : "format: mjpeg"});
+  const fs::path config = configure(original / "rig.yaml", "pink: {color: {hue_deg: [200, 220]}}", cameras, 15);
+  Truth truth = Truth::read(original / "groundtruth.csv");
+  truth.match(std::vector<std::string>{"pink"});
+  const auto where = truth.position("pink", Timestamp(duration_of(still / 60.0)));
+  ASSERT_TRUE(where);
+  const auto pixel = read_rig(original / "rig.yaml").cameras.at(0).project_world(*where);
+  ASSERT_TRUE(pixel);
+  const std::string at = "cam0,5," + std::to_string(pixel->px.x()) + "," + std::to_string(pixel->px.y());
+  const auto taught =
+      start({HUETRACKD, "teach", config, "live", "--at", at, "--accept", "--pictures", folder / "taught"}, "taught");
+  EXPECT_EQ(taught->wait(), 0) << taught->err();
+  std::printf("%s", taught->out().c_str());
+  EXPECT_THAT(taught->out(), AllOf(HasSubstr("camera cam0: "), HasSubstr("camera cam1: "), HasSubstr("camera cam2: "),
+                                   HasSubstr("of the background matches"), HasSubstr("written into ")));
+  for (const auto& name : names) EXPECT_TRUE(fs::exists(folder / "taught" / (name + ".png")));
+  run(config);
+  ASSERT_TRUE(says("ready: 3 of 3 cameras deliver"));
+  EXPECT_TRUE(comes_true([] { return is("pink", "tracking"); }));
+  // They are the service's now.
+  const auto again = start({HUETRACKD, "teach", config, "live", "--at", at, "--dry-run"}, "again");
+  EXPECT_EQ(again->wait(), 1);
+  EXPECT_THAT(again->err(), HasSubstr("is it in use by a running huetrackd? Then teach on the page"));
+  EXPECT_TRUE(is("pink", "tracking"));
+  stop();
+}
+
 TEST_F(Webcams, DoctorSaysHowTheyAre) {
   fs::create_directories("/dev/v4l/by-path");  // the VM has no udev
   const fs::path link = "/dev/v4l/by-path/platform-vhci_hcd.0-usb-0:1:1.0-video-index0";
