@@ -21,7 +21,7 @@ constexpr auto scales = [] {
     all[i] = {motion_scales[i / pixel_scales.size()], pixel_scales[i % pixel_scales.size()]};
   return all;
 }();
-constexpr double switching_per_s = 1;  // how often a camera changes its way of moving
+constexpr double switching_per_s = 2;  // how often a camera changes its way of moving
 constexpr double least_probability = 1e-4;
 
 LedGaussian mixture(std::span<const LedGaussian> states, std::span<const double> weight) {
