@@ -285,9 +285,12 @@ void Pipeline::track() {
       if (std::ranges::binary_search(options_.left_out, ready->set.at)) continue;
       take_replacements(ready->set.at);
       // Object tracking is for still cameras: a camera that moves is absent from its sets.
-      FrameSet of_still_cameras = ready->set;  // images are shared
-      if (tracked_camera_ >= 0) of_still_cameras.frames.at(std::size_t(tracked_camera_)).reset();
-      const StageTime tracked = team.update(of_still_cameras, estimates);
+      std::optional<FrameSet> of_still_cameras;
+      if (tracked_camera_ >= 0) {
+        of_still_cameras = ready->set;  // images are shared
+        of_still_cameras->frames.at(std::size_t(tracked_camera_)).reset();
+      }
+      const StageTime tracked = team.update(of_still_cameras ? *of_still_cameras : ready->set, estimates);
       const Stopwatch watch;
       if (outputs_.estimates) outputs_.estimates(ready->set, estimates, ready->received_at);
       if (outputs_.view_wanted && outputs_.view_wanted()) {
