@@ -15,7 +15,7 @@ fail() {
 
 # shellcheck disable=SC2086
 install_missing $packages_build $packages_test || fail "the packages could not be installed"
-# off, short (3 minutes) or all (10): real V4L2 drivers in a VM (tests/v4l2/run.sh); skipped where there is no VM.
+# off, short (3 minutes) or all (15): real V4L2 drivers in a VM (tests/v4l2/run.sh); skipped where there is no VM.
 export HUETRACK_VM_TESTS=${HUETRACK_VM_TESTS:-short}
 if [ "$HUETRACK_VM_TESTS" != off ] && [ -d "${V4L2VM_DIR:-../shared/tools/v4l2vm}" ]; then
   # shellcheck disable=SC2086,SC2154

@@ -97,7 +97,7 @@ void ViewServer::serve(const std::stop_token& stop) {
       publisher_.publish(TeachDesk::refusal(*to_freeze_, "No pictures come from the cameras."));
       to_freeze_.reset();
     }
-    is_watched = config_.preview.enabled && publisher_.preview_subscribers() > 0;
+    is_watched = config_.preview.enabled && publisher_.picture_subscribers() + publisher_.marker_subscribers() > 0;
     if (job && is_watched) {
       publish_previews(*job);
       shown_at = now;
@@ -147,8 +147,9 @@ void ViewServer::freeze(const FrameSet& set) {
 
 void ViewServer::publish_previews(const PictureJob& job) {
   const auto started = Clock::now();
-  for (const auto& preview : make_previews(config_, job, Duration(clock_offset_ns_))) {
-    if (publisher_.publish(preview)) ++previews_;
+  if (publisher_.picture_subscribers() > 0) {
+    for (const auto& preview : make_previews(config_, job, Duration(clock_offset_ns_)))
+      if (publisher_.publish(preview)) ++previews_;
   }
   publisher_.publish(job.estimates, job.set.at + Duration(clock_offset_ns_));
   busy_ns_ += (Clock::now() - started).count();

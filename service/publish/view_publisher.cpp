@@ -113,7 +113,7 @@ struct ViewPublisher::Impl {
   bool write_scene() {
     bool ok = connection->scene.write(&*scene);
     if (connection->tf_static != nullptr) {
-      auto tf = to_static_tf(*scene, options.frame_id);
+      auto tf = to_static_tf(*scene, options.frame_id, options.tracked_camera);
       ok = connection->tf_static->write(&tf) && ok;
     }
     return ok;
@@ -160,7 +160,7 @@ bool ViewPublisher::publish(const CameraMap& map, Timestamp captured) noexcept {
 bool ViewPublisher::publish(std::span<const ObjectEstimate> estimates, Timestamp captured) noexcept {
   dds::DataWriter* const markers = impl_->connection->markers;
   if (markers == nullptr || !impl_->scene || readers_of(*markers) == 0) return true;
-  auto array = to_markers(*impl_->scene, estimates, captured, impl_->options.frame_id);
+  auto array = to_markers(*impl_->scene, estimates, captured, impl_->options.frame_id, impl_->options.tracked_camera);
   return markers->write(&array);
 }
 
@@ -178,12 +178,17 @@ std::optional<msg::TeachRequest> ViewPublisher::next_request() {
   return std::nullopt;
 }
 
-int ViewPublisher::preview_subscribers() const {
+int ViewPublisher::picture_subscribers() const {
   const Connection& bus = *impl_->connection;
   int readers = readers_of(bus.preview);
   for (const auto* writer : bus.images) readers += readers_of(*writer);
   for (const auto* writer : bus.infos) readers += readers_of(*writer);
-  return readers + (bus.markers != nullptr ? readers_of(*bus.markers) : 0);
+  return readers;
+}
+
+int ViewPublisher::marker_subscribers() const {
+  const dds::DataWriter* const markers = impl_->connection->markers;
+  return markers != nullptr ? readers_of(*markers) : 0;
 }
 
 void ViewPublisher::look_after_network() {

@@ -32,7 +32,8 @@ class ViewPublisher {
 
   std::optional<msg::TeachRequest> next_request();  // those to this process; does not wait
 
-  int preview_subscribers() const;  // on any of the topics that carry pictures
+  int picture_subscribers() const;  // of previews, and of ROS 2's images and camera_info
+  int marker_subscribers() const;   // of ROS 2's markers
 
   // About once a second: joins anew when the host's addresses have changed, as EstimatePublisher does.
   void look_after_network();

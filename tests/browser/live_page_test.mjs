@@ -302,7 +302,7 @@ async function test() {
     await until("its map is there", async () => /Map: \d+ points, \d+ found/.test(await page.textContent("#targets summary")));
     await page.click("#targets summary");
     const rows = await until("its points are listed", async () => (await page.locator("#targets tbody tr").count()) || 0);
-    assert.match(await page.textContent("#targets tbody"), /found/);
+    await until("points were found", async () => /found/.test(await page.textContent("#targets tbody")));
     await sleep(2500);
     await page.screenshot({ path: join(options.out, "camera_map.png"), fullPage: true });
     await checkNames(page);

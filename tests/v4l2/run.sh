@@ -2,14 +2,14 @@
 # Tests the capture and the whole daemon in a small VM with real V4L2 drivers: v4l2loopback, vivid, and USB cameras through
 # uvcvideo.
 #   tests/v4l2/run.sh [--all | --short] [BUILD [GTEST_ARGUMENTS...]]
-# --all (the default) takes about ten minutes, --short some three; tests/run.sh has the short form among its tests
+# --all (the default) takes about a quarter of an hour, --short some three; tests/run.sh has the short form among its tests
 # (HUETRACK_VM_TESTS=off or all says otherwise). BUILD: where v4l2_devices_test and v4l2_daemon_test were built (default
 # build/release). The VM's scripts are looked for in ../shared/tools/v4l2vm (V4L2VM_DIR says otherwise); its files are cached
 # in $V4L2VM_CACHE (default ~/.cache/v4l2vm). Exit status 77: skipped, because the VM cannot be had here, with the reason.
 set -euo pipefail
 root=$(cd "$(dirname "$0")/../.." && pwd)
 vm=${V4L2VM_DIR:-$root/../shared/tools/v4l2vm}
-filter='*'
+filter='*' patience=1500
 case ${1:-} in
   --all) shift ;;
   --off)
@@ -17,7 +17,7 @@ case ${1:-} in
     exit 77
     ;;
   --short)
-    filter='Loopback.FramesAreBitExact*:Uvc.ManualValues*:Uvc.UnplugAnotherAndReplug:Vivid.FlaggedFrames*:Rendered/Films.*/two_cams:Webcams.TheTrack*:Webcams.Doctor*:Faults.*'
+    patience=600 filter='Loopback.FramesAreBitExact*:Uvc.ManualValues*:Uvc.UnplugAnotherAndReplug:Vivid.FlaggedFrames*:Rendered/Films.*/two_cams:Webcams.TheTrack*:Webcams.Doctor*:Faults.*'
     shift
     ;;
 esac
@@ -62,7 +62,7 @@ free_mb=$(awk '/^MemAvailable:/ { print int($2 / 1024) }' /proc/meminfo)
 start=$SECONDS
 status=0
 # shellcheck disable=SC2016
-"$vm/v4l2vm.sh" --vivid 2 --loopback 3 --uvc --timeout 600 --out "$work/out" --env "HUETRACK_V4L2_TOOLS=$tools" \
+"$vm/v4l2vm.sh" --vivid 2 --loopback 3 --uvc --timeout "$patience" --out "$work/out" --env "HUETRACK_V4L2_TOOLS=$tools" \
   --env "ASAN_OPTIONS=${ASAN_OPTIONS:-}" --env "HUETRACK_KILLS=${HUETRACK_KILLS:-20}" -- \
   sh -c 'touch /out/started; cd /tmp; ip link set lo up 2>/dev/null; build=$1; filter=$2; shift 2; status=0
     for test in devices daemon; do
