@@ -118,7 +118,7 @@ class HuetrackLedFilter final : public LedFilter {
     LedMotionState start = prior.mean;
     if (!sightings.empty()) {
       const double miss_px = std::hypot(camera_.image_size.width, camera_.image_size.height);
-      particles_.weigh(camera_.model, leds(), sightings, 0.02, miss_px);
+      particles_.weigh(camera_.model, leds(), sightings, 0.02, 0.02, miss_px);
       start = particles_.mean();
       models_->update(camera_.model, leds(), sightings, start);
     }

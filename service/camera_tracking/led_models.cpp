@@ -13,9 +13,14 @@ struct Scale {
   double motion;  // of the liveliest
   double pixel;   // of the sightings' sigma_px
 };
-constexpr std::array scales{Scale{1, 1},     Scale{1, 4},     Scale{1, 16},    Scale{0.2, 1},
-                            Scale{0.2, 4},   Scale{0.2, 16},  Scale{0.04, 1},  Scale{0.04, 4},
-                            Scale{0.04, 16}, Scale{0.02, 1}, Scale{0.02, 4}, Scale{0.02, 16}};
+constexpr std::array motion_scales{1.0, 0.2, 0.05, 0.02, 0.001};  // the last: a camera on a turntable or a rail
+constexpr std::array pixel_scales{1.0, 4.0, 16.0, 64.0};
+constexpr auto scales = [] {
+  std::array<Scale, motion_scales.size() * pixel_scales.size()> all{};
+  for (std::size_t i = 0; i < all.size(); ++i)
+    all[i] = {motion_scales[i / pixel_scales.size()], pixel_scales[i % pixel_scales.size()]};
+  return all;
+}();
 constexpr double switching_per_s = 2;  // how often a camera changes its way of moving
 constexpr double least_probability = 1e-4;
 

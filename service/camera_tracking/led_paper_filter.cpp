@@ -12,8 +12,15 @@ using Eigen::Vector2d;
 using Eigen::Vector3d;
 using namespace std::chrono_literals;
 
-constexpr double least_share = 0.1;  // of the particles that survive a weighing, see LedParticles::weigh()
-constexpr double narrow = 1.5;       // up to this widening the particles are where the measurements are
+// While the cloud comes together, the Gaussian is so wide that so many of the particles survive, and their copies part
+// so far (of the cloud's own spread): fewer, or nearer, and 5000 particles end in a wrong place. Once enough survive
+// the Gaussian of the paper, it is that one.
+constexpr double gathering_share = 0.4, gathering_jitter = 0.2;
+constexpr double enough_share = 0.05, gathered_jitter = 0.03;
+constexpr double least_sigma_px = 1;  // Table I; a narrower Gaussian leaves too few of 5000
+constexpr double own_motion = 0.25;   // of LedFilterOptions::motion, which is that of the liveliest cameras
+constexpr double narrow = 1.5;        // up to this widening the particles are where the measurements are
+constexpr int gathered_frames = 12;
 constexpr double tracking_sigma_m = 0.05, tracking_sigma_rad = 0.06;
 constexpr double explained_px = 6;  // a LED so near to where the pose has it supports the pose
 constexpr Duration evidence_length = 400ms;
@@ -21,13 +28,18 @@ constexpr Duration evidence_length = 400ms;
 class PaperLedFilter final : public LedFilter {
  public:
   PaperLedFilter(const Camera& camera, const LedFilterOptions& options)
-      : camera_(camera), options_(options), particles_(options.particle_count, Rng(options.seed)) {
+      : camera_(camera),
+        options_(options),
+        motion_{.acceleration = own_motion * options.motion.acceleration,
+                .angular_acceleration = own_motion * options.motion.angular_acceleration,
+                .correlation_s = options.motion.correlation_s},
+        particles_(options.particle_count, Rng(options.seed)) {
     scatter();
   }
 
   CameraEstimate update(const LedFrame& frame) override {
     // "the prediction phase ... sampling from the state transition distribution"
-    if (number_ > 0) particles_.predict(std::max(1e-6, seconds(frame.at - last_at_)), options_.motion);
+    if (number_ > 0) particles_.predict(std::max(1e-6, seconds(frame.at - last_at_)), motion_);
     last_at_ = frame.at;
     ++number_;
 
@@ -35,14 +47,15 @@ class PaperLedFilter final : public LedFilter {
     const std::vector<LedSighting> sightings = sightings_of(frame);
     if (!sightings.empty()) {
       const double miss_px = std::hypot(camera_.image_size.width, camera_.image_size.height);
-      widening_ = particles_.weigh(camera_.model, options_.start.leds, sightings, least_share, miss_px);
+      widening_ =
+          particles_.weigh(camera_.model, options_.start.leds, sightings, gathering_share, enough_share, miss_px);
     }
     pose_ = particles_.moments();
     const double ess = particles_.effective_sample_size();
     judge(frame, sightings);
 
     // "Finally, the resampling step is executed."
-    if (!sightings.empty()) particles_.resample();
+    if (!sightings.empty()) particles_.resample(widening_ > 1 ? gathering_jitter : gathered_jitter);
     return estimate(frame, ess);
   }
 
@@ -75,9 +88,11 @@ class PaperLedFilter final : public LedFilter {
   std::vector<LedSighting> sightings_of(const LedFrame& frame) const {
     std::vector<LedSighting> sightings;
     if (!frame.lit) {
-      for (const Vector2d& px : frame.dots) sightings.push_back({-1, px, 0, options_.pixel_noise_px});
+      for (const Vector2d& px : frame.dots)
+        sightings.push_back({-1, px, 0, std::max(least_sigma_px, options_.pixel_noise_px)});
     } else if (*frame.lit >= 0 && !frame.dots.empty()) {
-      sightings.push_back({*frame.lit, frame.dots.front(), 0, options_.pixel_noise_px});  // the brightest
+      sightings.push_back(
+          {*frame.lit, frame.dots.front(), 0, std::max(least_sigma_px, options_.pixel_noise_px)});  // the brightest
     }
     return sightings;
   }
@@ -106,7 +121,9 @@ class PaperLedFilter final : public LedFilter {
     const Vector2d sigma = largest_sigmas(pose_.covariance);
     small_ = sigma.x() < tracking_sigma_m && sigma.y() < tracking_sigma_rad;
     const bool explained = evidence_.distinct() >= 4 && 4 * evidence_.matched() > 3 * evidence_.in_view();
-    if (small_ && explained && widening_ < narrow) {
+    // For some frames: a cloud that is just coming together may pass by.
+    gathered_ = widening_ < narrow ? gathered_ + static_cast<int>(!sightings.empty()) : 0;
+    if (small_ && explained && gathered_ >= gathered_frames) {
       state_ = CameraState::tracking;
     } else if (state_ == CameraState::tracking || state_ == CameraState::coasting) {
       state_ = small_ && frame.at - evidence_.last_match().value_or(Timestamp{}) < evidence_length
@@ -128,7 +145,7 @@ class PaperLedFilter final : public LedFilter {
     e.map_points = static_cast<int>(options_.start.leds.size());
     e.particle_count = options_.particle_count;
     e.effective_sample_size = ess;
-    if (!e.has_pose()) return e;
+    if (!e.has_pose() && !options_.tell_unproven) return e;
     e.world_from_camera = pose_.mean.world_from_camera;
     e.covariance = pose_.covariance.topLeftCorner<6, 6>();
     e.features_in_view = evidence_.in_view();
@@ -139,6 +156,7 @@ class PaperLedFilter final : public LedFilter {
 
   Camera camera_;
   LedFilterOptions options_;
+  LedMotionNoise motion_;
   LedParticles particles_;
   LedGaussian pose_;
   LedEvidence evidence_;
@@ -146,6 +164,7 @@ class PaperLedFilter final : public LedFilter {
   CameraState state_ = CameraState::searching;
   double widening_ = 1;
   bool small_ = false;
+  int gathered_ = 0;  // frames in a row
   std::uint64_t number_ = 0;
   Timestamp last_at_{};
 };

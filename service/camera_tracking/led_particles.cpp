@@ -23,8 +23,6 @@ Vector3d three(const float* z) {
   return {static_cast<double>(z[0]), static_cast<double>(z[1]), static_cast<double>(z[2])};
 }
 
-constexpr double jitter = 0.06;  // of the cloud's own spread, after resampling
-
 }  // namespace
 
 LedParticles::LedParticles(int count, Rng rng)
@@ -86,7 +84,8 @@ void LedParticles::predict(double dt_s, const LedMotionNoise& noise) {
 }
 
 double LedParticles::weigh(const CameraModel& model, std::span<const Vector3d> leds,
-                           std::span<const LedSighting> sightings, double least_share, double miss_px) {
+                           std::span<const LedSighting> sightings, double least_share, double enough_share,
+                           double miss_px) {
   if (sightings.empty()) return 1;
   const std::size_t n = states_.size();
   const double miss2 = miss_px * miss_px;
@@ -126,7 +125,7 @@ double LedParticles::weigh(const CameraModel& model, std::span<const Vector3d> l
   };
   const double least = least_share * static_cast<double>(n);
   double widening = 1;
-  if (survivors(1) < least) {
+  if (survivors(1) < enough_share * static_cast<double>(n)) {
     double low = 1, high = 2;
     while (survivors(high) < least && high < 1e6) low = high, high *= 2;
     for (int k = 0; k < 8; ++k) {
@@ -140,7 +139,7 @@ double LedParticles::weigh(const CameraModel& model, std::span<const Vector3d> l
   return widening;
 }
 
-void LedParticles::resample() {
+void LedParticles::resample(double jitter) {
   const std::size_t n = states_.size();
   const LedCovariance root =
       jitter * (moments().covariance + 1e-12 * LedCovariance::Identity()).llt().matrixL().toDenseMatrix();

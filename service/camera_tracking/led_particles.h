@@ -22,15 +22,16 @@ class LedParticles {
   // The importance factor: a Gaussian of the distance from each sighting to where the particle has that LED; of
   // sightings with led < 0, which are not identified, to the nearest LED. A LED that the particle cannot see is
   // `miss_px` away.
-  //   least_share   in (0, 1): while fewer than so many of the particles would survive, the Gaussian is widened until
-  //   they
-  //                 do. The paper's own, narrow from the first frame on, leaves one particle of those of a whole room.
+  //   enough_share  in (0, 1): when fewer than so many of the particles would survive,
+  //   least_share   the Gaussian is widened until so many do. The paper's own, narrow from the first frame on, leaves
+  //   one
+  //                 particle of those of a whole room.
   // Returns the widening, >= 1: at 1 the particles are as the measurement noise says.
   double weigh(const CameraModel& model, std::span<const Eigen::Vector3d> leds, std::span<const LedSighting> sightings,
-               double least_share, double miss_px);
-  void resample();              // systematic; then small jitter, so that copies part
-  LedMotionState mean() const;  // weighted
-  LedGaussian moments() const;  // weighted mean and covariance
+               double least_share, double enough_share, double miss_px);
+  void resample(double jitter);  // systematic; then copies part by so much of the cloud's standard deviations
+  LedMotionState mean() const;   // weighted
+  LedGaussian moments() const;   // weighted mean and covariance
   double effective_sample_size() const;
 
   std::span<const LedMotionState> states() const { return states_; }

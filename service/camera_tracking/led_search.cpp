@@ -18,7 +18,7 @@ constexpr int least_leds = 4;
 constexpr std::size_t least_sightings = 8;          // 16 equations for 12 unknowns
 constexpr std::size_t polished = 48;                // of the best positions
 constexpr double coarse_sigma_px = 4;               // of LEDs that were seen at several times, brought to one time
-constexpr std::array noise_scales{1.0, 4.0, 16.0};  // of the sightings' sigma_px, as in LedModels
+constexpr std::array noise_scales{1.0, 4.0, 16.0, 64.0};  // of the sightings' sigma_px, as in LedModels
 constexpr double unique_by_chi2 = 25;               // a second pose must fit so much worse
 
 struct Ray {

@@ -81,7 +81,7 @@ class LeeTracker final : public PaperTrackerBase {
   SceneMap scene() const override { return scene_of(features_); }
 
   FilteredPose track(const std::shared_ptr<const Pyramid>& pyramid, std::uint64_t number) override {
-    const bool mapping = last_.tracked;
+    const bool mapping = last_.tracked && may_map();
     if (mapping) mapper_.start([this] { mapping_.map(last_); });
     LeeFrame now = tracking_.track(number, pyramid, features_);
     if (mapping) {
@@ -95,13 +95,15 @@ class LeeTracker final : public PaperTrackerBase {
                      static_cast<int>(last_.matches.size()),
                      static_cast<int>(features_.size()),
                      0,
-                     1};
+                     1,
+                     {}};
     for (const LeeFrame::Match& m : last_.matches) {
       const auto f = std::ranges::lower_bound(features_, m.id, {}, &LeeFeature::id);
       if (f == features_.end() || f->id != m.id) continue;
       out.map_sigma_m =
           std::hypot(out.map_sigma_m, std::sqrt(f->covariance.trace() / static_cast<double>(last_.matches.size())));
       out.depth_m = f->depth;
+      out.seen.push_back({f->position, m.found, 1});
     }
     return out;
   }

@@ -1,6 +1,7 @@
 #include "camera_tracking/paper_tracker_base.h"
 
 #include <Eigen/LU>
+#include <algorithm>
 #include <stdexcept>
 #include <string>
 
@@ -13,7 +14,11 @@ namespace {
 // it.
 constexpr double map_error_px = 6;
 constexpr int agreeing = 10;
-constexpr int probation = 3;     // frames in which the filter has to agree with a proposal before it is told
+constexpr int probation = 3;  // frames in a row that have to prove the pose, once it was lost, before it is told
+// A proof, whatever the filter makes of it: a pose that is fitted to what was matched, without the filter, has so many
+// points within so many pixels, most of those that should be seen, leaves so little open, and is where the filter says.
+constexpr int proving = 8;
+constexpr double proven_px = 2.5, proven_share = 0.65, proven_sigma_m = 0.02, proven_off_m = 0.05;
 constexpr int patience = 4;      // frames
 constexpr double coast_s = 1.0;  // the particles disperse meanwhile, and say how far
 
@@ -26,6 +31,18 @@ PaperTrackerBase::PaperTrackerBase(const Camera& camera, const CameraTrackerOpti
   if (loaded_->image_size != Eigen::Vector2i(camera.image_size.width, camera.image_size.height))
     throw std::runtime_error(options.load_map.string() + ": is a map of images of another size than the camera's");
   has_map_ = true;
+}
+
+bool PaperTrackerBase::proven(const FilteredPose& pose) const {
+  if (static_cast<int>(pose.seen.size()) < proving) return false;
+  const PoseFit fit = refine_pose(camera_.model, pose.seen, pose.cam_from_world);
+  const auto agree = static_cast<int>(std::ranges::count_if(fit.error, [](double e) { return e < proven_px; }));
+  if (agree < proving || agree < proven_share * pose.in_view) return false;
+  const double scale = std::max(1.0, fit.scale);
+  const Eigen::Matrix<double, 6, 6> covariance = scale * scale * fit.information.inverse();
+  const double sigma_m = std::sqrt(world_covariance(fit.cam_from_world, covariance).topLeftCorner<3, 3>().trace());
+  const double off_m = (inverse(fit.cam_from_world).translation - inverse(pose.cam_from_world).translation).norm();
+  return sigma_m < proven_sigma_m && off_m < proven_off_m;
 }
 
 CameraEstimate PaperTrackerBase::update(const Frame& frame) {
@@ -43,6 +60,7 @@ CameraEstimate PaperTrackerBase::update(const Frame& frame) {
               relocalize(camera_, *pyramid, scene(), seed_ + estimate.frame_number, map_error_px, agreeing)) {
         restart(found->cam_from_world);
         started_ = true;
+        probation_ = probation;
       }
     }
     if (!started_) {
@@ -55,7 +73,7 @@ CameraEstimate PaperTrackerBase::update(const Frame& frame) {
         const Eigen::Matrix<double, 6, 6> inverse_information = found->pose.information.inverse();
         start_covariance_ = world_covariance(found->pose.cam_from_world, inverse_information);
         const int n = static_cast<int>(found->points.size());
-        pose = {true, found->pose.cam_from_world, n, n, n, 0, 1};
+        pose = {true, found->pose.cam_from_world, n, n, n, 0, 1, {}};
       }
     } else {
       // Not in the papers, whose particles only disperse until they happen upon the features again: after some frames
@@ -65,15 +83,19 @@ CameraEstimate PaperTrackerBase::update(const Frame& frame) {
         if (const auto found =
                 relocalize(camera_, *pyramid, scene(), seed_ + estimate.frame_number, map_error_px, agreeing)) {
           restart(found->cam_from_world);
-          probation_ = probation;
         } else if (unsupported_ % 5 == 0) {
-          if (const auto again = starter_.find(frame.pixels, grey)) restart(again->pose.cam_from_world);
+          if (const auto again = starter_.find(frame.pixels, grey)) {  // a proof in itself
+            restart(again->pose.cam_from_world);
+            probation_ = 0;
+          }
         }
       }
       pose = track(pyramid, estimate.frame_number);
       unsupported_ = pose.tracked ? 0 : unsupported_ + 1;
+      // A filter that lost the features may happen upon something else: from then on it has to be proven.
+      if (unsupported_ >= patience) probation_ = probation;
       if (probation_ > 0 && pose.tracked) {
-        --probation_;
+        probation_ = proven(pose) ? probation_ - 1 : probation;
         pose.tracked = false;
       }
     }

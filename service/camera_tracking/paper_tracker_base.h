@@ -8,6 +8,7 @@
 #include "camera_tracking/camera_starter.h"
 #include "camera_tracking/camera_tracker.h"
 #include "camera_tracking/pose_particles.h"
+#include "camera_tracking/pose_solver.h"
 #include "camera_tracking/scene_map.h"
 #include "particle_filter/resample.h"
 
@@ -20,6 +21,7 @@ struct FilteredPose {
   int in_view = 0, matched = 0, map_points = 0;
   double map_sigma_m = 0;  // rms, of the matched points' own: errors that they share do not average out
   double depth_m = 1;      // of one of them
+  std::vector<PoseObservation> seen;  // the matched points, where the image shows them
 };
 
 class PaperTrackerBase : public CameraTracker {
@@ -35,11 +37,15 @@ class PaperTrackerBase : public CameraTracker {
   virtual FilteredPose track(const std::shared_ptr<const Pyramid>& pyramid, std::uint64_t number) = 0;
   virtual const PoseParticles& particles() const = 0;
   virtual SceneMap scene() const = 0;  // to find the way in, or back
+  // False while a pose has yet to be proven: a map that grew about a wrong pose would prove it.
+  bool may_map() const { return probation_ == 0 && unsupported_ == 0; }
   std::optional<StoredMap> take_loaded() { return std::move(loaded_); }
 
   Camera camera_;
 
  private:
+  bool proven(const FilteredPose& pose) const;
+
   CameraStarter starter_;
   std::optional<StoredMap> loaded_;
   std::uint64_t seed_;

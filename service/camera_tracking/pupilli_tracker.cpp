@@ -311,14 +311,15 @@ class PupilliTracker final : public PaperTrackerBase {
 
   FilteredPose track(const std::shared_ptr<const Pyramid>& pyramid, std::uint64_t) override {
     const PupilliFilter::Result r = filter_.track(pyramid);
-    filter_.map(pyramid, r);
+    if (may_map()) filter_.map(pyramid, r);
     FilteredPose out{
-        r.supported, r.cam_from_world, r.active, r.matched, static_cast<int>(filter_.points().size()), 0, 1};
+        r.supported, r.cam_from_world, r.active, r.matched, static_cast<int>(filter_.points().size()), 0, 1, {}};
     for (const PupilliFilter::Measured& m : filter_.measured()) {
       const PupilliPoint& p = filter_.points()[m.point];
       out.map_sigma_m =
           std::hypot(out.map_sigma_m, p.sigma_m / std::sqrt(static_cast<double>(filter_.measured().size())));
       out.depth_m = (r.cam_from_world * p.position).norm();
+      if (m.found.allFinite()) out.seen.push_back({p.position, m.found, 1});
     }
     return out;
   }

@@ -434,6 +434,7 @@ struct RecordingWriter::Impl {
       throw CaptureError(std::make_error_code(std::errc::io_error), e.file.string() + ": cannot be written: " + e.why);
     }
     if (!options.rig_yaml.empty()) write_text(options.folder / "rig.yaml", options.rig_yaml);
+    for (const auto& [name, content] : options.files) write_text(options.folder / name, content);
     if (!options.config_yaml.empty()) write_text(options.folder / "huetrackd.yaml", options.config_yaml);
     write_text(options.folder / "recording.yaml", yaml);
   }

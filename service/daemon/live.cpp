@@ -115,6 +115,10 @@ class LiveService {
       if (recorder_) recorder_->offer(frame);
     };
     outputs.left_out = [this](const FrameSet& set) { happens(set.at); };
+    outputs.camera_left_out = [this](const Frame& frame) {
+      const std::scoped_lock lock(happened_mutex_);
+      if (changes_) camera_left_out_.push_back(frame.captured_at);
+    };
     if (config.metrics.port) {
       metrics_.emplace(config.metrics.address, *config.metrics.port);
       spdlog::info("metrics on http://{}:{}/metrics", config.metrics.address, *config.metrics.port);
@@ -309,6 +313,7 @@ class LiveService {
     for (const auto& camera : config_.rig.cameras) options.recording.cameras.push_back(camera.name);
     options.recording.rig_yaml = to_yaml(config_.rig);
     options.recording.config_yaml = to_portable_yaml(config_);
+    options.recording.files = files_beside(config_);
     options.recording.raw_storage = record.raw_storage;
     options.queue_frames = std::size_t(record.queue_frames);
     if (has_pre_roll) {
@@ -327,10 +332,13 @@ class LiveService {
   void write_changes() {
     if (!changes_) return;
     std::vector<std::pair<Timestamp, std::string>> happened;
+    std::vector<Timestamp> camera_left_out;
     {
       const std::scoped_lock lock(happened_mutex_);
       happened.swap(happened_);
+      camera_left_out.swap(camera_left_out_);
     }
+    for (const Timestamp at : camera_left_out) changes_->camera_left_out(at);
     for (const auto& [at, config] : happened) config.empty() ? changes_->left_out(at) : changes_->reloaded(at, config);
   }
   void happens(Timestamp at, std::string config = {}) {
@@ -446,6 +454,7 @@ class LiveService {
   std::optional<Recorder> recorder_;
   std::mutex happened_mutex_;
   std::vector<std::pair<Timestamp, std::string>> happened_;  // guarded by happened_mutex_; config: a reload
+  std::vector<Timestamp> camera_left_out_;                   // guarded by happened_mutex_
   std::optional<ChangesWriter> changes_;                     // made before any other thread is
   std::atomic<bool> has_lost_ = false;
   std::vector<LatencyHistogram> capture_to_dequeue_{config_.rig.cameras.size()};

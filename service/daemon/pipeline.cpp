@@ -244,7 +244,7 @@ void Pipeline::receive(Frame frame) {
   frame.arrival = ++arrivals_;
   if (outputs_.frames) outputs_.frames(frame, received_at);
   if (frame.camera == tracked_camera_ && frame.status == FrameStatus::ok)
-    camera_frames_.push({frame, received_at});  // the image is shared, not copied
+    put_in_camera_queue({frame, received_at});  // the image is shared, not copied
   const Stopwatch watch;
   auto sets = synchronizer_.push(std::move(frame));
   {
@@ -260,6 +260,13 @@ void Pipeline::put_in_queue(ReadySet ready) {
   std::optional<ReadySet> pushed_out;
   frame_sets_.push(std::move(ready), &pushed_out);
   if (pushed_out && outputs_.left_out) outputs_.left_out(pushed_out->set);
+}
+
+void Pipeline::put_in_camera_queue(ReadyFrame ready) {
+  if (std::ranges::binary_search(options_.camera_left_out, ready.frame.captured_at)) return;
+  std::optional<ReadyFrame> pushed_out;
+  camera_frames_.push(std::move(ready), &pushed_out);
+  if (pushed_out && outputs_.camera_left_out) outputs_.camera_left_out(pushed_out->frame);
 }
 
 PictureJob Pipeline::picture_of(FrameSet set, std::vector<ObjectEstimate> estimates, std::size_t particles) const {

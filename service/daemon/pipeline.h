@@ -76,6 +76,7 @@ struct PipelineOptions {
   std::optional<Pace> pace;        // nullopt: as fast as frames come
   std::vector<Timestamp>
       left_out;            // ascending; sets (FrameSet::at) that are not tracked: a replay of what live dropped
+  std::vector<Timestamp> camera_left_out;  // ascending; likewise, frames (captured_at) of the tracked camera
   int pictures_every = 1;  // >= 1; every how many-th set goes to the picture output
   std::size_t view_particles = 0;  // about so many of each target's particles go to the view output; 0: all
 };
@@ -105,6 +106,7 @@ struct PipelineOutputs {
   std::function<void(const PictureJob&)> pictures;
   // Capture threads, one at a time: a set that will not be tracked, because tracking is too slow. Must be quick.
   std::function<void(const FrameSet&)> left_out = nullptr;
+  std::function<void(const Frame&)> camera_left_out = nullptr;  // the same, of the tracked camera's frames
   // Camera thread: a pose per frame of the tracked camera. received_at: UNIX time.
   std::function<void(const CameraEstimate&, Timestamp received_at)> camera_poses = nullptr;
   // Camera thread, after camera_poses: whether the map is wanted by who watches, and then the map. Both must be quick.
@@ -154,9 +156,15 @@ class Pipeline {
     Timestamp received_at;
   };
 
+  struct ReadyFrame {
+    Frame frame;
+    Timestamp received_at;
+  };
+
   void capture(FrameSource& source, std::stop_token stop);
   void receive(Frame frame);
   void put_in_queue(ReadySet ready);  // synchronizer_mutex_ is held
+  void put_in_camera_queue(ReadyFrame ready);
   PictureJob picture_of(FrameSet set, std::vector<ObjectEstimate> estimates, std::size_t particles) const;
   void track();
   void note_searches();
@@ -176,10 +184,6 @@ class Pipeline {
   BoundedQueue<ReadySet> frame_sets_;
   BoundedQueue<PictureJob> pictures_;
 
-  struct ReadyFrame {
-    Frame frame;
-    Timestamp received_at;
-  };
   int tracked_camera_ = -1;
   std::unique_ptr<CameraTracker> camera_tracker_;  // the camera thread's while it runs
   BoundedQueue<ReadyFrame> camera_frames_;

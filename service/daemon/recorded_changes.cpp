@@ -17,7 +17,8 @@ namespace fs = std::filesystem;
 
 constexpr auto file_name = "changes.csv";
 constexpr std::array<std::string_view, 3> columns{"t_s", "change", "config"};
-constexpr std::string_view left_out_name = "left_out", reloaded_name = "reloaded";
+constexpr std::string_view left_out_name = "left_out", camera_left_out_name = "camera_left_out",
+                           reloaded_name = "reloaded";
 
 std::string row(Timestamp at, std::string_view change, const std::string& config) {
   const auto ns = at.time_since_epoch().count();
@@ -37,6 +38,8 @@ RecordedChanges read_changes(const fs::path& folder) {
     const Timestamp at = table.time(0);
     if (table.text(1) == left_out_name) {
       changes.left_out.push_back(at);
+    } else if (table.text(1) == camera_left_out_name) {
+      changes.camera_left_out.push_back(at);
     } else if (table.text(1) == reloaded_name) {
       changes.reloads.push_back({at, folder / table.text(2)});
     } else {
@@ -44,6 +47,7 @@ RecordedChanges read_changes(const fs::path& folder) {
     }
   }
   std::ranges::sort(changes.left_out);
+  std::ranges::sort(changes.camera_left_out);
   return changes;
 }
 
@@ -51,6 +55,10 @@ ChangesWriter::ChangesWriter(fs::path folder) : folder_(std::move(folder)) {}
 
 void ChangesWriter::left_out(Timestamp at) {
   write(file_name, row(at, left_out_name, ""));
+}
+
+void ChangesWriter::camera_left_out(Timestamp at) {
+  write(file_name, row(at, camera_left_out_name, ""));
 }
 
 void ChangesWriter::reloaded(Timestamp at, const std::string& config_yaml) {

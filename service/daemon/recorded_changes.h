@@ -16,8 +16,9 @@ struct RecordedReload {
   std::filesystem::path config;  // the whole configuration from then on
 };
 struct RecordedChanges {
-  std::vector<RecordedReload> reloads;  // in the order in which they happened
-  std::vector<Timestamp> left_out;      // FrameSet::at, ascending
+  std::vector<RecordedReload> reloads;     // in the order in which they happened
+  std::vector<Timestamp> left_out;         // FrameSet::at, ascending
+  std::vector<Timestamp> camera_left_out;  // frames of the tracked camera, ascending
 };
 
 // folder: of a recording. Empty when nothing happened. throws ConfigError "file:line: ...".
@@ -28,6 +29,7 @@ class ChangesWriter {
  public:
   explicit ChangesWriter(std::filesystem::path folder);
   void left_out(Timestamp at);
+  void camera_left_out(Timestamp at);  // a frame of the tracked camera
   void reloaded(Timestamp at, const std::string& config_yaml);
   const std::string& failure() const { return failure_; }  // one line; empty: all is well
 

@@ -341,6 +341,7 @@ ReplaySummary replay(const ReplayCommand& command, std::stop_token stop) {
     spdlog::info("as when it was recorded, {} sets are left out and {} reloads repeated", changes.left_out.size(),
                  changes.reloads.size());
   options.left_out = changes.left_out;
+  options.camera_left_out = changes.camera_left_out;
 
   std::vector<std::unique_ptr<FrameSource>> sources;
   sources.push_back(std::move(first_source));

@@ -7,7 +7,10 @@
 #include <cmath>
 #include <concepts>
 #include <cstdint>
+#include <fstream>
 #include <span>
+#include <sstream>
+#include <stdexcept>
 #include <string_view>
 #include <utility>
 
@@ -665,6 +668,9 @@ const HsiRange& color_of(const TargetOptions& target, const std::string& camera)
   return it == target.camera_colors.end() ? target.color : it->second;
 }
 
+// Names of what a recording holds beside its configuration.
+constexpr const char *board_beside = "camera_board.yaml", *map_beside = "camera.map";
+
 }  // namespace
 
 ServiceConfig load_service_config(const fs::path& file) {
@@ -695,7 +701,26 @@ std::string to_portable_yaml(const ServiceConfig& config) {
   ServiceConfig portable = config;
   portable.rig_file = "rig.yaml";
   portable.dds.publisher.profiles.clear();
+  CameraTrackingConfig& tracking = portable.camera_tracking;
+  if (!tracking.board.empty()) tracking.board = board_beside;
+  if (!tracking.load_map.empty()) tracking.load_map = map_beside;
+  tracking.save_map.clear();
   return to_yaml(portable);
+}
+
+std::vector<std::pair<std::string, std::string>> files_beside(const ServiceConfig& config) {
+  std::vector<std::pair<std::string, std::string>> files;
+  const auto add = [&files](const char* name, const std::filesystem::path& file) {
+    if (file.empty()) return;
+    std::ifstream in(file, std::ios::binary);
+    std::ostringstream content;
+    content << in.rdbuf();
+    if (!in) throw std::runtime_error(file.string() + ": cannot be read, and the recording is to hold it");
+    files.emplace_back(name, std::move(content).str());
+  };
+  add(board_beside, config.camera_tracking.board);
+  add(map_beside, config.camera_tracking.load_map);
+  return files;
 }
 
 std::string config_identity(const ServiceConfig& config) {

@@ -93,8 +93,12 @@ ServiceConfig load_service_config(const std::filesystem::path& file);
 // Every key, default or given, as YAML that loads back to the same configuration from any folder (paths are absolute).
 std::string to_yaml(const ServiceConfig& config);
 
-// The same for another machine: `rig` is rig.yaml beside it, and no file is referred to. What a recording holds.
+// The same for another machine: `rig` is rig.yaml beside it, and what else is referred to are files_beside(). What a
+// recording holds. A replay of it writes no map.
 std::string to_portable_yaml(const ServiceConfig& config);
+// Name and content of the other files that to_portable_yaml() refers to: the board and the map of camera_tracking.
+// throws std::runtime_error: one cannot be read.
+std::vector<std::pair<std::string, std::string>> files_beside(const ServiceConfig& config);
 
 // Of what to_yaml() says but the rig's path: FNV-1a 64 as 16 hex digits. Published in the status sample.
 std::string config_identity(const ServiceConfig& config);
