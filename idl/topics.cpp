@@ -16,8 +16,9 @@ namespace {
 
 constexpr std::uint32_t ms = 1'000'000;  // nanoseconds
 
-// Samples hold strings and sequences, so their size varies: the pool must be able to grow.
-constexpr auto growing = eprosima::fastrtps::rtps::PREALLOCATED_WITH_REALLOC_MEMORY_MODE;
+// Samples hold strings and sequences, so their size varies. Payloads are allocated when they are needed and used again:
+// preallocated ones have the size of the longest sample there could be, which is 20 MB for the topics of the pages.
+constexpr auto growing = eprosima::fastrtps::rtps::DYNAMIC_REUSABLE_MEMORY_MODE;
 
 // Fast DDS' default is 10 instances, and the eleventh target would silently not be there.
 template <typename Qos>

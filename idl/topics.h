@@ -22,6 +22,7 @@ inline constexpr const char* status = "huetrack/status";                    // h
 // Native, types of huetrack_view.idl: what a page shows and asks for.
 inline constexpr const char* scene = "huetrack/scene";                  // huetrack::msg::Scene, keyed
 inline constexpr const char* preview = "huetrack/preview";              // huetrack::msg::Preview, keyed
+inline constexpr const char* camera_map = "huetrack/camera_map";        // huetrack::msg::CameraMap, keyed
 inline constexpr const char* teach_request = "huetrack/teach_request";  // huetrack::msg::TeachRequest
 inline constexpr const char* teach_reply = "huetrack/teach_reply";      // huetrack::msg::TeachReply
 
@@ -73,6 +74,7 @@ bool is_target_name(std::string_view name);
 //   camera_pose      as object_position
 //   status           reliable, transient-local, keep-last 1; heartbeat 200 ms: who comes late has it within that time.
 //   scene            as status.
+//   camera_map       as status.
 //   preview          best effort, volatile, keep-last 1: a lost picture is not sent again. Large socket buffers are the
 //                    host's affair; our pictures fit into a few datagrams.
 //   teach_*          reliable, volatile, keep-last 10.

@@ -15,8 +15,9 @@ fail() {
 
 # shellcheck disable=SC2086
 install_missing $packages_build $packages_test || fail "the packages could not be installed"
-vm_tests=${HUETRACK_VM_TESTS:-off}        # off, short or all: tests with V4L2 drivers in a VM (tests/v4l2/run.sh), minutes
-if [ "$vm_tests" != off ] && [ -d ../shared/tools/v4l2vm ]; then
+# off, short (3 minutes) or all (15): real V4L2 drivers in a VM (tests/v4l2/run.sh); skipped where there is no VM.
+export HUETRACK_VM_TESTS=${HUETRACK_VM_TESTS:-short}
+if [ "$HUETRACK_VM_TESTS" != off ] && [ -d "${V4L2VM_DIR:-../shared/tools/v4l2vm}" ]; then
   # shellcheck disable=SC2086,SC2154
   install_missing $packages_vm || echo "no VM, so its tests will be skipped"
 fi

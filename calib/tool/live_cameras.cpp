@@ -1,7 +1,6 @@
 #include "calib/tool/live_cameras.h"
 
 #include <algorithm>
-#include <charconv>
 
 #include "calib/tool/picture_source.h"
 #include "calib/yaml/yaml_reader.h"
@@ -43,18 +42,7 @@ std::vector<ControlSetting> controls_of(const YamlReader& camera) {
   std::vector<ControlSetting> settings;
   const auto map = camera.optional_map("controls");
   if (!map) return settings;
-  for (const std::string& name : map->keys()) {
-    const std::string text = map->string(name);
-    std::int64_t number = 0;
-    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
-    if (text == "true" || text == "false") {
-      settings.push_back({name, std::int64_t{text == "true"}});
-    } else if (error == std::errc{} && end == text.data() + text.size()) {
-      settings.push_back({name, number});
-    } else {
-      settings.push_back({name, text});
-    }
-  }
+  for (const std::string& name : map->keys()) settings.push_back(control_setting(name, map->string(name)));
   return settings;
 }
 

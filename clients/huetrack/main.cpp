@@ -26,9 +26,9 @@ int main(int argc, char** argv) {
   const auto add_samples = [&](CLI::App* command) {
     command->add_option("--target", options.target, "only this target");
     command->add_option("--camera", options.camera, "the pose of this tracked camera instead of positions; all: of every one");
-    command->add_option("--count", options.count, "end after so many lines")->check(CLI::PositiveNumber);
+    command->add_option("--count", options.count, "end after so many lines")->check(CLI::Range(1, 1'000'000'000));
     command->add_option("--timeout", timeout_s, "end with exit status 1 when no line came for so many seconds")
-        ->check(CLI::PositiveNumber);
+        ->check(CLI::Range(0.001, 1e9));
     add_bus(command);
   };
 

@@ -160,6 +160,21 @@ std::string text_line(const msg::CameraPose& s, std::int64_t received_at, std::s
       number(static_cast<double>(received_at - s.published_at()) / ns_per_ms, 2));
 }
 
+template <typename Sample>
+std::string any_line(Format format, const Sample& sample, std::int64_t received_at, std::size_t name_width) {
+  switch (format) {
+    case Format::csv:
+      return csv_line(sample);
+    case Format::json:
+      return json_line(sample);
+    case Format::tum:
+      return tum_line(sample);
+    case Format::text:
+      break;
+  }
+  return text_line(sample, received_at, name_width);
+}
+
 }  // namespace
 
 std::string camera_header(Format format) {
@@ -171,17 +186,7 @@ std::string camera_header(Format format) {
 }
 
 std::string line(Format format, const msg::CameraPose& sample, std::int64_t received_at, std::size_t camera_width) {
-  switch (format) {
-    case Format::csv:
-      return csv_line(sample);
-    case Format::json:
-      return json_line(sample);
-    case Format::tum:
-      return tum_line(sample);
-    case Format::text:
-      break;
-  }
-  return text_line(sample, received_at, camera_width);
+  return any_line(format, sample, received_at, camera_width);
 }
 
 std::string header(Format format) {
@@ -189,17 +194,7 @@ std::string header(Format format) {
 }
 
 std::string line(Format format, const msg::ObjectPosition& sample, std::int64_t received_at, std::size_t target_width) {
-  switch (format) {
-    case Format::csv:
-      return csv_line(sample);
-    case Format::json:
-      return json_line(sample);
-    case Format::tum:
-      return tum_line(sample);
-    case Format::text:
-      break;
-  }
-  return text_line(sample, received_at, target_width);
+  return any_line(format, sample, received_at, target_width);
 }
 
 std::string text(const msg::ServiceStatus& s, std::int64_t now) {

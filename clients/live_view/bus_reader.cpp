@@ -50,6 +50,8 @@ struct BusReader::Connection {
                                            object_position_reader_qos())),
         camera_pose(participant.create_reader(topics::camera_pose, dds::TypeSupport(new msg::CameraPosePubSubType),
                                               object_position_reader_qos())),
+        camera_map(participant.create_reader(topics::camera_map, dds::TypeSupport(new msg::CameraMapPubSubType),
+                                             status_reader_qos())),
         status(participant.create_reader(topics::status, dds::TypeSupport(new msg::ServiceStatusPubSubType),
                                          status_reader_qos())),
         scene(
@@ -59,7 +61,7 @@ struct BusReader::Connection {
         request(participant.create_writer(topics::teach_request, dds::TypeSupport(new msg::TeachRequestPubSubType),
                                           teach_writer_qos(), "")) {}
   DdsParticipant participant;
-  dds::DataReader &position, &camera_pose, &status, &scene, &reply;
+  dds::DataReader &position, &camera_pose, &camera_map, &status, &scene, &reply;
   dds::DataWriter& request;
 };
 
@@ -99,6 +101,7 @@ void BusReader::poll(int pages) {
   }
   take_positions();
   take_camera_poses();
+  take_camera_maps();
   take_statuses();
   take_scenes();
   take_replies();
@@ -131,6 +134,14 @@ void BusReader::take_camera_poses() {
                             [&](const auto& sample) { hub_.append(to_event("camera_pose", to_json(sample))); });
 }
 
+void BusReader::take_camera_maps() {
+  take_all<msg::CameraMap>(connection_->camera_map, [&](const auto& sample) {
+    const std::string who = sample.host() + "/" + std::to_string(sample.pid());
+    services_.try_emplace(who, Clock::now());
+    hub_.set("camera_map/" + who, to_event("camera_map", to_json(sample)));
+  });
+}
+
 void BusReader::take_statuses() {
   take_all<msg::ServiceStatus>(connection_->status, [&](const auto& sample) {
     const std::string who = sample.host() + "/" + std::to_string(sample.pid());
@@ -144,6 +155,7 @@ void BusReader::take_statuses() {
     }
     hub_.erase("status/" + it->first);
     hub_.erase("scene/" + it->first);
+    hub_.erase("camera_map/" + it->first);
     it = services_.erase(it);
   }
 }

@@ -36,6 +36,7 @@ class BusReader {
   struct Previews;
   void take_positions();
   void take_camera_poses();
+  void take_camera_maps();
   void take_statuses();
   void take_scenes();
   void take_replies();

@@ -92,6 +92,33 @@ std::string to_json(const msg::CameraPose& s) {
                {"latency", unix_s(s.published_at() - s.captured_at())}});
 }
 
+// Of a thousand points: flat, and no finer than can be seen.
+std::string to_json(const msg::CameraMap& m) {
+  constexpr const char* point_states[] = {"not_sought", "missed", "found"};
+  const auto rounded = [](float value, double step) -> Json {
+    if (!std::isfinite(value)) return nullptr;
+    return std::round(static_cast<double>(value) / step) * step;
+  };
+  Json points = Json::array();
+  for (const auto& p : m.points()) {
+    Json position = Json::array(), covariance = Json::array();
+    for (const float x : p.position()) position.push_back(rounded(x, 1e-4));
+    for (const float x : p.covariance()) covariance.push_back(rounded(x, 1e-9));
+    const auto state = static_cast<std::size_t>(p.state());
+    points.push_back({{"id", p.id()},
+                      {"position", std::move(position)},
+                      {"covariance", std::move(covariance)},
+                      {"state", state < std::size(point_states) ? point_states[state] : "unknown"},
+                      {"given", p.given()}});
+  }
+  return text({{"camera", m.camera()},
+               {"host", m.host()},
+               {"pid", m.pid()},
+               {"t", unix_s(m.captured_at())},
+               {"map_points", m.map_points()},
+               {"points", std::move(points)}});
+}
+
 std::string to_json(const msg::ServiceStatus& s, double heard) {
   Json cameras = Json::array();
   for (const auto& c : s.cameras()) {

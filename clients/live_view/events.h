@@ -13,6 +13,7 @@ namespace huetrack::live_view {
 
 std::string to_json(const msg::ObjectPosition& sample);
 std::string to_json(const msg::CameraPose& sample);
+std::string to_json(const msg::CameraMap& map);
 // heard: when the bridge had it, UNIX seconds
 std::string to_json(const msg::ServiceStatus& status, double heard);
 std::string to_json(const msg::Scene& scene);

@@ -111,7 +111,7 @@ struct Axes {
 void draw_axes(Pen& pen, const Axes& axes, const std::string& title, bool has_x_labels,
                const std::string& x_title = "") {
   const Box& b = axes.box;
-  const double dy = tick_step(axes.y.high - axes.y.low, static_cast<int>(b.h / 42)),
+  const double dy = tick_step(axes.y.high - axes.y.low, static_cast<int>(b.h / 32)),
                dx = tick_step(axes.x.high - axes.x.low, static_cast<int>(b.w / 90));
   for (double v = std::ceil(axes.y.low / dy) * dy; v <= axes.y.high; v += dy) {
     pen.line(b.x, axes.v(v), b.x + b.w, axes.v(v), grid, 1);

@@ -31,7 +31,7 @@ subscribers="$!"
 subscribers="$subscribers $!"
 
 "$huetrackd" replay configs/demo/huetrackd.yaml "$recording" --speed real --wait-for-subscriber 10 \
-  --tracks "$out/tracks.csv" --truth "$recording/groundtruth.csv" --pictures "$out/pictures" --pictures-every 5 \
+  --tracks "$out/tracks.csv" --truth "$recording/groundtruth.csv" --pictures "$out/pictures" --pictures-every 10 \
   >"$out/replay.txt" 2>"$out/replay.log" || {
   cat "$out/replay.log" >&2
   exit 1

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <limits>
 #include <string_view>
+#include <vector>
 
 #include "calib/model/rigid3.h"
 #include "capture/frame.h"
@@ -40,6 +41,24 @@ struct CameraEstimate {
   double effective_sample_size = 0;           // 1..particle_count
 
   bool has_pose() const { return state == CameraState::tracking || state == CameraState::coasting; }
+};
+
+// A point of the scene that the tracker goes by: mapped, or given (a start's point, a LED).
+struct CameraMapPoint {
+  enum class State : std::uint8_t {
+    not_sought,  // in the last frame: out of view, or there is no pose
+    missed,      // sought, and not found where the pose says
+    found,
+  };
+  std::uint32_t id = 0;                                   // stays the same as long as the tracker lives
+  Eigen::Vector3d position = Eigen::Vector3d::Zero();     // world, metres
+  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();   // m^2
+  State state = State::not_sought;
+  bool given = false;
+};
+struct CameraMap {
+  Timestamp at;                                           // capture time of the last frame
+  std::vector<CameraMapPoint> points;                     // ascending ids
 };
 
 }  // namespace huetrack

@@ -86,6 +86,7 @@ class CameraTracker {
   // used.
   virtual CameraEstimate update(const Frame& frame) = 0;
   virtual CameraTrackerView view() const = 0;                  // after the last update
+  virtual std::vector<CameraMapPoint> map() const = 0;         // after the last update
   virtual void save_map(const std::filesystem::path& file) const = 0;   // throws std::runtime_error naming the file
 };
 

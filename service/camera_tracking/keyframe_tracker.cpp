@@ -107,6 +107,21 @@ class KeyframeTracker final : public CameraTracker {
     return out;
   }
 
+  std::vector<CameraMapPoint> map() const override {
+    std::vector<CameraMapPoint> out;
+    std::vector<CameraMapPoint::State> states(map_.points.size(), CameraMapPoint::State::not_sought);
+    if (state_ == CameraState::tracking) {
+      for (const KeyframeTracking::Sought& s : tracking_.sought())
+        states[static_cast<std::size_t>(s.point)] =
+            s.found_px.allFinite() ? CameraMapPoint::State::found : CameraMapPoint::State::missed;
+    }
+    for (std::size_t i = 0; i < map_.points.size(); ++i) {
+      const MapPoint& p = map_.points[i];
+      if (p.alive) out.push_back({static_cast<std::uint32_t>(i), p.position, p.covariance, states[i], p.given});
+    }
+    return out;
+  }
+
   void save_map(const std::filesystem::path& file) const override { write_map(file, mapping_.stored()); }
 
  private:

@@ -1,5 +1,6 @@
 #include "camera_tracking/led_tracker.h"
 
+#include <algorithm>
 #include <cmath>
 #include <stdexcept>
 
@@ -26,6 +27,17 @@ class LedTracker final : public CameraTracker {
     return filter_->update(seen);
   }
   CameraTrackerView view() const override { return filter_->view(); }
+  std::vector<CameraMapPoint> map() const override {
+    std::vector<CameraMapPoint> out;
+    for (const Eigen::Vector3d& led : start_.leds)
+      out.push_back({.id = static_cast<std::uint32_t>(out.size()), .position = led, .given = true});
+    for (const CameraTrackerView::Feature& f : filter_->view().features) {
+      if (!f.found_px.allFinite()) continue;  // not lit, perhaps: nobody can say that it was missed
+      const auto led = std::ranges::find(out, f.position, &CameraMapPoint::position);
+      if (led != out.end()) led->state = CameraMapPoint::State::found;
+    }
+    return out;
+  }
   void save_map(const std::filesystem::path& file) const override {
     throw std::runtime_error("cannot write " + file.string() + ": LED tracking has no map but the given LEDs");
   }

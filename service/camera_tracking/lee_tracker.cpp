@@ -48,6 +48,18 @@ class LeeTracker final : public PaperTrackerBase {
     return out;
   }
 
+  std::vector<CameraMapPoint> map() const override {
+    std::vector<CameraMapPoint> out;
+    for (const LeeFeature& f : features_) {  // ascending ids
+      const auto is_it = [&](int id) { return id == f.id; };
+      auto state = CameraMapPoint::State::not_sought;
+      if (std::ranges::any_of(last_.matches, is_it, &LeeFrame::Match::id)) state = CameraMapPoint::State::found;
+      if (std::ranges::any_of(last_.missed, is_it)) state = CameraMapPoint::State::missed;
+      out.push_back({static_cast<std::uint32_t>(f.id), f.position, f.covariance, state, f.given});
+    }
+    return out;
+  }
+
   void save_map(const std::filesystem::path& file) const override { write_map(file, mapping_.stored()); }
 
  private:

@@ -27,9 +27,16 @@ void PupilliFilter::start(const Rigid3d& cam_from_world) {
   supported_ = true;
 }
 
+void PupilliFilter::add(PupilliPoint point) {
+  point.id = next_id_++;
+  points_.push_back(std::move(point));
+}
+
 PupilliFilter::Result PupilliFilter::track(const std::shared_ptr<const Pyramid>& pyramid) {
   Result out;
   const GreyImage& image = pyramid->levels.front();
+  // Points that were mapped wrongly are never found. (Here: what was measured refers to them by their place.)
+  std::erase_if(points_, [](const PupilliPoint& p) { return !p.given && p.missed > 30 && p.missed > 4 * p.found; });
   // Condensation: proportional to the weights, then the random walk of eq. (2).
   particles_.resample(rng_, options_.particle_count);
   const float wider = supported_ ? 1.0f : options_.wider_unseen;
@@ -187,14 +194,12 @@ void PupilliFilter::map(const std::shared_ptr<const Pyramid>& pyramid, const Res
       p.sigma_m = depth->sigma / (depth->inverse_depth * depth->inverse_depth);
       p.templ = std::move(c.templ);
       p.source = std::move(c.source);
-      points_.push_back(std::move(p));
+      add(std::move(p));
     } else if (c.attempts < 60 && c.missed < 8) {
       kept.push_back(std::move(c));
     }  // else: abandoned
   }
   candidates_.swap(kept);
-  // Points that were mapped wrongly are never found.
-  std::erase_if(points_, [](const PupilliPoint& p) { return !p.given && p.missed > 30 && p.missed > 4 * p.found; });
   if (candidates_.size() < options_.introduced_at_once && in_view < options_.wanted_in_view)
     introduce(pyramid, result.cam_from_world);
 }
@@ -203,7 +208,6 @@ void PupilliFilter::introduce(const std::shared_ptr<const Pyramid>& pyramid, con
   std::vector<Eigen::Vector2d> seen;
   double depth = 0;
   for (const Measured& m : measured_) {
-    if (m.point >= points_.size()) continue;
     seen.push_back(m.cloud.mean);
     depth += (pose * points_[m.point].position).norm() / static_cast<double>(measured_.size());
   }
@@ -237,13 +241,21 @@ class PupilliTracker final : public PaperTrackerBase {
   CameraTrackerView view() const override {
     CameraTrackerView out;
     for (const PupilliFilter::Measured& m : filter_.measured()) {
-      if (m.point >= filter_.points().size()) continue;
       const PupilliPoint& p = filter_.points()[m.point];
       out.features.push_back({m.cloud.mean.cast<float>(), m.found.cast<float>(), m.cloud.covariance.cast<float>(),
                               p.position, covariance_of(p), p.given});
     }
     for (std::size_t i = 0; i < std::min<std::size_t>(particles().size(), 300); ++i)
       out.particles.push_back(inverse(particles().pose(i)));
+    return out;
+  }
+
+  std::vector<CameraMapPoint> map() const override {
+    std::vector<CameraMapPoint> out;
+    for (const PupilliPoint& p : filter_.points())
+      out.push_back({p.id, p.position, covariance_of(p), CameraMapPoint::State::not_sought, p.given});
+    for (const PupilliFilter::Measured& m : filter_.measured())
+      out[m.point].state = m.found.allFinite() ? CameraMapPoint::State::found : CameraMapPoint::State::missed;
     return out;
   }
 
@@ -303,7 +315,6 @@ class PupilliTracker final : public PaperTrackerBase {
     FilteredPose out{
         r.supported, r.cam_from_world, r.active, r.matched, static_cast<int>(filter_.points().size()), 0, 1};
     for (const PupilliFilter::Measured& m : filter_.measured()) {
-      if (m.point >= filter_.points().size()) continue;
       const PupilliPoint& p = filter_.points()[m.point];
       out.map_sigma_m =
           std::hypot(out.map_sigma_m, p.sigma_m / std::sqrt(static_cast<double>(filter_.measured().size())));

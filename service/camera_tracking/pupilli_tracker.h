@@ -17,6 +17,7 @@ namespace huetrack {
 
 // A scene point z_i with its template T_i.
 struct PupilliPoint {
+  std::uint32_t id = 0;                                // given by PupilliFilter::add()
   Eigen::Vector3d position = Eigen::Vector3d::Zero();  // world
   double sigma_m = 0;                                  // along its ray; 0: given
   NccTemplate templ;
@@ -43,7 +44,7 @@ class PupilliFilter {
   };
   PupilliFilter(const Camera& camera, const Options& options, std::uint64_t seed);
   void start(const Rigid3d& cam_from_world);
-  void add(const PupilliPoint& point) { points_.push_back(point); }
+  void add(PupilliPoint point);  // gets an id
 
   struct Result {
     Rigid3d cam_from_world;  // the weighted mean
@@ -80,6 +81,7 @@ class PupilliFilter {
   Rng rng_;
   PoseParticles particles_;
   std::vector<PupilliPoint> points_;
+  std::uint32_t next_id_ = 0;
   std::vector<Candidate> candidates_;  // at most introduced_at_once
   double depth_m_ = 1;
   bool supported_ = true;

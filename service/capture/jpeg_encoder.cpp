@@ -28,7 +28,8 @@ struct Component {
   const std::uint8_t* data = nullptr;
   std::ptrdiff_t stride = 0;
   int step = 1, u_shift = 0, v_shift = 0;
-  std::uint8_t at(int u, int v) const { return data[(u >> u_shift) * step + (v >> v_shift) * stride]; }
+  int offset(int u) const { return (u >> u_shift) * step; }
+  const std::uint8_t* row(int v) const { return data + (v >> v_shift) * stride; }
 };
 
 std::array<Component, 3> components_of(const Image& image) {
@@ -82,6 +83,59 @@ std::vector<std::array<int, 2>> samples(int from, int to) {
   return out;
 }
 
+// One component at a picture's size, row by row: each value is the mean of four samples. What lies where is looked up
+// once per picture, so that a row is nothing but loads: this is most of what a preview costs.
+class ScaledComponent {
+ public:
+  // columns, rows: as of samples().
+  ScaledComponent(const Component& component, const std::vector<std::array<int, 2>>& columns,
+                  const std::vector<std::array<int, 2>>& rows, const Levels& levels)
+      : component_(component), rows_(rows), levels_(levels) {
+    for (const auto [a, b] : columns) offsets_.push_back({component.offset(a), component.offset(b)});
+  }
+  void read(int row, std::uint8_t* to, int step = 1) const {
+    const auto [c, d] = rows_[std::size_t(row)];
+    const std::uint8_t* const upper = component_.row(c);
+    const std::uint8_t* const lower = component_.row(d);
+    for (const auto [a, b] : offsets_) {
+      *to = levels_[std::size_t(upper[a] + upper[b] + lower[a] + lower[b] + 2) / 4];
+      to += step;
+    }
+  }
+  int rows() const { return int(rows_.size()); }
+  int columns() const { return int(offsets_.size()); }
+
+ private:
+  const Component component_;
+  std::vector<std::array<int, 2>> offsets_, rows_;
+  const Levels& levels_;
+};
+
+// Of a component at half the picture's width and height: from each pair of columns (or rows) one sample.
+std::vector<std::array<int, 2>> halved(const std::vector<std::array<int, 2>>& full) {
+  std::vector<std::array<int, 2>> half;
+  for (std::size_t i = 0; i + 1 < full.size(); i += 2)
+    half.push_back({(full[i][0] + full[i][1]) / 2, (full[i + 1][0] + full[i + 1][1]) / 2});
+  return half;
+}
+
+// Rows of one component as libjpeg takes them: whole blocks, the border repeated.
+struct Block {
+  Block(const ScaledComponent& from, int rows) : stride((std::size_t(from.columns()) + 15) / 16 * 16) {
+    bytes.resize(stride * std::size_t(rows));
+    for (int i = 0; i < rows; ++i) pointers.push_back(bytes.data() + stride * std::size_t(i));
+  }
+  void read(const ScaledComponent& from, int first) {
+    for (std::size_t i = 0; i < pointers.size(); ++i) {
+      from.read(std::min(first + int(i), from.rows() - 1), pointers[i]);
+      std::fill(pointers[i] + from.columns(), pointers[i] + stride, pointers[i][from.columns() - 1]);
+    }
+  }
+  std::size_t stride;
+  std::vector<std::uint8_t> bytes;
+  std::vector<JSAMPROW> pointers;
+};
+
 }  // namespace
 
 PictureSize picture_size(const Image& image, int width) {
@@ -99,7 +153,16 @@ std::vector<std::uint8_t> encode_picture(const Image& image, PictureSize size, i
   const bool is_bgr = image.format == PixelFormat::bgr, is_grey = image.format == PixelFormat::grey;
   const auto parts = components_of(image);
   const auto columns = samples(image.width, size.width), rows = samples(image.height, size.height);
-  std::vector<std::uint8_t> line(std::size_t(size.width) * (is_grey ? 1 : 3));
+  const auto half_columns = halved(columns), half_rows = halved(rows);
+  std::vector<ScaledComponent> components;
+  std::vector<Block> blocks;  // of 16 rows of the picture; not for BGR
+  for (std::size_t c = 0; c < (is_grey ? 1 : 3); ++c) {
+    const bool is_half = c > 0 && !is_bgr;
+    components.emplace_back(parts[c], is_half ? half_columns : columns, is_half ? half_rows : rows,
+                            is_half ? chroma : luma);
+    blocks.emplace_back(components.back(), is_half ? 8 : 16);
+  }
+  std::vector<std::uint8_t> line(is_bgr ? std::size_t(size.width) * 3 : 0);
   std::vector<std::uint8_t> jpeg;
 
   jpeg_compress_struct info{};
@@ -122,25 +185,21 @@ std::vector<std::uint8_t> encode_picture(const Image& image, PictureSize size, i
   jpeg_set_defaults(&info);  // chroma at half width and height
   jpeg_set_quality(&info, quality, TRUE);
   info.dct_method = JDCT_IFAST;
+  info.raw_data_in = is_bgr ? FALSE : TRUE;
   jpeg_start_compress(&info, TRUE);
-  for (const auto [v0, v1] : rows) {
-    std::uint8_t* to = line.data();
-    for (const auto [u0, u1] : columns) {
-      const auto mean = [&, a = u0, b = u1, c = v0, d = v1](const Component& part) {
-        return static_cast<std::uint8_t>((part.at(a, c) + part.at(b, c) + part.at(a, d) + part.at(b, d) + 2) / 4);
-      };
-      if (is_bgr) {
-        for (const Component& part : parts) *to++ = mean(part);
-        continue;
-      }
-      *to++ = luma[mean(parts[0])];
-      if (is_grey) continue;
-      const int u = (u0 + u1) / 2, v = (v0 + v1) / 2;
-      *to++ = chroma[parts[1].at(u, v)];
-      *to++ = chroma[parts[2].at(u, v)];
+  if (is_bgr) {
+    for (int row = 0; row < size.height; ++row) {
+      for (std::size_t c = 0; c < 3; ++c) components[c].read(row, line.data() + c, 3);
+      JSAMPROW pointer = line.data();
+      jpeg_write_scanlines(&info, &pointer, 1);
     }
-    JSAMPROW row = line.data();
-    jpeg_write_scanlines(&info, &row, 1);
+  } else {
+    std::array<JSAMPARRAY, 3> planes{};
+    for (std::size_t c = 0; c < blocks.size(); ++c) planes[c] = blocks[c].pointers.data();
+    for (int row = 0; row < size.height; row += info.max_v_samp_factor * DCTSIZE) {
+      for (std::size_t c = 0; c < blocks.size(); ++c) blocks[c].read(components[c], c == 0 ? row : row / 2);
+      jpeg_write_raw_data(&info, planes.data(), JDIMENSION(info.max_v_samp_factor) * DCTSIZE);
+    }
   }
   jpeg_finish_compress(&info);
   jpeg_destroy_compress(&info);

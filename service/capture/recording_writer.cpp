@@ -23,6 +23,7 @@ extern "C" {
 
 #include "capture/capture_error.h"
 #include "capture/ffmpeg_objects.h"
+#include "capture/file_descriptor.h"
 
 namespace huetrack {
 namespace {
@@ -89,28 +90,22 @@ class CsvFile {
  public:
   explicit CsvFile(fs::path file)
       : file_(std::move(file)), fd_(::open(file_.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0644)) {
-    if (fd_ < 0)
+    if (fd_.get() < 0)
       throw CaptureError({errno, std::generic_category()}, file_.string() + ": cannot be made: " + system_text(errno));
   }
-  ~CsvFile() {
-    if (fd_ >= 0) ::close(fd_);
-  }
-  CsvFile(const CsvFile&) = delete;
-  CsvFile& operator=(const CsvFile&) = delete;
-
   void add(const std::string& row) { rows_ += row; }
 
   // throws WriteError; the file then ends with the last row that fitted.
   void flush() {
     std::size_t done = 0;
     while (done < rows_.size()) {
-      const auto written = ::write(fd_, rows_.data() + done, rows_.size() - done);
+      const auto written = ::write(fd_.get(), rows_.data() + done, rows_.size() - done);
       if (written < 0 && errno == EINTR) continue;
       if (written <= 0) {
         const int error = written < 0 ? errno : ENOSPC;
         const auto last_row_end = rows_.rfind('\n', done > 0 ? done - 1 : 0);
         const std::size_t whole = done == 0 || last_row_end == std::string::npos ? 0 : last_row_end + 1;
-        if (::ftruncate(fd_, size_ + static_cast<off_t>(whole)) != 0) throw WriteError{file_, system_text(errno)};
+        if (::ftruncate(fd_.get(), size_ + static_cast<off_t>(whole)) != 0) throw WriteError{file_, system_text(errno)};
         rows_.clear();
         throw WriteError{file_, system_text(error)};
       }
@@ -122,7 +117,7 @@ class CsvFile {
 
  private:
   fs::path file_;
-  int fd_;
+  FileDescriptor fd_;
   off_t size_ = 0;    // of whole rows on disk
   std::string rows_;  // not yet there
 };

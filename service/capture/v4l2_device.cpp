@@ -23,6 +23,7 @@
 #include <utility>
 
 #include "calib/yaml/yaml_reader.h"
+#include "capture/file_descriptor.h"
 
 namespace huetrack {
 namespace {
@@ -32,23 +33,6 @@ namespace fs = std::filesystem;
 constexpr int least_left_to_driver = 3;  // it fills one, has one ready, and one spare
 
 // ---- Calls
-
-class FileDescriptor {
- public:
-  explicit FileDescriptor(int fd = -1) : fd_(fd) {}
-  ~FileDescriptor() {
-    if (fd_ >= 0) ::close(fd_);
-  }
-  FileDescriptor(FileDescriptor&& other) noexcept : fd_(std::exchange(other.fd_, -1)) {}
-  FileDescriptor& operator=(FileDescriptor&& other) noexcept {
-    std::swap(fd_, other.fd_);
-    return *this;
-  }
-  int get() const { return fd_; }
-
- private:
-  int fd_;
-};
 
 // 0, or errno.
 template <typename Argument>
@@ -105,10 +89,19 @@ std::string first_line_of(const fs::path& file) {
 
 std::optional<UsbPlace> usb_place_of(const fs::path& device_folder) {
   std::error_code error;
+  const auto hex_in = [](const fs::path& file) {
+    const std::string text = first_line_of(file);
+    int value = -1;
+    std::from_chars(text.data(), text.data() + text.size(), value, 16);
+    return value;
+  };
+  int interface = -1;
   for (fs::path folder = fs::canonical(device_folder, error); !error && folder.has_relative_path();
        folder = folder.parent_path()) {
+    if (interface < 0) interface = hex_in(folder / "bInterfaceNumber");
     if (!fs::exists(folder / "idVendor", error)) continue;
     UsbPlace place;
+    place.interface = interface;
     place.port = folder.filename().string();
     place.id = first_line_of(folder / "idVendor") + ":" + first_line_of(folder / "idProduct");
     place.serial = first_line_of(folder / "serial");
@@ -676,6 +669,14 @@ std::string_view name(StampKind kind) {
       break;
   }
   return "none by the driver, taken on arrival";
+}
+
+ControlSetting control_setting(std::string name, const std::string& text) {
+  if (text == "true" || text == "false") return {std::move(name), std::int64_t{text == "true"}};
+  std::int64_t number = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
+  if (error == std::errc{} && end == text.data() + text.size()) return {std::move(name), number};
+  return {std::move(name), text};
 }
 
 std::string to_string(const ControlResult& result) {

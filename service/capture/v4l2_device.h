@@ -30,6 +30,7 @@ struct UsbPlace {
   double speed_mbps = 0;  // 12, 480, 5000, ...: what the device runs at
   std::string id;         // "046d:0825", vendor:product
   std::string serial;     // empty: it has none
+  int interface = -1;     // of the device, that the video node belongs to; -1: unknown
 };
 
 struct V4l2Identity {
@@ -115,6 +116,8 @@ struct ControlSetting {
   std::string name;
   ControlValue value;
 };
+// From text, as it stands in a configuration: a number, true or false (1 or 0), or else a menu entry's name.
+ControlSetting control_setting(std::string name, const std::string& text);
 struct ControlResult {
   std::string name;
   std::string asked;                // as text

@@ -14,6 +14,7 @@
 #include <utility>
 
 #include "capture/capture_clock.h"
+#include "capture/file_descriptor.h"
 #include "capture/jpeg_decoder.h"
 
 namespace huetrack {
@@ -62,27 +63,24 @@ PixelFormat pixel_format_of(CaptureFormat format) {
 class Alarm {
  public:
   Alarm() : fd_(::eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC)) {
-    if (fd_ < 0)
+    if (fd_.get() < 0)
       throw CaptureError({errno, std::generic_category()}, "eventfd: " + std::generic_category().message(errno));
   }
-  ~Alarm() { ::close(fd_); }
-  Alarm(const Alarm&) = delete;
-  Alarm& operator=(const Alarm&) = delete;
 
   void ring() {
     const std::uint64_t one = 1;
-    [[maybe_unused]] const auto written = ::write(fd_, &one, sizeof one);
+    [[maybe_unused]] const auto written = ::write(fd_.get(), &one, sizeof one);
   }
   void pause(Clock::duration longest) {
-    pollfd waiting{fd_, POLLIN, 0};
+    pollfd waiting{fd_.get(), POLLIN, 0};
     const auto ms = std::chrono::ceil<std::chrono::milliseconds>(longest).count();
     std::uint64_t count = 0;
     if (::poll(&waiting, 1, static_cast<int>(std::max<std::int64_t>(ms, 0))) > 0) [[maybe_unused]]
-      const auto drained = ::read(fd_, &count, sizeof count);
+      const auto drained = ::read(fd_.get(), &count, sizeof count);
   }
 
  private:
-  int fd_;
+  FileDescriptor fd_;
 };
 
 bool is_absence(const CaptureError& error) {

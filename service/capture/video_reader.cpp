@@ -534,7 +534,8 @@ struct VideoReader::Impl {
     auto decoded = jpeg.decode({packet->data, static_cast<std::size_t>(packet->size)});
     if (!decoded.image && !decoded.is_unsupported) log.add(decoded.problem);
     if (decoded.is_unsupported) return false;
-    if (decoded.image && codec->width > 0 &&
+    // In a video it is a field of an interlaced picture; an image file of another size is one, and is not used for that.
+    if (decoded.image && images.empty() && codec->width > 0 &&
         (decoded.image->width != codec->width || decoded.image->height != codec->height))
       return false;
     if (decoded.image && codec->color_range == AVCOL_RANGE_MPEG) decoded.image->range = ColorRange::limited;

@@ -73,8 +73,9 @@ struct Fit {
   }
 };
 
-double rounded(double value, double step, bool up) {
-  return (up ? std::ceil(value / step - 1e-9) : std::floor(value / step + 1e-9)) * step;
+// To whole steps, of which `per_unit` make 1: the quotient is the shortest decimal, 0.35 and not 0.35000000000000003.
+double rounded(double value, double per_unit, bool up) {
+  return (up ? std::ceil(value * per_unit - 1e-9) : std::floor(value * per_unit + 1e-9)) / per_unit;
 }
 
 }  // namespace
@@ -190,10 +191,10 @@ HsiRange fit_range(const HsiImage& image, const PixelMask& region, const PixelMa
   HsiRange range = fit.range();  // in digits that people like to read
   range.hue_min_deg = std::fmod(rounded(range.hue_min_deg, 1, false), 360);
   range.hue_max_deg = std::fmod(rounded(range.hue_max_deg, 1, true), 360);
-  range.saturation_min = rounded(range.saturation_min, 0.01, false);
-  range.saturation_max = std::min(1.0, rounded(range.saturation_max, 0.01, true));
-  range.intensity_min = rounded(range.intensity_min, 0.01, false);
-  range.intensity_max = std::min(1.0, rounded(range.intensity_max, 0.01, true));
+  range.saturation_min = rounded(range.saturation_min, 100, false);
+  range.saturation_max = std::min(1.0, rounded(range.saturation_max, 100, true));
+  range.intensity_min = rounded(range.intensity_min, 100, false);
+  range.intensity_max = std::min(1.0, rounded(range.intensity_max, 100, true));
   return range;
 }
 

@@ -192,6 +192,7 @@ void ColorTeacher::judge(TaughtView& view, std::size_t camera, const std::vector
                 100 * view.background_share);
   const double own_area = view.region ? view.region->area : 30;
   const bool is_rival = view.patch && view.patch->area >= std::max(6.0, notable_patch * own_area);
+  if (!is_rival) view.patch.reset();
   std::string text = "camera " + name + ": ";
   if (!view.problem.empty()) {
     view.verdict = text + view.problem;

@@ -33,7 +33,7 @@ struct TaughtView {
   std::optional<MaskRegion> region;  // the object's; where nobody pointed: the suggested one
   HsiRange color;                    // where nobody pointed: as in the first view that was
   double background_share = 0;       // 0..1, of the pixels away from the object: how many have the colour
-  std::optional<MaskRegion> patch;   // the largest connected part of them
+  std::optional<MaskRegion> patch;   // the largest connected part of them, when it could be taken for the object
   std::string verdict;               // one sentence for people
   PixelMask mask;                    // which pixels have the colour; empty where there is no picture
 };

@@ -119,6 +119,7 @@ void finish(Examined& examined) {
     if (now.got != set.got) now.problem = "it did not stay so while the camera streamed";
     exam.stayed.push_back(std::move(now));
   }
+  if (exam.node.identity.usb) exam.trial->usb = usb_reservation(*exam.node.identity.usb);
   device.stop();
   std::vector<ControlSetting> moves;
   for (const auto& control : exam.controls) {

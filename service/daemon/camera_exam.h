@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "capture/usb_bandwidth.h"
 #include "capture/v4l2_device.h"
 
 namespace huetrack {
@@ -23,7 +24,8 @@ struct StreamTrial {
   double longest_gap_s = 0;     // between two time stamps
   double mean_age_s = 0;        // from the time stamp to the dequeue
   StampKind stamp = StampKind::dequeued;
-  std::string failure;  // why it ended early; empty: it did not
+  std::optional<UsbReservation> usb;  // while it streamed
+  std::string failure;                // why it ended early; empty: it did not
   double fps() const { return frames > 1 && seconds > 0 ? double(frames - 1) / seconds : 0; }
 };
 

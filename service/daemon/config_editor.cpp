@@ -13,6 +13,8 @@
 #include <sstream>
 #include <stdexcept>
 
+#include "capture/file_descriptor.h"
+
 namespace huetrack {
 namespace {
 
@@ -298,13 +300,6 @@ YamlValue yaml_of(const IgnoredRegions& ignored) {
   return cameras;
 }
 
-struct Descriptor {
-  int fd;
-  ~Descriptor() {
-    if (fd >= 0) ::close(fd);
-  }
-};
-
 std::runtime_error cannot_write(const fs::path& file, int error) {
   return std::runtime_error("cannot write " + file.string() + ": " + std::strerror(error));
 }
@@ -322,11 +317,11 @@ fs::path write_beside(const fs::path& file, const std::string& text) {
   const fs::path fresh = file.parent_path() / ("." + file.stem().string() + "-" + std::to_string(::getpid()) + ".yaml");
   struct stat old {};
   if (::stat(file.c_str(), &old) != 0) throw cannot_write(file, errno);
-  const Descriptor to{::open(fresh.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, old.st_mode & 07777)};
-  if (to.fd < 0) throw cannot_write(file, errno);
+  const FileDescriptor to(::open(fresh.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, old.st_mode & 07777));
+  if (to.get() < 0) throw cannot_write(file, errno);
   std::size_t written = 0;
   while (written < text.size()) {
-    const auto n = ::write(to.fd, text.data() + written, text.size() - written);
+    const auto n = ::write(to.get(), text.data() + written, text.size() - written);
     if (n <= 0) {
       const int error = errno;
       fs::remove(fresh);
@@ -334,10 +329,10 @@ fs::path write_beside(const fs::path& file, const std::string& text) {
     }
     written += static_cast<std::size_t>(n);
   }
-  ::fchmod(to.fd, old.st_mode & 07777);
+  ::fchmod(to.get(), old.st_mode & 07777);
   // Only root may give files away; who may not keeps the file as its own.
-  if (::geteuid() == 0 && ::fchown(to.fd, old.st_uid, old.st_gid) != 0) throw cannot_write(file, errno);
-  ::fsync(to.fd);
+  if (::geteuid() == 0 && ::fchown(to.get(), old.st_uid, old.st_gid) != 0) throw cannot_write(file, errno);
+  ::fsync(to.get());
   return fresh;
 }
 

@@ -430,8 +430,9 @@ std::vector<Finding> judge_usb(std::span<const CameraExam> exams, const std::map
       const double fps =
           trial.agreed.format == CaptureFormat::mjpeg ? trial.fps() : std::max(trial.fps(), trial.agreed.fps);
       const double mbps = 8e-6 * per_frame * fps;
-      wanted_mbps[usb.bus] += mbps;
+      wanted_mbps[usb.bus] += std::max(mbps, trial.usb ? trial.usb->mbps() : 0);
       text_of_camera += text(" %.0f Mbit/s", mbps);
+      if (trial.usb) text_of_camera += ", " + to_string(*trial.usb);
     }
     cameras[usb.bus].push_back(text_of_camera);
     if (usb.speed_mbps > 0 && usb.speed_mbps < 100)

@@ -102,6 +102,7 @@ class LiveService {
     pipeline.frame_sets.tolerance = duration_of(*config_.set_tolerance_s);
     pipeline.when_full = WhenFull::drop_oldest;
     pipeline.threads = config.threads;
+    pipeline.view_particles = std::size_t(std::max(1, config.preview.particles));
     std::vector<ObjectTracker> trackers;
     for (std::size_t t = 0; t < targets_.size(); ++t) trackers.push_back(tracker_for(config, t, cameras));
     std::vector<std::unique_ptr<FrameSource>> sources;
@@ -134,6 +135,8 @@ class LiveService {
     if (view_) {
       outputs.view_wanted = [this] { return view_->wants(); };
       outputs.view = [this](PictureJob job) { view_->offer(std::move(job)); };
+      outputs.camera_map_wanted = [this] { return view_->wants_map(); };
+      outputs.camera_map = [this](CameraMap map) { view_->offer(std::move(map)); };
     }
     pipeline_.emplace(config_.rig, std::move(sources), std::move(trackers), pipeline, std::move(outputs));
     if (tracks_camera) {
@@ -188,17 +191,20 @@ class LiveService {
 
   // The tracking thread.
   void put_out(const FrameSet& set, std::span<const ObjectEstimate> estimates, Timestamp received_at) {
-    Timestamp sent = unix_now();
+    const Timestamp now = unix_now();
+    EstimatePublisher::Writing writing{now, now};
     for (std::size_t t = 0; t < estimates.size(); ++t) {
-      if (publisher_) publisher_->publish(t, estimates[t], estimates[t].at, received_at, &sent);
+      if (publisher_) publisher_->publish(t, estimates[t], estimates[t].at, received_at, &writing);
       if (csv_) csv_->write(config_names_[t], estimates[t]);
       targets_[t].effective_sample_size = estimates[t].effective_sample_size;
       targets_[t].particles = estimates[t].particle_count;
       const TrackState before = targets_[t].state.exchange(estimates[t].state);
       if (estimates[t].state == TrackState::lost && before != TrackState::lost) has_lost_ = true;
     }
-    dequeue_to_publish_.add(sent - received_at);
-    capture_to_publish_.add(sent - set.at);
+    if (estimates.empty()) return;
+    dequeue_to_write_.add(writing.begun - received_at);
+    dequeue_to_publish_.add(writing.sent - received_at);
+    capture_to_publish_.add(writing.sent - set.at);
   }
 
   // A tracker that has its colour tables: the tracking thread would need some 50 ms for each.
@@ -287,6 +293,7 @@ class LiveService {
       targets.push_back({target.state, target.effective_sample_size, target.particles});
     LatencyFigures latencies;
     for (const auto& camera : capture_to_dequeue_) latencies.capture_to_dequeue.push_back(camera.snapshot());
+    latencies.dequeue_to_write = dequeue_to_write_.snapshot();
     latencies.dequeue_to_publish = dequeue_to_publish_.snapshot();
     latencies.capture_to_publish = capture_to_publish_.snapshot();
     metrics_->show(to_prometheus(status, targets, latencies, publisher_ ? publisher_->counters().published : 0));
@@ -442,7 +449,7 @@ class LiveService {
   std::optional<ChangesWriter> changes_;                     // made before any other thread is
   std::atomic<bool> has_lost_ = false;
   std::vector<LatencyHistogram> capture_to_dequeue_{config_.rig.cameras.size()};
-  LatencyHistogram dequeue_to_publish_, capture_to_publish_;
+  LatencyHistogram dequeue_to_write_, dequeue_to_publish_, capture_to_publish_;
   std::optional<MetricsServer> metrics_;
   std::vector<LiveCamera> cameras_;   // their sources are the pipeline's
   std::optional<Pipeline> pipeline_;  // after what its outputs use, and cameras_ is used only while it lives

@@ -171,7 +171,7 @@ int main(int argc, char** argv) {
   replay_command->add_option("--pictures", command.pictures,
                              "draw every view of every frame set, and the track, into this folder");
   replay_command->add_option("--pictures-every", command.pictures_every, "only every so many-th frame set")
-      ->check(CLI::PositiveNumber);
+      ->check(CLI::Range(1, 1'000'000));
   replay_command->add_option("--truth", command.truth, "compare with this CSV file (columns ball, t, x, y, z)");
   const std::map<std::string, ReplayStamps> stamps{{"now", ReplayStamps::now}, {"recording", ReplayStamps::recording}};
   replay_command
@@ -184,7 +184,7 @@ int main(int argc, char** argv) {
   replay_command
       ->add_option("--wait-for-subscriber", command.wait_for_subscriber_s,
                    "wait up to so many seconds for a DDS subscriber before the first frame")
-      ->check(CLI::NonNegativeNumber);
+      ->check(CLI::Range(0.0, 86400.0));
   replay_command->add_flag("--hold", command.hold,
                            "hold after the first frame set, until a colour is taught or Resume is pressed on the page");
   replay_command->add_flag("--no-dds", command.no_dds, "do not publish");
@@ -201,7 +201,7 @@ int main(int argc, char** argv) {
   record_command->add_option("config", config_file, "huetrackd.yaml")->required();
   record_command->add_option("out", live.record_to, "a new folder for the recording")->required();
   record_command->add_option("--seconds", live.seconds, "end so long after the first frame")
-      ->check(CLI::PositiveNumber);
+      ->check(CLI::Range(0.001, 1e9));
 
   DoctorOptions doctor_options;
   CLI::App* doctor_command = app.add_subcommand(

@@ -123,10 +123,13 @@ std::string to_prometheus(const ServiceStatus& status, std::span<const TargetFig
   text.family("huetrack_capture_to_dequeue_seconds", "histogram", "from a frame's capture to its dequeue");
   for (std::size_t c = 0; c < latencies.capture_to_dequeue.size(); ++c)
     text.histogram("camera=" + label(status.cameras[c].name), latencies.capture_to_dequeue[c]);
+  text.family("huetrack_dequeue_to_write_seconds", "histogram",
+              "from the dequeue of a set's last frame to the DDS write of its position");
+  text.histogram("", latencies.dequeue_to_write);
   text.family("huetrack_dequeue_to_publish_seconds", "histogram",
-              "from the dequeue of a set's last frame to the DDS write");
+              "from the dequeue of a set's last frame until the DDS write is over and the position sent");
   text.histogram("", latencies.dequeue_to_publish);
-  text.family("huetrack_capture_to_publish_seconds", "histogram", "from the newest capture in a set to the DDS write");
+  text.family("huetrack_capture_to_publish_seconds", "histogram", "from the newest capture in a set until its position is sent");
   text.histogram("", latencies.capture_to_publish);
   return text.take();
 }

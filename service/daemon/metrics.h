@@ -17,11 +17,13 @@
 
 namespace huetrack {
 
-// Counts durations in fixed buckets from 0.1 ms to 1 s. thread-safe; add() takes no lock.
+// Counts durations in fixed buckets from 0.05 ms to 1 s, in steps of 0.05 ms where the service is to be: quantiles are
+// read out of them. thread-safe; add() takes no lock.
 class LatencyHistogram {
  public:
-  static constexpr std::array<double, 13> bounds_s{0.0001, 0.0002, 0.0003, 0.0005, 0.001, 0.0012, 0.002,
-                                                   0.005,  0.01,   0.02,   0.05,   0.2,   1.0};
+  static constexpr std::array<double, 24> bounds_s{0.00005, 0.0001, 0.00015, 0.0002, 0.00025, 0.0003, 0.00035, 0.0004,
+                                                   0.00045, 0.0005, 0.0006,  0.0008, 0.001,   0.0012, 0.0015,  0.002,
+                                                   0.003,   0.005,  0.01,    0.02,   0.05,    0.1,    0.2,     1.0};
   void add(Duration latency);
   struct Snapshot {
     std::array<std::uint64_t, bounds_s.size() + 1>
@@ -44,8 +46,9 @@ struct TargetFigures {
 
 struct LatencyFigures {
   std::vector<LatencyHistogram::Snapshot> capture_to_dequeue;  // per camera of the status
-  LatencyHistogram::Snapshot dequeue_to_publish;               // from the last frame of a set until its last native sample is sent
-  LatencyHistogram::Snapshot capture_to_publish;               // from the newest capture time in a set
+  LatencyHistogram::Snapshot dequeue_to_write;  // from a set's last frame until the DDS write of its last native sample
+  LatencyHistogram::Snapshot dequeue_to_publish;  // the same until that write is over: the sample is on its way
+  LatencyHistogram::Snapshot capture_to_publish;  // from the newest capture time in a set until then
 };
 
 // targets: as status.targets, or empty.

@@ -15,6 +15,7 @@
 #include <utility>
 #include <vector>
 
+#include "capture/file_descriptor.h"
 #include "daemon/metrics.h"
 
 namespace huetrack {
@@ -26,23 +27,6 @@ using namespace std::chrono_literals;
 constexpr std::size_t most_clients = 16;
 constexpr std::size_t longest_request = 8192;  // bytes
 constexpr auto client_patience = 2s;           // from its connection until its answer is sent
-
-class FileDescriptor {
- public:
-  explicit FileDescriptor(int fd = -1) : fd_(fd) {}
-  ~FileDescriptor() {
-    if (fd_ >= 0) ::close(fd_);
-  }
-  FileDescriptor(FileDescriptor&& other) noexcept : fd_(std::exchange(other.fd_, -1)) {}
-  FileDescriptor& operator=(FileDescriptor&& other) noexcept {
-    std::swap(fd_, other.fd_);
-    return *this;
-  }
-  int get() const { return fd_; }
-
- private:
-  int fd_;
-};
 
 // throws std::runtime_error
 FileDescriptor listen_on(const std::string& address, int port) {

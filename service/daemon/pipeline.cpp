@@ -1,5 +1,6 @@
 #include "daemon/pipeline.h"
 
+#include <sys/prctl.h>
 #include <time.h>
 
 #include <algorithm>
@@ -261,13 +262,15 @@ void Pipeline::put_in_queue(ReadySet ready) {
   if (pushed_out && outputs_.left_out) outputs_.left_out(pushed_out->set);
 }
 
-PictureJob Pipeline::picture_of(FrameSet set, std::vector<ObjectEstimate> estimates) const {
+PictureJob Pipeline::picture_of(FrameSet set, std::vector<ObjectEstimate> estimates, std::size_t particles) const {
   PictureJob job{std::move(set), std::move(estimates), {}};
-  for (const auto& tracker : trackers_) job.particles.push_back(tracker.particles());
+  job.particles.reserve(trackers_.size());
+  for (const auto& tracker : trackers_) job.particles.push_back(tracker.particles(particles));
   return job;
 }
 
 void Pipeline::track() {
+  ::prctl(PR_SET_NAME, "tracking");  // for top -H, and for who measures
   TrackingTeam team(trackers_, options_.threads);
   std::vector<ObjectEstimate> estimates(trackers_.size());
   std::vector<std::pair<bool, bool>> cameras_then;  // started, ended
@@ -282,12 +285,18 @@ void Pipeline::track() {
       if (std::ranges::binary_search(options_.left_out, ready->set.at)) continue;
       take_replacements(ready->set.at);
       // Object tracking is for still cameras: a camera that moves is absent from its sets.
-      FrameSet of_still_cameras = ready->set;  // images are shared
-      if (tracked_camera_ >= 0) of_still_cameras.frames.at(std::size_t(tracked_camera_)).reset();
-      const StageTime tracked = team.update(of_still_cameras, estimates);
+      std::optional<FrameSet> of_still_cameras;
+      if (tracked_camera_ >= 0) {
+        of_still_cameras = ready->set;  // images are shared
+        of_still_cameras->frames.at(std::size_t(tracked_camera_)).reset();
+      }
+      const StageTime tracked = team.update(of_still_cameras ? *of_still_cameras : ready->set, estimates);
       const Stopwatch watch;
       if (outputs_.estimates) outputs_.estimates(ready->set, estimates, ready->received_at);
-      if (outputs_.view_wanted && outputs_.view_wanted()) outputs_.view(picture_of(ready->set, estimates));
+      if (outputs_.view_wanted && outputs_.view_wanted()) {
+        // Moved where nobody else wants it: then the other thread also frees the images, or gives them back to a driver.
+        outputs_.view(picture_of(outputs_.pictures ? ready->set : std::move(ready->set), estimates, options_.view_particles));
+      }
       const StageTime published = watch.lap();
       std::uint64_t index = 0;
       {
@@ -298,7 +307,7 @@ void Pipeline::track() {
         index = figures_.sets_tracked++;
       }
       if (outputs_.pictures && index % std::uint64_t(options_.pictures_every) == 0) {
-        pictures_.push(picture_of(std::move(ready->set), estimates));
+        pictures_.push(picture_of(std::move(ready->set), estimates, 0));
       }
     } else if (frame_sets_.ended()) {
       break;
@@ -352,6 +361,8 @@ void Pipeline::track_camera_frames() {
     const CameraEstimate estimate = camera_tracker_->update(ready->frame);
     const StageTime tracked = watch.lap();
     if (outputs_.camera_poses) outputs_.camera_poses(estimate, ready->received_at);
+    if (outputs_.camera_map_wanted && outputs_.camera_map_wanted())
+      outputs_.camera_map({estimate.at, camera_tracker_->map()});
     std::uint64_t index = 0;
     {
       const std::scoped_lock lock(figures_mutex_);

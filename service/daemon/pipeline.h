@@ -77,6 +77,7 @@ struct PipelineOptions {
   std::vector<Timestamp>
       left_out;            // ascending; sets (FrameSet::at) that are not tracked: a replay of what live dropped
   int pictures_every = 1;  // >= 1; every how many-th set goes to the picture output
+  std::size_t view_particles = 0;  // about so many of each target's particles go to the view output; 0: all
 };
 
 // What a picture of one set needs. A plain value; images are shared, not copied.
@@ -106,6 +107,9 @@ struct PipelineOutputs {
   std::function<void(const FrameSet&)> left_out = nullptr;
   // Camera thread: a pose per frame of the tracked camera. received_at: UNIX time.
   std::function<void(const CameraEstimate&, Timestamp received_at)> camera_poses = nullptr;
+  // Camera thread, after camera_poses: whether the map is wanted by who watches, and then the map. Both must be quick.
+  std::function<bool()> camera_map_wanted = nullptr;
+  std::function<void(CameraMap)> camera_map = nullptr;
   // Camera picture thread; every options.pictures_every-th frame.
   std::function<void(const CameraPictureJob&)> camera_pictures = nullptr;
   // Tracking thread, after `estimates`: whether a picture of this set is wanted by who watches, and then the set. Both must
@@ -153,7 +157,7 @@ class Pipeline {
   void capture(FrameSource& source, std::stop_token stop);
   void receive(Frame frame);
   void put_in_queue(ReadySet ready);  // synchronizer_mutex_ is held
-  PictureJob picture_of(FrameSet set, std::vector<ObjectEstimate> estimates) const;
+  PictureJob picture_of(FrameSet set, std::vector<ObjectEstimate> estimates, std::size_t particles) const;
   void track();
   void note_searches();
   void take_replacements(Timestamp at);

@@ -69,6 +69,7 @@ class HeldSource final : public FrameSource {
   bool ended(int camera) const override { return !ahead_ && source_->ended(camera); }
 
   void release() { released_ = true; }                                   // any thread
+  bool is_released() const { return released_; }                         // likewise
   const std::atomic<std::int64_t>& held_ns() const { return held_ns_; }  // how long
 
  private:
@@ -271,6 +272,7 @@ ReplaySummary replay(const ReplayCommand& command, std::stop_token stop) {
     outputs.status = [&](const PipelineFigures& figures) {
       ServiceStatus status = reporter.report(figures, Clock::now(), std::chrono::system_clock::now());
       std::ranges::copy(publisher->warnings(), std::back_inserter(status.warnings));
+      if (held != nullptr && !held->is_released()) status.mode = "held";
       publisher->publish_status(status);
     };
   }
@@ -312,6 +314,8 @@ ReplaySummary replay(const ReplayCommand& command, std::stop_token stop) {
       view->set_clock_offset(clock_offset());
       view->offer(std::move(job));
     };
+    outputs.camera_map_wanted = [&view] { return view->wants_map(); };
+    outputs.camera_map = [&view](CameraMap map) { view->offer(std::move(map)); };
   }
   if (pictures) outputs.pictures = [&](const PictureJob& job) { pictures->write(job); };
 
@@ -324,6 +328,7 @@ ReplaySummary replay(const ReplayCommand& command, std::stop_token stop) {
       config.set_tolerance_s ? duration_of(*config.set_tolerance_s) : automatic_tolerance(source.cameras());
   options.threads = command.threads.value_or(config.threads);
   options.pictures_every = command.pictures_every;
+  options.view_particles = std::size_t(std::max(1, config.preview.particles));
   if (command.speed == ReplaySpeed::real)
     options.pace = Pace{started, first_at, held != nullptr ? &held->held_ns() : nullptr};
 

@@ -304,18 +304,7 @@ class Reader {
   void controls(std::string_view key, std::vector<ControlSetting>& settings, std::string_view) {
     const auto map = yaml_.optional_map(key);
     if (!map) return;
-    for (const auto& name : map->keys()) {
-      const std::string text = map->string(name);
-      std::int64_t number = 0;
-      const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
-      if (text == "true" || text == "false") {
-        settings.push_back({name, std::int64_t{text == "true"}});
-      } else if (error == std::errc{} && end == text.data() + text.size()) {
-        settings.push_back({name, number});
-      } else {
-        settings.push_back({name, text});
-      }
-    }
+    for (const auto& name : map->keys()) settings.push_back(control_setting(name, map->string(name)));
   }
   void path_or(std::string_view key, const std::string& none, fs::path& value, std::string_view) {
     const std::string given = yaml_.string(key, none);

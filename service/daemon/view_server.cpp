@@ -1,6 +1,9 @@
 #include "daemon/view_server.h"
 
 #include <spdlog/spdlog.h>
+#include <sys/prctl.h>
+#include <sys/resource.h>
+#include <unistd.h>
 
 #include "daemon/preview_maker.h"
 
@@ -10,8 +13,11 @@ namespace {
 using Clock = std::chrono::steady_clock;
 using namespace std::chrono_literals;
 
+constexpr int niceness = 10;               // of 19
 constexpr auto look_round_period = 100ms;  // for subscribers
+constexpr auto fetch_period = 10ms;        // for the set that was asked for
 constexpr auto network_period = 1s;
+constexpr auto map_period = 1s;
 constexpr auto freeze_patience = 3s;          // for a set to freeze
 constexpr auto kept_freeze_patience = 300ms;  // likewise, when there is one that was kept
 constexpr auto repeat_after = 1s;             // a set that is kept is shown again: who comes late sees it too
@@ -30,11 +36,15 @@ ViewServer::~ViewServer() = default;
 
 void ViewServer::offer(PictureJob job) {
   wanted_.store(false, std::memory_order_relaxed);
-  {
-    const std::scoped_lock lock(mutex_);
-    offered_ = std::move(job);
-  }
-  news_.notify_one();
+  const std::scoped_lock lock(mutex_);
+  offered_ = std::move(job);
+  // Nobody is woken: that costs the tracking thread more than all the rest of this, and the other one looks by itself.
+}
+
+void ViewServer::offer(CameraMap map) {
+  map_wanted_.store(false, std::memory_order_relaxed);
+  const std::scoped_lock lock(mutex_);  // the thread comes round in time: no reason to wake it
+  map_ = std::move(map);
 }
 
 void ViewServer::take_over(const ServiceConfig& config) {
@@ -50,21 +60,27 @@ ViewServer::Counters ViewServer::counters() const {
 }
 
 void ViewServer::serve(const std::stop_token& stop) {
+  ::prctl(PR_SET_NAME, "view");
+  // Whoever tracks or captures comes first. In Linux this is the thread's own; where it is refused, nothing is lost.
+  ::setpriority(PRIO_PROCESS, static_cast<id_t>(::gettid()), niceness);
   publish_scene();
   std::optional<PictureJob> last;  // only where frames may be kept
-  Clock::time_point next_preview{}, next_network = Clock::now() + network_period, shown_at{};
+  Clock::time_point next_preview{}, next_network = Clock::now() + network_period, next_map{}, shown_at{};
   const auto period =
       std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(1 / config_.preview.rate_hz));
   bool is_watched = false;
   while (!stop.stop_requested()) {
     std::optional<PictureJob> job;
+    std::optional<CameraMap> map;
     std::optional<ServiceConfig> fresh;
     {
       std::unique_lock lock(mutex_);
       auto until = Clock::now() + look_round_period;
       if (is_watched && next_preview > Clock::now()) until = std::min(until, next_preview);
+      if (wants()) until = Clock::now() + fetch_period;
       news_.wait_until(lock, stop, until, [&] { return offered_ || fresh_; });
       job.swap(offered_);
+      map.swap(map_);
       fresh.swap(fresh_);
     }
     if (fresh) {
@@ -81,7 +97,7 @@ void ViewServer::serve(const std::stop_token& stop) {
       publisher_.publish(TeachDesk::refusal(*to_freeze_, "No pictures come from the cameras."));
       to_freeze_.reset();
     }
-    is_watched = config_.preview.enabled && publisher_.preview_subscribers() > 0;
+    is_watched = config_.preview.enabled && publisher_.picture_subscribers() + publisher_.marker_subscribers() > 0;
     if (job && is_watched) {
       publish_previews(*job);
       shown_at = now;
@@ -92,6 +108,11 @@ void ViewServer::serve(const std::stop_token& stop) {
     }
     if (job && options_.keeps_frames) last = std::move(job);
     if ((is_watched && now >= next_preview) || to_freeze_) wanted_.store(true, std::memory_order_relaxed);
+    if (map) {
+      publisher_.publish(*map, map->at + Duration(clock_offset_ns_));
+      next_map = now + map_period;
+    }
+    if (now >= next_map) map_wanted_.store(true, std::memory_order_relaxed);
     if (now >= next_network) {
       next_network = now + network_period;
       publisher_.look_after_network();
@@ -126,8 +147,9 @@ void ViewServer::freeze(const FrameSet& set) {
 
 void ViewServer::publish_previews(const PictureJob& job) {
   const auto started = Clock::now();
-  for (const auto& preview : make_previews(config_, job, Duration(clock_offset_ns_))) {
-    if (publisher_.publish(preview)) ++previews_;
+  if (publisher_.picture_subscribers() > 0) {
+    for (const auto& preview : make_previews(config_, job, Duration(clock_offset_ns_)))
+      if (publisher_.publish(preview)) ++previews_;
   }
   publisher_.publish(job.estimates, job.set.at + Duration(clock_offset_ns_));
   busy_ns_ += (Clock::now() - started).count();

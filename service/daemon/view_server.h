@@ -38,6 +38,9 @@ class ViewServer {
   bool wants() const noexcept { return wanted_.load(std::memory_order_relaxed); }
   // The tracking thread, when wants(). Never waits for anything but a lock that is held for a swap.
   void offer(PictureJob job);
+  // The camera thread, for every frame of a tracked camera: the same for its map, about once a second.
+  bool wants_map() const noexcept { return map_wanted_.load(std::memory_order_relaxed); }
+  void offer(CameraMap map);
 
   // Any thread: the configuration now in force, or another offset of published capture times.
   void take_over(const ServiceConfig& config);
@@ -61,7 +64,7 @@ class ViewServer {
   TeachDesk desk_;
   std::optional<msg::TeachRequest> to_freeze_;  // waits for a set
   std::chrono::steady_clock::time_point asked_to_freeze_{};
-  std::atomic<bool> wanted_ = false;
+  std::atomic<bool> wanted_ = false, map_wanted_ = true;
   std::atomic<std::int64_t> clock_offset_ns_ = 0;
   std::atomic<std::uint64_t> previews_ = 0;
   std::atomic<std::int64_t> busy_ns_ = 0;
@@ -69,6 +72,7 @@ class ViewServer {
   std::mutex mutex_;
   std::condition_variable_any news_;
   std::optional<PictureJob> offered_;   // guarded by mutex_
+  std::optional<CameraMap> map_;        // guarded by mutex_
   std::optional<ServiceConfig> fresh_;  // guarded by mutex_; to be taken over
   ServiceConfig config_;                // the thread's own
   std::jthread thread_;                 // last: ends before the rest goes

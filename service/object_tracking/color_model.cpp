@@ -138,6 +138,9 @@ ColorTable::ColorTable(const HsiRange& target, PixelFormat format, ColorRange ra
       interval.y_min = std::min(interval.y_min, p.y);
       interval.y_max = p.y;
     }
+    std::uint8_t &of_u = luma_ceiling_.of_u[(uv & 255) / 4], &of_v = luma_ceiling_.of_v[uv / 1024];
+    of_u = std::max(of_u, interval.y_max);
+    of_v = std::max(of_v, interval.y_max);
   }
 }
 

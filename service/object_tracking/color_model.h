@@ -3,6 +3,7 @@
 // test tests/object_tracking/color_model_test.cpp holds every entry of the table to the formula.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <memory>
 #include <string>
@@ -48,6 +49,8 @@ bool contains(const HsiRange& range, const Hsi& hsi);  // a grey matches only th
 class ColorTable {
  public:
   struct Interval { std::uint8_t y_min, y_max; };      // empty: y_min 255, y_max 0
+  // A pixel brighter than of_u[u / 4] or than of_v[v / 4] does not match: what most of a background can be told by.
+  struct LumaCeiling { std::array<std::uint8_t, 64> of_u{}, of_v{}; };
 
   ColorTable(const HsiRange& target, PixelFormat format, ColorRange range);   // throws std::invalid_argument; some 100 ms
 
@@ -62,11 +65,13 @@ class ColorTable {
 
   bool is_for(PixelFormat format, ColorRange range) const;                    // which images it can read
   const Interval* intervals() const { return y_of_uv_.data(); }               // [u | v << 8]; YUV family and grey
+  const LumaCeiling& luma_ceiling() const { return luma_ceiling_; }            // of the intervals
 
  private:
   bool is_bgr_;
   ColorRange range_;
   std::vector<Interval> y_of_uv_;
+  LumaCeiling luma_ceiling_;
   std::vector<std::uint64_t> bgr_bits_;
 };
 

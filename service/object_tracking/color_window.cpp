@@ -13,7 +13,7 @@
 namespace huetrack {
 namespace {
 
-constexpr int tile_size = 8;               // its powers are written out where that vectorises
+constexpr int tile_size = TileAt::size;    // its powers are written out where that vectorises
 static_assert(MatchBits::margin == tile_size);
 constexpr std::uint64_t each_row = 0x0101010101010101u;
 
@@ -42,9 +42,10 @@ MatchBits::MatchBits(int width, int height, const WindowKernels& kernels)
       tile_rows_((height + tile_size - 1) / tile_size + 2),
       band_rows_(tile_size * tile_rows_),
       cell_stride_((2 * tile_stride_ + 7) / 8 * 8),                     // whole words
-      tile_frame_(static_cast<std::size_t>(tile_stride_ * tile_rows_), 0),
+      tile_frame_(static_cast<std::size_t>(tile_stride_ * tile_rows_ + 16), 0),
       bands_(static_cast<std::size_t>(2 * tile_stride_ * band_rows_ + 8), 0),   // a window at the end reads 8 rows
-      marked_(static_cast<std::size_t>(cell_stride_ * 2 * tile_rows_), 0) {}
+      mark_(static_cast<std::size_t>(2 * mark_front + cell_stride_ * (2 * tile_rows_ + 1)), 0),
+      unknown_(static_cast<std::size_t>(tile_stride_ * tile_rows_ + 16)) {}
 
 void MatchBits::ignore(const std::vector<PixelBox>& boxes) {
   ignored_.assign(boxes.empty() ? 0 : tile_frame_.size(), 0);
@@ -69,40 +70,54 @@ void MatchBits::look_at(const Image& image, const ColorTable& table) {
   }
 }
 
-// In groups: each kind of tile has its own loop.
 void MatchBits::fill(std::span<const TileAt> tiles) {
   constexpr std::size_t group = 64;
-  std::array<PixelAt, group> corner;
-  std::array<TileAt, group> tile_of;
-  std::array<std::uint64_t, group> bits;
-  while (!tiles.empty()) {
-    std::size_t n = 0;
-    for (const TileAt tile : tiles.first(std::min(group, tiles.size()))) {
-      const int u = (tile.u - 1) * tile_size, v = (tile.v - 1) * tile_size;
-      if (u < 0 || v < 0 || u >= width_ || v >= height_) continue;      // a margin tile: its bits stay 0
+  std::array<TileAt, group> inside;
+  std::size_t n = 0;
+  const auto flush = [&] { fill_inside({inside.data(), std::exchange(n, 0)}); };
+  for (const TileAt tile : tiles) {
+    const int u = tile.pixel_u(), v = tile.pixel_v();
+    if (is_inside(tile)) {
+      inside[n++] = tile;
+      if (n == group) flush();
+    } else if (u >= 0 && v >= 0 && u < width_ && v < height_) {         // else a margin tile: its bits stay 0
       ++tiles_looked_at_;
-      if (u + tile_size > width_ || v + tile_size > height_) {
-        store(tile, classify_edge(u, v));
-        continue;
-      }
-      corner[n] = {u, v};
-      tile_of[n++] = tile;
+      const std::uint64_t bits = classify_edge(u, v);
+      store({&tile, 1}, &bits);
     }
-    kernels_.classify(image_, *table_, corner.data(), n, bits.data());
-    for (std::size_t i = 0; i < n; ++i) store(tile_of[i], bits[i]);
-    tiles = tiles.subspan(std::min(group, tiles.size()));
+  }
+  flush();
+}
+
+// In groups: their pixels come from memory together, and their bits stay in the nearest cache.
+void MatchBits::fill_inside(std::span<const TileAt> tiles) {
+  constexpr std::size_t group = 64;
+  std::array<std::uint64_t, group> bits;
+  tiles_looked_at_ += tiles.size();
+  for (; !tiles.empty(); tiles = tiles.subspan(std::min(group, tiles.size()))) {
+    const std::span<const TileAt> some = tiles.first(std::min(group, tiles.size()));
+    fetch(some);
+    kernels_.classify(image_, *table_, some.data(), some.size(), bits.data());
+    store(some, bits.data());
   }
 }
 
-void MatchBits::store(TileAt tile, std::uint64_t bits) {
-  if (!ignored_.empty()) bits &= ~ignored_[static_cast<std::size_t>(tile.v * tile_stride_ + tile.u)];
+void MatchBits::store(std::span<const TileAt> tiles, const std::uint64_t* bits) {
   constexpr std::uint64_t left_half = 0x0f * each_row, right_half = 0xf0 * each_row;
-  const int tile_u = tile.u, row = tile_size * tile.v;
-  store_word(band(2 * tile_u, row), bits);
-  std::uint8_t* const west = band(2 * tile_u - 1, row);
-  std::uint8_t* const east = band(2 * tile_u + 1, row);
-  store_word(west, (load_word(west) & left_half) | (bits << 4 & right_half));
-  store_word(east, (load_word(east) & right_half) | (bits >> 4 & left_half));
+  std::uint8_t* const bands = bands_.data();            // copies of members: a store of bytes might change those
+  const std::uint64_t* const ignored = ignored_.empty() ? nullptr : ignored_.data();
+  const std::ptrdiff_t band_rows = band_rows_, tile_stride = tile_stride_;
+  for (std::size_t i = 0; i < tiles.size(); ++i) {
+    const TileAt tile = tiles[i];
+    std::uint64_t word = bits[i];
+    if (ignored != nullptr) word &= ~ignored[tile.v * tile_stride + tile.u];
+    std::uint8_t* const middle = bands + 2 * tile.u * band_rows + tile_size * tile.v;
+    std::uint8_t* const west = middle - band_rows;
+    std::uint8_t* const east = middle + band_rows;
+    store_word(middle, word);
+    store_word(west, (load_word(west) & left_half) | (word << 4 & right_half));
+    store_word(east, (load_word(east) & right_half) | (word >> 4 & left_half));
+  }
 }
 
 // Pixel by pixel: the tiles that the image's border cuts.
@@ -116,16 +131,19 @@ std::uint64_t MatchBits::classify_edge(int u0, int v0) const {
   return bits;
 }
 
-// Brings the rows of a tile on their way from memory: a frame that was just captured is in no cache. Neighbours mostly share
-// their cache lines: `last` is the one that was asked for last.
-void MatchBits::fetch(int tile_u, int tile_v, std::uintptr_t& last) const {
+// Brings the rows of tiles on their way from memory: a frame that was just captured is in no cache. Neighbours mostly share
+// their cache lines.
+void MatchBits::fetch(std::span<const TileAt> tiles) const {
   constexpr std::uintptr_t line = 64;
-  const int u = (tile_u - 1) * tile_size, v = (tile_v - 1) * tile_size;
-  if (u < 0 || v < 0 || v + tile_size > height_) return;               // a tile at the border is no loss
-  const std::uint8_t* const p = image_.planes[0].data + v * image_.planes[0].stride + bytes_per_pixel_ * u;
-  const std::uintptr_t at = reinterpret_cast<std::uintptr_t>(p) / line;
-  if (std::exchange(last, at) == at) return;
-  for (int r = 0; r < tile_size; ++r) __builtin_prefetch(p + r * image_.planes[0].stride);
+  const std::uint8_t* const pixels = image_.planes[0].data;
+  const std::ptrdiff_t stride = image_.planes[0].stride, per_tile = tile_size * bytes_per_pixel_;
+  std::uintptr_t last_line = 0;
+  for (const TileAt tile : tiles) {
+    const std::uint8_t* const p = pixels + tile.pixel_v() * stride + (tile.u - 1) * per_tile;
+    const std::uintptr_t at = reinterpret_cast<std::uintptr_t>(p) / line;
+    if (std::exchange(last_line, at) == at) continue;
+    for (int r = 0; r < tile_size; ++r) __builtin_prefetch(p + r * stride);
+  }
 }
 
 namespace {
@@ -164,42 +182,31 @@ HUETRACK_CLONES CellBox locate(const float* __restrict u, const float* __restric
 }  // namespace
 
 // Looks at the tiles that the marked windows touch, and clears the marks. First all of them are told apart from what is known
-// already, then looked at together, so that the memory works on many at a time.
+// already, then looked at together.
 void MatchBits::look_at_marked(int cell_u_min, int cell_v_min, int cell_u_max, int cell_v_max) {
   // A tile is touched by windows that begin in its four cells, or in those to the left of and above them.
-  unknown_.clear();
-  std::uintptr_t last_line = 0;
-  const int first_word = cell_u_min / 8, last_word = (cell_u_max + 1) / 8;
+  const int first = cell_u_min / 2, count = (cell_u_max + 1) / 2 - first + 1;
+  std::size_t n = 0;
   for (int tile_v = cell_v_min / 2; tile_v <= (cell_v_max + 1) / 2; ++tile_v) {
-    const std::uint8_t* const row = &marked_[static_cast<std::size_t>(2 * tile_v * cell_stride_)];
-    const std::uint8_t* const above = tile_v > 0 ? row - cell_stride_ : row;
-    std::uint64_t before = 0;
-    for (int w = first_word; w <= last_word; ++w) {
-      const std::uint64_t eight = load_word(above + 8 * w) | load_word(row + 8 * w) | load_word(row + cell_stride_ + 8 * w);
-      const std::uint64_t with_left = eight | eight >> 8 | eight << 8 | before >> 56;
-      before = eight;
-      for (std::uint64_t four = with_left & 0x0001000100010001u; four != 0; four &= four - 1) {
-        const int tile_u = 4 * w + std::countr_zero(four) / 16;
-        std::uint32_t& known = tile_frame_[static_cast<std::size_t>(tile_v * tile_stride_ + tile_u)];
-        if (std::exchange(known, frame_) == frame_) continue;
-        unknown_.push_back({tile_u, tile_v});
-        fetch(tile_u, tile_v, last_line);
-      }
-    }
+    n += kernels_.touched(marked() + std::ptrdiff_t{2} * tile_v * cell_stride_, cell_stride_,
+                          &tile_frame_[static_cast<std::size_t>(tile_v * tile_stride_)], frame_, first, count, tile_v, &unknown_[n]);
   }
+  const int first_word = cell_u_min / 8, last_word = (cell_u_max + 1) / 8;
   for (int cell_v = cell_v_min; cell_v <= cell_v_max; ++cell_v) {
-    std::uint8_t* const row = &marked_[static_cast<std::size_t>(cell_v * cell_stride_)];
+    std::uint8_t* const row = marked() + std::ptrdiff_t{cell_v} * cell_stride_;
     for (int w = first_word; w <= last_word; ++w) store_word(row + 8 * w, 0);
   }
-  fill(unknown_);
+  const std::span<const TileAt> tiles(unknown_.data(), n);
+  const bool all_inside = first > 0 && cell_v_min >= 2 && (cell_u_max + 1) / 2 * tile_size <= width_ && (cell_v_max + 1) / 2 * tile_size <= height_;
+  all_inside ? fill_inside(tiles) : fill(tiles);
 }
 
 void MatchBits::count_5x5(const float* u, const float* v, std::size_t n, std::uint8_t* k) {
   where_.resize(3 * n);
   std::int32_t *cell = where_.data(), *byte = cell + n, *shift = byte + n;
   const CellBox box = locate(u, v, n, static_cast<float>(width_), static_cast<float>(height_), cell_stride_, band_rows_, cell, byte, shift);
-  std::uint8_t* const marked = marked_.data();
-  for (std::size_t i = 0; i < n; ++i) marked[cell[i]] = 1;
+  std::uint8_t* const marks = marked();
+  for (std::size_t i = 0; i < n; ++i) marks[cell[i]] = 1;
   if (box.u_min <= box.u_max) look_at_marked(box.u_min, box.v_min, box.u_max, box.v_max);
   kernels_.count(bands_.data(), byte, shift, n, k);
 }
@@ -225,17 +232,15 @@ void MatchBits::look(const PixelBox& box) {
   if (box.empty()) return;
   const auto first = [](int p) { return (std::max(p, 0) + margin) / tile_size; };
   const auto last = [](int p, int size) { return (std::min(p, size - 1) + margin) / tile_size; };
-  unknown_.clear();
-  std::uintptr_t last_line = 0;
+  std::size_t n = 0;
   for (int tv = first(box.v_min); tv <= last(box.v_max, height_); ++tv) {
     for (int tu = first(box.u_min); tu <= last(box.u_max, width_); ++tu) {
       std::uint32_t& known = tile_frame_[static_cast<std::size_t>(tv * tile_stride_ + tu)];
       if (std::exchange(known, frame_) == frame_) continue;
-      unknown_.push_back({tu, tv});
-      fetch(tu, tv, last_line);
+      unknown_[n++] = {static_cast<std::uint16_t>(tu), static_cast<std::uint16_t>(tv)};
     }
   }
-  fill(unknown_);
+  fill({unknown_.data(), n});
 }
 
 void MatchBits::grid(int step, std::vector<PixelAt>& hits) const {

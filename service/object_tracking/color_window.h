@@ -62,8 +62,6 @@ class MatchBits {
   std::uint64_t tiles_looked_at() const { return tiles_looked_at_; }    // since the start: the honest cost of it all
 
  private:
-  struct TileAt { int u, v; };                  // in tiles, those of the margin included
-
   // Band b has the columns 4 b .. 4 b + 7 (margin included), bit c of a byte is column 4 b + c. Of an odd band a nibble is
   // only as new as the tile that it is of; even bands are the tiles themselves.
   std::uint8_t* band(int b, int padded_row) { return &bands_[static_cast<std::size_t>(b * band_rows_ + padded_row)]; }
@@ -72,14 +70,21 @@ class MatchBits {
     std::uint32_t& frame = tile_frame_[static_cast<std::size_t>(tile_v * tile_stride_ + tile_u)];
     if (frame == frame_) return;
     frame = frame_;
-    const TileAt tile{tile_u, tile_v};
+    const TileAt tile{static_cast<std::uint16_t>(tile_u), static_cast<std::uint16_t>(tile_v)};
     fill({&tile, 1});
   }
+  std::uint8_t* marked() { return &mark_[static_cast<std::size_t>(mark_front + cell_stride_)]; }   // of the first cell
   void look_at_marked(int cell_u_min, int cell_v_min, int cell_u_max, int cell_v_max);
   void fill(std::span<const TileAt> tiles);
-  void store(TileAt tile, std::uint64_t bits);
-  void fetch(int tile_u, int tile_v, std::uintptr_t& last) const;
+  void fill_inside(std::span<const TileAt> tiles);   // wholly inside the image, as for:
+  void store(std::span<const TileAt> tiles, const std::uint64_t* bits);
+  void fetch(std::span<const TileAt> tiles) const;
+  bool is_inside(TileAt tile) const {            // wholly inside the image
+    return tile.u > 0 && tile.v > 0 && tile.pixel_u() + TileAt::size <= width_ && tile.pixel_v() + TileAt::size <= height_;
+  }
   std::uint64_t classify_edge(int u, int v) const;
+
+  static constexpr int mark_front = 64;   // bytes that the kernels may read before and behind the cells
 
   const WindowKernels& kernels_;
   int width_, height_;
@@ -94,7 +99,7 @@ class MatchBits {
   std::vector<std::uint32_t> tile_frame_;       // that the tile was classified for
   std::vector<std::uint8_t> bands_;
   std::vector<std::uint64_t> ignored_;          // per tile, bits that never match; empty: none
-  std::vector<std::uint8_t> marked_;            // per cell of 4x4 pixels: a window begins in it; all 0 between calls, but for cell 0
+  std::vector<std::uint8_t> mark_;              // per cell of 4x4 pixels: a window begins in it; all 0 between calls, but for cell 0
   std::vector<std::int32_t> where_;             // work space of count_5x5, as are:
   std::vector<TileAt> unknown_;
 };

@@ -1,5 +1,6 @@
 #include "object_tracking/object_tracker.h"
 
+#include <algorithm>
 #include <cmath>
 #include <regex>
 #include <stdexcept>
@@ -91,12 +92,14 @@ ObjectEstimate ObjectTracker::update(const FrameSet& set) {
   return std::visit([&](auto& tracker) { return tracker.update(set); }, impl_->tracker);
 }
 
-std::vector<Eigen::Vector3f> ObjectTracker::particles() const {
+std::vector<Eigen::Vector3f> ObjectTracker::particles(std::size_t about) const {
   return std::visit(
-      [](const auto& tracker) {
+      [about](const auto& tracker) {
         const PositionParticles& p = tracker.particles();
-        std::vector<Eigen::Vector3f> out(p.size());
-        for (std::size_t i = 0; i < p.size(); ++i) out[i] = {p.x[i], p.y[i], p.z[i]};
+        const std::size_t step = about == 0 ? 1 : std::max<std::size_t>(1, p.size() / about);
+        std::vector<Eigen::Vector3f> out;
+        out.reserve(p.size() / step + 1);
+        for (std::size_t i = 0; i < p.size(); i += step) out.emplace_back(p.x[i], p.y[i], p.z[i]);
         return out;
       },
       impl_->tracker);

@@ -84,8 +84,9 @@ class ObjectTracker {
   // sizes at start). Sets come in time order.
   ObjectEstimate update(const FrameSet& set);
 
-  // The particles after the last update, world frame, metres: for pictures and previews.
-  std::vector<Eigen::Vector3f> particles() const;
+  // The particles after the last update, world frame, metres: for pictures and previews. about: every how many-th, so
+  // that there are at least so many of them, but fewer than twice that; 0: all.
+  std::vector<Eigen::Vector3f> particles(std::size_t about = 0) const;
 
   SearchFindings search_findings() const;
 

@@ -2,6 +2,7 @@
 
 #include <bit>
 #include <cstring>
+#include <utility>
 
 #include "particle_filter/vector_clones.h"
 
@@ -100,11 +101,11 @@ std::uint64_t classify_tile(const Image& image, const ColorTable& table, int u, 
 #endif
 
 template <typename Tile>
-void classify_all(const Tile& tile, const Image& image, const ColorTable& table, const PixelAt* tiles, std::size_t n, std::uint64_t* bits) {
-  for (std::size_t i = 0; i < n; ++i) bits[i] = tile(image, table, tiles[i].u, tiles[i].v);
+void classify_all(const Tile& tile, const Image& image, const ColorTable& table, const TileAt* tiles, std::size_t n, std::uint64_t* bits) {
+  for (std::size_t i = 0; i < n; ++i) bits[i] = tile(image, table, tiles[i].pixel_u(), tiles[i].pixel_v());
 }
 
-void classify(const Image& image, const ColorTable& table, const PixelAt* tiles, std::size_t n, std::uint64_t* bits) {
+void classify(const Image& image, const ColorTable& table, const TileAt* tiles, std::size_t n, std::uint64_t* bits) {
   switch (image.format) {
     case PixelFormat::yuyv: return classify_all(classify_tile<PixelFormat::yuyv>, image, table, tiles, n, bits);
     case PixelFormat::nv12: return classify_all(classify_tile<PixelFormat::nv12>, image, table, tiles, n, bits);
@@ -114,6 +115,19 @@ void classify(const Image& image, const ColorTable& table, const PixelAt* tiles,
     case PixelFormat::bgr:
     case PixelFormat::grey: return classify_all(classify_pixel_by_pixel, image, table, tiles, n, bits);
   }
+}
+
+std::size_t touched(const std::uint8_t* marked, std::ptrdiff_t cell_stride, std::uint32_t* known, std::uint32_t frame, int first,
+                    int count, int tile_v, TileAt* tiles) {
+  std::size_t n = 0;
+  for (int u = first; u < first + count; ++u) {
+    const std::uint8_t* const cell = marked + 2 * u;
+    unsigned any = 0;
+    for (int c = -1; c <= 1; ++c) any |= unsigned{cell[c - cell_stride]} | cell[c] | cell[c + cell_stride];
+    if (any == 0 || std::exchange(known[u], frame) == frame) continue;
+    tiles[n++] = {static_cast<std::uint16_t>(u), static_cast<std::uint16_t>(tile_v)};
+  }
+  return n;
 }
 
 HUETRACK_CLONES void count(const std::uint8_t* __restrict bands, const std::int32_t* __restrict byte,
@@ -127,7 +141,7 @@ HUETRACK_CLONES void count(const std::uint8_t* __restrict bands, const std::int3
 }  // namespace
 
 const WindowKernels& portable_window_kernels() {
-  static const WindowKernels kernels{classify, count};
+  static const WindowKernels kernels{touched, classify, count};
   return kernels;
 }
 

@@ -6,7 +6,7 @@
 
 #include <cstring>
 
-#define HUETRACK_AVX512 __attribute__((target("avx512f,avx512bw,avx512dq,avx512vl,avx512vpopcntdq,bmi2")))
+#define HUETRACK_AVX512 __attribute__((target("avx512f,avx512bw,avx512dq,avx512vl,avx512vbmi,avx512vpopcntdq,bmi2")))
 
 namespace huetrack {
 namespace {
@@ -61,18 +61,60 @@ HUETRACK_AVX512 inline std::uint64_t classify_four_rows(const ColorTable::Interv
   return _pext_u64(match, 0x5555555555555555u);          // the luma bytes
 }
 
+// Is any of 32 pixels dark enough for its chroma (ColorTable::LumaCeiling)? of_u, of_v: the ceilings.
+HUETRACK_AVX512 inline bool any_below_ceiling(__m512i of_u, __m512i of_v, __m512i pairs) {
+  const __m512i quarters = _mm512_srli_epi16(pairs, 2);  // the look-up takes the low six bits of each byte
+  const __m512i of_us = _mm512_permutexvar_epi8(quarters, of_u), of_vs = _mm512_permutexvar_epi8(quarters, of_v);
+  const __m512i ceiling = _mm512_min_epu8(
+      _mm512_shuffle_epi8(of_us, _mm512_broadcast_i32x4(_mm_setr_epi8(1, -1, 1, -1, 5, -1, 5, -1, 9, -1, 9, -1, 13, -1, 13, -1))),
+      _mm512_shuffle_epi8(of_vs, _mm512_broadcast_i32x4(_mm_setr_epi8(3, -1, 3, -1, 7, -1, 7, -1, 11, -1, 11, -1, 15, -1, 15, -1))));
+  return _mm512_mask_cmple_epu8_mask(0x5555555555555555u, pairs, ceiling) != 0;
+}
+
+// Most tiles are background, and most of that is too bright for a colour: it needs no look-up in the table.
 template <PixelFormat format>
-HUETRACK_AVX512 void classify_as(const Image& image, const ColorTable& table, const PixelAt* tiles, std::size_t n,
+HUETRACK_AVX512 void classify_as(const Image& image, const ColorTable& table, const TileAt* tiles, std::size_t n,
                                  std::uint64_t* bits) {
   const ColorTable::Interval* const intervals = table.intervals();
+  const __m512i of_u = _mm512_loadu_si512(table.luma_ceiling().of_u.data()), of_v = _mm512_loadu_si512(table.luma_ceiling().of_v.data());
   for (std::size_t i = 0; i < n; ++i) {
-    const auto [u, v] = tiles[i];
-    bits[i] = classify_four_rows(intervals, four_rows<format>(image, u, v)) |
-              classify_four_rows(intervals, four_rows<format>(image, u, v + 4)) << 32;
+    const int u = tiles[i].pixel_u(), v = tiles[i].pixel_v();
+    const __m512i upper = four_rows<format>(image, u, v), lower = four_rows<format>(image, u, v + 4);
+    if (any_below_ceiling(of_u, of_v, upper) | any_below_ceiling(of_u, of_v, lower)) {
+      bits[i] = classify_four_rows(intervals, upper) | classify_four_rows(intervals, lower) << 32;
+    } else {
+      bits[i] = 0;
+    }
   }
 }
 
-void classify(const Image& image, const ColorTable& table, const PixelAt* tiles, std::size_t n, std::uint64_t* bits) {
+HUETRACK_AVX512 inline __m256i cell_and_left(const std::uint8_t* p) {
+  return _mm256_or_si256(_mm256_loadu_si256(reinterpret_cast<const __m256i*>(p)),
+                         _mm256_loadu_si256(reinterpret_cast<const __m256i*>(p - 1)));
+}
+
+// Sixteen tiles at a time: a lane of 16 bits has two cells.
+HUETRACK_AVX512 std::size_t touched(const std::uint8_t* marked, std::ptrdiff_t cell_stride, std::uint32_t* known, std::uint32_t frame,
+                                    int first, int count, int tile_v, TileAt* tiles) {
+  static_assert(sizeof(TileAt) == 4);
+  const __m512i now = _mm512_set1_epi32(static_cast<int>(frame));
+  const __m512i steps = _mm512_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
+  std::size_t n = 0;
+  for (int u = first; u < first + count; u += 16) {
+    const std::uint8_t* const p = marked + 2 * u;
+    const __m256i any = _mm256_or_si256(_mm256_or_si256(cell_and_left(p), cell_and_left(p - cell_stride)), cell_and_left(p + cell_stride));
+    const auto some = static_cast<__mmask16>(first + count - u >= 16 ? 0xffff : (1u << (first + count - u)) - 1);
+    const __mmask16 hit = _mm256_mask_test_epi16_mask(some, any, any);
+    const __mmask16 unknown = _mm512_mask_cmpneq_epi32_mask(hit, _mm512_loadu_si512(known + u), now);
+    _mm512_mask_storeu_epi32(known + u, unknown, now);
+    const __m512i at = _mm512_add_epi32(_mm512_set1_epi32(u | tile_v << 16), steps);
+    _mm512_storeu_si512(tiles + n, _mm512_maskz_compress_epi32(unknown, at));
+    n += static_cast<std::size_t>(__builtin_popcount(unknown));
+  }
+  return n;
+}
+
+void classify(const Image& image, const ColorTable& table, const TileAt* tiles, std::size_t n, std::uint64_t* bits) {
   switch (image.format) {
     case PixelFormat::yuyv: return classify_as<PixelFormat::yuyv>(image, table, tiles, n, bits);
     case PixelFormat::nv12: return classify_as<PixelFormat::nv12>(image, table, tiles, n, bits);
@@ -100,9 +142,10 @@ HUETRACK_AVX512 void count(const std::uint8_t* bands, const std::int32_t* byte, 
 }  // namespace
 
 const WindowKernels* avx512_window_kernels() {
-  static const WindowKernels kernels{classify, count};
+  static const WindowKernels kernels{touched, classify, count};
   static const bool has_it = __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512bw") && __builtin_cpu_supports("avx512dq") &&
-                             __builtin_cpu_supports("avx512vl") && __builtin_cpu_supports("avx512vpopcntdq") && __builtin_cpu_supports("bmi2");
+                             __builtin_cpu_supports("avx512vl") && __builtin_cpu_supports("avx512vbmi") &&
+                             __builtin_cpu_supports("avx512vpopcntdq") && __builtin_cpu_supports("bmi2");
   return has_it ? &kernels : nullptr;
 }
 

@@ -8,6 +8,10 @@
 
 #include "particle_filter/vector_clones.h"
 
+#ifdef HUETRACK_AVX512_VERSION
+#include <immintrin.h>
+#endif
+
 namespace huetrack {
 
 namespace {
@@ -97,6 +101,50 @@ void systematic_descendants(std::span<const float> weight, double offset, std::s
   for (; last < weight.size(); ++last) descendants_to[last] = static_cast<std::int32_t>(count);
 }
 
+// value[i] = the largest of value[0 .. i]
+HUETRACK_DEFAULT_VERSION void largest_so_far(std::uint32_t* value, std::size_t n) {
+  std::uint32_t largest = 0;
+  for (std::size_t i = 0; i < n; ++i) value[i] = largest = std::max(largest, value[i]);
+}
+
+HUETRACK_DEFAULT_VERSION void take(const std::uint32_t* ancestor, std::size_t n, const float* in, std::size_t /*in_size*/, float* out) {
+  for (std::size_t i = 0; i < n; ++i) out[i] = in[ancestor[i]];
+}
+
+#ifdef HUETRACK_AVX512_VERSION
+HUETRACK_AVX512_VERSION void largest_so_far(std::uint32_t* value, std::size_t n) {
+  const __m512i zero = _mm512_setzero_si512(), last = _mm512_set1_epi32(15);
+  __m512i before = zero;
+  std::size_t i = 0;
+  for (; i + 16 <= n; i += 16) {
+    __m512i v = _mm512_loadu_si512(value + i);
+    v = _mm512_max_epu32(v, _mm512_alignr_epi32(v, zero, 15));
+    v = _mm512_max_epu32(v, _mm512_alignr_epi32(v, zero, 14));
+    v = _mm512_max_epu32(v, _mm512_alignr_epi32(v, zero, 12));
+    v = _mm512_max_epu32(v, _mm512_alignr_epi32(v, zero, 8));
+    v = _mm512_max_epu32(v, before);
+    before = _mm512_permutexvar_epi32(last, v);
+    _mm512_storeu_si512(value + i, v);
+  }
+  std::uint32_t largest = i > 0 ? value[i - 1] : 0;
+  for (; i < n; ++i) value[i] = largest = std::max(largest, value[i]);
+}
+
+// The ancestors of sixteen neighbours mostly lie within 32 particles: two registers, from which one instruction picks them.
+HUETRACK_AVX512_VERSION void take(const std::uint32_t* ancestor, std::size_t n, const float* in, std::size_t in_size, float* out) {
+  std::size_t i = 0;
+  for (; in_size >= 32 && i + 16 <= n; i += 16) {
+    const std::size_t first = std::min<std::size_t>(ancestor[i], in_size - 32);
+    const __m512i from_first = _mm512_sub_epi32(_mm512_loadu_si512(ancestor + i), _mm512_set1_epi32(static_cast<int>(first)));
+    const __m512 taken = ancestor[i + 15] - first < 32
+                             ? _mm512_permutex2var_ps(_mm512_loadu_ps(in + first), from_first, _mm512_loadu_ps(in + first + 16))
+                             : _mm512_i32gather_ps(from_first, in + first, sizeof(float));
+    _mm512_storeu_ps(out + i, taken);
+  }
+  for (; i < n; ++i) out[i] = in[ancestor[i]];
+}
+#endif
+
 // Each particle writes itself where its descendants begin, and so do those before it that have none: the last one there is
 // right. What lies between two such places is the nearer one to the left, the largest so far. No branch depends on how many
 // descendants a particle has.
@@ -107,8 +155,7 @@ void name_ancestors(const std::int32_t* descendants_to, std::size_t n, std::span
     ancestor[begin] = static_cast<std::uint32_t>(i);
     begin = static_cast<std::size_t>(descendants_to[i]);
   }
-  std::uint32_t largest = 0;
-  for (std::uint32_t& a : ancestor) a = largest = std::max(largest, a);
+  largest_so_far(ancestor.data(), ancestor.size());
 }
 
 }  // namespace
@@ -123,7 +170,7 @@ void systematic_ancestors(std::span<const float> weight, double offset, std::spa
 }
 
 void take_ancestors(std::span<const std::uint32_t> ancestor, std::span<const float> in, std::span<float> out) {
-  for (std::size_t i = 0; i < ancestor.size(); ++i) out[i] = in[ancestor[i]];
+  take(ancestor.data(), ancestor.size(), in.data(), in.size(), out.data());
 }
 
 }  // namespace huetrack

@@ -22,8 +22,8 @@ double effective_sample_size(std::span<const float> weight);
 //   systematic_ancestors({0.1, 0.0, 0.9}, 0.2, out of 2) == {0, 2}
 void systematic_ancestors(std::span<const float> weight, double offset, std::span<std::uint32_t> ancestor);
 
-// One coordinate of the resampled particles: out[i] = in[ancestor[i]]. out: (ancestor.size(),), apart from in; all ancestors
-// < in.size() < 2^31.
+// One coordinate of the resampled particles: out[i] = in[ancestor[i]]. out: (ancestor.size(),), apart from in. The ancestors
+// never fall from one to the next, and are < in.size() < 2^31.
 void take_ancestors(std::span<const std::uint32_t> ancestor, std::span<const float> in, std::span<float> out);
 
 }  // namespace huetrack

@@ -329,7 +329,7 @@ EstimatePublisher::Bus EstimatePublisher::bus(const EstimatePublisherOptions& op
 EstimatePublisher::~EstimatePublisher() = default;
 
 bool EstimatePublisher::publish(std::size_t target, const ObjectEstimate& estimate, Timestamp captured,
-                                Timestamp received, Timestamp* sent) noexcept {
+                                Timestamp received, Writing* writing) noexcept {
   assert(target < impl_->targets.size());
   assert(estimate.per_view.empty() || estimate.per_view.size() == impl_->options.cameras.size());
   Impl::Target& to = impl_->targets[target];
@@ -337,8 +337,9 @@ bool EstimatePublisher::publish(std::size_t target, const ObjectEstimate& estima
   const std::shared_lock lock(impl_->connection_mutex);
   Connection& bus = *impl_->connection;
   to.position.published_at(unix_ns(std::chrono::system_clock::now()));
+  const Timestamp begun = unix_now();
   bool ok = bus.position.write(&to.position);
-  if (sent != nullptr) *sent = unix_now();
+  if (writing != nullptr) *writing = {begun, unix_now()};
   if (ok) ++impl_->published;
   if (impl_->options.ros2 && estimate.has_position()) {
     to_ros(estimate, captured, impl_->options.frame_id, to.pose);

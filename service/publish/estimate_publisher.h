@@ -46,16 +46,21 @@ class EstimatePublisher {
   static Bus bus(const EstimatePublisherOptions& options);
   ~EstimatePublisher();  // leaves the bus: subscribers see it within 50 ms
 
+  // A DDS write, by unix_now(): when it began, and when the sample had been sent.
+  struct Writing {
+    Timestamp begun, sent;
+  };
+
   // Writes one native sample, in every state, and the ROS 2 messages while there is a position: never a stale or a zero
   // one. Synchronous: when it returns, the sample has been sent.
   //   target     index into options.targets
   //   estimate   per_view is empty or has one entry per camera
   //   captured   capture time, UNIX (a replay adds its clock offset to estimate.at)
   //   received   when the last frame of the set had arrived, UNIX
-  //   sent       out, may be null: when the native sample had been sent, by unix_now(); its ROS 2 copies follow
+  //   writing    out, may be null: of the native sample; its ROS 2 copies follow
   // false, and counters().failures is one more, when something could not be written.
   bool publish(std::size_t target, const ObjectEstimate& estimate, Timestamp captured, Timestamp received,
-               Timestamp* sent = nullptr) noexcept;
+               Writing* writing = nullptr) noexcept;
 
   // The same for the pose of options.tracked_camera: in every state natively, for ROS 2 while there is a pose.
   bool publish(const CameraEstimate& estimate, Timestamp captured, Timestamp received) noexcept;

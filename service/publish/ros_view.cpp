@@ -98,7 +98,7 @@ std::string ros_name(const std::string& camera) {
 
 visualization_msgs::msg::dds_::MarkerArray_ to_markers(const msg::Scene& scene,
                                                        std::span<const ObjectEstimate> estimates, Timestamp captured,
-                                                       const std::string& frame_id) {
+                                                       const std::string& frame_id, const std::string& tracked_camera) {
   assert(scene.targets().size() == estimates.size());
   const std::int64_t at = captured.time_since_epoch().count();
   visualization_msgs::msg::dds_::MarkerArray_ array;
@@ -128,21 +128,27 @@ visualization_msgs::msg::dds_::MarkerArray_ to_markers(const msg::Scene& scene,
   const double depth = 0.12 * (high - low).norm();
   for (std::size_t c = 0; c < scene.cameras().size(); ++c) {
     const msg::SceneCamera& camera = scene.cameras()[c];
-    const Eigen::Vector3d eye(camera.position().data());
-    Marker view = marker(at, frame_id, "cameras", static_cast<std::int32_t>(2 * c), line_list);
+    const bool moves = camera.name() == tracked_camera;
+    const Eigen::Vector3d eye = moves ? Eigen::Vector3d::Zero() : Eigen::Vector3d(camera.position().data());
+    const Eigen::Quaterniond to_frame =  // of the border's rays, which are in the world by the rig file
+        moves ? Eigen::Quaterniond(camera.orientation_xyzw().data()).conjugate() : Eigen::Quaterniond::Identity();
+    const std::string& frame = moves ? camera.name() : frame_id;
+    Marker view = marker(at, frame, "cameras", static_cast<std::int32_t>(2 * c), line_list);
+    view.frame_locked(moves);
     set_scale(view, 0.005, 0, 0);
     set_color(view, {camera_grey, camera_grey, camera_grey}, 1);
     std::vector<Eigen::Vector3d> rim;
     for (std::size_t i = 0; i + 2 < camera.border().size(); i += 3) {
       const Eigen::Vector3d ray(camera.border()[i], camera.border()[i + 1], camera.border()[i + 2]);
-      if (ray.allFinite()) rim.emplace_back(eye + depth * ray);
+      if (ray.allFinite()) rim.emplace_back(eye + depth * (to_frame * ray));
     }
     for (std::size_t i = 0; i < rim.size(); ++i) {
       add_line(view, rim[i], rim[(i + 1) % rim.size()]);
       if (i % std::max<std::size_t>(1, rim.size() / 4) == 0) add_line(view, eye, rim[i]);
     }
-    Marker name = marker(at, frame_id, "cameras", static_cast<std::int32_t>(2 * c + 1), text_view_facing);
-    set_position(name, eye + Eigen::Vector3d(0, 0, depth / 4));
+    Marker name = marker(at, frame, "cameras", static_cast<std::int32_t>(2 * c + 1), text_view_facing);
+    name.frame_locked(moves);
+    set_position(name, eye + (moves ? Eigen::Vector3d(0, -depth / 4, 0) : Eigen::Vector3d(0, 0, depth / 4)));
     set_scale(name, 0, 0, depth / 5);
     set_color(name, {1, 1, 1}, 1);
     name.text(camera.name());
@@ -199,9 +205,11 @@ sensor_msgs::msg::dds_::CameraInfo_ to_camera_info(const msg::Preview& preview, 
   return info;
 }
 
-tf2_msgs::msg::dds_::TFMessage_ to_static_tf(const msg::Scene& scene, const std::string& frame_id) {
+tf2_msgs::msg::dds_::TFMessage_ to_static_tf(const msg::Scene& scene, const std::string& frame_id,
+                                             const std::string& tracked_camera) {
   tf2_msgs::msg::dds_::TFMessage_ message;
   for (const msg::SceneCamera& camera : scene.cameras()) {
+    if (camera.name() == tracked_camera) continue;
     auto& transform = message.transforms().emplace_back();
     fill(transform.header(), scene.at(), frame_id);
     transform.child_frame_id(camera.name());

@@ -16,17 +16,20 @@ namespace huetrack {
 // volume. Where a target has no position its markers are deleted: RViz shows no stale one.
 //   scene       its targets are those of the estimates, in the same order
 //   captured    capture time, UNIX
+//   tracked_camera  the name of the one that moves, if any: its lines are in its own frame, which /tf moves
 visualization_msgs::msg::dds_::MarkerArray_ to_markers(const msg::Scene& scene,
                                                        std::span<const ObjectEstimate> estimates, Timestamp captured,
-                                                       const std::string& frame_id);
+                                                       const std::string& frame_id,
+                                                       const std::string& tracked_camera = "");
 
 sensor_msgs::msg::dds_::CompressedImage_ to_ros_image(const msg::Preview& preview);
 
 // For the picture's size, which is smaller than the camera's image: K and P are scaled with it.
 sensor_msgs::msg::dds_::CameraInfo_ to_camera_info(const msg::Preview& preview, const msg::SceneCamera& camera);
 
-// world from camera, for tf_static.
-tf2_msgs::msg::dds_::TFMessage_ to_static_tf(const msg::Scene& scene, const std::string& frame_id);
+// world from camera, for tf_static. Not of the tracked camera: /tf says where that is, and a frame has but one parent.
+tf2_msgs::msg::dds_::TFMessage_ to_static_tf(const msg::Scene& scene, const std::string& frame_id,
+                                             const std::string& tracked_camera = "");
 
 // A camera's name in a topic's: letters, digits and single underscores.
 std::string ros_name(const std::string& camera);

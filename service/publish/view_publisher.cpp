@@ -1,5 +1,7 @@
 #include "publish/view_publisher.h"
 
+#include <algorithm>
+#include <cassert>
 #include <fastdds/dds/publisher/DataWriterListener.hpp>
 #include <fastdds/dds/subscriber/DataReaderListener.hpp>
 #include <fastdds/dds/subscriber/SampleInfo.hpp>
@@ -25,6 +27,34 @@ int readers_of(const dds::DataWriter& writer) {
   return matched.current_count;
 }
 
+static_assert(static_cast<std::uint32_t>(CameraMapPoint::State::not_sought) == msg::CAMERA_MAP_POINT_NOT_SOUGHT &&
+              static_cast<std::uint32_t>(CameraMapPoint::State::missed) == msg::CAMERA_MAP_POINT_MISSED &&
+              static_cast<std::uint32_t>(CameraMapPoint::State::found) == msg::CAMERA_MAP_POINT_FOUND);
+
+constexpr std::size_t most_map_points = 1000;  // 45 kB: one UDP datagram
+
+// All but whose it is.
+msg::CameraMap to_message(const CameraMap& map, Timestamp captured) {
+  msg::CameraMap out;
+  out.captured_at(captured.time_since_epoch().count());
+  out.map_points(static_cast<std::uint32_t>(map.points.size()));
+  const std::size_t count = std::min(map.points.size(), most_map_points);
+  for (std::size_t i = 0; i < count; ++i) {
+    const CameraMapPoint& from = map.points[i * map.points.size() / count];
+    msg::CameraMapPoint& to = out.points().emplace_back();
+    to.id(from.id);
+    for (Eigen::Index k = 0; k < 3; ++k)
+      to.position()[static_cast<std::size_t>(k)] = static_cast<float>(from.position[k]);
+    std::size_t upper = 0;
+    for (Eigen::Index row = 0; row < 3; ++row)
+      for (Eigen::Index column = row; column < 3; ++column)
+        to.covariance()[upper++] = static_cast<float>(from.covariance(row, column));
+    to.state(static_cast<msg::CameraMapPointState>(from.state));
+    to.given(from.given);
+  }
+  return out;
+}
+
 struct Connection {
   Connection(const EstimatePublisherOptions& options, const std::string& who)
       : participant({.name = "huetrackd view",
@@ -39,6 +69,9 @@ struct Connection {
                                         teach_writer_qos(), who)),
         request(participant.create_reader(topics::teach_request, dds::TypeSupport(new msg::TeachRequestPubSubType),
                                           teach_reader_qos())) {
+    if (!options.tracked_camera.empty())
+      map = &participant.create_writer(topics::camera_map, dds::TypeSupport(new msg::CameraMapPubSubType),
+                                       status_writer_qos(), who);
     if (!options.ros2) return;
     using ImageType = sensor_msgs::msg::dds_::CompressedImage_PubSubType;
     using InfoType = sensor_msgs::msg::dds_::CameraInfo_PubSubType;
@@ -60,6 +93,7 @@ struct Connection {
   DdsParticipant participant;
   dds::DataWriter &scene, &preview, &reply;
   dds::DataReader& request;
+  dds::DataWriter* map = nullptr;               // null without a tracked camera
   std::vector<dds::DataWriter*> images, infos;  // by camera; empty without ROS 2
   dds::DataWriter* markers = nullptr;           // null without ROS 2
   dds::DataWriter* tf_static = nullptr;
@@ -79,13 +113,14 @@ struct ViewPublisher::Impl {
   bool write_scene() {
     bool ok = connection->scene.write(&*scene);
     if (connection->tf_static != nullptr) {
-      auto tf = to_static_tf(*scene, options.frame_id);
+      auto tf = to_static_tf(*scene, options.frame_id, options.tracked_camera);
       ok = connection->tf_static->write(&tf) && ok;
     }
     return ok;
   }
 
-  std::optional<msg::Scene> scene;  // the last one, for a new connection
+  std::optional<msg::Scene> scene;    // the last one, for a new connection
+  std::optional<msg::CameraMap> map;  // likewise
 };
 
 ViewPublisher::ViewPublisher(EstimatePublisherOptions options) : impl_(std::make_unique<Impl>(std::move(options))) {}
@@ -113,10 +148,19 @@ bool ViewPublisher::publish(const msg::Preview& preview) noexcept {
   return ok;
 }
 
+bool ViewPublisher::publish(const CameraMap& map, Timestamp captured) noexcept {
+  assert(impl_->connection->map != nullptr);
+  impl_->map = to_message(map, captured);
+  impl_->map->camera(impl_->options.tracked_camera);
+  impl_->map->host(impl_->identity.host);
+  impl_->map->pid(impl_->identity.pid);
+  return impl_->connection->map->write(&*impl_->map);
+}
+
 bool ViewPublisher::publish(std::span<const ObjectEstimate> estimates, Timestamp captured) noexcept {
   dds::DataWriter* const markers = impl_->connection->markers;
   if (markers == nullptr || !impl_->scene || readers_of(*markers) == 0) return true;
-  auto array = to_markers(*impl_->scene, estimates, captured, impl_->options.frame_id);
+  auto array = to_markers(*impl_->scene, estimates, captured, impl_->options.frame_id, impl_->options.tracked_camera);
   return markers->write(&array);
 }
 
@@ -134,12 +178,17 @@ std::optional<msg::TeachRequest> ViewPublisher::next_request() {
   return std::nullopt;
 }
 
-int ViewPublisher::preview_subscribers() const {
+int ViewPublisher::picture_subscribers() const {
   const Connection& bus = *impl_->connection;
   int readers = readers_of(bus.preview);
   for (const auto* writer : bus.images) readers += readers_of(*writer);
   for (const auto* writer : bus.infos) readers += readers_of(*writer);
-  return readers + (bus.markers != nullptr ? readers_of(*bus.markers) : 0);
+  return readers;
+}
+
+int ViewPublisher::marker_subscribers() const {
+  const dds::DataWriter* const markers = impl_->connection->markers;
+  return markers != nullptr ? readers_of(*markers) : 0;
 }
 
 void ViewPublisher::look_after_network() {
@@ -147,6 +196,7 @@ void ViewPublisher::look_after_network() {
   try {
     impl_->connection = std::make_unique<Connection>(impl_->options, impl_->identity.user_data());
     if (impl_->scene) impl_->write_scene();
+    if (impl_->map) impl_->connection->map->write(&*impl_->map);
   } catch (const std::invalid_argument&) {  // a configured interface is gone: EstimatePublisher warns of the same
   } catch (const std::runtime_error&) {     // Fast DDS refuses: likewise
   }

@@ -17,7 +17,7 @@ namespace huetrack {
 // thread-compatible: one thread, which is not the tracking one.
 class ViewPublisher {
  public:
-  // Of the options: domain, interfaces, profiles, frame_id, ros2, cameras (names in rig order).
+  // Of the options: domain, interfaces, profiles, frame_id, ros2, cameras (names in rig order), tracked_camera.
   // throws as EstimatePublisher's constructor does.
   explicit ViewPublisher(EstimatePublisherOptions options);
   ~ViewPublisher();
@@ -25,13 +25,15 @@ class ViewPublisher {
   // Each fills in what identifies this process where the message has it. False when it could not be written.
   bool publish(msg::Scene scene) noexcept;  // kept, and sent to who comes late
   bool publish(const msg::Preview& preview) noexcept;
+  bool publish(const CameraMap& map, Timestamp captured) noexcept;  // of options.tracked_camera, which must be given
   bool publish(const msg::TeachReply& reply) noexcept;
   // For RViz: the markers of these targets (those of the last scene, in its order). Nothing without ROS 2.
   bool publish(std::span<const ObjectEstimate> estimates, Timestamp captured) noexcept;
 
   std::optional<msg::TeachRequest> next_request();  // those to this process; does not wait
 
-  int preview_subscribers() const;  // on any of the topics that carry pictures
+  int picture_subscribers() const;  // of previews, and of ROS 2's images and camera_info
+  int marker_subscribers() const;   // of ROS 2's markers
 
   // About once a second: joins anew when the host's addresses have changed, as EstimatePublisher does.
   void look_after_network();

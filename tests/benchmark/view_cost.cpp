@@ -1,206 +1,302 @@
-// view_cost [ROUNDS]: what it costs the tracking thread that people watch. The same frame sets go through the pipeline
-// at 10 times real time, in turn without a view server, with one that nobody subscribes to, and with the bridge and
-// three open pages in this process. Prints the tracking thread's CPU time per frame set (trackers, publishing and the
-// hand-over to the previews), as medians over the rounds, and what was made meanwhile.
-#include <arpa/inet.h>
-#include <netinet/in.h>
-#include <sys/socket.h>
-#include <time.h>
+// What it costs the tracking that people watch. The service runs as its own process at real time
+// (tests/soak/film_service: `huetrackd run` on films of four cameras, 640x480, 30 fps, 500 particles), `huetrack view`
+// as another, the pages read in this one. In turn, in an order that changes from round to round: no bridge; a bridge
+// without a page; a bridge with open pages. Of each window the figures of the road are taken:
+//   CPU      per frame set: of the tracking thread (trackers, DDS write, hand-over), the kernel's account, a mean
+//            without the slowest 5 %
+//   latency  from the last frame of a set to its DDS write: from the samples
+// Printed: medians with quartiles, and the differences within a round with a 95 % interval of their median.
+//   view_cost [--rounds N] [--seconds S] [--pages N] [--together]
 #include <unistd.h>
 
+#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <array>
+#include <atomic>
+#include <cmath>
 #include <cstdio>
-#include <cstdlib>
+#include <map>
+#include <mutex>
+#include <numeric>
+#include <random>
+#include <set>
+#include <sstream>
 #include <thread>
+#include <tuple>
 
-#include "benchmark/sequence.h"
-#include "clients/live_view/bus_reader.h"
-#include "clients/live_view/page_server.h"
-#include "daemon/service_config.h"
-#include "daemon/view_server.h"
-#include "publish/estimate_publisher.h"
+#include "clients/huetrack/position_subscription.h"
+#include "end_to_end/http.h"
+#include "end_to_end/process.h"
+#include "soak/films.h"
 
-namespace huetrack {
 namespace {
 
+using namespace huetrack;
+namespace fs = std::filesystem;
 using namespace std::chrono_literals;
 using Clock = std::chrono::steady_clock;
 
-// The sequence's frames, over and over, with times that go on.
-class Loop final : public FrameSource {
+constexpr int domain = 38;
+enum Watchers { no_bridge, no_page, pages_open };
+constexpr const char* names[] = {"no bridge", "bridge, no page", "pages open"};
+
+double quantile(std::vector<double> values, double q) {
+  std::ranges::sort(values);
+  return values[std::min(values.size() - 1, std::size_t(q * double(values.size())))];
+}
+
+// Without the slowest 5 %, which are the machine's other business; the sets that are handed over are more than that.
+double mean_of_most(std::vector<double> values) {
+  std::ranges::sort(values);
+  const std::size_t n = std::max<std::size_t>(1, values.size() * 95 / 100);
+  return std::accumulate(values.begin(), values.begin() + std::ptrdiff_t(n), 0.0) / double(n);
+}
+
+// Order statistics: whatever the values' distribution, their median is within these with 95 %.
+std::array<double, 2> median_interval(std::vector<double> values) {
+  std::ranges::sort(values);
+  const double n = double(values.size());
+  const double below = std::max(0.0, std::floor(n / 2 - 0.98 * std::sqrt(n)));
+  return {values[std::size_t(below)], values[values.size() - 1 - std::size_t(below)]};
+}
+
+// Of the thread of that name: nanoseconds on a processor. throws when there is none.
+class ThreadTime {
  public:
-  Loop(const Sequence& sequence, std::size_t sets) : sequence_(sequence), left_(sets) {}
-  std::optional<Frame> next(std::stop_token stop) override {
-    if (stop.stop_requested()) return std::nullopt;
-    while (queue_.empty()) {
-      if (left_-- == 0) return std::nullopt;
-      const FrameSet& set = sequence_.sets[next_];
-      for (const auto& frame : set.frames) {
-        if (!frame) continue;
-        queue_.push_back(*frame);
-        queue_.back().captured_at += shift_;
-        queue_.back().sequence = number_;
-      }
-      std::ranges::reverse(queue_);
-      ++number_;
-      if (++next_ == sequence_.sets.size()) {
-        next_ = 0;
-        shift_ += sequence_.sets.back().at - sequence_.sets.front().at + duration_of(1 / 30.0);
-      }
-    }
-    Frame frame = std::move(queue_.back());
-    queue_.pop_back();
-    if (queue_.empty()) std::this_thread::sleep_until(due_ += std::chrono::microseconds(3333));  // ten times real time
-    return frame;
+  ThreadTime(pid_t pid, const std::string& name) {
+    for (const auto& task : fs::directory_iterator("/proc/" + std::to_string(pid) + "/task"))
+      if (contents(task.path() / "comm") == name + "\n") schedstat_ = task.path() / "schedstat";
+    if (schedstat_.empty()) throw std::runtime_error("the service has no thread \"" + name + "\"");
+  }
+  double us() const { return std::stod(contents(schedstat_)) * 1e-3; }
+
+ private:
+  fs::path schedstat_;
+};
+
+struct Window {
+  double cpu_us = 0;  // of the tracking thread, per set
+  double median_latency_us = 0, p90_latency_us = 0;
+  std::size_t sets = 0;
+};
+
+// Pages: connections that read the stream as fast as it comes. They note the numbers of the sets that previews are of.
+class Pages {
+ public:
+  Pages(int port, int count) {
+    for (int i = 0; i < count; ++i)
+      threads_.emplace_back([this, port](const std::stop_token& stop) {
+        Connection connection(port);
+        connection.send("GET /api/events HTTP/1.1\r\nHost: localhost\r\n\r\n");
+        std::string text;
+        while (!stop.stop_requested()) {
+          const std::string some = connection.receive_some();
+          received_ += some.size();
+          text += some;
+          for (auto end = text.find("\n\n"); end != std::string::npos; end = text.find("\n\n")) {
+            note(text.substr(0, end));
+            text.erase(0, end + 2);
+          }
+        }
+      });
+  }
+  std::size_t received() const { return received_; }
+  std::set<std::uint64_t> handed_over() const {
+    const std::scoped_lock lock(mutex_);
+    return handed_over_;
   }
 
  private:
-  const Sequence& sequence_;
-  std::size_t left_, next_ = 0;
-  std::uint32_t number_ = 0;
-  Duration shift_{0};
-  Clock::time_point due_ = Clock::now();
-  std::vector<Frame> queue_;
-};
-
-struct Cost {
-  double cpu_us = 0;       // per set, of the tracking thread
-  double handover_us = 0;  // of that: copying particles and handing sets over to the previews
-  std::uint64_t previews = 0;
-};
-
-double thread_cpu_us() {
-  timespec t{};
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
-  return 1e6 * double(t.tv_sec) + 1e-3 * double(t.tv_nsec);
-}
-
-Cost run(const Sequence& sequence, const ServiceConfig& config, EstimatePublisher& publisher, bool has_server) {
-  constexpr std::size_t sets = 1200;
-  double wanted_at = 0, handover_us = 0;
-  std::optional<ViewServer> view;
-  if (has_server) view.emplace(config, ViewServerOptions{});
-  PipelineOutputs outputs;
-  outputs.estimates = [&](const FrameSet&, std::span<const ObjectEstimate> estimates, Timestamp received_at) {
-    for (std::size_t t = 0; t < estimates.size(); ++t) publisher.publish(t, estimates[t], received_at, received_at);
-  };
-  if (view) {
-    outputs.view_wanted = [&] {
-      if (!view->wants()) return false;
-      wanted_at = thread_cpu_us();
-      return true;
-    };
-    outputs.view = [&](PictureJob job) {
-      view->offer(std::move(job));
-      handover_us += thread_cpu_us() - wanted_at;
-    };
-    std::this_thread::sleep_for(1s);  // subscribers find it
+  void note(const std::string& event) {
+    if (event.find("event: preview\n") == std::string::npos) return;
+    const auto at = event.find(",\"set\":");
+    if (at == std::string::npos) return;
+    const std::scoped_lock lock(mutex_);
+    handed_over_.insert(std::stoull(event.substr(at + 7)));
   }
-  std::vector<ObjectTracker> trackers;
-  for (const auto& target : config.targets) trackers.emplace_back(config.rig, target, config.object_tracking);
-  PipelineOptions options;
-  options.frame_sets = {.camera_count = int(config.rig.cameras.size()), .tolerance = duration_of(0.02)};
-  options.frame_sets.ascending_input = true;
-  std::vector<std::unique_ptr<FrameSource>> sources;
-  sources.push_back(std::make_unique<Loop>(sequence, sets));
-  Pipeline pipeline(config.rig, std::move(sources), std::move(trackers), options, std::move(outputs));
-  pipeline.run({});
-  const PipelineFigures figures = pipeline.figures();
-  const Duration cpu = figures.track.cpu - figures.track_first.cpu + figures.publish.cpu;
-  return {1e6 * seconds(cpu) / double(figures.sets_tracked), handover_us / double(figures.sets_tracked),
-          view ? view->counters().previews : 0};
+  std::atomic<std::size_t> received_ = 0;
+  mutable std::mutex mutex_;
+  std::set<std::uint64_t> handed_over_;  // guarded by mutex_
+  std::vector<std::jthread> threads_;
+};
+
+// What one preview costs: against the set before it, on which none was being made, the set that is handed over, and the
+// next one, which comes after (or while) pictures are encoded, sent, bridged and read. No drift of the machine is in
+// it.
+struct PreviewCost {
+  std::vector<double> handed_over_us, next_us;
+  void add(const std::map<std::uint64_t, double>& cpu_us, const std::set<std::uint64_t>& handed_over) {
+    for (const std::uint64_t set : handed_over) {
+      const auto before = cpu_us.find(set - 1), now = cpu_us.find(set), next = cpu_us.find(set + 1);
+      if (before == cpu_us.end() || now == cpu_us.end() || next == cpu_us.end() || handed_over.contains(set - 2))
+        continue;
+      handed_over_us.push_back(now->second - before->second);
+      next_us.push_back(next->second - before->second);
+    }
+  }
+};
+
+class Service {
+ public:
+  Service(const fs::path& films, const fs::path& folder, bool together)
+      : folder_(folder), subscription_([] {
+          ParticipantOptions options;
+          options.name = "view_cost";
+          options.domain = domain;
+          options.interfaces = {"lo"};
+          return options;
+        }()) {
+    std::ofstream(folder / "c.yaml") << film_config(
+        films, 500, "dds: {domain: " + std::to_string(domain) + ", interfaces: [lo]}\nlog_level: warning\n");
+    service_.emplace(
+        std::vector<std::string>{FILM_SERVICE, folder / "c.yaml", films, "--phases", together ? "together" : "spread"},
+        folder / "out", folder / "err");
+    if (!subscription_.next(20s)) throw std::runtime_error("the service does not track: " + service_->err());
+    tracking_.emplace(service_->pid(), "tracking");
+    discard(1s);  // tables, the lock
+  }
+
+  void discard(std::chrono::duration<double> length) {
+    for (const auto end = Clock::now() + length; Clock::now() < end;) subscription_.next(50ms);
+  }
+
+  // by_set: gets the CPU time of each set.
+  Window measure(std::chrono::duration<double> length, std::map<std::uint64_t, double>& by_set) {
+    std::vector<double> latency_us, cpu_us;
+    auto [set, cpu] = after_a_set(latency_us);
+    latency_us.clear();
+    for (const auto end = Clock::now() + length; Clock::now() < end;) {
+      const auto [set_then, cpu_then] = std::pair(set, cpu);
+      std::tie(set, cpu) = after_a_set(latency_us);
+      if (set != set_then + 1) continue;  // we came too late, and two are in it
+      cpu_us.push_back(cpu - cpu_then);
+      by_set[set] = cpu_us.back();
+    }
+    return {mean_of_most(cpu_us), quantile(latency_us, 0.5), quantile(latency_us, 0.9), cpu_us.size()};
+  }
+
+ private:
+  // The next set, and the thread's time when it sleeps again: so that whole sets are counted, hand-over included.
+  std::pair<std::uint64_t, double> after_a_set(std::vector<double>& latency_us) {
+    auto sample = subscription_.next(1s);
+    if (!sample) throw std::runtime_error("the service has stopped: " + service_->err());
+    std::this_thread::sleep_for(4ms);
+    for (auto newer = sample; newer; newer = subscription_.next(0ms)) {
+      sample = newer;
+      latency_us.push_back(1e-3 * double(sample->published_at() - sample->received_at()));
+    }
+    return {sample->set_number(), tracking_->us()};
+  }
+
+  const fs::path folder_;
+  client::PositionSubscription subscription_;
+  std::optional<Process> service_;
+  std::optional<ThreadTime> tracking_;
+};
+
+int port_of(const Process& view) {
+  for (const auto end = Clock::now() + 10s; Clock::now() < end; std::this_thread::sleep_for(20ms)) {
+    const std::string out = view.out();
+    if (const auto at = out.find("127.0.0.1:"); at != std::string::npos && out.ends_with("/\n"))
+      return std::stoi(out.substr(at + 10));
+  }
+  throw std::runtime_error("huetrack view does not start: " + view.err());
 }
 
-double median(std::vector<double> values) {
-  std::ranges::sort(values);
-  return values[values.size() / 2];
+void print(const char* what, const std::vector<double>& base, const std::vector<double>& with) {
+  std::vector<double> percent;
+  for (std::size_t i = 0; i < base.size(); ++i) percent.push_back(100 * (with[i] / base[i] - 1));
+  const auto [low, high] = median_interval(percent);
+  std::printf("  %-18s %+6.2f %%   (95 %% interval of the median %+.2f to %+.2f %%; quartiles %+.2f, %+.2f)\n", what,
+              quantile(percent, 0.5), low, high, quantile(percent, 0.25), quantile(percent, 0.75));
 }
 
 }  // namespace
-}  // namespace huetrack
 
 int main(int argc, char** argv) {
-  using namespace huetrack;
-  const int rounds = argc > 1 ? std::max(1, std::atoi(argv[1])) : 9;
-  if (!have("rendered/occlusion")) {
-    std::fprintf(stderr, "no recording in %s\n", (shared_data() / "rendered/occlusion").c_str());
-    return 1;
-  }
-  const Sequence sequence = load_sequence(shared_data() / "rendered/occlusion");
-  ServiceConfig config;
-  config.rig = sequence.rig;
-  config.targets = {pink_ball(), lime_ball()};
-  config.object_tracking = rendered_options(Observation::huetrack, 1);
-  config.dds.publisher.domain = 75;
-  config.dds.publisher.interfaces = {"lo"};
-  for (const auto& target : config.targets) config.dds.publisher.targets.push_back(target.name);
-  for (const auto& camera : config.rig.cameras) config.dds.publisher.cameras.push_back(camera.name);
-  EstimatePublisher publisher(config.dds.publisher);
-
-  std::array<std::vector<double>, 3> cpu;
-  std::vector<double> handover;
-  std::uint64_t previews_idle = 0, previews_watched = 0;
-  for (int round = 0; round < rounds; ++round) {
-    cpu[0].push_back(run(sequence, config, publisher, false).cpu_us);
-    const Cost idle = run(sequence, config, publisher, true);
-    cpu[1].push_back(idle.cpu_us);
-    previews_idle += idle.previews;
-    {
-      live_view::EventHub hub;
-      live_view::BusReader bus({.domain = 75, .interfaces = {"lo"}}, hub);
-      live_view::PageServerOptions options;
-      options.port = 0;
-      live_view::PageServer server(options, hub, [](const std::string&) { return std::string(); });
-      std::atomic<std::size_t> received = 0;
-      std::vector<std::jthread> threads;
-      threads.emplace_back([&](const std::stop_token& stop) {
-        while (!stop.stop_requested()) {
-          bus.poll(server.pages());
-          std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  CLI::App app("what open pages cost the tracking");
+  int rounds = 20, pages = 3;
+  double seconds = 5;
+  bool together = false;
+  app.add_option("--rounds", rounds)->check(CLI::PositiveNumber);
+  app.add_option("--seconds", seconds, "of each window")->check(CLI::PositiveNumber);
+  app.add_option("--pages", pages)->check(CLI::PositiveNumber);
+  app.add_flag("--together", together, "all cameras capture at once; otherwise spread over the period");
+  CLI11_PARSE(app, argc, argv);
+  std::string folder_name = (fs::temp_directory_path() / "view_cost_XXXXXX").string();
+  if (!::mkdtemp(folder_name.data())) return 1;
+  const fs::path folder = folder_name;
+  int status = 0;
+  try {
+    make_films(folder / "films", 4, 640, 480);
+    Service service(folder / "films", folder, together);
+    std::array<std::vector<double>, 3> cpu, latency, p90;
+    std::array<Watchers, 3> order{no_bridge, no_page, pages_open};
+    std::mt19937 rng(1);
+    std::size_t received = 0, sets = 0, open_sets = 0, handed_sets = 0;
+    PreviewCost previews;
+    for (int round = 0; round < rounds; ++round) {
+      std::ranges::shuffle(order, rng);
+      for (const Watchers watchers : order) {
+        std::optional<Process> view;
+        std::optional<Pages> readers;
+        if (watchers != no_bridge) {
+          view.emplace(std::vector<std::string>{HUETRACK, "view", "--port", "0", "--domain", std::to_string(domain),
+                                                "--interface", "lo"},
+                       folder / "view_out", folder / "view_err");
+          const int port = port_of(*view);
+          if (watchers == pages_open) readers.emplace(port, pages);
         }
-      });
-      for (int page = 0; page < 3; ++page) {
-        threads.emplace_back([&](const std::stop_token& stop) {
-          const int fd = ::socket(AF_INET, SOCK_STREAM, 0);
-          sockaddr_in to{};
-          to.sin_family = AF_INET;
-          to.sin_port = htons(static_cast<std::uint16_t>(server.port()));
-          to.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-          const timeval patience{.tv_sec = 0, .tv_usec = 100'000};
-          ::setsockopt(fd, SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof patience);
-          if (::connect(fd, reinterpret_cast<const sockaddr*>(&to), sizeof to) != 0) std::abort();
-          const std::string request = "GET /api/events HTTP/1.1\r\nHost: localhost\r\n\r\n";
-          if (::send(fd, request.data(), request.size(), 0) < 0) std::abort();
-          std::vector<char> buffer(65536);
-          while (!stop.stop_requested()) {
-            const auto n = ::recv(fd, buffer.data(), buffer.size(), 0);
-            if (n > 0) received += static_cast<std::size_t>(n);
-          }
-          ::close(fd);
-        });
+        service.discard(1500ms);  // discovery
+        const std::size_t before = readers ? readers->received() : 0;
+        std::map<std::uint64_t, double> by_set;
+        const Window window = service.measure(std::chrono::duration<double>(seconds), by_set);
+        if (readers) {
+          received += readers->received() - before;
+          const auto handed_over = readers->handed_over();
+          previews.add(by_set, handed_over);
+          handed_sets +=
+              std::size_t(std::ranges::count_if(by_set, [&](const auto& s) { return handed_over.contains(s.first); }));
+          open_sets += by_set.size();
+        }
+        sets += window.sets;
+        cpu[watchers].push_back(window.cpu_us);
+        latency[watchers].push_back(window.median_latency_us);
+        p90[watchers].push_back(window.p90_latency_us);
       }
-      const Cost watched = run(sequence, config, publisher, true);
-      cpu[2].push_back(watched.cpu_us);
-      handover.push_back(watched.handover_us);
-      previews_watched += watched.previews;
-      for (auto& thread : threads) thread.request_stop();
-      threads.clear();
-      if (round == 0) std::printf("three pages received %.1f MB in the first round\n", double(received) / 1e6);
     }
+    std::printf(
+        "%d rounds of three windows of %.0f s, %zu frame sets (4 cameras 640x480, 30 fps, %s); %d pages read %.1f MB\n",
+        rounds, seconds, sets, together ? "together" : "spread", pages, double(received) / 1e6);
+    for (const int w : {no_bridge, no_page, pages_open})
+      std::printf(
+          "  %-18s CPU %.1f us per set (quartiles %.1f, %.1f); last frame to DDS write median %.1f us (%.1f, %.1f), "
+          "p90 %.1f us\n",
+          names[w], quantile(cpu[std::size_t(w)], 0.5), quantile(cpu[std::size_t(w)], 0.25),
+          quantile(cpu[std::size_t(w)], 0.75), quantile(latency[std::size_t(w)], 0.5),
+          quantile(latency[std::size_t(w)], 0.25), quantile(latency[std::size_t(w)], 0.75),
+          quantile(p90[std::size_t(w)], 0.5));
+    std::printf("the tracking thread's CPU time per set, against no bridge:\n");
+    print("bridge, no page", cpu[no_bridge], cpu[no_page]);
+    print("pages open", cpu[no_bridge], cpu[pages_open]);
+    std::printf("median latency from the last frame to the DDS write, against no bridge:\n");
+    print("bridge, no page", latency[no_bridge], latency[no_page]);
+    print("pages open", latency[no_bridge], latency[pages_open]);
+    const auto [h_low, h_high] = median_interval(previews.handed_over_us);
+    const auto [n_low, n_high] = median_interval(previews.next_us);
+    const double h = quantile(previews.handed_over_us, 0.5), n = quantile(previews.next_us, 0.5);
+    const double share = double(handed_sets) / double(open_sets), of = quantile(cpu[no_bridge], 0.5);
+    std::printf(
+        "the same from set to set, with pages open: %.0f %% of the sets are handed over, which costs %+.1f us (%+.1f "
+        "to %+.1f)\n"
+        "each, and the next one %+.1f us (%+.1f to %+.1f), n = %zu: together %+.2f %% (%+.2f to %+.2f %%) of the "
+        "tracking thread's time\n",
+        100 * share, h, h_low, h_high, n, n_low, n_high, previews.next_us.size(), 100 * share * (h + n) / of,
+        100 * share * (h_low + n_low) / of, 100 * share * (h_high + n_high) / of);
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "view_cost: %s\n", error.what());
+    status = 1;
   }
-  const double none = median(cpu[0]), idle = median(cpu[1]), watched = median(cpu[2]);
-  std::printf("tracking thread, CPU per frame set (3 cameras, 2 targets), medians of %d rounds of 1200 sets:\n",
-              rounds);
-  std::printf("  without a view server            %7.2f us\n", none);
-  std::printf("  with one, nobody watches         %7.2f us  %+.2f %%   %llu pictures made\n", idle,
-              100 * (idle / none - 1), static_cast<unsigned long long>(previews_idle));
-  std::printf("  with three pages open            %7.2f us  %+.2f %%   %llu pictures made\n", watched,
-              100 * (watched / none - 1), static_cast<unsigned long long>(previews_watched));
-  std::printf(
-      "  of that, handing sets over to the previews %.3f us per set: %.3f %% of the tracking thread's time; the rest "
-      "of any\n"
-      "  difference is what other threads' use of caches and cores does to it, and the machine's own noise\n",
-      median(handover), 100 * median(handover) / none);
-  return 0;
+  fs::remove_all(folder);
+  return status;
 }

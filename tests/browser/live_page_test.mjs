@@ -84,6 +84,61 @@ const truthPixels = () => {
   );
 };
 
+// Texts whose contrast is below what WCAG 2.1 AA asks for (4.5:1), as "text (ratio)".
+const faintTexts = () => {
+  const linear = (c) => (c / 255 <= 0.04045 ? c / 255 / 12.92 : ((c / 255 + 0.055) / 1.055) ** 2.4);
+  const luminance = ([r, g, b]) => 0.2126 * linear(r) + 0.7152 * linear(g) + 0.0722 * linear(b);
+  const rgba = (text) => [...text.match(/[\d.]+/g).map(Number), 1].slice(0, 4);
+  const found = [];
+  for (const walker = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT); walker.nextNode(); ) {
+    const text = walker.currentNode.data.trim();
+    const element = walker.currentNode.parentElement;
+    if (!text || !element.checkVisibility() || element.closest(".unseen, .skip, script, option")) continue;
+    let below = element;
+    while (below && rgba(getComputedStyle(below).backgroundColor)[3] === 0) below = below.parentElement;
+    const [a, b] = [getComputedStyle(element).color, getComputedStyle(below ?? document.body).backgroundColor].map((c) => luminance(rgba(c)));
+    const ratio = (Math.max(a, b) + 0.05) / (Math.min(a, b) + 0.05);
+    if (ratio < 4.5) found.push(`${text} (${ratio.toFixed(2)})`);
+  }
+  return found;
+};
+// What a screen reader is told: everything that can be used, and every picture, has a name.
+async function checkNames(page) {
+  const session = await page.context().newCDPSession(page);
+  const { nodes } = await session.send("Accessibility.getFullAXTree");
+  await session.detach();
+  const roles = {};
+  for (const node of nodes) {
+    const role = node.role?.value;
+    if (node.ignored || !["button", "link", "combobox", "checkbox", "application", "image", "region", "table", "alert"].includes(role)) continue;
+    roles[role] = (roles[role] ?? 0) + 1;
+    assert.ok(role === "table" || node.name?.value, `a ${role} without a name`);
+  }
+  const headings = nodes.filter((n) => !n.ignored && n.role?.value === "heading").map((n) => n.name.value);
+  for (const heading of ["huetrack", "Cameras", "Scene", "Teach a colour", "Over time", "Health"])
+    assert.ok(headings.includes(heading), `no heading ${heading} in ${headings}`);
+  assert.ok(nodes.some((n) => n.role?.value === "main"), "no main landmark");
+  return roles;
+}
+// Once round with Tab: what gets the focus, in order. Each shows that it has it.
+async function tabStops(page) {
+  await page.evaluate(() => document.querySelector(".skip").focus());
+  const stops = [];
+  for (let i = 0; i < 60; i++) {
+    await page.keyboard.press("Tab");
+    const stop = await page.evaluate(() => {
+      const e = document.activeElement;
+      if (!e || e === document.body) return null;
+      const style = getComputedStyle(e);
+      return { name: e.id || e.dataset.camera || e.className || e.tagName, ring: parseFloat(style.outlineWidth) >= 2 && style.outlineStyle !== "none" };
+    });
+    if (!stop || stops.some((s) => s.name === stop.name)) break;
+    assert.ok(stop.ring, `no focus ring on ${stop.name}`);
+    stops.push(stop);
+  }
+  return stops.map((s) => s.name);
+}
+
 let browser;
 async function test() {
   const view = start(options.huetrack, "view", "--port", "0", "--domain", domain, "--interface", "lo");
@@ -132,6 +187,8 @@ async function test() {
   assert.equal(await page.isDisabled("#teach-open"), true);
   await sleep(1500);
   await page.screenshot({ path: join(options.out, "occlusion.png"), fullPage: true });
+  assert.deepEqual(await page.evaluate(faintTexts), []);
+  say(`names for screen readers: ${JSON.stringify(await checkNames(page))}`);
   await replay.ended;
   assert.equal(replay.code, 0, replay.err);
   const seen = await page.evaluate(() => window.seen);
@@ -174,7 +231,9 @@ async function test() {
   const pixels = truthPixels();
   await until("it may be taught", async () => !(await page.isDisabled("#teach-open")));
   await page.click("#teach-open");
-  await page.waitForSelector("#teach-pictures canvas[data-camera=cam1]");
+  await page.waitForSelector("#teach-pictures canvas[data-camera=cam1]").catch(async (error) => {
+    throw new Error(`no frozen pictures; the page says: ${await page.textContent("#teach-says")}`, { cause: error });
+  });
   const at = async (camera) => {
     const canvas = page.locator(`#teach-pictures canvas[data-camera=${camera}]`);
     await canvas.scrollIntoViewIfNeeded();
@@ -195,6 +254,13 @@ async function test() {
   await page.keyboard.press("Enter");
   await until("both are learnt", async () => /Learnt from 2 of 2/.test(await page.textContent("#teach-says")));
   await page.screenshot({ path: join(options.out, "teach_mask.png"), fullPage: true });
+  const stops = await tabStops(page);
+  for (const stop of ["theme", "home", "scene", "teach-open", "teach-target", "teach-freeze", "teach-again", "teach-narrower",
+    "teach-wider", "teach-mask", "teach-ignore", "cam0", "cam1", "teach-save", "teach-save-ignored", "teach-resume", "teach-close"])
+    assert.ok(stops.includes(stop), `${stop} is not reached with Tab: ${stops}`);
+  assert.deepEqual(await page.evaluate(faintTexts), []);
+  await checkNames(page);
+  say(`Tab goes to ${stops.join(", ")}`);
   await page.click("#teach-save");
   await until("it is saved", async () => /^Saved: lime/.test(await page.textContent("#teach-says")));
   say(await page.textContent("#teach-says"));
@@ -218,9 +284,32 @@ async function test() {
   await until("the phone is live", async () => (await phone.textContent("#link")) === "Live");
   await sleep(2500);
   await phone.screenshot({ path: join(options.out, "phone_dark.png"), fullPage: true });
+  assert.deepEqual(await phone.evaluate(faintTexts), []);
   const wide = await phone.evaluate(() => document.documentElement.scrollWidth);
   assert.ok(wide <= 390, `the page is ${wide} px wide on a phone of 390`);
   again.child.kill("SIGTERM");
+  await again.ended;
+
+  // ---- A camera that is tracked, with its map.
+  await phone.close();
+  const desk = join(options.data, "rendered/desk");
+  if (existsSync(join(desk, "recording.yaml"))) {
+    const moving = configuration("desk.yaml",
+      `version: 1\nrig: ${desk}/rig.yaml\ncamera_tracking: {camera: cam0, start: {rectangle: ${desk}/rectangle.csv}}\n${bus}`);
+    const tracked = start(options.huetrackd, "replay", moving, desk, "--speed", "real");
+    await until("the tracked camera is listed", async () =>
+      (await page.getAttribute("#targets li[data-camera=cam0]", "data-state").catch(() => null)) === "tracking");
+    await until("its map is there", async () => /Map: \d+ points, \d+ found/.test(await page.textContent("#targets summary")));
+    await page.click("#targets summary");
+    const rows = await until("its points are listed", async () => (await page.locator("#targets tbody tr").count()) || 0);
+    await until("points were found", async () => /found/.test(await page.textContent("#targets tbody")));
+    await sleep(2500);
+    await page.screenshot({ path: join(options.out, "camera_map.png"), fullPage: true });
+    await checkNames(page);
+    say(`the tracked camera's map: ${await page.textContent("#targets summary")}; ${rows} rows`);
+    tracked.child.kill("SIGTERM");
+    await tracked.ended;
+  }
   assert.deepEqual(problems, []);
 }
 

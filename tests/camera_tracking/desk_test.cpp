@@ -54,6 +54,12 @@ TEST_F(Desk, huetrackFollowsFromTheFirstFrameAndThroughTheCover) {
   const CameraTrackerView view = tracker->view();
   EXPECT_GT(view.features.size(), 50u);
   EXPECT_FALSE(view.particles.empty());
+  const auto map = tracker->map();
+  EXPECT_EQ(map.size(), static_cast<std::size_t>(estimates.back().map_points));
+  EXPECT_GT(std::ranges::count(map, CameraMapPoint::State::found, &CameraMapPoint::state), 40);
+  EXPECT_TRUE(std::ranges::is_sorted(map, std::ranges::less_equal{}, &CameraMapPoint::id));
+  EXPECT_EQ(std::ranges::count(map, true, &CameraMapPoint::given), 4);
+  EXPECT_GT(map.back().covariance.trace(), 0);
 }
 
 TEST_F(Desk, sameSeedSameBits) {

@@ -4,6 +4,9 @@
 
 #include <map>
 #include <set>
+#include <string>
+#include <utility>
+#include <vector>
 
 #include "calib/yaml/yaml_reader.h"
 #include "capture/clips.h"
@@ -242,17 +245,22 @@ TEST_F(Replay, AFileWhoseNameLooksLikeAPatternIsThatFile) {
 }
 
 TEST_F(Replay, AnImageOfAnotherSizeIsNotUsed) {
-  write_clip(folder / "img/%d.png", {.codec = "png", .format = AV_PIX_FMT_RGB24, .frames = 4});
-  write_clip(folder / "other/%d.png", {.codec = "png", .format = AV_PIX_FMT_RGB24, .width = 32, .frames = 4});
-  std::filesystem::copy(folder / "other/2.png", folder / "img/2.png",
-                        std::filesystem::copy_options::overwrite_existing);
-  auto source = open("frames: img/%d.png, fps: 10");
-  const auto frames = read_all(source);
-  ASSERT_EQ(frames.size(), 4u);
-  EXPECT_EQ(frames[1].status, FrameStatus::corrupted);
-  EXPECT_EQ(frames[2].status, FrameStatus::ok);
-  EXPECT_EQ(source.cameras()[0].corrupted, 1);
-  EXPECT_THAT(source.take_warnings(), ElementsAre(AllOf(HasSubstr("32x48"), HasSubstr("64x48"))));
+  const std::vector<std::pair<std::string, AVPixelFormat>> kinds{{"png", AV_PIX_FMT_RGB24}, {"mjpeg", AV_PIX_FMT_YUVJ422P}};
+  for (const auto& [codec, format] : kinds) {
+    const std::string name = codec == "png" ? "%d.png" : "%d.jpg";
+    write_clip(folder / codec / name, {.codec = codec, .format = format, .frames = 4});
+    write_clip(folder / (codec + "_other") / name, {.codec = codec, .format = format, .width = 32, .frames = 4});
+    const std::string second = codec == "png" ? "2.png" : "2.jpg";
+    std::filesystem::copy(folder / (codec + "_other") / second, folder / codec / second,
+                          std::filesystem::copy_options::overwrite_existing);
+    auto source = open("frames: " + codec + "/" + name + ", fps: 10");
+    const auto frames = read_all(source);
+    ASSERT_EQ(frames.size(), 4u);
+    EXPECT_EQ(frames[1].status, FrameStatus::corrupted);
+    EXPECT_EQ(frames[2].status, FrameStatus::ok);
+    EXPECT_EQ(source.cameras()[0].corrupted, 1);
+    EXPECT_THAT(source.take_warnings(), ElementsAre(AllOf(HasSubstr("32x48"), HasSubstr("64x48"))));
+  }
 }
 
 // ---- Pixel formats

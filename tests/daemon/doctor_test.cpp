@@ -150,6 +150,15 @@ TEST(JudgeUsb, AddsUpWhatCamerasOfABusWant) {
   findings = judge_usb(exams, {{1, 480}, {2, 480}, {3, 5000}});
   ASSERT_EQ(findings.size(), 3u);
   for (const auto& finding : findings) EXPECT_EQ(finding.verdict, Verdict::ok);
+  exams = {healthy("left"), healthy("right")};
+  exams[0].trial->usb = UsbReservation{
+      .in_force = {{.interface = 1, .alternate = 7, .is_isochronous = true, .bytes = 3072, .intervals_per_s = 8000}},
+      .most_mbps = 196.608};
+  exams[1].trial->usb = UsbReservation{};
+  findings = judge_usb(exams, {{1, 480}});
+  EXPECT_THAT(findings[0].what, HasSubstr("left (video0) in port 1-2 147 Mbit/s, 197 Mbit/s reserved (alternate setting 7: "
+                                          "3072 bytes, 8000 times a second), right"));
+  EXPECT_THAT(findings[0].what, HasSubstr("147 Mbit/s, bulk: nothing is reserved; together 344 of the 384 Mbit/s"));
   exams[0].node.identity.usb->speed_mbps = 12;
   EXPECT_THAT(judge_usb(exams, {}), says(Verdict::problem, "left (video0) runs at 12 Mbit/s"));
 }

@@ -18,16 +18,16 @@ using testing::HasSubstr;
 
 TEST(LatencyHistogram, PutsABoundIntoTheBucketThatItEnds) {
   LatencyHistogram histogram;
+  histogram.add(10us);
   histogram.add(50us);
-  histogram.add(100us);
-  histogram.add(101us);
+  histogram.add(51us);
   histogram.add(5s);
   const auto snapshot = histogram.snapshot();
   EXPECT_EQ(snapshot.counts[0], 2u);
   EXPECT_EQ(snapshot.counts[1], 1u);
   EXPECT_EQ(snapshot.counts.back(), 1u);
   EXPECT_EQ(snapshot.count(), 4u);
-  EXPECT_NEAR(snapshot.sum_s, 5.000251, 1e-9);
+  EXPECT_NEAR(snapshot.sum_s, 5.000111, 1e-9);
 }
 
 ServiceStatus status() {
@@ -50,6 +50,8 @@ TEST(ToPrometheus, HasEveryFigureOnce) {
   histogram.add(30ms);
   LatencyFigures latencies;
   latencies.capture_to_dequeue = {histogram.snapshot()};
+  latencies.dequeue_to_write = histogram.snapshot();
+  histogram.add(25us);
   latencies.dequeue_to_publish = histogram.snapshot();
   const TargetFigures targets[] = {{.state = TrackState::coasting, .effective_sample_size = 87.5, .particles = 200}};
   const std::string text = to_prometheus(status(), targets, latencies, 10);
@@ -64,11 +66,13 @@ TEST(ToPrometheus, HasEveryFigureOnce) {
            "\nhuetrack_target_state{target=\"ball\",state=\"lost\"} 0\n",
            "\nhuetrack_target_effective_sample_size{target=\"ball\"} 87.5\n",
            "\nhuetrack_capture_to_dequeue_seconds_bucket{camera=\"le\\\"ft\",le=\"0.0001\"} 0\n",
-           "\nhuetrack_dequeue_to_publish_seconds_bucket{le=\"0.0002\"} 1\n",
-           "\nhuetrack_dequeue_to_publish_seconds_bucket{le=\"0.05\"} 2\n",  // cumulated
-           "\nhuetrack_dequeue_to_publish_seconds_bucket{le=\"+Inf\"} 2\n",
-           "\nhuetrack_dequeue_to_publish_seconds_sum 0.03015\n",
-           "\nhuetrack_dequeue_to_publish_seconds_count 2\n",
+           "\nhuetrack_dequeue_to_write_seconds_bucket{le=\"0.00015\"} 1\n",
+           "\nhuetrack_dequeue_to_write_seconds_bucket{le=\"0.05\"} 2\n",  // cumulated
+           "\nhuetrack_dequeue_to_write_seconds_bucket{le=\"+Inf\"} 2\n",
+           "\nhuetrack_dequeue_to_write_seconds_sum 0.03015\n",
+           "\nhuetrack_dequeue_to_write_seconds_count 2\n",
+           "\nhuetrack_dequeue_to_publish_seconds_bucket{le=\"5e-05\"} 1\n",
+           "\nhuetrack_dequeue_to_publish_seconds_count 3\n",
        }) {
     const auto at = text.find(line);
     ASSERT_NE(at, std::string::npos) << line << text;

@@ -171,5 +171,42 @@ TEST(ViewServer, TheSceneIsThereForWhoComesLateAndFollowsTheConfiguration) {
   }));
 }
 
+TEST(ViewServer, AMapOfATrackedCameraIsThereForWhoComesLate) {
+  ServiceConfig c = config();
+  c.dds.publisher.tracked_camera = "hand";
+  ViewServer server(c, {});
+  server.set_clock_offset(2s);
+  ASSERT_TRUE(server.wants_map());
+  CameraMap map{Timestamp(1s), std::vector<CameraMapPoint>(2500)};
+  for (std::size_t i = 0; i < map.points.size(); ++i) map.points[i].id = std::uint32_t(2 * i);
+  map.points[0].position = {1, 2, 3};
+  map.points[0].covariance << 1, 2, 3, 2, 4, 5, 3, 5, 6;
+  map.points[0].state = CameraMapPoint::State::found;
+  map.points[0].given = true;
+  server.offer(map);
+  EXPECT_FALSE(server.wants_map());  // not before a second is over
+  EXPECT_TRUE(until([&] { return server.wants_map(); }));
+
+  DdsParticipant participant({.name = "test", .domain = 71, .interfaces = {"lo"}});
+  auto& reader = participant.create_reader(
+      topics::camera_map, eprosima::fastdds::dds::TypeSupport(new msg::CameraMapPubSubType), status_reader_qos());
+  msg::CameraMap sample;
+  eprosima::fastdds::dds::SampleInfo info;
+  ASSERT_TRUE(
+      until([&] { return reader.take_next_sample(&sample, &info) == ReturnCode_t::RETCODE_OK && info.valid_data; }));
+  EXPECT_EQ(sample.camera(), "hand");
+  EXPECT_EQ(sample.pid(), unsigned(::getpid()));
+  EXPECT_EQ(sample.captured_at(), 3'000'000'000);
+  EXPECT_EQ(sample.map_points(), 2500u);
+  ASSERT_EQ(sample.points().size(), 1000u);  // bounded, and from the whole map
+  EXPECT_EQ(sample.points()[999].id(), 2u * 2497u);
+  const msg::CameraMapPoint& first = sample.points()[0];
+  EXPECT_THAT(first.position(), ElementsAre(1, 2, 3));
+  EXPECT_THAT(first.covariance(), ElementsAre(1, 2, 3, 4, 5, 6));
+  EXPECT_EQ(first.state(), msg::CAMERA_MAP_POINT_FOUND);
+  EXPECT_TRUE(first.given());
+  EXPECT_EQ(sample.points()[1].state(), msg::CAMERA_MAP_POINT_NOT_SOUGHT);
+}
+
 }  // namespace
 }  // namespace huetrack

@@ -35,6 +35,13 @@ class Connection {
   void send(const std::string& text) const {
     [[maybe_unused]] const auto sent = ::send(fd_, text.data(), text.size(), MSG_NOSIGNAL);
   }
+  // What is there, at least a byte; empty: the other side ended, or 5 s without one.
+  std::string receive_some() const {
+    std::string some(65536, '\0');
+    const ssize_t got = ::recv(fd_, some.data(), some.size(), 0);
+    some.resize(got > 0 ? std::size_t(got) : 0);
+    return some;
+  }
   // Until the other side ends, or 5 s without a byte.
   std::string receive() const {
     std::string all;

@@ -40,6 +40,26 @@ TEST(Events, ACameraThatMovesHasItsPoseAndItsUncertainty) {
   EXPECT_TRUE(json["sigma"][0].is_null());
 }
 
+TEST(Events, AMapIsListedPointByPoint) {
+  msg::CameraMap map;
+  map.camera("hand");
+  map.captured_at(1'500'000'000);
+  map.points().resize(1);
+  map.points()[0].id(7);
+  map.points()[0].position({1.00004f, 2, std::numeric_limits<float>::quiet_NaN()});
+  map.points()[0].covariance({1e-6f, 0, 0, 4e-6f, 0, 9e-6f});
+  map.points()[0].state(msg::CAMERA_MAP_POINT_MISSED);
+  const Json json = Json::parse(to_json(map));
+  EXPECT_EQ(json["camera"], "hand");
+  EXPECT_EQ(json["t"], 1.5);
+  const Json& point = json["points"].at(0);
+  EXPECT_EQ(point["id"], 7);
+  EXPECT_EQ(point["position"][0], 1.0);
+  EXPECT_TRUE(point["position"][2].is_null());
+  EXPECT_NEAR(point["covariance"][5], 9e-6, 1e-9);
+  EXPECT_EQ(point["state"], "missed");
+}
+
 TEST(Events, APictureIsBase64) {
   msg::Preview preview;
   for (const auto& [bytes, text] :

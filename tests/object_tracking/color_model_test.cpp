@@ -59,6 +59,22 @@ TEST(ColorTable, everyBgrAsTheFormula) {
                                          [](Bgr p) { return hsi_of(rgb_of(p)); });
 }
 
+TEST(ColorTable, ceilingsAreTheBrightestMatchOfTheirChroma) {
+  for (const ColorTable& table : tables(PixelFormat::yuyv, ColorRange::limited)) {
+    ColorTable::LumaCeiling expected;
+    for (unsigned uv = 0; uv < 65536; ++uv) {
+      for (const unsigned y : {255u, 200u, 128u, 60u, 16u, 0u, unsigned{table.intervals()[uv].y_max}}) {
+        const auto u = static_cast<std::uint8_t>(uv), v = static_cast<std::uint8_t>(uv >> 8), luma = static_cast<std::uint8_t>(y);
+        if (!table.contains(Yuv{luma, u, v})) continue;
+        expected.of_u[u / 4u] = std::max(expected.of_u[u / 4u], luma);
+        expected.of_v[v / 4u] = std::max(expected.of_v[v / 4u], luma);
+      }
+    }
+    EXPECT_EQ(table.luma_ceiling().of_u, expected.of_u);
+    EXPECT_EQ(table.luma_ceiling().of_v, expected.of_v);
+  }
+}
+
 TEST(ColorTable, readsOnlyImagesOfItsKind) {
   const ColorTable yuv(colors[0], PixelFormat::nv12, ColorRange::limited),
       bgr(colors[0], PixelFormat::bgr, ColorRange::full);

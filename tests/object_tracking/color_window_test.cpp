@@ -118,6 +118,22 @@ TEST_P(EveryFormat, anyNumberOfStrewnWindowsAsTheReference) {
   ASSERT_EQ(counts(bits, w), expected_counts(image, table, w));
 }
 
+TEST_P(EveryFormat, fewPixelsOfTheColourInABackground) {
+  const HsiRange lime{65, 115, 0.3, 1, 0.1, 0.95};
+  const ColorTable narrow(format == PixelFormat::grey || format == PixelFormat::bgr ? common_color(format) : lime, format, ColorRange::limited);
+  const Size size{120, 70};
+  MatchBits bits(size.width, size.height, *kernels);
+  for (std::uint64_t frame = 1; frame <= 5; ++frame) {
+    const Image image = background_image(format, size.width, size.height, frame);
+    bits.look_at(image, narrow);
+    const Windows w = every_pixel(size);
+    const std::vector<int> expected = expected_counts(image, narrow, w);
+    ASSERT_EQ(counts(bits, w), expected) << frame;
+    EXPECT_GT(std::ranges::count(expected, 0), 1000);
+    EXPECT_GT(std::ranges::count_if(expected, [](int k) { return k > 0 && k <= 25; }), 50);
+  }
+}
+
 TEST_P(EveryFormat, rowsAndPixelsAsTheImage) {
   for (const Size size : sizes) {
     const Image image = random_image(format, size.width, size.height, 7);

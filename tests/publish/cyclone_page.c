@@ -53,6 +53,15 @@ static void preview(const void* sample) {
          (double)s->targets._buffer[0].ellipse[1], (unsigned)s->targets._buffer[0].particles._length);
 }
 
+static void map(const void* sample) {
+  const huetrack_msg_CameraMap* s = sample;
+  const huetrack_msg_CameraMapPoint* p = &s->points._buffer[s->points._length - 1];
+  printf("map/camera %s %u %lld %u %u\n", s->camera, (unsigned)s->pid, (long long)s->captured_at, (unsigned)s->map_points,
+         (unsigned)s->points._length);
+  printf("map/point %u %.9g %.9g %u %d\n", (unsigned)p->id, (double)p->position[1], (double)p->covariance[5],
+         (unsigned)p->state, p->given);
+}
+
 static void reply(const void* sample) {
   const huetrack_msg_TeachReply* s = sample;
   printf("reply/client %s\nreply/number %u\nreply/granted %d\nreply/reason %s\nreply/mask %u\n", s->client,
@@ -94,6 +103,9 @@ int main(int argc, char** argv) {
       {subscribe(participant, &huetrack_msg_Scene_desc, "huetrack/scene", DDS_RELIABILITY_RELIABLE,
                  DDS_DURABILITY_TRANSIENT_LOCAL),
        scene, 0},
+      {subscribe(participant, &huetrack_msg_CameraMap_desc, "huetrack/camera_map", DDS_RELIABILITY_RELIABLE,
+                 DDS_DURABILITY_TRANSIENT_LOCAL),
+       map, 0},
       {subscribe(participant, &huetrack_msg_Preview_desc, "huetrack/preview", DDS_RELIABILITY_BEST_EFFORT,
                  DDS_DURABILITY_VOLATILE),
        preview, 0},

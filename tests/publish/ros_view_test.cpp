@@ -100,6 +100,33 @@ TEST(RosView, ATargetIsABallAnEllipsoidAndItsName) {
   EXPECT_EQ(markers.back().points().size(), 24u);  // twelve edges
 }
 
+TEST(RosView, ACameraThatIsTrackedMovesWithItsFrame) {
+  msg::Scene s = scene();
+  s.cameras()[1].orientation_xyzw({std::sqrt(0.5), 0, 0, std::sqrt(0.5)});  // a quarter turn about x
+  const auto tf = to_static_tf(s, "map", "left");
+  ASSERT_EQ(tf.transforms().size(), 1u);  // /tf says where the other one is
+  EXPECT_EQ(tf.transforms()[0].child_frame_id(), "cam.0");
+  const auto array = to_markers(s, std::vector{estimate(TrackState::tracking)}, Timestamp(5s), "map", "left");
+  int still = 0, moving = 0;
+  for (const auto& marker : array.markers()) {
+    if (marker.ns() != "cameras" || marker.points().empty()) continue;
+    const auto& rim = marker.points()[0];
+    if (marker.header().frame_id() == "left") {
+      ++moving;
+      EXPECT_TRUE(marker.frame_locked());
+      // The first ray is (0.1, 0, 1) in the world: in the camera's axes (0.1, 1, 0), from its own origin.
+      EXPECT_NEAR(rim.y() / rim.x(), 10, 1e-6);
+      EXPECT_NEAR(rim.z(), 0, 1e-9);
+    } else {
+      ++still;
+      EXPECT_EQ(marker.header().frame_id(), "map");
+      EXPECT_GT(rim.z(), 3);  // above its place in the rig
+    }
+  }
+  EXPECT_EQ(still, 1);
+  EXPECT_EQ(moving, 1);
+}
+
 TEST(RosView, WithoutAPositionItsMarkersAreDeleted) {
   const ObjectEstimate e = estimate(TrackState::lost);
   const auto markers = to_markers(scene(), std::span(&e, 1), Timestamp(3s), "world").markers();
@@ -137,15 +164,20 @@ TEST(ViewSecondVendor, CycloneSeesTheViewAndAsksForIt) {
   options.domain = 76;
   options.targets = {"ball"};
   options.cameras = {"cam.0", "left"};
+  options.tracked_camera = "left";
   ViewPublisher publisher(options);
   EXPECT_TRUE(publisher.publish(scene()));
+  CameraMap map{Timestamp(3s), {{.id = 5}, {.id = 9, .position = {1, 2, 3}, .given = true}}};
+  map.points[1].covariance(2, 2) = 0.25;
+  map.points[1].state = CameraMapPoint::State::found;
+  EXPECT_TRUE(publisher.publish(map, map.at + 1s));
   ChildProcess page(
       {HUETRACK_CYCLONE_PAGE, "76", PublisherIdentity::of_this_process({}).host, std::to_string(::getpid())});
   const ObjectEstimate e = estimate(TrackState::tracking);
   std::optional<msg::TeachRequest> asked;
   std::optional<int> status;
   for (int i = 0; i < 300 && !status; ++i) {
-    if (publisher.preview_subscribers() > 0) {
+    if (publisher.picture_subscribers() > 0) {
       publisher.publish(preview());
       publisher.publish(std::span(&e, 1), Timestamp(3s));
     }
@@ -177,6 +209,8 @@ TEST(ViewSecondVendor, CycloneSeesTheViewAndAsksForIt) {
   EXPECT_EQ(got["scene/camera"], "cam.0 640 500 1 8");
   EXPECT_EQ(got["scene/color"], "20");
   EXPECT_EQ(got["scene/why_not"], "because");
+  EXPECT_EQ(got["map/camera"], "left " + std::to_string(::getpid()) + " 4000000000 2 2");
+  EXPECT_EQ(got["map/point"], "9 2 0.25 2 1");
   EXPECT_EQ(got["preview/camera"], "cam.0");
   EXPECT_EQ(got["preview/set"], "42");
   EXPECT_EQ(got["preview/jpeg"], "30000 7");
@@ -191,7 +225,7 @@ TEST(ViewSecondVendor, CycloneSeesTheViewAndAsksForIt) {
   EXPECT_EQ(got["image/bytes"], "30000");
   EXPECT_EQ(got["info/model"], "plumb_bob 320 5");
   EXPECT_EQ(got["info/k"], "250 159.5");
-  EXPECT_EQ(got["tf/child"], "cam.0 2");
+  EXPECT_EQ(got["tf/child"], "cam.0 1");  // not "left", which is tracked
 #endif
 }
 

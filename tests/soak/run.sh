@@ -28,8 +28,10 @@ case $sanitizer in
     exit 2
     ;;
 esac
-cmake --preset "$preset" >/dev/null
-nice cmake --build "build/$preset" --target soak
+for one in release "$preset"; do cmake --preset "$one" >/dev/null; done
+nice cmake --build build/release --target soak huetrack
+nice cmake --build "build/$preset" --target film_service   # only the service is sanitized
 export ASAN_OPTIONS=detect_leaks=1:halt_on_error=1 UBSAN_OPTIONS=print_stacktrace=1:halt_on_error=1
 export TSAN_OPTIONS=halt_on_error=1:second_deadlock_stack=1
-exec "build/$preset/tests/soak/soak" --minutes "$minutes" --seed "$seed" --slowness "$slowness"
+exec build/release/tests/soak/soak --minutes "$minutes" --seed "$seed" --slowness "$slowness" \
+  --service "build/$preset/tests/soak/film_service"

@@ -2,14 +2,14 @@
 # Tests the capture and the whole daemon in a small VM with real V4L2 drivers: v4l2loopback, vivid, and USB cameras through
 # uvcvideo.
 #   tests/v4l2/run.sh [--all | --short] [BUILD [GTEST_ARGUMENTS...]]
-# --all (the default) takes minutes, --short some fewer; HUETRACK_VM_TESTS=short tests/run.sh has it among its tests. BUILD: where v4l2_devices_test and
-# v4l2_daemon_test were built (default build/release). The VM's scripts are looked for in ../shared/tools/v4l2vm (V4L2VM_DIR
-# says otherwise); its files are cached in $V4L2VM_CACHE (default ~/.cache/v4l2vm). Exit status 77: skipped, because the VM
-# cannot be had here.
+# --all (the default) takes about a quarter of an hour, --short some three; tests/run.sh has the short form among its tests
+# (HUETRACK_VM_TESTS=off or all says otherwise). BUILD: where v4l2_devices_test and v4l2_daemon_test were built (default
+# build/release). The VM's scripts are looked for in ../shared/tools/v4l2vm (V4L2VM_DIR says otherwise); its files are cached
+# in $V4L2VM_CACHE (default ~/.cache/v4l2vm). Exit status 77: skipped, because the VM cannot be had here, with the reason.
 set -euo pipefail
 root=$(cd "$(dirname "$0")/../.." && pwd)
 vm=${V4L2VM_DIR:-$root/../shared/tools/v4l2vm}
-filter='*'
+filter='*' patience=1500
 case ${1:-} in
   --all) shift ;;
   --off)
@@ -17,7 +17,7 @@ case ${1:-} in
     exit 77
     ;;
   --short)
-    filter='Loopback.FramesAreBitExact*:Uvc.ManualValues*:Uvc.UnplugAnotherAndReplug:Vivid.FlaggedFrames*:Rendered/Films.*/two_cams:Webcams.TheTrack*:Webcams.Doctor*:Faults.*'
+    patience=600 filter='Loopback.FramesAreBitExact*:Uvc.ManualValues*:Uvc.UnplugAnotherAndReplug:Vivid.FlaggedFrames*:Rendered/Films.*/two_cams:Webcams.TheTrack*:Webcams.Doctor*:Faults.*'
     shift
     ;;
 esac
@@ -29,6 +29,7 @@ skip() {
   exit 77
 }
 [ -x "$vm/v4l2vm.sh" ] || skip "no VM in $vm"
+[ "$(uname -m)" = x86_64 ] || skip "the VM is for x86_64, this is $(uname -m)"
 for program in qemu-system-x86_64 cpio xz strip make gcc-12; do
   command -v "$program" >/dev/null ||
     skip "no $program: apt-get install --no-install-recommends qemu-system-x86 cpio xz-utils binutils make gcc-12"
@@ -55,17 +56,22 @@ uvccam uvccam
 sed 's/EMU%04d/XMU%04d/' "$work/uvccam.c" >"$work/uvccam_other.c"
 uvccam uvccam_other
 
-"$vm/v4l2vm.sh" --prepare || skip "the VM cannot be prepared (see above)"
+"$vm/v4l2vm.sh" --prepare || skip "the VM cannot be prepared: its kernel or modules cannot be had (see above)"
+free_mb=$(awk '/^MemAvailable:/ { print int($2 / 1024) }' /proc/meminfo)
+[ "$free_mb" -ge 2500 ] || skip "the VM takes 2 GB of memory, and only $free_mb MB are free"
 start=$SECONDS
 status=0
 # shellcheck disable=SC2016
-"$vm/v4l2vm.sh" --vivid 2 --loopback 3 --uvc --timeout 600 --out "$work/out" --env "HUETRACK_V4L2_TOOLS=$tools" \
-  --env "ASAN_OPTIONS=${ASAN_OPTIONS:-}" -- \
-  sh -c 'cd /tmp; ip link set lo up 2>/dev/null; build=$1; filter=$2; shift 2; status=0
+"$vm/v4l2vm.sh" --vivid 2 --loopback 3 --uvc --timeout "$patience" --out "$work/out" --env "HUETRACK_V4L2_TOOLS=$tools" \
+  --env "ASAN_OPTIONS=${ASAN_OPTIONS:-}" --env "HUETRACK_KILLS=${HUETRACK_KILLS:-20}" -- \
+  sh -c 'touch /out/started; cd /tmp; ip link set lo up 2>/dev/null; build=$1; filter=$2; shift 2; status=0
     for test in devices daemon; do
       "$build/tests/v4l2/v4l2_${test}_test" --gtest_color=no --gtest_filter="$filter" "$@" || status=1
     done
     exit $status' sh "$build" "$filter" "$@" || status=$?
-[ "$status" = 0 ] || tail -15 "$work/out/console.log"
+if [ "$status" != 0 ]; then
+  [ ! -e "$work/out/console.log" ] || tail -15 "$work/out/console.log"
+  [ -e "$work/out/started" ] || skip "the VM did not come up (status $status, see above)"
+fi
 echo "v4l2/run.sh: $((SECONDS - start)) s in the VM, status $status"
 exit "$status"

@@ -1,6 +1,7 @@
 // The cameras' pictures, with what the tracker thinks drawn over them.
+import { colorOf } from "./color";
 import type { Preview } from "./messages";
-import { colorOf, store } from "./store";
+import { store } from "./store";
 
 interface View {
   card: HTMLElement;
@@ -157,18 +158,26 @@ export function updateCameras(serving: boolean): void {
   const status = store.status;
   for (const camera of status?.cameras ?? []) {
     const view = viewOf(camera.name);
+    const isHeld = serving && status!.mode === "held";
     const health = serving ? camera.health : "unknown";
-    view.health.textContent =
-      health === "delivering" ? `${camera.rate_hz.toFixed(1)} Hz` : healthWords[health] ?? health;
-    view.health.dataset.health = health;
-    const troubles = [camera.message];
+    view.health.textContent = isHeld
+      ? "held at its first frame"
+      : health === "delivering"
+        ? `${camera.rate_hz.toFixed(1)} Hz`
+        : healthWords[health] ?? health;
+    view.health.dataset.health = isHeld ? "held" : health;
+    const troubles = isHeld ? [] : [camera.message];
     if (camera.dropped) troubles.push(`${camera.dropped} of ${camera.frames + camera.dropped} frames dropped`);
     if (camera.corrupted) troubles.push(`${camera.corrupted} damaged`);
     const text = troubles.filter(Boolean).join("; ");
     view.note.textContent = text;
     view.note.hidden = !text;
-    view.card.classList.toggle("stale", !serving || health !== "delivering");
+    view.card.classList.toggle("stale", !serving || (health !== "delivering" && !isHeld));
   }
+  // Three across leave no hole; so do five and more. Fewer stand beside the scene.
+  const count = views.size;
+  document.getElementById("main")!.dataset.cameras = count === 3 || count > 4 ? "row" : "beside";
+  grid.style.setProperty("--columns", String(count === 3 || count === 5 || count === 6 ? 3 : count > 4 ? 4 : Math.min(2, count)));
   const order = status?.cameras.map((c) => views.get(c.name)!.card) ?? [];
   if (order.some((card, i) => grid.children[i] !== card)) grid.append(...order);
   for (const [name, view] of views) {

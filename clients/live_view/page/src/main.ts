@@ -1,9 +1,10 @@
 // The page: listens to the bridge and shows what it says. Everything that is shown is in the store.
 import { redrawCameras, showPreview, updateCameras } from "./cameras";
-import type { CameraPose, Position, Pulse, Scene, State, Status, TeachReply } from "./messages";
+import { colorOf } from "./color";
+import type { CameraMap, CameraMapPoint, CameraPose, Position, Pulse, Scene, State, Status, TeachReply } from "./messages";
 import { drawPlots, updatePlotTexts } from "./plots";
 import { Scene3d } from "./scene3d";
-import { colorOf, forget, isServing, store, takeCameraPose, takePosition, takeStatus } from "./store";
+import { forget, isServing, largestSigma, store, takeCameraMap, takeCameraPose, takePosition, takeStatus } from "./store";
 import { takeTeachReply, updateTeach } from "./teach";
 
 const $ = (id: string) => document.getElementById(id)!;
@@ -43,6 +44,7 @@ function listen(): void {
   });
   on<Position>("position", takePosition);
   on<CameraPose>("camera_pose", takeCameraPose);
+  on<CameraMap>("camera_map", takeCameraMap);
   on<Parameters<typeof showPreview>[0]>("preview", (preview) => void showPreview(preview));
   on<TeachReply>("teach", (reply) => void takeTeachReply(reply));
 }
@@ -69,7 +71,7 @@ function cardOf(name: string): HTMLElement {
   const card = document.createElement("li");
   card.dataset.target = name;
   card.innerHTML = `<h3><span class="swatch" aria-hidden="true"></span><span class="name"></span><span class="state"></span></h3>
-    <p class="position"><span data-axis="x"></span><span data-axis="y"></span><span data-axis="z"></span></p>
+    <p class="position"><span data-axis="x"></span><span data-axis="y"></span><span data-axis="z"></span><span class="unit">m</span></p>
     <dl><div><dt>1σ</dt><dd class="sigma"></dd></div><div><dt>Speed</dt><dd class="speed"></dd></div>
     <div><dt>Views</dt><dd class="views"></dd></div><div><dt>Confidence</dt><dd class="confidence"></dd></div>
     <div><dt>Latency</dt><dd class="latency"></dd></div></dl>`;
@@ -104,37 +106,90 @@ function updateTargets(): void {
     text(".views", fresh ? `${latest.views} of ${latest.per_view.length}` : "–");
     text(".confidence", fresh ? `${Math.round(latest.confidence * 100)} %` : "–");
     text(".latency", fresh ? `${(latest.latency * 1000).toFixed(1)} ms` : "–");
-    if (fresh && told.get(target.name) !== latest.state) {
-      if (told.has(target.name)) $("news").textContent = `${target.name} is ${latest.state}`; // screen readers say it
-      told.set(target.name, latest.state);
-    }
+    if (fresh) tellState(target.name, latest.state);
   }
 }
 
+// Screen readers say it.
+function tellState(name: string, state: State): void {
+  if (told.get(name) === state) return;
+  if (told.has(name)) $("news").textContent = `${name} is ${state}`;
+  told.set(name, state);
+}
+
+const mapStates: Record<CameraMapPoint["state"], string> = {
+  found: "found",
+  missed: "missed",
+  not_sought: "not in view",
+};
+const sigmaOf = (p: CameraMapPoint) =>
+  largestSigma([0, 1, 2, 1, 3, 4, 2, 4, 5].map((i) => p.covariance[i]));
+
 function updateTrackedCameras(): void {
+  $("map-key").hidden = ![...store.trackedCameras.values()].some((c) => c.map?.points.length);
   for (const [name, camera] of store.trackedCameras) {
     let card = [...$("targets").children].find((c) => (c as HTMLElement).dataset.camera === name) as HTMLElement;
     if (!card) {
       card = document.createElement("li");
       card.dataset.camera = name;
       card.innerHTML = `<h3><span aria-hidden="true">◉</span><span class="name"></span><span class="state"></span></h3>
-        <p class="position"><span data-axis="x"></span><span data-axis="y"></span><span data-axis="z"></span></p>
+        <p class="position"><span data-axis="x"></span><span data-axis="y"></span><span data-axis="z"></span><span class="unit">m</span></p>
         <dl><div><dt>1σ</dt><dd class="sigma"></dd></div><div><dt>Features</dt><dd class="features"></dd></div>
-        <div><dt>Map points</dt><dd class="map"></dd></div><div><dt>Latency</dt><dd class="latency"></dd></div></dl>`;
+        <div><dt>Map points</dt><dd class="map"></dd></div><div><dt>Confidence</dt><dd class="confidence"></dd></div>
+        <div><dt>Latency</dt><dd class="latency"></dd></div></dl>
+        <details hidden><summary></summary><div class="scroll tall" tabindex="0" role="region"><table>
+        <thead><tr><th scope="col">Point</th><th scope="col">x m</th><th scope="col">y m</th><th scope="col">z m</th><th scope="col">1σ mm</th><th scope="col">Last frame</th></tr></thead>
+        <tbody></tbody></table></div></details>`;
       card.querySelector(".name")!.textContent = `camera ${name}`;
+      card.querySelector(".scroll")!.setAttribute("aria-label", `Map points of camera ${name}`);
+      card.querySelector("details")!.addEventListener("toggle", () => (dirty = true));
       $("targets").append(card);
     }
-    const fresh = isServing() && performance.now() - camera.heard < 2000;
-    const { latest } = camera;
+    const { latest, map } = camera;
+    const fresh = isServing() && latest !== null && performance.now() - camera.heard < 2000;
     card.dataset.state = fresh ? latest.state : "none";
-    const text = (selector: string, value: string) => (card.querySelector(selector)!.textContent = value);
+    const text = (selector: string, value: string) => {
+      const element = card.querySelector(selector)!;
+      if (element.textContent !== value) element.textContent = value;
+    };
     text(".state", fresh ? latest.state : "no news");
-    latest.position.forEach((v, i) => text(`[data-axis=${"xyz"[i]}]`, `${"xyz"[i]} ${v === null || !fresh ? "–" : v.toFixed(3)}`));
-    const sigma = Math.max(...latest.sigma.map((s) => s ?? NaN));
-    text(".sigma", fresh && Number.isFinite(sigma) ? `${(sigma * 1000).toFixed(1)} mm` : "–");
+    for (const [i, axis] of ["x", "y", "z"].entries()) {
+      const v = fresh ? latest.position[i] : null;
+      text(`[data-axis=${axis}]`, `${axis} ${v === null ? "–" : v.toFixed(3)}`);
+    }
+    const sigma = fresh ? Math.max(...latest.sigma.map((s) => s ?? NaN)) : NaN;
+    text(".sigma", Number.isFinite(sigma) ? `${(sigma * 1000).toFixed(1)} mm` : "–");
     text(".features", fresh ? `${latest.features_matched} of ${latest.features_in_view}` : "–");
     text(".map", fresh ? String(latest.map_points) : "–");
+    text(".confidence", fresh ? `${Math.round(latest.confidence * 100)} %` : "–");
     text(".latency", fresh ? `${(latest.latency * 1000).toFixed(1)} ms` : "–");
+    if (fresh) tellState(`camera ${name}`, latest.state);
+    const details = card.querySelector("details")!;
+    details.hidden = !map || map.points.length === 0;
+    if (!map) continue;
+    const found = map.points.filter((p) => p.state === "found").length;
+    const sigmas = map.points.map(sigmaOf).filter(Number.isFinite).sort((a, b) => a - b);
+    text(
+      "summary",
+      `Map: ${map.map_points} points, ${found} found in the last frame` +
+        (sigmas.length ? `, median 1σ ${(sigmas[sigmas.length >> 1] * 1000).toFixed(1)} mm` : ""),
+    );
+    const body = card.querySelector("tbody")!;
+    if (!details.open || body.dataset.at === String(map.t)) continue;
+    body.dataset.at = String(map.t);
+    body.replaceChildren(
+      ...map.points.map((p) => {
+        const row = document.createElement("tr");
+        const cells = [
+          `${p.id}${p.given ? " (given)" : ""}`,
+          ...p.position.map((v) => (v === null ? "–" : v.toFixed(3))),
+          Number.isFinite(sigmaOf(p)) ? (sigmaOf(p) * 1000).toFixed(1) : "–",
+          mapStates[p.state] ?? p.state,
+        ];
+        row.append(...cells.map((c) => Object.assign(document.createElement("td"), { textContent: c })));
+        return row;
+      }),
+    );
   }
 }
 
@@ -148,7 +203,9 @@ function tick(): void {
   $("service").textContent = !store.connected
     ? "The bridge does not answer: is `huetrack view` still running? Trying again."
     : serving
-      ? `${status!.mode === "run" ? "live cameras" : "replay"} on ${status!.host}, ${status!.set_rate_hz.toFixed(1)} sets/s`
+      ? status!.mode === "held"
+        ? `replay on ${status!.host}, held at its first frames: teach a colour, or resume it there`
+        : `${status!.mode === "run" ? "live cameras" : "replay"} on ${status!.host}, ${status!.set_rate_hz.toFixed(1)} sets/s`
       : `Waiting for huetrackd on ${pulse ? pulse.bus : "DDS"}. The page goes on by itself.`;
   const warnings = [...(serving ? status!.warnings : []), ...(pulse?.trouble ? [pulse.trouble] : [])];
   const list = $("warnings");
@@ -159,6 +216,7 @@ function tick(): void {
     );
     list.hidden = warnings.length === 0;
   }
+  $("targets-title").textContent = store.trackedCameras.size === 0 ? "Targets" : store.targets.size === 0 ? "Tracked camera" : "Targets and tracked camera";
   $("no-targets").hidden = store.targets.size + store.trackedCameras.size > 0;
   updateCameras(serving);
   updateHealth(serving);

@@ -35,6 +35,23 @@ export interface CameraPose {
   latency: number;
 }
 
+export interface CameraMapPoint {
+  id: number;
+  position: [N, N, N];
+  covariance: [N, N, N, N, N, N]; // xx xy xz yy yz zz
+  state: "not_sought" | "missed" | "found";
+  given: boolean; // by the start, not mapped
+}
+
+export interface CameraMap {
+  camera: string;
+  host: string;
+  pid: number;
+  t: number;
+  map_points: number; // that there are; points may be fewer
+  points: CameraMapPoint[];
+}
+
 export interface CameraStatus {
   name: string;
   health: "waiting" | "delivering" | "stalled" | "absent" | "ended" | "unknown";

@@ -1,5 +1,6 @@
 // Plots over the last half minute: one canvas each, all with the same time axis.
-import { colorOf, historySeconds, store, type Sample } from "./store";
+import { lineColorOf, variable } from "./color";
+import { historySeconds, store, tracks, type Sample } from "./store";
 
 interface Series {
   name: string;
@@ -15,15 +16,18 @@ interface Plot {
   series: () => Series[];
   zero?: boolean; // the axis starts at 0
   least?: number; // the axis covers at least so much
+  of?: "target" | "camera"; // only where there is one
 }
 
 const stateColors = { tracking: "--good", coasting: "--warn", searching: "--info", lost: "--bad" } as const;
 
-function perTarget(value: (s: Sample) => number): () => Series[] {
+const colorOfTrack = (track: { name: string; isCamera: boolean }) => (track.isCamera ? "var(--accent)" : lineColorOf(track.name));
+
+function perTrack(value: (s: Sample) => number): () => Series[] {
   return () =>
-    [...store.targets.values()].map((t) => ({
+    tracks().map((t) => ({
       name: t.name,
-      color: colorOf(t.name),
+      color: colorOfTrack(t),
       points: t.history.map((s) => [s.t, value(s)] as [number, number]),
     }));
 }
@@ -36,19 +40,20 @@ const plots: Plot[] = [
     height: 150,
     least: 0.2,
     series: () =>
-      [...store.targets.values()].flatMap((t) =>
+      tracks().flatMap((t) =>
         ["x", "y", "z"].map((axis, i) => ({
           name: `${t.name} ${axis}`,
-          color: colorOf(t.name),
+          color: colorOfTrack(t),
           dash: dashes[i],
           points: t.history.map((s) => [s.t, s.p ? s.p[i] : NaN] as [number, number]),
         })),
       ),
   },
-  { title: "Uncertainty (1σ, largest axis)", unit: "mm", height: 150, zero: true, least: 5, series: perTarget((s) => s.sigma * 1000) },
-  { title: "Speed", unit: "m/s", height: 150, zero: true, least: 0.5, series: perTarget((s) => s.speed) },
-  { title: "Latency, capture to bus", unit: "ms", height: 150, zero: true, least: 5, series: perTarget((s) => s.latency * 1000) },
-  { title: "Effective particles", unit: "", height: 150, zero: true, least: 50, series: perTarget((s) => s.ess) },
+  { title: "Uncertainty (1σ, largest axis)", unit: "mm", height: 150, zero: true, least: 5, series: perTrack((s) => s.sigma * 1000) },
+  { title: "Speed", unit: "m/s", height: 150, zero: true, least: 0.5, series: perTrack((s) => s.speed) },
+  { title: "Latency, capture to bus", unit: "ms", height: 150, zero: true, least: 5, series: perTrack((s) => s.latency * 1000) },
+  { title: "Effective particles", unit: "", height: 150, zero: true, least: 50, of: "target", series: perTrack((s) => s.ess) },
+  { title: "Features matched", unit: "", height: 150, zero: true, least: 10, of: "camera", series: perTrack((s) => s.features) },
   {
     title: "Frame sets tracked",
     unit: "/s",
@@ -61,6 +66,7 @@ const plots: Plot[] = [
 
 interface Drawn {
   plot: Plot;
+  figure: HTMLElement;
   canvas: HTMLCanvasElement;
   now: HTMLElement;
 }
@@ -68,15 +74,23 @@ const drawn: Drawn[] = [];
 const parent = document.getElementById("plots")!;
 const states = document.getElementById("states") as HTMLCanvasElement;
 
+const line = (dash: number[]) =>
+  `<svg width="26" height="8" aria-hidden="true"><line x1="0" y1="4" x2="26" y2="4" stroke="currentcolor" stroke-width="1.8" stroke-dasharray="${dash.join(" ")}"/></svg>`;
+
 for (const plot of plots) {
   const figure = document.createElement("figure");
   figure.className = "plot";
   figure.innerHTML = `<figcaption><b></b> <span class="now"></span></figcaption><canvas role="img"></canvas>`;
   figure.querySelector("b")!.textContent = plot.title + (plot.unit ? `, ${plot.unit}` : "");
+  if (plot.title === "Position")
+    figure.querySelector("figcaption")!.insertAdjacentHTML(
+      "beforeend",
+      `<span class="key">${["x", "y", "z"].map((axis, i) => `${line(dashes[i])} ${axis}`).join(" ")}</span>`,
+    );
   parent.append(figure);
   const canvas = figure.querySelector("canvas")!;
   canvas.style.height = `${plot.height}px`;
-  drawn.push({ plot, canvas, now: figure.querySelector(".now")! });
+  drawn.push({ plot, figure, canvas, now: figure.querySelector(".now")! });
 }
 
 function prepare(canvas: HTMLCanvasElement): [CanvasRenderingContext2D, number, number] {
@@ -93,7 +107,6 @@ function prepare(canvas: HTMLCanvasElement): [CanvasRenderingContext2D, number, 
   return [g, w, h];
 }
 
-const variable = (name: string) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 const resolve = (color: string) => (color.startsWith("var(") ? variable(color.slice(4, -1)) : color);
 
 function step(range: number, count: number): number {
@@ -104,8 +117,22 @@ function step(range: number, count: number): number {
 
 export function newestTime(): number {
   let t = -Infinity;
-  for (const target of store.targets.values()) t = Math.max(t, target.history.at(-1)?.t ?? -Infinity);
+  for (const track of tracks()) t = Math.max(t, track.history.at(-1)?.t ?? -Infinity);
   return t;
+}
+
+// As long as there is something to show, in whole steps of the axis: a service that has just begun does not draw into a corner.
+const ticks = [
+  [10, 2],
+  [20, 5],
+  [historySeconds, 10],
+];
+let span = ticks[0][0];
+let tick = ticks[0][1];
+function fitSpan(end: number): void {
+  let oldest = end;
+  for (const track of tracks()) oldest = Math.min(oldest, track.history[0]?.t ?? end);
+  [span, tick] = ticks.find(([seconds]) => end - oldest <= seconds) ?? ticks[ticks.length - 1];
 }
 
 const left = 46;
@@ -116,7 +143,7 @@ function drawPlot({ plot, canvas }: Drawn, end: number): void {
   const bottom = 18;
   const series = plot.series();
   const own = plot.title.startsWith("Frame sets") ? (store.rates.at(-1)?.t ?? 0) : end;
-  const begin = own - historySeconds;
+  const begin = own - span;
   let low = Infinity;
   let high = -Infinity;
   for (const s of series)
@@ -132,16 +159,16 @@ function drawPlot({ plot, canvas }: Drawn, end: number): void {
   const pad = (high - low) * 0.06;
   high += pad;
   if (!plot.zero) low -= pad;
-  const x = (t: number) => left + ((t - begin) / historySeconds) * (w - left - right);
+  const x = (t: number) => left + ((t - begin) / span) * (w - left - right);
   const y = (v: number) => h - bottom - ((v - low) / (high - low)) * (h - bottom - 6);
   const muted = variable("--muted");
-  g.font = "11px system-ui, sans-serif";
+  g.font = "12px system-ui, sans-serif";
   g.strokeStyle = variable("--line");
   g.fillStyle = muted;
   g.lineWidth = 1;
   g.textAlign = "right";
   g.textBaseline = "middle";
-  const dy = step(high - low, h / 45);
+  const dy = step(high - low, h / 36);
   for (let v = Math.ceil(low / dy) * dy; v <= high; v += dy) {
     g.beginPath();
     g.moveTo(left, y(v));
@@ -175,44 +202,30 @@ function drawPlot({ plot, canvas }: Drawn, end: number): void {
     g.stroke();
   }
   g.restore();
-  if (plot.title === "Position" && series.length) {
-    g.textAlign = "left";
-    g.fillStyle = muted;
-    ["x", "y", "z"].forEach((axis, i) => {
-      g.strokeStyle = muted;
-      g.setLineDash(dashes[i]);
-      g.beginPath();
-      g.moveTo(left + 8 + i * 52, 8);
-      g.lineTo(left + 34 + i * 52, 8);
-      g.stroke();
-      g.fillText(axis, left + 38 + i * 52, 8);
-    });
-    g.setLineDash([]);
-  }
 }
 
 function timeAxis(g: CanvasRenderingContext2D, w: number, h: number): void {
   g.textBaseline = "alphabetic";
-  for (let s = 0; s <= historySeconds; s += 10) {
-    const at = left + (1 - s / historySeconds) * (w - left - right);
-    g.textAlign = s === 0 ? "right" : s === historySeconds ? "left" : "center";
+  for (let s = 0; s <= span; s += tick) {
+    const at = left + (1 - s / span) * (w - left - right);
+    g.textAlign = s === 0 ? "right" : s === span ? "left" : "center";
     g.fillText(s === 0 ? "now" : `−${s} s`, at, h - 4);
   }
 }
 
 function drawStates(end: number): void {
-  const targets = [...store.targets.values()];
+  const targets = tracks();
   states.style.height = `${Math.max(1, targets.length) * 22 + 20}px`;
   const [g, w, h] = prepare(states);
-  const begin = end - historySeconds;
-  const x = (t: number) => left + ((t - begin) / historySeconds) * (w - left - right);
-  g.font = "11px system-ui, sans-serif";
+  const begin = end - span;
+  const x = (t: number) => left + ((t - begin) / span) * (w - left - right);
+  g.font = "12px system-ui, sans-serif";
   targets.forEach((target, row) => {
     const y = row * 22 + 4;
     g.fillStyle = variable("--muted");
     g.textAlign = "right";
     g.textBaseline = "middle";
-    g.fillText(target.name.slice(0, 7), left - 6, y + 8);
+    g.fillText(target.name.length > 7 ? `${target.name.slice(0, 6)}…` : target.name, left - 6, y + 8);
     const samples = target.history.filter((s) => s.t >= begin);
     for (let i = 0; i < samples.length; ) {
       let k = i;
@@ -232,12 +245,15 @@ function drawStates(end: number): void {
   });
   g.fillStyle = variable("--muted");
   timeAxis(g, w, h);
-  states.setAttribute("aria-label", `States over time. Now: ${targets.map((t) => `${t.name} ${t.latest.state}`).join(", ") || "no target"}`);
+  states.setAttribute("aria-label", `States over time. Now: ${targets.map((t) => `${t.name} ${t.history.at(-1)?.state ?? "unknown"}`).join(", ") || "no target"}`);
 }
 
 export function drawPlots(): void {
   const end = newestTime();
-  if (Number.isFinite(end)) drawStates(end);
+  if (Number.isFinite(end)) fitSpan(end);
+  for (const { plot, figure } of drawn)
+    figure.hidden = plot.of === "camera" ? store.trackedCameras.size === 0 : plot.of === "target" && store.targets.size === 0 && store.trackedCameras.size > 0;
+  drawStates(Number.isFinite(end) ? end : 0);
   for (const d of drawn) drawPlot(d, Number.isFinite(end) ? end : 0);
 }
 

@@ -1,142 +1,296 @@
-// The scene in three dimensions: cameras, volume, targets with their uncertainty, and where they have been.
+// The scene in three dimensions: cameras, volume, targets with their uncertainty and where they have been; of a camera that is
+// tracked, where it is and the map by which it knows that.
 import * as THREE from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
-import type { Scene } from "./messages";
-import { colorOf, store, type Target, type TrackedCamera } from "./store";
+import { LineMaterial } from "three/addons/lines/LineMaterial.js";
+import { LineSegments2 } from "three/addons/lines/LineSegments2.js";
+import { LineSegmentsGeometry } from "three/addons/lines/LineSegmentsGeometry.js";
+import { colorOf, lineColorOf, variable } from "./color";
+import type { CameraMap, N, Scene, SceneCamera } from "./messages";
+import { store, type Target, type TrackedCamera } from "./store";
 
 const chi95 = Math.sqrt(7.815); // of three dimensions
 const trailLength = 300;
+const labelHeight = 13; // CSS pixels, however far away
 
-class TargetModel {
-  readonly group = new THREE.Group();
-  private readonly ball: THREE.Mesh<THREE.SphereGeometry, THREE.MeshLambertMaterial>;
-  private readonly ellipsoid: THREE.Mesh<THREE.SphereGeometry, THREE.MeshBasicMaterial>;
-  private readonly trail: THREE.LineSegments<THREE.BufferGeometry, THREE.LineBasicMaterial>;
-  private readonly drop: THREE.Line;
+// The matrix that makes the unit sphere the 95 % ellipsoid: the Cholesky factor of the covariance (xx xy xz yy yz zz).
+function ellipsoidMatrix(c: number[], at: THREE.Vector3, matrix: THREE.Matrix4): THREE.Matrix4 {
+  const l00 = Math.sqrt(Math.max(c[0], 1e-12));
+  const l10 = c[1] / l00;
+  const l20 = c[2] / l00;
+  const l11 = Math.sqrt(Math.max(c[3] - l10 * l10, 1e-12));
+  const l21 = (c[4] - l20 * l10) / l11;
+  const l22 = Math.sqrt(Math.max(c[5] - l20 * l20 - l21 * l21, 1e-12));
+  // prettier-ignore
+  return matrix.set(
+    chi95 * l00, 0, 0, at.x,
+    chi95 * l10, chi95 * l11, 0, at.y,
+    chi95 * l20, chi95 * l21, chi95 * l22, at.z,
+    0, 0, 0, 1);
+}
 
-  constructor(color: THREE.Color, radius: number, private readonly floor: number) {
-    this.ball = new THREE.Mesh(
-      new THREE.SphereGeometry(radius, 24, 16),
-      new THREE.MeshLambertMaterial({ color, emissive: color, emissiveIntensity: 0.35, transparent: true }),
-    );
-    this.ellipsoid = new THREE.Mesh(
-      new THREE.SphereGeometry(1, 24, 16),
-      new THREE.MeshBasicMaterial({ color, transparent: true, opacity: 0.22, depthWrite: false }),
-    );
-    this.trail = new THREE.LineSegments(
-      new THREE.BufferGeometry(),
-      new THREE.LineBasicMaterial({ vertexColors: true, transparent: true, opacity: 0.9 }),
-    );
-    this.trail.frustumCulled = false;
-    this.drop = new THREE.Line(
-      new THREE.BufferGeometry().setFromPoints([new THREE.Vector3(), new THREE.Vector3(0, 0, -1)]),
-      new THREE.LineDashedMaterial({ color, transparent: true, opacity: 0.5, dashSize: 0.03, gapSize: 0.03 }),
-    );
-    this.drop.frustumCulled = false;
-    this.group.add(this.ball, this.ellipsoid, this.trail, this.drop);
+// A line of some pixels' width that fades with age. Kept as segments: it may have gaps.
+class Trail {
+  readonly line: LineSegments2;
+  private readonly material = new LineMaterial({ linewidth: 2.5, vertexColors: true, transparent: true });
+  constructor() {
+    this.line = new LineSegments2(new LineSegmentsGeometry(), this.material);
+    this.line.frustumCulled = false;
   }
-
-  update(target: Target, color: THREE.Color, background: THREE.Color): void {
-    const [x, y, z] = target.latest.position;
-    const there = x !== null && y !== null && z !== null && performance.now() - target.heard < 2000;
-    this.ball.visible = this.ellipsoid.visible = this.drop.visible = there;
-    if (there) {
-      this.ball.position.set(x, y, z);
-      this.ball.material.opacity = target.latest.state === "coasting" ? 0.4 : 1;
-      this.drop.geometry.setFromPoints([new THREE.Vector3(x, y, z), new THREE.Vector3(x, y, this.floor)]);
-      this.drop.computeLineDistances();
-      this.shape(target.latest.covariance, new THREE.Vector3(x, y, z));
-    }
-    const samples = target.history.slice(-trailLength);
-    const points: number[] = [];
+  update(points: { t: number; p: [number, number, number] | null }[], color: THREE.Color, background: THREE.Color): void {
+    const positions: number[] = [];
     const colors: number[] = [];
     const shade = new THREE.Color();
-    for (let i = 1; i < samples.length; i++) {
-      const a = samples[i - 1].p;
-      const b = samples[i].p;
-      if (!a || !b || samples[i].t - samples[i - 1].t > 0.5) continue;
-      points.push(...a, ...b);
+    for (let i = 1; i < points.length; i++) {
+      const a = points[i - 1].p;
+      const b = points[i].p;
+      if (!a || !b || points[i].t - points[i - 1].t > 0.5) continue;
+      positions.push(...a, ...b);
       for (const k of [i - 1, i]) {
-        shade.copy(background).lerp(color, 0.15 + (0.85 * k) / samples.length);
+        shade.copy(background).lerp(color, 0.2 + (0.8 * k) / points.length);
         colors.push(shade.r, shade.g, shade.b);
       }
     }
-    this.trail.geometry.setAttribute("position", new THREE.Float32BufferAttribute(points, 3));
-    this.trail.geometry.setAttribute("color", new THREE.Float32BufferAttribute(colors, 3));
+    this.line.visible = positions.length > 0;
+    if (!positions.length) return;
+    this.line.geometry.dispose();
+    this.line.geometry = new LineSegmentsGeometry();
+    this.line.geometry.setPositions(positions);
+    this.line.geometry.setColors(colors);
   }
-
-  // The ellipsoid is the unit sphere under the Cholesky factor of the covariance.
-  private shape(covariance: (number | null)[], at: THREE.Vector3): void {
-    if (covariance.some((c) => c === null)) {
-      this.ellipsoid.visible = false;
-      return;
-    }
-    const c = covariance as number[];
-    const l00 = Math.sqrt(Math.max(c[0], 1e-12));
-    const l10 = c[3] / l00;
-    const l20 = c[6] / l00;
-    const l11 = Math.sqrt(Math.max(c[4] - l10 * l10, 1e-12));
-    const l21 = (c[7] - l20 * l10) / l11;
-    const l22 = Math.sqrt(Math.max(c[8] - l20 * l20 - l21 * l21, 1e-12));
-    this.ellipsoid.matrixAutoUpdate = false;
-    // prettier-ignore
-    this.ellipsoid.matrix.set(
-      chi95 * l00, 0, 0, at.x,
-      chi95 * l10, chi95 * l11, 0, at.y,
-      chi95 * l20, chi95 * l21, chi95 * l22, at.z,
-      0, 0, 0, 1);
+  dispose(): void {
+    this.line.geometry.dispose();
+    this.material.dispose();
   }
 }
 
-// The camera that moves: its frustum where it is now, and where it has been.
-class TrackedCameraModel {
+class TargetModel {
   readonly group = new THREE.Group();
-  private readonly frustum: THREE.LineSegments<THREE.BufferGeometry, THREE.LineBasicMaterial>;
-  private readonly trail: THREE.LineSegments<THREE.BufferGeometry, THREE.LineBasicMaterial>;
+  readonly label: Label;
+  private readonly ball: THREE.Mesh<THREE.SphereGeometry, THREE.MeshLambertMaterial>;
+  private readonly ellipsoid: THREE.Mesh<THREE.SphereGeometry, THREE.MeshBasicMaterial>;
+  private readonly drop: THREE.Line<THREE.BufferGeometry, THREE.LineDashedMaterial>;
+  private readonly trail = new Trail();
 
-  constructor(depth: number) {
-    const [w, h] = [0.62 * depth, 0.46 * depth];
-    const rim = [[-w, -h], [w, -h], [w, h], [-w, h]].map(([x, y]) => new THREE.Vector3(x, y, depth));
-    const eye = new THREE.Vector3();
-    this.frustum = new THREE.LineSegments(
-      new THREE.BufferGeometry().setFromPoints(rim.flatMap((p, i) => [p, rim[(i + 1) % 4], eye, p])),
-      new THREE.LineBasicMaterial(),
+  constructor(
+    name: string,
+    private readonly radius: number,
+    private readonly floor: number,
+  ) {
+    this.ball = new THREE.Mesh(new THREE.SphereGeometry(radius, 24, 16), new THREE.MeshLambertMaterial({ transparent: true }));
+    this.ellipsoid = new THREE.Mesh(
+      new THREE.SphereGeometry(1, 24, 16),
+      new THREE.MeshBasicMaterial({ transparent: true, opacity: 0.25, depthWrite: false }),
     );
-    this.trail = new THREE.LineSegments(new THREE.BufferGeometry(), new THREE.LineBasicMaterial({ transparent: true, opacity: 0.6 }));
-    this.trail.frustumCulled = false;
-    this.group.add(this.frustum, this.trail);
+    this.ellipsoid.matrixAutoUpdate = false;
+    this.drop = new THREE.Line(
+      new THREE.BufferGeometry().setFromPoints([new THREE.Vector3(), new THREE.Vector3(0, 0, -1)]),
+      new THREE.LineDashedMaterial({ transparent: true, opacity: 0.7, dashSize: 0.03, gapSize: 0.03 }),
+    );
+    this.drop.frustumCulled = false;
+    this.label = new Label(name);
+    this.group.add(this.ball, this.ellipsoid, this.trail.line, this.drop, this.label.sprite);
   }
 
-  update(camera: TrackedCamera, color: THREE.Color): void {
-    const [x, y, z] = camera.latest.position;
-    const [qx, qy, qz, qw] = camera.latest.orientation;
-    this.frustum.visible = x !== null && y !== null && z !== null && performance.now() - camera.heard < 2000;
-    if (this.frustum.visible) {
-      this.frustum.position.set(x!, y!, z!);
-      this.frustum.quaternion.set(qx!, qy!, qz!, qw!);
+  update(target: Target, background: THREE.Color): void {
+    const own = new THREE.Color(colorOf(target.name));
+    const lines = new THREE.Color(lineColorOf(target.name));
+    this.ball.material.color.copy(own);
+    this.ball.material.emissive.copy(own).multiplyScalar(0.35);
+    this.ellipsoid.material.color.copy(lines);
+    this.drop.material.color.copy(lines);
+    const [x, y, z] = target.latest.position;
+    const there = x !== null && y !== null && z !== null && performance.now() - target.heard < 2000;
+    this.ball.visible = this.ellipsoid.visible = this.drop.visible = this.label.sprite.visible = there;
+    if (there) {
+      const at = new THREE.Vector3(x, y, z);
+      this.ball.position.copy(at);
+      this.label.sprite.position.copy(at).setZ(z + 1.6 * this.radius);
+      this.ball.material.opacity = target.latest.state === "coasting" ? 0.4 : 1;
+      this.drop.geometry.setFromPoints([at, at.clone().setZ(this.floor)]);
+      this.drop.computeLineDistances();
+      const c = target.latest.covariance;
+      this.ellipsoid.visible = c.every((v) => v !== null);
+      if (this.ellipsoid.visible) ellipsoidMatrix([0, 1, 2, 4, 5, 8].map((i) => c[i]!), at, this.ellipsoid.matrix);
     }
-    this.frustum.material.color.copy(color);
-    this.trail.material.color.copy(color);
-    const points: number[] = [];
-    for (let i = 1; i < camera.trail.length; i++) {
-      const [a, b] = [camera.trail[i - 1], camera.trail[i]];
-      if (a.p && b.p && b.t - a.t < 0.5) points.push(...a.p, ...b.p);
+    this.trail.update(target.history.slice(-trailLength), lines, background);
+  }
+
+  dispose(): void {
+    this.trail.dispose();
+    this.label.dispose();
+    for (const part of [this.ball, this.ellipsoid, this.drop]) {
+      part.geometry.dispose();
+      part.material.dispose();
     }
-    this.trail.geometry.setAttribute("position", new THREE.Float32BufferAttribute(points, 3));
+  }
+}
+
+// The camera that moves: its frustum where it is now, where it has been, and its map.
+class TrackedCameraModel {
+  readonly group = new THREE.Group();
+  readonly label: Label;
+  private readonly frustum: LineSegments2;
+  private readonly frustumMaterial = new LineMaterial({ linewidth: 2.5 });
+  private readonly trail = new Trail();
+  private readonly points: THREE.Points<THREE.BufferGeometry, THREE.PointsMaterial>;
+  private ellipsoids: THREE.InstancedMesh<THREE.IcosahedronGeometry, THREE.MeshBasicMaterial> | null = null;
+  private shown: CameraMap | null = null;
+  private shownWith = "";
+
+  constructor(
+    name: string,
+    camera: SceneCamera | undefined,
+  ) {
+    const depth = 1; // scaled in update()
+    const [fx, fy, cx, cy] = camera?.intrinsics ?? [500, 500, 319.5, 239.5];
+    const [w, h] = camera?.size ?? [640, 480];
+    const rim = [[-0.5, -0.5], [w - 0.5, -0.5], [w - 0.5, h - 0.5], [-0.5, h - 0.5]].map(
+      ([u, v]) => new THREE.Vector3(((u - cx) / fx) * depth, ((v - cy) / fy) * depth, depth),
+    );
+    const eye = new THREE.Vector3();
+    const corners = rim.flatMap((p, i) => [p, rim[(i + 1) % 4], eye, p]);
+    const geometry = new LineSegmentsGeometry();
+    geometry.setPositions(corners.flatMap((p) => p.toArray()));
+    this.frustum = new LineSegments2(geometry, this.frustumMaterial);
+    this.points = new THREE.Points(
+      new THREE.BufferGeometry(),
+      new THREE.PointsMaterial({ size: 3.5 * Math.min(devicePixelRatio, 2), sizeAttenuation: false, vertexColors: true }),
+    );
+    this.points.frustumCulled = false;
+    this.label = new Label(name);
+    this.group.add(this.frustum, this.trail.line, this.points, this.label.sprite);
+  }
+
+  // size: of all that is shown, m.
+  update(camera: TrackedCamera, color: THREE.Color, background: THREE.Color, size: number): void {
+    const { latest } = camera;
+    const there = !!latest && latest.position.every((v) => v !== null) && performance.now() - camera.heard < 2000;
+    this.frustum.visible = this.label.sprite.visible = there;
+    if (there) {
+      const at = new THREE.Vector3(...(latest.position as [number, number, number]));
+      this.frustum.position.copy(at);
+      this.frustum.scale.setScalar(size * 0.09);
+      this.frustum.quaternion.set(...(latest.orientation as [number, number, number, number]));
+      this.label.sprite.position.copy(at).setZ(at.z + size * 0.03);
+    }
+    this.frustumMaterial.color.copy(color);
+    this.trail.update(camera.history.slice(-2 * trailLength), color, background);
+    const theme = document.documentElement.dataset.theme ?? "";
+    if (camera.map && (camera.map !== this.shown || theme !== this.shownWith)) this.showMap(camera.map, size);
+    this.shownWith = theme;
+  }
+
+  private showMap(map: CameraMap, size: number): void {
+    this.shown = map;
+    const palette = {
+      found: new THREE.Color(variable("--good")),
+      missed: new THREE.Color(variable("--bad")),
+      not_sought: new THREE.Color(variable("--muted")),
+    };
+    const known = map.points.filter((p) => p.position.every((v) => v !== null));
+    const at = (p: (typeof known)[0]) => new THREE.Vector3(...(p.position as [number, number, number]));
+    this.points.geometry.dispose();
+    this.points.geometry = new THREE.BufferGeometry();
+    this.points.geometry.setAttribute("position", new THREE.Float32BufferAttribute(known.flatMap((p) => p.position as number[]), 3));
+    this.points.geometry.setAttribute("color", new THREE.Float32BufferAttribute(known.flatMap((p) => palette[p.state].toArray()), 3));
+    // Where a point is all but unknown, its ellipsoid would only hide the rest.
+    const sure = known.filter(
+      (p) => p.covariance.every((v) => v !== null) && Math.max(p.covariance[0]!, p.covariance[3]!, p.covariance[5]!) < (0.07 * size) ** 2,
+    );
+    if (this.ellipsoids) {
+      this.group.remove(this.ellipsoids);
+      this.ellipsoids.dispose();
+      this.ellipsoids.geometry.dispose();
+      this.ellipsoids.material.dispose();
+    }
+    this.ellipsoids = new THREE.InstancedMesh(
+      new THREE.IcosahedronGeometry(1, 1),
+      new THREE.MeshBasicMaterial({ transparent: true, opacity: 0.22, depthWrite: false }),
+      Math.max(1, sure.length),
+    );
+    this.ellipsoids.count = sure.length;
+    this.ellipsoids.frustumCulled = false;
+    const matrix = new THREE.Matrix4();
+    sure.forEach((p, i) => {
+      this.ellipsoids!.setMatrixAt(i, ellipsoidMatrix(p.covariance as number[], at(p), matrix));
+      this.ellipsoids!.setColorAt(i, palette[p.state]);
+    });
+    this.group.add(this.ellipsoids);
+  }
+
+  dispose(): void {
+    this.trail.dispose();
+    this.label.dispose();
+    this.frustum.geometry.dispose();
+    this.frustumMaterial.dispose();
+    this.points.geometry.dispose();
+    this.points.material.dispose();
+    this.ellipsoids?.geometry.dispose();
+    this.ellipsoids?.material.dispose();
+  }
+}
+
+// A word that is as large from everywhere, with a rim that keeps it readable on lines.
+class Label {
+  readonly sprite: THREE.Sprite;
+  private readonly canvas = document.createElement("canvas");
+  private drawn = "";
+  constructor(private readonly text: string) {
+    this.sprite = new THREE.Sprite(
+      new THREE.SpriteMaterial({ map: new THREE.CanvasTexture(this.canvas), depthTest: false, sizeAttenuation: false }),
+    );
+    this.sprite.renderOrder = 1;
+    this.sprite.center.set(0.5, 0);
+  }
+  // perPixel: what a CSS pixel is at a distance of 1.
+  update(ink: string, rim: string, perPixel: number): void {
+    const scale = Math.min(devicePixelRatio, 2);
+    if (this.drawn !== ink + rim) {
+      this.drawn = ink + rim;
+      const g = this.canvas.getContext("2d")!;
+      const font = `600 ${labelHeight * scale}px system-ui, sans-serif`;
+      g.font = font;
+      this.canvas.width = Math.ceil(g.measureText(this.text).width) + 8 * scale;
+      this.canvas.height = Math.ceil(labelHeight * 1.5 * scale);
+      g.font = font;
+      g.textBaseline = "middle";
+      g.lineJoin = "round";
+      g.lineWidth = 3 * scale;
+      g.strokeStyle = rim;
+      g.strokeText(this.text, 4 * scale, this.canvas.height / 2);
+      g.fillStyle = ink;
+      g.fillText(this.text, 4 * scale, this.canvas.height / 2);
+      this.sprite.material.map!.dispose();
+      const texture = new THREE.CanvasTexture(this.canvas);
+      texture.colorSpace = THREE.SRGBColorSpace;
+      texture.minFilter = THREE.LinearFilter;
+      this.sprite.material.map = texture;
+    }
+    this.sprite.scale.set((this.canvas.width / scale) * perPixel, (this.canvas.height / scale) * perPixel, 1);
+  }
+  dispose(): void {
+    this.sprite.material.map?.dispose();
+    this.sprite.material.dispose();
   }
 }
 
 export class Scene3d {
   private readonly renderer: THREE.WebGLRenderer;
   private readonly scene = new THREE.Scene();
-  private readonly camera = new THREE.PerspectiveCamera(45, 1.5, 0.01, 100);
+  private readonly camera = new THREE.PerspectiveCamera(40, 1.5, 0.01, 200);
   private readonly controls: OrbitControls;
   private readonly still = new THREE.Group(); // what only the scene's message changes
   private readonly models = new Map<string, TargetModel>();
-  private readonly cameras = new Map<string, TrackedCameraModel>();
+  private readonly tracked = new Map<string, TrackedCameraModel>();
+  private labels: Label[] = []; // of the still things
   private shown: Scene | null = null;
-  private center = new THREE.Vector3(0, 0, 1);
+  private shownWith = "";
+  private extent: THREE.Vector3[] = [new THREE.Vector3(-1, -1, 0), new THREE.Vector3(1, 1, 2)]; // what has to fit in
+  // Of tracked cameras: their maps, and where they were.
+  private readonly roamed = new Map<string, { map: CameraMap | null; cloud: THREE.Vector3[]; way: THREE.Vector3[] }>();
   private reach = 3;
+  private isTouched = false; // somebody turned it: it stays as they want it
 
   // throws when the browser has no WebGL
   constructor(private readonly canvas: HTMLCanvasElement) {
@@ -145,14 +299,53 @@ export class Scene3d {
     this.scene.add(new THREE.HemisphereLight(0xffffff, 0x667788, 2.4), this.still);
     this.controls = new OrbitControls(this.camera, canvas);
     this.controls.enableDamping = false;
+    this.controls.addEventListener("start", () => (this.isTouched = true));
     canvas.addEventListener("keydown", (event) => this.key(event));
     this.home();
   }
 
   home(): void {
-    this.controls.target.copy(this.center);
-    this.camera.position.copy(this.center).add(new THREE.Vector3(-0.95, -1.6, 1.05).multiplyScalar(this.reach));
+    this.isTouched = false;
+    this.fit();
+  }
+
+  // Everything in view, and no farther away than that needs.
+  private fit(share = 0.9): void {
+    const back = new THREE.Vector3(-0.5, -0.84, 0.5).normalize(); // from the middle to the eye
+    const right = new THREE.Vector3(0, 0, 1).cross(back).normalize();
+    const up = back.clone().cross(right);
+    const tanY = Math.tan(THREE.MathUtils.degToRad(this.camera.fov / 2)) * share; // the rest is a margin
+    const width = Math.max(1, this.canvas.clientWidth);
+    const tanX = tanY * this.camera.aspect * Math.max(0.6, 1 - 50 / width); // half a label on either side
+    const points = [...this.extent];
+    for (const { cloud, way } of this.roamed.values()) points.push(...cloud, ...way);
+    const center = new THREE.Box3().setFromPoints(points).getCenter(new THREE.Vector3());
+    let distance = 1;
+    for (let round = 0; round < 4; round++) {
+      distance = 0.05;
+      for (const p of points) {
+        const q = p.clone().sub(center);
+        distance = Math.max(distance, q.dot(back) + Math.abs(q.dot(right)) / tanX, q.dot(back) + Math.abs(q.dot(up)) / tanY);
+      }
+      // Perspective makes the near side larger: the middle of what is seen goes to the middle of the picture.
+      const seen = points.map((p) => {
+        const q = p.clone().sub(center);
+        const depth = distance - q.dot(back);
+        return [q.dot(right) / depth, q.dot(up) / depth];
+      });
+      const middle = [0, 1].map((i) => (Math.max(...seen.map((s) => s[i])) + Math.min(...seen.map((s) => s[i]))) / 2);
+      center.addScaledVector(right, middle[0] * distance).addScaledVector(up, middle[1] * distance);
+    }
+    this.controls.target.copy(center);
+    this.camera.position.copy(center).addScaledVector(back, distance);
     this.controls.update();
+  }
+
+  // How large what is shown is, m.
+  private size(): number {
+    const points = [...this.extent];
+    for (const { cloud, way } of this.roamed.values()) points.push(...cloud, ...way);
+    return new THREE.Box3().setFromPoints(points).getSize(new THREE.Vector3()).length();
   }
 
   private key(event: KeyboardEvent): void {
@@ -164,9 +357,12 @@ export class Scene3d {
     else if (event.key === "ArrowDown") s.phi += 0.1;
     else if (event.key === "+" || event.key === "=") s.radius *= 0.9;
     else if (event.key === "-") s.radius *= 1.1;
-    else if (event.key === "Home") return this.home();
-    else return;
+    else if (event.key === "Home") {
+      event.preventDefault();
+      return this.home();
+    } else return;
     event.preventDefault();
+    this.isTouched = true;
     s.makeSafe();
     const v = new THREE.Vector3().setFromSpherical(s);
     this.camera.position.copy(this.controls.target).add(new THREE.Vector3(v.z, v.x, v.y));
@@ -174,42 +370,42 @@ export class Scene3d {
   }
 
   render(): void {
-    const style = getComputedStyle(document.documentElement);
-    const background = new THREE.Color(style.getPropertyValue("--panel").trim() || "#fff");
-    const ink = new THREE.Color(style.getPropertyValue("--muted").trim() || "#555");
-    const key = `${ink.getHexString()}`;
-    if (store.scene && (store.scene !== this.shown || this.canvas.dataset.ink !== key)) {
-      const moved = this.shown?.rig_identity !== store.scene.rig_identity;
+    const theme = document.documentElement.dataset.theme ?? "";
+    const background = new THREE.Color(variable("--panel"));
+    const ink = new THREE.Color(variable("--muted"));
+    const trackedNow = [...store.trackedCameras.keys()].join();
+    const how = theme + trackedNow;
+    if (store.scene && (store.scene !== this.shown || this.shownWith !== how)) {
+      const isOther = this.shown?.rig_identity !== store.scene.rig_identity;
+      if (isOther) this.roamed.clear();
       this.shown = store.scene;
-      this.canvas.dataset.ink = key;
+      this.shownWith = how;
       this.build(store.scene, ink);
-      if (moved) this.home();
+      if (isOther) this.isTouched = false;
+      if (!this.isTouched) this.fit();
     }
-    for (const [name, model] of this.models) {
-      if (store.targets.has(name)) continue;
-      this.scene.remove(model.group);
-      this.models.delete(name);
-    }
+    for (const [name, model] of this.models) if (!store.targets.has(name)) this.drop(this.models, name, model);
+    for (const [name, model] of this.tracked) if (!store.trackedCameras.has(name)) this.drop(this.tracked, name, model);
     for (const target of store.targets.values()) {
-      const color = new THREE.Color(colorOf(target.name));
       let model = this.models.get(target.name);
       if (!model && this.shown) {
         const radius = this.shown.targets.find((t) => t.name === target.name)?.radius ?? 0.04;
-        model = new TargetModel(color, radius, this.shown.volume[0][2]);
+        model = new TargetModel(target.name, radius, this.shown.volume[0][2]);
         this.models.set(target.name, model);
         this.scene.add(model.group);
       }
-      model?.update(target, color, background);
+      model?.update(target, background);
     }
-    const accent = new THREE.Color(style.getPropertyValue("--accent").trim() || "#36c");
+    const accent = new THREE.Color(variable("--accent"));
     for (const [name, camera] of store.trackedCameras) {
-      let model = this.cameras.get(name);
-      if (!model) {
-        model = new TrackedCameraModel(this.reach * 0.12);
-        this.cameras.set(name, model);
+      let model = this.tracked.get(name);
+      if (!model && this.shown) {
+        model = new TrackedCameraModel(name, this.shown.cameras.find((c) => c.name === name));
+        this.tracked.set(name, model);
         this.scene.add(model.group);
       }
-      model.update(camera, accent);
+      this.follow(name, camera);
+      model?.update(camera, accent, background, this.size());
     }
     const { clientWidth: w, clientHeight: h } = this.canvas;
     const size = this.renderer.getSize(new THREE.Vector2());
@@ -217,48 +413,102 @@ export class Scene3d {
       this.renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
       this.renderer.setSize(w, h, false);
       this.camera.aspect = w / Math.max(1, h);
-      this.camera.fov = this.camera.aspect < 1 ? 60 : 45; // narrow: everything still fits in
       this.camera.updateProjectionMatrix();
+      if (!this.isTouched) this.fit();
     }
+    const perPixel = (2 * Math.tan(THREE.MathUtils.degToRad(this.camera.fov / 2))) / Math.max(1, h);
+    const rim = variable("--panel");
+    for (const label of this.labels) label.update(variable("--muted"), rim, perPixel);
+    for (const model of [...this.models.values(), ...this.tracked.values()]) model.label.update(variable("--ink"), rim, perPixel);
     this.renderer.render(this.scene, this.camera);
   }
 
-  private build(scene: Scene, ink: THREE.Color): void {
-    this.still.clear();
-    for (const [name, model] of this.models) {
-      this.scene.remove(model.group);
-      this.models.delete(name);
+  // The view grows with where a camera went and what it mapped; with some room, so that it does not creep.
+  private follow(name: string, camera: TrackedCamera): void {
+    const old = this.roamed.get(name);
+    let cloud = old?.cloud ?? [];
+    if (camera.map && camera.map !== old?.map) {
+      const known = camera.map.points.filter((p) => p.position.every((v) => v !== null)).map((p) => p.position as number[]);
+      // A few points of a map are always astray.
+      const range = [0, 1, 2].map((i) => {
+        const sorted = known.map((p) => p[i]).sort((a, b) => a - b);
+        const cut = Math.floor(sorted.length * 0.02);
+        return [sorted[cut], sorted[sorted.length - 1 - cut]];
+      });
+      cloud = known.filter((p) => p.every((v, i) => v >= range[i][0] && v <= range[i][1])).map(([x, y, z]) => new THREE.Vector3(x, y, z));
     }
+    const way: THREE.Vector3[] = [];
+    for (let i = 0; i < camera.history.length; i += 15) {
+      const p = camera.history[i].p;
+      if (p) way.push(new THREE.Vector3(...p));
+    }
+    const now = camera.latest?.position;
+    if (now && now.every((v) => v !== null)) way.push(new THREE.Vector3(...(now as [number, number, number])));
+    this.roamed.set(name, { map: camera.map, cloud, way });
+    const isOut = (p: THREE.Vector3) => {
+      const { x, y, z } = p.clone().project(this.camera);
+      return Math.abs(x) > 0.98 || Math.abs(y) > 0.98 || z > 1;
+    };
+    const isFirst = cloud.length > 0 && !old?.cloud.length;
+    if (!this.isTouched && (isFirst || way.some(isOut) || cloud.some(isOut))) this.fit(isFirst ? 0.9 : 0.8);
+  }
+
+  private drop<M extends { group: THREE.Group; dispose(): void }>(models: Map<string, M>, name: string, model: M): void {
+    this.scene.remove(model.group);
+    model.dispose();
+    models.delete(name);
+  }
+
+  private build(scene: Scene, ink: THREE.Color): void {
+    this.still.traverse((part) => {
+      if (part instanceof THREE.LineSegments) {
+        part.geometry.dispose();
+        part.material.dispose();
+      }
+    });
+    this.still.clear();
+    for (const label of this.labels) label.dispose();
+    this.labels = [];
+    for (const [name, model] of this.models) this.drop(this.models, name, model);
+    for (const [name, model] of this.tracked) this.drop(this.tracked, name, model);
+
+    // A camera that is tracked is where it is tracked, not where the rig file has it. Without targets the volume, too,
+    // stands for nothing.
+    const cameras = scene.cameras.filter((c) => !store.trackedCameras.has(c.name));
+    const hasVolume = scene.targets.length > 0;
     const low = new THREE.Vector3(...scene.volume[0]);
     const high = new THREE.Vector3(...scene.volume[1]);
-    const size = high.clone().sub(low);
-    const bounds = new THREE.Box3(low, high);
-    for (const camera of scene.cameras) bounds.expandByPoint(new THREE.Vector3(...camera.position));
-    this.center = bounds.getCenter(new THREE.Vector3());
+    const bounds = new THREE.Box3();
+    if (hasVolume) bounds.set(low, high);
+    for (const camera of cameras) bounds.expandByPoint(new THREE.Vector3(...camera.position));
+    if (bounds.isEmpty()) bounds.set(new THREE.Vector3(-0.2, -0.2, 0), new THREE.Vector3(0.2, 0.2, 0.2));
     this.reach = Math.max(bounds.getSize(new THREE.Vector3()).length() * 0.46, 0.2);
+    this.extent = hasVolume ? cornersOf(new THREE.Box3(low, high)) : [];
 
-    const box = new THREE.LineSegments(
-      new THREE.EdgesGeometry(new THREE.BoxGeometry(size.x, size.y, size.z)),
-      new THREE.LineBasicMaterial({ color: ink, transparent: true, opacity: 0.55 }),
-    );
-    box.position.copy(low).add(high).multiplyScalar(0.5);
-    this.still.add(box);
-    const cell = size.x > 8 ? 1 : size.x > 1.5 ? 0.25 : 0.1; // m
-    const grid: THREE.Vector3[] = [];
-    for (let x = Math.ceil(low.x / cell) * cell; x <= high.x + 1e-9; x += cell)
-      grid.push(new THREE.Vector3(x, low.y, low.z), new THREE.Vector3(x, high.y, low.z));
-    for (let y = Math.ceil(low.y / cell) * cell; y <= high.y + 1e-9; y += cell)
-      grid.push(new THREE.Vector3(low.x, y, low.z), new THREE.Vector3(high.x, y, low.z));
-    this.still.add(
-      new THREE.LineSegments(
-        new THREE.BufferGeometry().setFromPoints(grid),
-        new THREE.LineBasicMaterial({ color: ink, transparent: true, opacity: 0.18 }),
-      ),
-    );
-    const axes = new THREE.AxesHelper(Math.min(size.x, size.y, size.z) / 5);
-    this.still.add(axes);
-    const depth = this.reach * 0.16;
-    for (const camera of scene.cameras) {
+    const size = high.clone().sub(low);
+    if (hasVolume) {
+      const box = new THREE.LineSegments(
+        new THREE.EdgesGeometry(new THREE.BoxGeometry(size.x, size.y, size.z)),
+        new THREE.LineBasicMaterial({ color: ink, transparent: true, opacity: 0.6 }),
+      );
+      box.position.copy(low).add(high).multiplyScalar(0.5);
+      const cell = size.x > 8 ? 1 : size.x > 1.5 ? 0.25 : 0.1; // m
+      const grid: THREE.Vector3[] = [];
+      for (let x = Math.ceil(low.x / cell) * cell; x <= high.x + 1e-9; x += cell)
+        grid.push(new THREE.Vector3(x, low.y, low.z), new THREE.Vector3(x, high.y, low.z));
+      for (let y = Math.ceil(low.y / cell) * cell; y <= high.y + 1e-9; y += cell)
+        grid.push(new THREE.Vector3(low.x, y, low.z), new THREE.Vector3(high.x, y, low.z));
+      this.still.add(box, segments(grid, new THREE.LineBasicMaterial({ color: ink, transparent: true, opacity: 0.25 })));
+    }
+    const arm = hasVolume ? Math.min(size.x, size.y, size.z) / 5 : this.reach / 3;
+    ["x", "y", "z"].forEach((name, i) => {
+      const end = new THREE.Vector3().setComponent(i, arm);
+      this.still.add(segments([new THREE.Vector3(), end], new THREE.LineBasicMaterial({ color: ink })));
+      this.extent.push(end);
+      this.addLabel(name, end);
+    });
+    const depth = this.reach * 0.2;
+    for (const camera of cameras) {
       const eye = new THREE.Vector3(...camera.position);
       const rim: THREE.Vector3[] = [];
       for (let i = 0; i + 2 < camera.border.length; i += 3) {
@@ -270,30 +520,26 @@ export class Scene3d {
         lines.push(p, rim[(i + 1) % rim.length]);
         if (i % (rim.length / 4) === 0) lines.push(eye, p);
       });
-      this.still.add(
-        new THREE.LineSegments(
-          new THREE.BufferGeometry().setFromPoints(lines),
-          new THREE.LineBasicMaterial({ color: ink }),
-        ),
-      );
-      const text = sprite(camera.name, `#${ink.getHexString()}`, this.reach * 0.05);
-      text.position.copy(eye).add(new THREE.Vector3(0, 0, this.reach * 0.04));
-      this.still.add(text);
+      this.still.add(segments(lines, new THREE.LineBasicMaterial({ color: ink })));
+      this.extent.push(eye, ...rim);
+      this.addLabel(camera.name, eye);
     }
+  }
+
+  private addLabel(text: string, at: THREE.Vector3): void {
+    const label = new Label(text);
+    label.sprite.position.copy(at);
+    this.labels.push(label);
+    this.still.add(label.sprite);
   }
 }
 
-function sprite(text: string, color: string, height: number): THREE.Sprite {
-  const canvas = document.createElement("canvas");
-  const g = canvas.getContext("2d")!;
-  g.font = "600 44px system-ui, sans-serif";
-  canvas.width = Math.ceil(g.measureText(text).width) + 12;
-  canvas.height = 60;
-  g.font = "600 44px system-ui, sans-serif";
-  g.fillStyle = color;
-  g.textBaseline = "middle";
-  g.fillText(text, 6, 30);
-  const sprite = new THREE.Sprite(new THREE.SpriteMaterial({ map: new THREE.CanvasTexture(canvas), depthTest: false }));
-  sprite.scale.set((height * canvas.width) / canvas.height, height, 1);
-  return sprite;
+function segments(points: THREE.Vector3[], material: THREE.LineBasicMaterial): THREE.LineSegments {
+  return new THREE.LineSegments(new THREE.BufferGeometry().setFromPoints(points), material);
+}
+
+function cornersOf(box: THREE.Box3): THREE.Vector3[] {
+  return [0, 1, 2, 3, 4, 5, 6, 7].map(
+    (i) => new THREE.Vector3(i & 1 ? box.max.x : box.min.x, i & 2 ? box.max.y : box.min.y, i & 4 ? box.max.z : box.min.z),
+  );
 }

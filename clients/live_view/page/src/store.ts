@@ -1,5 +1,5 @@
 // What the page knows. The views read it; nothing here touches the document.
-import type { CameraPose, Position, Pulse, Scene, State, Status } from "./messages";
+import type { CameraMap, CameraPose, Position, Pulse, Scene, State, Status } from "./messages";
 
 export const historySeconds = 30;
 
@@ -10,8 +10,8 @@ export interface Sample {
   sigma: number; // largest axis, m; NaN without a position
   speed: number;
   latency: number;
-  ess: number;
-  share: number; // ess of the particles
+  ess: number; // NaN of a camera
+  features: number; // matched; NaN of a target
 }
 
 export interface Target {
@@ -22,9 +22,10 @@ export interface Target {
 }
 
 export interface TrackedCamera {
-  latest: CameraPose;
+  latest: CameraPose | null;
   heard: number;
-  trail: { t: number; p: [number, number, number] | null }[];
+  history: Sample[];
+  map: CameraMap | null;
 }
 
 export const store = {
@@ -76,26 +77,59 @@ export function takePosition(sample: Position): void {
     speed: length(sample.velocity),
     latency: sample.latency,
     ess: sample.ess,
-    share: sample.particles > 0 ? sample.ess / sample.particles : 0,
+    features: NaN,
   });
-  const from = sample.t - historySeconds;
+  forgetOld(target.history);
+}
+
+function forgetOld(history: Sample[]): void {
+  const from = history[history.length - 1].t - historySeconds;
   let old = 0;
-  while (old < target.history.length && target.history[old].t < from) old++;
-  if (old > 60) target.history.splice(0, old);
+  while (old < history.length && history[old].t < from) old++;
+  if (old > 60) history.splice(0, old);
+}
+
+function trackedCamera(name: string): TrackedCamera {
+  let camera = store.trackedCameras.get(name);
+  if (!camera) {
+    camera = { latest: null, heard: 0, history: [], map: null };
+    store.trackedCameras.set(name, camera);
+  }
+  return camera;
+}
+
+export function takeCameraMap(map: CameraMap): void {
+  trackedCamera(map.camera).map = map;
 }
 
 export function takeCameraPose(sample: CameraPose): void {
-  let camera = store.trackedCameras.get(sample.camera);
-  if (!camera) {
-    camera = { latest: sample, heard: 0, trail: [] };
-    store.trackedCameras.set(sample.camera, camera);
-  }
-  if (camera.trail.length && sample.t < camera.trail.at(-1)!.t) camera.trail = [];
+  const camera = trackedCamera(sample.camera);
+  if (camera.history.length && sample.t < camera.history.at(-1)!.t) camera.history = [];
   camera.latest = sample;
   camera.heard = performance.now();
   const [x, y, z] = sample.position;
-  camera.trail.push({ t: sample.t, p: x === null || y === null || z === null ? null : [x, y, z] });
-  if (camera.trail.length > 900) camera.trail.splice(0, 300);
+  const p: Sample["p"] = x === null || y === null || z === null ? null : [x, y, z];
+  const before = camera.history.at(-1);
+  const moved = p && before?.p ? Math.hypot(p[0] - before.p[0], p[1] - before.p[1], p[2] - before.p[2]) : NaN;
+  camera.history.push({
+    t: sample.t,
+    state: sample.state,
+    p,
+    sigma: p ? Math.max(...sample.sigma.map((s) => s ?? NaN)) : NaN,
+    speed: before && sample.t > before.t ? moved / (sample.t - before.t) : NaN,
+    latency: sample.latency,
+    ess: NaN,
+    features: sample.features_matched,
+  });
+  forgetOld(camera.history);
+}
+
+// Everything that has a position: targets, then tracked cameras.
+export function tracks(): { name: string; isCamera: boolean; history: Sample[] }[] {
+  return [
+    ...[...store.targets.values()].map((t) => ({ name: t.name, isCamera: false, history: t.history })),
+    ...[...store.trackedCameras].map(([name, c]) => ({ name, isCamera: true, history: c.history })),
+  ];
 }
 
 export function takeStatus(status: Status): void {
@@ -110,11 +144,6 @@ export function takeStatus(status: Status): void {
 
 export function isServing(): boolean {
   return store.connected && store.status !== null && performance.now() - store.statusHeard < 4000;
-}
-
-export function colorOf(name: string): string {
-  const rgb = store.scene?.targets.find((t) => t.name === name)?.rgb ?? [0.5, 0.6, 0.9];
-  return `rgb(${rgb.map((x) => Math.round(x * 255)).join(", ")})`;
 }
 
 export function forget(): void {

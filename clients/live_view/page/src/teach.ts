@@ -1,6 +1,6 @@
 // Teaching a colour: freeze the pictures, point at the object, look at what matches, save. The page keeps what the user did
 // and sends all of it with every request; replies come back over the stream.
-import { bitmapOf } from "./cameras";
+import { bitmapOf, label } from "./cameras";
 import type { Ignore, Scene, TaughtCamera, TeachReply } from "./messages";
 import { store } from "./store";
 
@@ -28,6 +28,7 @@ let ignored: Ignore[] = [];
 let wider = 0;
 let isIgnoring = false;
 let hasLearnt = false;
+let service = ""; // whose pictures these are
 
 const panel = $("teach-panel");
 const say = (text: string, isBad = false) => {
@@ -52,20 +53,23 @@ async function ask(action: string): Promise<void> {
     wider,
   });
   update();
-  try {
-    const answer = await fetch("/api/teach", { method: "POST", headers: { "Content-Type": "application/json" }, body });
-    if (!answer.ok) throw new Error((await answer.text()).trim());
-  } catch (error) {
-    pending = 0;
-    update();
-    return say(`The request did not go through: ${error instanceof Error ? error.message : error}`, true);
-  }
-  setTimeout(() => {
+  // Again when nothing comes back: a service that has just started may not have met the bridge yet. A second reply to the
+  // same request is not waited for any more.
+  for (let attempt = 0; attempt < 3; attempt++) {
+    try {
+      const answer = await fetch("/api/teach", { method: "POST", headers: { "Content-Type": "application/json" }, body });
+      if (!answer.ok) throw new Error((await answer.text()).trim());
+    } catch (error) {
+      pending = 0;
+      update();
+      return say(`The request did not go through: ${error instanceof Error ? error.message : error}`, true);
+    }
+    await new Promise((resolve) => setTimeout(resolve, 3000));
     if (pending !== mine) return;
-    pending = 0;
-    update();
-    say("The service did not answer. Is it still running?", true);
-  }, 8000);
+  }
+  pending = 0;
+  update();
+  say("The service did not answer. Is it still running?", true);
 }
 
 export async function takeTeachReply(reply: TeachReply): Promise<void> {
@@ -254,6 +258,17 @@ function draw(picture: Picture): void {
       "white",
       true,
     );
+  const patch = picture.taught?.background_box;
+  if (patch?.length === 4 && hasLearnt) {
+    // What could be taken for the object: the largest patch of the background that matches, with some air around it.
+    const air = 3 / s;
+    const box = [patch[0] - air, patch[1] - air, patch[2] + air, patch[3] + air];
+    g.lineWidth = 4 * devicePixelRatio;
+    rectangle(box, "rgb(0 0 0 / 0.7)", false);
+    g.lineWidth = 2 * devicePixelRatio;
+    rectangle(box, "#ff9f1c", false);
+    label(g, "matches, too", ((box[0] + box[2]) / 2) * s, box[1] * s - 8 * devicePixelRatio, "#ff9f1c");
+  }
   const circle = (u: number, v: number, r: number, color: string, dashed: boolean) => {
     g.setLineDash(dashed ? [6, 5] : []);
     for (const [style, w] of [["rgb(0 0 0 / 0.7)", 4], [color, 2]] as const) {
@@ -283,7 +298,10 @@ function draw(picture: Picture): void {
   }
 }
 
+const serviceOf = (scene: Scene) => `${scene.host}/${scene.pid}`;
+
 function startAgain(): void {
+  service = store.scene ? serviceOf(store.scene) : "";
   points = [];
   wider = 0;
   hasLearnt = false;
@@ -302,7 +320,6 @@ function open(): void {
 function close(): void {
   panel.hidden = true;
   $("teach-open").setAttribute("aria-expanded", "false");
-  $("teach-open").focus();
 }
 
 function update(): void {
@@ -318,10 +335,17 @@ function update(): void {
 export function updateTeach(serving: boolean): void {
   const scene = store.scene;
   const button = $<HTMLButtonElement>("teach-open");
-  const allowed = serving && !!scene?.may_teach;
+  const allowed = serving && !!scene?.may_teach && scene.targets.length > 0;
+  // Another service knows nothing of these pictures.
+  if (!panel.hidden && serving && scene && service !== serviceOf(scene)) {
+    pictures = [];
+    $("teach-pictures").replaceChildren();
+    if (allowed) open();
+    else close();
+  }
   button.disabled = !allowed && panel.hidden;
-  $("teach-why").textContent = !serving ? "" : scene && !scene.may_teach ? scene.why_not : "";
-  $("teach-resume").hidden = store.status?.mode !== "replay";
+  $("teach-why").textContent = !serving ? "" : scene && !scene.may_teach ? scene.why_not : scene && !scene.targets.length ? "The configuration has no target to teach." : "";
+  $("teach-resume").hidden = !serving || store.status?.mode !== "held";
   const select = $<HTMLSelectElement>("teach-target");
   const names = scene?.targets.map((t) => t.name) ?? [];
   if ([...select.options].map((o) => o.value).join() !== names.join()) {
@@ -333,7 +357,10 @@ export function updateTeach(serving: boolean): void {
 
 $("teach-open").addEventListener("click", () => (panel.hidden ? open() : close()));
 $("teach-resume").addEventListener("click", () => void ask("resume"));
-$("teach-close").addEventListener("click", close);
+$("teach-close").addEventListener("click", () => {
+  close();
+  $("teach-open").focus();
+});
 $("teach-freeze").addEventListener("click", startAgain);
 $("teach-again").addEventListener("click", startAgain);
 $("teach-wider").addEventListener("click", () => (wider++, void ask("look")));

@@ -1,0 +1,41 @@
+// Colours that can be seen: a target's own colour may be as pale as the page.
+import { store } from "./store";
+
+export type Rgb = [number, number, number]; // 0..255
+
+const linear = (c: number) => (c / 255 <= 0.04045 ? c / 255 / 12.92 : ((c / 255 + 0.055) / 1.055) ** 2.4);
+const luminance = ([r, g, b]: Rgb) => 0.2126 * linear(r) + 0.7152 * linear(g) + 0.0722 * linear(b);
+
+// WCAG 2.1, 1..21.
+export function contrast(a: Rgb, b: Rgb): number {
+  const [x, y] = [luminance(a), luminance(b)];
+  return (Math.max(x, y) + 0.05) / (Math.min(x, y) + 0.05);
+}
+
+export function rgbOf(name: string): Rgb {
+  const rgb = store.scene?.targets.find((t) => t.name === name)?.rgb ?? [0.5, 0.6, 0.9];
+  return rgb.map((x) => Math.round(x * 255)) as Rgb;
+}
+
+export function colorOf(name: string): string {
+  return `rgb(${rgbOf(name).join(", ")})`;
+}
+
+export const variable = (name: string) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+
+function panel(): Rgb {
+  const hex = variable("--panel").replace("#", "");
+  return [0, 2, 4].map((i) => parseInt(hex.slice(i, i + 2), 16) || 0) as Rgb;
+}
+
+// The target's colour, made darker (or lighter) until a line of it stands out from a panel: 3:1, as WCAG asks of graphics.
+export function lineColorOf(name: string): string {
+  const own = rgbOf(name);
+  const background = panel();
+  const towards = luminance(background) > 0.4 ? 0 : 255;
+  for (let share = 0; share <= 1; share += 0.05) {
+    const mixed = own.map((c) => Math.round(c + (towards - c) * share)) as Rgb;
+    if (contrast(mixed, background) >= 3.1) return `rgb(${mixed.join(", ")})`;
+  }
+  return variable("--ink");
+}
