@@ -4,6 +4,7 @@
 #include <bit>
 #include <chrono>
 #include <cstdio>
+#include <iterator>
 #include <memory>
 #include <mutex>
 #include <thread>
@@ -177,8 +178,10 @@ BallsFrames frames_of_recording(const Options& o, const Input& in, const std::st
   Needs needs(in.rig);
   ProgressLine progress(!o.quiet);
   BallsFrames frames(in.targets.size());
+  Background background(names.size());
   const auto expected = source.expected_frames();
   for (int done = 0; auto frame = source.next(stop); ++done) {
+    background.add(*frame);
     for (std::size_t ball = 0; ball < frames.size(); ++ball) {
       auto found = finder.look(ball, *frame);
       if (!found) continue;
@@ -190,6 +193,8 @@ BallsFrames frames_of_recording(const Options& o, const Input& in, const std::st
                                   expected ? std::optional<int>(static_cast<int>(*expected)) : std::nullopt,
                                   needs.text()));
   }
+  progress.draw("measuring the ball's outlines");
+  for (auto& of_ball : frames) sharpen(of_ball, background, in.rig);
   progress.clear();
   if (stop.stop_requested()) throw InputError("stopped");
   for (const auto& warning : source.take_warnings()) std::printf("note: %s\n", warning.c_str());
@@ -197,7 +202,7 @@ BallsFrames frames_of_recording(const Options& o, const Input& in, const std::st
   return frames;
 }
 
-// Every camera has its own thread, which looks for the ball as well: nothing is kept but where it was.
+// Every camera has its own thread, which looks for the ball as well: of the pictures only what is around it is kept.
 BallsFrames frames_of_cameras(const Options& o, const Input& in, const std::stop_token& stop) {
   std::vector<LiveCamera> cameras = open_cameras(*in.config);
   if (cameras.size() < 2) throw InputError(o.config + ": cameras: two live cameras or more are needed");
@@ -211,7 +216,10 @@ BallsFrames frames_of_cameras(const Options& o, const Input& in, const std::stop
     for (LiveCamera& camera : cameras) {
       threads.emplace_back([&, source = camera.source.get()] {
         Finder finder(in);
+        Background background(in.rig.cameras.size());
+        BallsFrames seen(in.targets.size());
         while (const auto frame = source->next(end.get_token())) {
+          background.add(*frame);
           for (std::size_t ball = 0; ball < in.targets.size(); ++ball) {
             auto found = finder.look(ball, *frame);
             if (!found) continue;
@@ -219,8 +227,13 @@ BallsFrames frames_of_cameras(const Options& o, const Input& in, const std::stop
             if (!start) start = found->t_s;
             found->t_s -= *start;
             needs.add(*found);
-            frames[ball].push_back(std::move(*found));
+            seen[ball].push_back(std::move(*found));
           }
+        }
+        for (std::size_t ball = 0; ball < seen.size(); ++ball) {
+          sharpen(seen[ball], background, in.rig);
+          const std::lock_guard lock(mutex);
+          std::ranges::move(seen[ball], std::back_inserter(frames[ball]));
         }
       });
     }
@@ -245,11 +258,12 @@ ExitStatus wave(const Options& o, const std::stop_token& stop) {
   if (o.marks.size() % 4 != 0) throw InputError("--mark has four numbers: SECONDS X Y Z");
   const Input in = input_of(o);
   const WaveOptions options = wave_options(o, in);
-  WaveResult result = calibrate_wave(
-      in.rig,
-      one_after_the_other(o.live_s > 0 ? frames_of_cameras(o, in, stop) : frames_of_recording(o, in, stop),
-                          in.rig.cameras.size()),
-      options);
+  std::vector<BallFrame> frames = one_after_the_other(
+      o.live_s > 0 ? frames_of_cameras(o, in, stop) : frames_of_recording(o, in, stop), in.rig.cameras.size());
+  ProgressLine progress(!o.quiet);
+  progress.draw("solving: " + std::to_string(frames.size()) + " frames");
+  WaveResult result = calibrate_wave(in.rig, std::move(frames), options);
+  progress.clear();
   std::printf("%s", to_text(result).c_str());
 
   std::array<char, 64> text;

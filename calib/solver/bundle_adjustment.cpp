@@ -608,6 +608,23 @@ Adjustment adjust(Adjustment a, const AdjustmentOptions& options) {
   return a;
 }
 
+std::vector<BoardView> inliers(const Adjustment& adjustment) {
+  std::vector<BoardView> views;
+  for (std::size_t v = 0; v < adjustment.views.size(); ++v) {
+    if (!adjustment.fits[v].dropped.empty()) continue;
+    BoardView view = adjustment.views[v];
+    view.ids.clear();
+    view.px.clear();
+    for (std::size_t k = 0; k < adjustment.views[v].ids.size(); ++k) {
+      if (!adjustment.fits[v].used[k]) continue;
+      view.ids.push_back(adjustment.views[v].ids[k]);
+      view.px.push_back(adjustment.views[v].px[k]);
+    }
+    views.push_back(std::move(view));
+  }
+  return views;
+}
+
 std::vector<ViewFit> evaluate(const Adjustment& state) {
   Adjustment a = state;
   a.fits.clear();

@@ -99,6 +99,9 @@ struct AdjustmentOptions {
 // throws CalibrationError when it cannot be solved (nothing left to use, or numerically hopeless).
 Adjustment adjust(Adjustment start, const AdjustmentOptions& options = {});
 
+// Of what was adjusted: the views that were not dropped, each with its used corners.
+std::vector<BoardView> inliers(const Adjustment& adjustment);
+
 // The residuals of every view for the state as it is: fits of `state`, nothing moved, every corner used.
 std::vector<ViewFit> evaluate(const Adjustment& state);
 

@@ -99,23 +99,6 @@ AdjustedCamera find_start(const Board& board, const AdjustedCamera& camera, cons
 }
 
 // The views without the corners that the adjustment left out.
-std::vector<BoardView> inliers(const Adjustment& a) {
-  std::vector<BoardView> views;
-  for (std::size_t v = 0; v < a.views.size(); ++v) {
-    if (!a.fits[v].dropped.empty()) continue;
-    BoardView view = a.views[v];
-    view.ids.clear();
-    view.px.clear();
-    for (std::size_t k = 0; k < a.views[v].ids.size(); ++k) {
-      if (!a.fits[v].used[k]) continue;
-      view.ids.push_back(a.views[v].ids[k]);
-      view.px.push_back(a.views[v].px[k]);
-    }
-    views.push_back(std::move(view));
-  }
-  return views;
-}
-
 // Mean squared reprojection error of every view, each under a lens that was fitted to other views.
 std::vector<double> held_out_errors(const Board& board, const AdjustedCamera& camera,
                                     const std::vector<BoardView>& views) {

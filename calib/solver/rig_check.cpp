@@ -50,23 +50,6 @@ Adjustment with_free(Adjustment a, const std::set<int>& free) {
   return a;
 }
 
-std::vector<BoardView> without_outliers(const Adjustment& a) {
-  std::vector<BoardView> views;
-  for (std::size_t v = 0; v < a.views.size(); ++v) {
-    if (!a.fits[v].dropped.empty()) continue;
-    BoardView view = a.views[v];
-    view.ids.clear();
-    view.px.clear();
-    for (std::size_t k = 0; k < a.views[v].ids.size(); ++k) {
-      if (!a.fits[v].used[k]) continue;
-      view.ids.push_back(a.views[v].ids[k]);
-      view.px.push_back(a.views[v].px[k]);
-    }
-    views.push_back(std::move(view));
-  }
-  return shared(views);
-}
-
 MovedCamera movement(const Adjustment& a, const CameraRig& rig, int c) {
   const Rigid3d& before = rig.cameras[index(c)].cam_from_world;
   MovedCamera moved;
@@ -100,7 +83,7 @@ RigCheck check_rig(const Board& board, const CameraRig& rig, const std::vector<B
   all_free.erase(fixed);
   // What the cameras could do at best; and which corners are no good whatever the cameras' poses.
   const Adjustment best = adjust(with_free(place_boards(board, rig, views), all_free));
-  views = without_outliers(best);
+  views = shared(inliers(best));
   for (const BoardView& view : views) ++check.shared_views[index(view.camera)];
   if (views.empty()) {
     throw CalibrationError("the views of the board contradict the rig altogether: is it the rig of these cameras?");

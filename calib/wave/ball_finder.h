@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "calib/model/camera_rig.h"
+#include "calib/wave/ball_outline.h"
 #include "capture/frame.h"
 #include "object_tracking/color_region.h"
 #include "object_tracking/object_tracker.h"
@@ -17,6 +18,7 @@ struct BallFrame {
   int camera = 0;                    // in the rig
   double t_s = 0;                    // its own capture time
   std::vector<ColorRegion> regions;  // of the target's colour, largest first; not those that the image's border cuts
+  std::vector<Patch> patches = {};        // beside the regions, or none
 };
 
 struct BallFinderOptions {
@@ -41,6 +43,10 @@ class BallFinder {
   RegionFinder finder_;
   std::size_t unusable_ = 0;
 };
+
+// The regions once more, against what each camera sees behind them: ten times as right where the background has things
+// of the object's hue. Lets the patches go. Of a camera with too few samples they stay as they are.
+void sharpen(std::vector<BallFrame>& frames, const Background& background, const CameraRig& rig);
 
 // Takes out what stays where it is: regions that are seen at the same place (to 1.5 px) in at least `share` of their
 // camera's frames. The ball may rest for a while, things of its colour rest for ever. Returns how many such places

@@ -27,7 +27,7 @@ using Eigen::Matrix3d;
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-constexpr double robust_sigmas = 1.5;    // beyond it an observation counts less and less
+constexpr double robust_sigmas = 3;      // beyond it an observation counts less and less
 constexpr int least_shared = 20;         // frames that two cameras must share to be connected
 constexpr double least_extent_m = 0.02;  // of the path, over the distance from the cameras
 
@@ -316,7 +316,7 @@ class Wave {
       const double whole = std::sqrt(std::max(r2 / 2, r2 + blur2_[index(frames_[f].camera)][i]));
       const double ratio = shape.width_px[i] / whole;
       if (ratio < 0.75 || ratio > 1.6) return std::nullopt;
-      const double misfit_px = 2.5 * std::max(0.0, std::abs(ratio - 1) - 0.08) * at.radius_px;
+      const double misfit_px = 4 * std::max(0.0, std::abs(ratio - 1) - 0.04) * at.radius_px;
       variance[i] = options_.pixel_noise_px * options_.pixel_noise_px + 4e-4 * r2 + misfit_px * misfit_px;
     }
     return Eigen::Matrix2d(shape.axes * variance.asDiagonal() * shape.axes.transpose());
@@ -511,6 +511,44 @@ double expected_error(const CameraRig& rig, const WaveState& state, const Eigen:
   }
   all -= world * (world.transpose() * world).ldlt().solve(world.transpose() * all);
   return std::sqrt(std::max(0.0, (all * covariance * all.transpose()).trace() / static_cast<double>(places.size())));
+}
+
+// How many times larger the variance of a mean is than if errors were independent from frame to frame: what is behind
+// the ball changes little from one to the next, and so do the errors. From the autocorrelation of the residuals.
+double correlation_factor(const std::vector<BallObservation>& observations, const WaveFit& fit, std::size_t cameras,
+                          double max_gap_s) {
+  constexpr std::size_t most_lags = 15;
+  std::vector<std::vector<std::size_t>> of_camera(cameras);
+  for (std::size_t i = 0; i < observations.size(); ++i) {
+    if (fit.distance2[i] < 16) of_camera[index(observations[i].camera)].push_back(i);
+  }
+  const auto whitened = [&](std::size_t i) {
+    return Vector2d(fit.residuals[i] / std::sqrt(observations[i].covariance.trace() / 2));
+  };
+  double factor = 1, variance = 0;
+  std::size_t count = 0;
+  for (const auto& indices : of_camera) {
+    for (const std::size_t i : indices) variance += whitened(i).squaredNorm();
+    count += indices.size();
+  }
+  if (count == 0 || variance <= 0) return 1;
+  variance /= static_cast<double>(count);
+  for (std::size_t lag = 1; lag <= most_lags; ++lag) {
+    double sum = 0;
+    std::size_t pairs = 0;
+    for (const auto& indices : of_camera) {
+      for (std::size_t k = lag; k < indices.size(); ++k) {
+        const std::size_t now = indices[k], before = indices[k - lag];
+        if (observations[now].t_s - observations[before].t_s > static_cast<double>(lag) * max_gap_s) continue;
+        sum += whitened(now).dot(whitened(before));
+        ++pairs;
+      }
+    }
+    const double correlation = pairs < 20 ? 0 : sum / static_cast<double>(pairs) / variance;
+    if (correlation < 0.05) break;
+    factor += 2 * correlation;
+  }
+  return factor;
 }
 
 // Names the cameras that are not connected, and which pair lacks what.
@@ -790,7 +828,8 @@ WaveResult calibrate_wave(const CameraRig& rig, std::vector<BallFrame> frames, c
     result.doubts.push_back(what);
   }
 
-  const Eigen::MatrixXd covariance = without_gauge(wave.fit().covariance, state);
+  const double correlated = correlation_factor(observations, wave.fit(), n, wave.tracks().max_gap_s);
+  const Eigen::MatrixXd covariance = correlated * without_gauge(wave.fit().covariance, state);
   for (std::size_t c = 0; c < n; ++c) {
     WaveCamera& camera = result.cameras[c];
     camera.rms_px = std::sqrt(sums[c] / std::max(1, camera.used));

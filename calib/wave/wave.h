@@ -26,7 +26,7 @@ struct BallMark {
 
 struct WaveOptions {
   double radius_m = 0.04;       // > 0; of the ball
-  double pixel_noise_px = 0.2;  // > 0; of a region's centre; as ObjectTrackerOptions
+  double pixel_noise_px = 0.1;  // > 0; of an outline's centre, to which 0.02 of its radius is added
   bool has_poses = true;        // the rig's poses are roughly right; otherwise they are found from nothing
   // What sets the scale, at most one of these; none: the rig's poses, or without them the ball's radius (rough).
   std::optional<CameraDistance> camera_distance{};

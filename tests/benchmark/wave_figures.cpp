@@ -1,6 +1,7 @@
 // What `huetrack-calibrate wave` makes of rendered sequences with exact truth, from camera poses that are wrong by 10 cm and
 // 3 degrees, for many seeds, and from no poses at all:   build/release/tests/benchmark/wave_figures [seeds]
 // Exit status 1 when a figure misses what it must reach.
+#include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <Eigen/SVD>
@@ -14,6 +15,7 @@
 
 #include "benchmark/sequence.h"
 #include "calib/wave/wave.h"
+#include "calib/wave/wave_adjustment.h"
 
 using namespace huetrack;
 
@@ -92,6 +94,97 @@ Figures compare(const CameraRig& truth, const CameraRig& found) {
   return f;
 }
 
+// How far the outlines are from where the truth has them, of balls wholly in view: per axis, rms; pixels.
+double outline_noise(const Sequence& sequence, const TargetOptions& target, const std::vector<BallFrame>& frames) {
+  std::vector<double> off2;
+  std::vector<Eigen::Vector2d> sum(sequence.rig.cameras.size(), Eigen::Vector2d::Zero());
+  std::vector<int> count(sequence.rig.cameras.size(), 0);
+  for (const BallFrame& frame : frames) {
+    const TruthRow* row = sequence.row(target.name, Timestamp(duration_of(frame.t_s)));
+    const auto c = static_cast<std::size_t>(frame.camera);
+    if (row == nullptr || row->visible[c] < 0.99) continue;
+    const Camera& camera = sequence.rig.cameras[c];
+    const auto px = outline_centre(camera.model, camera.cam_from_world * row->position, target.radius_m);
+    if (!px) continue;
+    for (const ColorRegion& region : frame.regions) {
+      const Eigen::Vector2d off = region.centre - *px;
+      if (off.norm() > 3) continue;
+      off2.push_back(off.squaredNorm() / 2);
+      sum[c] += off;
+      ++count[c];
+      break;
+    }
+  }
+  double all = 0;
+  for (const double o : off2) all += o / static_cast<double>(off2.size());
+  std::printf("  %s: %zu outlines wholly in view, %.3f px rms per axis from the truth; bias per camera", target.name.c_str(), off2.size(),
+              std::sqrt(all));
+  for (std::size_t c = 0; c < count.size(); ++c) {
+    if (count[c] > 0) std::printf("  %+.3f %+.3f", sum[c].x() / count[c], sum[c].y() / count[c]);
+  }
+  std::printf("\n");
+  return std::sqrt(all);
+}
+
+// What such outlines allow at best (Cramer-Rao): the figures of rigs that are wrong as the covariance of the adjustment says,
+// for independent noise in every frame in which half the ball or more is in view; the true path, the scale exact.
+void print_bound(const Sequence& sequence, const std::vector<TargetOptions>& targets, double noise_px) {
+  std::vector<BallObservation> observations;
+  std::vector<std::pair<double, Eigen::Vector3d>> path;
+  WaveState state;
+  for (const Camera& camera : sequence.rig.cameras) state.cam_from_world.push_back(camera.cam_from_world);
+  double later = 0, step = 1;
+  for (const TargetOptions& target : targets) {
+    double last = -1;
+    for (const TruthRow& row : sequence.truth.at(target.name)) {
+      const double t = seconds(row.at);
+      if (last >= 0) step = std::min(step, t - last);
+      last = t;
+      path.emplace_back(t + later, row.position);
+      for (std::size_t c = 0; c < sequence.rig.cameras.size(); ++c) {
+        const Camera& camera = sequence.rig.cameras[c];
+        const auto px = outline_centre(camera.model, camera.cam_from_world * row.position, target.radius_m);
+        if (row.visible[c] < 0.5 || !px || sequence.rig.cameras.empty()) continue;
+        observations.push_back({static_cast<int>(c), t + later, *px, noise_px * noise_px * Eigen::Matrix2d::Identity()});
+      }
+    }
+    later += last + 2;
+  }
+  state.path = BallPath::over(path.front().first, path.back().first, step);
+  for (std::size_t k = 0; k < state.path.control.size(); ++k) {
+    const double t = state.path.start_s + (static_cast<double>(k) - 1) * step;
+    state.path.control[k] = std::ranges::min_element(path, {}, [t](const auto& p) { return std::abs(p.first - t); })->second;
+  }
+  WaveAdjustmentOptions options;
+  options.radius_m = targets.front().radius_m;
+  options.loss = 1000;
+  options.with_covariance = true;
+  const WaveFit fit = adjust_wave(sequence.rig, observations, state, options);
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> axes(fit.covariance);
+  std::mt19937_64 rng(1);
+  std::normal_distribution<double> normal;
+  constexpr int samples = 60;
+  double volume2 = 0, centre2 = 0;
+  for (int i = 0; i < samples; ++i) {
+    Eigen::VectorXd error(fit.covariance.rows());
+    for (double& e : error) e = normal(rng);
+    error = axes.eigenvectors() * axes.eigenvalues().cwiseMax(0).cwiseSqrt().cwiseProduct(error);
+    CameraRig rig = sequence.rig;
+    for (std::size_t c = 0; c < rig.cameras.size(); ++c) {
+      Rigid3d& pose = rig.cameras[c].cam_from_world;
+      const Eigen::Vector3d centre = rig.cameras[c].centre() + error.segment<3>(6 * static_cast<Eigen::Index>(c));
+      const Eigen::Vector3d turn = error.segment<3>(6 * static_cast<Eigen::Index>(c) + 3);
+      if (turn.norm() > 0) pose.rotation = pose.rotation * Eigen::Quaterniond(Eigen::AngleAxisd(turn.norm(), turn.normalized()));
+      pose.translation = -(pose.rotation * centre);
+    }
+    const Figures f = compare(sequence.rig, rig);
+    volume2 += f.volume_m * f.volume_m / samples;
+    centre2 += f.centre_m * f.centre_m / samples;
+  }
+  std::printf("  bound: independent noise of %.3f px allows centres (worst camera) of %.2f mm, the volume %.2f mm rms\n", noise_px,
+              1e3 * std::sqrt(centre2), 1e3 * std::sqrt(volume2));
+}
+
 void print_column(const char* what, std::vector<double> values, double factor, const char* unit, double at_most) {
   std::ranges::sort(values);
   const double worst = factor * values.back();
@@ -125,9 +218,17 @@ int main(int argc, char** argv) {
       return 2;
     }
     const bool must = std::string(c.folder) != "rendered/fast_60fps";
+    std::printf("\n");
     const Sequence sequence = load_sequence(shared_data() / c.folder, c.every);
     std::vector<std::vector<BallFrame>> of_balls;
     std::string names;
+    double noise2 = 0;
+    Background background(sequence.rig.cameras.size());
+    for (const FrameSet& set : sequence.sets) {
+      for (const auto& frame : set.frames) {
+        if (frame) background.add(*frame);
+      }
+    }
     for (const TargetOptions& target : c.targets) {
       BallFinder finder(sequence.rig, target);
       names += (names.empty() ? "" : " and ") + target.name;
@@ -138,6 +239,9 @@ int main(int argc, char** argv) {
           if (auto found = finder.look(*frame)) of_balls.back().push_back(std::move(*found));
         }
       }
+      sharpen(of_balls.back(), background, sequence.rig);
+      const double noise = outline_noise(sequence, target, of_balls.back());
+      noise2 += noise * noise / static_cast<double>(c.targets.size());
     }
     const auto frames = one_after_the_other(std::move(of_balls), sequence.rig.cameras.size());
     const auto& rows = sequence.truth.at(c.targets.front().name);
@@ -160,7 +264,8 @@ int main(int argc, char** argv) {
       WaveOptions options;
       bool scale_known;
     };
-    std::printf("\n%s, %s: %zu frames\n", sequence.name.c_str(), names.c_str(), frames.size());
+    std::printf("%s, %s: %zu frames\n", sequence.name.c_str(), names.c_str(), frames.size());
+    print_bound(sequence, c.targets, std::sqrt(noise2));
     for (const Mode& mode : {Mode{"scale from the distance of two cameras", tape, true},
                              Mode{"scale and world from five marked points", marks, true},
                              Mode{"scale from the spoilt rig alone", rig_only, false}}) {

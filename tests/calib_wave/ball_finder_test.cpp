@@ -35,6 +35,39 @@ TEST(BallFinder, FindsTheBallToAFractionOfAPixel) {
   EXPECT_LT(std::sqrt(sum / count), 0.3);
 }
 
+TEST(BallFinder, SharpensOutlinesByWhatIsBehindThem) {
+  const Scene scene = SceneBuilder{}.cameras_on_ring({.count = 2}).ball({}).build();
+  BallFinder finder(scene.rig, lime());
+  Background background(2);
+  std::vector<BallFrame> frames;
+  std::vector<Eigen::Vector2d> truth;
+  for (const FrameSet& set : render(scene, {.set_count = 40})) {
+    for (const auto& frame : set.frames) {
+      background.add(*frame);
+      frames.push_back(*finder.look(*frame));
+      ASSERT_FALSE(frames.back().regions.empty());
+      truth.push_back(scene.rig.cameras[static_cast<std::size_t>(frame->camera)]
+                          .project_world(scene.ball_at(0, frame->captured_at))
+                          ->px);
+    }
+  }
+  const auto rms = [&] {
+    double sum = 0;
+    for (std::size_t i = 0; i < frames.size(); ++i) sum += (frames[i].regions.front().centre - truth[i]).squaredNorm();
+    return std::sqrt(sum / static_cast<double>(frames.size()));
+  };
+  sharpen(frames, background, scene.rig);
+  EXPECT_LT(rms(), 0.15);
+  EXPECT_TRUE(frames.front().patches.empty());
+}
+
+TEST(Background, IsNotKnownFromAFewFrames) {
+  const Scene scene = SceneBuilder{}.cameras_on_ring({.count = 1}).ball({}).build();
+  Background background(1);
+  for (const FrameSet& set : render(scene, {.set_count = 7})) background.add(*set.frames.front());
+  EXPECT_FALSE(background.of(0));
+}
+
 TEST(BallFinder, LeavesOutFramesThatAreOfNoUse) {
   const Scene scene = SceneBuilder{}.cameras_on_ring({.count = 1}).ball({}).build();
   BallFinder finder(scene.rig, lime());

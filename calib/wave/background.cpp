@@ -1,0 +1,89 @@
+#include "calib/wave/background.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstring>
+
+namespace huetrack {
+namespace {
+
+constexpr std::size_t most_samples = 24, least_samples = 8;
+
+// A driver's own buffer must go back to it.
+Image copy_of(const Image& image) {
+  WritableImage copy = make_image(image.format, image.range, image.width, image.height);
+  for (int plane = 0; plane < 3; ++plane) {
+    const auto i = static_cast<std::size_t>(plane);
+    const std::size_t bytes = plane_row_bytes(image.format, plane, image.width);
+    for (int row = 0; bytes > 0 && row < plane_rows(image.format, plane, image.height); ++row) {
+      std::memcpy(copy.data[i] + row * copy.image.planes[i].stride, image.planes[i].data + row * image.planes[i].stride,
+                  bytes);
+    }
+  }
+  return copy.image;
+}
+
+}  // namespace
+
+Eigen::Vector3f light_at(const Image& image, int u, int v) {
+  if (image.format == PixelFormat::bgr) {
+    const Bgr p = bgr_at(image, u, v);
+    const float y = 0.299f * p.r + 0.587f * p.g + 0.114f * p.b;
+    return {y, 0.564f * (p.b - y), 0.713f * (p.r - y)};
+  }
+  const Yuv p = yuv_at(image, u, v);
+  if (image.range == ColorRange::full) return {float(p.y), p.u - 128.f, p.v - 128.f};
+  return {(p.y - 16.f) * (255.f / 219), (p.u - 128.f) * (255.f / 224), (p.v - 128.f) * (255.f / 224)};
+}
+
+void Background::add(const Frame& frame) {
+  const auto camera = static_cast<std::size_t>(frame.camera);
+  if (frame.status != FrameStatus::ok || camera >= of_camera_.size()) return;
+  PerCamera& of = of_camera_[camera];
+  if (!of.samples.empty() && (frame.pixels.width != of.samples[0].width || frame.pixels.height != of.samples[0].height))
+    return;
+  if (of.seen++ % of.every != 0) return;
+  of.samples.push_back(copy_of(frame.pixels));
+  if (of.samples.size() < most_samples) return;
+  for (std::size_t i = 1; 2 * i < of.samples.size(); ++i) of.samples[i] = of.samples[2 * i];
+  of.samples.resize((of.samples.size() + 1) / 2);
+  of.every *= 2;
+}
+
+std::optional<BackgroundImage> Background::of(std::size_t camera) const {
+  const std::vector<Image>& samples = of_camera_.at(camera).samples;
+  if (samples.size() < least_samples) return std::nullopt;
+  BackgroundImage out;
+  out.width = samples[0].width, out.height = samples[0].height;
+  out.light.reserve(static_cast<std::size_t>(out.width) * static_cast<std::size_t>(out.height));
+  const std::size_t from = samples.size() / 4, to = samples.size() - from;
+  std::array<std::vector<float>, 3> values, spread;
+  for (int v = 0; v < out.height; ++v) {
+    for (int u = 0; u < out.width; ++u) {
+      for (auto& of_channel : values) of_channel.clear();
+      for (const Image& sample : samples) {
+        const Eigen::Vector3f light = light_at(sample, u, v);
+        for (int k = 0; k < 3; ++k) values[static_cast<std::size_t>(k)].push_back(light[k]);
+      }
+      Eigen::Vector3f mean;
+      for (std::size_t k = 0; k < 3; ++k) {
+        std::ranges::sort(values[k]);
+        float sum = 0;
+        for (std::size_t i = from; i < to; ++i) sum += values[k][i];
+        mean[static_cast<int>(k)] = sum / static_cast<float>(to - from);
+        // Half of what is normal lies between the quarters: 1.35 standard deviations.
+        if ((u + v) % 7 == 0) spread[k].push_back((values[k][to - 1] - values[k][from]) / 1.35f);
+      }
+      out.light.push_back(mean);
+    }
+  }
+  for (std::size_t k = 0; k < 3; ++k) {
+    const auto middle = spread[k].begin() + static_cast<std::ptrdiff_t>(spread[k].size() / 2);
+    std::ranges::nth_element(spread[k], middle);
+    out.noise[static_cast<int>(k)] = std::max(1.f, *middle);
+  }
+  return out;
+}
+
+}  // namespace huetrack
