@@ -32,7 +32,7 @@ struct RecordingOptions {
   std::vector<double> fps;           // per camera, nominal, a hint for players; 0 or empty: unknown
   std::string rig_yaml;              // text of the rig file, becomes rig.yaml; empty: none
   std::string config_yaml;           // the resolved configuration, becomes huetrackd.yaml; empty: none
-  std::vector<std::pair<std::string, std::string>> files;  // what huetrackd.yaml refers to: name and content
+  std::vector<std::pair<std::string, std::string>> files = {};  // what huetrackd.yaml refers to: name and content
   RawStorage raw_storage = RawStorage::uncompressed;
   Duration flush_every = std::chrono::milliseconds(250);  // > 0; what a kill -9 costs at most
   std::vector<std::string> problems() const;              // empty when valid
