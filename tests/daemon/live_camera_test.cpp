@@ -19,6 +19,7 @@
 #include "idl/huetrack_viewPubSubTypes.h"
 #include "idl/ros2_messagesPubSubTypes.h"
 #include "idl/topics.h"
+#include "publish/test_domain.h"
 #include "scene/led_scene.h"
 
 namespace huetrack {
@@ -30,7 +31,7 @@ using eprosima::fastrtps::types::ReturnCode_t;
 using namespace std::chrono_literals;
 using namespace testing;
 
-constexpr int domain = 81;
+const int domain = test_domain();
 
 template <typename Type>
 class Reader {

@@ -15,6 +15,7 @@
 #include "idl/dds_participant.h"
 #include "idl/huetrack_viewPubSubTypes.h"
 #include "idl/topics.h"
+#include "publish/test_domain.h"
 
 namespace huetrack {
 namespace {
@@ -26,7 +27,7 @@ using eprosima::fastrtps::types::ReturnCode_t;
 
 ServiceConfig config() {
   ServiceConfig c = load_service_config(std::filesystem::path(HUETRACK_SOURCE_DIR) / "configs/demo/huetrackd.yaml");
-  c.dds.publisher.domain = 71;
+  c.dds.publisher.domain = test_domain();
   c.dds.publisher.interfaces = {"lo"};
   return c;
 }
@@ -125,7 +126,7 @@ TEST(ViewServer, MakesNothingWhileNobodySubscribes) {
   EXPECT_EQ(server.counters().previews, 0u);
 
   {
-    DdsParticipant participant({.name = "test", .domain = 71, .interfaces = {"lo"}});
+    DdsParticipant participant({.name = "test", .domain = test_domain(), .interfaces = {"lo"}});
     auto& reader = participant.create_reader(
         topics::preview, eprosima::fastdds::dds::TypeSupport(new msg::PreviewPubSubType), preview_reader_qos());
     ASSERT_TRUE(until([&] { return server.wants(); }));
@@ -155,7 +156,7 @@ TEST(ViewServer, MakesNothingWhileNobodySubscribes) {
 TEST(ViewServer, TheSceneIsThereForWhoComesLateAndFollowsTheConfiguration) {
   ServiceConfig c = config();
   ViewServer server(c, {});
-  DdsParticipant participant({.name = "test", .domain = 71, .interfaces = {"lo"}});
+  DdsParticipant participant({.name = "test", .domain = test_domain(), .interfaces = {"lo"}});
   auto& reader = participant.create_reader(topics::scene, eprosima::fastdds::dds::TypeSupport(new msg::ScenePubSubType),
                                            status_reader_qos());
   msg::Scene scene;
@@ -187,7 +188,7 @@ TEST(ViewServer, AMapOfATrackedCameraIsThereForWhoComesLate) {
   EXPECT_FALSE(server.wants_map());  // not before a second is over
   EXPECT_TRUE(until([&] { return server.wants_map(); }));
 
-  DdsParticipant participant({.name = "test", .domain = 71, .interfaces = {"lo"}});
+  DdsParticipant participant({.name = "test", .domain = test_domain(), .interfaces = {"lo"}});
   auto& reader = participant.create_reader(
       topics::camera_map, eprosima::fastdds::dds::TypeSupport(new msg::CameraMapPubSubType), status_reader_qos());
   msg::CameraMap sample;

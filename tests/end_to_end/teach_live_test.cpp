@@ -15,6 +15,7 @@
 #include "idl/huetrackPubSubTypes.h"
 #include "idl/huetrack_viewPubSubTypes.h"
 #include "idl/topics.h"
+#include "publish/test_domain.h"
 #include "soak/films.h"
 
 namespace huetrack {
@@ -27,7 +28,7 @@ using namespace testing;
 using Clock = std::chrono::steady_clock;
 using eprosima::fastrtps::types::ReturnCode_t;
 
-constexpr int domain = 28;
+const int domain = test_domain();
 
 bool comes_true(const std::function<bool()>& condition, std::chrono::milliseconds patience = 20s) {
   for (const auto end = Clock::now() + patience; Clock::now() < end; std::this_thread::sleep_for(10ms))

@@ -12,14 +12,11 @@
 #include "object_tracking/object_estimate.h"
 #include "publish/estimate_publisher.h"
 #include "publish/service_status.h"
+#include "publish/test_domain.h"
 
 namespace huetrack::testing {
 
-// One test process, one domain, so that tests run side by side. Below 100: the UDP ports of higher domains are those
-// that the kernel hands out to others.
-inline int test_domain() {
-  return 1 + static_cast<int>(::getpid() % 99);
-}
+using huetrack::test_domain;
 
 inline constexpr std::array states{TrackState::searching, TrackState::tracking, TrackState::coasting, TrackState::lost};
 

@@ -1,0 +1,13 @@
+#pragma once
+
+#include <unistd.h>
+
+namespace huetrack {
+
+// One test process, one domain, so that tests run side by side. Below 100: the UDP ports of higher domains are those
+// that the kernel hands out to others.
+inline int test_domain() {
+  return 1 + static_cast<int>(::getpid() % 99);
+}
+
+}  // namespace huetrack
