@@ -106,4 +106,15 @@ inline std::vector<std::vector<Frame>> first_frames(const std::filesystem::path&
   return frames;
 }
 
+// Such cameras with the first `count` frames of these of a recording, all from 50 ms from now on.
+inline std::vector<LiveCamera> fake_cameras(const std::filesystem::path& recording, const std::vector<std::string>& cameras,
+                                            std::size_t count, bool go_silent) {
+  auto pictures = first_frames(recording, cameras, count);
+  const Timestamp start = unix_now() + std::chrono::milliseconds(50);
+  std::vector<LiveCamera> list;
+  for (std::size_t c = 0; c < pictures.size(); ++c)
+    list.push_back(FakeCamera(int(c), std::move(pictures[c]), start, go_silent).live());
+  return list;
+}
+
 }  // namespace huetrack

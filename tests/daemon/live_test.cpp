@@ -43,12 +43,7 @@ class Live : public testing::Test {
                                       << more;
   }
   std::vector<LiveCamera> cameras(std::size_t frames, bool go_silent = false) const {
-    auto pictures = first_frames(demo / "recording", {"cam0", "cam1"}, frames);
-    const Timestamp start = unix_now() + 50ms;
-    std::vector<LiveCamera> list;
-    for (std::size_t c = 0; c < pictures.size(); ++c)
-      list.push_back(FakeCamera(int(c), std::move(pictures[c]), start, go_silent).live());
-    return list;
+    return fake_cameras(demo / "recording", {"cam0", "cam1"}, frames, go_silent);
   }
   static std::vector<fs::path> folders_in(const fs::path& folder) {
     std::vector<fs::path> folders;

@@ -78,12 +78,7 @@ class Service : public testing::Test {
     return load_service_config(folder / "c.yaml");
   }
   static std::vector<LiveCamera> cameras(std::size_t frames, bool go_silent = false) {
-    auto pictures = first_frames(demo / "recording", {"cam0", "cam1"}, frames);
-    const Timestamp start = unix_now() + 50ms;
-    std::vector<LiveCamera> list;
-    for (std::size_t c = 0; c < pictures.size(); ++c)
-      list.push_back(FakeCamera(int(c), std::move(pictures[c]), start, go_silent).live());
-    return list;
+    return fake_cameras(demo / "recording", {"cam0", "cam1"}, frames, go_silent);
   }
 
   const fs::path folder;
