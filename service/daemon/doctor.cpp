@@ -4,13 +4,13 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdarg>
 #include <cstdio>
 #include <cstdlib>
 #include <fstream>
 #include <set>
 
 #include "calib/yaml/yaml_reader.h"
+#include "daemon/formatted.h"
 #include "daemon/metrics.h"
 #include "daemon/service_config.h"
 #include "publish/estimate_publisher.h"
@@ -19,15 +19,6 @@ namespace huetrack {
 namespace {
 
 namespace fs = std::filesystem;
-
-[[gnu::format(printf, 1, 2)]] std::string text(const char* pattern, ...) {
-  char buffer[1024];
-  va_list arguments;
-  va_start(arguments, pattern);
-  std::vsnprintf(buffer, sizeof buffer, pattern, arguments);
-  va_end(arguments);
-  return buffer;
-}
 
 std::string joined(const std::vector<std::string>& words, const std::string& between = ", ") {
   std::string all;
@@ -48,12 +39,12 @@ std::string offered(const OfferedFormat& format) {
   std::vector<std::string> sizes;
   for (const auto& size : format.sizes) {
     std::vector<std::string> rates;
-    for (const double fps : format.sizes.empty() ? std::vector<double>{} : size.fps) rates.push_back(text("%.4g", fps));
+    for (const double fps : format.sizes.empty() ? std::vector<double>{} : size.fps) rates.push_back(formatted("%.4g", fps));
     const std::string range =
-        size.min_width < size.width ? text("%dx%d to ", size.min_width, size.min_height) : std::string();
-    sizes.push_back(range + text("%dx%d", size.width, size.height) + (rates.empty() ? "" : "@" + joined(rates, "/")));
+        size.min_width < size.width ? formatted("%dx%d to ", size.min_width, size.min_height) : std::string();
+    sizes.push_back(range + formatted("%dx%d", size.width, size.height) + (rates.empty() ? "" : "@" + joined(rates, "/")));
     if (sizes.size() == 12 && format.sizes.size() > 13) {
-      sizes.push_back(text("and %zu sizes more", format.sizes.size() - sizes.size()));
+      sizes.push_back(formatted("and %zu sizes more", format.sizes.size() - sizes.size()));
       break;
     }
   }
@@ -102,7 +93,7 @@ void judge_formats(const CameraExam& exam, std::vector<Finding>& findings) {
 void judge_stream(const CameraExam& exam, std::vector<Finding>& findings) {
   const StreamTrial& trial = *exam.trial;
   const StreamFormat& agreed = trial.agreed;
-  const std::string what = text("%s %dx%d", std::string(name(agreed.format)).c_str(), agreed.width, agreed.height);
+  const std::string what = formatted("%s %dx%d", std::string(name(agreed.format)).c_str(), agreed.width, agreed.height);
   if (!trial.failure.empty()) {
     findings.push_back({Verdict::problem, what + ": " + trial.failure,
                         "try another cable, port or a powered hub; for several cameras on one bus, format: mjpeg or a "
@@ -113,26 +104,26 @@ void judge_stream(const CameraExam& exam, std::vector<Finding>& findings) {
   const bool is_slow = said > 0 && trial.fps() < 0.95 * said;
   findings.push_back(
       {is_slow ? Verdict::warning : Verdict::ok,
-       what + text(": %.1f frames/s reached", trial.fps()) + (said > 0 ? text(" of %.4g", said) : std::string()) +
-           text(" over %.1f s, longest gap %.0f ms", trial.seconds, 1000 * trial.longest_gap_s),
+       what + formatted(": %.1f frames/s reached", trial.fps()) + (said > 0 ? formatted(" of %.4g", said) : std::string()) +
+           formatted(" over %.1f s, longest gap %.0f ms", trial.seconds, 1000 * trial.longest_gap_s),
        is_slow ? "long exposures lower the rate: set exposure_time_absolute below the frame period and "
                  "exposure_dynamic_framerate: 0, or give more light; if that is not it, the USB: format: mjpeg"
                : ""});
   if (exam.asked_fps > 0 && agreed.fps > 0 && std::abs(agreed.fps - exam.asked_fps) > 0.02 * exam.asked_fps)
-    findings.push_back({Verdict::warning, text("asked for %.4g frames/s, it does %.4g", exam.asked_fps, agreed.fps),
+    findings.push_back({Verdict::warning, formatted("asked for %.4g frames/s, it does %.4g", exam.asked_fps, agreed.fps),
                         "give fps one of the rates above"});
   if (trial.dropped > 0 || trial.corrupted > 0)
     findings.push_back(
         {Verdict::warning,
-         text("%llu frames dropped, %llu damaged of %llu", static_cast<unsigned long long>(trial.dropped),
+         formatted("%llu frames dropped, %llu damaged of %llu", static_cast<unsigned long long>(trial.dropped),
               static_cast<unsigned long long>(trial.corrupted),
               static_cast<unsigned long long>(trial.frames + trial.dropped)),
          "a busy host, the cable, or the USB bus: try another port, format: mjpeg, or a lower rate"});
   else
     findings.push_back(
-        {Verdict::ok, text("no frame of %llu dropped or damaged", static_cast<unsigned long long>(trial.frames)), ""});
+        {Verdict::ok, formatted("no frame of %llu dropped or damaged", static_cast<unsigned long long>(trial.frames)), ""});
   const std::string stamp = "time stamps: " + std::string(name(trial.stamp)) +
-                            text(", %.1f ms before the frame is taken", 1000 * trial.mean_age_s);
+                            formatted(", %.1f ms before the frame is taken", 1000 * trial.mean_age_s);
   if (trial.stamp == StampKind::dequeued)
     findings.push_back({Verdict::warning, "time stamps: the driver gives none; the time of taking the frame is used",
                         "several ms of jitter: track slowly moving objects only, or use another camera"});
@@ -258,7 +249,7 @@ class Doctor {
     }
     say({Verdict::ok,
          "it is valid; rig " + config_->rig_file.string() +
-             text(" of %zu cameras, %zu targets", config_->rig.cameras.size(), config_->targets.size()),
+             formatted(" of %zu cameras, %zu targets", config_->rig.cameras.size(), config_->targets.size()),
          ""});
     for (const auto& warning : warnings_of(*config_)) say({Verdict::warning, warning, ""});
     if (config_->cameras.empty())
@@ -368,7 +359,7 @@ class Doctor {
     const double minutes = bytes_per_s > 0 ? double(space.available) / bytes_per_s / 60 : 0;
     const bool is_short = minutes < 30;
     say({is_short ? Verdict::warning : Verdict::ok,
-         record.folder.string() + text(": %.1f GB free, room for %.0f minutes of raw images of all cameras",
+         record.folder.string() + formatted(": %.1f GB free, room for %.0f minutes of raw images of all cameras",
                                        double(space.available) / 1e9, minutes),
          is_short ? "make room, or use format: mjpeg or raw_storage: huffyuv" : ""});
   }
@@ -378,7 +369,7 @@ class Doctor {
     title("metrics");
     try {
       const MetricsServer server(config_->metrics.address, *config_->metrics.port);
-      say({Verdict::ok, text("%s:%d is free", config_->metrics.address.c_str(), *config_->metrics.port), ""});
+      say({Verdict::ok, formatted("%s:%d is free", config_->metrics.address.c_str(), *config_->metrics.port), ""});
     } catch (const std::runtime_error& error) {
       say({Verdict::warning, error.what(), "when it is huetrackd itself that runs there, all is well"});
     }
@@ -431,12 +422,12 @@ std::vector<Finding> judge_usb(std::span<const CameraExam> exams, const std::map
           trial.agreed.format == CaptureFormat::mjpeg ? trial.fps() : std::max(trial.fps(), trial.agreed.fps);
       const double mbps = 8e-6 * per_frame * fps;
       wanted_mbps[usb.bus] += std::max(mbps, trial.usb ? trial.usb->mbps() : 0);
-      text_of_camera += text(" %.0f Mbit/s", mbps);
+      text_of_camera += formatted(" %.0f Mbit/s", mbps);
       if (trial.usb) text_of_camera += ", " + to_string(*trial.usb);
     }
     cameras[usb.bus].push_back(text_of_camera);
     if (usb.speed_mbps > 0 && usb.speed_mbps < 100)
-      findings.push_back({Verdict::problem, name_of(exam) + text(" runs at %.4g Mbit/s", usb.speed_mbps),
+      findings.push_back({Verdict::problem, name_of(exam) + formatted(" runs at %.4g Mbit/s", usb.speed_mbps),
                           "it hangs on a USB 1 hub or a bad cable: plug it in directly"});
   }
   for (const auto& [bus, names] : cameras) {
@@ -446,8 +437,8 @@ std::vector<Finding> judge_usb(std::span<const CameraExam> exams, const std::map
     const double wanted = wanted_mbps[bus];
     const Verdict verdict = wanted > budget ? Verdict::problem : wanted > 0.7 * budget ? Verdict::warning : Verdict::ok;
     findings.push_back({verdict,
-                        text("bus %d, %.4g Mbit/s: ", bus, mbps) + joined(names) +
-                            text("; together %.0f of the %.0f Mbit/s that cameras may have", wanted, budget),
+                        formatted("bus %d, %.4g Mbit/s: ", bus, mbps) + joined(names) +
+                            formatted("; together %.0f of the %.0f Mbit/s that cameras may have", wanted, budget),
                         verdict == Verdict::ok
                             ? ""
                             : "drivers reserve more than is sent, and then say \"No space left on device\": format: "

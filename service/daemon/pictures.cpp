@@ -3,26 +3,17 @@
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
-#include <cstdarg>
-#include <cstdio>
 #include <numbers>
 #include <opencv2/imgcodecs.hpp>
 #include <stdexcept>
+
+#include "daemon/formatted.h"
 
 namespace huetrack {
 namespace {
 
 constexpr DrawColor black{0, 0, 0}, white{255, 255, 255};
 constexpr double chi2_2_95 = 5.991;  // 95 % quantile of chi-squared with 2 degrees of freedom
-
-[[gnu::format(printf, 1, 2)]] std::string format(const char* pattern, ...) {
-  char text[256];
-  va_list arguments;
-  va_start(arguments, pattern);
-  std::vsnprintf(text, sizeof text, pattern, arguments);
-  va_end(arguments);
-  return text;
-}
 
 double middle_hue_deg(const HsiRange& color) {
   const double width = color.hue_max_deg - color.hue_min_deg;
@@ -190,9 +181,9 @@ cv::Mat draw_views(const ServiceConfig& config, const PictureJob& job) {
   const int height =
       int(std::ceil(title_height + rows * (cell_height + margin) + double(targets) * row_height + margin));
   Canvas canvas(width, height, background);
-  canvas.text({margin, 29}, format("frame set %llu", static_cast<unsigned long long>(job.set.number)), 13, bright,
+  canvas.text({margin, 29}, formatted("frame set %llu", static_cast<unsigned long long>(job.set.number)), 13, bright,
               Align::left, true);
-  canvas.text({width - double(margin), 29}, format("t = %.3f s", seconds(job.set.at)), 13, bright, Align::right);
+  canvas.text({width - double(margin), 29}, formatted("t = %.3f s", seconds(job.set.at)), 13, bright, Align::right);
 
   for (std::size_t c = 0; c < cameras.size(); ++c) {
     const Camera& camera = cameras[c];
@@ -224,10 +215,10 @@ cv::Mat draw_views(const ServiceConfig& config, const PictureJob& job) {
     canvas.disc({margin + 8.0, y - 5}, 7, color_of_hue(middle_hue_deg(config.targets[t].color), 0.75, 1));
     canvas.text({margin + 24.0, y}, config.targets[t].name, 11, bright, Align::left, true);
     canvas.text({margin + 130.0, y}, std::string(name(e.state)), 11, state_color(e.state), Align::left, true);
-    std::string details = format("%d particles, %d of %zu views", e.particle_count, e.views, cameras.size());
+    std::string details = formatted("%d particles, %d of %zu views", e.particle_count, e.views, cameras.size());
     if (e.has_position()) {
       const double sigma_mm = 1e3 * std::sqrt(std::max(0.0, e.covariance.trace()));
-      details = format("x %+.3f  y %+.3f  z %+.3f m   +/- %.1f mm   speed %.2f m/s   ", e.position.x(), e.position.y(),
+      details = formatted("x %+.3f  y %+.3f  z %+.3f m   +/- %.1f mm   speed %.2f m/s   ", e.position.x(), e.position.y(),
                        e.position.z(), sigma_mm, e.velocity.norm()) +
                 details;
     }
@@ -260,7 +251,7 @@ double nice_step(double range, int most) {
 
 std::string tick_label(double value, double step) {
   const int decimals = std::max(0, int(std::ceil(-std::log10(step) - 1e-9)));
-  return format("%.*f", decimals, std::abs(value) < step / 2 ? 0.0 : value);
+  return formatted("%.*f", decimals, std::abs(value) < step / 2 ? 0.0 : value);
 }
 
 // A rectangle of the picture with linear axes.
@@ -490,12 +481,12 @@ cv::Mat draw_track_3d(const ServiceConfig& config, const std::string& title,
       if (const auto error = comparison->add(e)) errors[i].emplace_back(seconds(e.at), 1e3 * *error);
     }
     const double per_cent = tracks[i].empty() ? 0 : 100.0 / double(tracks[i].size());
-    std::string text = format("%zu frame sets: tracking %.0f %%, coasting %.0f %%", tracks[i].size(),
+    std::string text = formatted("%zu frame sets: tracking %.0f %%, coasting %.0f %%", tracks[i].size(),
                               per_cent * double(tracking), per_cent * double(coasting));
     if (comparison) {
       const TruthFigures f = comparison->figures();
       rms_mm[i] = 1e3 * f.rms_m;
-      text += f.lock_set ? format("; locked in set %zu; error after it %.1f mm rms, %.1f mm at most", *f.lock_set,
+      text += f.lock_set ? formatted("; locked in set %zu; error after it %.1f mm rms, %.1f mm at most", *f.lock_set,
                                   1e3 * f.rms_m, 1e3 * f.max_m)
                          : "; never near the truth";
     }
@@ -578,11 +569,11 @@ cv::Mat draw_track_3d(const ServiceConfig& config, const std::string& title,
     for (std::size_t i = 0; i < errors.size(); ++i) {
       if (!(rms_mm[i] > 0 && rms_mm[i] < high)) continue;
       canvas.dashed(plot(t_min, rms_mm[i]), plot(t_max, rms_mm[i]), ink, 1.1);
-      canvas.rimmed_text(plot(t_max, rms_mm[i]) + cv::Point2d(-6 - 90.0 * double(i), -6), format("rms %.1f", rms_mm[i]),
+      canvas.rimmed_text(plot(t_max, rms_mm[i]) + cv::Point2d(-6 - 90.0 * double(i), -6), formatted("rms %.1f", rms_mm[i]),
                          9, ink, white, Align::right);
     }
     if (all.back() > high)
-      canvas.text({right, at_y - 9}, format("red: beyond the scale, up to %.0f mm", all.back()), 8.5, bad_color,
+      canvas.text({right, at_y - 9}, formatted("red: beyond the scale, up to %.0f mm", all.back()), 8.5, bad_color,
                   Align::right);
   }
   return canvas.finished();
@@ -596,7 +587,7 @@ PictureWriter::PictureWriter(const ServiceConfig& config, std::filesystem::path 
 }
 
 void PictureWriter::write(const PictureJob& job) {
-  write(format("set_%06llu.png", static_cast<unsigned long long>(job.set.number)), draw_views(config_, job));
+  write(formatted("set_%06llu.png", static_cast<unsigned long long>(job.set.number)), draw_views(config_, job));
   ++written_;
 }
 
