@@ -64,7 +64,14 @@ MovedCamera movement(const Adjustment& a, const CameraRig& rig, int c) {
 
 }  // namespace
 
-RigCheck check_rig(const Board& board, const CameraRig& rig, const std::vector<BoardView>& given) {
+RigCheck check_rig(const Board& board, const CameraRig& rig, const std::vector<BoardView>& given,
+                   const Progress& progress) {
+  // Three adjustments, as many as there are cameras if one has moved, and the lenses.
+  int done = 0;
+  const auto tell = [&](const std::string& step) {
+    if (progress) progress(step, done, 4 + 2 * static_cast<int>(rig.cameras.size()));
+    ++done;
+  };
   RigCheck check;
   check.rms_px.resize(rig.cameras.size());
   check.shared_views.resize(rig.cameras.size());
@@ -82,6 +89,7 @@ RigCheck check_rig(const Board& board, const CameraRig& rig, const std::vector<B
   std::set<int> all_free = seen;
   all_free.erase(fixed);
   // What the cameras could do at best; and which corners are no good whatever the cameras' poses.
+  tell("what the cameras could do at best");
   const Adjustment best = adjust(with_free(place_boards(board, rig, views), all_free));
   views = shared(inliers(best));
   for (const BoardView& view : views) ++check.shared_views[index(view.camera)];
@@ -90,7 +98,10 @@ RigCheck check_rig(const Board& board, const CameraRig& rig, const std::vector<B
   }
   const Adjustment start = place_boards(board, rig, views);
   const AdjustmentOptions plain{.find_outliers = false, .with_covariance = false};
-  const auto cost = [&](const std::set<int>& free) { return adjust(with_free(start, free), plain); };
+  const auto cost = [&](const std::set<int>& free) {
+    tell(free.empty() ? "the rig as it is" : "who moved");
+    return adjust(with_free(start, free), plain);
+  };
   check.best_px = cost(all_free).rms_px;
   const Adjustment as_is = cost({});
   check.as_is_px = as_is.rms_px;
@@ -140,6 +151,7 @@ RigCheck check_rig(const Board& board, const CameraRig& rig, const std::vector<B
     lens.parameters = parameters_of(camera.model);
     constexpr std::size_t enough_for_lens = 6;
     if (own.size() >= enough_for_lens) {
+      tell("the lens of " + camera.name);
       if (const LensCheck of_lens = check_lens(board, lens, own); !of_lens.contradiction.empty()) {
         check.lenses.push_back(of_lens.contradiction);
         add(Verdict::doubtful, "lens of " + camera.name, of_lens.contradiction,

@@ -57,9 +57,9 @@ ExitStatus calibrate(const Options& options, const std::stop_token& stop) {
   ExtrinsicsOptions solve;
   solve.refine_lens = options.refine;
   solve.intrinsics.lens = options.lens;
-  solve.progress = [&](const std::string& step) { line.draw("solving: " + step); };
+  solve.progress = line.progress();
   Extrinsics result = calibrate_extrinsics(board, cameras_of(found, options.intrinsics), found.views, solve);
-  line.clear();
+  line.draw("writing the report");
   result.adjustment = in_world(std::move(result.adjustment), upright_guess(result.adjustment));
   ReportInput input = report_input(found, options.inputs);
   input.made_of.emplace_back("world", "a guess: z up as the cameras are held, origin amid the board's places");
@@ -67,7 +67,9 @@ ExitStatus calibrate(const Options& options, const std::stop_token& stop) {
     const auto& v = options.volume;
     input.volume = WorldBox{{v[0], v[2], v[4]}, {v[1], v[3], v[5]}};
   }
-  return put_out(report_on(result, input), rig_of(result.adjustment), found, output_files(options));
+  const CalibrationReport report = report_on(result, input);
+  line.clear();
+  return put_out(report, rig_of(result.adjustment), found, output_files(options));
 }
 
 }  // namespace

@@ -144,7 +144,8 @@ TEST(ViewCoverage, SaysWhatIsMissing) {
   EXPECT_EQ(coverage.shared(2, 1), 1);
   EXPECT_THAT(coverage.needs(), Contains("show it to right and back together: 1 of 10 shared views"));
   EXPECT_THAT(coverage.needs(), Contains("back: 1 of 15 views at different places"));
-  EXPECT_THAT(coverage.line(), HasSubstr("left-right 30 shared"));
+  EXPECT_THAT(coverage.lines(), HasSubstr("shared views: left + back 0/10, right + back 1/10"));
+  EXPECT_THAT(coverage.lines(), HasSubstr("back   views [----------]  1/15  image"));
 }
 
 TEST(ImagePairs, AreFoundByTheLastNumber) {
