@@ -53,12 +53,15 @@ ExitStatus calibrate(const Options& options, const std::stop_token& stop) {
     throw InputError("there is one camera only, " + found.cameras.front().name +
                      ": extrinsics are of two or more; its lens alone: huetrack-calibrate intrinsics");
   }
+  const auto cameras = cameras_of(found, options.intrinsics);
+  if (std::ranges::any_of(cameras, [](const CameraToCalibrate& camera) { return !camera.model; }))
+    require_views(found, IntrinsicsOptions{}.min_views);
   ProgressLine line(!options.quiet);
   ExtrinsicsOptions solve;
   solve.refine_lens = options.refine;
   solve.intrinsics.lens = options.lens;
   solve.progress = line.progress();
-  Extrinsics result = calibrate_extrinsics(board, cameras_of(found, options.intrinsics), found.views, solve);
+  Extrinsics result = calibrate_extrinsics(board, cameras, found.views, solve);
   line.draw("writing the report");
   result.adjustment = in_world(std::move(result.adjustment), upright_guess(result.adjustment));
   ReportInput input = report_input(found, options.inputs);

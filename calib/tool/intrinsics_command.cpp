@@ -21,6 +21,7 @@ ExitStatus calibrate(Options options, const std::stop_token& stop) {
   gather.find.progress = !options.quiet;
   gather.live = options.live;
   const FoundBoards found = gather_boards(options.inputs, board, gather, stop);
+  require_views(found, IntrinsicsOptions{}.min_views);
   ProgressLine line(!options.quiet);
   const Intrinsics result = calibrate_intrinsics(board, options.camera, found.cameras.front().image_size, found.views,
                                                  {.lens = options.lens, .progress = line.progress()});

@@ -16,7 +16,7 @@ using testing::Contains;
 using testing::Field;
 using testing::HasSubstr;
 
-constexpr IntrinsicsOptions one_lens{.lens = LensModel::radtan4};
+const IntrinsicsOptions one_lens{.lens = LensModel::radtan4};
 
 std::vector<CameraToCalibrate> unknown(const CameraRig& rig) {
   std::vector<CameraToCalibrate> cameras;
@@ -144,6 +144,22 @@ TEST(RigCheck, NamesTheCameraThatMoved) {
   EXPECT_EQ(either.verdict, Verdict::failed);
   EXPECT_EQ(either.or_else.size(), 1U);
   EXPECT_THAT(to_text(either, two), HasSubstr("these views do not tell which"));
+}
+
+TEST(RigCheck, TellsAnotherBoardAndSwappedNamesFromABump) {
+  const SyntheticCapture capture = synthetic_capture({.cameras = 3, .sets = 8});
+  Board smaller = capture.board;
+  smaller.pitch *= 0.95;
+  const RigCheck scale = check_rig(smaller, capture.rig, capture.views);
+  EXPECT_EQ(scale.verdict, Verdict::failed);
+  EXPECT_TRUE(scale.moved.empty());
+  EXPECT_THAT(to_text(scale, capture.rig), AllOf(HasSubstr("0.950"), HasSubstr("board file")));
+  std::vector<BoardView> swapped = capture.views;
+  for (BoardView& view : swapped) view.camera = view.camera == 0 ? 2 : view.camera == 2 ? 0 : view.camera;
+  const RigCheck names = check_rig(capture.board, capture.rig, swapped);
+  EXPECT_EQ(names.verdict, Verdict::failed);
+  EXPECT_TRUE(names.moved.empty());
+  EXPECT_THAT(to_text(names, capture.rig), HasSubstr("cameras cam0 and cam2 look swapped"));
 }
 
 TEST(WorldFrame, IsSetByBoardsPointsAndFloors) {
