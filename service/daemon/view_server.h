@@ -58,12 +58,14 @@ class ViewServer {
   void publish_scene();
   void take_requests();
   void freeze(const FrameSet& set);
+  void reply(msg::TeachReply reply);
 
   const ViewServerOptions options_;
   ViewPublisher publisher_;  // this and all that follows to wanted_: the server's thread's
   TeachDesk desk_;
   std::optional<msg::TeachRequest> to_freeze_;  // waits for a set
   std::chrono::steady_clock::time_point asked_to_freeze_{};
+  std::optional<msg::TeachReply> last_reply_;
   std::atomic<bool> wanted_ = false, map_wanted_ = true;
   std::atomic<std::int64_t> clock_offset_ns_ = 0;
   std::atomic<std::uint64_t> previews_ = 0;
