@@ -135,13 +135,16 @@ TEST_F(LiveWave, BringsASpoiltRigBack) {
   const double distance = (truth.cameras[0].centre() - truth.cameras[1].centre()).norm();
   run({"wave", "--live", "45", "--config", folder / "c.yaml", "--target", "lime", "--camera-distance", "cam0", "cam1",
        std::to_string(distance), "--rig", folder / "rig.yaml"});
-  ASSERT_TRUE(comes_true([&] {
-    int open = 0;
-    std::error_code error;
-    for (const auto& entry : fs::directory_iterator("/proc/" + std::to_string(calibrate->pid()) + "/fd", error))
-      open += fs::read_symlink(entry, error).string().starts_with("/dev/video") ? 1 : 0;
-    return open >= 2;
-  }));
+  ASSERT_TRUE(comes_true(
+      [&] {
+        int open = 0;
+        std::error_code error;
+        for (const auto& entry : fs::directory_iterator("/proc/" + std::to_string(calibrate->pid()) + "/fd", error))
+          open += fs::read_symlink(entry, error).string().starts_with("/dev/video") ? 1 : 0;
+        return open >= 2 || calibrate->has_ended();
+      },
+      100s));
+  ASSERT_FALSE(calibrate->has_ended());
   std::this_thread::sleep_for(2s);
   clips::write_text(folder / "go", "");
   const int status = calibrate->wait();
