@@ -204,7 +204,7 @@ function tick(): void {
     ? "The bridge does not answer: is `huetrack view` still running? Trying again."
     : serving
       ? status!.mode === "held"
-        ? `replay on ${status!.host}, held at its first frames: teach a colour, or resume it there`
+        ? `replay on ${status!.host}, held at its first frames: teach colours, then press Go on`
         : `${status!.mode === "run" ? "live cameras" : "replay"} on ${status!.host}, ${status!.set_rate_hz.toFixed(1)} sets/s`
       : `Waiting for huetrackd on ${pulse ? pulse.bus : "DDS"}. The page goes on by itself.`;
   const warnings = [...(serving ? status!.warnings : []), ...(pulse?.trouble ? [pulse.trouble] : [])];

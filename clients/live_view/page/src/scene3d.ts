@@ -297,7 +297,18 @@ export class Scene3d {
     this.renderer = new THREE.WebGLRenderer({ canvas, antialias: true, alpha: true });
     this.camera.up.set(0, 0, 1);
     this.scene.add(new THREE.HemisphereLight(0xffffff, 0x667788, 2.4), this.still);
+    // The wheel and swipes up and down are the page's: who wants the scene clicks it first, or holds Ctrl. Must come before the
+    // controls' own listener.
+    canvas.addEventListener(
+      "wheel",
+      (event) => {
+        if (!event.ctrlKey && document.activeElement !== canvas) event.stopImmediatePropagation();
+      },
+      { capture: true, passive: true },
+    );
     this.controls = new OrbitControls(this.camera, canvas);
+    canvas.style.touchAction = ""; // the style sheet's
+    canvas.addEventListener("pointerdown", () => canvas.focus({ preventScroll: true }));
     this.controls.enableDamping = false;
     this.controls.addEventListener("start", () => (this.isTouched = true));
     canvas.addEventListener("keydown", (event) => this.key(event));
