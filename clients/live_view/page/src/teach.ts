@@ -2,10 +2,9 @@
 // and sends all of it with every request; replies come back over the stream.
 import { bitmapOf, label } from "./cameras";
 import type { Color, Ignore, Scene, TaughtCamera, TeachReply } from "./messages";
-import { store } from "./store";
+import { client, store } from "./store";
 
 const $ = <T extends HTMLElement>(id: string) => document.getElementById(id) as T;
-const client = Array.from(crypto.getRandomValues(new Uint8Array(8)), (b) => b.toString(16).padStart(2, "0")).join("");
 
 interface Picture {
   camera: string;
