@@ -265,6 +265,8 @@ ReplaySummary replay(const ReplayCommand& command, std::stop_token stop) {
       }
     }
     tracked_until = Clock::now();
+    if (!publisher && command.reload != nullptr && command.reload->exchange(false))
+      spdlog::warn("SIGHUP: without DDS, a replay does not read its configuration again");
     if (!progress.due()) return;
     std::uint64_t frames = 0;
     for (const auto& camera : running.load()->figures().cameras) frames += camera.frames;
@@ -296,7 +298,7 @@ ReplaySummary replay(const ReplayCommand& command, std::stop_token stop) {
   }
   std::optional<ViewServer> view;
   if (publisher) {
-    ViewServerOptions viewing{.keeps_frames = true};
+    ViewServerOptions viewing{.keeps_frames = true, .reload_asked = command.reload};
     viewing.actions.reload = [&]() -> std::string {
       ServiceConfig fresh = load_service_config(config.file);
       Pipeline::Replacement replacement;

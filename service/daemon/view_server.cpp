@@ -88,6 +88,7 @@ void ViewServer::serve(const std::stop_token& stop) {
       publish_scene();
     }
     const auto now = Clock::now();
+    if (options_.reload_asked != nullptr && options_.reload_asked->exchange(false)) reload();
     take_requests();
     if (to_freeze_ && job) {
       freeze(job->set);
@@ -117,6 +118,20 @@ void ViewServer::serve(const std::stop_token& stop) {
       next_network = now + network_period;
       publisher_.look_after_network();
     }
+  }
+}
+
+void ViewServer::reload() {
+  std::string problem;
+  try {
+    problem = options_.actions.reload();
+  } catch (const std::exception& error) {  // a mistake in the file: it goes on with what it has
+    problem = error.what();
+  }
+  if (problem.empty()) {
+    spdlog::info("reloaded {}", config_.file.string());
+  } else {
+    spdlog::error("reload refused, going on with the old configuration: {}", problem);
   }
 }
 

@@ -21,6 +21,8 @@ struct ViewServerOptions {
   // Of a replay: a set that is held may be kept, no driver waits for its buffers. The first set is always taken, and
   // the newest one shown again while none comes.
   bool keeps_frames = false;
+  // Set by somebody: the configuration is to be read again, by actions.reload. nullptr: somebody else does that.
+  std::atomic<bool>* reload_asked = nullptr;
   // Called from the server's thread. Without reload, nothing can be taught.
   TeachDesk::Actions actions = {};
 };
@@ -56,6 +58,7 @@ class ViewServer {
   void serve(const std::stop_token& stop);
   void publish_previews(const PictureJob& job);
   void publish_scene();
+  void reload();
   void take_requests();
   void freeze(const FrameSet& set);
   void reply(msg::TeachReply reply);
