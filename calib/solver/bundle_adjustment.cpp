@@ -387,32 +387,20 @@ bool classify(Adjustment& a, const AdjustmentOptions& options) {
   return changed;
 }
 
-// Pixels of today's cameras are square. A lens that comes out otherwise tells how wrong it is, in a way that its
-// residuals cannot (few views, a board that is not flat, a rolling shutter): all that is known of that camera is
-// widened until square pixels are one standard deviation away. free: which parameters the rows of the covariance are.
+// Pixels of today's cameras are square. A lens by itself that comes out otherwise tells how wrong it is, in a way that
+// its residuals cannot (few views, a board that is not flat, a rolling shutter): it is widened until square pixels are
+// one standard deviation away. free: which parameters the rows of the covariance are.
 void widen_where_pixels_are_not_square(const Adjustment& a, const std::vector<int>& free, MatrixXd& covariance) {
-  for (std::size_t c = 0; c < a.cameras.size(); ++c) {
-    const AdjustedCamera& camera = a.cameras[c];
-    const auto row_of = [&](int parameter) { return std::ranges::find(free, parameter) - free.begin(); };
-    if (a.lens_offset[c] < 0 || !camera.lens_is_free) continue;
-    const auto x = row_of(a.lens_offset[c]), y = row_of(a.lens_offset[c] + 1);
-    const double fx = camera.parameters(0), fy = camera.parameters(1);
-    if (x >= covariance.rows() || y >= covariance.rows()) continue;
-    const double off = fx / fy - 1;
-    const double sigma = std::sqrt(
-        std::max(0.0, covariance(x, x) / (fx * fx) + covariance(y, y) / (fy * fy) - 2 * covariance(x, y) / (fx * fy)));
-    constexpr double least = 0.003;  // so much it may be in truth
-    if (std::abs(off) < least || std::abs(off) < sigma || sigma <= 0) continue;
-    VectorXd widen = VectorXd::Ones(covariance.rows());
-    const auto widen_all = [&](int from, int count) {
-      for (int i = from; i < from + count; ++i) {
-        if (const auto row = row_of(i); row < widen.rows()) widen(row) = std::abs(off) / sigma;
-      }
-    };
-    widen_all(a.lens_offset[c], parameter_count(camera.lens));
-    if (a.pose_offset[c] >= 0) widen_all(a.pose_offset[c], 6);
-    covariance = widen.asDiagonal() * covariance * widen.asDiagonal();
-  }
+  // In a joint adjustment it is not known what else such a lens has bent.
+  if (a.cameras.size() != 1 || !a.cameras.front().lens_is_free || free.size() < 2 || free[0] != 0 || free[1] != 1)
+    return;
+  const double fx = a.cameras.front().parameters(0), fy = a.cameras.front().parameters(1);
+  const double off = std::abs(fx / fy - 1);
+  const double sigma = std::sqrt(
+      std::max(0.0, covariance(0, 0) / (fx * fx) + covariance(1, 1) / (fy * fy) - 2 * covariance(0, 1) / (fx * fy)));
+  constexpr double least = 0.01;  // some cameras' are a little off in truth
+  if (off < least || off < sigma || sigma <= 0) return;
+  covariance *= off / sigma * off / sigma;
 }
 
 // What every free camera parameter is known to, from the normal equations with the board poses eliminated.
