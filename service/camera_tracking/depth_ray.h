@@ -3,6 +3,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <limits>
 #include <optional>
 #include <vector>
 
@@ -42,6 +43,7 @@ class DepthRay {
   double least_, step_;
   std::vector<double> weight_, gained_;
   int frames_ = 0;
+  double finest_ = std::numeric_limits<double>::infinity();  // 1/m, of the rays that were added
 };
 
 }  // namespace huetrack

@@ -28,7 +28,7 @@ constexpr auto scales = [] {
 }();
 // How often a camera changes its way of moving. With 2 per second the states that are wrong keep half of the weight,
 // and the error of a steady camera grows by half (tests/benchmark/led_tables particles).
-constexpr double switching_per_s = 0.3;
+constexpr double switching_per_s = 0.1;
 constexpr double least_probability = 1e-4;
 
 LedGaussian mixture(std::span<const LedGaussian> states, std::span<const double> weight) {

@@ -73,7 +73,7 @@ CameraEstimate PaperTrackerBase::update(const Frame& frame) {
         const Eigen::Matrix<double, 6, 6> inverse_information = found->pose.information.inverse();
         start_covariance_ = world_covariance(found->pose.cam_from_world, inverse_information);
         const int n = static_cast<int>(found->points.size());
-        pose = {true, found->pose.cam_from_world, n, n, n, 0, 1, {}};
+        pose = {true, found->pose.cam_from_world, n, n, n, 0, 1, {}, {}};
       }
     } else {
       // Not in the papers, whose particles only disperse until they happen upon the features again: after some frames
@@ -117,8 +117,14 @@ CameraEstimate PaperTrackerBase::update(const Frame& frame) {
   if (!estimate.has_pose()) return estimate;
   const Rigid3d cam_from_world = usable ? pose.cam_from_world : particles().mean();
   estimate.world_from_camera = inverse(cam_from_world);
-  // The particles' own, about their mean, and what the map and the world's start leave open.
-  estimate.covariance = particles().covariance(cam_from_world) + start_covariance_;
+  // The fit's or the particles' own, about their mean, and what the map and the world's start leave open.
+  if (pose.polished) {
+    const double scale = std::max(1.0, pose.polished->scale);
+    const Eigen::Matrix<double, 6, 6> own = scale * scale * pose.polished->information.inverse();
+    estimate.covariance = world_covariance(cam_from_world, own) + start_covariance_;
+  } else {
+    estimate.covariance = particles().covariance(cam_from_world) + start_covariance_;
+  }
   const double shared = pose.map_sigma_m * pose.map_sigma_m;
   estimate.covariance.diagonal().head<3>().array() += 1e-8 + shared;
   estimate.covariance.diagonal().tail<3>().array() += 1e-8 + shared / (pose.depth_m * pose.depth_m);

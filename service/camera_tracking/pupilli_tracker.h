@@ -11,6 +11,7 @@
 #include "camera_tracking/feature_template.h"
 #include "camera_tracking/observation_field.h"
 #include "camera_tracking/pose_particles.h"
+#include "camera_tracking/pose_solver.h"
 #include "camera_tracking/scene_map.h"
 
 namespace huetrack {
@@ -41,13 +42,15 @@ class PupilliFilter {
     std::size_t max_active = 12;             // points that are measured in one frame
     std::size_t wanted_in_view = 16;         // fewer: new ones are introduced,
     std::size_t introduced_at_once = 4;      // so many at a time (the paper: one)
+    bool polish = true;                      // the mean (the paper: not)
   };
   PupilliFilter(const Camera& camera, const Options& options, std::uint64_t seed);
   void start(const Rigid3d& cam_from_world);
   void add(PupilliPoint point);  // gets an id
 
   struct Result {
-    Rigid3d cam_from_world;  // the weighted mean
+    Rigid3d cam_from_world;           // the weighted mean, polished
+    std::optional<PoseFit> polished;  // of which this is the fit
     bool supported = false;
     int active = 0, matched = 0;
   };
