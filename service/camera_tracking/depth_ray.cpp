@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-
 namespace huetrack {
 
 DepthRay::DepthRay(const Eigen::Vector3d& origin, const Eigen::Vector3d& direction, double near_m, double far_m,
@@ -55,8 +54,8 @@ bool DepthRay::end() {
 std::optional<DepthRay::Estimate> DepthRay::converged() const {
   if (frames_ < 4) return std::nullopt;
   const auto mode = static_cast<std::size_t>(std::ranges::max_element(weight_) - weight_.begin());
-  constexpr double share = 0.03;
-  if (finest_ > share * inverse_depth(mode)) return std::nullopt;
+  constexpr double finest_share = 0.03;
+  if (finest_ > finest_share * inverse_depth(mode)) return std::nullopt;
   const double reach = std::max(0.1 * inverse_depth(mode), 3 * step_);
   double mass = 0, mean = 0, square = 0;
   for (std::size_t i = 0; i < weight_.size(); ++i) {

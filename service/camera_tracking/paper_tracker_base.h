@@ -45,6 +45,8 @@ class PaperTrackerBase : public CameraTracker {
   Camera camera_;
 
  private:
+  std::optional<PoseFit> proposal(const Pyramid& pyramid, std::uint64_t number) const;  // from the features' looks
+  Covariance6d covariance_of(const FilteredPose& pose, const Rigid3d& cam_from_world) const;
   bool proven(const FilteredPose& pose) const;
 
   CameraStarter starter_;

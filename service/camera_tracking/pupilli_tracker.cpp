@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdlib>
 #include <limits>
 
 #include "camera_tracking/mean_polish.h"
@@ -283,19 +282,6 @@ class PupilliTracker final : public PaperTrackerBase {
   static PupilliFilter::Options filter_options(const CameraTrackerOptions& options) {
     PupilliFilter::Options o;
     if (options.particle_count > 0) o.particle_count = static_cast<std::size_t>(options.particle_count);
-    const auto env = [](const char* n, double d) {
-      const char* v = std::getenv(n);
-      return v ? std::atof(v) : d;
-    };  // XXX
-    o.max_active = static_cast<std::size_t>(env("ACT", 12)),
-    o.wanted_in_view = static_cast<std::size_t>(env("WANT", 16)),
-    o.introduced_at_once = static_cast<std::size_t>(env("ONCE", 4));
-    o.epsilon_d_px[0] = static_cast<float>(env("E0", 5)), o.epsilon_d_px[1] = static_cast<float>(env("E1", 3)),
-    o.epsilon_d_px[2] = static_cast<float>(env("E2", 2));
-    o.rotation_rad = static_cast<float>(env("VR", 0.03)), o.position_m = static_cast<float>(env("VP", 0.018)),
-    o.wider_unseen = static_cast<float>(env("WU", 1.5));
-    o.epsilon_rho = static_cast<float>(env("RHO", 0.75));
-    o.annealing_steps = static_cast<int>(env("STEPS", 3));
     return o;
   }
   static Eigen::Matrix3d covariance_of(const PupilliPoint& p) {

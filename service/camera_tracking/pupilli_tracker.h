@@ -35,13 +35,13 @@ class PupilliFilter {
     float rotation_rad = 0.03f;  // v of eq. (2): half widths of the uniform walk
     float position_m = 0.018f;
     int annealing_steps = 3;                 // of which each has half the v of the one before
-    float epsilon_d_px[3] = {5, 3, 2};       // of eq. (6)
+    float epsilon_d_px[3] = {5, 3, 1.2f};    // of eq. (6)
     float epsilon_rho = 0.75f;               // of eq. (4)
     float wider_unseen = 1.5f;               // of v, while too few points support the cloud
     std::size_t reweighting_particles = 60;  // of eq. (7): a subset
-    std::size_t max_active = 12;             // points that are measured in one frame
-    std::size_t wanted_in_view = 16;         // fewer: new ones are introduced,
-    std::size_t introduced_at_once = 4;      // so many at a time (the paper: one)
+    std::size_t max_active = 24;             // points that are measured in one frame
+    std::size_t wanted_in_view = 40;         // fewer: new ones are introduced,
+    std::size_t introduced_at_once = 12;     // so many at a time (the paper: one)
     bool polish = true;                      // the mean (the paper: not)
   };
   PupilliFilter(const Camera& camera, const Options& options, std::uint64_t seed);
