@@ -131,7 +131,7 @@ class Stream {
   std::optional<Timestamp> expected_end() const {
     if (!camera_.timestamps.empty()) return camera_.timestamps.back().second + camera_.offset;
     if (!info_.expected_frames) return std::nullopt;
-    return info_.first_at + (*info_.expected_frames - 1) * info_.frame_period;
+    return info_.first_at.value_or(Timestamp{}) + (*info_.expected_frames - 1) * info_.frame_period;
   }
 
  private:
@@ -360,7 +360,7 @@ std::optional<Duration> ReplaySource::expected_duration() const {
     if (stream->delivered_nothing()) continue;
     const auto stream_end = stream->expected_end();
     if (!stream_end) return std::nullopt;
-    begin = std::min(begin.value_or(Timestamp::max()), stream->info().first_at);
+    begin = std::min(begin.value_or(Timestamp::max()), stream->info().first_at.value_or(Timestamp::max()));
     end = std::max(end.value_or(Timestamp::min()), *stream_end);
   }
   return begin ? std::optional(*end - *begin) : std::nullopt;

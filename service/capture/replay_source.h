@@ -27,7 +27,7 @@ struct ReplayCamera {
   PixelFormat format = PixelFormat::grey;  // of the first frame
   ColorRange range = ColorRange::limited;
   Duration frame_period{0};                     // usual time between two frames; 0 when unknown
-  Timestamp first_at;                           // capture time of the first frame
+  std::optional<Timestamp> first_at;            // capture time of the first frame; nullopt: the camera delivered none
   std::optional<std::int64_t> expected_frames;  // as far as the file and the time stamps tell before all is read
   std::int64_t frames = 0;                      // handed out with an image, so far
   std::int64_t corrupted = 0;                   // handed out without one: they do not decode

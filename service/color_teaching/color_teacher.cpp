@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <utility>
 
 #include "color_teaching/color_fit.h"
 
@@ -42,6 +43,20 @@ std::optional<Eigen::Vector3d> triangulate(const std::vector<std::pair<const Cam
 
 double radius_m_of(const Camera& camera, const MaskRegion& region, const Eigen::Vector3d& at) {
   return region.radius_px() * (camera.cam_from_world * at).norm() / camera.model.fx();
+}
+
+// Of the region's pixels, how many have the colour.
+double share_of(const HsiImage& image, const PixelMask& region, const HsiRange& range) {
+  const PixelMask mask = matching(image, range, {});
+  std::size_t both = 0;
+  for (std::size_t i = 0; i < mask.pixels.size(); ++i) both += region.pixels[i] != 0 && mask.pixels[i] != 0 ? 1 : 0;
+  return static_cast<double>(both) / static_cast<double>(std::max<std::size_t>(1, region.count()));
+}
+
+std::string percent(double share) {
+  char text[32];
+  std::snprintf(text, sizeof text, share < 0.001 ? "%.2f %%" : "%.1f %%", 100 * share);
+  return text;
 }
 
 // Wide enough for another camera's white balance.
@@ -105,6 +120,8 @@ Taught ColorTeacher::teach(const TeachRequestOptions& request, const Box& volume
         for (int u = std::max(0, box.u_min); u <= std::min(box.u_max, image.width - 1); ++u) background.at(u, v) = 0;
     }
     view.color = fit_range(image, *region, background, request.wider);
+    view.object_share = share_of(image, *region, view.color);
+    view.object = *region;
   }
   if (!taught.any()) {
     for (std::size_t c = 0; c < images_.size(); ++c)
@@ -117,7 +134,8 @@ Taught ColorTeacher::teach(const TeachRequestOptions& request, const Box& volume
     if (!view.pointed) view.color = first->color;
   suggest(taught.views, request, volume);
   for (std::size_t c = 0; c < images_.size(); ++c)
-    if (images_[c]) judge(taught.views[c], c, ignored_in(c));
+    if (images_[c])
+      judge(taught.views[c], c, rig_.cameras[std::size_t(first - taught.views.begin())].name, ignored_in(c));
 
   std::vector<std::pair<const Camera*, Eigen::Vector2d>> seen;
   for (std::size_t c = 0; c < images_.size(); ++c)
@@ -167,7 +185,8 @@ void ColorTeacher::suggest(std::vector<TaughtView>& views, const TeachRequestOpt
   }
 }
 
-void ColorTeacher::judge(TaughtView& view, std::size_t camera, const std::vector<PixelBox>& ignored) const {
+void ColorTeacher::judge(TaughtView& view, std::size_t camera, const std::string& color_of,
+                         const std::vector<PixelBox>& ignored) const {
   const HsiImage& image = *images_[camera];
   view.mask = matching(image, view.color, ignored);
   PixelMask object(image.width, image.height);
@@ -187,44 +206,96 @@ void ColorTeacher::judge(TaughtView& view, std::size_t camera, const std::vector
   if (const auto patches = regions_of(beside, 1); !patches.empty()) view.patch = patches.front();
 
   const std::string& name = rig_.cameras[camera].name;
-  char share[32];
-  std::snprintf(share, sizeof share, view.background_share < 0.001 ? "%.2f %%" : "%.1f %%",
-                100 * view.background_share);
   const double own_area = view.region ? view.region->area : 30;
   const bool is_rival = view.patch && view.patch->area >= std::max(6.0, notable_patch * own_area);
   if (!is_rival) view.patch.reset();
   std::string text = "camera " + name + ": ";
-  if (!view.problem.empty()) {
-    view.verdict = text + view.problem;
-    return;
-  }
+  const auto patch_text = [&] {
+    return ", mostly a patch of " + std::to_string(view.patch->area) + " pixels " +
+           part_of_picture(view.patch->centre, image.width, image.height) + " (around " +
+           std::to_string(std::lround(view.patch->centre.x())) + ", " +
+           std::to_string(std::lround(view.patch->centre.y())) + ")";
+  };
   if (!view.pointed) {
-    text += view.region
+    text += !view.problem.empty() ? view.problem
+            : view.region
                 ? "the object is probably at " + std::to_string(std::lround(view.region->centre.x())) + ", " +
                       std::to_string(std::lround(view.region->centre.y())) + ": point at it to confirm"
                 : "no region fits what was pointed at in the other views; point at the object if it is in this picture";
+    text += ". By what was learnt in " + color_of + ", " + percent(view.background_share) +
+            " of the background matches here" + (is_rival ? patch_text() : "");
     view.verdict = text;
     return;
   }
-  text += share;
-  text += " of the background matches";
+  if (view.object_share == 0) {
+    view.verdict = text + "nothing of the object matches: widen the ranges";
+    return;
+  }
+  if (view.object_share < least_object_share)
+    text += "only " + percent(view.object_share) + " of the object matches: widen the ranges; ";
+  else
+    text += percent(view.object_share) + " of the object matches; ";
+  text += percent(view.background_share) + " of the background matches";
   if (is_rival) {
-    text += ", mostly a patch of " + std::to_string(view.patch->area) + " pixels " +
-            part_of_picture(view.patch->centre, image.width, image.height) + " (around " +
-            std::to_string(std::lround(view.patch->centre.x())) + ", " +
-            std::to_string(std::lround(view.patch->centre.y())) +
-            "): choose another colour, narrow it, or ignore this region";
+    text += patch_text() + ": choose another colour, narrow it, or ignore this region";
   } else if (view.background_share > notable_share) {
     text += ", scattered in small patches: narrow it, or choose another colour";
   } else {
-    text += view.background_share == 0 ? ": the colour is unique here"
-                                       : ", in patches too small to matter: the colour stands out well";
+    text += view.object_share < least_object_share ? ""
+            : view.background_share == 0           ? ": the colour is unique here"
+                                                   : ", in patches too small to matter: the colour stands out well";
   }
   view.verdict = text;
 }
 
+std::vector<std::string> ColorTeacher::namesakes(const Taught& taught, const std::vector<TargetOptions>& targets,
+                                                 const std::string& own_name) const {
+  std::vector<std::string> names;
+  for (const TargetOptions& target : targets) {
+    if (target.name == own_name) continue;
+    for (std::size_t c = 0; c < taught.views.size(); ++c) {
+      if (!taught.views[c].pointed) continue;
+      const auto own =
+          std::ranges::find(target.camera_colors, rig_.cameras[c].name, [](const auto& entry) { return entry.first; });
+      const HsiRange& range = own != target.camera_colors.end() ? own->second : target.color;
+      if (share_of(*images_[c], taught.views[c].object, range) < 0.5) continue;
+      names.push_back(target.name);
+      break;
+    }
+  }
+  return names;
+}
+
+std::vector<std::string> unconfirmed(const Taught& taught, const CameraRig& rig) {
+  std::vector<std::string> names;
+  for (std::size_t c = 0; c < taught.views.size(); ++c)
+    if (!taught.views[c].pointed && taught.views[c].region) names.push_back(rig.cameras[c].name);
+  return names;
+}
+
+std::string why_useless(const Taught& taught, const CameraRig& rig) {
+  if (!taught.any()) return "nothing was learnt";
+  for (std::size_t c = 0; c < taught.views.size(); ++c)
+    if (taught.views[c].pointed && taught.views[c].object_share == 0)
+      return "in camera " + rig.cameras[c].name + " nothing of the object matches: widen the ranges";
+  return "";
+}
+
+std::string radius_hint(const Taught& taught, const TargetOptions& target) {
+  if (!taught.radius_m) return "";
+  const double ratio = *taught.radius_m / target.radius_m;
+  if (ratio <= 1.5 && ratio >= 0.65) return "";
+  char text[160];
+  std::snprintf(
+      text, sizeof text,
+      "It looks like a radius of about %.0f mm, but radius_m says %.0f mm: correct that in the configuration, "
+      "or the search will not take it.",
+      1e3 * *taught.radius_m, 1e3 * target.radius_m);
+  return text;
+}
+
 TargetOptions with_taught_color(TargetOptions target, const CameraRig& rig, const Taught& taught) {
-  target.camera_colors.clear();
+  const auto old = std::exchange(target.camera_colors, {});
   bool is_first = true, differ = false;
   for (const TaughtView& view : taught.views) {
     if (!view.pointed) continue;
@@ -232,8 +303,14 @@ TargetOptions with_taught_color(TargetOptions target, const CameraRig& rig, cons
     differ |= !is_first && view.color != target.color;
     is_first = false;
   }
-  for (std::size_t c = 0; differ && c < taught.views.size(); ++c)
-    if (taught.views[c].pointed) target.camera_colors.emplace_back(rig.cameras[c].name, taught.views[c].color);
+  for (std::size_t c = 0; c < taught.views.size(); ++c) {
+    if (taught.views[c].pointed) {
+      if (differ) target.camera_colors.emplace_back(rig.cameras[c].name, taught.views[c].color);
+      continue;
+    }
+    const auto own = std::ranges::find(old, rig.cameras[c].name, [](const auto& entry) { return entry.first; });
+    if (own != old.end()) target.camera_colors.push_back(*own);
+  }
   return target;
 }
 

@@ -32,11 +32,16 @@ struct TaughtView {
   std::string problem;               // why nothing could be learnt where somebody pointed; what to do
   std::optional<MaskRegion> region;  // the object's; where nobody pointed: the suggested one
   HsiRange color;                    // where nobody pointed: as in the first view that was
-  double background_share = 0;       // 0..1, of the pixels away from the object: how many have the colour
-  std::optional<MaskRegion> patch;   // the largest connected part of them, when it could be taken for the object
-  std::string verdict;               // one sentence for people
-  PixelMask mask;                    // which pixels have the colour; empty where there is no picture
+  double object_share = 0;          // 0..1, of the region's pixels: how many have the colour; only where it was pointed
+  double background_share = 0;      // 0..1, of the pixels away from the object: how many have the colour
+  std::optional<MaskRegion> patch;  // the largest connected part of them, when it could be taken for the object
+  std::string verdict;              // one sentence for people
+  PixelMask object;                 // the region's pixels; empty where nobody pointed
+  PixelMask mask;                   // which pixels have the colour; empty where there is no picture
 };
+
+// Below this share of the object that has the colour, people are warned.
+inline constexpr double least_object_share = 0.5;
 
 struct Taught {
   std::vector<TaughtView> views;   // per camera of the rig
@@ -53,16 +58,30 @@ class ColorTeacher {
   // volume: where a suggested object may be
   Taught teach(const TeachRequestOptions& request, const Box& volume) const;
 
+  // Of the other targets, those whose colour at least half of the object has in some view: by colour they are the same.
+  std::vector<std::string> namesakes(const Taught& taught, const std::vector<TargetOptions>& targets,
+                                     const std::string& own_name) const;
+
  private:
-  void judge(TaughtView& view, std::size_t camera, const std::vector<PixelBox>& ignored) const;
+  void judge(TaughtView& view, std::size_t camera, const std::string& color_of,
+             const std::vector<PixelBox>& ignored) const;
   void suggest(std::vector<TaughtView>& views, const TeachRequestOptions& request, const Box& volume) const;
 
   CameraRig rig_;
   std::vector<std::optional<HsiImage>> images_;
 };
 
+// Cameras into which nobody pointed, though the object probably is there.
+std::vector<std::string> unconfirmed(const Taught& taught, const CameraRig& rig);
+
+// Why it must not be saved: nothing was learnt, or what was learnt matches nothing of the object. Empty: it may be.
+std::string why_useless(const Taught& taught, const CameraRig& rig);
+
+// What the regions say about the object's size, when that is far off radius_m; else empty.
+std::string radius_hint(const Taught& taught, const TargetOptions& target);
+
 // The target with what was learnt: `color` is that of the first view that was pointed into, `camera_colors` those of
-// all of them where they differ. Overrides of other cameras are of the old colour, and go.
+// all of them where they differ. Cameras into which nobody pointed keep their overrides.
 TargetOptions with_taught_color(TargetOptions target, const CameraRig& rig, const Taught& taught);
 
 }  // namespace huetrack

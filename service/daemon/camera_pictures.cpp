@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdio>
 #include <numbers>
 #include <opencv2/imgcodecs.hpp>
 #include <optional>
@@ -12,6 +11,7 @@
 
 #include "calib/solver/board_yaml.h"
 #include "daemon/canvas.h"
+#include "daemon/formatted.h"
 #include "daemon/pictures.h"
 
 namespace huetrack {
@@ -25,13 +25,6 @@ constexpr DrawColor black{0, 0, 0}, white{255, 255, 255}, background{24, 26, 30}
 constexpr DrawColor found_color{90, 220, 120}, missed_color{255, 96, 88}, given_color{110, 180, 255},
     particle_color{255, 220, 90};
 constexpr double chi2_2_95 = 5.991;
-
-template <typename... Values>
-std::string format(const char* pattern, Values... values) {
-  std::array<char, 256> text{};
-  std::snprintf(text.data(), text.size(), pattern, values...);
-  return text.data();
-}
 
 DrawColor state_color(CameraState state) {
   switch (state) {
@@ -234,9 +227,9 @@ cv::Mat draw_camera(const Camera& camera, const StartPlane& plane, const CameraP
   const int width = 2 * left.canvas().width() + 3 * margin, height = head + names + left.canvas().height() + foot;
   Canvas canvas(width, height, background);
   canvas.text({margin, 29},
-              format("%s, frame %llu", camera.name.c_str(), static_cast<unsigned long long>(e.frame_number)), 13,
+              formatted("%s, frame %llu", camera.name.c_str(), static_cast<unsigned long long>(e.frame_number)), 13,
               bright, Align::left, true);
-  canvas.text({width - double(margin), 29}, format("t = %.3f s", seconds(e.at)), 13, bright, Align::right);
+  canvas.text({width - double(margin), 29}, formatted("t = %.3f s", seconds(e.at)), 13, bright, Align::right);
   canvas.text({margin, double(head + names) - 9}, "features: found, not found; given ones ringed; particles", 10,
               faint);
   canvas.text({2.0 * margin + left.canvas().width(), double(head + names) - 9},
@@ -245,15 +238,15 @@ cv::Mat draw_camera(const Camera& camera, const StartPlane& plane, const CameraP
   canvas.paste({2.0 * margin + left.canvas().width(), double(head + names)}, right.canvas());
   const double y = height - 14;
   canvas.text({margin, y}, std::string(name(e.state)), 11, state_color(e.state), Align::left, true);
-  std::string details = format("%d of %d features, map %d, %d particles, ESS %.0f", e.features_matched,
-                               e.features_in_view, e.map_points, e.particle_count, e.effective_sample_size);
+  std::string details = formatted("%d of %d features, map %d, %d particles, ESS %.0f", e.features_matched,
+                                  e.features_in_view, e.map_points, e.particle_count, e.effective_sample_size);
   if (e.has_pose()) {
     const Vector3d& t = e.world_from_camera.translation;
     const double sigma_mm = 1e3 * std::sqrt(std::max(0.0, e.covariance.topLeftCorner<3, 3>().trace()));
     const double sigma_deg =
         std::sqrt(std::max(0.0, e.covariance.bottomRightCorner<3, 3>().trace())) * 180 / std::numbers::pi;
     details =
-        format("x %+.3f  y %+.3f  z %+.3f m   +/- %.1f mm, %.2f deg   ", t.x(), t.y(), t.z(), sigma_mm, sigma_deg) +
+        formatted("x %+.3f  y %+.3f  z %+.3f m   +/- %.1f mm, %.2f deg   ", t.x(), t.y(), t.z(), sigma_mm, sigma_deg) +
         details;
   }
   canvas.text({margin + 120.0, y}, details, 10, bright);
@@ -309,11 +302,11 @@ cv::Mat draw_camera_map(const Camera& camera, const StartPlane& plane, const std
   canvas.text({36, 46}, title, 16, ink, Align::left, true);
   std::size_t poses = 0;
   for (const auto& e : way) poses += e.has_pose() ? 1 : 0;
-  canvas.text(
-      {36, 76},
-      format("%zu frames, %zu with a pose; %zu map points with their 95 %% ellipsoids%s", way.size(), poses,
-             view.features.size(), outside > 0 ? format(", %zu of them beyond the picture", outside).c_str() : ""),
-      10.5, ink);
+  canvas.text({36, 76},
+              formatted("%zu frames, %zu with a pose; %zu map points with their 95 %% ellipsoids%s", way.size(), poses,
+                        view.features.size(),
+                        outside > 0 ? formatted(", %zu of them beyond the picture", outside).c_str() : ""),
+              10.5, ink);
 
   std::vector<cv::Point2d> ground;
   for (const auto& [sx, sy] : {std::pair{-0.5, -0.5}, {0.5, -0.5}, {0.5, 0.5}, {-0.5, 0.5}})
@@ -368,8 +361,8 @@ cv::Mat draw_camera_map(const Camera& camera, const StartPlane& plane, const std
   const double longest = area.width / 5 / zoom, power = std::pow(10, std::floor(std::log10(longest)));
   const double bar = (longest >= 5 * power ? 5 : longest >= 2 * power ? 2 : 1) * power;
   canvas.line({60, height - 34.0}, {60 + bar * zoom, height - 34.0}, ink, 2);
-  canvas.text({60 + bar * zoom + 10, height - 30.0}, bar < 1 ? format("%g cm", bar * 100) : format("%g m", bar), 10,
-              ink);
+  canvas.text({60 + bar * zoom + 10, height - 30.0}, bar < 1 ? formatted("%g cm", bar * 100) : formatted("%g m", bar),
+              10, ink);
   double x = width - 36;
   for (const auto& [text, color] : {std::pair{"coasting", coasting_color},
                                     {"tracking", way_color},
@@ -395,7 +388,7 @@ CameraPictureWriter::CameraPictureWriter(const ServiceConfig& config, std::files
 
 void CameraPictureWriter::write(const CameraPictureJob& job) {
   if (job.estimate.has_pose()) map_ = job.view.features;
-  save(format("camera_%06llu.png", static_cast<unsigned long long>(job.estimate.frame_number)),
+  save(formatted("camera_%06llu.png", static_cast<unsigned long long>(job.estimate.frame_number)),
        draw_camera(camera_, plane_, job));
 }
 

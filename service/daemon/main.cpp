@@ -5,6 +5,7 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <atomic>
 #include <cstdio>
 #include <cstdlib>
 #include <exception>
@@ -49,7 +50,9 @@ CLI::Validator word_of(const std::map<std::string, Value>& words) {
 // thread, so that all inherit the blocked signals.
 class Signals {
  public:
-  explicit Signals(std::map<int, std::function<void()>> others) : others_(std::move(others)) {
+  // code: the signal's si_code. True: stop.
+  using Others = std::map<int, std::function<bool(int code)>>;
+  explicit Signals(Others others) : others_(std::move(others)) {
     sigemptyset(&signals_);
     sigaddset(&signals_, SIGINT);
     sigaddset(&signals_, SIGTERM);
@@ -58,21 +61,23 @@ class Signals {
     thread_ = std::jthread([this](const std::stop_token& end) {
       while (!end.stop_requested()) {
         const timespec patience{.tv_sec = 0, .tv_nsec = 50'000'000};
-        const int signal = sigtimedwait(&signals_, nullptr, &patience);
+        siginfo_t info{};
+        const int signal = sigtimedwait(&signals_, &info, &patience);
         if (signal < 0) continue;
         if (const auto other = others_.find(signal); other != others_.end()) {
-          other->second();
-          continue;
+          if (!other->second(info.si_code)) continue;
         }
         if (!stop_.request_stop()) std::_Exit(128 + signal);
-        spdlog::info("stopping: {}", signal == SIGINT ? "SIGINT" : "SIGTERM");
+        spdlog::info("stopping: {}", signal == SIGINT    ? "SIGINT"
+                                     : signal == SIGTERM ? "SIGTERM"
+                                                         : "the terminal is gone");
       }
     });
   }
   std::stop_token token() const { return stop_.get_token(); }
 
  private:
-  std::map<int, std::function<void()>> others_;
+  Others others_;
   sigset_t signals_{};
   std::stop_source stop_;
   std::jthread thread_;
@@ -186,7 +191,7 @@ int main(int argc, char** argv) {
                    "wait up to so many seconds for a DDS subscriber before the first frame")
       ->check(CLI::Range(0.0, 86400.0));
   replay_command->add_flag("--hold", command.hold,
-                           "hold after the first frame set, until a colour is taught or Resume is pressed on the page");
+                           "hold after the first frame set, until Go on is pressed on the page: colours may be taught");
   replay_command->add_flag("--no-dds", command.no_dds, "do not publish");
   replay_command->add_flag("--quiet", quiet, "no progress bar and no summary");
 
@@ -221,30 +226,49 @@ int main(int argc, char** argv) {
                               "seconds that the tracks' clock is ahead of the truth's");
 
   TeachCommand teaching;
-  CLI::App* teach_command = app.add_subcommand(
-      "teach", "learn a target's colour from where you point, and write it into the configuration");
+  CLI::App* teach_command =
+      app.add_subcommand("teach", "learn a target's colour from where you point, and write it into the configuration");
   teach_command->add_option("config", teaching.config, "huetrackd.yaml")->required();
-  teach_command->add_option("recording", teaching.recording, "recording.yaml, the folder that holds it, or the word live")
+  teach_command
+      ->add_option("recording", teaching.recording, "recording.yaml, the folder that holds it, or the word live")
       ->required();
-  teach_command->add_option("--at", teaching.at, "the object: CAMERA,FRAME,U,V (frames from 0, pixels); once per camera")
+  teach_command
+      ->add_option("--at", teaching.at, "the object: CAMERA,FRAME,U,V (frames from 0, pixels); once per camera")
       ->allow_extra_args(false);
   teach_command->add_option("--target", teaching.target, "which one, where there are several");
   teach_command->add_flag("--accept", teaching.accept, "where you did not point, take the place that is suggested");
+  teach_command->add_flag("--only", teaching.only,
+                          "write it though a suggestion in another camera is neither confirmed nor taken");
   teach_command->add_option("--wider", teaching.wider, "widen the ranges by so many steps; negative: narrow them")
       ->check(CLI::Range(-50, 50));
   teach_command
-      ->add_option("--ignore", teaching.ignore, "CAMERA,U_MIN,V_MIN,U_MAX,V_MAX: nothing matches in there; may be repeated")
+      ->add_option("--ignore", teaching.ignore,
+                   "CAMERA,U_MIN,V_MIN,U_MAX,V_MAX: nothing matches in there; may be repeated")
       ->allow_extra_args(false);
-  teach_command->add_option("--pictures", teaching.pictures, "draw what matches, one picture per camera, into this folder");
+  teach_command->add_option("--pictures", teaching.pictures,
+                            "draw what matches, one picture per camera, into this folder");
   teach_command->add_flag("--dry-run", teaching.dry_run, "only say what would be learnt");
 
   CLI11_PARSE(app, argc, argv);
 
   LiveRequests requests;
-  std::map<int, std::function<void()>> on_signal;
+  Signals::Others on_signal;
+  const auto ask = [](std::atomic<bool>& what) {
+    return [&what](int) {
+      what = true;
+      return false;
+    };
+  };
   if (run_command->parsed()) {
-    on_signal[SIGHUP] = [&] { requests.reload = true; };
-    on_signal[SIGUSR1] = [&] { requests.save = true; };
+    on_signal[SIGHUP] = ask(requests.reload);
+    on_signal[SIGUSR1] = ask(requests.save);
+  } else if (replay_command->parsed()) {
+    command.reload = &requests.reload;
+    on_signal[SIGHUP] = [&](int code) {
+      if (code == SI_KERNEL) return true;  // nobody's kill -HUP: its terminal is gone
+      requests.reload = true;
+      return false;
+    };
   }
   const Signals signals(std::move(on_signal));
   try {

@@ -5,8 +5,6 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
-#include <cstdarg>
-#include <cstdio>
 #include <thread>
 #include <tuple>
 #include <utility>
@@ -15,6 +13,7 @@
 #include "capture/recording.h"
 #include "capture/replay_source.h"
 #include "daemon/camera_pictures.h"
+#include "daemon/formatted.h"
 #include "daemon/pictures.h"
 #include "daemon/pose_file.h"
 #include "daemon/progress_bar.h"
@@ -122,10 +121,8 @@ std::vector<std::string> early_ends(const std::vector<ReplayCamera>& cameras,
     const double short_s = seconds(*last - *figures[c].last_captured);
     const long frames = std::lround(short_s / seconds(cameras[c].frame_period));
     if (frames < 2) continue;  // one more or less is how cameras happen to be stopped
-    char text[160];
-    std::snprintf(text, sizeof text, "%s ended early: %ld frames (%.3f s) short of the others", cameras[c].name.c_str(),
-                  frames, short_s);
-    sentences.emplace_back(text);
+    sentences.push_back(
+        formatted("%s ended early: %ld frames (%.3f s) short of the others", cameras[c].name.c_str(), frames, short_s));
   }
   return sentences;
 }
@@ -145,6 +142,14 @@ std::vector<Pipeline::Replacement> replacements_of(const RecordedChanges& change
     before = std::move(after);
   }
   return replacements;
+}
+
+// Capture time of the first frame of all.
+Timestamp start_of(const std::vector<ReplayCamera>& cameras) {
+  std::optional<Timestamp> first;
+  for (const auto& camera : cameras)
+    if (camera.first_at) first = std::min(first.value_or(Timestamp::max()), *camera.first_at);
+  return first.value_or(Timestamp{});
 }
 
 // Its folder's name, with the folder around it: many are named just "recording".
@@ -216,7 +221,7 @@ ReplaySummary replay(const ReplayCommand& command, std::stop_token stop) {
     if (command.wait_for_subscriber_s > 0) wait_for_subscriber(*publisher, command.wait_for_subscriber_s, stop);
   }
 
-  const Timestamp first_at = std::ranges::min(source.cameras(), {}, &ReplayCamera::first_at).first_at;
+  const Timestamp first_at = start_of(source.cameras());
   const auto started = Clock::now();
   ReplaySummary summary;
   if (command.stamps.value_or(command.speed == ReplaySpeed::real ? ReplayStamps::now : ReplayStamps::recording) ==
@@ -260,6 +265,8 @@ ReplaySummary replay(const ReplayCommand& command, std::stop_token stop) {
       }
     }
     tracked_until = Clock::now();
+    if (!publisher && command.reload != nullptr && command.reload->exchange(false))
+      spdlog::warn("SIGHUP: without DDS, a replay does not read its configuration again");
     if (!progress.due()) return;
     std::uint64_t frames = 0;
     for (const auto& camera : running.load()->figures().cameras) frames += camera.frames;
@@ -291,7 +298,7 @@ ReplaySummary replay(const ReplayCommand& command, std::stop_token stop) {
   }
   std::optional<ViewServer> view;
   if (publisher) {
-    ViewServerOptions viewing{.keeps_frames = true};
+    ViewServerOptions viewing{.keeps_frames = true, .reload_asked = command.reload};
     viewing.actions.reload = [&]() -> std::string {
       ServiceConfig fresh = load_service_config(config.file);
       Pipeline::Replacement replacement;
@@ -398,34 +405,29 @@ ReplaySummary replay(const ReplayCommand& command, std::stop_token stop) {
 
 std::string to_text(const ReplaySummary& s, const ReplayCommand& command) {
   std::string text;
-  const auto line = [&text] [[gnu::format(printf, 2, 3)]] (const char* pattern, ...) {
-    char buffer[512];
-    va_list arguments;
-    va_start(arguments, pattern);
-    std::vsnprintf(buffer, sizeof buffer, pattern, arguments);
-    va_end(arguments);
-    text += buffer;
-  };
   std::uint64_t frames = 0;
   for (const auto& camera : s.figures.cameras) frames += camera.frames;
   const auto& sets = s.figures.frame_sets;
-  line("%s%llu frame sets of %llu frames: %.3f s of recording in %.3f s, %.1fx real time\n",
-       s.stopped ? "stopped: " : "", static_cast<unsigned long long>(s.figures.sets_tracked),
-       static_cast<unsigned long long>(frames), s.recorded_s, s.wall_s, s.wall_s > 0 ? s.recorded_s / s.wall_s : 0);
-  line("  frames  %lld missing, %lld corrupted, %llu late; %llu sets without every camera\n",
-       static_cast<long long>(s.missing_frames), static_cast<long long>(s.corrupted_frames),
-       static_cast<unsigned long long>(sets.late_frames), static_cast<unsigned long long>(sets.incomplete_sets));
+  text += formatted("%s%llu frame sets of %llu frames: %.3f s of recording in %.3f s, %.1fx real time\n",
+                    s.stopped ? "stopped: " : "", static_cast<unsigned long long>(s.figures.sets_tracked),
+                    static_cast<unsigned long long>(frames), s.recorded_s, s.wall_s,
+                    s.wall_s > 0 ? s.recorded_s / s.wall_s : 0);
+  text += formatted("  frames  %lld missing, %lld corrupted, %llu late; %llu sets without every camera\n",
+                    static_cast<long long>(s.missing_frames), static_cast<long long>(s.corrupted_frames),
+                    static_cast<unsigned long long>(sets.late_frames),
+                    static_cast<unsigned long long>(sets.incomplete_sets));
 
   for (const auto& sentence : s.ended_early) text += "          " + sentence + "\n";
 
   const auto& f = s.figures;
   const double own_s = seconds(f.synchronise.wall + f.track.wall + f.publish.wall);
-  line("  time    decode %.3f s (CPU %.3f), synchronise %.3f (%.3f), track %.3f (%.3f), publish and write %.3f (%.3f)",
-       seconds(f.decode.wall), seconds(f.decode.cpu), seconds(f.synchronise.wall), seconds(f.synchronise.cpu),
-       seconds(f.track.wall), seconds(f.track.cpu), seconds(f.publish.wall), seconds(f.publish.cpu));
-  if (s.pictures > 0) line(", draw %.3f (%.3f)", seconds(f.draw.wall), seconds(f.draw.cpu));
+  text += formatted(
+      "  time    decode %.3f s (CPU %.3f), synchronise %.3f (%.3f), track %.3f (%.3f), publish and write %.3f (%.3f)",
+      seconds(f.decode.wall), seconds(f.decode.cpu), seconds(f.synchronise.wall), seconds(f.synchronise.cpu),
+      seconds(f.track.wall), seconds(f.track.cpu), seconds(f.publish.wall), seconds(f.publish.cpu));
+  if (s.pictures > 0) text += formatted(", draw %.3f (%.3f)", seconds(f.draw.wall), seconds(f.draw.cpu));
   const auto times = [&](double busy_s) { return busy_s > 0 ? s.recorded_s / busy_s : 0; };
-  line(
+  text += formatted(
       "\n          with decoding%s left out: %.0fx real time; without the first set too (%.3f s, colour tables): "
       "%.0fx\n",
       s.pictures > 0 ? " and drawing" : "", times(own_s), seconds(f.track_first.wall),
@@ -434,17 +436,17 @@ std::string to_text(const ReplaySummary& s, const ReplayCommand& command) {
   for (const auto& target : s.targets) {
     std::uint64_t all = 0;
     for (const auto& [_, count] : target.sets) all += count;
-    line("  %-7s ", target.name.c_str());
+    text += formatted("  %-7s ", target.name.c_str());
     if (target.first_tracking_set) {
-      line("tracking from set %llu on (%.3f s);", static_cast<unsigned long long>(*target.first_tracking_set),
-           target.first_tracking_s);
+      text += formatted("tracking from set %llu on (%.3f s);",
+                        static_cast<unsigned long long>(*target.first_tracking_set), target.first_tracking_s);
     } else {
-      line("never tracking;");
+      text += formatted("never tracking;");
     }
     for (const auto& [state, count] : target.sets) {
-      line(" %s %.1f %%", std::string(name(state)).c_str(), 100.0 * double(count) / double(all));
+      text += formatted(" %s %.1f %%", std::string(name(state)).c_str(), 100.0 * double(count) / double(all));
     }
-    line("\n");
+    text += formatted("\n");
     if (!target.advice.empty()) text += "          " + target.advice + "\n";
     if (target.truth) text += "          " + to_text(*target.truth) + "\n";
   }
@@ -452,16 +454,17 @@ std::string to_text(const ReplaySummary& s, const ReplayCommand& command) {
   if (s.camera) {
     std::uint64_t all = 0;
     for (const auto& [_, count] : s.camera->frames) all += count;
-    line("  %-7s ", s.camera->name.c_str());
+    text += formatted("  %-7s ", s.camera->name.c_str());
     if (s.camera->first_pose_frame) {
-      line("pose from frame %llu on;", static_cast<unsigned long long>(*s.camera->first_pose_frame));
+      text += formatted("pose from frame %llu on;", static_cast<unsigned long long>(*s.camera->first_pose_frame));
     } else {
-      line("never a pose;");
+      text += formatted("never a pose;");
     }
     for (const auto& [state, count] : s.camera->frames)
-      line(" %s %.1f %%", std::string(name(state)).c_str(), 100.0 * double(count) / double(all));
-    line("; %.2f ms per frame (CPU %.2f)\n", all > 0 ? 1e3 * seconds(f.camera_track.wall) / double(all) : 0,
-         all > 0 ? 1e3 * seconds(f.camera_track.cpu) / double(all) : 0);
+      text += formatted(" %s %.1f %%", std::string(name(state)).c_str(), 100.0 * double(count) / double(all));
+    text +=
+        formatted("; %.2f ms per frame (CPU %.2f)\n", all > 0 ? 1e3 * seconds(f.camera_track.wall) / double(all) : 0,
+                  all > 0 ? 1e3 * seconds(f.camera_track.cpu) / double(all) : 0);
   }
 
   if (!command.poses.empty()) text += "  poses   " + command.poses.string() + "\n";
@@ -471,10 +474,10 @@ std::string to_text(const ReplaySummary& s, const ReplayCommand& command) {
   }
   if (!s.bus.empty()) {
     const std::int64_t ns = s.clock_offset.count();
-    line("  bus     %llu samples, %llu failures; %s\n", static_cast<unsigned long long>(s.published),
-         static_cast<unsigned long long>(s.publish_failures), s.bus.c_str());
-    line("          published capture times are the recording's plus %lld.%09lld s\n",
-         static_cast<long long>(ns / 1'000'000'000), static_cast<long long>(std::abs(ns % 1'000'000'000)));
+    text += formatted("  bus     %llu samples, %llu failures; %s\n", static_cast<unsigned long long>(s.published),
+                      static_cast<unsigned long long>(s.publish_failures), s.bus.c_str());
+    text += formatted("          published capture times are the recording's plus %lld.%09lld s\n",
+                      static_cast<long long>(ns / 1'000'000'000), static_cast<long long>(std::abs(ns % 1'000'000'000)));
   }
   return text;
 }

@@ -1,6 +1,7 @@
 // `huetrackd replay`: a recording through the tracker, to DDS, CSV and pictures.
 #pragma once
 
+#include <atomic>
 #include <cstdint>
 #include <filesystem>
 #include <map>
@@ -29,17 +30,18 @@ struct ReplayCommand {
   std::filesystem::path config;
   std::filesystem::path recording;  // recording.yaml or its folder
   ReplaySpeed speed = ReplaySpeed::max;
-  std::optional<ReplayStamps> stamps;  // nullopt: now at speed real, recording at speed max
-  bool no_dds = false;                 // whatever the configuration says
-  double wait_for_subscriber_s = 0;    // at most so long before the first frame; only with DDS
-  std::optional<int> threads;          // instead of the configuration's
-  std::filesystem::path tracks;        // CSV; empty: none
-  std::filesystem::path poses;         // TUM file of the tracked camera's poses; empty: none
-  std::filesystem::path pictures;      // folder; empty: none
-  int pictures_every = 1;              // >= 1
-  std::filesystem::path truth;         // CSV, see Truth; empty: none
-  bool hold = false;                   // after the first frame of every camera, until the page says go on; needs DDS
-  bool progress = true;                // a bar on stderr, if that is a terminal
+  std::optional<ReplayStamps> stamps;   // nullopt: now at speed real, recording at speed max
+  bool no_dds = false;                  // whatever the configuration says
+  double wait_for_subscriber_s = 0;     // at most so long before the first frame; only with DDS
+  std::optional<int> threads;           // instead of the configuration's
+  std::filesystem::path tracks;         // CSV; empty: none
+  std::filesystem::path poses;          // TUM file of the tracked camera's poses; empty: none
+  std::filesystem::path pictures;       // folder; empty: none
+  int pictures_every = 1;               // >= 1
+  std::filesystem::path truth;          // CSV, see Truth; empty: none
+  bool hold = false;                    // after the first frame of every camera, until the page says go on; needs DDS
+  std::atomic<bool>* reload = nullptr;  // set by somebody: the configuration is to be read again; needs DDS
+  bool progress = true;                 // a bar on stderr, if that is a terminal
 };
 
 struct TargetSummary {
@@ -48,13 +50,13 @@ struct TargetSummary {
   std::optional<std::uint64_t> first_tracking_set;  // 1 = the first
   double first_tracking_s = 0;                      // capture time from the first set to that one
   std::optional<TruthFigures> truth;
-  std::string advice;                               // when it was never tracked: what to try
+  std::string advice;  // when it was never tracked: what to try
 };
 
 struct CameraSummary {
   std::string name;
-  std::map<CameraState, std::uint64_t> frames;        // per state
-  std::optional<std::uint64_t> first_pose_frame;      // from 0
+  std::map<CameraState, std::uint64_t> frames;    // per state
+  std::optional<std::uint64_t> first_pose_frame;  // from 0
 };
 
 struct ReplaySummary {
@@ -66,8 +68,8 @@ struct ReplaySummary {
   double recorded_s = 0;                 // the part that was played
   double wall_s = 0;                     // until the last estimate was out; pictures may take longer
   std::vector<TargetSummary> targets;
-  std::optional<CameraSummary> camera;   // the tracked one
-  std::uint64_t published = 0;  // DDS samples written
+  std::optional<CameraSummary> camera;  // the tracked one
+  std::uint64_t published = 0;          // DDS samples written
   std::uint64_t publish_failures = 0;
   std::string bus;           // where to; empty: no DDS
   Duration clock_offset{0};  // published capture time minus the recording's clock

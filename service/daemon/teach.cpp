@@ -177,17 +177,31 @@ void draw(const std::filesystem::path& folder, const CameraRig& rig, const Frame
   }
 }
 
-// A service on this host that runs with this file reloads it.
+std::string list_of(const std::vector<std::string>& names) {
+  std::string list;
+  for (const auto& name : names) list += (list.empty() ? "" : ", ") + name;
+  return list;
+}
+
+// A service on this host that runs with this file, or replays with it, reloads it.
 void tell_services(const ServiceConfig& config) {
   if (!config.dds.enabled) return;
   bool told = false;
+  const auto is_same_file = [](const std::string& a, const std::filesystem::path& b) {
+    std::error_code none;
+    return a == b || std::filesystem::equivalent(a, b, none);
+  };
   for (const RunningService& service : running_services(config.dds.publisher, 1500ms)) {
-    if (!service.is_on_this_host || service.mode != "run" || service.config_file != config.file) continue;
+    if (!service.is_on_this_host || !is_same_file(service.config_file, config.file)) continue;
+    const bool runs = service.mode == "run";
     if (::kill(pid_t(service.pid), SIGHUP) == 0) {
-      std::printf("huetrackd (process %u) has been told to take it over\n", service.pid);
+      std::printf("huetrackd (process %u%s) has been told to take it over\n", service.pid,
+                  runs                     ? ""
+                  : service.mode == "held" ? ", a replay that is held: Go on on the page lets it run"
+                                           : ", a replay");
     } else {
-      std::printf("huetrackd runs as another user: tell it with  kill -HUP %u  or  systemctl reload huetrackd\n",
-                  service.pid);
+      std::printf("huetrackd runs as another user: tell it with  kill -HUP %u%s\n", service.pid,
+                  runs ? "  or  systemctl reload huetrackd" : "");
     }
     told = true;
   }
@@ -214,7 +228,8 @@ int teach(const TeachCommand& command, std::stop_token stop) {
   TeachRequestOptions request;
   for (const std::string& text : command.at) {
     const At at = at_of(rig, text);
-    wanted[at.point.camera] = at.frame;
+    if (!wanted.emplace(at.point.camera, at.frame).second)
+      throw std::runtime_error("--at \"" + text + "\": there is another --at for this camera; one per camera counts");
     request.points.push_back(at.point);
   }
   IgnoredRegions ignored = config.ignored;
@@ -259,16 +274,28 @@ int teach(const TeachCommand& command, std::stop_token stop) {
                   std::lround(view.region->centre.x()), std::lround(view.region->centre.y()));
     }
   }
-  if (taught.radius_m)
-    std::printf("it looks like a radius of %.1f mm; radius_m says %.1f mm\n", *taught.radius_m * 1e3,
-                target->radius_m * 1e3);
+  if (const std::string hint = radius_hint(taught, *target); !hint.empty()) std::printf("%s\n", hint.c_str());
+  for (const std::string& name : teacher.namesakes(taught, config.targets, target->name))
+    std::printf("Warning: the object has the colour of the target %s, too: nothing tells the two apart\n",
+                name.c_str());
   if (!command.pictures.empty()) {
     draw(command.pictures, rig, set, taught);
     std::printf("pictures with what matches in pink: %s\n", command.pictures.c_str());
   }
-  if (!taught.any()) {
-    std::fprintf(stderr, "huetrackd: nothing was learnt, and nothing written\n");
+  if (const std::string why = why_useless(taught, rig); !why.empty()) {
+    std::fprintf(stderr, "huetrackd: nothing is written: %s\n", why.c_str());
     return 1;
+  }
+  if (const auto open = unconfirmed(taught, rig); !open.empty()) {
+    const std::string where = "nobody has confirmed where the object is in " + list_of(open);
+    if (!command.only && !command.dry_run) {
+      std::fprintf(stderr,
+                   "huetrackd: nothing is written: %s. Confirm it with the --at above, take what is suggested with "
+                   "--accept, or leave it so with --only\n",
+                   where.c_str());
+      return 1;
+    }
+    std::printf("Warning: %s: the colour may not be seen there\n", where.c_str());
   }
   if (command.dry_run) return 0;
   save_taught(config, with_taught_color(*target, rig, taught),

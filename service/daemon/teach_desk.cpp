@@ -1,5 +1,7 @@
 #include "daemon/teach_desk.h"
 
+#include <unistd.h>
+
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -37,8 +39,10 @@ std::vector<std::uint8_t> packed(const PixelMask& mask, int width, int height) {
   return bits;
 }
 
-std::string in_mm(double radius_m) {
-  return std::to_string(std::lround(radius_m * 1000)) + " mm";
+std::string list_of(const std::vector<std::string>& names) {
+  std::string list;
+  for (const std::string& name : names) list += (list.empty() ? "" : ", ") + name;
+  return list;
 }
 
 std::optional<IgnoredRegions> ignored_of(const msg::TeachRequest& request, const CameraRig& rig) {
@@ -65,7 +69,7 @@ std::optional<IgnoredRegions> ignored_of(const msg::TeachRequest& request, const
 std::string TeachDesk::why_not(const ServiceConfig& config) {
   if (config.control.allow_teach) return "";
   return "The configuration does not allow it. Set control: {allow_teach: true} in " + config.file.string() +
-         " and restart or reload (SIGHUP) the service.";
+         ", then reload it: kill -HUP " + std::to_string(::getpid()) + " (or systemctl reload huetrackd).";
 }
 
 msg::TeachReply TeachDesk::refusal(const msg::TeachRequest& request, const std::string& reason) {
@@ -149,7 +153,7 @@ msg::TeachReply TeachDesk::look(const msg::TeachRequest& request, const ServiceC
     if (taught.any() && view.mask.width > 0) camera.mask(packed(view.mask, int(camera.width()), int(camera.height())));
   }
   const auto pointed = std::ranges::count_if(taught.views, &TaughtView::pointed);
-  const auto open = std::ranges::count_if(taught.views, [](const auto& v) { return !v.pointed && v.region; });
+  const auto open = unconfirmed(taught, config.rig);
   if (!taught.any()) {
     reply.granted(false);
     const auto failed = std::ranges::find_if(taught.views, [](const auto& v) { return !v.problem.empty(); });
@@ -158,28 +162,32 @@ msg::TeachReply TeachDesk::look(const msg::TeachRequest& request, const ServiceC
   }
   std::string reason =
       "Learnt from " + std::to_string(pointed) + " of " + std::to_string(taught.views.size()) + " cameras.";
-  if (open > 0) reason += " Confirm it where the dashed ring is.";
-  if (taught.radius_m) {
-    const double ratio = *taught.radius_m / target->radius_m;
-    if (ratio > 1.5 || ratio < 0.65)
-      reason += " It looks like a radius of " + in_mm(*taught.radius_m) + ", but radius_m says " +
-                in_mm(target->radius_m) + ": correct that in the configuration, or the search will not take it.";
-  }
+  if (!open.empty()) reason += " Confirm it where the dashed ring is: " + list_of(open) + ".";
+  std::string warnings;
+  if (const auto names = teacher_->namesakes(taught, config.targets, target->name); !names.empty())
+    warnings += " The object has the colour of " + list_of(names) + ", too: nothing tells them apart.";
+  if (const std::string hint = radius_hint(taught, *target); !hint.empty()) warnings += " " + hint;
+  const auto faint = std::ranges::find_if(
+      taught.views, [](const auto& v) { return v.pointed && v.object_share < least_object_share; });
   if (applies) {
+    if (const std::string why = why_useless(taught, config.rig); !why.empty())
+      return refusal(request, "Not saved: " + why + ".");
     try {
       const bool changes_ignored = *ignored != config.ignored;
       save_taught(config, with_taught_color(*target, config.rig, taught),
                   changes_ignored ? std::optional(*ignored) : std::nullopt);
       const std::string problem = actions_.reload();
       if (!problem.empty()) return refusal(request, "It is written, but not taken over: " + problem);
-      if (actions_.resume) actions_.resume();
       reason = "Saved: " + target->name + " is tracked by this colour now, and it is written into " +
                config.file.string() + ".";
+      if (!open.empty())
+        reason += " Nobody has confirmed where it is in " + list_of(open) + ": it may not be seen there.";
+      if (faint != taught.views.end()) reason += " Less than half of the object matches: widen the ranges.";
     } catch (const std::exception& error) {  // the file cannot be written, or not be changed by a program
       return refusal(request, std::string("Not saved: ") + error.what());
     }
   }
-  reply.reason(reason);
+  reply.reason(reason + warnings);
   return reply;
 }
 
@@ -202,11 +210,11 @@ msg::TeachReply TeachDesk::answer(const msg::TeachRequest& request, const Servic
       if (!ignored) return refusal(request, "A rectangle is not in any camera's picture.");
       try {
         save_ignored(config, *ignored);
+        const std::string problem = actions_.reload();
+        if (!problem.empty()) return refusal(request, "It is written, but not taken over: " + problem);
       } catch (const std::exception& error) {  // as above
         return refusal(request, std::string("Not saved: ") + error.what());
       }
-      const std::string problem = actions_.reload();
-      if (!problem.empty()) return refusal(request, "It is written, but not taken over: " + problem);
       msg::TeachReply reply = reply_to(request);
       reply.reason("Saved: nothing matches in these rectangles any more.");
       return reply;

@@ -17,7 +17,7 @@ class TeachDesk {
   struct Actions {
     // The configuration file was changed: take it over. Returns why that did not work, or an empty string.
     std::function<std::string()> reload;
-    std::function<void()> resume;  // of a held replay; empty: nothing is held
+    std::function<void()> resume;  // of a replay that was started to be held; empty: nothing is held
   };
   explicit TeachDesk(Actions actions) : actions_(std::move(actions)) {}
 

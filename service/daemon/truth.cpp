@@ -3,11 +3,11 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <limits>
 #include <utility>
 
 #include "daemon/csv_table.h"
+#include "daemon/formatted.h"
 
 namespace huetrack {
 namespace {
@@ -114,20 +114,15 @@ TruthFigures TruthComparison::figures() const {
 }
 
 std::string to_text(const TruthFigures& f) {
-  char text[320];
-  if (!f.lock_set) {
-    std::snprintf(text, sizeof text,
-                  "never within %.0f mm of the truth while tracking, in %zu sets; over %.0f cm off while tracking: %zu",
-                  1e3 * lock_within_m, f.sets, 1e2 * wrong_beyond_m, f.wrong_tracking);
-  } else {
-    std::snprintf(
-        text, sizeof text,
-        "locked in set %zu (%.3f s); then %zu samples, rms error %.1f mm, max %.1f mm, mean NEES %.2f, truth inside "
-        "the 95 %% ellipsoid %.1f %%; over %.0f cm off while tracking: %zu of %zu",
-        *f.lock_set, f.lock_s, f.samples, 1e3 * f.rms_m, 1e3 * f.max_m, f.mean_nees, 100 * f.share_inside_95,
-        1e2 * wrong_beyond_m, f.wrong_tracking, f.sets);
-  }
-  return text;
+  if (!f.lock_set)
+    return formatted(
+        "never within %.0f mm of the truth while tracking, in %zu sets; over %.0f cm off while tracking: %zu",
+        1e3 * lock_within_m, f.sets, 1e2 * wrong_beyond_m, f.wrong_tracking);
+  return formatted(
+      "locked in set %zu (%.3f s); then %zu samples, rms error %.1f mm, max %.1f mm, mean NEES %.2f, truth inside "
+      "the 95 %% ellipsoid %.1f %%; over %.0f cm off while tracking: %zu of %zu",
+      *f.lock_set, f.lock_s, f.samples, 1e3 * f.rms_m, 1e3 * f.max_m, f.mean_nees, 100 * f.share_inside_95,
+      1e2 * wrong_beyond_m, f.wrong_tracking, f.sets);
 }
 
 }  // namespace huetrack

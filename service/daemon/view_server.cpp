@@ -88,13 +88,14 @@ void ViewServer::serve(const std::stop_token& stop) {
       publish_scene();
     }
     const auto now = Clock::now();
+    if (options_.reload_asked != nullptr && options_.reload_asked->exchange(false)) reload();
     take_requests();
     if (to_freeze_ && job) {
       freeze(job->set);
     } else if (to_freeze_ && last && now > asked_to_freeze_ + kept_freeze_patience) {
       freeze(last->set);
     } else if (to_freeze_ && now > asked_to_freeze_ + freeze_patience) {
-      publisher_.publish(TeachDesk::refusal(*to_freeze_, "No pictures come from the cameras."));
+      reply(TeachDesk::refusal(*to_freeze_, "No pictures come from the cameras."));
       to_freeze_.reset();
     }
     is_watched = config_.preview.enabled && publisher_.picture_subscribers() + publisher_.marker_subscribers() > 0;
@@ -120,19 +121,42 @@ void ViewServer::serve(const std::stop_token& stop) {
   }
 }
 
+void ViewServer::reload() {
+  std::string problem;
+  try {
+    problem = options_.actions.reload();
+  } catch (const std::exception& error) {  // a mistake in the file: it goes on with what it has
+    problem = error.what();
+  }
+  if (problem.empty()) {
+    spdlog::info("reloaded {}", config_.file.string());
+  } else {
+    spdlog::error("reload refused, going on with the old configuration: {}", problem);
+  }
+}
+
 void ViewServer::publish_scene() {
   const std::string why_not = !options_.actions.reload ? "This service cannot be taught." : TeachDesk::why_not(config_);
   publisher_.publish(make_scene(config_, why_not.empty(), why_not));
 }
 
 void ViewServer::take_requests() {
+  const auto is_same = [](const auto& a, const auto& b) {
+    return a.client() == b.client() && a.number() == b.number();
+  };
   while (const auto request = publisher_.next_request()) {
+    // Who waits for long asks again. It is answered once: pictures taken twice would not be those that the page shows.
+    if (to_freeze_ && is_same(*to_freeze_, *request)) continue;
+    if (last_reply_ && is_same(*last_reply_, *request)) {
+      publisher_.publish(*last_reply_);
+      continue;
+    }
     if (!options_.actions.reload) {
-      publisher_.publish(TeachDesk::refusal(*request, "This service cannot be taught."));
+      reply(TeachDesk::refusal(*request, "This service cannot be taught."));
     } else if (request->action() != msg::TEACH_ACTION_FREEZE) {
-      publisher_.publish(desk_.answer(*request, config_));
+      reply(desk_.answer(*request, config_));
     } else if (const std::string why = TeachDesk::why_not(config_); !why.empty()) {
-      publisher_.publish(TeachDesk::refusal(*request, why));
+      reply(TeachDesk::refusal(*request, why));
     } else {
       to_freeze_ = *request;
       asked_to_freeze_ = Clock::now();
@@ -141,8 +165,13 @@ void ViewServer::take_requests() {
 }
 
 void ViewServer::freeze(const FrameSet& set) {
-  publisher_.publish(desk_.freeze(*to_freeze_, config_, set));
+  reply(desk_.freeze(*to_freeze_, config_, set));
   to_freeze_.reset();
+}
+
+void ViewServer::reply(msg::TeachReply reply) {
+  publisher_.publish(reply);
+  last_reply_ = std::move(reply);
 }
 
 void ViewServer::publish_previews(const PictureJob& job) {

@@ -21,6 +21,8 @@ struct ViewServerOptions {
   // Of a replay: a set that is held may be kept, no driver waits for its buffers. The first set is always taken, and
   // the newest one shown again while none comes.
   bool keeps_frames = false;
+  // Set by somebody: the configuration is to be read again, by actions.reload. nullptr: somebody else does that.
+  std::atomic<bool>* reload_asked = nullptr;
   // Called from the server's thread. Without reload, nothing can be taught.
   TeachDesk::Actions actions = {};
 };
@@ -56,14 +58,17 @@ class ViewServer {
   void serve(const std::stop_token& stop);
   void publish_previews(const PictureJob& job);
   void publish_scene();
+  void reload();
   void take_requests();
   void freeze(const FrameSet& set);
+  void reply(msg::TeachReply reply);
 
   const ViewServerOptions options_;
   ViewPublisher publisher_;  // this and all that follows to wanted_: the server's thread's
   TeachDesk desk_;
   std::optional<msg::TeachRequest> to_freeze_;  // waits for a set
   std::chrono::steady_clock::time_point asked_to_freeze_{};
+  std::optional<msg::TeachReply> last_reply_;
   std::atomic<bool> wanted_ = false, map_wanted_ = true;
   std::atomic<std::int64_t> clock_offset_ns_ = 0;
   std::atomic<std::uint64_t> previews_ = 0;

@@ -213,6 +213,12 @@ async function test() {
 
   // ---- The daemon goes and comes; the page stays.
   await until("the page says that the service is gone", async () => (await link()) === "No service");
+  const late = await browser.newPage();
+  await late.goto(address);
+  await until("a page that comes late sees no service", async () => (await late.textContent("#link")) === "No service");
+  await sleep(1500);
+  assert.equal(await late.locator("#targets li").count() + (await late.locator("#cameras figure").count()), 0, "nothing of the dead one");
+  await late.close();
   const teachable = configuration("teach.yaml",
     `# to be taught\nversion: 1\nrig: ${twoCams}/rig.yaml\ntargets:\n  lime:   # the ball\n    radius_m: 0.04\n` +
     `    color: {hue_deg: [200, 220]}\nobject_tracking: {volume: {min: [-1, -1, 0.1], max: [1, 1, 2.1]}}\ncontrol: {allow_teach: true}\n${bus}`);
@@ -225,6 +231,8 @@ async function test() {
   await until("the page sees that it was killed", async () => (await link()) === "No service");
   const daemon = hold();
   await until("the page has recovered", async () => (await link()) === "Live");
+  daemon.child.kill("SIGHUP");
+  await until("a replay reads its configuration again", () => /reloaded .*teach.yaml/.test(daemon.err));
   say("killed and restarted: the page has recovered");
 
   // ---- A click teaches lime from frame 0.
@@ -234,6 +242,8 @@ async function test() {
   await page.waitForSelector("#teach-pictures canvas[data-camera=cam1]").catch(async (error) => {
     throw new Error(`no frozen pictures; the page says: ${await page.textContent("#teach-says")}`, { cause: error });
   });
+  await until("Save is there, and can be read", () => page.isDisabled("#teach-save"));
+  assert.deepEqual(await page.evaluate(faintTexts), []);
   const at = async (camera) => {
     const canvas = page.locator(`#teach-pictures canvas[data-camera=${camera}]`);
     await canvas.scrollIntoViewIfNeeded();
@@ -243,6 +253,34 @@ async function test() {
   await page.click("#teach-pictures canvas[data-camera=cam0]", { position: await at("cam0") });
   await until("the other view is suggested", async () => /probably at/.test(await page.textContent("#teach-pictures")));
   await page.screenshot({ path: join(options.out, "teach_suggested.png"), fullPage: true });
+  assert.match(await page.textContent("#teach-pictures"), /Hue \d+–\d+°, saturation/);
+  assert.match(await page.textContent("#teach-pictures"), /% of the background matches here/);
+  // To save what one view alone taught needs to be meant.
+  const untaught = readFileSync(teachable, "utf8");
+  await page.click("#teach-save");
+  await until("that it is not confirmed", async () => /confirm the object in cam1/.test(await page.textContent("#teach-says")));
+  assert.equal(readFileSync(teachable, "utf8"), untaught);
+  // As narrow as it gets: said, and not counted on.
+  for (let i = 0; i < 60 && !(await page.isDisabled("#teach-narrower")); i++) {
+    await page.click("#teach-narrower");
+    await until("a reply", async () => (await page.getAttribute("#teach-panel", "aria-busy")) === "false");
+  }
+  assert.equal(await page.isDisabled("#teach-narrower"), true);
+  say(`narrowed: ${await page.textContent("#teach-width")}; ${await page.textContent("#teach-pictures .note")}`);
+  assert.match(await page.textContent("#teach-pictures .note"), /only [\d.]+ % of the object|nothing of the object/);
+  await page.click("#teach-again");
+  await until("new pictures", async () => (await page.getAttribute("#teach-panel", "aria-busy")) === "false");
+  // A drag is no click.
+  const frame = await page.locator("#teach-pictures canvas[data-camera=cam0]").boundingBox();
+  await page.mouse.move(frame.x + 40, frame.y + 20);
+  await page.mouse.down();
+  await page.mouse.move(frame.x + 40, frame.y + 90, { steps: 4 });
+  await page.mouse.up();
+  await sleep(300);
+  assert.equal(await page.getAttribute("#teach-panel", "aria-busy"), "false");
+  assert.equal(await page.isDisabled("#teach-save"), true);
+  await page.click("#teach-pictures canvas[data-camera=cam0]", { position: await at("cam0") });
+  await until("the other view is suggested again", async () => /probably at/.test(await page.textContent("#teach-pictures")));
   // The second one with the keyboard alone, from the middle of the picture.
   const canvas = page.locator("#teach-pictures canvas[data-camera=cam1]");
   await canvas.focus();
@@ -266,6 +304,8 @@ async function test() {
   say(await page.textContent("#teach-says"));
   const written = readFileSync(teachable, "utf8");
   assert.match(written, /# to be taught[\s\S]*lime:   # the ball[\s\S]*camera_colors: \{cam0: \{hue_deg: /);
+  assert.equal(await page.isVisible("#teach-resume"), true, "it is still held: another target may be taught");
+  await page.click("#teach-resume");
   assert.equal(await daemon.ended, 0, daemon.err);
   const compare = start(options.huetrackd, "compare", join(folder, "tracks.csv"), join(twoCams, "groundtruth.csv"));
   await compare.ended;

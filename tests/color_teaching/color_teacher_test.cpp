@@ -48,6 +48,19 @@ TEST(ColorTeacher, LimeInTwoViewsFromTheirFirstFrames) {
                 view.color.intensity_max);
   }
 
+  EXPECT_THAT(unconfirmed(one, s.rig), ElementsAre(s.rig.cameras[1].name));
+  EXPECT_THAT(one.views[1].verdict, AllOf(HasSubstr("probably at"), HasSubstr("% of the background matches here")));
+  EXPECT_THAT(unconfirmed(both, s.rig), IsEmpty());
+  EXPECT_GT(both.views[0].object_share, 0.9);
+  EXPECT_EQ(why_useless(both, s.rig), "");
+  // Another target of this colour is named; its own old colour and others are not.
+  TargetOptions same = lime_ball(), blue = lime_ball();
+  same.name = "same";
+  blue.name = "blue";
+  blue.color.hue_min_deg = 200;
+  blue.color.hue_max_deg = 240;
+  EXPECT_THAT(teacher.namesakes(both, {lime_ball(), same, blue}, lime_ball().name), ElementsAre("same"));
+
   for (const Taught& taught : {one, both}) {
     TargetOptions target = lime_ball();
     target = with_taught_color(target, s.rig, taught);
@@ -86,6 +99,34 @@ TEST(ColorTeacher, TheRedSquareFromTheFirstPair) {
   EXPECT_GE(inside, 110u);
 }
 
+TEST(ColorTeacher, CamerasThatNobodyPointedIntoKeepTheirColour) {
+  CameraRig rig;
+  for (const char* name : {"a", "b", "c"}) rig.cameras.emplace_back().name = name;
+  const HsiRange old{.hue_min_deg = 10, .hue_max_deg = 20}, fresh{.hue_min_deg = 100, .hue_max_deg = 120};
+  TargetOptions target;
+  target.camera_colors = {{"a", old}, {"c", old}};
+  Taught taught;
+  taught.views.resize(3);
+  taught.views[0].pointed = true;
+  taught.views[0].color = fresh;
+  taught.views[0].object_share = 0.3;
+  target = with_taught_color(target, rig, taught);
+  EXPECT_EQ(target.color, fresh);
+  ASSERT_EQ(target.camera_colors.size(), 1u);
+  EXPECT_EQ(target.camera_colors[0], std::pair(std::string("c"), old));
+  // Ranges that hold nothing of the object are refused.
+  EXPECT_EQ(why_useless(taught, rig), "");
+  taught.views[0].object_share = 0;
+  EXPECT_THAT(why_useless(taught, rig), HasSubstr("camera a nothing of the object matches"));
+  EXPECT_EQ(why_useless({}, rig), "nothing was learnt");
+  // The size is said when it is far off only.
+  target.radius_m = 0.04;
+  taught.radius_m = 0.05;
+  EXPECT_EQ(radius_hint(taught, target), "");
+  taught.radius_m = 0.0613;
+  EXPECT_THAT(radius_hint(taught, target), HasSubstr("a radius of about 61 mm, but radius_m says 40 mm"));
+}
+
 TEST(ColorTeacher, SaysWhatIsInTheWay) {
   SKIP_WITHOUT("rendered/two_cams");
   const Sequence s = load_sequence(shared_data() / "rendered/two_cams");
@@ -97,6 +138,10 @@ TEST(ColorTeacher, SaysWhatIsInTheWay) {
   EXPECT_THAT(wide.views[0].verdict,
               AllOf(HasSubstr("camera cam0: "), HasSubstr("% of the background matches"), HasSubstr("patch of")));
   ASSERT_TRUE(wide.views[0].patch);
+  // As narrow as it gets, little of the object is left, and that is said.
+  const Taught narrow = teacher.teach({.points = points, .wider = -20}, volume);
+  EXPECT_LT(narrow.views[0].object_share, least_object_share);
+  EXPECT_THAT(narrow.views[0].verdict, AnyOf(HasSubstr("only "), HasSubstr("nothing of the object matches")));
   // Ignoring the patch takes it out of the mask and out of the share.
   const Taught ignored =
       teacher.teach({.points = points, .ignored = {{wide.views[0].patch->box}, {}}, .wider = 12}, volume);

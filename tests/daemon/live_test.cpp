@@ -184,6 +184,21 @@ TEST_F(Live, RecordWithoutTrackingReplays) {
   EXPECT_THAT(replayed(folder_ / "out"), HasSubstr("tracking"));
 }
 
+// A recording begins with its first frame, not with a camera that never delivered: it would be 56 years long.
+TEST_F(Live, ARecordingWithASilentCameraIsAsLongAsItsFrames) {
+  options_ = LiveOptions{.track = false, .record_to = folder_ / "out", .no_dds = false, .tracks = {}, .seconds = {}};
+  std::vector<LiveCamera> one = cameras(30);
+  one.pop_back();
+  run_live(config_, std::move(one), options_, requests_, {});
+  ReplayCommand command;
+  command.config = folder_ / "out/huetrackd.yaml";
+  command.recording = folder_ / "out";
+  command.no_dds = true;
+  command.progress = false;
+  const ReplaySummary summary = replay(command, {});
+  EXPECT_NEAR(summary.recorded_s, 1, 0.1);
+}
+
 TEST_F(Live, AFolderThatIsNotEmptyIsNotRecordedInto) {
   options_.record_to = folder_;
   EXPECT_THAT([&] { run_live(config_, cameras(3), options_, requests_, {}); },

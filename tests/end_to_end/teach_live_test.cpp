@@ -61,18 +61,22 @@ class Page {
   }
 
   msg::TeachReply ask(msg::TeachAction action, const std::vector<msg::TeachPoint>& points = {}) {
-    msg::TeachRequest request;
-    request.client("test");
-    request.number(++number_);
-    request.host(scene->host());
-    request.pid(scene->pid());
-    request.action(action);
-    request.target("lime");
-    request.points(points);
+    last_ = {};
+    last_.client("test");
+    last_.number(++number_);
+    last_.host(scene->host());
+    last_.pid(scene->pid());
+    last_.action(action);
+    last_.target("lime");
+    last_.points(points);
+    return ask_again();
+  }
+
+  msg::TeachReply ask_again() {
     replies.clear();
     bool has_come = false;
     for (int attempt = 0; attempt < 3 && !has_come; ++attempt) {  // as the page: the first may be before they have met
-      request_.write(&request);
+      request_.write(&last_);
       has_come = comes_true(
           [&] {
             listen();
@@ -101,6 +105,7 @@ class Page {
   dds::DataWriter& request_;
   dds::DataReader &reply_, &scene_, &position_;
   std::uint32_t number_ = 0;
+  msg::TeachRequest last_;
 };
 
 msg::TeachPoint point(const std::string& camera, double u, double v) {
@@ -207,6 +212,19 @@ TEST_F(TeachLive, TheRunningServiceTakesTheColourOverWithoutARestart) {
     return page.scene->targets()[0].colors()[0].hue_deg()[0] == learnt.hue_min_deg;
   })) << "the scene does not say the new colour";
   EXPECT_FALSE(service->has_ended());
+}
+
+// Who waits for long asks again; pictures taken a second time would not be those that are shown.
+TEST_F(TeachLive, ARequestThatComesAgainTakesNoOtherPictures) {
+  const msg::TeachReply frozen = page.ask(msg::TEACH_ACTION_FREEZE);
+  ASSERT_TRUE(frozen.granted()) << frozen.reason();
+  page.positions.clear();
+  ASSERT_TRUE(comes_true([&] {
+    page.listen();
+    return page.positions.size() > 5;
+  }));
+  EXPECT_EQ(page.ask_again().set_number(), frozen.set_number());
+  EXPECT_GT(page.ask(msg::TEACH_ACTION_FREEZE).set_number(), frozen.set_number() + 5);
 }
 
 TEST_F(TeachLive, ItIsRefusedWithAReasonOnceTheConfigurationForbidsIt) {

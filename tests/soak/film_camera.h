@@ -7,6 +7,7 @@
 #include <unistd.h>
 
 #include <array>
+#include <atomic>
 #include <chrono>
 #include <cstdint>
 #include <filesystem>
@@ -58,6 +59,10 @@ class FilmCamera {
  private:
   using Clock = std::chrono::steady_clock;
 
+  struct Buffer {
+    std::unique_ptr<std::uint8_t[]> bytes;
+    std::atomic<bool> is_out = false;  // a reader has it
+  };
   struct State {
     explicit State(FilmCameraOptions o)
         : options(std::move(o)), file(::open(options.film.c_str(), O_RDONLY | O_CLOEXEC)) {
@@ -66,7 +71,7 @@ class FilmCamera {
       frame_bytes = std::size_t(options.width) * std::size_t(options.height) * 2;
       frames = std::int64_t(std::size_t(status.st_size) / frame_bytes);
       if (frames == 0) throw std::runtime_error(options.film.string() + ": has no frame of that size");
-      for (auto& buffer : buffers) buffer = std::make_shared<std::uint8_t[]>(frame_bytes);
+      for (auto& buffer : buffers) buffer.bytes = std::make_unique<std::uint8_t[]>(frame_bytes);
       health.stream = StreamFormat{.width = options.width,
                                    .height = options.height,
                                    .stride = 2 * std::size_t(options.width),
@@ -88,7 +93,7 @@ class FilmCamera {
     const int file;
     std::size_t frame_bytes = 0;
     std::int64_t frames = 0;
-    std::array<std::shared_ptr<std::uint8_t[]>, 8> buffers;
+    std::array<Buffer, 8> buffers;
     std::mutex mutex;
     CameraHealth health;              // guarded by mutex
     std::vector<CameraEvent> events;  // guarded by mutex
@@ -136,10 +141,10 @@ class FilmCamera {
 
     std::optional<Frame> frame_of(std::int64_t k) {
       const FilmCameraOptions& options = state_->options;
-      const auto buffer = std::ranges::find_if(state_->buffers, [](const auto& b) { return b.use_count() == 1; });
+      const auto buffer = std::ranges::find_if(
+          state_->buffers, [](const Buffer& b) { return !b.is_out.load(std::memory_order_acquire); });
       if (buffer == state_->buffers.end()) return std::nullopt;  // the readers hold all of them: this frame is lost
-      std::atomic_thread_fence(std::memory_order_acquire);
-      const auto got = ::pread(state_->file, buffer->get(), state_->frame_bytes,
+      const auto got = ::pread(state_->file, buffer->bytes.get(), state_->frame_bytes,
                                off_t(std::size_t(k % state_->frames) * state_->frame_bytes));
       if (got != ssize_t(state_->frame_bytes)) throw std::runtime_error(options.film.string() + ": cannot be read");
       Frame frame;
@@ -154,8 +159,11 @@ class FilmCamera {
                         .width = options.width,
                         .height = options.height,
                         .planes = {},
-                        .owner = *buffer};
-        frame.pixels.planes[0] = {buffer->get(), 2 * options.width};
+                        .owner = {buffer->bytes.get(), [state = state_, buffer](const std::uint8_t*) {
+                                    buffer->is_out.store(false, std::memory_order_release);
+                                  }}};
+        frame.pixels.planes[0] = {buffer->bytes.get(), 2 * options.width};
+        buffer->is_out.store(true, std::memory_order_relaxed);
       }
       const std::scoped_lock lock(state_->mutex);
       if (state_->health.state != CaptureState::delivering)

@@ -32,6 +32,6 @@ for one in release "$preset"; do cmake --preset "$one" >/dev/null; done
 nice cmake --build build/release --target soak huetrack
 nice cmake --build "build/$preset" --target film_service   # only the service is sanitized
 export ASAN_OPTIONS=detect_leaks=1:halt_on_error=1 UBSAN_OPTIONS=print_stacktrace=1:halt_on_error=1
-export TSAN_OPTIONS=halt_on_error=1:second_deadlock_stack=1
+export TSAN_OPTIONS=halt_on_error=1:second_deadlock_stack=1:suppressions=$PWD/tests/tsan.supp
 exec build/release/tests/soak/soak --minutes "$minutes" --seed "$seed" --slowness "$slowness" \
   --service "build/$preset/tests/soak/film_service"

@@ -1,11 +1,10 @@
 // Teaching a colour: freeze the pictures, point at the object, look at what matches, save. The page keeps what the user did
 // and sends all of it with every request; replies come back over the stream.
-import { bitmapOf, label } from "./cameras";
-import type { Ignore, Scene, TaughtCamera, TeachReply } from "./messages";
-import { store } from "./store";
+import { bitmapOf, label, showLiveMasks } from "./cameras";
+import type { Color, Ignore, Scene, TaughtCamera, TeachReply } from "./messages";
+import { client, store } from "./store";
 
 const $ = <T extends HTMLElement>(id: string) => document.getElementById(id) as T;
-const client = Array.from(crypto.getRandomValues(new Uint8Array(8)), (b) => b.toString(16).padStart(2, "0")).join("");
 
 interface Picture {
   camera: string;
@@ -15,7 +14,9 @@ interface Picture {
   canvas: HTMLCanvasElement;
   verdict: HTMLElement;
   cursor: [number, number] | null; // of the keyboard, image pixels
+  ranges: HTMLElement;
   drag: [number, number] | null;
+  pressed: [number, number] | null; // where a button or finger went down, CSS pixels
   corner: [number, number] | null;
   taught: TaughtCamera | null;
 }
@@ -28,6 +29,11 @@ let ignored: Ignore[] = [];
 let wider = 0;
 let isIgnoring = false;
 let hasLearnt = false;
+let unconfirmed: string[] = []; // cameras whose suggestion is not confirmed
+let saysAlone = false; // Save was pressed all the same: once more does it
+let least = -Infinity; // of `wider`: beyond, nothing changes any more
+let most = Infinity;
+let before = ""; // the ranges before the last step
 let service = ""; // whose pictures these are
 
 const panel = $("teach-panel");
@@ -75,23 +81,43 @@ async function ask(action: string): Promise<void> {
 export async function takeTeachReply(reply: TeachReply): Promise<void> {
   if (reply.client !== client || reply.number !== pending) return;
   pending = 0;
+  const stepped = lastStep;
+  lastStep = 0;
   if (!reply.granted) {
+    wider -= stepped;
     update();
     return say(reply.reason, true);
   }
   say(reply.reason);
   if (reply.cameras.some((c) => c.jpeg)) await showPictures(reply.cameras);
+  const ranges = JSON.stringify(reply.cameras.map((c) => c.color));
+  if (stepped && ranges === before) {
+    // As far as it goes: the counter says how far that is.
+    wider -= stepped;
+    if (stepped > 0) most = wider;
+    else least = wider;
+    say(stepped > 0 ? "It does not get wider." : "It does not get narrower.");
+  }
+  before = ranges;
   for (const taught of reply.cameras) {
     const picture = pictures.find((p) => p.camera === taught.camera);
     if (!picture) continue;
     if (taught.mask) picture.mask = await maskOf(taught);
     picture.taught = taught;
     picture.verdict.textContent = taught.verdict;
+    picture.ranges.textContent = taught.pointed ? textOf(taught.color) : "";
     draw(picture);
   }
-  hasLearnt = points.length > 0 && reply.cameras.some((c) => c.pointed);
+  // Replies that say nothing of the cameras (rectangles saved, a replay resumed) change nothing here.
+  if (reply.cameras.length) {
+    hasLearnt = points.length > 0 && reply.cameras.some((c) => c.pointed);
+    unconfirmed = reply.cameras.filter((c) => !c.pointed && c.region[0] !== null).map((c) => c.camera);
+  }
   update();
 }
+
+const textOf = ({ hue_deg: h, saturation: s, intensity: i }: Color) =>
+  `Hue ${h[0]}–${h[1]}°, saturation ${+s[0].toFixed(2)}–${+s[1].toFixed(2)}, intensity ${+i[0].toFixed(2)}–${+i[1].toFixed(2)}`;
 
 async function maskOf(taught: TaughtCamera): Promise<ImageBitmap> {
   const [w, h] = taught.size;
@@ -115,7 +141,7 @@ async function showPictures(cameras: TaughtCamera[]): Promise<void> {
     if (!taught.jpeg) continue;
     const figure = document.createElement("figure");
     figure.className = "camera";
-    figure.innerHTML = `<figcaption><b></b></figcaption><canvas tabindex="0" role="application"></canvas><p class="note"></p>`;
+    figure.innerHTML = `<figcaption><b></b></figcaption><canvas tabindex="0" role="application"></canvas><p class="note"></p><p class="note ranges"></p>`;
     figure.querySelector("b")!.textContent = taught.camera;
     grid.append(figure);
     const canvas = figure.querySelector("canvas")!;
@@ -131,6 +157,8 @@ async function showPictures(cameras: TaughtCamera[]): Promise<void> {
       mask: null,
       canvas,
       verdict: figure.querySelector(".note")!,
+      ranges: figure.querySelector(".ranges")!,
+      pressed: null,
       cursor: null,
       drag: null,
       corner: null,
@@ -144,7 +172,7 @@ async function showPictures(cameras: TaughtCamera[]): Promise<void> {
 
 function attach(picture: Picture): void {
   const { canvas } = picture;
-  const pixel = (event: PointerEvent): [number, number] => {
+  const pixel = (event: MouseEvent): [number, number] => {
     const r = canvas.getBoundingClientRect();
     return [
       Math.min(picture.size[0] - 1, Math.max(0, Math.round(((event.clientX - r.left) / r.width) * picture.size[0] - 0.5))),
@@ -152,8 +180,8 @@ function attach(picture: Picture): void {
     ];
   };
   canvas.addEventListener("pointerdown", (event) => {
-    if (pending) return;
-    if (!isIgnoring) return point(picture, pixel(event));
+    picture.pressed = [event.clientX, event.clientY];
+    if (pending || !isIgnoring) return;
     canvas.setPointerCapture(event.pointerId);
     picture.drag = picture.corner = pixel(event);
   });
@@ -163,6 +191,16 @@ function attach(picture: Picture): void {
     draw(picture);
   });
   canvas.addEventListener("pointerup", () => closeRectangle(picture));
+  canvas.addEventListener("pointercancel", () => {
+    picture.drag = null;
+    draw(picture);
+  });
+  // A click and not a swipe: what began here, and moved no farther than a finger trembles.
+  canvas.addEventListener("click", (event) => {
+    const [x, y] = picture.pressed ?? [event.clientX, event.clientY];
+    picture.pressed = null;
+    if (!pending && !isIgnoring && Math.hypot(event.clientX - x, event.clientY - y) < 8) point(picture, pixel(event));
+  });
   canvas.addEventListener("keydown", (event) => {
     const step = event.shiftKey ? 10 : 1;
     const move: Record<string, [number, number]> = {
@@ -195,6 +233,8 @@ function attach(picture: Picture): void {
 function point(picture: Picture, pixel: [number, number]): void {
   points = points.filter((p) => p.camera !== picture.camera);
   points.push({ camera: picture.camera, pixel });
+  least = -Infinity;
+  most = Infinity;
   void ask("look");
 }
 
@@ -305,6 +345,9 @@ function startAgain(): void {
   points = [];
   wider = 0;
   hasLearnt = false;
+  unconfirmed = [];
+  least = -Infinity;
+  most = Infinity;
   void ask("freeze");
 }
 
@@ -319,14 +362,58 @@ function open(): void {
 
 function close(): void {
   panel.hidden = true;
+  updateLiveMasks();
   $("teach-open").setAttribute("aria-expanded", "false");
+}
+
+// A step that changes nothing is taken back when the reply comes.
+let lastStep = 0;
+function widen(step: number): void {
+  wider += step;
+  lastStep = step;
+  if (step > 0) least = -Infinity;
+  else most = Infinity;
+  void ask("look");
+}
+
+function save(): void {
+  if (unconfirmed.length && !saysAlone) {
+    saysAlone = true;
+    update();
+    const learnt = pictures.filter((p) => p.taught?.pointed).map((p) => p.camera);
+    return say(
+      `Not saved yet: confirm the object in ${unconfirmed.join(", ")} first, or it may not be seen there. ` +
+        `Or press again to save what was learnt in ${learnt.join(", ")} alone.`,
+      true,
+    );
+  }
+  void ask("apply");
+}
+
+// The moving pictures show the mask, too, while there is one to look at.
+function updateLiveMasks(): void {
+  const isShown = !panel.hidden && hasLearnt && $<HTMLInputElement>("teach-mask").checked;
+  showLiveMasks(
+    isShown
+      ? new Map(
+          pictures
+            .filter((p) => p.taught)
+            .map((p) => [p.camera, { color: p.taught!.color, ignored: ignored.filter((i) => i.camera === p.camera).map((i) => i.box) }]),
+        )
+      : null,
+  );
 }
 
 function update(): void {
   const busy = pending !== 0;
+  updateLiveMasks();
+  if (!unconfirmed.length) saysAlone = false;
   panel.setAttribute("aria-busy", String(busy));
   for (const id of ["teach-freeze", "teach-again"]) $<HTMLButtonElement>(id).disabled = busy;
-  for (const id of ["teach-wider", "teach-narrower", "teach-save"]) $<HTMLButtonElement>(id).disabled = busy || !hasLearnt;
+  $<HTMLButtonElement>("teach-save").disabled = busy || !hasLearnt;
+  $("teach-save").textContent = saysAlone ? "Save without them" : "Save colour";
+  $<HTMLButtonElement>("teach-wider").disabled = busy || !hasLearnt || wider >= most;
+  $<HTMLButtonElement>("teach-narrower").disabled = busy || !hasLearnt || wider <= least;
   $<HTMLButtonElement>("teach-save-ignored").disabled = busy || !pictures.length;
   $<HTMLButtonElement>("teach-clear").disabled = !ignored.length;
   $("teach-width").textContent = wider === 0 ? "as fitted" : wider > 0 ? `${wider} wider` : `${-wider} narrower`;
@@ -363,9 +450,9 @@ $("teach-close").addEventListener("click", () => {
 });
 $("teach-freeze").addEventListener("click", startAgain);
 $("teach-again").addEventListener("click", startAgain);
-$("teach-wider").addEventListener("click", () => (wider++, void ask("look")));
-$("teach-narrower").addEventListener("click", () => (wider--, void ask("look")));
-$("teach-save").addEventListener("click", () => void ask("apply"));
+$("teach-wider").addEventListener("click", () => widen(1));
+$("teach-narrower").addEventListener("click", () => widen(-1));
+$("teach-save").addEventListener("click", save);
 $("teach-save-ignored").addEventListener("click", () => void ask("ignore"));
 $("teach-clear").addEventListener("click", () => {
   ignored = [];
@@ -373,9 +460,13 @@ $("teach-clear").addEventListener("click", () => {
   if (points.length) void ask("look");
   update();
 });
-$<HTMLInputElement>("teach-mask").addEventListener("change", () => pictures.forEach(draw));
+$<HTMLInputElement>("teach-mask").addEventListener("change", () => {
+  pictures.forEach(draw);
+  updateLiveMasks();
+});
 $<HTMLInputElement>("teach-ignore").addEventListener("change", (event) => {
   isIgnoring = (event.target as HTMLInputElement).checked;
+  $("teach-pictures").classList.toggle("drawing", isIgnoring);
   say(isIgnoring ? "Drag a rectangle over what should never match (with keys: Enter, arrows, Enter)." : "Click on the object in one picture.");
 });
 $("teach-target").addEventListener("change", startAgain);
