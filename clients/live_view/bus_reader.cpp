@@ -26,6 +26,7 @@ constexpr auto gone_after = 4s;         // a service that was not heard for so l
 constexpr auto keep_previews_for = 3s;  // after the last page: a reload is no reason to stop
 constexpr auto keep_replies_for = 60s;
 constexpr std::size_t most_requests = 16;
+constexpr std::size_t most_early = 200;
 
 double unix_now() {
   return std::chrono::duration<double>(std::chrono::system_clock::now().time_since_epoch()).count();
@@ -165,6 +166,9 @@ void BusReader::show(const std::string& who) {
   hub_.set("status", now.status);
   if (!now.scene.empty()) hub_.set("scene", now.scene);
   for (const auto& [camera, event] : now.camera_maps) hub_.set("camera_map/" + camera, event);
+  for (const auto& [process, event] : early_)
+    if (process == now.process) hub_.append(event);
+  early_.clear();
 }
 
 // Positions and previews do not say whose they are, but DDS says which process wrote them.
@@ -174,15 +178,27 @@ bool BusReader::is_of_another(const Process& process) const {
          });
 }
 
+void BusReader::append(const Process& process, std::string event) {
+  if (is_of_another(process)) return;
+  const bool is_known =
+      std::ranges::any_of(services_, [&](const auto& entry) { return entry.second.process == process; });
+  if (!is_known) {
+    // Of a replay that is held there are no others: they must outlive the change to it.
+    early_.emplace_back(process, event);
+    if (early_.size() > most_early) early_.pop_front();
+  }
+  hub_.append(std::move(event));
+}
+
 void BusReader::take_positions() {
   take_all<msg::ObjectPosition>(connection_->position, [&](const auto& sample, const Process& process) {
-    if (!is_of_another(process)) hub_.append(to_event("position", to_json(sample)));
+    append(process, to_event("position", to_json(sample)));
   });
 }
 
 void BusReader::take_camera_poses() {
   take_all<msg::CameraPose>(connection_->camera_pose, [&](const auto& sample, const Process& process) {
-    if (!is_of_another(process)) hub_.append(to_event("camera_pose", to_json(sample)));
+    append(process, to_event("camera_pose", to_json(sample)));
   });
 }
 

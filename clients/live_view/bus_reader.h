@@ -9,6 +9,7 @@
 #include <mutex>
 #include <set>
 #include <string>
+#include <utility>
 
 #include "clients/live_view/event_hub.h"
 #include "idl/dds_participant.h"
@@ -64,10 +65,12 @@ class BusReader {
   Service& service(const std::string& who);
   void show(const std::string& who);
   bool is_of_another(const Process& process) const;
+  void append(const Process& process, std::string event);
   bool is_shown(const std::string& who) const { return who == shown_; }
 
-  std::map<std::string, Service> services_;                               // by host/pid
-  std::string shown_;                                                     // empty: none
+  std::map<std::string, Service> services_;            // by host/pid
+  std::string shown_;                                  // empty: none
+  std::deque<std::pair<Process, std::string>> early_;  // what came before its service had said who it is
   std::map<std::string, std::chrono::steady_clock::time_point> replies_;  // hub keys, when they came
   std::string trouble_;
 

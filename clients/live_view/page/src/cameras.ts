@@ -1,6 +1,6 @@
 // The cameras' pictures, with what the tracker thinks drawn over them.
 import { colorOf } from "./color";
-import type { Preview } from "./messages";
+import type { Color, Preview } from "./messages";
 import { store } from "./store";
 
 interface View {
@@ -67,6 +67,51 @@ export async function showPreview(preview: Preview): Promise<void> {
   }
 }
 
+// While a colour is taught: what would match in each camera's moving picture, too.
+export interface LiveMask {
+  color: Color;
+  ignored: number[][]; // boxes, pixels of the camera's image
+}
+let liveMask: Map<string, LiveMask> | null = null;
+export function showLiveMasks(masks: Map<string, LiveMask> | null): void {
+  if (!masks && !liveMask) return;
+  liveMask = masks;
+  redrawCameras();
+}
+
+const sketch = document.createElement("canvas");
+// HSI as the tracker computes it (service/object_tracking/color_model.cpp), of the preview's pixels.
+function maskOf(image: ImageBitmap, { color, ignored }: LiveMask, imageWidth: number): HTMLCanvasElement {
+  const [w, h] = [image.width, image.height];
+  if (sketch.width !== w || sketch.height !== h) [sketch.width, sketch.height] = [w, h];
+  const g = sketch.getContext("2d", { willReadFrequently: true })!;
+  g.drawImage(image, 0, 0);
+  const pixels = g.getImageData(0, 0, w, h);
+  const d = pixels.data;
+  const [from, to] = color.hue_deg;
+  for (let i = 0; i < d.length; i += 4) {
+    const [r, g8, b] = [d[i], d[i + 1], d[i + 2]];
+    const intensity = (r + g8 + b) / 3;
+    const least = Math.min(r, g8, b);
+    const saturation = intensity > 0 ? 1 - least / intensity : 0;
+    let on = saturation >= color.saturation[0] && saturation <= color.saturation[1];
+    on &&= intensity / 255 >= color.intensity[0] && intensity / 255 <= color.intensity[1] && Math.max(r, g8, b) > least;
+    if (on) {
+      const hue = ((Math.atan2((Math.sqrt(3) / 2) * (g8 - b), r - (g8 + b) / 2) * 180) / Math.PI + 360) % 360;
+      on = from <= to ? hue >= from && hue <= to : hue >= from || hue <= to;
+    }
+    [d[i], d[i + 1], d[i + 2], d[i + 3]] = on ? [255, 0, 220, 255] : [0, 0, 0, 120];
+  }
+  g.putImageData(pixels, 0, 0);
+  const s = w / imageWidth;
+  for (const [u0, v0, u1, v1] of ignored) {
+    g.clearRect(u0 * s, v0 * s, (u1 - u0 + 1) * s, (v1 - v0 + 1) * s);
+    g.fillStyle = "rgb(0 0 0 / 0.47)";
+    g.fillRect(u0 * s, v0 * s, (u1 - u0 + 1) * s, (v1 - v0 + 1) * s);
+  }
+  return sketch;
+}
+
 // Everything in pixels of the camera's image; the canvas is scaled so that lines stay thin on any size.
 function draw(view: View): void {
   const { preview, image, canvas } = view;
@@ -80,6 +125,14 @@ function draw(view: View): void {
   const g = canvas.getContext("2d")!;
   g.drawImage(image, 0, 0, width, height);
   const s = width / preview.image[0];
+  const looked = liveMask?.get(preview.camera);
+  if (looked) {
+    g.globalAlpha = 0.75;
+    g.imageSmoothingEnabled = false;
+    g.drawImage(maskOf(image, looked, preview.image[0]), 0, 0, width, height);
+    g.imageSmoothingEnabled = true;
+    g.globalAlpha = 1;
+  }
   const line = Math.max(1.2, 1.4 * devicePixelRatio);
   const at = (u: number, v: number): [number, number] => [(u + 0.5) * s, (v + 0.5) * s];
   const seen: string[] = [];

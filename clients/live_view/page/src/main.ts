@@ -96,8 +96,9 @@ function updateTargets(): void {
       if (element.textContent !== value) element.textContent = value;
     };
     (card.querySelector(".swatch") as HTMLElement).style.background = colorOf(target.name);
-    text(".state", fresh ? latest.state : "no news");
-    (card.querySelector(".state") as HTMLElement).title = fresh ? stateText[latest.state] : "no sample for two seconds";
+    const isHeld = isServing() && store.status?.mode === "held";
+    text(".state", fresh ? latest.state : isHeld ? "held" : "no news");
+    (card.querySelector(".state") as HTMLElement).title = fresh ? stateText[latest.state] : isHeld ? "a replay that waits for Go on" : "no sample for two seconds";
     latest.position.forEach((value, i) => {
       text(`[data-axis=${"xyz"[i]}]`, `${"xyz"[i]} ${value === null || !fresh ? "–" : value.toFixed(3)}`);
     });

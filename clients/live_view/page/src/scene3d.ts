@@ -397,6 +397,10 @@ export class Scene3d {
     const ink = new THREE.Color(variable("--muted"));
     const trackedNow = [...store.trackedCameras.keys()].join();
     const how = theme + trackedNow;
+    if (!store.scene && this.shown) {
+      this.shown = null;
+      this.clear();
+    }
     if (store.scene && (store.scene !== this.shown || this.shownWith !== how)) {
       const isOther = this.shown?.rig_identity !== store.scene.rig_identity;
       if (isOther) this.roamed.clear();
@@ -499,7 +503,7 @@ export class Scene3d {
     models.delete(name);
   }
 
-  private build(scene: Scene, ink: THREE.Color): void {
+  private clear(): void {
     this.still.traverse((part) => {
       if (part instanceof THREE.LineSegments) {
         part.geometry.dispose();
@@ -511,7 +515,10 @@ export class Scene3d {
     this.labels = [];
     for (const [name, model] of this.models) this.drop(this.models, name, model);
     for (const [name, model] of this.tracked) this.drop(this.tracked, name, model);
+  }
 
+  private build(scene: Scene, ink: THREE.Color): void {
+    this.clear();
     // A camera that is tracked is where it is tracked, not where the rig file has it. Without targets the volume, too,
     // stands for nothing.
     const cameras = scene.cameras.filter((c) => !store.trackedCameras.has(c.name));

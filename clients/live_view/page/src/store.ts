@@ -108,6 +108,7 @@ export function takeCameraMap(map: CameraMap): void {
 
 export function takeCameraPose(sample: CameraPose): void {
   const camera = trackedCamera(sample.camera);
+  if (camera.history.length && sample.t === camera.history.at(-1)!.t) return; // again
   if (camera.history.length && sample.t < camera.history.at(-1)!.t) camera.history = [];
   camera.latest = sample;
   camera.heard = performance.now();
