@@ -161,7 +161,9 @@ FoundBoards gather_live(std::vector<LiveCameraSource> cameras, const BoardDetect
     if (!coverage && std::ranges::none_of(sizes, [](ImageSize s) { return s.width == 0; }))
       coverage.emplace(detector.board(), names, sizes);
     const bool rests = is_at_rest(views, before, at_s - before_s, sizes);
-    if (coverage && rests && coverage->is_new(views)) {
+    // A set that lacks a frame, as when a camera lags, says nothing about what its cameras share.
+    const bool complete = std::ranges::all_of(set->frames, [](const auto& frame) { return frame.has_value(); });
+    if (coverage && complete && rests && coverage->is_new(views)) {
       coverage->add(views);
       for (BoardView& view : views) {
         BoardView kept = view;
