@@ -1,9 +1,11 @@
 #include "clients/live_view/bus_reader.h"
 
+#include <algorithm>
 #include <fastdds/dds/publisher/DataWriterListener.hpp>
 #include <fastdds/dds/subscriber/DataReaderListener.hpp>
 #include <fastdds/dds/subscriber/SampleInfo.hpp>
 #include <stdexcept>
+#include <utility>
 
 #include "clients/live_view/events.h"
 #include "idl/huetrackPubSubTypes.h"
@@ -22,10 +24,21 @@ namespace {
 constexpr auto pulse_period = 1s;
 constexpr auto gone_after = 4s;         // a service that was not heard for so long; it speaks once a second
 constexpr auto keep_previews_for = 3s;  // after the last page: a reload is no reason to stop
+constexpr auto keep_replies_for = 60s;
 constexpr std::size_t most_requests = 16;
+constexpr std::size_t most_early = 200;
 
 double unix_now() {
   return std::chrono::duration<double>(std::chrono::system_clock::now().time_since_epoch()).count();
+}
+
+// Of the writer's GUID the part that all participants of one process share (vendor, host, process), as Fast DDS, which
+// the service is built with, forms it.
+BusReader::Process process_of(const dds::SampleInfo& info) {
+  BusReader::Process process{};
+  const auto& prefix = info.sample_identity.writer_guid().guidPrefix.value;
+  std::copy_n(std::begin(prefix), process.size(), process.begin());
+  return process;
 }
 
 template <typename Sample, typename F>
@@ -33,7 +46,12 @@ void take_all(dds::DataReader& reader, F&& use) {
   Sample sample;
   dds::SampleInfo info;
   while (reader.take_next_sample(&sample, &info) == ReturnCode_t::RETCODE_OK)
-    if (info.valid_data) use(sample);
+    if (info.valid_data) use(sample, process_of(info));
+}
+
+template <typename Sample>
+std::string who_of(const Sample& sample) {
+  return sample.host() + "/" + std::to_string(sample.pid());
 }
 
 ParticipantOptions named(ParticipantOptions options, const char* name) {
@@ -124,62 +142,129 @@ void BusReader::poll(int pages) {
   }
 }
 
+BusReader::Service& BusReader::service(const std::string& who) {
+  const auto [it, is_new] = services_.try_emplace(who);
+  if (is_new) it->second.began = it->second.heard = Clock::now();
+  return it->second;
+}
+
+// From now on pages see this one, and nothing of the one before.
+void BusReader::show(const std::string& who) {
+  if (!shown_.empty()) {
+    hub_.erase("status");
+    hub_.erase("scene");
+    const auto old = services_.find(shown_);
+    if (old != services_.end()) {
+      for (const auto& [camera, event] : old->second.camera_maps) hub_.erase("camera_map/" + camera);
+      for (const std::string& camera : old->second.cameras) hub_.erase("preview/" + camera);
+    }
+  }
+  hub_.forget_appended();
+  shown_ = who;
+  if (who.empty()) return;
+  const Service& now = services_.at(who);
+  hub_.set("status", now.status);
+  if (!now.scene.empty()) hub_.set("scene", now.scene);
+  for (const auto& [camera, event] : now.camera_maps) hub_.set("camera_map/" + camera, event);
+  for (const auto& [process, event] : early_)
+    if (process == now.process) hub_.append(event);
+  early_.clear();
+}
+
+// Positions and previews do not say whose they are, but DDS says which process wrote them.
+bool BusReader::is_of_another(const Process& process) const {
+  return services_.size() > 1 && std::ranges::any_of(services_, [&](const auto& entry) {
+           return entry.second.process == process && !is_shown(entry.first);
+         });
+}
+
+void BusReader::append(const Process& process, std::string event) {
+  if (is_of_another(process)) return;
+  const bool is_known =
+      std::ranges::any_of(services_, [&](const auto& entry) { return entry.second.process == process; });
+  if (!is_known) {
+    // Of a replay that is held there are no others: they must outlive the change to it.
+    early_.emplace_back(process, event);
+    if (early_.size() > most_early) early_.pop_front();
+  }
+  hub_.append(std::move(event));
+}
+
 void BusReader::take_positions() {
-  take_all<msg::ObjectPosition>(connection_->position,
-                                [&](const auto& sample) { hub_.append(to_event("position", to_json(sample))); });
+  take_all<msg::ObjectPosition>(connection_->position, [&](const auto& sample, const Process& process) {
+    append(process, to_event("position", to_json(sample)));
+  });
 }
 
 void BusReader::take_camera_poses() {
-  take_all<msg::CameraPose>(connection_->camera_pose,
-                            [&](const auto& sample) { hub_.append(to_event("camera_pose", to_json(sample))); });
+  take_all<msg::CameraPose>(connection_->camera_pose, [&](const auto& sample, const Process& process) {
+    append(process, to_event("camera_pose", to_json(sample)));
+  });
 }
 
 void BusReader::take_camera_maps() {
-  take_all<msg::CameraMap>(connection_->camera_map, [&](const auto& sample) {
-    const std::string who = sample.host() + "/" + std::to_string(sample.pid());
-    services_.try_emplace(who, Clock::now());
-    hub_.set("camera_map/" + who, to_event("camera_map", to_json(sample)));
+  take_all<msg::CameraMap>(connection_->camera_map, [&](const auto& sample, const Process&) {
+    const std::string who = who_of(sample);
+    std::string& event = service(who).camera_maps[sample.camera()];
+    event = to_event("camera_map", to_json(sample));
+    if (is_shown(who)) hub_.set("camera_map/" + sample.camera(), event);
   });
 }
 
 void BusReader::take_statuses() {
-  take_all<msg::ServiceStatus>(connection_->status, [&](const auto& sample) {
-    const std::string who = sample.host() + "/" + std::to_string(sample.pid());
-    services_[who] = Clock::now();
-    hub_.set("status/" + who, to_event("status", to_json(sample, unix_now())));
+  const auto now = Clock::now();
+  take_all<msg::ServiceStatus>(connection_->status, [&](const auto& sample, const Process& process) {
+    const std::string who = who_of(sample);
+    Service& it = service(who);
+    it.heard = now;
+    it.process = process;
+    it.config_file = sample.config_file();
+    for (const auto& camera : sample.cameras()) it.cameras.insert(camera.name());
+    it.status = to_event("status", to_json(sample, unix_now()));
+    if (is_shown(who)) hub_.set("status", it.status);
   });
-  for (auto it = services_.begin(); it != services_.end();) {
-    if (Clock::now() - it->second < gone_after) {
-      ++it;
-      continue;
-    }
-    hub_.erase("status/" + it->first);
-    hub_.erase("scene/" + it->first);
-    hub_.erase("camera_map/" + it->first);
-    it = services_.erase(it);
-  }
+  std::erase_if(services_, [&](const auto& entry) {
+    if (now - entry.second.heard < gone_after) return false;
+    if (is_shown(entry.first)) show("");
+    return true;
+  });
+  // Of those that have said something of themselves.
+  std::string newest;
+  for (const auto& [who, it] : services_)
+    if (!it.status.empty() &&
+        (newest.empty() || std::pair(it.began, who) > std::pair(services_.at(newest).began, newest)))
+      newest = who;
+  if (newest != shown_) show(newest);
 }
 
 void BusReader::take_scenes() {
-  take_all<msg::Scene>(connection_->scene, [&](const auto& sample) {
-    const std::string who = sample.host() + "/" + std::to_string(sample.pid());
-    services_.try_emplace(who, Clock::now());
-    hub_.set("scene/" + who, to_event("scene", to_json(sample)));
+  take_all<msg::Scene>(connection_->scene, [&](const auto& sample, const Process&) {
+    const std::string who = who_of(sample);
+    std::string& event = service(who).scene;
+    event = to_event("scene", to_json(sample));
+    if (is_shown(who)) hub_.set("scene", event);
   });
 }
 
 void BusReader::take_replies() {
-  take_all<msg::TeachReply>(connection_->reply, [&](const auto& sample) {
-    // The newest per client: a page takes its own, and replies hold pictures.
-    hub_.set(
-        "teach/" + sample.client() + (sample.cameras().empty() || sample.cameras()[0].jpeg().empty() ? "" : "/frozen"),
-        to_event("teach", to_json(sample)));
+  const auto now = Clock::now();
+  take_all<msg::TeachReply>(connection_->reply, [&](const auto& sample, const Process&) {
+    // The newest per client, only for that one, and not for long: replies hold pictures.
+    const std::string key =
+        "teach/" + sample.client() + (sample.cameras().empty() || sample.cameras()[0].jpeg().empty() ? "" : "/frozen");
+    hub_.set(key, to_event("teach", to_json(sample)), sample.client());
+    replies_[key] = now;
+  });
+  std::erase_if(replies_, [&](const auto& entry) {
+    if (now - entry.second < keep_replies_for) return false;
+    hub_.erase(entry.first);
+    return true;
   });
 }
 
 void BusReader::take_previews() {
-  take_all<msg::Preview>(previews_->preview, [&](const auto& sample) {
-    hub_.set("preview/" + sample.camera(), to_event("preview", to_json(sample)));
+  take_all<msg::Preview>(previews_->preview, [&](const auto& sample, const Process& process) {
+    if (!is_of_another(process)) hub_.set("preview/" + sample.camera(), to_event("preview", to_json(sample)));
   });
 }
 
@@ -197,13 +282,26 @@ void BusReader::send_requests() {
 }
 
 void BusReader::tell_pulse() {
+  std::string trouble = trouble_;
+  if (services_.size() > 1 && !shown_.empty()) {
+    std::string others;
+    for (const auto& [who, it] : services_)
+      // One that has died before the shown one came is only not forgotten yet.
+      if (!is_shown(who) && !it.status.empty() && it.heard > services_.at(shown_).began)
+        others += (others.empty() ? "" : ", ") + who + " (" + it.config_file + ")";
+    if (!others.empty())
+      trouble += (trouble.empty() ? "" : "; ") +
+                 ("More than one service publishes here. Shown is the one that came last, " + shown_ + " (" +
+                  services_.at(shown_).config_file + "); not shown: " + others +
+                  ". End one, or give them different dds: {domain: ...}");
+  }
   dds::LivelinessChangedStatus liveliness;
   connection_->position.get_liveliness_changed_status(liveliness);
   hub_.set("pulse", to_event("pulse", to_json(Pulse{.now = unix_now(),
                                                     .domain = connection_->participant.domain(),
                                                     .bus = connection_->participant.description(),
                                                     .publishers = liveliness.alive_count,
-                                                    .trouble = trouble_})));
+                                                    .trouble = trouble})));
 }
 
 }  // namespace huetrack::live_view

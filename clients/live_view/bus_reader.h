@@ -1,6 +1,7 @@
 // What comes over DDS into the hub, and what pages ask for out onto the bus.
 #pragma once
 
+#include <array>
 #include <chrono>
 #include <deque>
 #include <map>
@@ -8,6 +9,7 @@
 #include <mutex>
 #include <set>
 #include <string>
+#include <utility>
 
 #include "clients/live_view/event_hub.h"
 #include "idl/dds_participant.h"
@@ -31,6 +33,8 @@ class BusReader {
 
   std::string description() const;
 
+  using Process = std::array<unsigned char, 8>;  // as DDS names it
+
  private:
   struct Connection;
   struct Previews;
@@ -49,7 +53,25 @@ class BusReader {
   std::unique_ptr<Connection> connection_;
   std::unique_ptr<Previews> previews_;  // null while there is no page
   std::chrono::steady_clock::time_point next_pulse_{}, no_page_since_{};
-  std::map<std::string, std::chrono::steady_clock::time_point> services_;  // host/pid, when heard last
+  // Several may publish on one bus, by mistake: shown is the one that was heard first last, the others are named.
+  struct Service {
+    std::chrono::steady_clock::time_point began, heard;
+    Process process{};
+    std::string status, scene;  // the last events
+    std::map<std::string, std::string> camera_maps;
+    std::string config_file;
+    std::set<std::string> cameras;
+  };
+  Service& service(const std::string& who);
+  void show(const std::string& who);
+  bool is_of_another(const Process& process) const;
+  void append(const Process& process, std::string event);
+  bool is_shown(const std::string& who) const { return who == shown_; }
+
+  std::map<std::string, Service> services_;            // by host/pid
+  std::string shown_;                                  // empty: none
+  std::deque<std::pair<Process, std::string>> early_;  // what came before its service had said who it is
+  std::map<std::string, std::chrono::steady_clock::time_point> replies_;  // hub keys, when they came
   std::string trouble_;
 
   std::mutex mutex_;

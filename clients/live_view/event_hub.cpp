@@ -11,9 +11,9 @@ std::string to_event(const std::string& name, const std::string& json) {
 EventHub::EventHub(std::size_t stream_events, std::size_t stream_bytes)
     : stream_events_(stream_events), stream_bytes_(stream_bytes) {}
 
-void EventHub::set(const std::string& key, std::string event) {
+void EventHub::set(const std::string& key, std::string event, const std::string& audience) {
   const std::scoped_lock lock(mutex_);
-  put(std::move(event), &key);
+  put(std::move(event), &key, audience);
 }
 
 void EventHub::erase(const std::string& key) {
@@ -26,13 +26,20 @@ void EventHub::erase(const std::string& key) {
 
 void EventHub::append(std::string event) {
   const std::scoped_lock lock(mutex_);
-  put(std::move(event), nullptr);
+  put(std::move(event), nullptr, "");
 }
 
-void EventHub::put(std::string event, const std::string* key) {
+void EventHub::forget_appended() {
+  const std::scoped_lock lock(mutex_);
+  for (const auto& [number, size] : stream_) entries_.erase(number);
+  stream_.clear();
+  bytes_ = 0;
+}
+
+void EventHub::put(std::string event, const std::string* key, const std::string& audience) {
   const std::uint64_t number = ++last_;
   const std::size_t size = event.size();
-  entries_[number] = std::make_shared<const std::string>(std::move(event));
+  entries_[number] = {std::make_shared<const std::string>(std::move(event)), audience};
   if (key != nullptr) {
     if (const auto old = latest_.find(*key); old != latest_.end()) entries_.erase(old->second);
     latest_[*key] = number;
@@ -49,12 +56,13 @@ void EventHub::put(std::string event, const std::string* key) {
   if (listener_) listener_();
 }
 
-Text EventHub::next(std::uint64_t& cursor) const {
+Text EventHub::next(std::uint64_t& cursor, const std::string& page) const {
   const std::scoped_lock lock(mutex_);
-  const auto it = entries_.upper_bound(cursor);
-  if (it == entries_.end()) return nullptr;
-  cursor = it->first;
-  return it->second;
+  for (auto it = entries_.upper_bound(cursor); it != entries_.end(); ++it) {
+    cursor = it->first;
+    if (it->second.audience.empty() || it->second.audience == page) return it->second.text;
+  }
+  return nullptr;
 }
 
 void EventHub::on_news(std::function<void()> listener) {

@@ -23,13 +23,15 @@ class EventHub {
   // stream_events, stream_bytes: how much of what was appended is kept, at most.
   explicit EventHub(std::size_t stream_events = 4000, std::size_t stream_bytes = 4'000'000);
 
-  void set(const std::string& key,
-           std::string event);  // replaces the last one of this key: who is late sees only the newest
+  // Replaces the last one of this key: who is late sees only the newest. audience: only pages of this name see it;
+  // empty: all do.
+  void set(const std::string& key, std::string event, const std::string& audience = "");
   void erase(const std::string& key);
   void append(std::string event);  // every one counts, as long as it is kept
+  void forget_appended();
 
-  // What comes after `cursor` (0: the beginning), and moves it there; nullptr: nothing yet.
-  Text next(std::uint64_t& cursor) const;
+  // What comes after `cursor` (0: the beginning) for a page of this name, and moves it there; nullptr: nothing yet.
+  Text next(std::uint64_t& cursor, const std::string& page = "") const;
 
   // Called after every change, under the hub's lock: must be quick, and must not call the hub. One listener.
   void on_news(std::function<void()> listener);
@@ -38,11 +40,15 @@ class EventHub {
   bool if_nothing_after(std::uint64_t cursor, const std::function<void()>& what) const;
 
  private:
-  void put(std::string event, const std::string* key);
+  struct Entry {
+    Text text;
+    std::string audience;
+  };
+  void put(std::string event, const std::string* key, const std::string& audience);
 
   const std::size_t stream_events_, stream_bytes_;
   mutable std::mutex mutex_;
-  std::map<std::uint64_t, Text> entries_;        // guarded by mutex_; by number
+  std::map<std::uint64_t, Entry> entries_;       // guarded by mutex_; by number
   std::map<std::string, std::uint64_t> latest_;  // guarded by mutex_; number of a key's entry
   std::map<std::uint64_t, std::size_t> stream_;  // guarded by mutex_; sizes of the appended ones
   std::size_t bytes_ = 0;                        // guarded by mutex_; their sum

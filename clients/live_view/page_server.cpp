@@ -1,7 +1,9 @@
 #include "clients/live_view/page_server.h"
 
 #include <arpa/inet.h>
+#include <ifaddrs.h>
 #include <microhttpd.h>
+#include <net/if.h>
 #include <netinet/in.h>
 #include <sys/random.h>
 #include <sys/resource.h>
@@ -25,6 +27,7 @@ namespace {
 constexpr std::size_t most_body_bytes = 64 * 1024;
 constexpr std::size_t connection_memory = 16 * 1024;  // request line and headers; larger ones are refused
 constexpr std::size_t stream_block = 32 * 1024;
+constexpr rlim_t most_files = 8192;
 
 // What is kept of a request while its body comes in.
 struct Request {
@@ -44,6 +47,11 @@ std::string_view header(MHD_Connection* connection, const char* name) {
   return value == nullptr ? std::string_view() : std::string_view(value);
 }
 
+// Cookies do not know ports: another `huetrack view` on this host must not take this one's token away.
+std::string cookie_name_of(int port) {
+  return "huetrack_token_" + std::to_string(port);
+}
+
 // Without the port.
 std::string_view host_name(std::string_view host) {
   if (host.starts_with('[')) return host.substr(0, host.find(']') + 1);
@@ -52,7 +60,26 @@ std::string_view host_name(std::string_view host) {
 
 }  // namespace
 
+std::vector<std::string> host_addresses() {
+  ifaddrs* all = nullptr;
+  std::vector<std::string> addresses;
+  if (::getifaddrs(&all) != 0) return addresses;
+  for (const ifaddrs* i = all; i != nullptr; i = i->ifa_next) {
+    if (i->ifa_addr == nullptr || i->ifa_addr->sa_family != AF_INET || (i->ifa_flags & IFF_UP) == 0 ||
+        (i->ifa_flags & IFF_LOOPBACK) != 0)
+      continue;
+    std::array<char, INET_ADDRSTRLEN> text{};
+    sockaddr_in address{};
+    std::memcpy(&address, i->ifa_addr, sizeof address);
+    if (::inet_ntop(AF_INET, &address.sin_addr, text.data(), text.size()) != nullptr)
+      addresses.emplace_back(text.data());
+  }
+  ::freeifaddrs(all);
+  return addresses;
+}
+
 bool is_loopback(const std::string& address) {
+  if (address == "localhost") return true;
   in_addr parsed{};
   return ::inet_pton(AF_INET, address.c_str(), &parsed) == 1 && (ntohl(parsed.s_addr) >> 24) == 127;
 }
@@ -74,6 +101,7 @@ struct PageServer::Impl {
   struct Stream {
     Impl* server;
     MHD_Connection* connection;
+    std::string page;  // the name that it gave itself, as its requests do; may be empty
     std::uint64_t cursor = 0;
     Text text = nullptr;      // being sent
     std::size_t sent = 0;     // of it
@@ -81,19 +109,21 @@ struct PageServer::Impl {
   };
 
   Impl(const PageServerOptions& o, EventHub& h, OnRequest t) : options(o), hub(h), on_teach(std::move(t)) {
+    if (options.address == "localhost") options.address = "127.0.0.1";
     sockaddr_in address{};
     address.sin_family = AF_INET;
     address.sin_port = htons(static_cast<std::uint16_t>(options.port));
     if (::inet_pton(AF_INET, options.address.c_str(), &address.sin_addr) != 1)
       throw std::runtime_error("\"" + options.address + "\" is not an IPv4 address");
     rlimit files{};
-    if (::getrlimit(RLIMIT_NOFILE, &files) == 0 && files.rlim_cur < files.rlim_max) {
-      files.rlim_cur = std::min<rlim_t>(files.rlim_max, 8192);
+    if (::getrlimit(RLIMIT_NOFILE, &files) == 0 && files.rlim_cur < std::min<rlim_t>(files.rlim_max, most_files)) {
+      files.rlim_cur = std::min<rlim_t>(files.rlim_max, most_files);
       ::setrlimit(RLIMIT_NOFILE, &files);  // less is not fatal: then fewer pages
     }
     ::getrlimit(RLIMIT_NOFILE, &files);
     const auto most = static_cast<unsigned>(std::min<rlim_t>(static_cast<rlim_t>(options.most_connections),
                                                              files.rlim_cur > 200 ? files.rlim_cur - 100 : 50));
+    cookie_name = cookie_name_of(options.port);
     errno = 0;
     daemon = MHD_start_daemon(MHD_USE_EPOLL_INTERNAL_THREAD | MHD_ALLOW_SUSPEND_RESUME | MHD_USE_TURBO, 0, nullptr,
                               nullptr, &Impl::answer, this, MHD_OPTION_SOCK_ADDR, &address, MHD_OPTION_CONNECTION_LIMIT,
@@ -106,6 +136,7 @@ struct PageServer::Impl {
                                (errno == EADDRINUSE ? "; give another --port" : ""));
     const MHD_DaemonInfo* info = MHD_get_daemon_info(daemon, MHD_DAEMON_INFO_BIND_PORT);
     port = info != nullptr ? info->port : options.port;
+    if (options.port == 0) cookie_name = cookie_name_of(port);  // nobody knows the port yet
     hub.on_news([this] { wake(); });
   }
 
@@ -135,7 +166,7 @@ struct PageServer::Impl {
     std::size_t filled = 0;
     while (filled < size) {
       if (!stream->text || stream->sent == stream->text->size()) {
-        stream->text = self.hub.next(stream->cursor);
+        stream->text = self.hub.next(stream->cursor, stream->page);
         stream->sent = 0;
         if (!stream->text) break;
       }
@@ -203,13 +234,14 @@ struct PageServer::Impl {
   bool has_token(MHD_Connection* connection) const {
     if (options.token.empty()) return true;
     const char* in_address = MHD_lookup_connection_value(connection, MHD_GET_ARGUMENT_KIND, "token");
-    const char* in_cookie = MHD_lookup_connection_value(connection, MHD_COOKIE_KIND, "huetrack_token");
+    const char* in_cookie = MHD_lookup_connection_value(connection, MHD_COOKIE_KIND, cookie_name.c_str());
     return (in_address != nullptr && equal_in_constant_time(in_address, options.token)) ||
            (in_cookie != nullptr && equal_in_constant_time(in_cookie, options.token));
   }
 
   MHD_Result stream(MHD_Connection* connection) {
-    auto* const stream = new Stream{.server = this, .connection = connection};
+    const char* const page = MHD_lookup_connection_value(connection, MHD_GET_ARGUMENT_KIND, "client");
+    auto* const stream = new Stream{.server = this, .connection = connection, .page = page != nullptr ? page : ""};
     MHD_Response* response = MHD_create_response_from_callback(MHD_SIZE_UNKNOWN, stream_block, &Impl::read_stream,
                                                                stream, &Impl::end_stream);
     if (response == nullptr) {
@@ -233,7 +265,7 @@ struct PageServer::Impl {
     if (path == "/" && !options.token.empty() &&
         MHD_lookup_connection_value(connection, MHD_GET_ARGUMENT_KIND, "token") != nullptr)
       return reply(connection, MHD_HTTP_SEE_OTHER, "", "text/plain", false, "/",
-                   "huetrack_token=" + options.token + "; HttpOnly; SameSite=Strict; Path=/");
+                   cookie_name + "=" + options.token + "; HttpOnly; SameSite=Strict; Path=/");
     const auto file = page_file(path);
     if (!file) return refuse(connection, MHD_HTTP_NOT_FOUND, "There is no such page.");
     return reply(connection, MHD_HTTP_OK, file->content, file->type, true);
@@ -279,7 +311,7 @@ struct PageServer::Impl {
     *per_request = nullptr;
   }
 
-  const PageServerOptions options;
+  PageServerOptions options;
   EventHub& hub;
   const OnRequest on_teach;
   std::atomic<bool> ends = false;
@@ -287,6 +319,7 @@ struct PageServer::Impl {
   std::set<Stream*> waiting;  // guarded by the hub's lock
   MHD_Daemon* daemon = nullptr;
   int port = 0;
+  std::string cookie_name;
 };
 
 PageServer::PageServer(const PageServerOptions& options, EventHub& hub, OnRequest on_teach)

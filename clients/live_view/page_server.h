@@ -7,13 +7,14 @@
 #include <functional>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "clients/live_view/event_hub.h"
 
 namespace huetrack::live_view {
 
 struct PageServerOptions {
-  std::string address = "127.0.0.1";  // IPv4 of this host; 0.0.0.0: every one
+  std::string address = "127.0.0.1";  // IPv4 of this host, or localhost; 0.0.0.0: every one
   int port = 8765;                    // 0..65535; 0: any free one
   std::string token;                  // must be given by every request; empty: none is needed. Only sane on loopback
   int most_connections = 4000;        // as far as the limit of open files allows
@@ -43,6 +44,7 @@ class PageServer {
 };
 
 bool is_loopback(const std::string& address);
-std::string random_token();  // 128 bits from the kernel, as hex
+std::vector<std::string> host_addresses();  // IPv4, of this host's networks that are up, but the loopback
+std::string random_token();                 // 128 bits from the kernel, as hex
 
 }  // namespace huetrack::live_view

@@ -24,11 +24,17 @@ int view(ViewOptions options, const std::function<bool()>& ended) {
       return error.what();
     }
   });
-  const std::string host = options.server.address == "0.0.0.0" ? "THIS-HOST" : options.server.address;
-  std::printf("http://%s:%d/%s\n", host.c_str(), server.port(),
-              options.server.token.empty() ? "" : ("?token=" + options.server.token).c_str());
+  std::vector<std::string> hosts{options.server.address};
+  if (options.server.address == "0.0.0.0") {
+    hosts = host_addresses();
+    if (hosts.empty()) hosts = {"127.0.0.1"};
+  }
+  for (const std::string& host : hosts)
+    std::printf("http://%s:%d/%s\n", host.c_str(), server.port(),
+                options.server.token.empty() ? "" : ("?token=" + options.server.token).c_str());
   std::fflush(stdout);
-  std::fprintf(stderr, "huetrack: the page is at the address above, for %s; %s. Ctrl-C ends it\n",
+  std::fprintf(stderr, "huetrack: the page is at the address%s above, for %s; %s. Ctrl-C ends it\n",
+               hosts.size() > 1 ? "es" : "",
                options.server.token.empty() ? "this host only" : "everybody who has the token",
                bus.description().c_str());
   while (!ended()) {

@@ -21,6 +21,16 @@ constexpr Rgb ink{0.09, 0.10, 0.12}, muted{0.38, 0.42, 0.47}, grid{0.89, 0.90, 0
 constexpr Rgb target_colors[] = {
     {0.13, 0.42, 0.80}, {0.83, 0.35, 0.10}, {0.13, 0.55, 0.33}, {0.58, 0.27, 0.70}, {0.70, 0.50, 0.05}};
 
+Rgb color_of(std::size_t target) {
+  return target_colors[target % std::size(target_colors)];
+}
+
+Rgb truth_color_of(std::size_t target, std::size_t targets) {
+  if (targets == 1) return truth_color;
+  const Rgb own = color_of(target);
+  return {(own.r + truth_color.r) / 2, (own.g + truth_color.g) / 2, (own.b + truth_color.b) / 2};
+}
+
 Rgb state_color(const std::string& state) {
   if (state == "tracking") return {0.20, 0.60, 0.36};
   if (state == "coasting") return {0.90, 0.62, 0.12};
@@ -145,12 +155,13 @@ void draw_plane(Pen& pen, const Axes& axes, std::size_t a, std::size_t b, const 
   constexpr std::size_t index[3][3] = {{0, 1, 2}, {1, 3, 4}, {2, 4, 5}};  // into xx xy xz yy yz zz
   clip(pen, axes.box);
   cairo_t* c = pen.get();
-  for (const ChartTarget& target : targets) {
-    for (std::size_t i = 0; i < target.truth.size(); ++i) {
-      const auto& p = target.truth[i].position;
+  for (std::size_t k = 0; k < targets.size(); ++k) {
+    const auto& truth = targets[k].truth;
+    for (std::size_t i = 0; i < truth.size(); ++i) {
+      const auto& p = truth[i].position;
       (i == 0 ? cairo_move_to : cairo_line_to)(c, axes.u(p[a]), axes.v(p[b]));
     }
-    pen.stroke(truth_color, 4, 0.5);
+    pen.stroke(truth_color_of(k, targets.size()), 4, 0.5);
   }
   for (std::size_t k = 0; k < targets.size(); ++k) {
     const auto& rows = targets[k].rows;
@@ -177,15 +188,21 @@ void draw_plane(Pen& pen, const Axes& axes, std::size_t a, std::size_t b, const 
       if (i == 0 || !rows[i - 1].has_position() || row.t - rows[i - 1].t > gap) continue;
       cairo_move_to(c, axes.u(rows[i - 1].position[a]), axes.v(rows[i - 1].position[b]));
       cairo_line_to(c, axes.u(row.position[a]), axes.v(row.position[b]));
+      // The line says the state; with more than one target, its rim says whose it is.
+      if (targets.size() > 1) {
+        const cairo_path_t* path = cairo_copy_path(c);
+        pen.stroke(color_of(k), 5, 0.45);
+        cairo_append_path(c, path);
+        cairo_path_destroy(const_cast<cairo_path_t*>(path));
+      }
       pen.stroke(state_color(row.state), 1.7);
     }
     const auto first = std::ranges::find_if(rows, &TrackRow::has_position);
     if (first == rows.end()) continue;
     cairo_arc(c, axes.u(first->position[a]), axes.v(first->position[b]), 4.5, 0, 2 * 3.14159265358979);
-    pen.color(target_colors[k % std::size(target_colors)]);
+    pen.color(color_of(k));
     cairo_fill(c);
-    pen.text(axes.u(first->position[a]) + 7, axes.v(first->position[b]) - 5, targets[k].name, 12,
-             target_colors[k % std::size(target_colors)], 0, true);
+    pen.text(axes.u(first->position[a]) + 7, axes.v(first->position[b]) - 5, targets[k].name, 12, color_of(k), 0, true);
   }
   cairo_restore(c);
 }
@@ -254,10 +271,21 @@ double sigma_of(
   return std::sqrt(norm);
 }
 
+// The rule of `huetrackd compare` (service/daemon/truth.h): linear between samples that are at most 0.1 s apart; times
+// may be rounded in the file.
+constexpr double longest_truth_gap = 0.1, time_rounding = 5e-4;  // s
+
 std::optional<std::array<double, 3>> truth_at(const ChartTarget& target, double t) {
-  const auto it = std::ranges::lower_bound(target.truth, t - 2e-4, {}, &TruthPoint::t);
-  if (it == target.truth.end() || std::abs(it->t - t) > 2e-4) return std::nullopt;
-  return it->position;
+  const auto after = std::ranges::lower_bound(target.truth, t, {}, &TruthPoint::t);
+  if (after != target.truth.end() && after->t - t <= time_rounding) return after->position;
+  if (after == target.truth.begin()) return std::nullopt;
+  const auto before = std::prev(after);
+  if (t - before->t <= time_rounding) return before->position;
+  if (after == target.truth.end() || after->t - before->t > longest_truth_gap) return std::nullopt;
+  const double share = (t - before->t) / (after->t - before->t);
+  std::array<double, 3> p{};
+  for (std::size_t i = 0; i < 3; ++i) p[i] = std::lerp(before->position[i], after->position[i], share);
+  return p;
 }
 
 double error_of(const ChartTarget& target, const TrackRow& row) {
@@ -282,6 +310,53 @@ bool has_truth(const std::vector<ChartTarget>& targets) {
 }
 
 constexpr double margin = 70, gap = 52, plane_height = 440, series_height = 128;
+constexpr double near_m = 0.05;
+
+bool is_narrow(const ChartStyle& style) {
+  return style.width < 900;
+}
+
+double plane_height_of(const ChartStyle& style) {
+  return is_narrow(style) ? 320 : plane_height;
+}
+
+struct Key {
+  std::string name;
+  Rgb color;
+  double height, alpha;
+};
+
+double key_width(const Key& key) {
+  return 40 + 7.6 * static_cast<double>(key.name.size());
+}
+
+// What the colours mean: targets (and their truths), then states; as many to a row as fit.
+std::vector<std::vector<Key>> keys_of(const std::vector<ChartTarget>& targets, const ChartStyle& style) {
+  std::vector<Key> keys;
+  for (std::size_t k = 0; k < targets.size(); ++k) {
+    keys.push_back({targets[k].name, color_of(k), 3, 1});
+    if (!targets[k].truth.empty())
+      keys.push_back({targets[k].name + ", truth", truth_color_of(k, targets.size()), 6, 0.5});
+  }
+  for (const char* state : {"tracking", "coasting", "searching", "lost"})
+    keys.push_back({state, state_color(state), 12, 1});
+  std::vector<std::vector<Key>> rows(1);
+  double x = 0;
+  for (Key& key : keys) {
+    const double width = key_width(key);
+    if (x > 0 && x + width > style.width - margin - 20) {
+      rows.emplace_back();
+      x = 0;
+    }
+    x += width;
+    rows.back().push_back(std::move(key));
+  }
+  return rows;
+}
+
+double key_rows(const std::vector<ChartTarget>& targets, const ChartStyle& style) {
+  return static_cast<double>(keys_of(targets, style).size());
+}
 
 }  // namespace
 
@@ -294,9 +369,12 @@ TargetFigures figures_of(const ChartTarget& target) {
        : row.state == "coasting"  ? f.coasting
        : row.state == "searching" ? f.searching
                                   : f.lost);
+    f.positions += row.has_position() ? 1 : 0;
+    f.in_truth += truth_at(target, row.t) ? 1 : 0;
     const double error = error_of(target, row);
     if (!std::isfinite(error)) continue;
     ++f.compared;
+    f.is_ever_near |= row.state == "tracking" && error <= near_m;
     sum += error * error;
     f.max_m = std::max(f.max_m, error);
     const auto truth = *truth_at(target, row.t);
@@ -320,40 +398,45 @@ std::string to_text(const TargetFigures& f) {
       text, sizeof text, "%s: %zu samples; tracking %.1f %%, coasting %.1f %%, searching %.1f %%, lost %.1f %%",
       f.name.c_str(), f.rows, share(f.tracking), share(f.coasting), share(f.searching), share(f.lost));
   if (f.compared > 0 && length > 0 && length < static_cast<int>(sizeof text))
+    length += std::snprintf(text + length, sizeof text - static_cast<std::size_t>(length),
+                            "; error rms %.1f mm, max %.1f mm; truth in the 95 %% ellipsoid %.1f %%", 1e3 * f.rms_m,
+                            1e3 * f.max_m, 100 * f.inside_95);
+  if (f.compared > 0 && f.compared < f.positions && length > 0 && length < static_cast<int>(sizeof text))
     std::snprintf(text + length, sizeof text - static_cast<std::size_t>(length),
-                  "; error rms %.1f mm, max %.1f mm; truth in the 95 %% ellipsoid %.1f %%", 1e3 * f.rms_m,
-                  1e3 * f.max_m, 100 * f.inside_95);
+                  "; compared where there is a truth, %zu of %zu positions", f.compared, f.positions);
   return text;
 }
 
-int chart_height(const std::vector<ChartTarget>& targets) {
+int chart_height(const std::vector<ChartTarget>& targets, const ChartStyle& style) {
   const double rows = has_truth(targets) ? 5 : 4;
-  return static_cast<int>(96 + 20.0 * static_cast<double>(targets.size()) + plane_height + gap +
+  const double head = style.title.empty() ? 40 : 62 + 20.0 * static_cast<double>(targets.size());
+  const double planes = is_narrow(style) ? 2 : 1;
+  return static_cast<int>(head + 20.0 * key_rows(targets, style) + 34 + planes * (plane_height_of(style) + gap) +
                           rows * (series_height + 34) + 34 + 24.0 * static_cast<double>(targets.size()) + 60);
 }
 
-void draw_chart(cairo_t* cairo, const std::string& title, const std::vector<ChartTarget>& targets) {
+void draw_chart(cairo_t* cairo, const std::vector<ChartTarget>& targets, const ChartStyle& style) {
   Pen pen(cairo);
-  const double width = chart_width;
-  pen.rectangle({0, 0, width, static_cast<double>(chart_height(targets))}, {1, 1, 1});
-  pen.text(margin, 40, title, 20, ink, 0, true);
-  double y = 62;
-  for (const ChartTarget& target : targets) {
-    pen.text(margin, y, to_text(figures_of(target)), 12.5, muted);
-    y += 20;
+  const double width = style.width;
+  const double margin_left = is_narrow(style) ? 48 : margin, margin_right = is_narrow(style) ? 12 : margin;
+  pen.rectangle({0, 0, width, static_cast<double>(chart_height(targets, style))}, {1, 1, 1});
+  double y = 24;
+  if (!style.title.empty()) {
+    pen.text(margin_left, 40, style.title, 20, ink, 0, true);
+    y = 62;
+    for (const ChartTarget& target : targets) {
+      pen.text(margin_left, y, to_text(figures_of(target)), 12.5, muted);
+      y += 20;
+    }
   }
-  double key = width - margin;
-  const std::pair<const char*, const char*> keys[] = {{"truth", "truth"},
-                                                      {"lost", "lost"},
-                                                      {"searching", "searching"},
-                                                      {"coasting", "coasting"},
-                                                      {"tracking", "tracking"}};
-  for (const auto& [name, state] : keys) {
-    const bool is_truth = std::string(name) == "truth";
-    if (is_truth && !has_truth(targets)) continue;
-    key -= 84;
-    pen.rectangle({key, 30, 12, 12}, is_truth ? truth_color : state_color(state));
-    pen.text(key + 17, 40, name, 12, ink);
+  for (const auto& row : keys_of(targets, style)) {
+    double x = margin_left;
+    for (const Key& key : row) {
+      pen.rectangle({x, y - 10 + (12 - key.height) / 2, 14, key.height}, key.color, key.alpha);
+      pen.text(x + 19, y, key.name, 12, ink);
+      x += key_width(key);
+    }
+    y += 20;
   }
 
   Span time, all[3];
@@ -369,11 +452,13 @@ void draw_chart(cairo_t* cairo, const std::string& title, const std::vector<Char
   for (Span& s : all) s.pad(0.06, 0.05);
 
   // Two planes at one scale.
-  y += 34;
-  const double half = (width - 2 * margin - 60) / 2;
+  y += 24;
+  const bool stacked = is_narrow(style);
+  const double half = stacked ? width - margin_left - margin_right : (width - margin_left - margin_right - 60) / 2;
   for (int side = 0; side < 2; ++side) {
     const std::size_t a = 0, b = side == 0 ? 1 : 2;
-    Axes axes{{margin + side * (half + 60), y, half, plane_height}, all[a], all[b]};
+    const double across = stacked ? 0 : side * (half + 60), down = stacked ? side * (plane_height_of(style) + gap) : 0;
+    Axes axes{{margin_left + across, y + down, half, plane_height_of(style)}, all[a], all[b]};
     const double scale = std::max((axes.x.high - axes.x.low) / axes.box.w, (axes.y.high - axes.y.low) / axes.box.h);
     const auto fit = [](Span& s, double range) {
       const double more = (range - (s.high - s.low)) / 2;
@@ -385,12 +470,12 @@ void draw_chart(cairo_t* cairo, const std::string& title, const std::vector<Char
     draw_axes(pen, axes, side == 0 ? "From above: y over x, m" : "From the side: z over x, m", true);
     draw_plane(pen, axes, a, b, targets);
   }
-  y += plane_height + gap;
+  y += (stacked ? 2 : 1) * (plane_height_of(style) + gap);
 
   const auto panel = [&](const std::string& name, Span values, bool is_last,
                          const std::function<void(const Axes&)>& draw) {
-    const Axes axes{{margin, y, width - 2 * margin, series_height}, time, values};
-    draw_axes(pen, axes, name, is_last, is_last ? "capture time, s" : "");
+    const Axes axes{{margin_left, y, width - margin_left - margin_right, series_height}, time, values};
+    draw_axes(pen, axes, name, is_last, is_last ? style.time_title : "");
     draw(axes);
     y += series_height + 34;
   };
@@ -401,9 +486,9 @@ void draw_chart(cairo_t* cairo, const std::string& title, const std::vector<Char
       for (std::size_t k = 0; k < targets.size(); ++k) {
         clip(pen, axes.box);
         for (const TruthPoint& p : targets[k].truth) cairo_line_to(cairo, axes.u(p.t), axes.v(p.position[i]));
-        pen.stroke(truth_color, 4, 0.5);
+        pen.stroke(truth_color_of(k, targets.size()), 4, 0.5);
         cairo_restore(cairo);
-        draw_series(pen, axes, targets[k], target_colors[k % std::size(target_colors)], [&](const TrackRow& row) {
+        draw_series(pen, axes, targets[k], color_of(k), [&](const TrackRow& row) {
           return std::pair(row.position[i], normal_95 * std::sqrt(row.covariance[diagonal[i]]));
         });
       }
@@ -428,24 +513,25 @@ void draw_chart(cairo_t* cairo, const std::string& title, const std::vector<Char
   };
   panel("uncertainty: 1\xCF\x83 of the largest axis, mm", limited(sigma_mm), false, [&](const Axes& axes) {
     for (std::size_t k = 0; k < targets.size(); ++k)
-      draw_series(pen, axes, targets[k], target_colors[k % std::size(target_colors)],
+      draw_series(pen, axes, targets[k], color_of(k),
                   [&](const TrackRow& row) { return std::pair(sigma_mm(targets[k], row), 0.0); });
   });
   if (has_truth(targets)) {
     const auto error_mm = [](const ChartTarget& target, const TrackRow& row) { return 1e3 * error_of(target, row); };
     panel("error against the truth, mm", limited(error_mm), false, [&](const Axes& axes) {
       for (std::size_t k = 0; k < targets.size(); ++k)
-        draw_series(pen, axes, targets[k], target_colors[k % std::size(target_colors)],
+        draw_series(pen, axes, targets[k], color_of(k),
                     [&](const TrackRow& row) { return std::pair(error_mm(targets[k], row), 0.0); });
     });
   }
-  const Axes strip{{margin, y, width - 2 * margin, 24.0 * static_cast<double>(targets.size())}, time, {0, 1}};
-  pen.text(margin, y - 7, "state", 12.5, ink, 0, true);
+  const Axes strip{
+      {margin_left, y, width - margin_left - margin_right, 24.0 * static_cast<double>(targets.size())}, time, {0, 1}};
+  pen.text(margin_left, y - 7, "state", 12.5, ink, 0, true);
   draw_states(pen, strip.box, time, targets);
-  const double dx = tick_step(time.high - time.low, 14);
+  const double dx = tick_step(time.high - time.low, is_narrow(style) ? 5 : 14);
   for (double t = std::ceil(time.low / dx) * dx; t <= time.high; t += dx)
     pen.text(strip.u(t), y + strip.box.h + 16, number(t, dx), 11, muted, 0.5);
-  pen.text(width - margin, y + strip.box.h + 34, "capture time, s", 11, muted, 1);
+  pen.text(width - margin_right, y + strip.box.h + 34, style.time_title, 11, muted, 1);
 }
 
 }  // namespace huetrack::plot

@@ -19,15 +19,22 @@ struct ChartTarget {
 struct TargetFigures {
   std::string name;
   std::size_t rows = 0, tracking = 0, coasting = 0, lost = 0, searching = 0;
-  std::size_t compared = 0;     // rows with a position for which the truth has this very time
+  std::size_t positions = 0;    // rows that have one
+  std::size_t in_truth = 0;     // rows at whose time there is a truth
+  std::size_t compared = 0;     // rows with both
   double rms_m = 0, max_m = 0;  // of those
+  bool is_ever_near = false;    // within 50 mm of the truth while tracking, as `huetrackd compare` calls it locked
   double inside_95 = 0;         // share of those whose truth lies in the 95 % ellipsoid
 };
 TargetFigures figures_of(const ChartTarget& target);
 std::string to_text(const TargetFigures& figures);
 
-inline constexpr int chart_width = 1500;  // pixels, or SVG units
-int chart_height(const std::vector<ChartTarget>& targets);
-void draw_chart(cairo_t* cairo, const std::string& title, const std::vector<ChartTarget>& targets);
+struct ChartStyle {
+  int width = 1500;   // pixels, or SVG units; below 900 the planes stand above each other
+  std::string title;  // empty: neither it nor the figures, they stand beside the picture
+  std::string time_title = "capture time, s";
+};
+int chart_height(const std::vector<ChartTarget>& targets, const ChartStyle& style);
+void draw_chart(cairo_t* cairo, const std::vector<ChartTarget>& targets, const ChartStyle& style);
 
 }  // namespace huetrack::plot

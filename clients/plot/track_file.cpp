@@ -63,16 +63,31 @@ class Table {
       fail(names_[column] + " is no number: \"" + field + "\"");
     return value;
   }
+  // No farther from 0 than `most`: what is larger is a mistake, and would flatten the rest of the picture.
+  double bounded(std::size_t column, double most) const {
+    const double value = number(column);
+    if (std::abs(value) > most) fail(names_[column] + " is absurd: " + fields_[column]);
+    return value;
+  }
   double time(std::size_t column) const {
-    const double t = number(column);
-    if (!std::isfinite(t)) fail("there is no time");
+    const double t = bounded(column, 1e11);
+    if (std::isnan(t)) fail("there is no time");
     return t;
   }
+  std::array<double, 3> position(const std::array<std::size_t, 3>& columns) const {
+    constexpr double farthest = 1e5;  // m
+    const std::array<double, 3> p{bounded(columns[0], farthest), bounded(columns[1], farthest),
+                                  bounded(columns[2], farthest)};
+    const auto missing = std::ranges::count_if(p, [](double v) { return std::isnan(v); });
+    if (missing != 0 && missing != 3) fail("a part of the position is missing");
+    return p;
+  }
 
- private:
   [[noreturn]] void fail(const std::string& message) const {
     throw std::runtime_error(file_.string() + ":" + std::to_string(line_) + ": " + message);
   }
+
+ private:
   std::filesystem::path file_;
   std::ifstream stream_;
   std::vector<std::string> names_, fields_;
@@ -83,9 +98,15 @@ class Table {
 
 std::map<std::string, std::vector<TrackRow>> read_tracks(const std::filesystem::path& file) {
   Table table(file);
-  const std::size_t target = table.column("target"), t = table.column("t"), state = table.column("state");
+  const bool is_camera =
+      table.find("camera") != npos;  // of `huetrack log --camera`: its position's covariance is c11...
+  const std::size_t target = table.column(is_camera ? "camera" : "target"), t = table.column("t"),
+                    state = table.column("state");
   constexpr const char* position_names[] = {"x", "y", "z"};
-  constexpr const char* covariance_names[] = {"cxx", "cxy", "cxz", "cyy", "cyz", "czz"};
+  constexpr const char* of_targets[] = {"cxx", "cxy", "cxz", "cyy", "cyz", "czz"};
+  constexpr const char* of_cameras[] = {"c11", "c12", "c13", "c22", "c23", "c33"};
+  const auto& covariance_names = is_camera ? of_cameras : of_targets;
+  constexpr std::string_view states[] = {"tracking", "coasting", "searching", "lost"};
   std::array<std::size_t, 3> position{};
   std::array<std::size_t, 6> covariance{};
   for (std::size_t i = 0; i < 3; ++i) position[i] = table.column(position_names[i]);
@@ -93,8 +114,10 @@ std::map<std::string, std::vector<TrackRow>> read_tracks(const std::filesystem::
   std::map<std::string, std::vector<TrackRow>> tracks;
   while (table.next()) {
     TrackRow row{.t = table.time(t), .state = table.text(state)};
-    for (std::size_t i = 0; i < 3; ++i) row.position[i] = table.number(position[i]);
-    for (std::size_t i = 0; i < 6; ++i) row.covariance[i] = table.number(covariance[i]);
+    if (std::ranges::find(states, row.state) == std::end(states))
+      table.fail("state must be searching, tracking, coasting or lost, got \"" + row.state + "\"");
+    row.position = table.position(position);
+    for (std::size_t i = 0; i < 6; ++i) row.covariance[i] = table.bounded(covariance[i], 1e8);
     tracks[table.text(target)].push_back(std::move(row));
   }
   if (tracks.empty()) throw std::runtime_error(file.string() + ": holds no row");
@@ -109,7 +132,8 @@ std::map<std::string, std::vector<TruthPoint>> read_truth(const std::filesystem:
   std::map<std::string, std::vector<TruthPoint>> truth;
   while (table.next()) {
     TruthPoint point{.t = table.time(t)};
-    for (std::size_t i = 0; i < 3; ++i) point.position[i] = table.number(position[i]);
+    point.position = table.position(position);
+    if (std::isnan(point.position[0])) table.fail("x, y and z must be finite");
     truth[name == npos ? "" : table.text(name)].push_back(point);
   }
   for (auto& [ball, points] : truth) std::ranges::stable_sort(points, {}, &TruthPoint::t);

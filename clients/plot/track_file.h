@@ -1,5 +1,5 @@
-// Tracks and truths as `huetrackd replay --tracks`, `huetrack log` and the recordings write them: CSV with a header.
-// Pure.
+// Tracks and truths as `huetrackd replay --tracks`, `huetrack log` (of targets, and of a tracked camera) and the
+// recordings write them: CSV with a header. Pure.
 #pragma once
 
 #include <array>

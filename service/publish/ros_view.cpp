@@ -20,6 +20,7 @@ enum MarkerAction : std::int32_t { add = 0, remove = 2 };
 
 constexpr double chi_95_in_3d = 2.7955;  // the square root of 7.815
 constexpr float camera_grey = 0.6F;
+constexpr std::int32_t target_lifetime_s = 2;
 
 void fill(std_msgs::msg::dds_::Header_& header, std::int64_t unix_ns, const std::string& frame_id) {
   header.stamp().sec(static_cast<std::int32_t>(unix_ns / 1'000'000'000));
@@ -111,10 +112,11 @@ visualization_msgs::msg::dds_::MarkerArray_ to_markers(const msg::Scene& scene,
     if (estimate.has_position()) {
       set_position(ball, estimate.position);
       set_scale(ball, 2 * target.radius_m(), 2 * target.radius_m(), 2 * target.radius_m());
-      set_color(ball, target.rgb(), estimate.state == TrackState::tracking ? 1.0F : 0.4F);
+      // Translucent: the ellipsoid mostly is inside.
+      set_color(ball, target.rgb(), estimate.state == TrackState::tracking ? 0.45F : 0.2F);
       set_position(ellipsoid, estimate.position);
       set_ellipsoid(ellipsoid, estimate.covariance);
-      set_color(ellipsoid, target.rgb(), 0.25F);
+      set_color(ellipsoid, target.rgb(), 0.8F);
       set_position(name, estimate.position + Eigen::Vector3d(0, 0, 2 * target.radius_m()));
       set_scale(name, 0, 0, 1.5 * target.radius_m());
       set_color(name, {1, 1, 1}, 1);
@@ -122,7 +124,11 @@ visualization_msgs::msg::dds_::MarkerArray_ to_markers(const msg::Scene& scene,
     } else {
       for (Marker* m : {&ball, &ellipsoid, &name}) m->action(remove);
     }
-    for (Marker* m : {&ball, &ellipsoid, &name}) array.markers().push_back(std::move(*m));
+    // RViz forgets them when nothing comes any more.
+    for (Marker* m : {&ball, &ellipsoid, &name}) {
+      m->lifetime().sec(target_lifetime_s);
+      array.markers().push_back(std::move(*m));
+    }
   }
   const Eigen::Vector3d low(scene.volume_min().data()), high(scene.volume_max().data());
   const double depth = 0.12 * (high - low).norm();

@@ -213,6 +213,12 @@ async function test() {
 
   // ---- The daemon goes and comes; the page stays.
   await until("the page says that the service is gone", async () => (await link()) === "No service");
+  const late = await browser.newPage();
+  await late.goto(address);
+  await until("a page that comes late sees no service", async () => (await late.textContent("#link")) === "No service");
+  await sleep(1500);
+  assert.equal(await late.locator("#targets li").count() + (await late.locator("#cameras figure").count()), 0, "nothing of the dead one");
+  await late.close();
   const teachable = configuration("teach.yaml",
     `# to be taught\nversion: 1\nrig: ${twoCams}/rig.yaml\ntargets:\n  lime:   # the ball\n    radius_m: 0.04\n` +
     `    color: {hue_deg: [200, 220]}\nobject_tracking: {volume: {min: [-1, -1, 0.1], max: [1, 1, 2.1]}}\ncontrol: {allow_teach: true}\n${bus}`);

@@ -40,6 +40,25 @@ TEST(EventHub, OfAKeyOnlyTheNewestIsTold) {
   EXPECT_THAT(all(hub, late), ElementsAre("position", "a2"));
 }
 
+TEST(EventHub, WhatIsForOnePageOthersDoNotGet) {
+  EventHub hub;
+  hub.set("teach/a", "for a", "a");
+  hub.append("for all");
+  const auto seen_by = [&](const std::string& page) {
+    std::vector<std::string> texts;
+    std::uint64_t cursor = 0;
+    while (const Text text = hub.next(cursor, page)) texts.push_back(*text);
+    EXPECT_TRUE(hub.if_nothing_after(cursor, [] {}));  // what is not for it does not keep it awake
+    return texts;
+  };
+  EXPECT_THAT(seen_by("a"), ElementsAre("for a", "for all"));
+  EXPECT_THAT(seen_by("b"), ElementsAre("for all"));
+  hub.set("teach/a", "more for a", "a");
+  EXPECT_THAT(seen_by(""), ElementsAre("for all"));
+  hub.forget_appended();
+  EXPECT_THAT(seen_by("a"), ElementsAre("more for a"));
+}
+
 TEST(EventHub, KeepsOnlySoMuchOfTheStream) {
   EventHub hub(3, 1000);
   for (const char* text : {"1", "2", "3", "4", "5"}) hub.append(text);

@@ -145,7 +145,8 @@ TEST_F(Server, OtherAddressesNeedTheToken) {
   EXPECT_THAT(get("/?token=" + o.token.substr(1)), StartsWith("HTTP/1.1 403"));
   EXPECT_THAT(get("/?token=" + o.token),
               AllOf(StartsWith("HTTP/1.1 303"), HasSubstr("Location: /\r\n"), HasSubstr("HttpOnly")));
-  EXPECT_THAT(get("/", "Cookie: huetrack_token=" + o.token + "\r\n"), StartsWith("HTTP/1.1 200"));
+  EXPECT_THAT(get("/", "Cookie: huetrack_token_" + std::to_string(server->port()) + "=" + o.token + "\r\n"),
+              StartsWith("HTTP/1.1 200"));
 }
 
 TEST_F(Server, AddressesThatCannotBeListenedOnAreSaid) {
@@ -155,8 +156,11 @@ TEST_F(Server, AddressesThatCannotBeListenedOnAreSaid) {
   EXPECT_THAT([&] { PageServer second(taken, hub, nullptr); },
               ThrowsMessage<std::runtime_error>(AllOf(HasSubstr("cannot listen on 127.0.0.1"), HasSubstr("--port"))));
   PageServerOptions wrong = options();
-  wrong.address = "localhost";
+  wrong.address = "some.host";
   EXPECT_THAT([&] { PageServer second(wrong, hub, nullptr); }, ThrowsMessage<std::runtime_error>(HasSubstr("IPv4")));
+  PageServerOptions named = options();
+  named.address = "localhost";
+  EXPECT_GT(PageServer(named, hub, nullptr).port(), 0);
 }
 
 TEST_F(Server, NonsenseAndHugeHeadersAreRefusedAndForgotten) {

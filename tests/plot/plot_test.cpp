@@ -77,6 +77,60 @@ TEST_F(Plot, OneTargetAndOneTruthBelongTogether) {
   EXPECT_THAT(internal::GetCapturedStdout(), HasSubstr("error rms 3.0 mm"));
 }
 
+TEST_F(Plot, TheTruthMayHaveOtherTimes) {
+  std::ostringstream text;  // at 100 Hz, of the first half, on a clock 1000 s behind
+  text << "t,ball,x,y,z\n";
+  for (int i = 0; i < 160; ++i)
+    text << i / 100.0 << ",ball," << std::cos(i / 100.0) << "," << std::sin(i / 100.0) << ",1\n";
+  const fs::path truth = write("truth.csv", text.str());
+  std::string live = read(tracks());
+  std::string shifted = header;
+  std::istringstream lines(live);
+  for (std::string line; std::getline(lines, line);) {
+    if (line.starts_with("target")) continue;
+    const auto from = line.find(',') + 1, to = line.find(',', from);
+    shifted +=
+        line.substr(0, from) + std::to_string(1e9 + std::stod(line.substr(from, to - from))) + line.substr(to) + "\n";
+  }
+  const fs::path file = write("live.csv", shifted);
+  EXPECT_THAT([&] { plot({.tracks = file, .truth = truth, .out = folder / "a.svg"}); },
+              ThrowsMessage<std::runtime_error>(AllOf(HasSubstr("the tracks are at 1000000000.000 to 1000000003.300 s"),
+                                                      HasSubstr("the truth at 0.000 to 1.590 s"),
+                                                      HasSubstr("--clock-offset"))));
+  EXPECT_FALSE(fs::exists(folder / "a.svg"));
+  internal::CaptureStdout();
+  plot({.tracks = file, .truth = truth, .out = folder / "a.html", .clock_offset_s = 1e9});
+  EXPECT_THAT(internal::GetCapturedStdout(),
+              AllOf(HasSubstr("error rms 3.0 mm, max 3.0 mm"), HasSubstr("compared where there is a truth, 47 of 90")));
+  const std::string html = read(folder / "a.html");
+  EXPECT_THAT(html, AllOf(HasSubstr("live.csv, from 2001-09-09 01:46:40.000 UTC"),
+                          HasSubstr("prefers-color-scheme:dark"), HasSubstr("svg class=\"narrow\"")));
+}
+
+TEST_F(Plot, AnotherBallsTruthIsNotTakenInSilence) {
+  std::ostringstream text;
+  text << "t,ball,x,y,z\n";
+  for (int i = 0; i < 100; ++i) text << i / 30.0 << ",pink,3,3,3\n";
+  internal::CaptureStdout();
+  internal::CaptureStderr();
+  plot({.tracks = tracks(), .truth = write("truth.csv", text.str()), .out = folder / "a.svg"});
+  internal::GetCapturedStdout();
+  EXPECT_THAT(internal::GetCapturedStderr(), AllOf(HasSubstr("of a ball named pink"), HasSubstr("never within 50 mm")));
+}
+
+TEST_F(Plot, DrawsALogOfACamera) {
+  const fs::path log = write("cam.csv",
+                             "camera,t,x,y,z,qx,qy,qz,qw,c11,c12,c13,c22,c23,c33,state,confidence\n"
+                             "cam0,1,0.1,0.2,0.3,0,0,0,1,1e-6,0,0,2e-6,0,3e-6,tracking,1\n"
+                             "cam0,1.1,nan,nan,nan,nan,nan,nan,nan,nan,nan,nan,nan,nan,nan,lost,0\n");
+  const auto rows = read_tracks(log).at("cam0");
+  ASSERT_EQ(rows.size(), 2u);
+  EXPECT_EQ(rows[0].covariance[3], 2e-6);
+  internal::CaptureStdout();
+  plot({.tracks = log, .truth = {}, .out = folder / "a.svg"});
+  EXPECT_THAT(internal::GetCapturedStdout(), HasSubstr("cam0: 2 samples; tracking 50.0 %"));
+}
+
 TEST_F(Plot, ReadsWhatIsThere) {
   const auto rows = read_tracks(tracks()).at("ball");
   ASSERT_EQ(rows.size(), 100u);
@@ -100,6 +154,12 @@ TEST_F(Plot, MistakesNameFileAndLine) {
   EXPECT_THAT(message(header + "ball,0\n"), HasSubstr("bad.csv:2: has 2 fields, but the header 17"));
   EXPECT_THAT(message(header + "ball,x,1,1,1,0,0,0,1,0,0,1,0,1,tracking,2,1\n"),
               HasSubstr("bad.csv:2: t is no number"));
+  EXPECT_THAT(message(header + "ball,1,1,1,1,0,0,0,1,0,0,1,0,1,trakcing,2,1\n"),
+              HasSubstr("bad.csv:2: state must be searching, tracking, coasting or lost, got \"trakcing\""));
+  EXPECT_THAT(message(header + "ball,1,1e300,1,1,0,0,0,1,0,0,1,0,1,tracking,2,1\n"),
+              HasSubstr("bad.csv:2: x is absurd: 1e300"));
+  EXPECT_THAT(message(header + "ball,1,1,nan,1,0,0,0,1,0,0,1,0,1,tracking,2,1\n"),
+              HasSubstr("bad.csv:2: a part of the position is missing"));
   EXPECT_THAT([&] { plot({.tracks = tracks(), .truth = {}, .out = "a.gif"}); },
               ThrowsMessage<std::runtime_error>(HasSubstr(".png, .svg or .html")));
   EXPECT_THAT([&] { plot({.tracks = tracks(), .truth = {}, .out = "/no/such/a.png"}); },

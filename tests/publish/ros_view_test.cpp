@@ -93,6 +93,11 @@ TEST(RosView, ATargetIsABallAnEllipsoidAndItsName) {
   EXPECT_NEAR(markers[1].scale().z(), 2 * 2.7955 * 0.03, 1e-5);
   const auto& q = markers[1].pose().orientation();
   EXPECT_NEAR(q.x() * q.x() + q.y() * q.y() + q.z() * q.z() + q.w() * q.w(), 1, 1e-9);
+  // The ellipsoid is seen through the ball; both are forgotten when nothing comes any more, what stands still is not.
+  EXPECT_LT(markers[0].color().a(), 0.5F);
+  EXPECT_GT(markers[1].color().a(), markers[0].color().a());
+  EXPECT_EQ(markers[0].lifetime().sec(), 2);
+  EXPECT_EQ(markers[3].lifetime().sec(), 0);
   EXPECT_EQ(markers[2].text(), "ball");
   EXPECT_EQ(markers[3].ns(), "cameras");
   EXPECT_EQ(markers[3].points().size(), 2u * (32 + 4));

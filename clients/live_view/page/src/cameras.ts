@@ -1,6 +1,6 @@
 // The cameras' pictures, with what the tracker thinks drawn over them.
 import { colorOf } from "./color";
-import type { Preview } from "./messages";
+import type { Color, Preview } from "./messages";
 import { store } from "./store";
 
 interface View {
@@ -67,6 +67,51 @@ export async function showPreview(preview: Preview): Promise<void> {
   }
 }
 
+// While a colour is taught: what would match in each camera's moving picture, too.
+export interface LiveMask {
+  color: Color;
+  ignored: number[][]; // boxes, pixels of the camera's image
+}
+let liveMask: Map<string, LiveMask> | null = null;
+export function showLiveMasks(masks: Map<string, LiveMask> | null): void {
+  if (!masks && !liveMask) return;
+  liveMask = masks;
+  redrawCameras();
+}
+
+const sketch = document.createElement("canvas");
+// HSI as the tracker computes it (service/object_tracking/color_model.cpp), of the preview's pixels.
+function maskOf(image: ImageBitmap, { color, ignored }: LiveMask, imageWidth: number): HTMLCanvasElement {
+  const [w, h] = [image.width, image.height];
+  if (sketch.width !== w || sketch.height !== h) [sketch.width, sketch.height] = [w, h];
+  const g = sketch.getContext("2d", { willReadFrequently: true })!;
+  g.drawImage(image, 0, 0);
+  const pixels = g.getImageData(0, 0, w, h);
+  const d = pixels.data;
+  const [from, to] = color.hue_deg;
+  for (let i = 0; i < d.length; i += 4) {
+    const [r, g8, b] = [d[i], d[i + 1], d[i + 2]];
+    const intensity = (r + g8 + b) / 3;
+    const least = Math.min(r, g8, b);
+    const saturation = intensity > 0 ? 1 - least / intensity : 0;
+    let on = saturation >= color.saturation[0] && saturation <= color.saturation[1];
+    on &&= intensity / 255 >= color.intensity[0] && intensity / 255 <= color.intensity[1] && Math.max(r, g8, b) > least;
+    if (on) {
+      const hue = ((Math.atan2((Math.sqrt(3) / 2) * (g8 - b), r - (g8 + b) / 2) * 180) / Math.PI + 360) % 360;
+      on = from <= to ? hue >= from && hue <= to : hue >= from || hue <= to;
+    }
+    [d[i], d[i + 1], d[i + 2], d[i + 3]] = on ? [255, 0, 220, 255] : [0, 0, 0, 120];
+  }
+  g.putImageData(pixels, 0, 0);
+  const s = w / imageWidth;
+  for (const [u0, v0, u1, v1] of ignored) {
+    g.clearRect(u0 * s, v0 * s, (u1 - u0 + 1) * s, (v1 - v0 + 1) * s);
+    g.fillStyle = "rgb(0 0 0 / 0.47)";
+    g.fillRect(u0 * s, v0 * s, (u1 - u0 + 1) * s, (v1 - v0 + 1) * s);
+  }
+  return sketch;
+}
+
 // Everything in pixels of the camera's image; the canvas is scaled so that lines stay thin on any size.
 function draw(view: View): void {
   const { preview, image, canvas } = view;
@@ -80,19 +125,29 @@ function draw(view: View): void {
   const g = canvas.getContext("2d")!;
   g.drawImage(image, 0, 0, width, height);
   const s = width / preview.image[0];
+  const looked = liveMask?.get(preview.camera);
+  if (looked) {
+    g.globalAlpha = 0.75;
+    g.imageSmoothingEnabled = false;
+    g.drawImage(maskOf(image, looked, preview.image[0]), 0, 0, width, height);
+    g.imageSmoothingEnabled = true;
+    g.globalAlpha = 1;
+  }
   const line = Math.max(1.2, 1.4 * devicePixelRatio);
   const at = (u: number, v: number): [number, number] => [(u + 0.5) * s, (v + 0.5) * s];
   const seen: string[] = [];
+  const labels: Box[] = [];
   for (const target of preview.targets) {
     const color = colorOf(target.target);
-    g.fillStyle = color;
-    const dot = Math.max(1.5, 1.2 * devicePixelRatio);
-    g.globalAlpha = 0.75;
-    for (let i = 0; i + 1 < target.particles.length; i += 2) {
-      const [x, y] = at(target.particles[i]!, target.particles[i + 1]!);
-      g.fillRect(x - dot / 2, y - dot / 2, dot, dot);
+    // With a dark rim: of the object's own colour they would not be seen on it.
+    const dot = 2.6 * devicePixelRatio;
+    for (const [size, style] of [[dot + 1.6 * devicePixelRatio, "rgb(0 0 0 / 0.55)"], [dot, color]] as const) {
+      g.fillStyle = style;
+      for (let i = 0; i + 1 < target.particles.length; i += 2) {
+        const [x, y] = at(target.particles[i]!, target.particles[i + 1]!);
+        g.fillRect(x - size / 2, y - size / 2, size, size);
+      }
     }
-    g.globalAlpha = 1;
     if (target.px[0] === null || target.px[1] === null) continue;
     const [x, y] = at(target.px[0], target.px[1]);
     const ring = (width: number, style: string, dashed: boolean) => {
@@ -120,20 +175,31 @@ function draw(view: View): void {
     const coasts = target.state === "coasting";
     ring(line * 2.6, "rgb(0 0 0 / 0.65)", coasts);
     ring(line, "white", coasts);
-    label(g, `${target.target}${coasts ? " (predicted)" : ""}`, x, y - Math.max(3, (target.radius ?? 0) * s) - 6 * line, color);
+    label(g, `${target.target}${coasts ? " (predicted)" : ""}`, x, y - Math.max(3, (target.radius ?? 0) * s) - 6 * line, color, labels);
     seen.push(`${target.target} ${target.state} at ${Math.round(target.px[0])}, ${Math.round(target.px[1])}`);
   }
   canvas.setAttribute("aria-label", `Camera ${preview.camera}: ${seen.join("; ") || "no target in view"}`);
 }
 
-export function label(g: CanvasRenderingContext2D, text: string, x: number, y: number, color: string): void {
+type Box = [number, number, number, number];
+
+// taken: where there are labels already; it is put above those that it would cover.
+export function label(g: CanvasRenderingContext2D, text: string, x: number, y: number, color: string, taken: Box[] = []): void {
   const size = 12 * devicePixelRatio;
   g.font = `600 ${size}px system-ui, sans-serif`;
   g.textAlign = "center";
   g.textBaseline = "bottom";
   const width = g.measureText(text).width;
   const left = Math.min(Math.max(x, width / 2 + 6), g.canvas.width - width / 2 - 6);
-  const bottom = Math.max(y, size + 6);
+  let bottom = Math.max(y, size + 6);
+  const box = (): Box => [left - width / 2 - 6, bottom - size - 4, left + width / 2 + 6, bottom + 6];
+  const covers = ([x0, y0, x1, y1]: Box) => taken.some((t) => x0 < t[2] && t[0] < x1 && y0 < t[3] && t[1] < y1);
+  for (let tries = 0; tries < 4 && covers(box()); tries++) bottom -= size + 10;
+  if (bottom < size + 6) {
+    bottom = Math.max(y, size + 6);
+    for (let tries = 0; tries < 4 && covers(box()); tries++) bottom += size + 10;
+  }
+  taken.push(box());
   g.fillStyle = "rgb(0 0 0 / 0.6)";
   g.beginPath();
   g.roundRect(left - width / 2 - 5, bottom - size - 3, width + 10, size + 6, 4);
@@ -174,6 +240,8 @@ export function updateCameras(serving: boolean): void {
     view.note.hidden = !text;
     view.card.classList.toggle("stale", !serving || (health !== "delivering" && !isHeld));
   }
+  for (const [name, view] of views)
+    if (!status?.cameras.some((c) => c.name === name)) view.card.classList.toggle("stale", !serving);
   // Three across leave no hole; so do five and more. Fewer stand beside the scene.
   const count = views.size;
   document.getElementById("main")!.dataset.cameras = count === 3 || count > 4 ? "row" : "beside";
@@ -186,6 +254,13 @@ export function updateCameras(serving: boolean): void {
       views.delete(name);
     }
   }
+}
+
+// Another service's pictures say nothing of this one's.
+export function forgetPictures(): void {
+  for (const view of views.values()) view.card.remove();
+  views.clear();
+  document.getElementById("no-cameras")!.hidden = false;
 }
 
 export function redrawCameras(): void {

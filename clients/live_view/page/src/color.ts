@@ -28,14 +28,21 @@ function panel(): Rgb {
   return [0, 2, 4].map((i) => parseInt(hex.slice(i, i + 2), 16) || 0) as Rgb;
 }
 
+// How many targets before this one have (nearly) its colour: 0 for the first.
+export function likeBefore(name: string): number {
+  const own = rgbOf(name);
+  const names = store.scene?.targets.map((t) => t.name) ?? [];
+  const before = names.slice(0, Math.max(0, names.indexOf(name)));
+  return before.filter((other) => Math.hypot(...rgbOf(other).map((c, i) => c - own[i])) < 60).length;
+}
+
 // The target's colour, made darker (or lighter) until a line of it stands out from a panel: 3:1, as WCAG asks of graphics.
 export function lineColorOf(name: string): string {
   const own = rgbOf(name);
   const background = panel();
   const towards = luminance(background) > 0.4 ? 0 : 255;
-  for (let share = 0; share <= 1; share += 0.05) {
-    const mixed = own.map((c) => Math.round(c + (towards - c) * share)) as Rgb;
-    if (contrast(mixed, background) >= 3.1) return `rgb(${mixed.join(", ")})`;
-  }
+  const mixed = (share: number) => own.map((c) => Math.round(c + (towards - c) * Math.min(share, 0.85))) as Rgb;
+  for (let share = 0; share <= 1; share += 0.05)
+    if (contrast(mixed(share), background) >= 3.1) return `rgb(${mixed(share + 0.3 * likeBefore(name)).join(", ")})`;
   return variable("--ink");
 }

@@ -1,10 +1,10 @@
 // The page: listens to the bridge and shows what it says. Everything that is shown is in the store.
-import { redrawCameras, showPreview, updateCameras } from "./cameras";
+import { forgetPictures, redrawCameras, showPreview, updateCameras } from "./cameras";
 import { colorOf } from "./color";
 import type { CameraMap, CameraMapPoint, CameraPose, Position, Pulse, Scene, State, Status, TeachReply } from "./messages";
 import { drawPlots, updatePlotTexts } from "./plots";
 import { Scene3d } from "./scene3d";
-import { forget, isServing, largestSigma, store, takeCameraMap, takeCameraPose, takePosition, takeStatus } from "./store";
+import { client, forget, isServing, largestSigma, store, takeCameraMap, takeCameraPose, takePosition, takeStatus } from "./store";
 import { takeTeachReply, updateTeach } from "./teach";
 
 const $ = (id: string) => document.getElementById(id)!;
@@ -15,7 +15,7 @@ let events: EventSource | null = null;
 
 function listen(): void {
   if (events || document.hidden) return;
-  events = new EventSource("/api/events");
+  events = new EventSource(`/api/events?client=${client}`);
   const on = <T>(name: string, take: (message: T) => void) =>
     events!.addEventListener(name, (event) => {
       take(JSON.parse((event as MessageEvent<string>).data) as T);
@@ -37,7 +37,9 @@ function listen(): void {
     }
   };
   on<Pulse>("pulse", (pulse) => (store.pulse = pulse));
-  on<Status>("status", takeStatus);
+  on<Status>("status", (status) => {
+    if (takeStatus(status)) forgetPictures();
+  });
   on<Scene>("scene", (scene) => {
     store.scene = scene;
     tick();
@@ -94,8 +96,9 @@ function updateTargets(): void {
       if (element.textContent !== value) element.textContent = value;
     };
     (card.querySelector(".swatch") as HTMLElement).style.background = colorOf(target.name);
-    text(".state", fresh ? latest.state : "no news");
-    (card.querySelector(".state") as HTMLElement).title = fresh ? stateText[latest.state] : "no sample for two seconds";
+    const isHeld = isServing() && store.status?.mode === "held";
+    text(".state", fresh ? latest.state : isHeld ? "held" : "no news");
+    (card.querySelector(".state") as HTMLElement).title = fresh ? stateText[latest.state] : isHeld ? "a replay that waits for Go on" : "no sample for two seconds";
     latest.position.forEach((value, i) => {
       text(`[data-axis=${"xyz"[i]}]`, `${"xyz"[i]} ${value === null || !fresh ? "–" : value.toFixed(3)}`);
     });
@@ -108,6 +111,9 @@ function updateTargets(): void {
     text(".latency", fresh ? `${(latest.latency * 1000).toFixed(1)} ms` : "–");
     if (fresh) tellState(target.name, latest.state);
   }
+  const list = $("targets");
+  const cards = [...store.targets.keys()].map(cardOf);
+  if (cards.some((card, i) => list.children[i] !== card)) list.prepend(...cards);
 }
 
 // Screen readers say it.
@@ -242,11 +248,16 @@ function updateHealth(serving: boolean): void {
     chip.dataset.health = serving ? camera.health : "unknown";
     chip.textContent = serving ? camera.health : "unknown";
     cell("").append(chip);
+    const isHeld = serving && status!.mode === "held";
+    if (isHeld) {
+      chip.textContent = "held";
+      chip.dataset.health = "held";
+    }
     cell(camera.rate_hz.toFixed(1));
     cell(String(camera.frames));
     cell(String(camera.dropped));
     cell(String(camera.corrupted));
-    cell(camera.message);
+    cell(isHeld ? "" : camera.message);
     return row;
   });
   body.replaceChildren(...rows);

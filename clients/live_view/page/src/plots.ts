@@ -1,6 +1,6 @@
 // Plots over the last half minute: one canvas each, all with the same time axis.
-import { lineColorOf, variable } from "./color";
-import { historySeconds, store, tracks, type Sample } from "./store";
+import { likeBefore, lineColorOf, variable } from "./color";
+import { historySeconds, isServing, store, tracks, type Sample } from "./store";
 
 interface Series {
   name: string;
@@ -23,11 +23,15 @@ const stateColors = { tracking: "--good", coasting: "--warn", searching: "--info
 
 const colorOfTrack = (track: { name: string; isCamera: boolean }) => (track.isCamera ? "var(--accent)" : lineColorOf(track.name));
 
+// Targets of one colour are told apart by these.
+const sameHueDashes = [[], [7, 4], [2, 3], [9, 3, 2, 3]];
+
 function perTrack(value: (s: Sample) => number): () => Series[] {
   return () =>
     tracks().map((t) => ({
       name: t.name,
       color: colorOfTrack(t),
+      dash: t.isCamera ? [] : sameHueDashes[Math.min(likeBefore(t.name), sameHueDashes.length - 1)],
       points: t.history.map((s) => [s.t, value(s)] as [number, number]),
     }));
 }
@@ -115,10 +119,18 @@ function step(range: number, count: number): number {
   return ([1, 2, 5].find((m) => m * power >= raw) ?? 10) * power;
 }
 
-export function newestTime(): number {
+// Where the time axis ends, on the samples' clock: while nothing comes it goes on, and what was is left behind.
+const pause = 1; // s that may lie between two samples
+function endTime(): number {
   let t = -Infinity;
   for (const track of tracks()) t = Math.max(t, track.history.at(-1)?.t ?? -Infinity);
-  return t;
+  return t + silence();
+}
+// Seconds since the last sample of all; 0 while they come.
+function silence(): number {
+  const heard = Math.max(...[...store.targets.values(), ...store.trackedCameras.values()].map((track) => track.heard));
+  const since = (performance.now() - heard) / 1000;
+  return Number.isFinite(since) && since > pause ? since : 0;
 }
 
 // As long as there is something to show, in whole steps of the axis: a service that has just begun does not draw into a corner.
@@ -142,7 +154,9 @@ function drawPlot({ plot, canvas }: Drawn, end: number): void {
   const [g, w, h] = prepare(canvas);
   const bottom = 18;
   const series = plot.series();
-  const own = plot.title.startsWith("Frame sets") ? (store.rates.at(-1)?.t ?? 0) : end;
+  const isRate = plot.title.startsWith("Frame sets");
+  const sinceStatus = (performance.now() - store.statusHeard) / 1000;
+  const own = isRate ? (store.rates.at(-1)?.t ?? 0) + (sinceStatus > 2 ? sinceStatus : 0) : end;
   const begin = own - span;
   let low = Infinity;
   let high = -Infinity;
@@ -204,10 +218,10 @@ function drawPlot({ plot, canvas }: Drawn, end: number): void {
   g.restore();
 }
 
-function timeAxis(g: CanvasRenderingContext2D, w: number, h: number): void {
+function timeAxis(g: CanvasRenderingContext2D, w: number, h: number, from = left): void {
   g.textBaseline = "alphabetic";
   for (let s = 0; s <= span; s += tick) {
-    const at = left + (1 - s / span) * (w - left - right);
+    const at = from + (1 - s / span) * (w - from - right);
     g.textAlign = s === 0 ? "right" : s === span ? "left" : "center";
     g.fillText(s === 0 ? "now" : `−${s} s`, at, h - 4);
   }
@@ -218,38 +232,45 @@ function drawStates(end: number): void {
   states.style.height = `${Math.max(1, targets.length) * 22 + 20}px`;
   const [g, w, h] = prepare(states);
   const begin = end - span;
-  const x = (t: number) => left + ((t - begin) / span) * (w - left - right);
   g.font = "12px system-ui, sans-serif";
+  const widest = Math.max(0, ...targets.map((t) => g.measureText(t.name).width));
+  const from = Math.min(Math.max(left, widest + 8), w / 3); // of the strip; a name that is still wider is cut
+  const x = (t: number) => from + ((t - begin) / span) * (w - from - right);
+  const cut = (name: string) => {
+    let text = name;
+    while (text.length > 1 && g.measureText(text).width > from - 6) text = `${text.replace("…", "").slice(0, -1)}…`;
+    return text;
+  };
   targets.forEach((target, row) => {
     const y = row * 22 + 4;
     g.fillStyle = variable("--muted");
     g.textAlign = "right";
     g.textBaseline = "middle";
-    g.fillText(target.name.length > 7 ? `${target.name.slice(0, 6)}…` : target.name, left - 6, y + 8);
+    g.fillText(cut(target.name), from - 6, y + 8);
     const samples = target.history.filter((s) => s.t >= begin);
     for (let i = 0; i < samples.length; ) {
       let k = i;
       while (k + 1 < samples.length && samples[k + 1].state === samples[i].state && samples[k + 1].t - samples[k].t < 1) k++;
-      const from = x(samples[i].t);
+      const start = x(samples[i].t);
       const to = k + 1 < samples.length && samples[k + 1].t - samples[k].t < 1 ? x(samples[k + 1].t) : x(samples[k].t) + 1;
       g.fillStyle = variable(stateColors[samples[i].state]);
-      g.fillRect(from, y, Math.max(1, to - from), 16);
+      g.fillRect(start, y, Math.max(1, to - start), 16);
       const text = samples[i].state;
-      if (to - from > g.measureText(text).width + 8) {
+      if (to - start > g.measureText(text).width + 8) {
         g.fillStyle = variable("--on-state");
         g.textAlign = "left";
-        g.fillText(text, from + 4, y + 8.5);
+        g.fillText(text, start + 4, y + 8.5);
       }
       i = k + 1;
     }
   });
   g.fillStyle = variable("--muted");
-  timeAxis(g, w, h);
+  timeAxis(g, w, h, from);
   states.setAttribute("aria-label", `States over time. Now: ${targets.map((t) => `${t.name} ${t.history.at(-1)?.state ?? "unknown"}`).join(", ") || "no target"}`);
 }
 
 export function drawPlots(): void {
-  const end = newestTime();
+  const end = endTime();
   if (Number.isFinite(end)) fitSpan(end);
   for (const { plot, figure } of drawn)
     figure.hidden = plot.of === "camera" ? store.trackedCameras.size === 0 : plot.of === "target" && store.targets.size === 0 && store.trackedCameras.size > 0;
@@ -259,13 +280,28 @@ export function drawPlots(): void {
 
 // Once a second, for who does not see the lines.
 export function updatePlotTexts(): void {
+  const quiet = silence();
   for (const { plot, canvas, now } of drawn) {
-    const texts = plot
-      .series()
-      .map((s) => [s.name, s.points.at(-1)?.[1]] as const)
-      .filter(([, v]) => v !== undefined && Number.isFinite(v))
-      .map(([name, v]) => `${name} ${v!.toFixed(Math.abs(v!) < 10 ? 2 : 1)}`);
-    now.textContent = plot.title === "Position" ? "" : texts.join(", ");
-    canvas.setAttribute("aria-label", `${plot.title} over the last ${historySeconds} seconds, now: ${texts.join(", ") || "nothing"}`);
+    const isSilent = plot.title.startsWith("Frame sets") ? !isServing() : quiet > 2;
+    const isPosition = plot.title === "Position";
+    const series = plot.series();
+    const valueOf = (s: Series) => {
+      const v = s.points.at(-1)?.[1];
+      return isSilent || v === undefined || !Number.isFinite(v) ? "–" : v.toFixed(Math.abs(v) < 10 ? 2 : 1);
+    };
+    // Of a target's three coordinates one line stands for its colour; which is which is said beside.
+    const shown = isPosition ? series.filter((_, i) => i % 3 === 0) : series;
+    now.replaceChildren(
+      ...shown.map((s) => {
+        const entry = document.createElement("span");
+        entry.innerHTML = line(isPosition ? [] : (s.dash ?? []));
+        (entry.firstElementChild as SVGElement).style.color = resolve(s.color);
+        entry.append(isPosition ? ` ${s.name.slice(0, -2)}` : ` ${s.name} ${valueOf(s)}`);
+        return entry;
+      }),
+      ...(isSilent && series.length ? [quiet > 2 ? `nothing for ${Math.floor(quiet)} s` : "nothing comes"] : []),
+    );
+    const texts = series.map((s) => `${s.name} ${valueOf(s)}`);
+    canvas.setAttribute("aria-label", `${plot.title} over the last ${historySeconds} seconds, now: ${isSilent ? "nothing comes" : texts.join(", ") || "nothing"}`);
   }
 }

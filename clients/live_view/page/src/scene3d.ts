@@ -80,8 +80,11 @@ class TargetModel {
     this.ball = new THREE.Mesh(new THREE.SphereGeometry(radius, 24, 16), new THREE.MeshLambertMaterial({ transparent: true }));
     this.ellipsoid = new THREE.Mesh(
       new THREE.SphereGeometry(1, 24, 16),
-      new THREE.MeshBasicMaterial({ transparent: true, opacity: 0.25, depthWrite: false }),
+      new THREE.MeshBasicMaterial({ transparent: true, opacity: 0.75, depthWrite: false }),
     );
+    // The ball is clear glass around its ellipsoid, which mostly is the smaller one.
+    this.ball.material.depthWrite = false;
+    this.ball.renderOrder = 1;
     this.ellipsoid.matrixAutoUpdate = false;
     this.drop = new THREE.Line(
       new THREE.BufferGeometry().setFromPoints([new THREE.Vector3(), new THREE.Vector3(0, 0, -1)]),
@@ -106,7 +109,7 @@ class TargetModel {
       const at = new THREE.Vector3(x, y, z);
       this.ball.position.copy(at);
       this.label.sprite.position.copy(at).setZ(z + 1.6 * this.radius);
-      this.ball.material.opacity = target.latest.state === "coasting" ? 0.4 : 1;
+      this.ball.material.opacity = target.latest.state === "coasting" ? 0.2 : 0.45;
       this.drop.geometry.setFromPoints([at, at.clone().setZ(this.floor)]);
       this.drop.computeLineDistances();
       const c = target.latest.covariance;
@@ -240,8 +243,16 @@ class Label {
     this.sprite = new THREE.Sprite(
       new THREE.SpriteMaterial({ map: new THREE.CanvasTexture(this.canvas), depthTest: false, sizeAttenuation: false }),
     );
-    this.sprite.renderOrder = 1;
+    this.sprite.renderOrder = 2;
     this.sprite.center.set(0.5, 0);
+  }
+  // Rows above its place, so that it covers no other.
+  raise(rows: number): void {
+    this.sprite.center.set(0.5, -rows);
+  }
+  // CSS pixels.
+  get width(): number {
+    return this.canvas.width / Math.min(devicePixelRatio, 2);
   }
   // perPixel: what a CSS pixel is at a distance of 1.
   update(ink: string, rim: string, perPixel: number): void {
@@ -386,6 +397,10 @@ export class Scene3d {
     const ink = new THREE.Color(variable("--muted"));
     const trackedNow = [...store.trackedCameras.keys()].join();
     const how = theme + trackedNow;
+    if (!store.scene && this.shown) {
+      this.shown = null;
+      this.clear();
+    }
     if (store.scene && (store.scene !== this.shown || this.shownWith !== how)) {
       const isOther = this.shown?.rig_identity !== store.scene.rig_identity;
       if (isOther) this.roamed.clear();
@@ -431,7 +446,25 @@ export class Scene3d {
     const rim = variable("--panel");
     for (const label of this.labels) label.update(variable("--muted"), rim, perPixel);
     for (const model of [...this.models.values(), ...this.tracked.values()]) model.label.update(variable("--ink"), rim, perPixel);
+    this.spread(w, h);
     this.renderer.render(this.scene, this.camera);
+  }
+
+  // Labels that would cover each other go up, row by row: cameras may stand a hand apart.
+  private spread(w: number, h: number): void {
+    const row = labelHeight * 1.5;
+    const taken: [number, number, number][] = []; // left, right, bottom
+    for (const label of [...[...this.models.values(), ...this.tracked.values()].map((m) => m.label), ...this.labels]) {
+      if (!label.sprite.visible) continue;
+      const at = label.sprite.getWorldPosition(new THREE.Vector3()).project(this.camera);
+      const x = ((at.x + 1) / 2) * w;
+      const y = ((1 - at.y) / 2) * h;
+      let rows = 0;
+      const half = label.width / 2 - 2;
+      while (rows < 4 && taken.some(([l, r, b]) => x - half < r && l < x + half && Math.abs(y - rows * row - b) < row * 0.8)) rows++;
+      label.raise(rows);
+      taken.push([x - half, x + half, y - rows * row]);
+    }
   }
 
   // The view grows with where a camera went and what it mapped; with some room, so that it does not creep.
@@ -470,7 +503,7 @@ export class Scene3d {
     models.delete(name);
   }
 
-  private build(scene: Scene, ink: THREE.Color): void {
+  private clear(): void {
     this.still.traverse((part) => {
       if (part instanceof THREE.LineSegments) {
         part.geometry.dispose();
@@ -482,7 +515,10 @@ export class Scene3d {
     this.labels = [];
     for (const [name, model] of this.models) this.drop(this.models, name, model);
     for (const [name, model] of this.tracked) this.drop(this.tracked, name, model);
+  }
 
+  private build(scene: Scene, ink: THREE.Color): void {
+    this.clear();
     // A camera that is tracked is where it is tracked, not where the rig file has it. Without targets the volume, too,
     // stands for nothing.
     const cameras = scene.cameras.filter((c) => !store.trackedCameras.has(c.name));

@@ -28,6 +28,9 @@ export interface TrackedCamera {
   map: CameraMap | null;
 }
 
+// This page's name for the bridge: replies to its requests carry it.
+export const client = Array.from(crypto.getRandomValues(new Uint8Array(8)), (b) => b.toString(16).padStart(2, "0")).join("");
+
 export const store = {
   connected: false, // to the bridge
   pulse: null as Pulse | null,
@@ -99,11 +102,13 @@ function trackedCamera(name: string): TrackedCamera {
 }
 
 export function takeCameraMap(map: CameraMap): void {
+  if (store.status && isServing() && !isOf(store.status, map)) return;
   trackedCamera(map.camera).map = map;
 }
 
 export function takeCameraPose(sample: CameraPose): void {
   const camera = trackedCamera(sample.camera);
+  if (camera.history.length && sample.t === camera.history.at(-1)!.t) return; // again
   if (camera.history.length && sample.t < camera.history.at(-1)!.t) camera.history = [];
   camera.latest = sample;
   camera.heard = performance.now();
@@ -132,14 +137,26 @@ export function tracks(): { name: string; isCamera: boolean; history: Sample[] }
   ];
 }
 
-export function takeStatus(status: Status): void {
-  // Of several services the one that spoke last counts; its targets are the ones that there are.
-  if (store.status && store.status.pid !== status.pid) store.rates = [];
+const isOf = (status: Status, other: { host: string; pid: number }) => other.host === status.host && other.pid === status.pid;
+
+// Returns whether it is of another service, or of another rig: then nothing that was shown holds any more.
+export function takeStatus(status: Status): boolean {
+  const isOther = !!store.status && (!isOf(store.status, status) || store.status.rig_identity !== status.rig_identity);
+  if (isOther) {
+    forget();
+    if (store.scene && !isOf(status, store.scene)) store.scene = null;
+  }
+  for (const [name, camera] of store.trackedCameras) if (camera.map && !isOf(status, camera.map)) store.trackedCameras.delete(name);
   store.status = status;
   store.statusHeard = performance.now();
   store.rates.push({ t: status.heard, rate: status.set_rate_hz });
   while (store.rates.length && store.rates[0].t < status.heard - historySeconds) store.rates.shift();
   for (const name of store.targets.keys()) if (!status.targets.includes(name)) store.targets.delete(name);
+  // In the configuration's order, whoever spoke first.
+  const order = status.targets.filter((name) => store.targets.has(name));
+  if (order.join("\n") !== [...store.targets.keys()].join("\n"))
+    store.targets = new Map(order.map((name) => [name, store.targets.get(name)!]));
+  return isOther;
 }
 
 export function isServing(): boolean {

@@ -1,11 +1,10 @@
 // Teaching a colour: freeze the pictures, point at the object, look at what matches, save. The page keeps what the user did
 // and sends all of it with every request; replies come back over the stream.
-import { bitmapOf, label } from "./cameras";
+import { bitmapOf, label, showLiveMasks } from "./cameras";
 import type { Color, Ignore, Scene, TaughtCamera, TeachReply } from "./messages";
-import { store } from "./store";
+import { client, store } from "./store";
 
 const $ = <T extends HTMLElement>(id: string) => document.getElementById(id) as T;
-const client = Array.from(crypto.getRandomValues(new Uint8Array(8)), (b) => b.toString(16).padStart(2, "0")).join("");
 
 interface Picture {
   camera: string;
@@ -363,6 +362,7 @@ function open(): void {
 
 function close(): void {
   panel.hidden = true;
+  updateLiveMasks();
   $("teach-open").setAttribute("aria-expanded", "false");
 }
 
@@ -390,8 +390,23 @@ function save(): void {
   void ask("apply");
 }
 
+// The moving pictures show the mask, too, while there is one to look at.
+function updateLiveMasks(): void {
+  const isShown = !panel.hidden && hasLearnt && $<HTMLInputElement>("teach-mask").checked;
+  showLiveMasks(
+    isShown
+      ? new Map(
+          pictures
+            .filter((p) => p.taught)
+            .map((p) => [p.camera, { color: p.taught!.color, ignored: ignored.filter((i) => i.camera === p.camera).map((i) => i.box) }]),
+        )
+      : null,
+  );
+}
+
 function update(): void {
   const busy = pending !== 0;
+  updateLiveMasks();
   if (!unconfirmed.length) saysAlone = false;
   panel.setAttribute("aria-busy", String(busy));
   for (const id of ["teach-freeze", "teach-again"]) $<HTMLButtonElement>(id).disabled = busy;
@@ -445,7 +460,10 @@ $("teach-clear").addEventListener("click", () => {
   if (points.length) void ask("look");
   update();
 });
-$<HTMLInputElement>("teach-mask").addEventListener("change", () => pictures.forEach(draw));
+$<HTMLInputElement>("teach-mask").addEventListener("change", () => {
+  pictures.forEach(draw);
+  updateLiveMasks();
+});
 $<HTMLInputElement>("teach-ignore").addEventListener("change", (event) => {
   isIgnoring = (event.target as HTMLInputElement).checked;
   $("teach-pictures").classList.toggle("drawing", isIgnoring);
