@@ -289,6 +289,7 @@ INSTANTIATE_TEST_SUITE_P(
             "is metres"},
         Mistake{"UnknownLiveCamera", ball + "cameras:\n  cma1: {device: 0}\n",
                 "c.yaml:5: cameras.cma1: is not a camera of the rig, which has cam0, cam1 (did you mean cam1?)"},
+        Mistake{"RateThatNoneHas", ball + "cameras:\n  cam1: {device: 0, fps: 1e9}\n", "c.yaml:5: cameras.cam1.fps: "},
         Mistake{"CameraWithoutDevice", ball + "cameras:\n  cam1: {fps: 30}\n",
                 "c.yaml:5: cameras.cam1.device is missing"},
         Mistake{"DeviceNotBelowDev", ball + "cameras:\n  cam1: {device: webcam}\n",
