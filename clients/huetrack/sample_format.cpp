@@ -215,10 +215,11 @@ std::string text(const msg::ServiceStatus& s, std::int64_t now) {
   std::size_t width = 0;
   for (const msg::CameraStatus& camera : s.cameras()) width = std::max(width, camera.name().size());
   for (const msg::CameraStatus& camera : s.cameras())
-    add("camera", fmt::format("{:<{}}  {:<10}  {} Hz, {} frames, {} dropped, {} corrupted, the last {} s ago{}{}",
-                              camera.name(), width, name(camera.health()), number(camera.rate_hz(), 1, 5),
-                              camera.frames(), camera.dropped(), camera.corrupted(), number(camera.age_s(), 2),
-                              camera.message().empty() ? "" : ": ", camera.message()));
+    add("camera",
+        fmt::format("{:<{}}  {:<10}  {} Hz, {} frames, {} dropped, {} corrupted{}{}{}", camera.name(), width,
+                    name(camera.health()), number(camera.rate_hz(), 1, 5), camera.frames(), camera.dropped(),
+                    camera.corrupted(), camera.frames() > 0 ? ", the last " + number(camera.age_s(), 2) + " s ago" : "",
+                    camera.message().empty() ? "" : ": ", camera.message()));
   for (const std::string& warning : s.warnings()) add("warning", warning);
   if (s.warnings().empty()) add("warnings", "none");
   return out;

@@ -29,7 +29,9 @@ void DepthRay::add(const Eigen::Vector3d& origin, const Eigen::Vector3d& directi
   const double w = weight * std::exp(-0.5 * p * p / (sigma * sigma));
   const double at = (1 / depth - least_) / step_ - 0.5;
   // A pixel's error along the ray, in bins, which is what one ray can tell at most.
-  const double blur = std::max(1.0, sigma_rad / std::sqrt(s2) * other / (depth * depth) / step_);
+  const double error = sigma_rad / std::sqrt(s2) * other / (depth * depth);
+  const double blur = std::max(1.0, error / step_);
+  if (p < 2 * sigma) finest_ = std::min(finest_, error);
   const int reach = static_cast<int>(std::min(2 * blur, 30.0));
   const int middle = static_cast<int>(std::lround(at));
   for (int i = middle - reach; i <= middle + reach; ++i) {
@@ -52,6 +54,8 @@ bool DepthRay::end() {
 std::optional<DepthRay::Estimate> DepthRay::converged() const {
   if (frames_ < 4) return std::nullopt;
   const auto mode = static_cast<std::size_t>(std::ranges::max_element(weight_) - weight_.begin());
+  constexpr double finest_share = 0.03;
+  if (finest_ > finest_share * inverse_depth(mode)) return std::nullopt;
   const double reach = std::max(0.1 * inverse_depth(mode), 3 * step_);
   double mass = 0, mean = 0, square = 0;
   for (std::size_t i = 0; i < weight_.size(); ++i) {

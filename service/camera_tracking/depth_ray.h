@@ -3,6 +3,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <limits>
 #include <optional>
 #include <vector>
 
@@ -29,7 +30,9 @@ class DepthRay {
   struct Estimate {
     double inverse_depth = 0, sigma = 0;  // 1/m, of the mode's surroundings
   };
-  // Set once the weights are one peak: 9 tenths of them within a tenth of its inverse depth (or three bins).
+  // Set once the weights are one peak: 9 tenths of them within a tenth of its inverse depth (or three bins); and a ray
+  // crossed at an angle at which one pixel is 3 % of the inverse depth: frames are not independent, and many that look
+  // from nearly the same place agree on a wrong depth.
   std::optional<Estimate> converged() const;
   int frames() const { return frames_; }
   const std::vector<double>& weights() const { return weight_; }  // sum 1; bin i is of inverse_depth(i)
@@ -42,6 +45,7 @@ class DepthRay {
   double least_, step_;
   std::vector<double> weight_, gained_;
   int frames_ = 0;
+  double finest_ = std::numeric_limits<double>::infinity();  // 1/m, of the rays that were added
 };
 
 }  // namespace huetrack

@@ -9,12 +9,17 @@ namespace huetrack {
 
 std::optional<NccTemplate> cut_template(const GreyImage& image, const Eigen::Vector2d& px) {
   const int half = feature_side / 2;
-  const int u = static_cast<int>(std::lround(px.x())), v = static_cast<int>(std::lround(px.y()));
-  if (!image.contains(u, v, half)) return std::nullopt;
+  const int u = static_cast<int>(std::floor(px.x())), v = static_cast<int>(std::floor(px.y()));
+  if (!image.contains(u, v, half + 1)) return std::nullopt;
+  const double a = px.x() - u, b = px.y() - v;
   NccTemplate t;
   t.side = feature_side;
-  for (int j = -half; j <= half; ++j)
-    t.pixels.insert(t.pixels.end(), image.row(v + j) + u - half, image.row(v + j) + u + half + 1);
+  for (int j = -half; j <= half; ++j) {
+    const std::uint8_t *row = image.row(v + j) + u, *next = image.row(v + j + 1) + u;
+    for (int i = -half; i <= half; ++i)
+      t.pixels.push_back(static_cast<std::uint8_t>(
+          std::lround((1 - b) * ((1 - a) * row[i] + a * row[i + 1]) + b * ((1 - a) * next[i] + a * next[i + 1]))));
+  }
   t.finish();
   if (!(t.norm > 0)) return std::nullopt;
   return t;

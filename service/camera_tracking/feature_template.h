@@ -20,7 +20,7 @@ struct FeatureSource {
   Eigen::Vector2d px = Eigen::Vector2d::Zero();  // raw
 };
 
-// The template as it was: nullopt at the image's border, or without texture.
+// The template as it was about px, which may lie between pixels: nullopt at the image's border, or without texture.
 std::optional<NccTemplate> cut_template(const GreyImage& image, const Eigen::Vector2d& px);
 // Lee, section 3.5: as it should look now, on a plane that faced the reference camera at `depth`.
 bool predict_template(const CameraModel& lens, const FeatureSource& source, double depth, const Rigid3d& cam_from_world,

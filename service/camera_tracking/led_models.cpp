@@ -9,19 +9,26 @@ namespace huetrack {
 
 namespace {
 
-struct Scale {
-  double motion;  // of the liveliest
-  double pixel;   // of the sightings' sigma_px
+struct Liveliness {  // of the liveliest camera's
+  double acceleration, correlation;
 };
-constexpr std::array motion_scales{1.0, 0.2, 0.05, 0.02, 0.001};  // the last: a camera on a turntable or a rail
-constexpr std::array pixel_scales{1.0, 4.0, 16.0, 64.0};
+// A camera that is moved gently also keeps its accelerations for longer. The last: one on a turntable or a rail.
+constexpr std::array liveliness{Liveliness{1.0, 1.0}, Liveliness{0.2, 1.0}, Liveliness{0.05, 3.0},
+                                Liveliness{0.02, 3.0}, Liveliness{0.001, 3.0}};
+constexpr std::array pixel_scales{1.0, 4.0, 16.0, 64.0};  // of the sightings' sigma_px
+struct Scale {
+  Liveliness motion;
+  double pixel;
+};
 constexpr auto scales = [] {
-  std::array<Scale, motion_scales.size() * pixel_scales.size()> all{};
+  std::array<Scale, liveliness.size() * pixel_scales.size()> all{};
   for (std::size_t i = 0; i < all.size(); ++i)
-    all[i] = {motion_scales[i / pixel_scales.size()], pixel_scales[i % pixel_scales.size()]};
+    all[i] = {liveliness[i / pixel_scales.size()], pixel_scales[i % pixel_scales.size()]};
   return all;
 }();
-constexpr double switching_per_s = 2;  // how often a camera changes its way of moving
+// How often a camera changes its way of moving. With 2 per second the states that are wrong keep half of the weight,
+// and the error of a steady camera grows by half (tests/benchmark/led_tables particles).
+constexpr double switching_per_s = 0.1;
 constexpr double least_probability = 1e-4;
 
 LedGaussian mixture(std::span<const LedGaussian> states, std::span<const double> weight) {
@@ -64,9 +71,9 @@ void LedModels::predict(double dt_s) {
   probability_ = probability;
   for (std::size_t j = 0; j < n; ++j)
     states_[j] = predicted(mixed[j], dt_s,
-                           {.acceleration = scales[j].motion * liveliest_.acceleration,
-                            .angular_acceleration = scales[j].motion * liveliest_.angular_acceleration,
-                            .correlation_s = liveliest_.correlation_s});
+                           {.acceleration = scales[j].motion.acceleration * liveliest_.acceleration,
+                            .angular_acceleration = scales[j].motion.acceleration * liveliest_.angular_acceleration,
+                            .correlation_s = scales[j].motion.correlation * liveliest_.correlation_s});
 }
 
 void LedModels::update(const CameraModel& model, std::span<const Eigen::Vector3d> leds,

@@ -96,7 +96,8 @@ class LeeTracker final : public PaperTrackerBase {
                      static_cast<int>(features_.size()),
                      0,
                      1,
-                     {}};
+                     {},
+                     last_.polished};
     for (const LeeFrame::Match& m : last_.matches) {
       const auto f = std::ranges::lower_bound(features_, m.id, {}, &LeeFeature::id);
       if (f == features_.end() || f->id != m.id) continue;

@@ -12,6 +12,7 @@
 #include "camera_tracking/camera_tracker.h"
 #include "camera_tracking/depth_ray.h"
 #include "camera_tracking/feature_template.h"
+#include "camera_tracking/pose_solver.h"
 #include "camera_tracking/scene_map.h"
 #include "camera_tracking/unscented_kalman.h"
 
@@ -32,7 +33,8 @@ struct LeeFrame {
   std::uint64_t number = 0;
   std::shared_ptr<const Pyramid> pyramid;
   bool tracked = false;
-  Rigid3d cam_from_world;  // the particles' mean
+  Rigid3d cam_from_world;           // the particles' mean, polished
+  std::optional<PoseFit> polished;  // of which this is the fit
   Eigen::Matrix<double, 7, 7> state_covariance = Eigen::Matrix<double, 7, 7>::Zero();
   std::vector<Rigid3d> sampled;  // particles drawn by their weights: cam_from_world
   struct Match {
@@ -54,6 +56,7 @@ class LeeTracking {
     // C of eq. (4) is so much of the cloud's covariance. The paper says all of it (1); less is half the error with the
     // same particles (tests/benchmark/camera_particles).
     double cloud_share = 0.3;
+    bool polish = true;         // the mean (the paper: not)
     float threshold = 0.8f;     // of NCC
     std::size_t sampled = 40;   // particles that are handed over
     double wider_unseen = 1.5;  // the walk after a frame that did not support the pose: the paper's

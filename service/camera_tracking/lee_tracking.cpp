@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "camera_tracking/lee_tracker.h"
+#include "camera_tracking/mean_polish.h"
 #include "particle_filter/resample.h"
 #include "particle_filter/vector_clones.h"
 
@@ -111,7 +112,7 @@ LeeFrame LeeTracking::track(std::uint64_t number, const std::shared_ptr<const Py
       out.missed.push_back(f.id);
       continue;
     }
-    out.matches.push_back({f.id, m.mean, Eigen::Vector2d(peak.u, peak.v), m.covariance});
+    out.matches.push_back({f.id, m.mean, refined(peak, field_, region), m.covariance});
     seen.push_back(x);
   }
   // Step 4: eq. (4). Without a measurement all particles weigh the same, and the cloud disperses.
@@ -138,6 +139,16 @@ LeeFrame LeeTracking::track(std::uint64_t number, const std::shared_ptr<const Py
   if (seen.size() < 4 || 5 * seen.size() < 2 * total) particles_.weight.assign(n, 1.0f / static_cast<float>(n));
   supported_ = out.tracked;
   if (!out.tracked) return out;
+  if (options_.polish) {
+    std::vector<PoseObservation> found;
+    for (std::size_t i = 0; i < seen.size(); ++i) {
+      const LeeFeature& f = features[seen[i].feature];
+      found.push_back({f.position, out.matches[i].found,
+                       sigma_px_of(camera_.model, 0.5, std::sqrt(f.covariance.trace() / 3), f.depth)});
+    }
+    out.polished = polish_mean(camera_.model, particles_, out.cam_from_world, found);
+    if (out.polished) out.cam_from_world = out.polished->cam_from_world;
+  }
   out.state_covariance = state_covariance(particles_, out.cam_from_world);
   std::vector<std::uint32_t> drawn(options_.sampled);
   systematic_ancestors(particles_.weight, rng_.uniform(), drawn);

@@ -136,4 +136,17 @@ NccPeak best_of(const std::vector<float>& field, const PixelRegion& region) {
   return {field[static_cast<std::size_t>(at)], region.u0 + at % region.width(), region.v0 + at / region.width()};
 }
 
+Eigen::Vector2d refined(const NccPeak& peak, const std::vector<float>& field, const PixelRegion& region) {
+  const int i = peak.u - region.u0, j = peak.v - region.v0, width = region.width();
+  const auto at = [&](int x, int y) { return static_cast<double>(field[static_cast<std::size_t>(y * width + x)]); };
+  const auto top = [](double before, double here, double after) {
+    const double bend = before - 2 * here + after;
+    return bend < 0 ? std::clamp(0.5 * (before - after) / bend, -0.5, 0.5) : 0.0;
+  };
+  Eigen::Vector2d px(peak.u, peak.v);
+  if (i > 0 && i + 1 < width) px.x() += top(at(i - 1, j), at(i, j), at(i + 1, j));
+  if (j > 0 && j + 1 < region.height()) px.y() += top(at(i, j - 1), at(i, j), at(i, j + 1));
+  return px;
+}
+
 }  // namespace huetrack

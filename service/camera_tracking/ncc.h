@@ -1,6 +1,7 @@
 // Normalised cross-correlation of a small template with an image, only where it is asked for.
 #pragma once
 
+#include <Eigen/Core>
 #include <cstdint>
 #include <span>
 #include <vector>
@@ -42,5 +43,8 @@ struct NccPeak {
   int u = 0, v = 0;  // anchor
 };
 NccPeak best_of(const std::vector<float>& field, const PixelRegion& region);
+// Where the top of the field is between the pixels: parabolas through the peak's neighbours; the anchor itself at the
+// border.
+Eigen::Vector2d refined(const NccPeak& peak, const std::vector<float>& field, const PixelRegion& region);
 
 }  // namespace huetrack

@@ -35,9 +35,11 @@ void ObservationField::correlate(const GreyImage& image, const NccTemplate& t, c
   offset_ = t.centre_offset();
   ncc_field(image, t, region_, rho_);
   marked_.clear();
+  as_correlated_.clear();
 }
 
 void ObservationField::threshold(float epsilon_rho) {
+  if (as_correlated_.empty()) as_correlated_ = rho_;
   for (float& r : rho_) r = r > epsilon_rho ? r : 0.0f;
 }
 
@@ -96,6 +98,22 @@ void ObservationField::reweight(std::span<const float> u, std::span<const float>
   const float most = *std::ranges::max_element(weight_);
   if (!(most > 0)) return;
   for (std::size_t i = 0; i < rho_.size(); ++i) rho_[i] *= weight_[i] / most;
+}
+
+std::optional<Eigen::Vector2d> ObservationField::best_match(const Eigen::Vector2d& px, double radius,
+                                                            float epsilon_rho) const {
+  const std::vector<float>& field = as_correlated_.empty() ? rho_ : as_correlated_;
+  NccPeak best{epsilon_rho, 0, 0};
+  bool any = false;
+  for (int v = region_.v0; v <= region_.v1; ++v) {
+    for (int u = region_.u0; u <= region_.u1; ++u) {
+      const float rho = field[static_cast<std::size_t>((v - region_.v0) * region_.width() + u - region_.u0)];
+      const Eigen::Vector2d off = Eigen::Vector2d(u, v).array() + static_cast<double>(offset_) - px.array();
+      if (rho > best.rho && off.squaredNorm() <= radius * radius) best = {rho, u, v}, any = true;
+    }
+  }
+  if (!any) return std::nullopt;
+  return refined(best, field, region_).array() + static_cast<double>(offset_);
 }
 
 NccPeak ObservationField::strongest(float u, float v, float radius, float epsilon_rho) const {

@@ -4,6 +4,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -36,6 +37,9 @@ class ObservationField {
 
   // The strongest rho (with weights) within radius of (u, v); rho 0: none above epsilon_rho.
   NccPeak strongest(float u, float v, float radius, float epsilon_rho) const;
+  // Where the template itself matches best within radius of (u, v), between the pixels; as correlate() left the field.
+  // nullopt: nowhere above epsilon_rho.
+  std::optional<Eigen::Vector2d> best_match(const Eigen::Vector2d& px, double radius, float epsilon_rho) const;
   const PixelRegion& region() const { return region_; }
   const std::vector<float>& rho() const { return rho_; }
   float centre_offset() const { return offset_; }  // of the template's centre from an anchor
@@ -44,6 +48,7 @@ class ObservationField {
   PixelRegion region_;
   float offset_ = 0;
   std::vector<float> rho_, marked_, weight_;
+  std::vector<float> as_correlated_;  // rho_, once that is weighted
 };
 
 }  // namespace huetrack

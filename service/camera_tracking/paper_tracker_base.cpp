@@ -19,8 +19,9 @@ constexpr int probation = 3;  // frames in a row that have to prove the pose, on
 // points within so many pixels, most of those that should be seen, leaves so little open, and is where the filter says.
 constexpr int proving = 8;
 constexpr double proven_px = 2.5, proven_share = 0.65, proven_sigma_m = 0.02, proven_off_m = 0.05;
-constexpr int patience = 4;      // frames
-constexpr double coast_s = 1.0;  // the particles disperse meanwhile, and say how far
+constexpr double told_sigma_m = 0.05;  // a pose that leaves more open is no claim
+constexpr int patience = 4;            // frames
+constexpr double coast_s = 1.0;        // the particles disperse meanwhile, and say how far
 
 }  // namespace
 
@@ -31,6 +32,10 @@ PaperTrackerBase::PaperTrackerBase(const Camera& camera, const CameraTrackerOpti
   if (loaded_->image_size != Eigen::Vector2i(camera.image_size.width, camera.image_size.height))
     throw std::runtime_error(options.load_map.string() + ": is a map of images of another size than the camera's");
   has_map_ = true;
+}
+
+std::optional<PoseFit> PaperTrackerBase::proposal(const Pyramid& pyramid, std::uint64_t number) const {
+  return relocalize(camera_, pyramid, scene(), seed_ + number, map_error_px, agreeing);
 }
 
 bool PaperTrackerBase::proven(const FilteredPose& pose) const {
@@ -45,6 +50,22 @@ bool PaperTrackerBase::proven(const FilteredPose& pose) const {
   return sigma_m < proven_sigma_m && off_m < proven_off_m;
 }
 
+// The fit's or the particles' own, about their mean, and what the map and the world's start leave open.
+Covariance6d PaperTrackerBase::covariance_of(const FilteredPose& pose, const Rigid3d& cam_from_world) const {
+  Covariance6d covariance = start_covariance_;
+  if (pose.polished) {
+    const double scale = std::max(1.0, pose.polished->scale);
+    const Eigen::Matrix<double, 6, 6> own = scale * scale * pose.polished->information.inverse();
+    covariance += world_covariance(cam_from_world, own);
+  } else {
+    covariance += particles().covariance(cam_from_world);
+  }
+  const double shared = pose.map_sigma_m * pose.map_sigma_m;
+  covariance.diagonal().head<3>().array() += 1e-8 + shared;
+  covariance.diagonal().tail<3>().array() += 1e-8 + shared / (pose.depth_m * pose.depth_m);
+  return covariance;
+}
+
 CameraEstimate PaperTrackerBase::update(const Frame& frame) {
   CameraEstimate estimate;
   estimate.at = frame.captured_at;
@@ -56,8 +77,7 @@ CameraEstimate PaperTrackerBase::update(const Frame& frame) {
     const GreyImage grey = grey_of(frame.pixels);
     const auto pyramid = std::make_shared<const Pyramid>(make_pyramid(grey));
     if (!started_ && has_map_) {
-      if (const auto found =
-              relocalize(camera_, *pyramid, scene(), seed_ + estimate.frame_number, map_error_px, agreeing)) {
+      if (const auto found = proposal(*pyramid, estimate.frame_number)) {
         restart(found->cam_from_world);
         started_ = true;
         probation_ = probation;
@@ -73,15 +93,14 @@ CameraEstimate PaperTrackerBase::update(const Frame& frame) {
         const Eigen::Matrix<double, 6, 6> inverse_information = found->pose.information.inverse();
         start_covariance_ = world_covariance(found->pose.cam_from_world, inverse_information);
         const int n = static_cast<int>(found->points.size());
-        pose = {true, found->pose.cam_from_world, n, n, n, 0, 1, {}};
+        pose = {true, found->pose.cam_from_world, n, n, n, 0, 1, {}, {}};
       }
     } else {
       // Not in the papers, whose particles only disperse until they happen upon the features again: after some frames
       // without support the stored looks of the features propose a pose, and now and then what was started from is
       // looked for. The filter has to agree in the frames that follow.
       if (unsupported_ >= patience) {
-        if (const auto found =
-                relocalize(camera_, *pyramid, scene(), seed_ + estimate.frame_number, map_error_px, agreeing)) {
+        if (const auto found = proposal(*pyramid, estimate.frame_number)) {
           restart(found->cam_from_world);
         } else if (unsupported_ % 5 == 0) {
           if (const auto again = starter_.find(frame.pixels, grey)) {  // a proof in itself
@@ -101,7 +120,9 @@ CameraEstimate PaperTrackerBase::update(const Frame& frame) {
     }
   }
   if (!started_) return estimate;
-  if (pose.tracked) {
+  const Rigid3d cam_from_world = usable ? pose.cam_from_world : particles().mean();
+  const Covariance6d covariance = covariance_of(pose, cam_from_world);
+  if (pose.tracked && covariance.topLeftCorner<3, 3>().trace() < told_sigma_m * told_sigma_m) {
     state_ = CameraState::tracking;
     tracked_at_ = frame.captured_at;
   } else if (state_ == CameraState::tracking || state_ == CameraState::coasting) {
@@ -115,15 +136,10 @@ CameraEstimate PaperTrackerBase::update(const Frame& frame) {
       std::clamp(effective_sample_size(particles().weight), 1.0, static_cast<double>(particles().size()));
   estimate.map_points = pose.map_points;
   if (!estimate.has_pose()) return estimate;
-  const Rigid3d cam_from_world = usable ? pose.cam_from_world : particles().mean();
   estimate.world_from_camera = inverse(cam_from_world);
-  // The particles' own, about their mean, and what the map and the world's start leave open.
-  estimate.covariance = particles().covariance(cam_from_world) + start_covariance_;
-  const double shared = pose.map_sigma_m * pose.map_sigma_m;
-  estimate.covariance.diagonal().head<3>().array() += 1e-8 + shared;
-  estimate.covariance.diagonal().tail<3>().array() += 1e-8 + shared / (pose.depth_m * pose.depth_m);
+  estimate.covariance = covariance;
   estimate.features_in_view = pose.in_view;
-  estimate.features_matched = pose.tracked ? pose.matched : 0;
+  estimate.features_matched = state_ == CameraState::tracking ? pose.matched : 0;
   if (pose.in_view > 0) estimate.confidence = static_cast<double>(estimate.features_matched) / pose.in_view;
   return estimate;
 }

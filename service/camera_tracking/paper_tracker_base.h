@@ -7,8 +7,8 @@
 
 #include "camera_tracking/camera_starter.h"
 #include "camera_tracking/camera_tracker.h"
+#include "camera_tracking/mean_polish.h"
 #include "camera_tracking/pose_particles.h"
-#include "camera_tracking/pose_solver.h"
 #include "camera_tracking/scene_map.h"
 #include "particle_filter/resample.h"
 
@@ -19,9 +19,10 @@ struct FilteredPose {
   bool tracked = false;
   Rigid3d cam_from_world;
   int in_view = 0, matched = 0, map_points = 0;
-  double map_sigma_m = 0;  // rms, of the matched points' own: errors that they share do not average out
-  double depth_m = 1;      // of one of them
+  double map_sigma_m = 0;             // rms, of the matched points' own: errors that they share do not average out
+  double depth_m = 1;                 // of one of them
   std::vector<PoseObservation> seen;  // the matched points, where the image shows them
+  std::optional<PoseFit> polished;    // the fit that cam_from_world is of; none: it is the particles' mean
 };
 
 class PaperTrackerBase : public CameraTracker {
@@ -44,6 +45,8 @@ class PaperTrackerBase : public CameraTracker {
   Camera camera_;
 
  private:
+  std::optional<PoseFit> proposal(const Pyramid& pyramid, std::uint64_t number) const;  // from the features' looks
+  Covariance6d covariance_of(const FilteredPose& pose, const Rigid3d& cam_from_world) const;
   bool proven(const FilteredPose& pose) const;
 
   CameraStarter starter_;

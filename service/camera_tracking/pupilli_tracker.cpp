@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "camera_tracking/mean_polish.h"
 #include "camera_tracking/paper_tracker_base.h"
 #include "particle_filter/resample.h"
 
@@ -120,7 +121,10 @@ PupilliFilter::Result PupilliFilter::track(const std::shared_ptr<const Pyramid>&
     measured_[k].cloud = cloud_moments(u_[k], v_[k], particles_.weight);
     if (peak.rho > 0) {
       ++out.matched, ++p.found;
-      measured_[k].found = {peak.u, peak.v};
+      measured_[k].found =
+          fields_[k]
+              .best_match(px->px, 2 * static_cast<double>(options_.epsilon_d_px[2]), options_.epsilon_rho)
+              .value_or(Eigen::Vector2d(peak.u, peak.v));
     } else {
       ++p.missed;
     }
@@ -131,6 +135,17 @@ PupilliFilter::Result PupilliFilter::track(const std::shared_ptr<const Pyramid>&
       std::ranges::count_if(measured_, [](const Measured& x) { return x.cloud.covariance.trace() < 2 * 6 * 6; });
   out.supported = out.matched >= 4 && 3 * out.matched >= 2 * out.active && 2 * narrow > static_cast<std::ptrdiff_t>(m);
   supported_ = out.supported;
+  if (out.supported && options_.polish) {
+    std::vector<PoseObservation> seen;
+    for (const Measured& x : measured_) {
+      const PupilliPoint& p = points_[x.point];
+      const double depth_m = (out.cam_from_world * p.position).norm();
+      if (x.found.allFinite())
+        seen.push_back({p.position, x.found, sigma_px_of(camera_.model, 0.5, p.sigma_m, depth_m)});
+    }
+    out.polished = polish_mean(camera_.model, particles_, out.cam_from_world, seen);
+    if (out.polished) out.cam_from_world = out.polished->cam_from_world;
+  }
   return out;
 }
 
@@ -313,7 +328,8 @@ class PupilliTracker final : public PaperTrackerBase {
     const PupilliFilter::Result r = filter_.track(pyramid);
     if (may_map()) filter_.map(pyramid, r);
     FilteredPose out{
-        r.supported, r.cam_from_world, r.active, r.matched, static_cast<int>(filter_.points().size()), 0, 1, {}};
+        r.supported, r.cam_from_world, r.active, r.matched, static_cast<int>(filter_.points().size()), 0, 1,
+        {},          r.polished};
     for (const PupilliFilter::Measured& m : filter_.measured()) {
       const PupilliPoint& p = filter_.points()[m.point];
       out.map_sigma_m =

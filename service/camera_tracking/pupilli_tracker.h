@@ -11,6 +11,7 @@
 #include "camera_tracking/feature_template.h"
 #include "camera_tracking/observation_field.h"
 #include "camera_tracking/pose_particles.h"
+#include "camera_tracking/pose_solver.h"
 #include "camera_tracking/scene_map.h"
 
 namespace huetrack {
@@ -34,20 +35,22 @@ class PupilliFilter {
     float rotation_rad = 0.03f;  // v of eq. (2): half widths of the uniform walk
     float position_m = 0.018f;
     int annealing_steps = 3;                 // of which each has half the v of the one before
-    float epsilon_d_px[3] = {5, 3, 2};       // of eq. (6)
+    float epsilon_d_px[3] = {5, 3, 1.2f};    // of eq. (6)
     float epsilon_rho = 0.75f;               // of eq. (4)
     float wider_unseen = 1.5f;               // of v, while too few points support the cloud
     std::size_t reweighting_particles = 60;  // of eq. (7): a subset
-    std::size_t max_active = 12;             // points that are measured in one frame
-    std::size_t wanted_in_view = 16;         // fewer: new ones are introduced,
-    std::size_t introduced_at_once = 4;      // so many at a time (the paper: one)
+    std::size_t max_active = 24;             // points that are measured in one frame
+    std::size_t wanted_in_view = 40;         // fewer: new ones are introduced,
+    std::size_t introduced_at_once = 12;     // so many at a time (the paper: one)
+    bool polish = true;                      // the mean (the paper: not)
   };
   PupilliFilter(const Camera& camera, const Options& options, std::uint64_t seed);
   void start(const Rigid3d& cam_from_world);
   void add(PupilliPoint point);  // gets an id
 
   struct Result {
-    Rigid3d cam_from_world;  // the weighted mean
+    Rigid3d cam_from_world;           // the weighted mean, polished
+    std::optional<PoseFit> polished;  // of which this is the fit
     bool supported = false;
     int active = 0, matched = 0;
   };

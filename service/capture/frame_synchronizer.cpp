@@ -21,6 +21,8 @@ constexpr int stopped_after_periods = 3;
 std::vector<std::string> FrameSynchronizerOptions::problems() const {
   std::vector<std::string> problems;
   if (camera_count < 1) problems.push_back("camera_count is " + std::to_string(camera_count) + ", but must be >= 1");
+  if (cameras_in_use < 0 || cameras_in_use > camera_count)
+    problems.push_back("cameras_in_use is " + std::to_string(cameras_in_use) + ", but must be 0 to camera_count");
   if (tolerance <= Duration::zero()) problems.push_back("tolerance must be > 0");
   return problems;
 }
@@ -189,7 +191,8 @@ std::optional<FrameSet> FrameSynchronizer::take_set(Timestamp oldest) {
   }
   if (views == 0) return std::nullopt;
   set.number = counters_.sets++;
-  if (views < cameras_.size()) ++counters_.incomplete_sets;
+  const int complete = options_.cameras_in_use > 0 ? options_.cameras_in_use : options_.camera_count;
+  if (views < static_cast<std::size_t>(complete)) ++counters_.incomplete_sets;
   return set;
 }
 

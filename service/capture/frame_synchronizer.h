@@ -13,7 +13,8 @@
 namespace huetrack {
 
 struct FrameSynchronizerOptions {
-  int camera_count = 1;  // >= 1
+  int camera_count = 1;    // >= 1
+  int cameras_in_use = 0;  // 1..camera_count: a set of so many is complete; 0: all
   // A set spans at most this long, first to last capture time. Free-running cameras of one rate: half a frame period
   // puts every frame into a set (see suggested_tolerance). Frames keep their own capture times inside the set.
   Duration tolerance = duration_of(0.017);  // > 0

@@ -15,8 +15,8 @@
 #include "calib/model/rig_yaml.h"
 #include "capture/capture_clock.h"
 #include "daemon/metrics.h"
-#include "daemon/recorded_changes.h"
 #include "daemon/pose_file.h"
+#include "daemon/recorded_changes.h"
 #include "daemon/service_manager.h"
 #include "daemon/status_reporter.h"
 #include "daemon/track_csv.h"
@@ -34,6 +34,8 @@ constexpr auto status_period = 1s;
 constexpr auto opening_patience = 3s;         // with a camera that does not answer; it is waited for later
 constexpr Duration least_patience = 3s;  // several heartbeats of a camera, and of the tracking thread
 constexpr Duration told_clock_step = 500ms;
+constexpr Duration recorder_patience = 400ms;  // whoever stops us waits a second, and the disk may be slow
+constexpr Duration longest_recorder_patience = 10s;
 
 std::string tenths(double value) {
   std::array<char, 32> text{};
@@ -94,14 +96,17 @@ class LiveService {
       publisher_.emplace(config.dds.publisher);
       spdlog::info("publishing on {}", publisher_->description());
     }
-    if (publisher_) view_.emplace(config_, ViewServerOptions{.actions = {.reload = [this] {
-                                                                         requests_.reload = true;
-                                                                         return std::string();
-                                                                       },
-                                                                       .resume = nullptr}});
+    if (publisher_)
+      view_.emplace(config_, ViewServerOptions{.actions = {.reload =
+                                                               [this] {
+                                                                 requests_.reload = true;
+                                                                 return std::string();
+                                                               },
+                                                           .resume = nullptr}});
     reporter_.emplace(config_, "run", Duration{0});
     PipelineOptions pipeline;
     pipeline.frame_sets.camera_count = int(config.rig.cameras.size());
+    pipeline.frame_sets.cameras_in_use = int(cameras.size());
     pipeline.frame_sets.tolerance = duration_of(*config_.set_tolerance_s);
     pipeline.when_full = WhenFull::drop_oldest;
     pipeline.threads = config.threads;
@@ -124,7 +129,9 @@ class LiveService {
     };
     if (config.metrics.port) {
       metrics_.emplace(config.metrics.address, *config.metrics.port);
-      spdlog::info("metrics on http://{}:{}/metrics", config.metrics.address, *config.metrics.port);
+      const bool is_v6 = config.metrics.address.find(':') != std::string::npos;
+      spdlog::info("metrics on http://{}{}{}:{}/metrics", is_v6 ? "[" : "", config.metrics.address, is_v6 ? "]" : "",
+                   *config.metrics.port);
     }
     outputs.estimates = [this](const FrameSet& set, std::span<const ObjectEstimate> estimates, Timestamp received_at) {
       put_out(set, estimates, received_at);
@@ -176,12 +183,14 @@ class LiveService {
     notify_service_manager("STOPPING=1\nSTATUS=Stopping");
     ending.request_stop();
     running.join();
-    if (recorder_) recorder_->finish();
+    if (recorder_) recorder_->finish(stop.stop_requested() ? recorder_patience : longest_recorder_patience);
     supervise(true);
     if (csv_) csv_->flush();
     if (poses_) poses_->flush();
+    if (!error && !tracks_problem_.empty()) throw std::runtime_error(tracks_problem_);
     if (error) std::rethrow_exception(error);
-    if (const auto* tracker = pipeline_->camera_tracker(); tracker != nullptr && !config_.camera_tracking.save_map.empty())
+    if (const auto* tracker = pipeline_->camera_tracker();
+        tracker != nullptr && !config_.camera_tracking.save_map.empty())
       tracker->save_map(config_.camera_tracking.save_map);
     return {.figures = pipeline_->figures(),
             .status = last_status_,
@@ -202,7 +211,7 @@ class LiveService {
     EstimatePublisher::Writing writing{now, now};
     for (std::size_t t = 0; t < estimates.size(); ++t) {
       if (publisher_) publisher_->publish(t, estimates[t], estimates[t].at, received_at, &writing);
-      if (csv_) csv_->write(config_names_[t], estimates[t]);
+      if (csv_) write_track(t, estimates[t]);
       targets_[t].effective_sample_size = estimates[t].effective_sample_size;
       targets_[t].particles = estimates[t].particle_count;
       const TrackState before = targets_[t].state.exchange(estimates[t].state);
@@ -212,6 +221,17 @@ class LiveService {
     dequeue_to_write_.add(writing.begun - received_at);
     dequeue_to_publish_.add(writing.sent - received_at);
     capture_to_publish_.add(writing.sent - set.at);
+  }
+
+  // A full disk ends the file, not the tracking.
+  void write_track(std::size_t target, const ObjectEstimate& estimate) {
+    try {
+      csv_->write(config_names_[target], estimate);
+    } catch (const std::system_error& error) {
+      const std::scoped_lock lock(happened_mutex_);
+      tracks_problem_ = std::string(error.what()) + ": the tracks are written no further";
+      csv_.reset();
+    }
   }
 
   // A tracker that has its colour tables: the tracking thread would need some 50 ms for each.
@@ -277,7 +297,11 @@ class LiveService {
                    std::span<const TrackState> states, Clock::time_point now, bool is_last) {
     ServiceStatus status = reporter_->report(figures, now, std::chrono::system_clock::now(), cameras);
     if (publisher_) std::ranges::copy(publisher_->warnings(), std::back_inserter(status.warnings));
-    if (recorder_) std::ranges::copy(recording_warnings(), std::back_inserter(status.warnings));
+    std::ranges::copy(recording_warnings(), std::back_inserter(status.warnings));
+    {
+      const std::scoped_lock lock(happened_mutex_);
+      if (!tracks_problem_.empty()) status.warnings.push_back(tracks_problem_);
+    }
     if (const Duration step = wall_clock_step(); std::chrono::abs(step) >= told_clock_step) {
       status.warnings.push_back("the wall clock was set by " + tenths(seconds(step)) +
                                 " s since the start, and published times are off by that: restart the service");
@@ -325,8 +349,17 @@ class LiveService {
     }
     recorder_.emplace(std::move(options));
     if (has_pre_roll) return;
-    const auto folder = options_.record_to.empty() ? new_folder("") : options_.record_to;
+    if (!options_.record_to.empty()) return start_recording(options_.record_to);
+    try {
+      start_recording(new_folder(""));
+    } catch (const std::exception& error) {  // of the disk, whatever it is: that ends no tracking, nor keeps it from it
+      recording_problem_ = std::string("nothing is recorded: ") + error.what();
+    }
+  }
+
+  void start_recording(const std::filesystem::path& folder) {
     recorder_->start(folder);
+    recording_to_ = folder;
     if (options_.track) changes_.emplace(folder);
     spdlog::info("recording to {}", folder.string());
   }
@@ -367,17 +400,26 @@ class LiveService {
       spdlog::warn("there is no pre-roll to save: give record.folder and record.pre_roll_s");
       return;
     }
-    const auto folder = new_folder("-" + why);
     try {
-      if (recorder_->save_pre_roll(folder, duration_of(config_.record.after_s)))
+      const auto folder = new_folder("-" + why);
+      if (recorder_->save_pre_roll(folder, duration_of(config_.record.after_s))) {
+        recording_to_ = folder;
+        recording_problem_.clear();
         spdlog::info("saving the pre-roll to {}", folder.string());
-    } catch (const CaptureError& error) {  // a full or read-only disk ends no tracking
-      spdlog::error("the pre-roll cannot be saved: {}", error.what());
+      }
+    } catch (const std::exception& error) {  // a full or read-only disk ends no tracking; told with the status, once
+      recording_problem_ = std::string("the pre-roll was not saved: ") + error.what();
     }
   }
 
   std::vector<std::string> recording_warnings() const {
     std::vector<std::string> warnings;
+    if (!recorder_) return warnings;
+    if (!recording_problem_.empty()) warnings.push_back(recording_problem_);
+    std::error_code ignored;
+    if (recorder_->is_recording() && !std::filesystem::exists(recording_to_, ignored))
+      warnings.push_back(recording_to_.string() +
+                         " is gone: nothing of the recording is kept; restart to record again");
     const RecorderFigures figures = recorder_->figures();
     if (figures.failure) warnings.push_back(*figures.failure);
     if (changes_ && !changes_->failure().empty()) warnings.push_back(changes_->failure());
@@ -395,6 +437,7 @@ class LiveService {
   void reload() {
     const auto since_boot = std::chrono::duration_cast<std::chrono::microseconds>(Clock::now().time_since_epoch());
     if (is_ready_) notify_service_manager("RELOADING=1\nMONOTONIC_USEC=" + std::to_string(since_boot.count()));
+    if (watchdog_) notify_service_manager("WATCHDOG=1");  // the new colour tables may take a slow machine seconds
     try {
       take_over(load_service_config(config_.file));
     } catch (const std::exception& error) {  // the file is not fit to run on, for whatever reason
@@ -410,7 +453,8 @@ class LiveService {
     if (!tolerance_is_given_) fresh.set_tolerance_s = fresh.set_tolerance_s.value_or(*config_.set_tolerance_s);
     std::string kept;
     for (const auto& key : differing_keys(config_, fresh)) {
-      if (key == "targets" || key == "object_tracking" || key == "log_level" || key == "ignore" || key == "control") continue;
+      if (key == "targets" || key == "object_tracking" || key == "log_level" || key == "ignore" || key == "control")
+        continue;
       kept += (kept.empty() ? "" : ", ") + key;
     }
     if (!kept.empty()) spdlog::warn("reload: {} changed, too: that takes effect at the next start", kept);
@@ -427,13 +471,14 @@ class LiveService {
       replacement.trackers.emplace_back(t, tracker_for(merged, t, cameras_));
       names += (names.empty() ? "" : ", ") + merged.targets[t].name;
     }
+    if (recorder_) recorder_->take_over(to_portable_yaml(merged));
     if (!names.empty()) {
       replacement.done = [this, yaml = to_portable_yaml(merged)](Timestamp at) { happens(at, yaml); };
       pipeline_->replace_trackers(std::move(replacement));
     }
     config_ = std::move(merged);
     if (view_) view_->take_over(config_);
-    reporter_.emplace(config_, "run", Duration{0});
+    reporter_->take_over(config_);
     set_log_level(config_.log_level);
     if (names.empty()) {
       spdlog::info("reloaded {}: nothing to change", config_.file.string());
@@ -459,6 +504,9 @@ class LiveService {
   std::vector<std::pair<Timestamp, std::string>> happened_;  // guarded by happened_mutex_; config: a reload
   std::vector<Timestamp> camera_left_out_;                   // guarded by happened_mutex_
   std::optional<ChangesWriter> changes_;                     // made before any other thread is
+  std::string tracks_problem_;                               // guarded by happened_mutex_
+  std::string recording_problem_;                            // the supervising thread's, as the next
+  std::filesystem::path recording_to_;
   std::atomic<bool> has_lost_ = false;
   std::vector<LatencyHistogram> capture_to_dequeue_{config_.rig.cameras.size()};
   LatencyHistogram dequeue_to_write_, dequeue_to_publish_, capture_to_publish_;
@@ -545,9 +593,11 @@ bool is_progressing(std::span<const CameraHealth> cameras, const PipelineFigures
 }
 
 std::string status_line(const ServiceStatus& status, std::span<const TrackState> states) {
-  std::size_t delivering = 0;
+  std::size_t delivering = 0, used = 0;
   std::string cameras, targets;
   for (const auto& camera : status.cameras) {
+    if (!camera.is_used) continue;
+    ++used;
     cameras += (cameras.empty() ? "" : ", ") + camera.name + " ";
     switch (camera.health) {
       case CameraStatus::Health::delivering:
@@ -570,8 +620,8 @@ std::string status_line(const ServiceStatus& status, std::span<const TrackState>
   }
   for (std::size_t t = 0; t < states.size(); ++t)
     targets += (targets.empty() ? "" : ", ") + status.targets[t] + " " + std::string(name(states[t]));
-  return std::to_string(delivering) + " of " + std::to_string(status.cameras.size()) + " cameras deliver: " + cameras +
-         "; " + tenths(status.set_rate_hz) + " sets/s" + (targets.empty() ? "" : "; " + targets);
+  return std::to_string(delivering) + " of " + std::to_string(used) + " cameras deliver: " + cameras + "; " +
+         tenths(status.set_rate_hz) + " sets/s" + (targets.empty() ? "" : "; " + targets);
 }
 
 }  // namespace huetrack

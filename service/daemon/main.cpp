@@ -136,6 +136,9 @@ void record(const std::filesystem::path& file, LiveOptions options, LiveRequests
                 static_cast<unsigned long long>(recorded.left_out));
   }
   if (summary.recorded.failure) throw std::runtime_error(*summary.recorded.failure);
+  if (std::ranges::all_of(summary.recorded.cameras, [](const auto& camera) { return camera.frames == 0; }))
+    throw std::runtime_error(options.record_to.string() +
+                             ": no camera has delivered a frame: the recording is empty; huetrackd doctor says why");
 }
 
 void compare(const std::filesystem::path& tracks_file, const std::filesystem::path& truth_file, double clock_offset_s) {
@@ -301,7 +304,7 @@ int main(int argc, char** argv) {
       if (!quiet) std::fputs(to_text(summary, command).c_str(), stdout);
     }
   } catch (const std::exception& error) {  // the user's input or the outside world: said once, in one line, here
-    std::fprintf(stderr, "huetrackd: %s\n", error.what());
+    std::fprintf(stderr, "%shuetrackd: %s\n", journal_prefix(), error.what());
     return end_with(1);
   }
   if (std::fflush(stdout) != 0) {

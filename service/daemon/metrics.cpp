@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <limits>
 #include <utility>
 
 namespace huetrack {
@@ -79,7 +80,8 @@ std::string to_prometheus(const ServiceStatus& status, std::span<const TargetFig
   Text text;
   const auto cameras = [&](std::string_view family, std::string_view type, std::string_view help, auto value) {
     text.family(family, type, help);
-    for (const auto& camera : status.cameras) text.sample("camera=" + label(camera.name), double(value(camera)));
+    for (const auto& camera : status.cameras)
+      if (camera.is_used) text.sample("camera=" + label(camera.name), double(value(camera)));
   };
   cameras("huetrack_camera_up", "gauge", "1 when the camera delivers",
           [](const auto& c) { return c.health == CameraStatus::Health::delivering ? 1 : 0; });
@@ -91,7 +93,7 @@ std::string to_prometheus(const ServiceStatus& status, std::span<const TargetFig
   cameras("huetrack_camera_rate_hertz", "gauge", "frames per second over the last seconds",
           [](const auto& c) { return c.rate_hz; });
   cameras("huetrack_camera_age_seconds", "gauge", "since the last frame was received",
-          [](const auto& c) { return c.age_s; });
+          [](const auto& c) { return c.frames > 0 ? c.age_s : std::numeric_limits<double>::quiet_NaN(); });
 
   const auto one = [&](std::string_view family, std::string_view type, std::string_view help, double value) {
     text.family(family, type, help);
@@ -129,7 +131,8 @@ std::string to_prometheus(const ServiceStatus& status, std::span<const TargetFig
   text.family("huetrack_dequeue_to_publish_seconds", "histogram",
               "from the dequeue of a set's last frame until the DDS write is over and the position sent");
   text.histogram("", latencies.dequeue_to_publish);
-  text.family("huetrack_capture_to_publish_seconds", "histogram", "from the newest capture in a set until its position is sent");
+  text.family("huetrack_capture_to_publish_seconds", "histogram",
+              "from the newest capture in a set until its position is sent");
   text.histogram("", latencies.capture_to_publish);
   return text.take();
 }

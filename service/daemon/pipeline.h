@@ -75,10 +75,10 @@ struct PipelineOptions {
   int threads = 1;                 // that track; the result does not depend on it
   std::optional<Pace> pace;        // nullopt: as fast as frames come
   std::vector<Timestamp>
-      left_out;            // ascending; sets (FrameSet::at) that are not tracked: a replay of what live dropped
+      left_out;  // ascending; sets (FrameSet::at) that are not tracked: a replay of what live dropped
   std::vector<Timestamp> camera_left_out;  // ascending; likewise, frames (captured_at) of the tracked camera
-  int pictures_every = 1;  // >= 1; every how many-th set goes to the picture output
-  std::size_t view_particles = 0;  // about so many of each target's particles go to the view output; 0: all
+  int pictures_every = 1;                  // >= 1; every how many-th set goes to the picture output
+  std::size_t view_particles = 0;          // about so many of each target's particles go to the view output; 0: all
 };
 
 // What a picture of one set needs. A plain value; images are shared, not copied.
@@ -114,8 +114,8 @@ struct PipelineOutputs {
   std::function<void(CameraMap)> camera_map = nullptr;
   // Camera picture thread; every options.pictures_every-th frame.
   std::function<void(const CameraPictureJob&)> camera_pictures = nullptr;
-  // Tracking thread, after `estimates`: whether a picture of this set is wanted by who watches, and then the set. Both must
-  // be quick: they are on the road.
+  // Tracking thread, after `estimates`: whether a picture of this set is wanted by who watches, and then the set. Both
+  // must be quick: they are on the road.
   std::function<bool()> view_wanted = nullptr;
   std::function<void(PictureJob)> view = nullptr;
   // Capture threads, one at a time, before the frame enters the synchroniser and in that order (Frame::arrival): must
@@ -138,7 +138,7 @@ class Pipeline {
 
   // Call it before run(): frames of this camera of the rig go to the tracker, too, whatever frame sets they are in.
   void track_camera(int camera, std::unique_ptr<CameraTracker> tracker);
-  const CameraTracker* camera_tracker() const { return camera_tracker_.get(); }   // when run() is over
+  const CameraTracker* camera_tracker() const { return camera_tracker_.get(); }  // when run() is over
 
   PipelineFigures figures() const;  // thread-safe
 

@@ -71,12 +71,17 @@ RecorderFigures Recorder::figures() const {
       figures.failure = writer_->failure();
     }
   }
-  for (const auto& camera : cameras_) figures.dropped.push_back(camera->waiting.dropped());
+  for (const auto& camera : cameras_) figures.dropped.push_back(camera->waiting.dropped() + camera->given_up);
   return figures;
 }
 
-void Recorder::finish() {
+void Recorder::finish(Duration patience) {
   for (const auto& camera : cameras_) camera->waiting.close();
+  for (const auto end = Clock::now() + patience;
+       Clock::now() < end && !std::ranges::all_of(cameras_, [](const auto& camera) { return camera->is_done.load(); });)
+    std::this_thread::sleep_for(2ms);
+  for (const auto& camera : cameras_)
+    while (camera->waiting.pop_for(0ns)) ++camera->given_up;
   for (const auto& camera : cameras_)
     if (camera->thread.joinable()) camera->thread.join();
   if (const auto last = writer()) last->finish();
@@ -94,6 +99,7 @@ void Recorder::write(Camera& camera) {
       camera.pre_roll->push(*frame);
     }
   }
+  camera.is_done = true;
 }
 
 std::shared_ptr<RecordingWriter> Recorder::writer() const {
@@ -104,7 +110,15 @@ std::shared_ptr<RecordingWriter> Recorder::writer() const {
 void Recorder::open(const std::filesystem::path& folder) {
   RecordingOptions recording = options_.recording;
   recording.folder = folder;
-  auto fresh = std::make_shared<RecordingWriter>(std::move(recording));
+  std::error_code ignored;
+  const bool is_ours = !std::filesystem::exists(folder, ignored);
+  std::shared_ptr<RecordingWriter> fresh;
+  try {
+    fresh = std::make_shared<RecordingWriter>(std::move(recording));
+  } catch (const CaptureError&) {  // a full disk: no folder of empty files stays behind
+    if (is_ours) std::filesystem::remove_all(folder, ignored);
+    throw;
+  }
   const std::scoped_lock lock(mutex_);
   writer_ = std::move(fresh);
 }

@@ -2,6 +2,7 @@
 // recorded frames, which are counted, and never holds tracking up.
 #pragma once
 
+#include <atomic>
 #include <chrono>
 #include <filesystem>
 #include <memory>
@@ -24,7 +25,7 @@ struct RecorderOptions {
 
 struct RecorderFigures {
   std::vector<RecordedCameraFigures> cameras;  // of the current or last recording
-  std::vector<std::uint64_t> dropped;          // per camera, by the queues, since the start
+  std::vector<std::uint64_t> dropped;          // per camera, by the queues and at the end
   std::optional<std::string> failure;          // why the current or last recording stopped; nullopt: it did not
 };
 
@@ -45,13 +46,18 @@ class Recorder {
 
   void offer(const Frame& frame);  // quick: a reference into a queue
   RecorderFigures figures() const;
-  void finish();  // what is in the queues is written; idempotent
+  // Recordings begun from now on hold this configuration.
+  void take_over(std::string config_yaml) { options_.recording.config_yaml = std::move(config_yaml); }
+  // What is in the queues is written; what is still there after `patience` is left out, and counted. Idempotent.
+  void finish(Duration patience = std::chrono::hours(1));
 
  private:
   struct Camera {
     Camera(const RecorderOptions& options, std::size_t cameras);
     BoundedQueue<Frame> waiting;
-    std::optional<PreRoll> pre_roll;  // the writing thread's
+    std::optional<PreRoll> pre_roll;          // the writing thread's
+    std::atomic<std::uint64_t> given_up = 0;  // frames, at the end
+    std::atomic<bool> is_done = false;        // the thread has written all
     std::jthread thread;
   };
   void write(Camera& camera);
@@ -59,7 +65,7 @@ class Recorder {
   void open(const std::filesystem::path& folder);
   void close();
 
-  const RecorderOptions options_;
+  RecorderOptions options_;  // the supervising thread's
   mutable std::mutex mutex_;
   std::shared_ptr<RecordingWriter> writer_;                     // guarded by mutex_; who lets go of it last finishes it
   RecorderFigures last_;                                        // guarded by mutex_; of the recording before

@@ -60,6 +60,10 @@ std::optional<std::chrono::microseconds> watchdog_period() {
   return std::chrono::microseconds(microseconds);
 }
 
+const char* journal_prefix() {
+  return stderr_is_journal() ? SD_ERR : "";
+}
+
 void set_up_log() {
   if (stderr_is_journal()) {
     const auto log = spdlog::stderr_logger_mt("huetrackd");

@@ -17,6 +17,8 @@ std::optional<std::chrono::microseconds> watchdog_period();
 
 // The default logger: to the journal with its priority prefixes ("<4>..."), to a terminal in colour, to a file plainly.
 void set_up_log();
+// What makes a line on stderr an error to the journal; empty where stderr is something else.
+const char* journal_prefix();
 void set_log_level(LogLevel level);
 
 }  // namespace huetrack

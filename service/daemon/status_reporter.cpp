@@ -56,6 +56,13 @@ StatusReporter::StatusReporter(const ServiceConfig& config, std::string mode, Du
   }
 }
 
+void StatusReporter::take_over(const ServiceConfig& config) {
+  StatusReporter fresh(config, fixed_.mode, duration_of(fixed_.clock_offset_s));
+  fresh.past_ = std::move(past_);
+  fresh.latest_ = std::move(latest_);
+  *this = std::move(fresh);
+}
+
 ServiceStatus StatusReporter::report(const PipelineFigures& figures, std::chrono::steady_clock::time_point now,
                                      Timestamp unix_now, std::span<const std::optional<CameraHealth>> live) {
   if (latest_ && now - latest_->at >= shortest_rate_window) past_ = std::move(latest_);
@@ -80,6 +87,7 @@ ServiceStatus StatusReporter::report(const PipelineFigures& figures, std::chrono
       const auto& said = live[c];
       out.health = said ? health_of(said->state) : CameraStatus::Health::absent;
       if (!said) {
+        out.is_used = false;
         out.message = "not used: it is not among the cameras of the configuration";
       } else if (said->state != CaptureState::delivering) {
         out.message = said->message.empty() ? "no frame yet" : said->message;
@@ -99,10 +107,11 @@ ServiceStatus StatusReporter::report(const PipelineFigures& figures, std::chrono
       out.health = CameraStatus::Health::delivering;
     }
   }
-  constexpr std::size_t long_search = 60;   // sets
+  constexpr std::size_t long_search = 60;  // sets
   for (std::size_t t = 0; t < std::min(targets_.size(), figures.searches.size()); ++t) {
     if (figures.searches[t].sets < long_search) continue;
-    status.warnings.push_back("target " + targets_[t].name + " is not found: " + figures.searches[t].advice(targets_[t], camera_names(status)));
+    status.warnings.push_back("target " + targets_[t].name +
+                              " is not found: " + figures.searches[t].advice(targets_[t], camera_names(status)));
   }
   if (figures.camera_frames_dropped > 0)
     status.warnings.push_back("camera tracking is too slow: " + std::to_string(figures.camera_frames_dropped) +

@@ -20,6 +20,9 @@ class StatusReporter {
   // mode: "replay" or "run"
   StatusReporter(const ServiceConfig& config, std::string mode, Duration clock_offset);
 
+  // Another configuration of the same cameras is in force; rates go on.
+  void take_over(const ServiceConfig& config);
+
   // live: what the live cameras say of themselves, by rig camera, nullopt for one that is not used; empty in a replay.
   // Rates are over the time since a report at least half a second ago.
   ServiceStatus report(const PipelineFigures& figures, std::chrono::steady_clock::time_point now, Timestamp unix_now,

@@ -13,6 +13,7 @@ struct CameraStatus {
   std::string name;
   enum class Health : std::uint8_t { waiting, delivering, stalled, absent, ended };
   Health health = Health::waiting;
+  bool is_used = true;                 // false: a camera of the rig that the configuration leaves out
   std::string message;                 // what is wrong and what to do; empty when all is well
   std::uint64_t frames = 0;            // since the start
   std::uint64_t dropped = 0;           // sequence gaps

@@ -55,6 +55,17 @@ struct Sync : FrameSynchronizer {
   }
 };
 
+TEST(FrameSynchronizer, ACameraThatIsNotInUseMakesNoSetIncomplete) {
+  FrameSynchronizer sync({.camera_count = 3, .cameras_in_use = 2});
+  for (const int at_ms : {0, 33, 66})
+    for (const int camera : {0, 2}) sync.push(frame(camera, at_ms * 1ms));
+  while (sync.flush()) {
+  }
+  EXPECT_EQ(sync.counters().sets, 3u);
+  EXPECT_EQ(sync.counters().incomplete_sets, 0u);
+  EXPECT_THROW(FrameSynchronizer({.camera_count = 3, .cameras_in_use = 4}), std::invalid_argument);
+}
+
 TEST(FrameSynchronizer, HandsOutACompleteSetAtOnce) {
   Sync sync(2);
   EXPECT_THAT(sync.push(0, 0), IsEmpty());

