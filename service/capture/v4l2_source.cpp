@@ -33,7 +33,7 @@ constexpr auto shortest_stall = 1s;        // and ten periods
 constexpr auto longest_stall = 8s;         // after several restarts in vain: some cameras need seconds to start
 constexpr int restarts_before_reopen = 3;  // in vain
 constexpr auto told_as_hanging_after = 2s;
-constexpr auto patience_at_end = 700ms;  // with a camera that does not answer: the service is to end within 1 s
+constexpr auto patience_at_end = 500ms;  // with a camera that does not answer: the service is to end within 1 s
 constexpr double most_fps = 10000;
 
 std::string fps_text(double fps) {

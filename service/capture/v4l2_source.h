@@ -94,7 +94,7 @@ class DamageWatch {
 //
 // Whatever asks the camera itself and may take seconds when it has locked up (opening, restarting, closing: uvcvideo
 // waits 5 s for each answer) runs in a thread of its own, while next() and the destructor wait for it: next() until it
-// is stopped, the destructor for 0.7 s at the most. A thread that hangs on then is left alone: see abandoned_cameras().
+// is stopped, the destructor for 0.5 s at the most. A thread that hangs on then is left alone: see abandoned_cameras().
 class V4l2Source final : public FrameSource {
  public:
   // Opens the camera and starts it. A camera that is not there, busy, or not permitted is no error, and neither is one

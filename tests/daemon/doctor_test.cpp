@@ -149,15 +149,11 @@ class DoctorsConfig : public testing::Test {
  protected:
   // What doctor says of cameras with these devices; only looked at.
   std::string said_of(const std::string& left, const std::string& right) {
-    const std::string camera =
-        "{image_size: [64, 48], model: pinhole_radtan, intrinsics: {fx: 60, fy: 60, cx: 32, cy: 24}, "
-        "distortion: [0, 0, 0, 0, 0]}";
-    clips::write_text(folder / "rig.yaml", "version: 1\ncameras:\n  left: " + camera + "\n  right: " + camera + "\n");
     clips::write_text(folder / "c.yaml",
-                      "version: 1\nrig: rig.yaml\ndds: {enabled: false}\ntargets: {ball: {color: "
-                      "{hue_deg: [65, 115]}}}\nobject_tracking: {volume: {min: [-1, -1, 1], max: "
-                      "[1, 1, 3]}}\ncameras: {left: {device: " +
-                          left + "}, right: {device: " + right + "}}\n");
+                      "version: 1\nrig: " HUETRACK_SOURCE_DIR
+                      "/configs/demo/recording/rig.yaml\ndds: {enabled: false}\ntargets: {ball: {color: {hue_deg: "
+                      "[65, 115]}}}\ncameras: {cam0: {device: " +
+                          left + "}, cam1: {device: " + right + "}}\n");
     return said(folder / "c.yaml");
   }
   static std::string said(const std::filesystem::path& config) {
@@ -181,13 +177,13 @@ TEST_F(DoctorsConfig, DevicesThatAreNoneOrNotThere) {
 
 TEST_F(DoctorsConfig, OneCameraUnderTwoNames) {
   const std::string text = said_of("/dev/null", "/dev/shm/../null");
-  EXPECT_THAT(text, HasSubstr("FAIL  cameras: left and right are one camera: /dev/null and "));
+  EXPECT_THAT(text, HasSubstr("FAIL  cameras: cam0 and cam1 are one camera: /dev/null and "));
   EXPECT_THAT(text, HasSubstr("are both /dev/null\n        -> give each its own device"));
   try {
     open_cameras(load_service_config(folder / "c.yaml"));
     ADD_FAILURE() << "opened";
   } catch (const CaptureError& error) {
-    EXPECT_THAT(error.what(), HasSubstr("left and right are one camera"));
+    EXPECT_THAT(error.what(), HasSubstr("cam0 and cam1 are one camera"));
   }
 }
 
