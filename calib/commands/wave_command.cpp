@@ -102,6 +102,8 @@ WaveOptions wave_options(const Options& o, const Input& in) {
   if (o.rest_distance > 0) options.rest_distance_m = o.rest_distance;
   for (std::size_t i = 0; i + 3 < o.marks.size(); i += 4)
     options.marks.push_back({o.marks[i], {o.marks[i + 1], o.marks[i + 2], o.marks[i + 3]}});
+  if (in.config)
+    options.volume = WorldBox{in.config->object_tracking.volume.min, in.config->object_tracking.volume.max};
   for (const auto& problem : options.problems(in.rig)) throw InputError(problem);
   return options;
 }
@@ -193,8 +195,7 @@ BallsFrames frames_of_recording(const Options& o, const Input& in, const std::st
                                   expected ? std::optional<int>(static_cast<int>(*expected)) : std::nullopt,
                                   needs.text()));
   }
-  progress.draw("measuring the ball's outlines");
-  for (auto& of_ball : frames) sharpen(of_ball, background, in.rig);
+  for (auto& of_ball : frames) sharpen(of_ball, background, in.rig, progress.progress());
   progress.clear();
   if (stop.stop_requested()) throw InputError("stopped");
   for (const auto& warning : source.take_warnings()) std::printf("note: %s\n", warning.c_str());
@@ -257,11 +258,11 @@ ExitStatus wave(const Options& o, const std::stop_token& stop) {
   if (o.live_s > 0 && o.config.empty()) throw InputError("--live needs --config: it says where the cameras are");
   if (o.marks.size() % 4 != 0) throw InputError("--mark has four numbers: SECONDS X Y Z");
   const Input in = input_of(o);
-  const WaveOptions options = wave_options(o, in);
+  WaveOptions options = wave_options(o, in);
   std::vector<BallFrame> frames = one_after_the_other(
       o.live_s > 0 ? frames_of_cameras(o, in, stop) : frames_of_recording(o, in, stop), in.rig.cameras.size());
   ProgressLine progress(!o.quiet);
-  progress.draw("solving: " + std::to_string(frames.size()) + " frames");
+  options.progress = progress.progress();
   WaveResult result = calibrate_wave(in.rig, std::move(frames), options);
   progress.clear();
   std::printf("%s", to_text(result).c_str());
@@ -276,7 +277,7 @@ ExitStatus wave(const Options& o, const std::stop_token& stop) {
                         {"scale_from", result.scale_from}};
   std::snprintf(text.data(), text.size(), "%.3f", result.rms_px);
   result.rig.made_by.emplace_back("rms_px", text.data());
-  std::snprintf(text.data(), text.size(), "%.2f", 1e3 * result.expected_m);
+  std::snprintf(text.data(), text.size(), "%.2f", 1e3 * result.expected_in_volume_m.value_or(result.expected_m));
   result.rig.made_by.emplace_back("expected_error_mm", text.data());
   for (const auto& problem : result.rig.problems()) throw CalibrationError("what came out is no rig: " + problem);
   // A doubtful result is not put in the place of a rig that may be better.

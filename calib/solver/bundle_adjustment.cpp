@@ -387,6 +387,22 @@ bool classify(Adjustment& a, const AdjustmentOptions& options) {
   return changed;
 }
 
+// Pixels of today's cameras are square. A lens by itself that comes out otherwise tells how wrong it is, in a way that
+// its residuals cannot (few views, a board that is not flat, a rolling shutter): it is widened until square pixels are
+// one standard deviation away. free: which parameters the rows of the covariance are.
+void widen_where_pixels_are_not_square(const Adjustment& a, const std::vector<int>& free, MatrixXd& covariance) {
+  // In a joint adjustment it is not known what else such a lens has bent.
+  if (a.cameras.size() != 1 || !a.cameras.front().lens_is_free || free.size() < 2 || free[0] != 0 || free[1] != 1)
+    return;
+  const double fx = a.cameras.front().parameters(0), fy = a.cameras.front().parameters(1);
+  const double off = std::abs(fx / fy - 1);
+  const double sigma = std::sqrt(
+      std::max(0.0, covariance(0, 0) / (fx * fx) + covariance(1, 1) / (fy * fy) - 2 * covariance(0, 1) / (fx * fy)));
+  constexpr double least = 0.01;  // some cameras' are a little off in truth
+  if (off < least || off < sigma || sigma <= 0) return;
+  covariance *= off / sigma * off / sigma;
+}
+
 // What every free camera parameter is known to, from the normal equations with the board poses eliminated.
 void find_covariance(Adjustment& a, const BoardShape& shape) {
   int size = 0;
@@ -500,6 +516,7 @@ void find_covariance(Adjustment& a, const BoardShape& shape) {
       const VectorXd widen = (spread.array() / of_free.diagonal().array()).cwiseMax(1).sqrt();
       of_free = widen.asDiagonal() * of_free * widen.asDiagonal();
     }
+    widen_where_pixels_are_not_square(a, free, of_free);
     covariance(free, free) = of_free;
     if (!held.empty()) {  // an error of what was held moves what was adjusted
       MatrixXd of_held = MatrixXd::Zero(size, size);

@@ -127,7 +127,8 @@ class Judge {
     add(aspect.judge(std::abs(ratio - 1)), "aspect ratio of " + camera.name,
         text_of("%s: fx / fy = %.4f", camera.name.c_str(), ratio),
         "pixels of today's cameras are square: is the video squeezed, or are the board's squares not square (then give "
-        "pitch: [x, y] in the board file)?");
+        "pitch: [x, y] in the board file)? Otherwise these views do not tell the lens: calibrate it by itself "
+        "(intrinsics), all over its image, and give it with --intrinsics");
     add(covers ? Verdict::usable : Verdict::doubtful, "reach of the lens model of " + camera.name,
         covers ? camera.name + ": holds out to the image's corners"
                : camera.name + ": turns back on itself before the image's corners",

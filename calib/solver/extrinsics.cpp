@@ -8,6 +8,7 @@
 #include <future>
 #include <limits>
 #include <map>
+#include <mutex>
 #include <numeric>
 #include <set>
 #include <tuple>
@@ -350,6 +351,7 @@ void refine(Extrinsics& result, const Adjustment& placed, const ExtrinsicsOption
   }
   const std::string found_here =
       plan.contradictions.empty() ? "the lenses were found from these views" : plan.contradictions;
+  if (options.progress) options.progress("the joint adjustment, with the lenses", 1, 3);
   Adjustment refined = adjust(freed(result.adjustment), options.adjustment);
   constexpr double out_of_step = 1.6;
   if (refined.noise_px < out_of_step * plan.alone_px && refined.corners_used > 0.8 * placed_corners(placed)) {
@@ -449,8 +451,8 @@ CameraRig rig_of(const Adjustment& adjustment) {
 
 Extrinsics calibrate_extrinsics(const Board& board, const std::vector<CameraToCalibrate>& cameras,
                                 const std::vector<BoardView>& given, const ExtrinsicsOptions& options) {
-  const auto tell = [&](const std::string& step) {
-    if (options.progress) options.progress(step);
+  const auto tell = [&](const std::string& step, int done, int total) {
+    if (options.progress) options.progress(step, done, total);
   };
   std::vector<BoardView> views = given;
   std::ranges::sort(views, {}, [](const BoardView& v) { return std::tie(v.set, v.camera, v.image); });
@@ -463,11 +465,25 @@ Extrinsics calibrate_extrinsics(const Board& board, const std::vector<CameraToCa
   for (std::size_t c = 0; c < cameras.size(); ++c) {
     if (own[c].empty()) throw CalibrationError("camera " + cameras[c].name + " never saw the board");
   }
-  tell("the lenses");
   // Each camera's by itself: on all cores.
+  std::mutex telling;
+  std::vector<std::pair<int, int>> lens_progress(cameras.size(), {0, 8});  // done and total; guarded by telling
+  const auto tell_of_lens = [&](std::size_t c, int done, int total) {
+    const std::scoped_lock lock(telling);
+    lens_progress[c] = {done, total};
+    int all_done = 0, all = 0;
+    for (const auto& [d, t] : lens_progress) all_done += d, all += t;
+    tell("the lenses", all_done, all);
+  };
   std::vector<std::future<LensOfCamera>> found;
   for (std::size_t c = 0; c < cameras.size(); ++c) {
-    found.push_back(std::async(std::launch::async, [&, c] { return lens_of(board, cameras[c], own[c], options); }));
+    found.push_back(std::async(std::launch::async, [&, c] {
+      ExtrinsicsOptions own_options = options;
+      own_options.intrinsics.progress = [&](const std::string&, int done, int total) { tell_of_lens(c, done, total); };
+      LensOfCamera lens = lens_of(board, cameras[c], own[c], own_options);
+      tell_of_lens(c, 8, 8);
+      return lens;
+    }));
   }
   for (std::size_t c = 0; c < cameras.size(); ++c) {
     LensOfCamera lens = found[c].get();
@@ -485,7 +501,7 @@ Extrinsics calibrate_extrinsics(const Board& board, const std::vector<CameraToCa
     adjusted[c].parameters = checks[c]->refined.cameras.front().parameters;
     adjusted[c].lens_covariance = checks[c]->refined.covariance;
   }
-  tell("how the cameras stand to one another");
+  tell("how the cameras stand to one another", 0, 3);
   const Start start(board, adjusted, views);
   std::vector<Start::Link> links;
   for (int a = 0; a < static_cast<int>(cameras.size()); ++a) {
@@ -498,9 +514,10 @@ Extrinsics calibrate_extrinsics(const Board& board, const std::vector<CameraToCa
     adjusted[c].pose_is_free = static_cast<int>(c) != options.reference;
     adjusted[c].lens_is_free = false;
   }
-  tell("the joint adjustment");
+  tell("the joint adjustment", 1, 3);
   result.alone_px = plan.alone_px;
   refine(result, start.placed(adjusted), options, plan);
+  tell("the cameras' pairs", 2, 3);
   for (const Start::Link& link : links) {
     CameraPair pair = link.pair;
     std::map<int, std::array<bool, 2>> seen;

@@ -1,13 +1,13 @@
 // All cameras of a rig in one world, from a board that was carried through the volume.
 #pragma once
 
-#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "calib/solver/bundle_adjustment.h"
 #include "calib/solver/intrinsics.h"
+#include "calib/solver/progress.h"
 
 namespace huetrack {
 
@@ -28,7 +28,7 @@ struct ExtrinsicsOptions {
   RefineLens refine_lens = RefineLens::automatic;
   IntrinsicsOptions intrinsics{};  // for cameras whose model is not known
   AdjustmentOptions adjustment{};
-  std::function<void(const std::string& step)> progress{};  // may be empty
+  Progress progress{};
 };
 
 // Two cameras that saw the board at the same time.

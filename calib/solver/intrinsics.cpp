@@ -152,8 +152,9 @@ Intrinsics calibrate_intrinsics(const Board& board, const std::string& name, Ima
   std::vector<BoardView> views = given;
   std::ranges::sort(views, {}, [](const BoardView& v) { return std::tie(v.set, v.image); });
   if (static_cast<int>(views.size()) < options.min_views) {
-    throw CalibrationError("camera " + name + ": the board was found in " + std::to_string(views.size()) +
-                           " images; at least " + std::to_string(options.min_views) +
+    throw CalibrationError("camera " + name + ": only " + std::to_string(views.size()) +
+                           (views.size() == 1 ? " view" : " views") + " of the board; at least " +
+                           std::to_string(options.min_views) +
                            " are needed, some 15 with the board tilted and in all parts of the image are good");
   }
   std::vector<LensModel> candidates(all_lens_models.begin(), all_lens_models.end());
@@ -162,10 +163,19 @@ Intrinsics calibrate_intrinsics(const Board& board, const std::string& name, Ima
   camera.name = name;
   camera.image_size = image_size;
 
+  int done = 0;
+  const auto tell = [&](const char* step, LensModel lens) {
+    if (options.progress) {
+      options.progress(step + std::string(huetrack::name(lens)), done, static_cast<int>(2 * candidates.size()));
+    }
+    ++done;
+  };
+
   Intrinsics result;
   std::vector<Adjustment> fits;
   AdjustedCamera pinhole_start;
   for (const LensModel lens : candidates) {
+    tell("fitting ", lens);
     camera.lens = lens;
     LensTrial trial{lens, true, 0, 0, {}};
     Adjustment fit;
@@ -227,6 +237,7 @@ Intrinsics calibrate_intrinsics(const Board& board, const std::string& name, Ima
       };
       for (std::size_t i = 0; i < fits.size(); ++i) {
         LensTrial& trial = result.trials[i];
+        tell("trying views that it was not fitted to: ", trial.lens);
         if (!trial.possible) continue;
         try {
           errors[i] = held_out_errors(board, fits[i].cameras.front(), good);

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "calib/solver/bundle_adjustment.h"
+#include "calib/solver/progress.h"
 
 namespace huetrack {
 
@@ -14,6 +15,7 @@ struct IntrinsicsOptions {
   std::optional<LensModel> lens{};
   int min_views = 4;  // >= 3
   AdjustmentOptions adjustment{};
+  Progress progress{};
 };
 
 // How well one lens model does.

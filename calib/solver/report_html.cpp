@@ -368,11 +368,13 @@ std::string verdict_banner(const CalibrationReport& report) {
                                                            : "<b>Failed: do not use it.</b> ";
   if (bad > 0)
     text +=
-        text_of("%d of %d checks against it. ", static_cast<int>(bad), static_cast<int>(report.checks.size()));
+        text_of("%d of %d checks speak against it. ", static_cast<int>(bad), static_cast<int>(report.checks.size()));
   text += text_of("Corners fit to %.2f px rms", report.rms_px);
   if (report.volume && report.volume->covered > 0) {
-    text += text_of("; points of the volume are expected within %.1f mm (median; 95 %%: %.1f mm)",
-                    1000 * report.volume->median_total_m, 1000 * report.volume->p95_total_m);
+    text +=
+        text_of("; by the calibration points are off by %.2f mm (95 %%: %.2f mm), an object seen to %.1f px by %.1f mm",
+                1000 * report.volume->median_by_calibration_m, 1000 * report.volume->p95_by_calibration_m,
+                report.volume->object_noise_px, 1000 * report.volume->median_total_m);
   }
   return text_of("<div class='verdict %s'>", name(report.verdict).data()) + text + ".</div>";
 }

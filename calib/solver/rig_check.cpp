@@ -7,7 +7,9 @@
 #include <cstdio>
 #include <map>
 #include <numbers>
+#include <optional>
 #include <set>
+#include <utility>
 
 #include "calib/solver/extrinsics.h"
 #include "calib/solver/intrinsics.h"
@@ -50,6 +52,12 @@ Adjustment with_free(Adjustment a, const std::set<int>& free) {
   return a;
 }
 
+int corner_count(const std::vector<BoardView>& views) {
+  int count = 0;
+  for (const BoardView& view : views) count += static_cast<int>(view.ids.size());
+  return count;
+}
+
 MovedCamera movement(const Adjustment& a, const CameraRig& rig, int c) {
   const Rigid3d& before = rig.cameras[index(c)].cam_from_world;
   MovedCamera moved;
@@ -62,9 +70,61 @@ MovedCamera movement(const Adjustment& a, const CameraRig& rig, int c) {
   return moved;
 }
 
+// By how much all distances between cameras would have to be longer for the rig to fit, if that is all that is wrong:
+// the board's squares are not as large as those that the rig was made with, or the rig was scaled. nullopt: it is not
+// that.
+std::optional<double> other_scale(const Board& board, const CameraRig& rig, const std::vector<BoardView>& views,
+                                  const Adjustment& best, const std::set<int>& seen, double best_px) {
+  double found = 0, known = 0;
+  for (const int a : seen) {
+    for (const int b : seen) {
+      if (a >= b) continue;
+      const auto distance = [&](const Rigid3d& p, const Rigid3d& q) {
+        return (inverse(p).translation - inverse(q).translation).norm();
+      };
+      found += distance(best.cameras[index(a)].cam_from_world, best.cameras[index(b)].cam_from_world);
+      known += distance(rig.cameras[index(a)].cam_from_world, rig.cameras[index(b)].cam_from_world);
+    }
+  }
+  const double scale = found / known;
+  if (!(known > 0) || !(scale > 0.01) || std::abs(scale - 1) < 0.003) return std::nullopt;
+  CameraRig scaled = rig;
+  for (Camera& camera : scaled.cameras) camera.cam_from_world.translation *= scale;
+  const Adjustment fit =
+      adjust(with_free(place_boards(board, scaled, views), {}), {.find_outliers = false, .with_covariance = false});
+  return is_as_good(fit.rms_px, best_px) ? std::optional(scale) : std::nullopt;
+}
+
+// Two cameras of the rig whose names are swapped in the pictures: then everything fits. as_is_px: with the names as
+// they are.
+std::optional<std::pair<int, int>> swapped_names(const Board& board, const CameraRig& rig,
+                                                 const std::vector<BoardView>& views, const std::set<int>& seen,
+                                                 double as_is_px) {
+  for (const int a : seen) {
+    for (const int b : seen) {
+      if (a >= b || rig.cameras[index(a)].image_size != rig.cameras[index(b)].image_size) continue;
+      std::vector<BoardView> renamed = views;
+      for (BoardView& view : renamed) view.camera = view.camera == a ? b : view.camera == b ? a : view.camera;
+      try {
+        const Adjustment fit = adjust(with_free(place_boards(board, rig, renamed), {}), {.with_covariance = false});
+        if (fit.rms_px < as_is_px / 4 && fit.corners_used > 0.7 * corner_count(views)) return std::pair(a, b);
+      } catch (const CalibrationError&) {  // then they are not swapped
+      }
+    }
+  }
+  return std::nullopt;
+}
+
 }  // namespace
 
-RigCheck check_rig(const Board& board, const CameraRig& rig, const std::vector<BoardView>& given) {
+RigCheck check_rig(const Board& board, const CameraRig& rig, const std::vector<BoardView>& given,
+                   const Progress& progress) {
+  // Three adjustments, as many as there are cameras if one has moved, and the lenses.
+  int done = 0;
+  const auto tell = [&](const std::string& step) {
+    if (progress) progress(step, done, 4 + 2 * static_cast<int>(rig.cameras.size()));
+    ++done;
+  };
   RigCheck check;
   check.rms_px.resize(rig.cameras.size());
   check.shared_views.resize(rig.cameras.size());
@@ -82,6 +142,7 @@ RigCheck check_rig(const Board& board, const CameraRig& rig, const std::vector<B
   std::set<int> all_free = seen;
   all_free.erase(fixed);
   // What the cameras could do at best; and which corners are no good whatever the cameras' poses.
+  tell("what the cameras could do at best");
   const Adjustment best = adjust(with_free(place_boards(board, rig, views), all_free));
   views = shared(inliers(best));
   for (const BoardView& view : views) ++check.shared_views[index(view.camera)];
@@ -90,11 +151,38 @@ RigCheck check_rig(const Board& board, const CameraRig& rig, const std::vector<B
   }
   const Adjustment start = place_boards(board, rig, views);
   const AdjustmentOptions plain{.find_outliers = false, .with_covariance = false};
-  const auto cost = [&](const std::set<int>& free) { return adjust(with_free(start, free), plain); };
+  const auto cost = [&](const std::set<int>& free) {
+    tell(free.empty() ? "the rig as it is" : "who moved");
+    return adjust(with_free(start, free), plain);
+  };
   check.best_px = cost(all_free).rms_px;
   const Adjustment as_is = cost({});
   check.as_is_px = as_is.rms_px;
   for (std::size_t c = 0; c < rig.cameras.size(); ++c) check.rms_px[c] = as_is.rms_of_camera(static_cast<int>(c));
+
+  if (!is_as_good(check.as_is_px, check.best_px)) {
+    if (const auto scale = other_scale(board, rig, views, best, seen, check.best_px)) {
+      add(Verdict::failed, "scale",
+          text_of("everything fits (%.2f px rms instead of %.2f) if all distances between the cameras are %.4f times "
+                  "what the rig says",
+                  check.best_px, check.as_is_px, *scale),
+          "is the board file of this board (its square's size), and the one that the rig was made with?");
+      check.verdict = Verdict::failed;
+      return check;
+    }
+  }
+  constexpr double far_off_px = 3;  // nearly always more than a bump
+  if (check.as_is_px > far_off_px) {
+    tell("whose names are swapped");
+    if (const auto swapped = swapped_names(board, rig, shared(given), seen, check.as_is_px)) {
+      const std::string &a = rig.cameras[index(swapped->first)].name, &b = rig.cameras[index(swapped->second)].name;
+      add(Verdict::failed, "names",
+          "cameras " + a + " and " + b + " look swapped: with their names exchanged the rig fits",
+          "give the pictures of each under its own name (which device is which, after a reboot?)");
+      check.verdict = Verdict::failed;
+      return check;
+    }
+  }
 
   std::set<int> moved;
   double reached = check.as_is_px;
@@ -140,6 +228,7 @@ RigCheck check_rig(const Board& board, const CameraRig& rig, const std::vector<B
     lens.parameters = parameters_of(camera.model);
     constexpr std::size_t enough_for_lens = 6;
     if (own.size() >= enough_for_lens) {
+      tell("the lens of " + camera.name);
       if (const LensCheck of_lens = check_lens(board, lens, own); !of_lens.contradiction.empty()) {
         check.lenses.push_back(of_lens.contradiction);
         add(Verdict::doubtful, "lens of " + camera.name, of_lens.contradiction,

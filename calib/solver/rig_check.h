@@ -7,6 +7,7 @@
 #include "calib/model/camera_rig.h"
 #include "calib/solver/bundle_adjustment.h"
 #include "calib/solver/calibration_report.h"
+#include "calib/solver/progress.h"
 
 namespace huetrack {
 
@@ -32,7 +33,8 @@ struct RigCheck {
 };
 
 // views: BoardView::camera indexes the rig. throws CalibrationError: too few shared views to judge any camera.
-RigCheck check_rig(const Board& board, const CameraRig& rig, const std::vector<BoardView>& views);
+RigCheck check_rig(const Board& board, const CameraRig& rig, const std::vector<BoardView>& views,
+                   const Progress& progress = {});
 
 std::string to_text(const RigCheck& check, const CameraRig& rig);
 

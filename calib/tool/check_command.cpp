@@ -8,6 +8,7 @@
 #include "calib/tool/commands.h"
 #include "calib/tool/find_boards.h"
 #include "calib/tool/outcome.h"
+#include "calib/tool/progress_line.h"
 #include "calib/tool/rig_pictures.h"
 
 namespace huetrack {
@@ -26,7 +27,9 @@ ExitStatus check(const Options& options, const std::stop_token& stop) {
   FindBoardsOptions find = options.find;
   find.progress = !options.quiet;
   const std::vector<BoardView> views = board_views_of(rig, options.rig, board, options.inputs, find, stop).views;
-  const RigCheck result = check_rig(board, rig, views);
+  ProgressLine line(!options.quiet);
+  const RigCheck result = check_rig(board, rig, views, line.progress());
+  line.clear();
   if (!options.quiet) std::fputs(to_text(result, rig).c_str(), stdout);
   if (!options.mend.empty()) {
     for (const MovedCamera& moved : result.moved)

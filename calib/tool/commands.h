@@ -20,8 +20,8 @@ enum class ExitStatus : std::uint8_t {
   doubtful = 2,  // there is a result, but the report says what is wrong with it
 };
 
-// Does the work; output for people goes to stdout, progress to stderr. A stop ends the looking: live it goes on with what
-// there is, otherwise it throws; solving is not interrupted. Throws std::exceptions with one readable line.
+// Does the work; output for people goes to stdout, progress to stderr. A stop ends the looking: live it goes on with
+// what there is, otherwise it throws; solving is not interrupted. Throws std::exceptions with one readable line.
 using Command = std::function<ExitStatus(std::stop_token stop)>;
 
 void add_intrinsics_command(CLI::App& app, Command& chosen);

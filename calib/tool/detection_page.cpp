@@ -80,7 +80,7 @@ void DetectionPage::show(const std::vector<ShownPicture>& pictures, const ViewCo
   if (file_.empty()) return;
   std::string body = "<h2>" + escaped(status) + "</h2>";
   const auto needs = coverage.needs();
-  if (needs.empty()) body += "<p>That is enough: stop with Ctrl-C.</p>";
+  if (needs.empty()) body += "<p>Nothing is missing.</p>";
   if (!needs.empty()) {
     body += "<ul>";
     for (std::size_t i = 0; i < std::min<std::size_t>(5, needs.size()); ++i)
@@ -90,11 +90,15 @@ void DetectionPage::show(const std::vector<ShownPicture>& pictures, const ViewCo
   body += "<div class=row>";
   for (std::size_t c = 0; c < pictures.size(); ++c) {
     const auto& of = coverage.cameras()[c];
-    body += "<div>" + picture(pictures[c]) + map_of(of) +
-            text_of("<div>%d views, %.0f %% of the image, %d of 5 tilts</div></div>", of.views, 100 * of.image_share(),
-                    of.tilts_seen());
+    body +=
+        "<div>" + picture(pictures[c]) + map_of(of) +
+        text_of("<div>%d of %d views, %.0f %% of the image (%.0f needed), %d of 5 tilts</div></div>", of.views,
+                ViewCoverage::enough_views, 100 * of.image_share(), 100 * ViewCoverage::enough_image, of.tilts_seen());
   }
-  last_body_ = body + "</div>";
+  body += "</div>";
+  if (const std::string lacking = coverage.lacking_pairs(); !lacking.empty())
+    body += "<p>Shared views still lacking: " + escaped(lacking) + "</p>";
+  last_body_ = body;
   write(last_body_, true);
   last_ = std::chrono::steady_clock::now();
 }

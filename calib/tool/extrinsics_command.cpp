@@ -53,13 +53,16 @@ ExitStatus calibrate(const Options& options, const std::stop_token& stop) {
     throw InputError("there is one camera only, " + found.cameras.front().name +
                      ": extrinsics are of two or more; its lens alone: huetrack-calibrate intrinsics");
   }
+  const auto cameras = cameras_of(found, options.intrinsics);
+  if (std::ranges::any_of(cameras, [](const CameraToCalibrate& camera) { return !camera.model; }))
+    require_views(found, IntrinsicsOptions{}.min_views);
   ProgressLine line(!options.quiet);
   ExtrinsicsOptions solve;
   solve.refine_lens = options.refine;
   solve.intrinsics.lens = options.lens;
-  solve.progress = [&](const std::string& step) { line.draw("solving: " + step); };
-  Extrinsics result = calibrate_extrinsics(board, cameras_of(found, options.intrinsics), found.views, solve);
-  line.clear();
+  solve.progress = line.progress();
+  Extrinsics result = calibrate_extrinsics(board, cameras, found.views, solve);
+  line.draw("writing the report");
   result.adjustment = in_world(std::move(result.adjustment), upright_guess(result.adjustment));
   ReportInput input = report_input(found, options.inputs);
   input.made_of.emplace_back("world", "a guess: z up as the cameras are held, origin amid the board's places");
@@ -67,7 +70,9 @@ ExitStatus calibrate(const Options& options, const std::stop_token& stop) {
     const auto& v = options.volume;
     input.volume = WorldBox{{v[0], v[2], v[4]}, {v[1], v[3], v[5]}};
   }
-  return put_out(report_on(result, input), rig_of(result.adjustment), found, output_files(options));
+  const CalibrationReport report = report_on(result, input);
+  line.clear();
+  return put_out(report, rig_of(result.adjustment), found, output_files(options));
 }
 
 }  // namespace

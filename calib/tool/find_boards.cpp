@@ -126,6 +126,19 @@ void require_boards(const FoundBoards& found, const Board& board, const Misses& 
 
 }  // namespace
 
+void require_views(const FoundBoards& found, int least) {
+  for (std::size_t c = 0; c < found.cameras.size(); ++c) {
+    const CameraSighting& camera = found.cameras[c];
+    const auto views = std::ranges::count(found.views, static_cast<int>(c), &BoardView::camera);
+    if (views >= least) continue;
+    const std::string why = reasons(camera);
+    throw InputError("camera " + camera.name + ": only " + std::to_string(views) + (views == 1 ? " view" : " views") +
+                     " of the board, from " + std::to_string(camera.pictures) + " pictures" +
+                     (why.empty() ? "" : "; in most others " + why) + ". At least " + std::to_string(least) +
+                     " are needed, some 15 with the board tilted and in all parts of the image are good");
+  }
+}
+
 std::optional<double> moved_px(const BoardView& a, const BoardView& b) {
   std::vector<double> moved;
   for (std::size_t i = 0, j = 0; i < a.ids.size() && j < b.ids.size();) {

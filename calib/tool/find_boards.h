@@ -52,6 +52,9 @@ struct FoundBoards {
 FoundBoards find_boards(PictureSource& source, const BoardDetector& detector, const FindBoardsOptions& options,
                         std::stop_token stop);
 
+// throws InputError: a camera with fewer boards than `least`, why they were not found in the others, and what to do.
+void require_views(const FoundBoards& found, int least);
+
 // A set of views, as kept while looking; in the order of time.
 struct BoardSet {
   double at_s = 0;

@@ -21,13 +21,14 @@ ExitStatus calibrate(Options options, const std::stop_token& stop) {
   gather.find.progress = !options.quiet;
   gather.live = options.live;
   const FoundBoards found = gather_boards(options.inputs, board, gather, stop);
+  require_views(found, IntrinsicsOptions{}.min_views);
   ProgressLine line(!options.quiet);
-  line.draw("fitting lens models to " + std::to_string(found.views.size()) + " views");
   const Intrinsics result = calibrate_intrinsics(board, options.camera, found.cameras.front().image_size, found.views,
-                                                 {.lens = options.lens});
+                                                 {.lens = options.lens, .progress = line.progress()});
+  line.draw("writing the report");
+  const CalibrationReport report = report_on(result, report_input(found, options.inputs));
   line.clear();
-  return put_out(report_on(result, report_input(found, options.inputs)), rig_of(result.adjustment), found,
-                 output_files(options));
+  return put_out(report, rig_of(result.adjustment), found, output_files(options));
 }
 
 }  // namespace

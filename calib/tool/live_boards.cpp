@@ -80,6 +80,14 @@ bool is_at_rest(const std::vector<BoardView>& now, const std::vector<BoardView>&
   return any;
 }
 
+std::string awaited(const std::vector<CameraSighting>& cameras) {
+  std::string names;
+  for (const CameraSighting& camera : cameras) {
+    if (camera.pictures == 0) names += (names.empty() ? "" : ", ") + camera.name;
+  }
+  return "waiting for the first picture of " + names;
+}
+
 }  // namespace
 
 FoundBoards gather_live(std::vector<LiveCameraSource> cameras, const BoardDetector& detector,
@@ -112,7 +120,10 @@ FoundBoards gather_live(std::vector<LiveCameraSource> cameras, const BoardDetect
       }
     }
     const auto set = newest.take(std::chrono::milliseconds(200));
-    if (!set) continue;
+    if (!set) {
+      if (line.due() && !coverage) line.draw(awaited(found.cameras));
+      continue;
+    }
     ++found.sets_seen;
     if (!first_s) first_s = seconds(set->at);
     const double at_s = seconds(set->at) - *first_s;
@@ -150,7 +161,9 @@ FoundBoards gather_live(std::vector<LiveCameraSource> cameras, const BoardDetect
     if (!coverage && std::ranges::none_of(sizes, [](ImageSize s) { return s.width == 0; }))
       coverage.emplace(detector.board(), names, sizes);
     const bool rests = is_at_rest(views, before, at_s - before_s, sizes);
-    if (coverage && rests && coverage->is_new(views)) {
+    // A set that lacks a frame, as when a camera lags, says nothing about what its cameras share.
+    const bool complete = std::ranges::all_of(set->frames, [](const auto& frame) { return frame.has_value(); });
+    if (coverage && complete && rests && coverage->is_new(views)) {
       coverage->add(views);
       for (BoardView& view : views) {
         BoardView kept = view;
@@ -169,9 +182,12 @@ FoundBoards gather_live(std::vector<LiveCameraSource> cameras, const BoardDetect
     before = std::move(views);
     before_s = at_s;
     if (options.looked) options.looked(status);
-    if (!coverage) continue;
+    if (!coverage) {
+      if (line.due()) line.draw(awaited(found.cameras));
+      continue;
+    }
     const auto needs = coverage->needs();
-    if (line.due()) line.draw(coverage->line() + " | " + status + (needs.empty() ? "" : " | " + needs.front()));
+    if (line.due()) line.draw(status + (needs.empty() ? "" : "; then: " + needs.front()) + "\n" + coverage->lines());
     if (page.due()) page.show(shown, *coverage, status);
     if (options.until_enough && needs.empty()) break;
   }
@@ -179,6 +195,8 @@ FoundBoards gather_live(std::vector<LiveCameraSource> cameras, const BoardDetect
   page.close("finished with " + std::to_string(found.set_at_s.size()) + " moments");
   for (const CameraSighting& camera : found.cameras) {
     if (camera.pictures == 0) throw InputError("camera " + camera.name + " gave no picture");
+  }
+  for (const CameraSighting& camera : found.cameras) {
     const bool kept = std::ranges::any_of(found.views, [&](const BoardView& view) {
       return names[static_cast<std::size_t>(view.camera)] == camera.name;
     });

@@ -32,20 +32,33 @@ bool ProgressLine::due() const {
   return on_terminal_ && std::chrono::steady_clock::now() - last_ >= std::chrono::milliseconds(100);
 }
 
-void ProgressLine::draw(const std::string& line) {
+void ProgressLine::draw(const std::string& lines) {
   if (!on_terminal_) return;
   last_ = std::chrono::steady_clock::now();
   // With line wrap off: a line that wraps could not be drawn over.
-  std::fprintf(stderr, "\r\x1b[?7l%s\x1b[?7h\x1b[K", line.c_str());
+  std::string text = to_start() + "\x1b[?7l";
+  for (const char c : lines) text += c == '\n' ? "\x1b[K\n" : std::string(1, c);
+  text += "\x1b[?7h\x1b[J";
+  std::fputs(text.c_str(), stderr);
   std::fflush(stderr);
-  drawn_ = true;
+  drawn_ = 1 + static_cast<int>(std::ranges::count(lines, '\n'));
 }
 
 void ProgressLine::clear() {
-  if (!drawn_) return;
-  std::fputs("\r\x1b[K", stderr);
+  if (drawn_ == 0) return;
+  std::fputs((to_start() + "\x1b[J").c_str(), stderr);
   std::fflush(stderr);
-  drawn_ = false;
+  drawn_ = 0;
+}
+
+Progress ProgressLine::progress() {
+  return [this](const std::string& step, int done, int total) {
+    draw(progress_text(step, done, total > 0 ? std::optional(total) : std::nullopt, {}));
+  };
+}
+
+std::string ProgressLine::to_start() const {
+  return drawn_ > 1 ? "\r\x1b[" + std::to_string(drawn_ - 1) + "A" : "\r";
 }
 
 }  // namespace huetrack

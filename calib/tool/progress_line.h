@@ -1,9 +1,11 @@
-// One line on a terminal that says how far a long piece of work is. thread-compatible.
+// A line (or a few) on a terminal that says how far a long piece of work is. thread-compatible.
 #pragma once
 
 #include <chrono>
 #include <optional>
 #include <string>
+
+#include "calib/solver/progress.h"
 
 namespace huetrack {
 
@@ -14,13 +16,17 @@ class ProgressLine {
   ProgressLine(const ProgressLine&) = delete;
   ProgressLine& operator=(const ProgressLine&) = delete;
 
-  bool due() const;  // it is drawn at most ten times a second: ask before gathering what it shows
-  void draw(const std::string& line);
+  bool due() const;                     // it is drawn at most ten times a second: ask before gathering what it shows
+  void draw(const std::string& lines);  // over what was drawn before; lines end with \n, but for the last
   void clear();
+  // Draws what it is told; to be used while this lives.
+  Progress progress();
 
  private:
+  std::string to_start() const;  // the cursor's way to where the drawing begins
+
   const bool on_terminal_;
-  bool drawn_ = false;
+  int drawn_ = 0;  // lines
   std::chrono::steady_clock::time_point last_{};
 };
 

@@ -36,8 +36,9 @@ ViewCoverage::Tilt tilt_of(const Board& board, const BoardView& view, ImageSize 
   return y > 0 ? ViewCoverage::bottom_nearer : ViewCoverage::top_nearer;
 }
 
-constexpr std::array tilt_names{"held straight to it", "its left edge nearer", "its right edge nearer",
-                                "its top edge nearer", "its bottom edge nearer"};
+constexpr std::array tilt_needs{"hold it straight to the camera", "tilt it, its left edge nearer",
+                                "tilt it, its right edge nearer", "tilt it, its top edge nearer",
+                                "tilt it, its bottom edge nearer"};
 
 }  // namespace
 
@@ -143,7 +144,7 @@ std::vector<std::string> ViewCoverage::needs() const {
     }
     for (std::size_t t = 0; t < camera.tilts.size(); ++t) {
       if (camera.tilts[t] == 0) {
-        needs.push_back(text_of("%s: show it with %s", names_[c].c_str(), tilt_names[t]));
+        needs.push_back(text_of("%s: %s", names_[c].c_str(), tilt_needs[t]));
         break;
       }
     }
@@ -151,17 +152,37 @@ std::vector<std::string> ViewCoverage::needs() const {
   return needs;
 }
 
-std::string ViewCoverage::line() const {
-  std::string text;
+std::string ViewCoverage::lines() const {
+  std::size_t longest = 0;
+  for (const std::string& name : names_) longest = std::max(longest, name.size());
+  std::string lines;
   for (std::size_t c = 0; c < cameras_.size(); ++c) {
-    if (!text.empty()) text += " | ";
-    text += text_of("%s %d views, image %.0f %%, tilt %d/5", names_[c].c_str(), cameras_[c].views,
-                    100 * cameras_[c].image_share(), cameras_[c].tilts_seen());
+    const OfCamera& camera = cameras_[c];
+    const auto bar = [](double share) {
+      constexpr std::size_t cells = 10;
+      const auto full = std::min(cells, static_cast<std::size_t>(share * cells));
+      std::string text(1, '[');
+      return text.append(full, '#').append(cells - full, '-') + ']';
+    };
+    const double views = static_cast<double>(camera.views) / enough_views, image = camera.image_share() / enough_image;
+    lines += text_of("  %-*s  views %s %2d/%d  image %s %3.0f %%  tilts %d/5\n", static_cast<int>(longest),
+                     names_[c].c_str(), bar(views).c_str(), camera.views, enough_views, bar(image).c_str(),
+                     100 * camera.image_share(), camera.tilts_seen());
   }
+  const std::string lacking = lacking_pairs();
+  return lines + (cameras_.size() < 2 ? ""
+                  : lacking.empty()   ? "  every pair has shared views enough"
+                                      : "  shared views: " + lacking);
+}
+
+std::string ViewCoverage::lacking_pairs() const {
+  std::string text;
   for (std::size_t a = 0; a < cameras_.size(); ++a) {
     for (std::size_t b = a + 1; b < cameras_.size(); ++b) {
-      text += text_of(" | %s-%s %d shared", names_[a].c_str(), names_[b].c_str(),
-                      shared(static_cast<int>(a), static_cast<int>(b)));
+      const int n = shared(static_cast<int>(a), static_cast<int>(b));
+      if (n < enough_shared)
+        text += (text.empty() ? "" : ", ") +
+                text_of("%s + %s %d/%d", names_[a].c_str(), names_[b].c_str(), n, enough_shared);
     }
   }
   return text;

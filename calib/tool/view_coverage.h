@@ -41,7 +41,10 @@ class ViewCoverage {
 
   // What is missing, the most important first; a sentence each. Empty: it is enough.
   std::vector<std::string> needs() const;
-  std::string line() const;  // "left 12 views, image 63 %, tilt 4/5 | right ... | left-right 8/10"
+  // For a terminal of 80 columns: a line per camera, what it has of what it needs; and the pairs that lack shared
+  // views.
+  std::string lines() const;
+  std::string lacking_pairs() const;  // "left + right 8/10, ..."; empty: none lacks any
 
  private:
   Board board_;

@@ -54,11 +54,15 @@ Eigen::Matrix2d shape_at(const CameraModel& model, const Eigen::Vector2d& px) {
 
 }  // namespace
 
-void sharpen(std::vector<BallFrame>& frames, const Background& background, const CameraRig& rig) {
+void sharpen(std::vector<BallFrame>& frames, const Background& background, const CameraRig& rig,
+             const Progress& progress) {
+  int done = 0;
   for (std::size_t camera = 0; camera < rig.cameras.size(); ++camera) {
     const std::optional<BackgroundImage> behind = background.of(camera);
     for (BallFrame& frame : frames) {
       if (static_cast<std::size_t>(frame.camera) != camera) continue;
+      if (progress && done % 16 == 0) progress("the ball's outlines", done, static_cast<int>(frames.size()));
+      ++done;
       for (std::size_t r = 0; behind && r < frame.patches.size(); ++r) {
         frame.regions[r] = outline_over_background(frame.patches[r], frame.regions[r], *behind,
                                                    shape_at(rig.cameras[camera].model, frame.regions[r].centre));

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "calib/model/camera_rig.h"
+#include "calib/solver/progress.h"
 #include "calib/wave/ball_outline.h"
 #include "capture/frame.h"
 #include "object_tracking/color_region.h"
@@ -18,7 +19,7 @@ struct BallFrame {
   int camera = 0;                    // in the rig
   double t_s = 0;                    // its own capture time
   std::vector<ColorRegion> regions;  // of the target's colour, largest first; not those that the image's border cuts
-  std::vector<Patch> patches = {};        // beside the regions, or none
+  std::vector<Patch> patches = {};   // beside the regions, or none
 };
 
 struct BallFinderOptions {
@@ -46,7 +47,8 @@ class BallFinder {
 
 // The regions once more, against what each camera sees behind them: ten times as right where the background has things
 // of the object's hue. Lets the patches go. Of a camera with too few samples they stay as they are.
-void sharpen(std::vector<BallFrame>& frames, const Background& background, const CameraRig& rig);
+void sharpen(std::vector<BallFrame>& frames, const Background& background, const CameraRig& rig,
+             const Progress& progress = {});
 
 // Takes out what stays where it is: regions that are seen at the same place (to 1.5 px) in at least `share` of their
 // camera's frames. The ball may rest for a while, things of its colour rest for ever. Returns how many such places

@@ -30,6 +30,7 @@ using Eigen::Vector3d;
 constexpr double robust_sigmas = 3;      // beyond it an observation counts less and less
 constexpr int least_shared = 20;         // frames that two cameras must share to be connected
 constexpr double least_extent_m = 0.02;  // of the path, over the distance from the cameras
+constexpr int passes = 21;               // for the progress: 2 rough ones, up to 16 of refine(), settle(), two halves
 
 std::string text(const char* format, auto... values) {
   std::array<char, 512> buffer;
@@ -121,6 +122,7 @@ class Wave {
     rough_ = true;
     o.loss = 6;
     for (int round = 0; round < 2; ++round) {
+      tell("the poses, roughly", round);
       fit_ = adjust_wave(rig_, observations(), state_, o);
       choose(round == 0 ? 20 : 8);
       o.loss = robust_sigmas;
@@ -129,13 +131,14 @@ class Wave {
     learn_shapes();
     rough_ = false;
     choose(8);
-    refine();
+    refine(2);
   }
 
   // Whatever agrees by its own covariance; what it is compared with is learnt anew in every round.
-  void refine() {
+  void refine(int passes_before) {
     WaveAdjustmentOptions o = adjustment_options();
     for (int round = 0; round < 8; ++round) {
+      tell("the poses and the ball's path", passes_before + round);
       learn_shapes();
       if (round == 1 || round == 3) learn_jerk();
       o.jerk_m_s3 = jerk_m_s3_;
@@ -209,6 +212,10 @@ class Wave {
   }
 
  private:
+  void tell(const char* step, int done) const {
+    if (options_.progress) options_.progress(step, done, passes);
+  }
+
   const ColorRegion& region(std::size_t f) const { return frames_[f].regions[index(chosen_[f])]; }
 
   WaveAdjustmentOptions adjustment_options() const {
@@ -454,30 +461,34 @@ std::array<Vector3d, 2> rests(const Wave& wave) {
       "two seconds at each of the two marks, in sight of two cameras");
 }
 
-// Removes from a covariance of camera poses (centre, rotation; world axes) what moving the whole world would do.
-Eigen::MatrixXd without_gauge(const Eigen::MatrixXd& covariance, const WaveState& state) {
-  const auto n = static_cast<Eigen::Index>(state.cam_from_world.size());
-  Eigen::MatrixXd gauge = Eigen::MatrixXd::Zero(6 * n, 6);
-  for (Eigen::Index c = 0; c < n; ++c) {
-    const Vector3d p = inverse(state.cam_from_world[static_cast<std::size_t>(c)]).translation;
-    gauge.block<3, 3>(6 * c, 0).setIdentity();
-    gauge.block<3, 3>(6 * c, 3) << 0, p.z(), -p.y(), -p.z(), 0, p.x(), p.y(), -p.x(), 0;  // g x p
-    gauge.block<3, 3>(6 * c + 3, 3) = -Matrix3d::Identity();
-  }
-  const Eigen::MatrixXd keep =
-      Eigen::MatrixXd::Identity(6 * n, 6 * n) - gauge * (gauge.transpose() * gauge).ldlt().solve(gauge.transpose());
-  return keep * covariance * keep.transpose();
-}
+// What errors of the camera poses (centre, rotation; world axes) do to positions, triangulated by all cameras that see
+// them for exact pixels; but for a motion of the whole world, which is taken away as well as it can be.
+struct ShapeErrors {
+  Eigen::MatrixXd by_poses;   // three rows per place
+  Eigen::MatrixXd alignment;  // the motion that is taken away (translation, rotation about the origin): six rows
+  double places = 0;
+  double reach_m = 0;  // rms distance of the places from their mean
 
-// How well positions along the path would be triangulated by all cameras that see them, for exact pixels, when the
-// cameras are wrong by this covariance; but for a motion of the whole world. rms, metres.
-double expected_error(const CameraRig& rig, const WaveState& state, const Eigen::MatrixXd& covariance) {
-  constexpr int samples = 60;
+  double rms(const Eigen::MatrixXd& covariance) const {
+    return places > 0 ? std::sqrt(std::max(0.0, (by_poses * covariance * by_poses.transpose()).trace() / places)) : 0;
+  }
+  // Of a camera's pose, in the world that is aligned with the places.
+  Eigen::MatrixXd of_camera(Eigen::Index c, const Vector3d& centre) const {
+    Eigen::MatrixXd error = Eigen::MatrixXd::Zero(6, by_poses.cols());
+    error.block<6, 6>(0, 6 * c).setIdentity();
+    if (places == 0) return error;
+    error.topRows<3>() -= alignment.topRows<3>() - cross_matrix(centre) * alignment.bottomRows<3>();
+    error.bottomRows<3>() -= alignment.bottomRows<3>();
+    return error;
+  }
+};
+
+ShapeErrors shape_errors(const CameraRig& rig, const WaveState& state, const std::vector<Vector3d>& wanted) {
   const auto n = static_cast<Eigen::Index>(rig.cameras.size());
   std::vector<Eigen::MatrixXd> moved;
   std::vector<Vector3d> places;
-  for (int i = 0; i <= samples; ++i) {
-    const Vector3d p = state.path.at(state.path.start_s + (state.path.end_s() - state.path.start_s) * i / samples);
+  Vector3d mean = Vector3d::Zero();
+  for (const Vector3d& p : wanted) {
     Matrix3d information = Matrix3d::Zero();
     Eigen::MatrixXd by_pose = Eigen::MatrixXd::Zero(3, 6 * n);
     int views = 0;
@@ -499,8 +510,10 @@ double expected_error(const CameraRig& rig, const WaveState& state, const Eigen:
     if (views < 2) continue;
     moved.push_back(information.ldlt().solve(by_pose));
     places.push_back(p);
+    mean += p;
   }
-  if (places.empty()) return 0;
+  ShapeErrors shape;
+  shape.places = static_cast<double>(places.size());
   const auto rows = 3 * static_cast<Eigen::Index>(places.size());
   Eigen::MatrixXd all(rows, 6 * n), world(rows, 6);
   for (std::size_t k = 0; k < places.size(); ++k) {
@@ -508,47 +521,32 @@ double expected_error(const CameraRig& rig, const WaveState& state, const Eigen:
     all.middleRows<3>(row) = moved[k];
     world.block<3, 3>(row, 0).setIdentity();
     world.block<3, 3>(row, 3) = -cross_matrix(places[k]);
+    shape.reach_m += (places[k] - mean / shape.places).squaredNorm() / shape.places;
   }
-  all -= world * (world.transpose() * world).ldlt().solve(world.transpose() * all);
-  return std::sqrt(std::max(0.0, (all * covariance * all.transpose()).trace() / static_cast<double>(places.size())));
+  shape.reach_m = std::sqrt(shape.reach_m);
+  shape.alignment = (world.transpose() * world).ldlt().solve(world.transpose() * all);
+  shape.by_poses = all - world * shape.alignment;
+  return shape;
 }
 
-// How many times larger the variance of a mean is than if errors were independent from frame to frame: what is behind
-// the ball changes little from one to the next, and so do the errors. From the autocorrelation of the residuals.
-double correlation_factor(const std::vector<BallObservation>& observations, const WaveFit& fit, std::size_t cameras,
-                          double max_gap_s) {
-  constexpr std::size_t most_lags = 15;
-  std::vector<std::vector<std::size_t>> of_camera(cameras);
-  for (std::size_t i = 0; i < observations.size(); ++i) {
-    if (fit.distance2[i] < 16) of_camera[index(observations[i].camera)].push_back(i);
-  }
-  const auto whitened = [&](std::size_t i) {
-    return Vector2d(fit.residuals[i] / std::sqrt(observations[i].covariance.trace() / 2));
-  };
-  double factor = 1, variance = 0;
-  std::size_t count = 0;
-  for (const auto& indices : of_camera) {
-    for (const std::size_t i : indices) variance += whitened(i).squaredNorm();
-    count += indices.size();
-  }
-  if (count == 0 || variance <= 0) return 1;
-  variance /= static_cast<double>(count);
-  for (std::size_t lag = 1; lag <= most_lags; ++lag) {
-    double sum = 0;
-    std::size_t pairs = 0;
-    for (const auto& indices : of_camera) {
-      for (std::size_t k = lag; k < indices.size(); ++k) {
-        const std::size_t now = indices[k], before = indices[k - lag];
-        if (observations[now].t_s - observations[before].t_s > static_cast<double>(lag) * max_gap_s) continue;
-        sum += whitened(now).dot(whitened(before));
-        ++pairs;
-      }
+std::vector<Vector3d> places_along(const BallPath& path) {
+  constexpr int samples = 60;
+  std::vector<Vector3d> places;
+  for (int i = 0; i <= samples; ++i)
+    places.push_back(path.at(path.start_s + (path.end_s() - path.start_s) * i / samples));
+  return places;
+}
+
+std::vector<Vector3d> places_in(const WorldBox& box) {
+  constexpr int steps = 6;
+  std::vector<Vector3d> places;
+  for (int i = 0; i <= steps; ++i) {
+    for (int j = 0; j <= steps; ++j) {
+      for (int k = 0; k <= steps; ++k)
+        places.push_back(box.low + Vector3d(i, j, k).cwiseProduct(box.high - box.low) / steps);
     }
-    const double correlation = pairs < 20 ? 0 : sum / static_cast<double>(pairs) / variance;
-    if (correlation < 0.05) break;
-    factor += 2 * correlation;
   }
-  return factor;
+  return places;
 }
 
 // Names the cameras that are not connected, and which pair lacks what.
@@ -613,6 +611,9 @@ WaveResult calibrate_wave(const CameraRig& rig, std::vector<BallFrame> frames, c
   std::ranges::sort(frames, [](const BallFrame& a, const BallFrame& b) {
     return std::pair(a.t_s, a.camera) < std::pair(b.t_s, b.camera);
   });
+  const auto tell = [&](const std::string& step, int done) {
+    if (options.progress) options.progress(step, done, passes);
+  };
   WaveResult result;
   result.rig = rig;
   result.cameras.resize(n);
@@ -734,7 +735,7 @@ WaveResult calibrate_wave(const CameraRig& rig, std::vector<BallFrame> frames, c
     scale.apply(state);
   };
   set_scale();
-  wave.refine();  // how large the ball should look, and how smooth its path is, depend on the scale
+  wave.refine(10);  // how large the ball should look, and how smooth its path is, depend on the scale
   if (over_m > 0) set_scale();
 
   if (options.marks.size() >= 3) {
@@ -772,6 +773,7 @@ WaveResult calibrate_wave(const CameraRig& rig, std::vector<BallFrame> frames, c
                            ", with z up in its image; set it with huetrack-calibrate world");
   }
 
+  tell("the uncertainties", 18);
   wave.settle(true);
 
   // What came out.
@@ -828,29 +830,19 @@ WaveResult calibrate_wave(const CameraRig& rig, std::vector<BallFrame> frames, c
     result.doubts.push_back(what);
   }
 
-  const double correlated = correlation_factor(observations, wave.fit(), n, wave.tracks().max_gap_s);
-  const Eigen::MatrixXd covariance = correlated * without_gauge(wave.fit().covariance, state);
-  for (std::size_t c = 0; c < n; ++c) {
-    WaveCamera& camera = result.cameras[c];
-    camera.rms_px = std::sqrt(sums[c] / std::max(1, camera.used));
-    camera.coverage = static_cast<double>(cells[c].size()) / 48;
-    const auto row = 6 * static_cast<Eigen::Index>(c);
-    camera.centre_sigma_m = covariance.diagonal().segment<3>(row).cwiseMax(0).cwiseSqrt();
-    camera.rotation_sigma_rad = covariance.diagonal().segment<3>(row + 3).cwiseMax(0).cwiseSqrt();
-    if (!options.has_poses) continue;
-    camera.moved_m = (result.rig.cameras[c].centre() - rig.cameras[c].centre()).norm();
-    camera.turned_rad =
-        result.rig.cameras[c].cam_from_world.rotation.angularDistance(rig.cameras[c].cam_from_world.rotation);
-  }
-  result.expected_m = expected_error(result.rig, state, covariance);
-
-  // The two halves of the recording, on their own: what they disagree in is more honest than any covariance.
+  const ShapeErrors along_path = shape_errors(result.rig, state, places_along(state.path));
+  std::optional<ShapeErrors> in_volume;
+  if (options.volume) in_volume = shape_errors(result.rig, state, places_in(*options.volume));
+  // The two halves of the recording, on their own.
   std::array<WaveState, 2> halves{state, state};
+  Eigen::MatrixXd of_halves = Eigen::MatrixXd::Zero(6 * static_cast<Eigen::Index>(n), 6 * static_cast<Eigen::Index>(n));
   for (const int half : {0, 1}) {
+    tell("one half of it", 19 + half);
     Wave part = wave;
     part.keep_half(half);
-    part.settle();
+    part.settle(true);
     halves[index(half)] = part.state();
+    of_halves += part.fit().covariance;
   }
   Eigen::VectorXd apart(6 * static_cast<Eigen::Index>(n));
   for (std::size_t c = 0; c < n; ++c) {
@@ -859,12 +851,39 @@ WaveResult calibrate_wave(const CameraRig& rig, std::vector<BallFrame> frames, c
     apart.segment<3>(6 * static_cast<Eigen::Index>(c)) = inverse(b).translation - inverse(a).translation;
     apart.segment<3>(6 * static_cast<Eigen::Index>(c) + 3) = turn.angle() * turn.axis();
   }
-  result.halves_m = expected_error(result.rig, state, without_gauge(apart * apart.transpose(), state));
+  result.halves_m = along_path.rms(apart * apart.transpose());
+  result.halves_sigma_m = along_path.rms(of_halves);
+  // Where they differ by more than the noise explains, they are believed.
+  const double widen = result.halves_sigma_m > 0 ? std::max(1.0, result.halves_m / result.halves_sigma_m) : 1;
+  const Eigen::MatrixXd covariance = widen * widen * wave.fit().covariance;
+  for (std::size_t c = 0; c < n; ++c) {
+    WaveCamera& camera = result.cameras[c];
+    camera.rms_px = std::sqrt(sums[c] / std::max(1, camera.used));
+    camera.coverage = static_cast<double>(cells[c].size()) / 48;
+    const Eigen::MatrixXd by_poses = (in_volume && in_volume->places > 0 ? *in_volume : along_path)
+                                         .of_camera(static_cast<Eigen::Index>(c), centre(static_cast<int>(c)));
+    const Eigen::VectorXd own_variance = (by_poses * covariance * by_poses.transpose()).diagonal().cwiseMax(0);
+    camera.centre_sigma_m = own_variance.head<3>().cwiseSqrt();
+    camera.rotation_sigma_rad = own_variance.tail<3>().cwiseSqrt();
+    if (!options.has_poses) continue;
+    camera.moved_m = (result.rig.cameras[c].centre() - rig.cameras[c].centre()).norm();
+    camera.turned_rad =
+        result.rig.cameras[c].cam_from_world.rotation.angularDistance(rig.cameras[c].cam_from_world.rotation);
+  }
+  result.expected_m = along_path.rms(covariance);
+  if (in_volume && in_volume->places > 0) result.expected_in_volume_m = in_volume->rms(covariance);
 
   // The scale's uncertainty; and the verdict.
   if (over_m > 0) {
-    const double place_m = options.camera_distance ? 0 : 0.005;  // how well the ball's own places are known
-    result.scale_sigma = std::hypot(tape_m, place_m) / over_m;
+    result.scale_sigma = tape_m / over_m;
+    if (options.rest_distance_m) result.scale_sigma = std::hypot(tape_m, 0.005) / over_m;  // the ball's own places too
+    if (!options.marks.empty()) {
+      Vector3d middle = Vector3d::Zero();
+      for (const BallMark& mark : options.marks) middle += mark.p_world / static_cast<double>(options.marks.size());
+      double spread2 = 0;
+      for (const BallMark& mark : options.marks) spread2 += (mark.p_world - middle).squaredNorm();
+      result.scale_sigma = tape_m / std::sqrt(spread2);
+    }
   } else if (!from_nothing) {
     double off2 = 0, spread2 = 0;
     Vector3d middle = Vector3d::Zero();
@@ -878,11 +897,13 @@ WaveResult calibrate_wave(const CameraRig& rig, std::vector<BallFrame> frames, c
   } else {
     result.scale_sigma = 0.1;
   }
+  result.by_scale_m = result.scale_sigma * along_path.reach_m;
+  if (in_volume) result.by_scale_in_volume_m = result.scale_sigma * in_volume->reach_m;
   if (result.scale_sigma > 0.01) {
-    result.doubts.push_back(
-        text("the scale is from %s, which is good to %.0f %% only: give --camera-distance, --rest-distance or "
-             "two marked points",
-             result.scale_from.c_str(), 1e2 * result.scale_sigma));
+    result.doubts.push_back(text("the scale is from %s, which is good to %.1f %% only: %s", result.scale_from.c_str(),
+                                 1e2 * result.scale_sigma,
+                                 over_m > 0 ? "measure a longer distance, or places further apart"
+                                            : "give --camera-distance, --rest-distance or two marked points"));
   }
   if (over_m > 0 && (result.size_ratio < 0.65 || result.size_ratio > 1.5)) {
     result.doubts.push_back(
@@ -921,11 +942,12 @@ WaveResult calibrate_wave(const CameraRig& rig, std::vector<BallFrame> frames, c
         text("the ball is %.1f px off on average: the lenses, the cameras' times or the colour are not right",
              result.rms_px));
   }
-  if (result.expected_m > 0.003 * away) {
-    result.doubts.push_back(text("positions would be off by %.0f mm: wave for longer, and through more of the volume",
-                                 1e3 * result.expected_m));
+  const double expected_m = result.expected_in_volume_m.value_or(result.expected_m);
+  if (expected_m > 0.003 * away) {
+    result.doubts.push_back(
+        text("positions would be off by %.0f mm: wave for longer, and through more of the volume", 1e3 * expected_m));
   }
-  if (result.halves_m > 0.006 * away) {
+  if (result.halves_m > 0.006 * away && result.halves_m > 2 * result.halves_sigma_m) {
     result.doubts.push_back(
         text("the two halves of the recording disagree by %.0f mm: did a camera move meanwhile? Otherwise wave "
              "for longer",

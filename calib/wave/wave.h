@@ -9,6 +9,8 @@
 #include <vector>
 
 #include "calib/model/camera_rig.h"
+#include "calib/solver/progress.h"
+#include "calib/solver/volume_accuracy.h"
 #include "calib/wave/ball_finder.h"
 
 namespace huetrack {
@@ -32,6 +34,8 @@ struct WaveOptions {
   std::optional<CameraDistance> camera_distance{};
   std::optional<double> rest_distance_m{};  // > 0; between the two places where the ball rested longest
   std::vector<BallMark> marks{};            // two: scale; three or more, not in a line: the world's frame too
+  std::optional<WorldBox> volume{};         // where positions will be wanted: how good they are is told for it too
+  Progress progress{};
 
   std::vector<std::string> problems(
       const CameraRig& rig) const;  // empty when valid; one sentence per violated constraint
@@ -43,7 +47,8 @@ struct WaveCamera {
   int used = 0;         // whose region agrees with the other cameras
   double rms_px = 0;    // of those, length
   double coverage = 0;  // 0..1; share of an 8x6 grid over the image in which the ball was
-  Eigen::Vector3d centre_sigma_m = Eigen::Vector3d::Zero();  // world axes
+  // In the world as it is aligned with the volume (without one: with the path), world axes.
+  Eigen::Vector3d centre_sigma_m = Eigen::Vector3d::Zero();
   Eigen::Vector3d rotation_sigma_rad = Eigen::Vector3d::Zero();
   double moved_m = 0, turned_rad = 0;  // from the rig's pose; with has_poses only
 };
@@ -58,12 +63,17 @@ struct WaveResult {
   std::vector<WaveCamera> cameras;  // beside the rig's
   std::vector<WavePair> pairs;      // all
   double rms_px = 0;                // of all used regions, length
-  double expected_m = 0;            // rms error of positions along the path that follows from the poses' covariance
-  double halves_m = 0;              // how far positions along the path move when only one half of the frames is used
-  double scale_sigma = 0;           // relative
-  std::string scale_from;           // "the distance between cam0 and cam1, 4.020 m"
-  double size_ratio = 1;            // how large the ball looks over how large radius_m says
-  double jerk_m_s3 = 0;             // how jerky the waving was (learnt)
+  // The rms error of positions along the path, and in the volume, that follows from the poses' covariance; and what the
+  // scale's uncertainty adds to it.
+  double expected_m = 0, by_scale_m = 0;
+  std::optional<double> expected_in_volume_m;  // nullopt: no volume was given, or no two cameras see any of it
+  double by_scale_in_volume_m = 0;
+  double halves_m = 0;        // how far positions along the path differ between the two halves of the recording
+  double halves_sigma_m = 0;  // and by how much they should, by their own covariance
+  double scale_sigma = 0;     // relative
+  std::string scale_from;     // "the distance between cam0 and cam1, 4.020 m"
+  double size_ratio = 1;      // how large the ball looks over how large radius_m says
+  double jerk_m_s3 = 0;       // how jerky the waving was (learnt)
   double duration_s = 0;
   Eigen::Vector3d extent_m = Eigen::Vector3d::Zero();  // of the path, along its principal axes
   std::vector<std::string> doubts;                     // why it may not be usable, each with what to do; empty: usable

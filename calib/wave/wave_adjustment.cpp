@@ -6,6 +6,7 @@
 #include <Eigen/Cholesky>
 #include <Eigen/Geometry>
 #include <Eigen/SparseCholesky>
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <optional>
@@ -157,9 +158,44 @@ double log_determinant(const Eigen::SparseMatrix<double>& jacobian) {
   return solver.vectorD().array().max(1e-30).log().sum();
 }
 
+// The covariance of gain^T errors, for errors of unit variance that are correlated within each camera. gain: two rows
+// for each of the observations, in their order.
+Eigen::MatrixXd propagated(const Eigen::MatrixXd& gain, const std::vector<BallObservation>& observations,
+                           std::size_t cameras, const OutlineCorrelation& correlation) {
+  const Eigen::Index n = gain.cols();
+  const auto rows = 2 * static_cast<Eigen::Index>(observations.size());
+  Eigen::MatrixXd sum =
+      (1 - correlation.lasting - correlation.slow) * gain.topRows(rows).transpose() * gain.topRows(rows);
+  for (std::size_t c = 0; c < cameras; ++c) {
+    std::vector<std::size_t> own;
+    for (std::size_t i = 0; i < observations.size(); ++i) {
+      if (static_cast<std::size_t>(observations[i].camera) == c) own.push_back(i);
+    }
+    std::ranges::stable_sort(own, {}, [&](std::size_t i) { return observations[i].t_s; });
+    for (const Eigen::Index axis : {0, 1}) {
+      // A sum over all pairs of frames, of exp(-dt / slow_s): by what the earlier ones have left.
+      Eigen::VectorXd all = Eigen::VectorXd::Zero(n), left = Eigen::VectorXd::Zero(n);
+      Eigen::MatrixXd pairs = Eigen::MatrixXd::Zero(n, n);
+      double before_s = 0;
+      for (const std::size_t i : own) {
+        const Eigen::VectorXd g = gain.row(2 * static_cast<Eigen::Index>(i) + axis);
+        left *= std::exp((before_s - observations[i].t_s) / correlation.slow_s);
+        before_s = observations[i].t_s;
+        pairs += g * g.transpose() + g * left.transpose() + left * g.transpose();
+        left += g;
+        all += g;
+      }
+      sum += correlation.slow * pairs + correlation.lasting * all * all.transpose();
+    }
+  }
+  return sum;
+}
+
 // What the camera poses are known to, with the path eliminated.
 Eigen::MatrixXd pose_covariance(ceres::Problem& problem, const std::vector<double*>& poses,
-                                const std::vector<double*>& points, double variance_factor) {
+                                const std::vector<double*>& points, double variance_factor,
+                                const std::vector<BallObservation>& observations, std::size_t cameras,
+                                const OutlineCorrelation& correlation) {
   std::vector<double*> blocks = poses;
   blocks.insert(blocks.end(), points.begin(), points.end());
   const Eigen::SparseMatrix<double> j = jacobian_of(problem, blocks);
@@ -170,8 +206,8 @@ Eigen::MatrixXd pose_covariance(ceres::Problem& problem, const std::vector<doubl
   Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>> solver(pp);
   if (solver.info() != Eigen::Success) throw CalibrationError("the ball's path is not determined by what was seen");
   const Eigen::MatrixXd cross = pc;
-  const Eigen::MatrixXd information =
-      Eigen::MatrixXd(by_pose.transpose() * by_pose) - cross.transpose() * Eigen::MatrixXd(solver.solve(cross));
+  const Eigen::MatrixXd path_by_pose = solver.solve(cross);
+  const Eigen::MatrixXd information = Eigen::MatrixXd(by_pose.transpose() * by_pose) - cross.transpose() * path_by_pose;
   const Eigen::LDLT<Eigen::MatrixXd> ldlt(information);
   const Eigen::MatrixXd covariance = ldlt.solve(Eigen::MatrixXd::Identity(n, n));
   if (!covariance.allFinite() || (covariance.diagonal().array() <= 0).any()) {
@@ -179,7 +215,11 @@ Eigen::MatrixXd pose_covariance(ceres::Problem& problem, const std::vector<doubl
         "the camera poses are not determined by how the ball was moved: carry it through the whole volume, "
         "up and down and towards the cameras");
   }
-  return variance_factor * covariance;
+  // How much every residual moves the poses.
+  const Eigen::MatrixXd gain = (Eigen::MatrixXd(by_pose) - by_point * path_by_pose) * covariance;
+  const auto others = gain.rows() - 2 * static_cast<Eigen::Index>(observations.size());
+  return variance_factor * (propagated(gain, observations, cameras, correlation) +
+                            Eigen::MatrixXd(gain.bottomRows(others).transpose() * gain.bottomRows(others)));
 }
 
 class QuietLog {  // Ceres logs every step that it takes back
@@ -295,7 +335,8 @@ WaveFit adjust_wave(const CameraRig& rig, const std::vector<BallObservation>& ob
   }
   if (!options.with_covariance) return fit;
   const Eigen::MatrixXd in_blocks =
-      pose_covariance(problem, free_poses, points, std::max(1.0, sum / std::max(1.0, weights)));
+      pose_covariance(problem, free_poses, points, std::max(1.0, sum / std::max(1.0, weights)), observations, cameras,
+                      options.correlation);
   // From (omega, t) to (centre, rotation): c = -R^T t.
   const auto n = 6 * static_cast<Eigen::Index>(cameras);
   Eigen::MatrixXd change = Eigen::MatrixXd::Zero(n, in_blocks.cols());

@@ -22,6 +22,15 @@ struct WaveState {
   BallPath path;
 };
 
+// How like one another the errors of a camera's outlines are: of their variance, one part is the same in all frames
+// (the light comes from one side), one changes slowly (with what is behind the ball), and the rest is new in every
+// frame. As measured against the truth of rendered sequences: see tests/benchmark/wave_figures.
+struct OutlineCorrelation {
+  double lasting = 0.2;
+  double slow = 0.25;
+  double slow_s = 0.4;  // > 0; in which the slow part falls to 1/e
+};
+
 struct WaveAdjustmentOptions {
   double radius_m = 0.04;  // of the ball: the centre of its outline is not its centre's projection
   double loss = 3;         // > 0; Cauchy's, in standard deviations
@@ -31,6 +40,7 @@ struct WaveAdjustmentOptions {
   int scale_a = 0, scale_b = 1;  // the distance of these two cameras stays: nothing else holds the scale
   int max_iterations = 50;
   bool with_covariance = false;
+  OutlineCorrelation correlation{};  // what the covariance assumes
 };
 
 struct WaveFit {
@@ -41,7 +51,8 @@ struct WaveFit {
   // but for a constant): the largest tells how jerky the waving was. with_evidence only.
   double evidence = 0;
   // Per camera (centre in metres, rotation in radians), both in world axes, so that the true camera stands at centre +
-  // error; 6 x cameras square. For the state as it is held by `reference` and the scale's two cameras.
+  // error; 6 x cameras square. For the state as it is held by `reference` and the scale's two cameras. The solution
+  // takes the errors as independent; the covariance says what correlated ones do to it.
   Eigen::MatrixXd covariance;
 };
 

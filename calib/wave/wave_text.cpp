@@ -22,10 +22,13 @@ std::string to_text(const WaveResult& result) {
   out += line("%.1f s of waving, %.2f x %.2f x %.2f m, jerks of %.0f m/s^3; the ball is %.2f px rms off",
               result.duration_s, result.extent_m.x(), result.extent_m.y(), result.extent_m.z(), result.jerk_m_s3,
               result.rms_px);
-  out += line(
-      "expected error of positions, from the poses alone: %.1f mm rms; the two halves of the recording differ by %.1f "
-      "mm",
-      1e3 * result.expected_m, 1e3 * result.halves_m);
+  out += line("expected error of positions where the ball was: %.1f mm rms, and by the scale %.1f mm",
+              1e3 * result.expected_m, 1e3 * result.by_scale_m);
+  if (result.expected_in_volume_m)
+    out += line("in the whole volume: %.1f mm rms, and by the scale %.1f mm", 1e3 * *result.expected_in_volume_m,
+                1e3 * result.by_scale_in_volume_m);
+  out += line("the two halves of the recording differ by %.1f mm there; %.1f mm was to be expected",
+              1e3 * result.halves_m, 1e3 * result.halves_sigma_m);
   out += line("scale: from %s; good to %.2f %%; the ball looks %.2f times as large as its radius says",
               result.scale_from.c_str(), 1e2 * result.scale_sigma, result.size_ratio);
   out += line("%-12s %7s %7s %7s %8s %9s %15s %13s %10s %9s", "camera", "frames", "seen", "used", "rms px", "coverage",

@@ -363,9 +363,11 @@ ProvenPose KeyframeTracking::fine(const Rigid3d& start, const Pyramid& pyramid, 
   // At the beginning there are few points, but nothing is in doubt either.
   const bool by_few = !strict && map.keyframes.size() < 4 && out.sought <= 30 && out.found >= 7 && share > 0.6 &&
                       out.spread_px > 16 * wide;
+  // Started from 4 to 6 known points: all of them, while nothing else is known.
+  const bool by_all = !strict && map.alive_count() < 12 && out.found >= 4 && out.found == out.sought;
   // A rectangle alone is proof while nothing else is known; later, another one of this shape may lie about.
   const bool by_rectangle = out.corners == 4 && (out.sought >= 8 ? share > 0.4 : !strict || map.alive_count() < 12);
-  out.proven = sure && fit.scale < 3.5 && (by_points || by_few || by_rectangle);
+  out.proven = sure && fit.scale < 3.5 && (by_points || by_few || by_all || by_rectangle);
   if (out.proven) depth_m_ = depth;
   return out;
 }

@@ -42,38 +42,41 @@ CameraRig spoilt(const CameraRig& truth, double metres, double degrees, std::uin
 
 struct Figures {
   double volume_m = 0;   // rms
+  double path_m = 0;     // rms of the places where the ball was, aligned by themselves
   double centre_m = 0;   // worst camera
   double turned_deg = 0;
   double scale = 1;      // of the found volume over the true one
 };
 
-// Points of the 2x2x2 m volume, projected by the true rig and triangulated with the found one; after rigid alignment.
-Figures compare(const CameraRig& truth, const CameraRig& found) {
+struct Aligned {
+  Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();
+  Eigen::Vector3d translation = Eigen::Vector3d::Zero();
+  double rms_m = 0;
+  double scale = 1;
+};
+
+// Points, projected by the true rig and triangulated with the found one; rigidly aligned.
+Aligned align(const CameraRig& truth, const CameraRig& found, const std::vector<Eigen::Vector3d>& points) {
   std::vector<Eigen::Vector3d> from, to;
-  for (int i = 0; i <= 8; ++i) {
-    for (int j = 0; j <= 8; ++j) {
-      for (int k = 0; k <= 8; ++k) {
-        const Eigen::Vector3d p(-1 + 0.25 * i, -1 + 0.25 * j, 0.1 + 0.25 * k);
-        Eigen::Matrix3d sum = Eigen::Matrix3d::Zero();
-        Eigen::Vector3d right = Eigen::Vector3d::Zero();
-        int views = 0;
-        for (std::size_t c = 0; c < truth.cameras.size(); ++c) {
-          const auto px = truth.cameras[c].project_world(p);
-          if (!px || !truth.cameras[c].contains(*px)) continue;
-          const auto ray = found.cameras[c].model.ray(*px);
-          if (!ray) continue;
-          const Rigid3d world_from_cam = inverse(found.cameras[c].cam_from_world);
-          const Eigen::Vector3d d = world_from_cam.rotation * *ray;
-          const Eigen::Matrix3d across = Eigen::Matrix3d::Identity() - d * d.transpose();
-          sum += across;
-          right += across * world_from_cam.translation;
-          ++views;
-        }
-        if (views < 2) continue;
-        from.push_back(sum.inverse() * right);
-        to.push_back(p);
-      }
+  for (const Eigen::Vector3d& p : points) {
+    Eigen::Matrix3d sum = Eigen::Matrix3d::Zero();
+    Eigen::Vector3d right = Eigen::Vector3d::Zero();
+    int views = 0;
+    for (std::size_t c = 0; c < truth.cameras.size(); ++c) {
+      const auto px = truth.cameras[c].project_world(p);
+      if (!px || !truth.cameras[c].contains(*px)) continue;
+      const auto ray = found.cameras[c].model.ray(*px);
+      if (!ray) continue;
+      const Rigid3d world_from_cam = inverse(found.cameras[c].cam_from_world);
+      const Eigen::Vector3d d = world_from_cam.rotation * *ray;
+      const Eigen::Matrix3d across = Eigen::Matrix3d::Identity() - d * d.transpose();
+      sum += across;
+      right += across * world_from_cam.translation;
+      ++views;
     }
+    if (views < 2) continue;
+    from.push_back(sum.inverse() * right);
+    to.push_back(p);
   }
   Eigen::Matrix3Xd a(3, from.size()), b(3, to.size());
   for (std::size_t i = 0; i < from.size(); ++i) {
@@ -81,14 +84,29 @@ Figures compare(const CameraRig& truth, const CameraRig& found) {
     b.col(static_cast<Eigen::Index>(i)) = to[i];
   }
   const Eigen::Matrix4d t = Eigen::umeyama(a, b, false);
-  const Eigen::Matrix3d rotation = t.topLeftCorner<3, 3>();
-  const Eigen::Vector3d translation = t.topRightCorner<3, 1>();
+  Aligned result{t.topLeftCorner<3, 3>(), t.topRightCorner<3, 1>()};
+  result.rms_m = std::sqrt(((result.rotation * a).colwise() + result.translation - b).colwise().squaredNorm().mean());
+  result.scale = 1 / std::cbrt(Eigen::umeyama(a, b, true).topLeftCorner<3, 3>().determinant());
+  return result;
+}
+
+// path: where the ball was.
+Figures compare(const CameraRig& truth, const CameraRig& found, const std::vector<Eigen::Vector3d>& path) {
+  std::vector<Eigen::Vector3d> volume;
+  for (int i = 0; i <= 8; ++i) {
+    for (int j = 0; j <= 8; ++j) {
+      for (int k = 0; k <= 8; ++k) volume.emplace_back(-1 + 0.25 * i, -1 + 0.25 * j, 0.1 + 0.25 * k);
+    }
+  }
+  const Aligned world = align(truth, found, volume);
   Figures f;
-  f.volume_m = std::sqrt(((rotation * a).colwise() + translation - b).colwise().squaredNorm().mean());
-  f.scale = 1 / std::cbrt(Eigen::umeyama(a, b, true).topLeftCorner<3, 3>().determinant());
+  f.volume_m = world.rms_m;
+  f.scale = world.scale;
+  if (!path.empty()) f.path_m = align(truth, found, path).rms_m;
   for (std::size_t c = 0; c < truth.cameras.size(); ++c) {
-    f.centre_m = std::max(f.centre_m, (rotation * found.cameras[c].centre() + translation - truth.cameras[c].centre()).norm());
-    const Eigen::Quaterniond q = found.cameras[c].cam_from_world.rotation * Eigen::Quaterniond(rotation).conjugate();
+    const Eigen::Vector3d centre = world.rotation * found.cameras[c].centre() + world.translation;
+    f.centre_m = std::max(f.centre_m, (centre - truth.cameras[c].centre()).norm());
+    const Eigen::Quaterniond q = found.cameras[c].cam_from_world.rotation * Eigen::Quaterniond(world.rotation).conjugate();
     f.turned_deg = std::max(f.turned_deg, q.angularDistance(truth.cameras[c].cam_from_world.rotation) * 180 / std::numbers::pi);
   }
   return f;
@@ -97,6 +115,7 @@ Figures compare(const CameraRig& truth, const CameraRig& found) {
 // How far the outlines are from where the truth has them, of balls wholly in view: per axis, rms; pixels.
 double outline_noise(const Sequence& sequence, const TargetOptions& target, const std::vector<BallFrame>& frames) {
   std::vector<double> off2;
+  std::vector<std::vector<std::pair<double, Eigen::Vector2d>>> errors(sequence.rig.cameras.size());
   std::vector<Eigen::Vector2d> sum(sequence.rig.cameras.size(), Eigen::Vector2d::Zero());
   std::vector<int> count(sequence.rig.cameras.size(), 0);
   for (const BallFrame& frame : frames) {
@@ -110,6 +129,7 @@ double outline_noise(const Sequence& sequence, const TargetOptions& target, cons
       const Eigen::Vector2d off = region.centre - *px;
       if (off.norm() > 3) continue;
       off2.push_back(off.squaredNorm() / 2);
+      errors[c].emplace_back(frame.t_s, off);
       sum[c] += off;
       ++count[c];
       break;
@@ -122,7 +142,23 @@ double outline_noise(const Sequence& sequence, const TargetOptions& target, cons
   for (std::size_t c = 0; c < count.size(); ++c) {
     if (count[c] > 0) std::printf("  %+.3f %+.3f", sum[c].x() / count[c], sum[c].y() / count[c]);
   }
-  std::printf("\n");
+  // How like the errors at one time are to those some time later: not at all, were they independent.
+  std::printf("\n   ");
+  for (const double later_s : {0.033, 0.067, 0.133, 0.267, 0.533, 1.067, 2.133}) {
+    double product = 0;
+    int pairs = 0;
+    for (const auto& of_camera : errors) {
+      for (const auto& [t, off] : of_camera) {
+        for (const auto& [u, other] : of_camera) {
+          if (std::abs(u - t - later_s) > 0.01) continue;
+          product += off.dot(other) / 2;
+          ++pairs;
+        }
+      }
+    }
+    if (pairs > 20) std::printf(" %.2f after %.3f s,", product / pairs / all, later_s);
+  }
+  std::printf(" correlated\n");
   return std::sqrt(all);
 }
 
@@ -158,6 +194,7 @@ void print_bound(const Sequence& sequence, const std::vector<TargetOptions>& tar
   WaveAdjustmentOptions options;
   options.radius_m = targets.front().radius_m;
   options.loss = 1000;
+  options.correlation = {.lasting = 0, .slow = 0};
   options.with_covariance = true;
   const WaveFit fit = adjust_wave(sequence.rig, observations, state, options);
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> axes(fit.covariance);
@@ -177,7 +214,7 @@ void print_bound(const Sequence& sequence, const std::vector<TargetOptions>& tar
       if (turn.norm() > 0) pose.rotation = pose.rotation * Eigen::Quaterniond(Eigen::AngleAxisd(turn.norm(), turn.normalized()));
       pose.translation = -(pose.rotation * centre);
     }
-    const Figures f = compare(sequence.rig, rig);
+    const Figures f = compare(sequence.rig, rig, {});
     volume2 += f.volume_m * f.volume_m / samples;
     centre2 += f.centre_m * f.centre_m / samples;
   }
@@ -258,7 +295,12 @@ int main(int argc, char** argv) {
       const TruthRow& row = *clear[(2 * i + 1) * clear.size() / 10];
       marks.marks.push_back({seconds(row.at), row.position});
     }
-    const WaveOptions rig_only{.radius_m = c.targets.front().radius_m};
+    WaveOptions rig_only{.radius_m = c.targets.front().radius_m};
+    for (WaveOptions* options : {&tape, &marks, &rig_only}) options->volume = WorldBox{{-1, -1, 0.1}, {1, 1, 2.1}};
+    std::vector<Eigen::Vector3d> path;
+    for (const TargetOptions& target : c.targets) {
+      for (const TruthRow& row : sequence.truth.at(target.name)) path.push_back(row.position);
+    }
     struct Mode {
       const char* name;
       WaveOptions options;
@@ -269,7 +311,7 @@ int main(int argc, char** argv) {
     for (const Mode& mode : {Mode{"scale from the distance of two cameras", tape, true},
                              Mode{"scale and world from five marked points", marks, true},
                              Mode{"scale from the spoilt rig alone", rig_only, false}}) {
-      std::vector<double> volume, centre, turned, scale, expected, halves;
+      std::vector<double> volume, on_path, centre, turned, scale, stated_volume, stated_path, stated_centre, halves, halves_sigma;
       int failed = 0, doubtful = 0;
       double slowest = 0;
       for (int seed = 1; seed <= seeds; ++seed) {
@@ -277,9 +319,13 @@ int main(int argc, char** argv) {
           const auto start = std::chrono::steady_clock::now();
           const WaveResult r = calibrate_wave(spoilt(sequence.rig, 0.1, 3, static_cast<std::uint64_t>(seed)), frames, mode.options);
           slowest = std::max(slowest, std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count());
-          const Figures f = compare(sequence.rig, r.rig);
+          const Figures f = compare(sequence.rig, r.rig, path);
           volume.push_back(f.volume_m), centre.push_back(f.centre_m), turned.push_back(f.turned_deg);
-          scale.push_back(std::abs(f.scale - 1)), expected.push_back(r.expected_m), halves.push_back(r.halves_m);
+          scale.push_back(std::abs(f.scale - 1)), on_path.push_back(f.path_m), halves.push_back(r.halves_m), halves_sigma.push_back(r.halves_sigma_m);
+          stated_path.push_back(r.expected_m), stated_volume.push_back(r.expected_in_volume_m.value_or(0));
+          double worst = 0;
+          for (const WaveCamera& camera : r.cameras) worst = std::max(worst, camera.centre_sigma_m.norm());
+          stated_centre.push_back(worst);
           doubtful += r.usable() ? 0 : 1;
           if (seed == 1 && mode.scale_known && std::getenv("WAVE_FIGURES_VERBOSE") != nullptr) std::printf("%s", to_text(r).c_str());
         } catch (const std::exception& e) {
@@ -295,8 +341,12 @@ int main(int argc, char** argv) {
       print_column("camera rotations, worst camera", turned, 1, "deg", judged ? 0.3 : 0);
       print_column("2x2x2 m volume, rms", volume, 1e3, "mm", judged ? 3 : 0);
       print_column("scale off by", scale, 100, "%", 0);
-      print_column("expected (stated by the calibration)", expected, 1e3, "mm", 0);
-      print_column("halves differ (stated by the calibration)", halves, 1e3, "mm", 0);
+      print_column("positions where the ball was, rms", on_path, 1e3, "mm", 0);
+      print_column("stated: camera centres, worst camera", stated_centre, 1e3, "mm", 0);
+      print_column("stated: 2x2x2 m volume", stated_volume, 1e3, "mm", 0);
+      print_column("stated: positions where the ball was", stated_path, 1e3, "mm", 0);
+      print_column("the halves differ by", halves, 1e3, "mm", 0);
+      print_column("stated: what they should differ by", halves_sigma, 1e3, "mm", 0);
     }
     // From nothing: lenses only.
     for (const bool with_distance : {true, false}) {
@@ -305,7 +355,7 @@ int main(int argc, char** argv) {
       std::printf("  no poses to start from, scale from %s\n", with_distance ? "the distance of two cameras" : "the radius");
       try {
         const WaveResult r = calibrate_wave(sequence.rig, frames, nothing);
-        const Figures f = compare(sequence.rig, r.rig);
+        const Figures f = compare(sequence.rig, r.rig, path);
         std::printf("    centres %.1f mm, rotations %.3f deg, volume %.2f mm rms, scale off by %.2f %%\n", 1e3 * f.centre_m,
                     f.turned_deg, 1e3 * f.volume_m, 100 * std::abs(f.scale - 1));
         if (must && with_distance && (f.centre_m > 0.01 || f.turned_deg > 0.3 || f.volume_m > 0.003)) {

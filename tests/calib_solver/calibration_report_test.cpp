@@ -16,7 +16,7 @@ using testing::Contains;
 using testing::Field;
 using testing::HasSubstr;
 
-constexpr IntrinsicsOptions one_lens{.lens = LensModel::radtan4};
+const IntrinsicsOptions one_lens{.lens = LensModel::radtan4};
 
 std::vector<CameraToCalibrate> unknown(const CameraRig& rig) {
   std::vector<CameraToCalibrate> cameras;
@@ -106,6 +106,15 @@ TEST(CalibrationReport, NamesAspectOverlapAndBoardsSeenFromBehind) {
   const CalibrationReport report = report_on(calibrated(squeezed), {});
   EXPECT_THAT(report.checks, speaks_against(Verdict::doubtful, "aspect ratio of cam1"));
   EXPECT_THAT(report.checks, speaks_against(Verdict::doubtful, "overlap of cam0 and cam1"));
+  // The lens by itself is then not known better than its pixels are square.
+  std::vector<BoardView> own;
+  for (BoardView& view : squeezed.views) {
+    if (view.camera != 1) continue;
+    view.camera = 0;
+    own.push_back(std::move(view));
+  }
+  const Adjustment alone = calibrate_intrinsics(capture.board, "cam1", {640, 480}, own, one_lens).adjustment;
+  EXPECT_GT(alone.lens_sigma(0).head<2>().norm(), 0.02 * alone.cameras[0].parameters(0));
   // As if the solution had put a camera behind the boards.
   Extrinsics behind = calibrated(capture);
   Adjustment& a = behind.adjustment;
@@ -144,6 +153,22 @@ TEST(RigCheck, NamesTheCameraThatMoved) {
   EXPECT_EQ(either.verdict, Verdict::failed);
   EXPECT_EQ(either.or_else.size(), 1U);
   EXPECT_THAT(to_text(either, two), HasSubstr("these views do not tell which"));
+}
+
+TEST(RigCheck, TellsAnotherBoardAndSwappedNamesFromABump) {
+  const SyntheticCapture capture = synthetic_capture({.cameras = 3, .sets = 8});
+  Board smaller = capture.board;
+  smaller.pitch *= 0.95;
+  const RigCheck scale = check_rig(smaller, capture.rig, capture.views);
+  EXPECT_EQ(scale.verdict, Verdict::failed);
+  EXPECT_TRUE(scale.moved.empty());
+  EXPECT_THAT(to_text(scale, capture.rig), AllOf(HasSubstr("0.950"), HasSubstr("board file")));
+  std::vector<BoardView> swapped = capture.views;
+  for (BoardView& view : swapped) view.camera = view.camera == 0 ? 2 : view.camera == 2 ? 0 : view.camera;
+  const RigCheck names = check_rig(capture.board, capture.rig, swapped);
+  EXPECT_EQ(names.verdict, Verdict::failed);
+  EXPECT_TRUE(names.moved.empty());
+  EXPECT_THAT(to_text(names, capture.rig), HasSubstr("cameras cam0 and cam2 look swapped"));
 }
 
 TEST(WorldFrame, IsSetByBoardsPointsAndFloors) {

@@ -49,7 +49,7 @@ TEST(Intrinsics, TooFewViewsAreNamed) {
     calibrate_intrinsics(capture.board, "left", {640, 480}, capture.views);
     FAIL();
   } catch (const CalibrationError& error) {
-    EXPECT_THAT(error.what(), HasSubstr("camera left: the board was found in 2 images; at least 4 are needed"));
+    EXPECT_THAT(error.what(), HasSubstr("camera left: only 2 views of the board; at least 4 are needed"));
   }
 }
 

@@ -2,6 +2,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <array>
+#include <condition_variable>
 #include <cstring>
 #include <memory>
 #include <mutex>
@@ -29,6 +31,13 @@ class Programme {
     const std::scoped_lock lock(mutex_);
     ++now_;
   }
+  // Returns when both cameras have come to this frame: their clocks are the same, as those of real cameras are.
+  void meet(std::size_t camera, std::size_t frame, const std::stop_token& stop) {
+    std::unique_lock lock(mutex_);
+    reached_[camera] = frame;
+    met_.notify_all();
+    met_.wait(lock, stop, [&] { return reached_[0] >= frame && reached_[1] >= frame; });
+  }
   std::optional<int> picture_of_frame(std::size_t frame) {  // nullopt: it is over
     const std::scoped_lock lock(mutex_);
     while (shown_.size() <= frame) shown_.push_back(now_);
@@ -40,14 +49,17 @@ class Programme {
   std::mutex mutex_;
   int now_ = 0;  // these two guarded by mutex_
   std::vector<int> shown_;
+  std::array<std::size_t, 2> reached_{};
+  std::condition_variable_any met_;
 };
 
 class ShownPictures final : public FrameSource {
  public:
-  ShownPictures(std::vector<cv::Mat> pictures, std::shared_ptr<Programme> programme)
-      : pictures_(std::move(pictures)), programme_(std::move(programme)) {}
+  ShownPictures(std::vector<cv::Mat> pictures, std::shared_ptr<Programme> programme, std::size_t camera)
+      : pictures_(std::move(pictures)), programme_(std::move(programme)), camera_(camera) {}
   std::optional<Frame> next(std::stop_token stop) override {
     std::this_thread::sleep_for(std::chrono::milliseconds(10));  // not to fill the memory; nothing depends on it
+    programme_->meet(camera_, at_, stop);
     const auto picture_number = programme_->picture_of_frame(at_);
     if (stop.stop_requested() || !picture_number) return std::nullopt;
     const cv::Mat& picture = pictures_[static_cast<std::size_t>(*picture_number)];
@@ -64,6 +76,7 @@ class ShownPictures final : public FrameSource {
  private:
   std::vector<cv::Mat> pictures_;
   std::shared_ptr<Programme> programme_;
+  std::size_t camera_;
   std::size_t at_ = 0;
 };
 
@@ -73,7 +86,7 @@ std::vector<LiveCameraSource> shown(const CameraRig& rig, const std::vector<Rigi
   for (std::size_t c = 0; c < rig.cameras.size(); ++c) {
     std::vector<cv::Mat> pictures;
     for (const Rigid3d& pose : poses) pictures.push_back(picture_of(rig.cameras[c], pictured_board(), pose, c));
-    cameras.push_back({rig.cameras[c].name, std::make_unique<ShownPictures>(pictures, programme), {}});
+    cameras.push_back({rig.cameras[c].name, std::make_unique<ShownPictures>(pictures, programme, c), {}});
   }
   return cameras;
 }
@@ -106,7 +119,7 @@ TEST(LiveBoards, ACameraThatNeverSeesTheBoardIsNamed) {
   const auto programme = std::make_shared<Programme>(1);
   auto cameras = shown(rig, pictured_poses(1), programme);
   cameras[1].source =
-      std::make_unique<ShownPictures>(std::vector<cv::Mat>{cv::Mat::zeros(240, 320, CV_8UC1)}, programme);
+      std::make_unique<ShownPictures>(std::vector<cv::Mat>{cv::Mat::zeros(240, 320, CV_8UC1)}, programme, 1);
   LiveBoardsOptions options;
   options.progress = false;
   options.looked = [&](const std::string& status) {
@@ -144,7 +157,8 @@ TEST(ViewCoverage, SaysWhatIsMissing) {
   EXPECT_EQ(coverage.shared(2, 1), 1);
   EXPECT_THAT(coverage.needs(), Contains("show it to right and back together: 1 of 10 shared views"));
   EXPECT_THAT(coverage.needs(), Contains("back: 1 of 15 views at different places"));
-  EXPECT_THAT(coverage.line(), HasSubstr("left-right 30 shared"));
+  EXPECT_THAT(coverage.lines(), HasSubstr("shared views: left + back 0/10, right + back 1/10"));
+  EXPECT_THAT(coverage.lines(), HasSubstr("back   views [----------]  1/15  image"));
 }
 
 TEST(ImagePairs, AreFoundByTheLastNumber) {

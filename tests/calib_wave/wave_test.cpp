@@ -1,4 +1,5 @@
 #include "calib/wave/wave.h"
+#include "calib/wave/wave_adjustment.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -148,6 +149,74 @@ TEST(Wave, BringsSpoiltPosesBack) {
   EXPECT_TRUE(r.usable()) << to_text(r);
   EXPECT_LT(r.expected_m, 0.003);
   EXPECT_GT(r.expected_m, 0.00005);
+}
+
+TEST(Wave, TellsHowGoodItIsInTheWholeVolume) {
+  const CameraRig truth = rig_of(3);
+  WaveOptions options = taped(truth);
+  options.volume = WorldBox{{-1, -1, 0.2}, {1, 1, 1.8}};
+  int told = 0, last = -1;
+  options.progress = [&](const std::string&, int done, int total) {
+    EXPECT_LE(last, done);
+    EXPECT_LT(done, total);
+    last = done;
+    ++told;
+  };
+  const WaveResult r = calibrate_wave(truth, waved(truth, {.seconds = 4}), options);
+  EXPECT_GT(told, 5);
+  ASSERT_TRUE(r.expected_in_volume_m);
+  EXPECT_GT(*r.expected_in_volume_m, r.expected_m);  // where the ball was not, it is worse
+  EXPECT_LT(*r.expected_in_volume_m, 10 * r.expected_m);
+  EXPECT_LT(r.halves_m, 3 * r.halves_sigma_m);
+}
+
+// Errors that are correlated as the model says: the covariance says how wrong the poses are then.
+TEST(Wave, TheCovarianceIsThatOfCorrelatedErrors) {
+  const CameraRig truth = rig_of(3);
+  constexpr double noise_px = 0.15, step_s = 1.0 / 30;
+  const OutlineCorrelation correlation;
+  WaveState start;
+  for (const Camera& camera : truth.cameras) start.cam_from_world.push_back(camera.cam_from_world);
+  start.path = BallPath::over(0, 3, step_s);
+  for (std::size_t k = 0; k < start.path.control.size(); ++k)
+    start.path.control[k] = lissajous((static_cast<double>(k) - 1) * step_s);
+  std::mt19937_64 rng(5);
+  std::normal_distribution<double> normal;
+  const auto pair = [&] { return Eigen::Vector2d(normal(rng), normal(rng)); };
+  constexpr int trials = 20;
+  double independent = 0, correlated = 0;  // squared errors of a camera's pose in their own standard deviations
+  for (int trial = 0; trial < trials; ++trial) {
+    std::vector<BallObservation> seen;
+    for (int c = 0; c < 3; ++c) {
+      const Camera& camera = truth.cameras[static_cast<std::size_t>(c)];
+      const Eigen::Vector2d lasting = pair();
+      Eigen::Vector2d slow = pair();
+      const double kept = std::exp(-step_s / correlation.slow_s);
+      for (int i = 0; i < 90; ++i) {
+        const double t = i * step_s;
+        const auto px = outline_centre(camera.model, camera.cam_from_world * lissajous(t), 0.04);
+        ASSERT_TRUE(px);
+        slow = kept * slow + std::sqrt(1 - kept * kept) * pair();
+        const Eigen::Vector2d error = std::sqrt(correlation.lasting) * lasting + std::sqrt(correlation.slow) * slow +
+                                      std::sqrt(1 - correlation.lasting - correlation.slow) * pair();
+        seen.push_back({c, t, *px + noise_px * error, noise_px * noise_px * Eigen::Matrix2d::Identity()});
+      }
+    }
+    for (const bool is_told : {true, false}) {
+      WaveState state = start;
+      WaveAdjustmentOptions options{.loss = 1000, .with_covariance = true};
+      if (!is_told) options.correlation = {.lasting = 0, .slow = 0};
+      const WaveFit fit = adjust_wave(truth, seen, state, options);
+      const Rigid3d &found = state.cam_from_world[2], &was = truth.cameras[2].cam_from_world;
+      const Eigen::AngleAxisd turn(found.rotation.conjugate() * was.rotation);
+      Eigen::Matrix<double, 6, 1> error;
+      error << inverse(was).translation - inverse(found).translation, turn.angle() * turn.axis();
+      const Eigen::Matrix<double, 6, 6> own = fit.covariance.block<6, 6>(12, 12);
+      (is_told ? correlated : independent) += error.dot(own.ldlt().solve(error)) / 6 / trials;
+    }
+  }
+  EXPECT_NEAR(correlated, 1, 0.35);
+  EXPECT_GT(independent, 2);  // so one would believe too much
 }
 
 TEST(Wave, CamerasNeedNotRunInStep) {

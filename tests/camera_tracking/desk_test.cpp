@@ -62,6 +62,19 @@ TEST_F(Desk, huetrackFollowsFromTheFirstFrameAndThroughTheCover) {
   EXPECT_GT(map.back().covariance.trace(), 0);
 }
 
+TEST_F(Desk, fourKnownPointsAreEnoughToGoOnFrom) {
+  const CameraSequence s = part(0, 24);
+  PointsStart start;
+  start.points = {{-0.1, 0.075, 0}, {0.1, 0.075, 0}, {0.1, -0.075, 0}, {-0.1, -0.075, 0}};  // rectangle.csv
+  for (const auto& p : start.points)
+    start.pixels.push_back(s.camera.model.project(inverse(*s.world_from_camera[0]) * p)->px);
+  CameraTrackerOptions o;
+  o.start = start;
+  const PoseErrors e = errors_of(run(*CameraTracker::make(s.camera, o), s), s);
+  EXPECT_EQ(e.tracked, 24);
+  EXPECT_LT(e.max_m, 0.02);
+}
+
 TEST_F(Desk, sameSeedSameBits) {
   const CameraSequence s = part(0, 24);
   for (const CameraMethod method : {CameraMethod::huetrack, CameraMethod::lee, CameraMethod::pupilli}) {

@@ -31,17 +31,6 @@ using testing::Not;
 const fs::path rendered = fs::path(HUETRACK_SHARED_DATA) / "rendered";
 constexpr int metrics_port = 19464;
 
-// The pixels of a YUYV camera.
-std::string yuyv_of(const Image& image) {
-  std::string bytes;
-  for (int v = 0; v < image.height; ++v)
-    for (int u = 0; u < image.width; u += 2) {
-      const Yuv left = yuv_at(image, u, v), right = yuv_at(image, u + 1, v);
-      for (const auto byte : {left.y, left.u, right.y, left.v}) bytes += static_cast<char>(byte);
-    }
-  return bytes;
-}
-
 // Frames from .. from + count of every camera, into folder/<camera>.yuyv.
 void write_films(const fs::path& recording, const std::vector<std::string>& cameras, const fs::path& folder,
                  int from = 0, int count = 1000000) {

@@ -3,7 +3,7 @@
 # uvcvideo.
 #   tests/v4l2/run.sh [--all | --short] [BUILD [GTEST_ARGUMENTS...]]
 # --all (the default) takes about a quarter of an hour, --short some three; tests/run.sh has the short form among its tests
-# (HUETRACK_VM_TESTS=off or all says otherwise). BUILD: where v4l2_devices_test and v4l2_daemon_test were built (default
+# (HUETRACK_VM_TESTS=off or all says otherwise). BUILD: where v4l2_devices_test and the others were built (default
 # build/release). The VM's scripts are looked for in ../shared/tools/v4l2vm (V4L2VM_DIR says otherwise); its files are cached
 # in $V4L2VM_CACHE (default ~/.cache/v4l2vm). Exit status 77: skipped, because the VM cannot be had here, with the reason.
 set -euo pipefail
@@ -34,7 +34,7 @@ for program in qemu-system-x86_64 cpio xz strip make gcc-12; do
   command -v "$program" >/dev/null ||
     skip "no $program: apt-get install --no-install-recommends qemu-system-x86 cpio xz-utils binutils make gcc-12"
 done
-for test in devices daemon; do
+for test in devices daemon calibration; do
   [ -x "$build/tests/v4l2/v4l2_${test}_test" ] || {
     echo "$build/tests/v4l2/v4l2_${test}_test: not built (cmake --build $build --target v4l2_${test}_test)" >&2
     exit 1
@@ -66,7 +66,7 @@ status=0
 "$vm/v4l2vm.sh" --vivid 2 --loopback 3 --uvc --timeout "$patience" --out "$work/out" --env "HUETRACK_V4L2_TOOLS=$tools" \
   --env "ASAN_OPTIONS=${ASAN_OPTIONS:-}" --env "HUETRACK_KILLS=${HUETRACK_KILLS:-20}" -- \
   sh -c 'touch /out/started; cd /tmp; ip link set lo up 2>/dev/null; build=$1; filter=$2; shift 2; status=0
-    for test in devices daemon; do
+    for test in devices daemon calibration; do
       "$build/tests/v4l2/v4l2_${test}_test" --gtest_color=no --gtest_filter="$filter" "$@" || status=1
     done
     exit $status' sh "$build" "$filter" "$@" || status=$?

@@ -13,6 +13,7 @@
 #include <thread>
 #include <vector>
 
+#include "capture/pixel_format.h"
 #include "capture/v4l2_device.h"
 
 namespace huetrack {
@@ -62,6 +63,17 @@ bool comes_true(Condition condition, std::chrono::milliseconds patience = std::c
     std::this_thread::sleep_for(std::chrono::milliseconds(20));
   }
   return true;
+}
+
+// The pixels of a YUYV camera.
+inline std::string yuyv_of(const Image& image) {
+  std::string bytes;
+  for (int v = 0; v < image.height; ++v)
+    for (int u = 0; u < image.width; u += 2) {
+      const Yuv left = yuv_at(image, u, v), right = yuv_at(image, u + 1, v);
+      for (const auto byte : {left.y, left.u, right.y, left.v}) bytes += static_cast<char>(byte);
+    }
+  return bytes;
 }
 
 inline std::filesystem::path node_of(const std::string& driver, int number = 0) {
