@@ -44,6 +44,14 @@ int call(const FileDescriptor& fd, unsigned long request, Argument& argument) {
   return result < 0 ? errno : 0;
 }
 
+// Of a camera that is gone or locked up, whom every further question would cost seconds: uvcvideo gives each 5 s, and
+// some kernels then say EIO, which a control that is merely refused may say, too, but at once.
+constexpr auto locked_up_after = std::chrono::seconds(2);
+bool is_unanswered(int error, std::chrono::steady_clock::duration took) {
+  return error == ENODEV || error == ENXIO || error == ESHUTDOWN || error == ETIMEDOUT ||
+         (error != 0 && took >= locked_up_after);
+}
+
 template <typename Struct>
 Struct zeroed() {
   Struct s;
@@ -283,23 +291,20 @@ bool has_size(const OfferedFormat& format, int width, int height) {
          });
 }
 
-bool reaches(const std::vector<Interval>& intervals, double fps) {
-  return intervals.empty() || intervals.front().fps() >= 0.95 * fps;
-}
-
 // The fourcc to ask for. formats: what the driver enumerates, not empty.
 std::uint32_t chosen_fourcc(const FileDescriptor& fd, const fs::path& node, const std::vector<OfferedFormat>& formats,
                             const StreamRequest& request) {
-  std::optional<std::uint32_t> slow;
+  std::vector<const KnownFormat*> candidates;
+  std::vector<double> rates;
   for (const auto& known : known_formats) {
     if (request.format && *request.format != known.format) continue;
     const auto offered = std::ranges::find(formats, known.fourcc, &OfferedFormat::fourcc);
     if (offered == formats.end() || !has_size(*offered, request.width, request.height)) continue;
-    if (request.fps <= 0 || reaches(intervals_of(fd, known.fourcc, request.width, request.height), request.fps))
-      return known.fourcc;
-    if (!slow) slow = known.fourcc;
+    const auto intervals = intervals_of(fd, known.fourcc, request.width, request.height);
+    candidates.push_back(&known);
+    rates.push_back(intervals.empty() ? 0 : intervals.front().fps());
   }
-  if (slow) return *slow;
+  if (const auto chosen = preferred_rate(rates, request.fps)) return candidates[*chosen]->fourcc;
   refuse(node, "has no " + (request.format ? std::string(name(*request.format)) + " " : std::string()) +
                    size_text(request.width, request.height) + ": " + offer_text(formats));
 }
@@ -365,7 +370,7 @@ class Buffers {
       if (const int e = call(*fd_, VIDIOC_QUERYBUF, argument.buffer)) fail(node, e, "QUERYBUF");
       maps_.emplace_back(*fd_, node, argument.length(), argument.offset());
     }
-    held_.assign(maps_.size(), false);
+    places_.assign(maps_.size(), Place::here);
   }
   ~Buffers() { stop(); }
   Buffers(const Buffers&) = delete;
@@ -373,38 +378,39 @@ class Buffers {
 
   // 0, or errno and the call that failed.
   std::pair<int, const char*> start() {
-    const std::scoped_lock lock(mutex_);
-    queued_ = 0;
-    for (std::uint32_t i = 0; i < maps_.size(); ++i)
-      if (!held_[i])
-        if (const int e = queue(i)) return {e, "QBUF"};
+    if (const int e = queue_all(false)) return {e, "QBUF"};
     auto type = static_cast<int>(type_);
+    // Not under the mutex, as STREAMOFF: a camera that locks up takes seconds, and readers let go of its frames
+    // meanwhile.
     if (const int e = call(*fd_, VIDIOC_STREAMON, type)) {
       call(*fd_, VIDIOC_STREAMOFF, type);  // gives the queued buffers back
+      all_came_back();
       return {e, "STREAMON"};
     }
-    streaming_ = true;
+    queue_all(true);  // what was let go of meanwhile; what it cannot say here, the next dequeue() will
     return {0, ""};
   }
 
   void stop() {
-    const std::scoped_lock lock(mutex_);
-    if (!std::exchange(streaming_, false)) return;
+    {
+      const std::scoped_lock lock(mutex_);
+      if (!std::exchange(streaming_, false)) return;
+    }
     auto type = static_cast<int>(type_);
     call(*fd_, VIDIOC_STREAMOFF, type);
-    queued_ = 0;
+    all_came_back();
   }
 
   // Of a buffer just dequeued.
   void hold(std::uint32_t index) {
     const std::scoped_lock lock(mutex_);
-    held_[index] = true;
+    places_[index] = Place::reader;
     --queued_;
   }
 
   void give_back(std::uint32_t index) {
     const std::scoped_lock lock(mutex_);
-    held_[index] = false;
+    places_[index] = Place::here;
     if (streaming_) queue(index);  // what it cannot say here, the next dequeue() will
   }
 
@@ -417,20 +423,38 @@ class Buffers {
   std::span<const std::uint8_t> bytes(std::uint32_t index) const { return maps_[index].bytes(); }
 
  private:
+  enum class Place : std::uint8_t { here, driver, reader };
+
   int queue(std::uint32_t index) {  // mutex_ is held
     BufferArgument argument(type_, index);
     const int error = call(*fd_, VIDIOC_QBUF, argument.buffer);
-    if (error == 0) ++queued_;
+    if (error != 0) return error;
+    places_[index] = Place::driver;
+    ++queued_;
+    return 0;
+  }
+  // 0, or errno.
+  int queue_all(bool is_streaming) {
+    const std::scoped_lock lock(mutex_);
+    int error = 0;
+    for (std::uint32_t i = 0; i < maps_.size() && error == 0; ++i)
+      if (places_[i] == Place::here) error = queue(i);
+    streaming_ = is_streaming;
     return error;
+  }
+  void all_came_back() {
+    const std::scoped_lock lock(mutex_);
+    std::ranges::replace(places_, Place::driver, Place::here);
+    queued_ = 0;
   }
 
   const std::shared_ptr<const FileDescriptor> fd_;
   const std::uint32_t type_;
   std::vector<Mapping> maps_;
   mutable std::mutex mutex_;
-  std::vector<bool> held_;  // guarded by mutex_; by a reader
-  int queued_ = 0;          // guarded by mutex_
-  bool streaming_ = false;  // guarded by mutex_
+  std::vector<Place> places_;  // guarded by mutex_
+  int queued_ = 0;             // guarded by mutex_; at the driver
+  bool streaming_ = false;     // guarded by mutex_
 };
 
 // ---- Controls
@@ -489,16 +513,18 @@ bool is_automatic(std::uint32_t id) {
   return std::ranges::find(ruled_controls, id, &Ruled::automatic) != ruled_controls.end();
 }
 
-// Of what kind, and its value if it has one that can be read.
-std::optional<std::int64_t> value_of(const FileDescriptor& fd, std::uint32_t id, bool is_64_bit) {
+// 0, or errno. value: nullopt where it cannot be read.
+int read_value(const FileDescriptor& fd, Control& into) {
   auto control = zeroed<v4l2_ext_control>();
-  control.id = id;
+  control.id = into.id;
   auto list = zeroed<v4l2_ext_controls>();
   list.which = V4L2_CTRL_WHICH_CUR_VAL;
   list.count = 1;
   list.controls = &control;
-  if (call(fd, VIDIOC_G_EXT_CTRLS, list) != 0) return std::nullopt;
-  return is_64_bit ? control.value64 : control.value;
+  into.value.reset();
+  if (const int e = call(fd, VIDIOC_G_EXT_CTRLS, list)) return e;
+  into.value = into.is_64_bit ? control.value64 : control.value;
+  return 0;
 }
 
 int set_value(const FileDescriptor& fd, std::uint32_t id, bool is_64_bit, std::int64_t value) {
@@ -515,13 +541,32 @@ int set_value(const FileDescriptor& fd, std::uint32_t id, bool is_64_bit, std::i
   return call(fd, VIDIOC_S_EXT_CTRLS, list);
 }
 
-std::vector<Control> controls_of(const FileDescriptor& fd) {
+// Watches over calls that ask the camera itself.
+class Patience {
+ public:
+  // The error that the call gave, with how long it took.
+  template <typename Call>
+  int watch(Call&& call) {
+    const auto begun = std::chrono::steady_clock::now();
+    const int error = call();
+    if (is_unanswered(error, std::chrono::steady_clock::now() - begun)) end_ = error;
+    return error;
+  }
+  bool has_ended() const { return end_ != 0; }
+  int error() const { return end_; }
+
+ private:
+  int end_ = 0;
+};
+
+// All of them, without their values. Ends early when the camera does not answer.
+std::vector<Control> controls_of(const FileDescriptor& fd, Patience& patience) {
   std::vector<Control> controls;
   std::uint32_t last = 0;
   while (true) {
     auto query = zeroed<v4l2_query_ext_ctrl>();
     query.id = last | V4L2_CTRL_FLAG_NEXT_CTRL;
-    if (call(fd, VIDIOC_QUERY_EXT_CTRL, query) != 0 || query.id <= last) break;
+    if (patience.watch([&] { return call(fd, VIDIOC_QUERY_EXT_CTRL, query); }) != 0 || query.id <= last) break;
     last = query.id;
     switch (query.type) {
       case V4L2_CTRL_TYPE_INTEGER:
@@ -547,8 +592,8 @@ std::vector<Control> controls_of(const FileDescriptor& fd) {
     control.is_64_bit = query.type == V4L2_CTRL_TYPE_INTEGER64;
     control.is_button = query.type == V4L2_CTRL_TYPE_BUTTON;
     control.is_read_only = (query.flags & V4L2_CTRL_FLAG_READ_ONLY) != 0;
+    control.is_write_only = (query.flags & V4L2_CTRL_FLAG_WRITE_ONLY) != 0;
     control.is_inactive = (query.flags & V4L2_CTRL_FLAG_INACTIVE) != 0;
-    if ((query.flags & V4L2_CTRL_FLAG_WRITE_ONLY) == 0) control.value = value_of(fd, control.id, control.is_64_bit);
     if (query.type == V4L2_CTRL_TYPE_MENU || query.type == V4L2_CTRL_TYPE_INTEGER_MENU)
       for (std::int64_t i = query.minimum; i <= query.maximum && i < query.minimum + 256; ++i) {
         auto item = zeroed<v4l2_querymenu>();
@@ -563,17 +608,17 @@ std::vector<Control> controls_of(const FileDescriptor& fd) {
   return controls;
 }
 
-const Control* find_control(const std::vector<Control>& controls, std::string_view name) {
-  const std::string wanted = variable_name(name);
-  auto found = std::ranges::find(controls, wanted, &Control::name);
-  if (found == controls.end())
-    if (const auto* older = std::ranges::find(older_names, wanted, &std::pair<std::string_view, std::uint32_t>::first);
-        older != older_names.end())
-      found = std::ranges::find(controls, older->second, &Control::id);
-  return found == controls.end() ? nullptr : &*found;
+// Its value, and whether another one rules it: what changes.
+void read_state(const FileDescriptor& fd, Control& control, Patience& patience) {
+  if (patience.has_ended()) return;
+  auto query = zeroed<v4l2_query_ext_ctrl>();
+  query.id = control.id;
+  if (patience.watch([&] { return call(fd, VIDIOC_QUERY_EXT_CTRL, query); }) == 0)
+    control.is_inactive = (query.flags & V4L2_CTRL_FLAG_INACTIVE) != 0;
+  if (!control.is_write_only && !patience.has_ended()) patience.watch([&] { return read_value(fd, control); });
 }
 
-const Control* find_control(const std::vector<Control>& controls, std::uint32_t id) {
+Control* find_control(std::vector<Control>& controls, std::uint32_t id) {
   const auto found = std::ranges::find(controls, id, &Control::id);
   return found == controls.end() ? nullptr : &*found;
 }
@@ -613,6 +658,30 @@ std::variant<std::int64_t, std::string> number_for(const Control& control, const
 }
 
 }  // namespace
+
+const Control* find_control(const std::vector<Control>& controls, std::string_view name) {
+  const std::string wanted = variable_name(name);
+  auto found = std::ranges::find(controls, wanted, &Control::name);
+  if (found == controls.end())
+    if (const auto* older = std::ranges::find(older_names, wanted, &std::pair<std::string_view, std::uint32_t>::first);
+        older != older_names.end())
+      found = std::ranges::find(controls, older->second, &Control::id);
+  return found == controls.end() ? nullptr : &*found;
+}
+
+std::optional<std::size_t> preferred_rate(std::span<const double> rates, double asked) {
+  constexpr double enough = 0.95, faster = 1.02;
+  std::optional<std::size_t> best;
+  for (std::size_t i = 0; i < rates.size(); ++i) {
+    if (asked > 0 && (rates[i] <= 0 || rates[i] >= enough * asked)) return i;
+    if (rates[i] <= 0) {
+      if (!best) return i;
+      continue;
+    }
+    if (!best || rates[i] > faster * rates[*best]) best = i;
+  }
+  return best;
+}
 
 // ---- Names
 
@@ -828,7 +897,8 @@ struct V4l2Device::Impl {
     if (call(*fd, VIDIOC_G_PARM, parameters) != 0) return 0;
     auto& capture = parameters.parm.capture;
     if (request.fps > 0 && (capture.capability & V4L2_CAP_TIMEPERFRAME) != 0) {
-      Interval wanted{1000, static_cast<std::uint32_t>(std::lround(request.fps * 1000))};
+      const double milli_fps = std::clamp(1000 * request.fps, 1.0, 1e9);  // what a fraction of 32 bits can say
+      Interval wanted{1000, static_cast<std::uint32_t>(std::lround(milli_fps))};
       const auto common = std::gcd(wanted.numerator, wanted.denominator);
       wanted = {wanted.numerator / common, wanted.denominator / common};
       // an exact one that the camera lists, rather than our decimal notion of 29.97
@@ -906,7 +976,9 @@ struct V4l2Device::Impl {
 
   // Settings in the order given; results in the same order.
   std::vector<ControlResult> apply(std::span<const ControlSetting> settings, bool helps) {
-    auto controls = controls_of(*fd);
+    if (settings.empty()) return {};
+    Patience patience;
+    auto controls = controls_of(*fd, patience);
     struct Step {
       std::optional<std::uint32_t> id;
       std::int64_t value = 0;
@@ -920,8 +992,13 @@ struct V4l2Device::Impl {
       const auto* number = std::get_if<std::int64_t>(&setting.value);
       step.result.name = setting.name;
       step.result.asked = number ? std::to_string(*number) : std::get<std::string>(setting.value);
-      const Control* control = find_control(controls, setting.name);
-      if (!control) {
+      const Control* named = patience.has_ended() ? nullptr : find_control(std::as_const(controls), setting.name);
+      Control* control = named ? find_control(controls, named->id) : nullptr;
+      if (control) read_state(*fd, *control, patience);
+      if (patience.has_ended()) {
+        step.result.problem = unanswered_text(patience.error());
+        step.result.is_unanswered = true;
+      } else if (!control) {
         std::vector<std::string> names;
         for (const auto& c : controls) names.push_back(c.name);
         const auto nearest = nearest_word(variable_name(setting.name), names);
@@ -939,6 +1016,14 @@ struct V4l2Device::Impl {
       }
       steps.push_back(std::move(step));
     }
+    // The automatic controls that rule those asked: whether they are on.
+    std::vector<Control*> automatics;
+    for (const auto& step : steps)
+      if (const Ruled* rule = step.id ? rule_of(*step.id) : nullptr)
+        if (Control* automatic = find_control(controls, rule->automatic);
+            automatic && std::ranges::find(automatics, automatic) == automatics.end())
+          automatics.push_back(automatic);
+    for (Control* automatic : automatics) read_state(*fd, *automatic, patience);
 
     if (helps) {
       // What has to be manual for the values asked, where nobody said otherwise.
@@ -970,25 +1055,37 @@ struct V4l2Device::Impl {
       if (helps && is_new && *control.value != step->value)
         previous.insert(previous.begin(), {.name = control.name, .value = *control.value});
     }
-    for (Step* step : order) step->error = set_value(*fd, *step->id, step->is_64_bit, step->value);
+    const auto set = [&](Step& step) {
+      step.error = patience.has_ended()
+                       ? patience.error()
+                       : patience.watch([&] { return set_value(*fd, *step.id, step.is_64_bit, step.value); });
+    };
+    for (Step* step : order) set(*step);
     // Once more for those refused: what ruled them may only now be off.
     for (Step* step : order)
-      if (step->error != 0 && step->error != ENODEV)
-        step->error = set_value(*fd, *step->id, step->is_64_bit, step->value);
+      if (step->error != 0 && !patience.has_ended()) set(*step);
 
     // Read back only now: one control may move another.
-    controls = controls_of(*fd);
+    for (const Step* step : order) read_state(*fd, *find_control(controls, *step->id), patience);
+    for (Control* automatic : automatics) read_state(*fd, *automatic, patience);
     std::vector<ControlResult> results;
     for (auto& step : steps) {
-      if (step.id)
-        if (const Control* control = find_control(controls, *step.id))
-          judge(*control, controls, step.value, step.error, step.result);
+      if (step.id && patience.has_ended()) {
+        step.result.problem = unanswered_text(patience.error());
+        step.result.is_unanswered = true;
+      } else if (step.id) {
+        judge(*find_control(controls, *step.id), controls, step.value, step.error, step.result);
+      }
       results.push_back(std::move(step.result));
     }
     return results;
   }
 
-  static void judge(const Control& control, const std::vector<Control>& controls, std::int64_t value, int error,
+  static std::string unanswered_text(int error) {
+    return "the camera does not answer: " + std::generic_category().message(error);
+  }
+
+  static void judge(const Control& control, std::vector<Control>& controls, std::int64_t value, int error,
                     ControlResult& result) {
     result.got = control.value;
     const Ruled* rule = rule_of(control.id);
@@ -1035,7 +1132,12 @@ std::vector<OfferedFormat> V4l2Device::formats() const {
 }
 
 std::vector<Control> V4l2Device::controls() const {
-  return controls_of(*impl_->fd);
+  Patience patience;
+  auto controls = controls_of(*impl_->fd, patience);
+  for (auto& control : controls)
+    if (!control.is_write_only && !patience.has_ended())
+      patience.watch([&] { return read_value(*impl_->fd, control); });
+  return controls;
 }
 
 std::optional<Control> V4l2Device::control(std::string_view name) const {
@@ -1057,18 +1159,31 @@ const std::vector<ControlSetting>& V4l2Device::previous_controls() const {
 }
 
 StreamFormat V4l2Device::start(const StreamRequest& request) {
+  const StreamFormat format = claim(request);
+  stream();
+  return format;
+}
+
+StreamFormat V4l2Device::claim(const StreamRequest& request) {
   if (request.width < 1 || request.height < 1 || request.width > 32768 || request.height > 32768)
     refuse(impl_->identity.node, "cannot be asked for " + size_text(request.width, request.height) + " pixels");
   stop();
   const StreamFormat format = impl_->negotiate(request);
-  auto buffers = std::make_shared<Buffers>(impl_->fd, impl_->identity.node, impl_->buffer_type, request.buffers);
-  if (const auto [error, what] = buffers->start(); error != 0) {
-    buffers.reset();
-    release_buffers();
-    fail(impl_->identity.node, error, what);
+  try {
+    impl_->buffers = std::make_shared<Buffers>(impl_->fd, impl_->identity.node, impl_->buffer_type, request.buffers);
+  } catch (const CaptureError& error) {
+    if (error.code().value() != EBUSY) release_buffers();  // busy: those of another program
+    throw;
   }
-  impl_->buffers = std::move(buffers);
   return format;
+}
+
+void V4l2Device::stream() {
+  if (!impl_->buffers) fail(impl_->identity.node, EINVAL, "STREAMON without buffers");
+  const auto [error, what] = impl_->buffers->start();
+  if (error == 0) return;
+  stop();
+  fail(impl_->identity.node, error, what);
 }
 
 bool V4l2Device::restart(std::string& message) {

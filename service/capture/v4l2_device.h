@@ -78,11 +78,17 @@ struct OfferedFormat {
 std::string fourcc_text(std::uint32_t fourcc);  // "YUYV"
 
 struct StreamRequest {
-  std::optional<CaptureFormat> format;  // nullopt: the first of yuyv, nv12, mjpeg, grey that reaches size and rate
-  int width = 0, height = 0;            // pixels, > 0: exactly these, or CaptureError
-  double fps = 0;                       // frames per second; 0: leave it to the driver. The nearest one is taken
-  int buffers = 8;                      // 4 .. 32. Readers hold some of them (see Dequeued::owner)
+  // nullopt: of yuyv, nv12, mjpeg, grey that have this size, the first that reaches fps, else the fastest.
+  std::optional<CaptureFormat> format;
+  int width = 0, height = 0;  // pixels, > 0: exactly these, or CaptureError
+  double fps = 0;             // frames per second; 0: leave it to the driver. The nearest one is taken
+  int buffers = 8;            // 4 .. 32. Readers hold some of them (see Dequeued::owner)
 };
+// Which of several formats, in the order in which they are preferred: the first that reaches `asked` frames/s, else the
+// fastest, the earlier one when they are as good as equal. rates: the highest of each; 0: the driver does not say,
+// which counts as fast enough. asked 0: the fastest. nullopt: rates is empty.
+std::optional<std::size_t> preferred_rate(std::span<const double> rates, double asked);
+
 struct StreamFormat {
   CaptureFormat format = CaptureFormat::yuyv;
   int width = 0, height = 0;
@@ -108,8 +114,12 @@ struct Control {
   bool is_64_bit = false;
   bool is_button = false;  // any value presses it; it has none to read
   bool is_read_only = false;
+  bool is_write_only = false;
   bool is_inactive = false;  // another control, mostly an automatic one, rules it now
 };
+// By its name, or its older one: "exposure_auto". nullptr: it has none.
+const Control* find_control(const std::vector<Control>& controls, std::string_view name);
+
 // A menu entry may be given by its name; case, blanks and punctuation do not matter ("manual_mode", "50 Hz").
 using ControlValue = std::variant<std::int64_t, std::string>;
 struct ControlSetting {
@@ -123,7 +133,8 @@ struct ControlResult {
   std::string asked;                // as text
   std::optional<std::int64_t> got;  // read back; nullopt: unreadable or not there
   std::string problem;              // refused, rounded, unknown, overruled: one sentence; empty: it stuck
-  bool is_implied = false;  // nobody asked: an automatic control that had to be switched off for one that was asked
+  bool is_implied = false;     // nobody asked: an automatic control that had to be switched off for one that was asked
+  bool is_unanswered = false;  // the camera is gone or locked up: whatever would have come after was not tried
 };
 std::string to_string(const ControlResult& result);  // "exposure_time_absolute: asked 100, got 100"
 
@@ -178,19 +189,23 @@ class V4l2Device {
   std::optional<Control> control(std::string_view name) const;  // also by its older name: "exposure_auto"
   // Automatic controls first, so that the manual values stick; reads every one back at the end, when all have been set.
   // A manual value that an automatic control rules switches that one off, unless it is asked for itself (is_implied).
-  // One result per setting, in the order asked, the implied ones at the end. Does not throw.
+  // One result per setting, in the order asked, the implied ones at the end. Does not throw. A camera that does not
+  // answer is not asked any further (is_unanswered).
   std::vector<ControlResult> set_controls(std::span<const ControlSetting> settings);
   // One after the other in the order given, nothing implied: for previous_controls(). Does not throw.
   std::vector<ControlResult> set_controls_plainly(std::span<const ControlSetting> settings);
   // Values from before the first set_controls() that changed them, in the order in which they can be set back.
   const std::vector<ControlSetting>& previous_controls() const;
 
-  // Format, size, rate, buffers, STREAMON. throws CaptureError.
-  StreamFormat start(const StreamRequest& request);
+  // Format, size, rate, buffers: from here on no other program can have it, and its controls are ours. Any of these
+  // throws CaptureError.
+  StreamFormat claim(const StreamRequest& request);
+  void stream();                                     // STREAMON, after claim()
+  StreamFormat start(const StreamRequest& request);  // both
   // STREAMOFF and ON again with the same buffers, those held by readers excepted: for a driver that stopped delivering.
   // False: it does not start any more; message says why.
   bool restart(std::string& message);
-  void stop();  // idempotent
+  void stop();  // idempotent; after claim() too
 
   // The next frame. Does not throw.
   DequeueResult dequeue(std::chrono::milliseconds patience);

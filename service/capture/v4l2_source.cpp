@@ -9,8 +9,12 @@
 #include <cerrno>
 #include <cmath>
 #include <cstring>
+#include <functional>
+#include <future>
 #include <mutex>
+#include <set>
 #include <stdexcept>
+#include <thread>
 #include <utility>
 
 #include "capture/capture_clock.h"
@@ -28,6 +32,9 @@ constexpr auto heartbeat = 500ms;          // next() comes round at least this o
 constexpr auto shortest_stall = 1s;        // and ten periods
 constexpr auto longest_stall = 8s;         // after several restarts in vain: some cameras need seconds to start
 constexpr int restarts_before_reopen = 3;  // in vain
+constexpr auto told_as_hanging_after = 2s;
+constexpr auto patience_at_end = 500ms;  // with a camera that does not answer: the service is to end within 1 s
+constexpr double most_fps = 10000;
 
 std::string fps_text(double fps) {
   std::array<char, 32> text{};
@@ -88,7 +95,99 @@ bool is_absence(const CaptureError& error) {
   return code == ENOENT || code == ENODEV || code == ENXIO;
 }
 
+struct Abandoned {
+  std::mutex mutex;
+  std::vector<std::string> names;  // guarded by mutex
+};
+Abandoned& abandoned() {
+  static Abandoned all;
+  return all;
+}
+
+// ---- What runs in a thread of its own, as it asks the camera; it shares nothing with the source
+
+enum class Doing : std::uint8_t { nothing, opening, restarting, closing };
+
+struct Work {
+  std::unique_ptr<V4l2Device> device;  // opened or restarted
+  StreamFormat stream;
+  std::vector<ControlResult> controls;
+  std::optional<CaptureError> error;  // why it was not opened
+  std::string problem;                // why its stream does not restart
+};
+
+// The camera that we had, not just one that took its name: the same one by its serial number, or one that cannot be
+// told apart, in the same port.
+bool is_same(const V4l2Identity& found, const V4l2Identity& known) {
+  if (!found.is_same_camera(known)) return false;
+  const bool has_serial = found.usb && !found.usb->serial.empty();
+  return has_serial || found.bus_info == known.bus_info;
+}
+
+// The configured device; or, when that name is gone or taken, the camera that we know, where it hung before.
+// throws CaptureError
+V4l2Device right_camera(const fs::path& configured, const std::optional<V4l2Identity>& known) {
+  std::optional<CaptureError> error;
+  const auto try_node = [&](const fs::path& node, bool is_configured) -> std::optional<V4l2Device> {
+    try {
+      V4l2Device opened(node);
+      if (!known || is_same(opened.identity(), *known)) return opened;
+      error.emplace(std::make_error_code(std::errc::address_in_use),
+                    "another camera is in its place: " + opened.identity().to_string() + " instead of " +
+                        known->to_string() + ". Plug the right one in, or start anew with another configuration");
+    } catch (const CaptureError& e) {
+      // elsewhere on its port: its metadata node, or it is just coming
+      if (is_configured) error.emplace(e);
+    }
+    return std::nullopt;
+  };
+  if (auto opened = try_node(configured, true)) return std::move(*opened);
+  if (known && known->usb)
+    for (const auto& node : v4l2_nodes_at(known->usb->port))
+      if (auto opened = try_node(node, false)) return std::move(*opened);
+  throw CaptureError(*error);
+}
+
+Work opened(const V4l2SourceOptions& options, const std::optional<V4l2Identity>& known) {
+  Work work;
+  try {
+    auto device = std::make_unique<V4l2Device>(right_camera(options.device, known));
+    // Not before it is ours: another program may be using it, and its controls are that one's.
+    work.stream = device->claim({.format = options.format,
+                                 .width = options.width,
+                                 .height = options.height,
+                                 .fps = options.fps,
+                                 .buffers = options.buffers});
+    work.controls = device->set_controls(options.controls);
+    if (const auto mute = std::ranges::find(work.controls, true, &ControlResult::is_unanswered);
+        mute != work.controls.end())
+      throw CaptureError({ETIMEDOUT, std::generic_category()},
+                         options.device.string() + ": " + mute->problem + ": " + advice_for(ETIMEDOUT));
+    try {
+      device->stream();
+    } catch (const CaptureError&) {
+      if (options.restore_controls) device->set_controls_plainly(device->previous_controls());
+      throw;
+    }
+    work.device = std::move(device);
+  } catch (const CaptureError& e) {
+    work.error = e;
+  }
+  return work;
+}
+
 }  // namespace
+
+void DamageWatch::add(bool is_damaged) {
+  constexpr double weight = 0.01, high = 0.10, low = 0.05;
+  share_ += weight * ((is_damaged ? 1.0 : 0.0) - share_);
+  is_high_ = share_ > (is_high_ ? low : high);
+}
+
+std::vector<std::string> abandoned_cameras() {
+  const std::scoped_lock lock(abandoned().mutex);
+  return abandoned().names;
+}
 
 std::string_view name(CaptureState state) {
   switch (state) {
@@ -113,9 +212,10 @@ std::vector<std::string> V4l2SourceOptions::problems() const {
   check(!device.empty(), "device is empty: give one of /dev/v4l/by-path/*-video-index0");
   check(width > 0 && height > 0,
         "the size is " + std::to_string(width) + "x" + std::to_string(height) + ", but must be positive");
-  check(fps >= 0 && std::isfinite(fps), "fps is " + std::to_string(fps) + ", but must be >= 0");
+  check(fps >= 0 && fps <= most_fps, "fps is " + std::to_string(fps) + ", but must be 0 to 10000");
   check(buffers >= 4 && buffers <= 32, "buffers is " + std::to_string(buffers) + ", but must be 4 to 32");
   check(retry > 0ms, "retry must be positive");
+  check(first_patience > 0ms, "first_patience must be positive");
   for (const auto& control : controls) check(!control.name.empty(), "a control has no name");
   return found;
 }
@@ -146,13 +246,12 @@ struct V4l2Source::Impl {
     health.message = message;
     events.push_back({.at = unix_now(), .state = state, .is_problem = is_problem, .message = message});
   }
-  // The same, unless it was the last thing said: an absent camera is said to be absent once.
-  void tell_once(CaptureState state, const std::string& message) {
-    {
-      const std::scoped_lock lock(mutex);
-      if (health.state == state && health.message == message) return;
-    }
-    tell(state, true, message);
+  // Trouble of this kind: an event only when there was none of it since the last sound frame.
+  void tell_once(const std::string& kind, CaptureState state, const std::string& message) {
+    if (told.insert(kind).second) return tell(state, true, message);
+    const std::scoped_lock lock(mutex);
+    health.state = state;
+    health.message = message;
   }
   void note(bool is_problem, const std::string& message) {
     const std::scoped_lock lock(mutex);
@@ -167,104 +266,144 @@ struct V4l2Source::Impl {
     health.last_progress = Clock::now();
   }
 
-  // ---- Opening
+  // ---- Work that may take long
 
-  // throws CaptureError
-  void open() {
-    V4l2Device opened = right_camera();
-    const auto controls = opened.set_controls(options.controls);
-    if (!before) before = opened.previous_controls();
-    StreamFormat agreed = opened.start({.format = options.format,
-                                        .width = options.width,
-                                        .height = options.height,
-                                        .fps = options.fps,
-                                        .buffers = options.buffers});
-    known = opened.identity();
-    stream = agreed;
+  template <typename F>
+  void begin(Doing what, F&& work_to_do) {
+    doing = what;
+    work_since = Clock::now();
+    std::packaged_task<Work()> task(std::forward<F>(work_to_do));
+    work = task.get_future();
+    std::thread([task = std::move(task), rings = alarm]() mutable {
+      task();
+      rings->ring();
+    }).detach();
+  }
+  bool is_working() const { return doing != Doing::nothing && work.wait_for(0s) != std::future_status::ready; }
+  // Whether it is done then.
+  bool wait_until(Clock::time_point end, const std::stop_token& stop = {}) {
+    while (is_working() && Clock::now() < end && !stop.stop_requested())
+      alarm->pause(std::min<Clock::duration>(end - Clock::now(), heartbeat));
+    return !is_working();
+  }
+  void tell_when_hanging() {
+    if (Clock::now() - work_since < told_as_hanging_after) return;
+    const bool is_opening = doing == Doing::opening;
+    const CaptureState then = state();
+    const bool is_told = then == CaptureState::absent || then == CaptureState::stalled;
+    tell_once("hanging",
+              is_told      ? then
+              : is_opening ? CaptureState::absent
+                           : CaptureState::stalled,
+              std::string("does not answer, since it was to be ") +
+                  (is_opening                   ? "opened"
+                   : doing == Doing::restarting ? "restarted"
+                                                : "closed") +
+                  ": " + advice_for(ETIMEDOUT));
+  }
+
+  std::unique_ptr<V4l2Device> taken_device() {
+    const std::scoped_lock lock(mutex);
+    return std::move(device);
+  }
+
+  // ---- Opening and closing
+
+  void begin_opening() {
+    begin(Doing::opening, [options = options, known = known] { return opened(options, known); });
+  }
+  void begin_closing(bool restores) {
+    auto closing = taken_device();
+    if (!closing) return;
+    begin(Doing::closing, [closing = std::move(closing), restores = restores && options.restore_controls && before,
+                           values = before.value_or(std::vector<ControlSetting>{})]() mutable {
+      if (restores) closing->set_controls_plainly(values);
+      closing.reset();
+      return Work{};
+    });
+  }
+
+  // throws CaptureError when it could not be opened.
+  void finish_opening(Work done) {
+    if (done.error) throw CaptureError(*done.error);
+    if (!before) before = done.device->previous_controls();
+    known = done.device->identity();
+    stream = done.stream;
     last_of_driver.reset();
-    silent_since = Clock::now();
+    silent_since = sound_since = Clock::now();
+    damaged_since_sound.clear();
     restarts_in_vain = 0;
-    told_of_damage = false;
-    told_why_absent.reset();
     {
       const std::scoped_lock lock(mutex);
-      device = std::make_unique<V4l2Device>(std::move(opened));
+      device = std::move(done.device);
       health.identity = known;
-      health.stream = agreed;
-      health.controls = controls;
-      health.state = CaptureState::waiting;
+      health.stream = done.stream;
+      health.controls = done.controls;
+      if (health.state == CaptureState::absent) health.state = CaptureState::waiting;
     }
-    for (const auto& control : controls)
-      if (!control.problem.empty() || control.is_implied) note(!control.problem.empty(), to_string(control));
-    if (options.fps > 0 && agreed.fps > 0 && std::abs(agreed.fps - options.fps) > 0.02 * options.fps)
-      note(true, "was asked for " + fps_text(options.fps) + " frames/s and says that it does " + fps_text(agreed.fps));
-    if (agreed.is_interlaced) note(true, "delivers interlaced frames: moving objects come out as combs");
+    std::string said;
+    for (const auto& control : done.controls) said += to_string(control) + "\n";
+    if (std::exchange(told_controls, said) != said)
+      for (const auto& control : done.controls)
+        if (!control.problem.empty() || control.is_implied) note(!control.problem.empty(), to_string(control));
+    if (std::exchange(told_stream, true)) return;
+    const double fps = done.stream.fps;
+    if (options.fps > 0 && fps > 0 && std::abs(fps - options.fps) > 0.02 * options.fps)
+      note(true, "was asked for " + fps_text(options.fps) + " frames/s and says that it does " + fps_text(fps));
+    if (done.stream.is_interlaced) note(true, "delivers interlaced frames: moving objects come out as combs");
   }
 
-  // The configured device; or, when that name is gone or taken, the camera that we know, where it hung before.
-  V4l2Device right_camera() {
-    std::optional<CaptureError> error;
-    const auto try_node = [&](const fs::path& node, bool is_configured) -> std::optional<V4l2Device> {
-      try {
-        V4l2Device opened(node);
-        if (!known || is_ours(opened.identity())) return opened;
-        error.emplace(std::make_error_code(std::errc::address_in_use),
-                      "another camera is in its place: " + opened.identity().to_string() + " instead of " +
-                          known->to_string() + ". Plug the right one in, or start anew with another configuration");
-      } catch (const CaptureError& e) {
-        // elsewhere on its port: its metadata node, or it is just coming
-        if (is_configured) error.emplace(e);
+  void finish_restart(Work done) {
+    if (done.device) {
+      {
+        const std::scoped_lock lock(mutex);
+        device = std::move(done.device);
       }
-      return std::nullopt;
-    };
-    if (auto opened = try_node(options.device, true)) return std::move(*opened);
-    if (known && known->usb)
-      for (const auto& node : v4l2_nodes_at(known->usb->port))
-        if (auto opened = try_node(node, false)) return std::move(*opened);
-    throw CaptureError(*error);
-  }
-
-  // The camera that we had, not just one that took its name: the same one by its serial number, or one that cannot be
-  // told apart, in the same port.
-  bool is_ours(const V4l2Identity& found) const {
-    if (!found.is_same_camera(*known)) return false;
-    const bool has_serial = found.usb && !found.usb->serial.empty();
-    return has_serial || found.bus_info == known->bus_info;
-  }
-
-  void close() {
-    std::unique_ptr<V4l2Device> closing;
-    {
-      const std::scoped_lock lock(mutex);
-      closing = std::move(device);
+      if (done.problem.empty()) {
+        ++restarts_in_vain;
+        silent_since = sound_since = Clock::now();
+        damaged_since_sound.clear();
+        last_of_driver.reset();
+        return;
+      }
     }
+    if (told.insert("no restart").second)
+      note(true, "its stream does not restart: " + done.problem + "; it is opened anew");
+    open_anew();
   }
 
-  // Whether it makes sense to go on at once.
-  bool try_to_open() {
-    try {
-      open();
-      return true;
-    } catch (const CaptureError& e) {
-      explain_absence(e);
-      return false;
+  void finish_work() {
+    Work done = work.get();
+    switch (std::exchange(doing, Doing::nothing)) {
+      case Doing::opening:
+        try {
+          finish_opening(std::move(done));
+        } catch (const CaptureError& e) {
+          explain_absence(e);
+          next_attempt = Clock::now() + options.retry;
+        }
+        break;
+      case Doing::restarting:
+        finish_restart(std::move(done));
+        break;
+      case Doing::closing:
+      case Doing::nothing:
+        break;
     }
   }
 
   // Each reason once, not at every attempt. That a camera which was lost is still not there is no news.
   void explain_absence(const CaptureError& error) {
-    const std::string why = is_absence(error) ? std::string() : error.what();
-    if (told_why_absent != why) tell(CaptureState::absent, true, "not available: " + std::string(error.what()));
-    told_why_absent = why;
+    const std::string why = is_absence(error) ? "lost" : error.what();
+    tell_once(why, CaptureState::absent, "not available: " + std::string(error.what()));
     if (!absent_since) absent_since = Clock::now();
   }
 
   // ---- Trouble
 
   void lose(const std::string& why) {
-    close();
-    tell(CaptureState::absent, true, why);
-    told_why_absent = "";
+    begin_closing(false);
+    tell_once("lost", CaptureState::absent, why);
     if (!absent_since) absent_since = Clock::now();
   }
 
@@ -277,25 +416,27 @@ struct V4l2Source::Impl {
     return std::min<Clock::duration>(limit * (1 << restarts_in_vain), std::max<Clock::duration>(longest_stall, limit));
   }
 
-  // No frame for too long, or the driver gave up.
+  // No sound frame for too long, or the driver gave up.
   void restart(const std::string& why) {
-    tell_once(CaptureState::stalled, why + ": its stream is restarted");
-    std::string problem;
-    const bool is_alive = restarts_in_vain < restarts_before_reopen && device->restart(problem);
+    tell_once("stalled", CaptureState::stalled, why + ": its stream is restarted");
     {
       const std::scoped_lock lock(mutex);
       ++health.restarts;
     }
-    if (is_alive) {
-      ++restarts_in_vain;
-      silent_since = Clock::now();
-      last_of_driver.reset();
-      return;
-    }
-    // Opened anew; the state stays stalled until that has failed, too.
-    close();
+    if (restarts_in_vain >= restarts_before_reopen) return open_anew();
+    begin(Doing::restarting, [restarted = taken_device()]() mutable {
+      Work done;
+      std::string problem;
+      if (!restarted->restart(problem)) done.problem = problem;
+      done.device = std::move(restarted);
+      return done;
+    });
+  }
+
+  // The state stays stalled until that has failed, too.
+  void open_anew() {
+    begin_closing(true);
     if (!absent_since) absent_since = Clock::now();
-    if (!problem.empty()) note(true, "its stream does not restart: " + problem + "; it is opened anew");
     next_attempt = Clock::now();
   }
 
@@ -342,12 +483,33 @@ struct V4l2Source::Impl {
       health.last_frame = frame.captured_at;
     }
     // A damaged frame is a sign of life, not of health.
-    if (problem.empty() && is_back) tell_of_delivery(stamp);
-    if (!problem.empty() && !std::exchange(told_of_damage, true))
-      note(true, "a frame is damaged and not used (" + problem + "); further ones are only counted");
     silent_since = Clock::now();
-    if (problem.empty()) restarts_in_vain = 0;
+    watch_damage(problem);
+    if (!problem.empty()) return frame;
+    if (is_back) tell_of_delivery(stamp);
+    told.clear();
+    sound_since = silent_since;
+    damaged_since_sound.clear();
+    restarts_in_vain = 0;
     return frame;
+  }
+
+  void watch_damage(const std::string& problem) {
+    damage.add(!problem.empty());
+    if (!problem.empty()) {
+      damaged_since_sound = problem;
+      if (!std::exchange(told_of_damage, true))
+        note(true, "a frame is damaged and not used (" + problem + "); further ones are only counted");
+    }
+    std::string warning;
+    if (damage.is_high()) {
+      std::array<char, 32> percent{};
+      std::snprintf(percent.data(), percent.size(), "%.0f", 100 * damage.share());
+      warning = std::string(percent.data()) +
+                " % of its frames are damaged and not used: try another cable or port, or " + "a lower rate";
+    }
+    const std::scoped_lock lock(mutex);
+    health.warning = std::move(warning);
   }
 
   void tell_of_delivery(StampKind stamp) {
@@ -410,18 +572,31 @@ struct V4l2Source::Impl {
 
   std::optional<Frame> next(std::stop_token stop) {
     const std::stop_callback wakes(stop, [this] {
-      alarm.ring();
+      alarm->ring();
       const std::scoped_lock lock(mutex);
       if (device) device->wake();
     });
     while (!stop.stop_requested()) {
       progress();
-      if (!device) {
-        if (Clock::now() >= next_attempt) {
-          next_attempt = Clock::now() + options.retry;
-          if (try_to_open()) continue;
+      if (doing != Doing::nothing) {
+        if (is_working()) {
+          tell_when_hanging();
+          alarm->pause(heartbeat);
+        } else {
+          finish_work();
         }
-        alarm.pause(std::min<Clock::duration>(next_attempt - Clock::now(), heartbeat));
+        continue;
+      }
+      if (!device) {
+        if (Clock::now() >= next_attempt)
+          begin_opening();
+        else
+          alarm->pause(std::min<Clock::duration>(next_attempt - Clock::now(), heartbeat));
+        continue;
+      }
+      if (!damaged_since_sound.empty() && Clock::now() - sound_since > patience()) {
+        restart("only damaged frames for " + seconds_text(Clock::now() - sound_since) + " (" + damaged_since_sound +
+                ")");
         continue;
       }
       auto result = device->dequeue(heartbeat);
@@ -439,7 +614,7 @@ struct V4l2Source::Impl {
           next_attempt = Clock::now() + options.retry;
           break;
         case DequeueOutcome::failed:
-          if (restarts_in_vain > 0) alarm.pause(std::min<Clock::duration>(options.retry, heartbeat));
+          if (restarts_in_vain > 0) alarm->pause(std::min<Clock::duration>(options.retry, heartbeat));
           restart("the driver reports " + result.message);
           break;
       }
@@ -448,12 +623,23 @@ struct V4l2Source::Impl {
   }
 
   void end() {
-    if (device && options.restore_controls) device->set_controls_plainly(*before);
-    close();
+    const auto deadline = Clock::now() + patience_at_end;
+    if (wait_until(deadline)) {
+      if (doing != Doing::nothing) {
+        Work done = work.get();
+        if (done.device) device = std::move(done.device);
+        if (std::exchange(doing, Doing::nothing) == Doing::opening && device && !before)
+          before = device->previous_controls();
+      }
+      begin_closing(true);
+      if (wait_until(deadline)) return;
+    }
+    const std::scoped_lock lock(abandoned().mutex);
+    abandoned().names.push_back(options.name);
   }
 
   const V4l2SourceOptions options;
-  Alarm alarm;
+  const std::shared_ptr<Alarm> alarm = std::make_shared<Alarm>();  // shared with a thread that may outlive this
   mutable std::mutex mutex;
   std::unique_ptr<V4l2Device> device;  // changed under mutex; read by the capturing thread without
   CameraHealth health;                 // guarded by mutex
@@ -465,21 +651,37 @@ struct V4l2Source::Impl {
   std::optional<V4l2Identity> known;                  // the camera that was opened first, and where it hangs
   std::optional<std::vector<ControlSetting>> before;  // the controls as we found them
   Clock::time_point next_attempt{};
-  Clock::time_point silent_since{};
+  Clock::time_point silent_since{};  // the last frame
+  Clock::time_point sound_since{};   // the last sound one
+  std::string damaged_since_sound;   // what is wrong with those that came since; empty: none came
+  DamageWatch damage;
+  Doing doing = Doing::nothing;
+  std::future<Work> work;  // of what it is doing
+  Clock::time_point work_since{};
   std::optional<Clock::time_point> absent_since;
   int restarts_in_vain = 0;
   bool was_delivering = false;
+  std::set<std::string> told;  // kinds of trouble, since the last sound frame
   bool told_of_damage = false;
-  std::optional<std::string> told_why_absent;
+  bool told_stream = false;
+  std::string told_controls;
   std::optional<std::uint32_t> last_of_driver;  // sequence number in this stream
   std::uint32_t next_sequence = 0;
 };
 
-V4l2Source::V4l2Source(V4l2SourceOptions options) {
+V4l2Source::V4l2Source(V4l2SourceOptions options, const std::stop_token& stop) {
   for (const auto& problem : options.problems()) throw std::invalid_argument("V4l2Source: " + problem);
   impl_ = std::make_unique<Impl>(std::move(options));
+  const std::stop_callback wakes(stop, [this] { impl_->alarm->ring(); });
+  impl_->begin_opening();
+  if (!impl_->wait_until(Clock::now() + impl_->options.first_patience, stop)) {
+    impl_->tell_when_hanging();
+    return;
+  }
+  Work done = impl_->work.get();
+  impl_->doing = Doing::nothing;
   try {
-    impl_->open();
+    impl_->finish_opening(std::move(done));
   } catch (const CaptureError& e) {
     if (e.code() == std::errc::invalid_argument) throw;
     impl_->explain_absence(e);

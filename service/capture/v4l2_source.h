@@ -19,16 +19,18 @@ struct V4l2SourceOptions {
   int camera = 0;                // >= 0; Frame::camera
   std::string name;              // the camera's name in the rig, for messages
   std::filesystem::path device;  // /dev/v4l/by-path/... (a port), by-id/... (a camera), or /dev/videoN (unstable)
-  std::optional<CaptureFormat> format;   // nullopt: the first of yuyv, nv12, mjpeg, grey that reaches size and rate
+  std::optional<CaptureFormat> format;   // nullopt: see StreamRequest::format
   int width = 0, height = 0;             // > 0, pixels; the rig's
-  double fps = 0;                        // >= 0; 0: the driver's choice
+  double fps = 0;                        // >= 0, <= 10000; 0: the driver's choice
   std::vector<ControlSetting> controls;  // applied at start, and again after a replug
   bool restore_controls = false;         // put the camera's own values back at the end
   // Subtracted from every capture time: how long after the light fell on the sensor (mid-exposure) the driver's stamp
   // is.
   Duration latency{0};
-  int buffers = 8;                            // 4 .. 32; readers may hold all but three of them, then frames are copied
-  std::chrono::milliseconds retry{700};       // > 0; between two attempts to open an absent camera
+  int buffers = 8;                       // 4 .. 32; readers may hold all but three of them, then frames are copied
+  std::chrono::milliseconds retry{700};  // > 0; between two attempts to open an absent camera
+  // > 0; how long the constructor waits for a camera that does not answer. next() waits on, and says so.
+  std::chrono::milliseconds first_patience{std::chrono::minutes(1)};
   std::vector<std::string> problems() const;  // empty when valid; one sentence per violated constraint
   // Allowed but perhaps not meant: a /dev/videoN, which is not stable.
   std::vector<std::string> warnings() const;
@@ -37,7 +39,7 @@ struct V4l2SourceOptions {
 enum class CaptureState : std::uint8_t {
   waiting,  // opened or just about to be; no frame yet
   delivering,
-  stalled,  // open, but no frame for max(1 s, 10 periods): its stream is being restarted
+  stalled,  // open, but no sound frame for max(1 s, 10 periods): its stream is being restarted
   absent,   // not there (unplugged, another camera in its port, no permission, busy): tried again and again
 };
 std::string_view name(CaptureState state);
@@ -54,6 +56,7 @@ struct CameraEvent {
 struct CameraHealth {
   CaptureState state = CaptureState::waiting;
   std::string message;                    // of the last change of state
+  std::string warning;                    // while it delivers, but many frames are damaged; empty: all is well
   std::uint64_t frames = 0;               // handed out with an image
   std::uint64_t dropped = 0;              // gaps in the driver's sequence numbers
   std::uint64_t corrupted = 0;            // error-flagged, wrong length, or a JPEG that does not decode
@@ -70,22 +73,39 @@ struct CameraHealth {
   std::chrono::steady_clock::time_point last_progress;
 };
 
+// What share of a camera's frames is damaged, over about the last hundred.
+class DamageWatch {
+ public:
+  void add(bool is_damaged);
+  bool is_high() const { return is_high_; }  // above 10 %, and then until it is below 5 %
+  double share() const { return share_; }    // 0 .. 1
+ private:
+  double share_ = 0;
+  bool is_high_ = false;
+};
+
 // thread-compatible, one thread calls next(); health() and take_events() are thread-safe.
 //
 // Frames: capture times are UNIX time (capture_clock.h), from the driver's own stamp minus options.latency. sequence
 // starts at 0 and follows the driver's, so a gap is a drop; after a restart or a replug it goes on without a gap. MJPEG
 // is decoded to planar YUV and carries its own bytes in Frame::encoded. A frame that the driver flagged, of a wrong
-// length, or that does not decode is handed out as corrupted, without an image.
+// length, or that does not decode is handed out as corrupted, without an image; a camera that gives no others is
+// stalled.
+//
+// Whatever asks the camera itself and may take seconds when it has locked up (opening, restarting, closing: uvcvideo
+// waits 5 s for each answer) runs in a thread of its own, while next() and the destructor wait for it: next() until it
+// is stopped, the destructor for 0.5 s at the most. A thread that hangs on then is left alone: see abandoned_cameras().
 class V4l2Source final : public FrameSource {
  public:
-  // Opens the camera and starts it. A camera that is not there, busy, or not permitted is no error: next() waits for
-  // it. throws CaptureError when it is there but cannot do what is asked (std::errc::invalid_argument), such as a
-  // format or size that it has not; std::invalid_argument: options.problems().
-  explicit V4l2Source(V4l2SourceOptions options);
+  // Opens the camera and starts it. A camera that is not there, busy, or not permitted is no error, and neither is one
+  // that does not answer within first_patience or before a stop: next() waits for it. throws CaptureError when it is
+  // there but cannot do what is asked (std::errc::invalid_argument), such as a format or size that it has not;
+  // std::invalid_argument: options.problems().
+  explicit V4l2Source(V4l2SourceOptions options, const std::stop_token& stop = {});
   ~V4l2Source() override;  // stops; restores the controls when asked
 
-  // Blocks until the next frame, through unplugging, stalls and returns; nullopt only after a stop, within milliseconds
-  // (an ioctl of the driver aside). Never throws.
+  // Blocks until the next frame, through unplugging, stalls and returns; nullopt only after a stop, within
+  // milliseconds. Never throws.
   std::optional<Frame> next(std::stop_token stop) override;
 
   const V4l2SourceOptions& options() const;
@@ -96,5 +116,9 @@ class V4l2Source final : public FrameSource {
   struct Impl;
   std::unique_ptr<Impl> impl_;
 };
+
+// The names of cameras whose driver still held a thread of ours when their source went: end the process with _Exit, as
+// that thread may come back at any time. thread-safe.
+std::vector<std::string> abandoned_cameras();
 
 }  // namespace huetrack

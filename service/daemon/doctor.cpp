@@ -11,6 +11,7 @@
 
 #include "calib/yaml/yaml_reader.h"
 #include "daemon/formatted.h"
+#include "daemon/live.h"
 #include "daemon/metrics.h"
 #include "daemon/service_config.h"
 #include "publish/estimate_publisher.h"
@@ -64,7 +65,7 @@ void judge_names(const CameraExam& exam, bool is_expected, std::vector<Finding>&
   }
   if (identity.by_id.empty()) {
     findings.push_back({Verdict::note, "no name in /dev/v4l/by-id: it has no serial number of its own",
-                        "name it by its port, in /dev/v4l/by-path"});
+                        identity.by_path.empty() ? "" : "name it by its port, in /dev/v4l/by-path"});
   } else {
     findings.push_back({Verdict::ok, "by id (the camera): " + joined(identity.by_id), ""});
   }
@@ -192,7 +193,9 @@ void judge_controls(const CameraExam& exam, std::vector<Finding>& findings) {
       continue;
     others.push_back(control.name + (control.is_inactive ? " (ruled by an automatic one now)" : ""));
   }
-  if (!others.empty()) findings.push_back({Verdict::ok, "other controls: " + joined(others), ""});
+  if (!others.empty())
+    findings.push_back({Verdict::note, "controls not tried: " + joined(others),
+                        "those that the configuration sets are tried, and said to stick or not"});
   if (exam.controls.empty())
     findings.push_back({Verdict::note, "no controls", "exposure and white balance stay as the camera likes"});
 }
@@ -210,6 +213,11 @@ std::map<int, double> bus_speeds(std::span<const CameraExam> exams) {
   return speeds;
 }
 
+bool is_busy(const CameraExam& exam) {
+  return exam.problem.find("another program uses it") != std::string::npos ||
+         exam.node.problem.find("another program uses it") != std::string::npos;
+}
+
 class Doctor {
  public:
   Doctor(const DoctorOptions& options, const std::stop_token& stop) : options_(options), stop_(stop) {}
@@ -222,8 +230,8 @@ class Doctor {
       look_at_recording();
       look_at_metrics();
     }
-    std::printf("%d problem%s, %d warning%s\n", problems_, problems_ == 1 ? "" : "s", warnings_,
-                warnings_ == 1 ? "" : "s");
+    std::printf("%d problem%s, %d warning%s%s\n", problems_, problems_ == 1 ? "" : "s", warnings_,
+                warnings_ == 1 ? "" : "s", not_examined(busy_, examined_).c_str());
     return problems_;
   }
 
@@ -244,7 +252,11 @@ class Doctor {
     try {
       config_ = load_service_config(*options_.config);
     } catch (const ConfigError& error) {
-      say({Verdict::problem, error.what(), "correct that line; huetrackd check prints the whole configuration"});
+      std::error_code ignored;
+      say({Verdict::problem, error.what(),
+           fs::is_regular_file(*options_.config, ignored)
+               ? "correct that; huetrackd check prints the whole configuration once it is valid"
+               : "give the configuration that the service is started with; the package has /etc/huetrack/huetrackd.yaml"});
       return;
     }
     say({Verdict::ok,
@@ -252,6 +264,8 @@ class Doctor {
              formatted(" of %zu cameras, %zu targets", config_->rig.cameras.size(), config_->targets.size()),
          ""});
     for (const auto& warning : warnings_of(*config_)) say({Verdict::warning, warning, ""});
+    if (const auto both = one_under_two_names(config_->cameras))
+      say({Verdict::problem, "cameras: " + *both, "give each its own device: run refuses to start so"});
     if (config_->cameras.empty())
       say({Verdict::warning, "cameras: names none: it is for replay only", "name the devices that are listed below"});
   }
@@ -264,15 +278,21 @@ class Doctor {
       std::error_code error;
       const fs::path node = fs::canonical(camera.device, error);
       const auto found = std::ranges::find(nodes, node, [](const V4l2Node& n) { return n.identity.node; });
-      if (error || found == nodes.end()) {
-        title("camera " + camera.name);
-        say({Verdict::problem, camera.device.string() + (error ? " is not there" : " is not a video device"),
-             "plug it in, or name one of those below; the service starts without it and takes it when it comes"});
-        continue;
-      }
       V4l2SourceOptions source;
       source.device = camera.device;
       for (const auto& warning : source.warnings()) unstable_[camera.name] = warning;
+      if (error || found == nodes.end()) {
+        title("camera " + camera.name);
+        if (const auto warning = unstable_.find(camera.name); warning != unstable_.end())
+          say({Verdict::warning, warning->second, ""});
+        if (error)
+          say({Verdict::problem, camera.device.string() + " is not there",
+               "plug it in, or name one of those below; the service starts without it and takes it when it comes"});
+        else
+          say({Verdict::problem, camera.device.string() + " is not a video device",
+               "name one of those below: run refuses to start so"});
+        continue;
+      }
       const ImageSize size = config_->rig.cameras[std::size_t(config_->rig.index_of(camera.name).value())].image_size;
       requests.push_back(
           {.node = *found,
@@ -305,6 +325,8 @@ class Doctor {
       if (const auto warning = unstable_.find(exam.name); warning != unstable_.end())
         say({Verdict::warning, warning->second, ""});
       say(judge_camera(exam, !has_cameras || !exam.name.empty()));
+      ++examined_;
+      busy_ += is_busy(exam) ? 1 : 0;
     }
     if (exams.empty()) {
       title("cameras");
@@ -380,24 +402,32 @@ class Doctor {
   std::optional<ServiceConfig> config_;
   std::map<std::string, std::string> unstable_;  // by camera
   int problems_ = 0, warnings_ = 0;
+  int examined_ = 0, busy_ = 0;  // cameras
 };
 
 }  // namespace
+
+std::string not_examined(int busy, int cameras) {
+  if (busy == 0) return {};
+  return formatted("; %d of %d camera%s could not be examined: busy", busy, cameras, cameras == 1 ? "" : "s");
+}
 
 std::vector<Finding> judge_camera(const CameraExam& exam, bool is_expected) {
   std::vector<Finding> findings;
   judge_names(exam, is_expected, findings);
   if (!exam.node.problem.empty()) {
-    findings.push_back({is_expected ? Verdict::problem : Verdict::note, exam.node.problem, ""});
+    findings.push_back({is_busy(exam)  ? Verdict::warning
+                        : is_expected ? Verdict::problem
+                                      : Verdict::note,
+                        exam.node.problem, ""});
     return findings;
   }
   findings.push_back({Verdict::ok, "this user may read and write " + exam.node.identity.node.string(), ""});
   if (!exam.formats.empty() || exam.problem.empty()) judge_formats(exam, findings);
   if (!exam.problem.empty()) {
-    const bool is_busy = exam.problem.find("another program uses it") != std::string::npos;
     findings.push_back(
-        {is_busy || !is_expected ? Verdict::warning : Verdict::problem, exam.problem,
-         is_busy ? "is the service running? Stop it (systemctl stop huetrackd) to examine the camera" : ""});
+        {is_busy(exam) || !is_expected ? Verdict::warning : Verdict::problem, exam.problem,
+         is_busy(exam) ? "is the service running? Stop it (systemctl stop huetrackd) to examine the camera" : ""});
     return findings;
   }
   if (exam.trial) judge_stream(exam, findings);

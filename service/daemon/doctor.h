@@ -48,6 +48,9 @@ std::vector<Finding> judge_usb(std::span<const CameraExam> exams, const std::map
 std::vector<Finding> judge_network(int domain, const std::string& domain_from,
                                    const std::vector<std::string>& interfaces);
 
+// For the last line: "; 2 of 3 cameras could not be examined: busy", or empty.
+std::string not_examined(int busy, int cameras);
+
 std::string to_text(const Finding& finding);  // "  ok    ...\n", or "  FAIL  ...\n        -> ...\n"
 
 }  // namespace huetrack

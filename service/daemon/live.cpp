@@ -6,6 +6,8 @@
 #include <array>
 #include <cstdio>
 #include <ctime>
+#include <future>
+#include <map>
 #include <mutex>
 #include <set>
 #include <thread>
@@ -29,6 +31,7 @@ using namespace std::chrono_literals;
 
 constexpr auto supervision_period = 50ms;
 constexpr auto status_period = 1s;
+constexpr auto opening_patience = 3s;         // with a camera that does not answer; it is waited for later
 constexpr Duration least_patience = 3s;  // several heartbeats of a camera, and of the tracking thread
 constexpr Duration told_clock_step = 500ms;
 constexpr Duration recorder_patience = 400ms;  // whoever stops us waits a second, and the disk may be slow
@@ -521,8 +524,26 @@ class LiveService {
 
 }  // namespace
 
-std::vector<LiveCamera> open_cameras(const ServiceConfig& config) {
-  std::vector<LiveCamera> cameras;
+std::optional<std::string> one_under_two_names(std::span<const LiveCameraConfig> cameras) {
+  std::map<std::filesystem::path, const LiveCameraConfig*> nodes;
+  for (const auto& camera : cameras) {
+    std::error_code error;
+    const auto node = std::filesystem::canonical(camera.device, error);
+    if (error) continue;
+    const auto [first, is_new] = nodes.emplace(node, &camera);
+    if (is_new) continue;
+    const LiveCameraConfig& other = *first->second;
+    return other.name + " and " + camera.name + " are one camera: " + other.device.string() + " and " +
+           camera.device.string() + " are both " + node.string();
+  }
+  return std::nullopt;
+}
+
+std::vector<LiveCamera> open_cameras(const ServiceConfig& config, const std::stop_token& stop) {
+  if (const auto both = one_under_two_names(config.cameras))
+    throw CaptureError(std::make_error_code(std::errc::invalid_argument),
+                       config.file.string() + ": cameras: " + *both + ": give each its own device");
+  std::vector<std::pair<int, std::future<std::unique_ptr<V4l2Source>>>> opening;
   for (const auto& camera : config.cameras) {
     const int index = config.rig.index_of(camera.name).value();
     const ImageSize size = config.rig.cameras[std::size_t(index)].image_size;
@@ -537,7 +558,14 @@ std::vector<LiveCamera> open_cameras(const ServiceConfig& config) {
     options.controls = camera.controls;
     options.restore_controls = camera.restore_controls;
     options.latency = duration_of(camera.latency_offset_s);
-    auto source = std::make_unique<V4l2Source>(std::move(options));
+    options.first_patience = opening_patience;
+    opening.emplace_back(index, std::async(std::launch::async, [options = std::move(options), stop] {
+                           return std::make_unique<V4l2Source>(options, stop);
+                         }));
+  }
+  std::vector<LiveCamera> cameras;
+  for (auto& [index, opened] : opening) {
+    auto source = opened.get();
     const V4l2Source* said_by = source.get();
     V4l2Source* told_by = source.get();
     cameras.push_back({.camera = index,

@@ -29,9 +29,12 @@ struct LiveCamera {
   std::function<std::vector<CameraEvent>()> take_events;  // likewise
 };
 
-// The cameras of the configuration, opened as far as they are there.
-// throws CaptureError: one is there, but cannot do what is asked of it.
-std::vector<LiveCamera> open_cameras(const ServiceConfig& config);
+// The cameras of the configuration, opened as far as they are there and answer, all at once; until a stop.
+// throws CaptureError: one is there, but cannot do what is asked of it, or is there under two names.
+std::vector<LiveCamera> open_cameras(const ServiceConfig& config, const std::stop_token& stop = {});
+
+// "left and right are one camera: /dev/v4l/by-path/... and /dev/video0 are both /dev/video0"; nullopt: no two are.
+std::optional<std::string> one_under_two_names(std::span<const LiveCameraConfig> cameras);
 
 // What is asked of a running service from outside. thread-safe: signals set them, the service clears them.
 struct LiveRequests {

@@ -83,6 +83,16 @@ class Signals {
   std::jthread thread_;
 };
 
+// The status to end with; or the end, when a thread still hangs in the driver of a camera that has locked up.
+int end_with(int status) {
+  const auto names = abandoned_cameras();
+  if (names.empty()) return status;
+  for (const auto& name : names) spdlog::warn("camera {}: it does not answer, the end does not wait for it", name);
+  spdlog::default_logger()->flush();
+  std::fflush(nullptr);
+  std::_Exit(status);
+}
+
 void check(const std::filesystem::path& file) {
   const ServiceConfig config = load_service_config(file);
   auto warnings = warnings_of(config);
@@ -105,7 +115,7 @@ void run(const std::filesystem::path& file, const LiveOptions& options, LiveRequ
          const std::stop_token& stop) {
   const ServiceConfig config = load_service_config(file);
   set_log_level(config.log_level);
-  const LiveSummary summary = run_live(config, open_cameras(config), options, requests, stop);
+  const LiveSummary summary = run_live(config, open_cameras(config, stop), options, requests, stop);
   spdlog::info("stopped after {} frame sets, {} samples published", summary.figures.sets_tracked, summary.published);
 }
 
@@ -114,7 +124,7 @@ void record(const std::filesystem::path& file, LiveOptions options, LiveRequests
   const ServiceConfig config = load_service_config(file);
   set_log_level(config.log_level);
   options.track = false;
-  const LiveSummary summary = run_live(config, open_cameras(config), options, requests, stop);
+  const LiveSummary summary = run_live(config, open_cameras(config, stop), options, requests, stop);
   std::printf("%s\n", options.record_to.c_str());
   for (const auto& camera : config.cameras) {
     const auto c = std::size_t(config.rig.index_of(camera.name).value());
@@ -283,7 +293,7 @@ int main(int argc, char** argv) {
       compare(tracks_file, truth_file, clock_offset_s);
     } else if (teach_command->parsed()) {
       const int status = teach(teaching, signals.token());
-      if (status != 0) return status;
+      if (status != 0) return end_with(status);
     } else if (run_command->parsed()) {
       run(config_file, live, requests, signals.token());
     } else if (record_command->parsed()) {
@@ -295,11 +305,11 @@ int main(int argc, char** argv) {
     }
   } catch (const std::exception& error) {  // the user's input or the outside world: said once, in one line, here
     std::fprintf(stderr, "%shuetrackd: %s\n", journal_prefix(), error.what());
-    return 1;
+    return end_with(1);
   }
   if (std::fflush(stdout) != 0) {
     std::fprintf(stderr, "huetrackd: cannot write to standard output\n");
-    return 1;
+    return end_with(1);
   }
-  return 0;
+  return end_with(0);
 }

@@ -126,7 +126,10 @@ Pipeline::Pipeline(const CameraRig& rig, std::vector<std::unique_ptr<FrameSource
   figures_.cameras.resize(rig.cameras.size());
 }
 
-Pipeline::~Pipeline() = default;
+Pipeline::~Pipeline() {
+  std::vector<std::jthread> ending;  // all at once: each camera may take its time
+  for (auto& source : sources_) ending.emplace_back([&source] { source.reset(); });
+}
 
 void Pipeline::run(std::stop_token stop) {
   const std::stop_callback forward(stop, [this] {
@@ -219,14 +222,14 @@ void Pipeline::receive(Frame frame) {
   {
     const std::scoped_lock lock(figures_mutex_);
     CameraFigures& figures = figures_.cameras[camera];
-    ++figures.frames;
+    const bool is_sound = frame.status == FrameStatus::ok;
+    ++(is_sound ? figures.frames : figures.corrupted);
     if (figures.last_sequence && frame.sequence > *figures.last_sequence + 1) {
       figures.dropped += frame.sequence - *figures.last_sequence - 1;
     }
     figures.last_sequence = frame.sequence;
-    figures.last_received = Clock::now();
+    if (is_sound) figures.last_received = Clock::now();
     figures.last_captured = frame.captured_at;
-    if (frame.status == FrameStatus::corrupted) ++figures.corrupted;
   }
 
   const std::scoped_lock lock(synchronizer_mutex_);

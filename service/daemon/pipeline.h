@@ -37,11 +37,11 @@ struct StageTime {
 };
 
 struct CameraFigures {
-  std::uint64_t frames = 0;
-  std::uint64_t dropped = 0;  // sequence gaps
-  std::uint64_t corrupted = 0;
+  std::uint64_t frames = 0;     // with an image
+  std::uint64_t dropped = 0;    // sequence gaps
+  std::uint64_t corrupted = 0;  // came, but damaged
   std::optional<std::uint32_t> last_sequence;
-  std::optional<std::chrono::steady_clock::time_point> last_received;
+  std::optional<std::chrono::steady_clock::time_point> last_received;  // with an image
   std::optional<Timestamp> last_captured;  // the source's clock
   bool ended = false;                      // its source has no more of it
 };

@@ -269,7 +269,7 @@ ReplaySummary replay(const ReplayCommand& command, std::stop_token stop) {
       spdlog::warn("SIGHUP: without DDS, a replay does not read its configuration again");
     if (!progress.due()) return;
     std::uint64_t frames = 0;
-    for (const auto& camera : running.load()->figures().cameras) frames += camera.frames;
+    for (const auto& camera : running.load()->figures().cameras) frames += camera.frames + camera.corrupted;
     std::string states;
     for (const auto& tally : tallies) states += (states.empty() ? "" : ", ") + tally.progress();
     progress.draw(frames, source.expected_frames(), seconds(set.at - first_at) / seconds(Clock::now() - started),
@@ -406,7 +406,7 @@ ReplaySummary replay(const ReplayCommand& command, std::stop_token stop) {
 std::string to_text(const ReplaySummary& s, const ReplayCommand& command) {
   std::string text;
   std::uint64_t frames = 0;
-  for (const auto& camera : s.figures.cameras) frames += camera.frames;
+  for (const auto& camera : s.figures.cameras) frames += camera.frames + camera.corrupted;
   const auto& sets = s.figures.frame_sets;
   text += formatted("%s%llu frame sets of %llu frames: %.3f s of recording in %.3f s, %.1fx real time\n",
                     s.stopped ? "stopped: " : "", static_cast<unsigned long long>(s.figures.sets_tracked),

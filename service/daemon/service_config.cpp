@@ -109,9 +109,10 @@ template <typename Io, typename Camera>
 void describe_camera(Io& io, Camera& camera) {
   io.device("device", camera.device, "/dev/v4l/by-path/... (a port), by-id/... (a camera), or an index (not stable)");
   io.choice_or("format", "auto", camera.format, Words<CaptureFormat>(format_words),
-               "auto, yuyv, nv12, mjpeg or grey; auto: the first of these that reaches size and rate");
+               "auto, yuyv, nv12, mjpeg or grey; auto: the first of these that reaches size and fps, else the fastest");
   io.size_or("size", "rig", camera.size, "[width, height]; rig: as the rig was calibrated");
-  io.number_or("fps", "auto", camera.fps, positive, "frames per second; auto: the driver's choice");
+  io.number_or("fps", "auto", camera.fps, Range{.min = 0, .max = 10000, .min_is_open = true},
+               "frames per second; auto: the driver's choice");
   io.controls("controls", camera.controls, "by their V4L2 names; automatic ones are switched first");
   io.number("latency_offset_s", camera.latency_offset_s, Range{.min = -1, .max = 1},
             "subtracted from the driver's time stamps, seconds");

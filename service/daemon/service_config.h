@@ -29,7 +29,7 @@ struct LiveCameraConfig {
   std::filesystem::path device;          // as written, but an index: /dev/videoN
   std::optional<CaptureFormat> format;   // nullopt: the first of yuyv, nv12, mjpeg, grey that reaches size and rate
   std::optional<ImageSize> size;         // nullopt: the rig's; another one is refused
-  std::optional<double> fps;             // > 0; nullopt: the driver's choice
+  std::optional<double> fps;             // > 0, <= 10000; nullopt: the driver's choice
   std::vector<ControlSetting> controls;  // in the order of the file
   double latency_offset_s = 0;           // subtracted from every capture time
   bool restore_controls = false;

@@ -92,6 +92,7 @@ ServiceStatus StatusReporter::report(const PipelineFigures& figures, std::chrono
       } else if (said->state != CaptureState::delivering) {
         out.message = said->message.empty() ? "no frame yet" : said->message;
       }
+      if (said && !said->warning.empty()) status.warnings.push_back("camera " + out.name + ": " + said->warning);
     } else if (camera.ended) {
       out.health = CameraStatus::Health::ended;
     } else if (!camera.last_received) {

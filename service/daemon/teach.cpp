@@ -136,7 +136,7 @@ FrameSet live_pictures(const ServiceConfig& config, const std::map<int, std::int
   if (config.cameras.empty()) throw std::runtime_error(config.file.string() + ": cameras: none is given to teach from");
   FrameSet set;
   set.frames.resize(config.rig.cameras.size());
-  for (auto& camera : open_cameras(config)) {
+  for (auto& camera : open_cameras(config, stop)) {
     std::stop_source enough;
     const std::stop_callback forward(stop, [&] { enough.request_stop(); });
     const auto until = std::chrono::steady_clock::now() + patience;

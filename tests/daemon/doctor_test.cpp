@@ -3,6 +3,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "capture/clips.h"
+#include "daemon/live.h"
+
 namespace huetrack {
 namespace {
 
@@ -110,7 +113,7 @@ TEST(JudgeCamera, ControlsThatDidNotStick) {
   EXPECT_THAT(findings, says(Verdict::warning, "exposure_time_absolute: asked 100, got 157: the camera refuses it"));
   EXPECT_THAT(findings, says(Verdict::warning, "white_balance_temperature: asked 4600, got 5000: it did not stay"));
   EXPECT_THAT(findings, says(Verdict::warning, "exposure is automatic"));
-  EXPECT_THAT(findings, says(Verdict::ok, "other controls: auto_exposure, sharpness"));
+  EXPECT_THAT(findings, says(Verdict::note, "controls not tried: auto_exposure, sharpness"));
 }
 
 TEST(JudgeCamera, PermissionsAndBusyCamerasSayWhatToDo) {
@@ -133,6 +136,61 @@ TEST(JudgeCamera, WithoutStableNamesItWarns) {
   exam.node.identity.by_id.clear();
   EXPECT_THAT(judge_camera(exam, true), says(Verdict::warning, "no name in /dev/v4l/by-path"));
   EXPECT_THAT(judge_camera(exam, true), says(Verdict::note, "no serial number"));
+  EXPECT_THAT(judge_camera(exam, true), Not(advises("name it by its port"))) << "it has no such name";
+}
+
+TEST(JudgeCamera, TheSumSaysWhatWasNotExamined) {
+  EXPECT_EQ(not_examined(0, 3), "");
+  EXPECT_EQ(not_examined(1, 1), "; 1 of 1 camera could not be examined: busy");
+  EXPECT_EQ(not_examined(2, 3), "; 2 of 3 cameras could not be examined: busy");
+}
+
+class DoctorsConfig : public testing::Test {
+ protected:
+  // What doctor says of cameras with these devices; only looked at.
+  std::string said_of(const std::string& left, const std::string& right) {
+    clips::write_text(folder / "c.yaml",
+                      "version: 1\nrig: " HUETRACK_SOURCE_DIR
+                      "/configs/demo/recording/rig.yaml\ndds: {enabled: false}\ntargets: {ball: {color: {hue_deg: "
+                      "[65, 115]}}}\ncameras: {cam0: {device: " +
+                          left + "}, cam1: {device: " + right + "}}\n");
+    return said(folder / "c.yaml");
+  }
+  static std::string said(const std::filesystem::path& config) {
+    DoctorOptions options;
+    options.config = config;
+    options.streams = false;
+    testing::internal::CaptureStdout();
+    doctor(options, {});
+    return testing::internal::GetCapturedStdout();
+  }
+  clips::TemporaryFolder folder;
+};
+
+TEST_F(DoctorsConfig, DevicesThatAreNoneOrNotThere) {
+  const std::string text = said_of("/dev/null", "/dev/video97");
+  EXPECT_THAT(text,
+              HasSubstr("FAIL  /dev/null is not a video device\n        -> name one of those below: run refuses"));
+  EXPECT_THAT(text, HasSubstr("WARN  /dev/video97 is not stable"));
+  EXPECT_THAT(text, HasSubstr("FAIL  /dev/video97 is not there\n        -> plug it in"));
+}
+
+TEST_F(DoctorsConfig, OneCameraUnderTwoNames) {
+  const std::string text = said_of("/dev/null", "/dev/shm/../null");
+  EXPECT_THAT(text, HasSubstr("FAIL  cameras: cam0 and cam1 are one camera: /dev/null and "));
+  EXPECT_THAT(text, HasSubstr("are both /dev/null\n        -> give each its own device"));
+  try {
+    open_cameras(load_service_config(folder / "c.yaml"));
+    ADD_FAILURE() << "opened";
+  } catch (const CaptureError& error) {
+    EXPECT_THAT(error.what(), HasSubstr("cam0 and cam1 are one camera"));
+  }
+}
+
+TEST_F(DoctorsConfig, AMissingFileIsNoLineToCorrect) {
+  const std::string text = said(folder / "none.yaml");
+  EXPECT_THAT(text,
+              testing::AllOf(HasSubstr("FAIL"), HasSubstr("give the configuration"), Not(HasSubstr("correct that"))));
 }
 
 TEST(JudgeUsb, AddsUpWhatCamerasOfABusWant) {
@@ -156,8 +214,9 @@ TEST(JudgeUsb, AddsUpWhatCamerasOfABusWant) {
       .most_mbps = 196.608};
   exams[1].trial->usb = UsbReservation{};
   findings = judge_usb(exams, {{1, 480}});
-  EXPECT_THAT(findings[0].what, HasSubstr("left (video0) in port 1-2 147 Mbit/s, 197 Mbit/s reserved (alternate setting 7: "
-                                          "3072 bytes, 8000 times a second), right"));
+  EXPECT_THAT(findings[0].what,
+              HasSubstr("left (video0) in port 1-2 147 Mbit/s, 197 Mbit/s reserved (alternate setting 7: "
+                        "3072 bytes, 8000 times a second), right"));
   EXPECT_THAT(findings[0].what, HasSubstr("147 Mbit/s, bulk: nothing is reserved; together 344 of the 384 Mbit/s"));
   exams[0].node.identity.usb->speed_mbps = 12;
   EXPECT_THAT(judge_usb(exams, {}), says(Verdict::problem, "left (video0) runs at 12 Mbit/s"));

@@ -118,6 +118,31 @@ TEST(Pipeline, EverySetComesOutOnceInOrderWithEveryTarget) {
   }
 }
 
+// Every frame is damaged.
+class DamagedSource final : public FrameSource {
+ public:
+  std::optional<Frame> next(std::stop_token stop) override {
+    auto frame = all_.next(stop);
+    if (frame) frame->status = FrameStatus::corrupted, frame->pixels = {};
+    return frame;
+  }
+
+ private:
+  GreySource all_{{1}, 20};
+};
+
+TEST(Pipeline, DamagedFramesAreNoDelivery) {
+  const CameraRig rig = rig_of(2);
+  Pipeline pipeline(rig, sources(GreySource({0}, 20), DamagedSource()), trackers_for(rig, 1), options_for(rig), {});
+  pipeline.run({});
+  const PipelineFigures figures = pipeline.figures();
+  EXPECT_EQ(figures.cameras[0].frames, 20u);
+  EXPECT_EQ(figures.cameras[0].corrupted, 0u);
+  EXPECT_EQ(figures.cameras[1].frames, 0u);
+  EXPECT_EQ(figures.cameras[1].corrupted, 20u);
+  EXPECT_FALSE(figures.cameras[1].last_received);
+}
+
 // Camera 1 ends after three turns, and camera 0 goes on.
 class CutShortSource final : public FrameSource {
  public:

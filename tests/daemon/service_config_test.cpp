@@ -214,8 +214,9 @@ TEST_F(ServiceConfigFile, DifferingKeysAreThoseOfTheFirstLevel) {
 }
 
 TEST_F(ServiceConfigFile, IgnoredRectanglesAreThoseOfEveryTarget) {
-  const ServiceConfig config =
-      load(head + "targets: {a: {color: {hue_deg: [1, 9]}}, b: {color: {hue_deg: [65, 115]}}}\nignore: {cam1: [1, 2, 3, 4, 5, 6, 7, 8]}\n");
+  const ServiceConfig config = load(head +
+                                    "targets: {a: {color: {hue_deg: [1, 9]}}, b: {color: {hue_deg: [65, "
+                                    "115]}}}\nignore: {cam1: [1, 2, 3, 4, 5, 6, 7, 8]}\n");
   const IgnoredRegions expected = {{"cam1", {{1, 2, 3, 4}, {5, 6, 7, 8}}}};
   EXPECT_EQ(config.ignored, expected);
   for (const auto& target : config.targets) EXPECT_EQ(target.ignored, expected);
@@ -259,7 +260,8 @@ INSTANTIATE_TEST_SUITE_P(
         Mistake{"NoRig", "version: 1\n", "c.yaml:1: rig is missing"},
         Mistake{"RigFileMissing", "version: 1\nrig: no.yaml\n", "c.yaml:2: rig: there is no file no.yaml"},
         Mistake{"NoTargets", head,
-                "c.yaml:1: targets: at least one target is needed: targets: {ball: {color: {hue_deg: [65, 115]}}}; or a camera to "
+                "c.yaml:1: targets: at least one target is needed: targets: {ball: {color: {hue_deg: [65, 115]}}}; or "
+                "a camera to "
                 "track, under camera_tracking"},
         Mistake{"NoHue", head + "targets:\n  ball:\n    color: {saturation: [0.3, 1]}\n",
                 "c.yaml:5: targets.ball.color.hue_deg is missing"},
@@ -289,6 +291,8 @@ INSTANTIATE_TEST_SUITE_P(
             "is metres"},
         Mistake{"UnknownLiveCamera", ball + "cameras:\n  cma1: {device: 0}\n",
                 "c.yaml:5: cameras.cma1: is not a camera of the rig, which has cam0, cam1 (did you mean cam1?)"},
+        Mistake{"RateThatNoneHas", ball + "cameras:\n  cam1: {device: 0, fps: 1e9}\n",
+                "c.yaml:5: cameras.cam1.fps must be > 0 and <= 10000 (is 1000000000)"},
         Mistake{"CameraWithoutDevice", ball + "cameras:\n  cam1: {fps: 30}\n",
                 "c.yaml:5: cameras.cam1.device is missing"},
         Mistake{"DeviceNotBelowDev", ball + "cameras:\n  cam1: {device: webcam}\n",
@@ -392,8 +396,9 @@ class CameraTrackingConfigTest : public testing::Test {
  protected:
   CameraTrackingConfigTest() : folder_(fs::path(testing::TempDir()) / ("camera_config_" + std::to_string(getpid()))) {
     fs::create_directories(folder_);
-    write("rig.yaml", "version: 1\ncameras:\n  cam0:\n    image_size: [320, 240]\n    model: pinhole_radtan\n"
-                      "    intrinsics: {fx: 250, fy: 250, cx: 160, cy: 120}\n    distortion: [0, 0, 0, 0, 0]\n");
+    write("rig.yaml",
+          "version: 1\ncameras:\n  cam0:\n    image_size: [320, 240]\n    model: pinhole_radtan\n"
+          "    intrinsics: {fx: 250, fy: 250, cx: 160, cy: 120}\n    distortion: [0, 0, 0, 0, 0]\n");
   }
   ~CameraTrackingConfigTest() override { fs::remove_all(folder_); }
   void write(const std::string& name, const std::string& text) const { std::ofstream(folder_ / name) << text; }
@@ -413,8 +418,9 @@ class CameraTrackingConfigTest : public testing::Test {
 };
 
 TEST_F(CameraTrackingConfigTest, StartsAreReadFromFilesAndInline) {
-  write("rectangle.csv", "corner,name,X,Y,Z,u_frame0,v_frame0\n0,TL,-0.1,0.075,0,11,12\n1,TR,0.1,0.075,0,21,22\n"
-                         "2,BR,0.1,-0.075,0,31,32\n3,BL,-0.1,-0.075,0,41,42\n");
+  write("rectangle.csv",
+        "corner,name,X,Y,Z,u_frame0,v_frame0\n0,TL,-0.1,0.075,0,11,12\n1,TR,0.1,0.075,0,21,22\n"
+        "2,BR,0.1,-0.075,0,31,32\n3,BL,-0.1,-0.075,0,41,42\n");
   const ServiceConfig config = load("  camera: cam0\n  seed: 7\n  start: {rectangle: rectangle.csv}\n");
   EXPECT_TRUE(config.targets.empty());
   EXPECT_EQ(config.dds.publisher.tracked_camera, "cam0");
@@ -431,34 +437,47 @@ TEST_F(CameraTrackingConfigTest, StartsAreReadFromFilesAndInline) {
   write("leds.csv", "led,X,Y,Z\n0,0,0,0\n1,1,0,0\n2,0,1,0\n3,0,0,1\n");
   write("frames.csv", "frame,t,led,u,v\n0,0,2,1,1\n1,0.1,0,1,1\n2,0.2,1,1,1\n3,0.3,3,1,1\n4,0.4,-1,0,0\n");
   const auto leds = std::get<LedStart>(
-      tracker_options(load("  camera: cam0\n  start: {leds: leds.csv, led_schedule: frames.csv, led_room_max: [2, 2, 2]}\n").camera_tracking)
+      tracker_options(
+          load("  camera: cam0\n  start: {leds: leds.csv, led_schedule: frames.csv, led_room_max: [2, 2, 2]}\n")
+              .camera_tracking)
           .start);
   EXPECT_EQ(leds.leds.size(), 4u);
   EXPECT_EQ(leds.schedule, (std::vector<int>{2, 0, 1, 3, -1}));
   EXPECT_EQ(leds.room_max, Eigen::Vector3d(2, 2, 2));
 
-  const auto points = std::get<PointsStart>(
-      tracker_options(load("  camera: cam0\n  start: {points: [[0, 0, 0, 1, 2], [1, 0, 0, 3, 4], [0, 1, 0, 5, 6], [1, 1, 0, 7, 8]]}\n")
-                          .camera_tracking)
-          .start);
+  const auto points =
+      std::get<PointsStart>(tracker_options(load("  camera: cam0\n  start: {points: [[0, 0, 0, 1, 2], [1, 0, 0, 3, 4], "
+                                                 "[0, 1, 0, 5, 6], [1, 1, 0, 7, 8]]}\n")
+                                                .camera_tracking)
+                                .start);
   EXPECT_EQ(points.pixels[2], Eigen::Vector2d(5, 6));
 }
 
 TEST_F(CameraTrackingConfigTest, MistakesAreNamed) {
   using testing::HasSubstr;
   const std::string leds = "  start: {leds: [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]}\n";
-  EXPECT_THAT(mistake("  camera: cam1\n" + leds), HasSubstr("c.yaml:4: camera_tracking.camera: cam1 is not a camera of the rig, which has cam0 (did you mean cam0?)"));
+  EXPECT_THAT(
+      mistake("  camera: cam1\n" + leds),
+      HasSubstr(
+          "c.yaml:4: camera_tracking.camera: cam1 is not a camera of the rig, which has cam0 (did you mean cam0?)"));
   EXPECT_THAT(mistake(leds), HasSubstr("camera_tracking.camera: is not given"));
-  EXPECT_THAT(mistake("  camera: cam0\n"), HasSubstr("exactly one of rectangle, points, board and leds must be given, and there are 0"));
-  EXPECT_THAT(mistake("  camera: cam0\n  methd: lee\n" + leds), HasSubstr("c.yaml:5: camera_tracking.methd is not a known key (did you mean method?)"));
-  EXPECT_THAT(mistake("  camera: cam0\n  start: {leds: [[0, 0, 0], [1, 0, 0], [0, 1, 0]]}\n"), HasSubstr("at least 4 LEDs are needed, not 3"));
-  EXPECT_THAT(mistake("  camera: cam0\n  method: lee\n" + leds), HasSubstr("LEDs are for the methods huetrack and herranz"));
+  EXPECT_THAT(mistake("  camera: cam0\n"),
+              HasSubstr("exactly one of rectangle, points, board and leds must be given, and there are 0"));
+  EXPECT_THAT(mistake("  camera: cam0\n  methd: lee\n" + leds),
+              HasSubstr("c.yaml:5: camera_tracking.methd is not a known key (did you mean method?)"));
+  EXPECT_THAT(mistake("  camera: cam0\n  start: {leds: [[0, 0, 0], [1, 0, 0], [0, 1, 0]]}\n"),
+              HasSubstr("at least 4 LEDs are needed, not 3"));
+  EXPECT_THAT(mistake("  camera: cam0\n  method: lee\n" + leds),
+              HasSubstr("LEDs are for the methods huetrack and herranz"));
   EXPECT_THAT(mistake("  camera: cam0\n  start: {leds: no.csv}\n"), HasSubstr("there is no file"));
-  EXPECT_THAT(mistake("  camera: cam0\n  start: {points: [[0, 0, 0]]}\n"), HasSubstr("c.yaml:5: camera_tracking.start.points"));
+  EXPECT_THAT(mistake("  camera: cam0\n  start: {points: [[0, 0, 0]]}\n"),
+              HasSubstr("c.yaml:5: camera_tracking.start.points"));
   write("bad.csv", "X,Y,Z\n0,0,0\n1,zero,0\n");
-  EXPECT_THAT(mistake("  camera: cam0\n  start: {leds: bad.csv}\n"), HasSubstr("bad.csv:3: Y must be a number, got \"zero\""));
+  EXPECT_THAT(mistake("  camera: cam0\n  start: {leds: bad.csv}\n"),
+              HasSubstr("bad.csv:3: Y must be a number, got \"zero\""));
   write("bad.csv", "X,Y\n0,0\n");
-  EXPECT_THAT(mistake("  camera: cam0\n  start: {leds: bad.csv}\n"), HasSubstr("bad.csv:1: the header has no column Z"));
+  EXPECT_THAT(mistake("  camera: cam0\n  start: {leds: bad.csv}\n"),
+              HasSubstr("bad.csv:1: the header has no column Z"));
 }
 
 TEST(ReferenceConfig, HasEveryKeyWithItsDefaultInTheOrderOfCheck) {

@@ -78,6 +78,15 @@ TEST_F(Reporter, RatesAreOverTheTimeSinceAnEarlierReport) {
   EXPECT_NEAR(status.set_rate_hz, 25, 0.1);
 }
 
+TEST_F(Reporter, ManyDamagedFramesAreAWarning) {
+  CameraHealth well, ill;
+  well.state = ill.state = CaptureState::delivering;
+  ill.warning = "31 % of its frames are damaged";
+  const std::vector<std::optional<CameraHealth>> live{well, ill};
+  EXPECT_THAT(reporter_.report(figures_, start_, {}, live).warnings,
+              testing::Contains("camera cam1: 31 % of its frames are damaged"));
+}
+
 TEST_F(Reporter, CountersAreHandedOn) {
   figures_.frame_sets.incomplete_sets = 3;
   figures_.frame_sets.late_frames = 4;

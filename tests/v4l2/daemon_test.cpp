@@ -524,6 +524,50 @@ TEST_F(Faults, NoneEndsTheService) {
   stop();
 }
 
+// A second one goes on tracking while the first one locks up, and does not answer from the start.
+TEST_F(Faults, ALockedUpCameraHoldsNobodyUp) {
+  const fs::path config =
+      configure(folder / "rig.yaml", "lime: {color: {hue_deg: [65, 115]}}",
+                {{"cam0", nodes[0], "restore_controls: true, controls: {brightness: 100, contrast: 100}"},
+                 {"cam1", nodes[1], ""}},
+                15, "quorum: 1\ndds: {enabled: false}\n");
+  const auto run_preloaded = [&] {
+    service = std::make_unique<Process>(
+        std::vector<std::string>{HUETRACKD, "run", config}, folder / "service.out", folder / "service.err",
+        std::map<std::string, std::string>{{"LD_PRELOAD", tool("locked_up.so")},
+                                           {"LOCKED_UP_DEVICE", nodes[0].string()},
+                                           {"LOCKED_UP_WHILE", (folder / "locked_up").string()}});
+  };
+  const auto end = [&](const char* when) {
+    const auto asked = std::chrono::steady_clock::now();
+    service->kill(SIGTERM);
+    EXPECT_EQ(service->wait(), 0);
+    const double took = std::chrono::duration<double>(std::chrono::steady_clock::now() - asked).count();
+    EXPECT_LT(took, 4.5) << "one ioctl takes 5 s";  // emulated, and on a busy machine
+    EXPECT_THAT(service->err(), HasSubstr("camera cam0: it does not answer, the end does not wait for it"));
+    std::printf("locked up %s: ended %.2f s after SIGTERM\n", when, took);
+  };
+  run_preloaded();
+  ASSERT_TRUE(says("ready: "));
+  ASSERT_TRUE(delivers("cam0") && delivers("cam1"));
+  write_text(folder / "locked_up", "");
+  EXPECT_TRUE(says("camera cam0: does not answer, since it was to be "));
+  EXPECT_TRUE(delivers("cam1"));
+  end("while running");
+
+  const auto begun = std::chrono::steady_clock::now();
+  run_preloaded();
+  ASSERT_TRUE(says("ready: 1 of 2 cameras deliver", 60s));
+  std::printf("locked up from the start: ready after %.1f s\n",
+              std::chrono::duration<double>(std::chrono::steady_clock::now() - begun).count());
+  EXPECT_TRUE(says("camera cam0: does not answer, since it was to be opened"));
+  EXPECT_TRUE(delivers("cam1"));
+  end("from the start");
+  fs::remove(folder / "locked_up");
+  set(0, "brightness", 128);
+  set(0, "contrast", 128);
+}
+
 // ---- kill -9
 
 using Kills = Faults;

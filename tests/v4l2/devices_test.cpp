@@ -393,6 +393,23 @@ TEST_F(Vivid, ABusyCameraIsWaitedFor) {
   EXPECT_EQ(take(second, 3).frames.size(), 3U);
 }
 
+TEST_F(Vivid, ABusyCamerasControlsAreLeftAlone) {
+  auto mine = options(), others = options();
+  others.controls = {{"brightness", 100}};
+  mine.controls = {{"brightness", 200}};
+  mine.restore_controls = true;
+  V4l2Source first(others);
+  ASSERT_EQ(take(first, 3).frames.size(), 3U);
+  {
+    V4l2Source second(mine);
+    EXPECT_THAT(second.health().message, HasSubstr("another program uses it"));
+    EXPECT_THAT(take(second, 1, 2s).frames, IsEmpty());
+    EXPECT_EQ(knobs->control("brightness")->value, 100);
+  }
+  EXPECT_EQ(knobs->control("brightness")->value, 100);
+  set("brightness", 128);
+}
+
 TEST_F(Vivid, ADisconnectedCameraComesBack) {
   const fs::path other = node_of("vivid", 1);
   ASSERT_FALSE(other.empty());

@@ -17,7 +17,7 @@ case ${1:-} in
     exit 77
     ;;
   --short)
-    patience=600 filter='Loopback.FramesAreBitExact*:Uvc.ManualValues*:Uvc.UnplugAnotherAndReplug:Vivid.FlaggedFrames*:Rendered/Films.*/two_cams:Webcams.TheTrack*:Webcams.Doctor*:Faults.*'
+    patience=600 filter='Loopback.FramesAreBitExact*:Uvc.ManualValues*:Uvc.UnplugAnotherAndReplug:Vivid.FlaggedFrames*:Vivid.ABusyCamera*:Rendered/Films.*/two_cams:Webcams.TheTrack*:Webcams.Doctor*:Faults.*'
     shift
     ;;
 esac
@@ -46,6 +46,7 @@ trap 'rm -rf "$work"' EXIT
 tools=$work/tools
 mkdir "$tools"
 gcc-12 -O2 -w -pthread -o "$tools/v4l2play" "$vm/tools/v4l2play.c"
+gcc-12 -O2 -shared -fPIC -o "$tools/locked_up.so" "$root/tests/v4l2/locked_up.c"
 # cameras of several programs: each in a port of its own, and with its number
 sed -e 's/"EMU%04d", c->i/"EMU%04d", c->i + PORT/' -e 's/"%d %d %d %d", n, sv/"%d %d %d %d", n + PORT, sv/' \
   "$vm/tools/uvccam.c" >"$work/uvccam.c"

@@ -84,7 +84,7 @@ tracks; says "and it tracks again" $?
 
 kill "$cameras"; wait "$cameras" 2>/dev/null
 within 20 log 'unplugged\|absent\|gone'; says "unplugged cameras are told" $?
-sleep 16; state active; says "without cameras it waits, past the watchdog's time" $?
+sleep 31; state active; says "without cameras it waits, past the watchdog's time" $?
 ./uvccam -w 320 -h 240 -r 15 cam0.yuyv cam1.yuyv >/out/uvccam.log 2>&1 & cameras=$!
 within 60 tracks; says "plugged in again, it tracks" $?
 
