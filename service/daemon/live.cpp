@@ -435,9 +435,9 @@ class LiveService {
 
   // What may change while running are the trackers: their targets' colours and radii, and how they track.
   void reload() {
+    if (watchdog_) notify_service_manager("WATCHDOG=1");  // the new colour tables may take a slow machine seconds
     const auto since_boot = std::chrono::duration_cast<std::chrono::microseconds>(Clock::now().time_since_epoch());
     if (is_ready_) notify_service_manager("RELOADING=1\nMONOTONIC_USEC=" + std::to_string(since_boot.count()));
-    if (watchdog_) notify_service_manager("WATCHDOG=1");  // the new colour tables may take a slow machine seconds
     try {
       take_over(load_service_config(config_.file));
     } catch (const std::exception& error) {  // the file is not fit to run on, for whatever reason

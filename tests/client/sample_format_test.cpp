@@ -157,6 +157,7 @@ TEST(SampleFormat, StatusNamesWhatIsWrong) {
   s.cameras()[0].name("left");
   s.cameras()[0].health(msg::CAMERA_HEALTH_STALLED);
   s.cameras()[0].message("no frame for 3 s");
+  s.cameras()[0].frames(7);
   s.cameras()[0].age_s(3);
   s.warnings({"too dark"});
   EXPECT_EQ(
@@ -167,7 +168,7 @@ TEST(SampleFormat, StatusNamesWhatIsWrong) {
       "  targets   ball, wand\n"
       "  tracking  30.0 frame sets per second; 100 sets, 0 of them incomplete, 4 dropped; 0 late frames\n"
       "  sent      0 positions, 0 failures\n"
-      "  camera    left  stalled       0.0 Hz, 0 frames, 0 dropped, 0 corrupted, the last 3.00 s ago: no frame for "
+      "  camera    left  stalled       0.0 Hz, 7 frames, 0 dropped, 0 corrupted, the last 3.00 s ago: no frame for "
       "3 s\n"
       "  warning   too dark\n");
 }
