@@ -13,9 +13,8 @@ std::optional<PoseFit> polish_mean(const CameraModel& lens, const PoseParticles&
   if (fit.inliers < least || 2 * fit.inliers < static_cast<int>(seen.size())) return std::nullopt;
   const Rigid3d back = inverse(fit.cam_from_world), world_from_mean = inverse(mean);
   const Eigen::AngleAxisd turn((back.rotation * world_from_mean.rotation.inverse()).normalized());
-  const double angle = turn.angle() > M_PI ? turn.angle() - 2 * M_PI : turn.angle();
   Eigen::Matrix<double, 6, 1> off;
-  off << back.translation - world_from_mean.translation, angle * turn.axis();
+  off << back.translation - world_from_mean.translation, turn.angle() * turn.axis();
   const Covariance6d covariance = cloud.covariance(mean) + 1e-6 * Covariance6d::Identity();
   if (!(off.dot(covariance.inverse() * off) < gate)) return std::nullopt;
   return fit;

@@ -17,4 +17,10 @@ std::string formatted(const char* pattern, ...) {
   return text;
 }
 
+std::string list_of(const std::vector<std::string>& names) {
+  std::string list;
+  for (const auto& name : names) list += (list.empty() ? "" : ", ") + name;
+  return list;
+}
+
 }  // namespace huetrack

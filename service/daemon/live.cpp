@@ -187,11 +187,11 @@ class LiveService {
     supervise(true);
     if (csv_) csv_->flush();
     if (poses_) poses_->flush();
-    if (!error && !tracks_problem_.empty()) throw std::runtime_error(tracks_problem_);
     if (error) std::rethrow_exception(error);
     if (const auto* tracker = pipeline_->camera_tracker();
         tracker != nullptr && !config_.camera_tracking.save_map.empty())
       tracker->save_map(config_.camera_tracking.save_map);
+    if (!tracks_problem_.empty()) throw std::runtime_error(tracks_problem_);  // after all that is to be kept
     return {.figures = pipeline_->figures(),
             .status = last_status_,
             .recorded = recorder_ ? recorder_->figures() : RecorderFigures{},

@@ -441,12 +441,12 @@ std::string to_text(const ReplaySummary& s, const ReplayCommand& command) {
       text += formatted("tracking from set %llu on (%.3f s);",
                         static_cast<unsigned long long>(*target.first_tracking_set), target.first_tracking_s);
     } else {
-      text += formatted("never tracking;");
+      text += "never tracking;";
     }
     for (const auto& [state, count] : target.sets) {
       text += formatted(" %s %.1f %%", std::string(name(state)).c_str(), 100.0 * double(count) / double(all));
     }
-    text += formatted("\n");
+    text += "\n";
     if (!target.advice.empty()) text += "          " + target.advice + "\n";
     if (target.truth) text += "          " + to_text(*target.truth) + "\n";
   }
@@ -458,7 +458,7 @@ std::string to_text(const ReplaySummary& s, const ReplayCommand& command) {
     if (s.camera->first_pose_frame) {
       text += formatted("pose from frame %llu on;", static_cast<unsigned long long>(*s.camera->first_pose_frame));
     } else {
-      text += formatted("never a pose;");
+      text += "never a pose;";
     }
     for (const auto& [state, count] : s.camera->frames)
       text += formatted(" %s %.1f %%", std::string(name(state)).c_str(), 100.0 * double(count) / double(all));

@@ -19,6 +19,7 @@
 #include "capture/replay_source.h"
 #include "color_teaching/color_teacher.h"
 #include "daemon/config_editor.h"
+#include "daemon/formatted.h"
 #include "daemon/live.h"
 #include "daemon/pictures.h"
 #include "publish/service_finder.h"
@@ -175,12 +176,6 @@ void draw(const std::filesystem::path& folder, const CameraRig& rig, const Frame
     const auto file = folder / (rig.cameras[c].name + ".png");
     if (!cv::imwrite(file.string(), picture)) throw std::runtime_error("cannot write " + file.string());
   }
-}
-
-std::string list_of(const std::vector<std::string>& names) {
-  std::string list;
-  for (const auto& name : names) list += (list.empty() ? "" : ", ") + name;
-  return list;
 }
 
 // A service on this host that runs with this file, or replays with it, reloads it.

@@ -9,6 +9,7 @@
 
 #include "capture/jpeg_encoder.h"
 #include "daemon/config_editor.h"
+#include "daemon/formatted.h"
 
 namespace huetrack {
 namespace {
@@ -37,12 +38,6 @@ std::vector<std::uint8_t> packed(const PixelMask& mask, int width, int height) {
     }
   }
   return bits;
-}
-
-std::string list_of(const std::vector<std::string>& names) {
-  std::string list;
-  for (const std::string& name : names) list += (list.empty() ? "" : ", ") + name;
-  return list;
 }
 
 std::optional<IgnoredRegions> ignored_of(const msg::TeachRequest& request, const CameraRig& rig) {
