@@ -353,17 +353,23 @@ std::optional<std::int64_t> ReplaySource::expected_frames() const {
   return sum;
 }
 
+std::optional<Timestamp> ReplaySource::first_at() const {
+  std::optional<Timestamp> first;
+  for (const auto& stream : impl_->streams)
+    if (const auto at = stream->info().first_at) first = std::min(first.value_or(*at), *at);
+  return first;
+}
+
 std::optional<Duration> ReplaySource::expected_duration() const {
-  std::optional<Timestamp> begin;
   std::optional<Timestamp> end;
   for (const auto& stream : impl_->streams) {
     if (stream->delivered_nothing()) continue;
     const auto stream_end = stream->expected_end();
     if (!stream_end) return std::nullopt;
-    begin = std::min(begin.value_or(Timestamp::max()), stream->info().first_at.value_or(Timestamp::max()));
     end = std::max(end.value_or(Timestamp::min()), *stream_end);
   }
-  return begin ? std::optional(*end - *begin) : std::nullopt;
+  const auto begin = first_at();
+  return begin && end ? std::optional(*end - *begin) : std::nullopt;
 }
 
 std::vector<std::string> ReplaySource::take_warnings() {

@@ -54,6 +54,7 @@ class ReplaySource final : public FrameSource {
 
   const std::vector<ReplayCamera>& cameras() const;     // in the order of camera_names
   std::optional<std::int64_t> expected_frames() const;  // of all cameras
+  std::optional<Timestamp> first_at() const;            // of all cameras; nullopt: none delivered anything
   std::optional<Duration> expected_duration() const;    // first to last capture time
   std::vector<std::string> take_warnings();             // those that arose since the last call, one line each
 

@@ -144,14 +144,6 @@ std::vector<Pipeline::Replacement> replacements_of(const RecordedChanges& change
   return replacements;
 }
 
-// Capture time of the first frame of all.
-Timestamp start_of(const std::vector<ReplayCamera>& cameras) {
-  std::optional<Timestamp> first;
-  for (const auto& camera : cameras)
-    if (camera.first_at) first = std::min(first.value_or(Timestamp::max()), *camera.first_at);
-  return first.value_or(Timestamp{});
-}
-
 // Its folder's name, with the folder around it: many are named just "recording".
 std::string shown_name(const Recording& recording) {
   const auto folder = std::filesystem::absolute(recording.file).lexically_normal().parent_path();
@@ -221,7 +213,7 @@ ReplaySummary replay(const ReplayCommand& command, std::stop_token stop) {
     if (command.wait_for_subscriber_s > 0) wait_for_subscriber(*publisher, command.wait_for_subscriber_s, stop);
   }
 
-  const Timestamp first_at = start_of(source.cameras());
+  const Timestamp first_at = source.first_at().value_or(Timestamp{});
   const auto started = Clock::now();
   ReplaySummary summary;
   if (command.stamps.value_or(command.speed == ReplaySpeed::real ? ReplayStamps::now : ReplayStamps::recording) ==
