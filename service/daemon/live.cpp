@@ -327,7 +327,10 @@ class LiveService {
     latencies.dequeue_to_write = dequeue_to_write_.snapshot();
     latencies.dequeue_to_publish = dequeue_to_publish_.snapshot();
     latencies.capture_to_publish = capture_to_publish_.snapshot();
-    metrics_->show(to_prometheus(status, targets, latencies, publisher_ ? publisher_->counters().published : 0));
+    RecordingCounts recording;
+    if (recorder_) recording = {.is_recording = recorder_->is_recording(), .dropped = recorder_->figures().dropped};
+    metrics_->show(
+        to_prometheus(status, targets, latencies, recording, publisher_ ? publisher_->counters().published : 0));
   }
 
   // ---- Recording
@@ -406,6 +409,8 @@ class LiveService {
         recording_to_ = folder;
         recording_problem_.clear();
         spdlog::info("saving the pre-roll to {}", folder.string());
+      } else if (why == "signal") {
+        spdlog::info("it is all in the recording that is being made: {}", recording_to_.string());
       }
     } catch (const std::exception& error) {  // a full or read-only disk ends no tracking; told with the status, once
       recording_problem_ = std::string("the pre-roll was not saved: ") + error.what();

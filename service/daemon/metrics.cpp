@@ -76,7 +76,7 @@ std::uint64_t LatencyHistogram::Snapshot::count() const {
 }
 
 std::string to_prometheus(const ServiceStatus& status, std::span<const TargetFigures> targets,
-                          const LatencyFigures& latencies, std::uint64_t published) {
+                          const LatencyFigures& latencies, const RecordingCounts& recording, std::uint64_t published) {
   Text text;
   const auto cameras = [&](std::string_view family, std::string_view type, std::string_view help, auto value) {
     text.family(family, type, help);
@@ -107,6 +107,10 @@ std::string to_prometheus(const ServiceStatus& status, std::span<const TargetFig
   one("huetrack_set_rate_hertz", "gauge", "frame sets tracked per second", status.set_rate_hz);
   one("huetrack_published_samples_total", "counter", "positions written to DDS", double(published));
   one("huetrack_warnings", "gauge", "sentences in the status sample's warnings", double(status.warnings.size()));
+  one("huetrack_recording", "gauge", "1 while frames are being recorded", recording.is_recording ? 1 : 0);
+  text.family("huetrack_recording_dropped_frames_total", "counter", "frames not recorded, because the disk was too slow");
+  for (std::size_t c = 0; c < recording.dropped.size(); ++c)
+    text.sample("camera=" + label(status.cameras[c].name), double(recording.dropped[c]));
 
   text.family("huetrack_target_state", "gauge", "1 for the state that the target is in");
   for (std::size_t t = 0; t < targets.size(); ++t) {

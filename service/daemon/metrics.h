@@ -51,9 +51,14 @@ struct LatencyFigures {
   LatencyHistogram::Snapshot capture_to_publish;  // from the newest capture time in a set until then
 };
 
+struct RecordingCounts {
+  bool is_recording = false;
+  std::vector<std::uint64_t> dropped;  // frames, per camera of the status; empty: nothing is ever recorded
+};
+
 // targets: as status.targets, or empty.
 std::string to_prometheus(const ServiceStatus& status, std::span<const TargetFigures> targets,
-                          const LatencyFigures& latencies, std::uint64_t published);
+                          const LatencyFigures& latencies, const RecordingCounts& recording, std::uint64_t published);
 
 // Answers GET /metrics with the text that was given last. thread-safe.
 class MetricsServer {

@@ -152,9 +152,9 @@ int main(int argc, char** argv) {
   int status = 0;
   try {
     for (const Case& c : {Case{"four 640x480", 4, 640, 480, 500}, Case{"two 320x240", 2, 320, 240, 200}}) {
-      const fs::path films = folder / std::to_string(c.width);
-      make_films(films, c.cameras, c.width, c.height);
-      for (const char* phases : {"spread", "together"}) {
+      for (const std::string phases : {"spread", "together"}) {
+        const fs::path films = folder / (phases + std::to_string(c.width));
+        make_films(films, c.cameras, c.width, c.height, phases == "spread");
         const std::string what = std::string(c.name) + " YUYV, 30 fps, " + phases;
         std::optional<Figures> best;
         for (int run = 0; run < runs; ++run) {

@@ -54,7 +54,7 @@ TEST(ToPrometheus, HasEveryFigureOnce) {
   histogram.add(25us);
   latencies.dequeue_to_publish = histogram.snapshot();
   const TargetFigures targets[] = {{.state = TrackState::coasting, .effective_sample_size = 87.5, .particles = 200}};
-  const std::string text = to_prometheus(status(), targets, latencies, 10);
+  const std::string text = to_prometheus(status(), targets, latencies, {.is_recording = true, .dropped = {4}}, 10);
   for (const auto* line : {
            "\nhuetrack_camera_frames_total{camera=\"le\\\"ft\"} 12\n",
            "\nhuetrack_camera_dropped_frames_total{camera=\"le\\\"ft\"} 3\n",
@@ -62,6 +62,8 @@ TEST(ToPrometheus, HasEveryFigureOnce) {
            "\nhuetrack_camera_up{camera=\"le\\\"ft\"} 1\n",
            "\nhuetrack_sets_total 11\n",
            "\nhuetrack_published_samples_total 10\n",
+           "\nhuetrack_recording 1\n",
+           "\nhuetrack_recording_dropped_frames_total{camera=\"le\\\"ft\"} 4\n",
            "\nhuetrack_target_state{target=\"ball\",state=\"coasting\"} 1\n",
            "\nhuetrack_target_state{target=\"ball\",state=\"lost\"} 0\n",
            "\nhuetrack_target_effective_sample_size{target=\"ball\"} 87.5\n",

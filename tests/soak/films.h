@@ -1,5 +1,7 @@
 // A rendered world for FilmCamera: a folder with rig.yaml and CAMERA.yuyv of N cameras on a ring around a lime ball
 // that goes round in two seconds; the films can be looped.
+// is_spread: taken as film_service plays them with --phases spread, one camera after the other within a frame's time. A
+// film that is played at other times shows the ball where it is not: 2 cm off, by the 16 ms between two cameras.
 #pragma once
 
 #include <cmath>
@@ -13,8 +15,9 @@
 
 namespace huetrack {
 
-inline void make_films(const std::filesystem::path& folder, int cameras, int width, int height) {
+inline void make_films(const std::filesystem::path& folder, int cameras, int width, int height, bool is_spread = true) {
   constexpr int frames = 60;
+  constexpr double fps = 30;
   BallOptions ball;
   ball.path = [](double t_s) {
     const double angle = std::numbers::pi * t_s;
@@ -28,7 +31,9 @@ inline void make_films(const std::filesystem::path& folder, int cameras, int wid
   write_rig(scene.rig, folder / "rig.yaml");
   std::vector<std::ofstream> films;
   for (const auto& camera : scene.rig.cameras) films.emplace_back(folder / (camera.name + ".yuyv"), std::ios::binary);
-  for (const FrameSet& set : render(scene, {.set_count = frames, .fps = 30}))
+  RenderOptions options{.set_count = frames, .fps = fps};
+  for (int c = 0; is_spread && c < cameras; ++c) options.offset_s.push_back(c / (cameras * fps));
+  for (const FrameSet& set : render(scene, options))
     for (const auto& frame : set.frames) {
       const Image& image = frame->pixels;
       for (int v = 0; v < height; ++v)
@@ -43,7 +48,8 @@ inline std::string film_config(const std::filesystem::path& folder, int particle
   std::string text = "version: 1\nrig: " + (folder / "rig.yaml").string() +
                      "\ntargets: {lime: {color: {hue_deg: [65, 115]}}}\nobject_tracking: {particle_count: " +
                      std::to_string(particles) + "}\ncameras:\n";
-  for (const auto& camera : rig.cameras) text += "  " + camera.name + ": {device: /dev/film/" + camera.name + ", fps: 30}\n";
+  for (const auto& camera : rig.cameras)
+    text += "  " + camera.name + ": {device: /dev/film/" + camera.name + ", fps: 30}\n";
   return text + more;
 }
 
