@@ -28,7 +28,7 @@ std::string_view name(CameraMethod method);    // "huetrack", ...
 
 // How the tracker finds its first pose, and with it the world frame and metres. Points in the world frame, metres.
 struct RectangleStart {                        // a dark rectangle on a light ground, or the reverse, found in the view
-  std::vector<Eigen::Vector3d> corners;        // 4, in order around it, the first being the one the image shows at ...
+  std::vector<Eigen::Vector3d> corners;        // 4, clockwise as the camera sees them; which one is the first: find_rectangle()
   std::vector<Eigen::Vector2d> pixels;         // empty: found and ordered by itself; or where the 4 lie in the first frame (about)
 };
 struct PointsStart {                           // known points with their raw pixels in the first frame
@@ -85,6 +85,9 @@ class CameraTracker {
   // Frames of this camera in time order, of the rig's image size (the caller checks at start). Camera::cam_from_world is not
   // used.
   virtual CameraEstimate update(const Frame& frame) = 0;
+  // After the last update: why it has no pose, for the user ("the 4 known points do not fit: 37 px rms"). Empty: it has one, or
+  // there is nothing to say.
+  virtual std::string why_no_pose() const { return {}; }
   virtual CameraTrackerView view() const = 0;                  // after the last update
   virtual std::vector<CameraMapPoint> map() const = 0;         // after the last update
   virtual void save_map(const std::filesystem::path& file) const = 0;   // throws std::runtime_error naming the file
