@@ -290,7 +290,7 @@ cv::Mat draw_camera_map(const Camera& camera, const StartPlane& plane, const std
     if (e.has_pose()) all.emplace_back(flat * e.world_from_camera.translation);
   Vector2d low = all.front(), high = low;
   for (const auto& p : all) low = low.cwiseMin(p), high = high.cwiseMax(p);
-  const Vector2d room = 0.6 * (high - low);
+  const Vector2d room = 1.2 * (high - low);
   std::size_t outside = 0;
   Vector2d wide_low = low, wide_high = high;
   const auto include = [&](const Vector3d& position) {
