@@ -9,6 +9,7 @@
 #include "calib/solver/board_yaml.h"
 #include "calib/yaml/yaml_reader.h"
 #include "daemon/csv_table.h"
+#include "daemon/formatted.h"
 
 namespace huetrack {
 namespace {
@@ -93,6 +94,30 @@ NumberRows read_number_rows(const std::filesystem::path& file, const std::vector
   }
   if (rows.empty()) throw ConfigError(file, 0, "has no rows");
   return rows;
+}
+
+std::optional<StartRowProblem> start_row_problem(const NumberRows& rows, const Camera& camera) {
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    if (rows[i].size() == 5 && !camera.contains(RawPixel{{rows[i][3], rows[i][4]}}))
+      return StartRowProblem{
+          i, formatted("the pixel (%g, %g) is outside the image of %s, which is %dx%d", rows[i][3], rows[i][4],
+                       camera.name.c_str(), camera.image_size.width, camera.image_size.height)};
+    for (std::size_t j = 0; j < i; ++j)
+      if (point_of(rows[i]) == point_of(rows[j]))
+        return StartRowProblem{i, formatted("the point (%g, %g, %g) is there twice, in row %zu too", rows[i][0],
+                                            rows[i][1], rows[i][2], j + 1)};
+  }
+  return std::nullopt;
+}
+
+int line_of_row(const std::filesystem::path& file, std::size_t row) {
+  std::ifstream stream(file);
+  std::string text;
+  std::getline(stream, text);
+  int line = 1;
+  for (std::size_t rows = 0; rows <= row && std::getline(stream, text); ++line)
+    if (!text.empty() && text != "\r") ++rows;
+  return line;
 }
 
 CameraTrackerOptions tracker_options(const CameraTrackingConfig& config) {

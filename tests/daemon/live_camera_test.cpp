@@ -202,13 +202,14 @@ TEST_F(LiveLeds, ARecordingHoldsTheFilesThatItsConfigurationNames) {
   c.camera_tracking.leds.clear();
   c.camera_tracking.led_schedule.clear();
   c.camera_tracking.board = board;
-  c.camera_tracking.save_map = folder_ / "mine.map";
+  c.camera_tracking.save_map = write("mine.map", "an older one");
   LiveOptions options;
   options.no_dds = true;
   options.record_to = folder_ / "recording";
   LiveRequests requests;
   options.seconds = 0.2;
   run_live(c, cameras(0ms, 11ms), options, requests, {});
+  EXPECT_EQ(contents(c.camera_tracking.save_map), "an older one");  // there was no board, and so no pose and no map
   fs::remove(board);
   fs::rename(folder_ / "recording", folder_ / "moved");
   EXPECT_THAT(contents(folder_ / "moved/huetrackd.yaml"), Not(HasSubstr(folder_.string())));

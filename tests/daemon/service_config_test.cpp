@@ -480,6 +480,21 @@ TEST_F(CameraTrackingConfigTest, MistakesAreNamed) {
               HasSubstr("bad.csv:1: the header has no column Z"));
 }
 
+TEST_F(CameraTrackingConfigTest, PixelsOutsideTheImageAndPointsThatAreThereTwiceAreNamed) {
+  using testing::HasSubstr;
+  write("outside.csv", "X,Y,Z,u,v\n0,0,0,1,2\n\n1,0,0,3,4\n0,1,0,319.6,6\n1,1,0,7,8\n");
+  EXPECT_THAT(mistake("  camera: cam0\n  start: {points: outside.csv}\n"),
+              HasSubstr("outside.csv:5: row 3: the pixel (319.6, 6) is outside the image of cam0, which is 320x240"));
+  write("twice.csv", "X,Y,Z,u,v\n0,0,0,1,2\n1,0,0,3,4\n0,1,0,319,6\n1,0,0,7,8\n");
+  EXPECT_THAT(mistake("  camera: cam0\n  start: {points: twice.csv}\n"),
+              HasSubstr("twice.csv:5: row 4: the point (1, 0, 0) is there twice, in row 2 too"));
+  EXPECT_THAT(mistake("  camera: cam0\n  start:\n    rectangle: [[0, 0, 0, 1, 2], [1, 0, 0, 3, 4], "
+                      "[1, 1, 0, 5, -6], [0, 1, 0, 7, 8]]\n"),
+              HasSubstr("c.yaml:6: camera_tracking.start.rectangle: row 3: the pixel (5, -6) is outside the image"));
+  write("m.map", "");
+  EXPECT_THAT(mistake("  camera: cam0\n  load_map: m.map\n"), HasSubstr("also with a map that is loaded"));
+}
+
 TEST(ReferenceConfig, HasEveryKeyWithItsDefaultInTheOrderOfCheck) {
   const fs::path file = configs / "huetrackd.yaml";
   const ServiceConfig reference = load_service_config(file);
