@@ -143,6 +143,8 @@ CameraTrackerOptions tracker_options(const CameraTrackingConfig& config) {
     options.start = start;
   } else if (!config.board.empty()) {
     options.start = board_start(config.board);
+  } else if (config.leds.empty()) {  // nothing but the loaded map
+    options.start = FoundStart{[](const Image&) -> std::optional<PointsStart> { return std::nullopt; }};
   } else {
     LedStart start;
     for (const auto& row : config.leds) start.leds.push_back(point_of(row));

@@ -22,7 +22,7 @@ struct CameraTrackingConfig {
   std::uint64_t seed = 1;
   bool as_printed = false;
   std::filesystem::path load_map, save_map;  // empty: none
-  // The start: exactly one of these four is given.
+  // The start: exactly one of these four is given; with load_map, at most one.
   NumberRows rectangle;         // x y z, or x y z u v with the corners' pixels in the first frame
   NumberRows points;            // x y z u v
   std::filesystem::path board;  // board file

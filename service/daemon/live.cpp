@@ -312,7 +312,11 @@ class LiveService {
     told_warnings_ = std::move(told);
     if (publisher_) publisher_->publish_status(status);
     if (metrics_) show_metrics(status);
-    if (!is_last) notify_service_manager("STATUS=" + status_line(status, states));
+    if (!is_last) notify_service_manager("STATUS=" + status_line(status, states,
+                                                                    pipeline_->camera_tracker() != nullptr
+                                                                        ? config_.camera_tracking.camera
+                                                                        : std::string(),
+                                                                    figures.tracked_camera.state));
     last_status_ = std::move(status);
   }
 
@@ -596,7 +600,8 @@ bool is_progressing(std::span<const CameraHealth> cameras, const PipelineFigures
          std::ranges::all_of(cameras, [&](const auto& camera) { return is_recent(camera.last_progress); });
 }
 
-std::string status_line(const ServiceStatus& status, std::span<const TrackState> states) {
+std::string status_line(const ServiceStatus& status, std::span<const TrackState> states,
+                        const std::string& tracked_camera, CameraState camera_state) {
   std::size_t delivering = 0, used = 0;
   std::string cameras, targets;
   for (const auto& camera : status.cameras) {
@@ -624,6 +629,8 @@ std::string status_line(const ServiceStatus& status, std::span<const TrackState>
   }
   for (std::size_t t = 0; t < states.size(); ++t)
     targets += (targets.empty() ? "" : ", ") + status.targets[t] + " " + std::string(name(states[t]));
+  if (!tracked_camera.empty())
+    targets += (targets.empty() ? "" : ", ") + tracked_camera + "'s pose " + std::string(name(camera_state));
   return std::to_string(delivering) + " of " + std::to_string(used) + " cameras deliver: " + cameras + "; " +
          tenths(status.set_rate_hz) + " sets/s" + (targets.empty() ? "" : "; " + targets);
 }

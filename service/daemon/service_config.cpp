@@ -90,7 +90,7 @@ void describe_camera_tracking(Io& io, Tracking& t) {
   io.integer_or("particle_count", "auto", t.particle_count, at_least_one, "auto: the method's own");
   io.boolean("as_printed", t.as_printed, "pupilli and lee: the paper's filter without our additions");
   io.integer("seed", t.seed, Range{.min = 0, .max = 9e15}, "same seed, recording and configuration: the same poses");
-  io.path_or("load_map", "none", t.load_map, "a map that was saved: the camera is found in it; the start is given all the same");
+  io.path_or("load_map", "none", t.load_map, "a map that was saved: the camera is found in it, and start may be left out");
   io.folder_or("save_map", "none", t.save_map, "where the map is written at the end");
   io.group("start", "what the first pose is known from: exactly one of rectangle, points, board, leds", [&](auto& in) {
     const std::vector<CsvColumn> xyz{{"X", "x"}, {"Y", "y"}, {"Z", "z"}, {"u", "u_frame0"}, {"v", "v_frame0"}};
@@ -558,10 +558,10 @@ void check_camera_tracking(const ServiceConfig& config, const YamlReader& yaml) 
     yaml.fail("camera", tracking.camera + " is not a camera of the rig, which has " + list +
                             (nearest ? " (did you mean " + *nearest + "?)" : ""));
   }
-  if (tracking.starts() != 1)
-    yaml.fail("start", "exactly one of rectangle, points, board and leds must be given" +
-                           std::string(tracking.load_map.empty() ? "" : ", also with a map that is loaded") +
-                           ", and there are " + std::to_string(tracking.starts()));
+  if (tracking.starts() != 1 && (tracking.starts() > 1 || tracking.load_map.empty()))
+    yaml.fail("start", "exactly one of rectangle, points, board and leds must be given (with load_map none is needed), "
+                       "and there are " +
+                           std::to_string(tracking.starts()));
   const Camera& camera = config.rig.cameras[std::size_t(*config.rig.index_of(tracking.camera))];
   for (const auto& [key, rows] : {std::pair{"rectangle", &tracking.rectangle}, {"points", &tracking.points}}) {
     const auto problem = start_row_problem(*rows, camera);

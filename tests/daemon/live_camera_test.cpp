@@ -224,10 +224,11 @@ TEST_F(LiveCameraTracking, AMapIsSavedAndTheCameraFoundInIt) {
   const fs::path data = fs::path(HUETRACK_SHARED_DATA) / "rendered/desk";
   if (!fs::exists(data / "recording.yaml")) GTEST_SKIP() << data << " is not there";
   const std::string desk = fs::absolute(data).string();
-  const std::string start = "version: 1\nrig: " + desk +
-                            "/rig.yaml\ncameras: {cam0: {device: 0}}\ndds: {enabled: false}\n" +
-                            "camera_tracking:\n  camera: cam0\n  start: {rectangle: " + desk + "/rectangle.csv}\n";
-  const fs::path first = write("first.yaml", start + "  save_map: desk.map\n");
+  const std::string camera = "version: 1\nrig: " + desk +
+                             "/rig.yaml\ncameras: {cam0: {device: 0}}\ndds: {enabled: false}\n" +
+                             "camera_tracking:\n  camera: cam0\n";
+  const fs::path first =
+      write("first.yaml", camera + "  start: {rectangle: " + desk + "/rectangle.csv}\n  save_map: desk.map\n");
   const auto pictures = first_frames(data, {"cam0"}, 120);
   const auto live = [&](const fs::path& file, std::size_t from, std::size_t to, LiveOptions options) {
     std::vector<Frame> some(pictures[0].begin() + std::ptrdiff_t(from), pictures[0].begin() + std::ptrdiff_t(to));
@@ -240,7 +241,7 @@ TEST_F(LiveCameraTracking, AMapIsSavedAndTheCameraFoundInIt) {
   live(first, 0, 45, {});
   ASSERT_TRUE(fs::exists(folder_ / "desk.map"));
 
-  const fs::path second = write("second.yaml", start + "  load_map: desk.map\n");
+  const fs::path second = write("second.yaml", camera + "  load_map: desk.map\n");
   LiveOptions options;
   options.poses = folder_ / "second.tum";
   options.record_to = folder_ / "recording";

@@ -2,6 +2,8 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <spdlog/sinks/ostream_sink.h>
+#include <spdlog/spdlog.h>
 #include <unistd.h>
 
 #include <filesystem>
@@ -48,6 +50,29 @@ TEST(NoPoseWarning, ComesAfterThreeSecondsOfCaptureTimeWithTheLastReasonAndGoesW
   figures.add(estimate(CameraState::lost, 16s), "");
   figures.add(estimate(CameraState::lost, 21s), "");
   EXPECT_EQ(no_pose_warning("cam0", figures), "camera cam0: no pose for 5 s (lost)");  // the old reason is none of it
+}
+
+TEST(NoPoseLog, SaysEachThingOnceUntilThereIsAPoseAgain) {
+  std::ostringstream log;
+  const auto before = spdlog::default_logger();
+  spdlog::set_default_logger(
+      std::make_shared<spdlog::logger>("test", std::make_shared<spdlog::sinks::ostream_sink_st>(log)));
+  spdlog::set_pattern("%v");
+  NoPoseLog no_pose_log;
+  TrackedCameraFigures figures;
+  const auto frame = [&](CameraState state, int s, const std::string& why) {
+    figures.add(estimate(state, std::chrono::seconds(s)), why);
+    no_pose_log.tell("cam0", figures);
+  };
+  for (int s = 0; s < 20; ++s)
+    frame(CameraState::searching, s, s % 2 == 0 ? "too dark" : "wrong by 3." + std::to_string(s));
+  frame(CameraState::tracking, 20, "");
+  for (int s = 21; s < 30; ++s) frame(CameraState::lost, s, "too dark");
+  spdlog::set_default_logger(before);
+  EXPECT_EQ(
+      log.str(),
+      "camera cam0: no pose for 3 s (searching): wrong by 3.3\ncamera cam0: no pose for 4 s (searching): too dark\n"
+      "camera cam0: no pose for 3 s (lost): too dark\n");
 }
 
 TEST(WithoutNumbers, TwoFiguresOfOneSentenceAreTheSame) {
