@@ -788,6 +788,9 @@ std::vector<std::string> warnings_of(const ServiceConfig& config) {
         std::ranges::find(config.cameras, camera.name, &LiveCameraConfig::name) == config.cameras.end())
       warnings.push_back("camera " + camera.name + " of the rig is not among the live cameras, and not used by run");
   }
+  const RecordConfig& record = config.record;
+  if (!record.folder.empty() && !record.always && !(record.pre_roll_s > 0))
+    warnings.push_back("record.folder is given, but nothing will be recorded: set record.always or record.pre_roll_s");
   if (config.targets.empty()) return warnings;
   const auto coverage = volume_coverage(config.rig, config.object_tracking.volume);
   for (std::size_t c = 0; c < config.rig.cameras.size(); ++c) {
