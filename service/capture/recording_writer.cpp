@@ -611,6 +611,7 @@ void PreRoll::push(const Frame& frame) {
 void PreRoll::shrink() {
   const auto is_too_old = [&](const Frame& frame) { return *newest_ - frame.captured_at > options_.length; };
   while (frames_.size() > 1 && (bytes_ > options_.most_bytes || is_too_old(frames_.front().frame))) {
+    if (!is_too_old(frames_.front().frame)) cut_to_ = *newest_ - frames_[1].frame.captured_at;
     bytes_ -= frames_.front().bytes;
     frames_.pop_front();
   }

@@ -92,6 +92,8 @@ class PreRoll {
   std::vector<Frame> take();
   std::size_t bytes() const { return bytes_; }
   std::size_t size() const { return frames_.size(); }
+  // How far back it goes when most_bytes keeps it from its length; nullopt: it does not.
+  std::optional<Duration> cut_to() const { return cut_to_; }
 
  private:
   struct Held {
@@ -103,6 +105,7 @@ class PreRoll {
   PreRollOptions options_;
   std::deque<Held> frames_;
   std::optional<Timestamp> newest_;
+  std::optional<Duration> cut_to_;
   std::size_t bytes_ = 0;
 };
 

@@ -683,7 +683,7 @@ V4l2Source::V4l2Source(V4l2SourceOptions options, const std::stop_token& stop) {
   try {
     impl_->finish_opening(std::move(done));
   } catch (const CaptureError& e) {
-    if (e.code() == std::errc::invalid_argument) throw;
+    if (e.code() == std::errc::invalid_argument && !impl_->options.may_be_wrong) throw;
     impl_->explain_absence(e);
     impl_->next_attempt = Clock::now() + impl_->options.retry;
   }

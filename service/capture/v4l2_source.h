@@ -31,6 +31,9 @@ struct V4l2SourceOptions {
   std::chrono::milliseconds retry{700};  // > 0; between two attempts to open an absent camera
   // > 0; how long the constructor waits for a camera that does not answer. next() waits on, and says so.
   std::chrono::milliseconds first_patience{std::chrono::minutes(1)};
+  // A camera that is there but cannot do what is asked is one that is absent, instead of an error of the constructor:
+  // the right one may be plugged in later.
+  bool may_be_wrong = false;
   std::vector<std::string> problems() const;  // empty when valid; one sentence per violated constraint
   // Allowed but perhaps not meant: a /dev/videoN, which is not stable.
   std::vector<std::string> warnings() const;
@@ -99,7 +102,7 @@ class V4l2Source final : public FrameSource {
  public:
   // Opens the camera and starts it. A camera that is not there, busy, or not permitted is no error, and neither is one
   // that does not answer within first_patience or before a stop: next() waits for it. throws CaptureError when it is
-  // there but cannot do what is asked (std::errc::invalid_argument), such as a format or size that it has not;
+  // there but cannot do what is asked (std::errc::invalid_argument; see may_be_wrong), such as a size that it has not;
   // std::invalid_argument: options.problems().
   explicit V4l2Source(V4l2SourceOptions options, const std::stop_token& stop = {});
   ~V4l2Source() override;  // stops; restores the controls when asked

@@ -255,9 +255,7 @@ std::vector<std::string> ColorTeacher::namesakes(const Taught& taught, const std
     if (target.name == own_name) continue;
     for (std::size_t c = 0; c < taught.views.size(); ++c) {
       if (!taught.views[c].pointed) continue;
-      const auto own =
-          std::ranges::find(target.camera_colors, rig_.cameras[c].name, [](const auto& entry) { return entry.first; });
-      const HsiRange& range = own != target.camera_colors.end() ? own->second : target.color;
+      const HsiRange& range = target.color_in(rig_.cameras[c].name);
       if (share_of(*images_[c], taught.views[c].object, range) < 0.5) continue;
       names.push_back(target.name);
       break;

@@ -112,7 +112,13 @@ class LiveService {
     std::vector<std::unique_ptr<FrameSource>> sources;
     for (auto& camera : cameras) sources.push_back(std::move(camera.source));
     cameras_ = std::move(cameras);
-    make_recorder();
+    if (config.metrics.port) {
+      metrics_.emplace(config.metrics.address, *config.metrics.port);
+      const bool is_v6 = config.metrics.address.find(':') != std::string::npos;
+      spdlog::info("metrics on http://{}{}{}:{}/metrics", is_v6 ? "[" : "", config.metrics.address, is_v6 ? "]" : "",
+                   *config.metrics.port);
+    }
+    make_recorder();  // after all that may yet end the program: no empty recording stays behind
     PipelineOutputs outputs;
     outputs.frames = [this](const Frame& frame, Timestamp received_at) {
       capture_to_dequeue_[std::size_t(frame.camera)].add(received_at - frame.captured_at);
@@ -123,12 +129,6 @@ class LiveService {
       const std::scoped_lock lock(happened_mutex_);
       if (changes_) camera_left_out_.push_back(frame.captured_at);
     };
-    if (config.metrics.port) {
-      metrics_.emplace(config.metrics.address, *config.metrics.port);
-      const bool is_v6 = config.metrics.address.find(':') != std::string::npos;
-      spdlog::info("metrics on http://{}{}{}:{}/metrics", is_v6 ? "[" : "", config.metrics.address, is_v6 ? "]" : "",
-                   *config.metrics.port);
-    }
     outputs.estimates = [this](const FrameSet& set, std::span<const ObjectEstimate> estimates, Timestamp received_at) {
       put_out(set, estimates, received_at);
     };
@@ -330,7 +330,10 @@ class LiveService {
     latencies.dequeue_to_publish = dequeue_to_publish_.snapshot();
     latencies.capture_to_publish = capture_to_publish_.snapshot();
     RecordingCounts recording;
-    if (recorder_) recording = {.is_recording = recorder_->is_recording(), .dropped = recorder_->figures().dropped};
+    if (recorder_) {
+      const RecorderFigures figures = recorder_->figures();
+      recording = {.is_recording = recorder_->is_recording() && !figures.failure, .dropped = figures.dropped};
+    }
     metrics_->show(
         to_prometheus(status, targets, latencies, recording, publisher_ ? publisher_->counters().published : 0));
   }
@@ -349,8 +352,10 @@ class LiveService {
     options.recording.raw_storage = record.raw_storage;
     options.queue_frames = std::size_t(record.queue_frames);
     if (has_pre_roll) {
+      // The recorder shares it out over all cameras of the rig, of which some may not be used.
+      const double share = double(config_.rig.cameras.size()) / double(cameras_.size());
       options.pre_roll = PreRollOptions{.length = duration_of(record.pre_roll_s),
-                                        .most_bytes = std::size_t(record.pre_roll_mb) * 1'000'000};
+                                        .most_bytes = std::size_t(share * double(record.pre_roll_mb) * 1e6)};
     }
     recorder_.emplace(std::move(options));
     if (has_pre_roll) return;
@@ -429,6 +434,9 @@ class LiveService {
                          " is gone: nothing of the recording is kept; restart to record again");
     const RecorderFigures figures = recorder_->figures();
     if (figures.failure) warnings.push_back(*figures.failure);
+    if (figures.pre_roll_that_fits)
+      warnings.push_back("only the last " + tenths(seconds(*figures.pre_roll_that_fits)) + " s of the pre-roll's " +
+                         tenths(config_.record.pre_roll_s) + " s fit into record.pre_roll_mb");
     if (changes_ && !changes_->failure().empty()) warnings.push_back(changes_->failure());
     std::string cameras;
     for (std::size_t c = 0; c < figures.dropped.size(); ++c)
@@ -551,7 +559,8 @@ std::vector<LiveCamera> open_cameras(const ServiceConfig& config, const std::sto
   if (const auto both = one_under_two_names(config.cameras))
     throw CaptureError(std::make_error_code(std::errc::invalid_argument),
                        config.file.string() + ": cameras: " + *both + ": give each its own device");
-  std::vector<std::pair<int, std::future<std::unique_ptr<V4l2Source>>>> opening;
+  std::vector<V4l2SourceOptions> asked;
+  std::vector<std::future<std::unique_ptr<V4l2Source>>> opening;
   for (const auto& camera : config.cameras) {
     const int index = config.rig.index_of(camera.name).value();
     const ImageSize size = config.rig.cameras[std::size_t(index)].image_size;
@@ -567,13 +576,33 @@ std::vector<LiveCamera> open_cameras(const ServiceConfig& config, const std::sto
     options.restore_controls = camera.restore_controls;
     options.latency = duration_of(camera.latency_offset_s);
     options.first_patience = opening_patience;
-    opening.emplace_back(index, std::async(std::launch::async, [options = std::move(options), stop] {
-                           return std::make_unique<V4l2Source>(options, stop);
-                         }));
+    asked.push_back(options);
+    opening.push_back(std::async(std::launch::async, [options = std::move(options), stop] {
+      return std::make_unique<V4l2Source>(options, stop);
+    }));
+  }
+  // One that cannot do what is asked, or another model in its port, does not keep the others from running: it is
+  // absent. When there is no other, it is the configuration that is wrong.
+  std::vector<std::pair<int, std::unique_ptr<V4l2Source>>> sources;
+  std::vector<std::size_t> wrong;
+  std::exception_ptr first_wrong;
+  for (std::size_t c = 0; c < opening.size(); ++c) {
+    try {
+      sources.emplace_back(asked[c].camera, opening[c].get());
+    } catch (const CaptureError& error) {
+      if (error.code() != std::errc::invalid_argument) throw;
+      if (!first_wrong) first_wrong = std::current_exception();
+      sources.emplace_back(asked[c].camera, nullptr);
+      wrong.push_back(c);
+    }
+  }
+  if (wrong.size() == asked.size() && first_wrong) std::rethrow_exception(first_wrong);
+  for (const std::size_t c : wrong) {
+    asked[c].may_be_wrong = true;
+    sources[c].second = std::make_unique<V4l2Source>(asked[c], stop);
   }
   std::vector<LiveCamera> cameras;
-  for (auto& [index, opened] : opening) {
-    auto source = opened.get();
+  for (auto& [index, source] : sources) {
     const V4l2Source* said_by = source.get();
     V4l2Source* told_by = source.get();
     cameras.push_back({.camera = index,

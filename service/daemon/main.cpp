@@ -50,6 +50,12 @@ CLI::Validator word_of(const std::map<std::string, Value>& words) {
 // thread, so that all inherit the blocked signals.
 class Signals {
  public:
+  // Until there is one, a signal waits: one of the first milliseconds is not lost, nor does it end the program.
+  static void hold() {
+    const sigset_t all = every();
+    pthread_sigmask(SIG_BLOCK, &all, nullptr);
+  }
+
   // code: the signal's si_code. True: stop.
   using Others = std::map<int, std::function<bool(int code)>>;
   explicit Signals(Others others) : others_(std::move(others)) {
@@ -58,6 +64,10 @@ class Signals {
     sigaddset(&signals_, SIGTERM);
     for (const auto& [signal, _] : others_) sigaddset(&signals_, signal);
     pthread_sigmask(SIG_BLOCK, &signals_, nullptr);
+    sigset_t unwanted = every();
+    for (const int signal : {SIGINT, SIGTERM, SIGHUP, SIGUSR1})
+      if (sigismember(&signals_, signal) == 1) sigdelset(&unwanted, signal);
+    pthread_sigmask(SIG_UNBLOCK, &unwanted, nullptr);
     thread_ = std::jthread([this](const std::stop_token& end) {
       while (!end.stop_requested()) {
         const timespec patience{.tv_sec = 0, .tv_nsec = 50'000'000};
@@ -77,6 +87,13 @@ class Signals {
   std::stop_token token() const { return stop_.get_token(); }
 
  private:
+  static sigset_t every() {
+    sigset_t all;
+    sigemptyset(&all);
+    for (const int signal : {SIGINT, SIGTERM, SIGHUP, SIGUSR1}) sigaddset(&all, signal);
+    return all;
+  }
+
   Others others_;
   sigset_t signals_{};
   std::stop_source stop_;
@@ -161,6 +178,7 @@ void compare(const std::filesystem::path& tracks_file, const std::filesystem::pa
 }  // namespace
 
 int main(int argc, char** argv) {
+  Signals::hold();
   set_up_log();
   signal(SIGXFSZ, SIG_IGN);  // a recording that meets the limit of file sizes ends with a message, the program does not
 
@@ -276,6 +294,9 @@ int main(int argc, char** argv) {
   if (run_command->parsed()) {
     on_signal[SIGHUP] = ask(requests.reload);
     on_signal[SIGUSR1] = ask(requests.save);
+  } else if (record_command->parsed()) {
+    on_signal[SIGHUP] = [](int) { return true; };  // its terminal is gone: the recording is ended well
+    on_signal[SIGUSR1] = [](int) { return false; };
   } else if (replay_command->parsed()) {
     command.reload = &requests.reload;
     on_signal[SIGHUP] = [&](int code) {

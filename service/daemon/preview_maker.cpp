@@ -27,11 +27,6 @@ std::array<float, 3> drawing_rgb(const HsiRange& range) {
   return rgb;
 }
 
-const HsiRange& color_in(const TargetOptions& target, const std::string& camera) {
-  const auto own = std::ranges::find(target.camera_colors, camera, &std::pair<std::string, HsiRange>::first);
-  return own == target.camera_colors.end() ? target.color : own->second;
-}
-
 msg::PreviewTarget drawn(const Camera& camera, const std::string& name, double radius_m, const ObjectEstimate& estimate,
                          std::span<const Eigen::Vector3f> particles, int most_particles) {
   msg::PreviewTarget out;
@@ -135,7 +130,7 @@ msg::Scene make_scene(const ServiceConfig& config, bool may_teach, const std::st
     out.radius_m(target.radius_m);
     out.rgb(drawing_rgb(target.color));
     for (const Camera& camera : config.rig.cameras) {
-      const HsiRange& range = color_in(target, camera.name);
+      const HsiRange& range = target.color_in(camera.name);
       msg::SceneColor& color = out.colors().emplace_back();
       color.camera(camera.name);
       color.hue_deg({range.hue_min_deg, range.hue_max_deg});

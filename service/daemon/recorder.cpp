@@ -71,7 +71,12 @@ RecorderFigures Recorder::figures() const {
       figures.failure = writer_->failure();
     }
   }
-  for (const auto& camera : cameras_) figures.dropped.push_back(camera->waiting.dropped() + camera->given_up);
+  for (const auto& camera : cameras_) {
+    figures.dropped.push_back(camera->waiting.dropped() + camera->given_up);
+    const Duration fits{camera->fits_ns.load()};
+    if (fits >= Duration::zero())
+      figures.pre_roll_that_fits = std::min(figures.pre_roll_that_fits.value_or(fits), fits);
+  }
   return figures;
 }
 
@@ -97,6 +102,7 @@ void Recorder::write(Camera& camera) {
       if (frame) to->write(*frame);
     } else if (camera.pre_roll && frame) {
       camera.pre_roll->push(*frame);
+      if (const auto fits = camera.pre_roll->cut_to()) camera.fits_ns = fits->count();
     }
   }
   camera.is_done = true;

@@ -26,6 +26,7 @@ struct RecorderOptions {
 struct RecorderFigures {
   std::vector<RecordedCameraFigures> cameras;  // of the current or last recording
   std::vector<std::uint64_t> dropped;          // per camera, by the queues and at the end
+  std::optional<Duration> pre_roll_that_fits;  // so much of the pre-roll's length has room; nullopt: all of it
   std::optional<std::string> failure;          // why the current or last recording stopped; nullopt: it did not
 };
 
@@ -56,6 +57,7 @@ class Recorder {
     Camera(const RecorderOptions& options, std::size_t cameras);
     BoundedQueue<Frame> waiting;
     std::optional<PreRoll> pre_roll;          // the writing thread's
+    std::atomic<std::int64_t> fits_ns = -1;   // of the pre-roll; -1: all
     std::atomic<std::uint64_t> given_up = 0;  // frames, at the end
     std::atomic<bool> is_done = false;        // the thread has written all
     std::jthread thread;

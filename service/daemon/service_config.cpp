@@ -676,11 +676,6 @@ bool hues_overlap(const HsiRange& a, const HsiRange& b) {
          b.intensity_min <= a.intensity_max;
 }
 
-const HsiRange& color_of(const TargetOptions& target, const std::string& camera) {
-  const auto it = std::ranges::find(target.camera_colors, camera, [](const auto& entry) { return entry.first; });
-  return it == target.camera_colors.end() ? target.color : it->second;
-}
-
 // Names of what a recording holds beside its configuration.
 constexpr const char *board_beside = "camera_board.yaml", *map_beside = "camera.map";
 
@@ -793,6 +788,9 @@ std::vector<std::string> warnings_of(const ServiceConfig& config) {
         std::ranges::find(config.cameras, camera.name, &LiveCameraConfig::name) == config.cameras.end())
       warnings.push_back("camera " + camera.name + " of the rig is not among the live cameras, and not used by run");
   }
+  const RecordConfig& record = config.record;
+  if (!record.folder.empty() && !record.always && !(record.pre_roll_s > 0))
+    warnings.push_back("record.folder is given, but nothing will be recorded: set record.always or record.pre_roll_s");
   if (config.targets.empty()) return warnings;
   const auto coverage = volume_coverage(config.rig, config.object_tracking.volume);
   for (std::size_t c = 0; c < config.rig.cameras.size(); ++c) {
@@ -806,7 +804,7 @@ std::vector<std::string> warnings_of(const ServiceConfig& config) {
   for (std::size_t a = 0; a < config.targets.size(); ++a) {
     for (std::size_t b = a + 1; b < config.targets.size(); ++b) {
       for (const auto& camera : config.rig.cameras) {
-        if (!hues_overlap(color_of(config.targets[a], camera.name), color_of(config.targets[b], camera.name))) continue;
+        if (!hues_overlap(config.targets[a].color_in(camera.name), config.targets[b].color_in(camera.name))) continue;
         warnings.push_back("targets " + config.targets[a].name + " and " + config.targets[b].name +
                            " have overlapping colours in camera " + camera.name + " and may be taken for each other");
         break;

@@ -21,6 +21,11 @@ std::string_view name(TrackState state) {
   return "";
 }
 
+const HsiRange& TargetOptions::color_in(std::string_view camera) const {
+  const auto own = std::ranges::find(camera_colors, camera, &std::pair<std::string, HsiRange>::first);
+  return own == camera_colors.end() ? color : own->second;
+}
+
 std::vector<std::string> TargetOptions::problems() const {
   std::vector<std::string> out;
   static const std::regex word("[A-Za-z][A-Za-z0-9_]*");

@@ -6,6 +6,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "calib/model/camera_rig.h"
@@ -31,6 +32,7 @@ struct TargetOptions {
   HsiRange color;
   std::vector<std::pair<std::string, HsiRange>> camera_colors;   // per-camera overrides: (camera name, range)
   IgnoredRegions ignored;
+  const HsiRange& color_in(std::string_view camera) const;       // its own there, else `color`
   std::vector<std::string> problems() const;
 };
 

@@ -6,8 +6,7 @@ namespace huetrack {
 
 TargetViews::TargetViews(const CameraRig& rig, const TargetOptions& target) {
   for (const Camera& camera : rig.cameras) {
-    const auto own = std::ranges::find(target.camera_colors, camera.name, &std::pair<std::string, HsiRange>::first);
-    cameras_.push_back(std::make_unique<PerCamera>(camera, own != target.camera_colors.end() ? own->second : target.color));
+    cameras_.push_back(std::make_unique<PerCamera>(camera, target.color_in(camera.name)));
     const auto ignored = std::ranges::find(target.ignored, camera.name, &IgnoredRegions::value_type::first);
     if (ignored != target.ignored.end()) cameras_.back()->matches.ignore(ignored->second);
   }

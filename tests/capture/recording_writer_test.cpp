@@ -489,6 +489,7 @@ TEST(PreRoll, KeepsTheLastSecondsInTheOrderTheyCame) {
   for (std::size_t i = 0; i < frames.size(); ++i) expect_same(frames[i], raw_frame(static_cast<int>(69 + i)));
   EXPECT_EQ(ring.size(), 0U);
   EXPECT_EQ(ring.bytes(), 0U);
+  EXPECT_FALSE(ring.cut_to());
 }
 
 TEST(PreRoll, MemoryIsBounded) {
@@ -499,6 +500,8 @@ TEST(PreRoll, MemoryIsBounded) {
     ASSERT_LE(ring.bytes(), most);
   }
   EXPECT_GT(ring.size(), 15U);
+  const auto frames = static_cast<int>(ring.size());
+  EXPECT_EQ(ring.cut_to(), raw_frame(frames).captured_at - raw_frame(1).captured_at);
   EXPECT_EQ(ring.take().back().sequence, 999U);
 }
 

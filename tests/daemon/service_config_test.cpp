@@ -341,6 +341,9 @@ TEST_F(ServiceConfigFile, AMistakeInTheRigIsNamedInTheRig) {
 
 TEST_F(ServiceConfigFile, WarnsOfWhatIsProbablyNotMeant) {
   EXPECT_THAT(warnings_of(load(ball)), IsEmpty());
+  EXPECT_THAT(warnings_of(load(ball + "record: {folder: recordings}\n")),
+              ElementsAre(HasSubstr("nothing will be recorded")));
+  EXPECT_THAT(warnings_of(load(ball + "record: {folder: recordings, always: true}\n")), IsEmpty());
   EXPECT_THAT(
       warnings_of(load(head + "targets: {a: {color: {hue_deg: [350, 20]}}, b: {color: {hue_deg: [10, 40]}}}\n")),
       ElementsAre("targets a and b have overlapping colours in camera cam0 and may be taken for each other"));

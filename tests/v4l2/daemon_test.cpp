@@ -525,6 +525,20 @@ TEST_F(Faults, NoneEndsTheService) {
 }
 
 // A second one goes on tracking while the first one locks up, and does not answer from the start.
+TEST_F(Faults, AWrongCameraAtTheStartDoesNotKeepTheOthersFromRunning) {
+  run(configure(folder / "rig.yaml", "lime: {color: {hue_deg: [65, 115]}}",
+                {{"cam0", nodes[0], ""}, {"cam1", "/dev/null", ""}}, 15, "quorum: 1\n"));
+  ASSERT_TRUE(says("ready: 1 of 2"));
+  EXPECT_TRUE(says("camera cam1: not available: /dev/null: is not a video device"));
+  EXPECT_TRUE(delivers("cam0"));
+  stop();
+
+  run(configure(folder / "rig.yaml", "lime: {color: {hue_deg: [65, 115]}}",
+                {{"cam0", "/dev/null", ""}, {"cam1", "/dev/zero", ""}}, 15));
+  EXPECT_EQ(service->wait(), 1);  // no camera at all: the configuration is wrong
+  EXPECT_TRUE(says("is not a video device"));
+}
+
 TEST_F(Faults, ALockedUpCameraHoldsNobodyUp) {
   const fs::path config =
       configure(folder / "rig.yaml", "lime: {color: {hue_deg: [65, 115]}}",
