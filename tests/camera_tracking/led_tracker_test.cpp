@@ -193,6 +193,22 @@ TEST(LedFilter, ThePapersFilterGivesNoFalsePose) {
   EXPECT_EQ(run.wrong, 0);
 }
 
+TEST(LedFilter, ThePapersFilterFindsTheCameraFromLedsThatAreNotIdentified) {
+  const LedScene scene = led_scene();
+  for (const std::uint64_t seed : {1, 2}) {
+    LedFilterOptions options = options_for(scene);
+    options.particle_count = 2000;
+    options.seed = seed;
+    // Covered from frame 40 on for half a second: lost, and found again from the whole room.
+    const Course run =
+        follow(*LedFilter::paper(scene.camera, options), scene, {}, 130, 20, [](int i) { return i >= 40 && i < 85; });
+    EXPECT_GE(run.first, 0) << seed;
+    EXPECT_LE(run.first, 25) << seed;
+    EXPECT_GT(run.poses, 50) << seed;
+    EXPECT_EQ(run.wrong, 0) << seed;
+  }
+}
+
 TEST(LedFilter, SameSeedSameBits) {
   const LedScene scene = led_scene();
   const auto bits = [&](std::uint64_t seed) {
