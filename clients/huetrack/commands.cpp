@@ -7,9 +7,11 @@
 #include <cstring>
 #include <fastdds/dds/subscriber/DataReaderListener.hpp>
 #include <fastdds/dds/subscriber/SampleInfo.hpp>
+#include <map>
 #include <memory>
 #include <set>
 #include <stdexcept>
+#include <vector>
 
 #include "idl/huetrackPubSubTypes.h"
 #include "idl/topics.h"
@@ -91,6 +93,8 @@ const std::string& name_of(const msg::CameraPose& sample) {
 struct Wording {
   const char* samples;  // "no publisher of ..."
   const char* one;      // "nobody publishes ..."
+  const char* others;   // "no ..., but there are ...", and how they are watched
+  const char* how;
 };
 
 // wanted: the name of the target or camera; empty: every one.
@@ -103,9 +107,9 @@ int watch_topic(const WatchOptions& options, const std::string& wanted, const st
 int watch(const WatchOptions& options) {
   if (options.camera)
     return watch_topic<msg::CameraPose>(options, *options.camera == "all" ? "" : *options.camera,
-                                        camera_header(options.format), {"camera poses", "camera"});
+                                        camera_header(options.format), {"camera poses", "camera", "targets", "huetrack watch, without --camera"});
   return watch_topic<msg::ObjectPosition>(options, options.target, header(options.format),
-                                          {"huetrack positions", "target"});
+                                          {"huetrack positions", "target", "cameras", "huetrack watch --camera NAME"});
 }
 
 void end_on_signals() {
@@ -132,7 +136,7 @@ int watch_topic(const WatchOptions& options, const std::string& wanted, const st
   std::uint64_t lines = 0;
   std::size_t target_width = 0;
   std::set<std::string> seen_targets;
-  bool said_nobody = false;
+  bool said_nobody = false, said_others = false;
   std::set<std::string> said_targets;  // those named when ours was not among them
   const Clock::time_point start = Clock::now();
   Clock::time_point last_line = start;
@@ -180,6 +184,15 @@ int watch_topic(const WatchOptions& options, const std::string& wanted, const st
           ". Waiting for one");
       said_nobody = true;
     }
+    // Nothing will come of what is asked for, but there is something to watch.
+    if (!said_others && now - start > nobody_after && seen_targets.empty() && subscription->targets().empty()) {
+      if (const auto others = subscription->others(); !others.empty()) {
+        say("no " + std::string(words.one) + " is tracked on domain " +
+            std::to_string(subscription->participant().domain()) + ", but these " + words.others + ": " +
+            joined(others) + ". Watch them with " + words.how);
+        said_others = true;
+      }
+    }
     if (options.timeout && now - last_line > *options.timeout) {
       say("no sample for " +
           std::to_string(std::chrono::duration_cast<std::chrono::milliseconds>(now - last_line).count()) +
@@ -196,23 +209,41 @@ int status(const ParticipantOptions& options) {
   DdsParticipant participant(options);
   dds::DataReader& reader = participant.create_reader(
       topics::status, dds::TypeSupport(new msg::ServiceStatusPubSubType), status_reader_qos());
+  dds::DataReader& pose_reader = participant.create_reader(
+      topics::camera_pose, dds::TypeSupport(new msg::CameraPosePubSubType), object_position_reader_qos());
   LineWriter out({}, false);
-  // After the first one a moment more: a second service may be there.
+  // After the first one a moment more: a second service may be there, and the poses of a camera that is tracked.
   Clock::time_point until = Clock::now() + nobody_after;
-  bool found = false;
+  constexpr auto a_moment = 300ms;
+  bool waited_for_pose = false;
+  std::vector<msg::ServiceStatus> statuses;
+  std::map<std::string, msg::CameraPose> poses;
   while (!ended && Clock::now() < until) {
     msg::ServiceStatus sample;
     dds::SampleInfo info;
     while (reader.take_next_sample(&sample, &info) == ReturnCode_t::RETCODE_OK) {
       if (!info.valid_data) continue;
-      if (!out.write(text(sample, unix_now()))) return 0;
-      if (!found) until = Clock::now() + 300ms;
-      found = true;
+      if (statuses.empty()) until = Clock::now() + a_moment;
+      statuses.push_back(sample);
     }
+    msg::CameraPose pose;
+    while (pose_reader.take_next_sample(&pose, &info) == ReturnCode_t::RETCODE_OK)
+      if (info.valid_data) poses[pose.camera()] = pose;
+    dds::SubscriptionMatchedStatus matched;  // a slow camera's frame takes a while
+    if (!statuses.empty() && poses.empty() && !waited_for_pose &&
+        pose_reader.get_subscription_matched_status(matched) == ReturnCode_t::RETCODE_OK && matched.current_count > 0) {
+      until += 3 * a_moment;
+      waited_for_pose = true;
+    }
+    if (waited_for_pose && !poses.empty()) until = Clock::now();
     reader.wait_for_unread_message(eprosima::fastrtps::Duration_t(0, 50'000'000));
   }
-  if (!found && !ended) say("no huetrackd publishes its status " + what_to_check(participant));
-  return found ? 0 : 1;
+  std::vector<msg::CameraPose> last_poses;
+  for (const auto& [_, pose] : poses) last_poses.push_back(pose);
+  for (const auto& sample : statuses)
+    if (!out.write(text(sample, unix_now(), last_poses))) return 0;
+  if (statuses.empty() && !ended) say("no huetrackd publishes its status " + what_to_check(participant));
+  return statuses.empty() ? 1 : 0;
 }
 
 }  // namespace huetrack::client

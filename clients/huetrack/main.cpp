@@ -36,7 +36,7 @@ int main(int argc, char** argv) {
   const std::map<std::string, Format> formats{
       {"text", Format::text}, {"csv", Format::csv}, {"json", Format::json}, {"tum", Format::tum}};
   std::string format = "text";
-  watch_command->add_option("--format", format, "text, csv, json or tum (timestamp tx ty tz qx qy qz qw)")
+  watch_command->add_option("--format", format, "text, csv, json or tum (timestamp tx ty tz qx qy qz qw; of a camera only while its state is tracking)")
       ->check(CLI::IsMember({"text", "csv", "json", "tum"}))
       ->capture_default_str();
   add_samples(watch_command);

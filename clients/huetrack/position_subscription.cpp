@@ -20,12 +20,14 @@ template <>
 struct Of<msg::ObjectPosition> {
   using Type = msg::ObjectPositionPubSubType;
   static constexpr const char* topic = topics::object_position;
+  static constexpr const char* other_topic = topics::camera_pose;
   static constexpr const char* named = ", targets";
 };
 template <>
 struct Of<msg::CameraPose> {
   using Type = msg::CameraPosePubSubType;
   static constexpr const char* topic = topics::camera_pose;
+  static constexpr const char* other_topic = topics::object_position;
   static constexpr const char* named = ", camera";
 };
 
@@ -41,7 +43,8 @@ std::string who(const std::optional<PublisherIdentity>& identity, const char* na
 template <typename Sample>
 void SampleSubscription<Sample>::Announcements::on_publisher_discovery(dds::DomainParticipant*,
                                                                  rtps::WriterDiscoveryInfo&& info) {
-  if (info.info.topicName() != Of<Sample>::topic) return;
+  const std::string topic(info.info.topicName().c_str());
+  if (topic != Of<Sample>::topic && topic != Of<Sample>::other_topic) return;
   const std::lock_guard lock(mutex_);
   if (info.status == rtps::WriterDiscoveryInfo::REMOVED_WRITER) {
     if (const auto it = known_.find(info.info.guid()); it != known_.end()) it->second.there = false;
@@ -49,7 +52,7 @@ void SampleSubscription<Sample>::Announcements::on_publisher_discovery(dds::Doma
   }
   const auto& bytes = info.info.m_qos.m_userData;
   if (auto identity = PublisherIdentity::from(std::string(bytes.begin(), bytes.end())))
-    known_[info.info.guid()] = {std::move(*identity)};
+    known_[info.info.guid()] = {std::move(*identity), topic};
 }
 
 template <typename Sample>
@@ -60,11 +63,11 @@ std::optional<PublisherIdentity> SampleSubscription<Sample>::Announcements::find
 }
 
 template <typename Sample>
-std::set<std::string> SampleSubscription<Sample>::Announcements::targets() const {
+std::set<std::string> SampleSubscription<Sample>::Announcements::names_on(const std::string& topic) const {
   std::set<std::string> names;
   const std::lock_guard lock(mutex_);
   for (const auto& [guid, known] : known_)
-    if (known.there) names.insert(known.identity.targets.begin(), known.identity.targets.end());
+    if (known.there && known.topic == topic) names.insert(known.identity.targets.begin(), known.identity.targets.end());
   return names;
 }
 
@@ -118,7 +121,12 @@ std::vector<std::string> SampleSubscription<Sample>::news() {
 
 template <typename Sample>
 std::set<std::string> SampleSubscription<Sample>::targets() const {
-  return announcements_.targets();
+  return announcements_.names_on(Of<Sample>::topic);
+}
+
+template <typename Sample>
+std::set<std::string> SampleSubscription<Sample>::others() const {
+  return announcements_.names_on(Of<Sample>::other_topic);
 }
 
 template class SampleSubscription<msg::ObjectPosition>;

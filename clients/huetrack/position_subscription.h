@@ -31,6 +31,7 @@ class SampleSubscription {
 
   int publishers() const { return publishers_; }                     // alive, as of the last news()
   std::set<std::string> targets() const;                             // that publishers announce; cameras for poses
+  std::set<std::string> others() const;                              // cameras that are announced; targets for poses
   bool network_changed() { return participant_.network_changed(); }  // see DdsParticipant
   const DdsParticipant& participant() const { return participant_; }
 
@@ -41,11 +42,12 @@ class SampleSubscription {
     void on_publisher_discovery(eprosima::fastdds::dds::DomainParticipant* participant,
                                 eprosima::fastrtps::rtps::WriterDiscoveryInfo&& info) override;
     std::optional<PublisherIdentity> find(const eprosima::fastrtps::rtps::GUID_t& writer) const;
-    std::set<std::string> targets() const;
+    std::set<std::string> names_on(const std::string& topic) const;
 
    private:
     struct Known {
       PublisherIdentity identity;
+      std::string topic;  // of positions or of poses
       bool there = true;  // kept when it is gone, so that its farewell can name it
     };
     mutable std::mutex mutex_;

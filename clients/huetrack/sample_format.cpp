@@ -96,6 +96,12 @@ std::string number(double value, int decimals, int width = 0) {
   return std::isfinite(value) ? fmt::format("{:{}.{}f}", value, width, decimals) : fmt::format("{:>{}}", "-", width);
 }
 
+// "-" where the two are not of one clock: a replay may publish its recording's own times.
+std::string latency_ms(std::int64_t from, std::int64_t to, int decimals, int width = 0) {
+  const double ns = static_cast<double>(to) - static_cast<double>(from);
+  return number(std::abs(ns) < 3600.0 * ns_per_s ? ns / ns_per_ms : std::nan(""), decimals, width);
+}
+
 std::string clock_time(std::int64_t ns) {  // local time, HH:MM:SS.mmm
   return fmt::format("{:%H:%M:%S}.{:03}", fmt::localtime(static_cast<std::time_t>(ns / ns_per_s)),
                      std::abs(ns % ns_per_s / 1'000'000));
@@ -108,12 +114,8 @@ std::string text_line(const msg::ObjectPosition& s, std::int64_t received_at, st
       clock_time(s.captured_at()), s.target(), target_width, name(s.state()), number(s.position()[0], 4, 8),
       number(s.position()[1], 4, 8), number(s.position()[2], 4, 8), sigma_mm(0), sigma_mm(1), sigma_mm(2), s.views(),
       s.per_view().size(), number(s.confidence(), 2),
-      number(static_cast<double>(s.published_at() - s.captured_at()) / ns_per_ms, 1, 6),
-      number(static_cast<double>(received_at - s.published_at()) / ns_per_ms, 2));
-}
-
-bool has_pose(const msg::CameraPose& sample) {
-  return sample.state() == msg::CAMERA_STATE_TRACKING || sample.state() == msg::CAMERA_STATE_COASTING;
+      latency_ms(s.captured_at(), s.published_at(), 1, 6),
+      latency_ms(s.published_at(), received_at, 2));
 }
 
 std::string csv_line(const msg::CameraPose& s) {
@@ -128,7 +130,7 @@ std::string csv_line(const msg::CameraPose& s) {
 }
 
 std::string tum_line(const msg::CameraPose& s) {
-  if (!has_pose(s)) return "";
+  if (s.state() != msg::CAMERA_STATE_TRACKING) return "";
   return fmt::format("{} {} {}\n", unix_seconds(s.captured_at()), fmt::join(s.position(), " "),
                      fmt::join(s.orientation(), " "));
 }
@@ -156,8 +158,8 @@ std::string text_line(const msg::CameraPose& s, std::int64_t received_at, std::s
       number(s.position()[1], 4, 8), number(s.position()[2], 4, 8), number(s.orientation()[0], 4, 7),
       number(s.orientation()[1], 4, 7), number(s.orientation()[2], 4, 7), number(s.orientation()[3], 4, 7),
       number(sigma(0, 1000), 1, 6), number(sigma(3, 180 / std::numbers::pi), 2, 5), s.features_matched(),
-      s.features_in_view(), number(static_cast<double>(s.published_at() - s.captured_at()) / ns_per_ms, 1, 6),
-      number(static_cast<double>(received_at - s.published_at()) / ns_per_ms, 2));
+      s.features_in_view(), latency_ms(s.captured_at(), s.published_at(), 1, 6),
+      latency_ms(s.published_at(), received_at, 2));
 }
 
 template <typename Sample>
@@ -197,7 +199,7 @@ std::string line(Format format, const msg::ObjectPosition& sample, std::int64_t 
   return any_line(format, sample, received_at, target_width);
 }
 
-std::string text(const msg::ServiceStatus& s, std::int64_t now) {
+std::string text(const msg::ServiceStatus& s, std::int64_t now, std::span<const msg::CameraPose> poses) {
   std::string out = fmt::format("huetrackd {} on {}, process {}, mode {}, {} s ago\n", s.program_version(), s.host(),
                                 s.pid(), s.mode(), number(static_cast<double>(now - s.at()) / ns_per_s, 1));
   const auto add = [&](std::string_view label, const std::string& what) {
@@ -205,11 +207,11 @@ std::string text(const msg::ServiceStatus& s, std::int64_t now) {
   };
   add("config", fmt::format("{}  identity {}", s.config_file(), s.config_identity()));
   add("rig", fmt::format("identity {}, world frame {}", s.rig_identity(), s.frame_id()));
-  add("targets", fmt::format("{}", fmt::join(s.targets(), ", ")));
+  add("targets", s.targets().empty() ? "none" : fmt::format("{}", fmt::join(s.targets(), ", ")));
   add("tracking",
       fmt::format("{} frame sets per second; {} sets, {} of them incomplete, {} dropped; {} late frames",
                   number(s.set_rate_hz(), 1), s.sets(), s.incomplete_sets(), s.dropped_sets(), s.late_frames()));
-  add("sent", fmt::format("{} positions, {} failures", s.published(), s.publish_failures()));
+  add("sent", fmt::format("{} samples, {} failures", s.published(), s.publish_failures()));
   if (s.clock_offset_s() != 0)
     add("clock", fmt::format("capture times are the recording's plus {} s", number(s.clock_offset_s(), 3)));
   std::size_t width = 0;
@@ -220,6 +222,10 @@ std::string text(const msg::ServiceStatus& s, std::int64_t now) {
                     name(camera.health()), number(camera.rate_hz(), 1, 5), camera.frames(), camera.dropped(),
                     camera.corrupted(), camera.frames() > 0 ? ", the last " + number(camera.age_s(), 2) + " s ago" : "",
                     camera.message().empty() ? "" : ": ", camera.message()));
+  for (const msg::CameraPose& pose : poses)
+    if (std::ranges::any_of(s.cameras(), [&](const auto& camera) { return camera.name() == pose.camera(); }))
+      add("pose", fmt::format("{:<{}}  {:<10}  {} of {} features, {} map points", pose.camera(), width,
+                              name(pose.state()), pose.features_matched(), pose.features_in_view(), pose.map_points()));
   for (const std::string& warning : s.warnings()) add("warning", warning);
   if (s.warnings().empty()) add("warnings", "none");
   return out;

@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 
@@ -15,13 +16,14 @@ enum class Format : std::uint8_t {
   text,  // for people
   csv,   // what `huetrackd replay --tracks` writes too; t is the UNIX capture time, s
   json,  // one object per sample, every field; a number that does not exist is null
-  tum,   // timestamp tx ty tz qx qy qz qw, for evo and the like: samples with a position only
+  tum,   // timestamp tx ty tz qx qy qz qw, for evo and the like: positions where there is one, poses where the camera is
+         // tracking (a coasting one is predicted, and tum cannot say so)
 };
 
 // What comes before the first sample: the CSV's header line, or nothing.
 std::string header(Format format);
 
-// One sample as one line; nothing for a tum line without a position.
+// One sample as one line; nothing for a tum line without a position, or of a camera that is not tracking.
 //   received_at    when it arrived here, UNIX ns; for the latency in the text
 //   target_width   the text pads the target's name to it
 std::string line(Format format, const msg::ObjectPosition& sample, std::int64_t received_at, std::size_t target_width);
@@ -31,8 +33,9 @@ std::string camera_header(Format format);
 std::string line(Format format, const msg::CameraPose& sample, std::int64_t received_at, std::size_t camera_width);
 
 // The status for people, several lines.
-//   now   UNIX ns
-std::string text(const msg::ServiceStatus& status, std::int64_t now);
+//   now     UNIX ns
+//   poses   the last of each tracked camera; those of the status' cameras are shown
+std::string text(const msg::ServiceStatus& status, std::int64_t now, std::span<const msg::CameraPose> poses = {});
 
 std::string_view name(msg::TrackState state);  // "searching", "tracking", "coasting", "lost"; "unknown" if none of them
 std::string_view name(msg::CameraState state);

@@ -1,8 +1,11 @@
 #include "camera_tracking/camera_starter.h"
 
 #include <Eigen/Eigenvalues>
+#include <Eigen/LU>
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstdio>
 
 #include "camera_tracking/rectangle_finder.h"
 
@@ -20,14 +23,16 @@ Eigen::Vector3d plane_normal(const std::vector<Eigen::Vector3d>& points, const R
   return normal.dot(inverse(cam_from_world).translation - mean) < 0 ? Eigen::Vector3d(-normal) : normal;
 }
 
+constexpr double points_sigma_px = 0.5;
+
+// Whoever fits; whether it is enough is for accepted() to say.
 std::optional<Started> from_points(const Camera& camera, const PointsStart& known) {
-  constexpr double sigma_px = 0.5;
   std::vector<PoseObservation> observations;
   for (std::size_t i = 0; i < known.points.size(); ++i)
-    observations.push_back({known.points[i], known.pixels[i], sigma_px});
+    observations.push_back({known.points[i], known.pixels[i], points_sigma_px});
   const auto pose = solve_pose(camera.model, observations);
-  if (!pose || pose->inliers < 4) return std::nullopt;
-  Started out{*pose, {}, {}, sigma_px, 1e-4, Eigen::Vector3d::Zero(), false, false};
+  if (!pose) return std::nullopt;
+  Started out{*pose, {}, {}, points_sigma_px, 1e-4, Eigen::Vector3d::Zero(), false, false};
   std::vector<double> depth;
   for (std::size_t i = 0; i < known.points.size(); ++i) {
     if (!(pose->weight[i] > 0)) continue;  // a wrong one among the others
@@ -35,40 +40,131 @@ std::optional<Started> from_points(const Camera& camera, const PointsStart& know
     out.px.push_back(known.pixels[i]);
     depth.push_back((pose->cam_from_world * known.points[i]).norm());
   }
+  if (out.points.empty()) return std::nullopt;
   std::ranges::sort(depth);
   // With few points the residuals say little; with many, a scale well above 1 says that the points are not where they
   // are said to be, by so many pixels at their distance.
   if (observations.size() >= 6 && pose->scale > 2)
     out.given_sigma_m =
-        std::max(out.given_sigma_m, pose->scale * sigma_px / camera.model.fx() * depth[depth.size() / 2]);
+        std::max(out.given_sigma_m, pose->scale * points_sigma_px / camera.model.fx() * depth[depth.size() / 2]);
   out.normal = plane_normal(out.points, pose->cam_from_world);
   return out;
+}
+
+std::optional<PointsStart> seen(const FoundStart& board, const Image& image) {
+  auto known = board.find(image);
+  if (known && (known->points.size() < 4 || known->points.size() != known->pixels.size())) known.reset();
+  return known;
+}
+
+Started from_rectangle(const FoundRectangle& found, const std::vector<Eigen::Vector3d>& corners) {
+  Started out{found.pose, corners, {}, 0.1, 1e-4, Eigen::Vector3d::Zero(), true, found.dark};
+  out.px.assign(found.corners.px.begin(), found.corners.px.end());
+  out.normal = plane_normal(out.points, found.pose.cam_from_world);
+  return out;
+}
+
+double distance_m(const Started& started) {
+  double sum = 0;
+  for (const Eigen::Vector3d& p : started.points) sum += (started.pose.cam_from_world * p).norm();
+  return sum / static_cast<double>(started.points.size());
+}
+
+// Standard deviation of the camera's position, as the residuals have it.
+double open_m(const PoseFit& pose) {
+  const double scale = std::max(1.0, pose.scale);
+  const Eigen::Matrix<double, 6, 6> covariance = scale * scale * pose.information.inverse();
+  return std::sqrt(world_covariance(pose.cam_from_world, covariance).topLeftCorner<3, 3>().trace());
+}
+
+template <typename... Values>
+std::string text(const char* format, Values... values) {
+  std::array<char, 200> out{};
+  std::snprintf(out.data(), out.size(), format, values...);
+  return out.data();
+}
+
+// Why that is no start; empty: it is one. A wrong one would become the world: it must explain most of what was given,
+// and leave little open.
+std::string objection(const std::optional<Started>& started, std::size_t given) {
+  constexpr double share = 0.6, open = 0.03;
+  if (!started) return "no pose of the camera fits them";
+  const int agree = started->pose.inliers;
+  if (agree < 4 || agree < share * static_cast<double>(given))
+    return text("only %d of %zu points fit one pose of the camera", agree, given);
+  const double distance = distance_m(*started), left = open_m(started->pose);
+  if (!(left < open * distance))
+    return text("the view leaves %.0f mm open from %.2f m away, more than %.0f %% of that", 1e3 * left, distance,
+                100 * open);
+  return {};
 }
 
 }  // namespace
 
 std::optional<Started> CameraStarter::find(const Image& image, const GreyImage& grey) {
-  const bool first = frames_++ == 0;
-  if (const auto* rectangle = std::get_if<RectangleStart>(&start_)) {
-    std::optional<FoundRectangle> found;
-    if (rectangle->pixels.empty()) {
-      found = find_rectangle(grey, camera_.model, rectangle->corners);
-    } else if (first) {
-      found = rectangle_at(grey, camera_.model, rectangle->corners,
-                           {rectangle->pixels[0], rectangle->pixels[1], rectangle->pixels[2], rectangle->pixels[3]});
-    }
-    if (!found) return std::nullopt;
-    Started out{found->pose, rectangle->corners, {}, 0.1, 1e-4, Eigen::Vector3d::Zero(), true, found->dark};
-    out.px.assign(found->corners.px.begin(), found->corners.px.end());
-    out.normal = plane_normal(out.points, found->pose.cam_from_world);
-    return out;
+  const bool is_first = frames_++ == 0;
+  why_not_.clear();
+  if (const auto* points = std::get_if<PointsStart>(&start_)) {
+    if (is_first) return accepted(from_points(camera_, *points), points->points.size(), "the known points");
+    why_not_ = "the known points' pixels did not fit the first frame, and belong to no other";
+    return std::nullopt;
   }
-  if (const auto* points = std::get_if<PointsStart>(&start_))
-    return first ? from_points(camera_, *points) : std::nullopt;
-  if (const auto* board = std::get_if<FoundStart>(&start_)) {
-    if (const auto known = board->find(image);
-        known && known->points.size() >= 4 && known->points.size() == known->pixels.size())
-      return from_points(camera_, *known);
+  if (const auto* rectangle = std::get_if<RectangleStart>(&start_)) {
+    const auto& corners = rectangle->corners;
+    if (is_first && !rectangle->pixels.empty()) {
+      const auto& px = rectangle->pixels;
+      if (const auto found = rectangle_at(grey, camera_.model, corners, {px[0], px[1], px[2], px[3]}))
+        return accepted(from_rectangle(*found, corners), 4, "the rectangle");
+    }
+    const auto found = find_rectangle(grey, camera_.model, corners, candidate_ ? &*candidate_ : nullptr);
+    if (found) return confirmed(accepted(from_rectangle(*found, corners), 4, "what looks like the rectangle"));
+    why_not_ = "no rectangle of the given proportions is seen whole, clear and over 1 % of the image";
+  } else if (const auto* board = std::get_if<FoundStart>(&start_)) {
+    if (const auto known = seen(*board, image))
+      return confirmed(accepted(from_points(camera_, *known), known->points.size(), "what looks like the board"));
+    why_not_ = "the board is not seen";
+  }
+  return confirmed(std::nullopt);
+}
+
+// One frame may show by chance what many in a row do not; a large and clear view leaves chance no room.
+std::optional<Started> CameraStarter::confirmed(std::optional<Started> started) {
+  constexpr int frames_in_a_row = 3;
+  constexpr double sure = 0.005;                    // leaves less open, of the distance: at once
+  constexpr double moved = 0.1, turned_rad = 0.15;  // from frame to frame; of the distance
+  if (!started) {
+    candidate_.reset();
+    return std::nullopt;
+  }
+  const Rigid3d& pose = started->pose.cam_from_world;
+  const bool goes_on =
+      candidate_ && candidate_->rotation.angularDistance(pose.rotation) < turned_rad &&
+      (inverse(*candidate_).translation - inverse(pose).translation).norm() < moved * distance_m(*started);
+  candidate_ = pose;
+  candidate_frames_ = goes_on ? candidate_frames_ + 1 : 1;
+  if (candidate_frames_ >= frames_in_a_row || open_m(started->pose) < sure * distance_m(*started)) return started;
+  why_not_ = "what it starts from has yet to be seen in some frames in a row";
+  return std::nullopt;
+}
+
+std::optional<Started> CameraStarter::accepted(std::optional<Started> started, std::size_t given,
+                                               const std::string& what) {
+  if (const std::string why = objection(started, given); !why.empty()) {
+    why_not_ = what + ": " + why;
+    started.reset();
+  }
+  return started;
+}
+
+std::optional<Rigid3d> CameraStarter::find_again(const Image& image, const GreyImage& grey, const Rigid3d& near) const {
+  if (const auto* rectangle = std::get_if<RectangleStart>(&start_)) {
+    if (const auto found = find_rectangle(grey, camera_.model, rectangle->corners, &near))
+      return found->pose.cam_from_world;
+  } else if (const auto* board = std::get_if<FoundStart>(&start_)) {
+    const auto known = seen(*board, image);
+    if (!known) return std::nullopt;
+    const auto started = from_points(camera_, *known);
+    if (objection(started, known->points.size()).empty()) return started->pose.cam_from_world;
   }
   return std::nullopt;
 }

@@ -40,7 +40,7 @@ class KeyframeTracker final : public CameraTracker {
                                  std::to_string(camera.image_size.height));
       mapping_.start(std::move(stored));
       map_ = mapping_.scene();
-      started_ = true;
+      started_ = has_loaded_map_ = true;
       state_ = CameraState::lost;
     }
   }
@@ -66,7 +66,7 @@ class KeyframeTracker final : public CameraTracker {
     if (handed_over_) mapper_.start([this] { mapping_.map(*handed_over_); });
     std::optional<Rigid3d> proposed;  // what was started from, seen again
     if (state_ == CameraState::lost && estimate.frame_number % 5 == 0) {
-      if (const auto again = starter_.find(frame.pixels, grey)) proposed = again->pose.cam_from_world;
+      proposed = starter_.find_again(frame.pixels, grey, pose_);
     }
     last_ = tracking_.track(pyramid, map_, state_ == CameraState::lost, proposed);
     mapper_.wait();
@@ -75,6 +75,7 @@ class KeyframeTracker final : public CameraTracker {
     if (last_.proven) {
       const double flow = flow_px(last_.cam_from_world);
       state_ = CameraState::tracking;
+      was_tracking_ = true;
       tracked_at_ = frame.captured_at;
       pose_ = last_.cam_from_world;
       covariance_ = world_covariance(pose_, last_.tangent_covariance) + of_the_world(pose_);
@@ -92,6 +93,13 @@ class KeyframeTracker final : public CameraTracker {
     }
     fill(estimate, last_);
     return estimate;
+  }
+
+  std::string why_no_pose() const override {
+    if (state_ == CameraState::searching) return starter_.why_not();
+    if (state_ != CameraState::lost) return {};
+    return has_loaded_map_ && !was_tracking_ ? "nothing of the loaded map is recognised in the view"
+                                             : "nothing of what was mapped is recognised in the view";
   }
 
   CameraTrackerView view() const override {
@@ -210,7 +218,7 @@ class KeyframeTracker final : public CameraTracker {
   std::optional<TrackedFrame> handed_over_;
   int particle_count_;
   std::uint64_t frames_ = 0;
-  bool started_ = false;
+  bool started_ = false, has_loaded_map_ = false, was_tracking_ = false;
   CameraState state_ = CameraState::searching;
   Timestamp tracked_at_{};
   Rigid3d pose_;

@@ -66,6 +66,13 @@ Covariance6d PaperTrackerBase::covariance_of(const FilteredPose& pose, const Rig
   return covariance;
 }
 
+std::string PaperTrackerBase::why_no_pose() const {
+  if (state_ == CameraState::searching && !started_) return starter_.why_not();
+  if (state_ == CameraState::tracking || state_ == CameraState::coasting) return {};
+  return has_map_ ? "nothing of the loaded map is recognised in the view, or too little to be sure"
+                  : "nothing of what was mapped is recognised in the view, or too little to be sure";
+}
+
 CameraEstimate PaperTrackerBase::update(const Frame& frame) {
   CameraEstimate estimate;
   estimate.at = frame.captured_at;
@@ -85,15 +92,18 @@ CameraEstimate PaperTrackerBase::update(const Frame& frame) {
     }
     if (!started_) {
       if (const auto found = starter_.find(frame.pixels, grey)) {
-        if (has_map_)
-          restart(found->pose.cam_from_world);
-        else
-          start(pyramid, *found, estimate.frame_number);
         started_ = true;
         const Eigen::Matrix<double, 6, 6> inverse_information = found->pose.information.inverse();
         start_covariance_ = world_covariance(found->pose.cam_from_world, inverse_information);
-        const int n = static_cast<int>(found->points.size());
-        pose = {true, found->pose.cam_from_world, n, n, n, 0, 1, {}, {}};
+        if (has_map_) {  // is it the map's world? That is to be proven
+          restart(found->pose.cam_from_world);
+          probation_ = probation;
+          pose.cam_from_world = found->pose.cam_from_world;
+        } else {
+          start(pyramid, *found, estimate.frame_number);
+          const int n = static_cast<int>(found->points.size());
+          pose = {true, found->pose.cam_from_world, n, n, n, 0, 1, {}, {}};
+        }
       }
     } else {
       // Not in the papers, whose particles only disperse until they happen upon the features again: after some frames
@@ -103,9 +113,9 @@ CameraEstimate PaperTrackerBase::update(const Frame& frame) {
         if (const auto found = proposal(*pyramid, estimate.frame_number)) {
           restart(found->cam_from_world);
         } else if (unsupported_ % 5 == 0) {
-          if (const auto again = starter_.find(frame.pixels, grey)) {  // a proof in itself
-            restart(again->pose.cam_from_world);
-            probation_ = 0;
+          if (const auto again = starter_.find_again(frame.pixels, grey, particles().mean())) {
+            restart(*again);
+            probation_ = has_map_ ? probation : 0;  // a proof in itself, where it is what the map began with
           }
         }
       }

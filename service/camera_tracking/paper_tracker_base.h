@@ -28,6 +28,7 @@ struct FilteredPose {
 class PaperTrackerBase : public CameraTracker {
  public:
   CameraEstimate update(const Frame& frame) final;
+  std::string why_no_pose() const final;
 
  protected:
   // throws std::runtime_error naming the map file

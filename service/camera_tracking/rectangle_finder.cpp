@@ -11,7 +11,8 @@ namespace huetrack {
 namespace {
 
 constexpr double corner_sigma_px = 0.1;
-constexpr double fits_px = 0.6;  // rms of the corners, of a rectangle of this size
+constexpr double least_share = 0.01;  // of the image's area
+constexpr double fits_px = 0.6;       // rms of the corners, of a rectangle of this size
 using Quad = std::array<Eigen::Vector2d, 4>;
 
 struct Line {  // n . p = d, in ideal pixels; n unit
@@ -229,7 +230,7 @@ std::optional<FoundRectangle> rectangle_at(const GreyImage& image, const CameraM
 }
 
 std::optional<FoundRectangle> find_rectangle(const GreyImage& image, const CameraModel& lens,
-                                             std::span<const Eigen::Vector3d> corners_world) {
+                                             std::span<const Eigen::Vector3d> corners_world, const Rigid3d* near) {
   const cv::Mat grey(image.height, image.width, CV_8UC1, const_cast<std::uint8_t*>(image.data),
                      static_cast<std::size_t>(image.stride));
   std::optional<FoundRectangle> best;
@@ -244,7 +245,7 @@ std::optional<FoundRectangle> find_rectangle(const GreyImage& image, const Camer
     cv::findContours(binary, contours, cv::RETR_LIST, cv::CHAIN_APPROX_NONE);
     for (const auto& contour : contours) {
       const double area = cv::contourArea(contour);
-      if (area < 0.002 * image.width * image.height) continue;
+      if (area < least_share * image.width * image.height) continue;
       std::vector<cv::Point> corners;
       for (const double tolerance : {0.02, 0.035, 0.05}) {
         cv::approxPolyDP(contour, corners, tolerance * cv::arcLength(contour, true), true);
@@ -290,7 +291,9 @@ std::optional<FoundRectangle> find_rectangle(const GreyImage& image, const Camer
         if (ways.empty()) continue;
         const double least = std::ranges::min(ways, {}, &Way::rms).rms;
         std::erase_if(ways, [least](const Way& w) { return w.rms > least + 0.25 * fits_px; });
-        const Way& way = *std::ranges::min_element(ways, {}, [](const Way& w) { return w.px[0].sum(); });
+        const Way& way = *std::ranges::min_element(ways, {}, [near](const Way& w) {
+          return near != nullptr ? w.pose.cam_from_world.rotation.angularDistance(near->rotation) : w.px[0].sum();
+        });
         best_contrast = clear;
         best = FoundRectangle{{way.px, {true, true, true, true}}, way.pose, dark};
       }

@@ -34,11 +34,14 @@ struct FoundRectangle {
   bool dark = true;
 };
 // corners_world: in order around it, clockwise as the camera sees them. Which way round is told by the rectangle's
-// proportions, except that turned by half a turn it is the same: then the first corner is the one further to the top
-// left (smaller u + v). nullopt: there is none whose view fits the size; of several, the one with the strongest and
-// cleanest contrast.
+// proportions, except that turned by half a turn it is the same: then it is the way that turns the camera least from
+// `near`, and without that the first corner is the one further to the top left (smaller u + v). nullopt: there is none
+// of 1 % of the image or more whose view fits the proportions; of several, the one with the strongest and cleanest
+// contrast.
+//   near   cam_from_world of some frames ago; may be null
 std::optional<FoundRectangle> find_rectangle(const GreyImage& image, const CameraModel& lens,
-                                             std::span<const Eigen::Vector3d> corners_world);
+                                             std::span<const Eigen::Vector3d> corners_world,
+                                             const Rigid3d* near = nullptr);
 // The same from where the user says they are, within some pixels, and in that order.
 std::optional<FoundRectangle> rectangle_at(const GreyImage& image, const CameraModel& lens,
                                            std::span<const Eigen::Vector3d> corners_world,

@@ -40,6 +40,19 @@ DrawColor state_color(CameraState state) {
   return white;
 }
 
+// The world's, whatever way the start lies in it.
+struct Axis {
+  Vector3d direction;
+  DrawColor in_picture, on_paper;
+  const char* label;
+};
+const std::array<Axis, 3> world_axes{{{Vector3d::UnitX(), {235, 64, 52}, {206, 44, 44}, "x"},
+                                {Vector3d::UnitY(), {70, 200, 70}, {40, 150, 40}, "y"},
+                                {Vector3d::UnitZ(), {70, 130, 255}, {40, 90, 210}, "z"}}};
+double axis_length(const StartPlane& plane) {
+  return 0.5 * std::max(plane.size_x, plane.size_y);
+}
+
 // Where the 95 % ellipse of a 2-D covariance runs.
 std::vector<Vector2d> ellipse_of(const Eigen::Matrix2d& covariance) {
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> axes(covariance);
@@ -118,18 +131,20 @@ std::vector<Segment> house_on(const StartPlane& plane) {
 }
 
 void draw_features(Panel& panel, const Camera& camera, const CameraPictureJob& job) {
+  if (!job.estimate.has_pose()) return;  // features are where a pose projects them
   Canvas& canvas = panel.canvas();
   // Where the particles have some of the features.
   constexpr std::size_t shown = 12;
   const auto& features = job.view.features;
-  if (job.estimate.has_pose()) {
-    for (std::size_t f = 0; f < features.size(); f += std::max<std::size_t>(1, features.size() / shown)) {
-      for (const Rigid3d& particle : job.view.particles) {
-        const auto px = camera.model.project(inverse(particle) * features[f].position);
-        if (px && camera.contains(*px)) canvas.disc(panel(px->px), 1.0, particle_color);
-      }
+  for (std::size_t f = 0; f < features.size(); f += std::max<std::size_t>(1, features.size() / shown)) {
+    for (const Rigid3d& particle : job.view.particles) {
+      const auto px = camera.model.project(inverse(particle) * features[f].position);
+      if (px && camera.contains(*px)) canvas.disc(panel(px->px), 1.0, particle_color);
     }
   }
+  const Rigid3d camera_from_world = inverse(job.estimate.world_from_camera);
+  for (const CameraMapPoint& point : job.start_map)
+    if (const auto at = panel.point(camera_from_world, point.position)) canvas.circle(*at, 6, given_color, 1.6);
   for (const auto& f : features) {
     const cv::Point2d at = panel(f.px.cast<double>());
     std::vector<cv::Point2d> region;
@@ -162,15 +177,12 @@ void draw_augmented(Panel& panel, const StartPlane& plane, const CameraEstimate&
   const DrawColor house = state_color(estimate.state);
   for (const double width : {4.6, 2.2})
     for (const auto& [a, b] : house_on(plane)) panel.segment(camera_from_world, a, b, width > 3 ? black : house, width);
-  const double length = 0.5 * std::max(plane.size_x, plane.size_y);
-  const Vector3d foot = corner(-1, -1);
-  const std::array<std::tuple<Vector3d, DrawColor, const char*>, 3> axes{
-      {{plane.x, {235, 64, 52}, "x"}, {plane.y, {70, 200, 70}, "y"}, {plane.up, {70, 130, 255}, "z"}}};
-  for (const auto& [direction, color, label] : axes) {
-    panel.segment(camera_from_world, foot, foot + length * direction, black, 5);
-    panel.segment(camera_from_world, foot, foot + length * direction, color, 2.8);
-    if (const auto at = panel.point(camera_from_world, foot + 1.1 * length * direction))
-      panel.canvas().rimmed_text(*at, label, 10, color, black, Align::centre);
+  for (const auto& axis : world_axes) {
+    const Vector3d tip = axis_length(plane) * axis.direction;
+    panel.segment(camera_from_world, Vector3d::Zero(), tip, black, 5);
+    panel.segment(camera_from_world, Vector3d::Zero(), tip, axis.in_picture, 2.8);
+    if (const auto at = panel.point(camera_from_world, 1.1 * tip))
+      panel.canvas().rimmed_text(*at, axis.label, 10, axis.in_picture, black, Align::centre);
   }
 }
 
@@ -233,7 +245,7 @@ cv::Mat draw_camera(const Camera& camera, const StartPlane& plane, const CameraP
   canvas.text({margin, double(head + names) - 9}, "features: found, not found; given ones ringed; particles", 10,
               faint);
   canvas.text({2.0 * margin + left.canvas().width(), double(head + names) - 9},
-              "the start's plane, axes and a house on it", 10, faint);
+              "the start's plane, a house on it, the world's axes", 10, faint);
   canvas.paste({margin, double(head + names)}, left.canvas());
   canvas.paste({2.0 * margin + left.canvas().width(), double(head + names)}, right.canvas());
   const double y = height - 14;
@@ -254,7 +266,7 @@ cv::Mat draw_camera(const Camera& camera, const StartPlane& plane, const CameraP
 }
 
 cv::Mat draw_camera_map(const Camera& camera, const StartPlane& plane, const std::string& title,
-                        const std::vector<CameraEstimate>& way, const CameraTrackerView& view) {
+                        const std::vector<CameraEstimate>& way, const std::vector<CameraMapPoint>& map) {
   constexpr int width = 1280, height = 960;
   constexpr DrawColor paper{252, 252, 250}, ink{38, 42, 48}, soft{120, 126, 136}, rule{200, 204, 210},
       map_color{40, 90, 160}, way_color{30, 140, 70}, coasting_color{232, 130, 0};
@@ -278,17 +290,17 @@ cv::Mat draw_camera_map(const Camera& camera, const StartPlane& plane, const std
     if (e.has_pose()) all.emplace_back(flat * e.world_from_camera.translation);
   Vector2d low = all.front(), high = low;
   for (const auto& p : all) low = low.cwiseMin(p), high = high.cwiseMax(p);
-  const Vector2d room = 0.6 * (high - low);
+  const Vector2d room = 1.2 * (high - low);
   std::size_t outside = 0;
   Vector2d wide_low = low, wide_high = high;
-  for (const auto& f : view.features) {
-    const Vector2d p = flat * f.position;
-    if ((p.array() < (low - room).array()).any() || (p.array() > (high + room).array()).any()) {
-      ++outside;
-      continue;
-    }
+  const auto include = [&](const Vector3d& position) {
+    const Vector2d p = flat * position;
+    if ((p.array() < (low - room).array()).any() || (p.array() > (high + room).array()).any()) return false;
     wide_low = wide_low.cwiseMin(p), wide_high = wide_high.cwiseMax(p);
-  }
+    return true;
+  };
+  for (const auto& point : map) outside += include(point.position) ? 0 : 1;
+  const bool shows_origin = include(Vector3d::Zero());
   const cv::Rect2d area(60, 110, width - 120, height - 170);
   const Vector2d extent = (wide_high - wide_low).cwiseMax(1e-3);
   const double zoom = 0.92 * std::min(area.width / extent.x(), area.height / extent.y());
@@ -304,8 +316,8 @@ cv::Mat draw_camera_map(const Camera& camera, const StartPlane& plane, const std
   for (const auto& e : way) poses += e.has_pose() ? 1 : 0;
   canvas.text({36, 76},
               formatted("%zu frames, %zu with a pose; %zu map points with their 95 %% ellipsoids%s", way.size(), poses,
-                        view.features.size(),
-                        outside > 0 ? formatted(", %zu of them beyond the picture", outside).c_str() : ""),
+                        map.size(), outside > 0 ? formatted(", %zu of them beyond the picture", outside).c_str() : "") +
+                  (shows_origin ? "" : "; the world's origin is beyond the picture"),
               10.5, ink);
 
   std::vector<cv::Point2d> ground;
@@ -313,15 +325,14 @@ cv::Mat draw_camera_map(const Camera& camera, const StartPlane& plane, const std
     ground.push_back(point(plane.origin + sx * plane.size_x * plane.x + sy * plane.size_y * plane.y));
   canvas.polygon(ground, {225, 228, 232}, 0.8);
   canvas.polyline(ground, soft, 1.4, true);
-  for (const auto& [direction, color, label] : {std::tuple{plane.x, DrawColor{206, 44, 44}, "x"},
-                                                {plane.y, DrawColor{40, 150, 40}, "y"},
-                                                {plane.up, DrawColor{40, 90, 210}, "z"}}) {
-    const Vector3d tip = plane.origin + 0.5 * std::max(plane.size_x, plane.size_y) * direction;
-    canvas.line(point(plane.origin), point(tip), color, 2.4);
-    canvas.rimmed_text(point(plane.origin + 1.12 * (tip - plane.origin)), label, 10, color, paper, Align::centre);
+  for (const auto& axis : world_axes) {
+    if (!shows_origin) break;
+    const Vector3d tip = axis_length(plane) * axis.direction;
+    canvas.line(point(Vector3d::Zero()), point(tip), axis.on_paper, 2.4);
+    canvas.rimmed_text(point(1.12 * tip), axis.label, 10, axis.on_paper, paper, Align::centre);
   }
 
-  for (const auto& f : view.features) {
+  for (const auto& f : map) {
     const Vector2d p = flat * f.position;
     if ((p.array() < wide_low.array() - 1e-9).any() || (p.array() > wide_high.array() + 1e-9).any()) continue;
     std::vector<cv::Point2d> ring;
@@ -387,16 +398,13 @@ CameraPictureWriter::CameraPictureWriter(const ServiceConfig& config, std::files
 }
 
 void CameraPictureWriter::write(const CameraPictureJob& job) {
-  if (job.estimate.has_pose()) map_ = job.view.features;
   save(formatted("camera_%06llu.png", static_cast<unsigned long long>(job.estimate.frame_number)),
        draw_camera(camera_, plane_, job));
 }
 
 void CameraPictureWriter::finish(const std::string& title, const std::vector<CameraEstimate>& way,
-                                 const CameraTrackerView& last) {
-  CameraTrackerView shown;
-  shown.features = last.features.empty() ? map_ : last.features;
-  save("camera_3d.png", draw_camera_map(camera_, plane_, title, way, shown));
+                                 const std::vector<CameraMapPoint>& map) {
+  save("camera_3d.png", draw_camera_map(camera_, plane_, title, way, map));
 }
 
 void CameraPictureWriter::save(const std::string& name, const cv::Mat& picture) {

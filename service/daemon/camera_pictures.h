@@ -1,7 +1,7 @@
 // Pictures of what a camera tracker saw and thought: per frame one PNG with the features, their search regions and the
-// particles on the left, and on the right the same frame with axes and a wireframe house that stands on the start's
-// plane: it stands still if the pose holds. At the end one PNG of the map and the way of the camera in 3-D. For people
-// only.
+// particles on the left, and on the right the same frame with the world's axes at its origin and a wireframe house that
+// stands on the start's plane: it stands still if the pose holds. At the end one PNG of the map and the way of the camera
+// in 3-D. For people only.
 #pragma once
 
 #include <Eigen/Core>
@@ -24,9 +24,9 @@ StartPlane start_plane(const CameraTrackingConfig& config);
 
 cv::Mat draw_camera(const Camera& camera, const StartPlane& plane, const CameraPictureJob& job);
 
-// The map as it was in `view`, with its 95 % ellipsoids, and the way.
+// The map with its 95 % ellipsoids, the way, and the world's axes where its origin is not far from them.
 cv::Mat draw_camera_map(const Camera& camera, const StartPlane& plane, const std::string& title,
-                        const std::vector<CameraEstimate>& way, const CameraTrackerView& view);
+                        const std::vector<CameraEstimate>& way, const std::vector<CameraMapPoint>& map);
 
 // thread-compatible: write() by the camera's picture thread, finish() afterwards.
 class CameraPictureWriter {
@@ -36,7 +36,7 @@ class CameraPictureWriter {
 
   void write(const CameraPictureJob& job);  // <folder>/camera_<number>.png
   void finish(const std::string& title, const std::vector<CameraEstimate>& way,
-              const CameraTrackerView& last);  // camera_3d.png
+              const std::vector<CameraMapPoint>& map);  // camera_3d.png
   std::size_t written() const { return written_; }
 
  private:
@@ -45,7 +45,6 @@ class CameraPictureWriter {
   const Camera& camera_;
   StartPlane plane_;
   std::filesystem::path folder_;
-  std::vector<CameraTrackerView::Feature> map_;  // as last seen with a pose: a lost tracker shows none
   std::size_t written_ = 0;
 };
 

@@ -9,6 +9,7 @@
 #include "calib/solver/board_yaml.h"
 #include "calib/yaml/yaml_reader.h"
 #include "daemon/csv_table.h"
+#include "daemon/formatted.h"
 
 namespace huetrack {
 namespace {
@@ -95,6 +96,30 @@ NumberRows read_number_rows(const std::filesystem::path& file, const std::vector
   return rows;
 }
 
+std::optional<StartRowProblem> start_row_problem(const NumberRows& rows, const Camera& camera) {
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    if (rows[i].size() == 5 && !camera.contains(RawPixel{{rows[i][3], rows[i][4]}}))
+      return StartRowProblem{
+          i, formatted("the pixel (%g, %g) is outside the image of %s, which is %dx%d", rows[i][3], rows[i][4],
+                       camera.name.c_str(), camera.image_size.width, camera.image_size.height)};
+    for (std::size_t j = 0; j < i; ++j)
+      if (point_of(rows[i]) == point_of(rows[j]))
+        return StartRowProblem{i, formatted("the point (%g, %g, %g) is there twice, in row %zu too", rows[i][0],
+                                            rows[i][1], rows[i][2], j + 1)};
+  }
+  return std::nullopt;
+}
+
+int line_of_row(const std::filesystem::path& file, std::size_t row) {
+  std::ifstream stream(file);
+  std::string text;
+  std::getline(stream, text);
+  int line = 1;
+  for (std::size_t rows = 0; rows <= row && std::getline(stream, text); ++line)
+    if (!text.empty() && text != "\r") ++rows;
+  return line;
+}
+
 CameraTrackerOptions tracker_options(const CameraTrackingConfig& config) {
   CameraTrackerOptions options;
   options.method = config.method;
@@ -117,6 +142,8 @@ CameraTrackerOptions tracker_options(const CameraTrackingConfig& config) {
     options.start = start;
   } else if (!config.board.empty()) {
     options.start = board_start(config.board);
+  } else if (config.leds.empty()) {  // nothing but the loaded map
+    options.start = FoundStart{[](const Image&) -> std::optional<PointsStart> { return std::nullopt; }};
   } else {
     LedStart start;
     for (const auto& row : config.leds) start.leds.push_back(point_of(row));

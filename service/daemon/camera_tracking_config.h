@@ -21,7 +21,7 @@ struct CameraTrackingConfig {
   std::optional<int> particle_count;  // > 0; nullopt: the method's own
   std::uint64_t seed = 1;
   std::filesystem::path load_map, save_map;  // empty: none
-  // The start: exactly one of these four is given.
+  // The start: exactly one of these four is given; with load_map, at most one.
   NumberRows rectangle;         // x y z, or x y z u v with the corners' pixels in the first frame
   NumberRows points;            // x y z u v
   std::filesystem::path board;  // board file
@@ -42,6 +42,17 @@ struct CsvColumn {
 // line.
 NumberRows read_number_rows(const std::filesystem::path& file, const std::vector<CsvColumn>& columns,
                             std::size_t required);
+
+// What is wrong with a row of a rectangle or of known points that only the camera can tell: a pixel outside its image, or
+// a point that is there twice. row counts from 0; nullopt: nothing.
+struct StartRowProblem {
+  std::size_t row = 0;
+  std::string message;
+};
+std::optional<StartRowProblem> start_row_problem(const NumberRows& rows, const Camera& camera);
+
+// The line of a CSV file, from 1, in which read_number_rows() found this row.
+int line_of_row(const std::filesystem::path& file, std::size_t row);
 
 // For CameraTracker::make(). throws ConfigError: the board file is wrong.
 CameraTrackerOptions tracker_options(const CameraTrackingConfig& config);

@@ -23,4 +23,9 @@ std::string list_of(const std::vector<std::string>& names) {
   return list;
 }
 
+std::string without_numbers(std::string text) {
+  std::erase_if(text, [](char c) { return (c >= '0' && c <= '9') || c == '.' || c == '-'; });
+  return text;
+}
+
 }  // namespace huetrack

@@ -10,4 +10,7 @@ namespace huetrack {
 
 std::string list_of(const std::vector<std::string>& names);  // "left, right"
 
+// What stays the same of a sentence while its figures change: without digits, points and signs. For comparing only.
+std::string without_numbers(std::string text);
+
 }  // namespace huetrack

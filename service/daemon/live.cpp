@@ -14,6 +14,7 @@
 
 #include "calib/model/rig_yaml.h"
 #include "capture/capture_clock.h"
+#include "daemon/formatted.h"
 #include "daemon/metrics.h"
 #include "daemon/pose_file.h"
 #include "daemon/recorded_changes.h"
@@ -41,11 +42,6 @@ std::string tenths(double value) {
   std::array<char, 32> text{};
   std::snprintf(text.data(), text.size(), "%.1f", value);
   return text.data();
-}
-
-std::string without_numbers(std::string text) {
-  std::erase_if(text, [](char c) { return c >= '0' && c <= '9'; });
-  return text;
 }
 
 // What the camera's frames will be like for a colour table, as far as it has agreed to anything yet.
@@ -190,7 +186,7 @@ class LiveService {
     if (error) std::rethrow_exception(error);
     if (const auto* tracker = pipeline_->camera_tracker();
         tracker != nullptr && !config_.camera_tracking.save_map.empty())
-      tracker->save_map(config_.camera_tracking.save_map);
+      save_map(*tracker, pipeline_->tracked_camera(), config_.camera_tracking.save_map);
     if (!tracks_problem_.empty()) throw std::runtime_error(tracks_problem_);  // after all that is to be kept
     return {.figures = pipeline_->figures(),
             .status = last_status_,
@@ -307,6 +303,8 @@ class LiveService {
                                 " s since the start, and published times are off by that: restart the service");
     }
     std::set<std::string> warnings(status.warnings.begin(), status.warnings.end());
+    no_pose_log_.tell(config_.camera_tracking.camera, figures.tracked_camera);
+    warnings.erase(no_pose_warning(config_.camera_tracking.camera, figures.tracked_camera));
     for (const auto& warning : warnings)  // once, not again for every further frame that it counts
       if (!told_warnings_.contains(without_numbers(warning))) spdlog::warn("{}", warning);
     std::set<std::string> told;
@@ -314,7 +312,11 @@ class LiveService {
     told_warnings_ = std::move(told);
     if (publisher_) publisher_->publish_status(status);
     if (metrics_) show_metrics(status);
-    if (!is_last) notify_service_manager("STATUS=" + status_line(status, states));
+    if (!is_last) notify_service_manager("STATUS=" + status_line(status, states,
+                                                                    pipeline_->camera_tracker() != nullptr
+                                                                        ? config_.camera_tracking.camera
+                                                                        : std::string(),
+                                                                    figures.tracked_camera.state));
     last_status_ = std::move(status);
   }
 
@@ -522,6 +524,7 @@ class LiveService {
   ServiceStatus last_status_;
   std::vector<TrackState> told_states_;
   std::set<std::string> told_warnings_;
+  NoPoseLog no_pose_log_;
   Clock::time_point next_status_{}, next_watchdog_{};
   const std::optional<std::chrono::microseconds> watchdog_ = watchdog_period();
   bool is_ready_ = false;
@@ -597,7 +600,8 @@ bool is_progressing(std::span<const CameraHealth> cameras, const PipelineFigures
          std::ranges::all_of(cameras, [&](const auto& camera) { return is_recent(camera.last_progress); });
 }
 
-std::string status_line(const ServiceStatus& status, std::span<const TrackState> states) {
+std::string status_line(const ServiceStatus& status, std::span<const TrackState> states,
+                        const std::string& tracked_camera, CameraState camera_state) {
   std::size_t delivering = 0, used = 0;
   std::string cameras, targets;
   for (const auto& camera : status.cameras) {
@@ -625,6 +629,8 @@ std::string status_line(const ServiceStatus& status, std::span<const TrackState>
   }
   for (std::size_t t = 0; t < states.size(); ++t)
     targets += (targets.empty() ? "" : ", ") + status.targets[t] + " " + std::string(name(states[t]));
+  if (!tracked_camera.empty())
+    targets += (targets.empty() ? "" : ", ") + tracked_camera + "'s pose " + std::string(name(camera_state));
   return std::to_string(delivering) + " of " + std::to_string(used) + " cameras deliver: " + cameras + "; " +
          tenths(status.set_rate_hz) + " sets/s" + (targets.empty() ? "" : "; " + targets);
 }

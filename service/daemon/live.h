@@ -47,7 +47,7 @@ struct LiveOptions {
   std::filesystem::path record_to;   // record everything into this folder; empty: what the configuration says
   bool no_dds = false;               // whatever the configuration says
   std::filesystem::path tracks;      // CSV of the estimates; empty: none
-  std::filesystem::path poses = {};  // TUM file of the tracked camera's poses; empty: none
+  std::filesystem::path poses = {};  // TUM file of the tracked camera's poses, see PoseFileWriter; empty: none
   std::optional<double> seconds;     // > 0; end so long after the first frame
 };
 
@@ -70,7 +70,8 @@ bool is_progressing(std::span<const CameraHealth> cameras, const PipelineFigures
                     std::chrono::steady_clock::time_point now, Duration patience);
 
 // For `systemctl status`: "2 of 3 cameras deliver: left 30.0, right 29.9 Hz, back absent; 29.9 sets/s; ball tracking".
-// states: per target.
-std::string status_line(const ServiceStatus& status, std::span<const TrackState> states);
+// states: per target. tracked_camera: its name, empty for none; then "cam0's pose lost" comes last.
+std::string status_line(const ServiceStatus& status, std::span<const TrackState> states,
+                        const std::string& tracked_camera = {}, CameraState camera_state = CameraState::searching);
 
 }  // namespace huetrack

@@ -185,7 +185,8 @@ int main(int argc, char** argv) {
       ->transform(word_of(speeds))
       ->type_name("max|real");
   replay_command->add_option("--tracks", command.tracks, "write the tracks to this CSV file");
-  replay_command->add_option("--poses", command.poses, "write the tracked camera's poses to this file, as TUM text");
+  const char* const poses_help = "write the tracked camera's poses to this file, as TUM text: those of state tracking only";
+  replay_command->add_option("--poses", command.poses, poses_help);
   replay_command->add_option("--pictures", command.pictures,
                              "draw every view of every frame set, and the track, into this folder");
   replay_command->add_option("--pictures-every", command.pictures_every, "only every so many-th frame set")
@@ -212,7 +213,7 @@ int main(int argc, char** argv) {
   CLI::App* run_command = app.add_subcommand("run", "track with the live cameras of the configuration");
   run_command->add_option("config", config_file, "huetrackd.yaml")->required();
   run_command->add_option("--tracks", live.tracks, "write the tracks to this CSV file");
-  run_command->add_option("--poses", live.poses, "write the tracked camera's poses to this file, as TUM text");
+  run_command->add_option("--poses", live.poses, poses_help);
   run_command->add_flag("--no-dds", live.no_dds, "do not publish");
 
   CLI::App* record_command = app.add_subcommand("record", "record the live cameras of the configuration");

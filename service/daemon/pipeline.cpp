@@ -176,6 +176,11 @@ PipelineFigures Pipeline::figures() const {
   return figures;
 }
 
+TrackedCameraFigures Pipeline::tracked_camera() const {
+  const std::scoped_lock lock(figures_mutex_);
+  return figures_.tracked_camera;
+}
+
 template <typename F>
 void Pipeline::guarded(F&& thread_body) {
   try {
@@ -370,17 +375,29 @@ void Pipeline::track_camera_frames() {
     const Stopwatch watch;
     const CameraEstimate estimate = camera_tracker_->update(ready->frame);
     const StageTime tracked = watch.lap();
+    const std::string why = estimate.has_pose() ? std::string() : camera_tracker_->why_no_pose();
+    {
+      const std::scoped_lock lock(figures_mutex_);
+      figures_.tracked_camera.add(estimate, why);
+    }
+    const Stopwatch publishing;
     if (outputs_.camera_poses) outputs_.camera_poses(estimate, ready->received_at);
     if (outputs_.camera_map_wanted && outputs_.camera_map_wanted())
       outputs_.camera_map({estimate.at, camera_tracker_->map()});
+    const StageTime published = publishing.lap();
     std::uint64_t index = 0;
     {
       const std::scoped_lock lock(figures_mutex_);
       figures_.camera_track += tracked;
+      figures_.publish += published;
       index = figures_.camera_frames_tracked++;
     }
     if (outputs_.camera_pictures && index % std::uint64_t(options_.pictures_every) == 0)
-      camera_pictures_.push({std::move(ready->frame), estimate, camera_tracker_->view()});
+    {
+      CameraPictureJob job{std::move(ready->frame), estimate, camera_tracker_->view(), {}};
+      if (estimate.has_pose() && job.view.features.empty()) job.start_map = camera_tracker_->map();
+      camera_pictures_.push(std::move(job));
+    }
   }
 }
 

@@ -26,6 +26,7 @@
 #include "capture/frame_source.h"
 #include "capture/frame_synchronizer.h"
 #include "daemon/bounded_queue.h"
+#include "daemon/tracked_camera.h"
 #include "object_tracking/object_tracker.h"
 
 namespace huetrack {
@@ -57,6 +58,7 @@ struct PipelineFigures {
   std::uint64_t camera_frames_tracked = 0;
   std::uint64_t camera_frames_dropped = 0;  // by the queue, because camera tracking was too slow
   StageTime camera_track;
+  TrackedCameraFigures tracked_camera;
   StageTime track_first;  // part of track: the first set, for which the trackers build colour tables
   std::chrono::steady_clock::time_point tracking_round{};  // when the tracking thread last came round: once a second
 };
@@ -93,6 +95,7 @@ struct CameraPictureJob {
   Frame frame;
   CameraEstimate estimate;
   CameraTrackerView view;
+  std::vector<CameraMapPoint> start_map;  // in the frame of the start, where no feature is sought yet
 };
 
 // Where the results go; an empty function is left out. An exception out of one of them stops the pipeline and comes out
@@ -140,7 +143,8 @@ class Pipeline {
   void track_camera(int camera, std::unique_ptr<CameraTracker> tracker);
   const CameraTracker* camera_tracker() const { return camera_tracker_.get(); }  // when run() is over
 
-  PipelineFigures figures() const;  // thread-safe
+  PipelineFigures figures() const;              // thread-safe
+  TrackedCameraFigures tracked_camera() const;  // thread-safe; of figures(), and in camera_poses those of that frame
 
   // Trackers that take the place of those of their targets.
   struct Replacement {

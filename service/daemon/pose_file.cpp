@@ -38,7 +38,7 @@ PoseFileWriter::PoseFileWriter(std::filesystem::path file) : file_(std::move(fil
 }
 
 void PoseFileWriter::write(const CameraEstimate& estimate) {
-  if (!estimate.has_pose()) return;
+  if (estimate.state != CameraState::tracking) return;  // only that is a claim
   errno = 0;
   stream_ << to_tum_line(estimate) << '\n';
   if (!stream_) fail(file_);

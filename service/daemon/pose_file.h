@@ -1,4 +1,5 @@
-// A camera's poses as TUM text, which evo and others read: "timestamp tx ty tz qx qy qz qw", camera to world.
+// A camera's poses as TUM text, which evo and others read: "timestamp tx ty tz qx qy qz qw", camera to world. Only
+// what the view supports: no line of the file is a prediction.
 #pragma once
 
 #include <filesystem>
@@ -15,7 +16,7 @@ std::string to_tum_line(const CameraEstimate& estimate);  // without the line's 
 class PoseFileWriter {
  public:
   explicit PoseFileWriter(std::filesystem::path file);  // throws std::system_error, naming the file; so do the others
-  void write(const CameraEstimate& estimate);           // nothing where there is no pose
+  void write(const CameraEstimate& estimate);           // nothing in states but tracking
   void flush();
 
  private:

@@ -276,6 +276,8 @@ ReplaySummary replay(const ReplayCommand& command, std::stop_token stop) {
     };
   }
   std::vector<CameraEstimate> way;  // only for the picture of the map
+  NoPoseLog no_pose_log;            // the camera thread's, as the next
+  Clock::time_point camera_tracked_until = started;
   if (tracks_camera) {
     summary.camera.emplace().name = config.camera_tracking.camera;
     outputs.camera_poses = [&](const CameraEstimate& estimate, Timestamp received_at) {
@@ -284,7 +286,9 @@ ReplaySummary replay(const ReplayCommand& command, std::stop_token stop) {
       ++summary.camera->frames[estimate.state];
       if (estimate.has_pose() && !summary.camera->first_pose_frame)
         summary.camera->first_pose_frame = estimate.frame_number;
+      no_pose_log.tell(summary.camera->name, running.load()->tracked_camera());
       if (camera_pictures) way.push_back(estimate);
+      camera_tracked_until = Clock::now();
     };
     if (camera_pictures) outputs.camera_pictures = [&](const CameraPictureJob& job) { camera_pictures->write(job); };
   }
@@ -355,12 +359,12 @@ ReplaySummary replay(const ReplayCommand& command, std::stop_token stop) {
   pipeline.run(stop);
   if (poses) poses->flush();
   if (tracks_camera && !config.camera_tracking.save_map.empty())
-    pipeline.camera_tracker()->save_map(config.camera_tracking.save_map);
+    save_map(*pipeline.camera_tracker(), pipeline.tracked_camera(), config.camera_tracking.save_map);
   if (csv) csv->flush();
   progress.clear();
 
   summary.clock_offset = clock_offset();
-  summary.wall_s = seconds(tracked_until - started);
+  summary.wall_s = seconds(std::max(tracked_until, camera_tracked_until) - started);
   summary.stopped = stop.stop_requested();
   summary.figures = pipeline.figures();
   for (const auto& warning : source.take_warnings()) spdlog::warn("{}", warning);
@@ -389,7 +393,7 @@ ReplaySummary replay(const ReplayCommand& command, std::stop_token stop) {
   }
   if (camera_pictures) {
     camera_pictures->finish("The way of " + config.camera_tracking.camera + ": " + shown_name(recording), way,
-                            pipeline.camera_tracker()->view());
+                            pipeline.camera_tracker()->map());
     summary.pictures += camera_pictures->written();
   }
   return summary;
@@ -412,18 +416,21 @@ std::string to_text(const ReplaySummary& s, const ReplayCommand& command) {
   for (const auto& sentence : s.ended_early) text += "          " + sentence + "\n";
 
   const auto& f = s.figures;
-  const double own_s = seconds(f.synchronise.wall + f.track.wall + f.publish.wall);
+  // The camera's thread runs beside the tracking thread: together this is what one core would need.
+  const double own_s = seconds(f.synchronise.wall + f.track.wall + f.camera_track.wall + f.publish.wall);
   text += formatted(
       "  time    decode %.3f s (CPU %.3f), synchronise %.3f (%.3f), track %.3f (%.3f), publish and write %.3f (%.3f)",
       seconds(f.decode.wall), seconds(f.decode.cpu), seconds(f.synchronise.wall), seconds(f.synchronise.cpu),
       seconds(f.track.wall), seconds(f.track.cpu), seconds(f.publish.wall), seconds(f.publish.cpu));
+  if (s.camera) text += formatted(", camera %.3f (%.3f)", seconds(f.camera_track.wall), seconds(f.camera_track.cpu));
   if (s.pictures > 0) text += formatted(", draw %.3f (%.3f)", seconds(f.draw.wall), seconds(f.draw.cpu));
   const auto times = [&](double busy_s) { return busy_s > 0 ? s.recorded_s / busy_s : 0; };
-  text += formatted(
-      "\n          with decoding%s left out: %.0fx real time; without the first set too (%.3f s, colour tables): "
-      "%.0fx\n",
-      s.pictures > 0 ? " and drawing" : "", times(own_s), seconds(f.track_first.wall),
-      times(own_s - seconds(f.track_first.wall)));
+  text += formatted("\n          with decoding%s left out: %.0fx real time", s.pictures > 0 ? " and drawing" : "",
+                    times(own_s));
+  if (!s.targets.empty())
+    text += formatted("; without the first set too (%.3f s, colour tables): %.0fx", seconds(f.track_first.wall),
+                      times(own_s - seconds(f.track_first.wall)));
+  text += "\n";
 
   for (const auto& target : s.targets) {
     std::uint64_t all = 0;
@@ -450,13 +457,16 @@ std::string to_text(const ReplaySummary& s, const ReplayCommand& command) {
     if (s.camera->first_pose_frame) {
       text += formatted("pose from frame %llu on;", static_cast<unsigned long long>(*s.camera->first_pose_frame));
     } else {
-      text += "never a pose;";
+      const auto& why = f.tracked_camera.why;
+      text += why.empty() ? "never a pose;" : "never a pose: " + why + "\n         ";
     }
     for (const auto& [state, count] : s.camera->frames)
       text += formatted(" %s %.1f %%", std::string(name(state)).c_str(), 100.0 * double(count) / double(all));
     text +=
         formatted("; %.2f ms per frame (CPU %.2f)\n", all > 0 ? 1e3 * seconds(f.camera_track.wall) / double(all) : 0,
                   all > 0 ? 1e3 * seconds(f.camera_track.cpu) / double(all) : 0);
+    if (s.camera->first_pose_frame && f.tracked_camera.without_since)
+      text += "          lost at the end" + (f.tracked_camera.why.empty() ? "" : ": " + f.tracked_camera.why) + "\n";
   }
 
   if (!command.poses.empty()) text += "  poses   " + command.poses.string() + "\n";

@@ -35,7 +35,7 @@ struct ReplayCommand {
   double wait_for_subscriber_s = 0;     // at most so long before the first frame; only with DDS
   std::optional<int> threads;           // instead of the configuration's
   std::filesystem::path tracks;         // CSV; empty: none
-  std::filesystem::path poses;          // TUM file of the tracked camera's poses; empty: none
+  std::filesystem::path poses;          // TUM file of the tracked camera's poses, see PoseFileWriter; empty: none
   std::filesystem::path pictures;       // folder; empty: none
   int pictures_every = 1;               // >= 1
   std::filesystem::path truth;          // CSV, see Truth; empty: none

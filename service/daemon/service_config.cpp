@@ -89,7 +89,7 @@ void describe_camera_tracking(Io& io, Tracking& t) {
             "huetrack (ours), or pupilli, lee, herranz (as in their papers)");
   io.integer_or("particle_count", "auto", t.particle_count, at_least_one, "auto: the method's own");
   io.integer("seed", t.seed, Range{.min = 0, .max = 9e15}, "same seed, recording and configuration: the same poses");
-  io.path_or("load_map", "none", t.load_map, "a map that was saved: the camera is found in it");
+  io.path_or("load_map", "none", t.load_map, "a map that was saved: the camera is found in it, and start may be left out");
   io.folder_or("save_map", "none", t.save_map, "where the map is written at the end");
   io.group("start", "what the first pose is known from: exactly one of rectangle, points, board, leds", [&](auto& in) {
     const std::vector<CsvColumn> xyz{{"X", "x"}, {"Y", "y"}, {"Z", "z"}, {"u", "u_frame0"}, {"v", "v_frame0"}};
@@ -557,9 +557,20 @@ void check_camera_tracking(const ServiceConfig& config, const YamlReader& yaml) 
     yaml.fail("camera", tracking.camera + " is not a camera of the rig, which has " + list +
                             (nearest ? " (did you mean " + *nearest + "?)" : ""));
   }
-  if (tracking.starts() != 1)
-    yaml.fail("start", "exactly one of rectangle, points, board and leds must be given, and there are " +
+  if (tracking.starts() != 1 && (tracking.starts() > 1 || tracking.load_map.empty()))
+    yaml.fail("start", "exactly one of rectangle, points, board and leds must be given (with load_map none is needed), "
+                       "and there are " +
                            std::to_string(tracking.starts()));
+  const Camera& camera = config.rig.cameras[std::size_t(*config.rig.index_of(tracking.camera))];
+  for (const auto& [key, rows] : {std::pair{"rectangle", &tracking.rectangle}, {"points", &tracking.points}}) {
+    const auto problem = start_row_problem(*rows, camera);
+    if (!problem) continue;
+    const YamlReader start = yaml.map("start");
+    const std::string message = "row " + std::to_string(problem->row + 1) + ": " + problem->message;
+    if (start.is_list(key)) start.fail(key, message);
+    const fs::path file = fs::absolute(start.path().parent_path() / start.string(key)).lexically_normal();
+    throw ConfigError(file, line_of_row(file, problem->row), message);
+  }
   for (const auto& row : tracking.led_schedule)
     if (row[0] != std::floor(row[0])) yaml.map("start").fail("led_schedule", "must hold whole numbers of LEDs, from 0");
   if (const auto problems = tracker_options(tracking).problems(); !problems.empty()) yaml.fail("", problems.front());

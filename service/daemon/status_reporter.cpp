@@ -40,7 +40,7 @@ std::vector<std::string> camera_names(const ServiceStatus& status) {
 }  // namespace
 
 StatusReporter::StatusReporter(const ServiceConfig& config, std::string mode, Duration clock_offset)
-    : targets_(config.targets) {
+    : targets_(config.targets), tracked_camera_(config.camera_tracking.camera) {
   fixed_.program_version = HUETRACK_VERSION;
   fixed_.mode = std::move(mode);
   fixed_.config_file = config.file.string();
@@ -116,6 +116,8 @@ ServiceStatus StatusReporter::report(const PipelineFigures& figures, std::chrono
   if (figures.camera_frames_dropped > 0)
     status.warnings.push_back("camera tracking is too slow: " + std::to_string(figures.camera_frames_dropped) +
                               " frames gave no pose; a smaller camera_tracking.particle_count may help");
+  if (auto warning = no_pose_warning(tracked_camera_, figures.tracked_camera); !warning.empty())
+    status.warnings.push_back(std::move(warning));
   if (!latest_ || now - latest_->at >= shortest_rate_window) latest_ = Past{now, figures};
   return status;
 }

@@ -31,6 +31,7 @@ class StatusReporter {
  private:
   ServiceStatus fixed_;  // what does not change
   std::vector<TargetOptions> targets_;
+  std::string tracked_camera_;
   struct Past {
     std::chrono::steady_clock::time_point at;
     PipelineFigures figures;

@@ -11,6 +11,7 @@
 #include <stdexcept>
 
 #include "camera_tracking/depth_ray.h"
+#include "camera_tracking/drawn_rectangle.h"
 #include "camera_tracking/local_bundle.h"
 #include "camera_tracking/ncc.h"
 #include "camera_tracking/observation_field.h"
@@ -25,20 +26,6 @@
 
 namespace huetrack {
 namespace {
-
-Camera camera() {
-  PinholeRadtan lens{246, 246, 158, 122, {}};
-  lens.distortion[0] = -0.12, lens.distortion[1] = 0.02;
-  return {"cam", {320, 240}, CameraModel(lens), {}};
-}
-
-Rigid3d look_at(const Eigen::Vector3d& from, const Eigen::Vector3d& at) {  // cam_from_world, upright
-  const Eigen::Vector3d z = (at - from).normalized(), x = z.cross(Eigen::Vector3d::UnitZ()).normalized(),
-                        y = z.cross(x);
-  Eigen::Matrix3d r;
-  r.row(0) = x, r.row(1) = y, r.row(2) = z;
-  return {Eigen::Quaterniond(r), -(r * from)};
-}
 
 // A smooth random texture: value at any place.
 double texture(double x, double y) {
@@ -263,25 +250,11 @@ TEST(LocalBundle, putsPosesAndPointsRight) {
 }
 
 TEST(RectangleFinder, measuresADrawnOneInLight) {
-  // Drawn through the lens with 6 x 6 samples per pixel, averaged as light, then coded as sRGB does.
   const Camera c = camera();
   const Rigid3d truth = look_at({0.05, -0.35, 0.42}, {0, 0, 0});
   const Rigid3d back = inverse(truth);
-  std::uint8_t* px = nullptr;
-  const GreyImage image = make_grey(320, 240, px);
-  for (int v = 0; v < 240; ++v) {
-    for (int u = 0; u < 320; ++u) {
-      double light = 0;
-      for (int k = 0; k < 36; ++k) {
-        const auto ray = c.model.ray({Eigen::Vector2d(u + (k % 6 - 2.5) / 6, v + (k / 6 - 2.5) / 6)});
-        const Eigen::Vector3d d = back.rotation * *ray;
-        const Eigen::Vector3d p = back.translation - back.translation.z() / d.z() * d;
-        light += (std::abs(p.x()) < 0.1 && std::abs(p.y()) < 0.075 ? 0.02 : 0.6) / 36;
-      }
-      px[v * 320 + u] = static_cast<std::uint8_t>(std::lround(255 * (1.055 * std::pow(light, 1 / 2.4) - 0.055)));
-    }
-  }
-  const std::vector<Eigen::Vector3d> corners{{-0.1, 0.075, 0}, {0.1, 0.075, 0}, {0.1, -0.075, 0}, {-0.1, -0.075, 0}};
+  const GreyImage image = view_of_rectangle(c, truth);
+  const std::vector<Eigen::Vector3d> corners = rectangle_corners();
   const auto found = find_rectangle(image, c.model, corners);
   ASSERT_TRUE(found);
   EXPECT_TRUE(found->dark);

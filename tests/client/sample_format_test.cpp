@@ -126,6 +126,10 @@ TEST(SampleFormat, CameraPoses) {
   EXPECT_TRUE(camera_header(Format::csv).ends_with(",c55,c56,c66,state,features_in_view,features_matched,confidence\n"));
   EXPECT_EQ(line(Format::tum, pose(true), 0, 0), "1700000000.000000042 0.5 -1.25 2 0 0.5 -0.5 0.25\n");
   EXPECT_EQ(line(Format::tum, pose(false), 0, 0), "");
+  msg::CameraPose predicted = pose(true);
+  predicted.state(msg::CAMERA_STATE_COASTING);
+  EXPECT_EQ(line(Format::tum, predicted, 0, 0), "");
+  EXPECT_NE(line(Format::csv, predicted, 0, 0).find(",coasting,"), std::string::npos);
   EXPECT_EQ(line(Format::csv, pose(true), 0, 0),
             "cam0,1700000000.000000042,0.5,-1.25,2,0,0.5,-0.5,0.25,3e-06,0.125,0.125,0.125,0.125,0.125,3e-06,0.125,0.125,0.125,"
             "0.125,3e-06,0.125,0.125,0.125,3e-06,0.125,0.125,3e-06,0.125,3e-06,tracking,9,8,0.875\n");
@@ -136,6 +140,25 @@ TEST(SampleFormat, CameraPoses) {
   EXPECT_EQ(line(Format::text, pose(true), received_at, 5),
             "22:13:20.000  cam0   tracking   x   0.5000  y  -1.2500  z   2.0000 m   q  0.0000  0.5000 -0.5000  0.2500   "
             "sigma    3.0 mm  0.17 deg   features 8/9   latency   12.3 + 0.25 ms\n");
+}
+
+TEST(SampleFormat, TimesOfTwoClocksHaveNoLatency) {
+  msg::CameraPose s = pose(true);
+  s.captured_at(5'000'000'000);
+  EXPECT_NE(line(Format::text, s, received_at, 5).find("latency      - + 0.25 ms"), std::string::npos);
+}
+
+TEST(SampleFormat, StatusOfATrackedCamera) {
+  msg::ServiceStatus s;
+  s.cameras().resize(1);
+  s.cameras()[0].name("cam0");
+  msg::CameraPose other = pose(true);
+  other.camera("of_another_service");
+  const std::vector<msg::CameraPose> poses{pose(false), other};
+  const std::string out = text(s, 0, poses);
+  EXPECT_NE(out.find("  targets   none\n"), std::string::npos) << out;
+  EXPECT_NE(out.find("  pose      cam0  searching   8 of 9 features, 0 map points\n"), std::string::npos) << out;
+  EXPECT_EQ(out.find("of_another_service"), std::string::npos);
 }
 
 TEST(SampleFormat, StatusNamesWhatIsWrong) {
@@ -167,7 +190,7 @@ TEST(SampleFormat, StatusNamesWhatIsWrong) {
       "  rig       identity def, world frame world\n"
       "  targets   ball, wand\n"
       "  tracking  30.0 frame sets per second; 100 sets, 0 of them incomplete, 4 dropped; 0 late frames\n"
-      "  sent      0 positions, 0 failures\n"
+      "  sent      0 samples, 0 failures\n"
       "  camera    left  stalled       0.0 Hz, 7 frames, 0 dropped, 0 corrupted, the last 3.00 s ago: no frame for "
       "3 s\n"
       "  warning   too dark\n");

@@ -202,13 +202,14 @@ TEST_F(LiveLeds, ARecordingHoldsTheFilesThatItsConfigurationNames) {
   c.camera_tracking.leds.clear();
   c.camera_tracking.led_schedule.clear();
   c.camera_tracking.board = board;
-  c.camera_tracking.save_map = folder_ / "mine.map";
+  c.camera_tracking.save_map = write("mine.map", "an older one");
   LiveOptions options;
   options.no_dds = true;
   options.record_to = folder_ / "recording";
   LiveRequests requests;
   options.seconds = 0.2;
   run_live(c, cameras(0ms, 11ms), options, requests, {});
+  EXPECT_EQ(contents(c.camera_tracking.save_map), "an older one");  // there was no board, and so no pose and no map
   fs::remove(board);
   fs::rename(folder_ / "recording", folder_ / "moved");
   EXPECT_THAT(contents(folder_ / "moved/huetrackd.yaml"), Not(HasSubstr(folder_.string())));
@@ -223,10 +224,11 @@ TEST_F(LiveCameraTracking, AMapIsSavedAndTheCameraFoundInIt) {
   const fs::path data = fs::path(HUETRACK_SHARED_DATA) / "rendered/desk";
   if (!fs::exists(data / "recording.yaml")) GTEST_SKIP() << data << " is not there";
   const std::string desk = fs::absolute(data).string();
-  const std::string start = "version: 1\nrig: " + desk +
-                            "/rig.yaml\ncameras: {cam0: {device: 0}}\ndds: {enabled: false}\n" +
-                            "camera_tracking:\n  camera: cam0\n  start: {rectangle: " + desk + "/rectangle.csv}\n";
-  const fs::path first = write("first.yaml", start + "  save_map: desk.map\n");
+  const std::string camera = "version: 1\nrig: " + desk +
+                             "/rig.yaml\ncameras: {cam0: {device: 0}}\ndds: {enabled: false}\n" +
+                             "camera_tracking:\n  camera: cam0\n";
+  const fs::path first =
+      write("first.yaml", camera + "  start: {rectangle: " + desk + "/rectangle.csv}\n  save_map: desk.map\n");
   const auto pictures = first_frames(data, {"cam0"}, 120);
   const auto live = [&](const fs::path& file, std::size_t from, std::size_t to, LiveOptions options) {
     std::vector<Frame> some(pictures[0].begin() + std::ptrdiff_t(from), pictures[0].begin() + std::ptrdiff_t(to));
@@ -239,7 +241,7 @@ TEST_F(LiveCameraTracking, AMapIsSavedAndTheCameraFoundInIt) {
   live(first, 0, 45, {});
   ASSERT_TRUE(fs::exists(folder_ / "desk.map"));
 
-  const fs::path second = write("second.yaml", start + "  load_map: desk.map\n");
+  const fs::path second = write("second.yaml", camera + "  load_map: desk.map\n");
   LiveOptions options;
   options.poses = folder_ / "second.tum";
   options.record_to = folder_ / "recording";

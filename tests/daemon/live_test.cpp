@@ -322,6 +322,8 @@ TEST(StatusLine, SaysRatesAndStates) {
   const TrackState states[] = {TrackState::coasting};
   EXPECT_EQ(status_line(status, states),
             "1 of 2 cameras deliver: left 30.0 Hz, back absent; 29.9 sets/s; ball coasting");
+  EXPECT_EQ(status_line(status, states, "left", CameraState::lost),
+            "1 of 2 cameras deliver: left 30.0 Hz, back absent; 29.9 sets/s; ball coasting, left's pose lost");
 }
 
 }  // namespace

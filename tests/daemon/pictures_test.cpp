@@ -6,6 +6,8 @@
 #include <filesystem>
 #include <opencv2/imgcodecs.hpp>
 
+#include "daemon/camera_pictures.h"
+
 namespace huetrack {
 namespace {
 
@@ -58,6 +60,56 @@ TEST(ColorOfHue, IsTheColourCircle) {
   EXPECT_TRUE(is(color_of_hue(240, 1, 1), 0, 0, 255));
   EXPECT_TRUE(is(color_of_hue(60, 1, 1), 255, 255, 0));
   EXPECT_TRUE(is(color_of_hue(77, 0, 1), 255, 255, 255));
+}
+
+class CameraPictures : public testing::Test {
+ protected:
+  CameraPictures() {
+    camera_.name = "cam0";
+    camera_.image_size = {320, 240};
+    camera_.model = CameraModel(PinholeRadtan{.fx = 250, .fy = 250, .cx = 160, .cy = 120});
+    job_.frame.pixels = make_image(PixelFormat::grey, ColorRange::full, 320, 240).image;
+    job_.estimate.state = CameraState::tracking;
+    job_.estimate.world_from_camera = {Eigen::Quaterniond::Identity(), {0, 0, -1}};
+    job_.estimate.covariance.setIdentity();
+    plane_.origin = {0.2, 0.1, 0};  // the start lies aside of the world's origin
+  }
+  Camera camera_;
+  StartPlane plane_;
+  CameraPictureJob job_;
+};
+
+TEST_F(CameraPictures, TheAxesStandAtTheWorldsOrigin) {
+  // x runs to the right from the middle of the right picture, y down.
+  const cv::Mat picture = draw_camera(camera_, plane_, job_);
+  const cv::Point middle(2 * 14 + 720 + 361, 44 + 28 + 271);
+  EXPECT_GT(count_near(picture(cv::Rect(middle + cv::Point(10, -2), cv::Size(20, 5))), {52, 64, 235}), 40);
+  EXPECT_GT(count_near(picture(cv::Rect(middle + cv::Point(-2, 10), cv::Size(5, 20))), {70, 200, 70}), 40);
+}
+
+TEST_F(CameraPictures, RegionsAreDrawnOnlyWithAPose) {
+  CameraTrackerView::Feature& feature = job_.view.features.emplace_back();
+  feature.px = {100, 100};
+  feature.found_px.setConstant(std::nanf(""));
+  feature.search = 20 * Eigen::Matrix2f::Identity();
+  feature.position.setZero();
+  feature.covariance.setZero();
+  const cv::Rect left(14, 72, 720, 540);
+  EXPECT_GT(count_near(draw_camera(camera_, plane_, job_)(left), {88, 96, 255}), 20);
+  job_.estimate.state = CameraState::lost;
+  EXPECT_EQ(count_near(draw_camera(camera_, plane_, job_)(left), {88, 96, 255}), 0);
+}
+
+TEST_F(CameraPictures, TheMapIsAllOfIt) {
+  std::vector<CameraMapPoint> map;
+  const auto drawn = [&] { return count_near(draw_camera_map(camera_, plane_, "", {job_.estimate}, map), {160, 90, 40}); };
+  const int none = drawn();
+  for (int i = 0; i < 30; ++i) {
+    map.emplace_back().position = {0.01 * i, 0.1, -0.3};
+    map.back().covariance = 1e-6 * Eigen::Matrix3d::Identity();
+    map.back().state = CameraMapPoint::State::not_sought;
+  }
+  EXPECT_GT(drawn(), none + 30 * 8);
 }
 
 class Pictures : public testing::Test {

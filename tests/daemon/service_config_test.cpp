@@ -462,7 +462,7 @@ TEST_F(CameraTrackingConfigTest, MistakesAreNamed) {
           "c.yaml:4: camera_tracking.camera: cam1 is not a camera of the rig, which has cam0 (did you mean cam0?)"));
   EXPECT_THAT(mistake(leds), HasSubstr("camera_tracking.camera: is not given"));
   EXPECT_THAT(mistake("  camera: cam0\n"),
-              HasSubstr("exactly one of rectangle, points, board and leds must be given, and there are 0"));
+              HasSubstr("exactly one of rectangle, points, board and leds must be given (with load_map none is needed), and there are 0"));
   EXPECT_THAT(mistake("  camera: cam0\n  methd: lee\n" + leds),
               HasSubstr("c.yaml:5: camera_tracking.methd is not a known key (did you mean method?)"));
   EXPECT_THAT(mistake("  camera: cam0\n  start: {leds: [[0, 0, 0], [1, 0, 0], [0, 1, 0]]}\n"),
@@ -478,6 +478,29 @@ TEST_F(CameraTrackingConfigTest, MistakesAreNamed) {
   write("bad.csv", "X,Y\n0,0\n");
   EXPECT_THAT(mistake("  camera: cam0\n  start: {leds: bad.csv}\n"),
               HasSubstr("bad.csv:1: the header has no column Z"));
+}
+
+TEST_F(CameraTrackingConfigTest, PixelsOutsideTheImageAndPointsThatAreThereTwiceAreNamed) {
+  using testing::HasSubstr;
+  write("outside.csv", "X,Y,Z,u,v\n0,0,0,1,2\n\n1,0,0,3,4\n0,1,0,319.6,6\n1,1,0,7,8\n");
+  EXPECT_THAT(mistake("  camera: cam0\n  start: {points: outside.csv}\n"),
+              HasSubstr("outside.csv:5: row 3: the pixel (319.6, 6) is outside the image of cam0, which is 320x240"));
+  write("twice.csv", "X,Y,Z,u,v\n0,0,0,1,2\n1,0,0,3,4\n0,1,0,319,6\n1,0,0,7,8\n");
+  EXPECT_THAT(mistake("  camera: cam0\n  start: {points: twice.csv}\n"),
+              HasSubstr("twice.csv:5: row 4: the point (1, 0, 0) is there twice, in row 2 too"));
+  EXPECT_THAT(mistake("  camera: cam0\n  start:\n    rectangle: [[0, 0, 0, 1, 2], [1, 0, 0, 3, 4], "
+                      "[1, 1, 0, 5, -6], [0, 1, 0, 7, 8]]\n"),
+              HasSubstr("c.yaml:6: camera_tracking.start.rectangle: row 3: the pixel (5, -6) is outside the image"));
+}
+
+TEST_F(CameraTrackingConfigTest, WithAMapNoStartIsNeeded) {
+  write("m.map", "");
+  const ServiceConfig config = load("  camera: cam0\n  load_map: m.map\n");
+  write("again.yaml", to_yaml(config));
+  EXPECT_EQ(to_yaml(load_service_config(folder_ / "again.yaml")), to_yaml(config));
+  const auto options = tracker_options(config.camera_tracking);
+  EXPECT_EQ(std::get<FoundStart>(options.start).find(Image{}), std::nullopt);  // there is nothing to be found
+  EXPECT_THAT(mistake("  camera: cam0\n  load_map: m.map\n  method: herranz\n"), testing::HasSubstr("needs LEDs"));
 }
 
 TEST(ReferenceConfig, HasEveryKeyWithItsDefaultInTheOrderOfCheck) {

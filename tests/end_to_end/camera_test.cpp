@@ -113,6 +113,38 @@ TEST_F(CameraEndToEnd, ASubscriberHasTheFileOfTheReplay) {
   EXPECT_THAT(watch->err(), HasSubstr("camera cam0"));
 }
 
+TEST_F(CameraEndToEnd, WithoutTargetsWatchAndStatusPointToTheCamera) {
+  write("recording.yaml", "version: 1\ncameras:\n  cam0: {frames: cam0/%06d.pgm, fps: 6}\n");
+  const auto watch = start({HUETRACK, "watch"});
+  const auto process = start(replay({"--wait-for-subscriber", "20", "--speed", "real"}));
+  for (int i = 0; i < 100 && watch->err().find("--camera NAME") == std::string::npos; ++i)
+    std::this_thread::sleep_for(50ms);
+  EXPECT_THAT(watch->err(), HasSubstr("no target is tracked on domain " + environment_["ROS_DOMAIN_ID"] +
+                                      ", but these cameras: cam0. Watch them with huetrack watch --camera NAME"));
+  const auto status = start({HUETRACK, "status"});
+  EXPECT_EQ(status->wait(), 0) << status->err();
+  EXPECT_THAT(status->out(), HasSubstr("  pose      cam0  "));
+  EXPECT_THAT(status->out(), HasSubstr("  targets   none\n"));
+  for (const auto* one : {&process, &watch}) {
+    (*one)->kill(SIGTERM);
+    EXPECT_EQ((*one)->wait(), 0) << (*one)->err();
+  }
+}
+
+TEST_F(CameraEndToEnd, WithoutAPoseTheSummarySaysSoAndTheMapIsKept) {
+  write("config.yaml",
+        "version: 1\nrig: rig.yaml\ncamera_tracking:\n  camera: cam0\n  save_map: kept.map\n  start:\n"
+        "    rectangle: [[-0.1, 0.1, 0], [0.1, 0.1, 0], [0.1, -0.1, 0], [-0.1, -0.1, 0]]\n");
+  write("kept.map", "an older one");
+  write("recording.yaml", "version: 1\ncameras:\n  cam0: {frames: cam0/%06d.pgm, fps: 15}\n");
+  const auto process = start(replay({"--no-dds"}));
+  EXPECT_EQ(process->wait(), 0) << process->err();
+  EXPECT_THAT(process->out(), testing::ContainsRegex("cam0 +never a pose"));
+  EXPECT_THAT(process->err(), HasSubstr("kept.map: map not saved: there never was a pose"));
+  EXPECT_THAT(process->err(), HasSubstr("camera cam0: no pose for 3 s (searching)"));
+  EXPECT_EQ(contents(folder_ / "kept.map"), "an older one");
+}
+
 TEST_F(CameraEndToEnd, PosesWithoutACameraAreRefused) {
   write("none.yaml", "version: 1\nrig: rig.yaml\ntargets: {ball: {color: {hue_deg: [65, 115]}}}\n");
   const auto process =
