@@ -3,6 +3,7 @@
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <set>
 
 namespace huetrack {
@@ -47,6 +48,10 @@ class HuetrackLedFilter final : public LedFilter {
     last_at_ = frame.at;
     return estimate(frame);
   }
+
+  double start_noise_px() const override { return search_.noise_scale() * options_.pixel_noise_px; }
+  void forget() override { forget_pose(); }
+  bool is_ambiguous() const override { return !pose_ && search_.is_ambiguous(); }
 
   CameraTrackerView view() const override {
     CameraTrackerView view;
@@ -186,8 +191,9 @@ class HuetrackLedFilter final : public LedFilter {
       return e;
     }
     const Vector2d sigma = largest_sigmas(pose_->covariance);
-    e.features_in_view = evidence_.in_view();
-    e.features_matched = evidence_.matched();
+    const auto [in_view, matched] = evidence_.leds();
+    e.features_in_view = in_view;
+    e.features_matched = matched;
     const bool explained = 2 * evidence_.matched() > evidence_.in_view() && evidence_.distinct() >= 4;
     const bool sure = sigma.x() < tracking_sigma_m && sigma.y() < tracking_sigma_rad;
     // A new pose must have been right several times before it is said at all.
@@ -256,6 +262,13 @@ int LedEvidence::distinct() const {
   for (const Seen& s : seen_)
     if (s.matched) leds.insert(s.led);
   return static_cast<int>(leds.size());
+}
+
+LedEvidence::Leds LedEvidence::leds() const {
+  std::map<int, bool> last;
+  for (const Seen& s : seen_) last[s.led] = s.matched;
+  return {static_cast<int>(last.size()),
+          static_cast<int>(std::ranges::count_if(last, [](const auto& l) { return l.second; }))};
 }
 
 std::optional<Timestamp> LedEvidence::last_match() const {

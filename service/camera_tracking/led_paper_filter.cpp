@@ -181,8 +181,9 @@ class PaperLedFilter final : public LedFilter {
     if (!e.has_pose() && !options_.tell_unproven) return e;
     e.world_from_camera = pose_.mean.world_from_camera;
     e.covariance = pose_.covariance.topLeftCorner<6, 6>();
-    e.features_in_view = evidence_.in_view();
-    e.features_matched = evidence_.matched();
+    const auto [in_view, matched] = evidence_.leds();
+    e.features_in_view = in_view;
+    e.features_matched = matched;
     e.confidence = e.features_in_view > 0 ? static_cast<double>(e.features_matched) / e.features_in_view : 0;
     return e;
   }
