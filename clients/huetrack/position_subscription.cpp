@@ -33,7 +33,8 @@ struct Of<msg::CameraPose> {
 
 std::string who(const std::optional<PublisherIdentity>& identity, const char* named) {
   if (!identity) return "a program that is not huetrackd";
-  std::string text = "process " + std::to_string(identity->pid) + " on " + identity->host + named;
+  std::string text = "process " + std::to_string(identity->pid) + " on " + identity->host;
+  if (!identity->targets.empty()) text += named;
   for (const std::string& target : identity->targets) text += " " + target;
   return text;
 }

@@ -96,6 +96,8 @@ std::vector<std::string> CameraTrackerOptions::problems() const {
     out.emplace_back("the method herranz needs LEDs at known positions to start from");
   if ((method == CameraMethod::pupilli || method == CameraMethod::lee) && leds)
     out.emplace_back("LEDs are for the methods huetrack and herranz; this one needs a rectangle, points or a board");
+  if (as_printed && method != CameraMethod::pupilli && method != CameraMethod::lee)
+    out.emplace_back("as_printed is for the methods pupilli and lee");
   if (leds && !load_map.empty()) out.emplace_back("load_map: with LEDs there is no map; their positions are given");
   std::visit([&out](const auto& s) { check(s, out); }, start);
   return out;

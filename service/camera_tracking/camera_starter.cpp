@@ -103,12 +103,11 @@ std::string objection(const std::optional<Started>& started, std::size_t given) 
 
 std::optional<Started> CameraStarter::find(const Image& image, const GreyImage& grey) {
   const bool is_first = frames_++ == 0;
-  why_not_.clear();
-  if (const auto* points = std::get_if<PointsStart>(&start_)) {
-    if (is_first) return accepted(from_points(camera_, *points), points->points.size(), "the known points");
-    why_not_ = "the known points' pixels did not fit the first frame, and belong to no other";
-    return std::nullopt;
+  if (const auto* points = std::get_if<PointsStart>(&start_)) {  // why they were none stays
+    if (!is_first) return std::nullopt;
+    return accepted(from_points(camera_, *points), points->points.size(), "the known points in the first frame");
   }
+  why_not_.clear();
   if (const auto* rectangle = std::get_if<RectangleStart>(&start_)) {
     const auto& corners = rectangle->corners;
     if (is_first && !rectangle->pixels.empty()) {

@@ -59,6 +59,7 @@ struct CameraTrackerOptions {
   int particle_count = 0;                      // 0: the method's own
   std::uint64_t seed = 1;                      // same seed, frames and options: the same trajectory, bit for bit
   std::filesystem::path load_map;              // empty: none
+  bool as_printed = false;                     // lee, pupilli: the paper's filter without our additions (README.md, "Where they depart")
   std::vector<std::string> problems() const;
 };
 

@@ -66,6 +66,7 @@ class LeeTracker final : public PaperTrackerBase {
   static LeeTracking::Options tracking_options(const CameraTrackerOptions& options) {
     LeeTracking::Options o;
     if (options.particle_count > 0) o.particle_count = static_cast<std::size_t>(options.particle_count);
+    if (options.as_printed) o.cloud_share = 1, o.polish = false, o.wider_unseen = 1;
     return o;
   }
 

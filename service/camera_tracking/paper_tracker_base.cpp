@@ -26,7 +26,7 @@ constexpr double coast_s = 1.0;        // the particles disperse meanwhile, and 
 }  // namespace
 
 PaperTrackerBase::PaperTrackerBase(const Camera& camera, const CameraTrackerOptions& options)
-    : camera_(camera), starter_(camera, options.start), seed_(options.seed) {
+    : camera_(camera), starter_(camera, options.start), seed_(options.seed), as_printed_(options.as_printed) {
   if (options.load_map.empty()) return;
   loaded_ = read_map(options.load_map);
   if (loaded_->image_size != Eigen::Vector2i(camera.image_size.width, camera.image_size.height))
@@ -109,7 +109,7 @@ CameraEstimate PaperTrackerBase::update(const Frame& frame) {
       // Not in the papers, whose particles only disperse until they happen upon the features again: after some frames
       // without support the stored looks of the features propose a pose, and now and then what was started from is
       // looked for. The filter has to agree in the frames that follow.
-      if (unsupported_ >= patience) {
+      if (unsupported_ >= patience && !as_printed_) {
         if (const auto found = proposal(*pyramid, estimate.frame_number)) {
           restart(found->cam_from_world);
         } else if (unsupported_ % 5 == 0) {

@@ -40,7 +40,8 @@ class PaperTrackerBase : public CameraTracker {
   virtual const PoseParticles& particles() const = 0;
   virtual SceneMap scene() const = 0;  // to find the way in, or back
   // False while a pose has yet to be proven: a map that grew about a wrong pose would prove it.
-  bool may_map() const { return probation_ == 0 && unsupported_ == 0; }
+  // (The papers have no such doubt.)
+  bool may_map() const { return unsupported_ == 0 && (probation_ == 0 || as_printed_); }
   std::optional<StoredMap> take_loaded() { return std::move(loaded_); }
 
   Camera camera_;
@@ -53,6 +54,7 @@ class PaperTrackerBase : public CameraTracker {
   CameraStarter starter_;
   std::optional<StoredMap> loaded_;
   std::uint64_t seed_;
+  bool as_printed_;
   std::uint64_t frames_ = 0;
   bool started_ = false, has_map_ = false;
   int probation_ = 0;

@@ -282,6 +282,7 @@ class PupilliTracker final : public PaperTrackerBase {
   static PupilliFilter::Options filter_options(const CameraTrackerOptions& options) {
     PupilliFilter::Options o;
     if (options.particle_count > 0) o.particle_count = static_cast<std::size_t>(options.particle_count);
+    if (options.as_printed) o.polish = false, o.wider_unseen = 1, o.introduced_at_once = 1;
     return o;
   }
   static Eigen::Matrix3d covariance_of(const PupilliPoint& p) {

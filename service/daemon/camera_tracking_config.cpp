@@ -126,6 +126,7 @@ CameraTrackerOptions tracker_options(const CameraTrackingConfig& config) {
   options.particle_count = config.particle_count.value_or(0);
   options.seed = config.seed;
   options.load_map = config.load_map;
+  options.as_printed = config.as_printed;
   if (!config.rectangle.empty()) {
     RectangleStart start;
     for (const auto& row : config.rectangle) {

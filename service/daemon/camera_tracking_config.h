@@ -20,6 +20,7 @@ struct CameraTrackingConfig {
   CameraMethod method = CameraMethod::huetrack;
   std::optional<int> particle_count;  // > 0; nullopt: the method's own
   std::uint64_t seed = 1;
+  bool as_printed = false;
   std::filesystem::path load_map, save_map;  // empty: none
   // The start: exactly one of these four is given; with load_map, at most one.
   NumberRows rectangle;         // x y z, or x y z u v with the corners' pixels in the first frame

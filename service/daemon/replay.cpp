@@ -424,12 +424,15 @@ std::string to_text(const ReplaySummary& s, const ReplayCommand& command) {
       seconds(f.track.wall), seconds(f.track.cpu), seconds(f.publish.wall), seconds(f.publish.cpu));
   if (s.camera) text += formatted(", camera %.3f (%.3f)", seconds(f.camera_track.wall), seconds(f.camera_track.cpu));
   if (s.pictures > 0) text += formatted(", draw %.3f (%.3f)", seconds(f.draw.wall), seconds(f.draw.cpu));
-  const auto times = [&](double busy_s) { return busy_s > 0 ? s.recorded_s / busy_s : 0; };
-  text += formatted("\n          with decoding%s left out: %.0fx real time", s.pictures > 0 ? " and drawing" : "",
-                    times(own_s));
+  const auto times = [&](double busy_s) {
+    const double faster = busy_s > 0 ? s.recorded_s / busy_s : 0;
+    return formatted(faster < 10 ? "%.1fx" : "%.0fx", faster);
+  };
+  text += formatted("\n          with decoding%s left out: %s real time", s.pictures > 0 ? " and drawing" : "",
+                    times(own_s).c_str());
   if (!s.targets.empty())
-    text += formatted("; without the first set too (%.3f s, colour tables): %.0fx", seconds(f.track_first.wall),
-                      times(own_s - seconds(f.track_first.wall)));
+    text += formatted("; without the first set too (%.3f s, colour tables): %s", seconds(f.track_first.wall),
+                      times(own_s - seconds(f.track_first.wall)).c_str());
   text += "\n";
 
   for (const auto& target : s.targets) {

@@ -88,6 +88,7 @@ void describe_camera_tracking(Io& io, Tracking& t) {
   io.choice("method", t.method, Words<CameraMethod>(camera_method_words),
             "huetrack (ours), or pupilli, lee, herranz (as in their papers)");
   io.integer_or("particle_count", "auto", t.particle_count, at_least_one, "auto: the method's own");
+  io.boolean("as_printed", t.as_printed, "pupilli and lee: the paper's filter without our additions");
   io.integer("seed", t.seed, Range{.min = 0, .max = 9e15}, "same seed, recording and configuration: the same poses");
   io.path_or("load_map", "none", t.load_map, "a map that was saved: the camera is found in it, and start may be left out");
   io.folder_or("save_map", "none", t.save_map, "where the map is written at the end");

@@ -1,5 +1,5 @@
 // How near the camera trackers are to the truth, on data/rendered/desk and data/hand_held_7scenes (seed 1).
-//   build/release/tests/benchmark/camera_accuracy [METHOD...] [--frames]
+//   build/release/tests/benchmark/camera_accuracy [METHOD...] [--frames] [--as-printed] [--seed N]
 // Exit status 1 when huetrack misses a figure that it must reach.
 #include <chrono>
 #include <cstdio>
@@ -20,9 +20,11 @@ struct Run {
   double ms_per_frame = 0, worst_ms = 0;
 };
 
-Run run_method(CameraMethod method, const CameraStart& start, const CameraSequence& sequence, std::uint64_t seed) {
+Run run_method(CameraMethod method, const CameraStart& start, const CameraSequence& sequence, std::uint64_t seed,
+               bool as_printed) {
   CameraTrackerOptions options;
   options.method = method, options.start = start, options.seed = seed;
+  options.as_printed = as_printed && method != CameraMethod::huetrack;
   const auto tracker = CameraTracker::make(sequence.camera, options);
   Run out;
   for (const Frame& frame : sequence.frames) {
@@ -61,11 +63,13 @@ const char* mark(bool ok) {
 
 int main(int argc, char** argv) {
   std::vector<CameraMethod> methods;
-  bool frames = false;
+  bool frames = false, as_printed = false;
   std::uint64_t seed = 1;
   for (int i = 1; i < argc; ++i) {
     if (std::strcmp(argv[i], "--frames") == 0)
       frames = true;
+    else if (std::strcmp(argv[i], "--as-printed") == 0)
+      as_printed = true;
     else if (std::strcmp(argv[i], "--seed") == 0 && i + 1 < argc)
       seed = std::stoull(argv[++i]);
     else {
@@ -74,7 +78,9 @@ int main(int argc, char** argv) {
         if (name(m) == argv[i]) methods.push_back(m), known = true;
       }
       if (!known) {
-        std::fprintf(stderr, "camera_accuracy: '%s' is none of huetrack, lee, pupilli, --frames, --seed N\n", argv[i]);
+        std::fprintf(stderr,
+                     "camera_accuracy: '%s' is none of huetrack, lee, pupilli, --frames, --as-printed, --seed N\n",
+                     argv[i]);
         return 2;
       }
     }
@@ -88,7 +94,7 @@ int main(int argc, char** argv) {
   const CameraSequence desk = load_camera_sequence(shared_camera_data() / "rendered/desk", "groundtruth.txt");
   for (const CameraMethod method : methods) {
     const bool ours = method == CameraMethod::huetrack;
-    const auto [estimates, ms, worst] = run_method(method, desk_rectangle(), desk, seed);
+    const auto [estimates, ms, worst] = run_method(method, desk_rectangle(), desk, seed, as_printed);
     const PoseErrors e = errors_of(estimates, desk), back = errors_of(estimates, desk, 230, 240);
     std::printf("desk, %s: %d of %zu frames tracked, first in frame %d; %.1f ms per frame, %.1f at most\n",
                 std::string(name(method)).c_str(), e.tracked, estimates.size(),
@@ -121,7 +127,7 @@ int main(int argc, char** argv) {
     const CameraSequence kitchen =
         load_camera_sequence(shared_camera_data() / "hand_held_7scenes", "reference_poses.tum");
     for (const CameraMethod method : methods) {
-      const auto [estimates, ms, worst] = run_method(method, kitchen_points(), kitchen, seed);
+      const auto [estimates, ms, worst] = run_method(method, kitchen_points(), kitchen, seed, as_printed);
       const PoseErrors e = errors_of(estimates, kitchen);
       const AlignedError a = aligned_error(estimates, kitchen, false), b = aligned_error(estimates, kitchen, true);
       bool ok = true;

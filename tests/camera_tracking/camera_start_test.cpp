@@ -51,6 +51,15 @@ TEST(CameraStart, methodAndStartMustFit) {
   EXPECT_THAT(problems(CameraMethod::herranz, rectangle()), Contains(HasSubstr("needs LEDs")));
 }
 
+TEST(CameraStart, onlyThePapersFiltersCanBeAsPrinted) {
+  CameraTrackerOptions options;
+  options.start = rectangle();
+  options.as_printed = true;
+  EXPECT_THAT(options.problems(), Contains(HasSubstr("as_printed is for")));
+  options.method = CameraMethod::lee;
+  EXPECT_THAT(options.problems(), IsEmpty());
+}
+
 TEST(CameraStart, fewerThanFourLedsAreRefused) {
   LedStart three = leds();
   three.leds.pop_back();
