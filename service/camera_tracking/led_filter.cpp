@@ -21,6 +21,9 @@ constexpr Duration longest_coasting = 500ms;
 constexpr double gate = 20;    // squared distance over its covariance, 2 dimensions: 1 in 20000 is beyond
 constexpr int confirming = 3;  // LEDs that must be where a new pose has them before it counts
 constexpr double tracking_sigma_m = 0.1, tracking_sigma_rad = 0.1;
+constexpr int misses_in_a_row = 3;  // where the LED of each frame is known: the pose has slipped
+// Four LEDs leave two equations over: one that is measured wrongly hardly shows but in how noisy the pixels seem.
+constexpr double tracking_sigma_of_four_m = 0.04;
 constexpr double lost_sigma_m = 0.3, lost_sigma_rad = 0.3;
 
 class HuetrackLedFilter final : public LedFilter {
@@ -154,7 +157,13 @@ class HuetrackLedFilter final : public LedFilter {
     const auto seek = [&](int led) {
       LedJacobian j;
       const auto px = led_pixel(camera_.model, prior.mean, leds()[static_cast<std::size_t>(led)], 0, &j);
-      if (!px || !camera_.contains(RawPixel{*px})) return;
+      // A LED that is seen where the pose has it out of view speaks against the pose.
+      const bool is_seen = frame.lit && !frame.dots.empty();
+      if (!is_seen && (!px || !camera_.contains(RawPixel{*px}))) return;
+      if (!px) {
+        evidence_.add(frame.at, led, false);
+        return;
+      }
       const Eigen::Matrix2d information = (j * prior.covariance * j.transpose() + noise()).inverse();
       double nearest = gate;
       std::size_t best = frame.dots.size();
@@ -194,8 +203,10 @@ class HuetrackLedFilter final : public LedFilter {
     const auto [in_view, matched] = evidence_.leds();
     e.features_in_view = in_view;
     e.features_matched = matched;
-    const bool explained = 2 * evidence_.matched() > evidence_.in_view() && evidence_.distinct() >= 4;
-    const bool sure = sigma.x() < tracking_sigma_m && sigma.y() < tracking_sigma_rad;
+    const bool explained = 2 * evidence_.matched() > evidence_.in_view() && evidence_.distinct() >= 4 &&
+                           (!frame.lit || evidence_.missed_in_a_row() < misses_in_a_row);
+    const double enough_m = evidence_.distinct() > 4 ? tracking_sigma_m : tracking_sigma_of_four_m;
+    const bool sure = sigma.x() < enough_m && sigma.y() < tracking_sigma_rad;
     // A new pose must have been right several times before it is said at all.
     if (explained && sure) {
       explained_once_ = true;
@@ -262,6 +273,11 @@ int LedEvidence::distinct() const {
   for (const Seen& s : seen_)
     if (s.matched) leds.insert(s.led);
   return static_cast<int>(leds.size());
+}
+
+int LedEvidence::missed_in_a_row() const {
+  return static_cast<int>(std::find_if(seen_.rbegin(), seen_.rend(), [](const Seen& s) { return s.matched; }) -
+                          seen_.rbegin());
 }
 
 LedEvidence::Leds LedEvidence::leds() const {

@@ -63,6 +63,7 @@ class LedEvidence {
   int in_view() const { return static_cast<int>(seen_.size()); }  // sightings due
   int matched() const;                                            // sightings had
   int distinct() const;                                           // different LEDs that were matched
+  int missed_in_a_row() const;                                    // of the last sightings due
   // Different LEDs; matched: of which the last sighting that was due was had.
   struct Leds {
     int in_view = 0, matched = 0;
