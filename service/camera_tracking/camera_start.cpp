@@ -69,6 +69,10 @@ void check(const LedStart& start, Problems& out) {
   const int n = static_cast<int>(start.leds.size());
   if (!std::ranges::all_of(start.schedule, [n](int led) { return led >= -1 && led < n; }))
     out.push_back("start: the schedule names LEDs 0 to " + std::to_string(n - 1) + ", or -1 for none");
+  if (start.schedule.empty() && start.leds.size() == 4)
+    out.emplace_back(
+        "start: 4 LEDs of which it is not known which is which leave more than one pose: give led_schedule, or a fifth "
+        "LED");
   if (!start.schedule.empty()) {
     std::set<int> lit(start.schedule.begin(), start.schedule.end());
     lit.erase(-1);

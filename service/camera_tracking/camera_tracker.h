@@ -45,8 +45,9 @@ struct LedStart {                              // no pose at all: uniform over t
   // Which LED is lit in which frame of the camera (index into leds, -1: none), repeated from the beginning; empty: LEDs are not
   // identified, and any number may be lit.
   std::vector<int> schedule;
-  // 0: one entry of the schedule per frame, as the driver numbers them. > 0, seconds: each entry holds for so long, by capture
-  // time, from the clock's zero on.
+  // 0: one entry of the schedule per frame of the camera (or of the recorded stream, whatever part of it is played). > 0,
+  // seconds: each entry holds for so long, by capture time, from the clock's zero on. The method huetrack finds by itself by
+  // how many slots the schedule is off (LedOffsetSearch).
   double slot_s = 0;
   Eigen::Vector3d room_min{-3, -3, 0}, room_max{3, 3, 3};
 };

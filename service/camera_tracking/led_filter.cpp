@@ -3,6 +3,7 @@
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <set>
 
 namespace huetrack {
@@ -20,6 +21,9 @@ constexpr Duration longest_coasting = 500ms;
 constexpr double gate = 20;    // squared distance over its covariance, 2 dimensions: 1 in 20000 is beyond
 constexpr int confirming = 3;  // LEDs that must be where a new pose has them before it counts
 constexpr double tracking_sigma_m = 0.1, tracking_sigma_rad = 0.1;
+constexpr int misses_in_a_row = 3;  // where the LED of each frame is known: the pose has slipped
+// Four LEDs leave two equations over: one that is measured wrongly hardly shows but in how noisy the pixels seem.
+constexpr double tracking_sigma_of_four_m = 0.04;
 constexpr double lost_sigma_m = 0.3, lost_sigma_rad = 0.3;
 
 class HuetrackLedFilter final : public LedFilter {
@@ -47,6 +51,10 @@ class HuetrackLedFilter final : public LedFilter {
     last_at_ = frame.at;
     return estimate(frame);
   }
+
+  double start_noise_px() const override { return search_.noise_scale() * options_.pixel_noise_px; }
+  void forget() override { forget_pose(); }
+  bool is_ambiguous() const override { return !pose_ && search_.is_ambiguous(); }
 
   CameraTrackerView view() const override {
     CameraTrackerView view;
@@ -149,7 +157,13 @@ class HuetrackLedFilter final : public LedFilter {
     const auto seek = [&](int led) {
       LedJacobian j;
       const auto px = led_pixel(camera_.model, prior.mean, leds()[static_cast<std::size_t>(led)], 0, &j);
-      if (!px || !camera_.contains(RawPixel{*px})) return;
+      // A LED that is seen where the pose has it out of view speaks against the pose.
+      const bool is_seen = frame.lit && !frame.dots.empty();
+      if (!is_seen && (!px || !camera_.contains(RawPixel{*px}))) return;
+      if (!px) {
+        evidence_.add(frame.at, led, false);
+        return;
+      }
       const Eigen::Matrix2d information = (j * prior.covariance * j.transpose() + noise()).inverse();
       double nearest = gate;
       std::size_t best = frame.dots.size();
@@ -186,10 +200,13 @@ class HuetrackLedFilter final : public LedFilter {
       return e;
     }
     const Vector2d sigma = largest_sigmas(pose_->covariance);
-    e.features_in_view = evidence_.in_view();
-    e.features_matched = evidence_.matched();
-    const bool explained = 2 * evidence_.matched() > evidence_.in_view() && evidence_.distinct() >= 4;
-    const bool sure = sigma.x() < tracking_sigma_m && sigma.y() < tracking_sigma_rad;
+    const auto [in_view, matched] = evidence_.leds();
+    e.features_in_view = in_view;
+    e.features_matched = matched;
+    const bool explained = 2 * evidence_.matched() > evidence_.in_view() && evidence_.distinct() >= 4 &&
+                           (!frame.lit || evidence_.missed_in_a_row() < misses_in_a_row);
+    const double enough_m = evidence_.distinct() > 4 ? tracking_sigma_m : tracking_sigma_of_four_m;
+    const bool sure = sigma.x() < enough_m && sigma.y() < tracking_sigma_rad;
     // A new pose must have been right several times before it is said at all.
     if (explained && sure) {
       explained_once_ = true;
@@ -256,6 +273,18 @@ int LedEvidence::distinct() const {
   for (const Seen& s : seen_)
     if (s.matched) leds.insert(s.led);
   return static_cast<int>(leds.size());
+}
+
+int LedEvidence::missed_in_a_row() const {
+  return static_cast<int>(std::find_if(seen_.rbegin(), seen_.rend(), [](const Seen& s) { return s.matched; }) -
+                          seen_.rbegin());
+}
+
+LedEvidence::Leds LedEvidence::leds() const {
+  std::map<int, bool> last;
+  for (const Seen& s : seen_) last[s.led] = s.matched;
+  return {static_cast<int>(last.size()),
+          static_cast<int>(std::ranges::count_if(last, [](const auto& l) { return l.second; }))};
 }
 
 std::optional<Timestamp> LedEvidence::last_match() const {

@@ -41,6 +41,9 @@ class LedFilter {
   virtual ~LedFilter() = default;
   virtual CameraEstimate update(const LedFrame& frame) = 0;  // in time order
   virtual CameraTrackerView view() const = 0;
+  virtual double start_noise_px() const { return 0; }  // how noisy the pixels are if the pose that was found is right
+  virtual void forget() {}  // which LED was lit in the frames so far was told wrongly: the pose, too
+  virtual bool is_ambiguous() const { return false; }  // in the last frame more than one pose fitted
 
   // Herranz et al., section III, and nothing else. The paper says neither how the particles come from a whole room to
   // one pose nor what is done when the camera is lost: see LedParticles::weigh() and led_paper_filter.cpp.
@@ -57,9 +60,15 @@ class LedEvidence {
   void add(Timestamp at, int led, bool matched);  // of a LED that was lit and projects into the image
   void forget(Timestamp before);
   void clear() { seen_.clear(); }
-  int in_view() const { return static_cast<int>(seen_.size()); }
-  int matched() const;
-  int distinct() const;  // different LEDs that were matched
+  int in_view() const { return static_cast<int>(seen_.size()); }  // sightings due
+  int matched() const;                                            // sightings had
+  int distinct() const;                                           // different LEDs that were matched
+  int missed_in_a_row() const;                                    // of the last sightings due
+  // Different LEDs; matched: of which the last sighting that was due was had.
+  struct Leds {
+    int in_view = 0, matched = 0;
+  };
+  Leds leds() const;
   std::optional<Timestamp> last_match() const;
 
  private:

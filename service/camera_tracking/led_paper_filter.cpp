@@ -17,6 +17,13 @@ using namespace std::chrono_literals;
 // the Gaussian of the paper, it is that one.
 constexpr double gathering_share = 0.4, gathering_jitter = 0.2;
 constexpr double enough_share = 0.05, gathered_jitter = 0.03;
+// Several LEDs at once that are not identified: LedParticles::anneal() in each frame until it ends in a place where all
+// dots are LEDs; then the Gaussian is narrowed to that of the paper within each frame, in so many steps at most, so
+// that the cloud of velocities, of which one frame tells nothing, does not lead it away.
+constexpr std::size_t least_dots = 5;
+constexpr double annealed_rms = 2;  // of the sightings' sigma
+constexpr double narrowing_share = 0.1, narrowing_jitter = 0.3;
+constexpr int narrowing_steps = 6;
 constexpr double least_sigma_px = 1;  // Table I; a narrower Gaussian leaves too few of 5000
 constexpr double own_motion = 0.25;   // of LedFilterOptions::motion, which is that of the liveliest cameras
 constexpr double narrow = 1.5;        // up to this widening the particles are where the measurements are
@@ -45,17 +52,24 @@ class PaperLedFilter final : public LedFilter {
 
     // "the PF compares the fake image of each particle with the real image ... and uses a gaussian function"
     const std::vector<LedSighting> sightings = sightings_of(frame);
-    if (!sightings.empty()) {
-      const double miss_px = std::hypot(camera_.image_size.width, camera_.image_size.height);
-      widening_ =
-          particles_.weigh(camera_.model, options_.start.leds, sightings, gathering_share, enough_share, miss_px);
+    if (!frame.lit && to_gather_) {
+      gather(frame, sightings);
+      return estimate(frame, 1);
+    }
+    const double share = frame.lit ? gathering_share : narrowing_share;
+    const double enough = frame.lit ? enough_share : narrowing_share;
+    if (!sightings.empty()) widening_ = weigh(sightings, share, enough);
+    for (int k = 1; !frame.lit && !sightings.empty() && widening_ > 1 && k < narrowing_steps; ++k) {
+      particles_.resample(narrowing_jitter);
+      widening_ = weigh(sightings, share, enough);
     }
     pose_ = particles_.moments();
     const double ess = particles_.effective_sample_size();
     judge(frame, sightings);
 
     // "Finally, the resampling step is executed."
-    if (!sightings.empty()) particles_.resample(widening_ > 1 ? gathering_jitter : gathered_jitter);
+    if (!sightings.empty())
+      particles_.resample(!frame.lit ? narrowing_jitter : widening_ > 1 ? gathering_jitter : gathered_jitter);
     return estimate(frame, ess);
   }
 
@@ -84,6 +98,23 @@ class PaperLedFilter final : public LedFilter {
 
  private:
   void scatter() { particles_.scatter(options_.start.room_min, options_.start.room_max, options_.start_velocity); }
+
+  double miss_px() const { return std::hypot(camera_.image_size.width, camera_.image_size.height); }
+  double weigh(const std::vector<LedSighting>& sightings, double least_share, double enough) {
+    return particles_.weigh(camera_.model, options_.start.leds, sightings, least_share, enough, miss_px());
+  }
+
+  void gather(const LedFrame& frame, const std::vector<LedSighting>& sightings) {
+    evidence_.clear();
+    found_.clear();
+    gathered_ = 0;
+    if (sightings.size() < least_dots) return;
+    const double rms_px = particles_.anneal(camera_.model, options_.start.leds, sightings, options_.start.room_min,
+                                            options_.start.room_max, options_.start_velocity, miss_px());
+    pose_ = particles_.moments();
+    to_gather_ = rms_px > annealed_rms * sightings.front().sigma_px;
+    explained_at_ = frame.at;
+  }
 
   std::vector<LedSighting> sightings_of(const LedFrame& frame) const {
     std::vector<LedSighting> sightings;
@@ -123,13 +154,15 @@ class PaperLedFilter final : public LedFilter {
     const bool explained = evidence_.distinct() >= 4 && 4 * evidence_.matched() > 3 * evidence_.in_view();
     // For some frames: a cloud that is just coming together may pass by.
     gathered_ = widening_ < narrow ? gathered_ + static_cast<int>(!sightings.empty()) : 0;
+    if (explained) explained_at_ = frame.at;
     if (small_ && explained && gathered_ >= gathered_frames) {
       state_ = CameraState::tracking;
     } else if (state_ == CameraState::tracking || state_ == CameraState::coasting) {
-      state_ = small_ && frame.at - evidence_.last_match().value_or(Timestamp{}) < evidence_length
-                   ? CameraState::coasting
-                   : CameraState::lost;
+      // Of dots that are not identified, one lies near some LED by chance.
+      const Timestamp supported = frame.lit ? evidence_.last_match().value_or(Timestamp{}) : explained_at_;
+      state_ = small_ && frame.at - supported < evidence_length ? CameraState::coasting : CameraState::lost;
     }
+    if (!frame.lit && sightings.size() >= least_dots && frame.at - explained_at_ > evidence_length) to_gather_ = true;
     // A small cloud that no LED supports holds on to nothing: from the whole room again.
     if (small_ && evidence_.in_view() >= 12 && evidence_.matched() == 0) {
       evidence_.clear();
@@ -148,8 +181,9 @@ class PaperLedFilter final : public LedFilter {
     if (!e.has_pose() && !options_.tell_unproven) return e;
     e.world_from_camera = pose_.mean.world_from_camera;
     e.covariance = pose_.covariance.topLeftCorner<6, 6>();
-    e.features_in_view = evidence_.in_view();
-    e.features_matched = evidence_.matched();
+    const auto [in_view, matched] = evidence_.leds();
+    e.features_in_view = in_view;
+    e.features_matched = matched;
     e.confidence = e.features_in_view > 0 ? static_cast<double>(e.features_matched) / e.features_in_view : 0;
     return e;
   }
@@ -163,7 +197,8 @@ class PaperLedFilter final : public LedFilter {
   std::vector<std::pair<int, Vector2d>> found_;
   CameraState state_ = CameraState::searching;
   double widening_ = 1;
-  bool small_ = false;
+  bool small_ = false, to_gather_ = true;  // to_gather_: of LEDs that are not identified
+  Timestamp explained_at_{};
   int gathered_ = 0;  // frames in a row
   std::uint64_t number_ = 0;
   Timestamp last_at_{};

@@ -23,6 +23,32 @@ Vector3d three(const float* z) {
   return {static_cast<double>(z[0]), static_cast<double>(z[1]), static_cast<double>(z[2])};
 }
 
+// The sum of squared distances, over sigma, when each dot is another LED: the nearest pair first, then the nearest of
+// what is left. Were two dots allowed to be one LED, a camera far away, for which all LEDs are one dot, would do well.
+double sum_of_pairs(std::span<const LedSighting> dots, std::span<const std::optional<Eigen::Vector2d>> leds,
+                    double miss2) {
+  std::vector<bool> dot_used(dots.size(), false), led_used(leds.size(), false);
+  double sum = 0;
+  for (std::size_t pair = 0; pair < dots.size(); ++pair) {
+    double least = miss2;
+    std::size_t dot = dots.size(), led = leds.size();
+    for (std::size_t d = 0; d < dots.size(); ++d) {
+      if (dot_used[d]) continue;
+      for (std::size_t l = 0; l < leds.size(); ++l) {
+        if (led_used[l] || !leds[l]) continue;
+        const double d2 = (*leds[l] - dots[d].px).squaredNorm();
+        if (d2 < least) least = d2, dot = d, led = l;
+      }
+    }
+    if (dot == dots.size()) break;
+    dot_used[dot] = led_used[led] = true;
+    sum += least / (dots[dot].sigma_px * dots[dot].sigma_px);
+  }
+  for (std::size_t d = 0; d < dots.size(); ++d)
+    if (!dot_used[d]) sum += miss2 / (dots[d].sigma_px * dots[d].sigma_px);
+  return sum;
+}
+
 }  // namespace
 
 LedParticles::LedParticles(int count, Rng rng)
@@ -96,18 +122,16 @@ double LedParticles::weigh(const CameraModel& model, std::span<const Vector3d> l
       const auto px = model.project(camera_from_world * leds[static_cast<std::size_t>(led)]);
       return px ? std::optional(px->px) : std::nullopt;
     };
-    if (sightings.front().led < 0)
-      for (std::size_t l = 0; l < leds.size(); ++l) pixels[l] = pixel_of(static_cast<int>(l));
     double sum = 0;
-    for (const LedSighting& s : sightings) {
-      double d2 = miss2;
-      if (s.led >= 0) {
+    if (sightings.front().led < 0) {
+      for (std::size_t l = 0; l < leds.size(); ++l) pixels[l] = pixel_of(static_cast<int>(l));
+      sum = sum_of_pairs(sightings, pixels, miss2);
+    } else {
+      for (const LedSighting& s : sightings) {
+        double d2 = miss2;
         if (const auto px = pixel_of(s.led)) d2 = std::min(d2, (*px - s.px).squaredNorm());
-      } else {
-        for (const auto& px : pixels)
-          if (px) d2 = std::min(d2, (*px - s.px).squaredNorm());
+        sum += d2 / (s.sigma_px * s.sigma_px);
       }
-      sum += d2 / (s.sigma_px * s.sigma_px);
     }
     squared_[i] = sum;
   }
@@ -137,6 +161,48 @@ double LedParticles::weigh(const CameraModel& model, std::span<const Vector3d> l
   }
   weight_.swap(fresh);
   return widening;
+}
+
+double LedParticles::anneal(const CameraModel& model, std::span<const Vector3d> leds,
+                            std::span<const LedSighting> sightings, const Vector3d& room_min, const Vector3d& room_max,
+                            const LedStartVelocity& velocity, double miss_px) {
+  // With a faster shrinking, or copies that part by more or less, fewer frames lead to the right place.
+  constexpr double shrinking = 0.85, parting = 0.2;
+  const std::size_t n = states_.size();
+  Vector3d middle(0, 0, 0);
+  for (const Vector3d& led : leds) middle += led / static_cast<double>(leds.size());
+
+  scatter(room_min, room_max, velocity);
+  std::vector<LedSighting> wide(sightings.begin(), sightings.end());
+  const double last = std::ranges::min(wide, {}, &LedSighting::sigma_px).sigma_px;
+  double rms_px = miss_px;
+  for (double width = miss_px / 2;; width = std::max(last, shrinking * width)) {
+    for (LedSighting& s : wide) s.sigma_px = width;
+    constexpr double one = 1e-9;  // the widening is told here, not sought
+    weigh(model, leds, wide, one, one, miss_px);
+    rms_px = width * std::sqrt(*std::ranges::min_element(squared_) / static_cast<double>(wide.size()));
+    systematic_ancestors(weight_, rng_.uniform(), ancestor_);
+    noise_.resize(12 * n);
+    rng_.fill_normal(noise_);
+    // What moves a LED in the middle by so much of the width.
+    const double turn = std::min(0.3, parting * width / model.fx());
+    for (std::size_t i = 0; i < n; ++i) {
+      const float* const z = &noise_[12 * i];
+      const LedMotionState& from = states_[ancestor_[i]];
+      LedTangent off = LedTangent::Zero();
+      off.head<3>() = turn * (from.world_from_camera.translation - middle).norm() * three(z);
+      off.segment<3>(3) = turn * three(z + 3);
+      LedMotionState& to = resampled_[i];
+      to = corrected(from, off);
+      to.world_from_camera.translation = to.world_from_camera.translation.cwiseMax(room_min).cwiseMin(room_max);
+      // One frame tells nothing of them, and the survivors are copies of few.
+      to.velocity = velocity.velocity * three(z + 6);
+      to.angular_rate = velocity.angular_rate * three(z + 9);
+    }
+    states_.swap(resampled_);
+    std::ranges::fill(weight_, 1.0f / static_cast<float>(n));
+    if (width <= last) return rms_px;
+  }
 }
 
 void LedParticles::resample(double jitter) {

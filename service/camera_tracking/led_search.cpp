@@ -15,11 +15,11 @@ using Eigen::Vector2d;
 using Eigen::Vector3d;
 
 constexpr int least_leds = 4;
-constexpr std::size_t least_sightings = 8;          // 16 equations for 12 unknowns
-constexpr std::size_t polished = 48;                // of the best positions
-constexpr double coarse_sigma_px = 4;               // of LEDs that were seen at several times, brought to one time
+constexpr std::size_t least_sightings = 8;  // 16 equations for 12 unknowns
+constexpr std::size_t polished = 48;        // of the best positions
+constexpr double coarse_sigma_px = 4;       // of LEDs that were seen at several times, brought to one time
 constexpr std::array noise_scales{1.0, 4.0, 16.0, 64.0};  // of the sightings' sigma_px, as in LedModels
-constexpr double unique_by_chi2 = 25;               // a second pose must fit so much worse
+constexpr double unique_by_chi2 = 25;                     // a second pose must fit so much worse
 
 struct Ray {
   int led;
@@ -108,6 +108,7 @@ void LedSearch::scatter() {
 
 std::optional<LedGaussian> LedSearch::find(std::span<const LedSighting> sightings) {
   candidates_.clear();
+  is_ambiguous_ = false;
   if (sightings.size() < least_sightings) return std::nullopt;
   const double reference = 0.5 * (sightings.front().dt_s + sightings.back().dt_s);
   const std::vector<LedSighting> coarse = at_one_time(sightings, reference);
@@ -203,7 +204,9 @@ std::optional<LedGaussian> LedSearch::polish(std::span<const Rigid3d> starts, st
     const LedFit& first = fits.front();
     const double freedom = 2.0 * first.used - 12;
     if (!(first.chi2 < freedom + 5 * std::sqrt(2 * freedom))) continue;
-    if (fits.size() > 1 && fits[1].chi2 < first.chi2 + unique_by_chi2) return std::nullopt;
+    noise_scale_ = noise;
+    is_ambiguous_ = fits.size() > 1 && fits[1].chi2 < first.chi2 + unique_by_chi2;
+    if (is_ambiguous_) return std::nullopt;
     return predicted(first.posterior, -reference_dt_s, options_.motion);
   }
   return std::nullopt;
@@ -211,6 +214,7 @@ std::optional<LedGaussian> LedSearch::polish(std::span<const Rigid3d> starts, st
 
 std::optional<LedGaussian> LedSearch::find_unidentified(std::span<const LedSighting> sightings) {
   candidates_.clear();
+  is_ambiguous_ = false;
   constexpr double angle_tolerance = 0.03, match_px = 12;
   if (sightings.size() < least_leds + 1) return std::nullopt;
   std::vector<Ray> dots;
@@ -303,7 +307,9 @@ std::optional<LedGaussian> LedSearch::find_unidentified(std::span<const LedSight
   const auto fitting = std::ranges::find_if(
       noise_scales, [&](double noise) { return first.chi2 / (noise * noise) < freedom + 5 * std::sqrt(2 * freedom); });
   if (fitting == noise_scales.end()) return std::nullopt;
-  if (found.size() > 1 && found[1].cost - found[0].cost < unique_by_chi2 * *fitting * *fitting) return std::nullopt;
+  noise_scale_ = *fitting;
+  is_ambiguous_ = found.size() > 1 && found[1].cost - found[0].cost < unique_by_chi2 * *fitting * *fitting;
+  if (is_ambiguous_) return std::nullopt;
   LedGaussian now = first.posterior;  // how it moves is not known from one frame
   const LedGaussian open = open_prior({}, options_.start_velocity, options_.motion);
   now.covariance *= *fitting * *fitting;

@@ -38,6 +38,8 @@ class LedSearch {
   // four have too many ways to be four LEDs.
   std::optional<LedGaussian> find_unidentified(std::span<const LedSighting> sightings);
 
+  double noise_scale() const { return noise_scale_; }  // of the sightings' sigma, by which the last call's pose fits
+  bool is_ambiguous() const { return is_ambiguous_; }  // of the last call: more than one pose fits
   std::span<const Rigid3d> candidates() const { return candidates_; }  // of the last call, best first
 
  private:
@@ -50,6 +52,8 @@ class LedSearch {
   Rng rng_;
   std::vector<Eigen::Vector3d> positions_;
   std::vector<Rigid3d> candidates_;
+  double noise_scale_ = 1;
+  bool is_ambiguous_ = false;
   std::vector<float> noise_;
 };
 

@@ -10,8 +10,4 @@ namespace huetrack {
 // options: valid, with a LedStart. Throws nothing that CameraTracker::make() has not thrown.
 std::unique_ptr<CameraTracker> make_led_tracker(const Camera& camera, const CameraTrackerOptions& options);
 
-// Which LED the schedule lights in this frame; nullopt: there is no schedule. By frame the driver's numbering counts,
-// so that a dropped frame shifts nothing.
-std::optional<int> lit_led(const LedStart& start, const Frame& frame);
-
 }  // namespace huetrack

@@ -182,6 +182,8 @@ class Stream {
         const auto& received = camera_.received[row_of(picture->index)];
         frame.sequence = received.sequence;
         frame.arrival = received.arrival;
+      } else {
+        frame.stream_index = picture->index;
       }
       if (picture->image.width > 0 && has_the_size(*picture)) {
         frame.status = FrameStatus::ok;

@@ -574,6 +574,8 @@ void check_camera_tracking(const ServiceConfig& config, const YamlReader& yaml) 
   }
   for (const auto& row : tracking.led_schedule)
     if (row[0] != std::floor(row[0])) yaml.map("start").fail("led_schedule", "must hold whole numbers of LEDs, from 0");
+  if (!tracking.leds.empty() && !tracking.save_map.empty())
+    yaml.fail("save_map", "with LEDs there is no map to save; their positions are given: leave it out");
   if (const auto problems = tracker_options(tracking).problems(); !problems.empty()) yaml.fail("", problems.front());
   if (const auto problems = config.dds.publisher.problems(); !problems.empty()) yaml.fail("camera", problems.front());
 }

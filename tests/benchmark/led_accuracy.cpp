@@ -1,4 +1,5 @@
-// led_accuracy [herranz] [SEED] [PARTICLES] [-v]: the pose of the camera of data/rendered/leds against its truth.
+// led_accuracy [huetrack|herranz] [SEED] [PARTICLES] [-v]: by both methods or one, the pose of the camera of
+// data/rendered/leds against its truth.
 #include <chrono>
 #include <cmath>
 #include <cstdio>
@@ -6,14 +7,24 @@
 
 #include "benchmark/led_sequence.h"
 
+namespace {
+
+using namespace huetrack;
+
+void measure(const LedSequence& sequence, const CameraTrackerOptions& options, bool verbose);
+
+}  // namespace
+
 int main(int argc, char** argv) {
-  using namespace huetrack;
   CameraTrackerOptions options;
+  std::vector<CameraMethod> methods{CameraMethod::huetrack, CameraMethod::herranz};
   bool verbose = false;
   int numbers = 0;
   for (int i = 1; i < argc; ++i) {
     if (std::strcmp(argv[i], "herranz") == 0)
-      options.method = CameraMethod::herranz;
+      methods = {CameraMethod::herranz};
+    else if (std::strcmp(argv[i], "huetrack") == 0)
+      methods = {CameraMethod::huetrack};
     else if (std::strcmp(argv[i], "-v") == 0)
       verbose = true;
     else if (numbers++ == 0)
@@ -27,23 +38,33 @@ int main(int argc, char** argv) {
     return 1;
   }
   options.start = sequence->start;
-  const auto tracker = CameraTracker::make(sequence->rig.cameras[0], options);
+  for (const CameraMethod method : methods) {
+    options.method = method;
+    measure(*sequence, options, verbose);
+  }
+  return 0;
+}
+
+namespace {
+
+void measure(const LedSequence& sequence, const CameraTrackerOptions& options, bool verbose) {
+  const auto tracker = CameraTracker::make(sequence.rig.cameras[0], options);
   int first = -1, poses = 0, samples = 0, wrong = 0;
   double metres2 = 0, degrees2 = 0, worst_m = 0, worst_deg = 0, nees = 0, busy_ms = 0, longest_ms = 0;
-  for (std::size_t i = 0; i < sequence->frames.size(); ++i) {
+  for (std::size_t i = 0; i < sequence.frames.size(); ++i) {
     const auto begin = std::chrono::steady_clock::now();
-    const CameraEstimate e = tracker->update(sequence->frames[i]);
+    const CameraEstimate e = tracker->update(sequence.frames[i]);
     const double ms = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begin).count();
     busy_ms += ms, longest_ms = std::max(longest_ms, ms);
     if (!e.has_pose()) {
       if (verbose) std::printf("%3zu %s  %.1f ms\n", i, std::string(name(e.state)).c_str(), ms);
       continue;
     }
-    const PoseError error = pose_error(e.world_from_camera, sequence->world_from_camera[i]);
+    const PoseError error = pose_error(e.world_from_camera, sequence.world_from_camera[i]);
     if (first < 0) first = static_cast<int>(i);
     ++poses;
     wrong += error.metres > 0.05;
-    const double n = pose_nees(e, sequence->world_from_camera[i]);
+    const double n = pose_nees(e, sequence.world_from_camera[i]);
     if (verbose)
       std::printf("%3zu %s  %.2f mm %.3f deg  nees %.1f  sigma %.2f mm %.3f deg  %d/%d  ess %.0f  %.1f ms\n", i,
                   std::string(name(e.state)).c_str(), 1e3 * error.metres, error.degrees, n,
@@ -56,7 +77,7 @@ int main(int argc, char** argv) {
     worst_m = std::max(worst_m, error.metres), worst_deg = std::max(worst_deg, error.degrees);
     nees += n;
   }
-  const double frames = static_cast<double>(sequence->frames.size());
+  const double frames = static_cast<double>(sequence.frames.size());
   std::printf("%s, seed %llu: first pose in frame %d, %d of %.0f frames with a pose, %d of them over 5 cm off\n",
               std::string(name(options.method)).c_str(), static_cast<unsigned long long>(options.seed), first, poses,
               frames, wrong);
@@ -67,5 +88,6 @@ int main(int argc, char** argv) {
         samples, 1e3 * std::sqrt(metres2 / samples), std::sqrt(degrees2 / samples), 1e3 * worst_m, worst_deg,
         nees / samples);
   std::printf("  %.2f ms per frame, at most %.2f\n", busy_ms / frames, longest_ms);
-  return 0;
 }
+
+}  // namespace

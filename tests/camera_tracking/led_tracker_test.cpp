@@ -8,6 +8,7 @@
 
 #include "camera_tracking/led_blobs.h"
 #include "camera_tracking/led_filter.h"
+#include "camera_tracking/led_schedule.h"
 #include "scene/led_scene.h"
 
 namespace huetrack {
@@ -193,6 +194,22 @@ TEST(LedFilter, ThePapersFilterGivesNoFalsePose) {
   EXPECT_EQ(run.wrong, 0);
 }
 
+TEST(LedFilter, ThePapersFilterFindsTheCameraFromLedsThatAreNotIdentified) {
+  const LedScene scene = led_scene();
+  for (const std::uint64_t seed : {1, 2}) {
+    LedFilterOptions options = options_for(scene);
+    options.particle_count = 2000;
+    options.seed = seed;
+    // Covered from frame 40 on for half a second: lost, and found again from the whole room.
+    const Course run =
+        follow(*LedFilter::paper(scene.camera, options), scene, {}, 130, 20, [](int i) { return i >= 40 && i < 85; });
+    EXPECT_GE(run.first, 0) << seed;
+    EXPECT_LE(run.first, 25) << seed;
+    EXPECT_GT(run.poses, 50) << seed;
+    EXPECT_EQ(run.wrong, 0) << seed;
+  }
+}
+
 TEST(LedFilter, SameSeedSameBits) {
   const LedScene scene = led_scene();
   const auto bits = [&](std::uint64_t seed) {
@@ -245,9 +262,104 @@ TEST(LedTracker, ImagesAndAScheduleBySequenceOrTime) {
   start.slot_s = 0.5;
   Frame frame;
   frame.captured_at = Timestamp(duration_of(4.6));
-  EXPECT_EQ(lit_led(start, frame), 1);  // slot 9 of 8
+  EXPECT_EQ(lit_led(start, moment_of(frame)), 1);  // slot 9 of 8
   start.schedule.clear();
-  EXPECT_EQ(lit_led(start, frame), std::nullopt);
+  EXPECT_EQ(lit_led(start, moment_of(frame)), std::nullopt);
+}
+
+struct Film {
+  std::vector<int> lit;  // of frame i: lit[i % size], -1: none
+  int frames = 90, every = 1;
+  Duration late{0};  // all capture times
+};
+struct Outcome {
+  int first = -1, poses = 0, wrong = 0, most_in_view = 0;
+  std::string why;  // after the last frame
+};
+
+Outcome play(const LedStart& start, const Film& film, CameraMethod method = CameraMethod::huetrack) {
+  const LedScene scene = led_scene();
+  CameraTrackerOptions options;
+  options.method = method;
+  options.start = start;
+  options.particle_count = 1000;
+  const auto tracker = CameraTracker::make(scene.camera, options);
+  Outcome out;
+  for (int i = 0; i < film.frames; i += film.every) {
+    const Rigid3d truth = led_scene_pose(i / scene.fps);
+    std::vector<int> lit;
+    if (const int led = film.lit[static_cast<std::size_t>(i) % film.lit.size()]; led >= 0) lit.push_back(led);
+    const Frame frame{.camera = 0,
+                      .sequence = static_cast<std::uint32_t>(i / film.every),
+                      .captured_at = scene.at(i) + film.late,
+                      .pixels = led_image(scene, led_dots(scene, truth, lit), static_cast<std::uint64_t>(i)),
+                      .stream_index = i};
+    const CameraEstimate e = tracker->update(frame);
+    if (!e.has_pose()) continue;
+    if (out.first < 0) out.first = i;
+    ++out.poses;
+    out.most_in_view = std::max(out.most_in_view, e.features_in_view);
+    out.wrong += (e.world_from_camera.translation - truth.translation).norm() > 0.05;
+  }
+  out.why = tracker->why_no_pose();
+  return out;
+}
+
+LedStart start_for(const std::vector<int>& schedule) {
+  LedStart start{.leds = led_scene().leds, .schedule = schedule};
+  start.room_min = {-1.5, -1.5, 0};
+  start.room_max = {1.5, 1.5, 2};
+  return start;
+}
+
+TEST(LedTracker, AScheduleCountsTheFramesOfTheStreamWhateverIsPlayed) {
+  const Outcome third = play(start_for(in_turn), {.lit = in_turn, .frames = 120, .every = 3});
+  EXPECT_GE(third.first, 0);
+  EXPECT_GT(third.poses, 15);
+  EXPECT_EQ(third.wrong, 0);
+  EXPECT_EQ(third.most_in_view, 8) << "LEDs are counted, not sightings";
+}
+
+TEST(LedTracker, ItFindsByHowManySlotsTheScheduleIsOff) {
+  for (const int off : {1, 4}) {  // by 4 a wrong pose fits to some pixels
+    std::vector<int> lit = in_turn;
+    std::rotate(lit.begin(), lit.begin() + off, lit.end());
+    const Outcome run = play(start_for(in_turn), {.lit = lit});
+    EXPECT_GE(run.first, 0);
+    EXPECT_GT(run.poses, 30);
+    EXPECT_EQ(run.wrong, 0);
+    EXPECT_EQ(run.why, "");
+  }
+}
+
+TEST(LedTracker, AScheduleByTimeMayBeginAnywhereInASlot) {
+  LedStart start = start_for(in_turn);
+  for (const double slot_s : {0.011111111, 0.0111111112})  // of frames every 1/90 s
+    for (const int late_ms : {0, 10, 37}) {
+      start.slot_s = slot_s;
+      const Outcome run = play(start, {.lit = in_turn, .late = std::chrono::milliseconds(late_ms)});
+      EXPECT_GE(run.first, 0) << slot_s << ' ' << late_ms;
+      EXPECT_GT(run.poses, 30) << slot_s << ' ' << late_ms;
+      EXPECT_EQ(run.wrong, 0) << slot_s << ' ' << late_ms;
+    }
+}
+
+TEST(LedTracker, ItSaysWhyThereIsNoPose) {
+  const Outcome reversed = play(start_for(in_turn), {.lit = {7, 6, 5, 4, 3, 2, 1, 0}});
+  EXPECT_EQ(reversed.poses, 0);
+  EXPECT_THAT(reversed.why, HasSubstr("no pose explains them: are led_schedule"));
+  EXPECT_THAT(play(start_for(in_turn), {.lit = {-1}, .frames = 20}).why, HasSubstr("no LED was seen in the last 2 s"));
+  EXPECT_THAT(play(start_for(in_turn), {.lit = {0, 1, 2, -1, -1, -1, -1, -1}, .frames = 40}).why,
+              HasSubstr("only 3 different LEDs were seen"));
+  EXPECT_THAT(play(start_for({}), {.lit = {0}, .frames = 5}).why, HasSubstr("only 1 bright dot is seen at once"));
+}
+
+TEST(LedTracker, FourLedsWithoutAScheduleAreRefused) {
+  LedStart start = start_for({});
+  start.leds.resize(4);
+  CameraTrackerOptions options;
+  options.start = start;
+  EXPECT_THAT(options.problems(), testing::Contains(HasSubstr("give led_schedule, or a fifth LED")));
 }
 
 TEST(LedTracker, ThreeLedsAreRefused) {
