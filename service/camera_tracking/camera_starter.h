@@ -30,8 +30,8 @@ class CameraStarter {
   CameraStarter(const Camera& camera, const CameraStart& start) : camera_(camera), start_(start) {}
 
   // nullopt: not in this frame; why_not() says why. Pixels that the user gave are of the first frame. What nobody
-  // pointed at, a rectangle or a board, counts once it was found in 3 frames in a row, from places that one camera can
-  // have had.
+  // pointed at, a rectangle or a board, counts at once where the view leaves less than 0.5 % of the distance open, else in
+  // the third frame in a row, from places that one camera can have had.
   std::optional<Started> find(const Image& image, const GreyImage& grey);
   std::string why_not() const { return why_not_; }  // of the last find(), for the user; empty: it was found
   // What was started from, seen again: a proposal for somebody who will prove it. Known points with pixels are never.

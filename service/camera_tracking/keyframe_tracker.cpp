@@ -40,7 +40,7 @@ class KeyframeTracker final : public CameraTracker {
                                  std::to_string(camera.image_size.height));
       mapping_.start(std::move(stored));
       map_ = mapping_.scene();
-      started_ = has_loaded_map_ = true;
+      started_ = is_map_unproven_ = true;
       state_ = CameraState::lost;
     }
   }
@@ -75,7 +75,7 @@ class KeyframeTracker final : public CameraTracker {
     if (last_.proven) {
       const double flow = flow_px(last_.cam_from_world);
       state_ = CameraState::tracking;
-      was_tracking_ = true;
+      is_map_unproven_ = false;
       tracked_at_ = frame.captured_at;
       pose_ = last_.cam_from_world;
       covariance_ = world_covariance(pose_, last_.tangent_covariance) + of_the_world(pose_);
@@ -98,8 +98,8 @@ class KeyframeTracker final : public CameraTracker {
   std::string why_no_pose() const override {
     if (state_ == CameraState::searching) return starter_.why_not();
     if (state_ != CameraState::lost) return {};
-    return has_loaded_map_ && !was_tracking_ ? "nothing of the loaded map is recognised in the view"
-                                             : "nothing of what was mapped is recognised in the view";
+    return is_map_unproven_ ? "nothing of the loaded map is recognised in the view"
+                            : "nothing of what was mapped is recognised in the view";
   }
 
   CameraTrackerView view() const override {
@@ -218,7 +218,8 @@ class KeyframeTracker final : public CameraTracker {
   std::optional<TrackedFrame> handed_over_;
   int particle_count_;
   std::uint64_t frames_ = 0;
-  bool started_ = false, has_loaded_map_ = false, was_tracking_ = false;
+  bool started_ = false;
+  bool is_map_unproven_ = false;  // it was loaded, and nothing of it was recognised yet
   CameraState state_ = CameraState::searching;
   Timestamp tracked_at_{};
   Rigid3d pose_;

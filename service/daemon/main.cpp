@@ -5,6 +5,7 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <cstdio>
 #include <cstdlib>
@@ -52,7 +53,9 @@ class Signals {
  public:
   // Until there is one, a signal waits: one of the first milliseconds is not lost, nor does it end the program.
   static void hold() {
-    const sigset_t all = every();
+    sigset_t all;
+    sigemptyset(&all);
+    for (const int signal : held) sigaddset(&all, signal);
     pthread_sigmask(SIG_BLOCK, &all, nullptr);
   }
 
@@ -64,9 +67,10 @@ class Signals {
     sigaddset(&signals_, SIGTERM);
     for (const auto& [signal, _] : others_) sigaddset(&signals_, signal);
     pthread_sigmask(SIG_BLOCK, &signals_, nullptr);
-    sigset_t unwanted = every();
-    for (const int signal : {SIGINT, SIGTERM, SIGHUP, SIGUSR1})
-      if (sigismember(&signals_, signal) == 1) sigdelset(&unwanted, signal);
+    sigset_t unwanted;
+    sigemptyset(&unwanted);
+    for (const int signal : held)
+      if (sigismember(&signals_, signal) == 0) sigaddset(&unwanted, signal);
     pthread_sigmask(SIG_UNBLOCK, &unwanted, nullptr);
     thread_ = std::jthread([this](const std::stop_token& end) {
       while (!end.stop_requested()) {
@@ -87,12 +91,7 @@ class Signals {
   std::stop_token token() const { return stop_.get_token(); }
 
  private:
-  static sigset_t every() {
-    sigset_t all;
-    sigemptyset(&all);
-    for (const int signal : {SIGINT, SIGTERM, SIGHUP, SIGUSR1}) sigaddset(&all, signal);
-    return all;
-  }
+  static constexpr std::array held{SIGINT, SIGTERM, SIGHUP, SIGUSR1};
 
   Others others_;
   sigset_t signals_{};
