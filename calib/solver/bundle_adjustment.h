@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "calib/model/camera_rig.h"
-#include "calib/solver/board.h"
+#include "calib/board/board.h"
 #include "calib/solver/lens.h"
 
 namespace huetrack {

@@ -86,7 +86,4 @@ struct WaveResult {
 // cannot be done, and why: which camera, which pair. Deterministic.
 WaveResult calibrate_wave(const CameraRig& rig, std::vector<BallFrame> frames, const WaveOptions& options);
 
-// The report, for people.
-std::string to_text(const WaveResult& result);
-
 }  // namespace huetrack

@@ -271,7 +271,7 @@ double sigma_of(
   return std::sqrt(norm);
 }
 
-// The rule of `huetrackd compare` (service/daemon/truth.h): linear between samples that are at most 0.1 s apart; times
+// The rule of `huetrackd compare` (service/tracks/truth.h): linear between samples that are at most 0.1 s apart; times
 // may be rounded in the file.
 constexpr double longest_truth_gap = 0.1, time_rounding = 5e-4;  // s
 

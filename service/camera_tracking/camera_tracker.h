@@ -77,11 +77,9 @@ struct CameraTrackerView {
   std::vector<Rigid3d> particles;              // world_from_camera, some hundred at most
 };
 
-// thread-compatible, one per camera. Never throws after construction.
+// thread-compatible, one per camera. Never throws after construction. methods/make_camera_tracker.h makes one.
 class CameraTracker {
  public:
-  // throws std::invalid_argument, naming the problems.
-  static std::unique_ptr<CameraTracker> make(const Camera& camera, const CameraTrackerOptions& options);
   virtual ~CameraTracker() = default;
 
   // Frames of this camera in time order, of the rig's image size (the caller checks at start). Camera::cam_from_world is not

@@ -46,7 +46,7 @@ struct RecordedCameraFigures {
 };
 
 // One camera's frames are written by one thread at a time, different cameras' by different threads at once: so the
-// pipeline may own one writing thread per camera, each behind its own bounded queue (service/daemon/bounded_queue.h,
+// pipeline may own one writing thread per camera, each behind its own bounded queue (service/pipeline/bounded_queue.h,
 // WhenFull::drop_oldest). write() blocks on the disk and computes: never call it on the tracking road. What
 // the queue drops is the pipeline's to count.
 // figures(), failure() are thread-safe.

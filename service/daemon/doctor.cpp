@@ -10,10 +10,10 @@
 #include <set>
 
 #include "calib/yaml/yaml_reader.h"
-#include "daemon/formatted.h"
+#include "config/formatted.h"
 #include "daemon/live.h"
 #include "daemon/metrics.h"
-#include "daemon/service_config.h"
+#include "config/service_config.h"
 #include "publish/estimate_publisher.h"
 
 namespace huetrack {

@@ -14,15 +14,16 @@
 
 #include "calib/model/rig_yaml.h"
 #include "capture/capture_clock.h"
-#include "daemon/formatted.h"
+#include "config/formatted.h"
 #include "daemon/metrics.h"
-#include "daemon/pose_file.h"
-#include "daemon/recorded_changes.h"
+#include "tracks/pose_file.h"
+#include "pipeline/recorded_changes.h"
 #include "daemon/service_manager.h"
 #include "daemon/status_reporter.h"
-#include "daemon/track_csv.h"
+#include "tracks/track_csv.h"
 #include "daemon/view_server.h"
 #include "publish/estimate_publisher.h"
+#include "camera_tracking/methods/make_camera_tracker.h"
 
 namespace huetrack {
 namespace {
@@ -151,7 +152,7 @@ class LiveService {
     pipeline_.emplace(config_.rig, std::move(sources), std::move(trackers), pipeline, std::move(outputs));
     if (tracks_camera) {
       const int index = config_.rig.index_of(tracked).value();
-      pipeline_->track_camera(index, CameraTracker::make(config_.rig.cameras[std::size_t(index)],
+      pipeline_->track_camera(index, make_camera_tracker(config_.rig.cameras[std::size_t(index)],
                                                          tracker_options(config_.camera_tracking)));
     }
   }

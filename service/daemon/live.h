@@ -14,9 +14,9 @@
 
 #include "capture/frame_source.h"
 #include "capture/v4l2_source.h"
-#include "daemon/pipeline.h"
-#include "daemon/recorder.h"
-#include "daemon/service_config.h"
+#include "pipeline/pipeline.h"
+#include "pipeline/recorder.h"
+#include "config/service_config.h"
 #include "publish/service_status.h"
 
 namespace huetrack {

@@ -19,11 +19,11 @@
 #include "daemon/doctor.h"
 #include "daemon/live.h"
 #include "daemon/replay.h"
-#include "daemon/service_config.h"
+#include "config/service_config.h"
 #include "daemon/service_manager.h"
 #include "daemon/teach.h"
-#include "daemon/track_csv.h"
-#include "daemon/truth.h"
+#include "tracks/track_csv.h"
+#include "tracks/truth.h"
 #include "publish/estimate_publisher.h"
 
 namespace {

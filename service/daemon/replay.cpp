@@ -12,18 +12,19 @@
 #include "calib/yaml/yaml_reader.h"
 #include "capture/recording.h"
 #include "capture/replay_source.h"
-#include "daemon/camera_pictures.h"
-#include "daemon/formatted.h"
-#include "daemon/pictures.h"
-#include "daemon/pose_file.h"
+#include "pictures/camera_pictures.h"
+#include "config/formatted.h"
+#include "pictures/pictures.h"
+#include "tracks/pose_file.h"
 #include "daemon/progress_bar.h"
-#include "daemon/recorded_changes.h"
-#include "daemon/service_config.h"
+#include "pipeline/recorded_changes.h"
+#include "config/service_config.h"
 #include "daemon/service_manager.h"
 #include "daemon/status_reporter.h"
-#include "daemon/track_csv.h"
+#include "tracks/track_csv.h"
 #include "daemon/view_server.h"
 #include "publish/estimate_publisher.h"
+#include "camera_tracking/methods/make_camera_tracker.h"
 
 namespace huetrack {
 namespace {
@@ -195,7 +196,7 @@ ReplaySummary replay(const ReplayCommand& command, std::stop_token stop) {
   if (tracks_camera) {
     tracked_camera = config.rig.index_of(config.camera_tracking.camera).value();
     camera_tracker =
-        CameraTracker::make(config.rig.cameras[std::size_t(tracked_camera)], tracker_options(config.camera_tracking));
+        make_camera_tracker(config.rig.cameras[std::size_t(tracked_camera)], tracker_options(config.camera_tracking));
   }
 
   std::optional<PoseFileWriter> poses;

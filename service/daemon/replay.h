@@ -10,8 +10,8 @@
 #include <string>
 #include <vector>
 
-#include "daemon/pipeline.h"
-#include "daemon/truth.h"
+#include "pipeline/pipeline.h"
+#include "tracks/truth.h"
 
 namespace huetrack {
 

@@ -5,7 +5,7 @@
 #include <optional>
 #include <string>
 
-#include "daemon/service_config.h"
+#include "config/service_config.h"
 
 namespace huetrack {
 

@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "capture/v4l2_source.h"
-#include "daemon/pipeline.h"
-#include "daemon/service_config.h"
+#include "pipeline/pipeline.h"
+#include "config/service_config.h"
 #include "publish/service_status.h"
 
 namespace huetrack {

@@ -18,10 +18,10 @@
 #include "capture/recording.h"
 #include "capture/replay_source.h"
 #include "color_teaching/color_teacher.h"
-#include "daemon/config_editor.h"
-#include "daemon/formatted.h"
+#include "config/config_editor.h"
+#include "config/formatted.h"
 #include "daemon/live.h"
-#include "daemon/pictures.h"
+#include "pictures/pictures.h"
 #include "publish/service_finder.h"
 
 namespace huetrack {

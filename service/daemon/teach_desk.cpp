@@ -8,8 +8,8 @@
 #include <stdexcept>
 
 #include "capture/jpeg_encoder.h"
-#include "daemon/config_editor.h"
-#include "daemon/formatted.h"
+#include "config/config_editor.h"
+#include "config/formatted.h"
 
 namespace huetrack {
 namespace {

@@ -6,7 +6,7 @@
 #include <string>
 
 #include "color_teaching/color_teacher.h"
-#include "daemon/service_config.h"
+#include "config/service_config.h"
 #include "idl/huetrack_view.h"
 
 namespace huetrack {

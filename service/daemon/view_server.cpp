@@ -5,7 +5,7 @@
 #include <sys/resource.h>
 #include <unistd.h>
 
-#include "daemon/preview_maker.h"
+#include "pictures/preview_maker.h"
 
 namespace huetrack {
 namespace {

@@ -10,8 +10,8 @@
 #include <optional>
 #include <thread>
 
-#include "daemon/pipeline.h"
-#include "daemon/service_config.h"
+#include "pipeline/pipeline.h"
+#include "config/service_config.h"
 #include "daemon/teach_desk.h"
 #include "publish/view_publisher.h"
 

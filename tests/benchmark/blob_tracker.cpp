@@ -5,7 +5,7 @@
 #include <opencv2/imgproc.hpp>
 #include <utility>
 
-#include "daemon/pictures.h"
+#include "pictures/pictures.h"
 
 namespace huetrack {
 

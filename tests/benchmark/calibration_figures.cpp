@@ -20,11 +20,11 @@
 #include <vector>
 
 #include "calib/model/rig_yaml.h"
-#include "calib/solver/board_yaml.h"
+#include "calib/board/board_yaml.h"
 #include "calib/solver/extrinsics.h"
 #include "calib/solver/world_frame.h"
-#include "calib/tool/find_boards.h"
-#include "calib_solver/synthetic_rig.h"
+#include "calib/gather/find_boards.h"
+#include "solver/synthetic_rig.h"
 
 namespace {
 

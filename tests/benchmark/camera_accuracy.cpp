@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "benchmark/camera_sequence.h"
+#include "camera_tracking/methods/make_camera_tracker.h"
 
 using namespace huetrack;
 
@@ -25,7 +26,7 @@ Run run_method(CameraMethod method, const CameraStart& start, const CameraSequen
   CameraTrackerOptions options;
   options.method = method, options.start = start, options.seed = seed;
   options.as_printed = as_printed && method != CameraMethod::huetrack;
-  const auto tracker = CameraTracker::make(sequence.camera, options);
+  const auto tracker = make_camera_tracker(sequence.camera, options);
   Run out;
   for (const Frame& frame : sequence.frames) {
     const auto from = std::chrono::steady_clock::now();

@@ -15,9 +15,9 @@
 #include <vector>
 
 #include "benchmark/camera_sequence.h"
-#include "camera_tracking/lee_tracker.h"
-#include "camera_tracking/mean_polish.h"
-#include "camera_tracking/unscented_kalman.h"
+#include "camera_tracking/papers/lee_tracker.h"
+#include "camera_tracking/papers/mean_polish.h"
+#include "camera_tracking/papers/unscented_kalman.h"
 
 using namespace huetrack;
 

@@ -10,8 +10,9 @@
 
 #include "benchmark/camera_sequence.h"
 #include "camera_tracking/corners.h"
-#include "camera_tracking/lee_tracker.h"
-#include "camera_tracking/pupilli_tracker.h"
+#include "camera_tracking/papers/lee_tracker.h"
+#include "camera_tracking/papers/pupilli_tracker.h"
+#include "camera_tracking/methods/make_camera_tracker.h"
 
 using namespace huetrack;
 
@@ -139,7 +140,7 @@ int main() {
           [&] {
             CameraTrackerOptions options;
             options.method = method, options.start = desk_rectangle();
-            CameraTracker::make(desk.camera, options)->update(desk.frames[0]);
+            make_camera_tracker(desk.camera, options)->update(desk.frames[0]);
           },
           CLOCK_PROCESS_CPUTIME_ID));
       if (i == 0) std::printf("  %-10s first %6.1f", std::string(name(method)).c_str(), ms[0]);

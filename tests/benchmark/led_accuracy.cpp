@@ -6,6 +6,7 @@
 #include <cstring>
 
 #include "benchmark/led_sequence.h"
+#include "camera_tracking/methods/make_camera_tracker.h"
 
 namespace {
 
@@ -48,7 +49,7 @@ int main(int argc, char** argv) {
 namespace {
 
 void measure(const LedSequence& sequence, const CameraTrackerOptions& options, bool verbose) {
-  const auto tracker = CameraTracker::make(sequence.rig.cameras[0], options);
+  const auto tracker = make_camera_tracker(sequence.rig.cameras[0], options);
   int first = -1, poses = 0, samples = 0, wrong = 0;
   double metres2 = 0, degrees2 = 0, worst_m = 0, worst_deg = 0, nees = 0, busy_ms = 0, longest_ms = 0;
   for (std::size_t i = 0; i < sequence.frames.size(); ++i) {

@@ -23,7 +23,7 @@
 #include <span>
 
 #include "benchmark/led_sequence.h"
-#include "camera_tracking/led_filter.h"
+#include "camera_tracking/leds/led_filter.h"
 
 namespace {
 

@@ -6,7 +6,7 @@
 #include "capture/frame_synchronizer.h"
 #include "capture/recording.h"
 #include "capture/replay_source.h"
-#include "daemon/csv_table.h"
+#include "calib/yaml/csv_table.h"
 
 namespace huetrack {
 

@@ -5,8 +5,8 @@
 #include <opencv2/imgproc.hpp>
 
 #include "benchmark/blob_tracker.h"
-#include "daemon/pictures.h"
-#include "daemon/truth.h"
+#include "pictures/pictures.h"
+#include "tracks/truth.h"
 
 namespace huetrack {
 

@@ -14,6 +14,7 @@
 #include <random>
 
 #include "benchmark/sequence.h"
+#include "calib/report/wave_text.h"
 #include "calib/wave/wave.h"
 #include "calib/wave/wave_adjustment.h"
 

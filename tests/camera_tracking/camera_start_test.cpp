@@ -2,7 +2,7 @@
 
 #include <stdexcept>
 
-#include "camera_tracking/camera_tracker.h"
+#include "camera_tracking/methods/make_camera_tracker.h"
 
 namespace huetrack {
 namespace {
@@ -71,7 +71,7 @@ TEST(CameraStart, makeNamesTheProblems) {
   CameraTrackerOptions options;
   options.start = FoundStart{};
   EXPECT_THROW(
-      CameraTracker::make(Camera{.name = "cam", .image_size = {320, 240}, .model = {}, .cam_from_world = {}}, options),
+      make_camera_tracker(Camera{.name = "cam", .image_size = {320, 240}, .model = {}, .cam_from_world = {}}, options),
       std::invalid_argument);
 }
 

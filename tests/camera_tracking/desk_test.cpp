@@ -7,6 +7,7 @@
 #include <string>
 
 #include "benchmark/camera_sequence.h"
+#include "camera_tracking/methods/make_camera_tracker.h"
 
 namespace huetrack {
 namespace {
@@ -39,7 +40,7 @@ class Desk : public testing::Test {
 };
 
 TEST_F(Desk, huetrackFollowsFromTheFirstFrameAndThroughTheCover) {
-  const auto tracker = CameraTracker::make(desk().camera, options(CameraMethod::huetrack));
+  const auto tracker = make_camera_tracker(desk().camera, options(CameraMethod::huetrack));
   const auto estimates = run(*tracker, desk());
   EXPECT_EQ(estimates[0].state, CameraState::tracking);
   const PoseErrors e = errors_of(estimates, desk());
@@ -70,7 +71,7 @@ TEST_F(Desk, fourKnownPointsAreEnoughToGoOnFrom) {
     start.pixels.push_back(s.camera.model.project(inverse(*s.world_from_camera[0]) * p)->px);
   CameraTrackerOptions o;
   o.start = start;
-  const PoseErrors e = errors_of(run(*CameraTracker::make(s.camera, o), s), s);
+  const PoseErrors e = errors_of(run(*make_camera_tracker(s.camera, o), s), s);
   EXPECT_EQ(e.tracked, 24);
   EXPECT_LT(e.max_m, 0.02);
 }
@@ -78,8 +79,8 @@ TEST_F(Desk, fourKnownPointsAreEnoughToGoOnFrom) {
 TEST_F(Desk, sameSeedSameBits) {
   const CameraSequence s = part(0, 24);
   for (const CameraMethod method : {CameraMethod::huetrack, CameraMethod::lee, CameraMethod::pupilli}) {
-    const auto first = run(*CameraTracker::make(s.camera, options(method)), s),
-               second = run(*CameraTracker::make(s.camera, options(method)), s);
+    const auto first = run(*make_camera_tracker(s.camera, options(method)), s),
+               second = run(*make_camera_tracker(s.camera, options(method)), s);
     for (std::size_t i = 0; i < s.frames.size(); ++i) {
       const auto bits = [](const CameraEstimate& e) {  // NaN included
         std::string out(sizeof(double) * (4 + 3 + 36), 0);
@@ -97,7 +98,7 @@ TEST_F(Desk, sameSeedSameBits) {
 TEST_F(Desk, thePapersMethodsFollowTheRectangle) {
   const CameraSequence s = part(0, 30);
   for (const CameraMethod method : {CameraMethod::lee, CameraMethod::pupilli}) {
-    const auto estimates = run(*CameraTracker::make(s.camera, options(method)), s);
+    const auto estimates = run(*make_camera_tracker(s.camera, options(method)), s);
     const PoseErrors e = errors_of(estimates, s);
     EXPECT_GE(e.tracked, 28) << name(method);
     EXPECT_LT(e.rms_m, 0.05) << name(method);
@@ -109,18 +110,18 @@ TEST_F(Desk, relocalisesInALoadedMap) {
   const std::filesystem::path file =
       std::filesystem::temp_directory_path() / ("huetrack_desk_" + std::to_string(::getpid()) + ".map");
   {
-    const auto tracker = CameraTracker::make(desk().camera, options(CameraMethod::huetrack));
+    const auto tracker = make_camera_tracker(desk().camera, options(CameraMethod::huetrack));
     run(*tracker, part(0, 36));
     tracker->save_map(file);
   }
   CameraTrackerOptions o = options(CameraMethod::huetrack);
   o.load_map = file;
   const CameraSequence s = part(25, 31);
-  const auto estimates = run(*CameraTracker::make(s.camera, o), s);
+  const auto estimates = run(*make_camera_tracker(s.camera, o), s);
   EXPECT_LE(frames_until_tracked(estimates, 0).value_or(99), 1);
   EXPECT_LT(errors_of(estimates, s).max_m, 0.01);
   // In a part of the scene that the map does not have, there is no pose rather than a false one.
-  const auto tracker = CameraTracker::make(s.camera, o);
+  const auto tracker = make_camera_tracker(s.camera, o);
   CameraSequence covered = part(52, 58);
   EXPECT_EQ(errors_of(run(*tracker, covered), covered).tracked, 0);
   std::filesystem::remove(file);
@@ -130,7 +131,7 @@ TEST_F(Desk, aDamagedFrameIsNoFrame) {
   CameraSequence s = part(0, 12);
   s.frames[6].status = FrameStatus::corrupted;
   s.frames[6].pixels = {};
-  const auto estimates = run(*CameraTracker::make(s.camera, options(CameraMethod::huetrack)), s);
+  const auto estimates = run(*make_camera_tracker(s.camera, options(CameraMethod::huetrack)), s);
   EXPECT_EQ(estimates[6].state, CameraState::coasting);
   EXPECT_EQ(estimates[7].state, CameraState::tracking);
 }

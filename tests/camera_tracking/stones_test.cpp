@@ -10,9 +10,9 @@
 #include <numbers>
 #include <stdexcept>
 
-#include "camera_tracking/depth_ray.h"
+#include "camera_tracking/papers/depth_ray.h"
 #include "camera_tracking/drawn_rectangle.h"
-#include "camera_tracking/local_bundle.h"
+#include "camera_tracking/keyframes/local_bundle.h"
 #include "camera_tracking/ncc.h"
 #include "camera_tracking/observation_field.h"
 #include "camera_tracking/parallel_task.h"
@@ -21,7 +21,7 @@
 #include "camera_tracking/rectangle_finder.h"
 #include "camera_tracking/scene_map.h"
 #include "camera_tracking/template_patch.h"
-#include "camera_tracking/unscented_kalman.h"
+#include "camera_tracking/papers/unscented_kalman.h"
 #include "particle_filter/random.h"
 
 namespace huetrack {

@@ -10,9 +10,9 @@
 #include <sstream>
 
 #include "daemon/fake_camera.h"
-#include "daemon/recorded_changes.h"
+#include "pipeline/recorded_changes.h"
 #include "daemon/replay.h"
-#include "daemon/track_csv.h"
+#include "tracks/track_csv.h"
 
 namespace huetrack {
 namespace {

@@ -13,7 +13,7 @@
 #include <mutex>
 
 #include "daemon/fake_camera.h"
-#include "daemon/track_csv.h"
+#include "tracks/track_csv.h"
 
 namespace huetrack {
 namespace {

@@ -11,7 +11,7 @@
 
 #include "calib/model/rig_yaml.h"
 #include "capture/jpeg_decoder.h"
-#include "daemon/preview_maker.h"
+#include "pictures/preview_maker.h"
 #include "idl/dds_participant.h"
 #include "idl/huetrack_viewPubSubTypes.h"
 #include "idl/topics.h"

@@ -8,8 +8,8 @@
 #include <functional>
 
 #include "calib/yaml/yaml_reader.h"
-#include "daemon/service_config.h"
-#include "daemon/track_csv.h"
+#include "config/service_config.h"
+#include "tracks/track_csv.h"
 #include "end_to_end/process.h"
 
 namespace huetrack {

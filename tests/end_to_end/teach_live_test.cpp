@@ -9,7 +9,7 @@
 #include <functional>
 
 #include "capture/jpeg_decoder.h"
-#include "daemon/service_config.h"
+#include "config/service_config.h"
 #include "end_to_end/process.h"
 #include "idl/dds_participant.h"
 #include "idl/huetrackPubSubTypes.h"

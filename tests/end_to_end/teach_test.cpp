@@ -6,8 +6,8 @@
 #include <fstream>
 
 #include "calib/model/rig_yaml.h"
-#include "daemon/service_config.h"
-#include "daemon/truth.h"
+#include "config/service_config.h"
+#include "tracks/truth.h"
 #include "end_to_end/process.h"
 
 namespace huetrack {

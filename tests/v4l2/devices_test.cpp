@@ -15,7 +15,7 @@
 #include "capture/recording_writer.h"
 #include "capture/replay_source.h"
 #include "capture/v4l2_source.h"
-#include "daemon/bounded_queue.h"
+#include "pipeline/bounded_queue.h"
 #include "v4l2/vm.h"
 
 namespace huetrack {

@@ -1,0 +1,497 @@
+#include "calib/board/board_detector.h"
+
+#include <Eigen/LU>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <map>
+#include <opencv2/aruco.hpp>
+#include <opencv2/calib3d.hpp>
+#include <opencv2/imgproc.hpp>
+#include <stdexcept>
+#include <utility>
+
+#include "calib/board/chessboard_lattice.h"
+#include "calib/board/corner_refinement.h"
+
+namespace huetrack {
+namespace {
+
+using Eigen::Vector2d;
+using Cell = std::pair<int, int>;
+
+cv::Mat mat_of(const GreyView& image) {
+  // OpenCV has no read-only Mat; nothing here writes to it.
+  return cv::Mat(image.height, image.width, CV_8UC1, const_cast<std::uint8_t*>(image.data),
+                 static_cast<std::size_t>(image.stride));
+}
+
+// What keeps any detector from working: said instead of "no board".
+std::string trouble_of(const cv::Mat& grey) {
+  cv::Scalar mean, deviation;
+  cv::meanStdDev(grey, mean, deviation);
+  if (deviation[0] < 2.5) {
+    return mean[0] < 30    ? "the image is black"
+           : mean[0] > 225 ? "the image is white"
+                           : "the image is empty (one even grey)";
+  }
+  cv::Mat edges;
+  cv::Laplacian(grey, edges, CV_32F);
+  cv::meanStdDev(edges, mean, deviation);
+  // Even a soft image of a board has an edge somewhere.
+  double low = 0, high = 0;
+  cv::minMaxLoc(edges, &low, &high);
+  if (std::max(-low, high) < 14) return "the image is blurred";
+  return {};
+}
+
+// How the cells of a lattice lie on the board: x grows along (xi, xj), y along (-xj, xi) in lattice steps, and corner 0
+// is at cell `origin`.
+struct Placement {
+  int xi = 1, xj = 0;
+  Cell origin;
+  Cell cell(int column, int row) const {
+    return {origin.first + column * xi - row * xj, origin.second + column * xj + row * xi};
+  }
+};
+
+// cells of the lattice to pixels
+cv::Matx33d homography_of(const ChessboardLattice& lattice) {
+  std::vector<cv::Point2d> from, to;
+  for (const auto& [cell, node] : lattice.nodes) {
+    from.emplace_back(cell.first, cell.second);
+    to.emplace_back(node.px.x(), node.px.y());
+  }
+  return cv::findHomography(from, to);
+}
+
+Vector2d apply(const cv::Matx33d& h, double x, double y) {
+  const cv::Vec3d p = h * cv::Vec3d(x, y, 1);
+  return {p[0] / p[2], p[1] / p[2]};
+}
+
+struct PlacementChoice {
+  std::optional<Placement> placement;
+  std::string why_not;
+};
+
+// Where on the board a lattice lies.
+PlacementChoice place(const ChessboardLattice& lattice, const Board& board, cv::Size image) {
+  int i0 = std::numeric_limits<int>::max(), i1 = std::numeric_limits<int>::min(), j0 = i0, j1 = i1;
+  // Rows and columns of the lattice that are mostly there: a stray saddle beside the board makes no row.
+  std::map<int, int> in_column, in_row;
+  for (const auto& [cell, node] : lattice.nodes) {
+    ++in_column[cell.first];
+    ++in_row[cell.second];
+  }
+  const auto extent = [](const std::map<int, int>& counts, int& low, int& high) {
+    int most = 0;
+    for (const auto& [line, count] : counts) most = std::max(most, count);
+    for (const auto& [line, count] : counts) {
+      if (10 * count < 4 * most) continue;
+      low = std::min(low, line);
+      high = std::max(high, line);
+    }
+  };
+  extent(in_column, i0, i1);
+  extent(in_row, j0, j1);
+  const int width = i1 - i0 + 1, height = j1 - j0 + 1;
+  const int columns = board.corner_columns(), rows = board.corner_rows();
+  const std::string size = std::to_string(std::max(width, height)) + "x" + std::to_string(std::min(width, height));
+  if (width < 3 || height < 3) return {{}, "no chessboard in it"};
+  if (std::max(width, height) > std::max(columns, rows) || std::min(width, height) > std::min(columns, rows)) {
+    return {{}, "it shows " + size + " inner corners, more than the board has"};
+  }
+  const cv::Matx33d pixels = homography_of(lattice);
+  struct Candidate {
+    Placement placement;
+    int inside = 0;  // corners of the lattice on the board
+    int unseen = 0;  // corners of the board that should be in the image and are not
+    double upright = 0;
+    std::vector<int> ids;  // of the lattice's nodes, in their order; -1 beside the board
+  };
+  std::vector<Candidate> candidates;
+  constexpr std::array<Cell, 4> turns{Cell{1, 0}, Cell{0, 1}, Cell{-1, 0}, Cell{0, -1}};
+  const bool any_colour =
+      columns % 2 == 0 && rows % 2 == 0;  // all four corner squares alike: nothing to tell from them
+  for (const auto& [xi, xj] : turns) {
+    const int extent_x = xi != 0 ? width : height, extent_y = xi != 0 ? height : width;
+    if (extent_x > columns || extent_y > rows) continue;
+    // Cell of the lattice's own first corner in this turn.
+    const Cell first{xi > 0 || xj < 0 ? i0 : i1, xj > 0 || xi > 0 ? j0 : j1};
+    for (int left = 0; left <= columns - extent_x; ++left) {
+      for (int top = 0; top <= rows - extent_y; ++top) {
+        Candidate c;
+        c.placement = {xi, xj, {0, 0}};
+        const Cell shift = c.placement.cell(left, top);
+        c.placement.origin = {first.first - shift.first, first.second - shift.second};
+        const auto [oi, oj] = c.placement.origin;
+        // Steps along x and y swap the sides at every quarter turn.
+        const bool dark = lattice.dark_at(oi, oj) == (xi != 0);
+        const bool whole = extent_x == columns && extent_y == rows;
+        if (dark == board.inverted && !(any_colour && whole)) continue;
+        std::map<Cell, int> id_of;
+        for (int row = 0; row < rows; ++row) {
+          for (int column = 0; column < columns; ++column) {
+            const Cell cell = c.placement.cell(column, row);
+            id_of[cell] = row * columns + column;
+            if (lattice.nodes.contains(cell)) {
+              ++c.inside;
+            } else {
+              const Vector2d px = apply(pixels, cell.first, cell.second);
+              constexpr double border = 4;
+              if (px.x() > border && px.y() > border && px.x() < image.width - border && px.y() < image.height - border)
+                ++c.unseen;
+            }
+          }
+        }
+        for (const auto& [cell, node] : lattice.nodes) c.ids.push_back(id_of.contains(cell) ? id_of[cell] : -1);
+        const Vector2d x_way = apply(pixels, oi + xi, oj + xj) - apply(pixels, oi, oj);
+        c.upright = x_way.x() / x_way.norm();
+        candidates.push_back(std::move(c));
+      }
+    }
+  }
+  if (candidates.empty()) return {{}, "it shows " + size + " inner corners, which do not fit on the board"};
+  const Candidate& best = *std::ranges::min_element(candidates, [](const Candidate& a, const Candidate& b) {
+    if (a.inside - a.unseen != b.inside - b.unseen) return a.inside - a.unseen > b.inside - b.unseen;
+    return a.upright > b.upright;
+  });
+  if (best.inside < std::max(9, columns * rows / 4) || best.inside < 2 * best.unseen) {
+    return {
+        {},
+        "only " + std::to_string(best.inside) + " of its " + std::to_string(columns * rows) + " corners were found"};
+  }
+  // Any other placement must explain the image clearly worse, or be the same up to a symmetry of the board.
+  Board square = board;
+  square.pitch.y() = square.pitch.x();  // no image tells squares from nearly square ones
+  const auto symmetries = square.symmetries();
+  for (const Candidate& other : candidates) {
+    if (&other == &best || (other.inside - other.unseen) + std::min(columns, rows) / 2 < best.inside - best.unseen)
+      continue;
+    const bool same = std::ranges::any_of(symmetries, [&](const std::vector<int>& symmetry) {
+      for (std::size_t k = 0; k < best.ids.size(); ++k) {
+        const int id = best.ids[k];
+        if ((id < 0 ? -1 : symmetry[static_cast<std::size_t>(id)]) != other.ids[k]) return false;
+      }
+      return true;
+    });
+    if (!same)
+      return {{}, "it shows a part of the board (" + size + " inner corners) that could be at several places on it"};
+  }
+  return {best.placement, {}};
+}
+
+using MarkerCorners = std::vector<cv::Point2f>;
+
+cv::Mat upright_colours(const cv::Mat& image, bool inverted) {
+  return inverted ? cv::Mat(255 - image) : image;
+}
+
+std::map<int, MarkerCorners> find_markers(const cv::Mat& image, int dictionary) {
+  std::map<int, MarkerCorners> found;
+  const auto parameters = cv::aruco::DetectorParameters::create();
+  parameters->adaptiveThreshWinSizeMax = 43;
+  parameters->minMarkerPerimeterRate = 0.015;
+  const auto markers = cv::aruco::getPredefinedDictionary(dictionary);
+  for (const double scale : {1.0, 2.0}) {  // twice as large: markers of a few pixels a bit
+    if (scale > 1 && static_cast<double>(image.total()) * scale * scale > 4e6) break;
+    cv::Mat scaled = image;
+    if (scale > 1) cv::resize(image, scaled, {}, scale, scale, cv::INTER_CUBIC);
+    std::vector<MarkerCorners> corners;
+    std::vector<int> ids;
+    cv::aruco::detectMarkers(scaled, markers, corners, ids, parameters);
+    for (std::size_t k = 0; k < ids.size(); ++k) {
+      if (found.contains(ids[k])) continue;
+      // A window that neither reaches the code's own cells nor the next marker.
+      double side = cv::norm(corners[k][3] - corners[k][0]);
+      for (std::size_t c = 0; c < 3; ++c) side = std::min(side, cv::norm(corners[k][c + 1] - corners[k][c]));
+      const int window = std::clamp(static_cast<int>(0.09 * side), 1, 6);
+      const MarkerCorners rough = corners[k];
+      cv::cornerSubPix(scaled, corners[k], {window, window}, {-1, -1},
+                       {cv::TermCriteria::COUNT + cv::TermCriteria::EPS, 40, 0.005});
+      for (std::size_t c = 0; c < 4; ++c) {
+        if (cv::norm(corners[k][c] - rough[c]) > window + 1) corners[k][c] = rough[c];
+      }
+      for (cv::Point2f& p : corners[k]) {
+        p.x = static_cast<float>((static_cast<double>(p.x) + 0.5) / scale - 0.5);
+        p.y = static_cast<float>((static_cast<double>(p.y) + 0.5) / scale - 0.5);
+      }
+      found[ids[k]] = corners[k];
+    }
+  }
+  return found;
+}
+
+// Codes that turn up by chance in the rest of the image do not lie where the board's other markers say.
+void drop_strays(std::map<int, MarkerCorners>& markers, const Board& board) {
+  if (markers.size() < 2) return;
+  std::vector<cv::Point2d> from, to;
+  double side = 0;
+  for (const auto& [id, corners] : markers) {
+    const auto on_board = board.marker_corners(id - board.first_marker);
+    for (std::size_t k = 0; k < 4; ++k) {
+      from.emplace_back(on_board[k].x(), on_board[k].y());
+      to.emplace_back(corners[k]);
+    }
+    side = std::max(side, cv::norm(corners[0] - corners[2]));
+  }
+  std::vector<unsigned char> inlier;
+  if (cv::findHomography(from, to, cv::RANSAC, 0.2 * side, inlier).empty()) return;
+  std::size_t k = 0;
+  std::erase_if(markers, [&](const auto&) {
+    const bool all = inlier[k] && inlier[k + 1] && inlier[k + 2] && inlier[k + 3];
+    k += 4;
+    return !all;
+  });
+}
+
+// Corners as they were found, before the odd ones are left out.
+struct FoundCorners {
+  std::vector<int> ids;
+  std::vector<RefinedCorner> corners;
+
+  void add(int id, const RefinedCorner& corner) {
+    ids.push_back(id);
+    corners.push_back(corner);
+  }
+};
+
+double median(std::vector<double> values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+// Leaves out the corners that something covers in part (a finger, the edge of a glare): their image fits worse than the
+// others', or they lie off the lines through their neighbours.
+BoardDetection without_odd_ones(const FoundCorners& found, int columns) {
+  if (found.ids.empty()) return {};
+  std::vector<double> misfits;
+  for (const RefinedCorner& c : found.corners) misfits.push_back(c.residual / c.contrast);
+  const double usual = median(misfits);
+  std::map<int, Vector2d> px;
+  for (std::size_t k = 0; k < found.ids.size(); ++k) {
+    if (misfits[k] < 0.2 + 2 * usual) px[found.ids[k]] = found.corners[k].px;
+  }
+  const auto at = [&](int id, int dx, int dy) {
+    const int column = id % columns + dx;
+    return column < 0 || column >= columns ? px.end() : px.find(id + dx + dy * columns);
+  };
+  for (;;) {
+    // The distance of a corner from the middle between opposite neighbours; perspective bends that only a little.
+    std::map<int, double> off;
+    for (const auto& [id, p] : px) {
+      double least = 1e9;
+      for (const auto& [dx, dy] : {Cell{1, 0}, Cell{0, 1}}) {
+        const auto before = at(id, -dx, -dy), after = at(id, dx, dy);
+        if (before == px.end() || after == px.end()) continue;
+        const Vector2d along = after->second - before->second, way = p - before->second;
+        least = std::min(least, std::abs(along.x() * way.y() - along.y() * way.x()) / along.norm());
+      }
+      if (least < 1e9) off[id] = least;
+    }
+    if (off.size() < 3) break;
+    std::vector<double> values;
+    for (const auto& [id, distance] : off) values.push_back(distance);
+    const auto worst = std::ranges::max_element(off, {}, [](const auto& o) { return o.second; });
+    if (worst->second < 0.4 + 6 * median(values)) break;
+    px.erase(worst->first);
+  }
+  BoardDetection detection;
+  for (const auto& [id, p] : px) {
+    detection.ids.push_back(id);
+    detection.px.push_back(p);
+  }
+  return detection;
+}
+
+}  // namespace
+
+BoardDetector::BoardDetector(Board board) : board_(std::move(board)) {
+  if (const auto problems = board_.problems(); !problems.empty()) throw std::invalid_argument(problems.front());
+}
+
+BoardDetection BoardDetector::detect(const GreyView& image) const {
+  if (image.width < 32 || image.height < 32) return {{}, {}, "the image is too small"};
+  BoardDetection detection = board_.type == BoardType::chessboard ? detect_chessboard(image) : detect_markers(image);
+  if (detection.found()) return detection;
+  if (std::string trouble = trouble_of(mat_of(image)); !trouble.empty()) detection.why_not = trouble;
+  return detection;
+}
+
+BoardDetection BoardDetector::detect_chessboard(const GreyView& view) const {
+  const cv::Mat image = mat_of(view);
+  const double pixels = static_cast<double>(view.width) * view.height;
+  BoardDetection best;
+  best.why_not = "no chessboard in it";
+  // From the size that most boards have in an image to the extremes, up to 1.3 million pixels.
+  for (const double scale : {1.0, 2.0, 0.5, 4.0, 0.25}) {
+    if (scale > 1 && scale * scale * pixels > 1.3e6) continue;
+    if (scale < 1 && scale * scale * pixels < 7e4) continue;
+    const auto lattices = find_chessboard_lattices(image, scale);
+    for (std::size_t k = 0; k < std::min<std::size_t>(4, lattices.size()); ++k) {
+      const ChessboardLattice& lattice = lattices[k];
+      const auto [placement, why_not] = place(lattice, board_, image.size());
+      if (!placement) {
+        if (k == 0 && best.ids.empty() && lattice.nodes.size() >= 12) best.why_not = why_not;
+        continue;
+      }
+      const int columns = board_.corner_columns(), rows = board_.corner_rows();
+      FoundCorners corners;
+      for (int id = 0; id < columns * rows; ++id) {
+        const auto [i, j] = placement->cell(id % columns, id / columns);
+        const auto node = lattice.nodes.find({i, j});
+        if (node == lattice.nodes.end()) continue;
+        const auto [step_i, step_j] = lattice.steps_at(i, j);
+        if (step_i.isZero() || step_j.isZero()) continue;
+        if (const auto corner = refine_corner(image, node->second.px, step_i, step_j, lattice.dark_at(i, j))) {
+          corners.add(id, *corner);
+        }
+      }
+      BoardDetection found = without_odd_ones(corners, columns);
+      if (found.ids.size() > best.ids.size()) best = std::move(found);
+    }
+    if (static_cast<int>(best.ids.size()) == board_.point_count()) break;
+  }
+  if (static_cast<int>(best.ids.size()) < std::max(9, board_.point_count() / 4)) {
+    if (best.found()) best.why_not = "only " + std::to_string(best.ids.size()) + " of its corners are sharp enough";
+    best.ids.clear();
+    best.px.clear();
+  }
+  return best;
+}
+
+BoardDetection BoardDetector::detect_markers(const GreyView& view) const {
+  const cv::Mat image = upright_colours(mat_of(view), board_.inverted);
+  const auto dictionary = std::ranges::find(marker_dictionaries(), board_.dictionary, &MarkerDictionary::name);
+  std::map<int, MarkerCorners> markers = find_markers(image, dictionary->opencv_id);
+  const std::size_t seen = markers.size();
+  std::erase_if(markers, [&](const auto& marker) {
+    return marker.first < board_.first_marker || marker.first >= board_.first_marker + board_.marker_count();
+  });
+  drop_strays(markers, board_);
+  BoardDetection found;
+  if (markers.empty()) {
+    found.why_not = seen == 0 ? "no marker of " + board_.dictionary + " in it"
+                              : "it shows markers of " + board_.dictionary + ", but not those of the board";
+    return found;
+  }
+  if (board_.type == BoardType::aruco_grid) {
+    for (const auto& [id, corners] : markers) {
+      for (int k = 0; k < 4; ++k) {
+        const cv::Point2f& p = corners[static_cast<std::size_t>(k)];
+        found.ids.push_back(4 * (id - board_.first_marker) + k);
+        found.px.emplace_back(p.x, p.y);
+      }
+    }
+    return found;
+  }
+  // Where the markers around a corner say that it is; then to the corner itself.
+  FoundCorners corners;
+  const double white_margin = 0.5 * (1 - board_.marker / board_.pitch.maxCoeff());
+  for (int id = 0; id < board_.point_count(); ++id) {
+    const Eigen::Vector3d corner = board_.point(id);
+    std::vector<std::pair<double, int>> nearest;
+    for (const auto& [marker, px] : markers) {
+      const auto on_board = board_.marker_corners(marker - board_.first_marker);
+      nearest.emplace_back(((on_board[0] + on_board[2]) / 2 - corner).norm(), marker);
+    }
+    std::ranges::sort(nearest);
+    if (nearest.front().first > 1.6 * board_.pitch.norm()) continue;  // too far from any marker that was found
+    std::vector<cv::Point2d> from, to;
+    for (std::size_t k = 0; k < std::min<std::size_t>(4, nearest.size()); ++k) {
+      const auto on_board = board_.marker_corners(nearest[k].second - board_.first_marker);
+      for (std::size_t c = 0; c < 4; ++c) {
+        from.emplace_back(on_board[c].x(), on_board[c].y());
+        to.emplace_back(markers[nearest[k].second][c]);
+      }
+    }
+    const cv::Mat h = cv::findHomography(from, to);
+    if (h.empty()) continue;
+    const cv::Matx33d pixels = h;
+    const auto px = [&](double dx, double dy) {
+      return apply(pixels, corner.x() + dx * board_.pitch.x(), corner.y() + dy * board_.pitch.y());
+    };
+    const Vector2d step_i = (px(0.5, 0) - px(-0.5, 0)), step_j = px(0, 0.5) - px(0, -0.5);
+    const int column = id % board_.corner_columns(), row = id / board_.corner_columns();
+    const bool dark = !board_.is_marker_square(column, row);  // the square up and left of the corner
+    if (const auto refined = refine_corner(image, px(0, 0), step_i, step_j, dark, white_margin)) {
+      corners.add(id, *refined);
+    }
+  }
+  found = without_odd_ones(corners, board_.corner_columns());
+  const auto lines = [&](auto line_of) {
+    std::vector<int> all;
+    for (const int id : found.ids) all.push_back(line_of(id));
+    std::ranges::sort(all);
+    return std::ranges::unique(all).begin() - all.begin();
+  };
+  const int columns = board_.corner_columns();
+  if (found.ids.size() < 5 || lines([&](int id) { return id % columns; }) < 2 ||
+      lines([&](int id) { return id / columns; }) < 2) {
+    found = {{}, {}, "only " + std::to_string(found.ids.size()) + " of its corners were found"};
+  }
+  return found;
+}
+
+std::string explain_missing_board(const Board& board, const std::vector<GreyView>& images) {
+  std::map<std::string, int> guesses;
+  const BoardDetector detector(board);
+  for (const GreyView& view : images) {
+    const cv::Mat image = mat_of(view);
+    cv::Mat mirrored;
+    cv::flip(image, mirrored, 1);
+    if (detector.detect({mirrored.data, mirrored.cols, mirrored.rows, static_cast<std::ptrdiff_t>(mirrored.step)})
+            .found()) {
+      // Of a chessboard with two odd counts that is the same.
+      const bool or_inverted = board.type == BoardType::chessboard;
+      ++guesses[or_inverted
+                    ? "they are mirrored (left and right swapped; record them as the sensor sees them), or black and "
+                      "white are swapped (inverted: true)"
+                    : "they are mirrored (left and right swapped): record them as the sensor sees them"];
+      continue;
+    }
+    if (board.type == BoardType::chessboard) {
+      for (const double scale : {1.0, 2.0}) {
+        const auto lattices = find_chessboard_lattices(image, scale);
+        if (lattices.empty()) continue;
+        int i0 = 0, i1 = 0, j0 = 0, j1 = 0;
+        for (const auto& [cell, node] : lattices.front().nodes) {
+          i0 = std::min(i0, cell.first), i1 = std::max(i1, cell.first);
+          j0 = std::min(j0, cell.second), j1 = std::max(j1, cell.second);
+        }
+        const int a = std::max(i1 - i0, j1 - j0) + 1, b = std::min(i1 - i0, j1 - j0) + 1;
+        if (static_cast<int>(lattices.front().nodes.size()) < a * b || b < 3) continue;
+        if (a == std::max(board.columns, board.rows) && b == std::min(board.columns, board.rows)) continue;
+        ++guesses["a chessboard of " + std::to_string(a) + "x" + std::to_string(b) +
+                  " inner corners is in them: is inner_corners right? (it counts the points where squares meet, not "
+                  "squares)"];
+        break;
+      }
+      continue;
+    }
+    for (const bool inverted : {board.inverted, !board.inverted}) {
+      for (const auto& dictionary : marker_dictionaries()) {
+        // Larger sets of a family begin with the smaller ones, and small codes turn up by chance.
+        const auto markers = find_markers(upright_colours(image, inverted), dictionary.opencv_id);
+        if (markers.size() < 4) continue;
+        if (dictionary.name == board.dictionary && inverted == board.inverted) continue;
+        std::string guess = std::to_string(dictionary.markers) + "|markers of ";
+        guess += dictionary.name;
+        guess += " are in them";
+        if (inverted != board.inverted)
+          guess += inverted ? ", black and white swapped (inverted: true)" : ", not inverted";
+        guess += ": is dictionary or inverted right?";
+        ++guesses[guess];
+        if (guesses[guess] > 2) break;
+      }
+    }
+  }
+  const auto best = std::ranges::max_element(guesses, {}, [](const auto& guess) { return guess.second; });
+  if (best == guesses.end()) return {};
+  return best->first.substr(best->first.find('|') + 1);
+}
+
+}  // namespace huetrack

@@ -1,0 +1,54 @@
+// Finds a calibration board in an image.
+#pragma once
+
+#include <Eigen/Core>
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "calib/board/board.h"
+
+namespace huetrack {
+
+// An 8-bit grey image, lent for a call.
+struct GreyView {
+  const std::uint8_t* data = nullptr;
+  int width = 0;  // pixels
+  int height = 0;
+  std::ptrdiff_t stride = 0;  // bytes from one row to the next
+};
+
+struct BoardDetection {
+  std::vector<int> ids;             // ascending; of Board::point()
+  std::vector<Eigen::Vector2d> px;  // beside ids; raw pixels, (0,0) is the centre of the top left one
+  std::string why_not;              // when ids is empty: what stood in the way, one clause; empty otherwise
+
+  bool found() const { return !ids.empty(); }
+};
+
+// Pure: the same image gives the same corners. Safe to call from many threads.
+class BoardDetector {
+ public:
+  explicit BoardDetector(Board board);  // throws std::invalid_argument: board.problems()
+
+  // A whole board or a part of it. For symmetric boards the way round is the one most upright in the image; see
+  // Board::symmetries(). A part of a chessboard is used only where its place on the board is certain: the missing rows
+  // and columns lie outside the image.
+  BoardDetection detect(const GreyView& image) const;
+
+  const Board& board() const { return board_; }
+
+ private:
+  BoardDetection detect_chessboard(const GreyView& image) const;
+  BoardDetection detect_markers(const GreyView& image) const;
+
+  Board board_;
+};
+
+// Why a board file may not fit its images, when (nearly) no image shows the board: tries what people get wrong (inner
+// corners counted as squares, another dictionary, inverted, the old charuco layout). One sentence, or empty.
+std::string explain_missing_board(const Board& board, const std::vector<GreyView>& images);
+
+}  // namespace huetrack

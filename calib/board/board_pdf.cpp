@@ -1,0 +1,182 @@
+#include "calib/board/board_pdf.h"
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <cmath>
+#include <cstdio>
+#include <opencv2/aruco.hpp>
+
+#include "calib/board/pdf_page.h"
+
+namespace huetrack {
+namespace {
+
+constexpr double edge_mm = 5;  // that printers leave white
+constexpr double ruler_mm = 100;
+constexpr double foot_mm = 17;  // for the text and the ruler
+
+std::string format(const char* text, auto... values) {
+  std::array<char, 512> buffer;
+  std::snprintf(buffer.data(), buffer.size(), text, values...);
+  return buffer.data();
+}
+
+const std::array<Paper, 8> papers{{{"A4", 210, 297},
+                                   {"A3", 297, 420},
+                                   {"A2", 420, 594},
+                                   {"A1", 594, 841},
+                                   {"A0", 841, 1189},
+                                   {"letter", 215.9, 279.4},
+                                   {"legal", 215.9, 355.6},
+                                   {"tabloid", 279.4, 431.8}}};
+
+// Black squares: 1, with the border.
+cv::Mat marker_bits(const Board& board, int index) {
+  const auto& known = marker_dictionaries();
+  const auto dictionary = std::ranges::find(known, board.dictionary, &MarkerDictionary::name);
+  const cv::Ptr<cv::aruco::Dictionary> d = cv::aruco::getPredefinedDictionary(dictionary->opencv_id);
+  const int side = d->markerSize + 2;
+  cv::Mat image;
+  d->drawMarker(board.first_marker + index, side, image, 1);
+  return image == 0;
+}
+
+// What is black, in millimetres from the board's top left corner (its outer edge).
+struct Shapes {
+  std::vector<std::array<double, 4>> black;
+  Eigen::Vector2d size;
+  Eigen::Vector2d origin;  // of the board's own frame
+};
+
+void add_marker(const Board& board, int index, double x, double y, double side, Shapes& shapes) {
+  const cv::Mat bits = marker_bits(board, index);
+  const double cell = side / bits.cols;
+  for (int row = 0; row < bits.rows; ++row) {
+    for (int column = 0; column < bits.cols;) {
+      const bool black = bits.at<std::uint8_t>(row, column) != 0;
+      int end = column;
+      while (end < bits.cols && (bits.at<std::uint8_t>(row, end) != 0) == black) ++end;
+      if (black) shapes.black.push_back({x + column * cell, y + row * cell, (end - column) * cell, cell});
+      column = end;
+    }
+  }
+}
+
+Shapes shapes_of(const Board& board) {
+  Shapes shapes;
+  const double px = 1e3 * board.pitch.x(), py = 1e3 * board.pitch.y(), marker = 1e3 * board.marker;
+  if (board.type == BoardType::aruco_grid) {
+    shapes.size = {px * (board.columns - 1) + marker, py * (board.rows - 1) + marker};
+    shapes.origin.setZero();
+    for (int i = 0; i < board.columns * board.rows; ++i)
+      add_marker(board, i, px * (i % board.columns), py * (i / board.columns), marker, shapes);
+    return shapes;
+  }
+  const bool charuco = board.type == BoardType::charuco;
+  const int columns = charuco ? board.columns : board.columns + 1, rows = charuco ? board.rows : board.rows + 1;
+  shapes.size = {px * columns, py * rows};
+  shapes.origin = {px, py};
+  int next = 0;
+  for (int row = 0; row < rows; ++row) {
+    for (int column = 0; column < columns; ++column) {
+      const double x = px * column, y = py * row;
+      const bool white = charuco ? board.is_marker_square(column, row) : (column + row) % 2 == 1;
+      if (!white)
+        shapes.black.push_back({x, y, px, py});
+      else if (charuco)
+        add_marker(board, next++, x + (px - marker) / 2, y + (py - marker) / 2, marker, shapes);
+    }
+  }
+  return shapes;
+}
+
+}  // namespace
+
+std::optional<Paper> paper_of(std::string_view text) {
+  for (const Paper& paper : papers) {
+    if (std::ranges::equal(
+            paper.name, text, {}, [](char c) { return std::tolower(static_cast<unsigned char>(c)); },
+            [](char c) { return std::tolower(static_cast<unsigned char>(c)); }))
+      return paper;
+  }
+  const auto x = text.find('x');
+  if (x == std::string_view::npos) return std::nullopt;
+  Paper paper{std::string(text) + " mm", 0, 0};
+  const auto number = [](std::string_view part, double& value) {
+    const auto [end, error] = std::from_chars(part.data(), part.data() + part.size(), value);
+    return error == std::errc() && end == part.data() + part.size() && value >= 20 && value <= 5000;
+  };
+  if (!number(text.substr(0, x), paper.width_mm) || !number(text.substr(x + 1), paper.height_mm)) return std::nullopt;
+  return paper;
+}
+
+BoardPdf board_pdf(const Board& board, const Paper& given) {
+  for (const auto& problem : board.problems()) throw std::invalid_argument(problem);
+  const Shapes shapes = shapes_of(board);
+  const double square = 1e3 * std::min(board.pitch.x(), board.pitch.y());
+  const double margin = std::max(2.0, square / 4);
+  const Eigen::Vector2d needed =
+      shapes.size + Eigen::Vector2d(2 * (margin + edge_mm), 2 * edge_mm + 2 * margin + foot_mm);
+  const auto fits = [&](double width, double height) { return needed.x() <= width && needed.y() <= height; };
+  Paper paper = given;
+  if (!fits(paper.width_mm, paper.height_mm)) std::swap(paper.width_mm, paper.height_mm);
+  if (!fits(paper.width_mm, paper.height_mm)) {
+    // What is not printed on does not grow with the board (but for the margin, nearly).
+    const auto scale = [&](double width, double height) {
+      return std::min((width - 2 * edge_mm) / (shapes.size.x() + 2 * margin),
+                      (height - 2 * edge_mm - foot_mm) / (shapes.size.y() + 2 * margin));
+    };
+    const double largest =
+        std::max(scale(given.width_mm, given.height_mm), scale(given.height_mm, given.width_mm)) * square;
+    std::string larger;
+    for (const Paper& other : papers) {
+      if (other.name[0] == 'A' && (fits(other.width_mm, other.height_mm) || fits(other.height_mm, other.width_mm))) {
+        larger = other.name;
+        break;
+      }
+    }
+    const double step = largest >= 5 ? 1 : 0.1;
+    throw DoesNotFit(
+        format("%s does not fit on %s: with its margin, the ruler and the printer's edge it needs %.0f x %.0f mm.",
+               board.description().c_str(), given.name.c_str(), needed.x(), needed.y()) +
+        (larger.empty() ? std::string() : " It fits on " + larger + ".") +
+        (largest >= 1 ? format(" On %s the %s can be %g mm.", given.name.c_str(),
+                               board.type == BoardType::aruco_grid ? "marker and gap together" : "squares",
+                               std::floor(largest / step) * step)
+                      : std::string()));
+  }
+
+  BoardPdf out;
+  out.paper = paper;
+  out.size_mm = shapes.size;
+  const double left = (paper.width_mm - shapes.size.x()) / 2;
+  const double top = edge_mm + margin + (paper.height_mm - needed.y()) / 2;
+  out.origin_mm = Eigen::Vector2d(left, top) + shapes.origin;
+
+  PdfPage page(paper.width_mm, paper.height_mm);
+  if (board.inverted) {
+    page.rectangle(left - margin, top - margin, shapes.size.x() + 2 * margin, shapes.size.y() + 2 * margin, 0);
+  }
+  for (const auto& [x, y, width, height] : shapes.black)
+    page.rectangle(left + x, top + y, width, height, board.inverted ? 1 : 0);
+
+  // The ruler: 100 mm, or as many tens as fit.
+  const double foot = top + shapes.size.y() + margin;
+  const double length = std::min(ruler_mm, std::floor((paper.width_mm - 2 * edge_mm - 20) / 10) * 10);
+  const double x0 = edge_mm + 8, y0 = foot + 7;
+  for (int mm = 0; mm <= static_cast<int>(length); ++mm) {
+    const double height = mm % 10 == 0 ? 4 : mm % 5 == 0 ? 3 : 2;
+    page.rectangle(x0 + mm - 0.05, y0 - height, 0.1, height, 0);
+  }
+  page.rectangle(x0 - 0.05, y0, length + 0.1, 0.1, 0);
+  page.text(x0 - 0.7, y0 + 3, 2.6, "0");
+  page.text(x0 + length - 2.5, y0 + 3, 2.6, format("%.0f mm", length));
+  page.text(x0 + length + 6, y0 - 3.2, 2.6, format("The ruler must be %.0f mm.", length));
+  page.text(x0 + length + 6, y0 - 0.2, 2.6, "Print at 100 %, not fitted to the page.");
+  page.text(x0, y0 + 7.2, 3, "huetrack: " + board.description() + format(", on %s", given.name.c_str()));
+  out.pdf = page.pdf("huetrack: " + board.description());
+  return out;
+}
+
+}  // namespace huetrack

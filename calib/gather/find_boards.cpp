@@ -1,0 +1,282 @@
+#include "calib/gather/find_boards.h"
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <limits>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+#include <thread>
+
+#include "calib/gather/detection_page.h"
+#include "calib/gather/progress_line.h"
+
+namespace huetrack {
+namespace {
+
+GreyView view_of(const cv::Mat& image) {
+  return {image.data, image.cols, image.rows, static_cast<std::ptrdiff_t>(image.step)};
+}
+
+// Calls task(0) .. task(count - 1), each once, on all cores.
+void on_all_cores(std::size_t count, const std::function<void(std::size_t)>& task) {
+  std::atomic<std::size_t> next = 0;
+  const auto work = [&] {
+    for (std::size_t i = next++; i < count; i = next++) task(i);
+  };
+  std::vector<std::jthread> threads;
+  const std::size_t cores = std::max(1U, std::thread::hardware_concurrency());
+  for (std::size_t t = 1; t < std::min(cores, count); ++t) threads.emplace_back(work);
+  work();
+}
+
+// How fast the board moves in the pictures of a set, pixels per second: the smaller one of before and after, of the
+// camera where it is fastest.
+std::vector<double> speeds(const std::vector<BoardSet>& sets) {
+  std::vector<double> result;
+  for (std::size_t s = 0; s < sets.size(); ++s) {
+    double fastest = 0;
+    for (const BoardView& view : sets[s].views) {
+      double slower = std::numeric_limits<double>::infinity();
+      for (const std::size_t other : {s - 1, s + 1}) {  // s - 1 wraps: then it is no index
+        if (other >= sets.size()) continue;
+        for (const BoardView& neighbour : sets[other].views) {
+          if (neighbour.camera != view.camera) continue;
+          const double dt = std::max(1e-3, std::abs(sets[other].at_s - sets[s].at_s));
+          if (const auto moved = moved_px(view, neighbour)) slower = std::min(slower, *moved / dt);
+        }
+      }
+      if (std::isfinite(slower)) fastest = std::max(fastest, slower);
+    }
+    result.push_back(fastest);
+  }
+  return result;
+}
+
+// The board has not moved in any camera.
+bool is_same(const BoardSet& a, const BoardSet& b) {
+  constexpr double still_px = 1.5;
+  if (a.views.size() != b.views.size()) return false;
+  for (std::size_t v = 0; v < a.views.size(); ++v) {
+    if (a.views[v].camera != b.views[v].camera) return false;
+    const auto moved = moved_px(a.views[v], b.views[v]);
+    if (!moved || *moved > still_px) return false;
+  }
+  return true;
+}
+
+// At most `most`: one from each equal part of the time, the one that most cameras see and where the board is stillest.
+std::vector<BoardSet> thinned(std::vector<BoardSet> sets, std::size_t most) {
+  if (sets.size() <= most) return sets;
+  const std::vector<double> speed = speeds(sets);
+  std::vector<BoardSet> kept;
+  for (std::size_t part = 0; part < most; ++part) {
+    std::size_t best = part * sets.size() / most;
+    for (std::size_t s = best; s < (part + 1) * sets.size() / most; ++s) {
+      const auto seen = sets[s].views.size(), best_seen = sets[best].views.size();
+      if (seen > best_seen || (seen == best_seen && speed[s] < speed[best])) best = s;
+    }
+    kept.push_back(std::move(sets[best]));
+  }
+  return kept;
+}
+
+std::string reasons(const CameraSighting& camera) {
+  const auto most = std::ranges::max_element(camera.why_not, {}, [](const auto& entry) { return entry.second; });
+  if (most == camera.why_not.end()) return {};
+  std::string text = most->first;
+  if (camera.why_not.size() > 1) text += " (" + std::to_string(most->second) + " times)";
+  return text;
+}
+
+// Some pictures without a board, for explain_missing_board().
+class Misses {
+ public:
+  void add(std::size_t camera, const cv::Mat& grey) {
+    auto& own = by_camera_[camera];
+    if (own.size() < 4) own.push_back(grey.clone());
+  }
+  std::vector<GreyView> of(std::size_t camera) const {
+    std::vector<GreyView> views;
+    if (const auto own = by_camera_.find(camera); own != by_camera_.end()) {
+      for (const cv::Mat& image : own->second) views.push_back(view_of(image));
+    }
+    return views;
+  }
+
+ private:
+  std::map<std::size_t, std::vector<cv::Mat>> by_camera_;
+};
+
+void require_boards(const FoundBoards& found, const Board& board, const Misses& misses) {
+  for (std::size_t c = 0; c < found.cameras.size(); ++c) {
+    const CameraSighting& camera = found.cameras[c];
+    if (camera.pictures == 0) {
+      throw InputError("camera " + camera.name + " has no picture that can be used" +
+                       (found.warnings.empty() ? "" : ": " + found.warnings.front()));
+    }
+    if (camera.boards > 0) continue;
+    std::string text = "camera " + camera.name + ": the board (" + board.description() + ") is in none of its " +
+                       std::to_string(camera.pictures) + " pictures";
+    if (const std::string why = reasons(camera); !why.empty()) text += ": " + why;
+    if (const std::string guess = explain_missing_board(board, misses.of(c)); !guess.empty()) text += "; " + guess;
+    throw InputError(text);
+  }
+}
+
+}  // namespace
+
+void require_views(const FoundBoards& found, int least) {
+  for (std::size_t c = 0; c < found.cameras.size(); ++c) {
+    const CameraSighting& camera = found.cameras[c];
+    const auto views = std::ranges::count(found.views, static_cast<int>(c), &BoardView::camera);
+    if (views >= least) continue;
+    const std::string why = reasons(camera);
+    throw InputError("camera " + camera.name + ": only " + std::to_string(views) + (views == 1 ? " view" : " views") +
+                     " of the board, from " + std::to_string(camera.pictures) + " pictures" +
+                     (why.empty() ? "" : "; in most others " + why) + ". At least " + std::to_string(least) +
+                     " are needed, some 15 with the board tilted and in all parts of the image are good");
+  }
+}
+
+std::optional<double> moved_px(const BoardView& a, const BoardView& b) {
+  std::vector<double> moved;
+  for (std::size_t i = 0, j = 0; i < a.ids.size() && j < b.ids.size();) {
+    if (a.ids[i] < b.ids[j]) {
+      ++i;
+    } else if (b.ids[j] < a.ids[i]) {
+      ++j;
+    } else {
+      moved.push_back((a.px[i++] - b.px[j++]).norm());
+    }
+  }
+  if (moved.empty()) return std::nullopt;
+  const auto middle = moved.begin() + static_cast<std::ptrdiff_t>(moved.size() / 2);
+  std::nth_element(moved.begin(), middle, moved.end());
+  return *middle;
+}
+
+EmbeddedPicture thumbnail_of(const cv::Mat& grey) {
+  constexpr double width = 480;
+  EmbeddedPicture thumbnail;
+  thumbnail.scale = std::min(1.0, width / grey.cols);
+  cv::Mat small = grey;
+  if (thumbnail.scale < 1) cv::resize(grey, small, {}, thumbnail.scale, thumbnail.scale, cv::INTER_AREA);
+  cv::imencode(".jpg", small, thumbnail.jpeg, {cv::IMWRITE_JPEG_QUALITY, 80});
+  return thumbnail;
+}
+
+FoundBoards find_boards(PictureSource& source, const BoardDetector& detector, const FindBoardsOptions& options,
+                        std::stop_token stop) {
+  FoundBoards found;
+  for (const std::string& name : source.cameras()) {
+    found.cameras.emplace_back();
+    found.cameras.back().name = name;
+  }
+  const auto expected = source.expected_sets();
+  const int every = options.every > 0 ? options.every : expected ? std::max(1, *expected / options.look_at) : 1;
+  ProgressLine line(options.progress);
+  Misses misses;
+  std::vector<BoardSet> sets;
+  DetectionPage page(options.view);
+  std::optional<ViewCoverage> coverage;
+  std::vector<ShownPicture> shown(found.cameras.size());
+  for (bool ended = false; !ended;) {
+    std::vector<PictureSet> batch;
+    while (batch.size() < 8 && !ended) {
+      auto set = source.next(stop);
+      if (stop.stop_requested()) throw InputError("stopped before all pictures were looked at");
+      ended = !set;
+      if (set && found.sets_seen++ % every == 0) batch.push_back(std::move(*set));
+    }
+    struct Task {
+      std::size_t set, camera;
+      BoardDetection detection;
+      EmbeddedPicture thumbnail;
+      std::vector<Eigen::Vector2d> corners;  // for the page
+    };
+    std::vector<Task> tasks;
+    for (std::size_t s = 0; s < batch.size(); ++s) {
+      for (std::size_t c = 0; c < batch[s].pictures.size(); ++c) {
+        if (batch[s].pictures[c]) tasks.push_back({s, c, {}, {}, {}});
+      }
+    }
+    on_all_cores(tasks.size(), [&](std::size_t t) {
+      const cv::Mat& grey = batch[tasks[t].set].pictures[tasks[t].camera]->grey;
+      tasks[t].detection = detector.detect(view_of(grey));
+      if (tasks[t].detection.found()) tasks[t].thumbnail = thumbnail_of(grey);
+    });
+    std::vector<BoardSet> seen(batch.size());
+    for (std::size_t s = 0; s < batch.size(); ++s) seen[s].at_s = batch[s].at_s;
+    for (Task& task : tasks) {
+      Picture& picture = *batch[task.set].pictures[task.camera];
+      CameraSighting& camera = found.cameras[task.camera];
+      const ImageSize size{picture.grey.cols, picture.grey.rows};
+      if (camera.pictures++ == 0) camera.image_size = size;
+      if (size != camera.image_size) {
+        throw InputError(picture.label + " of camera " + camera.name + " is " + std::to_string(size.width) + "x" +
+                         std::to_string(size.height) + ", those before it are " +
+                         std::to_string(camera.image_size.width) + "x" + std::to_string(camera.image_size.height) +
+                         ": a calibration holds for one size; leave the others out");
+      }
+      if (!task.detection.found()) {
+        ++camera.why_not[task.detection.why_not];
+        misses.add(task.camera, picture.grey);
+        continue;
+      }
+      ++camera.boards;
+      task.corners = task.detection.px;
+      seen[task.set].views.push_back({static_cast<int>(task.camera), 0, picture.label, std::move(task.detection.ids),
+                                      std::move(task.detection.px)});
+      seen[task.set].thumbnails.push_back(std::move(task.thumbnail));
+    }
+    found.sets_looked_at += static_cast<int>(batch.size());
+    for (BoardSet& set : seen) {
+      if (set.views.empty()) continue;
+      if (!sets.empty() && is_same(sets.back(), set)) {
+        ++found.duplicates;
+        continue;
+      }
+      sets.push_back(std::move(set));
+    }
+    if (page.due()) {
+      std::vector<ImageSize> sizes;
+      for (const CameraSighting& camera : found.cameras) sizes.push_back(camera.image_size);
+      const bool all = std::ranges::none_of(sizes, [](ImageSize size) { return size.width == 0; });
+      if (all) coverage.emplace(detector.board(), source.cameras(), sizes);
+      for (std::size_t s = 0; coverage && s < sets.size(); ++s) coverage->add(sets[s].views);
+      for (const Task& task : tasks) {
+        ShownPicture& now = shown[task.camera];
+        now.camera = found.cameras[task.camera].name;
+        now.grey = batch[task.set].pictures[task.camera]->grey;
+        now.caption = task.corners.empty() ? "no board" : std::to_string(task.corners.size()) + " corners";
+        now.corners = task.corners;
+      }
+      if (coverage) page.show(shown, *coverage, "looked at " + std::to_string(found.sets_looked_at) + " moments");
+    }
+    if (line.due()) {
+      std::string details;
+      for (const CameraSighting& camera : found.cameras)
+        details += (details.empty() ? "" : ", ") + camera.name + " " + std::to_string(camera.boards);
+      line.draw(progress_text("looking for the board", found.sets_seen, expected, details));
+    }
+  }
+  line.clear();
+  page.close("looked at all " + std::to_string(found.sets_looked_at) + " moments");
+  found.warnings = source.take_warnings();
+  require_boards(found, detector.board(), misses);
+  const std::size_t before = sets.size();
+  sets = thinned(std::move(sets), static_cast<std::size_t>(options.max_sets));
+  found.thinned = static_cast<int>(before - sets.size());
+  for (BoardSet& set : sets) {
+    for (std::size_t v = 0; v < set.views.size(); ++v) {
+      set.views[v].set = static_cast<int>(found.set_at_s.size());
+      found.views.push_back(std::move(set.views[v]));
+      found.thumbnails.push_back(std::move(set.thumbnails[v]));
+    }
+    found.set_at_s.push_back(set.at_s);
+  }
+  return found;
+}
+
+}  // namespace huetrack

@@ -1,0 +1,70 @@
+// Looks for the board in all pictures of a source.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <map>
+#include <optional>
+#include <stop_token>
+#include <string>
+#include <vector>
+
+#include "calib/board/board_detector.h"
+#include "calib/solver/bundle_adjustment.h"
+#include "calib/report/calibration_report.h"
+#include "calib/gather/picture_source.h"
+
+namespace huetrack {
+
+struct FindBoardsOptions {
+  int every = 0;       // >= 1: look at every so many-th set; 0: so that about look_at are
+  int look_at = 800;   // >= 1
+  int max_sets = 150;  // >= 1; the sets that are kept, spread over the time, with the board as still as possible
+  bool progress = true;
+  std::filesystem::path view{};  // see DetectionPage; empty: none
+};
+
+// What was seen of one camera.
+struct CameraSighting {
+  std::string name;
+  ImageSize image_size;
+  int pictures = 0;                    // looked at
+  int boards = 0;                      // found in them
+  std::map<std::string, int> why_not;  // how often not, by BoardDetection::why_not
+};
+
+struct FoundBoards {
+  std::vector<CameraSighting> cameras;
+  std::vector<BoardView> views;  // BoardView::set counts the sets kept, from 0; sorted by set, camera
+  std::vector<double> set_at_s;  // per set
+  int sets_seen = 0;             // in the source
+  int sets_looked_at = 0;
+  int duplicates = 0;                 // sets left out because the board had not moved
+  int thinned = 0;                    // sets left out because there were more than max_sets
+  std::vector<std::string> warnings;  // about the pictures: files that were damaged
+  // A small JPEG of every picture in `views`, beside it.
+  std::vector<EmbeddedPicture> thumbnails;
+};
+
+// throws InputError: no picture at all, pictures of one camera with different sizes, and, naming the camera and the
+// likely reason, a camera (every camera) in whose pictures the board is not; or `stop`.
+FoundBoards find_boards(PictureSource& source, const BoardDetector& detector, const FindBoardsOptions& options,
+                        std::stop_token stop);
+
+// throws InputError: a camera with fewer boards than `least`, why they were not found in the others, and what to do.
+void require_views(const FoundBoards& found, int least);
+
+// A set of views, as kept while looking; in the order of time.
+struct BoardSet {
+  double at_s = 0;
+  std::vector<BoardView> views;
+  std::vector<EmbeddedPicture> thumbnails;  // beside views
+};
+
+// How far the corners that both views have are apart, pixels (median); nullopt: they have none in common.
+std::optional<double> moved_px(const BoardView& a, const BoardView& b);
+
+EmbeddedPicture thumbnail_of(const cv::Mat& grey);
+
+}  // namespace huetrack

@@ -1,0 +1,71 @@
+#include "calib/gather/gather_boards.h"
+
+#include <algorithm>
+
+#include "calib/gather/live_boards.h"
+#include "capture/frame_synchronizer.h"
+
+namespace huetrack {
+namespace {
+
+std::vector<LiveCameraSource> opened(std::vector<V4l2SourceOptions> cameras, LiveBoardsOptions& options) {
+  std::vector<LiveCameraSource> sources;
+  std::vector<Duration> periods;
+  for (V4l2SourceOptions& camera : cameras) {
+    LiveCameraSource source;
+    source.name = camera.name;
+    auto live = std::make_unique<V4l2Source>(std::move(camera));
+    if (const auto stream = live->health().stream; stream && stream->fps > 0)
+      periods.push_back(duration_of(1 / stream->fps));
+    source.take_trouble = [told_by = live.get()] {
+      std::vector<std::string> lines;
+      for (const CameraEvent& event : told_by->take_events()) {
+        if (event.is_problem) lines.push_back(event.message);
+      }
+      return lines;
+    };
+    source.source = std::move(live);
+    sources.push_back(std::move(source));
+  }
+  options.tolerance = suggested_tolerance(periods);
+  return sources;
+}
+
+}  // namespace
+
+FoundBoards gather_boards(const std::vector<std::string>& inputs, const Board& board, const GatherOptions& options,
+                          std::stop_token stop) {
+  const BoardDetector detector(board);
+  const auto& only = options.pictures.only;
+  std::vector<V4l2SourceOptions> devices;
+  if (!options.live.file.empty()) {
+    devices = live_cameras_in(options.live.file, options.live.settings);
+  } else if (are_devices(inputs)) {
+    std::vector<std::string> named = inputs;
+    if (options.alone && named.size() == 1 && named.front().find('=') == std::string::npos)
+      named.front() = only.front() + "=" + named.front();
+    devices = live_cameras(named, options.live.settings);
+  } else {
+    FindBoardsOptions find = options.find;
+    find.view = options.live.view;
+    const auto source =
+        options.alone ? open_pictures_of(only.front(), inputs) : open_pictures(inputs, options.pictures);
+    return find_boards(*source, detector, find, std::move(stop));
+  }
+  for (const std::string& name : only) {
+    if (std::ranges::find(devices, name, &V4l2SourceOptions::name) == devices.end())
+      throw InputError("there is no live camera " + name + " among those given");
+  }
+  if (!only.empty())
+    std::erase_if(devices, [&](const auto& d) { return std::ranges::find(only, d.name) == only.end(); });
+  for (std::size_t c = 0; c < devices.size(); ++c) devices[c].camera = static_cast<int>(c);
+  LiveBoardsOptions live;
+  live.seconds = options.live.seconds;
+  live.view = options.live.view;
+  live.progress = options.find.progress;
+  auto sources = opened(std::move(devices), live);
+  if (options.pictures.tolerance_s) live.tolerance = duration_of(*options.pictures.tolerance_s);
+  return gather_live(std::move(sources), detector, live, std::move(stop));
+}
+
+}  // namespace huetrack

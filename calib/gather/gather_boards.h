@@ -1,0 +1,33 @@
+// The views of a board for a calibration, from files or live.
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <stop_token>
+#include <string>
+#include <vector>
+
+#include "calib/gather/find_boards.h"
+#include "calib/gather/live_cameras.h"
+
+namespace huetrack {
+
+struct LiveOptions {
+  std::filesystem::path file;  // of live cameras; empty: the inputs say
+  LiveSettings settings;
+  std::optional<double> seconds;
+  std::filesystem::path view;  // DetectionPage; empty: none
+};
+
+// inputs: as for open_pictures(), or NAME=/dev/... . only: one camera by itself (open_pictures_of()), when
+// `alone`; otherwise those of `only`, or all.
+struct GatherOptions {
+  PictureOptions pictures;
+  bool alone = false;
+  FindBoardsOptions find;
+  LiveOptions live;
+};
+FoundBoards gather_boards(const std::vector<std::string>& inputs, const Board& board, const GatherOptions& options,
+                          std::stop_token stop);
+
+}  // namespace huetrack

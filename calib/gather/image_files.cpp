@@ -1,0 +1,145 @@
+#include "calib/gather/image_files.h"
+
+#include <glob.h>
+
+#include <algorithm>
+#include <array>
+#include <cctype>
+#include <map>
+#include <regex>
+#include <set>
+
+#include "calib/gather/picture_source.h"
+
+namespace huetrack {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::string lower_extension(const fs::path& file) {
+  std::string extension = file.extension().string();
+  std::ranges::transform(extension, extension.begin(), [](unsigned char c) { return std::tolower(c); });
+  return extension;
+}
+
+bool is_digit(char c) {
+  return c >= '0' && c <= '9';
+}
+
+// Runs of digits compare as numbers.
+bool natural_less(const std::string& a, const std::string& b) {
+  std::size_t i = 0, j = 0;
+  while (i < a.size() && j < b.size()) {
+    if (is_digit(a[i]) && is_digit(b[j])) {
+      const auto run = [](const std::string& text, std::size_t from) {
+        while (from + 1 < text.size() && text[from] == '0' && is_digit(text[from + 1])) ++from;
+        std::size_t end = from;
+        while (end < text.size() && is_digit(text[end])) ++end;
+        return std::pair(text.substr(from, end - from), end);
+      };
+      const auto [x, x_end] = run(a, i);
+      const auto [y, y_end] = run(b, j);
+      if (x.size() != y.size()) return x.size() < y.size();
+      if (x != y) return x < y;
+      i = x_end;
+      j = y_end;
+    } else if (a[i] != b[j]) {
+      return a[i] < b[j];
+    } else {
+      ++i;
+      ++j;
+    }
+  }
+  return a.size() - i != b.size() - j ? a.size() - i < b.size() - j : a < b;
+}
+
+std::optional<long> last_number(const fs::path& file) {
+  const std::string stem = file.stem().string();
+  std::size_t end = stem.size();
+  while (end > 0 && !is_digit(stem[end - 1])) --end;
+  std::size_t begin = end;
+  while (begin > 0 && is_digit(stem[begin - 1])) --begin;
+  if (begin == end || end - begin > 15) return std::nullopt;
+  return std::stol(stem.substr(begin, end - begin));
+}
+
+}  // namespace
+
+bool is_image_file(const fs::path& file) {
+  static constexpr std::array extensions{".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".pgm", ".ppm", ".webp"};
+  return std::ranges::find(extensions, lower_extension(file)) != extensions.end();
+}
+
+bool is_video_file(const fs::path& file) {
+  static constexpr std::array extensions{".mkv", ".mp4",  ".avi", ".mov",  ".webm",
+                                         ".mpg", ".mpeg", ".m4v", ".mjpg", ".mjpeg"};
+  return std::ranges::find(extensions, lower_extension(file)) != extensions.end();
+}
+
+std::vector<fs::path> image_files(const fs::path& given) {
+  std::vector<fs::path> files;
+  std::error_code error;
+  const std::string text = given.string();
+  if (fs::is_directory(given, error)) {
+    for (const auto& entry : fs::directory_iterator(given)) {
+      if (entry.is_regular_file() && is_image_file(entry.path())) files.push_back(entry.path());
+    }
+  } else if (fs::exists(given, error)) {
+    if (is_image_file(given)) files.push_back(given);
+  } else if (text.find_first_of("*?[") != std::string::npos || text.find('%') != std::string::npos) {
+    // A printf pattern matches like a glob: digits where its number is.
+    static const std::regex number(R"(%0?\d*d)");
+    const std::string pattern = std::regex_replace(text, number, "[0-9]*");
+    glob_t found{};
+    if (::glob(pattern.c_str(), 0, nullptr, &found) == 0) {
+      for (std::size_t i = 0; i < found.gl_pathc; ++i) {
+        const fs::path file = found.gl_pathv[i];
+        if (is_image_file(file)) files.push_back(file);
+      }
+    }
+    ::globfree(&found);
+  }
+  std::ranges::sort(files, [](const fs::path& a, const fs::path& b) { return natural_less(a.string(), b.string()); });
+  return files;
+}
+
+std::vector<ImageSet> paired_images(const std::vector<std::string>& cameras,
+                                    const std::vector<std::vector<fs::path>>& files) {
+  std::map<long, ImageSet> by_number;
+  bool numbered = true;
+  for (std::size_t c = 0; c < files.size() && numbered; ++c) {
+    std::set<long> own;
+    for (const fs::path& file : files[c]) {
+      const auto number = last_number(file);
+      numbered = numbered && number && own.insert(*number).second;
+      if (!numbered) break;
+      ImageSet& set = by_number[*number];
+      set.number = *number;
+      set.files.resize(files.size());
+      set.files[c] = file;
+    }
+  }
+  const auto shared = std::ranges::count_if(by_number, [](const auto& entry) {
+    return std::ranges::count_if(entry.second.files, [](const auto& file) { return file.has_value(); }) > 1;
+  });
+  std::vector<ImageSet> sets;
+  if (numbered && (files.size() == 1 || shared > 0)) {
+    for (auto& [number, set] : by_number) sets.push_back(std::move(set));
+    return sets;
+  }
+  for (std::size_t c = 1; c < files.size(); ++c) {
+    if (files[c].size() != files[0].size()) {
+      throw InputError("it cannot be told which images belong together: camera " + cameras[0] + " has " +
+                       std::to_string(files[0].size()) + ", camera " + cameras[c] + " has " +
+                       std::to_string(files[c].size()) +
+                       "; give images of the same moment the same number: left07.jpg, right07.jpg");
+    }
+  }
+  for (std::size_t k = 0; k < files[0].size(); ++k) {
+    sets.push_back({static_cast<long>(k), {}});
+    for (const auto& own : files) sets.back().files.emplace_back(own[k]);
+  }
+  return sets;
+}
+
+}  // namespace huetrack

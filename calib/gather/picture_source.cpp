@@ -1,0 +1,280 @@
+#include "calib/gather/picture_source.h"
+
+#include <algorithm>
+#include <cstdio>
+#include <deque>
+#include <filesystem>
+#include <map>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+#include <set>
+
+#include "calib/gather/image_files.h"
+#include "capture/frame_synchronizer.h"
+#include "capture/recording.h"
+#include "capture/replay_source.h"
+
+namespace huetrack {
+namespace {
+
+namespace fs = std::filesystem;
+
+class ImageFilePictures final : public PictureSource {
+ public:
+  ImageFilePictures(std::vector<std::string> cameras, const std::vector<std::vector<fs::path>>& files)
+      : cameras_(std::move(cameras)), sets_(paired_images(cameras_, files)) {}
+
+  const std::vector<std::string>& cameras() const override { return cameras_; }
+  std::optional<int> expected_sets() const override { return static_cast<int>(sets_.size()); }
+  std::vector<std::string> take_warnings() override { return std::exchange(warnings_, {}); }
+
+  std::optional<PictureSet> next(std::stop_token stop) override {
+    if (stop.stop_requested() || at_ == sets_.size()) return std::nullopt;
+    PictureSet set;
+    set.number = static_cast<int>(at_);
+    set.at_s = static_cast<double>(at_);
+    for (const auto& file : sets_[at_].files) {
+      set.pictures.emplace_back();
+      if (!file) continue;
+      cv::Mat grey = cv::imread(file->string(), cv::IMREAD_GRAYSCALE | cv::IMREAD_IGNORE_ORIENTATION);
+      if (grey.empty()) {
+        warnings_.push_back(file->string() + ": is not an image that can be read: it was left out");
+        continue;
+      }
+      set.pictures.back() = {std::move(grey), file->filename().string()};
+    }
+    ++at_;
+    return set;
+  }
+
+ private:
+  std::vector<std::string> cameras_;
+  std::vector<ImageSet> sets_;
+  std::size_t at_ = 0;
+  std::vector<std::string> warnings_;
+};
+
+Recording with_cameras(Recording recording, const std::vector<std::string>& names) {
+  for (const std::string& name : names) {
+    if (std::ranges::find(recording.cameras, name, &RecordedCamera::name) != recording.cameras.end()) continue;
+    std::string there;
+    for (const auto& camera : recording.cameras) there += (there.empty() ? "" : ", ") + camera.name;
+    throw InputError(recording.file.string() + ": has no camera " + name + "; its cameras are " + there);
+  }
+  return recording;
+}
+
+class RecordedPictures final : public PictureSource {
+ public:
+  RecordedPictures(const Recording& recording, std::vector<std::string> cameras, std::optional<double> tolerance_s)
+      : cameras_(std::move(cameras)),
+        warnings_(recording.warnings),
+        source_(with_cameras(recording, cameras_), cameras_, {.decoder_threads = 2}),
+        synchronizer_({.camera_count = static_cast<int>(cameras_.size()),
+                       .tolerance = tolerance_s ? duration_of(*tolerance_s) : usual_tolerance(),
+                       .ascending_input = true}) {}
+
+  const std::vector<std::string>& cameras() const override { return cameras_; }
+  std::optional<int> expected_sets() const override {
+    std::int64_t most = 0;
+    for (const ReplayCamera& camera : source_.cameras()) {
+      if (!camera.expected_frames) return std::nullopt;
+      most = std::max(most, *camera.expected_frames);
+    }
+    return static_cast<int>(most);
+  }
+  std::vector<std::string> take_warnings() override {
+    std::ranges::move(source_.take_warnings(), std::back_inserter(warnings_));
+    return std::exchange(warnings_, {});
+  }
+
+  std::optional<PictureSet> next(std::stop_token stop) override {
+    while (ready_.empty() && !ended_) {
+      if (auto frame = source_.next(stop)) {
+        for (FrameSet& set : synchronizer_.push(std::move(*frame))) ready_.push_back(std::move(set));
+      } else {
+        while (auto set = synchronizer_.flush()) ready_.push_back(std::move(*set));
+        ended_ = true;
+      }
+    }
+    if (ready_.empty() || stop.stop_requested()) return std::nullopt;
+    PictureSet pictures;
+    pictures.number = static_cast<int>(ready_.front().number);
+    pictures.at_s = seconds(ready_.front().at);
+    for (std::size_t c = 0; c < cameras_.size(); ++c) {
+      pictures.pictures.emplace_back();
+      const auto& frame = ready_.front().frames[c];
+      if (!frame) continue;
+      std::array<char, 32> at{};
+      std::snprintf(at.data(), at.size(), " at %.2f s", seconds(frame->captured_at));
+      pictures.pictures.back() = {board_grey_of(frame->pixels), cameras_[c] + at.data()};
+    }
+    ready_.pop_front();
+    return pictures;
+  }
+
+ private:
+  Duration usual_tolerance() const {
+    std::vector<Duration> periods;
+    for (const ReplayCamera& camera : source_.cameras()) periods.push_back(camera.frame_period);
+    return suggested_tolerance(periods);
+  }
+
+  std::vector<std::string> cameras_;
+  std::vector<std::string> warnings_;
+  ReplaySource source_;
+  FrameSynchronizer synchronizer_;
+  std::deque<FrameSet> ready_;
+  bool ended_ = false;
+};
+
+std::unique_ptr<PictureSource> open_recording(const fs::path& path, const PictureOptions& options) {
+  const Recording recording = read_recording(path);
+  std::vector<std::string> names = options.only;
+  if (names.empty()) {
+    for (const auto& camera : recording.cameras) names.push_back(camera.name);
+  }
+  return std::make_unique<RecordedPictures>(recording, names, options.tolerance_s);
+}
+
+// NAME=FRAMES, in the order given.
+using NamedInputs = std::vector<std::pair<std::string, std::vector<std::string>>>;
+
+std::unique_ptr<PictureSource> open_named(const NamedInputs& inputs, const PictureOptions& options) {
+  std::vector<std::string> names;
+  std::vector<std::vector<fs::path>> images;
+  Recording recording;
+  for (const auto& [name, given] : inputs) {
+    if (!options.only.empty() && std::ranges::find(options.only, name) == options.only.end()) continue;
+    names.push_back(name);
+    images.emplace_back();
+    for (const std::string& frames : given) {
+      std::error_code error;
+      const auto files = image_files(frames);
+      if (!files.empty()) {
+        std::ranges::copy(files, std::back_inserter(images.back()));
+      } else if (fs::is_regular_file(frames, error)) {
+        if (given.size() > 1) throw InputError(frames + ": give one video per camera, or only images");
+        RecordedCamera camera;
+        camera.name = name;
+        camera.frames = fs::absolute(frames);
+        recording.cameras.push_back(std::move(camera));
+        recording.file = camera.frames;
+      } else if (fs::is_directory(frames, error)) {
+        throw InputError(frames + ": holds no images");
+      } else {
+        throw InputError(frames + ": there is no such file, folder or image that this pattern matches");
+      }
+    }
+  }
+  for (const std::string& name : options.only) {
+    if (std::ranges::find(names, name) == names.end())
+      throw InputError("there is no input for camera " + name + ": give " + name + "=FRAMES");
+  }
+  if (!options.only.empty()) {  // in that order
+    std::vector<std::vector<fs::path>> sorted;
+    for (const std::string& name : options.only)
+      sorted.push_back(images[static_cast<std::size_t>(std::ranges::find(names, name) - names.begin())]);
+    names = options.only;
+    images = std::move(sorted);
+  }
+  if (recording.cameras.empty()) return std::make_unique<ImageFilePictures>(names, images);
+  if (recording.cameras.size() != names.size())
+    throw InputError("some cameras have a video and others images: give all of one kind, or a recording.yaml");
+  return std::make_unique<RecordedPictures>(recording, names, options.tolerance_s);
+}
+
+// A folder with a sub-folder of images or a video per camera.
+NamedInputs inside(const fs::path& folder) {
+  std::map<std::string, std::string> folders, videos;
+  for (const auto& entry : fs::directory_iterator(folder)) {
+    if (entry.is_directory() && !image_files(entry.path()).empty())
+      folders[entry.path().filename().string()] = entry.path().string();
+    if (entry.is_regular_file() && is_video_file(entry.path()))
+      videos[entry.path().stem().string()] = entry.path().string();
+  }
+  NamedInputs inputs;
+  for (const auto& [name, path] : folders.empty() ? videos : folders) inputs.push_back({name, {path}});
+  return inputs;
+}
+
+bool is_recording(const fs::path& path) {
+  std::error_code error;
+  return fs::exists(path / "recording.yaml", error) || path.extension() == ".yaml" || path.extension() == ".yml";
+}
+
+// nullopt: it is not NAME=FRAMES.
+std::optional<std::pair<std::string, std::string>> named(const std::string& input) {
+  const auto at = input.find('=');
+  std::error_code error;
+  if (at == std::string::npos || at == 0 || at + 1 == input.size() || fs::exists(input, error)) return std::nullopt;
+  const std::string name = input.substr(0, at);
+  if (!std::ranges::all_of(name, [](unsigned char c) { return std::isalnum(c) || c == '_' || c == '-' || c == '.'; }))
+    return std::nullopt;
+  return std::pair(name, input.substr(at + 1));
+}
+
+}  // namespace
+
+cv::Mat board_grey_of(const Image& image) {
+  auto* bytes = const_cast<std::uint8_t*>(image.planes[0].data);  // cv::Mat has no read-only form
+  const auto stride = static_cast<std::size_t>(image.planes[0].stride);
+  cv::Mat grey;
+  if (image.format == PixelFormat::yuyv) {
+    cv::extractChannel(cv::Mat(image.height, image.width, CV_8UC2, bytes, stride), grey, 0);
+  } else if (image.format == PixelFormat::bgr) {
+    cv::cvtColor(cv::Mat(image.height, image.width, CV_8UC3, bytes, stride), grey, cv::COLOR_BGR2GRAY);
+  } else {
+    grey = cv::Mat(image.height, image.width, CV_8UC1, bytes, stride).clone();
+  }
+  return grey;
+}
+
+std::unique_ptr<PictureSource> open_pictures(std::span<const std::string> inputs, const PictureOptions& options) {
+  if (inputs.empty()) throw InputError("nothing to look at was given: a recording, or NAME=FRAMES for each camera");
+  NamedInputs all;
+  for (const std::string& input : inputs) {
+    if (const auto pair = named(input)) {
+      auto known = std::ranges::find(all, pair->first, &NamedInputs::value_type::first);
+      if (known == all.end()) known = all.insert(all.end(), {pair->first, {}});
+      known->second.push_back(pair->second);
+      continue;
+    }
+    std::error_code error;
+    if (!fs::exists(input, error)) {
+      throw InputError(input + ": there is no such file or folder; give a recording, or NAME=FRAMES for each camera");
+    }
+    if (inputs.size() > 1)
+      throw InputError(input + ": which camera is this of? Give NAME=" + input + ", or a recording alone");
+    if (is_recording(input)) return open_recording(input, options);
+    all = fs::is_directory(input, error) ? inside(input) : NamedInputs{};
+    if (all.empty()) {
+      throw InputError(input +
+                       ": is not a recording: it has no recording.yaml, nor a sub-folder of images or a video per "
+                       "camera; or give NAME=FRAMES for each camera");
+    }
+  }
+  return open_named(all, options);
+}
+
+std::unique_ptr<PictureSource> open_pictures_of(const std::string& name, std::span<const std::string> inputs) {
+  if (inputs.empty()) throw InputError("nothing to look at was given: images, a video or a recording");
+  if (inputs.size() == 1 && !named(inputs[0])) {
+    if (is_recording(inputs[0])) return open_recording(inputs[0], {.only = {name}, .tolerance_s = {}});
+    std::error_code error;
+    if (fs::is_directory(inputs[0], error) && image_files(inputs[0]).empty()) {
+      const NamedInputs cameras = inside(inputs[0]);
+      if (!cameras.empty()) return open_named(cameras, {.only = {name}, .tolerance_s = {}});
+    }
+  }
+  NamedInputs own{{name, {}}};
+  for (const std::string& input : inputs) {
+    const auto pair = named(input);
+    if (pair && pair->first != name)
+      throw InputError(input + ": only camera " + name + " is calibrated here: its inputs alone, please");
+    own.front().second.push_back(pair ? pair->second : input);
+  }
+  return open_named(own, {});
+}
+
+}  // namespace huetrack

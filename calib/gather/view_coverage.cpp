@@ -1,0 +1,191 @@
+#include "calib/gather/view_coverage.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdio>
+#include <numbers>
+
+#include "calib/gather/find_boards.h"
+
+namespace huetrack {
+namespace {
+
+std::size_t index(int i) {
+  return static_cast<std::size_t>(i);
+}
+
+std::string text_of(const char* format, auto... values) {
+  std::array<char, 256> text;
+  std::snprintf(text.data(), text.size(), format, values...);
+  return text.data();
+}
+
+// As a lens of usual width would see it: good enough to tell straight from tilted.
+ViewCoverage::Tilt tilt_of(const Board& board, const BoardView& view, ImageSize size) {
+  LensParameters lens = LensParameters::Zero();
+  lens.head<4>() << 0.9 * size.width, 0.9 * size.width, (size.width - 1) / 2.0, (size.height - 1) / 2.0;
+  const auto poses = board_poses(board, view, LensModel::radtan4, lens);
+  if (poses.empty()) return ViewCoverage::straight;
+  // The board's z axis points away from the camera; where it leans to, that side of the board is nearer.
+  const Eigen::Vector3d z = poses.front().cam_from_board.rotation * Eigen::Vector3d::UnitZ();
+  constexpr double tilted = 18 * std::numbers::pi / 180;
+  const double x = std::atan2(z.x(), std::abs(z.z())), y = std::atan2(z.y(), std::abs(z.z()));
+  if (std::hypot(x, y) < tilted) return ViewCoverage::straight;
+  if (std::abs(x) > std::abs(y)) return x > 0 ? ViewCoverage::right_nearer : ViewCoverage::left_nearer;
+  return y > 0 ? ViewCoverage::bottom_nearer : ViewCoverage::top_nearer;
+}
+
+constexpr std::array tilt_needs{"hold it straight to the camera", "tilt it, its left edge nearer",
+                                "tilt it, its right edge nearer", "tilt it, its top edge nearer",
+                                "tilt it, its bottom edge nearer"};
+
+}  // namespace
+
+double ViewCoverage::OfCamera::image_share() const {
+  return static_cast<double>(std::ranges::count_if(corners, [](int n) { return n > 0; })) /
+         static_cast<double>(corners.size());
+}
+
+int ViewCoverage::OfCamera::tilts_seen() const {
+  return static_cast<int>(std::ranges::count_if(tilts, [](int n) { return n > 0; }));
+}
+
+ViewCoverage::ViewCoverage(Board board, std::vector<std::string> cameras, std::vector<ImageSize> sizes)
+    : board_(std::move(board)), names_(std::move(cameras)), sizes_(std::move(sizes)), cameras_(names_.size()) {}
+
+bool ViewCoverage::is_new(const std::vector<BoardView>& views) const {
+  if (views.empty()) return false;
+  constexpr double elsewhere = 0.03;  // of the image's width
+  return std::ranges::all_of(kept_, [&](const std::vector<BoardView>& other) {
+    return std::ranges::any_of(views, [&](const BoardView& view) {
+      const auto same = std::ranges::find(other, view.camera, &BoardView::camera);
+      if (same == other.end()) return true;
+      const auto moved = moved_px(view, *same);
+      return !moved || *moved > elsewhere * sizes_[index(view.camera)].width;
+    });
+  });
+}
+
+void ViewCoverage::add(const std::vector<BoardView>& views) {
+  kept_.push_back(views);
+  for (const BoardView& view : views) {
+    const ImageSize size = sizes_[index(view.camera)];
+    OfCamera& camera = cameras_[index(view.camera)];
+    ++camera.views;
+    ++camera.tilts[static_cast<std::size_t>(tilt_of(board_, view, size))];
+    for (const Eigen::Vector2d& px : view.px) {
+      const int column = std::clamp(static_cast<int>((px.x() + 0.5) / size.width * columns), 0, columns - 1);
+      const int row = std::clamp(static_cast<int>((px.y() + 0.5) / size.height * rows), 0, rows - 1);
+      ++camera.corners[index(row * columns + column)];
+    }
+    for (const BoardView& other : views) {
+      if (other.camera > view.camera) ++shared_[{view.camera, other.camera}];
+    }
+  }
+}
+
+int ViewCoverage::shared(int a, int b) const {
+  const auto known = shared_.find(std::minmax(a, b));
+  return known == shared_.end() ? 0 : known->second;
+}
+
+std::vector<std::string> ViewCoverage::needs() const {
+  std::vector<std::string> needs;
+  for (std::size_t c = 0; c < cameras_.size(); ++c) {
+    if (cameras_[c].views == 0) needs.push_back(names_[c] + " has not seen the board yet");
+  }
+  // Groups of cameras that enough shared views hold together.
+  std::vector<std::size_t> group(cameras_.size());
+  for (std::size_t c = 0; c < group.size(); ++c) group[c] = c;
+  for (const auto& [pair, count] : shared_) {
+    if (count < enough_shared) continue;
+    const std::size_t a = group[index(pair.first)], b = group[index(pair.second)];
+    for (std::size_t& g : group) g = g == b ? a : g;
+  }
+  for (std::size_t c = 1; c < group.size(); ++c) {
+    if (std::ranges::find(group.begin(), group.begin() + static_cast<std::ptrdiff_t>(c), group[c]) !=
+        group.begin() + static_cast<std::ptrdiff_t>(c))
+      continue;  // its group was told of, or is the first
+    // The pair that links the first group to this one best.
+    int best_a = 0, best_b = static_cast<int>(c), most = -1;
+    for (std::size_t a = 0; a < group.size(); ++a) {
+      for (std::size_t b = 0; b < group.size(); ++b) {
+        if (group[a] == group[c] || group[b] != group[c]) continue;
+        if (const int n = shared(static_cast<int>(a), static_cast<int>(b)); n > most) {
+          most = n;
+          best_a = static_cast<int>(a);
+          best_b = static_cast<int>(b);
+        }
+      }
+    }
+    needs.push_back(text_of("show it to %s and %s together: %d of %d shared views", names_[index(best_a)].c_str(),
+                            names_[index(best_b)].c_str(), most, enough_shared));
+  }
+  for (std::size_t c = 0; c < cameras_.size(); ++c) {
+    const OfCamera& camera = cameras_[c];
+    if (camera.views == 0) continue;
+    if (camera.views < enough_views)
+      needs.push_back(text_of("%s: %d of %d views at different places", names_[c].c_str(), camera.views, enough_views));
+    if (camera.image_share() < enough_image) {
+      // The ninth of the image with the fewest parts seen.
+      std::array<int, 9> missing{};
+      for (int row = 0; row < rows; ++row) {
+        for (int column = 0; column < columns; ++column) {
+          if (camera.corners[index(row * columns + column)] == 0)
+            ++missing[index(std::min(2, row * 3 / rows) * 3 + column * 3 / columns)];
+        }
+      }
+      constexpr std::array places{"top left", "top",         "top right", "left",        "middle",
+                                  "right",    "bottom left", "bottom",    "bottom right"};
+      const auto worst = static_cast<std::size_t>(std::ranges::max_element(missing) - missing.begin());
+      needs.push_back(text_of("%s: show it in the %s of the image (%.0f %% of it seen)", names_[c].c_str(),
+                              places[worst], 100 * camera.image_share()));
+    }
+    for (std::size_t t = 0; t < camera.tilts.size(); ++t) {
+      if (camera.tilts[t] == 0) {
+        needs.push_back(text_of("%s: %s", names_[c].c_str(), tilt_needs[t]));
+        break;
+      }
+    }
+  }
+  return needs;
+}
+
+std::string ViewCoverage::lines() const {
+  std::size_t longest = 0;
+  for (const std::string& name : names_) longest = std::max(longest, name.size());
+  std::string lines;
+  for (std::size_t c = 0; c < cameras_.size(); ++c) {
+    const OfCamera& camera = cameras_[c];
+    const auto bar = [](double share) {
+      constexpr std::size_t cells = 10;
+      const auto full = std::min(cells, static_cast<std::size_t>(share * cells));
+      std::string text(1, '[');
+      return text.append(full, '#').append(cells - full, '-') + ']';
+    };
+    const double views = static_cast<double>(camera.views) / enough_views, image = camera.image_share() / enough_image;
+    lines += text_of("  %-*s  views %s %2d/%d  image %s %3.0f %%  tilts %d/5\n", static_cast<int>(longest),
+                     names_[c].c_str(), bar(views).c_str(), camera.views, enough_views, bar(image).c_str(),
+                     100 * camera.image_share(), camera.tilts_seen());
+  }
+  const std::string lacking = lacking_pairs();
+  return lines + (cameras_.size() < 2 ? ""
+                  : lacking.empty()   ? "  every pair has shared views enough"
+                                      : "  shared views: " + lacking);
+}
+
+std::string ViewCoverage::lacking_pairs() const {
+  std::string text;
+  for (std::size_t a = 0; a < cameras_.size(); ++a) {
+    for (std::size_t b = a + 1; b < cameras_.size(); ++b) {
+      const int n = shared(static_cast<int>(a), static_cast<int>(b));
+      if (n < enough_shared)
+        text += (text.empty() ? "" : ", ") +
+                text_of("%s + %s %d/%d", names_[a].c_str(), names_[b].c_str(), n, enough_shared);
+    }
+  }
+  return text;
+}
+
+}  // namespace huetrack

@@ -1,0 +1,111 @@
+// huetrack-calibrate board: a board to print, and the board file that describes it.
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <fstream>
+#include <memory>
+
+#include "calib/board/board_pdf.h"
+#include "calib/board/board_yaml.h"
+#include "calib/program/commands.h"
+#include "calib/gather/picture_source.h"
+
+namespace huetrack {
+namespace {
+
+struct Options {
+  std::string type, paper = "A4", dictionary;
+  int columns = 0, rows = 0, first_marker = 0;
+  double square_mm = 0, marker_mm = 0, gap_mm = 0;
+  bool inverted = false, legacy = false;
+  std::filesystem::path out, board_file;
+};
+
+Board board_of(const Options& o) {
+  Board board;
+  board.inverted = o.inverted;
+  board.legacy = o.legacy;
+  board.first_marker = o.first_marker;
+  const bool grid = o.type == "aruco_grid" || o.type == "april_grid";
+  board.type = o.type == "chessboard" ? BoardType::chessboard
+               : o.type == "charuco"  ? BoardType::charuco
+                                      : BoardType::aruco_grid;
+  if (o.legacy && board.type != BoardType::charuco) throw InputError("--legacy is a layout of charuco boards only");
+  board.columns = o.columns > 0 ? o.columns : grid ? 6 : board.type == BoardType::charuco ? 7 : 8;
+  board.rows = o.rows > 0 ? o.rows : grid ? 4 : 5;
+  if (grid) {
+    if (o.square_mm > 0) throw InputError("a grid of markers has --marker and --gap, no --square");
+    const double marker = o.marker_mm > 0 ? o.marker_mm : 32, gap = o.gap_mm > 0 ? o.gap_mm : 0.3 * marker;
+    board.marker = marker / 1e3;
+    board.pitch.setConstant((marker + gap) / 1e3);
+  } else {
+    if (o.gap_mm > 0) throw InputError("--gap is of aruco_grid and april_grid");
+    const double square = o.square_mm > 0 ? o.square_mm : board.type == BoardType::charuco ? 32 : 25;
+    board.pitch.setConstant(square / 1e3);
+    if (board.type == BoardType::charuco)
+      board.marker = (o.marker_mm > 0 ? o.marker_mm : 0.75 * square) / 1e3;
+    else if (o.marker_mm > 0)
+      throw InputError("a chessboard has no markers: --marker is of the other types");
+  }
+  board.dictionary = !o.dictionary.empty()    ? o.dictionary
+                     : o.type == "april_grid" ? "DICT_APRILTAG_36h11"
+                                              : "DICT_4X4_50";
+  for (const auto& problem : board.problems()) throw InputError(problem);
+  return board;
+}
+
+ExitStatus print(const Options& o) {
+  const Board board = board_of(o);
+  const auto paper = paper_of(o.paper);
+  if (!paper)
+    throw InputError("--paper is A4, A3, A2, A1, A0, letter, legal, tabloid or WIDTHxHEIGHT in millimetres, not " +
+                     o.paper);
+  const BoardPdf printed = board_pdf(board, *paper);
+  const std::filesystem::path yaml =
+      o.board_file.empty() ? std::filesystem::path(o.out).replace_extension(".yaml") : o.board_file;
+  for (const auto& [file, text] :
+       {std::pair{o.out, printed.pdf},
+        std::pair{yaml, "# " + o.out.filename().string() + ", printed at 100 %\n" + to_yaml(board)}}) {
+    std::ofstream out(file, std::ios::binary);
+    out << text;
+    out.close();
+    if (!out) throw InputError("cannot write " + file.string());
+  }
+  std::printf(
+      "%s: %s, %.1f x %.1f mm on %s\n%s: the board file for it\nPrint at 100 %%, without fitting it to the page; "
+      "measure the ruler, "
+      "glue it onto something flat.\n",
+      o.out.c_str(), board.description().c_str(), printed.size_mm.x(), printed.size_mm.y(), paper->name.c_str(),
+      yaml.c_str());
+  return ExitStatus::usable;
+}
+
+}  // namespace
+
+void add_board_command(CLI::App& app, Command& chosen) {
+  const auto o = std::make_shared<Options>();
+  CLI::App* command =
+      app.add_subcommand("board", "make a calibration board to print (PDF, true scale), and its board file");
+  command->add_option("--type", o->type, "chessboard, charuco, aruco_grid or april_grid")
+      ->required()
+      ->check(CLI::IsMember({"chessboard", "charuco", "aruco_grid", "april_grid"}));
+  command->add_option("--out", o->out, "the PDF to write")->required();
+  command->add_option("--board", o->board_file, "the board file to write; default: beside the PDF, .yaml");
+  command->add_option("--paper", o->paper,
+                      "A4 (default), A3, A2, A1, A0, letter, legal, tabloid, or WIDTHxHEIGHT in mm");
+  command->add_option("--columns", o->columns, "chessboard: inner corners; charuco: squares; grids: markers")
+      ->check(CLI::Range(1, 100));
+  command->add_option("--rows", o->rows, "likewise")->check(CLI::Range(1, 100));
+  command->add_option("--square", o->square_mm, "side of a square, mm")->check(CLI::Range(1.0, 1000.0));
+  command->add_option("--marker", o->marker_mm, "side of a marker, mm; default: charuco 3/4 of a square")
+      ->check(CLI::Range(1.0, 1000.0));
+  command->add_option("--gap", o->gap_mm, "between the markers of a grid, mm; default: 0.3 of a marker")
+      ->check(CLI::Range(0.1, 1000.0));
+  command->add_option("--dictionary", o->dictionary,
+                      "OpenCV's name of it; default: DICT_4X4_50, april_grid: DICT_APRILTAG_36h11");
+  command->add_option("--first-marker", o->first_marker, "number of the first marker")->check(CLI::Range(0, 10000));
+  command->add_flag("--inverted", o->inverted, "black and white swapped");
+  command->add_flag("--legacy", o->legacy, "charuco: the layout of OpenCV before 4.6");
+  command->callback([o, &chosen] { chosen = [o](const std::stop_token&) { return print(*o); }; });
+}
+
+}  // namespace huetrack

@@ -1,0 +1,86 @@
+// Options that the subcommands share. Private to this module.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <array>
+#include <cstdio>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "calib/solver/extrinsics.h"
+#include "calib/gather/gather_boards.h"
+#include "calib/program/outcome.h"
+
+namespace huetrack {
+
+struct CalibrationOptions {
+  std::string board;
+  std::vector<std::string> inputs;
+  FindBoardsOptions find;
+  std::optional<LensModel> lens;
+  std::string rig, report;
+  LiveOptions live;
+  bool overwrite = false, quiet = false;
+};
+
+inline void add_calibration_options(CLI::App& command, CalibrationOptions& options) {
+  command.add_option("inputs", options.inputs, "what to look at");
+  command.add_option("--live", options.live.file,
+                     "look through the live cameras of this file (its map cameras: is as in huetrackd.yaml)");
+  command
+      .add_option_function<std::string>(
+          "--size",
+          [&options](const std::string& text) {
+            ImageSize size;
+            char end = 0;
+            if (std::sscanf(text.c_str(), "%dx%d%c", &size.width, &size.height, &end) != 2 || size.width < 1 ||
+                size.height < 1)
+              throw CLI::ValidationError("--size", "give it as 640x480");
+            options.live.settings.size = size;
+          },
+          "live: the size of the images")
+      ->type_name("WIDTHxHEIGHT");
+  command.add_option("--fps", options.live.settings.fps, "live: frames per second")->check(CLI::PositiveNumber);
+  command
+      .add_option_function<double>(
+          "--seconds", [&options](const double& s) { options.live.seconds = s; },
+          "live: look for so long; default: until nothing is missing, or Ctrl-C")
+      ->check(CLI::PositiveNumber);
+  command.add_option("--view", options.live.view,
+                     "a page to open in a browser: what is being detected, and what is missing");
+  command.add_option("--board", options.board, "the board file; see calib/README.md")->required();
+  const std::map<std::string, LensModel> lenses{{"radtan4", LensModel::radtan4},
+                                                {"radtan5", LensModel::radtan5},
+                                                {"radtan8", LensModel::radtan8},
+                                                {"fisheye", LensModel::fisheye}};
+  command
+      .add_option_function<LensModel>(
+          "--lens", [&options](const LensModel& lens) { options.lens = lens; },
+          "the lens model; by default the simplest that the views support")
+      ->transform(CLI::CheckedTransformer(lenses).description(""))
+      ->type_name("radtan4|radtan5|radtan8|fisheye");
+  command.add_option("--every", options.find.every, "look at every so many-th picture; default: at about 800")
+      ->check(CLI::PositiveNumber);
+  command
+      .add_option("--max-sets", options.find.max_sets, "use at most so many moments, the board as still as possible")
+      ->check(CLI::PositiveNumber)
+      ->capture_default_str();
+  command.add_option("--report", options.report, "the report (HTML; the same as text beside it)");
+  command.add_flag("--overwrite", options.overwrite, "a doubtful result may replace the rig that is there");
+  command.add_flag("--quiet", options.quiet, "print nothing but errors");
+}
+
+inline OutputFiles output_files(const CalibrationOptions& options) {
+  OutputFiles files;
+  files.rig = options.rig;
+  files.report = options.report.empty() ? std::filesystem::path(options.rig).replace_extension(".report.html")
+                                        : std::filesystem::path(options.report);
+  files.overwrite = options.overwrite;
+  files.quiet = options.quiet;
+  return files;
+}
+
+}  // namespace huetrack

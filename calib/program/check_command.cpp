@@ -1,0 +1,61 @@
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <memory>
+
+#include "calib/model/rig_yaml.h"
+#include "calib/board/board_yaml.h"
+#include "calib/report/rig_check.h"
+#include "calib/program/commands.h"
+#include "calib/gather/find_boards.h"
+#include "calib/program/outcome.h"
+#include "calib/gather/progress_line.h"
+#include "calib/program/rig_pictures.h"
+
+namespace huetrack {
+namespace {
+
+struct Options {
+  std::string rig, board, mend;
+  std::vector<std::string> inputs;
+  FindBoardsOptions find{.max_sets = 60, .view = {}};
+  bool quiet = false;
+};
+
+ExitStatus check(const Options& options, const std::stop_token& stop) {
+  const Board board = read_board(options.board);
+  CameraRig rig = read_rig(options.rig);
+  FindBoardsOptions find = options.find;
+  find.progress = !options.quiet;
+  const std::vector<BoardView> views = board_views_of(rig, options.rig, board, options.inputs, find, stop).views;
+  ProgressLine line(!options.quiet);
+  const RigCheck result = check_rig(board, rig, views, line.progress());
+  line.clear();
+  if (!options.quiet) std::fputs(to_text(result, rig).c_str(), stdout);
+  if (!options.mend.empty()) {
+    for (const MovedCamera& moved : result.moved)
+      rig.cameras[static_cast<std::size_t>(moved.camera)].cam_from_world = moved.cam_from_world;
+    note_in(rig, "mended",
+            result.moved.empty() ? "nothing had moved" : "by huetrack-calibrate check, from views of the board");
+    write_rig(rig, options.mend);
+    if (!options.quiet) std::printf("written: %s\n", options.mend.c_str());
+  }
+  return status_of(result.verdict);
+}
+
+}  // namespace
+
+void add_check_command(CLI::App& app, Command& chosen) {
+  const auto options = std::make_shared<Options>();
+  CLI::App* command = app.add_subcommand("check", "does a rig still fit? Names a camera that was bumped");
+  command->add_option("rig", options->rig, "the rig file")->required();
+  command->add_option("inputs", options->inputs, "a recording of the board, or NAME=FRAMES for each camera")
+      ->required();
+  command->add_option("--board", options->board, "the board file; see calib/README.md")->required();
+  command->add_option("--mend", options->mend, "write the rig with the moved cameras where they stand now");
+  command->add_option("--every", options->find.every, "look at every so many-th picture")->check(CLI::PositiveNumber);
+  command->add_flag("--quiet", options->quiet, "print nothing but errors");
+  command->callback(
+      [options, &chosen] { chosen = [options](const std::stop_token& stop) { return check(*options, stop); }; });
+}
+
+}  // namespace huetrack

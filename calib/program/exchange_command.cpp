@@ -1,0 +1,109 @@
+// huetrack-calibrate import | export: calibrations of other tools.
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <fstream>
+#include <map>
+#include <memory>
+
+#include "calib/exchange/exchange.h"
+#include "calib/model/rig_yaml.h"
+#include "calib/program/commands.h"
+#include "calib/gather/picture_source.h"
+
+namespace huetrack {
+namespace {
+
+const std::vector<std::string> formats{"ros", "opencv", "kalibr", "aniposelib", "caliscope"};
+
+struct ImportCommand {
+  std::vector<std::filesystem::path> files;
+  std::string from, size, unit = "m";
+  std::filesystem::path rig;
+};
+
+ExitStatus import(const ImportCommand& command) {
+  ImportOptions options;
+  if (!command.from.empty()) options.format = exchange_format_of(command.from);
+  static const std::map<std::string, double> units{{"m", 1}, {"cm", 0.01}, {"mm", 0.001}, {"in", 0.0254}};
+  if (const auto unit = units.find(command.unit); unit != units.end()) {
+    options.metres_per_unit = unit->second;
+  } else {
+    char* end = nullptr;  // a board's square: OpenCV's samples take it for the unit
+    options.metres_per_unit = std::strtod(command.unit.c_str(), &end);
+    if (*end != 0 || !(options.metres_per_unit > 0))
+      throw InputError("--unit is m, cm, mm, in, or a unit's length in metres, not " + command.unit);
+  }
+  if (!command.size.empty()) {
+    ImageSize size;
+    char rest = 0;
+    if (std::sscanf(command.size.c_str(), "%dx%d%c", &size.width, &size.height, &rest) != 2 || size.width < 1 ||
+        size.height < 1)
+      throw InputError("--size is WIDTHxHEIGHT in pixels, as 640x480, not " + command.size);
+    options.image_size = size;
+  }
+  const Imported imported = import_rig(command.files, options);
+  write_rig(imported.rig, command.rig);
+  for (const auto& note : imported.notes) std::printf("note: %s\n", note.c_str());
+  std::printf("%s: %zu camera%s\n", command.rig.c_str(), imported.rig.cameras.size(),
+              imported.rig.cameras.size() == 1 ? "" : "s");
+  return ExitStatus::usable;
+}
+
+struct ExportCommand {
+  std::filesystem::path rig, folder;
+  std::string to, extension = "yml";
+  bool stereo = false, force = false;
+};
+
+ExitStatus export_files(const ExportCommand& command) {
+  const ExportOptions options{
+      .format = *exchange_format_of(command.to), .extension = command.extension, .stereo = command.stereo};
+  Exported exported;
+  try {
+    exported = export_rig(read_rig(command.rig), options);
+  } catch (const ExchangeError& error) {
+    throw InputError(command.rig.string() + ": " + error.what());
+  }
+  for (const auto& [name, text] : exported.files) {
+    if (!command.force && std::filesystem::exists(command.folder / name))
+      throw InputError((command.folder / name).string() + " is there already: give another --out, or --force");
+  }
+  std::filesystem::create_directories(command.folder);
+  for (const auto& [name, text] : exported.files) {
+    const std::filesystem::path file = command.folder / name;
+    std::ofstream out(file, std::ios::binary);
+    out << text;
+    out.close();
+    if (!out) throw InputError("cannot write " + file.string());
+    std::printf("%s\n", file.c_str());
+  }
+  for (const auto& note : exported.notes) std::printf("note: %s\n", note.c_str());
+  return ExitStatus::usable;
+}
+
+}  // namespace
+
+void add_exchange_commands(CLI::App& app, Command& chosen) {
+  const auto in = std::make_shared<ImportCommand>();
+  CLI::App* import_command = app.add_subcommand("import", "make a rig file of another tool's calibration");
+  import_command->add_option("files", in->files, "the other tool's file (opencv: one or several)")->required();
+  import_command->add_option("--from", in->from, "which tool's; default: by what the file looks like")
+      ->check(CLI::IsMember(formats));
+  import_command->add_option("--rig", in->rig, "the rig file to write")->required();
+  import_command->add_option("--size", in->size, "WIDTHxHEIGHT of the images, for files that do not say it");
+  import_command->add_option("--unit", in->unit,
+                             "of the file's lengths: m (default), cm, mm, in, or its length in metres");
+  import_command->callback([in, &chosen] { chosen = [in](const std::stop_token&) { return import(*in); }; });
+
+  const auto out = std::make_shared<ExportCommand>();
+  CLI::App* export_command = app.add_subcommand("export", "write a rig as another tool's files");
+  export_command->add_option("rig", out->rig, "the rig file")->required();
+  export_command->add_option("--to", out->to, "which tool's")->required()->check(CLI::IsMember(formats));
+  export_command->add_option("--out", out->folder, "the folder to write to")->required();
+  export_command->add_option("--extension", out->extension, "opencv: yml (default), xml or json");
+  export_command->add_flag("--stereo", out->stereo, "opencv: two cameras in one file (M1 D1 M2 D2 R T)");
+  export_command->add_flag("--force", out->force, "overwrite files that are there");
+  export_command->callback([out, &chosen] { chosen = [out](const std::stop_token&) { return export_files(*out); }; });
+}
+
+}  // namespace huetrack

@@ -1,0 +1,48 @@
+#include "calib/board/board_yaml.h"
+#include "calib/solver/intrinsics.h"
+#include "calib/program/calibration_options.h"
+#include "calib/program/commands.h"
+#include "calib/gather/progress_line.h"
+
+namespace huetrack {
+namespace {
+
+struct Options : CalibrationOptions {
+  std::string camera;
+};
+
+ExitStatus calibrate(Options options, const std::stop_token& stop) {
+  if (options.rig.empty()) options.rig = options.camera + ".yaml";
+  const Board board = read_board(options.board);
+  GatherOptions gather;
+  gather.pictures.only = {options.camera};
+  gather.alone = true;
+  gather.find = options.find;
+  gather.find.progress = !options.quiet;
+  gather.live = options.live;
+  const FoundBoards found = gather_boards(options.inputs, board, gather, stop);
+  require_views(found, IntrinsicsOptions{}.min_views);
+  ProgressLine line(!options.quiet);
+  const Intrinsics result = calibrate_intrinsics(board, options.camera, found.cameras.front().image_size, found.views,
+                                                 {.lens = options.lens, .progress = line.progress()});
+  line.draw("writing the report");
+  const CalibrationReport report = report_on(result, report_input(found, options.inputs));
+  line.clear();
+  return put_out(report, rig_of(result.adjustment), found, output_files(options));
+}
+
+}  // namespace
+
+void add_intrinsics_command(CLI::App& app, Command& chosen) {
+  const auto options = std::make_shared<Options>();
+  CLI::App* command = app.add_subcommand("intrinsics", "find the lens of one camera from pictures of a board");
+  add_calibration_options(*command, *options);
+  command->get_option("inputs")->description(
+      "images, a video, a folder of images, a recording, or a live camera (/dev/...)");
+  command->add_option("--camera", options->camera, "the camera's name")->required();
+  command->add_option("--rig", options->rig, "the file to write; default: CAMERA.yaml");
+  command->callback(
+      [options, &chosen] { chosen = [options](const std::stop_token& stop) { return calibrate(*options, stop); }; });
+}
+
+}  // namespace huetrack

@@ -1,0 +1,58 @@
+#include "calib/program/measured_points.h"
+
+#include <algorithm>
+
+#include "calib/solver/world_frame.h"
+#include "calib/yaml/yaml_reader.h"
+
+namespace huetrack {
+namespace {
+
+Eigen::Vector3d vector_of(const YamlReader& reader, std::string_view key) {
+  const auto n = reader.numbers(key, 3, 3, {.min = -1000, .max = 1000});
+  return {n[0], n[1], n[2]};
+}
+
+}  // namespace
+
+std::vector<PointOfWorld> read_points(const std::filesystem::path& file, const CameraRig& rig) {
+  const YamlReader reader = YamlReader::file(file);
+  if (const auto version = reader.integer("version", any_number, 1); version != 1)
+    reader.fail("version", "is " + std::to_string(version) + ", this program reads files of points of version 1");
+  std::vector<PointOfWorld> points;
+  for (const auto& [name, entry] : reader.named_maps("points")) {
+    PointOfWorld point;
+    point.name = name;
+    if (entry.has("world")) point.in_world = vector_of(entry, "world");
+    if (entry.has("position") == entry.has("pixels"))
+      entry.fail("", "give position (in the rig's present world) or pixels (of two or more cameras), one of the two");
+    if (entry.has("position")) {
+      point.in_rig = vector_of(entry, "position");
+    } else {
+      const YamlReader of_cameras = entry.map("pixels");
+      std::vector<std::pair<int, Eigen::Vector2d>> pixels;
+      for (const std::string& camera : of_cameras.keys()) {
+        const auto index = rig.index_of(camera);
+        if (!index) of_cameras.fail(camera, "is no camera of the rig");
+        const auto px = of_cameras.numbers(camera, 2, 2, {.min = -0.5, .max = 1e5});
+        pixels.emplace_back(*index, Eigen::Vector2d(px[0], px[1]));
+      }
+      of_cameras.finish();
+      if (pixels.size() < 2)
+        entry.fail("pixels", "must name two cameras or more: one alone does not tell how far away it is");
+      const MeasuredPoint measured = measure_point(rig, pixels);
+      point.in_rig = measured.p_world;
+      point.rms_px = measured.rms_px;
+    }
+    entry.finish();
+    points.push_back(std::move(point));
+  }
+  const auto placed = std::ranges::count_if(points, [](const PointOfWorld& p) { return p.in_world.has_value(); });
+  if (placed != 0 && placed != static_cast<std::ptrdiff_t>(points.size()))
+    reader.fail("points", "must all have world, or (points on the floor) none");
+  if (points.size() < 3) reader.fail("points", "must be three or more");
+  reader.finish();
+  return points;
+}
+
+}  // namespace huetrack

@@ -1,0 +1,102 @@
+#include "calib/program/outcome.h"
+
+#include <cerrno>
+#include <cstdio>
+#include <fstream>
+#include <map>
+#include <system_error>
+
+#include "calib/gather/write_file.h"
+#include "calib/model/rig_yaml.h"
+
+namespace huetrack {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::string number(const char* format, double value) {
+  std::array<char, 32> text{};
+  std::snprintf(text.data(), text.size(), format, value);
+  return text.data();
+}
+
+std::string joined(const std::vector<std::string>& texts) {
+  std::string all;
+  for (const std::string& text : texts) all += (all.empty() ? "" : " ") + text;
+  return all;
+}
+
+}  // namespace
+
+ExitStatus status_of(Verdict verdict) {
+  switch (verdict) {
+    case Verdict::usable:
+      return ExitStatus::usable;
+    case Verdict::doubtful:
+      return ExitStatus::doubtful;
+    case Verdict::failed:
+      break;
+  }
+  return ExitStatus::failed;
+}
+
+ReportInput report_input(const FoundBoards& found, const std::vector<std::string>& inputs) {
+  ReportInput input;
+  for (const CameraSighting& camera : found.cameras) input.cameras.push_back({camera.pictures, camera.boards});
+  input.warnings = found.warnings;
+  input.made_of.emplace_back("tool", "huetrack-calibrate " HUETRACK_VERSION);
+  if (!inputs.empty()) input.made_of.emplace_back("inputs", joined(inputs));
+  std::string sets = std::to_string(found.set_at_s.size()) + " moments used, " + std::to_string(found.sets_looked_at) +
+                     " of " + std::to_string(found.sets_seen) + " looked at";
+  if (found.duplicates > 0) sets += "; " + std::to_string(found.duplicates) + " left out: the board had not moved";
+  if (found.thinned > 0) sets += "; " + std::to_string(found.thinned) + " left out: there were more than enough";
+  input.made_of.emplace_back("pictures", sets);
+  return input;
+}
+
+fs::path place_for(Verdict verdict, const fs::path& rig, bool overwrite) {
+  std::error_code error;
+  if (verdict == Verdict::usable || overwrite || !fs::exists(rig, error)) return rig;
+  const fs::path beside = fs::path(rig).replace_extension(".doubtful.yaml");
+  std::fprintf(stderr,
+               "huetrack-calibrate: doubtful, so %s is left as it was; the new rig is %s (--overwrite replaces)\n",
+               rig.c_str(), beside.c_str());
+  return beside;
+}
+
+ExitStatus put_out(const CalibrationReport& report, CameraRig rig, const FoundBoards& found, const OutputFiles& files) {
+  std::map<std::pair<int, std::string>, const EmbeddedPicture*> pictures;
+  for (std::size_t v = 0; v < found.views.size() && v < found.thumbnails.size(); ++v) {
+    pictures[{found.views[v].camera, found.views[v].image}] = &found.thumbnails[v];
+  }
+  const auto picture_of = [&](int camera, const std::string& image) -> const EmbeddedPicture* {
+    const auto known = pictures.find({camera, image});
+    return known == pictures.end() ? nullptr : known->second;
+  };
+  const std::string text = to_text(report);
+  write_file(files.report, to_html(report, picture_of));
+  write_file(fs::path(files.report).replace_extension(".txt"), text);
+  if (!files.quiet) std::fputs(text.c_str(), stdout);
+
+  rig.made_by.clear();
+  for (const auto& [key, value] : report.made_of) rig.made_by.emplace_back(key, value);
+  rig.made_by.emplace_back("board", report.board);
+  rig.made_by.emplace_back("rms_px", number("%.4g", report.rms_px));
+  if (report.volume && report.volume->covered > 0)
+    rig.made_by.emplace_back("expected_mm", number("%.3g", 1000 * report.volume->median_by_calibration_m));
+  rig.made_by.emplace_back("verdict", std::string(name(report.verdict)));
+
+  std::error_code error;
+  const bool is_there = fs::exists(files.rig, error);
+  if (report.verdict == Verdict::failed) {
+    std::fprintf(stderr, "huetrack-calibrate: failed, so %s %s; see %s\n", files.rig.c_str(),
+                 is_there ? "is left as it was" : "is not written", files.report.c_str());
+    return ExitStatus::failed;
+  }
+  const fs::path written = place_for(report.verdict, files.rig, files.overwrite);
+  write_rig(rig, written);
+  if (!files.quiet) std::printf("\nwritten: %s; the report with pictures: %s\n", written.c_str(), files.report.c_str());
+  return status_of(report.verdict);
+}
+
+}  // namespace huetrack

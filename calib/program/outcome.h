@@ -1,0 +1,34 @@
+// What becomes of a calibration: the report, the rig file, and what the program ends with.
+#pragma once
+
+#include <filesystem>
+#include <string>
+
+#include "calib/model/camera_rig.h"
+#include "calib/report/calibration_report.h"
+#include "calib/program/commands.h"
+#include "calib/gather/find_boards.h"
+
+namespace huetrack {
+
+ExitStatus status_of(Verdict verdict);
+
+// Of what was looked at, for the report.
+ReportInput report_input(const FoundBoards& found, const std::vector<std::string>& inputs);
+
+struct OutputFiles {
+  std::filesystem::path rig;
+  std::filesystem::path report;  // .html; a .txt of the same name is written beside it
+  bool overwrite = false;        // a doubtful result may replace a rig that is there
+  bool quiet = false;
+};
+
+// Prints the report, writes it, and the rig when the verdict allows: a failed result is not written; a doubtful one
+// does not replace a rig that is there but goes beside it, as NAME.doubtful.yaml. made_by of the rig is filled.
+// throws std::system_error, std::runtime_error: a file cannot be written
+ExitStatus put_out(const CalibrationReport& report, CameraRig rig, const FoundBoards& found, const OutputFiles& files);
+
+// Where a rig of this verdict (usable, doubtful) goes: NAME.doubtful.yaml where it must not replace what is there.
+std::filesystem::path place_for(Verdict verdict, const std::filesystem::path& rig, bool overwrite);
+
+}  // namespace huetrack

@@ -1,0 +1,204 @@
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <map>
+#include <memory>
+#include <set>
+
+#include "calib/model/rig_yaml.h"
+#include "calib/board/board_yaml.h"
+#include "calib/solver/extrinsics.h"
+#include "calib/solver/world_frame.h"
+#include "calib/program/commands.h"
+#include "calib/gather/find_boards.h"
+#include "calib/program/measured_points.h"
+#include "calib/program/outcome.h"
+#include "calib/program/rig_pictures.h"
+
+namespace huetrack {
+namespace {
+
+struct Options {
+  std::string rig, out, board, points;
+  std::vector<std::string> inputs;
+  double height_m = 0;
+  std::optional<double> at_s;
+  bool scale = false, overwrite = false, quiet = false;
+};
+
+struct NewWorld {
+  CameraRig rig;
+  bool is_floor = true;             // z = 0 is the floor
+  std::string how;                  // for made_by
+  std::vector<std::string> doubts;  // one sentence each, with what to do
+  std::string details;              // for people
+};
+
+std::string text_of(const char* format, auto... values) {
+  std::array<char, 512> text;
+  std::snprintf(text.data(), text.size(), format, values...);
+  return text.data();
+}
+
+constexpr double good_px = 1.5;  // that the board (a point) may be off in the images
+
+NewWorld from_board(const CameraRig& rig, const Options& options, const std::stop_token& stop) {
+  const Board board = read_board(options.board);
+  const FoundBoards found =
+      board_views_of(rig, options.rig, board, options.inputs, {.progress = !options.quiet, .view = {}}, stop);
+  // The moment that was asked for, or the one that most cameras saw.
+  std::map<int, int> seen;
+  for (const BoardView& view : found.views) ++seen[view.set];
+  int set = seen.begin()->first;
+  for (const auto& [number, cameras] : seen) {
+    const auto away = [&](int n) { return std::abs(found.set_at_s[static_cast<std::size_t>(n)] - *options.at_s); };
+    if (options.at_s ? away(number) < away(set) : cameras > seen[set]) set = number;
+  }
+  std::vector<BoardView> views;
+  for (const BoardView& view : found.views) {
+    if (view.set == set) views.push_back(view);
+  }
+  NewWorld world;
+  const Adjustment placed = adjust(place_boards(board, rig, views), {.find_outliers = false, .with_covariance = false});
+  const Rigid3d& world_from_board = placed.world_from_board[static_cast<std::size_t>(set)];
+  world.rig = in_world(rig, {floor_from_board(world_from_board, options.height_m), 1});
+  world.how = text_of("the board on the floor at %.2f s, seen by %zu cameras, %.2f px rms",
+                      found.set_at_s[static_cast<std::size_t>(set)], views.size(), placed.rms_px);
+  if (found.set_at_s.size() > 1 && !options.at_s) {
+    world.doubts.push_back(
+        text_of("the board moves in these pictures: its place at %.2f s was taken; give --at SECONDS, or pictures of "
+                "the board at rest",
+                found.set_at_s[static_cast<std::size_t>(set)]));
+  }
+  if (views.size() == 1) {
+    const BoardView& view = views.front();
+    const Camera& camera = rig.cameras[static_cast<std::size_t>(view.camera)];
+    const auto poses = board_poses(board, view, lens_model_of(camera.model), parameters_of(camera.model));
+    if (poses.size() > 1 && poses[1].rms_px < 2 * poses[0].rms_px + 0.1) {
+      world.doubts.push_back(
+          text_of("only %s sees the board, and so flat that its mirrored twin fits as well (%.2f and %.2f px): the "
+                  "floor may be "
+                  "tilted the wrong way; lay it where two cameras see it",
+                  camera.name.c_str(), poses[0].rms_px, poses[1].rms_px));
+    }
+  }
+  if (placed.rms_px > good_px) {
+    world.doubts.push_back(
+        text_of("the cameras disagree on where the board lies (%.1f px rms): does the rig still fit? "
+                "Try huetrack-calibrate check; is the board file right?",
+                placed.rms_px));
+  }
+  return world;
+}
+
+NewWorld from_points(const CameraRig& rig, const Options& options) {
+  const auto points = read_points(options.points, rig);
+  std::vector<Eigen::Vector3d> from, to;
+  for (const PointOfWorld& point : points) {
+    from.push_back(point.in_rig);
+    if (point.in_world) to.push_back(*point.in_world);
+  }
+  NewWorld world;
+  for (const PointOfWorld& point : points) {
+    if (point.rms_px && *point.rms_px > 2 * good_px) {
+      world.doubts.push_back(
+          text_of("the pixels of point %s do not meet: they are off by %.1f px; are they of the same point?",
+                  point.name.c_str(), *point.rms_px));
+    }
+  }
+  WorldChange change;
+  if (to.empty()) {
+    change.new_from_old = floor_from_points(from, rig);
+    world.how = std::to_string(points.size()) + " points on the floor";
+  } else {
+    const double scale = align_points(from, to, true).scale;
+    change = align_points(from, to, options.scale);
+    world.is_floor = false;
+    world.how = std::to_string(points.size()) + " measured points";
+    if (options.scale) world.how += text_of(", scale %.5f", change.scale);
+    if (!options.scale && std::abs(scale - 1) > 0.01) {
+      world.doubts.push_back(
+          text_of("by these points all lengths of the rig are to be multiplied by %.4f: the board's square size was "
+                  "probably wrong "
+                  "by that; --scale takes it over",
+                  scale));
+    }
+  }
+  double extent = 0;
+  for (const auto& p : to) extent = std::max(extent, (p - to.front()).norm());
+  for (std::size_t k = 0; k < points.size(); ++k) {
+    const Eigen::Vector3d p = change * points[k].in_rig;
+    const double off = to.empty() ? std::abs(p.z()) : (p - to[k]).norm();
+    world.details += text_of("  %-12s at (%.3f, %.3f, %.3f) m, off by %.1f mm\n", points[k].name.c_str(), p.x(), p.y(),
+                             p.z(), 1000 * off);
+    const double allowed = to.empty() ? 0.02 : std::max(0.01, 0.01 * extent);
+    if (off > allowed) {
+      world.doubts.push_back(
+          text_of("point %s is off by %.0f mm: was it measured right, and at the same spot in every image?",
+                  points[k].name.c_str(), 1000 * off));
+    }
+  }
+  world.rig = in_world(rig, change);
+  return world;
+}
+
+ExitStatus set_world(const Options& options, const std::stop_token& stop) {
+  const CameraRig rig = read_rig(options.rig);
+  if (options.board.empty() == options.points.empty())
+    throw InputError(
+        "what sets the world? Give --board BOARD.yaml and pictures of it on the floor, or --points POINTS.yaml");
+  NewWorld world = options.points.empty() ? from_board(rig, options, stop) : from_points(rig, options);
+  for (const Camera& camera : world.rig.cameras) {
+    if (camera.centre().z() > 0) continue;
+    const std::string below =
+        text_of("camera %s would stand %.2f m below z = 0", camera.name.c_str(), -camera.centre().z());
+    if (world.is_floor) {
+      throw CalibrationError(
+          below +
+          ", under the floor: the points are not on the floor, the board lies face down, or the rig is "
+          "mirrored (was the camera's image?); nothing was written");
+    }
+    world.doubts.push_back(below + ": is the world's z axis up, in the points that were measured?");
+  }
+  note_in(world.rig, "world", world.how);
+  const auto out = place_for(world.doubts.empty() ? Verdict::usable : Verdict::doubtful,
+                             options.out.empty() ? options.rig : options.out, options.overwrite);
+  write_rig(world.rig, out);
+  if (!options.quiet) {
+    std::printf("The world is that of %s.\n%s", world.how.c_str(), world.details.c_str());
+    for (const std::string& doubt : world.doubts) std::printf("  ? %s.\n", doubt.c_str());
+    for (const Camera& camera : world.rig.cameras) {
+      const Eigen::Vector3d c = camera.centre();
+      std::printf("  %-12s stands at (%.3f, %.3f, %.3f) m\n", camera.name.c_str(), c.x(), c.y(), c.z());
+    }
+    std::printf("written: %s\n", out.c_str());
+  }
+  return world.doubts.empty() ? ExitStatus::usable : ExitStatus::doubtful;
+}
+
+}  // namespace
+
+void add_world_command(CLI::App& app, Command& chosen) {
+  const auto options = std::make_shared<Options>();
+  CLI::App* command = app.add_subcommand("world", "set origin, axes and scale of a rig's world");
+  command->add_option("rig", options->rig, "the rig file")->required();
+  command->add_option("inputs", options->inputs, "pictures of the board on the floor: a recording, or NAME=FRAMES");
+  command->add_option("--board", options->board,
+                      "the board file: the board lies on the floor, its point 0 becomes the origin, x goes along its "
+                      "rows, z up");
+  command->add_option("--height", options->height_m, "of the board's surface above the floor, metres")
+      ->check(CLI::Range(0.0, 1.0));
+  command->add_option_function<double>(
+      "--at", [options](const double& s) { options->at_s = s; },
+      "seconds into the recording; default: when most cameras saw it");
+  command->add_option("--points", options->points, "a file of three or more measured points; see calib/README.md");
+  command->add_flag("--scale", options->scale, "take the scale from the points too");
+  command->add_flag("--overwrite", options->overwrite, "a doubtful result may replace the rig that is there");
+  command->add_option("--out", options->out, "the rig file to write; default: in place");
+  command->add_flag("--quiet", options->quiet, "print nothing but errors");
+  command->callback(
+      [options, &chosen] { chosen = [options](const std::stop_token& stop) { return set_world(*options, stop); }; });
+}
+
+}  // namespace huetrack

@@ -1,0 +1,19 @@
+// Which of a calibration's figures are good enough, and what to do where they are not. Private to this module.
+#pragma once
+
+#include "calib/report/calibration_report.h"
+
+namespace huetrack {
+
+// What judging needs besides the figures in the report.
+struct Evidence {
+  double alone_px = 0;                // noise of the corners, as each camera by itself shows it; 0: not known
+  std::vector<double> behind;         // per camera: share of its used views that show the board from behind
+  std::vector<bool> covers_image;     // per camera: its lens model reaches the image's corners
+  std::vector<std::string> warnings;  // damaged files
+};
+
+// Sets checks and verdict.
+void judge(CalibrationReport& report, const Evidence& evidence);
+
+}  // namespace huetrack

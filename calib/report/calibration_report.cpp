@@ -1,0 +1,243 @@
+#include "calib/report/calibration_report.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <numbers>
+#include <set>
+
+#include "calib/report/calibration_checks.h"
+
+namespace huetrack {
+namespace {
+
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+
+std::size_t index(int i) {
+  return static_cast<std::size_t>(i);
+}
+
+Vector3d middle_of(const Board& board) {
+  Vector3d middle = Vector3d::Zero();
+  for (int id = 0; id < board.point_count(); ++id) middle += board.point(id) / board.point_count();
+  return middle;
+}
+
+int cell_of(const Vector2d& px, ImageSize size) {
+  const int column =
+      std::clamp(static_cast<int>((px.x() + 0.5) / size.width * ImageGrid::columns), 0, ImageGrid::columns - 1);
+  const int row = std::clamp(static_cast<int>((px.y() + 0.5) / size.height * ImageGrid::rows), 0, ImageGrid::rows - 1);
+  return row * ImageGrid::columns + column;
+}
+
+// Views that no other one before them resembles: the corners' median distance is over a hundredth of the image's width.
+int distinct(const std::vector<const BoardView*>& views, ImageSize size) {
+  std::vector<const BoardView*> kept;
+  for (const BoardView* view : views) {
+    const bool known = std::ranges::any_of(kept, [&](const BoardView* other) {
+      std::vector<double> apart;
+      for (std::size_t i = 0, j = 0; i < view->ids.size() && j < other->ids.size();) {
+        if (view->ids[i] == other->ids[j]) {
+          apart.push_back((view->px[i++] - other->px[j++]).norm());
+        } else {
+          view->ids[i] < other->ids[j] ? ++i : ++j;
+        }
+      }
+      if (apart.empty()) return false;
+      const auto middle = apart.begin() + static_cast<std::ptrdiff_t>(apart.size() / 2);
+      std::nth_element(apart.begin(), middle, apart.end());
+      return *middle < 0.01 * size.width;
+    });
+    if (!known) kept.push_back(view);
+  }
+  return static_cast<int>(kept.size());
+}
+
+CameraReport camera_report(const Adjustment& a, int c, Evidence& evidence) {
+  const AdjustedCamera& camera = a.cameras[index(c)];
+  CameraReport report;
+  report.name = camera.name;
+  report.image_size = camera.image_size;
+  report.lens = camera.lens;
+  report.parameters = camera.parameters;
+  report.sigma = a.lens_sigma(c);
+  report.rms_px = a.rms_of_camera(c);
+  std::array<Vector2d, 48> sums{};
+  sums.fill(Vector2d::Zero());
+  std::vector<const BoardView*> used_views;
+  const Vector3d middle = middle_of(a.board);
+  int behind = 0;
+  for (std::size_t v = 0; v < a.views.size(); ++v) {
+    if (a.views[v].camera != c || !a.fits[v].dropped.empty()) continue;
+    const BoardView& view = a.views[v];
+    used_views.push_back(&view);
+    double view_sum = 0;
+    int view_corners = 0;
+    for (std::size_t k = 0; k < view.ids.size(); ++k) {
+      if (!a.fits[v].used[k]) continue;
+      const auto cell = index(cell_of(view.px[k], camera.image_size));
+      ++report.grid.corners[cell];
+      sums[cell] += a.fits[v].residuals[k];
+      view_sum += a.fits[v].residuals[k].squaredNorm();
+      ++view_corners;
+    }
+    report.corners_used += view_corners;
+    const double rms = std::sqrt(view_sum / std::max(1, view_corners));
+    if (rms > report.worst_view_rms_px) {
+      report.worst_view_rms_px = rms;
+      report.worst_view = view.image;
+    }
+    const Rigid3d cam_from_board = camera.cam_from_world * a.world_from_board[index(view.set)];
+    const Vector3d centre = cam_from_board * middle, normal = cam_from_board.rotation * Vector3d::UnitZ();
+    const double cosine = normal.dot(centre.normalized());
+    behind += cosine < 0 ? 1 : 0;
+    report.tilt_deg.push_back(std::acos(std::clamp(std::abs(cosine), 0.0, 1.0)) * 180 / std::numbers::pi);
+    report.distance_m.push_back(centre.norm());
+  }
+  report.views_used = static_cast<int>(used_views.size());
+  report.distinct_views = distinct(used_views, camera.image_size);
+  int filled = 0, cells = 0;
+  double pattern = 0;
+  for (std::size_t cell = 0; cell < sums.size(); ++cell) {
+    const int n = report.grid.corners[cell];
+    report.grid.mean_residual[cell] = n > 0 ? Vector2d(sums[cell] / n) : Vector2d(0, 0);
+    filled += n > 0 ? 1 : 0;
+    constexpr int enough = 20;
+    if (n < enough) continue;
+    ++cells;
+    // A mean of noise alone is not zero either.
+    pattern += std::max(0.0, report.grid.mean_residual[cell].squaredNorm() - 2 * a.noise_px * a.noise_px / n);
+  }
+  report.coverage = static_cast<double>(filled) / static_cast<double>(sums.size());
+  report.pattern_px = cells > 0 ? std::sqrt(pattern / cells) : 0;
+  evidence.behind.push_back(used_views.empty() ? 0 : static_cast<double>(behind) / report.views_used);
+  evidence.covers_image.push_back(covers_image(camera.model(), camera.image_size));
+  return report;
+}
+
+// Standard deviation of the distance of two cameras' centres.
+double distance_sigma(const Adjustment& a, int i, int k) {
+  const auto centre = [&](int c) { return inverse(a.cameras[index(c)].cam_from_world).translation; };
+  const Vector3d direction = (centre(i) - centre(k)).normalized();
+  Eigen::VectorXd gradient = Eigen::VectorXd::Zero(a.covariance.rows());
+  for (const auto& [c, sign] : {std::pair(i, 1.0), std::pair(k, -1.0)}) {
+    const int at = a.pose_offset.empty() ? -1 : a.pose_offset[index(c)];
+    // A camera's centre moves against the translation of its tangent.
+    if (at >= 0) gradient.segment<3>(at + 3) = -sign * (a.cameras[index(c)].cam_from_world.rotation * direction);
+  }
+  return std::sqrt(std::max(0.0, gradient.dot(a.covariance * gradient)));
+}
+
+void add_views(CalibrationReport& report, const Adjustment& a) {
+  for (std::size_t v = 0; v < a.views.size(); ++v) {
+    if (a.fits[v].dropped.empty()) continue;
+    report.dropped.push_back({a.views[v].camera, a.views[v].image, a.fits[v].dropped});
+  }
+  // Per camera the worst that are used, one in the middle, and some that were dropped.
+  for (int c = 0; c < static_cast<int>(a.cameras.size()); ++c) {
+    std::vector<std::size_t> used, dropped;
+    for (std::size_t v = 0; v < a.views.size(); ++v) {
+      if (a.views[v].camera == c) (a.fits[v].dropped.empty() ? used : dropped).push_back(v);
+    }
+    std::ranges::stable_sort(used, std::greater<>{}, [&](std::size_t v) { return a.fits[v].rms_px; });
+    std::vector<std::size_t> chosen(used.begin(),
+                                    used.begin() + static_cast<std::ptrdiff_t>(std::min<std::size_t>(2, used.size())));
+    if (used.size() > 3) chosen.push_back(used[used.size() / 2]);
+    for (std::size_t k = 0; k < std::min<std::size_t>(3, dropped.size()); ++k) chosen.push_back(dropped[k]);
+    for (const std::size_t v : chosen) {
+      report.shown.push_back(a.views[v]);
+      report.shown_fits.push_back(a.fits[v]);
+    }
+  }
+}
+
+CalibrationReport base_report(const Adjustment& a, const ReportInput& input, Evidence& evidence) {
+  CalibrationReport report;
+  report.made_of = input.made_of;
+  report.board = a.board.description();
+  report.rms_px = a.rms_px;
+  report.noise_px = a.noise_px;
+  for (int c = 0; c < static_cast<int>(a.cameras.size()); ++c) {
+    report.cameras.push_back(camera_report(a, c, evidence));
+    if (index(c) < input.cameras.size()) {
+      report.cameras.back().pictures = input.cameras[index(c)].pictures;
+      report.cameras.back().boards = input.cameras[index(c)].boards;
+    }
+  }
+  std::set<int> sets;
+  for (const BoardView& view : a.views) sets.insert(view.set);
+  report.sets = static_cast<int>(sets.size());
+  evidence.warnings = input.warnings;
+  add_views(report, a);
+  return report;
+}
+
+void take_lens(CameraReport& camera, const Intrinsics& lens) {
+  camera.lens_was_found = true;
+  camera.lens_reason = lens.lens_reason;
+  camera.trials = lens.trials;
+}
+
+}  // namespace
+
+std::string_view name(Verdict verdict) {
+  return verdict == Verdict::usable ? "usable" : verdict == Verdict::doubtful ? "doubtful" : "failed";
+}
+
+CalibrationReport report_on(const Intrinsics& result, const ReportInput& input) {
+  Evidence evidence;
+  CalibrationReport report = base_report(result.adjustment, input, evidence);
+  report.title = "Lens of " + report.cameras.front().name;
+  take_lens(report.cameras.front(), result);
+  judge(report, evidence);
+  return report;
+}
+
+CalibrationReport report_on(const Extrinsics& result, const ReportInput& input) {
+  const Adjustment& a = result.adjustment;
+  Evidence evidence;
+  evidence.alone_px = result.alone_px;
+  CalibrationReport report = base_report(a, input, evidence);
+  report.title = "Cameras";
+  for (const CameraReport& camera : report.cameras) {
+    report.title += (&camera == &report.cameras.front() ? " " : ", ") + camera.name;
+  }
+  report.lens_reason = result.lens_reason;
+  for (std::size_t c = 0; c < a.cameras.size(); ++c) {
+    CameraReport& camera = report.cameras[c];
+    if (c < result.lenses.size() && result.lenses[c]) take_lens(camera, *result.lenses[c]);
+    camera.cam_from_world = a.cameras[c].cam_from_world;
+    camera.centre = inverse(a.cameras[c].cam_from_world).translation;
+  }
+  for (int i = 0; i < static_cast<int>(a.cameras.size()); ++i) {
+    for (int k = i + 1; k < static_cast<int>(a.cameras.size()); ++k) {
+      PairReport pair{i, k, 0, 0, 0, 0};
+      const auto known = std::ranges::find_if(result.pairs, [&](const CameraPair& p) { return p.a == i && p.b == k; });
+      if (known != result.pairs.end()) {
+        pair.shared_sets = known->shared_sets;
+        pair.rms_px = known->rms_px;
+      }
+      pair.distance_m = (report.cameras[index(i)].centre - report.cameras[index(k)].centre).norm();
+      pair.distance_sigma_m = distance_sigma(a, i, k);
+      report.pairs.push_back(pair);
+    }
+  }
+  std::map<int, Vector3d> centres;
+  for (std::size_t v = 0; v < a.views.size(); ++v) {
+    if (a.fits[v].dropped.empty())
+      centres[a.views[v].set] = a.world_from_board[index(a.views[v].set)] * middle_of(a.board);
+  }
+  report.board_centres.assign(centres.begin(), centres.end());
+  constexpr std::array<int, 3> steps{13, 13, 7};
+  report.volume = predict_accuracy(a, input.volume ? *input.volume : board_volume(a), steps);
+  for (std::size_t c = 0; c < a.cameras.size(); ++c) {
+    const PoseSigma sigma = pose_sigma(a, *report.volume, static_cast<int>(c));
+    report.cameras[c].centre_sigma_m = sigma.position.norm();
+    report.cameras[c].rotation_sigma_rad = sigma.rotation.norm();
+  }
+  judge(report, evidence);
+  return report;
+}
+
+}  // namespace huetrack

@@ -1,0 +1,303 @@
+#include "camera_tracking/leds/led_filter.h"
+
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <set>
+
+namespace huetrack {
+
+namespace {
+
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+using namespace std::chrono_literals;
+
+constexpr std::size_t window_sightings = 20;  // for the search: two rounds of the paper's 8 LEDs, and some
+constexpr Duration window_length = 600ms;
+constexpr Duration evidence_length = 400ms;
+constexpr Duration longest_coasting = 500ms;
+constexpr double gate = 20;    // squared distance over its covariance, 2 dimensions: 1 in 20000 is beyond
+constexpr int confirming = 3;  // LEDs that must be where a new pose has them before it counts
+constexpr double tracking_sigma_m = 0.1, tracking_sigma_rad = 0.1;
+constexpr int misses_in_a_row = 3;  // where the LED of each frame is known: the pose has slipped
+// Four LEDs leave two equations over: one that is measured wrongly hardly shows but in how noisy the pixels seem.
+constexpr double tracking_sigma_of_four_m = 0.04;
+constexpr double lost_sigma_m = 0.3, lost_sigma_rad = 0.3;
+
+class HuetrackLedFilter final : public LedFilter {
+ public:
+  HuetrackLedFilter(const Camera& camera, const LedFilterOptions& options)
+      : camera_(camera),
+        options_(options),
+        search_(camera,
+                {.leds = options.start.leds,
+                 .room_min = options.start.room_min,
+                 .room_max = options.start.room_max,
+                 .particle_count = options.particle_count,
+                 .start_velocity = options.start_velocity,
+                 .motion = options.motion},
+                Rng(options.seed, 0)),
+        particles_(options.particle_count, Rng(options.seed, 1)) {}
+
+  CameraEstimate update(const LedFrame& frame) override {
+    found_.clear();
+    if (pose_) {
+      follow(frame);
+    } else {
+      look_for(frame);
+    }
+    last_at_ = frame.at;
+    return estimate(frame);
+  }
+
+  double start_noise_px() const override { return search_.noise_scale() * options_.pixel_noise_px; }
+  void forget() override { forget_pose(); }
+  bool is_ambiguous() const override { return !pose_ && search_.is_ambiguous(); }
+
+  CameraTrackerView view() const override {
+    CameraTrackerView view;
+    constexpr std::size_t most = 300;
+    if (pose_) {
+      for (std::size_t l = 0; l < leds().size(); ++l) {
+        LedJacobian j;
+        const auto px = led_pixel(camera_.model, pose_->mean, leds()[l], 0, &j);
+        if (!px || !camera_.contains(RawPixel{*px})) continue;
+        CameraTrackerView::Feature f;
+        f.px = px->cast<float>();
+        f.found_px = Eigen::Vector2f::Constant(std::numeric_limits<float>::quiet_NaN());
+        for (const auto& [led, at] : found_)
+          if (led == static_cast<int>(l)) f.found_px = at.cast<float>();
+        f.search = (j * prior_covariance_ * j.transpose() + noise()).cast<float>();
+        f.position = leds()[l];
+        f.covariance.setZero();
+        f.given = true;
+        view.features.push_back(f);
+      }
+      const auto states = particles_.states();
+      for (std::size_t i = 0; i < states.size(); i += std::max<std::size_t>(1, states.size() / most))
+        view.particles.push_back(states[i].world_from_camera);
+    } else {
+      view.particles.assign(search_.candidates().begin(), search_.candidates().end());
+    }
+    return view;
+  }
+
+ private:
+  const std::vector<Vector3d>& leds() const { return options_.start.leds; }
+  Eigen::Matrix2d noise() const {
+    const double sigma_px = (models_ ? models_->pixel_scale() : 1) * options_.pixel_noise_px;
+    return sigma_px * sigma_px * Eigen::Matrix2d::Identity();
+  }
+
+  // ---- No pose yet, or none any more.
+  void look_for(const LedFrame& frame) {
+    std::vector<LedSighting> sightings;
+    if (!frame.lit) {
+      for (const Vector2d& px : frame.dots) sightings.push_back({-1, px, 0, options_.pixel_noise_px});
+      pose_ = search_.find_unidentified(sightings);
+    } else {
+      if (*frame.lit >= 0 && !frame.dots.empty()) window_.push_back({frame.at, *frame.lit, frame.dots.front()});
+      while (!window_.empty() && (window_.size() > window_sightings || frame.at - window_.front().at > window_length))
+        window_.pop_front();
+      for (const auto& w : window_)
+        sightings.push_back({w.led, w.px, seconds(w.at - frame.at), options_.pixel_noise_px});
+      pose_ = search_.find(sightings);
+    }
+    if (!pose_) return;
+    models_.emplace(*pose_, options_.motion);
+    confirmed_ = 0;
+    explained_once_ = false;
+    evidence_.clear();
+    found_at_ = frame.at;
+    prior_covariance_ = pose_->covariance;
+    particles_.draw(*pose_);
+  }
+
+  // ---- Prediction, sightings, polish.
+  void follow(const LedFrame& frame) {
+    const double dt_s = std::max(0.0, seconds(frame.at - last_at_));
+    models_->predict(dt_s);
+    const LedGaussian prior = models_->state();
+    prior_covariance_ = prior.covariance;
+    const std::vector<LedSighting> sightings = match(frame, prior);
+    particles_.draw(prior);
+    LedMotionState start = prior.mean;
+    if (!sightings.empty()) {
+      const double miss_px = std::hypot(camera_.image_size.width, camera_.image_size.height);
+      particles_.weigh(camera_.model, leds(), sightings, 0.02, 0.02, miss_px);
+      start = particles_.mean();
+      models_->update(camera_.model, leds(), sightings, start);
+    }
+    pose_ = models_->state();
+    confirmed_ += static_cast<int>(sightings.size());
+    evidence_.forget(frame.at - evidence_length);
+
+    const Vector2d sigma = largest_sigmas(pose_->covariance);
+    const Timestamp last = evidence_.last_match().value_or(found_at_);
+    const bool contradicted = evidence_.in_view() >= 6 && 3 * evidence_.matched() < evidence_.in_view();
+    const bool too_long = frame.at - last > longest_coasting;
+    if (contradicted || too_long || !(sigma.x() < lost_sigma_m) || !(sigma.y() < lost_sigma_rad)) {
+      forget_pose();
+    }
+  }
+
+  void forget_pose() {
+    pose_.reset();
+    models_.reset();
+    window_.clear();
+    evidence_.clear();
+  }
+
+  // Which dot is which LED, where the prediction says.
+  std::vector<LedSighting> match(const LedFrame& frame, const LedGaussian& prior) {
+    std::vector<LedSighting> sightings;
+    std::vector<bool> used(frame.dots.size(), false);
+    const auto seek = [&](int led) {
+      LedJacobian j;
+      const auto px = led_pixel(camera_.model, prior.mean, leds()[static_cast<std::size_t>(led)], 0, &j);
+      // A LED that is seen where the pose has it out of view speaks against the pose.
+      const bool is_seen = frame.lit && !frame.dots.empty();
+      if (!is_seen && (!px || !camera_.contains(RawPixel{*px}))) return;
+      if (!px) {
+        evidence_.add(frame.at, led, false);
+        return;
+      }
+      const Eigen::Matrix2d information = (j * prior.covariance * j.transpose() + noise()).inverse();
+      double nearest = gate;
+      std::size_t best = frame.dots.size();
+      for (std::size_t d = 0; d < frame.dots.size(); ++d) {
+        const Vector2d off = frame.dots[d] - *px;
+        const double distance = off.dot(information * off);
+        if (!used[d] && distance < nearest) nearest = distance, best = d;
+      }
+      const bool matched = best < frame.dots.size();
+      evidence_.add(frame.at, led, matched);
+      if (!matched) return;
+      used[best] = true;
+      sightings.push_back({led, frame.dots[best], 0, options_.pixel_noise_px});
+      found_.emplace_back(led, frame.dots[best]);
+    };
+    if (!frame.lit) {
+      for (std::size_t l = 0; l < leds().size(); ++l) seek(static_cast<int>(l));
+    } else if (*frame.lit >= 0) {
+      seek(*frame.lit);
+    }
+    return sightings;
+  }
+
+  CameraEstimate estimate(const LedFrame& frame) {
+    CameraEstimate e;
+    e.at = frame.at;
+    e.frame_number = frame.number;
+    e.map_points = static_cast<int>(leds().size());
+    e.particle_count = options_.particle_count;
+    e.effective_sample_size = pose_ ? particles_.effective_sample_size() : 1;
+    const bool confirmed = pose_ && confirmed_ >= confirming;
+    if (!confirmed) {
+      e.state = was_found_ ? CameraState::lost : CameraState::searching;
+      return e;
+    }
+    const Vector2d sigma = largest_sigmas(pose_->covariance);
+    const auto [in_view, matched] = evidence_.leds();
+    e.features_in_view = in_view;
+    e.features_matched = matched;
+    const bool explained = 2 * evidence_.matched() > evidence_.in_view() && evidence_.distinct() >= 4 &&
+                           (!frame.lit || evidence_.missed_in_a_row() < misses_in_a_row);
+    const double enough_m = evidence_.distinct() > 4 ? tracking_sigma_m : tracking_sigma_of_four_m;
+    const bool sure = sigma.x() < enough_m && sigma.y() < tracking_sigma_rad;
+    // A new pose must have been right several times before it is said at all.
+    if (explained && sure) {
+      explained_once_ = true;
+      last_explained_ = frame.at;
+    }
+    // And when it has not been for long, it is no longer said: chance matches could carry it on.
+    if (!explained_once_ || frame.at - last_explained_ > longest_coasting) {
+      e.state = was_found_ ? CameraState::lost : CameraState::searching;
+      e.features_in_view = e.features_matched = 0;
+      if (explained_once_) forget_pose();
+      return e;
+    }
+    was_found_ = true;
+    e.state = explained && sure ? CameraState::tracking : CameraState::coasting;
+    e.world_from_camera = pose_->mean.world_from_camera;
+    e.covariance = pose_->covariance.topLeftCorner<6, 6>();
+    e.confidence = e.features_in_view > 0 ? static_cast<double>(e.features_matched) / e.features_in_view : 0;
+    return e;
+  }
+
+  struct Seen {
+    Timestamp at;
+    int led;
+    Vector2d px;
+  };
+
+  Camera camera_;
+  LedFilterOptions options_;
+  LedSearch search_;
+  LedParticles particles_;
+  std::deque<Seen> window_;
+  std::optional<LedModels> models_;  // while there is a pose
+  std::optional<LedGaussian> pose_;  // at last_at_
+  LedCovariance prior_covariance_ = LedCovariance::Zero();
+  LedEvidence evidence_;
+  std::vector<std::pair<int, Vector2d>> found_;  // in the last frame
+  Timestamp last_at_{}, found_at_{}, last_explained_{};
+  int confirmed_ = 0;
+  bool was_found_ = false, explained_once_ = false;
+};
+
+}  // namespace
+
+std::unique_ptr<LedFilter> LedFilter::huetrack(const Camera& camera, const LedFilterOptions& options) {
+  LedFilterOptions resolved = options;
+  if (resolved.particle_count == 0) resolved.particle_count = 5000;
+  return std::make_unique<HuetrackLedFilter>(camera, resolved);
+}
+
+void LedEvidence::add(Timestamp at, int led, bool matched) {
+  seen_.push_back({at, led, matched});
+}
+
+void LedEvidence::forget(Timestamp before) {
+  while (!seen_.empty() && seen_.front().at < before) seen_.pop_front();
+}
+
+int LedEvidence::matched() const {
+  return static_cast<int>(std::ranges::count(seen_, true, &Seen::matched));
+}
+
+int LedEvidence::distinct() const {
+  std::set<int> leds;
+  for (const Seen& s : seen_)
+    if (s.matched) leds.insert(s.led);
+  return static_cast<int>(leds.size());
+}
+
+int LedEvidence::missed_in_a_row() const {
+  return static_cast<int>(std::find_if(seen_.rbegin(), seen_.rend(), [](const Seen& s) { return s.matched; }) -
+                          seen_.rbegin());
+}
+
+LedEvidence::Leds LedEvidence::leds() const {
+  std::map<int, bool> last;
+  for (const Seen& s : seen_) last[s.led] = s.matched;
+  return {static_cast<int>(last.size()),
+          static_cast<int>(std::ranges::count_if(last, [](const auto& l) { return l.second; }))};
+}
+
+std::optional<Timestamp> LedEvidence::last_match() const {
+  for (auto s = seen_.rbegin(); s != seen_.rend(); ++s)
+    if (s->matched) return s->at;
+  return std::nullopt;
+}
+
+Vector2d largest_sigmas(const LedCovariance& covariance) {
+  const auto largest = [](const Eigen::Matrix3d& m) {
+    return std::sqrt(std::max(0.0, Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(m).eigenvalues().maxCoeff()));
+  };
+  return {largest(covariance.topLeftCorner<3, 3>()), largest(covariance.block<3, 3>(3, 3))};
+}
+
+}  // namespace huetrack

@@ -1,0 +1,215 @@
+// Herranz et al., section III, as it stands.
+#include <algorithm>
+#include <cmath>
+
+#include "camera_tracking/leds/led_filter.h"
+
+namespace huetrack {
+
+namespace {
+
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+using namespace std::chrono_literals;
+
+// While the cloud comes together, the Gaussian is so wide that so many of the particles survive, and their copies part
+// so far (of the cloud's own spread): fewer, or nearer, and 5000 particles end in a wrong place. Once enough survive
+// the Gaussian of the paper, it is that one.
+constexpr double gathering_share = 0.4, gathering_jitter = 0.2;
+constexpr double enough_share = 0.05, gathered_jitter = 0.03;
+// Several LEDs at once that are not identified: LedParticles::anneal() in each frame until it ends in a place where all
+// dots are LEDs; then the Gaussian is narrowed to that of the paper within each frame, in so many steps at most, so
+// that the cloud of velocities, of which one frame tells nothing, does not lead it away.
+constexpr std::size_t least_dots = 5;
+constexpr double annealed_rms = 2;  // of the sightings' sigma
+constexpr double narrowing_share = 0.1, narrowing_jitter = 0.3;
+constexpr int narrowing_steps = 6;
+constexpr double least_sigma_px = 1;  // Table I; a narrower Gaussian leaves too few of 5000
+constexpr double own_motion = 0.25;   // of LedFilterOptions::motion, which is that of the liveliest cameras
+constexpr double narrow = 1.5;        // up to this widening the particles are where the measurements are
+constexpr int gathered_frames = 12;
+constexpr double tracking_sigma_m = 0.05, tracking_sigma_rad = 0.06;
+constexpr double explained_px = 6;  // a LED so near to where the pose has it supports the pose
+constexpr Duration evidence_length = 400ms;
+
+class PaperLedFilter final : public LedFilter {
+ public:
+  PaperLedFilter(const Camera& camera, const LedFilterOptions& options)
+      : camera_(camera),
+        options_(options),
+        motion_{.acceleration = own_motion * options.motion.acceleration,
+                .angular_acceleration = own_motion * options.motion.angular_acceleration,
+                .correlation_s = options.motion.correlation_s},
+        particles_(options.particle_count, Rng(options.seed)) {
+    scatter();
+  }
+
+  CameraEstimate update(const LedFrame& frame) override {
+    // "the prediction phase ... sampling from the state transition distribution"
+    if (number_ > 0) particles_.predict(std::max(1e-6, seconds(frame.at - last_at_)), motion_);
+    last_at_ = frame.at;
+    ++number_;
+
+    // "the PF compares the fake image of each particle with the real image ... and uses a gaussian function"
+    const std::vector<LedSighting> sightings = sightings_of(frame);
+    if (!frame.lit && to_gather_) {
+      gather(frame, sightings);
+      return estimate(frame, 1);
+    }
+    const double share = frame.lit ? gathering_share : narrowing_share;
+    const double enough = frame.lit ? enough_share : narrowing_share;
+    if (!sightings.empty()) widening_ = weigh(sightings, share, enough);
+    for (int k = 1; !frame.lit && !sightings.empty() && widening_ > 1 && k < narrowing_steps; ++k) {
+      particles_.resample(narrowing_jitter);
+      widening_ = weigh(sightings, share, enough);
+    }
+    pose_ = particles_.moments();
+    const double ess = particles_.effective_sample_size();
+    judge(frame, sightings);
+
+    // "Finally, the resampling step is executed."
+    if (!sightings.empty())
+      particles_.resample(!frame.lit ? narrowing_jitter : widening_ > 1 ? gathering_jitter : gathered_jitter);
+    return estimate(frame, ess);
+  }
+
+  CameraTrackerView view() const override {
+    CameraTrackerView view;
+    for (const Vector3d& led : options_.start.leds) {
+      LedJacobian j;
+      const auto px = led_pixel(camera_.model, pose_.mean, led, 0, &j);
+      if (!px || !camera_.contains(RawPixel{*px})) continue;
+      CameraTrackerView::Feature f;
+      f.px = px->cast<float>();
+      f.found_px = Eigen::Vector2f::Constant(std::numeric_limits<float>::quiet_NaN());
+      for (const auto& [at, px_seen] : found_)
+        if (options_.start.leds[static_cast<std::size_t>(at)] == led) f.found_px = px_seen.cast<float>();
+      f.search = (j * pose_.covariance * j.transpose()).cast<float>();
+      f.position = led;
+      f.covariance.setZero();
+      f.given = true;
+      view.features.push_back(f);
+    }
+    const auto states = particles_.states();
+    for (std::size_t i = 0; i < states.size(); i += std::max<std::size_t>(1, states.size() / 300))
+      view.particles.push_back(states[i].world_from_camera);
+    return view;
+  }
+
+ private:
+  void scatter() { particles_.scatter(options_.start.room_min, options_.start.room_max, options_.start_velocity); }
+
+  double miss_px() const { return std::hypot(camera_.image_size.width, camera_.image_size.height); }
+  double weigh(const std::vector<LedSighting>& sightings, double least_share, double enough) {
+    return particles_.weigh(camera_.model, options_.start.leds, sightings, least_share, enough, miss_px());
+  }
+
+  void gather(const LedFrame& frame, const std::vector<LedSighting>& sightings) {
+    evidence_.clear();
+    found_.clear();
+    gathered_ = 0;
+    if (sightings.size() < least_dots) return;
+    const double rms_px = particles_.anneal(camera_.model, options_.start.leds, sightings, options_.start.room_min,
+                                            options_.start.room_max, options_.start_velocity, miss_px());
+    pose_ = particles_.moments();
+    to_gather_ = rms_px > annealed_rms * sightings.front().sigma_px;
+    explained_at_ = frame.at;
+  }
+
+  std::vector<LedSighting> sightings_of(const LedFrame& frame) const {
+    std::vector<LedSighting> sightings;
+    if (!frame.lit) {
+      for (const Vector2d& px : frame.dots)
+        sightings.push_back({-1, px, 0, std::max(least_sigma_px, options_.pixel_noise_px)});
+    } else if (*frame.lit >= 0 && !frame.dots.empty()) {
+      sightings.push_back(
+          {*frame.lit, frame.dots.front(), 0, std::max(least_sigma_px, options_.pixel_noise_px)});  // the brightest
+    }
+    return sightings;
+  }
+
+  // The paper does not say when a pose is valid. Here: the cloud is small, and LEDs are where the pose has them.
+  void judge(const LedFrame& frame, const std::vector<LedSighting>& sightings) {
+    found_.clear();
+    const auto check = [&](int led) {
+      const auto px =
+          led_pixel(camera_.model, pose_.mean, options_.start.leds[static_cast<std::size_t>(led)], 0, nullptr);
+      if (!px || !camera_.contains(RawPixel{*px})) return;
+      bool near = false;
+      for (const LedSighting& s : sightings)
+        if ((s.led < 0 || s.led == led) && (s.px - *px).norm() < std::max(explained_px, 5 * options_.pixel_noise_px)) {
+          near = true;
+          found_.emplace_back(led, s.px);
+        }
+      evidence_.add(frame.at, led, near);
+    };
+    if (!frame.lit) {
+      for (std::size_t l = 0; l < options_.start.leds.size(); ++l) check(static_cast<int>(l));
+    } else if (*frame.lit >= 0) {
+      check(*frame.lit);
+    }
+    evidence_.forget(frame.at - evidence_length);
+    const Vector2d sigma = largest_sigmas(pose_.covariance);
+    small_ = sigma.x() < tracking_sigma_m && sigma.y() < tracking_sigma_rad;
+    const bool explained = evidence_.distinct() >= 4 && 4 * evidence_.matched() > 3 * evidence_.in_view();
+    // For some frames: a cloud that is just coming together may pass by.
+    gathered_ = widening_ < narrow ? gathered_ + static_cast<int>(!sightings.empty()) : 0;
+    if (explained) explained_at_ = frame.at;
+    if (small_ && explained && gathered_ >= gathered_frames) {
+      state_ = CameraState::tracking;
+    } else if (state_ == CameraState::tracking || state_ == CameraState::coasting) {
+      // Of dots that are not identified, one lies near some LED by chance.
+      const Timestamp supported = frame.lit ? evidence_.last_match().value_or(Timestamp{}) : explained_at_;
+      state_ = small_ && frame.at - supported < evidence_length ? CameraState::coasting : CameraState::lost;
+    }
+    if (!frame.lit && sightings.size() >= least_dots && frame.at - explained_at_ > evidence_length) to_gather_ = true;
+    // A small cloud that no LED supports holds on to nothing: from the whole room again.
+    if (small_ && evidence_.in_view() >= 12 && evidence_.matched() == 0) {
+      evidence_.clear();
+      scatter();
+    }
+  }
+
+  CameraEstimate estimate(const LedFrame& frame, double ess) const {
+    CameraEstimate e;
+    e.at = frame.at;
+    e.frame_number = frame.number;
+    e.state = state_;
+    e.map_points = static_cast<int>(options_.start.leds.size());
+    e.particle_count = options_.particle_count;
+    e.effective_sample_size = ess;
+    if (!e.has_pose() && !options_.tell_unproven) return e;
+    e.world_from_camera = pose_.mean.world_from_camera;
+    e.covariance = pose_.covariance.topLeftCorner<6, 6>();
+    const auto [in_view, matched] = evidence_.leds();
+    e.features_in_view = in_view;
+    e.features_matched = matched;
+    e.confidence = e.features_in_view > 0 ? static_cast<double>(e.features_matched) / e.features_in_view : 0;
+    return e;
+  }
+
+  Camera camera_;
+  LedFilterOptions options_;
+  LedMotionNoise motion_;
+  LedParticles particles_;
+  LedGaussian pose_;
+  LedEvidence evidence_;
+  std::vector<std::pair<int, Vector2d>> found_;
+  CameraState state_ = CameraState::searching;
+  double widening_ = 1;
+  bool small_ = false, to_gather_ = true;  // to_gather_: of LEDs that are not identified
+  Timestamp explained_at_{};
+  int gathered_ = 0;  // frames in a row
+  std::uint64_t number_ = 0;
+  Timestamp last_at_{};
+};
+
+}  // namespace
+
+std::unique_ptr<LedFilter> LedFilter::paper(const Camera& camera, const LedFilterOptions& options) {
+  LedFilterOptions resolved = options;
+  if (resolved.particle_count == 0) resolved.particle_count = 5000;
+  return std::make_unique<PaperLedFilter>(camera, resolved);
+}
+
+}  // namespace huetrack

@@ -1,0 +1,60 @@
+// Where a camera may be that sees these LEDs, when nothing is known of its pose: particles uniform over the room.
+//
+// Beyond Herranz et al.: a particle here is a position only. The angles between the rays to two LEDs do not depend on
+// how the camera is turned, so a position can be weighed without its rotation; the rotation that fits best follows from
+// it in closed form (Wahba's problem). That leaves three dimensions of the paper's twelve to be filled with particles.
+// The best of them are polished by Gauss-Newton, with the velocities, over the sightings of the last fraction of a
+// second.
+#pragma once
+
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "calib/model/camera_rig.h"
+#include "camera_tracking/leds/led_motion.h"
+#include "particle_filter/random.h"
+
+namespace huetrack {
+
+struct LedSearchOptions {
+  std::vector<Eigen::Vector3d> leds;  // >= 4, not in one line
+  Eigen::Vector3d room_min{-3, -3, 0}, room_max{3, 3, 3};
+  int particle_count = 5000;  // >= 1
+  LedStartVelocity start_velocity = {};
+  LedMotionNoise motion = {};
+};
+
+// thread-compatible.
+class LedSearch {
+ public:
+  LedSearch(const Camera& camera, LedSearchOptions options, Rng rng);
+
+  // nullopt: too few LEDs or sightings, nothing fits, or more than one pose does.
+  //   sightings   identified ones of the last fraction of a second, in time order; dt_s from now, the state's time
+  std::optional<LedGaussian> find(std::span<const LedSighting> sightings);
+
+  // The same for bright dots of one frame, of which it is not known which LEDs they are (led is not read). At least 5:
+  // four have too many ways to be four LEDs.
+  std::optional<LedGaussian> find_unidentified(std::span<const LedSighting> sightings);
+
+  double noise_scale() const { return noise_scale_; }  // of the sightings' sigma, by which the last call's pose fits
+  bool is_ambiguous() const { return is_ambiguous_; }  // of the last call: more than one pose fits
+  std::span<const Rigid3d> candidates() const { return candidates_; }  // of the last call, best first
+
+ private:
+  void scatter();
+  std::optional<LedGaussian> polish(std::span<const Rigid3d> starts, std::span<const LedSighting> coarse,
+                                    std::span<const LedSighting> fine, double reference_dt_s);
+
+  Camera camera_;
+  LedSearchOptions options_;
+  Rng rng_;
+  std::vector<Eigen::Vector3d> positions_;
+  std::vector<Rigid3d> candidates_;
+  double noise_scale_ = 1;
+  bool is_ambiguous_ = false;
+  std::vector<float> noise_;
+};
+
+}  // namespace huetrack

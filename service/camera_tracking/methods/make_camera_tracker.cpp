@@ -1,0 +1,28 @@
+#include "camera_tracking/methods/make_camera_tracker.h"
+
+#include <stdexcept>
+
+#include "camera_tracking/keyframes/keyframe_tracker.h"
+#include "camera_tracking/leds/led_tracker.h"
+#include "camera_tracking/papers/lee_tracker.h"
+#include "camera_tracking/papers/pupilli_tracker.h"
+
+namespace huetrack {
+
+std::unique_ptr<CameraTracker> make_camera_tracker(const Camera& camera, const CameraTrackerOptions& options) {
+  std::string all;
+  for (const auto& problems : {camera.problems(), options.problems()}) {
+    for (const std::string& p : problems) all += (all.empty() ? "" : "; ") + p;
+  }
+  if (!all.empty()) throw std::invalid_argument("camera tracker: " + all);
+  if (std::holds_alternative<LedStart>(options.start)) return make_led_tracker(camera, options);
+  switch (options.method) {
+    case CameraMethod::huetrack: return make_keyframe_tracker(camera, options);
+    case CameraMethod::pupilli: return make_pupilli_tracker(camera, options);
+    case CameraMethod::lee: return make_lee_tracker(camera, options);
+    case CameraMethod::herranz: break;
+  }
+  throw std::invalid_argument("camera tracker: the method " + std::string(name(options.method)) + " needs LEDs to start from");
+}
+
+}  // namespace huetrack

@@ -1,0 +1,71 @@
+#include "camera_tracking/papers/depth_ray.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace huetrack {
+
+DepthRay::DepthRay(const Eigen::Vector3d& origin, const Eigen::Vector3d& direction, double near_m, double far_m,
+                   int bins)
+    : origin_(origin),
+      direction_(direction.normalized()),
+      least_(1 / far_m),
+      step_((1 / near_m - 1 / far_m) / bins),
+      weight_(static_cast<std::size_t>(bins), 1.0 / bins),
+      gained_(static_cast<std::size_t>(bins), 0.0) {}
+
+void DepthRay::begin() {
+  std::ranges::fill(gained_, 0.0);
+}
+
+void DepthRay::add(const Eigen::Vector3d& origin, const Eigen::Vector3d& direction, double weight, double sigma_rad) {
+  const Eigen::Vector3d between = origin_ - origin;
+  const double c = direction_.dot(direction), s2 = 1 - c * c;
+  if (s2 < 2e-5) return;  // 0.25 degrees: parallel
+  const double d0 = direction_.dot(between), d1 = direction.dot(between);
+  const double depth = (c * d1 - d0) / s2, other = (d1 - c * d0) / s2;
+  if (!(depth > 0) || !(other > 0)) return;
+  const double p = (between + depth * direction_ - other * direction).norm(), sigma = sigma_rad * other;
+  const double w = weight * std::exp(-0.5 * p * p / (sigma * sigma));
+  const double at = (1 / depth - least_) / step_ - 0.5;
+  // A pixel's error along the ray, in bins, which is what one ray can tell at most.
+  const double error = sigma_rad / std::sqrt(s2) * other / (depth * depth);
+  const double blur = std::max(1.0, error / step_);
+  if (p < 2 * sigma) finest_ = std::min(finest_, error);
+  const int reach = static_cast<int>(std::min(2 * blur, 30.0));
+  const int middle = static_cast<int>(std::lround(at));
+  for (int i = middle - reach; i <= middle + reach; ++i) {
+    if (i < 0 || i >= static_cast<int>(gained_.size())) continue;
+    const double d = (i - at) / blur;
+    gained_[static_cast<std::size_t>(i)] += w * std::exp(-0.5 * d * d) / blur;
+  }
+}
+
+bool DepthRay::end() {
+  const double most = *std::ranges::max_element(gained_);
+  if (!(most > 1e-12)) return false;
+  double sum = 0;
+  for (std::size_t i = 0; i < weight_.size(); ++i) sum += weight_[i] *= 0.1 + gained_[i] / most;
+  for (double& w : weight_) w /= sum;
+  ++frames_;
+  return true;
+}
+
+std::optional<DepthRay::Estimate> DepthRay::converged() const {
+  if (frames_ < 4) return std::nullopt;
+  const auto mode = static_cast<std::size_t>(std::ranges::max_element(weight_) - weight_.begin());
+  constexpr double finest_share = 0.03;
+  if (finest_ > finest_share * inverse_depth(mode)) return std::nullopt;
+  const double reach = std::max(0.1 * inverse_depth(mode), 3 * step_);
+  double mass = 0, mean = 0, square = 0;
+  for (std::size_t i = 0; i < weight_.size(); ++i) {
+    const double d = inverse_depth(i) - inverse_depth(mode);
+    if (std::abs(d) > reach) continue;
+    mass += weight_[i], mean += weight_[i] * d, square += weight_[i] * d * d;
+  }
+  if (mass < 0.9 || mode == 0 || mode + 1 == weight_.size()) return std::nullopt;
+  mean /= mass, square /= mass;
+  return Estimate{inverse_depth(mode) + mean, std::sqrt(std::max(square - mean * mean, step_ * step_ / 12))};
+}
+
+}  // namespace huetrack

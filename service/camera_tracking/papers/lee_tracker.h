@@ -1,0 +1,145 @@
+// CameraMethod::lee: S.-H. Lee, Real-time camera tracking using a particle filter combined with unscented Kalman
+// filters, 2014. The paper's two parallel tasks are two classes, which share nothing but what is handed over.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "calib/model/batch_projector.h"
+#include "camera_tracking/camera_starter.h"
+#include "camera_tracking/camera_tracker.h"
+#include "camera_tracking/papers/depth_ray.h"
+#include "camera_tracking/papers/feature_template.h"
+#include "camera_tracking/pose_solver.h"
+#include "camera_tracking/scene_map.h"
+#include "camera_tracking/papers/unscented_kalman.h"
+
+namespace huetrack {
+
+// A feature as the tracking task sees it.
+struct LeeFeature {
+  int id = 0;
+  Eigen::Vector3d position = Eigen::Vector3d::Zero();  // world
+  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
+  double depth = 1;  // along the reference ray
+  FeatureSource source;
+  bool given = false;
+};
+
+// What tracking hands over of a frame.
+struct LeeFrame {
+  std::uint64_t number = 0;
+  std::shared_ptr<const Pyramid> pyramid;
+  bool tracked = false;
+  Rigid3d cam_from_world;           // the particles' mean, polished
+  std::optional<PoseFit> polished;  // of which this is the fit
+  Eigen::Matrix<double, 7, 7> state_covariance = Eigen::Matrix<double, 7, 7>::Zero();
+  std::vector<Rigid3d> sampled;  // particles drawn by their weights: cam_from_world
+  struct Match {
+    int id = 0;
+    Eigen::Vector2d projected, found;  // raw px
+    Eigen::Matrix2d cloud;             // Cov[P(x) z] of eq. (9), of the weighted particles
+  };
+  std::vector<Match> matches;
+  std::vector<int> missed;  // ids: in view, not found
+};
+
+// First task: Algorithm 1.  thread-compatible.
+class LeeTracking {
+ public:
+  struct Options {
+    std::size_t particle_count = 350;
+    double rotation_rad = 0.008;  // Omega_c: std. dev. per axis and frame
+    double position_m = 0.005;    // V_c
+    // C of eq. (4) is so much of the cloud's covariance. The paper says all of it (1); less is half the error with the
+    // same particles (tests/benchmark/camera_particles).
+    double cloud_share = 0.3;
+    bool polish = true;         // the mean (the paper: not)
+    float threshold = 0.8f;     // of NCC
+    std::size_t sampled = 40;   // particles that are handed over
+    double wider_unseen = 1.5;  // the walk after a frame that did not support the pose: the paper's
+                                // particles disperse by the walk alone, which takes longer
+  };
+  LeeTracking(const Camera& camera, const Options& options, std::uint64_t seed);
+  void start(const Rigid3d& cam_from_world);
+  LeeFrame track(std::uint64_t number, const std::shared_ptr<const Pyramid>& pyramid,
+                 const std::vector<LeeFeature>& features);
+  // Algorithm 1 without step 3: the measurements are given (NaN: none). For simulations.
+  Rigid3d track_points(const std::vector<Eigen::Vector3d>& points, const std::vector<Eigen::Vector2d>& px);
+  CloudMoments cloud_of(const Eigen::Vector3d& p_world);  // of the weighted particles' projections
+  const PoseParticles& particles() const { return particles_; }
+  int in_view() const { return in_view_; }
+
+ private:
+  struct Cloud {  // M of Algorithm 1, of one feature
+    std::vector<float> u, v;
+    CloudMoments moments;
+  };
+  void weigh(const Cloud& cloud, const Eigen::Vector2d& y);
+
+  Camera camera_;
+  Options options_;
+  BatchProjector lens_;
+  Rng rng_;
+  PoseParticles particles_;
+  int in_view_ = 0;
+  bool supported_ = true;  // the last frame supported the pose
+  std::vector<float> log_weight_;
+  std::vector<Cloud> clouds_;
+  WarpedPatch patch_;
+  std::vector<float> field_;
+};
+
+// Second task: new features, their depths, one UKF each, and the removal of wrong ones.  thread-compatible.
+class LeeMapping {
+ public:
+  struct Options {
+    std::size_t wanted_in_view = 60;  // features, known and on their way
+    std::size_t new_per_frame = 4;    // boxes that are tried
+    int box_px = 20;
+    double pixel_sigma = 0.7;  // of R_p, eq. (9)
+  };
+  LeeMapping(const Camera& camera, const Options& options, std::uint64_t seed);
+  void start(const LeeFrame& first, const Started& started);
+  void start(const StoredMap& stored);
+  void add(const LeeFeature& feature, double inverse_depth_sigma, const Eigen::Matrix<double, 7, 7>& camera_covariance);
+  void map(const LeeFrame& frame);
+  const std::vector<LeeFeature>& features() const { return features_; }  // with increasing ids
+  StoredMap stored() const;
+
+ private:
+  struct Estimator {                      // of features_[same index]
+    std::optional<FeatureFilter> filter;  // none: given
+    int found = 0, missed = 0, rejected = 0, age = 0;
+  };
+  struct Candidate {  // its depth is not known yet
+    FeatureSource source;
+    Eigen::Matrix<double, 7, 7> camera_covariance;
+    Eigen::Matrix2d px_covariance;
+    DepthRay ray;
+    NccTemplate templ;
+    int attempts = 0, missed = 0;
+  };
+  void update_features(const LeeFrame& frame);
+  void update_candidates(const LeeFrame& frame);
+  void detect(const LeeFrame& frame);
+
+  Camera camera_;
+  Options options_;
+  Rng rng_;
+  int next_id_ = 0;
+  double depth_m_ = 1;  // of the scene, about
+  std::vector<LeeFeature> features_;
+  std::vector<Estimator> estimators_;
+  std::vector<Candidate> candidates_;
+  std::vector<float> field_;
+};
+
+SceneMap scene_of(const std::vector<LeeFeature>& features);
+
+// options: checked. throws std::runtime_error naming the map file.
+std::unique_ptr<CameraTracker> make_lee_tracker(const Camera& camera, const CameraTrackerOptions& options);
+
+}  // namespace huetrack

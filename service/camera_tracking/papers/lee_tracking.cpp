@@ -1,0 +1,159 @@
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+
+#include "camera_tracking/papers/lee_tracker.h"
+#include "camera_tracking/papers/mean_polish.h"
+#include "particle_filter/resample.h"
+#include "particle_filter/vector_clones.h"
+
+namespace huetrack {
+namespace {
+
+// One feature's term of eq. (4)'s exponent, for all particles: -(m - y)^T C^-1 (m - y) / 2.
+HUETRACK_CLONES void add_log_likelihood(const float* __restrict u, const float* __restrict v, std::size_t n, float yu,
+                                        float yv, float a, float b, float c, float* __restrict out) {
+  for (std::size_t i = 0; i < n; ++i) {
+    // A projection without a pixel is as far as any can be.
+    const float du = std::max(-1e4f, u[i] - yu), dv = std::max(-1e4f, v[i] - yv);
+    out[i] -= 0.5f * (a * du * du + 2 * b * du * dv + c * dv * dv);
+  }
+}
+
+Camera without_pose(Camera camera) {
+  camera.cam_from_world = {};
+  return camera;
+}
+
+}  // namespace
+
+LeeTracking::LeeTracking(const Camera& camera, const Options& options, std::uint64_t seed)
+    : camera_(camera), options_(options), lens_(without_pose(camera)), rng_(seed, 11) {}
+
+void LeeTracking::start(const Rigid3d& cam_from_world) {
+  particles_.reset(options_.particle_count, cam_from_world);
+  supported_ = true;
+}
+
+// Eq. (4): the cloud's covariance is that of the particles before they are weighed.
+void LeeTracking::weigh(const Cloud& cloud, const Eigen::Vector2d& px) {
+  const Eigen::Matrix2d c =
+      (options_.cloud_share * cloud.moments.covariance + 0.25 * Eigen::Matrix2d::Identity()).inverse();
+  const Eigen::Vector2f y = px.cast<float>();
+  add_log_likelihood(cloud.u.data(), cloud.v.data(), cloud.u.size(), y.x(), y.y(), static_cast<float>(c(0, 0)),
+                     static_cast<float>(c(0, 1)), static_cast<float>(c(1, 1)), log_weight_.data());
+}
+
+CloudMoments LeeTracking::cloud_of(const Eigen::Vector3d& p_world) {
+  if (clouds_.empty()) clouds_.emplace_back();
+  Cloud& cloud = clouds_.front();
+  cloud.u.resize(particles_.size()), cloud.v.resize(particles_.size());
+  particles_.project(lens_, p_world, cloud.u, cloud.v);
+  return cloud_moments(cloud.u, cloud.v, particles_.weight);
+}
+
+Rigid3d LeeTracking::track_points(const std::vector<Eigen::Vector3d>& points, const std::vector<Eigen::Vector2d>& px) {
+  particles_.resample(rng_, options_.particle_count);
+  particles_.walk_normal(static_cast<float>(options_.rotation_rad), static_cast<float>(options_.position_m), rng_);
+  log_weight_.assign(particles_.size(), 0.0f);
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    if (!px[i].allFinite()) continue;
+    const CloudMoments moments = cloud_of(points[i]);
+    clouds_.front().moments = moments;
+    weigh(clouds_.front(), px[i]);
+  }
+  normalize_log_weights(log_weight_, particles_.weight);
+  return particles_.mean();
+}
+
+LeeFrame LeeTracking::track(std::uint64_t number, const std::shared_ptr<const Pyramid>& pyramid,
+                            const std::vector<LeeFeature>& features) {
+  LeeFrame out;
+  out.number = number, out.pyramid = pyramid;
+  const GreyImage& image = pyramid->levels.front();
+  // Step 1: resample.
+  particles_.resample(rng_, options_.particle_count);
+  // Step 2: the motion model, eq. (3), and the features' projections.
+  const double wider = supported_ ? 1 : options_.wider_unseen;
+  particles_.walk_normal(static_cast<float>(wider * options_.rotation_rad),
+                         static_cast<float>(wider * options_.position_m), rng_);
+  const std::size_t n = particles_.size();
+  const Rigid3d predicted = particles_.mean();
+  struct Visible {
+    std::size_t feature, cloud;
+  };
+  std::vector<Visible> visible;
+  for (std::size_t i = 0; i < features.size(); ++i) {
+    const auto px = camera_.model.project(predicted * features[i].position);
+    if (!px || !camera_.contains(*px)) continue;
+    const std::size_t k = visible.size();
+    if (clouds_.size() <= k) clouds_.emplace_back();
+    Cloud& cloud = clouds_[k];
+    cloud.u.resize(n), cloud.v.resize(n);
+    particles_.project(lens_, features[i].position, cloud.u, cloud.v);
+    cloud.moments = cloud_moments(cloud.u, cloud.v, particles_.weight);
+    if (cloud.moments.weight_sum < 0.5) continue;
+    visible.push_back({i, k});
+  }
+  in_view_ = static_cast<int>(visible.size());
+  // Step 3: NCC in the search regions, with the predicted templates (section 3.5).
+  std::vector<Visible> seen;
+  const double most = supported_ ? 28 : 56;
+  for (const Visible& x : visible) {
+    const LeeFeature& f = features[x.feature];
+    const CloudMoments& m = clouds_[x.cloud].moments;
+    if (!predict_template(camera_.model, f.source, f.depth, predicted, patch_)) continue;
+    const double half_u = std::clamp(3 * std::sqrt(m.covariance(0, 0)), 4.0, most),
+                 half_v = std::clamp(3 * std::sqrt(m.covariance(1, 1)), 4.0, most);
+    const PixelRegion region = clip(box_around(m.mean, half_u, half_v), image, feature_side);
+    ncc_field(image, patch_.inner, region, field_);
+    const NccPeak peak = best_of(field_, region);
+    if (peak.rho < options_.threshold) {
+      out.missed.push_back(f.id);
+      continue;
+    }
+    out.matches.push_back({f.id, m.mean, refined(peak, field_, region), m.covariance});
+    seen.push_back(x);
+  }
+  // Step 4: eq. (4). Without a measurement all particles weigh the same, and the cloud disperses.
+  log_weight_.assign(n, 0.0f);
+  for (std::size_t i = 0; i < seen.size(); ++i) {
+    weigh(clouds_[seen[i].cloud], out.matches[i].found);
+  }
+  // Step 5.
+  normalize_log_weights(log_weight_, particles_.weight);
+  out.cam_from_world = particles_.mean();
+  // Whether the weighted cloud and the measurements agree, and it is a cloud still: eq. (9)'s covariance is that of it.
+  const std::size_t total = seen.size() + out.missed.size();
+  std::size_t agree = 0, narrow = 0;
+  for (std::size_t i = 0; i < seen.size(); ++i) {
+    const Cloud& cloud = clouds_[seen[i].cloud];
+    const CloudMoments m = cloud_moments(cloud.u, cloud.v, particles_.weight);
+    out.matches[i].projected = m.mean, out.matches[i].cloud = m.covariance;
+    const Eigen::Vector2d off = out.matches[i].found - m.mean;
+    agree += off.dot((m.covariance + Eigen::Matrix2d::Identity()).inverse() * off) < 12;
+    narrow += m.covariance.trace() < 2 * 8 * 8;
+  }
+  out.tracked = agree >= 4 && 5 * agree >= 2 * total && 2 * narrow > seen.size();
+  // What does not support the pose weighs nothing, or chance matches would hold the cloud together at a wrong place.
+  if (seen.size() < 4 || 5 * seen.size() < 2 * total) particles_.weight.assign(n, 1.0f / static_cast<float>(n));
+  supported_ = out.tracked;
+  if (!out.tracked) return out;
+  if (options_.polish) {
+    std::vector<PoseObservation> found;
+    for (std::size_t i = 0; i < seen.size(); ++i) {
+      const LeeFeature& f = features[seen[i].feature];
+      found.push_back({f.position, out.matches[i].found,
+                       sigma_px_of(camera_.model, 0.5, std::sqrt(f.covariance.trace() / 3), f.depth)});
+    }
+    out.polished = polish_mean(camera_.model, particles_, out.cam_from_world, found);
+    if (out.polished) out.cam_from_world = out.polished->cam_from_world;
+  }
+  out.state_covariance = state_covariance(particles_, out.cam_from_world);
+  std::vector<std::uint32_t> drawn(options_.sampled);
+  systematic_ancestors(particles_.weight, rng_.uniform(), drawn);
+  for (const std::uint32_t i : drawn) out.sampled.push_back(particles_.pose(i));
+  return out;
+}
+
+}  // namespace huetrack

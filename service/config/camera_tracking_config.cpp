@@ -1,0 +1,160 @@
+#include "config/camera_tracking_config.h"
+
+#include <algorithm>
+#include <cmath>
+#include <fstream>
+#include <memory>
+
+#include "calib/board/board_detector.h"
+#include "calib/board/board_yaml.h"
+#include "calib/yaml/yaml_reader.h"
+#include "calib/yaml/csv_table.h"
+#include "config/formatted.h"
+
+namespace huetrack {
+namespace {
+
+Eigen::Vector3d point_of(const std::vector<double>& row) {
+  return {row[0], row[1], row[2]};
+}
+
+// Y lies dense in grey and planar images; elsewhere it is copied out.
+struct Grey {
+  std::vector<std::uint8_t> copy;
+  GreyView view;
+};
+Grey grey_of(const Image& image) {
+  Grey grey;
+  if (image.format != PixelFormat::yuyv && image.format != PixelFormat::bgr) {
+    grey.view = {image.planes[0].data, image.width, image.height, image.planes[0].stride};
+    return grey;
+  }
+  grey.copy.reserve(std::size_t(image.width) * std::size_t(image.height));
+  for (int v = 0; v < image.height; ++v) {
+    for (int u = 0; u < image.width; ++u) {
+      if (image.format == PixelFormat::yuyv) {
+        grey.copy.push_back(yuv_at(image, u, v).y);
+      } else {
+        const Bgr p = bgr_at(image, u, v);
+        grey.copy.push_back(static_cast<std::uint8_t>((29 * p.b + 150 * p.g + 77 * p.r) >> 8));  // BT.601
+      }
+    }
+  }
+  grey.view = {grey.copy.data(), image.width, image.height, image.width};
+  return grey;
+}
+
+FoundStart board_start(const std::filesystem::path& file) {
+  const auto detector = std::make_shared<const BoardDetector>(read_board(file));
+  return {[detector](const Image& image) -> std::optional<PointsStart> {
+    const Grey grey = grey_of(image);
+    const BoardDetection found = detector->detect(grey.view);
+    if (!found.found()) return std::nullopt;
+    PointsStart start;
+    start.pixels = found.px;
+    // The board's z points away from the viewer, the world's z up: turned by half about x, the board lies on the
+    // ground.
+    for (const int id : found.ids) {
+      const Eigen::Vector3d p = detector->board().point(id);
+      start.points.emplace_back(p.x(), -p.y(), -p.z());
+    }
+    return start;
+  }};
+}
+
+}  // namespace
+
+int CameraTrackingConfig::starts() const {
+  return int(!rectangle.empty()) + int(!points.empty()) + int(!board.empty()) + int(!leds.empty());
+}
+
+NumberRows read_number_rows(const std::filesystem::path& file, const std::vector<CsvColumn>& columns,
+                            std::size_t required) {
+  std::vector<std::string> header;
+  {
+    std::ifstream stream(file);
+    std::string line, cell;
+    std::getline(stream, line);
+    if (line.ends_with('\r')) line.pop_back();
+    for (std::istringstream cells(line); std::getline(cells, cell, ',');) header.push_back(cell);
+  }
+  const auto has = [&](std::string_view name) { return std::ranges::find(header, name) != header.end(); };
+  std::vector<std::string_view> names;
+  for (const CsvColumn& column : columns)
+    names.emplace_back(has(column.name) || !has(column.other_name) ? column.name : column.other_name);
+  if (std::ranges::none_of(names.begin() + std::ptrdiff_t(required), names.end(), has)) names.resize(required);
+  CsvTable table(file, names);
+  NumberRows rows;
+  while (table.next()) {
+    std::vector<double>& row = rows.emplace_back();
+    for (std::size_t c = 0; c < names.size(); ++c) {
+      row.push_back(table.number(c));
+      if (!std::isfinite(row.back())) table.fail(std::string(names[c]) + " must be a finite number");
+    }
+  }
+  if (rows.empty()) throw ConfigError(file, 0, "has no rows");
+  return rows;
+}
+
+std::optional<StartRowProblem> start_row_problem(const NumberRows& rows, const Camera& camera) {
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    if (rows[i].size() == 5 && !camera.contains(RawPixel{{rows[i][3], rows[i][4]}}))
+      return StartRowProblem{
+          i, formatted("the pixel (%g, %g) is outside the image of %s, which is %dx%d", rows[i][3], rows[i][4],
+                       camera.name.c_str(), camera.image_size.width, camera.image_size.height)};
+    for (std::size_t j = 0; j < i; ++j)
+      if (point_of(rows[i]) == point_of(rows[j]))
+        return StartRowProblem{i, formatted("the point (%g, %g, %g) is there twice, in row %zu too", rows[i][0],
+                                            rows[i][1], rows[i][2], j + 1)};
+  }
+  return std::nullopt;
+}
+
+int line_of_row(const std::filesystem::path& file, std::size_t row) {
+  std::ifstream stream(file);
+  std::string text;
+  std::getline(stream, text);
+  int line = 1;
+  for (std::size_t rows = 0; rows <= row && std::getline(stream, text); ++line)
+    if (!text.empty() && text != "\r") ++rows;
+  return line;
+}
+
+CameraTrackerOptions tracker_options(const CameraTrackingConfig& config) {
+  CameraTrackerOptions options;
+  options.method = config.method;
+  options.particle_count = config.particle_count.value_or(0);
+  options.seed = config.seed;
+  options.load_map = config.load_map;
+  options.as_printed = config.as_printed;
+  if (!config.rectangle.empty()) {
+    RectangleStart start;
+    for (const auto& row : config.rectangle) {
+      start.corners.push_back(point_of(row));
+      if (row.size() == 5) start.pixels.emplace_back(row[3], row[4]);
+    }
+    options.start = start;
+  } else if (!config.points.empty()) {
+    PointsStart start;
+    for (const auto& row : config.points) {
+      start.points.push_back(point_of(row));
+      start.pixels.emplace_back(row[3], row[4]);
+    }
+    options.start = start;
+  } else if (!config.board.empty()) {
+    options.start = board_start(config.board);
+  } else if (config.leds.empty()) {  // nothing but the loaded map
+    options.start = FoundStart{[](const Image&) -> std::optional<PointsStart> { return std::nullopt; }};
+  } else {
+    LedStart start;
+    for (const auto& row : config.leds) start.leds.push_back(point_of(row));
+    for (const auto& row : config.led_schedule) start.schedule.push_back(static_cast<int>(row[0]));
+    start.slot_s = config.led_slot_s;
+    start.room_min = config.led_room_min;
+    start.room_max = config.led_room_max;
+    options.start = start;
+  }
+  return options;
+}
+
+}  // namespace huetrack

@@ -1,0 +1,839 @@
+#include "config/service_config.h"
+
+#include <algorithm>
+#include <array>
+#include <cctype>
+#include <charconv>
+#include <cmath>
+#include <concepts>
+#include <cstdint>
+#include <fstream>
+#include <span>
+#include <sstream>
+#include <stdexcept>
+#include <string_view>
+#include <utility>
+
+#include "calib/model/rig_yaml.h"
+#include "calib/yaml/yaml_reader.h"
+
+namespace huetrack {
+namespace {
+
+namespace fs = std::filesystem;
+
+template <typename T>
+using Words = std::span<const std::pair<std::string_view, T>>;
+
+constexpr std::pair<std::string_view, Observation> observation_words[] = {{"huetrack", Observation::huetrack},
+                                                                          {"paper", Observation::paper}};
+constexpr std::pair<std::string_view, LogLevel> log_level_words[] = {
+    {"debug", LogLevel::debug}, {"info", LogLevel::info}, {"warning", LogLevel::warning}, {"error", LogLevel::error}};
+constexpr std::pair<std::string_view, CaptureFormat> format_words[] = {{"yuyv", CaptureFormat::yuyv},
+                                                                       {"nv12", CaptureFormat::nv12},
+                                                                       {"mjpeg", CaptureFormat::mjpeg},
+                                                                       {"grey", CaptureFormat::grey}};
+constexpr std::pair<std::string_view, RawStorage> raw_storage_words[] = {{"uncompressed", RawStorage::uncompressed},
+                                                                         {"huffyuv", RawStorage::huffyuv}};
+constexpr std::pair<std::string_view, CameraMethod> camera_method_words[] = {{"huetrack", CameraMethod::huetrack},
+                                                                             {"pupilli", CameraMethod::pupilli},
+                                                                             {"lee", CameraMethod::lee},
+                                                                             {"herranz", CameraMethod::herranz}};
+constexpr Range share{.min = 0, .max = 1};
+constexpr Range degrees{.min = 0, .max = 360};
+constexpr Range at_least_one{.min = 1, .max = 1e6};
+
+enum class Need : std::uint8_t { optional, required };
+
+// ---------------------------------------------------------------------------------------------------------------------
+// The keys. ONE description serves reading and printing: `io` is a Reader, which fills the structs from a mapping, or a
+// Printer, which writes them out. A new option is one line here (and one in configs/huetrackd.yaml).
+
+template <typename Io, typename Color>
+void describe_color(Io& io, Color& color, Need need) {
+  io.interval("hue_deg", color.hue_min_deg, color.hue_max_deg, degrees, need,
+              "[from, to]; from > to goes through 0, as in [340, 20] for red");
+  io.interval("saturation", color.saturation_min, color.saturation_max, share, Need::optional, "[min, max], 0..1");
+  io.interval("intensity", color.intensity_min, color.intensity_max, share, Need::optional,
+              "[min, max], 0..1; darker and brighter pixels match nothing");
+}
+
+template <typename Io, typename Options>
+void describe_object_tracking(Io& io, Options& o) {
+  io.choice("observation", o.observation, Words<Observation>(observation_words),
+            "the filter: huetrack (ours), or paper (Barrera et al., eqs. (1)-(6), nothing else)");
+  io.group("volume", "where targets may be; world frame, metres", [&](auto& in) {
+    in.point("min", o.volume.min, "[x, y, z]");
+    in.point("max", o.volume.max, "[x, y, z]");
+  });
+  io.integer("particle_count", o.particle_count, at_least_one, "while tracking; time per frame set is linear in it");
+  io.integer("max_particle_count", o.max_particle_count, at_least_one, "while searching; >= particle_count");
+  io.integer("seed", o.seed, Range{.min = 0, .max = 9e15},
+             "same seed, same recording, same configuration: same track, byte for byte");
+  io.number("position_noise_m", o.position_noise_m, positive,
+            "paper only: sigma_m of the random walk, metres per frame set");
+  io.number("acceleration_m_s2", o.acceleration_m_s2, positive, "huetrack only: the hardest usual acceleration, m/s^2");
+  io.number("start_speed_m_s", o.start_speed_m_s, positive, "huetrack only: the highest usual speed, m/s");
+  io.number("pixel_noise_px", o.pixel_noise_px, positive,
+            "huetrack only: std. dev. of a colour region's centre in a view, pixels");
+  io.number("max_tracking_sigma_m", o.max_tracking_sigma_m, positive,
+            "huetrack only: less sure of the position than this is coasting, metres");
+  io.number("coast_s", o.coast_s, positive, "coasting for longer than this is lost, seconds");
+  io.number("max_coast_sigma_m", o.max_coast_sigma_m, positive, "less sure of the position than this is lost, metres");
+}
+
+template <typename Io, typename Tracking>
+void describe_camera_tracking(Io& io, Tracking& t) {
+  io.text_or("camera", "none", t.camera, "whose pose is tracked, named as in the rig; none");
+  io.choice("method", t.method, Words<CameraMethod>(camera_method_words),
+            "huetrack (ours), or pupilli, lee, herranz (as in their papers)");
+  io.integer_or("particle_count", "auto", t.particle_count, at_least_one, "auto: the method's own");
+  io.boolean("as_printed", t.as_printed, "pupilli and lee: the paper's filter without our additions");
+  io.integer("seed", t.seed, Range{.min = 0, .max = 9e15}, "same seed, recording and configuration: the same poses");
+  io.path_or("load_map", "none", t.load_map, "a map that was saved: the camera is found in it, and start may be left out");
+  io.folder_or("save_map", "none", t.save_map, "where the map is written at the end");
+  io.group("start", "what the first pose is known from: exactly one of rectangle, points, board, leds", [&](auto& in) {
+    const std::vector<CsvColumn> xyz{{"X", "x"}, {"Y", "y"}, {"Z", "z"}, {"u", "u_frame0"}, {"v", "v_frame0"}};
+    in.table_or("rectangle", t.rectangle, xyz, 3, 5, "4 corners: CSV file, or [[x, y, z], ...]; with u, v: where in frame 0");
+    in.table_or("points", t.points, xyz, 5, 5, "known points in frame 0: CSV file, or [[x, y, z, u, v], ...]");
+    in.path_or("board", "none", t.board, "a board file (calib/README.md): found by itself in the view");
+    in.table_or("leds", t.leds, {xyz[0], xyz[1], xyz[2]}, 3, 3, "LED positions: CSV file, or [[x, y, z], ...]");
+    in.table_or("led_schedule", t.led_schedule, {{"led", "led"}}, 1, 1,
+                "which LED is lit, per slot (-1: none): CSV file, or [[0], [1], ...]; none: not identified");
+    in.number("led_slot_s", t.led_slot_s, non_negative, "0: a slot is a frame; else its length by capture time, seconds");
+    in.point("led_room_min", t.led_room_min, "[x, y, z]: where the camera may be, metres");
+    in.point("led_room_max", t.led_room_max, "[x, y, z]");
+  });
+}
+
+template <typename Io, typename Camera>
+void describe_camera(Io& io, Camera& camera) {
+  io.device("device", camera.device, "/dev/v4l/by-path/... (a port), by-id/... (a camera), or an index (not stable)");
+  io.choice_or("format", "auto", camera.format, Words<CaptureFormat>(format_words),
+               "auto, yuyv, nv12, mjpeg or grey; auto: the first of these that reaches size and fps, else the fastest");
+  io.size_or("size", "rig", camera.size, "[width, height]; rig: as the rig was calibrated");
+  io.number_or("fps", "auto", camera.fps, Range{.min = 0, .max = 10000, .min_is_open = true},
+               "frames per second; auto: the driver's choice");
+  io.controls("controls", camera.controls, "by their V4L2 names; automatic ones are switched first");
+  io.number("latency_offset_s", camera.latency_offset_s, Range{.min = -1, .max = 1},
+            "subtracted from the driver's time stamps, seconds");
+  io.boolean("restore_controls", camera.restore_controls, "put the camera's own values back at the end");
+}
+
+template <typename Io, typename Dds>
+void describe_dds(Io& io, Dds& dds) {
+  io.boolean("enabled", dds.enabled, "publish at all");
+  io.integer_or("domain", "auto", dds.publisher.domain, Range{.min = 0, .max = 232},
+                "DDS domain; auto: ROS_DOMAIN_ID, else 0");
+  io.path_or("profile", "none", dds.publisher.profiles, "Fast DDS XML profiles that replace our transport and QoS");
+  io.strings("interfaces", dds.publisher.interfaces, "network interfaces to use (names or IPv4 addresses); empty: all");
+  io.boolean("ros2", dds.publisher.ros2, "also publish rt/huetrack/<target>/pose and rt/tf, which ROS 2 reads");
+  io.text("frame_id", dds.publisher.frame_id, "name of the world frame in the ROS 2 messages");
+}
+
+template <typename Io, typename Record>
+void describe_record(Io& io, Record& record) {
+  io.folder_or("folder", "none", record.folder,
+               "recordings become folders in it, named by their time; none: no recording");
+  io.boolean("always", record.always, "record everything that `run` sees");
+  io.choice("raw_storage", record.raw_storage, Words<RawStorage>(raw_storage_words),
+            "of cameras that do not compress: uncompressed or huffyuv (half the size, more time); both lossless");
+  io.integer("queue_frames", record.queue_frames, at_least_one, "per camera, may wait for the disk; then drops");
+  io.number("pre_roll_s", record.pre_roll_s, Range{.min = 0, .max = 3600},
+            "keep so much in memory, and save it on SIGUSR1; seconds, 0: none");
+  io.integer("pre_roll_mb", record.pre_roll_mb, at_least_one, "megabytes that the pre-roll may take, all cameras");
+  io.number("after_s", record.after_s, Range{.min = 0, .max = 3600}, "record so long after the pre-roll, seconds");
+  io.boolean("on_lost", record.on_lost, "save the pre-roll when a target is lost, too");
+}
+
+template <typename Io, typename Config>
+void describe(Io& io, Config& config) {
+  io.version(1);
+  io.path("rig", config.rig_file, "the calibrated cameras");
+  io.named("targets", config.targets, "what to track: name, size and colour of each", [&](auto& in, auto& target) {
+    in.number("radius_m", target.radius_m, positive, "of the ball, or of a ball of about the object's size, metres");
+    in.group("color", "HSI as in the paper", [&](auto& color) { describe_color(color, target.color, Need::required); });
+    in.named("camera_colors", target.camera_colors, "per-camera overrides of color", [&](auto& color, auto& range) {
+      if constexpr (!std::is_const_v<std::remove_reference_t<decltype(range)>>)
+        range = target.color;  // what is not given is the target's
+      describe_color(color, range, Need::optional);
+    });
+  });
+  io.boxes("ignore", config.ignored, "per camera, [u_min, v_min, u_max, v_max, ...]: rectangles in which nothing matches");
+  io.group("camera_tracking", "the pose of one moving camera",
+           [&](auto& in) { describe_camera_tracking(in, config.camera_tracking); });
+  io.named("cameras", config.cameras, "the live cameras, for `run`; names as in the rig",
+           [&](auto& in, auto& camera) { describe_camera(in, camera); });
+  io.integer_or("quorum", "all", config.quorum, Range{.min = 0, .max = 1000},
+                "how many cameras must deliver before the service says that it is ready");
+  io.group("object_tracking", "", [&](auto& in) { describe_object_tracking(in, config.object_tracking); });
+  io.group("frame_sets", "which frames belong together", [&](auto& in) {
+    in.number_or("tolerance_s", "auto", config.set_tolerance_s, positive,
+                 "first to last capture time in a set, seconds; auto: about half a frame period");
+  });
+  io.integer("threads", config.threads, Range{.min = 1, .max = 64},
+             "targets are tracked in parallel; the result does not depend on it");
+  io.group("dds", "", [&](auto& in) { describe_dds(in, config.dds); });
+  io.group("record", "what `run` records", [&](auto& in) { describe_record(in, config.record); });
+  io.group("metrics", "for Prometheus, while `run`", [&](auto& in) {
+    in.integer_or("port", "none", config.metrics.port, Range{.min = 1, .max = 65535},
+                  "GET /metrics; none: no endpoint");
+    in.text("address", config.metrics.address, "to listen on; 127.0.0.1: this host only");
+  });
+  io.group("preview", "small pictures for people who watch; made only while somebody subscribes", [&](auto& in) {
+    in.boolean("enabled", config.preview.enabled, "publish huetrack/preview at all");
+    in.number("rate_hz", config.preview.rate_hz, Range{.min = 0, .max = 120, .min_is_open = true},
+              "at most so many pictures per camera and second");
+    in.integer("width", config.preview.width, Range{.min = 16, .max = 4096}, "pixels; larger images are scaled down");
+    in.integer("quality", config.preview.quality, Range{.min = 1, .max = 100}, "of the JPEGs");
+    in.integer("particles", config.preview.particles, Range{.min = 0, .max = 10000}, "drawn per target, about");
+  });
+  io.group("control", "what may be asked of the running service over DDS", [&](auto& in) {
+    in.boolean("allow_teach", config.control.allow_teach, "teach colours: writes into this file");
+  });
+  io.choice("log_level", config.log_level, Words<LogLevel>(log_level_words), "debug, info, warning or error");
+}
+
+// The name that a mapping of named entries gives to an entry, and the rest of the entry.
+std::string& name_of(LiveCameraConfig& camera) {
+  return camera.name;
+}
+const std::string& name_of(const LiveCameraConfig& camera) {
+  return camera.name;
+}
+LiveCameraConfig& value_of(LiveCameraConfig& camera) {
+  return camera;
+}
+const LiveCameraConfig& value_of(const LiveCameraConfig& camera) {
+  return camera;
+}
+std::string& name_of(TargetOptions& target) {
+  return target.name;
+}
+const std::string& name_of(const TargetOptions& target) {
+  return target.name;
+}
+TargetOptions& value_of(TargetOptions& target) {
+  return target;
+}
+const TargetOptions& value_of(const TargetOptions& target) {
+  return target;
+}
+std::string& name_of(std::pair<std::string, HsiRange>& entry) {
+  return entry.first;
+}
+const std::string& name_of(const std::pair<std::string, HsiRange>& entry) {
+  return entry.first;
+}
+HsiRange& value_of(std::pair<std::string, HsiRange>& entry) {
+  return entry.second;
+}
+const HsiRange& value_of(const std::pair<std::string, HsiRange>& entry) {
+  return entry.second;
+}
+
+// ---------------------------------------------------------------------------------------------------------------------
+// One mapping of the file; what it lacks keeps its default, or is an error where it is required.
+class Reader {
+ public:
+  explicit Reader(YamlReader yaml) : yaml_(std::move(yaml)) {}
+
+  void version(int only) { yaml_.integer("version", Range{.min = double(only), .max = double(only)}); }
+  void number(std::string_view key, double& value, Range range, std::string_view) {
+    value = yaml_.number(key, range, value);
+  }
+  template <std::integral T>
+  void integer(std::string_view key, T& value, Range range, std::string_view) {
+    value = static_cast<T>(yaml_.integer(key, range, static_cast<std::int64_t>(value)));
+  }
+  void boolean(std::string_view key, bool& value, std::string_view) { value = yaml_.boolean(key, value); }
+  void text(std::string_view key, std::string& value, std::string_view) { value = yaml_.string(key, value); }
+  void text_or(std::string_view key, const std::string& none, std::string& value, std::string_view) {
+    const std::string given = yaml_.string(key, none);
+    value = given == none ? "" : given;
+  }
+  void table_or(std::string_view key, NumberRows& rows, const std::vector<CsvColumn>& columns, std::size_t min_columns,
+                std::size_t max_columns, std::string_view) {
+    if (!yaml_.has(key)) return;
+    if (yaml_.is_list(key)) {
+      rows = yaml_.table(key, min_columns, max_columns);
+      if (rows.front().size() != min_columns && rows.front().size() != max_columns)
+        yaml_.fail(key, "must have " + std::to_string(min_columns) + " or " + std::to_string(max_columns) + " numbers per row");
+      return;
+    }
+    const std::string given = yaml_.string(key);
+    if (given == "none") return;
+    if (!fs::is_regular_file(resolved(given))) yaml_.fail(key, "there is no file " + resolved(given).string());
+    rows = read_number_rows(resolved(given), columns, min_columns);
+  }
+  void strings(std::string_view key, std::vector<std::string>& value, std::string_view) {
+    if (yaml_.has(key)) value = yaml_.strings(key);
+  }
+  template <typename T>
+  void choice(std::string_view key, T& value, Words<T> words, std::string_view) {
+    if (!yaml_.has(key)) return;
+    std::vector<std::string_view> allowed;
+    for (const auto& [word, _] : words) allowed.push_back(word);
+    const std::string given = yaml_.choice(key, allowed);
+    value = std::ranges::find(words, given, [](const auto& w) { return w.first; })->second;
+  }
+  template <typename T>
+  void choice_or(std::string_view key, std::string_view none, std::optional<T>& value, Words<T> words,
+                 std::string_view) {
+    if (!yaml_.has(key)) return;
+    std::vector<std::string_view> allowed{none};
+    for (const auto& [word, _] : words) allowed.push_back(word);
+    const std::string given = yaml_.choice(key, allowed);
+    if (given != none) value = std::ranges::find(words, given, [](const auto& w) { return w.first; })->second;
+  }
+  void path(std::string_view key, fs::path& value, std::string_view) { value = resolved(yaml_.string(key)); }
+  // 0 is /dev/video0.
+  void device(std::string_view key, fs::path& value, std::string_view) {
+    const std::string given = yaml_.string(key);
+    const bool is_index = given.size() < 4 && std::ranges::all_of(given, [](char c) { return c >= '0' && c <= '9'; });
+    value = is_index ? fs::path("/dev/video" + given) : fs::path(given);
+    if (!value.is_absolute())
+      yaml_.fail(key, "must be a path below /dev or an index, got \"" + given +
+                           "\": ls -l /dev/v4l/by-path/ lists the cameras");
+  }
+  void size_or(std::string_view key, std::string_view word, std::optional<ImageSize>& value, std::string_view) {
+    if (!yaml_.has(key)) return;
+    if (!yaml_.is_list(key)) {
+      const std::string_view only[] = {word};
+      yaml_.choice(key, only);
+      return;
+    }
+    const auto sides = yaml_.numbers(key, 2, 2, Range{.min = 1, .max = 65535});
+    value = ImageSize{static_cast<int>(sides[0]), static_cast<int>(sides[1])};
+  }
+  void controls(std::string_view key, std::vector<ControlSetting>& settings, std::string_view) {
+    const auto map = yaml_.optional_map(key);
+    if (!map) return;
+    for (const auto& name : map->keys()) settings.push_back(control_setting(name, map->string(name)));
+  }
+  void path_or(std::string_view key, const std::string& none, fs::path& value, std::string_view) {
+    const std::string given = yaml_.string(key, none);
+    value = given == none ? fs::path() : resolved(given);
+    if (!value.empty() && !fs::is_regular_file(value)) yaml_.fail(key, "there is no file " + value.string());
+  }
+  void folder_or(std::string_view key, const std::string& none, fs::path& value, std::string_view) {
+    const std::string given = yaml_.string(key, none);
+    value = given == none ? fs::path() : resolved(given);
+  }
+  void number_or(std::string_view key, std::string_view word, std::optional<double>& value, Range range,
+                 std::string_view) {
+    if (!is_word(key, word)) value = yaml_.number(key, range);
+  }
+  void integer_or(std::string_view key, std::string_view word, std::optional<int>& value, Range range,
+                  std::string_view) {
+    if (!is_word(key, word)) value = static_cast<int>(yaml_.integer(key, range));
+  }
+  void point(std::string_view key, Eigen::Vector3d& value, std::string_view) {
+    if (yaml_.has(key)) value = Eigen::Vector3d(yaml_.numbers(key, 3, 3, any_number).data());
+  }
+  void interval(std::string_view key, double& min, double& max, Range range, Need need, std::string_view) {
+    if (need == Need::optional && !yaml_.has(key)) return;
+    const auto values = yaml_.numbers(key, 2, 2, range);
+    min = values[0];
+    max = values[1];
+  }
+  void boxes(std::string_view key, IgnoredRegions& regions, std::string_view) {
+    const auto cameras = yaml_.optional_map(key);
+    if (!cameras) return;
+    for (const std::string& camera : cameras->keys()) {
+      const auto numbers = cameras->numbers(camera, 4, 400, Range{.min = -1e6, .max = 1e6});
+      auto& boxes = regions.emplace_back(camera, std::vector<PixelBox>()).second;
+      if (numbers.size() % 4 != 0) cameras->fail(camera, "must be four numbers per rectangle: u_min, v_min, u_max, v_max");
+      for (std::size_t i = 0; i < numbers.size(); i += 4) {
+        const auto at = [&](std::size_t k) { return int(std::lround(numbers[i + k])); };
+        boxes.push_back({at(0), at(1), at(2), at(3)});
+        if (boxes.back().empty())
+          cameras->fail(camera, "rectangle " + std::to_string(i / 4 + 1) + " ends before it begins");
+      }
+    }
+    cameras->finish();
+  }
+  template <typename F>
+  void group(std::string_view key, std::string_view, F&& describe_group) {
+    Reader inner(yaml_.map_or_empty(key));  // even when it is absent: something in it may be required
+    describe_group(inner);
+    inner.finish();
+  }
+  template <typename T, typename F>
+  void named(std::string_view key, std::vector<T>& entries, std::string_view, F&& describe_entry) {
+    if (!yaml_.has(key)) return;
+    for (auto& [name, yaml] : yaml_.named_maps(key)) {
+      Reader inner(yaml);
+      T& entry = entries.emplace_back();
+      name_of(entry) = name;
+      describe_entry(inner, value_of(entry));
+      inner.finish();
+    }
+  }
+  void finish() const { yaml_.finish(); }
+
+ private:
+  fs::path resolved(const std::string& path) const {
+    return fs::absolute(yaml_.path().parent_path() / path).lexically_normal();
+  }
+  // Absent, or the word that stands for "not a number".
+  bool is_word(std::string_view key, std::string_view word) const {
+    if (!yaml_.has(key)) return true;
+    const std::string given = yaml_.string(key);
+    if (given == word) return true;
+    if (std::isalpha(static_cast<unsigned char>(given.front())) != 0) {
+      yaml_.fail(key, "must be a number or the word " + std::string(word) + ", got \"" + given + "\"");
+    }
+    return false;
+  }
+
+  YamlReader yaml_;
+};
+
+// ---------------------------------------------------------------------------------------------------------------------
+class Printer {
+ public:
+  explicit Printer(std::string& out, int depth = 0) : out_(out), depth_(depth) {}
+
+  void version(int only) { line("version", std::to_string(only), ""); }
+  void number(std::string_view key, double value, Range, std::string_view doc) { line(key, shortest(value), doc); }
+  template <std::integral T>
+  void integer(std::string_view key, T value, Range, std::string_view doc) {
+    line(key, std::to_string(value), doc);
+  }
+  void boolean(std::string_view key, bool value, std::string_view doc) { line(key, value ? "true" : "false", doc); }
+  void text(std::string_view key, const std::string& value, std::string_view doc) { line(key, quoted(value), doc); }
+  void text_or(std::string_view key, const std::string& none, const std::string& value, std::string_view doc) {
+    line(key, value.empty() ? none : quoted(value), doc);
+  }
+  void table_or(std::string_view key, const NumberRows& rows, const std::vector<CsvColumn>&, std::size_t, std::size_t,
+                std::string_view doc) {
+    std::vector<std::string> items;
+    for (const auto& row : rows) {
+      std::vector<std::string> numbers;
+      for (const double number : row) numbers.push_back(shortest(number));
+      items.push_back(list_of(numbers));
+    }
+    line(key, rows.empty() ? "none" : list_of(items), doc);
+  }
+  void strings(std::string_view key, const std::vector<std::string>& value, std::string_view doc) {
+    std::vector<std::string> items;
+    for (const auto& item : value) items.push_back(quoted(item));
+    line(key, list_of(items), doc);
+  }
+  template <typename T>
+  void choice(std::string_view key, T value, Words<T> words, std::string_view doc) {
+    line(key, std::string(std::ranges::find(words, value, [](const auto& w) { return w.second; })->first), doc);
+  }
+  template <typename T>
+  void choice_or(std::string_view key, std::string_view none, const std::optional<T>& value, Words<T> words,
+                 std::string_view doc) {
+    if (value) return choice(key, *value, words, doc);
+    line(key, std::string(none), doc);
+  }
+  void path(std::string_view key, const fs::path& value, std::string_view doc) {
+    line(key, quoted(value.string()), doc);
+  }
+  void device(std::string_view key, const fs::path& value, std::string_view doc) { path(key, value, doc); }
+  void size_or(std::string_view key, std::string_view word, const std::optional<ImageSize>& size,
+               std::string_view doc) {
+    line(key, size ? list_of({std::to_string(size->width), std::to_string(size->height)}) : std::string(word), doc);
+  }
+  void controls(std::string_view key, const std::vector<ControlSetting>& settings, std::string_view doc) {
+    line(key, settings.empty() ? "{}" : "", doc);
+    Printer inner(out_, depth_ + 1);
+    for (const auto& [name, value] : settings) {
+      const auto* number = std::get_if<std::int64_t>(&value);
+      inner.line(quoted_key(name), number ? std::to_string(*number) : quoted(std::get<std::string>(value)), "");
+    }
+  }
+  void path_or(std::string_view key, std::string_view none, const fs::path& value, std::string_view doc) {
+    line(key, value.empty() ? std::string(none) : quoted(value.string()), doc);
+  }
+  void folder_or(std::string_view key, std::string_view none, const fs::path& value, std::string_view doc) {
+    path_or(key, none, value, doc);
+  }
+  void number_or(std::string_view key, std::string_view word, std::optional<double> value, Range,
+                 std::string_view doc) {
+    line(key, value ? shortest(*value) : std::string(word), doc);
+  }
+  void integer_or(std::string_view key, std::string_view word, std::optional<int> value, Range, std::string_view doc) {
+    line(key, value ? std::to_string(*value) : std::string(word), doc);
+  }
+  void point(std::string_view key, const Eigen::Vector3d& p, std::string_view doc) {
+    line(key, list_of({shortest(p.x()), shortest(p.y()), shortest(p.z())}), doc);
+  }
+  void interval(std::string_view key, double min, double max, Range, Need, std::string_view doc) {
+    line(key, list_of({shortest(min), shortest(max)}), doc);
+  }
+  void boxes(std::string_view key, const IgnoredRegions& regions, std::string_view doc) {
+    line(key, regions.empty() ? "{}" : "", doc);
+    for (const auto& [camera, boxes] : regions) {
+      std::vector<std::string> numbers;
+      for (const PixelBox& box : boxes)
+        for (const int value : {box.u_min, box.v_min, box.u_max, box.v_max}) numbers.push_back(std::to_string(value));
+      Printer(out_, depth_ + 1).line(quoted_key(camera), list_of(numbers), "");
+    }
+  }
+  template <typename F>
+  void group(std::string_view key, std::string_view doc, F&& describe_group) {
+    line(key, "", doc);
+    Printer inner(out_, depth_ + 1);
+    describe_group(inner);
+  }
+  template <typename T, typename F>
+  void named(std::string_view key, const std::vector<T>& entries, std::string_view doc, F&& describe_entry) {
+    line(key, entries.empty() ? "{}" : "", doc);
+    for (const T& entry : entries) {
+      Printer inner(out_, depth_ + 1);
+      inner.line(quoted_key(name_of(entry)), "", "");
+      Printer fields(out_, depth_ + 2);
+      describe_entry(fields, value_of(entry));
+    }
+  }
+
+ private:
+  void line(std::string_view key, const std::string& value, std::string_view doc) {
+    constexpr std::size_t comment_column = 44;
+    std::string text(std::size_t(depth_) * 2, ' ');
+    text += key;
+    text += ":";
+    if (!value.empty()) text += " " + value;
+    if (!doc.empty()) {
+      text.resize(std::max(text.size() + 2, comment_column), ' ');
+      text += "# ";
+      text += doc;
+    }
+    out_ += text + "\n";
+  }
+  static std::string list_of(const std::vector<std::string>& items) {
+    std::string list = "[";
+    for (const auto& item : items) {
+      if (list.size() > 1) list += ", ";
+      list += item;
+    }
+    list += "]";
+    return list;
+  }
+  static std::string shortest(double value) {
+    std::array<char, 32> buffer{};
+    const auto end = std::to_chars(buffer.data(), buffer.data() + buffer.size(), value).ptr;
+    return {buffer.data(), end};
+  }
+  static std::string quoted(const std::string& text) {
+    std::string out = "\"";
+    for (const char c : text) {
+      if (c == '"' || c == '\\') out += '\\';
+      out += c;
+    }
+    out += '"';
+    return out;
+  }
+  static std::string quoted_key(const std::string& name) {
+    const bool plain = !name.empty() && std::isalpha(static_cast<unsigned char>(name.front())) != 0 &&
+                       std::ranges::all_of(name, [](unsigned char c) { return std::isalnum(c) != 0 || c == '_'; });
+    constexpr std::string_view words[] = {"true", "false", "null", "yes", "no", "on", "off", "y", "n"};
+    return plain && std::ranges::find(words, name) == std::end(words) ? name : quoted(name);
+  }
+
+  std::string& out_;
+  int depth_;
+};
+
+// ---------------------------------------------------------------------------------------------------------------------
+void check_camera_tracking(const ServiceConfig& config, const YamlReader& yaml) {
+  const CameraTrackingConfig& tracking = config.camera_tracking;
+  if (tracking.camera.empty()) {
+    if (tracking.starts() > 0) yaml.fail("camera", "is not given: name the camera of the rig that moves");
+    return;
+  }
+  if (!config.rig.index_of(tracking.camera)) {
+    std::vector<std::string> names;
+    std::string list;
+    for (const auto& camera : config.rig.cameras) {
+      list += (names.empty() ? "" : ", ") + camera.name;
+      names.push_back(camera.name);
+    }
+    const auto nearest = nearest_word(tracking.camera, names);
+    yaml.fail("camera", tracking.camera + " is not a camera of the rig, which has " + list +
+                            (nearest ? " (did you mean " + *nearest + "?)" : ""));
+  }
+  if (tracking.starts() != 1 && (tracking.starts() > 1 || tracking.load_map.empty()))
+    yaml.fail("start", "exactly one of rectangle, points, board and leds must be given (with load_map none is needed), "
+                       "and there are " +
+                           std::to_string(tracking.starts()));
+  const Camera& camera = config.rig.cameras[std::size_t(*config.rig.index_of(tracking.camera))];
+  for (const auto& [key, rows] : {std::pair{"rectangle", &tracking.rectangle}, {"points", &tracking.points}}) {
+    const auto problem = start_row_problem(*rows, camera);
+    if (!problem) continue;
+    const YamlReader start = yaml.map("start");
+    const std::string message = "row " + std::to_string(problem->row + 1) + ": " + problem->message;
+    if (start.is_list(key)) start.fail(key, message);
+    const fs::path file = fs::absolute(start.path().parent_path() / start.string(key)).lexically_normal();
+    throw ConfigError(file, line_of_row(file, problem->row), message);
+  }
+  for (const auto& row : tracking.led_schedule)
+    if (row[0] != std::floor(row[0])) yaml.map("start").fail("led_schedule", "must hold whole numbers of LEDs, from 0");
+  if (!tracking.leds.empty() && !tracking.save_map.empty())
+    yaml.fail("save_map", "with LEDs there is no map to save; their positions are given: leave it out");
+  if (const auto problems = tracker_options(tracking).problems(); !problems.empty()) yaml.fail("", problems.front());
+  if (const auto problems = config.dds.publisher.problems(); !problems.empty()) yaml.fail("camera", problems.front());
+}
+
+// What one key alone cannot tell.
+void check(const ServiceConfig& config, const YamlReader& root) {
+  check_camera_tracking(config, root.map_or_empty("camera_tracking"));
+  if (config.targets.empty() && config.camera_tracking.camera.empty())
+    root.fail("targets", "at least one target is needed: targets: {ball: {color: {hue_deg: [65, 115]}}}; or a camera to "
+                         "track, under camera_tracking");
+  const Box& volume = config.object_tracking.volume;
+  const YamlReader tracking = root.map_or_empty("object_tracking");
+  for (int axis = 0; axis < 3; ++axis) {
+    if (!(volume.min[axis] < volume.max[axis])) {
+      tracking.fail("volume",
+                    std::string("min must be less than max on every axis, and on ") + "xyz"[axis] + " it is not");
+    }
+  }
+  if (const auto problems = config.object_tracking.problems(); !problems.empty())
+    root.fail("object_tracking", problems.front());
+  if (!config.targets.empty() && volume_coverage(config.rig, volume).by_one == 0) {
+    tracking.fail("volume", "no camera of the rig sees any of it: is the volume in the rig's world frame, in metres?");
+  }
+
+  std::vector<std::string> cameras;
+  std::string camera_list;
+  for (const auto& camera : config.rig.cameras) {
+    camera_list += (cameras.empty() ? "" : ", ") + camera.name;
+    cameras.push_back(camera.name);
+  }
+  for (const auto& [camera, boxes] : config.ignored) {
+    if (config.rig.index_of(camera)) continue;
+    const auto nearest = nearest_word(camera, cameras);
+    root.map("ignore").fail(camera, "is not a camera of the rig, which has " + camera_list +
+                                        (nearest ? " (did you mean " + *nearest + "?)" : ""));
+  }
+  const YamlReader live = config.cameras.empty() ? root : root.map("cameras");
+  for (const auto& camera : config.cameras) {
+    const auto index = config.rig.index_of(camera.name);
+    if (!index) {
+      const auto nearest = nearest_word(camera.name, cameras);
+      live.fail(camera.name, "is not a camera of the rig, which has " + camera_list +
+                                 (nearest ? " (did you mean " + *nearest + "?)" : ""));
+    }
+    const ImageSize calibrated = config.rig.cameras[std::size_t(*index)].image_size;
+    if (camera.size && *camera.size != calibrated) {
+      live.map(camera.name)
+          .fail("size", "the rig was calibrated at " + std::to_string(calibrated.width) + "x" +
+                            std::to_string(calibrated.height) + ": use that size (or the word rig), or calibrate anew");
+    }
+    for (const auto& other : config.cameras) {
+      if (&other == &camera) break;
+      if (other.device == camera.device)
+        live.map(camera.name).fail("device", "is the device of " + other.name + " already");
+    }
+  }
+  if (config.quorum && *config.quorum > int(config.cameras.size())) {
+    root.fail("quorum", "is more than there are in cameras (" + std::to_string(config.cameras.size()) + ")");
+  }
+
+  if (config.record.folder.empty() && (config.record.always || config.record.pre_roll_s > 0)) {
+    root.map("record").fail("", "a folder is needed to record to, or to save the pre-roll to");
+  }
+
+  const double smallest_side_m = (volume.max - volume.min).minCoeff();
+  const YamlReader targets = root.map_or_empty("targets");
+  for (const auto& target : config.targets) {
+    EstimatePublisherOptions topics;  // the name becomes part of theirs
+    topics.targets = {target.name};
+    if (const auto problems = topics.problems(); !problems.empty()) targets.fail(target.name, problems.front());
+    const YamlReader yaml = targets.map(target.name);
+    if (2 * target.radius_m > smallest_side_m) {
+      yaml.fail("radius_m", "a ball of this radius does not fit into object_tracking.volume; the unit is metres");
+    }
+    for (const auto& [camera, range] : target.camera_colors) {
+      const YamlReader colors = yaml.map("camera_colors");
+      if (!config.rig.index_of(camera)) {
+        const auto nearest = nearest_word(camera, cameras);
+        colors.fail(camera, "is not a camera of the rig, which has " + camera_list +
+                                (nearest ? " (did you mean " + *nearest + "?)" : ""));
+      }
+      if (const auto problems = range.problems(); !problems.empty()) colors.fail(camera, problems.front());
+    }
+    if (const auto problems = target.color.problems(); !problems.empty()) yaml.fail("color", problems.front());
+    if (const auto problems = target.problems(); !problems.empty()) targets.fail(target.name, problems.front());
+  }
+  if (const auto problems = config.dds.publisher.problems(); !problems.empty()) {
+    root.map_or_empty("dds").fail("", problems.front());
+  }
+}
+
+// The share of the first hue range that lies in the second, both on the circle.
+bool hues_overlap(const HsiRange& a, const HsiRange& b) {
+  const auto inside = [](double hue, const HsiRange& r) {
+    return r.hue_min_deg <= r.hue_max_deg ? hue >= r.hue_min_deg && hue <= r.hue_max_deg
+                                          : hue >= r.hue_min_deg || hue <= r.hue_max_deg;
+  };
+  return (inside(a.hue_min_deg, b) || inside(b.hue_min_deg, a)) && a.saturation_min <= b.saturation_max &&
+         b.saturation_min <= a.saturation_max && a.intensity_min <= b.intensity_max &&
+         b.intensity_min <= a.intensity_max;
+}
+
+// Names of what a recording holds beside its configuration.
+constexpr const char *board_beside = "camera_board.yaml", *map_beside = "camera.map";
+
+}  // namespace
+
+ServiceConfig load_service_config(const fs::path& file) {
+  const YamlReader root = YamlReader::file(file);
+  ServiceConfig config;
+  config.file = fs::absolute(file).lexically_normal();
+  Reader reader(root);
+  describe(reader, config);
+  reader.finish();
+  if (!fs::is_regular_file(config.rig_file)) root.fail("rig", "there is no file " + config.rig_file.string());
+  config.rig = read_rig(config.rig_file);
+  for (const auto& target : config.targets) config.dds.publisher.targets.push_back(target.name);
+  for (const auto& camera : config.rig.cameras) config.dds.publisher.cameras.push_back(camera.name);
+  config.dds.publisher.tracked_camera = config.camera_tracking.camera;
+  check(config, root);
+  for (auto& target : config.targets) target.ignored = config.ignored;
+  return config;
+}
+
+std::string to_yaml(const ServiceConfig& config) {
+  std::string out;
+  Printer printer(out);
+  describe(printer, config);
+  return out;
+}
+
+std::string to_portable_yaml(const ServiceConfig& config) {
+  ServiceConfig portable = config;
+  portable.rig_file = "rig.yaml";
+  portable.dds.publisher.profiles.clear();
+  CameraTrackingConfig& tracking = portable.camera_tracking;
+  if (!tracking.board.empty()) tracking.board = board_beside;
+  if (!tracking.load_map.empty()) tracking.load_map = map_beside;
+  tracking.save_map.clear();
+  return to_yaml(portable);
+}
+
+std::vector<std::pair<std::string, std::string>> files_beside(const ServiceConfig& config) {
+  std::vector<std::pair<std::string, std::string>> files;
+  const auto add = [&files](const char* name, const std::filesystem::path& file) {
+    if (file.empty()) return;
+    std::ifstream in(file, std::ios::binary);
+    std::ostringstream content;
+    content << in.rdbuf();
+    if (!in) throw std::runtime_error(file.string() + ": cannot be read, and the recording is to hold it");
+    files.emplace_back(name, std::move(content).str());
+  };
+  add(board_beside, config.camera_tracking.board);
+  add(map_beside, config.camera_tracking.load_map);
+  return files;
+}
+
+std::string config_identity(const ServiceConfig& config) {
+  ServiceConfig anywhere = config;
+  anywhere.rig_file.clear();                 // where the rig lies changes nothing; what it says has its own identity
+  std::uint64_t hash = 0xcbf29ce484222325u;  // FNV-1a 64
+  for (const char c : to_yaml(anywhere)) hash = (hash ^ static_cast<unsigned char>(c)) * 0x100000001b3u;
+  std::array<char, 16> digits{};
+  digits.fill('0');
+  std::array<char, 16> raw{};
+  const auto end = std::to_chars(raw.data(), raw.data() + raw.size(), hash, 16).ptr;
+  std::copy(raw.data(), end, digits.data() + (raw.data() + raw.size() - end));
+  return {digits.begin(), digits.end()};
+}
+
+std::vector<std::string> differing_keys(const ServiceConfig& a, const ServiceConfig& b) {
+  using Sections = std::vector<std::pair<std::string, std::string>>;  // key of the first level, its text
+  const auto sections_of = [](const ServiceConfig& config) {
+    Sections sections;
+    const std::string yaml = to_yaml(config);
+    for (std::size_t at = 0; at < yaml.size();) {
+      const std::size_t end = yaml.find('\n', at) + 1;
+      const std::string line = yaml.substr(at, end - at);
+      if (line.front() != ' ') sections.emplace_back(line.substr(0, line.find(':')), "");
+      sections.back().second += line;
+      at = end;
+    }
+    return sections;
+  };
+  const Sections of_a = sections_of(a), of_b = sections_of(b);  // the same keys in the same order
+  std::vector<std::string> keys;
+  for (std::size_t i = 0; i < of_a.size(); ++i) {
+    const bool is_rig = of_a[i].first == "rig";
+    if (of_a[i] != of_b[i] || (is_rig && rig_identity(a.rig) != rig_identity(b.rig))) keys.push_back(of_a[i].first);
+  }
+  return keys;
+}
+
+std::vector<std::size_t> targets_that_differ(const ServiceConfig& before, const ServiceConfig& after) {
+  const auto keys = differing_keys(before, after);
+  const bool all = std::ranges::find(keys, "object_tracking") != keys.end();
+  std::vector<std::size_t> targets;
+  for (std::size_t t = 0; t < after.targets.size(); ++t) {
+    const TargetOptions &a = before.targets.at(t), &b = after.targets[t];
+    const bool is_same =
+        a.name == b.name && a.radius_m == b.radius_m && a.color == b.color && a.camera_colors == b.camera_colors &&
+        a.ignored == b.ignored;
+    if (all || !is_same) targets.push_back(t);
+  }
+  return targets;
+}
+
+std::vector<std::string> warnings_of(const ServiceConfig& config) {
+  std::vector<std::string> warnings;
+  for (const auto& camera : config.rig.cameras) {
+    if (!config.cameras.empty() &&
+        std::ranges::find(config.cameras, camera.name, &LiveCameraConfig::name) == config.cameras.end())
+      warnings.push_back("camera " + camera.name + " of the rig is not among the live cameras, and not used by run");
+  }
+  const RecordConfig& record = config.record;
+  if (!record.folder.empty() && !record.always && !(record.pre_roll_s > 0))
+    warnings.push_back("record.folder is given, but nothing will be recorded: set record.always or record.pre_roll_s");
+  if (config.targets.empty()) return warnings;
+  const auto coverage = volume_coverage(config.rig, config.object_tracking.volume);
+  for (std::size_t c = 0; c < config.rig.cameras.size(); ++c) {
+    if (coverage.per_camera[c] == 0)
+      warnings.push_back("camera " + config.rig.cameras[c].name + " sees nothing of the volume");
+  }
+  if (coverage.by_two < 0.5) {
+    warnings.push_back("only " + std::to_string(std::lround(100 * coverage.by_two)) +
+                       " % of the volume is seen by two or more cameras: a target's depth is not fixed in the rest");
+  }
+  for (std::size_t a = 0; a < config.targets.size(); ++a) {
+    for (std::size_t b = a + 1; b < config.targets.size(); ++b) {
+      for (const auto& camera : config.rig.cameras) {
+        if (!hues_overlap(config.targets[a].color_in(camera.name), config.targets[b].color_in(camera.name))) continue;
+        warnings.push_back("targets " + config.targets[a].name + " and " + config.targets[b].name +
+                           " have overlapping colours in camera " + camera.name + " and may be taken for each other");
+        break;
+      }
+    }
+  }
+  return warnings;
+}
+
+VolumeCoverage volume_coverage(const CameraRig& rig, const Box& volume) {
+  constexpr int steps = 12;  // per axis: 1728 points, fine enough for a share in per cent
+  VolumeCoverage coverage{.per_camera = std::vector<double>(rig.cameras.size(), 0.0)};
+  constexpr double weight = 1.0 / (steps * steps * steps);
+  for (int i = 0; i < steps * steps * steps; ++i) {
+    const Eigen::Array3d cell(i % steps, i / steps % steps, i / (steps * steps));
+    const Eigen::Vector3d p = volume.min.array() + (cell + 0.5) / steps * (volume.max - volume.min).array();
+    int views = 0;
+    for (std::size_t c = 0; c < rig.cameras.size(); ++c) {
+      const auto pixel = rig.cameras[c].project_world(p);
+      if (!pixel || !rig.cameras[c].contains(*pixel)) continue;
+      coverage.per_camera[c] += weight;
+      ++views;
+    }
+    if (views >= 1) coverage.by_one += weight;
+    if (views >= 2) coverage.by_two += weight;
+  }
+  return coverage;
+}
+
+}  // namespace huetrack

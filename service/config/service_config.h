@@ -1,0 +1,125 @@
+// The service's configuration file: YAML <-> the modules' option structs. configs/huetrackd.yaml documents every key.
+// Pure functions, any thread.
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "calib/model/camera_rig.h"
+#include "capture/recording_writer.h"
+#include "capture/v4l2_source.h"
+#include "config/camera_tracking_config.h"
+#include "object_tracking/object_tracker.h"
+#include "publish/estimate_publisher.h"
+
+namespace huetrack {
+
+enum class LogLevel : std::uint8_t { debug, info, warning, error };
+
+struct DdsConfig {
+  bool enabled = true;
+  EstimatePublisherOptions publisher;  // targets and cameras are those of the configuration and the rig
+};
+
+// How `run` reaches one camera of the rig.
+struct LiveCameraConfig {
+  std::string name;                      // in the rig
+  std::filesystem::path device;          // as written, but an index: /dev/videoN
+  std::optional<CaptureFormat> format;   // nullopt: the first of yuyv, nv12, mjpeg, grey that reaches size and rate
+  std::optional<ImageSize> size;         // nullopt: the rig's; another one is refused
+  std::optional<double> fps;             // > 0, <= 10000; nullopt: the driver's choice
+  std::vector<ControlSetting> controls;  // in the order of the file
+  double latency_offset_s = 0;           // subtracted from every capture time
+  bool restore_controls = false;
+};
+
+// What `run` records.
+struct RecordConfig {
+  std::filesystem::path folder;  // absolute; recordings become folders in it, named by their time; empty: none
+  bool always = false;           // from the start to the end
+  RawStorage raw_storage = RawStorage::uncompressed;
+  int queue_frames = 32;  // >= 1, per camera: may wait for the disk
+  double pre_roll_s = 0;  // 0: none
+  int pre_roll_mb = 256;  // >= 1, of all cameras
+  double after_s = 2;     // >= 0; what follows the pre-roll
+  bool on_lost = true;    // save the pre-roll when a target is lost, not only on SIGUSR1
+};
+
+struct MetricsConfig {
+  std::optional<int> port;            // 1..65535; nullopt: no endpoint
+  std::string address = "127.0.0.1";  // of this host
+};
+
+// Small pictures for people who watch (`huetrack view`, RViz); made only while somebody subscribes.
+struct PreviewConfig {
+  bool enabled = true;
+  double rate_hz = 8;   // > 0; at most so many per camera and second
+  int width = 480;      // 16..4096 pixels; larger images are scaled down to it
+  int quality = 70;     // 1..100, JPEG's
+  int particles = 100;  // >= 0; at most about so many per target are drawn
+};
+
+// What may be asked of the running service over the bus.
+struct ControlConfig {
+  bool allow_teach = false;  // teach colours and ignore regions: changes the configuration file
+};
+
+struct ServiceConfig {
+  std::filesystem::path file;             // absolute
+  std::filesystem::path rig_file;         // absolute
+  CameraRig rig;                          // what rig_file says
+  std::vector<TargetOptions> targets;     // in the order of the file; none only where a camera is tracked
+  CameraTrackingConfig camera_tracking;   // of one moving camera of the rig
+  std::vector<LiveCameraConfig> cameras;  // for `run`, in the order of the file; empty: replay only
+  std::optional<int> quorum;              // 0..cameras: how many must deliver before the service is ready; nullopt: all
+  ObjectTrackerOptions object_tracking;   // the same for every target
+  std::optional<double> set_tolerance_s;  // > 0; FrameSynchronizerOptions::tolerance; nullopt: from the frame rates
+  int threads = 1;                        // >= 1; targets are tracked in parallel; no influence on the result
+  DdsConfig dds;
+  RecordConfig record;
+  MetricsConfig metrics;
+  PreviewConfig preview;
+  ControlConfig control;
+  IgnoredRegions ignored;  // also in every target
+  LogLevel log_level = LogLevel::info;
+};
+
+// throws ConfigError: unreadable, unknown key, wrong type, out of range, or keys that contradict each other or the rig.
+// Relative paths in the file start at the file's folder.
+ServiceConfig load_service_config(const std::filesystem::path& file);
+
+// Every key, default or given, as YAML that loads back to the same configuration from any folder (paths are absolute).
+std::string to_yaml(const ServiceConfig& config);
+
+// The same for another machine: `rig` is rig.yaml beside it, and what else is referred to are files_beside(). What a
+// recording holds. A replay of it writes no map.
+std::string to_portable_yaml(const ServiceConfig& config);
+// Name and content of the other files that to_portable_yaml() refers to: the board and the map of camera_tracking.
+// throws std::runtime_error: one cannot be read.
+std::vector<std::pair<std::string, std::string>> files_beside(const ServiceConfig& config);
+
+// Of what to_yaml() says but the rig's path: FNV-1a 64 as 16 hex digits. Published in the status sample.
+std::string config_identity(const ServiceConfig& config);
+
+// The targets, as indices, that have to be searched for anew when `after` takes the place of `before`: those whose
+// options differ, or all. The configurations have the same targets.
+std::vector<std::size_t> targets_that_differ(const ServiceConfig& before, const ServiceConfig& after);
+
+// The keys of the first level whose values differ, in the order of to_yaml(); "rig" too when the rigs themselves do.
+std::vector<std::string> differing_keys(const ServiceConfig& a, const ServiceConfig& b);
+
+// What is allowed but probably not meant, one sentence each: targets of overlapping colours, much of the volume in
+// nobody's sight, ...
+std::vector<std::string> warnings_of(const ServiceConfig& config);
+
+// How much of the volume is seen by how many cameras, on a grid.
+struct VolumeCoverage {
+  std::vector<double> per_camera;  // share of the volume inside each camera's image
+  double by_one = 0;               // share that one or more cameras see
+  double by_two = 0;               // share that two or more see: where a position is fixed
+};
+VolumeCoverage volume_coverage(const CameraRig& rig, const Box& volume);
+
+}  // namespace huetrack

@@ -1,0 +1,49 @@
+// Pictures of what the tracker saw and thought: one PNG per frame set with every view, the particles and the estimate
+// drawn in, and one PNG of the whole track in 3-D. For people only: nothing that tracks reads a converted image.
+#pragma once
+
+#include <filesystem>
+#include <map>
+#include <opencv2/core.hpp>
+#include <string>
+#include <vector>
+
+#include "pictures/canvas.h"
+#include "pictures/picture_job.h"
+#include "config/service_config.h"
+#include "tracks/truth.h"
+
+namespace huetrack {
+
+// The whole image in 8-bit BGR (BT.601).
+cv::Mat bgr_of(const Image& image);
+
+// All views side by side: particles in the target's colour, the estimate with the outline of the target and the 95 %
+// ellipse of its position.
+cv::Mat draw_views(const ServiceConfig& config, const PictureJob& job);
+
+// The tracks over everything else: a 3-D view with the cameras and the volume, a plan, the coordinates over time, and
+// the error against the truth where there is one.
+//   title    the headline
+//   tracks   per target (in the order of config.targets), the estimates in time order
+cv::Mat draw_track_3d(const ServiceConfig& config, const std::string& title,
+                      const std::vector<std::vector<ObjectEstimate>>& tracks, const Truth* truth);
+
+// thread-compatible.
+class PictureWriter {
+ public:
+  // Makes the folder if needed. throws std::runtime_error, naming it
+  PictureWriter(const ServiceConfig& config, std::filesystem::path folder);
+
+  void write(const PictureJob& job);                                       // <folder>/set_<number>.png
+  void write(const std::string& file_name, const cv::Mat& picture) const;  // throws std::runtime_error, naming the file
+  const std::filesystem::path& folder() const { return folder_; }
+  std::size_t written() const { return written_; }
+
+ private:
+  const ServiceConfig& config_;
+  std::filesystem::path folder_;
+  std::size_t written_ = 0;
+};
+
+}  // namespace huetrack

@@ -1,0 +1,24 @@
+// Makes what ViewPublisher sends: pictures with what is drawn into them as data, and the scene. Pure functions, any
+// thread.
+#pragma once
+
+#include "pictures/picture_job.h"
+#include "config/service_config.h"
+#include "idl/huetrack_view.h"
+
+namespace huetrack {
+
+// One per camera that gave a usable frame in this set.
+//   job            as the pipeline made it
+//   clock_offset   is added to capture times
+std::vector<msg::Preview> make_previews(const ServiceConfig& config, const PictureJob& job, Duration clock_offset);
+
+// Everything but host, pid and frame_id.
+msg::Scene make_scene(const ServiceConfig& config, bool may_teach, const std::string& why_not);
+
+// The 95 % ellipse of a projected covariance: semi-axes (px), angle of the first from u towards v (rad); NaN where the
+// position has no pixel.
+std::array<float, 3> projected_ellipse(const Camera& camera, const Eigen::Vector3d& position,
+                                       const Eigen::Matrix3d& covariance);
+
+}  // namespace huetrack

@@ -1,0 +1,424 @@
+#include "pipeline/pipeline.h"
+
+#include <sys/prctl.h>
+#include <time.h>
+
+#include <algorithm>
+#include <atomic>
+#include <barrier>
+#include <stdexcept>
+#include <string>
+#include <thread>
+
+#include "capture/capture_clock.h"
+
+namespace huetrack {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+using namespace std::chrono_literals;
+
+constexpr auto status_period = 1s;
+
+Duration thread_cpu() {
+  timespec t{};
+  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
+  return std::chrono::seconds(t.tv_sec) + std::chrono::nanoseconds(t.tv_nsec);
+}
+
+class Stopwatch {
+ public:
+  StageTime lap() const { return {.wall = Clock::now() - wall_, .cpu = thread_cpu() - cpu_}; }
+
+ private:
+  Clock::time_point wall_ = Clock::now();
+  Duration cpu_ = thread_cpu();
+};
+
+StageTime& operator+=(StageTime& sum, const StageTime& lap) {
+  sum.wall += lap.wall;
+  sum.cpu += lap.cpu;
+  return sum;
+}
+
+// False when stopped before. In slices: a stop is seen at once, without a condition variable that nobody notifies.
+bool sleep_until(Clock::time_point when, const std::stop_token& stop) {
+  for (auto now = Clock::now(); now < when; now = Clock::now()) {
+    if (stop.stop_requested()) return false;
+    std::this_thread::sleep_for(std::min<Clock::duration>(when - now, 20ms));
+  }
+  return !stop.stop_requested();
+}
+
+// Updates all trackers with one set, distributed over threads: the calling one and helpers that live as long as this.
+// Every tracker has its own state and randomness, so who updates it changes nothing.
+class TrackingTeam {
+ public:
+  TrackingTeam(std::vector<ObjectTracker>& trackers, int threads)
+      : trackers_(trackers),
+        helpers_(std::max(0, std::min<int>(threads, int(trackers.size())) - 1)),
+        start_(helpers_ + 1),
+        done_(helpers_ + 1) {
+    for (int i = 0; i < helpers_; ++i) {
+      threads_.emplace_back([this] {
+        for (;;) {
+          start_.arrive_and_wait();
+          if (set_ == nullptr) return;
+          const Stopwatch watch;
+          work();
+          helpers_cpu_ns_ += watch.lap().cpu.count();
+          done_.arrive_and_wait();
+        }
+      });
+    }
+  }
+  ~TrackingTeam() {
+    set_ = nullptr;
+    if (helpers_ > 0) start_.arrive_and_wait();
+  }
+  TrackingTeam(const TrackingTeam&) = delete;
+  TrackingTeam& operator=(const TrackingTeam&) = delete;
+
+  StageTime update(const FrameSet& set, std::vector<ObjectEstimate>& estimates) {
+    const Stopwatch watch;
+    set_ = &set;
+    estimates_ = &estimates;
+    next_ = 0;
+    helpers_cpu_ns_ = 0;
+    if (helpers_ > 0) start_.arrive_and_wait();
+    work();
+    if (helpers_ > 0) done_.arrive_and_wait();
+    StageTime lap = watch.lap();
+    lap.cpu += Duration(helpers_cpu_ns_);
+    return lap;
+  }
+
+ private:
+  void work() {
+    for (std::size_t i = next_++; i < trackers_.size(); i = next_++) (*estimates_)[i] = trackers_[i].update(*set_);
+  }
+
+  std::vector<ObjectTracker>& trackers_;
+  const int helpers_;
+  std::barrier<> start_, done_;    // what follows is handed over through them
+  const FrameSet* set_ = nullptr;  // nullptr at start_: the end
+  std::vector<ObjectEstimate>* estimates_ = nullptr;
+  std::atomic<std::size_t> next_ = 0;
+  std::atomic<std::int64_t> helpers_cpu_ns_ = 0;
+  std::vector<std::jthread> threads_;  // last: joined before the rest goes
+};
+
+}  // namespace
+
+Pipeline::Pipeline(const CameraRig& rig, std::vector<std::unique_ptr<FrameSource>> sources,
+                   std::vector<ObjectTracker> trackers, PipelineOptions options, PipelineOutputs outputs)
+    : rig_(rig),
+      sources_(std::move(sources)),
+      trackers_(std::move(trackers)),
+      options_(std::move(options)),
+      outputs_(std::move(outputs)),
+      frame_sets_(options_.queue_capacity, options_.when_full),
+      pictures_(options_.queue_capacity, WhenFull::wait),
+      camera_frames_(options_.queue_capacity, options_.when_full),
+      camera_pictures_(options_.queue_capacity, WhenFull::wait),
+      synchronizer_(options_.frame_sets),
+      size_checked_(rig.cameras.size(), false) {
+  figures_.cameras.resize(rig.cameras.size());
+}
+
+Pipeline::~Pipeline() {
+  std::vector<std::jthread> ending;  // all at once: each camera may take its time
+  for (auto& source : sources_) ending.emplace_back([&source] { source.reset(); });
+}
+
+void Pipeline::run(std::stop_token stop) {
+  const std::stop_callback forward(stop, [this] {
+    stop_.request_stop();
+    pictures_.abandon();  // a picture takes long: those that are not drawn yet would hold up the end
+    camera_pictures_.abandon();
+  });
+  std::jthread drawing([this] { guarded([this] { draw(); }); });
+  std::jthread tracking([this] { guarded([this] { track(); }); });
+  std::jthread camera_drawing, camera_tracking;
+  if (camera_tracker_) {
+    camera_drawing = std::jthread([this] { guarded([this] { draw_camera(); }); });
+    camera_tracking = std::jthread([this] { guarded([this] { track_camera_frames(); }); });
+  }
+  {
+    std::vector<std::jthread> capturing;
+    for (auto& source : sources_) {
+      capturing.emplace_back([this, &source] { guarded([&] { capture(*source, stop_.get_token()); }); });
+    }
+  }  // joined: no more frames, whether stopped or at the end
+  {
+    const std::scoped_lock lock(synchronizer_mutex_);
+    while (auto set = synchronizer_.flush()) put_in_queue({std::move(*set), unix_now()});
+    const std::scoped_lock figures_lock(figures_mutex_);
+    figures_.frame_sets = synchronizer_.counters();
+  }
+  frame_sets_.close();
+  camera_frames_.close();
+  tracking.join();
+  if (camera_tracking.joinable()) camera_tracking.join();
+  pictures_.close();
+  camera_pictures_.close();
+  drawing.join();
+  if (camera_drawing.joinable()) camera_drawing.join();
+  const std::scoped_lock lock(figures_mutex_);
+  if (error_) std::rethrow_exception(error_);
+}
+
+PipelineFigures Pipeline::figures() const {
+  const std::scoped_lock lock(figures_mutex_);
+  PipelineFigures figures = figures_;
+  figures.sets_dropped = frame_sets_.dropped();
+  figures.camera_frames_dropped = camera_frames_.dropped();
+  return figures;
+}
+
+TrackedCameraFigures Pipeline::tracked_camera() const {
+  const std::scoped_lock lock(figures_mutex_);
+  return figures_.tracked_camera;
+}
+
+template <typename F>
+void Pipeline::guarded(F&& thread_body) {
+  try {
+    thread_body();
+  } catch (...) {  // not swallowed: run() throws it again, in the thread that waits for it
+    {
+      const std::scoped_lock lock(figures_mutex_);
+      if (!error_) error_ = std::current_exception();
+    }
+    stop_.request_stop();
+    frame_sets_.abandon();
+    pictures_.abandon();
+    camera_frames_.abandon();
+    camera_pictures_.abandon();
+  }
+}
+
+void Pipeline::capture(FrameSource& source, std::stop_token stop) {
+  std::vector<bool> mine(rig_.cameras.size(), false);
+  for (;;) {
+    const Stopwatch watch;
+    auto frame = source.next(stop);
+    const StageTime lap = watch.lap();
+    {
+      const std::scoped_lock lock(figures_mutex_);
+      figures_.decode += lap;
+      for (std::size_t c = 0; c < mine.size(); ++c) figures_.cameras[c].ended |= mine[c] && source.ended(int(c));
+    }
+    if (!frame) break;
+    mine.at(std::size_t(frame->camera)) = true;
+    if (options_.pace) {
+      const Duration delay{options_.pace->delay_ns != nullptr ? options_.pace->delay_ns->load() : 0};
+      if (!sleep_until(options_.pace->start + delay + (frame->captured_at - options_.pace->first), stop)) break;
+    }
+    receive(std::move(*frame));
+  }
+  const std::scoped_lock lock(figures_mutex_);
+  for (std::size_t c = 0; c < mine.size(); ++c) figures_.cameras[c].ended |= mine[c];
+}
+
+void Pipeline::receive(Frame frame) {
+  const auto camera = std::size_t(frame.camera);
+  const Timestamp received_at = unix_now();
+  {
+    const std::scoped_lock lock(figures_mutex_);
+    CameraFigures& figures = figures_.cameras[camera];
+    const bool is_sound = frame.status == FrameStatus::ok;
+    ++(is_sound ? figures.frames : figures.corrupted);
+    if (figures.last_sequence && frame.sequence > *figures.last_sequence + 1) {
+      figures.dropped += frame.sequence - *figures.last_sequence - 1;
+    }
+    figures.last_sequence = frame.sequence;
+    if (is_sound) figures.last_received = Clock::now();
+    figures.last_captured = frame.captured_at;
+  }
+
+  const std::scoped_lock lock(synchronizer_mutex_);
+  if (frame.status == FrameStatus::ok && !size_checked_[camera]) {
+    const Camera& expected = rig_.cameras[camera];
+    const ImageSize size{frame.pixels.width, frame.pixels.height};
+    if (size != expected.image_size) {
+      throw std::runtime_error(
+          "camera " + expected.name + ": its frames are " + std::to_string(size.width) + "x" +
+          std::to_string(size.height) + ", but the rig was calibrated at " + std::to_string(expected.image_size.width) +
+          "x" + std::to_string(expected.image_size.height) + ": use frames of that size, or calibrate at this one");
+    }
+    size_checked_[camera] = true;
+  }
+  frame.arrival = ++arrivals_;
+  if (outputs_.frames) outputs_.frames(frame, received_at);
+  if (frame.camera == tracked_camera_ && frame.status == FrameStatus::ok)
+    put_in_camera_queue({frame, received_at});  // the image is shared, not copied
+  const Stopwatch watch;
+  auto sets = synchronizer_.push(std::move(frame));
+  {
+    const StageTime lap = watch.lap();
+    const std::scoped_lock figures_lock(figures_mutex_);
+    figures_.synchronise += lap;
+    figures_.frame_sets = synchronizer_.counters();
+  }
+  for (auto& set : sets) put_in_queue({std::move(set), received_at});
+}
+
+void Pipeline::put_in_queue(ReadySet ready) {
+  std::optional<ReadySet> pushed_out;
+  frame_sets_.push(std::move(ready), &pushed_out);
+  if (pushed_out && outputs_.left_out) outputs_.left_out(pushed_out->set);
+}
+
+void Pipeline::put_in_camera_queue(ReadyFrame ready) {
+  if (std::ranges::binary_search(options_.camera_left_out, ready.frame.captured_at)) return;
+  std::optional<ReadyFrame> pushed_out;
+  camera_frames_.push(std::move(ready), &pushed_out);
+  if (pushed_out && outputs_.camera_left_out) outputs_.camera_left_out(pushed_out->frame);
+}
+
+PictureJob Pipeline::picture_of(FrameSet set, std::vector<ObjectEstimate> estimates, std::size_t particles) const {
+  PictureJob job{std::move(set), std::move(estimates), {}};
+  job.particles.reserve(trackers_.size());
+  for (const auto& tracker : trackers_) job.particles.push_back(tracker.particles(particles));
+  return job;
+}
+
+void Pipeline::track() {
+  ::prctl(PR_SET_NAME, "tracking");  // for top -H, and for who measures
+  TrackingTeam team(trackers_, options_.threads);
+  std::vector<ObjectEstimate> estimates(trackers_.size());
+  std::vector<std::pair<bool, bool>> cameras_then;  // started, ended
+  auto next_status = Clock::now() + status_period;
+
+  for (;;) {
+    {
+      const std::scoped_lock lock(figures_mutex_);
+      figures_.tracking_round = Clock::now();
+    }
+    if (auto ready = frame_sets_.pop_for(std::max<Clock::duration>(next_status - Clock::now(), 0ns))) {
+      if (std::ranges::binary_search(options_.left_out, ready->set.at)) continue;
+      take_replacements(ready->set.at);
+      // Object tracking is for still cameras: a camera that moves is absent from its sets.
+      std::optional<FrameSet> of_still_cameras;
+      if (tracked_camera_ >= 0) {
+        of_still_cameras = ready->set;  // images are shared
+        of_still_cameras->frames.at(std::size_t(tracked_camera_)).reset();
+      }
+      const StageTime tracked = team.update(of_still_cameras ? *of_still_cameras : ready->set, estimates);
+      const Stopwatch watch;
+      if (outputs_.estimates) outputs_.estimates(ready->set, estimates, ready->received_at);
+      if (outputs_.view_wanted && outputs_.view_wanted()) {
+        // Moved where nobody else wants it: then the other thread also frees the images, or gives them back to a driver.
+        outputs_.view(picture_of(outputs_.pictures ? ready->set : std::move(ready->set), estimates, options_.view_particles));
+      }
+      const StageTime published = watch.lap();
+      std::uint64_t index = 0;
+      {
+        const std::scoped_lock lock(figures_mutex_);
+        figures_.track += tracked;
+        if (figures_.sets_tracked == 0) figures_.track_first = tracked;
+        figures_.publish += published;
+        index = figures_.sets_tracked++;
+      }
+      if (outputs_.pictures && index % std::uint64_t(options_.pictures_every) == 0) {
+        pictures_.push(picture_of(std::move(ready->set), estimates, 0));
+      }
+    } else if (frame_sets_.ended()) {
+      break;
+    }
+    if (Clock::now() >= next_status) note_searches();
+    if (!outputs_.status) {
+      if (Clock::now() >= next_status) next_status = Clock::now() + status_period;
+      continue;
+    }
+    const PipelineFigures now = figures();
+    std::vector<std::pair<bool, bool>> cameras_now;
+    for (const auto& camera : now.cameras) cameras_now.emplace_back(camera.frames > 0, camera.ended);
+    if (Clock::now() >= next_status || cameras_now != cameras_then) {
+      outputs_.status(now);
+      cameras_then = std::move(cameras_now);
+      next_status = Clock::now() + status_period;
+    }
+  }
+  note_searches();
+  if (outputs_.status) outputs_.status(figures());
+}
+
+void Pipeline::note_searches() {
+  std::vector<SearchFindings> searches;
+  for (const auto& tracker : trackers_) searches.push_back(tracker.search_findings());
+  const std::scoped_lock lock(figures_mutex_);
+  figures_.searches = std::move(searches);
+}
+
+void Pipeline::replace_trackers(Replacement replacement) {
+  const std::scoped_lock lock(replacements_mutex_);
+  replacements_.push_back(std::move(replacement));
+}
+
+void Pipeline::take_replacements(Timestamp at) {
+  const std::scoped_lock lock(replacements_mutex_);
+  for (; !replacements_.empty() && replacements_.front().from.value_or(at) <= at; replacements_.pop_front()) {
+    for (auto& [target, tracker] : replacements_.front().trackers) trackers_.at(target) = std::move(tracker);
+    if (replacements_.front().done) replacements_.front().done(at);
+  }
+}
+
+void Pipeline::track_camera(int camera, std::unique_ptr<CameraTracker> tracker) {
+  tracked_camera_ = camera;
+  camera_tracker_ = std::move(tracker);
+}
+
+void Pipeline::track_camera_frames() {
+  while (auto ready = camera_frames_.pop()) {
+    const Stopwatch watch;
+    const CameraEstimate estimate = camera_tracker_->update(ready->frame);
+    const StageTime tracked = watch.lap();
+    const std::string why = estimate.has_pose() ? std::string() : camera_tracker_->why_no_pose();
+    {
+      const std::scoped_lock lock(figures_mutex_);
+      figures_.tracked_camera.add(estimate, why);
+    }
+    const Stopwatch publishing;
+    if (outputs_.camera_poses) outputs_.camera_poses(estimate, ready->received_at);
+    if (outputs_.camera_map_wanted && outputs_.camera_map_wanted())
+      outputs_.camera_map({estimate.at, camera_tracker_->map()});
+    const StageTime published = publishing.lap();
+    std::uint64_t index = 0;
+    {
+      const std::scoped_lock lock(figures_mutex_);
+      figures_.camera_track += tracked;
+      figures_.publish += published;
+      index = figures_.camera_frames_tracked++;
+    }
+    if (outputs_.camera_pictures && index % std::uint64_t(options_.pictures_every) == 0)
+    {
+      CameraPictureJob job{std::move(ready->frame), estimate, camera_tracker_->view(), {}};
+      if (estimate.has_pose() && job.view.features.empty()) job.start_map = camera_tracker_->map();
+      camera_pictures_.push(std::move(job));
+    }
+  }
+}
+
+void Pipeline::draw_camera() {
+  while (auto job = camera_pictures_.pop()) {
+    const Stopwatch watch;
+    outputs_.camera_pictures(*job);
+    const StageTime lap = watch.lap();
+    const std::scoped_lock lock(figures_mutex_);
+    figures_.draw += lap;
+  }
+}
+
+void Pipeline::draw() {
+  while (auto job = pictures_.pop()) {
+    const Stopwatch watch;
+    outputs_.pictures(*job);
+    const StageTime lap = watch.lap();
+    const std::scoped_lock lock(figures_mutex_);
+    figures_.draw += lap;
+  }
+}
+
+}  // namespace huetrack

@@ -1,0 +1,140 @@
+#include "pipeline/recorder.h"
+
+#include <algorithm>
+#include <stdexcept>
+#include <utility>
+
+namespace huetrack {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+using namespace std::chrono_literals;
+
+constexpr auto pre_roll_of_a_silent_camera_waits = 200ms;
+
+}  // namespace
+
+Recorder::Camera::Camera(const RecorderOptions& options, std::size_t cameras)
+    : waiting(options.queue_frames, WhenFull::drop_oldest) {
+  if (!options.pre_roll) return;
+  PreRollOptions share = *options.pre_roll;
+  share.most_bytes = std::max<std::size_t>(share.most_bytes / cameras, 1);
+  pre_roll.emplace(share);
+}
+
+Recorder::Recorder(RecorderOptions options) : options_(std::move(options)) {
+  const std::size_t count = options_.recording.cameras.size();
+  if (count == 0) throw std::invalid_argument("Recorder: there is no camera");
+  for (std::size_t c = 0; c < count; ++c) cameras_.push_back(std::make_unique<Camera>(options_, count));
+  for (auto& camera : cameras_) camera->thread = std::jthread([this, &camera = *camera] { write(camera); });
+}
+
+Recorder::~Recorder() {
+  finish();
+}
+
+void Recorder::start(const std::filesystem::path& folder) {
+  open(folder);
+  until_.reset();
+}
+
+bool Recorder::save_pre_roll(const std::filesystem::path& folder, Duration after) {
+  const auto end = Clock::now() + after;
+  if (is_recording()) {
+    if (until_) until_ = std::max(*until_, end);
+    return false;
+  }
+  open(folder);
+  until_ = end;
+  return true;
+}
+
+void Recorder::end_when_due() {
+  if (until_ && Clock::now() >= *until_ && is_recording()) close();
+}
+
+bool Recorder::is_recording() const {
+  return writer() != nullptr;
+}
+
+void Recorder::offer(const Frame& frame) {
+  cameras_[std::size_t(frame.camera)]->waiting.push(frame);
+}
+
+RecorderFigures Recorder::figures() const {
+  RecorderFigures figures;
+  {
+    const std::scoped_lock lock(mutex_);
+    figures = last_;
+    if (writer_) {
+      figures.cameras = writer_->figures();
+      figures.failure = writer_->failure();
+    }
+  }
+  for (const auto& camera : cameras_) {
+    figures.dropped.push_back(camera->waiting.dropped() + camera->given_up);
+    const Duration fits{camera->fits_ns.load()};
+    if (fits >= Duration::zero())
+      figures.pre_roll_that_fits = std::min(figures.pre_roll_that_fits.value_or(fits), fits);
+  }
+  return figures;
+}
+
+void Recorder::finish(Duration patience) {
+  for (const auto& camera : cameras_) camera->waiting.close();
+  for (const auto end = Clock::now() + patience;
+       Clock::now() < end && !std::ranges::all_of(cameras_, [](const auto& camera) { return camera->is_done.load(); });)
+    std::this_thread::sleep_for(2ms);
+  for (const auto& camera : cameras_)
+    while (camera->waiting.pop_for(0ns)) ++camera->given_up;
+  for (const auto& camera : cameras_)
+    if (camera->thread.joinable()) camera->thread.join();
+  if (const auto last = writer()) last->finish();
+  if (is_recording()) close();
+}
+
+void Recorder::write(Camera& camera) {
+  while (!camera.waiting.ended()) {
+    const auto frame = camera.waiting.pop_for(pre_roll_of_a_silent_camera_waits);
+    if (const auto to = writer()) {
+      if (camera.pre_roll && camera.pre_roll->size() > 0)
+        for (const Frame& earlier : camera.pre_roll->take()) to->write(earlier);
+      if (frame) to->write(*frame);
+    } else if (camera.pre_roll && frame) {
+      camera.pre_roll->push(*frame);
+      if (const auto fits = camera.pre_roll->cut_to()) camera.fits_ns = fits->count();
+    }
+  }
+  camera.is_done = true;
+}
+
+std::shared_ptr<RecordingWriter> Recorder::writer() const {
+  const std::scoped_lock lock(mutex_);
+  return writer_;
+}
+
+void Recorder::open(const std::filesystem::path& folder) {
+  RecordingOptions recording = options_.recording;
+  recording.folder = folder;
+  std::error_code ignored;
+  const bool is_ours = !std::filesystem::exists(folder, ignored);
+  std::shared_ptr<RecordingWriter> fresh;
+  try {
+    fresh = std::make_shared<RecordingWriter>(std::move(recording));
+  } catch (const CaptureError&) {  // a full disk: no folder of empty files stays behind
+    if (is_ours) std::filesystem::remove_all(folder, ignored);
+    throw;
+  }
+  const std::scoped_lock lock(mutex_);
+  writer_ = std::move(fresh);
+}
+
+void Recorder::close() {
+  std::shared_ptr<RecordingWriter> closing;
+  const std::scoped_lock lock(mutex_);
+  last_.cameras = writer_->figures();
+  last_.failure = writer_->failure();
+  closing = std::move(writer_);
+}
+
+}  // namespace huetrack

@@ -1,0 +1,50 @@
+#include "pipeline/tracked_camera.h"
+
+#include <spdlog/spdlog.h>
+
+#include "config/formatted.h"
+
+namespace huetrack {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr Duration worth_a_word = 3s;  // a start or a return takes less
+
+}  // namespace
+
+void TrackedCameraFigures::add(const CameraEstimate& estimate, const std::string& why_no_pose) {
+  state = estimate.state;
+  at = estimate.at;
+  if (estimate.has_pose()) {
+    had_pose = true;
+    without_since.reset();
+    why.clear();
+    return;
+  }
+  if (!without_since) without_since = at;
+  if (!why_no_pose.empty()) why = why_no_pose;
+}
+
+std::string no_pose_warning(const std::string& camera, const TrackedCameraFigures& figures) {
+  if (!figures.without_since || figures.at - *figures.without_since < worth_a_word) return {};
+  return formatted("camera %s: no pose for %.0f s (%s)", camera.c_str(), seconds(figures.at - *figures.without_since),
+                   std::string(name(figures.state)).c_str()) +
+         (figures.why.empty() ? "" : ": " + figures.why);
+}
+
+void NoPoseLog::tell(const std::string& camera, const TrackedCameraFigures& figures) {
+  if (!figures.without_since) told_.clear();
+  const std::string warning = no_pose_warning(camera, figures);
+  if (!warning.empty() && told_.insert(without_numbers(warning)).second) spdlog::warn("{}", warning);
+}
+
+void save_map(const CameraTracker& tracker, const TrackedCameraFigures& figures, const std::filesystem::path& file) {
+  if (figures.had_pose) {
+    tracker.save_map(file);
+  } else {
+    spdlog::warn("{}: map not saved: there never was a pose", file.string());
+  }
+}
+
+}  // namespace huetrack

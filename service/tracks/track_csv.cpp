@@ -1,0 +1,106 @@
+#include "tracks/track_csv.h"
+
+#include <array>
+#include <cerrno>
+#include <charconv>
+#include <cmath>
+#include <cstdlib>
+#include <optional>
+#include <system_error>
+
+#include "calib/yaml/csv_table.h"
+
+namespace huetrack {
+namespace {
+
+void append(std::string& row, double value) {
+  std::array<char, 32> buffer{};
+  row += ',';
+  if (std::isnan(value)) {
+    row += "nan";  // never -nan
+  } else {
+    row.append(buffer.data(), std::to_chars(buffer.data(), buffer.data() + buffer.size(), value).ptr);
+  }
+}
+
+std::optional<TrackState> track_state_of(std::string_view word) {
+  for (const auto state : {TrackState::searching, TrackState::tracking, TrackState::coasting, TrackState::lost}) {
+    if (name(state) == word) return state;
+  }
+  return std::nullopt;
+}
+
+[[noreturn]] void fail(const std::filesystem::path& file) {
+  throw std::system_error(errno != 0 ? errno : EIO, std::generic_category(), "cannot write " + file.string());
+}
+
+}  // namespace
+
+std::string to_csv_row(std::string_view target, const ObjectEstimate& e) {
+  const std::int64_t ns = e.at.time_since_epoch().count();
+  std::string digits = std::to_string(std::abs(ns));
+  if (digits.size() < 10) digits.insert(0, 10 - digits.size(), '0');  // at least 0.000000000
+  digits.insert(digits.size() - 9, 1, '.');
+
+  std::string row(target);
+  row += ns < 0 ? ",-" : ",";
+  row += digits;
+  for (int i = 0; i < 3; ++i) append(row, e.position[i]);
+  for (int i = 0; i < 3; ++i) append(row, e.velocity[i]);
+  for (int i = 0; i < 3; ++i) {
+    for (int j = i; j < 3; ++j) append(row, e.covariance(i, j));
+  }
+  row += ',';
+  row += name(e.state);
+  row += ',';
+  row += std::to_string(e.views);
+  append(row, e.confidence);
+  return row;
+}
+
+TrackCsvWriter::TrackCsvWriter(std::filesystem::path file) : file_(std::move(file)) {
+  errno = 0;
+  stream_.open(file_, std::ios::binary | std::ios::trunc);
+  if (!stream_) fail(file_);
+  stream_ << track_csv_header << '\n';
+}
+
+void TrackCsvWriter::write(std::string_view target, const ObjectEstimate& estimate) {
+  errno = 0;
+  stream_ << to_csv_row(target, estimate) << '\n';
+  if (!stream_) fail(file_);
+}
+
+void TrackCsvWriter::flush() {
+  errno = 0;
+  if (!stream_.flush()) fail(file_);
+}
+
+std::map<std::string, std::vector<ObjectEstimate>> read_track_csv(const std::filesystem::path& file) {
+  static constexpr std::string_view columns[] = {"target", "t",   "x",     "y",     "z",         "vx",
+                                                 "vy",     "vz",  "cxx",   "cxy",   "cxz",       "cyy",
+                                                 "cyz",    "czz", "state", "views", "confidence"};
+  CsvTable table(file, columns);
+  std::map<std::string, std::vector<ObjectEstimate>> tracks;
+  while (table.next()) {
+    auto& track = tracks[std::string(table.text(0))];
+    ObjectEstimate& e = track.emplace_back();
+    e.set_number = track.size() - 1;
+    e.at = table.time(1);
+    for (int i = 0; i < 3; ++i) e.position[i] = table.number(std::size_t(2 + i));
+    for (int i = 0; i < 3; ++i) e.velocity[i] = table.number(std::size_t(5 + i));
+    std::size_t column = 8;
+    for (int i = 0; i < 3; ++i) {
+      for (int j = i; j < 3; ++j) e.covariance(i, j) = e.covariance(j, i) = table.number(column++);
+    }
+    const auto state = track_state_of(table.text(14));
+    if (!state)
+      table.fail("state must be searching, tracking, coasting or lost, got \"" + std::string(table.text(14)) + "\"");
+    e.state = *state;
+    e.views = static_cast<int>(table.number(15));
+    e.confidence = table.number(16);
+  }
+  return tracks;
+}
+
+}  // namespace huetrack

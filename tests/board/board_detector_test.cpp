@@ -1,0 +1,292 @@
+#include "calib/board/board_detector.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <map>
+#include <opencv2/aruco/charuco.hpp>
+#include <opencv2/imgcodecs.hpp>
+
+#include "board/captures.h"
+#include "board/drawn_board.h"
+
+namespace huetrack {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::HasSubstr;
+
+cv::Mat grey_image(const fs::path& file) {
+  cv::Mat image = cv::imread(file.string(), cv::IMREAD_GRAYSCALE);
+  EXPECT_FALSE(image.empty()) << file;
+  return image;
+}
+
+Eigen::Vector2d apply(const cv::Matx33d& h, const Eigen::Vector2d& p) {
+  const cv::Vec3d q = h * cv::Vec3d(p.x(), p.y(), 1);
+  return {q[0] / q[2], q[1] / q[2]};
+}
+
+// The drawn board tilted into an image: four corners of the drawing to four image points.
+cv::Matx33d tilted(const cv::Mat& drawn, const std::array<cv::Point2f, 4>& corners) {
+  const auto w = static_cast<float>(drawn.cols), h = static_cast<float>(drawn.rows);
+  const std::array<cv::Point2f, 4> from{cv::Point2f{0, 0}, {w, 0}, {w, h}, {0, h}};
+  return cv::getPerspectiveTransform(from.data(), corners.data());
+}
+
+// rms distance of the detected points to where they are; points that the board does not have fail.
+double rms_px(const Board& board, const BoardDetection& detection, const DrawnBoard& drawn, const cv::Matx33d& h) {
+  double sum = 0;
+  for (std::size_t k = 0; k < detection.ids.size(); ++k) {
+    sum += (detection.px[k] - apply(h, drawn.pixel(board.point(detection.ids[k])))).squaredNorm();
+  }
+  return std::sqrt(sum / static_cast<double>(std::max<std::size_t>(1, detection.ids.size())));
+}
+
+struct NamedBoard {
+  std::string name;
+  Board board;
+};
+std::ostream& operator<<(std::ostream& out, const NamedBoard& b) {
+  return out << b.name;
+}
+
+const NamedBoard chessboard{"chessboard", {.columns = 9, .rows = 6}};
+const NamedBoard charuco{
+    "charuco", {.type = BoardType::charuco, .columns = 7, .rows = 5, .marker = 0.0225, .dictionary = "DICT_5X5_100"}};
+
+std::vector<NamedBoard> all_boards() {
+  Board inverted_chessboard = chessboard.board, inverted = charuco.board, even = charuco.board, legacy;
+  inverted_chessboard.inverted = true;
+  inverted.inverted = true;
+  inverted.dictionary = "DICT_4X4_1000";
+  even.columns = 5;
+  even.rows = 6;
+  legacy = even;
+  legacy.legacy = true;
+  legacy.first_marker = 20;
+  const Board grid{
+      .type = BoardType::aruco_grid, .columns = 4, .rows = 3, .marker = 0.024, .dictionary = "DICT_6X6_250"};
+  Board tags = grid;
+  tags.dictionary = "DICT_APRILTAG_36h11";
+  return {chessboard,
+          {"inverted_chessboard", inverted_chessboard},
+          charuco,
+          {"inverted_charuco", inverted},
+          {"even_rows", even},
+          {"legacy_even_rows", legacy},
+          {"aruco_grid", grid},
+          {"apriltag_grid", tags}};
+}
+
+class EveryBoard : public testing::TestWithParam<NamedBoard> {};
+INSTANTIATE_TEST_SUITE_P(All, EveryBoard, testing::ValuesIn(all_boards()),
+                         [](const auto& param_info) { return param_info.param.name; });
+
+TEST_P(EveryBoard, IsFoundWholeAndWhereItIs) {
+  const Board& board = GetParam().board;
+  const DrawnBoard drawn = draw_board(board);
+  const std::array<std::array<cv::Point2f, 4>, 3> views{{
+      {{{120, 60}, {540, 90}, {510, 400}, {140, 370}}},
+      {{{500, 30}, {590, 440}, {200, 420}, {180, 120}}},   // turned by a quarter, tilted
+      {{{440, 330}, {180, 400}, {190, 140}, {420, 180}}},  // upside down, with squares of some 25 pixels
+  }};
+  for (std::size_t v = 0; v < views.size(); ++v) {
+    const cv::Matx33d h = tilted(drawn.image, views[v]);
+    const cv::Mat image = seen_through(drawn.image, h, {640, 480}, 2, v);
+    const BoardDetection detection = BoardDetector(board).detect(view_of(image));
+    EXPECT_EQ(detection.ids.size(), static_cast<std::size_t>(board.point_count()))
+        << "view " << v << ": " << detection.why_not;
+    EXPECT_TRUE(std::ranges::is_sorted(detection.ids));
+    // The corners of lone squares are softer than those where four squares meet.
+    EXPECT_LT(rms_px(board, detection, drawn, h), board.type == BoardType::aruco_grid ? 0.6 : 0.1) << "view " << v;
+  }
+}
+
+TEST(BoardDetectorMarkers, OpenCvsOwnDrawingIsTheNewLayout) {
+  Board board = charuco.board;
+  board.columns = 5;
+  board.rows = 6;
+  const auto opencv = cv::aruco::CharucoBoard::create(5, 6, 0.03F, 0.0225F,
+                                                      cv::aruco::getPredefinedDictionary(cv::aruco::DICT_5X5_100));
+  cv::Mat image;
+  opencv->draw({500, 600}, image, 0);
+  cv::copyMakeBorder(image, image, 40, 40, 40, 40, cv::BORDER_CONSTANT, cv::Scalar(255));
+  const BoardDetection detection = BoardDetector(board).detect(view_of(image));
+  ASSERT_EQ(detection.ids.size(), 20U);
+  EXPECT_NEAR((detection.px[0] - Eigen::Vector2d(139.5, 139.5)).norm(), 0, 0.2);
+  EXPECT_NEAR((detection.px[19] - Eigen::Vector2d(439.5, 539.5)).norm(), 0, 0.2);
+}
+
+TEST(BoardDetectorParts, CutByTheImage) {
+  const Board& board = chessboard.board;
+  const DrawnBoard drawn = draw_board(board);
+  // Two columns are beyond the right edge.
+  const cv::Matx33d h = tilted(drawn.image, {{{260, 60}, {800, 90}, {780, 430}, {240, 400}}});
+  const cv::Mat image = seen_through(drawn.image, h, {640, 480}, 2, 1);
+  const BoardDetection detection = BoardDetector(board).detect(view_of(image));
+  EXPECT_GE(detection.ids.size(), 36U) << detection.why_not;
+  EXPECT_LT(detection.ids.size(), 54U);
+  EXPECT_LT(rms_px(board, detection, drawn, h), 0.1);
+}
+
+TEST(BoardDetectorParts, PartlyHidden) {
+  for (const Board& board : {chessboard.board, charuco.board}) {
+    const DrawnBoard drawn = draw_board(board);
+    const cv::Matx33d h = tilted(drawn.image, {{{120, 60}, {540, 90}, {510, 400}, {140, 370}}});
+    cv::Mat image = seen_through(drawn.image, h, {640, 480}, 2, 1);
+    cv::ellipse(image, {330, 420}, {60, 230}, 0, 0, 360, cv::Scalar(90), -1);  // an arm over the middle
+    const BoardDetection detection = BoardDetector(board).detect(view_of(image));
+    EXPECT_GE(detection.ids.size(), static_cast<std::size_t>(board.point_count()) / 2) << detection.why_not;
+    EXPECT_LT(detection.ids.size(), static_cast<std::size_t>(board.point_count()));
+    EXPECT_LT(rms_px(board, detection, drawn, h), 0.15);
+  }
+}
+
+TEST(BoardDetectorParts, APartThatCouldBeAnywhereIsNotUsed) {
+  const DrawnBoard drawn = draw_board(chessboard.board);
+  // All four sides lie outside of the image.
+  const cv::Matx33d h = tilted(drawn.image, {{{-400, -300}, {1040, -280}, {1000, 760}, {-380, 780}}});
+  const cv::Mat image = seen_through(drawn.image, h, {640, 480}, 2, 1);
+  const BoardDetection detection = BoardDetector(chessboard.board).detect(view_of(image));
+  EXPECT_FALSE(detection.found());
+  EXPECT_THAT(detection.why_not, HasSubstr("could be at several places"));
+}
+
+TEST(BoardDetectorTrouble, IsNamed) {
+  const BoardDetector detector(chessboard.board);
+  EXPECT_EQ(detector.detect(view_of(cv::Mat(480, 640, CV_8UC1, cv::Scalar(3)))).why_not, "the image is black");
+  EXPECT_EQ(detector.detect(view_of(cv::Mat(480, 640, CV_8UC1, cv::Scalar(120)))).why_not,
+            "the image is empty (one even grey)");
+  const DrawnBoard drawn = draw_board(chessboard.board);
+  const cv::Matx33d h = tilted(drawn.image, {{{120, 60}, {540, 90}, {510, 400}, {140, 370}}});
+  cv::Mat image = seen_through(drawn.image, h, {640, 480}, 0, 1);
+  cv::GaussianBlur(image, image, {}, 30);
+  EXPECT_EQ(detector.detect(view_of(image)).why_not, "the image is blurred");
+  EXPECT_EQ(detector.detect(view_of(cv::Mat(20, 20, CV_8UC1, cv::Scalar(120)))).why_not, "the image is too small");
+  Board wrong = chessboard.board;
+  wrong.pitch.x() = -1;
+  EXPECT_THROW(BoardDetector{wrong}, std::invalid_argument);
+}
+
+TEST(BoardDetectorTrouble, AWrongBoardFileIsExplained) {
+  const auto explanation = [](const Board& real, const Board& in_file) {
+    const DrawnBoard drawn = draw_board(real);
+    const cv::Matx33d h = tilted(drawn.image, {{{120, 60}, {540, 90}, {510, 400}, {140, 370}}});
+    const cv::Mat image = seen_through(drawn.image, h, {640, 480}, 2, 1);
+    EXPECT_FALSE(BoardDetector(in_file).detect(view_of(image)).found());
+    return explain_missing_board(in_file, {view_of(image)});
+  };
+  Board counted_squares = chessboard.board;
+  counted_squares.columns = 10;
+  counted_squares.rows = 7;
+  EXPECT_THAT(explanation(chessboard.board, counted_squares), HasSubstr("a chessboard of 9x6 inner corners"));
+  Board smaller = chessboard.board;
+  smaller.columns = 8;
+  EXPECT_THAT(explanation(chessboard.board, smaller), HasSubstr("a chessboard of 9x6 inner corners"));
+  Board inverted = charuco.board;
+  inverted.inverted = true;
+  EXPECT_THAT(explanation(inverted, charuco.board), HasSubstr("inverted: true"));
+  Board other = charuco.board;
+  other.dictionary = "DICT_6X6_250";
+  EXPECT_THAT(explanation(charuco.board, other), HasSubstr("DICT_5X5"));
+}
+
+// --- real and rendered captures ---
+
+struct Found {
+  int boards = 0, whole = 0, images = 0, corners = 0;
+};
+
+Found count_boards(const Board& board, const fs::path& folder, const std::string& prefix) {
+  Found found;
+  std::vector<fs::path> files;
+  for (const auto& entry : fs::directory_iterator(folder)) {
+    const std::string file = entry.path().filename().string();
+    const auto extension = entry.path().extension();
+    if (file.starts_with(prefix) && (extension == ".jpg" || extension == ".png")) files.push_back(entry.path());
+  }
+  for (const fs::path& file : files) {
+    const cv::Mat image = grey_image(file);
+    const BoardDetection detection = BoardDetector(board).detect(view_of(image));
+    ++found.images;
+    found.boards += detection.found() ? 1 : 0;
+    found.corners += static_cast<int>(detection.ids.size());
+    found.whole += static_cast<int>(detection.ids.size()) == board.point_count() ? 1 : 0;
+    if (!detection.found()) std::printf("%s: %s\n", file.filename().c_str(), detection.why_not.c_str());
+  }
+  return found;
+}
+
+TEST(BoardDetectorCaptures, OpenCvStereoChessboards) {
+  const fs::path folder = fs::path(HUETRACK_SHARED_DATA) / "opencv_chessboard_stereo";
+  if (!fs::exists(folder)) GTEST_SKIP() << folder << " is not there";
+  for (const char* side : {"left", "right"}) {
+    const Found found = count_boards(chessboard.board, folder, side);
+    EXPECT_EQ(found.whole, 13) << side;
+    EXPECT_EQ(found.images, 13) << side;
+  }
+}
+
+TEST(BoardDetectorCaptures, RedSquareChessboardsWithCutRows) {
+  const fs::path folder = fs::path(HUETRACK_SHARED_DATA) / "red_square_stereo/calibration_images";
+  if (!fs::exists(folder)) GTEST_SKIP() << folder << " is not there";
+  const Found found = count_boards({.columns = 6, .rows = 6, .pitch = {0.0354, 0.0358}}, folder, "camera");
+  EXPECT_EQ(found.boards, 14);
+  EXPECT_GE(found.corners, 14 * 31);  // of 36; some lie on the fold between the board's halves
+}
+
+TEST(BoardDetectorCaptures, RenderedChessboardAgainstTheTruth) {
+  const fs::path folder = fs::path(HUETRACK_SHARED_DATA) / "rendered/chessboard";
+  if (!fs::exists(folder)) GTEST_SKIP() << folder << " is not there";
+  std::map<std::pair<int, int>, std::map<int, Eigen::Vector2d>> truth;  // (camera, pose) -> corner -> pixel
+  std::ifstream csv(folder / "corners_gt.csv");
+  std::string line;
+  std::getline(csv, line);
+  while (std::getline(csv, line)) {
+    int pose, camera, corner;
+    double u, v;
+    ASSERT_EQ(std::sscanf(line.c_str(), "%d,cam%d,%d,%*f,%*f,%*f,%lf,%lf", &pose, &camera, &corner, &u, &v), 5) << line;
+    truth[{camera, pose}][corner] = {u, v};
+  }
+  const BoardDetector detector({.columns = 9, .rows = 6, .pitch = {0.06, 0.06}});
+  std::array<int, 3> found{}, false_ones{};
+  double sum = 0, worst = 0;
+  int corners = 0;
+  for (int camera = 0; camera < 3; ++camera) {
+    for (int pose = 0; pose < 25; ++pose) {
+      std::array<char, 64> name;
+      std::snprintf(name.data(), name.size(), "cam%d/%06d.jpg", camera, pose);
+      const cv::Mat image = grey_image(folder / name.data());
+      const BoardDetection detection = detector.detect(view_of(image));
+      if (!detection.found()) continue;
+      const auto known = truth.find({camera, pose});
+      if (known == truth.end()) {
+        ++false_ones[static_cast<std::size_t>(camera)];
+        continue;
+      }
+      ++found[static_cast<std::size_t>(camera)];
+      for (std::size_t k = 0; k < detection.ids.size(); ++k) {
+        const double off = (detection.px[k] - known->second.at(detection.ids[k])).norm();
+        sum += off * off;
+        worst = std::max(worst, off);
+        ++corners;
+      }
+    }
+  }
+  std::printf("found %d of 22, %d of 25, %d of 19 boards; %.3f px rms per axis, %.2f px at most\n", found[0], found[1],
+              found[2], std::sqrt(sum / corners / 2), worst);
+  EXPECT_GE(found[0], 20);
+  EXPECT_GE(found[1], 25);
+  EXPECT_GE(found[2], 17);
+  EXPECT_EQ(false_ones, (std::array<int, 3>{}));
+  EXPECT_LT(std::sqrt(sum / corners / 2), 0.08);
+  EXPECT_LT(worst, 0.5);
+}
+
+}  // namespace
+}  // namespace huetrack

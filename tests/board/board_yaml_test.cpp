@@ -1,0 +1,108 @@
+#include "calib/board/board_yaml.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <Eigen/Geometry>
+#include <filesystem>
+#include <fstream>
+
+#include "calib/yaml/yaml_reader.h"
+
+namespace huetrack {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::HasSubstr;
+
+class BoardYaml : public testing::Test {
+ protected:
+  BoardYaml() : folder_(testing::TempDir() + "board_yaml_test." + std::to_string(::getpid())) {
+    fs::create_directories(folder_);
+  }
+  ~BoardYaml() override { fs::remove_all(folder_); }
+
+  Board read(const std::string& yaml) const {
+    const fs::path file = folder_ / "board.yaml";
+    std::ofstream(file, std::ios::binary) << yaml;
+    return read_board(file);
+  }
+
+  std::string problem(const std::string& yaml) const {
+    try {
+      read(yaml);
+    } catch (const ConfigError& error) {
+      return error.what();
+    }
+    return "no error";
+  }
+
+  fs::path folder_;
+};
+
+TEST_F(BoardYaml, ReadsAChessboard) {
+  const Board board = read("inner_corners: [9, 6]\nsquare: 0.06\n");
+  EXPECT_EQ(board.type, BoardType::chessboard);
+  EXPECT_EQ(board.point_count(), 54);
+  EXPECT_EQ(board.point(10), Eigen::Vector3d(0.06, 0.06, 0));
+}
+
+TEST_F(BoardYaml, EveryBoardReadsBackTheSame) {
+  for (const char* yaml :
+       {"type: chessboard\ninner_corners: [6, 6]\npitch: [0.0354, 0.0358]\n",
+        "type: chessboard\ninner_corners: [7, 5]\nsquare: 0.1\ninverted: true\n",
+        "type: charuco\nsquares: [4, 6]\nsquare: 0.054\nmarker: 0.0405\ndictionary: DICT_4X4_1000\nlegacy: true\n",
+        "type: aruco_grid\nmarkers: [3, 2]\nmarker: 0.04\ngap: 0.01\ndictionary: DICT_APRILTAG_36h11\nfirst_marker: "
+        "7\n"}) {
+    const Board board = read(yaml);
+    EXPECT_EQ(read(to_yaml(board)), board) << yaml;
+  }
+}
+
+TEST_F(BoardYaml, RefusesWhatItDoesNotKnow) {
+  EXPECT_THAT(problem("inner_corners: [9, 6]\nsqare: 0.06\nsquare: 0.06\n"),
+              HasSubstr("board.yaml:2: sqare is not a known key (did you mean square?)"));
+  EXPECT_THAT(problem("inner_corners: [9, 6]\nsquare: 60\n"), HasSubstr("board.yaml:2: square"));  // millimetres
+  EXPECT_THAT(problem("inner_corners: [9.5, 6]\nsquare: 0.06\n"), HasSubstr("two whole numbers"));
+  EXPECT_THAT(problem("inner_corners: [2, 6]\nsquare: 0.06\n"), HasSubstr("at least 3 x 3 inner corners"));
+  EXPECT_THAT(problem("type: charuco\nsquares: [4, 6]\nsquare: 0.03\nmarker: 0.04\ndictionary: DICT_4X4_50\n"),
+              HasSubstr("marker must be smaller than the squares"));
+  EXPECT_THAT(problem("type: charuco\nsquares: [4, 6]\nsquare: 0.03\nmarker: 0.02\ndictionary: DICT_4X4_20\n"),
+              HasSubstr("dictionary"));
+  EXPECT_THAT(problem("type: charuco\nsquares: [12, 12]\nsquare: 0.03\nmarker: 0.02\ndictionary: DICT_4X4_50\n"),
+              HasSubstr("DICT_4X4_50 has 50 markers; the board needs 0 to 71"));
+}
+
+TEST_F(BoardYaml, ReadsTheBoardOfTheRenderedSequence) {
+  const fs::path file = fs::path(HUETRACK_SHARED_DATA) / "rendered/chessboard/board.yaml";
+  if (!fs::exists(file)) GTEST_SKIP() << file << " is not there";
+  EXPECT_EQ(read_board(file), read("inner_corners: [9, 6]\nsquare: 0.06\n"));
+}
+
+TEST(BoardSymmetries, AreThoseOfItsColours) {
+  const auto count = [](int columns, int rows) { return Board{.columns = columns, .rows = rows}.symmetries().size(); };
+  EXPECT_EQ(count(9, 6), 1U);  // 10 x 7 squares: two black corner squares on one side
+  EXPECT_EQ(count(9, 7), 2U);  // black corner squares opposite each other
+  EXPECT_EQ(count(8, 6), 2U);  // all four black
+  EXPECT_EQ(count(6, 6), 4U);
+  EXPECT_EQ(count(7, 7), 2U);  // a quarter turn swaps black and white
+}
+
+TEST(BoardSymmetries, MovePointsRigidly) {
+  const Board board{.columns = 6, .rows = 6};
+  for (const auto& symmetry : board.symmetries()) {
+    for (int a = 0; a < board.point_count(); ++a) {
+      for (int b = 0; b < a; ++b) {
+        const auto moved = [&](int id) { return board.point(symmetry[static_cast<std::size_t>(id)]); };
+        EXPECT_NEAR((moved(a) - moved(b)).norm(), (board.point(a) - board.point(b)).norm(), 1e-12);
+      }
+    }
+    const auto moved = [&](int id) { return board.point(symmetry[static_cast<std::size_t>(id)]); };
+    const Eigen::Vector3d x = moved(1) - moved(0), y = moved(6) - moved(0);
+    EXPECT_GT(x.cross(y).z(), 0) << "not a turn but a mirror image";
+  }
+}
+
+}  // namespace
+}  // namespace huetrack

@@ -1,0 +1,110 @@
+// The captures in /work/shared that several tests calibrate with, their boards detected once per test program.
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <map>
+#include <opencv2/imgcodecs.hpp>
+#include <vector>
+
+#include "calib/board/board_detector.h"
+#include "calib/solver/bundle_adjustment.h"
+
+namespace huetrack {
+
+inline std::filesystem::path shared_data(const std::string& folder) {
+  return std::filesystem::path(HUETRACK_SHARED_DATA) / folder;
+}
+
+inline GreyView view_of(const cv::Mat& image) {
+  return {image.data, image.cols, image.rows, static_cast<std::ptrdiff_t>(image.step)};
+}
+
+// Nothing when the board is not in it.
+inline void add_view(std::vector<BoardView>& views, const BoardDetector& detector, const std::filesystem::path& file,
+                     int camera, int set) {
+  const cv::Mat image = cv::imread(file.string(), cv::IMREAD_GRAYSCALE);
+  ASSERT_FALSE(image.empty()) << file;
+  BoardDetection found = detector.detect(view_of(image));
+  if (found.found())
+    views.push_back({camera, set, file.filename().string(), std::move(found.ids), std::move(found.px)});
+}
+
+inline Board rendered_board() {
+  return {.columns = 9, .rows = 6, .pitch = {0.06, 0.06}};
+}
+
+inline const std::vector<BoardView>& rendered_views() {
+  static const std::vector<BoardView> views = [] {
+    std::vector<BoardView> all;
+    const BoardDetector detector(rendered_board());
+    for (int camera = 0; camera < 3; ++camera) {
+      for (int pose = 0; pose < 25; ++pose) {
+        std::array<char, 64> name;
+        std::snprintf(name.data(), name.size(), "rendered/chessboard/cam%d/%06d.jpg", camera, pose);
+        add_view(all, detector, shared_data(name.data()), camera, pose);
+      }
+    }
+    return all;
+  }();
+  return views;
+}
+
+// The exact corners of the rendered boards.
+inline std::vector<BoardView> rendered_truth() {
+  std::map<std::pair<int, int>, BoardView> views;
+  std::ifstream csv(shared_data("rendered/chessboard/corners_gt.csv"));
+  std::string line;
+  std::getline(csv, line);
+  while (std::getline(csv, line)) {
+    int pose = 0, camera = 0, corner = 0;
+    double u = 0, v = 0;
+    if (std::sscanf(line.c_str(), "%d,cam%d,%d,%*f,%*f,%*f,%lf,%lf", &pose, &camera, &corner, &u, &v) != 5) continue;
+    BoardView& view = views[{pose, camera}];
+    view.camera = camera;
+    view.set = pose;
+    view.image = "cam" + std::to_string(camera) + " pose " + std::to_string(pose);
+    view.ids.push_back(corner);
+    view.px.emplace_back(u, v);
+  }
+  std::vector<BoardView> all;
+  for (auto& [key, view] : views) all.push_back(std::move(view));
+  return all;
+}
+
+inline Board stereo_board() {
+  return {.columns = 9, .rows = 6, .pitch = {0.025, 0.025}};
+}
+
+inline const std::vector<BoardView>& stereo_views() {
+  static const std::vector<BoardView> views = [] {
+    std::vector<BoardView> all;
+    const BoardDetector detector(stereo_board());
+    for (int camera = 0; camera < 2; ++camera) {
+      for (int n = 1; n <= 14; ++n) {
+        if (n == 10) continue;
+        std::array<char, 64> name;
+        std::snprintf(name.data(), name.size(), "opencv_chessboard_stereo/%s%02d.jpg", camera == 0 ? "left" : "right",
+                      n);
+        add_view(all, detector, shared_data(name.data()), camera, n);
+      }
+    }
+    return all;
+  }();
+  return views;
+}
+
+inline std::vector<BoardView> views_of(const std::vector<BoardView>& views, int camera) {
+  std::vector<BoardView> own;
+  for (const BoardView& view : views) {
+    if (view.camera != camera) continue;
+    own.push_back(view);
+    own.back().camera = 0;
+  }
+  return own;
+}
+
+}  // namespace huetrack

@@ -1,0 +1,562 @@
+#include "config/service_config.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <fstream>
+#include <sstream>
+
+#include "calib/model/rig_yaml.h"
+#include "calib/yaml/yaml_reader.h"
+
+namespace huetrack {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::IsEmpty;
+
+const fs::path configs = fs::path(HUETRACK_SOURCE_DIR) / "configs";
+
+class ServiceConfigFile : public testing::Test {
+ protected:
+  ServiceConfigFile()
+      : folder_(fs::path(testing::TempDir()) /
+                ("service_config_" + std::string(testing::UnitTest::GetInstance()->current_test_info()->name()))) {
+    fs::create_directories(folder_);
+    fs::copy_file(configs / "demo/recording/rig.yaml", folder_ / "rig.yaml", fs::copy_options::overwrite_existing);
+  }
+  ~ServiceConfigFile() override { fs::remove_all(folder_); }
+
+  fs::path write(const std::string& yaml, const std::string& name = "c.yaml") const {
+    std::ofstream(folder_ / name) << yaml;
+    return folder_ / name;
+  }
+  ServiceConfig load(const std::string& yaml) const { return load_service_config(write(yaml)); }
+  // The message without the folder's name.
+  std::string error(const std::string& yaml) const {
+    try {
+      load(yaml);
+    } catch (const ConfigError& e) {
+      std::string message = e.what();
+      for (std::size_t at; (at = message.find(folder_.string() + "/")) != std::string::npos;) {
+        message.erase(at, folder_.string().size() + 1);
+      }
+      return message;
+    }
+    return "no error";
+  }
+
+  fs::path folder_;
+};
+
+const std::string head = "version: 1\nrig: rig.yaml\n";
+const std::string ball = head + "targets: {ball: {color: {hue_deg: [65, 115]}}}\n";
+
+TEST_F(ServiceConfigFile, WhatIsNotGivenHasItsDefault) {
+  const ServiceConfig config = load(ball);
+  ASSERT_EQ(config.targets.size(), 1u);
+  EXPECT_EQ(config.targets[0].name, "ball");
+  EXPECT_EQ(config.targets[0].radius_m, TargetOptions{}.radius_m);
+  EXPECT_EQ(config.targets[0].color, (HsiRange{.hue_min_deg = 65, .hue_max_deg = 115}));
+  EXPECT_EQ(config.object_tracking.particle_count, ObjectTrackerOptions{}.particle_count);
+  EXPECT_EQ(config.set_tolerance_s, std::nullopt);
+  EXPECT_EQ(config.threads, 1);
+  EXPECT_TRUE(config.dds.enabled);
+  EXPECT_EQ(config.dds.publisher.domain, std::nullopt);
+  EXPECT_THAT(config.dds.publisher.targets, ElementsAre("ball"));
+  EXPECT_THAT(config.dds.publisher.cameras, ElementsAre("cam0", "cam1"));
+  EXPECT_EQ(config.rig.cameras.size(), 2u);
+}
+
+const std::string everything = head + R"(
+targets:
+  red_cap:
+    radius_m: 0.12
+    color: {hue_deg: [340, 20], saturation: [0.8, 0.95], intensity: [0.2, 0.7]}
+    camera_colors:
+      cam1: {saturation: [0.5, 0.7]}
+  lime: {color: {hue_deg: [65, 115]}}
+cameras:
+  cam1:
+    device: /dev/v4l/by-id/usb-cam
+    format: mjpeg
+    size: [320, 240]
+    fps: 29.97
+    controls: {exposure_time_absolute: 100, white_balance_automatic: false, power_line_frequency: 50 Hz}
+    latency_offset_s: 0.0125
+    restore_controls: true
+  cam0: {device: 3}
+quorum: 1
+object_tracking:
+  observation: paper
+  volume: {min: [-0.5, -0.25, 0.125], max: [0.5, 0.75, 1.5]}
+  particle_count: 321
+  max_particle_count: 4321
+  seed: 77
+  position_noise_m: 0.031
+  acceleration_m_s2: 12.5
+  start_speed_m_s: 4.5
+  pixel_noise_px: 0.75
+  max_tracking_sigma_m: 0.0625
+  coast_s: 0.7
+  max_coast_sigma_m: 0.21
+frame_sets: {tolerance_s: 0.0123}
+threads: 3
+dds: {enabled: false, domain: 42, profile: dds.xml, interfaces: [lo, 10.0.0.1], ros2: false, frame_id: "the \"map\""}
+record:
+  folder: recordings
+  always: true
+  raw_storage: huffyuv
+  queue_frames: 7
+  pre_roll_s: 1.5
+  pre_roll_mb: 64
+  after_s: 0.5
+  on_lost: false
+metrics: {port: 9464, address: 0.0.0.0}
+log_level: debug
+)";
+
+TEST_F(ServiceConfigFile, EveryKeyIsRead) {
+  write("<dds/>", "dds.xml");
+  const ServiceConfig c = load(everything);
+  ASSERT_EQ(c.targets.size(), 2u);
+  EXPECT_EQ(c.targets[0].name, "red_cap");
+  EXPECT_EQ(c.targets[0].radius_m, 0.12);
+  EXPECT_EQ(c.targets[0].color, (HsiRange{340, 20, 0.8, 0.95, 0.2, 0.7}));
+  // What a camera's colour leaves out is the target's.
+  ASSERT_EQ(c.targets[0].camera_colors.size(), 1u);
+  EXPECT_EQ(c.targets[0].camera_colors[0].first, "cam1");
+  EXPECT_EQ(c.targets[0].camera_colors[0].second, (HsiRange{340, 20, 0.5, 0.7, 0.2, 0.7}));
+  EXPECT_EQ(c.targets[1].name, "lime");
+  ASSERT_EQ(c.cameras.size(), 2u);
+  EXPECT_EQ(c.cameras[0].name, "cam1");
+  EXPECT_EQ(c.cameras[0].device, "/dev/v4l/by-id/usb-cam");
+  EXPECT_EQ(c.cameras[0].format, CaptureFormat::mjpeg);
+  EXPECT_EQ(c.cameras[0].size, (ImageSize{320, 240}));
+  EXPECT_EQ(c.cameras[0].fps, 29.97);
+  ASSERT_EQ(c.cameras[0].controls.size(), 3u);
+  EXPECT_EQ(c.cameras[0].controls[0].name, "exposure_time_absolute");
+  EXPECT_EQ(c.cameras[0].controls[0].value, ControlValue(std::int64_t{100}));
+  EXPECT_EQ(c.cameras[0].controls[1].value, ControlValue(std::int64_t{0}));
+  EXPECT_EQ(c.cameras[0].controls[2].value, ControlValue("50 Hz"));
+  EXPECT_EQ(c.cameras[0].latency_offset_s, 0.0125);
+  EXPECT_TRUE(c.cameras[0].restore_controls);
+  EXPECT_EQ(c.cameras[1].device, "/dev/video3");
+  EXPECT_EQ(c.quorum, 1);
+  const ObjectTrackerOptions& o = c.object_tracking;
+  EXPECT_EQ(o.observation, Observation::paper);
+  EXPECT_EQ(o.volume.min, Eigen::Vector3d(-0.5, -0.25, 0.125));
+  EXPECT_EQ(o.volume.max, Eigen::Vector3d(0.5, 0.75, 1.5));
+  EXPECT_EQ(o.particle_count, 321);
+  EXPECT_EQ(o.max_particle_count, 4321);
+  EXPECT_EQ(o.seed, 77u);
+  EXPECT_EQ(o.position_noise_m, 0.031);
+  EXPECT_EQ(o.acceleration_m_s2, 12.5);
+  EXPECT_EQ(o.start_speed_m_s, 4.5);
+  EXPECT_EQ(o.pixel_noise_px, 0.75);
+  EXPECT_EQ(o.max_tracking_sigma_m, 0.0625);
+  EXPECT_EQ(o.coast_s, 0.7);
+  EXPECT_EQ(o.max_coast_sigma_m, 0.21);
+  EXPECT_EQ(c.set_tolerance_s, 0.0123);
+  EXPECT_EQ(c.threads, 3);
+  EXPECT_FALSE(c.dds.enabled);
+  EXPECT_EQ(c.dds.publisher.domain, 42);
+  EXPECT_EQ(c.dds.publisher.profiles, folder_ / "dds.xml");
+  EXPECT_THAT(c.dds.publisher.interfaces, ElementsAre("lo", "10.0.0.1"));
+  EXPECT_FALSE(c.dds.publisher.ros2);
+  EXPECT_EQ(c.dds.publisher.frame_id, "the \"map\"");
+  EXPECT_EQ(c.record.folder, folder_ / "recordings");
+  EXPECT_TRUE(c.record.always);
+  EXPECT_EQ(c.record.raw_storage, RawStorage::huffyuv);
+  EXPECT_EQ(c.record.queue_frames, 7);
+  EXPECT_EQ(c.record.pre_roll_s, 1.5);
+  EXPECT_EQ(c.record.pre_roll_mb, 64);
+  EXPECT_EQ(c.record.after_s, 0.5);
+  EXPECT_FALSE(c.record.on_lost);
+  EXPECT_EQ(c.metrics.port, 9464);
+  EXPECT_EQ(c.metrics.address, "0.0.0.0");
+  EXPECT_EQ(c.log_level, LogLevel::debug);
+}
+
+TEST_F(ServiceConfigFile, WhatCheckPrintsLoadsBackToTheSame) {
+  write("<dds/>", "dds.xml");
+  for (const auto& yaml : {ball, everything}) {
+    const ServiceConfig config = load(yaml);
+    const std::string printed = to_yaml(config);
+    fs::create_directories(folder_ / "elsewhere");  // paths in it hold from any folder
+    const ServiceConfig again = load_service_config(write(printed, "elsewhere/printed.yaml"));
+    EXPECT_EQ(to_yaml(again), printed);
+    EXPECT_EQ(config_identity(again), config_identity(config));
+  }
+}
+
+TEST_F(ServiceConfigFile, TheIdentityChangesWithAnyValueAndNotWithTheFolder) {
+  EXPECT_EQ(config_identity(load(ball)), config_identity(load(ball + "threads: 1\n")));
+  EXPECT_NE(config_identity(load(ball)), config_identity(load(ball + "threads: 2\n")));
+  const std::string here = config_identity(load(ball));
+  fs::copy_file(folder_ / "rig.yaml", folder_ / "rig2.yaml", fs::copy_options::overwrite_existing);
+  EXPECT_EQ(here, config_identity(load("version: 1\nrig: rig2.yaml\n" + ball.substr(head.size()))));
+}
+
+TEST_F(ServiceConfigFile, DifferingKeysAreThoseOfTheFirstLevel) {
+  const ServiceConfig config = load(ball);
+  EXPECT_THAT(differing_keys(config, config), IsEmpty());
+  EXPECT_THAT(differing_keys(config, load(ball + "threads: 2\ndds: {domain: 3}\n")), ElementsAre("threads", "dds"));
+  EXPECT_THAT(differing_keys(config, load(head + "targets: {ball: {color: {hue_deg: [66, 115]}}}\n")),
+              ElementsAre("targets"));
+  ServiceConfig moved = config;
+  moved.rig.cameras[0].cam_from_world.translation.x() += 0.01;
+  EXPECT_THAT(differing_keys(config, moved), ElementsAre("rig"));
+}
+
+TEST_F(ServiceConfigFile, IgnoredRectanglesAreThoseOfEveryTarget) {
+  const ServiceConfig config = load(head +
+                                    "targets: {a: {color: {hue_deg: [1, 9]}}, b: {color: {hue_deg: [65, "
+                                    "115]}}}\nignore: {cam1: [1, 2, 3, 4, 5, 6, 7, 8]}\n");
+  const IgnoredRegions expected = {{"cam1", {{1, 2, 3, 4}, {5, 6, 7, 8}}}};
+  EXPECT_EQ(config.ignored, expected);
+  for (const auto& target : config.targets) EXPECT_EQ(target.ignored, expected);
+  EXPECT_EQ(load_service_config(write(to_yaml(config), "printed.yaml")).ignored, expected);
+}
+
+struct Mistake {
+  const char* name;
+  std::string yaml, message;
+};
+
+class Mistakes : public ServiceConfigFile, public testing::WithParamInterface<Mistake> {};
+
+TEST_P(Mistakes, AreNamedWithFileAndLine) {
+  EXPECT_EQ(error(GetParam().yaml), GetParam().message);
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    All, Mistakes,
+    testing::Values(
+        Mistake{"UnknownKey", ball + "object_tracking:\n  particle_cuont: 300\n",
+                "c.yaml:5: object_tracking.particle_cuont is not a known key (did you mean particle_count?)"},
+        Mistake{"UnknownKeyAtTheRoot", ball + "target: 3\n",
+                "c.yaml:4: target is not a known key (did you mean targets?)"},
+        Mistake{"UnknownKeyInATarget", head + "targets:\n  ball:\n    radius: 0.04\n    color: {hue_deg: [65, 115]}\n",
+                "c.yaml:5: targets.ball.radius is not a known key (did you mean radius_m?)"},
+        Mistake{"WrongType", ball + "threads: many\n", "c.yaml:4: threads must be a whole number, got \"many\""},
+        Mistake{"OutOfRange", ball + "dds: {domain: 233}\n", "c.yaml:4: dds.domain must be from 0 to 232 (is 233)"},
+        Mistake{"NeitherNumberNorWord", ball + "dds: {domain: atuo}\n",
+                "c.yaml:4: dds.domain: must be a number or the word auto, got \"atuo\""},
+        Mistake{"WrongWord", ball + "object_tracking: {observation: papper}\n",
+                "c.yaml:4: object_tracking.observation must be one of huetrack, paper, got \"papper\" (did you mean "
+                "paper?)"},
+        Mistake{"IgnoredCameraUnknown", ball + "ignore: {cma0: [1, 2, 3, 4]}\n",
+                "c.yaml:4: ignore.cma0: is not a camera of the rig, which has cam0, cam1 (did you mean cam0?)"},
+        Mistake{"IgnoredNotFourNumbers", ball + "ignore: {cam0: [1, 2, 3, 4, 5]}\n",
+                "c.yaml:4: ignore.cam0: must be four numbers per rectangle: u_min, v_min, u_max, v_max"},
+        Mistake{"IgnoredEmpty", ball + "ignore: {cam0: [1, 2, 3, 4, 9, 9, 8, 9]}\n",
+                "c.yaml:4: ignore.cam0: rectangle 2 ends before it begins"},
+        Mistake{"NoVersion", "rig: rig.yaml\n", "c.yaml:1: version is missing"},
+        Mistake{"NoRig", "version: 1\n", "c.yaml:1: rig is missing"},
+        Mistake{"RigFileMissing", "version: 1\nrig: no.yaml\n", "c.yaml:2: rig: there is no file no.yaml"},
+        Mistake{"NoTargets", head,
+                "c.yaml:1: targets: at least one target is needed: targets: {ball: {color: {hue_deg: [65, 115]}}}; or "
+                "a camera to "
+                "track, under camera_tracking"},
+        Mistake{"NoHue", head + "targets:\n  ball:\n    color: {saturation: [0.3, 1]}\n",
+                "c.yaml:5: targets.ball.color.hue_deg is missing"},
+        Mistake{"NoColor", head + "targets:\n  lime: {radius_m: 0.04}\n",
+                "c.yaml:4: targets.lime.color.hue_deg is missing"},
+        Mistake{"TargetNameThatIsNoTopic", head + "targets:\n  ball__x: {color: {hue_deg: [65, 115]}}\n",
+                "c.yaml:4: targets.ball__x: target \"ball__x\" must be a letter, then letters, digits and single '_': "
+                "it is part of a ROS 2 topic's name"},
+        Mistake{"TooManyParticles", ball + "object_tracking: {particle_count: 2000000}\n",
+                "c.yaml:4: object_tracking.particle_count must be from 1 to 1000000 (is 2000000)"},
+        Mistake{"TargetTwice",
+                head + "targets:\n  ball: {color: {hue_deg: [1, 2]}}\n  ball: {color: {hue_deg: [3, 4]}}\n",
+                "c.yaml:5: targets.ball is given twice"},
+        Mistake{"UnknownCamera",
+                head + "targets:\n  ball:\n    color: {hue_deg: [65, 115]}\n    camera_colors:\n      cma1: {}\n",
+                "c.yaml:7: targets.ball.camera_colors.cma1: is not a camera of the rig, which has cam0, cam1 (did you "
+                "mean cam1?)"},
+        Mistake{"VolumeUpsideDown", ball + "object_tracking:\n  volume: {min: [-1, -1, 2], max: [1, 1, 2]}\n",
+                "c.yaml:5: object_tracking.volume: min must be less than max on every axis, and on z it is not"},
+        Mistake{
+            "VolumeOutOfSight", ball + "object_tracking:\n  volume: {min: [50, 50, 50], max: [51, 51, 51]}\n",
+            "c.yaml:5: object_tracking.volume: no camera of the rig sees any of it: is the volume in the rig's world "
+            "frame, in metres?"},
+        Mistake{
+            "RadiusInMillimetres", head + "targets:\n  ball:\n    radius_m: 40\n    color: {hue_deg: [65, 115]}\n",
+            "c.yaml:5: targets.ball.radius_m: a ball of this radius does not fit into object_tracking.volume; the unit "
+            "is metres"},
+        Mistake{"UnknownLiveCamera", ball + "cameras:\n  cma1: {device: 0}\n",
+                "c.yaml:5: cameras.cma1: is not a camera of the rig, which has cam0, cam1 (did you mean cam1?)"},
+        Mistake{"RateThatNoneHas", ball + "cameras:\n  cam1: {device: 0, fps: 1e9}\n",
+                "c.yaml:5: cameras.cam1.fps must be > 0 and <= 10000 (is 1000000000)"},
+        Mistake{"CameraWithoutDevice", ball + "cameras:\n  cam1: {fps: 30}\n",
+                "c.yaml:5: cameras.cam1.device is missing"},
+        Mistake{"DeviceNotBelowDev", ball + "cameras:\n  cam1: {device: webcam}\n",
+                "c.yaml:5: cameras.cam1.device: must be a path below /dev or an index, got \"webcam\": "
+                "ls -l /dev/v4l/by-path/ lists the cameras"},
+        Mistake{"DeviceTwice", ball + "cameras:\n  cam0: {device: 0}\n  cam1: {device: /dev/video0}\n",
+                "c.yaml:6: cameras.cam1.device: is the device of cam0 already"},
+        Mistake{"SizeNotTheRigs", ball + "cameras:\n  cam0: {device: 0, size: [640, 480]}\n",
+                "c.yaml:5: cameras.cam0.size: the rig was calibrated at 320x240: use that size (or the word rig), or "
+                "calibrate anew"},
+        Mistake{"QuorumTooLarge", ball + "cameras:\n  cam0: {device: 0}\nquorum: 2\n",
+                "c.yaml:6: quorum: is more than there are in cameras (1)"},
+        Mistake{"RecordWithoutFolder", ball + "record: {always: true}\n",
+                "c.yaml:4: record: a folder is needed to record to, or to save the pre-roll to"},
+        Mistake{"NoSuchProfile", ball + "dds: {profile: none.xml}\n",
+                "c.yaml:4: dds.profile: there is no file none.xml"}),
+    [](const auto& instance) { return std::string(instance.param.name); });
+
+TEST_F(ServiceConfigFile, NamesThatCannotBePartOfATopicAreRefused) {
+  EXPECT_THAT(error(head + "targets:\n  2balls: {color: {hue_deg: [65, 115]}}\n"),
+              HasSubstr("c.yaml:4: targets.2balls: "));
+}
+
+TEST_F(ServiceConfigFile, ADefaultVolumeOutOfSightIsNamedByItsWholeKey) {
+  CameraRig far = read_rig(folder_ / "rig.yaml");
+  for (auto& camera : far.cameras) camera.cam_from_world.translation += Eigen::Vector3d(0, 0, -100);  // all behind it
+  write_rig(far, folder_ / "rig.yaml");
+  EXPECT_THAT(error(ball), HasSubstr("c.yaml:1: object_tracking.volume: no camera of the rig sees any of it"));
+}
+
+TEST_F(ServiceConfigFile, EmptyRangesAreRefused) {
+  EXPECT_THAT(error(head + "targets:\n  b:\n    color: {hue_deg: [1, 9], saturation: [0.9, 0.3]}\n"),
+              HasSubstr("c.yaml:5: targets.b.color: "));
+}
+
+TEST_F(ServiceConfigFile, MoreParticlesThanTheMostAreRefused) {
+  EXPECT_THAT(error(ball + "object_tracking: {particle_count: 500, max_particle_count: 400}\n"),
+              HasSubstr("c.yaml:4: object_tracking: "));
+}
+
+TEST_F(ServiceConfigFile, AMistakeInTheRigIsNamedInTheRig) {
+  write("version: 1\ncameras: {}\n", "bad_rig.yaml");
+  EXPECT_THAT(error("version: 1\nrig: bad_rig.yaml\ntargets: {b: {color: {hue_deg: [1, 9]}}}\n"),
+              HasSubstr("bad_rig.yaml"));
+}
+
+TEST_F(ServiceConfigFile, WarnsOfWhatIsProbablyNotMeant) {
+  EXPECT_THAT(warnings_of(load(ball)), IsEmpty());
+  EXPECT_THAT(warnings_of(load(ball + "record: {folder: recordings}\n")),
+              ElementsAre(HasSubstr("nothing will be recorded")));
+  EXPECT_THAT(warnings_of(load(ball + "record: {folder: recordings, always: true}\n")), IsEmpty());
+  EXPECT_THAT(
+      warnings_of(load(head + "targets: {a: {color: {hue_deg: [350, 20]}}, b: {color: {hue_deg: [10, 40]}}}\n")),
+      ElementsAre("targets a and b have overlapping colours in camera cam0 and may be taken for each other"));
+  // Far to the side: cam1 alone sees a part of it.
+  const auto far = load(ball + "object_tracking: {volume: {min: [-4, -4, 0], max: [4, 4, 2]}}\n");
+  const auto coverage = volume_coverage(far.rig, far.object_tracking.volume);
+  ASSERT_LT(coverage.by_two, 0.5);
+  EXPECT_THAT(warnings_of(far), ElementsAre(HasSubstr("of the volume is seen by two or more cameras")));
+}
+
+TEST(VolumeCoverage, IsWholeWhereTheWholeVolumeIsSeen) {
+  // A box of 20 cm, 2 m before a camera that looks along z, and behind the other.
+  CameraRig rig;
+  for (const double sign : {1.0, -1.0}) {
+    Camera camera;
+    camera.name = sign > 0 ? "sees" : "turned_away";
+    camera.image_size = {640, 480};
+    camera.model = CameraModel(PinholeRadtan{.fx = 500, .fy = 500, .cx = 320, .cy = 240});
+    if (sign < 0) camera.cam_from_world.rotation = Eigen::Quaterniond(0, 1, 0, 0);
+    rig.cameras.push_back(camera);
+  }
+  const auto coverage = volume_coverage(rig, Box{.min = {-0.1, -0.1, 1.9}, .max = {0.1, 0.1, 2.1}});
+  ASSERT_EQ(coverage.per_camera.size(), 2u);
+  EXPECT_NEAR(coverage.per_camera[0], 1, 1e-9);
+  EXPECT_EQ(coverage.per_camera[1], 0);
+  EXPECT_NEAR(coverage.by_one, 1, 1e-9);
+  EXPECT_EQ(coverage.by_two, 0);
+}
+
+// ---------------------------------------------------------------------------------------------------------------------
+
+// The keys with their values, in order: "dds.domain: auto". Of YAML in block style, without its comments.
+std::vector<std::string> keys_and_values(std::istream& yaml) {
+  std::vector<std::string> out, path;
+  for (std::string line; std::getline(yaml, line);) {
+    if (const auto comment = line.find('#'); comment != std::string::npos) line.erase(comment);
+    line.erase(line.find_last_not_of(' ') + 1);
+    const auto indent = line.find_first_not_of(' ');
+    if (indent == std::string::npos) continue;
+    const auto colon = line.find(':');
+    path.resize(indent / 2);
+    path.push_back(line.substr(indent, colon - indent));
+    std::string joined;
+    for (const auto& part : path) joined += (joined.empty() ? "" : ".") + part;
+    out.push_back(joined + line.substr(colon));
+  }
+  return out;
+}
+
+// ---- camera_tracking
+
+class CameraTrackingConfigTest : public testing::Test {
+ protected:
+  CameraTrackingConfigTest() : folder_(fs::path(testing::TempDir()) / ("camera_config_" + std::to_string(getpid()))) {
+    fs::create_directories(folder_);
+    write("rig.yaml",
+          "version: 1\ncameras:\n  cam0:\n    image_size: [320, 240]\n    model: pinhole_radtan\n"
+          "    intrinsics: {fx: 250, fy: 250, cx: 160, cy: 120}\n    distortion: [0, 0, 0, 0, 0]\n");
+  }
+  ~CameraTrackingConfigTest() override { fs::remove_all(folder_); }
+  void write(const std::string& name, const std::string& text) const { std::ofstream(folder_ / name) << text; }
+  ServiceConfig load(const std::string& tracking) const {
+    write("c.yaml", "version: 1\nrig: rig.yaml\ncamera_tracking:\n" + tracking);
+    return load_service_config(folder_ / "c.yaml");
+  }
+  std::string mistake(const std::string& tracking) const {
+    try {
+      load(tracking);
+    } catch (const ConfigError& error) {
+      return error.what();
+    }
+    return "no mistake";
+  }
+  fs::path folder_;
+};
+
+TEST_F(CameraTrackingConfigTest, StartsAreReadFromFilesAndInline) {
+  write("rectangle.csv",
+        "corner,name,X,Y,Z,u_frame0,v_frame0\n0,TL,-0.1,0.075,0,11,12\n1,TR,0.1,0.075,0,21,22\n"
+        "2,BR,0.1,-0.075,0,31,32\n3,BL,-0.1,-0.075,0,41,42\n");
+  const ServiceConfig config = load("  camera: cam0\n  seed: 7\n  start: {rectangle: rectangle.csv}\n");
+  EXPECT_TRUE(config.targets.empty());
+  EXPECT_EQ(config.dds.publisher.tracked_camera, "cam0");
+  const auto options = tracker_options(config.camera_tracking);
+  EXPECT_EQ(options.seed, 7u);
+  const auto& rectangle = std::get<RectangleStart>(options.start);
+  EXPECT_EQ(rectangle.corners[1], Eigen::Vector3d(0.1, 0.075, 0));
+  EXPECT_EQ(rectangle.pixels[3], Eigen::Vector2d(41, 42));
+  // What is printed loads back to the same, and needs no file.
+  write("again.yaml", to_yaml(config));
+  fs::remove(folder_ / "rectangle.csv");
+  EXPECT_EQ(to_yaml(load_service_config(folder_ / "again.yaml")), to_yaml(config));
+
+  write("leds.csv", "led,X,Y,Z\n0,0,0,0\n1,1,0,0\n2,0,1,0\n3,0,0,1\n");
+  write("frames.csv", "frame,t,led,u,v\n0,0,2,1,1\n1,0.1,0,1,1\n2,0.2,1,1,1\n3,0.3,3,1,1\n4,0.4,-1,0,0\n");
+  const auto leds = std::get<LedStart>(
+      tracker_options(
+          load("  camera: cam0\n  start: {leds: leds.csv, led_schedule: frames.csv, led_room_max: [2, 2, 2]}\n")
+              .camera_tracking)
+          .start);
+  EXPECT_EQ(leds.leds.size(), 4u);
+  EXPECT_EQ(leds.schedule, (std::vector<int>{2, 0, 1, 3, -1}));
+  EXPECT_EQ(leds.room_max, Eigen::Vector3d(2, 2, 2));
+
+  const auto points =
+      std::get<PointsStart>(tracker_options(load("  camera: cam0\n  start: {points: [[0, 0, 0, 1, 2], [1, 0, 0, 3, 4], "
+                                                 "[0, 1, 0, 5, 6], [1, 1, 0, 7, 8]]}\n")
+                                                .camera_tracking)
+                                .start);
+  EXPECT_EQ(points.pixels[2], Eigen::Vector2d(5, 6));
+}
+
+TEST_F(CameraTrackingConfigTest, MistakesAreNamed) {
+  using testing::HasSubstr;
+  const std::string leds = "  start: {leds: [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]}\n";
+  EXPECT_THAT(
+      mistake("  camera: cam1\n" + leds),
+      HasSubstr(
+          "c.yaml:4: camera_tracking.camera: cam1 is not a camera of the rig, which has cam0 (did you mean cam0?)"));
+  EXPECT_THAT(mistake(leds), HasSubstr("camera_tracking.camera: is not given"));
+  EXPECT_THAT(mistake("  camera: cam0\n"),
+              HasSubstr("exactly one of rectangle, points, board and leds must be given (with load_map none is needed), and there are 0"));
+  EXPECT_THAT(mistake("  camera: cam0\n  methd: lee\n" + leds),
+              HasSubstr("c.yaml:5: camera_tracking.methd is not a known key (did you mean method?)"));
+  EXPECT_THAT(mistake("  camera: cam0\n  start: {leds: [[0, 0, 0], [1, 0, 0], [0, 1, 0]]}\n"),
+              HasSubstr("at least 4 LEDs are needed, not 3"));
+  EXPECT_THAT(mistake("  camera: cam0\n  method: lee\n" + leds),
+              HasSubstr("LEDs are for the methods huetrack and herranz"));
+  EXPECT_THAT(mistake("  camera: cam0\n  start: {leds: no.csv}\n"), HasSubstr("there is no file"));
+  EXPECT_THAT(mistake("  camera: cam0\n  start: {points: [[0, 0, 0]]}\n"),
+              HasSubstr("c.yaml:5: camera_tracking.start.points"));
+  write("bad.csv", "X,Y,Z\n0,0,0\n1,zero,0\n");
+  EXPECT_THAT(mistake("  camera: cam0\n  start: {leds: bad.csv}\n"),
+              HasSubstr("bad.csv:3: Y must be a number, got \"zero\""));
+  write("bad.csv", "X,Y\n0,0\n");
+  EXPECT_THAT(mistake("  camera: cam0\n  start: {leds: bad.csv}\n"),
+              HasSubstr("bad.csv:1: the header has no column Z"));
+}
+
+TEST_F(CameraTrackingConfigTest, PixelsOutsideTheImageAndPointsThatAreThereTwiceAreNamed) {
+  using testing::HasSubstr;
+  write("outside.csv", "X,Y,Z,u,v\n0,0,0,1,2\n\n1,0,0,3,4\n0,1,0,319.6,6\n1,1,0,7,8\n");
+  EXPECT_THAT(mistake("  camera: cam0\n  start: {points: outside.csv}\n"),
+              HasSubstr("outside.csv:5: row 3: the pixel (319.6, 6) is outside the image of cam0, which is 320x240"));
+  write("twice.csv", "X,Y,Z,u,v\n0,0,0,1,2\n1,0,0,3,4\n0,1,0,319,6\n1,0,0,7,8\n");
+  EXPECT_THAT(mistake("  camera: cam0\n  start: {points: twice.csv}\n"),
+              HasSubstr("twice.csv:5: row 4: the point (1, 0, 0) is there twice, in row 2 too"));
+  EXPECT_THAT(mistake("  camera: cam0\n  start:\n    rectangle: [[0, 0, 0, 1, 2], [1, 0, 0, 3, 4], "
+                      "[1, 1, 0, 5, -6], [0, 1, 0, 7, 8]]\n"),
+              HasSubstr("c.yaml:6: camera_tracking.start.rectangle: row 3: the pixel (5, -6) is outside the image"));
+}
+
+TEST_F(CameraTrackingConfigTest, WithAMapNoStartIsNeeded) {
+  write("m.map", "");
+  const ServiceConfig config = load("  camera: cam0\n  load_map: m.map\n");
+  write("again.yaml", to_yaml(config));
+  EXPECT_EQ(to_yaml(load_service_config(folder_ / "again.yaml")), to_yaml(config));
+  const auto options = tracker_options(config.camera_tracking);
+  EXPECT_EQ(std::get<FoundStart>(options.start).find(Image{}), std::nullopt);  // there is nothing to be found
+  EXPECT_THAT(mistake("  camera: cam0\n  load_map: m.map\n  method: herranz\n"), testing::HasSubstr("needs LEDs"));
+}
+
+TEST(ReferenceConfig, HasEveryKeyWithItsDefaultInTheOrderOfCheck) {
+  const fs::path file = configs / "huetrackd.yaml";
+  const ServiceConfig reference = load_service_config(file);
+
+  // The same but for what has no default.
+  ServiceConfig defaults;
+  defaults.file = reference.file;
+  defaults.rig_file = reference.rig_file;
+  TargetOptions target;
+  target.name = reference.targets.at(0).name;
+  target.color.hue_min_deg = reference.targets[0].color.hue_min_deg;
+  target.color.hue_max_deg = reference.targets[0].color.hue_max_deg;
+  defaults.targets = {target};
+  for (const auto& camera : reference.cameras) {
+    LiveCameraConfig live;
+    live.name = camera.name;
+    live.device = camera.device;
+    defaults.cameras.push_back(live);
+  }
+  EXPECT_FALSE(defaults.cameras.empty());
+  EXPECT_EQ(to_yaml(reference), to_yaml(defaults));
+
+  std::ifstream written(file);
+  std::istringstream printed(to_yaml(reference));
+  auto in_file = keys_and_values(written), in_print = keys_and_values(printed);
+  ASSERT_GE(in_file.size(), 2u);
+  EXPECT_EQ(in_file[1], "rig: demo/recording/rig.yaml");  // relative in the file, absolute in the print
+  in_file[1] = in_print.at(1);
+  EXPECT_EQ(in_file, in_print);
+}
+
+std::vector<fs::path> yaml_files_in(const fs::path& folder, const std::string& part_of_name) {
+  std::vector<fs::path> files;
+  for (const auto& entry : fs::recursive_directory_iterator(folder)) {
+    const std::string name = entry.path().filename().string();
+    if (entry.path().extension() == ".yaml" && name.find(part_of_name) != std::string::npos)
+      files.push_back(entry.path());
+  }
+  std::ranges::sort(files);
+  return files;
+}
+
+class ShippedConfig : public testing::TestWithParam<fs::path> {};
+
+TEST_P(ShippedConfig, LoadsWithoutErrorsAndWarnings) {
+  ServiceConfig config;
+  ASSERT_NO_THROW(config = load_service_config(GetParam()));
+  EXPECT_THAT(warnings_of(config), IsEmpty());
+}
+
+INSTANTIATE_TEST_SUITE_P(All, ShippedConfig, testing::ValuesIn(yaml_files_in(configs, "huetrackd")));
+
+}  // namespace
+}  // namespace huetrack

@@ -1,0 +1,280 @@
+#include "pipeline/pipeline.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <thread>
+
+namespace huetrack {
+namespace {
+
+using namespace std::chrono_literals;
+using testing::ElementsAre;
+using testing::HasSubstr;
+
+CameraRig rig_of(int cameras) {
+  CameraRig rig;
+  for (int i = 0; i < cameras; ++i) {
+    Camera camera;
+    camera.name = std::string(1, char('a' + i));
+    camera.image_size = {32, 24};
+    camera.model = CameraModel(PinholeRadtan{.fx = 30, .fy = 30, .cx = 15.5, .cy = 11.5});
+    camera.cam_from_world.translation = {0.1 * i, 0, 2};
+    rig.cameras.push_back(camera);
+  }
+  return rig;
+}
+
+// Grey frames, 10 ms apart, of some cameras; endless when count is 0.
+class GreySource final : public FrameSource {
+ public:
+  GreySource(std::vector<int> cameras, int count, ImageSize size = {32, 24})
+      : cameras_(std::move(cameras)), count_(count), size_(size) {}
+
+  std::optional<Frame> next(std::stop_token stop) override {
+    if (stop.stop_requested()) return std::nullopt;
+    const auto turn = made_ / int(cameras_.size());
+    if (count_ > 0 && turn == count_) return std::nullopt;
+    Frame frame;
+    frame.camera = cameras_[std::size_t(made_) % cameras_.size()];
+    frame.sequence = std::uint32_t(turn);
+    frame.captured_at = Timestamp(turn * 10ms);
+    frame.pixels = make_image(PixelFormat::grey, ColorRange::full, size_.width, size_.height).image;
+    ++made_;
+    return frame;
+  }
+
+ private:
+  std::vector<int> cameras_;
+  int count_, made_ = 0;
+  ImageSize size_;
+};
+
+std::vector<ObjectTracker> trackers_for(const CameraRig& rig, int count) {
+  std::vector<ObjectTracker> trackers;
+  for (int i = 0; i < count; ++i) {
+    TargetOptions target;
+    target.name = std::string(1, char('p' + i));
+    target.color.hue_min_deg = 40.0 * i;
+    target.color.hue_max_deg = 40.0 * i + 20;
+    trackers.emplace_back(rig, target, ObjectTrackerOptions{});
+  }
+  return trackers;
+}
+
+PipelineOptions options_for(const CameraRig& rig) {
+  PipelineOptions options;
+  options.frame_sets.camera_count = int(rig.cameras.size());
+  options.frame_sets.tolerance = 4ms;
+  return options;
+}
+
+template <typename... Sources>
+std::vector<std::unique_ptr<FrameSource>> sources(Sources... all) {
+  std::vector<std::unique_ptr<FrameSource>> list;
+  (list.push_back(std::make_unique<Sources>(std::move(all))), ...);
+  return list;
+}
+
+TEST(Pipeline, EverySetComesOutOnceInOrderWithEveryTarget) {
+  const CameraRig rig = rig_of(2);
+  for (const int threads : {1, 2, 5}) {
+    PipelineOptions options = options_for(rig);
+    options.threads = threads;
+    options.queue_capacity = 2;
+    std::vector<std::uint64_t> numbers, estimates_of, pictures;
+    std::size_t particles = 0;
+    int statuses = 0;
+    options.pictures_every = 10;
+    Pipeline pipeline(rig, sources(GreySource({0, 1}, 50)), trackers_for(rig, 3), options,
+                      {.estimates =
+                           [&](const FrameSet& set, std::span<const ObjectEstimate> estimates, Timestamp received_at) {
+                             numbers.push_back(set.number);
+                             EXPECT_EQ(estimates.size(), 3u);
+                             for (const auto& e : estimates) EXPECT_EQ(e.set_number, set.number);
+                             EXPECT_LT(std::chrono::system_clock::now() - received_at, 60s);
+                           },
+                       .status = [&](const PipelineFigures&) { ++statuses; },
+                       .pictures =
+                           [&](const PictureJob& job) {
+                             pictures.push_back(job.set.number);
+                             particles += job.particles.at(2).size();
+                           }});
+    pipeline.run({});
+    std::vector<std::uint64_t> expected(50);
+    for (std::size_t i = 0; i < expected.size(); ++i) expected[i] = i;
+    EXPECT_EQ(numbers, expected);
+    EXPECT_THAT(pictures, ElementsAre(0, 10, 20, 30, 40));
+    EXPECT_GT(particles, 0u);
+    EXPECT_GE(statuses, 2);  // a start and an end at the least
+    const PipelineFigures figures = pipeline.figures();
+    EXPECT_EQ(figures.sets_tracked, 50u);
+    EXPECT_EQ(figures.sets_dropped, 0u);
+    EXPECT_EQ(figures.cameras.at(1).frames, 50u);
+    EXPECT_TRUE(figures.cameras[0].ended && figures.cameras[1].ended);
+    EXPECT_GT(figures.track.wall, 0ns);
+    EXPECT_GT(figures.draw.wall, 0ns);
+  }
+}
+
+// Every frame is damaged.
+class DamagedSource final : public FrameSource {
+ public:
+  std::optional<Frame> next(std::stop_token stop) override {
+    auto frame = all_.next(stop);
+    if (frame) frame->status = FrameStatus::corrupted, frame->pixels = {};
+    return frame;
+  }
+
+ private:
+  GreySource all_{{1}, 20};
+};
+
+TEST(Pipeline, DamagedFramesAreNoDelivery) {
+  const CameraRig rig = rig_of(2);
+  Pipeline pipeline(rig, sources(GreySource({0}, 20), DamagedSource()), trackers_for(rig, 1), options_for(rig), {});
+  pipeline.run({});
+  const PipelineFigures figures = pipeline.figures();
+  EXPECT_EQ(figures.cameras[0].frames, 20u);
+  EXPECT_EQ(figures.cameras[0].corrupted, 0u);
+  EXPECT_EQ(figures.cameras[1].frames, 0u);
+  EXPECT_EQ(figures.cameras[1].corrupted, 20u);
+  EXPECT_FALSE(figures.cameras[1].last_received);
+}
+
+// Camera 1 ends after three turns, and camera 0 goes on.
+class CutShortSource final : public FrameSource {
+ public:
+  std::optional<Frame> next(std::stop_token stop) override {
+    auto frame = all_.next(stop);
+    while (frame && frame->camera == 1 && frame->captured_at >= Timestamp(30ms)) {
+      cut_ = true;
+      frame = all_.next(stop);
+    }
+    return frame;
+  }
+  bool ended(int camera) const override { return camera == 1 && cut_; }
+
+ private:
+  GreySource all_{{0, 1}, 20};
+  bool cut_ = false;
+};
+
+TEST(Pipeline, ACameraThatIsCutShortHasEndedWhileTheOtherGoesOn) {
+  const CameraRig rig = rig_of(2);
+  bool seen = false;
+  PipelineOptions options = options_for(rig);
+  options.pace = Pace{std::chrono::steady_clock::now(), Timestamp(0ns)};  // so that sets are tracked meanwhile
+  Pipeline pipeline(
+      rig, sources(CutShortSource()), trackers_for(rig, 1), options,
+      {.estimates = {},
+       .status = [&](const PipelineFigures& figures) { seen |= figures.cameras[1].ended && !figures.cameras[0].ended; },
+       .pictures = {}});
+  pipeline.run({});
+  EXPECT_TRUE(seen);
+  EXPECT_EQ(pipeline.figures().cameras[1].frames, 3u);
+  EXPECT_EQ(pipeline.figures().cameras[1].last_captured, Timestamp(20ms));
+  EXPECT_EQ(pipeline.figures().cameras[0].last_captured, Timestamp(190ms));
+}
+
+TEST(Pipeline, OneSourcePerCameraWorksToo) {
+  const CameraRig rig = rig_of(2);
+  std::uint64_t last = 0, sets = 0;
+  Pipeline pipeline(rig, sources(GreySource({0}, 40), GreySource({1}, 40)), trackers_for(rig, 1), options_for(rig),
+                    {.estimates =
+                         [&](const FrameSet& set, auto, auto) {
+                           EXPECT_TRUE(sets == 0 || set.number > last);
+                           last = set.number;
+                           ++sets;
+                         },
+                     .status = {},
+                     .pictures = {}});
+  pipeline.run({});
+  EXPECT_EQ(pipeline.figures().cameras[0].frames + pipeline.figures().cameras[1].frames, 80u);
+  EXPECT_EQ(sets, pipeline.figures().sets_tracked);
+  EXPECT_GE(sets, 1u);
+}
+
+TEST(Pipeline, AStopEndsItSoonAndLeavesNothingInPart) {
+  const CameraRig rig = rig_of(2);
+  for (const bool paced : {false, true}) {
+    PipelineOptions options = options_for(rig);
+    if (paced) options.pace = Pace{std::chrono::steady_clock::now(), Timestamp{}};
+    std::stop_source stop;
+    std::atomic<int> sets = 0;
+    Pipeline pipeline(rig, sources(GreySource({0, 1}, 0)), trackers_for(rig, 2), options,
+                      {.estimates = [&](auto&, auto, auto) { ++sets; },
+                       .status = {},
+                       .pictures = [](const PictureJob&) { std::this_thread::sleep_for(50ms); }});
+    std::jthread stopper([&] {
+      while (sets < 3) std::this_thread::sleep_for(1ms);
+      stop.request_stop();
+    });
+    const auto start = std::chrono::steady_clock::now();
+    pipeline.run(stop.get_token());
+    EXPECT_LT(std::chrono::steady_clock::now() - start, 5s);
+    EXPECT_EQ(std::uint64_t(sets), pipeline.figures().sets_tracked);
+  }
+}
+
+TEST(Pipeline, PacedFramesComeAtTheirTime) {
+  const CameraRig rig = rig_of(1);
+  PipelineOptions options = options_for(rig);
+  const auto start = std::chrono::steady_clock::now();
+  options.pace = Pace{start, Timestamp{}};
+  Pipeline pipeline(rig, sources(GreySource({0}, 21)), trackers_for(rig, 1), options,
+                    {.estimates =
+                         [&](const FrameSet& set, auto, auto) {  // never early; how late depends on the machine's load
+                           EXPECT_GE(std::chrono::steady_clock::now() - start, set.at.time_since_epoch());
+                         },
+                     .status = {},
+                     .pictures = {}});
+  pipeline.run({});
+  EXPECT_GE(std::chrono::steady_clock::now() - start, 200ms);
+}
+
+TEST(Pipeline, FramesOfAnotherSizeThanTheRigsAreAnErrorThatNamesBoth) {
+  const CameraRig rig = rig_of(2);
+  Pipeline pipeline(rig, sources(GreySource({0, 1}, 10, {64, 48})), trackers_for(rig, 1), options_for(rig), {});
+  try {
+    pipeline.run({});
+    FAIL() << "frames of the wrong size were taken";
+  } catch (const std::runtime_error& e) {
+    EXPECT_THAT(e.what(), HasSubstr("camera a: its frames are 64x48, but the rig was calibrated at 32x24"));
+  }
+}
+
+TEST(Pipeline, WhatAnOutputThrowsComesOutOfRun) {
+  const CameraRig rig = rig_of(1);
+  const auto fails = [](const char* why) { throw std::runtime_error(why); };
+  Pipeline estimates(rig, sources(GreySource({0}, 0)), trackers_for(rig, 1), options_for(rig),
+                     {.estimates = [&](auto&, auto, auto) { fails("disk full"); }, .status = {}, .pictures = {}});
+  EXPECT_THAT([&] { estimates.run({}); }, testing::ThrowsMessage<std::runtime_error>("disk full"));
+  Pipeline pictures(rig, sources(GreySource({0}, 0)), trackers_for(rig, 1), options_for(rig),
+                    {.estimates = {}, .status = {}, .pictures = [&](auto&) { fails("no picture"); }});
+  EXPECT_THAT([&] { pictures.run({}); }, testing::ThrowsMessage<std::runtime_error>("no picture"));
+}
+
+TEST(Pipeline, LiveDropsTheOldestSetsAndCountsThem) {
+  const CameraRig rig = rig_of(1);
+  PipelineOptions options = options_for(rig);
+  options.when_full = WhenFull::drop_oldest;
+  options.queue_capacity = 1;
+  std::vector<std::uint64_t> numbers;
+  Pipeline pipeline(rig, sources(GreySource({0}, 60)), trackers_for(rig, 1), options,
+                    {.estimates =
+                         [&](const FrameSet& set, auto, auto) {
+                           numbers.push_back(set.number);
+                           std::this_thread::sleep_for(20ms);
+                         },
+                     .status = {},
+                     .pictures = {}});
+  pipeline.run({});
+  EXPECT_GT(pipeline.figures().sets_dropped, 0u);
+  EXPECT_EQ(pipeline.figures().sets_dropped + pipeline.figures().sets_tracked, 60u);
+  EXPECT_EQ(numbers.back(), 59u);  // the newest frame matters most
+}
+
+}  // namespace
+}  // namespace huetrack

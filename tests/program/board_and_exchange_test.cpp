@@ -1,0 +1,146 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <CLI/CLI.hpp>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+
+#include "calib/model/rig_yaml.h"
+#include "calib/board/board_yaml.h"
+#include "calib/program/commands.h"
+
+namespace huetrack {
+namespace {
+
+using testing::AllOf;
+using testing::HasSubstr;
+
+class Commands : public testing::Test {
+ protected:
+  Commands()
+      : folder_(std::filesystem::path(testing::TempDir()) /
+                ("commands_" + std::string(testing::UnitTest::GetInstance()->current_test_info()->name()))) {
+    std::filesystem::remove_all(folder_);
+    std::filesystem::create_directories(folder_);
+  }
+  ~Commands() override { std::filesystem::remove_all(folder_); }
+
+  std::string path(const std::string& name) const { return (folder_ / name).string(); }
+  static std::string text(const std::string& file) {
+    std::ifstream in(file);
+    return {std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
+  }
+
+  // What huetrack-calibrate would end with; what it would say on stderr is in said_.
+  ExitStatus run(std::vector<std::string> arguments) {
+    CLI::App app;
+    app.require_subcommand(1);
+    Command chosen;
+    add_board_command(app, chosen);
+    add_exchange_commands(app, chosen);
+    add_wave_command(app, chosen);
+    std::ranges::reverse(arguments);
+    said_.clear();
+    try {
+      app.parse(arguments);
+      testing::internal::CaptureStdout();
+      const ExitStatus status = chosen({});
+      out_ = testing::internal::GetCapturedStdout();
+      return status;
+    } catch (const CLI::ParseError& error) {
+      said_ = error.what();
+    } catch (const std::exception& error) {
+      out_ = testing::internal::GetCapturedStdout();
+      said_ = error.what();
+    }
+    return ExitStatus::failed;
+  }
+
+  std::filesystem::path folder_;
+  std::string said_, out_;
+};
+
+TEST_F(Commands, BoardWritesItsPdfAndTheBoardFile) {
+  EXPECT_EQ(run({"board", "--type", "charuco", "--columns", "7", "--rows", "5", "--square", "30", "--out",
+                 path("board.pdf")}),
+            ExitStatus::usable)
+      << said_;
+  const Board board = read_board(path("board.yaml"));
+  EXPECT_EQ(board.type, BoardType::charuco);
+  EXPECT_DOUBLE_EQ(board.pitch.x(), 0.03);
+  EXPECT_TRUE(text(path("board.pdf")).starts_with("%PDF-1.4"));
+  EXPECT_EQ(run({"board", "--type", "april_grid", "--out", path("april.pdf")}), ExitStatus::usable) << said_;
+  EXPECT_EQ(read_board(path("april.yaml")).dictionary, "DICT_APRILTAG_36h11");
+  for (const char* type : {"chessboard", "charuco", "aruco_grid"})  // as it is without being told anything
+    EXPECT_EQ(run({"board", "--type", type, "--out", path("plain.pdf")}), ExitStatus::usable) << said_;
+  EXPECT_EQ(run({"board", "--type", "chessboard", "--square", "60", "--out", path("large.pdf")}), ExitStatus::failed);
+  EXPECT_THAT(said_, AllOf(HasSubstr("does not fit on A4"), HasSubstr("can be")));
+  EXPECT_FALSE(std::filesystem::exists(path("large.pdf")));
+  EXPECT_EQ(run({"board", "--type", "chessboard", "--paper", "B5", "--out", path("b.pdf")}), ExitStatus::failed);
+  EXPECT_EQ(run({"board", "--type", "chessboard", "--marker", "20", "--out", path("b.pdf")}), ExitStatus::failed);
+}
+
+TEST_F(Commands, ImportAndExport) {
+  const std::string rig = HUETRACK_SOURCE_DIR "/configs/demo/recording/rig.yaml";
+  EXPECT_EQ(run({"export", rig, "--to", "aniposelib", "--out", path("out")}), ExitStatus::usable) << said_;
+  EXPECT_EQ(run({"import", path("out/calibration.toml"), "--rig", path("back.yaml")}), ExitStatus::usable) << said_;
+  EXPECT_EQ(read_rig(path("back.yaml")).cameras.size(), 2u);
+  EXPECT_LT((read_rig(path("back.yaml")).cameras[1].centre() - read_rig(rig).cameras[1].centre()).norm(), 1e-13);
+  // Never over what is there, and a file that cannot be read leaves the rig alone.
+  EXPECT_EQ(run({"export", rig, "--to", "aniposelib", "--out", path("out")}), ExitStatus::failed);
+  EXPECT_THAT(said_, HasSubstr("is there already"));
+  const std::string before = text(path("back.yaml"));
+  std::ofstream(path("bad.toml")) << "[cam_0]\nname = \"a\"\nsize = [640, 480]\n";
+  EXPECT_EQ(run({"import", path("bad.toml"), "--rig", path("back.yaml")}), ExitStatus::failed);
+  EXPECT_THAT(said_, AllOf(HasSubstr("bad.toml:1"), HasSubstr("matrix")));
+  EXPECT_EQ(before, text(path("back.yaml")));
+  EXPECT_EQ(run({"import", path("out/calibration.toml"), "--unit", "furlong", "--rig", path("back.yaml")}),
+            ExitStatus::failed);
+}
+
+TEST_F(Commands, WaveOnTheBundledRecording) {
+  const std::string recording = HUETRACK_SOURCE_DIR "/configs/demo/recording",
+                    config = HUETRACK_SOURCE_DIR "/configs/demo/huetrackd.yaml";
+  const CameraRig truth = read_rig(recording + "/rig.yaml");
+  const double distance = (truth.cameras[0].centre() - truth.cameras[1].centre()).norm();
+  const ExitStatus status =
+      run({"wave", recording, "--config", config, "--camera-distance", truth.cameras[0].name, truth.cameras[1].name,
+           std::to_string(distance), "--rig", path("rig.yaml"), "--quiet"});
+  EXPECT_NE(status, ExitStatus::failed) << said_;
+  EXPECT_THAT(out_, AllOf(HasSubstr("VERDICT: "), HasSubstr("expected error of positions")));
+  const CameraRig found = read_rig(path("rig.yaml"));
+  EXPECT_LT((found.cameras[1].centre() - truth.cameras[1].centre()).norm(), 0.015);
+  EXPECT_EQ(found.made_by.front().first, "tool");
+  // From lenses alone.
+  for (const Camera& camera : truth.cameras) {
+    CameraRig lens{{camera}, {}};
+    lens.cameras[0].cam_from_world = {};
+    write_rig(lens, path(camera.name + ".yaml"));
+  }
+  EXPECT_EQ(run({"wave", recording, "--lens", path(truth.cameras[0].name + ".yaml"), "--lens",
+                 path(truth.cameras[1].name + ".yaml"), "--hue", "65", "115", "--radius", "40", "--rig",
+                 path("new.yaml"), "--quiet"}),
+            ExitStatus::doubtful)
+      << said_;
+  EXPECT_THAT(out_, HasSubstr("the scale is from the ball's radius"));
+  // Doubtful, and there is a rig: that stays.
+  const std::string before = text(path("new.yaml"));
+  EXPECT_EQ(run({"wave", recording, "--config", config, "--no-poses", "--rig", path("new.yaml"), "--quiet"}),
+            ExitStatus::doubtful)
+      << said_;
+  EXPECT_EQ(before, text(path("new.yaml")));
+  EXPECT_TRUE(std::filesystem::exists(path("new.doubtful.yaml")));
+  // Failed: likewise, and nothing is written.
+  EXPECT_EQ(run({"wave", recording, "--lens", path(truth.cameras[0].name + ".yaml"), "--lens",
+                 path(truth.cameras[1].name + ".yaml"), "--hue", "200", "230", "--rig", path("new.yaml"), "--quiet"}),
+            ExitStatus::failed);
+  EXPECT_THAT(said_, HasSubstr("not connected"));
+  EXPECT_EQ(before, text(path("new.yaml")));
+  EXPECT_EQ(run({"wave", recording, "--config", config, "--target", "bull", "--rig", path("new.yaml")}),
+            ExitStatus::failed);
+  EXPECT_THAT(said_, AllOf(HasSubstr("bull"), HasSubstr("lime")));
+}
+
+}  // namespace
+}  // namespace huetrack

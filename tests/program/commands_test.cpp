@@ -1,0 +1,318 @@
+// huetrack-calibrate as a user runs it: on good pictures, and on everything that goes wrong.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <opencv2/imgproc.hpp>
+
+#include "calib/model/rig_yaml.h"
+#include "calib/board/board_yaml.h"
+#include "gather/pictured_rig.h"
+#include "end_to_end/process.h"
+
+namespace huetrack {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::AllOf;
+using testing::HasSubstr;
+
+struct Ended {
+  int status = -1;
+  std::string out, err;
+};
+
+class Calibrate : public testing::Test {
+ protected:
+  Calibrate() {
+    folder_ = fs::temp_directory_path() / ("huetrack_calibrate_" + std::to_string(getpid()));
+    fs::remove_all(folder_);
+    fs::create_directories(folder_);
+    std::ofstream(folder_ / "board.yaml") << to_yaml(pictured_board());
+  }
+  ~Calibrate() override { fs::remove_all(folder_); }
+
+  std::string path(const std::string& name) const { return (folder_ / name).string(); }
+
+  Ended run(std::vector<std::string> arguments) const {
+    arguments.insert(arguments.begin(), HUETRACK_CALIBRATE);
+    Process process(arguments, folder_ / "out", folder_ / "err");
+    Ended run;
+    run.status = process.wait();
+    run.out = process.out();
+    run.err = process.err();
+    return run;
+  }
+  Ended extrinsics(const std::string& pictures, const std::string& rig = "rig.yaml",
+                   std::vector<std::string> more = {}) const {
+    std::vector<std::string> arguments{"extrinsics", "--board", path("board.yaml"), "--lens",
+                                       "radtan4",    "--rig",   path(rig)};
+    if (!pictures.empty()) arguments.push_back(path(pictures));
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return run(arguments);
+  }
+
+  fs::path folder_;
+};
+
+TEST_F(Calibrate, PicturesOfAGoodCaptureGiveTheRig) {
+  const CameraRig truth = pictured_rig();
+  write_pictures(folder_ / "pictures", truth, pictured_poses(16));
+  const Ended first = extrinsics("pictures");
+  EXPECT_EQ(first.status, 0) << first.out << first.err;
+  EXPECT_THAT(first.out, AllOf(HasSubstr("USABLE"), HasSubstr("tape measure"), HasSubstr("Expected accuracy")));
+  const CameraRig found = read_rig(path("rig.yaml"));
+  EXPECT_LT(volume_rms_m(truth, found, {-0.4, -0.4, 0.5}, {0.4, 0.4, 1.3}), 0.002);
+  // As the cameras are held: level.
+  for (std::size_t c = 0; c < 3; ++c) {
+    const Eigen::Vector3d right = found.cameras[c].cam_from_world.rotation.conjugate() * Eigen::Vector3d::UnitX();
+    EXPECT_NEAR(right.z(), 0, 0.01) << c;
+  }
+  const std::string report = contents(path("rig.report.html"));
+  for (const char* part : {"Usable", "data:image/jpeg", "cam1"})
+    EXPECT_NE(report.find(part), std::string::npos) << part;
+  EXPECT_EQ(report.find("http"), std::string::npos);  // self-contained
+  EXPECT_THAT(contents(path("rig.report.txt")), HasSubstr("USABLE"));
+  EXPECT_THAT(contents(path("rig.yaml")),
+              AllOf(HasSubstr("made_by"), HasSubstr("huetrack-calibrate"), HasSubstr("verdict: \"usable\"")));
+
+  // The same once more: the same bytes.
+  const std::string bytes = contents(path("rig.yaml"));
+  EXPECT_EQ(extrinsics("pictures").status, 0);
+  EXPECT_EQ(contents(path("rig.yaml")), bytes);
+  EXPECT_TRUE(contents(path("rig.report.html")) == report);
+
+  // It fits its own pictures; a camera that was bumped is named.
+  Ended check = run({"check", path("rig.yaml"), path("pictures"), "--board", path("board.yaml")});
+  EXPECT_EQ(check.status, 0) << check.out << check.err;
+  EXPECT_THAT(check.out, HasSubstr("FITS"));
+  CameraRig bumped = found;
+  const Rigid3d bump = exp((Tangent6d() << 0.01, 0.02, -0.01, 0.03, 0, 0.01).finished());
+  bumped.cameras[1].cam_from_world = bump * bumped.cameras[1].cam_from_world;
+  write_rig(bumped, path("bumped.yaml"));
+  check = run(
+      {"check", path("bumped.yaml"), path("pictures"), "--board", path("board.yaml"), "--mend", path("mended.yaml")});
+  EXPECT_EQ(check.status, 1) << check.out << check.err;
+  EXPECT_THAT(check.out,
+              AllOf(HasSubstr("DOES NOT FIT"), HasSubstr("cam1: was moved by"),
+                    HasSubstr("cam0: stands where the rig says"), HasSubstr("cam2: stands where the rig says")));
+  EXPECT_LT(volume_rms_m(truth, read_rig(path("mended.yaml")), {-0.4, -0.4, 0.5}, {0.4, 0.4, 1.3}), 0.003);
+}
+
+TEST_F(Calibrate, TheOrderOfImagesDoesNotMatter) {
+  const CameraRig truth = pictured_rig();
+  write_pictures(folder_ / "pictures", truth, pictured_poses(12));
+  std::vector<std::string> files;
+  for (int p = 0; p < 12; ++p) files.push_back((folder_ / "pictures/cam1" / picture_name(p)).string());
+  std::vector<std::string> arguments{"intrinsics", "--camera", "cam1",  "--board",     path("board.yaml"),
+                                     "--lens",     "radtan4",  "--rig", path("a.yaml")};
+  std::vector<std::string> other = arguments;
+  other.back() = path("b.yaml");
+  arguments.insert(arguments.end(), files.begin(), files.end());
+  other.insert(other.end(), files.rbegin(), files.rend());
+  const Ended first = run(arguments), second = run(other);
+  EXPECT_NE(first.status, 1) << first.err;
+  EXPECT_EQ(first.status, second.status);
+  const auto numbers = [](const std::string& yaml) {
+    return yaml.substr(0, yaml.find("made_by"));
+  };  // inputs are as given
+  EXPECT_EQ(numbers(contents(path("a.yaml"))), numbers(contents(path("b.yaml"))));
+  EXPECT_NEAR(read_rig(path("a.yaml")).cameras[0].model.fx() / truth.cameras[1].model.fx(), 1, 0.01);
+}
+
+TEST_F(Calibrate, AFailedCalibrationLeavesAGoodRigAlone) {
+  std::ofstream(path("rig.yaml")) << "a good rig";
+  write_pictures(folder_ / "pictures", pictured_rig(), pictured_poses(8), [](int c, int p, cv::Mat& picture) {
+    if (c == 2 && p > 1) picture = cv::Mat();
+    if (c != 2 && p < 2) picture = cv::Mat();  // cam2 sees what nobody else does
+  });
+  const Ended result = extrinsics("pictures");
+  EXPECT_EQ(result.status, 1);
+  EXPECT_THAT(result.err, HasSubstr("cam2"));
+  EXPECT_EQ(contents(path("rig.yaml")), "a good rig");
+}
+
+TEST_F(Calibrate, ADoubtfulOneIsWrittenBesideAGoodRig) {
+  std::ofstream(path("rig.yaml")) << "a good rig";
+  write_pictures(folder_ / "pictures", pictured_rig(), pictured_poses(7));
+  const Ended result = extrinsics("pictures");
+  EXPECT_EQ(result.status, 2) << result.out << result.err;
+  EXPECT_EQ(contents(path("rig.yaml")), "a good rig");
+  EXPECT_TRUE(fs::exists(path("rig.doubtful.yaml")));
+  EXPECT_THAT(result.out, AllOf(HasSubstr("DOUBTFUL"), HasSubstr("show the board at some 15 different places")));
+  EXPECT_THAT(result.err, HasSubstr("is left as it was"));
+}
+
+// --- inputs that are wrong: each its own message and status ---
+
+TEST_F(Calibrate, ABoardOfAnotherSizeBeforeOneCamera) {
+  // cam1 was shown a board of 0.7 times the size at the same places.
+  const CameraRig rig = pictured_rig();
+  const auto poses = pictured_poses(10);
+  write_pictures(folder_ / "pictures", rig, poses, [&](int c, int p, cv::Mat& picture) {
+    if (c != 1) return;
+    Board small = pictured_board();
+    small.pitch *= 0.7;
+    const Eigen::Vector3d middle = pictured_board().point(17);
+    Rigid3d pose = poses[static_cast<std::size_t>(p)];
+    pose.translation = pose * Eigen::Vector3d(0.3 * middle);
+    picture = picture_of(rig.cameras[1], small, pose, static_cast<std::uint64_t>(p));
+  });
+  const Ended result = extrinsics("pictures");
+  EXPECT_EQ(result.status, 1) << result.out;
+  EXPECT_THAT(result.err,
+              AllOf(HasSubstr("cam1"), HasSubstr("times as large"), HasSubstr("did they see different boards")));
+}
+
+TEST_F(Calibrate, MirroredImagesOfOneCamera) {
+  write_pictures(folder_ / "pictures", pictured_rig(), pictured_poses(10), [](int c, int, cv::Mat& picture) {
+    if (c == 0) cv::flip(picture, picture, 1);
+  });
+  const Ended result = extrinsics("pictures");
+  EXPECT_EQ(result.status, 1) << result.out;
+  EXPECT_THAT(result.err, AllOf(HasSubstr("cam0"), HasSubstr("mirrored")));
+}
+
+TEST_F(Calibrate, SwappedCameras) {
+  write_pictures(folder_ / "pictures", pictured_rig(), pictured_poses(12));
+  write_rig(pictured_rig(), path("known.yaml"));
+  const Ended result =
+      extrinsics("", "rig.yaml",
+                 {"--intrinsics", path("known.yaml"), "--cameras", "cam0,cam1,cam2", "cam0=" + path("pictures/cam1"),
+                  "cam1=" + path("pictures/cam0"), "cam2=" + path("pictures/cam2")});
+  EXPECT_EQ(result.status, 1) << result.out;
+  EXPECT_THAT(result.err, HasSubstr("cameras cam0 and cam1 look swapped"));
+}
+
+TEST_F(Calibrate, ACameraWithoutOverlap) {
+  write_pictures(folder_ / "pictures", pictured_rig(), pictured_poses(12), [](int c, int p, cv::Mat& picture) {
+    if ((c == 2) == (p < 6)) picture = cv::Mat(240, 320, CV_8UC1, cv::Scalar(90));
+    if ((c == 2) == (p < 6)) cv::circle(picture, {160, 120}, 60, cv::Scalar(200), -1);
+  });
+  const Ended result = extrinsics("pictures");
+  EXPECT_EQ(result.status, 1) << result.out;
+  EXPECT_THAT(result.err,
+              HasSubstr("camera cam2 never saw the board at the same time as cam0 and cam1: show it to cam2"));
+}
+
+TEST_F(Calibrate, BlurredAndEmptyImages) {
+  const auto poses = pictured_poses(5);
+  write_pictures(folder_ / "blurred", pictured_rig(), poses, [](int c, int, cv::Mat& picture) {
+    if (c == 1) cv::GaussianBlur(picture, picture, {}, 15);
+  });
+  Ended result = extrinsics("blurred");
+  EXPECT_EQ(result.status, 1) << result.out;
+  EXPECT_THAT(result.err,
+              AllOf(HasSubstr("camera cam1: the board (chessboard 7x5"), HasSubstr("the image is blurred")));
+  write_pictures(folder_ / "empty", pictured_rig(), poses, [](int c, int, cv::Mat& picture) {
+    if (c == 2) picture.setTo(0);
+  });
+  result = extrinsics("empty");
+  EXPECT_EQ(result.status, 1) << result.out;
+  EXPECT_THAT(result.err, AllOf(HasSubstr("camera cam2"), HasSubstr("the image is black")));
+  for (int p = 0; p < 5; ++p) std::ofstream(folder_ / "empty/cam2" / picture_name(p), std::ios::trunc);
+  result = extrinsics("empty");
+  EXPECT_EQ(result.status, 1) << result.out;
+  EXPECT_THAT(result.err, AllOf(HasSubstr("cam2"), HasSubstr("no picture that can be used")));
+}
+
+TEST_F(Calibrate, ATruncatedVideo) {
+  const CameraRig rig = pictured_rig();
+  const auto poses = pictured_poses(16);
+  fs::create_directories(path("videos"));
+  for (std::size_t c = 0; c < 2; ++c) {
+    std::ofstream video(folder_ / "videos" / (rig.cameras[c].name + ".mjpeg"), std::ios::binary);
+    for (std::size_t p = 0; p < poses.size(); ++p) {
+      cv::Mat picture;
+      cv::cvtColor(picture_of(rig.cameras[c], pictured_board(), poses[p], 100 * c + p), picture, cv::COLOR_GRAY2BGR);
+      std::vector<std::uint8_t> jpeg;
+      cv::imencode(".jpg", picture, jpeg);
+      video.write(reinterpret_cast<const char*>(jpeg.data()), static_cast<std::streamsize>(jpeg.size()));
+    }
+  }
+  const fs::path cut = path("videos/cam1.mjpeg");
+  fs::resize_file(cut, fs::file_size(cut) * 8 / 10);
+  const Ended result = extrinsics("videos");
+  EXPECT_EQ(result.status, 2) << result.out << result.err;
+  EXPECT_THAT(result.out, AllOf(HasSubstr("cam1.mjpeg"), HasSubstr("use an undamaged copy, or record it again")));
+}
+
+TEST_F(Calibrate, ABoardFileWithAnUnknownKey) {
+  std::ofstream(path("board.yaml")) << "inner_corners: [7, 5]\nsqare: 0.08\n";
+  const Ended result = extrinsics("pictures");
+  EXPECT_EQ(result.status, 1);
+  EXPECT_THAT(result.err, AllOf(HasSubstr("board.yaml"), HasSubstr("square")));
+}
+
+TEST_F(Calibrate, WrongCommandLines) {
+  EXPECT_EQ(run({"extrinsics"}).status, 1);
+  Ended result = extrinsics("nowhere");
+  EXPECT_EQ(result.status, 1);
+  EXPECT_THAT(result.err, HasSubstr("nowhere: there is no such file or folder"));
+  result = extrinsics("", "rig.yaml", {"left=" + path("none.mp4"), "right=" + path("none.mp4")});
+  EXPECT_EQ(result.status, 1);
+  EXPECT_THAT(result.err, HasSubstr("none.mp4: there is no such file"));
+}
+
+// --- the world ---
+
+TEST_F(Calibrate, TheWorldOfABoardOnTheFloor) {
+  CameraRig rig = pictured_rig();
+  // On the floor, its front up: x along the world's y, so the board's y is along the world's x... and z down.
+  Eigen::Matrix3d lying;
+  lying.col(2) = -Eigen::Vector3d::UnitZ();
+  lying.col(0) = Eigen::Vector3d::UnitY();
+  lying.col(1) = lying.col(2).cross(lying.col(0));
+  const Rigid3d world_from_board{Eigen::Quaterniond(lying), {0.1, -0.25, 0.55}};
+  write_pictures(folder_ / "floor", rig, {world_from_board});
+  // Some other world to start from.
+  const Rigid3d other = exp((Tangent6d() << 0.3, -0.5, 0.8, 1, 2, 3).finished());
+  for (Camera& camera : rig.cameras) camera.cam_from_world = camera.cam_from_world * inverse(other);
+  write_rig(rig, path("rig.yaml"));
+  Ended result = run({"world", path("rig.yaml"), path("floor"), "--board", path("board.yaml")});
+  EXPECT_EQ(result.status, 0) << result.out << result.err;
+  const CameraRig set = read_rig(path("rig.yaml")), truth = pictured_rig();
+  for (std::size_t c = 0; c < 3; ++c) {
+    // The origin is the board's corner 0; x along its rows.
+    const Eigen::Vector3d p = truth.cameras[c].centre() - world_from_board.translation;
+    EXPECT_LT((set.cameras[c].centre() - Eigen::Vector3d(p.y(), -p.x(), p.z())).norm(), 0.01) << c;
+  }
+  EXPECT_THAT(contents(path("rig.yaml")), HasSubstr("the board on the floor"));
+
+  // Points, measured by their pixels; the rig's scale is wrong.
+  std::ofstream points(path("points.yaml"));
+  points << "points:\n";
+  const std::vector<Eigen::Vector3d> places{{0, 0, 0.6}, {0.3, 0.1, 0.7}, {-0.2, 0.3, 0.9}, {0.1, -0.3, 0.8}};
+  for (std::size_t k = 0; k < places.size(); ++k) {
+    points << "  p" << k << ": {world: [" << places[k].x() << ", " << places[k].y() << ", " << places[k].z()
+           << "], pixels: {";
+    for (std::size_t c = 0; c < 2; ++c) {
+      const auto px = truth.cameras[c].project_world(places[k]).value().px;
+      points << (c > 0 ? ", " : "") << truth.cameras[c].name << ": [" << px.x() << ", " << px.y() << "]";
+    }
+    points << "}}\n";
+  }
+  points.close();
+  CameraRig large = set;
+  for (Camera& camera : large.cameras) camera.cam_from_world.translation *= 1.05;
+  write_rig(large, path("large.yaml"));
+  result = run({"world", path("large.yaml"), "--points", path("points.yaml"), "--out", path("moved.yaml")});
+  EXPECT_EQ(result.status, 2) << result.out << result.err;
+  EXPECT_THAT(result.out, HasSubstr("all lengths of the rig are to be multiplied by 0.95"));
+  result = run({"world", path("large.yaml"), "--points", path("points.yaml"), "--scale", "--out", path("scaled.yaml")});
+  EXPECT_EQ(result.status, 0) << result.out << result.err;
+  const CameraRig scaled = read_rig(path("scaled.yaml"));
+  for (std::size_t c = 0; c < 3; ++c) EXPECT_LT((scaled.cameras[c].centre() - truth.cameras[c].centre()).norm(), 0.01);
+
+  // Upside down: doubtful, and the file stays; with points on the floor that is refused.
+  const std::string before = contents(path("rig.yaml"));
+  std::ofstream(path("upside.yaml"))
+      << "points:\n  a: {world: [0, 0, 0], position: [0, 0, 0]}\n"
+         "  b: {world: [1, 0, 0], position: [1, 0, 0]}\n  c: {world: [0, -1, 0], position: [0, 1, 0]}\n";
+  result = run({"world", path("rig.yaml"), "--points", path("upside.yaml")});
+  EXPECT_EQ(result.status, 2) << result.out << result.err;
+  EXPECT_THAT(result.out, HasSubstr("below z = 0"));
+  EXPECT_EQ(contents(path("rig.yaml")), before);
+}
+
+}  // namespace
+}  // namespace huetrack

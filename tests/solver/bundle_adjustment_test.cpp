@@ -1,0 +1,236 @@
+#include "calib/solver/bundle_adjustment.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <filesystem>
+
+#include "calib/model/rig_yaml.h"
+#include "board/captures.h"
+#include "solver/synthetic_rig.h"
+
+namespace huetrack {
+namespace {
+
+using testing::HasSubstr;
+
+// At the truth, moved off by a few centimetres and degrees.
+Adjustment near_truth(const CameraRig& rig, const Board& board, const std::vector<Rigid3d>& boards,
+                      const std::vector<BoardView>& views) {
+  Adjustment a;
+  a.board = board;
+  a.views = views;
+  std::mt19937_64 rng(5);
+  const auto off = [&](double size) {
+    Tangent6d t;
+    for (int i = 0; i < 6; ++i) t(i) = size * normal(rng);
+    return exp(t);
+  };
+  for (const Camera& camera : rig.cameras) {
+    AdjustedCamera c;
+    c.name = camera.name;
+    c.image_size = camera.image_size;
+    c.lens = LensModel::radtan4;
+    c.parameters = parameters_of(camera.model);
+    c.cam_from_world = camera.cam_from_world;
+    c.pose_is_free = !a.cameras.empty();  // the first one is where it is
+    if (c.pose_is_free) c.cam_from_world = off(0.02) * c.cam_from_world;
+    c.parameters(0) *= 1.02;
+    c.parameters(1) *= 0.99;
+    c.parameters(2) += 4;
+    a.cameras.push_back(c);
+  }
+  for (const Rigid3d& board_pose : boards) a.world_from_board.push_back(board_pose * off(0.02));
+  return a;
+}
+
+Adjustment near_truth(const SyntheticCapture& capture) {
+  return near_truth(capture.rig, capture.board, capture.world_from_board, capture.views);
+}
+
+TEST(BundleAdjustment, FindsTheTruthFromExactCorners) {
+  const SyntheticCapture capture = synthetic_capture({.noise_px = 0});
+  const Adjustment found = adjust(near_truth(capture));
+  EXPECT_LT(found.rms_px, 1e-6);
+  for (std::size_t c = 0; c < found.cameras.size(); ++c) {
+    const Camera& truth = capture.rig.cameras[c];
+    EXPECT_LT((found.cameras[c].parameters - parameters_of(truth.model)).norm(), 1e-4);
+    EXPECT_LT(log(found.cameras[c].cam_from_world * inverse(truth.cam_from_world)).norm(), 1e-6);
+  }
+}
+
+TEST(BundleAdjustment, TheOrderOfViewsDoesNotMatterToTheLastBit) {
+  const SyntheticCapture capture = synthetic_capture({.cameras = 3, .sets = 12});
+  const Adjustment start = near_truth(capture);
+  Adjustment shuffled = start;
+  std::mt19937_64 rng(3);
+  std::ranges::shuffle(shuffled.views, rng);
+  const Adjustment a = adjust(start), b = adjust(shuffled);
+  for (std::size_t c = 0; c < a.cameras.size(); ++c) {
+    EXPECT_EQ(a.cameras[c].parameters, b.cameras[c].parameters);
+    EXPECT_EQ(a.cameras[c].cam_from_world.translation, b.cameras[c].cam_from_world.translation);
+    EXPECT_EQ(a.cameras[c].cam_from_world.rotation.coeffs(), b.cameras[c].cam_from_world.rotation.coeffs());
+  }
+  EXPECT_TRUE(a.covariance == b.covariance);
+}
+
+TEST(BundleAdjustment, OutliersAreLeftOutAndViewsNamed) {
+  SyntheticCapture capture = synthetic_capture({.sets = 20});
+  const CameraRig& rig = capture.rig;
+  std::mt19937_64 rng(11);
+  int spoilt = 0;
+  for (std::size_t v = 0; v < capture.views.size(); ++v) {
+    BoardView& view = capture.views[v];
+    if (v == 7) {  // the whole board moved in between
+      for (auto& px : view.px) px += Eigen::Vector2d(9, -4);
+    } else if (v % 3 == 0) {
+      view.px[view.px.size() / 2] += Eigen::Vector2d(5, 5);
+      ++spoilt;
+    }
+  }
+  const std::string moved = capture.views[7].image;
+  const Adjustment found = adjust(near_truth(capture));
+  int left_out = 0;
+  for (std::size_t v = 0; v < found.views.size(); ++v) {
+    if (found.views[v].image == moved) {
+      EXPECT_THAT(found.fits[v].dropped, HasSubstr("its corners are off by"));
+      EXPECT_EQ(std::ranges::count(found.fits[v].used, true), 0);
+    } else {
+      EXPECT_EQ(found.fits[v].dropped, "") << found.views[v].image;
+      left_out += static_cast<int>(std::ranges::count(found.fits[v].used, false));
+    }
+  }
+  EXPECT_GE(left_out, spoilt);
+  EXPECT_LE(left_out, spoilt + 10);
+  EXPECT_NEAR(found.noise_px, 0.1, 0.01);
+  EXPECT_LT(volume_rms_m(rig,
+                         [&] {
+                           CameraRig r = rig;
+                           for (std::size_t c = 0; c < r.cameras.size(); ++c) {
+                             r.cameras[c].model = found.cameras[c].model();
+                             r.cameras[c].cam_from_world = found.cameras[c].cam_from_world;
+                           }
+                           return r;
+                         }(),
+                         {-0.5, -0.5, 0.5}, {0.5, 0.5, 1.5}),
+            0.001);
+}
+
+TEST(BundleAdjustment, ABentBoardIsFoundWhenAsked) {
+  SyntheticCapture capture = synthetic_capture({.noise_px = 0.05});
+  Adjustment bent = near_truth(capture);
+  const Eigen::Vector2d bend(0.003, -0.001);
+  bent.bend = bend;
+  std::mt19937_64 rng(2);
+  for (BoardView& view : bent.views) {
+    const Camera& camera = capture.rig.cameras[static_cast<std::size_t>(view.camera)];
+    for (std::size_t k = 0; k < view.ids.size(); ++k) {
+      const auto px = camera.project_world(capture.world_from_board[static_cast<std::size_t>(view.set)] *
+                                           bent.board_point(view.ids[k]));
+      view.px[k] = px.value().px + 0.05 * Eigen::Vector2d(normal(rng), normal(rng));
+    }
+  }
+  bent.bend.setZero();
+  const Adjustment flat = adjust(bent);
+  bent.bend_is_free = true;
+  const Adjustment found = adjust(bent);
+  EXPECT_LT((found.bend - bend).norm(), 2e-4);
+  EXPECT_LT(found.rms_px, 0.8 * flat.rms_px);
+}
+
+TEST(BundleAdjustment, NothingToUseIsAnError) {
+  Adjustment empty = near_truth(synthetic_capture({.sets = 2}));
+  empty.views.clear();
+  EXPECT_THROW(adjust(empty), CalibrationError);
+}
+
+struct Coverage {
+  int inside = 0, all = 0;
+  double share() const { return 100.0 * inside / all; }
+  void add(double error, double sigma) {
+    inside += std::abs(error) < 1.96 * sigma ? 1 : 0;
+    ++all;
+  }
+};
+
+// How often the truth lies in the 95 % bounds that are reported, over lenses and poses.
+void count(Coverage& coverage, const Adjustment& found, const CameraRig& truth) {
+  for (std::size_t c = 0; c < found.cameras.size(); ++c) {
+    const int camera = static_cast<int>(c);
+    const LensParameters off = found.cameras[c].parameters - parameters_of(truth.cameras[c].model);
+    for (int i = 0; i < parameter_count(found.cameras[c].lens); ++i) coverage.add(off(i), found.lens_sigma(camera)(i));
+    if (!found.cameras[c].pose_is_free) continue;
+    const Tangent6d error = log(found.cameras[c].cam_from_world * inverse(truth.cameras[c].cam_from_world));
+    for (int i = 0; i < 3; ++i) coverage.add(error(i), found.rotation_sigma(camera)(i));
+    for (int i = 0; i < 3; ++i) coverage.add(error(3 + i), found.centre_sigma(camera)(i));
+  }
+}
+
+TEST(BundleAdjustmentBounds, CoverTheTruthOfSyntheticRigs) {
+  Coverage coverage;
+  for (std::uint64_t seed = 1; seed <= 30; ++seed) {
+    const SyntheticCapture capture = synthetic_capture({.cameras = 3, .sets = 15, .noise_px = 0.3, .seed = seed});
+    count(coverage, adjust(near_truth(capture)), capture.rig);
+  }
+  std::printf("95 %% bounds cover %.1f %% of %d true parameters\n", coverage.share(), coverage.all);
+  EXPECT_GE(coverage.share(), 90);
+  EXPECT_LE(coverage.share(), 99);
+}
+
+TEST(BundleAdjustmentBounds, CoverTheTruthOfResampledRenderedBoards) {
+  if (!std::filesystem::exists(shared_data("rendered/chessboard"))) GTEST_SKIP() << "rendered/chessboard is not there";
+  const CameraRig truth = read_rig(shared_data("rendered/chessboard/rig.yaml"));
+  const auto run = [&](const std::vector<BoardView>& all, double noise_px) {
+    Coverage coverage;
+    for (std::uint64_t seed = 1; seed <= 25; ++seed) {
+      std::mt19937_64 rng(seed);
+      std::vector<int> sets(25);
+      for (int s = 0; s < 25; ++s) sets[static_cast<std::size_t>(s)] = s;
+      std::ranges::shuffle(sets, rng);
+      sets.resize(18);
+      std::vector<BoardView> views;
+      for (BoardView view : all) {
+        if (std::ranges::find(sets, view.set) == sets.end()) continue;
+        for (auto& px : view.px) px += noise_px * Eigen::Vector2d(normal(rng), normal(rng));
+        views.push_back(std::move(view));
+      }
+      std::vector<Rigid3d> boards(25);
+      Adjustment start = near_truth(truth, rendered_board(), {}, views);
+      start.world_from_board.resize(25);
+      for (const BoardView& view : views) {
+        const AdjustedCamera& camera = start.cameras[static_cast<std::size_t>(view.camera)];
+        const Camera& known = truth.cameras[static_cast<std::size_t>(view.camera)];
+        const auto poses = board_poses(rendered_board(), view, camera.lens, parameters_of(known.model));
+        start.world_from_board[static_cast<std::size_t>(view.set)] =
+            inverse(known.cam_from_world) * poses.at(0).cam_from_board;
+      }
+      count(coverage, adjust(start), truth);
+    }
+    return coverage;
+  };
+  const Coverage known_noise = run(rendered_truth(), 0.15);
+  std::printf("exact corners with 0.15 px of noise: 95 %% bounds cover %.1f %% of %d\n", known_noise.share(),
+              known_noise.all);
+  EXPECT_GE(known_noise.share(), 90);
+  EXPECT_LE(known_noise.share(), 99);
+  const Coverage detected = run(rendered_views(), 0);
+  std::printf("detected corners: 95 %% bounds cover %.1f %% of %d\n", detected.share(), detected.all);
+  EXPECT_GE(detected.share(), 90);
+}
+
+TEST(BoardPoses, OfASlantedViewIsTheTrueOne) {
+  const SyntheticCapture capture = synthetic_capture({.noise_px = 0.05});
+  for (const BoardView& view : capture.views) {
+    const Camera& camera = capture.rig.cameras[static_cast<std::size_t>(view.camera)];
+    const auto poses = board_poses(capture.board, view, LensModel::radtan4, parameters_of(camera.model));
+    ASSERT_FALSE(poses.empty()) << view.image;
+    const Rigid3d truth = camera.cam_from_world * capture.world_from_board[static_cast<std::size_t>(view.set)];
+    EXPECT_LT(log(poses.front().cam_from_board * inverse(truth)).norm(), 0.06) << view.image;
+    EXPECT_LT(poses.front().rms_px, 0.15) << view.image;
+  }
+}
+
+}  // namespace
+}  // namespace huetrack

@@ -1,0 +1,261 @@
+#include "calib/solver/extrinsics.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <cstdio>
+#include <opencv2/calib3d.hpp>
+
+#include "calib/model/rig_yaml.h"
+#include "board/captures.h"
+#include "solver/synthetic_rig.h"
+
+namespace huetrack {
+namespace {
+
+using testing::AllOf;
+using testing::HasSubstr;
+
+std::vector<CameraToCalibrate> unknown(const CameraRig& rig) {
+  std::vector<CameraToCalibrate> cameras;
+  for (const Camera& camera : rig.cameras) cameras.push_back({camera.name, camera.image_size, {}});
+  return cameras;
+}
+
+std::vector<CameraToCalibrate> known(const CameraRig& rig) {
+  std::vector<CameraToCalibrate> cameras;
+  for (const Camera& camera : rig.cameras) cameras.push_back({camera.name, camera.image_size, camera.model});
+  return cameras;
+}
+
+double synthetic_volume_rms_m(const SyntheticCapture& capture, const Extrinsics& found) {
+  return volume_rms_m(capture.rig, rig_of(found.adjustment), {-0.5, -0.5, 0.5}, {0.5, 0.5, 1.5});
+}
+
+std::string problem(const SyntheticCapture& capture, const std::vector<BoardView>& views) {
+  try {
+    calibrate_extrinsics(capture.board, known(capture.rig), views);
+  } catch (const CalibrationError& error) {
+    return error.what();
+  }
+  return "no error";
+}
+
+TEST(Extrinsics, FindTheRig) {
+  const SyntheticCapture capture = synthetic_capture();
+  const Extrinsics found = calibrate_extrinsics(capture.board, unknown(capture.rig), capture.views);
+  EXPECT_LT(synthetic_volume_rms_m(capture, found), 0.001);
+  EXPECT_TRUE(found.lens_refined);
+  EXPECT_NEAR(found.adjustment.noise_px, 0.1, 0.01);
+  EXPECT_EQ(found.pairs.size(), 6U);
+  for (const CameraPair& pair : found.pairs) EXPECT_LT(pair.rms_px, 0.17);
+}
+
+TEST(Extrinsics, SymmetricBoardsMayBeSeenTurnedByEachCamera) {
+  for (const auto& [columns, rows] : {std::pair(8, 6), std::pair(6, 6)}) {
+    SyntheticCapture capture = synthetic_capture({.cameras = 3, .columns = columns, .rows = rows});
+    const auto symmetries = capture.board.symmetries();
+    ASSERT_GT(symmetries.size(), 1U);
+    std::mt19937_64 rng(4);
+    for (BoardView& view : capture.views) {
+      const auto& turned = symmetries[rng() % symmetries.size()];
+      std::map<int, Eigen::Vector2d> renumbered;
+      for (std::size_t k = 0; k < view.ids.size(); ++k)
+        renumbered[turned[static_cast<std::size_t>(view.ids[k])]] = view.px[k];
+      view.ids.clear();
+      view.px.clear();
+      for (const auto& [id, px] : renumbered) {
+        view.ids.push_back(id);
+        view.px.push_back(px);
+      }
+    }
+    const Extrinsics found = calibrate_extrinsics(capture.board, unknown(capture.rig), capture.views);
+    EXPECT_LT(synthetic_volume_rms_m(capture, found), 0.0015) << columns << "x" << rows;
+    for (std::size_t v = 0; v < found.adjustment.fits.size(); ++v) EXPECT_EQ(found.adjustment.fits[v].dropped, "");
+  }
+}
+
+TEST(Extrinsics, TheOrderOfImagesDoesNotMatterToTheLastBit) {
+  const SyntheticCapture capture = synthetic_capture({.cameras = 3, .sets = 12});
+  std::vector<BoardView> shuffled = capture.views;
+  std::mt19937_64 rng(9);
+  std::ranges::shuffle(shuffled, rng);
+  const Extrinsics a = calibrate_extrinsics(capture.board, unknown(capture.rig), capture.views);
+  const Extrinsics b = calibrate_extrinsics(capture.board, unknown(capture.rig), shuffled);
+  EXPECT_EQ(to_yaml(rig_of(a.adjustment)), to_yaml(rig_of(b.adjustment)));
+}
+
+TEST(Extrinsics, KnownLensesStayUnlessTheViewsContradictThem) {
+  const SyntheticCapture capture = synthetic_capture();
+  const Extrinsics stays = calibrate_extrinsics(capture.board, known(capture.rig), capture.views);
+  EXPECT_FALSE(stays.lens_refined) << stays.lens_reason;
+  EXPECT_EQ(stays.adjustment.cameras[1].parameters, parameters_of(capture.rig.cameras[1].model));
+  auto wrong = known(capture.rig);
+  PinholeRadtan zoomed = std::get<PinholeRadtan>(wrong[1].model->lens());
+  zoomed.fx *= 1.04;
+  zoomed.fy *= 1.04;
+  wrong[1].model = CameraModel(zoomed);
+  const Extrinsics refined = calibrate_extrinsics(capture.board, wrong, capture.views);
+  EXPECT_TRUE(refined.lens_refined);
+  EXPECT_THAT(refined.lens_reason, HasSubstr("the views of camera cam1 say that its focal length is"));
+  EXPECT_LT(synthetic_volume_rms_m(capture, refined), 0.001);
+}
+
+// --- inputs that are wrong, each with its own message ---
+
+TEST(ExtrinsicsTrouble, ACameraWithoutOverlapIsNamed) {
+  const SyntheticCapture capture = synthetic_capture({.sets = 40});
+  std::vector<BoardView> views;
+  for (const BoardView& view : capture.views) {
+    if ((view.camera == 2) == (view.set >= 20))
+      views.push_back(view);  // cam2 sees the board only when nobody else does
+  }
+  EXPECT_THAT(problem(capture, views),
+              AllOf(HasSubstr("camera cam2 never saw the board at the same time as cam0, cam1 and cam3"),
+                    HasSubstr("show it to cam2 and cam0")));
+}
+
+TEST(ExtrinsicsTrouble, ACameraThatSawNothingIsNamed) {
+  const SyntheticCapture capture = synthetic_capture();
+  std::vector<BoardView> views;
+  for (const BoardView& view : capture.views) {
+    if (view.camera != 3) views.push_back(view);
+  }
+  EXPECT_EQ(problem(capture, views), "camera cam3 never saw the board");
+}
+
+TEST(ExtrinsicsTrouble, MirroredImagesAreNamed) {
+  const SyntheticCapture capture = synthetic_capture({.cameras = 2});
+  std::vector<BoardView> views;
+  for (BoardView view : capture.views) {
+    if (view.camera == 1) {
+      // In a mirrored image the detector numbers each row from its other end.
+      std::map<int, Eigen::Vector2d> mirrored;
+      for (std::size_t k = 0; k < view.ids.size(); ++k) {
+        const int column = view.ids[k] % 9, row = view.ids[k] / 9;
+        mirrored[row * 9 + 8 - column] = {639 - view.px[k].x(), view.px[k].y()};
+      }
+      view.ids.clear();
+      view.px.clear();
+      for (const auto& [id, px] : mirrored) {
+        view.ids.push_back(id);
+        view.px.push_back(px);
+      }
+    }
+    views.push_back(std::move(view));
+  }
+  EXPECT_THAT(problem(capture, views), AllOf(HasSubstr("cameras cam0 and cam1"), HasSubstr("mirrored")));
+}
+
+TEST(ExtrinsicsTrouble, BoardsOfTwoSizesAreNamed) {
+  const SyntheticCapture capture = synthetic_capture({.cameras = 2});
+  SyntheticCapture small = synthetic_capture({.cameras = 2});
+  small.board.pitch *= 0.7;  // what camera 1 is shown, at the same places
+  std::vector<BoardView> views;
+  for (BoardView view : capture.views) {
+    if (view.camera == 1) {
+      const Camera& camera = capture.rig.cameras[1];
+      for (std::size_t k = 0; k < view.ids.size(); ++k) {
+        const Eigen::Vector3d middle(0.24, 0.15, 0);
+        const Eigen::Vector3d p = middle + 0.7 * (capture.board.point(view.ids[k]) - middle);
+        view.px[k] = camera.project_world(capture.world_from_board[static_cast<std::size_t>(view.set)] * p).value().px;
+      }
+    }
+    views.push_back(std::move(view));
+  }
+  EXPECT_THAT(problem(capture, views), AllOf(HasSubstr("1.4"), HasSubstr("did they see different boards")));
+}
+
+TEST(ExtrinsicsTrouble, ImagesOfDifferentMomentsAreNamed) {
+  const SyntheticCapture capture = synthetic_capture({.cameras = 2});
+  std::vector<BoardView> views;
+  for (BoardView view : capture.views) {
+    if (view.camera == 1) view.set = (view.set + 5) % 30;
+    views.push_back(std::move(view));
+  }
+  EXPECT_THAT(problem(capture, views), AllOf(HasSubstr("contradict each other"), HasSubstr("at the same time")));
+}
+
+TEST(ExtrinsicsTrouble, SwappedCamerasAreNamed) {
+  const SyntheticCapture capture = synthetic_capture();
+  std::vector<BoardView> views = capture.views;
+  for (BoardView& view : views) view.camera = view.camera == 0 ? 2 : view.camera == 2 ? 0 : view.camera;
+  EXPECT_THAT(problem(capture, views), HasSubstr("cameras cam0 and cam2 look swapped"));
+}
+
+// --- figures ---
+
+// In how many seconds: tests/benchmark/calibration_figures.
+TEST(ExtrinsicsFigures, ThreeHundredViewsOfFourCameras) {
+  const SyntheticCapture capture = synthetic_capture({.sets = 300, .noise_px = 0.2, .columns = 8});
+  ExtrinsicsOptions refining;
+  refining.refine_lens = RefineLens::yes;
+  const auto before = std::chrono::steady_clock::now();
+  const Extrinsics found = calibrate_extrinsics(capture.board, known(capture.rig), capture.views, refining);
+  const std::chrono::duration<double> taken = std::chrono::steady_clock::now() - before;
+  std::printf("%zu views, %d corners: %.2f s\n", capture.views.size(), found.adjustment.corners_used, taken.count());
+  EXPECT_GT(found.adjustment.corners_used, 40000);
+  EXPECT_LT(synthetic_volume_rms_m(capture, found), 0.0005);
+}
+
+TEST(ExtrinsicsFigures, RenderedChessboard) {
+  if (!std::filesystem::exists(shared_data("rendered/chessboard"))) GTEST_SKIP() << "not there";
+  const CameraRig truth = read_rig(shared_data("rendered/chessboard/rig.yaml"));
+  const Extrinsics found = calibrate_extrinsics(rendered_board(), unknown(truth), rendered_views());
+  for (std::size_t c = 0; c < 3; ++c) {
+    const LensParameters l = found.adjustment.cameras[c].parameters, t = parameters_of(truth.cameras[c].model);
+    std::printf("cam%zu: focal lengths off by %.3f and %.3f %%, principal point by %.2f and %.2f px\n", c,
+                100 * (l(0) / t(0) - 1), 100 * (l(1) / t(1) - 1), l(2) - t(2), l(3) - t(3));
+    EXPECT_NEAR(l(0) / t(0), 1, 0.004);
+    EXPECT_NEAR(l(1) / t(1), 1, 0.004);
+    EXPECT_NEAR(l(2), t(2), 2);
+    EXPECT_NEAR(l(3), t(3), 2);
+  }
+  const double rms_m = volume_rms_m(truth, rig_of(found.adjustment), {-1, -1, 0.1}, {1, 1, 2.1});
+  std::printf("volume: %.2f mm rms\n", 1000 * rms_m);
+  EXPECT_LT(rms_m, 0.002);
+}
+
+TEST(ExtrinsicsFigures, OpenCvStereoAgreesWithStereoCalibrate) {
+  if (!std::filesystem::exists(shared_data("opencv_chessboard_stereo"))) GTEST_SKIP() << "not there";
+  const std::vector<CameraToCalibrate> cameras{{"left", {640, 480}, {}}, {"right", {640, 480}, {}}};
+  const Extrinsics found = calibrate_extrinsics(stereo_board(), cameras, stereo_views());
+  std::vector<std::vector<cv::Point3f>> points(13);
+  std::array<std::vector<std::vector<cv::Point2f>>, 2> px;
+  std::map<int, std::size_t> number;
+  for (const BoardView& view : stereo_views()) number.emplace(view.set, number.size());
+  px[0].resize(13);
+  px[1].resize(13);
+  for (const BoardView& view : stereo_views()) {
+    ASSERT_EQ(view.ids.size(), 54U);
+    const std::size_t n = number.at(view.set);
+    points[n].clear();
+    for (std::size_t k = 0; k < view.ids.size(); ++k) {
+      const Eigen::Vector3d p = stereo_board().point(view.ids[k]);
+      points[n].emplace_back(static_cast<float>(p.x()), static_cast<float>(p.y()), 0.0F);
+      px[static_cast<std::size_t>(view.camera)][n].emplace_back(static_cast<float>(view.px[k].x()),
+                                                                static_cast<float>(view.px[k].y()));
+    }
+  }
+  cv::Mat k1, d1, k2, d2, r, t, e, f, rv, tv;
+  const cv::Size size(640, 480);
+  cv::calibrateCamera(points, px[0], size, k1, d1, rv, tv);
+  cv::calibrateCamera(points, px[1], size, k2, d2, rv, tv);
+  cv::stereoCalibrate(points, px[0], px[1], k1, d1, k2, d2, size, r, t, e, f, cv::CALIB_USE_INTRINSIC_GUESS);
+  Eigen::Matrix3d rotation;
+  for (int i = 0; i < 3; ++i) {
+    for (int j = 0; j < 3; ++j) rotation(i, j) = r.at<double>(i, j);
+  }
+  const Rigid3d& right_from_left = found.adjustment.cameras[1].cam_from_world;
+  const double off_deg =
+      180 / std::numbers::pi * right_from_left.rotation.angularDistance(Eigen::Quaterniond(rotation));
+  const double baseline = right_from_left.translation.norm(), opencv = cv::norm(t);
+  std::printf("rotation differs by %.3f deg, baseline by %.2f %%; rms %.3f and %.3f px\n", off_deg,
+              100 * (baseline / opencv - 1), found.adjustment.rms_of_camera(0), found.adjustment.rms_of_camera(1));
+  EXPECT_LT(off_deg, 0.1);
+  EXPECT_NEAR(baseline / opencv, 1, 0.005);
+}
+
+}  // namespace
+}  // namespace huetrack

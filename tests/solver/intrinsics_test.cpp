@@ -1,0 +1,89 @@
+#include "calib/solver/intrinsics.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cstdio>
+
+#include "calib/model/rig_yaml.h"
+#include "board/captures.h"
+#include "solver/synthetic_rig.h"
+
+namespace huetrack {
+namespace {
+
+using testing::HasSubstr;
+
+Intrinsics of_synthetic(const CameraModel& model, double noise_px, std::optional<LensModel> lens = {},
+                        double distance_m = 2.2) {
+  const SyntheticCapture capture =
+      synthetic_capture({.cameras = 1, .sets = 25, .noise_px = noise_px, .distance_m = distance_m, .models = {model}});
+  return calibrate_intrinsics(capture.board, "cam0", {640, 480}, capture.views, {.lens = lens});
+}
+
+TEST(Intrinsics, FindTheSimplestLensThatTheViewsSupport) {
+  const Intrinsics barrel = of_synthetic(CameraModel(PinholeRadtan{620, 618, 322, 236, {-0.3, 0.1, 0.001, 0}}), 0.1);
+  EXPECT_EQ(barrel.adjustment.cameras[0].lens, LensModel::radtan4) << barrel.lens_reason;
+  EXPECT_NEAR(barrel.adjustment.cameras[0].parameters(0), 620, 2);
+  const Intrinsics fisheye =
+      of_synthetic(CameraModel(FisheyeKannalaBrandt{230, 231, 322, 236, {0.08, -0.02, 0.004, -0.001}}), 0.1, {}, 0.9);
+  EXPECT_EQ(fisheye.adjustment.cameras[0].lens, LensModel::fisheye) << fisheye.lens_reason;
+  EXPECT_NEAR(fisheye.adjustment.cameras[0].parameters(0), 230, 2);
+  for (const Intrinsics& found : {barrel, fisheye}) {
+    EXPECT_NEAR(found.adjustment.noise_px, 0.1, 0.01);
+    EXPECT_TRUE(covers_image(found.adjustment.cameras[0].model(), {640, 480}));
+    EXPECT_FALSE(found.lens_reason.empty());
+  }
+}
+
+TEST(Intrinsics, UseTheLensThatIsAskedFor) {
+  const Intrinsics found =
+      of_synthetic(CameraModel(PinholeRadtan{620, 618, 322, 236, {-0.3, 0.1, 0.001, 0}}), 0.1, LensModel::radtan5);
+  EXPECT_EQ(found.adjustment.cameras[0].lens, LensModel::radtan5);
+  EXPECT_EQ(found.trials.size(), 1U);
+}
+
+TEST(Intrinsics, TooFewViewsAreNamed) {
+  const SyntheticCapture capture = synthetic_capture({.cameras = 1, .sets = 2});
+  try {
+    calibrate_intrinsics(capture.board, "left", {640, 480}, capture.views);
+    FAIL();
+  } catch (const CalibrationError& error) {
+    EXPECT_THAT(error.what(), HasSubstr("camera left: only 2 views of the board; at least 4 are needed"));
+  }
+}
+
+TEST(IntrinsicsCaptures, OpenCvStereo) {
+  if (!std::filesystem::exists(shared_data("opencv_chessboard_stereo"))) GTEST_SKIP() << "not there";
+  for (const int camera : {0, 1}) {
+    const Intrinsics found = calibrate_intrinsics(stereo_board(), camera == 0 ? "left" : "right", {640, 480},
+                                                  views_of(stereo_views(), camera));
+    const Adjustment& a = found.adjustment;
+    std::printf("%s: %d views, rms %.3f px, fx %.2f fy %.2f; %s\n", a.cameras[0].name.c_str(), a.views_used(0),
+                a.rms_px, a.cameras[0].parameters(0), a.cameras[0].parameters(1), found.lens_reason.c_str());
+    EXPECT_EQ(a.views_used(0), 13);
+    EXPECT_GT(a.corners_used, 690);
+    EXPECT_LE(a.rms_px, camera == 0 ? 0.20 : 0.21);
+    for (const int i : {0, 1}) {
+      EXPECT_GE(a.cameras[0].parameters(i), 0.995 * 534);
+      EXPECT_LE(a.cameras[0].parameters(i), 1.005 * 536);
+    }
+  }
+}
+
+TEST(IntrinsicsCaptures, RenderedBoards) {
+  if (!std::filesystem::exists(shared_data("rendered/chessboard"))) GTEST_SKIP() << "not there";
+  const CameraRig truth = read_rig(shared_data("rendered/chessboard/rig.yaml"));
+  for (int camera = 0; camera < 3; ++camera) {
+    const Intrinsics found =
+        calibrate_intrinsics(rendered_board(), "cam", {320, 240}, views_of(rendered_views(), camera));
+    const double f = found.adjustment.cameras[0].parameters(0),
+                 true_f = truth.cameras[static_cast<std::size_t>(camera)].model.fx();
+    std::printf("cam%d alone: focal length off by %.2f %% (sigma %.2f %%), rms %.3f px\n", camera,
+                100 * (f / true_f - 1), 100 * found.adjustment.lens_sigma(0)(0) / true_f, found.adjustment.rms_px);
+    EXPECT_NEAR(f / true_f, 1, 0.006);
+  }
+}
+
+}  // namespace
+}  // namespace huetrack

@@ -1,0 +1,345 @@
+#include "calib/report/wave_text.h"
+#include "calib/wave/wave.h"
+#include "calib/wave/wave_adjustment.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+#include <cmath>
+#include <functional>
+#include <numbers>
+#include <random>
+
+#include "calib/model/rig_yaml.h"
+#include "calib/solver/bundle_adjustment.h"
+
+namespace huetrack {
+namespace {
+
+using Eigen::Vector3d;
+using testing::AllOf;
+using testing::HasSubstr;
+
+// Cameras on an arc that look at the middle of the volume.
+CameraRig rig_of(int count) {
+  CameraRig rig;
+  for (int c = 0; c < count; ++c) {
+    Camera camera;
+    camera.name = "cam" + std::to_string(c);
+    camera.image_size = {640, 480};
+    camera.model = CameraModel(PinholeRadtan{480.0 + 5 * c, 482.0, 320.3, 238.8, {-0.1, 0.02, 0.0004, -0.0003}});
+    const double angle = 1.1 * c;
+    const Vector3d centre(2.6 * std::cos(angle), 2.6 * std::sin(angle), 1.6 + 0.2 * c), middle(0, 0, 1);
+    const Vector3d z = (middle - centre).normalized(), x = z.cross(Vector3d::UnitZ()).normalized(), y = z.cross(x);
+    Eigen::Matrix3d r;
+    r << x.transpose(), y.transpose(), z.transpose();
+    camera.cam_from_world = {Eigen::Quaterniond(r).normalized(), -(r * centre)};
+    rig.cameras.push_back(camera);
+  }
+  return rig;
+}
+
+Vector3d lissajous(double t) {
+  return {0.7 * std::sin(1.3 * t), 0.7 * std::sin(1.7 * t + 0.5), 1 + 0.5 * std::sin(2.3 * t + 1)};
+}
+
+struct Waving {
+  double seconds = 8;
+  double noise_px = 0.15;
+  std::vector<double> offset_s{};  // per camera
+  std::function<bool(int camera, double t)> hidden = {};
+  std::function<Vector3d(double t)> path = lissajous;
+  double wrong = 0;  // share of frames with a second, larger region somewhere
+};
+
+std::vector<BallFrame> waved(const CameraRig& rig, const Waving& w) {
+  constexpr double radius_m = 0.04;
+  std::mt19937_64 rng(7);
+  std::normal_distribution<double> noise(0, w.noise_px);
+  std::uniform_real_distribution<double> uniform(0, 1);
+  std::vector<BallFrame> frames;
+  for (int c = 0; c < static_cast<int>(rig.cameras.size()); ++c) {
+    const Camera& camera = rig.cameras[static_cast<std::size_t>(c)];
+    for (int i = 0; i < static_cast<int>(30 * w.seconds); ++i) {
+      BallFrame frame{c, i / 30.0 + (w.offset_s.empty() ? 0 : w.offset_s[static_cast<std::size_t>(c)]), {}};
+      const Vector3d p = camera.cam_from_world * w.path(frame.t_s);
+      // The outline's centre is that of a cone around the ball.
+      const auto px = camera.model.project({p.x(), p.y(), p.z() - radius_m * radius_m / p.z()});
+      const double r = radius_m * camera.model.fx() / p.z();
+      const auto add = [&](const Eigen::Vector2d& at, double radius) {
+        ColorRegion region;
+        region.area = static_cast<int>(std::lround(std::numbers::pi * radius * radius));
+        region.centre = at;
+        region.spread = radius * radius / 4 * Eigen::Matrix2d::Identity();
+        frame.regions.push_back(region);
+      };
+      if (uniform(rng) < w.wrong) add({640 * uniform(rng), 480 * uniform(rng)}, 1.3 * r);
+      if (px && camera.contains(*px) && !(w.hidden && w.hidden(c, frame.t_s)))
+        add(px->px + Eigen::Vector2d(noise(rng), noise(rng)), r * (1 + 0.02 * noise(rng)));
+      frames.push_back(std::move(frame));
+    }
+  }
+  return frames;
+}
+
+CameraRig spoilt(CameraRig rig, double metres, double degrees) {
+  std::mt19937_64 rng(3);
+  std::normal_distribution<double> normal;
+  for (Camera& camera : rig.cameras) {
+    const Vector3d centre = camera.centre() + metres * Vector3d(normal(rng), normal(rng), normal(rng)).normalized();
+    const Eigen::AngleAxisd turn(degrees * std::numbers::pi / 180,
+                                 Vector3d(normal(rng), normal(rng), normal(rng)).normalized());
+    camera.cam_from_world.rotation = (turn * camera.cam_from_world.rotation).normalized();
+    camera.cam_from_world.translation = -(camera.cam_from_world.rotation * centre);
+  }
+  return rig;
+}
+
+// Worst camera after rigid alignment of the centres and axes.
+struct Off {
+  double metres = 0, degrees = 0;
+};
+Off off(const CameraRig& found, const CameraRig& truth) {
+  // Points in front of each camera, so that two cameras are enough for an alignment.
+  Eigen::Matrix3Xd a(3, 4 * found.cameras.size()), b(3, 4 * found.cameras.size());
+  const auto points = [](const CameraRig& rig, Eigen::Matrix3Xd& m) {
+    for (std::size_t c = 0; c < rig.cameras.size(); ++c) {
+      for (int i = 0; i < 4; ++i)
+        m.col(static_cast<Eigen::Index>(4 * c) + i) =
+            inverse(rig.cameras[c].cam_from_world) * (i == 3 ? Vector3d::Zero() : Vector3d(Vector3d::Unit(i)));
+    }
+  };
+  points(found, a);
+  points(truth, b);
+  const Eigen::Matrix4d t = Eigen::umeyama(a, b, false);
+  const Eigen::Matrix3d rotation = t.topLeftCorner<3, 3>();
+  Off out;
+  for (std::size_t c = 0; c < found.cameras.size(); ++c) {
+    out.metres =
+        std::max(out.metres,
+                 (rotation * found.cameras[c].centre() + t.topRightCorner<3, 1>() - truth.cameras[c].centre()).norm());
+    const Eigen::Quaterniond q = found.cameras[c].cam_from_world.rotation * Eigen::Quaterniond(rotation).conjugate();
+    out.degrees =
+        std::max(out.degrees, q.angularDistance(truth.cameras[c].cam_from_world.rotation) * 180 / std::numbers::pi);
+  }
+  return out;
+}
+
+WaveOptions taped(const CameraRig& rig) {
+  WaveOptions options;
+  options.camera_distance = CameraDistance{0, 1, (rig.cameras[0].centre() - rig.cameras[1].centre()).norm()};
+  return options;
+}
+
+std::string failure(const CameraRig& rig, const std::vector<BallFrame>& frames, const WaveOptions& options) {
+  try {
+    calibrate_wave(rig, frames, options);
+  } catch (const CalibrationError& error) {
+    return error.what();
+  }
+  return "no failure";
+}
+
+TEST(Wave, BringsSpoiltPosesBack) {
+  const CameraRig truth = rig_of(3);
+  const WaveResult r = calibrate_wave(spoilt(truth, 0.1, 3), waved(truth, {.wrong = 0.2}), taped(truth));
+  EXPECT_LT(off(r.rig, truth).metres, 0.003);
+  EXPECT_LT(off(r.rig, truth).degrees, 0.05);
+  EXPECT_TRUE(r.usable()) << to_text(r);
+  EXPECT_LT(r.expected_m, 0.003);
+  EXPECT_GT(r.expected_m, 0.00005);
+}
+
+TEST(Wave, TellsHowGoodItIsInTheWholeVolume) {
+  const CameraRig truth = rig_of(3);
+  WaveOptions options = taped(truth);
+  options.volume = WorldBox{{-1, -1, 0.2}, {1, 1, 1.8}};
+  int told = 0, last = -1;
+  options.progress = [&](const std::string&, int done, int total) {
+    EXPECT_LE(last, done);
+    EXPECT_LT(done, total);
+    last = done;
+    ++told;
+  };
+  const WaveResult r = calibrate_wave(truth, waved(truth, {.seconds = 4}), options);
+  EXPECT_GT(told, 5);
+  ASSERT_TRUE(r.expected_in_volume_m);
+  EXPECT_GT(*r.expected_in_volume_m, r.expected_m);  // where the ball was not, it is worse
+  EXPECT_LT(*r.expected_in_volume_m, 10 * r.expected_m);
+  EXPECT_LT(r.halves_m, 3 * r.halves_sigma_m);
+}
+
+// Errors that are correlated as the model says: the covariance says how wrong the poses are then.
+TEST(Wave, TheCovarianceIsThatOfCorrelatedErrors) {
+  const CameraRig truth = rig_of(3);
+  constexpr double noise_px = 0.15, step_s = 1.0 / 30;
+  const OutlineCorrelation correlation;
+  WaveState start;
+  for (const Camera& camera : truth.cameras) start.cam_from_world.push_back(camera.cam_from_world);
+  start.path = BallPath::over(0, 3, step_s);
+  for (std::size_t k = 0; k < start.path.control.size(); ++k)
+    start.path.control[k] = lissajous((static_cast<double>(k) - 1) * step_s);
+  std::mt19937_64 rng(5);
+  std::normal_distribution<double> normal;
+  const auto pair = [&] { return Eigen::Vector2d(normal(rng), normal(rng)); };
+  constexpr int trials = 20;
+  double independent = 0, correlated = 0;  // squared errors of a camera's pose in their own standard deviations
+  for (int trial = 0; trial < trials; ++trial) {
+    std::vector<BallObservation> seen;
+    for (int c = 0; c < 3; ++c) {
+      const Camera& camera = truth.cameras[static_cast<std::size_t>(c)];
+      const Eigen::Vector2d lasting = pair();
+      Eigen::Vector2d slow = pair();
+      const double kept = std::exp(-step_s / correlation.slow_s);
+      for (int i = 0; i < 90; ++i) {
+        const double t = i * step_s;
+        const auto px = outline_centre(camera.model, camera.cam_from_world * lissajous(t), 0.04);
+        ASSERT_TRUE(px);
+        slow = kept * slow + std::sqrt(1 - kept * kept) * pair();
+        const Eigen::Vector2d error = std::sqrt(correlation.lasting) * lasting + std::sqrt(correlation.slow) * slow +
+                                      std::sqrt(1 - correlation.lasting - correlation.slow) * pair();
+        seen.push_back({c, t, *px + noise_px * error, noise_px * noise_px * Eigen::Matrix2d::Identity()});
+      }
+    }
+    for (const bool is_told : {true, false}) {
+      WaveState state = start;
+      WaveAdjustmentOptions options{.loss = 1000, .with_covariance = true};
+      if (!is_told) options.correlation = {.lasting = 0, .slow = 0};
+      const WaveFit fit = adjust_wave(truth, seen, state, options);
+      const Rigid3d &found = state.cam_from_world[2], &was = truth.cameras[2].cam_from_world;
+      const Eigen::AngleAxisd turn(found.rotation.conjugate() * was.rotation);
+      Eigen::Matrix<double, 6, 1> error;
+      error << inverse(was).translation - inverse(found).translation, turn.angle() * turn.axis();
+      const Eigen::Matrix<double, 6, 6> own = fit.covariance.block<6, 6>(12, 12);
+      (is_told ? correlated : independent) += error.dot(own.ldlt().solve(error)) / 6 / trials;
+    }
+  }
+  EXPECT_NEAR(correlated, 1, 0.35);
+  EXPECT_GT(independent, 2);  // so one would believe too much
+}
+
+TEST(Wave, CamerasNeedNotRunInStep) {
+  const CameraRig truth = rig_of(3);
+  const auto frames = waved(truth, {.offset_s = {0, 0.011, 0.023}});
+  EXPECT_LT(off(calibrate_wave(spoilt(truth, 0.1, 3), frames, taped(truth)).rig, truth).metres, 0.003);
+}
+
+TEST(Wave, FindsPosesFromNothing) {
+  const CameraRig truth = rig_of(4);
+  WaveOptions options = taped(truth);
+  options.has_poses = false;
+  const WaveResult r =
+      calibrate_wave(truth, waved(truth, {.hidden = [](int c, double t) { return c == 3 && t < 3; }}), options);
+  EXPECT_LT(off(r.rig, truth).metres, 0.003);
+  EXPECT_LT(r.rig.cameras[0].centre().norm(), 1e-9);  // the world's origin
+  // Without a distance only the ball's size tells the scale, and that is said.
+  options.camera_distance.reset();
+  const WaveResult rough = calibrate_wave(truth, waved(truth, {}), options);
+  EXPECT_FALSE(rough.usable());
+  EXPECT_THAT(rough.doubts, testing::Contains(AllOf(HasSubstr("the scale is from the ball's radius"),
+                                                    HasSubstr("--camera-distance"))));
+}
+
+TEST(Wave, SwappedCamerasAreFoundOut) {
+  const CameraRig truth = rig_of(2);
+  CameraRig swapped = truth;
+  std::swap(swapped.cameras[0].cam_from_world, swapped.cameras[1].cam_from_world);
+  const WaveResult r = calibrate_wave(swapped, waved(truth, {}), taped(truth));
+  EXPECT_FALSE(r.usable());
+  EXPECT_LT(off(r.rig, truth).metres, 0.003);
+}
+
+TEST(Wave, MarkedPointsSetTheWorld) {
+  const CameraRig truth = rig_of(3);
+  WaveOptions options;
+  for (const double t : {0.5, 2.0, 4.5}) options.marks.push_back({t, lissajous(t)});
+  const WaveResult r = calibrate_wave(spoilt(truth, 0.1, 3), waved(truth, {.noise_px = 0.02}), options);
+  for (std::size_t c = 0; c < 3; ++c) EXPECT_LT((r.rig.cameras[c].centre() - truth.cameras[c].centre()).norm(), 0.005);
+  EXPECT_TRUE(r.usable()) << to_text(r);
+  options.marks[1].t_s = 50;
+  EXPECT_THAT(failure(truth, waved(truth, {}), options), HasSubstr("the mark at 50.000 s"));
+}
+
+TEST(Wave, TwoRestsSetTheScale) {
+  const CameraRig truth = rig_of(3);
+  const auto path = [](double t) {  // holds still at 2 s and at 6 s, a second and a half each
+    const auto eased = [](double from, double to, double u) {
+      return from + (to - from) * (3 * u * u - 2 * u * u * u);
+    };
+    const double s = t < 2 ? t : t < 3.5 ? 2 : t < 6 ? eased(2, 4.2, (t - 3.5) / 2.5) : t < 7.5 ? 4.2 : 4.2 + (t - 7.5);
+    return lissajous(s);
+  };
+  WaveOptions options;
+  options.rest_distance_m = (lissajous(2) - lissajous(4.2)).norm();
+  const WaveResult r = calibrate_wave(spoilt(truth, 0.1, 3), waved(truth, {.seconds = 10, .path = path}), options);
+  EXPECT_LT(off(r.rig, truth).metres, 0.01);
+  EXPECT_THAT(failure(truth, waved(truth, {}), options), HasSubstr("did not rest at two places"));
+}
+
+TEST(Wave, WithoutADistanceTheScaleIsTheRigsAndDoubtful) {
+  const CameraRig truth = rig_of(3);
+  const WaveResult r = calibrate_wave(spoilt(truth, 0.1, 3), waved(truth, {}), {});
+  EXPECT_THAT(r.doubts, testing::Contains(HasSubstr("the scale is from the rig's own poses")));
+  // A rig that was right, but for one camera that was bumped, keeps its world.
+  CameraRig bumped = truth;
+  bumped.cameras[2].cam_from_world.translation += Vector3d(0.05, 0.02, 0);
+  const WaveResult kept = calibrate_wave(bumped, waved(truth, {}), taped(truth));
+  EXPECT_LT(kept.cameras[0].moved_m, 0.01);
+  EXPECT_LT(kept.cameras[1].moved_m, 0.01);
+  EXPECT_GT(kept.cameras[2].moved_m, 0.04);
+}
+
+TEST(Wave, SameFramesSameBytes) {
+  const CameraRig truth = rig_of(3);
+  auto frames = waved(truth, {.seconds = 4, .wrong = 0.1});
+  const std::string once = to_yaml(calibrate_wave(spoilt(truth, 0.1, 3), frames, taped(truth)).rig);
+  std::ranges::reverse(frames);
+  EXPECT_EQ(once, to_yaml(calibrate_wave(spoilt(truth, 0.1, 3), frames, taped(truth)).rig));
+}
+
+TEST(Wave, SaysWhatIsMissing) {
+  const CameraRig truth = rig_of(3);
+  const WaveOptions options = taped(truth);
+  EXPECT_THAT(failure(truth, waved(truth, {.hidden = [](int c, double) { return c == 1; }}), options),
+              HasSubstr("cam1 never saw the target"));
+  // Each sees it, but cam2 never together with the others.
+  EXPECT_THAT(
+      failure(truth, waved(truth, {.hidden = [](int c, double t) { return c == 2 ? t < 4.2 : t > 4; }}), options),
+      AllOf(HasSubstr("not connected: cam2"), HasSubstr("share 0 frames")));
+  EXPECT_THAT(
+      failure(truth, waved(truth, {.path = [](double t) { return Vector3d(0.03 * lissajous(t) + Vector3d(0, 0, 1)); }}),
+              options),
+      HasSubstr("too little motion"));
+  EXPECT_THAT(failure(truth, waved(truth, {.path = [](double) { return Vector3d(0, 0, 1); }}), options),
+              HasSubstr("too little motion"));
+  EXPECT_THAT(
+      failure(truth, waved(truth, {.path = [](double t) { return Vector3d(0.7 * std::sin(t), 0.2 * std::sin(t), 1); }}),
+              options),
+      HasSubstr("along one line"));
+}
+
+TEST(Wave, MotionInOnePlaneIsDoubtfulAndNoStartFromNothing) {
+  const CameraRig truth = rig_of(3);
+  const auto frames = waved(truth, {.path = [](double t) { return Vector3d(lissajous(t).x(), lissajous(t).y(), 1); }});
+  const WaveResult r = calibrate_wave(spoilt(truth, 0.1, 3), frames, taped(truth));
+  EXPECT_THAT(r.doubts, testing::Contains(HasSubstr("in one plane")));
+  WaveOptions nothing = taped(truth);
+  nothing.has_poses = false;
+  EXPECT_THAT(failure(truth, frames, nothing), testing::AnyOf(HasSubstr("in one plane"), HasSubstr("cannot be placed"),
+                                                              HasSubstr("no two cameras agree")));
+}
+
+TEST(Wave, RefusesOptionsThatMeanNothing) {
+  const CameraRig rig = rig_of(2);
+  EXPECT_TRUE(WaveOptions{}.problems(rig).empty());
+  EXPECT_FALSE(WaveOptions{.radius_m = 0}.problems(rig).empty());
+  EXPECT_FALSE((WaveOptions{.camera_distance = CameraDistance{0, 0, 1}}.problems(rig).empty()));
+  EXPECT_FALSE((WaveOptions{.camera_distance = CameraDistance{0, 1, 1}, .rest_distance_m = 1}.problems(rig).empty()));
+  EXPECT_FALSE((WaveOptions{.marks = {{1, {0, 0, 0}}}}.problems(rig).empty()));
+  EXPECT_FALSE(WaveOptions{}.problems(rig_of(1)).empty());
+}
+
+}  // namespace
+}  // namespace huetrack
