@@ -30,7 +30,7 @@ extern "C" const char* __asan_default_options() {
 }
 #endif
 
-namespace huetrack {
+namespace huetrack::idl {
 
 namespace dds = eprosima::fastdds::dds;
 using eprosima::fastrtps::types::ReturnCode_t;
@@ -307,4 +307,4 @@ std::string DdsParticipant::description() const {
   return text;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::idl

@@ -12,7 +12,7 @@
 #include <string>
 #include <vector>
 
-namespace huetrack {
+namespace huetrack::idl {
 
 struct NetworkInterface {
   std::string name;     // "eth0"
@@ -86,4 +86,4 @@ class DdsParticipant {
   eprosima::fastdds::dds::Subscriber* subscriber_ = nullptr;
 };
 
-}  // namespace huetrack
+}  // namespace huetrack::idl

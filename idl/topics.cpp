@@ -7,7 +7,7 @@
 #include <cctype>
 #include <charconv>
 
-namespace huetrack {
+namespace huetrack::idl {
 
 namespace dds = eprosima::fastdds::dds;
 using eprosima::fastrtps::Duration_t;
@@ -176,4 +176,4 @@ dds::DataWriterQos ros2_writer_qos() {
   return reliable_writer(10);
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::idl

@@ -10,7 +10,7 @@
 #include <string_view>
 #include <vector>
 
-namespace huetrack {
+namespace huetrack::idl {
 
 namespace topics {
 
@@ -91,4 +91,4 @@ eprosima::fastdds::dds::DataWriterQos teach_writer_qos();
 eprosima::fastdds::dds::DataReaderQos teach_reader_qos();
 eprosima::fastdds::dds::DataWriterQos ros2_writer_qos();
 
-}  // namespace huetrack
+}  // namespace huetrack::idl

@@ -6,7 +6,7 @@
 #include <cstdio>
 #include <numeric>
 
-namespace huetrack {
+namespace huetrack::board {
 namespace {
 
 // The square (column, row) of the index-th marker.
@@ -171,4 +171,4 @@ const std::vector<MarkerDictionary>& marker_dictionaries() {
   return all;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::board

@@ -13,7 +13,7 @@
 #include <string_view>
 #include <vector>
 
-namespace huetrack {
+namespace huetrack::board {
 
 enum class BoardType { chessboard, charuco, aruco_grid };
 
@@ -59,4 +59,4 @@ struct MarkerDictionary {
 };
 const std::vector<MarkerDictionary>& marker_dictionaries();
 
-}  // namespace huetrack
+}  // namespace huetrack::board

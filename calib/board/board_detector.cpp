@@ -15,7 +15,7 @@
 #include "calib/board/chessboard_lattice.h"
 #include "calib/board/corner_refinement.h"
 
-namespace huetrack {
+namespace huetrack::board {
 namespace {
 
 using Eigen::Vector2d;
@@ -494,4 +494,4 @@ std::string explain_missing_board(const Board& board, const std::vector<GreyView
   return best->first.substr(best->first.find('|') + 1);
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::board

@@ -10,7 +10,7 @@
 
 #include "calib/board/board.h"
 
-namespace huetrack {
+namespace huetrack::board {
 
 // An 8-bit grey image, lent for a call.
 struct GreyView {
@@ -51,4 +51,4 @@ class BoardDetector {
 // corners counted as squares, another dictionary, inverted, the old charuco layout). One sentence, or empty.
 std::string explain_missing_board(const Board& board, const std::vector<GreyView>& images);
 
-}  // namespace huetrack
+}  // namespace huetrack::board

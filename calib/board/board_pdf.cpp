@@ -9,7 +9,7 @@
 
 #include "calib/board/pdf_page.h"
 
-namespace huetrack {
+namespace huetrack::board {
 namespace {
 
 constexpr double edge_mm = 5;  // that printers leave white
@@ -179,4 +179,4 @@ BoardPdf board_pdf(const Board& board, const Paper& given) {
   return out;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::board

@@ -8,7 +8,7 @@
 
 #include "calib/board/board.h"
 
-namespace huetrack {
+namespace huetrack::board {
 
 struct Paper {
   std::string name;
@@ -34,4 +34,4 @@ struct BoardPdf {
 // quarter of a square, which detectors need. throws DoesNotFit; std::invalid_argument: board.problems().
 BoardPdf board_pdf(const Board& board, const Paper& paper);
 
-}  // namespace huetrack
+}  // namespace huetrack::board

@@ -5,10 +5,10 @@
 
 #include "calib/yaml/yaml_reader.h"
 
-namespace huetrack {
+namespace huetrack::board {
 namespace {
 
-std::array<int, 2> counts(const YamlReader& reader, std::string_view key) {
+std::array<int, 2> counts(const yaml::YamlReader& reader, std::string_view key) {
   const auto values = reader.numbers(key, 2, 2, {.min = 1, .max = 100});
   for (const double value : values) {
     if (value != static_cast<int>(value)) reader.fail(key, "must be two whole numbers, [columns, rows]");
@@ -21,13 +21,13 @@ std::string number(double value) {
   return {buffer.data(), std::to_chars(buffer.data(), buffer.data() + buffer.size(), value).ptr};
 }
 
-constexpr Range board_length{.min = 0, .max = 10, .min_is_open = true, .max_is_open = true};
+constexpr yaml::Range board_length{.min = 0, .max = 10, .min_is_open = true, .max_is_open = true};
 
 }  // namespace
 
 Board read_board(const std::filesystem::path& file) {
-  const YamlReader reader = YamlReader::file(file);
-  if (const auto version = reader.integer("version", any_number, 1); version != 1) {
+  const yaml::YamlReader reader = yaml::YamlReader::file(file);
+  if (const auto version = reader.integer("version", yaml::any_number, 1); version != 1) {
     reader.fail("version", "is " + std::to_string(version) + ", this program reads board files of version 1");
   }
   constexpr std::array<std::string_view, 3> types{"chessboard", "charuco", "aruco_grid"};
@@ -51,7 +51,7 @@ Board read_board(const std::filesystem::path& file) {
     board.first_marker = static_cast<int>(reader.integer("first_marker", {.min = 0, .max = 10000}, 0));
   }
   if (board.type == BoardType::aruco_grid) {
-    const double gap = reader.number("gap", non_negative, 0);
+    const double gap = reader.number("gap", yaml::non_negative, 0);
     board.pitch.setConstant(board.marker + gap);
     if (board.columns * board.rows > 1 && !reader.has("gap")) {
       reader.fail("gap", "is missing: the distance between neighbouring markers, metres");
@@ -93,4 +93,4 @@ std::string to_yaml(const Board& board) {
   return out;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::board

@@ -6,9 +6,9 @@
 
 #include "calib/board/board.h"
 
-namespace huetrack {
+namespace huetrack::board {
 
 Board read_board(const std::filesystem::path& file);  // throws ConfigError
 std::string to_yaml(const Board& board);              // reads back to the same board
 
-}  // namespace huetrack
+}  // namespace huetrack::board

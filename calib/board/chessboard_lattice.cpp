@@ -8,7 +8,7 @@
 #include <opencv2/imgproc.hpp>
 #include <optional>
 
-namespace huetrack {
+namespace huetrack::board {
 namespace {
 
 using Eigen::Matrix2d;
@@ -475,4 +475,4 @@ std::vector<ChessboardLattice> find_chessboard_lattices(const cv::Mat& grey, dou
   return lattices;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::board

@@ -9,7 +9,7 @@
 #include <utility>
 #include <vector>
 
-namespace huetrack {
+namespace huetrack::board {
 
 // A part of a chessboard: corners at lattice cells (i, j). u and v, the image directions of growing i and j, are
 // right-handed as seen (u right => v down).
@@ -31,4 +31,4 @@ struct ChessboardLattice {
 // many corners and high contrast first.
 std::vector<ChessboardLattice> find_chessboard_lattices(const cv::Mat& grey, double scale);
 
-}  // namespace huetrack
+}  // namespace huetrack::board

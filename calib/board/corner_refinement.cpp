@@ -7,7 +7,7 @@
 #include <numbers>
 #include <vector>
 
-namespace huetrack {
+namespace huetrack::board {
 namespace {
 
 using Eigen::Vector2d;
@@ -143,4 +143,4 @@ std::optional<RefinedCorner> refine_corner(const cv::Mat& image, const Vector2d&
   return misfit(narrow) < 0.6 * misfit(wide) ? narrow : wide;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::board

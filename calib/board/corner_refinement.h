@@ -5,7 +5,7 @@
 #include <opencv2/core.hpp>
 #include <optional>
 
-namespace huetrack {
+namespace huetrack::board {
 
 struct RefinedCorner {
   Eigen::Vector2d px;
@@ -26,4 +26,4 @@ std::optional<RefinedCorner> refine_corner(const cv::Mat& image, const Eigen::Ve
                                            const Eigen::Vector2d& step_i, const Eigen::Vector2d& step_j, bool dark,
                                            double white_margin = 1);
 
-}  // namespace huetrack
+}  // namespace huetrack::board

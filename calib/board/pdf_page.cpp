@@ -5,7 +5,7 @@
 #include <string_view>
 #include <vector>
 
-namespace huetrack {
+namespace huetrack::board {
 namespace {
 
 constexpr double points_per_mm = 72 / 25.4;
@@ -65,4 +65,4 @@ std::string PdfPage::pdf(const std::string& title) const {
          " /Root 1 0 R /Info 6 0 R >>\nstartxref\n" + std::to_string(start) + "\n%%EOF\n";
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::board

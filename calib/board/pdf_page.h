@@ -4,7 +4,7 @@
 
 #include <string>
 
-namespace huetrack {
+namespace huetrack::board {
 
 // Millimetres from the page's top left corner, x right, y down. grey: 0 black, 1 white.
 class PdfPage {
@@ -22,4 +22,4 @@ class PdfPage {
   std::string content_;
 };
 
-}  // namespace huetrack
+}  // namespace huetrack::board

@@ -8,18 +8,18 @@
 #include "calib/exchange/exchanged_camera.h"
 #include "calib/yaml/yaml_reader.h"
 
-namespace huetrack {
+namespace huetrack::exchange {
 namespace {
 
-std::vector<double> matrix(const YamlReader& reader, std::string_view key, std::int64_t rows,
+std::vector<double> matrix(const yaml::YamlReader& reader, std::string_view key, std::int64_t rows,
                            std::int64_t max_columns) {
-  const YamlReader m = reader.map(key);
+  const yaml::YamlReader m = reader.map(key);
   const auto r = m.integer("rows", {.min = 0, .max = 64}), c = m.integer("cols", {.min = 0, .max = 64});
   if (r != rows || c > max_columns)
     m.fail("rows",
            "is " + std::to_string(r) + " x " + std::to_string(c) + ", expected " + std::to_string(rows) + " rows");
   const auto n = static_cast<std::size_t>(r * c);
-  const auto data = m.numbers("data", n, n, any_number);
+  const auto data = m.numbers("data", n, n, yaml::any_number);
   m.finish();
   return data;
 }
@@ -27,9 +27,9 @@ std::vector<double> matrix(const YamlReader& reader, std::string_view key, std::
 }  // namespace
 
 Imported import_camera_info(const std::filesystem::path& file, const ImportOptions& options) {
-  const YamlReader reader = YamlReader::file(file);
+  const yaml::YamlReader reader = yaml::YamlReader::file(file);
   Imported out;
-  Camera camera;
+  calib::Camera camera;
   camera.name = reader.string("camera_name", file.stem().string());
   std::replace_if(
       camera.name.begin(), camera.name.end(),
@@ -76,7 +76,7 @@ Imported import_camera_info(const std::filesystem::path& file, const ImportOptio
   if (const auto roi = reader.optional_map("roi")) {
     bool whole = true;
     for (const std::string_view key : {"x_offset", "y_offset", "height", "width"})
-      whole = roi->integer(key, any_number, 0) == 0 && whole;
+      whole = roi->integer(key, yaml::any_number, 0) == 0 && whole;
     if (roi->has("do_rectify")) roi->boolean("do_rectify");
     roi->finish();
     if (!whole) reader.fail("roi", "is a part of the image: a rig is of the image as it comes");
@@ -87,9 +87,9 @@ Imported import_camera_info(const std::filesystem::path& file, const ImportOptio
   return out;
 }
 
-Exported export_camera_info(const CameraRig& rig) {
+Exported export_camera_info(const calib::CameraRig& rig) {
   Exported out;
-  for (const Camera& camera : rig.cameras) {
+  for (const calib::Camera& camera : rig.cameras) {
     const auto d = coefficients_of(camera.model);
     const auto k = intrinsics_of(camera.model);
     const std::string model = is_fisheye(camera.model) ? "equidistant"
@@ -116,4 +116,4 @@ Exported export_camera_info(const CameraRig& rig) {
   return out;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::exchange

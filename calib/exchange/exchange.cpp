@@ -7,7 +7,7 @@
 #include "calib/exchange/exchanged_camera.h"
 #include "calib/yaml/yaml_reader.h"
 
-namespace huetrack {
+namespace huetrack::exchange {
 namespace {
 
 constexpr std::array<std::pair<ExchangeFormat, std::string_view>, 5> names{{{ExchangeFormat::ros, "ros"},
@@ -46,7 +46,7 @@ ExchangeFormat detect_format(const std::filesystem::path& file) {
   }
   if (has(R"(^cam0\s*:)") && has(R"(^\s+camera_model\s*:)")) return ExchangeFormat::kalibr;
   if (has(R"(^distortion_model\s*:)") && has(R"(^camera_matrix\s*:)")) return ExchangeFormat::ros;
-  throw ConfigError(file, 0,
+  throw yaml::ConfigError(file, 0,
                     "is no calibration file that we know by its looks; say which with --from: ros, opencv, kalibr, "
                     "aniposelib or caliscope");
 }
@@ -80,16 +80,16 @@ Imported import_rig(std::span<const std::filesystem::path> files, const ImportOp
       out = import_caliscope(file, options);
       break;
   }
-  for (Camera& camera : out.rig.cameras) camera.cam_from_world.translation *= options.metres_per_unit;
+  for (calib::Camera& camera : out.rig.cameras) camera.cam_from_world.translation *= options.metres_per_unit;
   double widest = 0;
-  for (const Camera& a : out.rig.cameras) {
-    for (const Camera& b : out.rig.cameras) widest = std::max(widest, (a.centre() - b.centre()).norm());
+  for (const calib::Camera& a : out.rig.cameras) {
+    for (const calib::Camera& b : out.rig.cameras) widest = std::max(widest, (a.centre() - b.centre()).norm());
   }
   std::array<char, 160> text;
   if (widest > 50) {
     std::snprintf(text.data(), text.size(),
                   "the cameras are up to %.0f m apart: is the file in millimetres? Then give --unit mm", widest);
-    throw ConfigError(file, 0, text.data());
+    throw yaml::ConfigError(file, 0, text.data());
   }
   if (out.rig.cameras.size() > 1) {
     std::snprintf(text.data(), text.size(), "the cameras are up to %.3f m apart: if that is not so, give --unit",
@@ -104,7 +104,7 @@ Imported import_rig(std::span<const std::filesystem::path> files, const ImportOp
   return out;
 }
 
-Exported export_rig(const CameraRig& rig, const ExportOptions& options) {
+Exported export_rig(const calib::CameraRig& rig, const ExportOptions& options) {
   switch (options.format) {
     case ExchangeFormat::ros:
       return export_camera_info(rig);
@@ -120,4 +120,4 @@ Exported export_rig(const CameraRig& rig, const ExportOptions& options) {
   throw ExchangeError("unknown format");
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::exchange

@@ -18,7 +18,7 @@
 
 #include "calib/model/camera_rig.h"
 
-namespace huetrack {
+namespace huetrack::exchange {
 
 enum class ExchangeFormat : std::uint8_t {
   ros,         // camera_info YAML (camera_calibration_parsers): one camera, no pose
@@ -36,12 +36,12 @@ class ExchangeError : public std::runtime_error {
 
 struct ImportOptions {
   std::optional<ExchangeFormat> format{};  // nullopt: by what the file looks like
-  std::optional<ImageSize> image_size{};   // for files that do not say it; of every camera
+  std::optional<calib::ImageSize> image_size{};   // for files that do not say it; of every camera
   double metres_per_unit = 1;              // > 0; of the file's lengths, which no format but Kalibr's and ours fixes
 };
 
 struct Imported {
-  CameraRig rig;
+  calib::CameraRig rig;
   std::vector<std::string> notes;  // what was not taken over, or has to be known; one line each
 };
 
@@ -63,9 +63,9 @@ struct Exported {
 };
 
 // throws ExchangeError
-Exported export_rig(const CameraRig& rig, const ExportOptions& options);
+Exported export_rig(const calib::CameraRig& rig, const ExportOptions& options);
 
 // By its name and contents. throws ConfigError: unreadable, or none that we know.
 ExchangeFormat detect_format(const std::filesystem::path& file);
 
-}  // namespace huetrack
+}  // namespace huetrack::exchange

@@ -12,9 +12,9 @@
 
 #include "calib/yaml/yaml_reader.h"
 
-namespace huetrack {
+namespace huetrack::exchange {
 
-CameraModel opencv_lens(std::span<const double> intrinsics, std::string_view intrinsics_key,
+calib::CameraModel opencv_lens(std::span<const double> intrinsics, std::string_view intrinsics_key,
                         std::span<const double> coefficients, std::string_view coefficients_key, bool fisheye,
                         const Fail& fail) {
   if (intrinsics.size() != 9)
@@ -33,9 +33,9 @@ CameraModel opencv_lens(std::span<const double> intrinsics, std::string_view int
   if (fisheye) {
     if (n != 4 && n != 0)
       fail(coefficients_key, "a fisheye has 4 coefficients (k1 k2 k3 k4), got " + std::to_string(n));
-    FisheyeKannalaBrandt lens{intrinsics[0], intrinsics[4], intrinsics[2], intrinsics[5], {}};
+    calib::FisheyeKannalaBrandt lens{intrinsics[0], intrinsics[4], intrinsics[2], intrinsics[5], {}};
     std::ranges::copy(coefficients, lens.distortion.begin());
-    return CameraModel(lens);
+    return calib::CameraModel(lens);
   }
   // 12 and 14: with thin prism and tilt, which we have not; zeros there mean nothing.
   const bool tail_is_zero = n > 8 && std::ranges::all_of(coefficients.subspan(8), [](double k) { return k == 0; });
@@ -45,9 +45,9 @@ CameraModel opencv_lens(std::span<const double> intrinsics, std::string_view int
              ? std::string("has thin prism or tilt coefficients, which a rig cannot hold: calibrate with 8 or fewer")
              : "must have 4 (k1 k2 p1 p2), 5 (k3) or 8 (k4 k5 k6) coefficients, got " + std::to_string(n));
   }
-  PinholeRadtan lens{intrinsics[0], intrinsics[4], intrinsics[2], intrinsics[5], {}};
+  calib::PinholeRadtan lens{intrinsics[0], intrinsics[4], intrinsics[2], intrinsics[5], {}};
   std::ranges::copy(coefficients.first(std::min<std::size_t>(n, 8)), lens.distortion.begin());
-  return CameraModel(lens);
+  return calib::CameraModel(lens);
 }
 
 Eigen::Quaterniond rotation_of(std::span<const double> m, std::string_view key, const Fail& fail) {
@@ -81,18 +81,18 @@ Eigen::Vector3d vector_of(const Eigen::Quaterniond& rotation) {
   return turn.angle() * turn.axis();
 }
 
-bool is_fisheye(const CameraModel& model) {
-  return std::holds_alternative<FisheyeKannalaBrandt>(model.lens());
+bool is_fisheye(const calib::CameraModel& model) {
+  return std::holds_alternative<calib::FisheyeKannalaBrandt>(model.lens());
 }
 
-std::vector<double> intrinsics_of(const CameraModel& model) {
+std::vector<double> intrinsics_of(const calib::CameraModel& model) {
   return {model.fx(), 0, model.cx(), 0, model.fy(), model.cy(), 0, 0, 1};
 }
 
-std::vector<double> coefficients_of(const CameraModel& model) {
-  if (const auto* fisheye = std::get_if<FisheyeKannalaBrandt>(&model.lens()))
+std::vector<double> coefficients_of(const calib::CameraModel& model) {
+  if (const auto* fisheye = std::get_if<calib::FisheyeKannalaBrandt>(&model.lens()))
     return {fisheye->distortion.begin(), fisheye->distortion.end()};
-  const auto& k = std::get<PinholeRadtan>(model.lens()).distortion;
+  const auto& k = std::get<calib::PinholeRadtan>(model.lens()).distortion;
   const bool rational = k[5] != 0 || k[6] != 0 || k[7] != 0;
   return {k.begin(), k.begin() + (rational ? 8 : 5)};
 }
@@ -116,18 +116,18 @@ std::string joined(const std::vector<std::string>& words) {
   return text;
 }
 
-void require_valid(const CameraRig& rig, const std::filesystem::path& file) {
-  for (const Camera& camera : rig.cameras) {
-    for (const auto& problem : camera.problems()) throw ConfigError(file, 0, camera.name + ": " + problem);
+void require_valid(const calib::CameraRig& rig, const std::filesystem::path& file) {
+  for (const calib::Camera& camera : rig.cameras) {
+    for (const auto& problem : camera.problems()) throw yaml::ConfigError(file, 0, camera.name + ": " + problem);
   }
-  for (const auto& problem : rig.problems()) throw ConfigError(file, 0, problem);
+  for (const auto& problem : rig.problems()) throw yaml::ConfigError(file, 0, problem);
 }
 
 std::string text_of(const std::filesystem::path& file) {
   std::ifstream in(file, std::ios::binary);
   std::string text((std::istreambuf_iterator<char>(in)), std::istreambuf_iterator<char>());
-  if (!in.is_open() || in.bad() || std::filesystem::is_directory(file)) throw ConfigError(file, 0, "cannot be read");
+  if (!in.is_open() || in.bad() || std::filesystem::is_directory(file)) throw yaml::ConfigError(file, 0, "cannot be read");
   return text;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::exchange

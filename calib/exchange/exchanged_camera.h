@@ -13,14 +13,14 @@
 #include "calib/exchange/exchange.h"
 #include "calib/model/camera_rig.h"
 
-namespace huetrack {
+namespace huetrack::exchange {
 
 // Throws the format's own error: ConfigError at the right place.
 using Fail = std::function<void(std::string_view key, const std::string& message)>;
 
 // The lens of OpenCV's parameters. intrinsics: K row by row. coefficients: k1 k2 p1 p2 [k3 [k4 k5 k6]], or the
 // fisheye's four; none at all: no distortion.
-CameraModel opencv_lens(std::span<const double> intrinsics, std::string_view intrinsics_key,
+calib::CameraModel opencv_lens(std::span<const double> intrinsics, std::string_view intrinsics_key,
                         std::span<const double> coefficients, std::string_view coefficients_key, bool fisheye,
                         const Fail& fail);
 
@@ -29,17 +29,17 @@ Eigen::Quaterniond rotation_of(std::span<const double> m, std::string_view key, 
 Eigen::Quaterniond rotation_of_vector(std::span<const double> v);
 Eigen::Vector3d vector_of(const Eigen::Quaterniond& rotation);
 
-std::vector<double> intrinsics_of(const CameraModel& model);  // K row by row
+std::vector<double> intrinsics_of(const calib::CameraModel& model);  // K row by row
 // OpenCV's order; radtan: 5, or 8 when it is rational; fisheye: 4.
-std::vector<double> coefficients_of(const CameraModel& model);
-bool is_fisheye(const CameraModel& model);
+std::vector<double> coefficients_of(const calib::CameraModel& model);
+bool is_fisheye(const calib::CameraModel& model);
 
 std::string exact(double value);                            // the shortest text that reads back as the same double
 std::string exact_list(std::span<const double> values);     // "[1, 2.5]"
 std::string joined(const std::vector<std::string>& words);  // "a, b, c"
 
 // A rig's cameras must be valid and all different; messages name the file.
-void require_valid(const CameraRig& rig, const std::filesystem::path& file);
+void require_valid(const calib::CameraRig& rig, const std::filesystem::path& file);
 
 // Formats, one function each way.
 Imported import_camera_info(const std::filesystem::path& file, const ImportOptions& options);
@@ -47,12 +47,12 @@ Imported import_opencv(std::span<const std::filesystem::path> files, const Impor
 Imported import_kalibr(const std::filesystem::path& file, const ImportOptions& options);
 Imported import_aniposelib(const std::filesystem::path& file, const ImportOptions& options);
 Imported import_caliscope(const std::filesystem::path& file, const ImportOptions& options);
-Exported export_camera_info(const CameraRig& rig);
-Exported export_opencv(const CameraRig& rig, const ExportOptions& options);
-Exported export_kalibr(const CameraRig& rig);
-Exported export_aniposelib(const CameraRig& rig);
-Exported export_caliscope(const CameraRig& rig);
+Exported export_camera_info(const calib::CameraRig& rig);
+Exported export_opencv(const calib::CameraRig& rig, const ExportOptions& options);
+Exported export_kalibr(const calib::CameraRig& rig);
+Exported export_aniposelib(const calib::CameraRig& rig);
+Exported export_caliscope(const calib::CameraRig& rig);
 
 std::string text_of(const std::filesystem::path& file);  // the whole file; throws ConfigError
 
-}  // namespace huetrack
+}  // namespace huetrack::exchange

@@ -6,18 +6,18 @@
 #include "calib/exchange/exchanged_camera.h"
 #include "calib/yaml/yaml_reader.h"
 
-namespace huetrack {
+namespace huetrack::exchange {
 
 Imported import_kalibr(const std::filesystem::path& file, const ImportOptions& options) {
-  const YamlReader reader = YamlReader::file(file);
+  const yaml::YamlReader reader = yaml::YamlReader::file(file);
   Imported out;
   for (const std::string& name : reader.keys()) {
     const std::size_t n = out.rig.cameras.size();
     if (name != "cam" + std::to_string(n))
       reader.fail(name, "is not a camera of a camchain, or out of order: expected cam" + std::to_string(n));
-    const YamlReader cam = reader.map(name);
+    const yaml::YamlReader cam = reader.map(name);
     const Fail fail = [&](std::string_view key, const std::string& message) { cam.fail(key, message); };
-    Camera camera;
+    calib::Camera camera;
     camera.name = name;
     const std::string projection = cam.string("camera_model");
     if (projection != "pinhole") {
@@ -28,12 +28,12 @@ Imported import_kalibr(const std::filesystem::path& file, const ImportOptions& o
     const std::string model = cam.choice("distortion_model", models);
     if (model == "fov")
       cam.fail("distortion_model", "is fov, which a rig cannot hold: calibrate with radtan or equidistant");
-    const auto i = cam.numbers("intrinsics", 4, 4, any_number);
+    const auto i = cam.numbers("intrinsics", 4, 4, yaml::any_number);
     std::vector<double> d;
     if (model != "none")
-      d = cam.numbers("distortion_coeffs", 4, 4, any_number);
+      d = cam.numbers("distortion_coeffs", 4, 4, yaml::any_number);
     else if (cam.has("distortion_coeffs"))
-      cam.numbers("distortion_coeffs", 0, 0, any_number);
+      cam.numbers("distortion_coeffs", 0, 0, yaml::any_number);
     const std::array<double, 9> k{i[0], 0, i[2], 0, i[1], i[3], 0, 0, 1};
     camera.model = opencv_lens(k, "intrinsics", d, "distortion_coeffs", model == "equidistant", fail);
     if (!cam.has("resolution") && options.image_size) {
@@ -49,7 +49,7 @@ Imported import_kalibr(const std::filesystem::path& file, const ImportOptions& o
         for (std::size_t b = 0; b < 3; ++b) r[3 * a + b] = rows[a][b];
       }
       if (rows[3] != std::vector<double>{0, 0, 0, 1}) cam.fail("T_cn_cnm1", "must end in the row 0 0 0 1");
-      const Rigid3d this_from_before{rotation_of(r, "T_cn_cnm1", fail), {rows[0][3], rows[1][3], rows[2][3]}};
+      const calib::Rigid3d this_from_before{rotation_of(r, "T_cn_cnm1", fail), {rows[0][3], rows[1][3], rows[2][3]}};
       camera.cam_from_world = this_from_before * out.rig.cameras.back().cam_from_world;
     } else if (cam.has("T_cn_cnm1")) {
       cam.fail("T_cn_cnm1", "the first camera has none before it");
@@ -62,16 +62,16 @@ Imported import_kalibr(const std::filesystem::path& file, const ImportOptions& o
     cam.finish();
     out.rig.cameras.push_back(std::move(camera));
   }
-  if (out.rig.cameras.empty()) throw ConfigError(file, 0, "has no camera");
+  if (out.rig.cameras.empty()) throw yaml::ConfigError(file, 0, "has no camera");
   out.notes.emplace_back("the world is cam0's frame (z forward, y down): set it with huetrack-calibrate world");
   return out;
 }
 
-Exported export_kalibr(const CameraRig& rig) {
+Exported export_kalibr(const calib::CameraRig& rig) {
   Exported out;
   std::string text;
   for (std::size_t n = 0; n < rig.cameras.size(); ++n) {
-    const Camera& camera = rig.cameras[n];
+    const calib::Camera& camera = rig.cameras[n];
     const bool fisheye = is_fisheye(camera.model);
     auto d = coefficients_of(camera.model);
     if (!fisheye) {
@@ -86,7 +86,7 @@ Exported export_kalibr(const CameraRig& rig) {
     const std::array<double, 4> k{camera.model.fx(), camera.model.fy(), camera.model.cx(), camera.model.cy()};
     text += "cam" + std::to_string(n) + ":\n";
     if (n > 0) {
-      const Rigid3d pose = camera.cam_from_world * inverse(rig.cameras[n - 1].cam_from_world);
+      const calib::Rigid3d pose = camera.cam_from_world * calib::inverse(rig.cameras[n - 1].cam_from_world);
       const Eigen::Matrix3d r = pose.rotation.toRotationMatrix();
       text += "  T_cn_cnm1:\n";
       for (int i = 0; i < 3; ++i) {
@@ -103,7 +103,7 @@ Exported export_kalibr(const CameraRig& rig) {
       out.notes.push_back("Kalibr numbers its cameras: " + camera.name + " is cam" + std::to_string(n));
   }
   out.files.emplace_back("camchain.yaml", text);
-  const Rigid3d& first = rig.cameras.front().cam_from_world;
+  const calib::Rigid3d& first = rig.cameras.front().cam_from_world;
   if (first.translation.norm() > 0 || std::abs(first.rotation.w()) < 1)
     out.notes.push_back("Kalibr holds poses between cameras only: the world becomes " + rig.cameras.front().name +
                         "'s frame");
@@ -111,4 +111,4 @@ Exported export_kalibr(const CameraRig& rig) {
   return out;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::exchange

@@ -11,7 +11,7 @@
 #include "calib/exchange/exchanged_camera.h"
 #include "calib/yaml/yaml_reader.h"
 
-namespace huetrack {
+namespace huetrack::exchange {
 namespace {
 
 using Words = std::vector<std::string>;
@@ -27,10 +27,10 @@ class Storage {
       const auto bracket = what.find("(");
       const int line = bracket == std::string::npos ? 0 : std::atoi(what.c_str() + bracket + 1);
       const auto colon = what.find("): ");
-      throw ConfigError(path_, line,
+      throw yaml::ConfigError(path_, line,
                         "OpenCV cannot read it: " + (colon == std::string::npos ? what : what.substr(colon + 3)));
     }
-    if (!storage_.isOpened() || !storage_.root().isMap()) throw ConfigError(path_, 0, "is no OpenCV FileStorage");
+    if (!storage_.isOpened() || !storage_.root().isMap()) throw yaml::ConfigError(path_, 0, "is no OpenCV FileStorage");
   }
 
   const std::filesystem::path& path() const { return path_; }
@@ -45,7 +45,7 @@ class Storage {
     return std::nullopt;
   }
   [[noreturn]] void fail(std::string_view key, const std::string& message) const {
-    throw ConfigError(path_, line_of(key), std::string(key) + ": " + message);
+    throw yaml::ConfigError(path_, line_of(key), std::string(key) + ": " + message);
   }
   Fail failing() const {
     return [this](std::string_view key, const std::string& message) { fail(key, message); };
@@ -134,7 +134,7 @@ std::pair<const Storage*, std::string> in_any(const std::vector<const Storage*>&
   return {nullptr, ""};
 }
 
-ImageSize size_of(const std::vector<const Storage*>& files, const ImportOptions& options) {
+calib::ImageSize size_of(const std::vector<const Storage*>& files, const ImportOptions& options) {
   const auto whole = [](const Storage& file, const std::string& key, double value) {
     if (!(value >= 1) || value > 32768 || value != std::trunc(value))
       file.fail(key, "must be a whole number of pixels");
@@ -150,19 +150,19 @@ ImageSize size_of(const std::vector<const Storage*>& files, const ImportOptions&
     return {whole(*s, s_key, wh[0]), whole(*s, s_key, wh[1])};
   }
   if (options.image_size) return *options.image_size;
-  throw ConfigError(files.front()->path(), 0,
+  throw yaml::ConfigError(files.front()->path(), 0,
                     "does not say the image's size (image_width, image_height): give --size WIDTHxHEIGHT");
 }
 
-Camera read_lens(const std::vector<const Storage*>& files, const Words& k, const Words& d,
+calib::Camera read_lens(const std::vector<const Storage*>& files, const Words& k, const Words& d,
                  const ImportOptions& options) {
-  Camera camera;
+  calib::Camera camera;
   const auto [in_k, k_key] = in_any(files, k);
   if (in_k == nullptr)
-    throw ConfigError(files.front()->path(), 0, "has no camera matrix (looked for " + joined(k) + ")");
+    throw yaml::ConfigError(files.front()->path(), 0, "has no camera matrix (looked for " + joined(k) + ")");
   const auto [in_d, d_key] = in_any(files, d);
   if (in_d == nullptr)
-    throw ConfigError(files.front()->path(), 0, "has no distortion coefficients (looked for " + joined(d) + ")");
+    throw yaml::ConfigError(files.front()->path(), 0, "has no distortion coefficients (looked for " + joined(d) + ")");
   const auto [in_f, f_key] = in_any(files, {"fisheye_model", "fisheye"});
   const bool fisheye = in_f != nullptr && in_f->number(f_key) != 0;
   const Storage* where = in_d;
@@ -182,14 +182,14 @@ Camera read_lens(const std::vector<const Storage*>& files, const Words& k, const
 }
 
 // nullopt: not there.
-std::optional<Rigid3d> read_pose(const std::vector<const Storage*>& files, const Words& r_keys, const Words& t_keys) {
+std::optional<calib::Rigid3d> read_pose(const std::vector<const Storage*>& files, const Words& r_keys, const Words& t_keys) {
   const auto [in_r, r_key] = in_any(files, r_keys);
   const auto [in_t, t_key] = in_any(files, t_keys);
   if (in_r == nullptr || in_t == nullptr) return std::nullopt;
   const auto r = in_r->numbers(r_key), t = in_t->numbers(t_key);
   if (r.size() != 9 && r.size() != 3) in_r->fail(r_key, "must be a 3x3 matrix or a rotation vector");
   if (t.size() != 3) in_t->fail(t_key, "must be 3 numbers");
-  return Rigid3d{r.size() == 3 ? rotation_of_vector(r) : rotation_of(r, r_key, in_r->failing()), {t[0], t[1], t[2]}};
+  return calib::Rigid3d{r.size() == 3 ? rotation_of_vector(r) : rotation_of(r, r_key, in_r->failing()), {t[0], t[1], t[2]}};
 }
 
 const Words world_r{"cam_from_world_rotation"}, world_t{"cam_from_world_translation"};
@@ -205,13 +205,13 @@ cv::Mat matrix_of(const std::vector<double>& values, int rows) {
   std::ranges::copy(values, m.ptr<double>());
   return m;
 }
-cv::Mat rotation_matrix(const Rigid3d& pose) {
+cv::Mat rotation_matrix(const calib::Rigid3d& pose) {
   const Eigen::Matrix3d r = pose.rotation.toRotationMatrix();
   std::vector<double> values;
   for (int i = 0; i < 3; ++i) values.insert(values.end(), {r(i, 0), r(i, 1), r(i, 2)});
   return matrix_of(values, 3);
 }
-cv::Mat translation_matrix(const Rigid3d& pose) {
+cv::Mat translation_matrix(const calib::Rigid3d& pose) {
   return matrix_of({pose.translation.x(), pose.translation.y(), pose.translation.z()}, 3);
 }
 
@@ -230,14 +230,14 @@ Imported import_opencv(std::span<const std::filesystem::path> paths, const Impor
   const Words k2{"M2", "K2", "cameraMatrix2", "camera_matrix_2", "camera_matrix2"},
       d2{"D2", "distCoeffs2", "dist_coeffs_2", "distortion_coefficients2"};
   if (in_any(files, k1).first != nullptr) {
-    Camera left = read_lens(files, k1, d1, options), right = read_lens(files, k2, d2, options);
+    calib::Camera left = read_lens(files, k1, d1, options), right = read_lens(files, k2, d2, options);
     const auto [in_l, l_key] = in_any(files, {"camera_name1"});
     const auto [in_r, r_key] = in_any(files, {"camera_name2"});
     left.name = in_l ? clean_name(*in_l->word({l_key})) : "left";
     right.name = in_r ? clean_name(*in_r->word({r_key})) : "right";
     const auto pose = read_pose(files, {"R"}, {"T"});
     if (!pose) {
-      throw ConfigError(files.front()->path(), 0,
+      throw yaml::ConfigError(files.front()->path(), 0,
                         "has two cameras, but not how they stand to one another (R and T): give the file that has them "
                         "too (extrinsics.yml)");
     }
@@ -248,7 +248,7 @@ Imported import_opencv(std::span<const std::filesystem::path> paths, const Impor
   } else {
     std::vector<std::string> unposed;
     for (const Storage* file : files) {
-      Camera camera = read_lens({file}, k_keys, d_keys, options);
+      calib::Camera camera = read_lens({file}, k_keys, d_keys, options);
       camera.name = clean_name(file->word({"camera_name"}).value_or(file->path().stem().string()));
       if (const auto pose = read_pose({file}, world_r, world_t))
         camera.cam_from_world = *pose;
@@ -257,7 +257,7 @@ Imported import_opencv(std::span<const std::filesystem::path> paths, const Impor
       out.rig.cameras.push_back(std::move(camera));
     }
     if (!unposed.empty() && files.size() > 1) {
-      throw ConfigError(files.front()->path(), 0,
+      throw yaml::ConfigError(files.front()->path(), 0,
                         "no poses for " + joined(unposed) +
                             ": import each camera into a file of its own, and "
                             "find the poses with extrinsics or wave");
@@ -271,7 +271,7 @@ Imported import_opencv(std::span<const std::filesystem::path> paths, const Impor
   return out;
 }
 
-Exported export_opencv(const CameraRig& rig, const ExportOptions& options) {
+Exported export_opencv(const calib::CameraRig& rig, const ExportOptions& options) {
   if (options.extension != "yml" && options.extension != "yaml" && options.extension != "xml" &&
       options.extension != "json")
     throw ExchangeError("OpenCV's FileStorage writes yml, xml or json, not " + options.extension);
@@ -285,7 +285,7 @@ Exported export_opencv(const CameraRig& rig, const ExportOptions& options) {
   if (options.stereo) {
     if (rig.cameras.size() != 2)
       throw ExchangeError("a stereo file holds two cameras, the rig has " + std::to_string(rig.cameras.size()));
-    const Camera &a = rig.cameras[0], &b = rig.cameras[1];
+    const calib::Camera &a = rig.cameras[0], &b = rig.cameras[1];
     if (a.image_size != b.image_size)
       throw ExchangeError("a stereo file holds one image size, and the cameras' differ");
     if (is_fisheye(a.model) != is_fisheye(b.model))
@@ -296,14 +296,14 @@ Exported export_opencv(const CameraRig& rig, const ExportOptions& options) {
       if (is_fisheye(a.model)) s << "fisheye_model" << 1;
       s << "M1" << matrix_of(intrinsics_of(a.model), 3) << "D1" << matrix_of(coefficients_of(a.model), 1);
       s << "M2" << matrix_of(intrinsics_of(b.model), 3) << "D2" << matrix_of(coefficients_of(b.model), 1);
-      const Rigid3d pose = b.cam_from_world * inverse(a.cam_from_world);
+      const calib::Rigid3d pose = b.cam_from_world * calib::inverse(a.cam_from_world);
       s << "R" << rotation_matrix(pose) << "T" << translation_matrix(pose);
     });
     if (a.cam_from_world.translation.norm() > 0 || std::abs(a.cam_from_world.rotation.w()) < 1)
       out.notes.push_back("a stereo file holds the pose between the cameras only: the world becomes " + a.name +
                           "'s frame");
   } else {
-    for (const Camera& camera : rig.cameras) {
+    for (const calib::Camera& camera : rig.cameras) {
       write(camera.name, [&](cv::FileStorage& s) {
         s << "camera_name" << camera.name << "image_width" << camera.image_size.width << "image_height"
           << camera.image_size.height;
@@ -322,4 +322,4 @@ Exported export_opencv(const CameraRig& rig, const ExportOptions& options) {
   return out;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::exchange

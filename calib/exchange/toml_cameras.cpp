@@ -11,14 +11,14 @@
 #include "calib/exchange/exchanged_camera.h"
 #include "calib/yaml/yaml_reader.h"
 
-namespace huetrack {
+namespace huetrack::exchange {
 namespace {
 
 toml::table parsed(const std::filesystem::path& file) {
   try {
     return toml::parse(text_of(file), file.string());
   } catch (const toml::parse_error& error) {
-    throw ConfigError(file, static_cast<int>(error.source().begin.line), std::string(error.description()));
+    throw yaml::ConfigError(file, static_cast<int>(error.source().begin.line), std::string(error.description()));
   }
 }
 
@@ -37,7 +37,7 @@ class TomlReader {
   [[noreturn]] void fail(std::string_view key, const std::string& message) const {
     const toml::node* node = table_.get(key);
     const auto line = node != nullptr ? node->source().begin.line : table_.source().begin.line;
-    throw ConfigError(file_, static_cast<int>(line), path_ + "." + std::string(key) + ": " + message);
+    throw yaml::ConfigError(file_, static_cast<int>(line), path_ + "." + std::string(key) + ": " + message);
   }
   Fail failing() const {
     return [this](std::string_view key, const std::string& message) { fail(key, message); };
@@ -63,7 +63,7 @@ class TomlReader {
     if (!n.is_boolean()) fail(key, "must be true or false");
     return n.as_boolean()->get();
   }
-  ImageSize size(std::string_view key, const std::optional<ImageSize>& otherwise) const {
+  calib::ImageSize size(std::string_view key, const std::optional<calib::ImageSize>& otherwise) const {
     if (!has(key)) {
       if (otherwise) return *otherwise;
       fail(key, "is missing: give --size WIDTHxHEIGHT");
@@ -103,7 +103,7 @@ class TomlReader {
 };
 
 // The lens; and the pose, if there is one: whether there was.
-bool read_camera(const TomlReader& reader, const ImportOptions& options, Camera& camera) {
+bool read_camera(const TomlReader& reader, const ImportOptions& options, calib::Camera& camera) {
   const Fail fail = reader.failing();
   camera.image_size = reader.size("size", options.image_size);
   const bool fisheye = reader.boolean("fisheye", false);
@@ -121,28 +121,28 @@ bool read_camera(const TomlReader& reader, const ImportOptions& options, Camera&
   return true;
 }
 
-void add(const TomlReader& reader, const std::filesystem::path& file, bool posed, Camera camera, CameraRig& rig,
+void add(const TomlReader& reader, const std::filesystem::path& file, bool posed, calib::Camera camera, calib::CameraRig& rig,
          std::vector<std::string>& unposed) {
-  for (const Camera& other : rig.cameras) {
+  for (const calib::Camera& other : rig.cameras) {
     if (other.name == camera.name)
-      throw ConfigError(file, reader.line(), reader.path() + ": a second camera " + camera.name);
+      throw yaml::ConfigError(file, reader.line(), reader.path() + ": a second camera " + camera.name);
   }
   if (!posed) unposed.push_back(camera.name);
   rig.cameras.push_back(std::move(camera));
 }
 
-void require_poses(const std::filesystem::path& file, const CameraRig& rig, const std::vector<std::string>& unposed,
+void require_poses(const std::filesystem::path& file, const calib::CameraRig& rig, const std::vector<std::string>& unposed,
                    std::vector<std::string>& notes) {
-  if (rig.cameras.empty()) throw ConfigError(file, 0, "has no camera");
+  if (rig.cameras.empty()) throw yaml::ConfigError(file, 0, "has no camera");
   if (unposed.empty()) return;
   if (rig.cameras.size() > 1)
-    throw ConfigError(
+    throw yaml::ConfigError(
         file, 0,
         "these cameras have no rotation and translation: " + joined(unposed) + ": calibrate them, or take them out");
   notes.push_back(rig.cameras.front().name + " has no pose: the world is the camera's own frame");
 }
 
-std::string camera_text(const Camera& camera, bool fisheye_always) {
+std::string camera_text(const calib::Camera& camera, bool fisheye_always) {
   const auto k = intrinsics_of(camera.model);
   const std::span<const double> m(k);
   const Eigen::Vector3d r = vector_of(camera.cam_from_world.rotation), &t = camera.cam_from_world.translation;
@@ -173,7 +173,7 @@ std::string in_quotes(std::string_view text) {
   return out + '"';
 }
 
-void note_rational(const Camera& camera, std::string_view tool, std::vector<std::string>& notes) {
+void note_rational(const calib::Camera& camera, std::string_view tool, std::vector<std::string>& notes) {
   if (!is_fisheye(camera.model) && coefficients_of(camera.model).size() == 8) {
     notes.push_back(camera.name + " has 8 distortion coefficients: " + std::string(tool) +
                     " hands them to OpenCV, which understands them, but refines and shows 5 at most");
@@ -208,10 +208,10 @@ Imported import_aniposelib(const std::filesystem::path& file, const ImportOption
       continue;
     }
     if (table == nullptr || !name.starts_with("cam"))
-      throw ConfigError(file, static_cast<int>(value.source().begin.line),
+      throw yaml::ConfigError(file, static_cast<int>(value.source().begin.line),
                         name + " is not a camera: expected [cam_0], [cam_1], ... and [metadata]");
     const TomlReader reader(*table, name, file);
-    Camera camera;
+    calib::Camera camera;
     camera.name = reader.has("name") ? reader.string("name") : name;
     const bool posed = read_camera(reader, options, camera);
     if (reader.has("extra_dist")) reader.boolean("extra_dist", false);  // says no more than the count does
@@ -234,7 +234,7 @@ Imported import_caliscope(const std::filesystem::path& file, const ImportOptions
     if (name == "cameras" && table != nullptr) {
       for (const auto& [number, camera] : *table) {
         if (camera.as_table() == nullptr)
-          throw ConfigError(file, static_cast<int>(camera.source().begin.line),
+          throw yaml::ConfigError(file, static_cast<int>(camera.source().begin.line),
                             "cameras." + std::string(number.str()) + " is not a table");
         tables.emplace_back("cam_" + std::string(number.str()), camera.as_table());
       }
@@ -256,7 +256,7 @@ Imported import_caliscope(const std::filesystem::path& file, const ImportOptions
       out.notes.push_back(name + " is left out: the file says ignore = true");
       continue;
     }
-    Camera camera;
+    calib::Camera camera;
     camera.name = name;
     const bool posed = read_camera(reader, options, camera);
     if (reader.has("rotation_count")) {
@@ -277,11 +277,11 @@ Imported import_caliscope(const std::filesystem::path& file, const ImportOptions
   return out;
 }
 
-Exported export_aniposelib(const CameraRig& rig) {
+Exported export_aniposelib(const calib::CameraRig& rig) {
   Exported out;
   std::string text;
   for (std::size_t n = 0; n < rig.cameras.size(); ++n) {
-    const Camera& camera = rig.cameras[n];
+    const calib::Camera& camera = rig.cameras[n];
     text +=
         "[cam_" + std::to_string(n) + "]\nname = " + in_quotes(camera.name) + "\n" + camera_text(camera, false) + "\n";
     note_rational(camera, "aniposelib", out.notes);
@@ -292,12 +292,12 @@ Exported export_aniposelib(const CameraRig& rig) {
   return out;
 }
 
-Exported export_caliscope(const CameraRig& rig) {
+Exported export_caliscope(const calib::CameraRig& rig) {
   Exported out;
   std::string text;
   // Its cameras are numbers: those that the names end in, if they are all different.
   std::vector<std::string> numbers;
-  for (const Camera& camera : rig.cameras) {
+  for (const calib::Camera& camera : rig.cameras) {
     const auto digits = camera.name.find_last_not_of("0123456789");
     const std::string tail = digits == std::string::npos ? camera.name : camera.name.substr(digits + 1);
     if (!tail.empty() && tail.size() <= 6) numbers.push_back(std::to_string(std::stoi(tail)));
@@ -308,7 +308,7 @@ Exported export_caliscope(const CameraRig& rig) {
     for (std::size_t n = 0; n < rig.cameras.size(); ++n) numbers.push_back(std::to_string(n));
   }
   for (std::size_t n = 0; n < rig.cameras.size(); ++n) {
-    const Camera& camera = rig.cameras[n];
+    const calib::Camera& camera = rig.cameras[n];
     text += "[cameras." + numbers[n] + "]\ncam_id = " + numbers[n] + "\nrotation_count = 0\nignore = false\n" +
             camera_text(camera, true) + "\n";
     if (camera.name != "cam_" + numbers[n])
@@ -320,4 +320,4 @@ Exported export_caliscope(const CameraRig& rig) {
   return out;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::exchange

@@ -10,7 +10,7 @@
 #include "calib/gather/write_file.h"
 #include "calib/report/calibration_report.h"
 
-namespace huetrack {
+namespace huetrack::gather {
 namespace {
 
 constexpr std::string_view style =
@@ -33,7 +33,7 @@ std::string escaped(const std::string& text) {
 std::string embedded(const cv::Mat& bgr) {
   std::vector<std::uint8_t> jpeg;
   cv::imencode(".jpg", bgr, jpeg, {cv::IMWRITE_JPEG_QUALITY, 70});
-  return data_uri(jpeg);
+  return report::data_uri(jpeg);
 }
 
 std::string picture(const ShownPicture& shown) {
@@ -120,4 +120,4 @@ void DetectionPage::write(const std::string& body, bool reload) {
   write_file(file_, page);
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::gather

@@ -9,7 +9,7 @@
 
 #include "calib/gather/view_coverage.h"
 
-namespace huetrack {
+namespace huetrack::gather {
 
 // What one camera sees now.
 struct ShownPicture {
@@ -37,4 +37,4 @@ class DetectionPage {
   std::chrono::steady_clock::time_point last_{};
 };
 
-}  // namespace huetrack
+}  // namespace huetrack::gather

@@ -11,10 +11,10 @@
 #include "calib/gather/detection_page.h"
 #include "calib/gather/progress_line.h"
 
-namespace huetrack {
+namespace huetrack::gather {
 namespace {
 
-GreyView view_of(const cv::Mat& image) {
+board::GreyView view_of(const cv::Mat& image) {
   return {image.data, image.cols, image.rows, static_cast<std::ptrdiff_t>(image.step)};
 }
 
@@ -36,11 +36,11 @@ std::vector<double> speeds(const std::vector<BoardSet>& sets) {
   std::vector<double> result;
   for (std::size_t s = 0; s < sets.size(); ++s) {
     double fastest = 0;
-    for (const BoardView& view : sets[s].views) {
+    for (const solver::BoardView& view : sets[s].views) {
       double slower = std::numeric_limits<double>::infinity();
       for (const std::size_t other : {s - 1, s + 1}) {  // s - 1 wraps: then it is no index
         if (other >= sets.size()) continue;
-        for (const BoardView& neighbour : sets[other].views) {
+        for (const solver::BoardView& neighbour : sets[other].views) {
           if (neighbour.camera != view.camera) continue;
           const double dt = std::max(1e-3, std::abs(sets[other].at_s - sets[s].at_s));
           if (const auto moved = moved_px(view, neighbour)) slower = std::min(slower, *moved / dt);
@@ -96,8 +96,8 @@ class Misses {
     auto& own = by_camera_[camera];
     if (own.size() < 4) own.push_back(grey.clone());
   }
-  std::vector<GreyView> of(std::size_t camera) const {
-    std::vector<GreyView> views;
+  std::vector<board::GreyView> of(std::size_t camera) const {
+    std::vector<board::GreyView> views;
     if (const auto own = by_camera_.find(camera); own != by_camera_.end()) {
       for (const cv::Mat& image : own->second) views.push_back(view_of(image));
     }
@@ -108,7 +108,7 @@ class Misses {
   std::map<std::size_t, std::vector<cv::Mat>> by_camera_;
 };
 
-void require_boards(const FoundBoards& found, const Board& board, const Misses& misses) {
+void require_boards(const FoundBoards& found, const board::Board& board, const Misses& misses) {
   for (std::size_t c = 0; c < found.cameras.size(); ++c) {
     const CameraSighting& camera = found.cameras[c];
     if (camera.pictures == 0) {
@@ -119,7 +119,7 @@ void require_boards(const FoundBoards& found, const Board& board, const Misses& 
     std::string text = "camera " + camera.name + ": the board (" + board.description() + ") is in none of its " +
                        std::to_string(camera.pictures) + " pictures";
     if (const std::string why = reasons(camera); !why.empty()) text += ": " + why;
-    if (const std::string guess = explain_missing_board(board, misses.of(c)); !guess.empty()) text += "; " + guess;
+    if (const std::string guess = board::explain_missing_board(board, misses.of(c)); !guess.empty()) text += "; " + guess;
     throw InputError(text);
   }
 }
@@ -129,7 +129,7 @@ void require_boards(const FoundBoards& found, const Board& board, const Misses& 
 void require_views(const FoundBoards& found, int least) {
   for (std::size_t c = 0; c < found.cameras.size(); ++c) {
     const CameraSighting& camera = found.cameras[c];
-    const auto views = std::ranges::count(found.views, static_cast<int>(c), &BoardView::camera);
+    const auto views = std::ranges::count(found.views, static_cast<int>(c), &solver::BoardView::camera);
     if (views >= least) continue;
     const std::string why = reasons(camera);
     throw InputError("camera " + camera.name + ": only " + std::to_string(views) + (views == 1 ? " view" : " views") +
@@ -139,7 +139,7 @@ void require_views(const FoundBoards& found, int least) {
   }
 }
 
-std::optional<double> moved_px(const BoardView& a, const BoardView& b) {
+std::optional<double> moved_px(const solver::BoardView& a, const solver::BoardView& b) {
   std::vector<double> moved;
   for (std::size_t i = 0, j = 0; i < a.ids.size() && j < b.ids.size();) {
     if (a.ids[i] < b.ids[j]) {
@@ -156,9 +156,9 @@ std::optional<double> moved_px(const BoardView& a, const BoardView& b) {
   return *middle;
 }
 
-EmbeddedPicture thumbnail_of(const cv::Mat& grey) {
+report::EmbeddedPicture thumbnail_of(const cv::Mat& grey) {
   constexpr double width = 480;
-  EmbeddedPicture thumbnail;
+  report::EmbeddedPicture thumbnail;
   thumbnail.scale = std::min(1.0, width / grey.cols);
   cv::Mat small = grey;
   if (thumbnail.scale < 1) cv::resize(grey, small, {}, thumbnail.scale, thumbnail.scale, cv::INTER_AREA);
@@ -166,7 +166,7 @@ EmbeddedPicture thumbnail_of(const cv::Mat& grey) {
   return thumbnail;
 }
 
-FoundBoards find_boards(PictureSource& source, const BoardDetector& detector, const FindBoardsOptions& options,
+FoundBoards find_boards(PictureSource& source, const board::BoardDetector& detector, const FindBoardsOptions& options,
                         std::stop_token stop) {
   FoundBoards found;
   for (const std::string& name : source.cameras()) {
@@ -191,8 +191,8 @@ FoundBoards find_boards(PictureSource& source, const BoardDetector& detector, co
     }
     struct Task {
       std::size_t set, camera;
-      BoardDetection detection;
-      EmbeddedPicture thumbnail;
+      board::BoardDetection detection;
+      report::EmbeddedPicture thumbnail;
       std::vector<Eigen::Vector2d> corners;  // for the page
     };
     std::vector<Task> tasks;
@@ -211,7 +211,7 @@ FoundBoards find_boards(PictureSource& source, const BoardDetector& detector, co
     for (Task& task : tasks) {
       Picture& picture = *batch[task.set].pictures[task.camera];
       CameraSighting& camera = found.cameras[task.camera];
-      const ImageSize size{picture.grey.cols, picture.grey.rows};
+      const calib::ImageSize size{picture.grey.cols, picture.grey.rows};
       if (camera.pictures++ == 0) camera.image_size = size;
       if (size != camera.image_size) {
         throw InputError(picture.label + " of camera " + camera.name + " is " + std::to_string(size.width) + "x" +
@@ -240,9 +240,9 @@ FoundBoards find_boards(PictureSource& source, const BoardDetector& detector, co
       sets.push_back(std::move(set));
     }
     if (page.due()) {
-      std::vector<ImageSize> sizes;
+      std::vector<calib::ImageSize> sizes;
       for (const CameraSighting& camera : found.cameras) sizes.push_back(camera.image_size);
-      const bool all = std::ranges::none_of(sizes, [](ImageSize size) { return size.width == 0; });
+      const bool all = std::ranges::none_of(sizes, [](calib::ImageSize size) { return size.width == 0; });
       if (all) coverage.emplace(detector.board(), source.cameras(), sizes);
       for (std::size_t s = 0; coverage && s < sets.size(); ++s) coverage->add(sets[s].views);
       for (const Task& task : tasks) {
@@ -279,4 +279,4 @@ FoundBoards find_boards(PictureSource& source, const BoardDetector& detector, co
   return found;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::gather

@@ -15,7 +15,7 @@
 #include "calib/report/calibration_report.h"
 #include "calib/gather/picture_source.h"
 
-namespace huetrack {
+namespace huetrack::gather {
 
 struct FindBoardsOptions {
   int every = 0;       // >= 1: look at every so many-th set; 0: so that about look_at are
@@ -28,7 +28,7 @@ struct FindBoardsOptions {
 // What was seen of one camera.
 struct CameraSighting {
   std::string name;
-  ImageSize image_size;
+  calib::ImageSize image_size;
   int pictures = 0;                    // looked at
   int boards = 0;                      // found in them
   std::map<std::string, int> why_not;  // how often not, by BoardDetection::why_not
@@ -36,7 +36,7 @@ struct CameraSighting {
 
 struct FoundBoards {
   std::vector<CameraSighting> cameras;
-  std::vector<BoardView> views;  // BoardView::set counts the sets kept, from 0; sorted by set, camera
+  std::vector<solver::BoardView> views;  // BoardView::set counts the sets kept, from 0; sorted by set, camera
   std::vector<double> set_at_s;  // per set
   int sets_seen = 0;             // in the source
   int sets_looked_at = 0;
@@ -44,12 +44,12 @@ struct FoundBoards {
   int thinned = 0;                    // sets left out because there were more than max_sets
   std::vector<std::string> warnings;  // about the pictures: files that were damaged
   // A small JPEG of every picture in `views`, beside it.
-  std::vector<EmbeddedPicture> thumbnails;
+  std::vector<report::EmbeddedPicture> thumbnails;
 };
 
 // throws InputError: no picture at all, pictures of one camera with different sizes, and, naming the camera and the
 // likely reason, a camera (every camera) in whose pictures the board is not; or `stop`.
-FoundBoards find_boards(PictureSource& source, const BoardDetector& detector, const FindBoardsOptions& options,
+FoundBoards find_boards(PictureSource& source, const board::BoardDetector& detector, const FindBoardsOptions& options,
                         std::stop_token stop);
 
 // throws InputError: a camera with fewer boards than `least`, why they were not found in the others, and what to do.
@@ -58,13 +58,13 @@ void require_views(const FoundBoards& found, int least);
 // A set of views, as kept while looking; in the order of time.
 struct BoardSet {
   double at_s = 0;
-  std::vector<BoardView> views;
-  std::vector<EmbeddedPicture> thumbnails;  // beside views
+  std::vector<solver::BoardView> views;
+  std::vector<report::EmbeddedPicture> thumbnails;  // beside views
 };
 
 // How far the corners that both views have are apart, pixels (median); nullopt: they have none in common.
-std::optional<double> moved_px(const BoardView& a, const BoardView& b);
+std::optional<double> moved_px(const solver::BoardView& a, const solver::BoardView& b);
 
-EmbeddedPicture thumbnail_of(const cv::Mat& grey);
+report::EmbeddedPicture thumbnail_of(const cv::Mat& grey);
 
-}  // namespace huetrack
+}  // namespace huetrack::gather

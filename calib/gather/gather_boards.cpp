@@ -5,21 +5,21 @@
 #include "calib/gather/live_boards.h"
 #include "capture/frame_synchronizer.h"
 
-namespace huetrack {
+namespace huetrack::gather {
 namespace {
 
-std::vector<LiveCameraSource> opened(std::vector<V4l2SourceOptions> cameras, LiveBoardsOptions& options) {
+std::vector<LiveCameraSource> opened(std::vector<capture::V4l2SourceOptions> cameras, LiveBoardsOptions& options) {
   std::vector<LiveCameraSource> sources;
-  std::vector<Duration> periods;
-  for (V4l2SourceOptions& camera : cameras) {
+  std::vector<capture::Duration> periods;
+  for (capture::V4l2SourceOptions& camera : cameras) {
     LiveCameraSource source;
     source.name = camera.name;
-    auto live = std::make_unique<V4l2Source>(std::move(camera));
+    auto live = std::make_unique<capture::V4l2Source>(std::move(camera));
     if (const auto stream = live->health().stream; stream && stream->fps > 0)
-      periods.push_back(duration_of(1 / stream->fps));
+      periods.push_back(capture::duration_of(1 / stream->fps));
     source.take_trouble = [told_by = live.get()] {
       std::vector<std::string> lines;
-      for (const CameraEvent& event : told_by->take_events()) {
+      for (const capture::CameraEvent& event : told_by->take_events()) {
         if (event.is_problem) lines.push_back(event.message);
       }
       return lines;
@@ -27,17 +27,17 @@ std::vector<LiveCameraSource> opened(std::vector<V4l2SourceOptions> cameras, Liv
     source.source = std::move(live);
     sources.push_back(std::move(source));
   }
-  options.tolerance = suggested_tolerance(periods);
+  options.tolerance = capture::suggested_tolerance(periods);
   return sources;
 }
 
 }  // namespace
 
-FoundBoards gather_boards(const std::vector<std::string>& inputs, const Board& board, const GatherOptions& options,
+FoundBoards gather_boards(const std::vector<std::string>& inputs, const board::Board& board, const GatherOptions& options,
                           std::stop_token stop) {
-  const BoardDetector detector(board);
+  const board::BoardDetector detector(board);
   const auto& only = options.pictures.only;
-  std::vector<V4l2SourceOptions> devices;
+  std::vector<capture::V4l2SourceOptions> devices;
   if (!options.live.file.empty()) {
     devices = live_cameras_in(options.live.file, options.live.settings);
   } else if (are_devices(inputs)) {
@@ -53,7 +53,7 @@ FoundBoards gather_boards(const std::vector<std::string>& inputs, const Board& b
     return find_boards(*source, detector, find, std::move(stop));
   }
   for (const std::string& name : only) {
-    if (std::ranges::find(devices, name, &V4l2SourceOptions::name) == devices.end())
+    if (std::ranges::find(devices, name, &capture::V4l2SourceOptions::name) == devices.end())
       throw InputError("there is no live camera " + name + " among those given");
   }
   if (!only.empty())
@@ -64,8 +64,8 @@ FoundBoards gather_boards(const std::vector<std::string>& inputs, const Board& b
   live.view = options.live.view;
   live.progress = options.find.progress;
   auto sources = opened(std::move(devices), live);
-  if (options.pictures.tolerance_s) live.tolerance = duration_of(*options.pictures.tolerance_s);
+  if (options.pictures.tolerance_s) live.tolerance = capture::duration_of(*options.pictures.tolerance_s);
   return gather_live(std::move(sources), detector, live, std::move(stop));
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::gather

@@ -10,7 +10,7 @@
 #include "calib/gather/find_boards.h"
 #include "calib/gather/live_cameras.h"
 
-namespace huetrack {
+namespace huetrack::gather {
 
 struct LiveOptions {
   std::filesystem::path file;  // of live cameras; empty: the inputs say
@@ -27,7 +27,7 @@ struct GatherOptions {
   FindBoardsOptions find;
   LiveOptions live;
 };
-FoundBoards gather_boards(const std::vector<std::string>& inputs, const Board& board, const GatherOptions& options,
+FoundBoards gather_boards(const std::vector<std::string>& inputs, const board::Board& board, const GatherOptions& options,
                           std::stop_token stop);
 
-}  // namespace huetrack
+}  // namespace huetrack::gather

@@ -11,7 +11,7 @@
 
 #include "calib/gather/picture_source.h"
 
-namespace huetrack {
+namespace huetrack::gather {
 namespace {
 
 namespace fs = std::filesystem;
@@ -142,4 +142,4 @@ std::vector<ImageSet> paired_images(const std::vector<std::string>& cameras,
   return sets;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::gather

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-namespace huetrack {
+namespace huetrack::gather {
 
 bool is_image_file(const std::filesystem::path& file);  // by its extension
 bool is_video_file(const std::filesystem::path& file);
@@ -25,4 +25,4 @@ struct ImageSet {
 std::vector<ImageSet> paired_images(const std::vector<std::string>& cameras,
                                     const std::vector<std::vector<std::filesystem::path>>& files);
 
-}  // namespace huetrack
+}  // namespace huetrack::gather

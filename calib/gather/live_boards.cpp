@@ -11,7 +11,7 @@
 #include "calib/gather/progress_line.h"
 #include "capture/frame_synchronizer.h"
 
-namespace huetrack {
+namespace huetrack::gather {
 namespace {
 
 using Clock = std::chrono::steady_clock;
@@ -19,7 +19,7 @@ using Clock = std::chrono::steady_clock;
 // The newest frame set of live cameras; older ones that nobody took are dropped. thread-safe.
 class NewestSet {
  public:
-  NewestSet(std::vector<LiveCameraSource>& cameras, Duration tolerance)
+  NewestSet(std::vector<LiveCameraSource>& cameras, capture::Duration tolerance)
       : synchronizer_({.camera_count = static_cast<int>(cameras.size()), .tolerance = tolerance}),
         open_(cameras.size()) {
     for (std::size_t c = 0; c < cameras.size(); ++c) {
@@ -38,7 +38,7 @@ class NewestSet {
   }
 
   // nullopt: nothing new within `patience`, or ended.
-  std::optional<FrameSet> take(std::chrono::milliseconds patience) {
+  std::optional<capture::FrameSet> take(std::chrono::milliseconds patience) {
     std::unique_lock lock(mutex_);
     arrived_.wait_for(lock, patience, [&] { return newest_.has_value() || open_ == 0; });
     return std::exchange(newest_, std::nullopt);
@@ -49,26 +49,26 @@ class NewestSet {
   }
 
  private:
-  void push(Frame frame) {
+  void push(capture::Frame frame) {
     const std::scoped_lock lock(mutex_);
-    for (FrameSet& set : synchronizer_.push(std::move(frame))) newest_ = std::move(set);
+    for (capture::FrameSet& set : synchronizer_.push(std::move(frame))) newest_ = std::move(set);
     if (newest_) arrived_.notify_all();
   }
 
   std::mutex mutex_;
   std::condition_variable arrived_;
-  FrameSynchronizer synchronizer_;  // these three guarded by mutex_
-  std::optional<FrameSet> newest_;
+  capture::FrameSynchronizer synchronizer_;  // these three guarded by mutex_
+  std::optional<capture::FrameSet> newest_;
   std::size_t open_;
   std::vector<std::jthread> threads_;  // last: they end first
 };
 
 // The board has hardly moved since the last look, in all cameras that saw it then and now; and some did.
-bool is_at_rest(const std::vector<BoardView>& now, const std::vector<BoardView>& before, double dt_s,
-                const std::vector<ImageSize>& sizes) {
+bool is_at_rest(const std::vector<solver::BoardView>& now, const std::vector<solver::BoardView>& before, double dt_s,
+                const std::vector<calib::ImageSize>& sizes) {
   bool any = false;
-  for (const BoardView& view : now) {
-    const auto same = std::ranges::find(before, view.camera, &BoardView::camera);
+  for (const solver::BoardView& view : now) {
+    const auto same = std::ranges::find(before, view.camera, &solver::BoardView::camera);
     if (same == before.end()) continue;
     const auto moved = moved_px(view, *same);
     if (!moved) continue;
@@ -90,11 +90,11 @@ std::string awaited(const std::vector<CameraSighting>& cameras) {
 
 }  // namespace
 
-FoundBoards gather_live(std::vector<LiveCameraSource> cameras, const BoardDetector& detector,
+FoundBoards gather_live(std::vector<LiveCameraSource> cameras, const board::BoardDetector& detector,
                         const LiveBoardsOptions& options, std::stop_token stop) {
   FoundBoards found;
   std::vector<std::string> names;
-  std::vector<ImageSize> sizes(cameras.size());
+  std::vector<calib::ImageSize> sizes(cameras.size());
   std::vector<ShownPicture> shown(cameras.size());
   for (std::size_t c = 0; c < cameras.size(); ++c) {
     names.push_back(cameras[c].name);
@@ -106,7 +106,7 @@ FoundBoards gather_live(std::vector<LiveCameraSource> cameras, const BoardDetect
   DetectionPage page(options.view);
   NewestSet newest(cameras, options.tolerance);
   const auto start = Clock::now();
-  std::vector<BoardView> before;
+  std::vector<solver::BoardView> before;
   double before_s = 0;
   std::optional<double> first_s;
   std::string status = "waiting for the cameras";
@@ -125,9 +125,9 @@ FoundBoards gather_live(std::vector<LiveCameraSource> cameras, const BoardDetect
       continue;
     }
     ++found.sets_seen;
-    if (!first_s) first_s = seconds(set->at);
-    const double at_s = seconds(set->at) - *first_s;
-    std::vector<std::future<BoardDetection>> detections(cameras.size());
+    if (!first_s) first_s = capture::seconds(set->at);
+    const double at_s = capture::seconds(set->at) - *first_s;
+    std::vector<std::future<board::BoardDetection>> detections(cameras.size());
     std::vector<cv::Mat> greys(cameras.size());
     for (std::size_t c = 0; c < cameras.size(); ++c) {
       if (!set->frames[c]) continue;
@@ -138,10 +138,10 @@ FoundBoards gather_live(std::vector<LiveCameraSource> cameras, const BoardDetect
         return detector.detect({grey.data, grey.cols, grey.rows, static_cast<std::ptrdiff_t>(grey.step)});
       });
     }
-    std::vector<BoardView> views;
+    std::vector<solver::BoardView> views;
     for (std::size_t c = 0; c < cameras.size(); ++c) {
       if (!detections[c].valid()) continue;
-      BoardDetection detection = detections[c].get();
+      board::BoardDetection detection = detections[c].get();
       CameraSighting& camera = found.cameras[c];
       ++camera.pictures;
       shown[c].grey = greys[c];
@@ -158,15 +158,15 @@ FoundBoards gather_live(std::vector<LiveCameraSource> cameras, const BoardDetect
           {static_cast<int>(c), 0, camera.name + at.data(), std::move(detection.ids), std::move(detection.px)});
     }
     ++found.sets_looked_at;
-    if (!coverage && std::ranges::none_of(sizes, [](ImageSize s) { return s.width == 0; }))
+    if (!coverage && std::ranges::none_of(sizes, [](calib::ImageSize s) { return s.width == 0; }))
       coverage.emplace(detector.board(), names, sizes);
     const bool rests = is_at_rest(views, before, at_s - before_s, sizes);
     // A set that lacks a frame, as when a camera lags, says nothing about what its cameras share.
     const bool complete = std::ranges::all_of(set->frames, [](const auto& frame) { return frame.has_value(); });
     if (coverage && complete && rests && coverage->is_new(views)) {
       coverage->add(views);
-      for (BoardView& view : views) {
-        BoardView kept = view;
+      for (solver::BoardView& view : views) {
+        solver::BoardView kept = view;
         kept.set = static_cast<int>(found.set_at_s.size());
         found.thumbnails.push_back(thumbnail_of(greys[static_cast<std::size_t>(view.camera)]));
         found.views.push_back(std::move(kept));
@@ -197,7 +197,7 @@ FoundBoards gather_live(std::vector<LiveCameraSource> cameras, const BoardDetect
     if (camera.pictures == 0) throw InputError("camera " + camera.name + " gave no picture");
   }
   for (const CameraSighting& camera : found.cameras) {
-    const bool kept = std::ranges::any_of(found.views, [&](const BoardView& view) {
+    const bool kept = std::ranges::any_of(found.views, [&](const solver::BoardView& view) {
       return names[static_cast<std::size_t>(view.camera)] == camera.name;
     });
     if (kept) continue;
@@ -210,4 +210,4 @@ FoundBoards gather_live(std::vector<LiveCameraSource> cameras, const BoardDetect
   return found;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::gather

@@ -6,15 +6,15 @@
 #include "calib/yaml/yaml_reader.h"
 #include "capture/v4l2_device.h"
 
-namespace huetrack {
+namespace huetrack::gather {
 namespace {
 
-ImageSize usual_size(const std::filesystem::path& device) {
-  const V4l2Device camera(device);
-  ImageSize best{};
-  for (const OfferedFormat& format : camera.formats()) {
+calib::ImageSize usual_size(const std::filesystem::path& device) {
+  const capture::V4l2Device camera(device);
+  calib::ImageSize best{};
+  for (const capture::OfferedFormat& format : camera.formats()) {
     if (!format.format) continue;
-    for (const OfferedSize& size : format.sizes) {
+    for (const capture::OfferedSize& size : format.sizes) {
       const bool holds_vga = size.min_width <= 640 && 640 <= size.width && size.min_height <= 480 && 480 <= size.height;
       if (holds_vga && (size.min_width < size.width || size.width == 640)) return {640, 480};
       if (size.width <= 1280 && size.width * size.height > best.width * best.height) best = {size.width, size.height};
@@ -24,7 +24,7 @@ ImageSize usual_size(const std::filesystem::path& device) {
   return best;
 }
 
-void finish(V4l2SourceOptions& options, int number, const LiveSettings& settings) {
+void finish(capture::V4l2SourceOptions& options, int number, const LiveSettings& settings) {
   options.camera = number;
   if (settings.size) {
     options.width = settings.size->width;
@@ -32,17 +32,17 @@ void finish(V4l2SourceOptions& options, int number, const LiveSettings& settings
   }
   if (settings.fps > 0) options.fps = settings.fps;
   if (options.width == 0) {
-    const ImageSize size = usual_size(options.device);
+    const calib::ImageSize size = usual_size(options.device);
     options.width = size.width;
     options.height = size.height;
   }
 }
 
-std::vector<ControlSetting> controls_of(const YamlReader& camera) {
-  std::vector<ControlSetting> settings;
+std::vector<capture::ControlSetting> controls_of(const yaml::YamlReader& camera) {
+  std::vector<capture::ControlSetting> settings;
   const auto map = camera.optional_map("controls");
   if (!map) return settings;
-  for (const std::string& name : map->keys()) settings.push_back(control_setting(name, map->string(name)));
+  for (const std::string& name : map->keys()) settings.push_back(capture::control_setting(name, map->string(name)));
   return settings;
 }
 
@@ -54,15 +54,15 @@ bool are_devices(std::span<const std::string> inputs) {
   });
 }
 
-std::vector<V4l2SourceOptions> live_cameras(std::span<const std::string> devices, const LiveSettings& settings) {
-  std::vector<V4l2SourceOptions> cameras;
+std::vector<capture::V4l2SourceOptions> live_cameras(std::span<const std::string> devices, const LiveSettings& settings) {
+  std::vector<capture::V4l2SourceOptions> cameras;
   for (const std::string& input : devices) {
     const auto at = input.find('=');
     if (at == std::string::npos || at == 0) throw InputError(input + ": which camera is this? Give NAME=" + input);
-    V4l2SourceOptions options;
+    capture::V4l2SourceOptions options;
     options.name = input.substr(0, at);
     options.device = input.substr(at + 1);
-    for (const V4l2SourceOptions& other : cameras) {
+    for (const capture::V4l2SourceOptions& other : cameras) {
       if (other.name == options.name) throw InputError("camera " + options.name + " is given twice");
       if (other.device == options.device)
         throw InputError(options.device.string() + " is given for both " + other.name + " and " + options.name);
@@ -73,25 +73,25 @@ std::vector<V4l2SourceOptions> live_cameras(std::span<const std::string> devices
   return cameras;
 }
 
-std::vector<V4l2SourceOptions> live_cameras_in(const std::filesystem::path& file, const LiveSettings& settings) {
-  const YamlReader root = YamlReader::file(file);
-  std::vector<V4l2SourceOptions> cameras;
+std::vector<capture::V4l2SourceOptions> live_cameras_in(const std::filesystem::path& file, const LiveSettings& settings) {
+  const yaml::YamlReader root = yaml::YamlReader::file(file);
+  std::vector<capture::V4l2SourceOptions> cameras;
   for (const auto& [name, yaml] : root.named_maps("cameras")) {
-    V4l2SourceOptions options;
+    capture::V4l2SourceOptions options;
     options.name = name;
     const std::string device = yaml.string("device");
     const bool is_index = device.size() < 4 && std::ranges::all_of(device, [](char c) { return c >= '0' && c <= '9'; });
     options.device = is_index ? "/dev/video" + device : device;
     constexpr std::array<std::string_view, 5> formats{"auto", "yuyv", "nv12", "mjpeg", "grey"};
-    options.format = capture_format_of(yaml.choice("format", formats, "auto"));
+    options.format = capture::capture_format_of(yaml.choice("format", formats, "auto"));
     if (yaml.has("size") && yaml.is_list("size")) {
-      const auto sides = yaml.numbers("size", 2, 2, Range{.min = 1, .max = 65535});
+      const auto sides = yaml.numbers("size", 2, 2, yaml::Range{.min = 1, .max = 65535});
       options.width = static_cast<int>(sides[0]);
       options.height = static_cast<int>(sides[1]);
     }
-    if (yaml.has("fps") && yaml.string("fps") != "auto") options.fps = yaml.number("fps", positive);
+    if (yaml.has("fps") && yaml.string("fps") != "auto") options.fps = yaml.number("fps", yaml::positive);
     options.controls = controls_of(yaml);
-    options.latency = duration_of(yaml.number("latency_offset_s", Range{.min = -1, .max = 1}, 0));
+    options.latency = capture::duration_of(yaml.number("latency_offset_s", yaml::Range{.min = -1, .max = 1}, 0));
     options.restore_controls = yaml.boolean("restore_controls", false);
     yaml.finish();
     finish(options, static_cast<int>(cameras.size()), settings);
@@ -101,4 +101,4 @@ std::vector<V4l2SourceOptions> live_cameras_in(const std::filesystem::path& file
   return cameras;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::gather

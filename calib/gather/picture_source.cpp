@@ -14,7 +14,7 @@
 #include "capture/recording.h"
 #include "capture/replay_source.h"
 
-namespace huetrack {
+namespace huetrack::gather {
 namespace {
 
 namespace fs = std::filesystem;
@@ -54,9 +54,9 @@ class ImageFilePictures final : public PictureSource {
   std::vector<std::string> warnings_;
 };
 
-Recording with_cameras(Recording recording, const std::vector<std::string>& names) {
+capture::Recording with_cameras(capture::Recording recording, const std::vector<std::string>& names) {
   for (const std::string& name : names) {
-    if (std::ranges::find(recording.cameras, name, &RecordedCamera::name) != recording.cameras.end()) continue;
+    if (std::ranges::find(recording.cameras, name, &capture::RecordedCamera::name) != recording.cameras.end()) continue;
     std::string there;
     for (const auto& camera : recording.cameras) there += (there.empty() ? "" : ", ") + camera.name;
     throw InputError(recording.file.string() + ": has no camera " + name + "; its cameras are " + there);
@@ -66,18 +66,18 @@ Recording with_cameras(Recording recording, const std::vector<std::string>& name
 
 class RecordedPictures final : public PictureSource {
  public:
-  RecordedPictures(const Recording& recording, std::vector<std::string> cameras, std::optional<double> tolerance_s)
+  RecordedPictures(const capture::Recording& recording, std::vector<std::string> cameras, std::optional<double> tolerance_s)
       : cameras_(std::move(cameras)),
         warnings_(recording.warnings),
         source_(with_cameras(recording, cameras_), cameras_, {.decoder_threads = 2}),
         synchronizer_({.camera_count = static_cast<int>(cameras_.size()),
-                       .tolerance = tolerance_s ? duration_of(*tolerance_s) : usual_tolerance(),
+                       .tolerance = tolerance_s ? capture::duration_of(*tolerance_s) : usual_tolerance(),
                        .ascending_input = true}) {}
 
   const std::vector<std::string>& cameras() const override { return cameras_; }
   std::optional<int> expected_sets() const override {
     std::int64_t most = 0;
-    for (const ReplayCamera& camera : source_.cameras()) {
+    for (const capture::ReplayCamera& camera : source_.cameras()) {
       if (!camera.expected_frames) return std::nullopt;
       most = std::max(most, *camera.expected_frames);
     }
@@ -91,7 +91,7 @@ class RecordedPictures final : public PictureSource {
   std::optional<PictureSet> next(std::stop_token stop) override {
     while (ready_.empty() && !ended_) {
       if (auto frame = source_.next(stop)) {
-        for (FrameSet& set : synchronizer_.push(std::move(*frame))) ready_.push_back(std::move(set));
+        for (capture::FrameSet& set : synchronizer_.push(std::move(*frame))) ready_.push_back(std::move(set));
       } else {
         while (auto set = synchronizer_.flush()) ready_.push_back(std::move(*set));
         ended_ = true;
@@ -100,13 +100,13 @@ class RecordedPictures final : public PictureSource {
     if (ready_.empty() || stop.stop_requested()) return std::nullopt;
     PictureSet pictures;
     pictures.number = static_cast<int>(ready_.front().number);
-    pictures.at_s = seconds(ready_.front().at);
+    pictures.at_s = capture::seconds(ready_.front().at);
     for (std::size_t c = 0; c < cameras_.size(); ++c) {
       pictures.pictures.emplace_back();
       const auto& frame = ready_.front().frames[c];
       if (!frame) continue;
       std::array<char, 32> at{};
-      std::snprintf(at.data(), at.size(), " at %.2f s", seconds(frame->captured_at));
+      std::snprintf(at.data(), at.size(), " at %.2f s", capture::seconds(frame->captured_at));
       pictures.pictures.back() = {board_grey_of(frame->pixels), cameras_[c] + at.data()};
     }
     ready_.pop_front();
@@ -114,22 +114,22 @@ class RecordedPictures final : public PictureSource {
   }
 
  private:
-  Duration usual_tolerance() const {
-    std::vector<Duration> periods;
-    for (const ReplayCamera& camera : source_.cameras()) periods.push_back(camera.frame_period);
-    return suggested_tolerance(periods);
+  capture::Duration usual_tolerance() const {
+    std::vector<capture::Duration> periods;
+    for (const capture::ReplayCamera& camera : source_.cameras()) periods.push_back(camera.frame_period);
+    return capture::suggested_tolerance(periods);
   }
 
   std::vector<std::string> cameras_;
   std::vector<std::string> warnings_;
-  ReplaySource source_;
-  FrameSynchronizer synchronizer_;
-  std::deque<FrameSet> ready_;
+  capture::ReplaySource source_;
+  capture::FrameSynchronizer synchronizer_;
+  std::deque<capture::FrameSet> ready_;
   bool ended_ = false;
 };
 
 std::unique_ptr<PictureSource> open_recording(const fs::path& path, const PictureOptions& options) {
-  const Recording recording = read_recording(path);
+  const capture::Recording recording = capture::read_recording(path);
   std::vector<std::string> names = options.only;
   if (names.empty()) {
     for (const auto& camera : recording.cameras) names.push_back(camera.name);
@@ -143,7 +143,7 @@ using NamedInputs = std::vector<std::pair<std::string, std::vector<std::string>>
 std::unique_ptr<PictureSource> open_named(const NamedInputs& inputs, const PictureOptions& options) {
   std::vector<std::string> names;
   std::vector<std::vector<fs::path>> images;
-  Recording recording;
+  capture::Recording recording;
   for (const auto& [name, given] : inputs) {
     if (!options.only.empty() && std::ranges::find(options.only, name) == options.only.end()) continue;
     names.push_back(name);
@@ -155,7 +155,7 @@ std::unique_ptr<PictureSource> open_named(const NamedInputs& inputs, const Pictu
         std::ranges::copy(files, std::back_inserter(images.back()));
       } else if (fs::is_regular_file(frames, error)) {
         if (given.size() > 1) throw InputError(frames + ": give one video per camera, or only images");
-        RecordedCamera camera;
+        capture::RecordedCamera camera;
         camera.name = name;
         camera.frames = fs::absolute(frames);
         recording.cameras.push_back(std::move(camera));
@@ -216,13 +216,13 @@ std::optional<std::pair<std::string, std::string>> named(const std::string& inpu
 
 }  // namespace
 
-cv::Mat board_grey_of(const Image& image) {
+cv::Mat board_grey_of(const capture::Image& image) {
   auto* bytes = const_cast<std::uint8_t*>(image.planes[0].data);  // cv::Mat has no read-only form
   const auto stride = static_cast<std::size_t>(image.planes[0].stride);
   cv::Mat grey;
-  if (image.format == PixelFormat::yuyv) {
+  if (image.format == capture::PixelFormat::yuyv) {
     cv::extractChannel(cv::Mat(image.height, image.width, CV_8UC2, bytes, stride), grey, 0);
-  } else if (image.format == PixelFormat::bgr) {
+  } else if (image.format == capture::PixelFormat::bgr) {
     cv::cvtColor(cv::Mat(image.height, image.width, CV_8UC3, bytes, stride), grey, cv::COLOR_BGR2GRAY);
   } else {
     grey = cv::Mat(image.height, image.width, CV_8UC1, bytes, stride).clone();
@@ -277,4 +277,4 @@ std::unique_ptr<PictureSource> open_pictures_of(const std::string& name, std::sp
   return open_named(own, {});
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::gather

@@ -13,7 +13,7 @@
 #include "calib/model/camera_rig.h"
 #include "capture/frame.h"
 
-namespace huetrack {
+namespace huetrack::gather {
 
 // What was given as input cannot be used. what() is one readable line: which input, what is wrong, what to do.
 class InputError : public std::runtime_error {
@@ -59,6 +59,6 @@ std::unique_ptr<PictureSource> open_pictures(std::span<const std::string> inputs
 // that has the camera. Every picture is a set of its own.
 std::unique_ptr<PictureSource> open_pictures_of(const std::string& name, std::span<const std::string> inputs);
 
-cv::Mat board_grey_of(const Image& image);  // what a board detector sees of it
+cv::Mat board_grey_of(const capture::Image& image);  // what a board detector sees of it
 
-}  // namespace huetrack
+}  // namespace huetrack::gather

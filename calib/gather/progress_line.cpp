@@ -6,7 +6,7 @@
 #include <array>
 #include <cstdio>
 
-namespace huetrack {
+namespace huetrack::gather {
 
 std::string progress_text(const std::string& what, int done, std::optional<int> total, const std::string& details) {
   std::string text = what + " ";
@@ -51,7 +51,7 @@ void ProgressLine::clear() {
   drawn_ = 0;
 }
 
-Progress ProgressLine::progress() {
+solver::Progress ProgressLine::progress() {
   return [this](const std::string& step, int done, int total) {
     draw(progress_text(step, done, total > 0 ? std::optional(total) : std::nullopt, {}));
   };
@@ -61,4 +61,4 @@ std::string ProgressLine::to_start() const {
   return drawn_ > 1 ? "\r\x1b[" + std::to_string(drawn_ - 1) + "A" : "\r";
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::gather

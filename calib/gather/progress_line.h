@@ -7,7 +7,7 @@
 
 #include "calib/solver/progress.h"
 
-namespace huetrack {
+namespace huetrack::gather {
 
 class ProgressLine {
  public:
@@ -20,7 +20,7 @@ class ProgressLine {
   void draw(const std::string& lines);  // over what was drawn before; lines end with \n, but for the last
   void clear();
   // Draws what it is told; to be used while this lives.
-  Progress progress();
+  solver::Progress progress();
 
  private:
   std::string to_start() const;  // the cursor's way to where the drawing begins
@@ -34,4 +34,4 @@ class ProgressLine {
 // is not known.
 std::string progress_text(const std::string& what, int done, std::optional<int> total, const std::string& details);
 
-}  // namespace huetrack
+}  // namespace huetrack::gather

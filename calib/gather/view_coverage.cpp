@@ -8,7 +8,7 @@
 
 #include "calib/gather/find_boards.h"
 
-namespace huetrack {
+namespace huetrack::gather {
 namespace {
 
 std::size_t index(int i) {
@@ -22,10 +22,10 @@ std::string text_of(const char* format, auto... values) {
 }
 
 // As a lens of usual width would see it: good enough to tell straight from tilted.
-ViewCoverage::Tilt tilt_of(const Board& board, const BoardView& view, ImageSize size) {
-  LensParameters lens = LensParameters::Zero();
+ViewCoverage::Tilt tilt_of(const board::Board& board, const solver::BoardView& view, calib::ImageSize size) {
+  solver::LensParameters lens = solver::LensParameters::Zero();
   lens.head<4>() << 0.9 * size.width, 0.9 * size.width, (size.width - 1) / 2.0, (size.height - 1) / 2.0;
-  const auto poses = board_poses(board, view, LensModel::radtan4, lens);
+  const auto poses = solver::board_poses(board, view, solver::LensModel::radtan4, lens);
   if (poses.empty()) return ViewCoverage::straight;
   // The board's z axis points away from the camera; where it leans to, that side of the board is nearer.
   const Eigen::Vector3d z = poses.front().cam_from_board.rotation * Eigen::Vector3d::UnitZ();
@@ -51,15 +51,15 @@ int ViewCoverage::OfCamera::tilts_seen() const {
   return static_cast<int>(std::ranges::count_if(tilts, [](int n) { return n > 0; }));
 }
 
-ViewCoverage::ViewCoverage(Board board, std::vector<std::string> cameras, std::vector<ImageSize> sizes)
+ViewCoverage::ViewCoverage(board::Board board, std::vector<std::string> cameras, std::vector<calib::ImageSize> sizes)
     : board_(std::move(board)), names_(std::move(cameras)), sizes_(std::move(sizes)), cameras_(names_.size()) {}
 
-bool ViewCoverage::is_new(const std::vector<BoardView>& views) const {
+bool ViewCoverage::is_new(const std::vector<solver::BoardView>& views) const {
   if (views.empty()) return false;
   constexpr double elsewhere = 0.03;  // of the image's width
-  return std::ranges::all_of(kept_, [&](const std::vector<BoardView>& other) {
-    return std::ranges::any_of(views, [&](const BoardView& view) {
-      const auto same = std::ranges::find(other, view.camera, &BoardView::camera);
+  return std::ranges::all_of(kept_, [&](const std::vector<solver::BoardView>& other) {
+    return std::ranges::any_of(views, [&](const solver::BoardView& view) {
+      const auto same = std::ranges::find(other, view.camera, &solver::BoardView::camera);
       if (same == other.end()) return true;
       const auto moved = moved_px(view, *same);
       return !moved || *moved > elsewhere * sizes_[index(view.camera)].width;
@@ -67,10 +67,10 @@ bool ViewCoverage::is_new(const std::vector<BoardView>& views) const {
   });
 }
 
-void ViewCoverage::add(const std::vector<BoardView>& views) {
+void ViewCoverage::add(const std::vector<solver::BoardView>& views) {
   kept_.push_back(views);
-  for (const BoardView& view : views) {
-    const ImageSize size = sizes_[index(view.camera)];
+  for (const solver::BoardView& view : views) {
+    const calib::ImageSize size = sizes_[index(view.camera)];
     OfCamera& camera = cameras_[index(view.camera)];
     ++camera.views;
     ++camera.tilts[static_cast<std::size_t>(tilt_of(board_, view, size))];
@@ -79,7 +79,7 @@ void ViewCoverage::add(const std::vector<BoardView>& views) {
       const int row = std::clamp(static_cast<int>((px.y() + 0.5) / size.height * rows), 0, rows - 1);
       ++camera.corners[index(row * columns + column)];
     }
-    for (const BoardView& other : views) {
+    for (const solver::BoardView& other : views) {
       if (other.camera > view.camera) ++shared_[{view.camera, other.camera}];
     }
   }
@@ -188,4 +188,4 @@ std::string ViewCoverage::lacking_pairs() const {
   return text;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::gather

@@ -11,7 +11,7 @@
 #include "calib/board/board.h"
 #include "calib/solver/bundle_adjustment.h"
 
-namespace huetrack {
+namespace huetrack::gather {
 
 // thread-compatible.
 class ViewCoverage {
@@ -29,12 +29,12 @@ class ViewCoverage {
     int tilts_seen() const;
   };
 
-  ViewCoverage(Board board, std::vector<std::string> cameras, std::vector<ImageSize> sizes);
+  ViewCoverage(board::Board board, std::vector<std::string> cameras, std::vector<calib::ImageSize> sizes);
 
   // Whether the views of one moment show the board elsewhere than all that were added: in some camera, or to a pair of
   // cameras that lacks shared views.
-  bool is_new(const std::vector<BoardView>& views) const;
-  void add(const std::vector<BoardView>& views);
+  bool is_new(const std::vector<solver::BoardView>& views) const;
+  void add(const std::vector<solver::BoardView>& views);
 
   const std::vector<OfCamera>& cameras() const { return cameras_; }
   int shared(int a, int b) const;  // moments that both saw
@@ -47,12 +47,12 @@ class ViewCoverage {
   std::string lacking_pairs() const;  // "left + right 8/10, ..."; empty: none lacks any
 
  private:
-  Board board_;
+  board::Board board_;
   std::vector<std::string> names_;
-  std::vector<ImageSize> sizes_;
+  std::vector<calib::ImageSize> sizes_;
   std::vector<OfCamera> cameras_;
-  std::vector<std::vector<BoardView>> kept_;
+  std::vector<std::vector<solver::BoardView>> kept_;
   std::map<std::pair<int, int>, int> shared_;
 };
 
-}  // namespace huetrack
+}  // namespace huetrack::gather

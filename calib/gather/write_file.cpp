@@ -4,7 +4,7 @@
 #include <fstream>
 #include <system_error>
 
-namespace huetrack {
+namespace huetrack::gather {
 
 namespace fs = std::filesystem;
 
@@ -21,4 +21,4 @@ void write_file(const fs::path& file, const std::string& text) {
   fs::rename(temporary, file);
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::gather

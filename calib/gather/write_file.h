@@ -4,9 +4,9 @@
 #include <filesystem>
 #include <string>
 
-namespace huetrack {
+namespace huetrack::gather {
 
 // Atomic: by a temporary file beside it. throws std::system_error
 void write_file(const std::filesystem::path& file, const std::string& text);
 
-}  // namespace huetrack
+}  // namespace huetrack::gather

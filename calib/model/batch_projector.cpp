@@ -12,7 +12,7 @@
 #define HUETRACK_CLONES
 #endif
 
-namespace huetrack {
+namespace huetrack::calib {
 namespace {
 
 using Coefficients = BatchProjector::Coefficients;
@@ -116,4 +116,4 @@ BatchProjector::BatchProjector(const Camera& camera) : coefficients_{}, kernel_(
   kernel_ = k[5] != 0 || k[6] != 0 || k[7] != 0 ? project_rational : k[4] != 0 ? project_k3 : project_k1_k2;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::calib

@@ -7,7 +7,7 @@
 
 #include "calib/model/camera_rig.h"
 
-namespace huetrack {
+namespace huetrack::calib {
 
 // Pure value; safe from any thread.
 class BatchProjector {
@@ -42,4 +42,4 @@ class BatchProjector {
   Kernel kernel_;  // the cheapest one that has all of this lens's coefficients
 };
 
-}  // namespace huetrack
+}  // namespace huetrack::calib

@@ -8,7 +8,7 @@
 #include <span>
 #include <vector>
 
-namespace huetrack {
+namespace huetrack::calib {
 namespace {
 
 constexpr double infinity = std::numeric_limits<double>::infinity();
@@ -297,4 +297,4 @@ std::string_view CameraModel::name() const {
   return std::holds_alternative<PinholeRadtan>(lens_) ? "pinhole_radtan" : "fisheye_kb";
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::calib

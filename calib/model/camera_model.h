@@ -9,7 +9,7 @@
 #include <string_view>
 #include <variant>
 
-namespace huetrack {
+namespace huetrack::calib {
 
 struct RawPixel { Eigen::Vector2d px; };     // where the lens puts it: what images and detectors speak
 struct IdealPixel { Eigen::Vector2d px; };   // distortion removed, same K: what pinhole algebra speaks
@@ -61,4 +61,4 @@ class CameraModel {
   double limit_;
 };
 
-}  // namespace huetrack
+}  // namespace huetrack::calib

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-namespace huetrack {
+namespace huetrack::calib {
 namespace {
 
 bool is_plain_name(std::string_view name) {
@@ -89,4 +89,4 @@ std::vector<std::string> CameraRig::problems() const {
   return problems;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::calib

@@ -10,7 +10,7 @@
 #include "calib/model/camera_model.h"
 #include "calib/model/rigid3.h"
 
-namespace huetrack {
+namespace huetrack::calib {
 
 struct ImageSize {
   int width = 0;    // pixels
@@ -43,4 +43,4 @@ struct CameraRig {
   std::vector<std::string> problems() const;   // empty when valid; one sentence per violated constraint
 };
 
-}  // namespace huetrack
+}  // namespace huetrack::calib

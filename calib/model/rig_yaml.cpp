@@ -18,35 +18,35 @@
 
 #include "calib/yaml/yaml_reader.h"
 
-namespace huetrack {
+namespace huetrack::calib {
 namespace {
 
 constexpr std::array<std::string_view, 2> model_names{"pinhole_radtan", "fisheye_kb"};
 constexpr double rotation_tolerance = 1e-4;  // of a rotation that was printed with few digits
 
 template <typename Lens>
-Lens lens_of(const YamlReader& intrinsics, const std::vector<double>& distortion) {
+Lens lens_of(const yaml::YamlReader& intrinsics, const std::vector<double>& distortion) {
   Lens lens;
-  lens.fx = intrinsics.number("fx", positive);
-  lens.fy = intrinsics.number("fy", positive);
-  lens.cx = intrinsics.number("cx", any_number);
-  lens.cy = intrinsics.number("cy", any_number);
+  lens.fx = intrinsics.number("fx", yaml::positive);
+  lens.fy = intrinsics.number("fy", yaml::positive);
+  lens.cx = intrinsics.number("cx", yaml::any_number);
+  lens.cy = intrinsics.number("cy", yaml::any_number);
   intrinsics.finish();
   std::ranges::copy(distortion, lens.distortion.begin());
   return lens;
 }
 
-CameraModel read_model(const YamlReader& camera) {
+CameraModel read_model(const yaml::YamlReader& camera) {
   const bool fisheye = camera.choice("model", model_names) == "fisheye_kb";
-  const YamlReader intrinsics = camera.map("intrinsics");
+  const yaml::YamlReader intrinsics = camera.map("intrinsics");
   if (!camera.has("distortion")) {
     camera.fail("distortion", std::string("is missing; a lens without distortion has ") +
                                   (fisheye ? "[0, 0, 0, 0]" : "[0, 0, 0, 0, 0]"));
   }
   if (fisheye) {
-    return CameraModel(lens_of<FisheyeKannalaBrandt>(intrinsics, camera.numbers("distortion", 4, 4, any_number)));
+    return CameraModel(lens_of<FisheyeKannalaBrandt>(intrinsics, camera.numbers("distortion", 4, 4, yaml::any_number)));
   }
-  const auto distortion = camera.numbers("distortion", 4, 8, any_number);
+  const auto distortion = camera.numbers("distortion", 4, 8, yaml::any_number);
   if (distortion.size() == 6 || distortion.size() == 7) {
     camera.fail("distortion", "pinhole_radtan has 4 (k1 k2 p1 p2), 5 (k3) or 8 (k4 k5 k6) coefficients, got " +
                                   std::to_string(distortion.size()));
@@ -54,7 +54,7 @@ CameraModel read_model(const YamlReader& camera) {
   return CameraModel(lens_of<PinholeRadtan>(intrinsics, distortion));
 }
 
-Eigen::Quaterniond read_rotation_matrix(const YamlReader& pose) {
+Eigen::Quaterniond read_rotation_matrix(const yaml::YamlReader& pose) {
   const auto rows = pose.rows("rotation", 3, 3);
   Eigen::Matrix3d m;
   for (int i = 0; i < 3; ++i) m.row(i) = Eigen::Map<const Eigen::RowVector3d>(rows[static_cast<std::size_t>(i)].data());
@@ -71,25 +71,25 @@ Eigen::Quaterniond read_rotation_matrix(const YamlReader& pose) {
   return Eigen::Quaterniond(m).normalized();  // a rotation, although the file's digits are rounded
 }
 
-Eigen::Quaterniond read_quaternion(const YamlReader& pose) {
-  const auto xyzw = pose.numbers("quaternion_xyzw", 4, 4, any_number);
+Eigen::Quaterniond read_quaternion(const yaml::YamlReader& pose) {
+  const auto xyzw = pose.numbers("quaternion_xyzw", 4, 4, yaml::any_number);
   const Eigen::Quaterniond q(xyzw[3], xyzw[0], xyzw[1], xyzw[2]);
   const double off = std::abs(q.norm() - 1);
   if (!(off <= rotation_tolerance)) pose.fail("quaternion_xyzw", "must have length 1");
   return off < 1e-12 ? q : q.normalized();  // what we wrote comes back to the last bit
 }
 
-Rigid3d read_pose(const YamlReader& pose) {
+Rigid3d read_pose(const yaml::YamlReader& pose) {
   if (pose.has("rotation") && pose.has("quaternion_xyzw")) {
     pose.fail("quaternion_xyzw", "is given beside rotation: give one of the two");
   }
   const Eigen::Quaterniond rotation = pose.has("quaternion_xyzw") ? read_quaternion(pose) : read_rotation_matrix(pose);
-  const auto t = pose.numbers("translation", 3, 3, any_number);
+  const auto t = pose.numbers("translation", 3, 3, yaml::any_number);
   pose.finish();
   return {rotation, {t[0], t[1], t[2]}};
 }
 
-Camera read_camera(const std::string& name, const YamlReader& reader, bool pose_required) {
+Camera read_camera(const std::string& name, const yaml::YamlReader& reader, bool pose_required) {
   Camera camera;
   camera.name = name;
   const auto size = reader.numbers("image_size", 2, 2, {.min = 1, .max = 32768});
@@ -155,8 +155,8 @@ std::string distortion_text(const FisheyeKannalaBrandt& lens) {
 }  // namespace
 
 CameraRig read_rig(const std::filesystem::path& file) {
-  const YamlReader reader = YamlReader::file(file);
-  if (const auto version = reader.integer("version", any_number); version != 1) {
+  const yaml::YamlReader reader = yaml::YamlReader::file(file);
+  if (const auto version = reader.integer("version", yaml::any_number); version != 1) {
     reader.fail("version", "is " + std::to_string(version) + ", this program reads rig files of version 1");
   }
   CameraRig rig;
@@ -233,4 +233,4 @@ std::string rig_identity(const CameraRig& rig) {
   return text.data();
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::calib

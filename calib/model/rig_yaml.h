@@ -6,7 +6,7 @@
 
 #include "calib/model/camera_rig.h"
 
-namespace huetrack {
+namespace huetrack::calib {
 
 CameraRig read_rig(const std::filesystem::path& file);                       // throws ConfigError
 std::string to_yaml(const CameraRig& rig);                                    // reads back to exactly the same numbers
@@ -14,4 +14,4 @@ void write_rig(const CameraRig& rig, const std::filesystem::path& file);      //
 // SHA-256-like identity is not needed: FNV-1a 64 over to_yaml(), as 16 hex digits. Published in the status sample.
 std::string rig_identity(const CameraRig& rig);
 
-}  // namespace huetrack
+}  // namespace huetrack::calib

@@ -2,7 +2,7 @@
 
 #include <cmath>
 
-namespace huetrack {
+namespace huetrack::calib {
 namespace {
 
 Eigen::Matrix3d cross_matrix(const Eigen::Vector3d& w) {
@@ -56,4 +56,4 @@ Tangent6d log(const Rigid3d& transform) {
   return tangent;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::calib

@@ -7,7 +7,7 @@
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 
-namespace huetrack {
+namespace huetrack::calib {
 
 struct Rigid3d {
   Eigen::Quaterniond rotation = Eigen::Quaterniond::Identity();   // unit
@@ -26,4 +26,4 @@ using Tangent6d = Eigen::Matrix<double, 6, 1>;
 Rigid3d exp(const Tangent6d& tangent);
 Tangent6d log(const Rigid3d& transform);   // rotation angle in [0, pi]
 
-}  // namespace huetrack
+}  // namespace huetrack::calib

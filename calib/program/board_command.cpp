@@ -9,7 +9,7 @@
 #include "calib/program/commands.h"
 #include "calib/gather/picture_source.h"
 
-namespace huetrack {
+namespace huetrack::program {
 namespace {
 
 struct Options {
@@ -20,55 +20,55 @@ struct Options {
   std::filesystem::path out, board_file;
 };
 
-Board board_of(const Options& o) {
-  Board board;
+board::Board board_of(const Options& o) {
+  board::Board board;
   board.inverted = o.inverted;
   board.legacy = o.legacy;
   board.first_marker = o.first_marker;
   const bool grid = o.type == "aruco_grid" || o.type == "april_grid";
-  board.type = o.type == "chessboard" ? BoardType::chessboard
-               : o.type == "charuco"  ? BoardType::charuco
-                                      : BoardType::aruco_grid;
-  if (o.legacy && board.type != BoardType::charuco) throw InputError("--legacy is a layout of charuco boards only");
-  board.columns = o.columns > 0 ? o.columns : grid ? 6 : board.type == BoardType::charuco ? 7 : 8;
+  board.type = o.type == "chessboard" ? board::BoardType::chessboard
+               : o.type == "charuco"  ? board::BoardType::charuco
+                                      : board::BoardType::aruco_grid;
+  if (o.legacy && board.type != board::BoardType::charuco) throw gather::InputError("--legacy is a layout of charuco boards only");
+  board.columns = o.columns > 0 ? o.columns : grid ? 6 : board.type == board::BoardType::charuco ? 7 : 8;
   board.rows = o.rows > 0 ? o.rows : grid ? 4 : 5;
   if (grid) {
-    if (o.square_mm > 0) throw InputError("a grid of markers has --marker and --gap, no --square");
+    if (o.square_mm > 0) throw gather::InputError("a grid of markers has --marker and --gap, no --square");
     const double marker = o.marker_mm > 0 ? o.marker_mm : 32, gap = o.gap_mm > 0 ? o.gap_mm : 0.3 * marker;
     board.marker = marker / 1e3;
     board.pitch.setConstant((marker + gap) / 1e3);
   } else {
-    if (o.gap_mm > 0) throw InputError("--gap is of aruco_grid and april_grid");
-    const double square = o.square_mm > 0 ? o.square_mm : board.type == BoardType::charuco ? 32 : 25;
+    if (o.gap_mm > 0) throw gather::InputError("--gap is of aruco_grid and april_grid");
+    const double square = o.square_mm > 0 ? o.square_mm : board.type == board::BoardType::charuco ? 32 : 25;
     board.pitch.setConstant(square / 1e3);
-    if (board.type == BoardType::charuco)
+    if (board.type == board::BoardType::charuco)
       board.marker = (o.marker_mm > 0 ? o.marker_mm : 0.75 * square) / 1e3;
     else if (o.marker_mm > 0)
-      throw InputError("a chessboard has no markers: --marker is of the other types");
+      throw gather::InputError("a chessboard has no markers: --marker is of the other types");
   }
   board.dictionary = !o.dictionary.empty()    ? o.dictionary
                      : o.type == "april_grid" ? "DICT_APRILTAG_36h11"
                                               : "DICT_4X4_50";
-  for (const auto& problem : board.problems()) throw InputError(problem);
+  for (const auto& problem : board.problems()) throw gather::InputError(problem);
   return board;
 }
 
 ExitStatus print(const Options& o) {
-  const Board board = board_of(o);
-  const auto paper = paper_of(o.paper);
+  const board::Board board = board_of(o);
+  const auto paper = board::paper_of(o.paper);
   if (!paper)
-    throw InputError("--paper is A4, A3, A2, A1, A0, letter, legal, tabloid or WIDTHxHEIGHT in millimetres, not " +
+    throw gather::InputError("--paper is A4, A3, A2, A1, A0, letter, legal, tabloid or WIDTHxHEIGHT in millimetres, not " +
                      o.paper);
-  const BoardPdf printed = board_pdf(board, *paper);
+  const board::BoardPdf printed = board::board_pdf(board, *paper);
   const std::filesystem::path yaml =
       o.board_file.empty() ? std::filesystem::path(o.out).replace_extension(".yaml") : o.board_file;
   for (const auto& [file, text] :
        {std::pair{o.out, printed.pdf},
-        std::pair{yaml, "# " + o.out.filename().string() + ", printed at 100 %\n" + to_yaml(board)}}) {
+        std::pair{yaml, "# " + o.out.filename().string() + ", printed at 100 %\n" + board::to_yaml(board)}}) {
     std::ofstream out(file, std::ios::binary);
     out << text;
     out.close();
-    if (!out) throw InputError("cannot write " + file.string());
+    if (!out) throw gather::InputError("cannot write " + file.string());
   }
   std::printf(
       "%s: %s, %.1f x %.1f mm on %s\n%s: the board file for it\nPrint at 100 %%, without fitting it to the page; "
@@ -108,4 +108,4 @@ void add_board_command(CLI::App& app, Command& chosen) {
   command->callback([o, &chosen] { chosen = [o](const std::stop_token&) { return print(*o); }; });
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::program

@@ -14,15 +14,15 @@
 #include "calib/gather/gather_boards.h"
 #include "calib/program/outcome.h"
 
-namespace huetrack {
+namespace huetrack::program {
 
 struct CalibrationOptions {
   std::string board;
   std::vector<std::string> inputs;
-  FindBoardsOptions find;
-  std::optional<LensModel> lens;
+  gather::FindBoardsOptions find;
+  std::optional<solver::LensModel> lens;
   std::string rig, report;
-  LiveOptions live;
+  gather::LiveOptions live;
   bool overwrite = false, quiet = false;
 };
 
@@ -34,7 +34,7 @@ inline void add_calibration_options(CLI::App& command, CalibrationOptions& optio
       .add_option_function<std::string>(
           "--size",
           [&options](const std::string& text) {
-            ImageSize size;
+            calib::ImageSize size;
             char end = 0;
             if (std::sscanf(text.c_str(), "%dx%d%c", &size.width, &size.height, &end) != 2 || size.width < 1 ||
                 size.height < 1)
@@ -52,13 +52,13 @@ inline void add_calibration_options(CLI::App& command, CalibrationOptions& optio
   command.add_option("--view", options.live.view,
                      "a page to open in a browser: what is being detected, and what is missing");
   command.add_option("--board", options.board, "the board file; see calib/README.md")->required();
-  const std::map<std::string, LensModel> lenses{{"radtan4", LensModel::radtan4},
-                                                {"radtan5", LensModel::radtan5},
-                                                {"radtan8", LensModel::radtan8},
-                                                {"fisheye", LensModel::fisheye}};
+  const std::map<std::string, solver::LensModel> lenses{{"radtan4", solver::LensModel::radtan4},
+                                                {"radtan5", solver::LensModel::radtan5},
+                                                {"radtan8", solver::LensModel::radtan8},
+                                                {"fisheye", solver::LensModel::fisheye}};
   command
-      .add_option_function<LensModel>(
-          "--lens", [&options](const LensModel& lens) { options.lens = lens; },
+      .add_option_function<solver::LensModel>(
+          "--lens", [&options](const solver::LensModel& lens) { options.lens = lens; },
           "the lens model; by default the simplest that the views support")
       ->transform(CLI::CheckedTransformer(lenses).description(""))
       ->type_name("radtan4|radtan5|radtan8|fisheye");
@@ -83,4 +83,4 @@ inline OutputFiles output_files(const CalibrationOptions& options) {
   return files;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::program

@@ -11,32 +11,32 @@
 #include "calib/gather/progress_line.h"
 #include "calib/program/rig_pictures.h"
 
-namespace huetrack {
+namespace huetrack::program {
 namespace {
 
 struct Options {
   std::string rig, board, mend;
   std::vector<std::string> inputs;
-  FindBoardsOptions find{.max_sets = 60, .view = {}};
+  gather::FindBoardsOptions find{.max_sets = 60, .view = {}};
   bool quiet = false;
 };
 
 ExitStatus check(const Options& options, const std::stop_token& stop) {
-  const Board board = read_board(options.board);
-  CameraRig rig = read_rig(options.rig);
-  FindBoardsOptions find = options.find;
+  const board::Board board = board::read_board(options.board);
+  calib::CameraRig rig = calib::read_rig(options.rig);
+  gather::FindBoardsOptions find = options.find;
   find.progress = !options.quiet;
-  const std::vector<BoardView> views = board_views_of(rig, options.rig, board, options.inputs, find, stop).views;
-  ProgressLine line(!options.quiet);
-  const RigCheck result = check_rig(board, rig, views, line.progress());
+  const std::vector<solver::BoardView> views = board_views_of(rig, options.rig, board, options.inputs, find, stop).views;
+  gather::ProgressLine line(!options.quiet);
+  const report::RigCheck result = report::check_rig(board, rig, views, line.progress());
   line.clear();
-  if (!options.quiet) std::fputs(to_text(result, rig).c_str(), stdout);
+  if (!options.quiet) std::fputs(report::to_text(result, rig).c_str(), stdout);
   if (!options.mend.empty()) {
-    for (const MovedCamera& moved : result.moved)
+    for (const report::MovedCamera& moved : result.moved)
       rig.cameras[static_cast<std::size_t>(moved.camera)].cam_from_world = moved.cam_from_world;
     note_in(rig, "mended",
             result.moved.empty() ? "nothing had moved" : "by huetrack-calibrate check, from views of the board");
-    write_rig(rig, options.mend);
+    calib::write_rig(rig, options.mend);
     if (!options.quiet) std::printf("written: %s\n", options.mend.c_str());
   }
   return status_of(result.verdict);
@@ -58,4 +58,4 @@ void add_check_command(CLI::App& app, Command& chosen) {
       [options, &chosen] { chosen = [options](const std::stop_token& stop) { return check(*options, stop); }; });
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::program

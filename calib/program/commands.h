@@ -11,7 +11,7 @@ namespace CLI {
 class App;
 }
 
-namespace huetrack {
+namespace huetrack::program {
 
 // What the program ends with, so that scripts can act.
 enum class ExitStatus : std::uint8_t {
@@ -33,4 +33,4 @@ void add_wave_command(CLI::App& app, Command& chosen);
 void add_exchange_commands(CLI::App& app, Command& chosen);  // import and export
 void add_board_command(CLI::App& app, Command& chosen);
 
-}  // namespace huetrack
+}  // namespace huetrack::program

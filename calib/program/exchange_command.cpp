@@ -10,7 +10,7 @@
 #include "calib/program/commands.h"
 #include "calib/gather/picture_source.h"
 
-namespace huetrack {
+namespace huetrack::program {
 namespace {
 
 const std::vector<std::string> formats{"ros", "opencv", "kalibr", "aniposelib", "caliscope"};
@@ -22,8 +22,8 @@ struct ImportCommand {
 };
 
 ExitStatus import(const ImportCommand& command) {
-  ImportOptions options;
-  if (!command.from.empty()) options.format = exchange_format_of(command.from);
+  exchange::ImportOptions options;
+  if (!command.from.empty()) options.format = exchange::exchange_format_of(command.from);
   static const std::map<std::string, double> units{{"m", 1}, {"cm", 0.01}, {"mm", 0.001}, {"in", 0.0254}};
   if (const auto unit = units.find(command.unit); unit != units.end()) {
     options.metres_per_unit = unit->second;
@@ -31,18 +31,18 @@ ExitStatus import(const ImportCommand& command) {
     char* end = nullptr;  // a board's square: OpenCV's samples take it for the unit
     options.metres_per_unit = std::strtod(command.unit.c_str(), &end);
     if (*end != 0 || !(options.metres_per_unit > 0))
-      throw InputError("--unit is m, cm, mm, in, or a unit's length in metres, not " + command.unit);
+      throw gather::InputError("--unit is m, cm, mm, in, or a unit's length in metres, not " + command.unit);
   }
   if (!command.size.empty()) {
-    ImageSize size;
+    calib::ImageSize size;
     char rest = 0;
     if (std::sscanf(command.size.c_str(), "%dx%d%c", &size.width, &size.height, &rest) != 2 || size.width < 1 ||
         size.height < 1)
-      throw InputError("--size is WIDTHxHEIGHT in pixels, as 640x480, not " + command.size);
+      throw gather::InputError("--size is WIDTHxHEIGHT in pixels, as 640x480, not " + command.size);
     options.image_size = size;
   }
-  const Imported imported = import_rig(command.files, options);
-  write_rig(imported.rig, command.rig);
+  const exchange::Imported imported = exchange::import_rig(command.files, options);
+  calib::write_rig(imported.rig, command.rig);
   for (const auto& note : imported.notes) std::printf("note: %s\n", note.c_str());
   std::printf("%s: %zu camera%s\n", command.rig.c_str(), imported.rig.cameras.size(),
               imported.rig.cameras.size() == 1 ? "" : "s");
@@ -56,17 +56,17 @@ struct ExportCommand {
 };
 
 ExitStatus export_files(const ExportCommand& command) {
-  const ExportOptions options{
-      .format = *exchange_format_of(command.to), .extension = command.extension, .stereo = command.stereo};
-  Exported exported;
+  const exchange::ExportOptions options{
+      .format = *exchange::exchange_format_of(command.to), .extension = command.extension, .stereo = command.stereo};
+  exchange::Exported exported;
   try {
-    exported = export_rig(read_rig(command.rig), options);
-  } catch (const ExchangeError& error) {
-    throw InputError(command.rig.string() + ": " + error.what());
+    exported = exchange::export_rig(calib::read_rig(command.rig), options);
+  } catch (const exchange::ExchangeError& error) {
+    throw gather::InputError(command.rig.string() + ": " + error.what());
   }
   for (const auto& [name, text] : exported.files) {
     if (!command.force && std::filesystem::exists(command.folder / name))
-      throw InputError((command.folder / name).string() + " is there already: give another --out, or --force");
+      throw gather::InputError((command.folder / name).string() + " is there already: give another --out, or --force");
   }
   std::filesystem::create_directories(command.folder);
   for (const auto& [name, text] : exported.files) {
@@ -74,7 +74,7 @@ ExitStatus export_files(const ExportCommand& command) {
     std::ofstream out(file, std::ios::binary);
     out << text;
     out.close();
-    if (!out) throw InputError("cannot write " + file.string());
+    if (!out) throw gather::InputError("cannot write " + file.string());
     std::printf("%s\n", file.c_str());
   }
   for (const auto& note : exported.notes) std::printf("note: %s\n", note.c_str());
@@ -106,4 +106,4 @@ void add_exchange_commands(CLI::App& app, Command& chosen) {
   export_command->callback([out, &chosen] { chosen = [out](const std::stop_token&) { return export_files(*out); }; });
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::program

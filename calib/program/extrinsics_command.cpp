@@ -7,72 +7,72 @@
 #include "calib/program/commands.h"
 #include "calib/gather/progress_line.h"
 
-namespace huetrack {
+namespace huetrack::program {
 namespace {
 
 struct Options : CalibrationOptions {
   std::vector<std::string> cameras, intrinsics;
-  RefineLens refine = RefineLens::automatic;
+  solver::RefineLens refine = solver::RefineLens::automatic;
   std::optional<double> tolerance_s;
   std::vector<double> volume;
 };
 
 // The lenses that were given, for the cameras that were seen.
-std::vector<CameraToCalibrate> cameras_of(const FoundBoards& found, const std::vector<std::string>& files) {
-  std::vector<CameraToCalibrate> cameras;
-  for (const CameraSighting& seen : found.cameras) cameras.push_back({seen.name, seen.image_size, {}});
+std::vector<solver::CameraToCalibrate> cameras_of(const gather::FoundBoards& found, const std::vector<std::string>& files) {
+  std::vector<solver::CameraToCalibrate> cameras;
+  for (const gather::CameraSighting& seen : found.cameras) cameras.push_back({seen.name, seen.image_size, {}});
   for (const std::string& file : files) {
-    const CameraRig rig = read_rig(file);
+    const calib::CameraRig rig = calib::read_rig(file);
     bool any = false;
-    for (const Camera& camera : rig.cameras) {
-      const auto known = std::ranges::find(cameras, camera.name, &CameraToCalibrate::name);
+    for (const calib::Camera& camera : rig.cameras) {
+      const auto known = std::ranges::find(cameras, camera.name, &solver::CameraToCalibrate::name);
       if (known == cameras.end()) continue;
       any = true;
       if (camera.image_size != known->image_size) {
-        throw InputError(file + ": camera " + camera.name + " was calibrated at " +
+        throw gather::InputError(file + ": camera " + camera.name + " was calibrated at " +
                          std::to_string(camera.image_size.width) + "x" + std::to_string(camera.image_size.height) +
                          ", its pictures are " + std::to_string(known->image_size.width) + "x" +
                          std::to_string(known->image_size.height));
       }
       known->model = camera.model;
     }
-    if (!any) throw InputError(file + ": has none of the cameras that are calibrated: are the names the same?");
+    if (!any) throw gather::InputError(file + ": has none of the cameras that are calibrated: are the names the same?");
   }
   return cameras;
 }
 
 ExitStatus calibrate(const Options& options, const std::stop_token& stop) {
-  const Board board = read_board(options.board);
-  GatherOptions gather;
+  const board::Board board = board::read_board(options.board);
+  gather::GatherOptions gather;
   gather.pictures = {.only = options.cameras, .tolerance_s = options.tolerance_s};
   gather.find = options.find;
   gather.find.progress = !options.quiet;
   gather.live = options.live;
-  const FoundBoards found = gather_boards(options.inputs, board, gather, stop);
+  const gather::FoundBoards found = gather::gather_boards(options.inputs, board, gather, stop);
   if (found.cameras.size() < 2) {
-    throw InputError("there is one camera only, " + found.cameras.front().name +
+    throw gather::InputError("there is one camera only, " + found.cameras.front().name +
                      ": extrinsics are of two or more; its lens alone: huetrack-calibrate intrinsics");
   }
   const auto cameras = cameras_of(found, options.intrinsics);
-  if (std::ranges::any_of(cameras, [](const CameraToCalibrate& camera) { return !camera.model; }))
-    require_views(found, IntrinsicsOptions{}.min_views);
-  ProgressLine line(!options.quiet);
-  ExtrinsicsOptions solve;
+  if (std::ranges::any_of(cameras, [](const solver::CameraToCalibrate& camera) { return !camera.model; }))
+    gather::require_views(found, solver::IntrinsicsOptions{}.min_views);
+  gather::ProgressLine line(!options.quiet);
+  solver::ExtrinsicsOptions solve;
   solve.refine_lens = options.refine;
   solve.intrinsics.lens = options.lens;
   solve.progress = line.progress();
-  Extrinsics result = calibrate_extrinsics(board, cameras, found.views, solve);
+  solver::Extrinsics result = solver::calibrate_extrinsics(board, cameras, found.views, solve);
   line.draw("writing the report");
-  result.adjustment = in_world(std::move(result.adjustment), upright_guess(result.adjustment));
-  ReportInput input = report_input(found, options.inputs);
+  result.adjustment = solver::in_world(std::move(result.adjustment), solver::upright_guess(result.adjustment));
+  report::ReportInput input = report_input(found, options.inputs);
   input.made_of.emplace_back("world", "a guess: z up as the cameras are held, origin amid the board's places");
   if (!options.volume.empty()) {
     const auto& v = options.volume;
-    input.volume = WorldBox{{v[0], v[2], v[4]}, {v[1], v[3], v[5]}};
+    input.volume = solver::WorldBox{{v[0], v[2], v[4]}, {v[1], v[3], v[5]}};
   }
-  const CalibrationReport report = report_on(result, input);
+  const report::CalibrationReport report = report::report_on(result, input);
   line.clear();
-  return put_out(report, rig_of(result.adjustment), found, output_files(options));
+  return put_out(report, solver::rig_of(result.adjustment), found, output_files(options));
 }
 
 }  // namespace
@@ -94,8 +94,8 @@ void add_extrinsics_command(CLI::App& app, Command& chosen) {
       ->add_option("--intrinsics", options->intrinsics,
                    "a rig file with lenses that are known already; may come more than once")
       ->allow_extra_args(false);
-  const std::map<std::string, RefineLens> refine{
-      {"auto", RefineLens::automatic}, {"yes", RefineLens::yes}, {"no", RefineLens::no}};
+  const std::map<std::string, solver::RefineLens> refine{
+      {"auto", solver::RefineLens::automatic}, {"yes", solver::RefineLens::yes}, {"no", solver::RefineLens::no}};
   command
       ->add_option("--refine-lens", options->refine,
                    "move the lenses too in the joint adjustment; auto (default): those that are not known, and those "
@@ -112,4 +112,4 @@ void add_extrinsics_command(CLI::App& app, Command& chosen) {
       [options, &chosen] { chosen = [options](const std::stop_token& stop) { return calibrate(*options, stop); }; });
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::program

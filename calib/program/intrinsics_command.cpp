@@ -4,7 +4,7 @@
 #include "calib/program/commands.h"
 #include "calib/gather/progress_line.h"
 
-namespace huetrack {
+namespace huetrack::program {
 namespace {
 
 struct Options : CalibrationOptions {
@@ -13,22 +13,22 @@ struct Options : CalibrationOptions {
 
 ExitStatus calibrate(Options options, const std::stop_token& stop) {
   if (options.rig.empty()) options.rig = options.camera + ".yaml";
-  const Board board = read_board(options.board);
-  GatherOptions gather;
+  const board::Board board = board::read_board(options.board);
+  gather::GatherOptions gather;
   gather.pictures.only = {options.camera};
   gather.alone = true;
   gather.find = options.find;
   gather.find.progress = !options.quiet;
   gather.live = options.live;
-  const FoundBoards found = gather_boards(options.inputs, board, gather, stop);
-  require_views(found, IntrinsicsOptions{}.min_views);
-  ProgressLine line(!options.quiet);
-  const Intrinsics result = calibrate_intrinsics(board, options.camera, found.cameras.front().image_size, found.views,
+  const gather::FoundBoards found = gather::gather_boards(options.inputs, board, gather, stop);
+  gather::require_views(found, solver::IntrinsicsOptions{}.min_views);
+  gather::ProgressLine line(!options.quiet);
+  const solver::Intrinsics result = solver::calibrate_intrinsics(board, options.camera, found.cameras.front().image_size, found.views,
                                                  {.lens = options.lens, .progress = line.progress()});
   line.draw("writing the report");
-  const CalibrationReport report = report_on(result, report_input(found, options.inputs));
+  const report::CalibrationReport report = report::report_on(result, report_input(found, options.inputs));
   line.clear();
-  return put_out(report, rig_of(result.adjustment), found, output_files(options));
+  return put_out(report, solver::rig_of(result.adjustment), found, output_files(options));
 }
 
 }  // namespace
@@ -45,4 +45,4 @@ void add_intrinsics_command(CLI::App& app, Command& chosen) {
       [options, &chosen] { chosen = [options](const std::stop_token& stop) { return calibrate(*options, stop); }; });
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::program

@@ -48,14 +48,14 @@ int main(int argc, char** argv) {
   app.require_subcommand(1);
   app.footer("Ends with 0 when the result is usable, 2 when it is doubtful (the report says why), 1 when it failed.");
 
-  Command chosen;
-  add_intrinsics_command(app, chosen);
-  add_extrinsics_command(app, chosen);
-  add_world_command(app, chosen);
-  add_check_command(app, chosen);
-  add_wave_command(app, chosen);
-  add_exchange_commands(app, chosen);
-  add_board_command(app, chosen);
+  program::Command chosen;
+  program::add_intrinsics_command(app, chosen);
+  program::add_extrinsics_command(app, chosen);
+  program::add_world_command(app, chosen);
+  program::add_check_command(app, chosen);
+  program::add_wave_command(app, chosen);
+  program::add_exchange_commands(app, chosen);
+  program::add_board_command(app, chosen);
 
   try {
     app.parse(argc, argv);
@@ -63,7 +63,7 @@ int main(int argc, char** argv) {
     return app.exit(error) == 0 ? 0 : 1;
   }
   const Signals signals;
-  ExitStatus status = ExitStatus::failed;
+  program::ExitStatus status = program::ExitStatus::failed;
   try {
     status = chosen(signals.token());
   } catch (const std::exception& error) {  // the user's input or the outside world: said once, in one line, here

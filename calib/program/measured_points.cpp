@@ -5,19 +5,19 @@
 #include "calib/solver/world_frame.h"
 #include "calib/yaml/yaml_reader.h"
 
-namespace huetrack {
+namespace huetrack::program {
 namespace {
 
-Eigen::Vector3d vector_of(const YamlReader& reader, std::string_view key) {
+Eigen::Vector3d vector_of(const yaml::YamlReader& reader, std::string_view key) {
   const auto n = reader.numbers(key, 3, 3, {.min = -1000, .max = 1000});
   return {n[0], n[1], n[2]};
 }
 
 }  // namespace
 
-std::vector<PointOfWorld> read_points(const std::filesystem::path& file, const CameraRig& rig) {
-  const YamlReader reader = YamlReader::file(file);
-  if (const auto version = reader.integer("version", any_number, 1); version != 1)
+std::vector<PointOfWorld> read_points(const std::filesystem::path& file, const calib::CameraRig& rig) {
+  const yaml::YamlReader reader = yaml::YamlReader::file(file);
+  if (const auto version = reader.integer("version", yaml::any_number, 1); version != 1)
     reader.fail("version", "is " + std::to_string(version) + ", this program reads files of points of version 1");
   std::vector<PointOfWorld> points;
   for (const auto& [name, entry] : reader.named_maps("points")) {
@@ -29,7 +29,7 @@ std::vector<PointOfWorld> read_points(const std::filesystem::path& file, const C
     if (entry.has("position")) {
       point.in_rig = vector_of(entry, "position");
     } else {
-      const YamlReader of_cameras = entry.map("pixels");
+      const yaml::YamlReader of_cameras = entry.map("pixels");
       std::vector<std::pair<int, Eigen::Vector2d>> pixels;
       for (const std::string& camera : of_cameras.keys()) {
         const auto index = rig.index_of(camera);
@@ -40,7 +40,7 @@ std::vector<PointOfWorld> read_points(const std::filesystem::path& file, const C
       of_cameras.finish();
       if (pixels.size() < 2)
         entry.fail("pixels", "must name two cameras or more: one alone does not tell how far away it is");
-      const MeasuredPoint measured = measure_point(rig, pixels);
+      const solver::MeasuredPoint measured = solver::measure_point(rig, pixels);
       point.in_rig = measured.p_world;
       point.rms_px = measured.rms_px;
     }
@@ -55,4 +55,4 @@ std::vector<PointOfWorld> read_points(const std::filesystem::path& file, const C
   return points;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::program

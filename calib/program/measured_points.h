@@ -14,7 +14,7 @@
 
 #include "calib/model/camera_rig.h"
 
-namespace huetrack {
+namespace huetrack::program {
 
 struct PointOfWorld {
   std::string name;
@@ -24,6 +24,6 @@ struct PointOfWorld {
 };
 
 // throws ConfigError; CalibrationError: the pixels of a point do not meet
-std::vector<PointOfWorld> read_points(const std::filesystem::path& file, const CameraRig& rig);
+std::vector<PointOfWorld> read_points(const std::filesystem::path& file, const calib::CameraRig& rig);
 
-}  // namespace huetrack
+}  // namespace huetrack::program

@@ -9,7 +9,7 @@
 #include "calib/gather/write_file.h"
 #include "calib/model/rig_yaml.h"
 
-namespace huetrack {
+namespace huetrack::program {
 namespace {
 
 namespace fs = std::filesystem;
@@ -28,21 +28,21 @@ std::string joined(const std::vector<std::string>& texts) {
 
 }  // namespace
 
-ExitStatus status_of(Verdict verdict) {
+ExitStatus status_of(report::Verdict verdict) {
   switch (verdict) {
-    case Verdict::usable:
+    case report::Verdict::usable:
       return ExitStatus::usable;
-    case Verdict::doubtful:
+    case report::Verdict::doubtful:
       return ExitStatus::doubtful;
-    case Verdict::failed:
+    case report::Verdict::failed:
       break;
   }
   return ExitStatus::failed;
 }
 
-ReportInput report_input(const FoundBoards& found, const std::vector<std::string>& inputs) {
-  ReportInput input;
-  for (const CameraSighting& camera : found.cameras) input.cameras.push_back({camera.pictures, camera.boards});
+report::ReportInput report_input(const gather::FoundBoards& found, const std::vector<std::string>& inputs) {
+  report::ReportInput input;
+  for (const gather::CameraSighting& camera : found.cameras) input.cameras.push_back({camera.pictures, camera.boards});
   input.warnings = found.warnings;
   input.made_of.emplace_back("tool", "huetrack-calibrate " HUETRACK_VERSION);
   if (!inputs.empty()) input.made_of.emplace_back("inputs", joined(inputs));
@@ -54,9 +54,9 @@ ReportInput report_input(const FoundBoards& found, const std::vector<std::string
   return input;
 }
 
-fs::path place_for(Verdict verdict, const fs::path& rig, bool overwrite) {
+fs::path place_for(report::Verdict verdict, const fs::path& rig, bool overwrite) {
   std::error_code error;
-  if (verdict == Verdict::usable || overwrite || !fs::exists(rig, error)) return rig;
+  if (verdict == report::Verdict::usable || overwrite || !fs::exists(rig, error)) return rig;
   const fs::path beside = fs::path(rig).replace_extension(".doubtful.yaml");
   std::fprintf(stderr,
                "huetrack-calibrate: doubtful, so %s is left as it was; the new rig is %s (--overwrite replaces)\n",
@@ -64,18 +64,18 @@ fs::path place_for(Verdict verdict, const fs::path& rig, bool overwrite) {
   return beside;
 }
 
-ExitStatus put_out(const CalibrationReport& report, CameraRig rig, const FoundBoards& found, const OutputFiles& files) {
-  std::map<std::pair<int, std::string>, const EmbeddedPicture*> pictures;
+ExitStatus put_out(const report::CalibrationReport& report, calib::CameraRig rig, const gather::FoundBoards& found, const OutputFiles& files) {
+  std::map<std::pair<int, std::string>, const report::EmbeddedPicture*> pictures;
   for (std::size_t v = 0; v < found.views.size() && v < found.thumbnails.size(); ++v) {
     pictures[{found.views[v].camera, found.views[v].image}] = &found.thumbnails[v];
   }
-  const auto picture_of = [&](int camera, const std::string& image) -> const EmbeddedPicture* {
+  const auto picture_of = [&](int camera, const std::string& image) -> const report::EmbeddedPicture* {
     const auto known = pictures.find({camera, image});
     return known == pictures.end() ? nullptr : known->second;
   };
-  const std::string text = to_text(report);
-  write_file(files.report, to_html(report, picture_of));
-  write_file(fs::path(files.report).replace_extension(".txt"), text);
+  const std::string text = report::to_text(report);
+  gather::write_file(files.report, report::to_html(report, picture_of));
+  gather::write_file(fs::path(files.report).replace_extension(".txt"), text);
   if (!files.quiet) std::fputs(text.c_str(), stdout);
 
   rig.made_by.clear();
@@ -84,19 +84,19 @@ ExitStatus put_out(const CalibrationReport& report, CameraRig rig, const FoundBo
   rig.made_by.emplace_back("rms_px", number("%.4g", report.rms_px));
   if (report.volume && report.volume->covered > 0)
     rig.made_by.emplace_back("expected_mm", number("%.3g", 1000 * report.volume->median_by_calibration_m));
-  rig.made_by.emplace_back("verdict", std::string(name(report.verdict)));
+  rig.made_by.emplace_back("verdict", std::string(report::name(report.verdict)));
 
   std::error_code error;
   const bool is_there = fs::exists(files.rig, error);
-  if (report.verdict == Verdict::failed) {
+  if (report.verdict == report::Verdict::failed) {
     std::fprintf(stderr, "huetrack-calibrate: failed, so %s %s; see %s\n", files.rig.c_str(),
                  is_there ? "is left as it was" : "is not written", files.report.c_str());
     return ExitStatus::failed;
   }
   const fs::path written = place_for(report.verdict, files.rig, files.overwrite);
-  write_rig(rig, written);
+  calib::write_rig(rig, written);
   if (!files.quiet) std::printf("\nwritten: %s; the report with pictures: %s\n", written.c_str(), files.report.c_str());
   return status_of(report.verdict);
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::program

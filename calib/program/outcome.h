@@ -9,12 +9,12 @@
 #include "calib/program/commands.h"
 #include "calib/gather/find_boards.h"
 
-namespace huetrack {
+namespace huetrack::program {
 
-ExitStatus status_of(Verdict verdict);
+ExitStatus status_of(report::Verdict verdict);
 
 // Of what was looked at, for the report.
-ReportInput report_input(const FoundBoards& found, const std::vector<std::string>& inputs);
+report::ReportInput report_input(const gather::FoundBoards& found, const std::vector<std::string>& inputs);
 
 struct OutputFiles {
   std::filesystem::path rig;
@@ -26,9 +26,9 @@ struct OutputFiles {
 // Prints the report, writes it, and the rig when the verdict allows: a failed result is not written; a doubtful one
 // does not replace a rig that is there but goes beside it, as NAME.doubtful.yaml. made_by of the rig is filled.
 // throws std::system_error, std::runtime_error: a file cannot be written
-ExitStatus put_out(const CalibrationReport& report, CameraRig rig, const FoundBoards& found, const OutputFiles& files);
+ExitStatus put_out(const report::CalibrationReport& report, calib::CameraRig rig, const gather::FoundBoards& found, const OutputFiles& files);
 
 // Where a rig of this verdict (usable, doubtful) goes: NAME.doubtful.yaml where it must not replace what is there.
-std::filesystem::path place_for(Verdict verdict, const std::filesystem::path& rig, bool overwrite);
+std::filesystem::path place_for(report::Verdict verdict, const std::filesystem::path& rig, bool overwrite);
 
-}  // namespace huetrack
+}  // namespace huetrack::program

@@ -3,14 +3,14 @@
 #include <algorithm>
 #include <cstdio>
 
-namespace huetrack {
+namespace huetrack::program {
 
-FoundBoards board_views_of(const CameraRig& rig, const std::filesystem::path& rig_file, const Board& board,
-                           std::span<const std::string> inputs, const FindBoardsOptions& options,
+gather::FoundBoards board_views_of(const calib::CameraRig& rig, const std::filesystem::path& rig_file, const board::Board& board,
+                           std::span<const std::string> inputs, const gather::FindBoardsOptions& options,
                            std::stop_token stop) {
   std::vector<std::string> there, common;
   {
-    const auto all = open_pictures(inputs, {});
+    const auto all = gather::open_pictures(inputs, {});
     there = all->cameras();
   }
   for (const std::string& name : there) {
@@ -21,26 +21,26 @@ FoundBoards board_views_of(const CameraRig& rig, const std::filesystem::path& ri
     }
   }
   if (common.empty())
-    throw InputError(rig_file.string() + ": has none of the cameras in the pictures: are the names the same?");
-  for (const Camera& camera : rig.cameras) {
+    throw gather::InputError(rig_file.string() + ": has none of the cameras in the pictures: are the names the same?");
+  for (const calib::Camera& camera : rig.cameras) {
     if (std::ranges::find(common, camera.name) == common.end())
       std::fprintf(stderr, "huetrack-calibrate: there are no pictures of camera %s: left out\n", camera.name.c_str());
   }
-  const auto source = open_pictures(inputs, {.only = common, .tolerance_s = {}});
-  FoundBoards found = find_boards(*source, BoardDetector(board), options, std::move(stop));
+  const auto source = gather::open_pictures(inputs, {.only = common, .tolerance_s = {}});
+  gather::FoundBoards found = gather::find_boards(*source, board::BoardDetector(board), options, std::move(stop));
   for (std::size_t c = 0; c < common.size(); ++c) {
-    const Camera& camera = rig.cameras[static_cast<std::size_t>(*rig.index_of(common[c]))];
-    const ImageSize size = found.cameras[c].image_size;
+    const calib::Camera& camera = rig.cameras[static_cast<std::size_t>(*rig.index_of(common[c]))];
+    const calib::ImageSize size = found.cameras[c].image_size;
     if (size == camera.image_size) continue;
-    throw InputError(rig_file.string() + ": camera " + camera.name + " was calibrated at " +
+    throw gather::InputError(rig_file.string() + ": camera " + camera.name + " was calibrated at " +
                      std::to_string(camera.image_size.width) + "x" + std::to_string(camera.image_size.height) +
                      ", its pictures are " + std::to_string(size.width) + "x" + std::to_string(size.height));
   }
-  for (BoardView& view : found.views) view.camera = *rig.index_of(common[static_cast<std::size_t>(view.camera)]);
+  for (solver::BoardView& view : found.views) view.camera = *rig.index_of(common[static_cast<std::size_t>(view.camera)]);
   return found;
 }
 
-void note_in(CameraRig& rig, const std::string& key, const std::string& text) {
+void note_in(calib::CameraRig& rig, const std::string& key, const std::string& text) {
   const auto known = std::ranges::find(rig.made_by, key, &std::pair<std::string, std::string>::first);
   if (known == rig.made_by.end()) {
     rig.made_by.emplace_back(key, text);
@@ -49,4 +49,4 @@ void note_in(CameraRig& rig, const std::string& key, const std::string& text) {
   }
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::program

@@ -20,7 +20,7 @@
 #include "daemon/live.h"
 #include "config/service_config.h"
 
-namespace huetrack {
+namespace huetrack::program {
 namespace {
 
 struct Options {
@@ -34,91 +34,91 @@ struct Options {
 
 // What is to be calibrated, with which ball.
 struct Input {
-  CameraRig rig;
-  std::vector<TargetOptions> targets;
-  std::optional<ServiceConfig> config;
+  calib::CameraRig rig;
+  std::vector<object_tracking::TargetOptions> targets;
+  std::optional<config::ServiceConfig> config;
 };
 
 Input input_of(const Options& o) {
   Input in;
   if (!o.config.empty()) {
     if (!o.lenses.empty() || !o.hue.empty())
-      throw InputError("--config says lenses and colours: leave --lens and --hue out");
-    in.config = load_service_config(o.config);
+      throw gather::InputError("--config says lenses and colours: leave --lens and --hue out");
+    in.config = config::load_service_config(o.config);
     in.rig = in.config->rig;
     const auto& known = in.config->targets;
     std::string names;
-    for (const TargetOptions& target : known) names += (names.empty() ? "" : ", ") + target.name;
+    for (const object_tracking::TargetOptions& target : known) names += (names.empty() ? "" : ", ") + target.name;
     if (o.targets.empty() && known.size() > 1)
-      throw InputError(o.config + " has several targets: say which with --target: " + names);
+      throw gather::InputError(o.config + " has several targets: say which with --target: " + names);
     if (o.targets.empty()) in.targets = known;
     for (const auto& name : o.targets) {
-      const auto target = std::ranges::find(known, name, &TargetOptions::name);
-      if (target == known.end()) throw InputError(o.config + " has no target " + name + ": it has " + names);
+      const auto target = std::ranges::find(known, name, &object_tracking::TargetOptions::name);
+      if (target == known.end()) throw gather::InputError(o.config + " has no target " + name + ": it has " + names);
       if (!in.targets.empty() && in.targets.front().radius_m != target->radius_m)
-        throw InputError("--target: " + in.targets.front().name + " and " + name +
+        throw gather::InputError("--target: " + in.targets.front().name + " and " + name +
                          " are not of one radius: wave one of them");
       in.targets.push_back(*target);
     }
   } else {
     if (o.lenses.empty() || o.hue.empty())
-      throw InputError(
+      throw gather::InputError(
           "give --config huetrackd.yaml; or, without one, --lens for every camera and the target's --hue and --radius");
     for (const auto& file : o.lenses) {
-      const CameraRig lens = read_rig(file);
+      const calib::CameraRig lens = calib::read_rig(file);
       in.rig.cameras.insert(in.rig.cameras.end(), lens.cameras.begin(), lens.cameras.end());
     }
-    TargetOptions target;
+    object_tracking::TargetOptions target;
     target.name = o.targets.empty() ? "target" : o.targets.front();
     target.radius_m = o.radius_mm / 1e3;
     target.color = {o.hue[0], o.hue[1], o.saturation[0], o.saturation[1], o.intensity[0], o.intensity[1]};
-    for (const auto& problem : target.problems()) throw InputError(problem);
+    for (const auto& problem : target.problems()) throw gather::InputError(problem);
     in.targets.push_back(std::move(target));
     for (std::size_t a = 0; a < in.rig.cameras.size(); ++a) {
       for (std::size_t b = 0; b < a; ++b) {
         if (in.rig.cameras[a].name == in.rig.cameras[b].name)
-          throw InputError("--lens: two cameras are called " + in.rig.cameras[a].name);
+          throw gather::InputError("--lens: two cameras are called " + in.rig.cameras[a].name);
       }
     }
   }
   return in;
 }
 
-WaveOptions wave_options(const Options& o, const Input& in) {
-  WaveOptions options{.radius_m = in.targets.front().radius_m};
+wave::WaveOptions wave_options(const Options& o, const Input& in) {
+  wave::WaveOptions options{.radius_m = in.targets.front().radius_m};
   options.has_poses = !o.no_poses && in.config.has_value();
   if (!o.camera_distance.empty()) {
-    CameraDistance d;
+    wave::CameraDistance d;
     for (const int i : {0, 1}) {
       const auto index = in.rig.index_of(o.camera_distance[static_cast<std::size_t>(i)]);
       if (!index)
-        throw InputError("--camera-distance: the rig has no camera " + o.camera_distance[static_cast<std::size_t>(i)]);
+        throw gather::InputError("--camera-distance: the rig has no camera " + o.camera_distance[static_cast<std::size_t>(i)]);
       (i == 0 ? d.a : d.b) = *index;
     }
     char* end = nullptr;
     d.metres = std::strtod(o.camera_distance[2].c_str(), &end);
-    if (*end != 0) throw InputError("--camera-distance: " + o.camera_distance[2] + " is no number of metres");
+    if (*end != 0) throw gather::InputError("--camera-distance: " + o.camera_distance[2] + " is no number of metres");
     options.camera_distance = d;
   }
   if (o.rest_distance > 0) options.rest_distance_m = o.rest_distance;
   for (std::size_t i = 0; i + 3 < o.marks.size(); i += 4)
     options.marks.push_back({o.marks[i], {o.marks[i + 1], o.marks[i + 2], o.marks[i + 3]}});
   if (in.config)
-    options.volume = WorldBox{in.config->object_tracking.volume.min, in.config->object_tracking.volume.max};
-  for (const auto& problem : options.problems(in.rig)) throw InputError(problem);
+    options.volume = solver::WorldBox{in.config->object_tracking.volume.min, in.config->object_tracking.volume.max};
+  for (const auto& problem : options.problems(in.rig)) throw gather::InputError(problem);
   return options;
 }
 
 // What is still needed: how much of each image the ball has been in, and which pairs saw it together how often.
 class Needs {
  public:
-  explicit Needs(const CameraRig& rig) : rig_(rig), cells_(rig.cameras.size()), last_(rig.cameras.size(), -1e9) {
+  explicit Needs(const calib::CameraRig& rig) : rig_(rig), cells_(rig.cameras.size()), last_(rig.cameras.size(), -1e9) {
     shared_.assign(rig.cameras.size() * rig.cameras.size(), 0);
   }
-  void add(const BallFrame& frame) {
+  void add(const wave::BallFrame& frame) {
     if (frame.regions.empty()) return;
     const auto c = static_cast<std::size_t>(frame.camera);
-    const ImageSize size = rig_.cameras[c].image_size;
+    const calib::ImageSize size = rig_.cameras[c].image_size;
     const Eigen::Vector2d& px = frame.regions.front().centre;
     cells_[c] |= std::uint64_t{1} << (static_cast<int>(8 * (px.x() + 0.5) / size.width) +
                                       8 * static_cast<int>(6 * (px.y() + 0.5) / size.height));
@@ -141,47 +141,47 @@ class Needs {
   }
 
  private:
-  const CameraRig& rig_;
+  const calib::CameraRig& rig_;
   std::vector<std::uint64_t> cells_;
   std::vector<double> last_;
   std::vector<int> shared_;
 };
 
-using BallsFrames = std::vector<std::vector<BallFrame>>;  // per target
+using BallsFrames = std::vector<std::vector<wave::BallFrame>>;  // per target
 
 // All targets in one frame.
 class Finder {
  public:
   explicit Finder(const Input& in) {
-    for (const TargetOptions& target : in.targets) finders_.push_back(std::make_unique<BallFinder>(in.rig, target));
+    for (const object_tracking::TargetOptions& target : in.targets) finders_.push_back(std::make_unique<wave::BallFinder>(in.rig, target));
   }
-  std::optional<BallFrame> look(std::size_t ball, const Frame& frame) { return finders_[ball]->look(frame); }
+  std::optional<wave::BallFrame> look(std::size_t ball, const capture::Frame& frame) { return finders_[ball]->look(frame); }
   std::size_t unusable_frames() const { return finders_.front()->unusable_frames(); }
 
  private:
-  std::vector<std::unique_ptr<BallFinder>> finders_;
+  std::vector<std::unique_ptr<wave::BallFinder>> finders_;
 };
 
 BallsFrames frames_of_recording(const Options& o, const Input& in, const std::stop_token& stop) {
   std::vector<std::string> names;
-  for (const Camera& camera : in.rig.cameras) names.push_back(camera.name);
-  const Recording recording = read_recording(o.recording);
+  for (const calib::Camera& camera : in.rig.cameras) names.push_back(camera.name);
+  const capture::Recording recording = capture::read_recording(o.recording);
   for (const auto& warning : recording.warnings) std::printf("note: %s\n", warning.c_str());
-  ReplaySource source(recording, names);
+  capture::ReplaySource source(recording, names);
   for (std::size_t c = 0; c < names.size(); ++c) {
-    const ReplayCamera& camera = source.cameras()[c];
-    const ImageSize size = in.rig.cameras[c].image_size;
+    const capture::ReplayCamera& camera = source.cameras()[c];
+    const calib::ImageSize size = in.rig.cameras[c].image_size;
     if (camera.width != size.width || camera.height != size.height) {
-      throw InputError(camera.file.string() + " is " + std::to_string(camera.width) + "x" +
+      throw gather::InputError(camera.file.string() + " is " + std::to_string(camera.width) + "x" +
                        std::to_string(camera.height) + ", and " + names[c] + "'s lens was calibrated at " +
                        std::to_string(size.width) + "x" + std::to_string(size.height));
     }
   }
   Finder finder(in);
   Needs needs(in.rig);
-  ProgressLine progress(!o.quiet);
+  gather::ProgressLine progress(!o.quiet);
   BallsFrames frames(in.targets.size());
-  Background background(names.size());
+  wave::Background background(names.size());
   const auto expected = source.expected_frames();
   for (int done = 0; auto frame = source.next(stop); ++done) {
     background.add(*frame);
@@ -192,13 +192,13 @@ BallsFrames frames_of_recording(const Options& o, const Input& in, const std::st
       frames[ball].push_back(std::move(*found));
     }
     if (progress.due())
-      progress.draw(progress_text("looking for the ball", done,
+      progress.draw(gather::progress_text("looking for the ball", done,
                                   expected ? std::optional<int>(static_cast<int>(*expected)) : std::nullopt,
                                   needs.text()));
   }
-  for (auto& of_ball : frames) sharpen(of_ball, background, in.rig, progress.progress());
+  for (auto& of_ball : frames) wave::sharpen(of_ball, background, in.rig, progress.progress());
   progress.clear();
-  if (stop.stop_requested()) throw InputError("stopped");
+  if (stop.stop_requested()) throw gather::InputError("stopped");
   for (const auto& warning : source.take_warnings()) std::printf("note: %s\n", warning.c_str());
   if (finder.unusable_frames() > 0) std::printf("note: %zu damaged frames left out\n", finder.unusable_frames());
   return frames;
@@ -206,8 +206,8 @@ BallsFrames frames_of_recording(const Options& o, const Input& in, const std::st
 
 // Every camera has its own thread, which looks for the ball as well: of the pictures only what is around it is kept.
 BallsFrames frames_of_cameras(const Options& o, const Input& in, const std::stop_token& stop) {
-  std::vector<LiveCamera> cameras = open_cameras(*in.config);
-  if (cameras.size() < 2) throw InputError(o.config + ": cameras: two live cameras or more are needed");
+  std::vector<daemon::LiveCamera> cameras = daemon::open_cameras(*in.config);
+  if (cameras.size() < 2) throw gather::InputError(o.config + ": cameras: two live cameras or more are needed");
   std::mutex mutex;
   BallsFrames frames(in.targets.size());  // guarded by mutex
   Needs needs(in.rig);                    // guarded by mutex
@@ -215,10 +215,10 @@ BallsFrames frames_of_cameras(const Options& o, const Input& in, const std::stop
   std::stop_source end;
   {
     std::vector<std::jthread> threads;
-    for (LiveCamera& camera : cameras) {
+    for (daemon::LiveCamera& camera : cameras) {
       threads.emplace_back([&, source = camera.source.get()] {
         Finder finder(in);
-        Background background(in.rig.cameras.size());
+        wave::Background background(in.rig.cameras.size());
         BallsFrames seen(in.targets.size());
         while (const auto frame = source->next(end.get_token())) {
           background.add(*frame);
@@ -233,20 +233,20 @@ BallsFrames frames_of_cameras(const Options& o, const Input& in, const std::stop
           }
         }
         for (std::size_t ball = 0; ball < seen.size(); ++ball) {
-          sharpen(seen[ball], background, in.rig);
+          wave::sharpen(seen[ball], background, in.rig);
           const std::lock_guard lock(mutex);
           std::ranges::move(seen[ball], std::back_inserter(frames[ball]));
         }
       });
     }
-    ProgressLine progress(!o.quiet);
+    gather::ProgressLine progress(!o.quiet);
     const auto began = std::chrono::steady_clock::now();
     double s = 0;
     while (!stop.stop_requested() &&
            (s = std::chrono::duration<double>(std::chrono::steady_clock::now() - began).count()) < o.live_s) {
       std::this_thread::sleep_for(std::chrono::milliseconds(100));
       const std::lock_guard lock(mutex);
-      progress.draw(progress_text("wave the ball", static_cast<int>(s), static_cast<int>(o.live_s), needs.text()));
+      progress.draw(gather::progress_text("wave the ball", static_cast<int>(s), static_cast<int>(o.live_s), needs.text()));
     }
     progress.clear();
     end.request_stop();
@@ -255,22 +255,22 @@ BallsFrames frames_of_cameras(const Options& o, const Input& in, const std::stop
 }
 
 ExitStatus wave(const Options& o, const std::stop_token& stop) {
-  if (o.recording.empty() == (o.live_s <= 0)) throw InputError("give a recording, or --live SECONDS");
-  if (o.live_s > 0 && o.config.empty()) throw InputError("--live needs --config: it says where the cameras are");
-  if (o.marks.size() % 4 != 0) throw InputError("--mark has four numbers: SECONDS X Y Z");
+  if (o.recording.empty() == (o.live_s <= 0)) throw gather::InputError("give a recording, or --live SECONDS");
+  if (o.live_s > 0 && o.config.empty()) throw gather::InputError("--live needs --config: it says where the cameras are");
+  if (o.marks.size() % 4 != 0) throw gather::InputError("--mark has four numbers: SECONDS X Y Z");
   const Input in = input_of(o);
-  WaveOptions options = wave_options(o, in);
-  std::vector<BallFrame> frames = one_after_the_other(
+  wave::WaveOptions options = wave_options(o, in);
+  std::vector<wave::BallFrame> frames = wave::one_after_the_other(
       o.live_s > 0 ? frames_of_cameras(o, in, stop) : frames_of_recording(o, in, stop), in.rig.cameras.size());
-  ProgressLine progress(!o.quiet);
+  gather::ProgressLine progress(!o.quiet);
   options.progress = progress.progress();
-  WaveResult result = calibrate_wave(in.rig, std::move(frames), options);
+  wave::WaveResult result = wave::calibrate_wave(in.rig, std::move(frames), options);
   progress.clear();
-  std::printf("%s", to_text(result).c_str());
+  std::printf("%s", report::to_text(result).c_str());
 
   std::array<char, 64> text;
   std::string names;
-  for (const TargetOptions& target : in.targets) names += (names.empty() ? "" : ", ") + target.name;
+  for (const object_tracking::TargetOptions& target : in.targets) names += (names.empty() ? "" : ", ") + target.name;
   result.rig.made_by = {{"tool", "huetrack-calibrate " HUETRACK_VERSION " wave"},
                         {"input", o.live_s > 0 ? "live" : o.recording},
                         {"target", names},
@@ -280,7 +280,7 @@ ExitStatus wave(const Options& o, const std::stop_token& stop) {
   result.rig.made_by.emplace_back("rms_px", text.data());
   std::snprintf(text.data(), text.size(), "%.2f", 1e3 * result.expected_in_volume_m.value_or(result.expected_m));
   result.rig.made_by.emplace_back("expected_error_mm", text.data());
-  for (const auto& problem : result.rig.problems()) throw CalibrationError("what came out is no rig: " + problem);
+  for (const auto& problem : result.rig.problems()) throw solver::CalibrationError("what came out is no rig: " + problem);
   // A doubtful result is not put in the place of a rig that may be better.
   std::filesystem::path file = o.rig;
   if (!result.usable() && !o.overwrite && std::filesystem::exists(file)) {
@@ -289,7 +289,7 @@ ExitStatus wave(const Options& o, const std::stop_token& stop) {
                  "huetrack-calibrate: doubtful, so %s is left as it was; the new rig is %s (--overwrite replaces)\n",
                  o.rig.c_str(), file.c_str());
   }
-  write_rig(result.rig, file);
+  calib::write_rig(result.rig, file);
   std::printf("%s\n", file.c_str());
   return result.usable() ? ExitStatus::usable : ExitStatus::doubtful;
 }
@@ -329,4 +329,4 @@ void add_wave_command(CLI::App& app, Command& chosen) {
   command->callback([o, &chosen] { chosen = [o](const std::stop_token& stop) { return wave(*o, stop); }; });
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::program

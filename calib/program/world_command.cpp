@@ -16,7 +16,7 @@
 #include "calib/program/outcome.h"
 #include "calib/program/rig_pictures.h"
 
-namespace huetrack {
+namespace huetrack::program {
 namespace {
 
 struct Options {
@@ -28,7 +28,7 @@ struct Options {
 };
 
 struct NewWorld {
-  CameraRig rig;
+  calib::CameraRig rig;
   bool is_floor = true;             // z = 0 is the floor
   std::string how;                  // for made_by
   std::vector<std::string> doubts;  // one sentence each, with what to do
@@ -43,26 +43,26 @@ std::string text_of(const char* format, auto... values) {
 
 constexpr double good_px = 1.5;  // that the board (a point) may be off in the images
 
-NewWorld from_board(const CameraRig& rig, const Options& options, const std::stop_token& stop) {
-  const Board board = read_board(options.board);
-  const FoundBoards found =
+NewWorld from_board(const calib::CameraRig& rig, const Options& options, const std::stop_token& stop) {
+  const board::Board board = board::read_board(options.board);
+  const gather::FoundBoards found =
       board_views_of(rig, options.rig, board, options.inputs, {.progress = !options.quiet, .view = {}}, stop);
   // The moment that was asked for, or the one that most cameras saw.
   std::map<int, int> seen;
-  for (const BoardView& view : found.views) ++seen[view.set];
+  for (const solver::BoardView& view : found.views) ++seen[view.set];
   int set = seen.begin()->first;
   for (const auto& [number, cameras] : seen) {
     const auto away = [&](int n) { return std::abs(found.set_at_s[static_cast<std::size_t>(n)] - *options.at_s); };
     if (options.at_s ? away(number) < away(set) : cameras > seen[set]) set = number;
   }
-  std::vector<BoardView> views;
-  for (const BoardView& view : found.views) {
+  std::vector<solver::BoardView> views;
+  for (const solver::BoardView& view : found.views) {
     if (view.set == set) views.push_back(view);
   }
   NewWorld world;
-  const Adjustment placed = adjust(place_boards(board, rig, views), {.find_outliers = false, .with_covariance = false});
-  const Rigid3d& world_from_board = placed.world_from_board[static_cast<std::size_t>(set)];
-  world.rig = in_world(rig, {floor_from_board(world_from_board, options.height_m), 1});
+  const solver::Adjustment placed = solver::adjust(solver::place_boards(board, rig, views), {.find_outliers = false, .with_covariance = false});
+  const calib::Rigid3d& world_from_board = placed.world_from_board[static_cast<std::size_t>(set)];
+  world.rig = solver::in_world(rig, {solver::floor_from_board(world_from_board, options.height_m), 1});
   world.how = text_of("the board on the floor at %.2f s, seen by %zu cameras, %.2f px rms",
                       found.set_at_s[static_cast<std::size_t>(set)], views.size(), placed.rms_px);
   if (found.set_at_s.size() > 1 && !options.at_s) {
@@ -72,9 +72,9 @@ NewWorld from_board(const CameraRig& rig, const Options& options, const std::sto
                 found.set_at_s[static_cast<std::size_t>(set)]));
   }
   if (views.size() == 1) {
-    const BoardView& view = views.front();
-    const Camera& camera = rig.cameras[static_cast<std::size_t>(view.camera)];
-    const auto poses = board_poses(board, view, lens_model_of(camera.model), parameters_of(camera.model));
+    const solver::BoardView& view = views.front();
+    const calib::Camera& camera = rig.cameras[static_cast<std::size_t>(view.camera)];
+    const auto poses = solver::board_poses(board, view, solver::lens_model_of(camera.model), solver::parameters_of(camera.model));
     if (poses.size() > 1 && poses[1].rms_px < 2 * poses[0].rms_px + 0.1) {
       world.doubts.push_back(
           text_of("only %s sees the board, and so flat that its mirrored twin fits as well (%.2f and %.2f px): the "
@@ -92,7 +92,7 @@ NewWorld from_board(const CameraRig& rig, const Options& options, const std::sto
   return world;
 }
 
-NewWorld from_points(const CameraRig& rig, const Options& options) {
+NewWorld from_points(const calib::CameraRig& rig, const Options& options) {
   const auto points = read_points(options.points, rig);
   std::vector<Eigen::Vector3d> from, to;
   for (const PointOfWorld& point : points) {
@@ -107,13 +107,13 @@ NewWorld from_points(const CameraRig& rig, const Options& options) {
                   point.name.c_str(), *point.rms_px));
     }
   }
-  WorldChange change;
+  solver::WorldChange change;
   if (to.empty()) {
-    change.new_from_old = floor_from_points(from, rig);
+    change.new_from_old = solver::floor_from_points(from, rig);
     world.how = std::to_string(points.size()) + " points on the floor";
   } else {
-    const double scale = align_points(from, to, true).scale;
-    change = align_points(from, to, options.scale);
+    const double scale = solver::align_points(from, to, true).scale;
+    change = solver::align_points(from, to, options.scale);
     world.is_floor = false;
     world.how = std::to_string(points.size()) + " measured points";
     if (options.scale) world.how += text_of(", scale %.5f", change.scale);
@@ -139,22 +139,22 @@ NewWorld from_points(const CameraRig& rig, const Options& options) {
                   points[k].name.c_str(), 1000 * off));
     }
   }
-  world.rig = in_world(rig, change);
+  world.rig = solver::in_world(rig, change);
   return world;
 }
 
 ExitStatus set_world(const Options& options, const std::stop_token& stop) {
-  const CameraRig rig = read_rig(options.rig);
+  const calib::CameraRig rig = calib::read_rig(options.rig);
   if (options.board.empty() == options.points.empty())
-    throw InputError(
+    throw gather::InputError(
         "what sets the world? Give --board BOARD.yaml and pictures of it on the floor, or --points POINTS.yaml");
   NewWorld world = options.points.empty() ? from_board(rig, options, stop) : from_points(rig, options);
-  for (const Camera& camera : world.rig.cameras) {
+  for (const calib::Camera& camera : world.rig.cameras) {
     if (camera.centre().z() > 0) continue;
     const std::string below =
         text_of("camera %s would stand %.2f m below z = 0", camera.name.c_str(), -camera.centre().z());
     if (world.is_floor) {
-      throw CalibrationError(
+      throw solver::CalibrationError(
           below +
           ", under the floor: the points are not on the floor, the board lies face down, or the rig is "
           "mirrored (was the camera's image?); nothing was written");
@@ -162,13 +162,13 @@ ExitStatus set_world(const Options& options, const std::stop_token& stop) {
     world.doubts.push_back(below + ": is the world's z axis up, in the points that were measured?");
   }
   note_in(world.rig, "world", world.how);
-  const auto out = place_for(world.doubts.empty() ? Verdict::usable : Verdict::doubtful,
+  const auto out = place_for(world.doubts.empty() ? report::Verdict::usable : report::Verdict::doubtful,
                              options.out.empty() ? options.rig : options.out, options.overwrite);
-  write_rig(world.rig, out);
+  calib::write_rig(world.rig, out);
   if (!options.quiet) {
     std::printf("The world is that of %s.\n%s", world.how.c_str(), world.details.c_str());
     for (const std::string& doubt : world.doubts) std::printf("  ? %s.\n", doubt.c_str());
-    for (const Camera& camera : world.rig.cameras) {
+    for (const calib::Camera& camera : world.rig.cameras) {
       const Eigen::Vector3d c = camera.centre();
       std::printf("  %-12s stands at (%.3f, %.3f, %.3f) m\n", camera.name.c_str(), c.x(), c.y(), c.z());
     }
@@ -201,4 +201,4 @@ void add_world_command(CLI::App& app, Command& chosen) {
       [options, &chosen] { chosen = [options](const std::stop_token& stop) { return set_world(*options, stop); }; });
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::program

@@ -6,7 +6,7 @@
 #include <cstdio>
 #include <numbers>
 
-namespace huetrack {
+namespace huetrack::report {
 namespace {
 
 // A figure up to `doubtful` is good, beyond `failed` hopeless.
@@ -103,7 +103,7 @@ class Judge {
   }
 
   void lens(const CameraReport& camera, bool covers) {
-    const LensParameters& l = camera.parameters;
+    const solver::LensParameters& l = camera.parameters;
     const double focal = std::max(camera.sigma(0) / l(0), camera.sigma(1) / l(1));
     if (focal > 0) {
       add(focal_share.judge(focal), "focal length of " + camera.name,
@@ -211,7 +211,7 @@ class Judge {
           "recording.yaml (offset_s)");
     }
     if (report_.volume) {
-      const VolumeAccuracy& volume = *report_.volume;
+      const solver::VolumeAccuracy& volume = *report_.volume;
       double distance = 0;
       for (const CameraReport& camera : report_.cameras) {
         distance += (camera.centre - (volume.box.low + volume.box.high) / 2).norm() /
@@ -240,4 +240,4 @@ void judge(CalibrationReport& report, const Evidence& evidence) {
   Judge(report, evidence).run();
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::report

@@ -3,7 +3,7 @@
 
 #include "calib/report/calibration_report.h"
 
-namespace huetrack {
+namespace huetrack::report {
 
 // What judging needs besides the figures in the report.
 struct Evidence {
@@ -16,4 +16,4 @@ struct Evidence {
 // Sets checks and verdict.
 void judge(CalibrationReport& report, const Evidence& evidence);
 
-}  // namespace huetrack
+}  // namespace huetrack::report

@@ -8,7 +8,7 @@
 
 #include "calib/report/calibration_checks.h"
 
-namespace huetrack {
+namespace huetrack::report {
 namespace {
 
 using Eigen::Vector2d;
@@ -18,13 +18,13 @@ std::size_t index(int i) {
   return static_cast<std::size_t>(i);
 }
 
-Vector3d middle_of(const Board& board) {
+Vector3d middle_of(const board::Board& board) {
   Vector3d middle = Vector3d::Zero();
   for (int id = 0; id < board.point_count(); ++id) middle += board.point(id) / board.point_count();
   return middle;
 }
 
-int cell_of(const Vector2d& px, ImageSize size) {
+int cell_of(const Vector2d& px, calib::ImageSize size) {
   const int column =
       std::clamp(static_cast<int>((px.x() + 0.5) / size.width * ImageGrid::columns), 0, ImageGrid::columns - 1);
   const int row = std::clamp(static_cast<int>((px.y() + 0.5) / size.height * ImageGrid::rows), 0, ImageGrid::rows - 1);
@@ -32,10 +32,10 @@ int cell_of(const Vector2d& px, ImageSize size) {
 }
 
 // Views that no other one before them resembles: the corners' median distance is over a hundredth of the image's width.
-int distinct(const std::vector<const BoardView*>& views, ImageSize size) {
-  std::vector<const BoardView*> kept;
-  for (const BoardView* view : views) {
-    const bool known = std::ranges::any_of(kept, [&](const BoardView* other) {
+int distinct(const std::vector<const solver::BoardView*>& views, calib::ImageSize size) {
+  std::vector<const solver::BoardView*> kept;
+  for (const solver::BoardView* view : views) {
+    const bool known = std::ranges::any_of(kept, [&](const solver::BoardView* other) {
       std::vector<double> apart;
       for (std::size_t i = 0, j = 0; i < view->ids.size() && j < other->ids.size();) {
         if (view->ids[i] == other->ids[j]) {
@@ -54,8 +54,8 @@ int distinct(const std::vector<const BoardView*>& views, ImageSize size) {
   return static_cast<int>(kept.size());
 }
 
-CameraReport camera_report(const Adjustment& a, int c, Evidence& evidence) {
-  const AdjustedCamera& camera = a.cameras[index(c)];
+CameraReport camera_report(const solver::Adjustment& a, int c, Evidence& evidence) {
+  const solver::AdjustedCamera& camera = a.cameras[index(c)];
   CameraReport report;
   report.name = camera.name;
   report.image_size = camera.image_size;
@@ -65,12 +65,12 @@ CameraReport camera_report(const Adjustment& a, int c, Evidence& evidence) {
   report.rms_px = a.rms_of_camera(c);
   std::array<Vector2d, 48> sums{};
   sums.fill(Vector2d::Zero());
-  std::vector<const BoardView*> used_views;
+  std::vector<const solver::BoardView*> used_views;
   const Vector3d middle = middle_of(a.board);
   int behind = 0;
   for (std::size_t v = 0; v < a.views.size(); ++v) {
     if (a.views[v].camera != c || !a.fits[v].dropped.empty()) continue;
-    const BoardView& view = a.views[v];
+    const solver::BoardView& view = a.views[v];
     used_views.push_back(&view);
     double view_sum = 0;
     int view_corners = 0;
@@ -88,7 +88,7 @@ CameraReport camera_report(const Adjustment& a, int c, Evidence& evidence) {
       report.worst_view_rms_px = rms;
       report.worst_view = view.image;
     }
-    const Rigid3d cam_from_board = camera.cam_from_world * a.world_from_board[index(view.set)];
+    const calib::Rigid3d cam_from_board = camera.cam_from_world * a.world_from_board[index(view.set)];
     const Vector3d centre = cam_from_board * middle, normal = cam_from_board.rotation * Vector3d::UnitZ();
     const double cosine = normal.dot(centre.normalized());
     behind += cosine < 0 ? 1 : 0;
@@ -112,13 +112,13 @@ CameraReport camera_report(const Adjustment& a, int c, Evidence& evidence) {
   report.coverage = static_cast<double>(filled) / static_cast<double>(sums.size());
   report.pattern_px = cells > 0 ? std::sqrt(pattern / cells) : 0;
   evidence.behind.push_back(used_views.empty() ? 0 : static_cast<double>(behind) / report.views_used);
-  evidence.covers_image.push_back(covers_image(camera.model(), camera.image_size));
+  evidence.covers_image.push_back(solver::covers_image(camera.model(), camera.image_size));
   return report;
 }
 
 // Standard deviation of the distance of two cameras' centres.
-double distance_sigma(const Adjustment& a, int i, int k) {
-  const auto centre = [&](int c) { return inverse(a.cameras[index(c)].cam_from_world).translation; };
+double distance_sigma(const solver::Adjustment& a, int i, int k) {
+  const auto centre = [&](int c) { return calib::inverse(a.cameras[index(c)].cam_from_world).translation; };
   const Vector3d direction = (centre(i) - centre(k)).normalized();
   Eigen::VectorXd gradient = Eigen::VectorXd::Zero(a.covariance.rows());
   for (const auto& [c, sign] : {std::pair(i, 1.0), std::pair(k, -1.0)}) {
@@ -129,7 +129,7 @@ double distance_sigma(const Adjustment& a, int i, int k) {
   return std::sqrt(std::max(0.0, gradient.dot(a.covariance * gradient)));
 }
 
-void add_views(CalibrationReport& report, const Adjustment& a) {
+void add_views(CalibrationReport& report, const solver::Adjustment& a) {
   for (std::size_t v = 0; v < a.views.size(); ++v) {
     if (a.fits[v].dropped.empty()) continue;
     report.dropped.push_back({a.views[v].camera, a.views[v].image, a.fits[v].dropped});
@@ -152,7 +152,7 @@ void add_views(CalibrationReport& report, const Adjustment& a) {
   }
 }
 
-CalibrationReport base_report(const Adjustment& a, const ReportInput& input, Evidence& evidence) {
+CalibrationReport base_report(const solver::Adjustment& a, const ReportInput& input, Evidence& evidence) {
   CalibrationReport report;
   report.made_of = input.made_of;
   report.board = a.board.description();
@@ -166,14 +166,14 @@ CalibrationReport base_report(const Adjustment& a, const ReportInput& input, Evi
     }
   }
   std::set<int> sets;
-  for (const BoardView& view : a.views) sets.insert(view.set);
+  for (const solver::BoardView& view : a.views) sets.insert(view.set);
   report.sets = static_cast<int>(sets.size());
   evidence.warnings = input.warnings;
   add_views(report, a);
   return report;
 }
 
-void take_lens(CameraReport& camera, const Intrinsics& lens) {
+void take_lens(CameraReport& camera, const solver::Intrinsics& lens) {
   camera.lens_was_found = true;
   camera.lens_reason = lens.lens_reason;
   camera.trials = lens.trials;
@@ -185,7 +185,7 @@ std::string_view name(Verdict verdict) {
   return verdict == Verdict::usable ? "usable" : verdict == Verdict::doubtful ? "doubtful" : "failed";
 }
 
-CalibrationReport report_on(const Intrinsics& result, const ReportInput& input) {
+CalibrationReport report_on(const solver::Intrinsics& result, const ReportInput& input) {
   Evidence evidence;
   CalibrationReport report = base_report(result.adjustment, input, evidence);
   report.title = "Lens of " + report.cameras.front().name;
@@ -194,8 +194,8 @@ CalibrationReport report_on(const Intrinsics& result, const ReportInput& input) 
   return report;
 }
 
-CalibrationReport report_on(const Extrinsics& result, const ReportInput& input) {
-  const Adjustment& a = result.adjustment;
+CalibrationReport report_on(const solver::Extrinsics& result, const ReportInput& input) {
+  const solver::Adjustment& a = result.adjustment;
   Evidence evidence;
   evidence.alone_px = result.alone_px;
   CalibrationReport report = base_report(a, input, evidence);
@@ -208,12 +208,12 @@ CalibrationReport report_on(const Extrinsics& result, const ReportInput& input) 
     CameraReport& camera = report.cameras[c];
     if (c < result.lenses.size() && result.lenses[c]) take_lens(camera, *result.lenses[c]);
     camera.cam_from_world = a.cameras[c].cam_from_world;
-    camera.centre = inverse(a.cameras[c].cam_from_world).translation;
+    camera.centre = calib::inverse(a.cameras[c].cam_from_world).translation;
   }
   for (int i = 0; i < static_cast<int>(a.cameras.size()); ++i) {
     for (int k = i + 1; k < static_cast<int>(a.cameras.size()); ++k) {
       PairReport pair{i, k, 0, 0, 0, 0};
-      const auto known = std::ranges::find_if(result.pairs, [&](const CameraPair& p) { return p.a == i && p.b == k; });
+      const auto known = std::ranges::find_if(result.pairs, [&](const solver::CameraPair& p) { return p.a == i && p.b == k; });
       if (known != result.pairs.end()) {
         pair.shared_sets = known->shared_sets;
         pair.rms_px = known->rms_px;
@@ -230,9 +230,9 @@ CalibrationReport report_on(const Extrinsics& result, const ReportInput& input) 
   }
   report.board_centres.assign(centres.begin(), centres.end());
   constexpr std::array<int, 3> steps{13, 13, 7};
-  report.volume = predict_accuracy(a, input.volume ? *input.volume : board_volume(a), steps);
+  report.volume = solver::predict_accuracy(a, input.volume ? *input.volume : solver::board_volume(a), steps);
   for (std::size_t c = 0; c < a.cameras.size(); ++c) {
-    const PoseSigma sigma = pose_sigma(a, *report.volume, static_cast<int>(c));
+    const solver::PoseSigma sigma = solver::pose_sigma(a, *report.volume, static_cast<int>(c));
     report.cameras[c].centre_sigma_m = sigma.position.norm();
     report.cameras[c].rotation_sigma_rad = sigma.rotation.norm();
   }
@@ -240,4 +240,4 @@ CalibrationReport report_on(const Extrinsics& result, const ReportInput& input) 
   return report;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::report

@@ -15,7 +15,7 @@
 #include "calib/solver/extrinsics.h"
 #include "calib/solver/volume_accuracy.h"
 
-namespace huetrack {
+namespace huetrack::report {
 
 enum class Verdict : std::uint8_t { usable, doubtful, failed };
 std::string_view name(Verdict verdict);  // "usable", "doubtful", "failed"
@@ -37,13 +37,13 @@ struct ImageGrid {
 
 struct CameraReport {
   std::string name;
-  ImageSize image_size;
-  LensModel lens = LensModel::radtan5;
-  LensParameters parameters = LensParameters::Zero();
-  LensParameters sigma = LensParameters::Zero();  // 0: taken as exact
+  calib::ImageSize image_size;
+  solver::LensModel lens = solver::LensModel::radtan5;
+  solver::LensParameters parameters = solver::LensParameters::Zero();
+  solver::LensParameters sigma = solver::LensParameters::Zero();  // 0: taken as exact
   bool lens_was_found = false;                    // here, rather than given
   std::string lens_reason;                        // of the choice of model; empty when it was given
-  std::vector<LensTrial> trials;
+  std::vector<solver::LensTrial> trials;
   int pictures = 0, boards = 0;  // looked at, and with the board in it; 0 pictures: not known
   int views_used = 0, corners_used = 0;
   int distinct_views = 0;  // of views_used, without those that show the board at the place of another
@@ -55,7 +55,7 @@ struct CameraReport {
   std::vector<double> tilt_deg;                      // per used view: of the board, against the line of sight
   std::vector<double> distance_m;                    // per used view: of the board's centre
   double pattern_px = 0;                             // rms of what the lens model leaves systematically, over the cells
-  std::optional<Rigid3d> cam_from_world;             // nullopt: a lens alone
+  std::optional<calib::Rigid3d> cam_from_world;             // nullopt: a lens alone
   Eigen::Vector3d centre = Eigen::Vector3d::Zero();  // in the world, metres
   // Length of the three axes' standard deviations, in a world that is aligned with the volume.
   double centre_sigma_m = 0, rotation_sigma_rad = 0;
@@ -86,10 +86,10 @@ struct CalibrationReport {
   double rms_px = 0, noise_px = 0;
   int sets = 0;
   std::string lens_reason;  // of extrinsics: why the lenses were refined, or not
-  std::optional<VolumeAccuracy> volume;
+  std::optional<solver::VolumeAccuracy> volume;
   std::vector<std::pair<int, Eigen::Vector3d>> board_centres;  // (set, world), for the plan
-  std::vector<BoardView> shown;  // views worth a picture, with their residuals beside them
-  std::vector<ViewFit> shown_fits;
+  std::vector<solver::BoardView> shown;  // views worth a picture, with their residuals beside them
+  std::vector<solver::ViewFit> shown_fits;
 };
 
 // What is known besides the result.
@@ -99,12 +99,12 @@ struct ReportInput {
   };
   std::vector<OfCamera> cameras;      // beside the result's; may be empty
   std::vector<std::string> warnings;  // damaged files: each a doubt
-  std::optional<WorldBox> volume;     // nullopt: where the board was
+  std::optional<solver::WorldBox> volume;     // nullopt: where the board was
   std::vector<std::pair<std::string, std::string>> made_of;
 };
 
-CalibrationReport report_on(const Intrinsics& result, const ReportInput& input);
-CalibrationReport report_on(const Extrinsics& result, const ReportInput& input);
+CalibrationReport report_on(const solver::Intrinsics& result, const ReportInput& input);
+CalibrationReport report_on(const solver::Extrinsics& result, const ReportInput& input);
 
 std::string to_text(const CalibrationReport& report);
 
@@ -119,4 +119,4 @@ using PictureOf = std::function<const EmbeddedPicture*(int camera, const std::st
 // One file with everything in it.
 std::string to_html(const CalibrationReport& report, const PictureOf& picture_of = {});
 
-}  // namespace huetrack
+}  // namespace huetrack::report

@@ -8,7 +8,7 @@
 
 #include "calib/report/calibration_report.h"
 
-namespace huetrack {
+namespace huetrack::report {
 namespace {
 
 using Eigen::Vector2d;
@@ -161,11 +161,11 @@ std::string view_scatter(const CameraReport& camera) {
 
 std::string lens_table(const CameraReport& camera) {
   std::string out =
-      "<table><tr><th>" + std::string(name(camera.lens)) + "</th><th class=n>value</th><th class=n>+-</th></tr>";
-  for (int i = 0; i < parameter_count(camera.lens); ++i) {
+      "<table><tr><th>" + std::string(solver::name(camera.lens)) + "</th><th class=n>value</th><th class=n>+-</th></tr>";
+  for (int i = 0; i < solver::parameter_count(camera.lens); ++i) {
     out += text_of(i < 4 ? "<tr><td>%s</td><td class=n>%.2f</td><td class=n>%.2f</td></tr>"
                          : "<tr><td>%s</td><td class=n>%.5f</td><td class=n>%.5f</td></tr>",
-                   std::string(parameter_name(camera.lens, i)).c_str(), camera.parameters(i), camera.sigma(i));
+                   std::string(solver::parameter_name(camera.lens, i)).c_str(), camera.parameters(i), camera.sigma(i));
   }
   return out + "</table>";
 }
@@ -174,8 +174,8 @@ std::string trials_table(const CameraReport& camera) {
   if (camera.trials.size() < 2) return {};
   std::string out =
       "<table><tr><th>lens model</th><th class=n>rms of its views</th><th class=n>of others</th><th></th></tr>";
-  for (const LensTrial& trial : camera.trials) {
-    out += text_of("<tr><td>%s</td><td class=n>%.3f</td><td class=n>", name(trial.lens).data(), trial.rms_px);
+  for (const solver::LensTrial& trial : camera.trials) {
+    out += text_of("<tr><td>%s</td><td class=n>%.3f</td><td class=n>", solver::name(trial.lens).data(), trial.rms_px);
     out += trial.held_out_px > 0 ? text_of("%.3f", trial.held_out_px) : std::string("-");
     out += "</td><td>" + escaped(trial.possible ? "" : trial.note) +
            (trial.lens == camera.lens ? "<b>chosen</b>" : "") + "</td></tr>";
@@ -183,7 +183,7 @@ std::string trials_table(const CameraReport& camera) {
   return out + "</table>";
 }
 
-std::string picture(const BoardView& view, const ViewFit& fit, const CameraReport& camera,
+std::string picture(const solver::BoardView& view, const solver::ViewFit& fit, const CameraReport& camera,
                     const PictureOf& picture_of) {
   const EmbeddedPicture* picture = picture_of ? picture_of(view.camera, view.image) : nullptr;
   constexpr double width = 340;
@@ -244,7 +244,7 @@ std::string plan(const CalibrationReport& report) {
     svg += text_of("<circle cx='%.1f' cy='%.1f' r='2.5' fill='#2563a8' fill-opacity='0.5'/>", p.x(), p.y());
   }
   for (const CameraReport& camera : report.cameras) {
-    const CameraModel model = camera_model(camera.lens, camera.parameters);
+    const calib::CameraModel model = solver::camera_model(camera.lens, camera.parameters);
     const Vector2d p = at(camera.centre.head<2>());
     std::string points = text_of("%.1f,%.1f", p.x(), p.y());
     for (const double u : {0.0, camera.image_size.width - 1.0}) {
@@ -271,9 +271,9 @@ std::string plan(const CalibrationReport& report) {
          "world's origin with x (red) and y (green).</figcaption></figure>";
 }
 
-std::string slices(const VolumeAccuracy& volume) {
+std::string slices(const solver::VolumeAccuracy& volume) {
   std::vector<double> all;
-  for (const PointAccuracy& point : volume.points) {
+  for (const solver::PointAccuracy& point : volume.points) {
     if (point.views >= 2) all.push_back(1000 * point.total_m);
   }
   if (all.empty()) return "<p>No point of the volume is seen by two cameras.</p>";
@@ -288,7 +288,7 @@ std::string slices(const VolumeAccuracy& volume) {
     std::string svg = text_of("<svg width='%.0f' height='%.0f' role='img'>", w * volume.steps[0], h * volume.steps[1]);
     for (int iy = 0; iy < volume.steps[1]; ++iy) {
       for (int ix = 0; ix < volume.steps[0]; ++ix) {
-        const PointAccuracy& point = volume.at(ix, iy, iz);
+        const solver::PointAccuracy& point = volume.at(ix, iy, iz);
         const std::string fill =
             point.views < 2 ? "#e5e7eb" : shade((1000 * point.total_m - low) / std::max(1e-9, high - low) * 0.9 + 0.05);
         svg += text_of("<rect x='%.1f' y='%.1f' width='%.2f' height='%.2f' fill='%s'><title>(%.2f, %.2f, %.2f) m: ",
@@ -336,7 +336,7 @@ std::string camera_table(const CalibrationReport& report) {
                    c.rms_px, c.views_used);
     out += c.pictures > 0 ? text_of("%d of %d", c.boards, c.pictures) : std::string("-");
     out += text_of("</td><td class=n>%.0f %%</td><td>%s</td><td class=n>%.1f +- %.1f</td>", 100 * c.coverage,
-                   name(c.lens).data(), c.parameters(0), c.sigma(0));
+                   solver::name(c.lens).data(), c.parameters(0), c.sigma(0));
     if (posed) {
       out += text_of("<td class=n>+- %.2f</td><td class=n>+- %.4f</td>", 1000 * c.centre_sigma_m,
                      c.rotation_sigma_rad * 180 / std::numbers::pi);
@@ -408,7 +408,7 @@ std::string to_html(const CalibrationReport& report, const PictureOf& picture_of
   out += "\n<h2>Cameras</h2>" + camera_table(report);
   if (!report.lens_reason.empty()) out += "<p>Lenses: " + escaped(report.lens_reason) + ".</p>";
   if (report.volume) {
-    const VolumeAccuracy& v = *report.volume;
+    const solver::VolumeAccuracy& v = *report.volume;
     const Vector3d size = v.box.high - v.box.low;
     out +=
         "\n<h2>Does it agree with a tape measure?</h2><p>The one thing that no picture can tell is the board's true "
@@ -469,4 +469,4 @@ std::string to_html(const CalibrationReport& report, const PictureOf& picture_of
   return out + "\n</body></html>\n";
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::report

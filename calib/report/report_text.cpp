@@ -5,7 +5,7 @@
 
 #include "calib/report/calibration_report.h"
 
-namespace huetrack {
+namespace huetrack::report {
 namespace {
 
 template <typename... Values>
@@ -46,7 +46,7 @@ std::string to_text(const CalibrationReport& report) {
   out += posed ? text_of("  %12s %14s\n", "position mm", "rotation deg") : "\n";
   for (const CameraReport& c : report.cameras) {
     out += text_of("%-*s  %9.3f %7d %7.0f %%  %-8s %8.1f +- %4.1f", w, c.name.c_str(), c.rms_px, c.views_used,
-                   100 * c.coverage, name(c.lens).data(), c.parameters(0), c.sigma(0));
+                   100 * c.coverage, solver::name(c.lens).data(), c.parameters(0), c.sigma(0));
     if (posed) {
       out += text_of("  +- %9.2f +- %11.4f", 1000 * c.centre_sigma_m, c.rotation_sigma_rad * 180 / std::numbers::pi);
     }
@@ -67,7 +67,7 @@ std::string to_text(const CalibrationReport& report) {
     }
   }
   if (report.volume) {
-    const VolumeAccuracy& v = *report.volume;
+    const solver::VolumeAccuracy& v = *report.volume;
     const auto size = v.box.high - v.box.low;
     out += text_of(
         "\nExpected accuracy in %.2f x %.2f x %.2f m: %.2f mm by the calibration (95 %% of the volume: %.2f mm);\n"
@@ -82,4 +82,4 @@ std::string to_text(const CalibrationReport& report) {
   return out;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::report

@@ -14,7 +14,7 @@
 #include "calib/solver/extrinsics.h"
 #include "calib/solver/intrinsics.h"
 
-namespace huetrack {
+namespace huetrack::report {
 namespace {
 
 std::size_t index(int i) {
@@ -37,33 +37,33 @@ bool is_as_good(double rms, double best) {
 }
 
 // The views of sets that two or more cameras have.
-std::vector<BoardView> shared(const std::vector<BoardView>& views) {
+std::vector<solver::BoardView> shared(const std::vector<solver::BoardView>& views) {
   std::map<int, std::set<int>> cameras;
-  for (const BoardView& view : views) cameras[view.set].insert(view.camera);
-  std::vector<BoardView> some;
-  for (const BoardView& view : views) {
+  for (const solver::BoardView& view : views) cameras[view.set].insert(view.camera);
+  std::vector<solver::BoardView> some;
+  for (const solver::BoardView& view : views) {
     if (cameras[view.set].size() > 1) some.push_back(view);
   }
   return some;
 }
 
-Adjustment with_free(Adjustment a, const std::set<int>& free) {
+solver::Adjustment with_free(solver::Adjustment a, const std::set<int>& free) {
   for (std::size_t c = 0; c < a.cameras.size(); ++c) a.cameras[c].pose_is_free = free.contains(static_cast<int>(c));
   return a;
 }
 
-int corner_count(const std::vector<BoardView>& views) {
+int corner_count(const std::vector<solver::BoardView>& views) {
   int count = 0;
-  for (const BoardView& view : views) count += static_cast<int>(view.ids.size());
+  for (const solver::BoardView& view : views) count += static_cast<int>(view.ids.size());
   return count;
 }
 
-MovedCamera movement(const Adjustment& a, const CameraRig& rig, int c) {
-  const Rigid3d& before = rig.cameras[index(c)].cam_from_world;
+MovedCamera movement(const solver::Adjustment& a, const calib::CameraRig& rig, int c) {
+  const calib::Rigid3d& before = rig.cameras[index(c)].cam_from_world;
   MovedCamera moved;
   moved.camera = c;
   moved.cam_from_world = a.cameras[index(c)].cam_from_world;
-  moved.moved_m = (inverse(moved.cam_from_world).translation - inverse(before).translation).norm();
+  moved.moved_m = (calib::inverse(moved.cam_from_world).translation - calib::inverse(before).translation).norm();
   moved.turned_rad = moved.cam_from_world.rotation.angularDistance(before.rotation);
   moved.moved_sigma_m = a.centre_sigma(c).norm();
   moved.turned_sigma_rad = a.rotation_sigma(c).norm();
@@ -73,14 +73,14 @@ MovedCamera movement(const Adjustment& a, const CameraRig& rig, int c) {
 // By how much all distances between cameras would have to be longer for the rig to fit, if that is all that is wrong:
 // the board's squares are not as large as those that the rig was made with, or the rig was scaled. nullopt: it is not
 // that.
-std::optional<double> other_scale(const Board& board, const CameraRig& rig, const std::vector<BoardView>& views,
-                                  const Adjustment& best, const std::set<int>& seen, double best_px) {
+std::optional<double> other_scale(const board::Board& board, const calib::CameraRig& rig, const std::vector<solver::BoardView>& views,
+                                  const solver::Adjustment& best, const std::set<int>& seen, double best_px) {
   double found = 0, known = 0;
   for (const int a : seen) {
     for (const int b : seen) {
       if (a >= b) continue;
-      const auto distance = [&](const Rigid3d& p, const Rigid3d& q) {
-        return (inverse(p).translation - inverse(q).translation).norm();
+      const auto distance = [&](const calib::Rigid3d& p, const calib::Rigid3d& q) {
+        return (calib::inverse(p).translation - calib::inverse(q).translation).norm();
       };
       found += distance(best.cameras[index(a)].cam_from_world, best.cameras[index(b)].cam_from_world);
       known += distance(rig.cameras[index(a)].cam_from_world, rig.cameras[index(b)].cam_from_world);
@@ -88,27 +88,27 @@ std::optional<double> other_scale(const Board& board, const CameraRig& rig, cons
   }
   const double scale = found / known;
   if (!(known > 0) || !(scale > 0.01) || std::abs(scale - 1) < 0.003) return std::nullopt;
-  CameraRig scaled = rig;
-  for (Camera& camera : scaled.cameras) camera.cam_from_world.translation *= scale;
-  const Adjustment fit =
-      adjust(with_free(place_boards(board, scaled, views), {}), {.find_outliers = false, .with_covariance = false});
+  calib::CameraRig scaled = rig;
+  for (calib::Camera& camera : scaled.cameras) camera.cam_from_world.translation *= scale;
+  const solver::Adjustment fit =
+      solver::adjust(with_free(solver::place_boards(board, scaled, views), {}), {.find_outliers = false, .with_covariance = false});
   return is_as_good(fit.rms_px, best_px) ? std::optional(scale) : std::nullopt;
 }
 
 // Two cameras of the rig whose names are swapped in the pictures: then everything fits. as_is_px: with the names as
 // they are.
-std::optional<std::pair<int, int>> swapped_names(const Board& board, const CameraRig& rig,
-                                                 const std::vector<BoardView>& views, const std::set<int>& seen,
+std::optional<std::pair<int, int>> swapped_names(const board::Board& board, const calib::CameraRig& rig,
+                                                 const std::vector<solver::BoardView>& views, const std::set<int>& seen,
                                                  double as_is_px) {
   for (const int a : seen) {
     for (const int b : seen) {
       if (a >= b || rig.cameras[index(a)].image_size != rig.cameras[index(b)].image_size) continue;
-      std::vector<BoardView> renamed = views;
-      for (BoardView& view : renamed) view.camera = view.camera == a ? b : view.camera == b ? a : view.camera;
+      std::vector<solver::BoardView> renamed = views;
+      for (solver::BoardView& view : renamed) view.camera = view.camera == a ? b : view.camera == b ? a : view.camera;
       try {
-        const Adjustment fit = adjust(with_free(place_boards(board, rig, renamed), {}), {.with_covariance = false});
+        const solver::Adjustment fit = solver::adjust(with_free(solver::place_boards(board, rig, renamed), {}), {.with_covariance = false});
         if (fit.rms_px < as_is_px / 4 && fit.corners_used > 0.7 * corner_count(views)) return std::pair(a, b);
-      } catch (const CalibrationError&) {  // then they are not swapped
+      } catch (const solver::CalibrationError&) {  // then they are not swapped
       }
     }
   }
@@ -117,8 +117,8 @@ std::optional<std::pair<int, int>> swapped_names(const Board& board, const Camer
 
 }  // namespace
 
-RigCheck check_rig(const Board& board, const CameraRig& rig, const std::vector<BoardView>& given,
-                   const Progress& progress) {
+RigCheck check_rig(const board::Board& board, const calib::CameraRig& rig, const std::vector<solver::BoardView>& given,
+                   const solver::Progress& progress) {
   // Three adjustments, as many as there are cameras if one has moved, and the lenses.
   int done = 0;
   const auto tell = [&](const std::string& step) {
@@ -131,11 +131,11 @@ RigCheck check_rig(const Board& board, const CameraRig& rig, const std::vector<B
   const auto add = [&](Verdict verdict, std::string name, std::string finding, std::string advice) {
     check.checks.push_back({verdict, std::move(name), std::move(finding), std::move(advice)});
   };
-  std::vector<BoardView> views = shared(given);
+  std::vector<solver::BoardView> views = shared(given);
   std::set<int> seen;
-  for (const BoardView& view : views) seen.insert(view.camera);
+  for (const solver::BoardView& view : views) seen.insert(view.camera);
   if (seen.size() < 2) {
-    throw CalibrationError(
+    throw solver::CalibrationError(
         "no two cameras of the rig saw the board at the same time: nothing tells how they stand to each other");
   }
   const int fixed = *seen.begin();
@@ -143,20 +143,20 @@ RigCheck check_rig(const Board& board, const CameraRig& rig, const std::vector<B
   all_free.erase(fixed);
   // What the cameras could do at best; and which corners are no good whatever the cameras' poses.
   tell("what the cameras could do at best");
-  const Adjustment best = adjust(with_free(place_boards(board, rig, views), all_free));
-  views = shared(inliers(best));
-  for (const BoardView& view : views) ++check.shared_views[index(view.camera)];
+  const solver::Adjustment best = solver::adjust(with_free(solver::place_boards(board, rig, views), all_free));
+  views = shared(solver::inliers(best));
+  for (const solver::BoardView& view : views) ++check.shared_views[index(view.camera)];
   if (views.empty()) {
-    throw CalibrationError("the views of the board contradict the rig altogether: is it the rig of these cameras?");
+    throw solver::CalibrationError("the views of the board contradict the rig altogether: is it the rig of these cameras?");
   }
-  const Adjustment start = place_boards(board, rig, views);
-  const AdjustmentOptions plain{.find_outliers = false, .with_covariance = false};
+  const solver::Adjustment start = solver::place_boards(board, rig, views);
+  const solver::AdjustmentOptions plain{.find_outliers = false, .with_covariance = false};
   const auto cost = [&](const std::set<int>& free) {
     tell(free.empty() ? "the rig as it is" : "who moved");
-    return adjust(with_free(start, free), plain);
+    return solver::adjust(with_free(start, free), plain);
   };
   check.best_px = cost(all_free).rms_px;
-  const Adjustment as_is = cost({});
+  const solver::Adjustment as_is = cost({});
   check.as_is_px = as_is.rms_px;
   for (std::size_t c = 0; c < rig.cameras.size(); ++c) check.rms_px[c] = as_is.rms_of_camera(static_cast<int>(c));
 
@@ -202,14 +202,14 @@ RigCheck check_rig(const Board& board, const CameraRig& rig, const std::vector<B
     moved.insert(trials.front().second);
   }
   if (!moved.empty()) {
-    AdjustmentOptions with_bounds = plain;
+    solver::AdjustmentOptions with_bounds = plain;
     with_bounds.with_covariance = true;
-    const Adjustment found = adjust(with_free(start, moved), with_bounds);
+    const solver::Adjustment found = solver::adjust(with_free(start, moved), with_bounds);
     for (const int c : moved) check.moved.push_back(movement(found, rig, c));
   }
 
   for (std::size_t c = 0; c < rig.cameras.size(); ++c) {
-    const Camera& camera = rig.cameras[c];
+    const calib::Camera& camera = rig.cameras[c];
     if (check.shared_views[c] < enough_views) {
       add(Verdict::doubtful, "views of " + camera.name,
           text_of("%s: only %d views that it shares with another camera: it cannot be judged", camera.name.c_str(),
@@ -217,19 +217,19 @@ RigCheck check_rig(const Board& board, const CameraRig& rig, const std::vector<B
           "show the board to it and a neighbour together, at some ten places");
       continue;
     }
-    std::vector<BoardView> own;
-    for (const BoardView& view : given) {
+    std::vector<solver::BoardView> own;
+    for (const solver::BoardView& view : given) {
       if (view.camera == static_cast<int>(c)) own.push_back(view);
     }
-    AdjustedCamera lens;
+    solver::AdjustedCamera lens;
     lens.name = camera.name;
     lens.image_size = camera.image_size;
-    lens.lens = lens_model_of(camera.model);
-    lens.parameters = parameters_of(camera.model);
+    lens.lens = solver::lens_model_of(camera.model);
+    lens.parameters = solver::parameters_of(camera.model);
     constexpr std::size_t enough_for_lens = 6;
     if (own.size() >= enough_for_lens) {
       tell("the lens of " + camera.name);
-      if (const LensCheck of_lens = check_lens(board, lens, own); !of_lens.contradiction.empty()) {
+      if (const solver::LensCheck of_lens = solver::check_lens(board, lens, own); !of_lens.contradiction.empty()) {
         check.lenses.push_back(of_lens.contradiction);
         add(Verdict::doubtful, "lens of " + camera.name, of_lens.contradiction,
             "its focus or zoom was changed, or another camera is in its place: calibrate it anew");
@@ -266,7 +266,7 @@ RigCheck check_rig(const Board& board, const CameraRig& rig, const std::vector<B
   return check;
 }
 
-std::string to_text(const RigCheck& check, const CameraRig& rig) {
+std::string to_text(const RigCheck& check, const calib::CameraRig& rig) {
   std::string out = check.verdict == Verdict::usable     ? "The rig FITS.\n"
                     : check.verdict == Verdict::doubtful ? "DOUBTFUL.\n"
                                                          : "The rig DOES NOT FIT.\n";
@@ -280,4 +280,4 @@ std::string to_text(const RigCheck& check, const CameraRig& rig) {
   return out;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::report

@@ -9,13 +9,13 @@
 #include "calib/report/calibration_report.h"
 #include "calib/solver/progress.h"
 
-namespace huetrack {
+namespace huetrack::report {
 
 struct MovedCamera {
   int camera = 0;
   double moved_m = 0, moved_sigma_m = 0;  // of its centre
   double turned_rad = 0, turned_sigma_rad = 0;
-  Rigid3d cam_from_world;  // where it stands now
+  calib::Rigid3d cam_from_world;  // where it stands now
 };
 
 struct RigCheck {
@@ -33,9 +33,9 @@ struct RigCheck {
 };
 
 // views: BoardView::camera indexes the rig. throws CalibrationError: too few shared views to judge any camera.
-RigCheck check_rig(const Board& board, const CameraRig& rig, const std::vector<BoardView>& views,
-                   const Progress& progress = {});
+RigCheck check_rig(const board::Board& board, const calib::CameraRig& rig, const std::vector<solver::BoardView>& views,
+                   const solver::Progress& progress = {});
 
-std::string to_text(const RigCheck& check, const CameraRig& rig);
+std::string to_text(const RigCheck& check, const calib::CameraRig& rig);
 
-}  // namespace huetrack
+}  // namespace huetrack::report

@@ -4,7 +4,7 @@
 #include <cstdio>
 #include <numbers>
 
-namespace huetrack {
+namespace huetrack::report {
 namespace {
 
 std::string line(const char* format, auto... values) {
@@ -15,7 +15,7 @@ std::string line(const char* format, auto... values) {
 
 }  // namespace
 
-std::string to_text(const WaveResult& result) {
+std::string to_text(const wave::WaveResult& result) {
   constexpr double deg = 180 / std::numbers::pi;
   std::string out = result.usable() ? "VERDICT: usable\n" : "VERDICT: doubtful\n";
   for (const auto& doubt : result.doubts) out += "  - " + doubt + "\n";
@@ -34,13 +34,13 @@ std::string to_text(const WaveResult& result) {
   out += line("%-12s %7s %7s %7s %8s %9s %15s %13s %10s %9s", "camera", "frames", "seen", "used", "rms px", "coverage",
               "position +- mm", "axes +- deg", "moved mm", "turned");
   for (std::size_t c = 0; c < result.cameras.size(); ++c) {
-    const WaveCamera& camera = result.cameras[c];
+    const wave::WaveCamera& camera = result.cameras[c];
     out += line("%-12s %7d %7d %7d %8.2f %8.0f%% %15.1f %13.3f %10.1f %9.2f", result.rig.cameras[c].name.c_str(),
                 camera.frames, camera.seen, camera.used, camera.rms_px, 1e2 * camera.coverage,
                 1e3 * camera.centre_sigma_m.norm(), deg * camera.rotation_sigma_rad.norm(), 1e3 * camera.moved_m,
                 deg * camera.turned_rad);
   }
-  for (const WavePair& pair : result.pairs) {
+  for (const wave::WavePair& pair : result.pairs) {
     out += line("%s and %s saw it together in %d frames",
                 result.rig.cameras[static_cast<std::size_t>(pair.a)].name.c_str(),
                 result.rig.cameras[static_cast<std::size_t>(pair.b)].name.c_str(), pair.shared);
@@ -49,4 +49,4 @@ std::string to_text(const WaveResult& result) {
   return out;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::report

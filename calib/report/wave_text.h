@@ -5,8 +5,8 @@
 
 #include "calib/wave/wave.h"
 
-namespace huetrack {
+namespace huetrack::report {
 
-std::string to_text(const WaveResult& result);
+std::string to_text(const wave::WaveResult& result);
 
-}  // namespace huetrack
+}  // namespace huetrack::report

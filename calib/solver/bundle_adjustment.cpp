@@ -14,7 +14,7 @@
 #include <opencv2/calib3d.hpp>
 #include <tuple>
 
-namespace huetrack {
+namespace huetrack::solver {
 namespace {
 
 using Eigen::Matrix3d;
@@ -30,13 +30,13 @@ Matrix3d cross_matrix(const Vector3d& v) {
 // A pose as Ceres keeps it: quaternion x y z w, then translation.
 using PoseBlock = std::array<double, 7>;
 
-PoseBlock block_of(const Rigid3d& pose) {
+PoseBlock block_of(const calib::Rigid3d& pose) {
   const auto& q = pose.rotation;
   const auto& t = pose.translation;
   return {q.x(), q.y(), q.z(), q.w(), t.x(), t.y(), t.z()};
 }
 
-Rigid3d pose_of(const double* block) {
+calib::Rigid3d pose_of(const double* block) {
   return {Eigen::Map<const Eigen::Quaterniond>(block), Eigen::Map<const Vector3d>(block + 4)};
 }
 
@@ -48,7 +48,7 @@ class PoseManifold final : public ceres::Manifold {
   int AmbientSize() const override { return 7; }
   int TangentSize() const override { return 6; }
   bool Plus(const double* x, const double* delta, double* result) const override {
-    const Rigid3d step = exp(Eigen::Map<const Tangent6d>(delta)), pose = pose_of(x);
+    const calib::Rigid3d step = calib::exp(Eigen::Map<const calib::Tangent6d>(delta)), pose = pose_of(x);
     const PoseBlock moved = block_of(left ? step * pose : pose * step);
     std::ranges::copy(moved, result);
     return true;
@@ -60,8 +60,8 @@ class PoseManifold final : public ceres::Manifold {
     return true;
   }
   bool Minus(const double* y, const double* x, double* delta) const override {
-    const Rigid3d a = pose_of(y), b = pose_of(x);
-    Eigen::Map<Tangent6d>{delta} = log(left ? a * inverse(b) : inverse(b) * a);
+    const calib::Rigid3d a = pose_of(y), b = pose_of(x);
+    Eigen::Map<calib::Tangent6d>{delta} = calib::log(left ? a * calib::inverse(b) : calib::inverse(b) * a);
     return true;
   }
   bool MinusJacobian(const double*, double* jacobian) const override {
@@ -86,7 +86,7 @@ Eigen::RowVector2d bend_profile(const Vector3d& point, const Vector3d& low, cons
 struct BoardShape {
   std::vector<Vector3d> points;
   std::vector<Eigen::RowVector2d> profile;
-  explicit BoardShape(const Board& board) {
+  explicit BoardShape(const board::Board& board) {
     for (int id = 0; id < board.point_count(); ++id) points.push_back(board.point(id));
     Vector3d low = points.front(), high = points.front();
     for (const Vector3d& p : points) {
@@ -108,8 +108,8 @@ struct CornerDerivatives {
 };
 
 // Projected minus measured. false: behind the camera.
-bool corner_residual(LensModel lens, const LensParameters& parameters, const Rigid3d& cam_from_world,
-                     const Rigid3d& world_from_board, const Vector2d& bend, const Vector3d& flat_point,
+bool corner_residual(LensModel lens, const LensParameters& parameters, const calib::Rigid3d& cam_from_world,
+                     const calib::Rigid3d& world_from_board, const Vector2d& bend, const Vector3d& flat_point,
                      const Eigen::RowVector2d& profile, const Vector2d& measured, Vector2d& residual,
                      CornerDerivatives* d) {
   const Vector3d point = flat_point + Vector3d(0, 0, profile.dot(bend));
@@ -197,11 +197,11 @@ class LensShapeCost {
 
 // How far a lens has to reach for its image's corners; a bit further than it does, when it folds before.
 double reach_of(const AdjustedCamera& camera) {
-  const CameraModel model = camera.model();
+  const calib::CameraModel model = camera.model();
   double reach = 0;
   const double right = camera.image_size.width - 1, bottom = camera.image_size.height - 1;
-  for (const RawPixel& corner :
-       {RawPixel{{0, 0}}, RawPixel{{right, 0}}, RawPixel{{0, bottom}}, RawPixel{{right, bottom}}}) {
+  for (const calib::RawPixel& corner :
+       {calib::RawPixel{{0, 0}}, calib::RawPixel{{right, 0}}, calib::RawPixel{{0, bottom}}, calib::RawPixel{{right, bottom}}}) {
     const auto ray = model.ray(corner);
     const bool pinhole = camera.lens != LensModel::fisheye;
     if (ray && (!pinhole || ray->z() > 0.05)) {
@@ -316,12 +316,12 @@ void solve(Adjustment& a, const BoardShape& shape, double robust_px, int max_ite
 
   for (std::size_t c = 0; c < a.cameras.size(); ++c) {
     std::copy_n(cameras[c].lens.begin(), 12, a.cameras[c].parameters.data());
-    Rigid3d pose = pose_of(cameras[c].pose.data());
+    calib::Rigid3d pose = pose_of(cameras[c].pose.data());
     pose.rotation.normalize();
     a.cameras[c].cam_from_world = pose;
   }
   for (std::size_t s = 0; s < boards.size(); ++s) {
-    Rigid3d pose = pose_of(boards[s].data());
+    calib::Rigid3d pose = pose_of(boards[s].data());
     pose.rotation.normalize();
     a.world_from_board[s] = pose;
   }
@@ -440,7 +440,7 @@ void find_covariance(Adjustment& a, const BoardShape& shape) {
     MatrixXd cc = MatrixXd::Zero(size, size), cb = MatrixXd::Zero(size, 6);
     Eigen::Matrix<double, 6, 6> bb = Eigen::Matrix<double, 6, 6>::Zero();
     VectorXd gc = VectorXd::Zero(size);
-    Tangent6d gb = Tangent6d::Zero();
+    calib::Tangent6d gb = calib::Tangent6d::Zero();
     bool any = false;
     for (; v < a.views.size() && a.views[v].set == set; ++v) {
       const BoardView& view = a.views[v];
@@ -652,9 +652,9 @@ std::vector<ViewFit> evaluate(const Adjustment& state) {
   return std::move(a.fits);
 }
 
-std::vector<BoardPose> board_poses(const Board& board, const BoardView& view, LensModel lens,
+std::vector<BoardPose> board_poses(const board::Board& board, const BoardView& view, LensModel lens,
                                    const LensParameters& parameters) {
-  const CameraModel model = camera_model(lens, parameters);
+  const calib::CameraModel model = camera_model(lens, parameters);
   std::vector<cv::Point3d> points;
   std::vector<cv::Point2d> normalised;
   std::vector<std::size_t> used;
@@ -678,14 +678,14 @@ std::vector<BoardPose> board_poses(const Board& board, const BoardView& view, Le
   for (std::size_t s = 0; s < rotations.size(); ++s) {
     const Vector3d w(rotations[s].at<double>(0), rotations[s].at<double>(1), rotations[s].at<double>(2));
     BoardPose pose;
-    pose.cam_from_board.rotation = exp((Tangent6d() << w, Vector3d::Zero()).finished()).rotation;
+    pose.cam_from_board.rotation = calib::exp((calib::Tangent6d() << w, Vector3d::Zero()).finished()).rotation;
     pose.cam_from_board.translation = {translations[s].at<double>(0), translations[s].at<double>(1),
                                        translations[s].at<double>(2)};
     // A few steps to the least reprojection error.
-    Tangent6d step;
+    calib::Tangent6d step;
     for (int iteration = 0; iteration < 10; ++iteration) {
       Eigen::Matrix<double, 6, 6> h = Eigen::Matrix<double, 6, 6>::Identity() * 1e-9;
-      Tangent6d g = Tangent6d::Zero();
+      calib::Tangent6d g = calib::Tangent6d::Zero();
       double sum = 0;
       for (const std::size_t k : used) {
         Vector2d r;
@@ -703,7 +703,7 @@ std::vector<BoardPose> board_poses(const Board& board, const BoardView& view, Le
       if (iteration == 9) break;
       step = -h.ldlt().solve(g);
       if (!step.allFinite() || step.norm() > 1) break;
-      pose.cam_from_board = pose.cam_from_board * exp(step);
+      pose.cam_from_board = pose.cam_from_board * calib::exp(step);
     }
     if (pose.cam_from_board.translation.z() > 0 && std::isfinite(pose.rms_px)) poses.push_back(pose);
   }
@@ -711,4 +711,4 @@ std::vector<BoardPose> board_poses(const Board& board, const BoardView& view, Le
   return poses;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::solver

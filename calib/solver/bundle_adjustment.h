@@ -12,7 +12,7 @@
 #include "calib/board/board.h"
 #include "calib/solver/lens.h"
 
-namespace huetrack {
+namespace huetrack::solver {
 
 // The calibration cannot be done with this input. what() is one readable line: which input, what is wrong, what to do.
 class CalibrationError : public std::runtime_error {
@@ -30,10 +30,10 @@ struct BoardView {
 
 struct AdjustedCamera {
   std::string name;
-  ImageSize image_size;
+  calib::ImageSize image_size;
   LensModel lens = LensModel::radtan5;
   LensParameters parameters = LensParameters::Zero();
-  Rigid3d cam_from_world;
+  calib::Rigid3d cam_from_world;
   bool lens_is_free = true;  // otherwise the intrinsics stay
   // Of an intrinsics that stays: how well it is known, parameter_count() square; empty: exactly. What follows from it
   // is part of the result's covariance.
@@ -44,7 +44,7 @@ struct AdjustedCamera {
   double unfold = 0;
   bool pose_is_free = true;  // otherwise cam_from_world stays; at least one camera's must
 
-  CameraModel model() const { return camera_model(lens, parameters); }
+  calib::CameraModel model() const { return camera_model(lens, parameters); }
 };
 
 // How one view fits.
@@ -57,10 +57,10 @@ struct ViewFit {
 
 // Before: where to start. After adjust(): what was found.
 struct Adjustment {
-  Board board;
+  board::Board board;
   std::vector<AdjustedCamera> cameras;
   std::vector<BoardView> views;           // sorted by set, camera, image
-  std::vector<Rigid3d> world_from_board;  // per set; only of sets with views
+  std::vector<calib::Rigid3d> world_from_board;  // per set; only of sets with views
   // How far the board's middle stands out of the plane of its edges, along x and along y (a parabola each way), metres.
   Eigen::Vector2d bend = Eigen::Vector2d::Zero();
   bool bend_is_free = false;
@@ -108,10 +108,10 @@ std::vector<ViewFit> evaluate(const Adjustment& state);
 // Where a board can be, as one view shows it: the best pose and, where the view hardly tells them apart (planar boards
 // seen from afar have a mirrored twin), the second. Best first; empty when there are not enough corners.
 struct BoardPose {
-  Rigid3d cam_from_board;
+  calib::Rigid3d cam_from_board;
   double rms_px = 0;
 };
-std::vector<BoardPose> board_poses(const Board& board, const BoardView& view, LensModel lens,
+std::vector<BoardPose> board_poses(const board::Board& board, const BoardView& view, LensModel lens,
                                    const LensParameters& parameters);
 
-}  // namespace huetrack
+}  // namespace huetrack::solver

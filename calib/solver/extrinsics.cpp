@@ -13,7 +13,7 @@
 #include <set>
 #include <tuple>
 
-namespace huetrack {
+namespace huetrack::solver {
 namespace {
 
 using Eigen::Vector2d;
@@ -24,7 +24,7 @@ std::size_t index(int i) {
 }
 
 // The rigid motion of the board that renumbers its points: point(symmetry[id]) = motion * point(id).
-Rigid3d motion_of(const Board& board, const std::vector<int>& symmetry) {
+calib::Rigid3d motion_of(const board::Board& board, const std::vector<int>& symmetry) {
   Eigen::Matrix3Xd from(3, board.point_count()), to(3, board.point_count());
   for (int id = 0; id < board.point_count(); ++id) {
     from.col(id) = board.point(id);
@@ -42,7 +42,7 @@ struct Sighting {
   std::vector<std::size_t> corners;  // a few far apart, enough to score a pose
 };
 
-std::vector<std::size_t> far_corners(const Board& board, const BoardView& view) {
+std::vector<std::size_t> far_corners(const board::Board& board, const BoardView& view) {
   std::set<std::size_t> chosen;
   for (const Vector2d& way : {Vector2d{1, 1}, {1, -1}, {-1, 1}, {-1, -1}, {1, 0}, {-1, 0}, {0, 1}, {0, -1}}) {
     std::size_t best = 0;
@@ -57,7 +57,7 @@ std::vector<std::size_t> far_corners(const Board& board, const BoardView& view) 
 // The starting point of a joint adjustment: camera poses from consistent pairs, then board poses.
 class Start {
  public:
-  Start(const Board& board, const std::vector<AdjustedCamera>& cameras, const std::vector<BoardView>& views)
+  Start(const board::Board& board, const std::vector<AdjustedCamera>& cameras, const std::vector<BoardView>& views)
       : board_(board), cameras_(cameras) {
     for (const auto& symmetry : board.symmetries()) motions_.push_back(motion_of(board, symmetry));
     for (const BoardView& view : views) {
@@ -69,7 +69,7 @@ class Start {
 
   struct Link {
     CameraPair pair;
-    Rigid3d b_from_a;
+    calib::Rigid3d b_from_a;
   };
 
   // nullopt: they never saw the board together.
@@ -91,8 +91,8 @@ class Start {
     for (const auto& [from, to] : some) {
       for (const BoardPose& pose_a : from->poses) {
         for (const BoardPose& pose_b : to->poses) {
-          for (const Rigid3d& motion : motions_) {
-            const Rigid3d b_from_a = pose_b.cam_from_board * motion * inverse(pose_a.cam_from_board);
+          for (const calib::Rigid3d& motion : motions_) {
+            const calib::Rigid3d b_from_a = pose_b.cam_from_board * motion * calib::inverse(pose_a.cam_from_board);
             double cost = 0;
             int consistent = 0;
             for (const auto& [other_a, other_b] : some) {
@@ -126,11 +126,11 @@ class Start {
     const int last = sets_.empty() ? -1 : sets_.rbegin()->first;
     a.world_from_board.resize(index(last + 1));
     for (const auto& [set, sightings] : sets_) {
-      Rigid3d best;
+      calib::Rigid3d best;
       double least = std::numeric_limits<double>::infinity();
       for (const auto& [camera, sighting] : sightings) {
         for (const BoardPose& pose : sighting.poses) {
-          const Rigid3d world_from_board = inverse(cameras[index(camera)].cam_from_world) * pose.cam_from_board;
+          const calib::Rigid3d world_from_board = calib::inverse(cameras[index(camera)].cam_from_world) * pose.cam_from_board;
           double cost = 0;
           for (const auto& [other, seen] : sightings) {
             cost +=
@@ -184,11 +184,11 @@ class Start {
   }
 
   // rms over a few corners, of the numbering that fits best.
-  double off_px(const Sighting& sighting, const Rigid3d& cam_from_board) const {
+  double off_px(const Sighting& sighting, const calib::Rigid3d& cam_from_board) const {
     return best_motion(sighting, cam_from_board).second;
   }
 
-  std::pair<std::size_t, double> best_motion(const Sighting& sighting, const Rigid3d& cam_from_board) const {
+  std::pair<std::size_t, double> best_motion(const Sighting& sighting, const calib::Rigid3d& cam_from_board) const {
     const AdjustedCamera& camera = cameras_[index(sighting.view->camera)];
     std::pair<std::size_t, double> best{0, std::numeric_limits<double>::infinity()};
     for (std::size_t m = 0; m < motions_.size(); ++m) {
@@ -208,9 +208,9 @@ class Start {
     return best;
   }
 
-  const Board& board_;
+  const board::Board& board_;
   const std::vector<AdjustedCamera>& cameras_;
-  std::vector<Rigid3d> motions_;
+  std::vector<calib::Rigid3d> motions_;
   std::map<int, std::map<int, Sighting>> sets_;  // set -> camera -> what it saw
 };
 
@@ -279,7 +279,7 @@ void connect(std::vector<AdjustedCamera>& cameras, const std::vector<Start::Link
       if (reached[a]) {
         cameras[b].cam_from_world = best->b_from_a * cameras[a].cam_from_world;
       } else {
-        cameras[a].cam_from_world = inverse(best->b_from_a) * cameras[b].cam_from_world;
+        cameras[a].cam_from_world = calib::inverse(best->b_from_a) * cameras[b].cam_from_world;
       }
       reached[a] = reached[b] = true;
       continue;
@@ -370,7 +370,7 @@ void refine(Extrinsics& result, const Adjustment& placed, const ExtrinsicsOption
 }
 
 // A lens that was given for one camera, but fits another one's views.
-void refuse_swapped(const Board& board, const std::vector<AdjustedCamera>& cameras,
+void refuse_swapped(const board::Board& board, const std::vector<AdjustedCamera>& cameras,
                     const std::vector<std::vector<BoardView>>& own,
                     const std::vector<std::optional<LensCheck>>& checks) {
   const auto fits = [&](std::size_t lens, std::size_t views) {
@@ -397,7 +397,7 @@ struct LensOfCamera {
   double alone_px = 0;
 };
 
-LensOfCamera lens_of(const Board& board, const CameraToCalibrate& given, const std::vector<BoardView>& views,
+LensOfCamera lens_of(const board::Board& board, const CameraToCalibrate& given, const std::vector<BoardView>& views,
                      const ExtrinsicsOptions& options) {
   LensOfCamera lens;
   lens.camera.name = given.name;
@@ -424,9 +424,9 @@ LensOfCamera lens_of(const Board& board, const CameraToCalibrate& given, const s
 
 }  // namespace
 
-Adjustment place_boards(const Board& board, const CameraRig& rig, const std::vector<BoardView>& given) {
+Adjustment place_boards(const board::Board& board, const calib::CameraRig& rig, const std::vector<BoardView>& given) {
   std::vector<AdjustedCamera> cameras;
-  for (const Camera& camera : rig.cameras) {
+  for (const calib::Camera& camera : rig.cameras) {
     AdjustedCamera held;
     held.name = camera.name;
     held.image_size = camera.image_size;
@@ -441,15 +441,15 @@ Adjustment place_boards(const Board& board, const CameraRig& rig, const std::vec
   return Start(board, cameras, views).placed(cameras);
 }
 
-CameraRig rig_of(const Adjustment& adjustment) {
-  CameraRig rig;
+calib::CameraRig rig_of(const Adjustment& adjustment) {
+  calib::CameraRig rig;
   for (const AdjustedCamera& camera : adjustment.cameras) {
     rig.cameras.push_back({camera.name, camera.image_size, camera.model(), camera.cam_from_world});
   }
   return rig;
 }
 
-Extrinsics calibrate_extrinsics(const Board& board, const std::vector<CameraToCalibrate>& cameras,
+Extrinsics calibrate_extrinsics(const board::Board& board, const std::vector<CameraToCalibrate>& cameras,
                                 const std::vector<BoardView>& given, const ExtrinsicsOptions& options) {
   const auto tell = [&](const std::string& step, int done, int total) {
     if (options.progress) options.progress(step, done, total);
@@ -544,4 +544,4 @@ Extrinsics calibrate_extrinsics(const Board& board, const std::vector<CameraToCa
   return result;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::solver

@@ -9,12 +9,12 @@
 #include "calib/solver/intrinsics.h"
 #include "calib/solver/progress.h"
 
-namespace huetrack {
+namespace huetrack::solver {
 
 struct CameraToCalibrate {
   std::string name;
-  ImageSize image_size;
-  std::optional<CameraModel> model;  // known intrinsics; nullopt: found from this camera's views
+  calib::ImageSize image_size;
+  std::optional<calib::CameraModel> model;  // known intrinsics; nullopt: found from this camera's views
 };
 
 enum class RefineLens {
@@ -52,13 +52,13 @@ struct Extrinsics {
 // views: BoardView::set is the moment. throws CalibrationError: a camera without enough views, cameras that share too
 // few views (names them), cameras whose views contradict one another (mirrored images, different boards, not at the
 // same time).
-Extrinsics calibrate_extrinsics(const Board& board, const std::vector<CameraToCalibrate>& cameras,
+Extrinsics calibrate_extrinsics(const board::Board& board, const std::vector<CameraToCalibrate>& cameras,
                                 const std::vector<BoardView>& views, const ExtrinsicsOptions& options = {});
 
 // Where the boards are for cameras that are known: a start for adjust(), all cameras held. Views of symmetric boards
 // are renumbered so that those of one set agree. views: BoardView::camera indexes cameras.
-Adjustment place_boards(const Board& board, const CameraRig& cameras, const std::vector<BoardView>& views);
+Adjustment place_boards(const board::Board& board, const calib::CameraRig& cameras, const std::vector<BoardView>& views);
 
-CameraRig rig_of(const Adjustment& adjustment);  // made_by is empty
+calib::CameraRig rig_of(const Adjustment& adjustment);  // made_by is empty
 
-}  // namespace huetrack
+}  // namespace huetrack::solver

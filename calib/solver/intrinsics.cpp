@@ -7,7 +7,7 @@
 #include <limits>
 #include <numeric>
 
-namespace huetrack {
+namespace huetrack::solver {
 namespace {
 
 std::string text_of(const char* format, auto... values) {
@@ -28,7 +28,7 @@ double median_residual(const Adjustment& a) {
 }
 
 // One camera, the views each in their own set, numbered from 0, with the best board pose for these intrinsics.
-Adjustment posed(const Board& board, const AdjustedCamera& camera, const std::vector<BoardView>& views) {
+Adjustment posed(const board::Board& board, const AdjustedCamera& camera, const std::vector<BoardView>& views) {
   Adjustment a;
   a.board = board;
   a.cameras = {camera};
@@ -53,7 +53,7 @@ std::vector<BoardView> spread_over(const std::vector<BoardView>& views, std::siz
 }
 
 // From nothing: tries focal lengths from wide to tele, and keeps what fits best.
-AdjustedCamera find_start(const Board& board, const AdjustedCamera& camera, const std::vector<BoardView>& views) {
+AdjustedCamera find_start(const board::Board& board, const AdjustedCamera& camera, const std::vector<BoardView>& views) {
   const bool fisheye = camera.lens == LensModel::fisheye;
   const auto some = spread_over(views, 12);
   const double size = std::max(camera.image_size.width, camera.image_size.height);
@@ -100,7 +100,7 @@ AdjustedCamera find_start(const Board& board, const AdjustedCamera& camera, cons
 
 // The views without the corners that the adjustment left out.
 // Mean squared reprojection error of every view, each under a lens that was fitted to other views.
-std::vector<double> held_out_errors(const Board& board, const AdjustedCamera& camera,
+std::vector<double> held_out_errors(const board::Board& board, const AdjustedCamera& camera,
                                     const std::vector<BoardView>& views) {
   constexpr std::size_t folds = 5;
   std::vector<double> errors(views.size());
@@ -136,18 +136,18 @@ bool is_smooth(const AdjustedCamera& camera) {
 
 }  // namespace
 
-bool covers_image(const CameraModel& model, ImageSize size) {
+bool covers_image(const calib::CameraModel& model, calib::ImageSize size) {
   for (int k = 0; k <= 16; ++k) {
     const double u = (size.width - 1) * k / 16.0, v = (size.height - 1) * k / 16.0;
-    for (const RawPixel& p :
-         {RawPixel{{u, 0}}, RawPixel{{u, size.height - 1.0}}, RawPixel{{0, v}}, RawPixel{{size.width - 1.0, v}}}) {
+    for (const calib::RawPixel& p :
+         {calib::RawPixel{{u, 0}}, calib::RawPixel{{u, size.height - 1.0}}, calib::RawPixel{{0, v}}, calib::RawPixel{{size.width - 1.0, v}}}) {
       if (!model.ray(p)) return false;
     }
   }
   return true;
 }
 
-Intrinsics calibrate_intrinsics(const Board& board, const std::string& name, ImageSize image_size,
+Intrinsics calibrate_intrinsics(const board::Board& board, const std::string& name, calib::ImageSize image_size,
                                 const std::vector<BoardView>& given, const IntrinsicsOptions& options) {
   std::vector<BoardView> views = given;
   std::ranges::sort(views, {}, [](const BoardView& v) { return std::tie(v.set, v.image); });
@@ -283,7 +283,7 @@ Intrinsics calibrate_intrinsics(const Board& board, const std::string& name, Ima
   return result;
 }
 
-LensCheck check_lens(const Board& board, const AdjustedCamera& camera, const std::vector<BoardView>& views) {
+LensCheck check_lens(const board::Board& board, const AdjustedCamera& camera, const std::vector<BoardView>& views) {
   AdjustedCamera trial = camera;
   trial.lens_is_free = false;
   const AdjustmentOptions options{.with_covariance = false};
@@ -315,4 +315,4 @@ LensCheck check_lens(const Board& board, const AdjustedCamera& camera, const std
   return check;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::solver

@@ -8,7 +8,7 @@
 #include "calib/solver/bundle_adjustment.h"
 #include "calib/solver/progress.h"
 
-namespace huetrack {
+namespace huetrack::solver {
 
 struct IntrinsicsOptions {
   // The lens model to use; nullopt: the simplest one that the views support.
@@ -35,7 +35,7 @@ struct Intrinsics {
 
 // views: of this camera (BoardView::camera 0), every one in its own set. start: nullopt: found from the views.
 // throws CalibrationError: too few views, or views that do not determine a lens (all fronto-parallel, say).
-Intrinsics calibrate_intrinsics(const Board& board, const std::string& camera, ImageSize image_size,
+Intrinsics calibrate_intrinsics(const board::Board& board, const std::string& camera, calib::ImageSize image_size,
                                 const std::vector<BoardView>& views, const IntrinsicsOptions& options = {});
 
 // Whether a camera's own views bear out a lens that was known before. It takes no other camera, so it holds for cameras
@@ -46,9 +46,9 @@ struct LensCheck {
   std::string contradiction;  // one clause; empty: they bear it out
   Adjustment refined;
 };
-LensCheck check_lens(const Board& board, const AdjustedCamera& camera, const std::vector<BoardView>& views);
+LensCheck check_lens(const board::Board& board, const AdjustedCamera& camera, const std::vector<BoardView>& views);
 
 // Whether a lens covers its whole image: every pixel at the image's border has a ray.
-bool covers_image(const CameraModel& model, ImageSize size);
+bool covers_image(const calib::CameraModel& model, calib::ImageSize size);
 
-}  // namespace huetrack
+}  // namespace huetrack::solver

@@ -4,7 +4,7 @@
 #include <array>
 #include <cmath>
 
-namespace huetrack {
+namespace huetrack::solver {
 namespace {
 
 constexpr std::array<std::string_view, 12> radtan_names{"fx", "fy", "cx", "cy", "k1", "k2",
@@ -85,22 +85,22 @@ std::string_view parameter_name(LensModel lens, int index) {
   return lens == LensModel::fisheye ? fisheye_names[i] : radtan_names[i];
 }
 
-CameraModel camera_model(LensModel lens, const LensParameters& l) {
+calib::CameraModel camera_model(LensModel lens, const LensParameters& l) {
   if (lens == LensModel::fisheye)
-    return CameraModel(FisheyeKannalaBrandt{l(0), l(1), l(2), l(3), {l(4), l(5), l(6), l(7)}});
-  PinholeRadtan pinhole{l(0), l(1), l(2), l(3), {}};
+    return calib::CameraModel(calib::FisheyeKannalaBrandt{l(0), l(1), l(2), l(3), {l(4), l(5), l(6), l(7)}});
+  calib::PinholeRadtan pinhole{l(0), l(1), l(2), l(3), {}};
   std::copy_n(l.data() + 4, parameter_count(lens) - 4, pinhole.distortion.begin());
-  return CameraModel(pinhole);
+  return calib::CameraModel(pinhole);
 }
 
-LensParameters parameters_of(const CameraModel& model) {
+LensParameters parameters_of(const calib::CameraModel& model) {
   LensParameters l = LensParameters::Zero();
   l.head<4>() << model.fx(), model.fy(), model.cx(), model.cy();
   std::visit([&](const auto& lens) { std::ranges::copy(lens.distortion, l.data() + 4); }, model.lens());
   return l;
 }
 
-LensModel lens_model_of(const CameraModel& model) {
+LensModel lens_model_of(const calib::CameraModel& model) {
   if (model.name() == "fisheye_kb") return LensModel::fisheye;
   const LensParameters l = parameters_of(model);
   if (!l.tail<3>().isZero(0)) return LensModel::radtan8;
@@ -113,4 +113,4 @@ bool project(LensModel lens, const LensParameters& parameters, const Eigen::Vect
                                     : project_radtan(parameters, p_cam, px, by_point, by_lens);
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::solver

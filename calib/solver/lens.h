@@ -9,7 +9,7 @@
 
 #include "calib/model/camera_model.h"
 
-namespace huetrack {
+namespace huetrack::solver {
 
 // From the simplest: pinhole with 4 (k1 k2 p1 p2), 5 (k3) or 8 (k4 k5 k6) distortion coefficients, and the fisheye.
 enum class LensModel { radtan4, radtan5, radtan8, fisheye };
@@ -23,9 +23,9 @@ std::string_view name(LensModel lens);                       // "radtan4", ..., 
 int parameter_count(LensModel lens);                         // the leading ones of LensParameters that are free
 std::string_view parameter_name(LensModel lens, int index);  // "fx", ..., "k6"
 
-CameraModel camera_model(LensModel lens, const LensParameters& parameters);
-LensParameters parameters_of(const CameraModel& model);
-LensModel lens_model_of(const CameraModel& model);  // the simplest one that holds all its coefficients
+calib::CameraModel camera_model(LensModel lens, const LensParameters& parameters);
+LensParameters parameters_of(const calib::CameraModel& model);
+LensModel lens_model_of(const calib::CameraModel& model);  // the simplest one that holds all its coefficients
 
 using PixelByPoint = Eigen::Matrix<double, 2, 3, Eigen::RowMajor>;
 using PixelByLens = Eigen::Matrix<double, 2, 12, Eigen::RowMajor>;
@@ -35,4 +35,4 @@ using PixelByLens = Eigen::Matrix<double, 2, 12, Eigen::RowMajor>;
 bool project(LensModel lens, const LensParameters& parameters, const Eigen::Vector3d& p_cam, Eigen::Vector2d& px,
              PixelByPoint* by_point, PixelByLens* by_lens);
 
-}  // namespace huetrack
+}  // namespace huetrack::solver

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
-namespace huetrack {
+namespace huetrack::solver {
 namespace {
 
 using Eigen::Matrix3d;
@@ -55,7 +55,7 @@ VolumeAccuracy predict_accuracy(const Adjustment& a, const WorldBox& box, const 
         for (std::size_t c = 0; c < a.cameras.size(); ++c) {
           const AdjustedCamera& camera = a.cameras[c];
           const Vector3d p_cam = camera.cam_from_world * point.p_world;
-          const Camera finished{camera.name, camera.image_size, camera.model(), camera.cam_from_world};
+          const calib::Camera finished{camera.name, camera.image_size, camera.model(), camera.cam_from_world};
           const auto px = finished.project_world(point.p_world);
           if (!px || !finished.contains(*px)) continue;
           Vector2d ignored;
@@ -118,9 +118,9 @@ VolumeAccuracy predict_accuracy(const Adjustment& a, const WorldBox& box, const 
 }
 
 PoseSigma pose_sigma(const Adjustment& a, const VolumeAccuracy& volume, int camera) {
-  const Rigid3d& cam_from_world = a.cameras[index(camera)].cam_from_world;
+  const calib::Rigid3d& cam_from_world = a.cameras[index(camera)].cam_from_world;
   const Matrix3d world_from_cam = cam_from_world.rotation.toRotationMatrix().transpose();
-  const Vector3d centre = inverse(cam_from_world).translation;
+  const Vector3d centre = calib::inverse(cam_from_world).translation;
   // With cam_from_world_true = exp(error) * cam_from_world the camera's axes turn, and its centre moves, the other way.
   MatrixXd by_parameters = MatrixXd::Zero(6, a.covariance.rows());
   if (const int at = a.pose_offset.empty() ? -1 : a.pose_offset[index(camera)]; at >= 0) {
@@ -155,4 +155,4 @@ WorldBox board_volume(const Adjustment& a) {
   return box;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::solver

@@ -8,7 +8,7 @@
 
 #include "calib/solver/bundle_adjustment.h"
 
-namespace huetrack {
+namespace huetrack::solver {
 
 struct WorldBox {
   Eigen::Vector3d low = Eigen::Vector3d::Zero();  // metres, world
@@ -57,4 +57,4 @@ PoseSigma pose_sigma(const Adjustment& calibrated, const VolumeAccuracy& volume,
 // Where the board was: the box of its used corners in the world, without the outermost hundredth on every side.
 WorldBox board_volume(const Adjustment& calibrated);
 
-}  // namespace huetrack
+}  // namespace huetrack::solver

@@ -7,7 +7,7 @@
 #include <cmath>
 #include <set>
 
-namespace huetrack {
+namespace huetrack::solver {
 namespace {
 
 using Eigen::Matrix3d;
@@ -18,7 +18,7 @@ std::size_t index(int i) {
   return static_cast<std::size_t>(i);
 }
 
-Rigid3d with_axes(const Vector3d& x, const Vector3d& z, const Vector3d& origin) {
+calib::Rigid3d with_axes(const Vector3d& x, const Vector3d& z, const Vector3d& origin) {
   Matrix3d new_from_old;
   const Vector3d across = z.cross(x).normalized();
   new_from_old << across.cross(z).normalized().transpose(), across.transpose(), z.normalized().transpose();
@@ -44,22 +44,22 @@ void require_spread(const std::vector<Vector3d>& points) {
 
 }  // namespace
 
-CameraRig in_world(CameraRig rig, const WorldChange& change) {
-  for (Camera& camera : rig.cameras) {
-    const Rigid3d new_cam{camera.cam_from_world.rotation, change.scale * camera.cam_from_world.translation};
-    camera.cam_from_world = new_cam * inverse(change.new_from_old);
+calib::CameraRig in_world(calib::CameraRig rig, const WorldChange& change) {
+  for (calib::Camera& camera : rig.cameras) {
+    const calib::Rigid3d new_cam{camera.cam_from_world.rotation, change.scale * camera.cam_from_world.translation};
+    camera.cam_from_world = new_cam * calib::inverse(change.new_from_old);
   }
   return rig;
 }
 
-Adjustment in_world(Adjustment adjustment, const Rigid3d& new_from_old) {
-  const Rigid3d old_from_new = inverse(new_from_old);
+Adjustment in_world(Adjustment adjustment, const calib::Rigid3d& new_from_old) {
+  const calib::Rigid3d old_from_new = calib::inverse(new_from_old);
   for (AdjustedCamera& camera : adjustment.cameras) camera.cam_from_world = camera.cam_from_world * old_from_new;
-  for (Rigid3d& pose : adjustment.world_from_board) pose = new_from_old * pose;
+  for (calib::Rigid3d& pose : adjustment.world_from_board) pose = new_from_old * pose;
   return adjustment;
 }
 
-Rigid3d upright_guess(const Adjustment& a) {
+calib::Rigid3d upright_guess(const Adjustment& a) {
   Matrix3d level = Matrix3d::Zero();
   Vector3d down = Vector3d::Zero();
   for (const AdjustedCamera& camera : a.cameras) {
@@ -79,14 +79,14 @@ Rigid3d upright_guess(const Adjustment& a) {
     middle += a.world_from_board[index(view.set)] * a.board_point(view.ids[view.ids.size() / 2]);
   }
   middle /= static_cast<double>(std::max<std::size_t>(1, sets.size()));
-  Vector3d forward = middle - inverse(a.cameras.front().cam_from_world).translation;
+  Vector3d forward = middle - calib::inverse(a.cameras.front().cam_from_world).translation;
   if (forward.cross(up).norm() < 0.1 * forward.norm()) {  // it looks straight down
     forward = a.cameras.front().cam_from_world.rotation.conjugate() * Vector3d(0, -1, 0);
   }
   return with_axes(forward - up * up.dot(forward), up, middle);
 }
 
-Rigid3d floor_from_board(const Rigid3d& world_from_board, double height) {
+calib::Rigid3d floor_from_board(const calib::Rigid3d& world_from_board, double height) {
   const Vector3d x = world_from_board.rotation * Vector3d::UnitX(), up = world_from_board.rotation * -Vector3d::UnitZ();
   return with_axes(x, up, world_from_board.translation - height * up);
 }
@@ -108,7 +108,7 @@ WorldChange align_points(const std::vector<Vector3d>& old_points, const std::vec
   return change;
 }
 
-Rigid3d floor_from_points(const std::vector<Vector3d>& points, const CameraRig& rig) {
+calib::Rigid3d floor_from_points(const std::vector<Vector3d>& points, const calib::CameraRig& rig) {
   require_spread(points);
   Vector3d middle = Vector3d::Zero();
   for (const Vector3d& p : points) middle += p / static_cast<double>(points.size());
@@ -116,7 +116,7 @@ Rigid3d floor_from_points(const std::vector<Vector3d>& points, const CameraRig& 
   for (const Vector3d& p : points) spread += (p - middle) * (p - middle).transpose();
   Vector3d up = Eigen::SelfAdjointEigenSolver<Matrix3d>(spread).eigenvectors().col(0);
   int above = 0;
-  for (const Camera& camera : rig.cameras) above += (camera.centre() - middle).dot(up) > 0 ? 1 : -1;
+  for (const calib::Camera& camera : rig.cameras) above += (camera.centre() - middle).dot(up) > 0 ? 1 : -1;
   if (above == 0)
     throw CalibrationError(
         "as many cameras stand on one side of the floor as on the other: are the points on the floor?");
@@ -125,12 +125,12 @@ Rigid3d floor_from_points(const std::vector<Vector3d>& points, const CameraRig& 
   return with_axes(x - up * up.dot(x), up, points[0] - up * up.dot(points[0] - middle));
 }
 
-MeasuredPoint measure_point(const CameraRig& rig, const std::vector<std::pair<int, Vector2d>>& pixels) {
+MeasuredPoint measure_point(const calib::CameraRig& rig, const std::vector<std::pair<int, Vector2d>>& pixels) {
   Matrix3d a = Matrix3d::Zero();
   Vector3d b = Vector3d::Zero();
   std::set<int> cameras;
   for (const auto& [c, px] : pixels) {
-    const Camera& camera = rig.cameras[index(c)];
+    const calib::Camera& camera = rig.cameras[index(c)];
     const auto ray = camera.model.ray({px});
     if (!ray) {
       throw CalibrationError("camera " + camera.name + " sees nothing at pixel (" + std::to_string(px.x()) + ", " +
@@ -151,8 +151,8 @@ MeasuredPoint measure_point(const CameraRig& rig, const std::vector<std::pair<in
     Vector3d g = Vector3d::Zero();
     sum = 0;
     for (const auto& [c, px] : pixels) {
-      const Camera& camera = rig.cameras[index(c)];
-      CameraModel::Jacobian by_point;
+      const calib::Camera& camera = rig.cameras[index(c)];
+      calib::CameraModel::Jacobian by_point;
       const auto projected = camera.model.project(camera.cam_from_world * point.p_world, by_point);
       if (!projected)
         throw CalibrationError("the rays through the pixels do not meet in front of camera " + camera.name);
@@ -168,4 +168,4 @@ MeasuredPoint measure_point(const CameraRig& rig, const std::vector<std::pair<in
   return point;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::solver

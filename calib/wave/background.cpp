@@ -5,18 +5,18 @@
 #include <cmath>
 #include <cstring>
 
-namespace huetrack {
+namespace huetrack::wave {
 namespace {
 
 constexpr std::size_t most_samples = 24, least_samples = 8;
 
 // A driver's own buffer must go back to it.
-Image copy_of(const Image& image) {
-  WritableImage copy = make_image(image.format, image.range, image.width, image.height);
+capture::Image copy_of(const capture::Image& image) {
+  capture::WritableImage copy = capture::make_image(image.format, image.range, image.width, image.height);
   for (int plane = 0; plane < 3; ++plane) {
     const auto i = static_cast<std::size_t>(plane);
-    const std::size_t bytes = plane_row_bytes(image.format, plane, image.width);
-    for (int row = 0; bytes > 0 && row < plane_rows(image.format, plane, image.height); ++row) {
+    const std::size_t bytes = capture::plane_row_bytes(image.format, plane, image.width);
+    for (int row = 0; bytes > 0 && row < capture::plane_rows(image.format, plane, image.height); ++row) {
       std::memcpy(copy.data[i] + row * copy.image.planes[i].stride, image.planes[i].data + row * image.planes[i].stride,
                   bytes);
     }
@@ -26,20 +26,20 @@ Image copy_of(const Image& image) {
 
 }  // namespace
 
-Eigen::Vector3f light_at(const Image& image, int u, int v) {
-  if (image.format == PixelFormat::bgr) {
-    const Bgr p = bgr_at(image, u, v);
+Eigen::Vector3f light_at(const capture::Image& image, int u, int v) {
+  if (image.format == capture::PixelFormat::bgr) {
+    const capture::Bgr p = capture::bgr_at(image, u, v);
     const float y = 0.299f * p.r + 0.587f * p.g + 0.114f * p.b;
     return {y, 0.564f * (p.b - y), 0.713f * (p.r - y)};
   }
-  const Yuv p = yuv_at(image, u, v);
-  if (image.range == ColorRange::full) return {float(p.y), p.u - 128.f, p.v - 128.f};
+  const capture::Yuv p = capture::yuv_at(image, u, v);
+  if (image.range == capture::ColorRange::full) return {float(p.y), p.u - 128.f, p.v - 128.f};
   return {(p.y - 16.f) * (255.f / 219), (p.u - 128.f) * (255.f / 224), (p.v - 128.f) * (255.f / 224)};
 }
 
-void Background::add(const Frame& frame) {
+void Background::add(const capture::Frame& frame) {
   const auto camera = static_cast<std::size_t>(frame.camera);
-  if (frame.status != FrameStatus::ok || camera >= of_camera_.size()) return;
+  if (frame.status != capture::FrameStatus::ok || camera >= of_camera_.size()) return;
   PerCamera& of = of_camera_[camera];
   if (!of.samples.empty() && (frame.pixels.width != of.samples[0].width || frame.pixels.height != of.samples[0].height))
     return;
@@ -52,7 +52,7 @@ void Background::add(const Frame& frame) {
 }
 
 std::optional<BackgroundImage> Background::of(std::size_t camera) const {
-  const std::vector<Image>& samples = of_camera_.at(camera).samples;
+  const std::vector<capture::Image>& samples = of_camera_.at(camera).samples;
   if (samples.size() < least_samples) return std::nullopt;
   BackgroundImage out;
   out.width = samples[0].width, out.height = samples[0].height;
@@ -62,7 +62,7 @@ std::optional<BackgroundImage> Background::of(std::size_t camera) const {
   for (int v = 0; v < out.height; ++v) {
     for (int u = 0; u < out.width; ++u) {
       for (auto& of_channel : values) of_channel.clear();
-      for (const Image& sample : samples) {
+      for (const capture::Image& sample : samples) {
         const Eigen::Vector3f light = light_at(sample, u, v);
         for (int k = 0; k < 3; ++k) values[static_cast<std::size_t>(k)].push_back(light[k]);
       }
@@ -86,4 +86,4 @@ std::optional<BackgroundImage> Background::of(std::size_t camera) const {
   return out;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::wave

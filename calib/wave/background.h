@@ -8,10 +8,10 @@
 
 #include "capture/frame.h"
 
-namespace huetrack {
+namespace huetrack::wave {
 
 // Light (0 is black) and chroma (blue, red; 0 is grey) of a pixel, in grey values of the full range.
-Eigen::Vector3f light_at(const Image& image, int u, int v);
+Eigen::Vector3f light_at(const capture::Image& image, int u, int v);
 
 struct BackgroundImage {
   int width = 0, height = 0;
@@ -29,17 +29,17 @@ class Background {
   explicit Background(std::size_t camera_count) : of_camera_(camera_count) {}
 
   // Damaged frames, and such as differ in size from those before, are left out.
-  void add(const Frame& frame);
+  void add(const capture::Frame& frame);
 
   // What most samples show: in each pixel the mean of the middle ones. nullopt: fewer than 8 samples.
   std::optional<BackgroundImage> of(std::size_t camera) const;
 
  private:
   struct PerCamera {
-    std::vector<Image> samples;  // fewer than 24: a camera of 1920x1080 takes up to 100 MB
+    std::vector<capture::Image> samples;  // fewer than 24: a camera of 1920x1080 takes up to 100 MB
     std::size_t every = 1, seen = 0;
   };
   std::vector<PerCamera> of_camera_;
 };
 
-}  // namespace huetrack
+}  // namespace huetrack::wave

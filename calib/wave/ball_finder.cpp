@@ -4,25 +4,25 @@
 #include <cmath>
 #include <map>
 
-namespace huetrack {
-BallFinder::BallFinder(const CameraRig& rig, const TargetOptions& target, const BallFinderOptions& options)
+namespace huetrack::wave {
+BallFinder::BallFinder(const calib::CameraRig& rig, const object_tracking::TargetOptions& target, const BallFinderOptions& options)
     : options_(options), views_(rig, target) {}
 
-std::optional<BallFrame> BallFinder::look(const Frame& frame) {
-  FrameSet set;
+std::optional<BallFrame> BallFinder::look(const capture::Frame& frame) {
+  capture::FrameSet set;
   set.at = frame.captured_at;
   set.frames.resize(views_.camera_count());
   const auto camera = static_cast<std::size_t>(frame.camera);
   if (camera < set.frames.size()) set.frames[camera] = frame;
-  const std::vector<TargetView>& views = views_.look_at(set);
+  const std::vector<object_tracking::TargetView>& views = views_.look_at(set);
   if (views.empty()) {
     ++unusable_;
     return std::nullopt;
   }
-  MatchBits& matches = *views.front().matches;
+  object_tracking::MatchBits& matches = *views.front().matches;
   const int width = matches.width(), height = matches.height();
-  BallFrame out{frame.camera, seconds(frame.captured_at), {}, {}};
-  for (const ColorRegion& region : finder_.find(matches, {0, 0, width - 1, height - 1}, options_.min_area_px, 0)) {
+  BallFrame out{frame.camera, capture::seconds(frame.captured_at), {}, {}};
+  for (const object_tracking::ColorRegion& region : finder_.find(matches, {0, 0, width - 1, height - 1}, options_.min_area_px, 0)) {
     // Of a region that is as wide as it appears, 2 standard deviations reach to its edge.
     const double reach_u = 2 * std::sqrt(region.spread(0, 0)), reach_v = 2 * std::sqrt(region.spread(1, 1));
     if (2 * std::max(reach_u, reach_v) > options_.max_extent_share * height) continue;
@@ -41,11 +41,11 @@ std::optional<BallFrame> BallFinder::look(const Frame& frame) {
 namespace {
 
 // How a small ball that is seen at this pixel looks: pixels by angle, along two directions across the ray.
-Eigen::Matrix2d shape_at(const CameraModel& model, const Eigen::Vector2d& px) {
-  const auto ray = model.ray(RawPixel{px});
+Eigen::Matrix2d shape_at(const calib::CameraModel& model, const Eigen::Vector2d& px) {
+  const auto ray = model.ray(calib::RawPixel{px});
   if (!ray) return Eigen::Matrix2d::Identity();
   const Eigen::Vector3d across = ray->cross(Eigen::Vector3d::UnitY()).normalized();
-  CameraModel::Jacobian by_point;
+  calib::CameraModel::Jacobian by_point;
   if (!model.project(*ray, by_point)) return Eigen::Matrix2d::Identity();
   Eigen::Matrix<double, 3, 2> axes;
   axes << across, ray->cross(across);
@@ -54,8 +54,8 @@ Eigen::Matrix2d shape_at(const CameraModel& model, const Eigen::Vector2d& px) {
 
 }  // namespace
 
-void sharpen(std::vector<BallFrame>& frames, const Background& background, const CameraRig& rig,
-             const Progress& progress) {
+void sharpen(std::vector<BallFrame>& frames, const Background& background, const calib::CameraRig& rig,
+             const solver::Progress& progress) {
   int done = 0;
   for (std::size_t camera = 0; camera < rig.cameras.size(); ++camera) {
     const std::optional<BackgroundImage> behind = background.of(camera);
@@ -102,7 +102,7 @@ std::vector<int> remove_still_regions(std::vector<BallFrame>& frames, std::size_
     for (const BallFrame& frame : frames) {
       if (static_cast<std::size_t>(frame.camera) != camera) continue;
       ++frame_count;
-      for (const ColorRegion& region : frame.regions) {
+      for (const object_tracking::ColorRegion& region : frame.regions) {
         Place* place = place_at(region.centre);
         if (place == nullptr) place = &by_cell[cell_of(region.centre)].emplace_back(Place{region.centre, 0});
         ++place->seen;
@@ -116,7 +116,7 @@ std::vector<int> remove_still_regions(std::vector<BallFrame>& frames, std::size_
     if (places[camera] == 0) continue;
     for (BallFrame& frame : frames) {
       if (static_cast<std::size_t>(frame.camera) != camera) continue;
-      std::erase_if(frame.regions, [&](const ColorRegion& region) {
+      std::erase_if(frame.regions, [&](const object_tracking::ColorRegion& region) {
         const Place* place = place_at(region.centre);
         return place != nullptr && place->seen >= limit;
       });
@@ -146,4 +146,4 @@ std::vector<BallFrame> one_after_the_other(std::vector<std::vector<BallFrame>> f
   return out;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::wave

@@ -12,13 +12,13 @@
 #include "object_tracking/object_tracker.h"
 #include "object_tracking/target_views.h"
 
-namespace huetrack {
+namespace huetrack::wave {
 
 // One frame of one camera.
 struct BallFrame {
   int camera = 0;                    // in the rig
   double t_s = 0;                    // its own capture time
-  std::vector<ColorRegion> regions;  // of the target's colour, largest first; not those that the image's border cuts
+  std::vector<object_tracking::ColorRegion> regions;  // of the target's colour, largest first; not those that the image's border cuts
   std::vector<Patch> patches = {};   // beside the regions, or none
 };
 
@@ -31,24 +31,24 @@ struct BallFinderOptions {
 // Of the rig only names and image sizes matter. thread-compatible.
 class BallFinder {
  public:
-  BallFinder(const CameraRig& rig, const TargetOptions& target, const BallFinderOptions& options = {});
+  BallFinder(const calib::CameraRig& rig, const object_tracking::TargetOptions& target, const BallFinderOptions& options = {});
 
   // nullopt: corrupted, or of another size than the rig's (counted).
-  std::optional<BallFrame> look(const Frame& frame);
+  std::optional<BallFrame> look(const capture::Frame& frame);
 
   std::size_t unusable_frames() const { return unusable_; }
 
  private:
   BallFinderOptions options_;
-  TargetViews views_;
-  RegionFinder finder_;
+  object_tracking::TargetViews views_;
+  object_tracking::RegionFinder finder_;
   std::size_t unusable_ = 0;
 };
 
 // The regions once more, against what each camera sees behind them: ten times as right where the background has things
 // of the object's hue. Lets the patches go. Of a camera with too few samples they stay as they are.
-void sharpen(std::vector<BallFrame>& frames, const Background& background, const CameraRig& rig,
-             const Progress& progress = {});
+void sharpen(std::vector<BallFrame>& frames, const Background& background, const calib::CameraRig& rig,
+             const solver::Progress& progress = {});
 
 // Takes out what stays where it is: regions that are seen at the same place (to 1.5 px) in at least `share` of their
 // camera's frames. The ball may rest for a while, things of its colour rest for ever. Returns how many such places
@@ -59,4 +59,4 @@ std::vector<int> remove_still_regions(std::vector<BallFrame>& frames, std::size_
 // moved beyond the end of the one before. Still regions are removed. frames: per ball.
 std::vector<BallFrame> one_after_the_other(std::vector<std::vector<BallFrame>> frames, std::size_t camera_count);
 
-}  // namespace huetrack
+}  // namespace huetrack::wave

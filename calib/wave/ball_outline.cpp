@@ -7,7 +7,7 @@
 #include <cmath>
 #include <numbers>
 
-namespace huetrack {
+namespace huetrack::wave {
 namespace {
 
 using Eigen::Matrix3d;
@@ -20,7 +20,7 @@ constexpr double most_extent_px = 150;  // of a patch; larger regions are as sha
 // The ellipse that is as wide as the region.
 class Ellipse {
  public:
-  explicit Ellipse(const ColorRegion& region)
+  explicit Ellipse(const object_tracking::ColorRegion& region)
       : centre(region.centre),
         radius(2 * std::pow(region.spread.determinant(), 0.25)),
         reach(2 * region.spread.diagonal().cwiseSqrt()),
@@ -102,10 +102,10 @@ class Coverage {
     sum_ += covered * d;
     squares_ += covered * d * d.transpose();
   }
-  ColorRegion region_or(const ColorRegion& otherwise, double radius) const {
+  object_tracking::ColorRegion region_or(const object_tracking::ColorRegion& otherwise, double radius) const {
     if (n_ < 0.4 * otherwise.area || n_ > 2.5 * otherwise.area) return otherwise;
     const Vector2d mean = sum_ / n_;
-    ColorRegion out;
+    object_tracking::ColorRegion out;
     out.area = static_cast<int>(std::lround(n_));
     out.centre = around_ + mean;
     out.spread = squares_ / n_ - mean * mean.transpose();
@@ -122,12 +122,12 @@ class Coverage {
 
 }  // namespace
 
-Patch patch_around(const Image& image, MatchBits& matches, const ColorRegion& region) {
+Patch patch_around(const capture::Image& image, object_tracking::MatchBits& matches, const object_tracking::ColorRegion& region) {
   Patch patch;
   const Ellipse ellipse(region);
   if (2 * ellipse.reach.maxCoeff() + 2 * margin_px > most_extent_px) return patch;
   const Box box = box_around(ellipse, margin_px, {0, 0, image.width - 1, image.height - 1});
-  patch.chroma_columns = image.format == PixelFormat::bgr || image.format == PixelFormat::i444 ? 1 : 2;
+  patch.chroma_columns = image.format == capture::PixelFormat::bgr || image.format == capture::PixelFormat::i444 ? 1 : 2;
   patch.u_min = box.u_min, patch.v_min = box.v_min;
   patch.width = box.u_max - box.u_min + 1, patch.height = box.v_max - box.v_min + 1;
   for (int v = box.v_min; v <= box.v_max; ++v) {
@@ -141,7 +141,7 @@ Patch patch_around(const Image& image, MatchBits& matches, const ColorRegion& re
   return patch;
 }
 
-ColorRegion outline_over_ring(const Patch& patch, const ColorRegion& region) {
+object_tracking::ColorRegion outline_over_ring(const Patch& patch, const object_tracking::ColorRegion& region) {
   constexpr double rim_px = 1, ring_from_px = 2.5, ring_to_px = 4.5, noise = 4;
   if (patch.empty()) return region;
   const Ellipse ellipse(region);
@@ -392,7 +392,7 @@ class EllipseFit {
 
 }  // namespace
 
-ColorRegion outline_over_background(const Patch& patch, const ColorRegion& region, const BackgroundImage& background,
+object_tracking::ColorRegion outline_over_background(const Patch& patch, const object_tracking::ColorRegion& region, const BackgroundImage& background,
                                     const Eigen::Matrix2d& shape) {
   constexpr double ring_from_px = 2, ring_to_px = 5, changed_sigmas = 6, most_changed = 0.5;
   if (patch.empty()) return region;
@@ -407,7 +407,7 @@ ColorRegion outline_over_background(const Patch& patch, const ColorRegion& regio
   for_each_pixel(patch, rough, 2, [&](int u, int v, const Patch::Pixel& pixel, double off) {
     if (off < 2 && pixel.match && change(u, v) > 4) moving.add(u, v, 1);
   });
-  const ColorRegion start = moving.region_or(region, rough.radius);
+  const object_tracking::ColorRegion start = moving.region_or(region, rough.radius);
   const Ellipse ellipse(start);
   int ring = 0, changed = 0;
   for_each_pixel(patch, ellipse, ring_to_px, [&](int u, int v, const Patch::Pixel&, double off) {
@@ -420,7 +420,7 @@ ColorRegion outline_over_background(const Patch& patch, const ColorRegion& regio
   EllipseFit::Place place(start.centre.x(), start.centre.y(), std::log(ellipse.radius / unit));
   EllipseFit fit(patch, background, shape, place);
   if (!fit.solve(place)) return region;
-  ColorRegion out;
+  object_tracking::ColorRegion out;
   out.centre = place.head<2>();
   const double size = std::exp(place.z());
   out.spread = size * size / 4 * shape * shape.transpose();
@@ -428,4 +428,4 @@ ColorRegion outline_over_background(const Patch& patch, const ColorRegion& regio
   return out;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::wave

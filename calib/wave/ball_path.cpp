@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-namespace huetrack {
+namespace huetrack::wave {
 
 BallPath BallPath::over(double from_s, double to_s, double step_s) {
   BallPath path;
@@ -31,4 +31,4 @@ Eigen::Vector3d BallPath::at(double t_s) const {
   return p;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::wave

@@ -6,7 +6,7 @@
 #include <cstddef>
 #include <vector>
 
-namespace huetrack {
+namespace huetrack::wave {
 
 struct BallPath {
   double start_s = 0;                    // the path is defined from here
@@ -25,4 +25,4 @@ struct BallPath {
   static BallPath over(double from_s, double to_s, double step_s);  // all control points at the origin
 };
 
-}  // namespace huetrack
+}  // namespace huetrack::wave

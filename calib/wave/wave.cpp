@@ -20,7 +20,7 @@
 #include "calib/wave/wave_start.h"
 #include "object_tracking/sighting.h"
 
-namespace huetrack {
+namespace huetrack::wave {
 namespace {
 
 using Eigen::Matrix3d;
@@ -61,8 +61,8 @@ struct Similarity {
 
   Vector3d operator*(const Vector3d& p) const { return scale * (rotation * p) + translation; }
   void apply(WaveState& state) const {
-    for (Rigid3d& cam_from_world : state.cam_from_world) {
-      const Vector3d centre = *this * inverse(cam_from_world).translation;
+    for (calib::Rigid3d& cam_from_world : state.cam_from_world) {
+      const Vector3d centre = *this * calib::inverse(cam_from_world).translation;
       const Matrix3d r = cam_from_world.rotation.toRotationMatrix() * rotation.transpose();
       cam_from_world = {Eigen::Quaterniond(r).normalized(), -r * centre};
     }
@@ -73,7 +73,7 @@ struct Similarity {
 // The frames of one recording, and what of them is used.
 class Wave {
  public:
-  Wave(const CameraRig& rig, const std::vector<BallFrame>& frames, const WaveOptions& options)
+  Wave(const calib::CameraRig& rig, const std::vector<BallFrame>& frames, const WaveOptions& options)
       : rig_(rig), frames_(frames), options_(options), chosen_(frames.size(), -1) {
     double from = std::numeric_limits<double>::infinity(), to = -from;
     std::vector<std::vector<double>> times(rig.cameras.size());
@@ -108,12 +108,12 @@ class Wave {
 
   // Poses and path that suit the frames best, from these poses on. What does not agree is left out. `any_scale`: that
   // of the start means nothing; take the one at which the ball looks as large as it is.
-  void solve(const std::vector<Rigid3d>& start, bool any_scale) {
+  void solve(const std::vector<calib::Rigid3d>& start, bool any_scale) {
     state_.cam_from_world = start;
     std::size_t crossed = 0;
     state_.path = crossed_path(rig_, start, tracks(), from_s_, to_s_, step_s_, &crossed);
     if (crossed < index(least_shared)) {
-      throw CalibrationError(
+      throw solver::CalibrationError(
           "the cameras' rays to the ball hardly ever meet with the poses that the rig has (" + std::to_string(crossed) +
           " times): the poses are far off, the cameras' names are swapped, or they see different things");
     }
@@ -216,7 +216,7 @@ class Wave {
     if (options_.progress) options_.progress(step, done, passes);
   }
 
-  const ColorRegion& region(std::size_t f) const { return frames_[f].regions[index(chosen_[f])]; }
+  const object_tracking::ColorRegion& region(std::size_t f) const { return frames_[f].regions[index(chosen_[f])]; }
 
   WaveAdjustmentOptions adjustment_options() const {
     WaveAdjustmentOptions o;
@@ -228,7 +228,7 @@ class Wave {
     for (std::size_t a = 0; a < rig_.cameras.size(); ++a) {
       for (std::size_t b = a + 1; b < rig_.cameras.size(); ++b) {
         const double d =
-            (inverse(state_.cam_from_world[a]).translation - inverse(state_.cam_from_world[b]).translation).norm();
+            (calib::inverse(state_.cam_from_world[a]).translation - calib::inverse(state_.cam_from_world[b]).translation).norm();
         if (d <= furthest) continue;
         furthest = d;
         o.scale_a = static_cast<int>(a);
@@ -239,11 +239,11 @@ class Wave {
     return o;
   }
 
-  std::optional<Appearance> appearance(const BallFrame& frame) const {
-    Camera camera = rig_.cameras[index(frame.camera)];
+  std::optional<object_tracking::Appearance> appearance(const BallFrame& frame) const {
+    calib::Camera camera = rig_.cameras[index(frame.camera)];
     camera.cam_from_world = state_.cam_from_world[index(frame.camera)];
     const Vector3d p = state_.path.at(frame.t_s);
-    auto at = appearance_of(camera, p, options_.radius_m);
+    auto at = object_tracking::appearance_of(camera, p, options_.radius_m);
     if (!at) return at;
     if (const auto px = outline_centre(camera.model, camera.cam_from_world * p, options_.radius_m)) at->px = *px;
     return at;
@@ -254,7 +254,7 @@ class Wave {
     Eigen::Matrix2d axes;
     Vector2d width_px;
   };
-  static Shape shape_of(const ColorRegion& region) {
+  static Shape shape_of(const object_tracking::ColorRegion& region) {
     const auto solver = Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>().computeDirect(region.spread);
     return {solver.eigenvectors(), 2 * solver.eigenvalues().cwiseMax(0).cwiseSqrt()};
   }
@@ -314,7 +314,7 @@ class Wave {
 
   // A region that is narrower than a whole ball is partly hidden, one that is wider has something else in it, and its
   // centre is off by as much: of little use here, where there are many others. nullopt: of none.
-  std::optional<Eigen::Matrix2d> covariance_of(std::size_t f, const ColorRegion& region, const Appearance& at) const {
+  std::optional<Eigen::Matrix2d> covariance_of(std::size_t f, const object_tracking::ColorRegion& region, const object_tracking::Appearance& at) const {
     if (rough_) return Eigen::Matrix2d(Eigen::Matrix2d::Identity());
     const Shape shape = shape_of(region);
     const double r2 = at.radius_px * at.radius_px;
@@ -330,7 +330,7 @@ class Wave {
   }
 
   // How badly a region suits the path; nullopt: not at all.
-  std::optional<double> cost_of(std::size_t f, const ColorRegion& region) const {
+  std::optional<double> cost_of(std::size_t f, const object_tracking::ColorRegion& region) const {
     const auto at = appearance(frames_[f]);
     if (!at) return std::nullopt;
     const Vector2d d = region.centre - at->px;
@@ -353,7 +353,7 @@ class Wave {
     }
   }
 
-  const CameraRig& rig_;
+  const calib::CameraRig& rig_;
   const std::vector<BallFrame>& frames_;
   const WaveOptions& options_;
   std::vector<int> chosen_;  // beside the frames: the region that is taken for the ball; -1: none
@@ -367,7 +367,7 @@ class Wave {
 
 // The frame and scale of the rig that it started from; `scale_too`: nothing else sets it. Cameras that moved count
 // little where most did not.
-Similarity onto_rig(const CameraRig& rig, const WaveState& state, bool scale_too) {
+Similarity onto_rig(const calib::CameraRig& rig, const WaveState& state, bool scale_too) {
   const std::size_t n = rig.cameras.size();
   std::vector<double> weight(n, 1);
   Similarity s;
@@ -376,12 +376,12 @@ Similarity onto_rig(const CameraRig& rig, const WaveState& state, bool scale_too
     Vector3d mean_from = Vector3d::Zero(), mean_to = Vector3d::Zero();
     const double total = std::accumulate(weight.begin(), weight.end(), 0.0);
     for (std::size_t c = 0; c < n; ++c) {
-      mean_from += weight[c] / total * inverse(state.cam_from_world[c]).translation;
+      mean_from += weight[c] / total * calib::inverse(state.cam_from_world[c]).translation;
       mean_to += weight[c] / total * rig.cameras[c].centre();
     }
     double spread_from = 0, spread_to = 0;
     for (std::size_t c = 0; c < n; ++c) {
-      const Vector3d from = inverse(state.cam_from_world[c]).translation - mean_from,
+      const Vector3d from = calib::inverse(state.cam_from_world[c]).translation - mean_from,
                      to = rig.cameras[c].centre() - mean_to;
       spread_from += weight[c] * from.squaredNorm();
       spread_to += weight[c] * to.squaredNorm();
@@ -392,7 +392,7 @@ Similarity onto_rig(const CameraRig& rig, const WaveState& state, bool scale_too
     for (std::size_t c = 0; c < n; ++c) {
       const Matrix3d guess = rig.cameras[c].cam_from_world.rotation.toRotationMatrix();
       const Matrix3d found = state.cam_from_world[c].rotation.toRotationMatrix();
-      const Vector3d from = inverse(state.cam_from_world[c]).translation - mean_from,
+      const Vector3d from = calib::inverse(state.cam_from_world[c]).translation - mean_from,
                      to = rig.cameras[c].centre() - mean_to;
       sum += weight[c] * (guess.transpose() * found + s.scale * to * from.transpose());
     }
@@ -401,8 +401,8 @@ Similarity onto_rig(const CameraRig& rig, const WaveState& state, bool scale_too
     s.rotation = svd.matrixU() * sign.asDiagonal() * svd.matrixV().transpose();
     s.translation = mean_to - s.scale * (s.rotation * mean_from);
     for (std::size_t c = 0; c < n; ++c) {
-      const Rigid3d& pose = state.cam_from_world[c];
-      const double off = (s * inverse(pose).translation - rig.cameras[c].centre()).norm();
+      const calib::Rigid3d& pose = state.cam_from_world[c];
+      const double off = (s * calib::inverse(pose).translation - rig.cameras[c].centre()).norm();
       const Matrix3d turned = pose.rotation.toRotationMatrix() * s.rotation.transpose();
       const double angle =
           Eigen::AngleAxisd(turned * rig.cameras[c].cam_from_world.rotation.toRotationMatrix().transpose()).angle();
@@ -455,7 +455,7 @@ std::array<Vector3d, 2> rests(const Wave& wave) {
   for (std::size_t i = 1; i < found.size(); ++i) {
     if ((found[i].place - found[0].place).norm() > 0.1) return {found[0].place, found[i].place};
   }
-  throw CalibrationError(
+  throw solver::CalibrationError(
       "the ball did not rest at two places (it rested " + std::to_string(found.size()) +
       " times for 0.7 s or longer), so the distance between them cannot set the scale: hold it still for "
       "two seconds at each of the two marks, in sight of two cameras");
@@ -483,7 +483,7 @@ struct ShapeErrors {
   }
 };
 
-ShapeErrors shape_errors(const CameraRig& rig, const WaveState& state, const std::vector<Vector3d>& wanted) {
+ShapeErrors shape_errors(const calib::CameraRig& rig, const WaveState& state, const std::vector<Vector3d>& wanted) {
   const auto n = static_cast<Eigen::Index>(rig.cameras.size());
   std::vector<Eigen::MatrixXd> moved;
   std::vector<Vector3d> places;
@@ -493,14 +493,14 @@ ShapeErrors shape_errors(const CameraRig& rig, const WaveState& state, const std
     Eigen::MatrixXd by_pose = Eigen::MatrixXd::Zero(3, 6 * n);
     int views = 0;
     for (Eigen::Index c = 0; c < n; ++c) {
-      const Camera& camera = rig.cameras[static_cast<std::size_t>(c)];
-      const Rigid3d& pose = state.cam_from_world[static_cast<std::size_t>(c)];
-      CameraModel::Jacobian by_cam;
+      const calib::Camera& camera = rig.cameras[static_cast<std::size_t>(c)];
+      const calib::Rigid3d& pose = state.cam_from_world[static_cast<std::size_t>(c)];
+      calib::CameraModel::Jacobian by_cam;
       const auto px = camera.model.project(pose * p, by_cam);
       if (!px || !camera.contains(*px)) continue;
       ++views;
       const Eigen::Matrix<double, 2, 3> j = by_cam * pose.rotation.toRotationMatrix();
-      const Vector3d lever = p - inverse(pose).translation;
+      const Vector3d lever = p - calib::inverse(pose).translation;
       Eigen::Matrix<double, 2, 6> by_camera;
       by_camera.leftCols<3>() = -j;
       by_camera.rightCols<3>() = -j * cross_matrix(lever);
@@ -537,7 +537,7 @@ std::vector<Vector3d> places_along(const BallPath& path) {
   return places;
 }
 
-std::vector<Vector3d> places_in(const WorldBox& box) {
+std::vector<Vector3d> places_in(const solver::WorldBox& box) {
   constexpr int steps = 6;
   std::vector<Vector3d> places;
   for (int i = 0; i <= steps; ++i) {
@@ -550,7 +550,7 @@ std::vector<Vector3d> places_in(const WorldBox& box) {
 }
 
 // Names the cameras that are not connected, and which pair lacks what.
-void require_connected(const CameraRig& rig, const std::vector<WavePair>& pairs) {
+void require_connected(const calib::CameraRig& rig, const std::vector<WavePair>& pairs) {
   std::vector<std::size_t> group(rig.cameras.size());
   std::iota(group.begin(), group.end(), std::size_t{0});
   for (const WavePair& p : pairs) {
@@ -570,13 +570,13 @@ void require_connected(const CameraRig& rig, const std::vector<WavePair>& pairs)
     shared = p.shared;
     most = rig.cameras[index(p.a)].name + " and " + rig.cameras[index(p.b)].name;
   }
-  throw CalibrationError("the cameras are not connected: " + alone +
+  throw solver::CalibrationError("the cameras are not connected: " + alone +
                          " and the others hardly saw the ball at the same time; " + most + " share " +
                          std::to_string(shared) + " frames, " + std::to_string(least_shared) +
                          " are needed. Wave it where both see it");
 }
 
-std::vector<WavePair> pairs_of(const CameraRig& rig, const BallTracks& tracks) {
+std::vector<WavePair> pairs_of(const calib::CameraRig& rig, const BallTracks& tracks) {
   std::vector<WavePair> pairs;
   for (std::size_t a = 0; a < rig.cameras.size(); ++a) {
     for (std::size_t b = a + 1; b < rig.cameras.size(); ++b)
@@ -587,7 +587,7 @@ std::vector<WavePair> pairs_of(const CameraRig& rig, const BallTracks& tracks) {
 
 }  // namespace
 
-std::vector<std::string> WaveOptions::problems(const CameraRig& rig) const {
+std::vector<std::string> WaveOptions::problems(const calib::CameraRig& rig) const {
   std::vector<std::string> out;
   const auto is_camera = [&](int c) { return c >= 0 && index(c) < rig.cameras.size(); };
   if (!(radius_m > 0)) out.emplace_back("radius_m must be > 0");
@@ -605,7 +605,7 @@ std::vector<std::string> WaveOptions::problems(const CameraRig& rig) const {
   return out;
 }
 
-WaveResult calibrate_wave(const CameraRig& rig, std::vector<BallFrame> frames, const WaveOptions& options) {
+WaveResult calibrate_wave(const calib::CameraRig& rig, std::vector<BallFrame> frames, const WaveOptions& options) {
   for (const auto& problem : options.problems(rig)) throw std::invalid_argument(problem);
   const std::size_t n = rig.cameras.size();
   std::ranges::sort(frames, [](const BallFrame& a, const BallFrame& b) {
@@ -628,15 +628,15 @@ WaveResult calibrate_wave(const CameraRig& rig, std::vector<BallFrame> frames, c
   for (std::size_t c = 0; c < n; ++c) {
     const WaveCamera& camera = result.cameras[c];
     const std::string& name = rig.cameras[c].name;
-    if (camera.frames == 0) throw CalibrationError(name + " gave no frame");
+    if (camera.frames == 0) throw solver::CalibrationError(name + " gave no frame");
     if (seen_anything[c] == 0) {
-      throw CalibrationError(
+      throw solver::CalibrationError(
           name + " never saw the target: none of its " + std::to_string(camera.frames) +
           " frames has a region of the colour. Check the target's colour (hue, saturation, intensity) in "
           "this camera, or wave it in front of it");
     }
     if (camera.seen < least_shared) {
-      throw CalibrationError(name +
+      throw solver::CalibrationError(name +
                              (still[c] > 0
                                   ? " saw the target's colour only where it never moves: too little motion, or "
                                     "something else of that colour"
@@ -654,12 +654,12 @@ WaveResult calibrate_wave(const CameraRig& rig, std::vector<BallFrame> frames, c
   const bool from_nothing = !options.has_poses;
   bool found_anew = from_nothing;
   if (options.has_poses) {
-    std::vector<Rigid3d> start;
-    for (const Camera& camera : rig.cameras) start.push_back(camera.cam_from_world);
+    std::vector<calib::Rigid3d> start;
+    for (const calib::Camera& camera : rig.cameras) start.push_back(camera.cam_from_world);
     std::string why;
     try {
       whole->solve(start, false);
-    } catch (const CalibrationError& e) {
+    } catch (const solver::CalibrationError& e) {
       why = e.what();
     }
     if (!why.empty() || whole->used_share() < 0.7) {
@@ -671,8 +671,8 @@ WaveResult calibrate_wave(const CameraRig& rig, std::vector<BallFrame> frames, c
           whole = std::move(fresh);
           found_anew = true;
         }
-      } catch (const CalibrationError&) {
-        if (!why.empty()) throw CalibrationError(why);
+      } catch (const solver::CalibrationError&) {
+        if (!why.empty()) throw solver::CalibrationError(why);
       }
     }
   } else {
@@ -684,7 +684,7 @@ WaveResult calibrate_wave(const CameraRig& rig, std::vector<BallFrame> frames, c
 
   // Scale and frame.
   WaveState& state = wave.state();
-  const auto centre = [&](int c) { return inverse(state.cam_from_world[index(c)]).translation; };
+  const auto centre = [&](int c) { return calib::inverse(state.cam_from_world[index(c)]).translation; };
   constexpr double tape_m = 0.005;  // how well a distance is measured
   double over_m = 0;                // which one; 0: none
   const auto set_scale = [&] {
@@ -707,7 +707,7 @@ WaveResult calibrate_wave(const CameraRig& rig, std::vector<BallFrame> frames, c
         int views = 0;
         for (std::size_t c = 0; c < n; ++c) views += tracks.at(c, mark.t_s) ? 1 : 0;
         if (views < 2) {
-          throw CalibrationError(
+          throw solver::CalibrationError(
               text("the mark at %.3f s: %s saw the ball then (it was seen from %.3f to %.3f s), and two are needed",
                    mark.t_s, views == 0 ? "no camera" : "only one camera", wave.from_s(), wave.to_s()));
         }
@@ -722,7 +722,7 @@ WaveResult calibrate_wave(const CameraRig& rig, std::vector<BallFrame> frames, c
           over_m = std::max(over_m, (to[i] - to[k]).norm());
         }
       }
-      if (!(spread_to > 1e-4) || !(spread_from > 0)) throw CalibrationError("the marked points are all at one place");
+      if (!(spread_to > 1e-4) || !(spread_from > 0)) throw solver::CalibrationError("the marked points are all at one place");
       scale.scale = std::sqrt(spread_to / spread_from);
       result.scale_from = std::to_string(from.size()) + " marked points";
     } else if (!from_nothing) {
@@ -750,7 +750,7 @@ WaveResult calibrate_wave(const CameraRig& rig, std::vector<BallFrame> frames, c
     for (const Vector3d& p : to) scatter += (p - mean) * (p - mean).transpose();
     const Vector3d axes = Eigen::SelfAdjointEigenSolver<Matrix3d>(scatter).eigenvalues();
     if (axes[1] < 1e-3 * axes[2])
-      throw CalibrationError("the marked points lie on one line, which leaves the world free to turn around it");
+      throw solver::CalibrationError("the marked points lie on one line, which leaves the world free to turn around it");
     const Similarity move = onto_points(from, to, false);
     move.apply(state);
     double worst = 0;
@@ -790,7 +790,7 @@ WaveResult calibrate_wave(const CameraRig& rig, std::vector<BallFrame> frames, c
     sums[c] += wave.fit().residuals[i].squaredNorm();
     sum += wave.fit().residuals[i].squaredNorm();
     ++result.cameras[c].used;
-    const ImageSize size = rig.cameras[c].image_size;
+    const calib::ImageSize size = rig.cameras[c].image_size;
     const Vector2d& px = observations[i].px;
     cells[c].insert(static_cast<int>(8 * (px.x() + 0.5) / size.width) +
                     8 * static_cast<int>(6 * (px.y() + 0.5) / size.height));
@@ -810,13 +810,13 @@ WaveResult calibrate_wave(const CameraRig& rig, std::vector<BallFrame> frames, c
   double away = 0;
   for (std::size_t c = 0; c < n; ++c) away += (centre(static_cast<int>(c)) - mean).norm() / static_cast<double>(n);
   if (result.extent_m[0] < 5 * least_extent_m * away) {
-    throw CalibrationError(
+    throw solver::CalibrationError(
         text("too little motion: the ball moved within %.0f cm, at %.1f m from the cameras. Wave it through the "
              "whole volume",
              1e2 * result.extent_m[0], away));
   }
   if (result.extent_m[1] < least_extent_m * away) {
-    throw CalibrationError(
+    throw solver::CalibrationError(
         text("the ball moved along one line (%.2f m long, %.0f mm wide), which leaves the cameras free to turn "
              "around it. Wave it through the whole volume",
              result.extent_m[0], 1e3 * result.extent_m[1]));
@@ -826,7 +826,7 @@ WaveResult calibrate_wave(const CameraRig& rig, std::vector<BallFrame> frames, c
         "the ball moved in one plane (%.2f x %.2f m, %.0f mm thick): wave it through the whole volume, "
         "up and down and towards the cameras too",
         result.extent_m[0], result.extent_m[1], 1e3 * result.extent_m[2]);
-    if (from_nothing) throw CalibrationError(what);
+    if (from_nothing) throw solver::CalibrationError(what);
     result.doubts.push_back(what);
   }
 
@@ -846,9 +846,9 @@ WaveResult calibrate_wave(const CameraRig& rig, std::vector<BallFrame> frames, c
   }
   Eigen::VectorXd apart(6 * static_cast<Eigen::Index>(n));
   for (std::size_t c = 0; c < n; ++c) {
-    const Rigid3d &a = halves[0].cam_from_world[c], &b = halves[1].cam_from_world[c];
+    const calib::Rigid3d &a = halves[0].cam_from_world[c], &b = halves[1].cam_from_world[c];
     const Eigen::AngleAxisd turn(a.rotation.conjugate() * b.rotation);
-    apart.segment<3>(6 * static_cast<Eigen::Index>(c)) = inverse(b).translation - inverse(a).translation;
+    apart.segment<3>(6 * static_cast<Eigen::Index>(c)) = calib::inverse(b).translation - calib::inverse(a).translation;
     apart.segment<3>(6 * static_cast<Eigen::Index>(c) + 3) = turn.angle() * turn.axis();
   }
   result.halves_m = along_path.rms(apart * apart.transpose());
@@ -921,7 +921,7 @@ WaveResult calibrate_wave(const CameraRig& rig, std::vector<BallFrame> frames, c
                name, camera.used, camera.seen));
     }
     if (camera.used < least_shared) {
-      throw CalibrationError(
+      throw solver::CalibrationError(
           text("%s: only %d of its %d frames with the target's colour agree with the other cameras; %d are "
                "needed",
                name, camera.used, camera.seen, least_shared));
@@ -959,4 +959,4 @@ WaveResult calibrate_wave(const CameraRig& rig, std::vector<BallFrame> frames, c
   return result;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::wave

@@ -13,7 +13,7 @@
 #include "calib/solver/volume_accuracy.h"
 #include "calib/wave/ball_finder.h"
 
-namespace huetrack {
+namespace huetrack::wave {
 
 struct CameraDistance {
   int a = 0, b = 0;   // two cameras of the rig
@@ -34,11 +34,11 @@ struct WaveOptions {
   std::optional<CameraDistance> camera_distance{};
   std::optional<double> rest_distance_m{};  // > 0; between the two places where the ball rested longest
   std::vector<BallMark> marks{};            // two: scale; three or more, not in a line: the world's frame too
-  std::optional<WorldBox> volume{};         // where positions will be wanted: how good they are is told for it too
-  Progress progress{};
+  std::optional<solver::WorldBox> volume{};         // where positions will be wanted: how good they are is told for it too
+  solver::Progress progress{};
 
   std::vector<std::string> problems(
-      const CameraRig& rig) const;  // empty when valid; one sentence per violated constraint
+      const calib::CameraRig& rig) const;  // empty when valid; one sentence per violated constraint
 };
 
 struct WaveCamera {
@@ -59,7 +59,7 @@ struct WavePair {
 };
 
 struct WaveResult {
-  CameraRig rig;                    // with the poses found, and made_by
+  calib::CameraRig rig;                    // with the poses found, and made_by
   std::vector<WaveCamera> cameras;  // beside the rig's
   std::vector<WavePair> pairs;      // all
   double rms_px = 0;                // of all used regions, length
@@ -84,6 +84,6 @@ struct WaveResult {
 
 // frames: in any order; several per camera. throws std::invalid_argument: options.problems(); CalibrationError: it
 // cannot be done, and why: which camera, which pair. Deterministic.
-WaveResult calibrate_wave(const CameraRig& rig, std::vector<BallFrame> frames, const WaveOptions& options);
+WaveResult calibrate_wave(const calib::CameraRig& rig, std::vector<BallFrame> frames, const WaveOptions& options);
 
-}  // namespace huetrack
+}  // namespace huetrack::wave

@@ -14,7 +14,7 @@
 #include "calib/solver/bundle_adjustment.h"
 #include "calib/solver/lens.h"
 
-namespace huetrack {
+namespace huetrack::wave {
 namespace {
 
 using Eigen::Matrix2d;
@@ -54,7 +54,7 @@ Vector3d outline_point(bool pinhole, const Vector3d& p, double radius, double* z
 // Blocks: pose (omega, t), and four control points. Residual: whitened, predicted minus measured.
 class OutlineCost final : public ceres::SizedCostFunction<2, 6, 3, 3, 3, 3> {
  public:
-  OutlineCost(LensModel lens, const LensParameters& parameters, const Matrix3d& base, const BallObservation& o,
+  OutlineCost(solver::LensModel lens, const solver::LensParameters& parameters, const Matrix3d& base, const BallObservation& o,
               const std::array<double, 4>& weight, double radius)
       : lens_(lens), parameters_(parameters), base_(base), measured_(o.px), weight_(weight), radius_(radius) {
     whiten_ = Matrix2d(o.covariance.inverse()).llt().matrixL().transpose();
@@ -67,10 +67,10 @@ class OutlineCost final : public ceres::SizedCostFunction<2, 6, 3, 3, 3, 3> {
     const Matrix3d rotation = base_ * rotation_of(omega);
     const Vector3d p_cam = rotation * p + t;
     double z_by_z = 1;
-    const Vector3d outline = outline_point(lens_ != LensModel::fisheye, p_cam, radius_, &z_by_z);
+    const Vector3d outline = outline_point(lens_ != solver::LensModel::fisheye, p_cam, radius_, &z_by_z);
     Vector2d px;
-    PixelByPoint by_point;
-    const bool seen = project(lens_, parameters_, outline, px, &by_point, nullptr) && px.allFinite();
+    solver::PixelByPoint by_point;
+    const bool seen = solver::project(lens_, parameters_, outline, px, &by_point, nullptr) && px.allFinite();
     Eigen::Map<Vector2d> r(residuals);
     // Behind the camera there is no slope that leads back: the loss makes it an outlier.
     r = seen ? Vector2d(whiten_ * (px - measured_)) : Vector2d::Constant(1e4);
@@ -92,8 +92,8 @@ class OutlineCost final : public ceres::SizedCostFunction<2, 6, 3, 3, 3, 3> {
   }
 
  private:
-  LensModel lens_;
-  LensParameters parameters_;
+  solver::LensModel lens_;
+  solver::LensParameters parameters_;
   Matrix3d base_;
   Vector2d measured_;
   std::array<double, 4> weight_;
@@ -154,7 +154,7 @@ Eigen::SparseMatrix<double> jacobian_of(ceres::Problem& problem, const std::vect
 double log_determinant(const Eigen::SparseMatrix<double>& jacobian) {
   const Eigen::SparseMatrix<double> information = jacobian.transpose() * jacobian;
   const Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>> solver(information);
-  if (solver.info() != Eigen::Success) throw CalibrationError("the ball's path is not determined by what was seen");
+  if (solver.info() != Eigen::Success) throw solver::CalibrationError("the ball's path is not determined by what was seen");
   return solver.vectorD().array().max(1e-30).log().sum();
 }
 
@@ -204,14 +204,14 @@ Eigen::MatrixXd pose_covariance(ceres::Problem& problem, const std::vector<doubl
   Eigen::SparseMatrix<double> pp = by_point.transpose() * by_point;
   const Eigen::SparseMatrix<double> pc = by_point.transpose() * by_pose;
   Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>> solver(pp);
-  if (solver.info() != Eigen::Success) throw CalibrationError("the ball's path is not determined by what was seen");
+  if (solver.info() != Eigen::Success) throw solver::CalibrationError("the ball's path is not determined by what was seen");
   const Eigen::MatrixXd cross = pc;
   const Eigen::MatrixXd path_by_pose = solver.solve(cross);
   const Eigen::MatrixXd information = Eigen::MatrixXd(by_pose.transpose() * by_pose) - cross.transpose() * path_by_pose;
   const Eigen::LDLT<Eigen::MatrixXd> ldlt(information);
   const Eigen::MatrixXd covariance = ldlt.solve(Eigen::MatrixXd::Identity(n, n));
   if (!covariance.allFinite() || (covariance.diagonal().array() <= 0).any()) {
-    throw CalibrationError(
+    throw solver::CalibrationError(
         "the camera poses are not determined by how the ball was moved: carry it through the whole volume, "
         "up and down and towards the cameras");
   }
@@ -235,30 +235,30 @@ class QuietLog {  // Ceres logs every step that it takes back
 
 }  // namespace
 
-std::optional<Vector2d> outline_centre(const CameraModel& model, const Vector3d& p_cam, double radius_m) {
+std::optional<Vector2d> outline_centre(const calib::CameraModel& model, const Vector3d& p_cam, double radius_m) {
   double unused = 1;
-  const bool pinhole = std::holds_alternative<PinholeRadtan>(model.lens());
+  const bool pinhole = std::holds_alternative<calib::PinholeRadtan>(model.lens());
   if (pinhole && p_cam.z() <= 0) return std::nullopt;
   const auto px = model.project(outline_point(pinhole, p_cam, radius_m, &unused));
   if (!px) return std::nullopt;
   return px->px;
 }
 
-WaveFit adjust_wave(const CameraRig& rig, const std::vector<BallObservation>& observations, WaveState& state,
+WaveFit adjust_wave(const calib::CameraRig& rig, const std::vector<BallObservation>& observations, WaveState& state,
                     const WaveAdjustmentOptions& options) {
   const std::size_t cameras = rig.cameras.size();
   // Ceres orders parameter blocks by their addresses, and the order decides the last digits: each kind in one piece.
   std::vector<std::array<double, 6>> poses(cameras);
   std::vector<Vector3d>& control = state.path.control;
   std::vector<Matrix3d> base(cameras);
-  std::vector<LensModel> lens(cameras);
-  std::vector<LensParameters> parameters(cameras);
+  std::vector<solver::LensModel> lens(cameras);
+  std::vector<solver::LensParameters> parameters(cameras);
   for (std::size_t c = 0; c < cameras; ++c) {
     base[c] = state.cam_from_world[c].rotation.toRotationMatrix();
     const Vector3d& t = state.cam_from_world[c].translation;
     poses[c] = {0, 0, 0, t.x(), t.y(), t.z()};
-    lens[c] = lens_model_of(rig.cameras[c].model);
-    parameters[c] = parameters_of(rig.cameras[c].model);
+    lens[c] = solver::lens_model_of(rig.cameras[c].model);
+    parameters[c] = solver::parameters_of(rig.cameras[c].model);
   }
   ceres::Problem problem;
   ceres::LossFunction* loss = new ceres::CauchyLoss(options.loss);  // of all: it has no state
@@ -282,7 +282,7 @@ WaveFit adjust_wave(const CameraRig& rig, const std::vector<BallObservation>& ob
   }
   const auto a = static_cast<std::size_t>(options.scale_a), b = static_cast<std::size_t>(options.scale_b);
   const double distance =
-      (inverse(state.cam_from_world[a]).translation - inverse(state.cam_from_world[b]).translation).norm();
+      (calib::inverse(state.cam_from_world[a]).translation - calib::inverse(state.cam_from_world[b]).translation).norm();
   problem.AddResidualBlock(
       new ceres::AutoDiffCostFunction<DistanceCost, 1, 6, 6>(new DistanceCost{base[a], base[b], distance, 1e5}),
       nullptr, poses[a].data(), poses[b].data());
@@ -298,7 +298,7 @@ WaveFit adjust_wave(const CameraRig& rig, const std::vector<BallObservation>& ob
   const QuietLog quiet;
   ceres::Solver::Summary summary;
   ceres::Solve(solver, &problem, &summary);
-  if (!summary.IsSolutionUsable()) throw CalibrationError("the adjustment does not converge: " + summary.message);
+  if (!summary.IsSolutionUsable()) throw solver::CalibrationError("the adjustment does not converge: " + summary.message);
 
   WaveFit fit;
   fit.cost = summary.final_cost;
@@ -354,4 +354,4 @@ WaveFit adjust_wave(const CameraRig& rig, const std::vector<BallObservation>& ob
   return fit;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::wave

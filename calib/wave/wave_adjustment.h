@@ -7,7 +7,7 @@
 #include "calib/model/camera_rig.h"
 #include "calib/wave/ball_path.h"
 
-namespace huetrack {
+namespace huetrack::wave {
 
 // The ball's outline in one frame.
 struct BallObservation {
@@ -18,7 +18,7 @@ struct BallObservation {
 };
 
 struct WaveState {
-  std::vector<Rigid3d> cam_from_world;
+  std::vector<calib::Rigid3d> cam_from_world;
   BallPath path;
 };
 
@@ -57,10 +57,10 @@ struct WaveFit {
 };
 
 // throws CalibrationError when it is numerically hopeless. Deterministic.
-WaveFit adjust_wave(const CameraRig& rig, const std::vector<BallObservation>& observations, WaveState& state,
+WaveFit adjust_wave(const calib::CameraRig& rig, const std::vector<BallObservation>& observations, WaveState& state,
                     const WaveAdjustmentOptions& options);
 
 // Where the centre of a ball's outline appears; nullopt: behind the camera, or outside the lens model.
-std::optional<Eigen::Vector2d> outline_centre(const CameraModel& model, const Eigen::Vector3d& p_cam, double radius_m);
+std::optional<Eigen::Vector2d> outline_centre(const calib::CameraModel& model, const Eigen::Vector3d& p_cam, double radius_m);
 
-}  // namespace huetrack
+}  // namespace huetrack::wave

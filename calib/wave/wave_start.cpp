@@ -8,7 +8,7 @@
 
 #include "calib/solver/bundle_adjustment.h"
 
-namespace huetrack {
+namespace huetrack::wave {
 namespace {
 
 using Eigen::Matrix3d;
@@ -16,13 +16,13 @@ using Eigen::Vector2d;
 using Eigen::Vector3d;
 
 // On the plane z = 1; nullopt: too far off the axis for it.
-std::optional<cv::Point2d> on_plane(const CameraModel& model, const Vector2d& px) {
+std::optional<cv::Point2d> on_plane(const calib::CameraModel& model, const Vector2d& px) {
   const auto ray = model.ray({px});
   if (!ray || ray->z() < 0.1) return std::nullopt;
   return cv::Point2d(ray->x() / ray->z(), ray->y() / ray->z());
 }
 
-Rigid3d pose_of(const cv::Mat& rotation, const cv::Mat& translation) {
+calib::Rigid3d pose_of(const cv::Mat& rotation, const cv::Mat& translation) {
   Matrix3d r;
   Vector3d t;
   for (int i = 0; i < 3; ++i) {
@@ -54,7 +54,7 @@ std::vector<double> BallTracks::shared(std::size_t a, std::size_t b) const {
   return times;
 }
 
-std::optional<Vector3d> crossing(const CameraRig& rig, const std::vector<Rigid3d>& cam_from_world,
+std::optional<Vector3d> crossing(const calib::CameraRig& rig, const std::vector<calib::Rigid3d>& cam_from_world,
                                  const std::vector<bool>& use, const BallTracks& tracks, double t_s) {
   constexpr double most_off = 0.35;  // radians between a ray and the crossing: the poses may be well off
   Matrix3d sum = Matrix3d::Zero();
@@ -66,7 +66,7 @@ std::optional<Vector3d> crossing(const CameraRig& rig, const std::vector<Rigid3d
     if (!px) continue;
     const auto ray = rig.cameras[c].model.ray({*px});
     if (!ray) continue;
-    const Rigid3d world_from_cam = inverse(cam_from_world[c]);
+    const calib::Rigid3d world_from_cam = calib::inverse(cam_from_world[c]);
     rays.emplace_back(world_from_cam.translation, world_from_cam.rotation * *ray);
     const Matrix3d across = Matrix3d::Identity() - rays.back().second * rays.back().second.transpose();
     sum += across;
@@ -84,7 +84,7 @@ std::optional<Vector3d> crossing(const CameraRig& rig, const std::vector<Rigid3d
   return p;
 }
 
-BallPath crossed_path(const CameraRig& rig, const std::vector<Rigid3d>& cam_from_world, const BallTracks& tracks,
+BallPath crossed_path(const calib::CameraRig& rig, const std::vector<calib::Rigid3d>& cam_from_world, const BallTracks& tracks,
                       double from_s, double to_s, double step_s, std::size_t* crossed) {
   BallPath path = BallPath::over(from_s, to_s, step_s);
   const std::vector<bool> all(rig.cameras.size(), true);
@@ -109,14 +109,14 @@ BallPath crossed_path(const CameraRig& rig, const std::vector<Rigid3d>& cam_from
   return path;
 }
 
-std::vector<Rigid3d> poses_from_nothing(const CameraRig& rig, const BallTracks& tracks) {
+std::vector<calib::Rigid3d> poses_from_nothing(const calib::CameraRig& rig, const BallTracks& tracks) {
   const std::size_t n = rig.cameras.size();
   const auto focal = [&](std::size_t c) { return (rig.cameras[c].model.fx() + rig.cameras[c].model.fy()) / 2; };
   constexpr double reach_px = 2;  // of an inlier
   struct Best {
     std::size_t a = 0, b = 0;
     int inliers = 0;
-    Rigid3d b_from_a;
+    calib::Rigid3d b_from_a;
   } best;
   for (std::size_t a = 0; a < n; ++a) {
     for (std::size_t b = a + 1; b < n; ++b) {
@@ -140,12 +140,12 @@ std::vector<Rigid3d> poses_from_nothing(const CameraRig& rig, const BallTracks& 
     }
   }
   if (best.inliers < 12) {
-    throw CalibrationError(
+    throw solver::CalibrationError(
         "no two cameras agree on how the ball moved, so their poses cannot be found: is its colour seen on anything "
         "else "
         "that moves? Give approximate poses (--config with a rig), or wave for longer, through the whole volume");
   }
-  std::vector<Rigid3d> poses(n);
+  std::vector<calib::Rigid3d> poses(n);
   std::vector<bool> placed(n, false);
   poses[best.b] = best.b_from_a;
   placed[best.a] = placed[best.b] = true;
@@ -182,7 +182,7 @@ std::vector<Rigid3d> poses_from_nothing(const CameraRig& rig, const BallTracks& 
       for (std::size_t c = 0; c < n; ++c) {
         if (!placed[c]) names += (names.empty() ? "" : ", ") + rig.cameras[c].name;
       }
-      throw CalibrationError(names + ": cannot be placed; wave the ball where it and two other cameras see it at once");
+      throw solver::CalibrationError(names + ": cannot be placed; wave the ball where it and two other cameras see it at once");
     }
     cv::Rodrigues(rotation_vector, rotation);
     poses[next] = pose_of(rotation, translation);
@@ -191,4 +191,4 @@ std::vector<Rigid3d> poses_from_nothing(const CameraRig& rig, const BallTracks& 
   return poses;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::wave

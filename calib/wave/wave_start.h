@@ -9,7 +9,7 @@
 #include "calib/model/camera_rig.h"
 #include "calib/wave/ball_path.h"
 
-namespace huetrack {
+namespace huetrack::wave {
 
 // Where each camera saw the ball, as far as it was decided: per camera, ascending in time.
 struct BallTracks {
@@ -28,17 +28,17 @@ struct BallTracks {
 
 // Where the rays of those of the given cameras that saw the ball meet at that time; nullopt: fewer than two did, or
 // they do not meet.
-std::optional<Eigen::Vector3d> crossing(const CameraRig& rig, const std::vector<Rigid3d>& cam_from_world,
+std::optional<Eigen::Vector3d> crossing(const calib::CameraRig& rig, const std::vector<calib::Rigid3d>& cam_from_world,
                                         const std::vector<bool>& use, const BallTracks& tracks, double t_s);
 
 // The ball's path where rays cross, and straight on between; how many of its control points are from rays is put into
 // `crossed`.
-BallPath crossed_path(const CameraRig& rig, const std::vector<Rigid3d>& cam_from_world, const BallTracks& tracks,
+BallPath crossed_path(const calib::CameraRig& rig, const std::vector<calib::Rigid3d>& cam_from_world, const BallTracks& tracks,
                       double from_s, double to_s, double step_s, std::size_t* crossed);
 
 // Camera poses from what they saw alone, in the frame of one of the cameras and with a scale of its own: the pair with
 // most in common by its essential matrix (Nister 2004, in OpenCV), the others one by one from the path that those
 // before make (PnP). throws CalibrationError: no pair, or a camera, can be placed.
-std::vector<Rigid3d> poses_from_nothing(const CameraRig& rig, const BallTracks& tracks);
+std::vector<calib::Rigid3d> poses_from_nothing(const calib::CameraRig& rig, const BallTracks& tracks);
 
-}  // namespace huetrack
+}  // namespace huetrack::wave

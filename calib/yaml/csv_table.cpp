@@ -9,7 +9,7 @@
 
 #include "calib/yaml/yaml_reader.h"
 
-namespace huetrack {
+namespace huetrack::yaml {
 namespace {
 
 std::vector<std::string_view> split(std::string_view line) {
@@ -88,4 +88,4 @@ void CsvTable::fail(const std::string& message) const {
   throw ConfigError(file_, line_number_, message);
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::yaml

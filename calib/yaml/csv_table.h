@@ -9,7 +9,7 @@
 #include <string_view>
 #include <vector>
 
-namespace huetrack {
+namespace huetrack::yaml {
 
 // thread-compatible.
 class CsvTable {
@@ -34,4 +34,4 @@ class CsvTable {
   int line_number_ = 1;
 };
 
-}  // namespace huetrack
+}  // namespace huetrack::yaml

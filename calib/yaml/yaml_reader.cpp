@@ -13,7 +13,7 @@
 #include <system_error>
 #include <unordered_set>
 
-namespace huetrack {
+namespace huetrack::yaml {
 namespace {
 
 // Our files are written by hand or by our own tools; more than this is some other file given by mistake.
@@ -507,4 +507,4 @@ int YamlReader::line() const {
   return node_->line;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::yaml

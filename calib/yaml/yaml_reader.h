@@ -16,7 +16,7 @@
 #include <utility>
 #include <vector>
 
-namespace huetrack {
+namespace huetrack::yaml {
 
 // The user's input is at fault. what() is one readable line "file:line: key.path: what is wrong, what to do".
 class ConfigError : public std::runtime_error {
@@ -95,4 +95,4 @@ class YamlReader {
 // The one of `words` that is nearest to `word` by edit distance, if it is near enough to be a misspelling.
 std::optional<std::string> nearest_word(std::string_view word, std::span<const std::string> words);
 
-}  // namespace huetrack
+}  // namespace huetrack::yaml

@@ -41,7 +41,7 @@ std::int64_t unix_now() {
       .count();
 }
 
-std::string what_to_check(const DdsParticipant& participant) {
+std::string what_to_check(const idl::DdsParticipant& participant) {
   return "on domain " + std::to_string(participant.domain()) +
          ". Check that huetrackd runs; that it uses the same domain (its config, ROS_DOMAIN_ID; here --domain or "
          "ROS_DOMAIN_ID); that it is on a network of ours (" +
@@ -205,12 +205,12 @@ int watch_topic(const WatchOptions& options, const std::string& wanted, const st
 
 }  // namespace
 
-int status(const ParticipantOptions& options) {
-  DdsParticipant participant(options);
+int status(const idl::ParticipantOptions& options) {
+  idl::DdsParticipant participant(options);
   dds::DataReader& reader = participant.create_reader(
-      topics::status, dds::TypeSupport(new msg::ServiceStatusPubSubType), status_reader_qos());
+      idl::topics::status, dds::TypeSupport(new msg::ServiceStatusPubSubType), idl::status_reader_qos());
   dds::DataReader& pose_reader = participant.create_reader(
-      topics::camera_pose, dds::TypeSupport(new msg::CameraPosePubSubType), object_position_reader_qos());
+      idl::topics::camera_pose, dds::TypeSupport(new msg::CameraPosePubSubType), idl::object_position_reader_qos());
   LineWriter out({}, false);
   // After the first one a moment more: a second service may be there, and the poses of a camera that is tracked.
   Clock::time_point until = Clock::now() + nobody_after;

@@ -13,7 +13,7 @@
 namespace huetrack::client {
 
 struct WatchOptions {
-  ParticipantOptions participant;
+  idl::ParticipantOptions participant;
   Format format = Format::text;
   std::string target;                                    // empty: every target
   std::optional<std::string> camera;                     // poses of this camera instead ("all": of every one)
@@ -27,6 +27,6 @@ void end_on_signals();  // call once, before the others
 bool has_ended();       // a signal came
 
 int watch(const WatchOptions& options);  // `watch`, and `log` with a file
-int status(const ParticipantOptions& options);
+int status(const idl::ParticipantOptions& options);
 
 }  // namespace huetrack::client

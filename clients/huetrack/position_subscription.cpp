@@ -19,19 +19,19 @@ struct Of;
 template <>
 struct Of<msg::ObjectPosition> {
   using Type = msg::ObjectPositionPubSubType;
-  static constexpr const char* topic = topics::object_position;
-  static constexpr const char* other_topic = topics::camera_pose;
+  static constexpr const char* topic = idl::topics::object_position;
+  static constexpr const char* other_topic = idl::topics::camera_pose;
   static constexpr const char* named = ", targets";
 };
 template <>
 struct Of<msg::CameraPose> {
   using Type = msg::CameraPosePubSubType;
-  static constexpr const char* topic = topics::camera_pose;
-  static constexpr const char* other_topic = topics::object_position;
+  static constexpr const char* topic = idl::topics::camera_pose;
+  static constexpr const char* other_topic = idl::topics::object_position;
   static constexpr const char* named = ", camera";
 };
 
-std::string who(const std::optional<PublisherIdentity>& identity, const char* named) {
+std::string who(const std::optional<idl::PublisherIdentity>& identity, const char* named) {
   if (!identity) return "a program that is not huetrackd";
   std::string text = "process " + std::to_string(identity->pid) + " on " + identity->host;
   if (!identity->targets.empty()) text += named;
@@ -52,12 +52,12 @@ void SampleSubscription<Sample>::Announcements::on_publisher_discovery(dds::Doma
     return;
   }
   const auto& bytes = info.info.m_qos.m_userData;
-  if (auto identity = PublisherIdentity::from(std::string(bytes.begin(), bytes.end())))
+  if (auto identity = idl::PublisherIdentity::from(std::string(bytes.begin(), bytes.end())))
     known_[info.info.guid()] = {std::move(*identity), topic};
 }
 
 template <typename Sample>
-std::optional<PublisherIdentity> SampleSubscription<Sample>::Announcements::find(const rtps::GUID_t& writer) const {
+std::optional<idl::PublisherIdentity> SampleSubscription<Sample>::Announcements::find(const rtps::GUID_t& writer) const {
   const std::lock_guard lock(mutex_);
   const auto it = known_.find(writer);
   return it == known_.end() ? std::nullopt : std::optional(it->second.identity);
@@ -73,10 +73,10 @@ std::set<std::string> SampleSubscription<Sample>::Announcements::names_on(const 
 }
 
 template <typename Sample>
-SampleSubscription<Sample>::SampleSubscription(const ParticipantOptions& options)
+SampleSubscription<Sample>::SampleSubscription(const idl::ParticipantOptions& options)
     : participant_(options, &announcements_),
       reader_(participant_.create_reader(Of<Sample>::topic, dds::TypeSupport(new typename Of<Sample>::Type),
-                                         object_position_reader_qos())) {}
+                                         idl::object_position_reader_qos())) {}
 
 template <typename Sample>
 std::optional<Sample> SampleSubscription<Sample>::next(std::chrono::milliseconds at_most) {

@@ -20,7 +20,7 @@ namespace huetrack::client {
 template <typename Sample>
 class SampleSubscription {
  public:
-  explicit SampleSubscription(const ParticipantOptions& options);  // throws what DdsParticipant throws
+  explicit SampleSubscription(const idl::ParticipantOptions& options);  // throws what DdsParticipant throws
 
   // Waits for a sample, at most for the time given; nullopt when none came.
   std::optional<Sample> next(std::chrono::milliseconds at_most);
@@ -33,7 +33,7 @@ class SampleSubscription {
   std::set<std::string> targets() const;                             // that publishers announce; cameras for poses
   std::set<std::string> others() const;                              // cameras that are announced; targets for poses
   bool network_changed() { return participant_.network_changed(); }  // see DdsParticipant
-  const DdsParticipant& participant() const { return participant_; }
+  const idl::DdsParticipant& participant() const { return participant_; }
 
  private:
   // Reads who a writer is from its USER_DATA. thread-safe: called from Fast DDS' threads.
@@ -41,12 +41,12 @@ class SampleSubscription {
    public:
     void on_publisher_discovery(eprosima::fastdds::dds::DomainParticipant* participant,
                                 eprosima::fastrtps::rtps::WriterDiscoveryInfo&& info) override;
-    std::optional<PublisherIdentity> find(const eprosima::fastrtps::rtps::GUID_t& writer) const;
+    std::optional<idl::PublisherIdentity> find(const eprosima::fastrtps::rtps::GUID_t& writer) const;
     std::set<std::string> names_on(const std::string& topic) const;
 
    private:
     struct Known {
-      PublisherIdentity identity;
+      idl::PublisherIdentity identity;
       std::string topic;  // of positions or of poses
       bool there = true;  // kept when it is gone, so that its farewell can name it
     };
@@ -55,7 +55,7 @@ class SampleSubscription {
   };
 
   Announcements announcements_;  // before participant_: it outlives it
-  DdsParticipant participant_;
+  idl::DdsParticipant participant_;
   eprosima::fastdds::dds::DataReader& reader_;
   int publishers_ = 0;
 };

@@ -54,7 +54,7 @@ std::string who_of(const Sample& sample) {
   return sample.host() + "/" + std::to_string(sample.pid());
 }
 
-ParticipantOptions named(ParticipantOptions options, const char* name) {
+idl::ParticipantOptions named(idl::ParticipantOptions options, const char* name) {
   options.name = name;
   return options;
 }
@@ -62,38 +62,38 @@ ParticipantOptions named(ParticipantOptions options, const char* name) {
 }  // namespace
 
 struct BusReader::Connection {
-  explicit Connection(const ParticipantOptions& options)
+  explicit Connection(const idl::ParticipantOptions& options)
       : participant(named(options, "huetrack view")),
-        position(participant.create_reader(topics::object_position, dds::TypeSupport(new msg::ObjectPositionPubSubType),
-                                           object_position_reader_qos())),
-        camera_pose(participant.create_reader(topics::camera_pose, dds::TypeSupport(new msg::CameraPosePubSubType),
-                                              object_position_reader_qos())),
-        camera_map(participant.create_reader(topics::camera_map, dds::TypeSupport(new msg::CameraMapPubSubType),
-                                             status_reader_qos())),
-        status(participant.create_reader(topics::status, dds::TypeSupport(new msg::ServiceStatusPubSubType),
-                                         status_reader_qos())),
+        position(participant.create_reader(idl::topics::object_position, dds::TypeSupport(new msg::ObjectPositionPubSubType),
+                                           idl::object_position_reader_qos())),
+        camera_pose(participant.create_reader(idl::topics::camera_pose, dds::TypeSupport(new msg::CameraPosePubSubType),
+                                              idl::object_position_reader_qos())),
+        camera_map(participant.create_reader(idl::topics::camera_map, dds::TypeSupport(new msg::CameraMapPubSubType),
+                                             idl::status_reader_qos())),
+        status(participant.create_reader(idl::topics::status, dds::TypeSupport(new msg::ServiceStatusPubSubType),
+                                         idl::status_reader_qos())),
         scene(
-            participant.create_reader(topics::scene, dds::TypeSupport(new msg::ScenePubSubType), status_reader_qos())),
-        reply(participant.create_reader(topics::teach_reply, dds::TypeSupport(new msg::TeachReplyPubSubType),
-                                        teach_reader_qos())),
-        request(participant.create_writer(topics::teach_request, dds::TypeSupport(new msg::TeachRequestPubSubType),
-                                          teach_writer_qos(), "")) {}
-  DdsParticipant participant;
+            participant.create_reader(idl::topics::scene, dds::TypeSupport(new msg::ScenePubSubType), idl::status_reader_qos())),
+        reply(participant.create_reader(idl::topics::teach_reply, dds::TypeSupport(new msg::TeachReplyPubSubType),
+                                        idl::teach_reader_qos())),
+        request(participant.create_writer(idl::topics::teach_request, dds::TypeSupport(new msg::TeachRequestPubSubType),
+                                          idl::teach_writer_qos(), "")) {}
+  idl::DdsParticipant participant;
   dds::DataReader &position, &camera_pose, &camera_map, &status, &scene, &reply;
   dds::DataWriter& request;
 };
 
 // A participant of its own: it comes and goes with the pages.
 struct BusReader::Previews {
-  explicit Previews(const ParticipantOptions& options)
+  explicit Previews(const idl::ParticipantOptions& options)
       : participant(named(options, "huetrack view, previews")),
-        preview(participant.create_reader(topics::preview, dds::TypeSupport(new msg::PreviewPubSubType),
-                                          preview_reader_qos())) {}
-  DdsParticipant participant;
+        preview(participant.create_reader(idl::topics::preview, dds::TypeSupport(new msg::PreviewPubSubType),
+                                          idl::preview_reader_qos())) {}
+  idl::DdsParticipant participant;
   dds::DataReader& preview;
 };
 
-BusReader::BusReader(const ParticipantOptions& options, EventHub& hub)
+BusReader::BusReader(const idl::ParticipantOptions& options, EventHub& hub)
     : options_(options), hub_(hub), connection_(std::make_unique<Connection>(options)) {}
 
 BusReader::~BusReader() = default;

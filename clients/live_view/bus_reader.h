@@ -21,7 +21,7 @@ namespace huetrack::live_view {
 class BusReader {
  public:
   // throws as DdsParticipant does.
-  BusReader(const ParticipantOptions& options, EventHub& hub);
+  BusReader(const idl::ParticipantOptions& options, EventHub& hub);
   ~BusReader();
 
   // Takes everything that has come. pages: without any, pictures are not subscribed to, so that nobody makes them.
@@ -48,7 +48,7 @@ class BusReader {
   void send_requests();
   void tell_pulse();
 
-  const ParticipantOptions options_;
+  const idl::ParticipantOptions options_;
   EventHub& hub_;
   std::unique_ptr<Connection> connection_;
   std::unique_ptr<Previews> previews_;  // null while there is no page

@@ -10,7 +10,7 @@
 namespace huetrack::live_view {
 
 struct ViewOptions {
-  ParticipantOptions participant;
+  idl::ParticipantOptions participant;
   PageServerOptions server;  // its token is made here where the address needs one
 };
 

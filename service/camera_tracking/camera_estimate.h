@@ -10,7 +10,7 @@
 #include "calib/model/rigid3.h"
 #include "capture/frame.h"
 
-namespace huetrack {
+namespace huetrack::camera_tracking {
 
 enum class CameraState : std::uint8_t {
   searching,   // never found yet: there is no pose
@@ -26,11 +26,11 @@ using Covariance6d = Eigen::Matrix<double, 6, 6>;
 struct CameraEstimate {
   static constexpr double nan = std::numeric_limits<double>::quiet_NaN();
 
-  Timestamp at;                               // capture time of the frame, to which the pose refers
+  capture::Timestamp at;                               // capture time of the frame, to which the pose refers
   std::uint64_t frame_number = 0;             // counts the frames that were given to the tracker, from 0
   CameraState state = CameraState::searching;
   // p_world = world_from_camera * p_cam. NaN in searching and lost: there is none, and a stale one is never given.
-  Rigid3d world_from_camera{Eigen::Quaterniond(nan, nan, nan, nan), Eigen::Vector3d::Constant(nan)};
+  calib::Rigid3d world_from_camera{Eigen::Quaterniond(nan, nan, nan, nan), Eigen::Vector3d::Constant(nan)};
   // Of errors (dt, w) with true pose = (exp(w) R, t + dt), R and t from world_from_camera; NaN where there is no pose.
   Covariance6d covariance = Covariance6d::Constant(nan);
   int features_in_view = 0;                   // map points (LEDs) that project into the image
@@ -57,8 +57,8 @@ struct CameraMapPoint {
   bool given = false;
 };
 struct CameraMap {
-  Timestamp at;                                           // capture time of the last frame
+  capture::Timestamp at;                                           // capture time of the last frame
   std::vector<CameraMapPoint> points;                     // ascending ids
 };
 
-}  // namespace huetrack
+}  // namespace huetrack::camera_tracking

@@ -5,7 +5,7 @@
 
 #include "camera_tracking/camera_tracker.h"
 
-namespace huetrack {
+namespace huetrack::camera_tracking {
 namespace {
 
 using Problems = std::vector<std::string>;
@@ -103,4 +103,4 @@ std::vector<std::string> CameraTrackerOptions::problems() const {
   return out;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::camera_tracking

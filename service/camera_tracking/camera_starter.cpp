@@ -9,10 +9,10 @@
 
 #include "camera_tracking/rectangle_finder.h"
 
-namespace huetrack {
+namespace huetrack::camera_tracking {
 namespace {
 
-Eigen::Vector3d plane_normal(const std::vector<Eigen::Vector3d>& points, const Rigid3d& cam_from_world) {
+Eigen::Vector3d plane_normal(const std::vector<Eigen::Vector3d>& points, const calib::Rigid3d& cam_from_world) {
   Eigen::Vector3d mean = Eigen::Vector3d::Zero();
   for (const Eigen::Vector3d& p : points) mean += p / static_cast<double>(points.size());
   Eigen::Matrix3d spread = Eigen::Matrix3d::Zero();
@@ -20,13 +20,13 @@ Eigen::Vector3d plane_normal(const std::vector<Eigen::Vector3d>& points, const R
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> axes(spread);
   if (axes.eigenvalues()[0] > 1e-6 * axes.eigenvalues()[2]) return Eigen::Vector3d::Zero();
   const Eigen::Vector3d normal = axes.eigenvectors().col(0);
-  return normal.dot(inverse(cam_from_world).translation - mean) < 0 ? Eigen::Vector3d(-normal) : normal;
+  return normal.dot(calib::inverse(cam_from_world).translation - mean) < 0 ? Eigen::Vector3d(-normal) : normal;
 }
 
 constexpr double points_sigma_px = 0.5;
 
 // Whoever fits; whether it is enough is for accepted() to say.
-std::optional<Started> from_points(const Camera& camera, const PointsStart& known) {
+std::optional<Started> from_points(const calib::Camera& camera, const PointsStart& known) {
   std::vector<PoseObservation> observations;
   for (std::size_t i = 0; i < known.points.size(); ++i)
     observations.push_back({known.points[i], known.pixels[i], points_sigma_px});
@@ -51,7 +51,7 @@ std::optional<Started> from_points(const Camera& camera, const PointsStart& know
   return out;
 }
 
-std::optional<PointsStart> seen(const FoundStart& board, const Image& image) {
+std::optional<PointsStart> seen(const FoundStart& board, const capture::Image& image) {
   auto known = board.find(image);
   if (known && (known->points.size() < 4 || known->points.size() != known->pixels.size())) known.reset();
   return known;
@@ -101,7 +101,7 @@ std::string objection(const std::optional<Started>& started, std::size_t given) 
 
 }  // namespace
 
-std::optional<Started> CameraStarter::find(const Image& image, const GreyImage& grey) {
+std::optional<Started> CameraStarter::find(const capture::Image& image, const GreyImage& grey) {
   const bool is_first = frames_++ == 0;
   if (const auto* points = std::get_if<PointsStart>(&start_)) {  // why they were none stays
     if (!is_first) return std::nullopt;
@@ -135,10 +135,10 @@ std::optional<Started> CameraStarter::confirmed(std::optional<Started> started) 
     candidate_.reset();
     return std::nullopt;
   }
-  const Rigid3d& pose = started->pose.cam_from_world;
+  const calib::Rigid3d& pose = started->pose.cam_from_world;
   const bool goes_on =
       candidate_ && candidate_->rotation.angularDistance(pose.rotation) < turned_rad &&
-      (inverse(*candidate_).translation - inverse(pose).translation).norm() < moved * distance_m(*started);
+      (calib::inverse(*candidate_).translation - calib::inverse(pose).translation).norm() < moved * distance_m(*started);
   candidate_ = pose;
   candidate_frames_ = goes_on ? candidate_frames_ + 1 : 1;
   if (candidate_frames_ >= frames_in_a_row || open_m(started->pose) < sure * distance_m(*started)) return started;
@@ -155,7 +155,7 @@ std::optional<Started> CameraStarter::accepted(std::optional<Started> started, s
   return started;
 }
 
-std::optional<Rigid3d> CameraStarter::find_again(const Image& image, const GreyImage& grey, const Rigid3d& near) const {
+std::optional<calib::Rigid3d> CameraStarter::find_again(const capture::Image& image, const GreyImage& grey, const calib::Rigid3d& near) const {
   if (const auto* rectangle = std::get_if<RectangleStart>(&start_)) {
     if (const auto found = find_rectangle(grey, camera_.model, rectangle->corners, &near))
       return found->pose.cam_from_world;
@@ -168,4 +168,4 @@ std::optional<Rigid3d> CameraStarter::find_again(const Image& image, const GreyI
   return std::nullopt;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::camera_tracking

@@ -1,6 +1,6 @@
 #include "camera_tracking/camera_tracker.h"
 
-namespace huetrack {
+namespace huetrack::camera_tracking {
 
 std::string_view name(CameraState state) {
   switch (state) {
@@ -22,4 +22,4 @@ std::string_view name(CameraMethod method) {
   return "";
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::camera_tracking

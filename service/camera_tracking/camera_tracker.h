@@ -16,7 +16,7 @@
 #include "camera_tracking/camera_estimate.h"
 #include "capture/frame.h"
 
-namespace huetrack {
+namespace huetrack::camera_tracking {
 
 enum class CameraMethod : std::uint8_t {
   huetrack,   // ours
@@ -38,7 +38,7 @@ struct PointsStart {                           // known points with their raw pi
 // Something that is found in a view by what this module does not know: a printed board. The daemon passes calib/solver's
 // detector in. Called with frames until it answers, and again for a proof when the pose was lost. Never throws.
 struct FoundStart {
-  std::function<std::optional<PointsStart>(const Image&)> find;
+  std::function<std::optional<PointsStart>(const capture::Image&)> find;
 };
 struct LedStart {                              // no pose at all: uniform over the room
   std::vector<Eigen::Vector3d> leds;           // positions; >= 4 of them not in one plane, or the pose stays ambiguous
@@ -74,7 +74,7 @@ struct CameraTrackerView {
     bool given = false;                        // a start point, not one that was mapped
   };
   std::vector<Feature> features;
-  std::vector<Rigid3d> particles;              // world_from_camera, some hundred at most
+  std::vector<calib::Rigid3d> particles;              // world_from_camera, some hundred at most
 };
 
 // thread-compatible, one per camera. Never throws after construction. methods/make_camera_tracker.h makes one.
@@ -84,7 +84,7 @@ class CameraTracker {
 
   // Frames of this camera in time order, of the rig's image size (the caller checks at start). Camera::cam_from_world is not
   // used.
-  virtual CameraEstimate update(const Frame& frame) = 0;
+  virtual CameraEstimate update(const capture::Frame& frame) = 0;
   // After the last update: why it has no pose, for the user ("the 4 known points do not fit: 37 px rms"). Empty: it has one, or
   // there is nothing to say.
   virtual std::string why_no_pose() const { return {}; }
@@ -93,4 +93,4 @@ class CameraTracker {
   virtual void save_map(const std::filesystem::path& file) const = 0;   // throws std::runtime_error naming the file
 };
 
-}  // namespace huetrack
+}  // namespace huetrack::camera_tracking

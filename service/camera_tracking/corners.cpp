@@ -7,7 +7,7 @@
 
 #include "particle_filter/random.h"
 
-namespace huetrack {
+namespace huetrack::camera_tracking {
 namespace {
 
 struct Pair {
@@ -17,7 +17,7 @@ struct Pair {
 const std::array<Pair, 256>& pairs() {
   static const std::array<Pair, 256> drawn = [] {
     std::array<Pair, 256> out{};
-    Rng rng(20140226);
+    particle_filter::Rng rng(20140226);
     std::vector<float> normal(4096);
     rng.fill_normal(normal);
     std::size_t next = 0;
@@ -110,4 +110,4 @@ Descriptor describe(const GreyImage& image, const Eigen::Vector2d& px) {
   return out;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::camera_tracking

@@ -9,7 +9,7 @@
 
 #include "camera_tracking/grey_image.h"
 
-namespace huetrack {
+namespace huetrack::camera_tracking {
 
 struct Corner {
   Eigen::Vector2d px;  // of its level
@@ -32,4 +32,4 @@ inline int distance(const Descriptor& a, const Descriptor& b) {
          std::popcount(a[3] ^ b[3]);
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::camera_tracking

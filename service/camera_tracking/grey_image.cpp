@@ -4,7 +4,7 @@
 
 #include "particle_filter/vector_clones.h"
 
-namespace huetrack {
+namespace huetrack::camera_tracking {
 namespace {
 
 HUETRACK_CLONES void every_second(const std::uint8_t* __restrict in, int n, std::uint8_t* __restrict out) {
@@ -30,18 +30,18 @@ GreyImage make_grey(int width, int height, std::uint8_t*& pixels) {
   auto bytes =
       std::make_shared<std::vector<std::uint8_t>>(static_cast<std::size_t>(width) * static_cast<std::size_t>(height));
   pixels = bytes->data();
-  return {width, height, width, pixels, std::move(bytes), ColorRange::full};
+  return {width, height, width, pixels, std::move(bytes), capture::ColorRange::full};
 }
 
-GreyImage grey_of(const Image& image) {
-  const Plane& plane = image.planes[0];
-  if (image.format != PixelFormat::yuyv && image.format != PixelFormat::bgr)
+GreyImage grey_of(const capture::Image& image) {
+  const capture::Plane& plane = image.planes[0];
+  if (image.format != capture::PixelFormat::yuyv && image.format != capture::PixelFormat::bgr)
     return {image.width, image.height, plane.stride, plane.data, image.owner, image.range};
   std::uint8_t* out = nullptr;
   GreyImage grey = make_grey(image.width, image.height, out);
-  grey.range = image.format == PixelFormat::bgr ? ColorRange::full : image.range;
+  grey.range = image.format == capture::PixelFormat::bgr ? capture::ColorRange::full : image.range;
   for (int v = 0; v < image.height; ++v) {
-    (image.format == PixelFormat::yuyv ? every_second : luma_of_bgr)(plane.data + v * plane.stride, image.width,
+    (image.format == capture::PixelFormat::yuyv ? every_second : luma_of_bgr)(plane.data + v * plane.stride, image.width,
                                                                      out + v * image.width);
   }
   return grey;
@@ -64,4 +64,4 @@ Pyramid make_pyramid(GreyImage image, int max_levels) {
   return p;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::camera_tracking

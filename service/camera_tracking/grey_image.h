@@ -9,7 +9,7 @@
 
 #include "capture/pixel_format.h"
 
-namespace huetrack {
+namespace huetrack::camera_tracking {
 
 // 8-bit brightness, read-only. Pixel (0, 0) is the centre of the top-left pixel.
 struct GreyImage {
@@ -18,7 +18,7 @@ struct GreyImage {
   std::ptrdiff_t stride = 0;  // bytes from one row to the next
   const std::uint8_t* data = nullptr;
   std::shared_ptr<const void> owner;    // keeps data alive
-  ColorRange range = ColorRange::full;  // what black and white are
+  capture::ColorRange range = capture::ColorRange::full;  // what black and white are
 
   const std::uint8_t* row(int v) const { return data + v * stride; }
   // Whether all pixels within margin of (u, v) exist.
@@ -29,7 +29,7 @@ struct GreyImage {
 
 // Formats with a plane of luma are read where they lie; yuyv and bgr are packed into one. Limited range stays as it is:
 // all who compare brightness here do not mind gain and offset.
-GreyImage grey_of(const Image& image);
+GreyImage grey_of(const capture::Image& image);
 GreyImage make_grey(int width, int height, std::uint8_t*& pixels);  // owned, zero, full range
 GreyImage half_size(const GreyImage& image);  // means of 2x2; an odd last row or column is dropped
 
@@ -63,4 +63,4 @@ inline Eigen::Vector2d from_level(const Eigen::Vector2d& px, int level) {
   return (px.array() + 0.5).matrix() * scale_of(level) - Eigen::Vector2d::Constant(0.5);
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::camera_tracking

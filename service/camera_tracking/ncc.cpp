@@ -6,7 +6,7 @@
 
 #include "particle_filter/vector_clones.h"
 
-namespace huetrack {
+namespace huetrack::camera_tracking {
 namespace {
 
 // Per column of one row of anchors: sum of T I over the template.
@@ -149,4 +149,4 @@ Eigen::Vector2d refined(const NccPeak& peak, const std::vector<float>& field, co
   return px;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::camera_tracking

@@ -8,7 +8,7 @@
 
 #include "camera_tracking/grey_image.h"
 
-namespace huetrack {
+namespace huetrack::camera_tracking {
 
 // A square of brightness, side x side, row by row; 1 <= side <= 16. Its anchor is the pixel ((side - 1) / 2, (side - 1)
 // / 2), rounded down; centre_offset() leads from there to its true centre.
@@ -47,4 +47,4 @@ NccPeak best_of(const std::vector<float>& field, const PixelRegion& region);
 // border.
 Eigen::Vector2d refined(const NccPeak& peak, const std::vector<float>& field, const PixelRegion& region);
 
-}  // namespace huetrack
+}  // namespace huetrack::camera_tracking

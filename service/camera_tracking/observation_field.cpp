@@ -5,7 +5,7 @@
 
 #include "particle_filter/vector_clones.h"
 
-namespace huetrack {
+namespace huetrack::camera_tracking {
 namespace {
 
 // out[i] = max(out[i], in[i])
@@ -133,4 +133,4 @@ NccPeak ObservationField::strongest(float u, float v, float radius, float epsilo
   return best;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::camera_tracking

@@ -10,7 +10,7 @@
 
 #include "camera_tracking/ncc.h"
 
-namespace huetrack {
+namespace huetrack::camera_tracking {
 
 // One field, eq. (3), over the region in which the particles project. All pixels are of the field's own level of the
 // pyramid. thread-compatible.
@@ -51,4 +51,4 @@ class ObservationField {
   std::vector<float> as_correlated_;  // rho_, once that is weighted
 };
 
-}  // namespace huetrack
+}  // namespace huetrack::camera_tracking

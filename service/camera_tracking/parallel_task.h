@@ -7,7 +7,7 @@
 #include <mutex>
 #include <thread>
 
-namespace huetrack {
+namespace huetrack::camera_tracking {
 
 // thread-compatible: start() and wait() by one thread. The task shares nothing with what the caller does in between;
 // what it made is the caller's after wait(). So the result does not depend on who is faster.
@@ -46,4 +46,4 @@ class ParallelTask {
   std::jthread worker_;         // last: it uses the others
 };
 
-}  // namespace huetrack
+}  // namespace huetrack::camera_tracking

@@ -6,7 +6,7 @@
 #include "particle_filter/resample.h"
 #include "particle_filter/vector_clones.h"
 
-namespace huetrack {
+namespace huetrack::camera_tracking {
 namespace {
 
 // q <- dq q, c <- c + dc, with dq from the small rotation vector (a, b, c) by its second-order quaternion, normalised.
@@ -50,8 +50,8 @@ HUETRACK_CLONES void row_times(std::size_t n, const float* __restrict a, const f
 
 }  // namespace
 
-void PoseParticles::reset(std::size_t count, const Rigid3d& cam_from_world) {
-  const Eigen::Vector3d centre = inverse(cam_from_world).translation;
+void PoseParticles::reset(std::size_t count, const calib::Rigid3d& cam_from_world) {
+  const Eigen::Vector3d centre = calib::inverse(cam_from_world).translation;
   const Eigen::Quaterniond& q = cam_from_world.rotation;
   for (auto* array : {&qw, &qx, &qy, &qz, &cx, &cy, &cz, &weight, &x_, &y_, &z_}) array->resize(count);
   for (auto& array : rotation_) array.resize(count);
@@ -66,7 +66,7 @@ void PoseParticles::reset(std::size_t count, const Rigid3d& cam_from_world) {
   rotations_hold_ = false;
 }
 
-void PoseParticles::walk_uniform(float rotation_rad, float position_m, Rng& rng) {
+void PoseParticles::walk_uniform(float rotation_rad, float position_m, particle_filter::Rng& rng) {
   const std::size_t n = size(), padded = (n + 15) / 16 * 16;
   scratch_.resize(6 * padded);
   rng.fill_uniform(scratch_);
@@ -79,7 +79,7 @@ void PoseParticles::walk_uniform(float rotation_rad, float position_m, Rng& rng)
   rotations_hold_ = false;
 }
 
-void PoseParticles::walk_normal(float rotation_rad, float position_m, Rng& rng) {
+void PoseParticles::walk_normal(float rotation_rad, float position_m, particle_filter::Rng& rng) {
   const std::size_t n = size();
   scratch_.resize(6 * n);
   rng.fill_normal(scratch_);
@@ -91,7 +91,7 @@ void PoseParticles::walk_normal(float rotation_rad, float position_m, Rng& rng) 
   rotations_hold_ = false;
 }
 
-void PoseParticles::move(const Rigid3d& by) {
+void PoseParticles::move(const calib::Rigid3d& by) {
   // c' = c + R^T (dR^T (-dt)), R' = dR R
   const Eigen::Vector3d back = by.rotation.inverse() * -by.translation;
   for (std::size_t i = 0; i < size(); ++i) {
@@ -107,9 +107,9 @@ void PoseParticles::move(const Rigid3d& by) {
   rotations_hold_ = false;
 }
 
-void PoseParticles::resample(Rng& rng, std::size_t count) {
+void PoseParticles::resample(particle_filter::Rng& rng, std::size_t count) {
   ancestor_.resize(count);
-  systematic_ancestors(weight, rng.uniform(), ancestor_);
+  particle_filter::systematic_ancestors(weight, rng.uniform(), ancestor_);
   for (auto* array : {&qw, &qx, &qy, &qz, &cx, &cy, &cz}) {
     scratch_.resize(count);
     for (std::size_t i = 0; i < count; ++i) scratch_[i] = (*array)[ancestor_[i]];
@@ -129,7 +129,7 @@ void PoseParticles::update_rotations() {
   rotations_hold_ = true;
 }
 
-void PoseParticles::project(const BatchProjector& lens, const Eigen::Vector3d& p, std::span<float> u,
+void PoseParticles::project(const calib::BatchProjector& lens, const Eigen::Vector3d& p, std::span<float> u,
                             std::span<float> v) {
   if (!rotations_hold_) update_rotations();
   const auto& r = rotation_;
@@ -142,13 +142,13 @@ void PoseParticles::project(const BatchProjector& lens, const Eigen::Vector3d& p
   lens.project(x_.data(), y_.data(), z_.data(), size(), u.data(), v.data());
 }
 
-Rigid3d PoseParticles::pose(std::size_t i) const {
+calib::Rigid3d PoseParticles::pose(std::size_t i) const {
   const auto d = [i](const std::vector<float>& a) { return static_cast<double>(a[i]); };
   const Eigen::Quaterniond q = Eigen::Quaterniond(d(qw), d(qx), d(qy), d(qz)).normalized();
   return {q, -(q * Eigen::Vector3d(d(cx), d(cy), d(cz)))};
 }
 
-Rigid3d PoseParticles::mean() const {
+calib::Rigid3d PoseParticles::mean() const {
   // A cloud of camera poses is narrow, so the normalised sum of its quaternions (brought to one hemisphere) is its
   // mean.
   const auto best = static_cast<std::size_t>(std::ranges::max_element(weight) - weight.begin());
@@ -165,11 +165,11 @@ Rigid3d PoseParticles::mean() const {
   return {rotation, -(rotation * c)};
 }
 
-Covariance6d PoseParticles::covariance(const Rigid3d& mean_cam_from_world) const {
-  const Rigid3d world_from_mean = inverse(mean_cam_from_world);
+Covariance6d PoseParticles::covariance(const calib::Rigid3d& mean_cam_from_world) const {
+  const calib::Rigid3d world_from_mean = calib::inverse(mean_cam_from_world);
   Covariance6d sum = Covariance6d::Zero();
   for (std::size_t i = 0; i < size(); ++i) {
-    const Rigid3d p = pose(i);
+    const calib::Rigid3d p = pose(i);
     // world_from_camera of the particle: R_i^T = exp(w) R^T
     const Eigen::AngleAxisd turn((p.rotation.inverse() * mean_cam_from_world.rotation).normalized());
     const double angle = turn.angle() > 3.14159265358979 ? turn.angle() - 6.28318530717959 : turn.angle();
@@ -187,7 +187,7 @@ CloudMoments cloud_moments(std::span<const float> u, std::span<const float> v, s
   double ou = 0, ov = 0;  // sums about the first pixel, so that single precision differences stay exact
   bool first = true;
   for (std::size_t i = 0; i < u.size(); ++i) {
-    if (!(u[i] > 0.5f * BatchProjector::outside)) continue;
+    if (!(u[i] > 0.5f * calib::BatchProjector::outside)) continue;
     if (first) ou = static_cast<double>(u[i]), ov = static_cast<double>(v[i]), first = false;
     const double w = static_cast<double>(weight[i]), du = static_cast<double>(u[i]) - ou,
                  dv = static_cast<double>(v[i]) - ov;
@@ -203,4 +203,4 @@ CloudMoments cloud_moments(std::span<const float> u, std::span<const float> v, s
   return m;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::camera_tracking

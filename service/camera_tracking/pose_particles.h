@@ -11,7 +11,7 @@
 #include "camera_tracking/camera_estimate.h"
 #include "particle_filter/random.h"
 
-namespace huetrack {
+namespace huetrack::camera_tracking {
 
 // A state is (q, c): cam_from_world's rotation as a quaternion, and the camera's centre in the world, metres. The
 // papers' state is (q, t) with p_cam = R z + t; with the centre in place of t a step of the rotation turns the camera
@@ -19,30 +19,30 @@ namespace huetrack {
 class PoseParticles {
  public:
   PoseParticles() = default;
-  PoseParticles(std::size_t count, const Rigid3d& cam_from_world) { reset(count, cam_from_world); }
+  PoseParticles(std::size_t count, const calib::Rigid3d& cam_from_world) { reset(count, cam_from_world); }
 
-  void reset(std::size_t count, const Rigid3d& cam_from_world);  // all at one pose, equal weights
+  void reset(std::size_t count, const calib::Rigid3d& cam_from_world);  // all at one pose, equal weights
   std::size_t size() const { return weight.size(); }
 
   // Pupilli, eq. (2): every component uniform within +-v of where it was.
   //   rotation_rad, position_m: half widths, per axis (rotation about the camera's axes)
-  void walk_uniform(float rotation_rad, float position_m, Rng& rng);
+  void walk_uniform(float rotation_rad, float position_m, particle_filter::Rng& rng);
   // Lee, eq. (3): q times a small random rotation, c plus a random step, both normal. Standard deviations per axis.
-  void walk_normal(float rotation_rad, float position_m, Rng& rng);
+  void walk_normal(float rotation_rad, float position_m, particle_filter::Rng& rng);
   // The same step for all: cam_from_world becomes step * cam_from_world (a velocity, for instance).
-  void move(const Rigid3d& step);
+  void move(const calib::Rigid3d& step);
 
-  void resample(Rng& rng, std::size_t count);  // systematic; equal weights afterwards
-  void resample(Rng& rng) { resample(rng, size()); }
+  void resample(particle_filter::Rng& rng, std::size_t count);  // systematic; equal weights afterwards
+  void resample(particle_filter::Rng& rng) { resample(rng, size()); }
 
   // Where each particle sees a point of the world. The projector has the camera's lens and the identity as its pose.
   //   u, v  (n,) out; BatchProjector::outside where the point has no pixel
-  void project(const BatchProjector& lens, const Eigen::Vector3d& p_world, std::span<float> u, std::span<float> v);
+  void project(const calib::BatchProjector& lens, const Eigen::Vector3d& p_world, std::span<float> u, std::span<float> v);
 
-  Rigid3d mean() const;               // cam_from_world; weighted
-  Rigid3d pose(std::size_t i) const;  // cam_from_world
+  calib::Rigid3d mean() const;               // cam_from_world; weighted
+  calib::Rigid3d pose(std::size_t i) const;  // cam_from_world
   // Of world_from_camera's errors about the mean, as CameraEstimate::covariance has it.
-  Covariance6d covariance(const Rigid3d& mean_cam_from_world) const;
+  Covariance6d covariance(const calib::Rigid3d& mean_cam_from_world) const;
 
   std::vector<float> qw, qx, qy, qz;  // unit
   std::vector<float> cx, cy, cz;
@@ -65,4 +65,4 @@ struct CloudMoments {
 };
 CloudMoments cloud_moments(std::span<const float> u, std::span<const float> v, std::span<const float> weight);
 
-}  // namespace huetrack
+}  // namespace huetrack::camera_tracking

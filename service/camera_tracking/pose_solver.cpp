@@ -10,7 +10,7 @@
 
 #include "particle_filter/random.h"
 
-namespace huetrack {
+namespace huetrack::camera_tracking {
 namespace {
 
 using Matrix6d = Eigen::Matrix<double, 6, 6>;
@@ -22,7 +22,7 @@ double median(std::vector<double> x) {
   return *middle;
 }
 
-Rigid3d rigid_of(const cv::Mat& rvec, const cv::Mat& tvec) {
+calib::Rigid3d rigid_of(const cv::Mat& rvec, const cv::Mat& tvec) {
   const Eigen::Vector3d r(rvec.at<double>(0), rvec.at<double>(1), rvec.at<double>(2));
   const double angle = r.norm();
   return {angle > 0 ? Eigen::Quaterniond(Eigen::AngleAxisd(angle, r / angle)) : Eigen::Quaterniond::Identity(),
@@ -30,7 +30,7 @@ Rigid3d rigid_of(const cv::Mat& rvec, const cv::Mat& tvec) {
 }
 
 // Sum of squared residuals, in sigmas; infinity when a point is not before the camera.
-double cost(const CameraModel& lens, std::span<const PoseObservation> observations, const Rigid3d& pose) {
+double cost(const calib::CameraModel& lens, std::span<const PoseObservation> observations, const calib::Rigid3d& pose) {
   double sum = 0;
   for (const PoseObservation& o : observations) {
     const auto seen = lens.project(pose * o.p_world);
@@ -42,7 +42,7 @@ double cost(const CameraModel& lens, std::span<const PoseObservation> observatio
 
 }  // namespace
 
-Eigen::Matrix<double, 2, 6> pose_jacobian(const CameraModel::Jacobian& d_px_d_cam, const Eigen::Vector3d& p) {
+Eigen::Matrix<double, 2, 6> pose_jacobian(const calib::CameraModel::Jacobian& d_px_d_cam, const Eigen::Vector3d& p) {
   Eigen::Matrix3d minus_cross;
   minus_cross << 0, p.z(), -p.y(), -p.z(), 0, p.x(), p.y(), -p.x(), 0;
   Eigen::Matrix<double, 2, 6> j;
@@ -51,7 +51,7 @@ Eigen::Matrix<double, 2, 6> pose_jacobian(const CameraModel::Jacobian& d_px_d_ca
   return j;
 }
 
-PoseFit refine_pose(const CameraModel& lens, std::span<const PoseObservation> observations, const Rigid3d& start,
+PoseFit refine_pose(const calib::CameraModel& lens, std::span<const PoseObservation> observations, const calib::Rigid3d& start,
                     int iterations) {
   PoseFit fit;
   fit.cam_from_world = start;
@@ -66,7 +66,7 @@ PoseFit refine_pose(const CameraModel& lens, std::span<const PoseObservation> ob
     for (std::size_t i = 0; i < n; ++i) {
       const PoseObservation& o = observations[i];
       const Eigen::Vector3d p = fit.cam_from_world * o.p_world;
-      CameraModel::Jacobian j;
+      calib::CameraModel::Jacobian j;
       const auto seen = lens.project(p, j);
       fit.error[i] = std::numeric_limits<double>::infinity();
       if (!seen) continue;
@@ -97,13 +97,13 @@ PoseFit refine_pose(const CameraModel& lens, std::span<const PoseObservation> ob
     damped.diagonal() *= 1 + 1e-9;
     const Vector6d step = -damped.ldlt().solve(b);
     if (!step.allFinite() || step.head<3>().norm() > 1 || step.tail<3>().norm() > 10) return fit;
-    fit.cam_from_world = exp(step) * fit.cam_from_world;
+    fit.cam_from_world = calib::exp(step) * fit.cam_from_world;
     if (step.head<3>().norm() < 1e-7 && step.tail<3>().norm() < 1e-7 && iteration > 1) iteration = iterations - 1;
   }
   return fit;
 }
 
-std::optional<PoseFit> solve_pose(const CameraModel& lens, std::span<const PoseObservation> observations) {
+std::optional<PoseFit> solve_pose(const calib::CameraModel& lens, std::span<const PoseObservation> observations) {
   std::vector<cv::Point3d> points;
   std::vector<cv::Point2d> rays;
   Eigen::Vector3d centre = Eigen::Vector3d::Zero();
@@ -140,7 +140,7 @@ std::optional<PoseFit> solve_pose(const CameraModel& lens, std::span<const PoseO
   return best;
 }
 
-std::optional<PoseFit> solve_pose_ransac(const CameraModel& lens, std::span<const PoseObservation> observations,
+std::optional<PoseFit> solve_pose_ransac(const calib::CameraModel& lens, std::span<const PoseObservation> observations,
                                          double max_error_px, int min_inliers, std::uint64_t seed) {
   const std::size_t n = observations.size();
   if (n < 4 || static_cast<int>(n) < min_inliers) return std::nullopt;
@@ -149,8 +149,8 @@ std::optional<PoseFit> solve_pose_ransac(const CameraModel& lens, std::span<cons
     const auto ray = lens.ray({observations[i].px});
     rays[i] = ray && ray->z() > 0.05 ? Eigen::Vector3d(*ray / ray->z()) : Eigen::Vector3d(0, 0, 0);
   }
-  Rng rng(seed);
-  const auto inliers_of = [&](const Rigid3d& pose, std::vector<PoseObservation>* out) {
+  particle_filter::Rng rng(seed);
+  const auto inliers_of = [&](const calib::Rigid3d& pose, std::vector<PoseObservation>* out) {
     int count = 0;
     for (const PoseObservation& o : observations) {
       const auto seen = lens.project(pose * o.p_world);
@@ -161,7 +161,7 @@ std::optional<PoseFit> solve_pose_ransac(const CameraModel& lens, std::span<cons
     return count;
   };
   int best_count = min_inliers - 1;
-  std::optional<Rigid3d> best;
+  std::optional<calib::Rigid3d> best;
   double needed = 300;
   for (int trial = 0; trial < 300 && trial < needed; ++trial) {
     std::size_t pick[4];
@@ -186,7 +186,7 @@ std::optional<PoseFit> solve_pose_ransac(const CameraModel& lens, std::span<cons
       continue;  // three points in one line
     }
     for (std::size_t s = 0; s < rvecs.size(); ++s) {
-      const Rigid3d pose = rigid_of(rvecs[s], tvecs[s]);
+      const calib::Rigid3d pose = rigid_of(rvecs[s], tvecs[s]);
       if (!pose.translation.allFinite() || !pose.rotation.coeffs().allFinite()) continue;
       const auto seen = lens.project(pose * observations[pick[3]].p_world);
       if (!seen || (seen->px - observations[pick[3]].px).norm() > 2 * max_error_px * observations[pick[3]].sigma_px)
@@ -206,7 +206,7 @@ std::optional<PoseFit> solve_pose_ransac(const CameraModel& lens, std::span<cons
   return fit;
 }
 
-Covariance6d world_covariance(const Rigid3d& cam_from_world, const Eigen::Matrix<double, 6, 6>& tangent_covariance) {
+Covariance6d world_covariance(const calib::Rigid3d& cam_from_world, const Eigen::Matrix<double, 6, 6>& tangent_covariance) {
   // With exp((omega, v)) cam_from_world: dt = -R^T v, w = -R^T omega, R the rotation of cam_from_world, to first order.
   const Eigen::Matrix3d back = -cam_from_world.rotation.toRotationMatrix().transpose();
   Matrix6d m = Matrix6d::Zero();
@@ -215,4 +215,4 @@ Covariance6d world_covariance(const Rigid3d& cam_from_world, const Eigen::Matrix
   return m * tangent_covariance * m.transpose();
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::camera_tracking

@@ -7,7 +7,7 @@
 #include <opencv2/imgproc.hpp>
 #include <vector>
 
-namespace huetrack {
+namespace huetrack::camera_tracking {
 namespace {
 
 constexpr double corner_sigma_px = 0.1;
@@ -22,7 +22,7 @@ struct Line {  // n . p = d, in ideal pixels; n unit
   bool good = false;
 };
 
-std::optional<Eigen::Vector2d> raw_of(const CameraModel& lens, const Eigen::Vector2d& ideal) {
+std::optional<Eigen::Vector2d> raw_of(const calib::CameraModel& lens, const Eigen::Vector2d& ideal) {
   const auto px = lens.project({(ideal.x() - lens.cx()) / lens.fx(), (ideal.y() - lens.cy()) / lens.fy(), 1});
   if (!px) return std::nullopt;
   return px->px;
@@ -31,7 +31,7 @@ std::optional<Eigen::Vector2d> raw_of(const CameraModel& lens, const Eigen::Vect
 // Brightness to light: what sRGB and BT.601 cameras put into 8 bits is about its square root. A blurred edge's middle
 // is where half of the light is; in brightness it seems to lie on the dark side of that, by 0.3 px on
 // data/rendered/desk.
-const std::array<float, 256>& light_of(ColorRange range) {
+const std::array<float, 256>& light_of(capture::ColorRange range) {
   static const auto table = [](double black, double white) {
     std::array<float, 256> t{};
     for (int i = 0; i < 256; ++i) {
@@ -42,7 +42,7 @@ const std::array<float, 256>& light_of(ColorRange range) {
     return t;
   };
   static const std::array<float, 256> full = table(0, 255), limited = table(16, 235);
-  return range == ColorRange::full ? full : limited;
+  return range == capture::ColorRange::full ? full : limited;
 }
 
 double light_at(const GreyImage& image, const std::array<float, 256>& light, const Eigen::Vector2d& p) {
@@ -85,7 +85,7 @@ std::optional<double> steepest(const GreyImage& image, const Eigen::Vector2d& at
   return spacing * moment / sum;
 }
 
-Line fit_edge(const GreyImage& image, const CameraModel& lens, const Eigen::Vector2d& a, const Eigen::Vector2d& b,
+Line fit_edge(const GreyImage& image, const calib::CameraModel& lens, const Eigen::Vector2d& a, const Eigen::Vector2d& b,
               const Eigen::Vector2d& inside, double search_px, bool dark) {
   Line line;
   const Eigen::Vector2d along = b - a;
@@ -146,7 +146,7 @@ double rms_px(const PoseFit& fit) {
   return corner_sigma_px * std::sqrt(sum / static_cast<double>(fit.error.size()));
 }
 
-std::optional<PoseFit> pose_of(const CameraModel& lens, std::span<const Eigen::Vector3d> world, const Quad& px) {
+std::optional<PoseFit> pose_of(const calib::CameraModel& lens, std::span<const Eigen::Vector3d> world, const Quad& px) {
   std::vector<PoseObservation> observations;
   for (std::size_t i = 0; i < 4; ++i) observations.push_back({world[i], px[i], corner_sigma_px});
   return solve_pose(lens, observations);
@@ -180,7 +180,7 @@ double contrast(const GreyImage& image, const Quad& px, bool dark) {
 
 }  // namespace
 
-RectangleCorners measure_rectangle(const GreyImage& image, const CameraModel& lens, const Quad& about, double search_px,
+RectangleCorners measure_rectangle(const GreyImage& image, const calib::CameraModel& lens, const Quad& about, double search_px,
                                    bool dark) {
   RectangleCorners out;
   out.px.fill(Eigen::Vector2d::Constant(std::numeric_limits<double>::quiet_NaN()));
@@ -209,7 +209,7 @@ RectangleCorners measure_rectangle(const GreyImage& image, const CameraModel& le
   return out;
 }
 
-std::optional<FoundRectangle> rectangle_at(const GreyImage& image, const CameraModel& lens,
+std::optional<FoundRectangle> rectangle_at(const GreyImage& image, const calib::CameraModel& lens,
                                            std::span<const Eigen::Vector3d> corners_world, const Quad& about) {
   std::optional<FoundRectangle> best;
   double best_rms = 2 * fits_px;
@@ -229,8 +229,8 @@ std::optional<FoundRectangle> rectangle_at(const GreyImage& image, const CameraM
   return best;
 }
 
-std::optional<FoundRectangle> find_rectangle(const GreyImage& image, const CameraModel& lens,
-                                             std::span<const Eigen::Vector3d> corners_world, const Rigid3d* near) {
+std::optional<FoundRectangle> find_rectangle(const GreyImage& image, const calib::CameraModel& lens,
+                                             std::span<const Eigen::Vector3d> corners_world, const calib::Rigid3d* near) {
   const cv::Mat grey(image.height, image.width, CV_8UC1, const_cast<std::uint8_t*>(image.data),
                      static_cast<std::size_t>(image.stride));
   std::optional<FoundRectangle> best;
@@ -302,4 +302,4 @@ std::optional<FoundRectangle> find_rectangle(const GreyImage& image, const Camer
   return best;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::camera_tracking

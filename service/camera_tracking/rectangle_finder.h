@@ -11,7 +11,7 @@
 #include "camera_tracking/grey_image.h"
 #include "camera_tracking/pose_solver.h"
 
-namespace huetrack {
+namespace huetrack::camera_tracking {
 
 struct RectangleCorners {
   std::array<Eigen::Vector2d, 4> px;  // raw, in the order of the corners; NaN: not measured
@@ -25,7 +25,7 @@ struct RectangleCorners {
 //   search_px  how far off an edge may be
 //   dark       whether the inside is the dark side
 // A corner whose two edges are not both seen well, over half their length and close to it, is not measured.
-RectangleCorners measure_rectangle(const GreyImage& image, const CameraModel& lens,
+RectangleCorners measure_rectangle(const GreyImage& image, const calib::CameraModel& lens,
                                    const std::array<Eigen::Vector2d, 4>& about, double search_px, bool dark);
 
 struct FoundRectangle {
@@ -39,12 +39,12 @@ struct FoundRectangle {
 // of 1 % of the image or more whose view fits the proportions; of several, the one with the strongest and cleanest
 // contrast.
 //   near   cam_from_world of some frames ago; may be null
-std::optional<FoundRectangle> find_rectangle(const GreyImage& image, const CameraModel& lens,
+std::optional<FoundRectangle> find_rectangle(const GreyImage& image, const calib::CameraModel& lens,
                                              std::span<const Eigen::Vector3d> corners_world,
-                                             const Rigid3d* near = nullptr);
+                                             const calib::Rigid3d* near = nullptr);
 // The same from where the user says they are, within some pixels, and in that order.
-std::optional<FoundRectangle> rectangle_at(const GreyImage& image, const CameraModel& lens,
+std::optional<FoundRectangle> rectangle_at(const GreyImage& image, const calib::CameraModel& lens,
                                            std::span<const Eigen::Vector3d> corners_world,
                                            const std::array<Eigen::Vector2d, 4>& about);
 
-}  // namespace huetrack
+}  // namespace huetrack::camera_tracking

@@ -2,9 +2,9 @@
 
 #include <algorithm>
 
-namespace huetrack {
+namespace huetrack::camera_tracking {
 
-std::optional<PoseFit> relocalize(const Camera& camera, const Pyramid& pyramid, const SceneMap& map, std::uint64_t seed,
+std::optional<PoseFit> relocalize(const calib::Camera& camera, const Pyramid& pyramid, const SceneMap& map, std::uint64_t seed,
                                   double max_error_px, int min_inliers) {
   constexpr std::size_t corners_per_level = 600;
   constexpr int max_distance = 72;
@@ -55,4 +55,4 @@ std::optional<PoseFit> relocalize(const Camera& camera, const Pyramid& pyramid, 
   return solve_pose_ransac(camera.model, observations, max_error_px, min_inliers, seed);
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::camera_tracking

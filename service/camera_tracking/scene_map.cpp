@@ -7,7 +7,7 @@
 #include <stdexcept>
 #include <string>
 
-namespace huetrack {
+namespace huetrack::camera_tracking {
 namespace {
 
 constexpr std::string_view magic = "huetrack camera map 1\n";
@@ -34,7 +34,7 @@ class Writer {
       for (Eigen::Index i = 0; i < m.rows(); ++i) put(m(i, j));
     }
   }
-  void put(const Rigid3d& t) {
+  void put(const calib::Rigid3d& t) {
     put(t.rotation.coeffs());
     put(t.translation);
   }
@@ -60,7 +60,7 @@ class Reader {
       for (Eigen::Index i = 0; i < m.rows(); ++i) get(m(i, j));
     }
   }
-  void get(Rigid3d& t) {
+  void get(calib::Rigid3d& t) {
     get(t.rotation.coeffs());
     get(t.translation);
     if (!(std::abs(t.rotation.norm() - 1) < 1e-6)) fail("a rotation in it is none; it is damaged");
@@ -209,4 +209,4 @@ StoredMap read_map(const std::filesystem::path& file) {
   return out;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::camera_tracking

@@ -13,12 +13,12 @@
 #include "camera_tracking/corners.h"
 #include "camera_tracking/grey_image.h"
 
-namespace huetrack {
+namespace huetrack::camera_tracking {
 
 // A view that is kept.
 struct Keyframe {
   std::shared_ptr<const Pyramid> pyramid;
-  Rigid3d cam_from_world;
+  calib::Rigid3d cam_from_world;
 };
 
 // How a point looked in a key frame.
@@ -70,4 +70,4 @@ struct StoredMap {
 void write_map(const std::filesystem::path& file, const StoredMap& stored);  // atomic: temporary file, then rename
 StoredMap read_map(const std::filesystem::path& file);
 
-}  // namespace huetrack
+}  // namespace huetrack::camera_tracking

@@ -6,10 +6,10 @@
 
 #include "particle_filter/vector_clones.h"
 
-namespace huetrack {
+namespace huetrack::camera_tracking {
 namespace {
 
-std::optional<Eigen::Vector2d> through(const CameraModel& lens, const Eigen::Matrix3d& h, const Eigen::Vector2d& px) {
+std::optional<Eigen::Vector2d> through(const calib::CameraModel& lens, const Eigen::Matrix3d& h, const Eigen::Vector2d& px) {
   const auto ray = lens.ray({px});
   if (!ray) return std::nullopt;
   const auto seen = lens.project(h * *ray);
@@ -42,11 +42,11 @@ Moments moments_of(const float* x, int n) {
 
 }  // namespace
 
-Eigen::Matrix3d plane_homography(const Rigid3d& cam1_from_cam0, const Eigen::Vector3d& normal, double d) {
+Eigen::Matrix3d plane_homography(const calib::Rigid3d& cam1_from_cam0, const Eigen::Vector3d& normal, double d) {
   return cam1_from_cam0.rotation.toRotationMatrix() + cam1_from_cam0.translation * normal.transpose() / d;
 }
 
-std::optional<PatchView> view_patch(const CameraModel& lens, const Eigen::Vector2d& px0, const Eigen::Matrix3d& h) {
+std::optional<PatchView> view_patch(const calib::CameraModel& lens, const Eigen::Vector2d& px0, const Eigen::Matrix3d& h) {
   const auto centre = through(lens, h, px0);
   if (!centre) return std::nullopt;
   PatchView view{*centre, Eigen::Matrix2d::Zero()};
@@ -163,4 +163,4 @@ std::optional<Refined> refine(const GreyImage& image, const WarpedPatch& patch, 
   return out;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::camera_tracking

@@ -11,12 +11,12 @@
 #include "camera_tracking/grey_image.h"
 #include "camera_tracking/ncc.h"
 
-namespace huetrack {
+namespace huetrack::camera_tracking {
 
 // The homography of a plane n . X = d in the first camera's frame (metres) between the rays of two cameras: Lee, eq.
 // (12), without K, which the lens takes the place of: ray_1 ~ H ray_0, H = R + t n^T / d. (The paper writes R - t N^T /
 // d: its N points the other way.)
-Eigen::Matrix3d plane_homography(const Rigid3d& cam1_from_cam0, const Eigen::Vector3d& normal, double d);
+Eigen::Matrix3d plane_homography(const calib::Rigid3d& cam1_from_cam0, const Eigen::Vector3d& normal, double d);
 
 // A patch on such a plane, seen by the two cameras: its centre in the second, and d px_1 / d px_0 there, lens included.
 struct PatchView {
@@ -24,7 +24,7 @@ struct PatchView {
   Eigen::Matrix2d affine;  // px_1 - centre_1 = affine (px_0 - centre_0)
 };
 // ray0: unit, through the patch's centre px0. nullopt: behind a camera, or outside of the lens model.
-std::optional<PatchView> view_patch(const CameraModel& lens, const Eigen::Vector2d& px0,
+std::optional<PatchView> view_patch(const calib::CameraModel& lens, const Eigen::Vector2d& px0,
                                     const Eigen::Matrix3d& homography);
 
 // A patch as it should look at a level of the current pyramid.
@@ -50,4 +50,4 @@ struct Refined {
 std::optional<Refined> refine(const GreyImage& image, const WarpedPatch& patch, const Eigen::Vector2d& start,
                               double max_shift = 2.0);
 
-}  // namespace huetrack
+}  // namespace huetrack::camera_tracking

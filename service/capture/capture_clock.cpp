@@ -1,6 +1,6 @@
 #include "capture/capture_clock.h"
 
-namespace huetrack {
+namespace huetrack::capture {
 namespace {
 
 // UNIX time of CLOCK_MONOTONIC's zero. The reading with the least time around it is the one that was not interrupted.
@@ -38,4 +38,4 @@ Duration wall_clock_step() noexcept {
   return measured_offset() - kept;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::capture

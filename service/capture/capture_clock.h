@@ -5,7 +5,7 @@
 
 #include "capture/frame.h"
 
-namespace huetrack {
+namespace huetrack::capture {
 
 // Drivers stamp frames with CLOCK_MONOTONIC; the road of a frame, and what we publish, speak UNIX time. The offset
 // between the two clocks is measured once, the first time that anybody asks, and kept for the life of the process:
@@ -23,4 +23,4 @@ Timestamp unix_now() noexcept;
 // By how much the wall clock has been stepped since the offset was measured; 0 within its own error (microseconds).
 Duration wall_clock_step() noexcept;
 
-}  // namespace huetrack
+}  // namespace huetrack::capture

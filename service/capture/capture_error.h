@@ -5,7 +5,7 @@
 #include <string>
 #include <system_error>
 
-namespace huetrack {
+namespace huetrack::capture {
 
 // what() is one readable line that names the device or file and says what helps.
 class CaptureError : public std::runtime_error {
@@ -19,4 +19,4 @@ class CaptureError : public std::runtime_error {
   std::error_code code_;
 };
 
-}  // namespace huetrack
+}  // namespace huetrack::capture

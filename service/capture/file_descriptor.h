@@ -5,7 +5,7 @@
 
 #include <utility>
 
-namespace huetrack {
+namespace huetrack::capture {
 
 class FileDescriptor {
  public:
@@ -24,4 +24,4 @@ class FileDescriptor {
   int fd_;
 };
 
-}  // namespace huetrack
+}  // namespace huetrack::capture

@@ -9,7 +9,7 @@
 
 #include "capture/pixel_format.h"
 
-namespace huetrack {
+namespace huetrack::capture {
 
 // Capture times, nanoseconds. Live: UNIX time. Replay: the recording's own clock (its zero is the recording's).
 using Timestamp = std::chrono::time_point<std::chrono::system_clock, std::chrono::nanoseconds>;
@@ -53,4 +53,4 @@ struct FrameSet {
   std::vector<std::optional<Frame>> frames;  // one slot per camera of the rig
 };
 
-}  // namespace huetrack
+}  // namespace huetrack::capture

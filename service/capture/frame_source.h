@@ -6,7 +6,7 @@
 
 #include "capture/frame.h"
 
-namespace huetrack {
+namespace huetrack::capture {
 
 // A stream of frames in time order. thread-compatible: read by one thread.
 class FrameSource {
@@ -17,4 +17,4 @@ class FrameSource {
   virtual bool ended(int /*camera*/) const { return false; }
 };
 
-}  // namespace huetrack
+}  // namespace huetrack::capture

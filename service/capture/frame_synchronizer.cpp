@@ -5,7 +5,7 @@
 #include <stdexcept>
 #include <utility>
 
-namespace huetrack {
+namespace huetrack::capture {
 namespace {
 
 using namespace std::chrono_literals;
@@ -203,4 +203,4 @@ void FrameSynchronizer::hand_out_proven(std::vector<FrameSet>& out) {
   }
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::capture

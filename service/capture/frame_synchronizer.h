@@ -10,7 +10,7 @@
 
 #include "capture/frame.h"
 
-namespace huetrack {
+namespace huetrack::capture {
 
 struct FrameSynchronizerOptions {
   int camera_count = 1;    // >= 1
@@ -95,4 +95,4 @@ class FrameSynchronizer {
   std::vector<Frame> off_time_;            // held back until confirmed
 };
 
-}  // namespace huetrack
+}  // namespace huetrack::capture

@@ -14,7 +14,7 @@
 #include <jerror.h>
 // clang-format on
 
-namespace huetrack {
+namespace huetrack::capture {
 namespace {
 
 // Logitech's and others' pad by a byte or two; data that was lost shows as more, or as an early end.
@@ -181,4 +181,4 @@ JpegResult JpegDecoder::decode(std::span<const std::uint8_t> jpeg) {
   return {.image = std::move(image), .is_unsupported = false, .problem = {}};
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::capture

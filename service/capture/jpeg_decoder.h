@@ -10,7 +10,7 @@
 
 #include "capture/pixel_format.h"
 
-namespace huetrack {
+namespace huetrack::capture {
 
 struct JpegResult {
   std::optional<Image> image;  // i420, i422, i444 or grey; full range, unless the JPEG says otherwise (CS=ITU601)
@@ -36,4 +36,4 @@ class JpegDecoder {
   std::unique_ptr<Impl> impl_;
 };
 
-}  // namespace huetrack
+}  // namespace huetrack::capture

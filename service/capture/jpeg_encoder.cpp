@@ -11,7 +11,7 @@
 #include <jerror.h>
 // clang-format on
 
-namespace huetrack {
+namespace huetrack::capture {
 namespace {
 
 struct Errors {
@@ -208,4 +208,4 @@ std::vector<std::uint8_t> encode_picture(const Image& image, PictureSize size, i
   return jpeg;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::capture

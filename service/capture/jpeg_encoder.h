@@ -7,7 +7,7 @@
 
 #include "capture/pixel_format.h"
 
-namespace huetrack {
+namespace huetrack::capture {
 
 struct PictureSize {
   int width = 0;  // pixels
@@ -22,4 +22,4 @@ PictureSize picture_size(const Image& image, int width);
 // safe from any thread.
 std::vector<std::uint8_t> encode_picture(const Image& image, PictureSize size, int quality);
 
-}  // namespace huetrack
+}  // namespace huetrack::capture

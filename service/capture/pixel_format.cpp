@@ -8,7 +8,7 @@
 #include <utility>
 #include <vector>
 
-namespace huetrack {
+namespace huetrack::capture {
 namespace {
 
 constexpr std::array<std::pair<PixelFormat, std::string_view>, 7> names{{{PixelFormat::yuyv, "yuyv"},
@@ -124,4 +124,4 @@ WritableImage make_image(PixelFormat format, ColorRange range, int width, int he
   return result;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::capture

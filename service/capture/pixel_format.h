@@ -9,7 +9,7 @@
 #include <optional>
 #include <string_view>
 
-namespace huetrack {
+namespace huetrack::capture {
 
 enum class PixelFormat : std::uint8_t {
   yuyv,  // packed 4:2:2, Y0 U Y1 V
@@ -75,4 +75,4 @@ bool needs_even_height(PixelFormat format);
 std::size_t plane_row_bytes(PixelFormat format, int plane, int width);
 int plane_rows(PixelFormat format, int plane, int height);
 
-}  // namespace huetrack
+}  // namespace huetrack::capture

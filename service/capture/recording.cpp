@@ -8,7 +8,7 @@
 
 #include "calib/yaml/yaml_reader.h"
 
-namespace huetrack {
+namespace huetrack::capture {
 namespace {
 
 constexpr double longest_s = 4e9;  // |time|; far beyond any recording, and within 64 bits of nanoseconds
@@ -73,7 +73,7 @@ class TimestampFile {
 
  private:
   bool is_ours() const { return sequence_column_ && arrival_column_; }
-  [[noreturn]] void fail(int line, const std::string& what) const { throw ConfigError(csv_, line, what); }
+  [[noreturn]] void fail(int line, const std::string& what) const { throw yaml::ConfigError(csv_, line, what); }
 
   void read_header(std::string line) {
     if (line.starts_with("\xEF\xBB\xBF")) line.erase(0, 3);  // the byte order mark that spreadsheets write
@@ -150,8 +150,8 @@ Recording read_recording(const std::filesystem::path& path) {
                       .started_at = {}};
   recording.file = recording.file.lexically_normal();
   const auto folder = recording.file.parent_path();
-  const auto yaml = YamlReader::file(recording.file);
-  if (const auto version = yaml.integer("version", any_number); version != 1)
+  const auto yaml = yaml::YamlReader::file(recording.file);
+  if (const auto version = yaml.integer("version", yaml::any_number); version != 1)
     yaml.fail("version", "is " + std::to_string(version) + ", but this program reads version 1");
   if (yaml.has("started_at"))
     recording.started_at = Timestamp{exact_duration_of(yaml.number("started_at", {.min = 0, .max = longest_s}))};
@@ -182,4 +182,4 @@ Recording read_recording(const std::filesystem::path& path) {
   return recording;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::capture

@@ -18,7 +18,7 @@
 
 #include "capture/frame.h"
 
-namespace huetrack {
+namespace huetrack::capture {
 
 struct RecordedCamera {
   std::string name;
@@ -51,4 +51,4 @@ struct Recording {
 // path: the yaml file, or the folder that holds recording.yaml. throws ConfigError
 Recording read_recording(const std::filesystem::path& path);
 
-}  // namespace huetrack
+}  // namespace huetrack::capture

@@ -25,7 +25,7 @@ extern "C" {
 #include "capture/ffmpeg_objects.h"
 #include "capture/file_descriptor.h"
 
-namespace huetrack {
+namespace huetrack::capture {
 namespace {
 
 namespace fs = std::filesystem;
@@ -627,4 +627,4 @@ std::vector<Frame> PreRoll::take() {
   return frames;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::capture

@@ -17,7 +17,7 @@
 #include "capture/capture_error.h"
 #include "capture/frame.h"
 
-namespace huetrack {
+namespace huetrack::capture {
 
 // How raw (not JPEG) images are stored; both lossless. Figures: service/capture/README.md.
 enum class RawStorage : std::uint8_t {
@@ -109,4 +109,4 @@ class PreRoll {
   std::size_t bytes_ = 0;
 };
 
-}  // namespace huetrack
+}  // namespace huetrack::capture

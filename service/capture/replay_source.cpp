@@ -10,7 +10,7 @@
 #include "calib/yaml/yaml_reader.h"
 #include "capture/video_reader.h"
 
-namespace huetrack {
+namespace huetrack::capture {
 namespace {
 
 std::string list_of(std::span<const std::string> names) {
@@ -50,7 +50,7 @@ class Stream {
     const bool is_cut_off = !camera_.received.empty() && std::filesystem::exists(camera_.frames);
     try {
       reader_.emplace(camera_, threads, warnings);
-    } catch (const ConfigError&) {
+    } catch (const yaml::ConfigError&) {
       if (!is_cut_off) throw;
       forget();
       return;
@@ -71,14 +71,14 @@ class Stream {
     }
     if (info_.width == 0) {
       if (has_no_stamps_)
-        throw ConfigError(
+        throw yaml::ConfigError(
             recording_file, 0,
             "cameras." + camera_.name + ": " + camera_.frames.string() + " has no time stamps: give fps or timestamps");
       if (is_cut_off) {
         forget();
         return;
       }
-      throw ConfigError(camera_.frames, 0, "no frame of it can be played (frames of camera " + camera_.name + ")");
+      throw yaml::ConfigError(camera_.frames, 0, "no frame of it can be played (frames of camera " + camera_.name + ")");
     }
     info_.first_at = waiting_.front().captured_at;
   }
@@ -303,8 +303,8 @@ ReplaySource::ReplaySource(const Recording& recording, std::span<const std::stri
   for (const auto& camera : recording.cameras) recorded.push_back(camera.name);
   for (const auto& name : camera_names) {
     if (std::ranges::find(recorded, name) != recorded.end()) continue;
-    const auto nearest = nearest_word(name, recorded);
-    throw ConfigError(recording.file, 0,
+    const auto nearest = yaml::nearest_word(name, recorded);
+    throw yaml::ConfigError(recording.file, 0,
                       "has no camera " + name + (nearest ? " (did you mean " + *nearest + "?)" : std::string()) +
                           ": it has " + list_of(recorded) + ", and the rig has " + list_of(camera_names));
   }
@@ -378,4 +378,4 @@ std::vector<std::string> ReplaySource::take_warnings() {
   return std::exchange(impl_->warnings, {});
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::capture

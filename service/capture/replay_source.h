@@ -11,7 +11,7 @@
 #include "capture/frame_source.h"
 #include "capture/recording.h"
 
-namespace huetrack {
+namespace huetrack::capture {
 
 struct ReplayOptions {
   int decoder_threads = 1;  // >= 1; slices of one frame that are decoded at once. Changes the speed, never the frames.
@@ -63,4 +63,4 @@ class ReplaySource final : public FrameSource {
   std::unique_ptr<Impl> impl_;
 };
 
-}  // namespace huetrack
+}  // namespace huetrack::capture

@@ -7,7 +7,7 @@
 #include <fstream>
 #include <iterator>
 
-namespace huetrack {
+namespace huetrack::capture {
 namespace {
 
 constexpr int video_class = 0x0e, control_subclass = 1, streaming_subclass = 2;
@@ -136,4 +136,4 @@ std::string to_string(const UsbReservation& reservation) {
   return sentence;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::capture

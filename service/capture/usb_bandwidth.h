@@ -10,7 +10,7 @@
 
 #include "capture/v4l2_device.h"
 
-namespace huetrack {
+namespace huetrack::capture {
 
 // One alternate setting of a video streaming interface (USB Video Class 1.5, 3.9 and 3.10).
 struct UsbStreamSetting {
@@ -41,4 +41,4 @@ std::optional<UsbReservation> usb_reservation(const UsbPlace& place);
 std::string to_string(
     const UsbReservation& reservation);  // "196.6 Mbit/s reserved (alternate setting 7: 3072 bytes ...)"
 
-}  // namespace huetrack
+}  // namespace huetrack::capture

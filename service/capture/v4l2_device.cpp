@@ -25,7 +25,7 @@
 #include "calib/yaml/yaml_reader.h"
 #include "capture/file_descriptor.h"
 
-namespace huetrack {
+namespace huetrack::capture {
 namespace {
 
 namespace fs = std::filesystem;
@@ -1001,7 +1001,7 @@ struct V4l2Device::Impl {
       } else if (!control) {
         std::vector<std::string> names;
         for (const auto& c : controls) names.push_back(c.name);
-        const auto nearest = nearest_word(variable_name(setting.name), names);
+        const auto nearest = yaml::nearest_word(variable_name(setting.name), names);
         step.result.problem = "this camera has no such control" + (nearest ? " (did you mean " + *nearest + "?)" : "");
       } else if (control->is_read_only) {
         step.result.got = control->value;
@@ -1230,4 +1230,4 @@ int V4l2Device::buffer_count() const {
   return impl_->buffers ? impl_->buffers->count() : 0;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::capture

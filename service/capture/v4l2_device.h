@@ -19,7 +19,7 @@
 #include "capture/capture_error.h"
 #include "capture/frame.h"
 
-namespace huetrack {
+namespace huetrack::capture {
 
 // ---- Which camera
 
@@ -225,4 +225,4 @@ class V4l2Device {
 // What helps against this error at this camera, as in " that is USB bandwidth, not the disk: ..."; empty when unknown.
 std::string advice_for(int error_number);
 
-}  // namespace huetrack
+}  // namespace huetrack::capture

@@ -21,7 +21,7 @@
 #include "capture/file_descriptor.h"
 #include "capture/jpeg_decoder.h"
 
-namespace huetrack {
+namespace huetrack::capture {
 namespace {
 
 using namespace std::chrono_literals;
@@ -711,4 +711,4 @@ std::vector<CameraEvent> V4l2Source::take_events() {
   return std::exchange(impl_->events, {});
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::capture

@@ -13,7 +13,7 @@
 #include "capture/frame_source.h"
 #include "capture/v4l2_device.h"
 
-namespace huetrack {
+namespace huetrack::capture {
 
 struct V4l2SourceOptions {
   int camera = 0;                // >= 0; Frame::camera
@@ -124,4 +124,4 @@ class V4l2Source final : public FrameSource {
 // that thread may come back at any time. thread-safe.
 std::vector<std::string> abandoned_cameras();
 
-}  // namespace huetrack
+}  // namespace huetrack::capture

@@ -25,7 +25,7 @@ extern "C" {
 #include "capture/ffmpeg_objects.h"
 #include "capture/jpeg_decoder.h"
 
-namespace huetrack {
+namespace huetrack::capture {
 
 bool FrameSelection::contains(std::int64_t index) const {
   if (index < camera_.first_frame || (index - camera_.first_frame) % camera_.every != 0) return false;
@@ -270,7 +270,7 @@ std::vector<ImageFile> files_of_pattern(const std::filesystem::path& pattern) {
   while (at < name.size() && name[at] >= '0' && name[at] <= '9' && width < 100)
     width = 10 * width + static_cast<std::size_t>(name[at++] - '0');
   if (at >= name.size() || name[at] != 'd' || name.find('%', at) != std::string::npos)
-    throw ConfigError(pattern, 0, "is not a pattern of image files: its last part must have one number like %06d");
+    throw yaml::ConfigError(pattern, 0, "is not a pattern of image files: its last part must have one number like %06d");
   const std::string_view prefix = std::string_view(name).substr(0, begin);
   const std::string_view suffix = std::string_view(name).substr(at + 1);
 
@@ -313,7 +313,7 @@ std::vector<ImageFile> image_files_of(const RecordedCamera& camera) {
   if ((!is_pattern && !is_glob) || std::filesystem::exists(camera.frames, error)) return {};
   auto files = is_pattern ? files_of_pattern(camera.frames) : files_of_glob(camera.frames);
   if (files.empty())
-    throw ConfigError(camera.frames, 0, "no file matches this pattern (frames of camera " + camera.name + ")");
+    throw yaml::ConfigError(camera.frames, 0, "no file matches this pattern (frames of camera " + camera.name + ")");
   return files;
 }
 
@@ -327,7 +327,7 @@ struct VideoReader::Impl {
   }
 
   [[noreturn]] void fail(const std::filesystem::path& file, const std::string& what) {
-    throw ConfigError(file, 0, what + log.take() + " (frames of camera " + camera.name + ")");
+    throw yaml::ConfigError(file, 0, what + log.take() + " (frames of camera " + camera.name + ")");
   }
 
   void open(const std::filesystem::path& file, int threads) {
@@ -777,4 +777,4 @@ Duration VideoReader::frame_period() const {
   return rate > 0 && std::isfinite(rate) ? duration_of(1 / rate) : Duration::zero();
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::capture

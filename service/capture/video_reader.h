@@ -12,7 +12,7 @@
 #include "capture/frame.h"
 #include "capture/recording.h"
 
-namespace huetrack {
+namespace huetrack::capture {
 
 // Which frames of the stream a recording plays.
 class FrameSelection {
@@ -51,4 +51,4 @@ class VideoReader {
   std::unique_ptr<Impl> impl_;
 };
 
-}  // namespace huetrack
+}  // namespace huetrack::capture

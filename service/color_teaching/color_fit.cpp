@@ -6,7 +6,7 @@
 #include <functional>
 #include <numbers>
 
-namespace huetrack {
+namespace huetrack::color_teaching {
 namespace {
 
 constexpr double least_intensity = 0.04;  // darker: chroma is noise
@@ -15,7 +15,7 @@ constexpr double largest_share = 0.25;  // of the image: a region larger than th
 constexpr int least_area = 6;           // pixels
 
 // S and hue as a point: distances in it mean the same for every hue, and do not depend on intensity.
-Eigen::Vector2d chroma(const Hsi& p) {
+Eigen::Vector2d chroma(const object_tracking::Hsi& p) {
   if (!p.has_hue) return Eigen::Vector2d::Zero();
   const double angle = p.hue_deg * (std::numbers::pi / 180);
   return p.saturation * Eigen::Vector2d(std::cos(angle), std::sin(angle));
@@ -31,9 +31,9 @@ double quantile(std::vector<double>& values, double share) {
   return values[at];
 }
 
-PixelMask flood(const HsiImage& image, PixelAt seed, const Eigen::Vector2d& like, double tolerance, std::size_t most) {
+PixelMask flood(const HsiImage& image, object_tracking::PixelAt seed, const Eigen::Vector2d& like, double tolerance, std::size_t most) {
   PixelMask mask(image.width, image.height);
-  std::vector<PixelAt> open{seed};
+  std::vector<object_tracking::PixelAt> open{seed};
   mask.at(seed.u, seed.v) = 1;
   std::size_t count = 1;
   while (!open.empty() && count <= most) {
@@ -42,7 +42,7 @@ PixelMask flood(const HsiImage& image, PixelAt seed, const Eigen::Vector2d& like
     for (int y = std::max(0, v - 1); y <= std::min(v + 1, image.height - 1); ++y) {
       for (int x = std::max(0, u - 1); x <= std::min(u + 1, image.width - 1); ++x) {
         if (mask.at(x, y) != 0) continue;
-        const Hsi& p = image.at(x, y);
+        const object_tracking::Hsi& p = image.at(x, y);
         if (p.intensity < least_intensity || (chroma(p) - like).squaredNorm() > tolerance * tolerance) continue;
         mask.at(x, y) = 1;
         ++count;
@@ -57,7 +57,7 @@ PixelMask flood(const HsiImage& image, PixelAt seed, const Eigen::Vector2d& like
 struct Fit {
   double hue_deg;               // of the region
   std::array<double, 6> bound;  // hue -, hue +, saturation -, +, intensity -, +
-  HsiRange range() const {
+  object_tracking::HsiRange range() const {
     const auto wrapped = [](double hue) { return std::fmod(hue + 720, 360); };
     return {.hue_min_deg = wrapped(hue_deg + bound[0]),
             .hue_max_deg = wrapped(hue_deg + bound[1]),
@@ -66,7 +66,7 @@ struct Fit {
             .intensity_min = bound[4],
             .intensity_max = bound[5]};
   }
-  bool contains(const Hsi& p) const {
+  bool contains(const object_tracking::Hsi& p) const {
     const double hue = hue_difference(p.hue_deg, hue_deg);
     return p.has_hue && hue >= bound[0] && hue <= bound[1] && p.saturation >= bound[2] && p.saturation <= bound[3] &&
            p.intensity >= bound[4] && p.intensity <= bound[5];
@@ -80,7 +80,7 @@ double rounded(double value, double per_unit, bool up) {
 
 }  // namespace
 
-std::optional<PixelMask> grow_region(const HsiImage& image, PixelAt seed) {
+std::optional<PixelMask> grow_region(const HsiImage& image, object_tracking::PixelAt seed) {
   if (seed.u < 0 || seed.v < 0 || seed.u >= image.width || seed.v >= image.height) return std::nullopt;
   // The median of the nearest pixels stands for the colour: one noisy pixel decides nothing.
   std::vector<double> x, y;
@@ -122,11 +122,11 @@ std::optional<PixelMask> grow_region(const HsiImage& image, PixelAt seed) {
   return std::move(masks[*best]);
 }
 
-HsiRange fit_range(const HsiImage& image, const PixelMask& region, const PixelMask& background, int steps) {
+object_tracking::HsiRange fit_range(const HsiImage& image, const PixelMask& region, const PixelMask& background, int steps) {
   std::vector<double> hue, saturation, intensity;
   double sine = 0, cosine = 0;
   for (std::size_t i = 0; i < region.pixels.size(); ++i) {
-    const Hsi& p = image.pixels[i];
+    const object_tracking::Hsi& p = image.pixels[i];
     if (region.pixels[i] == 0 || !p.has_hue) continue;
     sine += p.saturation * std::sin(p.hue_deg * (std::numbers::pi / 180));
     cosine += p.saturation * std::cos(p.hue_deg * (std::numbers::pi / 180));
@@ -150,7 +150,7 @@ HsiRange fit_range(const HsiImage& image, const PixelMask& region, const PixelMa
                                           std::max(fit.bound[5], 0.97)};
 
   // Only background that the furthest ranges would take in can be in the way.
-  std::vector<Hsi> rivals;
+  std::vector<object_tracking::Hsi> rivals;
   Fit wide = fit;
   wide.bound = furthest;
   std::size_t background_count = 0;
@@ -160,7 +160,7 @@ HsiRange fit_range(const HsiImage& image, const PixelMask& region, const PixelMa
     if (wide.contains(image.pixels[i])) rivals.push_back(image.pixels[i]);
   }
   const auto in_the_way = [&](const Fit& f) {
-    return static_cast<double>(std::ranges::count_if(rivals, [&](const Hsi& p) { return f.contains(p); }));
+    return static_cast<double>(std::ranges::count_if(rivals, [&](const object_tracking::Hsi& p) { return f.contains(p); }));
   };
   // In tenths of the way, every bound in turn, as long as it costs almost no background: 1 in 5000 pixels in all.
   double free = in_the_way(fit) + static_cast<double>(background_count) / 5000;
@@ -188,7 +188,7 @@ HsiRange fit_range(const HsiImage& image, const PixelMask& region, const PixelMa
   spread(fit.bound[2], fit.bound[3], 0.04 * more, middle_saturation);
   spread(fit.bound[4], fit.bound[5], 0.04 * more, middle_intensity);
 
-  HsiRange range = fit.range();  // in digits that people like to read
+  object_tracking::HsiRange range = fit.range();  // in digits that people like to read
   range.hue_min_deg = std::fmod(rounded(range.hue_min_deg, 1, false), 360);
   range.hue_max_deg = std::fmod(rounded(range.hue_max_deg, 1, true), 360);
   range.saturation_min = rounded(range.saturation_min, 100, false);
@@ -198,4 +198,4 @@ HsiRange fit_range(const HsiImage& image, const PixelMask& region, const PixelMa
   return range;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::color_teaching

@@ -8,7 +8,7 @@
 
 #include "color_teaching/color_fit.h"
 
-namespace huetrack {
+namespace huetrack::color_teaching {
 namespace {
 
 constexpr int soft_edge_px = 3;          // blur, and chroma that neighbours share
@@ -25,7 +25,7 @@ std::string part_of_picture(const Eigen::Vector2d& at, int width, int height) {
 }
 
 // The point nearest to all rays; nullopt when they are nearly parallel.
-std::optional<Eigen::Vector3d> triangulate(const std::vector<std::pair<const Camera*, Eigen::Vector2d>>& views) {
+std::optional<Eigen::Vector3d> triangulate(const std::vector<std::pair<const calib::Camera*, Eigen::Vector2d>>& views) {
   Eigen::Matrix3d a = Eigen::Matrix3d::Zero();
   Eigen::Vector3d b = Eigen::Vector3d::Zero();
   for (const auto& [camera, px] : views) {
@@ -41,12 +41,12 @@ std::optional<Eigen::Vector3d> triangulate(const std::vector<std::pair<const Cam
   return a.ldlt().solve(b);
 }
 
-double radius_m_of(const Camera& camera, const MaskRegion& region, const Eigen::Vector3d& at) {
+double radius_m_of(const calib::Camera& camera, const MaskRegion& region, const Eigen::Vector3d& at) {
   return region.radius_px() * (camera.cam_from_world * at).norm() / camera.model.fx();
 }
 
 // Of the region's pixels, how many have the colour.
-double share_of(const HsiImage& image, const PixelMask& region, const HsiRange& range) {
+double share_of(const HsiImage& image, const PixelMask& region, const object_tracking::HsiRange& range) {
   const PixelMask mask = matching(image, range, {});
   std::size_t both = 0;
   for (std::size_t i = 0; i < mask.pixels.size(); ++i) both += region.pixels[i] != 0 && mask.pixels[i] != 0 ? 1 : 0;
@@ -60,7 +60,7 @@ std::string percent(double share) {
 }
 
 // Wide enough for another camera's white balance.
-HsiRange in_other_cameras(const HsiRange& r) {
+object_tracking::HsiRange in_other_cameras(const object_tracking::HsiRange& r) {
   const double width = std::fmod(r.hue_max_deg - r.hue_min_deg + 720, 360);
   const double more = std::min(18.0, std::max(0.0, (280 - width) / 2));
   return {.hue_min_deg = std::fmod(r.hue_min_deg - more + 720, 360),
@@ -77,20 +77,20 @@ bool Taught::any() const {
   return std::ranges::any_of(views, &TaughtView::pointed);
 }
 
-ColorTeacher::ColorTeacher(const CameraRig& rig, const FrameSet& set) : rig_(rig), images_(rig.cameras.size()) {
+ColorTeacher::ColorTeacher(const calib::CameraRig& rig, const capture::FrameSet& set) : rig_(rig), images_(rig.cameras.size()) {
   for (std::size_t c = 0; c < images_.size() && c < set.frames.size(); ++c) {
     const auto& frame = set.frames[c];
-    if (frame && frame->status == FrameStatus::ok && frame->pixels.width == rig.cameras[c].image_size.width &&
+    if (frame && frame->status == capture::FrameStatus::ok && frame->pixels.width == rig.cameras[c].image_size.width &&
         frame->pixels.height == rig.cameras[c].image_size.height)
       images_[c] = hsi_image(frame->pixels);
   }
 }
 
-Taught ColorTeacher::teach(const TeachRequestOptions& request, const Box& volume) const {
+Taught ColorTeacher::teach(const TeachRequestOptions& request, const object_tracking::Box& volume) const {
   Taught taught;
   taught.views.resize(images_.size());
   const auto ignored_in = [&](std::size_t c) {
-    return c < request.ignored.size() ? request.ignored[c] : std::vector<PixelBox>();
+    return c < request.ignored.size() ? request.ignored[c] : std::vector<object_tracking::PixelBox>();
   };
   for (const TeachPoint& point : request.points) {
     const auto c = static_cast<std::size_t>(point.camera);
@@ -115,7 +115,7 @@ Taught ColorTeacher::teach(const TeachRequestOptions& request, const Box& volume
     const PixelMask object = grown(*region, soft_edge_px + static_cast<int>(view.region->radius_px() / 3));
     PixelMask background = object;
     for (auto& pixel : background.pixels) pixel = pixel == 0 ? 1 : 0;
-    for (const PixelBox& box : ignored_in(c)) {
+    for (const object_tracking::PixelBox& box : ignored_in(c)) {
       for (int v = std::max(0, box.v_min); v <= std::min(box.v_max, image.height - 1); ++v)
         for (int u = std::max(0, box.u_min); u <= std::min(box.u_max, image.width - 1); ++u) background.at(u, v) = 0;
     }
@@ -137,7 +137,7 @@ Taught ColorTeacher::teach(const TeachRequestOptions& request, const Box& volume
     if (images_[c])
       judge(taught.views[c], c, rig_.cameras[std::size_t(first - taught.views.begin())].name, ignored_in(c));
 
-  std::vector<std::pair<const Camera*, Eigen::Vector2d>> seen;
+  std::vector<std::pair<const calib::Camera*, Eigen::Vector2d>> seen;
   for (std::size_t c = 0; c < images_.size(); ++c)
     if (taught.views[c].pointed) seen.emplace_back(&rig_.cameras[c], taught.views[c].region->centre);
   if (seen.size() >= 2) {
@@ -152,16 +152,16 @@ Taught ColorTeacher::teach(const TeachRequestOptions& request, const Box& volume
   return taught;
 }
 
-void ColorTeacher::suggest(std::vector<TaughtView>& views, const TeachRequestOptions&, const Box& volume) const {
+void ColorTeacher::suggest(std::vector<TaughtView>& views, const TeachRequestOptions&, const object_tracking::Box& volume) const {
   std::vector<std::size_t> pointed;
   for (std::size_t c = 0; c < views.size(); ++c)
     if (views[c].pointed) pointed.push_back(c);
   for (std::size_t c = 0; c < views.size(); ++c) {
     if (views[c].pointed || !images_[c]) continue;
-    const HsiRange wide = in_other_cameras(views[pointed.front()].color);
+    const object_tracking::HsiRange wide = in_other_cameras(views[pointed.front()].color);
     double best_cost = 1;
     for (const MaskRegion& region : regions_of(matching(*images_[c], wide, {}), 6)) {
-      std::vector<std::pair<const Camera*, Eigen::Vector2d>> rays{{&rig_.cameras[c], region.centre}};
+      std::vector<std::pair<const calib::Camera*, Eigen::Vector2d>> rays{{&rig_.cameras[c], region.centre}};
       for (const std::size_t p : pointed) rays.emplace_back(&rig_.cameras[p], views[p].region->centre);
       const auto at = triangulate(rays);
       if (!at || (at->array() < volume.min.array() - 0.1).any() || (at->array() > volume.max.array() + 0.1).any())
@@ -186,13 +186,13 @@ void ColorTeacher::suggest(std::vector<TaughtView>& views, const TeachRequestOpt
 }
 
 void ColorTeacher::judge(TaughtView& view, std::size_t camera, const std::string& color_of,
-                         const std::vector<PixelBox>& ignored) const {
+                         const std::vector<object_tracking::PixelBox>& ignored) const {
   const HsiImage& image = *images_[camera];
   view.mask = matching(image, view.color, ignored);
   PixelMask object(image.width, image.height);
   if (view.region) {
     // Of what matches, the part that is the object itself: connected to its region, or in its immediate neighbourhood.
-    const PixelBox& box = view.region->box;
+    const object_tracking::PixelBox& box = view.region->box;
     const int reach = soft_edge_px + static_cast<int>(view.region->radius_px() / 2);
     for (int v = std::max(0, box.v_min - reach); v <= std::min(box.v_max + reach, image.height - 1); ++v)
       for (int u = std::max(0, box.u_min - reach); u <= std::min(box.u_max + reach, image.width - 1); ++u)
@@ -248,14 +248,14 @@ void ColorTeacher::judge(TaughtView& view, std::size_t camera, const std::string
   view.verdict = text;
 }
 
-std::vector<std::string> ColorTeacher::namesakes(const Taught& taught, const std::vector<TargetOptions>& targets,
+std::vector<std::string> ColorTeacher::namesakes(const Taught& taught, const std::vector<object_tracking::TargetOptions>& targets,
                                                  const std::string& own_name) const {
   std::vector<std::string> names;
-  for (const TargetOptions& target : targets) {
+  for (const object_tracking::TargetOptions& target : targets) {
     if (target.name == own_name) continue;
     for (std::size_t c = 0; c < taught.views.size(); ++c) {
       if (!taught.views[c].pointed) continue;
-      const HsiRange& range = target.color_in(rig_.cameras[c].name);
+      const object_tracking::HsiRange& range = target.color_in(rig_.cameras[c].name);
       if (share_of(*images_[c], taught.views[c].object, range) < 0.5) continue;
       names.push_back(target.name);
       break;
@@ -264,14 +264,14 @@ std::vector<std::string> ColorTeacher::namesakes(const Taught& taught, const std
   return names;
 }
 
-std::vector<std::string> unconfirmed(const Taught& taught, const CameraRig& rig) {
+std::vector<std::string> unconfirmed(const Taught& taught, const calib::CameraRig& rig) {
   std::vector<std::string> names;
   for (std::size_t c = 0; c < taught.views.size(); ++c)
     if (!taught.views[c].pointed && taught.views[c].region) names.push_back(rig.cameras[c].name);
   return names;
 }
 
-std::string why_useless(const Taught& taught, const CameraRig& rig) {
+std::string why_useless(const Taught& taught, const calib::CameraRig& rig) {
   if (!taught.any()) return "nothing was learnt";
   for (std::size_t c = 0; c < taught.views.size(); ++c)
     if (taught.views[c].pointed && taught.views[c].object_share == 0)
@@ -279,7 +279,7 @@ std::string why_useless(const Taught& taught, const CameraRig& rig) {
   return "";
 }
 
-std::string radius_hint(const Taught& taught, const TargetOptions& target) {
+std::string radius_hint(const Taught& taught, const object_tracking::TargetOptions& target) {
   if (!taught.radius_m) return "";
   const double ratio = *taught.radius_m / target.radius_m;
   if (ratio <= 1.5 && ratio >= 0.65) return "";
@@ -292,7 +292,7 @@ std::string radius_hint(const Taught& taught, const TargetOptions& target) {
   return text;
 }
 
-TargetOptions with_taught_color(TargetOptions target, const CameraRig& rig, const Taught& taught) {
+object_tracking::TargetOptions with_taught_color(object_tracking::TargetOptions target, const calib::CameraRig& rig, const Taught& taught) {
   const auto old = std::exchange(target.camera_colors, {});
   bool is_first = true, differ = false;
   for (const TaughtView& view : taught.views) {
@@ -312,4 +312,4 @@ TargetOptions with_taught_color(TargetOptions target, const CameraRig& rig, cons
   return target;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::color_teaching

@@ -13,7 +13,7 @@
 #include "color_teaching/hsi_image.h"
 #include "object_tracking/object_tracker.h"
 
-namespace huetrack {
+namespace huetrack::color_teaching {
 
 struct TeachPoint {
   int camera = 0;            // in the rig
@@ -22,7 +22,7 @@ struct TeachPoint {
 
 struct TeachRequestOptions {
   std::vector<TeachPoint> points{};              // at most one per camera counts: the last
-  std::vector<std::vector<PixelBox>> ignored{};  // per camera of the rig, or empty
+  std::vector<std::vector<object_tracking::PixelBox>> ignored{};  // per camera of the rig, or empty
   int wider = 0;                                 // steps; negative: narrower
 };
 
@@ -31,7 +31,7 @@ struct TaughtView {
   bool pointed = false;              // somebody pointed into it, and there is a region
   std::string problem;               // why nothing could be learnt where somebody pointed; what to do
   std::optional<MaskRegion> region;  // the object's; where nobody pointed: the suggested one
-  HsiRange color;                    // where nobody pointed: as in the first view that was
+  object_tracking::HsiRange color;                    // where nobody pointed: as in the first view that was
   double object_share = 0;          // 0..1, of the region's pixels: how many have the colour; only where it was pointed
   double background_share = 0;      // 0..1, of the pixels away from the object: how many have the colour
   std::optional<MaskRegion> patch;  // the largest connected part of them, when it could be taken for the object
@@ -53,35 +53,35 @@ struct Taught {
 class ColorTeacher {
  public:
   // set: one slot per camera of the rig; cameras without a frame cannot be pointed into
-  ColorTeacher(const CameraRig& rig, const FrameSet& set);
+  ColorTeacher(const calib::CameraRig& rig, const capture::FrameSet& set);
 
   // volume: where a suggested object may be
-  Taught teach(const TeachRequestOptions& request, const Box& volume) const;
+  Taught teach(const TeachRequestOptions& request, const object_tracking::Box& volume) const;
 
   // Of the other targets, those whose colour at least half of the object has in some view: by colour they are the same.
-  std::vector<std::string> namesakes(const Taught& taught, const std::vector<TargetOptions>& targets,
+  std::vector<std::string> namesakes(const Taught& taught, const std::vector<object_tracking::TargetOptions>& targets,
                                      const std::string& own_name) const;
 
  private:
   void judge(TaughtView& view, std::size_t camera, const std::string& color_of,
-             const std::vector<PixelBox>& ignored) const;
-  void suggest(std::vector<TaughtView>& views, const TeachRequestOptions& request, const Box& volume) const;
+             const std::vector<object_tracking::PixelBox>& ignored) const;
+  void suggest(std::vector<TaughtView>& views, const TeachRequestOptions& request, const object_tracking::Box& volume) const;
 
-  CameraRig rig_;
+  calib::CameraRig rig_;
   std::vector<std::optional<HsiImage>> images_;
 };
 
 // Cameras into which nobody pointed, though the object probably is there.
-std::vector<std::string> unconfirmed(const Taught& taught, const CameraRig& rig);
+std::vector<std::string> unconfirmed(const Taught& taught, const calib::CameraRig& rig);
 
 // Why it must not be saved: nothing was learnt, or what was learnt matches nothing of the object. Empty: it may be.
-std::string why_useless(const Taught& taught, const CameraRig& rig);
+std::string why_useless(const Taught& taught, const calib::CameraRig& rig);
 
 // What the regions say about the object's size, when that is far off radius_m; else empty.
-std::string radius_hint(const Taught& taught, const TargetOptions& target);
+std::string radius_hint(const Taught& taught, const object_tracking::TargetOptions& target);
 
 // The target with what was learnt: `color` is that of the first view that was pointed into, `camera_colors` those of
 // all of them where they differ. Cameras into which nobody pointed keep their overrides.
-TargetOptions with_taught_color(TargetOptions target, const CameraRig& rig, const Taught& taught);
+object_tracking::TargetOptions with_taught_color(object_tracking::TargetOptions target, const calib::CameraRig& rig, const Taught& taught);
 
-}  // namespace huetrack
+}  // namespace huetrack::color_teaching

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <numbers>
 
-namespace huetrack {
+namespace huetrack::color_teaching {
 
 std::size_t PixelMask::count() const {
   return static_cast<std::size_t>(std::ranges::count(pixels, 1));
@@ -14,22 +14,22 @@ double MaskRegion::radius_px() const {
   return std::sqrt(area / std::numbers::pi);
 }
 
-HsiImage hsi_image(const Image& image) {
+HsiImage hsi_image(const capture::Image& image) {
   HsiImage out{image.width, image.height, {}};
   out.pixels.reserve(static_cast<std::size_t>(image.width) * static_cast<std::size_t>(image.height));
   for (int v = 0; v < image.height; ++v) {
     for (int u = 0; u < image.width; ++u) {
-      out.pixels.push_back(hsi_of(image.format == PixelFormat::bgr ? rgb_of(bgr_at(image, u, v))
-                                                                   : rgb_of(yuv_at(image, u, v), image.range)));
+      out.pixels.push_back(object_tracking::hsi_of(image.format == capture::PixelFormat::bgr ? object_tracking::rgb_of(capture::bgr_at(image, u, v))
+                                                                   : object_tracking::rgb_of(capture::yuv_at(image, u, v), image.range)));
     }
   }
   return out;
 }
 
-PixelMask matching(const HsiImage& image, const HsiRange& range, const std::vector<PixelBox>& ignored) {
+PixelMask matching(const HsiImage& image, const object_tracking::HsiRange& range, const std::vector<object_tracking::PixelBox>& ignored) {
   PixelMask mask(image.width, image.height);
-  for (std::size_t i = 0; i < image.pixels.size(); ++i) mask.pixels[i] = contains(range, image.pixels[i]) ? 1 : 0;
-  for (const PixelBox& box : ignored) {
+  for (std::size_t i = 0; i < image.pixels.size(); ++i) mask.pixels[i] = object_tracking::contains(range, image.pixels[i]) ? 1 : 0;
+  for (const object_tracking::PixelBox& box : ignored) {
     for (int v = std::max(0, box.v_min); v <= std::min(box.v_max, image.height - 1); ++v) {
       for (int u = std::max(0, box.u_min); u <= std::min(box.u_max, image.width - 1); ++u) mask.at(u, v) = 0;
     }
@@ -40,7 +40,7 @@ PixelMask matching(const HsiImage& image, const HsiRange& range, const std::vect
 std::vector<MaskRegion> regions_of(const PixelMask& mask, int min_area) {
   std::vector<MaskRegion> regions;
   PixelMask left = mask;
-  std::vector<PixelAt> open;
+  std::vector<object_tracking::PixelAt> open;
   for (int v0 = 0; v0 < mask.height; ++v0) {
     for (int u0 = 0; u0 < mask.width; ++u0) {
       if (left.at(u0, v0) == 0) continue;
@@ -88,4 +88,4 @@ PixelMask grown(const PixelMask& mask, int px) {
   return out;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::color_teaching

@@ -8,7 +8,7 @@
 #include "object_tracking/color_model.h"
 #include "object_tracking/color_window.h"
 
-namespace huetrack {
+namespace huetrack::color_teaching {
 
 // One byte per pixel, row by row, 0 or 1.
 struct PixelMask {
@@ -27,20 +27,20 @@ struct PixelMask {
 
 struct HsiImage {
   int width = 0, height = 0;
-  std::vector<Hsi> pixels;
-  const Hsi& at(int u, int v) const {
+  std::vector<object_tracking::Hsi> pixels;
+  const object_tracking::Hsi& at(int u, int v) const {
     return pixels[static_cast<std::size_t>(v) * static_cast<std::size_t>(width) + static_cast<std::size_t>(u)];
   }
 };
-HsiImage hsi_image(const Image& image);
+HsiImage hsi_image(const capture::Image& image);
 
 // The pixels that have the colour, but those in the boxes.
-PixelMask matching(const HsiImage& image, const HsiRange& range, const std::vector<PixelBox>& ignored);
+PixelMask matching(const HsiImage& image, const object_tracking::HsiRange& range, const std::vector<object_tracking::PixelBox>& ignored);
 
 struct MaskRegion {
   int area = 0;  // pixels
   Eigen::Vector2d centre{0, 0};
-  PixelBox box{0, 0, -1, -1};
+  object_tracking::PixelBox box{0, 0, -1, -1};
   double radius_px() const;  // of a disc of this area
 };
 // 8-connected, at least min_area pixels, largest first.
@@ -49,4 +49,4 @@ std::vector<MaskRegion> regions_of(const PixelMask& mask, int min_area);
 // Everything within `px` pixels (in u or in v) of what is set.
 PixelMask grown(const PixelMask& mask, int px);
 
-}  // namespace huetrack
+}  // namespace huetrack::color_teaching

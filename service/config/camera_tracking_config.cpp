@@ -11,7 +11,7 @@
 #include "calib/yaml/csv_table.h"
 #include "config/formatted.h"
 
-namespace huetrack {
+namespace huetrack::config {
 namespace {
 
 Eigen::Vector3d point_of(const std::vector<double>& row) {
@@ -21,21 +21,21 @@ Eigen::Vector3d point_of(const std::vector<double>& row) {
 // Y lies dense in grey and planar images; elsewhere it is copied out.
 struct Grey {
   std::vector<std::uint8_t> copy;
-  GreyView view;
+  board::GreyView view;
 };
-Grey grey_of(const Image& image) {
+Grey grey_of(const capture::Image& image) {
   Grey grey;
-  if (image.format != PixelFormat::yuyv && image.format != PixelFormat::bgr) {
+  if (image.format != capture::PixelFormat::yuyv && image.format != capture::PixelFormat::bgr) {
     grey.view = {image.planes[0].data, image.width, image.height, image.planes[0].stride};
     return grey;
   }
   grey.copy.reserve(std::size_t(image.width) * std::size_t(image.height));
   for (int v = 0; v < image.height; ++v) {
     for (int u = 0; u < image.width; ++u) {
-      if (image.format == PixelFormat::yuyv) {
-        grey.copy.push_back(yuv_at(image, u, v).y);
+      if (image.format == capture::PixelFormat::yuyv) {
+        grey.copy.push_back(capture::yuv_at(image, u, v).y);
       } else {
-        const Bgr p = bgr_at(image, u, v);
+        const capture::Bgr p = capture::bgr_at(image, u, v);
         grey.copy.push_back(static_cast<std::uint8_t>((29 * p.b + 150 * p.g + 77 * p.r) >> 8));  // BT.601
       }
     }
@@ -44,13 +44,13 @@ Grey grey_of(const Image& image) {
   return grey;
 }
 
-FoundStart board_start(const std::filesystem::path& file) {
-  const auto detector = std::make_shared<const BoardDetector>(read_board(file));
-  return {[detector](const Image& image) -> std::optional<PointsStart> {
+camera_tracking::FoundStart board_start(const std::filesystem::path& file) {
+  const auto detector = std::make_shared<const board::BoardDetector>(board::read_board(file));
+  return {[detector](const capture::Image& image) -> std::optional<camera_tracking::PointsStart> {
     const Grey grey = grey_of(image);
-    const BoardDetection found = detector->detect(grey.view);
+    const board::BoardDetection found = detector->detect(grey.view);
     if (!found.found()) return std::nullopt;
-    PointsStart start;
+    camera_tracking::PointsStart start;
     start.pixels = found.px;
     // The board's z points away from the viewer, the world's z up: turned by half about x, the board lies on the
     // ground.
@@ -83,7 +83,7 @@ NumberRows read_number_rows(const std::filesystem::path& file, const std::vector
   for (const CsvColumn& column : columns)
     names.emplace_back(has(column.name) || !has(column.other_name) ? column.name : column.other_name);
   if (std::ranges::none_of(names.begin() + std::ptrdiff_t(required), names.end(), has)) names.resize(required);
-  CsvTable table(file, names);
+  yaml::CsvTable table(file, names);
   NumberRows rows;
   while (table.next()) {
     std::vector<double>& row = rows.emplace_back();
@@ -92,13 +92,13 @@ NumberRows read_number_rows(const std::filesystem::path& file, const std::vector
       if (!std::isfinite(row.back())) table.fail(std::string(names[c]) + " must be a finite number");
     }
   }
-  if (rows.empty()) throw ConfigError(file, 0, "has no rows");
+  if (rows.empty()) throw yaml::ConfigError(file, 0, "has no rows");
   return rows;
 }
 
-std::optional<StartRowProblem> start_row_problem(const NumberRows& rows, const Camera& camera) {
+std::optional<StartRowProblem> start_row_problem(const NumberRows& rows, const calib::Camera& camera) {
   for (std::size_t i = 0; i < rows.size(); ++i) {
-    if (rows[i].size() == 5 && !camera.contains(RawPixel{{rows[i][3], rows[i][4]}}))
+    if (rows[i].size() == 5 && !camera.contains(calib::RawPixel{{rows[i][3], rows[i][4]}}))
       return StartRowProblem{
           i, formatted("the pixel (%g, %g) is outside the image of %s, which is %dx%d", rows[i][3], rows[i][4],
                        camera.name.c_str(), camera.image_size.width, camera.image_size.height)};
@@ -120,22 +120,22 @@ int line_of_row(const std::filesystem::path& file, std::size_t row) {
   return line;
 }
 
-CameraTrackerOptions tracker_options(const CameraTrackingConfig& config) {
-  CameraTrackerOptions options;
+camera_tracking::CameraTrackerOptions tracker_options(const CameraTrackingConfig& config) {
+  camera_tracking::CameraTrackerOptions options;
   options.method = config.method;
   options.particle_count = config.particle_count.value_or(0);
   options.seed = config.seed;
   options.load_map = config.load_map;
   options.as_printed = config.as_printed;
   if (!config.rectangle.empty()) {
-    RectangleStart start;
+    camera_tracking::RectangleStart start;
     for (const auto& row : config.rectangle) {
       start.corners.push_back(point_of(row));
       if (row.size() == 5) start.pixels.emplace_back(row[3], row[4]);
     }
     options.start = start;
   } else if (!config.points.empty()) {
-    PointsStart start;
+    camera_tracking::PointsStart start;
     for (const auto& row : config.points) {
       start.points.push_back(point_of(row));
       start.pixels.emplace_back(row[3], row[4]);
@@ -144,9 +144,9 @@ CameraTrackerOptions tracker_options(const CameraTrackingConfig& config) {
   } else if (!config.board.empty()) {
     options.start = board_start(config.board);
   } else if (config.leds.empty()) {  // nothing but the loaded map
-    options.start = FoundStart{[](const Image&) -> std::optional<PointsStart> { return std::nullopt; }};
+    options.start = camera_tracking::FoundStart{[](const capture::Image&) -> std::optional<camera_tracking::PointsStart> { return std::nullopt; }};
   } else {
-    LedStart start;
+    camera_tracking::LedStart start;
     for (const auto& row : config.leds) start.leds.push_back(point_of(row));
     for (const auto& row : config.led_schedule) start.schedule.push_back(static_cast<int>(row[0]));
     start.slot_s = config.led_slot_s;
@@ -157,4 +157,4 @@ CameraTrackerOptions tracker_options(const CameraTrackingConfig& config) {
   return options;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::config

@@ -10,14 +10,14 @@
 
 #include "camera_tracking/methods/make_camera_tracker.h"
 
-namespace huetrack {
+namespace huetrack::config {
 
 // Rows of numbers, written in the configuration or read from a CSV file that it names.
 using NumberRows = std::vector<std::vector<double>>;
 
 struct CameraTrackingConfig {
   std::string camera;  // of the rig; empty: no camera is tracked
-  CameraMethod method = CameraMethod::huetrack;
+  camera_tracking::CameraMethod method = camera_tracking::CameraMethod::huetrack;
   std::optional<int> particle_count;  // > 0; nullopt: the method's own
   std::uint64_t seed = 1;
   bool as_printed = false;
@@ -29,7 +29,7 @@ struct CameraTrackingConfig {
   NumberRows leds;              // x y z
   NumberRows led_schedule;      // one row per slot: the LED that is lit; empty: not identified
   double led_slot_s = 0;        // see LedStart
-  Eigen::Vector3d led_room_min = LedStart{}.room_min, led_room_max = LedStart{}.room_max;
+  Eigen::Vector3d led_room_min = camera_tracking::LedStart{}.room_min, led_room_max = camera_tracking::LedStart{}.room_max;
 
   int starts() const;  // how many are given
 };
@@ -50,12 +50,12 @@ struct StartRowProblem {
   std::size_t row = 0;
   std::string message;
 };
-std::optional<StartRowProblem> start_row_problem(const NumberRows& rows, const Camera& camera);
+std::optional<StartRowProblem> start_row_problem(const NumberRows& rows, const calib::Camera& camera);
 
 // The line of a CSV file, from 1, in which read_number_rows() found this row.
 int line_of_row(const std::filesystem::path& file, std::size_t row);
 
 // For make_camera_tracker(). throws ConfigError: the board file is wrong.
-CameraTrackerOptions tracker_options(const CameraTrackingConfig& config);
+camera_tracking::CameraTrackerOptions tracker_options(const CameraTrackingConfig& config);
 
-}  // namespace huetrack
+}  // namespace huetrack::config

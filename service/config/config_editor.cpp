@@ -15,7 +15,7 @@
 
 #include "capture/file_descriptor.h"
 
-namespace huetrack {
+namespace huetrack::config {
 namespace {
 
 namespace fs = std::filesystem;
@@ -271,13 +271,13 @@ std::string interval(double min, double max) {
   return "[" + shortest(min) + ", " + shortest(max) + "]";
 }
 
-YamlValue yaml_of(const HsiRange& range) {
+YamlValue yaml_of(const object_tracking::HsiRange& range) {
   return YamlValue::map({{"hue_deg", YamlValue::of(interval(range.hue_min_deg, range.hue_max_deg))},
                          {"saturation", YamlValue::of(interval(range.saturation_min, range.saturation_max))},
                          {"intensity", YamlValue::of(interval(range.intensity_min, range.intensity_max))}});
 }
 
-YamlValue yaml_of(const TargetOptions& target) {
+YamlValue yaml_of(const object_tracking::TargetOptions& target) {
   YamlValue cameras = YamlValue::map({}, true);
   for (const auto& [camera, range] : target.camera_colors) cameras.entries.emplace_back(camera, yaml_of(range));
   YamlValue entry = YamlValue::map({{"color", yaml_of(target.color)}});
@@ -285,12 +285,12 @@ YamlValue yaml_of(const TargetOptions& target) {
   return YamlValue::map({{target.name, std::move(entry)}});
 }
 
-YamlValue yaml_of(const IgnoredRegions& ignored) {
+YamlValue yaml_of(const object_tracking::IgnoredRegions& ignored) {
   YamlValue cameras = YamlValue::map({}, true);
   for (const auto& [camera, boxes] : ignored) {
     if (boxes.empty()) continue;
     std::string list;
-    for (const PixelBox& b : boxes) {
+    for (const object_tracking::PixelBox& b : boxes) {
       list += list.empty() ? "[" : ", ";
       list += std::to_string(b.u_min) + ", " + std::to_string(b.v_min) + ", " + std::to_string(b.u_max) + ", " +
               std::to_string(b.v_max);
@@ -317,7 +317,7 @@ fs::path write_beside(const fs::path& file, const std::string& text) {
   const fs::path fresh = file.parent_path() / ("." + file.stem().string() + "-" + std::to_string(::getpid()) + ".yaml");
   struct stat old {};
   if (::stat(file.c_str(), &old) != 0) throw cannot_write(file, errno);
-  const FileDescriptor to(::open(fresh.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, old.st_mode & 07777));
+  const capture::FileDescriptor to(::open(fresh.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, old.st_mode & 07777));
   if (to.get() < 0) throw cannot_write(file, errno);
   std::size_t written = 0;
   while (written < text.size()) {
@@ -385,19 +385,19 @@ std::string with_value(const std::string& yaml, const YamlValue& root) {
   return text;
 }
 
-void save_taught(const ServiceConfig& config, const TargetOptions& target,
-                 const std::optional<IgnoredRegions>& ignored) {
+void save_taught(const ServiceConfig& config, const object_tracking::TargetOptions& target,
+                 const std::optional<object_tracking::IgnoredRegions>& ignored) {
   YamlValue root = YamlValue::map({{"targets", yaml_of(target)}});
   if (ignored) root.entries.emplace_back("ignore", yaml_of(*ignored));
   save(config, root, [&](const ServiceConfig& after) {
-    const auto it = std::ranges::find(after.targets, target.name, &TargetOptions::name);
+    const auto it = std::ranges::find(after.targets, target.name, &object_tracking::TargetOptions::name);
     return it != after.targets.end() && it->color == target.color && it->camera_colors == target.camera_colors;
   });
 }
 
-void save_ignored(const ServiceConfig& config, const IgnoredRegions& ignored) {
+void save_ignored(const ServiceConfig& config, const object_tracking::IgnoredRegions& ignored) {
   save(config, YamlValue::map({{"ignore", yaml_of(ignored)}}),
        [&](const ServiceConfig& after) { return after.ignored == ignored; });
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::config

@@ -11,7 +11,7 @@
 
 #include "config/service_config.h"
 
-namespace huetrack {
+namespace huetrack::config {
 
 // A value to write: a scalar or list as YAML text, or a mapping.
 struct YamlValue {
@@ -34,8 +34,8 @@ std::string with_value(const std::string& yaml, const YamlValue& root);
 // Writes a target's colours, and the ignored rectangles when they are given, into config.file. Atomic: the file is the
 // old or the new one. throws std::runtime_error, naming the file: it cannot be written, or not be changed in this way;
 // what to write by hand is in the message.
-void save_taught(const ServiceConfig& config, const TargetOptions& target,
-                 const std::optional<IgnoredRegions>& ignored);
-void save_ignored(const ServiceConfig& config, const IgnoredRegions& ignored);
+void save_taught(const ServiceConfig& config, const object_tracking::TargetOptions& target,
+                 const std::optional<object_tracking::IgnoredRegions>& ignored);
+void save_ignored(const ServiceConfig& config, const object_tracking::IgnoredRegions& ignored);
 
-}  // namespace huetrack
+}  // namespace huetrack::config

@@ -4,7 +4,7 @@
 #include <cstddef>
 #include <cstdio>
 
-namespace huetrack {
+namespace huetrack::config {
 
 std::string formatted(const char* pattern, ...) {
   va_list arguments, again;
@@ -28,4 +28,4 @@ std::string without_numbers(std::string text) {
   return text;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::config

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-namespace huetrack {
+namespace huetrack::config {
 
 [[gnu::format(printf, 1, 2)]] std::string formatted(const char* pattern, ...);
 
@@ -13,4 +13,4 @@ std::string list_of(const std::vector<std::string>& names);  // "left, right"
 // What stays the same of a sentence while its figures change: without digits, points and signs. For comparing only.
 std::string without_numbers(std::string text);
 
-}  // namespace huetrack
+}  // namespace huetrack::config

@@ -17,7 +17,7 @@
 #include "calib/model/rig_yaml.h"
 #include "calib/yaml/yaml_reader.h"
 
-namespace huetrack {
+namespace huetrack::config {
 namespace {
 
 namespace fs = std::filesystem;
@@ -25,23 +25,23 @@ namespace fs = std::filesystem;
 template <typename T>
 using Words = std::span<const std::pair<std::string_view, T>>;
 
-constexpr std::pair<std::string_view, Observation> observation_words[] = {{"huetrack", Observation::huetrack},
-                                                                          {"paper", Observation::paper}};
+constexpr std::pair<std::string_view, object_tracking::Observation> observation_words[] = {{"huetrack", object_tracking::Observation::huetrack},
+                                                                          {"paper", object_tracking::Observation::paper}};
 constexpr std::pair<std::string_view, LogLevel> log_level_words[] = {
     {"debug", LogLevel::debug}, {"info", LogLevel::info}, {"warning", LogLevel::warning}, {"error", LogLevel::error}};
-constexpr std::pair<std::string_view, CaptureFormat> format_words[] = {{"yuyv", CaptureFormat::yuyv},
-                                                                       {"nv12", CaptureFormat::nv12},
-                                                                       {"mjpeg", CaptureFormat::mjpeg},
-                                                                       {"grey", CaptureFormat::grey}};
-constexpr std::pair<std::string_view, RawStorage> raw_storage_words[] = {{"uncompressed", RawStorage::uncompressed},
-                                                                         {"huffyuv", RawStorage::huffyuv}};
-constexpr std::pair<std::string_view, CameraMethod> camera_method_words[] = {{"huetrack", CameraMethod::huetrack},
-                                                                             {"pupilli", CameraMethod::pupilli},
-                                                                             {"lee", CameraMethod::lee},
-                                                                             {"herranz", CameraMethod::herranz}};
-constexpr Range share{.min = 0, .max = 1};
-constexpr Range degrees{.min = 0, .max = 360};
-constexpr Range at_least_one{.min = 1, .max = 1e6};
+constexpr std::pair<std::string_view, capture::CaptureFormat> format_words[] = {{"yuyv", capture::CaptureFormat::yuyv},
+                                                                       {"nv12", capture::CaptureFormat::nv12},
+                                                                       {"mjpeg", capture::CaptureFormat::mjpeg},
+                                                                       {"grey", capture::CaptureFormat::grey}};
+constexpr std::pair<std::string_view, capture::RawStorage> raw_storage_words[] = {{"uncompressed", capture::RawStorage::uncompressed},
+                                                                         {"huffyuv", capture::RawStorage::huffyuv}};
+constexpr std::pair<std::string_view, camera_tracking::CameraMethod> camera_method_words[] = {{"huetrack", camera_tracking::CameraMethod::huetrack},
+                                                                             {"pupilli", camera_tracking::CameraMethod::pupilli},
+                                                                             {"lee", camera_tracking::CameraMethod::lee},
+                                                                             {"herranz", camera_tracking::CameraMethod::herranz}};
+constexpr yaml::Range share{.min = 0, .max = 1};
+constexpr yaml::Range degrees{.min = 0, .max = 360};
+constexpr yaml::Range at_least_one{.min = 1, .max = 1e6};
 
 enum class Need : std::uint8_t { optional, required };
 
@@ -60,7 +60,7 @@ void describe_color(Io& io, Color& color, Need need) {
 
 template <typename Io, typename Options>
 void describe_object_tracking(Io& io, Options& o) {
-  io.choice("observation", o.observation, Words<Observation>(observation_words),
+  io.choice("observation", o.observation, Words<object_tracking::Observation>(observation_words),
             "the filter: huetrack (ours), or paper (Barrera et al., eqs. (1)-(6), nothing else)");
   io.group("volume", "where targets may be; world frame, metres", [&](auto& in) {
     in.point("min", o.volume.min, "[x, y, z]");
@@ -68,28 +68,28 @@ void describe_object_tracking(Io& io, Options& o) {
   });
   io.integer("particle_count", o.particle_count, at_least_one, "while tracking; time per frame set is linear in it");
   io.integer("max_particle_count", o.max_particle_count, at_least_one, "while searching; >= particle_count");
-  io.integer("seed", o.seed, Range{.min = 0, .max = 9e15},
+  io.integer("seed", o.seed, yaml::Range{.min = 0, .max = 9e15},
              "same seed, same recording, same configuration: same track, byte for byte");
-  io.number("position_noise_m", o.position_noise_m, positive,
+  io.number("position_noise_m", o.position_noise_m, yaml::positive,
             "paper only: sigma_m of the random walk, metres per frame set");
-  io.number("acceleration_m_s2", o.acceleration_m_s2, positive, "huetrack only: the hardest usual acceleration, m/s^2");
-  io.number("start_speed_m_s", o.start_speed_m_s, positive, "huetrack only: the highest usual speed, m/s");
-  io.number("pixel_noise_px", o.pixel_noise_px, positive,
+  io.number("acceleration_m_s2", o.acceleration_m_s2, yaml::positive, "huetrack only: the hardest usual acceleration, m/s^2");
+  io.number("start_speed_m_s", o.start_speed_m_s, yaml::positive, "huetrack only: the highest usual speed, m/s");
+  io.number("pixel_noise_px", o.pixel_noise_px, yaml::positive,
             "huetrack only: std. dev. of a colour region's centre in a view, pixels");
-  io.number("max_tracking_sigma_m", o.max_tracking_sigma_m, positive,
+  io.number("max_tracking_sigma_m", o.max_tracking_sigma_m, yaml::positive,
             "huetrack only: less sure of the position than this is coasting, metres");
-  io.number("coast_s", o.coast_s, positive, "coasting for longer than this is lost, seconds");
-  io.number("max_coast_sigma_m", o.max_coast_sigma_m, positive, "less sure of the position than this is lost, metres");
+  io.number("coast_s", o.coast_s, yaml::positive, "coasting for longer than this is lost, seconds");
+  io.number("max_coast_sigma_m", o.max_coast_sigma_m, yaml::positive, "less sure of the position than this is lost, metres");
 }
 
 template <typename Io, typename Tracking>
 void describe_camera_tracking(Io& io, Tracking& t) {
   io.text_or("camera", "none", t.camera, "whose pose is tracked, named as in the rig; none");
-  io.choice("method", t.method, Words<CameraMethod>(camera_method_words),
+  io.choice("method", t.method, Words<camera_tracking::CameraMethod>(camera_method_words),
             "huetrack (ours), or pupilli, lee, herranz (as in their papers)");
   io.integer_or("particle_count", "auto", t.particle_count, at_least_one, "auto: the method's own");
   io.boolean("as_printed", t.as_printed, "pupilli and lee: the paper's filter without our additions");
-  io.integer("seed", t.seed, Range{.min = 0, .max = 9e15}, "same seed, recording and configuration: the same poses");
+  io.integer("seed", t.seed, yaml::Range{.min = 0, .max = 9e15}, "same seed, recording and configuration: the same poses");
   io.path_or("load_map", "none", t.load_map, "a map that was saved: the camera is found in it, and start may be left out");
   io.folder_or("save_map", "none", t.save_map, "where the map is written at the end");
   io.group("start", "what the first pose is known from: exactly one of rectangle, points, board, leds", [&](auto& in) {
@@ -100,7 +100,7 @@ void describe_camera_tracking(Io& io, Tracking& t) {
     in.table_or("leds", t.leds, {xyz[0], xyz[1], xyz[2]}, 3, 3, "LED positions: CSV file, or [[x, y, z], ...]");
     in.table_or("led_schedule", t.led_schedule, {{"led", "led"}}, 1, 1,
                 "which LED is lit, per slot (-1: none): CSV file, or [[0], [1], ...]; none: not identified");
-    in.number("led_slot_s", t.led_slot_s, non_negative, "0: a slot is a frame; else its length by capture time, seconds");
+    in.number("led_slot_s", t.led_slot_s, yaml::non_negative, "0: a slot is a frame; else its length by capture time, seconds");
     in.point("led_room_min", t.led_room_min, "[x, y, z]: where the camera may be, metres");
     in.point("led_room_max", t.led_room_max, "[x, y, z]");
   });
@@ -109,13 +109,13 @@ void describe_camera_tracking(Io& io, Tracking& t) {
 template <typename Io, typename Camera>
 void describe_camera(Io& io, Camera& camera) {
   io.device("device", camera.device, "/dev/v4l/by-path/... (a port), by-id/... (a camera), or an index (not stable)");
-  io.choice_or("format", "auto", camera.format, Words<CaptureFormat>(format_words),
+  io.choice_or("format", "auto", camera.format, Words<capture::CaptureFormat>(format_words),
                "auto, yuyv, nv12, mjpeg or grey; auto: the first of these that reaches size and fps, else the fastest");
   io.size_or("size", "rig", camera.size, "[width, height]; rig: as the rig was calibrated");
-  io.number_or("fps", "auto", camera.fps, Range{.min = 0, .max = 10000, .min_is_open = true},
+  io.number_or("fps", "auto", camera.fps, yaml::Range{.min = 0, .max = 10000, .min_is_open = true},
                "frames per second; auto: the driver's choice");
   io.controls("controls", camera.controls, "by their V4L2 names; automatic ones are switched first");
-  io.number("latency_offset_s", camera.latency_offset_s, Range{.min = -1, .max = 1},
+  io.number("latency_offset_s", camera.latency_offset_s, yaml::Range{.min = -1, .max = 1},
             "subtracted from the driver's time stamps, seconds");
   io.boolean("restore_controls", camera.restore_controls, "put the camera's own values back at the end");
 }
@@ -123,7 +123,7 @@ void describe_camera(Io& io, Camera& camera) {
 template <typename Io, typename Dds>
 void describe_dds(Io& io, Dds& dds) {
   io.boolean("enabled", dds.enabled, "publish at all");
-  io.integer_or("domain", "auto", dds.publisher.domain, Range{.min = 0, .max = 232},
+  io.integer_or("domain", "auto", dds.publisher.domain, yaml::Range{.min = 0, .max = 232},
                 "DDS domain; auto: ROS_DOMAIN_ID, else 0");
   io.path_or("profile", "none", dds.publisher.profiles, "Fast DDS XML profiles that replace our transport and QoS");
   io.strings("interfaces", dds.publisher.interfaces, "network interfaces to use (names or IPv4 addresses); empty: all");
@@ -136,13 +136,13 @@ void describe_record(Io& io, Record& record) {
   io.folder_or("folder", "none", record.folder,
                "recordings become folders in it, named by their time; none: no recording");
   io.boolean("always", record.always, "record everything that `run` sees");
-  io.choice("raw_storage", record.raw_storage, Words<RawStorage>(raw_storage_words),
+  io.choice("raw_storage", record.raw_storage, Words<capture::RawStorage>(raw_storage_words),
             "of cameras that do not compress: uncompressed or huffyuv (half the size, more time); both lossless");
   io.integer("queue_frames", record.queue_frames, at_least_one, "per camera, may wait for the disk; then drops");
-  io.number("pre_roll_s", record.pre_roll_s, Range{.min = 0, .max = 3600},
+  io.number("pre_roll_s", record.pre_roll_s, yaml::Range{.min = 0, .max = 3600},
             "keep so much in memory, and save it on SIGUSR1; seconds, 0: none");
   io.integer("pre_roll_mb", record.pre_roll_mb, at_least_one, "megabytes that the pre-roll may take, all cameras");
-  io.number("after_s", record.after_s, Range{.min = 0, .max = 3600}, "record so long after the pre-roll, seconds");
+  io.number("after_s", record.after_s, yaml::Range{.min = 0, .max = 3600}, "record so long after the pre-roll, seconds");
   io.boolean("on_lost", record.on_lost, "save the pre-roll when a target is lost, too");
 }
 
@@ -151,7 +151,7 @@ void describe(Io& io, Config& config) {
   io.version(1);
   io.path("rig", config.rig_file, "the calibrated cameras");
   io.named("targets", config.targets, "what to track: name, size and colour of each", [&](auto& in, auto& target) {
-    in.number("radius_m", target.radius_m, positive, "of the ball, or of a ball of about the object's size, metres");
+    in.number("radius_m", target.radius_m, yaml::positive, "of the ball, or of a ball of about the object's size, metres");
     in.group("color", "HSI as in the paper", [&](auto& color) { describe_color(color, target.color, Need::required); });
     in.named("camera_colors", target.camera_colors, "per-camera overrides of color", [&](auto& color, auto& range) {
       if constexpr (!std::is_const_v<std::remove_reference_t<decltype(range)>>)
@@ -164,29 +164,29 @@ void describe(Io& io, Config& config) {
            [&](auto& in) { describe_camera_tracking(in, config.camera_tracking); });
   io.named("cameras", config.cameras, "the live cameras, for `run`; names as in the rig",
            [&](auto& in, auto& camera) { describe_camera(in, camera); });
-  io.integer_or("quorum", "all", config.quorum, Range{.min = 0, .max = 1000},
+  io.integer_or("quorum", "all", config.quorum, yaml::Range{.min = 0, .max = 1000},
                 "how many cameras must deliver before the service says that it is ready");
   io.group("object_tracking", "", [&](auto& in) { describe_object_tracking(in, config.object_tracking); });
   io.group("frame_sets", "which frames belong together", [&](auto& in) {
-    in.number_or("tolerance_s", "auto", config.set_tolerance_s, positive,
+    in.number_or("tolerance_s", "auto", config.set_tolerance_s, yaml::positive,
                  "first to last capture time in a set, seconds; auto: about half a frame period");
   });
-  io.integer("threads", config.threads, Range{.min = 1, .max = 64},
+  io.integer("threads", config.threads, yaml::Range{.min = 1, .max = 64},
              "targets are tracked in parallel; the result does not depend on it");
   io.group("dds", "", [&](auto& in) { describe_dds(in, config.dds); });
   io.group("record", "what `run` records", [&](auto& in) { describe_record(in, config.record); });
   io.group("metrics", "for Prometheus, while `run`", [&](auto& in) {
-    in.integer_or("port", "none", config.metrics.port, Range{.min = 1, .max = 65535},
+    in.integer_or("port", "none", config.metrics.port, yaml::Range{.min = 1, .max = 65535},
                   "GET /metrics; none: no endpoint");
     in.text("address", config.metrics.address, "to listen on; 127.0.0.1: this host only");
   });
   io.group("preview", "small pictures for people who watch; made only while somebody subscribes", [&](auto& in) {
     in.boolean("enabled", config.preview.enabled, "publish huetrack/preview at all");
-    in.number("rate_hz", config.preview.rate_hz, Range{.min = 0, .max = 120, .min_is_open = true},
+    in.number("rate_hz", config.preview.rate_hz, yaml::Range{.min = 0, .max = 120, .min_is_open = true},
               "at most so many pictures per camera and second");
-    in.integer("width", config.preview.width, Range{.min = 16, .max = 4096}, "pixels; larger images are scaled down");
-    in.integer("quality", config.preview.quality, Range{.min = 1, .max = 100}, "of the JPEGs");
-    in.integer("particles", config.preview.particles, Range{.min = 0, .max = 10000}, "drawn per target, about");
+    in.integer("width", config.preview.width, yaml::Range{.min = 16, .max = 4096}, "pixels; larger images are scaled down");
+    in.integer("quality", config.preview.quality, yaml::Range{.min = 1, .max = 100}, "of the JPEGs");
+    in.integer("particles", config.preview.particles, yaml::Range{.min = 0, .max = 10000}, "drawn per target, about");
   });
   io.group("control", "what may be asked of the running service over DDS", [&](auto& in) {
     in.boolean("allow_teach", config.control.allow_teach, "teach colours: writes into this file");
@@ -207,28 +207,28 @@ LiveCameraConfig& value_of(LiveCameraConfig& camera) {
 const LiveCameraConfig& value_of(const LiveCameraConfig& camera) {
   return camera;
 }
-std::string& name_of(TargetOptions& target) {
+std::string& name_of(object_tracking::TargetOptions& target) {
   return target.name;
 }
-const std::string& name_of(const TargetOptions& target) {
+const std::string& name_of(const object_tracking::TargetOptions& target) {
   return target.name;
 }
-TargetOptions& value_of(TargetOptions& target) {
+object_tracking::TargetOptions& value_of(object_tracking::TargetOptions& target) {
   return target;
 }
-const TargetOptions& value_of(const TargetOptions& target) {
+const object_tracking::TargetOptions& value_of(const object_tracking::TargetOptions& target) {
   return target;
 }
-std::string& name_of(std::pair<std::string, HsiRange>& entry) {
+std::string& name_of(std::pair<std::string, object_tracking::HsiRange>& entry) {
   return entry.first;
 }
-const std::string& name_of(const std::pair<std::string, HsiRange>& entry) {
+const std::string& name_of(const std::pair<std::string, object_tracking::HsiRange>& entry) {
   return entry.first;
 }
-HsiRange& value_of(std::pair<std::string, HsiRange>& entry) {
+object_tracking::HsiRange& value_of(std::pair<std::string, object_tracking::HsiRange>& entry) {
   return entry.second;
 }
-const HsiRange& value_of(const std::pair<std::string, HsiRange>& entry) {
+const object_tracking::HsiRange& value_of(const std::pair<std::string, object_tracking::HsiRange>& entry) {
   return entry.second;
 }
 
@@ -236,14 +236,14 @@ const HsiRange& value_of(const std::pair<std::string, HsiRange>& entry) {
 // One mapping of the file; what it lacks keeps its default, or is an error where it is required.
 class Reader {
  public:
-  explicit Reader(YamlReader yaml) : yaml_(std::move(yaml)) {}
+  explicit Reader(yaml::YamlReader yaml) : yaml_(std::move(yaml)) {}
 
-  void version(int only) { yaml_.integer("version", Range{.min = double(only), .max = double(only)}); }
-  void number(std::string_view key, double& value, Range range, std::string_view) {
+  void version(int only) { yaml_.integer("version", yaml::Range{.min = double(only), .max = double(only)}); }
+  void number(std::string_view key, double& value, yaml::Range range, std::string_view) {
     value = yaml_.number(key, range, value);
   }
   template <std::integral T>
-  void integer(std::string_view key, T& value, Range range, std::string_view) {
+  void integer(std::string_view key, T& value, yaml::Range range, std::string_view) {
     value = static_cast<T>(yaml_.integer(key, range, static_cast<std::int64_t>(value)));
   }
   void boolean(std::string_view key, bool& value, std::string_view) { value = yaml_.boolean(key, value); }
@@ -296,20 +296,20 @@ class Reader {
       yaml_.fail(key, "must be a path below /dev or an index, got \"" + given +
                            "\": ls -l /dev/v4l/by-path/ lists the cameras");
   }
-  void size_or(std::string_view key, std::string_view word, std::optional<ImageSize>& value, std::string_view) {
+  void size_or(std::string_view key, std::string_view word, std::optional<calib::ImageSize>& value, std::string_view) {
     if (!yaml_.has(key)) return;
     if (!yaml_.is_list(key)) {
       const std::string_view only[] = {word};
       yaml_.choice(key, only);
       return;
     }
-    const auto sides = yaml_.numbers(key, 2, 2, Range{.min = 1, .max = 65535});
-    value = ImageSize{static_cast<int>(sides[0]), static_cast<int>(sides[1])};
+    const auto sides = yaml_.numbers(key, 2, 2, yaml::Range{.min = 1, .max = 65535});
+    value = calib::ImageSize{static_cast<int>(sides[0]), static_cast<int>(sides[1])};
   }
-  void controls(std::string_view key, std::vector<ControlSetting>& settings, std::string_view) {
+  void controls(std::string_view key, std::vector<capture::ControlSetting>& settings, std::string_view) {
     const auto map = yaml_.optional_map(key);
     if (!map) return;
-    for (const auto& name : map->keys()) settings.push_back(control_setting(name, map->string(name)));
+    for (const auto& name : map->keys()) settings.push_back(capture::control_setting(name, map->string(name)));
   }
   void path_or(std::string_view key, const std::string& none, fs::path& value, std::string_view) {
     const std::string given = yaml_.string(key, none);
@@ -320,29 +320,29 @@ class Reader {
     const std::string given = yaml_.string(key, none);
     value = given == none ? fs::path() : resolved(given);
   }
-  void number_or(std::string_view key, std::string_view word, std::optional<double>& value, Range range,
+  void number_or(std::string_view key, std::string_view word, std::optional<double>& value, yaml::Range range,
                  std::string_view) {
     if (!is_word(key, word)) value = yaml_.number(key, range);
   }
-  void integer_or(std::string_view key, std::string_view word, std::optional<int>& value, Range range,
+  void integer_or(std::string_view key, std::string_view word, std::optional<int>& value, yaml::Range range,
                   std::string_view) {
     if (!is_word(key, word)) value = static_cast<int>(yaml_.integer(key, range));
   }
   void point(std::string_view key, Eigen::Vector3d& value, std::string_view) {
-    if (yaml_.has(key)) value = Eigen::Vector3d(yaml_.numbers(key, 3, 3, any_number).data());
+    if (yaml_.has(key)) value = Eigen::Vector3d(yaml_.numbers(key, 3, 3, yaml::any_number).data());
   }
-  void interval(std::string_view key, double& min, double& max, Range range, Need need, std::string_view) {
+  void interval(std::string_view key, double& min, double& max, yaml::Range range, Need need, std::string_view) {
     if (need == Need::optional && !yaml_.has(key)) return;
     const auto values = yaml_.numbers(key, 2, 2, range);
     min = values[0];
     max = values[1];
   }
-  void boxes(std::string_view key, IgnoredRegions& regions, std::string_view) {
+  void boxes(std::string_view key, object_tracking::IgnoredRegions& regions, std::string_view) {
     const auto cameras = yaml_.optional_map(key);
     if (!cameras) return;
     for (const std::string& camera : cameras->keys()) {
-      const auto numbers = cameras->numbers(camera, 4, 400, Range{.min = -1e6, .max = 1e6});
-      auto& boxes = regions.emplace_back(camera, std::vector<PixelBox>()).second;
+      const auto numbers = cameras->numbers(camera, 4, 400, yaml::Range{.min = -1e6, .max = 1e6});
+      auto& boxes = regions.emplace_back(camera, std::vector<object_tracking::PixelBox>()).second;
       if (numbers.size() % 4 != 0) cameras->fail(camera, "must be four numbers per rectangle: u_min, v_min, u_max, v_max");
       for (std::size_t i = 0; i < numbers.size(); i += 4) {
         const auto at = [&](std::size_t k) { return int(std::lround(numbers[i + k])); };
@@ -387,7 +387,7 @@ class Reader {
     return false;
   }
 
-  YamlReader yaml_;
+  yaml::YamlReader yaml_;
 };
 
 // ---------------------------------------------------------------------------------------------------------------------
@@ -396,9 +396,9 @@ class Printer {
   explicit Printer(std::string& out, int depth = 0) : out_(out), depth_(depth) {}
 
   void version(int only) { line("version", std::to_string(only), ""); }
-  void number(std::string_view key, double value, Range, std::string_view doc) { line(key, shortest(value), doc); }
+  void number(std::string_view key, double value, yaml::Range, std::string_view doc) { line(key, shortest(value), doc); }
   template <std::integral T>
-  void integer(std::string_view key, T value, Range, std::string_view doc) {
+  void integer(std::string_view key, T value, yaml::Range, std::string_view doc) {
     line(key, std::to_string(value), doc);
   }
   void boolean(std::string_view key, bool value, std::string_view doc) { line(key, value ? "true" : "false", doc); }
@@ -435,11 +435,11 @@ class Printer {
     line(key, quoted(value.string()), doc);
   }
   void device(std::string_view key, const fs::path& value, std::string_view doc) { path(key, value, doc); }
-  void size_or(std::string_view key, std::string_view word, const std::optional<ImageSize>& size,
+  void size_or(std::string_view key, std::string_view word, const std::optional<calib::ImageSize>& size,
                std::string_view doc) {
     line(key, size ? list_of({std::to_string(size->width), std::to_string(size->height)}) : std::string(word), doc);
   }
-  void controls(std::string_view key, const std::vector<ControlSetting>& settings, std::string_view doc) {
+  void controls(std::string_view key, const std::vector<capture::ControlSetting>& settings, std::string_view doc) {
     line(key, settings.empty() ? "{}" : "", doc);
     Printer inner(out_, depth_ + 1);
     for (const auto& [name, value] : settings) {
@@ -453,24 +453,24 @@ class Printer {
   void folder_or(std::string_view key, std::string_view none, const fs::path& value, std::string_view doc) {
     path_or(key, none, value, doc);
   }
-  void number_or(std::string_view key, std::string_view word, std::optional<double> value, Range,
+  void number_or(std::string_view key, std::string_view word, std::optional<double> value, yaml::Range,
                  std::string_view doc) {
     line(key, value ? shortest(*value) : std::string(word), doc);
   }
-  void integer_or(std::string_view key, std::string_view word, std::optional<int> value, Range, std::string_view doc) {
+  void integer_or(std::string_view key, std::string_view word, std::optional<int> value, yaml::Range, std::string_view doc) {
     line(key, value ? std::to_string(*value) : std::string(word), doc);
   }
   void point(std::string_view key, const Eigen::Vector3d& p, std::string_view doc) {
     line(key, list_of({shortest(p.x()), shortest(p.y()), shortest(p.z())}), doc);
   }
-  void interval(std::string_view key, double min, double max, Range, Need, std::string_view doc) {
+  void interval(std::string_view key, double min, double max, yaml::Range, Need, std::string_view doc) {
     line(key, list_of({shortest(min), shortest(max)}), doc);
   }
-  void boxes(std::string_view key, const IgnoredRegions& regions, std::string_view doc) {
+  void boxes(std::string_view key, const object_tracking::IgnoredRegions& regions, std::string_view doc) {
     line(key, regions.empty() ? "{}" : "", doc);
     for (const auto& [camera, boxes] : regions) {
       std::vector<std::string> numbers;
-      for (const PixelBox& box : boxes)
+      for (const object_tracking::PixelBox& box : boxes)
         for (const int value : {box.u_min, box.v_min, box.u_max, box.v_max}) numbers.push_back(std::to_string(value));
       Printer(out_, depth_ + 1).line(quoted_key(camera), list_of(numbers), "");
     }
@@ -541,7 +541,7 @@ class Printer {
 };
 
 // ---------------------------------------------------------------------------------------------------------------------
-void check_camera_tracking(const ServiceConfig& config, const YamlReader& yaml) {
+void check_camera_tracking(const ServiceConfig& config, const yaml::YamlReader& yaml) {
   const CameraTrackingConfig& tracking = config.camera_tracking;
   if (tracking.camera.empty()) {
     if (tracking.starts() > 0) yaml.fail("camera", "is not given: name the camera of the rig that moves");
@@ -554,7 +554,7 @@ void check_camera_tracking(const ServiceConfig& config, const YamlReader& yaml) 
       list += (names.empty() ? "" : ", ") + camera.name;
       names.push_back(camera.name);
     }
-    const auto nearest = nearest_word(tracking.camera, names);
+    const auto nearest = yaml::nearest_word(tracking.camera, names);
     yaml.fail("camera", tracking.camera + " is not a camera of the rig, which has " + list +
                             (nearest ? " (did you mean " + *nearest + "?)" : ""));
   }
@@ -562,15 +562,15 @@ void check_camera_tracking(const ServiceConfig& config, const YamlReader& yaml) 
     yaml.fail("start", "exactly one of rectangle, points, board and leds must be given (with load_map none is needed), "
                        "and there are " +
                            std::to_string(tracking.starts()));
-  const Camera& camera = config.rig.cameras[std::size_t(*config.rig.index_of(tracking.camera))];
+  const calib::Camera& camera = config.rig.cameras[std::size_t(*config.rig.index_of(tracking.camera))];
   for (const auto& [key, rows] : {std::pair{"rectangle", &tracking.rectangle}, {"points", &tracking.points}}) {
     const auto problem = start_row_problem(*rows, camera);
     if (!problem) continue;
-    const YamlReader start = yaml.map("start");
+    const yaml::YamlReader start = yaml.map("start");
     const std::string message = "row " + std::to_string(problem->row + 1) + ": " + problem->message;
     if (start.is_list(key)) start.fail(key, message);
     const fs::path file = fs::absolute(start.path().parent_path() / start.string(key)).lexically_normal();
-    throw ConfigError(file, line_of_row(file, problem->row), message);
+    throw yaml::ConfigError(file, line_of_row(file, problem->row), message);
   }
   for (const auto& row : tracking.led_schedule)
     if (row[0] != std::floor(row[0])) yaml.map("start").fail("led_schedule", "must hold whole numbers of LEDs, from 0");
@@ -581,13 +581,13 @@ void check_camera_tracking(const ServiceConfig& config, const YamlReader& yaml) 
 }
 
 // What one key alone cannot tell.
-void check(const ServiceConfig& config, const YamlReader& root) {
+void check(const ServiceConfig& config, const yaml::YamlReader& root) {
   check_camera_tracking(config, root.map_or_empty("camera_tracking"));
   if (config.targets.empty() && config.camera_tracking.camera.empty())
     root.fail("targets", "at least one target is needed: targets: {ball: {color: {hue_deg: [65, 115]}}}; or a camera to "
                          "track, under camera_tracking");
-  const Box& volume = config.object_tracking.volume;
-  const YamlReader tracking = root.map_or_empty("object_tracking");
+  const object_tracking::Box& volume = config.object_tracking.volume;
+  const yaml::YamlReader tracking = root.map_or_empty("object_tracking");
   for (int axis = 0; axis < 3; ++axis) {
     if (!(volume.min[axis] < volume.max[axis])) {
       tracking.fail("volume",
@@ -608,19 +608,19 @@ void check(const ServiceConfig& config, const YamlReader& root) {
   }
   for (const auto& [camera, boxes] : config.ignored) {
     if (config.rig.index_of(camera)) continue;
-    const auto nearest = nearest_word(camera, cameras);
+    const auto nearest = yaml::nearest_word(camera, cameras);
     root.map("ignore").fail(camera, "is not a camera of the rig, which has " + camera_list +
                                         (nearest ? " (did you mean " + *nearest + "?)" : ""));
   }
-  const YamlReader live = config.cameras.empty() ? root : root.map("cameras");
+  const yaml::YamlReader live = config.cameras.empty() ? root : root.map("cameras");
   for (const auto& camera : config.cameras) {
     const auto index = config.rig.index_of(camera.name);
     if (!index) {
-      const auto nearest = nearest_word(camera.name, cameras);
+      const auto nearest = yaml::nearest_word(camera.name, cameras);
       live.fail(camera.name, "is not a camera of the rig, which has " + camera_list +
                                  (nearest ? " (did you mean " + *nearest + "?)" : ""));
     }
-    const ImageSize calibrated = config.rig.cameras[std::size_t(*index)].image_size;
+    const calib::ImageSize calibrated = config.rig.cameras[std::size_t(*index)].image_size;
     if (camera.size && *camera.size != calibrated) {
       live.map(camera.name)
           .fail("size", "the rig was calibrated at " + std::to_string(calibrated.width) + "x" +
@@ -641,19 +641,19 @@ void check(const ServiceConfig& config, const YamlReader& root) {
   }
 
   const double smallest_side_m = (volume.max - volume.min).minCoeff();
-  const YamlReader targets = root.map_or_empty("targets");
+  const yaml::YamlReader targets = root.map_or_empty("targets");
   for (const auto& target : config.targets) {
-    EstimatePublisherOptions topics;  // the name becomes part of theirs
+    publish::EstimatePublisherOptions topics;  // the name becomes part of theirs
     topics.targets = {target.name};
     if (const auto problems = topics.problems(); !problems.empty()) targets.fail(target.name, problems.front());
-    const YamlReader yaml = targets.map(target.name);
+    const yaml::YamlReader yaml = targets.map(target.name);
     if (2 * target.radius_m > smallest_side_m) {
       yaml.fail("radius_m", "a ball of this radius does not fit into object_tracking.volume; the unit is metres");
     }
     for (const auto& [camera, range] : target.camera_colors) {
-      const YamlReader colors = yaml.map("camera_colors");
+      const yaml::YamlReader colors = yaml.map("camera_colors");
       if (!config.rig.index_of(camera)) {
-        const auto nearest = nearest_word(camera, cameras);
+        const auto nearest = yaml::nearest_word(camera, cameras);
         colors.fail(camera, "is not a camera of the rig, which has " + camera_list +
                                 (nearest ? " (did you mean " + *nearest + "?)" : ""));
       }
@@ -668,8 +668,8 @@ void check(const ServiceConfig& config, const YamlReader& root) {
 }
 
 // The share of the first hue range that lies in the second, both on the circle.
-bool hues_overlap(const HsiRange& a, const HsiRange& b) {
-  const auto inside = [](double hue, const HsiRange& r) {
+bool hues_overlap(const object_tracking::HsiRange& a, const object_tracking::HsiRange& b) {
+  const auto inside = [](double hue, const object_tracking::HsiRange& r) {
     return r.hue_min_deg <= r.hue_max_deg ? hue >= r.hue_min_deg && hue <= r.hue_max_deg
                                           : hue >= r.hue_min_deg || hue <= r.hue_max_deg;
   };
@@ -684,14 +684,14 @@ constexpr const char *board_beside = "camera_board.yaml", *map_beside = "camera.
 }  // namespace
 
 ServiceConfig load_service_config(const fs::path& file) {
-  const YamlReader root = YamlReader::file(file);
+  const yaml::YamlReader root = yaml::YamlReader::file(file);
   ServiceConfig config;
   config.file = fs::absolute(file).lexically_normal();
   Reader reader(root);
   describe(reader, config);
   reader.finish();
   if (!fs::is_regular_file(config.rig_file)) root.fail("rig", "there is no file " + config.rig_file.string());
-  config.rig = read_rig(config.rig_file);
+  config.rig = calib::read_rig(config.rig_file);
   for (const auto& target : config.targets) config.dds.publisher.targets.push_back(target.name);
   for (const auto& camera : config.rig.cameras) config.dds.publisher.cameras.push_back(camera.name);
   config.dds.publisher.tracked_camera = config.camera_tracking.camera;
@@ -764,7 +764,7 @@ std::vector<std::string> differing_keys(const ServiceConfig& a, const ServiceCon
   std::vector<std::string> keys;
   for (std::size_t i = 0; i < of_a.size(); ++i) {
     const bool is_rig = of_a[i].first == "rig";
-    if (of_a[i] != of_b[i] || (is_rig && rig_identity(a.rig) != rig_identity(b.rig))) keys.push_back(of_a[i].first);
+    if (of_a[i] != of_b[i] || (is_rig && calib::rig_identity(a.rig) != calib::rig_identity(b.rig))) keys.push_back(of_a[i].first);
   }
   return keys;
 }
@@ -774,7 +774,7 @@ std::vector<std::size_t> targets_that_differ(const ServiceConfig& before, const 
   const bool all = std::ranges::find(keys, "object_tracking") != keys.end();
   std::vector<std::size_t> targets;
   for (std::size_t t = 0; t < after.targets.size(); ++t) {
-    const TargetOptions &a = before.targets.at(t), &b = after.targets[t];
+    const object_tracking::TargetOptions &a = before.targets.at(t), &b = after.targets[t];
     const bool is_same =
         a.name == b.name && a.radius_m == b.radius_m && a.color == b.color && a.camera_colors == b.camera_colors &&
         a.ignored == b.ignored;
@@ -816,7 +816,7 @@ std::vector<std::string> warnings_of(const ServiceConfig& config) {
   return warnings;
 }
 
-VolumeCoverage volume_coverage(const CameraRig& rig, const Box& volume) {
+VolumeCoverage volume_coverage(const calib::CameraRig& rig, const object_tracking::Box& volume) {
   constexpr int steps = 12;  // per axis: 1728 points, fine enough for a share in per cent
   VolumeCoverage coverage{.per_camera = std::vector<double>(rig.cameras.size(), 0.0)};
   constexpr double weight = 1.0 / (steps * steps * steps);
@@ -836,4 +836,4 @@ VolumeCoverage volume_coverage(const CameraRig& rig, const Box& volume) {
   return coverage;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::config

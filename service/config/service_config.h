@@ -14,23 +14,23 @@
 #include "object_tracking/object_tracker.h"
 #include "publish/estimate_publisher.h"
 
-namespace huetrack {
+namespace huetrack::config {
 
 enum class LogLevel : std::uint8_t { debug, info, warning, error };
 
 struct DdsConfig {
   bool enabled = true;
-  EstimatePublisherOptions publisher;  // targets and cameras are those of the configuration and the rig
+  publish::EstimatePublisherOptions publisher;  // targets and cameras are those of the configuration and the rig
 };
 
 // How `run` reaches one camera of the rig.
 struct LiveCameraConfig {
   std::string name;                      // in the rig
   std::filesystem::path device;          // as written, but an index: /dev/videoN
-  std::optional<CaptureFormat> format;   // nullopt: the first of yuyv, nv12, mjpeg, grey that reaches size and rate
-  std::optional<ImageSize> size;         // nullopt: the rig's; another one is refused
+  std::optional<capture::CaptureFormat> format;   // nullopt: the first of yuyv, nv12, mjpeg, grey that reaches size and rate
+  std::optional<calib::ImageSize> size;         // nullopt: the rig's; another one is refused
   std::optional<double> fps;             // > 0, <= 10000; nullopt: the driver's choice
-  std::vector<ControlSetting> controls;  // in the order of the file
+  std::vector<capture::ControlSetting> controls;  // in the order of the file
   double latency_offset_s = 0;           // subtracted from every capture time
   bool restore_controls = false;
 };
@@ -39,7 +39,7 @@ struct LiveCameraConfig {
 struct RecordConfig {
   std::filesystem::path folder;  // absolute; recordings become folders in it, named by their time; empty: none
   bool always = false;           // from the start to the end
-  RawStorage raw_storage = RawStorage::uncompressed;
+  capture::RawStorage raw_storage = capture::RawStorage::uncompressed;
   int queue_frames = 32;  // >= 1, per camera: may wait for the disk
   double pre_roll_s = 0;  // 0: none
   int pre_roll_mb = 256;  // >= 1, of all cameras
@@ -69,12 +69,12 @@ struct ControlConfig {
 struct ServiceConfig {
   std::filesystem::path file;             // absolute
   std::filesystem::path rig_file;         // absolute
-  CameraRig rig;                          // what rig_file says
-  std::vector<TargetOptions> targets;     // in the order of the file; none only where a camera is tracked
+  calib::CameraRig rig;                          // what rig_file says
+  std::vector<object_tracking::TargetOptions> targets;     // in the order of the file; none only where a camera is tracked
   CameraTrackingConfig camera_tracking;   // of one moving camera of the rig
   std::vector<LiveCameraConfig> cameras;  // for `run`, in the order of the file; empty: replay only
   std::optional<int> quorum;              // 0..cameras: how many must deliver before the service is ready; nullopt: all
-  ObjectTrackerOptions object_tracking;   // the same for every target
+  object_tracking::ObjectTrackerOptions object_tracking;   // the same for every target
   std::optional<double> set_tolerance_s;  // > 0; FrameSynchronizerOptions::tolerance; nullopt: from the frame rates
   int threads = 1;                        // >= 1; targets are tracked in parallel; no influence on the result
   DdsConfig dds;
@@ -82,7 +82,7 @@ struct ServiceConfig {
   MetricsConfig metrics;
   PreviewConfig preview;
   ControlConfig control;
-  IgnoredRegions ignored;  // also in every target
+  object_tracking::IgnoredRegions ignored;  // also in every target
   LogLevel log_level = LogLevel::info;
 };
 
@@ -120,6 +120,6 @@ struct VolumeCoverage {
   double by_one = 0;               // share that one or more cameras see
   double by_two = 0;               // share that two or more see: where a position is fixed
 };
-VolumeCoverage volume_coverage(const CameraRig& rig, const Box& volume);
+VolumeCoverage volume_coverage(const calib::CameraRig& rig, const object_tracking::Box& volume);
 
-}  // namespace huetrack
+}  // namespace huetrack::config

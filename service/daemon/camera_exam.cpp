@@ -7,7 +7,7 @@
 #include <memory>
 #include <thread>
 
-namespace huetrack {
+namespace huetrack::daemon {
 namespace {
 
 using Clock = std::chrono::steady_clock;
@@ -22,22 +22,22 @@ constexpr std::array<std::string_view, 8> controls_that_matter{
 
 struct Examined {
   CameraExam exam;
-  std::unique_ptr<V4l2Device> device;  // nullptr: could not be opened
+  std::unique_ptr<capture::V4l2Device> device;  // nullptr: could not be opened
   bool is_streaming = false;
 };
 
 // One step away from where it is.
-std::optional<ControlSetting> moved(const Control& control) {
+std::optional<capture::ControlSetting> moved(const capture::Control& control) {
   if (control.is_read_only || control.is_button || !control.value) return std::nullopt;
   if (!control.menu.empty()) {
     const auto other =
         std::ranges::find_if(control.menu, [&](const auto& item) { return item.value != control.value; });
     if (other == control.menu.end()) return std::nullopt;
-    return ControlSetting{control.name, other->value};
+    return capture::ControlSetting{control.name, other->value};
   }
   const std::int64_t step = std::max<std::int64_t>(control.step, 1);
-  if (*control.value + step <= control.max) return ControlSetting{control.name, *control.value + step};
-  if (*control.value - step >= control.min) return ControlSetting{control.name, *control.value - step};
+  if (*control.value + step <= control.max) return capture::ControlSetting{control.name, *control.value + step};
+  if (*control.value - step >= control.min) return capture::ControlSetting{control.name, *control.value - step};
   return std::nullopt;
 }
 
@@ -49,7 +49,7 @@ Examined begin(const ExamRequest& request) {
   exam.problem = request.node.problem;
   if (!exam.problem.empty()) return examined;
   try {
-    examined.device = std::make_unique<V4l2Device>(request.node.identity.node);
+    examined.device = std::make_unique<capture::V4l2Device>(request.node.identity.node);
     exam.formats = examined.device->formats();
     exam.controls = examined.device->controls();
     if (!request.streams) return examined;
@@ -65,7 +65,7 @@ Examined begin(const ExamRequest& request) {
     exam.trial = trial;
     examined.is_streaming = true;
     exam.configured = examined.device->set_controls(request.controls);  // not before: another program may be using it
-  } catch (const CaptureError& error) {
+  } catch (const capture::CaptureError& error) {
     exam.problem = error.what();
   }
   return examined;
@@ -81,12 +81,12 @@ void watch(Examined& examined, Clock::time_point end, const std::stop_token& sto
     const auto now = Clock::now();
     if (now >= end && (first || now >= give_up)) break;
     const auto result = examined.device->dequeue(100ms);
-    if (result.outcome == DequeueOutcome::timeout) continue;
-    if (result.outcome != DequeueOutcome::frame) {
+    if (result.outcome == capture::DequeueOutcome::timeout) continue;
+    if (result.outcome != capture::DequeueOutcome::frame) {
       trial.failure = result.message;
       return;
     }
-    const Dequeued& frame = result.frame;
+    const capture::Dequeued& frame = result.frame;
     ++trial.frames;
     trial.bytes += frame.bytes.size();
     if (frame.has_error) ++trial.corrupted;
@@ -110,22 +110,22 @@ void watch(Examined& examined, Clock::time_point end, const std::stop_token& sto
 // After the trial: whether the controls stayed, and whether others can be moved; then everything as it was found.
 void finish(Examined& examined) {
   if (!examined.is_streaming) return;
-  V4l2Device& device = *examined.device;
+  capture::V4l2Device& device = *examined.device;
   CameraExam& exam = examined.exam;
-  const auto controls = exam.configured.empty() ? std::vector<Control>{} : device.controls();
+  const auto controls = exam.configured.empty() ? std::vector<capture::Control>{} : device.controls();
   for (const auto& set : exam.configured) {
     if (!set.problem.empty()) continue;
-    ControlResult now = set;
-    if (const Control* control = find_control(controls, set.name)) now.got = control->value;
+    capture::ControlResult now = set;
+    if (const capture::Control* control = capture::find_control(controls, set.name)) now.got = control->value;
     if (now.got != set.got) now.problem = "it did not stay so while the camera streamed";
     exam.stayed.push_back(std::move(now));
   }
-  if (exam.node.identity.usb) exam.trial->usb = usb_reservation(*exam.node.identity.usb);
+  if (exam.node.identity.usb) exam.trial->usb = capture::usb_reservation(*exam.node.identity.usb);
   device.stop();
-  std::vector<ControlSetting> moves;
+  std::vector<capture::ControlSetting> moves;
   for (const auto& control : exam.controls) {
     const bool matters = std::ranges::find(controls_that_matter, control.name) != controls_that_matter.end();
-    if (!matters || std::ranges::find(exam.configured, control.name, &ControlResult::name) != exam.configured.end())
+    if (!matters || std::ranges::find(exam.configured, control.name, &capture::ControlResult::name) != exam.configured.end())
       continue;
     if (auto move = moved(control)) moves.push_back(std::move(*move));
   }
@@ -135,14 +135,14 @@ void finish(Examined& examined) {
 
 }  // namespace
 
-std::optional<StreamRequest> suitable_stream(std::span<const OfferedFormat> formats) {
+std::optional<capture::StreamRequest> suitable_stream(std::span<const capture::OfferedFormat> formats) {
   constexpr int wanted_width = 640, wanted_height = 480;
-  std::optional<StreamRequest> best;
+  std::optional<capture::StreamRequest> best;
   const auto badness = [](int width, int height) {  // smaller is better; too large is worse than any too small
     const long pixels = long{width} * height, wanted = long{wanted_width} * wanted_height;
     return pixels <= wanted ? wanted - pixels : pixels;
   };
-  for (const auto wanted : {CaptureFormat::yuyv, CaptureFormat::nv12, CaptureFormat::mjpeg, CaptureFormat::grey}) {
+  for (const auto wanted : {capture::CaptureFormat::yuyv, capture::CaptureFormat::nv12, capture::CaptureFormat::mjpeg, capture::CaptureFormat::grey}) {
     for (const auto& offered : formats) {
       if (offered.format != wanted) continue;
       for (const auto& size : offered.sizes) {
@@ -151,7 +151,7 @@ std::optional<StreamRequest> suitable_stream(std::span<const OfferedFormat> form
         const int height = is_range ? std::clamp(wanted_height, size.min_height, size.height) : size.height;
         if (best && badness(width, height) >= badness(best->width, best->height)) continue;
         const auto nearest = std::ranges::min_element(size.fps, {}, [](double fps) { return std::abs(fps - 30); });
-        best = StreamRequest{
+        best = capture::StreamRequest{
             .format = wanted, .width = width, .height = height, .fps = nearest == size.fps.end() ? 0 : *nearest};
       }
     }
@@ -177,4 +177,4 @@ std::vector<CameraExam> examine_cameras(const std::vector<ExamRequest>& requests
   return exams;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::daemon

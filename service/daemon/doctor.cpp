@@ -16,7 +16,7 @@
 #include "config/service_config.h"
 #include "publish/estimate_publisher.h"
 
-namespace huetrack {
+namespace huetrack::daemon {
 namespace {
 
 namespace fs = std::filesystem;
@@ -36,16 +36,16 @@ std::string name_of(const CameraExam& exam) {
   return exam.name.empty() ? node : exam.name + " (" + node + ")";
 }
 
-std::string offered(const OfferedFormat& format) {
+std::string offered(const capture::OfferedFormat& format) {
   std::vector<std::string> sizes;
   for (const auto& size : format.sizes) {
     std::vector<std::string> rates;
-    for (const double fps : format.sizes.empty() ? std::vector<double>{} : size.fps) rates.push_back(formatted("%.4g", fps));
+    for (const double fps : format.sizes.empty() ? std::vector<double>{} : size.fps) rates.push_back(config::formatted("%.4g", fps));
     const std::string range =
-        size.min_width < size.width ? formatted("%dx%d to ", size.min_width, size.min_height) : std::string();
-    sizes.push_back(range + formatted("%dx%d", size.width, size.height) + (rates.empty() ? "" : "@" + joined(rates, "/")));
+        size.min_width < size.width ? config::formatted("%dx%d to ", size.min_width, size.min_height) : std::string();
+    sizes.push_back(range + config::formatted("%dx%d", size.width, size.height) + (rates.empty() ? "" : "@" + joined(rates, "/")));
     if (sizes.size() == 12 && format.sizes.size() > 13) {
-      sizes.push_back(formatted("and %zu sizes more", format.sizes.size() - sizes.size()));
+      sizes.push_back(config::formatted("and %zu sizes more", format.sizes.size() - sizes.size()));
       break;
     }
   }
@@ -55,7 +55,7 @@ std::string offered(const OfferedFormat& format) {
 // ---- One camera
 
 void judge_names(const CameraExam& exam, bool is_expected, std::vector<Finding>& findings) {
-  const V4l2Identity& identity = exam.node.identity;
+  const capture::V4l2Identity& identity = exam.node.identity;
   if (identity.by_path.empty()) {
     findings.push_back({is_expected ? Verdict::warning : Verdict::note, "no name in /dev/v4l/by-path",
                         "udev makes these names; without them only " + identity.node.string() +
@@ -76,10 +76,10 @@ void judge_formats(const CameraExam& exam, std::vector<Finding>& findings) {
   bool has_any = false;
   for (const auto& format : exam.formats) {
     if (format.format) {
-      findings.push_back({Verdict::ok, std::string(name(*format.format)) + ": " + offered(format), ""});
+      findings.push_back({Verdict::ok, std::string(capture::name(*format.format)) + ": " + offered(format), ""});
       has_any = true;
     } else {
-      others.push_back(fourcc_text(format.fourcc));
+      others.push_back(capture::fourcc_text(format.fourcc));
     }
   }
   if (!has_any)
@@ -93,8 +93,8 @@ void judge_formats(const CameraExam& exam, std::vector<Finding>& findings) {
 
 void judge_stream(const CameraExam& exam, std::vector<Finding>& findings) {
   const StreamTrial& trial = *exam.trial;
-  const StreamFormat& agreed = trial.agreed;
-  const std::string what = formatted("%s %dx%d", std::string(name(agreed.format)).c_str(), agreed.width, agreed.height);
+  const capture::StreamFormat& agreed = trial.agreed;
+  const std::string what = config::formatted("%s %dx%d", std::string(capture::name(agreed.format)).c_str(), agreed.width, agreed.height);
   if (!trial.failure.empty()) {
     findings.push_back({Verdict::problem, what + ": " + trial.failure,
                         "try another cable, port or a powered hub; for several cameras on one bus, format: mjpeg or a "
@@ -105,33 +105,33 @@ void judge_stream(const CameraExam& exam, std::vector<Finding>& findings) {
   const bool is_slow = said > 0 && trial.fps() < 0.95 * said;
   findings.push_back(
       {is_slow ? Verdict::warning : Verdict::ok,
-       what + formatted(": %.1f frames/s reached", trial.fps()) + (said > 0 ? formatted(" of %.4g", said) : std::string()) +
-           formatted(" over %.1f s, longest gap %.0f ms", trial.seconds, 1000 * trial.longest_gap_s),
+       what + config::formatted(": %.1f frames/s reached", trial.fps()) + (said > 0 ? config::formatted(" of %.4g", said) : std::string()) +
+           config::formatted(" over %.1f s, longest gap %.0f ms", trial.seconds, 1000 * trial.longest_gap_s),
        is_slow ? "long exposures lower the rate: set exposure_time_absolute below the frame period and "
                  "exposure_dynamic_framerate: 0, or give more light; if that is not it, the USB: format: mjpeg"
                : ""});
   if (exam.asked_fps > 0 && agreed.fps > 0 && std::abs(agreed.fps - exam.asked_fps) > 0.02 * exam.asked_fps)
-    findings.push_back({Verdict::warning, formatted("asked for %.4g frames/s, it does %.4g", exam.asked_fps, agreed.fps),
+    findings.push_back({Verdict::warning, config::formatted("asked for %.4g frames/s, it does %.4g", exam.asked_fps, agreed.fps),
                         "give fps one of the rates above"});
   if (trial.dropped > 0 || trial.corrupted > 0)
     findings.push_back(
         {Verdict::warning,
-         formatted("%llu frames dropped, %llu damaged of %llu", static_cast<unsigned long long>(trial.dropped),
+         config::formatted("%llu frames dropped, %llu damaged of %llu", static_cast<unsigned long long>(trial.dropped),
               static_cast<unsigned long long>(trial.corrupted),
               static_cast<unsigned long long>(trial.frames + trial.dropped)),
          "a busy host, the cable, or the USB bus: try another port, format: mjpeg, or a lower rate"});
   else
     findings.push_back(
-        {Verdict::ok, formatted("no frame of %llu dropped or damaged", static_cast<unsigned long long>(trial.frames)), ""});
-  const std::string stamp = "time stamps: " + std::string(name(trial.stamp)) +
-                            formatted(", %.1f ms before the frame is taken", 1000 * trial.mean_age_s);
-  if (trial.stamp == StampKind::dequeued)
+        {Verdict::ok, config::formatted("no frame of %llu dropped or damaged", static_cast<unsigned long long>(trial.frames)), ""});
+  const std::string stamp = "time stamps: " + std::string(capture::name(trial.stamp)) +
+                            config::formatted(", %.1f ms before the frame is taken", 1000 * trial.mean_age_s);
+  if (trial.stamp == capture::StampKind::dequeued)
     findings.push_back({Verdict::warning, "time stamps: the driver gives none; the time of taking the frame is used",
                         "several ms of jitter: track slowly moving objects only, or use another camera"});
   else if (trial.mean_age_s < 0)
     findings.push_back(
         {Verdict::warning, stamp + ": they lie in the future", "give latency_offset_s, or update the driver"});
-  else if (trial.stamp == StampKind::end_of_frame)
+  else if (trial.stamp == capture::StampKind::end_of_frame)
     findings.push_back(
         {Verdict::note, stamp, "they are late by exposure and transfer: latency_offset_s takes that off"});
   else
@@ -152,7 +152,7 @@ void judge_automatics(const CameraExam& exam, std::vector<Finding>& findings) {
        {Automatic{"auto_exposure", "exposure_time_absolute", 1, "exposure is automatic: colours and frame rate change"},
         Automatic{"white_balance_automatic", "white_balance_temperature", 0, "white balance is automatic: hues change"},
         Automatic{"focus_automatic_continuous", "focus_absolute", 0, "focus is automatic: the calibration changes"}}) {
-    const auto control = std::ranges::find(exam.controls, a.control, &Control::name);
+    const auto control = std::ranges::find(exam.controls, a.control, &capture::Control::name);
     if (control == exam.controls.end()) continue;
     std::optional<std::int64_t> value = control->value;
     for (const auto& set : exam.configured)
@@ -167,27 +167,27 @@ void judge_controls(const CameraExam& exam, std::vector<Finding>& findings) {
   std::vector<std::string> good;
   for (const auto& set : exam.configured)
     if (!set.problem.empty())
-      findings.push_back({Verdict::warning, to_string(set), "give a value that the camera takes, or leave it out"});
+      findings.push_back({Verdict::warning, capture::to_string(set), "give a value that the camera takes, or leave it out"});
   for (const auto& set : exam.stayed) {
     if (set.problem.empty())
       good.push_back(set.name + " " + std::to_string(set.got.value_or(0)));
     else
       findings.push_back(
-          {Verdict::warning, to_string(set), "something else rules it: switch its automatic control off"});
+          {Verdict::warning, capture::to_string(set), "something else rules it: switch its automatic control off"});
   }
   if (!good.empty()) findings.push_back({Verdict::ok, "controls of the configuration that stuck: " + joined(good), ""});
   good.clear();
   for (const auto& set : exam.tried) {
     if (set.problem.empty() && !set.is_implied) good.push_back(set.name);
     if (!set.problem.empty())
-      findings.push_back({Verdict::note, "cannot be set: " + to_string(set), "leave it out of the configuration"});
+      findings.push_back({Verdict::note, "cannot be set: " + capture::to_string(set), "leave it out of the configuration"});
   }
   if (!good.empty())
     findings.push_back(
         {Verdict::ok, "controls that stuck when moved by one step, and were put back: " + joined(good), ""});
   std::vector<std::string> others;
   for (const auto& control : exam.controls) {
-    const auto is_it = [&](const ControlResult& set) { return set.name == control.name; };
+    const auto is_it = [&](const capture::ControlResult& set) { return set.name == control.name; };
     if (control.is_read_only || control.is_button || std::ranges::any_of(exam.tried, is_it) ||
         std::ranges::any_of(exam.configured, is_it))
       continue;
@@ -250,8 +250,8 @@ class Doctor {
   void look_at_config() {
     title("configuration " + options_.config->string());
     try {
-      config_ = load_service_config(*options_.config);
-    } catch (const ConfigError& error) {
+      config_ = config::load_service_config(*options_.config);
+    } catch (const yaml::ConfigError& error) {
       std::error_code ignored;
       say({Verdict::problem, error.what(),
            fs::is_regular_file(*options_.config, ignored)
@@ -261,9 +261,9 @@ class Doctor {
     }
     say({Verdict::ok,
          "it is valid; rig " + config_->rig_file.string() +
-             formatted(" of %zu cameras, %zu targets", config_->rig.cameras.size(), config_->targets.size()),
+             config::formatted(" of %zu cameras, %zu targets", config_->rig.cameras.size(), config_->targets.size()),
          ""});
-    for (const auto& warning : warnings_of(*config_)) say({Verdict::warning, warning, ""});
+    for (const auto& warning : config::warnings_of(*config_)) say({Verdict::warning, warning, ""});
     if (const auto both = one_under_two_names(config_->cameras))
       say({Verdict::problem, "cameras: " + *both, "give each its own device: run refuses to start so"});
     if (config_->cameras.empty())
@@ -271,14 +271,14 @@ class Doctor {
   }
 
   // Of the configuration, with the node that its device is; those whose device is not there are said to be so.
-  std::vector<ExamRequest> requests(const std::vector<V4l2Node>& nodes) {
+  std::vector<ExamRequest> requests(const std::vector<capture::V4l2Node>& nodes) {
     std::vector<ExamRequest> requests;
     std::set<fs::path> taken;
-    for (const auto& camera : config_ ? config_->cameras : std::vector<LiveCameraConfig>{}) {
+    for (const auto& camera : config_ ? config_->cameras : std::vector<config::LiveCameraConfig>{}) {
       std::error_code error;
       const fs::path node = fs::canonical(camera.device, error);
-      const auto found = std::ranges::find(nodes, node, [](const V4l2Node& n) { return n.identity.node; });
-      V4l2SourceOptions source;
+      const auto found = std::ranges::find(nodes, node, [](const capture::V4l2Node& n) { return n.identity.node; });
+      capture::V4l2SourceOptions source;
       source.device = camera.device;
       for (const auto& warning : source.warnings()) unstable_[camera.name] = warning;
       if (error || found == nodes.end()) {
@@ -293,12 +293,12 @@ class Doctor {
                "name one of those below: run refuses to start so"});
         continue;
       }
-      const ImageSize size = config_->rig.cameras[std::size_t(config_->rig.index_of(camera.name).value())].image_size;
+      const calib::ImageSize size = config_->rig.cameras[std::size_t(config_->rig.index_of(camera.name).value())].image_size;
       requests.push_back(
           {.node = *found,
            .name = camera.name,
            .stream =
-               StreamRequest{
+               capture::StreamRequest{
                    .format = camera.format, .width = size.width, .height = size.height, .fps = camera.fps.value_or(0)},
            .controls = camera.controls,
            .streams = options_.streams});
@@ -316,7 +316,7 @@ class Doctor {
   }
 
   void look_at_cameras() {
-    const auto nodes = list_v4l2_nodes();
+    const auto nodes = capture::list_v4l2_nodes();
     const auto asked = requests(nodes);
     const auto exams = examine_cameras(asked, std::chrono::duration<double>(options_.seconds), stop_);
     const bool has_cameras = config_ && !config_->cameras.empty();
@@ -339,7 +339,7 @@ class Doctor {
 
   void look_at_network() {
     title("DDS");
-    EstimatePublisherOptions options;
+    publish::EstimatePublisherOptions options;
     options.targets = {"target"};
     if (config_) options = config_->dds.publisher;
     if (config_ && !config_->dds.enabled) {
@@ -347,8 +347,8 @@ class Doctor {
       return;
     }
     try {
-      for (const auto& warning : EstimatePublisher::check(options)) say({Verdict::warning, warning, ""});
-      const auto bus = EstimatePublisher::bus(options);
+      for (const auto& warning : publish::EstimatePublisher::check(options)) say({Verdict::warning, warning, ""});
+      const auto bus = publish::EstimatePublisher::bus(options);
       const char* variable = std::getenv("ROS_DOMAIN_ID");
       say(judge_network(bus.domain,
                         options.domain        ? "the configuration"
@@ -361,7 +361,7 @@ class Doctor {
   }
 
   void look_at_recording() {
-    const RecordConfig& record = config_->record;
+    const config::RecordConfig& record = config_->record;
     if (record.folder.empty()) return;
     title("recording");
     std::error_code error;
@@ -375,13 +375,13 @@ class Doctor {
     const auto space = fs::space(there, error);
     double bytes_per_s = 0;  // as if nothing were compressed
     for (const auto& camera : config_->cameras) {
-      const ImageSize size = config_->rig.cameras[std::size_t(config_->rig.index_of(camera.name).value())].image_size;
+      const calib::ImageSize size = config_->rig.cameras[std::size_t(config_->rig.index_of(camera.name).value())].image_size;
       bytes_per_s += 2.0 * size.width * size.height * camera.fps.value_or(30);
     }
     const double minutes = bytes_per_s > 0 ? double(space.available) / bytes_per_s / 60 : 0;
     const bool is_short = minutes < 30;
     say({is_short ? Verdict::warning : Verdict::ok,
-         record.folder.string() + formatted(": %.1f GB free, room for %.0f minutes of raw images of all cameras",
+         record.folder.string() + config::formatted(": %.1f GB free, room for %.0f minutes of raw images of all cameras",
                                        double(space.available) / 1e9, minutes),
          is_short ? "make room, or use format: mjpeg or raw_storage: huffyuv" : ""});
   }
@@ -391,7 +391,7 @@ class Doctor {
     title("metrics");
     try {
       const MetricsServer server(config_->metrics.address, *config_->metrics.port);
-      say({Verdict::ok, formatted("%s:%d is free", config_->metrics.address.c_str(), *config_->metrics.port), ""});
+      say({Verdict::ok, config::formatted("%s:%d is free", config_->metrics.address.c_str(), *config_->metrics.port), ""});
     } catch (const std::runtime_error& error) {
       say({Verdict::warning, error.what(), "when it is huetrackd itself that runs there, all is well"});
     }
@@ -399,7 +399,7 @@ class Doctor {
 
   const DoctorOptions& options_;
   const std::stop_token& stop_;
-  std::optional<ServiceConfig> config_;
+  std::optional<config::ServiceConfig> config_;
   std::map<std::string, std::string> unstable_;  // by camera
   int problems_ = 0, warnings_ = 0;
   int examined_ = 0, busy_ = 0;  // cameras
@@ -409,7 +409,7 @@ class Doctor {
 
 std::string not_examined(int busy, int cameras) {
   if (busy == 0) return {};
-  return formatted("; %d of %d camera%s could not be examined: busy", busy, cameras, cameras == 1 ? "" : "s");
+  return config::formatted("; %d of %d camera%s could not be examined: busy", busy, cameras, cameras == 1 ? "" : "s");
 }
 
 std::vector<Finding> judge_camera(const CameraExam& exam, bool is_expected) {
@@ -442,22 +442,22 @@ std::vector<Finding> judge_usb(std::span<const CameraExam> exams, const std::map
   std::vector<Finding> findings;
   for (const auto& exam : exams) {
     if (!exam.node.identity.usb) continue;
-    const UsbPlace& usb = *exam.node.identity.usb;
+    const capture::UsbPlace& usb = *exam.node.identity.usb;
     std::string text_of_camera = name_of(exam) + " in port " + usb.port;
     if (exam.trial && exam.trial->seconds > 0) {
       const StreamTrial& trial = *exam.trial;
       // What it should send, where it is raw; what it sent, where it compresses.
       const double per_frame = double(trial.bytes) / double(trial.frames);
       const double fps =
-          trial.agreed.format == CaptureFormat::mjpeg ? trial.fps() : std::max(trial.fps(), trial.agreed.fps);
+          trial.agreed.format == capture::CaptureFormat::mjpeg ? trial.fps() : std::max(trial.fps(), trial.agreed.fps);
       const double mbps = 8e-6 * per_frame * fps;
       wanted_mbps[usb.bus] += std::max(mbps, trial.usb ? trial.usb->mbps() : 0);
-      text_of_camera += formatted(" %.0f Mbit/s", mbps);
-      if (trial.usb) text_of_camera += ", " + to_string(*trial.usb);
+      text_of_camera += config::formatted(" %.0f Mbit/s", mbps);
+      if (trial.usb) text_of_camera += ", " + capture::to_string(*trial.usb);
     }
     cameras[usb.bus].push_back(text_of_camera);
     if (usb.speed_mbps > 0 && usb.speed_mbps < 100)
-      findings.push_back({Verdict::problem, name_of(exam) + formatted(" runs at %.4g Mbit/s", usb.speed_mbps),
+      findings.push_back({Verdict::problem, name_of(exam) + config::formatted(" runs at %.4g Mbit/s", usb.speed_mbps),
                           "it hangs on a USB 1 hub or a bad cable: plug it in directly"});
   }
   for (const auto& [bus, names] : cameras) {
@@ -467,8 +467,8 @@ std::vector<Finding> judge_usb(std::span<const CameraExam> exams, const std::map
     const double wanted = wanted_mbps[bus];
     const Verdict verdict = wanted > budget ? Verdict::problem : wanted > 0.7 * budget ? Verdict::warning : Verdict::ok;
     findings.push_back({verdict,
-                        formatted("bus %d, %.4g Mbit/s: ", bus, mbps) + joined(names) +
-                            formatted("; together %.0f of the %.0f Mbit/s that cameras may have", wanted, budget),
+                        config::formatted("bus %d, %.4g Mbit/s: ", bus, mbps) + joined(names) +
+                            config::formatted("; together %.0f of the %.0f Mbit/s that cameras may have", wanted, budget),
                         verdict == Verdict::ok
                             ? ""
                             : "drivers reserve more than is sent, and then say \"No space left on device\": format: "
@@ -508,4 +508,4 @@ int doctor(const DoctorOptions& options, const std::stop_token& stop) {
   return Doctor(options, stop).run();
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::daemon

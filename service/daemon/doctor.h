@@ -12,7 +12,7 @@
 
 #include "daemon/camera_exam.h"
 
-namespace huetrack {
+namespace huetrack::daemon {
 
 enum class Verdict : std::uint8_t {
   ok,
@@ -53,4 +53,4 @@ std::string not_examined(int busy, int cameras);
 
 std::string to_text(const Finding& finding);  // "  ok    ...\n", or "  FAIL  ...\n        -> ...\n"
 
-}  // namespace huetrack
+}  // namespace huetrack::daemon

@@ -25,7 +25,7 @@
 #include "publish/estimate_publisher.h"
 #include "camera_tracking/methods/make_camera_tracker.h"
 
-namespace huetrack {
+namespace huetrack::daemon {
 namespace {
 
 using Clock = std::chrono::steady_clock;
@@ -34,10 +34,10 @@ using namespace std::chrono_literals;
 constexpr auto supervision_period = 50ms;
 constexpr auto status_period = 1s;
 constexpr auto opening_patience = 3s;         // with a camera that does not answer; it is waited for later
-constexpr Duration least_patience = 3s;  // several heartbeats of a camera, and of the tracking thread
-constexpr Duration told_clock_step = 500ms;
-constexpr Duration recorder_patience = 400ms;  // whoever stops us waits a second, and the disk may be slow
-constexpr Duration longest_recorder_patience = 10s;
+constexpr capture::Duration least_patience = 3s;  // several heartbeats of a camera, and of the tracking thread
+constexpr capture::Duration told_clock_step = 500ms;
+constexpr capture::Duration recorder_patience = 400ms;  // whoever stops us waits a second, and the disk may be slow
+constexpr capture::Duration longest_recorder_patience = 10s;
 
 std::string tenths(double value) {
   std::array<char, 32> text{};
@@ -47,46 +47,46 @@ std::string tenths(double value) {
 
 // What the camera's frames will be like for a colour table, as far as it has agreed to anything yet.
 struct ExpectedPixels {
-  PixelFormat format;
-  ColorRange range;
+  capture::PixelFormat format;
+  capture::ColorRange range;
 };
 std::optional<ExpectedPixels> expected_pixels(const LiveCamera& camera) {
   const auto stream = camera.health().stream;
   if (!stream) return std::nullopt;
   switch (stream->format) {
-    case CaptureFormat::yuyv:
-      return ExpectedPixels{PixelFormat::yuyv, stream->range};
-    case CaptureFormat::nv12:
-      return ExpectedPixels{PixelFormat::nv12, stream->range};
-    case CaptureFormat::mjpeg:
-      return ExpectedPixels{PixelFormat::i422, ColorRange::full};  // or i420, which has the same table
-    case CaptureFormat::grey:
+    case capture::CaptureFormat::yuyv:
+      return ExpectedPixels{capture::PixelFormat::yuyv, stream->range};
+    case capture::CaptureFormat::nv12:
+      return ExpectedPixels{capture::PixelFormat::nv12, stream->range};
+    case capture::CaptureFormat::mjpeg:
+      return ExpectedPixels{capture::PixelFormat::i422, capture::ColorRange::full};  // or i420, which has the same table
+    case capture::CaptureFormat::grey:
       break;
   }
-  return ExpectedPixels{PixelFormat::grey, stream->range};
+  return ExpectedPixels{capture::PixelFormat::grey, stream->range};
 }
 
 // From what the cameras agreed to, else what they were asked for; known once and for all, as a track depends on it.
-Duration automatic_tolerance(const ServiceConfig& config, std::span<const LiveCamera> cameras) {
-  std::vector<Duration> periods;
+capture::Duration automatic_tolerance(const config::ServiceConfig& config, std::span<const LiveCamera> cameras) {
+  std::vector<capture::Duration> periods;
   for (const auto& camera : cameras) {
     const auto stream = camera.health().stream;
     const auto& name = config.rig.cameras[std::size_t(camera.camera)].name;
-    const auto asked = std::ranges::find(config.cameras, name, &LiveCameraConfig::name);
+    const auto asked = std::ranges::find(config.cameras, name, &config::LiveCameraConfig::name);
     const double fps = stream && stream->fps > 0       ? stream->fps
                        : asked == config.cameras.end() ? 0
                                                        : asked->fps.value_or(0);
-    if (fps > 0) periods.push_back(duration_of(1 / fps));
+    if (fps > 0) periods.push_back(capture::duration_of(1 / fps));
   }
-  return suggested_tolerance(periods);
+  return capture::suggested_tolerance(periods);
 }
 
 class LiveService {
  public:
-  LiveService(const ServiceConfig& config, std::vector<LiveCamera> cameras, const LiveOptions& options,
+  LiveService(const config::ServiceConfig& config, std::vector<LiveCamera> cameras, const LiveOptions& options,
               LiveRequests& requests)
       : config_(config), options_(options), requests_(requests), targets_(options.track ? config.targets.size() : 0) {
-    config_.set_tolerance_s = config.set_tolerance_s.value_or(seconds(automatic_tolerance(config, std::span(cameras))));
+    config_.set_tolerance_s = config.set_tolerance_s.value_or(capture::seconds(automatic_tolerance(config, std::span(cameras))));
     quorum_ = std::size_t(config.quorum.value_or(int(cameras.size())));
     if (!options.tracks.empty()) csv_.emplace(options.tracks);
     if (config.dds.enabled && !options.no_dds && options.track) {
@@ -100,17 +100,17 @@ class LiveService {
                                                                  return std::string();
                                                                },
                                                            .resume = nullptr}});
-    reporter_.emplace(config_, "run", Duration{0});
-    PipelineOptions pipeline;
+    reporter_.emplace(config_, "run", capture::Duration{0});
+    pipeline::PipelineOptions pipeline;
     pipeline.frame_sets.camera_count = int(config.rig.cameras.size());
     pipeline.frame_sets.cameras_in_use = int(cameras.size());
-    pipeline.frame_sets.tolerance = duration_of(*config_.set_tolerance_s);
-    pipeline.when_full = WhenFull::drop_oldest;
+    pipeline.frame_sets.tolerance = capture::duration_of(*config_.set_tolerance_s);
+    pipeline.when_full = pipeline::WhenFull::drop_oldest;
     pipeline.threads = config.threads;
     pipeline.view_particles = std::size_t(std::max(1, config.preview.particles));
-    std::vector<ObjectTracker> trackers;
+    std::vector<object_tracking::ObjectTracker> trackers;
     for (std::size_t t = 0; t < targets_.size(); ++t) trackers.push_back(tracker_for(config, t, cameras));
-    std::vector<std::unique_ptr<FrameSource>> sources;
+    std::vector<std::unique_ptr<capture::FrameSource>> sources;
     for (auto& camera : cameras) sources.push_back(std::move(camera.source));
     cameras_ = std::move(cameras);
     if (config.metrics.port) {
@@ -120,17 +120,17 @@ class LiveService {
                    *config.metrics.port);
     }
     make_recorder();  // after all that may yet end the program: no empty recording stays behind
-    PipelineOutputs outputs;
-    outputs.frames = [this](const Frame& frame, Timestamp received_at) {
+    pipeline::PipelineOutputs outputs;
+    outputs.frames = [this](const capture::Frame& frame, capture::Timestamp received_at) {
       capture_to_dequeue_[std::size_t(frame.camera)].add(received_at - frame.captured_at);
       if (recorder_) recorder_->offer(frame);
     };
-    outputs.left_out = [this](const FrameSet& set) { happens(set.at); };
-    outputs.camera_left_out = [this](const Frame& frame) {
+    outputs.left_out = [this](const capture::FrameSet& set) { happens(set.at); };
+    outputs.camera_left_out = [this](const capture::Frame& frame) {
       const std::scoped_lock lock(happened_mutex_);
       if (changes_) camera_left_out_.push_back(frame.captured_at);
     };
-    outputs.estimates = [this](const FrameSet& set, std::span<const ObjectEstimate> estimates, Timestamp received_at) {
+    outputs.estimates = [this](const capture::FrameSet& set, std::span<const object_tracking::ObjectEstimate> estimates, capture::Timestamp received_at) {
       put_out(set, estimates, received_at);
     };
     const auto& tracked = config.camera_tracking.camera;
@@ -139,21 +139,21 @@ class LiveService {
       throw std::runtime_error("--poses needs a camera to track: give camera_tracking in " + config.file.string());
     if (!options.poses.empty()) poses_.emplace(options.poses);
     if (tracks_camera)
-      outputs.camera_poses = [this](const CameraEstimate& estimate, Timestamp received_at) {
+      outputs.camera_poses = [this](const camera_tracking::CameraEstimate& estimate, capture::Timestamp received_at) {
         if (publisher_) publisher_->publish(estimate, estimate.at, received_at);
         if (poses_) poses_->write(estimate);
       };
     if (view_) {
       outputs.view_wanted = [this] { return view_->wants(); };
-      outputs.view = [this](PictureJob job) { view_->offer(std::move(job)); };
+      outputs.view = [this](pictures::PictureJob job) { view_->offer(std::move(job)); };
       outputs.camera_map_wanted = [this] { return view_->wants_map(); };
-      outputs.camera_map = [this](CameraMap map) { view_->offer(std::move(map)); };
+      outputs.camera_map = [this](camera_tracking::CameraMap map) { view_->offer(std::move(map)); };
     }
     pipeline_.emplace(config_.rig, std::move(sources), std::move(trackers), pipeline, std::move(outputs));
     if (tracks_camera) {
       const int index = config_.rig.index_of(tracked).value();
-      pipeline_->track_camera(index, make_camera_tracker(config_.rig.cameras[std::size_t(index)],
-                                                         tracker_options(config_.camera_tracking)));
+      pipeline_->track_camera(index, camera_methods::make_camera_tracker(config_.rig.cameras[std::size_t(index)],
+                                                         config::tracker_options(config_.camera_tracking)));
     }
   }
 
@@ -173,7 +173,7 @@ class LiveService {
     std::optional<Clock::time_point> end;
     while (!has_ended && !ending.stop_requested()) {
       supervise(false);
-      if (options_.seconds && !end && is_receiving()) end = Clock::now() + duration_of(*options_.seconds);
+      if (options_.seconds && !end && is_receiving()) end = Clock::now() + capture::duration_of(*options_.seconds);
       if (end && Clock::now() >= *end) break;
       std::this_thread::sleep_for(supervision_period);
     }
@@ -187,32 +187,32 @@ class LiveService {
     if (error) std::rethrow_exception(error);
     if (const auto* tracker = pipeline_->camera_tracker();
         tracker != nullptr && !config_.camera_tracking.save_map.empty())
-      save_map(*tracker, pipeline_->tracked_camera(), config_.camera_tracking.save_map);
+      pipeline::save_map(*tracker, pipeline_->tracked_camera(), config_.camera_tracking.save_map);
     if (!tracks_problem_.empty()) throw std::runtime_error(tracks_problem_);  // after all that is to be kept
     return {.figures = pipeline_->figures(),
             .status = last_status_,
-            .recorded = recorder_ ? recorder_->figures() : RecorderFigures{},
+            .recorded = recorder_ ? recorder_->figures() : pipeline::RecorderFigures{},
             .published = publisher_ ? publisher_->counters().published : 0};
   }
 
  private:
   struct Target {
-    std::atomic<TrackState> state = TrackState::searching;
+    std::atomic<object_tracking::TrackState> state = object_tracking::TrackState::searching;
     std::atomic<double> effective_sample_size = 0;
     std::atomic<int> particles = 0;
   };
 
   // The tracking thread.
-  void put_out(const FrameSet& set, std::span<const ObjectEstimate> estimates, Timestamp received_at) {
-    const Timestamp now = unix_now();
-    EstimatePublisher::Writing writing{now, now};
+  void put_out(const capture::FrameSet& set, std::span<const object_tracking::ObjectEstimate> estimates, capture::Timestamp received_at) {
+    const capture::Timestamp now = capture::unix_now();
+    publish::EstimatePublisher::Writing writing{now, now};
     for (std::size_t t = 0; t < estimates.size(); ++t) {
       if (publisher_) publisher_->publish(t, estimates[t], estimates[t].at, received_at, &writing);
       if (csv_) write_track(t, estimates[t]);
       targets_[t].effective_sample_size = estimates[t].effective_sample_size;
       targets_[t].particles = estimates[t].particle_count;
-      const TrackState before = targets_[t].state.exchange(estimates[t].state);
-      if (estimates[t].state == TrackState::lost && before != TrackState::lost) has_lost_ = true;
+      const object_tracking::TrackState before = targets_[t].state.exchange(estimates[t].state);
+      if (estimates[t].state == object_tracking::TrackState::lost && before != object_tracking::TrackState::lost) has_lost_ = true;
     }
     if (estimates.empty()) return;
     dequeue_to_write_.add(writing.begun - received_at);
@@ -221,7 +221,7 @@ class LiveService {
   }
 
   // A full disk ends the file, not the tracking.
-  void write_track(std::size_t target, const ObjectEstimate& estimate) {
+  void write_track(std::size_t target, const object_tracking::ObjectEstimate& estimate) {
     try {
       csv_->write(config_names_[target], estimate);
     } catch (const std::system_error& error) {
@@ -232,9 +232,9 @@ class LiveService {
   }
 
   // A tracker that has its colour tables: the tracking thread would need some 50 ms for each.
-  static ObjectTracker tracker_for(const ServiceConfig& config, std::size_t target,
+  static object_tracking::ObjectTracker tracker_for(const config::ServiceConfig& config, std::size_t target,
                                    std::span<const LiveCamera> cameras) {
-    ObjectTracker tracker(config.rig, config.targets[target], config.object_tracking);
+    object_tracking::ObjectTracker tracker(config.rig, config.targets[target], config.object_tracking);
     for (const auto& camera : cameras)
       if (const auto pixels = expected_pixels(camera)) tracker.expect(camera.camera, pixels->format, pixels->range);
     return tracker;
@@ -255,8 +255,8 @@ class LiveService {
     if (requests_.save.exchange(false)) save_pre_roll("signal");
     write_changes();
     bool is_news = is_last;
-    std::vector<CameraHealth> healths;
-    std::vector<std::optional<CameraHealth>> by_rig(config_.rig.cameras.size());
+    std::vector<capture::CameraHealth> healths;
+    std::vector<std::optional<capture::CameraHealth>> by_rig(config_.rig.cameras.size());
     for (const auto& camera : cameras_) {
       const auto& name = config_.rig.cameras[std::size_t(camera.camera)].name;
       for (const auto& event : camera.take_events()) {
@@ -267,8 +267,8 @@ class LiveService {
       by_rig[std::size_t(camera.camera)] = healths.back();
     }
     const auto now = Clock::now();
-    const PipelineFigures figures = pipeline_->figures();
-    std::vector<TrackState> states;
+    const pipeline::PipelineFigures figures = pipeline_->figures();
+    std::vector<object_tracking::TrackState> states;
     for (const auto& target : targets_) states.push_back(target.state);
     is_news |= states != told_states_;
     if (is_news || now >= next_status_) {
@@ -277,7 +277,7 @@ class LiveService {
       tell_status(figures, by_rig, states, now, is_last);
     }
     if (is_last) return;
-    const auto delivering = std::ranges::count(healths, CaptureState::delivering, &CameraHealth::state);
+    const auto delivering = std::ranges::count(healths, capture::CaptureState::delivering, &capture::CameraHealth::state);
     if (!is_ready_ && std::size_t(delivering) >= quorum_) {
       is_ready_ = true;
       notify_service_manager("READY=1");
@@ -285,31 +285,31 @@ class LiveService {
     }
     if (watchdog_ && now >= next_watchdog_) {
       next_watchdog_ = now + *watchdog_ / 4;
-      const Duration patience = std::max<Duration>(least_patience, *watchdog_ / 2);
+      const capture::Duration patience = std::max<capture::Duration>(least_patience, *watchdog_ / 2);
       if (is_progressing(healths, figures, now, patience)) notify_service_manager("WATCHDOG=1");
     }
   }
 
-  void tell_status(const PipelineFigures& figures, std::span<const std::optional<CameraHealth>> cameras,
-                   std::span<const TrackState> states, Clock::time_point now, bool is_last) {
-    ServiceStatus status = reporter_->report(figures, now, std::chrono::system_clock::now(), cameras);
+  void tell_status(const pipeline::PipelineFigures& figures, std::span<const std::optional<capture::CameraHealth>> cameras,
+                   std::span<const object_tracking::TrackState> states, Clock::time_point now, bool is_last) {
+    publish::ServiceStatus status = reporter_->report(figures, now, std::chrono::system_clock::now(), cameras);
     if (publisher_) std::ranges::copy(publisher_->warnings(), std::back_inserter(status.warnings));
     std::ranges::copy(recording_warnings(), std::back_inserter(status.warnings));
     {
       const std::scoped_lock lock(happened_mutex_);
       if (!tracks_problem_.empty()) status.warnings.push_back(tracks_problem_);
     }
-    if (const Duration step = wall_clock_step(); std::chrono::abs(step) >= told_clock_step) {
-      status.warnings.push_back("the wall clock was set by " + tenths(seconds(step)) +
+    if (const capture::Duration step = capture::wall_clock_step(); std::chrono::abs(step) >= told_clock_step) {
+      status.warnings.push_back("the wall clock was set by " + tenths(capture::seconds(step)) +
                                 " s since the start, and published times are off by that: restart the service");
     }
     std::set<std::string> warnings(status.warnings.begin(), status.warnings.end());
     no_pose_log_.tell(config_.camera_tracking.camera, figures.tracked_camera);
-    warnings.erase(no_pose_warning(config_.camera_tracking.camera, figures.tracked_camera));
+    warnings.erase(pipeline::no_pose_warning(config_.camera_tracking.camera, figures.tracked_camera));
     for (const auto& warning : warnings)  // once, not again for every further frame that it counts
-      if (!told_warnings_.contains(without_numbers(warning))) spdlog::warn("{}", warning);
+      if (!told_warnings_.contains(config::without_numbers(warning))) spdlog::warn("{}", warning);
     std::set<std::string> told;
-    for (const auto& warning : warnings) told.insert(without_numbers(warning));
+    for (const auto& warning : warnings) told.insert(config::without_numbers(warning));
     told_warnings_ = std::move(told);
     if (publisher_) publisher_->publish_status(status);
     if (metrics_) show_metrics(status);
@@ -321,7 +321,7 @@ class LiveService {
     last_status_ = std::move(status);
   }
 
-  void show_metrics(const ServiceStatus& status) {
+  void show_metrics(const publish::ServiceStatus& status) {
     std::vector<TargetFigures> targets;
     for (const auto& target : targets_)
       targets.push_back({target.state, target.effective_sample_size, target.particles});
@@ -332,7 +332,7 @@ class LiveService {
     latencies.capture_to_publish = capture_to_publish_.snapshot();
     RecordingCounts recording;
     if (recorder_) {
-      const RecorderFigures figures = recorder_->figures();
+      const pipeline::RecorderFigures figures = recorder_->figures();
       recording = {.is_recording = recorder_->is_recording() && !figures.failure, .dropped = figures.dropped};
     }
     metrics_->show(
@@ -342,20 +342,20 @@ class LiveService {
   // ---- Recording
 
   void make_recorder() {
-    const RecordConfig& record = config_.record;
+    const config::RecordConfig& record = config_.record;
     const bool has_pre_roll = record.pre_roll_s > 0 && !record.always && options_.record_to.empty();
     if (!record.always && !has_pre_roll && options_.record_to.empty()) return;
-    RecorderOptions options;
+    pipeline::RecorderOptions options;
     for (const auto& camera : config_.rig.cameras) options.recording.cameras.push_back(camera.name);
-    options.recording.rig_yaml = to_yaml(config_.rig);
-    options.recording.config_yaml = to_portable_yaml(config_);
-    options.recording.files = files_beside(config_);
+    options.recording.rig_yaml = calib::to_yaml(config_.rig);
+    options.recording.config_yaml = config::to_portable_yaml(config_);
+    options.recording.files = config::files_beside(config_);
     options.recording.raw_storage = record.raw_storage;
     options.queue_frames = std::size_t(record.queue_frames);
     if (has_pre_roll) {
       // The recorder shares it out over all cameras of the rig, of which some may not be used.
       const double share = double(config_.rig.cameras.size()) / double(cameras_.size());
-      options.pre_roll = PreRollOptions{.length = duration_of(record.pre_roll_s),
+      options.pre_roll = capture::PreRollOptions{.length = capture::duration_of(record.pre_roll_s),
                                         .most_bytes = std::size_t(share * double(record.pre_roll_mb) * 1e6)};
     }
     recorder_.emplace(std::move(options));
@@ -378,17 +378,17 @@ class LiveService {
   // What a replay must repeat, into the recording; away from the tracking road.
   void write_changes() {
     if (!changes_) return;
-    std::vector<std::pair<Timestamp, std::string>> happened;
-    std::vector<Timestamp> camera_left_out;
+    std::vector<std::pair<capture::Timestamp, std::string>> happened;
+    std::vector<capture::Timestamp> camera_left_out;
     {
       const std::scoped_lock lock(happened_mutex_);
       happened.swap(happened_);
       camera_left_out.swap(camera_left_out_);
     }
-    for (const Timestamp at : camera_left_out) changes_->camera_left_out(at);
+    for (const capture::Timestamp at : camera_left_out) changes_->camera_left_out(at);
     for (const auto& [at, config] : happened) config.empty() ? changes_->left_out(at) : changes_->reloaded(at, config);
   }
-  void happens(Timestamp at, std::string config = {}) {
+  void happens(capture::Timestamp at, std::string config = {}) {
     const std::scoped_lock lock(happened_mutex_);
     if (changes_) happened_.emplace_back(at, std::move(config));
   }
@@ -413,7 +413,7 @@ class LiveService {
     }
     try {
       const auto folder = new_folder("-" + why);
-      if (recorder_->save_pre_roll(folder, duration_of(config_.record.after_s))) {
+      if (recorder_->save_pre_roll(folder, capture::duration_of(config_.record.after_s))) {
         recording_to_ = folder;
         recording_problem_.clear();
         spdlog::info("saving the pre-roll to {}", folder.string());
@@ -433,10 +433,10 @@ class LiveService {
     if (recorder_->is_recording() && !std::filesystem::exists(recording_to_, ignored))
       warnings.push_back(recording_to_.string() +
                          " is gone: nothing of the recording is kept; restart to record again");
-    const RecorderFigures figures = recorder_->figures();
+    const pipeline::RecorderFigures figures = recorder_->figures();
     if (figures.failure) warnings.push_back(*figures.failure);
     if (figures.pre_roll_that_fits)
-      warnings.push_back("only the last " + tenths(seconds(*figures.pre_roll_that_fits)) + " s of the pre-roll's " +
+      warnings.push_back("only the last " + tenths(capture::seconds(*figures.pre_roll_that_fits)) + " s of the pre-roll's " +
                          tenths(config_.record.pre_roll_s) + " s fit into record.pre_roll_mb");
     if (changes_ && !changes_->failure().empty()) warnings.push_back(changes_->failure());
     std::string cameras;
@@ -455,7 +455,7 @@ class LiveService {
     const auto since_boot = std::chrono::duration_cast<std::chrono::microseconds>(Clock::now().time_since_epoch());
     if (is_ready_) notify_service_manager("RELOADING=1\nMONOTONIC_USEC=" + std::to_string(since_boot.count()));
     try {
-      take_over(load_service_config(config_.file));
+      take_over(config::load_service_config(config_.file));
     } catch (const std::exception& error) {  // the file is not fit to run on, for whatever reason
       spdlog::error("reload refused, running on with the old configuration: {}", error.what());
     }
@@ -463,33 +463,33 @@ class LiveService {
     next_status_ = {};
   }
 
-  void take_over(ServiceConfig fresh) {
-    if (!std::ranges::equal(fresh.targets, config_.targets, {}, &TargetOptions::name, &TargetOptions::name))
+  void take_over(config::ServiceConfig fresh) {
+    if (!std::ranges::equal(fresh.targets, config_.targets, {}, &object_tracking::TargetOptions::name, &object_tracking::TargetOptions::name))
       throw std::runtime_error("targets were added, removed, renamed or reordered: that needs a restart");
     if (!tolerance_is_given_) fresh.set_tolerance_s = fresh.set_tolerance_s.value_or(*config_.set_tolerance_s);
     std::string kept;
-    for (const auto& key : differing_keys(config_, fresh)) {
+    for (const auto& key : config::differing_keys(config_, fresh)) {
       if (key == "targets" || key == "object_tracking" || key == "log_level" || key == "ignore" || key == "control")
         continue;
       kept += (kept.empty() ? "" : ", ") + key;
     }
     if (!kept.empty()) spdlog::warn("reload: {} changed, too: that takes effect at the next start", kept);
 
-    ServiceConfig merged = config_;
+    config::ServiceConfig merged = config_;
     merged.targets = fresh.targets;
     merged.object_tracking = fresh.object_tracking;
     merged.log_level = fresh.log_level;
     merged.ignored = fresh.ignored;
     merged.control = fresh.control;
-    Pipeline::Replacement replacement;
+    pipeline::Pipeline::Replacement replacement;
     std::string names;
-    for (const auto t : targets_that_differ(config_, merged)) {
+    for (const auto t : config::targets_that_differ(config_, merged)) {
       replacement.trackers.emplace_back(t, tracker_for(merged, t, cameras_));
       names += (names.empty() ? "" : ", ") + merged.targets[t].name;
     }
-    if (recorder_) recorder_->take_over(to_portable_yaml(merged));
+    if (recorder_) recorder_->take_over(config::to_portable_yaml(merged));
     if (!names.empty()) {
-      replacement.done = [this, yaml = to_portable_yaml(merged)](Timestamp at) { happens(at, yaml); };
+      replacement.done = [this, yaml = config::to_portable_yaml(merged)](capture::Timestamp at) { happens(at, yaml); };
       pipeline_->replace_trackers(std::move(replacement));
     }
     config_ = std::move(merged);
@@ -503,23 +503,23 @@ class LiveService {
     }
   }
 
-  ServiceConfig config_;  // as it is in force; the pipeline refers to its rig
+  config::ServiceConfig config_;  // as it is in force; the pipeline refers to its rig
   const LiveOptions options_;
   LiveRequests& requests_;
   const bool tolerance_is_given_ = config_.set_tolerance_s.has_value();
   const std::vector<std::string> config_names_ = config_.dds.publisher.targets;
   std::size_t quorum_ = 0;
   std::vector<Target> targets_;
-  std::optional<TrackCsvWriter> csv_;           // the tracking thread's
-  std::optional<PoseFileWriter> poses_;         // the camera thread's
-  std::optional<EstimatePublisher> publisher_;  // positions: the tracking thread; status: the supervising one
+  std::optional<tracks::TrackCsvWriter> csv_;           // the tracking thread's
+  std::optional<tracks::PoseFileWriter> poses_;         // the camera thread's
+  std::optional<publish::EstimatePublisher> publisher_;  // positions: the tracking thread; status: the supervising one
   std::optional<ViewServer> view_;
   std::optional<StatusReporter> reporter_;
-  std::optional<Recorder> recorder_;
+  std::optional<pipeline::Recorder> recorder_;
   std::mutex happened_mutex_;
-  std::vector<std::pair<Timestamp, std::string>> happened_;  // guarded by happened_mutex_; config: a reload
-  std::vector<Timestamp> camera_left_out_;                   // guarded by happened_mutex_
-  std::optional<ChangesWriter> changes_;                     // made before any other thread is
+  std::vector<std::pair<capture::Timestamp, std::string>> happened_;  // guarded by happened_mutex_; config: a reload
+  std::vector<capture::Timestamp> camera_left_out_;                   // guarded by happened_mutex_
+  std::optional<pipeline::ChangesWriter> changes_;                     // made before any other thread is
   std::string tracks_problem_;                               // guarded by happened_mutex_
   std::string recording_problem_;                            // the supervising thread's, as the next
   std::filesystem::path recording_to_;
@@ -528,12 +528,12 @@ class LiveService {
   LatencyHistogram dequeue_to_write_, dequeue_to_publish_, capture_to_publish_;
   std::optional<MetricsServer> metrics_;
   std::vector<LiveCamera> cameras_;   // their sources are the pipeline's
-  std::optional<Pipeline> pipeline_;  // after what its outputs use, and cameras_ is used only while it lives
+  std::optional<pipeline::Pipeline> pipeline_;  // after what its outputs use, and cameras_ is used only while it lives
 
-  ServiceStatus last_status_;
-  std::vector<TrackState> told_states_;
+  publish::ServiceStatus last_status_;
+  std::vector<object_tracking::TrackState> told_states_;
   std::set<std::string> told_warnings_;
-  NoPoseLog no_pose_log_;
+  pipeline::NoPoseLog no_pose_log_;
   Clock::time_point next_status_{}, next_watchdog_{};
   const std::optional<std::chrono::microseconds> watchdog_ = watchdog_period();
   bool is_ready_ = false;
@@ -541,31 +541,31 @@ class LiveService {
 
 }  // namespace
 
-std::optional<std::string> one_under_two_names(std::span<const LiveCameraConfig> cameras) {
-  std::map<std::filesystem::path, const LiveCameraConfig*> nodes;
+std::optional<std::string> one_under_two_names(std::span<const config::LiveCameraConfig> cameras) {
+  std::map<std::filesystem::path, const config::LiveCameraConfig*> nodes;
   for (const auto& camera : cameras) {
     std::error_code error;
     const auto node = std::filesystem::canonical(camera.device, error);
     if (error) continue;
     const auto [first, is_new] = nodes.emplace(node, &camera);
     if (is_new) continue;
-    const LiveCameraConfig& other = *first->second;
+    const config::LiveCameraConfig& other = *first->second;
     return other.name + " and " + camera.name + " are one camera: " + other.device.string() + " and " +
            camera.device.string() + " are both " + node.string();
   }
   return std::nullopt;
 }
 
-std::vector<LiveCamera> open_cameras(const ServiceConfig& config, const std::stop_token& stop) {
+std::vector<LiveCamera> open_cameras(const config::ServiceConfig& config, const std::stop_token& stop) {
   if (const auto both = one_under_two_names(config.cameras))
-    throw CaptureError(std::make_error_code(std::errc::invalid_argument),
+    throw capture::CaptureError(std::make_error_code(std::errc::invalid_argument),
                        config.file.string() + ": cameras: " + *both + ": give each its own device");
-  std::vector<V4l2SourceOptions> asked;
-  std::vector<std::future<std::unique_ptr<V4l2Source>>> opening;
+  std::vector<capture::V4l2SourceOptions> asked;
+  std::vector<std::future<std::unique_ptr<capture::V4l2Source>>> opening;
   for (const auto& camera : config.cameras) {
     const int index = config.rig.index_of(camera.name).value();
-    const ImageSize size = config.rig.cameras[std::size_t(index)].image_size;
-    V4l2SourceOptions options;
+    const calib::ImageSize size = config.rig.cameras[std::size_t(index)].image_size;
+    capture::V4l2SourceOptions options;
     options.camera = index;
     options.name = camera.name;
     options.device = camera.device;
@@ -575,22 +575,22 @@ std::vector<LiveCamera> open_cameras(const ServiceConfig& config, const std::sto
     options.fps = camera.fps.value_or(0);
     options.controls = camera.controls;
     options.restore_controls = camera.restore_controls;
-    options.latency = duration_of(camera.latency_offset_s);
+    options.latency = capture::duration_of(camera.latency_offset_s);
     options.first_patience = opening_patience;
     asked.push_back(options);
     opening.push_back(std::async(std::launch::async, [options = std::move(options), stop] {
-      return std::make_unique<V4l2Source>(options, stop);
+      return std::make_unique<capture::V4l2Source>(options, stop);
     }));
   }
   // One that cannot do what is asked, or another model in its port, does not keep the others from running: it is
   // absent. When there is no other, it is the configuration that is wrong.
-  std::vector<std::pair<int, std::unique_ptr<V4l2Source>>> sources;
+  std::vector<std::pair<int, std::unique_ptr<capture::V4l2Source>>> sources;
   std::vector<std::size_t> wrong;
   std::exception_ptr first_wrong;
   for (std::size_t c = 0; c < opening.size(); ++c) {
     try {
       sources.emplace_back(asked[c].camera, opening[c].get());
-    } catch (const CaptureError& error) {
+    } catch (const capture::CaptureError& error) {
       if (error.code() != std::errc::invalid_argument) throw;
       if (!first_wrong) first_wrong = std::current_exception();
       sources.emplace_back(asked[c].camera, nullptr);
@@ -600,12 +600,12 @@ std::vector<LiveCamera> open_cameras(const ServiceConfig& config, const std::sto
   if (wrong.size() == asked.size() && first_wrong) std::rethrow_exception(first_wrong);
   for (const std::size_t c : wrong) {
     asked[c].may_be_wrong = true;
-    sources[c].second = std::make_unique<V4l2Source>(asked[c], stop);
+    sources[c].second = std::make_unique<capture::V4l2Source>(asked[c], stop);
   }
   std::vector<LiveCamera> cameras;
   for (auto& [index, source] : sources) {
-    const V4l2Source* said_by = source.get();
-    V4l2Source* told_by = source.get();
+    const capture::V4l2Source* said_by = source.get();
+    capture::V4l2Source* told_by = source.get();
     cameras.push_back({.camera = index,
                        .source = std::move(source),
                        .health = [said_by] { return said_by->health(); },
@@ -614,7 +614,7 @@ std::vector<LiveCamera> open_cameras(const ServiceConfig& config, const std::sto
   return cameras;
 }
 
-LiveSummary run_live(const ServiceConfig& config, std::vector<LiveCamera> cameras, const LiveOptions& options,
+LiveSummary run_live(const config::ServiceConfig& config, std::vector<LiveCamera> cameras, const LiveOptions& options,
                      LiveRequests& requests, std::stop_token stop) {
   if (cameras.empty())
     throw std::runtime_error(config.file.string() +
@@ -623,15 +623,15 @@ LiveSummary run_live(const ServiceConfig& config, std::vector<LiveCamera> camera
   return LiveService(config, std::move(cameras), options, requests).run(stop);
 }
 
-bool is_progressing(std::span<const CameraHealth> cameras, const PipelineFigures& figures,
-                    std::chrono::steady_clock::time_point now, Duration patience) {
+bool is_progressing(std::span<const capture::CameraHealth> cameras, const pipeline::PipelineFigures& figures,
+                    std::chrono::steady_clock::time_point now, capture::Duration patience) {
   const auto is_recent = [&](std::chrono::steady_clock::time_point at) { return now - at <= patience; };
   return is_recent(figures.tracking_round) &&
          std::ranges::all_of(cameras, [&](const auto& camera) { return is_recent(camera.last_progress); });
 }
 
-std::string status_line(const ServiceStatus& status, std::span<const TrackState> states,
-                        const std::string& tracked_camera, CameraState camera_state) {
+std::string status_line(const publish::ServiceStatus& status, std::span<const object_tracking::TrackState> states,
+                        const std::string& tracked_camera, camera_tracking::CameraState camera_state) {
   std::size_t delivering = 0, used = 0;
   std::string cameras, targets;
   for (const auto& camera : status.cameras) {
@@ -639,30 +639,30 @@ std::string status_line(const ServiceStatus& status, std::span<const TrackState>
     ++used;
     cameras += (cameras.empty() ? "" : ", ") + camera.name + " ";
     switch (camera.health) {
-      case CameraStatus::Health::delivering:
+      case publish::CameraStatus::Health::delivering:
         ++delivering;
         cameras += tenths(camera.rate_hz) + " Hz";
         break;
-      case CameraStatus::Health::waiting:
+      case publish::CameraStatus::Health::waiting:
         cameras += "waiting";
         break;
-      case CameraStatus::Health::stalled:
+      case publish::CameraStatus::Health::stalled:
         cameras += "stalled";
         break;
-      case CameraStatus::Health::absent:
+      case publish::CameraStatus::Health::absent:
         cameras += "absent";
         break;
-      case CameraStatus::Health::ended:
+      case publish::CameraStatus::Health::ended:
         cameras += "ended";
         break;
     }
   }
   for (std::size_t t = 0; t < states.size(); ++t)
-    targets += (targets.empty() ? "" : ", ") + status.targets[t] + " " + std::string(name(states[t]));
+    targets += (targets.empty() ? "" : ", ") + status.targets[t] + " " + std::string(object_tracking::name(states[t]));
   if (!tracked_camera.empty())
-    targets += (targets.empty() ? "" : ", ") + tracked_camera + "'s pose " + std::string(name(camera_state));
+    targets += (targets.empty() ? "" : ", ") + tracked_camera + "'s pose " + std::string(camera_tracking::name(camera_state));
   return std::to_string(delivering) + " of " + std::to_string(used) + " cameras deliver: " + cameras + "; " +
          tenths(status.set_rate_hz) + " sets/s" + (targets.empty() ? "" : "; " + targets);
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::daemon

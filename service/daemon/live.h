@@ -19,22 +19,22 @@
 #include "config/service_config.h"
 #include "publish/service_status.h"
 
-namespace huetrack {
+namespace huetrack::daemon {
 
 // What the service needs of a live camera: a V4l2Source, or what a test puts in its place.
 struct LiveCamera {
   int camera = 0;  // in the rig
-  std::unique_ptr<FrameSource> source;
-  std::function<CameraHealth()> health;                   // thread-safe while source lives
-  std::function<std::vector<CameraEvent>()> take_events;  // likewise
+  std::unique_ptr<capture::FrameSource> source;
+  std::function<capture::CameraHealth()> health;                   // thread-safe while source lives
+  std::function<std::vector<capture::CameraEvent>()> take_events;  // likewise
 };
 
 // The cameras of the configuration, opened as far as they are there and answer, all at once; until a stop.
 // throws CaptureError: one is there, but cannot do what is asked of it, or is there under two names.
-std::vector<LiveCamera> open_cameras(const ServiceConfig& config, const std::stop_token& stop = {});
+std::vector<LiveCamera> open_cameras(const config::ServiceConfig& config, const std::stop_token& stop = {});
 
 // "left and right are one camera: /dev/v4l/by-path/... and /dev/video0 are both /dev/video0"; nullopt: no two are.
-std::optional<std::string> one_under_two_names(std::span<const LiveCameraConfig> cameras);
+std::optional<std::string> one_under_two_names(std::span<const config::LiveCameraConfig> cameras);
 
 // What is asked of a running service from outside. thread-safe: signals set them, the service clears them.
 struct LiveRequests {
@@ -52,26 +52,26 @@ struct LiveOptions {
 };
 
 struct LiveSummary {
-  PipelineFigures figures;
-  ServiceStatus status;  // the last one
-  RecorderFigures recorded;
+  pipeline::PipelineFigures figures;
+  publish::ServiceStatus status;  // the last one
+  pipeline::RecorderFigures recorded;
   std::uint64_t published = 0;
 };
 
 // Runs until the stop, or until every source has ended.
 // throws what the pipeline throws, and std::exceptions with one readable line when an output cannot be opened.
-LiveSummary run_live(const ServiceConfig& config, std::vector<LiveCamera> cameras, const LiveOptions& options,
+LiveSummary run_live(const config::ServiceConfig& config, std::vector<LiveCamera> cameras, const LiveOptions& options,
                      LiveRequests& requests, std::stop_token stop);
 
 // ---- What it decides by, pure
 
 // Whether frames, or deliberate waiting for them, go on everywhere: no thread has been away for longer than `patience`.
-bool is_progressing(std::span<const CameraHealth> cameras, const PipelineFigures& figures,
-                    std::chrono::steady_clock::time_point now, Duration patience);
+bool is_progressing(std::span<const capture::CameraHealth> cameras, const pipeline::PipelineFigures& figures,
+                    std::chrono::steady_clock::time_point now, capture::Duration patience);
 
 // For `systemctl status`: "2 of 3 cameras deliver: left 30.0, right 29.9 Hz, back absent; 29.9 sets/s; ball tracking".
 // states: per target. tracked_camera: its name, empty for none; then "cam0's pose lost" comes last.
-std::string status_line(const ServiceStatus& status, std::span<const TrackState> states,
-                        const std::string& tracked_camera = {}, CameraState camera_state = CameraState::searching);
+std::string status_line(const publish::ServiceStatus& status, std::span<const object_tracking::TrackState> states,
+                        const std::string& tracked_camera = {}, camera_tracking::CameraState camera_state = camera_tracking::CameraState::searching);
 
-}  // namespace huetrack
+}  // namespace huetrack::daemon

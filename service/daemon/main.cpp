@@ -101,7 +101,7 @@ class Signals {
 
 // The status to end with; or the end, when a thread still hangs in the driver of a camera that has locked up.
 int end_with(int status) {
-  const auto names = abandoned_cameras();
+  const auto names = capture::abandoned_cameras();
   if (names.empty()) return status;
   for (const auto& name : names) spdlog::warn("camera {}: it does not answer, the end does not wait for it", name);
   spdlog::default_logger()->flush();
@@ -110,15 +110,15 @@ int end_with(int status) {
 }
 
 void check(const std::filesystem::path& file) {
-  const ServiceConfig config = load_service_config(file);
-  auto warnings = warnings_of(config);
+  const config::ServiceConfig config = config::load_service_config(file);
+  auto warnings = config::warnings_of(config);
   if (config.dds.enabled)
-    std::ranges::copy(EstimatePublisher::check(config.dds.publisher), std::back_inserter(warnings));
+    std::ranges::copy(publish::EstimatePublisher::check(config.dds.publisher), std::back_inserter(warnings));
   for (const auto& warning : warnings) spdlog::warn("{}: {}", config.file.string(), warning);
-  std::printf("# %s, resolved; identity %s\n%s", config.file.c_str(), config_identity(config).c_str(),
-              to_yaml(config).c_str());
+  std::printf("# %s, resolved; identity %s\n%s", config.file.c_str(), config::config_identity(config).c_str(),
+              config::to_yaml(config).c_str());
   if (config.targets.empty()) return;
-  const auto coverage = volume_coverage(config.rig, config.object_tracking.volume);
+  const auto coverage = config::volume_coverage(config.rig, config.object_tracking.volume);
   std::printf("# of the volume are seen: by two or more cameras %.0f %%, by one or more %.0f %%", 100 * coverage.by_two,
               100 * coverage.by_one);
   for (std::size_t c = 0; c < config.rig.cameras.size(); ++c) {
@@ -127,24 +127,24 @@ void check(const std::filesystem::path& file) {
   std::printf("\n");
 }
 
-void run(const std::filesystem::path& file, const LiveOptions& options, LiveRequests& requests,
+void run(const std::filesystem::path& file, const daemon::LiveOptions& options, daemon::LiveRequests& requests,
          const std::stop_token& stop) {
-  const ServiceConfig config = load_service_config(file);
-  set_log_level(config.log_level);
-  const LiveSummary summary = run_live(config, open_cameras(config, stop), options, requests, stop);
+  const config::ServiceConfig config = config::load_service_config(file);
+  daemon::set_log_level(config.log_level);
+  const daemon::LiveSummary summary = daemon::run_live(config, daemon::open_cameras(config, stop), options, requests, stop);
   spdlog::info("stopped after {} frame sets, {} samples published", summary.figures.sets_tracked, summary.published);
 }
 
-void record(const std::filesystem::path& file, LiveOptions options, LiveRequests& requests,
+void record(const std::filesystem::path& file, daemon::LiveOptions options, daemon::LiveRequests& requests,
             const std::stop_token& stop) {
-  const ServiceConfig config = load_service_config(file);
-  set_log_level(config.log_level);
+  const config::ServiceConfig config = config::load_service_config(file);
+  daemon::set_log_level(config.log_level);
   options.track = false;
-  const LiveSummary summary = run_live(config, open_cameras(config, stop), options, requests, stop);
+  const daemon::LiveSummary summary = daemon::run_live(config, daemon::open_cameras(config, stop), options, requests, stop);
   std::printf("%s\n", options.record_to.c_str());
   for (const auto& camera : config.cameras) {
     const auto c = std::size_t(config.rig.index_of(camera.name).value());
-    const RecordedCameraFigures& recorded = summary.recorded.cameras[c];
+    const capture::RecordedCameraFigures& recorded = summary.recorded.cameras[c];
     std::printf("  %-10s %llu frames, %.1f MB; %llu lost by the camera, %llu by the disk, %llu left out\n",
                 camera.name.c_str(), static_cast<unsigned long long>(recorded.frames), double(recorded.bytes) / 1e6,
                 static_cast<unsigned long long>(summary.figures.cameras[c].dropped),
@@ -158,19 +158,19 @@ void record(const std::filesystem::path& file, LiveOptions options, LiveRequests
 }
 
 void compare(const std::filesystem::path& tracks_file, const std::filesystem::path& truth_file, double clock_offset_s) {
-  Truth truth = Truth::read(truth_file);
-  auto tracks = read_track_csv(tracks_file);
+  tracks::Truth truth = tracks::Truth::read(truth_file);
+  auto tracks = tracks::read_track_csv(tracks_file);
   std::vector<std::string> targets;
   for (const auto& [target, _] : tracks) targets.push_back(target);
   for (const auto& sentence : truth.match(targets)) spdlog::warn("{}: {}", truth_file.string(), sentence);
   for (auto& [target, track] : tracks) {
     if (!truth.targets().contains(target)) continue;
-    TruthComparison comparison(truth, target);
-    for (ObjectEstimate& estimate : track) {
-      estimate.at -= duration_of(clock_offset_s);
+    tracks::TruthComparison comparison(truth, target);
+    for (object_tracking::ObjectEstimate& estimate : track) {
+      estimate.at -= capture::duration_of(clock_offset_s);
       comparison.add(estimate);
     }
-    std::printf("%s: %zu samples; %s\n", target.c_str(), track.size(), to_text(comparison.figures()).c_str());
+    std::printf("%s: %zu samples; %s\n", target.c_str(), track.size(), tracks::to_text(comparison.figures()).c_str());
   }
 }
 
@@ -178,7 +178,7 @@ void compare(const std::filesystem::path& tracks_file, const std::filesystem::pa
 
 int main(int argc, char** argv) {
   Signals::hold();
-  set_up_log();
+  daemon::set_up_log();
   signal(SIGXFSZ, SIG_IGN);  // a recording that meets the limit of file sizes ends with a message, the program does not
 
   CLI::App app("huetrackd: tracks coloured objects in 3-D with calibrated cameras, and publishes them over DDS");
@@ -190,12 +190,12 @@ int main(int argc, char** argv) {
       app.add_subcommand("check", "validate a configuration and print it resolved: every key, default or given");
   check_command->add_option("config", config_file, "huetrackd.yaml")->required();
 
-  ReplayCommand command;
+  daemon::ReplayCommand command;
   bool quiet = false;
   CLI::App* replay_command = app.add_subcommand("replay", "track a recording");
   replay_command->add_option("config", command.config, "huetrackd.yaml")->required();
   replay_command->add_option("recording", command.recording, "recording.yaml, or the folder that holds it")->required();
-  const std::map<std::string, ReplaySpeed> speeds{{"real", ReplaySpeed::real}, {"max", ReplaySpeed::max}};
+  const std::map<std::string, daemon::ReplaySpeed> speeds{{"real", daemon::ReplaySpeed::real}, {"max", daemon::ReplaySpeed::max}};
   replay_command
       ->add_option("--speed", command.speed,
                    "real: as it was recorded; max (default): as fast as possible, never dropping a frame")
@@ -209,7 +209,7 @@ int main(int argc, char** argv) {
   replay_command->add_option("--pictures-every", command.pictures_every, "only every so many-th frame set")
       ->check(CLI::Range(1, 1'000'000));
   replay_command->add_option("--truth", command.truth, "compare with this CSV file (columns ball, t, x, y, z)");
-  const std::map<std::string, ReplayStamps> stamps{{"now", ReplayStamps::now}, {"recording", ReplayStamps::recording}};
+  const std::map<std::string, daemon::ReplayStamps> stamps{{"now", daemon::ReplayStamps::now}, {"recording", daemon::ReplayStamps::recording}};
   replay_command
       ->add_option("--stamps", command.stamps,
                    "published capture times: now (default at speed real), as if captured in this moment, or recording "
@@ -226,7 +226,7 @@ int main(int argc, char** argv) {
   replay_command->add_flag("--no-dds", command.no_dds, "do not publish");
   replay_command->add_flag("--quiet", quiet, "no progress bar and no summary");
 
-  LiveOptions live;
+  daemon::LiveOptions live;
   CLI::App* run_command = app.add_subcommand("run", "track with the live cameras of the configuration");
   run_command->add_option("config", config_file, "huetrackd.yaml")->required();
   run_command->add_option("--tracks", live.tracks, "write the tracks to this CSV file");
@@ -239,7 +239,7 @@ int main(int argc, char** argv) {
   record_command->add_option("--seconds", live.seconds, "end so long after the first frame")
       ->check(CLI::Range(0.001, 1e9));
 
-  DoctorOptions doctor_options;
+  daemon::DoctorOptions doctor_options;
   CLI::App* doctor_command = app.add_subcommand(
       "doctor", "examine this host's cameras, USB, permissions and network, and say what to do about what is wrong");
   doctor_command->add_option("config", doctor_options.config, "huetrackd.yaml: examine what it says, too");
@@ -256,7 +256,7 @@ int main(int argc, char** argv) {
   compare_command->add_option("--clock-offset", clock_offset_s,
                               "seconds that the tracks' clock is ahead of the truth's");
 
-  TeachCommand teaching;
+  daemon::TeachCommand teaching;
   CLI::App* teach_command =
       app.add_subcommand("teach", "learn a target's colour from where you point, and write it into the configuration");
   teach_command->add_option("config", teaching.config, "huetrackd.yaml")->required();
@@ -282,7 +282,7 @@ int main(int argc, char** argv) {
 
   CLI11_PARSE(app, argc, argv);
 
-  LiveRequests requests;
+  daemon::LiveRequests requests;
   Signals::Others on_signal;
   const auto ask = [](std::atomic<bool>& what) {
     return [&what](int) {
@@ -309,11 +309,11 @@ int main(int argc, char** argv) {
     if (check_command->parsed()) {
       check(config_file);
     } else if (doctor_command->parsed()) {
-      if (doctor(doctor_options, signals.token()) > 0) return 1;
+      if (daemon::doctor(doctor_options, signals.token()) > 0) return 1;
     } else if (compare_command->parsed()) {
       compare(tracks_file, truth_file, clock_offset_s);
     } else if (teach_command->parsed()) {
-      const int status = teach(teaching, signals.token());
+      const int status = daemon::teach(teaching, signals.token());
       if (status != 0) return end_with(status);
     } else if (run_command->parsed()) {
       run(config_file, live, requests, signals.token());
@@ -321,11 +321,11 @@ int main(int argc, char** argv) {
       record(config_file, live, requests, signals.token());
     } else {
       command.progress = !quiet;
-      const ReplaySummary summary = replay(command, signals.token());
-      if (!quiet) std::fputs(to_text(summary, command).c_str(), stdout);
+      const daemon::ReplaySummary summary = daemon::replay(command, signals.token());
+      if (!quiet) std::fputs(daemon::to_text(summary, command).c_str(), stdout);
     }
   } catch (const std::exception& error) {  // the user's input or the outside world: said once, in one line, here
-    std::fprintf(stderr, "%shuetrackd: %s\n", journal_prefix(), error.what());
+    std::fprintf(stderr, "%shuetrackd: %s\n", daemon::journal_prefix(), error.what());
     return end_with(1);
   }
   if (std::fflush(stdout) != 0) {

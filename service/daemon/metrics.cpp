@@ -6,7 +6,7 @@
 #include <limits>
 #include <utility>
 
-namespace huetrack {
+namespace huetrack::daemon {
 namespace {
 
 std::string number(double value) {
@@ -56,8 +56,8 @@ class Text {
 
 }  // namespace
 
-void LatencyHistogram::add(Duration latency) {
-  const auto bucket = std::ranges::lower_bound(bounds_s, seconds(latency)) - bounds_s.begin();
+void LatencyHistogram::add(capture::Duration latency) {
+  const auto bucket = std::ranges::lower_bound(bounds_s, capture::seconds(latency)) - bounds_s.begin();
   counts_[std::size_t(bucket)].fetch_add(1, std::memory_order_relaxed);
   sum_ns_.fetch_add(latency.count(), std::memory_order_relaxed);
 }
@@ -75,7 +75,7 @@ std::uint64_t LatencyHistogram::Snapshot::count() const {
   return sum;
 }
 
-std::string to_prometheus(const ServiceStatus& status, std::span<const TargetFigures> targets,
+std::string to_prometheus(const publish::ServiceStatus& status, std::span<const TargetFigures> targets,
                           const LatencyFigures& latencies, const RecordingCounts& recording, std::uint64_t published) {
   Text text;
   const auto cameras = [&](std::string_view family, std::string_view type, std::string_view help, auto value) {
@@ -84,7 +84,7 @@ std::string to_prometheus(const ServiceStatus& status, std::span<const TargetFig
       if (camera.is_used) text.sample("camera=" + label(camera.name), double(value(camera)));
   };
   cameras("huetrack_camera_up", "gauge", "1 when the camera delivers",
-          [](const auto& c) { return c.health == CameraStatus::Health::delivering ? 1 : 0; });
+          [](const auto& c) { return c.health == publish::CameraStatus::Health::delivering ? 1 : 0; });
   cameras("huetrack_camera_frames_total", "counter", "frames received", [](const auto& c) { return c.frames; });
   cameras("huetrack_camera_dropped_frames_total", "counter", "gaps in the driver's numbering",
           [](const auto& c) { return c.dropped; });
@@ -114,8 +114,8 @@ std::string to_prometheus(const ServiceStatus& status, std::span<const TargetFig
 
   text.family("huetrack_target_state", "gauge", "1 for the state that the target is in");
   for (std::size_t t = 0; t < targets.size(); ++t) {
-    for (const auto state : {TrackState::searching, TrackState::tracking, TrackState::coasting, TrackState::lost}) {
-      text.sample("target=" + label(status.targets[t]) + ",state=" + label(name(state)),
+    for (const auto state : {object_tracking::TrackState::searching, object_tracking::TrackState::tracking, object_tracking::TrackState::coasting, object_tracking::TrackState::lost}) {
+      text.sample("target=" + label(status.targets[t]) + ",state=" + label(object_tracking::name(state)),
                   targets[t].state == state ? 1 : 0);
     }
   }
@@ -141,4 +141,4 @@ std::string to_prometheus(const ServiceStatus& status, std::span<const TargetFig
   return text.take();
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::daemon

@@ -15,7 +15,7 @@
 #include "object_tracking/object_estimate.h"
 #include "publish/service_status.h"
 
-namespace huetrack {
+namespace huetrack::daemon {
 
 // Counts durations in fixed buckets from 0.05 ms to 1 s, in steps of 0.05 ms where the service is to be: quantiles are
 // read out of them. thread-safe; add() takes no lock.
@@ -24,7 +24,7 @@ class LatencyHistogram {
   static constexpr std::array<double, 24> bounds_s{0.00005, 0.0001, 0.00015, 0.0002, 0.00025, 0.0003, 0.00035, 0.0004,
                                                    0.00045, 0.0005, 0.0006,  0.0008, 0.001,   0.0012, 0.0015,  0.002,
                                                    0.003,   0.005,  0.01,    0.02,   0.05,    0.1,    0.2,     1.0};
-  void add(Duration latency);
+  void add(capture::Duration latency);
   struct Snapshot {
     std::array<std::uint64_t, bounds_s.size() + 1>
         counts{};  // per bucket, not cumulated; the last one: beyond the bounds
@@ -39,7 +39,7 @@ class LatencyHistogram {
 };
 
 struct TargetFigures {
-  TrackState state = TrackState::searching;
+  object_tracking::TrackState state = object_tracking::TrackState::searching;
   double effective_sample_size = 0;
   int particles = 0;
 };
@@ -57,7 +57,7 @@ struct RecordingCounts {
 };
 
 // targets: as status.targets, or empty.
-std::string to_prometheus(const ServiceStatus& status, std::span<const TargetFigures> targets,
+std::string to_prometheus(const publish::ServiceStatus& status, std::span<const TargetFigures> targets,
                           const LatencyFigures& latencies, const RecordingCounts& recording, std::uint64_t published);
 
 // Answers GET /metrics with the text that was given last. thread-safe.
@@ -73,4 +73,4 @@ class MetricsServer {
   std::unique_ptr<Impl> impl_;
 };
 
-}  // namespace huetrack
+}  // namespace huetrack::daemon

@@ -18,7 +18,7 @@
 #include "capture/file_descriptor.h"
 #include "daemon/metrics.h"
 
-namespace huetrack {
+namespace huetrack::daemon {
 namespace {
 
 using Clock = std::chrono::steady_clock;
@@ -29,7 +29,7 @@ constexpr std::size_t longest_request = 8192;  // bytes
 constexpr auto client_patience = 2s;           // from its connection until its answer is sent
 
 // throws std::runtime_error
-FileDescriptor listen_on(const std::string& address, int port) {
+capture::FileDescriptor listen_on(const std::string& address, int port) {
   const std::string where = "metrics: " + address + ":" + std::to_string(port) + " cannot be listened on: ";
   addrinfo hints{};
   hints.ai_flags = AI_PASSIVE | AI_NUMERICSERV;
@@ -37,7 +37,7 @@ FileDescriptor listen_on(const std::string& address, int port) {
   addrinfo* found = nullptr;
   if (const int error = ::getaddrinfo(address.c_str(), std::to_string(port).c_str(), &hints, &found); error != 0)
     throw std::runtime_error(where + ::gai_strerror(error) + ": give an address of this host, or 0.0.0.0 for all");
-  FileDescriptor fd(::socket(found->ai_family, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
+  capture::FileDescriptor fd(::socket(found->ai_family, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
   const int on = 1;
   ::setsockopt(fd.get(), SOL_SOCKET, SO_REUSEADDR, &on, sizeof on);
   const bool is_listening =
@@ -51,7 +51,7 @@ FileDescriptor listen_on(const std::string& address, int port) {
 }
 
 struct Client {
-  FileDescriptor fd;
+  capture::FileDescriptor fd;
   Clock::time_point deadline;
   std::string request, answer;
   std::size_t sent = 0;  // of the answer
@@ -78,8 +78,8 @@ std::string answer_to(std::string_view request, const std::string& metrics) {
 // One thread that waits for all sockets at once and for the end: no client, however silent, holds up another or the
 // end.
 struct MetricsServer::Impl {
-  FileDescriptor listening;
-  FileDescriptor ending{::eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC)};
+  capture::FileDescriptor listening;
+  capture::FileDescriptor ending{::eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC)};
   std::mutex mutex;
   std::string text;  // guarded by mutex
   std::jthread thread;
@@ -106,7 +106,7 @@ struct MetricsServer::Impl {
         client = is_through ? clients.erase(client) : std::next(client);
       }
       if (waiting[1].revents != 0) {
-        FileDescriptor fd(::accept4(listening.get(), nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC));
+        capture::FileDescriptor fd(::accept4(listening.get(), nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC));
         if (fd.get() >= 0) clients.push_back({std::move(fd), Clock::now() + client_patience, {}, {}, 0});
       }
     }
@@ -146,4 +146,4 @@ void MetricsServer::show(std::string text) {
   impl_->text = std::move(text);
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::daemon

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cstdio>
 
-namespace huetrack {
+namespace huetrack::daemon {
 
 std::string progress_text(std::uint64_t done, std::optional<std::int64_t> total, double times_real_time,
                           const std::string& details) {
@@ -51,4 +51,4 @@ void ProgressBar::clear() {
   drawn_ = false;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::daemon

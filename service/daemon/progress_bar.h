@@ -8,7 +8,7 @@
 
 #include "capture/frame.h"
 
-namespace huetrack {
+namespace huetrack::daemon {
 
 class ProgressBar {
  public:
@@ -32,4 +32,4 @@ class ProgressBar {
 std::string progress_text(std::uint64_t done, std::optional<std::int64_t> total, double times_real_time,
                           const std::string& details);
 
-}  // namespace huetrack
+}  // namespace huetrack::daemon

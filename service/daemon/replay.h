@@ -13,7 +13,7 @@
 #include "pipeline/pipeline.h"
 #include "tracks/truth.h"
 
-namespace huetrack {
+namespace huetrack::daemon {
 
 enum class ReplaySpeed : std::uint8_t {
   real,  // frames are held back until their capture time
@@ -46,21 +46,21 @@ struct ReplayCommand {
 
 struct TargetSummary {
   std::string name;
-  std::map<TrackState, std::uint64_t> sets;         // per state
+  std::map<object_tracking::TrackState, std::uint64_t> sets;         // per state
   std::optional<std::uint64_t> first_tracking_set;  // 1 = the first
   double first_tracking_s = 0;                      // capture time from the first set to that one
-  std::optional<TruthFigures> truth;
+  std::optional<tracks::TruthFigures> truth;
   std::string advice;  // when it was never tracked: what to try
 };
 
 struct CameraSummary {
   std::string name;
-  std::map<CameraState, std::uint64_t> frames;    // per state
+  std::map<camera_tracking::CameraState, std::uint64_t> frames;    // per state
   std::optional<std::uint64_t> first_pose_frame;  // from 0
 };
 
 struct ReplaySummary {
-  PipelineFigures figures;
+  pipeline::PipelineFigures figures;
   bool stopped = false;  // before the end
   std::int64_t missing_frames = 0;
   std::int64_t corrupted_frames = 0;
@@ -72,7 +72,7 @@ struct ReplaySummary {
   std::uint64_t published = 0;          // DDS samples written
   std::uint64_t publish_failures = 0;
   std::string bus;           // where to; empty: no DDS
-  Duration clock_offset{0};  // published capture time minus the recording's clock
+  capture::Duration clock_offset{0};  // published capture time minus the recording's clock
   std::size_t pictures = 0;
 };
 
@@ -82,4 +82,4 @@ ReplaySummary replay(const ReplayCommand& command, std::stop_token stop);
 // For people, several lines.
 std::string to_text(const ReplaySummary& summary, const ReplayCommand& command);
 
-}  // namespace huetrack
+}  // namespace huetrack::daemon

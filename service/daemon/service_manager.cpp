@@ -11,7 +11,7 @@
 #include <cstdlib>
 #include <memory>
 
-namespace huetrack {
+namespace huetrack::daemon {
 namespace {
 
 // Whether stderr is the journal's, and not a file that a child of a service writes: systemd.exec(5), $JOURNAL_STREAM.
@@ -78,17 +78,17 @@ void set_up_log() {
   }
 }
 
-void set_log_level(LogLevel level) {
+void set_log_level(config::LogLevel level) {
   switch (level) {
-    case LogLevel::debug:
+    case config::LogLevel::debug:
       return spdlog::set_level(spdlog::level::debug);
-    case LogLevel::info:
+    case config::LogLevel::info:
       return spdlog::set_level(spdlog::level::info);
-    case LogLevel::warning:
+    case config::LogLevel::warning:
       return spdlog::set_level(spdlog::level::warn);
-    case LogLevel::error:
+    case config::LogLevel::error:
       return spdlog::set_level(spdlog::level::err);
   }
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::daemon

@@ -7,7 +7,7 @@
 
 #include "config/service_config.h"
 
-namespace huetrack {
+namespace huetrack::daemon {
 
 // Assignments as in sd_notify(3), "READY=1\nSTATUS=...", to $NOTIFY_SOCKET. thread-safe.
 void notify_service_manager(const std::string& assignments);
@@ -19,6 +19,6 @@ std::optional<std::chrono::microseconds> watchdog_period();
 void set_up_log();
 // What makes a line on stderr an error to the journal; empty where stderr is something else.
 const char* journal_prefix();
-void set_log_level(LogLevel level);
+void set_log_level(config::LogLevel level);
 
-}  // namespace huetrack
+}  // namespace huetrack::daemon

@@ -5,7 +5,7 @@
 
 #include "calib/model/rig_yaml.h"
 
-namespace huetrack {
+namespace huetrack::daemon {
 namespace {
 
 using namespace std::chrono_literals;
@@ -13,25 +13,25 @@ using namespace std::chrono_literals;
 constexpr auto stalled_after = 1s;
 constexpr auto shortest_rate_window = 500ms;
 
-CameraStatus::Health health_of(CaptureState state) {
+publish::CameraStatus::Health health_of(capture::CaptureState state) {
   switch (state) {
-    case CaptureState::waiting:
-      return CameraStatus::Health::waiting;
-    case CaptureState::delivering:
-      return CameraStatus::Health::delivering;
-    case CaptureState::stalled:
-      return CameraStatus::Health::stalled;
-    case CaptureState::absent:
+    case capture::CaptureState::waiting:
+      return publish::CameraStatus::Health::waiting;
+    case capture::CaptureState::delivering:
+      return publish::CameraStatus::Health::delivering;
+    case capture::CaptureState::stalled:
+      return publish::CameraStatus::Health::stalled;
+    case capture::CaptureState::absent:
       break;
   }
-  return CameraStatus::Health::absent;
+  return publish::CameraStatus::Health::absent;
 }
 
-double rate(std::uint64_t now, std::uint64_t then, Duration window) {
-  return window.count() > 0 ? static_cast<double>(now - then) / seconds(window) : 0;
+double rate(std::uint64_t now, std::uint64_t then, capture::Duration window) {
+  return window.count() > 0 ? static_cast<double>(now - then) / capture::seconds(window) : 0;
 }
 
-std::vector<std::string> camera_names(const ServiceStatus& status) {
+std::vector<std::string> camera_names(const publish::ServiceStatus& status) {
   std::vector<std::string> names;
   for (const auto& camera : status.cameras) names.push_back(camera.name);
   return names;
@@ -39,36 +39,36 @@ std::vector<std::string> camera_names(const ServiceStatus& status) {
 
 }  // namespace
 
-StatusReporter::StatusReporter(const ServiceConfig& config, std::string mode, Duration clock_offset)
+StatusReporter::StatusReporter(const config::ServiceConfig& config, std::string mode, capture::Duration clock_offset)
     : targets_(config.targets), tracked_camera_(config.camera_tracking.camera) {
   fixed_.program_version = HUETRACK_VERSION;
   fixed_.mode = std::move(mode);
   fixed_.config_file = config.file.string();
-  fixed_.config_identity = config_identity(config);
-  fixed_.rig_identity = rig_identity(config.rig);
-  fixed_.clock_offset_s = seconds(clock_offset);
-  fixed_.warnings = warnings_of(config);
+  fixed_.config_identity = config::config_identity(config);
+  fixed_.rig_identity = calib::rig_identity(config.rig);
+  fixed_.clock_offset_s = capture::seconds(clock_offset);
+  fixed_.warnings = config::warnings_of(config);
   for (const auto& target : config.targets) fixed_.targets.push_back(target.name);
   for (const auto& camera : config.rig.cameras) {
-    CameraStatus status;
+    publish::CameraStatus status;
     status.name = camera.name;
     fixed_.cameras.push_back(std::move(status));
   }
 }
 
-void StatusReporter::take_over(const ServiceConfig& config) {
-  StatusReporter fresh(config, fixed_.mode, duration_of(fixed_.clock_offset_s));
+void StatusReporter::take_over(const config::ServiceConfig& config) {
+  StatusReporter fresh(config, fixed_.mode, capture::duration_of(fixed_.clock_offset_s));
   fresh.past_ = std::move(past_);
   fresh.latest_ = std::move(latest_);
   *this = std::move(fresh);
 }
 
-ServiceStatus StatusReporter::report(const PipelineFigures& figures, std::chrono::steady_clock::time_point now,
-                                     Timestamp unix_now, std::span<const std::optional<CameraHealth>> live) {
+publish::ServiceStatus StatusReporter::report(const pipeline::PipelineFigures& figures, std::chrono::steady_clock::time_point now,
+                                     capture::Timestamp unix_now, std::span<const std::optional<capture::CameraHealth>> live) {
   if (latest_ && now - latest_->at >= shortest_rate_window) past_ = std::move(latest_);
-  const Duration window = past_ ? now - past_->at : 0ns;
+  const capture::Duration window = past_ ? now - past_->at : 0ns;
 
-  ServiceStatus status = fixed_;
+  publish::ServiceStatus status = fixed_;
   status.at = unix_now;
   status.sets = figures.sets_tracked;
   status.incomplete_sets = figures.frame_sets.incomplete_sets;
@@ -76,35 +76,35 @@ ServiceStatus StatusReporter::report(const PipelineFigures& figures, std::chrono
   status.dropped_sets = figures.sets_dropped;
   if (past_) status.set_rate_hz = rate(figures.sets_tracked, past_->figures.sets_tracked, window);
   for (std::size_t c = 0; c < status.cameras.size(); ++c) {
-    const CameraFigures& camera = figures.cameras[c];
-    CameraStatus& out = status.cameras[c];
+    const pipeline::CameraFigures& camera = figures.cameras[c];
+    publish::CameraStatus& out = status.cameras[c];
     out.frames = camera.frames;
     out.dropped = camera.dropped;
     out.corrupted = camera.corrupted;
     if (past_) out.rate_hz = rate(camera.frames, past_->figures.cameras[c].frames, window);
-    if (camera.last_received) out.age_s = seconds(now - *camera.last_received);
+    if (camera.last_received) out.age_s = capture::seconds(now - *camera.last_received);
     if (!live.empty()) {
       const auto& said = live[c];
-      out.health = said ? health_of(said->state) : CameraStatus::Health::absent;
+      out.health = said ? health_of(said->state) : publish::CameraStatus::Health::absent;
       if (!said) {
         out.is_used = false;
         out.message = "not used: it is not among the cameras of the configuration";
-      } else if (said->state != CaptureState::delivering) {
+      } else if (said->state != capture::CaptureState::delivering) {
         out.message = said->message.empty() ? "no frame yet" : said->message;
       }
       if (said && !said->warning.empty()) status.warnings.push_back("camera " + out.name + ": " + said->warning);
     } else if (camera.ended) {
-      out.health = CameraStatus::Health::ended;
+      out.health = publish::CameraStatus::Health::ended;
     } else if (!camera.last_received) {
-      out.health = CameraStatus::Health::waiting;
+      out.health = publish::CameraStatus::Health::waiting;
       out.message = "no frame yet";
     } else if (now - *camera.last_received > stalled_after) {
-      out.health = CameraStatus::Health::stalled;
+      out.health = publish::CameraStatus::Health::stalled;
       char text[64];
       std::snprintf(text, sizeof text, "no frame for %.1f s", out.age_s);
       out.message = text;
     } else {
-      out.health = CameraStatus::Health::delivering;
+      out.health = publish::CameraStatus::Health::delivering;
     }
   }
   constexpr std::size_t long_search = 60;  // sets
@@ -116,10 +116,10 @@ ServiceStatus StatusReporter::report(const PipelineFigures& figures, std::chrono
   if (figures.camera_frames_dropped > 0)
     status.warnings.push_back("camera tracking is too slow: " + std::to_string(figures.camera_frames_dropped) +
                               " frames gave no pose; a smaller camera_tracking.particle_count may help");
-  if (auto warning = no_pose_warning(tracked_camera_, figures.tracked_camera); !warning.empty())
+  if (auto warning = pipeline::no_pose_warning(tracked_camera_, figures.tracked_camera); !warning.empty())
     status.warnings.push_back(std::move(warning));
   if (!latest_ || now - latest_->at >= shortest_rate_window) latest_ = Past{now, figures};
   return status;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::daemon

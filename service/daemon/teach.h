@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-namespace huetrack {
+namespace huetrack::daemon {
 
 struct TeachCommand {
   std::filesystem::path config;
@@ -26,4 +26,4 @@ struct TeachCommand {
 // ConfigError and other std::exceptions of one readable line.
 int teach(const TeachCommand& command, std::stop_token stop);
 
-}  // namespace huetrack
+}  // namespace huetrack::daemon

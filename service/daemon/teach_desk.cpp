@@ -11,7 +11,7 @@
 #include "config/config_editor.h"
 #include "config/formatted.h"
 
-namespace huetrack {
+namespace huetrack::daemon {
 namespace {
 
 constexpr int picture_width = 960;  // larger than a preview's: people point into it
@@ -28,7 +28,7 @@ msg::TeachReply reply_to(const msg::TeachRequest& request) {
 }
 
 // At the picture's size: a pixel of it matches when the pixel in its middle does.
-std::vector<std::uint8_t> packed(const PixelMask& mask, int width, int height) {
+std::vector<std::uint8_t> packed(const color_teaching::PixelMask& mask, int width, int height) {
   const int stride = (width + 7) / 8;
   std::vector<std::uint8_t> bits(std::size_t(stride) * std::size_t(height), 0);
   for (int y = 0; y < height; ++y) {
@@ -40,19 +40,19 @@ std::vector<std::uint8_t> packed(const PixelMask& mask, int width, int height) {
   return bits;
 }
 
-std::optional<IgnoredRegions> ignored_of(const msg::TeachRequest& request, const CameraRig& rig) {
-  IgnoredRegions regions;
+std::optional<object_tracking::IgnoredRegions> ignored_of(const msg::TeachRequest& request, const calib::CameraRig& rig) {
+  object_tracking::IgnoredRegions regions;
   for (const auto& ignore : request.ignored()) {
     const auto index = rig.index_of(ignore.camera());
     if (!index) return std::nullopt;
-    const ImageSize size = rig.cameras[std::size_t(*index)].image_size;
+    const calib::ImageSize size = rig.cameras[std::size_t(*index)].image_size;
     const auto in = [](double value, int most) {
       return std::isfinite(value) ? int(std::clamp(value, 0.0, double(most))) : 0;
     };
-    const PixelBox box{in(ignore.box()[0], size.width - 1), in(ignore.box()[1], size.height - 1),
+    const object_tracking::PixelBox box{in(ignore.box()[0], size.width - 1), in(ignore.box()[1], size.height - 1),
                        in(ignore.box()[2], size.width - 1), in(ignore.box()[3], size.height - 1)};
     if (box.empty()) return std::nullopt;
-    auto it = std::ranges::find(regions, ignore.camera(), &IgnoredRegions::value_type::first);
+    auto it = std::ranges::find(regions, ignore.camera(), &object_tracking::IgnoredRegions::value_type::first);
     if (it == regions.end()) it = regions.insert(regions.end(), {ignore.camera(), {}});
     it->second.push_back(box);
   }
@@ -61,7 +61,7 @@ std::optional<IgnoredRegions> ignored_of(const msg::TeachRequest& request, const
 
 }  // namespace
 
-std::string TeachDesk::why_not(const ServiceConfig& config) {
+std::string TeachDesk::why_not(const config::ServiceConfig& config) {
   if (config.control.allow_teach) return "";
   return "The configuration does not allow it. Set control: {allow_teach: true} in " + config.file.string() +
          ", then reload it: kill -HUP " + std::to_string(::getpid()) + " (or systemctl reload huetrackd).";
@@ -74,7 +74,7 @@ msg::TeachReply TeachDesk::refusal(const msg::TeachRequest& request, const std::
   return reply;
 }
 
-msg::TeachReply TeachDesk::freeze(const msg::TeachRequest& request, const ServiceConfig& config, const FrameSet& set) {
+msg::TeachReply TeachDesk::freeze(const msg::TeachRequest& request, const config::ServiceConfig& config, const capture::FrameSet& set) {
   if (const std::string why = why_not(config); !why.empty()) return refusal(request, why);
   msg::TeachReply reply = reply_to(request);
   teacher_.emplace(config.rig, set);
@@ -88,25 +88,25 @@ msg::TeachReply TeachDesk::freeze(const msg::TeachRequest& request, const Servic
     camera.region_pixel({none, none});
     camera.color().camera(config.rig.cameras[c].name);
     const auto& frame = set.frames[c];
-    if (!frame || frame->status != FrameStatus::ok) continue;
-    const PictureSize size = picture_size(frame->pixels, picture_width);
+    if (!frame || frame->status != capture::FrameStatus::ok) continue;
+    const capture::PictureSize size = capture::picture_size(frame->pixels, picture_width);
     camera.width(std::uint32_t(size.width));
     camera.height(std::uint32_t(size.height));
     picture_sizes_[c] = {camera.width(), camera.height()};
-    camera.jpeg(encode_picture(frame->pixels, size, picture_quality));
+    camera.jpeg(capture::encode_picture(frame->pixels, size, picture_quality));
   }
   reply.reason("Click on the object in one picture.");
   return reply;
 }
 
-msg::TeachReply TeachDesk::look(const msg::TeachRequest& request, const ServiceConfig& config, bool applies) {
+msg::TeachReply TeachDesk::look(const msg::TeachRequest& request, const config::ServiceConfig& config, bool applies) {
   if (!teacher_ || client_ != request.client())
     return refusal(request, "Somebody else took new pictures meanwhile. Take new ones, and point again.");
-  const auto target = std::ranges::find(config.targets, request.target(), &TargetOptions::name);
+  const auto target = std::ranges::find(config.targets, request.target(), &object_tracking::TargetOptions::name);
   if (target == config.targets.end()) return refusal(request, "There is no target \"" + request.target() + "\".");
   const auto ignored = ignored_of(request, config.rig);
   if (!ignored) return refusal(request, "A rectangle is not in any camera's picture.");
-  TeachRequestOptions options;
+  color_teaching::TeachRequestOptions options;
   options.wider = std::clamp(request.wider(), -50, 50);
   options.ignored.resize(config.rig.cameras.size());
   for (const auto& [camera, boxes] : *ignored) options.ignored[std::size_t(*config.rig.index_of(camera))] = boxes;
@@ -119,12 +119,12 @@ msg::TeachReply TeachDesk::look(const msg::TeachRequest& request, const ServiceC
   }
   if (options.points.empty()) return refusal(request, "Point at the object first.");
 
-  const Taught taught = teacher_->teach(options, config.object_tracking.volume);
+  const color_teaching::Taught taught = teacher_->teach(options, config.object_tracking.volume);
   msg::TeachReply reply = reply_to(request);
   reply.set_number(set_number_);
   reply.radius_m(taught.radius_m.value_or(none));
   for (std::size_t c = 0; c < taught.views.size(); ++c) {
-    const TaughtView& view = taught.views[c];
+    const color_teaching::TaughtView& view = taught.views[c];
     msg::TeachCamera& camera = reply.cameras().emplace_back();
     camera.camera(config.rig.cameras[c].name);
     camera.pointed(view.pointed);
@@ -139,7 +139,7 @@ msg::TeachReply TeachDesk::look(const msg::TeachRequest& request, const ServiceC
     camera.color().intensity({view.color.intensity_min, view.color.intensity_max});
     camera.background_share(view.background_share);
     if (view.patch) {
-      const PixelBox& b = view.patch->box;
+      const object_tracking::PixelBox& b = view.patch->box;
       camera.background_box({double(b.u_min), double(b.v_min), double(b.u_max), double(b.v_max)});
     }
     camera.verdict(view.verdict);
@@ -147,8 +147,8 @@ msg::TeachReply TeachDesk::look(const msg::TeachRequest& request, const ServiceC
     camera.height(picture_sizes_[c].second);
     if (taught.any() && view.mask.width > 0) camera.mask(packed(view.mask, int(camera.width()), int(camera.height())));
   }
-  const auto pointed = std::ranges::count_if(taught.views, &TaughtView::pointed);
-  const auto open = unconfirmed(taught, config.rig);
+  const auto pointed = std::ranges::count_if(taught.views, &color_teaching::TaughtView::pointed);
+  const auto open = color_teaching::unconfirmed(taught, config.rig);
   if (!taught.any()) {
     reply.granted(false);
     const auto failed = std::ranges::find_if(taught.views, [](const auto& v) { return !v.problem.empty(); });
@@ -157,26 +157,26 @@ msg::TeachReply TeachDesk::look(const msg::TeachRequest& request, const ServiceC
   }
   std::string reason =
       "Learnt from " + std::to_string(pointed) + " of " + std::to_string(taught.views.size()) + " cameras.";
-  if (!open.empty()) reason += " Confirm it where the dashed ring is: " + list_of(open) + ".";
+  if (!open.empty()) reason += " Confirm it where the dashed ring is: " + config::list_of(open) + ".";
   std::string warnings;
   if (const auto names = teacher_->namesakes(taught, config.targets, target->name); !names.empty())
-    warnings += " The object has the colour of " + list_of(names) + ", too: nothing tells them apart.";
-  if (const std::string hint = radius_hint(taught, *target); !hint.empty()) warnings += " " + hint;
+    warnings += " The object has the colour of " + config::list_of(names) + ", too: nothing tells them apart.";
+  if (const std::string hint = color_teaching::radius_hint(taught, *target); !hint.empty()) warnings += " " + hint;
   const auto faint = std::ranges::find_if(
-      taught.views, [](const auto& v) { return v.pointed && v.object_share < least_object_share; });
+      taught.views, [](const auto& v) { return v.pointed && v.object_share < color_teaching::least_object_share; });
   if (applies) {
-    if (const std::string why = why_useless(taught, config.rig); !why.empty())
+    if (const std::string why = color_teaching::why_useless(taught, config.rig); !why.empty())
       return refusal(request, "Not saved: " + why + ".");
     try {
       const bool changes_ignored = *ignored != config.ignored;
-      save_taught(config, with_taught_color(*target, config.rig, taught),
+      config::save_taught(config, color_teaching::with_taught_color(*target, config.rig, taught),
                   changes_ignored ? std::optional(*ignored) : std::nullopt);
       const std::string problem = actions_.reload();
       if (!problem.empty()) return refusal(request, "It is written, but not taken over: " + problem);
       reason = "Saved: " + target->name + " is tracked by this colour now, and it is written into " +
                config.file.string() + ".";
       if (!open.empty())
-        reason += " Nobody has confirmed where it is in " + list_of(open) + ": it may not be seen there.";
+        reason += " Nobody has confirmed where it is in " + config::list_of(open) + ": it may not be seen there.";
       if (faint != taught.views.end()) reason += " Less than half of the object matches: widen the ranges.";
     } catch (const std::exception& error) {  // the file cannot be written, or not be changed by a program
       return refusal(request, std::string("Not saved: ") + error.what());
@@ -186,7 +186,7 @@ msg::TeachReply TeachDesk::look(const msg::TeachRequest& request, const ServiceC
   return reply;
 }
 
-msg::TeachReply TeachDesk::answer(const msg::TeachRequest& request, const ServiceConfig& config) {
+msg::TeachReply TeachDesk::answer(const msg::TeachRequest& request, const config::ServiceConfig& config) {
   if (request.action() == msg::TEACH_ACTION_RESUME) {
     if (!actions_.resume) return refusal(request, "Nothing is held.");
     actions_.resume();
@@ -204,7 +204,7 @@ msg::TeachReply TeachDesk::answer(const msg::TeachRequest& request, const Servic
       const auto ignored = ignored_of(request, config.rig);
       if (!ignored) return refusal(request, "A rectangle is not in any camera's picture.");
       try {
-        save_ignored(config, *ignored);
+        config::save_ignored(config, *ignored);
         const std::string problem = actions_.reload();
         if (!problem.empty()) return refusal(request, "It is written, but not taken over: " + problem);
       } catch (const std::exception& error) {  // as above
@@ -219,4 +219,4 @@ msg::TeachReply TeachDesk::answer(const msg::TeachRequest& request, const Servic
   }
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::daemon

@@ -9,7 +9,7 @@
 #include "config/service_config.h"
 #include "idl/huetrack_view.h"
 
-namespace huetrack {
+namespace huetrack::daemon {
 
 // thread-compatible; the view server's thread owns it.
 class TeachDesk {
@@ -22,23 +22,23 @@ class TeachDesk {
   explicit TeachDesk(Actions actions) : actions_(std::move(actions)) {}
 
   // Why nothing may be taught; empty: it may.
-  static std::string why_not(const ServiceConfig& config);
+  static std::string why_not(const config::ServiceConfig& config);
 
   // Everything but TEACH_ACTION_FREEZE.
-  msg::TeachReply answer(const msg::TeachRequest& request, const ServiceConfig& config);
+  msg::TeachReply answer(const msg::TeachRequest& request, const config::ServiceConfig& config);
   // TEACH_ACTION_FREEZE: these are the pictures from now on.
-  msg::TeachReply freeze(const msg::TeachRequest& request, const ServiceConfig& config, const FrameSet& set);
+  msg::TeachReply freeze(const msg::TeachRequest& request, const config::ServiceConfig& config, const capture::FrameSet& set);
 
   static msg::TeachReply refusal(const msg::TeachRequest& request, const std::string& reason);
 
  private:
-  msg::TeachReply look(const msg::TeachRequest& request, const ServiceConfig& config, bool applies);
+  msg::TeachReply look(const msg::TeachRequest& request, const config::ServiceConfig& config, bool applies);
 
   const Actions actions_;
-  std::optional<ColorTeacher> teacher_;
+  std::optional<color_teaching::ColorTeacher> teacher_;
   std::string client_;  // whose pictures they are
   std::uint64_t set_number_ = 0;
   std::vector<std::pair<std::uint32_t, std::uint32_t>> picture_sizes_;  // per camera of the rig
 };
 
-}  // namespace huetrack
+}  // namespace huetrack::daemon

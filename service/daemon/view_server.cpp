@@ -7,7 +7,7 @@
 
 #include "pictures/preview_maker.h"
 
-namespace huetrack {
+namespace huetrack::daemon {
 namespace {
 
 using Clock = std::chrono::steady_clock;
@@ -24,7 +24,7 @@ constexpr auto repeat_after = 1s;             // a set that is kept is shown aga
 
 }  // namespace
 
-ViewServer::ViewServer(const ServiceConfig& config, ViewServerOptions options)
+ViewServer::ViewServer(const config::ServiceConfig& config, ViewServerOptions options)
     : options_(std::move(options)),
       publisher_(config.dds.publisher),
       desk_(options_.actions),
@@ -34,20 +34,20 @@ ViewServer::ViewServer(const ServiceConfig& config, ViewServerOptions options)
 
 ViewServer::~ViewServer() = default;
 
-void ViewServer::offer(PictureJob job) {
+void ViewServer::offer(pictures::PictureJob job) {
   wanted_.store(false, std::memory_order_relaxed);
   const std::scoped_lock lock(mutex_);
   offered_ = std::move(job);
   // Nobody is woken: that costs the tracking thread more than all the rest of this, and the other one looks by itself.
 }
 
-void ViewServer::offer(CameraMap map) {
+void ViewServer::offer(camera_tracking::CameraMap map) {
   map_wanted_.store(false, std::memory_order_relaxed);
   const std::scoped_lock lock(mutex_);  // the thread comes round in time: no reason to wake it
   map_ = std::move(map);
 }
 
-void ViewServer::take_over(const ServiceConfig& config) {
+void ViewServer::take_over(const config::ServiceConfig& config) {
   {
     const std::scoped_lock lock(mutex_);
     fresh_ = config;
@@ -56,7 +56,7 @@ void ViewServer::take_over(const ServiceConfig& config) {
 }
 
 ViewServer::Counters ViewServer::counters() const {
-  return {previews_, Duration(busy_ns_)};
+  return {previews_, capture::Duration(busy_ns_)};
 }
 
 void ViewServer::serve(const std::stop_token& stop) {
@@ -64,15 +64,15 @@ void ViewServer::serve(const std::stop_token& stop) {
   // Whoever tracks or captures comes first. In Linux this is the thread's own; where it is refused, nothing is lost.
   ::setpriority(PRIO_PROCESS, static_cast<id_t>(::gettid()), niceness);
   publish_scene();
-  std::optional<PictureJob> last;  // only where frames may be kept
+  std::optional<pictures::PictureJob> last;  // only where frames may be kept
   Clock::time_point next_preview{}, next_network = Clock::now() + network_period, next_map{}, shown_at{};
   const auto period =
       std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(1 / config_.preview.rate_hz));
   bool is_watched = false;
   while (!stop.stop_requested()) {
-    std::optional<PictureJob> job;
-    std::optional<CameraMap> map;
-    std::optional<ServiceConfig> fresh;
+    std::optional<pictures::PictureJob> job;
+    std::optional<camera_tracking::CameraMap> map;
+    std::optional<config::ServiceConfig> fresh;
     {
       std::unique_lock lock(mutex_);
       auto until = Clock::now() + look_round_period;
@@ -110,7 +110,7 @@ void ViewServer::serve(const std::stop_token& stop) {
     if (job && options_.keeps_frames) last = std::move(job);
     if ((is_watched && now >= next_preview) || to_freeze_) wanted_.store(true, std::memory_order_relaxed);
     if (map) {
-      publisher_.publish(*map, map->at + Duration(clock_offset_ns_));
+      publisher_.publish(*map, map->at + capture::Duration(clock_offset_ns_));
       next_map = now + map_period;
     }
     if (now >= next_map) map_wanted_.store(true, std::memory_order_relaxed);
@@ -137,7 +137,7 @@ void ViewServer::reload() {
 
 void ViewServer::publish_scene() {
   const std::string why_not = !options_.actions.reload ? "This service cannot be taught." : TeachDesk::why_not(config_);
-  publisher_.publish(make_scene(config_, why_not.empty(), why_not));
+  publisher_.publish(pictures::make_scene(config_, why_not.empty(), why_not));
 }
 
 void ViewServer::take_requests() {
@@ -164,7 +164,7 @@ void ViewServer::take_requests() {
   }
 }
 
-void ViewServer::freeze(const FrameSet& set) {
+void ViewServer::freeze(const capture::FrameSet& set) {
   reply(desk_.freeze(*to_freeze_, config_, set));
   to_freeze_.reset();
 }
@@ -174,14 +174,14 @@ void ViewServer::reply(msg::TeachReply reply) {
   last_reply_ = std::move(reply);
 }
 
-void ViewServer::publish_previews(const PictureJob& job) {
+void ViewServer::publish_previews(const pictures::PictureJob& job) {
   const auto started = Clock::now();
   if (publisher_.picture_subscribers() > 0) {
-    for (const auto& preview : make_previews(config_, job, Duration(clock_offset_ns_)))
+    for (const auto& preview : pictures::make_previews(config_, job, capture::Duration(clock_offset_ns_)))
       if (publisher_.publish(preview)) ++previews_;
   }
-  publisher_.publish(job.estimates, job.set.at + Duration(clock_offset_ns_));
+  publisher_.publish(job.estimates, job.set.at + capture::Duration(clock_offset_ns_));
   busy_ns_ += (Clock::now() - started).count();
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::daemon

@@ -15,7 +15,7 @@
 #include "daemon/teach_desk.h"
 #include "publish/view_publisher.h"
 
-namespace huetrack {
+namespace huetrack::daemon {
 
 struct ViewServerOptions {
   // Of a replay: a set that is held may be kept, no driver waits for its buffers. The first set is always taken, and
@@ -31,7 +31,7 @@ struct ViewServerOptions {
 class ViewServer {
  public:
   // throws as ViewPublisher's constructor does.
-  ViewServer(const ServiceConfig& config, ViewServerOptions options);
+  ViewServer(const config::ServiceConfig& config, ViewServerOptions options);
   ~ViewServer();
   ViewServer(const ViewServer&) = delete;
   ViewServer& operator=(const ViewServer&) = delete;
@@ -39,32 +39,32 @@ class ViewServer {
   // The tracking thread, for every set: does somebody wait for one?
   bool wants() const noexcept { return wanted_.load(std::memory_order_relaxed); }
   // The tracking thread, when wants(). Never waits for anything but a lock that is held for a swap.
-  void offer(PictureJob job);
+  void offer(pictures::PictureJob job);
   // The camera thread, for every frame of a tracked camera: the same for its map, about once a second.
   bool wants_map() const noexcept { return map_wanted_.load(std::memory_order_relaxed); }
-  void offer(CameraMap map);
+  void offer(camera_tracking::CameraMap map);
 
   // Any thread: the configuration now in force, or another offset of published capture times.
-  void take_over(const ServiceConfig& config);
-  void set_clock_offset(Duration offset) { clock_offset_ns_ = offset.count(); }
+  void take_over(const config::ServiceConfig& config);
+  void set_clock_offset(capture::Duration offset) { clock_offset_ns_ = offset.count(); }
 
   struct Counters {
     std::uint64_t previews = 0;  // pictures published
-    Duration busy{0};            // that the thread has spent on them
+    capture::Duration busy{0};            // that the thread has spent on them
   };
   Counters counters() const;  // any thread
 
  private:
   void serve(const std::stop_token& stop);
-  void publish_previews(const PictureJob& job);
+  void publish_previews(const pictures::PictureJob& job);
   void publish_scene();
   void reload();
   void take_requests();
-  void freeze(const FrameSet& set);
+  void freeze(const capture::FrameSet& set);
   void reply(msg::TeachReply reply);
 
   const ViewServerOptions options_;
-  ViewPublisher publisher_;  // this and all that follows to wanted_: the server's thread's
+  publish::ViewPublisher publisher_;  // this and all that follows to wanted_: the server's thread's
   TeachDesk desk_;
   std::optional<msg::TeachRequest> to_freeze_;  // waits for a set
   std::chrono::steady_clock::time_point asked_to_freeze_{};
@@ -76,11 +76,11 @@ class ViewServer {
 
   std::mutex mutex_;
   std::condition_variable_any news_;
-  std::optional<PictureJob> offered_;   // guarded by mutex_
-  std::optional<CameraMap> map_;        // guarded by mutex_
-  std::optional<ServiceConfig> fresh_;  // guarded by mutex_; to be taken over
-  ServiceConfig config_;                // the thread's own
+  std::optional<pictures::PictureJob> offered_;   // guarded by mutex_
+  std::optional<camera_tracking::CameraMap> map_;        // guarded by mutex_
+  std::optional<config::ServiceConfig> fresh_;  // guarded by mutex_; to be taken over
+  config::ServiceConfig config_;                // the thread's own
   std::jthread thread_;                 // last: ends before the rest goes
 };
 
-}  // namespace huetrack
+}  // namespace huetrack::daemon

@@ -5,7 +5,7 @@
 #include <numbers>
 #include <stdexcept>
 
-namespace huetrack {
+namespace huetrack::object_tracking {
 namespace {
 
 double hue_width_deg(const HsiRange& r) {
@@ -80,8 +80,8 @@ std::vector<std::string> HsiRange::problems() const {
   return out;
 }
 
-Rgb rgb_of(Yuv p, ColorRange range) {
-  const bool limited = range == ColorRange::limited;
+Rgb rgb_of(capture::Yuv p, capture::ColorRange range) {
+  const bool limited = range == capture::ColorRange::limited;
   const double y = limited ? (p.y - 16) / 219.0 : p.y / 255.0;
   const double chroma_scale = limited ? 1 / 224.0 : 1 / 255.0;
   const double u = (p.u - 128) * chroma_scale;
@@ -90,7 +90,7 @@ Rgb rgb_of(Yuv p, ColorRange range) {
           std::clamp(y + 1.772 * u, 0.0, 1.0)};
 }
 
-Rgb rgb_of(Bgr p) { return {p.r / 255.0, p.g / 255.0, p.b / 255.0}; }
+Rgb rgb_of(capture::Bgr p) { return {p.r / 255.0, p.g / 255.0, p.b / 255.0}; }
 
 Hsi hsi_of(Rgb c) {
   const double intensity = (c.r + c.g + c.b) / 3;
@@ -115,14 +115,14 @@ bool contains(const HsiRange& r, const Hsi& hsi) {
   return hsi.hue_deg >= r.hue_min_deg || hsi.hue_deg <= r.hue_max_deg;
 }
 
-ColorTable::ColorTable(const HsiRange& target, PixelFormat format, ColorRange range)
-    : is_bgr_(format == PixelFormat::bgr), range_(range) {
+ColorTable::ColorTable(const HsiRange& target, capture::PixelFormat format, capture::ColorRange range)
+    : is_bgr_(format == capture::PixelFormat::bgr), range_(range) {
   if (const auto problems = target.problems(); !problems.empty()) throw std::invalid_argument(problems.front());
   const Matcher matches(target);
   if (is_bgr_) {
     bgr_bits_.assign((std::size_t{1} << 24) / 64, 0);
     for (unsigned index = 0; index < (1u << 24); ++index) {
-      const Bgr p{static_cast<std::uint8_t>(index), static_cast<std::uint8_t>(index >> 8), static_cast<std::uint8_t>(index >> 16)};
+      const capture::Bgr p{static_cast<std::uint8_t>(index), static_cast<std::uint8_t>(index >> 8), static_cast<std::uint8_t>(index >> 16)};
       if (matches(rgb_of(p))) bgr_bits_[index >> 6] |= std::uint64_t{1} << (index & 63);
     }
     return;
@@ -133,7 +133,7 @@ ColorTable::ColorTable(const HsiRange& target, PixelFormat format, ColorRange ra
     const double u = static_cast<double>(uv & 255) - 128, v = static_cast<double>(uv >> 8) - 128;
     if (!matches.can_match({1.402 * v, -0.344136286 * u - 0.714136286 * v, 1.772 * u})) continue;
     for (unsigned y = 0; y < 256; ++y) {
-      const Yuv p{static_cast<std::uint8_t>(y), static_cast<std::uint8_t>(uv), static_cast<std::uint8_t>(uv >> 8)};
+      const capture::Yuv p{static_cast<std::uint8_t>(y), static_cast<std::uint8_t>(uv), static_cast<std::uint8_t>(uv >> 8)};
       if (!matches(rgb_of(p, range))) continue;
       interval.y_min = std::min(interval.y_min, p.y);
       interval.y_max = p.y;
@@ -144,8 +144,8 @@ ColorTable::ColorTable(const HsiRange& target, PixelFormat format, ColorRange ra
   }
 }
 
-bool ColorTable::is_for(PixelFormat format, ColorRange range) const {
-  return is_bgr_ ? format == PixelFormat::bgr : format != PixelFormat::bgr && range == range_;
+bool ColorTable::is_for(capture::PixelFormat format, capture::ColorRange range) const {
+  return is_bgr_ ? format == capture::PixelFormat::bgr : format != capture::PixelFormat::bgr && range == range_;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::object_tracking

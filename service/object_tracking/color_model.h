@@ -11,7 +11,7 @@
 
 #include "capture/pixel_format.h"
 
-namespace huetrack {
+namespace huetrack::object_tracking {
 
 // Degrees and shares, inclusive on both ends.
 struct HsiRange {
@@ -33,8 +33,8 @@ struct Hsi {
 };
 
 // The definitions. Pure.
-Rgb rgb_of(Yuv pixel, ColorRange range);               // ITU-R BT.601, clamped to [0, 1]
-Rgb rgb_of(Bgr pixel);
+Rgb rgb_of(capture::Yuv pixel, capture::ColorRange range);               // ITU-R BT.601, clamped to [0, 1]
+Rgb rgb_of(capture::Bgr pixel);
 // Gonzalez and Woods: I = (r+g+b)/3, S = 1 - min/I, H = the angle of the chroma; the arc cosine of the textbook written
 // as atan2, which is the same angle and exact near the axis.
 Hsi hsi_of(Rgb rgb);
@@ -52,27 +52,27 @@ class ColorTable {
   // A pixel brighter than of_u[u / 4] or than of_v[v / 4] does not match: what most of a background can be told by.
   struct LumaCeiling { std::array<std::uint8_t, 64> of_u{}, of_v{}; };
 
-  ColorTable(const HsiRange& target, PixelFormat format, ColorRange range);   // throws std::invalid_argument; some 100 ms
+  ColorTable(const HsiRange& target, capture::PixelFormat format, capture::ColorRange range);   // throws std::invalid_argument; some 100 ms
 
-  bool contains(Yuv p) const {
+  bool contains(capture::Yuv p) const {
     const Interval& i = y_of_uv_[static_cast<std::size_t>(p.u) | static_cast<std::size_t>(p.v) << 8];
     return p.y >= i.y_min && p.y <= i.y_max;
   }
-  bool contains(Bgr p) const {
+  bool contains(capture::Bgr p) const {
     const std::size_t index = static_cast<std::size_t>(p.b) | static_cast<std::size_t>(p.g) << 8 | static_cast<std::size_t>(p.r) << 16;
     return (bgr_bits_[index >> 6] >> (index & 63) & 1) != 0;
   }
 
-  bool is_for(PixelFormat format, ColorRange range) const;                    // which images it can read
+  bool is_for(capture::PixelFormat format, capture::ColorRange range) const;                    // which images it can read
   const Interval* intervals() const { return y_of_uv_.data(); }               // [u | v << 8]; YUV family and grey
   const LumaCeiling& luma_ceiling() const { return luma_ceiling_; }            // of the intervals
 
  private:
   bool is_bgr_;
-  ColorRange range_;
+  capture::ColorRange range_;
   std::vector<Interval> y_of_uv_;
   LumaCeiling luma_ceiling_;
   std::vector<std::uint64_t> bgr_bits_;
 };
 
-}  // namespace huetrack
+}  // namespace huetrack::object_tracking

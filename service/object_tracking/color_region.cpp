@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <bit>
 
-namespace huetrack {
+namespace huetrack::object_tracking {
 
 void RegionFinder::Moments::add(const Moments& o) {
   n += o.n, u += o.u, v += o.v, uu += o.uu, uv += o.uv, vv += o.vv;
@@ -165,4 +165,4 @@ const std::vector<ColorRegion>& RegionFinder::search(MatchBits& view, int step_p
   return regions_;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::object_tracking

@@ -7,7 +7,7 @@
 
 #include "object_tracking/color_window.h"
 
-namespace huetrack {
+namespace huetrack::object_tracking {
 
 struct ColorRegion {
   int area = 0;                 // pixels
@@ -48,4 +48,4 @@ class RegionFinder {
   std::vector<ColorRegion> regions_;
 };
 
-}  // namespace huetrack
+}  // namespace huetrack::object_tracking

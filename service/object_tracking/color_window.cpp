@@ -10,7 +10,7 @@
 
 #include "particle_filter/vector_clones.h"
 
-namespace huetrack {
+namespace huetrack::object_tracking {
 namespace {
 
 constexpr int tile_size = TileAt::size;    // its powers are written out where that vectorises
@@ -28,8 +28,8 @@ void store_word(std::uint8_t* p, std::uint64_t word) {
   std::memcpy(p, &word, 8);
 }
 
-bool matches(const Image& image, const ColorTable& table, int u, int v) {
-  return image.format == PixelFormat::bgr ? table.contains(bgr_at(image, u, v)) : table.contains(yuv_at(image, u, v));
+bool matches(const capture::Image& image, const ColorTable& table, int u, int v) {
+  return image.format == capture::PixelFormat::bgr ? table.contains(capture::bgr_at(image, u, v)) : table.contains(capture::yuv_at(image, u, v));
 }
 
 }  // namespace
@@ -59,10 +59,10 @@ void MatchBits::ignore(const std::vector<PixelBox>& boxes) {
   }
 }
 
-void MatchBits::look_at(const Image& image, const ColorTable& table) {
+void MatchBits::look_at(const capture::Image& image, const ColorTable& table) {
   image_ = image;
   image_.owner.reset();                  // a camera's buffer is not kept until its next frame comes, if ever
-  bytes_per_pixel_ = image.format == PixelFormat::yuyv ? 2 : image.format == PixelFormat::bgr ? 3 : 1;
+  bytes_per_pixel_ = image.format == capture::PixelFormat::yuyv ? 2 : image.format == capture::PixelFormat::bgr ? 3 : 1;
   table_ = &table;
   if (++frame_ == 0) {                    // after 2^32 frames the stamps would come round again
     std::ranges::fill(tile_frame_, 0u);
@@ -245,7 +245,7 @@ void MatchBits::look(const PixelBox& box) {
 
 void MatchBits::grid(int step, std::vector<PixelAt>& hits) const {
   hits.clear();
-  const Image& image = image_;
+  const capture::Image& image = image_;
   const auto scan = [&](auto matches_at) {
     for (int v = step / 2; v < height_; v += step) {
       for (int u = step / 2; u < width_; u += step) {
@@ -259,22 +259,22 @@ void MatchBits::grid(int step, std::vector<PixelAt>& hits) const {
     });
   };
   const auto byte = [&image](int plane, int r, int offset) {
-    const Plane& p = image.planes[static_cast<std::size_t>(plane)];
+    const capture::Plane& p = image.planes[static_cast<std::size_t>(plane)];
     return p.data[r * p.stride + offset];
   };
   const ColorTable& table = *table_;
   switch (image.format) {
-    case PixelFormat::yuyv:
+    case capture::PixelFormat::yuyv:
       return scan([&](int u, int v) {
-        return table.contains(Yuv{byte(0, v, 2 * u), byte(0, v, 4 * (u / 2) + 1), byte(0, v, 4 * (u / 2) + 3)});
+        return table.contains(capture::Yuv{byte(0, v, 2 * u), byte(0, v, 4 * (u / 2) + 1), byte(0, v, 4 * (u / 2) + 3)});
       });
-    case PixelFormat::i422:
-      return scan([&](int u, int v) { return table.contains(Yuv{byte(0, v, u), byte(1, v, u / 2), byte(2, v, u / 2)}); });
+    case capture::PixelFormat::i422:
+      return scan([&](int u, int v) { return table.contains(capture::Yuv{byte(0, v, u), byte(1, v, u / 2), byte(2, v, u / 2)}); });
     default: return scan([&](int u, int v) { return matches(image, table, u, v); });
   }
 }
 
-int count_5x5_reference(const Image& image, const ColorTable& table, int u, int v) {
+int count_5x5_reference(const capture::Image& image, const ColorTable& table, int u, int v) {
   int k = 0;
   for (int dv = -2; dv <= 2; ++dv) {
     for (int du = -2; du <= 2; ++du) {
@@ -285,4 +285,4 @@ int count_5x5_reference(const Image& image, const ColorTable& table, int u, int 
   return k;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::object_tracking

@@ -18,7 +18,7 @@
 #include "object_tracking/color_model.h"
 #include "object_tracking/window_kernels.h"
 
-namespace huetrack {
+namespace huetrack::object_tracking {
 
 // Inclusive pixel bounds.
 struct PixelBox {
@@ -40,7 +40,7 @@ class MatchBits {
 
   // The next frame. The image must have the size given above and `table` must be for its format; both must live until the
   // next call. Forgets everything that was known of the frame before.
-  void look_at(const Image& image, const ColorTable& table);
+  void look_at(const capture::Image& image, const ColorTable& table);
 
   // k of eq. (6) for n windows: how many of the 5x5 pixels around the pixel that (u, v) rounds to have the target's colour,
   // 0..25; pixels of the window beyond the border count as not matching. `outside` where (u, v) is not in the image.
@@ -93,7 +93,7 @@ class MatchBits {
   int cell_stride_;                       // cells per row
   std::uint32_t frame_ = 0;
   std::uint64_t tiles_looked_at_ = 0;
-  Image image_;
+  capture::Image image_;
   int bytes_per_pixel_ = 1;               // of its first plane
   const ColorTable* table_ = nullptr;
   std::vector<std::uint32_t> tile_frame_;       // that the tile was classified for
@@ -105,6 +105,6 @@ class MatchBits {
 };
 
 // The obvious way, one look-up per pixel of the window: the truth that the test holds count_5x5 to.
-int count_5x5_reference(const Image& image, const ColorTable& table, int u, int v);
+int count_5x5_reference(const capture::Image& image, const ColorTable& table, int u, int v);
 
-}  // namespace huetrack
+}  // namespace huetrack::object_tracking

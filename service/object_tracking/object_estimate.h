@@ -9,7 +9,7 @@
 
 #include "capture/frame.h"
 
-namespace huetrack {
+namespace huetrack::object_tracking {
 
 enum class TrackState : std::uint8_t {
   searching,   // never found yet: there is no position
@@ -30,7 +30,7 @@ struct ViewSupport {
 };
 
 struct ObjectEstimate {
-  Timestamp at;                            // the capture time that position refers to
+  capture::Timestamp at;                            // the capture time that position refers to
   std::uint64_t set_number = 0;            // FrameSet::number
   TrackState state = TrackState::searching;
   // World frame, metres. NaN in searching and lost: there is none, and a stale one is never given.
@@ -47,4 +47,4 @@ struct ObjectEstimate {
   bool has_position() const { return state == TrackState::tracking || state == TrackState::coasting; }
 };
 
-}  // namespace huetrack
+}  // namespace huetrack::object_tracking

@@ -9,7 +9,7 @@
 #include "object_tracking/paper_tracker.h"
 #include "object_tracking/region_tracker.h"
 
-namespace huetrack {
+namespace huetrack::object_tracking {
 
 std::string_view name(TrackState state) {
   switch (state) {
@@ -59,7 +59,7 @@ std::vector<std::string> ObjectTrackerOptions::problems() const {
 }
 
 struct ObjectTracker::Impl {
-  Impl(const CameraRig& rig, const TargetOptions& target, const ObjectTrackerOptions& options, Rng rng)
+  Impl(const calib::CameraRig& rig, const TargetOptions& target, const ObjectTrackerOptions& options, particle_filter::Rng rng)
       : tracker(options.observation == Observation::paper
                     ? Tracker(std::in_place_type<PaperTracker>, rig, target, options, rng)
                     : Tracker(std::in_place_type<RegionTracker>, rig, target, options, rng)) {}
@@ -67,7 +67,7 @@ struct ObjectTracker::Impl {
   Tracker tracker;
 };
 
-ObjectTracker::ObjectTracker(const CameraRig& rig, const TargetOptions& target, const ObjectTrackerOptions& options) {
+ObjectTracker::ObjectTracker(const calib::CameraRig& rig, const TargetOptions& target, const ObjectTrackerOptions& options) {
   std::string all;
   for (const auto& problems : {rig.problems(), target.problems(), options.problems()}) {
     for (const std::string& p : problems) all += (all.empty() ? "" : "; ") + p;
@@ -82,18 +82,18 @@ ObjectTracker::ObjectTracker(const CameraRig& rig, const TargetOptions& target, 
   // The target's name, not its place in the list, picks the stream: adding a target does not change another's track.
   std::uint64_t stream = 0xcbf29ce484222325u;                 // FNV-1a
   for (const char c : target.name) stream = (stream ^ static_cast<unsigned char>(c)) * 0x100000001b3u;
-  impl_ = std::make_unique<Impl>(rig, target, options, Rng(options.seed, stream));
+  impl_ = std::make_unique<Impl>(rig, target, options, particle_filter::Rng(options.seed, stream));
 }
 
 ObjectTracker::~ObjectTracker() = default;
 ObjectTracker::ObjectTracker(ObjectTracker&&) noexcept = default;
 ObjectTracker& ObjectTracker::operator=(ObjectTracker&&) noexcept = default;
 
-void ObjectTracker::expect(int camera, PixelFormat format, ColorRange range) {
+void ObjectTracker::expect(int camera, capture::PixelFormat format, capture::ColorRange range) {
   std::visit([&](auto& tracker) { tracker.views().expect(static_cast<std::size_t>(camera), format, range); }, impl_->tracker);
 }
 
-ObjectEstimate ObjectTracker::update(const FrameSet& set) {
+ObjectEstimate ObjectTracker::update(const capture::FrameSet& set) {
   return std::visit([&](auto& tracker) { return tracker.update(set); }, impl_->tracker);
 }
 
@@ -115,4 +115,4 @@ SearchFindings ObjectTracker::search_findings() const {
   return tracker != nullptr ? tracker->search_findings() : SearchFindings{};
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::object_tracking

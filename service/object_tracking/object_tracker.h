@@ -15,7 +15,7 @@
 #include "object_tracking/color_window.h"
 #include "object_tracking/object_estimate.h"
 
-namespace huetrack {
+namespace huetrack::object_tracking {
 
 struct Box {                               // axis-aligned, world frame, metres
   Eigen::Vector3d min{-1, -1, 0};
@@ -73,18 +73,18 @@ struct SearchFindings {
 class ObjectTracker {
  public:
   // Copies what it needs of the rig. throws std::invalid_argument, naming the problems.
-  ObjectTracker(const CameraRig& rig, const TargetOptions& target, const ObjectTrackerOptions& options);
+  ObjectTracker(const calib::CameraRig& rig, const TargetOptions& target, const ObjectTrackerOptions& options);
   ~ObjectTracker();
   ObjectTracker(ObjectTracker&&) noexcept;
   ObjectTracker& operator=(ObjectTracker&&) noexcept;
 
   // What a camera is going to deliver, where that is known beforehand: makes its colour table now, which otherwise holds the
   // first set up for some 50 ms.
-  void expect(int camera, PixelFormat format, ColorRange range);
+  void expect(int camera, capture::PixelFormat format, capture::ColorRange range);
 
   // set.frames has one slot per camera of the rig; a frame whose size is not the rig's is not used (the caller checks
   // sizes at start). Sets come in time order.
-  ObjectEstimate update(const FrameSet& set);
+  ObjectEstimate update(const capture::FrameSet& set);
 
   // The particles after the last update, world frame, metres: for pictures and previews. about: every how many-th, so
   // that there are at least so many of them, but fewer than twice that; 0: all.
@@ -97,4 +97,4 @@ class ObjectTracker {
   std::unique_ptr<Impl> impl_;
 };
 
-}  // namespace huetrack
+}  // namespace huetrack::object_tracking

@@ -7,7 +7,7 @@
 #include "particle_filter/resample.h"
 #include "particle_filter/vector_clones.h"
 
-namespace huetrack {
+namespace huetrack::object_tracking {
 
 namespace {
 
@@ -27,17 +27,17 @@ HUETRACK_CLONES void walk(const float* __restrict noise, std::size_t n, float si
 }  // namespace
 
 // One iteration of CONDENSATION (section 2): prediction, update, estimate, resampling.
-ObjectEstimate PaperTracker::update(const FrameSet& set) {
+ObjectEstimate PaperTracker::update(const capture::FrameSet& set) {
   const std::vector<TargetView>& views = views_.look_at(set);
   predict();                                                // eqs. (1)-(3)
   observation_.weigh(particles_, views, weight_);           // eqs. (4)-(6)
-  normalize_weights(weight_);
+  particle_filter::normalize_weights(weight_);
   const ObjectEstimate result = estimate(set, views);       // weighted mean (MMSE) and the best particle (MAP)
   resample();                                               // a larger population while the object is not seen
   return result;
 }
 
-PaperTracker::PaperTracker(const CameraRig& rig, const TargetOptions& target, const ObjectTrackerOptions& options, Rng rng)
+PaperTracker::PaperTracker(const calib::CameraRig& rig, const TargetOptions& target, const ObjectTrackerOptions& options, particle_filter::Rng rng)
     : options_(options), views_(rig, target), rng_(rng) {
   particles_.resize(static_cast<std::size_t>(options_.particle_count));
   scatter(0);                                               // section 3: uniform in the volume
@@ -91,11 +91,11 @@ void PaperTracker::resample() {
             : std::min(options_.max_particle_count, static_cast<int>(std::ceil(1.2 * n))));
   const std::size_t survivors = seen_ ? wanted : std::min(particles_.size(), static_cast<std::size_t>(0.8 * static_cast<double>(wanted)));
   ancestor_.resize(survivors);
-  systematic_ancestors(weight_, rng_.uniform(), ancestor_);
+  particle_filter::systematic_ancestors(weight_, rng_.uniform(), ancestor_);
   resampled_.resize(survivors);
-  take_ancestors(ancestor_, particles_.x, resampled_.x);
-  take_ancestors(ancestor_, particles_.y, resampled_.y);
-  take_ancestors(ancestor_, particles_.z, resampled_.z);
+  particle_filter::take_ancestors(ancestor_, particles_.x, resampled_.x);
+  particle_filter::take_ancestors(ancestor_, particles_.y, resampled_.y);
+  particle_filter::take_ancestors(ancestor_, particles_.z, resampled_.z);
   std::swap(particles_, resampled_);
   if (wanted > survivors) {
     particles_.resize(wanted);
@@ -103,10 +103,10 @@ void PaperTracker::resample() {
   }
 }
 
-ObjectEstimate PaperTracker::estimate(const FrameSet& set, const std::vector<TargetView>& views) {
+ObjectEstimate PaperTracker::estimate(const capture::FrameSet& set, const std::vector<TargetView>& views) {
   const std::size_t n = particles_.size();
-  const WeightedMoments moments =
-      weighted_moments(particles_.x.data(), particles_.y.data(), particles_.z.data(), weight_.data(), n,
+  const particle_filter::WeightedMoments moments =
+      particle_filter::weighted_moments(particles_.x.data(), particles_.y.data(), particles_.z.data(), weight_.data(), n,
                        {particles_.x[0], particles_.y[0], particles_.z[0]});
   const std::size_t best = moments.best;
 
@@ -114,7 +114,7 @@ ObjectEstimate PaperTracker::estimate(const FrameSet& set, const std::vector<Tar
   e.at = set.at;
   e.set_number = set.number;
   e.particle_count = static_cast<int>(n);
-  e.effective_sample_size = effective_sample_size(weight_);
+  e.effective_sample_size = particle_filter::effective_sample_size(weight_);
   e.per_view.resize(views_.camera_count());
 
   // Seen: around the best particle more than half of the window has the target's colour, in two views (in the only one,
@@ -137,7 +137,7 @@ ObjectEstimate PaperTracker::estimate(const FrameSet& set, const std::vector<Tar
     state_ = TrackState::tracking;
     last_seen_ = set.at;
   } else if (state_ == TrackState::tracking || state_ == TrackState::coasting) {
-    const double unseen_s = seconds(set.at - last_seen_);    // negative: the clock was put back
+    const double unseen_s = capture::seconds(set.at - last_seen_);    // negative: the clock was put back
     state_ = unseen_s < 0 || unseen_s > options_.coast_s ? TrackState::lost : TrackState::coasting;
   }
   e.state = state_;
@@ -150,4 +150,4 @@ ObjectEstimate PaperTracker::estimate(const FrameSet& set, const std::vector<Tar
   return e;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::object_tracking

@@ -10,7 +10,7 @@
 #include "object_tracking/target_views.h"
 #include "particle_filter/random.h"
 
-namespace huetrack {
+namespace huetrack::object_tracking {
 
 // Particle positions, world frame, metres; structure of arrays, because that is how they are projected.
 struct PositionParticles {
@@ -47,28 +47,28 @@ class PaperObservation {
 // thread-compatible.
 class PaperTracker {
  public:
-  PaperTracker(const CameraRig& rig, const TargetOptions& target, const ObjectTrackerOptions& options, Rng rng);
+  PaperTracker(const calib::CameraRig& rig, const TargetOptions& target, const ObjectTrackerOptions& options, particle_filter::Rng rng);
 
-  ObjectEstimate update(const FrameSet& set);
+  ObjectEstimate update(const capture::FrameSet& set);
   TargetViews& views() { return views_; }
   const PositionParticles& particles() const { return particles_; }
 
  private:
   void predict();
   void resample();
-  ObjectEstimate estimate(const FrameSet& set, const std::vector<TargetView>& views);
+  ObjectEstimate estimate(const capture::FrameSet& set, const std::vector<TargetView>& views);
   void scatter(std::size_t from);
 
   ObjectTrackerOptions options_;
   TargetViews views_;
-  Rng rng_;
+  particle_filter::Rng rng_;
   PositionParticles particles_, resampled_;
   std::vector<float> weight_, noise_;
   std::vector<std::uint32_t> ancestor_;
   PaperObservation observation_;
   bool seen_ = false;            // in this set
   TrackState state_ = TrackState::searching;
-  Timestamp last_seen_{};
+  capture::Timestamp last_seen_{};
 };
 
-}  // namespace huetrack
+}  // namespace huetrack::object_tracking

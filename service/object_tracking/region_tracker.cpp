@@ -12,7 +12,7 @@
 #include "particle_filter/moments.h"
 #include "particle_filter/resample.h"
 
-namespace huetrack {
+namespace huetrack::object_tracking {
 namespace {
 
 // White acceleration has a power density a^2 tau: an acceleration of a that lasts for about tau.
@@ -32,12 +32,12 @@ double largest_sigma(const Eigen::Matrix3d& covariance) {
 
 using Vector6d = Eigen::Matrix<double, 6, 1>;
 
-ObjectEstimate RegionTracker::update(const FrameSet& set) {
+ObjectEstimate RegionTracker::update(const capture::FrameSet& set) {
   const std::vector<TargetView>& views = views_.look_at(set);
   sightings_.clear();
   if (set.at < last_at_) forget();                        // the clock was put back: what was known is of another time
   if (state_ == TrackState::tracking || state_ == TrackState::coasting) {
-    const double dt = std::max(0.0, seconds(set.at - last_at_));
+    const double dt = std::max(0.0, capture::seconds(set.at - last_at_));
     Belief predicted = predict(dt);
     sight(views, predicted, dt);                          // colour regions near the prediction, one per view at most
     predicted = learn_acceleration(dt, predicted);
@@ -52,7 +52,7 @@ ObjectEstimate RegionTracker::update(const FrameSet& set) {
   return report(set, views);
 }
 
-RegionTracker::RegionTracker(const CameraRig& rig, const TargetOptions& target, const ObjectTrackerOptions& options, Rng rng)
+RegionTracker::RegionTracker(const calib::CameraRig& rig, const TargetOptions& target, const ObjectTrackerOptions& options, particle_filter::Rng rng)
     : target_(target),
       options_(options),
       views_(rig, target),
@@ -61,13 +61,13 @@ RegionTracker::RegionTracker(const CameraRig& rig, const TargetOptions& target, 
       finders_(rig.cameras.size()),
       regions_(rig.cameras.size()),
       search_log_(rig.cameras.size()) {
-  for (const Camera& camera : rig.cameras) size_in_view_.push_back(size_in(camera));
+  for (const calib::Camera& camera : rig.cameras) size_in_view_.push_back(size_in(camera));
   scatter();
 }
 
 // How small and how large the target appears in a view anywhere in the volume: on a grid, of which only what is in the image
 // counts (a corner of the volume may be beside or behind the camera).
-RegionTracker::SizeInView RegionTracker::size_in(const Camera& camera) const {
+RegionTracker::SizeInView RegionTracker::size_in(const calib::Camera& camera) const {
   constexpr int steps = 12;
   SizeInView out;
   for (int i = 0; i <= steps; ++i) {
@@ -313,17 +313,17 @@ void RegionTracker::weigh(const Belief& proposal) {
     }
   }
   weight_.resize(n);
-  normalize_log_weights(log_weight_, weight_);
+  particle_filter::normalize_log_weights(log_weight_, weight_);
   // The floor gives the target heavier tails than the proposal has, so that a few particles far out can outweigh all others;
   // a handful of particles is a worse answer than the linearised one, which equal weights are.
-  effective_sample_size_ = effective_sample_size(weight_);
+  effective_sample_size_ = particle_filter::effective_sample_size(weight_);
   if (effective_sample_size_ < 0.1 * static_cast<double>(n)) weight_.assign(n, 1.0f / static_cast<float>(n));
 }
 
 // The weighted particles' mean and covariance are the position's; the velocity follows by regression on the position.
 void RegionTracker::estimate(const Belief& proposal) {
-  const WeightedMoments moments =
-      weighted_moments(particles_.x.data(), particles_.y.data(), particles_.z.data(), weight_.data(), particles_.size(),
+  const particle_filter::WeightedMoments moments =
+      particle_filter::weighted_moments(particles_.x.data(), particles_.y.data(), particles_.z.data(), weight_.data(), particles_.size(),
                        proposal.position().cast<float>());
   const Eigen::Matrix3d covariance = moments.covariance + 1e-10 * Eigen::Matrix3d::Identity();
   const Eigen::Vector3d shift = moments.mean - proposal.position();
@@ -345,12 +345,12 @@ void RegionTracker::forget() {
   scatter();
 }
 
-void RegionTracker::judge(const FrameSet& set) {
+void RegionTracker::judge(const capture::FrameSet& set) {
   const double sigma_m = largest_sigma(belief_.position_covariance());
   if (!sightings_.empty() && sigma_m <= options_.max_tracking_sigma_m) {
     state_ = TrackState::tracking;
     last_tracking_ = set.at;
-  } else if (sigma_m > options_.max_coast_sigma_m || seconds(set.at - last_tracking_) > options_.coast_s) {
+  } else if (sigma_m > options_.max_coast_sigma_m || capture::seconds(set.at - last_tracking_) > options_.coast_s) {
     forget();
   } else {
     state_ = TrackState::coasting;
@@ -359,7 +359,7 @@ void RegionTracker::judge(const FrameSet& set) {
 
 // Two candidates in two frame sets that one object can explain are a find. One alone never is: a chance match of
 // background pixels does not move like an object.
-void RegionTracker::search(const FrameSet& set, const std::vector<TargetView>& views) {
+void RegionTracker::search(const capture::FrameSet& set, const std::vector<TargetView>& views) {
   if (views.size() < 2) return;            // of cameras of different rates: such a set neither confirms nor refutes
   for (std::size_t i = 0; i < views.size(); ++i) {
     const TargetView& view = views[i];
@@ -380,7 +380,7 @@ void RegionTracker::search(const FrameSet& set, const std::vector<TargetView>& v
     search_log_.add(views, std::span(regions_).first(views.size()), options_.volume);
     return;
   }
-  const double dt = seconds(set.at - candidates_at_);
+  const double dt = capture::seconds(set.at - candidates_at_);
   const Candidate* found = nullptr;
   const Candidate* earlier = nullptr;
   double best = -1e30;
@@ -421,7 +421,7 @@ void RegionTracker::start_at(const Candidate& found, const Eigen::Vector3d& velo
   map_ = found.position;
 }
 
-ObjectEstimate RegionTracker::report(const FrameSet& set, const std::vector<TargetView>& views) const {
+ObjectEstimate RegionTracker::report(const capture::FrameSet& set, const std::vector<TargetView>& views) const {
   ObjectEstimate e;
   e.at = set.at;
   e.set_number = set.number;
@@ -457,4 +457,4 @@ ObjectEstimate RegionTracker::report(const FrameSet& set, const std::vector<Targ
   return e;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::object_tracking

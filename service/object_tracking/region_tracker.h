@@ -25,7 +25,7 @@
 #include "object_tracking/target_views.h"
 #include "particle_filter/random.h"
 
-namespace huetrack {
+namespace huetrack::object_tracking {
 
 // Gaussian over (position, velocity): metres, m/s, world frame.
 struct Belief {
@@ -40,16 +40,16 @@ struct Belief {
 // thread-compatible.
 class RegionTracker {
  public:
-  RegionTracker(const CameraRig& rig, const TargetOptions& target, const ObjectTrackerOptions& options, Rng rng);
+  RegionTracker(const calib::CameraRig& rig, const TargetOptions& target, const ObjectTrackerOptions& options, particle_filter::Rng rng);
 
-  ObjectEstimate update(const FrameSet& set);
+  ObjectEstimate update(const capture::FrameSet& set);
   TargetViews& views() { return views_; }
   const PositionParticles& particles() const { return particles_; }
   SearchFindings search_findings() const { return search_log_.findings(); }
 
  private:
   struct SizeInView { double smallest_px = 0, largest_px = 0; };   // radius of the target; 0: never in view
-  SizeInView size_in(const Camera& camera) const;
+  SizeInView size_in(const calib::Camera& camera) const;
   Belief predict(double dt) const;
   void sight(const std::vector<TargetView>& views, const Belief& predicted, double dt);
   Belief learn_acceleration(double dt, const Belief& predicted);
@@ -58,18 +58,18 @@ class RegionTracker {
   void draw_particles(const Belief& proposal);
   void weigh(const Belief& proposal);
   void estimate(const Belief& proposal);
-  void judge(const FrameSet& set);
+  void judge(const capture::FrameSet& set);
   void forget();
-  void search(const FrameSet& set, const std::vector<TargetView>& views);
+  void search(const capture::FrameSet& set, const std::vector<TargetView>& views);
   void start_at(const Candidate& found, const Eigen::Vector3d& velocity, double velocity_variance);
   void scatter();
-  ObjectEstimate report(const FrameSet& set, const std::vector<TargetView>& views) const;
+  ObjectEstimate report(const capture::FrameSet& set, const std::vector<TargetView>& views) const;
   double power_density() const;              // of the acceleration, m^2/s^3
 
   TargetOptions target_;
   ObjectTrackerOptions options_;
   TargetViews views_;
-  Rng rng_;
+  particle_filter::Rng rng_;
 
   Belief belief_;                            // after the last set, at last_at_
   double acceleration_ = 0;                  // m/s^2, learnt
@@ -91,10 +91,10 @@ class RegionTracker {
   std::vector<std::vector<ColorRegion>> regions_;   // of the views of this set, while searching
   SearchLog search_log_;
   std::vector<Candidate> candidates_;        // of the last set, while searching
-  Timestamp candidates_at_{};
+  capture::Timestamp candidates_at_{};
 
   TrackState state_ = TrackState::searching;
-  Timestamp last_at_{}, last_tracking_{};
+  capture::Timestamp last_at_{}, last_tracking_{};
 };
 
-}  // namespace huetrack
+}  // namespace huetrack::object_tracking

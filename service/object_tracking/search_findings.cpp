@@ -7,11 +7,11 @@
 
 #include "object_tracking/sighting.h"
 
-namespace huetrack {
+namespace huetrack::object_tracking {
 namespace {
 
 // The radius of the ball that shows this region at p; 0: none.
-double radius_of(const Camera& camera, const ColorRegion& region, const Eigen::Vector3d& p) {
+double radius_of(const calib::Camera& camera, const ColorRegion& region, const Eigen::Vector3d& p) {
   const auto at = appearance_of(camera, p, 1.0);
   if (!at || at->radius_px <= 0) return 0;
   const double radius_px = std::sqrt(region.area / std::numbers::pi);
@@ -27,7 +27,7 @@ void SearchLog::add(const std::vector<TargetView>& views, std::span<const std::v
   for (std::size_t i = 0; i < views.size(); ++i) {
     if (!regions[i].empty()) ++findings_.sets_with_color[static_cast<std::size_t>(views[i].index)];
     for (std::size_t j = i + 1; j < views.size(); ++j) {
-      const Camera &first = *views[i].camera, &second = *views[j].camera;
+      const calib::Camera &first = *views[i].camera, &second = *views[j].camera;
       for (const ColorRegion& a : std::span(regions[i]).first(std::min(largest, regions[i].size()))) {
         for (const ColorRegion& b : std::span(regions[j]).first(std::min(largest, regions[j].size()))) {
           const auto p = crossing(first, {a.centre}, second, {b.centre});
@@ -75,4 +75,4 @@ std::string SearchFindings::advice(const TargetOptions& target, const std::vecto
          "calibration and the radius, or narrow its colour";
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::object_tracking

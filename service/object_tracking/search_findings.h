@@ -11,7 +11,7 @@
 #include "object_tracking/object_tracker.h"
 #include "object_tracking/target_views.h"
 
-namespace huetrack {
+namespace huetrack::object_tracking {
 
 // thread-compatible.
 class SearchLog {
@@ -30,4 +30,4 @@ class SearchLog {
   std::size_t next_ = 0;
 };
 
-}  // namespace huetrack
+}  // namespace huetrack::object_tracking

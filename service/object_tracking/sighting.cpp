@@ -6,7 +6,7 @@
 #include <cmath>
 #include <numbers>
 
-namespace huetrack {
+namespace huetrack::object_tracking {
 namespace {
 
 constexpr double min_start_support = 0.3;      // of either of the two regions that a candidate starts from
@@ -37,10 +37,10 @@ double mahalanobis2(const Eigen::Vector2d& d, const Eigen::Matrix2d& covariance)
 
 }  // namespace
 
-std::optional<Appearance> appearance_of(const Camera& camera, const Eigen::Vector3d& p_world, double radius_m) {
+std::optional<Appearance> appearance_of(const calib::Camera& camera, const Eigen::Vector3d& p_world, double radius_m) {
   const Eigen::Vector3d p_cam = camera.cam_from_world * p_world;
-  CameraModel::Jacobian px_from_cam;
-  const std::optional<RawPixel> px = camera.model.project(p_cam, px_from_cam);
+  calib::CameraModel::Jacobian px_from_cam;
+  const std::optional<calib::RawPixel> px = camera.model.project(p_cam, px_from_cam);
   if (!px) return std::nullopt;
   Appearance a;
   a.px = px->px;
@@ -82,7 +82,7 @@ PositionInformation information_of(std::span<const Sighting> sightings, const Ei
   return out;
 }
 
-std::optional<Eigen::Vector3d> crossing(const Camera& camera0, const RawPixel& px0, const Camera& camera1, const RawPixel& px1) {
+std::optional<Eigen::Vector3d> crossing(const calib::Camera& camera0, const calib::RawPixel& px0, const calib::Camera& camera1, const calib::RawPixel& px1) {
   const auto ray0 = camera0.model.ray(px0), ray1 = camera1.model.ray(px1);
   if (!ray0 || !ray1) return std::nullopt;
   return crossing(camera0.centre(), camera0.cam_from_world.rotation.conjugate() * *ray0, camera1.centre(),
@@ -136,8 +136,8 @@ std::vector<Candidate> cross_rays(const std::vector<TargetView>& views, std::spa
         for (std::size_t b = 0; b < std::min(regions[j].size(), max_regions_per_view); ++b) {
           const auto ray_j = views[j].camera->model.ray({regions[j][b].centre});
           if (!ray_j) continue;
-          const Camera& ci = *views[i].camera;
-          const Camera& cj = *views[j].camera;
+          const calib::Camera& ci = *views[i].camera;
+          const calib::Camera& cj = *views[j].camera;
           const auto start = crossing(ci.centre(), ci.cam_from_world.rotation.conjugate() * *ray_i, cj.centre(),
                                       cj.cam_from_world.rotation.conjugate() * *ray_j);
           if (!start || !inside(options.volume, *start, target.radius_m)) continue;
@@ -169,4 +169,4 @@ std::vector<Candidate> cross_rays(const std::vector<TargetView>& views, std::spa
   return out;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::object_tracking

@@ -11,7 +11,7 @@
 #include "object_tracking/object_tracker.h"
 #include "object_tracking/target_views.h"
 
-namespace huetrack {
+namespace huetrack::object_tracking {
 
 // Where a ball would appear in a view.
 struct Appearance {
@@ -19,7 +19,7 @@ struct Appearance {
   Eigen::Matrix<double, 2, 3> jacobian;  // d px / d p_world, pixels per metre
   double radius_px = 0;
 };
-std::optional<Appearance> appearance_of(const Camera& camera, const Eigen::Vector3d& p_world, double radius_m);
+std::optional<Appearance> appearance_of(const calib::Camera& camera, const Eigen::Vector3d& p_world, double radius_m);
 
 struct Sighting {
   const TargetView* view = nullptr;
@@ -50,7 +50,7 @@ PositionInformation information_of(std::span<const Sighting> sightings, const Ei
 
 // Midpoint of the shortest line between the rays through two raw pixels; nullopt when they are nearly parallel, or meet behind
 // a camera.
-std::optional<Eigen::Vector3d> crossing(const Camera& camera0, const RawPixel& px0, const Camera& camera1, const RawPixel& px1);
+std::optional<Eigen::Vector3d> crossing(const calib::Camera& camera0, const calib::RawPixel& px0, const calib::Camera& camera1, const calib::RawPixel& px1);
 
 // A position that several views agree on.
 struct Candidate {
@@ -66,4 +66,4 @@ struct Candidate {
 std::vector<Candidate> cross_rays(const std::vector<TargetView>& views, std::span<const std::vector<ColorRegion>> regions,
                                   const TargetOptions& target, const ObjectTrackerOptions& options, std::size_t max_count);
 
-}  // namespace huetrack
+}  // namespace huetrack::object_tracking

@@ -2,17 +2,17 @@
 
 #include <algorithm>
 
-namespace huetrack {
+namespace huetrack::object_tracking {
 
-TargetViews::TargetViews(const CameraRig& rig, const TargetOptions& target) {
-  for (const Camera& camera : rig.cameras) {
+TargetViews::TargetViews(const calib::CameraRig& rig, const TargetOptions& target) {
+  for (const calib::Camera& camera : rig.cameras) {
     cameras_.push_back(std::make_unique<PerCamera>(camera, target.color_in(camera.name)));
     const auto ignored = std::ranges::find(target.ignored, camera.name, &IgnoredRegions::value_type::first);
     if (ignored != target.ignored.end()) cameras_.back()->matches.ignore(ignored->second);
   }
 }
 
-const ColorTable& TargetViews::table_for(PerCamera& camera, PixelFormat format, ColorRange range) {
+const ColorTable& TargetViews::table_for(PerCamera& camera, capture::PixelFormat format, capture::ColorRange range) {
   if (camera.table && camera.table->is_for(format, range)) return *camera.table;
   for (const auto& other : cameras_) {         // cameras of one kind share a table
     if (other->table && other->table->is_for(format, range) && other->color == camera.color) {
@@ -24,19 +24,19 @@ const ColorTable& TargetViews::table_for(PerCamera& camera, PixelFormat format, 
   return *camera.table;
 }
 
-const std::vector<TargetView>& TargetViews::look_at(const FrameSet& set) {
+const std::vector<TargetView>& TargetViews::look_at(const capture::FrameSet& set) {
   views_.clear();
   for (std::size_t i = 0; i < cameras_.size() && i < set.frames.size(); ++i) {
-    if (!set.frames[i] || set.frames[i]->status != FrameStatus::ok) continue;
-    const Frame& frame = *set.frames[i];
+    if (!set.frames[i] || set.frames[i]->status != capture::FrameStatus::ok) continue;
+    const capture::Frame& frame = *set.frames[i];
     PerCamera& c = *cameras_[i];
     if (frame.pixels.width != c.camera.image_size.width || frame.pixels.height != c.camera.image_size.height) continue;
     const ColorTable& table = table_for(c, frame.pixels.format, frame.pixels.range);
     c.matches.look_at(frame.pixels, table);
     views_.push_back({static_cast<int>(i), &c.camera, &c.projector, &c.matches, &frame.pixels, &table,
-                      seconds(set.at - frame.captured_at)});
+                      capture::seconds(set.at - frame.captured_at)});
   }
   return views_;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::object_tracking

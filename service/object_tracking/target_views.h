@@ -13,15 +13,15 @@
 #include "object_tracking/color_window.h"
 #include "object_tracking/object_tracker.h"
 
-namespace huetrack {
+namespace huetrack::object_tracking {
 
 // A camera that gave a usable frame in the current set.
 struct TargetView {
   int index;                    // into CameraRig::cameras
-  const Camera* camera;
-  const BatchProjector* projector;
+  const calib::Camera* camera;
+  const calib::BatchProjector* projector;
   MatchBits* matches;           // the pixels of the target's colour in this frame
-  const Image* image;
+  const capture::Image* image;
   const ColorTable* table;
   double age_s;                 // the set's time minus this frame's own capture time, >= 0
 };
@@ -29,34 +29,34 @@ struct TargetView {
 // thread-compatible. Views point into this object: it does not move.
 class TargetViews {
  public:
-  TargetViews(const CameraRig& rig, const TargetOptions& target);
+  TargetViews(const calib::CameraRig& rig, const TargetOptions& target);
   TargetViews(const TargetViews&) = delete;
   TargetViews& operator=(const TargetViews&) = delete;
 
   // The views of this set, in camera order; valid until the next call. A frame of another size than the rig's is left out.
-  const std::vector<TargetView>& look_at(const FrameSet& set);
+  const std::vector<TargetView>& look_at(const capture::FrameSet& set);
 
   // Makes the camera's colour table for this format before the first frame needs it.
-  void expect(std::size_t camera, PixelFormat format, ColorRange range) { table_for(*cameras_.at(camera), format, range); }
+  void expect(std::size_t camera, capture::PixelFormat format, capture::ColorRange range) { table_for(*cameras_.at(camera), format, range); }
 
   std::size_t camera_count() const { return cameras_.size(); }
-  const Camera& camera(std::size_t i) const { return cameras_[i]->camera; }
-  const BatchProjector& projector(std::size_t i) const { return cameras_[i]->projector; }
+  const calib::Camera& camera(std::size_t i) const { return cameras_[i]->camera; }
+  const calib::BatchProjector& projector(std::size_t i) const { return cameras_[i]->projector; }
 
  private:
   struct PerCamera {
-    PerCamera(const Camera& c, const HsiRange& color_of_target)
+    PerCamera(const calib::Camera& c, const HsiRange& color_of_target)
         : camera(c), projector(c), matches(c.image_size.width, c.image_size.height), color(color_of_target) {}
-    Camera camera;
-    BatchProjector projector;
+    calib::Camera camera;
+    calib::BatchProjector projector;
     MatchBits matches;
     HsiRange color;
     std::shared_ptr<const ColorTable> table;   // of the format seen last; made when a format is first seen
   };
-  const ColorTable& table_for(PerCamera& camera, PixelFormat format, ColorRange range);
+  const ColorTable& table_for(PerCamera& camera, capture::PixelFormat format, capture::ColorRange range);
 
   std::vector<std::unique_ptr<PerCamera>> cameras_;
   std::vector<TargetView> views_;
 };
 
-}  // namespace huetrack
+}  // namespace huetrack::object_tracking

@@ -10,7 +10,7 @@
 #include <emmintrin.h>
 #endif
 
-namespace huetrack {
+namespace huetrack::object_tracking {
 namespace {
 
 std::uint64_t load_word(const std::uint8_t* p) {
@@ -19,11 +19,11 @@ std::uint64_t load_word(const std::uint8_t* p) {
   return std::endian::native == std::endian::little ? word : __builtin_bswap64(word);
 }
 
-bool matches(const Image& image, const ColorTable& table, int u, int v) {
-  return image.format == PixelFormat::bgr ? table.contains(bgr_at(image, u, v)) : table.contains(yuv_at(image, u, v));
+bool matches(const capture::Image& image, const ColorTable& table, int u, int v) {
+  return image.format == capture::PixelFormat::bgr ? table.contains(capture::bgr_at(image, u, v)) : table.contains(capture::yuv_at(image, u, v));
 }
 
-std::uint64_t classify_pixel_by_pixel(const Image& image, const ColorTable& table, int u, int v) {
+std::uint64_t classify_pixel_by_pixel(const capture::Image& image, const ColorTable& table, int u, int v) {
   std::uint64_t bits = 0;
   for (int i = 0; i < 64; ++i) bits |= static_cast<std::uint64_t>(matches(image, table, u + i % 8, v + i / 8)) << i;
   return bits;
@@ -62,17 +62,17 @@ __m128i four_bytes(const std::uint8_t* p) {
   std::memcpy(&bytes, p, 4);
   return _mm_cvtsi32_si128(bytes);
 }
-template <PixelFormat format>
-std::uint64_t classify_tile(const Image& image, const ColorTable& table, int u, int v) {
+template <capture::PixelFormat format>
+std::uint64_t classify_tile(const capture::Image& image, const ColorTable& table, int u, int v) {
   const ColorTable::Interval* intervals = table.intervals();
   const auto row = [&image](int plane, int r) {
-    const Plane& p = image.planes[static_cast<std::size_t>(plane)];
+    const capture::Plane& p = image.planes[static_cast<std::size_t>(plane)];
     return p.data + r * p.stride;
   };
   std::uint64_t bits = 0;
   for (int r = 0; r < 8; r += 2) {
     __m128i y, uv;
-    if constexpr (format == PixelFormat::yuyv) {                        // Y0 U Y1 V: luma in the even bytes, u v in the odd
+    if constexpr (format == capture::PixelFormat::yuyv) {                        // Y0 U Y1 V: luma in the even bytes, u v in the odd
       const __m128i a = _mm_loadu_si128(reinterpret_cast<const __m128i*>(row(0, v + r) + 2 * u));
       const __m128i b = _mm_loadu_si128(reinterpret_cast<const __m128i*>(row(0, v + r + 1) + 2 * u));
       const __m128i even = _mm_set1_epi16(0xff);
@@ -80,9 +80,9 @@ std::uint64_t classify_tile(const Image& image, const ColorTable& table, int u, 
       uv = _mm_packus_epi16(_mm_srli_epi16(a, 8), _mm_srli_epi16(b, 8));
     } else {
       y = two_halves(row(0, v + r) + u, row(0, v + r + 1) + u);
-      const int first = format == PixelFormat::i422 ? v + r : (v + r) / 2;
-      const int second = format == PixelFormat::i422 ? v + r + 1 : first;
-      if constexpr (format == PixelFormat::nv12) {
+      const int first = format == capture::PixelFormat::i422 ? v + r : (v + r) / 2;
+      const int second = format == capture::PixelFormat::i422 ? v + r + 1 : first;
+      if constexpr (format == capture::PixelFormat::nv12) {
         uv = two_halves(row(1, first) + u, row(1, second) + u);
       } else {
         uv = _mm_unpacklo_epi64(_mm_unpacklo_epi8(four_bytes(row(1, first) + u / 2), four_bytes(row(2, first) + u / 2)),
@@ -101,19 +101,19 @@ std::uint64_t classify_tile(const Image& image, const ColorTable& table, int u, 
 #endif
 
 template <typename Tile>
-void classify_all(const Tile& tile, const Image& image, const ColorTable& table, const TileAt* tiles, std::size_t n, std::uint64_t* bits) {
+void classify_all(const Tile& tile, const capture::Image& image, const ColorTable& table, const TileAt* tiles, std::size_t n, std::uint64_t* bits) {
   for (std::size_t i = 0; i < n; ++i) bits[i] = tile(image, table, tiles[i].pixel_u(), tiles[i].pixel_v());
 }
 
-void classify(const Image& image, const ColorTable& table, const TileAt* tiles, std::size_t n, std::uint64_t* bits) {
+void classify(const capture::Image& image, const ColorTable& table, const TileAt* tiles, std::size_t n, std::uint64_t* bits) {
   switch (image.format) {
-    case PixelFormat::yuyv: return classify_all(classify_tile<PixelFormat::yuyv>, image, table, tiles, n, bits);
-    case PixelFormat::nv12: return classify_all(classify_tile<PixelFormat::nv12>, image, table, tiles, n, bits);
-    case PixelFormat::i420: return classify_all(classify_tile<PixelFormat::i420>, image, table, tiles, n, bits);
-    case PixelFormat::i422: return classify_all(classify_tile<PixelFormat::i422>, image, table, tiles, n, bits);
-    case PixelFormat::i444:
-    case PixelFormat::bgr:
-    case PixelFormat::grey: return classify_all(classify_pixel_by_pixel, image, table, tiles, n, bits);
+    case capture::PixelFormat::yuyv: return classify_all(classify_tile<capture::PixelFormat::yuyv>, image, table, tiles, n, bits);
+    case capture::PixelFormat::nv12: return classify_all(classify_tile<capture::PixelFormat::nv12>, image, table, tiles, n, bits);
+    case capture::PixelFormat::i420: return classify_all(classify_tile<capture::PixelFormat::i420>, image, table, tiles, n, bits);
+    case capture::PixelFormat::i422: return classify_all(classify_tile<capture::PixelFormat::i422>, image, table, tiles, n, bits);
+    case capture::PixelFormat::i444:
+    case capture::PixelFormat::bgr:
+    case capture::PixelFormat::grey: return classify_all(classify_pixel_by_pixel, image, table, tiles, n, bits);
   }
 }
 
@@ -150,4 +150,4 @@ const WindowKernels& best_window_kernels() {
   return best;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::object_tracking

@@ -8,7 +8,7 @@
 #include "capture/pixel_format.h"
 #include "object_tracking/color_model.h"
 
-namespace huetrack {
+namespace huetrack::object_tracking {
 
 struct PixelAt { int u, v; };
 
@@ -32,7 +32,7 @@ struct WindowKernels {
                          int first, int count, int tile_v, TileAt* tiles);
   // Of each tile, which must lie wholly inside the image: bit 8 r + c says whether the pixel in row r and column c has the
   // target's colour.
-  void (*classify)(const Image& image, const ColorTable& table, const TileAt* tiles, std::size_t n, std::uint64_t* bits);
+  void (*classify)(const capture::Image& image, const ColorTable& table, const TileAt* tiles, std::size_t n, std::uint64_t* bits);
   // k[i]: the matching pixels of a window whose five rows are the low five bits of bands[byte[i]] .. bands[byte[i] + 4], after
   // a shift to the right by the low two bits of shift[i]; or-ed with the second byte of shift[i].
   void (*count)(const std::uint8_t* bands, const std::int32_t* byte, const std::int32_t* shift, std::size_t n, std::uint8_t* k);
@@ -42,4 +42,4 @@ const WindowKernels& portable_window_kernels();
 const WindowKernels* avx512_window_kernels();      // nullptr: this machine has none
 const WindowKernels& best_window_kernels();
 
-}  // namespace huetrack
+}  // namespace huetrack::object_tracking

@@ -8,7 +8,7 @@
 
 #define HUETRACK_AVX512 __attribute__((target("avx512f,avx512bw,avx512dq,avx512vl,avx512vbmi,avx512vpopcntdq,bmi2")))
 
-namespace huetrack {
+namespace huetrack::object_tracking {
 namespace {
 
 template <typename Word>
@@ -19,22 +19,22 @@ Word load(const std::uint8_t* p) {
 }
 
 // Four rows of eight pixels as a camera with 4:2:2 sampling packs them: the bytes Y0 U Y1 V of each pair of neighbours.
-template <PixelFormat format>
-HUETRACK_AVX512 inline __m512i four_rows(const Image& image, int u, int v) {
+template <capture::PixelFormat format>
+HUETRACK_AVX512 inline __m512i four_rows(const capture::Image& image, int u, int v) {
   const auto row = [&image](int plane, int r) {
-    const Plane& p = image.planes[static_cast<std::size_t>(plane)];
+    const capture::Plane& p = image.planes[static_cast<std::size_t>(plane)];
     return p.data + r * p.stride;
   };
-  if constexpr (format == PixelFormat::yuyv) {
+  if constexpr (format == capture::PixelFormat::yuyv) {
     const auto pairs = [&](int r) { return _mm_loadu_si128(reinterpret_cast<const __m128i*>(row(0, v + r) + 2 * u)); };
     return _mm512_inserti64x4(_mm512_castsi256_si512(_mm256_set_m128i(pairs(1), pairs(0))),
                               _mm256_set_m128i(pairs(3), pairs(2)), 1);
   } else {
-    const auto chroma_row = [&](int r) { return format == PixelFormat::i422 ? v + r : (v + r) / 2; };
+    const auto chroma_row = [&](int r) { return format == capture::PixelFormat::i422 ? v + r : (v + r) / 2; };
     const auto luma = [&](int r) { return load<long long>(row(0, v + r) + u); };
     const __m256i y = _mm256_set_epi64x(luma(3), luma(2), luma(1), luma(0));
     __m256i uv;
-    if constexpr (format == PixelFormat::nv12) {
+    if constexpr (format == capture::PixelFormat::nv12) {
       const auto pairs = [&](int r) { return load<long long>(row(1, chroma_row(r)) + u); };
       uv = _mm256_set_epi64x(pairs(2), pairs(2), pairs(0), pairs(0));
     } else {
@@ -72,8 +72,8 @@ HUETRACK_AVX512 inline bool any_below_ceiling(__m512i of_u, __m512i of_v, __m512
 }
 
 // Most tiles are background, and most of that is too bright for a colour: it needs no look-up in the table.
-template <PixelFormat format>
-HUETRACK_AVX512 void classify_as(const Image& image, const ColorTable& table, const TileAt* tiles, std::size_t n,
+template <capture::PixelFormat format>
+HUETRACK_AVX512 void classify_as(const capture::Image& image, const ColorTable& table, const TileAt* tiles, std::size_t n,
                                  std::uint64_t* bits) {
   const ColorTable::Interval* const intervals = table.intervals();
   const __m512i of_u = _mm512_loadu_si512(table.luma_ceiling().of_u.data()), of_v = _mm512_loadu_si512(table.luma_ceiling().of_v.data());
@@ -114,15 +114,15 @@ HUETRACK_AVX512 std::size_t touched(const std::uint8_t* marked, std::ptrdiff_t c
   return n;
 }
 
-void classify(const Image& image, const ColorTable& table, const TileAt* tiles, std::size_t n, std::uint64_t* bits) {
+void classify(const capture::Image& image, const ColorTable& table, const TileAt* tiles, std::size_t n, std::uint64_t* bits) {
   switch (image.format) {
-    case PixelFormat::yuyv: return classify_as<PixelFormat::yuyv>(image, table, tiles, n, bits);
-    case PixelFormat::nv12: return classify_as<PixelFormat::nv12>(image, table, tiles, n, bits);
-    case PixelFormat::i420: return classify_as<PixelFormat::i420>(image, table, tiles, n, bits);
-    case PixelFormat::i422: return classify_as<PixelFormat::i422>(image, table, tiles, n, bits);
-    case PixelFormat::i444:
-    case PixelFormat::bgr:
-    case PixelFormat::grey: return portable_window_kernels().classify(image, table, tiles, n, bits);
+    case capture::PixelFormat::yuyv: return classify_as<capture::PixelFormat::yuyv>(image, table, tiles, n, bits);
+    case capture::PixelFormat::nv12: return classify_as<capture::PixelFormat::nv12>(image, table, tiles, n, bits);
+    case capture::PixelFormat::i420: return classify_as<capture::PixelFormat::i420>(image, table, tiles, n, bits);
+    case capture::PixelFormat::i422: return classify_as<capture::PixelFormat::i422>(image, table, tiles, n, bits);
+    case capture::PixelFormat::i444:
+    case capture::PixelFormat::bgr:
+    case capture::PixelFormat::grey: return portable_window_kernels().classify(image, table, tiles, n, bits);
   }
 }
 
@@ -149,12 +149,12 @@ const WindowKernels* avx512_window_kernels() {
   return has_it ? &kernels : nullptr;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::object_tracking
 
 #else
 
-namespace huetrack {
+namespace huetrack::object_tracking {
 const WindowKernels* avx512_window_kernels() { return nullptr; }
-}  // namespace huetrack
+}  // namespace huetrack::object_tracking
 
 #endif

@@ -7,7 +7,7 @@
 
 #include "particle_filter/vector_clones.h"
 
-namespace huetrack {
+namespace huetrack::particle_filter {
 namespace {
 
 constexpr std::size_t lanes = 16;      // sums side by side, added up in a fixed order: that is what vectorises
@@ -86,4 +86,4 @@ WeightedMoments weighted_moments(const float* x, const float* y, const float* z,
   return out;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::particle_filter

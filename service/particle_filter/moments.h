@@ -4,7 +4,7 @@
 #include <Eigen/Core>
 #include <cstddef>
 
-namespace huetrack {
+namespace huetrack::particle_filter {
 
 struct WeightedMoments {
   Eigen::Vector3d mean;            // in the units of the particles
@@ -18,4 +18,4 @@ struct WeightedMoments {
 WeightedMoments weighted_moments(const float* x, const float* y, const float* z, const float* weight, std::size_t n,
                                  const Eigen::Vector3f& origin);
 
-}  // namespace huetrack
+}  // namespace huetrack::particle_filter

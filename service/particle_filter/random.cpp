@@ -7,7 +7,7 @@
 
 #include "particle_filter/vector_clones.h"
 
-namespace huetrack {
+namespace huetrack::particle_filter {
 namespace {
 
 std::uint64_t splitmix64(std::uint64_t& x) {
@@ -121,4 +121,4 @@ void Rng::fill_normal(std::span<float> out) {
   }
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::particle_filter

@@ -6,7 +6,7 @@
 #include <cstdint>
 #include <span>
 
-namespace huetrack {
+namespace huetrack::particle_filter {
 
 // 16 interleaved xoshiro128++ generators (Blackman and Vigna 2021), so that noise for a whole particle set is drawn at
 // vector speed. thread-compatible. Several fills give the same numbers as one, if all but the last are of whole batches: a
@@ -28,4 +28,4 @@ class Rng {
   std::array<Block, 4> state_;
 };
 
-}  // namespace huetrack
+}  // namespace huetrack::particle_filter

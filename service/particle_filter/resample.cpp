@@ -12,7 +12,7 @@
 #include <immintrin.h>
 #endif
 
-namespace huetrack {
+namespace huetrack::particle_filter {
 
 namespace {
 
@@ -173,4 +173,4 @@ void take_ancestors(std::span<const std::uint32_t> ancestor, std::span<const flo
   take(ancestor.data(), ancestor.size(), in.data(), in.size(), out.data());
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::particle_filter

@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <span>
 
-namespace huetrack {
+namespace huetrack::particle_filter {
 
 // Log weights to weights that sum to 1 (log-sum-exp, so that no product of small likelihoods underflows).
 // All -infinity: uniform weights, false. Otherwise true.
@@ -26,4 +26,4 @@ void systematic_ancestors(std::span<const float> weight, double offset, std::spa
 // never fall from one to the next, and are < in.size() < 2^31.
 void take_ancestors(std::span<const std::uint32_t> ancestor, std::span<const float> in, std::span<float> out);
 
-}  // namespace huetrack
+}  // namespace huetrack::particle_filter

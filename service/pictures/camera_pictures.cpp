@@ -14,7 +14,7 @@
 #include "config/formatted.h"
 #include "pictures/pictures.h"
 
-namespace huetrack {
+namespace huetrack::pictures {
 namespace {
 
 using Eigen::Vector2d;
@@ -26,15 +26,15 @@ constexpr DrawColor found_color{90, 220, 120}, missed_color{255, 96, 88}, given_
     particle_color{255, 220, 90};
 constexpr double chi2_2_95 = 5.991;
 
-DrawColor state_color(CameraState state) {
+DrawColor state_color(camera_tracking::CameraState state) {
   switch (state) {
-    case CameraState::tracking:
+    case camera_tracking::CameraState::tracking:
       return {90, 220, 120};
-    case CameraState::coasting:
+    case camera_tracking::CameraState::coasting:
       return {255, 176, 40};
-    case CameraState::searching:
+    case camera_tracking::CameraState::searching:
       return {150, 190, 255};
-    case CameraState::lost:
+    case camera_tracking::CameraState::lost:
       return {255, 96, 88};
   }
   return white;
@@ -69,7 +69,7 @@ std::vector<Vector2d> ellipse_of(const Eigen::Matrix2d& covariance) {
 // A camera's image on a canvas: pixel (0,0) is the centre of the top left pixel.
 class Panel {
  public:
-  Panel(const Camera& camera, double zoom)
+  Panel(const calib::Camera& camera, double zoom)
       : camera_(camera),
         zoom_(zoom),
         canvas_(int(std::lround(camera.image_size.width * zoom)), int(std::lround(camera.image_size.height * zoom)),
@@ -79,7 +79,7 @@ class Panel {
   Canvas& canvas() { return canvas_; }
   double zoom() const { return zoom_; }
 
-  std::optional<cv::Point2d> point(const Rigid3d& camera_from_world, const Vector3d& p) const {
+  std::optional<cv::Point2d> point(const calib::Rigid3d& camera_from_world, const Vector3d& p) const {
     const auto px = camera_.model.project(camera_from_world * p);
     if (!px || std::abs(px->px.x()) > 4.0 * camera_.image_size.width ||
         std::abs(px->px.y()) > 4.0 * camera_.image_size.height)
@@ -88,7 +88,7 @@ class Panel {
   }
 
   // In pieces: the lens bends it, and a part of it may be behind the camera.
-  void segment(const Rigid3d& camera_from_world, const Vector3d& a, const Vector3d& b, DrawColor color, double width) {
+  void segment(const calib::Rigid3d& camera_from_world, const Vector3d& a, const Vector3d& b, DrawColor color, double width) {
     constexpr int pieces = 16;
     auto from = point(camera_from_world, a);
     for (int i = 1; i <= pieces; ++i) {
@@ -99,7 +99,7 @@ class Panel {
   }
 
  private:
-  const Camera& camera_;
+  const calib::Camera& camera_;
   double zoom_;
   Canvas canvas_;
 };
@@ -130,20 +130,20 @@ std::vector<Segment> house_on(const StartPlane& plane) {
   return lines;
 }
 
-void draw_features(Panel& panel, const Camera& camera, const CameraPictureJob& job) {
+void draw_features(Panel& panel, const calib::Camera& camera, const CameraPictureJob& job) {
   if (!job.estimate.has_pose()) return;  // features are where a pose projects them
   Canvas& canvas = panel.canvas();
   // Where the particles have some of the features.
   constexpr std::size_t shown = 12;
   const auto& features = job.view.features;
   for (std::size_t f = 0; f < features.size(); f += std::max<std::size_t>(1, features.size() / shown)) {
-    for (const Rigid3d& particle : job.view.particles) {
-      const auto px = camera.model.project(inverse(particle) * features[f].position);
+    for (const calib::Rigid3d& particle : job.view.particles) {
+      const auto px = camera.model.project(calib::inverse(particle) * features[f].position);
       if (px && camera.contains(*px)) canvas.disc(panel(px->px), 1.0, particle_color);
     }
   }
-  const Rigid3d camera_from_world = inverse(job.estimate.world_from_camera);
-  for (const CameraMapPoint& point : job.start_map)
+  const calib::Rigid3d camera_from_world = calib::inverse(job.estimate.world_from_camera);
+  for (const camera_tracking::CameraMapPoint& point : job.start_map)
     if (const auto at = panel.point(camera_from_world, point.position)) canvas.circle(*at, 6, given_color, 1.6);
   for (const auto& f : features) {
     const cv::Point2d at = panel(f.px.cast<double>());
@@ -164,8 +164,8 @@ void draw_features(Panel& panel, const Camera& camera, const CameraPictureJob& j
   }
 }
 
-void draw_augmented(Panel& panel, const StartPlane& plane, const CameraEstimate& estimate) {
-  const Rigid3d camera_from_world = inverse(estimate.world_from_camera);
+void draw_augmented(Panel& panel, const StartPlane& plane, const camera_tracking::CameraEstimate& estimate) {
+  const calib::Rigid3d camera_from_world = calib::inverse(estimate.world_from_camera);
   const double half_x = plane.size_x / 2, half_y = plane.size_y / 2;
   const auto corner = [&](double sx, double sy) {
     return Vector3d(plane.origin + sx * half_x * plane.x + sy * half_y * plane.y);
@@ -188,7 +188,7 @@ void draw_augmented(Panel& panel, const StartPlane& plane, const CameraEstimate&
 
 }  // namespace
 
-StartPlane start_plane(const CameraTrackingConfig& config) {
+StartPlane start_plane(const config::CameraTrackingConfig& config) {
   StartPlane plane;
   if (config.rectangle.size() == 4) {
     const auto corner = [&](std::size_t i) { return Vector3d(config.rectangle[i].data()); };
@@ -205,7 +205,7 @@ StartPlane start_plane(const CameraTrackingConfig& config) {
   for (const auto* rows : {&config.points, &config.leds})
     for (const auto& row : *rows) points.emplace_back(row.data());
   if (!config.board.empty()) {
-    const Board board = read_board(config.board);
+    const board::Board board = board::read_board(config.board);
     for (int i = 0; i < board.point_count(); ++i) {
       const Vector3d p = board.point(i);
       points.emplace_back(p.x(), -p.y(), 0);
@@ -220,7 +220,7 @@ StartPlane start_plane(const CameraTrackingConfig& config) {
   return plane;
 }
 
-cv::Mat draw_camera(const Camera& camera, const StartPlane& plane, const CameraPictureJob& job) {
+cv::Mat draw_camera(const calib::Camera& camera, const StartPlane& plane, const CameraPictureJob& job) {
   constexpr int margin = 14, head = 44, names = 28, foot = 40;
   const double zoom = std::min({720.0 / camera.image_size.width, 560.0 / camera.image_size.height, 3.0});
   const cv::Mat image = bgr_of(job.frame.pixels);
@@ -228,7 +228,7 @@ cv::Mat draw_camera(const Camera& camera, const StartPlane& plane, const CameraP
   left.canvas().image({0, 0}, image, zoom);
   right.canvas().image({0, 0}, image, zoom);
   draw_features(left, camera, job);
-  const CameraEstimate& e = job.estimate;
+  const camera_tracking::CameraEstimate& e = job.estimate;
   if (e.has_pose()) {
     draw_augmented(right, plane, e);
   } else {
@@ -239,9 +239,9 @@ cv::Mat draw_camera(const Camera& camera, const StartPlane& plane, const CameraP
   const int width = 2 * left.canvas().width() + 3 * margin, height = head + names + left.canvas().height() + foot;
   Canvas canvas(width, height, background);
   canvas.text({margin, 29},
-              formatted("%s, frame %llu", camera.name.c_str(), static_cast<unsigned long long>(e.frame_number)), 13,
+              config::formatted("%s, frame %llu", camera.name.c_str(), static_cast<unsigned long long>(e.frame_number)), 13,
               bright, Align::left, true);
-  canvas.text({width - double(margin), 29}, formatted("t = %.3f s", seconds(e.at)), 13, bright, Align::right);
+  canvas.text({width - double(margin), 29}, config::formatted("t = %.3f s", capture::seconds(e.at)), 13, bright, Align::right);
   canvas.text({margin, double(head + names) - 9}, "features: found, not found; given ones ringed; particles", 10,
               faint);
   canvas.text({2.0 * margin + left.canvas().width(), double(head + names) - 9},
@@ -249,8 +249,8 @@ cv::Mat draw_camera(const Camera& camera, const StartPlane& plane, const CameraP
   canvas.paste({margin, double(head + names)}, left.canvas());
   canvas.paste({2.0 * margin + left.canvas().width(), double(head + names)}, right.canvas());
   const double y = height - 14;
-  canvas.text({margin, y}, std::string(name(e.state)), 11, state_color(e.state), Align::left, true);
-  std::string details = formatted("%d of %d features, map %d, %d particles, ESS %.0f", e.features_matched,
+  canvas.text({margin, y}, std::string(camera_tracking::name(e.state)), 11, state_color(e.state), Align::left, true);
+  std::string details = config::formatted("%d of %d features, map %d, %d particles, ESS %.0f", e.features_matched,
                                   e.features_in_view, e.map_points, e.particle_count, e.effective_sample_size);
   if (e.has_pose()) {
     const Vector3d& t = e.world_from_camera.translation;
@@ -258,15 +258,15 @@ cv::Mat draw_camera(const Camera& camera, const StartPlane& plane, const CameraP
     const double sigma_deg =
         std::sqrt(std::max(0.0, e.covariance.bottomRightCorner<3, 3>().trace())) * 180 / std::numbers::pi;
     details =
-        formatted("x %+.3f  y %+.3f  z %+.3f m   +/- %.1f mm, %.2f deg   ", t.x(), t.y(), t.z(), sigma_mm, sigma_deg) +
+        config::formatted("x %+.3f  y %+.3f  z %+.3f m   +/- %.1f mm, %.2f deg   ", t.x(), t.y(), t.z(), sigma_mm, sigma_deg) +
         details;
   }
   canvas.text({margin + 120.0, y}, details, 10, bright);
   return canvas.finished();
 }
 
-cv::Mat draw_camera_map(const Camera& camera, const StartPlane& plane, const std::string& title,
-                        const std::vector<CameraEstimate>& way, const std::vector<CameraMapPoint>& map) {
+cv::Mat draw_camera_map(const calib::Camera& camera, const StartPlane& plane, const std::string& title,
+                        const std::vector<camera_tracking::CameraEstimate>& way, const std::vector<camera_tracking::CameraMapPoint>& map) {
   constexpr int width = 1280, height = 960;
   constexpr DrawColor paper{252, 252, 250}, ink{38, 42, 48}, soft{120, 126, 136}, rule{200, 204, 210},
       map_color{40, 90, 160}, way_color{30, 140, 70}, coasting_color{232, 130, 0};
@@ -315,8 +315,8 @@ cv::Mat draw_camera_map(const Camera& camera, const StartPlane& plane, const std
   std::size_t poses = 0;
   for (const auto& e : way) poses += e.has_pose() ? 1 : 0;
   canvas.text({36, 76},
-              formatted("%zu frames, %zu with a pose; %zu map points with their 95 %% ellipsoids%s", way.size(), poses,
-                        map.size(), outside > 0 ? formatted(", %zu of them beyond the picture", outside).c_str() : "") +
+              config::formatted("%zu frames, %zu with a pose; %zu map points with their 95 %% ellipsoids%s", way.size(), poses,
+                        map.size(), outside > 0 ? config::formatted(", %zu of them beyond the picture", outside).c_str() : "") +
                   (shows_origin ? "" : "; the world's origin is beyond the picture"),
               10.5, ink);
 
@@ -343,11 +343,11 @@ cv::Mat draw_camera_map(const Camera& camera, const StartPlane& plane, const std
     canvas.disc(at(p), 2.2, color);
   }
 
-  const CameraEstimate* before = nullptr;
+  const camera_tracking::CameraEstimate* before = nullptr;
   for (const auto& e : way) {
     if (e.has_pose() && before != nullptr)
       canvas.line(point(before->world_from_camera.translation), point(e.world_from_camera.translation),
-                  e.state == CameraState::tracking ? way_color : coasting_color, 2.4);
+                  e.state == camera_tracking::CameraState::tracking ? way_color : coasting_color, 2.4);
     before = e.has_pose() ? &e : nullptr;
   }
   // The camera itself, a dozen times on its way.
@@ -355,11 +355,11 @@ cv::Mat draw_camera_map(const Camera& camera, const StartPlane& plane, const std
   const std::size_t every = std::max<std::size_t>(1, way.size() / 12);
   for (std::size_t i = 0; i < way.size(); i += every) {
     if (!way[i].has_pose()) continue;
-    const Rigid3d& pose = way[i].world_from_camera;
+    const calib::Rigid3d& pose = way[i].world_from_camera;
     std::vector<cv::Point2d> front;
     for (const auto& [u, v] : {std::pair{0, 0}, {1, 0}, {1, 1}, {0, 1}}) {
       const auto ray =
-          camera.model.ray(RawPixel{{u * (camera.image_size.width - 1.0), v * (camera.image_size.height - 1.0)}});
+          camera.model.ray(calib::RawPixel{{u * (camera.image_size.width - 1.0), v * (camera.image_size.height - 1.0)}});
       if (ray) front.push_back(point(pose * (*ray * reach)));
     }
     const cv::Point2d eye = point(pose.translation);
@@ -372,7 +372,7 @@ cv::Mat draw_camera_map(const Camera& camera, const StartPlane& plane, const std
   const double longest = area.width / 5 / zoom, power = std::pow(10, std::floor(std::log10(longest)));
   const double bar = (longest >= 5 * power ? 5 : longest >= 2 * power ? 2 : 1) * power;
   canvas.line({60, height - 34.0}, {60 + bar * zoom, height - 34.0}, ink, 2);
-  canvas.text({60 + bar * zoom + 10, height - 30.0}, bar < 1 ? formatted("%g cm", bar * 100) : formatted("%g m", bar),
+  canvas.text({60 + bar * zoom + 10, height - 30.0}, bar < 1 ? config::formatted("%g cm", bar * 100) : config::formatted("%g m", bar),
               10, ink);
   double x = width - 36;
   for (const auto& [text, color] : {std::pair{"coasting", coasting_color},
@@ -388,7 +388,7 @@ cv::Mat draw_camera_map(const Camera& camera, const StartPlane& plane, const std
   return canvas.finished();
 }
 
-CameraPictureWriter::CameraPictureWriter(const ServiceConfig& config, std::filesystem::path folder)
+CameraPictureWriter::CameraPictureWriter(const config::ServiceConfig& config, std::filesystem::path folder)
     : camera_(config.rig.cameras.at(std::size_t(config.rig.index_of(config.camera_tracking.camera).value()))),
       plane_(start_plane(config.camera_tracking)),
       folder_(std::move(folder)) {
@@ -398,12 +398,12 @@ CameraPictureWriter::CameraPictureWriter(const ServiceConfig& config, std::files
 }
 
 void CameraPictureWriter::write(const CameraPictureJob& job) {
-  save(formatted("camera_%06llu.png", static_cast<unsigned long long>(job.estimate.frame_number)),
+  save(config::formatted("camera_%06llu.png", static_cast<unsigned long long>(job.estimate.frame_number)),
        draw_camera(camera_, plane_, job));
 }
 
-void CameraPictureWriter::finish(const std::string& title, const std::vector<CameraEstimate>& way,
-                                 const std::vector<CameraMapPoint>& map) {
+void CameraPictureWriter::finish(const std::string& title, const std::vector<camera_tracking::CameraEstimate>& way,
+                                 const std::vector<camera_tracking::CameraMapPoint>& map) {
   save("camera_3d.png", draw_camera_map(camera_, plane_, title, way, map));
 }
 
@@ -419,4 +419,4 @@ void CameraPictureWriter::save(const std::string& name, const cv::Mat& picture) 
   ++written_;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::pictures

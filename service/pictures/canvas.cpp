@@ -5,7 +5,7 @@
 #include <opencv2/imgproc.hpp>
 #include <vector>
 
-namespace huetrack {
+namespace huetrack::pictures {
 namespace {
 
 constexpr int font = cv::FONT_HERSHEY_SIMPLEX;
@@ -133,4 +133,4 @@ cv::Mat Canvas::finished() const {
   return small;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::pictures

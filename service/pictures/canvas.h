@@ -7,7 +7,7 @@
 #include <span>
 #include <string>
 
-namespace huetrack {
+namespace huetrack::pictures {
 
 struct DrawColor {
   int r = 0, g = 0, b = 0;
@@ -49,4 +49,4 @@ class Canvas {
   cv::Mat pixels_;
 };
 
-}  // namespace huetrack
+}  // namespace huetrack::pictures

@@ -9,21 +9,21 @@
 #include "capture/frame_source.h"
 #include "object_tracking/object_estimate.h"
 
-namespace huetrack {
+namespace huetrack::pictures {
 
 // What a picture of one set needs. A plain value; images are shared, not copied.
 struct PictureJob {
-  FrameSet set;
-  std::vector<ObjectEstimate> estimates;                // per target
+  capture::FrameSet set;
+  std::vector<object_tracking::ObjectEstimate> estimates;                // per target
   std::vector<std::vector<Eigen::Vector3f>> particles;  // per target
 };
 
 // The same of one frame of a tracked camera.
 struct CameraPictureJob {
-  Frame frame;
-  CameraEstimate estimate;
-  CameraTrackerView view;
-  std::vector<CameraMapPoint> start_map;  // in the frame of the start, where no feature is sought yet
+  capture::Frame frame;
+  camera_tracking::CameraEstimate estimate;
+  camera_tracking::CameraTrackerView view;
+  std::vector<camera_tracking::CameraMapPoint> start_map;  // in the frame of the start, where no feature is sought yet
 };
 
-}  // namespace huetrack
+}  // namespace huetrack::pictures

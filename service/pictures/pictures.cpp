@@ -9,26 +9,26 @@
 
 #include "config/formatted.h"
 
-namespace huetrack {
+namespace huetrack::pictures {
 namespace {
 
 constexpr DrawColor black{0, 0, 0}, white{255, 255, 255};
 constexpr double chi2_2_95 = 5.991;  // 95 % quantile of chi-squared with 2 degrees of freedom
 
-double middle_hue_deg(const HsiRange& color) {
+double middle_hue_deg(const object_tracking::HsiRange& color) {
   const double width = color.hue_max_deg - color.hue_min_deg;
   return std::fmod(color.hue_min_deg + (width < 0 ? width + 360 : width) / 2, 360);
 }
 
-DrawColor state_color(TrackState state) {
+DrawColor state_color(object_tracking::TrackState state) {
   switch (state) {
-    case TrackState::tracking:
+    case object_tracking::TrackState::tracking:
       return {90, 220, 120};
-    case TrackState::coasting:
+    case object_tracking::TrackState::coasting:
       return {255, 176, 40};
-    case TrackState::searching:
+    case object_tracking::TrackState::searching:
       return {150, 190, 255};
-    case TrackState::lost:
+    case object_tracking::TrackState::lost:
       return {255, 96, 88};
   }
   return white;
@@ -46,12 +46,12 @@ struct ViewFrame {     // how a camera's pixels lie on a canvas
 };
 
 // Of the target's outline, by its distance; both axes of the lens taken as one.
-double outline_radius_px(const Camera& camera, const Eigen::Vector3d& p_world, double radius_m) {
+double outline_radius_px(const calib::Camera& camera, const Eigen::Vector3d& p_world, double radius_m) {
   return radius_m / (camera.cam_from_world * p_world).norm() * 0.5 * (camera.model.fx() + camera.model.fy());
 }
 
 // The target's outline where it is thought to be.
-void draw_outline(Canvas& canvas, const Camera& camera, const ViewFrame& frame, const Eigen::Vector3d& position,
+void draw_outline(Canvas& canvas, const calib::Camera& camera, const ViewFrame& frame, const Eigen::Vector3d& position,
                   double radius_m, DrawColor color) {
   const auto pixel = camera.project_world(position);
   if (!pixel || !camera.contains(*pixel)) return;
@@ -61,8 +61,8 @@ void draw_outline(Canvas& canvas, const Camera& camera, const ViewFrame& frame, 
 }
 
 // The 95 % ellipse of where its centre is.
-void draw_ellipse(Canvas& canvas, const Camera& camera, const ViewFrame& frame, const ObjectEstimate& estimate) {
-  CameraModel::Jacobian px_per_cam;
+void draw_ellipse(Canvas& canvas, const calib::Camera& camera, const ViewFrame& frame, const object_tracking::ObjectEstimate& estimate) {
+  calib::CameraModel::Jacobian px_per_cam;
   const auto pixel = camera.model.project(camera.cam_from_world * estimate.position, px_per_cam);
   if (!pixel || !camera.contains(*pixel)) return;
   const Eigen::Matrix<double, 2, 3> px_per_world = px_per_cam * camera.cam_from_world.rotation.toRotationMatrix();
@@ -80,7 +80,7 @@ void draw_ellipse(Canvas& canvas, const Camera& camera, const ViewFrame& frame, 
 }
 
 // The image with everything that is drawn into it, at any magnification.
-void draw_view(Canvas& canvas, const ServiceConfig& config, const PictureJob& job, const Camera& camera,
+void draw_view(Canvas& canvas, const config::ServiceConfig& config, const PictureJob& job, const calib::Camera& camera,
                const cv::Mat& image, const ViewFrame& frame, double dot_radius) {
   if (!image.empty()) canvas.image(frame.origin, image, frame.zoom);
   for (std::size_t t = 0; t < config.targets.size(); ++t) {
@@ -90,7 +90,7 @@ void draw_view(Canvas& canvas, const ServiceConfig& config, const PictureJob& jo
       const auto pixel = camera.project_world(particle.cast<double>());
       if (pixel && camera.contains(*pixel)) dots.push_back(frame(pixel->px));
     }
-    const ObjectEstimate& estimate = job.estimates[t];
+    const object_tracking::ObjectEstimate& estimate = job.estimates[t];
     if (estimate.has_position()) {
       draw_outline(canvas, camera, frame, estimate.position, config.targets[t].radius_m, color);
     }
@@ -101,7 +101,7 @@ void draw_view(Canvas& canvas, const ServiceConfig& config, const PictureJob& jo
 }
 
 // Magnified squares around the targets, along the edge of the view that they are farther from.
-void draw_magnifiers(Canvas& view, const ServiceConfig& config, const PictureJob& job, const Camera& camera,
+void draw_magnifiers(Canvas& view, const config::ServiceConfig& config, const PictureJob& job, const calib::Camera& camera,
                      const cv::Mat& image) {
   constexpr double side = 168, gap = 10;
   std::vector<std::pair<std::size_t, Eigen::Vector2d>> seen;  // target, where
@@ -136,18 +136,18 @@ void draw_magnifiers(Canvas& view, const ServiceConfig& config, const PictureJob
 
 }  // namespace
 
-cv::Mat bgr_of(const Image& image) {
+cv::Mat bgr_of(const capture::Image& image) {
   cv::Mat out(image.height, image.width, CV_8UC3);
-  const bool full = image.range == ColorRange::full;
+  const bool full = image.range == capture::ColorRange::full;
   const double luma = full ? 1.0 : 255.0 / 219, chroma = full ? 1.0 : 255.0 / 224, foot = full ? 0 : 16;
   for (int v = 0; v < image.height; ++v) {
     auto* row = out.ptr<cv::Vec3b>(v);
     for (int u = 0; u < image.width; ++u) {
-      if (image.format == PixelFormat::bgr) {
-        const Bgr p = bgr_at(image, u, v);
+      if (image.format == capture::PixelFormat::bgr) {
+        const capture::Bgr p = capture::bgr_at(image, u, v);
         row[u] = {p.b, p.g, p.r};
       } else {
-        const Yuv p = yuv_at(image, u, v);
+        const capture::Yuv p = capture::yuv_at(image, u, v);
         const double y = luma * (p.y - foot), cb = chroma * (p.u - 128), cr = chroma * (p.v - 128);
         row[u] = {cv::saturate_cast<uchar>(y + 1.772 * cb), cv::saturate_cast<uchar>(y - 0.344136 * cb - 0.714136 * cr),
                   cv::saturate_cast<uchar>(y + 1.402 * cr)};
@@ -157,7 +157,7 @@ cv::Mat bgr_of(const Image& image) {
   return out;
 }
 
-cv::Mat draw_views(const ServiceConfig& config, const PictureJob& job) {
+cv::Mat draw_views(const config::ServiceConfig& config, const PictureJob& job) {
   constexpr int margin = 14, title_height = 44, name_height = 30, row_height = 30;
   constexpr double view_width = 760, view_height = 620;
   constexpr DrawColor background{24, 26, 30}, faint{150, 156, 166}, bright{238, 240, 244};
@@ -181,12 +181,12 @@ cv::Mat draw_views(const ServiceConfig& config, const PictureJob& job) {
   const int height =
       int(std::ceil(title_height + rows * (cell_height + margin) + double(targets) * row_height + margin));
   Canvas canvas(width, height, background);
-  canvas.text({margin, 29}, formatted("frame set %llu", static_cast<unsigned long long>(job.set.number)), 13, bright,
+  canvas.text({margin, 29}, config::formatted("frame set %llu", static_cast<unsigned long long>(job.set.number)), 13, bright,
               Align::left, true);
-  canvas.text({width - double(margin), 29}, formatted("t = %.3f s", seconds(job.set.at)), 13, bright, Align::right);
+  canvas.text({width - double(margin), 29}, config::formatted("t = %.3f s", capture::seconds(job.set.at)), 13, bright, Align::right);
 
   for (std::size_t c = 0; c < cameras.size(); ++c) {
-    const Camera& camera = cameras[c];
+    const calib::Camera& camera = cameras[c];
     const cv::Rect2d area(margin + double(int(c) % columns) * (cell_width + margin),
                           title_height + double(int(c) / columns) * (cell_height + margin) + name_height,
                           camera.image_size.width * zoom, camera.image_size.height * zoom);
@@ -211,14 +211,14 @@ cv::Mat draw_views(const ServiceConfig& config, const PictureJob& job) {
 
   double y = height - margin - double(targets) * row_height + 20;
   for (std::size_t t = 0; t < targets; ++t, y += row_height) {
-    const ObjectEstimate& e = job.estimates[t];
+    const object_tracking::ObjectEstimate& e = job.estimates[t];
     canvas.disc({margin + 8.0, y - 5}, 7, color_of_hue(middle_hue_deg(config.targets[t].color), 0.75, 1));
     canvas.text({margin + 24.0, y}, config.targets[t].name, 11, bright, Align::left, true);
-    canvas.text({margin + 130.0, y}, std::string(name(e.state)), 11, state_color(e.state), Align::left, true);
-    std::string details = formatted("%d particles, %d of %zu views", e.particle_count, e.views, cameras.size());
+    canvas.text({margin + 130.0, y}, std::string(object_tracking::name(e.state)), 11, state_color(e.state), Align::left, true);
+    std::string details = config::formatted("%d particles, %d of %zu views", e.particle_count, e.views, cameras.size());
     if (e.has_position()) {
       const double sigma_mm = 1e3 * std::sqrt(std::max(0.0, e.covariance.trace()));
-      details = formatted("x %+.3f  y %+.3f  z %+.3f m   +/- %.1f mm   speed %.2f m/s   ", e.position.x(), e.position.y(),
+      details = config::formatted("x %+.3f  y %+.3f  z %+.3f m   +/- %.1f mm   speed %.2f m/s   ", e.position.x(), e.position.y(),
                        e.position.z(), sigma_mm, e.velocity.norm()) +
                 details;
     }
@@ -236,7 +236,7 @@ constexpr DrawColor paper{252, 252, 250}, ink{38, 42, 48}, soft{120, 126, 136}, 
     rule{190, 194, 200};
 constexpr DrawColor truth_color{70, 76, 86}, coasting_color{232, 130, 0}, bad_color{206, 44, 44};
 
-DrawColor track_color(const TargetOptions& target) {
+DrawColor track_color(const object_tracking::TargetOptions& target) {
   return color_of_hue(middle_hue_deg(target.color), 0.85, 0.72);
 }
 
@@ -251,7 +251,7 @@ double nice_step(double range, int most) {
 
 std::string tick_label(double value, double step) {
   const int decimals = std::max(0, int(std::ceil(-std::log10(step) - 1e-9)));
-  return formatted("%.*f", decimals, std::abs(value) < step / 2 ? 0.0 : value);
+  return config::formatted("%.*f", decimals, std::abs(value) < step / 2 ? 0.0 : value);
 }
 
 // A rectangle of the picture with linear axes.
@@ -316,19 +316,19 @@ struct Oblique {
 
 // The track as runs of one state that has a position.
 template <typename F>
-void for_each_piece(const std::vector<ObjectEstimate>& track, F&& f) {
+void for_each_piece(const std::vector<object_tracking::ObjectEstimate>& track, F&& f) {
   for (std::size_t i = 1; i < track.size(); ++i) {
     if (track[i - 1].has_position() && track[i].has_position()) f(track[i - 1], track[i]);
   }
 }
 
-DrawColor piece_color(const ObjectEstimate& to, DrawColor tracking) {
-  return to.state == TrackState::tracking ? tracking : coasting_color;
+DrawColor piece_color(const object_tracking::ObjectEstimate& to, DrawColor tracking) {
+  return to.state == object_tracking::TrackState::tracking ? tracking : coasting_color;
 }
 
-void draw_world(Canvas& canvas, const ServiceConfig& config, const std::vector<std::vector<ObjectEstimate>>& tracks,
-                const Truth* truth, cv::Rect2d area) {
-  const Box& box = config.object_tracking.volume;
+void draw_world(Canvas& canvas, const config::ServiceConfig& config, const std::vector<std::vector<object_tracking::ObjectEstimate>>& tracks,
+                const tracks::Truth* truth, cv::Rect2d area) {
+  const object_tracking::Box& box = config.object_tracking.volume;
   // From the side where no camera stands before the volume: opposite to where the cameras are, turned a little so that
   // neither horizontal axis is seen end on.
   Eigen::Vector3d cameras_at = Eigen::Vector3d::Zero();
@@ -338,13 +338,13 @@ void draw_world(Canvas& canvas, const ServiceConfig& config, const std::vector<s
   Oblique view = Oblique::from(azimuth_deg, 24);
 
   constexpr double frustum_m = 0.32;
-  const auto frustum = [&](const Camera& camera) {
+  const auto frustum = [&](const calib::Camera& camera) {
     std::vector<Eigen::Vector3d> corners;
-    const Rigid3d world_from_cam = inverse(camera.cam_from_world);
+    const calib::Rigid3d world_from_cam = calib::inverse(camera.cam_from_world);
     const double w = camera.image_size.width - 0.5, h = camera.image_size.height - 0.5;
     for (const auto& px :
          {Eigen::Vector2d(-0.5, -0.5), Eigen::Vector2d(w, -0.5), Eigen::Vector2d(w, h), Eigen::Vector2d(-0.5, h)}) {
-      if (const auto ray = camera.model.ray(RawPixel{px})) {
+      if (const auto ray = camera.model.ray(calib::RawPixel{px})) {
         const double depth = std::max(ray->z(), 0.2);
         corners.push_back(world_from_cam * (*ray * (frustum_m / depth)));
       }
@@ -443,9 +443,9 @@ void draw_world(Canvas& canvas, const ServiceConfig& config, const std::vector<s
           canvas.line(view(it->second[i - 1].position), view(it->second[i].position), truth_color, 0.9);
       }
     }
-    const auto first = std::ranges::find_if(tracks[t], &ObjectEstimate::has_position);
+    const auto first = std::ranges::find_if(tracks[t], &object_tracking::ObjectEstimate::has_position);
     if (first == tracks[t].end()) continue;
-    const auto last = std::ranges::find_if(tracks[t].rbegin(), tracks[t].rend(), &ObjectEstimate::has_position);
+    const auto last = std::ranges::find_if(tracks[t].rbegin(), tracks[t].rend(), &object_tracking::ObjectEstimate::has_position);
     canvas.disc(view(first->position), 5.5, color);
     canvas.disc(view(first->position), 3.2, white);
     canvas.disc(view(last->position), 5.5, color);
@@ -456,8 +456,8 @@ void draw_world(Canvas& canvas, const ServiceConfig& config, const std::vector<s
 
 }  // namespace
 
-cv::Mat draw_track_3d(const ServiceConfig& config, const std::string& title,
-                      const std::vector<std::vector<ObjectEstimate>>& tracks, const Truth* truth) {
+cv::Mat draw_track_3d(const config::ServiceConfig& config, const std::string& title,
+                      const std::vector<std::vector<object_tracking::ObjectEstimate>>& tracks, const tracks::Truth* truth) {
   constexpr int width = 1760, height = 1120;
   Canvas canvas(width, height, paper);
   canvas.text({36, 50}, title, 17, ink, Align::left, true);
@@ -469,24 +469,24 @@ cv::Mat draw_track_3d(const ServiceConfig& config, const std::string& title,
   double t_min = 1e300, t_max = -1e300;
   for (std::size_t i = 0; i < tracks.size(); ++i, y += 26) {
     std::size_t tracking = 0, coasting = 0;
-    std::optional<TruthComparison> comparison;
+    std::optional<tracks::TruthComparison> comparison;
     if (truth != nullptr && truth->targets().contains(config.targets[i].name))
       comparison.emplace(*truth, config.targets[i].name);
     for (const auto& e : tracks[i]) {
-      t_min = std::min(t_min, seconds(e.at));
-      t_max = std::max(t_max, seconds(e.at));
-      tracking += e.state == TrackState::tracking ? 1 : 0;
-      coasting += e.state == TrackState::coasting ? 1 : 0;
+      t_min = std::min(t_min, capture::seconds(e.at));
+      t_max = std::max(t_max, capture::seconds(e.at));
+      tracking += e.state == object_tracking::TrackState::tracking ? 1 : 0;
+      coasting += e.state == object_tracking::TrackState::coasting ? 1 : 0;
       if (!comparison) continue;
-      if (const auto error = comparison->add(e)) errors[i].emplace_back(seconds(e.at), 1e3 * *error);
+      if (const auto error = comparison->add(e)) errors[i].emplace_back(capture::seconds(e.at), 1e3 * *error);
     }
     const double per_cent = tracks[i].empty() ? 0 : 100.0 / double(tracks[i].size());
-    std::string text = formatted("%zu frame sets: tracking %.0f %%, coasting %.0f %%", tracks[i].size(),
+    std::string text = config::formatted("%zu frame sets: tracking %.0f %%, coasting %.0f %%", tracks[i].size(),
                               per_cent * double(tracking), per_cent * double(coasting));
     if (comparison) {
-      const TruthFigures f = comparison->figures();
+      const tracks::TruthFigures f = comparison->figures();
       rms_mm[i] = 1e3 * f.rms_m;
-      text += f.lock_set ? formatted("; locked in set %zu; error after it %.1f mm rms, %.1f mm at most", *f.lock_set,
+      text += f.lock_set ? config::formatted("; locked in set %zu; error after it %.1f mm rms, %.1f mm at most", *f.lock_set,
                                   1e3 * f.rms_m, 1e3 * f.max_m)
                          : "; never near the truth";
     }
@@ -505,7 +505,7 @@ cv::Mat draw_track_3d(const ServiceConfig& config, const std::string& title,
     canvas.line({key_x - 34, 46.5}, {key_x - 8, 46.5}, color, stroke);
     key_x -= 54;
   };
-  const auto has_truth = [&](const TargetOptions& target) { return truth->targets().contains(target.name); };
+  const auto has_truth = [&](const object_tracking::TargetOptions& target) { return truth->targets().contains(target.name); };
   if (truth != nullptr && std::ranges::any_of(config.targets, has_truth)) key("truth", truth_color, 1);
   key("coasting", coasting_color, 3.5);
   key("tracking: the target's colour", track_color(config.targets.front()), 3.5);
@@ -514,7 +514,7 @@ cv::Mat draw_track_3d(const ServiceConfig& config, const std::string& title,
   draw_world(canvas, config, tracks, truth, {36, top, 1060, height - top - 20});
 
   const double left = 1180, right = width - 36, plot_width = right - left;
-  const Box& box = config.object_tracking.volume;
+  const object_tracking::Box& box = config.object_tracking.volume;
   const bool has_error = std::ranges::any_of(errors, [](const auto& e) { return !e.empty(); });
   const double error_height = has_error ? 210 : 0;
   const double coordinate_height = (height - top - 70 - error_height - (has_error ? 66 : 0)) / 3 - 34;
@@ -526,8 +526,8 @@ cv::Mat draw_track_3d(const ServiceConfig& config, const std::string& title,
     for (std::size_t i = 0; i < tracks.size(); ++i) {
       const DrawColor color = track_color(config.targets[i]);
       for_each_piece(tracks[i], [&](const auto& a, const auto& b) {
-        canvas.line(plot(seconds(a.at), std::clamp(a.position[axis], plot.y_min, plot.y_max)),
-                    plot(seconds(b.at), std::clamp(b.position[axis], plot.y_min, plot.y_max)), piece_color(b, color),
+        canvas.line(plot(capture::seconds(a.at), std::clamp(a.position[axis], plot.y_min, plot.y_max)),
+                    plot(capture::seconds(b.at), std::clamp(b.position[axis], plot.y_min, plot.y_max)), piece_color(b, color),
                     2.6);
       });
       if (truth == nullptr) continue;
@@ -535,9 +535,9 @@ cv::Mat draw_track_3d(const ServiceConfig& config, const std::string& title,
       if (it == truth->targets().end()) continue;
       for (std::size_t k = 1; k < it->second.size(); ++k) {
         const auto &a = it->second[k - 1], &b = it->second[k];
-        if (seconds(a.at) < t_min || seconds(b.at) > t_max + 1e-3) continue;
-        canvas.line(plot(seconds(a.at), std::clamp(a.position[axis], plot.y_min, plot.y_max)),
-                    plot(std::min(t_max, seconds(b.at)), std::clamp(b.position[axis], plot.y_min, plot.y_max)),
+        if (capture::seconds(a.at) < t_min || capture::seconds(b.at) > t_max + 1e-3) continue;
+        canvas.line(plot(capture::seconds(a.at), std::clamp(a.position[axis], plot.y_min, plot.y_max)),
+                    plot(std::min(t_max, capture::seconds(b.at)), std::clamp(b.position[axis], plot.y_min, plot.y_max)),
                     truth_color, 0.9);
       }
     }
@@ -569,17 +569,17 @@ cv::Mat draw_track_3d(const ServiceConfig& config, const std::string& title,
     for (std::size_t i = 0; i < errors.size(); ++i) {
       if (!(rms_mm[i] > 0 && rms_mm[i] < high)) continue;
       canvas.dashed(plot(t_min, rms_mm[i]), plot(t_max, rms_mm[i]), ink, 1.1);
-      canvas.rimmed_text(plot(t_max, rms_mm[i]) + cv::Point2d(-6 - 90.0 * double(i), -6), formatted("rms %.1f", rms_mm[i]),
+      canvas.rimmed_text(plot(t_max, rms_mm[i]) + cv::Point2d(-6 - 90.0 * double(i), -6), config::formatted("rms %.1f", rms_mm[i]),
                          9, ink, white, Align::right);
     }
     if (all.back() > high)
-      canvas.text({right, at_y - 9}, formatted("red: beyond the scale, up to %.0f mm", all.back()), 8.5, bad_color,
+      canvas.text({right, at_y - 9}, config::formatted("red: beyond the scale, up to %.0f mm", all.back()), 8.5, bad_color,
                   Align::right);
   }
   return canvas.finished();
 }
 
-PictureWriter::PictureWriter(const ServiceConfig& config, std::filesystem::path folder)
+PictureWriter::PictureWriter(const config::ServiceConfig& config, std::filesystem::path folder)
     : config_(config), folder_(std::move(folder)) {
   std::error_code error;
   std::filesystem::create_directories(folder_, error);
@@ -587,7 +587,7 @@ PictureWriter::PictureWriter(const ServiceConfig& config, std::filesystem::path 
 }
 
 void PictureWriter::write(const PictureJob& job) {
-  write(formatted("set_%06llu.png", static_cast<unsigned long long>(job.set.number)), draw_views(config_, job));
+  write(config::formatted("set_%06llu.png", static_cast<unsigned long long>(job.set.number)), draw_views(config_, job));
   ++written_;
 }
 
@@ -603,4 +603,4 @@ void PictureWriter::write(const std::string& file_name, const cv::Mat& picture) 
   if (!written) throw std::runtime_error("cannot write " + file.string() + why);
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::pictures

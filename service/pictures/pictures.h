@@ -13,27 +13,27 @@
 #include "config/service_config.h"
 #include "tracks/truth.h"
 
-namespace huetrack {
+namespace huetrack::pictures {
 
 // The whole image in 8-bit BGR (BT.601).
-cv::Mat bgr_of(const Image& image);
+cv::Mat bgr_of(const capture::Image& image);
 
 // All views side by side: particles in the target's colour, the estimate with the outline of the target and the 95 %
 // ellipse of its position.
-cv::Mat draw_views(const ServiceConfig& config, const PictureJob& job);
+cv::Mat draw_views(const config::ServiceConfig& config, const PictureJob& job);
 
 // The tracks over everything else: a 3-D view with the cameras and the volume, a plan, the coordinates over time, and
 // the error against the truth where there is one.
 //   title    the headline
 //   tracks   per target (in the order of config.targets), the estimates in time order
-cv::Mat draw_track_3d(const ServiceConfig& config, const std::string& title,
-                      const std::vector<std::vector<ObjectEstimate>>& tracks, const Truth* truth);
+cv::Mat draw_track_3d(const config::ServiceConfig& config, const std::string& title,
+                      const std::vector<std::vector<object_tracking::ObjectEstimate>>& tracks, const tracks::Truth* truth);
 
 // thread-compatible.
 class PictureWriter {
  public:
   // Makes the folder if needed. throws std::runtime_error, naming it
-  PictureWriter(const ServiceConfig& config, std::filesystem::path folder);
+  PictureWriter(const config::ServiceConfig& config, std::filesystem::path folder);
 
   void write(const PictureJob& job);                                       // <folder>/set_<number>.png
   void write(const std::string& file_name, const cv::Mat& picture) const;  // throws std::runtime_error, naming the file
@@ -41,9 +41,9 @@ class PictureWriter {
   std::size_t written() const { return written_; }
 
  private:
-  const ServiceConfig& config_;
+  const config::ServiceConfig& config_;
   std::filesystem::path folder_;
   std::size_t written_ = 0;
 };
 
-}  // namespace huetrack
+}  // namespace huetrack::pictures

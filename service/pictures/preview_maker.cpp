@@ -8,14 +8,14 @@
 #include "calib/model/rig_yaml.h"
 #include "capture/jpeg_encoder.h"
 
-namespace huetrack {
+namespace huetrack::pictures {
 namespace {
 
 constexpr double chi2_95_in_2d = 5.991;
 constexpr float none = std::numeric_limits<float>::quiet_NaN();
 
 // A colour to draw a target with: the middle of its hues, bright and strong enough to be seen on any picture.
-std::array<float, 3> drawing_rgb(const HsiRange& range) {
+std::array<float, 3> drawing_rgb(const object_tracking::HsiRange& range) {
   const double to = range.hue_max_deg < range.hue_min_deg ? range.hue_max_deg + 360 : range.hue_max_deg;
   const double hue = std::fmod((range.hue_min_deg + to) / 2, 360) / 60;
   constexpr double value = 0.95, saturation = 0.8;
@@ -27,7 +27,7 @@ std::array<float, 3> drawing_rgb(const HsiRange& range) {
   return rgb;
 }
 
-msg::PreviewTarget drawn(const Camera& camera, const std::string& name, double radius_m, const ObjectEstimate& estimate,
+msg::PreviewTarget drawn(const calib::Camera& camera, const std::string& name, double radius_m, const object_tracking::ObjectEstimate& estimate,
                          std::span<const Eigen::Vector3f> particles, int most_particles) {
   msg::PreviewTarget out;
   out.target(name);
@@ -54,12 +54,12 @@ msg::PreviewTarget drawn(const Camera& camera, const std::string& name, double r
 
 }  // namespace
 
-std::array<float, 3> projected_ellipse(const Camera& camera, const Eigen::Vector3d& position,
+std::array<float, 3> projected_ellipse(const calib::Camera& camera, const Eigen::Vector3d& position,
                                        const Eigen::Matrix3d& covariance) {
-  CameraModel::Jacobian px_per_cam;
+  calib::CameraModel::Jacobian px_per_cam;
   if (!camera.model.project(camera.cam_from_world * position, px_per_cam) || !covariance.allFinite())
     return {none, none, none};
-  const CameraModel::Jacobian px_per_world = px_per_cam * camera.cam_from_world.rotation.toRotationMatrix();
+  const calib::CameraModel::Jacobian px_per_world = px_per_cam * camera.cam_from_world.rotation.toRotationMatrix();
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> axes(px_per_world * covariance * px_per_world.transpose());
   const Eigen::Vector2d half = (axes.eigenvalues().cwiseMax(0) * chi2_95_in_2d).cwiseSqrt();
   const Eigen::Vector2d major = axes.eigenvectors().col(1);
@@ -67,22 +67,22 @@ std::array<float, 3> projected_ellipse(const Camera& camera, const Eigen::Vector
           static_cast<float>(std::atan2(major.y(), major.x()))};
 }
 
-std::vector<msg::Preview> make_previews(const ServiceConfig& config, const PictureJob& job, Duration clock_offset) {
+std::vector<msg::Preview> make_previews(const config::ServiceConfig& config, const PictureJob& job, capture::Duration clock_offset) {
   std::vector<msg::Preview> previews;
   for (std::size_t c = 0; c < job.set.frames.size(); ++c) {
     const auto& frame = job.set.frames[c];
-    const Camera& camera = config.rig.cameras[c];
-    if (!frame || frame->status != FrameStatus::ok || frame->pixels.width != camera.image_size.width) continue;
+    const calib::Camera& camera = config.rig.cameras[c];
+    if (!frame || frame->status != capture::FrameStatus::ok || frame->pixels.width != camera.image_size.width) continue;
     msg::Preview& preview = previews.emplace_back();
     preview.camera(camera.name);
     preview.captured_at((frame->captured_at + clock_offset).time_since_epoch().count());
     preview.set_number(job.set.number);
     preview.image_width(std::uint32_t(frame->pixels.width));
     preview.image_height(std::uint32_t(frame->pixels.height));
-    const PictureSize size = picture_size(frame->pixels, config.preview.width);
+    const capture::PictureSize size = capture::picture_size(frame->pixels, config.preview.width);
     preview.width(std::uint32_t(size.width));
     preview.height(std::uint32_t(size.height));
-    preview.jpeg(encode_picture(frame->pixels, size, config.preview.quality));
+    preview.jpeg(capture::encode_picture(frame->pixels, size, config.preview.quality));
     for (std::size_t t = 0; t < job.estimates.size(); ++t)
       preview.targets().push_back(drawn(camera, config.targets[t].name, config.targets[t].radius_m, job.estimates[t],
                                         job.particles[t], config.preview.particles));
@@ -90,17 +90,17 @@ std::vector<msg::Preview> make_previews(const ServiceConfig& config, const Pictu
   return previews;
 }
 
-msg::Scene make_scene(const ServiceConfig& config, bool may_teach, const std::string& why_not) {
+msg::Scene make_scene(const config::ServiceConfig& config, bool may_teach, const std::string& why_not) {
   msg::Scene scene;
   scene.at(std::chrono::duration_cast<std::chrono::nanoseconds>(std::chrono::system_clock::now().time_since_epoch())
                .count());
-  scene.rig_identity(rig_identity(config.rig));
-  const Box& volume = config.object_tracking.volume;
+  scene.rig_identity(calib::rig_identity(config.rig));
+  const object_tracking::Box& volume = config.object_tracking.volume;
   for (std::size_t i = 0; i < 3; ++i) {
     scene.volume_min()[i] = volume.min[Eigen::Index(i)];
     scene.volume_max()[i] = volume.max[Eigen::Index(i)];
   }
-  for (const Camera& camera : config.rig.cameras) {
+  for (const calib::Camera& camera : config.rig.cameras) {
     msg::SceneCamera& out = scene.cameras().emplace_back();
     out.name(camera.name);
     out.width(std::uint32_t(camera.image_size.width));
@@ -109,7 +109,7 @@ msg::Scene make_scene(const ServiceConfig& config, bool may_teach, const std::st
     out.intrinsics({camera.model.fx(), camera.model.fy(), camera.model.cx(), camera.model.cy()});
     std::visit([&](const auto& lens) { out.distortion().assign(lens.distortion.begin(), lens.distortion.end()); },
                camera.model.lens());
-    const Rigid3d world_from_cam = inverse(camera.cam_from_world);
+    const calib::Rigid3d world_from_cam = calib::inverse(camera.cam_from_world);
     const auto& q = world_from_cam.rotation;
     out.position({world_from_cam.translation.x(), world_from_cam.translation.y(), world_from_cam.translation.z()});
     out.orientation_xyzw({q.x(), q.y(), q.z(), q.w()});
@@ -124,13 +124,13 @@ msg::Scene make_scene(const ServiceConfig& config, bool may_teach, const std::st
       for (const double value : in_world) out.border().push_back(value);
     }
   }
-  for (const TargetOptions& target : config.targets) {
+  for (const object_tracking::TargetOptions& target : config.targets) {
     msg::SceneTarget& out = scene.targets().emplace_back();
     out.name(target.name);
     out.radius_m(target.radius_m);
     out.rgb(drawing_rgb(target.color));
-    for (const Camera& camera : config.rig.cameras) {
-      const HsiRange& range = target.color_in(camera.name);
+    for (const calib::Camera& camera : config.rig.cameras) {
+      const object_tracking::HsiRange& range = target.color_in(camera.name);
       msg::SceneColor& color = out.colors().emplace_back();
       color.camera(camera.name);
       color.hue_deg({range.hue_min_deg, range.hue_max_deg});
@@ -139,7 +139,7 @@ msg::Scene make_scene(const ServiceConfig& config, bool may_teach, const std::st
     }
   }
   for (const auto& [camera, boxes] : config.ignored) {
-    for (const PixelBox& box : boxes) {
+    for (const object_tracking::PixelBox& box : boxes) {
       msg::SceneIgnore& out = scene.ignored().emplace_back();
       out.camera(camera);
       out.box({double(box.u_min), double(box.v_min), double(box.u_max), double(box.v_max)});
@@ -150,4 +150,4 @@ msg::Scene make_scene(const ServiceConfig& config, bool may_teach, const std::st
   return scene;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::pictures

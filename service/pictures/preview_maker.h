@@ -6,19 +6,19 @@
 #include "config/service_config.h"
 #include "idl/huetrack_view.h"
 
-namespace huetrack {
+namespace huetrack::pictures {
 
 // One per camera that gave a usable frame in this set.
 //   job            as the pipeline made it
 //   clock_offset   is added to capture times
-std::vector<msg::Preview> make_previews(const ServiceConfig& config, const PictureJob& job, Duration clock_offset);
+std::vector<msg::Preview> make_previews(const config::ServiceConfig& config, const PictureJob& job, capture::Duration clock_offset);
 
 // Everything but host, pid and frame_id.
-msg::Scene make_scene(const ServiceConfig& config, bool may_teach, const std::string& why_not);
+msg::Scene make_scene(const config::ServiceConfig& config, bool may_teach, const std::string& why_not);
 
 // The 95 % ellipse of a projected covariance: semi-axes (px), angle of the first from u towards v (rad); NaN where the
 // position has no pixel.
-std::array<float, 3> projected_ellipse(const Camera& camera, const Eigen::Vector3d& position,
+std::array<float, 3> projected_ellipse(const calib::Camera& camera, const Eigen::Vector3d& position,
                                        const Eigen::Matrix3d& covariance);
 
-}  // namespace huetrack
+}  // namespace huetrack::pictures

@@ -10,7 +10,7 @@
 #include <stdexcept>
 #include <utility>
 
-namespace huetrack {
+namespace huetrack::pipeline {
 
 // Live: the newest frame matters most. Replay: every frame counts.
 enum class WhenFull { drop_oldest, wait };
@@ -111,4 +111,4 @@ class BoundedQueue {
   bool closed_ = false;      // guarded by mutex_
 };
 
-}  // namespace huetrack
+}  // namespace huetrack::pipeline

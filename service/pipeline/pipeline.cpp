@@ -12,7 +12,7 @@
 
 #include "capture/capture_clock.h"
 
-namespace huetrack {
+namespace huetrack::pipeline {
 namespace {
 
 using Clock = std::chrono::steady_clock;
@@ -20,7 +20,7 @@ using namespace std::chrono_literals;
 
 constexpr auto status_period = 1s;
 
-Duration thread_cpu() {
+capture::Duration thread_cpu() {
   timespec t{};
   clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
   return std::chrono::seconds(t.tv_sec) + std::chrono::nanoseconds(t.tv_nsec);
@@ -32,7 +32,7 @@ class Stopwatch {
 
  private:
   Clock::time_point wall_ = Clock::now();
-  Duration cpu_ = thread_cpu();
+  capture::Duration cpu_ = thread_cpu();
 };
 
 StageTime& operator+=(StageTime& sum, const StageTime& lap) {
@@ -54,7 +54,7 @@ bool sleep_until(Clock::time_point when, const std::stop_token& stop) {
 // Every tracker has its own state and randomness, so who updates it changes nothing.
 class TrackingTeam {
  public:
-  TrackingTeam(std::vector<ObjectTracker>& trackers, int threads)
+  TrackingTeam(std::vector<object_tracking::ObjectTracker>& trackers, int threads)
       : trackers_(trackers),
         helpers_(std::max(0, std::min<int>(threads, int(trackers.size())) - 1)),
         start_(helpers_ + 1),
@@ -79,7 +79,7 @@ class TrackingTeam {
   TrackingTeam(const TrackingTeam&) = delete;
   TrackingTeam& operator=(const TrackingTeam&) = delete;
 
-  StageTime update(const FrameSet& set, std::vector<ObjectEstimate>& estimates) {
+  StageTime update(const capture::FrameSet& set, std::vector<object_tracking::ObjectEstimate>& estimates) {
     const Stopwatch watch;
     set_ = &set;
     estimates_ = &estimates;
@@ -89,7 +89,7 @@ class TrackingTeam {
     work();
     if (helpers_ > 0) done_.arrive_and_wait();
     StageTime lap = watch.lap();
-    lap.cpu += Duration(helpers_cpu_ns_);
+    lap.cpu += capture::Duration(helpers_cpu_ns_);
     return lap;
   }
 
@@ -98,11 +98,11 @@ class TrackingTeam {
     for (std::size_t i = next_++; i < trackers_.size(); i = next_++) (*estimates_)[i] = trackers_[i].update(*set_);
   }
 
-  std::vector<ObjectTracker>& trackers_;
+  std::vector<object_tracking::ObjectTracker>& trackers_;
   const int helpers_;
   std::barrier<> start_, done_;    // what follows is handed over through them
-  const FrameSet* set_ = nullptr;  // nullptr at start_: the end
-  std::vector<ObjectEstimate>* estimates_ = nullptr;
+  const capture::FrameSet* set_ = nullptr;  // nullptr at start_: the end
+  std::vector<object_tracking::ObjectEstimate>* estimates_ = nullptr;
   std::atomic<std::size_t> next_ = 0;
   std::atomic<std::int64_t> helpers_cpu_ns_ = 0;
   std::vector<std::jthread> threads_;  // last: joined before the rest goes
@@ -110,8 +110,8 @@ class TrackingTeam {
 
 }  // namespace
 
-Pipeline::Pipeline(const CameraRig& rig, std::vector<std::unique_ptr<FrameSource>> sources,
-                   std::vector<ObjectTracker> trackers, PipelineOptions options, PipelineOutputs outputs)
+Pipeline::Pipeline(const calib::CameraRig& rig, std::vector<std::unique_ptr<capture::FrameSource>> sources,
+                   std::vector<object_tracking::ObjectTracker> trackers, PipelineOptions options, PipelineOutputs outputs)
     : rig_(rig),
       sources_(std::move(sources)),
       trackers_(std::move(trackers)),
@@ -152,7 +152,7 @@ void Pipeline::run(std::stop_token stop) {
   }  // joined: no more frames, whether stopped or at the end
   {
     const std::scoped_lock lock(synchronizer_mutex_);
-    while (auto set = synchronizer_.flush()) put_in_queue({std::move(*set), unix_now()});
+    while (auto set = synchronizer_.flush()) put_in_queue({std::move(*set), capture::unix_now()});
     const std::scoped_lock figures_lock(figures_mutex_);
     figures_.frame_sets = synchronizer_.counters();
   }
@@ -198,7 +198,7 @@ void Pipeline::guarded(F&& thread_body) {
   }
 }
 
-void Pipeline::capture(FrameSource& source, std::stop_token stop) {
+void Pipeline::capture(capture::FrameSource& source, std::stop_token stop) {
   std::vector<bool> mine(rig_.cameras.size(), false);
   for (;;) {
     const Stopwatch watch;
@@ -212,7 +212,7 @@ void Pipeline::capture(FrameSource& source, std::stop_token stop) {
     if (!frame) break;
     mine.at(std::size_t(frame->camera)) = true;
     if (options_.pace) {
-      const Duration delay{options_.pace->delay_ns != nullptr ? options_.pace->delay_ns->load() : 0};
+      const capture::Duration delay{options_.pace->delay_ns != nullptr ? options_.pace->delay_ns->load() : 0};
       if (!sleep_until(options_.pace->start + delay + (frame->captured_at - options_.pace->first), stop)) break;
     }
     receive(std::move(*frame));
@@ -221,13 +221,13 @@ void Pipeline::capture(FrameSource& source, std::stop_token stop) {
   for (std::size_t c = 0; c < mine.size(); ++c) figures_.cameras[c].ended |= mine[c];
 }
 
-void Pipeline::receive(Frame frame) {
+void Pipeline::receive(capture::Frame frame) {
   const auto camera = std::size_t(frame.camera);
-  const Timestamp received_at = unix_now();
+  const capture::Timestamp received_at = capture::unix_now();
   {
     const std::scoped_lock lock(figures_mutex_);
     CameraFigures& figures = figures_.cameras[camera];
-    const bool is_sound = frame.status == FrameStatus::ok;
+    const bool is_sound = frame.status == capture::FrameStatus::ok;
     ++(is_sound ? figures.frames : figures.corrupted);
     if (figures.last_sequence && frame.sequence > *figures.last_sequence + 1) {
       figures.dropped += frame.sequence - *figures.last_sequence - 1;
@@ -238,9 +238,9 @@ void Pipeline::receive(Frame frame) {
   }
 
   const std::scoped_lock lock(synchronizer_mutex_);
-  if (frame.status == FrameStatus::ok && !size_checked_[camera]) {
-    const Camera& expected = rig_.cameras[camera];
-    const ImageSize size{frame.pixels.width, frame.pixels.height};
+  if (frame.status == capture::FrameStatus::ok && !size_checked_[camera]) {
+    const calib::Camera& expected = rig_.cameras[camera];
+    const calib::ImageSize size{frame.pixels.width, frame.pixels.height};
     if (size != expected.image_size) {
       throw std::runtime_error(
           "camera " + expected.name + ": its frames are " + std::to_string(size.width) + "x" +
@@ -251,7 +251,7 @@ void Pipeline::receive(Frame frame) {
   }
   frame.arrival = ++arrivals_;
   if (outputs_.frames) outputs_.frames(frame, received_at);
-  if (frame.camera == tracked_camera_ && frame.status == FrameStatus::ok)
+  if (frame.camera == tracked_camera_ && frame.status == capture::FrameStatus::ok)
     put_in_camera_queue({frame, received_at});  // the image is shared, not copied
   const Stopwatch watch;
   auto sets = synchronizer_.push(std::move(frame));
@@ -277,8 +277,8 @@ void Pipeline::put_in_camera_queue(ReadyFrame ready) {
   if (pushed_out && outputs_.camera_left_out) outputs_.camera_left_out(pushed_out->frame);
 }
 
-PictureJob Pipeline::picture_of(FrameSet set, std::vector<ObjectEstimate> estimates, std::size_t particles) const {
-  PictureJob job{std::move(set), std::move(estimates), {}};
+pictures::PictureJob Pipeline::picture_of(capture::FrameSet set, std::vector<object_tracking::ObjectEstimate> estimates, std::size_t particles) const {
+  pictures::PictureJob job{std::move(set), std::move(estimates), {}};
   job.particles.reserve(trackers_.size());
   for (const auto& tracker : trackers_) job.particles.push_back(tracker.particles(particles));
   return job;
@@ -287,7 +287,7 @@ PictureJob Pipeline::picture_of(FrameSet set, std::vector<ObjectEstimate> estima
 void Pipeline::track() {
   ::prctl(PR_SET_NAME, "tracking");  // for top -H, and for who measures
   TrackingTeam team(trackers_, options_.threads);
-  std::vector<ObjectEstimate> estimates(trackers_.size());
+  std::vector<object_tracking::ObjectEstimate> estimates(trackers_.size());
   std::vector<std::pair<bool, bool>> cameras_then;  // started, ended
   auto next_status = Clock::now() + status_period;
 
@@ -300,7 +300,7 @@ void Pipeline::track() {
       if (std::ranges::binary_search(options_.left_out, ready->set.at)) continue;
       take_replacements(ready->set.at);
       // Object tracking is for still cameras: a camera that moves is absent from its sets.
-      std::optional<FrameSet> of_still_cameras;
+      std::optional<capture::FrameSet> of_still_cameras;
       if (tracked_camera_ >= 0) {
         of_still_cameras = ready->set;  // images are shared
         of_still_cameras->frames.at(std::size_t(tracked_camera_)).reset();
@@ -346,7 +346,7 @@ void Pipeline::track() {
 }
 
 void Pipeline::note_searches() {
-  std::vector<SearchFindings> searches;
+  std::vector<object_tracking::SearchFindings> searches;
   for (const auto& tracker : trackers_) searches.push_back(tracker.search_findings());
   const std::scoped_lock lock(figures_mutex_);
   figures_.searches = std::move(searches);
@@ -357,7 +357,7 @@ void Pipeline::replace_trackers(Replacement replacement) {
   replacements_.push_back(std::move(replacement));
 }
 
-void Pipeline::take_replacements(Timestamp at) {
+void Pipeline::take_replacements(capture::Timestamp at) {
   const std::scoped_lock lock(replacements_mutex_);
   for (; !replacements_.empty() && replacements_.front().from.value_or(at) <= at; replacements_.pop_front()) {
     for (auto& [target, tracker] : replacements_.front().trackers) trackers_.at(target) = std::move(tracker);
@@ -365,7 +365,7 @@ void Pipeline::take_replacements(Timestamp at) {
   }
 }
 
-void Pipeline::track_camera(int camera, std::unique_ptr<CameraTracker> tracker) {
+void Pipeline::track_camera(int camera, std::unique_ptr<camera_tracking::CameraTracker> tracker) {
   tracked_camera_ = camera;
   camera_tracker_ = std::move(tracker);
 }
@@ -373,7 +373,7 @@ void Pipeline::track_camera(int camera, std::unique_ptr<CameraTracker> tracker) 
 void Pipeline::track_camera_frames() {
   while (auto ready = camera_frames_.pop()) {
     const Stopwatch watch;
-    const CameraEstimate estimate = camera_tracker_->update(ready->frame);
+    const camera_tracking::CameraEstimate estimate = camera_tracker_->update(ready->frame);
     const StageTime tracked = watch.lap();
     const std::string why = estimate.has_pose() ? std::string() : camera_tracker_->why_no_pose();
     {
@@ -394,7 +394,7 @@ void Pipeline::track_camera_frames() {
     }
     if (outputs_.camera_pictures && index % std::uint64_t(options_.pictures_every) == 0)
     {
-      CameraPictureJob job{std::move(ready->frame), estimate, camera_tracker_->view(), {}};
+      pictures::CameraPictureJob job{std::move(ready->frame), estimate, camera_tracker_->view(), {}};
       if (estimate.has_pose() && job.view.features.empty()) job.start_map = camera_tracker_->map();
       camera_pictures_.push(std::move(job));
     }
@@ -421,4 +421,4 @@ void Pipeline::draw() {
   }
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::pipeline

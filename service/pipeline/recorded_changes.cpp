@@ -10,7 +10,7 @@
 
 #include "calib/yaml/csv_table.h"
 
-namespace huetrack {
+namespace huetrack::pipeline {
 namespace {
 
 namespace fs = std::filesystem;
@@ -20,7 +20,7 @@ constexpr std::array<std::string_view, 3> columns{"t_s", "change", "config"};
 constexpr std::string_view left_out_name = "left_out", camera_left_out_name = "camera_left_out",
                            reloaded_name = "reloaded";
 
-std::string row(Timestamp at, std::string_view change, const std::string& config) {
+std::string row(capture::Timestamp at, std::string_view change, const std::string& config) {
   const auto ns = at.time_since_epoch().count();
   std::string fraction = std::to_string(ns % 1'000'000'000);
   fraction.insert(0, 9 - fraction.size(), '0');
@@ -33,9 +33,9 @@ RecordedChanges read_changes(const fs::path& folder) {
   RecordedChanges changes;
   const fs::path file = folder / file_name;
   if (!fs::exists(file)) return changes;
-  CsvTable table(file, columns);
+  yaml::CsvTable table(file, columns);
   while (table.next()) {
-    const Timestamp at = table.time(0);
+    const capture::Timestamp at = table.time(0);
     if (table.text(1) == left_out_name) {
       changes.left_out.push_back(at);
     } else if (table.text(1) == camera_left_out_name) {
@@ -53,15 +53,15 @@ RecordedChanges read_changes(const fs::path& folder) {
 
 ChangesWriter::ChangesWriter(fs::path folder) : folder_(std::move(folder)) {}
 
-void ChangesWriter::left_out(Timestamp at) {
+void ChangesWriter::left_out(capture::Timestamp at) {
   write(file_name, row(at, left_out_name, ""));
 }
 
-void ChangesWriter::camera_left_out(Timestamp at) {
+void ChangesWriter::camera_left_out(capture::Timestamp at) {
   write(file_name, row(at, camera_left_out_name, ""));
 }
 
-void ChangesWriter::reloaded(Timestamp at, const std::string& config_yaml) {
+void ChangesWriter::reloaded(capture::Timestamp at, const std::string& config_yaml) {
   const std::string config = "huetrackd-" + std::to_string(++configs_) + ".yaml";
   write(config, config_yaml);  // before the row that names it
   write(file_name, row(at, reloaded_name, config));
@@ -80,4 +80,4 @@ void ChangesWriter::write(const fs::path& file, const std::string& text) {
              ": the recording will not replay to the same track";
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::pipeline

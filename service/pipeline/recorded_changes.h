@@ -9,16 +9,16 @@
 
 #include "capture/frame.h"
 
-namespace huetrack {
+namespace huetrack::pipeline {
 
 struct RecordedReload {
-  Timestamp at;                  // FrameSet::at of the first set that was tracked with it
+  capture::Timestamp at;                  // FrameSet::at of the first set that was tracked with it
   std::filesystem::path config;  // the whole configuration from then on
 };
 struct RecordedChanges {
   std::vector<RecordedReload> reloads;     // in the order in which they happened
-  std::vector<Timestamp> left_out;         // FrameSet::at, ascending
-  std::vector<Timestamp> camera_left_out;  // frames of the tracked camera, ascending
+  std::vector<capture::Timestamp> left_out;         // FrameSet::at, ascending
+  std::vector<capture::Timestamp> camera_left_out;  // frames of the tracked camera, ascending
 };
 
 // folder: of a recording. Empty when nothing happened. throws ConfigError "file:line: ...".
@@ -28,9 +28,9 @@ RecordedChanges read_changes(const std::filesystem::path& folder);
 class ChangesWriter {
  public:
   explicit ChangesWriter(std::filesystem::path folder);
-  void left_out(Timestamp at);
-  void camera_left_out(Timestamp at);  // a frame of the tracked camera
-  void reloaded(Timestamp at, const std::string& config_yaml);
+  void left_out(capture::Timestamp at);
+  void camera_left_out(capture::Timestamp at);  // a frame of the tracked camera
+  void reloaded(capture::Timestamp at, const std::string& config_yaml);
   const std::string& failure() const { return failure_; }  // one line; empty: all is well
 
  private:
@@ -42,4 +42,4 @@ class ChangesWriter {
   std::string failure_;
 };
 
-}  // namespace huetrack
+}  // namespace huetrack::pipeline

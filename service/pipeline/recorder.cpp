@@ -4,7 +4,7 @@
 #include <stdexcept>
 #include <utility>
 
-namespace huetrack {
+namespace huetrack::pipeline {
 namespace {
 
 using Clock = std::chrono::steady_clock;
@@ -17,7 +17,7 @@ constexpr auto pre_roll_of_a_silent_camera_waits = 200ms;
 Recorder::Camera::Camera(const RecorderOptions& options, std::size_t cameras)
     : waiting(options.queue_frames, WhenFull::drop_oldest) {
   if (!options.pre_roll) return;
-  PreRollOptions share = *options.pre_roll;
+  capture::PreRollOptions share = *options.pre_roll;
   share.most_bytes = std::max<std::size_t>(share.most_bytes / cameras, 1);
   pre_roll.emplace(share);
 }
@@ -38,7 +38,7 @@ void Recorder::start(const std::filesystem::path& folder) {
   until_.reset();
 }
 
-bool Recorder::save_pre_roll(const std::filesystem::path& folder, Duration after) {
+bool Recorder::save_pre_roll(const std::filesystem::path& folder, capture::Duration after) {
   const auto end = Clock::now() + after;
   if (is_recording()) {
     if (until_) until_ = std::max(*until_, end);
@@ -57,7 +57,7 @@ bool Recorder::is_recording() const {
   return writer() != nullptr;
 }
 
-void Recorder::offer(const Frame& frame) {
+void Recorder::offer(const capture::Frame& frame) {
   cameras_[std::size_t(frame.camera)]->waiting.push(frame);
 }
 
@@ -73,14 +73,14 @@ RecorderFigures Recorder::figures() const {
   }
   for (const auto& camera : cameras_) {
     figures.dropped.push_back(camera->waiting.dropped() + camera->given_up);
-    const Duration fits{camera->fits_ns.load()};
-    if (fits >= Duration::zero())
+    const capture::Duration fits{camera->fits_ns.load()};
+    if (fits >= capture::Duration::zero())
       figures.pre_roll_that_fits = std::min(figures.pre_roll_that_fits.value_or(fits), fits);
   }
   return figures;
 }
 
-void Recorder::finish(Duration patience) {
+void Recorder::finish(capture::Duration patience) {
   for (const auto& camera : cameras_) camera->waiting.close();
   for (const auto end = Clock::now() + patience;
        Clock::now() < end && !std::ranges::all_of(cameras_, [](const auto& camera) { return camera->is_done.load(); });)
@@ -98,7 +98,7 @@ void Recorder::write(Camera& camera) {
     const auto frame = camera.waiting.pop_for(pre_roll_of_a_silent_camera_waits);
     if (const auto to = writer()) {
       if (camera.pre_roll && camera.pre_roll->size() > 0)
-        for (const Frame& earlier : camera.pre_roll->take()) to->write(earlier);
+        for (const capture::Frame& earlier : camera.pre_roll->take()) to->write(earlier);
       if (frame) to->write(*frame);
     } else if (camera.pre_roll && frame) {
       camera.pre_roll->push(*frame);
@@ -108,20 +108,20 @@ void Recorder::write(Camera& camera) {
   camera.is_done = true;
 }
 
-std::shared_ptr<RecordingWriter> Recorder::writer() const {
+std::shared_ptr<capture::RecordingWriter> Recorder::writer() const {
   const std::scoped_lock lock(mutex_);
   return writer_;
 }
 
 void Recorder::open(const std::filesystem::path& folder) {
-  RecordingOptions recording = options_.recording;
+  capture::RecordingOptions recording = options_.recording;
   recording.folder = folder;
   std::error_code ignored;
   const bool is_ours = !std::filesystem::exists(folder, ignored);
-  std::shared_ptr<RecordingWriter> fresh;
+  std::shared_ptr<capture::RecordingWriter> fresh;
   try {
-    fresh = std::make_shared<RecordingWriter>(std::move(recording));
-  } catch (const CaptureError&) {  // a full disk: no folder of empty files stays behind
+    fresh = std::make_shared<capture::RecordingWriter>(std::move(recording));
+  } catch (const capture::CaptureError&) {  // a full disk: no folder of empty files stays behind
     if (is_ours) std::filesystem::remove_all(folder, ignored);
     throw;
   }
@@ -130,11 +130,11 @@ void Recorder::open(const std::filesystem::path& folder) {
 }
 
 void Recorder::close() {
-  std::shared_ptr<RecordingWriter> closing;
+  std::shared_ptr<capture::RecordingWriter> closing;
   const std::scoped_lock lock(mutex_);
   last_.cameras = writer_->figures();
   last_.failure = writer_->failure();
   closing = std::move(writer_);
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::pipeline

@@ -15,18 +15,18 @@
 #include "capture/recording_writer.h"
 #include "pipeline/bounded_queue.h"
 
-namespace huetrack {
+namespace huetrack::pipeline {
 
 struct RecorderOptions {
-  RecordingOptions recording;     // but its folder, which start() and save_pre_roll() name
+  capture::RecordingOptions recording;     // but its folder, which start() and save_pre_roll() name
   std::size_t queue_frames = 32;  // per camera, > 0; more than that are waiting for the disk: the oldest is dropped
-  std::optional<PreRollOptions> pre_roll;  // most_bytes is of all cameras; nullopt: none
+  std::optional<capture::PreRollOptions> pre_roll;  // most_bytes is of all cameras; nullopt: none
 };
 
 struct RecorderFigures {
-  std::vector<RecordedCameraFigures> cameras;  // of the current or last recording
+  std::vector<capture::RecordedCameraFigures> cameras;  // of the current or last recording
   std::vector<std::uint64_t> dropped;          // per camera, by the queues and at the end
-  std::optional<Duration> pre_roll_that_fits;  // so much of the pre-roll's length has room; nullopt: all of it
+  std::optional<capture::Duration> pre_roll_that_fits;  // so much of the pre-roll's length has room; nullopt: all of it
   std::optional<std::string> failure;          // why the current or last recording stopped; nullopt: it did not
 };
 
@@ -41,38 +41,38 @@ class Recorder {
 
   // The pre-roll and what comes in the time `after` from now go into this folder. While that is going on, another call
   // only makes it longer, and gives false. throws CaptureError
-  bool save_pre_roll(const std::filesystem::path& folder, Duration after);
+  bool save_pre_roll(const std::filesystem::path& folder, capture::Duration after);
   void end_when_due();  // call it now and then: ends what save_pre_roll() began. Does not block.
   bool is_recording() const;
 
-  void offer(const Frame& frame);  // quick: a reference into a queue
+  void offer(const capture::Frame& frame);  // quick: a reference into a queue
   RecorderFigures figures() const;
   // Recordings begun from now on hold this configuration.
   void take_over(std::string config_yaml) { options_.recording.config_yaml = std::move(config_yaml); }
   // What is in the queues is written; what is still there after `patience` is left out, and counted. Idempotent.
-  void finish(Duration patience = std::chrono::hours(1));
+  void finish(capture::Duration patience = std::chrono::hours(1));
 
  private:
   struct Camera {
     Camera(const RecorderOptions& options, std::size_t cameras);
-    BoundedQueue<Frame> waiting;
-    std::optional<PreRoll> pre_roll;          // the writing thread's
+    BoundedQueue<capture::Frame> waiting;
+    std::optional<capture::PreRoll> pre_roll;          // the writing thread's
     std::atomic<std::int64_t> fits_ns = -1;   // of the pre-roll; -1: all
     std::atomic<std::uint64_t> given_up = 0;  // frames, at the end
     std::atomic<bool> is_done = false;        // the thread has written all
     std::jthread thread;
   };
   void write(Camera& camera);
-  std::shared_ptr<RecordingWriter> writer() const;
+  std::shared_ptr<capture::RecordingWriter> writer() const;
   void open(const std::filesystem::path& folder);
   void close();
 
   RecorderOptions options_;  // the supervising thread's
   mutable std::mutex mutex_;
-  std::shared_ptr<RecordingWriter> writer_;                     // guarded by mutex_; who lets go of it last finishes it
+  std::shared_ptr<capture::RecordingWriter> writer_;                     // guarded by mutex_; who lets go of it last finishes it
   RecorderFigures last_;                                        // guarded by mutex_; of the recording before
   std::optional<std::chrono::steady_clock::time_point> until_;  // the supervising thread's; nullopt: for ever
   std::vector<std::unique_ptr<Camera>> cameras_;                // last: their threads use the rest
 };
 
-}  // namespace huetrack
+}  // namespace huetrack::pipeline

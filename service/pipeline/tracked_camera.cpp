@@ -4,16 +4,16 @@
 
 #include "config/formatted.h"
 
-namespace huetrack {
+namespace huetrack::pipeline {
 namespace {
 
 using namespace std::chrono_literals;
 
-constexpr Duration worth_a_word = 3s;  // a start or a return takes less
+constexpr capture::Duration worth_a_word = 3s;  // a start or a return takes less
 
 }  // namespace
 
-void TrackedCameraFigures::add(const CameraEstimate& estimate, const std::string& why_no_pose) {
+void TrackedCameraFigures::add(const camera_tracking::CameraEstimate& estimate, const std::string& why_no_pose) {
   state = estimate.state;
   at = estimate.at;
   if (estimate.has_pose()) {
@@ -28,18 +28,18 @@ void TrackedCameraFigures::add(const CameraEstimate& estimate, const std::string
 
 std::string no_pose_warning(const std::string& camera, const TrackedCameraFigures& figures) {
   if (!figures.without_since || figures.at - *figures.without_since < worth_a_word) return {};
-  return formatted("camera %s: no pose for %.0f s (%s)", camera.c_str(), seconds(figures.at - *figures.without_since),
-                   std::string(name(figures.state)).c_str()) +
+  return config::formatted("camera %s: no pose for %.0f s (%s)", camera.c_str(), capture::seconds(figures.at - *figures.without_since),
+                   std::string(camera_tracking::name(figures.state)).c_str()) +
          (figures.why.empty() ? "" : ": " + figures.why);
 }
 
 void NoPoseLog::tell(const std::string& camera, const TrackedCameraFigures& figures) {
   if (!figures.without_since) told_.clear();
   const std::string warning = no_pose_warning(camera, figures);
-  if (!warning.empty() && told_.insert(without_numbers(warning)).second) spdlog::warn("{}", warning);
+  if (!warning.empty() && told_.insert(config::without_numbers(warning)).second) spdlog::warn("{}", warning);
 }
 
-void save_map(const CameraTracker& tracker, const TrackedCameraFigures& figures, const std::filesystem::path& file) {
+void save_map(const camera_tracking::CameraTracker& tracker, const TrackedCameraFigures& figures, const std::filesystem::path& file) {
   if (figures.had_pose) {
     tracker.save_map(file);
   } else {
@@ -47,4 +47,4 @@ void save_map(const CameraTracker& tracker, const TrackedCameraFigures& figures,
   }
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::pipeline

@@ -8,17 +8,17 @@
 
 #include "camera_tracking/camera_tracker.h"
 
-namespace huetrack {
+namespace huetrack::pipeline {
 
 // A plain value: the tracked camera after its last frame.
 struct TrackedCameraFigures {
-  CameraState state = CameraState::searching;
-  Timestamp at;                            // capture time of the last frame
-  std::optional<Timestamp> without_since;  // capture time of the first frame without a pose; nullopt: there is one
+  camera_tracking::CameraState state = camera_tracking::CameraState::searching;
+  capture::Timestamp at;                            // capture time of the last frame
+  std::optional<capture::Timestamp> without_since;  // capture time of the first frame without a pose; nullopt: there is one
   std::string why;                         // what the tracker said last why there is none; empty: nothing
   bool had_pose = false;                   // in some frame
 
-  void add(const CameraEstimate& estimate, const std::string& why_no_pose);
+  void add(const camera_tracking::CameraEstimate& estimate, const std::string& why_no_pose);
 };
 
 // "camera cam0: no pose for 12 s (lost): ..."; empty as long as that is nothing to speak of: for less than 3 s of
@@ -37,6 +37,6 @@ class NoPoseLog {
 
 // Writes the map, or says in one line of the log that there is none to be kept: an earlier file then stays as it is.
 // throws std::runtime_error naming the file
-void save_map(const CameraTracker& tracker, const TrackedCameraFigures& figures, const std::filesystem::path& file);
+void save_map(const camera_tracking::CameraTracker& tracker, const TrackedCameraFigures& figures, const std::filesystem::path& file);
 
-}  // namespace huetrack
+}  // namespace huetrack::pipeline

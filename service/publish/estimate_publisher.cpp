@@ -18,39 +18,39 @@
 #include "idl/topics.h"
 #include "publish/ros_messages.h"
 
-namespace huetrack {
+namespace huetrack::publish {
 
 namespace dds = eprosima::fastdds::dds;
 namespace rtps = eprosima::fastrtps::rtps;
 
 namespace {
 
-std::int64_t unix_ns(Timestamp t) {
+std::int64_t unix_ns(capture::Timestamp t) {
   return t.time_since_epoch().count();
 }
 
 // The enums go over the wire by number; these keep both lists in step.
-static_assert(static_cast<std::uint32_t>(TrackState::searching) == msg::TRACK_STATE_SEARCHING &&
-              static_cast<std::uint32_t>(TrackState::tracking) == msg::TRACK_STATE_TRACKING &&
-              static_cast<std::uint32_t>(TrackState::coasting) == msg::TRACK_STATE_COASTING &&
-              static_cast<std::uint32_t>(TrackState::lost) == msg::TRACK_STATE_LOST);
+static_assert(static_cast<std::uint32_t>(object_tracking::TrackState::searching) == msg::TRACK_STATE_SEARCHING &&
+              static_cast<std::uint32_t>(object_tracking::TrackState::tracking) == msg::TRACK_STATE_TRACKING &&
+              static_cast<std::uint32_t>(object_tracking::TrackState::coasting) == msg::TRACK_STATE_COASTING &&
+              static_cast<std::uint32_t>(object_tracking::TrackState::lost) == msg::TRACK_STATE_LOST);
 static_assert(static_cast<std::uint32_t>(CameraStatus::Health::waiting) == msg::CAMERA_HEALTH_WAITING &&
               static_cast<std::uint32_t>(CameraStatus::Health::delivering) == msg::CAMERA_HEALTH_DELIVERING &&
               static_cast<std::uint32_t>(CameraStatus::Health::stalled) == msg::CAMERA_HEALTH_STALLED &&
               static_cast<std::uint32_t>(CameraStatus::Health::absent) == msg::CAMERA_HEALTH_ABSENT &&
               static_cast<std::uint32_t>(CameraStatus::Health::ended) == msg::CAMERA_HEALTH_ENDED);
 
-static_assert(static_cast<std::uint32_t>(CameraState::searching) == msg::CAMERA_STATE_SEARCHING &&
-              static_cast<std::uint32_t>(CameraState::tracking) == msg::CAMERA_STATE_TRACKING &&
-              static_cast<std::uint32_t>(CameraState::coasting) == msg::CAMERA_STATE_COASTING &&
-              static_cast<std::uint32_t>(CameraState::lost) == msg::CAMERA_STATE_LOST);
+static_assert(static_cast<std::uint32_t>(camera_tracking::CameraState::searching) == msg::CAMERA_STATE_SEARCHING &&
+              static_cast<std::uint32_t>(camera_tracking::CameraState::tracking) == msg::CAMERA_STATE_TRACKING &&
+              static_cast<std::uint32_t>(camera_tracking::CameraState::coasting) == msg::CAMERA_STATE_COASTING &&
+              static_cast<std::uint32_t>(camera_tracking::CameraState::lost) == msg::CAMERA_STATE_LOST);
 
 std::array<double, 3> array_of(const Eigen::Vector3d& v) {
   return {v.x(), v.y(), v.z()};
 }
 
 // Everything but the names, which do not change, and published_at, which is set last.
-void fill(msg::ObjectPosition& sample, const ObjectEstimate& estimate, Timestamp captured, Timestamp received) {
+void fill(msg::ObjectPosition& sample, const object_tracking::ObjectEstimate& estimate, capture::Timestamp captured, capture::Timestamp received) {
   sample.captured_at(unix_ns(captured));
   sample.received_at(unix_ns(received));
   sample.set_number(estimate.set_number);
@@ -68,7 +68,7 @@ void fill(msg::ObjectPosition& sample, const ObjectEstimate& estimate, Timestamp
   sample.particle_count(static_cast<std::uint32_t>(estimate.particle_count));
   sample.effective_sample_size(estimate.effective_sample_size);
   for (std::size_t i = 0; i < sample.per_view().size(); ++i) {
-    const ViewSupport view = i < estimate.per_view.size() ? estimate.per_view[i] : ViewSupport{};
+    const object_tracking::ViewSupport view = i < estimate.per_view.size() ? estimate.per_view[i] : object_tracking::ViewSupport{};
     msg::ViewSupport& out = sample.per_view()[i];
     out.delivered(view.delivered);
     out.in_view(view.in_view);
@@ -80,7 +80,7 @@ void fill(msg::ObjectPosition& sample, const ObjectEstimate& estimate, Timestamp
   }
 }
 
-void fill(msg::CameraPose& sample, const CameraEstimate& estimate, Timestamp captured, Timestamp received) {
+void fill(msg::CameraPose& sample, const camera_tracking::CameraEstimate& estimate, capture::Timestamp captured, capture::Timestamp received) {
   sample.captured_at(unix_ns(captured));
   sample.received_at(unix_ns(received));
   sample.frame_number(estimate.frame_number);
@@ -137,18 +137,18 @@ void fill(msg::ServiceStatus& sample, const ServiceStatus& status) {
 // answers to one question; readers get both, interleaved. thread-safe: called from Fast DDS' threads.
 class Rivals : public dds::DomainParticipantListener {
  public:
-  explicit Rivals(PublisherIdentity self) : self_(std::move(self)) {}
+  explicit Rivals(idl::PublisherIdentity self) : self_(std::move(self)) {}
 
   void on_publisher_discovery(dds::DomainParticipant*, rtps::WriterDiscoveryInfo&& info) override {
     const rtps::GUID_t guid = info.info.guid();
-    if (info.info.topicName() != topics::object_position) return;
+    if (info.info.topicName() != idl::topics::object_position) return;
     const std::lock_guard lock(mutex_);
     if (info.status == rtps::WriterDiscoveryInfo::REMOVED_WRITER) {
       others_.erase(guid);
       return;
     }
     const auto& bytes = info.info.m_qos.m_userData;
-    auto other = PublisherIdentity::from(std::string(bytes.begin(), bytes.end()));
+    auto other = idl::PublisherIdentity::from(std::string(bytes.begin(), bytes.end()));
     if (!other || (other->host == self_.host && other->pid == self_.pid)) return;  // we, while joining anew
     others_[guid] = std::move(*other);
   }
@@ -165,15 +165,15 @@ class Rivals : public dds::DomainParticipantListener {
     return sentences;
   }
 
-  const PublisherIdentity& self() const { return self_; }
+  const idl::PublisherIdentity& self() const { return self_; }
 
  private:
-  const PublisherIdentity self_;
+  const idl::PublisherIdentity self_;
   mutable std::mutex mutex_;
-  std::map<rtps::GUID_t, PublisherIdentity> others_;  // guarded by mutex_
+  std::map<rtps::GUID_t, idl::PublisherIdentity> others_;  // guarded by mutex_
 };
 
-ParticipantOptions participant_options(const EstimatePublisherOptions& options) {
+idl::ParticipantOptions participant_options(const EstimatePublisherOptions& options) {
   return {
       .name = "huetrackd", .domain = options.domain, .interfaces = options.interfaces, .profiles = options.profiles};
 }
@@ -182,26 +182,26 @@ ParticipantOptions participant_options(const EstimatePublisherOptions& options) 
 struct Connection {
   Connection(const EstimatePublisherOptions& options, Rivals& rivals)
       : participant(participant_options(options), &rivals),
-        position(participant.create_writer(topics::object_position, dds::TypeSupport(new msg::ObjectPositionPubSubType),
-                                           object_position_writer_qos(), rivals.self().user_data())),
-        status(participant.create_writer(topics::status, dds::TypeSupport(new msg::ServiceStatusPubSubType),
-                                         status_writer_qos(), rivals.self().user_data())) {
+        position(participant.create_writer(idl::topics::object_position, dds::TypeSupport(new msg::ObjectPositionPubSubType),
+                                           idl::object_position_writer_qos(), rivals.self().user_data())),
+        status(participant.create_writer(idl::topics::status, dds::TypeSupport(new msg::ServiceStatusPubSubType),
+                                         idl::status_writer_qos(), rivals.self().user_data())) {
     if (!options.tracked_camera.empty())
-      camera = &participant.create_writer(topics::camera_pose, dds::TypeSupport(new msg::CameraPosePubSubType),
-                                          object_position_writer_qos(),
-                                          PublisherIdentity::of_this_process({options.tracked_camera}).user_data());
+      camera = &participant.create_writer(idl::topics::camera_pose, dds::TypeSupport(new msg::CameraPosePubSubType),
+                                          idl::object_position_writer_qos(),
+                                          idl::PublisherIdentity::of_this_process({options.tracked_camera}).user_data());
     if (!options.ros2) return;
     using PoseType = geometry_msgs::msg::dds_::PoseWithCovarianceStamped_PubSubType;
     using TfType = tf2_msgs::msg::dds_::TFMessage_PubSubType;
     for (const std::string& name : options.targets)
-      poses.push_back(&participant.create_writer(topics::ros2_pose(name), dds::TypeSupport(new PoseType),
-                                                 ros2_writer_qos(), ros2_user_data(ros2_pose_type_hash)));
+      poses.push_back(&participant.create_writer(idl::topics::ros2_pose(name), dds::TypeSupport(new PoseType),
+                                                 idl::ros2_writer_qos(), idl::ros2_user_data(idl::ros2_pose_type_hash)));
     if (!options.tracked_camera.empty())
-      ros_camera = &participant.create_writer(topics::ros2_camera_pose(options.tracked_camera),
-                                              dds::TypeSupport(new PoseType), ros2_writer_qos(),
-                                              ros2_user_data(ros2_pose_type_hash));
-    tf = &participant.create_writer(topics::ros2_tf, dds::TypeSupport(new TfType), ros2_writer_qos(),
-                                    ros2_user_data(ros2_tf_type_hash));
+      ros_camera = &participant.create_writer(idl::topics::ros2_camera_pose(options.tracked_camera),
+                                              dds::TypeSupport(new PoseType), idl::ros2_writer_qos(),
+                                              idl::ros2_user_data(idl::ros2_pose_type_hash));
+    tf = &participant.create_writer(idl::topics::ros2_tf, dds::TypeSupport(new TfType), idl::ros2_writer_qos(),
+                                    idl::ros2_user_data(idl::ros2_tf_type_hash));
   }
 
   // Lets the last samples arrive.
@@ -212,7 +212,7 @@ struct Connection {
   Connection(const Connection&) = delete;
   Connection& operator=(const Connection&) = delete;
 
-  DdsParticipant participant;
+  idl::DdsParticipant participant;
   dds::DataWriter& position;
   dds::DataWriter& status;
   std::vector<dds::DataWriter*> poses;  // by target; empty without ROS 2
@@ -228,13 +228,13 @@ std::vector<std::string> EstimatePublisherOptions::problems() const {
   if (frame_id.empty() || frame_id.front() == '/')
     sentences.push_back("frame_id \"" + frame_id + "\" must not be empty nor begin with '/'");
   if (targets.empty() && tracked_camera.empty()) sentences.push_back("there must be at least one target or a tracked camera");
-  if (!tracked_camera.empty() && !is_target_name(tracked_camera))
+  if (!tracked_camera.empty() && !idl::is_target_name(tracked_camera))
     sentences.push_back("camera \"" + tracked_camera +
                         "\" must be a letter, then letters, digits and single '_': it is part of a ROS 2 topic's name");
   if (std::ranges::find(targets, tracked_camera) != targets.end())
     sentences.push_back("target " + tracked_camera + " has the name of the tracked camera: both are frames of ROS 2's /tf");
   for (const std::string& target : targets)
-    if (!is_target_name(target))
+    if (!idl::is_target_name(target))
       sentences.push_back(
           "target \"" + target +
           "\" must be a letter, then letters, digits and single '_': it is part of a ROS 2 topic's name");
@@ -252,7 +252,7 @@ struct EstimatePublisher::Impl {
 
   explicit Impl(EstimatePublisherOptions o)
       : options(std::move(o)),
-        rivals(PublisherIdentity::of_this_process(options.targets)),
+        rivals(idl::PublisherIdentity::of_this_process(options.targets)),
         connection(std::make_unique<Connection>(options, rivals)) {
     for (const std::string& name : options.targets) {
       Target& target = targets.emplace_back();
@@ -310,12 +310,12 @@ EstimatePublisher::EstimatePublisher(EstimatePublisherOptions options) {
 }
 
 std::vector<std::string> EstimatePublisher::check(const EstimatePublisherOptions& options) {
-  return huetrack::check(participant_options(options));
+  return huetrack::idl::check(participant_options(options));
 }
 
 EstimatePublisher::Bus EstimatePublisher::bus(const EstimatePublisherOptions& options) {
-  Bus bus{.domain = resolve_domain(options.domain), .interfaces = {}};
-  for (const auto& interface : network_interfaces()) {
+  Bus bus{.domain = idl::resolve_domain(options.domain), .interfaces = {}};
+  for (const auto& interface : idl::network_interfaces()) {
     const bool is_loopback = interface.address.starts_with("127.");
     const bool is_named = std::ranges::any_of(options.interfaces, [&](const std::string& wanted) {
       return wanted == interface.name || wanted == interface.address;
@@ -328,8 +328,8 @@ EstimatePublisher::Bus EstimatePublisher::bus(const EstimatePublisherOptions& op
 
 EstimatePublisher::~EstimatePublisher() = default;
 
-bool EstimatePublisher::publish(std::size_t target, const ObjectEstimate& estimate, Timestamp captured,
-                                Timestamp received, Writing* writing) noexcept {
+bool EstimatePublisher::publish(std::size_t target, const object_tracking::ObjectEstimate& estimate, capture::Timestamp captured,
+                                capture::Timestamp received, Writing* writing) noexcept {
   assert(target < impl_->targets.size());
   assert(estimate.per_view.empty() || estimate.per_view.size() == impl_->options.cameras.size());
   Impl::Target& to = impl_->targets[target];
@@ -337,9 +337,9 @@ bool EstimatePublisher::publish(std::size_t target, const ObjectEstimate& estima
   const std::shared_lock lock(impl_->connection_mutex);
   Connection& bus = *impl_->connection;
   to.position.published_at(unix_ns(std::chrono::system_clock::now()));
-  const Timestamp begun = unix_now();
+  const capture::Timestamp begun = capture::unix_now();
   bool ok = bus.position.write(&to.position);
-  if (writing != nullptr) *writing = {begun, unix_now()};
+  if (writing != nullptr) *writing = {begun, capture::unix_now()};
   if (ok) ++impl_->published;
   if (impl_->options.ros2 && estimate.has_position()) {
     to_ros(estimate, captured, impl_->options.frame_id, to.pose);
@@ -350,7 +350,7 @@ bool EstimatePublisher::publish(std::size_t target, const ObjectEstimate& estima
   return impl_->count(ok);
 }
 
-bool EstimatePublisher::publish(const CameraEstimate& estimate, Timestamp captured, Timestamp received) noexcept {
+bool EstimatePublisher::publish(const camera_tracking::CameraEstimate& estimate, capture::Timestamp captured, capture::Timestamp received) noexcept {
   assert(!impl_->options.tracked_camera.empty());
   fill(impl_->camera_sample, estimate, captured, received);
   const std::shared_lock lock(impl_->connection_mutex);
@@ -409,4 +409,4 @@ std::string EstimatePublisher::description() const {
   return impl_->connection->participant.description();
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::publish

@@ -14,7 +14,7 @@
 #include "object_tracking/object_estimate.h"
 #include "publish/service_status.h"
 
-namespace huetrack {
+namespace huetrack::publish {
 
 struct EstimatePublisherOptions {
   std::optional<int> domain;                  // 0..232; nullopt: ROS_DOMAIN_ID, and 0 without it
@@ -48,7 +48,7 @@ class EstimatePublisher {
 
   // A DDS write, by unix_now(): when it began, and when the sample had been sent.
   struct Writing {
-    Timestamp begun, sent;
+    capture::Timestamp begun, sent;
   };
 
   // Writes one native sample, in every state, and the ROS 2 messages while there is a position: never a stale or a zero
@@ -59,11 +59,11 @@ class EstimatePublisher {
   //   received   when the last frame of the set had arrived, UNIX
   //   writing    out, may be null: of the native sample; its ROS 2 copies follow
   // false, and counters().failures is one more, when something could not be written.
-  bool publish(std::size_t target, const ObjectEstimate& estimate, Timestamp captured, Timestamp received,
+  bool publish(std::size_t target, const object_tracking::ObjectEstimate& estimate, capture::Timestamp captured, capture::Timestamp received,
                Writing* writing = nullptr) noexcept;
 
   // The same for the pose of options.tracked_camera: in every state natively, for ROS 2 while there is a pose.
-  bool publish(const CameraEstimate& estimate, Timestamp captured, Timestamp received) noexcept;
+  bool publish(const camera_tracking::CameraEstimate& estimate, capture::Timestamp captured, capture::Timestamp received) noexcept;
 
   // Host, process id, frame_id and the counters of published samples are added here. Call it about once a second: when
   // the host's network addresses have changed (Wi-Fi or DHCP came up after us), it joins the bus anew, which takes this
@@ -92,4 +92,4 @@ class EstimatePublisher {
   std::unique_ptr<Impl> impl_;
 };
 
-}  // namespace huetrack
+}  // namespace huetrack::publish

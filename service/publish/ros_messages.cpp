@@ -2,13 +2,13 @@
 
 #include <cassert>
 
-namespace huetrack {
+namespace huetrack::publish {
 
 namespace {
 
 constexpr double unknown_orientation_variance = 1e6;  // rad^2
 
-void fill(std_msgs::msg::dds_::Header_& header, Timestamp captured, const std::string& frame_id) {
+void fill(std_msgs::msg::dds_::Header_& header, capture::Timestamp captured, const std::string& frame_id) {
   const auto since_epoch = captured.time_since_epoch();
   const auto whole = std::chrono::floor<std::chrono::seconds>(since_epoch);
   header.stamp().sec(static_cast<std::int32_t>(whole.count()));
@@ -39,7 +39,7 @@ void fill(geometry_msgs::msg::dds_::Quaternion_& to, const Eigen::Quaterniond& f
 
 }  // namespace
 
-void to_ros(const ObjectEstimate& estimate, Timestamp captured, const std::string& frame_id,
+void to_ros(const object_tracking::ObjectEstimate& estimate, capture::Timestamp captured, const std::string& frame_id,
             geometry_msgs::msg::dds_::PoseWithCovarianceStamped_& message) {
   assert(estimate.has_position());
   fill(message.header(), captured, frame_id);
@@ -54,7 +54,7 @@ void to_ros(const ObjectEstimate& estimate, Timestamp captured, const std::strin
   }
 }
 
-void to_ros(const ObjectEstimate& estimate, Timestamp captured, const std::string& frame_id, const std::string& target,
+void to_ros(const object_tracking::ObjectEstimate& estimate, capture::Timestamp captured, const std::string& frame_id, const std::string& target,
             tf2_msgs::msg::dds_::TFMessage_& message) {
   assert(estimate.has_position());
   message.transforms().resize(1);
@@ -65,7 +65,7 @@ void to_ros(const ObjectEstimate& estimate, Timestamp captured, const std::strin
   fill_identity(transform.transform().rotation());
 }
 
-void to_ros(const CameraEstimate& estimate, Timestamp captured, const std::string& frame_id,
+void to_ros(const camera_tracking::CameraEstimate& estimate, capture::Timestamp captured, const std::string& frame_id,
             geometry_msgs::msg::dds_::PoseWithCovarianceStamped_& message) {
   assert(estimate.has_pose());
   fill(message.header(), captured, frame_id);
@@ -75,7 +75,7 @@ void to_ros(const CameraEstimate& estimate, Timestamp captured, const std::strin
     message.pose().covariance()[static_cast<std::size_t>(i)] = estimate.covariance(i / 6, i % 6);
 }
 
-void to_ros(const CameraEstimate& estimate, Timestamp captured, const std::string& frame_id, const std::string& camera,
+void to_ros(const camera_tracking::CameraEstimate& estimate, capture::Timestamp captured, const std::string& frame_id, const std::string& camera,
             tf2_msgs::msg::dds_::TFMessage_& message) {
   assert(estimate.has_pose());
   message.transforms().resize(1);
@@ -86,4 +86,4 @@ void to_ros(const CameraEstimate& estimate, Timestamp captured, const std::strin
   fill(transform.transform().rotation(), estimate.world_from_camera.rotation);
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::publish

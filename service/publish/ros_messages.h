@@ -9,7 +9,7 @@
 #include "idl/ros2_messages.h"
 #include "object_tracking/object_estimate.h"
 
-namespace huetrack {
+namespace huetrack::publish {
 
 // A position is all that is known. The orientation is the identity with a variance of 1e6 rad^2 about each axis, which
 // readers take as "unknown"; position and orientation are uncorrelated.
@@ -17,16 +17,16 @@ namespace huetrack {
 //   captured   capture time, UNIX: the header's stamp
 //   frame_id   the world frame; child frame of the transform: the target's name
 // They fill an existing message, so that a publisher that keeps one does not allocate.
-void to_ros(const ObjectEstimate& estimate, Timestamp captured, const std::string& frame_id,
+void to_ros(const object_tracking::ObjectEstimate& estimate, capture::Timestamp captured, const std::string& frame_id,
             geometry_msgs::msg::dds_::PoseWithCovarianceStamped_& message);
-void to_ros(const ObjectEstimate& estimate, Timestamp captured, const std::string& frame_id, const std::string& target,
+void to_ros(const object_tracking::ObjectEstimate& estimate, capture::Timestamp captured, const std::string& frame_id, const std::string& target,
             tf2_msgs::msg::dds_::TFMessage_& message);
 
 // A camera's pose, of its optical frame (x right, y down, z forward); they require estimate.has_pose(). Child frame: the
 // camera's name.
-void to_ros(const CameraEstimate& estimate, Timestamp captured, const std::string& frame_id,
+void to_ros(const camera_tracking::CameraEstimate& estimate, capture::Timestamp captured, const std::string& frame_id,
             geometry_msgs::msg::dds_::PoseWithCovarianceStamped_& message);
-void to_ros(const CameraEstimate& estimate, Timestamp captured, const std::string& frame_id, const std::string& camera,
+void to_ros(const camera_tracking::CameraEstimate& estimate, capture::Timestamp captured, const std::string& frame_id, const std::string& camera,
             tf2_msgs::msg::dds_::TFMessage_& message);
 
-}  // namespace huetrack
+}  // namespace huetrack::publish

@@ -6,7 +6,7 @@
 #include <cassert>
 #include <cmath>
 
-namespace huetrack {
+namespace huetrack::publish {
 namespace {
 
 using Marker = visualization_msgs::msg::dds_::Marker_;
@@ -98,14 +98,14 @@ std::string ros_name(const std::string& camera) {
 }
 
 visualization_msgs::msg::dds_::MarkerArray_ to_markers(const msg::Scene& scene,
-                                                       std::span<const ObjectEstimate> estimates, Timestamp captured,
+                                                       std::span<const object_tracking::ObjectEstimate> estimates, capture::Timestamp captured,
                                                        const std::string& frame_id, const std::string& tracked_camera) {
   assert(scene.targets().size() == estimates.size());
   const std::int64_t at = captured.time_since_epoch().count();
   visualization_msgs::msg::dds_::MarkerArray_ array;
   for (std::size_t t = 0; t < estimates.size(); ++t) {
     const msg::SceneTarget& target = scene.targets()[t];
-    const ObjectEstimate& estimate = estimates[t];
+    const object_tracking::ObjectEstimate& estimate = estimates[t];
     Marker ball = marker(at, frame_id, target.name(), 0, sphere);
     Marker ellipsoid = marker(at, frame_id, target.name(), 1, sphere);
     Marker name = marker(at, frame_id, target.name(), 2, text_view_facing);
@@ -113,7 +113,7 @@ visualization_msgs::msg::dds_::MarkerArray_ to_markers(const msg::Scene& scene,
       set_position(ball, estimate.position);
       set_scale(ball, 2 * target.radius_m(), 2 * target.radius_m(), 2 * target.radius_m());
       // Translucent: the ellipsoid mostly is inside.
-      set_color(ball, target.rgb(), estimate.state == TrackState::tracking ? 0.45F : 0.2F);
+      set_color(ball, target.rgb(), estimate.state == object_tracking::TrackState::tracking ? 0.45F : 0.2F);
       set_position(ellipsoid, estimate.position);
       set_ellipsoid(ellipsoid, estimate.covariance);
       set_color(ellipsoid, target.rgb(), 0.8F);
@@ -230,4 +230,4 @@ tf2_msgs::msg::dds_::TFMessage_ to_static_tf(const msg::Scene& scene, const std:
   return message;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::publish

@@ -10,7 +10,7 @@
 #include "idl/ros2_messages.h"
 #include "object_tracking/object_estimate.h"
 
-namespace huetrack {
+namespace huetrack::publish {
 
 // Per target a ball of its radius, its 95 % ellipsoid and its name; per camera what it sees as lines, and its name; the
 // volume. Where a target has no position its markers are deleted: RViz shows no stale one.
@@ -18,7 +18,7 @@ namespace huetrack {
 //   captured    capture time, UNIX
 //   tracked_camera  the name of the one that moves, if any: its lines are in its own frame, which /tf moves
 visualization_msgs::msg::dds_::MarkerArray_ to_markers(const msg::Scene& scene,
-                                                       std::span<const ObjectEstimate> estimates, Timestamp captured,
+                                                       std::span<const object_tracking::ObjectEstimate> estimates, capture::Timestamp captured,
                                                        const std::string& frame_id,
                                                        const std::string& tracked_camera = "");
 
@@ -34,4 +34,4 @@ tf2_msgs::msg::dds_::TFMessage_ to_static_tf(const msg::Scene& scene, const std:
 // A camera's name in a topic's: letters, digits and single underscores.
 std::string ros_name(const std::string& camera);
 
-}  // namespace huetrack
+}  // namespace huetrack::publish

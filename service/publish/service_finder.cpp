@@ -9,18 +9,18 @@
 #include "idl/huetrackPubSubTypes.h"
 #include "idl/topics.h"
 
-namespace huetrack {
+namespace huetrack::publish {
 
 namespace dds = eprosima::fastdds::dds;
 using eprosima::fastrtps::types::ReturnCode_t;
 
 std::vector<RunningService> running_services(const EstimatePublisherOptions& options,
                                              std::chrono::milliseconds patience) {
-  DdsParticipant participant(
+  idl::DdsParticipant participant(
       {.name = "huetrackd", .domain = options.domain, .interfaces = options.interfaces, .profiles = options.profiles});
   dds::DataReader& reader = participant.create_reader(
-      topics::status, dds::TypeSupport(new msg::ServiceStatusPubSubType), status_reader_qos());
-  const std::string host = PublisherIdentity::of_this_process({}).host;
+      idl::topics::status, dds::TypeSupport(new msg::ServiceStatusPubSubType), idl::status_reader_qos());
+  const std::string host = idl::PublisherIdentity::of_this_process({}).host;
   std::map<std::pair<std::string, std::uint32_t>, RunningService> found;
   const auto until = std::chrono::steady_clock::now() + patience;
   while (std::chrono::steady_clock::now() < until) {
@@ -37,4 +37,4 @@ std::vector<RunningService> running_services(const EstimatePublisherOptions& opt
   return services;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::publish

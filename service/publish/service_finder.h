@@ -8,7 +8,7 @@
 
 #include "publish/estimate_publisher.h"
 
-namespace huetrack {
+namespace huetrack::publish {
 
 struct RunningService {
   std::uint32_t pid = 0;
@@ -21,4 +21,4 @@ struct RunningService {
 std::vector<RunningService> running_services(const EstimatePublisherOptions& options,
                                              std::chrono::milliseconds patience);
 
-}  // namespace huetrack
+}  // namespace huetrack::publish

@@ -7,7 +7,7 @@
 
 #include "capture/frame.h"
 
-namespace huetrack {
+namespace huetrack::publish {
 
 struct CameraStatus {
   std::string name;
@@ -23,7 +23,7 @@ struct CameraStatus {
 };
 
 struct ServiceStatus {
-  Timestamp at;                        // UNIX time
+  capture::Timestamp at;                        // UNIX time
   std::string program_version;
   std::string mode;                    // "replay" or "run"
   std::string config_file;
@@ -40,4 +40,4 @@ struct ServiceStatus {
   std::vector<std::string> warnings;   // one sentence each
 };
 
-}  // namespace huetrack
+}  // namespace huetrack::publish

@@ -13,7 +13,7 @@
 #include "idl/topics.h"
 #include "publish/ros_view.h"
 
-namespace huetrack {
+namespace huetrack::publish {
 
 namespace dds = eprosima::fastdds::dds;
 using eprosima::fastrtps::types::ReturnCode_t;
@@ -27,20 +27,20 @@ int readers_of(const dds::DataWriter& writer) {
   return matched.current_count;
 }
 
-static_assert(static_cast<std::uint32_t>(CameraMapPoint::State::not_sought) == msg::CAMERA_MAP_POINT_NOT_SOUGHT &&
-              static_cast<std::uint32_t>(CameraMapPoint::State::missed) == msg::CAMERA_MAP_POINT_MISSED &&
-              static_cast<std::uint32_t>(CameraMapPoint::State::found) == msg::CAMERA_MAP_POINT_FOUND);
+static_assert(static_cast<std::uint32_t>(camera_tracking::CameraMapPoint::State::not_sought) == msg::CAMERA_MAP_POINT_NOT_SOUGHT &&
+              static_cast<std::uint32_t>(camera_tracking::CameraMapPoint::State::missed) == msg::CAMERA_MAP_POINT_MISSED &&
+              static_cast<std::uint32_t>(camera_tracking::CameraMapPoint::State::found) == msg::CAMERA_MAP_POINT_FOUND);
 
 constexpr std::size_t most_map_points = 1000;  // 45 kB: one UDP datagram
 
 // All but whose it is.
-msg::CameraMap to_message(const CameraMap& map, Timestamp captured) {
+msg::CameraMap to_message(const camera_tracking::CameraMap& map, capture::Timestamp captured) {
   msg::CameraMap out;
   out.captured_at(captured.time_since_epoch().count());
   out.map_points(static_cast<std::uint32_t>(map.points.size()));
   const std::size_t count = std::min(map.points.size(), most_map_points);
   for (std::size_t i = 0; i < count; ++i) {
-    const CameraMapPoint& from = map.points[i * map.points.size() / count];
+    const camera_tracking::CameraMapPoint& from = map.points[i * map.points.size() / count];
     msg::CameraMapPoint& to = out.points().emplace_back();
     to.id(from.id);
     for (Eigen::Index k = 0; k < 3; ++k)
@@ -61,17 +61,17 @@ struct Connection {
                      .domain = options.domain,
                      .interfaces = options.interfaces,
                      .profiles = options.profiles}),
-        scene(participant.create_writer(topics::scene, dds::TypeSupport(new msg::ScenePubSubType), status_writer_qos(),
+        scene(participant.create_writer(idl::topics::scene, dds::TypeSupport(new msg::ScenePubSubType), idl::status_writer_qos(),
                                         who)),
-        preview(participant.create_writer(topics::preview, dds::TypeSupport(new msg::PreviewPubSubType),
-                                          preview_writer_qos(), who)),
-        reply(participant.create_writer(topics::teach_reply, dds::TypeSupport(new msg::TeachReplyPubSubType),
-                                        teach_writer_qos(), who)),
-        request(participant.create_reader(topics::teach_request, dds::TypeSupport(new msg::TeachRequestPubSubType),
-                                          teach_reader_qos())) {
+        preview(participant.create_writer(idl::topics::preview, dds::TypeSupport(new msg::PreviewPubSubType),
+                                          idl::preview_writer_qos(), who)),
+        reply(participant.create_writer(idl::topics::teach_reply, dds::TypeSupport(new msg::TeachReplyPubSubType),
+                                        idl::teach_writer_qos(), who)),
+        request(participant.create_reader(idl::topics::teach_request, dds::TypeSupport(new msg::TeachRequestPubSubType),
+                                          idl::teach_reader_qos())) {
     if (!options.tracked_camera.empty())
-      map = &participant.create_writer(topics::camera_map, dds::TypeSupport(new msg::CameraMapPubSubType),
-                                       status_writer_qos(), who);
+      map = &participant.create_writer(idl::topics::camera_map, dds::TypeSupport(new msg::CameraMapPubSubType),
+                                       idl::status_writer_qos(), who);
     if (!options.ros2) return;
     using ImageType = sensor_msgs::msg::dds_::CompressedImage_PubSubType;
     using InfoType = sensor_msgs::msg::dds_::CameraInfo_PubSubType;
@@ -79,18 +79,18 @@ struct Connection {
     using TfType = tf2_msgs::msg::dds_::TFMessage_PubSubType;
     for (const std::string& camera : options.cameras) {
       const std::string name = ros_name(camera);
-      images.push_back(&participant.create_writer(topics::ros2_image(name), dds::TypeSupport(new ImageType),
-                                                  ros2_writer_qos(), ros2_user_data(ros2_image_type_hash)));
-      infos.push_back(&participant.create_writer(topics::ros2_camera_info(name), dds::TypeSupport(new InfoType),
-                                                 ros2_writer_qos(), ros2_user_data(ros2_camera_info_type_hash)));
+      images.push_back(&participant.create_writer(idl::topics::ros2_image(name), dds::TypeSupport(new ImageType),
+                                                  idl::ros2_writer_qos(), idl::ros2_user_data(idl::ros2_image_type_hash)));
+      infos.push_back(&participant.create_writer(idl::topics::ros2_camera_info(name), dds::TypeSupport(new InfoType),
+                                                 idl::ros2_writer_qos(), idl::ros2_user_data(idl::ros2_camera_info_type_hash)));
     }
-    markers = &participant.create_writer(topics::ros2_markers, dds::TypeSupport(new MarkersType), ros2_writer_qos(),
-                                         ros2_user_data(ros2_markers_type_hash));
-    tf_static = &participant.create_writer(topics::ros2_tf_static, dds::TypeSupport(new TfType), status_writer_qos(),
-                                           ros2_user_data(ros2_tf_type_hash));
+    markers = &participant.create_writer(idl::topics::ros2_markers, dds::TypeSupport(new MarkersType), idl::ros2_writer_qos(),
+                                         idl::ros2_user_data(idl::ros2_markers_type_hash));
+    tf_static = &participant.create_writer(idl::topics::ros2_tf_static, dds::TypeSupport(new TfType), idl::status_writer_qos(),
+                                           idl::ros2_user_data(idl::ros2_tf_type_hash));
   }
 
-  DdsParticipant participant;
+  idl::DdsParticipant participant;
   dds::DataWriter &scene, &preview, &reply;
   dds::DataReader& request;
   dds::DataWriter* map = nullptr;               // null without a tracked camera
@@ -104,11 +104,11 @@ struct Connection {
 struct ViewPublisher::Impl {
   explicit Impl(EstimatePublisherOptions o)
       : options(std::move(o)),
-        identity(PublisherIdentity::of_this_process(options.targets)),
+        identity(idl::PublisherIdentity::of_this_process(options.targets)),
         connection(std::make_unique<Connection>(options, identity.user_data())) {}
 
   const EstimatePublisherOptions options;
-  const PublisherIdentity identity;
+  const idl::PublisherIdentity identity;
   std::unique_ptr<Connection> connection;
   bool write_scene() {
     bool ok = connection->scene.write(&*scene);
@@ -148,7 +148,7 @@ bool ViewPublisher::publish(const msg::Preview& preview) noexcept {
   return ok;
 }
 
-bool ViewPublisher::publish(const CameraMap& map, Timestamp captured) noexcept {
+bool ViewPublisher::publish(const camera_tracking::CameraMap& map, capture::Timestamp captured) noexcept {
   assert(impl_->connection->map != nullptr);
   impl_->map = to_message(map, captured);
   impl_->map->camera(impl_->options.tracked_camera);
@@ -157,7 +157,7 @@ bool ViewPublisher::publish(const CameraMap& map, Timestamp captured) noexcept {
   return impl_->connection->map->write(&*impl_->map);
 }
 
-bool ViewPublisher::publish(std::span<const ObjectEstimate> estimates, Timestamp captured) noexcept {
+bool ViewPublisher::publish(std::span<const object_tracking::ObjectEstimate> estimates, capture::Timestamp captured) noexcept {
   dds::DataWriter* const markers = impl_->connection->markers;
   if (markers == nullptr || !impl_->scene || readers_of(*markers) == 0) return true;
   auto array = to_markers(*impl_->scene, estimates, captured, impl_->options.frame_id, impl_->options.tracked_camera);
@@ -202,4 +202,4 @@ void ViewPublisher::look_after_network() {
   }
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::publish

@@ -12,7 +12,7 @@
 #include "idl/huetrack_view.h"
 #include "publish/estimate_publisher.h"
 
-namespace huetrack {
+namespace huetrack::publish {
 
 // thread-compatible: one thread, which is not the tracking one.
 class ViewPublisher {
@@ -25,10 +25,10 @@ class ViewPublisher {
   // Each fills in what identifies this process where the message has it. False when it could not be written.
   bool publish(msg::Scene scene) noexcept;  // kept, and sent to who comes late
   bool publish(const msg::Preview& preview) noexcept;
-  bool publish(const CameraMap& map, Timestamp captured) noexcept;  // of options.tracked_camera, which must be given
+  bool publish(const camera_tracking::CameraMap& map, capture::Timestamp captured) noexcept;  // of options.tracked_camera, which must be given
   bool publish(const msg::TeachReply& reply) noexcept;
   // For RViz: the markers of these targets (those of the last scene, in its order). Nothing without ROS 2.
-  bool publish(std::span<const ObjectEstimate> estimates, Timestamp captured) noexcept;
+  bool publish(std::span<const object_tracking::ObjectEstimate> estimates, capture::Timestamp captured) noexcept;
 
   std::optional<msg::TeachRequest> next_request();  // those to this process; does not wait
 
@@ -43,4 +43,4 @@ class ViewPublisher {
   std::unique_ptr<Impl> impl_;
 };
 
-}  // namespace huetrack
+}  // namespace huetrack::publish

@@ -6,7 +6,7 @@
 #include <cstdlib>
 #include <system_error>
 
-namespace huetrack {
+namespace huetrack::tracks {
 namespace {
 
 [[noreturn]] void fail(const std::filesystem::path& file) {
@@ -15,7 +15,7 @@ namespace {
 
 }  // namespace
 
-std::string to_tum_line(const CameraEstimate& e) {
+std::string to_tum_line(const camera_tracking::CameraEstimate& e) {
   const std::int64_t ns = e.at.time_since_epoch().count();
   std::string line = std::to_string(std::abs(ns));
   if (line.size() < 10) line.insert(0, 10 - line.size(), '0');  // at least 0.000000000
@@ -37,8 +37,8 @@ PoseFileWriter::PoseFileWriter(std::filesystem::path file) : file_(std::move(fil
   if (!stream_) fail(file_);
 }
 
-void PoseFileWriter::write(const CameraEstimate& estimate) {
-  if (estimate.state != CameraState::tracking) return;  // only that is a claim
+void PoseFileWriter::write(const camera_tracking::CameraEstimate& estimate) {
+  if (estimate.state != camera_tracking::CameraState::tracking) return;  // only that is a claim
   errno = 0;
   stream_ << to_tum_line(estimate) << '\n';
   if (!stream_) fail(file_);
@@ -49,4 +49,4 @@ void PoseFileWriter::flush() {
   if (!stream_.flush()) fail(file_);
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::tracks

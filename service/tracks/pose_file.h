@@ -8,15 +8,15 @@
 
 #include "camera_tracking/camera_estimate.h"
 
-namespace huetrack {
+namespace huetrack::tracks {
 
-std::string to_tum_line(const CameraEstimate& estimate);  // without the line's end; requires has_pose()
+std::string to_tum_line(const camera_tracking::CameraEstimate& estimate);  // without the line's end; requires has_pose()
 
 // thread-compatible.
 class PoseFileWriter {
  public:
   explicit PoseFileWriter(std::filesystem::path file);  // throws std::system_error, naming the file; so do the others
-  void write(const CameraEstimate& estimate);           // nothing in states but tracking
+  void write(const camera_tracking::CameraEstimate& estimate);           // nothing in states but tracking
   void flush();
 
  private:
@@ -24,4 +24,4 @@ class PoseFileWriter {
   std::ofstream stream_;
 };
 
-}  // namespace huetrack
+}  // namespace huetrack::tracks

@@ -10,7 +10,7 @@
 
 #include "calib/yaml/csv_table.h"
 
-namespace huetrack {
+namespace huetrack::tracks {
 namespace {
 
 void append(std::string& row, double value) {
@@ -23,9 +23,9 @@ void append(std::string& row, double value) {
   }
 }
 
-std::optional<TrackState> track_state_of(std::string_view word) {
-  for (const auto state : {TrackState::searching, TrackState::tracking, TrackState::coasting, TrackState::lost}) {
-    if (name(state) == word) return state;
+std::optional<object_tracking::TrackState> track_state_of(std::string_view word) {
+  for (const auto state : {object_tracking::TrackState::searching, object_tracking::TrackState::tracking, object_tracking::TrackState::coasting, object_tracking::TrackState::lost}) {
+    if (object_tracking::name(state) == word) return state;
   }
   return std::nullopt;
 }
@@ -36,7 +36,7 @@ std::optional<TrackState> track_state_of(std::string_view word) {
 
 }  // namespace
 
-std::string to_csv_row(std::string_view target, const ObjectEstimate& e) {
+std::string to_csv_row(std::string_view target, const object_tracking::ObjectEstimate& e) {
   const std::int64_t ns = e.at.time_since_epoch().count();
   std::string digits = std::to_string(std::abs(ns));
   if (digits.size() < 10) digits.insert(0, 10 - digits.size(), '0');  // at least 0.000000000
@@ -51,7 +51,7 @@ std::string to_csv_row(std::string_view target, const ObjectEstimate& e) {
     for (int j = i; j < 3; ++j) append(row, e.covariance(i, j));
   }
   row += ',';
-  row += name(e.state);
+  row += object_tracking::name(e.state);
   row += ',';
   row += std::to_string(e.views);
   append(row, e.confidence);
@@ -65,7 +65,7 @@ TrackCsvWriter::TrackCsvWriter(std::filesystem::path file) : file_(std::move(fil
   stream_ << track_csv_header << '\n';
 }
 
-void TrackCsvWriter::write(std::string_view target, const ObjectEstimate& estimate) {
+void TrackCsvWriter::write(std::string_view target, const object_tracking::ObjectEstimate& estimate) {
   errno = 0;
   stream_ << to_csv_row(target, estimate) << '\n';
   if (!stream_) fail(file_);
@@ -76,15 +76,15 @@ void TrackCsvWriter::flush() {
   if (!stream_.flush()) fail(file_);
 }
 
-std::map<std::string, std::vector<ObjectEstimate>> read_track_csv(const std::filesystem::path& file) {
+std::map<std::string, std::vector<object_tracking::ObjectEstimate>> read_track_csv(const std::filesystem::path& file) {
   static constexpr std::string_view columns[] = {"target", "t",   "x",     "y",     "z",         "vx",
                                                  "vy",     "vz",  "cxx",   "cxy",   "cxz",       "cyy",
                                                  "cyz",    "czz", "state", "views", "confidence"};
-  CsvTable table(file, columns);
-  std::map<std::string, std::vector<ObjectEstimate>> tracks;
+  yaml::CsvTable table(file, columns);
+  std::map<std::string, std::vector<object_tracking::ObjectEstimate>> tracks;
   while (table.next()) {
     auto& track = tracks[std::string(table.text(0))];
-    ObjectEstimate& e = track.emplace_back();
+    object_tracking::ObjectEstimate& e = track.emplace_back();
     e.set_number = track.size() - 1;
     e.at = table.time(1);
     for (int i = 0; i < 3; ++i) e.position[i] = table.number(std::size_t(2 + i));
@@ -103,4 +103,4 @@ std::map<std::string, std::vector<ObjectEstimate>> read_track_csv(const std::fil
   return tracks;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::tracks

@@ -11,20 +11,20 @@
 
 #include "object_tracking/object_estimate.h"
 
-namespace huetrack {
+namespace huetrack::tracks {
 
 inline constexpr std::string_view track_csv_header =
     "target,t,x,y,z,vx,vy,vz,cxx,cxy,cxz,cyy,cyz,czz,state,views,confidence";
 
 // One row, without the end of line. t: capture time, seconds with 9 decimals, on the clock of estimate.at.
 // `nan` where there is no position.
-std::string to_csv_row(std::string_view target, const ObjectEstimate& estimate);
+std::string to_csv_row(std::string_view target, const object_tracking::ObjectEstimate& estimate);
 
 // thread-compatible.
 class TrackCsvWriter {
  public:
   explicit TrackCsvWriter(std::filesystem::path file);  // throws std::system_error, naming the file
-  void write(std::string_view target, const ObjectEstimate& estimate);
+  void write(std::string_view target, const object_tracking::ObjectEstimate& estimate);
   // What is written so far is on disk. throws std::system_error, naming the file: a full disk must not look like a
   // track.
   void flush();
@@ -37,6 +37,6 @@ class TrackCsvWriter {
 // What a TrackCsvWriter (or `huetrack watch --format csv`) wrote: the estimates of each target, in the file's order.
 // Fields that the file does not hold have their defaults; set_number counts the rows of the target.
 // throws ConfigError "file:line: ..."
-std::map<std::string, std::vector<ObjectEstimate>> read_track_csv(const std::filesystem::path& file);
+std::map<std::string, std::vector<object_tracking::ObjectEstimate>> read_track_csv(const std::filesystem::path& file);
 
-}  // namespace huetrack
+}  // namespace huetrack::tracks

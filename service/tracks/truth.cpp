@@ -9,19 +9,19 @@
 #include "calib/yaml/csv_table.h"
 #include "config/formatted.h"
 
-namespace huetrack {
+namespace huetrack::tracks {
 namespace {
 
 constexpr double lock_within_m = 0.05;
 constexpr double wrong_beyond_m = 0.10;
 constexpr double chi2_3_95 = 7.815;  // 95 % quantile of chi-squared with 3 degrees of freedom
-constexpr Duration longest_gap = std::chrono::milliseconds(100);
+constexpr capture::Duration longest_gap = std::chrono::milliseconds(100);
 
 }  // namespace
 
 Truth Truth::read(const std::filesystem::path& file) {
   static constexpr std::string_view columns[] = {"ball", "t", "x", "y", "z"};
-  CsvTable table(file, columns);
+  yaml::CsvTable table(file, columns);
   Truth truth;
   while (table.next()) {
     auto& samples = truth.targets_[std::string(table.text(0))];
@@ -52,12 +52,12 @@ std::vector<std::string> Truth::match(std::span<const std::string> targets) {
   return sentences;
 }
 
-std::optional<Eigen::Vector3d> Truth::position(std::string_view target, Timestamp at) const {
+std::optional<Eigen::Vector3d> Truth::position(std::string_view target, capture::Timestamp at) const {
   const auto it = targets_.find(target);
   if (it == targets_.end()) return std::nullopt;
   const auto& samples = it->second;
   // Times may be rounded in the file: half a millisecond past either end is still that end.
-  constexpr Duration rounding = std::chrono::microseconds(500);
+  constexpr capture::Duration rounding = std::chrono::microseconds(500);
   const auto after = std::ranges::lower_bound(samples, at, {}, &Sample::at);
   if (after == samples.end())
     return at - samples.back().at <= rounding ? std::optional(samples.back().position) : std::nullopt;
@@ -68,7 +68,7 @@ std::optional<Eigen::Vector3d> Truth::position(std::string_view target, Timestam
     if (at - before->at <= rounding) return before->position;
     return std::nullopt;
   }
-  const double share = seconds(at - before->at) / seconds(after->at - before->at);
+  const double share = capture::seconds(at - before->at) / capture::seconds(after->at - before->at);
   return before->position + share * (after->position - before->position);
 }
 
@@ -78,7 +78,7 @@ double nees(const Eigen::Vector3d& error_m, const Eigen::Matrix3d& covariance) {
   return error_m.dot(cholesky.solve(error_m));
 }
 
-std::optional<double> TruthComparison::add(const ObjectEstimate& estimate) {
+std::optional<double> TruthComparison::add(const object_tracking::ObjectEstimate& estimate) {
   const auto truth = truth_->position(target_, estimate.at);
   if (!truth) return std::nullopt;
   if (!first_at_) first_at_ = estimate.at;
@@ -86,11 +86,11 @@ std::optional<double> TruthComparison::add(const ObjectEstimate& estimate) {
   if (!estimate.has_position()) return std::nullopt;
   const Eigen::Vector3d error = estimate.position - *truth;
   const double error_m = error.norm();
-  const bool tracking = estimate.state == TrackState::tracking;
+  const bool tracking = estimate.state == object_tracking::TrackState::tracking;
   if (tracking && !(error_m <= wrong_beyond_m)) ++sums_.wrong_tracking;  // NaN is wrong too
   if (!sums_.lock_set && tracking && error_m <= lock_within_m) {
     sums_.lock_set = sums_.sets;
-    sums_.lock_s = seconds(estimate.at - *first_at_);
+    sums_.lock_s = capture::seconds(estimate.at - *first_at_);
   }
   if (sums_.lock_set) {
     ++sums_.samples;
@@ -115,14 +115,14 @@ TruthFigures TruthComparison::figures() const {
 
 std::string to_text(const TruthFigures& f) {
   if (!f.lock_set)
-    return formatted(
+    return config::formatted(
         "never within %.0f mm of the truth while tracking, in %zu sets; over %.0f cm off while tracking: %zu",
         1e3 * lock_within_m, f.sets, 1e2 * wrong_beyond_m, f.wrong_tracking);
-  return formatted(
+  return config::formatted(
       "locked in set %zu (%.3f s); then %zu samples, rms error %.1f mm, max %.1f mm, mean NEES %.2f, truth inside "
       "the 95 %% ellipsoid %.1f %%; over %.0f cm off while tracking: %zu of %zu",
       *f.lock_set, f.lock_s, f.samples, 1e3 * f.rms_m, 1e3 * f.max_m, f.mean_nees, 100 * f.share_inside_95,
       1e2 * wrong_beyond_m, f.wrong_tracking, f.sets);
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::tracks

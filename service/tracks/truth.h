@@ -11,7 +11,7 @@
 
 #include "object_tracking/object_estimate.h"
 
-namespace huetrack {
+namespace huetrack::tracks {
 
 // Where targets really were, on the recording's clock. Immutable.
 class Truth {
@@ -21,7 +21,7 @@ class Truth {
   static Truth read(const std::filesystem::path& file);
 
   struct Sample {
-    Timestamp at;
+    capture::Timestamp at;
     Eigen::Vector3d position;
   };
   const std::map<std::string, std::vector<Sample>, std::less<>>& targets() const { return targets_; }  // by time
@@ -31,7 +31,7 @@ class Truth {
   std::vector<std::string> match(std::span<const std::string> targets);
 
   // Linear between samples that are at most 0.1 s apart; nullopt outside them and for an unknown target.
-  std::optional<Eigen::Vector3d> position(std::string_view target, Timestamp at) const;
+  std::optional<Eigen::Vector3d> position(std::string_view target, capture::Timestamp at) const;
 
  private:
   std::map<std::string, std::vector<Sample>, std::less<>> targets_;
@@ -55,7 +55,7 @@ class TruthComparison {
   TruthComparison(const Truth& truth, std::string target) : truth_(&truth), target_(std::move(target)) {}
 
   // In time order. Returns the error in metres when there are both a position and a truth.
-  std::optional<double> add(const ObjectEstimate& estimate);
+  std::optional<double> add(const object_tracking::ObjectEstimate& estimate);
   TruthFigures figures() const;
   const std::string& target() const { return target_; }
 
@@ -63,7 +63,7 @@ class TruthComparison {
   const Truth* truth_;
   std::string target_;
   TruthFigures sums_;  // rms_m, mean_nees, share_inside_95 hold sums until figures() divides them
-  std::optional<Timestamp> first_at_;
+  std::optional<capture::Timestamp> first_at_;
 };
 
 // The normalised estimation error squared, e^T C^-1 e; infinity when C is not a covariance (not positive definite).
@@ -72,4 +72,4 @@ double nees(const Eigen::Vector3d& error_m, const Eigen::Matrix3d& covariance);
 // One readable line.
 std::string to_text(const TruthFigures& figures);
 
-}  // namespace huetrack
+}  // namespace huetrack::tracks

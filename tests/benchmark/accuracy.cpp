@@ -25,13 +25,13 @@ void check(const char* what, double value, const char* unit, double low, double 
   std::printf("  %s\n", reached ? "reached" : "MISSED");
 }
 
-void print_header(const Sequence& s, const std::string& target) {
+void print_header(const figures::Sequence& s, const std::string& target) {
   std::printf("\n%s, %s: %zu frame sets, %zu cameras\n", s.name.c_str(), target.c_str(), s.sets.size(), s.rig.cameras.size());
   std::printf("  %-18s %5s %9s %9s | %9s %9s | %7s %6s %6s | %5s %5s\n", "", "lock", "rms mm", "max mm", "2+ rms mm", "2+ max mm",
               "none", "wrong", "return", "NEES", "in95");
 }
 
-void print_row(const char* who, const TrackingFigures& f, bool with_covariance) {
+void print_row(const char* who, const figures::TrackingFigures& f, bool with_covariance) {
   std::printf("  %-18s %5s %9.1f %9.1f | %9.1f %9.1f | %3zu/%3zu %6zu %6zu |", who,
               f.lock_set ? std::to_string(*f.lock_set).c_str() : "never", 1e3 * f.rms_m, 1e3 * f.max_m, 1e3 * f.rms_two_views_m,
               1e3 * f.max_two_views_m, f.without_answer, f.sets, f.wrong_tracking, f.longest_return);
@@ -40,7 +40,7 @@ void print_row(const char* who, const TrackingFigures& f, bool with_covariance) 
 }
 
 // Sums up what `honest` reads; mean_nees and share_inside_95 become sums over the compared sets.
-void add(TrackingFigures& sum, const TrackingFigures& f) {
+void add(figures::TrackingFigures& sum, const figures::TrackingFigures& f) {
   const double n = static_cast<double>(f.compared);
   sum.compared += f.compared;
   sum.mean_nees += n * f.mean_nees;
@@ -48,8 +48,8 @@ void add(TrackingFigures& sum, const TrackingFigures& f) {
   sum.wrong_tracking += f.wrong_tracking;
   sum.largest_jump_m = std::max(sum.largest_jump_m, f.largest_jump_m);
   for (std::size_t v = 0; v < 3; ++v) {
-    TrackingFigures::Seen& s = sum.by_views[v];
-    const TrackingFigures::Seen& t = f.by_views[v];
+    figures::TrackingFigures::Seen& s = sum.by_views[v];
+    const figures::TrackingFigures::Seen& t = f.by_views[v];
     s.sets += t.sets, s.compared += t.compared, s.inside_95 += t.inside_95, s.tracking += t.tracking;
     s.sum_error2 += t.sum_error2, s.sum_nees += t.sum_nees;
     s.max_m = std::max(s.max_m, t.max_m);
@@ -64,8 +64,8 @@ int main(int argc, char** argv) {
     std::fprintf(stderr, "usage: accuracy [number of seeds >= 1]\n");
     return 2;
   }
-  if (!have("rendered/two_cams")) {
-    std::fprintf(stderr, "accuracy: no recordings in %s\n", shared_data().c_str());
+  if (!figures::have("rendered/two_cams")) {
+    std::fprintf(stderr, "accuracy: no recordings in %s\n", figures::shared_data().c_str());
     return 2;
   }
   std::puts("lock: first frame set in `tracking` within 50 mm of the truth. rms, max: every set with a position from then on.\n"
@@ -77,17 +77,17 @@ int main(int argc, char** argv) {
     const char* folder;
     int every;
     std::vector<unsigned> phases;          // each a play of the recording; the covariance is judged over all of them together
-    std::vector<TargetOptions> targets;
-    std::function<void(const TrackingFigures& ours, const TrackingFigures& blob)> must;
+    std::vector<object_tracking::TargetOptions> targets;
+    std::function<void(const figures::TrackingFigures& ours, const figures::TrackingFigures& blob)> must;
   };
-  const auto honest = [](const TrackingFigures& f) {
+  const auto honest = [](const figures::TrackingFigures& f) {
     const double n = static_cast<double>(f.compared);
     check("mean NEES", f.mean_nees / n, "", 1.5, 6);
     check("truth inside the 95 % ellipsoid", 100 * f.share_inside_95 / n, "%", 85, 99);
     check("`tracking` and over 10 cm off", static_cast<double>(f.wrong_tracking), "sets", -1e9, 0);
     constexpr const char* who[] = {"half of it: no view", "half of it: one view", "half of it: 2+ views"};
     for (std::size_t v = 0; v < 3; ++v) {
-      const TrackingFigures::Seen& s = f.by_views[v];
+      const figures::TrackingFigures::Seen& s = f.by_views[v];
       if (s.sets == 0) continue;
       std::printf("    %-21s %4zu sets, `tracking` in %4zu, a position in %4zu", who[v], s.sets, s.tracking, s.compared);
       if (s.compared > 0) {
@@ -100,41 +100,41 @@ int main(int argc, char** argv) {
     if (f.by_views[0].sets + f.by_views[1].sets > 0) std::printf("    largest jump where fewer than two do: %.1f mm\n", 1e3 * f.largest_jump_m);
   };
   const std::vector<Case> cases{
-      {"rendered/two_cams", 1, {0}, {lime_ball()},
-       [&](const TrackingFigures& f, const TrackingFigures& blob) {
+      {"rendered/two_cams", 1, {0}, {figures::lime_ball()},
+       [&](const figures::TrackingFigures& f, const figures::TrackingFigures& blob) {
          check("lock", f.lock_set ? static_cast<double>(*f.lock_set) : 1e6, "set", -1e9, 3);
          check("rms, against the blob's", 1e3 * f.rms_m, "mm", -1e9, 1e3 * blob.rms_m);
          check("max", 1e3 * f.max_m, "mm", -1e9, 12);
        }},
-      {"rendered/occlusion", 1, {0}, {pink_ball(), lime_ball()},
-       [&](const TrackingFigures& f, const TrackingFigures&) {
+      {"rendered/occlusion", 1, {0}, {figures::pink_ball(), figures::lime_ball()},
+       [&](const figures::TrackingFigures& f, const figures::TrackingFigures&) {
          check("rms where two or more views see the ball", 1e3 * f.rms_two_views_m, "mm", -1e9, 5);
          check("sets until `tracking` when two views see it", static_cast<double>(f.longest_return), "sets", -1e9, 3);
        }},
-      {"rendered/fast_60fps", 1, {0}, {pink_ball()},
-       [&](const TrackingFigures& f, const TrackingFigures& blob) {
+      {"rendered/fast_60fps", 1, {0}, {figures::pink_ball()},
+       [&](const figures::TrackingFigures& f, const figures::TrackingFigures& blob) {
          check("rms, against 1.2 times the blob's", 1e3 * f.rms_m, "mm", -1e9, 1.2e3 * blob.rms_m);
        }},
       // Every way in which three free-running cameras of half the rate can share the frames out.
-      {"rendered/fast_60fps", 2, {0b010, 0b101, 0b001, 0b110, 0b100, 0b011}, {pink_ball()},
-       [&](const TrackingFigures& f, const TrackingFigures&) { check("rms", 1e3 * f.rms_m, "mm", -1e9, 12); }},
+      {"rendered/fast_60fps", 2, {0b010, 0b101, 0b001, 0b110, 0b100, 0b011}, {figures::pink_ball()},
+       [&](const figures::TrackingFigures& f, const figures::TrackingFigures&) { check("rms", 1e3 * f.rms_m, "mm", -1e9, 12); }},
   };
   for (const Case& c : cases) {
-    for (const TargetOptions& target : c.targets) {
-      std::vector<TrackingFigures> all(static_cast<std::size_t>(seeds));     // over the phases
+    for (const object_tracking::TargetOptions& target : c.targets) {
+      std::vector<figures::TrackingFigures> all(static_cast<std::size_t>(seeds));     // over the phases
       for (const unsigned phases : c.phases) {
-        const Sequence sequence = load_sequence(shared_data() / c.folder, c.every, phases);
+        const figures::Sequence sequence = figures::load_sequence(figures::shared_data() / c.folder, c.every, phases);
         print_header(sequence, target.name);
-        const TrackingFigures blob = figures_of(sequence, target.name, track_blob(sequence, target));
+        const figures::TrackingFigures blob = figures::figures_of(sequence, target.name, figures::track_blob(sequence, target));
         print_row("OpenCV blob", blob, false);
         for (int seed = 1; seed <= seeds; ++seed) {
-          const auto options = rendered_options(Observation::paper, static_cast<std::uint64_t>(seed));
+          const auto options = figures::rendered_options(object_tracking::Observation::paper, static_cast<std::uint64_t>(seed));
           print_row(("paper, seed " + std::to_string(seed)).c_str(),
-                    figures_of(sequence, target.name, track(sequence, target, options)), true);
+                    figures::figures_of(sequence, target.name, figures::track(sequence, target, options)), true);
         }
         for (int seed = 1; seed <= seeds; ++seed) {
-          const auto options = rendered_options(Observation::huetrack, static_cast<std::uint64_t>(seed));
-          const TrackingFigures ours = figures_of(sequence, target.name, track(sequence, target, options));
+          const auto options = figures::rendered_options(object_tracking::Observation::huetrack, static_cast<std::uint64_t>(seed));
+          const figures::TrackingFigures ours = figures::figures_of(sequence, target.name, figures::track(sequence, target, options));
           print_row(("huetrack, seed " + std::to_string(seed)).c_str(), ours, true);
           c.must(ours, blob);
           add(all[static_cast<std::size_t>(seed - 1)], ours);
@@ -146,16 +146,16 @@ int main(int argc, char** argv) {
       }
     }
   }
-  if (have("red_square_stereo")) {
-    const Sequence sequence = load_sequence(shared_data() / "red_square_stereo");
-    const TargetOptions target = red_square();
+  if (figures::have("red_square_stereo")) {
+    const figures::Sequence sequence = figures::load_sequence(figures::shared_data() / "red_square_stereo");
+    const object_tracking::TargetOptions target = figures::red_square();
     std::printf("\nred_square_stereo (real): sets of %zu whose estimate projects inside the red square in both views\n", sequence.sets.size());
-    std::printf("  OpenCV blob        %zu\n", inside_red_square(sequence, track_blob(sequence, target)));
+    std::printf("  OpenCV blob        %zu\n", figures::inside_red_square(sequence, figures::track_blob(sequence, target)));
     for (int seed = 1; seed <= seeds; ++seed) {
       const auto s = static_cast<std::uint64_t>(seed);
       std::printf("  paper, seed %d      %zu\n", seed,
-                  inside_red_square(sequence, track(sequence, target, red_square_options(Observation::paper, s))));
-      const auto inside = inside_red_square(sequence, track(sequence, target, red_square_options(Observation::huetrack, s)));
+                  figures::inside_red_square(sequence, figures::track(sequence, target, figures::red_square_options(object_tracking::Observation::paper, s))));
+      const auto inside = figures::inside_red_square(sequence, figures::track(sequence, target, figures::red_square_options(object_tracking::Observation::huetrack, s)));
       std::printf("  huetrack, seed %d   %zu\n", seed, inside);
       check("inside the red square in both views", static_cast<double>(inside), "sets", 112, 1e9);
     }

@@ -7,19 +7,19 @@
 
 #include "pictures/pictures.h"
 
-namespace huetrack {
+namespace huetrack::figures {
 
-BlobTracker blob_tracker_for(const CameraRig& rig, const TargetOptions& target) {
+BlobTracker blob_tracker_for(const calib::CameraRig& rig, const object_tracking::TargetOptions& target) {
   if (target.name == "red") return BlobTracker(rig, {{{171, 210, 80}, {178, 255, 145}}, {{169, 120, 140}, {178, 165, 190}}}, 8);
   const HsvRange color{{target.color.hue_min_deg / 2, 0.3 * 255, 0.25 * 255}, {target.color.hue_max_deg / 2, 255, 255}};
   return BlobTracker(rig, std::vector<HsvRange>(rig.cameras.size(), color), 8);
 }
 
-BlobTracker::BlobTracker(const CameraRig& rig, std::vector<HsvRange> colors, int min_area) : min_area_(min_area) {
-  for (const Camera& camera : rig.cameras) {
+BlobTracker::BlobTracker(const calib::CameraRig& rig, std::vector<HsvRange> colors, int min_area) : min_area_(min_area) {
+  for (const calib::Camera& camera : rig.cameras) {
     PerCamera c;
     c.color = colors[cameras_.size()];
-    const auto& lens = std::get<PinholeRadtan>(camera.model.lens());
+    const auto& lens = std::get<calib::PinholeRadtan>(camera.model.lens());
     c.k = (cv::Mat_<double>(3, 3) << lens.fx, 0, lens.cx, 0, lens.fy, lens.cy, 0, 0, 1);
     c.distortion = cv::Mat(std::vector<double>(lens.distortion.begin(), lens.distortion.end()), true);
     const Eigen::Matrix3d r = camera.cam_from_world.rotation.toRotationMatrix();
@@ -31,24 +31,24 @@ BlobTracker::BlobTracker(const CameraRig& rig, std::vector<HsvRange> colors, int
   }
 }
 
-const cv::Mat& BlobTracker::mask_of(const Image& image, std::size_t camera) {
+const cv::Mat& BlobTracker::mask_of(const capture::Image& image, std::size_t camera) {
   PerCamera& c = cameras_[camera];
-  if (image.format == PixelFormat::yuyv) {
+  if (image.format == capture::PixelFormat::yuyv) {
     const cv::Mat yuyv(image.height, image.width, CV_8UC2, const_cast<std::uint8_t*>(image.planes[0].data),
                        static_cast<std::size_t>(image.planes[0].stride));
     cv::cvtColor(yuyv, c.bgr, cv::COLOR_YUV2BGR_YUYV);
   } else {
-    c.bgr = bgr_of(image);
+    c.bgr = pictures::bgr_of(image);
   }
   cv::cvtColor(c.bgr, c.hsv, cv::COLOR_BGR2HSV);
   cv::inRange(c.hsv, c.color.low, c.color.high, c.mask);
   return c.mask;
 }
 
-std::optional<Eigen::Vector3d> BlobTracker::locate(const FrameSet& set) {
+std::optional<Eigen::Vector3d> BlobTracker::locate(const capture::FrameSet& set) {
   std::vector<std::pair<std::size_t, cv::Point2d>> seen;      // undistorted, normalised
   for (std::size_t i = 0; i < cameras_.size(); ++i) {
-    if (!set.frames[i] || set.frames[i]->status != FrameStatus::ok) continue;
+    if (!set.frames[i] || set.frames[i]->status != capture::FrameStatus::ok) continue;
     cv::Mat labels, stats, centroids;
     const int n = cv::connectedComponentsWithStats(mask_of(set.frames[i]->pixels, i), labels, stats, centroids);
     int largest = 0;
@@ -75,4 +75,4 @@ std::optional<Eigen::Vector3d> BlobTracker::locate(const FrameSet& set) {
   return Eigen::Vector3d(vt.at<double>(3, 0), vt.at<double>(3, 1), vt.at<double>(3, 2)) / scale;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::figures

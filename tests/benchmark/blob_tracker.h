@@ -11,7 +11,7 @@
 #include "capture/frame.h"
 #include "object_tracking/object_tracker.h"
 
-namespace huetrack {
+namespace huetrack::figures {
 
 // OpenCV's 8-bit HSV: hue 0..180, may not wrap.
 struct HsvRange { cv::Scalar low, high; };
@@ -19,13 +19,13 @@ struct HsvRange { cv::Scalar low, high; };
 class BlobTracker {
  public:
   // One range per camera; blobs of fewer pixels than min_area are noise.
-  BlobTracker(const CameraRig& rig, std::vector<HsvRange> colors, int min_area);
+  BlobTracker(const calib::CameraRig& rig, std::vector<HsvRange> colors, int min_area);
 
   // nullopt when fewer than two views have a blob. All views that have one are triangulated together.
-  std::optional<Eigen::Vector3d> locate(const FrameSet& set);
+  std::optional<Eigen::Vector3d> locate(const capture::FrameSet& set);
 
   // One camera: the mask of the colour, whole frame. YUYV images are converted as OpenCV does it in one call.
-  const cv::Mat& mask_of(const Image& image, std::size_t camera);
+  const cv::Mat& mask_of(const capture::Image& image, std::size_t camera);
 
  private:
   struct PerCamera {
@@ -40,6 +40,6 @@ class BlobTracker {
 
 // The best that was found for data/rendered (hue as the target's, S > 0.3, V > 0.25: darker pixels have any hue) and, from
 // its README, for data/red_square_stereo.
-BlobTracker blob_tracker_for(const CameraRig& rig, const TargetOptions& target);
+BlobTracker blob_tracker_for(const calib::CameraRig& rig, const object_tracking::TargetOptions& target);
 
-}  // namespace huetrack
+}  // namespace huetrack::figures

@@ -58,20 +58,20 @@ bool is_there(const std::string& path) {
   return false;
 }
 
-FoundBoards look(const Board& board, const std::vector<std::string>& inputs) {
-  const auto source = open_pictures(inputs, {});
-  return find_boards(*source, BoardDetector(board), {.progress = false}, {});
+gather::FoundBoards look(const board::Board& board, const std::vector<std::string>& inputs) {
+  const auto source = gather::open_pictures(inputs, {});
+  return gather::find_boards(*source, board::BoardDetector(board), {.progress = false}, {});
 }
 
-std::vector<CameraToCalibrate> unknown(const FoundBoards& found) {
-  std::vector<CameraToCalibrate> cameras;
-  for (const CameraSighting& camera : found.cameras) cameras.push_back({camera.name, camera.image_size, {}});
+std::vector<solver::CameraToCalibrate> unknown(const gather::FoundBoards& found) {
+  std::vector<solver::CameraToCalibrate> cameras;
+  for (const gather::CameraSighting& camera : found.cameras) cameras.push_back({camera.name, camera.image_size, {}});
   return cameras;
 }
 
-std::vector<BoardView> views_of(const FoundBoards& found, int camera) {
-  std::vector<BoardView> own;
-  for (const BoardView& view : found.views) {
+std::vector<solver::BoardView> views_of(const gather::FoundBoards& found, int camera) {
+  std::vector<solver::BoardView> own;
+  for (const solver::BoardView& view : found.views) {
     if (view.camera == camera) own.push_back(view);
   }
   return own;
@@ -82,21 +82,21 @@ std::vector<BoardView> views_of(const FoundBoards& found, int camera) {
 void stereo() {
   std::printf("opencv_chessboard_stereo\n");
   if (!is_there("opencv_chessboard_stereo")) return;
-  const Board board{.columns = 9, .rows = 6, .pitch = {0.025, 0.025}};
-  const FoundBoards found = look(board, {"left=" + data("opencv_chessboard_stereo/left*.jpg").string(),
+  const board::Board board{.columns = 9, .rows = 6, .pitch = {0.025, 0.025}};
+  const gather::FoundBoards found = look(board, {"left=" + data("opencv_chessboard_stereo/left*.jpg").string(),
                                          "right=" + data("opencv_chessboard_stereo/right*.jpg").string()});
   for (int c = 0; c < 2; ++c) {
-    const CameraSighting& camera = found.cameras[std::size_t(c)];
+    const gather::CameraSighting& camera = found.cameras[std::size_t(c)];
     figure(camera.name + ": boards found of 13", camera.boards, "", 13, 13);
-    const Intrinsics lens = calibrate_intrinsics(board, camera.name, camera.image_size, views_of(found, c));
+    const solver::Intrinsics lens = solver::calibrate_intrinsics(board, camera.name, camera.image_size, views_of(found, c));
     figure(camera.name + ": views used", lens.adjustment.views_used(0), "", 13, 13);
     figure(camera.name + ": rms", lens.adjustment.rms_px, "px", any_low, c == 0 ? 0.20 : 0.21);
     figure(camera.name + ": fx", lens.adjustment.cameras[0].parameters(0), "px", 0.995 * 534, 1.005 * 536);
     figure(camera.name + ": fy", lens.adjustment.cameras[0].parameters(1), "px", 0.995 * 534, 1.005 * 536);
   }
-  const Extrinsics rig = calibrate_extrinsics(board, unknown(found), found.views);
+  const solver::Extrinsics rig = solver::calibrate_extrinsics(board, unknown(found), found.views);
   std::map<int, std::array<std::vector<cv::Point2f>, 2>> px;
-  for (const BoardView& view : found.views) {
+  for (const solver::BoardView& view : found.views) {
     for (const auto& p : view.px) px[view.set][std::size_t(view.camera)].emplace_back(float(p.x()), float(p.y()));
   }
   std::vector<cv::Point3f> flat;
@@ -119,8 +119,8 @@ void stereo() {
   for (int i = 0; i < 3; ++i) {
     for (int j = 0; j < 3; ++j) rotation(i, j) = r.at<double>(i, j);
   }
-  const Rigid3d right_from_left =
-      rig.adjustment.cameras[1].cam_from_world * inverse(rig.adjustment.cameras[0].cam_from_world);
+  const calib::Rigid3d right_from_left =
+      rig.adjustment.cameras[1].cam_from_world * calib::inverse(rig.adjustment.cameras[0].cam_from_world);
   figure("rotation against stereoCalibrate",
          180 / std::numbers::pi * right_from_left.rotation.angularDistance(Eigen::Quaterniond(rotation)), "deg",
          any_low, 0.1);
@@ -146,8 +146,8 @@ std::vector<double> numbers_in(const std::string& line) {
   return numbers;
 }
 
-CameraRig reference_rig(const fs::path& toml) {
-  CameraRig rig;
+calib::CameraRig reference_rig(const fs::path& toml) {
+  calib::CameraRig rig;
   std::ifstream file(toml);
   std::string line;
   while (std::getline(file, line)) {
@@ -156,19 +156,19 @@ CameraRig reference_rig(const fs::path& toml) {
       rig.cameras.back().name = "cam_" + line.substr(9, line.find(']') - 9);
     }
     if (rig.cameras.empty()) continue;
-    Camera& camera = rig.cameras.back();
+    calib::Camera& camera = rig.cameras.back();
     const auto n = numbers_in(line);
-    const auto lens = [&] { return std::get<PinholeRadtan>(camera.model.lens()); };
+    const auto lens = [&] { return std::get<calib::PinholeRadtan>(camera.model.lens()); };
     if (line.starts_with("size")) camera.image_size = {int(n[0]), int(n[1])};
     if (line.starts_with("matrix")) {
-      PinholeRadtan l = lens();
+      calib::PinholeRadtan l = lens();
       l.fx = n[0], l.cx = n[2], l.fy = n[4], l.cy = n[5];
-      camera.model = CameraModel(l);
+      camera.model = calib::CameraModel(l);
     }
     if (line.starts_with("distortions")) {
-      PinholeRadtan l = lens();
+      calib::PinholeRadtan l = lens();
       std::copy_n(n.begin(), 5, l.distortion.begin());
-      camera.model = CameraModel(l);
+      camera.model = calib::CameraModel(l);
     }
     if (line.starts_with("translation")) camera.cam_from_world.translation = {n[0], n[1], n[2]};
     if (line.starts_with("rotation =")) {
@@ -187,9 +187,9 @@ struct RigOnCorners {
   double flatness_mm = 0;  // rms distance of a set's corners from the true board, after the best motion
 };
 
-RigOnCorners on_corners(const CameraRig& rig, const Board& board, const std::vector<BoardView>& views) {
+RigOnCorners on_corners(const calib::CameraRig& rig, const board::Board& board, const std::vector<solver::BoardView>& views) {
   std::map<int, std::map<int, std::vector<std::pair<int, Vector2d>>>> sets;  // set -> corner -> (camera, px)
-  for (const BoardView& view : views) {
+  for (const solver::BoardView& view : views) {
     for (std::size_t k = 0; k < view.ids.size(); ++k) sets[view.set][view.ids[k]].emplace_back(view.camera, view.px[k]);
   }
   std::vector<std::vector<double>> errors(rig.cameras.size());
@@ -200,7 +200,7 @@ RigOnCorners on_corners(const CameraRig& rig, const Board& board, const std::vec
     std::map<int, Vector3d> points;
     for (const auto& [id, pixels] : seen) {
       if (pixels.size() < 2) continue;
-      const Vector3d p = measure_point(rig, pixels).p_world;
+      const Vector3d p = solver::measure_point(rig, pixels).p_world;
       points[id] = p;
       for (const auto& [c, px] : pixels) {
         if (const auto projected = rig.cameras[std::size_t(c)].project_world(p))
@@ -252,36 +252,36 @@ std::string rms_list(const std::vector<double>& values) {
 }
 
 // Views of the third of the sets in which the corners move least from set to set.
-std::vector<BoardView> stillest_third(const std::vector<BoardView>& views) {
-  std::map<int, std::map<int, const BoardView*>> sets;
-  for (const BoardView& view : views) sets[view.set][view.camera] = &view;
+std::vector<solver::BoardView> stillest_third(const std::vector<solver::BoardView>& views) {
+  std::map<int, std::map<int, const solver::BoardView*>> sets;
+  for (const solver::BoardView& view : views) sets[view.set][view.camera] = &view;
   std::vector<std::pair<double, int>> speeds;
   for (const auto& [set, seen] : sets) {
     double fastest = 0;
     for (const auto& [camera, view] : seen) {
       for (const int other : {set - 1, set + 1}) {
         if (!sets.contains(other) || !sets[other].contains(camera)) continue;
-        if (const auto moved = moved_px(*view, *sets[other][camera])) fastest = std::max(fastest, *moved);
+        if (const auto moved = gather::moved_px(*view, *sets[other][camera])) fastest = std::max(fastest, *moved);
       }
     }
     speeds.emplace_back(fastest, set);
   }
   std::ranges::sort(speeds);
   speeds.resize(speeds.size() / 3);
-  std::vector<BoardView> still;
-  for (const BoardView& view : views) {
+  std::vector<solver::BoardView> still;
+  for (const solver::BoardView& view : views) {
     if (std::ranges::find(speeds, view.set, &std::pair<double, int>::second) != speeds.end()) still.push_back(view);
   }
   return still;
 }
 
-std::vector<double> centre_distances_mm(const CameraRig& a, const CameraRig& b) {
+std::vector<double> centre_distances_mm(const calib::CameraRig& a, const calib::CameraRig& b) {
   std::vector<Vector3d> from, to;
   for (std::size_t c = 0; c < a.cameras.size(); ++c) {
     from.push_back(a.cameras[c].centre());
     to.push_back(b.cameras[c].centre());
   }
-  const WorldChange change = align_points(from, to, false);
+  const solver::WorldChange change = solver::align_points(from, to, false);
   std::vector<double> off;
   for (std::size_t c = 0; c < from.size(); ++c) off.push_back(1000 * (change * from[c] - to[c]).norm());
   return off;
@@ -291,42 +291,42 @@ void charuco() {
   std::printf("caliscope_charuco_4cam/post_optimization\n");
   const std::string folder = "caliscope_charuco_4cam/post_optimization/";
   if (!is_there(folder)) return;
-  const Board board{.type = BoardType::charuco,
+  const board::Board board{.type = board::BoardType::charuco,
                     .columns = 4,
                     .rows = 5,
                     .pitch = {0.054, 0.054},
                     .marker = 0.0405,
                     .dictionary = "DICT_4X4_1000",
                     .inverted = true};
-  const FoundBoards found = look(board, {data(folder + "calibration/extrinsic").string()});
-  const CameraRig reference = reference_rig(data(folder + "camera_array.toml"));
+  const gather::FoundBoards found = look(board, {data(folder + "calibration/extrinsic").string()});
+  const calib::CameraRig reference = reference_rig(data(folder + "camera_array.toml"));
   // The board is carried around, and the cameras do not expose together: only where it (nearly) rests do they see the
   // same. The third of the sets in which it moves least tells rigs apart.
-  const std::vector<BoardView> resting = stillest_third(found.views);
+  const std::vector<solver::BoardView> resting = stillest_third(found.views);
   std::printf("  %-34s %-31s %-31s %s\n", "", "rms px, all corners", "rms px, stillest third",
               "pitch and shape of the board (stillest third)");
-  const auto print = [&](const char* name, const CameraRig& rig) {
+  const auto print = [&](const char* name, const calib::CameraRig& rig) {
     const RigOnCorners all = on_corners(rig, board, found.views), still = on_corners(rig, board, resting);
     std::printf("  %-34s %-31s %-31s %.2f +- %.2f mm, off by %.2f mm\n", name, rms_list(all.rms_px).c_str(),
                 rms_list(still.rms_px).c_str(), still.pitch_mm, still.pitch_spread_mm, still.flatness_mm);
     return all;
   };
   const RigOnCorners reference_all = print("the reference", reference);
-  const Extrinsics scratch = calibrate_extrinsics(board, unknown(found), found.views);
-  print("huetrack, lenses from these views", rig_of(scratch.adjustment));
+  const solver::Extrinsics scratch = solver::calibrate_extrinsics(board, unknown(found), found.views);
+  print("huetrack, lenses from these views", solver::rig_of(scratch.adjustment));
   std::printf("    centres off the reference's: %s mm; %s\n",
-              rms_list(centre_distances_mm(rig_of(scratch.adjustment), reference)).c_str(),
+              rms_list(centre_distances_mm(solver::rig_of(scratch.adjustment), reference)).c_str(),
               scratch.lens_reason.c_str());
   // As its own users do: the lenses are known from recordings of their own.
   auto cameras = unknown(found);
   for (std::size_t c = 0; c < cameras.size(); ++c) cameras[c].model = reference.cameras[c].model;
-  const Extrinsics rig = calibrate_extrinsics(board, cameras, found.views);
-  const RigOnCorners ours_all = print("huetrack, the reference's lenses", rig_of(rig.adjustment));
+  const solver::Extrinsics rig = solver::calibrate_extrinsics(board, cameras, found.views);
+  const RigOnCorners ours_all = print("huetrack, the reference's lenses", solver::rig_of(rig.adjustment));
   std::printf("    %s; %d corners used, %d views dropped\n", rig.lens_reason.c_str(), rig.adjustment.corners_used,
-              int(std::ranges::count_if(rig.adjustment.fits, [](const ViewFit& fit) { return !fit.dropped.empty(); })));
+              int(std::ranges::count_if(rig.adjustment.fits, [](const solver::ViewFit& fit) { return !fit.dropped.empty(); })));
   const RigOnCorners every =
-      print("the same, no view dropped", rig_of(adjust(rig.adjustment, {.find_outliers = false})));
-  const auto off = centre_distances_mm(rig_of(rig.adjustment), reference);
+      print("the same, no view dropped", solver::rig_of(solver::adjust(rig.adjustment, {.find_outliers = false})));
+  const auto off = centre_distances_mm(solver::rig_of(rig.adjustment), reference);
   for (std::size_t c = 0; c < 4; ++c) {
     const std::string name = "cam_" + std::to_string(c);
     figure(name + ": views used", rig.adjustment.views_used(int(c)), "", 1, any_high);
@@ -345,8 +345,8 @@ void red_square() {
   std::printf("red_square_stereo/calibration_images\n");
   if (!is_there("red_square_stereo/calibration_images")) return;
   const std::string folder = data("red_square_stereo/calibration_images/").string();
-  const Board board{.columns = 6, .rows = 6, .pitch = {0.0354, 0.0358}};
-  const FoundBoards found = look(board, {"cam1=" + folder + "camera_1_*.png", "cam2=" + folder + "camera_2_*.png"});
+  const board::Board board{.columns = 6, .rows = 6, .pitch = {0.0354, 0.0358}};
+  const gather::FoundBoards found = look(board, {"cam1=" + folder + "camera_1_*.png", "cam2=" + folder + "camera_2_*.png"});
   figure("boards found of 14", found.cameras[0].boards + found.cameras[1].boards, "", 14, 14);
   int opencv = 0;
   for (const char* camera : {"1", "2"}) {
@@ -362,33 +362,33 @@ void red_square() {
 
 // ---- rendered/chessboard
 
-const Board& rendered_board() {
-  static const Board board{.columns = 9, .rows = 6, .pitch = {0.06, 0.06}};
+const board::Board& rendered_board() {
+  static const board::Board board{.columns = 9, .rows = 6, .pitch = {0.06, 0.06}};
   return board;
 }
 
-const FoundBoards& rendered_found() {
-  static const FoundBoards found = look(rendered_board(), {data("rendered/chessboard").string()});
+const gather::FoundBoards& rendered_found() {
+  static const gather::FoundBoards found = look(rendered_board(), {data("rendered/chessboard").string()});
   return found;
 }
 
 void rendered() {
   std::printf("rendered/chessboard\n");
   if (!is_there("rendered/chessboard")) return;
-  const CameraRig truth = read_rig(data("rendered/chessboard/rig.yaml"));
-  const FoundBoards& found = rendered_found();
+  const calib::CameraRig truth = calib::read_rig(data("rendered/chessboard/rig.yaml"));
+  const gather::FoundBoards& found = rendered_found();
   constexpr std::array least{20, 25, 17};
   for (std::size_t c = 0; c < 3; ++c)
     figure(found.cameras[c].name + ": boards found", found.cameras[c].boards, "", least[c], any_high);
-  const Extrinsics rig = calibrate_extrinsics(rendered_board(), unknown(found), found.views);
+  const solver::Extrinsics rig = solver::calibrate_extrinsics(rendered_board(), unknown(found), found.views);
   for (std::size_t c = 0; c < 3; ++c) {
-    const LensParameters l = rig.adjustment.cameras[c].parameters, t = parameters_of(truth.cameras[c].model);
+    const solver::LensParameters l = rig.adjustment.cameras[c].parameters, t = solver::parameters_of(truth.cameras[c].model);
     figure(found.cameras[c].name + ": fx off by", 100 * (l(0) / t(0) - 1), "%", -0.4, 0.4);
     figure(found.cameras[c].name + ": fy off by", 100 * (l(1) / t(1) - 1), "%", -0.4, 0.4);
     figure(found.cameras[c].name + ": principal point off by", (l - t).segment<2>(2).norm(), "px", any_low, 2);
   }
   figure("volume of 2x2x2 m, after rigid alignment",
-         1000 * volume_rms_m(truth, rig_of(rig.adjustment), {-1, -1, 0.1}, {1, 1, 2.1}), "mm", any_low, 2);
+         1000 * solver::volume_rms_m(truth, solver::rig_of(rig.adjustment), {-1, -1, 0.1}, {1, 1, 2.1}), "mm", any_low, 2);
 }
 
 // ---- are the bounds true?
@@ -396,9 +396,9 @@ void rendered() {
 void bounds() {
   std::printf("rendered/chessboard: 95 %% bounds, over resampled views and noise\n");
   if (!is_there("rendered/chessboard")) return;
-  const CameraRig truth = read_rig(data("rendered/chessboard/rig.yaml"));
-  std::vector<CameraToCalibrate> cameras;
-  for (const Camera& camera : truth.cameras) cameras.push_back({camera.name, camera.image_size, camera.model});
+  const calib::CameraRig truth = calib::read_rig(data("rendered/chessboard/rig.yaml"));
+  std::vector<solver::CameraToCalibrate> cameras;
+  for (const calib::Camera& camera : truth.cameras) cameras.push_back({camera.name, camera.image_size, camera.model});
   std::mt19937_64 rng(5);
   std::array<int, 5> inside{}, all{};
   constexpr std::array names{"focal lengths", "principal points", "distortion", "rotations", "positions"};
@@ -408,29 +408,29 @@ void bounds() {
     std::iota(sets.begin(), sets.end(), 0);
     std::ranges::shuffle(sets, rng);
     sets.resize(18);
-    std::vector<BoardView> views;
-    for (BoardView view : rendered_found().views) {
+    std::vector<solver::BoardView> views;
+    for (solver::BoardView view : rendered_found().views) {
       if (std::ranges::find(sets, view.set) == sets.end()) continue;
-      for (auto& px : view.px) px += noise_px * Vector2d(normal(rng), normal(rng));
+      for (auto& px : view.px) px += noise_px * Vector2d(solver::normal(rng), solver::normal(rng));
       views.push_back(std::move(view));
     }
-    const Adjustment a =
-        calibrate_extrinsics(rendered_board(), cameras, views, {.refine_lens = RefineLens::yes}).adjustment;
+    const solver::Adjustment a =
+        solver::calibrate_extrinsics(rendered_board(), cameras, views, {.refine_lens = solver::RefineLens::yes}).adjustment;
     const auto count = [&](std::size_t kind, double error, double sigma) {
       ++all[kind];
       inside[kind] += std::abs(error) <= 1.96 * sigma ? 1 : 0;
     };
     for (int c = 0; c < 3; ++c) {
-      const LensParameters off =
-          a.cameras[std::size_t(c)].parameters - parameters_of(truth.cameras[std::size_t(c)].model);
-      const LensParameters sigma = a.lens_sigma(c);
-      for (int i = 0; i < parameter_count(a.cameras[std::size_t(c)].lens); ++i)
+      const solver::LensParameters off =
+          a.cameras[std::size_t(c)].parameters - solver::parameters_of(truth.cameras[std::size_t(c)].model);
+      const solver::LensParameters sigma = a.lens_sigma(c);
+      for (int i = 0; i < solver::parameter_count(a.cameras[std::size_t(c)].lens); ++i)
         count(i < 2 ? 0U : i < 4 ? 1U : 2U, off(i), sigma(i));
       if (c == 0) continue;  // the reference
-      const auto relative = [](const Rigid3d& camera, const Rigid3d& reference) { return camera * inverse(reference); };
-      const Tangent6d error =
-          log(relative(truth.cameras[std::size_t(c)].cam_from_world, truth.cameras[0].cam_from_world) *
-              inverse(relative(a.cameras[std::size_t(c)].cam_from_world, a.cameras[0].cam_from_world)));
+      const auto relative = [](const calib::Rigid3d& camera, const calib::Rigid3d& reference) { return camera * calib::inverse(reference); };
+      const calib::Tangent6d error =
+          calib::log(relative(truth.cameras[std::size_t(c)].cam_from_world, truth.cameras[0].cam_from_world) *
+              calib::inverse(relative(a.cameras[std::size_t(c)].cam_from_world, a.cameras[0].cam_from_world)));
       for (int i = 0; i < 3; ++i) {
         count(3, error(i), a.rotation_sigma(c)(i));
         count(4, error(3 + i), a.centre_sigma(c)(i));
@@ -450,13 +450,13 @@ void bounds() {
 
 void speed() {
   std::printf("300 views x 4 cameras x 48 corners\n");
-  const SyntheticCapture capture = synthetic_capture({.sets = 300, .noise_px = 0.2, .columns = 8});
-  std::vector<CameraToCalibrate> cameras;
-  for (const Camera& camera : capture.rig.cameras) cameras.push_back({camera.name, camera.image_size, camera.model});
+  const solver::SyntheticCapture capture = solver::synthetic_capture({.sets = 300, .noise_px = 0.2, .columns = 8});
+  std::vector<solver::CameraToCalibrate> cameras;
+  for (const calib::Camera& camera : capture.rig.cameras) cameras.push_back({camera.name, camera.image_size, camera.model});
   const auto before = std::chrono::steady_clock::now();
   const std::clock_t cpu_before = std::clock();
-  const Extrinsics found =
-      calibrate_extrinsics(capture.board, cameras, capture.views, {.refine_lens = RefineLens::yes});
+  const solver::Extrinsics found =
+      solver::calibrate_extrinsics(capture.board, cameras, capture.views, {.refine_lens = solver::RefineLens::yes});
   const double cpu = double(std::clock() - cpu_before) / CLOCKS_PER_SEC;
   const std::chrono::duration<double> taken = std::chrono::steady_clock::now() - before;
   std::printf("  %zu views, %d corners used; %.2f s by the wall clock\n", capture.views.size(),

@@ -36,24 +36,24 @@ double milliseconds_of(const std::function<void()>& work) {
 }
 
 struct World {
-  Camera camera;
-  std::vector<Rigid3d> cam_from_world;
+  calib::Camera camera;
+  std::vector<calib::Rigid3d> cam_from_world;
   std::vector<Eigen::Vector3d> points;  // co-planar, the first 4 known
   std::vector<double> wrong_by;         // the others' first depths, as a factor
 };
 
 World make_world(std::size_t points, std::size_t frames) {
   World w;
-  w.camera = {"synthetic", {320, 240}, CameraModel(PinholeRadtan{246, 246, 159.5, 119.5, {}}), {}};
-  if (std::filesystem::exists(shared_camera_data() / "rendered/desk")) {
+  w.camera = {"synthetic", {320, 240}, calib::CameraModel(calib::PinholeRadtan{246, 246, 159.5, 119.5, {}}), {}};
+  if (std::filesystem::exists(figures::shared_camera_data() / "rendered/desk")) {
     for (const auto& pose :
-         load_camera_sequence(shared_camera_data() / "rendered/desk", "groundtruth.txt", frames).world_from_camera)
-      w.cam_from_world.push_back(inverse(*pose));
+         figures::load_camera_sequence(figures::shared_camera_data() / "rendered/desk", "groundtruth.txt", frames).world_from_camera)
+      w.cam_from_world.push_back(calib::inverse(*pose));
   } else {
     for (std::size_t i = 0; i < frames; ++i) {
       const double t = static_cast<double>(i) / 30;
       const Eigen::Quaterniond down(Eigen::AngleAxisd(2.4 + 0.05 * std::sin(2 * t), Eigen::Vector3d::UnitX()));
-      w.cam_from_world.push_back(inverse(Rigid3d{down, {0.1 * t, -0.4 + 0.03 * std::sin(3 * t), 0.45}}));
+      w.cam_from_world.push_back(calib::inverse(calib::Rigid3d{down, {0.1 * t, -0.4 + 0.03 * std::sin(3 * t), 0.45}}));
     }
   }
   w.points = {{-0.1, 0.075, 0}, {0.1, 0.075, 0}, {0.1, -0.075, 0}, {-0.1, -0.075, 0}};
@@ -74,8 +74,8 @@ struct Score {
   std::vector<double> feature_error;  // m, at the end
   double ms = 0;                      // per frame
 };
-void add(Score& s, const Rigid3d& estimate, const Rigid3d& truth, double share) {
-  const Eigen::Vector3d d = inverse(estimate).translation - inverse(truth).translation;
+void add(Score& s, const calib::Rigid3d& estimate, const calib::Rigid3d& truth, double share) {
+  const Eigen::Vector3d d = calib::inverse(estimate).translation - calib::inverse(truth).translation;
   Eigen::Vector4d q(estimate.rotation.w(), estimate.rotation.x(), estimate.rotation.y(), estimate.rotation.z());
   const Eigen::Vector4d r(truth.rotation.w(), truth.rotation.x(), truth.rotation.y(), truth.rotation.z());
   if (q.dot(r) < 0) q = -q;
@@ -86,14 +86,14 @@ void add(Score& s, const Rigid3d& estimate, const Rigid3d& truth, double share) 
 
 // The paper's system: particles for the camera, one UKF per feature.
 Score particle_filter(const World& w, std::size_t particles, std::uint64_t seed, bool mapping = true,
-                      double cloud_share = LeeTracking::Options{}.cloud_share, bool polish = false) {
-  LeeTracking::Options o;
+                      double cloud_share = papers::LeeTracking::Options{}.cloud_share, bool polish = false) {
+  papers::LeeTracking::Options o;
   o.particle_count = particles, o.rotation_rad = rotation_rad, o.position_m = position_m;
   o.cloud_share = cloud_share;
-  LeeTracking tracking(w.camera, o, seed);
+  papers::LeeTracking tracking(w.camera, o, seed);
   tracking.start(w.cam_from_world[0]);
   std::vector<Eigen::Vector3d> points = w.points;
-  std::vector<std::optional<FeatureFilter>> filters(points.size());
+  std::vector<std::optional<papers::FeatureFilter>> filters(points.size());
   const std::size_t first = mapping ? known : points.size();
   for (std::size_t i = first; i < points.size(); ++i) {
     const Eigen::Vector3d cam = w.cam_from_world[0] * w.points[i];
@@ -110,12 +110,12 @@ Score particle_filter(const World& w, std::size_t particles, std::uint64_t seed,
     for (std::size_t i = 0; i < points.size(); ++i)
       px[i] = w.camera.model.project(w.cam_from_world[k] * w.points[i])->px;
     out.ms += share * milliseconds_of([&] {
-                Rigid3d pose = tracking.track_points(points, px);
+                calib::Rigid3d pose = tracking.track_points(points, px);
                 if (polish) {  // as the tracker does, where the paper has the mean
-                  std::vector<PoseObservation> seen;
+                  std::vector<camera_tracking::PoseObservation> seen;
                   for (std::size_t i = 0; i < points.size(); ++i)
                     seen.push_back({points[i], px[i], i < known ? pixel_sigma : 2 * pixel_sigma});
-                  if (const auto fit = polish_mean(w.camera.model, tracking.particles(), pose, seen))
+                  if (const auto fit = papers::polish_mean(w.camera.model, tracking.particles(), pose, seen))
                     pose = fit->cam_from_world;
                 }
                 add(out, pose, w.cam_from_world[k], share);
@@ -135,7 +135,7 @@ Score monolithic(const World& w) {
   const auto n = static_cast<Eigen::Index>(7 + 3 * w.points.size()), m = static_cast<Eigen::Index>(2 * w.points.size());
   Eigen::VectorXd x(n);
   Eigen::MatrixXd p = 1e-10 * Eigen::MatrixXd::Identity(n, n);
-  const Rigid3d back = inverse(w.cam_from_world[0]);
+  const calib::Rigid3d back = calib::inverse(w.cam_from_world[0]);
   const Eigen::Quaterniond q0 = w.cam_from_world[0].rotation;
   x.head<7>() << back.translation, q0.w(), q0.x(), q0.y(), q0.z();
   for (std::size_t i = 0; i < w.points.size(); ++i) {
@@ -146,7 +146,7 @@ Score monolithic(const World& w) {
   }
   const auto pose_of = [](const Eigen::VectorXd& s) {
     const Eigen::Quaterniond q = Eigen::Quaterniond(s[3], s[4], s[5], s[6]).normalized();
-    return Rigid3d{q, -(q * s.head<3>())};
+    return calib::Rigid3d{q, -(q * s.head<3>())};
   };
   const Eigen::MatrixXd r = pixel_sigma * pixel_sigma * Eigen::MatrixXd::Identity(m, m);
   Score out;
@@ -158,9 +158,9 @@ Score monolithic(const World& w) {
     out.ms += share * milliseconds_of([&] {
                 p.diagonal().head<3>().array() += position_m * position_m;
                 p.diagonal().segment<4>(3).array() += 0.25 * rotation_rad * rotation_rad;
-                unscented_update<Eigen::Dynamic, Eigen::Dynamic>(
+                papers::unscented_update<Eigen::Dynamic, Eigen::Dynamic>(
                     x, p, y, r, [&](const Eigen::VectorXd& s, Eigen::VectorXd& z) {
-                      const Rigid3d pose = pose_of(s);
+                      const calib::Rigid3d pose = pose_of(s);
                       for (std::size_t i = 0; i < w.points.size(); ++i) {
                         const auto px = w.camera.model.project(
                             pose * Eigen::Vector3d(s.segment<3>(static_cast<Eigen::Index>(7 + 3 * i))));
@@ -179,7 +179,7 @@ Score monolithic(const World& w) {
 }
 
 Score mean_over_seeds(const World& w, std::size_t particles, bool mapping,
-                      double cloud_share = LeeTracking::Options{}.cloud_share, bool polish = false) {
+                      double cloud_share = papers::LeeTracking::Options{}.cloud_share, bool polish = false) {
   Score mean;
   mean.feature_error.assign(w.points.size(), 0.0);
   constexpr int seeds = 5;
@@ -238,7 +238,7 @@ int main(int argc, char** argv) {
   const World ten = make_world(10, 45);
   std::puts("Lee, Fig. 11: accuracy against the number of particles (10 known points, 45 frames of hand-held motion)");
   std::printf("  particles   C of eq. (4) is %.1f of the cloud's (default)      C is the cloud's, as printed\n",
-              LeeTracking::Options{}.cloud_share);
+              papers::LeeTracking::Options{}.cloud_share);
   Curve position{"position rms, mm", "#1f77b4", {}, {}}, rotation{"quaternion rms, 1e-3", "#d62728", {}, {}};
   for (const std::size_t n : {50u, 100u, 200u, 350u, 500u, 1000u, 2000u, 4000u}) {
     const Score s = mean_over_seeds(ten, n, false), printed = mean_over_seeds(ten, n, false, 1);
@@ -249,7 +249,7 @@ int main(int argc, char** argv) {
     rotation.x.push_back(static_cast<double>(n)), rotation.y.push_back(1e3 * std::sqrt(s.quaternion_mse));
   }
   const Score pf = mean_over_seeds(ten, 350, true), ukf = monolithic(ten),
-              polished = mean_over_seeds(ten, 350, true, LeeTracking::Options{}.cloud_share, true);
+              polished = mean_over_seeds(ten, 350, true, papers::LeeTracking::Options{}.cloud_share, true);
   std::puts("\nTable 3: error of each feature at the end, mm (the first 4 are known)");
   std::printf("  350 particles, a UKF each ");
   for (const double e : pf.feature_error) std::printf(" %5.2f", 1e3 * e);

@@ -11,7 +11,7 @@
 #include "capture/recording.h"
 #include "capture/replay_source.h"
 
-namespace huetrack {
+namespace huetrack::figures {
 namespace {
 
 std::vector<std::vector<double>> numbers_of(const std::filesystem::path& file, char separator,
@@ -47,36 +47,36 @@ CameraSequence load_camera_sequence(const std::filesystem::path& folder, const s
                                     std::size_t max_frames) {
   CameraSequence out;
   out.name = folder.filename().string();
-  const CameraRig rig = read_rig(folder / "rig.yaml");
+  const calib::CameraRig rig = calib::read_rig(folder / "rig.yaml");
   out.camera = rig.cameras.at(0);
-  const Recording recording = read_recording(folder);
+  const capture::Recording recording = capture::read_recording(folder);
   const std::vector<std::string> names{out.camera.name};
-  ReplaySource source(recording, names);
+  capture::ReplaySource source(recording, names);
   while (auto frame = source.next({})) {
     out.frames.push_back(std::move(*frame));
     if (out.frames.size() == max_frames) break;
   }
-  std::map<long, Rigid3d> poses;  // by millisecond
+  std::map<long, calib::Rigid3d> poses;  // by millisecond
   for (const auto& r : numbers_of(folder / truth, ' ')) {
     if (r.size() < 8) throw std::runtime_error((folder / truth).string() + ": a line has fewer than 8 numbers");
     poses[std::lround(1e3 * r[0])] = {Eigen::Quaterniond(r[7], r[4], r[5], r[6]).normalized(), {r[1], r[2], r[3]}};
   }
-  for (const Frame& f : out.frames) {
-    const auto it = poses.find(std::lround(1e3 * seconds(f.captured_at)));
+  for (const capture::Frame& f : out.frames) {
+    const auto it = poses.find(std::lround(1e3 * capture::seconds(f.captured_at)));
     out.world_from_camera.push_back(it == poses.end() ? std::nullopt : std::optional(it->second));
   }
   return out;
 }
 
-RectangleStart desk_rectangle() {
-  RectangleStart start;
+camera_tracking::RectangleStart desk_rectangle() {
+  camera_tracking::RectangleStart start;
   for (const auto& r : numbers_of(shared_camera_data() / "rendered/desk/rectangle.csv", ',', 2))
     start.corners.emplace_back(r[0], r[1], r[2]);
   return start;
 }
 
-PointsStart kitchen_points() {
-  PointsStart start;
+camera_tracking::PointsStart kitchen_points() {
+  camera_tracking::PointsStart start;
   for (const auto& r : numbers_of(shared_camera_data() / "hand_held_7scenes/start_points.csv", ',')) {
     start.pixels.emplace_back(r[0], r[1]);
     start.points.emplace_back(r[2], r[3], r[4]);
@@ -84,21 +84,21 @@ PointsStart kitchen_points() {
   return start;
 }
 
-std::vector<CameraEstimate> run(CameraTracker& tracker, const CameraSequence& sequence) {
-  std::vector<CameraEstimate> out;
-  for (const Frame& frame : sequence.frames) out.push_back(tracker.update(frame));
+std::vector<camera_tracking::CameraEstimate> run(camera_tracking::CameraTracker& tracker, const CameraSequence& sequence) {
+  std::vector<camera_tracking::CameraEstimate> out;
+  for (const capture::Frame& frame : sequence.frames) out.push_back(tracker.update(frame));
   return out;
 }
 
-PoseErrors errors_of(const std::vector<CameraEstimate>& estimates, const CameraSequence& sequence, std::size_t from,
+PoseErrors errors_of(const std::vector<camera_tracking::CameraEstimate>& estimates, const CameraSequence& sequence, std::size_t from,
                      std::size_t to) {
   PoseErrors e;
   int inside = 0;
   for (std::size_t i = from; i < std::min(to, estimates.size()); ++i) {
-    const CameraEstimate& x = estimates[i];
-    e.coasting += x.state == CameraState::coasting;
-    if (x.state != CameraState::tracking || !sequence.world_from_camera[i]) continue;
-    const Rigid3d& t = *sequence.world_from_camera[i];
+    const camera_tracking::CameraEstimate& x = estimates[i];
+    e.coasting += x.state == camera_tracking::CameraState::coasting;
+    if (x.state != camera_tracking::CameraState::tracking || !sequence.world_from_camera[i]) continue;
+    const calib::Rigid3d& t = *sequence.world_from_camera[i];
     const Eigen::Vector3d d = t.translation - x.world_from_camera.translation;
     const Eigen::AngleAxisd turn((t.rotation * x.world_from_camera.rotation.inverse()).normalized());
     const double angle = std::remainder(turn.angle(), 2 * M_PI);
@@ -118,19 +118,19 @@ PoseErrors errors_of(const std::vector<CameraEstimate>& estimates, const CameraS
   return e;
 }
 
-std::optional<int> frames_until_tracked(const std::vector<CameraEstimate>& estimates, std::size_t first) {
+std::optional<int> frames_until_tracked(const std::vector<camera_tracking::CameraEstimate>& estimates, std::size_t first) {
   for (std::size_t i = first; i < estimates.size(); ++i) {
-    if (estimates[i].state == CameraState::tracking) return static_cast<int>(i - first);
+    if (estimates[i].state == camera_tracking::CameraState::tracking) return static_cast<int>(i - first);
   }
   return std::nullopt;
 }
 
-AlignedError aligned_error(const std::vector<CameraEstimate>& estimates, const CameraSequence& sequence,
+AlignedError aligned_error(const std::vector<camera_tracking::CameraEstimate>& estimates, const CameraSequence& sequence,
                            bool lever_arm) {
   std::vector<Eigen::Vector3d> from, to;
   std::vector<Eigen::Matrix3d> rotation;  // of the truth, world from camera
   for (std::size_t i = 0; i < estimates.size(); ++i) {
-    if (estimates[i].state != CameraState::tracking || !sequence.world_from_camera[i]) continue;
+    if (estimates[i].state != camera_tracking::CameraState::tracking || !sequence.world_from_camera[i]) continue;
     from.push_back(estimates[i].world_from_camera.translation);
     to.push_back(sequence.world_from_camera[i]->translation);
     rotation.push_back(sequence.world_from_camera[i]->rotation.toRotationMatrix());
@@ -162,4 +162,4 @@ AlignedError aligned_error(const std::vector<CameraEstimate>& estimates, const C
   return out;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::figures

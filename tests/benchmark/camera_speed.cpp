@@ -42,11 +42,11 @@ struct PlanePoints {
   std::vector<Eigen::Vector3d> p_world;
   std::vector<Eigen::Vector2d> px;
 };
-PlanePoints corners_on_the_desk(const CameraSequence& desk, const GreyImage& image, std::size_t n) {
+PlanePoints corners_on_the_desk(const figures::CameraSequence& desk, const camera_tracking::GreyImage& image, std::size_t n) {
   PlanePoints out;
-  const Rigid3d& world_from_cam = *desk.world_from_camera[0];
+  const calib::Rigid3d& world_from_cam = *desk.world_from_camera[0];
   for (const double apart : {14.0, 10.0, 7.0, 5.0, 3.0}) {
-    for (const Corner& c : detect_corners(image, 6, 12, 8)) {
+    for (const camera_tracking::Corner& c : camera_tracking::detect_corners(image, 6, 12, 8)) {
       if (out.px.size() == n) return out;
       if (std::ranges::any_of(out.px, [&](const Eigen::Vector2d& o) { return (o - c.px).norm() < apart; })) continue;
       const auto ray = desk.camera.model.ray({c.px});
@@ -65,18 +65,18 @@ struct Times {
   int matched = 0;
   std::size_t features = 0;
 };
-Times lee_times(const CameraSequence& desk, const std::vector<std::shared_ptr<const Pyramid>>& pyramids,
+Times lee_times(const figures::CameraSequence& desk, const std::vector<std::shared_ptr<const camera_tracking::Pyramid>>& pyramids,
                 std::size_t features, std::size_t particles) {
-  const Rigid3d pose = inverse(*desk.world_from_camera[0]);
-  LeeTracking::Options t;
+  const calib::Rigid3d pose = calib::inverse(*desk.world_from_camera[0]);
+  papers::LeeTracking::Options t;
   t.particle_count = particles;
-  LeeTracking tracking(desk.camera, t, 1);
-  LeeMapping::Options m;
+  papers::LeeTracking tracking(desk.camera, t, 1);
+  papers::LeeMapping::Options m;
   m.wanted_in_view = features + 10, m.box_px = 10;
-  LeeMapping mapping(desk.camera, m, 1);
+  papers::LeeMapping mapping(desk.camera, m, 1);
   const PlanePoints points = corners_on_the_desk(desk, pyramids[0]->levels.front(), features);
   for (std::size_t i = 0; i < points.px.size(); ++i) {
-    LeeFeature f;
+    papers::LeeFeature f;
     f.position = points.p_world[i];
     f.depth = (pose * f.position).norm();
     f.source = {pyramids[0], pose, points.px[i]};
@@ -87,10 +87,10 @@ Times lee_times(const CameraSequence& desk, const std::vector<std::shared_ptr<co
   std::vector<double> tracked, mapped;
   Times out;
   for (std::size_t i = 0; i < pyramids.size(); ++i) {
-    LeeFrame frame;
-    const std::vector<LeeFeature> known = mapping.features();
+    papers::LeeFrame frame;
+    const std::vector<papers::LeeFeature> known = mapping.features();
     tracked.push_back(milliseconds_of([&] {
-      frame = tracking.track(i, std::make_shared<const Pyramid>(make_pyramid(pyramids[i]->levels.front())), known);
+      frame = tracking.track(i, std::make_shared<const camera_tracking::Pyramid>(camera_tracking::make_pyramid(pyramids[i]->levels.front())), known);
     }));
     mapped.push_back(milliseconds_of([&] { mapping.map(frame); }));
     out.matched = std::max(out.matched, static_cast<int>(frame.matches.size()));
@@ -99,19 +99,19 @@ Times lee_times(const CameraSequence& desk, const std::vector<std::shared_ptr<co
   return out;
 }
 
-double pupilli_time(const CameraSequence& desk, const std::vector<std::shared_ptr<const Pyramid>>& pyramids,
+double pupilli_time(const figures::CameraSequence& desk, const std::vector<std::shared_ptr<const camera_tracking::Pyramid>>& pyramids,
                     std::size_t points_wanted, std::size_t particles) {
-  const Rigid3d pose = inverse(*desk.world_from_camera[0]);
-  PupilliFilter::Options o;
+  const calib::Rigid3d pose = calib::inverse(*desk.world_from_camera[0]);
+  papers::PupilliFilter::Options o;
   o.particle_count = particles, o.max_active = points_wanted;
-  PupilliFilter filter(desk.camera, o, 1);
+  papers::PupilliFilter filter(desk.camera, o, 1);
   filter.start(pose);
   const PlanePoints points = corners_on_the_desk(desk, pyramids[0]->levels.front(), points_wanted);
   for (std::size_t i = 0; i < points.px.size(); ++i) {
-    PupilliPoint p;
+    papers::PupilliPoint p;
     p.position = points.p_world[i], p.given = true;
     p.source = {pyramids[0], pose, points.px[i]};
-    p.templ = *cut_template(pyramids[0]->levels.front(), points.px[i]);
+    p.templ = *papers::cut_template(pyramids[0]->levels.front(), points.px[i]);
     filter.add(p);
   }
   std::vector<double> ms;
@@ -122,28 +122,28 @@ double pupilli_time(const CameraSequence& desk, const std::vector<std::shared_pt
 }  // namespace
 
 int main() {
-  const auto folder = shared_camera_data() / "rendered/desk";
+  const auto folder = figures::shared_camera_data() / "rendered/desk";
   if (!std::filesystem::exists(folder)) {
     std::fprintf(stderr, "camera_speed: %s is not there\n", folder.c_str());
     return 2;
   }
-  const CameraSequence desk = load_camera_sequence(folder, "groundtruth.txt", 36);
-  std::vector<std::shared_ptr<const Pyramid>> pyramids;
-  for (const Frame& f : desk.frames)
-    pyramids.push_back(std::make_shared<const Pyramid>(make_pyramid(grey_of(f.pixels))));
+  const figures::CameraSequence desk = figures::load_camera_sequence(folder, "groundtruth.txt", 36);
+  std::vector<std::shared_ptr<const camera_tracking::Pyramid>> pyramids;
+  for (const capture::Frame& f : desk.frames)
+    pyramids.push_back(std::make_shared<const camera_tracking::Pyramid>(camera_tracking::make_pyramid(camera_tracking::grey_of(f.pixels))));
 
   std::puts("start-up: constructing the tracker and its first pose from the rectangle, ms (whole process)");
-  for (const CameraMethod method : {CameraMethod::huetrack, CameraMethod::lee, CameraMethod::pupilli}) {
+  for (const camera_tracking::CameraMethod method : {camera_tracking::CameraMethod::huetrack, camera_tracking::CameraMethod::lee, camera_tracking::CameraMethod::pupilli}) {
     std::vector<double> ms;
     for (int i = 0; i < 5; ++i) {
       ms.push_back(milliseconds_of(
           [&] {
-            CameraTrackerOptions options;
-            options.method = method, options.start = desk_rectangle();
-            make_camera_tracker(desk.camera, options)->update(desk.frames[0]);
+            camera_tracking::CameraTrackerOptions options;
+            options.method = method, options.start = figures::desk_rectangle();
+            camera_methods::make_camera_tracker(desk.camera, options)->update(desk.frames[0]);
           },
           CLOCK_PROCESS_CPUTIME_ID));
-      if (i == 0) std::printf("  %-10s first %6.1f", std::string(name(method)).c_str(), ms[0]);
+      if (i == 0) std::printf("  %-10s first %6.1f", std::string(camera_tracking::name(method)).c_str(), ms[0]);
     }
     std::printf(", then %6.1f   bar 50: %s\n", median(ms), mark(std::max(ms[0], median(ms)), 50));
   }

@@ -9,7 +9,7 @@
 #include "capture/recording.h"
 #include "capture/replay_source.h"
 
-namespace huetrack {
+namespace huetrack::figures {
 
 namespace {
 
@@ -32,7 +32,7 @@ std::vector<std::vector<double>> rows_of(const std::filesystem::path& file, char
 std::optional<LedSequence> load_led_sequence(const std::filesystem::path& folder) {
   if (!std::filesystem::exists(folder / "recording.yaml")) return std::nullopt;
   LedSequence sequence;
-  sequence.rig = read_rig(folder / "rig.yaml");
+  sequence.rig = calib::read_rig(folder / "rig.yaml");
   for (const auto& row : rows_of(folder / "led_positions.csv", ','))
     sequence.start.leds.emplace_back(row[1], row[2], row[3]);
   for (const auto& row : rows_of(folder / "led_frames.csv", ','))
@@ -41,23 +41,23 @@ std::optional<LedSequence> load_led_sequence(const std::filesystem::path& folder
     sequence.world_from_camera.push_back(
         {Eigen::Quaterniond(row[7], row[4], row[5], row[6]).normalized(), {row[1], row[2], row[3]}});
   const std::vector<std::string> names{sequence.rig.cameras[0].name};
-  ReplaySource source(read_recording(folder), names, {.decoder_threads = 2});
+  capture::ReplaySource source(capture::read_recording(folder), names, {.decoder_threads = 2});
   while (auto frame = source.next({})) sequence.frames.push_back(std::move(*frame));
   return sequence;
 }
 
-PoseError pose_error(const Rigid3d& estimate, const Rigid3d& truth) {
+PoseError pose_error(const calib::Rigid3d& estimate, const calib::Rigid3d& truth) {
   return {(estimate.translation - truth.translation).norm(),
           estimate.rotation.angularDistance(truth.rotation) * 180 / std::numbers::pi};
 }
 
-double pose_nees(const CameraEstimate& estimate, const Rigid3d& truth) {
+double pose_nees(const camera_tracking::CameraEstimate& estimate, const calib::Rigid3d& truth) {
   Eigen::Matrix<double, 6, 1> e;
   e.head<3>() = truth.translation - estimate.world_from_camera.translation;
-  e.tail<3>() = log(Rigid3d{(truth.rotation * estimate.world_from_camera.rotation.conjugate()).normalized(),
+  e.tail<3>() = calib::log(calib::Rigid3d{(truth.rotation * estimate.world_from_camera.rotation.conjugate()).normalized(),
                             Eigen::Vector3d::Zero()})
                     .head<3>();
   return e.dot(estimate.covariance.llt().solve(e));
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::figures

@@ -30,23 +30,23 @@ namespace {
 using namespace huetrack;
 using Eigen::Vector3d;
 
-Camera simulated_camera() {
-  Camera camera;
+calib::Camera simulated_camera() {
+  calib::Camera camera;
   camera.name = "cam";
   camera.image_size = {640, 480};
   const double f = 320 / std::tan(80.85 / 2 * std::numbers::pi / 180);
-  camera.model = CameraModel(PinholeRadtan{.fx = f, .fy = f, .cx = 319.5, .cy = 239.5, .distortion = {}});
+  camera.model = calib::CameraModel(calib::PinholeRadtan{.fx = f, .fy = f, .cx = 319.5, .cy = 239.5, .distortion = {}});
   return camera;
 }
 
-Rigid3d looking_at(const Vector3d& from, const Vector3d& at) {
+calib::Rigid3d looking_at(const Vector3d& from, const Vector3d& at) {
   const Vector3d z = (at - from).normalized(), x = z.cross(Vector3d::UnitZ()).normalized(), y = z.cross(x);
   Eigen::Matrix3d r;
   r << x, y, z;
   return {Eigen::Quaterniond(r).normalized(), from};
 }
 
-using Way = std::function<Rigid3d(double)>;
+using Way = std::function<calib::Rigid3d(double)>;
 
 Way circle(double rate) {
   return [rate](double t) {
@@ -144,8 +144,8 @@ double quantile(std::vector<double> values, double q) {
 bool paper_filter = false;
 
 Errors simulate(const Setting& setting, std::uint64_t seed) {
-  const Camera camera = simulated_camera();
-  LedFilterOptions options;
+  const calib::Camera camera = simulated_camera();
+  leds::LedFilterOptions options;
   options.start.leds = setting.leds;
   options.start.room_min = setting.room_min;
   options.start.room_max = setting.room_max;
@@ -160,30 +160,30 @@ Errors simulate(const Setting& setting, std::uint64_t seed) {
       options.start.room_max = start + Vector3d::Constant(0.3);
     }
   }
-  const auto filter = paper_filter ? LedFilter::paper(camera, options) : LedFilter::huetrack(camera, options);
+  const auto filter = paper_filter ? leds::LedFilter::paper(camera, options) : leds::LedFilter::huetrack(camera, options);
   std::mt19937_64 random(seed);
   std::normal_distribution<double> normal;
   Errors errors;
   const int frames = static_cast<int>(setting.seconds * setting.fps);
   for (int i = 0; i < frames; ++i) {
     const double t = i / setting.fps;
-    const Rigid3d truth = setting.way(t);
-    LedFrame frame{.at = Timestamp(duration_of(t)),
+    const calib::Rigid3d truth = setting.way(t);
+    leds::LedFrame frame{.at = capture::Timestamp(capture::duration_of(t)),
                    .number = static_cast<std::uint64_t>(i),
                    .lit = static_cast<int>(static_cast<std::size_t>(i) % setting.leds.size()),
                    .dots = {}};
-    const auto px = camera.model.project(inverse(truth) * setting.leds[static_cast<std::size_t>(*frame.lit)]);
+    const auto px = camera.model.project(calib::inverse(truth) * setting.leds[static_cast<std::size_t>(*frame.lit)]);
     if (px && camera.contains(*px)) {
       const double du = normal(random), dv = normal(random);
       frame.dots.push_back(px->px + setting.noise_px * Eigen::Vector2d(du, dv));
     }
-    const CameraEstimate e = filter->update(frame);
+    const camera_tracking::CameraEstimate e = filter->update(frame);
     if (t < setting.warm_up_s) continue;
     ++errors.frames;
     if (!e.world_from_camera.translation.allFinite()) continue;
     ++errors.poses;
-    const PoseError error = pose_error(e.world_from_camera, truth);
-    errors.wrong += e.state == CameraState::tracking && (error.metres > 0.5 || error.degrees > 20);
+    const figures::PoseError error = figures::pose_error(e.world_from_camera, truth);
+    errors.wrong += e.state == camera_tracking::CameraState::tracking && (error.metres > 0.5 || error.degrees > 20);
     errors.mm.push_back(1e3 * error.metres);
     errors.deg.push_back(error.degrees);
   }
@@ -196,19 +196,19 @@ Errors simulate(const Setting& setting, std::uint64_t seed) {
 
 LedMotionState motion_at(const Way& way, double t) {
   constexpr double h = 1e-3;
-  const auto rates = [&](double at) { return Tangent6d(log(inverse(way(at - h)) * way(at + h)) / (2 * h)); };
-  const Tangent6d now = rates(t), change = (rates(t + h) - rates(t - h)) / (2 * h);
+  const auto rates = [&](double at) { return calib::Tangent6d(calib::log(calib::inverse(way(at - h)) * way(at + h)) / (2 * h)); };
+  const calib::Tangent6d now = rates(t), change = (rates(t + h) - rates(t - h)) / (2 * h);
   return {way(t), now.tail<3>(), now.head<3>(), change.tail<3>(), change.head<3>()};
 }
 
-LedMotionNoise liveliness(const Way& way, double seconds) {
+leds::LedMotionNoise liveliness(const Way& way, double seconds) {
   constexpr double step = 0.05;
   double linear = 0, angular = 0, lagged = 0, all = 0;
   constexpr int lag = 4;
   std::vector<Vector3d> a;
   int n = 0;
   for (double t = 0; t < seconds; t += step, ++n) {
-    const LedMotionState s = motion_at(way, t);
+    const leds::LedMotionState s = motion_at(way, t);
     linear += s.acceleration.squaredNorm() / 3, angular += s.angular_acceleration.squaredNorm() / 3;
     a.push_back(s.acceleration);
     all += a.back().squaredNorm();
@@ -219,35 +219,35 @@ LedMotionNoise liveliness(const Way& way, double seconds) {
 }
 
 Errors bound(const Setting& setting, std::uint64_t seed) {
-  const Camera camera = simulated_camera();
-  const LedMotionNoise noise = liveliness(setting.way, setting.seconds);
-  LedTangent open;
+  const calib::Camera camera = simulated_camera();
+  const leds::LedMotionNoise noise = liveliness(setting.way, setting.seconds);
+  leds::LedTangent open;
   open << Vector3d::Constant(2), Vector3d::Constant(2), Vector3d::Constant(1.5), Vector3d::Constant(1.5),
       Vector3d::Constant(noise.acceleration), Vector3d::Constant(noise.angular_acceleration);
-  LedGaussian state{motion_at(setting.way, 0), LedCovariance(open.cwiseAbs2().asDiagonal())};
+  leds::LedGaussian state{motion_at(setting.way, 0), leds::LedCovariance(open.cwiseAbs2().asDiagonal())};
   std::mt19937_64 random(seed);
   std::normal_distribution<double> normal;
   Errors errors;
   const int frames = static_cast<int>(setting.seconds * setting.fps);
   for (int i = 0; i < frames; ++i) {
     const double t = i / setting.fps;
-    if (i > 0) state = predicted(state, 1 / setting.fps, noise);
+    if (i > 0) state = leds::predicted(state, 1 / setting.fps, noise);
     state.mean = motion_at(setting.way, t);
     const Vector3d& led = setting.leds[static_cast<std::size_t>(i) % setting.leds.size()];
-    LedJacobian j;
-    const auto px = led_pixel(camera.model, state.mean, led, 0, &j);
-    if (px && camera.contains(RawPixel{*px})) {
+    leds::LedJacobian j;
+    const auto px = leds::led_pixel(camera.model, state.mean, led, 0, &j);
+    if (px && camera.contains(calib::RawPixel{*px})) {
       const Eigen::Matrix2d spread =
           j * state.covariance * j.transpose() + setting.noise_px * setting.noise_px * Eigen::Matrix2d::Identity();
-      const Eigen::Matrix<double, led_dimensions, 2> gain = state.covariance * j.transpose() * spread.inverse();
+      const Eigen::Matrix<double, leds::led_dimensions, 2> gain = state.covariance * j.transpose() * spread.inverse();
       state.covariance -= (gain * j * state.covariance).eval();
       state.covariance = 0.5 * (state.covariance + state.covariance.transpose()).eval();
     }
     if (t < setting.warm_up_s) continue;
     for (int k = 0; k < 4; ++k) {  // errors as they would be
-      LedTangent z;
+      leds::LedTangent z;
       for (double& x : z) x = normal(random);
-      const LedTangent e = state.covariance.llt().matrixL() * z;
+      const leds::LedTangent e = state.covariance.llt().matrixL() * z;
       errors.mm.push_back(1e3 * e.head<3>().norm());
       errors.deg.push_back(e.segment<3>(3).norm() * 180 / std::numbers::pi);
     }
@@ -361,11 +361,11 @@ Setting in_the_room(int leds, const Way& way, std::mt19937_64& random) {
 
 // Mean number of LEDs that project into the image.
 double in_view(const Setting& setting) {
-  const Camera camera = simulated_camera();
+  const calib::Camera camera = simulated_camera();
   double sum = 0;
   constexpr int steps = 100;
   for (int k = 0; k < steps; ++k) {
-    const Rigid3d camera_from_world = inverse(setting.way(setting.seconds * k / steps));
+    const calib::Rigid3d camera_from_world = calib::inverse(setting.way(setting.seconds * k / steps));
     sum += static_cast<double>(std::ranges::count_if(setting.leds, [&](const Vector3d& led) {
       const auto px = camera.model.project(camera_from_world * led);
       return px && camera.contains(*px);

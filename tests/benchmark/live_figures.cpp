@@ -49,7 +49,7 @@ double quantile(std::vector<double> values, double q) {
 double quantile(const std::map<std::string, double>& metrics, const std::string& family, double q) {
   const double all = metrics.at(family + "_count");
   double below = 0, lower_s = 0;
-  for (const double bound_s : LatencyHistogram::bounds_s) {
+  for (const double bound_s : daemon::LatencyHistogram::bounds_s) {
     std::ostringstream label;
     label << family << "_bucket{le=\"" << bound_s << "\"}";
     const double count = metrics.at(label.str());
@@ -62,7 +62,7 @@ double quantile(const std::map<std::string, double>& metrics, const std::string&
 }
 
 double cpu_s(pid_t pid) {
-  std::istringstream stat(contents("/proc/" + std::to_string(pid) + "/stat"));
+  std::istringstream stat(end_to_end::contents("/proc/" + std::to_string(pid) + "/stat"));
   std::string word;
   for (int i = 0; i < 13; ++i) stat >> word;
   double user = 0, system = 0;
@@ -71,20 +71,20 @@ double cpu_s(pid_t pid) {
 }
 
 double status_mb(pid_t pid, const std::string& key) {
-  const std::string status = contents("/proc/" + std::to_string(pid) + "/status");
+  const std::string status = end_to_end::contents("/proc/" + std::to_string(pid) + "/status");
   const auto at = status.find(key + ":");
   return at == std::string::npos ? 0 : std::stod(status.substr(at + key.size() + 1)) * 1024 / 1e6;
 }
 
 Figures measure(const Case& c, const fs::path& folder, const std::string& phases, double seconds) {
-  std::ofstream(folder / "c.yaml") << film_config(
+  std::ofstream(folder / "c.yaml") << soak::film_config(
       folder, c.particles,
       "dds: {domain: " + std::to_string(domain) + "}\nmetrics: {port: " + std::to_string(metrics_port) + "}\n");
-  ParticipantOptions participant;
+  idl::ParticipantOptions participant;
   participant.name = "live_figures";
   participant.domain = domain;
-  client::PositionSubscription subscription(participant);
-  Process service({FILM_SERVICE, folder / "c.yaml", folder, "--phases", phases}, folder / "out", folder / "err");
+  client::client::PositionSubscription subscription(participant);
+  end_to_end::Process service({FILM_SERVICE, folder / "c.yaml", folder, "--phases", phases}, folder / "out", folder / "err");
   Figures figures;
   std::vector<double> ages_ms, writes_ms;
   const auto now_ns = [] {
@@ -109,11 +109,11 @@ Figures measure(const Case& c, const fs::path& folder, const std::string& phases
                         std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   figures.rss_mb = status_mb(service.pid(), "VmRSS");
   figures.anonymous_mb = status_mb(service.pid(), "RssAnon");
-  const auto text = http_get(metrics_port, "/metrics");
+  const auto text = end_to_end::http_get(metrics_port, "/metrics");
   service.kill(SIGTERM);
   service.wait();
   if (!text || ages_ms.empty()) throw std::runtime_error("the service did not run: " + service.err());
-  const auto metrics = prometheus_samples(*text);
+  const auto metrics = end_to_end::prometheus_samples(*text);
   figures.p50_ms = 1e3 * quantile(metrics, "huetrack_dequeue_to_write_seconds", 0.5);
   figures.p99_ms = 1e3 * quantile(metrics, "huetrack_dequeue_to_write_seconds", 0.99);
   figures.sent_p50_ms = 1e3 * quantile(metrics, "huetrack_dequeue_to_publish_seconds", 0.5);
@@ -154,7 +154,7 @@ int main(int argc, char** argv) {
     for (const Case& c : {Case{"four 640x480", 4, 640, 480, 500}, Case{"two 320x240", 2, 320, 240, 200}}) {
       for (const std::string phases : {"spread", "together"}) {
         const fs::path films = folder / (phases + std::to_string(c.width));
-        make_films(films, c.cameras, c.width, c.height, phases == "spread");
+        soak::make_films(films, c.cameras, c.width, c.height, phases == "spread");
         const std::string what = std::string(c.name) + " YUYV, 30 fps, " + phases;
         std::optional<Figures> best;
         for (int run = 0; run < runs; ++run) {

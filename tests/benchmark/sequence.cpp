@@ -8,16 +8,16 @@
 #include "capture/replay_source.h"
 #include "calib/yaml/csv_table.h"
 
-namespace huetrack {
+namespace huetrack::figures {
 
 int TruthRow::views_that_see() const {
   return static_cast<int>(std::ranges::count_if(visible, [](double share) { return share > 0.5; }));
 }
 
-const TruthRow* Sequence::row(const std::string& target, Timestamp at) const {
+const TruthRow* Sequence::row(const std::string& target, capture::Timestamp at) const {
   const auto rows = truth.find(target);
   if (rows == truth.end()) return nullptr;
-  const auto it = std::ranges::find_if(rows->second, [at](const TruthRow& r) { return std::abs(seconds(r.at - at)) < 1e-4; });
+  const auto it = std::ranges::find_if(rows->second, [at](const TruthRow& r) { return std::abs(capture::seconds(r.at - at)) < 1e-4; });
   return it == rows->second.end() ? nullptr : &*it;
 }
 
@@ -27,10 +27,10 @@ bool have(const std::string& folder) { return std::filesystem::exists(shared_dat
 Sequence load_sequence(const std::filesystem::path& folder, int every, unsigned phases) {
   Sequence out;
   out.name = folder.filename().string();
-  out.rig = read_rig(folder / "rig.yaml");
-  Recording recording = read_recording(folder);
+  out.rig = calib::read_rig(folder / "rig.yaml");
+  capture::Recording recording = capture::read_recording(folder);
   std::vector<std::string> names;
-  for (const Camera& camera : out.rig.cameras) names.push_back(camera.name);
+  for (const calib::Camera& camera : out.rig.cameras) names.push_back(camera.name);
   if (every > 1) {
     out.name += ", free-running, first frames";
     for (std::size_t i = 0; i < recording.cameras.size(); ++i) out.name += (i == 0 ? " " : ",") + std::to_string(phases >> i & 1);
@@ -39,13 +39,13 @@ Sequence load_sequence(const std::filesystem::path& folder, int every, unsigned 
       recording.cameras[i].first_frame = phases >> i & 1;
     }
   }
-  ReplaySource source(recording, names);
-  Duration period = source.cameras().front().frame_period;
-  for (const ReplayCamera& camera : source.cameras()) period = std::min(period, camera.frame_period);
-  FrameSynchronizer synchronizer({.camera_count = static_cast<int>(names.size()), .tolerance = duration_of(0.55 * seconds(period)),
+  capture::ReplaySource source(recording, names);
+  capture::Duration period = source.cameras().front().frame_period;
+  for (const capture::ReplayCamera& camera : source.cameras()) period = std::min(period, camera.frame_period);
+  capture::FrameSynchronizer synchronizer({.camera_count = static_cast<int>(names.size()), .tolerance = capture::duration_of(0.55 * capture::seconds(period)),
                                   .ascending_input = true});
   while (auto frame = source.next({})) {
-    for (FrameSet& set : synchronizer.push(std::move(*frame))) out.sets.push_back(std::move(set));
+    for (capture::FrameSet& set : synchronizer.push(std::move(*frame))) out.sets.push_back(std::move(set));
   }
   while (auto last = synchronizer.flush()) out.sets.push_back(std::move(*last));
 
@@ -53,7 +53,7 @@ Sequence load_sequence(const std::filesystem::path& folder, int every, unsigned 
     std::vector<std::string> columns{"t", "ball", "x", "y", "z"};
     for (const std::string& name : names) columns.push_back("vis_" + name);
     const std::vector<std::string_view> views(columns.begin(), columns.end());
-    CsvTable table(file, views);
+    yaml::CsvTable table(file, views);
     while (table.next()) {
       TruthRow row{table.time(0), {table.number(2), table.number(3), table.number(4)}, {}};
       for (std::size_t c = 0; c < names.size(); ++c) row.visible.push_back(table.number(5 + c));
@@ -63,44 +63,44 @@ Sequence load_sequence(const std::filesystem::path& folder, int every, unsigned 
   return out;
 }
 
-TargetOptions lime_ball() {
-  TargetOptions t;
+object_tracking::TargetOptions lime_ball() {
+  object_tracking::TargetOptions t;
   t.name = "lime";
   t.color.hue_min_deg = 65, t.color.hue_max_deg = 115;
   return t;
 }
 
-TargetOptions pink_ball() {
-  TargetOptions t;
+object_tracking::TargetOptions pink_ball() {
+  object_tracking::TargetOptions t;
   t.name = "pink";
   t.color.hue_min_deg = 310, t.color.hue_max_deg = 355;
   return t;
 }
 
-TargetOptions red_square() {
-  TargetOptions t;
+object_tracking::TargetOptions red_square() {
+  object_tracking::TargetOptions t;
   t.name = "red";
   t.radius_m = 0.0085;
-  const HsiRange warm_and_dark{340, 358, 0.60, 1.0, 0.08, 0.40};
-  const HsiRange cool{335, 356, 0.22, 0.60, 0.25, 0.60};
+  const object_tracking::HsiRange warm_and_dark{340, 358, 0.60, 1.0, 0.08, 0.40};
+  const object_tracking::HsiRange cool{335, 356, 0.22, 0.60, 0.25, 0.60};
   t.color = warm_and_dark;
   t.camera_colors = {{"cam1", warm_and_dark}, {"cam2", cool}};
   return t;
 }
 
-ObjectTrackerOptions rendered_options(Observation observation, std::uint64_t seed) {
-  ObjectTrackerOptions o;
+object_tracking::ObjectTrackerOptions rendered_options(object_tracking::Observation observation, std::uint64_t seed) {
+  object_tracking::ObjectTrackerOptions o;
   o.observation = observation;
   o.seed = seed;
   o.volume = {{-1, -1, 0.1}, {1, 1, 2.1}};
   return o;
 }
 
-ObjectTrackerOptions red_square_options(Observation observation, std::uint64_t seed) {
-  ObjectTrackerOptions o = rendered_options(observation, seed);
+object_tracking::ObjectTrackerOptions red_square_options(object_tracking::Observation observation, std::uint64_t seed) {
+  object_tracking::ObjectTrackerOptions o = rendered_options(observation, seed);
   o.volume = {{-0.3, -0.2, -1.2}, {0.4, 0.5, -0.3}};
   o.pixel_noise_px = 1.4;                // this rig's reprojection error, see the data's README
   return o;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::figures

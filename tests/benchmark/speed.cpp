@@ -27,41 +27,41 @@ namespace {
 
 // A lime ball before cameras on a ring, in YUYV. focal_px 0: it grows with the image, so that the view stays the same.
 Sequence scene_at(int camera_count, int width, int height, int set_count, double focal_px = 0) {
-  const Scene scene = SceneBuilder{}
+  const scene::Scene scene = scene::SceneBuilder{}
                           .cameras_on_ring({.count = camera_count, .image_size = {width, height}, .focal_px = focal_px > 0 ? focal_px : 0.75 * width})
                           .ball({})
                           .build();
-  return {"scene", scene.rig, render(scene, {.set_count = set_count}), {}};
+  return {"scene", scene.rig, scene::render(scene, {.set_count = set_count}), {}};
 }
 
 // Plays the sets there and back, with times that go on.
 class Player {
  public:
-  explicit Player(const Sequence& s) : sequence_(&s) {}
-  const FrameSet& next() {
+  explicit Player(const figures::Sequence& s) : sequence_(&s) {}
+  const capture::FrameSet& next() {
     const std::size_t n = sequence_->sets.size();
     const std::size_t k = count_ % (2 * n - 2);
     set_ = sequence_->sets[k < n ? k : 2 * n - 2 - k];
     set_.number = count_;
-    set_.at = Timestamp(duration_of(static_cast<double>(count_++) / 30));
+    set_.at = capture::Timestamp(capture::duration_of(static_cast<double>(count_++) / 30));
     for (auto& frame : set_.frames) frame->captured_at = set_.at;
     return set_;
   }
 
  private:
-  const Sequence* sequence_;
+  const figures::Sequence* sequence_;
   std::uint64_t count_ = 0;
-  FrameSet set_;
+  capture::FrameSet set_;
 };
 
 class OpenCvPass {
  public:
-  OpenCvPass(const CameraRig& rig, const TargetOptions& target) : rig_(rig), blob_(blob_tracker_for(rig, target)) {}
-  void run(const FrameSet& set) {
+  OpenCvPass(const calib::CameraRig& rig, const object_tracking::TargetOptions& target) : rig_(rig), blob_(figures::blob_tracker_for(rig, target)) {}
+  void run(const capture::FrameSet& set) {
     std::vector<cv::Point2d> centres;
     for (std::size_t c = 0; c < rig_.cameras.size(); ++c) {
       const cv::Moments m = cv::moments(blob_.mask_of(set.frames[c]->pixels, c), true);
-      const auto& lens = std::get<PinholeRadtan>(rig_.cameras[c].model.lens());
+      const auto& lens = std::get<calib::PinholeRadtan>(rig_.cameras[c].model.lens());
       const cv::Matx33d k(lens.fx, 0, lens.cx, 0, lens.fy, lens.cy, 0, 0, 1);
       std::vector<cv::Point2d> ideal;
       cv::undistortPoints(std::vector<cv::Point2d>{{m.m10 / m.m00, m.m01 / m.m00}}, ideal, k,
@@ -70,7 +70,7 @@ class OpenCvPass {
     }
     const auto projection = [&](std::size_t c) {
       cv::Mat p(3, 4, CV_64F);
-      const Rigid3d& t = rig_.cameras[c].cam_from_world;
+      const calib::Rigid3d& t = rig_.cameras[c].cam_from_world;
       for (int i = 0; i < 3; ++i) {
         for (int j = 0; j < 3; ++j) p.at<double>(i, j) = t.rotation.toRotationMatrix()(i, j);
         p.at<double>(i, 3) = t.translation(i);
@@ -84,8 +84,8 @@ class OpenCvPass {
   }
 
  private:
-  const CameraRig& rig_;
-  BlobTracker blob_;
+  const calib::CameraRig& rig_;
+  figures::BlobTracker blob_;
 };
 
 double microseconds_of(const std::function<void()>& work) {
@@ -99,8 +99,8 @@ double median(std::vector<double> v) {
   return v[v.size() / 2];
 }
 
-ObjectTrackerOptions options_for(Observation observation, int particle_count) {
-  ObjectTrackerOptions o = rendered_options(observation, 1);
+object_tracking::ObjectTrackerOptions options_for(object_tracking::Observation observation, int particle_count) {
+  object_tracking::ObjectTrackerOptions o = figures::rendered_options(observation, 1);
   o.particle_count = particle_count;
   o.max_particle_count = std::max(o.max_particle_count, particle_count);
   return o;
@@ -108,9 +108,9 @@ ObjectTrackerOptions options_for(Observation observation, int particle_count) {
 
 // Median time of one update, microseconds, of a tracker that has locked on. `tracking` is the share of updates in tracking.
 struct Timing { double us, tracking; };
-Timing time_update(const Sequence& s, Observation observation, int particle_count, int rounds, int updates_per_round,
-                   const std::function<void(const FrameSet&)>& between = {}) {
-  ObjectTracker tracker(s.rig, lime_ball(), options_for(observation, particle_count));
+Timing time_update(const figures::Sequence& s, object_tracking::Observation observation, int particle_count, int rounds, int updates_per_round,
+                   const std::function<void(const capture::FrameSet&)>& between = {}) {
+  object_tracking::ObjectTracker tracker(s.rig, figures::lime_ball(), options_for(observation, particle_count));
   Player player(s);
   for (int i = 0; i < 120; ++i) tracker.update(player.next());
   std::vector<double> us;
@@ -118,8 +118,8 @@ Timing time_update(const Sequence& s, Observation observation, int particle_coun
   for (int round = 0; round < rounds; ++round) {
     double sum = 0;
     for (int i = 0; i < updates_per_round; ++i) {
-      const FrameSet& set = player.next();
-      sum += microseconds_of([&] { tracking += tracker.update(set).state == TrackState::tracking ? 1 : 0; });
+      const capture::FrameSet& set = player.next();
+      sum += microseconds_of([&] { tracking += tracker.update(set).state == object_tracking::TrackState::tracking ? 1 : 0; });
       ++all;
     }
     us.push_back(sum / updates_per_round);
@@ -130,13 +130,13 @@ Timing time_update(const Sequence& s, Observation observation, int particle_coun
 
 bool all_reached = true;
 
-void ratios(const char* title, const Sequence& s, int particle_count, int rounds, double paper_at_least, double ours_at_least) {
+void ratios(const char* title, const figures::Sequence& s, int particle_count, int rounds, double paper_at_least, double ours_at_least) {
   std::printf("\n%s\n", title);
   for (const auto& [name, observation, least] :
-       {std::tuple{"the paper's filter", Observation::paper, paper_at_least}, {"huetrack's default", Observation::huetrack, ours_at_least}}) {
-    OpenCvPass pass(s.rig, lime_ball());
+       {std::tuple{"the paper's filter", object_tracking::Observation::paper, paper_at_least}, {"huetrack's default", object_tracking::Observation::huetrack, ours_at_least}}) {
+    OpenCvPass pass(s.rig, figures::lime_ball());
     std::vector<double> opencv_us;
-    const Timing t = time_update(s, observation, particle_count, rounds, 20, [&](const FrameSet& set) {
+    const Timing t = time_update(s, observation, particle_count, rounds, 20, [&](const capture::FrameSet& set) {
       opencv_us.push_back(microseconds_of([&] { pass.run(set); }));
     });
     const double ratio = median(opencv_us) / t.us;
@@ -153,8 +153,8 @@ void ratios(const char* title, const Sequence& s, int particle_count, int rounds
 int main(int argc, char** argv) {
   const bool quick = argc > 1 && std::string(argv[1]) == "--quick";
   cv::setNumThreads(1);
-  const Sequence small = scene_at(2, 320, 240, 30);
-  const Sequence large = scene_at(4, 1920, 1080, quick ? 4 : 8);
+  const figures::Sequence small = scene_at(2, 320, 240, 30);
+  const figures::Sequence large = scene_at(4, 1920, 1080, quick ? 4 : 8);
   ratios("2 cameras, 320x240, 200 particles", small, 200, quick ? 50 : 400, 150, 40);
   ratios("4 cameras, 1920x1080, 2000 particles", large, 2000, quick ? 8 : 40, 400, 200);
 
@@ -162,13 +162,13 @@ int main(int argc, char** argv) {
   std::puts("\nscaling of one update, us (2 cameras 320x240 and 200 particles, but for what varies)");
   std::printf("  %-20s", "particles");
   for (const int n : {100, 200, 400, 800, 1600, 3200}) std::printf(" %9d", n);
-  for (const auto& [name, observation] : {std::pair{"paper", Observation::paper}, {"huetrack", Observation::huetrack}}) {
+  for (const auto& [name, observation] : {std::pair{"paper", object_tracking::Observation::paper}, {"huetrack", object_tracking::Observation::huetrack}}) {
     std::printf("\n  %-20s", name);
     for (const int n : {100, 200, 400, 800, 1600, 3200}) std::printf(" %9.2f", time_update(small, observation, n, 60, 20).us);
   }
   std::printf("\n  %-20s", "cameras");
   for (const int m : {2, 4, 8}) std::printf(" %9d", m);
-  for (const auto& [name, observation] : {std::pair{"paper", Observation::paper}, {"huetrack", Observation::huetrack}}) {
+  for (const auto& [name, observation] : {std::pair{"paper", object_tracking::Observation::paper}, {"huetrack", object_tracking::Observation::huetrack}}) {
     std::printf("\n  %-20s", name);
     for (const int m : {2, 4, 8}) std::printf(" %9.2f", time_update(scene_at(m, 320, 240, 30), observation, 200, 60, 20).us);
   }
@@ -177,7 +177,7 @@ int main(int argc, char** argv) {
   for (const auto& [title, focal_px] : {std::pair{"image, same lens", 240.0}, {"image, same view", 0.0}}) {
     std::printf("\n  %-20s", title);
     for (const int h : {240, 480, 1080}) std::printf(" %5dx%-4d", h == 1080 ? 1920 : h * 4 / 3, h);
-    for (const auto& [name, observation] : {std::pair{"paper", Observation::paper}, {"huetrack", Observation::huetrack}}) {
+    for (const auto& [name, observation] : {std::pair{"paper", object_tracking::Observation::paper}, {"huetrack", object_tracking::Observation::huetrack}}) {
       std::printf("\n  %-20s", name);
       for (const int h : {240, 480, 1080}) {
         std::printf(" %10.2f", time_update(scene_at(2, h == 1080 ? 1920 : h * 4 / 3, h, 8, focal_px), observation, 200, 60, 20).us);
@@ -189,7 +189,7 @@ int main(int argc, char** argv) {
   const std::size_t n = 2000;
   std::vector<float> noise(3 * n), u(n), v(n), x(n), y(n), z(n);
   std::vector<std::uint8_t> k(n);
-  Rng rng(1);
+  particle_filter::Rng rng(1);
   const auto kernel = [&](const char* name, std::size_t items, const std::function<void()>& work) {
     std::vector<double> us;
     for (int i = 0; i < 400; ++i) us.push_back(microseconds_of(work));
@@ -199,11 +199,11 @@ int main(int argc, char** argv) {
   for (std::size_t i = 0; i < n; ++i) {
     x[i] = 0.06f * noise[i], y[i] = 0.06f * noise[n + i], z[i] = 1 + 0.06f * noise[2 * n + i];
   }
-  const BatchProjector projector(small.rig.cameras[0]);
+  const calib::BatchProjector projector(small.rig.cameras[0]);
   kernel("project, lens included, per point", n, [&] { projector.project(x.data(), y.data(), z.data(), n, u.data(), v.data()); });
-  const Image& image = small.sets[0].frames[0]->pixels;
-  const ColorTable table(lime_ball().color, image.format, image.range);
-  MatchBits matches(image.width, image.height);
+  const capture::Image& image = small.sets[0].frames[0]->pixels;
+  const object_tracking::ColorTable table(figures::lime_ball().color, image.format, image.range);
+  object_tracking::MatchBits matches(image.width, image.height);
   matches.look_at(image, table);
   kernel("count_5x5, tiles known, per window", n, [&] { matches.count_5x5(u.data(), v.data(), n, k.data()); });
   kernel("count_5x5, with first look at its tiles", n, [&] {

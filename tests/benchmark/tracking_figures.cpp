@@ -8,24 +8,24 @@
 #include "pictures/pictures.h"
 #include "tracks/truth.h"
 
-namespace huetrack {
+namespace huetrack::figures {
 
-std::vector<ObjectEstimate> track(const Sequence& sequence, const TargetOptions& target, const ObjectTrackerOptions& options) {
-  ObjectTracker tracker(sequence.rig, target, options);
-  std::vector<ObjectEstimate> out;
-  for (const FrameSet& set : sequence.sets) out.push_back(tracker.update(set));
+std::vector<object_tracking::ObjectEstimate> track(const Sequence& sequence, const object_tracking::TargetOptions& target, const object_tracking::ObjectTrackerOptions& options) {
+  object_tracking::ObjectTracker tracker(sequence.rig, target, options);
+  std::vector<object_tracking::ObjectEstimate> out;
+  for (const capture::FrameSet& set : sequence.sets) out.push_back(tracker.update(set));
   return out;
 }
 
-std::vector<ObjectEstimate> track_blob(const Sequence& sequence, const TargetOptions& target) {
+std::vector<object_tracking::ObjectEstimate> track_blob(const Sequence& sequence, const object_tracking::TargetOptions& target) {
   BlobTracker blob = blob_tracker_for(sequence.rig, target);
-  std::vector<ObjectEstimate> out;
-  for (const FrameSet& set : sequence.sets) {
-    ObjectEstimate e;
+  std::vector<object_tracking::ObjectEstimate> out;
+  for (const capture::FrameSet& set : sequence.sets) {
+    object_tracking::ObjectEstimate e;
     e.at = set.at;
     e.set_number = set.number;
     if (const auto p = blob.locate(set)) {
-      e.state = TrackState::tracking;
+      e.state = object_tracking::TrackState::tracking;
       e.position = *p;
     }
     out.push_back(std::move(e));
@@ -33,20 +33,20 @@ std::vector<ObjectEstimate> track_blob(const Sequence& sequence, const TargetOpt
   return out;
 }
 
-TrackingFigures figures_of(const Sequence& sequence, const std::string& target, const std::vector<ObjectEstimate>& track) {
+TrackingFigures figures_of(const Sequence& sequence, const std::string& target, const std::vector<object_tracking::ObjectEstimate>& track) {
   TrackingFigures f;
   double sum2 = 0, sum2_two = 0, sum_nees = 0;
   std::size_t inside = 0, waiting = 0;
   std::optional<Eigen::Vector3d> last_error;
-  for (const ObjectEstimate& e : track) {
+  for (const object_tracking::ObjectEstimate& e : track) {
     const TruthRow* row = sequence.row(target, e.at);
     if (row == nullptr) continue;
     ++f.sets;
     const bool two = row->views_that_see() >= 2;
     TrackingFigures::Seen& seen = f.by_views[static_cast<std::size_t>(std::min(2, row->views_that_see()))];
     ++seen.sets;
-    seen.tracking += e.state == TrackState::tracking ? 1 : 0;
-    waiting = two && e.state != TrackState::tracking ? waiting + 1 : 0;
+    seen.tracking += e.state == object_tracking::TrackState::tracking ? 1 : 0;
+    waiting = two && e.state != object_tracking::TrackState::tracking ? waiting + 1 : 0;
     f.longest_return = std::max(f.longest_return, waiting);
     if (!e.has_position()) {
       ++f.without_answer;
@@ -54,8 +54,8 @@ TrackingFigures figures_of(const Sequence& sequence, const std::string& target, 
       continue;
     }
     const Eigen::Vector3d error = e.position - row->position;
-    if (e.state == TrackState::tracking && error.norm() > 0.1) ++f.wrong_tracking;
-    if (!f.lock_set && e.state == TrackState::tracking && error.norm() < 0.05) f.lock_set = f.sets;
+    if (e.state == object_tracking::TrackState::tracking && error.norm() > 0.1) ++f.wrong_tracking;
+    if (!f.lock_set && e.state == object_tracking::TrackState::tracking && error.norm() < 0.05) f.lock_set = f.sets;
     if (!f.lock_set) continue;
     if (last_error && !two) f.largest_jump_m = std::max(f.largest_jump_m, (error - *last_error).norm());
     last_error = error;
@@ -68,7 +68,7 @@ TrackingFigures figures_of(const Sequence& sequence, const std::string& target, 
       f.max_two_views_m = std::max(f.max_two_views_m, error.norm());
     }
     if (e.covariance.allFinite()) {
-      const double n = nees(error, e.covariance);
+      const double n = tracks::nees(error, e.covariance);
       sum_nees += n;
       inside += n <= 7.815 ? 1 : 0;
       ++seen.compared;
@@ -86,7 +86,7 @@ TrackingFigures figures_of(const Sequence& sequence, const std::string& target, 
   return f;
 }
 
-std::size_t inside_red_square(const Sequence& sequence, const std::vector<ObjectEstimate>& track) {
+std::size_t inside_red_square(const Sequence& sequence, const std::vector<object_tracking::ObjectEstimate>& track) {
   // The square's colour in OpenCV's HSV, 2-98 %, from the data's README, a little wider.
   const cv::Scalar low[] = {{171, 210, 80}, {169, 120, 140}}, high[] = {{178, 255, 145}, {178, 165, 190}};
   std::size_t count = 0;
@@ -101,7 +101,7 @@ std::size_t inside_red_square(const Sequence& sequence, const std::vector<Object
         continue;
       }
       cv::Mat hsv, mask;
-      cv::cvtColor(bgr_of(frame->pixels), hsv, cv::COLOR_BGR2HSV);
+      cv::cvtColor(pictures::bgr_of(frame->pixels), hsv, cv::COLOR_BGR2HSV);
       cv::inRange(hsv, low[c], high[c], mask);
       cv::morphologyEx(mask, mask, cv::MORPH_CLOSE, cv::Mat::ones(3, 3, CV_8U));
       std::vector<std::vector<cv::Point>> contours;
@@ -121,4 +121,4 @@ std::size_t inside_red_square(const Sequence& sequence, const std::vector<Object
   return count;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::figures

@@ -9,7 +9,7 @@
 #include "benchmark/sequence.h"
 #include "object_tracking/object_estimate.h"
 
-namespace huetrack {
+namespace huetrack::figures {
 
 struct TrackingFigures {
   std::optional<std::size_t> lock_set;   // 1 = the first; first in `tracking` within 50 mm of the truth
@@ -32,13 +32,13 @@ struct TrackingFigures {
   std::array<Seen, 3> by_views;
 };
 
-std::vector<ObjectEstimate> track(const Sequence& sequence, const TargetOptions& target, const ObjectTrackerOptions& options);
-TrackingFigures figures_of(const Sequence& sequence, const std::string& target, const std::vector<ObjectEstimate>& track);
+std::vector<object_tracking::ObjectEstimate> track(const Sequence& sequence, const object_tracking::TargetOptions& target, const object_tracking::ObjectTrackerOptions& options);
+TrackingFigures figures_of(const Sequence& sequence, const std::string& target, const std::vector<object_tracking::ObjectEstimate>& track);
 
 // The blob's positions as if they were estimates in `tracking`, so that one function judges both; no covariance.
-std::vector<ObjectEstimate> track_blob(const Sequence& sequence, const TargetOptions& target);
+std::vector<object_tracking::ObjectEstimate> track_blob(const Sequence& sequence, const object_tracking::TargetOptions& target);
 
 // Frame sets whose estimate projects inside the red square in both views: inside the convex hull of the largest red region.
-std::size_t inside_red_square(const Sequence& sequence, const std::vector<ObjectEstimate>& track);
+std::size_t inside_red_square(const Sequence& sequence, const std::vector<object_tracking::ObjectEstimate>& track);
 
-}  // namespace huetrack
+}  // namespace huetrack::figures

@@ -65,10 +65,10 @@ class ThreadTime {
  public:
   ThreadTime(pid_t pid, const std::string& name) {
     for (const auto& task : fs::directory_iterator("/proc/" + std::to_string(pid) + "/task"))
-      if (contents(task.path() / "comm") == name + "\n") schedstat_ = task.path() / "schedstat";
+      if (end_to_end::contents(task.path() / "comm") == name + "\n") schedstat_ = task.path() / "schedstat";
     if (schedstat_.empty()) throw std::runtime_error("the service has no thread \"" + name + "\"");
   }
-  double us() const { return std::stod(contents(schedstat_)) * 1e-3; }
+  double us() const { return std::stod(end_to_end::contents(schedstat_)) * 1e-3; }
 
  private:
   fs::path schedstat_;
@@ -86,7 +86,7 @@ class Pages {
   Pages(int port, int count) {
     for (int i = 0; i < count; ++i)
       threads_.emplace_back([this, port](const std::stop_token& stop) {
-        Connection connection(port);
+        end_to_end::Connection connection(port);
         connection.send("GET /api/events HTTP/1.1\r\nHost: localhost\r\n\r\n");
         std::string text;
         while (!stop.stop_requested()) {
@@ -140,13 +140,13 @@ class Service {
  public:
   Service(const fs::path& films, const fs::path& folder, bool together)
       : folder_(folder), subscription_([] {
-          ParticipantOptions options;
+          idl::ParticipantOptions options;
           options.name = "view_cost";
           options.domain = domain;
           options.interfaces = {"lo"};
           return options;
         }()) {
-    std::ofstream(folder / "c.yaml") << film_config(
+    std::ofstream(folder / "c.yaml") << soak::film_config(
         films, 500, "dds: {domain: " + std::to_string(domain) + ", interfaces: [lo]}\nlog_level: warning\n");
     service_.emplace(
         std::vector<std::string>{FILM_SERVICE, folder / "c.yaml", films, "--phases", together ? "together" : "spread"},
@@ -189,12 +189,12 @@ class Service {
   }
 
   const fs::path folder_;
-  client::PositionSubscription subscription_;
-  std::optional<Process> service_;
+  client::client::PositionSubscription subscription_;
+  std::optional<end_to_end::Process> service_;
   std::optional<ThreadTime> tracking_;
 };
 
-int port_of(const Process& view) {
+int port_of(const end_to_end::Process& view) {
   for (const auto end = Clock::now() + 10s; Clock::now() < end; std::this_thread::sleep_for(20ms)) {
     const std::string out = view.out();
     if (const auto at = out.find("127.0.0.1:"); at != std::string::npos && out.ends_with("/\n"))
@@ -228,7 +228,7 @@ int main(int argc, char** argv) {
   const fs::path folder = folder_name;
   int status = 0;
   try {
-    make_films(folder / "films", 4, 640, 480);
+    soak::make_films(folder / "films", 4, 640, 480);
     Service service(folder / "films", folder, together);
     std::array<std::vector<double>, 3> cpu, latency, p90;
     std::array<Watchers, 3> order{no_bridge, no_page, pages_open};
@@ -238,7 +238,7 @@ int main(int argc, char** argv) {
     for (int round = 0; round < rounds; ++round) {
       std::ranges::shuffle(order, rng);
       for (const Watchers watchers : order) {
-        std::optional<Process> view;
+        std::optional<end_to_end::Process> view;
         std::optional<Pages> readers;
         if (watchers != no_bridge) {
           view.emplace(std::vector<std::string>{HUETRACK, "view", "--port", "0", "--domain", std::to_string(domain),

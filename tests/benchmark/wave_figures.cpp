@@ -29,10 +29,10 @@ Eigen::Vector3d direction(std::mt19937_64& rng) {
   return Eigen::Vector3d(normal(rng), normal(rng), normal(rng)).normalized();
 }
 
-CameraRig spoilt(const CameraRig& truth, double metres, double degrees, std::uint64_t seed) {
-  CameraRig rig = truth;
+calib::CameraRig spoilt(const calib::CameraRig& truth, double metres, double degrees, std::uint64_t seed) {
+  calib::CameraRig rig = truth;
   std::mt19937_64 rng(seed);
-  for (Camera& camera : rig.cameras) {
+  for (calib::Camera& camera : rig.cameras) {
     const Eigen::Vector3d centre = camera.centre() + metres * direction(rng);
     const Eigen::Quaterniond turn(Eigen::AngleAxisd(degrees * std::numbers::pi / 180, direction(rng)));
     camera.cam_from_world.rotation = (turn * camera.cam_from_world.rotation).normalized();
@@ -57,7 +57,7 @@ struct Aligned {
 };
 
 // Points, projected by the true rig and triangulated with the found one; rigidly aligned.
-Aligned align(const CameraRig& truth, const CameraRig& found, const std::vector<Eigen::Vector3d>& points) {
+Aligned align(const calib::CameraRig& truth, const calib::CameraRig& found, const std::vector<Eigen::Vector3d>& points) {
   std::vector<Eigen::Vector3d> from, to;
   for (const Eigen::Vector3d& p : points) {
     Eigen::Matrix3d sum = Eigen::Matrix3d::Zero();
@@ -68,7 +68,7 @@ Aligned align(const CameraRig& truth, const CameraRig& found, const std::vector<
       if (!px || !truth.cameras[c].contains(*px)) continue;
       const auto ray = found.cameras[c].model.ray(*px);
       if (!ray) continue;
-      const Rigid3d world_from_cam = inverse(found.cameras[c].cam_from_world);
+      const calib::Rigid3d world_from_cam = calib::inverse(found.cameras[c].cam_from_world);
       const Eigen::Vector3d d = world_from_cam.rotation * *ray;
       const Eigen::Matrix3d across = Eigen::Matrix3d::Identity() - d * d.transpose();
       sum += across;
@@ -92,7 +92,7 @@ Aligned align(const CameraRig& truth, const CameraRig& found, const std::vector<
 }
 
 // path: where the ball was.
-Figures compare(const CameraRig& truth, const CameraRig& found, const std::vector<Eigen::Vector3d>& path) {
+Figures compare(const calib::CameraRig& truth, const calib::CameraRig& found, const std::vector<Eigen::Vector3d>& path) {
   std::vector<Eigen::Vector3d> volume;
   for (int i = 0; i <= 8; ++i) {
     for (int j = 0; j <= 8; ++j) {
@@ -114,19 +114,19 @@ Figures compare(const CameraRig& truth, const CameraRig& found, const std::vecto
 }
 
 // How far the outlines are from where the truth has them, of balls wholly in view: per axis, rms; pixels.
-double outline_noise(const Sequence& sequence, const TargetOptions& target, const std::vector<BallFrame>& frames) {
+double outline_noise(const figures::Sequence& sequence, const object_tracking::TargetOptions& target, const std::vector<wave::BallFrame>& frames) {
   std::vector<double> off2;
   std::vector<std::vector<std::pair<double, Eigen::Vector2d>>> errors(sequence.rig.cameras.size());
   std::vector<Eigen::Vector2d> sum(sequence.rig.cameras.size(), Eigen::Vector2d::Zero());
   std::vector<int> count(sequence.rig.cameras.size(), 0);
-  for (const BallFrame& frame : frames) {
-    const TruthRow* row = sequence.row(target.name, Timestamp(duration_of(frame.t_s)));
+  for (const wave::BallFrame& frame : frames) {
+    const figures::TruthRow* row = sequence.row(target.name, capture::Timestamp(capture::duration_of(frame.t_s)));
     const auto c = static_cast<std::size_t>(frame.camera);
     if (row == nullptr || row->visible[c] < 0.99) continue;
-    const Camera& camera = sequence.rig.cameras[c];
-    const auto px = outline_centre(camera.model, camera.cam_from_world * row->position, target.radius_m);
+    const calib::Camera& camera = sequence.rig.cameras[c];
+    const auto px = wave::outline_centre(camera.model, camera.cam_from_world * row->position, target.radius_m);
     if (!px) continue;
-    for (const ColorRegion& region : frame.regions) {
+    for (const object_tracking::ColorRegion& region : frame.regions) {
       const Eigen::Vector2d off = region.centre - *px;
       if (off.norm() > 3) continue;
       off2.push_back(off.squaredNorm() / 2);
@@ -165,39 +165,39 @@ double outline_noise(const Sequence& sequence, const TargetOptions& target, cons
 
 // What such outlines allow at best (Cramer-Rao): the figures of rigs that are wrong as the covariance of the adjustment says,
 // for independent noise in every frame in which half the ball or more is in view; the true path, the scale exact.
-void print_bound(const Sequence& sequence, const std::vector<TargetOptions>& targets, double noise_px) {
-  std::vector<BallObservation> observations;
+void print_bound(const figures::Sequence& sequence, const std::vector<object_tracking::TargetOptions>& targets, double noise_px) {
+  std::vector<wave::BallObservation> observations;
   std::vector<std::pair<double, Eigen::Vector3d>> path;
-  WaveState state;
-  for (const Camera& camera : sequence.rig.cameras) state.cam_from_world.push_back(camera.cam_from_world);
+  wave::WaveState state;
+  for (const calib::Camera& camera : sequence.rig.cameras) state.cam_from_world.push_back(camera.cam_from_world);
   double later = 0, step = 1;
-  for (const TargetOptions& target : targets) {
+  for (const object_tracking::TargetOptions& target : targets) {
     double last = -1;
-    for (const TruthRow& row : sequence.truth.at(target.name)) {
-      const double t = seconds(row.at);
+    for (const figures::TruthRow& row : sequence.truth.at(target.name)) {
+      const double t = capture::seconds(row.at);
       if (last >= 0) step = std::min(step, t - last);
       last = t;
       path.emplace_back(t + later, row.position);
       for (std::size_t c = 0; c < sequence.rig.cameras.size(); ++c) {
-        const Camera& camera = sequence.rig.cameras[c];
-        const auto px = outline_centre(camera.model, camera.cam_from_world * row.position, target.radius_m);
+        const calib::Camera& camera = sequence.rig.cameras[c];
+        const auto px = wave::outline_centre(camera.model, camera.cam_from_world * row.position, target.radius_m);
         if (row.visible[c] < 0.5 || !px || sequence.rig.cameras.empty()) continue;
         observations.push_back({static_cast<int>(c), t + later, *px, noise_px * noise_px * Eigen::Matrix2d::Identity()});
       }
     }
     later += last + 2;
   }
-  state.path = BallPath::over(path.front().first, path.back().first, step);
+  state.path = wave::BallPath::over(path.front().first, path.back().first, step);
   for (std::size_t k = 0; k < state.path.control.size(); ++k) {
     const double t = state.path.start_s + (static_cast<double>(k) - 1) * step;
     state.path.control[k] = std::ranges::min_element(path, {}, [t](const auto& p) { return std::abs(p.first - t); })->second;
   }
-  WaveAdjustmentOptions options;
+  wave::WaveAdjustmentOptions options;
   options.radius_m = targets.front().radius_m;
   options.loss = 1000;
   options.correlation = {.lasting = 0, .slow = 0};
   options.with_covariance = true;
-  const WaveFit fit = adjust_wave(sequence.rig, observations, state, options);
+  const wave::WaveFit fit = wave::adjust_wave(sequence.rig, observations, state, options);
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> axes(fit.covariance);
   std::mt19937_64 rng(1);
   std::normal_distribution<double> normal;
@@ -207,9 +207,9 @@ void print_bound(const Sequence& sequence, const std::vector<TargetOptions>& tar
     Eigen::VectorXd error(fit.covariance.rows());
     for (double& e : error) e = normal(rng);
     error = axes.eigenvectors() * axes.eigenvalues().cwiseMax(0).cwiseSqrt().cwiseProduct(error);
-    CameraRig rig = sequence.rig;
+    calib::CameraRig rig = sequence.rig;
     for (std::size_t c = 0; c < rig.cameras.size(); ++c) {
-      Rigid3d& pose = rig.cameras[c].cam_from_world;
+      calib::Rigid3d& pose = rig.cameras[c].cam_from_world;
       const Eigen::Vector3d centre = rig.cameras[c].centre() + error.segment<3>(6 * static_cast<Eigen::Index>(c));
       const Eigen::Vector3d turn = error.segment<3>(6 * static_cast<Eigen::Index>(c) + 3);
       if (turn.norm() > 0) pose.rotation = pose.rotation * Eigen::Quaterniond(Eigen::AngleAxisd(turn.norm(), turn.normalized()));
@@ -245,66 +245,66 @@ int main(int argc, char** argv) {
   }
   struct Case {
     const char* folder;
-    std::vector<TargetOptions> targets;
+    std::vector<object_tracking::TargetOptions> targets;
     int every;
   };
-  for (const Case& c : {Case{"rendered/two_cams", {lime_ball()}, 1}, Case{"rendered/occlusion", {pink_ball(), lime_ball()}, 1},
-                        Case{"rendered/occlusion", {pink_ball()}, 1}, Case{"rendered/occlusion", {lime_ball()}, 1},
-                        Case{"rendered/fast_60fps", {pink_ball()}, 1}, Case{"rendered/fast_60fps", {pink_ball()}, 2}}) {
-    if (!have(c.folder)) {
-      std::fprintf(stderr, "wave_figures: no recordings in %s\n", shared_data().c_str());
+  for (const Case& c : {Case{"rendered/two_cams", {figures::lime_ball()}, 1}, Case{"rendered/occlusion", {figures::pink_ball(), figures::lime_ball()}, 1},
+                        Case{"rendered/occlusion", {figures::pink_ball()}, 1}, Case{"rendered/occlusion", {figures::lime_ball()}, 1},
+                        Case{"rendered/fast_60fps", {figures::pink_ball()}, 1}, Case{"rendered/fast_60fps", {figures::pink_ball()}, 2}}) {
+    if (!figures::have(c.folder)) {
+      std::fprintf(stderr, "wave_figures: no recordings in %s\n", figures::shared_data().c_str());
       return 2;
     }
     const bool must = std::string(c.folder) != "rendered/fast_60fps";
     std::printf("\n");
-    const Sequence sequence = load_sequence(shared_data() / c.folder, c.every);
-    std::vector<std::vector<BallFrame>> of_balls;
+    const figures::Sequence sequence = figures::load_sequence(figures::shared_data() / c.folder, c.every);
+    std::vector<std::vector<wave::BallFrame>> of_balls;
     std::string names;
     double noise2 = 0;
-    Background background(sequence.rig.cameras.size());
-    for (const FrameSet& set : sequence.sets) {
+    wave::Background background(sequence.rig.cameras.size());
+    for (const capture::FrameSet& set : sequence.sets) {
       for (const auto& frame : set.frames) {
         if (frame) background.add(*frame);
       }
     }
-    for (const TargetOptions& target : c.targets) {
-      BallFinder finder(sequence.rig, target);
+    for (const object_tracking::TargetOptions& target : c.targets) {
+      wave::BallFinder finder(sequence.rig, target);
       names += (names.empty() ? "" : " and ") + target.name;
       of_balls.emplace_back();
-      for (const FrameSet& set : sequence.sets) {
+      for (const capture::FrameSet& set : sequence.sets) {
         for (const auto& frame : set.frames) {
           if (!frame) continue;
           if (auto found = finder.look(*frame)) of_balls.back().push_back(std::move(*found));
         }
       }
-      sharpen(of_balls.back(), background, sequence.rig);
+      wave::sharpen(of_balls.back(), background, sequence.rig);
       const double noise = outline_noise(sequence, target, of_balls.back());
       noise2 += noise * noise / static_cast<double>(c.targets.size());
     }
-    const auto frames = one_after_the_other(std::move(of_balls), sequence.rig.cameras.size());
+    const auto frames = wave::one_after_the_other(std::move(of_balls), sequence.rig.cameras.size());
     const auto& rows = sequence.truth.at(c.targets.front().name);
     const double baseline = (sequence.rig.cameras[0].centre() - sequence.rig.cameras[1].centre()).norm();
-    WaveOptions tape{.radius_m = c.targets.front().radius_m};
-    tape.camera_distance = CameraDistance{0, 1, baseline};
-    WaveOptions marks{.radius_m = c.targets.front().radius_m};
+    wave::WaveOptions tape{.radius_m = c.targets.front().radius_m};
+    tape.camera_distance = wave::CameraDistance{0, 1, baseline};
+    wave::WaveOptions marks{.radius_m = c.targets.front().radius_m};
     // Five moments at which every camera (of two or more) sees all of the ball, spread over the recording.
-    std::vector<const TruthRow*> clear;
-    for (const TruthRow& row : rows) {
+    std::vector<const figures::TruthRow*> clear;
+    for (const figures::TruthRow& row : rows) {
       if (std::ranges::all_of(row.visible, [](double share) { return share > 0.99; })) clear.push_back(&row);
     }
     for (std::size_t i = 0; i < 5; ++i) {
-      const TruthRow& row = *clear[(2 * i + 1) * clear.size() / 10];
-      marks.marks.push_back({seconds(row.at), row.position});
+      const figures::TruthRow& row = *clear[(2 * i + 1) * clear.size() / 10];
+      marks.marks.push_back({capture::seconds(row.at), row.position});
     }
-    WaveOptions rig_only{.radius_m = c.targets.front().radius_m};
-    for (WaveOptions* options : {&tape, &marks, &rig_only}) options->volume = WorldBox{{-1, -1, 0.1}, {1, 1, 2.1}};
+    wave::WaveOptions rig_only{.radius_m = c.targets.front().radius_m};
+    for (wave::WaveOptions* options : {&tape, &marks, &rig_only}) options->volume = solver::WorldBox{{-1, -1, 0.1}, {1, 1, 2.1}};
     std::vector<Eigen::Vector3d> path;
-    for (const TargetOptions& target : c.targets) {
-      for (const TruthRow& row : sequence.truth.at(target.name)) path.push_back(row.position);
+    for (const object_tracking::TargetOptions& target : c.targets) {
+      for (const figures::TruthRow& row : sequence.truth.at(target.name)) path.push_back(row.position);
     }
     struct Mode {
       const char* name;
-      WaveOptions options;
+      wave::WaveOptions options;
       bool scale_known;
     };
     std::printf("%s, %s: %zu frames\n", sequence.name.c_str(), names.c_str(), frames.size());
@@ -318,17 +318,17 @@ int main(int argc, char** argv) {
       for (int seed = 1; seed <= seeds; ++seed) {
         try {
           const auto start = std::chrono::steady_clock::now();
-          const WaveResult r = calibrate_wave(spoilt(sequence.rig, 0.1, 3, static_cast<std::uint64_t>(seed)), frames, mode.options);
+          const wave::WaveResult r = wave::calibrate_wave(spoilt(sequence.rig, 0.1, 3, static_cast<std::uint64_t>(seed)), frames, mode.options);
           slowest = std::max(slowest, std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count());
           const Figures f = compare(sequence.rig, r.rig, path);
           volume.push_back(f.volume_m), centre.push_back(f.centre_m), turned.push_back(f.turned_deg);
           scale.push_back(std::abs(f.scale - 1)), on_path.push_back(f.path_m), halves.push_back(r.halves_m), halves_sigma.push_back(r.halves_sigma_m);
           stated_path.push_back(r.expected_m), stated_volume.push_back(r.expected_in_volume_m.value_or(0));
           double worst = 0;
-          for (const WaveCamera& camera : r.cameras) worst = std::max(worst, camera.centre_sigma_m.norm());
+          for (const wave::WaveCamera& camera : r.cameras) worst = std::max(worst, camera.centre_sigma_m.norm());
           stated_centre.push_back(worst);
           doubtful += r.usable() ? 0 : 1;
-          if (seed == 1 && mode.scale_known && std::getenv("WAVE_FIGURES_VERBOSE") != nullptr) std::printf("%s", to_text(r).c_str());
+          if (seed == 1 && mode.scale_known && std::getenv("WAVE_FIGURES_VERBOSE") != nullptr) std::printf("%s", report::to_text(r).c_str());
         } catch (const std::exception& e) {
           ++failed;
           std::printf("    seed %d: %s\n", seed, e.what());
@@ -351,11 +351,11 @@ int main(int argc, char** argv) {
     }
     // From nothing: lenses only.
     for (const bool with_distance : {true, false}) {
-      WaveOptions nothing = with_distance ? tape : rig_only;
+      wave::WaveOptions nothing = with_distance ? tape : rig_only;
       nothing.has_poses = false;
       std::printf("  no poses to start from, scale from %s\n", with_distance ? "the distance of two cameras" : "the radius");
       try {
-        const WaveResult r = calibrate_wave(sequence.rig, frames, nothing);
+        const wave::WaveResult r = wave::calibrate_wave(sequence.rig, frames, nothing);
         const Figures f = compare(sequence.rig, r.rig, path);
         std::printf("    centres %.1f mm, rotations %.3f deg, volume %.2f mm rms, scale off by %.2f %%\n", 1e3 * f.centre_m,
                     f.turned_deg, 1e3 * f.volume_m, 100 * std::abs(f.scale - 1));

@@ -14,7 +14,7 @@
 #include "board/captures.h"
 #include "board/drawn_board.h"
 
-namespace huetrack {
+namespace huetrack::board {
 namespace {
 
 namespace fs = std::filesystem;
@@ -289,4 +289,4 @@ TEST(BoardDetectorCaptures, RenderedChessboardAgainstTheTruth) {
 }
 
 }  // namespace
-}  // namespace huetrack
+}  // namespace huetrack::board

@@ -16,7 +16,7 @@
 #include "calib/board/board_detector.h"
 #include "calib/board/board_yaml.h"
 
-namespace huetrack {
+namespace huetrack::board {
 namespace {
 
 using testing::AllOf;
@@ -172,4 +172,4 @@ TEST(BoardPdf, SameBoardSameBytes) {
 }
 
 }  // namespace
-}  // namespace huetrack
+}  // namespace huetrack::board

@@ -10,7 +10,7 @@
 
 #include "calib/yaml/yaml_reader.h"
 
-namespace huetrack {
+namespace huetrack::board {
 namespace {
 
 namespace fs = std::filesystem;
@@ -32,7 +32,7 @@ class BoardYaml : public testing::Test {
   std::string problem(const std::string& yaml) const {
     try {
       read(yaml);
-    } catch (const ConfigError& error) {
+    } catch (const yaml::ConfigError& error) {
       return error.what();
     }
     return "no error";
@@ -105,4 +105,4 @@ TEST(BoardSymmetries, MovePointsRigidly) {
 }
 
 }  // namespace
-}  // namespace huetrack
+}  // namespace huetrack::board

@@ -13,7 +13,7 @@
 #include "calib/board/board_detector.h"
 #include "calib/solver/bundle_adjustment.h"
 
-namespace huetrack {
+namespace huetrack::board {
 
 inline std::filesystem::path shared_data(const std::string& folder) {
   return std::filesystem::path(HUETRACK_SHARED_DATA) / folder;
@@ -24,7 +24,7 @@ inline GreyView view_of(const cv::Mat& image) {
 }
 
 // Nothing when the board is not in it.
-inline void add_view(std::vector<BoardView>& views, const BoardDetector& detector, const std::filesystem::path& file,
+inline void add_view(std::vector<solver::BoardView>& views, const BoardDetector& detector, const std::filesystem::path& file,
                      int camera, int set) {
   const cv::Mat image = cv::imread(file.string(), cv::IMREAD_GRAYSCALE);
   ASSERT_FALSE(image.empty()) << file;
@@ -37,9 +37,9 @@ inline Board rendered_board() {
   return {.columns = 9, .rows = 6, .pitch = {0.06, 0.06}};
 }
 
-inline const std::vector<BoardView>& rendered_views() {
-  static const std::vector<BoardView> views = [] {
-    std::vector<BoardView> all;
+inline const std::vector<solver::BoardView>& rendered_views() {
+  static const std::vector<solver::BoardView> views = [] {
+    std::vector<solver::BoardView> all;
     const BoardDetector detector(rendered_board());
     for (int camera = 0; camera < 3; ++camera) {
       for (int pose = 0; pose < 25; ++pose) {
@@ -54,8 +54,8 @@ inline const std::vector<BoardView>& rendered_views() {
 }
 
 // The exact corners of the rendered boards.
-inline std::vector<BoardView> rendered_truth() {
-  std::map<std::pair<int, int>, BoardView> views;
+inline std::vector<solver::BoardView> rendered_truth() {
+  std::map<std::pair<int, int>, solver::BoardView> views;
   std::ifstream csv(shared_data("rendered/chessboard/corners_gt.csv"));
   std::string line;
   std::getline(csv, line);
@@ -63,14 +63,14 @@ inline std::vector<BoardView> rendered_truth() {
     int pose = 0, camera = 0, corner = 0;
     double u = 0, v = 0;
     if (std::sscanf(line.c_str(), "%d,cam%d,%d,%*f,%*f,%*f,%lf,%lf", &pose, &camera, &corner, &u, &v) != 5) continue;
-    BoardView& view = views[{pose, camera}];
+    solver::BoardView& view = views[{pose, camera}];
     view.camera = camera;
     view.set = pose;
     view.image = "cam" + std::to_string(camera) + " pose " + std::to_string(pose);
     view.ids.push_back(corner);
     view.px.emplace_back(u, v);
   }
-  std::vector<BoardView> all;
+  std::vector<solver::BoardView> all;
   for (auto& [key, view] : views) all.push_back(std::move(view));
   return all;
 }
@@ -79,9 +79,9 @@ inline Board stereo_board() {
   return {.columns = 9, .rows = 6, .pitch = {0.025, 0.025}};
 }
 
-inline const std::vector<BoardView>& stereo_views() {
-  static const std::vector<BoardView> views = [] {
-    std::vector<BoardView> all;
+inline const std::vector<solver::BoardView>& stereo_views() {
+  static const std::vector<solver::BoardView> views = [] {
+    std::vector<solver::BoardView> all;
     const BoardDetector detector(stereo_board());
     for (int camera = 0; camera < 2; ++camera) {
       for (int n = 1; n <= 14; ++n) {
@@ -97,9 +97,9 @@ inline const std::vector<BoardView>& stereo_views() {
   return views;
 }
 
-inline std::vector<BoardView> views_of(const std::vector<BoardView>& views, int camera) {
-  std::vector<BoardView> own;
-  for (const BoardView& view : views) {
+inline std::vector<solver::BoardView> views_of(const std::vector<solver::BoardView>& views, int camera) {
+  std::vector<solver::BoardView> own;
+  for (const solver::BoardView& view : views) {
     if (view.camera != camera) continue;
     own.push_back(view);
     own.back().camera = 0;
@@ -107,4 +107,4 @@ inline std::vector<BoardView> views_of(const std::vector<BoardView>& views, int 
   return own;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::board

@@ -8,7 +8,7 @@
 
 #include "calib/board/board.h"
 
-namespace huetrack {
+namespace huetrack::board {
 
 struct DrawnBoard {
   cv::Mat image;              // 8 bit grey
@@ -74,4 +74,4 @@ inline cv::Mat seen_through(const cv::Mat& drawn, const cv::Matx33d& h, cv::Size
   return image;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::board

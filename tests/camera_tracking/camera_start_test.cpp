@@ -4,7 +4,7 @@
 
 #include "camera_tracking/methods/make_camera_tracker.h"
 
-namespace huetrack {
+namespace huetrack::camera_tracking {
 namespace {
 
 using testing::Contains;
@@ -71,9 +71,9 @@ TEST(CameraStart, makeNamesTheProblems) {
   CameraTrackerOptions options;
   options.start = FoundStart{};
   EXPECT_THROW(
-      make_camera_tracker(Camera{.name = "cam", .image_size = {320, 240}, .model = {}, .cam_from_world = {}}, options),
+      camera_methods::make_camera_tracker(calib::Camera{.name = "cam", .image_size = {320, 240}, .model = {}, .cam_from_world = {}}, options),
       std::invalid_argument);
 }
 
 }  // namespace
-}  // namespace huetrack
+}  // namespace huetrack::camera_tracking

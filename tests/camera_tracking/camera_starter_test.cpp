@@ -6,7 +6,7 @@
 #include "camera_tracking/drawn_rectangle.h"
 #include "particle_filter/random.h"
 
-namespace huetrack {
+namespace huetrack::camera_tracking {
 namespace {
 
 using testing::HasSubstr;
@@ -14,18 +14,18 @@ using testing::IsEmpty;
 
 const Eigen::Vector3d near_by(0.05, -0.35, 0.42);
 
-std::vector<Eigen::Vector2d> pixels(const Rigid3d& cam_from_world, const std::vector<Eigen::Vector3d>& points) {
+std::vector<Eigen::Vector2d> pixels(const calib::Rigid3d& cam_from_world, const std::vector<Eigen::Vector3d>& points) {
   std::vector<Eigen::Vector2d> px;
   for (const auto& p : points) px.push_back(camera().model.project(cam_from_world * p)->px);
   return px;
 }
 
-double off_m(const Started& started, const Rigid3d& truth) {
-  return (inverse(started.pose.cam_from_world).translation - inverse(truth).translation).norm();
+double off_m(const Started& started, const calib::Rigid3d& truth) {
+  return (calib::inverse(started.pose.cam_from_world).translation - calib::inverse(truth).translation).norm();
 }
 
 TEST(Starter, aLargeViewOfTheRectangleIsAStartAtOnce) {
-  const Rigid3d truth = look_at(near_by, {0, 0, 0});
+  const calib::Rigid3d truth = look_at(near_by, {0, 0, 0});
   CameraStarter starter(camera(), RectangleStart{rectangle_corners(), {}});
   const auto started = starter.find({}, view_of_rectangle(camera(), truth));
   ASSERT_TRUE(started);
@@ -53,25 +53,25 @@ TEST(Starter, aSpeckIsNoRectangle) {
 }
 
 TEST(Starter, aRectangleThatIsNotWhereItWasPointedAtIsLookedForInLaterFrames) {
-  const Rigid3d truth = look_at(near_by, {0, 0, 0});
+  const calib::Rigid3d truth = look_at(near_by, {0, 0, 0});
   CameraStarter starter(camera(), RectangleStart{rectangle_corners(), pixels(truth, rectangle_corners())});
   EXPECT_FALSE(starter.find({}, view_of_rectangle(camera(), look_at({3, 3, 0.3}, {6, 6, 0}))));
   EXPECT_TRUE(starter.find({}, view_of_rectangle(camera(), truth)));
 }
 
 TEST(Starter, ARectangleSeenAgainIsTurnedAsTheCameraLastWas) {
-  const Rigid3d truth = look_at({0.05, 0.35, 0.42}, {0, 0, 0});  // from behind: its first corner is at the bottom right
+  const calib::Rigid3d truth = look_at({0.05, 0.35, 0.42}, {0, 0, 0});  // from behind: its first corner is at the bottom right
   const CameraStarter starter(camera(), RectangleStart{rectangle_corners(), {}});
   const auto again =
       starter.find_again({}, view_of_rectangle(camera(), truth), look_at({-0.1, 0.4, 0.3}, {0.05, 0, 0}));
   ASSERT_TRUE(again);
-  EXPECT_LT((inverse(*again).translation - inverse(truth).translation).norm(), 0.002);
+  EXPECT_LT((calib::inverse(*again).translation - calib::inverse(truth).translation).norm(), 0.002);
 }
 
 TEST(Starter, knownPointsMustFitOnePose) {
-  const Rigid3d truth = look_at(near_by, {0, 0, 0});
+  const calib::Rigid3d truth = look_at(near_by, {0, 0, 0});
   PointsStart known;
-  Rng rng(3);
+  particle_filter::Rng rng(3);
   for (int i = 0; i < 16; ++i)
     known.points.emplace_back(0.3 * (rng.uniform() - 0.5), 0.2 * (rng.uniform() - 0.5), 0.1 * rng.uniform());
   known.pixels = pixels(truth, known.points);
@@ -90,18 +90,18 @@ TEST(Starter, knownPointsMustFitOnePose) {
 }
 
 TEST(Starter, aBoardOfWhichAThirdFitsIsNone) {
-  const Rigid3d truth = look_at(near_by, {0, 0, 0});
+  const calib::Rigid3d truth = look_at(near_by, {0, 0, 0});
   PointsStart corners;
   for (int i = 0; i < 54; ++i) corners.points.emplace_back(0.02 * (i % 9 - 4), 0.02 * (i / 9 - 2.5), 0);
   corners.pixels = pixels(truth, corners.points);
   const GreyImage any = view_of_rectangle(camera(), truth);
   const auto start_from = [&](const PointsStart& found) {
-    return FoundStart{[found](const Image&) { return std::optional(found); }};
+    return FoundStart{[found](const capture::Image&) { return std::optional(found); }};
   };
   CameraStarter board(camera(), start_from(corners));
   for (int i = 0; i < 2; ++i) board.find({}, any);
   EXPECT_TRUE(board.find({}, any)) << board.why_not();
-  Rng rng(4);
+  particle_filter::Rng rng(4);
   for (std::size_t i = 18; i < corners.pixels.size(); ++i)
     corners.pixels[i] += Eigen::Vector2d(300 * (rng.uniform() - 0.5), 300 * (rng.uniform() - 0.5));
   CameraStarter carpet(camera(), start_from(corners));
@@ -110,4 +110,4 @@ TEST(Starter, aBoardOfWhichAThirdFitsIsNone) {
 }
 
 }  // namespace
-}  // namespace huetrack
+}  // namespace huetrack::camera_tracking

@@ -7,15 +7,15 @@
 #include "calib/model/camera_rig.h"
 #include "camera_tracking/grey_image.h"
 
-namespace huetrack {
+namespace huetrack::camera_tracking {
 
-inline Camera camera() {
-  PinholeRadtan lens{246, 246, 158, 122, {}};
+inline calib::Camera camera() {
+  calib::PinholeRadtan lens{246, 246, 158, 122, {}};
   lens.distortion[0] = -0.12, lens.distortion[1] = 0.02;
-  return {"cam", {320, 240}, CameraModel(lens), {}};
+  return {"cam", {320, 240}, calib::CameraModel(lens), {}};
 }
 
-inline Rigid3d look_at(const Eigen::Vector3d& from, const Eigen::Vector3d& at) {  // cam_from_world, upright
+inline calib::Rigid3d look_at(const Eigen::Vector3d& from, const Eigen::Vector3d& at) {  // cam_from_world, upright
   const Eigen::Vector3d z = (at - from).normalized(), x = z.cross(Eigen::Vector3d::UnitZ()).normalized(),
                         y = z.cross(x);
   Eigen::Matrix3d r;
@@ -28,8 +28,8 @@ inline std::vector<Eigen::Vector3d> rectangle_corners() {
 }
 
 // 6 x 6 samples per pixel, averaged as light, then coded as sRGB does.
-inline GreyImage view_of_rectangle(const Camera& c, const Rigid3d& cam_from_world) {
-  const Rigid3d back = inverse(cam_from_world);
+inline GreyImage view_of_rectangle(const calib::Camera& c, const calib::Rigid3d& cam_from_world) {
+  const calib::Rigid3d back = calib::inverse(cam_from_world);
   std::uint8_t* px = nullptr;
   GreyImage image = make_grey(320, 240, px);
   for (int v = 0; v < 240; ++v) {
@@ -47,4 +47,4 @@ inline GreyImage view_of_rectangle(const Camera& c, const Rigid3d& cam_from_worl
   return image;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::camera_tracking

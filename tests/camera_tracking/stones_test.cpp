@@ -24,7 +24,7 @@
 #include "camera_tracking/papers/unscented_kalman.h"
 #include "particle_filter/random.h"
 
-namespace huetrack {
+namespace huetrack::camera_tracking {
 namespace {
 
 // A smooth random texture: value at any place.
@@ -82,14 +82,14 @@ TEST(Ncc, flatPlacesCorrelateWithNothing) {
 }
 
 TEST(PoseParticles, projectAsTheCameraDoes) {
-  const Camera c = camera();
-  const Rigid3d pose = look_at({0.3, -0.5, 0.4}, {0, 0, 0});
+  const calib::Camera c = camera();
+  const calib::Rigid3d pose = look_at({0.3, -0.5, 0.4}, {0, 0, 0});
   PoseParticles particles(100, pose);
-  Rng rng(1);
+  particle_filter::Rng rng(1);
   particles.walk_normal(0.02f, 0.01f, rng);
   std::vector<float> u(100), v(100);
   const Eigen::Vector3d point(0.1, 0.05, 0.02);
-  particles.project(BatchProjector(c), point, u, v);
+  particles.project(calib::BatchProjector(c), point, u, v);
   for (std::size_t i = 0; i < 100; ++i) {
     const auto px = c.model.project(particles.pose(i) * point);
     ASSERT_TRUE(px);
@@ -99,12 +99,12 @@ TEST(PoseParticles, projectAsTheCameraDoes) {
 }
 
 TEST(PoseParticles, walksAreAsWideAsTheySay) {
-  const Rigid3d pose = look_at({0.3, -0.5, 0.4}, {0, 0, 0});
+  const calib::Rigid3d pose = look_at({0.3, -0.5, 0.4}, {0, 0, 0});
   PoseParticles particles(4000, pose);
-  Rng rng(2);
+  particle_filter::Rng rng(2);
   particles.walk_uniform(0.03f, 0.02f, rng);
   for (std::size_t i = 0; i < particles.size(); ++i) {
-    const Eigen::Vector3d moved = inverse(particles.pose(i)).translation - inverse(pose).translation;
+    const Eigen::Vector3d moved = calib::inverse(particles.pose(i)).translation - calib::inverse(pose).translation;
     ASSERT_LT(moved.cwiseAbs().maxCoeff(), 0.0201);
   }
   const Covariance6d uniform = particles.covariance(particles.mean());
@@ -121,13 +121,13 @@ TEST(PoseParticles, walksAreAsWideAsTheySay) {
 
 TEST(PoseParticles, moveIsAStepOfEachPose) {
   PoseParticles particles(50, look_at({0.3, -0.5, 0.4}, {0, 0, 0}));
-  Rng rng(3);
+  particle_filter::Rng rng(3);
   particles.walk_normal(0.05f, 0.02f, rng);
-  const Rigid3d before = particles.pose(7);
-  Tangent6d step;
+  const calib::Rigid3d before = particles.pose(7);
+  calib::Tangent6d step;
   step << 0.02, -0.01, 0.03, 0.01, 0.02, -0.01;
-  particles.move(exp(step));
-  EXPECT_LT(log(particles.pose(7) * inverse(exp(step) * before)).norm(), 1e-6);
+  particles.move(calib::exp(step));
+  EXPECT_LT(calib::log(particles.pose(7) * calib::inverse(calib::exp(step) * before)).norm(), 1e-6);
 }
 
 TEST(ObservationField, particlesNearAnObservationAreInliers) {
@@ -158,12 +158,12 @@ TEST(TemplatePatch, refineFindsTheSubPixelShift) {
 }
 
 TEST(TemplatePatch, viewOfAPlaneIsWhatTheCamerasSee) {
-  const Camera c = camera();
-  const Rigid3d first = look_at({0, -0.5, 0.5}, {0, 0, 0}), second = look_at({0.2, -0.45, 0.5}, {0, 0, 0});
+  const calib::Camera c = camera();
+  const calib::Rigid3d first = look_at({0, -0.5, 0.5}, {0, 0, 0}), second = look_at({0.2, -0.45, 0.5}, {0, 0, 0});
   const Eigen::Vector3d point(0.05, 0.03, 0);
   const Eigen::Vector3d in_first = first * point, normal = first.rotation * Eigen::Vector3d::UnitZ();
   const auto view = view_patch(c.model, c.model.project(in_first)->px,
-                               plane_homography(second * inverse(first), normal, normal.dot(in_first)));
+                               plane_homography(second * calib::inverse(first), normal, normal.dot(in_first)));
   ASSERT_TRUE(view);
   EXPECT_LT((view->px - c.model.project(second * point)->px).norm(), 1e-6);
   const Eigen::Vector3d beside = point + Eigen::Vector3d(0.002, 0.001, 0);  // on the plane
@@ -173,8 +173,8 @@ TEST(TemplatePatch, viewOfAPlaneIsWhatTheCamerasSee) {
 }
 
 TEST(PoseSolver, findsThePoseOfPlanesAndOfRooms) {
-  const Camera c = camera();
-  const Rigid3d truth = look_at({0.2, -0.5, 0.45}, {0, 0, 0});
+  const calib::Camera c = camera();
+  const calib::Rigid3d truth = look_at({0.2, -0.5, 0.45}, {0, 0, 0});
   for (const double height : {0.0, 0.1}) {
     std::vector<PoseObservation> seen;
     for (int i = 0; i < 12; ++i) {
@@ -184,7 +184,7 @@ TEST(PoseSolver, findsThePoseOfPlanesAndOfRooms) {
     if (height > 0) seen[5].px += Eigen::Vector2d(30, 10);  // one is wrong
     const auto fit = solve_pose(c.model, seen);
     ASSERT_TRUE(fit);
-    EXPECT_LT(log(fit->cam_from_world * inverse(truth)).norm(), 1e-4);
+    EXPECT_LT(calib::log(fit->cam_from_world * calib::inverse(truth)).norm(), 1e-4);
     if (height > 0) {
       EXPECT_EQ(fit->weight[5], 0);
     }
@@ -192,9 +192,9 @@ TEST(PoseSolver, findsThePoseOfPlanesAndOfRooms) {
 }
 
 TEST(PoseSolver, ransacBearsHalfOfThemWrong) {
-  const Camera c = camera();
-  const Rigid3d truth = look_at({0.2, -0.5, 0.45}, {0, 0, 0});
-  Rng rng(5);
+  const calib::Camera c = camera();
+  const calib::Rigid3d truth = look_at({0.2, -0.5, 0.45}, {0, 0, 0});
+  particle_filter::Rng rng(5);
   std::vector<PoseObservation> seen;
   for (int i = 0; i < 60; ++i) {
     const Eigen::Vector3d p(0.3 * rng.uniform() - 0.15, 0.3 * rng.uniform() - 0.15, 0.1 * rng.uniform());
@@ -203,16 +203,16 @@ TEST(PoseSolver, ransacBearsHalfOfThemWrong) {
   }
   const auto fit = solve_pose_ransac(c.model, seen, 3, 12, 9);
   ASSERT_TRUE(fit);
-  EXPECT_LT(log(fit->cam_from_world * inverse(truth)).norm(), 1e-3);
+  EXPECT_LT(calib::log(fit->cam_from_world * calib::inverse(truth)).norm(), 1e-3);
   for (auto& s : seen) s.px = {320 * rng.uniform(), 240 * rng.uniform()};
   EXPECT_FALSE(solve_pose_ransac(c.model, seen, 3, 12, 9));
 }
 
 TEST(PoseSolver, worldCovarianceIsThatOfPerturbedPoses) {
-  const Rigid3d pose = look_at({0.2, -0.5, 0.45}, {0, 0, 0});
-  Tangent6d small;
+  const calib::Rigid3d pose = look_at({0.2, -0.5, 0.45}, {0, 0, 0});
+  calib::Tangent6d small;
   small << 1e-4, -2e-4, 3e-4, 2e-4, 1e-4, -3e-4;
-  const Rigid3d a = inverse(pose), b = inverse(exp(small) * pose);
+  const calib::Rigid3d a = calib::inverse(pose), b = calib::inverse(calib::exp(small) * pose);
   Eigen::Matrix<double, 6, 1> e;
   const Eigen::AngleAxisd turn(b.rotation * a.rotation.inverse());
   e << b.translation - a.translation, turn.angle() * turn.axis();
@@ -221,17 +221,17 @@ TEST(PoseSolver, worldCovarianceIsThatOfPerturbedPoses) {
 }
 
 TEST(LocalBundle, putsPosesAndPointsRight) {
-  const Camera c = camera();
-  Rng rng(6);
-  BundleProblem problem;
-  std::vector<Rigid3d> truth;
+  const calib::Camera c = camera();
+  particle_filter::Rng rng(6);
+  keyframes::BundleProblem problem;
+  std::vector<calib::Rigid3d> truth;
   for (int k = 0; k < 4; ++k) truth.push_back(look_at({0.1 * k, -0.5, 0.4}, {0.02, 0.03, 0}));
   std::vector<Eigen::Vector3d> points;
   for (int i = 0; i < 40; ++i)
     points.emplace_back(0.3 * rng.uniform() - 0.15, 0.3 * rng.uniform() - 0.15, 0.1 * rng.uniform());
   for (int k = 0; k < 4; ++k) {
-    Tangent6d off = Tangent6d::Constant(k < 2 ? 0.0 : 0.01);
-    problem.poses.push_back({exp(off) * truth[static_cast<std::size_t>(k)], k < 2});
+    calib::Tangent6d off = calib::Tangent6d::Constant(k < 2 ? 0.0 : 0.01);
+    problem.poses.push_back({calib::exp(off) * truth[static_cast<std::size_t>(k)], k < 2});
   }
   for (int i = 0; i < 40; ++i) {
     problem.points.push_back({});
@@ -242,17 +242,17 @@ TEST(LocalBundle, putsPosesAndPointsRight) {
            false});
   }
   problem.observations[10].px += Eigen::Vector2d(12, -9);
-  adjust(c.model, problem, 30);
+  keyframes::adjust(c.model, problem, 30);
   EXPECT_TRUE(problem.observations[10].outlier);
   EXPECT_FALSE(problem.observations[11].outlier);
-  EXPECT_LT(log(problem.poses[3].cam_from_world * inverse(truth[3])).norm(), 2e-3);
+  EXPECT_LT(calib::log(problem.poses[3].cam_from_world * calib::inverse(truth[3])).norm(), 2e-3);
   EXPECT_LT((problem.points[20].position - points[20]).norm(), 2e-3);
 }
 
 TEST(RectangleFinder, measuresADrawnOneInLight) {
-  const Camera c = camera();
-  const Rigid3d truth = look_at({0.05, -0.35, 0.42}, {0, 0, 0});
-  const Rigid3d back = inverse(truth);
+  const calib::Camera c = camera();
+  const calib::Rigid3d truth = look_at({0.05, -0.35, 0.42}, {0, 0, 0});
+  const calib::Rigid3d back = calib::inverse(truth);
   const GreyImage image = view_of_rectangle(c, truth);
   const std::vector<Eigen::Vector3d> corners = rectangle_corners();
   const auto found = find_rectangle(image, c.model, corners);
@@ -260,7 +260,7 @@ TEST(RectangleFinder, measuresADrawnOneInLight) {
   EXPECT_TRUE(found->dark);
   for (std::size_t i = 0; i < 4; ++i)
     EXPECT_LT((found->corners.px[i] - c.model.project(truth * corners[i])->px).norm(), 0.12) << i;
-  EXPECT_LT((inverse(found->pose.cam_from_world).translation - back.translation).norm(), 0.002);
+  EXPECT_LT((calib::inverse(found->pose.cam_from_world).translation - back.translation).norm(), 0.002);
   std::vector<Eigen::Vector3d> other = corners;
   for (auto& p : other) p.x() *= 2;
   EXPECT_FALSE(find_rectangle(image, c.model, other));  // another shape
@@ -268,8 +268,8 @@ TEST(RectangleFinder, measuresADrawnOneInLight) {
 
 TEST(DepthRay, convergesOnTheDepthAndNotOnNoise) {
   const Eigen::Vector3d origin(0, 0, 0), direction(0, 0, 1), truth(0, 0, 0.7);
-  Rng rng(8);
-  DepthRay ray(origin, direction, 0.2, 5);
+  particle_filter::Rng rng(8);
+  papers::DepthRay ray(origin, direction, 0.2, 5);
   EXPECT_FALSE(ray.converged());
   for (int k = 1; k <= 8; ++k) {
     ray.begin();
@@ -283,7 +283,7 @@ TEST(DepthRay, convergesOnTheDepthAndNotOnNoise) {
   ASSERT_TRUE(depth);
   EXPECT_NEAR(1 / depth->inverse_depth, 0.7, 0.03);
 
-  DepthRay two(origin, direction, 0.2, 5);  // two places that look alike: not one peak
+  papers::DepthRay two(origin, direction, 0.2, 5);  // two places that look alike: not one peak
   for (int k = 1; k <= 8; ++k) {
     two.begin();
     const Eigen::Vector3d from(0.02 * k, 0, 0);
@@ -292,25 +292,25 @@ TEST(DepthRay, convergesOnTheDepthAndNotOnNoise) {
     two.end();
   }
   EXPECT_FALSE(two.converged());
-  DepthRay parallel(origin, direction, 0.2, 5);
+  papers::DepthRay parallel(origin, direction, 0.2, 5);
   parallel.begin();
   parallel.add({0.001, 0, 0}, direction, 1, 0.004);
   EXPECT_FALSE(parallel.end());
 }
 
 TEST(FeatureFilter, convergesOnThePoint) {
-  const Camera c = camera();
+  const calib::Camera c = camera();
   const Eigen::Vector3d truth(0.05, 0.04, 0.03);
-  const Rigid3d first = look_at({0, -0.5, 0.4}, {0, 0, 0});
+  const calib::Rigid3d first = look_at({0, -0.5, 0.4}, {0, 0, 0});
   const double depth = (first * truth).norm();
-  FeatureFilter filter(c.model, first, 1e-8 * Eigen::Matrix<double, 7, 7>::Identity(), 1 / (1.3 * depth), 0.3 / depth,
+  papers::FeatureFilter filter(c.model, first, 1e-8 * Eigen::Matrix<double, 7, 7>::Identity(), 1 / (1.3 * depth), 0.3 / depth,
                        c.model.project(first * truth)->px, 0.25 * Eigen::Matrix2d::Identity());
   const double before = filter.position_covariance().trace();
-  Rng rng(9);
+  particle_filter::Rng rng(9);
   std::vector<float> noise(40);
   rng.fill_normal(noise);
   for (std::size_t k = 0; k < 20; ++k) {
-    const Rigid3d pose = look_at({0.01 * static_cast<double>(k + 1), -0.5, 0.4}, {0, 0, 0});
+    const calib::Rigid3d pose = look_at({0.01 * static_cast<double>(k + 1), -0.5, 0.4}, {0, 0, 0});
     const Eigen::Vector2d px =
         c.model.project(pose * truth)->px +
         0.3 * Eigen::Vector2d(static_cast<double>(noise[2 * k]), static_cast<double>(noise[2 * k + 1]));
@@ -318,7 +318,7 @@ TEST(FeatureFilter, convergesOnThePoint) {
   }
   EXPECT_LT((*filter.position() - truth).norm(), 0.008);
   EXPECT_LT(filter.position_covariance().trace(), 0.02 * before);
-  const Rigid3d pose = look_at({0.3, -0.5, 0.4}, {0, 0, 0});
+  const calib::Rigid3d pose = look_at({0.3, -0.5, 0.4}, {0, 0, 0});
   EXPECT_FALSE(filter.update(pose, c.model.project(pose * truth)->px + Eigen::Vector2d(40, 0),
                              0.09 * Eigen::Matrix2d::Identity()));
 }
@@ -392,4 +392,4 @@ TEST(ParallelTask, eachStartIsDoneByWait) {
 }
 
 }  // namespace
-}  // namespace huetrack
+}  // namespace huetrack::camera_tracking

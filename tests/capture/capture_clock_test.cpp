@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 #include <time.h>
 
-namespace huetrack {
+namespace huetrack::capture {
 namespace {
 
 Duration now_of(clockid_t id) {
@@ -35,4 +35,4 @@ TEST(CaptureClock, NowIsNow) {
 }
 
 }  // namespace
-}  // namespace huetrack
+}  // namespace huetrack::capture

@@ -8,7 +8,7 @@
 #include <set>
 #include <stdexcept>
 
-namespace huetrack {
+namespace huetrack::capture {
 
 // "0:10 1:12" is a set of camera 0's frame of 10 ms and camera 1's of 12 ms.
 void PrintTo(const FrameSet& set, std::ostream* out) {
@@ -496,4 +496,4 @@ TEST(FrameSynchronizer, AscendingFramesAreNeverLate) {
 }
 
 }  // namespace
-}  // namespace huetrack
+}  // namespace huetrack::capture

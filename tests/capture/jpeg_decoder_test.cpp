@@ -7,7 +7,7 @@
 
 #include "capture/clips.h"
 
-namespace huetrack {
+namespace huetrack::capture {
 namespace {
 
 using clips::Clip;
@@ -156,4 +156,4 @@ TEST(JpegDecoder, FlippedBytesNeverCrash) {
 }
 
 }  // namespace
-}  // namespace huetrack
+}  // namespace huetrack::capture

@@ -5,7 +5,7 @@
 
 #include "capture/jpeg_decoder.h"
 
-namespace huetrack {
+namespace huetrack::capture {
 namespace {
 
 // The left half dark, the right half of the given colour.
@@ -89,4 +89,4 @@ TEST(JpegEncoder, NeverScalesUpAndStaysEven) {
 }
 
 }  // namespace
-}  // namespace huetrack
+}  // namespace huetrack::capture

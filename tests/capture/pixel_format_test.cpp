@@ -4,7 +4,7 @@
 
 #include <stdexcept>
 
-namespace huetrack {
+namespace huetrack::capture {
 namespace {
 
 constexpr std::array all_formats{PixelFormat::yuyv, PixelFormat::nv12, PixelFormat::i420, PixelFormat::i422,
@@ -97,4 +97,4 @@ TEST(PixelFormat, OddSizesAreRefusedWhereChromaIsShared) {
 }
 
 }  // namespace
-}  // namespace huetrack
+}  // namespace huetrack::capture

@@ -7,7 +7,7 @@
 
 #include "calib/yaml/yaml_reader.h"
 
-namespace huetrack {
+namespace huetrack::capture {
 namespace {
 
 using testing::AllOf;
@@ -33,7 +33,7 @@ class ReadRecording : public testing::Test {
   std::string error_of(const std::string& yaml) const {
     try {
       read(yaml);
-    } catch (const ConfigError& error) {
+    } catch (const yaml::ConfigError& error) {
       return error.what();
     }
     return "(accepted)";
@@ -100,7 +100,7 @@ TEST_F(ReadRecording, NamesFileAndLineOfWhatIsWrong) {
   EXPECT_THAT(error_of("version: 1\ncameras:\n  left: {frames: l.mkv, every: 0}\n"), HasSubstr("every"));
   EXPECT_THAT(error_of("version: 1\ncameras: {}\n"), HasSubstr("cameras"));
   EXPECT_THAT(error_of("version: 1\n"), HasSubstr("cameras"));
-  EXPECT_THROW(read_recording(folder / "none"), ConfigError);
+  EXPECT_THROW(read_recording(folder / "none"), yaml::ConfigError);
   write("times.csv", "frame,t_s\n0,0\n");
   EXPECT_THAT(error_of("version: 1\ncameras:\n  left: {frames: l.mkv, fps: 30, timestamps: times.csv}\n"),
               HasSubstr("together with fps"));
@@ -123,4 +123,4 @@ TEST_F(ReadRecording, NamesFileAndLineOfABadTimeStamp) {
 }
 
 }  // namespace
-}  // namespace huetrack
+}  // namespace huetrack::capture

@@ -19,7 +19,7 @@
 #include "capture/jpeg_decoder.h"
 #include "capture/replay_source.h"
 
-namespace huetrack {
+namespace huetrack::capture {
 namespace {
 
 namespace fs = std::filesystem;
@@ -247,7 +247,7 @@ TEST(RecordingWriter, ACameraThatNeverCameIsNoObstacle) {
 TEST(RecordingWriter, WithoutAnyFrameItIsSaid) {
   const TemporaryFolder folder;
   { const RecordingWriter writer(options_for(folder / "run")); }
-  EXPECT_THROW(read_recording(folder / "run"), ConfigError);
+  EXPECT_THROW(read_recording(folder / "run"), yaml::ConfigError);
 }
 
 TEST(RecordingWriter, TheRigAndTheConfigurationLieInside) {
@@ -385,7 +385,7 @@ TEST(RecordingWriter, AVideoCutOffAnywhereGivesItsBeginning) {
     std::vector<Frame> frames;
     try {
       frames = replay(folder / "run").frames;
-    } catch (const ConfigError&) {
+    } catch (const yaml::ConfigError&) {
       ASSERT_EQ(most, 0U) << "later ends gave frames, and this one none: " << length;
       continue;
     }
@@ -411,7 +411,7 @@ TEST(RecordingWriter, TimesCutOffAnywhereGiveTheirBeginning) {
         static_cast<std::size_t>(std::count(whole.begin(), whole.begin() + static_cast<std::ptrdiff_t>(length), '\n')) -
         1;
     if (rows == 0) {
-      EXPECT_THROW(replay(folder / "run"), ConfigError);
+      EXPECT_THROW(replay(folder / "run"), yaml::ConfigError);
       continue;
     }
     const auto [frames, warnings] = replay(folder / "run");
@@ -563,4 +563,4 @@ TEST(RecordingOptions, Problems) {
 }
 
 }  // namespace
-}  // namespace huetrack
+}  // namespace huetrack::capture

@@ -9,7 +9,7 @@
 #include "capture/clips.h"
 #include "capture/replay_source.h"
 
-namespace huetrack {
+namespace huetrack::capture {
 namespace {
 
 using clips::Clip;
@@ -76,7 +76,7 @@ Played play(const std::filesystem::path& frames, int threads = 1) {
 std::string error_of(const std::filesystem::path& frames) {
   try {
     play(frames);
-  } catch (const ConfigError& error) {
+  } catch (const yaml::ConfigError& error) {
     return error.what();
   }
   return "(accepted)";
@@ -327,7 +327,7 @@ TEST_P(Mutated, FilesEndInAnErrorOrInFramesNeverInACrash) {
         EXPECT_EQ(again.hashes, played.hashes) << i;
         EXPECT_EQ(again.corrupted, played.corrupted) << i;
       }
-    } catch (const ConfigError& error) {
+    } catch (const yaml::ConfigError& error) {
       ++errors;
       EXPECT_THAT(error.what(), AllOf(HasSubstr(c.file), Not(HasSubstr("\n")))) << i;
     }
@@ -348,4 +348,4 @@ INSTANTIATE_TEST_SUITE_P(
                     FuzzCase{"a.jpg", {.codec = "mjpeg", .format = AV_PIX_FMT_YUVJ420P, .frames = 1}, 200}));
 
 }  // namespace
-}  // namespace huetrack
+}  // namespace huetrack::capture

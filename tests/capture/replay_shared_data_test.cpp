@@ -7,7 +7,7 @@
 #include "capture/frame_synchronizer.h"
 #include "capture/replay_source.h"
 
-namespace huetrack {
+namespace huetrack::capture {
 namespace {
 
 using testing::IsEmpty;
@@ -189,4 +189,4 @@ TEST(SharedData, LosslessFramesHaveTheirBytes) {
 }
 
 }  // namespace
-}  // namespace huetrack
+}  // namespace huetrack::capture

@@ -11,7 +11,7 @@
 #include "calib/yaml/yaml_reader.h"
 #include "capture/clips.h"
 
-namespace huetrack {
+namespace huetrack::capture {
 namespace {
 
 using namespace std::chrono_literals;
@@ -35,7 +35,7 @@ class Replay : public testing::Test {
   std::string error_of(const std::string& cameras, const std::vector<std::string>& names) {
     try {
       open(cameras, names);
-    } catch (const ConfigError& error) {
+    } catch (const yaml::ConfigError& error) {
       return error.what();
     }
     return "(accepted)";
@@ -451,4 +451,4 @@ TEST_F(Replay, PlayListsDoNotLeaveTheMachine) {
 }
 
 }  // namespace
-}  // namespace huetrack
+}  // namespace huetrack::capture

@@ -3,7 +3,7 @@
 
 #include <gmock/gmock.h>
 
-namespace huetrack {
+namespace huetrack::capture {
 namespace {
 
 using Bytes = std::vector<std::uint8_t>;
@@ -97,4 +97,4 @@ TEST(UsbStreamSettings, DamageEndsTheList) {
 }
 
 }  // namespace
-}  // namespace huetrack
+}  // namespace huetrack::capture

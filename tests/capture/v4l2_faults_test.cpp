@@ -21,7 +21,7 @@
 #include "capture/clips.h"
 #include "capture/v4l2_source.h"
 
-namespace huetrack {
+namespace huetrack::capture {
 namespace {
 
 using namespace std::chrono_literals;
@@ -367,7 +367,7 @@ TEST(DamageWatch, IsHighFromTenPercentAndUntilFive) {
 }
 
 }  // namespace
-}  // namespace huetrack
+}  // namespace huetrack::capture
 
 // Takes the place of the C library's.
 extern "C" int ioctl(int fd, unsigned long request, ...) noexcept {

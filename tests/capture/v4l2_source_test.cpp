@@ -9,7 +9,7 @@
 
 #include "capture/clips.h"
 
-namespace huetrack {
+namespace huetrack::capture {
 namespace {
 
 using namespace std::chrono_literals;
@@ -141,4 +141,4 @@ TEST(ControlResult, ReadsWell) {
 }
 
 }  // namespace
-}  // namespace huetrack
+}  // namespace huetrack::capture

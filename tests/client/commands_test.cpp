@@ -8,10 +8,10 @@
 #include "publish/child_process.h"
 #include "publish/known_samples.h"
 
-namespace huetrack {
+namespace huetrack::client {
 namespace {
 
-using namespace testing;
+using namespace publish::testing;
 using namespace std::chrono_literals;
 using ::testing::AllOf;
 using ::testing::ContainsRegex;
@@ -19,7 +19,7 @@ using ::testing::HasSubstr;
 using ::testing::StartsWith;
 using Clock = std::chrono::steady_clock;
 
-const std::string domain = std::to_string(test_domain());
+const std::string domain = std::to_string(publish::test_domain());
 
 std::vector<std::string> huetrack(std::vector<std::string> arguments) {
   arguments.insert(arguments.begin(), HUETRACK_CLIENT);
@@ -218,4 +218,4 @@ TEST(Status, SaysWithinTwoSecondsThatNobodyPublishes) {
 }
 
 }  // namespace
-}  // namespace huetrack
+}  // namespace huetrack::client

@@ -5,15 +5,15 @@
 
 #include "benchmark/tracking_figures.h"
 
-namespace huetrack {
+namespace huetrack::color_teaching {
 namespace {
 
 using namespace testing;
 
 #define SKIP_WITHOUT(folder) \
-  if (!have(folder)) GTEST_SKIP() << "no recording in " << (shared_data() / (folder))
+  if (!figures::have(folder)) GTEST_SKIP() << "no recording in " << (figures::shared_data() / (folder))
 
-std::vector<TeachPoint> at_truth(const Sequence& s, const std::string& target, std::size_t set,
+std::vector<TeachPoint> at_truth(const figures::Sequence& s, const std::string& target, std::size_t set,
                                  std::initializer_list<int> cameras) {
   std::vector<TeachPoint> points;
   for (const int c : cameras)
@@ -23,8 +23,8 @@ std::vector<TeachPoint> at_truth(const Sequence& s, const std::string& target, s
 
 TEST(ColorTeacher, LimeInTwoViewsFromTheirFirstFrames) {
   SKIP_WITHOUT("rendered/two_cams");
-  const Sequence s = load_sequence(shared_data() / "rendered/two_cams");
-  const ObjectTrackerOptions options = rendered_options(Observation::huetrack, 1);
+  const figures::Sequence s = figures::load_sequence(figures::shared_data() / "rendered/two_cams");
+  const object_tracking::ObjectTrackerOptions options = figures::rendered_options(object_tracking::Observation::huetrack, 1);
   const ColorTeacher teacher(s.rig, s.sets[0]);
 
   // One click, and where it is in the other view is found.
@@ -54,31 +54,31 @@ TEST(ColorTeacher, LimeInTwoViewsFromTheirFirstFrames) {
   EXPECT_GT(both.views[0].object_share, 0.9);
   EXPECT_EQ(why_useless(both, s.rig), "");
   // Another target of this colour is named; its own old colour and others are not.
-  TargetOptions same = lime_ball(), blue = lime_ball();
+  object_tracking::TargetOptions same = figures::lime_ball(), blue = figures::lime_ball();
   same.name = "same";
   blue.name = "blue";
   blue.color.hue_min_deg = 200;
   blue.color.hue_max_deg = 240;
-  EXPECT_THAT(teacher.namesakes(both, {lime_ball(), same, blue}, lime_ball().name), ElementsAre("same"));
+  EXPECT_THAT(teacher.namesakes(both, {figures::lime_ball(), same, blue}, figures::lime_ball().name), ElementsAre("same"));
 
   for (const Taught& taught : {one, both}) {
-    TargetOptions target = lime_ball();
+    object_tracking::TargetOptions target = figures::lime_ball();
     target = with_taught_color(target, s.rig, taught);
     ASSERT_THAT(target.problems(), IsEmpty());
-    const TrackingFigures f = figures_of(s, "lime", track(s, target, options));
+    const figures::TrackingFigures f = figures::figures_of(s, "lime", figures::track(s, target, options));
     std::printf("lock in set %zu, rms %.2f mm, max %.2f mm, NEES %.2f, in 95 %%: %.0f %%\n", f.lock_set.value_or(0),
                 f.rms_m * 1e3, f.max_m * 1e3, f.mean_nees, f.share_inside_95 * 100);
     ASSERT_TRUE(f.lock_set);
     EXPECT_LE(*f.lock_set, 3u);
-    EXPECT_LE(f.rms_m, figures_of(s, "lime", track_blob(s, lime_ball())).rms_m);
+    EXPECT_LE(f.rms_m, figures::figures_of(s, "lime", figures::track_blob(s, figures::lime_ball())).rms_m);
     EXPECT_LE(f.max_m, 0.012);
   }
 }
 
 TEST(ColorTeacher, TheRedSquareFromTheFirstPair) {
   SKIP_WITHOUT("red_square_stereo");
-  const Sequence s = load_sequence(shared_data() / "red_square_stereo");
-  const ObjectTrackerOptions options = red_square_options(Observation::huetrack, 1);
+  const figures::Sequence s = figures::load_sequence(figures::shared_data() / "red_square_stereo");
+  const object_tracking::ObjectTrackerOptions options = figures::red_square_options(object_tracking::Observation::huetrack, 1);
   const ColorTeacher teacher(s.rig, s.sets[0]);
   // Where it is in the first pair, read off the pictures.
   const Taught one = teacher.teach({.points = {{0, {582, 210}}}}, options.volume);
@@ -92,18 +92,18 @@ TEST(ColorTeacher, TheRedSquareFromTheFirstPair) {
                 view.color.intensity_max);
   ASSERT_TRUE(both.radius_m);
   std::printf("radius %.1f mm\n", *both.radius_m * 1e3);
-  TargetOptions target = with_taught_color(red_square(), s.rig, both);
+  object_tracking::TargetOptions target = with_taught_color(figures::red_square(), s.rig, both);
   ASSERT_EQ(target.camera_colors.size(), 2u);
-  const std::size_t inside = inside_red_square(s, track(s, target, options));
+  const std::size_t inside = figures::inside_red_square(s, figures::track(s, target, options));
   std::printf("inside the square in both views: %zu of %zu\n", inside, s.sets.size());
   EXPECT_GE(inside, 110u);
 }
 
 TEST(ColorTeacher, CamerasThatNobodyPointedIntoKeepTheirColour) {
-  CameraRig rig;
+  calib::CameraRig rig;
   for (const char* name : {"a", "b", "c"}) rig.cameras.emplace_back().name = name;
-  const HsiRange old{.hue_min_deg = 10, .hue_max_deg = 20}, fresh{.hue_min_deg = 100, .hue_max_deg = 120};
-  TargetOptions target;
+  const object_tracking::HsiRange old{.hue_min_deg = 10, .hue_max_deg = 20}, fresh{.hue_min_deg = 100, .hue_max_deg = 120};
+  object_tracking::TargetOptions target;
   target.camera_colors = {{"a", old}, {"c", old}};
   Taught taught;
   taught.views.resize(3);
@@ -129,8 +129,8 @@ TEST(ColorTeacher, CamerasThatNobodyPointedIntoKeepTheirColour) {
 
 TEST(ColorTeacher, SaysWhatIsInTheWay) {
   SKIP_WITHOUT("rendered/two_cams");
-  const Sequence s = load_sequence(shared_data() / "rendered/two_cams");
-  const Box volume = rendered_options(Observation::huetrack, 1).volume;
+  const figures::Sequence s = figures::load_sequence(figures::shared_data() / "rendered/two_cams");
+  const object_tracking::Box volume = figures::rendered_options(object_tracking::Observation::huetrack, 1).volume;
   const ColorTeacher teacher(s.rig, s.sets[0]);
   const auto points = at_truth(s, "lime", 0, {0, 1});
   const Taught wide = teacher.teach({.points = points, .wider = 12}, volume);
@@ -151,7 +151,7 @@ TEST(ColorTeacher, SaysWhatIsInTheWay) {
 
 TEST(ColorTeacher, NothingToLearnIsSaid) {
   SKIP_WITHOUT("rendered/two_cams");
-  Sequence s = load_sequence(shared_data() / "rendered/two_cams");
+  figures::Sequence s = figures::load_sequence(figures::shared_data() / "rendered/two_cams");
   s.sets[0].frames[1].reset();
   const ColorTeacher teacher(s.rig, s.sets[0]);
   const Taught taught = teacher.teach({.points = {{0, {0, 0}}, {1, {5, 5}}}}, {});
@@ -161,4 +161,4 @@ TEST(ColorTeacher, NothingToLearnIsSaid) {
 }
 
 }  // namespace
-}  // namespace huetrack
+}  // namespace huetrack::color_teaching

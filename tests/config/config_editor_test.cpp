@@ -7,7 +7,7 @@
 #include <fstream>
 #include <sstream>
 
-namespace huetrack {
+namespace huetrack::config {
 namespace {
 
 using namespace testing;
@@ -101,10 +101,10 @@ TEST_F(Saving, WritesColoursAndRectanglesAndReadsThemBack) {
       "version: 1\nrig: rig.yaml\ntargets:\n  ball:\n    color: {hue_deg: [1, 2]} # red\n    camera_colors:\n"
       "      cam0: {hue_deg: [3, 4]}\n  other: {color: {hue_deg: [200, 220]}}\nthreads: 2 # two\n");
   ::chmod(file.c_str(), 0640);
-  TargetOptions target = config.targets[0];
+  object_tracking::TargetOptions target = config.targets[0];
   target.color = {.hue_min_deg = 350, .hue_max_deg = 10, .saturation_min = 0.25};
   target.camera_colors = {{"cam1", {.hue_min_deg = 340, .hue_max_deg = 5}}};
-  const IgnoredRegions ignored = {{"cam1", {{1, 2, 30, 40}, {5, 6, 7, 8}}}};
+  const object_tracking::IgnoredRegions ignored = {{"cam1", {{1, 2, 30, 40}, {5, 6, 7, 8}}}};
   save_taught(config, target, ignored);
   const ServiceConfig after = load_service_config(file);
   EXPECT_EQ(after.targets[0].color, target.color);
@@ -125,7 +125,7 @@ TEST_F(Saving, WritesColoursAndRectanglesAndReadsThemBack) {
 TEST_F(Saving, FollowsALinkAndTellsWhatToWriteWhereItCannot) {
   const ServiceConfig config = with("version: 1\nrig: rig.yaml\ntargets:\n  ball: &b\n    color: {hue_deg: [1, 2]}\n");
   const std::string before = text();
-  TargetOptions target = config.targets[0];
+  object_tracking::TargetOptions target = config.targets[0];
   target.color.hue_max_deg = 77;
   EXPECT_THAT([&] { save_taught(config, target, {}); },
               ThrowsMessage<std::runtime_error>(AllOf(HasSubstr("was left as it is"), HasSubstr("hue_deg: [1, 77]"))));
@@ -142,4 +142,4 @@ TEST_F(Saving, FollowsALinkAndTellsWhatToWriteWhereItCannot) {
 }
 
 }  // namespace
-}  // namespace huetrack
+}  // namespace huetrack::config

@@ -11,7 +11,7 @@
 #include "calib/model/rig_yaml.h"
 #include "calib/yaml/yaml_reader.h"
 
-namespace huetrack {
+namespace huetrack::config {
 namespace {
 
 namespace fs = std::filesystem;
@@ -40,7 +40,7 @@ class ServiceConfigFile : public testing::Test {
   std::string error(const std::string& yaml) const {
     try {
       load(yaml);
-    } catch (const ConfigError& e) {
+    } catch (const yaml::ConfigError& e) {
       std::string message = e.what();
       for (std::size_t at; (at = message.find(folder_.string() + "/")) != std::string::npos;) {
         message.erase(at, folder_.string().size() + 1);
@@ -60,9 +60,9 @@ TEST_F(ServiceConfigFile, WhatIsNotGivenHasItsDefault) {
   const ServiceConfig config = load(ball);
   ASSERT_EQ(config.targets.size(), 1u);
   EXPECT_EQ(config.targets[0].name, "ball");
-  EXPECT_EQ(config.targets[0].radius_m, TargetOptions{}.radius_m);
-  EXPECT_EQ(config.targets[0].color, (HsiRange{.hue_min_deg = 65, .hue_max_deg = 115}));
-  EXPECT_EQ(config.object_tracking.particle_count, ObjectTrackerOptions{}.particle_count);
+  EXPECT_EQ(config.targets[0].radius_m, object_tracking::TargetOptions{}.radius_m);
+  EXPECT_EQ(config.targets[0].color, (object_tracking::HsiRange{.hue_min_deg = 65, .hue_max_deg = 115}));
+  EXPECT_EQ(config.object_tracking.particle_count, object_tracking::ObjectTrackerOptions{}.particle_count);
   EXPECT_EQ(config.set_tolerance_s, std::nullopt);
   EXPECT_EQ(config.threads, 1);
   EXPECT_TRUE(config.dds.enabled);
@@ -126,29 +126,29 @@ TEST_F(ServiceConfigFile, EveryKeyIsRead) {
   ASSERT_EQ(c.targets.size(), 2u);
   EXPECT_EQ(c.targets[0].name, "red_cap");
   EXPECT_EQ(c.targets[0].radius_m, 0.12);
-  EXPECT_EQ(c.targets[0].color, (HsiRange{340, 20, 0.8, 0.95, 0.2, 0.7}));
+  EXPECT_EQ(c.targets[0].color, (object_tracking::HsiRange{340, 20, 0.8, 0.95, 0.2, 0.7}));
   // What a camera's colour leaves out is the target's.
   ASSERT_EQ(c.targets[0].camera_colors.size(), 1u);
   EXPECT_EQ(c.targets[0].camera_colors[0].first, "cam1");
-  EXPECT_EQ(c.targets[0].camera_colors[0].second, (HsiRange{340, 20, 0.5, 0.7, 0.2, 0.7}));
+  EXPECT_EQ(c.targets[0].camera_colors[0].second, (object_tracking::HsiRange{340, 20, 0.5, 0.7, 0.2, 0.7}));
   EXPECT_EQ(c.targets[1].name, "lime");
   ASSERT_EQ(c.cameras.size(), 2u);
   EXPECT_EQ(c.cameras[0].name, "cam1");
   EXPECT_EQ(c.cameras[0].device, "/dev/v4l/by-id/usb-cam");
-  EXPECT_EQ(c.cameras[0].format, CaptureFormat::mjpeg);
-  EXPECT_EQ(c.cameras[0].size, (ImageSize{320, 240}));
+  EXPECT_EQ(c.cameras[0].format, capture::CaptureFormat::mjpeg);
+  EXPECT_EQ(c.cameras[0].size, (calib::ImageSize{320, 240}));
   EXPECT_EQ(c.cameras[0].fps, 29.97);
   ASSERT_EQ(c.cameras[0].controls.size(), 3u);
   EXPECT_EQ(c.cameras[0].controls[0].name, "exposure_time_absolute");
-  EXPECT_EQ(c.cameras[0].controls[0].value, ControlValue(std::int64_t{100}));
-  EXPECT_EQ(c.cameras[0].controls[1].value, ControlValue(std::int64_t{0}));
-  EXPECT_EQ(c.cameras[0].controls[2].value, ControlValue("50 Hz"));
+  EXPECT_EQ(c.cameras[0].controls[0].value, capture::ControlValue(std::int64_t{100}));
+  EXPECT_EQ(c.cameras[0].controls[1].value, capture::ControlValue(std::int64_t{0}));
+  EXPECT_EQ(c.cameras[0].controls[2].value, capture::ControlValue("50 Hz"));
   EXPECT_EQ(c.cameras[0].latency_offset_s, 0.0125);
   EXPECT_TRUE(c.cameras[0].restore_controls);
   EXPECT_EQ(c.cameras[1].device, "/dev/video3");
   EXPECT_EQ(c.quorum, 1);
-  const ObjectTrackerOptions& o = c.object_tracking;
-  EXPECT_EQ(o.observation, Observation::paper);
+  const object_tracking::ObjectTrackerOptions& o = c.object_tracking;
+  EXPECT_EQ(o.observation, object_tracking::Observation::paper);
   EXPECT_EQ(o.volume.min, Eigen::Vector3d(-0.5, -0.25, 0.125));
   EXPECT_EQ(o.volume.max, Eigen::Vector3d(0.5, 0.75, 1.5));
   EXPECT_EQ(o.particle_count, 321);
@@ -171,7 +171,7 @@ TEST_F(ServiceConfigFile, EveryKeyIsRead) {
   EXPECT_EQ(c.dds.publisher.frame_id, "the \"map\"");
   EXPECT_EQ(c.record.folder, folder_ / "recordings");
   EXPECT_TRUE(c.record.always);
-  EXPECT_EQ(c.record.raw_storage, RawStorage::huffyuv);
+  EXPECT_EQ(c.record.raw_storage, capture::RawStorage::huffyuv);
   EXPECT_EQ(c.record.queue_frames, 7);
   EXPECT_EQ(c.record.pre_roll_s, 1.5);
   EXPECT_EQ(c.record.pre_roll_mb, 64);
@@ -217,7 +217,7 @@ TEST_F(ServiceConfigFile, IgnoredRectanglesAreThoseOfEveryTarget) {
   const ServiceConfig config = load(head +
                                     "targets: {a: {color: {hue_deg: [1, 9]}}, b: {color: {hue_deg: [65, "
                                     "115]}}}\nignore: {cam1: [1, 2, 3, 4, 5, 6, 7, 8]}\n");
-  const IgnoredRegions expected = {{"cam1", {{1, 2, 3, 4}, {5, 6, 7, 8}}}};
+  const object_tracking::IgnoredRegions expected = {{"cam1", {{1, 2, 3, 4}, {5, 6, 7, 8}}}};
   EXPECT_EQ(config.ignored, expected);
   for (const auto& target : config.targets) EXPECT_EQ(target.ignored, expected);
   EXPECT_EQ(load_service_config(write(to_yaml(config), "printed.yaml")).ignored, expected);
@@ -317,9 +317,9 @@ TEST_F(ServiceConfigFile, NamesThatCannotBePartOfATopicAreRefused) {
 }
 
 TEST_F(ServiceConfigFile, ADefaultVolumeOutOfSightIsNamedByItsWholeKey) {
-  CameraRig far = read_rig(folder_ / "rig.yaml");
+  calib::CameraRig far = calib::read_rig(folder_ / "rig.yaml");
   for (auto& camera : far.cameras) camera.cam_from_world.translation += Eigen::Vector3d(0, 0, -100);  // all behind it
-  write_rig(far, folder_ / "rig.yaml");
+  calib::write_rig(far, folder_ / "rig.yaml");
   EXPECT_THAT(error(ball), HasSubstr("c.yaml:1: object_tracking.volume: no camera of the rig sees any of it"));
 }
 
@@ -356,16 +356,16 @@ TEST_F(ServiceConfigFile, WarnsOfWhatIsProbablyNotMeant) {
 
 TEST(VolumeCoverage, IsWholeWhereTheWholeVolumeIsSeen) {
   // A box of 20 cm, 2 m before a camera that looks along z, and behind the other.
-  CameraRig rig;
+  calib::CameraRig rig;
   for (const double sign : {1.0, -1.0}) {
-    Camera camera;
+    calib::Camera camera;
     camera.name = sign > 0 ? "sees" : "turned_away";
     camera.image_size = {640, 480};
-    camera.model = CameraModel(PinholeRadtan{.fx = 500, .fy = 500, .cx = 320, .cy = 240});
+    camera.model = calib::CameraModel(calib::PinholeRadtan{.fx = 500, .fy = 500, .cx = 320, .cy = 240});
     if (sign < 0) camera.cam_from_world.rotation = Eigen::Quaterniond(0, 1, 0, 0);
     rig.cameras.push_back(camera);
   }
-  const auto coverage = volume_coverage(rig, Box{.min = {-0.1, -0.1, 1.9}, .max = {0.1, 0.1, 2.1}});
+  const auto coverage = volume_coverage(rig, object_tracking::Box{.min = {-0.1, -0.1, 1.9}, .max = {0.1, 0.1, 2.1}});
   ASSERT_EQ(coverage.per_camera.size(), 2u);
   EXPECT_NEAR(coverage.per_camera[0], 1, 1e-9);
   EXPECT_EQ(coverage.per_camera[1], 0);
@@ -412,7 +412,7 @@ class CameraTrackingConfigTest : public testing::Test {
   std::string mistake(const std::string& tracking) const {
     try {
       load(tracking);
-    } catch (const ConfigError& error) {
+    } catch (const yaml::ConfigError& error) {
       return error.what();
     }
     return "no mistake";
@@ -429,7 +429,7 @@ TEST_F(CameraTrackingConfigTest, StartsAreReadFromFilesAndInline) {
   EXPECT_EQ(config.dds.publisher.tracked_camera, "cam0");
   const auto options = tracker_options(config.camera_tracking);
   EXPECT_EQ(options.seed, 7u);
-  const auto& rectangle = std::get<RectangleStart>(options.start);
+  const auto& rectangle = std::get<camera_tracking::RectangleStart>(options.start);
   EXPECT_EQ(rectangle.corners[1], Eigen::Vector3d(0.1, 0.075, 0));
   EXPECT_EQ(rectangle.pixels[3], Eigen::Vector2d(41, 42));
   // What is printed loads back to the same, and needs no file.
@@ -439,7 +439,7 @@ TEST_F(CameraTrackingConfigTest, StartsAreReadFromFilesAndInline) {
 
   write("leds.csv", "led,X,Y,Z\n0,0,0,0\n1,1,0,0\n2,0,1,0\n3,0,0,1\n");
   write("frames.csv", "frame,t,led,u,v\n0,0,2,1,1\n1,0.1,0,1,1\n2,0.2,1,1,1\n3,0.3,3,1,1\n4,0.4,-1,0,0\n");
-  const auto leds = std::get<LedStart>(
+  const auto leds = std::get<camera_tracking::LedStart>(
       tracker_options(
           load("  camera: cam0\n  start: {leds: leds.csv, led_schedule: frames.csv, led_room_max: [2, 2, 2]}\n")
               .camera_tracking)
@@ -449,7 +449,7 @@ TEST_F(CameraTrackingConfigTest, StartsAreReadFromFilesAndInline) {
   EXPECT_EQ(leds.room_max, Eigen::Vector3d(2, 2, 2));
 
   const auto points =
-      std::get<PointsStart>(tracker_options(load("  camera: cam0\n  start: {points: [[0, 0, 0, 1, 2], [1, 0, 0, 3, 4], "
+      std::get<camera_tracking::PointsStart>(tracker_options(load("  camera: cam0\n  start: {points: [[0, 0, 0, 1, 2], [1, 0, 0, 3, 4], "
                                                  "[0, 1, 0, 5, 6], [1, 1, 0, 7, 8]]}\n")
                                                 .camera_tracking)
                                 .start);
@@ -502,7 +502,7 @@ TEST_F(CameraTrackingConfigTest, WithAMapNoStartIsNeeded) {
   write("again.yaml", to_yaml(config));
   EXPECT_EQ(to_yaml(load_service_config(folder_ / "again.yaml")), to_yaml(config));
   const auto options = tracker_options(config.camera_tracking);
-  EXPECT_EQ(std::get<FoundStart>(options.start).find(Image{}), std::nullopt);  // there is nothing to be found
+  EXPECT_EQ(std::get<camera_tracking::FoundStart>(options.start).find(capture::Image{}), std::nullopt);  // there is nothing to be found
   EXPECT_THAT(mistake("  camera: cam0\n  load_map: m.map\n  method: herranz\n"), testing::HasSubstr("needs LEDs"));
 }
 
@@ -514,7 +514,7 @@ TEST(ReferenceConfig, HasEveryKeyWithItsDefaultInTheOrderOfCheck) {
   ServiceConfig defaults;
   defaults.file = reference.file;
   defaults.rig_file = reference.rig_file;
-  TargetOptions target;
+  object_tracking::TargetOptions target;
   target.name = reference.targets.at(0).name;
   target.color.hue_min_deg = reference.targets[0].color.hue_min_deg;
   target.color.hue_max_deg = reference.targets[0].color.hue_max_deg;
@@ -559,4 +559,4 @@ TEST_P(ShippedConfig, LoadsWithoutErrorsAndWarnings) {
 INSTANTIATE_TEST_SUITE_P(All, ShippedConfig, testing::ValuesIn(yaml_files_in(configs, "huetrackd")));
 
 }  // namespace
-}  // namespace huetrack
+}  // namespace huetrack::config

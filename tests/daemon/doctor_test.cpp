@@ -6,7 +6,7 @@
 #include "capture/clips.h"
 #include "daemon/live.h"
 
-namespace huetrack {
+namespace huetrack::daemon {
 namespace {
 
 using testing::AllOf;
@@ -23,15 +23,15 @@ auto advises(const std::string& advice) {
   return Contains(Field(&Finding::advice, HasSubstr(advice)));
 }
 
-OfferedFormat yuyv() {
+capture::OfferedFormat yuyv() {
   return {.fourcc = 0x56595559,
           .description = "YUYV 4:2:2",
-          .format = CaptureFormat::yuyv,
+          .format = capture::CaptureFormat::yuyv,
           .sizes = {{640, 480, 640, 480, {30, 15}}, {1280, 720, 1280, 720, {10}}}};
 }
 
-Control control(const std::string& name, std::int64_t value) {
-  Control control;
+capture::Control control(const std::string& name, std::int64_t value) {
+  capture::Control control;
   control.name = name;
   control.max = 100;
   control.value = value;
@@ -44,20 +44,20 @@ CameraExam healthy(const std::string& name = "left", int bus = 1) {
   exam.name = name;
   exam.node.identity.node = "/dev/video0";
   exam.node.identity.driver = "uvcvideo";
-  exam.node.identity.usb = UsbPlace{.port = "1-2", .bus = bus, .speed_mbps = 480, .id = "046d:0825", .serial = "A1"};
+  exam.node.identity.usb = capture::UsbPlace{.port = "1-2", .bus = bus, .speed_mbps = 480, .id = "046d:0825", .serial = "A1"};
   exam.node.identity.by_path = {"/dev/v4l/by-path/pci-usb-0:2:1.0-video-index0"};
   exam.node.identity.by_id = {"/dev/v4l/by-id/usb-A1-video-index0"};
   exam.node.is_capture = true;
   exam.asked_fps = 30;
   exam.formats = {yuyv()};
   StreamTrial trial;
-  trial.agreed = {.format = CaptureFormat::yuyv, .width = 640, .height = 480, .stride = 1280, .fps = 30};
+  trial.agreed = {.format = capture::CaptureFormat::yuyv, .width = 640, .height = 480, .stride = 1280, .fps = 30};
   trial.frames = 91;
   trial.seconds = 3;
   trial.bytes = 91ull * 640 * 480 * 2;
   trial.longest_gap_s = 0.034;
   trial.mean_age_s = 0.012;
-  trial.stamp = StampKind::start_of_exposure;
+  trial.stamp = capture::StampKind::start_of_exposure;
   exam.trial = trial;
   return exam;
 }
@@ -86,11 +86,11 @@ TEST(JudgeCamera, DropsDamageAndStampsAreSaid) {
   CameraExam poor = healthy();
   poor.trial->dropped = 3;
   poor.trial->corrupted = 2;
-  poor.trial->stamp = StampKind::dequeued;
+  poor.trial->stamp = capture::StampKind::dequeued;
   auto findings = judge_camera(poor, true);
   EXPECT_THAT(findings, says(Verdict::warning, "3 frames dropped, 2 damaged of 94"));
   EXPECT_THAT(findings, says(Verdict::warning, "the driver gives none"));
-  poor.trial->stamp = StampKind::end_of_frame;
+  poor.trial->stamp = capture::StampKind::end_of_frame;
   EXPECT_THAT(judge_camera(poor, true), says(Verdict::note, "time stamps: end of frame"));
   poor.trial->mean_age_s = -0.02;
   EXPECT_THAT(judge_camera(poor, true), says(Verdict::warning, "they lie in the future"));
@@ -119,14 +119,14 @@ TEST(JudgeCamera, ControlsThatDidNotStick) {
 TEST(JudgeCamera, PermissionsAndBusyCamerasSayWhatToDo) {
   CameraExam exam = healthy();
   exam.trial.reset();
-  exam.node.problem = "/dev/video0: Permission denied: " + advice_for(EACCES);
+  exam.node.problem = "/dev/video0: Permission denied: " + capture::advice_for(EACCES);
   EXPECT_THAT(judge_camera(exam, true), says(Verdict::problem, "group video"));
   EXPECT_THAT(judge_camera(exam, false), Not(says(Verdict::problem, "")));
   exam.node.problem.clear();
-  exam.problem = "/dev/video0: Device or resource busy: " + advice_for(EBUSY);
+  exam.problem = "/dev/video0: Device or resource busy: " + capture::advice_for(EBUSY);
   EXPECT_THAT(judge_camera(exam, true), says(Verdict::warning, "another program uses it"));
   EXPECT_THAT(judge_camera(exam, true), advises("systemctl stop huetrackd"));
-  exam.problem = "/dev/video0: No space left on device: " + advice_for(ENOSPC);
+  exam.problem = "/dev/video0: No space left on device: " + capture::advice_for(ENOSPC);
   EXPECT_THAT(judge_camera(exam, true), says(Verdict::problem, "USB bandwidth, not the disk"));
 }
 
@@ -149,7 +149,7 @@ class DoctorsConfig : public testing::Test {
  protected:
   // What doctor says of cameras with these devices; only looked at.
   std::string said_of(const std::string& left, const std::string& right) {
-    clips::write_text(folder / "c.yaml",
+    capture::clips::write_text(folder / "c.yaml",
                       "version: 1\nrig: " HUETRACK_SOURCE_DIR
                       "/configs/demo/recording/rig.yaml\ndds: {enabled: false}\ntargets: {ball: {color: {hue_deg: "
                       "[65, 115]}}}\ncameras: {cam0: {device: " +
@@ -164,7 +164,7 @@ class DoctorsConfig : public testing::Test {
     doctor(options, {});
     return testing::internal::GetCapturedStdout();
   }
-  clips::TemporaryFolder folder;
+  capture::clips::TemporaryFolder folder;
 };
 
 TEST_F(DoctorsConfig, DevicesThatAreNoneOrNotThere) {
@@ -180,9 +180,9 @@ TEST_F(DoctorsConfig, OneCameraUnderTwoNames) {
   EXPECT_THAT(text, HasSubstr("FAIL  cameras: cam0 and cam1 are one camera: /dev/null and "));
   EXPECT_THAT(text, HasSubstr("are both /dev/null\n        -> give each its own device"));
   try {
-    open_cameras(load_service_config(folder / "c.yaml"));
+    open_cameras(config::load_service_config(folder / "c.yaml"));
     ADD_FAILURE() << "opened";
-  } catch (const CaptureError& error) {
+  } catch (const capture::CaptureError& error) {
     EXPECT_THAT(error.what(), HasSubstr("cam0 and cam1 are one camera"));
   }
 }
@@ -209,10 +209,10 @@ TEST(JudgeUsb, AddsUpWhatCamerasOfABusWant) {
   ASSERT_EQ(findings.size(), 3u);
   for (const auto& finding : findings) EXPECT_EQ(finding.verdict, Verdict::ok);
   exams = {healthy("left"), healthy("right")};
-  exams[0].trial->usb = UsbReservation{
+  exams[0].trial->usb = capture::UsbReservation{
       .in_force = {{.interface = 1, .alternate = 7, .is_isochronous = true, .bytes = 3072, .intervals_per_s = 8000}},
       .most_mbps = 196.608};
-  exams[1].trial->usb = UsbReservation{};
+  exams[1].trial->usb = capture::UsbReservation{};
   findings = judge_usb(exams, {{1, 480}});
   EXPECT_THAT(findings[0].what,
               HasSubstr("left (video0) in port 1-2 147 Mbit/s, 197 Mbit/s reserved (alternate setting 7: "
@@ -232,15 +232,15 @@ TEST(JudgeNetwork, SaysWhoCanSubscribe) {
 }
 
 TEST(SuitableStream, IsVgaOrTheNearestBelowIt) {
-  const std::vector<OfferedFormat> formats{yuyv()};
+  const std::vector<capture::OfferedFormat> formats{yuyv()};
   const auto stream = suitable_stream(formats);
   ASSERT_TRUE(stream);
   EXPECT_EQ(stream->width, 640);
   EXPECT_EQ(stream->fps, 30);
-  OfferedFormat large = yuyv();
+  capture::OfferedFormat large = yuyv();
   large.sizes.erase(large.sizes.begin());
   EXPECT_EQ(suitable_stream(std::vector{large})->width, 1280);
-  OfferedFormat unknown = yuyv();
+  capture::OfferedFormat unknown = yuyv();
   unknown.format.reset();
   EXPECT_EQ(suitable_stream(std::vector{unknown}), std::nullopt);
 }
@@ -251,4 +251,4 @@ TEST(ToText, PutsTheAdviceBelowTheVerdict) {
 }
 
 }  // namespace
-}  // namespace huetrack
+}  // namespace huetrack::daemon

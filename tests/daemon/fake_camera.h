@@ -15,22 +15,22 @@
 #include "capture/replay_source.h"
 #include "daemon/live.h"
 
-namespace huetrack {
+namespace huetrack::daemon {
 
 // thread-safe where LiveCamera asks for it.
 class FakeCamera {
  public:
   // Frames of one camera on the recording's clock, whose zero is at `start`, UNIX; at the end it ends, or goes silent.
-  FakeCamera(int camera, std::vector<Frame> frames, Timestamp start, bool goes_silent)
+  FakeCamera(int camera, std::vector<capture::Frame> frames, capture::Timestamp start, bool goes_silent)
       : state_(std::make_shared<State>()), camera_(camera) {
     state_->frames = std::move(frames);
     state_->start = start;
     state_->goes_silent = goes_silent;
     state_->health.last_progress = std::chrono::steady_clock::now();
     if (!state_->frames.empty()) {
-      const Image& image = state_->frames.front().pixels;
+      const capture::Image& image = state_->frames.front().pixels;
       state_->health.stream =
-          StreamFormat{.width = image.width, .height = image.height, .stride = 0, .fps = 30, .range = image.range};
+          capture::StreamFormat{.width = image.width, .height = image.height, .stride = 0, .fps = 30, .range = image.range};
     }
   }
 
@@ -51,23 +51,23 @@ class FakeCamera {
 
  private:
   struct State {
-    std::vector<Frame> frames;
-    Timestamp start;
+    std::vector<capture::Frame> frames;
+    capture::Timestamp start;
     bool goes_silent = false;
     std::mutex mutex;
-    CameraHealth health;              // guarded by mutex
-    std::vector<CameraEvent> events;  // guarded by mutex
+    capture::CameraHealth health;              // guarded by mutex
+    std::vector<capture::CameraEvent> events;  // guarded by mutex
   };
-  class Source final : public FrameSource {
+  class Source final : public capture::FrameSource {
    public:
     explicit Source(std::shared_ptr<State> state) : state_(std::move(state)) {}
-    std::optional<Frame> next(std::stop_token stop) override {
+    std::optional<capture::Frame> next(std::stop_token stop) override {
       using namespace std::chrono_literals;
       const bool at_end = next_ == state_->frames.size();
       if (at_end && !state_->goes_silent) return std::nullopt;
-      Frame frame = at_end ? Frame{} : state_->frames[next_];
+      capture::Frame frame = at_end ? capture::Frame{} : state_->frames[next_];
       frame.captured_at = state_->start + frame.captured_at.time_since_epoch();
-      while (!stop.stop_requested() && (at_end || unix_now() < frame.captured_at)) {
+      while (!stop.stop_requested() && (at_end || capture::unix_now() < frame.captured_at)) {
         {
           const std::scoped_lock lock(state_->mutex);
           state_->health.last_progress = std::chrono::steady_clock::now();
@@ -77,7 +77,7 @@ class FakeCamera {
       if (stop.stop_requested()) return std::nullopt;
       ++next_;
       const std::scoped_lock lock(state_->mutex);
-      state_->health.state = CaptureState::delivering;
+      state_->health.state = capture::CaptureState::delivering;
       ++state_->health.frames;
       state_->health.last_progress = std::chrono::steady_clock::now();
       return frame;
@@ -93,10 +93,10 @@ class FakeCamera {
 };
 
 // The first `count` frames of each camera of a recording.
-inline std::vector<std::vector<Frame>> first_frames(const std::filesystem::path& recording,
+inline std::vector<std::vector<capture::Frame>> first_frames(const std::filesystem::path& recording,
                                                     const std::vector<std::string>& cameras, std::size_t count) {
-  ReplaySource source(read_recording(recording), cameras);
-  std::vector<std::vector<Frame>> frames(cameras.size());
+  capture::ReplaySource source(capture::read_recording(recording), cameras);
+  std::vector<std::vector<capture::Frame>> frames(cameras.size());
   while (std::ranges::any_of(frames, [&](const auto& f) { return f.size() < count; })) {
     auto frame = source.next({});
     if (!frame) break;
@@ -110,11 +110,11 @@ inline std::vector<std::vector<Frame>> first_frames(const std::filesystem::path&
 inline std::vector<LiveCamera> fake_cameras(const std::filesystem::path& recording, const std::vector<std::string>& cameras,
                                             std::size_t count, bool go_silent) {
   auto pictures = first_frames(recording, cameras, count);
-  const Timestamp start = unix_now() + std::chrono::milliseconds(50);
+  const capture::Timestamp start = capture::unix_now() + std::chrono::milliseconds(50);
   std::vector<LiveCamera> list;
   for (std::size_t c = 0; c < pictures.size(); ++c)
     list.push_back(FakeCamera(int(c), std::move(pictures[c]), start, go_silent).live());
   return list;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::daemon

@@ -22,7 +22,7 @@
 #include "publish/test_domain.h"
 #include "scene/led_scene.h"
 
-namespace huetrack {
+namespace huetrack::daemon {
 namespace {
 
 namespace dds = eprosima::fastdds::dds;
@@ -31,12 +31,12 @@ using eprosima::fastrtps::types::ReturnCode_t;
 using namespace std::chrono_literals;
 using namespace testing;
 
-const int domain = test_domain();
+const int domain = publish::test_domain();
 
 template <typename Type>
 class Reader {
  public:
-  Reader(DdsParticipant& participant, const std::string& topic, const dds::DataReaderQos& qos)
+  Reader(idl::DdsParticipant& participant, const std::string& topic, const dds::DataReaderQos& qos)
       : reader_(participant.create_reader(topic.c_str(), dds::TypeSupport(new Type), qos)) {}
   const std::vector<typename Type::type>& samples() {
     typename Type::type sample;
@@ -86,7 +86,7 @@ class LiveLeds : public LiveCameraTracking {
  protected:
   static constexpr int frames = 75;
 
-  ServiceConfig config(const std::string& more = "") const {
+  config::ServiceConfig config(const std::string& more = "") const {
     std::ostringstream text;
     write(
         "rig.yaml",
@@ -99,43 +99,43 @@ class LiveLeds : public LiveCameraTracking {
     text << "]\n    led_schedule: [[0], [1], [2], [3], [4], [5], [6], [7]]\n"
             "    led_room_min: [-1.5, -1.5, 0]\n    led_room_max: [1.5, 1.5, 2]\n"
          << more;
-    return load_service_config(write("c.yaml", text.str()));
+    return config::load_service_config(write("c.yaml", text.str()));
   }
-  std::vector<LiveCamera> cameras(Duration from_now, Duration period) {
-    std::vector<Frame> list;
+  std::vector<LiveCamera> cameras(capture::Duration from_now, capture::Duration period) {
+    std::vector<capture::Frame> list;
     for (int i = 0; i < frames; ++i) {
-      Frame frame;
+      capture::Frame frame;
       frame.sequence = std::uint32_t(i);
-      frame.captured_at = Timestamp(i * period);
-      frame.pixels = led_image(scene_, led_dots(scene_, led_scene_pose(i / scene_.fps), {i % 8}), std::uint64_t(i));
+      frame.captured_at = capture::Timestamp(i * period);
+      frame.pixels = scene::led_image(scene_, scene::led_dots(scene_, scene::led_scene_pose(i / scene_.fps), {i % 8}), std::uint64_t(i));
       list.push_back(std::move(frame));
     }
-    start_ = unix_now() + from_now;
+    start_ = capture::unix_now() + from_now;
     std::vector<LiveCamera> live;
     live.push_back(FakeCamera(0, std::move(list), start_, false).live());
     return live;
   }
 
-  const LedScene scene_ = led_scene();
-  Timestamp start_;
+  const scene::LedScene scene_ = scene::led_scene();
+  capture::Timestamp start_;
 };
 
 TEST_F(LiveLeds, PosesGoToTheBusNativelyAndForRos) {
-  DdsParticipant participant({.name = "test", .domain = domain, .interfaces = {"lo"}});
-  dds::DataReaderQos all = status_reader_qos();
+  idl::DdsParticipant participant({.name = "test", .domain = domain, .interfaces = {"lo"}});
+  dds::DataReaderQos all = idl::status_reader_qos();
   all.durability().kind = dds::VOLATILE_DURABILITY_QOS;
   all.history().kind = dds::KEEP_ALL_HISTORY_QOS;
-  Reader<msg::CameraPosePubSubType> native(participant, topics::camera_pose, object_position_reader_qos());
+  Reader<msg::CameraPosePubSubType> native(participant, idl::topics::camera_pose, idl::object_position_reader_qos());
   Reader<geometry_msgs::msg::dds_::PoseWithCovarianceStamped_PubSubType> ros(participant,
-                                                                             topics::ros2_camera_pose("hand"), all);
-  Reader<tf2_msgs::msg::dds_::TFMessage_PubSubType> tf(participant, topics::ros2_tf, all);
-  Reader<msg::CameraMapPubSubType> map(participant, topics::camera_map, status_reader_qos());
+                                                                             idl::topics::ros2_camera_pose("hand"), all);
+  Reader<tf2_msgs::msg::dds_::TFMessage_PubSubType> tf(participant, idl::topics::ros2_tf, all);
+  Reader<msg::CameraMapPubSubType> map(participant, idl::topics::camera_map, idl::status_reader_qos());
 
-  const ServiceConfig c = config();
+  const config::ServiceConfig c = config();
   LiveOptions options;
   options.poses = folder_ / "live.tum";
   LiveRequests requests;
-  const auto period = std::chrono::duration_cast<Duration>(std::chrono::duration<double>(1 / scene_.fps));
+  const auto period = std::chrono::duration_cast<capture::Duration>(std::chrono::duration<double>(1 / scene_.fps));
   // By then readers and writers have met.
   const LiveSummary summary = run_live(c, cameras(1s, period), options, requests, {});
   EXPECT_EQ(summary.figures.camera_frames_tracked + summary.figures.camera_frames_dropped, std::uint64_t(frames));
@@ -154,7 +154,7 @@ TEST_F(LiveLeds, PosesGoToTheBusNativelyAndForRos) {
     const std::int64_t offset = s.captured_at() - start_.time_since_epoch().count();
     const double t = double(offset) * 1e-9;
     const Eigen::Vector3d at(s.position()[0], s.position()[1], s.position()[2]);
-    EXPECT_LT((led_scene_pose(t).translation - at).norm(), 0.02) << t;
+    EXPECT_LT((scene::led_scene_pose(t).translation - at).norm(), 0.02) << t;
     ++with_pose;
   }
   EXPECT_GT(with_pose, std::size_t(frames) / 2);
@@ -180,7 +180,7 @@ TEST_F(LiveLeds, PosesGoToTheBusNativelyAndForRos) {
 }
 
 TEST_F(LiveLeds, ARecordingReplaysToTheSamePosesEvenWhenFramesWereDropped) {
-  const ServiceConfig c = config();
+  const config::ServiceConfig c = config();
   LiveOptions options;
   options.no_dds = true;
   options.poses = folder_ / "live.tum";
@@ -198,7 +198,7 @@ TEST_F(LiveLeds, ARecordingReplaysToTheSamePosesEvenWhenFramesWereDropped) {
 TEST_F(LiveLeds, ARecordingHoldsTheFilesThatItsConfigurationNames) {
   const fs::path board = write("my board.yaml", "inner_corners: [9, 6]\nsquare: 0.025\n");
   write("rig.yaml", "");
-  ServiceConfig c = config();
+  config::ServiceConfig c = config();
   c.camera_tracking.leds.clear();
   c.camera_tracking.led_schedule.clear();
   c.camera_tracking.board = board;
@@ -213,7 +213,7 @@ TEST_F(LiveLeds, ARecordingHoldsTheFilesThatItsConfigurationNames) {
   fs::remove(board);
   fs::rename(folder_ / "recording", folder_ / "moved");
   EXPECT_THAT(contents(folder_ / "moved/huetrackd.yaml"), Not(HasSubstr(folder_.string())));
-  const ServiceConfig read = load_service_config(folder_ / "moved/huetrackd.yaml");
+  const config::ServiceConfig read = config::load_service_config(folder_ / "moved/huetrackd.yaml");
   EXPECT_EQ(read.camera_tracking.board, folder_ / "moved/camera_board.yaml");
   EXPECT_TRUE(read.camera_tracking.save_map.empty());
   replay_of(folder_ / "moved/huetrackd.yaml", folder_ / "moved", folder_ / "poses.tum");  // the board is read
@@ -231,12 +231,12 @@ TEST_F(LiveCameraTracking, AMapIsSavedAndTheCameraFoundInIt) {
       write("first.yaml", camera + "  start: {rectangle: " + desk + "/rectangle.csv}\n  save_map: desk.map\n");
   const auto pictures = first_frames(data, {"cam0"}, 120);
   const auto live = [&](const fs::path& file, std::size_t from, std::size_t to, LiveOptions options) {
-    std::vector<Frame> some(pictures[0].begin() + std::ptrdiff_t(from), pictures[0].begin() + std::ptrdiff_t(to));
-    const Timestamp begin = unix_now() - some.front().captured_at.time_since_epoch() + 50ms;
+    std::vector<capture::Frame> some(pictures[0].begin() + std::ptrdiff_t(from), pictures[0].begin() + std::ptrdiff_t(to));
+    const capture::Timestamp begin = capture::unix_now() - some.front().captured_at.time_since_epoch() + 50ms;
     std::vector<LiveCamera> cameras;
     cameras.push_back(FakeCamera(0, std::move(some), begin, false).live());
     LiveRequests requests;
-    run_live(load_service_config(file), std::move(cameras), options, requests, {});
+    run_live(config::load_service_config(file), std::move(cameras), options, requests, {});
   };
   live(first, 0, 45, {});
   ASSERT_TRUE(fs::exists(folder_ / "desk.map"));
@@ -256,4 +256,4 @@ TEST_F(LiveCameraTracking, AMapIsSavedAndTheCameraFoundInIt) {
 }
 
 }  // namespace
-}  // namespace huetrack
+}  // namespace huetrack::daemon

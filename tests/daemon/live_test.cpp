@@ -14,7 +14,7 @@
 #include "daemon/replay.h"
 #include "tracks/track_csv.h"
 
-namespace huetrack {
+namespace huetrack::daemon {
 namespace {
 
 namespace fs = std::filesystem;
@@ -30,7 +30,7 @@ class Live : public testing::Test {
                                                 testing::UnitTest::GetInstance()->current_test_info()->name())) {
     fs::create_directories(folder_);
     rewrite("65, 115");
-    config_ = load_service_config(folder_ / "c.yaml");
+    config_ = config::load_service_config(folder_ / "c.yaml");
     options_.no_dds = true;
     options_.tracks = folder_ / "live.csv";
   }
@@ -68,20 +68,20 @@ class Live : public testing::Test {
   }
 
   fs::path folder_;
-  ServiceConfig config_;
+  config::ServiceConfig config_;
   LiveOptions options_;
   LiveRequests requests_;
 };
 
 TEST_F(Live, TracksInRealTimeAndSaysSo) {
-  const auto before = unix_now();
+  const auto before = capture::unix_now();
   const LiveSummary summary = run_live(config_, cameras(30), options_, requests_, {});
   EXPECT_EQ(summary.figures.cameras.at(0).frames, 30u);
   EXPECT_EQ(summary.figures.sets_tracked + summary.figures.sets_dropped, summary.figures.frame_sets.sets);
   EXPECT_EQ(summary.status.mode, "run");
-  const auto tracks = read_track_csv(options_.tracks);
+  const auto tracks = tracks::read_track_csv(options_.tracks);
   ASSERT_TRUE(tracks.contains("lime"));
-  EXPECT_EQ(tracks.at("lime").back().state, TrackState::tracking);
+  EXPECT_EQ(tracks.at("lime").back().state, object_tracking::TrackState::tracking);
   EXPECT_GT(tracks.at("lime").front().at, before);  // UNIX time, not the recording's
 }
 
@@ -96,7 +96,7 @@ TEST_F(Live, AStopEndsItWithinASecondEvenWhenNoFrameComes) {
   const LiveSummary summary = run_live(config_, cameras(3, true), options_, requests_, stop.get_token());
   EXPECT_LT(std::chrono::steady_clock::now() - asked.load(), 1s);
   EXPECT_EQ(summary.status.cameras.at(0).frames, 3u);
-  EXPECT_EQ(summary.status.cameras.at(0).health, CameraStatus::Health::delivering);
+  EXPECT_EQ(summary.status.cameras.at(0).health, publish::CameraStatus::Health::delivering);
 }
 
 TEST_F(Live, EndsSoManySecondsAfterTheFirstFrame) {
@@ -109,18 +109,18 @@ TEST_F(Live, EndsSoManySecondsAfterTheFirstFrame) {
 }
 
 TEST_F(Live, AReloadChangesTheColourAndLosesNoFrame) {
-  const std::string before = config_identity(config_);
+  const std::string before = config::config_identity(config_);
   std::jthread reloader([&] {
     std::this_thread::sleep_for(700ms);
     rewrite("240, 250");  // a colour that nothing has
     requests_.reload = true;
   });
   const LiveSummary summary = run_live(config_, cameras(60), options_, requests_, {});
-  const auto track = read_track_csv(options_.tracks).at("lime");
+  const auto track = tracks::read_track_csv(options_.tracks).at("lime");
   EXPECT_EQ(track.size() + summary.figures.sets_dropped, summary.figures.frame_sets.sets);
   EXPECT_LT(summary.figures.sets_dropped, 10u);  // none, but on a machine that stands still for a third of a second
-  EXPECT_EQ(track.at(15).state, TrackState::tracking);
-  EXPECT_EQ(track.back().state, TrackState::searching);
+  EXPECT_EQ(track.at(15).state, object_tracking::TrackState::tracking);
+  EXPECT_EQ(track.back().state, object_tracking::TrackState::searching);
   EXPECT_EQ(summary.figures.cameras[0].frames, 60u);
   EXPECT_NE(summary.status.config_identity, before);
 }
@@ -134,13 +134,13 @@ TEST_F(Live, AReloadOfABadFileIsRefusedAndTheOldOneGoesOn) {
   });
   const LiveSummary summary = run_live(config_, cameras(45), options_, requests_, {});
   EXPECT_FALSE(requests_.reload);  // it was seen
-  EXPECT_EQ(read_track_csv(options_.tracks).at("lime").back().state, TrackState::tracking);
+  EXPECT_EQ(tracks::read_track_csv(options_.tracks).at("lime").back().state, object_tracking::TrackState::tracking);
   EXPECT_EQ(summary.figures.cameras[1].frames, 45u);
 }
 
 TEST_F(Live, ARecordingReplaysToTheSameTrackByteForByte) {
   rewrite("65, 115", "record: {folder: " + (folder_ / "recordings").string() + ", always: true, queue_frames: 100}\n");
-  config_ = load_service_config(folder_ / "c.yaml");
+  config_ = config::load_service_config(folder_ / "c.yaml");
   const LiveSummary summary = run_live(config_, cameras(60), options_, requests_, {});
   ASSERT_EQ(summary.recorded.cameras.size(), 2u);
   EXPECT_EQ(summary.recorded.cameras[0].frames, 60u);
@@ -157,7 +157,7 @@ TEST_F(Live, ARecordingReplaysToTheSameTrackByteForByte) {
 
 TEST_F(Live, AReplayRepeatsTheReloads) {
   rewrite("65, 115", "record: {folder: " + (folder_ / "recordings").string() + ", always: true, queue_frames: 100}\n");
-  config_ = load_service_config(folder_ / "c.yaml");
+  config_ = config::load_service_config(folder_ / "c.yaml");
   std::jthread reloader([&] {
     for (const char* hue : {"240, 250", "60, 120"}) {
       std::this_thread::sleep_for(600ms);
@@ -167,12 +167,12 @@ TEST_F(Live, AReplayRepeatsTheReloads) {
   });
   run_live(config_, cameras(75), options_, requests_, {});
   const auto recording = folders_in(folder_ / "recordings").at(0);
-  const RecordedChanges changes = read_changes(recording);
+  const pipeline::RecordedChanges changes = pipeline::read_changes(recording);
   EXPECT_EQ(changes.reloads.size(), 2u);
   const std::string live = contents(options_.tracks);
-  const auto track = read_track_csv(options_.tracks).at("lime");
-  EXPECT_GT(std::ranges::count(track, TrackState::searching, &ObjectEstimate::state), 10);
-  EXPECT_EQ(track.back().state, TrackState::tracking);
+  const auto track = tracks::read_track_csv(options_.tracks).at("lime");
+  EXPECT_GT(std::ranges::count(track, object_tracking::TrackState::searching, &object_tracking::ObjectEstimate::state), 10);
+  EXPECT_EQ(track.back().state, object_tracking::TrackState::tracking);
   EXPECT_TRUE(replayed(recording) == live);
 }
 
@@ -186,7 +186,7 @@ TEST_F(Live, RecordWithoutTrackingReplays) {
 
 TEST_F(Live, ADiskThatTakesNoRecordingKeepsNobodyFromTracking) {
   rewrite("65, 115", "record: {folder: /proc/huetrack, always: true}\n");
-  config_ = load_service_config(folder_ / "c.yaml");
+  config_ = config::load_service_config(folder_ / "c.yaml");
   const LiveSummary summary = run_live(config_, cameras(30), options_, requests_, {});
   EXPECT_GT(summary.figures.sets_tracked, 20u);
   EXPECT_THAT(summary.status.warnings, testing::Contains(HasSubstr("nothing is recorded: /proc/huetrack")));
@@ -194,7 +194,7 @@ TEST_F(Live, ADiskThatTakesNoRecordingKeepsNobodyFromTracking) {
 
 TEST_F(Live, APreRollThatCannotBeSavedIsAWarningInTheStatus) {
   rewrite("65, 115", "record: {folder: /proc/huetrack, pre_roll_s: 0.5}\n");
-  config_ = load_service_config(folder_ / "c.yaml");
+  config_ = config::load_service_config(folder_ / "c.yaml");
   requests_.save = true;
   const LiveSummary summary = run_live(config_, cameras(30), options_, requests_, {});
   EXPECT_GT(summary.figures.sets_tracked, 20u);
@@ -211,7 +211,7 @@ TEST_F(Live, APreRollHoldsTheConfigurationInForce) {
   const std::string record =
       "record: {folder: " + (folder_ / "recordings").string() + ", pre_roll_s: 0.5, after_s: 0.3}\n";
   rewrite("65, 115", record);
-  config_ = load_service_config(folder_ / "c.yaml");
+  config_ = config::load_service_config(folder_ / "c.yaml");
   std::jthread user([&] {
     std::this_thread::sleep_for(600ms);
     rewrite("64, 116", record);
@@ -222,7 +222,7 @@ TEST_F(Live, APreRollHoldsTheConfigurationInForce) {
   run_live(config_, cameras(75), options_, requests_, {});
   const auto recordings = folders_in(folder_ / "recordings");
   ASSERT_EQ(recordings.size(), 1u);
-  EXPECT_EQ(load_service_config(recordings[0] / "huetrackd.yaml").targets.at(0).color.hue_min_deg, 64);
+  EXPECT_EQ(config::load_service_config(recordings[0] / "huetrackd.yaml").targets.at(0).color.hue_min_deg, 64);
 }
 
 // A recording begins with its first frame, not with a camera that never delivered: it would be 56 years long.
@@ -243,12 +243,12 @@ TEST_F(Live, ARecordingWithASilentCameraIsAsLongAsItsFrames) {
 TEST_F(Live, AFolderThatIsNotEmptyIsNotRecordedInto) {
   options_.record_to = folder_;
   EXPECT_THAT([&] { run_live(config_, cameras(3), options_, requests_, {}); },
-              testing::ThrowsMessage<CaptureError>(HasSubstr("is not an empty folder")));
+              testing::ThrowsMessage<capture::CaptureError>(HasSubstr("is not an empty folder")));
 }
 
 TEST_F(Live, SavesThePreRollOnRequest) {
   rewrite("65, 115", "record: {folder: " + (folder_ / "recordings").string() + ", pre_roll_s: 0.5, after_s: 0.3}\n");
-  config_ = load_service_config(folder_ / "c.yaml");
+  config_ = config::load_service_config(folder_ / "c.yaml");
   std::jthread user([&] {
     std::this_thread::sleep_for(1400ms);
     requests_.save = true;
@@ -257,7 +257,7 @@ TEST_F(Live, SavesThePreRollOnRequest) {
   const auto recordings = folders_in(folder_ / "recordings");
   ASSERT_EQ(recordings.size(), 1u);
   EXPECT_THAT(recordings[0].filename().string(), testing::EndsWith("Z-signal"));
-  ReplaySource source(read_recording(recordings[0]), std::vector<std::string>{"cam0", "cam1"});
+  capture::ReplaySource source(capture::read_recording(recordings[0]), std::vector<std::string>{"cam0", "cam1"});
   std::vector<int> frames(2);
   std::uint32_t first = 0;
   while (const auto frame = source.next({})) {
@@ -276,14 +276,14 @@ TEST_F(Live, SavesThePreRollWhenATargetIsLost) {
           "object_tracking: {coast_s: 0.1}\n"
           "record: {folder: " +
               (folder_ / "recordings").string() + ", pre_roll_s: 5, after_s: 0.1}\n");
-  config_ = load_service_config(folder_ / "c.yaml");
+  config_ = config::load_service_config(folder_ / "c.yaml");
   auto pictures = first_frames(demo / "recording", {"cam0", "cam1"}, 60);
-  const Timestamp start = unix_now() + 50ms;
+  const capture::Timestamp start = capture::unix_now() + 50ms;
   std::vector<LiveCamera> list;
   for (std::size_t c = 0; c < 2; ++c) {
     for (std::size_t i = 25; i < 60; ++i) {  // the lights go out
-      const Image& before = pictures[c][i].pixels;
-      pictures[c][i].pixels = make_image(PixelFormat::grey, ColorRange::full, before.width, before.height).image;
+      const capture::Image& before = pictures[c][i].pixels;
+      pictures[c][i].pixels = capture::make_image(capture::PixelFormat::grey, capture::ColorRange::full, before.width, before.height).image;
     }
     for (std::size_t i = 0; i < 25; ++i) pictures[c][i].encoded.reset();
     list.push_back(FakeCamera(int(c), std::move(pictures[c]), start, false).live());
@@ -301,9 +301,9 @@ TEST_F(Live, WithoutCamerasItSaysWhatToDo) {
 
 TEST(IsProgressing, NeedsEveryCameraAndTheTrackingThread) {
   const auto now = std::chrono::steady_clock::now();
-  std::vector<CameraHealth> cameras(2);
+  std::vector<capture::CameraHealth> cameras(2);
   for (auto& camera : cameras) camera.last_progress = now - 1s;
-  PipelineFigures figures;
+  pipeline::PipelineFigures figures;
   figures.tracking_round = now - 1s;
   EXPECT_TRUE(is_progressing(cameras, figures, now, 2s));
   cameras[1].last_progress = now - 3s;
@@ -314,17 +314,17 @@ TEST(IsProgressing, NeedsEveryCameraAndTheTrackingThread) {
 }
 
 TEST(StatusLine, SaysRatesAndStates) {
-  ServiceStatus status;
-  status.cameras = {{.name = "left", .health = CameraStatus::Health::delivering, .message = {}, .rate_hz = 29.96},
-                    {.name = "back", .health = CameraStatus::Health::absent, .message = "unplugged"}};
+  publish::ServiceStatus status;
+  status.cameras = {{.name = "left", .health = publish::CameraStatus::Health::delivering, .message = {}, .rate_hz = 29.96},
+                    {.name = "back", .health = publish::CameraStatus::Health::absent, .message = "unplugged"}};
   status.set_rate_hz = 29.9;
   status.targets = {"ball"};
-  const TrackState states[] = {TrackState::coasting};
+  const object_tracking::TrackState states[] = {object_tracking::TrackState::coasting};
   EXPECT_EQ(status_line(status, states),
             "1 of 2 cameras deliver: left 30.0 Hz, back absent; 29.9 sets/s; ball coasting");
-  EXPECT_EQ(status_line(status, states, "left", CameraState::lost),
+  EXPECT_EQ(status_line(status, states, "left", camera_tracking::CameraState::lost),
             "1 of 2 cameras deliver: left 30.0 Hz, back absent; 29.9 sets/s; ball coasting, left's pose lost");
 }
 
 }  // namespace
-}  // namespace huetrack
+}  // namespace huetrack::daemon

@@ -8,7 +8,7 @@
 
 #include "end_to_end/http.h"
 
-namespace huetrack {
+namespace huetrack::daemon {
 namespace {
 
 using namespace std::chrono_literals;
@@ -30,10 +30,10 @@ TEST(LatencyHistogram, PutsABoundIntoTheBucketThatItEnds) {
   EXPECT_NEAR(snapshot.sum_s, 5.000111, 1e-9);
 }
 
-ServiceStatus status() {
-  ServiceStatus status;
+publish::ServiceStatus status() {
+  publish::ServiceStatus status;
   status.cameras = {{.name = "le\"ft",
-                     .health = CameraStatus::Health::delivering,
+                     .health = publish::CameraStatus::Health::delivering,
                      .message = {},
                      .frames = 12,
                      .dropped = 3,
@@ -53,7 +53,7 @@ TEST(ToPrometheus, HasEveryFigureOnce) {
   latencies.dequeue_to_write = histogram.snapshot();
   histogram.add(25us);
   latencies.dequeue_to_publish = histogram.snapshot();
-  const TargetFigures targets[] = {{.state = TrackState::coasting, .effective_sample_size = 87.5, .particles = 200}};
+  const TargetFigures targets[] = {{.state = object_tracking::TrackState::coasting, .effective_sample_size = 87.5, .particles = 200}};
   const std::string text = to_prometheus(status(), targets, latencies, {.is_recording = true, .dropped = {4}}, 10);
   for (const auto* line : {
            "\nhuetrack_camera_frames_total{camera=\"le\\\"ft\"} 12\n",
@@ -91,37 +91,37 @@ class Server : public testing::Test {
 TEST_F(Server, AnswersWithTheLatestText) {
   server.show("a 1\n");
   EXPECT_THAT(
-      http_get(port, "/metrics").value(),
+      end_to_end::http_get(port, "/metrics").value(),
       AllOf(HasSubstr("HTTP/1.1 200 OK\r\n"), HasSubstr("\r\nContent-Length: 4\r\n"), EndsWith("\r\n\r\na 1\n")));
   const std::string long_text(3'000'000, 'x');  // more than a socket takes at once
   server.show(long_text);
-  EXPECT_THAT(http_get(port, "/metrics").value(), EndsWith("\r\n\r\n" + long_text));
-  EXPECT_THAT(http_get(port, "/").value(), HasSubstr("404"));
-  const Connection poster(port);
+  EXPECT_THAT(end_to_end::http_get(port, "/metrics").value(), EndsWith("\r\n\r\n" + long_text));
+  EXPECT_THAT(end_to_end::http_get(port, "/").value(), HasSubstr("404"));
+  const end_to_end::Connection poster(port);
   poster.send("POST /metrics HTTP/1.1\r\n\r\n");
   EXPECT_THAT(poster.receive(), HasSubstr("405"));
-  const Connection talker(port);  // in pieces, and never to the point
+  const end_to_end::Connection talker(port);  // in pieces, and never to the point
   for (int i = 0; i < 20; ++i) talker.send(std::string(1000, 'y'));
   EXPECT_EQ(talker.receive(), "");
 }
 
 TEST_F(Server, ASilentClientHoldsUpNobodyAndNoEnd) {
   server.show("a 1\n");
-  std::vector<std::unique_ptr<Connection>> silent;
-  for (int i = 0; i < 5; ++i) silent.push_back(std::make_unique<Connection>(port));
+  std::vector<std::unique_ptr<end_to_end::Connection>> silent;
+  for (int i = 0; i < 5; ++i) silent.push_back(std::make_unique<end_to_end::Connection>(port));
   const auto start = std::chrono::steady_clock::now();
-  EXPECT_THAT(http_get(port, "/metrics").value(), EndsWith("a 1\n"));
+  EXPECT_THAT(end_to_end::http_get(port, "/metrics").value(), EndsWith("a 1\n"));
   EXPECT_LT(std::chrono::steady_clock::now() - start, 1s);
   EXPECT_EQ(silent[0]->receive(), "") << "it is sent away";
   EXPECT_LT(std::chrono::steady_clock::now() - start, 4s);
 
   auto other = std::make_unique<MetricsServer>("127.0.0.1", port + 1);
-  const Connection says_nothing(port + 1);
+  const end_to_end::Connection says_nothing(port + 1);
   ASSERT_TRUE(says_nothing.is_open());
   const auto asked = std::chrono::steady_clock::now();
   other.reset();
   EXPECT_LT(std::chrono::steady_clock::now() - asked, 500ms);
-  EXPECT_EQ(http_get(port + 1, "/metrics"), std::nullopt);
+  EXPECT_EQ(end_to_end::http_get(port + 1, "/metrics"), std::nullopt);
 }
 
 TEST_F(Server, APortThatCannotBeHadIsNamed) {
@@ -132,4 +132,4 @@ TEST_F(Server, APortThatCannotBeHadIsNamed) {
 }
 
 }  // namespace
-}  // namespace huetrack
+}  // namespace huetrack::daemon

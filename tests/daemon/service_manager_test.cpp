@@ -15,7 +15,7 @@
 #include "daemon/fake_camera.h"
 #include "tracks/track_csv.h"
 
-namespace huetrack {
+namespace huetrack::daemon {
 namespace {
 
 namespace fs = std::filesystem;
@@ -70,12 +70,12 @@ class Service : public testing::Test {
     const std::scoped_lock lock(mutex);
     return std::exchange(received, {});
   }
-  ServiceConfig configure(const std::string& more = "", const std::string& hue = "65, 115") const {
+  config::ServiceConfig configure(const std::string& more = "", const std::string& hue = "65, 115") const {
     std::ofstream(folder / "c.yaml") << "version: 1\nrig: " << (demo / "recording/rig.yaml").string()
                                      << "\ntargets: {lime: {color: {hue_deg: [" << hue << "]}}}\n"
                                      << "cameras: {cam0: {device: 0, fps: 30}, cam1: {device: 1, fps: 30}}\n"
                                      << more;
-    return load_service_config(folder / "c.yaml");
+    return config::load_service_config(folder / "c.yaml");
   }
   static std::vector<LiveCamera> cameras(std::size_t frames, bool go_silent = false) {
     return fake_cameras(demo / "recording", {"cam0", "cam1"}, frames, go_silent);
@@ -93,7 +93,7 @@ class Service : public testing::Test {
 TEST_F(Service, TellsReadyStatusWatchdogReloadingAndStopping) {
   listen();
   ::setenv("WATCHDOG_USEC", "400000", 1);
-  const ServiceConfig config = configure();
+  const config::ServiceConfig config = configure();
   std::jthread reloader([&] {
     std::this_thread::sleep_for(900ms);
     configure("", "60, 120");
@@ -120,15 +120,15 @@ TEST_F(Service, IsNotReadyBelowItsQuorum) {
   listen();
   auto one = cameras(20);
   one.pop_back();
-  ServiceConfig config = configure("quorum: 2\n");
+  config::ServiceConfig config = configure("quorum: 2\n");
   run_live(config, std::move(one), options, requests, {});
   EXPECT_THAT(heard(), AllOf(Not(Contains("READY=1")), Contains(HasSubstr("STATUS="))));
 }
 
 // A camera whose thread never comes back from the driver.
-class Stuck final : public FrameSource {
+class Stuck final : public capture::FrameSource {
  public:
-  std::optional<Frame> next(std::stop_token stop) override {
+  std::optional<capture::Frame> next(std::stop_token stop) override {
     while (!stop.stop_requested()) std::this_thread::sleep_for(10ms);
     return std::nullopt;
   }
@@ -143,11 +143,11 @@ TEST_F(Service, AStuckCameraStarvesTheWatchdog) {
                   .source = std::make_unique<Stuck>(),
                   .health =
                       [since] {
-                        CameraHealth health;
+                        capture::CameraHealth health;
                         health.last_progress = since;
                         return health;
                       },
-                  .take_events = [] { return std::vector<CameraEvent>{}; }});
+                  .take_events = [] { return std::vector<capture::CameraEvent>{}; }});
   std::stop_source stop;
   std::jthread stopper([&] {
     std::this_thread::sleep_for(3300ms);
@@ -162,7 +162,7 @@ TEST_F(Service, AStuckCameraStarvesTheWatchdog) {
 // ---- The disk
 
 TEST_F(Service, AFullDiskEndsTheRecordingAndNotTheTracking) {
-  const ServiceConfig config = configure("record: {folder: " + (folder / "recordings").string() + ", always: true}\n");
+  const config::ServiceConfig config = configure("record: {folder: " + (folder / "recordings").string() + ", always: true}\n");
   auto list = cameras(60);
   std::signal(SIGXFSZ, SIG_IGN);  // as huetrackd does
   rlimit before{};
@@ -175,30 +175,30 @@ TEST_F(Service, AFullDiskEndsTheRecordingAndNotTheTracking) {
   EXPECT_THAT(*summary.recorded.failure,
               AllOf(HasSubstr(".mkv: File too large"), HasSubstr("recording stopped after")));
   EXPECT_THAT(summary.status.warnings, Contains(HasSubstr("recording stopped")));
-  EXPECT_EQ(read_track_csv(options.tracks).at("lime").back().state, TrackState::tracking);
+  EXPECT_EQ(tracks::read_track_csv(options.tracks).at("lime").back().state, object_tracking::TrackState::tracking);
   EXPECT_EQ(summary.figures.cameras[0].frames, 60u);
 }
 
 TEST(Recorder, FramesThatTheDiskDoesNotTakeAreDroppedAndCounted) {
   const fs::path folder = fs::path(testing::TempDir()) / ("recorder_" + std::to_string(::getpid()));
-  RecorderOptions options;
+  pipeline::RecorderOptions options;
   options.recording.cameras = {"left", "right"};
   options.queue_frames = 2;
-  options.recording.raw_storage = RawStorage::huffyuv;  // slower than frames are offered here
-  Recorder recorder(options);
+  options.recording.raw_storage = capture::RawStorage::huffyuv;  // slower than frames are offered here
+  pipeline::Recorder recorder(options);
   recorder.start(folder);
-  Frame frame;
-  frame.pixels = make_image(PixelFormat::yuyv, ColorRange::limited, 1280, 960).image;
+  capture::Frame frame;
+  frame.pixels = capture::make_image(capture::PixelFormat::yuyv, capture::ColorRange::limited, 1280, 960).image;
   constexpr int offered = 100;
   const auto start = std::chrono::steady_clock::now();
   for (int i = 0; i < offered; ++i) {
     frame.sequence = std::uint32_t(i);
-    frame.captured_at = Timestamp(Duration(i * 1ms));
+    frame.captured_at = capture::Timestamp(capture::Duration(i * 1ms));
     recorder.offer(frame);
   }
   EXPECT_LT(std::chrono::steady_clock::now() - start, 1s) << "it held the road up";
   recorder.finish();
-  const RecorderFigures figures = recorder.figures();
+  const pipeline::RecorderFigures figures = recorder.figures();
   EXPECT_GT(figures.dropped.at(0), 0u);
   EXPECT_EQ(figures.dropped[0] + figures.cameras.at(0).frames, std::uint64_t{offered});
   EXPECT_EQ(figures.dropped.at(1), 0u);
@@ -207,4 +207,4 @@ TEST(Recorder, FramesThatTheDiskDoesNotTakeAreDroppedAndCounted) {
 }
 
 }  // namespace
-}  // namespace huetrack
+}  // namespace huetrack::daemon

@@ -5,7 +5,7 @@
 
 #include <filesystem>
 
-namespace huetrack {
+namespace huetrack::daemon {
 namespace {
 
 using namespace std::chrono_literals;
@@ -13,23 +13,23 @@ using Clock = std::chrono::steady_clock;
 
 class Reporter : public testing::Test {
  protected:
-  const ServiceConfig config_ =
-      load_service_config(std::filesystem::path(HUETRACK_SOURCE_DIR) / "configs/demo/huetrackd.yaml");
+  const config::ServiceConfig config_ =
+      config::load_service_config(std::filesystem::path(HUETRACK_SOURCE_DIR) / "configs/demo/huetrackd.yaml");
   StatusReporter reporter_{config_, "replay", 250ms};
   const Clock::time_point start_ = Clock::now();
-  PipelineFigures figures_ = [] {
-    PipelineFigures figures;
+  pipeline::PipelineFigures figures_ = [] {
+    pipeline::PipelineFigures figures;
     figures.cameras.resize(2);
     return figures;
   }();
 };
 
 TEST_F(Reporter, SaysWhoItIs) {
-  const ServiceStatus status = reporter_.report(figures_, start_, Timestamp(7s));
-  EXPECT_EQ(status.at, Timestamp(7s));
+  const publish::ServiceStatus status = reporter_.report(figures_, start_, capture::Timestamp(7s));
+  EXPECT_EQ(status.at, capture::Timestamp(7s));
   EXPECT_EQ(status.mode, "replay");
   EXPECT_EQ(status.program_version, HUETRACK_VERSION);
-  EXPECT_EQ(status.config_identity, config_identity(config_));
+  EXPECT_EQ(status.config_identity, config::config_identity(config_));
   EXPECT_EQ(status.rig_identity.size(), 16u);
   EXPECT_DOUBLE_EQ(status.clock_offset_s, 0.25);
   EXPECT_THAT(status.targets, testing::ElementsAre("lime"));
@@ -41,26 +41,26 @@ TEST_F(Reporter, HealthFollowsTheFrames) {
   figures_.cameras[0].frames = 1;
   figures_.cameras[0].last_received = start_;
   const auto early = reporter_.report(figures_, start_ + 100ms, {});
-  EXPECT_EQ(early.cameras[0].health, CameraStatus::Health::delivering);
-  EXPECT_EQ(early.cameras[1].health, CameraStatus::Health::waiting);
+  EXPECT_EQ(early.cameras[0].health, publish::CameraStatus::Health::delivering);
+  EXPECT_EQ(early.cameras[1].health, publish::CameraStatus::Health::waiting);
   EXPECT_EQ(early.cameras[1].message, "no frame yet");
   const auto late = reporter_.report(figures_, start_ + 2500ms, {});
-  EXPECT_EQ(late.cameras[0].health, CameraStatus::Health::stalled);
+  EXPECT_EQ(late.cameras[0].health, publish::CameraStatus::Health::stalled);
   EXPECT_EQ(late.cameras[0].message, "no frame for 2.5 s");
   EXPECT_NEAR(late.cameras[0].age_s, 2.5, 1e-9);
   figures_.cameras[0].ended = true;
-  EXPECT_EQ(reporter_.report(figures_, start_ + 3s, {}).cameras[0].health, CameraStatus::Health::ended);
+  EXPECT_EQ(reporter_.report(figures_, start_ + 3s, {}).cameras[0].health, publish::CameraStatus::Health::ended);
 }
 
 TEST_F(Reporter, RatesGoOnAfterAReload) {
   reporter_.report(figures_, start_, {});
   figures_.sets_tracked = 25;
-  ServiceConfig other = config_;
+  config::ServiceConfig other = config_;
   other.targets[0].radius_m *= 2;
   reporter_.take_over(other);
-  const ServiceStatus status = reporter_.report(figures_, start_ + 1s, {});
+  const publish::ServiceStatus status = reporter_.report(figures_, start_ + 1s, {});
   EXPECT_NEAR(status.set_rate_hz, 25, 1e-6);
-  EXPECT_EQ(status.config_identity, config_identity(other));
+  EXPECT_EQ(status.config_identity, config::config_identity(other));
   EXPECT_EQ(status.mode, "replay");
   EXPECT_DOUBLE_EQ(status.clock_offset_s, 0.25);
 }
@@ -79,10 +79,10 @@ TEST_F(Reporter, RatesAreOverTheTimeSinceAnEarlierReport) {
 }
 
 TEST_F(Reporter, ManyDamagedFramesAreAWarning) {
-  CameraHealth well, ill;
-  well.state = ill.state = CaptureState::delivering;
+  capture::CameraHealth well, ill;
+  well.state = ill.state = capture::CaptureState::delivering;
   ill.warning = "31 % of its frames are damaged";
-  const std::vector<std::optional<CameraHealth>> live{well, ill};
+  const std::vector<std::optional<capture::CameraHealth>> live{well, ill};
   EXPECT_THAT(reporter_.report(figures_, start_, {}, live).warnings,
               testing::Contains("camera cam1: 31 % of its frames are damaged"));
 }
@@ -104,4 +104,4 @@ TEST_F(Reporter, CountersAreHandedOn) {
 }
 
 }  // namespace
-}  // namespace huetrack
+}  // namespace huetrack::daemon

@@ -17,7 +17,7 @@
 #include "idl/topics.h"
 #include "publish/test_domain.h"
 
-namespace huetrack {
+namespace huetrack::daemon {
 namespace {
 
 using namespace testing;
@@ -25,27 +25,27 @@ using namespace std::chrono_literals;
 using Clock = std::chrono::steady_clock;
 using eprosima::fastrtps::types::ReturnCode_t;
 
-ServiceConfig config() {
-  ServiceConfig c = load_service_config(std::filesystem::path(HUETRACK_SOURCE_DIR) / "configs/demo/huetrackd.yaml");
-  c.dds.publisher.domain = test_domain();
+config::ServiceConfig config() {
+  config::ServiceConfig c = config::load_service_config(std::filesystem::path(HUETRACK_SOURCE_DIR) / "configs/demo/huetrackd.yaml");
+  c.dds.publisher.domain = publish::test_domain();
   c.dds.publisher.interfaces = {"lo"};
   return c;
 }
 
-PictureJob job_of(const ServiceConfig& c, std::uint64_t number) {
-  PictureJob job;
+pictures::PictureJob job_of(const config::ServiceConfig& c, std::uint64_t number) {
+  pictures::PictureJob job;
   job.set.number = number;
-  job.set.at = Timestamp(1s);
+  job.set.at = capture::Timestamp(1s);
   for (std::size_t i = 0; i < c.rig.cameras.size(); ++i) {
-    const ImageSize size = c.rig.cameras[i].image_size;
-    Frame frame;
+    const calib::ImageSize size = c.rig.cameras[i].image_size;
+    capture::Frame frame;
     frame.camera = int(i);
-    frame.captured_at = Timestamp(1s);
-    frame.pixels = make_image(PixelFormat::yuyv, ColorRange::limited, size.width, size.height).image;
+    frame.captured_at = capture::Timestamp(1s);
+    frame.pixels = capture::make_image(capture::PixelFormat::yuyv, capture::ColorRange::limited, size.width, size.height).image;
     job.set.frames.emplace_back(std::move(frame));
   }
-  ObjectEstimate estimate;
-  estimate.state = TrackState::tracking;
+  object_tracking::ObjectEstimate estimate;
+  estimate.state = object_tracking::TrackState::tracking;
   estimate.position = {0, 0, 1};
   estimate.covariance = Eigen::Vector3d(1e-4, 4e-4, 9e-4).asDiagonal();
   job.estimates = {estimate};
@@ -60,19 +60,19 @@ bool until(const std::function<bool()>& condition, std::chrono::milliseconds at_
 }
 
 TEST(PreviewMaker, HoldsWhatIsDrawnAsData) {
-  ServiceConfig c = config();
+  config::ServiceConfig c = config();
   c.preview.width = 100;
   c.preview.particles = 50;
-  const auto previews = make_previews(c, job_of(c, 7), 2s);
+  const auto previews = pictures::make_previews(c, job_of(c, 7), 2s);
   ASSERT_EQ(previews.size(), c.rig.cameras.size());
   const msg::Preview& p = previews[0];
-  const Camera& camera = c.rig.cameras[0];
+  const calib::Camera& camera = c.rig.cameras[0];
   EXPECT_EQ(p.camera(), camera.name);
   EXPECT_EQ(p.set_number(), 7u);
   EXPECT_EQ(p.captured_at(), 3'000'000'000);
   EXPECT_EQ(p.image_width(), unsigned(camera.image_size.width));
   EXPECT_EQ(p.width(), 100u);
-  const auto jpeg = JpegDecoder().decode(p.jpeg());
+  const auto jpeg = capture::JpegDecoder().decode(p.jpeg());
   ASSERT_TRUE(jpeg.image) << jpeg.problem;
   EXPECT_EQ(jpeg.image->width, 100);
   ASSERT_EQ(p.targets().size(), 1u);
@@ -90,22 +90,22 @@ TEST(PreviewMaker, HoldsWhatIsDrawnAsData) {
 }
 
 TEST(PreviewMaker, WithoutAPositionThereIsNoPixel) {
-  const ServiceConfig c = config();
-  PictureJob job = job_of(c, 0);
+  const config::ServiceConfig c = config();
+  pictures::PictureJob job = job_of(c, 0);
   job.estimates[0] = {};
   job.set.frames[0].reset();
-  const auto previews = make_previews(c, job, 0s);
+  const auto previews = pictures::make_previews(c, job, 0s);
   ASSERT_EQ(previews.size(), c.rig.cameras.size() - 1);
   EXPECT_TRUE(std::isnan(previews[0].targets()[0].pixel()[0]));
   EXPECT_TRUE(std::isnan(previews[0].targets()[0].ellipse()[0]));
 }
 
 TEST(PreviewMaker, TheSceneNeedsNoLensModel) {
-  const ServiceConfig c = config();
-  const msg::Scene scene = make_scene(c, true, "");
+  const config::ServiceConfig c = config();
+  const msg::Scene scene = pictures::make_scene(c, true, "");
   ASSERT_EQ(scene.cameras().size(), c.rig.cameras.size());
   const msg::SceneCamera& first = scene.cameras()[0];
-  const Camera& camera = c.rig.cameras[0];
+  const calib::Camera& camera = c.rig.cameras[0];
   ASSERT_EQ(first.border().size(), 96u);
   // A metre along the first ray is the top-left corner of the image.
   const Eigen::Vector3d ray(first.border()[0], first.border()[1], first.border()[2]);
@@ -117,7 +117,7 @@ TEST(PreviewMaker, TheSceneNeedsNoLensModel) {
 }
 
 TEST(ViewServer, MakesNothingWhileNobodySubscribes) {
-  const ServiceConfig c = config();
+  const config::ServiceConfig c = config();
   ViewServer server(c, {});
   for (int i = 0; i < 100; ++i) {
     EXPECT_FALSE(server.wants());
@@ -126,9 +126,9 @@ TEST(ViewServer, MakesNothingWhileNobodySubscribes) {
   EXPECT_EQ(server.counters().previews, 0u);
 
   {
-    DdsParticipant participant({.name = "test", .domain = test_domain(), .interfaces = {"lo"}});
+    idl::DdsParticipant participant({.name = "test", .domain = publish::test_domain(), .interfaces = {"lo"}});
     auto& reader = participant.create_reader(
-        topics::preview, eprosima::fastdds::dds::TypeSupport(new msg::PreviewPubSubType), preview_reader_qos());
+        idl::topics::preview, eprosima::fastdds::dds::TypeSupport(new msg::PreviewPubSubType), idl::preview_reader_qos());
     ASSERT_TRUE(until([&] { return server.wants(); }));
     server.offer(job_of(c, 42));
     EXPECT_FALSE(server.wants());  // one at a time, and no sooner than the rate allows
@@ -154,11 +154,11 @@ TEST(ViewServer, MakesNothingWhileNobodySubscribes) {
 }
 
 TEST(ViewServer, TheSceneIsThereForWhoComesLateAndFollowsTheConfiguration) {
-  ServiceConfig c = config();
+  config::ServiceConfig c = config();
   ViewServer server(c, {});
-  DdsParticipant participant({.name = "test", .domain = test_domain(), .interfaces = {"lo"}});
-  auto& reader = participant.create_reader(topics::scene, eprosima::fastdds::dds::TypeSupport(new msg::ScenePubSubType),
-                                           status_reader_qos());
+  idl::DdsParticipant participant({.name = "test", .domain = publish::test_domain(), .interfaces = {"lo"}});
+  auto& reader = participant.create_reader(idl::topics::scene, eprosima::fastdds::dds::TypeSupport(new msg::ScenePubSubType),
+                                           idl::status_reader_qos());
   msg::Scene scene;
   eprosima::fastdds::dds::SampleInfo info;
   ASSERT_TRUE(
@@ -173,24 +173,24 @@ TEST(ViewServer, TheSceneIsThereForWhoComesLateAndFollowsTheConfiguration) {
 }
 
 TEST(ViewServer, AMapOfATrackedCameraIsThereForWhoComesLate) {
-  ServiceConfig c = config();
+  config::ServiceConfig c = config();
   c.dds.publisher.tracked_camera = "hand";
   ViewServer server(c, {});
   server.set_clock_offset(2s);
   ASSERT_TRUE(server.wants_map());
-  CameraMap map{Timestamp(1s), std::vector<CameraMapPoint>(2500)};
+  camera_tracking::CameraMap map{capture::Timestamp(1s), std::vector<camera_tracking::CameraMapPoint>(2500)};
   for (std::size_t i = 0; i < map.points.size(); ++i) map.points[i].id = std::uint32_t(2 * i);
   map.points[0].position = {1, 2, 3};
   map.points[0].covariance << 1, 2, 3, 2, 4, 5, 3, 5, 6;
-  map.points[0].state = CameraMapPoint::State::found;
+  map.points[0].state = camera_tracking::CameraMapPoint::State::found;
   map.points[0].given = true;
   server.offer(map);
   EXPECT_FALSE(server.wants_map());  // not before a second is over
   EXPECT_TRUE(until([&] { return server.wants_map(); }));
 
-  DdsParticipant participant({.name = "test", .domain = test_domain(), .interfaces = {"lo"}});
+  idl::DdsParticipant participant({.name = "test", .domain = publish::test_domain(), .interfaces = {"lo"}});
   auto& reader = participant.create_reader(
-      topics::camera_map, eprosima::fastdds::dds::TypeSupport(new msg::CameraMapPubSubType), status_reader_qos());
+      idl::topics::camera_map, eprosima::fastdds::dds::TypeSupport(new msg::CameraMapPubSubType), idl::status_reader_qos());
   msg::CameraMap sample;
   eprosima::fastdds::dds::SampleInfo info;
   ASSERT_TRUE(
@@ -210,4 +210,4 @@ TEST(ViewServer, AMapOfATrackedCameraIsThereForWhoComesLate) {
 }
 
 }  // namespace
-}  // namespace huetrack
+}  // namespace huetrack::daemon

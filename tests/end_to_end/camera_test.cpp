@@ -9,7 +9,7 @@
 #include "end_to_end/process.h"
 #include "scene/led_scene.h"
 
-namespace huetrack {
+namespace huetrack::end_to_end {
 namespace {
 
 namespace fs = std::filesystem;
@@ -25,10 +25,10 @@ class CameraEndToEnd : public testing::Test {
                 ("camera_" + std::string(testing::UnitTest::GetInstance()->current_test_info()->name()))) {
     fs::remove_all(folder_);
     fs::create_directories(folder_ / "cam0");
-    const LedScene scene = led_scene();
+    const scene::LedScene scene = scene::led_scene();
     for (int i = 0; i < frames; ++i) {
-      const Image image =
-          led_image(scene, led_dots(scene, led_scene_pose(i / scene.fps), {i % 8}), static_cast<std::uint64_t>(i));
+      const capture::Image image =
+          scene::led_image(scene, scene::led_dots(scene, scene::led_scene_pose(i / scene.fps), {i % 8}), static_cast<std::uint64_t>(i));
       char name[32];
       std::snprintf(name, sizeof name, "cam0/%06d.pgm", i);
       std::ofstream file(folder_ / name, std::ios::binary);
@@ -86,7 +86,7 @@ TEST_F(CameraEndToEnd, PosesAreNearTheTruthAndTheSameBytesWhateverTheThreads) {
   for (std::string line; std::getline(lines, line); ++poses) {
     double t = 0, x = 0, y = 0, z = 0;
     ASSERT_EQ(std::sscanf(line.c_str(), "%lf %lf %lf %lf", &t, &x, &y, &z), 4) << line;
-    EXPECT_LT((led_scene_pose(t).translation - Eigen::Vector3d(x, y, z)).norm(), 0.02) << line;
+    EXPECT_LT((scene::led_scene_pose(t).translation - Eigen::Vector3d(x, y, z)).norm(), 0.02) << line;
   }
   EXPECT_GT(poses, 40);
 }
@@ -154,4 +154,4 @@ TEST_F(CameraEndToEnd, PosesWithoutACameraAreRefused) {
 }
 
 }  // namespace
-}  // namespace huetrack
+}  // namespace huetrack::end_to_end

@@ -13,7 +13,7 @@
 #include <string>
 #include <utility>
 
-namespace huetrack {
+namespace huetrack::end_to_end {
 
 // A connection to a port of this host; closed with it.
 class Connection {
@@ -78,4 +78,4 @@ inline std::map<std::string, double> prometheus_samples(const std::string& text)
   return samples;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::end_to_end

@@ -14,7 +14,7 @@
 #include "end_to_end/process.h"
 #include "soak/films.h"
 
-namespace huetrack {
+namespace huetrack::end_to_end {
 namespace {
 
 namespace fs = std::filesystem;
@@ -35,16 +35,16 @@ TEST(Kill, TheRestartWorksTheRecordingOpensAndSubscribersNotice) {
   const char* wanted = std::getenv("HUETRACK_KILLS");
   const int kills = wanted ? std::stoi(wanted) : 3;
   const fs::path folder = fs::path(testing::TempDir()) / ("kill_" + std::to_string(::getpid()));
-  make_films(folder, 2, 160, 120);
+  soak::make_films(folder, 2, 160, 120);
   const std::string domain = std::to_string(35 + ::getpid() % 5);
   const int port = 20000 + ::getpid() % 10000;
-  std::ofstream(folder / "c.yaml") << film_config(
+  std::ofstream(folder / "c.yaml") << soak::film_config(
       folder, 100,
       "dds: {domain: " + domain + "}\nmetrics: {port: " + std::to_string(port) +
           "}\nrecord: {folder: " + (folder / "recordings").string() + ", always: true}\n");
   const std::vector<std::string> cameras = [&] {
     std::vector<std::string> names;
-    for (const auto& camera : read_rig(folder / "rig.yaml").cameras) names.push_back(camera.name);
+    for (const auto& camera : calib::read_rig(folder / "rig.yaml").cameras) names.push_back(camera.name);
     return names;
   }();
   Process watch({HUETRACK, "watch", "--domain", domain}, folder / "watch.out", folder / "watch.err");
@@ -76,16 +76,16 @@ TEST(Kill, TheRestartWorksTheRecordingOpensAndSubscribersNotice) {
     for (const auto& entry : fs::directory_iterator(folder / "recordings"))
       if (known.insert(entry.path()).second) recording = entry.path();
     ASSERT_FALSE(recording.empty());
-    ReplaySource source(read_recording(recording), cameras);
-    std::optional<Timestamp> first, last;
+    capture::ReplaySource source(capture::read_recording(recording), cameras);
+    std::optional<capture::Timestamp> first, last;
     while (const auto frame = source.next({})) {
       if (!first) first = frame->captured_at;
       last = frame->captured_at;
     }
     ASSERT_TRUE(first);
-    const Timestamp at_kill = unix_now() - std::chrono::duration_cast<Duration>(Clock::now() - killed);
-    EXPECT_LT(seconds(at_kill - *last), 1.0) << "more than the last second is missing";
-    least_recorded_s = std::min(least_recorded_s, seconds(*last - *first));
+    const capture::Timestamp at_kill = capture::unix_now() - std::chrono::duration_cast<capture::Duration>(Clock::now() - killed);
+    EXPECT_LT(capture::seconds(at_kill - *last), 1.0) << "more than the last second is missing";
+    least_recorded_s = std::min(least_recorded_s, capture::seconds(*last - *first));
   }
   std::printf("%d kills: noticed within %.2f s, shortest recording %.2f s\n", kills, slowest_s, least_recorded_s);
   EXPECT_LT(slowest_s, 1.5);
@@ -93,4 +93,4 @@ TEST(Kill, TheRestartWorksTheRecordingOpensAndSubscribersNotice) {
 }
 
 }  // namespace
-}  // namespace huetrack
+}  // namespace huetrack::end_to_end

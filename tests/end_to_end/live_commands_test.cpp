@@ -6,7 +6,7 @@
 #include "end_to_end/http.h"
 #include "end_to_end/process.h"
 
-namespace huetrack {
+namespace huetrack::end_to_end {
 namespace {
 
 namespace fs = std::filesystem;
@@ -100,4 +100,4 @@ TEST_F(Commands, DoctorNamesWhatIsMissing) {
 }
 
 }  // namespace
-}  // namespace huetrack
+}  // namespace huetrack::end_to_end

@@ -18,7 +18,7 @@
 #include <thread>
 #include <vector>
 
-namespace huetrack {
+namespace huetrack::end_to_end {
 
 inline std::string contents(const std::filesystem::path& file) {
   std::ifstream stream(file, std::ios::binary);
@@ -86,4 +86,4 @@ class Process {
   std::filesystem::path out_, err_;
 };
 
-}  // namespace huetrack
+}  // namespace huetrack::end_to_end

@@ -12,7 +12,7 @@
 #include "tracks/track_csv.h"
 #include "end_to_end/process.h"
 
-namespace huetrack {
+namespace huetrack::end_to_end {
 namespace {
 
 namespace fs = std::filesystem;
@@ -83,7 +83,7 @@ TEST_F(EndToEnd, TheSameRecordingGivesTheSameBytes) {
   const std::string first = tracks({});
   const auto lines = lines_of(first);
   ASSERT_EQ(lines.size(), 151u);  // the header, and one row per frame set
-  EXPECT_EQ(lines[0], track_csv_header);
+  EXPECT_EQ(lines[0], tracks::track_csv_header);
   EXPECT_THAT(lines[1], StartsWith("lime,0.000000000,"));
   EXPECT_THAT(lines[150], StartsWith("lime,4.966666667,"));
   EXPECT_EQ(tracks({}), first);
@@ -131,7 +131,7 @@ TEST_F(EndToEnd, CheckPrintsAConfigurationThatGivesTheSameTrack) {
   const Result result = run({HUETRACKD, "check", config});
   EXPECT_EQ(result.status, 0);
   const std::string resolved = write(result.out, "resolved.yaml");
-  EXPECT_EQ(to_yaml(load_service_config(resolved)), to_yaml(load_service_config(config)));
+  EXPECT_EQ(config::to_yaml(config::load_service_config(resolved)), config::to_yaml(config::load_service_config(config)));
   EXPECT_EQ(tracks({}, resolved), tracks({}));
 }
 
@@ -175,12 +175,12 @@ TEST_F(EndToEnd, ASubscriberReceivesAtRealSpeedWhatTheCsvSays) {
 
   const fs::path received_file = folder_ / "received.csv";
   std::ofstream(received_file) << watch->out();
-  const auto sent = read_track_csv(csv).at("lime");
-  const auto received = read_track_csv(received_file)["lime"];
+  const auto sent = tracks::read_track_csv(csv).at("lime");
+  const auto received = tracks::read_track_csv(received_file)["lime"];
   ASSERT_EQ(received.size(), sent.size()) << watch->err() << daemon.err;
-  const Duration offset = received[0].at - sent[0].at;
-  EXPECT_GE(received[0].at, Timestamp(before));  // --stamps now: when the replay started
-  EXPECT_LT(received[0].at - Timestamp(before), 30s);
+  const capture::Duration offset = received[0].at - sent[0].at;
+  EXPECT_GE(received[0].at, capture::Timestamp(before));  // --stamps now: when the replay started
+  EXPECT_LT(received[0].at - capture::Timestamp(before), 30s);
   for (std::size_t i = 0; i < sent.size(); ++i) {
     EXPECT_EQ(received[i].at - sent[i].at, offset);
     EXPECT_EQ(received[i].state, sent[i].state);
@@ -257,4 +257,4 @@ TEST_F(EndToEnd, WrongUsageIsSaidAndVersionsAreTold) {
 }
 
 }  // namespace
-}  // namespace huetrack
+}  // namespace huetrack::end_to_end

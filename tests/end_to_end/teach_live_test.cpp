@@ -18,7 +18,7 @@
 #include "publish/test_domain.h"
 #include "soak/films.h"
 
-namespace huetrack {
+namespace huetrack::end_to_end {
 namespace {
 
 namespace fs = std::filesystem;
@@ -28,7 +28,7 @@ using namespace testing;
 using Clock = std::chrono::steady_clock;
 using eprosima::fastrtps::types::ReturnCode_t;
 
-const int domain = test_domain();
+const int domain = publish::test_domain();
 
 bool comes_true(const std::function<bool()>& condition, std::chrono::milliseconds patience = 20s) {
   for (const auto end = Clock::now() + patience; Clock::now() < end; std::this_thread::sleep_for(10ms))
@@ -41,15 +41,15 @@ class Page {
  public:
   Page()
       : participant_({.name = "test page", .domain = domain, .interfaces = {"lo"}}),
-        request_(participant_.create_writer(topics::teach_request, dds::TypeSupport(new msg::TeachRequestPubSubType),
-                                            teach_writer_qos(), "")),
-        reply_(participant_.create_reader(topics::teach_reply, dds::TypeSupport(new msg::TeachReplyPubSubType),
-                                          teach_reader_qos())),
+        request_(participant_.create_writer(idl::topics::teach_request, dds::TypeSupport(new msg::TeachRequestPubSubType),
+                                            idl::teach_writer_qos(), "")),
+        reply_(participant_.create_reader(idl::topics::teach_reply, dds::TypeSupport(new msg::TeachReplyPubSubType),
+                                          idl::teach_reader_qos())),
         scene_(
-            participant_.create_reader(topics::scene, dds::TypeSupport(new msg::ScenePubSubType), status_reader_qos())),
-        position_(participant_.create_reader(topics::object_position,
+            participant_.create_reader(idl::topics::scene, dds::TypeSupport(new msg::ScenePubSubType), idl::status_reader_qos())),
+        position_(participant_.create_reader(idl::topics::object_position,
                                              dds::TypeSupport(new msg::ObjectPositionPubSubType),
-                                             object_position_reader_qos())) {}
+                                             idl::object_position_reader_qos())) {}
 
   // Everything that has come.
   void listen() {
@@ -101,7 +101,7 @@ class Page {
       if (info.valid_data) use(sample);
   }
 
-  DdsParticipant participant_;
+  idl::DdsParticipant participant_;
   dds::DataWriter& request_;
   dds::DataReader &reply_, &scene_, &position_;
   std::uint32_t number_ = 0;
@@ -118,9 +118,9 @@ msg::TeachPoint point(const std::string& camera, double u, double v) {
 // Where a user would click: in the middle of what is greenest, the least blue and red.
 msg::TeachPoint lime_in(const msg::TeachCamera& camera) {
   const std::vector<std::uint8_t> jpeg(camera.jpeg().begin(), camera.jpeg().end());
-  const auto decoded = JpegDecoder().decode(jpeg);
+  const auto decoded = capture::JpegDecoder().decode(jpeg);
   if (!decoded.image) throw std::runtime_error(decoded.problem);
-  const Plane &blue = decoded.image->planes[1], &red = decoded.image->planes[2];
+  const capture::Plane &blue = decoded.image->planes[1], &red = decoded.image->planes[2];
   const int width = decoded.image->width / 2, height = decoded.image->height / 2;  // of chroma
   const auto at = [&](int u, int v) { return blue.data[v * blue.stride + u] + red.data[v * red.stride + u]; };
   int best_u = 0, best_v = 0;
@@ -137,7 +137,7 @@ msg::TeachPoint lime_in(const msg::TeachCamera& camera) {
 class TeachLive : public Test {
  protected:
   void SetUp() override {
-    make_films(folder, 2, 320, 240);
+    soak::make_films(folder, 2, 320, 240);
     write(true);
     service.emplace(std::vector<std::string>{FILM_SERVICE, config.string(), folder.string(), "--phases", "together"},
                     folder / "out", folder / "err");
@@ -195,7 +195,7 @@ TEST_F(TeachLive, TheRunningServiceTakesTheColourOverWithoutARestart) {
   EXPECT_THAT(after, StartsWith("# the lab's\nversion: 1\ncontrol: {allow_teach: true}  # first of all\nrig: "));
   EXPECT_THAT(after, AllOf(HasSubstr("  lime:   # the ball\n    color: {hue_deg: ["), HasSubstr("   # wrong\n"),
                            HasSubstr("    radius_m: 0.05\n"), EndsWith("interfaces: [lo]}  # last\n")));
-  const HsiRange learnt = load_service_config(config).targets[0].color;
+  const object_tracking::HsiRange learnt = config::load_service_config(config).targets[0].color;
   EXPECT_GT(learnt.hue_min_deg, 40);
   EXPECT_LT(learnt.hue_max_deg, 140);
 
@@ -247,4 +247,4 @@ TEST_F(TeachLive, ItIsRefusedWithAReasonOnceTheConfigurationForbidsIt) {
 }
 
 }  // namespace
-}  // namespace huetrack
+}  // namespace huetrack::end_to_end

@@ -10,7 +10,7 @@
 #include "tracks/truth.h"
 #include "end_to_end/process.h"
 
-namespace huetrack {
+namespace huetrack::end_to_end {
 namespace {
 
 namespace fs = std::filesystem;
@@ -41,7 +41,7 @@ class Teach : public Test {
   }
   // Where the ball is in frame 0, as --at wants it.
   std::string at(const std::string& camera) {
-    const CameraRig rig = read_rig(demo / "recording/rig.yaml");
+    const calib::CameraRig rig = calib::read_rig(demo / "recording/rig.yaml");
     std::ifstream truth(demo / "recording/groundtruth.csv");
     std::string header, row;
     std::getline(truth, header);
@@ -68,7 +68,7 @@ TEST_F(Teach, OnePointSuggestsTheOtherAndTheColourThenTracks) {
   const Result unconfirmed = run({"teach", config, recording, "--at", at("cam0")});
   EXPECT_EQ(unconfirmed.status, 1);
   EXPECT_THAT(unconfirmed.err, HasSubstr("nothing is written: nobody has confirmed where the object is in cam1"));
-  EXPECT_EQ(load_service_config(config).targets[0].color.hue_min_deg, 200);  // nothing was written
+  EXPECT_EQ(config::load_service_config(config).targets[0].color.hue_min_deg, 200);  // nothing was written
 
   const Result all =
       run({"teach", config, recording, "--at", at("cam0"), "--accept", "--pictures", folder / "pictures"});
@@ -100,8 +100,8 @@ TEST_F(Teach, MistakesAreOneReadableLine) {
     EXPECT_EQ(result.status, 1) << message;
     EXPECT_THAT(result.err, HasSubstr(message));
   }
-  EXPECT_EQ(load_service_config(config).targets[0].color.hue_min_deg, 200);
+  EXPECT_EQ(config::load_service_config(config).targets[0].color.hue_min_deg, 200);
 }
 
 }  // namespace
-}  // namespace huetrack
+}  // namespace huetrack::end_to_end

@@ -11,7 +11,7 @@
 
 #include "calib/yaml/yaml_reader.h"
 
-namespace huetrack {
+namespace huetrack::exchange {
 namespace {
 
 using testing::AllOf;
@@ -42,13 +42,13 @@ class Exchange : public testing::Test {
   std::string error_of(const std::string& name, const std::string& text, const ImportOptions& options = {}) const {
     try {
       import_text(name, text, options);
-    } catch (const ConfigError& error) {
+    } catch (const yaml::ConfigError& error) {
       return error.what();
     }
     return "no error";
   }
   // Writes what was exported and reads it again.
-  Imported and_back(const CameraRig& rig, const ExportOptions& options) const {
+  Imported and_back(const calib::CameraRig& rig, const ExportOptions& options) const {
     std::vector<std::filesystem::path> files;
     for (const auto& [name, text] : export_rig(rig, options).files) files.push_back(file(name, text));
     return import_rig(files, {.format = options.format});
@@ -62,7 +62,7 @@ cv::Mat column(const std::vector<double>& values) {
 }
 
 // OpenCV's own projection of points around (0, 0, 3) in front of the camera is ours.
-void expect_projects_like_opencv(const Camera& camera, const std::vector<double>& k, const std::vector<double>& d,
+void expect_projects_like_opencv(const calib::Camera& camera, const std::vector<double>& k, const std::vector<double>& d,
                                  const cv::Mat& rotation_vector, const std::vector<double>& t, bool fisheye = false) {
   cv::Mat r;
   cv::Rodrigues(rotation_vector, r);
@@ -87,10 +87,10 @@ void expect_projects_like_opencv(const Camera& camera, const std::vector<double>
   }
 }
 
-void expect_same(const CameraRig& a, const CameraRig& b, bool names = true) {
+void expect_same(const calib::CameraRig& a, const calib::CameraRig& b, bool names = true) {
   ASSERT_EQ(a.cameras.size(), b.cameras.size());
   for (std::size_t c = 0; c < a.cameras.size(); ++c) {
-    const Camera &x = a.cameras[c], &y = b.cameras[c];
+    const calib::Camera &x = a.cameras[c], &y = b.cameras[c];
     if (names) {
       EXPECT_EQ(x.name, y.name);
     }
@@ -100,11 +100,11 @@ void expect_same(const CameraRig& a, const CameraRig& b, bool names = true) {
     EXPECT_EQ(x.model.fy(), y.model.fy());
     EXPECT_EQ(x.model.cx(), y.model.cx());
     EXPECT_EQ(x.model.cy(), y.model.cy());
-    if (const auto* lens = std::get_if<PinholeRadtan>(&x.model.lens())) {
-      EXPECT_EQ(lens->distortion, std::get<PinholeRadtan>(y.model.lens()).distortion);
+    if (const auto* lens = std::get_if<calib::PinholeRadtan>(&x.model.lens())) {
+      EXPECT_EQ(lens->distortion, std::get<calib::PinholeRadtan>(y.model.lens()).distortion);
     } else {
-      EXPECT_EQ(std::get<FisheyeKannalaBrandt>(x.model.lens()).distortion,
-                std::get<FisheyeKannalaBrandt>(y.model.lens()).distortion);
+      EXPECT_EQ(std::get<calib::FisheyeKannalaBrandt>(x.model.lens()).distortion,
+                std::get<calib::FisheyeKannalaBrandt>(y.model.lens()).distortion);
     }
     EXPECT_LT((x.cam_from_world.translation - y.cam_from_world.translation).norm(), 1e-14);
     EXPECT_LT((x.cam_from_world.rotation.toRotationMatrix() - y.cam_from_world.rotation.toRotationMatrix()).norm(),
@@ -113,23 +113,23 @@ void expect_same(const CameraRig& a, const CameraRig& b, bool names = true) {
 }
 
 // In the first camera's frame: what formats without a world keep.
-CameraRig from_first(CameraRig rig) {
-  const Rigid3d world_from_first = inverse(rig.cameras.front().cam_from_world);
-  for (Camera& camera : rig.cameras) camera.cam_from_world = camera.cam_from_world * world_from_first;
+calib::CameraRig from_first(calib::CameraRig rig) {
+  const calib::Rigid3d world_from_first = calib::inverse(rig.cameras.front().cam_from_world);
+  for (calib::Camera& camera : rig.cameras) camera.cam_from_world = camera.cam_from_world * world_from_first;
   return rig;
 }
 
-CameraRig some_rig(bool fisheye = false) {
-  CameraRig rig;
+calib::CameraRig some_rig(bool fisheye = false) {
+  calib::CameraRig rig;
   for (int c = 0; c < 3; ++c) {
-    Camera camera;
+    calib::Camera camera;
     camera.name = "cam" + std::to_string(c);
     camera.image_size = {640, 480};
     if (fisheye)
       camera.model =
-          CameraModel(FisheyeKannalaBrandt{310.0 / 3, 101.7, 320.1, 239.3 + c, {0.1 / 7, -0.003, 0.0007, -0.0001}});
+          calib::CameraModel(calib::FisheyeKannalaBrandt{310.0 / 3, 101.7, 320.1, 239.3 + c, {0.1 / 7, -0.003, 0.0007, -0.0001}});
     else
-      camera.model = CameraModel(PinholeRadtan{532.1 / 3, 531.7, 320.1 + c, 239.3, {-0.1 / 3, 0.02, 0.0005, -0.0004}});
+      camera.model = calib::CameraModel(calib::PinholeRadtan{532.1 / 3, 531.7, 320.1 + c, 239.3, {-0.1 / 3, 0.02, 0.0005, -0.0004}});
     const Eigen::Vector3d axis = Eigen::Vector3d(0.3, 1, 0.2 * c).normalized();
     camera.cam_from_world = {Eigen::Quaterniond(Eigen::AngleAxisd(0.4 + 1.3 * c, axis)), {0.1 * c, -0.2 / 3, 2.5}};
     rig.cameras.push_back(camera);
@@ -178,7 +178,7 @@ TEST_F(Exchange, CameraInfoSaysWhatItDoesNotTake) {
   const Imported in = import_text("right.yaml", replaced(camera_info, "320.5, 0, 0, 531.2, 239.25, 0, 0, 0, 1, 0]",
                                                          "320.5, -53.21, 0, 531.2, 239.25, 0, 0, 0, 1, 0]"));
   EXPECT_THAT(in.notes, Contains(AllOf(HasSubstr("projection_matrix is not taken over"), HasSubstr("0.1 m"))));
-  CameraRig rig = some_rig();
+  calib::CameraRig rig = some_rig();
   EXPECT_THAT(export_rig(rig, {.format = ExchangeFormat::ros}).notes, Contains(HasSubstr("no poses")));
 }
 
@@ -198,12 +198,12 @@ TEST_F(Exchange, CameraInfoErrorsNameTheLine) {
 }
 
 TEST_F(Exchange, CameraInfoOfOtherLenses) {
-  CameraRig rig{{some_rig(true).cameras[0]}, {}};
+  calib::CameraRig rig{{some_rig(true).cameras[0]}, {}};
   rig.cameras[0].cam_from_world = {};
   EXPECT_THAT(export_rig(rig, {.format = ExchangeFormat::ros}).files[0].second,
               HasSubstr("distortion_model: equidistant"));
   expect_same(rig, and_back(rig, {.format = ExchangeFormat::ros}).rig);
-  rig.cameras[0].model = CameraModel(PinholeRadtan{500, 501, 320, 240, {0.1, 0.2, 1e-3, 2e-3, 0.3, 0.11, 0.22, 0.33}});
+  rig.cameras[0].model = calib::CameraModel(calib::PinholeRadtan{500, 501, 320, 240, {0.1, 0.2, 1e-3, 2e-3, 0.3, 0.11, 0.22, 0.33}});
   EXPECT_THAT(export_rig(rig, {.format = ExchangeFormat::ros}).files[0].second,
               HasSubstr("distortion_model: rational_polynomial"));
   expect_same(rig, and_back(rig, {.format = ExchangeFormat::ros}).rig);
@@ -264,7 +264,7 @@ TEST_F(Exchange, KalibrCamchain) {
 
 TEST_F(Exchange, KalibrChainOfThree) {
   for (const bool fisheye : {false, true}) {
-    const CameraRig rig = some_rig(fisheye);
+    const calib::CameraRig rig = some_rig(fisheye);
     EXPECT_THAT(export_rig(rig, {.format = ExchangeFormat::kalibr}).notes,
                 Contains(HasSubstr("the world becomes cam0's frame")));
     expect_same(from_first(rig), and_back(rig, {.format = ExchangeFormat::kalibr}).rig);
@@ -282,8 +282,8 @@ TEST_F(Exchange, KalibrErrors) {
                                                    "[ -0.99998854, -0.00216014, -0.00427195"),
                                           "0.2", "0.2")),
               HasSubstr("mirrored"));
-  CameraRig rig = some_rig();
-  rig.cameras[1].model = CameraModel(PinholeRadtan{500, 500, 320, 240, {0.1, 0.2, 0, 0, 0.05}});
+  calib::CameraRig rig = some_rig();
+  rig.cameras[1].model = calib::CameraModel(calib::PinholeRadtan{500, 500, 320, 240, {0.1, 0.2, 0, 0, 0.05}});
   try {
     export_rig(rig, {.format = ExchangeFormat::kalibr});
     ADD_FAILURE() << "k3 was dropped";
@@ -354,7 +354,7 @@ TEST_F(Exchange, RealCaliscopeFile) {
   const Imported in = import(folder / "camera_array.toml");
   ASSERT_EQ(in.rig.cameras.size(), 4u);
   EXPECT_EQ(in.rig.cameras[2].name, "cam_2");
-  EXPECT_EQ(in.rig.cameras[2].image_size, (ImageSize{1280, 720}));
+  EXPECT_EQ(in.rig.cameras[2].image_size, (calib::ImageSize{1280, 720}));
   // The numbers of the file, through OpenCV.
   cv::Mat r;
   const cv::Mat of_file =
@@ -396,7 +396,7 @@ TEST_F(Exchange, OpenCvSampleFile) {
   if (!std::filesystem::exists(folder / "left_intrinsics.yml")) GTEST_SKIP() << "no " << folder;
   const Imported in = import(folder / "left_intrinsics.yml");
   ASSERT_EQ(in.rig.cameras.size(), 1u);
-  EXPECT_EQ(in.rig.cameras[0].image_size, (ImageSize{640, 480}));
+  EXPECT_EQ(in.rig.cameras[0].image_size, (calib::ImageSize{640, 480}));
   expect_projects_like_opencv(
       in.rig.cameras[0],
       {535.91573396163199, 0, 342.28315473308373, 0, 535.91573396163199, 235.57082909788173, 0, 0, 1},
@@ -406,21 +406,21 @@ TEST_F(Exchange, OpenCvSampleFile) {
   EXPECT_THAT(in.notes, Contains(AllOf(HasSubstr("not taken over"), HasSubstr("avg_reprojection_error"))));
   // Two lenses, but not how they stand to one another; and no size.
   EXPECT_THAT([&] { import(folder / "intrinsics.yml"); },
-              testing::Throws<ConfigError>(testing::Property(&ConfigError::what, HasSubstr("--size"))));
+              testing::Throws<yaml::ConfigError>(testing::Property(&yaml::ConfigError::what, HasSubstr("--size"))));
   EXPECT_THAT(
       [&] {
-        import(folder / "intrinsics.yml", {.image_size = ImageSize { 640, 480 }});
+        import(folder / "intrinsics.yml", {.image_size = calib::ImageSize { 640, 480 }});
       },
-      testing::Throws<ConfigError>(testing::Property(&ConfigError::what, HasSubstr("extrinsics.yml"))));
+      testing::Throws<yaml::ConfigError>(testing::Property(&yaml::ConfigError::what, HasSubstr("extrinsics.yml"))));
 }
 
 TEST_F(Exchange, OpenCvRoundTrips) {
   for (const char* extension : {"yml", "xml", "json"}) {
     for (const bool fisheye : {false, true}) {
       SCOPED_TRACE(std::string(extension) + (fisheye ? ", fisheye" : ""));
-      const CameraRig rig = some_rig(fisheye);
+      const calib::CameraRig rig = some_rig(fisheye);
       expect_same(rig, and_back(rig, {.format = ExchangeFormat::opencv, .extension = extension}).rig);
-      const CameraRig pair{{rig.cameras[0], rig.cameras[1]}, {}};
+      const calib::CameraRig pair{{rig.cameras[0], rig.cameras[1]}, {}};
       const ExportOptions stereo{.format = ExchangeFormat::opencv, .extension = extension, .stereo = true};
       EXPECT_THAT(export_rig(pair, stereo).notes, Contains(HasSubstr("the world becomes cam0's frame")));
       expect_same(from_first(pair), and_back(pair, stereo).rig);
@@ -443,7 +443,7 @@ TEST_F(Exchange, OpenCvStereoFiles) {
   const std::vector<std::filesystem::path> both{
       intrinsics, file("extrinsics.yml", "%YAML:1.0\n---\n" + matrix("R", 3, 3, rotation.c_str()) +
                                              matrix("T", 3, 1, "-3.3, 0.04, 0.01") + matrix("Q", 1, 1, "1."))};
-  const ImportOptions options{.image_size = ImageSize{640, 480}, .metres_per_unit = 0.025};  // in squares of 25 mm
+  const ImportOptions options{.image_size = calib::ImageSize{640, 480}, .metres_per_unit = 0.025};  // in squares of 25 mm
   const Imported in = import_rig(both, options);
   ASSERT_EQ(in.rig.cameras.size(), 2u);
   EXPECT_NEAR(in.rig.cameras[1].cam_from_world.translation.x(), -0.0825, 1e-12);
@@ -452,8 +452,8 @@ TEST_F(Exchange, OpenCvStereoFiles) {
       intrinsics, file("mirrored.yml", "%YAML:1.0\n---\n" + matrix("R", 3, 3, "1., 0., 0., 0., 1., 0., 0., 0., -1.") +
                                            matrix("T", 3, 1, "-3.3, 0.04, 0.01"))};
   EXPECT_THAT([&] { import_rig(mirrored, options); },
-              testing::Throws<ConfigError>(testing::Property(
-                  &ConfigError::what, AllOf(HasSubstr("mirrored.yml:3"), HasSubstr("mirrored (determinant")))));
+              testing::Throws<yaml::ConfigError>(testing::Property(
+                  &yaml::ConfigError::what, AllOf(HasSubstr("mirrored.yml:3"), HasSubstr("mirrored (determinant")))));
 }
 
 TEST_F(Exchange, OpenCvErrors) {
@@ -467,7 +467,7 @@ TEST_F(Exchange, OpenCvErrors) {
 
 TEST_F(Exchange, CaliscopeAndAnipose) {
   for (const bool fisheye : {false, true}) {
-    const CameraRig rig = some_rig(fisheye);
+    const calib::CameraRig rig = some_rig(fisheye);
     expect_same(rig, and_back(rig, {.format = ExchangeFormat::aniposelib}).rig);
     const Imported back = and_back(rig, {.format = ExchangeFormat::caliscope});
     expect_same(rig, back.rig, false);
@@ -476,4 +476,4 @@ TEST_F(Exchange, CaliscopeAndAnipose) {
 }
 
 }  // namespace
-}  // namespace huetrack
+}  // namespace huetrack::exchange

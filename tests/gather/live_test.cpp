@@ -15,7 +15,7 @@
 #include "gather/pictured_rig.h"
 #include "end_to_end/process.h"
 
-namespace huetrack {
+namespace huetrack::gather {
 namespace {
 
 namespace fs = std::filesystem;
@@ -53,21 +53,21 @@ class Programme {
   std::condition_variable_any met_;
 };
 
-class ShownPictures final : public FrameSource {
+class ShownPictures final : public capture::FrameSource {
  public:
   ShownPictures(std::vector<cv::Mat> pictures, std::shared_ptr<Programme> programme, std::size_t camera)
       : pictures_(std::move(pictures)), programme_(std::move(programme)), camera_(camera) {}
-  std::optional<Frame> next(std::stop_token stop) override {
+  std::optional<capture::Frame> next(std::stop_token stop) override {
     std::this_thread::sleep_for(std::chrono::milliseconds(10));  // not to fill the memory; nothing depends on it
     programme_->meet(camera_, at_, stop);
     const auto picture_number = programme_->picture_of_frame(at_);
     if (stop.stop_requested() || !picture_number) return std::nullopt;
     const cv::Mat& picture = pictures_[static_cast<std::size_t>(*picture_number)];
-    WritableImage image = make_image(PixelFormat::grey, ColorRange::full, picture.cols, picture.rows);
+    capture::WritableImage image = capture::make_image(capture::PixelFormat::grey, capture::ColorRange::full, picture.cols, picture.rows);
     std::memcpy(image.data[0], picture.data, picture.total());
-    Frame frame;
+    capture::Frame frame;
     frame.sequence = static_cast<std::uint32_t>(at_);
-    frame.captured_at = Timestamp(duration_of(0.1 * static_cast<double>(at_)));
+    frame.captured_at = capture::Timestamp(capture::duration_of(0.1 * static_cast<double>(at_)));
     frame.pixels = image.image;
     ++at_;
     return frame;
@@ -80,19 +80,19 @@ class ShownPictures final : public FrameSource {
   std::size_t at_ = 0;
 };
 
-std::vector<LiveCameraSource> shown(const CameraRig& rig, const std::vector<Rigid3d>& poses,
+std::vector<LiveCameraSource> shown(const calib::CameraRig& rig, const std::vector<calib::Rigid3d>& poses,
                                     const std::shared_ptr<Programme>& programme) {
   std::vector<LiveCameraSource> cameras;
   for (std::size_t c = 0; c < rig.cameras.size(); ++c) {
     std::vector<cv::Mat> pictures;
-    for (const Rigid3d& pose : poses) pictures.push_back(picture_of(rig.cameras[c], pictured_board(), pose, c));
+    for (const calib::Rigid3d& pose : poses) pictures.push_back(picture_of(rig.cameras[c], pictured_board(), pose, c));
     cameras.push_back({rig.cameras[c].name, std::make_unique<ShownPictures>(pictures, programme, c), {}});
   }
   return cameras;
 }
 
 TEST(LiveBoards, KeepsTheBoardWhereItRests) {
-  CameraRig rig = pictured_rig();
+  calib::CameraRig rig = pictured_rig();
   rig.cameras.resize(2);
   const fs::path page = fs::temp_directory_path() / ("huetrack_page_" + std::to_string(getpid()) + ".html");
   const auto programme = std::make_shared<Programme>(4);
@@ -103,18 +103,18 @@ TEST(LiveBoards, KeepsTheBoardWhereItRests) {
     if (status.starts_with("kept view")) programme->turn();
   };
   const FoundBoards found =
-      gather_live(shown(rig, pictured_poses(4), programme), BoardDetector(pictured_board()), options, {});
+      gather_live(shown(rig, pictured_poses(4), programme), board::BoardDetector(pictured_board()), options, {});
   // Each of the four places once.
   EXPECT_EQ(found.set_at_s.size(), 4U);
   EXPECT_EQ(found.views.size(), 8U);
   EXPECT_EQ(found.thumbnails.size(), 8U);
-  EXPECT_THAT(contents(page), AllOf(HasSubstr("finished with 4 moments"), HasSubstr("cam1"),
+  EXPECT_THAT(end_to_end::contents(page), AllOf(HasSubstr("finished with 4 moments"), HasSubstr("cam1"),
                                     HasSubstr("data:image/jpeg"), Not(HasSubstr("http-equiv=refresh"))));
   fs::remove(page);
 }
 
 TEST(LiveBoards, ACameraThatNeverSeesTheBoardIsNamed) {
-  CameraRig rig = pictured_rig();
+  calib::CameraRig rig = pictured_rig();
   rig.cameras.resize(2);
   const auto programme = std::make_shared<Programme>(1);
   auto cameras = shown(rig, pictured_poses(1), programme);
@@ -126,7 +126,7 @@ TEST(LiveBoards, ACameraThatNeverSeesTheBoardIsNamed) {
     if (status.starts_with("kept view")) programme->turn();
   };
   try {
-    gather_live(std::move(cameras), BoardDetector(pictured_board()), options, {});
+    gather_live(std::move(cameras), board::BoardDetector(pictured_board()), options, {});
     FAIL();
   } catch (const InputError& error) {
     EXPECT_THAT(error.what(), AllOf(HasSubstr("camera cam1: the board"), HasSubstr("the image is black")));
@@ -136,10 +136,10 @@ TEST(LiveBoards, ACameraThatNeverSeesTheBoardIsNamed) {
 TEST(ViewCoverage, SaysWhatIsMissing) {
   ViewCoverage coverage(pictured_board(), {"left", "right", "back"}, {{320, 240}, {320, 240}, {320, 240}});
   EXPECT_THAT(coverage.needs(), Contains("left has not seen the board yet"));
-  const CameraRig rig = pictured_rig();
-  const Board board = pictured_board();
-  const auto view = [&](int c, const Rigid3d& pose) {
-    BoardView seen{c, 0, "", {}, {}};
+  const calib::CameraRig rig = pictured_rig();
+  const board::Board board = pictured_board();
+  const auto view = [&](int c, const calib::Rigid3d& pose) {
+    solver::BoardView seen{c, 0, "", {}, {}};
     for (int id = 0; id < board.point_count(); ++id) {
       const auto px = rig.cameras[static_cast<std::size_t>(c)].project_world(pose * board.point(id));
       if (!px || !rig.cameras[static_cast<std::size_t>(c)].contains(*px)) continue;
@@ -148,7 +148,7 @@ TEST(ViewCoverage, SaysWhatIsMissing) {
     }
     return seen;
   };
-  for (const Rigid3d& pose : pictured_poses(30)) {
+  for (const calib::Rigid3d& pose : pictured_poses(30)) {
     coverage.add({view(0, pose), view(1, pose)});
     EXPECT_FALSE(coverage.is_new({view(0, pose), view(1, pose)}));
   }
@@ -185,12 +185,12 @@ TEST(LiveCameras, AreReadFromAFileLikeTheServices) {
   EXPECT_EQ(cameras[0].fps, 30);
   EXPECT_EQ(cameras[0].controls.at(0).name, "focus_automatic_continuous");
   EXPECT_EQ(cameras[1].width, 800);
-  EXPECT_EQ(cameras[1].format, CaptureFormat::mjpeg);
+  EXPECT_EQ(cameras[1].format, capture::CaptureFormat::mjpeg);
   fs::remove(file);
-  EXPECT_THROW(live_cameras(std::vector<std::string>{"/dev/video0"}, {.size = ImageSize{640, 480}}), InputError);
+  EXPECT_THROW(live_cameras(std::vector<std::string>{"/dev/video0"}, {.size = calib::ImageSize{640, 480}}), InputError);
   EXPECT_TRUE(are_devices(std::vector<std::string>{"a=/dev/video0", "/dev/video1"}));
   EXPECT_FALSE(are_devices(std::vector<std::string>{"a=x.mp4", "b=/dev/video1"}));
 }
 
 }  // namespace
-}  // namespace huetrack
+}  // namespace huetrack::gather

@@ -12,7 +12,7 @@
 #include "scene/led_scene.h"
 #include "camera_tracking/methods/make_camera_tracker.h"
 
-namespace huetrack {
+namespace huetrack::leds {
 namespace {
 
 using Eigen::Vector2d;
@@ -21,12 +21,12 @@ using testing::HasSubstr;
 
 // ---- Dots in images
 
-class LedBlobs : public testing::TestWithParam<PixelFormat> {};
+class LedBlobs : public testing::TestWithParam<capture::PixelFormat> {};
 
 TEST_P(LedBlobs, CentresAreFoundToASmallPartOfAPixel) {
-  const LedScene scene = led_scene();
+  const scene::LedScene scene = scene::led_scene();
   const std::vector<Vector2d> dots{{40.3, 50.7}, {200.25, 120.5}, {300.9, 230.1}};
-  const auto found = find_led_blobs(led_image(scene, dots, 1, GetParam()), {});
+  const auto found = find_led_blobs(scene::led_image(scene, dots, 1, GetParam()), {});
   ASSERT_EQ(found.size(), 3u);
   for (const Vector2d& dot : dots) {
     double nearest = 1e9;
@@ -35,13 +35,13 @@ TEST_P(LedBlobs, CentresAreFoundToASmallPartOfAPixel) {
   }
 }
 INSTANTIATE_TEST_SUITE_P(Formats, LedBlobs,
-                         testing::Values(PixelFormat::grey, PixelFormat::yuyv, PixelFormat::i420, PixelFormat::bgr));
+                         testing::Values(capture::PixelFormat::grey, capture::PixelFormat::yuyv, capture::PixelFormat::i420, capture::PixelFormat::bgr));
 
 TEST(LedBlobs, NothingIsFoundInTheDarkAtTheEdgeOrInALamp) {
-  const LedScene scene = led_scene();
-  EXPECT_TRUE(find_led_blobs(led_image(scene, {}, 1), {}).empty());
-  EXPECT_TRUE(find_led_blobs(led_image(scene, {{0.4, 100}}, 1), {}).empty());
-  WritableImage lamp = make_image(PixelFormat::grey, ColorRange::full, 320, 240);
+  const scene::LedScene scene = scene::led_scene();
+  EXPECT_TRUE(find_led_blobs(scene::led_image(scene, {}, 1), {}).empty());
+  EXPECT_TRUE(find_led_blobs(scene::led_image(scene, {{0.4, 100}}, 1), {}).empty());
+  capture::WritableImage lamp = capture::make_image(capture::PixelFormat::grey, capture::ColorRange::full, 320, 240);
   for (int v = 60; v < 160; ++v)
     std::fill_n(lamp.data[0] + v * lamp.image.planes[0].stride + 100, 100, std::uint8_t{250});
   EXPECT_TRUE(find_led_blobs(lamp.image, {}).empty());
@@ -51,7 +51,7 @@ TEST(LedBlobs, NothingIsFoundInTheDarkAtTheEdgeOrInALamp) {
 
 LedMotionState some_state() {
   LedMotionState s;
-  s.world_from_camera = led_scene_pose(0.3);
+  s.world_from_camera = scene::led_scene_pose(0.3);
   s.velocity = {0.4, -0.2, 0.1};
   s.angular_rate = {0.3, 0.8, -0.5};
   s.acceleration = {1, 2, -1};
@@ -67,7 +67,7 @@ TEST(LedMotion, ThereAndBackIsWhereItWas) {
 }
 
 TEST(LedMotion, TheJacobianIsTheDerivative) {
-  const LedScene scene = led_scene();
+  const scene::LedScene scene = scene::led_scene();
   for (const double dt : {0.0, -0.03}) {
     LedJacobian j;
     const auto px = led_pixel(scene.camera.model, some_state(), scene.leds[2], dt, &j);
@@ -93,14 +93,14 @@ struct Course {
 };
 
 Course follow(
-    LedFilter& filter, const LedScene& scene, const std::vector<int>& schedule, int frames, int judged_from,
+    LedFilter& filter, const scene::LedScene& scene, const std::vector<int>& schedule, int frames, int judged_from,
     const std::function<bool(int)>& covered = [](int) { return false; }) {
   Course run;
   std::mt19937_64 random(7);
   std::normal_distribution<double> normal;
   int judged = 0;
   for (int i = 0; i < frames; ++i) {
-    const Rigid3d truth = led_scene_pose(i / scene.fps);
+    const calib::Rigid3d truth = scene::led_scene_pose(i / scene.fps);
     LedFrame frame{.at = scene.at(i), .number = static_cast<std::uint64_t>(i), .lit = std::nullopt, .dots = {}};
     std::vector<int> lit(scene.leds.size());
     std::iota(lit.begin(), lit.end(), 0);
@@ -108,17 +108,17 @@ Course follow(
       frame.lit = schedule[static_cast<std::size_t>(i) % schedule.size()];
       lit = {*frame.lit};
     }
-    if (!covered(i)) frame.dots = led_dots(scene, truth, lit);
+    if (!covered(i)) frame.dots = scene::led_dots(scene, truth, lit);
     for (Vector2d& dot : frame.dots) dot += 0.1 * Vector2d(normal(random), normal(random));
-    const CameraEstimate e = filter.update(frame);
+    const camera_tracking::CameraEstimate e = filter.update(frame);
     EXPECT_EQ(e.has_pose(), e.world_from_camera.translation.allFinite() && e.covariance.allFinite());
     if (!e.has_pose()) continue;
     if (run.first < 0) run.first = i;
     ++run.poses;
     Eigen::Matrix<double, 6, 1> off;
     off.head<3>() = truth.translation - e.world_from_camera.translation;
-    off.tail<3>() = log(Rigid3d{truth.rotation * e.world_from_camera.rotation.conjugate(), Vector3d::Zero()}).head<3>();
-    run.wrong += e.state == CameraState::tracking && (off.head<3>().norm() > 0.05 || off.tail<3>().norm() > 0.087);
+    off.tail<3>() = calib::log(calib::Rigid3d{truth.rotation * e.world_from_camera.rotation.conjugate(), Vector3d::Zero()}).head<3>();
+    run.wrong += e.state == camera_tracking::CameraState::tracking && (off.head<3>().norm() > 0.05 || off.tail<3>().norm() > 0.087);
     if (i < judged_from) continue;
     ++judged;
     run.rms_mm += 1e6 * off.head<3>().squaredNorm();
@@ -133,7 +133,7 @@ Course follow(
   return run;
 }
 
-LedFilterOptions options_for(const LedScene& scene) {
+LedFilterOptions options_for(const scene::LedScene& scene) {
   LedFilterOptions options;
   options.start.leds = scene.leds;
   options.start.room_min = {-1.5, -1.5, 0};
@@ -144,7 +144,7 @@ LedFilterOptions options_for(const LedScene& scene) {
 const std::vector<int> in_turn{0, 1, 2, 3, 4, 5, 6, 7};
 
 TEST(LedFilter, FindsTheCameraFromOneLedPerFrameAndFollowsIt) {
-  const LedScene scene = led_scene();
+  const scene::LedScene scene = scene::led_scene();
   const auto filter = LedFilter::huetrack(scene.camera, options_for(scene));
   const Course run = follow(*filter, scene, in_turn, 140, 24);
   EXPECT_GE(run.first, 7);
@@ -157,7 +157,7 @@ TEST(LedFilter, FindsTheCameraFromOneLedPerFrameAndFollowsIt) {
 }
 
 TEST(LedFilter, FindsTheCameraFromLedsThatAreNotIdentified) {
-  const LedScene scene = led_scene();
+  const scene::LedScene scene = scene::led_scene();
   const auto filter = LedFilter::huetrack(scene.camera, options_for(scene));
   const Course run = follow(*filter, scene, {}, 60, 20);
   EXPECT_GE(run.first, 0);
@@ -167,7 +167,7 @@ TEST(LedFilter, FindsTheCameraFromLedsThatAreNotIdentified) {
 }
 
 TEST(LedFilter, FourLedsAreEnoughAndThreeNeverGiveAPose) {
-  const LedScene scene = led_scene();
+  const scene::LedScene scene = scene::led_scene();
   const Course four = follow(*LedFilter::huetrack(scene.camera, options_for(scene)), scene, {0, 2, 4, 6}, 140, 40);
   EXPECT_GT(four.poses, 90);
   EXPECT_EQ(four.wrong, 0);
@@ -176,7 +176,7 @@ TEST(LedFilter, FourLedsAreEnoughAndThreeNeverGiveAPose) {
 }
 
 TEST(LedFilter, CoveredItCoastsThenIsLostAndFoundAgain) {
-  const LedScene scene = led_scene();
+  const scene::LedScene scene = scene::led_scene();
   const auto filter = LedFilter::huetrack(scene.camera, options_for(scene));
   const Course run = follow(*filter, scene, in_turn, 300, 0, [](int i) { return i >= 60 && i < 180; });
   EXPECT_EQ(run.wrong, 0);
@@ -185,7 +185,7 @@ TEST(LedFilter, CoveredItCoastsThenIsLostAndFoundAgain) {
 }
 
 TEST(LedFilter, ThePapersFilterGivesNoFalsePose) {
-  const LedScene scene = led_scene();
+  const scene::LedScene scene = scene::led_scene();
   LedFilterOptions options = options_for(scene);
   options.start.room_min = {0.4, -0.4, 0.3};
   options.start.room_max = {1.1, 0.4, 1.0};
@@ -196,7 +196,7 @@ TEST(LedFilter, ThePapersFilterGivesNoFalsePose) {
 }
 
 TEST(LedFilter, ThePapersFilterFindsTheCameraFromLedsThatAreNotIdentified) {
-  const LedScene scene = led_scene();
+  const scene::LedScene scene = scene::led_scene();
   for (const std::uint64_t seed : {1, 2}) {
     LedFilterOptions options = options_for(scene);
     options.particle_count = 2000;
@@ -212,17 +212,17 @@ TEST(LedFilter, ThePapersFilterFindsTheCameraFromLedsThatAreNotIdentified) {
 }
 
 TEST(LedFilter, SameSeedSameBits) {
-  const LedScene scene = led_scene();
+  const scene::LedScene scene = scene::led_scene();
   const auto bits = [&](std::uint64_t seed) {
     LedFilterOptions options = options_for(scene);
     options.seed = seed;
     const auto filter = LedFilter::huetrack(scene.camera, options);
     Vector3d last(0, 0, 0);
     for (int i = 0; i < 30; ++i) {
-      const CameraEstimate e = filter->update({.at = scene.at(i),
+      const camera_tracking::CameraEstimate e = filter->update({.at = scene.at(i),
                                                .number = static_cast<std::uint64_t>(i),
                                                .lit = i % 8,
-                                               .dots = led_dots(scene, led_scene_pose(i / scene.fps), {i % 8})});
+                                               .dots = scene::led_dots(scene, scene::led_scene_pose(i / scene.fps), {i % 8})});
       if (e.has_pose()) last = e.world_from_camera.translation;
     }
     return last;
@@ -234,23 +234,23 @@ TEST(LedFilter, SameSeedSameBits) {
 // ---- The tracker: images in
 
 TEST(LedTracker, ImagesAndAScheduleBySequenceOrTime) {
-  const LedScene scene = led_scene();
-  CameraTrackerOptions options;
-  LedStart start{.leds = scene.leds, .schedule = in_turn};
+  const scene::LedScene scene = scene::led_scene();
+  camera_tracking::CameraTrackerOptions options;
+  camera_tracking::LedStart start{.leds = scene.leds, .schedule = in_turn};
   start.room_min = {-1.5, -1.5, 0};
   start.room_max = {1.5, 1.5, 2};
   options.start = start;
   options.particle_count = 1000;
-  const auto tracker = make_camera_tracker(scene.camera, options);
+  const auto tracker = camera_methods::make_camera_tracker(scene.camera, options);
   int poses = 0;
   for (int i = 0; i < 40; ++i) {
     if (i % 11 == 5) continue;  // a dropped frame: the schedule goes by the driver's numbers
-    const Rigid3d truth = led_scene_pose(i / scene.fps);
-    const Frame frame{.camera = 0,
+    const calib::Rigid3d truth = scene::led_scene_pose(i / scene.fps);
+    const capture::Frame frame{.camera = 0,
                       .sequence = static_cast<std::uint32_t>(i),
                       .captured_at = scene.at(i),
-                      .pixels = led_image(scene, led_dots(scene, truth, {i % 8}), static_cast<std::uint64_t>(i))};
-    const CameraEstimate e = tracker->update(frame);
+                      .pixels = scene::led_image(scene, scene::led_dots(scene, truth, {i % 8}), static_cast<std::uint64_t>(i))};
+    const camera_tracking::CameraEstimate e = tracker->update(frame);
     if (!e.has_pose()) continue;
     ++poses;
     EXPECT_LT((e.world_from_camera.translation - truth.translation).norm(), 0.02) << i;
@@ -261,8 +261,8 @@ TEST(LedTracker, ImagesAndAScheduleBySequenceOrTime) {
   EXPECT_THROW(tracker->save_map("map"), std::runtime_error);
 
   start.slot_s = 0.5;
-  Frame frame;
-  frame.captured_at = Timestamp(duration_of(4.6));
+  capture::Frame frame;
+  frame.captured_at = capture::Timestamp(capture::duration_of(4.6));
   EXPECT_EQ(lit_led(start, moment_of(frame)), 1);  // slot 9 of 8
   start.schedule.clear();
   EXPECT_EQ(lit_led(start, moment_of(frame)), std::nullopt);
@@ -271,31 +271,31 @@ TEST(LedTracker, ImagesAndAScheduleBySequenceOrTime) {
 struct Film {
   std::vector<int> lit;  // of frame i: lit[i % size], -1: none
   int frames = 90, every = 1;
-  Duration late{0};  // all capture times
+  capture::Duration late{0};  // all capture times
 };
 struct Outcome {
   int first = -1, poses = 0, wrong = 0, most_in_view = 0;
   std::string why;  // after the last frame
 };
 
-Outcome play(const LedStart& start, const Film& film, CameraMethod method = CameraMethod::huetrack) {
-  const LedScene scene = led_scene();
-  CameraTrackerOptions options;
+Outcome play(const camera_tracking::LedStart& start, const Film& film, camera_tracking::CameraMethod method = camera_tracking::CameraMethod::huetrack) {
+  const scene::LedScene scene = scene::led_scene();
+  camera_tracking::CameraTrackerOptions options;
   options.method = method;
   options.start = start;
   options.particle_count = 1000;
-  const auto tracker = make_camera_tracker(scene.camera, options);
+  const auto tracker = camera_methods::make_camera_tracker(scene.camera, options);
   Outcome out;
   for (int i = 0; i < film.frames; i += film.every) {
-    const Rigid3d truth = led_scene_pose(i / scene.fps);
+    const calib::Rigid3d truth = scene::led_scene_pose(i / scene.fps);
     std::vector<int> lit;
     if (const int led = film.lit[static_cast<std::size_t>(i) % film.lit.size()]; led >= 0) lit.push_back(led);
-    const Frame frame{.camera = 0,
+    const capture::Frame frame{.camera = 0,
                       .sequence = static_cast<std::uint32_t>(i / film.every),
                       .captured_at = scene.at(i) + film.late,
-                      .pixels = led_image(scene, led_dots(scene, truth, lit), static_cast<std::uint64_t>(i)),
+                      .pixels = scene::led_image(scene, scene::led_dots(scene, truth, lit), static_cast<std::uint64_t>(i)),
                       .stream_index = i};
-    const CameraEstimate e = tracker->update(frame);
+    const camera_tracking::CameraEstimate e = tracker->update(frame);
     if (!e.has_pose()) continue;
     if (out.first < 0) out.first = i;
     ++out.poses;
@@ -306,8 +306,8 @@ Outcome play(const LedStart& start, const Film& film, CameraMethod method = Came
   return out;
 }
 
-LedStart start_for(const std::vector<int>& schedule) {
-  LedStart start{.leds = led_scene().leds, .schedule = schedule};
+camera_tracking::LedStart start_for(const std::vector<int>& schedule) {
+  camera_tracking::LedStart start{.leds = scene::led_scene().leds, .schedule = schedule};
   start.room_min = {-1.5, -1.5, 0};
   start.room_max = {1.5, 1.5, 2};
   return start;
@@ -334,7 +334,7 @@ TEST(LedTracker, ItFindsByHowManySlotsTheScheduleIsOff) {
 }
 
 TEST(LedTracker, AScheduleByTimeMayBeginAnywhereInASlot) {
-  LedStart start = start_for(in_turn);
+  camera_tracking::LedStart start = start_for(in_turn);
   for (const double slot_s : {0.011111111, 0.0111111112})  // of frames every 1/90 s
     for (const int late_ms : {0, 10, 37}) {
       start.slot_s = slot_s;
@@ -356,18 +356,18 @@ TEST(LedTracker, ItSaysWhyThereIsNoPose) {
 }
 
 TEST(LedTracker, FourLedsWithoutAScheduleAreRefused) {
-  LedStart start = start_for({});
+  camera_tracking::LedStart start = start_for({});
   start.leds.resize(4);
-  CameraTrackerOptions options;
+  camera_tracking::CameraTrackerOptions options;
   options.start = start;
   EXPECT_THAT(options.problems(), testing::Contains(HasSubstr("give led_schedule, or a fifth LED")));
 }
 
 TEST(LedTracker, ThreeLedsAreRefused) {
-  CameraTrackerOptions options;
-  options.start = LedStart{.leds = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}}, .schedule = {}};
+  camera_tracking::CameraTrackerOptions options;
+  options.start = camera_tracking::LedStart{.leds = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}}, .schedule = {}};
   try {
-    make_camera_tracker(led_scene().camera, options);
+    camera_methods::make_camera_tracker(scene::led_scene().camera, options);
     FAIL() << "three LEDs were accepted";
   } catch (const std::invalid_argument& error) {
     EXPECT_THAT(error.what(), HasSubstr("at least 4 LEDs are needed, not 3"));
@@ -375,4 +375,4 @@ TEST(LedTracker, ThreeLedsAreRefused) {
 }
 
 }  // namespace
-}  // namespace huetrack
+}  // namespace huetrack::leds

@@ -12,7 +12,7 @@
 #include <string>
 #include <vector>
 
-namespace huetrack {
+namespace huetrack::calib {
 namespace {
 
 struct Points {
@@ -155,4 +155,4 @@ TEST(BatchProjector, AnEmptyBatchIsFine) {
 }
 
 }  // namespace
-}  // namespace huetrack
+}  // namespace huetrack::calib

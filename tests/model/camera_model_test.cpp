@@ -12,7 +12,7 @@
 #include <string>
 #include <vector>
 
-namespace huetrack {
+namespace huetrack::calib {
 namespace {
 
 constexpr double pi = std::numbers::pi;
@@ -284,4 +284,4 @@ TEST(CameraModel, ALensOfNoNumbersSeesNothing) {
 }
 
 }  // namespace
-}  // namespace huetrack
+}  // namespace huetrack::calib

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-namespace huetrack {
+namespace huetrack::calib {
 namespace {
 
 using testing::ElementsAre;
@@ -95,4 +95,4 @@ TEST(Camera, KnowsWhereItStandsAndWhatItsImageHolds) {
 }
 
 }  // namespace
-}  // namespace huetrack
+}  // namespace huetrack::calib

@@ -18,7 +18,7 @@
 
 #include "calib/yaml/yaml_reader.h"
 
-namespace huetrack {
+namespace huetrack::calib {
 namespace {
 
 namespace fs = std::filesystem;
@@ -42,7 +42,7 @@ class RigYaml : public testing::Test {
   std::string error_of(const std::string& yaml) const {
     try {
       read(yaml);
-    } catch (const ConfigError& error) {
+    } catch (const yaml::ConfigError& error) {
       const std::string what = error.what();
       EXPECT_EQ(what.find(file().string()), 0u);
       return what.substr(folder_.string().size() + 1);
@@ -359,7 +359,7 @@ TEST_F(RigYaml, ADamagedFileIsReadOrRefusedNothingElse) {
       const CameraRig rig = read_rig(file());
       EXPECT_TRUE(rig.problems().empty());
       ++read_through;
-    } catch (const ConfigError&) {
+    } catch (const yaml::ConfigError&) {
       ++refused;
     }  // anything else fails the test
   }
@@ -406,4 +406,4 @@ TEST(SharedRigs, AllOfThemAreReadAsTheyAre) {
 }
 
 }  // namespace
-}  // namespace huetrack
+}  // namespace huetrack::calib

@@ -7,7 +7,7 @@
 #include <random>
 #include <vector>
 
-namespace huetrack {
+namespace huetrack::calib {
 namespace {
 
 constexpr double pi = std::numbers::pi;
@@ -105,4 +105,4 @@ TEST(Rigid3, TinyTranslationsSurvive) {
 }
 
 }  // namespace
-}  // namespace huetrack
+}  // namespace huetrack::calib

@@ -4,42 +4,42 @@
 
 #include "benchmark/tracking_figures.h"
 
-namespace huetrack {
+namespace huetrack::object_tracking {
 namespace {
 
 class Accuracy : public testing::Test {
  protected:
   void load(const std::string& folder, int every = 1) {
-    if (!have(folder)) return;
-    sequence = load_sequence(shared_data() / folder, every);
+    if (!figures::have(folder)) return;
+    sequence = figures::load_sequence(figures::shared_data() / folder, every);
   }
-  TrackingFigures ours(const TargetOptions& target) const {
-    return figures_of(sequence, target.name, track(sequence, target, rendered_options(Observation::huetrack, 1)));
+  figures::TrackingFigures ours(const TargetOptions& target) const {
+    return figures::figures_of(sequence, target.name, figures::track(sequence, target, figures::rendered_options(Observation::huetrack, 1)));
   }
-  TrackingFigures blob(const TargetOptions& target) const {
-    return figures_of(sequence, target.name, track_blob(sequence, target));
+  figures::TrackingFigures blob(const TargetOptions& target) const {
+    return figures::figures_of(sequence, target.name, figures::track_blob(sequence, target));
   }
-  static void expect_honest(const TrackingFigures& f) {
+  static void expect_honest(const figures::TrackingFigures& f) {
     EXPECT_EQ(f.wrong_tracking, 0u) << "sets that say `tracking` and are over 10 cm off";
     EXPECT_GT(f.compared, 30u);
     EXPECT_GE(f.mean_nees, 1.5);
     EXPECT_LE(f.mean_nees, 6);
     EXPECT_GE(f.share_inside_95, 0.85);
   }
-  static void expect_not_too_modest(const TrackingFigures& f) { EXPECT_LE(f.share_inside_95, 0.99); }
-  Sequence sequence;
+  static void expect_not_too_modest(const figures::TrackingFigures& f) { EXPECT_LE(f.share_inside_95, 0.99); }
+  figures::Sequence sequence;
 };
 
 #define SKIP_WITHOUT(folder) \
-  if (!have(folder)) GTEST_SKIP() << "no recording in " << (shared_data() / (folder))
+  if (!figures::have(folder)) GTEST_SKIP() << "no recording in " << (figures::shared_data() / (folder))
 
 TEST_F(Accuracy, twoCameras) {
   SKIP_WITHOUT("rendered/two_cams");
   load("rendered/two_cams");
-  const TrackingFigures f = ours(lime_ball());
+  const figures::TrackingFigures f = ours(figures::lime_ball());
   ASSERT_TRUE(f.lock_set);
   EXPECT_LE(*f.lock_set, 3u);
-  EXPECT_LE(f.rms_m, blob(lime_ball()).rms_m);
+  EXPECT_LE(f.rms_m, blob(figures::lime_ball()).rms_m);
   EXPECT_LE(f.max_m, 0.012);
   expect_honest(f);
   expect_not_too_modest(f);
@@ -48,9 +48,9 @@ TEST_F(Accuracy, twoCameras) {
 TEST_F(Accuracy, occlusion) {
   SKIP_WITHOUT("rendered/occlusion");
   load("rendered/occlusion");
-  for (const TargetOptions& target : {pink_ball(), lime_ball()}) {
+  for (const TargetOptions& target : {figures::pink_ball(), figures::lime_ball()}) {
     SCOPED_TRACE(target.name);
-    const TrackingFigures f = ours(target);
+    const figures::TrackingFigures f = ours(target);
     EXPECT_LE(f.rms_two_views_m, 0.005);
     EXPECT_LE(f.longest_return, 3u);
     EXPECT_LE(f.largest_jump_m, 0.1);
@@ -62,8 +62,8 @@ TEST_F(Accuracy, occlusion) {
 TEST_F(Accuracy, fastBall) {
   SKIP_WITHOUT("rendered/fast_60fps");
   load("rendered/fast_60fps");
-  const TrackingFigures f = ours(pink_ball());
-  EXPECT_LE(f.rms_m, 1.2 * blob(pink_ball()).rms_m);
+  const figures::TrackingFigures f = ours(figures::pink_ball());
+  EXPECT_LE(f.rms_m, 1.2 * blob(figures::pink_ball()).rms_m);
   expect_honest(f);
   expect_not_too_modest(f);
 }
@@ -71,7 +71,7 @@ TEST_F(Accuracy, fastBall) {
 TEST_F(Accuracy, fastBallBeforeFreeRunningCameras) {
   SKIP_WITHOUT("rendered/fast_60fps");
   load("rendered/fast_60fps", 2);
-  const TrackingFigures f = ours(pink_ball());
+  const figures::TrackingFigures f = ours(figures::pink_ball());
   EXPECT_LE(f.rms_m, 0.012);
   expect_honest(f);  // of some 45 samples one outside is 98 %, none 100 %: no upper bound on so few
 }
@@ -79,9 +79,9 @@ TEST_F(Accuracy, fastBallBeforeFreeRunningCameras) {
 TEST_F(Accuracy, realRedSquare) {
   SKIP_WITHOUT("red_square_stereo");
   load("red_square_stereo");
-  const auto estimates = track(sequence, red_square(), red_square_options(Observation::huetrack, 1));
-  EXPECT_GE(inside_red_square(sequence, estimates), 112u);
+  const auto estimates = figures::track(sequence, figures::red_square(), figures::red_square_options(Observation::huetrack, 1));
+  EXPECT_GE(figures::inside_red_square(sequence, estimates), 112u);
 }
 
 }  // namespace
-}  // namespace huetrack
+}  // namespace huetrack::object_tracking

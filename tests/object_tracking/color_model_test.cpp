@@ -6,7 +6,7 @@
 #include <cmath>
 #include <numbers>
 
-namespace huetrack {
+namespace huetrack::object_tracking {
 namespace {
 
 using testing::ElementsAre;
@@ -18,7 +18,7 @@ const std::vector<HsiRange> colors{
     {340, 20, 0.4, 1, 0.08, 0.9}, {65, 115, 0.3, 1, 0.1, 0.95}, {200, 203, 0.05, 0.6, 0, 1},   {359, 1, 0, 1, 0, 1},
     {30, 330, 0, 1, 0, 1},        {0, 360, 0.3, 0.7, 0.3, 0.6}, {300, 360, 0.2, 0.9, 0.2, 0.8}};
 
-std::vector<ColorTable> tables(PixelFormat format, ColorRange range) {
+std::vector<ColorTable> tables(capture::PixelFormat format, capture::ColorRange range) {
   std::vector<ColorTable> out;
   for (const HsiRange& color : colors) out.emplace_back(color, format, range);
   return out;
@@ -45,27 +45,27 @@ void expect_every_pixel_as_the_formula(const std::vector<ColorTable>& table, For
 }
 
 TEST(ColorTable, everyYuvOfLimitedRangeAsTheFormula) {
-  expect_every_pixel_as_the_formula<Yuv>(tables(PixelFormat::yuyv, ColorRange::limited),
-                                         [](Yuv p) { return hsi_of(rgb_of(p, ColorRange::limited)); });
+  expect_every_pixel_as_the_formula<capture::Yuv>(tables(capture::PixelFormat::yuyv, capture::ColorRange::limited),
+                                         [](capture::Yuv p) { return hsi_of(rgb_of(p, capture::ColorRange::limited)); });
 }
 
 TEST(ColorTable, everyYuvOfFullRangeAsTheFormula) {
-  expect_every_pixel_as_the_formula<Yuv>(tables(PixelFormat::i422, ColorRange::full),
-                                         [](Yuv p) { return hsi_of(rgb_of(p, ColorRange::full)); });
+  expect_every_pixel_as_the_formula<capture::Yuv>(tables(capture::PixelFormat::i422, capture::ColorRange::full),
+                                         [](capture::Yuv p) { return hsi_of(rgb_of(p, capture::ColorRange::full)); });
 }
 
 TEST(ColorTable, everyBgrAsTheFormula) {
-  expect_every_pixel_as_the_formula<Bgr>(tables(PixelFormat::bgr, ColorRange::full),
-                                         [](Bgr p) { return hsi_of(rgb_of(p)); });
+  expect_every_pixel_as_the_formula<capture::Bgr>(tables(capture::PixelFormat::bgr, capture::ColorRange::full),
+                                         [](capture::Bgr p) { return hsi_of(rgb_of(p)); });
 }
 
 TEST(ColorTable, ceilingsAreTheBrightestMatchOfTheirChroma) {
-  for (const ColorTable& table : tables(PixelFormat::yuyv, ColorRange::limited)) {
+  for (const ColorTable& table : tables(capture::PixelFormat::yuyv, capture::ColorRange::limited)) {
     ColorTable::LumaCeiling expected;
     for (unsigned uv = 0; uv < 65536; ++uv) {
       for (const unsigned y : {255u, 200u, 128u, 60u, 16u, 0u, unsigned{table.intervals()[uv].y_max}}) {
         const auto u = static_cast<std::uint8_t>(uv), v = static_cast<std::uint8_t>(uv >> 8), luma = static_cast<std::uint8_t>(y);
-        if (!table.contains(Yuv{luma, u, v})) continue;
+        if (!table.contains(capture::Yuv{luma, u, v})) continue;
         expected.of_u[u / 4u] = std::max(expected.of_u[u / 4u], luma);
         expected.of_v[v / 4u] = std::max(expected.of_v[v / 4u], luma);
       }
@@ -76,18 +76,18 @@ TEST(ColorTable, ceilingsAreTheBrightestMatchOfTheirChroma) {
 }
 
 TEST(ColorTable, readsOnlyImagesOfItsKind) {
-  const ColorTable yuv(colors[0], PixelFormat::nv12, ColorRange::limited),
-      bgr(colors[0], PixelFormat::bgr, ColorRange::full);
-  EXPECT_TRUE(yuv.is_for(PixelFormat::yuyv, ColorRange::limited));
-  EXPECT_TRUE(yuv.is_for(PixelFormat::grey, ColorRange::limited));
-  EXPECT_FALSE(yuv.is_for(PixelFormat::yuyv, ColorRange::full));
-  EXPECT_FALSE(yuv.is_for(PixelFormat::bgr, ColorRange::limited));
-  EXPECT_TRUE(bgr.is_for(PixelFormat::bgr, ColorRange::full));
-  EXPECT_FALSE(bgr.is_for(PixelFormat::i444, ColorRange::full));
+  const ColorTable yuv(colors[0], capture::PixelFormat::nv12, capture::ColorRange::limited),
+      bgr(colors[0], capture::PixelFormat::bgr, capture::ColorRange::full);
+  EXPECT_TRUE(yuv.is_for(capture::PixelFormat::yuyv, capture::ColorRange::limited));
+  EXPECT_TRUE(yuv.is_for(capture::PixelFormat::grey, capture::ColorRange::limited));
+  EXPECT_FALSE(yuv.is_for(capture::PixelFormat::yuyv, capture::ColorRange::full));
+  EXPECT_FALSE(yuv.is_for(capture::PixelFormat::bgr, capture::ColorRange::limited));
+  EXPECT_TRUE(bgr.is_for(capture::PixelFormat::bgr, capture::ColorRange::full));
+  EXPECT_FALSE(bgr.is_for(capture::PixelFormat::i444, capture::ColorRange::full));
 }
 
 TEST(ColorTable, refusesAnInvalidRange) {
-  EXPECT_THROW(ColorTable({10, 20, 0.5, 0.4, 0, 1}, PixelFormat::yuyv, ColorRange::limited), std::invalid_argument);
+  EXPECT_THROW(ColorTable({10, 20, 0.5, 0.4, 0, 1}, capture::PixelFormat::yuyv, capture::ColorRange::limited), std::invalid_argument);
 }
 
 // Gonzalez and Woods, Digital Image Processing, section 6.2, as printed.
@@ -172,4 +172,4 @@ TEST(HsiRange, problemsNameTheConstraint) {
 }
 
 }  // namespace
-}  // namespace huetrack
+}  // namespace huetrack::object_tracking

@@ -9,7 +9,7 @@
 
 #include "object_tracking/mask_image.h"
 
-namespace huetrack {
+namespace huetrack::object_tracking {
 namespace {
 
 struct Mask {
@@ -90,7 +90,7 @@ void expect_same_regions(std::vector<ColorRegion> got, std::vector<ColorRegion> 
 }
 
 struct View {
-  Image image;
+  capture::Image image;
   MatchBits bits;
   explicit View(const Mask& mask) : image(mask_image(mask.width, mask.height, mask)), bits(mask.width, mask.height) {
     bits.look_at(image, mask_table());
@@ -215,4 +215,4 @@ TEST(RegionFinder, searchInFieldsOfColorEnds) {
 }
 
 }  // namespace
-}  // namespace huetrack
+}  // namespace huetrack::object_tracking

@@ -8,7 +8,7 @@
 
 #include "object_tracking/random_image.h"
 
-namespace huetrack {
+namespace huetrack::object_tracking {
 namespace {
 
 struct Size {
@@ -23,7 +23,7 @@ struct Windows {
 };
 
 // What eq. (6) asks for: the pixel that (u, v) rounds to, halves upwards; the test's own arithmetic, in double.
-int expected_count(const Image& image, const ColorTable& table, float u, float v) {
+int expected_count(const capture::Image& image, const ColorTable& table, float u, float v) {
   const double ru = std::floor(static_cast<double>(u) + 0.5), rv = std::floor(static_cast<double>(v) + 0.5);
   if (!(ru >= 0 && rv >= 0 && ru < image.width && rv < image.height)) return MatchBits::outside;
   return count_5x5_reference(image, table, static_cast<int>(ru), static_cast<int>(rv));
@@ -36,7 +36,7 @@ std::vector<int> counts(MatchBits& bits, const Windows& w) {
   return {k.begin(), k.end() - 1};
 }
 
-std::vector<int> expected_counts(const Image& image, const ColorTable& table, const Windows& w) {
+std::vector<int> expected_counts(const capture::Image& image, const ColorTable& table, const Windows& w) {
   std::vector<int> out;
   for (std::size_t i = 0; i < w.u.size(); ++i) out.push_back(expected_count(image, table, w.u[i], w.v[i]));
   return out;
@@ -62,20 +62,20 @@ Windows strewn(Size size, int n, std::uint64_t seed) {
 }
 
 // Every format, with both kinds of inner loops.
-class EveryFormat : public testing::TestWithParam<std::tuple<PixelFormat, bool>> {
+class EveryFormat : public testing::TestWithParam<std::tuple<capture::PixelFormat, bool>> {
  protected:
   void SetUp() override {
     if (kernels == nullptr) GTEST_SKIP() << "this machine has no AVX-512";
   }
-  const PixelFormat format = std::get<0>(GetParam());
+  const capture::PixelFormat format = std::get<0>(GetParam());
   const WindowKernels* const kernels = std::get<1>(GetParam()) ? avx512_window_kernels() : &portable_window_kernels();
-  const ColorTable table{common_color(format), format, ColorRange::limited};
+  const ColorTable table{common_color(format), format, capture::ColorRange::limited};
 };
 INSTANTIATE_TEST_SUITE_P(, EveryFormat, testing::Combine(testing::ValuesIn(all_formats), testing::Bool()),
-                         [](const auto& param) { return std::string(name(std::get<0>(param.param))) + (std::get<1>(param.param) ? "_avx512" : ""); });
+                         [](const auto& param) { return std::string(capture::name(std::get<0>(param.param))) + (std::get<1>(param.param) ? "_avx512" : ""); });
 
 TEST_P(EveryFormat, referenceCountsPixelByPixel) {
-  const Image image = random_image(format, 20, 20, 1);
+  const capture::Image image = random_image(format, 20, 20, 1);
   for (const auto& [u, v] : {std::pair{0, 0}, {2, 2}, {10, 9}, {19, 19}, {18, 1}}) {
     int k = 0;
     for (int y = v - 2; y <= v + 2; ++y) {
@@ -91,7 +91,7 @@ TEST_P(EveryFormat, everyWindowAsTheReference) {
     MatchBits bits(size.width, size.height, *kernels);
     const Windows w = every_pixel(size);
     for (std::uint64_t frame = 1; frame <= 3; ++frame) {  // nothing is left over from the frame before
-      const Image image = random_image(format, size.width, size.height, frame);
+      const capture::Image image = random_image(format, size.width, size.height, frame);
       bits.look_at(image, table);
       const std::vector<int> expected = expected_counts(image, table, w);
       EXPECT_EQ(counts(bits, w), expected) << size.width << "x" << size.height << " frame " << frame;
@@ -107,12 +107,12 @@ TEST_P(EveryFormat, anyNumberOfStrewnWindowsAsTheReference) {
   const Size size{70, 46};
   MatchBits bits(size.width, size.height, *kernels);
   for (int n = 0; n < 70; ++n) {
-    const Image image = random_image(format, size.width, size.height, static_cast<std::uint64_t>(n));
+    const capture::Image image = random_image(format, size.width, size.height, static_cast<std::uint64_t>(n));
     bits.look_at(image, table);
     const Windows w = strewn(size, n, static_cast<std::uint64_t>(n));
     ASSERT_EQ(counts(bits, w), expected_counts(image, table, w)) << n;
   }
-  const Image image = random_image(format, size.width, size.height, 99);
+  const capture::Image image = random_image(format, size.width, size.height, 99);
   bits.look_at(image, table);
   const Windows w = strewn(size, 5000, 99);
   ASSERT_EQ(counts(bits, w), expected_counts(image, table, w));
@@ -120,11 +120,11 @@ TEST_P(EveryFormat, anyNumberOfStrewnWindowsAsTheReference) {
 
 TEST_P(EveryFormat, fewPixelsOfTheColourInABackground) {
   const HsiRange lime{65, 115, 0.3, 1, 0.1, 0.95};
-  const ColorTable narrow(format == PixelFormat::grey || format == PixelFormat::bgr ? common_color(format) : lime, format, ColorRange::limited);
+  const ColorTable narrow(format == capture::PixelFormat::grey || format == capture::PixelFormat::bgr ? common_color(format) : lime, format, capture::ColorRange::limited);
   const Size size{120, 70};
   MatchBits bits(size.width, size.height, *kernels);
   for (std::uint64_t frame = 1; frame <= 5; ++frame) {
-    const Image image = background_image(format, size.width, size.height, frame);
+    const capture::Image image = background_image(format, size.width, size.height, frame);
     bits.look_at(image, narrow);
     const Windows w = every_pixel(size);
     const std::vector<int> expected = expected_counts(image, narrow, w);
@@ -136,7 +136,7 @@ TEST_P(EveryFormat, fewPixelsOfTheColourInABackground) {
 
 TEST_P(EveryFormat, rowsAndPixelsAsTheImage) {
   for (const Size size : sizes) {
-    const Image image = random_image(format, size.width, size.height, 7);
+    const capture::Image image = random_image(format, size.width, size.height, 7);
     MatchBits bits(size.width, size.height, *kernels);
     bits.look_at(image, table);
     bits.look({-100, -100, 1000, 1000});  // clipped
@@ -159,7 +159,7 @@ TEST_P(EveryFormat, rowsAndPixelsAsTheImage) {
 
 TEST_P(EveryFormat, gridAsTheImage) {
   for (const Size size : sizes) {
-    const Image image = random_image(format, size.width, size.height, 8);
+    const capture::Image image = random_image(format, size.width, size.height, 8);
     MatchBits bits(size.width, size.height, *kernels);
     bits.look_at(image, table);
     for (const int step : {1, 2, 3, 7, 200}) {
@@ -178,9 +178,9 @@ TEST_P(EveryFormat, gridAsTheImage) {
 }
 
 TEST(MatchBits, imagesWithPaddedRows) {
-  const ColorTable table(common_color(PixelFormat::i420), PixelFormat::i420, ColorRange::limited);
-  const Image wide = random_image(PixelFormat::i420, 96, 32, 1);
-  Image left = wide;  // the left part of it: rows are longer than pixels
+  const ColorTable table(common_color(capture::PixelFormat::i420), capture::PixelFormat::i420, capture::ColorRange::limited);
+  const capture::Image wide = random_image(capture::PixelFormat::i420, 96, 32, 1);
+  capture::Image left = wide;  // the left part of it: rows are longer than pixels
   left.width = 42;
   MatchBits bits(42, 32);
   bits.look_at(left, table);
@@ -189,8 +189,8 @@ TEST(MatchBits, imagesWithPaddedRows) {
 }
 
 TEST(MatchBits, coordinatesThatAreNoPixel) {
-  const ColorTable table(common_color(PixelFormat::yuyv), PixelFormat::yuyv, ColorRange::limited);
-  const Image image = random_image(PixelFormat::yuyv, 40, 30, 1);
+  const ColorTable table(common_color(capture::PixelFormat::yuyv), capture::PixelFormat::yuyv, capture::ColorRange::limited);
+  const capture::Image image = random_image(capture::PixelFormat::yuyv, 40, 30, 1);
   MatchBits bits(40, 30);
   bits.look_at(image, table);
   const double nan = std::nan(""), inf = std::numeric_limits<double>::infinity();
@@ -213,8 +213,8 @@ TEST(MatchBits, coordinatesThatAreNoPixel) {
 
 // The point of it all: the cost follows the windows, not the image.
 TEST(MatchBits, looksOnlyWhereAWindowIs) {
-  const ColorTable table(common_color(PixelFormat::nv12), PixelFormat::nv12, ColorRange::limited);
-  const Image image = random_image(PixelFormat::nv12, 1920, 1080, 1);
+  const ColorTable table(common_color(capture::PixelFormat::nv12), capture::PixelFormat::nv12, capture::ColorRange::limited);
+  const capture::Image image = random_image(capture::PixelFormat::nv12, 1920, 1080, 1);
   MatchBits bits(1920, 1080);
   bits.look_at(image, table);
   EXPECT_EQ(bits.tiles_looked_at(), 0u);
@@ -242,8 +242,8 @@ TEST(MatchBits, looksOnlyWhereAWindowIs) {
 }
 
 TEST(MatchBits, ignoredBoxesMatchNothing) {
-  const PixelFormat format = PixelFormat::yuyv;
-  const Image image = random_image(format, 66, 50, 5);
+  const capture::PixelFormat format = capture::PixelFormat::yuyv;
+  const capture::Image image = random_image(format, 66, 50, 5);
   const ColorTable table(common_color(format), format, image.range);
   const std::vector<PixelBox> boxes{{3, 5, 20, 9}, {40, 30, 400, 41}, {-9, -9, 0, 0}};
   const auto is_ignored = [&](int u, int v) {
@@ -267,8 +267,8 @@ TEST(MatchBits, ignoredBoxesMatchNothing) {
 }
 
 TEST(MatchBits, rowsThatNobodyLookedAtAreEmpty) {
-  const ColorTable any({0, 360, 0, 1, 0, 1}, PixelFormat::grey, ColorRange::limited);
-  const Image image = random_image(PixelFormat::grey, 64, 64, 1);
+  const ColorTable any({0, 360, 0, 1, 0, 1}, capture::PixelFormat::grey, capture::ColorRange::limited);
+  const capture::Image image = random_image(capture::PixelFormat::grey, 64, 64, 1);
   MatchBits bits(64, 64);
   bits.look_at(image, any);
   EXPECT_EQ(bits.row(0, 20), 0u);
@@ -282,4 +282,4 @@ TEST(MatchBits, rowsThatNobodyLookedAtAreEmpty) {
 }
 
 }  // namespace
-}  // namespace huetrack
+}  // namespace huetrack::object_tracking

@@ -5,11 +5,11 @@
 #include "capture/pixel_format.h"
 #include "object_tracking/color_model.h"
 
-namespace huetrack {
+namespace huetrack::object_tracking {
 
 template <typename Chosen>
-Image mask_image(int width, int height, Chosen chosen) {
-  WritableImage out = make_image(PixelFormat::grey, ColorRange::full, width, height);
+capture::Image mask_image(int width, int height, Chosen chosen) {
+  capture::WritableImage out = capture::make_image(capture::PixelFormat::grey, capture::ColorRange::full, width, height);
   for (int v = 0; v < height; ++v) {
     for (int u = 0; u < width; ++u) out.data[0][v * out.image.planes[0].stride + u] = chosen(u, v) ? 200 : 50;
   }
@@ -17,8 +17,8 @@ Image mask_image(int width, int height, Chosen chosen) {
 }
 
 inline const ColorTable& mask_table() {
-  static const ColorTable table({0, 360, 0, 1, 0.5, 1}, PixelFormat::grey, ColorRange::full);
+  static const ColorTable table({0, 360, 0, 1, 0.5, 1}, capture::PixelFormat::grey, capture::ColorRange::full);
   return table;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::object_tracking

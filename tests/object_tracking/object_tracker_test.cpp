@@ -10,7 +10,7 @@
 
 #include "scene/scene.h"
 
-namespace huetrack {
+namespace huetrack::object_tracking {
 namespace {
 
 using Eigen::Vector3d;
@@ -26,7 +26,7 @@ TargetOptions lime() {
   return t;
 }
 
-BallOptions pink_ball() {
+scene::BallOptions pink_ball() {
   return {.name = "pink", .rgb = {0.85, 0.25, 0.55}};
 }
 
@@ -44,12 +44,12 @@ ObjectTrackerOptions options_with(std::uint64_t seed = 1, Observation observatio
   return o;
 }
 
-SceneBuilder ring(int count) {
-  return SceneBuilder{}.cameras_on_ring({.count = count});
+scene::SceneBuilder ring(int count) {
+  return scene::SceneBuilder{}.cameras_on_ring({.count = count});
 }
 
 // What holds of every estimate, whatever happens.
-void expect_sound(const ObjectEstimate& e, const FrameSet& set, std::size_t cameras) {
+void expect_sound(const ObjectEstimate& e, const capture::FrameSet& set, std::size_t cameras) {
   EXPECT_EQ(e.at, set.at);
   EXPECT_EQ(e.set_number, set.number);
   EXPECT_EQ(e.has_position(), e.state == TrackState::tracking || e.state == TrackState::coasting);
@@ -84,13 +84,13 @@ struct Outcome {
   double rms_m = 0, mean_nees = 0, share_inside_95 = 0;  // from the lock on, in `tracking`
 };
 
-Outcome run(const Scene& scene, const std::vector<FrameSet>& sets, const TargetOptions& target,
+Outcome run(const scene::Scene& scene, const std::vector<capture::FrameSet>& sets, const TargetOptions& target,
             const ObjectTrackerOptions& options, std::size_t ball = 0) {
   ObjectTracker tracker(scene.rig, target, options);
   Outcome out;
   double sum2 = 0;
   int n = 0;
-  for (const FrameSet& set : sets) {
+  for (const capture::FrameSet& set : sets) {
     const ObjectEstimate e = tracker.update(set);
     expect_sound(e, set, scene.rig.cameras.size());
     const Vector3d error = e.position - scene.ball_at(ball, set.at);
@@ -132,9 +132,9 @@ TEST(ObjectTracker, locksByTheThirdSetAndIsHonest) {
   double nees = 0, inside = 0;
   int runs = 0;
   for (const int cameras : {2, 3}) {
-    const Scene scene = ring(cameras).ball({}).build();
+    const scene::Scene scene = ring(cameras).ball({}).build();
     for (std::uint64_t seed = 1; seed <= 4; ++seed) {
-      const Outcome o = run(scene, render(scene, {.set_count = 50, .seed = seed}), lime(), options_with(seed));
+      const Outcome o = run(scene, scene::render(scene, {.set_count = 50, .seed = seed}), lime(), options_with(seed));
       EXPECT_LE(o.lock, 3u) << cameras << " cameras, seed " << seed;
       EXPECT_LT(o.rms_m, 0.006) << cameras << " cameras, seed " << seed;
       for (std::size_t i = o.lock; i < o.estimates.size(); ++i)
@@ -148,26 +148,26 @@ TEST(ObjectTracker, locksByTheThirdSetAndIsHonest) {
 }
 
 TEST(ObjectTracker, readsEveryFormat) {
-  for (const PixelFormat format : {PixelFormat::yuyv, PixelFormat::nv12, PixelFormat::i420, PixelFormat::i422,
-                                   PixelFormat::i444, PixelFormat::bgr}) {
-    const Scene scene = ring(2).ball({}).build();
-    const Outcome o = run(scene, render(scene, {.set_count = 15, .format = format}), lime(), options_with());
-    EXPECT_LE(o.lock, 3u) << name(format);
-    EXPECT_LT(o.rms_m, 0.01) << name(format);
+  for (const capture::PixelFormat format : {capture::PixelFormat::yuyv, capture::PixelFormat::nv12, capture::PixelFormat::i420, capture::PixelFormat::i422,
+                                   capture::PixelFormat::i444, capture::PixelFormat::bgr}) {
+    const scene::Scene scene = ring(2).ball({}).build();
+    const Outcome o = run(scene, scene::render(scene, {.set_count = 15, .format = format}), lime(), options_with());
+    EXPECT_LE(o.lock, 3u) << capture::name(format);
+    EXPECT_LT(o.rms_m, 0.01) << capture::name(format);
   }
 }
 
 TEST(ObjectTracker, findsNothingWhereNothingIs) {
-  Scene scene = ring(3).build();
+  scene::Scene scene = ring(3).build();
   ObjectTracker tracker(scene.rig, lime(), options_with());
-  for (const FrameSet& set : render(scene, {.set_count = 20})) {
+  for (const capture::FrameSet& set : scene::render(scene, {.set_count = 20})) {
     const ObjectEstimate e = tracker.update(set);
     expect_sound(e, set, 3);
     EXPECT_EQ(e.state, TrackState::searching);
   }
   ObjectTracker of_grey(scene.rig, lime(), options_with());
   scene.balls.push_back({});
-  for (const FrameSet& set : render(scene, {.set_count = 5, .format = PixelFormat::grey})) {
+  for (const capture::FrameSet& set : scene::render(scene, {.set_count = 5, .format = capture::PixelFormat::grey})) {
     EXPECT_EQ(of_grey.update(set).state, TrackState::searching);
   }
 }
@@ -178,13 +178,13 @@ class BehindWalls : public testing::TestWithParam<int> {};
 TEST_P(BehindWalls, coastsIsLostAndComesBack) {
   const double a = 0.2;
   const Vector3d up(0, 0, 2.5), x(2 * a, 0, 0), y(0, 2 * a, 0);
-  SceneBuilder builder = ring(GetParam());
-  for (const Wall& wall : {Wall{{-a, -a, 0}, x, up}, {{-a, a, 0}, x, up}, {{-a, -a, 0}, y, up}, {{a, -a, 0}, y, up}})
+  scene::SceneBuilder builder = ring(GetParam());
+  for (const scene::Wall& wall : {scene::Wall{{-a, -a, 0}, x, up}, {{-a, a, 0}, x, up}, {{-a, -a, 0}, y, up}, {{a, -a, 0}, y, up}})
     builder.wall(wall);
-  const Scene scene =
+  const scene::Scene scene =
       builder.ball({.path = [](double t) { return Vector3d(-0.7 + 0.35 * t, 0.45 - 0.2 * t, 1.0); }}).build();
   for (std::uint64_t seed = 1; seed <= 2; ++seed) {
-    const Outcome o = run(scene, render(scene, {.set_count = 120, .seed = seed}), lime(), options_with(seed));
+    const Outcome o = run(scene, scene::render(scene, {.set_count = 120, .seed = seed}), lime(), options_with(seed));
     const auto state_is = [&](TrackState s) { return std::ranges::count(o.estimates, s, &ObjectEstimate::state); };
     EXPECT_LE(o.lock, 3u);
     EXPECT_GT(state_is(TrackState::coasting), 2);
@@ -207,9 +207,9 @@ TEST_P(BehindWalls, coastsIsLostAndComesBack) {
 INSTANTIATE_TEST_SUITE_P(Cameras, BehindWalls, testing::Values(2, 3));
 
 TEST(ObjectTracker, droppedFrames) {
-  const Scene scene = ring(3).ball({}).build();
+  const scene::Scene scene = ring(3).ball({}).build();
   const Outcome o =
-      run(scene, render(scene, {.set_count = 90, .dropped_frames = 0.25, .seed = 3}), lime(), options_with());
+      run(scene, scene::render(scene, {.set_count = 90, .dropped_frames = 0.25, .seed = 3}), lime(), options_with());
   EXPECT_LE(o.lock, 6u);
   EXPECT_LT(o.rms_m, 0.01);
   EXPECT_EQ(std::ranges::count(o.estimates, TrackState::lost, &ObjectEstimate::state), 0);
@@ -217,14 +217,14 @@ TEST(ObjectTracker, droppedFrames) {
 
 // Cameras that look at different times, a ball at 2 m/s: 22 ms are 44 mm.
 TEST(ObjectTracker, freeRunningCameras) {
-  const Scene scene =
+  const scene::Scene scene =
       ring(3)
           .ball({.path =
                      [](double t) {
                        return Vector3d(0.5 * std::sin(4 * t), 0.4 * std::cos(4 * t), 1 + 0.2 * std::sin(3 * t));
                      }})
           .build();
-  const std::vector<FrameSet> sets = render(scene, {.set_count = 90, .offset_s = {0, 0.011, 0.022}});
+  const std::vector<capture::FrameSet> sets = scene::render(scene, {.set_count = 90, .offset_s = {0, 0.011, 0.022}});
   const Outcome o = run(scene, sets, lime(), options_with());
   EXPECT_LE(o.lock, 4u);
   EXPECT_LT(o.rms_m, 0.010);
@@ -232,7 +232,7 @@ TEST(ObjectTracker, freeRunningCameras) {
   for (std::size_t i = 10; i < o.estimates.size(); ++i) {
     if (o.estimates[i].state == TrackState::tracking) {
       const Vector3d velocity =
-          (scene.ball_at(0, sets[i].at + duration_of(1e-3)) - scene.ball_at(0, sets[i].at)) / 1e-3;
+          (scene.ball_at(0, sets[i].at + capture::duration_of(1e-3)) - scene.ball_at(0, sets[i].at)) / 1e-3;
       EXPECT_LT((o.estimates[i].velocity - velocity).norm(), 1.0) << i;
     }
   }
@@ -240,9 +240,9 @@ TEST(ObjectTracker, freeRunningCameras) {
 
 // Every other set, or two of three, has one view only: it neither confirms a find nor refutes one.
 TEST(ObjectTracker, camerasOfDifferentRates) {
-  const Scene scene = ring(2).ball({}).build();
+  const scene::Scene scene = ring(2).ball({}).build();
   for (const std::size_t every : {2u, 3u}) {
-    std::vector<FrameSet> sets = render(scene, {.set_count = 90});
+    std::vector<capture::FrameSet> sets = scene::render(scene, {.set_count = 90});
     for (std::size_t i = 0; i < sets.size(); ++i) {
       if (i % every != 1) sets[i].frames[1].reset();
     }
@@ -254,8 +254,8 @@ TEST(ObjectTracker, camerasOfDifferentRates) {
 }
 
 TEST(ObjectTracker, oneOfThreeCamerasStaysAway) {
-  const Scene scene = ring(3).ball({}).build();
-  std::vector<FrameSet> sets = render(scene, {.set_count = 80});
+  const scene::Scene scene = ring(3).ball({}).build();
+  std::vector<capture::FrameSet> sets = scene::render(scene, {.set_count = 80});
   for (std::size_t i = 20; i < 60; ++i) sets[i].frames[1].reset();
   const Outcome o = run(scene, sets, lime(), options_with());
   EXPECT_LT(o.rms_m, 0.008);
@@ -267,8 +267,8 @@ TEST(ObjectTracker, oneOfThreeCamerasStaysAway) {
 
 // One view leaves the depth open: the filter may go on for a while, but must say how unsure it is, and give up.
 TEST(ObjectTracker, oneViewIsNotEnoughForLong) {
-  const Scene scene = ring(2).ball({}).build();
-  std::vector<FrameSet> sets = render(scene, {.set_count = 120});
+  const scene::Scene scene = ring(2).ball({}).build();
+  std::vector<capture::FrameSet> sets = scene::render(scene, {.set_count = 120});
   for (std::size_t i = 20; i < 100; ++i) sets[i].frames[1].reset();
   const Outcome o = run(scene, sets, lime(), options_with());
   int outside = 0, positions = 0;
@@ -284,14 +284,14 @@ TEST(ObjectTracker, oneViewIsNotEnoughForLong) {
 }
 
 TEST(ObjectTracker, unusableFramesAreAsIfTheyWereNotThere) {
-  const Scene scene = ring(3).ball({}).build();
-  const std::vector<FrameSet> sets = render(scene, {.set_count = 20});
-  std::vector<FrameSet> absent = sets, small = sets, corrupted = sets;
-  const WritableImage other = make_image(PixelFormat::yuyv, ColorRange::limited, 160, 120);
+  const scene::Scene scene = ring(3).ball({}).build();
+  const std::vector<capture::FrameSet> sets = scene::render(scene, {.set_count = 20});
+  std::vector<capture::FrameSet> absent = sets, small = sets, corrupted = sets;
+  const capture::WritableImage other = capture::make_image(capture::PixelFormat::yuyv, capture::ColorRange::limited, 160, 120);
   for (std::size_t i = 5; i < sets.size(); ++i) {
     absent[i].frames[2].reset();
     small[i].frames[2]->pixels = other.image;
-    corrupted[i].frames[2]->status = FrameStatus::corrupted;
+    corrupted[i].frames[2]->status = capture::FrameStatus::corrupted;
   }
   const auto expected = bits_of(run(scene, absent, lime(), options_with()).estimates);
   EXPECT_EQ(bits_of(run(scene, small, lime(), options_with()).estimates), expected);
@@ -300,8 +300,8 @@ TEST(ObjectTracker, unusableFramesAreAsIfTheyWereNotThere) {
 }
 
 TEST(ObjectTracker, colorsPerCamera) {
-  const Scene scene = ring(2).ball({}).build();
-  const std::vector<FrameSet> sets = render(scene, {.set_count = 6});
+  const scene::Scene scene = ring(2).ball({}).build();
+  const std::vector<capture::FrameSet> sets = scene::render(scene, {.set_count = 6});
   TargetOptions target = lime();
   target.color = {200, 260, 0.3, 1, 0.1, 0.95};
   EXPECT_EQ(run(scene, sets, target, options_with()).lock, 1000u);
@@ -315,11 +315,11 @@ class BothObservations : public testing::TestWithParam<Observation> {};
 INSTANTIATE_TEST_SUITE_P(, BothObservations, testing::Values(Observation::paper, Observation::huetrack),
                          [](const auto& param) { return param.param == Observation::paper ? "paper" : "huetrack"; });
 
-std::vector<ObjectEstimate> track(const Scene& scene, const std::vector<FrameSet>& sets, const TargetOptions& target,
+std::vector<ObjectEstimate> track(const scene::Scene& scene, const std::vector<capture::FrameSet>& sets, const TargetOptions& target,
                                   const ObjectTrackerOptions& options) {
   ObjectTracker tracker(scene.rig, target, options);
   std::vector<ObjectEstimate> out;
-  for (const FrameSet& set : sets) {
+  for (const capture::FrameSet& set : sets) {
     out.push_back(tracker.update(set));
     expect_sound(out.back(), set, scene.rig.cameras.size());
   }
@@ -327,8 +327,8 @@ std::vector<ObjectEstimate> track(const Scene& scene, const std::vector<FrameSet
 }
 
 TEST_P(BothObservations, sameSeedSameBytes) {
-  const Scene scene = ring(2).ball({}).build();
-  const std::vector<FrameSet> sets = render(scene, {.set_count = 40, .dropped_frames = 0.1});
+  const scene::Scene scene = ring(2).ball({}).build();
+  const std::vector<capture::FrameSet> sets = scene::render(scene, {.set_count = 40, .dropped_frames = 0.1});
   const auto first = bits_of(track(scene, sets, lime(), options_with(5, GetParam())));
   EXPECT_EQ(bits_of(track(scene, sets, lime(), options_with(5, GetParam()))), first);
   EXPECT_NE(bits_of(track(scene, sets, lime(), options_with(6, GetParam()))), first);
@@ -336,13 +336,13 @@ TEST_P(BothObservations, sameSeedSameBytes) {
 
 // Each target has its own stream: another tracker beside it, before or after it, changes nothing.
 TEST_P(BothObservations, targetsDoNotDisturbEachOther) {
-  const Scene scene = ring(3).ball({}).ball(pink_ball()).build();
-  const std::vector<FrameSet> sets = render(scene, {.set_count = 40});
+  const scene::Scene scene = ring(3).ball({}).ball(pink_ball()).build();
+  const std::vector<capture::FrameSet> sets = scene::render(scene, {.set_count = 40});
   const auto alone = bits_of(track(scene, sets, lime(), options_with(1, GetParam())));
   ObjectTracker pink_tracker(scene.rig, pink(), options_with(1, GetParam())),
       lime_tracker(scene.rig, lime(), options_with(1, GetParam()));
   std::vector<ObjectEstimate> beside, of_pink;
-  for (const FrameSet& set : sets) {
+  for (const capture::FrameSet& set : sets) {
     of_pink.push_back(pink_tracker.update(set));
     beside.push_back(lime_tracker.update(set));
   }
@@ -354,8 +354,8 @@ TEST_P(BothObservations, targetsDoNotDisturbEachOther) {
 }
 
 TEST_P(BothObservations, singleCamera) {
-  const Scene scene = ring(1).ball({}).build();
-  for (const ObjectEstimate& e : track(scene, render(scene, {.set_count = 20}), lime(), options_with(1, GetParam()))) {
+  const scene::Scene scene = ring(1).ball({}).build();
+  for (const ObjectEstimate& e : track(scene, scene::render(scene, {.set_count = 20}), lime(), options_with(1, GetParam()))) {
     if (GetParam() == Observation::huetrack) {
       EXPECT_EQ(e.state, TrackState::searching);
     }
@@ -363,8 +363,8 @@ TEST_P(BothObservations, singleCamera) {
 }
 
 TEST_P(BothObservations, setsWithoutFrames) {
-  const Scene scene = ring(2).ball({}).build();
-  std::vector<FrameSet> sets = render(scene, {.set_count = 60});
+  const scene::Scene scene = ring(2).ball({}).build();
+  std::vector<capture::FrameSet> sets = scene::render(scene, {.set_count = 60});
   for (std::size_t i = 0; i < sets.size(); ++i) {
     if (i % 3 == 0) sets[i].frames.clear();  // no slots at all
     if (i > 40) sets[i].frames.assign(2, std::nullopt);
@@ -374,18 +374,18 @@ TEST_P(BothObservations, setsWithoutFrames) {
 }
 
 TEST_P(BothObservations, oneParticle) {
-  const Scene scene = ring(2).ball({}).build();
+  const scene::Scene scene = ring(2).ball({}).build();
   ObjectTrackerOptions options = options_with(1, GetParam());
   options.particle_count = options.max_particle_count = 1;
-  for (const ObjectEstimate& e : track(scene, render(scene, {.set_count = 20}), lime(), options))
+  for (const ObjectEstimate& e : track(scene, scene::render(scene, {.set_count = 20}), lime(), options))
     EXPECT_EQ(e.particle_count, 1);
 }
 
 TEST_P(BothObservations, particlesAreThoseOfTheEstimate) {
-  const Scene scene = ring(2).ball({}).build();
+  const scene::Scene scene = ring(2).ball({}).build();
   ObjectTracker tracker(scene.rig, lime(), options_with(1, GetParam()));
-  const std::vector<FrameSet> sets = render(scene, {.set_count = 70});
-  for (const FrameSet& set : sets) tracker.update(set);
+  const std::vector<capture::FrameSet> sets = scene::render(scene, {.set_count = 70});
+  for (const capture::FrameSet& set : sets) tracker.update(set);
   Vector3d mean = Vector3d::Zero();
   const auto particles = tracker.particles();
   EXPECT_EQ(particles.size(), 200u);
@@ -394,16 +394,16 @@ TEST_P(BothObservations, particlesAreThoseOfTheEstimate) {
 }
 
 TEST(ObjectTracker, fisheyeCameras) {
-  Scene scene = ring(3).ball({}).build();
-  for (Camera& camera : scene.rig.cameras)
-    camera.model = CameraModel(FisheyeKannalaBrandt{200, 200, 159.5, 119.5, {-0.02, 0.004, -0.001, 0}});
-  const Outcome o = run(scene, render(scene, {.set_count = 40}), lime(), options_with());
+  scene::Scene scene = ring(3).ball({}).build();
+  for (calib::Camera& camera : scene.rig.cameras)
+    camera.model = calib::CameraModel(calib::FisheyeKannalaBrandt{200, 200, 159.5, 119.5, {-0.02, 0.004, -0.001, 0}});
+  const Outcome o = run(scene, scene::render(scene, {.set_count = 40}), lime(), options_with());
   EXPECT_LE(o.lock, 3u);
   EXPECT_LT(o.rms_m, 0.008);
 }
 
 TEST(ObjectTracker, refusesWhatIsInvalidAndSaysAllOfIt) {
-  const Scene scene = ring(2).build();
+  const scene::Scene scene = ring(2).build();
   TargetOptions target = lime();
   target.radius_m = 0;
   target.camera_colors = {{"cam7", {}}};
@@ -416,10 +416,10 @@ TEST(ObjectTracker, refusesWhatIsInvalidAndSaysAllOfIt) {
     EXPECT_THAT(e.what(), AllOf(HasSubstr("target lime"), HasSubstr("radius_m must be > 0"),
                                 HasSubstr("particle_count must be >= 1"), HasSubstr("there is no camera 'cam7'")));
   }
-  CameraRig twins = scene.rig;
+  calib::CameraRig twins = scene.rig;
   twins.cameras[1].name = twins.cameras[0].name;
   EXPECT_THROW(ObjectTracker(twins, lime(), {}), std::invalid_argument);
-  EXPECT_THROW(ObjectTracker(CameraRig{}, lime(), {}), std::invalid_argument);
+  EXPECT_THROW(ObjectTracker(calib::CameraRig{}, lime(), {}), std::invalid_argument);
 }
 
 TEST(TargetOptions, problemsNameTheConstraint) {
@@ -468,14 +468,14 @@ TEST(ObjectTrackerOptions, problemsNameTheConstraint) {
   }
 }
 
-SearchFindings findings_of(const Scene& scene, const TargetOptions& target, int sets) {
+SearchFindings findings_of(const scene::Scene& scene, const TargetOptions& target, int sets) {
   ObjectTracker tracker(scene.rig, target, options_with());
-  for (const FrameSet& set : render(scene, {.set_count = sets})) tracker.update(set);
+  for (const capture::FrameSet& set : scene::render(scene, {.set_count = sets})) tracker.update(set);
   return tracker.search_findings();
 }
 
 TEST(SearchFindings, sayWhichRadiusTheRegionsHave) {
-  const Scene scene = ring(3).ball({}).build();          // of 4 cm
+  const scene::Scene scene = ring(3).ball({}).build();          // of 4 cm
   TargetOptions target = lime();
   target.radius_m = 0.1;
   const SearchFindings found = findings_of(scene, target, 20);
@@ -500,4 +500,4 @@ TEST(SearchFindings, areForgottenWhenTheTargetIsFound) {
 }
 
 }  // namespace
-}  // namespace huetrack
+}  // namespace huetrack::object_tracking

@@ -8,7 +8,7 @@
 #include "particle_filter/resample.h"
 #include "scene/scene.h"
 
-namespace huetrack {
+namespace huetrack::object_tracking {
 namespace {
 
 using Eigen::Vector3d;
@@ -35,7 +35,7 @@ Vector3d still(double) {
 PositionParticles strewn(std::size_t n, const Vector3d& around, double sigma_m, std::uint64_t seed) {
   PositionParticles p;
   p.resize(n);
-  Rng rng(seed);
+  particle_filter::Rng rng(seed);
   rng.fill_normal(p.x), rng.fill_normal(p.y), rng.fill_normal(p.z);
   for (std::size_t i = 0; i < n; ++i) {
     p.x[i] = static_cast<float>(around.x() + sigma_m * static_cast<double>(p.x[i]));
@@ -72,8 +72,8 @@ bool on_an_edge(const std::vector<TargetView>& views, const Vector3d& particle) 
 
 TEST(PaperObservation, isTheProductOverTheViews) {
   for (const int cameras : {1, 2, 4}) {
-    const Scene scene = SceneBuilder{}.cameras_on_ring({.count = cameras}).ball({.path = still}).build();
-    const std::vector<FrameSet> sets = render(scene, {.set_count = 1});
+    const scene::Scene scene = scene::SceneBuilder{}.cameras_on_ring({.count = cameras}).ball({.path = still}).build();
+    const std::vector<capture::FrameSet> sets = scene::render(scene, {.set_count = 1});
     TargetViews target_views(scene.rig, lime());
     const std::vector<TargetView>& views = target_views.look_at(sets[0]);
     // Close around the ball, over the volume, and all around the cameras.
@@ -102,9 +102,9 @@ TEST(PaperObservation, isTheProductOverTheViews) {
 
 TEST(PaperObservation, knownWindows) {
   // One ball straight ahead; particles on its centre, on the background, beside the image and behind the camera.
-  const Scene scene = SceneBuilder{}.cameras_on_ring({.count = 1}).ball({.radius_m = 0.1, .path = still}).build();
+  const scene::Scene scene = scene::SceneBuilder{}.cameras_on_ring({.count = 1}).ball({.radius_m = 0.1, .path = still}).build();
   TargetViews target_views(scene.rig, lime());
-  const auto sets = render(scene, {.set_count = 1, .pixel_noise_stddev = 0});
+  const auto sets = scene::render(scene, {.set_count = 1, .pixel_noise_stddev = 0});
   const Vector3d eye = scene.rig.cameras[0].centre();
   PositionParticles p;
   p.resize(4);
@@ -127,10 +127,10 @@ TEST(PaperObservation, noViewsNoPreference) {
 }
 
 TEST(PaperTracker, startsUniformInTheVolume) {
-  const Scene scene = SceneBuilder{}.cameras_on_ring({.count = 2}).build();
+  const scene::Scene scene = scene::SceneBuilder{}.cameras_on_ring({.count = 2}).build();
   ObjectTrackerOptions options = paper(20'000);
   options.volume = {{-0.5, 0.2, 1}, {0.5, 0.4, 3}};
-  const PaperTracker tracker(scene.rig, lime(), options, Rng(1));
+  const PaperTracker tracker(scene.rig, lime(), options, particle_filter::Rng(1));
   const PositionParticles& p = tracker.particles();
   ASSERT_EQ(p.size(), 20'000u);
   for (int axis = 0; axis < 3; ++axis) {
@@ -149,13 +149,13 @@ TEST(PaperTracker, startsUniformInTheVolume) {
 
 // Without a view all weights are equal: what is left of an update is the random walk, eqs. (1)-(3), and the search.
 TEST(PaperTracker, walksWithSigma) {
-  const Scene scene = SceneBuilder{}.cameras_on_ring({.count = 2}).build();
+  const scene::Scene scene = scene::SceneBuilder{}.cameras_on_ring({.count = 2}).build();
   ObjectTrackerOptions options = paper(50'000);
   options.max_particle_count = 50'000;
   options.volume = {{0, 0, 0}, {1e-6, 1e-6, 1e-6}};
   options.position_noise_m = 0.07;
-  PaperTracker tracker(scene.rig, lime(), options, Rng(1));
-  FrameSet empty;
+  PaperTracker tracker(scene.rig, lime(), options, particle_filter::Rng(1));
+  capture::FrameSet empty;
   empty.frames.resize(2);
   tracker.update(empty);
   // Four fifths walked and were resampled with equal weights; the rest was drawn anew at the origin.
@@ -171,12 +171,12 @@ TEST(PaperTracker, walksWithSigma) {
 }
 
 TEST(PaperTracker, findsTheBallAndFollowsIt) {
-  const Scene scene = SceneBuilder{}.cameras_on_ring({.count = 3}).ball({}).build();
-  PaperTracker tracker(scene.rig, lime(), paper(), Rng(1));
+  const scene::Scene scene = scene::SceneBuilder{}.cameras_on_ring({.count = 3}).ball({}).build();
+  PaperTracker tracker(scene.rig, lime(), paper(), particle_filter::Rng(1));
   double sum2 = 0;
   int n = 0;
-  const auto sets = render(scene, {.set_count = 120});
-  for (const FrameSet& set : sets) {
+  const auto sets = scene::render(scene, {.set_count = 120});
+  for (const capture::FrameSet& set : sets) {
     const ObjectEstimate e = tracker.update(set);
     EXPECT_EQ(e.position.allFinite(), e.has_position());
     if (set.number < 60) continue;
@@ -192,15 +192,15 @@ TEST(PaperTracker, findsTheBallAndFollowsIt) {
 
 // "When the system cannot see the object in the images it grows the particle population" (section 3), and back.
 TEST(PaperTracker, populationGrowsWhileUnseenAndShrinksWhenFound) {
-  const Scene with = SceneBuilder{}.cameras_on_ring({.count = 2}).ball({.path = still}).build();
-  Scene without = with;
+  const scene::Scene with = scene::SceneBuilder{}.cameras_on_ring({.count = 2}).ball({.path = still}).build();
+  scene::Scene without = with;
   without.balls.clear();
   ObjectTrackerOptions options = paper(100);
   options.max_particle_count = 1000;
-  PaperTracker tracker(with.rig, lime(), options, Rng(1));
-  std::vector<FrameSet> sets = render(without, {.set_count = 30});
+  PaperTracker tracker(with.rig, lime(), options, particle_filter::Rng(1));
+  std::vector<capture::FrameSet> sets = scene::render(without, {.set_count = 30});
   std::vector<std::size_t> size{tracker.particles().size()};
-  for (const FrameSet& set : sets) {
+  for (const capture::FrameSet& set : sets) {
     const ObjectEstimate e = tracker.update(set);
     EXPECT_EQ(e.state, TrackState::searching);
     EXPECT_EQ(static_cast<std::size_t>(e.particle_count), size.back());
@@ -210,8 +210,8 @@ TEST(PaperTracker, populationGrowsWhileUnseenAndShrinksWhenFound) {
   EXPECT_TRUE(std::ranges::is_sorted(size));
   EXPECT_EQ(size[1], 120u);
   EXPECT_EQ(size.back(), 1000u);
-  for (FrameSet& set : render(with, {.set_count = 90})) {
-    set.at += duration_of(1);
+  for (capture::FrameSet& set : scene::render(with, {.set_count = 90})) {
+    set.at += capture::duration_of(1);
     tracker.update(set);
     size.push_back(tracker.particles().size());
   }
@@ -219,18 +219,18 @@ TEST(PaperTracker, populationGrowsWhileUnseenAndShrinksWhenFound) {
 }
 
 TEST(PaperTracker, coastsThenIsLostWithoutAPosition) {
-  const Scene with = SceneBuilder{}.cameras_on_ring({.count = 3}).ball({.path = still}).build();
+  const scene::Scene with = scene::SceneBuilder{}.cameras_on_ring({.count = 3}).ball({.path = still}).build();
   ObjectTrackerOptions options = paper(1000);
   options.coast_s = 0.3;
-  PaperTracker tracker(with.rig, lime(), options, Rng(1));
+  PaperTracker tracker(with.rig, lime(), options, particle_filter::Rng(1));
   ObjectEstimate e;
-  for (const FrameSet& set : render(with, {.set_count = 60})) e = tracker.update(set);
+  for (const capture::FrameSet& set : scene::render(with, {.set_count = 60})) e = tracker.update(set);
   ASSERT_EQ(e.state, TrackState::tracking);
-  Scene without = with;
+  scene::Scene without = with;
   without.balls.clear();
   std::vector<TrackState> states;
-  for (FrameSet& set : render(without, {.set_count = 20})) {
-    set.at += duration_of(2);
+  for (capture::FrameSet& set : scene::render(without, {.set_count = 20})) {
+    set.at += capture::duration_of(2);
     e = tracker.update(set);
     EXPECT_EQ(e.position.allFinite(), e.has_position());
     EXPECT_EQ(e.covariance.allFinite(), e.has_position());
@@ -240,4 +240,4 @@ TEST(PaperTracker, coastsThenIsLostWithoutAPosition) {
 }
 
 }  // namespace
-}  // namespace huetrack
+}  // namespace huetrack::object_tracking

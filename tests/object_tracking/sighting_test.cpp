@@ -9,7 +9,7 @@
 #include "object_tracking/mask_image.h"
 #include "scene/scene.h"
 
-namespace huetrack {
+namespace huetrack::object_tracking {
 namespace {
 
 using Eigen::Vector2d;
@@ -23,7 +23,7 @@ double mahalanobis2(const Vector2d& d, const Eigen::Matrix2d& covariance) {
 // hidden.
 Sighting sighting_of_disc(double r, double angle, double cut, double pixel_noise_px = 0.2) {
   const Vector2d centre(50.3, 49.6), axis(std::cos(angle), std::sin(angle));
-  const Image image = mask_image(100, 100, [&](int u, int v) {
+  const capture::Image image = mask_image(100, 100, [&](int u, int v) {
     const Vector2d d = Vector2d(u, v) - centre;
     return d.norm() <= r && d.dot(axis) >= cut;
   });
@@ -92,8 +92,8 @@ TEST(SightingOf, distrustsWhatIsTooWide) {
 }
 
 TEST(AppearanceOf, agreesWithTheCameraAndItsDifferences) {
-  const Scene scene = SceneBuilder{}.cameras_on_ring({.count = 3}).build();
-  for (const Camera& camera : scene.rig.cameras) {
+  const scene::Scene scene = scene::SceneBuilder{}.cameras_on_ring({.count = 3}).build();
+  for (const calib::Camera& camera : scene.rig.cameras) {
     for (const Vector3d& p : {Vector3d(0, 0, 1), Vector3d(0.3, -0.2, 1.2), Vector3d(-0.4, 0.3, 0.7)}) {
       const auto at = appearance_of(camera, p, 0.04);
       ASSERT_TRUE(at);
@@ -116,7 +116,7 @@ class Rig : public testing::Test {
  protected:
   Rig() {
     target.name = "ball";
-    scene = SceneBuilder{}.cameras_on_ring({.count = 3}).build();
+    scene = scene::SceneBuilder{}.cameras_on_ring({.count = 3}).build();
     for (std::size_t i = 0; i < 3; ++i) {
       TargetView view{};
       view.index = static_cast<int>(i);
@@ -140,7 +140,7 @@ class Rig : public testing::Test {
     return cross_rays(views, regions, target, options, most);
   }
 
-  Scene scene;
+  scene::Scene scene;
   std::vector<TargetView> views;
   TargetOptions target;
   ObjectTrackerOptions options;  // its volume is (-1, -1, 0) .. (1, 1, 2)
@@ -249,4 +249,4 @@ TEST_F(Rig, nothingWhereRaysDoNotMeet) {
 }
 
 }  // namespace
-}  // namespace huetrack
+}  // namespace huetrack::object_tracking

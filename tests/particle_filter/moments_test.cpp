@@ -7,7 +7,7 @@
 #include "particle_filter/random.h"
 #include "particle_filter/resample.h"
 
-namespace huetrack {
+namespace huetrack::particle_filter {
 namespace {
 
 struct Cloud {
@@ -76,4 +76,4 @@ TEST(WeightedMoments, twoHeavyParticles) {
 }
 
 }  // namespace
-}  // namespace huetrack
+}  // namespace huetrack::particle_filter

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <vector>
 
-namespace huetrack {
+namespace huetrack::particle_filter {
 namespace {
 
 using testing::ElementsAre;
@@ -166,4 +166,4 @@ TEST(Rng, fillsOfAnySizeStayInside) {
 }
 
 }  // namespace
-}  // namespace huetrack
+}  // namespace huetrack::particle_filter

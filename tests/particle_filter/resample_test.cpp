@@ -9,7 +9,7 @@
 
 #include "particle_filter/random.h"
 
-namespace huetrack {
+namespace huetrack::particle_filter {
 namespace {
 
 using testing::Each;
@@ -180,4 +180,4 @@ TEST(EffectiveSampleSize, knownCases) {
 }
 
 }  // namespace
-}  // namespace huetrack
+}  // namespace huetrack::particle_filter

@@ -8,7 +8,7 @@
 
 #include "pictures/camera_pictures.h"
 
-namespace huetrack {
+namespace huetrack::pictures {
 namespace {
 
 namespace fs = std::filesystem;
@@ -29,24 +29,24 @@ int count_near(const cv::Mat& picture, cv::Vec3b color, int tolerance = 30) {
 
 TEST(BgrOf, FollowsBt601InBothRanges) {
   struct Case {
-    Yuv yuv;
-    ColorRange range;
+    capture::Yuv yuv;
+    capture::ColorRange range;
     cv::Vec3b bgr;
   };
   const Case cases[] = {
-      {{16, 128, 128}, ColorRange::limited, {0, 0, 0}},  {{235, 128, 128}, ColorRange::limited, {255, 255, 255}},
-      {{81, 90, 240}, ColorRange::limited, {0, 0, 255}}, {{145, 54, 34}, ColorRange::limited, {0, 255, 0}},
-      {{76, 85, 255}, ColorRange::full, {0, 0, 255}},    {{255, 128, 128}, ColorRange::full, {255, 255, 255}},
+      {{16, 128, 128}, capture::ColorRange::limited, {0, 0, 0}},  {{235, 128, 128}, capture::ColorRange::limited, {255, 255, 255}},
+      {{81, 90, 240}, capture::ColorRange::limited, {0, 0, 255}}, {{145, 54, 34}, capture::ColorRange::limited, {0, 255, 0}},
+      {{76, 85, 255}, capture::ColorRange::full, {0, 0, 255}},    {{255, 128, 128}, capture::ColorRange::full, {255, 255, 255}},
   };
   for (const auto& c : cases) {
-    WritableImage image = make_image(PixelFormat::i444, c.range, 1, 1);
+    capture::WritableImage image = capture::make_image(capture::PixelFormat::i444, c.range, 1, 1);
     *image.data[0] = c.yuv.y;
     *image.data[1] = c.yuv.u;
     *image.data[2] = c.yuv.v;
     const auto got = bgr_of(image.image).at<cv::Vec3b>(0, 0);
     for (int i = 0; i < 3; ++i) EXPECT_NEAR(got[i], c.bgr[i], 2);
   }
-  WritableImage bgr = make_image(PixelFormat::bgr, ColorRange::full, 1, 1);
+  capture::WritableImage bgr = capture::make_image(capture::PixelFormat::bgr, capture::ColorRange::full, 1, 1);
   bgr.data[0][0] = 1;
   bgr.data[0][1] = 2;
   bgr.data[0][2] = 3;
@@ -67,14 +67,14 @@ class CameraPictures : public testing::Test {
   CameraPictures() {
     camera_.name = "cam0";
     camera_.image_size = {320, 240};
-    camera_.model = CameraModel(PinholeRadtan{.fx = 250, .fy = 250, .cx = 160, .cy = 120});
-    job_.frame.pixels = make_image(PixelFormat::grey, ColorRange::full, 320, 240).image;
-    job_.estimate.state = CameraState::tracking;
+    camera_.model = calib::CameraModel(calib::PinholeRadtan{.fx = 250, .fy = 250, .cx = 160, .cy = 120});
+    job_.frame.pixels = capture::make_image(capture::PixelFormat::grey, capture::ColorRange::full, 320, 240).image;
+    job_.estimate.state = camera_tracking::CameraState::tracking;
     job_.estimate.world_from_camera = {Eigen::Quaterniond::Identity(), {0, 0, -1}};
     job_.estimate.covariance.setIdentity();
     plane_.origin = {0.2, 0.1, 0};  // the start lies aside of the world's origin
   }
-  Camera camera_;
+  calib::Camera camera_;
   StartPlane plane_;
   CameraPictureJob job_;
 };
@@ -88,7 +88,7 @@ TEST_F(CameraPictures, TheAxesStandAtTheWorldsOrigin) {
 }
 
 TEST_F(CameraPictures, RegionsAreDrawnOnlyWithAPose) {
-  CameraTrackerView::Feature& feature = job_.view.features.emplace_back();
+  camera_tracking::CameraTrackerView::Feature& feature = job_.view.features.emplace_back();
   feature.px = {100, 100};
   feature.found_px.setConstant(std::nanf(""));
   feature.search = 20 * Eigen::Matrix2f::Identity();
@@ -96,18 +96,18 @@ TEST_F(CameraPictures, RegionsAreDrawnOnlyWithAPose) {
   feature.covariance.setZero();
   const cv::Rect left(14, 72, 720, 540);
   EXPECT_GT(count_near(draw_camera(camera_, plane_, job_)(left), {88, 96, 255}), 20);
-  job_.estimate.state = CameraState::lost;
+  job_.estimate.state = camera_tracking::CameraState::lost;
   EXPECT_EQ(count_near(draw_camera(camera_, plane_, job_)(left), {88, 96, 255}), 0);
 }
 
 TEST_F(CameraPictures, TheMapIsAllOfIt) {
-  std::vector<CameraMapPoint> map;
+  std::vector<camera_tracking::CameraMapPoint> map;
   const auto drawn = [&] { return count_near(draw_camera_map(camera_, plane_, "", {job_.estimate}, map), {160, 90, 40}); };
   const int none = drawn();
   for (int i = 0; i < 30; ++i) {
     map.emplace_back().position = {0.01 * i, 0.1, -0.3};
     map.back().covariance = 1e-6 * Eigen::Matrix3d::Identity();
-    map.back().state = CameraMapPoint::State::not_sought;
+    map.back().state = camera_tracking::CameraMapPoint::State::not_sought;
   }
   EXPECT_GT(drawn(), none + 30 * 8);
 }
@@ -117,19 +117,19 @@ class Pictures : public testing::Test {
   Pictures() {
     for (std::size_t c = 0; c < config_.rig.cameras.size(); ++c) {
       const auto size = config_.rig.cameras[c].image_size;
-      Frame frame;
+      capture::Frame frame;
       frame.camera = int(c);
-      frame.pixels = make_image(PixelFormat::bgr, ColorRange::full, size.width, size.height).image;
+      frame.pixels = capture::make_image(capture::PixelFormat::bgr, capture::ColorRange::full, size.width, size.height).image;
       job_.set.frames.emplace_back(frame);
     }
-    ObjectEstimate& estimate = job_.estimates.emplace_back();
-    estimate.state = TrackState::tracking;
+    object_tracking::ObjectEstimate& estimate = job_.estimates.emplace_back();
+    estimate.state = object_tracking::TrackState::tracking;
     estimate.position = {0.1, 0.2, 1};
     estimate.velocity.setZero();
     estimate.covariance = Eigen::Matrix3d::Identity() * 1e-4;
     job_.particles.resize(1);
   }
-  const ServiceConfig config_ = load_service_config(fs::path(HUETRACK_SOURCE_DIR) / "configs/demo/huetrackd.yaml");
+  const config::ServiceConfig config_ = config::load_service_config(fs::path(HUETRACK_SOURCE_DIR) / "configs/demo/huetrackd.yaml");
   PictureJob job_;
 };
 
@@ -144,23 +144,23 @@ TEST_F(Pictures, ParticlesAreDrawnWhereTheyProject) {
 
 TEST_F(Pictures, AViewWithoutAFrameAndATargetWithoutAPositionAreDrawnAsSuch) {
   job_.set.frames[1].reset();
-  job_.estimates[0] = ObjectEstimate{};
-  job_.estimates[0].state = TrackState::lost;
+  job_.estimates[0] = object_tracking::ObjectEstimate{};
+  job_.estimates[0].state = object_tracking::TrackState::lost;
   const cv::Mat picture = draw_views(config_, job_);
   EXPECT_GT(count_near(picture, {88, 96, 255}), 50);  // the word "lost"
   EXPECT_FALSE(picture.empty());
 }
 
 TEST_F(Pictures, TheTrackIsDrawnWithAndWithoutTruthAndEvenWhenEmpty) {
-  const Truth truth = Truth::read(fs::path(HUETRACK_SOURCE_DIR) / "configs/demo/recording/groundtruth.csv");
-  std::vector<std::vector<ObjectEstimate>> tracks(1);
+  const tracks::Truth truth = tracks::Truth::read(fs::path(HUETRACK_SOURCE_DIR) / "configs/demo/recording/groundtruth.csv");
+  std::vector<std::vector<object_tracking::ObjectEstimate>> tracks(1);
   EXPECT_FALSE(draw_track_3d(config_, "empty", tracks, nullptr).empty());
   const int without_track = count_near(draw_track_3d(config_, "empty", tracks, &truth), {0, 150, 232});
   for (const auto& sample : truth.targets().at("lime")) {
-    ObjectEstimate e = job_.estimates[0];
+    object_tracking::ObjectEstimate e = job_.estimates[0];
     e.at = sample.at;
     e.position = sample.position + Eigen::Vector3d(0, 0, 0.1);
-    e.state = TrackState::coasting;
+    e.state = object_tracking::TrackState::coasting;
     tracks[0].push_back(e);
   }
   EXPECT_GT(count_near(draw_track_3d(config_, "coasting", tracks, &truth), {0, 130, 232}), without_track + 1000);
@@ -183,4 +183,4 @@ TEST_F(Pictures, AFolderThatCannotBeMadeIsNamed) {
 }
 
 }  // namespace
-}  // namespace huetrack
+}  // namespace huetrack::pictures

@@ -8,7 +8,7 @@
 #include <thread>
 #include <vector>
 
-namespace huetrack {
+namespace huetrack::pipeline {
 namespace {
 
 using namespace std::chrono_literals;
@@ -118,4 +118,4 @@ TEST(BoundedQueue, RefusesToHoldNothing) {
 }
 
 }  // namespace
-}  // namespace huetrack
+}  // namespace huetrack::pipeline

@@ -6,20 +6,20 @@
 #include <atomic>
 #include <thread>
 
-namespace huetrack {
+namespace huetrack::pipeline {
 namespace {
 
 using namespace std::chrono_literals;
 using testing::ElementsAre;
 using testing::HasSubstr;
 
-CameraRig rig_of(int cameras) {
-  CameraRig rig;
+calib::CameraRig rig_of(int cameras) {
+  calib::CameraRig rig;
   for (int i = 0; i < cameras; ++i) {
-    Camera camera;
+    calib::Camera camera;
     camera.name = std::string(1, char('a' + i));
     camera.image_size = {32, 24};
-    camera.model = CameraModel(PinholeRadtan{.fx = 30, .fy = 30, .cx = 15.5, .cy = 11.5});
+    camera.model = calib::CameraModel(calib::PinholeRadtan{.fx = 30, .fy = 30, .cx = 15.5, .cy = 11.5});
     camera.cam_from_world.translation = {0.1 * i, 0, 2};
     rig.cameras.push_back(camera);
   }
@@ -27,20 +27,20 @@ CameraRig rig_of(int cameras) {
 }
 
 // Grey frames, 10 ms apart, of some cameras; endless when count is 0.
-class GreySource final : public FrameSource {
+class GreySource final : public capture::FrameSource {
  public:
-  GreySource(std::vector<int> cameras, int count, ImageSize size = {32, 24})
+  GreySource(std::vector<int> cameras, int count, calib::ImageSize size = {32, 24})
       : cameras_(std::move(cameras)), count_(count), size_(size) {}
 
-  std::optional<Frame> next(std::stop_token stop) override {
+  std::optional<capture::Frame> next(std::stop_token stop) override {
     if (stop.stop_requested()) return std::nullopt;
     const auto turn = made_ / int(cameras_.size());
     if (count_ > 0 && turn == count_) return std::nullopt;
-    Frame frame;
+    capture::Frame frame;
     frame.camera = cameras_[std::size_t(made_) % cameras_.size()];
     frame.sequence = std::uint32_t(turn);
-    frame.captured_at = Timestamp(turn * 10ms);
-    frame.pixels = make_image(PixelFormat::grey, ColorRange::full, size_.width, size_.height).image;
+    frame.captured_at = capture::Timestamp(turn * 10ms);
+    frame.pixels = capture::make_image(capture::PixelFormat::grey, capture::ColorRange::full, size_.width, size_.height).image;
     ++made_;
     return frame;
   }
@@ -48,22 +48,22 @@ class GreySource final : public FrameSource {
  private:
   std::vector<int> cameras_;
   int count_, made_ = 0;
-  ImageSize size_;
+  calib::ImageSize size_;
 };
 
-std::vector<ObjectTracker> trackers_for(const CameraRig& rig, int count) {
-  std::vector<ObjectTracker> trackers;
+std::vector<object_tracking::ObjectTracker> trackers_for(const calib::CameraRig& rig, int count) {
+  std::vector<object_tracking::ObjectTracker> trackers;
   for (int i = 0; i < count; ++i) {
-    TargetOptions target;
+    object_tracking::TargetOptions target;
     target.name = std::string(1, char('p' + i));
     target.color.hue_min_deg = 40.0 * i;
     target.color.hue_max_deg = 40.0 * i + 20;
-    trackers.emplace_back(rig, target, ObjectTrackerOptions{});
+    trackers.emplace_back(rig, target, object_tracking::ObjectTrackerOptions{});
   }
   return trackers;
 }
 
-PipelineOptions options_for(const CameraRig& rig) {
+PipelineOptions options_for(const calib::CameraRig& rig) {
   PipelineOptions options;
   options.frame_sets.camera_count = int(rig.cameras.size());
   options.frame_sets.tolerance = 4ms;
@@ -71,14 +71,14 @@ PipelineOptions options_for(const CameraRig& rig) {
 }
 
 template <typename... Sources>
-std::vector<std::unique_ptr<FrameSource>> sources(Sources... all) {
-  std::vector<std::unique_ptr<FrameSource>> list;
+std::vector<std::unique_ptr<capture::FrameSource>> sources(Sources... all) {
+  std::vector<std::unique_ptr<capture::FrameSource>> list;
   (list.push_back(std::make_unique<Sources>(std::move(all))), ...);
   return list;
 }
 
 TEST(Pipeline, EverySetComesOutOnceInOrderWithEveryTarget) {
-  const CameraRig rig = rig_of(2);
+  const calib::CameraRig rig = rig_of(2);
   for (const int threads : {1, 2, 5}) {
     PipelineOptions options = options_for(rig);
     options.threads = threads;
@@ -89,7 +89,7 @@ TEST(Pipeline, EverySetComesOutOnceInOrderWithEveryTarget) {
     options.pictures_every = 10;
     Pipeline pipeline(rig, sources(GreySource({0, 1}, 50)), trackers_for(rig, 3), options,
                       {.estimates =
-                           [&](const FrameSet& set, std::span<const ObjectEstimate> estimates, Timestamp received_at) {
+                           [&](const capture::FrameSet& set, std::span<const object_tracking::ObjectEstimate> estimates, capture::Timestamp received_at) {
                              numbers.push_back(set.number);
                              EXPECT_EQ(estimates.size(), 3u);
                              for (const auto& e : estimates) EXPECT_EQ(e.set_number, set.number);
@@ -97,7 +97,7 @@ TEST(Pipeline, EverySetComesOutOnceInOrderWithEveryTarget) {
                            },
                        .status = [&](const PipelineFigures&) { ++statuses; },
                        .pictures =
-                           [&](const PictureJob& job) {
+                           [&](const pictures::PictureJob& job) {
                              pictures.push_back(job.set.number);
                              particles += job.particles.at(2).size();
                            }});
@@ -119,11 +119,11 @@ TEST(Pipeline, EverySetComesOutOnceInOrderWithEveryTarget) {
 }
 
 // Every frame is damaged.
-class DamagedSource final : public FrameSource {
+class DamagedSource final : public capture::FrameSource {
  public:
-  std::optional<Frame> next(std::stop_token stop) override {
+  std::optional<capture::Frame> next(std::stop_token stop) override {
     auto frame = all_.next(stop);
-    if (frame) frame->status = FrameStatus::corrupted, frame->pixels = {};
+    if (frame) frame->status = capture::FrameStatus::corrupted, frame->pixels = {};
     return frame;
   }
 
@@ -132,7 +132,7 @@ class DamagedSource final : public FrameSource {
 };
 
 TEST(Pipeline, DamagedFramesAreNoDelivery) {
-  const CameraRig rig = rig_of(2);
+  const calib::CameraRig rig = rig_of(2);
   Pipeline pipeline(rig, sources(GreySource({0}, 20), DamagedSource()), trackers_for(rig, 1), options_for(rig), {});
   pipeline.run({});
   const PipelineFigures figures = pipeline.figures();
@@ -144,11 +144,11 @@ TEST(Pipeline, DamagedFramesAreNoDelivery) {
 }
 
 // Camera 1 ends after three turns, and camera 0 goes on.
-class CutShortSource final : public FrameSource {
+class CutShortSource final : public capture::FrameSource {
  public:
-  std::optional<Frame> next(std::stop_token stop) override {
+  std::optional<capture::Frame> next(std::stop_token stop) override {
     auto frame = all_.next(stop);
-    while (frame && frame->camera == 1 && frame->captured_at >= Timestamp(30ms)) {
+    while (frame && frame->camera == 1 && frame->captured_at >= capture::Timestamp(30ms)) {
       cut_ = true;
       frame = all_.next(stop);
     }
@@ -162,10 +162,10 @@ class CutShortSource final : public FrameSource {
 };
 
 TEST(Pipeline, ACameraThatIsCutShortHasEndedWhileTheOtherGoesOn) {
-  const CameraRig rig = rig_of(2);
+  const calib::CameraRig rig = rig_of(2);
   bool seen = false;
   PipelineOptions options = options_for(rig);
-  options.pace = Pace{std::chrono::steady_clock::now(), Timestamp(0ns)};  // so that sets are tracked meanwhile
+  options.pace = Pace{std::chrono::steady_clock::now(), capture::Timestamp(0ns)};  // so that sets are tracked meanwhile
   Pipeline pipeline(
       rig, sources(CutShortSource()), trackers_for(rig, 1), options,
       {.estimates = {},
@@ -174,16 +174,16 @@ TEST(Pipeline, ACameraThatIsCutShortHasEndedWhileTheOtherGoesOn) {
   pipeline.run({});
   EXPECT_TRUE(seen);
   EXPECT_EQ(pipeline.figures().cameras[1].frames, 3u);
-  EXPECT_EQ(pipeline.figures().cameras[1].last_captured, Timestamp(20ms));
-  EXPECT_EQ(pipeline.figures().cameras[0].last_captured, Timestamp(190ms));
+  EXPECT_EQ(pipeline.figures().cameras[1].last_captured, capture::Timestamp(20ms));
+  EXPECT_EQ(pipeline.figures().cameras[0].last_captured, capture::Timestamp(190ms));
 }
 
 TEST(Pipeline, OneSourcePerCameraWorksToo) {
-  const CameraRig rig = rig_of(2);
+  const calib::CameraRig rig = rig_of(2);
   std::uint64_t last = 0, sets = 0;
   Pipeline pipeline(rig, sources(GreySource({0}, 40), GreySource({1}, 40)), trackers_for(rig, 1), options_for(rig),
                     {.estimates =
-                         [&](const FrameSet& set, auto, auto) {
+                         [&](const capture::FrameSet& set, auto, auto) {
                            EXPECT_TRUE(sets == 0 || set.number > last);
                            last = set.number;
                            ++sets;
@@ -197,16 +197,16 @@ TEST(Pipeline, OneSourcePerCameraWorksToo) {
 }
 
 TEST(Pipeline, AStopEndsItSoonAndLeavesNothingInPart) {
-  const CameraRig rig = rig_of(2);
+  const calib::CameraRig rig = rig_of(2);
   for (const bool paced : {false, true}) {
     PipelineOptions options = options_for(rig);
-    if (paced) options.pace = Pace{std::chrono::steady_clock::now(), Timestamp{}};
+    if (paced) options.pace = Pace{std::chrono::steady_clock::now(), capture::Timestamp{}};
     std::stop_source stop;
     std::atomic<int> sets = 0;
     Pipeline pipeline(rig, sources(GreySource({0, 1}, 0)), trackers_for(rig, 2), options,
                       {.estimates = [&](auto&, auto, auto) { ++sets; },
                        .status = {},
-                       .pictures = [](const PictureJob&) { std::this_thread::sleep_for(50ms); }});
+                       .pictures = [](const pictures::PictureJob&) { std::this_thread::sleep_for(50ms); }});
     std::jthread stopper([&] {
       while (sets < 3) std::this_thread::sleep_for(1ms);
       stop.request_stop();
@@ -219,13 +219,13 @@ TEST(Pipeline, AStopEndsItSoonAndLeavesNothingInPart) {
 }
 
 TEST(Pipeline, PacedFramesComeAtTheirTime) {
-  const CameraRig rig = rig_of(1);
+  const calib::CameraRig rig = rig_of(1);
   PipelineOptions options = options_for(rig);
   const auto start = std::chrono::steady_clock::now();
-  options.pace = Pace{start, Timestamp{}};
+  options.pace = Pace{start, capture::Timestamp{}};
   Pipeline pipeline(rig, sources(GreySource({0}, 21)), trackers_for(rig, 1), options,
                     {.estimates =
-                         [&](const FrameSet& set, auto, auto) {  // never early; how late depends on the machine's load
+                         [&](const capture::FrameSet& set, auto, auto) {  // never early; how late depends on the machine's load
                            EXPECT_GE(std::chrono::steady_clock::now() - start, set.at.time_since_epoch());
                          },
                      .status = {},
@@ -235,7 +235,7 @@ TEST(Pipeline, PacedFramesComeAtTheirTime) {
 }
 
 TEST(Pipeline, FramesOfAnotherSizeThanTheRigsAreAnErrorThatNamesBoth) {
-  const CameraRig rig = rig_of(2);
+  const calib::CameraRig rig = rig_of(2);
   Pipeline pipeline(rig, sources(GreySource({0, 1}, 10, {64, 48})), trackers_for(rig, 1), options_for(rig), {});
   try {
     pipeline.run({});
@@ -246,7 +246,7 @@ TEST(Pipeline, FramesOfAnotherSizeThanTheRigsAreAnErrorThatNamesBoth) {
 }
 
 TEST(Pipeline, WhatAnOutputThrowsComesOutOfRun) {
-  const CameraRig rig = rig_of(1);
+  const calib::CameraRig rig = rig_of(1);
   const auto fails = [](const char* why) { throw std::runtime_error(why); };
   Pipeline estimates(rig, sources(GreySource({0}, 0)), trackers_for(rig, 1), options_for(rig),
                      {.estimates = [&](auto&, auto, auto) { fails("disk full"); }, .status = {}, .pictures = {}});
@@ -257,14 +257,14 @@ TEST(Pipeline, WhatAnOutputThrowsComesOutOfRun) {
 }
 
 TEST(Pipeline, LiveDropsTheOldestSetsAndCountsThem) {
-  const CameraRig rig = rig_of(1);
+  const calib::CameraRig rig = rig_of(1);
   PipelineOptions options = options_for(rig);
   options.when_full = WhenFull::drop_oldest;
   options.queue_capacity = 1;
   std::vector<std::uint64_t> numbers;
   Pipeline pipeline(rig, sources(GreySource({0}, 60)), trackers_for(rig, 1), options,
                     {.estimates =
-                         [&](const FrameSet& set, auto, auto) {
+                         [&](const capture::FrameSet& set, auto, auto) {
                            numbers.push_back(set.number);
                            std::this_thread::sleep_for(20ms);
                          },
@@ -277,4 +277,4 @@ TEST(Pipeline, LiveDropsTheOldestSetsAndCountsThem) {
 }
 
 }  // namespace
-}  // namespace huetrack
+}  // namespace huetrack::pipeline

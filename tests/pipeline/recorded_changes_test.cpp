@@ -8,7 +8,7 @@
 
 #include "calib/yaml/yaml_reader.h"
 
-namespace huetrack {
+namespace huetrack::pipeline {
 namespace {
 
 namespace fs = std::filesystem;
@@ -28,17 +28,17 @@ TEST_F(Changes, NoneWhenNothingHappened) {
 }
 
 TEST_F(Changes, AreReadAsTheyWereWritten) {
-  const Timestamp at{Duration(1'795'232'262'000'000'007)};
+  const capture::Timestamp at{capture::Duration(1'795'232'262'000'000'007)};
   ChangesWriter writer(folder);
   writer.left_out(at);
-  writer.reloaded(at + Duration(5), "first");
-  writer.reloaded(at + Duration(5), "second");
-  writer.left_out(at + Duration(9));
+  writer.reloaded(at + capture::Duration(5), "first");
+  writer.reloaded(at + capture::Duration(5), "second");
+  writer.left_out(at + capture::Duration(9));
   EXPECT_EQ(writer.failure(), "");
   const RecordedChanges read = read_changes(folder);
-  EXPECT_THAT(read.left_out, testing::ElementsAre(at, at + Duration(9)));
+  EXPECT_THAT(read.left_out, testing::ElementsAre(at, at + capture::Duration(9)));
   ASSERT_EQ(read.reloads.size(), 2u);
-  EXPECT_EQ(read.reloads[1].at, at + Duration(5));
+  EXPECT_EQ(read.reloads[1].at, at + capture::Duration(5));
   std::string text;
   std::getline(std::ifstream(read.reloads[1].config), text);
   EXPECT_EQ(text, "second");
@@ -46,15 +46,15 @@ TEST_F(Changes, AreReadAsTheyWereWritten) {
 
 TEST_F(Changes, WhatCannotBeWrittenIsSaid) {
   ChangesWriter writer(folder / "not_there");
-  writer.left_out(Timestamp{});
+  writer.left_out(capture::Timestamp{});
   EXPECT_THAT(writer.failure(), testing::HasSubstr("not_there/changes.csv: No such file or directory"));
 }
 
 TEST_F(Changes, AnUnknownOneIsAnErrorWithItsLine) {
   std::ofstream(folder / "changes.csv") << "t_s,change,config\n1.5,danced,\n";
   EXPECT_THAT([&] { read_changes(folder); },
-              testing::ThrowsMessage<ConfigError>(testing::HasSubstr("changes.csv:2: unknown change 'danced'")));
+              testing::ThrowsMessage<yaml::ConfigError>(testing::HasSubstr("changes.csv:2: unknown change 'danced'")));
 }
 
 }  // namespace
-}  // namespace huetrack
+}  // namespace huetrack::pipeline

@@ -15,16 +15,16 @@
 #include "tracks/pose_file.h"
 #include "daemon/status_reporter.h"
 
-namespace huetrack {
+namespace huetrack::pipeline {
 namespace {
 
 using namespace std::chrono_literals;
 using testing::HasSubstr;
 namespace fs = std::filesystem;
 
-CameraEstimate estimate(CameraState state, Duration at) {
-  CameraEstimate e;
-  e.at = Timestamp(at);
+camera_tracking::CameraEstimate estimate(camera_tracking::CameraState state, capture::Duration at) {
+  camera_tracking::CameraEstimate e;
+  e.at = capture::Timestamp(at);
   e.state = state;
   if (e.has_pose()) e.world_from_camera = {Eigen::Quaterniond::Identity(), {1, 2, 3}};
   return e;
@@ -38,17 +38,17 @@ std::string contents(const fs::path& file) {
 
 TEST(NoPoseWarning, ComesAfterThreeSecondsOfCaptureTimeWithTheLastReasonAndGoesWithAPose) {
   TrackedCameraFigures figures;
-  figures.add(estimate(CameraState::searching, 10s), "too dark");
-  figures.add(estimate(CameraState::searching, 12900ms), "");
+  figures.add(estimate(camera_tracking::CameraState::searching, 10s), "too dark");
+  figures.add(estimate(camera_tracking::CameraState::searching, 12900ms), "");
   EXPECT_EQ(no_pose_warning("cam0", figures), "");
-  figures.add(estimate(CameraState::searching, 14s), "");
+  figures.add(estimate(camera_tracking::CameraState::searching, 14s), "");
   EXPECT_EQ(no_pose_warning("cam0", figures), "camera cam0: no pose for 4 s (searching): too dark");
   EXPECT_FALSE(figures.had_pose);
-  figures.add(estimate(CameraState::coasting, 15s), "");
+  figures.add(estimate(camera_tracking::CameraState::coasting, 15s), "");
   EXPECT_EQ(no_pose_warning("cam0", figures), "");
   EXPECT_TRUE(figures.had_pose);
-  figures.add(estimate(CameraState::lost, 16s), "");
-  figures.add(estimate(CameraState::lost, 21s), "");
+  figures.add(estimate(camera_tracking::CameraState::lost, 16s), "");
+  figures.add(estimate(camera_tracking::CameraState::lost, 21s), "");
   EXPECT_EQ(no_pose_warning("cam0", figures), "camera cam0: no pose for 5 s (lost)");  // the old reason is none of it
 }
 
@@ -60,14 +60,14 @@ TEST(NoPoseLog, SaysEachThingOnceUntilThereIsAPoseAgain) {
   spdlog::set_pattern("%v");
   NoPoseLog no_pose_log;
   TrackedCameraFigures figures;
-  const auto frame = [&](CameraState state, int s, const std::string& why) {
+  const auto frame = [&](camera_tracking::CameraState state, int s, const std::string& why) {
     figures.add(estimate(state, std::chrono::seconds(s)), why);
     no_pose_log.tell("cam0", figures);
   };
   for (int s = 0; s < 20; ++s)
-    frame(CameraState::searching, s, s % 2 == 0 ? "too dark" : "wrong by 3." + std::to_string(s));
-  frame(CameraState::tracking, 20, "");
-  for (int s = 21; s < 30; ++s) frame(CameraState::lost, s, "too dark");
+    frame(camera_tracking::CameraState::searching, s, s % 2 == 0 ? "too dark" : "wrong by 3." + std::to_string(s));
+  frame(camera_tracking::CameraState::tracking, 20, "");
+  for (int s = 21; s < 30; ++s) frame(camera_tracking::CameraState::lost, s, "too dark");
   spdlog::set_default_logger(before);
   EXPECT_EQ(
       log.str(),
@@ -76,18 +76,18 @@ TEST(NoPoseLog, SaysEachThingOnceUntilThereIsAPoseAgain) {
 }
 
 TEST(WithoutNumbers, TwoFiguresOfOneSentenceAreTheSame) {
-  EXPECT_EQ(without_numbers("37.5 px rms for 12 s"), without_numbers("-4 px rms for 3 s"));
-  EXPECT_NE(without_numbers("37 px"), without_numbers("37 mm"));
+  EXPECT_EQ(config::without_numbers("37.5 px rms for 12 s"), config::without_numbers("-4 px rms for 3 s"));
+  EXPECT_NE(config::without_numbers("37 px"), config::without_numbers("37 mm"));
 }
 
 TEST(PoseFile, HoldsTrackingPosesOnly) {
   const fs::path file = fs::path(testing::TempDir()) / ("poses_" + std::to_string(getpid()) + ".tum");
   {
-    PoseFileWriter writer(file);
-    writer.write(estimate(CameraState::searching, 1s));
-    writer.write(estimate(CameraState::tracking, 2s));
-    writer.write(estimate(CameraState::coasting, 3s));
-    writer.write(estimate(CameraState::lost, 4s));
+    tracks::PoseFileWriter writer(file);
+    writer.write(estimate(camera_tracking::CameraState::searching, 1s));
+    writer.write(estimate(camera_tracking::CameraState::tracking, 2s));
+    writer.write(estimate(camera_tracking::CameraState::coasting, 3s));
+    writer.write(estimate(camera_tracking::CameraState::lost, 4s));
     writer.flush();
   }
   EXPECT_EQ(contents(file), "2.000000000 1 2 3 0 0 0 1\n");
@@ -95,20 +95,20 @@ TEST(PoseFile, HoldsTrackingPosesOnly) {
 }
 
 // In its frames from `first` to `last` it has a pose.
-class FakeTracker final : public CameraTracker {
+class FakeTracker final : public camera_tracking::CameraTracker {
  public:
   FakeTracker(std::uint64_t first, std::uint64_t last) : first_(first), last_(last) {}
-  CameraEstimate update(const Frame& frame) override {
-    CameraEstimate e = estimate(frames_ < first_   ? CameraState::searching
-                                : frames_ <= last_ ? CameraState::tracking
-                                                   : CameraState::lost,
+  camera_tracking::CameraEstimate update(const capture::Frame& frame) override {
+    camera_tracking::CameraEstimate e = estimate(frames_ < first_   ? camera_tracking::CameraState::searching
+                                : frames_ <= last_ ? camera_tracking::CameraState::tracking
+                                                   : camera_tracking::CameraState::lost,
                                 frame.captured_at.time_since_epoch());
     e.frame_number = frames_++;
     return e;
   }
   std::string why_no_pose() const override { return "frame " + std::to_string(frames_ - 1) + " is grey"; }
-  CameraTrackerView view() const override { return {}; }
-  std::vector<CameraMapPoint> map() const override { return std::vector<CameraMapPoint>(3); }
+  camera_tracking::CameraTrackerView view() const override { return {}; }
+  std::vector<camera_tracking::CameraMapPoint> map() const override { return std::vector<camera_tracking::CameraMapPoint>(3); }
   void save_map(const fs::path& file) const override { std::ofstream(file) << "new"; }
 
  private:
@@ -116,14 +116,14 @@ class FakeTracker final : public CameraTracker {
 };
 
 // Ten frames, a second apart.
-class GreySource final : public FrameSource {
+class GreySource final : public capture::FrameSource {
  public:
-  std::optional<Frame> next(std::stop_token) override {
+  std::optional<capture::Frame> next(std::stop_token) override {
     if (made_ == 10) return std::nullopt;
-    Frame frame;
+    capture::Frame frame;
     frame.sequence = std::uint32_t(made_);
-    frame.captured_at = Timestamp(made_++ * 1s);
-    frame.pixels = make_image(PixelFormat::grey, ColorRange::full, 32, 24).image;
+    frame.captured_at = capture::Timestamp(made_++ * 1s);
+    frame.pixels = capture::make_image(capture::PixelFormat::grey, capture::ColorRange::full, 32, 24).image;
     return frame;
   }
 
@@ -134,23 +134,23 @@ class GreySource final : public FrameSource {
 class TrackedCamera : public testing::Test {
  protected:
   TrackedCamera() {
-    Camera camera;
+    calib::Camera camera;
     camera.name = "cam0";
     camera.image_size = {32, 24};
-    camera.model = CameraModel(PinholeRadtan{.fx = 30, .fy = 30, .cx = 15.5, .cy = 11.5});
+    camera.model = calib::CameraModel(calib::PinholeRadtan{.fx = 30, .fy = 30, .cx = 15.5, .cy = 11.5});
     rig_.cameras.push_back(camera);
     std::ofstream(map_) << "old";
   }
   ~TrackedCamera() override { fs::remove(map_); }
   Pipeline& run(std::uint64_t first, std::uint64_t last, PipelineOutputs outputs) {
-    std::vector<std::unique_ptr<FrameSource>> sources;
+    std::vector<std::unique_ptr<capture::FrameSource>> sources;
     sources.push_back(std::make_unique<GreySource>());
-    pipeline_.emplace(rig_, std::move(sources), std::vector<ObjectTracker>{}, PipelineOptions{}, std::move(outputs));
+    pipeline_.emplace(rig_, std::move(sources), std::vector<object_tracking::ObjectTracker>{}, PipelineOptions{}, std::move(outputs));
     pipeline_->track_camera(0, std::make_unique<FakeTracker>(first, last));
     pipeline_->run({});
     return *pipeline_;
   }
-  CameraRig rig_;
+  calib::CameraRig rig_;
   const fs::path map_ = fs::path(testing::TempDir()) / ("tracked_" + std::to_string(getpid()) + ".map");
   std::optional<Pipeline> pipeline_;
 };
@@ -158,25 +158,25 @@ class TrackedCamera : public testing::Test {
 TEST_F(TrackedCamera, TheReasonIsHandedOverWithItsFrame) {
   std::vector<std::string> reasons;
   PipelineOutputs outputs;
-  outputs.camera_poses = [&](const CameraEstimate&, Timestamp) { reasons.push_back(pipeline_->tracked_camera().why); };
+  outputs.camera_poses = [&](const camera_tracking::CameraEstimate&, capture::Timestamp) { reasons.push_back(pipeline_->tracked_camera().why); };
   run(2, 4, std::move(outputs));
   EXPECT_THAT(reasons,
               testing::ElementsAre("frame 0 is grey", "frame 1 is grey", "", "", "", "frame 5 is grey",
                                    "frame 6 is grey", "frame 7 is grey", "frame 8 is grey", "frame 9 is grey"));
   const TrackedCameraFigures figures = pipeline_->figures().tracked_camera;
-  EXPECT_EQ(figures.state, CameraState::lost);
-  EXPECT_EQ(figures.without_since, Timestamp(5s));
+  EXPECT_EQ(figures.state, camera_tracking::CameraState::lost);
+  EXPECT_EQ(figures.without_since, capture::Timestamp(5s));
   EXPECT_EQ(no_pose_warning("cam0", figures), "camera cam0: no pose for 4 s (lost): frame 9 is grey");
 }
 
 TEST_F(TrackedCamera, TheStatusWarnsOfIt) {
-  ServiceConfig config;
+  config::ServiceConfig config;
   config.rig = rig_;
   config.camera_tracking.camera = "cam0";
-  StatusReporter reporter(config, "run", {});
+  daemon::StatusReporter reporter(config, "run", {});
   const auto status = reporter.report(run(20, 20, {}).figures(), std::chrono::steady_clock::now(), {});
   EXPECT_THAT(status.warnings, testing::Contains("camera cam0: no pose for 9 s (searching): frame 9 is grey"));
-  StatusReporter other(config, "run", {});
+  daemon::StatusReporter other(config, "run", {});
   const auto fine = other.report(run(0, 20, {}).figures(), std::chrono::steady_clock::now(), {});
   EXPECT_THAT(fine.warnings, testing::Not(testing::Contains(HasSubstr("no pose"))));
 }
@@ -193,10 +193,10 @@ TEST_F(TrackedCamera, AMapIsKeptWhereThereNeverWasAPose) {
 TEST_F(TrackedCamera, ThePictureOfTheStartHasItsPoints) {
   std::vector<std::size_t> points;
   PipelineOutputs outputs;
-  outputs.camera_pictures = [&](const CameraPictureJob& job) { points.push_back(job.start_map.size()); };
+  outputs.camera_pictures = [&](const pictures::CameraPictureJob& job) { points.push_back(job.start_map.size()); };
   run(8, 9, std::move(outputs));
   EXPECT_THAT(points, testing::ElementsAre(0, 0, 0, 0, 0, 0, 0, 0, 3, 3));
 }
 
 }  // namespace
-}  // namespace huetrack
+}  // namespace huetrack::pipeline

@@ -10,7 +10,7 @@
 #include "calib/board/board_yaml.h"
 #include "calib/program/commands.h"
 
-namespace huetrack {
+namespace huetrack::program {
 namespace {
 
 using testing::AllOf;
@@ -66,12 +66,12 @@ TEST_F(Commands, BoardWritesItsPdfAndTheBoardFile) {
                  path("board.pdf")}),
             ExitStatus::usable)
       << said_;
-  const Board board = read_board(path("board.yaml"));
-  EXPECT_EQ(board.type, BoardType::charuco);
+  const board::Board board = board::read_board(path("board.yaml"));
+  EXPECT_EQ(board.type, board::BoardType::charuco);
   EXPECT_DOUBLE_EQ(board.pitch.x(), 0.03);
   EXPECT_TRUE(text(path("board.pdf")).starts_with("%PDF-1.4"));
   EXPECT_EQ(run({"board", "--type", "april_grid", "--out", path("april.pdf")}), ExitStatus::usable) << said_;
-  EXPECT_EQ(read_board(path("april.yaml")).dictionary, "DICT_APRILTAG_36h11");
+  EXPECT_EQ(board::read_board(path("april.yaml")).dictionary, "DICT_APRILTAG_36h11");
   for (const char* type : {"chessboard", "charuco", "aruco_grid"})  // as it is without being told anything
     EXPECT_EQ(run({"board", "--type", type, "--out", path("plain.pdf")}), ExitStatus::usable) << said_;
   EXPECT_EQ(run({"board", "--type", "chessboard", "--square", "60", "--out", path("large.pdf")}), ExitStatus::failed);
@@ -85,8 +85,8 @@ TEST_F(Commands, ImportAndExport) {
   const std::string rig = HUETRACK_SOURCE_DIR "/configs/demo/recording/rig.yaml";
   EXPECT_EQ(run({"export", rig, "--to", "aniposelib", "--out", path("out")}), ExitStatus::usable) << said_;
   EXPECT_EQ(run({"import", path("out/calibration.toml"), "--rig", path("back.yaml")}), ExitStatus::usable) << said_;
-  EXPECT_EQ(read_rig(path("back.yaml")).cameras.size(), 2u);
-  EXPECT_LT((read_rig(path("back.yaml")).cameras[1].centre() - read_rig(rig).cameras[1].centre()).norm(), 1e-13);
+  EXPECT_EQ(calib::read_rig(path("back.yaml")).cameras.size(), 2u);
+  EXPECT_LT((calib::read_rig(path("back.yaml")).cameras[1].centre() - calib::read_rig(rig).cameras[1].centre()).norm(), 1e-13);
   // Never over what is there, and a file that cannot be read leaves the rig alone.
   EXPECT_EQ(run({"export", rig, "--to", "aniposelib", "--out", path("out")}), ExitStatus::failed);
   EXPECT_THAT(said_, HasSubstr("is there already"));
@@ -102,21 +102,21 @@ TEST_F(Commands, ImportAndExport) {
 TEST_F(Commands, WaveOnTheBundledRecording) {
   const std::string recording = HUETRACK_SOURCE_DIR "/configs/demo/recording",
                     config = HUETRACK_SOURCE_DIR "/configs/demo/huetrackd.yaml";
-  const CameraRig truth = read_rig(recording + "/rig.yaml");
+  const calib::CameraRig truth = calib::read_rig(recording + "/rig.yaml");
   const double distance = (truth.cameras[0].centre() - truth.cameras[1].centre()).norm();
   const ExitStatus status =
       run({"wave", recording, "--config", config, "--camera-distance", truth.cameras[0].name, truth.cameras[1].name,
            std::to_string(distance), "--rig", path("rig.yaml"), "--quiet"});
   EXPECT_NE(status, ExitStatus::failed) << said_;
   EXPECT_THAT(out_, AllOf(HasSubstr("VERDICT: "), HasSubstr("expected error of positions")));
-  const CameraRig found = read_rig(path("rig.yaml"));
+  const calib::CameraRig found = calib::read_rig(path("rig.yaml"));
   EXPECT_LT((found.cameras[1].centre() - truth.cameras[1].centre()).norm(), 0.015);
   EXPECT_EQ(found.made_by.front().first, "tool");
   // From lenses alone.
-  for (const Camera& camera : truth.cameras) {
-    CameraRig lens{{camera}, {}};
+  for (const calib::Camera& camera : truth.cameras) {
+    calib::CameraRig lens{{camera}, {}};
     lens.cameras[0].cam_from_world = {};
-    write_rig(lens, path(camera.name + ".yaml"));
+    calib::write_rig(lens, path(camera.name + ".yaml"));
   }
   EXPECT_EQ(run({"wave", recording, "--lens", path(truth.cameras[0].name + ".yaml"), "--lens",
                  path(truth.cameras[1].name + ".yaml"), "--hue", "65", "115", "--radius", "40", "--rig",
@@ -143,4 +143,4 @@ TEST_F(Commands, WaveOnTheBundledRecording) {
 }
 
 }  // namespace
-}  // namespace huetrack
+}  // namespace huetrack::program

@@ -9,7 +9,7 @@
 #include "gather/pictured_rig.h"
 #include "end_to_end/process.h"
 
-namespace huetrack {
+namespace huetrack::program {
 namespace {
 
 namespace fs = std::filesystem;
@@ -27,7 +27,7 @@ class Calibrate : public testing::Test {
     folder_ = fs::temp_directory_path() / ("huetrack_calibrate_" + std::to_string(getpid()));
     fs::remove_all(folder_);
     fs::create_directories(folder_);
-    std::ofstream(folder_ / "board.yaml") << to_yaml(pictured_board());
+    std::ofstream(folder_ / "board.yaml") << board::to_yaml(gather::pictured_board());
   }
   ~Calibrate() override { fs::remove_all(folder_); }
 
@@ -35,7 +35,7 @@ class Calibrate : public testing::Test {
 
   Ended run(std::vector<std::string> arguments) const {
     arguments.insert(arguments.begin(), HUETRACK_CALIBRATE);
-    Process process(arguments, folder_ / "out", folder_ / "err");
+    end_to_end::Process process(arguments, folder_ / "out", folder_ / "err");
     Ended run;
     run.status = process.wait();
     run.out = process.out();
@@ -55,54 +55,54 @@ class Calibrate : public testing::Test {
 };
 
 TEST_F(Calibrate, PicturesOfAGoodCaptureGiveTheRig) {
-  const CameraRig truth = pictured_rig();
-  write_pictures(folder_ / "pictures", truth, pictured_poses(16));
+  const calib::CameraRig truth = gather::pictured_rig();
+  gather::write_pictures(folder_ / "pictures", truth, gather::pictured_poses(16));
   const Ended first = extrinsics("pictures");
   EXPECT_EQ(first.status, 0) << first.out << first.err;
   EXPECT_THAT(first.out, AllOf(HasSubstr("USABLE"), HasSubstr("tape measure"), HasSubstr("Expected accuracy")));
-  const CameraRig found = read_rig(path("rig.yaml"));
-  EXPECT_LT(volume_rms_m(truth, found, {-0.4, -0.4, 0.5}, {0.4, 0.4, 1.3}), 0.002);
+  const calib::CameraRig found = calib::read_rig(path("rig.yaml"));
+  EXPECT_LT(solver::volume_rms_m(truth, found, {-0.4, -0.4, 0.5}, {0.4, 0.4, 1.3}), 0.002);
   // As the cameras are held: level.
   for (std::size_t c = 0; c < 3; ++c) {
     const Eigen::Vector3d right = found.cameras[c].cam_from_world.rotation.conjugate() * Eigen::Vector3d::UnitX();
     EXPECT_NEAR(right.z(), 0, 0.01) << c;
   }
-  const std::string report = contents(path("rig.report.html"));
+  const std::string report = end_to_end::contents(path("rig.report.html"));
   for (const char* part : {"Usable", "data:image/jpeg", "cam1"})
     EXPECT_NE(report.find(part), std::string::npos) << part;
   EXPECT_EQ(report.find("http"), std::string::npos);  // self-contained
-  EXPECT_THAT(contents(path("rig.report.txt")), HasSubstr("USABLE"));
-  EXPECT_THAT(contents(path("rig.yaml")),
+  EXPECT_THAT(end_to_end::contents(path("rig.report.txt")), HasSubstr("USABLE"));
+  EXPECT_THAT(end_to_end::contents(path("rig.yaml")),
               AllOf(HasSubstr("made_by"), HasSubstr("huetrack-calibrate"), HasSubstr("verdict: \"usable\"")));
 
   // The same once more: the same bytes.
-  const std::string bytes = contents(path("rig.yaml"));
+  const std::string bytes = end_to_end::contents(path("rig.yaml"));
   EXPECT_EQ(extrinsics("pictures").status, 0);
-  EXPECT_EQ(contents(path("rig.yaml")), bytes);
-  EXPECT_TRUE(contents(path("rig.report.html")) == report);
+  EXPECT_EQ(end_to_end::contents(path("rig.yaml")), bytes);
+  EXPECT_TRUE(end_to_end::contents(path("rig.report.html")) == report);
 
   // It fits its own pictures; a camera that was bumped is named.
   Ended check = run({"check", path("rig.yaml"), path("pictures"), "--board", path("board.yaml")});
   EXPECT_EQ(check.status, 0) << check.out << check.err;
   EXPECT_THAT(check.out, HasSubstr("FITS"));
-  CameraRig bumped = found;
-  const Rigid3d bump = exp((Tangent6d() << 0.01, 0.02, -0.01, 0.03, 0, 0.01).finished());
+  calib::CameraRig bumped = found;
+  const calib::Rigid3d bump = calib::exp((calib::Tangent6d() << 0.01, 0.02, -0.01, 0.03, 0, 0.01).finished());
   bumped.cameras[1].cam_from_world = bump * bumped.cameras[1].cam_from_world;
-  write_rig(bumped, path("bumped.yaml"));
+  calib::write_rig(bumped, path("bumped.yaml"));
   check = run(
       {"check", path("bumped.yaml"), path("pictures"), "--board", path("board.yaml"), "--mend", path("mended.yaml")});
   EXPECT_EQ(check.status, 1) << check.out << check.err;
   EXPECT_THAT(check.out,
               AllOf(HasSubstr("DOES NOT FIT"), HasSubstr("cam1: was moved by"),
                     HasSubstr("cam0: stands where the rig says"), HasSubstr("cam2: stands where the rig says")));
-  EXPECT_LT(volume_rms_m(truth, read_rig(path("mended.yaml")), {-0.4, -0.4, 0.5}, {0.4, 0.4, 1.3}), 0.003);
+  EXPECT_LT(solver::volume_rms_m(truth, calib::read_rig(path("mended.yaml")), {-0.4, -0.4, 0.5}, {0.4, 0.4, 1.3}), 0.003);
 }
 
 TEST_F(Calibrate, TheOrderOfImagesDoesNotMatter) {
-  const CameraRig truth = pictured_rig();
-  write_pictures(folder_ / "pictures", truth, pictured_poses(12));
+  const calib::CameraRig truth = gather::pictured_rig();
+  gather::write_pictures(folder_ / "pictures", truth, gather::pictured_poses(12));
   std::vector<std::string> files;
-  for (int p = 0; p < 12; ++p) files.push_back((folder_ / "pictures/cam1" / picture_name(p)).string());
+  for (int p = 0; p < 12; ++p) files.push_back((folder_ / "pictures/cam1" / gather::picture_name(p)).string());
   std::vector<std::string> arguments{"intrinsics", "--camera", "cam1",  "--board",     path("board.yaml"),
                                      "--lens",     "radtan4",  "--rig", path("a.yaml")};
   std::vector<std::string> other = arguments;
@@ -115,28 +115,28 @@ TEST_F(Calibrate, TheOrderOfImagesDoesNotMatter) {
   const auto numbers = [](const std::string& yaml) {
     return yaml.substr(0, yaml.find("made_by"));
   };  // inputs are as given
-  EXPECT_EQ(numbers(contents(path("a.yaml"))), numbers(contents(path("b.yaml"))));
-  EXPECT_NEAR(read_rig(path("a.yaml")).cameras[0].model.fx() / truth.cameras[1].model.fx(), 1, 0.01);
+  EXPECT_EQ(numbers(end_to_end::contents(path("a.yaml"))), numbers(end_to_end::contents(path("b.yaml"))));
+  EXPECT_NEAR(calib::read_rig(path("a.yaml")).cameras[0].model.fx() / truth.cameras[1].model.fx(), 1, 0.01);
 }
 
 TEST_F(Calibrate, AFailedCalibrationLeavesAGoodRigAlone) {
   std::ofstream(path("rig.yaml")) << "a good rig";
-  write_pictures(folder_ / "pictures", pictured_rig(), pictured_poses(8), [](int c, int p, cv::Mat& picture) {
+  gather::write_pictures(folder_ / "pictures", gather::pictured_rig(), gather::pictured_poses(8), [](int c, int p, cv::Mat& picture) {
     if (c == 2 && p > 1) picture = cv::Mat();
     if (c != 2 && p < 2) picture = cv::Mat();  // cam2 sees what nobody else does
   });
   const Ended result = extrinsics("pictures");
   EXPECT_EQ(result.status, 1);
   EXPECT_THAT(result.err, HasSubstr("cam2"));
-  EXPECT_EQ(contents(path("rig.yaml")), "a good rig");
+  EXPECT_EQ(end_to_end::contents(path("rig.yaml")), "a good rig");
 }
 
 TEST_F(Calibrate, ADoubtfulOneIsWrittenBesideAGoodRig) {
   std::ofstream(path("rig.yaml")) << "a good rig";
-  write_pictures(folder_ / "pictures", pictured_rig(), pictured_poses(7));
+  gather::write_pictures(folder_ / "pictures", gather::pictured_rig(), gather::pictured_poses(7));
   const Ended result = extrinsics("pictures");
   EXPECT_EQ(result.status, 2) << result.out << result.err;
-  EXPECT_EQ(contents(path("rig.yaml")), "a good rig");
+  EXPECT_EQ(end_to_end::contents(path("rig.yaml")), "a good rig");
   EXPECT_TRUE(fs::exists(path("rig.doubtful.yaml")));
   EXPECT_THAT(result.out, AllOf(HasSubstr("DOUBTFUL"), HasSubstr("show the board at some 15 different places")));
   EXPECT_THAT(result.err, HasSubstr("is left as it was"));
@@ -146,16 +146,16 @@ TEST_F(Calibrate, ADoubtfulOneIsWrittenBesideAGoodRig) {
 
 TEST_F(Calibrate, ABoardOfAnotherSizeBeforeOneCamera) {
   // cam1 was shown a board of 0.7 times the size at the same places.
-  const CameraRig rig = pictured_rig();
-  const auto poses = pictured_poses(10);
-  write_pictures(folder_ / "pictures", rig, poses, [&](int c, int p, cv::Mat& picture) {
+  const calib::CameraRig rig = gather::pictured_rig();
+  const auto poses = gather::pictured_poses(10);
+  gather::write_pictures(folder_ / "pictures", rig, poses, [&](int c, int p, cv::Mat& picture) {
     if (c != 1) return;
-    Board small = pictured_board();
+    board::Board small = gather::pictured_board();
     small.pitch *= 0.7;
-    const Eigen::Vector3d middle = pictured_board().point(17);
-    Rigid3d pose = poses[static_cast<std::size_t>(p)];
+    const Eigen::Vector3d middle = gather::pictured_board().point(17);
+    calib::Rigid3d pose = poses[static_cast<std::size_t>(p)];
     pose.translation = pose * Eigen::Vector3d(0.3 * middle);
-    picture = picture_of(rig.cameras[1], small, pose, static_cast<std::uint64_t>(p));
+    picture = gather::picture_of(rig.cameras[1], small, pose, static_cast<std::uint64_t>(p));
   });
   const Ended result = extrinsics("pictures");
   EXPECT_EQ(result.status, 1) << result.out;
@@ -164,7 +164,7 @@ TEST_F(Calibrate, ABoardOfAnotherSizeBeforeOneCamera) {
 }
 
 TEST_F(Calibrate, MirroredImagesOfOneCamera) {
-  write_pictures(folder_ / "pictures", pictured_rig(), pictured_poses(10), [](int c, int, cv::Mat& picture) {
+  gather::write_pictures(folder_ / "pictures", gather::pictured_rig(), gather::pictured_poses(10), [](int c, int, cv::Mat& picture) {
     if (c == 0) cv::flip(picture, picture, 1);
   });
   const Ended result = extrinsics("pictures");
@@ -173,8 +173,8 @@ TEST_F(Calibrate, MirroredImagesOfOneCamera) {
 }
 
 TEST_F(Calibrate, SwappedCameras) {
-  write_pictures(folder_ / "pictures", pictured_rig(), pictured_poses(12));
-  write_rig(pictured_rig(), path("known.yaml"));
+  gather::write_pictures(folder_ / "pictures", gather::pictured_rig(), gather::pictured_poses(12));
+  calib::write_rig(gather::pictured_rig(), path("known.yaml"));
   const Ended result =
       extrinsics("", "rig.yaml",
                  {"--intrinsics", path("known.yaml"), "--cameras", "cam0,cam1,cam2", "cam0=" + path("pictures/cam1"),
@@ -184,7 +184,7 @@ TEST_F(Calibrate, SwappedCameras) {
 }
 
 TEST_F(Calibrate, ACameraWithoutOverlap) {
-  write_pictures(folder_ / "pictures", pictured_rig(), pictured_poses(12), [](int c, int p, cv::Mat& picture) {
+  gather::write_pictures(folder_ / "pictures", gather::pictured_rig(), gather::pictured_poses(12), [](int c, int p, cv::Mat& picture) {
     if ((c == 2) == (p < 6)) picture = cv::Mat(240, 320, CV_8UC1, cv::Scalar(90));
     if ((c == 2) == (p < 6)) cv::circle(picture, {160, 120}, 60, cv::Scalar(200), -1);
   });
@@ -195,35 +195,35 @@ TEST_F(Calibrate, ACameraWithoutOverlap) {
 }
 
 TEST_F(Calibrate, BlurredAndEmptyImages) {
-  const auto poses = pictured_poses(5);
-  write_pictures(folder_ / "blurred", pictured_rig(), poses, [](int c, int, cv::Mat& picture) {
+  const auto poses = gather::pictured_poses(5);
+  gather::write_pictures(folder_ / "blurred", gather::pictured_rig(), poses, [](int c, int, cv::Mat& picture) {
     if (c == 1) cv::GaussianBlur(picture, picture, {}, 15);
   });
   Ended result = extrinsics("blurred");
   EXPECT_EQ(result.status, 1) << result.out;
   EXPECT_THAT(result.err,
               AllOf(HasSubstr("camera cam1: the board (chessboard 7x5"), HasSubstr("the image is blurred")));
-  write_pictures(folder_ / "empty", pictured_rig(), poses, [](int c, int, cv::Mat& picture) {
+  gather::write_pictures(folder_ / "empty", gather::pictured_rig(), poses, [](int c, int, cv::Mat& picture) {
     if (c == 2) picture.setTo(0);
   });
   result = extrinsics("empty");
   EXPECT_EQ(result.status, 1) << result.out;
   EXPECT_THAT(result.err, AllOf(HasSubstr("camera cam2"), HasSubstr("the image is black")));
-  for (int p = 0; p < 5; ++p) std::ofstream(folder_ / "empty/cam2" / picture_name(p), std::ios::trunc);
+  for (int p = 0; p < 5; ++p) std::ofstream(folder_ / "empty/cam2" / gather::picture_name(p), std::ios::trunc);
   result = extrinsics("empty");
   EXPECT_EQ(result.status, 1) << result.out;
   EXPECT_THAT(result.err, AllOf(HasSubstr("cam2"), HasSubstr("no picture that can be used")));
 }
 
 TEST_F(Calibrate, ATruncatedVideo) {
-  const CameraRig rig = pictured_rig();
-  const auto poses = pictured_poses(16);
+  const calib::CameraRig rig = gather::pictured_rig();
+  const auto poses = gather::pictured_poses(16);
   fs::create_directories(path("videos"));
   for (std::size_t c = 0; c < 2; ++c) {
     std::ofstream video(folder_ / "videos" / (rig.cameras[c].name + ".mjpeg"), std::ios::binary);
     for (std::size_t p = 0; p < poses.size(); ++p) {
       cv::Mat picture;
-      cv::cvtColor(picture_of(rig.cameras[c], pictured_board(), poses[p], 100 * c + p), picture, cv::COLOR_GRAY2BGR);
+      cv::cvtColor(gather::picture_of(rig.cameras[c], gather::pictured_board(), poses[p], 100 * c + p), picture, cv::COLOR_GRAY2BGR);
       std::vector<std::uint8_t> jpeg;
       cv::imencode(".jpg", picture, jpeg);
       video.write(reinterpret_cast<const char*>(jpeg.data()), static_cast<std::streamsize>(jpeg.size()));
@@ -256,27 +256,27 @@ TEST_F(Calibrate, WrongCommandLines) {
 // --- the world ---
 
 TEST_F(Calibrate, TheWorldOfABoardOnTheFloor) {
-  CameraRig rig = pictured_rig();
+  calib::CameraRig rig = gather::pictured_rig();
   // On the floor, its front up: x along the world's y, so the board's y is along the world's x... and z down.
   Eigen::Matrix3d lying;
   lying.col(2) = -Eigen::Vector3d::UnitZ();
   lying.col(0) = Eigen::Vector3d::UnitY();
   lying.col(1) = lying.col(2).cross(lying.col(0));
-  const Rigid3d world_from_board{Eigen::Quaterniond(lying), {0.1, -0.25, 0.55}};
-  write_pictures(folder_ / "floor", rig, {world_from_board});
+  const calib::Rigid3d world_from_board{Eigen::Quaterniond(lying), {0.1, -0.25, 0.55}};
+  gather::write_pictures(folder_ / "floor", rig, {world_from_board});
   // Some other world to start from.
-  const Rigid3d other = exp((Tangent6d() << 0.3, -0.5, 0.8, 1, 2, 3).finished());
-  for (Camera& camera : rig.cameras) camera.cam_from_world = camera.cam_from_world * inverse(other);
-  write_rig(rig, path("rig.yaml"));
+  const calib::Rigid3d other = calib::exp((calib::Tangent6d() << 0.3, -0.5, 0.8, 1, 2, 3).finished());
+  for (calib::Camera& camera : rig.cameras) camera.cam_from_world = camera.cam_from_world * calib::inverse(other);
+  calib::write_rig(rig, path("rig.yaml"));
   Ended result = run({"world", path("rig.yaml"), path("floor"), "--board", path("board.yaml")});
   EXPECT_EQ(result.status, 0) << result.out << result.err;
-  const CameraRig set = read_rig(path("rig.yaml")), truth = pictured_rig();
+  const calib::CameraRig set = calib::read_rig(path("rig.yaml")), truth = gather::pictured_rig();
   for (std::size_t c = 0; c < 3; ++c) {
     // The origin is the board's corner 0; x along its rows.
     const Eigen::Vector3d p = truth.cameras[c].centre() - world_from_board.translation;
     EXPECT_LT((set.cameras[c].centre() - Eigen::Vector3d(p.y(), -p.x(), p.z())).norm(), 0.01) << c;
   }
-  EXPECT_THAT(contents(path("rig.yaml")), HasSubstr("the board on the floor"));
+  EXPECT_THAT(end_to_end::contents(path("rig.yaml")), HasSubstr("the board on the floor"));
 
   // Points, measured by their pixels; the rig's scale is wrong.
   std::ofstream points(path("points.yaml"));
@@ -292,27 +292,27 @@ TEST_F(Calibrate, TheWorldOfABoardOnTheFloor) {
     points << "}}\n";
   }
   points.close();
-  CameraRig large = set;
-  for (Camera& camera : large.cameras) camera.cam_from_world.translation *= 1.05;
-  write_rig(large, path("large.yaml"));
+  calib::CameraRig large = set;
+  for (calib::Camera& camera : large.cameras) camera.cam_from_world.translation *= 1.05;
+  calib::write_rig(large, path("large.yaml"));
   result = run({"world", path("large.yaml"), "--points", path("points.yaml"), "--out", path("moved.yaml")});
   EXPECT_EQ(result.status, 2) << result.out << result.err;
   EXPECT_THAT(result.out, HasSubstr("all lengths of the rig are to be multiplied by 0.95"));
   result = run({"world", path("large.yaml"), "--points", path("points.yaml"), "--scale", "--out", path("scaled.yaml")});
   EXPECT_EQ(result.status, 0) << result.out << result.err;
-  const CameraRig scaled = read_rig(path("scaled.yaml"));
+  const calib::CameraRig scaled = calib::read_rig(path("scaled.yaml"));
   for (std::size_t c = 0; c < 3; ++c) EXPECT_LT((scaled.cameras[c].centre() - truth.cameras[c].centre()).norm(), 0.01);
 
   // Upside down: doubtful, and the file stays; with points on the floor that is refused.
-  const std::string before = contents(path("rig.yaml"));
+  const std::string before = end_to_end::contents(path("rig.yaml"));
   std::ofstream(path("upside.yaml"))
       << "points:\n  a: {world: [0, 0, 0], position: [0, 0, 0]}\n"
          "  b: {world: [1, 0, 0], position: [1, 0, 0]}\n  c: {world: [0, -1, 0], position: [0, 1, 0]}\n";
   result = run({"world", path("rig.yaml"), "--points", path("upside.yaml")});
   EXPECT_EQ(result.status, 2) << result.out << result.err;
   EXPECT_THAT(result.out, HasSubstr("below z = 0"));
-  EXPECT_EQ(contents(path("rig.yaml")), before);
+  EXPECT_EQ(end_to_end::contents(path("rig.yaml")), before);
 }
 
 }  // namespace
-}  // namespace huetrack
+}  // namespace huetrack::program

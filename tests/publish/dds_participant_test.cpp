@@ -10,7 +10,7 @@
 #include "idl/topics.h"
 #include "publish/known_samples.h"
 
-namespace huetrack {
+namespace huetrack::publish {
 namespace {
 
 namespace dds = eprosima::fastdds::dds;
@@ -27,9 +27,9 @@ std::string refusal(Call call) {
   return "";
 }
 
-std::string refusal(ParticipantOptions options) {
+std::string refusal(idl::ParticipantOptions options) {
   options.domain = testing::test_domain();
-  return refusal([&] { DdsParticipant{options}; });
+  return refusal([&] { idl::DdsParticipant{options}; });
 }
 
 std::filesystem::path file_with(const std::string& name, const std::string& text) {
@@ -40,20 +40,20 @@ std::filesystem::path file_with(const std::string& name, const std::string& text
 
 TEST(ResolveDomain, ConfigBeforeEnvironmentBeforeZero) {
   ::unsetenv("ROS_DOMAIN_ID");
-  EXPECT_EQ(resolve_domain({}), 0);
+  EXPECT_EQ(idl::resolve_domain({}), 0);
   ::setenv("ROS_DOMAIN_ID", "42", 1);
-  EXPECT_EQ(resolve_domain({}), 42);
-  EXPECT_EQ(resolve_domain(7), 7);
+  EXPECT_EQ(idl::resolve_domain({}), 42);
+  EXPECT_EQ(idl::resolve_domain(7), 7);
   ::setenv("ROS_DOMAIN_ID", "", 1);
-  EXPECT_EQ(resolve_domain({}), 0);
+  EXPECT_EQ(idl::resolve_domain({}), 0);
 }
 
 TEST(ResolveDomain, WrongOnesAreRefused) {
   for (const char* wrong : {"-1", "233", "4x", "four", " 4", "99999999999999999999"}) {
     ::setenv("ROS_DOMAIN_ID", wrong, 1);
-    EXPECT_THAT(refusal([] { resolve_domain({}); }), AllOf(HasSubstr("ROS_DOMAIN_ID"), HasSubstr(wrong))) << wrong;
+    EXPECT_THAT(refusal([] { idl::resolve_domain({}); }), AllOf(HasSubstr("ROS_DOMAIN_ID"), HasSubstr(wrong))) << wrong;
   }
-  EXPECT_THAT(refusal([] { resolve_domain(233); }), HasSubstr("0 to 232"));
+  EXPECT_THAT(refusal([] { idl::resolve_domain(233); }), HasSubstr("0 to 232"));
 }
 
 TEST(DdsParticipant, MissingProfilesFileIsNamed) {
@@ -84,24 +84,24 @@ TEST(DdsParticipant, InterfaceThatIsNotThereIsRefusedWithThoseThatAre) {
 
 TEST(DdsCheck, RefusesABrokenProfilesFileAndReturnsInterfacesThatAreNotThere) {
   const auto broken = file_with("broken.xml", "<dds><profiles><participant profile_name=");
-  EXPECT_THAT(refusal([&] { check({.profiles = broken}); }), HasSubstr("broken.xml"));
-  EXPECT_THAT(check({.interfaces = {"nope0", "lo", "203.0.113.77"}}),
+  EXPECT_THAT(refusal([&] { idl::check({.profiles = broken}); }), HasSubstr("broken.xml"));
+  EXPECT_THAT(idl::check({.interfaces = {"nope0", "lo", "203.0.113.77"}}),
               ::testing::ElementsAre(HasSubstr("nope0"), HasSubstr("203.0.113.77")));
-  EXPECT_THAT(check({.interfaces = {"lo"}}), ::testing::IsEmpty());
+  EXPECT_THAT(idl::check({.interfaces = {"lo"}}), ::testing::IsEmpty());
 }
 
 TEST(DdsParticipant, InterfaceByNameOrAddress) {
   for (const char* loopback : {"lo", "127.0.0.1"}) {
-    const DdsParticipant participant({.domain = testing::test_domain(), .interfaces = {loopback}});
+    const idl::DdsParticipant participant({.domain = testing::test_domain(), .interfaces = {loopback}});
     EXPECT_THAT(participant.description(), HasSubstr("UDP on lo 127.0.0.1 only"));
   }
 }
 
 // Fast DDS does not connect two programs of one host when one uses loopback and the other does not.
 TEST(DdsParticipant, LoopbackIsAlwaysAmongTheInterfaces) {
-  for (const NetworkInterface& i : network_interfaces()) {
+  for (const idl::NetworkInterface& i : idl::network_interfaces()) {
     if (i.name == "lo") continue;
-    const DdsParticipant participant({.domain = testing::test_domain(), .interfaces = {i.name}});
+    const idl::DdsParticipant participant({.domain = testing::test_domain(), .interfaces = {i.name}});
     EXPECT_THAT(participant.description(), HasSubstr("UDP on " + i.name + " " + i.address + ", lo 127.0.0.1 only"));
     return;
   }
@@ -114,24 +114,24 @@ TEST(DdsParticipant, InterfacesBesideAParticipantProfileAreRefused) {
 }
 
 TEST(DdsParticipant, DescriptionListsTheInterfacesInUse) {
-  const DdsParticipant participant({.domain = testing::test_domain()});
+  const idl::DdsParticipant participant({.domain = testing::test_domain()});
   EXPECT_THAT(participant.description(), HasSubstr("domain " + std::to_string(testing::test_domain())));
-  for (const NetworkInterface& i : network_interfaces()) EXPECT_THAT(participant.description(), HasSubstr(i.address));
+  for (const idl::NetworkInterface& i : idl::network_interfaces()) EXPECT_THAT(participant.description(), HasSubstr(i.address));
 }
 
 TEST(DdsParticipant, AnUnchangedNetworkIsNoChange) {
-  DdsParticipant participant({.domain = testing::test_domain()});
+  idl::DdsParticipant participant({.domain = testing::test_domain()});
   for (int call = 0; call < 3; ++call) EXPECT_FALSE(participant.network_changed());
 }
 
 TEST(DdsParticipant, ProfileOfATopicsNameReplacesItsQosAndOthersKeepOurs) {
-  DdsParticipant participant(
+  idl::DdsParticipant participant(
       {.domain = testing::test_domain(), .profiles = HUETRACK_SOURCE_DIR "/configs/dds/topic_qos.xml"});
   using TfType = tf2_msgs::msg::dds_::TFMessage_PubSubType;
   const auto qos_of = [&](const char* topic) {
-    return participant.create_writer(topic, dds::TypeSupport(new TfType), ros2_writer_qos(), "typehash=x;").get_qos();
+    return participant.create_writer(topic, dds::TypeSupport(new TfType), idl::ros2_writer_qos(), "typehash=x;").get_qos();
   };
-  const dds::DataWriterQos tf = qos_of(topics::ros2_tf);
+  const dds::DataWriterQos tf = qos_of(idl::topics::ros2_tf);
   EXPECT_EQ(tf.reliability().kind, dds::BEST_EFFORT_RELIABILITY_QOS);
   EXPECT_EQ(tf.history().depth, 1);
   EXPECT_EQ(tf.user_data().size(), 11U);  // the type hash is there all the same
@@ -144,7 +144,7 @@ TEST(DdsParticipant, ProfileOfATopicsNameReplacesItsQosAndOthersKeepOurs) {
 class ShippedProfiles : public ::testing::TestWithParam<std::string> {};
 
 TEST_P(ShippedProfiles, Load) {
-  const DdsParticipant participant(
+  const idl::DdsParticipant participant(
       {.domain = testing::test_domain(), .profiles = HUETRACK_SOURCE_DIR "/configs/dds/" + GetParam()});
   EXPECT_THAT(participant.description(),
               HasSubstr(GetParam() == "topic_qos.xml" ? "UDP on" : "as the participant profile says"));
@@ -161,22 +161,22 @@ INSTANTIATE_TEST_SUITE_P(All, ShippedProfiles, ::testing::ValuesIn(shipped()),
                          [](const auto& file) { return file.param.substr(0, file.param.find('.')); });
 
 TEST(PublisherIdentity, RoundTrip) {
-  const PublisherIdentity identity{"host-1.example", 4711, {"ball", "wand"}};
-  const auto back = PublisherIdentity::from(identity.user_data());
+  const idl::PublisherIdentity identity{"host-1.example", 4711, {"ball", "wand"}};
+  const auto back = idl::PublisherIdentity::from(identity.user_data());
   ASSERT_TRUE(back);
   EXPECT_EQ(back->host, identity.host);
   EXPECT_EQ(back->pid, identity.pid);
   EXPECT_EQ(back->targets, identity.targets);
   for (const char* other :
        {"", "typehash=RIHS01_00;", "host=a;pid=b;targets=c;", "host=a;pid=1;", "host=a;pid=1;targets=c"})
-    EXPECT_FALSE(PublisherIdentity::from(other)) << other;
+    EXPECT_FALSE(idl::PublisherIdentity::from(other)) << other;
 }
 
 TEST(IsTargetName, WhatRosTopicsAllow) {
-  for (const char* good : {"ball", "Ball_2", "a"}) EXPECT_TRUE(is_target_name(good)) << good;
+  for (const char* good : {"ball", "Ball_2", "a"}) EXPECT_TRUE(idl::is_target_name(good)) << good;
   for (const char* bad : {"", "2ball", "_ball", "ball-2", "b\xC3\xA4ll", "a b", "a/b", "a__b"})
-    EXPECT_FALSE(is_target_name(bad)) << bad;
+    EXPECT_FALSE(idl::is_target_name(bad)) << bad;
 }
 
 }  // namespace
-}  // namespace huetrack
+}  // namespace huetrack::publish

@@ -19,7 +19,7 @@
 #include "publish/child_process.h"
 #include "publish/known_samples.h"
 
-namespace huetrack {
+namespace huetrack::publish {
 namespace {
 
 namespace dds = eprosima::fastdds::dds;
@@ -41,7 +41,7 @@ std::vector<Sample> take_all(dds::DataReader& reader) {
   return samples;
 }
 
-bool publish_known(EstimatePublisher& publisher, TrackState state, std::size_t target = 0) {
+bool publish_known(EstimatePublisher& publisher, object_tracking::TrackState state, std::size_t target = 0) {
   return publisher.publish(target, known_estimate(state), captured_at(state), received_at(state));
 }
 
@@ -52,7 +52,7 @@ class Bus : public ::testing::Test {
     eprosima::fastrtps::LibrarySettingsAttributes settings;
     settings.intraprocess_delivery = eprosima::fastrtps::INTRAPROCESS_OFF;
     eprosima::fastrtps::xmlparser::XMLProfileManager::library_settings(settings);
-    participant_.emplace(ParticipantOptions{.domain = test_domain()});
+    participant_.emplace(idl::ParticipantOptions{.domain = test_domain()});
   }
 
   template <typename PubSubType>
@@ -60,7 +60,7 @@ class Bus : public ::testing::Test {
     return participant_->create_reader(topic, dds::TypeSupport(new PubSubType), qos);
   }
   dds::DataReader& position_reader() {
-    return reader<msg::ObjectPositionPubSubType>(topics::object_position, object_position_reader_qos());
+    return reader<msg::ObjectPositionPubSubType>(idl::topics::object_position, idl::object_position_reader_qos());
   }
 
   static bool matched(dds::DataReader& reader, int publishers = 1) {
@@ -73,7 +73,7 @@ class Bus : public ::testing::Test {
         5s);
   }
 
-  std::optional<DdsParticipant> participant_;
+  std::optional<idl::DdsParticipant> participant_;
 };
 
 // Samples that were written before the publisher had matched the reader are not delivered, and only the publisher knows
@@ -97,12 +97,12 @@ TEST_F(Bus, PositionRoundTripOfEveryField) {
   EstimatePublisher publisher(known_options(test_domain()));
   const auto before = std::chrono::system_clock::now().time_since_epoch();
   const auto sample =
-      first_after<msg::ObjectPosition>(reader, [&] { EXPECT_TRUE(publish_known(publisher, TrackState::tracking)); });
+      first_after<msg::ObjectPosition>(reader, [&] { EXPECT_TRUE(publish_known(publisher, object_tracking::TrackState::tracking)); });
   ASSERT_TRUE(sample);
-  const ObjectEstimate e = known_estimate(TrackState::tracking);
+  const object_tracking::ObjectEstimate e = known_estimate(object_tracking::TrackState::tracking);
   EXPECT_EQ(sample->target(), "ball");
-  EXPECT_EQ(sample->captured_at(), captured_at(TrackState::tracking).time_since_epoch().count());
-  EXPECT_EQ(sample->received_at(), received_at(TrackState::tracking).time_since_epoch().count());
+  EXPECT_EQ(sample->captured_at(), captured_at(object_tracking::TrackState::tracking).time_since_epoch().count());
+  EXPECT_EQ(sample->received_at(), received_at(object_tracking::TrackState::tracking).time_since_epoch().count());
   EXPECT_GE(sample->published_at(), std::chrono::nanoseconds(before).count());
   EXPECT_LE(sample->published_at(),
             std::chrono::nanoseconds(std::chrono::system_clock::now().time_since_epoch()).count());
@@ -132,7 +132,7 @@ TEST_F(Bus, PositionRoundTripOfEveryField) {
 TEST_F(Bus, WithoutAPositionItIsNanWhateverTheEstimateHolds) {
   dds::DataReader& reader = position_reader();
   EstimatePublisher publisher(known_options(test_domain()));
-  for (const TrackState state : {TrackState::searching, TrackState::lost}) {
+  for (const object_tracking::TrackState state : {object_tracking::TrackState::searching, object_tracking::TrackState::lost}) {
     const auto sample = first_after<msg::ObjectPosition>(reader, [&] { publish_known(publisher, state); });
     ASSERT_TRUE(sample);
     EXPECT_EQ(sample->state(), static_cast<msg::TrackState>(state));
@@ -147,10 +147,10 @@ TEST_F(Bus, WithoutAPositionItIsNanWhateverTheEstimateHolds) {
 TEST_F(Bus, AViewThatSaysNothingDoesNotRepeatTheLastOne) {
   dds::DataReader& reader = position_reader();
   EstimatePublisher publisher(known_options(test_domain()));
-  ASSERT_TRUE(first_after<msg::ObjectPosition>(reader, [&] { publish_known(publisher, TrackState::tracking); }));
-  ObjectEstimate bare = known_estimate(TrackState::lost);
+  ASSERT_TRUE(first_after<msg::ObjectPosition>(reader, [&] { publish_known(publisher, object_tracking::TrackState::tracking); }));
+  object_tracking::ObjectEstimate bare = known_estimate(object_tracking::TrackState::lost);
   bare.per_view.clear();
-  publisher.publish(0, bare, captured_at(TrackState::lost), received_at(TrackState::lost));
+  publisher.publish(0, bare, captured_at(object_tracking::TrackState::lost), received_at(object_tracking::TrackState::lost));
   ASSERT_TRUE(ChildProcess::wait(
       [&] {
         for (const auto& sample : take_all<msg::ObjectPosition>(reader))
@@ -170,12 +170,12 @@ TEST_F(Bus, EveryTargetIsAnInstanceOfItsOwnWithItsOwnHistory) {
   options.targets.clear();
   for (int i = 0; i < 30; ++i) options.targets.push_back("target" + std::to_string(i));
   EstimatePublisher publisher(options);
-  ASSERT_TRUE(first_after<msg::ObjectPosition>(reader, [&] { publish_known(publisher, TrackState::tracking); }));
+  ASSERT_TRUE(first_after<msg::ObjectPosition>(reader, [&] { publish_known(publisher, object_tracking::TrackState::tracking); }));
   std::this_thread::sleep_for(50ms);
   take_all<msg::ObjectPosition>(reader);
   for (int repeat = 0; repeat < 10; ++repeat)
     for (std::size_t i = 0; i < options.targets.size(); ++i)
-      EXPECT_TRUE(publish_known(publisher, TrackState::tracking, i));
+      EXPECT_TRUE(publish_known(publisher, object_tracking::TrackState::tracking, i));
   std::map<std::string, int> count;
   ChildProcess::wait(
       [&] {
@@ -192,10 +192,10 @@ TEST_F(Bus, EveryTargetIsAnInstanceOfItsOwnWithItsOwnHistory) {
 
 TEST_F(Bus, StatusIsThereForWhoComesLate) {
   EstimatePublisher publisher(known_options(test_domain()));
-  publish_known(publisher, TrackState::tracking);
+  publish_known(publisher, object_tracking::TrackState::tracking);
   ASSERT_TRUE(publisher.publish_status(known_status()));
   std::this_thread::sleep_for(300ms);
-  dds::DataReader& reader = this->reader<msg::ServiceStatusPubSubType>(topics::status, status_reader_qos());
+  dds::DataReader& reader = this->reader<msg::ServiceStatusPubSubType>(idl::topics::status, idl::status_reader_qos());
   std::vector<msg::ServiceStatus> got;
   ASSERT_TRUE(ChildProcess::wait([&] { return !(got = take_all<msg::ServiceStatus>(reader)).empty(); }, 2s));
   const msg::ServiceStatus& s = got.back();
@@ -236,13 +236,13 @@ TEST_F(Bus, RosTopicsOnlyWhileThereIsAPosition) {
   ros.reliability().kind = dds::RELIABLE_RELIABILITY_QOS;
   ros.history().depth = 50;
   dds::DataReader& pose_reader =
-      reader<geometry_msgs::msg::dds_::PoseWithCovarianceStamped_PubSubType>(topics::ros2_pose("wand"), ros);
-  dds::DataReader& tf_reader = reader<tf2_msgs::msg::dds_::TFMessage_PubSubType>(topics::ros2_tf, ros);
+      reader<geometry_msgs::msg::dds_::PoseWithCovarianceStamped_PubSubType>(idl::topics::ros2_pose("wand"), ros);
+  dds::DataReader& tf_reader = reader<tf2_msgs::msg::dds_::TFMessage_PubSubType>(idl::topics::ros2_tf, ros);
   EstimatePublisher publisher(known_options(test_domain()));
   ASSERT_TRUE(matched(pose_reader) && matched(tf_reader));
   std::this_thread::sleep_for(200ms);
   for (int repeat = 0; repeat < 3; ++repeat)
-    for (const TrackState state : states) EXPECT_TRUE(publish_known(publisher, state, 1));
+    for (const object_tracking::TrackState state : states) EXPECT_TRUE(publish_known(publisher, state, 1));
   std::this_thread::sleep_for(300ms);
   const auto got_poses = take_all<geometry_msgs::msg::dds_::PoseWithCovarianceStamped_>(pose_reader);
   const auto got_tfs = take_all<tf2_msgs::msg::dds_::TFMessage_>(tf_reader);
@@ -255,12 +255,12 @@ TEST_F(Bus, RosTopicsOnlyWhileThereIsAPosition) {
 
 TEST_F(Bus, WithoutRosThereAreNoRosTopics) {
   dds::DataReaderQos ros;
-  dds::DataReader& tf_reader = reader<tf2_msgs::msg::dds_::TFMessage_PubSubType>(topics::ros2_tf, ros);
+  dds::DataReader& tf_reader = reader<tf2_msgs::msg::dds_::TFMessage_PubSubType>(idl::topics::ros2_tf, ros);
   dds::DataReader& native = position_reader();
   EstimatePublisherOptions options = known_options(test_domain());
   options.ros2 = false;
   EstimatePublisher publisher(options);
-  ASSERT_TRUE(first_after<msg::ObjectPosition>(native, [&] { publish_known(publisher, TrackState::tracking); }));
+  ASSERT_TRUE(first_after<msg::ObjectPosition>(native, [&] { publish_known(publisher, object_tracking::TrackState::tracking); }));
   EXPECT_TRUE(matched(tf_reader, 0));
   EXPECT_TRUE(take_all<tf2_msgs::msg::dds_::TFMessage_>(tf_reader).empty());
 }
@@ -287,7 +287,7 @@ TEST_F(Bus, WhoWaitsForItsSubscriberAndLeavesAtOnceLosesNothing) {
   dds::DataReader& reader = position_reader();
   auto publisher = std::make_unique<EstimatePublisher>(known_options(test_domain()));
   ASSERT_TRUE(ChildProcess::wait([&] { return publisher->subscribers() == 1; }, 5s));
-  for (int i = 0; i < 10; ++i) EXPECT_TRUE(publish_known(*publisher, TrackState::tracking));
+  for (int i = 0; i < 10; ++i) EXPECT_TRUE(publish_known(*publisher, object_tracking::TrackState::tracking));
   publisher.reset();
   EXPECT_EQ(take_all<msg::ObjectPosition>(reader).size(), 10U);
 }
@@ -325,7 +325,7 @@ bool in_own_network() {
 }
 // The kernel takes a moment to report the carrier.
 bool has_carrier(const std::string& address) {
-  return ChildProcess::wait([&] { return describe(network_interfaces()).find(address) != std::string::npos; }, 5s);
+  return ChildProcess::wait([&] { return idl::describe(idl::network_interfaces()).find(address) != std::string::npos; }, 5s);
 }
 bool interface_comes_up() {
   return std::system("ip link set va up && ip addr add 10.99.0.1/24 dev va") == 0 && has_carrier("10.99.0.1");
@@ -342,10 +342,10 @@ TEST(Network, AnInterfaceThatComesUpLaterIsUsed) {
                               pid + " -n sh -c 'ip link set va up && ip addr add 10.99.0.1/24 dev va'";
   ASSERT_EQ(std::system(plug_in.c_str()), 0);
   ASSERT_TRUE(has_carrier("10.99.0.2"));
-  DdsParticipant participant({.domain = test_domain()});
+  idl::DdsParticipant participant({.domain = test_domain()});
   EXPECT_THAT(participant.description(), HasSubstr("vb 10.99.0.2"));
   dds::DataReader& reader = participant.create_reader(
-      topics::object_position, dds::TypeSupport(new msg::ObjectPositionPubSubType), object_position_reader_qos());
+      idl::topics::object_position, dds::TypeSupport(new msg::ObjectPositionPubSubType), idl::object_position_reader_qos());
   EXPECT_TRUE(ChildProcess::wait([&] { return !take_all<msg::ObjectPosition>(reader).empty(); }, 10s));
 }
 
@@ -356,7 +356,7 @@ TEST(Network, JoiningAnewLeavesNothingBehind) {
   ASSERT_TRUE(interface_comes_up());
   for (int second = 0; second < 3; ++second) EXPECT_TRUE(publisher.publish_status(known_status()));
   EXPECT_THAT(publisher.description(), HasSubstr("va 10.99.0.1"));
-  EXPECT_TRUE(publish_known(publisher, TrackState::tracking));
+  EXPECT_TRUE(publish_known(publisher, object_tracking::TrackState::tracking));
   EXPECT_THAT(publisher.warnings(), ElementsAre());
   EXPECT_EQ(publisher.counters().failures, 0U);
 }
@@ -371,7 +371,7 @@ TEST(Network, AConfiguredInterfaceThatGoesIsWarnedOfAndPublishingGoesOn) {
   for (int second = 0; second < 3; ++second) publisher.publish_status(known_status());
   ASSERT_EQ(publisher.warnings().size(), 1U);
   EXPECT_THAT(publisher.warnings()[0], AllOf(HasSubstr("the network has changed"), HasSubstr("\"va\"")));
-  EXPECT_TRUE(publish_known(publisher, TrackState::tracking));
+  EXPECT_TRUE(publish_known(publisher, object_tracking::TrackState::tracking));
 }
 
 TEST(EstimatePublisher, WrongOptionsAreNamed) {
@@ -396,4 +396,4 @@ TEST(EstimatePublisher, WrongOptionsAreNamed) {
 }
 
 }  // namespace
-}  // namespace huetrack
+}  // namespace huetrack::publish

@@ -18,7 +18,7 @@ namespace huetrack::testing {
 
 using huetrack::test_domain;
 
-inline constexpr std::array states{TrackState::searching, TrackState::tracking, TrackState::coasting, TrackState::lost};
+inline constexpr std::array states{object_tracking::TrackState::searching, object_tracking::TrackState::tracking, object_tracking::TrackState::coasting, object_tracking::TrackState::lost};
 
 inline EstimatePublisherOptions known_options(int domain) {
   EstimatePublisherOptions options;
@@ -29,17 +29,17 @@ inline EstimatePublisherOptions known_options(int domain) {
   return options;
 }
 
-inline Timestamp captured_at(TrackState state) {
-  return Timestamp(std::chrono::nanoseconds(1'700'000'000'123'456'789 + 100'000'000 * static_cast<int>(state)));
+inline capture::Timestamp captured_at(object_tracking::TrackState state) {
+  return capture::Timestamp(std::chrono::nanoseconds(1'700'000'000'123'456'789 + 100'000'000 * static_cast<int>(state)));
 }
-inline Timestamp received_at(TrackState state) {
+inline capture::Timestamp received_at(object_tracking::TrackState state) {
   return captured_at(state) + std::chrono::milliseconds(7);
 }
 
 // Even where there is no position the numbers are set: a publisher must not let them out.
-inline ObjectEstimate known_estimate(TrackState state) {
+inline object_tracking::ObjectEstimate known_estimate(object_tracking::TrackState state) {
   const int n = static_cast<int>(state);
-  ObjectEstimate e;
+  object_tracking::ObjectEstimate e;
   e.at = captured_at(state);
   e.set_number = 1000 + static_cast<unsigned>(n);
   e.state = state;
@@ -58,12 +58,12 @@ inline ObjectEstimate known_estimate(TrackState state) {
 }
 
 // As above; states go by number as a target's do.
-inline constexpr std::array camera_states{CameraState::searching, CameraState::tracking, CameraState::coasting, CameraState::lost};
+inline constexpr std::array camera_states{camera_tracking::CameraState::searching, camera_tracking::CameraState::tracking, camera_tracking::CameraState::coasting, camera_tracking::CameraState::lost};
 
-inline CameraEstimate known_pose(CameraState state) {
+inline camera_tracking::CameraEstimate known_pose(camera_tracking::CameraState state) {
   const int n = static_cast<int>(state);
-  CameraEstimate e;
-  e.at = Timestamp(std::chrono::nanoseconds(1'700'000'010'023'456'789 + 100'000'000 * n));
+  camera_tracking::CameraEstimate e;
+  e.at = capture::Timestamp(std::chrono::nanoseconds(1'700'000'010'023'456'789 + 100'000'000 * n));
   e.frame_number = 2000 + static_cast<unsigned>(n);
   e.state = state;
   e.world_from_camera = {Eigen::Quaterniond(0.5, -0.1, 0.7, 0.5), {0.5 + n, 1.25, -2.75}};
@@ -80,7 +80,7 @@ inline CameraEstimate known_pose(CameraState state) {
 
 inline ServiceStatus known_status() {
   ServiceStatus s;
-  s.at = Timestamp(std::chrono::nanoseconds(1'700'000'001'000'000'001));
+  s.at = capture::Timestamp(std::chrono::nanoseconds(1'700'000'001'000'000'001));
   s.program_version = "1.2.3";
   s.mode = "replay";
   s.config_file = "/etc/huetrack/huetrackd.yaml";

@@ -4,15 +4,15 @@
 
 #include "publish/known_samples.h"
 
-namespace huetrack {
+namespace huetrack::publish {
 namespace {
 
 using namespace testing;
 
 TEST(RosMessages, PoseHasPositionItsCovarianceAndAnUnknownOrientation) {
   geometry_msgs::msg::dds_::PoseWithCovarianceStamped_ pose;
-  const ObjectEstimate estimate = known_estimate(TrackState::tracking);
-  to_ros(estimate, captured_at(TrackState::tracking), "world", pose);
+  const object_tracking::ObjectEstimate estimate = known_estimate(object_tracking::TrackState::tracking);
+  to_ros(estimate, captured_at(object_tracking::TrackState::tracking), "world", pose);
   EXPECT_EQ(pose.header().stamp().sec(), 1'700'000'000);
   EXPECT_EQ(pose.header().stamp().nanosec(), 223'456'789U);
   EXPECT_EQ(pose.header().frame_id(), "world");
@@ -30,7 +30,7 @@ TEST(RosMessages, PoseHasPositionItsCovarianceAndAnUnknownOrientation) {
 
 TEST(RosMessages, StampBefore1970IsStillNormalised) {
   geometry_msgs::msg::dds_::PoseWithCovarianceStamped_ pose;
-  to_ros(known_estimate(TrackState::tracking), Timestamp(std::chrono::nanoseconds(-1)), "world", pose);
+  to_ros(known_estimate(object_tracking::TrackState::tracking), capture::Timestamp(std::chrono::nanoseconds(-1)), "world", pose);
   EXPECT_EQ(pose.header().stamp().sec(), -1);
   EXPECT_EQ(pose.header().stamp().nanosec(), 999'999'999U);
 }
@@ -38,7 +38,7 @@ TEST(RosMessages, StampBefore1970IsStillNormalised) {
 TEST(RosMessages, TransformIsFromWorldToTheTarget) {
   tf2_msgs::msg::dds_::TFMessage_ tf;
   for (int twice = 0; twice < 2; ++twice)  // the message is reused
-    to_ros(known_estimate(TrackState::coasting), captured_at(TrackState::coasting), "map", "ball", tf);
+    to_ros(known_estimate(object_tracking::TrackState::coasting), captured_at(object_tracking::TrackState::coasting), "map", "ball", tf);
   ASSERT_EQ(tf.transforms().size(), 1U);
   const auto& transform = tf.transforms()[0];
   EXPECT_EQ(transform.header().frame_id(), "map");
@@ -50,4 +50,4 @@ TEST(RosMessages, TransformIsFromWorldToTheTarget) {
 }
 
 }  // namespace
-}  // namespace huetrack
+}  // namespace huetrack::publish

@@ -16,7 +16,7 @@
 #include "publish/child_process.h"
 #include "publish/view_publisher.h"
 
-namespace huetrack {
+namespace huetrack::publish {
 namespace {
 
 using namespace ::testing;
@@ -52,8 +52,8 @@ msg::Scene scene() {
   return s;
 }
 
-ObjectEstimate estimate(TrackState state) {
-  ObjectEstimate e;
+object_tracking::ObjectEstimate estimate(object_tracking::TrackState state) {
+  object_tracking::ObjectEstimate e;
   e.state = state;
   e.position = {0.1, 0.2, 0.7};
   e.covariance = Eigen::Vector3d(1e-4, 4e-4, 9e-4).asDiagonal();
@@ -79,8 +79,8 @@ msg::Preview preview() {
 }
 
 TEST(RosView, ATargetIsABallAnEllipsoidAndItsName) {
-  const ObjectEstimate e = estimate(TrackState::tracking);
-  const auto markers = to_markers(scene(), std::span(&e, 1), Timestamp(3s), "world").markers();
+  const object_tracking::ObjectEstimate e = estimate(object_tracking::TrackState::tracking);
+  const auto markers = to_markers(scene(), std::span(&e, 1), capture::Timestamp(3s), "world").markers();
   ASSERT_EQ(markers.size(), 3u + 2 * 2 + 1);
   EXPECT_EQ(markers[0].ns(), "ball");
   EXPECT_EQ(markers[0].type(), 2);
@@ -111,7 +111,7 @@ TEST(RosView, ACameraThatIsTrackedMovesWithItsFrame) {
   const auto tf = to_static_tf(s, "map", "left");
   ASSERT_EQ(tf.transforms().size(), 1u);  // /tf says where the other one is
   EXPECT_EQ(tf.transforms()[0].child_frame_id(), "cam.0");
-  const auto array = to_markers(s, std::vector{estimate(TrackState::tracking)}, Timestamp(5s), "map", "left");
+  const auto array = to_markers(s, std::vector{estimate(object_tracking::TrackState::tracking)}, capture::Timestamp(5s), "map", "left");
   int still = 0, moving = 0;
   for (const auto& marker : array.markers()) {
     if (marker.ns() != "cameras" || marker.points().empty()) continue;
@@ -133,8 +133,8 @@ TEST(RosView, ACameraThatIsTrackedMovesWithItsFrame) {
 }
 
 TEST(RosView, WithoutAPositionItsMarkersAreDeleted) {
-  const ObjectEstimate e = estimate(TrackState::lost);
-  const auto markers = to_markers(scene(), std::span(&e, 1), Timestamp(3s), "world").markers();
+  const object_tracking::ObjectEstimate e = estimate(object_tracking::TrackState::lost);
+  const auto markers = to_markers(scene(), std::span(&e, 1), capture::Timestamp(3s), "world").markers();
   for (std::size_t i = 0; i < 3; ++i) EXPECT_EQ(markers[i].action(), 2);
   EXPECT_EQ(markers[3].action(), 0);
 }
@@ -172,19 +172,19 @@ TEST(ViewSecondVendor, CycloneSeesTheViewAndAsksForIt) {
   options.tracked_camera = "left";
   ViewPublisher publisher(options);
   EXPECT_TRUE(publisher.publish(scene()));
-  CameraMap map{Timestamp(3s), {{.id = 5}, {.id = 9, .position = {1, 2, 3}, .given = true}}};
+  camera_tracking::CameraMap map{capture::Timestamp(3s), {{.id = 5}, {.id = 9, .position = {1, 2, 3}, .given = true}}};
   map.points[1].covariance(2, 2) = 0.25;
-  map.points[1].state = CameraMapPoint::State::found;
+  map.points[1].state = camera_tracking::CameraMapPoint::State::found;
   EXPECT_TRUE(publisher.publish(map, map.at + 1s));
   ChildProcess page(
-      {HUETRACK_CYCLONE_PAGE, "76", PublisherIdentity::of_this_process({}).host, std::to_string(::getpid())});
-  const ObjectEstimate e = estimate(TrackState::tracking);
+      {HUETRACK_CYCLONE_PAGE, "76", idl::PublisherIdentity::of_this_process({}).host, std::to_string(::getpid())});
+  const object_tracking::ObjectEstimate e = estimate(object_tracking::TrackState::tracking);
   std::optional<msg::TeachRequest> asked;
   std::optional<int> status;
   for (int i = 0; i < 300 && !status; ++i) {
     if (publisher.picture_subscribers() > 0) {
       publisher.publish(preview());
-      publisher.publish(std::span(&e, 1), Timestamp(3s));
+      publisher.publish(std::span(&e, 1), capture::Timestamp(3s));
     }
     while (auto request = publisher.next_request()) {
       asked = std::move(request);
@@ -235,4 +235,4 @@ TEST(ViewSecondVendor, CycloneSeesTheViewAndAsksForIt) {
 }
 
 }  // namespace
-}  // namespace huetrack
+}  // namespace huetrack::publish

@@ -12,7 +12,7 @@
 #include "publish/child_process.h"
 #include "publish/known_samples.h"
 
-namespace huetrack {
+namespace huetrack::publish {
 namespace {
 
 using namespace testing;
@@ -30,8 +30,8 @@ void add(Fields& to, const std::string& path, const Values& values) {
   for (const double value : values) to[fmt::format("{}[{}]", path, i++)] = text(value);
 }
 
-Fields expected_position(TrackState state) {
-  const ObjectEstimate e = known_estimate(state);
+Fields expected_position(object_tracking::TrackState state) {
+  const object_tracking::ObjectEstimate e = known_estimate(state);
   const std::string path = fmt::format("position/{}/", static_cast<int>(state));
   const double nan = std::numeric_limits<double>::quiet_NaN();
   const auto value = [&](double v) { return e.has_position() ? v : nan; };
@@ -53,7 +53,7 @@ Fields expected_position(TrackState state) {
   f[path + "effective_sample_size"] = text(e.effective_sample_size);
   f[path + "per_view"] = std::to_string(e.per_view.size());
   for (std::size_t i = 0; i < e.per_view.size(); ++i) {
-    const ViewSupport& view = e.per_view[i];
+    const object_tracking::ViewSupport& view = e.per_view[i];
     const std::string p = fmt::format("{}per_view[{}].", path, i);
     f[p + "camera"] = known_options(0).cameras[i];
     f[p + "delivered"] = std::to_string(view.delivered);
@@ -70,7 +70,7 @@ Fields expected_position(TrackState state) {
 Fields expected_status(pid_t publisher) {
   const ServiceStatus s = known_status();
   Fields f;
-  f["status/host"] = PublisherIdentity::of_this_process({}).host;
+  f["status/host"] = idl::PublisherIdentity::of_this_process({}).host;
   f["status/pid"] = std::to_string(publisher);
   f["status/at"] = std::to_string(s.at.time_since_epoch().count());
   f["status/program_version"] = s.program_version;
@@ -106,8 +106,8 @@ Fields expected_status(pid_t publisher) {
   return f;
 }
 
-Fields expected_camera(CameraState state) {
-  const CameraEstimate e = known_pose(state);
+Fields expected_camera(camera_tracking::CameraState state) {
+  const camera_tracking::CameraEstimate e = known_pose(state);
   const std::string path = fmt::format("camera/{}/", static_cast<int>(state));
   const double nan = std::numeric_limits<double>::quiet_NaN();
   const auto value = [&](double v) { return e.has_pose() ? v : nan; };
@@ -145,8 +145,8 @@ Fields expected_camera(CameraState state) {
   return f;
 }
 
-Fields expected_ros(TrackState state) {
-  const ObjectEstimate e = known_estimate(state);
+Fields expected_ros(object_tracking::TrackState state) {
+  const object_tracking::ObjectEstimate e = known_estimate(state);
   const auto ns = captured_at(state).time_since_epoch().count();
   const std::string stamp = fmt::format("{}.{:09}/", ns / 1'000'000'000, ns % 1'000'000'000);
   const std::array position{e.position.x(), e.position.y(), e.position.z()};
@@ -188,7 +188,7 @@ TEST(SecondVendor, CycloneSeesEveryFieldOfEveryTopic) {
   }
 
   Fields expected = expected_status(publisher.pid());
-  for (const TrackState state : states) {
+  for (const object_tracking::TrackState state : states) {
     expected.merge(expected_position(state));
     if (known_estimate(state).has_position()) expected.merge(expected_ros(state));
     // The one field whose value is not known beforehand.
@@ -197,7 +197,7 @@ TEST(SecondVendor, CycloneSeesEveryFieldOfEveryTopic) {
     const auto now = std::chrono::system_clock::now().time_since_epoch() / 1ns;
     EXPECT_NEAR(std::stod(published.mapped()), static_cast<double>(now), 30e9);
   }
-  for (const CameraState state : camera_states) {
+  for (const camera_tracking::CameraState state : camera_states) {
     expected.merge(expected_camera(state));
     const auto published = got.extract(fmt::format("camera/{}/published_at", static_cast<int>(state)));
     ASSERT_FALSE(published.empty());
@@ -213,7 +213,7 @@ TEST(SecondVendor, CycloneSeesEveryFieldOfEveryTopic) {
   expected["camera/type"] = "huetrack::msg::CameraPose";
   expected["camera_ros/type"] = expected["pose/type"];
   expected["tf/type"] = "tf2_msgs::msg::dds_::TFMessage_";
-  PublisherIdentity identity = PublisherIdentity::of_this_process({"ball", "wand"});
+  idl::PublisherIdentity identity = idl::PublisherIdentity::of_this_process({"ball", "wand"});
   identity.pid = static_cast<std::uint32_t>(publisher.pid());
   expected["position/user_data"] = expected["status/user_data"] = identity.user_data();
   identity.targets = {"hand"};
@@ -230,4 +230,4 @@ TEST(SecondVendor, CycloneSeesEveryFieldOfEveryTopic) {
 }
 
 }  // namespace
-}  // namespace huetrack
+}  // namespace huetrack::publish

@@ -8,7 +8,7 @@
 #include "calib/solver/world_frame.h"
 #include "solver/synthetic_rig.h"
 
-namespace huetrack {
+namespace huetrack::report {
 namespace {
 
 using testing::AllOf;
@@ -16,21 +16,21 @@ using testing::Contains;
 using testing::Field;
 using testing::HasSubstr;
 
-const IntrinsicsOptions one_lens{.lens = LensModel::radtan4};
+const solver::IntrinsicsOptions one_lens{.lens = solver::LensModel::radtan4};
 
-std::vector<CameraToCalibrate> unknown(const CameraRig& rig) {
-  std::vector<CameraToCalibrate> cameras;
-  for (const Camera& camera : rig.cameras) cameras.push_back({camera.name, camera.image_size, {}});
+std::vector<solver::CameraToCalibrate> unknown(const calib::CameraRig& rig) {
+  std::vector<solver::CameraToCalibrate> cameras;
+  for (const calib::Camera& camera : rig.cameras) cameras.push_back({camera.name, camera.image_size, {}});
   return cameras;
 }
 
-Extrinsics calibrated(const SyntheticCapture& capture) {
-  return calibrate_extrinsics(capture.board, unknown(capture.rig), capture.views, {.intrinsics = one_lens});
+solver::Extrinsics calibrated(const solver::SyntheticCapture& capture) {
+  return solver::calibrate_extrinsics(capture.board, unknown(capture.rig), capture.views, {.intrinsics = one_lens});
 }
 
 // Seen from the side, or from behind: no real board is.
-bool is_steep(const SyntheticCapture& capture, const BoardView& view) {
-  const Rigid3d cam_from_board = capture.rig.cameras[static_cast<std::size_t>(view.camera)].cam_from_world *
+bool is_steep(const solver::SyntheticCapture& capture, const solver::BoardView& view) {
+  const calib::Rigid3d cam_from_board = capture.rig.cameras[static_cast<std::size_t>(view.camera)].cam_from_world *
                                  capture.world_from_board[static_cast<std::size_t>(view.set)];
   return (cam_from_board.rotation * Eigen::Vector3d::UnitZ()).dot(cam_from_board.translation.normalized()) < 0.3;
 }
@@ -40,10 +40,10 @@ auto speaks_against(Verdict verdict, const std::string& name) {
 }
 
 TEST(CalibrationReport, OfAGoodCaptureIsUsable) {
-  SyntheticCapture capture = synthetic_capture({.cameras = 3, .sets = 40});
-  std::erase_if(capture.views, [&](const BoardView& view) { return is_steep(capture, view); });
-  Extrinsics found = calibrated(capture);
-  found.adjustment = in_world(std::move(found.adjustment), upright_guess(found.adjustment));
+  solver::SyntheticCapture capture = solver::synthetic_capture({.cameras = 3, .sets = 40});
+  std::erase_if(capture.views, [&](const solver::BoardView& view) { return is_steep(capture, view); });
+  solver::Extrinsics found = calibrated(capture);
+  found.adjustment = solver::in_world(std::move(found.adjustment), solver::upright_guess(found.adjustment));
   const CalibrationReport report =
       report_on(found, {.cameras = {}, .warnings = {}, .volume = {}, .made_of = {{"tool", "test"}}});
   EXPECT_EQ(report.verdict, Verdict::usable) << to_text(report);
@@ -53,7 +53,7 @@ TEST(CalibrationReport, OfAGoodCaptureIsUsable) {
     EXPECT_LT(report.cameras[c].centre_sigma_m, 0.003);
   }
   // The predicted accuracy is that of the rig: of the same size as its true error.
-  const double true_rms = volume_rms_m(capture.rig, rig_of(found.adjustment), {-0.3, -0.4, 0.6}, {0.3, 0.4, 1.4});
+  const double true_rms = solver::volume_rms_m(capture.rig, solver::rig_of(found.adjustment), {-0.3, -0.4, 0.6}, {0.3, 0.4, 1.4});
   EXPECT_GT(report.volume->median_by_calibration_m, 0.5 * true_rms);
   EXPECT_LT(report.volume->median_by_calibration_m, 5 * true_rms);
   EXPECT_GT(report.volume->median_total_m, report.volume->median_by_calibration_m);
@@ -73,17 +73,17 @@ TEST(CalibrationReport, OfAGoodCaptureIsUsable) {
 
 TEST(CalibrationReport, NamesWhatSpeaksAgainstALens) {
   // Boards that are all held alike, in the middle of the image.
-  SyntheticCapture capture = synthetic_capture({.cameras = 1, .sets = 12});
-  std::vector<BoardView> views;
+  solver::SyntheticCapture capture = solver::synthetic_capture({.cameras = 1, .sets = 12});
+  std::vector<solver::BoardView> views;
   std::mt19937_64 rng(1);
   for (int k = 0; k < 12; ++k) {
-    BoardView view = capture.views.front();
+    solver::BoardView view = capture.views.front();
     view.set = k;
     view.image = "view " + std::to_string(k);
-    for (auto& px : view.px) px += Eigen::Vector2d(0.05 * normal(rng) + (k % 3), 0.05 * normal(rng));
+    for (auto& px : view.px) px += Eigen::Vector2d(0.05 * solver::normal(rng) + (k % 3), 0.05 * solver::normal(rng));
     views.push_back(std::move(view));
   }
-  const Intrinsics found = calibrate_intrinsics(capture.board, "cam", {640, 480}, views, one_lens);
+  const solver::Intrinsics found = solver::calibrate_intrinsics(capture.board, "cam", {640, 480}, views, one_lens);
   const CalibrationReport report =
       report_on(found, {.cameras = {}, .warnings = {"cam.mp4 ends early"}, .volume = {}, .made_of = {}});
   EXPECT_NE(report.verdict, Verdict::usable);
@@ -95,29 +95,29 @@ TEST(CalibrationReport, NamesWhatSpeaksAgainstALens) {
 }
 
 TEST(CalibrationReport, NamesAspectOverlapAndBoardsSeenFromBehind) {
-  const SyntheticCapture capture = synthetic_capture({.cameras = 2, .sets = 14});
-  SyntheticCapture squeezed = capture;
+  const solver::SyntheticCapture capture = solver::synthetic_capture({.cameras = 2, .sets = 14});
+  solver::SyntheticCapture squeezed = capture;
   // What a video squeezed by 4 % shows.
-  for (BoardView& view : squeezed.views) {
+  for (solver::BoardView& view : squeezed.views) {
     if (view.camera == 1)
       for (auto& px : view.px) px.x() *= 0.96;
   }
-  std::erase_if(squeezed.views, [](const BoardView& view) { return view.camera == 1 && view.set % 2 == 1; });
+  std::erase_if(squeezed.views, [](const solver::BoardView& view) { return view.camera == 1 && view.set % 2 == 1; });
   const CalibrationReport report = report_on(calibrated(squeezed), {});
   EXPECT_THAT(report.checks, speaks_against(Verdict::doubtful, "aspect ratio of cam1"));
   EXPECT_THAT(report.checks, speaks_against(Verdict::doubtful, "overlap of cam0 and cam1"));
   // The lens by itself is then not known better than its pixels are square.
-  std::vector<BoardView> own;
-  for (BoardView& view : squeezed.views) {
+  std::vector<solver::BoardView> own;
+  for (solver::BoardView& view : squeezed.views) {
     if (view.camera != 1) continue;
     view.camera = 0;
     own.push_back(std::move(view));
   }
-  const Adjustment alone = calibrate_intrinsics(capture.board, "cam1", {640, 480}, own, one_lens).adjustment;
+  const solver::Adjustment alone = solver::calibrate_intrinsics(capture.board, "cam1", {640, 480}, own, one_lens).adjustment;
   EXPECT_GT(alone.lens_sigma(0).head<2>().norm(), 0.02 * alone.cameras[0].parameters(0));
   // As if the solution had put a camera behind the boards.
-  Extrinsics behind = calibrated(capture);
-  Adjustment& a = behind.adjustment;
+  solver::Extrinsics behind = calibrated(capture);
+  solver::Adjustment& a = behind.adjustment;
   for (std::size_t s = 0; s < a.world_from_board.size(); ++s) {
     a.world_from_board[s].rotation = a.world_from_board[s].rotation *
                                      Eigen::Quaterniond(Eigen::AngleAxisd(std::numbers::pi, Eigen::Vector3d::UnitX()));
@@ -126,12 +126,12 @@ TEST(CalibrationReport, NamesAspectOverlapAndBoardsSeenFromBehind) {
 }
 
 TEST(RigCheck, NamesTheCameraThatMoved) {
-  const SyntheticCapture capture = synthetic_capture({.cameras = 3, .sets = 16});
+  const solver::SyntheticCapture capture = solver::synthetic_capture({.cameras = 3, .sets = 16});
   const RigCheck fits = check_rig(capture.board, capture.rig, capture.views);
   EXPECT_EQ(fits.verdict, Verdict::usable) << to_text(fits, capture.rig);
   EXPECT_TRUE(fits.moved.empty());
-  CameraRig bumped = capture.rig;
-  const Rigid3d bump = exp((Tangent6d() << 0, 0.02, 0, 0.03, 0.01, 0).finished());
+  calib::CameraRig bumped = capture.rig;
+  const calib::Rigid3d bump = calib::exp((calib::Tangent6d() << 0, 0.02, 0, 0.03, 0.01, 0).finished());
   bumped.cameras[2].cam_from_world = bump * bumped.cameras[2].cam_from_world;
   const RigCheck moved = check_rig(capture.board, bumped, capture.views);
   EXPECT_EQ(moved.verdict, Verdict::failed);
@@ -141,10 +141,10 @@ TEST(RigCheck, NamesTheCameraThatMoved) {
   EXPECT_NEAR(moved.moved[0].turned_rad, 0.02, 0.001);
   EXPECT_NEAR(moved.moved[0].moved_m, (bumped.cameras[2].centre() - capture.rig.cameras[2].centre()).norm(), 0.003);
   // Two cameras cannot tell which.
-  CameraRig two = bumped;
+  calib::CameraRig two = bumped;
   two.cameras.erase(two.cameras.begin());
-  std::vector<BoardView> views;
-  for (BoardView view : capture.views) {
+  std::vector<solver::BoardView> views;
+  for (solver::BoardView view : capture.views) {
     if (view.camera == 0) continue;
     --view.camera;
     views.push_back(std::move(view));
@@ -156,15 +156,15 @@ TEST(RigCheck, NamesTheCameraThatMoved) {
 }
 
 TEST(RigCheck, TellsAnotherBoardAndSwappedNamesFromABump) {
-  const SyntheticCapture capture = synthetic_capture({.cameras = 3, .sets = 8});
-  Board smaller = capture.board;
+  const solver::SyntheticCapture capture = solver::synthetic_capture({.cameras = 3, .sets = 8});
+  board::Board smaller = capture.board;
   smaller.pitch *= 0.95;
   const RigCheck scale = check_rig(smaller, capture.rig, capture.views);
   EXPECT_EQ(scale.verdict, Verdict::failed);
   EXPECT_TRUE(scale.moved.empty());
   EXPECT_THAT(to_text(scale, capture.rig), AllOf(HasSubstr("0.950"), HasSubstr("board file")));
-  std::vector<BoardView> swapped = capture.views;
-  for (BoardView& view : swapped) view.camera = view.camera == 0 ? 2 : view.camera == 2 ? 0 : view.camera;
+  std::vector<solver::BoardView> swapped = capture.views;
+  for (solver::BoardView& view : swapped) view.camera = view.camera == 0 ? 2 : view.camera == 2 ? 0 : view.camera;
   const RigCheck names = check_rig(capture.board, capture.rig, swapped);
   EXPECT_EQ(names.verdict, Verdict::failed);
   EXPECT_TRUE(names.moved.empty());
@@ -172,33 +172,33 @@ TEST(RigCheck, TellsAnotherBoardAndSwappedNamesFromABump) {
 }
 
 TEST(WorldFrame, IsSetByBoardsPointsAndFloors) {
-  const SyntheticCapture capture = synthetic_capture({.cameras = 3, .sets = 2});
-  const Rigid3d other = exp((Tangent6d() << 0.3, -0.5, 0.8, 1, 2, 3).finished());
-  const CameraRig moved = in_world(capture.rig, {other, 1});
+  const solver::SyntheticCapture capture = solver::synthetic_capture({.cameras = 3, .sets = 2});
+  const calib::Rigid3d other = calib::exp((calib::Tangent6d() << 0.3, -0.5, 0.8, 1, 2, 3).finished());
+  const calib::CameraRig moved = solver::in_world(capture.rig, {other, 1});
   const std::vector<Eigen::Vector3d> floor{{0, 0, 0}, {1, 0.5, 0}, {-0.5, 1, 0}, {-1, -1, 0}};
   std::vector<Eigen::Vector3d> seen;
   for (const auto& p : floor) seen.push_back(other * p);
-  const CameraRig back = in_world(moved, {floor_from_points(seen, moved), 1});
-  for (const Camera& camera : back.cameras) EXPECT_NEAR(camera.centre().z(), 1.8, 1e-6);
-  EXPECT_LT((floor_from_points(seen, moved) * seen[1] - Eigen::Vector3d(std::hypot(1, 0.5), 0, 0)).norm(), 1e-9);
+  const calib::CameraRig back = solver::in_world(moved, {solver::floor_from_points(seen, moved), 1});
+  for (const calib::Camera& camera : back.cameras) EXPECT_NEAR(camera.centre().z(), 1.8, 1e-6);
+  EXPECT_LT((solver::floor_from_points(seen, moved) * seen[1] - Eigen::Vector3d(std::hypot(1, 0.5), 0, 0)).norm(), 1e-9);
   std::vector<Eigen::Vector3d> larger;
   for (const auto& p : floor) larger.push_back(1.1 * p);
-  const WorldChange change = align_points(seen, larger, true);
+  const solver::WorldChange change = solver::align_points(seen, larger, true);
   EXPECT_NEAR(change.scale, 1.1, 1e-9);
-  const CameraRig scaled = in_world(moved, change);
+  const calib::CameraRig scaled = solver::in_world(moved, change);
   for (std::size_t c = 0; c < 3; ++c)
     EXPECT_LT((scaled.cameras[c].centre() - 1.1 * capture.rig.cameras[c].centre()).norm(), 1e-6);
   // The same pixels after all that.
   const auto before = capture.rig.cameras[0].project_world({0.1, 0.2, 0.9}).value().px;
   EXPECT_LT((scaled.cameras[0].project_world({0.11, 0.22, 0.99}).value().px - before).norm(), 1e-6);
-  EXPECT_THROW(align_points({{0, 0, 0}, {1, 0, 0}, {2, 0, 0}}, {{0, 0, 0}, {1, 0, 0}, {2, 0, 0}}, false),
-               CalibrationError);
-  const MeasuredPoint point =
-      measure_point(capture.rig, {{0, capture.rig.cameras[0].project_world({0.1, 0.2, 0.9}).value().px},
+  EXPECT_THROW(solver::align_points({{0, 0, 0}, {1, 0, 0}, {2, 0, 0}}, {{0, 0, 0}, {1, 0, 0}, {2, 0, 0}}, false),
+               solver::CalibrationError);
+  const solver::MeasuredPoint point =
+      solver::measure_point(capture.rig, {{0, capture.rig.cameras[0].project_world({0.1, 0.2, 0.9}).value().px},
                                   {2, capture.rig.cameras[2].project_world({0.1, 0.2, 0.9}).value().px}});
   EXPECT_LT((point.p_world - Eigen::Vector3d(0.1, 0.2, 0.9)).norm(), 1e-6);
-  EXPECT_THROW(measure_point(capture.rig, {{0, before}}), CalibrationError);
+  EXPECT_THROW(solver::measure_point(capture.rig, {{0, before}}), solver::CalibrationError);
 }
 
 }  // namespace
-}  // namespace huetrack
+}  // namespace huetrack::report

@@ -6,7 +6,7 @@
 
 #include "particle_filter/random.h"
 
-namespace huetrack {
+namespace huetrack::scene {
 namespace {
 
 using Eigen::Vector3d;
@@ -38,7 +38,7 @@ bool hidden(const Scene& scene, const Vector3d& eye, const Vector3d& point) {
 }
 
 // Share and shade of each ball over the pixels that it may cover: 4x4 rays per pixel against the sphere.
-void draw_ball(const Scene& scene, const Camera& camera, const BallOptions& ball, const Vector3d& centre,
+void draw_ball(const Scene& scene, const calib::Camera& camera, const BallOptions& ball, const Vector3d& centre,
                std::vector<Vector3d>& yuv) {
   const Vector3d p_cam = camera.cam_from_world * centre;
   const auto at = camera.model.project(p_cam);
@@ -70,9 +70,9 @@ void draw_ball(const Scene& scene, const Camera& camera, const BallOptions& ball
   }
 }
 
-Image encode(const std::vector<Vector3d>& yuv, const RenderOptions& options, ImageSize size, Rng& rng, std::vector<float>& noise) {
-  WritableImage out = make_image(options.format, options.range, size.width, size.height);
-  const bool limited = options.range == ColorRange::limited;
+capture::Image encode(const std::vector<Vector3d>& yuv, const RenderOptions& options, calib::ImageSize size, particle_filter::Rng& rng, std::vector<float>& noise) {
+  capture::WritableImage out = capture::make_image(options.format, options.range, size.width, size.height);
+  const bool limited = options.range == capture::ColorRange::limited;
   noise.resize(3 * yuv.size());
   rng.fill_normal(noise);
   const auto byte = [](double x) { return static_cast<std::uint8_t>(std::clamp(std::lround(x), 0L, 255L)); };
@@ -96,25 +96,25 @@ Image encode(const std::vector<Vector3d>& yuv, const RenderOptions& options, Ima
   for (int v = 0; v < size.height; ++v) {
     for (int u = 0; u < size.width; ++u) {
       switch (options.format) {
-        case PixelFormat::yuyv:
+        case capture::PixelFormat::yuyv:
           at(0, v, 2 * u) = y_of(u, v);
           if (u % 2 == 0) at(0, v, 2 * u + 1) = chroma(u, v, 2, 1, 1), at(0, v, 2 * u + 3) = chroma(u, v, 2, 1, 2);
           break;
-        case PixelFormat::nv12:
+        case capture::PixelFormat::nv12:
           at(0, v, u) = y_of(u, v);
           if (u % 2 == 0 && v % 2 == 0) at(1, v / 2, u) = chroma(u, v, 2, 2, 1), at(1, v / 2, u + 1) = chroma(u, v, 2, 2, 2);
           break;
-        case PixelFormat::i420:
-        case PixelFormat::i422: {
-          const int rows = options.format == PixelFormat::i420 ? 2 : 1;
+        case capture::PixelFormat::i420:
+        case capture::PixelFormat::i422: {
+          const int rows = options.format == capture::PixelFormat::i420 ? 2 : 1;
           at(0, v, u) = y_of(u, v);
           if (u % 2 == 0 && v % rows == 0) at(1, v / rows, u / 2) = chroma(u, v, 2, rows, 1), at(2, v / rows, u / 2) = chroma(u, v, 2, rows, 2);
           break;
         }
-        case PixelFormat::i444:
+        case capture::PixelFormat::i444:
           at(0, v, u) = y_of(u, v), at(1, v, u) = chroma(u, v, 1, 1, 1), at(2, v, u) = chroma(u, v, 1, 1, 2);
           break;
-        case PixelFormat::bgr: {
+        case capture::PixelFormat::bgr: {
           const std::size_t i = index(u, v);
           const Vector3d p = 255 * yuv[i];
           const double n = options.pixel_noise_stddev;
@@ -123,7 +123,7 @@ Image encode(const std::vector<Vector3d>& yuv, const RenderOptions& options, Ima
           at(0, v, 3 * u + 2) = byte(p.x() + 1.402 * p.z() + n * static_cast<double>(noise[2 * yuv.size() + i]));
           break;
         }
-        case PixelFormat::grey: at(0, v, u) = y_of(u, v); break;
+        case capture::PixelFormat::grey: at(0, v, u) = y_of(u, v); break;
       }
     }
   }
@@ -132,13 +132,13 @@ Image encode(const std::vector<Vector3d>& yuv, const RenderOptions& options, Ima
 
 }  // namespace
 
-Vector3d Scene::ball_at(std::size_t ball, Timestamp at) const {
-  const double t = seconds(at);
+Vector3d Scene::ball_at(std::size_t ball, capture::Timestamp at) const {
+  const double t = capture::seconds(at);
   if (balls[ball].path) return balls[ball].path(t);
   return {0.45 * std::sin(1.3 * t + static_cast<double>(ball)), 0.40 * std::cos(1.1 * t), 1 + 0.25 * std::sin(1.7 * t)};
 }
 
-SceneBuilder& SceneBuilder::camera(Camera camera) {
+SceneBuilder& SceneBuilder::camera(calib::Camera camera) {
   scene_.rig.cameras.push_back(std::move(camera));
   return *this;
 }
@@ -162,24 +162,24 @@ SceneBuilder& SceneBuilder::cameras_on_ring(const RingOptions& o) {
     const Vector3d right = forward.cross(Vector3d::UnitZ()).normalized();
     Eigen::Matrix3d rotation;
     rotation << right.transpose(), forward.cross(right).transpose(), forward.transpose();
-    PinholeRadtan lens{o.focal_px, o.focal_px, (o.image_size.width - 1) / 2.0, (o.image_size.height - 1) / 2.0, {}};
+    calib::PinholeRadtan lens{o.focal_px, o.focal_px, (o.image_size.width - 1) / 2.0, (o.image_size.height - 1) / 2.0, {}};
     std::ranges::copy(o.distortion, lens.distortion.begin());
-    Camera camera;
+    calib::Camera camera;
     camera.name = "cam" + std::to_string(i);
     camera.image_size = o.image_size;
-    camera.model = CameraModel(lens);
+    camera.model = calib::CameraModel(lens);
     camera.cam_from_world = {Eigen::Quaterniond(rotation), -(rotation * eye)};
     scene_.rig.cameras.push_back(std::move(camera));
   }
   return *this;
 }
 
-std::vector<FrameSet> render(const Scene& scene, const RenderOptions& options) {
-  std::vector<FrameSet> out;
-  Rng rng(options.seed);
+std::vector<capture::FrameSet> render(const Scene& scene, const RenderOptions& options) {
+  std::vector<capture::FrameSet> out;
+  particle_filter::Rng rng(options.seed);
   std::vector<std::vector<Vector3d>> rooms;
   for (std::size_t c = 0; c < scene.rig.cameras.size(); ++c) {
-    const ImageSize size = scene.rig.cameras[c].image_size;
+    const calib::ImageSize size = scene.rig.cameras[c].image_size;
     std::vector<Vector3d>& room = rooms.emplace_back(static_cast<std::size_t>(size.width) * static_cast<std::size_t>(size.height));
     for (int v = 0; v < size.height; ++v) {
       for (int u = 0; u < size.width; ++u)
@@ -188,12 +188,12 @@ std::vector<FrameSet> render(const Scene& scene, const RenderOptions& options) {
   }
   std::vector<float> noise;
   for (int s = 0; s < options.set_count; ++s) {
-    FrameSet set;
+    capture::FrameSet set;
     set.number = static_cast<std::uint64_t>(s);
     for (std::size_t c = 0; c < scene.rig.cameras.size(); ++c) {
-      const Camera& camera = scene.rig.cameras[c];
+      const calib::Camera& camera = scene.rig.cameras[c];
       const double offset_s = c < options.offset_s.size() ? options.offset_s[c] : 0;
-      const Timestamp at(duration_of(s / options.fps + offset_s));
+      const capture::Timestamp at(capture::duration_of(s / options.fps + offset_s));
       set.at = std::max(set.at, at);
       if (rng.uniform() < options.dropped_frames) {
         set.frames.emplace_back();
@@ -201,7 +201,7 @@ std::vector<FrameSet> render(const Scene& scene, const RenderOptions& options) {
       }
       std::vector<Vector3d> yuv = rooms[c];
       for (std::size_t b = 0; b < scene.balls.size(); ++b) draw_ball(scene, camera, scene.balls[b], scene.ball_at(b, at), yuv);
-      set.frames.push_back(Frame{static_cast<int>(c), static_cast<std::uint32_t>(s), at, FrameStatus::ok,
+      set.frames.push_back(capture::Frame{static_cast<int>(c), static_cast<std::uint32_t>(s), at, capture::FrameStatus::ok,
                                  encode(yuv, options, camera.image_size, rng, noise)});
     }
     out.push_back(std::move(set));
@@ -209,4 +209,4 @@ std::vector<FrameSet> render(const Scene& scene, const RenderOptions& options) {
   return out;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::scene

@@ -12,14 +12,14 @@
 #include "calib/model/camera_rig.h"
 #include "capture/frame.h"
 
-namespace huetrack {
+namespace huetrack::scene {
 
 struct RingOptions {
   int count = 3;
   double radius_m = 2.5;                 // of the ring, around the world's z axis
   double height_m = 1.8;                 // of the cameras; they look at (0, 0, look_at_height_m)
   double look_at_height_m = 1.0;
-  ImageSize image_size{320, 240};
+  calib::ImageSize image_size{320, 240};
   double focal_px = 240;
   std::array<double, 5> distortion{-0.12, 0.02, 0.0005, -0.0004, 0};   // OpenCV's k1 k2 p1 p2 k3
 };
@@ -36,16 +36,16 @@ struct Wall {                            // an upright rectangle that hides what
 };
 
 struct Scene {
-  CameraRig rig;
+  calib::CameraRig rig;
   std::vector<BallOptions> balls;
   std::vector<Wall> walls;
-  Eigen::Vector3d ball_at(std::size_t ball, Timestamp at) const;
+  Eigen::Vector3d ball_at(std::size_t ball, capture::Timestamp at) const;
 };
 
 class SceneBuilder {
  public:
   SceneBuilder& cameras_on_ring(const RingOptions& options);
-  SceneBuilder& camera(Camera camera);
+  SceneBuilder& camera(calib::Camera camera);
   SceneBuilder& ball(BallOptions options);
   SceneBuilder& wall(const Wall& wall);
   Scene build() const { return scene_; }
@@ -57,8 +57,8 @@ class SceneBuilder {
 struct RenderOptions {
   int set_count = 60;
   double fps = 30;
-  PixelFormat format = PixelFormat::yuyv;
-  ColorRange range = ColorRange::limited;
+  capture::PixelFormat format = capture::PixelFormat::yuyv;
+  capture::ColorRange range = capture::ColorRange::limited;
   double pixel_noise_stddev = 3;         // of Y, U and V, grey levels
   double dropped_frames = 0;             // [0, 1): share of frames that are absent
   std::vector<double> offset_s = {};        // per camera, added to its capture times (and so to where it sees the balls)
@@ -66,6 +66,6 @@ struct RenderOptions {
 };
 
 // Sets of number 0, 1, ... with every camera's frame but the dropped ones; set.at is the newest capture time.
-std::vector<FrameSet> render(const Scene& scene, const RenderOptions& options);
+std::vector<capture::FrameSet> render(const Scene& scene, const RenderOptions& options);
 
-}  // namespace huetrack
+}  // namespace huetrack::scene

@@ -4,30 +4,30 @@
 
 #include "object_tracking/color_model.h"
 
-namespace huetrack {
+namespace huetrack::scene {
 namespace {
 
 // Every test that stands on the scene trusts it to put the ball where it says: held here to the plain colour formula.
 TEST(Scene, ballIsWhereTheCamerasProjectIt) {
-  for (const PixelFormat format : {PixelFormat::yuyv, PixelFormat::nv12, PixelFormat::i420, PixelFormat::i422, PixelFormat::i444, PixelFormat::bgr}) {
+  for (const capture::PixelFormat format : {capture::PixelFormat::yuyv, capture::PixelFormat::nv12, capture::PixelFormat::i420, capture::PixelFormat::i422, capture::PixelFormat::i444, capture::PixelFormat::bgr}) {
     const Scene scene = SceneBuilder{}.cameras_on_ring({.count = 3}).ball({}).build();
-    const HsiRange lime{65, 115, 0.3, 1, 0.1, 0.95};
-    for (const FrameSet& set : render(scene, {.set_count = 3, .format = format, .pixel_noise_stddev = 0})) {
+    const object_tracking::HsiRange lime{65, 115, 0.3, 1, 0.1, 0.95};
+    for (const capture::FrameSet& set : render(scene, {.set_count = 3, .format = format, .pixel_noise_stddev = 0})) {
       for (const auto& frame : set.frames) {
-        const Image& image = frame->pixels;
+        const capture::Image& image = frame->pixels;
         double n = 0, sum_u = 0, sum_v = 0;
         for (int v = 0; v < image.height; ++v) {
           for (int u = 0; u < image.width; ++u) {
-            const Rgb rgb = format == PixelFormat::bgr ? rgb_of(bgr_at(image, u, v)) : rgb_of(yuv_at(image, u, v), image.range);
-            if (!contains(lime, hsi_of(rgb))) continue;
+            const object_tracking::Rgb rgb = format == capture::PixelFormat::bgr ? object_tracking::rgb_of(capture::bgr_at(image, u, v)) : object_tracking::rgb_of(capture::yuv_at(image, u, v), image.range);
+            if (!object_tracking::contains(lime, object_tracking::hsi_of(rgb))) continue;
             n += 1, sum_u += u, sum_v += v;
           }
         }
         const auto expected = scene.rig.cameras[static_cast<std::size_t>(frame->camera)].project_world(scene.ball_at(0, set.at));
         ASSERT_TRUE(expected);
-        ASSERT_GT(n, 20) << name(format);
-        EXPECT_NEAR(sum_u / n, expected->px.x(), 0.6) << name(format);     // half-resolution chroma costs the rest
-        EXPECT_NEAR(sum_v / n, expected->px.y(), 0.6) << name(format);
+        ASSERT_GT(n, 20) << capture::name(format);
+        EXPECT_NEAR(sum_u / n, expected->px.x(), 0.6) << capture::name(format);     // half-resolution chroma costs the rest
+        EXPECT_NEAR(sum_v / n, expected->px.y(), 0.6) << capture::name(format);
       }
     }
   }
@@ -36,8 +36,8 @@ TEST(Scene, ballIsWhereTheCamerasProjectIt) {
 TEST(Scene, sameSeedSameBytes) {
   const Scene scene = SceneBuilder{}.cameras_on_ring({.count = 2}).ball({}).build();
   const auto a = render(scene, {.set_count = 2, .seed = 5}), b = render(scene, {.set_count = 2, .seed = 5}), c = render(scene, {.set_count = 2, .seed = 6});
-  const auto bytes = [](const std::vector<FrameSet>& sets) {
-    const Image& image = sets[1].frames[1]->pixels;
+  const auto bytes = [](const std::vector<capture::FrameSet>& sets) {
+    const capture::Image& image = sets[1].frames[1]->pixels;
     return std::vector<std::uint8_t>(image.planes[0].data, image.planes[0].data + image.planes[0].stride * image.height);
   };
   EXPECT_EQ(bytes(a), bytes(b));
@@ -45,4 +45,4 @@ TEST(Scene, sameSeedSameBytes) {
 }
 
 }  // namespace
-}  // namespace huetrack
+}  // namespace huetrack::scene

@@ -24,7 +24,7 @@
 #include "capture/capture_clock.h"
 #include "daemon/live.h"
 
-namespace huetrack {
+namespace huetrack::soak {
 
 struct FilmCameraOptions {
   int camera = 0;
@@ -32,8 +32,8 @@ struct FilmCameraOptions {
   int width = 0, height = 0;
   double fps = 30;
   std::chrono::steady_clock::time_point start;       // when frame 0 is captured; the same for all cameras
-  Duration phase{0};                                 // later than that
-  Duration transfer = std::chrono::milliseconds(5);  // from a frame's capture until it can be dequeued
+  capture::Duration phase{0};                                 // later than that
+  capture::Duration transfer = std::chrono::milliseconds(5);  // from a frame's capture until it can be dequeued
   std::optional<std::uint64_t> faults;               // seed; nullopt: none
 };
 
@@ -41,7 +41,7 @@ class FilmCamera {
  public:
   explicit FilmCamera(FilmCameraOptions options) : state_(std::make_shared<State>(std::move(options))) {}
 
-  LiveCamera live() const {
+  daemon::LiveCamera live() const {
     return {.camera = state_->options.camera,
             .source = std::make_unique<Source>(state_),
             .health =
@@ -72,7 +72,7 @@ class FilmCamera {
       frames = std::int64_t(std::size_t(status.st_size) / frame_bytes);
       if (frames == 0) throw std::runtime_error(options.film.string() + ": has no frame of that size");
       for (auto& buffer : buffers) buffer.bytes = std::make_unique<std::uint8_t[]>(frame_bytes);
-      health.stream = StreamFormat{.width = options.width,
+      health.stream = capture::StreamFormat{.width = options.width,
                                    .height = options.height,
                                    .stride = 2 * std::size_t(options.width),
                                    .fps = options.fps};
@@ -82,11 +82,11 @@ class FilmCamera {
     State(const State&) = delete;
     State& operator=(const State&) = delete;
 
-    void tell(CaptureState state, bool is_problem, const std::string& message) {
+    void tell(capture::CaptureState state, bool is_problem, const std::string& message) {
       const std::scoped_lock lock(mutex);
       health.state = state;
       health.message = message;
-      events.push_back({unix_now(), state, is_problem, message});
+      events.push_back({capture::unix_now(), state, is_problem, message});
     }
 
     const FilmCameraOptions options;
@@ -95,19 +95,19 @@ class FilmCamera {
     std::int64_t frames = 0;
     std::array<Buffer, 8> buffers;
     std::mutex mutex;
-    CameraHealth health;              // guarded by mutex
-    std::vector<CameraEvent> events;  // guarded by mutex
+    capture::CameraHealth health;              // guarded by mutex
+    std::vector<capture::CameraEvent> events;  // guarded by mutex
   };
 
-  class Source final : public FrameSource {
+  class Source final : public capture::FrameSource {
    public:
     explicit Source(std::shared_ptr<State> state)
         : state_(std::move(state)),
           random_(state_->options.faults.value_or(0) + std::uint64_t(state_->options.camera)) {
-      period_ = duration_of(1 / state_->options.fps);
+      period_ = capture::duration_of(1 / state_->options.fps);
     }
 
-    std::optional<Frame> next(std::stop_token stop) override {
+    std::optional<capture::Frame> next(std::stop_token stop) override {
       const FilmCameraOptions& options = state_->options;
       for (;;) {
         // A program that was away for long finds the newest frames, and a gap in their numbers.
@@ -139,7 +139,7 @@ class FilmCamera {
       return !stop.stop_requested();
     }
 
-    std::optional<Frame> frame_of(std::int64_t k) {
+    std::optional<capture::Frame> frame_of(std::int64_t k) {
       const FilmCameraOptions& options = state_->options;
       const auto buffer = std::ranges::find_if(
           state_->buffers, [](const Buffer& b) { return !b.is_out.load(std::memory_order_acquire); });
@@ -147,15 +147,15 @@ class FilmCamera {
       const auto got = ::pread(state_->file, buffer->bytes.get(), state_->frame_bytes,
                                off_t(std::size_t(k % state_->frames) * state_->frame_bytes));
       if (got != ssize_t(state_->frame_bytes)) throw std::runtime_error(options.film.string() + ": cannot be read");
-      Frame frame;
+      capture::Frame frame;
       frame.camera = options.camera;
       frame.sequence = std::uint32_t(k);
-      frame.captured_at = unix_time_of((options.start + options.phase + k * period_).time_since_epoch()) + clock_jump_;
+      frame.captured_at = capture::unix_time_of((options.start + options.phase + k * period_).time_since_epoch()) + clock_jump_;
       if (is_damaged_) {
-        frame.status = FrameStatus::corrupted;
+        frame.status = capture::FrameStatus::corrupted;
       } else {
-        frame.pixels = {.format = PixelFormat::yuyv,
-                        .range = ColorRange::limited,
+        frame.pixels = {.format = capture::PixelFormat::yuyv,
+                        .range = capture::ColorRange::limited,
                         .width = options.width,
                         .height = options.height,
                         .planes = {},
@@ -166,9 +166,9 @@ class FilmCamera {
         buffer->is_out.store(true, std::memory_order_relaxed);
       }
       const std::scoped_lock lock(state_->mutex);
-      if (state_->health.state != CaptureState::delivering)
-        state_->events.push_back({unix_now(), CaptureState::delivering, false, "delivers"});
-      state_->health.state = CaptureState::delivering;
+      if (state_->health.state != capture::CaptureState::delivering)
+        state_->events.push_back({capture::unix_now(), capture::CaptureState::delivering, false, "delivers"});
+      state_->health.state = capture::CaptureState::delivering;
       ++(is_damaged_ ? state_->health.corrupted : state_->health.frames);
       state_->health.last_frame = frame.captured_at;
       state_->health.last_progress = Clock::now();
@@ -183,22 +183,22 @@ class FilmCamera {
       };
       is_damaged_ = one_in(100);
       if (one_in(600)) {  // the driver stops delivering
-        state_->tell(CaptureState::stalled, true, "no frame: its stream is restarted");
+        state_->tell(capture::CaptureState::stalled, true, "no frame: its stream is restarted");
         sleep_until(Clock::now() + some(200, 3000), stop);
       }
       if (one_in(900)) {
-        state_->tell(CaptureState::absent, true, "unplugged; waiting for its return");
+        state_->tell(capture::CaptureState::absent, true, "unplugged; waiting for its return");
         sleep_until(Clock::now() + some(300, 6000), stop);
       }
       if (one_in(1500)) clock_jump_ = some(-3000, 3000);
-      if (clock_jump_ != Duration{0} && one_in(60)) clock_jump_ = Duration{0};
+      if (clock_jump_ != capture::Duration{0} && one_in(60)) clock_jump_ = capture::Duration{0};
       return !one_in(80);
     }
 
     std::shared_ptr<State> state_;
     std::mt19937_64 random_;
-    Duration period_{0};
-    Duration clock_jump_{0};
+    capture::Duration period_{0};
+    capture::Duration clock_jump_{0};
     std::int64_t next_ = 0;
     bool is_damaged_ = false;
   };
@@ -206,4 +206,4 @@ class FilmCamera {
   std::shared_ptr<State> state_;
 };
 
-}  // namespace huetrack
+}  // namespace huetrack::soak

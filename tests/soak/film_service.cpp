@@ -12,7 +12,7 @@
 
 namespace {
 
-huetrack::LiveRequests requests;
+huetrack::daemon::LiveRequests requests;
 std::atomic<bool> is_ended = false;
 static_assert(std::atomic<bool>::is_always_lock_free);
 
@@ -26,12 +26,12 @@ void on_signal(int signal) {
 
 int main(int argc, char** argv) {
   using namespace huetrack;
-  set_up_log();
+  daemon::set_up_log();
   CLI::App app("huetrackd run, on films");
   std::filesystem::path config_file, films;
   std::optional<std::uint64_t> faults;
   std::string phases = "spread";
-  LiveOptions options;
+  daemon::LiveOptions options;
   app.add_option("config", config_file)->required();
   app.add_option("films", films)->required();
   app.add_option("--faults", faults);
@@ -40,12 +40,12 @@ int main(int argc, char** argv) {
   CLI11_PARSE(app, argc, argv);
   for (const int signal : {SIGHUP, SIGUSR1, SIGTERM, SIGINT}) std::signal(signal, on_signal);
   try {
-    const ServiceConfig config = load_service_config(config_file);
-    set_log_level(config.log_level);
+    const config::ServiceConfig config = config::load_service_config(config_file);
+    daemon::set_log_level(config.log_level);
     const auto start = std::chrono::steady_clock::now();
-    std::vector<LiveCamera> cameras;
+    std::vector<daemon::LiveCamera> cameras;
     for (const auto& camera : config.cameras) {
-      FilmCameraOptions film;
+      soak::FilmCameraOptions film;
       film.camera = config.rig.index_of(camera.name).value();
       film.film = films / (camera.name + ".yuyv");
       film.width = config.rig.cameras[std::size_t(film.camera)].image_size.width;
@@ -53,16 +53,16 @@ int main(int argc, char** argv) {
       film.fps = camera.fps.value_or(30);
       film.start = start;
       if (phases == "spread")
-        film.phase = duration_of(double(cameras.size()) / double(config.cameras.size()) / film.fps);
+        film.phase = capture::duration_of(double(cameras.size()) / double(config.cameras.size()) / film.fps);
       film.faults = faults;
-      cameras.push_back(FilmCamera(std::move(film)).live());
+      cameras.push_back(soak::FilmCamera(std::move(film)).live());
     }
     std::stop_source stop;
     const std::jthread ending([&](const std::stop_token& done) {
       while (!is_ended && !done.stop_requested()) std::this_thread::sleep_for(std::chrono::milliseconds(20));
       stop.request_stop();
     });
-    const LiveSummary summary = run_live(config, std::move(cameras), options, requests, stop.get_token());
+    const daemon::LiveSummary summary = daemon::run_live(config, std::move(cameras), options, requests, stop.get_token());
     std::printf("%llu sets tracked, %llu dropped\n", static_cast<unsigned long long>(summary.figures.sets_tracked),
                 static_cast<unsigned long long>(summary.figures.sets_dropped));
   } catch (const std::exception& error) {

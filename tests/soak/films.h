@@ -13,29 +13,29 @@
 #include "calib/model/rig_yaml.h"
 #include "scene/scene.h"
 
-namespace huetrack {
+namespace huetrack::soak {
 
 inline void make_films(const std::filesystem::path& folder, int cameras, int width, int height, bool is_spread = true) {
   constexpr int frames = 60;
   constexpr double fps = 30;
-  BallOptions ball;
+  scene::BallOptions ball;
   ball.path = [](double t_s) {
     const double angle = std::numbers::pi * t_s;
     return Eigen::Vector3d(0.4 * std::cos(angle), 0.4 * std::sin(angle), 1 + 0.2 * std::sin(2 * angle));
   };
-  const Scene scene = SceneBuilder{}
+  const scene::Scene scene = scene::SceneBuilder{}
                           .cameras_on_ring({.count = cameras, .image_size = {width, height}, .focal_px = 0.75 * width})
                           .ball(ball)
                           .build();
   std::filesystem::create_directories(folder);
-  write_rig(scene.rig, folder / "rig.yaml");
+  calib::write_rig(scene.rig, folder / "rig.yaml");
   std::vector<std::ofstream> films;
   for (const auto& camera : scene.rig.cameras) films.emplace_back(folder / (camera.name + ".yuyv"), std::ios::binary);
-  RenderOptions options{.set_count = frames, .fps = fps};
+  scene::RenderOptions options{.set_count = frames, .fps = fps};
   for (int c = 0; is_spread && c < cameras; ++c) options.offset_s.push_back(c / (cameras * fps));
-  for (const FrameSet& set : render(scene, options))
+  for (const capture::FrameSet& set : scene::render(scene, options))
     for (const auto& frame : set.frames) {
-      const Image& image = frame->pixels;
+      const capture::Image& image = frame->pixels;
       for (int v = 0; v < height; ++v)
         films[std::size_t(frame->camera)].write(
             reinterpret_cast<const char*>(image.planes[0].data + v * image.planes[0].stride), 2 * width);
@@ -44,7 +44,7 @@ inline void make_films(const std::filesystem::path& folder, int cameras, int wid
 
 // A configuration for those films. more: further keys of the first level.
 inline std::string film_config(const std::filesystem::path& folder, int particles, const std::string& more = "") {
-  const CameraRig rig = read_rig(folder / "rig.yaml");
+  const calib::CameraRig rig = calib::read_rig(folder / "rig.yaml");
   std::string text = "version: 1\nrig: " + (folder / "rig.yaml").string() +
                      "\ntargets: {lime: {color: {hue_deg: [65, 115]}}}\nobject_tracking: {particle_count: " +
                      std::to_string(particles) + "}\ncameras:\n";
@@ -53,4 +53,4 @@ inline std::string film_config(const std::filesystem::path& folder, int particle
   return text + more;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::soak

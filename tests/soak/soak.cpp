@@ -23,7 +23,7 @@ using Clock = std::chrono::steady_clock;
 constexpr int domain = 34, metrics_port = 19468;
 
 double status_mb(pid_t pid, const std::string& key) {
-  const std::string status = contents("/proc/" + std::to_string(pid) + "/status");
+  const std::string status = end_to_end::contents("/proc/" + std::to_string(pid) + "/status");
   const auto at = status.find(key + ":");
   return at == std::string::npos ? 0 : std::stod(status.substr(at + key.size() + 1)) * 1024 / 1e6;
 }
@@ -68,7 +68,7 @@ int main(int argc, char** argv) {
   const fs::path folder = name;
   const auto watchdog = std::chrono::duration_cast<std::chrono::microseconds>(4s * slowness);
   const auto write_config = [&](const std::string& hue, const std::string& more) {
-    const std::string text = film_config(folder, 200,
+    const std::string text = soak::film_config(folder, 200,
                                          "quorum: 1\ndds: {domain: " + std::to_string(domain) +
                                              "}\nmetrics: {port: " + std::to_string(metrics_port) +
                                              "}\nrecord: {folder: " + (folder / "recordings").string() +
@@ -82,10 +82,10 @@ int main(int argc, char** argv) {
     complaints.push_back(what);
   };
   try {
-    make_films(folder, 3, 320, 240);
+    soak::make_films(folder, 3, 320, 240);
     write_config("[65, 115]", "");
     const NotifySocket notified(folder / "notify");
-    Process service({program.string(), folder / "c.yaml", folder, "--faults", std::to_string(seed)}, folder / "out",
+    end_to_end::Process service({program.string(), folder / "c.yaml", folder, "--faults", std::to_string(seed)}, folder / "out",
                     folder / "err",
                     {{"NOTIFY_SOCKET", folder / "notify"}, {"WATCHDOG_USEC", std::to_string(watchdog.count())}});
     const auto longest_start = Clock::now() + std::chrono::duration_cast<Clock::duration>(30s * slowness);
@@ -97,8 +97,8 @@ int main(int argc, char** argv) {
     }
     std::mt19937_64 random(seed);
     const auto any = [&](int n) { return std::uniform_int_distribution<int>(0, n - 1)(random); };
-    std::unique_ptr<Process> watcher;
-    std::unique_ptr<Connection> silent;
+    std::unique_ptr<end_to_end::Process> watcher;
+    std::unique_ptr<end_to_end::Connection> silent;
     const auto start = Clock::now();
     const auto end = start + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(60 * minutes));
     auto next_row = start;
@@ -132,17 +132,17 @@ int main(int argc, char** argv) {
           ++saves;
           break;
         case 3:
-          if (!http_get(metrics_port, "/metrics") && Clock::now() - start > 10s * slowness) complain("no metrics");
+          if (!end_to_end::http_get(metrics_port, "/metrics") && Clock::now() - start > 10s * slowness) complain("no metrics");
           ++scrapes;
           break;
         case 4:
-          silent = std::make_unique<Connection>(metrics_port);
+          silent = std::make_unique<end_to_end::Connection>(metrics_port);
           break;
         case 5:
           watcher.reset();
           if (any(3) == 0) break;
           watcher =
-              std::make_unique<Process>(std::vector<std::string>{HUETRACK, "watch", "--domain", std::to_string(domain)},
+              std::make_unique<end_to_end::Process>(std::vector<std::string>{HUETRACK, "watch", "--domain", std::to_string(domain)},
                                         folder / "watch.out", folder / "watch.err");
           ++watchers;
           break;
@@ -156,8 +156,8 @@ int main(int argc, char** argv) {
       if (Clock::now() >= next_row) {
         next_row +=
             std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(std::min(60.0, minutes * 6)));
-        const auto text = http_get(metrics_port, "/metrics");
-        const auto metrics = prometheus_samples(text.value_or(""));
+        const auto text = end_to_end::http_get(metrics_port, "/metrics");
+        const auto metrics = end_to_end::prometheus_samples(text.value_or(""));
         const auto sets = metrics.find("huetrack_sets_total");
         std::error_code error;
         const auto files =

@@ -11,24 +11,24 @@
 #include "board/captures.h"
 #include "solver/synthetic_rig.h"
 
-namespace huetrack {
+namespace huetrack::solver {
 namespace {
 
 using testing::HasSubstr;
 
 // At the truth, moved off by a few centimetres and degrees.
-Adjustment near_truth(const CameraRig& rig, const Board& board, const std::vector<Rigid3d>& boards,
+Adjustment near_truth(const calib::CameraRig& rig, const board::Board& board, const std::vector<calib::Rigid3d>& boards,
                       const std::vector<BoardView>& views) {
   Adjustment a;
   a.board = board;
   a.views = views;
   std::mt19937_64 rng(5);
   const auto off = [&](double size) {
-    Tangent6d t;
+    calib::Tangent6d t;
     for (int i = 0; i < 6; ++i) t(i) = size * normal(rng);
-    return exp(t);
+    return calib::exp(t);
   };
-  for (const Camera& camera : rig.cameras) {
+  for (const calib::Camera& camera : rig.cameras) {
     AdjustedCamera c;
     c.name = camera.name;
     c.image_size = camera.image_size;
@@ -42,7 +42,7 @@ Adjustment near_truth(const CameraRig& rig, const Board& board, const std::vecto
     c.parameters(2) += 4;
     a.cameras.push_back(c);
   }
-  for (const Rigid3d& board_pose : boards) a.world_from_board.push_back(board_pose * off(0.02));
+  for (const calib::Rigid3d& board_pose : boards) a.world_from_board.push_back(board_pose * off(0.02));
   return a;
 }
 
@@ -55,9 +55,9 @@ TEST(BundleAdjustment, FindsTheTruthFromExactCorners) {
   const Adjustment found = adjust(near_truth(capture));
   EXPECT_LT(found.rms_px, 1e-6);
   for (std::size_t c = 0; c < found.cameras.size(); ++c) {
-    const Camera& truth = capture.rig.cameras[c];
+    const calib::Camera& truth = capture.rig.cameras[c];
     EXPECT_LT((found.cameras[c].parameters - parameters_of(truth.model)).norm(), 1e-4);
-    EXPECT_LT(log(found.cameras[c].cam_from_world * inverse(truth.cam_from_world)).norm(), 1e-6);
+    EXPECT_LT(calib::log(found.cameras[c].cam_from_world * calib::inverse(truth.cam_from_world)).norm(), 1e-6);
   }
 }
 
@@ -78,7 +78,7 @@ TEST(BundleAdjustment, TheOrderOfViewsDoesNotMatterToTheLastBit) {
 
 TEST(BundleAdjustment, OutliersAreLeftOutAndViewsNamed) {
   SyntheticCapture capture = synthetic_capture({.sets = 20});
-  const CameraRig& rig = capture.rig;
+  const calib::CameraRig& rig = capture.rig;
   std::mt19937_64 rng(11);
   int spoilt = 0;
   for (std::size_t v = 0; v < capture.views.size(); ++v) {
@@ -107,7 +107,7 @@ TEST(BundleAdjustment, OutliersAreLeftOutAndViewsNamed) {
   EXPECT_NEAR(found.noise_px, 0.1, 0.01);
   EXPECT_LT(volume_rms_m(rig,
                          [&] {
-                           CameraRig r = rig;
+                           calib::CameraRig r = rig;
                            for (std::size_t c = 0; c < r.cameras.size(); ++c) {
                              r.cameras[c].model = found.cameras[c].model();
                              r.cameras[c].cam_from_world = found.cameras[c].cam_from_world;
@@ -125,7 +125,7 @@ TEST(BundleAdjustment, ABentBoardIsFoundWhenAsked) {
   bent.bend = bend;
   std::mt19937_64 rng(2);
   for (BoardView& view : bent.views) {
-    const Camera& camera = capture.rig.cameras[static_cast<std::size_t>(view.camera)];
+    const calib::Camera& camera = capture.rig.cameras[static_cast<std::size_t>(view.camera)];
     for (std::size_t k = 0; k < view.ids.size(); ++k) {
       const auto px = camera.project_world(capture.world_from_board[static_cast<std::size_t>(view.set)] *
                                            bent.board_point(view.ids[k]));
@@ -156,13 +156,13 @@ struct Coverage {
 };
 
 // How often the truth lies in the 95 % bounds that are reported, over lenses and poses.
-void count(Coverage& coverage, const Adjustment& found, const CameraRig& truth) {
+void count(Coverage& coverage, const Adjustment& found, const calib::CameraRig& truth) {
   for (std::size_t c = 0; c < found.cameras.size(); ++c) {
     const int camera = static_cast<int>(c);
     const LensParameters off = found.cameras[c].parameters - parameters_of(truth.cameras[c].model);
     for (int i = 0; i < parameter_count(found.cameras[c].lens); ++i) coverage.add(off(i), found.lens_sigma(camera)(i));
     if (!found.cameras[c].pose_is_free) continue;
-    const Tangent6d error = log(found.cameras[c].cam_from_world * inverse(truth.cameras[c].cam_from_world));
+    const calib::Tangent6d error = calib::log(found.cameras[c].cam_from_world * calib::inverse(truth.cameras[c].cam_from_world));
     for (int i = 0; i < 3; ++i) coverage.add(error(i), found.rotation_sigma(camera)(i));
     for (int i = 0; i < 3; ++i) coverage.add(error(3 + i), found.centre_sigma(camera)(i));
   }
@@ -180,8 +180,8 @@ TEST(BundleAdjustmentBounds, CoverTheTruthOfSyntheticRigs) {
 }
 
 TEST(BundleAdjustmentBounds, CoverTheTruthOfResampledRenderedBoards) {
-  if (!std::filesystem::exists(shared_data("rendered/chessboard"))) GTEST_SKIP() << "rendered/chessboard is not there";
-  const CameraRig truth = read_rig(shared_data("rendered/chessboard/rig.yaml"));
+  if (!std::filesystem::exists(board::shared_data("rendered/chessboard"))) GTEST_SKIP() << "rendered/chessboard is not there";
+  const calib::CameraRig truth = calib::read_rig(board::shared_data("rendered/chessboard/rig.yaml"));
   const auto run = [&](const std::vector<BoardView>& all, double noise_px) {
     Coverage coverage;
     for (std::uint64_t seed = 1; seed <= 25; ++seed) {
@@ -196,26 +196,26 @@ TEST(BundleAdjustmentBounds, CoverTheTruthOfResampledRenderedBoards) {
         for (auto& px : view.px) px += noise_px * Eigen::Vector2d(normal(rng), normal(rng));
         views.push_back(std::move(view));
       }
-      std::vector<Rigid3d> boards(25);
-      Adjustment start = near_truth(truth, rendered_board(), {}, views);
+      std::vector<calib::Rigid3d> boards(25);
+      Adjustment start = near_truth(truth, board::rendered_board(), {}, views);
       start.world_from_board.resize(25);
       for (const BoardView& view : views) {
         const AdjustedCamera& camera = start.cameras[static_cast<std::size_t>(view.camera)];
-        const Camera& known = truth.cameras[static_cast<std::size_t>(view.camera)];
-        const auto poses = board_poses(rendered_board(), view, camera.lens, parameters_of(known.model));
+        const calib::Camera& known = truth.cameras[static_cast<std::size_t>(view.camera)];
+        const auto poses = board_poses(board::rendered_board(), view, camera.lens, parameters_of(known.model));
         start.world_from_board[static_cast<std::size_t>(view.set)] =
-            inverse(known.cam_from_world) * poses.at(0).cam_from_board;
+            calib::inverse(known.cam_from_world) * poses.at(0).cam_from_board;
       }
       count(coverage, adjust(start), truth);
     }
     return coverage;
   };
-  const Coverage known_noise = run(rendered_truth(), 0.15);
+  const Coverage known_noise = run(board::rendered_truth(), 0.15);
   std::printf("exact corners with 0.15 px of noise: 95 %% bounds cover %.1f %% of %d\n", known_noise.share(),
               known_noise.all);
   EXPECT_GE(known_noise.share(), 90);
   EXPECT_LE(known_noise.share(), 99);
-  const Coverage detected = run(rendered_views(), 0);
+  const Coverage detected = run(board::rendered_views(), 0);
   std::printf("detected corners: 95 %% bounds cover %.1f %% of %d\n", detected.share(), detected.all);
   EXPECT_GE(detected.share(), 90);
 }
@@ -223,14 +223,14 @@ TEST(BundleAdjustmentBounds, CoverTheTruthOfResampledRenderedBoards) {
 TEST(BoardPoses, OfASlantedViewIsTheTrueOne) {
   const SyntheticCapture capture = synthetic_capture({.noise_px = 0.05});
   for (const BoardView& view : capture.views) {
-    const Camera& camera = capture.rig.cameras[static_cast<std::size_t>(view.camera)];
+    const calib::Camera& camera = capture.rig.cameras[static_cast<std::size_t>(view.camera)];
     const auto poses = board_poses(capture.board, view, LensModel::radtan4, parameters_of(camera.model));
     ASSERT_FALSE(poses.empty()) << view.image;
-    const Rigid3d truth = camera.cam_from_world * capture.world_from_board[static_cast<std::size_t>(view.set)];
-    EXPECT_LT(log(poses.front().cam_from_board * inverse(truth)).norm(), 0.06) << view.image;
+    const calib::Rigid3d truth = camera.cam_from_world * capture.world_from_board[static_cast<std::size_t>(view.set)];
+    EXPECT_LT(calib::log(poses.front().cam_from_board * calib::inverse(truth)).norm(), 0.06) << view.image;
     EXPECT_LT(poses.front().rms_px, 0.15) << view.image;
   }
 }
 
 }  // namespace
-}  // namespace huetrack
+}  // namespace huetrack::solver

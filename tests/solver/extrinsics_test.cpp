@@ -11,21 +11,21 @@
 #include "board/captures.h"
 #include "solver/synthetic_rig.h"
 
-namespace huetrack {
+namespace huetrack::solver {
 namespace {
 
 using testing::AllOf;
 using testing::HasSubstr;
 
-std::vector<CameraToCalibrate> unknown(const CameraRig& rig) {
+std::vector<CameraToCalibrate> unknown(const calib::CameraRig& rig) {
   std::vector<CameraToCalibrate> cameras;
-  for (const Camera& camera : rig.cameras) cameras.push_back({camera.name, camera.image_size, {}});
+  for (const calib::Camera& camera : rig.cameras) cameras.push_back({camera.name, camera.image_size, {}});
   return cameras;
 }
 
-std::vector<CameraToCalibrate> known(const CameraRig& rig) {
+std::vector<CameraToCalibrate> known(const calib::CameraRig& rig) {
   std::vector<CameraToCalibrate> cameras;
-  for (const Camera& camera : rig.cameras) cameras.push_back({camera.name, camera.image_size, camera.model});
+  for (const calib::Camera& camera : rig.cameras) cameras.push_back({camera.name, camera.image_size, camera.model});
   return cameras;
 }
 
@@ -83,7 +83,7 @@ TEST(Extrinsics, TheOrderOfImagesDoesNotMatterToTheLastBit) {
   std::ranges::shuffle(shuffled, rng);
   const Extrinsics a = calibrate_extrinsics(capture.board, unknown(capture.rig), capture.views);
   const Extrinsics b = calibrate_extrinsics(capture.board, unknown(capture.rig), shuffled);
-  EXPECT_EQ(to_yaml(rig_of(a.adjustment)), to_yaml(rig_of(b.adjustment)));
+  EXPECT_EQ(calib::to_yaml(rig_of(a.adjustment)), calib::to_yaml(rig_of(b.adjustment)));
 }
 
 TEST(Extrinsics, KnownLensesStayUnlessTheViewsContradictThem) {
@@ -92,10 +92,10 @@ TEST(Extrinsics, KnownLensesStayUnlessTheViewsContradictThem) {
   EXPECT_FALSE(stays.lens_refined) << stays.lens_reason;
   EXPECT_EQ(stays.adjustment.cameras[1].parameters, parameters_of(capture.rig.cameras[1].model));
   auto wrong = known(capture.rig);
-  PinholeRadtan zoomed = std::get<PinholeRadtan>(wrong[1].model->lens());
+  calib::PinholeRadtan zoomed = std::get<calib::PinholeRadtan>(wrong[1].model->lens());
   zoomed.fx *= 1.04;
   zoomed.fy *= 1.04;
-  wrong[1].model = CameraModel(zoomed);
+  wrong[1].model = calib::CameraModel(zoomed);
   const Extrinsics refined = calibrate_extrinsics(capture.board, wrong, capture.views);
   EXPECT_TRUE(refined.lens_refined);
   EXPECT_THAT(refined.lens_reason, HasSubstr("the views of camera cam1 say that its focal length is"));
@@ -155,7 +155,7 @@ TEST(ExtrinsicsTrouble, BoardsOfTwoSizesAreNamed) {
   std::vector<BoardView> views;
   for (BoardView view : capture.views) {
     if (view.camera == 1) {
-      const Camera& camera = capture.rig.cameras[1];
+      const calib::Camera& camera = capture.rig.cameras[1];
       for (std::size_t k = 0; k < view.ids.size(); ++k) {
         const Eigen::Vector3d middle(0.24, 0.15, 0);
         const Eigen::Vector3d p = middle + 0.7 * (capture.board.point(view.ids[k]) - middle);
@@ -200,9 +200,9 @@ TEST(ExtrinsicsFigures, ThreeHundredViewsOfFourCameras) {
 }
 
 TEST(ExtrinsicsFigures, RenderedChessboard) {
-  if (!std::filesystem::exists(shared_data("rendered/chessboard"))) GTEST_SKIP() << "not there";
-  const CameraRig truth = read_rig(shared_data("rendered/chessboard/rig.yaml"));
-  const Extrinsics found = calibrate_extrinsics(rendered_board(), unknown(truth), rendered_views());
+  if (!std::filesystem::exists(board::shared_data("rendered/chessboard"))) GTEST_SKIP() << "not there";
+  const calib::CameraRig truth = calib::read_rig(board::shared_data("rendered/chessboard/rig.yaml"));
+  const Extrinsics found = calibrate_extrinsics(board::rendered_board(), unknown(truth), board::rendered_views());
   for (std::size_t c = 0; c < 3; ++c) {
     const LensParameters l = found.adjustment.cameras[c].parameters, t = parameters_of(truth.cameras[c].model);
     std::printf("cam%zu: focal lengths off by %.3f and %.3f %%, principal point by %.2f and %.2f px\n", c,
@@ -218,21 +218,21 @@ TEST(ExtrinsicsFigures, RenderedChessboard) {
 }
 
 TEST(ExtrinsicsFigures, OpenCvStereoAgreesWithStereoCalibrate) {
-  if (!std::filesystem::exists(shared_data("opencv_chessboard_stereo"))) GTEST_SKIP() << "not there";
+  if (!std::filesystem::exists(board::shared_data("opencv_chessboard_stereo"))) GTEST_SKIP() << "not there";
   const std::vector<CameraToCalibrate> cameras{{"left", {640, 480}, {}}, {"right", {640, 480}, {}}};
-  const Extrinsics found = calibrate_extrinsics(stereo_board(), cameras, stereo_views());
+  const Extrinsics found = calibrate_extrinsics(board::stereo_board(), cameras, board::stereo_views());
   std::vector<std::vector<cv::Point3f>> points(13);
   std::array<std::vector<std::vector<cv::Point2f>>, 2> px;
   std::map<int, std::size_t> number;
-  for (const BoardView& view : stereo_views()) number.emplace(view.set, number.size());
+  for (const BoardView& view : board::stereo_views()) number.emplace(view.set, number.size());
   px[0].resize(13);
   px[1].resize(13);
-  for (const BoardView& view : stereo_views()) {
+  for (const BoardView& view : board::stereo_views()) {
     ASSERT_EQ(view.ids.size(), 54U);
     const std::size_t n = number.at(view.set);
     points[n].clear();
     for (std::size_t k = 0; k < view.ids.size(); ++k) {
-      const Eigen::Vector3d p = stereo_board().point(view.ids[k]);
+      const Eigen::Vector3d p = board::stereo_board().point(view.ids[k]);
       points[n].emplace_back(static_cast<float>(p.x()), static_cast<float>(p.y()), 0.0F);
       px[static_cast<std::size_t>(view.camera)][n].emplace_back(static_cast<float>(view.px[k].x()),
                                                                 static_cast<float>(view.px[k].y()));
@@ -247,7 +247,7 @@ TEST(ExtrinsicsFigures, OpenCvStereoAgreesWithStereoCalibrate) {
   for (int i = 0; i < 3; ++i) {
     for (int j = 0; j < 3; ++j) rotation(i, j) = r.at<double>(i, j);
   }
-  const Rigid3d& right_from_left = found.adjustment.cameras[1].cam_from_world;
+  const calib::Rigid3d& right_from_left = found.adjustment.cameras[1].cam_from_world;
   const double off_deg =
       180 / std::numbers::pi * right_from_left.rotation.angularDistance(Eigen::Quaterniond(rotation));
   const double baseline = right_from_left.translation.norm(), opencv = cv::norm(t);
@@ -258,4 +258,4 @@ TEST(ExtrinsicsFigures, OpenCvStereoAgreesWithStereoCalibrate) {
 }
 
 }  // namespace
-}  // namespace huetrack
+}  // namespace huetrack::solver

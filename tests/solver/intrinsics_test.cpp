@@ -9,12 +9,12 @@
 #include "board/captures.h"
 #include "solver/synthetic_rig.h"
 
-namespace huetrack {
+namespace huetrack::solver {
 namespace {
 
 using testing::HasSubstr;
 
-Intrinsics of_synthetic(const CameraModel& model, double noise_px, std::optional<LensModel> lens = {},
+Intrinsics of_synthetic(const calib::CameraModel& model, double noise_px, std::optional<LensModel> lens = {},
                         double distance_m = 2.2) {
   const SyntheticCapture capture =
       synthetic_capture({.cameras = 1, .sets = 25, .noise_px = noise_px, .distance_m = distance_m, .models = {model}});
@@ -22,11 +22,11 @@ Intrinsics of_synthetic(const CameraModel& model, double noise_px, std::optional
 }
 
 TEST(Intrinsics, FindTheSimplestLensThatTheViewsSupport) {
-  const Intrinsics barrel = of_synthetic(CameraModel(PinholeRadtan{620, 618, 322, 236, {-0.3, 0.1, 0.001, 0}}), 0.1);
+  const Intrinsics barrel = of_synthetic(calib::CameraModel(calib::PinholeRadtan{620, 618, 322, 236, {-0.3, 0.1, 0.001, 0}}), 0.1);
   EXPECT_EQ(barrel.adjustment.cameras[0].lens, LensModel::radtan4) << barrel.lens_reason;
   EXPECT_NEAR(barrel.adjustment.cameras[0].parameters(0), 620, 2);
   const Intrinsics fisheye =
-      of_synthetic(CameraModel(FisheyeKannalaBrandt{230, 231, 322, 236, {0.08, -0.02, 0.004, -0.001}}), 0.1, {}, 0.9);
+      of_synthetic(calib::CameraModel(calib::FisheyeKannalaBrandt{230, 231, 322, 236, {0.08, -0.02, 0.004, -0.001}}), 0.1, {}, 0.9);
   EXPECT_EQ(fisheye.adjustment.cameras[0].lens, LensModel::fisheye) << fisheye.lens_reason;
   EXPECT_NEAR(fisheye.adjustment.cameras[0].parameters(0), 230, 2);
   for (const Intrinsics& found : {barrel, fisheye}) {
@@ -38,7 +38,7 @@ TEST(Intrinsics, FindTheSimplestLensThatTheViewsSupport) {
 
 TEST(Intrinsics, UseTheLensThatIsAskedFor) {
   const Intrinsics found =
-      of_synthetic(CameraModel(PinholeRadtan{620, 618, 322, 236, {-0.3, 0.1, 0.001, 0}}), 0.1, LensModel::radtan5);
+      of_synthetic(calib::CameraModel(calib::PinholeRadtan{620, 618, 322, 236, {-0.3, 0.1, 0.001, 0}}), 0.1, LensModel::radtan5);
   EXPECT_EQ(found.adjustment.cameras[0].lens, LensModel::radtan5);
   EXPECT_EQ(found.trials.size(), 1U);
 }
@@ -54,10 +54,10 @@ TEST(Intrinsics, TooFewViewsAreNamed) {
 }
 
 TEST(IntrinsicsCaptures, OpenCvStereo) {
-  if (!std::filesystem::exists(shared_data("opencv_chessboard_stereo"))) GTEST_SKIP() << "not there";
+  if (!std::filesystem::exists(board::shared_data("opencv_chessboard_stereo"))) GTEST_SKIP() << "not there";
   for (const int camera : {0, 1}) {
-    const Intrinsics found = calibrate_intrinsics(stereo_board(), camera == 0 ? "left" : "right", {640, 480},
-                                                  views_of(stereo_views(), camera));
+    const Intrinsics found = calibrate_intrinsics(board::stereo_board(), camera == 0 ? "left" : "right", {640, 480},
+                                                  board::views_of(board::stereo_views(), camera));
     const Adjustment& a = found.adjustment;
     std::printf("%s: %d views, rms %.3f px, fx %.2f fy %.2f; %s\n", a.cameras[0].name.c_str(), a.views_used(0),
                 a.rms_px, a.cameras[0].parameters(0), a.cameras[0].parameters(1), found.lens_reason.c_str());
@@ -72,11 +72,11 @@ TEST(IntrinsicsCaptures, OpenCvStereo) {
 }
 
 TEST(IntrinsicsCaptures, RenderedBoards) {
-  if (!std::filesystem::exists(shared_data("rendered/chessboard"))) GTEST_SKIP() << "not there";
-  const CameraRig truth = read_rig(shared_data("rendered/chessboard/rig.yaml"));
+  if (!std::filesystem::exists(board::shared_data("rendered/chessboard"))) GTEST_SKIP() << "not there";
+  const calib::CameraRig truth = calib::read_rig(board::shared_data("rendered/chessboard/rig.yaml"));
   for (int camera = 0; camera < 3; ++camera) {
     const Intrinsics found =
-        calibrate_intrinsics(rendered_board(), "cam", {320, 240}, views_of(rendered_views(), camera));
+        calibrate_intrinsics(board::rendered_board(), "cam", {320, 240}, board::views_of(board::rendered_views(), camera));
     const double f = found.adjustment.cameras[0].parameters(0),
                  true_f = truth.cameras[static_cast<std::size_t>(camera)].model.fx();
     std::printf("cam%d alone: focal length off by %.2f %% (sigma %.2f %%), rms %.3f px\n", camera,
@@ -86,4 +86,4 @@ TEST(IntrinsicsCaptures, RenderedBoards) {
 }
 
 }  // namespace
-}  // namespace huetrack
+}  // namespace huetrack::solver

@@ -4,7 +4,7 @@
 
 #include <cmath>
 
-namespace huetrack {
+namespace huetrack::solver {
 namespace {
 
 struct NamedLens {
@@ -33,7 +33,7 @@ INSTANTIATE_TEST_SUITE_P(
 
 TEST_P(EveryLens, ProjectsAsTheFinishedModelDoes) {
   const auto& [lens, parameters] = GetParam();
-  const CameraModel model = camera_model(lens, parameters);
+  const calib::CameraModel model = camera_model(lens, parameters);
   EXPECT_EQ(parameters_of(model), parameters);
   EXPECT_EQ(lens_model_of(model), lens);
   for (double x = -0.6; x <= 0.6; x += 0.15) {
@@ -41,7 +41,7 @@ TEST_P(EveryLens, ProjectsAsTheFinishedModelDoes) {
       const Eigen::Vector3d p = 1.7 * Eigen::Vector3d(x, y, 1);
       Eigen::Vector2d px;
       PixelByPoint by_point;
-      CameraModel::Jacobian expected;
+      calib::CameraModel::Jacobian expected;
       ASSERT_TRUE(project(lens, parameters, p, px, &by_point, nullptr));
       const auto finished = model.project(p, expected);
       ASSERT_TRUE(finished);
@@ -80,4 +80,4 @@ TEST_P(EveryLens, HasNoPixelForWhatIsBehind) {
 }
 
 }  // namespace
-}  // namespace huetrack
+}  // namespace huetrack::solver

@@ -11,12 +11,12 @@
 #include "calib/model/camera_rig.h"
 #include "calib/solver/bundle_adjustment.h"
 
-namespace huetrack {
+namespace huetrack::solver {
 
 struct SyntheticCapture {
-  CameraRig rig;
-  Board board;
-  std::vector<Rigid3d> world_from_board;
+  calib::CameraRig rig;
+  board::Board board;
+  std::vector<calib::Rigid3d> world_from_board;
   std::vector<BoardView> views;
 };
 
@@ -28,10 +28,10 @@ struct SyntheticOptions {
   double distance_m = 2.2;  // of the cameras from the middle of the volume, horizontally
   int columns = 9;          // of the chessboard
   int rows = 6;
-  std::vector<CameraModel> models{};  // per camera; empty: three different pinholes in turn
+  std::vector<calib::CameraModel> models{};  // per camera; empty: three different pinholes in turn
 };
 
-inline Rigid3d looking_at(const Eigen::Vector3d& from, const Eigen::Vector3d& to) {
+inline calib::Rigid3d looking_at(const Eigen::Vector3d& from, const Eigen::Vector3d& to) {
   const Eigen::Vector3d z = (to - from).normalized(), x = z.cross(Eigen::Vector3d::UnitZ()).normalized();
   Eigen::Matrix3d cam_from_world;
   cam_from_world << x.transpose(), z.cross(x).transpose(), z.transpose();
@@ -53,9 +53,9 @@ inline SyntheticCapture synthetic_capture(const SyntheticOptions& options = {}) 
   capture.board.rows = options.rows;
   capture.board.pitch = {0.06, 0.06};
   std::mt19937_64 rng(options.seed);
-  const std::vector<CameraModel> usual{CameraModel(PinholeRadtan{620, 618, 322, 236, {-0.25, 0.08, 0.0006, -0.0004}}),
-                                       CameraModel(PinholeRadtan{560, 561, 315, 243, {-0.12, 0.03, -0.0003, 0.0005}}),
-                                       CameraModel(PinholeRadtan{700, 700, 330, 238, {-0.3, 0.1, 0, 0}})};
+  const std::vector<calib::CameraModel> usual{calib::CameraModel(calib::PinholeRadtan{620, 618, 322, 236, {-0.25, 0.08, 0.0006, -0.0004}}),
+                                       calib::CameraModel(calib::PinholeRadtan{560, 561, 315, 243, {-0.12, 0.03, -0.0003, 0.0005}}),
+                                       calib::CameraModel(calib::PinholeRadtan{700, 700, 330, 238, {-0.3, 0.1, 0, 0}})};
   for (int c = 0; c < options.cameras; ++c) {
     const double angle = options.cameras > 1 ? (c / (options.cameras - 1.0) - 0.5) * 2 * std::numbers::pi / 3 : 0;
     const auto& models = options.models.empty() ? usual : options.models;
@@ -82,7 +82,7 @@ inline SyntheticCapture synthetic_capture(const SyntheticOptions& options = {}) 
   }
   for (int s = 0; s < options.sets; ++s) {
     for (int c = 0; c < options.cameras; ++c) {
-      const Camera& camera = capture.rig.cameras[static_cast<std::size_t>(c)];
+      const calib::Camera& camera = capture.rig.cameras[static_cast<std::size_t>(c)];
       BoardView view{c, s, camera.name + " set " + std::to_string(s), {}, {}};
       for (int id = 0; id < capture.board.point_count(); ++id) {
         const auto px =
@@ -99,11 +99,11 @@ inline SyntheticCapture synthetic_capture(const SyntheticOptions& options = {}) 
 }
 
 // Where rays from the pixels meet: the point of least reprojection error.
-inline Eigen::Vector3d triangulate(const CameraRig& rig, const std::vector<std::pair<int, Eigen::Vector2d>>& pixels) {
+inline Eigen::Vector3d triangulate(const calib::CameraRig& rig, const std::vector<std::pair<int, Eigen::Vector2d>>& pixels) {
   Eigen::Matrix3d a = Eigen::Matrix3d::Zero();
   Eigen::Vector3d b = Eigen::Vector3d::Zero();
   for (const auto& [c, px] : pixels) {
-    const Camera& camera = rig.cameras[static_cast<std::size_t>(c)];
+    const calib::Camera& camera = rig.cameras[static_cast<std::size_t>(c)];
     const auto ray = camera.model.ray({px});
     if (!ray) continue;
     const Eigen::Vector3d d = camera.cam_from_world.rotation.conjugate() * *ray;
@@ -116,8 +116,8 @@ inline Eigen::Vector3d triangulate(const CameraRig& rig, const std::vector<std::
     Eigen::Matrix3d h = Eigen::Matrix3d::Zero();
     Eigen::Vector3d g = Eigen::Vector3d::Zero();
     for (const auto& [c, px] : pixels) {
-      const Camera& camera = rig.cameras[static_cast<std::size_t>(c)];
-      CameraModel::Jacobian by_point;
+      const calib::Camera& camera = rig.cameras[static_cast<std::size_t>(c)];
+      calib::CameraModel::Jacobian by_point;
       const auto projected = camera.model.project(camera.cam_from_world * p, by_point);
       if (!projected) continue;
       const Eigen::Matrix<double, 2, 3> j = by_point * camera.cam_from_world.rotation.toRotationMatrix();
@@ -131,7 +131,7 @@ inline Eigen::Vector3d triangulate(const CameraRig& rig, const std::vector<std::
 
 // rms distance of points of a volume, projected by the true rig and triangulated with the found one, after the best
 // rigid alignment: what a calibration is worth. Metres.
-inline double volume_rms_m(const CameraRig& truth, const CameraRig& found, const Eigen::Vector3d& low,
+inline double volume_rms_m(const calib::CameraRig& truth, const calib::CameraRig& found, const Eigen::Vector3d& low,
                            const Eigen::Vector3d& high) {
   std::vector<Eigen::Vector3d> true_points, found_points;
   constexpr int steps = 8;
@@ -160,4 +160,4 @@ inline double volume_rms_m(const CameraRig& truth, const CameraRig& found, const
   return std::sqrt(off.squaredNorm() / static_cast<double>(true_points.size()));
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::solver

@@ -11,17 +11,17 @@
 
 #include "calib/yaml/yaml_reader.h"
 
-namespace huetrack {
+namespace huetrack::tracks {
 namespace {
 
 namespace fs = std::filesystem;
 using namespace std::chrono_literals;
 using testing::HasSubstr;
 
-ObjectEstimate tracked() {
-  ObjectEstimate e;
-  e.at = Timestamp(1'033'333'333ns);
-  e.state = TrackState::tracking;
+object_tracking::ObjectEstimate tracked() {
+  object_tracking::ObjectEstimate e;
+  e.at = capture::Timestamp(1'033'333'333ns);
+  e.state = object_tracking::TrackState::tracking;
   e.position = {0.1, -2.5, 1e-7};
   e.velocity = {1.0 / 3, 0, -0.0};
   e.covariance << 1, 0.2, 0.3, 0.2, 4, 0.5, 0.3, 0.5, 6;
@@ -40,7 +40,7 @@ class TrackCsv : public testing::Test {
     std::ofstream(file_) << text;
     try {
       read_track_csv(file_);
-    } catch (const ConfigError& e) {
+    } catch (const yaml::ConfigError& e) {
       return e.what();
     }
     return "no error";
@@ -55,16 +55,16 @@ TEST_F(TrackCsv, ARowHasTheColumnsOfTheHeader) {
 }
 
 TEST_F(TrackCsv, WithoutAPositionThereAreNans) {
-  ObjectEstimate e;
-  e.at = Timestamp(5ms);
+  object_tracking::ObjectEstimate e;
+  e.at = capture::Timestamp(5ms);
   EXPECT_EQ(to_csv_row("b", e), "b,0.005000000,nan,nan,nan,nan,nan,nan,nan,nan,nan,nan,nan,nan,searching,0,0");
 }
 
 TEST_F(TrackCsv, TimesKeepEveryNanosecond) {
-  ObjectEstimate e;
-  e.at = Timestamp(1'795'230'029'716'078'946ns);
+  object_tracking::ObjectEstimate e;
+  e.at = capture::Timestamp(1'795'230'029'716'078'946ns);
   EXPECT_THAT(to_csv_row("b", e), testing::StartsWith("b,1795230029.716078946,"));
-  e.at = Timestamp(-1ns);
+  e.at = capture::Timestamp(-1ns);
   EXPECT_THAT(to_csv_row("b", e), testing::StartsWith("b,-0.000000001,"));
 }
 
@@ -91,22 +91,22 @@ TEST_F(TrackCsv, ReadsBackToTheSameBits) {
   {
     TrackCsvWriter writer(file_);
     writer.write("a", tracked());
-    writer.write("b", ObjectEstimate{});
+    writer.write("b", object_tracking::ObjectEstimate{});
     writer.write("a", tracked());
     writer.flush();
   }
   const auto tracks = read_track_csv(file_);
   ASSERT_EQ(tracks.size(), 2u);
   ASSERT_EQ(tracks.at("a").size(), 2u);
-  const ObjectEstimate& e = tracks.at("a")[1];
+  const object_tracking::ObjectEstimate& e = tracks.at("a")[1];
   EXPECT_EQ(e.at, tracked().at);
   EXPECT_EQ(e.position, tracked().position);
   EXPECT_EQ(e.velocity, tracked().velocity);
   EXPECT_EQ(e.covariance, tracked().covariance);
-  EXPECT_EQ(e.state, TrackState::tracking);
+  EXPECT_EQ(e.state, object_tracking::TrackState::tracking);
   EXPECT_EQ(e.views, 3);
   EXPECT_EQ(e.confidence, 0.75);
-  EXPECT_EQ(tracks.at("b").at(0).state, TrackState::searching);
+  EXPECT_EQ(tracks.at("b").at(0).state, object_tracking::TrackState::searching);
   EXPECT_TRUE(tracks.at("b")[0].position.array().isNaN().all());
 }
 
@@ -145,8 +145,8 @@ TEST_F(TrackCsv, MistakesInAFileAreNamedWithTheLine) {
   EXPECT_EQ(error_of(header + "b,1,0,0,0,0,0,0,0,0,0,0,0,0,sleeping,2,1\n"),
             file_.string() + ":2: state must be searching, tracking, coasting or lost, got \"sleeping\"");
   EXPECT_EQ(error_of(""), file_.string() + ": is empty: a header line is needed");
-  EXPECT_THROW(read_track_csv("/no/such/file.csv"), ConfigError);
+  EXPECT_THROW(read_track_csv("/no/such/file.csv"), yaml::ConfigError);
 }
 
 }  // namespace
-}  // namespace huetrack
+}  // namespace huetrack::tracks

@@ -10,7 +10,7 @@
 
 #include "calib/yaml/yaml_reader.h"
 
-namespace huetrack {
+namespace huetrack::tracks {
 namespace {
 
 namespace fs = std::filesystem;
@@ -41,9 +41,9 @@ const std::string along_x = [] {
   return text;
 }();
 
-ObjectEstimate estimate(double t, const Eigen::Vector3d& position, TrackState state = TrackState::tracking) {
-  ObjectEstimate e;
-  e.at = Timestamp(duration_of(t));
+object_tracking::ObjectEstimate estimate(double t, const Eigen::Vector3d& position, object_tracking::TrackState state = object_tracking::TrackState::tracking) {
+  object_tracking::ObjectEstimate e;
+  e.at = capture::Timestamp(capture::duration_of(t));
   e.state = state;
   if (!e.has_position()) return e;
   e.position = position;
@@ -55,7 +55,7 @@ TEST_F(TruthFile, TheOnlyBallIsTheOnlyTargetWhateverItsName) {
   Truth t = truth(along_x);
   const std::vector<std::string> lime{"lime"};
   EXPECT_THAT(t.match(lime), testing::ElementsAre(testing::AllOf(HasSubstr("ball named ball"), HasSubstr("lime"))));
-  EXPECT_TRUE(t.position("lime", Timestamp(100ms)).has_value());
+  EXPECT_TRUE(t.position("lime", capture::Timestamp(100ms)).has_value());
   EXPECT_THAT(t.match(lime), testing::IsEmpty());
 }
 
@@ -65,30 +65,30 @@ TEST_F(TruthFile, SaysWhichBallsItHasForTargetsThatItHasNot) {
   const std::string sentence = "the truth has no ball named lime, which is not compared: it has ball, red";
   EXPECT_THAT(t.match(lime), testing::ElementsAre(sentence));
   EXPECT_THAT(t.match(both), testing::ElementsAre(sentence));
-  EXPECT_FALSE(t.position("lime", Timestamp(100ms)).has_value());
+  EXPECT_FALSE(t.position("lime", capture::Timestamp(100ms)).has_value());
 }
 
 TEST_F(TruthFile, IsLinearBetweenItsSamplesAndNotBeyond) {
   const Truth t = truth(along_x);
-  EXPECT_THAT(*t.position("ball", Timestamp(100ms)), testing::Eq(Eigen::Vector3d(0.1, 2, 3)));
-  EXPECT_NEAR((*t.position("ball", Timestamp(123ms)) - Eigen::Vector3d(0.123, 2, 3)).norm(), 0, 1e-12);
-  EXPECT_TRUE(t.position("ball", Timestamp(2000400us)).has_value());  // rounding of a time in a file
-  EXPECT_FALSE(t.position("ball", Timestamp(2010ms)).has_value());
-  EXPECT_FALSE(t.position("ball", Timestamp(-10ms)).has_value());
-  EXPECT_FALSE(t.position("cube", Timestamp(100ms)).has_value());
+  EXPECT_THAT(*t.position("ball", capture::Timestamp(100ms)), testing::Eq(Eigen::Vector3d(0.1, 2, 3)));
+  EXPECT_NEAR((*t.position("ball", capture::Timestamp(123ms)) - Eigen::Vector3d(0.123, 2, 3)).norm(), 0, 1e-12);
+  EXPECT_TRUE(t.position("ball", capture::Timestamp(2000400us)).has_value());  // rounding of a time in a file
+  EXPECT_FALSE(t.position("ball", capture::Timestamp(2010ms)).has_value());
+  EXPECT_FALSE(t.position("ball", capture::Timestamp(-10ms)).has_value());
+  EXPECT_FALSE(t.position("cube", capture::Timestamp(100ms)).has_value());
 }
 
 TEST_F(TruthFile, IsNotInventedInsideAGap) {
   const Truth t = truth("ball,t,x,y,z\nb,0,0,0,0\nb,1,1,0,0\n");
-  EXPECT_FALSE(t.position("b", Timestamp(500ms)).has_value());
-  EXPECT_EQ(t.position("b", Timestamp(1s)), Eigen::Vector3d(1, 0, 0));
+  EXPECT_FALSE(t.position("b", capture::Timestamp(500ms)).has_value());
+  EXPECT_EQ(t.position("b", capture::Timestamp(1s)), Eigen::Vector3d(1, 0, 0));
 }
 
 TEST_F(TruthFile, MistakesAreNamedWithTheLine) {
   const auto error = [&](const std::string& text) -> std::string {
     try {
       truth(text);
-    } catch (const ConfigError& e) {
+    } catch (const yaml::ConfigError& e) {
       return e.what();
     }
     return "no error";
@@ -102,13 +102,13 @@ TEST_F(TruthFile, MistakesAreNamedWithTheLine) {
 TEST_F(TruthFile, FiguresAreThoseOfTheSetsAfterTheLock) {
   const Truth t = truth(along_x);
   TruthComparison comparison(t, "ball");
-  EXPECT_EQ(comparison.add(estimate(0.0, {}, TrackState::searching)), std::nullopt);
+  EXPECT_EQ(comparison.add(estimate(0.0, {}, object_tracking::TrackState::searching)), std::nullopt);
   EXPECT_NEAR(*comparison.add(estimate(0.1, {0.1, 2, 3.5})), 0.5, 1e-9);  // tracking, and wrong
-  EXPECT_NEAR(*comparison.add(estimate(0.2, {0.2, 2, 3.01}, TrackState::coasting)), 0.01,
+  EXPECT_NEAR(*comparison.add(estimate(0.2, {0.2, 2, 3.01}, object_tracking::TrackState::coasting)), 0.01,
               1e-9);                              // near, but not tracking
   comparison.add(estimate(0.3, {0.3, 2.03, 3}));  // locks, 3 cm off
-  comparison.add(estimate(0.4, {0.4, 2, 3.04}, TrackState::coasting));
-  comparison.add(estimate(0.5, {}, TrackState::lost));
+  comparison.add(estimate(0.4, {0.4, 2, 3.04}, object_tracking::TrackState::coasting));
+  comparison.add(estimate(0.5, {}, object_tracking::TrackState::lost));
   comparison.add(estimate(0.6, {0.6, 2, 3}));
   comparison.add(estimate(99, {0, 0, 0}));  // no truth there
   const TruthFigures f = comparison.figures();
@@ -159,4 +159,4 @@ TEST(Nees, IsInfiniteForWhatIsNoCovariance) {
 }
 
 }  // namespace
-}  // namespace huetrack
+}  // namespace huetrack::tracks

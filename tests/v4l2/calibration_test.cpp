@@ -11,7 +11,7 @@
 #include "end_to_end/process.h"
 #include "v4l2/vm.h"
 
-namespace huetrack {
+namespace huetrack::v4l2 {
 namespace {
 
 namespace fs = std::filesystem;
@@ -24,7 +24,7 @@ class LiveCalibration : public testing::Test {
   void SetUp() override {
     SKIP_OUTSIDE_VM();
     if (!fs::exists(original())) GTEST_SKIP() << original() << " is not there";
-    truth = read_rig(original() / "rig.yaml");
+    truth = calib::read_rig(original() / "rig.yaml");
   }
   void TearDown() override {
     if (HasFailure() && calibrate) std::printf("---- huetrack-calibrate\n%s----\n", calibrate->err().c_str());
@@ -34,7 +34,7 @@ class LiveCalibration : public testing::Test {
   // Every frame of the recording `hold` times, for the first two loopback devices; from..: which.
   void play(int hold, double fps, int from, int count, const std::vector<std::string>& more = {}) {
     const std::vector<std::string> cameras{"cam0", "cam1"};
-    ReplaySource source(read_recording(original()), cameras);
+    capture::ReplaySource source(capture::read_recording(original()), cameras);
     std::vector<std::ofstream> films;
     for (const auto& camera : cameras) films.emplace_back(folder / (camera + ".yuyv"), std::ios::binary);
     std::vector<int> seen(cameras.size());
@@ -52,29 +52,29 @@ class LiveCalibration : public testing::Test {
       nodes.push_back(node_of("v4l2 loopback", static_cast<int>(c)));
       command.push_back(nodes.back().string() + "=" + (folder / (cameras[c] + ".yuyv")).string());
     }
-    player = std::make_unique<Process>(command, folder / "player.out", folder / "player.err");
+    player = std::make_unique<end_to_end::Process>(command, folder / "player.out", folder / "player.err");
     ASSERT_TRUE(comes_true([&] { return player->err().find("ready") != std::string::npos; }));
   }
   void run(const std::vector<std::string>& arguments) {
     std::vector<std::string> command{HUETRACK_CALIBRATE};
     command.insert(command.end(), arguments.begin(), arguments.end());
-    calibrate = std::make_unique<Process>(command, folder / "calibrate.out", folder / "calibrate.err");
+    calibrate = std::make_unique<end_to_end::Process>(command, folder / "calibrate.out", folder / "calibrate.err");
   }
   // Until its page says so; then Ctrl-C. The exit status.
   int stop_at(const fs::path& page, const std::string& status) {
     const auto begun = std::chrono::steady_clock::now();
     EXPECT_TRUE(
-        comes_true([&] { return calibrate->has_ended() || contents(page).find(status) != std::string::npos; }, 300s));
+        comes_true([&] { return calibrate->has_ended() || end_to_end::contents(page).find(status) != std::string::npos; }, 300s));
     std::printf("%s after %.0f s\n", status.c_str(),
                 std::chrono::duration<double>(std::chrono::steady_clock::now() - begun).count());
     calibrate->kill(SIGINT);
     return calibrate->wait();
   }
 
-  clips::TemporaryFolder folder;
-  CameraRig truth;
+  capture::clips::TemporaryFolder folder;
+  calib::CameraRig truth;
   std::vector<fs::path> nodes;
-  std::unique_ptr<Process> player, calibrate;
+  std::unique_ptr<end_to_end::Process> player, calibrate;
 };
 
 TEST_F(LiveCalibration, OfABoardBeforeTwoCameras) {
@@ -98,14 +98,14 @@ TEST_F(LiveCalibration, OfABoardBeforeTwoCameras) {
        original() / "rig.yaml", "--refine-lens", "no", "--view", page, "--rig", folder / "rig.yaml"});
   const int status = stop_at(page, "kept view 5");
   ASSERT_TRUE(status == 0 || status == 2) << calibrate->err();  // 2: five views are few, and it says so
-  const CameraRig found = read_rig(folder / "rig.yaml");
-  const Rigid3d was = truth.cameras[1].cam_from_world * inverse(truth.cameras[0].cam_from_world);
-  const Rigid3d is = found.cameras[1].cam_from_world * inverse(found.cameras[0].cam_from_world);
+  const calib::CameraRig found = calib::read_rig(folder / "rig.yaml");
+  const calib::Rigid3d was = truth.cameras[1].cam_from_world * calib::inverse(truth.cameras[0].cam_from_world);
+  const calib::Rigid3d is = found.cameras[1].cam_from_world * calib::inverse(found.cameras[0].cam_from_world);
   std::printf("status %d; the cameras stand %.1f mm and %.3f degrees off\n", status,
               1e3 * (is.translation - was.translation).norm(), 57.3 * is.rotation.angularDistance(was.rotation));
   EXPECT_LT((is.translation - was.translation).norm(), 0.02);
   EXPECT_LT(is.rotation.angularDistance(was.rotation), 0.01);
-  EXPECT_THAT(contents(page), AllOf(HasSubstr("finished with"), HasSubstr("data:image/jpeg"),
+  EXPECT_THAT(end_to_end::contents(page), AllOf(HasSubstr("finished with"), HasSubstr("data:image/jpeg"),
                                     HasSubstr("Shared views still lacking: cam0 + cam1")));
 
   // One lens.
@@ -114,7 +114,7 @@ TEST_F(LiveCalibration, OfABoardBeforeTwoCameras) {
        folder / "cam1.yaml"});
   const int lens_status = stop_at(page, "kept view 5");
   ASSERT_TRUE(lens_status == 0 || lens_status == 2) << calibrate->err();
-  EXPECT_NEAR(read_rig(folder / "cam1.yaml").cameras[0].model.fx() / truth.cameras[1].model.fx(), 1, 0.02);
+  EXPECT_NEAR(calib::read_rig(folder / "cam1.yaml").cameras[0].model.fx() / truth.cameras[1].model.fx(), 1, 0.02);
 }
 
 class LiveWave : public LiveCalibration {
@@ -125,13 +125,13 @@ class LiveWave : public LiveCalibration {
 TEST_F(LiveWave, BringsASpoiltRigBack) {
   constexpr double fps = 3;  // a tenth of the real speed: an emulated processor drops frames
   play(1, fps, 0, 150, {"-n", "150", "-g", folder / "go"});
-  CameraRig spoilt = truth;
+  calib::CameraRig spoilt = truth;
   spoilt.cameras[1].cam_from_world.translation += Eigen::Vector3d(0.06, -0.05, 0.06);
-  write_rig(spoilt, folder / "spoilt.yaml");
+  calib::write_rig(spoilt, folder / "spoilt.yaml");
   std::string config = "version: 1\nrig: spoilt.yaml\ntargets: {lime: {color: {hue_deg: [65, 115]}}}\ncameras:\n";
   for (const std::size_t c : {0U, 1U})
     config += "  cam" + std::to_string(c) + ": {device: " + nodes[c].string() + ", fps: " + std::to_string(fps) + "}\n";
-  clips::write_text(folder / "c.yaml", config);
+  capture::clips::write_text(folder / "c.yaml", config);
   const double distance = (truth.cameras[0].centre() - truth.cameras[1].centre()).norm();
   run({"wave", "--live", "65", "--config", folder / "c.yaml", "--target", "lime", "--camera-distance", "cam0", "cam1",
        std::to_string(distance), "--rig", folder / "rig.yaml"});
@@ -146,13 +146,13 @@ TEST_F(LiveWave, BringsASpoiltRigBack) {
       100s));
   ASSERT_FALSE(calibrate->has_ended());
   std::this_thread::sleep_for(2s);
-  clips::write_text(folder / "go", "");
+  capture::clips::write_text(folder / "go", "");
   const int status = calibrate->wait();
   EXPECT_TRUE(status == 0 || status == 2) << status;  // 2: too many frames were dropped, and it says so
-  std::printf("%s", contents(folder / "calibrate.out").c_str());
-  const CameraRig found = read_rig(folder / "rig.yaml");
-  const Rigid3d was = truth.cameras[1].cam_from_world * inverse(truth.cameras[0].cam_from_world);
-  const Rigid3d is = found.cameras[1].cam_from_world * inverse(found.cameras[0].cam_from_world);
+  std::printf("%s", end_to_end::contents(folder / "calibrate.out").c_str());
+  const calib::CameraRig found = calib::read_rig(folder / "rig.yaml");
+  const calib::Rigid3d was = truth.cameras[1].cam_from_world * calib::inverse(truth.cameras[0].cam_from_world);
+  const calib::Rigid3d is = found.cameras[1].cam_from_world * calib::inverse(found.cameras[0].cam_from_world);
   std::printf("the cameras stand %.1f mm and %.3f degrees off\n", 1e3 * (is.translation - was.translation).norm(),
               57.3 * is.rotation.angularDistance(was.rotation));
   EXPECT_LT((is.translation - was.translation).norm(), 0.03);
@@ -160,4 +160,4 @@ TEST_F(LiveWave, BringsASpoiltRigBack) {
 }
 
 }  // namespace
-}  // namespace huetrack
+}  // namespace huetrack::v4l2

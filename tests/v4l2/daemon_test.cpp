@@ -17,13 +17,13 @@
 #include "end_to_end/process.h"
 #include "v4l2/vm.h"
 
-namespace huetrack {
+namespace huetrack::v4l2 {
 namespace {
 
 namespace fs = std::filesystem;
 using namespace std::chrono_literals;
-using clips::TemporaryFolder;
-using clips::write_text;
+using capture::clips::TemporaryFolder;
+using capture::clips::write_text;
 using testing::AllOf;
 using testing::HasSubstr;
 using testing::Not;
@@ -34,7 +34,7 @@ constexpr int metrics_port = 19464;
 // Frames from .. from + count of every camera, into folder/<camera>.yuyv.
 void write_films(const fs::path& recording, const std::vector<std::string>& cameras, const fs::path& folder,
                  int from = 0, int count = 1000000) {
-  ReplaySource source(read_recording(recording), cameras);
+  capture::ReplaySource source(capture::read_recording(recording), cameras);
   std::vector<std::ofstream> films;
   for (const auto& camera : cameras) films.emplace_back(folder / (camera + ".yuyv"), std::ios::binary);
   std::vector<int> seen(cameras.size());
@@ -82,8 +82,8 @@ class Daemon : public testing::Test {
     write_text(folder / "c.yaml", text + more);
     return folder / "c.yaml";
   }
-  std::unique_ptr<Process> start(const std::vector<std::string>& command, const std::string& name) {
-    return std::make_unique<Process>(command, folder / (name + ".out"), folder / (name + ".err"),
+  std::unique_ptr<end_to_end::Process> start(const std::vector<std::string>& command, const std::string& name) {
+    return std::make_unique<end_to_end::Process>(command, folder / (name + ".out"), folder / (name + ".err"),
                                      std::map<std::string, std::string>{{"ROS_DOMAIN_ID", "30"}});
   }
   void run(const fs::path& config) {
@@ -93,9 +93,9 @@ class Daemon : public testing::Test {
     return comes_true([&] { return service->err().find(text) != std::string::npos; }, patience);
   }
   static double figure(const std::string& sample) {
-    const auto text = http_get(metrics_port, "/metrics");
+    const auto text = end_to_end::http_get(metrics_port, "/metrics");
     if (!text) return -1;
-    const auto samples = prometheus_samples(*text);
+    const auto samples = end_to_end::prometheus_samples(*text);
     const auto found = samples.find(sample);
     return found == samples.end() ? -1 : found->second;
   }
@@ -117,7 +117,7 @@ class Daemon : public testing::Test {
   }
 
   TemporaryFolder folder;
-  std::unique_ptr<Process> service;
+  std::unique_ptr<end_to_end::Process> service;
 };
 
 // ---- v4l2loopback: a known film at known times
@@ -143,15 +143,15 @@ class Films : public Daemon, public testing::WithParamInterface<Film> {
     return count;
   }
   // slowness: the film was played that many times slower than the truth says.
-  static TruthFigures figures(const fs::path& csv, const fs::path& truth_file, const std::string& target,
-                              Duration clock_offset, int slowness) {
-    Truth truth = Truth::read(truth_file);
+  static tracks::TruthFigures figures(const fs::path& csv, const fs::path& truth_file, const std::string& target,
+                              capture::Duration clock_offset, int slowness) {
+    tracks::Truth truth = tracks::Truth::read(truth_file);
     const std::vector<std::string> targets{target};
     truth.match(targets);
-    TruthComparison comparison(truth, target);
-    auto tracks = read_track_csv(csv);
-    for (ObjectEstimate& estimate : tracks.at(target)) {
-      estimate.at = Timestamp((estimate.at.time_since_epoch() - clock_offset) / slowness);
+    tracks::TruthComparison comparison(truth, target);
+    auto tracks = tracks::read_track_csv(csv);
+    for (object_tracking::ObjectEstimate& estimate : tracks.at(target)) {
+      estimate.at = capture::Timestamp((estimate.at.time_since_epoch() - clock_offset) / slowness);
       comparison.add(estimate);
     }
     return comparison.figures();
@@ -230,12 +230,12 @@ TEST_P(Films, LiveIsAsReplayAndItsRecordingGivesTheSameBytes) {
                                "--tracks", folder / "replayed.csv"},
                               "replay");
   EXPECT_EQ(replayed->wait(), 0) << replayed->err();
-  const std::string live = contents(folder / "live.csv");
+  const std::string live = end_to_end::contents(folder / "live.csv");
   EXPECT_GT(std::ranges::count(live, '\n'), film_frames * 9 / 10);
-  EXPECT_TRUE(contents(folder / "replayed.csv") == live) << "live.csv and replayed.csv differ";
+  EXPECT_TRUE(end_to_end::contents(folder / "replayed.csv") == live) << "live.csv and replayed.csv differ";
 
   // What a subscriber got is what was tracked.
-  const auto tracks = read_track_csv(folder / "live.csv"), got_tracks = read_track_csv(folder / "watch.out");
+  const auto tracks = tracks::read_track_csv(folder / "live.csv"), got_tracks = tracks::read_track_csv(folder / "watch.out");
   const auto &track = tracks.at(film.target), &received = got_tracks.at(film.target);
   ASSERT_EQ(received.size(), track.size());
   for (std::size_t i = 0; i < track.size(); ++i) {
@@ -251,13 +251,13 @@ TEST_P(Films, LiveIsAsReplayAndItsRecordingGivesTheSameBytes) {
       {HUETRACKD, "replay", folder / "c.yaml", original, "--no-dds", "--quiet", "--tracks", folder / "original.csv"},
       "original");
   EXPECT_EQ(of_original->wait(), 0) << of_original->err();
-  ReplaySource recorded(read_recording(recording), film.cameras);
-  Timestamp last{};  // nothing overwrites the film's last frame: that one came
+  capture::ReplaySource recorded(capture::read_recording(recording), film.cameras);
+  capture::Timestamp last{};  // nothing overwrites the film's last frame: that one came
   while (const auto frame = recorded.next({})) last = std::max(last, frame->captured_at);
-  const Duration offset = last.time_since_epoch() - duration_of((film_frames - 1) * slowness / film.fps);
+  const capture::Duration offset = last.time_since_epoch() - capture::duration_of((film_frames - 1) * slowness / film.fps);
   const auto wanted = figures(folder / "original.csv", original / "groundtruth.csv", film.target, 0ns, 1);
   const auto got = figures(folder / "live.csv", original / "groundtruth.csv", film.target, offset, slowness);
-  std::printf("%s: replay  %s\n%s: live    %s\n", film.name, to_text(wanted).c_str(), film.name, to_text(got).c_str());
+  std::printf("%s: replay  %s\n%s: live    %s\n", film.name, tracks::to_text(wanted).c_str(), film.name, tracks::to_text(got).c_str());
   ASSERT_TRUE(got.lock_set);
   EXPECT_LE(*got.lock_set, *wanted.lock_set + 5);
   EXPECT_LT(got.rms_m, 1.3 * wanted.rms_m + 0.0005);
@@ -309,7 +309,7 @@ class Webcams : public Daemon {
   static std::set<fs::path> webcams() {
     std::set<fs::path> found;
     for (const auto& entry : fs::directory_iterator("/sys/class/video4linux"))
-      if (contents(entry.path() / "name").starts_with("UVC Camera") && contents(entry.path() / "index") == "0\n")
+      if (end_to_end::contents(entry.path() / "name").starts_with("UVC Camera") && end_to_end::contents(entry.path() / "index") == "0\n")
         found.insert("/dev" / entry.path().filename());
     return found;
   }
@@ -334,7 +334,7 @@ TEST_F(Webcams, TheTrackOutlivesUnplugging) {
   EXPECT_TRUE(comes_true([] { return is("pink", "tracking"); }));
 
   // Controls: set, the automatic ones off first; a refusal is reported.
-  EXPECT_EQ(contents(log(0)),
+  EXPECT_EQ(end_to_end::contents(log(0)),
             "cam 0 auto_exposure 1\ncam 0 white_balance_automatic 0\ncam 0 exposure_time_absolute 200\n"
             "cam 0 white_balance_temperature 5000\ncam 0 gain 30\n");
   EXPECT_THAT(service->err(), AllOf(HasSubstr("camera cam0: auto_exposure"), HasSubstr("warning: camera cam1: "),
@@ -358,23 +358,23 @@ TEST_F(Webcams, TheTrackOutlivesUnplugging) {
   EXPECT_TRUE(comes_true([] { return is_up("cam1") && is_up("cam2"); }, 30s));
   EXPECT_TRUE(says("camera cam2: is back after"));
   EXPECT_TRUE(comes_true([] { return is("pink", "tracking"); }));
-  EXPECT_THAT(contents(log(2)), HasSubstr("brightness 7\n"));
+  EXPECT_THAT(end_to_end::contents(log(2)), HasSubstr("brightness 7\n"));
   write_text(log(2), "");
   stop();
-  EXPECT_EQ(contents(log(2)), "cam 0 brightness 0\n") << "restored at the end";
+  EXPECT_EQ(end_to_end::contents(log(2)), "cam 0 brightness 0\n") << "restored at the end";
 
-  const Truth truth = [&] {
-    Truth read = Truth::read(original / "groundtruth.csv");
+  const tracks::Truth truth = [&] {
+    tracks::Truth read = tracks::Truth::read(original / "groundtruth.csv");
     read.match(std::vector<std::string>{"pink"});
     return read;
   }();
-  const auto where = truth.position("pink", Timestamp(duration_of(still / 60.0)));
+  const auto where = truth.position("pink", capture::Timestamp(capture::duration_of(still / 60.0)));
   ASSERT_TRUE(where);
   int tracking = 0, coasting = 0;
-  const auto tracks = read_track_csv(folder / "live.csv");
+  const auto tracks = tracks::read_track_csv(folder / "live.csv");
   for (const auto& estimate : tracks.at("pink")) {
-    coasting += estimate.state == TrackState::coasting ? 1 : 0;
-    if (estimate.state != TrackState::tracking) continue;
+    coasting += estimate.state == object_tracking::TrackState::coasting ? 1 : 0;
+    if (estimate.state != object_tracking::TrackState::tracking) continue;
     ++tracking;
     EXPECT_LT((estimate.position - *where).norm(), 0.02);
   }
@@ -392,11 +392,11 @@ TEST_F(Webcams, RecordKeepsTheirOwnJpegs) {
   EXPECT_EQ(service->wait(), 0) << service->err();
   EXPECT_THAT(service->out(), AllOf(HasSubstr("cam0"), HasSubstr("0 by the disk")));
   EXPECT_TRUE(jpeg_of(folder / "out/cam1.mkv", 3) == jpeg_of(original / "cam1.mkv", still));
-  ReplaySource recorded(read_recording(folder / "out"), names);
+  capture::ReplaySource recorded(capture::read_recording(folder / "out"), names);
   int frames = 0;
   while (const auto frame = recorded.next({}))
     if (frame->camera == 0) {
-      EXPECT_TRUE(yuyv_of(frame->pixels) == contents(folder / "cam0.yuyv"));
+      EXPECT_TRUE(yuyv_of(frame->pixels) == end_to_end::contents(folder / "cam0.yuyv"));
       ++frames;
     }
   EXPECT_GT(frames, 15);
@@ -411,11 +411,11 @@ TEST_F(Webcams, AColourIsTaughtFromThem) {
   for (int c = 0; c < 3; ++c)
     cameras.push_back({names[std::size_t(c)], nodes[std::size_t(c)], c == 0 ? "format: yuyv" : "format: mjpeg"});
   const fs::path config = configure(original / "rig.yaml", "pink: {color: {hue_deg: [200, 220]}}", cameras, 15);
-  Truth truth = Truth::read(original / "groundtruth.csv");
+  tracks::Truth truth = tracks::Truth::read(original / "groundtruth.csv");
   truth.match(std::vector<std::string>{"pink"});
-  const auto where = truth.position("pink", Timestamp(duration_of(still / 60.0)));
+  const auto where = truth.position("pink", capture::Timestamp(capture::duration_of(still / 60.0)));
   ASSERT_TRUE(where);
-  const auto pixel = read_rig(original / "rig.yaml").cameras.at(0).project_world(*where);
+  const auto pixel = calib::read_rig(original / "rig.yaml").cameras.at(0).project_world(*where);
   ASSERT_TRUE(pixel);
   const std::string at = "cam0,5," + std::to_string(pixel->px.x()) + "," + std::to_string(pixel->px.y());
   const auto taught =
@@ -460,7 +460,7 @@ TEST_F(Webcams, DoctorSaysHowTheyAre) {
         std::string("controls that stuck when moved by one step, and were put back: "), std::string("Mbit/s"),
         std::string("domain 30, from ROS_DOMAIN_ID"), std::string("WARN  white balance is automatic")})
     EXPECT_THAT(said, HasSubstr(line));
-  EXPECT_THAT(contents(log(0)), HasSubstr("exposure_time_absolute 157\n")) << "as it was found";
+  EXPECT_THAT(end_to_end::contents(log(0)), HasSubstr("exposure_time_absolute 157\n")) << "as it was found";
   fs::remove(link);
 }
 
@@ -476,13 +476,13 @@ class Faults : public Daemon {
       ASSERT_FALSE(nodes.back().empty());
       set(c, "percentage_of_dropped_buffers", 0);
     }
-    CameraRig rig = read_rig(fs::path(HUETRACK_SOURCE_DIR) / "configs/demo/recording/rig.yaml");
+    calib::CameraRig rig = calib::read_rig(fs::path(HUETRACK_SOURCE_DIR) / "configs/demo/recording/rig.yaml");
     for (auto& camera : rig.cameras) camera.image_size.height = 180;  // a size that vivid has
-    write_rig(rig, folder / "rig.yaml");
+    calib::write_rig(rig, folder / "rig.yaml");
   }
   void set(int camera, const std::string& control, std::int64_t value) {
-    V4l2Device knobs(nodes[std::size_t(camera)]);
-    const std::vector<ControlSetting> settings{{control, value}};
+    capture::V4l2Device knobs(nodes[std::size_t(camera)]);
+    const std::vector<capture::ControlSetting> settings{{control, value}};
     knobs.set_controls(settings);
   }
   bool delivers(const std::string& camera) {
@@ -546,7 +546,7 @@ TEST_F(Faults, ALockedUpCameraHoldsNobodyUp) {
                  {"cam1", nodes[1], ""}},
                 15, "quorum: 1\ndds: {enabled: false}\n");
   const auto run_preloaded = [&] {
-    service = std::make_unique<Process>(
+    service = std::make_unique<end_to_end::Process>(
         std::vector<std::string>{HUETRACKD, "run", config}, folder / "service.out", folder / "service.err",
         std::map<std::string, std::string>{{"LD_PRELOAD", tool("locked_up.so")},
                                            {"LOCKED_UP_DEVICE", nodes[0].string()},
@@ -620,8 +620,8 @@ TEST_F(Kills, TheRestartWorksTheRecordingOpensAndSubscribersNotice) {
     for (const auto& entry : fs::directory_iterator(folder / "recordings"))
       if (known.insert(entry.path()).second) recording = entry.path();
     ASSERT_FALSE(recording.empty());
-    ReplaySource source(read_recording(recording), cameras);
-    std::optional<Timestamp> last;
+    capture::ReplaySource source(capture::read_recording(recording), cameras);
+    std::optional<capture::Timestamp> last;
     while (const auto frame = source.next({})) {
       ++frames;
       last = frame->captured_at;
@@ -629,8 +629,8 @@ TEST_F(Kills, TheRestartWorksTheRecordingOpensAndSubscribersNotice) {
     ASSERT_TRUE(last) << "nothing was recorded";
     // Against what was published, in samples: an emulated start takes seconds, in which the cameras wait with full
     // buffers.
-    const auto published = read_track_csv(folder / "watch.out")["lime"];
-    const auto later = std::ranges::count_if(published, [&](const ObjectEstimate& e) { return e.at > *last; });
+    const auto published = tracks::read_track_csv(folder / "watch.out")["lime"];
+    const auto later = std::ranges::count_if(published, [&](const object_tracking::ObjectEstimate& e) { return e.at > *last; });
     most_lost_s = std::max(most_lost_s, double(later) / fps);
     fs::remove_all(recording);  // the VM's disk is its memory
   }
@@ -641,4 +641,4 @@ TEST_F(Kills, TheRestartWorksTheRecordingOpensAndSubscribersNotice) {
 }
 
 }  // namespace
-}  // namespace huetrack
+}  // namespace huetrack::v4l2

@@ -18,15 +18,15 @@
 #include "pipeline/bounded_queue.h"
 #include "v4l2/vm.h"
 
-namespace huetrack {
+namespace huetrack::v4l2 {
 namespace {
 
 namespace fs = std::filesystem;
 using namespace std::chrono_literals;
-using clips::hash_of;
-using clips::read_bytes;
-using clips::TemporaryFolder;
-using clips::write_text;
+using capture::clips::hash_of;
+using capture::clips::read_bytes;
+using capture::clips::TemporaryFolder;
+using capture::clips::write_text;
 using testing::AllOf;
 using testing::Contains;
 using testing::Each;
@@ -37,16 +37,16 @@ using testing::Not;
 
 // Reads a source for a while.
 struct Take {
-  std::vector<Frame> frames;
-  std::vector<CameraEvent> events;
-  int count(FrameStatus status) const { return static_cast<int>(std::ranges::count(frames, status, &Frame::status)); }
+  std::vector<capture::Frame> frames;
+  std::vector<capture::CameraEvent> events;
+  int count(capture::FrameStatus status) const { return static_cast<int>(std::ranges::count(frames, status, &capture::Frame::status)); }
   std::vector<std::string> messages() const {
     std::vector<std::string> texts;
-    for (const auto& event : events) texts.push_back(std::string(name(event.state)) + ": " + event.message);
+    for (const auto& event : events) texts.push_back(std::string(capture::name(event.state)) + ": " + event.message);
     return texts;
   }
 };
-void take(V4l2Source& source, Take& result, std::size_t frames, std::chrono::milliseconds patience,
+void take(capture::V4l2Source& source, Take& result, std::size_t frames, std::chrono::milliseconds patience,
           const std::function<bool(const Take&)>& until = {}, bool keeps_images = false) {
   std::stop_source stop;
   const std::jthread clock([&](std::stop_token ended) {
@@ -59,12 +59,12 @@ void take(V4l2Source& source, Take& result, std::size_t frames, std::chrono::mil
     for (auto& event : source.take_events()) result.events.push_back(std::move(event));
     if (!frame) break;
     ++got;
-    if (!keeps_images) frame->pixels = Image{};
+    if (!keeps_images) frame->pixels = capture::Image{};
     result.frames.push_back(std::move(*frame));
     if (until && until(result)) break;
   }
 }
-Take take(V4l2Source& source, std::size_t frames, std::chrono::milliseconds patience = 20s,
+Take take(capture::V4l2Source& source, std::size_t frames, std::chrono::milliseconds patience = 20s,
           const std::function<bool(const Take&)>& until = {}, bool keeps_images = false) {
   Take result;
   take(source, result, frames, patience, until, keeps_images);
@@ -87,8 +87,8 @@ const std::string& film() {
   return bytes;
 }
 // Which frame of the film it is; -1: none, bit for bit.
-int film_index(const Image& image) {
-  if (image.format != PixelFormat::yuyv || image.width != width || image.height != height ||
+int film_index(const capture::Image& image) {
+  if (image.format != capture::PixelFormat::yuyv || image.width != width || image.height != height ||
       image.planes[0].stride != 2 * width)
     return -1;
   for (int k = 0; k < film_frames; ++k)
@@ -96,8 +96,8 @@ int film_index(const Image& image) {
   return -1;
 }
 
-V4l2SourceOptions options_for(const fs::path& device, int w = width, int h = height, double fps = 30) {
-  V4l2SourceOptions options;
+capture::V4l2SourceOptions options_for(const fs::path& device, int w = width, int h = height, double fps = 30) {
+  capture::V4l2SourceOptions options;
   options.name = "left";
   options.device = device;
   options.width = w;
@@ -133,24 +133,24 @@ class Loopback : public testing::Test {
 
 TEST_F(Loopback, FramesAreBitExactAtTheTimesOfTheDriver) {
   const auto player = play(120);
-  V4l2Source source(options_for(node));
+  capture::V4l2Source source(options_for(node));
   go();
   auto got = take(source, 100, 20s, {}, true);
   ASSERT_GE(got.frames.size(), 5U);
   const int first = film_index(got.frames[0].pixels);
-  for (const Frame& frame : got.frames) {
+  for (const capture::Frame& frame : got.frames) {
     const int index = film_index(frame.pixels);
     ASSERT_GE(index, 0) << "frame " << frame.sequence << " is not bit-exact";
     ASSERT_EQ(static_cast<unsigned>(index), (static_cast<unsigned>(first) + frame.sequence) % film_frames);
     // the player's schedule, in whole microseconds
     const double expected_s = frame.sequence / 30.0;
-    EXPECT_NEAR(seconds(frame.captured_at - got.frames[0].captured_at), expected_s, 3e-6);
-    EXPECT_EQ(frame.status, FrameStatus::ok);
+    EXPECT_NEAR(capture::seconds(frame.captured_at - got.frames[0].captured_at), expected_s, 3e-6);
+    EXPECT_EQ(frame.status, capture::FrameStatus::ok);
   }
-  EXPECT_NEAR(seconds(std::chrono::system_clock::now() - got.frames.back().captured_at), 0, 5.0);
+  EXPECT_NEAR(capture::seconds(std::chrono::system_clock::now() - got.frames.back().captured_at), 0, 5.0);
   const auto health = source.health();
-  EXPECT_EQ(health.state, CaptureState::delivering);
-  EXPECT_EQ(health.stamp, StampKind::end_of_frame);
+  EXPECT_EQ(health.state, capture::CaptureState::delivering);
+  EXPECT_EQ(health.stamp, capture::StampKind::end_of_frame);
   EXPECT_EQ(health.dropped, got.frames.back().sequence + 1 - got.frames.size());
   EXPECT_EQ(health.copied, health.frames) << "its player writes into buffers that are held";
   std::printf("loopback: %zu frames, %u numbers, %llu copied\n", got.frames.size(), got.frames.back().sequence + 1,
@@ -158,15 +158,15 @@ TEST_F(Loopback, FramesAreBitExactAtTheTimesOfTheDriver) {
 }
 
 TEST_F(Loopback, ARecordingReplaysToWhatWasSeen) {
-  for (const auto storage : {RawStorage::uncompressed, RawStorage::huffyuv}) {
+  for (const auto storage : {capture::RawStorage::uncompressed, capture::RawStorage::huffyuv}) {
     const auto player = play(60);
-    V4l2Source source(options_for(node));
-    const fs::path out = folder / (storage == RawStorage::huffyuv ? "huffyuv" : "raw");
-    RecordingWriter writer(
+    capture::V4l2Source source(options_for(node));
+    const fs::path out = folder / (storage == capture::RawStorage::huffyuv ? "huffyuv" : "raw");
+    capture::RecordingWriter writer(
         {.folder = out, .cameras = {"left"}, .fps = {30}, .rig_yaml = {}, .config_yaml = {}, .raw_storage = storage});
     go();
     std::vector<int> indices;
-    std::vector<Timestamp> times;
+    std::vector<capture::Timestamp> times;
     for (auto& frame : take(source, 30, 20s, {}, true).frames) {
       frame.arrival = indices.size() + 1;
       ASSERT_TRUE(writer.write(frame)) << *writer.failure();
@@ -176,12 +176,12 @@ TEST_F(Loopback, ARecordingReplaysToWhatWasSeen) {
     ASSERT_GE(indices.size(), 5U);
     writer.finish();
     const std::vector<std::string> cameras{"left"};
-    ReplaySource replay(read_recording(out), cameras);
+    capture::ReplaySource replay(capture::read_recording(out), cameras);
     for (std::size_t i = 0; i < indices.size(); ++i) {
       const auto frame = replay.next({});
       ASSERT_TRUE(frame);
       EXPECT_EQ(frame->captured_at, times[i]);
-      if (storage == RawStorage::uncompressed) {
+      if (storage == capture::RawStorage::uncompressed) {
         EXPECT_EQ(film_index(frame->pixels), indices[i]);
       }
       // the same values, wherever they lie
@@ -189,7 +189,7 @@ TEST_F(Loopback, ARecordingReplaysToWhatWasSeen) {
           reinterpret_cast<const std::uint8_t*>(film().data()) + static_cast<std::size_t>(indices[i]) * frame_bytes;
       for (int v = 0; v < height; v += 7)
         for (int u = 0; u < width; ++u) {
-          const Yuv yuv = yuv_at(frame->pixels, u, v);
+          const capture::Yuv yuv = capture::yuv_at(frame->pixels, u, v);
           const std::uint8_t* pair = raw + v * 2 * width + (u & ~1) * 2;
           ASSERT_TRUE(yuv.y == pair[(u & 1) * 2] && yuv.u == pair[1] && yuv.v == pair[3]);
         }
@@ -199,25 +199,25 @@ TEST_F(Loopback, ARecordingReplaysToWhatWasSeen) {
 }
 
 TEST_F(Loopback, APlayerThatComesGoesAndReturns) {
-  V4l2Source source(options_for(node));
-  EXPECT_EQ(source.health().state, CaptureState::absent);
+  capture::V4l2Source source(options_for(node));
+  EXPECT_EQ(source.health().state, capture::CaptureState::absent);
   EXPECT_THAT(source.health().message, HasSubstr("nothing plays"));
   EXPECT_THAT(take(source, 1, 2s).frames, IsEmpty());
   {
     const auto player = play(100000);
     go();
     EXPECT_EQ(take(source, 10).frames.size(), 10U);
-    EXPECT_EQ(source.health().state, CaptureState::delivering);
+    EXPECT_EQ(source.health().state, capture::CaptureState::delivering);
   }
   auto gone = take(source, 1000, 9s);
-  EXPECT_NE(source.health().state, CaptureState::delivering);
+  EXPECT_NE(source.health().state, capture::CaptureState::delivering);
   EXPECT_THAT(gone.messages(), Contains(HasSubstr("stalled: ")));
   EXPECT_LE(gone.events.size(), 4U) << testing::PrintToString(gone.messages());
   const auto player = play(100000);
   go();
   const auto back = take(source, 10, 30s);
   EXPECT_EQ(back.frames.size(), 10U) << source.health().message;
-  EXPECT_EQ(source.health().state, CaptureState::delivering);
+  EXPECT_EQ(source.health().state, capture::CaptureState::delivering);
 }
 
 // ---- vivid
@@ -232,27 +232,27 @@ class Vivid : public testing::Test {
     set("percentage_of_dropped_buffers", 0);
   }
   void set(const std::string& control, std::int64_t value) {
-    const std::vector<ControlSetting> settings{{control, value}};
-    for (const auto& result : knobs->set_controls(settings)) ASSERT_EQ(result.problem, "") << to_string(result);
+    const std::vector<capture::ControlSetting> settings{{control, value}};
+    for (const auto& result : knobs->set_controls(settings)) ASSERT_EQ(result.problem, "") << capture::to_string(result);
   }
-  V4l2SourceOptions options() const { return options_for(node, 320, 180, 30); }
+  capture::V4l2SourceOptions options() const { return options_for(node, 320, 180, 30); }
 
   fs::path node;
-  std::optional<V4l2Device> knobs;  // a second opener, to turn the driver's knobs
+  std::optional<capture::V4l2Device> knobs;  // a second opener, to turn the driver's knobs
 };
 
 TEST_F(Vivid, SaysWhatItOffersAndRefusesTheRest) {
   EXPECT_EQ(knobs->identity().driver, "vivid");
   const auto formats = knobs->formats();
-  const auto yuyv = std::ranges::find(formats, CaptureFormat::yuyv, &OfferedFormat::format);
+  const auto yuyv = std::ranges::find(formats, capture::CaptureFormat::yuyv, &capture::OfferedFormat::format);
   ASSERT_NE(yuyv, formats.end());
-  EXPECT_EQ(fourcc_text(yuyv->fourcc), "YUYV");
-  EXPECT_THAT(yuyv->sizes, Contains(AllOf(Field(&OfferedSize::width, 640), Field(&OfferedSize::height, 480))));
-  const auto refused = [&](V4l2SourceOptions wrong, const char* why) {
+  EXPECT_EQ(capture::fourcc_text(yuyv->fourcc), "YUYV");
+  EXPECT_THAT(yuyv->sizes, Contains(AllOf(Field(&capture::OfferedSize::width, 640), Field(&capture::OfferedSize::height, 480))));
+  const auto refused = [&](capture::V4l2SourceOptions wrong, const char* why) {
     try {
-      const V4l2Source source(std::move(wrong));
+      const capture::V4l2Source source(std::move(wrong));
       ADD_FAILURE() << "taken: " << why;
-    } catch (const CaptureError& e) {
+    } catch (const capture::CaptureError& e) {
       EXPECT_EQ(e.code(), std::errc::invalid_argument);
       EXPECT_THAT(std::string(e.what()), HasSubstr(why));
     }
@@ -261,7 +261,7 @@ TEST_F(Vivid, SaysWhatItOffersAndRefusesTheRest) {
   odd.width = 321;
   refused(odd, (node.string() + ": has no 321x180: it offers yuyv 320x180@").c_str());
   auto jpeg = options();
-  jpeg.format = CaptureFormat::mjpeg;
+  jpeg.format = capture::CaptureFormat::mjpeg;
   refused(jpeg, "has no mjpeg 320x180");
   auto nothing = options();
   nothing.device = "/dev/null";
@@ -270,13 +270,13 @@ TEST_F(Vivid, SaysWhatItOffersAndRefusesTheRest) {
 
 TEST_F(Vivid, EveryRawFormatArrives) {
   for (const auto& [format, pixels] :
-       {std::pair{CaptureFormat::yuyv, PixelFormat::yuyv}, std::pair{CaptureFormat::nv12, PixelFormat::nv12},
-        std::pair{CaptureFormat::grey, PixelFormat::grey}}) {
+       {std::pair{capture::CaptureFormat::yuyv, capture::PixelFormat::yuyv}, std::pair{capture::CaptureFormat::nv12, capture::PixelFormat::nv12},
+        std::pair{capture::CaptureFormat::grey, capture::PixelFormat::grey}}) {
     auto wanted = options();
     wanted.format = format;
-    V4l2Source source(wanted);
+    capture::V4l2Source source(wanted);
     const auto got = take(source, 3, 20s, {}, true);
-    ASSERT_EQ(got.frames.size(), 3U) << name(format);
+    ASSERT_EQ(got.frames.size(), 3U) << capture::name(format);
     for (const auto& frame : got.frames) {
       EXPECT_EQ(frame.pixels.format, pixels);
       EXPECT_EQ(frame.pixels.width, 320);
@@ -288,38 +288,38 @@ TEST_F(Vivid, EveryRawFormatArrives) {
 
 TEST_F(Vivid, StampsAreCalledWhatTheyAre) {
   for (const auto& [source_of_stamps, kind] :
-       {std::pair{1, StampKind::start_of_exposure}, std::pair{0, StampKind::end_of_frame}}) {
+       {std::pair{1, capture::StampKind::start_of_exposure}, std::pair{0, capture::StampKind::end_of_frame}}) {
     set("timestamp_source", source_of_stamps);
-    V4l2Source source(options());
+    capture::V4l2Source source(options());
     ASSERT_EQ(take(source, 3).frames.size(), 3U);
     EXPECT_EQ(source.health().stamp, kind);
   }
   set("timestamp_source", 1);
   auto late = options();
   late.latency = 1h;
-  V4l2Source source(late);
+  capture::V4l2Source source(late);
   const auto got = take(source, 1);
   ASSERT_EQ(got.frames.size(), 1U);
-  EXPECT_NEAR(seconds(unix_now() - got.frames[0].captured_at), 3600, 1);
+  EXPECT_NEAR(capture::seconds(capture::unix_now() - got.frames[0].captured_at), 3600, 1);
 }
 
 TEST_F(Vivid, FlaggedFramesAreMarkedAndCarryNoImage) {
-  V4l2Source source(options());
+  capture::V4l2Source source(options());
   ASSERT_EQ(take(source, 3).frames.size(), 3U);
   set("inject_v4l2_buf_flag_error", 1);
   const auto got = take(
-      source, 60, 20s, [](const Take& t) { return t.count(FrameStatus::corrupted) > 0; }, true);
-  ASSERT_EQ(got.count(FrameStatus::corrupted), 1);
-  const auto& marked = *std::ranges::find(got.frames, FrameStatus::corrupted, &Frame::status);
+      source, 60, 20s, [](const Take& t) { return t.count(capture::FrameStatus::corrupted) > 0; }, true);
+  ASSERT_EQ(got.count(capture::FrameStatus::corrupted), 1);
+  const auto& marked = *std::ranges::find(got.frames, capture::FrameStatus::corrupted, &capture::Frame::status);
   EXPECT_EQ(marked.pixels.width, 0);
   EXPECT_EQ(source.health().corrupted, 1U);
   EXPECT_THAT(got.messages(), Contains(HasSubstr("flags it as damaged")));
   const auto after = take(source, 10);
-  EXPECT_EQ(after.count(FrameStatus::ok), 10);
+  EXPECT_EQ(after.count(capture::FrameStatus::ok), 10);
 }
 
 TEST_F(Vivid, GapsInTheSequenceAreDrops) {
-  V4l2Source source(options());
+  capture::V4l2Source source(options());
   set("percentage_of_dropped_buffers", 30);
   const auto got = take(source, 60, 30s);
   set("percentage_of_dropped_buffers", 0);
@@ -330,12 +330,12 @@ TEST_F(Vivid, GapsInTheSequenceAreDrops) {
 }
 
 TEST_F(Vivid, AnInputErrorEndsNothing) {
-  V4l2Source source(options());
+  capture::V4l2Source source(options());
   ASSERT_EQ(take(source, 3).frames.size(), 3U);
   set("inject_fatal_streaming_error", 1);
   Take got;
   take(source, got, 300, 30s,
-       [](const Take& t) { return !t.events.empty() && t.events.back().state == CaptureState::delivering; });
+       [](const Take& t) { return !t.events.empty() && t.events.back().state == capture::CaptureState::delivering; });
   EXPECT_THAT(got.messages(), Contains(HasSubstr("stalled: the driver reports Input/output error")));
   EXPECT_THAT(got.messages(), Contains(HasSubstr("delivering: delivers again")));
   EXPECT_EQ(take(source, 10).frames.size(), 10U);
@@ -343,47 +343,47 @@ TEST_F(Vivid, AnInputErrorEndsNothing) {
 }
 
 TEST_F(Vivid, ADriverThatStopsDeliveringIsRestarted) {
-  V4l2Source source(options());
+  capture::V4l2Source source(options());
   ASSERT_EQ(take(source, 3).frames.size(), 3U);
   set("percentage_of_dropped_buffers", 100);
   const auto silent = take(source, 1000, 6s);
-  EXPECT_EQ(source.health().state, CaptureState::stalled) << source.health().message;
+  EXPECT_EQ(source.health().state, capture::CaptureState::stalled) << source.health().message;
   EXPECT_GE(source.health().restarts, 1U);
   EXPECT_LE(silent.events.size(), 2U) << testing::PrintToString(silent.messages());
   EXPECT_LT(std::chrono::steady_clock::now() - source.health().last_progress, 2s) << "the watchdog would bark";
   set("percentage_of_dropped_buffers", 0);
   const auto back = take(source, 10, 30s);
   EXPECT_EQ(back.frames.size(), 10U);
-  EXPECT_EQ(source.health().state, CaptureState::delivering);
+  EXPECT_EQ(source.health().state, capture::CaptureState::delivering);
 }
 
 TEST_F(Vivid, FailuresAtStartAreTriedAgain) {
   for (const char* knob : {"inject_vidioc_streamon_error", "inject_vidioc_qbuf_error", "inject_vidioc_reqbufs_error"}) {
     set(knob, 1);
-    V4l2Source source(options());
-    EXPECT_EQ(source.health().state, CaptureState::absent) << knob;
+    capture::V4l2Source source(options());
+    EXPECT_EQ(source.health().state, capture::CaptureState::absent) << knob;
     EXPECT_THAT(source.health().message, HasSubstr("Invalid argument")) << knob;
     EXPECT_EQ(take(source, 5).frames.size(), 5U) << knob;
   }
 }
 
 TEST_F(Vivid, AFailingRestartOpensItAnew) {
-  V4l2Source source(options());
+  capture::V4l2Source source(options());
   ASSERT_EQ(take(source, 3).frames.size(), 3U);
   set("inject_vidioc_streamon_error", 1);
   set("inject_fatal_streaming_error", 1);
   const auto got = take(source, 1000, 30s, [](const Take& t) {
-    return t.frames.size() > 20 && !t.events.empty() && t.events.back().state == CaptureState::delivering;
+    return t.frames.size() > 20 && !t.events.empty() && t.events.back().state == capture::CaptureState::delivering;
   });
   EXPECT_GT(got.frames.size(), 20U) << testing::PrintToString(got.messages());
-  EXPECT_EQ(source.health().state, CaptureState::delivering);
+  EXPECT_EQ(source.health().state, capture::CaptureState::delivering);
 }
 
 TEST_F(Vivid, ABusyCameraIsWaitedFor) {
-  auto first = std::make_unique<V4l2Source>(options());
+  auto first = std::make_unique<capture::V4l2Source>(options());
   ASSERT_EQ(take(*first, 3).frames.size(), 3U);
-  V4l2Source second(options());
-  EXPECT_EQ(second.health().state, CaptureState::absent);
+  capture::V4l2Source second(options());
+  EXPECT_EQ(second.health().state, capture::CaptureState::absent);
   EXPECT_THAT(second.health().message, HasSubstr("another program uses it"));
   auto waiting = take(second, 1, 2500ms);
   EXPECT_THAT(waiting.frames, IsEmpty());
@@ -398,10 +398,10 @@ TEST_F(Vivid, ABusyCamerasControlsAreLeftAlone) {
   others.controls = {{"brightness", 100}};
   mine.controls = {{"brightness", 200}};
   mine.restore_controls = true;
-  V4l2Source first(others);
+  capture::V4l2Source first(others);
   ASSERT_EQ(take(first, 3).frames.size(), 3U);
   {
-    V4l2Source second(mine);
+    capture::V4l2Source second(mine);
     EXPECT_THAT(second.health().message, HasSubstr("another program uses it"));
     EXPECT_THAT(take(second, 1, 2s).frames, IsEmpty());
     EXPECT_EQ(knobs->control("brightness")->value, 100);
@@ -413,15 +413,15 @@ TEST_F(Vivid, ABusyCamerasControlsAreLeftAlone) {
 TEST_F(Vivid, ADisconnectedCameraComesBack) {
   const fs::path other = node_of("vivid", 1);
   ASSERT_FALSE(other.empty());
-  V4l2Source source(options_for(other, 320, 180, 30));
+  capture::V4l2Source source(options_for(other, 320, 180, 30));
   ASSERT_EQ(take(source, 3).frames.size(), 3U);
   {
-    V4l2Device knob(other);
-    const std::vector<ControlSetting> pull{{"disconnect", 1}};
+    capture::V4l2Device knob(other);
+    const std::vector<capture::ControlSetting> pull{{"disconnect", 1}};
     knob.set_controls(pull);
   }
   const auto got = take(source, 1000, 20s, [](const Take& t) {
-    return t.frames.size() > 10 && !t.events.empty() && t.events.back().state == CaptureState::delivering;
+    return t.frames.size() > 10 && !t.events.empty() && t.events.back().state == capture::CaptureState::delivering;
   });
   EXPECT_THAT(got.messages(), Contains(HasSubstr("absent: unplugged: No such device")));
   EXPECT_GT(got.frames.size(), 10U) << testing::PrintToString(got.messages());
@@ -430,7 +430,7 @@ TEST_F(Vivid, ADisconnectedCameraComesBack) {
 
 TEST_F(Vivid, AStopWakesItAtOnce) {
   set("percentage_of_dropped_buffers", 100);
-  V4l2Source source(options());
+  capture::V4l2Source source(options());
   std::stop_source stop;
   std::chrono::steady_clock::time_point asked;
   std::jthread stopper([&] {
@@ -446,14 +446,14 @@ TEST_F(Vivid, AStopWakesItAtOnce) {
 }
 
 TEST_F(Vivid, FramesAreLetGoOnOtherThreadsWhileItRestarts) {
-  auto source = std::make_unique<V4l2Source>(options());
-  BoundedQueue<Frame> queue(4, WhenFull::drop_oldest);
+  auto source = std::make_unique<capture::V4l2Source>(options());
+  pipeline::BoundedQueue<capture::Frame> queue(4, pipeline::WhenFull::drop_oldest);
   std::uint64_t sum = 0;
   int read = 0;
   std::jthread reader([&] {
-    std::deque<Frame> held;
+    std::deque<capture::Frame> held;
     while (auto frame = queue.pop()) {
-      if (frame->status == FrameStatus::ok) sum += hash_of(frame->pixels);
+      if (frame->status == capture::FrameStatus::ok) sum += hash_of(frame->pixels);
       held.push_back(std::move(*frame));
       if (held.size() > 3) held.pop_front();
       ++read;
@@ -473,7 +473,7 @@ TEST_F(Vivid, FramesAreLetGoOnOtherThreadsWhileItRestarts) {
 }
 
 TEST_F(Vivid, ControlsByNameRangeAndKind) {
-  const std::vector<ControlSetting> settings{{"brightness", 100},
+  const std::vector<capture::ControlSetting> settings{{"brightness", 100},
                                              {"brightnes", 1},
                                              {"contrast", 1000000},
                                              {"menu", std::string("menu item 4")},
@@ -487,8 +487,8 @@ TEST_F(Vivid, ControlsByNameRangeAndKind) {
   EXPECT_THAT(results[2].problem, HasSubstr("out of range: it takes 0 to 255"));
   EXPECT_EQ(results[4].problem, "");
   EXPECT_EQ(results[4].got, 0);
-  EXPECT_EQ(results[5].got, 77) << to_string(results[5]);
-  for (const auto& result : results) std::printf("%s\n", to_string(result).c_str());
+  EXPECT_EQ(results[5].got, 77) << capture::to_string(results[5]);
+  for (const auto& result : results) std::printf("%s\n", capture::to_string(result).c_str());
   knobs->set_controls_plainly(knobs->previous_controls());
   EXPECT_EQ(knobs->control("brightness")->value, 128);
 }
@@ -526,13 +526,13 @@ class Uvc : public testing::Test {
 
 TEST_F(Uvc, FramesAreBitExactAndTheCameraKnown) {
   plug_in();
-  V4l2Source source(options_for(node_of("uvcvideo"), width, height, 15));
+  capture::V4l2Source source(options_for(node_of("uvcvideo"), width, height, 15));
   const auto got = take(source, 30, 20s, {}, true);
   ASSERT_EQ(got.frames.size(), 30U);
   for (const auto& frame : got.frames) EXPECT_GE(film_index(frame.pixels), 0);
   const auto health = source.health();
   EXPECT_EQ(health.copied, 25U) << "five of eight buffers can be held, and this test holds every frame";
-  EXPECT_EQ(health.stamp, StampKind::start_of_exposure);
+  EXPECT_EQ(health.stamp, capture::StampKind::start_of_exposure);
   ASSERT_TRUE(health.identity && health.identity->usb);
   EXPECT_EQ(health.identity->usb->serial, "EMU0000");
   EXPECT_EQ(health.identity->usb->id, "1d6b:0102");
@@ -540,10 +540,10 @@ TEST_F(Uvc, FramesAreBitExactAndTheCameraKnown) {
   std::printf("uvc: %s, usb port %s\n", health.identity->to_string().c_str(), health.identity->usb->port.c_str());
   // the metadata node is told apart
   bool has_metadata_node = false;
-  for (const auto& node : list_v4l2_nodes()) {
+  for (const auto& node : capture::list_v4l2_nodes()) {
     if (node.identity.driver != "uvcvideo" || node.is_capture) continue;
     has_metadata_node = true;
-    EXPECT_THROW(V4l2Device(node.identity.node), CaptureError);
+    EXPECT_THROW(capture::V4l2Device(node.identity.node), capture::CaptureError);
   }
   EXPECT_TRUE(has_metadata_node);
 }
@@ -555,8 +555,8 @@ TEST_F(Uvc, StableNamesAreFoundAndFollowed) {
   fs::remove(link);
   fs::create_symlink(node_of("uvcvideo"), link);
   {
-    V4l2Source source(options_for(link, width, height, 15));
-    EXPECT_THAT(source.take_events(), Each(Field(&CameraEvent::message, Not(HasSubstr("not stable")))));
+    capture::V4l2Source source(options_for(link, width, height, 15));
+    EXPECT_THAT(source.take_events(), Each(Field(&capture::CameraEvent::message, Not(HasSubstr("not stable")))));
     EXPECT_EQ(take(source, 3).frames.size(), 3U);
     EXPECT_THAT(source.health().identity->by_path, testing::ElementsAre(link));
     EXPECT_EQ(source.health().identity->node, node_of("uvcvideo"));
@@ -566,11 +566,11 @@ TEST_F(Uvc, StableNamesAreFoundAndFollowed) {
 
 TEST_F(Uvc, ManualValuesSwitchTheirAutomaticsOffFirst) {
   plug_in();
-  V4l2Device device(node_of("uvcvideo"));
-  const std::vector<ControlSetting> settings{
+  capture::V4l2Device device(node_of("uvcvideo"));
+  const std::vector<capture::ControlSetting> settings{
       {"exposure_absolute", 200}, {"white_balance_temperature", 5000}, {"gain", 30}};
   const auto results = device.set_controls(settings);
-  for (const auto& result : results) std::printf("%s\n", to_string(result).c_str());
+  for (const auto& result : results) std::printf("%s\n", capture::to_string(result).c_str());
   ASSERT_EQ(results.size(), 5U);
   for (std::size_t i = 0; i < 3; ++i) {
     EXPECT_EQ(results[i].problem, "");
@@ -590,8 +590,8 @@ TEST_F(Uvc, ManualValuesSwitchTheirAutomaticsOffFirst) {
 
 TEST_F(Uvc, ARefusalIsReported) {
   plug_in();
-  V4l2Device device(node_of("uvcvideo"));
-  const std::vector<ControlSetting> settings{{"exposure_time_absolute", 200},
+  capture::V4l2Device device(node_of("uvcvideo"));
+  const std::vector<capture::ControlSetting> settings{{"exposure_time_absolute", 200},
                                              {"auto_exposure", std::string("Aperture Priority Mode")}};
   const auto results = device.set_controls(settings);
   ASSERT_EQ(results.size(), 2U);
@@ -600,7 +600,7 @@ TEST_F(Uvc, ARefusalIsReported) {
               AllOf(HasSubstr("refuses it"),
                     HasSubstr("auto_exposure is 3 (Aperture Priority Mode), set it to 1 (Manual Mode)")));
   EXPECT_EQ(results[0].got, 157);
-  std::printf("%s\n", to_string(results[0]).c_str());
+  std::printf("%s\n", capture::to_string(results[0]).c_str());
 }
 
 TEST_F(Uvc, UnplugAnotherAndReplug) {
@@ -609,12 +609,12 @@ TEST_F(Uvc, UnplugAnotherAndReplug) {
   auto wanted = options_for(node, width, height, 15);
   wanted.controls = {{"exposure_time_absolute", 300}};
   wanted.restore_controls = true;
-  auto source = std::make_unique<V4l2Source>(wanted);
+  auto source = std::make_unique<capture::V4l2Source>(wanted);
   auto before = take(*source, 5, 20s, {}, true);
   ASSERT_EQ(before.frames.size(), 5U);
   unplug();
   auto gone = take(*source, 1000, 3s);
-  EXPECT_EQ(source->health().state, CaptureState::absent);
+  EXPECT_EQ(source->health().state, capture::CaptureState::absent);
   EXPECT_THAT(gone.messages(), Contains(HasSubstr("absent: unplugged: No such device")));
   EXPECT_EQ(gone.events.size(), 1U) << testing::PrintToString(gone.messages());
   for (const auto& frame : before.frames) EXPECT_GE(film_index(frame.pixels), 0) << "held over the unplug";
@@ -622,7 +622,7 @@ TEST_F(Uvc, UnplugAnotherAndReplug) {
   plug_in("uvccam_other");
   auto other = take(*source, 1000, 4s);
   EXPECT_THAT(other.frames, IsEmpty());
-  EXPECT_EQ(source->health().state, CaptureState::absent);
+  EXPECT_EQ(source->health().state, capture::CaptureState::absent);
   EXPECT_THAT(other.messages(), Contains(AllOf(HasSubstr("another camera is in its place"), HasSubstr("XMU0000"))));
   EXPECT_LE(other.events.size(), 2U) << testing::PrintToString(other.messages());
   unplug();
@@ -640,12 +640,12 @@ TEST_F(Uvc, UnplugAnotherAndReplug) {
   EXPECT_THAT(read_bytes(log()), HasSubstr("exposure_time_absolute 300"));
   for (const auto& message : back.messages()) std::printf("%s\n", message.c_str());
   source.reset();
-  V4l2Device device(node_of("uvcvideo"));
+  capture::V4l2Device device(node_of("uvcvideo"));
   EXPECT_EQ(device.control("auto_exposure")->value, 3) << "as it was found";
 }
 
 TEST_F(Uvc, JpegsAreDecodedAndTheirBytesKept) {
-  clips::write_clip(folder / "film.mjpg", {.codec = "mjpeg",
+  capture::clips::write_clip(folder / "film.mjpg", {.codec = "mjpeg",
                                            .format = AV_PIX_FMT_YUVJ422P,
                                            .range = AVCOL_RANGE_JPEG,
                                            .width = width,
@@ -667,31 +667,31 @@ TEST_F(Uvc, JpegsAreDecodedAndTheirBytesKept) {
 
   plug_in("uvccam", (folder / "damaged.mjpg").string());
   auto wanted = options_for(node_of("uvcvideo"), width, height, 15);
-  wanted.format = CaptureFormat::mjpeg;
-  V4l2Source source(wanted);
+  wanted.format = capture::CaptureFormat::mjpeg;
+  capture::V4l2Source source(wanted);
   auto got = take(source, 24, 20s, {}, true);
   ASSERT_EQ(got.frames.size(), 24U);
-  EXPECT_GE(got.count(FrameStatus::corrupted), 1);
-  EXPECT_EQ(source.health().corrupted, static_cast<unsigned>(got.count(FrameStatus::corrupted)));
-  JpegDecoder decoder;
-  RecordingWriter writer({.folder = folder / "out", .cameras = {"left"}, .fps = {}, .rig_yaml = {}, .config_yaml = {}});
+  EXPECT_GE(got.count(capture::FrameStatus::corrupted), 1);
+  EXPECT_EQ(source.health().corrupted, static_cast<unsigned>(got.count(capture::FrameStatus::corrupted)));
+  capture::JpegDecoder decoder;
+  capture::RecordingWriter writer({.folder = folder / "out", .cameras = {"left"}, .fps = {}, .rig_yaml = {}, .config_yaml = {}});
   for (auto& frame : got.frames) {
     ASSERT_TRUE(writer.write(frame));
-    if (frame.status != FrameStatus::ok) continue;
+    if (frame.status != capture::FrameStatus::ok) continue;
     const std::string bytes(frame.encoded->begin(), frame.encoded->end());
     EXPECT_NE(std::ranges::find(pictures, bytes), pictures.end()) << "not the camera's own bytes";
     EXPECT_NE(bytes, pictures[2]);
   }
   writer.finish();
   const std::vector<std::string> cameras{"left"};
-  ReplaySource replay(read_recording(folder / "out"), cameras);
+  capture::ReplaySource replay(capture::read_recording(folder / "out"), cameras);
   for (const auto& frame : got.frames) {
     const auto again = replay.next({});
     ASSERT_TRUE(again);
     EXPECT_EQ(again->status, frame.status);
     EXPECT_EQ(again->captured_at, frame.captured_at);
     EXPECT_EQ(again->sequence, frame.sequence);
-    if (frame.status == FrameStatus::ok) {
+    if (frame.status == capture::FrameStatus::ok) {
       EXPECT_EQ(hash_of(again->pixels), hash_of(frame.pixels));
     }
   }
@@ -702,8 +702,8 @@ TEST_F(Uvc, AbsentAtStartItIsTakenWhenItComes) {
   const fs::path node = node_of("uvcvideo");
   unplug();
   ASSERT_TRUE(comes_true([&] { return !fs::exists(node); }));
-  V4l2Source source(options_for(node, width, height, 15));
-  EXPECT_EQ(source.health().state, CaptureState::absent);
+  capture::V4l2Source source(options_for(node, width, height, 15));
+  EXPECT_EQ(source.health().state, capture::CaptureState::absent);
   EXPECT_THAT(source.health().message, HasSubstr("it is not plugged in"));
   EXPECT_THAT(take(source, 1, 1s).frames, IsEmpty());
   plug_in();
@@ -711,4 +711,4 @@ TEST_F(Uvc, AbsentAtStartItIsTakenWhenItComes) {
 }
 
 }  // namespace
-}  // namespace huetrack
+}  // namespace huetrack::v4l2

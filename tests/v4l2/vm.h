@@ -16,7 +16,7 @@
 #include "capture/pixel_format.h"
 #include "capture/v4l2_device.h"
 
-namespace huetrack {
+namespace huetrack::v4l2 {
 
 inline bool is_in_vm() {
   return std::getenv("V4L2VM") != nullptr;
@@ -66,21 +66,21 @@ bool comes_true(Condition condition, std::chrono::milliseconds patience = std::c
 }
 
 // The pixels of a YUYV camera.
-inline std::string yuyv_of(const Image& image) {
+inline std::string yuyv_of(const capture::Image& image) {
   std::string bytes;
   for (int v = 0; v < image.height; ++v)
     for (int u = 0; u < image.width; u += 2) {
-      const Yuv left = yuv_at(image, u, v), right = yuv_at(image, u + 1, v);
+      const capture::Yuv left = capture::yuv_at(image, u, v), right = capture::yuv_at(image, u + 1, v);
       for (const auto byte : {left.y, left.u, right.y, left.v}) bytes += static_cast<char>(byte);
     }
   return bytes;
 }
 
 inline std::filesystem::path node_of(const std::string& driver, int number = 0) {
-  for (const auto& node : list_v4l2_nodes())
+  for (const auto& node : capture::list_v4l2_nodes())
     if (node.identity.driver == driver && (node.is_capture || driver == "v4l2 loopback") && number-- == 0)
       return node.identity.node;
   return {};
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::v4l2

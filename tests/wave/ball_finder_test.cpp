@@ -5,22 +5,22 @@
 
 #include "scene/scene.h"
 
-namespace huetrack {
+namespace huetrack::wave {
 namespace {
 
-TargetOptions lime() {
-  TargetOptions target;
+object_tracking::TargetOptions lime() {
+  object_tracking::TargetOptions target;
   target.name = "lime";
   target.color.hue_min_deg = 65, target.color.hue_max_deg = 115;
   return target;
 }
 
 TEST(BallFinder, FindsTheBallToAFractionOfAPixel) {
-  const Scene scene = SceneBuilder{}.cameras_on_ring({.count = 2}).ball({}).build();
+  const scene::Scene scene = scene::SceneBuilder{}.cameras_on_ring({.count = 2}).ball({}).build();
   BallFinder finder(scene.rig, lime());
   double sum = 0;
   int count = 0;
-  for (const FrameSet& set : render(scene, {.set_count = 40})) {
+  for (const capture::FrameSet& set : scene::render(scene, {.set_count = 40})) {
     for (const auto& frame : set.frames) {
       const auto found = finder.look(*frame);
       ASSERT_TRUE(found);
@@ -36,12 +36,12 @@ TEST(BallFinder, FindsTheBallToAFractionOfAPixel) {
 }
 
 TEST(BallFinder, SharpensOutlinesByWhatIsBehindThem) {
-  const Scene scene = SceneBuilder{}.cameras_on_ring({.count = 2}).ball({}).build();
+  const scene::Scene scene = scene::SceneBuilder{}.cameras_on_ring({.count = 2}).ball({}).build();
   BallFinder finder(scene.rig, lime());
   Background background(2);
   std::vector<BallFrame> frames;
   std::vector<Eigen::Vector2d> truth;
-  for (const FrameSet& set : render(scene, {.set_count = 40})) {
+  for (const capture::FrameSet& set : scene::render(scene, {.set_count = 40})) {
     for (const auto& frame : set.frames) {
       background.add(*frame);
       frames.push_back(*finder.look(*frame));
@@ -62,23 +62,23 @@ TEST(BallFinder, SharpensOutlinesByWhatIsBehindThem) {
 }
 
 TEST(Background, IsNotKnownFromAFewFrames) {
-  const Scene scene = SceneBuilder{}.cameras_on_ring({.count = 1}).ball({}).build();
+  const scene::Scene scene = scene::SceneBuilder{}.cameras_on_ring({.count = 1}).ball({}).build();
   Background background(1);
-  for (const FrameSet& set : render(scene, {.set_count = 7})) background.add(*set.frames.front());
+  for (const capture::FrameSet& set : scene::render(scene, {.set_count = 7})) background.add(*set.frames.front());
   EXPECT_FALSE(background.of(0));
 }
 
 TEST(BallFinder, LeavesOutFramesThatAreOfNoUse) {
-  const Scene scene = SceneBuilder{}.cameras_on_ring({.count = 1}).ball({}).build();
+  const scene::Scene scene = scene::SceneBuilder{}.cameras_on_ring({.count = 1}).ball({}).build();
   BallFinder finder(scene.rig, lime());
-  Frame frame = *render(scene, {.set_count = 1}).front().frames.front();
-  frame.status = FrameStatus::corrupted;
+  capture::Frame frame = *scene::render(scene, {.set_count = 1}).front().frames.front();
+  frame.status = capture::FrameStatus::corrupted;
   EXPECT_FALSE(finder.look(frame));
   EXPECT_EQ(finder.unusable_frames(), 1u);
 }
 
-ColorRegion region_at(double u, double v) {
-  ColorRegion region;
+object_tracking::ColorRegion region_at(double u, double v) {
+  object_tracking::ColorRegion region;
   region.area = 30;
   region.centre = {u, v};
   region.spread.setIdentity();
@@ -105,4 +105,4 @@ TEST(StillRegions, AreRemovedWhereverTheyAreSeenMostOfTheTime) {
 }
 
 }  // namespace
-}  // namespace huetrack
+}  // namespace huetrack::wave

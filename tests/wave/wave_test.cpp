@@ -15,7 +15,7 @@
 #include "calib/model/rig_yaml.h"
 #include "calib/solver/bundle_adjustment.h"
 
-namespace huetrack {
+namespace huetrack::wave {
 namespace {
 
 using Eigen::Vector3d;
@@ -23,13 +23,13 @@ using testing::AllOf;
 using testing::HasSubstr;
 
 // Cameras on an arc that look at the middle of the volume.
-CameraRig rig_of(int count) {
-  CameraRig rig;
+calib::CameraRig rig_of(int count) {
+  calib::CameraRig rig;
   for (int c = 0; c < count; ++c) {
-    Camera camera;
+    calib::Camera camera;
     camera.name = "cam" + std::to_string(c);
     camera.image_size = {640, 480};
-    camera.model = CameraModel(PinholeRadtan{480.0 + 5 * c, 482.0, 320.3, 238.8, {-0.1, 0.02, 0.0004, -0.0003}});
+    camera.model = calib::CameraModel(calib::PinholeRadtan{480.0 + 5 * c, 482.0, 320.3, 238.8, {-0.1, 0.02, 0.0004, -0.0003}});
     const double angle = 1.1 * c;
     const Vector3d centre(2.6 * std::cos(angle), 2.6 * std::sin(angle), 1.6 + 0.2 * c), middle(0, 0, 1);
     const Vector3d z = (middle - centre).normalized(), x = z.cross(Vector3d::UnitZ()).normalized(), y = z.cross(x);
@@ -54,14 +54,14 @@ struct Waving {
   double wrong = 0;  // share of frames with a second, larger region somewhere
 };
 
-std::vector<BallFrame> waved(const CameraRig& rig, const Waving& w) {
+std::vector<BallFrame> waved(const calib::CameraRig& rig, const Waving& w) {
   constexpr double radius_m = 0.04;
   std::mt19937_64 rng(7);
   std::normal_distribution<double> noise(0, w.noise_px);
   std::uniform_real_distribution<double> uniform(0, 1);
   std::vector<BallFrame> frames;
   for (int c = 0; c < static_cast<int>(rig.cameras.size()); ++c) {
-    const Camera& camera = rig.cameras[static_cast<std::size_t>(c)];
+    const calib::Camera& camera = rig.cameras[static_cast<std::size_t>(c)];
     for (int i = 0; i < static_cast<int>(30 * w.seconds); ++i) {
       BallFrame frame{c, i / 30.0 + (w.offset_s.empty() ? 0 : w.offset_s[static_cast<std::size_t>(c)]), {}};
       const Vector3d p = camera.cam_from_world * w.path(frame.t_s);
@@ -69,7 +69,7 @@ std::vector<BallFrame> waved(const CameraRig& rig, const Waving& w) {
       const auto px = camera.model.project({p.x(), p.y(), p.z() - radius_m * radius_m / p.z()});
       const double r = radius_m * camera.model.fx() / p.z();
       const auto add = [&](const Eigen::Vector2d& at, double radius) {
-        ColorRegion region;
+        object_tracking::ColorRegion region;
         region.area = static_cast<int>(std::lround(std::numbers::pi * radius * radius));
         region.centre = at;
         region.spread = radius * radius / 4 * Eigen::Matrix2d::Identity();
@@ -84,10 +84,10 @@ std::vector<BallFrame> waved(const CameraRig& rig, const Waving& w) {
   return frames;
 }
 
-CameraRig spoilt(CameraRig rig, double metres, double degrees) {
+calib::CameraRig spoilt(calib::CameraRig rig, double metres, double degrees) {
   std::mt19937_64 rng(3);
   std::normal_distribution<double> normal;
-  for (Camera& camera : rig.cameras) {
+  for (calib::Camera& camera : rig.cameras) {
     const Vector3d centre = camera.centre() + metres * Vector3d(normal(rng), normal(rng), normal(rng)).normalized();
     const Eigen::AngleAxisd turn(degrees * std::numbers::pi / 180,
                                  Vector3d(normal(rng), normal(rng), normal(rng)).normalized());
@@ -101,14 +101,14 @@ CameraRig spoilt(CameraRig rig, double metres, double degrees) {
 struct Off {
   double metres = 0, degrees = 0;
 };
-Off off(const CameraRig& found, const CameraRig& truth) {
+Off off(const calib::CameraRig& found, const calib::CameraRig& truth) {
   // Points in front of each camera, so that two cameras are enough for an alignment.
   Eigen::Matrix3Xd a(3, 4 * found.cameras.size()), b(3, 4 * found.cameras.size());
-  const auto points = [](const CameraRig& rig, Eigen::Matrix3Xd& m) {
+  const auto points = [](const calib::CameraRig& rig, Eigen::Matrix3Xd& m) {
     for (std::size_t c = 0; c < rig.cameras.size(); ++c) {
       for (int i = 0; i < 4; ++i)
         m.col(static_cast<Eigen::Index>(4 * c) + i) =
-            inverse(rig.cameras[c].cam_from_world) * (i == 3 ? Vector3d::Zero() : Vector3d(Vector3d::Unit(i)));
+            calib::inverse(rig.cameras[c].cam_from_world) * (i == 3 ? Vector3d::Zero() : Vector3d(Vector3d::Unit(i)));
     }
   };
   points(found, a);
@@ -127,35 +127,35 @@ Off off(const CameraRig& found, const CameraRig& truth) {
   return out;
 }
 
-WaveOptions taped(const CameraRig& rig) {
+WaveOptions taped(const calib::CameraRig& rig) {
   WaveOptions options;
   options.camera_distance = CameraDistance{0, 1, (rig.cameras[0].centre() - rig.cameras[1].centre()).norm()};
   return options;
 }
 
-std::string failure(const CameraRig& rig, const std::vector<BallFrame>& frames, const WaveOptions& options) {
+std::string failure(const calib::CameraRig& rig, const std::vector<BallFrame>& frames, const WaveOptions& options) {
   try {
     calibrate_wave(rig, frames, options);
-  } catch (const CalibrationError& error) {
+  } catch (const solver::CalibrationError& error) {
     return error.what();
   }
   return "no failure";
 }
 
 TEST(Wave, BringsSpoiltPosesBack) {
-  const CameraRig truth = rig_of(3);
+  const calib::CameraRig truth = rig_of(3);
   const WaveResult r = calibrate_wave(spoilt(truth, 0.1, 3), waved(truth, {.wrong = 0.2}), taped(truth));
   EXPECT_LT(off(r.rig, truth).metres, 0.003);
   EXPECT_LT(off(r.rig, truth).degrees, 0.05);
-  EXPECT_TRUE(r.usable()) << to_text(r);
+  EXPECT_TRUE(r.usable()) << report::to_text(r);
   EXPECT_LT(r.expected_m, 0.003);
   EXPECT_GT(r.expected_m, 0.00005);
 }
 
 TEST(Wave, TellsHowGoodItIsInTheWholeVolume) {
-  const CameraRig truth = rig_of(3);
+  const calib::CameraRig truth = rig_of(3);
   WaveOptions options = taped(truth);
-  options.volume = WorldBox{{-1, -1, 0.2}, {1, 1, 1.8}};
+  options.volume = solver::WorldBox{{-1, -1, 0.2}, {1, 1, 1.8}};
   int told = 0, last = -1;
   options.progress = [&](const std::string&, int done, int total) {
     EXPECT_LE(last, done);
@@ -173,11 +173,11 @@ TEST(Wave, TellsHowGoodItIsInTheWholeVolume) {
 
 // Errors that are correlated as the model says: the covariance says how wrong the poses are then.
 TEST(Wave, TheCovarianceIsThatOfCorrelatedErrors) {
-  const CameraRig truth = rig_of(3);
+  const calib::CameraRig truth = rig_of(3);
   constexpr double noise_px = 0.15, step_s = 1.0 / 30;
   const OutlineCorrelation correlation;
   WaveState start;
-  for (const Camera& camera : truth.cameras) start.cam_from_world.push_back(camera.cam_from_world);
+  for (const calib::Camera& camera : truth.cameras) start.cam_from_world.push_back(camera.cam_from_world);
   start.path = BallPath::over(0, 3, step_s);
   for (std::size_t k = 0; k < start.path.control.size(); ++k)
     start.path.control[k] = lissajous((static_cast<double>(k) - 1) * step_s);
@@ -189,7 +189,7 @@ TEST(Wave, TheCovarianceIsThatOfCorrelatedErrors) {
   for (int trial = 0; trial < trials; ++trial) {
     std::vector<BallObservation> seen;
     for (int c = 0; c < 3; ++c) {
-      const Camera& camera = truth.cameras[static_cast<std::size_t>(c)];
+      const calib::Camera& camera = truth.cameras[static_cast<std::size_t>(c)];
       const Eigen::Vector2d lasting = pair();
       Eigen::Vector2d slow = pair();
       const double kept = std::exp(-step_s / correlation.slow_s);
@@ -208,10 +208,10 @@ TEST(Wave, TheCovarianceIsThatOfCorrelatedErrors) {
       WaveAdjustmentOptions options{.loss = 1000, .with_covariance = true};
       if (!is_told) options.correlation = {.lasting = 0, .slow = 0};
       const WaveFit fit = adjust_wave(truth, seen, state, options);
-      const Rigid3d &found = state.cam_from_world[2], &was = truth.cameras[2].cam_from_world;
+      const calib::Rigid3d &found = state.cam_from_world[2], &was = truth.cameras[2].cam_from_world;
       const Eigen::AngleAxisd turn(found.rotation.conjugate() * was.rotation);
       Eigen::Matrix<double, 6, 1> error;
-      error << inverse(was).translation - inverse(found).translation, turn.angle() * turn.axis();
+      error << calib::inverse(was).translation - calib::inverse(found).translation, turn.angle() * turn.axis();
       const Eigen::Matrix<double, 6, 6> own = fit.covariance.block<6, 6>(12, 12);
       (is_told ? correlated : independent) += error.dot(own.ldlt().solve(error)) / 6 / trials;
     }
@@ -221,13 +221,13 @@ TEST(Wave, TheCovarianceIsThatOfCorrelatedErrors) {
 }
 
 TEST(Wave, CamerasNeedNotRunInStep) {
-  const CameraRig truth = rig_of(3);
+  const calib::CameraRig truth = rig_of(3);
   const auto frames = waved(truth, {.offset_s = {0, 0.011, 0.023}});
   EXPECT_LT(off(calibrate_wave(spoilt(truth, 0.1, 3), frames, taped(truth)).rig, truth).metres, 0.003);
 }
 
 TEST(Wave, FindsPosesFromNothing) {
-  const CameraRig truth = rig_of(4);
+  const calib::CameraRig truth = rig_of(4);
   WaveOptions options = taped(truth);
   options.has_poses = false;
   const WaveResult r =
@@ -243,8 +243,8 @@ TEST(Wave, FindsPosesFromNothing) {
 }
 
 TEST(Wave, SwappedCamerasAreFoundOut) {
-  const CameraRig truth = rig_of(2);
-  CameraRig swapped = truth;
+  const calib::CameraRig truth = rig_of(2);
+  calib::CameraRig swapped = truth;
   std::swap(swapped.cameras[0].cam_from_world, swapped.cameras[1].cam_from_world);
   const WaveResult r = calibrate_wave(swapped, waved(truth, {}), taped(truth));
   EXPECT_FALSE(r.usable());
@@ -252,18 +252,18 @@ TEST(Wave, SwappedCamerasAreFoundOut) {
 }
 
 TEST(Wave, MarkedPointsSetTheWorld) {
-  const CameraRig truth = rig_of(3);
+  const calib::CameraRig truth = rig_of(3);
   WaveOptions options;
   for (const double t : {0.5, 2.0, 4.5}) options.marks.push_back({t, lissajous(t)});
   const WaveResult r = calibrate_wave(spoilt(truth, 0.1, 3), waved(truth, {.noise_px = 0.02}), options);
   for (std::size_t c = 0; c < 3; ++c) EXPECT_LT((r.rig.cameras[c].centre() - truth.cameras[c].centre()).norm(), 0.005);
-  EXPECT_TRUE(r.usable()) << to_text(r);
+  EXPECT_TRUE(r.usable()) << report::to_text(r);
   options.marks[1].t_s = 50;
   EXPECT_THAT(failure(truth, waved(truth, {}), options), HasSubstr("the mark at 50.000 s"));
 }
 
 TEST(Wave, TwoRestsSetTheScale) {
-  const CameraRig truth = rig_of(3);
+  const calib::CameraRig truth = rig_of(3);
   const auto path = [](double t) {  // holds still at 2 s and at 6 s, a second and a half each
     const auto eased = [](double from, double to, double u) {
       return from + (to - from) * (3 * u * u - 2 * u * u * u);
@@ -279,11 +279,11 @@ TEST(Wave, TwoRestsSetTheScale) {
 }
 
 TEST(Wave, WithoutADistanceTheScaleIsTheRigsAndDoubtful) {
-  const CameraRig truth = rig_of(3);
+  const calib::CameraRig truth = rig_of(3);
   const WaveResult r = calibrate_wave(spoilt(truth, 0.1, 3), waved(truth, {}), {});
   EXPECT_THAT(r.doubts, testing::Contains(HasSubstr("the scale is from the rig's own poses")));
   // A rig that was right, but for one camera that was bumped, keeps its world.
-  CameraRig bumped = truth;
+  calib::CameraRig bumped = truth;
   bumped.cameras[2].cam_from_world.translation += Vector3d(0.05, 0.02, 0);
   const WaveResult kept = calibrate_wave(bumped, waved(truth, {}), taped(truth));
   EXPECT_LT(kept.cameras[0].moved_m, 0.01);
@@ -292,15 +292,15 @@ TEST(Wave, WithoutADistanceTheScaleIsTheRigsAndDoubtful) {
 }
 
 TEST(Wave, SameFramesSameBytes) {
-  const CameraRig truth = rig_of(3);
+  const calib::CameraRig truth = rig_of(3);
   auto frames = waved(truth, {.seconds = 4, .wrong = 0.1});
-  const std::string once = to_yaml(calibrate_wave(spoilt(truth, 0.1, 3), frames, taped(truth)).rig);
+  const std::string once = calib::to_yaml(calibrate_wave(spoilt(truth, 0.1, 3), frames, taped(truth)).rig);
   std::ranges::reverse(frames);
-  EXPECT_EQ(once, to_yaml(calibrate_wave(spoilt(truth, 0.1, 3), frames, taped(truth)).rig));
+  EXPECT_EQ(once, calib::to_yaml(calibrate_wave(spoilt(truth, 0.1, 3), frames, taped(truth)).rig));
 }
 
 TEST(Wave, SaysWhatIsMissing) {
-  const CameraRig truth = rig_of(3);
+  const calib::CameraRig truth = rig_of(3);
   const WaveOptions options = taped(truth);
   EXPECT_THAT(failure(truth, waved(truth, {.hidden = [](int c, double) { return c == 1; }}), options),
               HasSubstr("cam1 never saw the target"));
@@ -321,7 +321,7 @@ TEST(Wave, SaysWhatIsMissing) {
 }
 
 TEST(Wave, MotionInOnePlaneIsDoubtfulAndNoStartFromNothing) {
-  const CameraRig truth = rig_of(3);
+  const calib::CameraRig truth = rig_of(3);
   const auto frames = waved(truth, {.path = [](double t) { return Vector3d(lissajous(t).x(), lissajous(t).y(), 1); }});
   const WaveResult r = calibrate_wave(spoilt(truth, 0.1, 3), frames, taped(truth));
   EXPECT_THAT(r.doubts, testing::Contains(HasSubstr("in one plane")));
@@ -332,7 +332,7 @@ TEST(Wave, MotionInOnePlaneIsDoubtfulAndNoStartFromNothing) {
 }
 
 TEST(Wave, RefusesOptionsThatMeanNothing) {
-  const CameraRig rig = rig_of(2);
+  const calib::CameraRig rig = rig_of(2);
   EXPECT_TRUE(WaveOptions{}.problems(rig).empty());
   EXPECT_FALSE(WaveOptions{.radius_m = 0}.problems(rig).empty());
   EXPECT_FALSE((WaveOptions{.camera_distance = CameraDistance{0, 0, 1}}.problems(rig).empty()));
@@ -342,4 +342,4 @@ TEST(Wave, RefusesOptionsThatMeanNothing) {
 }
 
 }  // namespace
-}  // namespace huetrack
+}  // namespace huetrack::wave

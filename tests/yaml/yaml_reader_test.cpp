@@ -10,7 +10,7 @@
 #include <sstream>
 #include <string>
 
-namespace huetrack {
+namespace huetrack::yaml {
 namespace {
 
 using testing::ElementsAre;
@@ -369,4 +369,4 @@ list:
 }
 
 }  // namespace
-}  // namespace huetrack
+}  // namespace huetrack::yaml

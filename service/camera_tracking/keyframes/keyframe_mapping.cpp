@@ -8,7 +8,7 @@
 
 #include "camera_tracking/keyframes/local_bundle.h"
 
-namespace huetrack {
+namespace huetrack::keyframes {
 namespace {
 
 constexpr int patch_side = 8;
@@ -25,16 +25,16 @@ double angle_between(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
 
 }  // namespace
 
-KeyframeMapping::KeyframeMapping(const Camera& camera) : camera_(camera) {}
+KeyframeMapping::KeyframeMapping(const calib::Camera& camera) : camera_(camera) {}
 
-void KeyframeMapping::add_look(MapPoint& point, int keyframe, int level, const Eigen::Vector2d& px) {
-  PointLook look;
+void KeyframeMapping::add_look(camera_tracking::MapPoint& point, int keyframe, int level, const Eigen::Vector2d& px) {
+  camera_tracking::PointLook look;
   look.keyframe = keyframe, look.level = level, look.px = px;
-  const GreyImage& image =
+  const camera_tracking::GreyImage& image =
       map_.keyframes[static_cast<std::size_t>(keyframe)].pyramid->levels[static_cast<std::size_t>(level)];
-  const Eigen::Vector2d at = to_level(px, level);
-  look.described = image.contains(at.x(), at.y(), descriptor_margin);
-  if (look.described) look.descriptor = describe(image, at);
+  const Eigen::Vector2d at = camera_tracking::to_level(px, level);
+  look.described = image.contains(at.x(), at.y(), camera_tracking::descriptor_margin);
+  if (look.described) look.descriptor = camera_tracking::describe(image, at);
   // The first look stays; of the others the oldest goes.
   const auto n = static_cast<int>(point.looks.size());
   if (point.look_count < n) {
@@ -50,10 +50,10 @@ void KeyframeMapping::start(const TrackedFrame& frame, std::span<const Eigen::Ve
                             const Eigen::Matrix<double, 6, 6>& start_covariance) {
   map_ = {};
   map_.start_covariance = start_covariance;
-  map_.start_centre = inverse(frame.cam_from_world).translation;
+  map_.start_centre = calib::inverse(frame.cam_from_world).translation;
   by_point_.clear(), seeds_.clear(), given_sigma_m_.clear(), given_position_.clear();
   for (std::size_t i = 0; i < points.size(); ++i) {
-    MapPoint p;
+    camera_tracking::MapPoint p;
     p.position = points[i];
     p.covariance = given_sigma_m * given_sigma_m * Eigen::Matrix3d::Identity();
     p.normal = normal;
@@ -66,7 +66,7 @@ void KeyframeMapping::start(const TrackedFrame& frame, std::span<const Eigen::Ve
   add_keyframe(frame);
 }
 
-void KeyframeMapping::start(StoredMap stored) {
+void KeyframeMapping::start(camera_tracking::StoredMap stored) {
   map_ = std::move(stored.map);
   by_point_.assign(map_.points.size(), {});
   given_sigma_m_.assign(map_.points.size(), 0);
@@ -76,19 +76,19 @@ void KeyframeMapping::start(StoredMap stored) {
     given_sigma_m_[i] = std::max(1e-4, std::sqrt(map_.points[i].covariance(0, 0)));
     given_position_[i] = map_.points[i].position;
   }
-  for (const Sighting& s : stored.sightings) by_point_[static_cast<std::size_t>(s.point)].push_back(s);
+  for (const camera_tracking::Sighting& s : stored.sightings) by_point_[static_cast<std::size_t>(s.point)].push_back(s);
   seeds_.clear();
 }
 
-StoredMap KeyframeMapping::stored() const {
-  StoredMap out{map_, {}, {camera_.image_size.width, camera_.image_size.height}};
+camera_tracking::StoredMap KeyframeMapping::stored() const {
+  camera_tracking::StoredMap out{map_, {}, {camera_.image_size.width, camera_.image_size.height}};
   for (const auto& sightings : by_point_) out.sightings.insert(out.sightings.end(), sightings.begin(), sightings.end());
   return out;
 }
 
-double KeyframeMapping::median_depth(const Rigid3d& cam_from_world) const {
+double KeyframeMapping::median_depth(const calib::Rigid3d& cam_from_world) const {
   std::vector<double> depth;
-  for (const MapPoint& p : map_.points) {
+  for (const camera_tracking::MapPoint& p : map_.points) {
     if (!p.alive) continue;
     const Eigen::Vector3d cam = cam_from_world * p.position;
     const auto px = camera_.model.project(cam);
@@ -101,13 +101,13 @@ double KeyframeMapping::median_depth(const Rigid3d& cam_from_world) const {
 
 void KeyframeMapping::map(const TrackedFrame& frame) {
   if (!frame.tracked) return;
-  for (const Sighting& s : frame.sightings) {
+  for (const camera_tracking::Sighting& s : frame.sightings) {
     auto& counts = map_.points[static_cast<std::size_t>(s.point)].found_of_sought;
     ++counts[0], ++counts[1];
   }
   for (const int i : frame.missed) ++map_.points[static_cast<std::size_t>(i)].found_of_sought[1];
   for (std::size_t i = 0; i < map_.points.size(); ++i) {
-    MapPoint& p = map_.points[i];
+    camera_tracking::MapPoint& p = map_.points[i];
     if (!p.alive || p.given || p.found_of_sought[1] < 20) continue;
     if (frame.share_found > 0.5 && p.found_of_sought[0] * 4 < p.found_of_sought[1]) remove(static_cast<int>(i));
     p.found_of_sought[0] = static_cast<std::uint16_t>(p.found_of_sought[0] / 2);
@@ -117,9 +117,9 @@ void KeyframeMapping::map(const TrackedFrame& frame) {
 
   const double depth = median_depth(frame.cam_from_world);
   double nearest = 1e9;
-  const Rigid3d world_from_cam = inverse(frame.cam_from_world);
-  for (const Keyframe& k : map_.keyframes) {
-    const double moved = (inverse(k.cam_from_world).translation - world_from_cam.translation).norm() / depth;
+  const calib::Rigid3d world_from_cam = calib::inverse(frame.cam_from_world);
+  for (const camera_tracking::Keyframe& k : map_.keyframes) {
+    const double moved = (calib::inverse(k.cam_from_world).translation - world_from_cam.translation).norm() / depth;
     const double turned = k.cam_from_world.rotation.angularDistance(frame.cam_from_world.rotation);
     nearest = std::min(nearest, moved / 0.05 + turned / 0.2);
   }
@@ -134,17 +134,17 @@ void KeyframeMapping::add_keyframe(const TrackedFrame& frame) {
   map_.keyframes.push_back({frame.pyramid, frame.cam_from_world});
   ++counters_.keyframes;
   last_keyframe_frame_ = frame.number;
-  const Eigen::Vector3d centre = inverse(frame.cam_from_world).translation;
-  for (Sighting s : frame.sightings) {
+  const Eigen::Vector3d centre = calib::inverse(frame.cam_from_world).translation;
+  for (camera_tracking::Sighting s : frame.sightings) {
     s.keyframe = index;
-    MapPoint& p = map_.points[static_cast<std::size_t>(s.point)];
+    camera_tracking::MapPoint& p = map_.points[static_cast<std::size_t>(s.point)];
     if (!p.alive) continue;
     by_point_[static_cast<std::size_t>(s.point)].push_back(s);
     // A new look where the point is seen from another side than in all others.
     double nearest = 1e9;
     for (int k = 0; k < p.look_count; ++k) {
-      const Keyframe& other = map_.keyframes[static_cast<std::size_t>(p.looks[static_cast<std::size_t>(k)].keyframe)];
-      const Eigen::Vector3d from = inverse(other.cam_from_world).translation - p.position, now = centre - p.position;
+      const camera_tracking::Keyframe& other = map_.keyframes[static_cast<std::size_t>(p.looks[static_cast<std::size_t>(k)].keyframe)];
+      const Eigen::Vector3d from = calib::inverse(other.cam_from_world).translation - p.position, now = centre - p.position;
       nearest = std::min(nearest, angle_between(from, now) + std::abs(std::log(now.norm() / from.norm())));
     }
     if (nearest < 0.25) continue;
@@ -156,7 +156,7 @@ void KeyframeMapping::add_keyframe(const TrackedFrame& frame) {
 }
 
 void KeyframeMapping::add_seeds(int keyframe) {
-  const Keyframe& k = map_.keyframes[static_cast<std::size_t>(keyframe)];
+  const camera_tracking::Keyframe& k = map_.keyframes[static_cast<std::size_t>(keyframe)];
   const int cell = std::max(8, cell_px * camera_.image_size.width / 320);
   const int columns = (camera_.image_size.width + cell - 1) / cell,
             rows = (camera_.image_size.height + cell - 1) / cell;
@@ -166,7 +166,7 @@ void KeyframeMapping::add_seeds(int keyframe) {
                                     std::clamp(static_cast<int>(px.x()) / cell, 0, columns - 1));
   };
   std::vector<double> depths;
-  for (const MapPoint& p : map_.points) {
+  for (const camera_tracking::MapPoint& p : map_.points) {
     if (!p.alive) continue;
     const Eigen::Vector3d cam = k.cam_from_world * p.position;
     const auto px = camera_.model.project(cam);
@@ -175,9 +175,9 @@ void KeyframeMapping::add_seeds(int keyframe) {
     depths.push_back(cam.norm());
   }
   for (const Seed& s : seeds_) {  // those that are on their way, about where they will be
-    const Keyframe& from = map_.keyframes[static_cast<std::size_t>(s.keyframe)];
+    const camera_tracking::Keyframe& from = map_.keyframes[static_cast<std::size_t>(s.keyframe)];
     const auto px =
-        camera_.model.project(k.cam_from_world * (inverse(from.cam_from_world) * (s.ray / s.inverse_depth)));
+        camera_.model.project(k.cam_from_world * (calib::inverse(from.cam_from_world) * (s.ray / s.inverse_depth)));
     if (px && camera_.contains(*px)) taken[cell_of(px->px)] = 1;
   }
   std::ranges::sort(depths);
@@ -191,9 +191,9 @@ void KeyframeMapping::add_seeds(int keyframe) {
   };
   std::vector<Candidate> best(taken.size(), {Eigen::Vector2d::Zero(), -1, 0.0f});
   for (int level = 0; level < std::min(corner_levels, k.pyramid->count()); ++level) {
-    const GreyImage& image = k.pyramid->levels[static_cast<std::size_t>(level)];
-    for (const Corner& c : detect_corners(image, 12, 10, 40)) {
-      const Eigen::Vector2d px = from_level(c.px, level);
+    const camera_tracking::GreyImage& image = k.pyramid->levels[static_cast<std::size_t>(level)];
+    for (const camera_tracking::Corner& c : camera_tracking::detect_corners(image, 12, 10, 40)) {
+      const Eigen::Vector2d px = camera_tracking::from_level(c.px, level);
       const std::size_t at = cell_of(px);
       // Fine corners locate better, coarse ones survive blur: a coarse one must be clearly stronger.
       const float score = c.score / static_cast<float>(1 + level);
@@ -231,8 +231,8 @@ void KeyframeMapping::update_seeds(const TrackedFrame& frame) {
 }
 
 bool KeyframeMapping::update(Seed& seed, const TrackedFrame& frame) {
-  const Keyframe& k = map_.keyframes[static_cast<std::size_t>(seed.keyframe)];
-  const Rigid3d now_from_then = frame.cam_from_world * inverse(k.cam_from_world);
+  const camera_tracking::Keyframe& k = map_.keyframes[static_cast<std::size_t>(seed.keyframe)];
+  const calib::Rigid3d now_from_then = frame.cam_from_world * calib::inverse(k.cam_from_world);
   const double low = std::max(seed.inverse_depth - 2 * seed.sigma, 1e-3), high = seed.inverse_depth + 2 * seed.sigma;
   const auto at = [&](double inverse_depth) {
     return camera_.model.project(now_from_then * (seed.ray / inverse_depth));
@@ -240,25 +240,25 @@ bool KeyframeMapping::update(Seed& seed, const TrackedFrame& frame) {
   const auto a = at(low), b = at(high), middle = at(seed.inverse_depth);
   if (!a || !b || !middle || !camera_.contains(*middle))
     return seed.failed < 40 && ++seed.failed;  // out of view: maybe it returns
-  const Eigen::Matrix3d h = plane_homography(now_from_then, seed.ray, 1 / seed.inverse_depth);
-  const auto view = view_patch(camera_.model, seed.px, h);
+  const Eigen::Matrix3d h = camera_tracking::plane_homography(now_from_then, seed.ray, 1 / seed.inverse_depth);
+  const auto view = camera_tracking::view_patch(camera_.model, seed.px, h);
   if (!view) return ++seed.failed < 10;
-  const int level = search_level(view->affine, seed.level, frame.pyramid->count());
-  if (!warp_patch(*k.pyramid, seed.px, view->affine, level, patch_side, patch_)) return ++seed.failed < 10;
-  const GreyImage& image = frame.pyramid->levels[static_cast<std::size_t>(level)];
-  const Eigen::Vector2d from = to_level(a->px, level), to = to_level(b->px, level);
+  const int level = camera_tracking::search_level(view->affine, seed.level, frame.pyramid->count());
+  if (!camera_tracking::warp_patch(*k.pyramid, seed.px, view->affine, level, patch_side, patch_)) return ++seed.failed < 10;
+  const camera_tracking::GreyImage& image = frame.pyramid->levels[static_cast<std::size_t>(level)];
+  const Eigen::Vector2d from = camera_tracking::to_level(a->px, level), to = camera_tracking::to_level(b->px, level);
   const double length = (to - from).norm();
   if (length > 80) return ++seed.failed < 10;
   // The band along the epipolar line: pixels within reach of it.
   const double reach = 1.5;
   const double offset = static_cast<double>(patch_.inner.centre_offset());
-  const PixelRegion region = clip({static_cast<int>(std::floor(std::min(from.x(), to.x()) - reach - offset)),
+  const camera_tracking::PixelRegion region = camera_tracking::clip({static_cast<int>(std::floor(std::min(from.x(), to.x()) - reach - offset)),
                                    static_cast<int>(std::floor(std::min(from.y(), to.y()) - reach - offset)),
                                    static_cast<int>(std::ceil(std::max(from.x(), to.x()) + reach - offset)),
                                    static_cast<int>(std::ceil(std::max(from.y(), to.y()) + reach - offset))},
                                   image, patch_side);
   if (region.empty()) return ++seed.failed < 10;
-  ncc_field(image, patch_.inner, region, field_);
+  camera_tracking::ncc_field(image, patch_.inner, region, field_);
   const Eigen::Vector2d along = length > 0 ? Eigen::Vector2d((to - from) / length) : Eigen::Vector2d(1, 0);
   float best = -2, second = -2;
   Eigen::Vector2d best_px = from;
@@ -277,10 +277,10 @@ bool KeyframeMapping::update(Seed& seed, const TrackedFrame& frame) {
   }
   if (best < 0.8f) return ++seed.failed < 8;
   if (second > 0.8f && second > best - 0.08f) return seed.failed < 40 && ++seed.failed;  // ambiguous: wait
-  const auto refined = refine(image, patch_, best_px, 1.5);
+  const auto refined = camera_tracking::refine(image, patch_, best_px, 1.5);
   if (!refined || refined->ncc < 0.8f) return ++seed.failed < 8;
   // Its depth by the point of the ray nearest to the new ray; how sure from a pixel's error across the parallax.
-  const Eigen::Vector2d px = from_level(refined->px, level);
+  const Eigen::Vector2d px = camera_tracking::from_level(refined->px, level);
   const auto ray_now = camera_.model.ray({px});
   if (!ray_now) return ++seed.failed < 8;
   // off the epipolar line by more than noise: something else
@@ -305,7 +305,7 @@ bool KeyframeMapping::update(Seed& seed, const TrackedFrame& frame) {
     if (g.squaredNorm() < 1e-12) break;
     rho = std::max(1e-3, rho + g.dot(px - p0->px) / g.squaredNorm());
   }
-  const double sigma_px = 0.7 * scale_of(level);  // of the corner here, there, and of both poses
+  const double sigma_px = 0.7 * camera_tracking::scale_of(level);  // of the corner here, there, and of both poses
   const double sigma = sigma_px / per;
   const double sum = std::sqrt(sigma * sigma + seed.sigma * seed.sigma);
   if (std::abs(rho - seed.inverse_depth) > 3 * sum) return ++seed.failed < 8;
@@ -318,19 +318,19 @@ bool KeyframeMapping::update(Seed& seed, const TrackedFrame& frame) {
 }
 
 void KeyframeMapping::promote(const Seed& seed) {
-  MapPoint p;
-  const Keyframe& k = map_.keyframes[static_cast<std::size_t>(seed.keyframe)];
-  const Rigid3d world_from_cam = inverse(k.cam_from_world);
+  camera_tracking::MapPoint p;
+  const camera_tracking::Keyframe& k = map_.keyframes[static_cast<std::size_t>(seed.keyframe)];
+  const calib::Rigid3d world_from_cam = calib::inverse(k.cam_from_world);
   const Eigen::Vector3d ray = world_from_cam.rotation * seed.ray;
   p.position = world_from_cam * (seed.ray / seed.inverse_depth);
   const double along = seed.sigma / (seed.inverse_depth * seed.inverse_depth);
-  const double across = 0.5 * scale_of(seed.level) / camera_.model.fx() / seed.inverse_depth;
+  const double across = 0.5 * camera_tracking::scale_of(seed.level) / camera_.model.fx() / seed.inverse_depth;
   p.covariance =
       across * across * Eigen::Matrix3d::Identity() + (along * along - across * across) * ray * ray.transpose();
   const auto index = static_cast<int>(map_.points.size());
   add_look(p, seed.keyframe, seed.level, seed.px);
   map_.points.push_back(p);
-  by_point_.push_back(std::vector<Sighting>{Sighting{seed.keyframe, index, seed.px, 0.4 * scale_of(seed.level)}});
+  by_point_.push_back(std::vector<camera_tracking::Sighting>{camera_tracking::Sighting{seed.keyframe, index, seed.px, 0.4 * camera_tracking::scale_of(seed.level)}});
   given_sigma_m_.push_back(0);
   given_position_.push_back(Eigen::Vector3d::Zero());
   ++counters_.points_added;
@@ -346,8 +346,8 @@ void KeyframeMapping::adjust_near(int keyframe) {
   // The new key frame, and those that share most points with it, are moved; others that see these points are held.
   std::map<int, int> shared;
   for (const auto& sightings : by_point_) {
-    if (std::ranges::none_of(sightings, [keyframe](const Sighting& s) { return s.keyframe == keyframe; })) continue;
-    for (const Sighting& s : sightings) ++shared[s.keyframe];
+    if (std::ranges::none_of(sightings, [keyframe](const camera_tracking::Sighting& s) { return s.keyframe == keyframe; })) continue;
+    for (const camera_tracking::Sighting& s : sightings) ++shared[s.keyframe];
   }
   std::vector<std::pair<int, int>> order;  // (- how many, - which): newest first among equals
   for (const auto& [k, count] : shared) order.emplace_back(-count, -k);
@@ -371,7 +371,7 @@ void KeyframeMapping::adjust_near(int keyframe) {
     const auto& sightings = by_point_[i];
     const bool given = given_sigma_m_[i] > 0;
     if (sightings.size() < 2 && !(given && !sightings.empty())) continue;
-    if (std::ranges::none_of(sightings, [&](const Sighting& s) { return moved.contains(s.keyframe); })) continue;
+    if (std::ranges::none_of(sightings, [&](const camera_tracking::Sighting& s) { return moved.contains(s.keyframe); })) continue;
     const auto point = static_cast<int>(problem.points.size());
     BundlePoint p;
     p.position = map_.points[i].position;
@@ -399,7 +399,7 @@ void KeyframeMapping::adjust_near(int keyframe) {
     map_.keyframes[static_cast<std::size_t>(k)].cam_from_world =
         problem.poses[static_cast<std::size_t>(at)].cam_from_world;
   for (std::size_t j = 0; j < point_of.size(); ++j) {
-    MapPoint& p = map_.points[static_cast<std::size_t>(point_of[j])];
+    camera_tracking::MapPoint& p = map_.points[static_cast<std::size_t>(point_of[j])];
     p.position = problem.points[j].position;
     p.covariance = problem.points[j].covariance;
   }
@@ -412,4 +412,4 @@ void KeyframeMapping::adjust_near(int keyframe) {
   }
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::keyframes

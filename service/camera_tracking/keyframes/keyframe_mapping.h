@@ -11,17 +11,17 @@
 #include "camera_tracking/scene_map.h"
 #include "camera_tracking/template_patch.h"
 
-namespace huetrack {
+namespace huetrack::keyframes {
 
 // What tracking hands over of a frame.
 struct TrackedFrame {
   std::uint64_t number = 0;
-  std::shared_ptr<const Pyramid> pyramid;
-  Rigid3d cam_from_world;
+  std::shared_ptr<const camera_tracking::Pyramid> pyramid;
+  calib::Rigid3d cam_from_world;
   bool tracked = false;             // else the pose means nothing
   double share_found = 0;           // of the points that were sought
   double flow_px = 0;               // how far the image moved since the frame before: a fast frame is a blurred one
-  std::vector<Sighting> sightings;  // its keyframe is not set
+  std::vector<camera_tracking::Sighting> sightings;  // its keyframe is not set
   std::vector<int> missed;          // points that were sought and not found
 };
 
@@ -33,15 +33,15 @@ struct MappingCounters {
 // thread-compatible. map() may run while tracking works on the next frame with the map that it was given before.
 class KeyframeMapping {
  public:
-  explicit KeyframeMapping(const Camera& camera);
+  explicit KeyframeMapping(const calib::Camera& camera);
 
   // The first frame, with the points that are known: their true positions are within given_sigma_m of the given ones.
   void start(const TrackedFrame& frame, std::span<const Eigen::Vector3d> points, const Eigen::Vector3d& normal,
              double given_sigma_m, const Eigen::Matrix<double, 6, 6>& start_covariance);
-  void start(StoredMap stored);  // a loaded one
+  void start(camera_tracking::StoredMap stored);  // a loaded one
   void map(const TrackedFrame& frame);
-  const SceneMap& scene() const { return map_; }
-  StoredMap stored() const;
+  const camera_tracking::SceneMap& scene() const { return map_; }
+  camera_tracking::StoredMap stored() const;
   const MappingCounters& counters() const { return counters_; }
 
  private:
@@ -61,21 +61,21 @@ class KeyframeMapping {
   void update_seeds(const TrackedFrame& frame);
   bool update(Seed& seed, const TrackedFrame& frame);  // false: given up
   void promote(const Seed& seed);
-  void add_look(MapPoint& point, int keyframe, int level, const Eigen::Vector2d& px);
+  void add_look(camera_tracking::MapPoint& point, int keyframe, int level, const Eigen::Vector2d& px);
   void adjust_near(int keyframe);
   void remove(int point);
-  double median_depth(const Rigid3d& cam_from_world) const;
+  double median_depth(const calib::Rigid3d& cam_from_world) const;
 
-  Camera camera_;
-  SceneMap map_;
-  std::vector<std::vector<Sighting>> by_point_;  // sightings, per point, by key frame
+  calib::Camera camera_;
+  camera_tracking::SceneMap map_;
+  std::vector<std::vector<camera_tracking::Sighting>> by_point_;  // sightings, per point, by key frame
   std::vector<Seed> seeds_;
   std::vector<double> given_sigma_m_;  // per point; 0: not given
   std::vector<Eigen::Vector3d> given_position_;
   std::uint64_t last_keyframe_frame_ = 0;
-  WarpedPatch patch_;
+  camera_tracking::WarpedPatch patch_;
   std::vector<float> field_;
   MappingCounters counters_;
 };
 
-}  // namespace huetrack
+}  // namespace huetrack::keyframes

@@ -16,39 +16,39 @@
 #include "camera_tracking/scene_map.h"
 #include "camera_tracking/template_patch.h"
 
-namespace huetrack {
+namespace huetrack::keyframes {
 
 // A pose with its evidence.
 struct ProvenPose {
-  Rigid3d cam_from_world;
+  calib::Rigid3d cam_from_world;
   Eigen::Matrix<double, 6, 6> tangent_covariance = Eigen::Matrix<double, 6, 6>::Identity();
   int sought = 0, found = 0;  // points; found: inliers of the pose
   int corners = 0;            // of the start rectangle, measured and agreeing
   double spread_px = 0;       // of the found ones over the image: the smaller standard deviation
   double scale = 1;           // residuals over what they should be
   bool proven = false;
-  std::vector<Sighting> sightings;
+  std::vector<camera_tracking::Sighting> sightings;
   std::vector<int> missed;
 };
 
 // thread-compatible.
 class KeyframeTracking {
  public:
-  KeyframeTracking(const Camera& camera, std::size_t particle_count, std::uint64_t seed);
+  KeyframeTracking(const calib::Camera& camera, std::size_t particle_count, std::uint64_t seed);
 
   // The world's rectangle, when it is what was started from: its edges are measured in every view. Points 0 to 3 of the
   // map.
   void set_rectangle(bool dark) { rectangle_ = dark; }
-  void set_pose(const Rigid3d& cam_from_world);  // known from elsewhere: a start
+  void set_pose(const calib::Rigid3d& cam_from_world);  // known from elsewhere: a start
   void forget();                                 // the motion: lost
 
   // The next frame. The result's `proven` says whether the pose is one; otherwise it is what the particles make of it.
   // lost: there is no pose to start from, so stored key frames are asked. proposed: a pose that somebody else found in
   // this very frame (the start, seen again); it is proven like one from the key frames.
-  ProvenPose track(const std::shared_ptr<const Pyramid>& pyramid, const SceneMap& map, bool lost,
-                   const std::optional<Rigid3d>& proposed = std::nullopt);
+  ProvenPose track(const std::shared_ptr<const camera_tracking::Pyramid>& pyramid, const camera_tracking::SceneMap& map, bool lost,
+                   const std::optional<calib::Rigid3d>& proposed = std::nullopt);
 
-  const PoseParticles& particles() const { return particles_; }
+  const camera_tracking::PoseParticles& particles() const { return particles_; }
   double effective_sample_size() const { return effective_sample_size_; }
   // What was sought in the last frame, for pictures.
   struct Sought {
@@ -61,38 +61,38 @@ class KeyframeTracking {
  private:
   struct Visible {
     int point = 0;
-    const PointLook* look = nullptr;
+    const camera_tracking::PointLook* look = nullptr;
     Eigen::Vector2d px;  // raw
-    PatchView view;
+    camera_tracking::PatchView view;
     int level = 0;            // to be searched at
     double map_sigma_px = 0;  // of the point's own uncertainty, projected
   };
-  std::vector<Visible> visible(const Rigid3d& pose, const SceneMap& map, int levels) const;
-  Rigid3d coarse(const Rigid3d& predicted, const Pyramid& pyramid, const SceneMap& map);
-  ProvenPose fine(const Rigid3d& pose, const Pyramid& pyramid, const SceneMap& map, bool strict);
-  Rigid3d first_fit(const Rigid3d& pose, const Pyramid& pyramid, const SceneMap& map, const std::vector<Visible>& seen);
+  std::vector<Visible> visible(const calib::Rigid3d& pose, const camera_tracking::SceneMap& map, int levels) const;
+  calib::Rigid3d coarse(const calib::Rigid3d& predicted, const camera_tracking::Pyramid& pyramid, const camera_tracking::SceneMap& map);
+  ProvenPose fine(const calib::Rigid3d& pose, const camera_tracking::Pyramid& pyramid, const camera_tracking::SceneMap& map, bool strict);
+  calib::Rigid3d first_fit(const calib::Rigid3d& pose, const camera_tracking::Pyramid& pyramid, const camera_tracking::SceneMap& map, const std::vector<Visible>& seen);
 
-  Camera camera_;
-  BatchProjector lens_;
-  Rng rng_;
+  calib::Camera camera_;
+  calib::BatchProjector lens_;
+  particle_filter::Rng rng_;
   std::size_t particle_count_;
   std::uint64_t seed_;
   std::uint64_t frames_ = 0;
   std::optional<bool> rectangle_;  // dark
 
-  PoseParticles particles_;
+  camera_tracking::PoseParticles particles_;
   double effective_sample_size_ = 0;
-  Rigid3d pose_;
-  Rigid3d step_;        // of the last frame: pose = step * pose before
+  calib::Rigid3d pose_;
+  calib::Rigid3d step_;        // of the last frame: pose = step * pose before
   double depth_m_ = 1;  // median, of what is in view
   int unproven_ = 0;    // frames since the last proven pose
   std::vector<Sought> sought_;
 
   // buffers
-  std::vector<ObservationField> fields_;
+  std::vector<camera_tracking::ObservationField> fields_;
   std::vector<float> u_, v_, log_weight_;
-  WarpedPatch patch_;
+  camera_tracking::WarpedPatch patch_;
   std::vector<float> field_;
 };
 
-}  // namespace huetrack
+}  // namespace huetrack::keyframes

@@ -8,7 +8,7 @@
 
 #include "camera_tracking/pose_solver.h"
 
-namespace huetrack {
+namespace huetrack::keyframes {
 namespace {
 
 using Matrix6d = Eigen::Matrix<double, 6, 6>;
@@ -25,7 +25,7 @@ struct Linear {  // one observation, whitened and weighted
 constexpr double huber = 1.5;  // sigmas
 
 // Sum of the robust costs; fills the residual lengths.
-double cost_of(const CameraModel& lens, const BundleProblem& p, std::vector<double>& length) {
+double cost_of(const calib::CameraModel& lens, const BundleProblem& p, std::vector<double>& length) {
   double cost = 0;
   for (std::size_t i = 0; i < p.observations.size(); ++i) {
     const BundleObservation& o = p.observations[i];
@@ -43,7 +43,7 @@ double cost_of(const CameraModel& lens, const BundleProblem& p, std::vector<doub
 
 }  // namespace
 
-BundleResult adjust(const CameraModel& lens, BundleProblem& p, int iterations) {
+BundleResult adjust(const calib::CameraModel& lens, BundleProblem& p, int iterations) {
   BundleResult result;
   const std::size_t n = p.observations.size();
   std::vector<int> column(p.poses.size(), -1);
@@ -68,16 +68,16 @@ BundleResult adjust(const CameraModel& lens, BundleProblem& p, int iterations) {
   for (int iteration = 0; iteration < iterations; ++iteration) {
     for (std::size_t i = 0; i < n; ++i) {
       const BundleObservation& o = p.observations[i];
-      const Rigid3d& pose = p.poses[static_cast<std::size_t>(o.pose)].cam_from_world;
+      const calib::Rigid3d& pose = p.poses[static_cast<std::size_t>(o.pose)].cam_from_world;
       const Eigen::Vector3d cam = pose * p.points[static_cast<std::size_t>(o.point)].position;
-      CameraModel::Jacobian j;
+      calib::CameraModel::Jacobian j;
       const auto seen = lens.project(cam, j);
       linear[i].good = seen.has_value();
       if (!seen) continue;
       const Eigen::Vector2d r = (seen->px - o.px) / o.sigma_px;
       const double e = r.norm(), weight = e < huber ? 1 : std::sqrt(huber / e);
       linear[i].r = weight * r;
-      linear[i].jp = weight / o.sigma_px * pose_jacobian(j, cam);
+      linear[i].jp = weight / o.sigma_px * camera_tracking::pose_jacobian(j, cam);
       linear[i].jx = weight / o.sigma_px * j * pose.rotation.toRotationMatrix();
     }
     bool improved = false;
@@ -129,7 +129,7 @@ BundleResult adjust(const CameraModel& lens, BundleProblem& p, int iterations) {
       trial.observations.swap(p.observations);  // not changed: lent
       for (std::size_t i = 0; i < p.poses.size(); ++i) {
         if (column[i] >= 0)
-          trial.poses[i].cam_from_world = exp(Vector6d(step.segment<6>(6 * column[i]))) * p.poses[i].cam_from_world;
+          trial.poses[i].cam_from_world = calib::exp(Vector6d(step.segment<6>(6 * column[i]))) * p.poses[i].cam_from_world;
       }
       for (std::size_t k = 0; k < p.points.size(); ++k) {
         Eigen::Vector3d rhs = bx[k];
@@ -172,4 +172,4 @@ BundleResult adjust(const CameraModel& lens, BundleProblem& p, int iterations) {
   return result;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::keyframes

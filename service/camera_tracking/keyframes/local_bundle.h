@@ -7,10 +7,10 @@
 #include "calib/model/camera_model.h"
 #include "calib/model/rigid3.h"
 
-namespace huetrack {
+namespace huetrack::keyframes {
 
 struct BundlePose {
-  Rigid3d cam_from_world;
+  calib::Rigid3d cam_from_world;
   bool fixed = false;
 };
 struct BundlePoint {
@@ -35,6 +35,6 @@ struct BundleResult {
   bool converged = false;
   double rms = 0;  // of residual / sigma per axis, over the inliers
 };
-BundleResult adjust(const CameraModel& lens, BundleProblem& problem, int iterations);
+BundleResult adjust(const calib::CameraModel& lens, BundleProblem& problem, int iterations);
 
-}  // namespace huetrack
+}  // namespace huetrack::keyframes

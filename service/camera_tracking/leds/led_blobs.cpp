@@ -7,19 +7,19 @@
 
 #include "particle_filter/vector_clones.h"
 
-namespace huetrack {
+namespace huetrack::leds {
 
 namespace {
 
 // Brightness where it lies: every `step` bytes from `offset` of a row on.
 class Brightness {
  public:
-  explicit Brightness(const Image& image)
+  explicit Brightness(const capture::Image& image)
       : plane_(image.planes[0]),
-        step_(image.format == PixelFormat::yuyv  ? 2
-              : image.format == PixelFormat::bgr ? 3
+        step_(image.format == capture::PixelFormat::yuyv  ? 2
+              : image.format == capture::PixelFormat::bgr ? 3
                                                  : 1),
-        is_bgr_(image.format == PixelFormat::bgr) {}
+        is_bgr_(image.format == capture::PixelFormat::bgr) {}
 
   int operator()(int u, int v) const {
     const std::uint8_t* p = plane_.data + v * plane_.stride + static_cast<std::ptrdiff_t>(u) * step_;
@@ -30,7 +30,7 @@ class Brightness {
   bool is_bgr() const { return is_bgr_; }
 
  private:
-  Plane plane_;
+  capture::Plane plane_;
   std::ptrdiff_t step_;
   bool is_bgr_;
 };
@@ -64,7 +64,7 @@ struct Region {
 
 }  // namespace
 
-std::vector<LedBlob> find_led_blobs(const Image& image, const LedBlobOptions& options) {
+std::vector<LedBlob> find_led_blobs(const capture::Image& image, const LedBlobOptions& options) {
   const Brightness y(image);
   const int columns = (image.width + tile - 1) / tile;
 
@@ -151,4 +151,4 @@ std::vector<LedBlob> find_led_blobs(const Image& image, const LedBlobOptions& op
   return blobs;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::leds

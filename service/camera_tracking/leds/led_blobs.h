@@ -6,7 +6,7 @@
 
 #include "capture/pixel_format.h"
 
-namespace huetrack {
+namespace huetrack::leds {
 
 struct LedBlobOptions {
   int min_contrast = 25;  // 1..255; grey levels that a LED's brightest pixel is above the dark around it
@@ -25,6 +25,6 @@ struct LedBlob {
 // The brightest pixel first; then the average of the connected pixels around it, weighted with their brightness above
 // the threshold. Reads Y of the YUV family and of grey images, and the mean of B, G, R of bgr ones; converts nothing.
 // Brightest (peak times area) first. Pure; safe from any thread.
-std::vector<LedBlob> find_led_blobs(const Image& image, const LedBlobOptions& options);
+std::vector<LedBlob> find_led_blobs(const capture::Image& image, const LedBlobOptions& options);
 
-}  // namespace huetrack
+}  // namespace huetrack::leds

@@ -6,7 +6,7 @@
 #include <map>
 #include <set>
 
-namespace huetrack {
+namespace huetrack::leds {
 
 namespace {
 
@@ -15,9 +15,9 @@ using Eigen::Vector3d;
 using namespace std::chrono_literals;
 
 constexpr std::size_t window_sightings = 20;  // for the search: two rounds of the paper's 8 LEDs, and some
-constexpr Duration window_length = 600ms;
-constexpr Duration evidence_length = 400ms;
-constexpr Duration longest_coasting = 500ms;
+constexpr capture::Duration window_length = 600ms;
+constexpr capture::Duration evidence_length = 400ms;
+constexpr capture::Duration longest_coasting = 500ms;
 constexpr double gate = 20;    // squared distance over its covariance, 2 dimensions: 1 in 20000 is beyond
 constexpr int confirming = 3;  // LEDs that must be where a new pose has them before it counts
 constexpr double tracking_sigma_m = 0.1, tracking_sigma_rad = 0.1;
@@ -28,7 +28,7 @@ constexpr double lost_sigma_m = 0.3, lost_sigma_rad = 0.3;
 
 class HuetrackLedFilter final : public LedFilter {
  public:
-  HuetrackLedFilter(const Camera& camera, const LedFilterOptions& options)
+  HuetrackLedFilter(const calib::Camera& camera, const LedFilterOptions& options)
       : camera_(camera),
         options_(options),
         search_(camera,
@@ -38,10 +38,10 @@ class HuetrackLedFilter final : public LedFilter {
                  .particle_count = options.particle_count,
                  .start_velocity = options.start_velocity,
                  .motion = options.motion},
-                Rng(options.seed, 0)),
-        particles_(options.particle_count, Rng(options.seed, 1)) {}
+                particle_filter::Rng(options.seed, 0)),
+        particles_(options.particle_count, particle_filter::Rng(options.seed, 1)) {}
 
-  CameraEstimate update(const LedFrame& frame) override {
+  camera_tracking::CameraEstimate update(const LedFrame& frame) override {
     found_.clear();
     if (pose_) {
       follow(frame);
@@ -56,15 +56,15 @@ class HuetrackLedFilter final : public LedFilter {
   void forget() override { forget_pose(); }
   bool is_ambiguous() const override { return !pose_ && search_.is_ambiguous(); }
 
-  CameraTrackerView view() const override {
-    CameraTrackerView view;
+  camera_tracking::CameraTrackerView view() const override {
+    camera_tracking::CameraTrackerView view;
     constexpr std::size_t most = 300;
     if (pose_) {
       for (std::size_t l = 0; l < leds().size(); ++l) {
         LedJacobian j;
         const auto px = led_pixel(camera_.model, pose_->mean, leds()[l], 0, &j);
-        if (!px || !camera_.contains(RawPixel{*px})) continue;
-        CameraTrackerView::Feature f;
+        if (!px || !camera_.contains(calib::RawPixel{*px})) continue;
+        camera_tracking::CameraTrackerView::Feature f;
         f.px = px->cast<float>();
         f.found_px = Eigen::Vector2f::Constant(std::numeric_limits<float>::quiet_NaN());
         for (const auto& [led, at] : found_)
@@ -102,7 +102,7 @@ class HuetrackLedFilter final : public LedFilter {
       while (!window_.empty() && (window_.size() > window_sightings || frame.at - window_.front().at > window_length))
         window_.pop_front();
       for (const auto& w : window_)
-        sightings.push_back({w.led, w.px, seconds(w.at - frame.at), options_.pixel_noise_px});
+        sightings.push_back({w.led, w.px, capture::seconds(w.at - frame.at), options_.pixel_noise_px});
       pose_ = search_.find(sightings);
     }
     if (!pose_) return;
@@ -117,7 +117,7 @@ class HuetrackLedFilter final : public LedFilter {
 
   // ---- Prediction, sightings, polish.
   void follow(const LedFrame& frame) {
-    const double dt_s = std::max(0.0, seconds(frame.at - last_at_));
+    const double dt_s = std::max(0.0, capture::seconds(frame.at - last_at_));
     models_->predict(dt_s);
     const LedGaussian prior = models_->state();
     prior_covariance_ = prior.covariance;
@@ -135,7 +135,7 @@ class HuetrackLedFilter final : public LedFilter {
     evidence_.forget(frame.at - evidence_length);
 
     const Vector2d sigma = largest_sigmas(pose_->covariance);
-    const Timestamp last = evidence_.last_match().value_or(found_at_);
+    const capture::Timestamp last = evidence_.last_match().value_or(found_at_);
     const bool contradicted = evidence_.in_view() >= 6 && 3 * evidence_.matched() < evidence_.in_view();
     const bool too_long = frame.at - last > longest_coasting;
     if (contradicted || too_long || !(sigma.x() < lost_sigma_m) || !(sigma.y() < lost_sigma_rad)) {
@@ -159,7 +159,7 @@ class HuetrackLedFilter final : public LedFilter {
       const auto px = led_pixel(camera_.model, prior.mean, leds()[static_cast<std::size_t>(led)], 0, &j);
       // A LED that is seen where the pose has it out of view speaks against the pose.
       const bool is_seen = frame.lit && !frame.dots.empty();
-      if (!is_seen && (!px || !camera_.contains(RawPixel{*px}))) return;
+      if (!is_seen && (!px || !camera_.contains(calib::RawPixel{*px}))) return;
       if (!px) {
         evidence_.add(frame.at, led, false);
         return;
@@ -187,8 +187,8 @@ class HuetrackLedFilter final : public LedFilter {
     return sightings;
   }
 
-  CameraEstimate estimate(const LedFrame& frame) {
-    CameraEstimate e;
+  camera_tracking::CameraEstimate estimate(const LedFrame& frame) {
+    camera_tracking::CameraEstimate e;
     e.at = frame.at;
     e.frame_number = frame.number;
     e.map_points = static_cast<int>(leds().size());
@@ -196,7 +196,7 @@ class HuetrackLedFilter final : public LedFilter {
     e.effective_sample_size = pose_ ? particles_.effective_sample_size() : 1;
     const bool confirmed = pose_ && confirmed_ >= confirming;
     if (!confirmed) {
-      e.state = was_found_ ? CameraState::lost : CameraState::searching;
+      e.state = was_found_ ? camera_tracking::CameraState::lost : camera_tracking::CameraState::searching;
       return e;
     }
     const Vector2d sigma = largest_sigmas(pose_->covariance);
@@ -214,13 +214,13 @@ class HuetrackLedFilter final : public LedFilter {
     }
     // And when it has not been for long, it is no longer said: chance matches could carry it on.
     if (!explained_once_ || frame.at - last_explained_ > longest_coasting) {
-      e.state = was_found_ ? CameraState::lost : CameraState::searching;
+      e.state = was_found_ ? camera_tracking::CameraState::lost : camera_tracking::CameraState::searching;
       e.features_in_view = e.features_matched = 0;
       if (explained_once_) forget_pose();
       return e;
     }
     was_found_ = true;
-    e.state = explained && sure ? CameraState::tracking : CameraState::coasting;
+    e.state = explained && sure ? camera_tracking::CameraState::tracking : camera_tracking::CameraState::coasting;
     e.world_from_camera = pose_->mean.world_from_camera;
     e.covariance = pose_->covariance.topLeftCorner<6, 6>();
     e.confidence = e.features_in_view > 0 ? static_cast<double>(e.features_matched) / e.features_in_view : 0;
@@ -228,12 +228,12 @@ class HuetrackLedFilter final : public LedFilter {
   }
 
   struct Seen {
-    Timestamp at;
+    capture::Timestamp at;
     int led;
     Vector2d px;
   };
 
-  Camera camera_;
+  calib::Camera camera_;
   LedFilterOptions options_;
   LedSearch search_;
   LedParticles particles_;
@@ -243,24 +243,24 @@ class HuetrackLedFilter final : public LedFilter {
   LedCovariance prior_covariance_ = LedCovariance::Zero();
   LedEvidence evidence_;
   std::vector<std::pair<int, Vector2d>> found_;  // in the last frame
-  Timestamp last_at_{}, found_at_{}, last_explained_{};
+  capture::Timestamp last_at_{}, found_at_{}, last_explained_{};
   int confirmed_ = 0;
   bool was_found_ = false, explained_once_ = false;
 };
 
 }  // namespace
 
-std::unique_ptr<LedFilter> LedFilter::huetrack(const Camera& camera, const LedFilterOptions& options) {
+std::unique_ptr<LedFilter> LedFilter::huetrack(const calib::Camera& camera, const LedFilterOptions& options) {
   LedFilterOptions resolved = options;
   if (resolved.particle_count == 0) resolved.particle_count = 5000;
   return std::make_unique<HuetrackLedFilter>(camera, resolved);
 }
 
-void LedEvidence::add(Timestamp at, int led, bool matched) {
+void LedEvidence::add(capture::Timestamp at, int led, bool matched) {
   seen_.push_back({at, led, matched});
 }
 
-void LedEvidence::forget(Timestamp before) {
+void LedEvidence::forget(capture::Timestamp before) {
   while (!seen_.empty() && seen_.front().at < before) seen_.pop_front();
 }
 
@@ -287,7 +287,7 @@ LedEvidence::Leds LedEvidence::leds() const {
           static_cast<int>(std::ranges::count_if(last, [](const auto& l) { return l.second; }))};
 }
 
-std::optional<Timestamp> LedEvidence::last_match() const {
+std::optional<capture::Timestamp> LedEvidence::last_match() const {
   for (auto s = seen_.rbegin(); s != seen_.rend(); ++s)
     if (s->matched) return s->at;
   return std::nullopt;
@@ -300,4 +300,4 @@ Vector2d largest_sigmas(const LedCovariance& covariance) {
   return {largest(covariance.topLeftCorner<3, 3>()), largest(covariance.block<3, 3>(3, 3))};
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::leds

@@ -15,10 +15,10 @@
 #include "camera_tracking/leds/led_particles.h"
 #include "camera_tracking/leds/led_search.h"
 
-namespace huetrack {
+namespace huetrack::leds {
 
 struct LedFilterOptions {
-  LedStart start;          // the LEDs and the room; the schedule is not read here
+  camera_tracking::LedStart start;          // the LEDs and the room; the schedule is not read here
   int particle_count = 0;  // 0: 5000, the paper's
   std::uint64_t seed = 1;
   double pixel_noise_px = 0.06;  // > 0; standard deviation of a LED's centre in a good image
@@ -29,7 +29,7 @@ struct LedFilterOptions {
 
 // What one frame shows.
 struct LedFrame {
-  Timestamp at;
+  capture::Timestamp at;
   std::uint64_t number = 0;
   std::optional<int> lit;             // which LED is lit, -1: none; nullopt: it is not known which dot is which LED
   std::vector<Eigen::Vector2d> dots;  // raw pixels, the brightest first; may hold what is no LED
@@ -39,26 +39,26 @@ struct LedFrame {
 class LedFilter {
  public:
   virtual ~LedFilter() = default;
-  virtual CameraEstimate update(const LedFrame& frame) = 0;  // in time order
-  virtual CameraTrackerView view() const = 0;
+  virtual camera_tracking::CameraEstimate update(const LedFrame& frame) = 0;  // in time order
+  virtual camera_tracking::CameraTrackerView view() const = 0;
   virtual double start_noise_px() const { return 0; }  // how noisy the pixels are if the pose that was found is right
   virtual void forget() {}  // which LED was lit in the frames so far was told wrongly: the pose, too
   virtual bool is_ambiguous() const { return false; }  // in the last frame more than one pose fitted
 
   // Herranz et al., section III, and nothing else. The paper says neither how the particles come from a whole room to
   // one pose nor what is done when the camera is lost: see LedParticles::weigh() and led_paper_filter.cpp.
-  static std::unique_ptr<LedFilter> paper(const Camera& camera, const LedFilterOptions& options);
+  static std::unique_ptr<LedFilter> paper(const calib::Camera& camera, const LedFilterOptions& options);
   // Ours: LedSearch finds the pose; then particles are drawn from the predicted state and weighed (a Gaussian particle
   // filter: Kotecha and Djuric 2003), and Gauss-Newton polishes their mean with the prediction as its prior
   // (LedModels), which takes the noise of the sampling out.
-  static std::unique_ptr<LedFilter> huetrack(const Camera& camera, const LedFilterOptions& options);
+  static std::unique_ptr<LedFilter> huetrack(const calib::Camera& camera, const LedFilterOptions& options);
 };
 
 // Which LEDs the pose has explained lately: what makes it valid.
 class LedEvidence {
  public:
-  void add(Timestamp at, int led, bool matched);  // of a LED that was lit and projects into the image
-  void forget(Timestamp before);
+  void add(capture::Timestamp at, int led, bool matched);  // of a LED that was lit and projects into the image
+  void forget(capture::Timestamp before);
   void clear() { seen_.clear(); }
   int in_view() const { return static_cast<int>(seen_.size()); }  // sightings due
   int matched() const;                                            // sightings had
@@ -69,11 +69,11 @@ class LedEvidence {
     int in_view = 0, matched = 0;
   };
   Leds leds() const;
-  std::optional<Timestamp> last_match() const;
+  std::optional<capture::Timestamp> last_match() const;
 
  private:
   struct Seen {
-    Timestamp at;
+    capture::Timestamp at;
     int led;
     bool matched;
   };
@@ -83,4 +83,4 @@ class LedEvidence {
 // Square roots of the largest eigenvalues of the covariance's position and rotation part: metres, radians.
 Eigen::Vector2d largest_sigmas(const LedCovariance& covariance);
 
-}  // namespace huetrack
+}  // namespace huetrack::leds

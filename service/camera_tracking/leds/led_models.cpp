@@ -5,7 +5,7 @@
 #include <array>
 #include <cmath>
 
-namespace huetrack {
+namespace huetrack::leds {
 
 namespace {
 
@@ -77,7 +77,7 @@ void LedModels::predict(double dt_s) {
                             .correlation_s = scales[j].motion.correlation * liveliest_.correlation_s});
 }
 
-void LedModels::update(const CameraModel& model, std::span<const Eigen::Vector3d> leds,
+void LedModels::update(const calib::CameraModel& model, std::span<const Eigen::Vector3d> leds,
                        std::span<const LedSighting> sightings, const LedMotionState& from) {
   std::vector<double> log_likelihood;
   std::vector<LedSighting> scaled(sightings.begin(), sightings.end());
@@ -117,4 +117,4 @@ double LedModels::pixel_scale() const {
   return std::sqrt(square);
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::leds

@@ -8,7 +8,7 @@
 
 #include "camera_tracking/leds/led_motion.h"
 
-namespace huetrack {
+namespace huetrack::leds {
 
 // thread-compatible.
 class LedModels {
@@ -17,7 +17,7 @@ class LedModels {
 
   void predict(double dt_s);
   // Each state by Gauss-Newton from `from` on, with its prediction as the prior.
-  void update(const CameraModel& model, std::span<const Eigen::Vector3d> leds, std::span<const LedSighting> sightings,
+  void update(const calib::CameraModel& model, std::span<const Eigen::Vector3d> leds, std::span<const LedSighting> sightings,
               const LedMotionState& from);
   LedGaussian state() const;  // mean and covariance of the mixture
   double pixel_scale() const;  // rms, of the sightings' sigma_px: how noisy the image seems
@@ -28,4 +28,4 @@ class LedModels {
   LedMotionNoise liveliest_;
 };
 
-}  // namespace huetrack
+}  // namespace huetrack::leds

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <tuple>
 
-namespace huetrack {
+namespace huetrack::leds {
 
 namespace {
 
@@ -17,22 +17,22 @@ Matrix3d cross(const Vector3d& w) {
   return m;
 }
 
-Rigid3d step(const LedMotionState& s, double dt_s) {
+calib::Rigid3d step(const LedMotionState& s, double dt_s) {
   const double half = 0.5 * dt_s * dt_s;
-  Tangent6d twist;
+  calib::Tangent6d twist;
   twist << s.angular_rate * dt_s + s.angular_acceleration * half, s.velocity * dt_s + s.acceleration * half;
-  return exp(twist);
+  return calib::exp(twist);
 }
 
 Eigen::Quaterniond turn(const Vector3d& w) {
-  Tangent6d twist;
+  calib::Tangent6d twist;
   twist << w, Vector3d::Zero();
-  return exp(twist).rotation;
+  return calib::exp(twist).rotation;
 }
 
 // d error(t + dt) / d error(t); of second order in omega dt.
 LedCovariance transition(const LedMotionState& s, double dt_s) {
-  const Rigid3d d = step(s, dt_s);
+  const calib::Rigid3d d = step(s, dt_s);
   const Matrix3d r = s.world_from_camera.rotation.toRotationMatrix();
   const Matrix3d half_turn = turn(0.5 * dt_s * s.angular_rate).toRotationMatrix();
   const Matrix3d turned = r * half_turn;
@@ -71,9 +71,9 @@ LedMotionState corrected(const LedMotionState& state, const LedTangent& error) {
 LedTangent difference(const LedMotionState& state, const LedMotionState& from) {
   LedTangent d;
   d.head<3>() = state.world_from_camera.translation - from.world_from_camera.translation;
-  const Rigid3d turned{(state.world_from_camera.rotation * from.world_from_camera.rotation.conjugate()).normalized(),
+  const calib::Rigid3d turned{(state.world_from_camera.rotation * from.world_from_camera.rotation.conjugate()).normalized(),
                        Vector3d::Zero()};
-  d.segment<3>(3) = log(turned).head<3>();
+  d.segment<3>(3) = calib::log(turned).head<3>();
   d.segment<3>(6) = state.velocity - from.velocity;
   d.segment<3>(9) = state.angular_rate - from.angular_rate;
   d.segment<3>(12) = state.acceleration - from.acceleration;
@@ -113,7 +113,7 @@ LedGaussian predicted(const LedGaussian& state, double dt_s, const LedMotionNois
   return next;
 }
 
-std::optional<Eigen::Vector2d> led_pixel(const CameraModel& model, const LedMotionState& state, const Vector3d& led,
+std::optional<Eigen::Vector2d> led_pixel(const calib::CameraModel& model, const LedMotionState& state, const Vector3d& led,
                                          double dt_s, LedJacobian* jacobian) {
   const LedMotionState then = dt_s == 0 ? state : moved(state, dt_s);
   const Matrix3d camera_from_world = then.world_from_camera.rotation.conjugate().toRotationMatrix();
@@ -123,7 +123,7 @@ std::optional<Eigen::Vector2d> led_pixel(const CameraModel& model, const LedMoti
     const auto pixel = model.project(p);
     return pixel ? std::optional(pixel->px) : std::nullopt;
   }
-  CameraModel::Jacobian lens;
+  calib::CameraModel::Jacobian lens;
   const auto pixel = model.project(p, lens);
   if (!pixel) return std::nullopt;
   LedJacobian at_then = LedJacobian::Zero();
@@ -136,7 +136,7 @@ std::optional<Eigen::Vector2d> led_pixel(const CameraModel& model, const LedMoti
   return pixel->px;
 }
 
-std::optional<LedFit> fit_leds(const CameraModel& model, std::span<const Vector3d> leds, const LedGaussian& prior,
+std::optional<LedFit> fit_leds(const calib::CameraModel& model, std::span<const Vector3d> leds, const LedGaussian& prior,
                                const LedMotionState& start, std::span<const LedSighting> sightings, int iterations) {
   const Eigen::LLT<LedCovariance> prior_factor(prior.covariance);
   if (prior_factor.info() != Eigen::Success) return std::nullopt;
@@ -201,4 +201,4 @@ std::optional<LedFit> fit_leds(const CameraModel& model, std::span<const Vector3
   return fit;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::leds

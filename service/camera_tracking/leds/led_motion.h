@@ -10,14 +10,14 @@
 #include "calib/model/rigid3.h"
 #include "camera_tracking/camera_estimate.h"
 
-namespace huetrack {
+namespace huetrack::leds {
 
 // [x, v, R, omega] of section III.A, with R stored as a rotation, as there. Departure: the velocities are those along
 // and about the camera's own axes, so that a camera that circles what it looks at has constant ones. Beyond the paper,
 // for our filter only: the accelerations. A hand or a robot keeps them for some tenths of a second, which is many
 // frames.
 struct LedMotionState {
-  Rigid3d world_from_camera;
+  calib::Rigid3d world_from_camera;
   Eigen::Vector3d velocity = Eigen::Vector3d::Zero();              // camera axes, m/s
   Eigen::Vector3d angular_rate = Eigen::Vector3d::Zero();          // camera axes, rad/s
   Eigen::Vector3d acceleration = Eigen::Vector3d::Zero();          // of velocity, m/s^2
@@ -65,7 +65,7 @@ struct LedSighting {
 //   jacobian   may be null; d px / d error of `state`
 // nullopt: the LED is behind the camera or outside the lens model.
 using LedJacobian = Eigen::Matrix<double, 2, led_dimensions>;
-std::optional<Eigen::Vector2d> led_pixel(const CameraModel& model, const LedMotionState& state,
+std::optional<Eigen::Vector2d> led_pixel(const calib::CameraModel& model, const LedMotionState& state,
                                          const Eigen::Vector3d& led, double dt_s, LedJacobian* jacobian);
 
 // Gauss-Newton: the state that fits the sightings and the prior best, from `start` on, with its covariance. Sightings
@@ -75,8 +75,8 @@ struct LedFit {
   double chi2 = 0;  // of the sightings alone: sum of squares of (seen - expected) / sigma
   int used = 0;     // sightings in it
 };
-std::optional<LedFit> fit_leds(const CameraModel& model, std::span<const Eigen::Vector3d> leds,
+std::optional<LedFit> fit_leds(const calib::CameraModel& model, std::span<const Eigen::Vector3d> leds,
                                const LedGaussian& prior, const LedMotionState& start,
                                std::span<const LedSighting> sightings, int iterations);
 
-}  // namespace huetrack
+}  // namespace huetrack::leds

@@ -4,7 +4,7 @@
 
 #include "camera_tracking/leds/led_filter.h"
 
-namespace huetrack {
+namespace huetrack::leds {
 
 namespace {
 
@@ -30,23 +30,23 @@ constexpr double narrow = 1.5;        // up to this widening the particles are w
 constexpr int gathered_frames = 12;
 constexpr double tracking_sigma_m = 0.05, tracking_sigma_rad = 0.06;
 constexpr double explained_px = 6;  // a LED so near to where the pose has it supports the pose
-constexpr Duration evidence_length = 400ms;
+constexpr capture::Duration evidence_length = 400ms;
 
 class PaperLedFilter final : public LedFilter {
  public:
-  PaperLedFilter(const Camera& camera, const LedFilterOptions& options)
+  PaperLedFilter(const calib::Camera& camera, const LedFilterOptions& options)
       : camera_(camera),
         options_(options),
         motion_{.acceleration = own_motion * options.motion.acceleration,
                 .angular_acceleration = own_motion * options.motion.angular_acceleration,
                 .correlation_s = options.motion.correlation_s},
-        particles_(options.particle_count, Rng(options.seed)) {
+        particles_(options.particle_count, particle_filter::Rng(options.seed)) {
     scatter();
   }
 
-  CameraEstimate update(const LedFrame& frame) override {
+  camera_tracking::CameraEstimate update(const LedFrame& frame) override {
     // "the prediction phase ... sampling from the state transition distribution"
-    if (number_ > 0) particles_.predict(std::max(1e-6, seconds(frame.at - last_at_)), motion_);
+    if (number_ > 0) particles_.predict(std::max(1e-6, capture::seconds(frame.at - last_at_)), motion_);
     last_at_ = frame.at;
     ++number_;
 
@@ -73,13 +73,13 @@ class PaperLedFilter final : public LedFilter {
     return estimate(frame, ess);
   }
 
-  CameraTrackerView view() const override {
-    CameraTrackerView view;
+  camera_tracking::CameraTrackerView view() const override {
+    camera_tracking::CameraTrackerView view;
     for (const Vector3d& led : options_.start.leds) {
       LedJacobian j;
       const auto px = led_pixel(camera_.model, pose_.mean, led, 0, &j);
-      if (!px || !camera_.contains(RawPixel{*px})) continue;
-      CameraTrackerView::Feature f;
+      if (!px || !camera_.contains(calib::RawPixel{*px})) continue;
+      camera_tracking::CameraTrackerView::Feature f;
       f.px = px->cast<float>();
       f.found_px = Eigen::Vector2f::Constant(std::numeric_limits<float>::quiet_NaN());
       for (const auto& [at, px_seen] : found_)
@@ -134,7 +134,7 @@ class PaperLedFilter final : public LedFilter {
     const auto check = [&](int led) {
       const auto px =
           led_pixel(camera_.model, pose_.mean, options_.start.leds[static_cast<std::size_t>(led)], 0, nullptr);
-      if (!px || !camera_.contains(RawPixel{*px})) return;
+      if (!px || !camera_.contains(calib::RawPixel{*px})) return;
       bool near = false;
       for (const LedSighting& s : sightings)
         if ((s.led < 0 || s.led == led) && (s.px - *px).norm() < std::max(explained_px, 5 * options_.pixel_noise_px)) {
@@ -156,11 +156,11 @@ class PaperLedFilter final : public LedFilter {
     gathered_ = widening_ < narrow ? gathered_ + static_cast<int>(!sightings.empty()) : 0;
     if (explained) explained_at_ = frame.at;
     if (small_ && explained && gathered_ >= gathered_frames) {
-      state_ = CameraState::tracking;
-    } else if (state_ == CameraState::tracking || state_ == CameraState::coasting) {
+      state_ = camera_tracking::CameraState::tracking;
+    } else if (state_ == camera_tracking::CameraState::tracking || state_ == camera_tracking::CameraState::coasting) {
       // Of dots that are not identified, one lies near some LED by chance.
-      const Timestamp supported = frame.lit ? evidence_.last_match().value_or(Timestamp{}) : explained_at_;
-      state_ = small_ && frame.at - supported < evidence_length ? CameraState::coasting : CameraState::lost;
+      const capture::Timestamp supported = frame.lit ? evidence_.last_match().value_or(capture::Timestamp{}) : explained_at_;
+      state_ = small_ && frame.at - supported < evidence_length ? camera_tracking::CameraState::coasting : camera_tracking::CameraState::lost;
     }
     if (!frame.lit && sightings.size() >= least_dots && frame.at - explained_at_ > evidence_length) to_gather_ = true;
     // A small cloud that no LED supports holds on to nothing: from the whole room again.
@@ -170,8 +170,8 @@ class PaperLedFilter final : public LedFilter {
     }
   }
 
-  CameraEstimate estimate(const LedFrame& frame, double ess) const {
-    CameraEstimate e;
+  camera_tracking::CameraEstimate estimate(const LedFrame& frame, double ess) const {
+    camera_tracking::CameraEstimate e;
     e.at = frame.at;
     e.frame_number = frame.number;
     e.state = state_;
@@ -188,28 +188,28 @@ class PaperLedFilter final : public LedFilter {
     return e;
   }
 
-  Camera camera_;
+  calib::Camera camera_;
   LedFilterOptions options_;
   LedMotionNoise motion_;
   LedParticles particles_;
   LedGaussian pose_;
   LedEvidence evidence_;
   std::vector<std::pair<int, Vector2d>> found_;
-  CameraState state_ = CameraState::searching;
+  camera_tracking::CameraState state_ = camera_tracking::CameraState::searching;
   double widening_ = 1;
   bool small_ = false, to_gather_ = true;  // to_gather_: of LEDs that are not identified
-  Timestamp explained_at_{};
+  capture::Timestamp explained_at_{};
   int gathered_ = 0;  // frames in a row
   std::uint64_t number_ = 0;
-  Timestamp last_at_{};
+  capture::Timestamp last_at_{};
 };
 
 }  // namespace
 
-std::unique_ptr<LedFilter> LedFilter::paper(const Camera& camera, const LedFilterOptions& options) {
+std::unique_ptr<LedFilter> LedFilter::paper(const calib::Camera& camera, const LedFilterOptions& options) {
   LedFilterOptions resolved = options;
   if (resolved.particle_count == 0) resolved.particle_count = 5000;
   return std::make_unique<PaperLedFilter>(camera, resolved);
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::leds

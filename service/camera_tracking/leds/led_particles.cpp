@@ -7,7 +7,7 @@
 
 #include "particle_filter/resample.h"
 
-namespace huetrack {
+namespace huetrack::leds {
 
 namespace {
 
@@ -51,7 +51,7 @@ double sum_of_pairs(std::span<const LedSighting> dots, std::span<const std::opti
 
 }  // namespace
 
-LedParticles::LedParticles(int count, Rng rng)
+LedParticles::LedParticles(int count, particle_filter::Rng rng)
     : states_(static_cast<std::size_t>(count)),
       resampled_(states_.size()),
       weight_(states_.size(), 1.0f / static_cast<float>(count)),
@@ -109,7 +109,7 @@ void LedParticles::predict(double dt_s, const LedMotionNoise& noise) {
   }
 }
 
-double LedParticles::weigh(const CameraModel& model, std::span<const Vector3d> leds,
+double LedParticles::weigh(const calib::CameraModel& model, std::span<const Vector3d> leds,
                            std::span<const LedSighting> sightings, double least_share, double enough_share,
                            double miss_px) {
   if (sightings.empty()) return 1;
@@ -117,7 +117,7 @@ double LedParticles::weigh(const CameraModel& model, std::span<const Vector3d> l
   const double miss2 = miss_px * miss_px;
   std::vector<std::optional<Eigen::Vector2d>> pixels(leds.size());
   for (std::size_t i = 0; i < n; ++i) {
-    const Rigid3d camera_from_world = inverse(states_[i].world_from_camera);
+    const calib::Rigid3d camera_from_world = calib::inverse(states_[i].world_from_camera);
     const auto pixel_of = [&](int led) -> std::optional<Eigen::Vector2d> {
       const auto px = model.project(camera_from_world * leds[static_cast<std::size_t>(led)]);
       return px ? std::optional(px->px) : std::nullopt;
@@ -144,8 +144,8 @@ double LedParticles::weigh(const CameraModel& model, std::span<const Vector3d> l
   std::vector<float> fresh(n);
   const auto survivors = [&](double widening) {
     weigh_with(widening);
-    normalize_log_weights(log_weight_, fresh);
-    return huetrack::effective_sample_size(fresh);
+    particle_filter::normalize_log_weights(log_weight_, fresh);
+    return huetrack::particle_filter::effective_sample_size(fresh);
   };
   const double least = least_share * static_cast<double>(n);
   double widening = 1;
@@ -163,7 +163,7 @@ double LedParticles::weigh(const CameraModel& model, std::span<const Vector3d> l
   return widening;
 }
 
-double LedParticles::anneal(const CameraModel& model, std::span<const Vector3d> leds,
+double LedParticles::anneal(const calib::CameraModel& model, std::span<const Vector3d> leds,
                             std::span<const LedSighting> sightings, const Vector3d& room_min, const Vector3d& room_max,
                             const LedStartVelocity& velocity, double miss_px) {
   // With a faster shrinking, or copies that part by more or less, fewer frames lead to the right place.
@@ -181,7 +181,7 @@ double LedParticles::anneal(const CameraModel& model, std::span<const Vector3d> 
     constexpr double one = 1e-9;  // the widening is told here, not sought
     weigh(model, leds, wide, one, one, miss_px);
     rms_px = width * std::sqrt(*std::ranges::min_element(squared_) / static_cast<double>(wide.size()));
-    systematic_ancestors(weight_, rng_.uniform(), ancestor_);
+    particle_filter::systematic_ancestors(weight_, rng_.uniform(), ancestor_);
     noise_.resize(12 * n);
     rng_.fill_normal(noise_);
     // What moves a LED in the middle by so much of the width.
@@ -209,7 +209,7 @@ void LedParticles::resample(double jitter) {
   const std::size_t n = states_.size();
   const LedCovariance root =
       jitter * (moments().covariance + 1e-12 * LedCovariance::Identity()).llt().matrixL().toDenseMatrix();
-  systematic_ancestors(weight_, rng_.uniform(), ancestor_);
+  particle_filter::systematic_ancestors(weight_, rng_.uniform(), ancestor_);
   noise_.resize(led_dimensions * n);
   rng_.fill_normal(noise_);
   for (std::size_t i = 0; i < n; ++i) {
@@ -246,7 +246,7 @@ LedGaussian LedParticles::moments() const {
 }
 
 double LedParticles::effective_sample_size() const {
-  return huetrack::effective_sample_size(weight_);
+  return huetrack::particle_filter::effective_sample_size(weight_);
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::leds

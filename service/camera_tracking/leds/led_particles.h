@@ -7,12 +7,12 @@
 #include "camera_tracking/leds/led_motion.h"
 #include "particle_filter/random.h"
 
-namespace huetrack {
+namespace huetrack::leds {
 
 // thread-compatible.
 class LedParticles {
  public:
-  LedParticles(int count, Rng rng);
+  LedParticles(int count, particle_filter::Rng rng);
 
   // Initialisation: uniform over the room, turned every way, with velocities about zero.
   void scatter(const Eigen::Vector3d& room_min, const Eigen::Vector3d& room_max, const LedStartVelocity& velocity);
@@ -26,7 +26,7 @@ class LedParticles {
   //   least_share   the Gaussian is widened until so many do. The paper's own, narrow from the first frame on, leaves
   //                 one particle of those of a whole room.
   // Returns the widening, >= 1: at 1 the particles are as the measurement noise says.
-  double weigh(const CameraModel& model, std::span<const Eigen::Vector3d> leds, std::span<const LedSighting> sightings,
+  double weigh(const calib::CameraModel& model, std::span<const Eigen::Vector3d> leds, std::span<const LedSighting> sightings,
                double least_share, double enough_share, double miss_px);
 
   // From the whole room to one place by the sightings of one frame, which are not identified: there are as many wrong
@@ -34,7 +34,7 @@ class LedParticles {
   // Annealing (Deutscher et al. 2000): a Gaussian of half of miss_px shrinks to the sightings' sigma in some forty
   // layers, each weighed and resampled, the copies parting by a fifth of its width. What cloud there was is given up.
   // Returns the rms distance of the dots from the best particle's LEDs, px; when it is large, the place is wrong.
-  double anneal(const CameraModel& model, std::span<const Eigen::Vector3d> leds, std::span<const LedSighting> sightings,
+  double anneal(const calib::CameraModel& model, std::span<const Eigen::Vector3d> leds, std::span<const LedSighting> sightings,
                 const Eigen::Vector3d& room_min, const Eigen::Vector3d& room_max, const LedStartVelocity& velocity,
                 double miss_px);
 
@@ -51,7 +51,7 @@ class LedParticles {
   std::vector<float> weight_, log_weight_, noise_;
   std::vector<double> squared_;  // sum of squared distances over sigma
   std::vector<std::uint32_t> ancestor_;
-  Rng rng_;
+  particle_filter::Rng rng_;
 };
 
-}  // namespace huetrack
+}  // namespace huetrack::leds

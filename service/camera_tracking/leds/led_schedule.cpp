@@ -4,7 +4,7 @@
 #include <cmath>
 #include <set>
 
-namespace huetrack {
+namespace huetrack::leds {
 
 namespace {
 
@@ -13,29 +13,29 @@ using namespace std::chrono_literals;
 
 constexpr double early_slots = 0.1;
 constexpr std::size_t sightings_wanted = 16;  // 32 equations for 12 unknowns, and one offset of many to be told
-constexpr Duration window_length = 600ms;
+constexpr capture::Duration window_length = 600ms;
 constexpr int tries_per_frame = 1;  // of 10 to 30 ms when no pose fits
 constexpr double pixel_noise_px = 0.06;
 
-double slots_of(const LedStart& start, const LedMoment& moment, int offset) {
-  if (start.slot_s > 0) return seconds(moment.at) / start.slot_s + early_slots + 0.5 * offset;
+double slots_of(const camera_tracking::LedStart& start, const LedMoment& moment, int offset) {
+  if (start.slot_s > 0) return capture::seconds(moment.at) / start.slot_s + early_slots + 0.5 * offset;
   return static_cast<double>(moment.index) + 0.5 + 0.5 * offset;
 }
 
 }  // namespace
 
-LedMoment moment_of(const Frame& frame) {
+LedMoment moment_of(const capture::Frame& frame) {
   return {frame.captured_at, frame.stream_index.value_or(static_cast<std::int64_t>(frame.sequence))};
 }
 
-std::optional<int> lit_led(const LedStart& start, const LedMoment& moment, int offset) {
+std::optional<int> lit_led(const camera_tracking::LedStart& start, const LedMoment& moment, int offset) {
   if (start.schedule.empty()) return std::nullopt;
   const auto n = static_cast<std::int64_t>(start.schedule.size());
   const auto slot = static_cast<std::int64_t>(std::floor(slots_of(start, moment, offset)));
   return start.schedule[static_cast<std::size_t>(((slot % n) + n) % n)];
 }
 
-LedOffsetSearch::LedOffsetSearch(const Camera& camera, const LedStart& start, int particle_count, Rng rng)
+LedOffsetSearch::LedOffsetSearch(const calib::Camera& camera, const camera_tracking::LedStart& start, int particle_count, particle_filter::Rng rng)
     : start_(start),
       search_(camera,
               {.leds = start.leds,
@@ -89,7 +89,7 @@ std::optional<int> LedOffsetSearch::update(const LedMoment& moment, const std::o
     std::vector<LedSighting> sightings;
     for (std::size_t i = 0; i < tried_on_.size(); ++i)
       sightings.push_back(
-          {c.lit[i], tried_on_[i].px, seconds(tried_on_[i].moment.at - tried_on_.back().moment.at), pixel_noise_px});
+          {c.lit[i], tried_on_[i].px, capture::seconds(tried_on_[i].moment.at - tried_on_.back().moment.at), pixel_noise_px});
     // Where several poses explain them, this offset is as good as one where one does.
     if (search_.find(sightings) || search_.is_ambiguous()) explained_by_.emplace_back(search_.noise_scale(), c.offset);
   }
@@ -102,4 +102,4 @@ std::optional<int> LedOffsetSearch::update(const LedMoment& moment, const std::o
   return is_clear ? std::optional(explained_by_.front().second) : std::nullopt;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::leds

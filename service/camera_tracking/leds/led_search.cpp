@@ -7,7 +7,7 @@
 #include <map>
 #include <set>
 
-namespace huetrack {
+namespace huetrack::leds {
 
 namespace {
 
@@ -74,11 +74,11 @@ Eigen::Quaterniond rotation_between(std::span<const Vector3d> rays, std::span<co
   return Eigen::Quaterniond(r).normalized();
 }
 
-bool is_same_pose(const Rigid3d& a, const Rigid3d& b) {
+bool is_same_pose(const calib::Rigid3d& a, const calib::Rigid3d& b) {
   return (a.translation - b.translation).norm() < 0.05 && a.rotation.angularDistance(b.rotation) < 0.05;
 }
 
-LedGaussian open_prior(const Rigid3d& at, const LedStartVelocity& velocity, const LedMotionNoise& motion) {
+LedGaussian open_prior(const calib::Rigid3d& at, const LedStartVelocity& velocity, const LedMotionNoise& motion) {
   LedGaussian prior;
   prior.mean.world_from_camera = at;
   LedTangent sigma;
@@ -91,7 +91,7 @@ LedGaussian open_prior(const Rigid3d& at, const LedStartVelocity& velocity, cons
 
 }  // namespace
 
-LedSearch::LedSearch(const Camera& camera, LedSearchOptions options, Rng rng)
+LedSearch::LedSearch(const calib::Camera& camera, LedSearchOptions options, particle_filter::Rng rng)
     : camera_(camera),
       options_(std::move(options)),
       rng_(rng),
@@ -116,7 +116,7 @@ std::optional<LedGaussian> LedSearch::find(std::span<const LedSighting> sighting
 
   std::vector<Vector3d> rays, led;
   for (const LedSighting& s : coarse) {
-    const auto ray = camera_.model.ray(RawPixel{s.px});
+    const auto ray = camera_.model.ray(calib::RawPixel{s.px});
     if (!ray) continue;
     rays.push_back(*ray);
     led.push_back(options_.leds[static_cast<std::size_t>(s.led)]);
@@ -152,20 +152,20 @@ std::optional<LedGaussian> LedSearch::find(std::span<const LedSighting> sighting
 
 // Every start to its optimum at the reference time, as if the camera stood still; then, with the velocities, over all
 // sightings at their own times. The pose must be the only one that fits.
-std::optional<LedGaussian> LedSearch::polish(std::span<const Rigid3d> starts, std::span<const LedSighting> coarse,
+std::optional<LedGaussian> LedSearch::polish(std::span<const calib::Rigid3d> starts, std::span<const LedSighting> coarse,
                                              std::span<const LedSighting> fine, double reference_dt_s) {
-  const CameraModel& model = camera_.model;
+  const calib::CameraModel& model = camera_.model;
   constexpr LedStartVelocity still{.velocity = 1e-3, .angular_rate = 1e-3};
-  const auto in_front = [&](const Rigid3d& pose) {
+  const auto in_front = [&](const calib::Rigid3d& pose) {
     return (pose.translation.array() >= options_.room_min.array()).all() &&
            (pose.translation.array() <= options_.room_max.array()).all();
   };
   std::vector<std::pair<double, LedMotionState>> coarse_fits;
-  for (const Rigid3d& start : starts) {
+  for (const calib::Rigid3d& start : starts) {
     const LedGaussian prior = open_prior(start, still, options_.motion);
     const auto fit = fit_leds(model, options_.leds, prior, prior.mean, coarse, 15);
     if (!fit || fit->used < static_cast<int>(coarse.size())) continue;
-    const Rigid3d& pose = fit->posterior.mean.world_from_camera;
+    const calib::Rigid3d& pose = fit->posterior.mean.world_from_camera;
     if (!in_front(pose)) continue;
     if (std::ranges::any_of(coarse_fits, [&](const auto& f) { return is_same_pose(f.second.world_from_camera, pose); }))
       continue;
@@ -190,7 +190,7 @@ std::optional<LedGaussian> LedSearch::polish(std::span<const Rigid3d> starts, st
       const LedGaussian prior = open_prior(start.world_from_camera, options_.start_velocity, options_.motion);
       const auto fit = fit_leds(model, options_.leds, prior, start, timed, 40);
       if (!fit || fit->used < static_cast<int>(timed.size())) continue;
-      const Rigid3d& pose = fit->posterior.mean.world_from_camera;
+      const calib::Rigid3d& pose = fit->posterior.mean.world_from_camera;
       if (!in_front(pose)) continue;
       if (std::ranges::any_of(fits,
                               [&](const LedFit& f) { return is_same_pose(f.posterior.mean.world_from_camera, pose); }))
@@ -219,7 +219,7 @@ std::optional<LedGaussian> LedSearch::find_unidentified(std::span<const LedSight
   if (sightings.size() < least_leds + 1) return std::nullopt;
   std::vector<Ray> dots;
   for (const LedSighting& s : sightings)
-    if (const auto ray = camera_.model.ray(RawPixel{s.px})) dots.push_back({-1, s.px, *ray});
+    if (const auto ray = camera_.model.ray(calib::RawPixel{s.px})) dots.push_back({-1, s.px, *ray});
   if (dots.size() < least_leds + 1) return std::nullopt;
   // The two dots that are farthest apart say most about how the camera is turned.
   std::size_t a = 0, b = 1;
@@ -229,12 +229,12 @@ std::optional<LedGaussian> LedSearch::find_unidentified(std::span<const LedSight
   const double angle = std::acos(std::clamp(dots[a].ray.dot(dots[b].ray), -1.0, 1.0));
 
   // The nearest LED of each dot, none twice; the sum of squares over those within reach.
-  const auto matched = [&](const Rigid3d& pose, double reach_px, std::vector<LedSighting>& out) {
-    const Rigid3d camera_from_world = inverse(pose);
+  const auto matched = [&](const calib::Rigid3d& pose, double reach_px, std::vector<LedSighting>& out) {
+    const calib::Rigid3d camera_from_world = calib::inverse(pose);
     out.clear();
     std::set<int> used;
     double sum = 0;
-    std::vector<std::optional<RawPixel>> px;
+    std::vector<std::optional<calib::RawPixel>> px;
     for (const Vector3d& led : options_.leds) px.push_back(camera_.model.project(camera_from_world * led));
     for (std::size_t d = 0; d < dots.size(); ++d) {
       int nearest = -1;
@@ -254,7 +254,7 @@ std::optional<LedGaussian> LedSearch::find_unidentified(std::span<const LedSight
   };
 
   scatter();
-  std::vector<std::pair<double, Rigid3d>> scored;
+  std::vector<std::pair<double, calib::Rigid3d>> scored;
   std::vector<LedSighting> match;
   for (const Vector3d& at : positions_) {
     for (std::size_t i = 0; i < options_.leds.size(); ++i) {
@@ -265,7 +265,7 @@ std::optional<LedGaussian> LedSearch::find_unidentified(std::span<const LedSight
         if (std::abs(std::acos(std::clamp(to_i.dot(to_j), -1.0, 1.0)) - angle) > angle_tolerance) continue;
         const std::array rays{dots[a].ray, dots[b].ray};
         const std::array towards{to_i, to_j};
-        const Rigid3d pose{rotation_between(rays, towards), at};
+        const calib::Rigid3d pose{rotation_between(rays, towards), at};
         const double sum = matched(pose, 8 * match_px, match);
         if (match.size() >= least_leds) scored.emplace_back(sum, pose);
       }
@@ -319,4 +319,4 @@ std::optional<LedGaussian> LedSearch::find_unidentified(std::span<const LedSight
   return now;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::leds

@@ -15,7 +15,7 @@
 #include "camera_tracking/leds/led_motion.h"
 #include "particle_filter/random.h"
 
-namespace huetrack {
+namespace huetrack::leds {
 
 struct LedSearchOptions {
   std::vector<Eigen::Vector3d> leds;  // >= 4, not in one line
@@ -28,7 +28,7 @@ struct LedSearchOptions {
 // thread-compatible.
 class LedSearch {
  public:
-  LedSearch(const Camera& camera, LedSearchOptions options, Rng rng);
+  LedSearch(const calib::Camera& camera, LedSearchOptions options, particle_filter::Rng rng);
 
   // nullopt: too few LEDs or sightings, nothing fits, or more than one pose does.
   //   sightings   identified ones of the last fraction of a second, in time order; dt_s from now, the state's time
@@ -40,21 +40,21 @@ class LedSearch {
 
   double noise_scale() const { return noise_scale_; }  // of the sightings' sigma, by which the last call's pose fits
   bool is_ambiguous() const { return is_ambiguous_; }  // of the last call: more than one pose fits
-  std::span<const Rigid3d> candidates() const { return candidates_; }  // of the last call, best first
+  std::span<const calib::Rigid3d> candidates() const { return candidates_; }  // of the last call, best first
 
  private:
   void scatter();
-  std::optional<LedGaussian> polish(std::span<const Rigid3d> starts, std::span<const LedSighting> coarse,
+  std::optional<LedGaussian> polish(std::span<const calib::Rigid3d> starts, std::span<const LedSighting> coarse,
                                     std::span<const LedSighting> fine, double reference_dt_s);
 
-  Camera camera_;
+  calib::Camera camera_;
   LedSearchOptions options_;
-  Rng rng_;
+  particle_filter::Rng rng_;
   std::vector<Eigen::Vector3d> positions_;
-  std::vector<Rigid3d> candidates_;
+  std::vector<calib::Rigid3d> candidates_;
   double noise_scale_ = 1;
   bool is_ambiguous_ = false;
   std::vector<float> noise_;
 };
 
-}  // namespace huetrack
+}  // namespace huetrack::leds

@@ -9,30 +9,30 @@
 #include "camera_tracking/leds/led_filter.h"
 #include "camera_tracking/leds/led_schedule.h"
 
-namespace huetrack {
+namespace huetrack::leds {
 
 namespace {
 
-class LedTracker final : public CameraTracker {
+class LedTracker final : public camera_tracking::CameraTracker {
  public:
-  LedTracker(const Camera& camera, const CameraTrackerOptions& options) : start_(std::get<LedStart>(options.start)) {
+  LedTracker(const calib::Camera& camera, const camera_tracking::CameraTrackerOptions& options) : start_(std::get<camera_tracking::LedStart>(options.start)) {
     const LedFilterOptions filter{.start = start_, .particle_count = options.particle_count, .seed = options.seed};
-    filter_ = options.method == CameraMethod::herranz ? LedFilter::paper(camera, filter)
+    filter_ = options.method == camera_tracking::CameraMethod::herranz ? LedFilter::paper(camera, filter)
                                                       : LedFilter::huetrack(camera, filter);
-    if (options.method == CameraMethod::huetrack && !start_.schedule.empty())
+    if (options.method == camera_tracking::CameraMethod::huetrack && !start_.schedule.empty())
       offset_search_.emplace(camera, start_, options.particle_count > 0 ? options.particle_count : 5000,
-                             Rng(options.seed, 2));
+                             particle_filter::Rng(options.seed, 2));
   }
 
-  CameraEstimate update(const Frame& frame) override {
+  camera_tracking::CameraEstimate update(const capture::Frame& frame) override {
     const LedMoment moment = moment_of(frame);
     std::vector<Eigen::Vector2d> dots;
-    if (frame.status == FrameStatus::ok)
+    if (frame.status == capture::FrameStatus::ok)
       for (const LedBlob& blob : find_led_blobs(frame.pixels, {})) dots.push_back(blob.px);
     LedFrame seen{.at = frame.captured_at, .number = frames_++, .lit = lit_led(start_, moment, offset_), .dots = {}};
     const bool dark = seen.lit && *seen.lit < 0;
     if (!dark) seen.dots = dots;
-    CameraEstimate estimate = filter_->update(seen);
+    camera_tracking::CameraEstimate estimate = filter_->update(seen);
     if (offset_search_) {
       // Such noise may be the price of a wrong offset.
       if (estimate.has_pose() && !offset_is_proven_ && filter_->start_noise_px() < proving_noise_px)
@@ -46,7 +46,7 @@ class LedTracker final : public CameraTracker {
     }
     has_pose_ = estimate.has_pose();
     had_pose_ |= has_pose_;
-    if (!had_pose_) estimate.state = CameraState::searching;
+    if (!had_pose_) estimate.state = camera_tracking::CameraState::searching;
     remember(frame.captured_at, dots.size(), seen.lit);
     return estimate;
   }
@@ -73,15 +73,15 @@ class LedTracker final : public CameraTracker {
     return "LEDs are seen, but no pose explains them: are led_schedule, the LEDs' positions, the room (led_room_min, "
            "led_room_max) and the rig right?";
   }
-  CameraTrackerView view() const override { return filter_->view(); }
-  std::vector<CameraMapPoint> map() const override {
-    std::vector<CameraMapPoint> out;
+  camera_tracking::CameraTrackerView view() const override { return filter_->view(); }
+  std::vector<camera_tracking::CameraMapPoint> map() const override {
+    std::vector<camera_tracking::CameraMapPoint> out;
     for (const Eigen::Vector3d& led : start_.leds)
       out.push_back({.id = static_cast<std::uint32_t>(out.size()), .position = led, .given = true});
-    for (const CameraTrackerView::Feature& f : filter_->view().features) {
+    for (const camera_tracking::CameraTrackerView::Feature& f : filter_->view().features) {
       if (!f.found_px.allFinite()) continue;  // not lit, perhaps: nobody can say that it was missed
-      const auto led = std::ranges::find(out, f.position, &CameraMapPoint::position);
-      if (led != out.end()) led->state = CameraMapPoint::State::found;
+      const auto led = std::ranges::find(out, f.position, &camera_tracking::CameraMapPoint::position);
+      if (led != out.end()) led->state = camera_tracking::CameraMapPoint::State::found;
     }
     return out;
   }
@@ -93,7 +93,7 @@ class LedTracker final : public CameraTracker {
   static constexpr const char* ambiguous =
       "more than one pose explains the LEDs that are seen: more LEDs are needed, or not all in one plane";
   static constexpr double proving_noise_px = 0.3;
-  static constexpr Duration together = std::chrono::milliseconds(600);  // as the search's window
+  static constexpr capture::Duration together = std::chrono::milliseconds(600);  // as the search's window
 
   static std::string count_of(std::size_t n, const char* one, const char* many) {
     return n == 1 ? "only 1 " + std::string(one) : "only " + std::to_string(n) + " " + many;
@@ -106,8 +106,8 @@ class LedTracker final : public CameraTracker {
     offset_ = *offset;
     filter_->forget();
   }
-  static CameraEstimate without_pose(const CameraEstimate& estimate) {
-    CameraEstimate e;
+  static camera_tracking::CameraEstimate without_pose(const camera_tracking::CameraEstimate& estimate) {
+    camera_tracking::CameraEstimate e;
     e.at = estimate.at;
     e.frame_number = estimate.frame_number;
     e.map_points = estimate.map_points;
@@ -115,18 +115,18 @@ class LedTracker final : public CameraTracker {
     e.effective_sample_size = estimate.effective_sample_size;
     return e;
   }
-  void remember(Timestamp at, std::size_t dots, std::optional<int> lit) {
+  void remember(capture::Timestamp at, std::size_t dots, std::optional<int> lit) {
     recent_.push_back({at, dots, lit.value_or(-1)});
     while (at - recent_.front().at > std::chrono::seconds(2)) recent_.pop_front();
   }
 
   struct Recent {
-    Timestamp at;
+    capture::Timestamp at;
     std::size_t dots;
     int lit;  // -1: none, or not known
   };
 
-  LedStart start_;
+  camera_tracking::LedStart start_;
   std::unique_ptr<LedFilter> filter_;
   std::optional<LedOffsetSearch> offset_search_;  // ours only, with a schedule
   bool offset_is_proven_ = false;
@@ -138,8 +138,8 @@ class LedTracker final : public CameraTracker {
 
 }  // namespace
 
-std::unique_ptr<CameraTracker> make_led_tracker(const Camera& camera, const CameraTrackerOptions& options) {
+std::unique_ptr<camera_tracking::CameraTracker> make_led_tracker(const calib::Camera& camera, const camera_tracking::CameraTrackerOptions& options) {
   return std::make_unique<LedTracker>(camera, options);
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::leds

@@ -5,9 +5,9 @@
 
 #include "camera_tracking/methods/make_camera_tracker.h"
 
-namespace huetrack {
+namespace huetrack::leds {
 
 // options: valid, with a LedStart. Throws nothing that make_camera_tracker() has not thrown.
-std::unique_ptr<CameraTracker> make_led_tracker(const Camera& camera, const CameraTrackerOptions& options);
+std::unique_ptr<camera_tracking::CameraTracker> make_led_tracker(const calib::Camera& camera, const camera_tracking::CameraTrackerOptions& options);
 
-}  // namespace huetrack
+}  // namespace huetrack::leds

@@ -7,22 +7,22 @@
 #include "camera_tracking/papers/lee_tracker.h"
 #include "camera_tracking/papers/pupilli_tracker.h"
 
-namespace huetrack {
+namespace huetrack::camera_methods {
 
-std::unique_ptr<CameraTracker> make_camera_tracker(const Camera& camera, const CameraTrackerOptions& options) {
+std::unique_ptr<camera_tracking::CameraTracker> make_camera_tracker(const calib::Camera& camera, const camera_tracking::CameraTrackerOptions& options) {
   std::string all;
   for (const auto& problems : {camera.problems(), options.problems()}) {
     for (const std::string& p : problems) all += (all.empty() ? "" : "; ") + p;
   }
   if (!all.empty()) throw std::invalid_argument("camera tracker: " + all);
-  if (std::holds_alternative<LedStart>(options.start)) return make_led_tracker(camera, options);
+  if (std::holds_alternative<camera_tracking::LedStart>(options.start)) return leds::make_led_tracker(camera, options);
   switch (options.method) {
-    case CameraMethod::huetrack: return make_keyframe_tracker(camera, options);
-    case CameraMethod::pupilli: return make_pupilli_tracker(camera, options);
-    case CameraMethod::lee: return make_lee_tracker(camera, options);
-    case CameraMethod::herranz: break;
+    case camera_tracking::CameraMethod::huetrack: return keyframes::make_keyframe_tracker(camera, options);
+    case camera_tracking::CameraMethod::pupilli: return papers::make_pupilli_tracker(camera, options);
+    case camera_tracking::CameraMethod::lee: return papers::make_lee_tracker(camera, options);
+    case camera_tracking::CameraMethod::herranz: break;
   }
-  throw std::invalid_argument("camera tracker: the method " + std::string(name(options.method)) + " needs LEDs to start from");
+  throw std::invalid_argument("camera tracker: the method " + std::string(camera_tracking::name(options.method)) + " needs LEDs to start from");
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::camera_methods

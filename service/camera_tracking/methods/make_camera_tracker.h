@@ -5,9 +5,9 @@
 
 #include "camera_tracking/camera_tracker.h"
 
-namespace huetrack {
+namespace huetrack::camera_methods {
 
 // throws std::invalid_argument, naming the problems.
-std::unique_ptr<CameraTracker> make_camera_tracker(const Camera& camera, const CameraTrackerOptions& options);
+std::unique_ptr<camera_tracking::CameraTracker> make_camera_tracker(const calib::Camera& camera, const camera_tracking::CameraTrackerOptions& options);
 
-}  // namespace huetrack
+}  // namespace huetrack::camera_methods

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-namespace huetrack {
+namespace huetrack::papers {
 
 DepthRay::DepthRay(const Eigen::Vector3d& origin, const Eigen::Vector3d& direction, double near_m, double far_m,
                    int bins)
@@ -68,4 +68,4 @@ std::optional<DepthRay::Estimate> DepthRay::converged() const {
   return Estimate{inverse_depth(mode) + mean, std::sqrt(std::max(square - mean * mean, step_ * step_ / 12))};
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::papers

@@ -7,7 +7,7 @@
 #include <optional>
 #include <vector>
 
-namespace huetrack {
+namespace huetrack::papers {
 
 // thread-compatible.
 class DepthRay {
@@ -48,4 +48,4 @@ class DepthRay {
   double finest_ = std::numeric_limits<double>::infinity();  // 1/m, of the rays that were added
 };
 
-}  // namespace huetrack
+}  // namespace huetrack::papers

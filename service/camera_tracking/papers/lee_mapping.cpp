@@ -6,12 +6,12 @@
 #include "camera_tracking/corners.h"
 #include "camera_tracking/papers/lee_tracker.h"
 
-namespace huetrack {
+namespace huetrack::papers {
 
-LeeMapping::LeeMapping(const Camera& camera, const Options& options, std::uint64_t seed)
+LeeMapping::LeeMapping(const calib::Camera& camera, const Options& options, std::uint64_t seed)
     : camera_(camera), options_(options), rng_(seed, 12) {}
 
-void LeeMapping::start(const LeeFrame& first, const Started& started) {
+void LeeMapping::start(const LeeFrame& first, const camera_tracking::Started& started) {
   double depth = 0;
   for (std::size_t i = 0; i < started.points.size(); ++i) {
     LeeFeature f;
@@ -90,7 +90,7 @@ void LeeMapping::update_features(const LeeFrame& frame) {
 
 // Section 3.3: the template is sought along the ray's image, and the depths where the particles' rays pass gain weight.
 void LeeMapping::update_candidates(const LeeFrame& frame) {
-  const GreyImage& image = frame.pyramid->levels.front();
+  const camera_tracking::GreyImage& image = frame.pyramid->levels.front();
   std::vector<Candidate> kept;
   for (Candidate& c : candidates_) {
     ++c.attempts;
@@ -111,10 +111,10 @@ void LeeMapping::update_candidates(const LeeFrame& frame) {
           (b->px - a->px).norm() > 0.5 ? Eigen::Vector2d((b->px - a->px).normalized()) : Eigen::Vector2d(1, 0);
       constexpr double reach = 4;
       const Eigen::Vector2d middle = 0.5 * (a->px + b->px);
-      const PixelRegion region = clip(box_around(middle, 0.5 * std::abs(a->px.x() - b->px.x()) + reach,
+      const camera_tracking::PixelRegion region = camera_tracking::clip(box_around(middle, 0.5 * std::abs(a->px.x() - b->px.x()) + reach,
                                                  0.5 * std::abs(a->px.y() - b->px.y()) + reach),
                                       image, feature_side);
-      ncc_field(image, c.templ, region, field_);
+      camera_tracking::ncc_field(image, c.templ, region, field_);
       c.ray.begin();
       for (int v = region.v0; v <= region.v1; ++v) {
         for (int u = region.u0; u <= region.u1; ++u) {
@@ -132,8 +132,8 @@ void LeeMapping::update_candidates(const LeeFrame& frame) {
           const auto ray = camera_.model.ray({Eigen::Vector2d(u, v)});
           if (!ray) continue;
           found = true;
-          for (const Rigid3d& particle : frame.sampled) {
-            const Rigid3d back = inverse(particle);
+          for (const calib::Rigid3d& particle : frame.sampled) {
+            const calib::Rigid3d back = calib::inverse(particle);
             c.ray.add(back.translation, back.rotation * *ray, static_cast<double>(rho * rho), 1.0 / camera_.model.fx());
           }
         }
@@ -172,7 +172,7 @@ void LeeMapping::detect(const LeeFrame& frame) {
     auto t = cut_template(frame.pyramid->levels.front(), *px);
     const auto ray = camera_.model.ray({*px});
     if (!t || !ray) continue;
-    const Rigid3d back = inverse(frame.cam_from_world);
+    const calib::Rigid3d back = calib::inverse(frame.cam_from_world);
     candidates_.push_back({{frame.pyramid, frame.cam_from_world, *px},
                            frame.state_covariance,
                            options_.pixel_sigma * options_.pixel_sigma * Eigen::Matrix2d::Identity(),
@@ -181,34 +181,34 @@ void LeeMapping::detect(const LeeFrame& frame) {
   }
 }
 
-SceneMap scene_of(const std::vector<LeeFeature>& features) {
-  SceneMap out;
-  std::map<std::pair<const Pyramid*, double>, int> frames;  // a frame may have been used by several features
+camera_tracking::SceneMap scene_of(const std::vector<LeeFeature>& features) {
+  camera_tracking::SceneMap out;
+  std::map<std::pair<const camera_tracking::Pyramid*, double>, int> frames;  // a frame may have been used by several features
   for (const LeeFeature& f : features) {
     const auto [it, fresh] = frames.try_emplace({f.source.pyramid.get(), f.source.cam_from_world.translation.x()},
                                                 static_cast<int>(out.keyframes.size()));
     if (fresh) out.keyframes.push_back({f.source.pyramid, f.source.cam_from_world});
-    MapPoint p;
+    camera_tracking::MapPoint p;
     p.position = f.position, p.covariance = f.covariance, p.given = f.given;
-    PointLook& look = p.looks[0];
+    camera_tracking::PointLook& look = p.looks[0];
     look.keyframe = it->second, look.px = f.source.px;
-    const GreyImage& image = f.source.pyramid->levels.front();
-    look.described = image.contains(look.px.x(), look.px.y(), descriptor_margin);
-    if (look.described) look.descriptor = describe(image, look.px);
+    const camera_tracking::GreyImage& image = f.source.pyramid->levels.front();
+    look.described = image.contains(look.px.x(), look.px.y(), camera_tracking::descriptor_margin);
+    if (look.described) look.descriptor = camera_tracking::describe(image, look.px);
     p.look_count = 1;
     out.points.push_back(p);
   }
   return out;
 }
 
-StoredMap LeeMapping::stored() const {
+camera_tracking::StoredMap LeeMapping::stored() const {
   return {scene_of(features_), {}, {camera_.image_size.width, camera_.image_size.height}};
 }
 
-void LeeMapping::start(const StoredMap& stored) {
-  for (const MapPoint& p : stored.map.points) {
+void LeeMapping::start(const camera_tracking::StoredMap& stored) {
+  for (const camera_tracking::MapPoint& p : stored.map.points) {
     if (!p.alive || p.look_count == 0) continue;
-    const Keyframe& k = stored.map.keyframes[static_cast<std::size_t>(p.looks[0].keyframe)];
+    const camera_tracking::Keyframe& k = stored.map.keyframes[static_cast<std::size_t>(p.looks[0].keyframe)];
     LeeFeature f;
     f.position = p.position, f.covariance = p.covariance, f.given = p.given;
     f.source = {k.pyramid, k.cam_from_world, p.looks[0].px};
@@ -218,4 +218,4 @@ void LeeMapping::start(const StoredMap& stored) {
   }
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::papers

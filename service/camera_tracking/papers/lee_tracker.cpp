@@ -7,14 +7,14 @@
 #include "camera_tracking/papers/paper_tracker_base.h"
 #include "camera_tracking/parallel_task.h"
 
-namespace huetrack {
+namespace huetrack::papers {
 namespace {
 
 // Frame n is tracked with the features as frame n - 2 left them, while frame n - 1 is being mapped: section 3.6's two
 // parallel processes, with a result that does not depend on who is faster.
 class LeeTracker final : public PaperTrackerBase {
  public:
-  LeeTracker(const Camera& camera, const CameraTrackerOptions& options)
+  LeeTracker(const calib::Camera& camera, const camera_tracking::CameraTrackerOptions& options)
       : PaperTrackerBase(camera, options),
         tracking_(camera, tracking_options(options), options.seed),
         mapping_(camera, {}, options.seed) {
@@ -24,10 +24,10 @@ class LeeTracker final : public PaperTrackerBase {
     }
   }
 
-  CameraTrackerView view() const override {
-    CameraTrackerView out;
+  camera_tracking::CameraTrackerView view() const override {
+    camera_tracking::CameraTrackerView out;
     for (const LeeFeature& f : features_) {
-      CameraTrackerView::Feature x;
+      camera_tracking::CameraTrackerView::Feature x;
       x.position = f.position, x.covariance = f.covariance, x.given = f.given;
       x.found_px.setConstant(std::numeric_limits<float>::quiet_NaN());
       bool in_view = false;
@@ -44,44 +44,44 @@ class LeeTracker final : public PaperTrackerBase {
       out.features.push_back(x);
     }
     for (std::size_t i = 0; i < std::min<std::size_t>(particles().size(), 300); ++i)
-      out.particles.push_back(inverse(particles().pose(i)));
+      out.particles.push_back(calib::inverse(particles().pose(i)));
     return out;
   }
 
-  std::vector<CameraMapPoint> map() const override {
-    std::vector<CameraMapPoint> out;
+  std::vector<camera_tracking::CameraMapPoint> map() const override {
+    std::vector<camera_tracking::CameraMapPoint> out;
     for (const LeeFeature& f : features_) {  // ascending ids
       const auto is_it = [&](int id) { return id == f.id; };
-      auto state = CameraMapPoint::State::not_sought;
-      if (std::ranges::any_of(last_.matches, is_it, &LeeFrame::Match::id)) state = CameraMapPoint::State::found;
-      if (std::ranges::any_of(last_.missed, is_it)) state = CameraMapPoint::State::missed;
+      auto state = camera_tracking::CameraMapPoint::State::not_sought;
+      if (std::ranges::any_of(last_.matches, is_it, &LeeFrame::Match::id)) state = camera_tracking::CameraMapPoint::State::found;
+      if (std::ranges::any_of(last_.missed, is_it)) state = camera_tracking::CameraMapPoint::State::missed;
       out.push_back({static_cast<std::uint32_t>(f.id), f.position, f.covariance, state, f.given});
     }
     return out;
   }
 
-  void save_map(const std::filesystem::path& file) const override { write_map(file, mapping_.stored()); }
+  void save_map(const std::filesystem::path& file) const override { camera_tracking::write_map(file, mapping_.stored()); }
 
  private:
-  static LeeTracking::Options tracking_options(const CameraTrackerOptions& options) {
+  static LeeTracking::Options tracking_options(const camera_tracking::CameraTrackerOptions& options) {
     LeeTracking::Options o;
     if (options.particle_count > 0) o.particle_count = static_cast<std::size_t>(options.particle_count);
     if (options.as_printed) o.cloud_share = 1, o.polish = false, o.wider_unseen = 1;
     return o;
   }
 
-  void start(const std::shared_ptr<const Pyramid>& pyramid, const Started& started, std::uint64_t number) override {
+  void start(const std::shared_ptr<const camera_tracking::Pyramid>& pyramid, const camera_tracking::Started& started, std::uint64_t number) override {
     last_ = {};
     last_.number = number, last_.pyramid = pyramid, last_.cam_from_world = started.pose.cam_from_world;
     mapping_.start(last_, started);
     features_ = mapping_.features();
     tracking_.start(last_.cam_from_world);
   }
-  void restart(const Rigid3d& cam_from_world) override { tracking_.start(cam_from_world); }
-  const PoseParticles& particles() const override { return tracking_.particles(); }
-  SceneMap scene() const override { return scene_of(features_); }
+  void restart(const calib::Rigid3d& cam_from_world) override { tracking_.start(cam_from_world); }
+  const camera_tracking::PoseParticles& particles() const override { return tracking_.particles(); }
+  camera_tracking::SceneMap scene() const override { return scene_of(features_); }
 
-  FilteredPose track(const std::shared_ptr<const Pyramid>& pyramid, std::uint64_t number) override {
+  FilteredPose track(const std::shared_ptr<const camera_tracking::Pyramid>& pyramid, std::uint64_t number) override {
     const bool mapping = last_.tracked && may_map();
     if (mapping) mapper_.start([this] { mapping_.map(last_); });
     LeeFrame now = tracking_.track(number, pyramid, features_);
@@ -114,13 +114,13 @@ class LeeTracker final : public PaperTrackerBase {
   LeeMapping mapping_;  // while mapper_ works: its alone, as is last_
   LeeFrame last_;
   std::vector<LeeFeature> features_;  // what tracking sees
-  ParallelTask mapper_;               // last: it ends before what it works on
+  camera_tracking::ParallelTask mapper_;               // last: it ends before what it works on
 };
 
 }  // namespace
 
-std::unique_ptr<CameraTracker> make_lee_tracker(const Camera& camera, const CameraTrackerOptions& options) {
+std::unique_ptr<camera_tracking::CameraTracker> make_lee_tracker(const calib::Camera& camera, const camera_tracking::CameraTrackerOptions& options) {
   return std::make_unique<LeeTracker>(camera, options);
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::papers

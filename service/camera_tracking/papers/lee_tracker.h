@@ -16,7 +16,7 @@
 #include "camera_tracking/scene_map.h"
 #include "camera_tracking/papers/unscented_kalman.h"
 
-namespace huetrack {
+namespace huetrack::papers {
 
 // A feature as the tracking task sees it.
 struct LeeFeature {
@@ -31,12 +31,12 @@ struct LeeFeature {
 // What tracking hands over of a frame.
 struct LeeFrame {
   std::uint64_t number = 0;
-  std::shared_ptr<const Pyramid> pyramid;
+  std::shared_ptr<const camera_tracking::Pyramid> pyramid;
   bool tracked = false;
-  Rigid3d cam_from_world;           // the particles' mean, polished
-  std::optional<PoseFit> polished;  // of which this is the fit
+  calib::Rigid3d cam_from_world;           // the particles' mean, polished
+  std::optional<camera_tracking::PoseFit> polished;  // of which this is the fit
   Eigen::Matrix<double, 7, 7> state_covariance = Eigen::Matrix<double, 7, 7>::Zero();
-  std::vector<Rigid3d> sampled;  // particles drawn by their weights: cam_from_world
+  std::vector<calib::Rigid3d> sampled;  // particles drawn by their weights: cam_from_world
   struct Match {
     int id = 0;
     Eigen::Vector2d projected, found;  // raw px
@@ -62,33 +62,33 @@ class LeeTracking {
     double wider_unseen = 1.5;  // the walk after a frame that did not support the pose: the paper's
                                 // particles disperse by the walk alone, which takes longer
   };
-  LeeTracking(const Camera& camera, const Options& options, std::uint64_t seed);
-  void start(const Rigid3d& cam_from_world);
-  LeeFrame track(std::uint64_t number, const std::shared_ptr<const Pyramid>& pyramid,
+  LeeTracking(const calib::Camera& camera, const Options& options, std::uint64_t seed);
+  void start(const calib::Rigid3d& cam_from_world);
+  LeeFrame track(std::uint64_t number, const std::shared_ptr<const camera_tracking::Pyramid>& pyramid,
                  const std::vector<LeeFeature>& features);
   // Algorithm 1 without step 3: the measurements are given (NaN: none). For simulations.
-  Rigid3d track_points(const std::vector<Eigen::Vector3d>& points, const std::vector<Eigen::Vector2d>& px);
-  CloudMoments cloud_of(const Eigen::Vector3d& p_world);  // of the weighted particles' projections
-  const PoseParticles& particles() const { return particles_; }
+  calib::Rigid3d track_points(const std::vector<Eigen::Vector3d>& points, const std::vector<Eigen::Vector2d>& px);
+  camera_tracking::CloudMoments cloud_of(const Eigen::Vector3d& p_world);  // of the weighted particles' projections
+  const camera_tracking::PoseParticles& particles() const { return particles_; }
   int in_view() const { return in_view_; }
 
  private:
   struct Cloud {  // M of Algorithm 1, of one feature
     std::vector<float> u, v;
-    CloudMoments moments;
+    camera_tracking::CloudMoments moments;
   };
   void weigh(const Cloud& cloud, const Eigen::Vector2d& y);
 
-  Camera camera_;
+  calib::Camera camera_;
   Options options_;
-  BatchProjector lens_;
-  Rng rng_;
-  PoseParticles particles_;
+  calib::BatchProjector lens_;
+  particle_filter::Rng rng_;
+  camera_tracking::PoseParticles particles_;
   int in_view_ = 0;
   bool supported_ = true;  // the last frame supported the pose
   std::vector<float> log_weight_;
   std::vector<Cloud> clouds_;
-  WarpedPatch patch_;
+  camera_tracking::WarpedPatch patch_;
   std::vector<float> field_;
 };
 
@@ -101,13 +101,13 @@ class LeeMapping {
     int box_px = 20;
     double pixel_sigma = 0.7;  // of R_p, eq. (9)
   };
-  LeeMapping(const Camera& camera, const Options& options, std::uint64_t seed);
-  void start(const LeeFrame& first, const Started& started);
-  void start(const StoredMap& stored);
+  LeeMapping(const calib::Camera& camera, const Options& options, std::uint64_t seed);
+  void start(const LeeFrame& first, const camera_tracking::Started& started);
+  void start(const camera_tracking::StoredMap& stored);
   void add(const LeeFeature& feature, double inverse_depth_sigma, const Eigen::Matrix<double, 7, 7>& camera_covariance);
   void map(const LeeFrame& frame);
   const std::vector<LeeFeature>& features() const { return features_; }  // with increasing ids
-  StoredMap stored() const;
+  camera_tracking::StoredMap stored() const;
 
  private:
   struct Estimator {                      // of features_[same index]
@@ -119,16 +119,16 @@ class LeeMapping {
     Eigen::Matrix<double, 7, 7> camera_covariance;
     Eigen::Matrix2d px_covariance;
     DepthRay ray;
-    NccTemplate templ;
+    camera_tracking::NccTemplate templ;
     int attempts = 0, missed = 0;
   };
   void update_features(const LeeFrame& frame);
   void update_candidates(const LeeFrame& frame);
   void detect(const LeeFrame& frame);
 
-  Camera camera_;
+  calib::Camera camera_;
   Options options_;
-  Rng rng_;
+  particle_filter::Rng rng_;
   int next_id_ = 0;
   double depth_m_ = 1;  // of the scene, about
   std::vector<LeeFeature> features_;
@@ -137,9 +137,9 @@ class LeeMapping {
   std::vector<float> field_;
 };
 
-SceneMap scene_of(const std::vector<LeeFeature>& features);
+camera_tracking::SceneMap scene_of(const std::vector<LeeFeature>& features);
 
 // options: checked. throws std::runtime_error naming the map file.
-std::unique_ptr<CameraTracker> make_lee_tracker(const Camera& camera, const CameraTrackerOptions& options);
+std::unique_ptr<camera_tracking::CameraTracker> make_lee_tracker(const calib::Camera& camera, const camera_tracking::CameraTrackerOptions& options);
 
-}  // namespace huetrack
+}  // namespace huetrack::papers

@@ -7,7 +7,7 @@
 #include "particle_filter/resample.h"
 #include "particle_filter/vector_clones.h"
 
-namespace huetrack {
+namespace huetrack::papers {
 namespace {
 
 // One feature's term of eq. (4)'s exponent, for all particles: -(m - y)^T C^-1 (m - y) / 2.
@@ -20,17 +20,17 @@ HUETRACK_CLONES void add_log_likelihood(const float* __restrict u, const float* 
   }
 }
 
-Camera without_pose(Camera camera) {
+calib::Camera without_pose(calib::Camera camera) {
   camera.cam_from_world = {};
   return camera;
 }
 
 }  // namespace
 
-LeeTracking::LeeTracking(const Camera& camera, const Options& options, std::uint64_t seed)
+LeeTracking::LeeTracking(const calib::Camera& camera, const Options& options, std::uint64_t seed)
     : camera_(camera), options_(options), lens_(without_pose(camera)), rng_(seed, 11) {}
 
-void LeeTracking::start(const Rigid3d& cam_from_world) {
+void LeeTracking::start(const calib::Rigid3d& cam_from_world) {
   particles_.reset(options_.particle_count, cam_from_world);
   supported_ = true;
 }
@@ -44,33 +44,33 @@ void LeeTracking::weigh(const Cloud& cloud, const Eigen::Vector2d& px) {
                      static_cast<float>(c(0, 1)), static_cast<float>(c(1, 1)), log_weight_.data());
 }
 
-CloudMoments LeeTracking::cloud_of(const Eigen::Vector3d& p_world) {
+camera_tracking::CloudMoments LeeTracking::cloud_of(const Eigen::Vector3d& p_world) {
   if (clouds_.empty()) clouds_.emplace_back();
   Cloud& cloud = clouds_.front();
   cloud.u.resize(particles_.size()), cloud.v.resize(particles_.size());
   particles_.project(lens_, p_world, cloud.u, cloud.v);
-  return cloud_moments(cloud.u, cloud.v, particles_.weight);
+  return camera_tracking::cloud_moments(cloud.u, cloud.v, particles_.weight);
 }
 
-Rigid3d LeeTracking::track_points(const std::vector<Eigen::Vector3d>& points, const std::vector<Eigen::Vector2d>& px) {
+calib::Rigid3d LeeTracking::track_points(const std::vector<Eigen::Vector3d>& points, const std::vector<Eigen::Vector2d>& px) {
   particles_.resample(rng_, options_.particle_count);
   particles_.walk_normal(static_cast<float>(options_.rotation_rad), static_cast<float>(options_.position_m), rng_);
   log_weight_.assign(particles_.size(), 0.0f);
   for (std::size_t i = 0; i < points.size(); ++i) {
     if (!px[i].allFinite()) continue;
-    const CloudMoments moments = cloud_of(points[i]);
+    const camera_tracking::CloudMoments moments = cloud_of(points[i]);
     clouds_.front().moments = moments;
     weigh(clouds_.front(), px[i]);
   }
-  normalize_log_weights(log_weight_, particles_.weight);
+  particle_filter::normalize_log_weights(log_weight_, particles_.weight);
   return particles_.mean();
 }
 
-LeeFrame LeeTracking::track(std::uint64_t number, const std::shared_ptr<const Pyramid>& pyramid,
+LeeFrame LeeTracking::track(std::uint64_t number, const std::shared_ptr<const camera_tracking::Pyramid>& pyramid,
                             const std::vector<LeeFeature>& features) {
   LeeFrame out;
   out.number = number, out.pyramid = pyramid;
-  const GreyImage& image = pyramid->levels.front();
+  const camera_tracking::GreyImage& image = pyramid->levels.front();
   // Step 1: resample.
   particles_.resample(rng_, options_.particle_count);
   // Step 2: the motion model, eq. (3), and the features' projections.
@@ -78,7 +78,7 @@ LeeFrame LeeTracking::track(std::uint64_t number, const std::shared_ptr<const Py
   particles_.walk_normal(static_cast<float>(wider * options_.rotation_rad),
                          static_cast<float>(wider * options_.position_m), rng_);
   const std::size_t n = particles_.size();
-  const Rigid3d predicted = particles_.mean();
+  const calib::Rigid3d predicted = particles_.mean();
   struct Visible {
     std::size_t feature, cloud;
   };
@@ -91,7 +91,7 @@ LeeFrame LeeTracking::track(std::uint64_t number, const std::shared_ptr<const Py
     Cloud& cloud = clouds_[k];
     cloud.u.resize(n), cloud.v.resize(n);
     particles_.project(lens_, features[i].position, cloud.u, cloud.v);
-    cloud.moments = cloud_moments(cloud.u, cloud.v, particles_.weight);
+    cloud.moments = camera_tracking::cloud_moments(cloud.u, cloud.v, particles_.weight);
     if (cloud.moments.weight_sum < 0.5) continue;
     visible.push_back({i, k});
   }
@@ -101,18 +101,18 @@ LeeFrame LeeTracking::track(std::uint64_t number, const std::shared_ptr<const Py
   const double most = supported_ ? 28 : 56;
   for (const Visible& x : visible) {
     const LeeFeature& f = features[x.feature];
-    const CloudMoments& m = clouds_[x.cloud].moments;
+    const camera_tracking::CloudMoments& m = clouds_[x.cloud].moments;
     if (!predict_template(camera_.model, f.source, f.depth, predicted, patch_)) continue;
     const double half_u = std::clamp(3 * std::sqrt(m.covariance(0, 0)), 4.0, most),
                  half_v = std::clamp(3 * std::sqrt(m.covariance(1, 1)), 4.0, most);
-    const PixelRegion region = clip(box_around(m.mean, half_u, half_v), image, feature_side);
-    ncc_field(image, patch_.inner, region, field_);
-    const NccPeak peak = best_of(field_, region);
+    const camera_tracking::PixelRegion region = camera_tracking::clip(box_around(m.mean, half_u, half_v), image, feature_side);
+    camera_tracking::ncc_field(image, patch_.inner, region, field_);
+    const camera_tracking::NccPeak peak = camera_tracking::best_of(field_, region);
     if (peak.rho < options_.threshold) {
       out.missed.push_back(f.id);
       continue;
     }
-    out.matches.push_back({f.id, m.mean, refined(peak, field_, region), m.covariance});
+    out.matches.push_back({f.id, m.mean, camera_tracking::refined(peak, field_, region), m.covariance});
     seen.push_back(x);
   }
   // Step 4: eq. (4). Without a measurement all particles weigh the same, and the cloud disperses.
@@ -121,14 +121,14 @@ LeeFrame LeeTracking::track(std::uint64_t number, const std::shared_ptr<const Py
     weigh(clouds_[seen[i].cloud], out.matches[i].found);
   }
   // Step 5.
-  normalize_log_weights(log_weight_, particles_.weight);
+  particle_filter::normalize_log_weights(log_weight_, particles_.weight);
   out.cam_from_world = particles_.mean();
   // Whether the weighted cloud and the measurements agree, and it is a cloud still: eq. (9)'s covariance is that of it.
   const std::size_t total = seen.size() + out.missed.size();
   std::size_t agree = 0, narrow = 0;
   for (std::size_t i = 0; i < seen.size(); ++i) {
     const Cloud& cloud = clouds_[seen[i].cloud];
-    const CloudMoments m = cloud_moments(cloud.u, cloud.v, particles_.weight);
+    const camera_tracking::CloudMoments m = camera_tracking::cloud_moments(cloud.u, cloud.v, particles_.weight);
     out.matches[i].projected = m.mean, out.matches[i].cloud = m.covariance;
     const Eigen::Vector2d off = out.matches[i].found - m.mean;
     agree += off.dot((m.covariance + Eigen::Matrix2d::Identity()).inverse() * off) < 12;
@@ -140,7 +140,7 @@ LeeFrame LeeTracking::track(std::uint64_t number, const std::shared_ptr<const Py
   supported_ = out.tracked;
   if (!out.tracked) return out;
   if (options_.polish) {
-    std::vector<PoseObservation> found;
+    std::vector<camera_tracking::PoseObservation> found;
     for (std::size_t i = 0; i < seen.size(); ++i) {
       const LeeFeature& f = features[seen[i].feature];
       found.push_back({f.position, out.matches[i].found,
@@ -151,9 +151,9 @@ LeeFrame LeeTracking::track(std::uint64_t number, const std::shared_ptr<const Py
   }
   out.state_covariance = state_covariance(particles_, out.cam_from_world);
   std::vector<std::uint32_t> drawn(options_.sampled);
-  systematic_ancestors(particles_.weight, rng_.uniform(), drawn);
+  particle_filter::systematic_ancestors(particles_.weight, rng_.uniform(), drawn);
   for (const std::uint32_t i : drawn) out.sampled.push_back(particles_.pose(i));
   return out;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::papers

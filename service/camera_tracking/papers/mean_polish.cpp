@@ -3,25 +3,25 @@
 #include <Eigen/LU>
 #include <cmath>
 
-namespace huetrack {
+namespace huetrack::papers {
 
-std::optional<PoseFit> polish_mean(const CameraModel& lens, const PoseParticles& cloud, const Rigid3d& mean,
-                                   std::span<const PoseObservation> seen) {
+std::optional<camera_tracking::PoseFit> polish_mean(const calib::CameraModel& lens, const camera_tracking::PoseParticles& cloud, const calib::Rigid3d& mean,
+                                   std::span<const camera_tracking::PoseObservation> seen) {
   constexpr int least = 4;
   constexpr double gate = 30;  // squared distance over the cloud's covariance, 6 dimensions
-  PoseFit fit = refine_pose(lens, seen, mean);
+  camera_tracking::PoseFit fit = camera_tracking::refine_pose(lens, seen, mean);
   if (fit.inliers < least || 2 * fit.inliers < static_cast<int>(seen.size())) return std::nullopt;
-  const Rigid3d back = inverse(fit.cam_from_world), world_from_mean = inverse(mean);
+  const calib::Rigid3d back = calib::inverse(fit.cam_from_world), world_from_mean = calib::inverse(mean);
   const Eigen::AngleAxisd turn((back.rotation * world_from_mean.rotation.inverse()).normalized());
   Eigen::Matrix<double, 6, 1> off;
   off << back.translation - world_from_mean.translation, turn.angle() * turn.axis();
-  const Covariance6d covariance = cloud.covariance(mean) + 1e-6 * Covariance6d::Identity();
+  const camera_tracking::Covariance6d covariance = cloud.covariance(mean) + 1e-6 * camera_tracking::Covariance6d::Identity();
   if (!(off.dot(covariance.inverse() * off) < gate)) return std::nullopt;
   return fit;
 }
 
-double sigma_px_of(const CameraModel& lens, double pixel_sigma, double position_sigma_m, double depth_m) {
+double sigma_px_of(const calib::CameraModel& lens, double pixel_sigma, double position_sigma_m, double depth_m) {
   return std::hypot(pixel_sigma, lens.fx() * position_sigma_m / depth_m);
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::papers

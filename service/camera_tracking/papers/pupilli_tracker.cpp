@@ -8,22 +8,22 @@
 #include "camera_tracking/papers/paper_tracker_base.h"
 #include "particle_filter/resample.h"
 
-namespace huetrack {
+namespace huetrack::papers {
 namespace {
 
 constexpr double most_half_px = 44;  // of a correlation field
 
-Camera without_pose(Camera camera) {
+calib::Camera without_pose(calib::Camera camera) {
   camera.cam_from_world = {};
   return camera;
 }
 
 }  // namespace
 
-PupilliFilter::PupilliFilter(const Camera& camera, const Options& options, std::uint64_t seed)
+PupilliFilter::PupilliFilter(const calib::Camera& camera, const Options& options, std::uint64_t seed)
     : camera_(camera), options_(options), lens_(without_pose(camera)), rng_(seed, 21) {}
 
-void PupilliFilter::start(const Rigid3d& cam_from_world) {
+void PupilliFilter::start(const calib::Rigid3d& cam_from_world) {
   particles_.reset(options_.particle_count, cam_from_world);
   supported_ = true;
 }
@@ -33,9 +33,9 @@ void PupilliFilter::add(PupilliPoint point) {
   points_.push_back(std::move(point));
 }
 
-PupilliFilter::Result PupilliFilter::track(const std::shared_ptr<const Pyramid>& pyramid) {
+PupilliFilter::Result PupilliFilter::track(const std::shared_ptr<const camera_tracking::Pyramid>& pyramid) {
   Result out;
-  const GreyImage& image = pyramid->levels.front();
+  const camera_tracking::GreyImage& image = pyramid->levels.front();
   // Points that were mapped wrongly are never found. (Here: what was measured refers to them by their place.)
   std::erase_if(points_, [](const PupilliPoint& p) { return !p.given && p.missed > 30 && p.missed > 4 * p.found; });
   // Condensation: proportional to the weights, then the random walk of eq. (2).
@@ -44,7 +44,7 @@ PupilliFilter::Result PupilliFilter::track(const std::shared_ptr<const Pyramid>&
   const float rotation = wider * options_.rotation_rad, position = wider * options_.position_m;
   particles_.walk_uniform(rotation, position, rng_);
   const std::size_t n = particles_.size();
-  const Rigid3d predicted = particles_.mean();
+  const calib::Rigid3d predicted = particles_.mean();
 
   // Active points: in view; the ones found most reliably, if there are many. Points that are not found go on being
   // sought.
@@ -72,7 +72,7 @@ PupilliFilter::Result PupilliFilter::track(const std::shared_ptr<const Pyramid>&
   // The correlation fields, eq. (3), in the regions where the particles project.
   for (std::size_t k = 0; k < m; ++k) {
     project(k);
-    const CloudMoments cloud = cloud_moments(u_[k], v_[k], particles_.weight);
+    const camera_tracking::CloudMoments cloud = camera_tracking::cloud_moments(u_[k], v_[k], particles_.weight);
     const double left = std::max(static_cast<double>(cloud.u_min), cloud.mean.x() - most_half_px),
                  right = std::min(static_cast<double>(cloud.u_max), cloud.mean.x() + most_half_px);
     const double top = std::max(static_cast<double>(cloud.v_min), cloud.mean.y() - most_half_px),
@@ -98,11 +98,11 @@ PupilliFilter::Result PupilliFilter::track(const std::shared_ptr<const Pyramid>&
                       epsilon_d);                               // after eq. (7) the values are smaller
       fields_[k].score(u_[k], v_[k], 1.0f, true, log_weight_);  // eqs. (5), (6)
     }
-    normalize_log_weights(log_weight_, particles_.weight);
+    particle_filter::normalize_log_weights(log_weight_, particles_.weight);
     if (step + 1 == options_.annealing_steps) break;
     // Eq. (7), from a subset that is drawn by the weights.
     std::vector<std::uint32_t> drawn(std::min(options_.reweighting_particles, n));
-    systematic_ancestors(particles_.weight, rng_.uniform(), drawn);
+    particle_filter::systematic_ancestors(particles_.weight, rng_.uniform(), drawn);
     std::vector<float> su(drawn.size()), sv(drawn.size()), equal(drawn.size(), 1.0f / static_cast<float>(drawn.size()));
     for (std::size_t k = 0; k < m; ++k) {
       for (std::size_t i = 0; i < drawn.size(); ++i) su[i] = u_[k][drawn[i]], sv[i] = v_[k][drawn[i]];
@@ -115,10 +115,10 @@ PupilliFilter::Result PupilliFilter::track(const std::shared_ptr<const Pyramid>&
   for (std::size_t k = 0; k < m; ++k) {
     const auto px = camera_.model.project(out.cam_from_world * points_[active_[k]].position);
     if (!px) continue;
-    const NccPeak peak = fields_[k].strongest(static_cast<float>(px->px.x()), static_cast<float>(px->px.y()),
+    const camera_tracking::NccPeak peak = fields_[k].strongest(static_cast<float>(px->px.x()), static_cast<float>(px->px.y()),
                                               2 * options_.epsilon_d_px[2], 0.2f);
     PupilliPoint& p = points_[active_[k]];
-    measured_[k].cloud = cloud_moments(u_[k], v_[k], particles_.weight);
+    measured_[k].cloud = camera_tracking::cloud_moments(u_[k], v_[k], particles_.weight);
     if (peak.rho > 0) {
       ++out.matched, ++p.found;
       measured_[k].found =
@@ -136,7 +136,7 @@ PupilliFilter::Result PupilliFilter::track(const std::shared_ptr<const Pyramid>&
   out.supported = out.matched >= 4 && 3 * out.matched >= 2 * out.active && 2 * narrow > static_cast<std::ptrdiff_t>(m);
   supported_ = out.supported;
   if (out.supported && options_.polish) {
-    std::vector<PoseObservation> seen;
+    std::vector<camera_tracking::PoseObservation> seen;
     for (const Measured& x : measured_) {
       const PupilliPoint& p = points_[x.point];
       const double depth_m = (out.cam_from_world * p.position).norm();
@@ -149,9 +149,9 @@ PupilliFilter::Result PupilliFilter::track(const std::shared_ptr<const Pyramid>&
   return out;
 }
 
-void PupilliFilter::map(const std::shared_ptr<const Pyramid>& pyramid, const Result& result) {
+void PupilliFilter::map(const std::shared_ptr<const camera_tracking::Pyramid>& pyramid, const Result& result) {
   if (!result.supported) return;
-  const GreyImage& image = pyramid->levels.front();
+  const camera_tracking::GreyImage& image = pyramid->levels.front();
   const auto in_view = static_cast<std::size_t>(std::ranges::count_if(points_, [&](const PupilliPoint& p) {
     const auto px = camera_.model.project(result.cam_from_world * p.position);
     return px && camera_.contains(*px);
@@ -177,9 +177,9 @@ void PupilliFilter::map(const std::shared_ptr<const Pyramid>& pyramid, const Res
       candidate_field_.correlate(image, c.templ,
                                  box_around(middle, 0.5 * std::abs(a->px.x() - b->px.x()) + reach,
                                             0.5 * std::abs(a->px.y() - b->px.y()) + reach));
-      const PixelRegion& region = candidate_field_.region();
+      const camera_tracking::PixelRegion& region = candidate_field_.region();
       std::vector<std::uint32_t> drawn(40);
-      systematic_ancestors(particles_.weight, rng_.uniform(), drawn);
+      particle_filter::systematic_ancestors(particles_.weight, rng_.uniform(), drawn);
       c.ray.begin();
       for (int v = region.v0; v <= region.v1; ++v) {
         for (int u = region.u0; u <= region.u1; ++u) {
@@ -194,7 +194,7 @@ void PupilliFilter::map(const std::shared_ptr<const Pyramid>& pyramid, const Res
           found = true;
           const double rho2 = static_cast<double>(rho * rho);
           for (const std::uint32_t i : drawn) {
-            const Rigid3d back = inverse(particles_.pose(i));
+            const calib::Rigid3d back = calib::inverse(particles_.pose(i));
             c.ray.add(back.translation, back.rotation * *ray, rho2 * rho2 * std::exp(-0.5 * off * off),
                       1.5 / camera_.model.fx());
           }
@@ -219,7 +219,7 @@ void PupilliFilter::map(const std::shared_ptr<const Pyramid>& pyramid, const Res
     introduce(pyramid, result.cam_from_world);
 }
 
-void PupilliFilter::introduce(const std::shared_ptr<const Pyramid>& pyramid, const Rigid3d& pose) {
+void PupilliFilter::introduce(const std::shared_ptr<const camera_tracking::Pyramid>& pyramid, const calib::Rigid3d& pose) {
   std::vector<Eigen::Vector2d> seen;
   double depth = 0;
   for (const Measured& m : measured_) {
@@ -232,7 +232,7 @@ void PupilliFilter::introduce(const std::shared_ptr<const Pyramid>& pyramid, con
   auto t = cut_template(pyramid->levels.front(), *px);
   const auto ray = camera_.model.ray({*px});
   if (!t || !ray) return;
-  const Rigid3d back = inverse(pose);
+  const calib::Rigid3d back = calib::inverse(pose);
   candidates_.push_back({{pyramid, pose, *px},
                          std::move(*t),
                          DepthRay(back.translation, back.rotation * *ray, 0.25 * depth_m_, 8 * depth_m_)});
@@ -242,51 +242,51 @@ namespace {
 
 class PupilliTracker final : public PaperTrackerBase {
  public:
-  PupilliTracker(const Camera& camera, const CameraTrackerOptions& options)
+  PupilliTracker(const calib::Camera& camera, const camera_tracking::CameraTrackerOptions& options)
       : PaperTrackerBase(camera, options), filter_(camera, filter_options(options), options.seed) {
     if (auto stored = take_loaded()) {
-      for (const MapPoint& p : stored->map.points) {
+      for (const camera_tracking::MapPoint& p : stored->map.points) {
         if (!p.alive || p.look_count == 0) continue;
-        const Keyframe& k = stored->map.keyframes[static_cast<std::size_t>(p.looks[0].keyframe)];
+        const camera_tracking::Keyframe& k = stored->map.keyframes[static_cast<std::size_t>(p.looks[0].keyframe)];
         add(p.position, std::sqrt(p.covariance.trace()), {k.pyramid, k.cam_from_world, p.looks[0].px}, p.given);
       }
     }
   }
 
-  CameraTrackerView view() const override {
-    CameraTrackerView out;
+  camera_tracking::CameraTrackerView view() const override {
+    camera_tracking::CameraTrackerView out;
     for (const PupilliFilter::Measured& m : filter_.measured()) {
       const PupilliPoint& p = filter_.points()[m.point];
       out.features.push_back({m.cloud.mean.cast<float>(), m.found.cast<float>(), m.cloud.covariance.cast<float>(),
                               p.position, covariance_of(p), p.given});
     }
     for (std::size_t i = 0; i < std::min<std::size_t>(particles().size(), 300); ++i)
-      out.particles.push_back(inverse(particles().pose(i)));
+      out.particles.push_back(calib::inverse(particles().pose(i)));
     return out;
   }
 
-  std::vector<CameraMapPoint> map() const override {
-    std::vector<CameraMapPoint> out;
+  std::vector<camera_tracking::CameraMapPoint> map() const override {
+    std::vector<camera_tracking::CameraMapPoint> out;
     for (const PupilliPoint& p : filter_.points())
-      out.push_back({p.id, p.position, covariance_of(p), CameraMapPoint::State::not_sought, p.given});
+      out.push_back({p.id, p.position, covariance_of(p), camera_tracking::CameraMapPoint::State::not_sought, p.given});
     for (const PupilliFilter::Measured& m : filter_.measured())
-      out[m.point].state = m.found.allFinite() ? CameraMapPoint::State::found : CameraMapPoint::State::missed;
+      out[m.point].state = m.found.allFinite() ? camera_tracking::CameraMapPoint::State::found : camera_tracking::CameraMapPoint::State::missed;
     return out;
   }
 
   void save_map(const std::filesystem::path& file) const override {
-    write_map(file, {scene(), {}, {camera_.image_size.width, camera_.image_size.height}});
+    camera_tracking::write_map(file, {scene(), {}, {camera_.image_size.width, camera_.image_size.height}});
   }
 
  private:
-  static PupilliFilter::Options filter_options(const CameraTrackerOptions& options) {
+  static PupilliFilter::Options filter_options(const camera_tracking::CameraTrackerOptions& options) {
     PupilliFilter::Options o;
     if (options.particle_count > 0) o.particle_count = static_cast<std::size_t>(options.particle_count);
     if (options.as_printed) o.polish = false, o.wider_unseen = 1, o.introduced_at_once = 1;
     return o;
   }
   static Eigen::Matrix3d covariance_of(const PupilliPoint& p) {
-    const Eigen::Vector3d ray = (p.position - inverse(p.source.cam_from_world).translation).normalized();
+    const Eigen::Vector3d ray = (p.position - calib::inverse(p.source.cam_from_world).translation).normalized();
     return p.sigma_m * p.sigma_m * ray * ray.transpose() + 1e-6 * Eigen::Matrix3d::Identity();
   }
   void add(const Eigen::Vector3d& position, double sigma_m, const FeatureSource& source, bool given) {
@@ -297,35 +297,35 @@ class PupilliTracker final : public PaperTrackerBase {
     filter_.add(p);
   }
 
-  void start(const std::shared_ptr<const Pyramid>& pyramid, const Started& started, std::uint64_t) override {
+  void start(const std::shared_ptr<const camera_tracking::Pyramid>& pyramid, const camera_tracking::Started& started, std::uint64_t) override {
     filter_.start(started.pose.cam_from_world);
     for (std::size_t i = 0; i < started.points.size(); ++i)
       add(started.points[i], started.given_sigma_m, {pyramid, started.pose.cam_from_world, started.px[i]}, true);
   }
-  void restart(const Rigid3d& cam_from_world) override { filter_.start(cam_from_world); }
-  const PoseParticles& particles() const override { return filter_.particles(); }
+  void restart(const calib::Rigid3d& cam_from_world) override { filter_.start(cam_from_world); }
+  const camera_tracking::PoseParticles& particles() const override { return filter_.particles(); }
 
-  SceneMap scene() const override {
-    SceneMap out;
+  camera_tracking::SceneMap scene() const override {
+    camera_tracking::SceneMap out;
     for (const PupilliPoint& p : filter_.points()) {
-      MapPoint x;
+      camera_tracking::MapPoint x;
       x.position = p.position, x.covariance = covariance_of(p), x.given = p.given;
-      PointLook& look = x.looks[0];
+      camera_tracking::PointLook& look = x.looks[0];
       look.keyframe = static_cast<int>(out.keyframes.size()), look.px = p.source.px;
       if (!out.keyframes.empty() && out.keyframes.back().pyramid == p.source.pyramid)
         --look.keyframe;
       else
         out.keyframes.push_back({p.source.pyramid, p.source.cam_from_world});
-      const GreyImage& image = p.source.pyramid->levels.front();
-      look.described = image.contains(look.px.x(), look.px.y(), descriptor_margin);
-      if (look.described) look.descriptor = describe(image, look.px);
+      const camera_tracking::GreyImage& image = p.source.pyramid->levels.front();
+      look.described = image.contains(look.px.x(), look.px.y(), camera_tracking::descriptor_margin);
+      if (look.described) look.descriptor = camera_tracking::describe(image, look.px);
       x.look_count = 1;
       out.points.push_back(x);
     }
     return out;
   }
 
-  FilteredPose track(const std::shared_ptr<const Pyramid>& pyramid, std::uint64_t) override {
+  FilteredPose track(const std::shared_ptr<const camera_tracking::Pyramid>& pyramid, std::uint64_t) override {
     const PupilliFilter::Result r = filter_.track(pyramid);
     if (may_map()) filter_.map(pyramid, r);
     FilteredPose out{
@@ -346,8 +346,8 @@ class PupilliTracker final : public PaperTrackerBase {
 
 }  // namespace
 
-std::unique_ptr<CameraTracker> make_pupilli_tracker(const Camera& camera, const CameraTrackerOptions& options) {
+std::unique_ptr<camera_tracking::CameraTracker> make_pupilli_tracker(const calib::Camera& camera, const camera_tracking::CameraTrackerOptions& options) {
   return std::make_unique<PupilliTracker>(camera, options);
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::papers

@@ -14,14 +14,14 @@
 #include "camera_tracking/pose_solver.h"
 #include "camera_tracking/scene_map.h"
 
-namespace huetrack {
+namespace huetrack::papers {
 
 // A scene point z_i with its template T_i.
 struct PupilliPoint {
   std::uint32_t id = 0;                                // given by PupilliFilter::add()
   Eigen::Vector3d position = Eigen::Vector3d::Zero();  // world
   double sigma_m = 0;                                  // along its ray; 0: given
-  NccTemplate templ;
+  camera_tracking::NccTemplate templ;
   FeatureSource source;
   bool given = false;
   int found = 0, missed = 0;  // lately
@@ -44,27 +44,27 @@ class PupilliFilter {
     std::size_t introduced_at_once = 12;     // so many at a time (the paper: one)
     bool polish = true;                      // the mean (the paper: not)
   };
-  PupilliFilter(const Camera& camera, const Options& options, std::uint64_t seed);
-  void start(const Rigid3d& cam_from_world);
+  PupilliFilter(const calib::Camera& camera, const Options& options, std::uint64_t seed);
+  void start(const calib::Rigid3d& cam_from_world);
   void add(PupilliPoint point);  // gets an id
 
   struct Result {
-    Rigid3d cam_from_world;           // the weighted mean, polished
-    std::optional<PoseFit> polished;  // of which this is the fit
+    calib::Rigid3d cam_from_world;           // the weighted mean, polished
+    std::optional<camera_tracking::PoseFit> polished;  // of which this is the fit
     bool supported = false;
     int active = 0, matched = 0;
   };
   // One frame of the particle filter, sections 3 and 4.
-  Result track(const std::shared_ptr<const Pyramid>& pyramid);
+  Result track(const std::shared_ptr<const camera_tracking::Pyramid>& pyramid);
   // The auxiliary process of section 5, for the frame that was just tracked.
-  void map(const std::shared_ptr<const Pyramid>& pyramid, const Result& result);
+  void map(const std::shared_ptr<const camera_tracking::Pyramid>& pyramid, const Result& result);
 
-  const PoseParticles& particles() const { return particles_; }
+  const camera_tracking::PoseParticles& particles() const { return particles_; }
   const std::vector<PupilliPoint>& points() const { return points_; }
   // What was measured in the last frame: which point, where the cloud is and where its strongest observation.
   struct Measured {
     std::size_t point;
-    CloudMoments cloud;
+    camera_tracking::CloudMoments cloud;
     Eigen::Vector2d found;  // NaN: none
   };
   const std::vector<Measured>& measured() const { return measured_; }
@@ -72,31 +72,31 @@ class PupilliFilter {
  private:
   struct Candidate {
     FeatureSource source;
-    NccTemplate templ;
+    camera_tracking::NccTemplate templ;
     DepthRay ray;
     int attempts = 0, missed = 0;
   };
-  void introduce(const std::shared_ptr<const Pyramid>& pyramid, const Rigid3d& pose);
+  void introduce(const std::shared_ptr<const camera_tracking::Pyramid>& pyramid, const calib::Rigid3d& pose);
 
-  Camera camera_;
+  calib::Camera camera_;
   Options options_;
-  BatchProjector lens_;
-  Rng rng_;
-  PoseParticles particles_;
+  calib::BatchProjector lens_;
+  particle_filter::Rng rng_;
+  camera_tracking::PoseParticles particles_;
   std::vector<PupilliPoint> points_;
   std::uint32_t next_id_ = 0;
   std::vector<Candidate> candidates_;  // at most introduced_at_once
   double depth_m_ = 1;
   bool supported_ = true;
-  std::vector<ObservationField> fields_;
+  std::vector<camera_tracking::ObservationField> fields_;
   std::vector<std::size_t> active_;
   std::vector<std::vector<float>> u_, v_;  // projections of each active point
   std::vector<float> log_weight_;
   std::vector<Measured> measured_;
-  ObservationField candidate_field_;
+  camera_tracking::ObservationField candidate_field_;
 };
 
 // options: checked. throws std::runtime_error naming the map file.
-std::unique_ptr<CameraTracker> make_pupilli_tracker(const Camera& camera, const CameraTrackerOptions& options);
+std::unique_ptr<camera_tracking::CameraTracker> make_pupilli_tracker(const calib::Camera& camera, const camera_tracking::CameraTrackerOptions& options);
 
-}  // namespace huetrack
+}  // namespace huetrack::papers

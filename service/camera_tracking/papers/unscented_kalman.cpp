@@ -4,15 +4,15 @@
 #include <algorithm>
 #include <cmath>
 
-namespace huetrack {
+namespace huetrack::papers {
 
-FeatureFilter::FeatureFilter(const CameraModel& lens, const Rigid3d& cam_from_world,
+FeatureFilter::FeatureFilter(const calib::CameraModel& lens, const calib::Rigid3d& cam_from_world,
                              const Eigen::Matrix<double, 7, 7>& camera_covariance, double inverse_depth,
                              double inverse_depth_sigma, const Eigen::Vector2d& px,
                              const Eigen::Matrix2d& px_covariance)
     : lens_(lens), covariance_(Covariance::Zero()) {
   const Eigen::Quaterniond& q = cam_from_world.rotation;
-  state_ << inverse(cam_from_world).translation, q.w(), q.x(), q.y(), q.z(), inverse_depth, px;
+  state_ << calib::inverse(cam_from_world).translation, q.w(), q.x(), q.y(), q.z(), inverse_depth, px;
   covariance_.topLeftCorner<7, 7>() = camera_covariance;
   covariance_.diagonal().head<7>().array() += 1e-10;  // a quaternion's covariance has no width along itself
   covariance_(7, 7) = inverse_depth_sigma * inverse_depth_sigma;
@@ -39,7 +39,7 @@ Eigen::Matrix3d FeatureFilter::position_covariance() const {
   return sum;
 }
 
-bool FeatureFilter::update(const Rigid3d& cam_from_world, const Eigen::Vector2d& px, const Eigen::Matrix2d& r) {
+bool FeatureFilter::update(const calib::Rigid3d& cam_from_world, const Eigen::Vector2d& px, const Eigen::Matrix2d& r) {
   State x = state_;
   Covariance p = covariance_;
   const auto at = position();
@@ -58,7 +58,7 @@ bool FeatureFilter::update(const Rigid3d& cam_from_world, const Eigen::Vector2d&
   if (!unscented_update<10, 2>(x, p, px, r, measure)) return false;
   // The gate, with what the state itself leaves open: S is at least R.
   Eigen::Matrix3d spread = position_covariance();
-  CameraModel::Jacobian j;
+  calib::CameraModel::Jacobian j;
   lens_.project(cam_from_world * *at, j);
   const Eigen::Matrix<double, 2, 3> d = j * cam_from_world.rotation.toRotationMatrix();
   const Eigen::Matrix2d s = r + d * spread * d.transpose();
@@ -69,4 +69,4 @@ bool FeatureFilter::update(const Rigid3d& cam_from_world, const Eigen::Vector2d&
   return true;
 }
 
-}  // namespace huetrack
+}  // namespace huetrack::papers

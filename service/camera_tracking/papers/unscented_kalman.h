@@ -9,7 +9,7 @@
 #include "calib/model/camera_model.h"
 #include "calib/model/rigid3.h"
 
-namespace huetrack {
+namespace huetrack::papers {
 
 // x, P after a measurement y = h(x) + n, n ~ N(0, R): 2 n sigma points at +- the columns of sqrt(n P), equal weights.
 //   h(x, y) -> bool     false: this sigma point has no measurement
@@ -58,7 +58,7 @@ class FeatureFilter {
   using Covariance = Eigen::Matrix<double, 10, 10>;
 
   // Eqs. (5), (6). camera_covariance: 7x7 of (t, q).
-  FeatureFilter(const CameraModel& lens, const Rigid3d& cam_from_world,
+  FeatureFilter(const calib::CameraModel& lens, const calib::Rigid3d& cam_from_world,
                 const Eigen::Matrix<double, 7, 7>& camera_covariance, double inverse_depth, double inverse_depth_sigma,
                 const Eigen::Vector2d& px, const Eigen::Matrix2d& px_covariance);
 
@@ -69,15 +69,15 @@ class FeatureFilter {
 
   // Eqs. (8), (9): seen at px by a camera at this pose, r = R_p + cov of its projections under the particles.
   // false: rejected (5 sigmas off, or not before the camera).
-  bool update(const Rigid3d& cam_from_world, const Eigen::Vector2d& px, const Eigen::Matrix2d& r);
+  bool update(const calib::Rigid3d& cam_from_world, const Eigen::Vector2d& px, const Eigen::Matrix2d& r);
   const State& state() const { return state_; }
   const Covariance& covariance() const { return covariance_; }
 
  private:
   std::optional<Eigen::Vector3d> position_of(const State& s) const;
-  CameraModel lens_;
+  calib::CameraModel lens_;
   State state_;
   Covariance covariance_;
 };
 
-}  // namespace huetrack
+}  // namespace huetrack::papers
