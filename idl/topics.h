@@ -32,10 +32,11 @@ std::string ros2_pose(
     std::string_view target);  // rt/huetrack/<target>/pose: geometry_msgs/msg/PoseWithCovarianceStamped
 std::string ros2_camera_pose(std::string_view camera);  // rt/huetrack/camera/<camera>/pose: the same type
 
-inline constexpr const char* ros2_tf_static = "rt/tf_static";        // tf2_msgs/msg/TFMessage, transient local
-inline constexpr const char* ros2_markers = "rt/huetrack/markers";   // visualization_msgs/msg/MarkerArray
-std::string ros2_image(std::string_view camera);        // rt/huetrack/<camera>/image/compressed: CompressedImage
-std::string ros2_camera_info(std::string_view camera);  // rt/huetrack/<camera>/camera_info: CameraInfo; of the image's size
+inline constexpr const char* ros2_tf_static = "rt/tf_static";       // tf2_msgs/msg/TFMessage, transient local
+inline constexpr const char* ros2_markers = "rt/huetrack/markers";  // visualization_msgs/msg/MarkerArray
+std::string ros2_image(std::string_view camera);  // rt/huetrack/<camera>/image/compressed: CompressedImage
+std::string ros2_camera_info(
+    std::string_view camera);  // rt/huetrack/<camera>/camera_info: CameraInfo; of the image's size
 
 }  // namespace topics
 
@@ -52,8 +53,8 @@ inline constexpr const char* ros2_markers_type_hash =
     "RIHS01_86cb8800b6fb05b5eff1abd7a56f62a5641d3ae9a1c29e78e67e704f1d067dcf";
 std::string ros2_user_data(std::string_view type_hash);  // "typehash=RIHS01_...;"
 
-// USER_DATA of the writers of object_position and camera_pose: who it is, readable before the first sample and without one.
-// On camera_pose its targets are the camera's name.
+// USER_DATA of the writers of object_position and camera_pose: who it is, readable before the first sample and without
+// one. On camera_pose its targets are the camera's name.
 struct PublisherIdentity {
   std::string host;
   std::uint32_t pid = 0;

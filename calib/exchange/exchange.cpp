@@ -46,9 +46,10 @@ ExchangeFormat detect_format(const std::filesystem::path& file) {
   }
   if (has(R"(^cam0\s*:)") && has(R"(^\s+camera_model\s*:)")) return ExchangeFormat::kalibr;
   if (has(R"(^distortion_model\s*:)") && has(R"(^camera_matrix\s*:)")) return ExchangeFormat::ros;
-  throw yaml::ConfigError(file, 0,
-                    "is no calibration file that we know by its looks; say which with --from: ros, opencv, kalibr, "
-                    "aniposelib or caliscope");
+  throw yaml::ConfigError(
+      file, 0,
+      "is no calibration file that we know by its looks; say which with --from: ros, opencv, kalibr, "
+      "aniposelib or caliscope");
 }
 
 Imported import_rig(std::span<const std::filesystem::path> files, const ImportOptions& options) {

@@ -15,8 +15,8 @@
 namespace huetrack::exchange {
 
 calib::CameraModel opencv_lens(std::span<const double> intrinsics, std::string_view intrinsics_key,
-                        std::span<const double> coefficients, std::string_view coefficients_key, bool fisheye,
-                        const Fail& fail) {
+                               std::span<const double> coefficients, std::string_view coefficients_key, bool fisheye,
+                               const Fail& fail) {
   if (intrinsics.size() != 9)
     fail(intrinsics_key, "must be a 3x3 matrix, got " + std::to_string(intrinsics.size()) + " numbers");
   for (const double value : intrinsics) {
@@ -126,7 +126,8 @@ void require_valid(const calib::CameraRig& rig, const std::filesystem::path& fil
 std::string text_of(const std::filesystem::path& file) {
   std::ifstream in(file, std::ios::binary);
   std::string text((std::istreambuf_iterator<char>(in)), std::istreambuf_iterator<char>());
-  if (!in.is_open() || in.bad() || std::filesystem::is_directory(file)) throw yaml::ConfigError(file, 0, "cannot be read");
+  if (!in.is_open() || in.bad() || std::filesystem::is_directory(file))
+    throw yaml::ConfigError(file, 0, "cannot be read");
   return text;
 }
 

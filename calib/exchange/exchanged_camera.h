@@ -21,8 +21,8 @@ using Fail = std::function<void(std::string_view key, const std::string& message
 // The lens of OpenCV's parameters. intrinsics: K row by row. coefficients: k1 k2 p1 p2 [k3 [k4 k5 k6]], or the
 // fisheye's four; none at all: no distortion.
 calib::CameraModel opencv_lens(std::span<const double> intrinsics, std::string_view intrinsics_key,
-                        std::span<const double> coefficients, std::string_view coefficients_key, bool fisheye,
-                        const Fail& fail);
+                               std::span<const double> coefficients, std::string_view coefficients_key, bool fisheye,
+                               const Fail& fail);
 
 // m row by row; may be rounded (a rotation to 1e-4).
 Eigen::Quaterniond rotation_of(std::span<const double> m, std::string_view key, const Fail& fail);

@@ -28,7 +28,7 @@ class Storage {
       const int line = bracket == std::string::npos ? 0 : std::atoi(what.c_str() + bracket + 1);
       const auto colon = what.find("): ");
       throw yaml::ConfigError(path_, line,
-                        "OpenCV cannot read it: " + (colon == std::string::npos ? what : what.substr(colon + 3)));
+                              "OpenCV cannot read it: " + (colon == std::string::npos ? what : what.substr(colon + 3)));
     }
     if (!storage_.isOpened() || !storage_.root().isMap()) throw yaml::ConfigError(path_, 0, "is no OpenCV FileStorage");
   }
@@ -151,11 +151,11 @@ calib::ImageSize size_of(const std::vector<const Storage*>& files, const ImportO
   }
   if (options.image_size) return *options.image_size;
   throw yaml::ConfigError(files.front()->path(), 0,
-                    "does not say the image's size (image_width, image_height): give --size WIDTHxHEIGHT");
+                          "does not say the image's size (image_width, image_height): give --size WIDTHxHEIGHT");
 }
 
 calib::Camera read_lens(const std::vector<const Storage*>& files, const Words& k, const Words& d,
-                 const ImportOptions& options) {
+                        const ImportOptions& options) {
   calib::Camera camera;
   const auto [in_k, k_key] = in_any(files, k);
   if (in_k == nullptr)
@@ -182,14 +182,16 @@ calib::Camera read_lens(const std::vector<const Storage*>& files, const Words& k
 }
 
 // nullopt: not there.
-std::optional<calib::Rigid3d> read_pose(const std::vector<const Storage*>& files, const Words& r_keys, const Words& t_keys) {
+std::optional<calib::Rigid3d> read_pose(const std::vector<const Storage*>& files, const Words& r_keys,
+                                        const Words& t_keys) {
   const auto [in_r, r_key] = in_any(files, r_keys);
   const auto [in_t, t_key] = in_any(files, t_keys);
   if (in_r == nullptr || in_t == nullptr) return std::nullopt;
   const auto r = in_r->numbers(r_key), t = in_t->numbers(t_key);
   if (r.size() != 9 && r.size() != 3) in_r->fail(r_key, "must be a 3x3 matrix or a rotation vector");
   if (t.size() != 3) in_t->fail(t_key, "must be 3 numbers");
-  return calib::Rigid3d{r.size() == 3 ? rotation_of_vector(r) : rotation_of(r, r_key, in_r->failing()), {t[0], t[1], t[2]}};
+  return calib::Rigid3d{r.size() == 3 ? rotation_of_vector(r) : rotation_of(r, r_key, in_r->failing()),
+                        {t[0], t[1], t[2]}};
 }
 
 const Words world_r{"cam_from_world_rotation"}, world_t{"cam_from_world_translation"};
@@ -237,9 +239,10 @@ Imported import_opencv(std::span<const std::filesystem::path> paths, const Impor
     right.name = in_r ? clean_name(*in_r->word({r_key})) : "right";
     const auto pose = read_pose(files, {"R"}, {"T"});
     if (!pose) {
-      throw yaml::ConfigError(files.front()->path(), 0,
-                        "has two cameras, but not how they stand to one another (R and T): give the file that has them "
-                        "too (extrinsics.yml)");
+      throw yaml::ConfigError(
+          files.front()->path(), 0,
+          "has two cameras, but not how they stand to one another (R and T): give the file that has them "
+          "too (extrinsics.yml)");
     }
     right.cam_from_world = *pose;  // stereoCalibrate: p_2 = R p_1 + T
     out.rig.cameras = {std::move(left), std::move(right)};
@@ -258,9 +261,9 @@ Imported import_opencv(std::span<const std::filesystem::path> paths, const Impor
     }
     if (!unposed.empty() && files.size() > 1) {
       throw yaml::ConfigError(files.front()->path(), 0,
-                        "no poses for " + joined(unposed) +
-                            ": import each camera into a file of its own, and "
-                            "find the poses with extrinsics or wave");
+                              "no poses for " + joined(unposed) +
+                                  ": import each camera into a file of its own, and "
+                                  "find the poses with extrinsics or wave");
     }
     if (!unposed.empty()) out.notes.emplace_back("the file holds no pose: the world is the camera's own frame");
   }

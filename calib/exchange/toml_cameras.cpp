@@ -121,8 +121,8 @@ bool read_camera(const TomlReader& reader, const ImportOptions& options, calib::
   return true;
 }
 
-void add(const TomlReader& reader, const std::filesystem::path& file, bool posed, calib::Camera camera, calib::CameraRig& rig,
-         std::vector<std::string>& unposed) {
+void add(const TomlReader& reader, const std::filesystem::path& file, bool posed, calib::Camera camera,
+         calib::CameraRig& rig, std::vector<std::string>& unposed) {
   for (const calib::Camera& other : rig.cameras) {
     if (other.name == camera.name)
       throw yaml::ConfigError(file, reader.line(), reader.path() + ": a second camera " + camera.name);
@@ -131,8 +131,8 @@ void add(const TomlReader& reader, const std::filesystem::path& file, bool posed
   rig.cameras.push_back(std::move(camera));
 }
 
-void require_poses(const std::filesystem::path& file, const calib::CameraRig& rig, const std::vector<std::string>& unposed,
-                   std::vector<std::string>& notes) {
+void require_poses(const std::filesystem::path& file, const calib::CameraRig& rig,
+                   const std::vector<std::string>& unposed, std::vector<std::string>& notes) {
   if (rig.cameras.empty()) throw yaml::ConfigError(file, 0, "has no camera");
   if (unposed.empty()) return;
   if (rig.cameras.size() > 1)
@@ -209,7 +209,7 @@ Imported import_aniposelib(const std::filesystem::path& file, const ImportOption
     }
     if (table == nullptr || !name.starts_with("cam"))
       throw yaml::ConfigError(file, static_cast<int>(value.source().begin.line),
-                        name + " is not a camera: expected [cam_0], [cam_1], ... and [metadata]");
+                              name + " is not a camera: expected [cam_0], [cam_1], ... and [metadata]");
     const TomlReader reader(*table, name, file);
     calib::Camera camera;
     camera.name = reader.has("name") ? reader.string("name") : name;
@@ -235,7 +235,7 @@ Imported import_caliscope(const std::filesystem::path& file, const ImportOptions
       for (const auto& [number, camera] : *table) {
         if (camera.as_table() == nullptr)
           throw yaml::ConfigError(file, static_cast<int>(camera.source().begin.line),
-                            "cameras." + std::string(number.str()) + " is not a table");
+                                  "cameras." + std::string(number.str()) + " is not a table");
         tables.emplace_back("cam_" + std::string(number.str()), camera.as_table());
       }
     } else if (name.starts_with("cam_") && table != nullptr) {

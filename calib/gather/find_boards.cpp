@@ -119,7 +119,8 @@ void require_boards(const FoundBoards& found, const board::Board& board, const M
     std::string text = "camera " + camera.name + ": the board (" + board.description() + ") is in none of its " +
                        std::to_string(camera.pictures) + " pictures";
     if (const std::string why = reasons(camera); !why.empty()) text += ": " + why;
-    if (const std::string guess = board::explain_missing_board(board, misses.of(c)); !guess.empty()) text += "; " + guess;
+    if (const std::string guess = board::explain_missing_board(board, misses.of(c)); !guess.empty())
+      text += "; " + guess;
     throw InputError(text);
   }
 }

@@ -11,9 +11,9 @@
 #include <vector>
 
 #include "calib/board/board_detector.h"
-#include "calib/solver/bundle_adjustment.h"
-#include "calib/report/calibration_report.h"
 #include "calib/gather/picture_source.h"
+#include "calib/report/calibration_report.h"
+#include "calib/solver/bundle_adjustment.h"
 
 namespace huetrack::gather {
 
@@ -37,8 +37,8 @@ struct CameraSighting {
 struct FoundBoards {
   std::vector<CameraSighting> cameras;
   std::vector<solver::BoardView> views;  // BoardView::set counts the sets kept, from 0; sorted by set, camera
-  std::vector<double> set_at_s;  // per set
-  int sets_seen = 0;             // in the source
+  std::vector<double> set_at_s;          // per set
+  int sets_seen = 0;                     // in the source
   int sets_looked_at = 0;
   int duplicates = 0;                 // sets left out because the board had not moved
   int thinned = 0;                    // sets left out because there were more than max_sets

@@ -33,8 +33,8 @@ std::vector<LiveCameraSource> opened(std::vector<capture::V4l2SourceOptions> cam
 
 }  // namespace
 
-FoundBoards gather_boards(const std::vector<std::string>& inputs, const board::Board& board, const GatherOptions& options,
-                          std::stop_token stop) {
+FoundBoards gather_boards(const std::vector<std::string>& inputs, const board::Board& board,
+                          const GatherOptions& options, std::stop_token stop) {
   const board::BoardDetector detector(board);
   const auto& only = options.pictures.only;
   std::vector<capture::V4l2SourceOptions> devices;

@@ -27,7 +27,7 @@ struct GatherOptions {
   FindBoardsOptions find;
   LiveOptions live;
 };
-FoundBoards gather_boards(const std::vector<std::string>& inputs, const board::Board& board, const GatherOptions& options,
-                          std::stop_token stop);
+FoundBoards gather_boards(const std::vector<std::string>& inputs, const board::Board& board,
+                          const GatherOptions& options, std::stop_token stop);
 
 }  // namespace huetrack::gather

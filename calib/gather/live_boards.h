@@ -18,7 +18,7 @@ namespace huetrack::gather {
 struct LiveBoardsOptions {
   std::optional<double> seconds;  // end so long after the start; nullopt: when nothing is missing, or at the stop
   capture::Duration tolerance = capture::duration_of(0.017);  // of a frame set
-  bool until_enough = true;                 // end when nothing is missing
+  bool until_enough = true;                                   // end when nothing is missing
   bool progress = true;
   std::filesystem::path view;                               // see DetectionPage; empty: none
   std::function<void(const std::string& status)> looked{};  // after every look at the cameras; may be empty
@@ -26,7 +26,7 @@ struct LiveBoardsOptions {
 
 struct LiveCameraSource {
   std::string name;
-  std::unique_ptr<capture::FrameSource> source;                     // read by a thread of its own
+  std::unique_ptr<capture::FrameSource> source;            // read by a thread of its own
   std::function<std::vector<std::string>()> take_trouble;  // what the user should read; may be empty; thread-safe
 };
 

@@ -54,7 +54,8 @@ bool are_devices(std::span<const std::string> inputs) {
   });
 }
 
-std::vector<capture::V4l2SourceOptions> live_cameras(std::span<const std::string> devices, const LiveSettings& settings) {
+std::vector<capture::V4l2SourceOptions> live_cameras(std::span<const std::string> devices,
+                                                     const LiveSettings& settings) {
   std::vector<capture::V4l2SourceOptions> cameras;
   for (const std::string& input : devices) {
     const auto at = input.find('=');
@@ -73,7 +74,8 @@ std::vector<capture::V4l2SourceOptions> live_cameras(std::span<const std::string
   return cameras;
 }
 
-std::vector<capture::V4l2SourceOptions> live_cameras_in(const std::filesystem::path& file, const LiveSettings& settings) {
+std::vector<capture::V4l2SourceOptions> live_cameras_in(const std::filesystem::path& file,
+                                                        const LiveSettings& settings) {
   const yaml::YamlReader root = yaml::YamlReader::file(file);
   std::vector<capture::V4l2SourceOptions> cameras;
   for (const auto& [name, yaml] : root.named_maps("cameras")) {

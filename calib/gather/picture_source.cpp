@@ -66,7 +66,8 @@ capture::Recording with_cameras(capture::Recording recording, const std::vector<
 
 class RecordedPictures final : public PictureSource {
  public:
-  RecordedPictures(const capture::Recording& recording, std::vector<std::string> cameras, std::optional<double> tolerance_s)
+  RecordedPictures(const capture::Recording& recording, std::vector<std::string> cameras,
+                   std::optional<double> tolerance_s)
       : cameras_(std::move(cameras)),
         warnings_(recording.warnings),
         source_(with_cameras(recording, cameras_), cameras_, {.decoder_threads = 2}),

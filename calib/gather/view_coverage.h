@@ -7,8 +7,8 @@
 #include <utility>
 #include <vector>
 
-#include "calib/model/camera_rig.h"
 #include "calib/board/board.h"
+#include "calib/model/camera_rig.h"
 #include "calib/solver/bundle_adjustment.h"
 
 namespace huetrack::gather {

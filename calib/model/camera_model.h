@@ -11,20 +11,24 @@
 
 namespace huetrack::calib {
 
-struct RawPixel { Eigen::Vector2d px; };     // where the lens puts it: what images and detectors speak
-struct IdealPixel { Eigen::Vector2d px; };   // distortion removed, same K: what pinhole algebra speaks
+struct RawPixel {
+  Eigen::Vector2d px;
+};  // where the lens puts it: what images and detectors speak
+struct IdealPixel {
+  Eigen::Vector2d px;
+};  // distortion removed, same K: what pinhole algebra speaks
 
 // OpenCV calib3d, "pinhole_radtan". Rational when any of k4..k6 is not 0.
 //   x'' = x (1 + k1 r2 + k2 r4 + k3 r6) / (1 + k4 r2 + k5 r4 + k6 r6) + 2 p1 x y + p2 (r2 + 2 x2), y'' likewise
 struct PinholeRadtan {
-  double fx = 1, fy = 1, cx = 0, cy = 0;      // pixels
-  std::array<double, 8> distortion{};         // k1 k2 p1 p2 k3 k4 k5 k6, OpenCV's order
+  double fx = 1, fy = 1, cx = 0, cy = 0;  // pixels
+  std::array<double, 8> distortion{};     // k1 k2 p1 p2 k3 k4 k5 k6, OpenCV's order
 };
 
 // OpenCV fisheye, "fisheye_kb": theta_d = theta (1 + k1 theta2 + k2 theta4 + k3 theta6 + k4 theta8)
 struct FisheyeKannalaBrandt {
   double fx = 1, fy = 1, cx = 0, cy = 0;
-  std::array<double, 4> distortion{};         // k1 k2 k3 k4
+  std::array<double, 4> distortion{};  // k1 k2 k3 k4
 };
 
 class CameraModel {
@@ -37,19 +41,19 @@ class CameraModel {
   // point would land on a pixel that really shows another direction). The pixel may lie outside the image.
   std::optional<RawPixel> project(const Eigen::Vector3d& p_cam) const;
 
-  using Jacobian = Eigen::Matrix<double, 2, 3>;                       // d px / d p_cam
+  using Jacobian = Eigen::Matrix<double, 2, 3>;  // d px / d p_cam
   std::optional<RawPixel> project(const Eigen::Vector3d& p_cam, Jacobian& jacobian) const;
 
   // Unit vector in the camera frame that is seen at this pixel; nullopt where no direction is (outside the model).
   std::optional<Eigen::Vector3d> ray(const RawPixel& pixel) const;
 
-  std::optional<IdealPixel> undistort(const RawPixel& pixel) const;   // explicit, or it does not happen
+  std::optional<IdealPixel> undistort(const RawPixel& pixel) const;  // explicit, or it does not happen
 
-  double fx() const;                                                  // pixels
+  double fx() const;  // pixels
   double fy() const;
   double cx() const;
   double cy() const;
-  std::string_view name() const;                                      // "pinhole_radtan" or "fisheye_kb"
+  std::string_view name() const;  // "pinhole_radtan" or "fisheye_kb"
   const std::variant<PinholeRadtan, FisheyeKannalaBrandt>& lens() const { return lens_; }
 
   // Pinhole: the largest x^2 + y^2 (x = X/Z) that the model covers. Fisheye: the largest theta, radians.

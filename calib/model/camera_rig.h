@@ -13,34 +13,35 @@
 namespace huetrack::calib {
 
 struct ImageSize {
-  int width = 0;    // pixels
+  int width = 0;  // pixels
   int height = 0;
   bool operator==(const ImageSize&) const = default;
 };
 
 struct Camera {
-  std::string name;                 // unique in the rig
+  std::string name;  // unique in the rig
   ImageSize image_size;
   CameraModel model;
-  Rigid3d cam_from_world;           // p_cam = cam_from_world * p_world
+  Rigid3d cam_from_world;  // p_cam = cam_from_world * p_world
 
   std::optional<RawPixel> project_world(const Eigen::Vector3d& p_world) const {
     return model.project(cam_from_world * p_world);
   }
-  Eigen::Vector3d centre() const { return inverse(cam_from_world).translation; }   // in the world, metres
-  bool contains(const RawPixel& p) const {   // inside the image: the pixel that it rounds to exists
-    return p.px.x() >= -0.5 && p.px.y() >= -0.5 && p.px.x() < image_size.width - 0.5 && p.px.y() < image_size.height - 0.5;
+  Eigen::Vector3d centre() const { return inverse(cam_from_world).translation; }  // in the world, metres
+  bool contains(const RawPixel& p) const {  // inside the image: the pixel that it rounds to exists
+    return p.px.x() >= -0.5 && p.px.y() >= -0.5 && p.px.x() < image_size.width - 0.5 &&
+           p.px.y() < image_size.height - 0.5;
   }
-  std::vector<std::string> problems() const;   // empty when valid; one sentence per violated constraint
+  std::vector<std::string> problems() const;  // empty when valid; one sentence per violated constraint
 };
 
 struct CameraRig {
-  std::vector<Camera> cameras;      // Frame::camera indexes this
+  std::vector<Camera> cameras;  // Frame::camera indexes this
   // How the calibration was made, for people to read (tool, date, residuals): unique keys, nothing empty.
   std::vector<std::pair<std::string, std::string>> made_by;
 
   std::optional<int> index_of(std::string_view name) const;
-  std::vector<std::string> problems() const;   // empty when valid; one sentence per violated constraint
+  std::vector<std::string> problems() const;  // empty when valid; one sentence per violated constraint
 };
 
 }  // namespace huetrack::calib

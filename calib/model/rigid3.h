@@ -10,8 +10,8 @@
 namespace huetrack::calib {
 
 struct Rigid3d {
-  Eigen::Quaterniond rotation = Eigen::Quaterniond::Identity();   // unit
-  Eigen::Vector3d translation = Eigen::Vector3d::Zero();          // metres
+  Eigen::Quaterniond rotation = Eigen::Quaterniond::Identity();  // unit
+  Eigen::Vector3d translation = Eigen::Vector3d::Zero();         // metres
 
   Eigen::Vector3d operator*(const Eigen::Vector3d& p) const { return rotation * p + translation; }
   Rigid3d operator*(const Rigid3d& other) const {
@@ -24,6 +24,6 @@ Rigid3d inverse(const Rigid3d& a_from_b);
 // The tangent is (omega, v): rotation vector in radians first, then metres.
 using Tangent6d = Eigen::Matrix<double, 6, 1>;
 Rigid3d exp(const Tangent6d& tangent);
-Tangent6d log(const Rigid3d& transform);   // rotation angle in [0, pi]
+Tangent6d log(const Rigid3d& transform);  // rotation angle in [0, pi]
 
 }  // namespace huetrack::calib

@@ -6,8 +6,8 @@
 
 #include "calib/board/board_pdf.h"
 #include "calib/board/board_yaml.h"
-#include "calib/program/commands.h"
 #include "calib/gather/picture_source.h"
+#include "calib/program/commands.h"
 
 namespace huetrack::program {
 namespace {
@@ -29,7 +29,8 @@ board::Board board_of(const Options& o) {
   board.type = o.type == "chessboard" ? board::BoardType::chessboard
                : o.type == "charuco"  ? board::BoardType::charuco
                                       : board::BoardType::aruco_grid;
-  if (o.legacy && board.type != board::BoardType::charuco) throw gather::InputError("--legacy is a layout of charuco boards only");
+  if (o.legacy && board.type != board::BoardType::charuco)
+    throw gather::InputError("--legacy is a layout of charuco boards only");
   board.columns = o.columns > 0 ? o.columns : grid ? 6 : board.type == board::BoardType::charuco ? 7 : 8;
   board.rows = o.rows > 0 ? o.rows : grid ? 4 : 5;
   if (grid) {
@@ -57,8 +58,8 @@ ExitStatus print(const Options& o) {
   const board::Board board = board_of(o);
   const auto paper = board::paper_of(o.paper);
   if (!paper)
-    throw gather::InputError("--paper is A4, A3, A2, A1, A0, letter, legal, tabloid or WIDTHxHEIGHT in millimetres, not " +
-                     o.paper);
+    throw gather::InputError(
+        "--paper is A4, A3, A2, A1, A0, letter, legal, tabloid or WIDTHxHEIGHT in millimetres, not " + o.paper);
   const board::BoardPdf printed = board::board_pdf(board, *paper);
   const std::filesystem::path yaml =
       o.board_file.empty() ? std::filesystem::path(o.out).replace_extension(".yaml") : o.board_file;

@@ -10,9 +10,9 @@
 #include <string>
 #include <vector>
 
-#include "calib/solver/extrinsics.h"
 #include "calib/gather/gather_boards.h"
 #include "calib/program/outcome.h"
+#include "calib/solver/extrinsics.h"
 
 namespace huetrack::program {
 
@@ -53,9 +53,9 @@ inline void add_calibration_options(CLI::App& command, CalibrationOptions& optio
                      "a page to open in a browser: what is being detected, and what is missing");
   command.add_option("--board", options.board, "the board file; see calib/README.md")->required();
   const std::map<std::string, solver::LensModel> lenses{{"radtan4", solver::LensModel::radtan4},
-                                                {"radtan5", solver::LensModel::radtan5},
-                                                {"radtan8", solver::LensModel::radtan8},
-                                                {"fisheye", solver::LensModel::fisheye}};
+                                                        {"radtan5", solver::LensModel::radtan5},
+                                                        {"radtan8", solver::LensModel::radtan8},
+                                                        {"fisheye", solver::LensModel::fisheye}};
   command
       .add_option_function<solver::LensModel>(
           "--lens", [&options](const solver::LensModel& lens) { options.lens = lens; },

@@ -2,14 +2,14 @@
 #include <cstdio>
 #include <memory>
 
-#include "calib/model/rig_yaml.h"
 #include "calib/board/board_yaml.h"
-#include "calib/report/rig_check.h"
-#include "calib/program/commands.h"
 #include "calib/gather/find_boards.h"
-#include "calib/program/outcome.h"
 #include "calib/gather/progress_line.h"
+#include "calib/model/rig_yaml.h"
+#include "calib/program/commands.h"
+#include "calib/program/outcome.h"
 #include "calib/program/rig_pictures.h"
+#include "calib/report/rig_check.h"
 
 namespace huetrack::program {
 namespace {
@@ -26,7 +26,8 @@ ExitStatus check(const Options& options, const std::stop_token& stop) {
   calib::CameraRig rig = calib::read_rig(options.rig);
   gather::FindBoardsOptions find = options.find;
   find.progress = !options.quiet;
-  const std::vector<solver::BoardView> views = board_views_of(rig, options.rig, board, options.inputs, find, stop).views;
+  const std::vector<solver::BoardView> views =
+      board_views_of(rig, options.rig, board, options.inputs, find, stop).views;
   gather::ProgressLine line(!options.quiet);
   const report::RigCheck result = report::check_rig(board, rig, views, line.progress());
   line.clear();

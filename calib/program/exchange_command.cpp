@@ -6,9 +6,9 @@
 #include <memory>
 
 #include "calib/exchange/exchange.h"
+#include "calib/gather/picture_source.h"
 #include "calib/model/rig_yaml.h"
 #include "calib/program/commands.h"
-#include "calib/gather/picture_source.h"
 
 namespace huetrack::program {
 namespace {

@@ -1,11 +1,11 @@
 #include <algorithm>
 
-#include "calib/model/rig_yaml.h"
 #include "calib/board/board_yaml.h"
-#include "calib/solver/world_frame.h"
+#include "calib/gather/progress_line.h"
+#include "calib/model/rig_yaml.h"
 #include "calib/program/calibration_options.h"
 #include "calib/program/commands.h"
-#include "calib/gather/progress_line.h"
+#include "calib/solver/world_frame.h"
 
 namespace huetrack::program {
 namespace {
@@ -18,7 +18,8 @@ struct Options : CalibrationOptions {
 };
 
 // The lenses that were given, for the cameras that were seen.
-std::vector<solver::CameraToCalibrate> cameras_of(const gather::FoundBoards& found, const std::vector<std::string>& files) {
+std::vector<solver::CameraToCalibrate> cameras_of(const gather::FoundBoards& found,
+                                                  const std::vector<std::string>& files) {
   std::vector<solver::CameraToCalibrate> cameras;
   for (const gather::CameraSighting& seen : found.cameras) cameras.push_back({seen.name, seen.image_size, {}});
   for (const std::string& file : files) {
@@ -29,10 +30,10 @@ std::vector<solver::CameraToCalibrate> cameras_of(const gather::FoundBoards& fou
       if (known == cameras.end()) continue;
       any = true;
       if (camera.image_size != known->image_size) {
-        throw gather::InputError(file + ": camera " + camera.name + " was calibrated at " +
-                         std::to_string(camera.image_size.width) + "x" + std::to_string(camera.image_size.height) +
-                         ", its pictures are " + std::to_string(known->image_size.width) + "x" +
-                         std::to_string(known->image_size.height));
+        throw gather::InputError(
+            file + ": camera " + camera.name + " was calibrated at " + std::to_string(camera.image_size.width) + "x" +
+            std::to_string(camera.image_size.height) + ", its pictures are " + std::to_string(known->image_size.width) +
+            "x" + std::to_string(known->image_size.height));
       }
       known->model = camera.model;
     }
@@ -51,7 +52,7 @@ ExitStatus calibrate(const Options& options, const std::stop_token& stop) {
   const gather::FoundBoards found = gather::gather_boards(options.inputs, board, gather, stop);
   if (found.cameras.size() < 2) {
     throw gather::InputError("there is one camera only, " + found.cameras.front().name +
-                     ": extrinsics are of two or more; its lens alone: huetrack-calibrate intrinsics");
+                             ": extrinsics are of two or more; its lens alone: huetrack-calibrate intrinsics");
   }
   const auto cameras = cameras_of(found, options.intrinsics);
   if (std::ranges::any_of(cameras, [](const solver::CameraToCalibrate& camera) { return !camera.model; }))

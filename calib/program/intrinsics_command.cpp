@@ -1,8 +1,8 @@
 #include "calib/board/board_yaml.h"
-#include "calib/solver/intrinsics.h"
+#include "calib/gather/progress_line.h"
 #include "calib/program/calibration_options.h"
 #include "calib/program/commands.h"
-#include "calib/gather/progress_line.h"
+#include "calib/solver/intrinsics.h"
 
 namespace huetrack::program {
 namespace {
@@ -23,8 +23,9 @@ ExitStatus calibrate(Options options, const std::stop_token& stop) {
   const gather::FoundBoards found = gather::gather_boards(options.inputs, board, gather, stop);
   gather::require_views(found, solver::IntrinsicsOptions{}.min_views);
   gather::ProgressLine line(!options.quiet);
-  const solver::Intrinsics result = solver::calibrate_intrinsics(board, options.camera, found.cameras.front().image_size, found.views,
-                                                 {.lens = options.lens, .progress = line.progress()});
+  const solver::Intrinsics result =
+      solver::calibrate_intrinsics(board, options.camera, found.cameras.front().image_size, found.views,
+                                   {.lens = options.lens, .progress = line.progress()});
   line.draw("writing the report");
   const report::CalibrationReport report = report::report_on(result, report_input(found, options.inputs));
   line.clear();

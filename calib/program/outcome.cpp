@@ -64,7 +64,8 @@ fs::path place_for(report::Verdict verdict, const fs::path& rig, bool overwrite)
   return beside;
 }
 
-ExitStatus put_out(const report::CalibrationReport& report, calib::CameraRig rig, const gather::FoundBoards& found, const OutputFiles& files) {
+ExitStatus put_out(const report::CalibrationReport& report, calib::CameraRig rig, const gather::FoundBoards& found,
+                   const OutputFiles& files) {
   std::map<std::pair<int, std::string>, const report::EmbeddedPicture*> pictures;
   for (std::size_t v = 0; v < found.views.size() && v < found.thumbnails.size(); ++v) {
     pictures[{found.views[v].camera, found.views[v].image}] = &found.thumbnails[v];

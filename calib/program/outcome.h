@@ -4,10 +4,10 @@
 #include <filesystem>
 #include <string>
 
-#include "calib/model/camera_rig.h"
-#include "calib/report/calibration_report.h"
-#include "calib/program/commands.h"
 #include "calib/gather/find_boards.h"
+#include "calib/model/camera_rig.h"
+#include "calib/program/commands.h"
+#include "calib/report/calibration_report.h"
 
 namespace huetrack::program {
 
@@ -26,7 +26,8 @@ struct OutputFiles {
 // Prints the report, writes it, and the rig when the verdict allows: a failed result is not written; a doubtful one
 // does not replace a rig that is there but goes beside it, as NAME.doubtful.yaml. made_by of the rig is filled.
 // throws std::system_error, std::runtime_error: a file cannot be written
-ExitStatus put_out(const report::CalibrationReport& report, calib::CameraRig rig, const gather::FoundBoards& found, const OutputFiles& files);
+ExitStatus put_out(const report::CalibrationReport& report, calib::CameraRig rig, const gather::FoundBoards& found,
+                   const OutputFiles& files);
 
 // Where a rig of this verdict (usable, doubtful) goes: NAME.doubtful.yaml where it must not replace what is there.
 std::filesystem::path place_for(report::Verdict verdict, const std::filesystem::path& rig, bool overwrite);

@@ -5,9 +5,9 @@
 
 namespace huetrack::program {
 
-gather::FoundBoards board_views_of(const calib::CameraRig& rig, const std::filesystem::path& rig_file, const board::Board& board,
-                           std::span<const std::string> inputs, const gather::FindBoardsOptions& options,
-                           std::stop_token stop) {
+gather::FoundBoards board_views_of(const calib::CameraRig& rig, const std::filesystem::path& rig_file,
+                                   const board::Board& board, std::span<const std::string> inputs,
+                                   const gather::FindBoardsOptions& options, std::stop_token stop) {
   std::vector<std::string> there, common;
   {
     const auto all = gather::open_pictures(inputs, {});
@@ -33,10 +33,11 @@ gather::FoundBoards board_views_of(const calib::CameraRig& rig, const std::files
     const calib::ImageSize size = found.cameras[c].image_size;
     if (size == camera.image_size) continue;
     throw gather::InputError(rig_file.string() + ": camera " + camera.name + " was calibrated at " +
-                     std::to_string(camera.image_size.width) + "x" + std::to_string(camera.image_size.height) +
-                     ", its pictures are " + std::to_string(size.width) + "x" + std::to_string(size.height));
+                             std::to_string(camera.image_size.width) + "x" + std::to_string(camera.image_size.height) +
+                             ", its pictures are " + std::to_string(size.width) + "x" + std::to_string(size.height));
   }
-  for (solver::BoardView& view : found.views) view.camera = *rig.index_of(common[static_cast<std::size_t>(view.camera)]);
+  for (solver::BoardView& view : found.views)
+    view.camera = *rig.index_of(common[static_cast<std::size_t>(view.camera)]);
   return found;
 }
 

@@ -6,16 +6,17 @@
 #include <stop_token>
 #include <string>
 
-#include "calib/model/camera_rig.h"
 #include "calib/gather/find_boards.h"
+#include "calib/model/camera_rig.h"
 
 namespace huetrack::program {
 
 // As find_boards(), with BoardView::camera indexing the rig. Cameras of the rig that the inputs lack are left out with
 // a line on stderr; so are those of the inputs that the rig lacks.
 // throws InputError: no camera of the rig in the inputs, pictures of another size than the rig's
-gather::FoundBoards board_views_of(const calib::CameraRig& rig, const std::filesystem::path& rig_file, const board::Board& board,
-                           std::span<const std::string> inputs, const gather::FindBoardsOptions& options, std::stop_token stop);
+gather::FoundBoards board_views_of(const calib::CameraRig& rig, const std::filesystem::path& rig_file,
+                                   const board::Board& board, std::span<const std::string> inputs,
+                                   const gather::FindBoardsOptions& options, std::stop_token stop);
 
 // Sets one line of made_by, in place of one under the same key.
 void note_in(calib::CameraRig& rig, const std::string& key, const std::string& text);

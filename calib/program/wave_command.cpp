@@ -9,16 +9,16 @@
 #include <mutex>
 #include <thread>
 
-#include "calib/model/rig_yaml.h"
-#include "calib/solver/bundle_adjustment.h"
-#include "calib/program/commands.h"
 #include "calib/gather/picture_source.h"
 #include "calib/gather/progress_line.h"
+#include "calib/model/rig_yaml.h"
+#include "calib/program/commands.h"
 #include "calib/report/wave_text.h"
+#include "calib/solver/bundle_adjustment.h"
 #include "calib/wave/wave.h"
 #include "capture/replay_source.h"
-#include "daemon/live.h"
 #include "config/service_config.h"
+#include "daemon/live.h"
 
 namespace huetrack::program {
 namespace {
@@ -57,7 +57,7 @@ Input input_of(const Options& o) {
       if (target == known.end()) throw gather::InputError(o.config + " has no target " + name + ": it has " + names);
       if (!in.targets.empty() && in.targets.front().radius_m != target->radius_m)
         throw gather::InputError("--target: " + in.targets.front().name + " and " + name +
-                         " are not of one radius: wave one of them");
+                                 " are not of one radius: wave one of them");
       in.targets.push_back(*target);
     }
   } else {
@@ -92,7 +92,8 @@ wave::WaveOptions wave_options(const Options& o, const Input& in) {
     for (const int i : {0, 1}) {
       const auto index = in.rig.index_of(o.camera_distance[static_cast<std::size_t>(i)]);
       if (!index)
-        throw gather::InputError("--camera-distance: the rig has no camera " + o.camera_distance[static_cast<std::size_t>(i)]);
+        throw gather::InputError("--camera-distance: the rig has no camera " +
+                                 o.camera_distance[static_cast<std::size_t>(i)]);
       (i == 0 ? d.a : d.b) = *index;
     }
     char* end = nullptr;
@@ -153,9 +154,12 @@ using BallsFrames = std::vector<std::vector<wave::BallFrame>>;  // per target
 class Finder {
  public:
   explicit Finder(const Input& in) {
-    for (const object_tracking::TargetOptions& target : in.targets) finders_.push_back(std::make_unique<wave::BallFinder>(in.rig, target));
+    for (const object_tracking::TargetOptions& target : in.targets)
+      finders_.push_back(std::make_unique<wave::BallFinder>(in.rig, target));
   }
-  std::optional<wave::BallFrame> look(std::size_t ball, const capture::Frame& frame) { return finders_[ball]->look(frame); }
+  std::optional<wave::BallFrame> look(std::size_t ball, const capture::Frame& frame) {
+    return finders_[ball]->look(frame);
+  }
   std::size_t unusable_frames() const { return finders_.front()->unusable_frames(); }
 
  private:
@@ -173,8 +177,8 @@ BallsFrames frames_of_recording(const Options& o, const Input& in, const std::st
     const calib::ImageSize size = in.rig.cameras[c].image_size;
     if (camera.width != size.width || camera.height != size.height) {
       throw gather::InputError(camera.file.string() + " is " + std::to_string(camera.width) + "x" +
-                       std::to_string(camera.height) + ", and " + names[c] + "'s lens was calibrated at " +
-                       std::to_string(size.width) + "x" + std::to_string(size.height));
+                               std::to_string(camera.height) + ", and " + names[c] + "'s lens was calibrated at " +
+                               std::to_string(size.width) + "x" + std::to_string(size.height));
     }
   }
   Finder finder(in);
@@ -193,8 +197,8 @@ BallsFrames frames_of_recording(const Options& o, const Input& in, const std::st
     }
     if (progress.due())
       progress.draw(gather::progress_text("looking for the ball", done,
-                                  expected ? std::optional<int>(static_cast<int>(*expected)) : std::nullopt,
-                                  needs.text()));
+                                          expected ? std::optional<int>(static_cast<int>(*expected)) : std::nullopt,
+                                          needs.text()));
   }
   for (auto& of_ball : frames) wave::sharpen(of_ball, background, in.rig, progress.progress());
   progress.clear();
@@ -246,7 +250,8 @@ BallsFrames frames_of_cameras(const Options& o, const Input& in, const std::stop
            (s = std::chrono::duration<double>(std::chrono::steady_clock::now() - began).count()) < o.live_s) {
       std::this_thread::sleep_for(std::chrono::milliseconds(100));
       const std::lock_guard lock(mutex);
-      progress.draw(gather::progress_text("wave the ball", static_cast<int>(s), static_cast<int>(o.live_s), needs.text()));
+      progress.draw(
+          gather::progress_text("wave the ball", static_cast<int>(s), static_cast<int>(o.live_s), needs.text()));
     }
     progress.clear();
     end.request_stop();
@@ -256,7 +261,8 @@ BallsFrames frames_of_cameras(const Options& o, const Input& in, const std::stop
 
 ExitStatus wave(const Options& o, const std::stop_token& stop) {
   if (o.recording.empty() == (o.live_s <= 0)) throw gather::InputError("give a recording, or --live SECONDS");
-  if (o.live_s > 0 && o.config.empty()) throw gather::InputError("--live needs --config: it says where the cameras are");
+  if (o.live_s > 0 && o.config.empty())
+    throw gather::InputError("--live needs --config: it says where the cameras are");
   if (o.marks.size() % 4 != 0) throw gather::InputError("--mark has four numbers: SECONDS X Y Z");
   const Input in = input_of(o);
   wave::WaveOptions options = wave_options(o, in);
@@ -280,7 +286,8 @@ ExitStatus wave(const Options& o, const std::stop_token& stop) {
   result.rig.made_by.emplace_back("rms_px", text.data());
   std::snprintf(text.data(), text.size(), "%.2f", 1e3 * result.expected_in_volume_m.value_or(result.expected_m));
   result.rig.made_by.emplace_back("expected_error_mm", text.data());
-  for (const auto& problem : result.rig.problems()) throw solver::CalibrationError("what came out is no rig: " + problem);
+  for (const auto& problem : result.rig.problems())
+    throw solver::CalibrationError("what came out is no rig: " + problem);
   // A doubtful result is not put in the place of a rig that may be better.
   std::filesystem::path file = o.rig;
   if (!result.usable() && !o.overwrite && std::filesystem::exists(file)) {

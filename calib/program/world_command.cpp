@@ -6,15 +6,15 @@
 #include <memory>
 #include <set>
 
-#include "calib/model/rig_yaml.h"
 #include "calib/board/board_yaml.h"
-#include "calib/solver/extrinsics.h"
-#include "calib/solver/world_frame.h"
-#include "calib/program/commands.h"
 #include "calib/gather/find_boards.h"
+#include "calib/model/rig_yaml.h"
+#include "calib/program/commands.h"
 #include "calib/program/measured_points.h"
 #include "calib/program/outcome.h"
 #include "calib/program/rig_pictures.h"
+#include "calib/solver/extrinsics.h"
+#include "calib/solver/world_frame.h"
 
 namespace huetrack::program {
 namespace {
@@ -60,7 +60,8 @@ NewWorld from_board(const calib::CameraRig& rig, const Options& options, const s
     if (view.set == set) views.push_back(view);
   }
   NewWorld world;
-  const solver::Adjustment placed = solver::adjust(solver::place_boards(board, rig, views), {.find_outliers = false, .with_covariance = false});
+  const solver::Adjustment placed =
+      solver::adjust(solver::place_boards(board, rig, views), {.find_outliers = false, .with_covariance = false});
   const calib::Rigid3d& world_from_board = placed.world_from_board[static_cast<std::size_t>(set)];
   world.rig = solver::in_world(rig, {solver::floor_from_board(world_from_board, options.height_m), 1});
   world.how = text_of("the board on the floor at %.2f s, seen by %zu cameras, %.2f px rms",
@@ -74,7 +75,8 @@ NewWorld from_board(const calib::CameraRig& rig, const Options& options, const s
   if (views.size() == 1) {
     const solver::BoardView& view = views.front();
     const calib::Camera& camera = rig.cameras[static_cast<std::size_t>(view.camera)];
-    const auto poses = solver::board_poses(board, view, solver::lens_model_of(camera.model), solver::parameters_of(camera.model));
+    const auto poses =
+        solver::board_poses(board, view, solver::lens_model_of(camera.model), solver::parameters_of(camera.model));
     if (poses.size() > 1 && poses[1].rms_px < 2 * poses[0].rms_px + 0.1) {
       world.doubts.push_back(
           text_of("only %s sees the board, and so flat that its mirrored twin fits as well (%.2f and %.2f px): the "

@@ -213,7 +213,8 @@ CalibrationReport report_on(const solver::Extrinsics& result, const ReportInput&
   for (int i = 0; i < static_cast<int>(a.cameras.size()); ++i) {
     for (int k = i + 1; k < static_cast<int>(a.cameras.size()); ++k) {
       PairReport pair{i, k, 0, 0, 0, 0};
-      const auto known = std::ranges::find_if(result.pairs, [&](const solver::CameraPair& p) { return p.a == i && p.b == k; });
+      const auto known =
+          std::ranges::find_if(result.pairs, [&](const solver::CameraPair& p) { return p.a == i && p.b == k; });
       if (known != result.pairs.end()) {
         pair.shared_sets = known->shared_sets;
         pair.rms_px = known->rms_px;

@@ -41,8 +41,8 @@ struct CameraReport {
   solver::LensModel lens = solver::LensModel::radtan5;
   solver::LensParameters parameters = solver::LensParameters::Zero();
   solver::LensParameters sigma = solver::LensParameters::Zero();  // 0: taken as exact
-  bool lens_was_found = false;                    // here, rather than given
-  std::string lens_reason;                        // of the choice of model; empty when it was given
+  bool lens_was_found = false;                                    // here, rather than given
+  std::string lens_reason;                                        // of the choice of model; empty when it was given
   std::vector<solver::LensTrial> trials;
   int pictures = 0, boards = 0;  // looked at, and with the board in it; 0 pictures: not known
   int views_used = 0, corners_used = 0;
@@ -55,7 +55,7 @@ struct CameraReport {
   std::vector<double> tilt_deg;                      // per used view: of the board, against the line of sight
   std::vector<double> distance_m;                    // per used view: of the board's centre
   double pattern_px = 0;                             // rms of what the lens model leaves systematically, over the cells
-  std::optional<calib::Rigid3d> cam_from_world;             // nullopt: a lens alone
+  std::optional<calib::Rigid3d> cam_from_world;      // nullopt: a lens alone
   Eigen::Vector3d centre = Eigen::Vector3d::Zero();  // in the world, metres
   // Length of the three axes' standard deviations, in a world that is aligned with the volume.
   double centre_sigma_m = 0, rotation_sigma_rad = 0;
@@ -97,9 +97,9 @@ struct ReportInput {
   struct OfCamera {
     int pictures = 0, boards = 0;
   };
-  std::vector<OfCamera> cameras;      // beside the result's; may be empty
-  std::vector<std::string> warnings;  // damaged files: each a doubt
-  std::optional<solver::WorldBox> volume;     // nullopt: where the board was
+  std::vector<OfCamera> cameras;           // beside the result's; may be empty
+  std::vector<std::string> warnings;       // damaged files: each a doubt
+  std::optional<solver::WorldBox> volume;  // nullopt: where the board was
   std::vector<std::pair<std::string, std::string>> made_of;
 };
 

@@ -160,8 +160,8 @@ std::string view_scatter(const CameraReport& camera) {
 }
 
 std::string lens_table(const CameraReport& camera) {
-  std::string out =
-      "<table><tr><th>" + std::string(solver::name(camera.lens)) + "</th><th class=n>value</th><th class=n>+-</th></tr>";
+  std::string out = "<table><tr><th>" + std::string(solver::name(camera.lens)) +
+                    "</th><th class=n>value</th><th class=n>+-</th></tr>";
   for (int i = 0; i < solver::parameter_count(camera.lens); ++i) {
     out += text_of(i < 4 ? "<tr><td>%s</td><td class=n>%.2f</td><td class=n>%.2f</td></tr>"
                          : "<tr><td>%s</td><td class=n>%.5f</td><td class=n>%.5f</td></tr>",

@@ -73,8 +73,9 @@ MovedCamera movement(const solver::Adjustment& a, const calib::CameraRig& rig, i
 // By how much all distances between cameras would have to be longer for the rig to fit, if that is all that is wrong:
 // the board's squares are not as large as those that the rig was made with, or the rig was scaled. nullopt: it is not
 // that.
-std::optional<double> other_scale(const board::Board& board, const calib::CameraRig& rig, const std::vector<solver::BoardView>& views,
-                                  const solver::Adjustment& best, const std::set<int>& seen, double best_px) {
+std::optional<double> other_scale(const board::Board& board, const calib::CameraRig& rig,
+                                  const std::vector<solver::BoardView>& views, const solver::Adjustment& best,
+                                  const std::set<int>& seen, double best_px) {
   double found = 0, known = 0;
   for (const int a : seen) {
     for (const int b : seen) {
@@ -90,8 +91,8 @@ std::optional<double> other_scale(const board::Board& board, const calib::Camera
   if (!(known > 0) || !(scale > 0.01) || std::abs(scale - 1) < 0.003) return std::nullopt;
   calib::CameraRig scaled = rig;
   for (calib::Camera& camera : scaled.cameras) camera.cam_from_world.translation *= scale;
-  const solver::Adjustment fit =
-      solver::adjust(with_free(solver::place_boards(board, scaled, views), {}), {.find_outliers = false, .with_covariance = false});
+  const solver::Adjustment fit = solver::adjust(with_free(solver::place_boards(board, scaled, views), {}),
+                                                {.find_outliers = false, .with_covariance = false});
   return is_as_good(fit.rms_px, best_px) ? std::optional(scale) : std::nullopt;
 }
 
@@ -106,7 +107,8 @@ std::optional<std::pair<int, int>> swapped_names(const board::Board& board, cons
       std::vector<solver::BoardView> renamed = views;
       for (solver::BoardView& view : renamed) view.camera = view.camera == a ? b : view.camera == b ? a : view.camera;
       try {
-        const solver::Adjustment fit = solver::adjust(with_free(solver::place_boards(board, rig, renamed), {}), {.with_covariance = false});
+        const solver::Adjustment fit =
+            solver::adjust(with_free(solver::place_boards(board, rig, renamed), {}), {.with_covariance = false});
         if (fit.rms_px < as_is_px / 4 && fit.corners_used > 0.7 * corner_count(views)) return std::pair(a, b);
       } catch (const solver::CalibrationError&) {  // then they are not swapped
       }
@@ -147,7 +149,8 @@ RigCheck check_rig(const board::Board& board, const calib::CameraRig& rig, const
   views = shared(solver::inliers(best));
   for (const solver::BoardView& view : views) ++check.shared_views[index(view.camera)];
   if (views.empty()) {
-    throw solver::CalibrationError("the views of the board contradict the rig altogether: is it the rig of these cameras?");
+    throw solver::CalibrationError(
+        "the views of the board contradict the rig altogether: is it the rig of these cameras?");
   }
   const solver::Adjustment start = solver::place_boards(board, rig, views);
   const solver::AdjustmentOptions plain{.find_outliers = false, .with_covariance = false};

@@ -5,8 +5,8 @@
 #include <vector>
 
 #include "calib/model/camera_rig.h"
-#include "calib/solver/bundle_adjustment.h"
 #include "calib/report/calibration_report.h"
+#include "calib/solver/bundle_adjustment.h"
 #include "calib/solver/progress.h"
 
 namespace huetrack::report {

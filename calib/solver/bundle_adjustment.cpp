@@ -200,8 +200,8 @@ double reach_of(const AdjustedCamera& camera) {
   const calib::CameraModel model = camera.model();
   double reach = 0;
   const double right = camera.image_size.width - 1, bottom = camera.image_size.height - 1;
-  for (const calib::RawPixel& corner :
-       {calib::RawPixel{{0, 0}}, calib::RawPixel{{right, 0}}, calib::RawPixel{{0, bottom}}, calib::RawPixel{{right, bottom}}}) {
+  for (const calib::RawPixel& corner : {calib::RawPixel{{0, 0}}, calib::RawPixel{{right, 0}},
+                                        calib::RawPixel{{0, bottom}}, calib::RawPixel{{right, bottom}}}) {
     const auto ray = model.ray(corner);
     const bool pinhole = camera.lens != LensModel::fisheye;
     if (ray && (!pinhole || ray->z() > 0.05)) {

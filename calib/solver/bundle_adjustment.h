@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "calib/model/camera_rig.h"
 #include "calib/board/board.h"
+#include "calib/model/camera_rig.h"
 #include "calib/solver/lens.h"
 
 namespace huetrack::solver {
@@ -59,7 +59,7 @@ struct ViewFit {
 struct Adjustment {
   board::Board board;
   std::vector<AdjustedCamera> cameras;
-  std::vector<BoardView> views;           // sorted by set, camera, image
+  std::vector<BoardView> views;                  // sorted by set, camera, image
   std::vector<calib::Rigid3d> world_from_board;  // per set; only of sets with views
   // How far the board's middle stands out of the plane of its edges, along x and along y (a parabola each way), metres.
   Eigen::Vector2d bend = Eigen::Vector2d::Zero();

@@ -130,7 +130,8 @@ class Start {
       double least = std::numeric_limits<double>::infinity();
       for (const auto& [camera, sighting] : sightings) {
         for (const BoardPose& pose : sighting.poses) {
-          const calib::Rigid3d world_from_board = calib::inverse(cameras[index(camera)].cam_from_world) * pose.cam_from_board;
+          const calib::Rigid3d world_from_board =
+              calib::inverse(cameras[index(camera)].cam_from_world) * pose.cam_from_board;
           double cost = 0;
           for (const auto& [other, seen] : sightings) {
             cost +=

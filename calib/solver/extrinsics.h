@@ -57,7 +57,8 @@ Extrinsics calibrate_extrinsics(const board::Board& board, const std::vector<Cam
 
 // Where the boards are for cameras that are known: a start for adjust(), all cameras held. Views of symmetric boards
 // are renumbered so that those of one set agree. views: BoardView::camera indexes cameras.
-Adjustment place_boards(const board::Board& board, const calib::CameraRig& cameras, const std::vector<BoardView>& views);
+Adjustment place_boards(const board::Board& board, const calib::CameraRig& cameras,
+                        const std::vector<BoardView>& views);
 
 calib::CameraRig rig_of(const Adjustment& adjustment);  // made_by is empty
 

@@ -53,7 +53,8 @@ std::vector<BoardView> spread_over(const std::vector<BoardView>& views, std::siz
 }
 
 // From nothing: tries focal lengths from wide to tele, and keeps what fits best.
-AdjustedCamera find_start(const board::Board& board, const AdjustedCamera& camera, const std::vector<BoardView>& views) {
+AdjustedCamera find_start(const board::Board& board, const AdjustedCamera& camera,
+                          const std::vector<BoardView>& views) {
   const bool fisheye = camera.lens == LensModel::fisheye;
   const auto some = spread_over(views, 12);
   const double size = std::max(camera.image_size.width, camera.image_size.height);
@@ -139,8 +140,8 @@ bool is_smooth(const AdjustedCamera& camera) {
 bool covers_image(const calib::CameraModel& model, calib::ImageSize size) {
   for (int k = 0; k <= 16; ++k) {
     const double u = (size.width - 1) * k / 16.0, v = (size.height - 1) * k / 16.0;
-    for (const calib::RawPixel& p :
-         {calib::RawPixel{{u, 0}}, calib::RawPixel{{u, size.height - 1.0}}, calib::RawPixel{{0, v}}, calib::RawPixel{{size.width - 1.0, v}}}) {
+    for (const calib::RawPixel& p : {calib::RawPixel{{u, 0}}, calib::RawPixel{{u, size.height - 1.0}},
+                                     calib::RawPixel{{0, v}}, calib::RawPixel{{size.width - 1.0, v}}}) {
       if (!model.ray(p)) return false;
     }
   }

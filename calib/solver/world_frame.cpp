@@ -65,7 +65,8 @@ calib::Rigid3d upright_guess(const Adjustment& a) {
   for (const AdjustedCamera& camera : a.cameras) {
     const Matrix3d axes = camera.cam_from_world.rotation.toRotationMatrix();  // its rows are the camera's axes
     const Vector3d x = axes.row(0).transpose(), y = axes.row(1).transpose();
-    constexpr double of_columns = 0.001;  // tilt of the cameras is usual, roll is not; it only decides where rows do not
+    constexpr double of_columns =
+        0.001;  // tilt of the cameras is usual, roll is not; it only decides where rows do not
     level += x * x.transpose() + of_columns * (Matrix3d::Identity() - y * y.transpose());
     down += y;
   }

@@ -5,7 +5,8 @@
 #include <map>
 
 namespace huetrack::wave {
-BallFinder::BallFinder(const calib::CameraRig& rig, const object_tracking::TargetOptions& target, const BallFinderOptions& options)
+BallFinder::BallFinder(const calib::CameraRig& rig, const object_tracking::TargetOptions& target,
+                       const BallFinderOptions& options)
     : options_(options), views_(rig, target) {}
 
 std::optional<BallFrame> BallFinder::look(const capture::Frame& frame) {
@@ -22,7 +23,8 @@ std::optional<BallFrame> BallFinder::look(const capture::Frame& frame) {
   object_tracking::MatchBits& matches = *views.front().matches;
   const int width = matches.width(), height = matches.height();
   BallFrame out{frame.camera, capture::seconds(frame.captured_at), {}, {}};
-  for (const object_tracking::ColorRegion& region : finder_.find(matches, {0, 0, width - 1, height - 1}, options_.min_area_px, 0)) {
+  for (const object_tracking::ColorRegion& region :
+       finder_.find(matches, {0, 0, width - 1, height - 1}, options_.min_area_px, 0)) {
     // Of a region that is as wide as it appears, 2 standard deviations reach to its edge.
     const double reach_u = 2 * std::sqrt(region.spread(0, 0)), reach_v = 2 * std::sqrt(region.spread(1, 1));
     if (2 * std::max(reach_u, reach_v) > options_.max_extent_share * height) continue;

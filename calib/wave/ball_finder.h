@@ -16,10 +16,11 @@ namespace huetrack::wave {
 
 // One frame of one camera.
 struct BallFrame {
-  int camera = 0;                    // in the rig
-  double t_s = 0;                    // its own capture time
-  std::vector<object_tracking::ColorRegion> regions;  // of the target's colour, largest first; not those that the image's border cuts
-  std::vector<Patch> patches = {};   // beside the regions, or none
+  int camera = 0;  // in the rig
+  double t_s = 0;  // its own capture time
+  std::vector<object_tracking::ColorRegion>
+      regions;                      // of the target's colour, largest first; not those that the image's border cuts
+  std::vector<Patch> patches = {};  // beside the regions, or none
 };
 
 struct BallFinderOptions {
@@ -31,7 +32,8 @@ struct BallFinderOptions {
 // Of the rig only names and image sizes matter. thread-compatible.
 class BallFinder {
  public:
-  BallFinder(const calib::CameraRig& rig, const object_tracking::TargetOptions& target, const BallFinderOptions& options = {});
+  BallFinder(const calib::CameraRig& rig, const object_tracking::TargetOptions& target,
+             const BallFinderOptions& options = {});
 
   // nullopt: corrupted, or of another size than the rig's (counted).
   std::optional<BallFrame> look(const capture::Frame& frame);

@@ -122,12 +122,14 @@ class Coverage {
 
 }  // namespace
 
-Patch patch_around(const capture::Image& image, object_tracking::MatchBits& matches, const object_tracking::ColorRegion& region) {
+Patch patch_around(const capture::Image& image, object_tracking::MatchBits& matches,
+                   const object_tracking::ColorRegion& region) {
   Patch patch;
   const Ellipse ellipse(region);
   if (2 * ellipse.reach.maxCoeff() + 2 * margin_px > most_extent_px) return patch;
   const Box box = box_around(ellipse, margin_px, {0, 0, image.width - 1, image.height - 1});
-  patch.chroma_columns = image.format == capture::PixelFormat::bgr || image.format == capture::PixelFormat::i444 ? 1 : 2;
+  patch.chroma_columns =
+      image.format == capture::PixelFormat::bgr || image.format == capture::PixelFormat::i444 ? 1 : 2;
   patch.u_min = box.u_min, patch.v_min = box.v_min;
   patch.width = box.u_max - box.u_min + 1, patch.height = box.v_max - box.v_min + 1;
   for (int v = box.v_min; v <= box.v_max; ++v) {
@@ -392,8 +394,8 @@ class EllipseFit {
 
 }  // namespace
 
-object_tracking::ColorRegion outline_over_background(const Patch& patch, const object_tracking::ColorRegion& region, const BackgroundImage& background,
-                                    const Eigen::Matrix2d& shape) {
+object_tracking::ColorRegion outline_over_background(const Patch& patch, const object_tracking::ColorRegion& region,
+                                                     const BackgroundImage& background, const Eigen::Matrix2d& shape) {
   constexpr double ring_from_px = 2, ring_to_px = 5, changed_sigmas = 6, most_changed = 0.5;
   if (patch.empty()) return region;
   const auto change = [&](int u, int v) {

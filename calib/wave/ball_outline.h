@@ -28,7 +28,8 @@ struct Patch {
   }
 };
 
-Patch patch_around(const capture::Image& image, object_tracking::MatchBits& matches, const object_tracking::ColorRegion& region);
+Patch patch_around(const capture::Image& image, object_tracking::MatchBits& matches,
+                   const object_tracking::ColorRegion& region);
 
 // A pixel is light of the object's chroma, as bright as the object's shading makes it, over the background's light.
 // What of the background is missing is covered. The region itself where that cannot be told.
@@ -39,7 +40,7 @@ object_tracking::ColorRegion outline_over_ring(const Patch& patch, const object_
 // Behind every pixel is what the camera sees there otherwise: the background's own things of the object's hue do no
 // harm. Where something else that moves is around the region (the arm that holds it), it is left to
 // outline_over_ring().
-object_tracking::ColorRegion outline_over_background(const Patch& patch, const object_tracking::ColorRegion& region, const BackgroundImage& background,
-                                    const Eigen::Matrix2d& shape);
+object_tracking::ColorRegion outline_over_background(const Patch& patch, const object_tracking::ColorRegion& region,
+                                                     const BackgroundImage& background, const Eigen::Matrix2d& shape);
 
 }  // namespace huetrack::wave

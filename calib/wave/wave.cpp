@@ -227,8 +227,9 @@ class Wave {
     double furthest = -1;
     for (std::size_t a = 0; a < rig_.cameras.size(); ++a) {
       for (std::size_t b = a + 1; b < rig_.cameras.size(); ++b) {
-        const double d =
-            (calib::inverse(state_.cam_from_world[a]).translation - calib::inverse(state_.cam_from_world[b]).translation).norm();
+        const double d = (calib::inverse(state_.cam_from_world[a]).translation -
+                          calib::inverse(state_.cam_from_world[b]).translation)
+                             .norm();
         if (d <= furthest) continue;
         furthest = d;
         o.scale_a = static_cast<int>(a);
@@ -314,7 +315,8 @@ class Wave {
 
   // A region that is narrower than a whole ball is partly hidden, one that is wider has something else in it, and its
   // centre is off by as much: of little use here, where there are many others. nullopt: of none.
-  std::optional<Eigen::Matrix2d> covariance_of(std::size_t f, const object_tracking::ColorRegion& region, const object_tracking::Appearance& at) const {
+  std::optional<Eigen::Matrix2d> covariance_of(std::size_t f, const object_tracking::ColorRegion& region,
+                                               const object_tracking::Appearance& at) const {
     if (rough_) return Eigen::Matrix2d(Eigen::Matrix2d::Identity());
     const Shape shape = shape_of(region);
     const double r2 = at.radius_px * at.radius_px;
@@ -571,9 +573,9 @@ void require_connected(const calib::CameraRig& rig, const std::vector<WavePair>&
     most = rig.cameras[index(p.a)].name + " and " + rig.cameras[index(p.b)].name;
   }
   throw solver::CalibrationError("the cameras are not connected: " + alone +
-                         " and the others hardly saw the ball at the same time; " + most + " share " +
-                         std::to_string(shared) + " frames, " + std::to_string(least_shared) +
-                         " are needed. Wave it where both see it");
+                                 " and the others hardly saw the ball at the same time; " + most + " share " +
+                                 std::to_string(shared) + " frames, " + std::to_string(least_shared) +
+                                 " are needed. Wave it where both see it");
 }
 
 std::vector<WavePair> pairs_of(const calib::CameraRig& rig, const BallTracks& tracks) {
@@ -637,12 +639,12 @@ WaveResult calibrate_wave(const calib::CameraRig& rig, std::vector<BallFrame> fr
     }
     if (camera.seen < least_shared) {
       throw solver::CalibrationError(name +
-                             (still[c] > 0
-                                  ? " saw the target's colour only where it never moves: too little motion, or "
-                                    "something else of that colour"
-                                  : " saw the target in only " + std::to_string(camera.seen) + " frames, " +
-                                        std::to_string(least_shared) + " are needed") +
-                             ". Wave it through the whole volume");
+                                     (still[c] > 0
+                                          ? " saw the target's colour only where it never moves: too little motion, or "
+                                            "something else of that colour"
+                                          : " saw the target in only " + std::to_string(camera.seen) + " frames, " +
+                                                std::to_string(least_shared) + " are needed") +
+                                     ". Wave it through the whole volume");
     }
     if (still[c] > 0) {
       result.notes.push_back(name + ": something of the target's colour stands still in its view; it is left out");
@@ -722,7 +724,8 @@ WaveResult calibrate_wave(const calib::CameraRig& rig, std::vector<BallFrame> fr
           over_m = std::max(over_m, (to[i] - to[k]).norm());
         }
       }
-      if (!(spread_to > 1e-4) || !(spread_from > 0)) throw solver::CalibrationError("the marked points are all at one place");
+      if (!(spread_to > 1e-4) || !(spread_from > 0))
+        throw solver::CalibrationError("the marked points are all at one place");
       scale.scale = std::sqrt(spread_to / spread_from);
       result.scale_from = std::to_string(from.size()) + " marked points";
     } else if (!from_nothing) {
@@ -750,7 +753,8 @@ WaveResult calibrate_wave(const calib::CameraRig& rig, std::vector<BallFrame> fr
     for (const Vector3d& p : to) scatter += (p - mean) * (p - mean).transpose();
     const Vector3d axes = Eigen::SelfAdjointEigenSolver<Matrix3d>(scatter).eigenvalues();
     if (axes[1] < 1e-3 * axes[2])
-      throw solver::CalibrationError("the marked points lie on one line, which leaves the world free to turn around it");
+      throw solver::CalibrationError(
+          "the marked points lie on one line, which leaves the world free to turn around it");
     const Similarity move = onto_points(from, to, false);
     move.apply(state);
     double worst = 0;

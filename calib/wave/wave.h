@@ -32,9 +32,9 @@ struct WaveOptions {
   bool has_poses = true;        // the rig's poses are roughly right; otherwise they are found from nothing
   // What sets the scale, at most one of these; none: the rig's poses, or without them the ball's radius (rough).
   std::optional<CameraDistance> camera_distance{};
-  std::optional<double> rest_distance_m{};  // > 0; between the two places where the ball rested longest
-  std::vector<BallMark> marks{};            // two: scale; three or more, not in a line: the world's frame too
-  std::optional<solver::WorldBox> volume{};         // where positions will be wanted: how good they are is told for it too
+  std::optional<double> rest_distance_m{};   // > 0; between the two places where the ball rested longest
+  std::vector<BallMark> marks{};             // two: scale; three or more, not in a line: the world's frame too
+  std::optional<solver::WorldBox> volume{};  // where positions will be wanted: how good they are is told for it too
   solver::Progress progress{};
 
   std::vector<std::string> problems(
@@ -59,7 +59,7 @@ struct WavePair {
 };
 
 struct WaveResult {
-  calib::CameraRig rig;                    // with the poses found, and made_by
+  calib::CameraRig rig;             // with the poses found, and made_by
   std::vector<WaveCamera> cameras;  // beside the rig's
   std::vector<WavePair> pairs;      // all
   double rms_px = 0;                // of all used regions, length

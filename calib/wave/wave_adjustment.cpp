@@ -54,8 +54,8 @@ Vector3d outline_point(bool pinhole, const Vector3d& p, double radius, double* z
 // Blocks: pose (omega, t), and four control points. Residual: whitened, predicted minus measured.
 class OutlineCost final : public ceres::SizedCostFunction<2, 6, 3, 3, 3, 3> {
  public:
-  OutlineCost(solver::LensModel lens, const solver::LensParameters& parameters, const Matrix3d& base, const BallObservation& o,
-              const std::array<double, 4>& weight, double radius)
+  OutlineCost(solver::LensModel lens, const solver::LensParameters& parameters, const Matrix3d& base,
+              const BallObservation& o, const std::array<double, 4>& weight, double radius)
       : lens_(lens), parameters_(parameters), base_(base), measured_(o.px), weight_(weight), radius_(radius) {
     whiten_ = Matrix2d(o.covariance.inverse()).llt().matrixL().transpose();
   }
@@ -154,7 +154,8 @@ Eigen::SparseMatrix<double> jacobian_of(ceres::Problem& problem, const std::vect
 double log_determinant(const Eigen::SparseMatrix<double>& jacobian) {
   const Eigen::SparseMatrix<double> information = jacobian.transpose() * jacobian;
   const Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>> solver(information);
-  if (solver.info() != Eigen::Success) throw solver::CalibrationError("the ball's path is not determined by what was seen");
+  if (solver.info() != Eigen::Success)
+    throw solver::CalibrationError("the ball's path is not determined by what was seen");
   return solver.vectorD().array().max(1e-30).log().sum();
 }
 
@@ -204,7 +205,8 @@ Eigen::MatrixXd pose_covariance(ceres::Problem& problem, const std::vector<doubl
   Eigen::SparseMatrix<double> pp = by_point.transpose() * by_point;
   const Eigen::SparseMatrix<double> pc = by_point.transpose() * by_pose;
   Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>> solver(pp);
-  if (solver.info() != Eigen::Success) throw solver::CalibrationError("the ball's path is not determined by what was seen");
+  if (solver.info() != Eigen::Success)
+    throw solver::CalibrationError("the ball's path is not determined by what was seen");
   const Eigen::MatrixXd cross = pc;
   const Eigen::MatrixXd path_by_pose = solver.solve(cross);
   const Eigen::MatrixXd information = Eigen::MatrixXd(by_pose.transpose() * by_pose) - cross.transpose() * path_by_pose;
@@ -282,7 +284,8 @@ WaveFit adjust_wave(const calib::CameraRig& rig, const std::vector<BallObservati
   }
   const auto a = static_cast<std::size_t>(options.scale_a), b = static_cast<std::size_t>(options.scale_b);
   const double distance =
-      (calib::inverse(state.cam_from_world[a]).translation - calib::inverse(state.cam_from_world[b]).translation).norm();
+      (calib::inverse(state.cam_from_world[a]).translation - calib::inverse(state.cam_from_world[b]).translation)
+          .norm();
   problem.AddResidualBlock(
       new ceres::AutoDiffCostFunction<DistanceCost, 1, 6, 6>(new DistanceCost{base[a], base[b], distance, 1e5}),
       nullptr, poses[a].data(), poses[b].data());
@@ -298,7 +301,8 @@ WaveFit adjust_wave(const calib::CameraRig& rig, const std::vector<BallObservati
   const QuietLog quiet;
   ceres::Solver::Summary summary;
   ceres::Solve(solver, &problem, &summary);
-  if (!summary.IsSolutionUsable()) throw solver::CalibrationError("the adjustment does not converge: " + summary.message);
+  if (!summary.IsSolutionUsable())
+    throw solver::CalibrationError("the adjustment does not converge: " + summary.message);
 
   WaveFit fit;
   fit.cost = summary.final_cost;

@@ -61,6 +61,7 @@ WaveFit adjust_wave(const calib::CameraRig& rig, const std::vector<BallObservati
                     const WaveAdjustmentOptions& options);
 
 // Where the centre of a ball's outline appears; nullopt: behind the camera, or outside the lens model.
-std::optional<Eigen::Vector2d> outline_centre(const calib::CameraModel& model, const Eigen::Vector3d& p_cam, double radius_m);
+std::optional<Eigen::Vector2d> outline_centre(const calib::CameraModel& model, const Eigen::Vector3d& p_cam,
+                                              double radius_m);
 
 }  // namespace huetrack::wave

@@ -84,8 +84,8 @@ std::optional<Vector3d> crossing(const calib::CameraRig& rig, const std::vector<
   return p;
 }
 
-BallPath crossed_path(const calib::CameraRig& rig, const std::vector<calib::Rigid3d>& cam_from_world, const BallTracks& tracks,
-                      double from_s, double to_s, double step_s, std::size_t* crossed) {
+BallPath crossed_path(const calib::CameraRig& rig, const std::vector<calib::Rigid3d>& cam_from_world,
+                      const BallTracks& tracks, double from_s, double to_s, double step_s, std::size_t* crossed) {
   BallPath path = BallPath::over(from_s, to_s, step_s);
   const std::vector<bool> all(rig.cameras.size(), true);
   std::vector<std::size_t> known;
@@ -182,7 +182,8 @@ std::vector<calib::Rigid3d> poses_from_nothing(const calib::CameraRig& rig, cons
       for (std::size_t c = 0; c < n; ++c) {
         if (!placed[c]) names += (names.empty() ? "" : ", ") + rig.cameras[c].name;
       }
-      throw solver::CalibrationError(names + ": cannot be placed; wave the ball where it and two other cameras see it at once");
+      throw solver::CalibrationError(names +
+                                     ": cannot be placed; wave the ball where it and two other cameras see it at once");
     }
     cv::Rodrigues(rotation_vector, rotation);
     poses[next] = pose_of(rotation, translation);

@@ -33,8 +33,8 @@ std::optional<Eigen::Vector3d> crossing(const calib::CameraRig& rig, const std::
 
 // The ball's path where rays cross, and straight on between; how many of its control points are from rays is put into
 // `crossed`.
-BallPath crossed_path(const calib::CameraRig& rig, const std::vector<calib::Rigid3d>& cam_from_world, const BallTracks& tracks,
-                      double from_s, double to_s, double step_s, std::size_t* crossed);
+BallPath crossed_path(const calib::CameraRig& rig, const std::vector<calib::Rigid3d>& cam_from_world,
+                      const BallTracks& tracks, double from_s, double to_s, double step_s, std::size_t* crossed);
 
 // Camera poses from what they saw alone, in the frame of one of the cameras and with a scale of its own: the pair with
 // most in common by its essential matrix (Nister 2004, in OpenCV), the others one by one from the path that those

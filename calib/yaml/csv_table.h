@@ -20,8 +20,9 @@ class CsvTable {
   bool next();  // to the next row; false at the end
   // Of the current row; column indexes what the constructor was given. They throw ConfigError "file:line: ...".
   std::string_view text(std::size_t column) const;
-  double number(std::size_t column) const;   // nan and inf are numbers here
-  std::chrono::sys_time<std::chrono::nanoseconds> time(std::size_t column) const;  // decimal seconds, exact to the nanosecond
+  double number(std::size_t column) const;  // nan and inf are numbers here
+  std::chrono::sys_time<std::chrono::nanoseconds> time(
+      std::size_t column) const;  // decimal seconds, exact to the nanosecond
   [[noreturn]] void fail(const std::string& message) const;
 
  private:

@@ -21,7 +21,7 @@ namespace huetrack::yaml {
 // The user's input is at fault. what() is one readable line "file:line: key.path: what is wrong, what to do".
 class ConfigError : public std::runtime_error {
  public:
-  ConfigError(const std::filesystem::path& file, int line, const std::string& message);   // line <= 0: whole file
+  ConfigError(const std::filesystem::path& file, int line, const std::string& message);  // line <= 0: whole file
   const std::filesystem::path& file() const noexcept { return file_; }
   int line() const noexcept { return line_; }
 
@@ -34,7 +34,7 @@ class ConfigError : public std::runtime_error {
 struct Range {
   double min = -std::numeric_limits<double>::infinity();
   double max = std::numeric_limits<double>::infinity();
-  bool min_is_open = false;   // value > min rather than value >= min
+  bool min_is_open = false;  // value > min rather than value >= min
   bool max_is_open = false;
 };
 inline constexpr Range any_number{};
@@ -46,22 +46,23 @@ inline constexpr Range non_negative{.min = 0};
 // default return it when the key is absent (a key that is present but null is an error).
 class YamlReader {
  public:
-  static YamlReader file(const std::filesystem::path& path);                    // unreadable or not a mapping: ConfigError
-  static YamlReader text(const std::string& yaml, const std::string& name);     // name stands for the file in messages
+  static YamlReader file(const std::filesystem::path& path);                 // unreadable or not a mapping: ConfigError
+  static YamlReader text(const std::string& yaml, const std::string& name);  // name stands for the file in messages
 
-  bool has(std::string_view key) const;                                         // counts as asked for
-  bool is_list(std::string_view key) const;                                     // false when absent; counts as asked for
+  bool has(std::string_view key) const;      // counts as asked for
+  bool is_list(std::string_view key) const;  // false when absent; counts as asked for
   double number(std::string_view key, Range range) const;
   double number(std::string_view key, Range range, double default_value) const;
   std::int64_t integer(std::string_view key, Range range) const;
   std::int64_t integer(std::string_view key, Range range, std::int64_t default_value) const;
   bool boolean(std::string_view key) const;
   bool boolean(std::string_view key, bool default_value) const;
-  std::string string(std::string_view key) const;                               // not empty
+  std::string string(std::string_view key) const;  // not empty
   std::string string(std::string_view key, const std::string& default_value) const;
   // One of the given words; the message lists them and suggests the nearest.
   std::string choice(std::string_view key, std::span<const std::string_view> words) const;
-  std::string choice(std::string_view key, std::span<const std::string_view> words, const std::string& default_value) const;
+  std::string choice(std::string_view key, std::span<const std::string_view> words,
+                     const std::string& default_value) const;
   // A list of numbers, min_count to max_count of them.
   std::vector<double> numbers(std::string_view key, std::size_t min_count, std::size_t max_count, Range range) const;
   std::vector<std::vector<double>> rows(std::string_view key, std::size_t row_count, std::size_t column_count) const;
@@ -69,21 +70,21 @@ class YamlReader {
   std::vector<std::vector<double>> table(std::string_view key, std::size_t min_columns, std::size_t max_columns) const;
   std::vector<std::string> strings(std::string_view key) const;
 
-  YamlReader map(std::string_view key) const;                                   // required
+  YamlReader map(std::string_view key) const;  // required
   std::optional<YamlReader> optional_map(std::string_view key) const;
-  YamlReader map_or_empty(std::string_view key) const;                          // absent: no key, at this one's line
-  std::vector<YamlReader> maps(std::string_view key) const;                     // a list of mappings
+  YamlReader map_or_empty(std::string_view key) const;       // absent: no key, at this one's line
+  std::vector<YamlReader> maps(std::string_view key) const;  // a list of mappings
   // A mapping whose keys are names of the user's choice (cameras, targets), in the order of the file.
   // A name given twice is an error.
   std::vector<std::pair<std::string, YamlReader>> named_maps(std::string_view key) const;
-  std::vector<std::string> keys() const;                                        // in the order of the file; asks for none
+  std::vector<std::string> keys() const;  // in the order of the file; asks for none
 
-  void finish() const;                                                          // throws on the first unknown key
+  void finish() const;  // throws on the first unknown key
 
   // Throws ConfigError at the key (or, when it is absent, at this mapping): "file:line: path.key: message".
   [[noreturn]] void fail(std::string_view key, const std::string& message) const;
-  const std::filesystem::path& path() const;                                    // of the file
-  std::string key_path() const;                                                 // "cameras.left", empty at the root
+  const std::filesystem::path& path() const;  // of the file
+  std::string key_path() const;               // "cameras.left", empty at the root
   int line() const;
 
  private:

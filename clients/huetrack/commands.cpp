@@ -107,7 +107,8 @@ int watch_topic(const WatchOptions& options, const std::string& wanted, const st
 int watch(const WatchOptions& options) {
   if (options.camera)
     return watch_topic<msg::CameraPose>(options, *options.camera == "all" ? "" : *options.camera,
-                                        camera_header(options.format), {"camera poses", "camera", "targets", "huetrack watch, without --camera"});
+                                        camera_header(options.format),
+                                        {"camera poses", "camera", "targets", "huetrack watch, without --camera"});
   return watch_topic<msg::ObjectPosition>(options, options.target, header(options.format),
                                           {"huetrack positions", "target", "cameras", "huetrack watch --camera NAME"});
 }

@@ -5,9 +5,9 @@
 #include <map>
 #include <string>
 
-#include "commands.h"
 #include "clients/live_view/view.h"
 #include "clients/plot/plot.h"
+#include "commands.h"
 
 int main(int argc, char** argv) {
   using namespace huetrack::client::client;
@@ -25,7 +25,8 @@ int main(int argc, char** argv) {
   double timeout_s = 0;
   const auto add_samples = [&](CLI::App* command) {
     command->add_option("--target", options.target, "only this target");
-    command->add_option("--camera", options.camera, "the pose of this tracked camera instead of positions; all: of every one");
+    command->add_option("--camera", options.camera,
+                        "the pose of this tracked camera instead of positions; all: of every one");
     command->add_option("--count", options.count, "end after so many lines")->check(CLI::Range(1, 1'000'000'000));
     command->add_option("--timeout", timeout_s, "end with exit status 1 when no line came for so many seconds")
         ->check(CLI::Range(0.001, 1e9));
@@ -36,7 +37,10 @@ int main(int argc, char** argv) {
   const std::map<std::string, Format> formats{
       {"text", Format::text}, {"csv", Format::csv}, {"json", Format::json}, {"tum", Format::tum}};
   std::string format = "text";
-  watch_command->add_option("--format", format, "text, csv, json or tum (timestamp tx ty tz qx qy qz qw; of a camera only while its state is tracking)")
+  watch_command
+      ->add_option(
+          "--format", format,
+          "text, csv, json or tum (timestamp tx ty tz qx qy qz qw; of a camera only while its state is tracking)")
       ->check(CLI::IsMember({"text", "csv", "json", "tum"}))
       ->capture_default_str();
   add_samples(watch_command);
@@ -54,9 +58,10 @@ int main(int argc, char** argv) {
   view_command->add_option("--port", view.server.port, "to listen on; 0: any free one")
       ->check(CLI::Range(0, 65535))
       ->capture_default_str();
-  view_command->add_option("--address", view.server.address,
-                           "IPv4 address to listen on, 0.0.0.0: every one of this host. Any but 127.0.0.1 is open to the "
-                           "network: then a token is part of the page's address")
+  view_command
+      ->add_option("--address", view.server.address,
+                   "IPv4 address to listen on, 0.0.0.0: every one of this host. Any but 127.0.0.1 is open to the "
+                   "network: then a token is part of the page's address")
       ->capture_default_str();
   add_bus(view_command);
 
@@ -64,8 +69,10 @@ int main(int argc, char** argv) {
   CLI::App* plot_command = app.add_subcommand("plot", "draw a track CSV: the track, its states, its uncertainty");
   plot_command->add_option("tracks", plot.tracks, "CSV of `huetrackd replay --tracks` or `huetrack log`")->required();
   plot_command->add_option("--truth", plot.truth, "CSV with columns ball, t, x, y, z");
-  plot_command->add_option("--clock-offset", plot.clock_offset_s, "seconds that the tracks' clock is ahead of the truth's");
-  plot_command->add_option("--out", plot.out, "FILE.png, FILE.svg or FILE.html (one file that needs no other)")->required();
+  plot_command->add_option("--clock-offset", plot.clock_offset_s,
+                           "seconds that the tracks' clock is ahead of the truth's");
+  plot_command->add_option("--out", plot.out, "FILE.png, FILE.svg or FILE.html (one file that needs no other)")
+      ->required();
 
   CLI11_PARSE(app, argc, argv);
 

@@ -43,7 +43,7 @@ std::string who(const std::optional<idl::PublisherIdentity>& identity, const cha
 
 template <typename Sample>
 void SampleSubscription<Sample>::Announcements::on_publisher_discovery(dds::DomainParticipant*,
-                                                                 rtps::WriterDiscoveryInfo&& info) {
+                                                                       rtps::WriterDiscoveryInfo&& info) {
   const std::string topic(info.info.topicName().c_str());
   if (topic != Of<Sample>::topic && topic != Of<Sample>::other_topic) return;
   const std::lock_guard lock(mutex_);
@@ -57,7 +57,8 @@ void SampleSubscription<Sample>::Announcements::on_publisher_discovery(dds::Doma
 }
 
 template <typename Sample>
-std::optional<idl::PublisherIdentity> SampleSubscription<Sample>::Announcements::find(const rtps::GUID_t& writer) const {
+std::optional<idl::PublisherIdentity> SampleSubscription<Sample>::Announcements::find(
+    const rtps::GUID_t& writer) const {
   const std::lock_guard lock(mutex_);
   const auto it = known_.find(writer);
   return it == known_.end() ? std::nullopt : std::optional(it->second.identity);
@@ -101,7 +102,8 @@ std::vector<std::string> SampleSubscription<Sample>::news() {
     const auto identity = announcements_.find(rtps::iHandle2GUID(liveliness.last_publication_handle));
     const bool more = liveliness.alive_count > publishers_;
     publishers_ = liveliness.alive_count;
-    sentences.push_back((more ? "a publisher is there: " : "a publisher went away: ") + who(identity, Of<Sample>::named) +
+    sentences.push_back((more ? "a publisher is there: " : "a publisher went away: ") +
+                        who(identity, Of<Sample>::named) +
                         (more              ? ""
                          : publishers_ > 0 ? "; " + std::to_string(publishers_) + " left"
                                            : "; waiting for one to come back"));

@@ -113,8 +113,7 @@ std::string text_line(const msg::ObjectPosition& s, std::int64_t received_at, st
       "{}  {:<{}}  {:<9}  x {}  y {}  z {} m   sigma {} {} {} mm   views {}/{}   confidence {}   latency {} + {} ms\n",
       clock_time(s.captured_at()), s.target(), target_width, name(s.state()), number(s.position()[0], 4, 8),
       number(s.position()[1], 4, 8), number(s.position()[2], 4, 8), sigma_mm(0), sigma_mm(1), sigma_mm(2), s.views(),
-      s.per_view().size(), number(s.confidence(), 2),
-      latency_ms(s.captured_at(), s.published_at(), 1, 6),
+      s.per_view().size(), number(s.confidence(), 2), latency_ms(s.captured_at(), s.published_at(), 1, 6),
       latency_ms(s.published_at(), received_at, 2));
 }
 

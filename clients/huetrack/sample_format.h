@@ -16,8 +16,8 @@ enum class Format : std::uint8_t {
   text,  // for people
   csv,   // what `huetrackd replay --tracks` writes too; t is the UNIX capture time, s
   json,  // one object per sample, every field; a number that does not exist is null
-  tum,   // timestamp tx ty tz qx qy qz qw, for evo and the like: positions where there is one, poses where the camera is
-         // tracking (a coasting one is predicted, and tum cannot say so)
+  tum,  // timestamp tx ty tz qx qy qz qw, for evo and the like: positions where there is one, poses where the camera is
+        // tracking (a coasting one is predicted, and tum cannot say so)
 };
 
 // What comes before the first sample: the CSV's header line, or nothing.

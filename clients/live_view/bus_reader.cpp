@@ -64,7 +64,8 @@ idl::ParticipantOptions named(idl::ParticipantOptions options, const char* name)
 struct BusReader::Connection {
   explicit Connection(const idl::ParticipantOptions& options)
       : participant(named(options, "huetrack view")),
-        position(participant.create_reader(idl::topics::object_position, dds::TypeSupport(new msg::ObjectPositionPubSubType),
+        position(participant.create_reader(idl::topics::object_position,
+                                           dds::TypeSupport(new msg::ObjectPositionPubSubType),
                                            idl::object_position_reader_qos())),
         camera_pose(participant.create_reader(idl::topics::camera_pose, dds::TypeSupport(new msg::CameraPosePubSubType),
                                               idl::object_position_reader_qos())),
@@ -72,8 +73,8 @@ struct BusReader::Connection {
                                              idl::status_reader_qos())),
         status(participant.create_reader(idl::topics::status, dds::TypeSupport(new msg::ServiceStatusPubSubType),
                                          idl::status_reader_qos())),
-        scene(
-            participant.create_reader(idl::topics::scene, dds::TypeSupport(new msg::ScenePubSubType), idl::status_reader_qos())),
+        scene(participant.create_reader(idl::topics::scene, dds::TypeSupport(new msg::ScenePubSubType),
+                                        idl::status_reader_qos())),
         reply(participant.create_reader(idl::topics::teach_reply, dds::TypeSupport(new msg::TeachReplyPubSubType),
                                         idl::teach_reader_qos())),
         request(participant.create_writer(idl::topics::teach_request, dds::TypeSupport(new msg::TeachRequestPubSubType),

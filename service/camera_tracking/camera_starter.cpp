@@ -136,9 +136,9 @@ std::optional<Started> CameraStarter::confirmed(std::optional<Started> started) 
     return std::nullopt;
   }
   const calib::Rigid3d& pose = started->pose.cam_from_world;
-  const bool goes_on =
-      candidate_ && candidate_->rotation.angularDistance(pose.rotation) < turned_rad &&
-      (calib::inverse(*candidate_).translation - calib::inverse(pose).translation).norm() < moved * distance_m(*started);
+  const bool goes_on = candidate_ && candidate_->rotation.angularDistance(pose.rotation) < turned_rad &&
+                       (calib::inverse(*candidate_).translation - calib::inverse(pose).translation).norm() <
+                           moved * distance_m(*started);
   candidate_ = pose;
   candidate_frames_ = goes_on ? candidate_frames_ + 1 : 1;
   if (candidate_frames_ >= frames_in_a_row || open_m(started->pose) < sure * distance_m(*started)) return started;
@@ -155,7 +155,8 @@ std::optional<Started> CameraStarter::accepted(std::optional<Started> started, s
   return started;
 }
 
-std::optional<calib::Rigid3d> CameraStarter::find_again(const capture::Image& image, const GreyImage& grey, const calib::Rigid3d& near) const {
+std::optional<calib::Rigid3d> CameraStarter::find_again(const capture::Image& image, const GreyImage& grey,
+                                                        const calib::Rigid3d& near) const {
   if (const auto* rectangle = std::get_if<RectangleStart>(&start_)) {
     if (const auto found = find_rectangle(grey, camera_.model, rectangle->corners, &near))
       return found->pose.cam_from_world;

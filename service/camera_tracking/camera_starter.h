@@ -30,13 +30,14 @@ class CameraStarter {
   CameraStarter(const calib::Camera& camera, const CameraStart& start) : camera_(camera), start_(start) {}
 
   // nullopt: not in this frame; why_not() says why. Pixels that the user gave are of the first frame. What nobody
-  // pointed at, a rectangle or a board, counts at once where the view leaves less than 0.5 % of the distance open, else in
-  // the third frame in a row, from places that one camera can have had.
+  // pointed at, a rectangle or a board, counts at once where the view leaves less than 0.5 % of the distance open, else
+  // in the third frame in a row, from places that one camera can have had.
   std::optional<Started> find(const capture::Image& image, const GreyImage& grey);
   std::string why_not() const { return why_not_; }  // of the last find(), for the user; empty: it was found
   // What was started from, seen again: a proposal for somebody who will prove it. Known points with pixels are never.
   //   near   cam_from_world when it was last known: a rectangle looks the same turned by half a turn
-  std::optional<calib::Rigid3d> find_again(const capture::Image& image, const GreyImage& grey, const calib::Rigid3d& near) const;
+  std::optional<calib::Rigid3d> find_again(const capture::Image& image, const GreyImage& grey,
+                                           const calib::Rigid3d& near) const;
 
  private:
   std::optional<Started> accepted(std::optional<Started> started, std::size_t given, const std::string& what);
@@ -46,7 +47,7 @@ class CameraStarter {
   CameraStart start_;
   int frames_ = 0;
   std::optional<calib::Rigid3d> candidate_;  // cam_from_world of what was found in the frame before
-  int candidate_frames_ = 0;          // that it was found in
+  int candidate_frames_ = 0;                 // that it was found in
   std::string why_not_;
 };
 

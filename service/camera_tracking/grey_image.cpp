@@ -41,8 +41,8 @@ GreyImage grey_of(const capture::Image& image) {
   GreyImage grey = make_grey(image.width, image.height, out);
   grey.range = image.format == capture::PixelFormat::bgr ? capture::ColorRange::full : image.range;
   for (int v = 0; v < image.height; ++v) {
-    (image.format == capture::PixelFormat::yuyv ? every_second : luma_of_bgr)(plane.data + v * plane.stride, image.width,
-                                                                     out + v * image.width);
+    (image.format == capture::PixelFormat::yuyv ? every_second : luma_of_bgr)(plane.data + v * plane.stride,
+                                                                              image.width, out + v * image.width);
   }
   return grey;
 }

@@ -17,7 +17,7 @@ struct GreyImage {
   int height = 0;
   std::ptrdiff_t stride = 0;  // bytes from one row to the next
   const std::uint8_t* data = nullptr;
-  std::shared_ptr<const void> owner;    // keeps data alive
+  std::shared_ptr<const void> owner;                      // keeps data alive
   capture::ColorRange range = capture::ColorRange::full;  // what black and white are
 
   const std::uint8_t* row(int v) const { return data + v * stride; }

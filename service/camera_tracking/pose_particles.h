@@ -37,7 +37,8 @@ class PoseParticles {
 
   // Where each particle sees a point of the world. The projector has the camera's lens and the identity as its pose.
   //   u, v  (n,) out; BatchProjector::outside where the point has no pixel
-  void project(const calib::BatchProjector& lens, const Eigen::Vector3d& p_world, std::span<float> u, std::span<float> v);
+  void project(const calib::BatchProjector& lens, const Eigen::Vector3d& p_world, std::span<float> u,
+               std::span<float> v);
 
   calib::Rigid3d mean() const;               // cam_from_world; weighted
   calib::Rigid3d pose(std::size_t i) const;  // cam_from_world

@@ -51,8 +51,8 @@ Eigen::Matrix<double, 2, 6> pose_jacobian(const calib::CameraModel::Jacobian& d_
   return j;
 }
 
-PoseFit refine_pose(const calib::CameraModel& lens, std::span<const PoseObservation> observations, const calib::Rigid3d& start,
-                    int iterations) {
+PoseFit refine_pose(const calib::CameraModel& lens, std::span<const PoseObservation> observations,
+                    const calib::Rigid3d& start, int iterations) {
   PoseFit fit;
   fit.cam_from_world = start;
   const std::size_t n = observations.size();
@@ -206,7 +206,8 @@ std::optional<PoseFit> solve_pose_ransac(const calib::CameraModel& lens, std::sp
   return fit;
 }
 
-Covariance6d world_covariance(const calib::Rigid3d& cam_from_world, const Eigen::Matrix<double, 6, 6>& tangent_covariance) {
+Covariance6d world_covariance(const calib::Rigid3d& cam_from_world,
+                              const Eigen::Matrix<double, 6, 6>& tangent_covariance) {
   // With exp((omega, v)) cam_from_world: dt = -R^T v, w = -R^T omega, R the rotation of cam_from_world, to first order.
   const Eigen::Matrix3d back = -cam_from_world.rotation.toRotationMatrix().transpose();
   Matrix6d m = Matrix6d::Zero();

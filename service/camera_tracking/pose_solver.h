@@ -29,8 +29,8 @@ struct PoseFit {
 
 // Gauss-Newton with Tukey's loss, its width from the median residual. start: near enough for it. At least 3
 // observations.
-PoseFit refine_pose(const calib::CameraModel& lens, std::span<const PoseObservation> observations, const calib::Rigid3d& start,
-                    int iterations = 10);
+PoseFit refine_pose(const calib::CameraModel& lens, std::span<const PoseObservation> observations,
+                    const calib::Rigid3d& start, int iterations = 10);
 
 // From nothing: 4 or more points, in a plane or not. Both poses of a plane are tried, the better one is given.
 // nullopt: no pose has the points before the camera.
@@ -42,7 +42,8 @@ std::optional<PoseFit> solve_pose_ransac(const calib::CameraModel& lens, std::sp
                                          double max_error_px, int min_inliers, std::uint64_t seed);
 
 // CameraEstimate::covariance from the information about Tangent6d of cam_from_world (exp(xi) * cam_from_world).
-Covariance6d world_covariance(const calib::Rigid3d& cam_from_world, const Eigen::Matrix<double, 6, 6>& tangent_covariance);
+Covariance6d world_covariance(const calib::Rigid3d& cam_from_world,
+                              const Eigen::Matrix<double, 6, 6>& tangent_covariance);
 
 // d px / d xi for exp(xi) * cam_from_world, xi = (omega, v).
 Eigen::Matrix<double, 2, 6> pose_jacobian(const calib::CameraModel::Jacobian& d_px_d_cam, const Eigen::Vector3d& p_cam);

@@ -85,8 +85,8 @@ std::optional<double> steepest(const GreyImage& image, const Eigen::Vector2d& at
   return spacing * moment / sum;
 }
 
-Line fit_edge(const GreyImage& image, const calib::CameraModel& lens, const Eigen::Vector2d& a, const Eigen::Vector2d& b,
-              const Eigen::Vector2d& inside, double search_px, bool dark) {
+Line fit_edge(const GreyImage& image, const calib::CameraModel& lens, const Eigen::Vector2d& a,
+              const Eigen::Vector2d& b, const Eigen::Vector2d& inside, double search_px, bool dark) {
   Line line;
   const Eigen::Vector2d along = b - a;
   const double length = along.norm();
@@ -180,8 +180,8 @@ double contrast(const GreyImage& image, const Quad& px, bool dark) {
 
 }  // namespace
 
-RectangleCorners measure_rectangle(const GreyImage& image, const calib::CameraModel& lens, const Quad& about, double search_px,
-                                   bool dark) {
+RectangleCorners measure_rectangle(const GreyImage& image, const calib::CameraModel& lens, const Quad& about,
+                                   double search_px, bool dark) {
   RectangleCorners out;
   out.px.fill(Eigen::Vector2d::Constant(std::numeric_limits<double>::quiet_NaN()));
   Quad ideal;
@@ -230,7 +230,8 @@ std::optional<FoundRectangle> rectangle_at(const GreyImage& image, const calib::
 }
 
 std::optional<FoundRectangle> find_rectangle(const GreyImage& image, const calib::CameraModel& lens,
-                                             std::span<const Eigen::Vector3d> corners_world, const calib::Rigid3d* near) {
+                                             std::span<const Eigen::Vector3d> corners_world,
+                                             const calib::Rigid3d* near) {
   const cv::Mat grey(image.height, image.width, CV_8UC1, const_cast<std::uint8_t*>(image.data),
                      static_cast<std::size_t>(image.stride));
   std::optional<FoundRectangle> best;

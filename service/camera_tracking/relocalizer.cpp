@@ -4,8 +4,8 @@
 
 namespace huetrack::camera_tracking {
 
-std::optional<PoseFit> relocalize(const calib::Camera& camera, const Pyramid& pyramid, const SceneMap& map, std::uint64_t seed,
-                                  double max_error_px, int min_inliers) {
+std::optional<PoseFit> relocalize(const calib::Camera& camera, const Pyramid& pyramid, const SceneMap& map,
+                                  std::uint64_t seed, double max_error_px, int min_inliers) {
   constexpr std::size_t corners_per_level = 600;
   constexpr int max_distance = 72;
   struct Look {

@@ -11,7 +11,7 @@ namespace huetrack::camera_tracking {
 
 // A proposal, to be proven by whoever asks: descriptors, then P3P in a random sample consensus. nullopt: too few agree.
 // Cost: corners x looks comparisons of 256 bits. seed: same seed, same answer.
-std::optional<PoseFit> relocalize(const calib::Camera& camera, const Pyramid& pyramid, const SceneMap& map, std::uint64_t seed,
-                                  double max_error_px = 3, int min_inliers = 10);
+std::optional<PoseFit> relocalize(const calib::Camera& camera, const Pyramid& pyramid, const SceneMap& map,
+                                  std::uint64_t seed, double max_error_px = 3, int min_inliers = 10);
 
 }  // namespace huetrack::camera_tracking

@@ -9,7 +9,8 @@
 namespace huetrack::camera_tracking {
 namespace {
 
-std::optional<Eigen::Vector2d> through(const calib::CameraModel& lens, const Eigen::Matrix3d& h, const Eigen::Vector2d& px) {
+std::optional<Eigen::Vector2d> through(const calib::CameraModel& lens, const Eigen::Matrix3d& h,
+                                       const Eigen::Vector2d& px) {
   const auto ray = lens.ray({px});
   if (!ray) return std::nullopt;
   const auto seen = lens.project(h * *ray);
@@ -46,7 +47,8 @@ Eigen::Matrix3d plane_homography(const calib::Rigid3d& cam1_from_cam0, const Eig
   return cam1_from_cam0.rotation.toRotationMatrix() + cam1_from_cam0.translation * normal.transpose() / d;
 }
 
-std::optional<PatchView> view_patch(const calib::CameraModel& lens, const Eigen::Vector2d& px0, const Eigen::Matrix3d& h) {
+std::optional<PatchView> view_patch(const calib::CameraModel& lens, const Eigen::Vector2d& px0,
+                                    const Eigen::Matrix3d& h) {
   const auto centre = through(lens, h, px0);
   if (!centre) return std::nullopt;
   PatchView view{*centre, Eigen::Matrix2d::Zero()};

@@ -41,8 +41,8 @@ struct Frame {
   // Which number among all cameras' frames it had when it entered the FrameSynchronizer, from 1; 0: not numbered. The
   // frames of a set depend on the order of arrival; a recording keeps it, and a replay repeats it.
   std::uint64_t arrival = 0;
-  // Which frame of its recorded stream it is, of a replay that may begin later or leave frames out (first_frame, every),
-  // where `sequence` counts what is played. nullopt: `sequence` is the camera's own count.
+  // Which frame of its recorded stream it is, of a replay that may begin later or leave frames out (first_frame,
+  // every), where `sequence` counts what is played. nullopt: `sequence` is the camera's own count.
   std::optional<std::int64_t> stream_index = {};
 };
 

@@ -78,7 +78,8 @@ class Stream {
         forget();
         return;
       }
-      throw yaml::ConfigError(camera_.frames, 0, "no frame of it can be played (frames of camera " + camera_.name + ")");
+      throw yaml::ConfigError(camera_.frames, 0,
+                              "no frame of it can be played (frames of camera " + camera_.name + ")");
     }
     info_.first_at = waiting_.front().captured_at;
   }
@@ -305,8 +306,8 @@ ReplaySource::ReplaySource(const Recording& recording, std::span<const std::stri
     if (std::ranges::find(recorded, name) != recorded.end()) continue;
     const auto nearest = yaml::nearest_word(name, recorded);
     throw yaml::ConfigError(recording.file, 0,
-                      "has no camera " + name + (nearest ? " (did you mean " + *nearest + "?)" : std::string()) +
-                          ": it has " + list_of(recorded) + ", and the rig has " + list_of(camera_names));
+                            "has no camera " + name + (nearest ? " (did you mean " + *nearest + "?)" : std::string()) +
+                                ": it has " + list_of(recorded) + ", and the rig has " + list_of(camera_names));
   }
   for (const auto& name : recorded)
     if (std::ranges::find(camera_names, name) == camera_names.end())

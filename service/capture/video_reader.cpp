@@ -270,7 +270,8 @@ std::vector<ImageFile> files_of_pattern(const std::filesystem::path& pattern) {
   while (at < name.size() && name[at] >= '0' && name[at] <= '9' && width < 100)
     width = 10 * width + static_cast<std::size_t>(name[at++] - '0');
   if (at >= name.size() || name[at] != 'd' || name.find('%', at) != std::string::npos)
-    throw yaml::ConfigError(pattern, 0, "is not a pattern of image files: its last part must have one number like %06d");
+    throw yaml::ConfigError(pattern, 0,
+                            "is not a pattern of image files: its last part must have one number like %06d");
   const std::string_view prefix = std::string_view(name).substr(0, begin);
   const std::string_view suffix = std::string_view(name).substr(at + 1);
 
@@ -534,7 +535,8 @@ struct VideoReader::Impl {
     auto decoded = jpeg.decode({packet->data, static_cast<std::size_t>(packet->size)});
     if (!decoded.image && !decoded.is_unsupported) log.add(decoded.problem);
     if (decoded.is_unsupported) return false;
-    // In a video it is a field of an interlaced picture; an image file of another size is one, and is not used for that.
+    // In a video it is a field of an interlaced picture; an image file of another size is one, and is not used for
+    // that.
     if (decoded.image && images.empty() && codec->width > 0 &&
         (decoded.image->width != codec->width || decoded.image->height != codec->height))
       return false;

@@ -31,7 +31,8 @@ double quantile(std::vector<double>& values, double share) {
   return values[at];
 }
 
-PixelMask flood(const HsiImage& image, object_tracking::PixelAt seed, const Eigen::Vector2d& like, double tolerance, std::size_t most) {
+PixelMask flood(const HsiImage& image, object_tracking::PixelAt seed, const Eigen::Vector2d& like, double tolerance,
+                std::size_t most) {
   PixelMask mask(image.width, image.height);
   std::vector<object_tracking::PixelAt> open{seed};
   mask.at(seed.u, seed.v) = 1;
@@ -122,7 +123,8 @@ std::optional<PixelMask> grow_region(const HsiImage& image, object_tracking::Pix
   return std::move(masks[*best]);
 }
 
-object_tracking::HsiRange fit_range(const HsiImage& image, const PixelMask& region, const PixelMask& background, int steps) {
+object_tracking::HsiRange fit_range(const HsiImage& image, const PixelMask& region, const PixelMask& background,
+                                    int steps) {
   std::vector<double> hue, saturation, intensity;
   double sine = 0, cosine = 0;
   for (std::size_t i = 0; i < region.pixels.size(); ++i) {
@@ -160,7 +162,8 @@ object_tracking::HsiRange fit_range(const HsiImage& image, const PixelMask& regi
     if (wide.contains(image.pixels[i])) rivals.push_back(image.pixels[i]);
   }
   const auto in_the_way = [&](const Fit& f) {
-    return static_cast<double>(std::ranges::count_if(rivals, [&](const object_tracking::Hsi& p) { return f.contains(p); }));
+    return static_cast<double>(
+        std::ranges::count_if(rivals, [&](const object_tracking::Hsi& p) { return f.contains(p); }));
   };
   // In tenths of the way, every bound in turn, as long as it costs almost no background: 1 in 5000 pixels in all.
   double free = in_the_way(fit) + static_cast<double>(background_count) / 5000;

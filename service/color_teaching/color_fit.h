@@ -18,6 +18,7 @@ std::optional<PixelMask> grow_region(const HsiImage& image, object_tracking::Pix
 // Ranges that hold the region with a margin, and then as much more as the rest of the image leaves free: what is taught
 // on one frame has to hold under other light. background: pixels that must not match (1); steps > 0 widens them
 // further, < 0 narrows them.
-object_tracking::HsiRange fit_range(const HsiImage& image, const PixelMask& region, const PixelMask& background, int steps);
+object_tracking::HsiRange fit_range(const HsiImage& image, const PixelMask& region, const PixelMask& background,
+                                    int steps);
 
 }  // namespace huetrack::color_teaching

@@ -77,7 +77,8 @@ bool Taught::any() const {
   return std::ranges::any_of(views, &TaughtView::pointed);
 }
 
-ColorTeacher::ColorTeacher(const calib::CameraRig& rig, const capture::FrameSet& set) : rig_(rig), images_(rig.cameras.size()) {
+ColorTeacher::ColorTeacher(const calib::CameraRig& rig, const capture::FrameSet& set)
+    : rig_(rig), images_(rig.cameras.size()) {
   for (std::size_t c = 0; c < images_.size() && c < set.frames.size(); ++c) {
     const auto& frame = set.frames[c];
     if (frame && frame->status == capture::FrameStatus::ok && frame->pixels.width == rig.cameras[c].image_size.width &&
@@ -152,7 +153,8 @@ Taught ColorTeacher::teach(const TeachRequestOptions& request, const object_trac
   return taught;
 }
 
-void ColorTeacher::suggest(std::vector<TaughtView>& views, const TeachRequestOptions&, const object_tracking::Box& volume) const {
+void ColorTeacher::suggest(std::vector<TaughtView>& views, const TeachRequestOptions&,
+                           const object_tracking::Box& volume) const {
   std::vector<std::size_t> pointed;
   for (std::size_t c = 0; c < views.size(); ++c)
     if (views[c].pointed) pointed.push_back(c);
@@ -248,7 +250,8 @@ void ColorTeacher::judge(TaughtView& view, std::size_t camera, const std::string
   view.verdict = text;
 }
 
-std::vector<std::string> ColorTeacher::namesakes(const Taught& taught, const std::vector<object_tracking::TargetOptions>& targets,
+std::vector<std::string> ColorTeacher::namesakes(const Taught& taught,
+                                                 const std::vector<object_tracking::TargetOptions>& targets,
                                                  const std::string& own_name) const {
   std::vector<std::string> names;
   for (const object_tracking::TargetOptions& target : targets) {
@@ -292,7 +295,8 @@ std::string radius_hint(const Taught& taught, const object_tracking::TargetOptio
   return text;
 }
 
-object_tracking::TargetOptions with_taught_color(object_tracking::TargetOptions target, const calib::CameraRig& rig, const Taught& taught) {
+object_tracking::TargetOptions with_taught_color(object_tracking::TargetOptions target, const calib::CameraRig& rig,
+                                                 const Taught& taught) {
   const auto old = std::exchange(target.camera_colors, {});
   bool is_first = true, differ = false;
   for (const TaughtView& view : taught.views) {

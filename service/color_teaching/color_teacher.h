@@ -21,9 +21,9 @@ struct TeachPoint {
 };
 
 struct TeachRequestOptions {
-  std::vector<TeachPoint> points{};              // at most one per camera counts: the last
+  std::vector<TeachPoint> points{};                               // at most one per camera counts: the last
   std::vector<std::vector<object_tracking::PixelBox>> ignored{};  // per camera of the rig, or empty
-  int wider = 0;                                 // steps; negative: narrower
+  int wider = 0;                                                  // steps; negative: narrower
 };
 
 // What was learnt of one camera.
@@ -31,7 +31,7 @@ struct TaughtView {
   bool pointed = false;              // somebody pointed into it, and there is a region
   std::string problem;               // why nothing could be learnt where somebody pointed; what to do
   std::optional<MaskRegion> region;  // the object's; where nobody pointed: the suggested one
-  object_tracking::HsiRange color;                    // where nobody pointed: as in the first view that was
+  object_tracking::HsiRange color;   // where nobody pointed: as in the first view that was
   double object_share = 0;          // 0..1, of the region's pixels: how many have the colour; only where it was pointed
   double background_share = 0;      // 0..1, of the pixels away from the object: how many have the colour
   std::optional<MaskRegion> patch;  // the largest connected part of them, when it could be taken for the object
@@ -65,7 +65,8 @@ class ColorTeacher {
  private:
   void judge(TaughtView& view, std::size_t camera, const std::string& color_of,
              const std::vector<object_tracking::PixelBox>& ignored) const;
-  void suggest(std::vector<TaughtView>& views, const TeachRequestOptions& request, const object_tracking::Box& volume) const;
+  void suggest(std::vector<TaughtView>& views, const TeachRequestOptions& request,
+               const object_tracking::Box& volume) const;
 
   calib::CameraRig rig_;
   std::vector<std::optional<HsiImage>> images_;
@@ -82,6 +83,7 @@ std::string radius_hint(const Taught& taught, const object_tracking::TargetOptio
 
 // The target with what was learnt: `color` is that of the first view that was pointed into, `camera_colors` those of
 // all of them where they differ. Cameras into which nobody pointed keep their overrides.
-object_tracking::TargetOptions with_taught_color(object_tracking::TargetOptions target, const calib::CameraRig& rig, const Taught& taught);
+object_tracking::TargetOptions with_taught_color(object_tracking::TargetOptions target, const calib::CameraRig& rig,
+                                                 const Taught& taught);
 
 }  // namespace huetrack::color_teaching

@@ -19,16 +19,20 @@ HsiImage hsi_image(const capture::Image& image) {
   out.pixels.reserve(static_cast<std::size_t>(image.width) * static_cast<std::size_t>(image.height));
   for (int v = 0; v < image.height; ++v) {
     for (int u = 0; u < image.width; ++u) {
-      out.pixels.push_back(object_tracking::hsi_of(image.format == capture::PixelFormat::bgr ? object_tracking::rgb_of(capture::bgr_at(image, u, v))
-                                                                   : object_tracking::rgb_of(capture::yuv_at(image, u, v), image.range)));
+      out.pixels.push_back(
+          object_tracking::hsi_of(image.format == capture::PixelFormat::bgr
+                                      ? object_tracking::rgb_of(capture::bgr_at(image, u, v))
+                                      : object_tracking::rgb_of(capture::yuv_at(image, u, v), image.range)));
     }
   }
   return out;
 }
 
-PixelMask matching(const HsiImage& image, const object_tracking::HsiRange& range, const std::vector<object_tracking::PixelBox>& ignored) {
+PixelMask matching(const HsiImage& image, const object_tracking::HsiRange& range,
+                   const std::vector<object_tracking::PixelBox>& ignored) {
   PixelMask mask(image.width, image.height);
-  for (std::size_t i = 0; i < image.pixels.size(); ++i) mask.pixels[i] = object_tracking::contains(range, image.pixels[i]) ? 1 : 0;
+  for (std::size_t i = 0; i < image.pixels.size(); ++i)
+    mask.pixels[i] = object_tracking::contains(range, image.pixels[i]) ? 1 : 0;
   for (const object_tracking::PixelBox& box : ignored) {
     for (int v = std::max(0, box.v_min); v <= std::min(box.v_max, image.height - 1); ++v) {
       for (int u = std::max(0, box.u_min); u <= std::min(box.u_max, image.width - 1); ++u) mask.at(u, v) = 0;

@@ -35,7 +35,8 @@ struct HsiImage {
 HsiImage hsi_image(const capture::Image& image);
 
 // The pixels that have the colour, but those in the boxes.
-PixelMask matching(const HsiImage& image, const object_tracking::HsiRange& range, const std::vector<object_tracking::PixelBox>& ignored);
+PixelMask matching(const HsiImage& image, const object_tracking::HsiRange& range,
+                   const std::vector<object_tracking::PixelBox>& ignored);
 
 struct MaskRegion {
   int area = 0;  // pixels

@@ -7,8 +7,8 @@
 
 #include "calib/board/board_detector.h"
 #include "calib/board/board_yaml.h"
-#include "calib/yaml/yaml_reader.h"
 #include "calib/yaml/csv_table.h"
+#include "calib/yaml/yaml_reader.h"
 #include "config/formatted.h"
 
 namespace huetrack::config {
@@ -144,7 +144,8 @@ camera_tracking::CameraTrackerOptions tracker_options(const CameraTrackingConfig
   } else if (!config.board.empty()) {
     options.start = board_start(config.board);
   } else if (config.leds.empty()) {  // nothing but the loaded map
-    options.start = camera_tracking::FoundStart{[](const capture::Image&) -> std::optional<camera_tracking::PointsStart> { return std::nullopt; }};
+    options.start = camera_tracking::FoundStart{
+        [](const capture::Image&) -> std::optional<camera_tracking::PointsStart> { return std::nullopt; }};
   } else {
     camera_tracking::LedStart start;
     for (const auto& row : config.leds) start.leds.push_back(point_of(row));

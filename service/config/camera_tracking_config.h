@@ -29,7 +29,8 @@ struct CameraTrackingConfig {
   NumberRows leds;              // x y z
   NumberRows led_schedule;      // one row per slot: the LED that is lit; empty: not identified
   double led_slot_s = 0;        // see LedStart
-  Eigen::Vector3d led_room_min = camera_tracking::LedStart{}.room_min, led_room_max = camera_tracking::LedStart{}.room_max;
+  Eigen::Vector3d led_room_min = camera_tracking::LedStart{}.room_min,
+                  led_room_max = camera_tracking::LedStart{}.room_max;
 
   int starts() const;  // how many are given
 };
@@ -44,8 +45,8 @@ struct CsvColumn {
 NumberRows read_number_rows(const std::filesystem::path& file, const std::vector<CsvColumn>& columns,
                             std::size_t required);
 
-// What is wrong with a row of a rectangle or of known points that only the camera can tell: a pixel outside its image, or
-// a point that is there twice. row counts from 0; nullopt: nothing.
+// What is wrong with a row of a rectangle or of known points that only the camera can tell: a pixel outside its image,
+// or a point that is there twice. row counts from 0; nullopt: nothing.
 struct StartRowProblem {
   std::size_t row = 0;
   std::string message;

@@ -317,7 +317,8 @@ fs::path write_beside(const fs::path& file, const std::string& text) {
   const fs::path fresh = file.parent_path() / ("." + file.stem().string() + "-" + std::to_string(::getpid()) + ".yaml");
   struct stat old {};
   if (::stat(file.c_str(), &old) != 0) throw cannot_write(file, errno);
-  const capture::FileDescriptor to(::open(fresh.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, old.st_mode & 07777));
+  const capture::FileDescriptor to(
+      ::open(fresh.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, old.st_mode & 07777));
   if (to.get() < 0) throw cannot_write(file, errno);
   std::size_t written = 0;
   while (written < text.size()) {

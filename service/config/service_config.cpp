@@ -25,20 +25,22 @@ namespace fs = std::filesystem;
 template <typename T>
 using Words = std::span<const std::pair<std::string_view, T>>;
 
-constexpr std::pair<std::string_view, object_tracking::Observation> observation_words[] = {{"huetrack", object_tracking::Observation::huetrack},
-                                                                          {"paper", object_tracking::Observation::paper}};
+constexpr std::pair<std::string_view, object_tracking::Observation> observation_words[] = {
+    {"huetrack", object_tracking::Observation::huetrack}, {"paper", object_tracking::Observation::paper}};
 constexpr std::pair<std::string_view, LogLevel> log_level_words[] = {
     {"debug", LogLevel::debug}, {"info", LogLevel::info}, {"warning", LogLevel::warning}, {"error", LogLevel::error}};
-constexpr std::pair<std::string_view, capture::CaptureFormat> format_words[] = {{"yuyv", capture::CaptureFormat::yuyv},
-                                                                       {"nv12", capture::CaptureFormat::nv12},
-                                                                       {"mjpeg", capture::CaptureFormat::mjpeg},
-                                                                       {"grey", capture::CaptureFormat::grey}};
-constexpr std::pair<std::string_view, capture::RawStorage> raw_storage_words[] = {{"uncompressed", capture::RawStorage::uncompressed},
-                                                                         {"huffyuv", capture::RawStorage::huffyuv}};
-constexpr std::pair<std::string_view, camera_tracking::CameraMethod> camera_method_words[] = {{"huetrack", camera_tracking::CameraMethod::huetrack},
-                                                                             {"pupilli", camera_tracking::CameraMethod::pupilli},
-                                                                             {"lee", camera_tracking::CameraMethod::lee},
-                                                                             {"herranz", camera_tracking::CameraMethod::herranz}};
+constexpr std::pair<std::string_view, capture::CaptureFormat> format_words[] = {
+    {"yuyv", capture::CaptureFormat::yuyv},
+    {"nv12", capture::CaptureFormat::nv12},
+    {"mjpeg", capture::CaptureFormat::mjpeg},
+    {"grey", capture::CaptureFormat::grey}};
+constexpr std::pair<std::string_view, capture::RawStorage> raw_storage_words[] = {
+    {"uncompressed", capture::RawStorage::uncompressed}, {"huffyuv", capture::RawStorage::huffyuv}};
+constexpr std::pair<std::string_view, camera_tracking::CameraMethod> camera_method_words[] = {
+    {"huetrack", camera_tracking::CameraMethod::huetrack},
+    {"pupilli", camera_tracking::CameraMethod::pupilli},
+    {"lee", camera_tracking::CameraMethod::lee},
+    {"herranz", camera_tracking::CameraMethod::herranz}};
 constexpr yaml::Range share{.min = 0, .max = 1};
 constexpr yaml::Range degrees{.min = 0, .max = 360};
 constexpr yaml::Range at_least_one{.min = 1, .max = 1e6};
@@ -72,14 +74,16 @@ void describe_object_tracking(Io& io, Options& o) {
              "same seed, same recording, same configuration: same track, byte for byte");
   io.number("position_noise_m", o.position_noise_m, yaml::positive,
             "paper only: sigma_m of the random walk, metres per frame set");
-  io.number("acceleration_m_s2", o.acceleration_m_s2, yaml::positive, "huetrack only: the hardest usual acceleration, m/s^2");
+  io.number("acceleration_m_s2", o.acceleration_m_s2, yaml::positive,
+            "huetrack only: the hardest usual acceleration, m/s^2");
   io.number("start_speed_m_s", o.start_speed_m_s, yaml::positive, "huetrack only: the highest usual speed, m/s");
   io.number("pixel_noise_px", o.pixel_noise_px, yaml::positive,
             "huetrack only: std. dev. of a colour region's centre in a view, pixels");
   io.number("max_tracking_sigma_m", o.max_tracking_sigma_m, yaml::positive,
             "huetrack only: less sure of the position than this is coasting, metres");
   io.number("coast_s", o.coast_s, yaml::positive, "coasting for longer than this is lost, seconds");
-  io.number("max_coast_sigma_m", o.max_coast_sigma_m, yaml::positive, "less sure of the position than this is lost, metres");
+  io.number("max_coast_sigma_m", o.max_coast_sigma_m, yaml::positive,
+            "less sure of the position than this is lost, metres");
 }
 
 template <typename Io, typename Tracking>
@@ -89,18 +93,22 @@ void describe_camera_tracking(Io& io, Tracking& t) {
             "huetrack (ours), or pupilli, lee, herranz (as in their papers)");
   io.integer_or("particle_count", "auto", t.particle_count, at_least_one, "auto: the method's own");
   io.boolean("as_printed", t.as_printed, "pupilli and lee: the paper's filter without our additions");
-  io.integer("seed", t.seed, yaml::Range{.min = 0, .max = 9e15}, "same seed, recording and configuration: the same poses");
-  io.path_or("load_map", "none", t.load_map, "a map that was saved: the camera is found in it, and start may be left out");
+  io.integer("seed", t.seed, yaml::Range{.min = 0, .max = 9e15},
+             "same seed, recording and configuration: the same poses");
+  io.path_or("load_map", "none", t.load_map,
+             "a map that was saved: the camera is found in it, and start may be left out");
   io.folder_or("save_map", "none", t.save_map, "where the map is written at the end");
   io.group("start", "what the first pose is known from: exactly one of rectangle, points, board, leds", [&](auto& in) {
     const std::vector<CsvColumn> xyz{{"X", "x"}, {"Y", "y"}, {"Z", "z"}, {"u", "u_frame0"}, {"v", "v_frame0"}};
-    in.table_or("rectangle", t.rectangle, xyz, 3, 5, "4 corners: CSV file, or [[x, y, z], ...]; with u, v: where in frame 0");
+    in.table_or("rectangle", t.rectangle, xyz, 3, 5,
+                "4 corners: CSV file, or [[x, y, z], ...]; with u, v: where in frame 0");
     in.table_or("points", t.points, xyz, 5, 5, "known points in frame 0: CSV file, or [[x, y, z, u, v], ...]");
     in.path_or("board", "none", t.board, "a board file (calib/README.md): found by itself in the view");
     in.table_or("leds", t.leds, {xyz[0], xyz[1], xyz[2]}, 3, 3, "LED positions: CSV file, or [[x, y, z], ...]");
     in.table_or("led_schedule", t.led_schedule, {{"led", "led"}}, 1, 1,
                 "which LED is lit, per slot (-1: none): CSV file, or [[0], [1], ...]; none: not identified");
-    in.number("led_slot_s", t.led_slot_s, yaml::non_negative, "0: a slot is a frame; else its length by capture time, seconds");
+    in.number("led_slot_s", t.led_slot_s, yaml::non_negative,
+              "0: a slot is a frame; else its length by capture time, seconds");
     in.point("led_room_min", t.led_room_min, "[x, y, z]: where the camera may be, metres");
     in.point("led_room_max", t.led_room_max, "[x, y, z]");
   });
@@ -142,7 +150,8 @@ void describe_record(Io& io, Record& record) {
   io.number("pre_roll_s", record.pre_roll_s, yaml::Range{.min = 0, .max = 3600},
             "keep so much in memory, and save it on SIGUSR1; seconds, 0: none");
   io.integer("pre_roll_mb", record.pre_roll_mb, at_least_one, "megabytes that the pre-roll may take, all cameras");
-  io.number("after_s", record.after_s, yaml::Range{.min = 0, .max = 3600}, "record so long after the pre-roll, seconds");
+  io.number("after_s", record.after_s, yaml::Range{.min = 0, .max = 3600},
+            "record so long after the pre-roll, seconds");
   io.boolean("on_lost", record.on_lost, "save the pre-roll when a target is lost, too");
 }
 
@@ -151,7 +160,8 @@ void describe(Io& io, Config& config) {
   io.version(1);
   io.path("rig", config.rig_file, "the calibrated cameras");
   io.named("targets", config.targets, "what to track: name, size and colour of each", [&](auto& in, auto& target) {
-    in.number("radius_m", target.radius_m, yaml::positive, "of the ball, or of a ball of about the object's size, metres");
+    in.number("radius_m", target.radius_m, yaml::positive,
+              "of the ball, or of a ball of about the object's size, metres");
     in.group("color", "HSI as in the paper", [&](auto& color) { describe_color(color, target.color, Need::required); });
     in.named("camera_colors", target.camera_colors, "per-camera overrides of color", [&](auto& color, auto& range) {
       if constexpr (!std::is_const_v<std::remove_reference_t<decltype(range)>>)
@@ -159,7 +169,8 @@ void describe(Io& io, Config& config) {
       describe_color(color, range, Need::optional);
     });
   });
-  io.boxes("ignore", config.ignored, "per camera, [u_min, v_min, u_max, v_max, ...]: rectangles in which nothing matches");
+  io.boxes("ignore", config.ignored,
+           "per camera, [u_min, v_min, u_max, v_max, ...]: rectangles in which nothing matches");
   io.group("camera_tracking", "the pose of one moving camera",
            [&](auto& in) { describe_camera_tracking(in, config.camera_tracking); });
   io.named("cameras", config.cameras, "the live cameras, for `run`; names as in the rig",
@@ -184,7 +195,8 @@ void describe(Io& io, Config& config) {
     in.boolean("enabled", config.preview.enabled, "publish huetrack/preview at all");
     in.number("rate_hz", config.preview.rate_hz, yaml::Range{.min = 0, .max = 120, .min_is_open = true},
               "at most so many pictures per camera and second");
-    in.integer("width", config.preview.width, yaml::Range{.min = 16, .max = 4096}, "pixels; larger images are scaled down");
+    in.integer("width", config.preview.width, yaml::Range{.min = 16, .max = 4096},
+               "pixels; larger images are scaled down");
     in.integer("quality", config.preview.quality, yaml::Range{.min = 1, .max = 100}, "of the JPEGs");
     in.integer("particles", config.preview.particles, yaml::Range{.min = 0, .max = 10000}, "drawn per target, about");
   });
@@ -258,7 +270,8 @@ class Reader {
     if (yaml_.is_list(key)) {
       rows = yaml_.table(key, min_columns, max_columns);
       if (rows.front().size() != min_columns && rows.front().size() != max_columns)
-        yaml_.fail(key, "must have " + std::to_string(min_columns) + " or " + std::to_string(max_columns) + " numbers per row");
+        yaml_.fail(key, "must have " + std::to_string(min_columns) + " or " + std::to_string(max_columns) +
+                            " numbers per row");
       return;
     }
     const std::string given = yaml_.string(key);
@@ -294,7 +307,7 @@ class Reader {
     value = is_index ? fs::path("/dev/video" + given) : fs::path(given);
     if (!value.is_absolute())
       yaml_.fail(key, "must be a path below /dev or an index, got \"" + given +
-                           "\": ls -l /dev/v4l/by-path/ lists the cameras");
+                          "\": ls -l /dev/v4l/by-path/ lists the cameras");
   }
   void size_or(std::string_view key, std::string_view word, std::optional<calib::ImageSize>& value, std::string_view) {
     if (!yaml_.has(key)) return;
@@ -343,7 +356,8 @@ class Reader {
     for (const std::string& camera : cameras->keys()) {
       const auto numbers = cameras->numbers(camera, 4, 400, yaml::Range{.min = -1e6, .max = 1e6});
       auto& boxes = regions.emplace_back(camera, std::vector<object_tracking::PixelBox>()).second;
-      if (numbers.size() % 4 != 0) cameras->fail(camera, "must be four numbers per rectangle: u_min, v_min, u_max, v_max");
+      if (numbers.size() % 4 != 0)
+        cameras->fail(camera, "must be four numbers per rectangle: u_min, v_min, u_max, v_max");
       for (std::size_t i = 0; i < numbers.size(); i += 4) {
         const auto at = [&](std::size_t k) { return int(std::lround(numbers[i + k])); };
         boxes.push_back({at(0), at(1), at(2), at(3)});
@@ -396,7 +410,9 @@ class Printer {
   explicit Printer(std::string& out, int depth = 0) : out_(out), depth_(depth) {}
 
   void version(int only) { line("version", std::to_string(only), ""); }
-  void number(std::string_view key, double value, yaml::Range, std::string_view doc) { line(key, shortest(value), doc); }
+  void number(std::string_view key, double value, yaml::Range, std::string_view doc) {
+    line(key, shortest(value), doc);
+  }
   template <std::integral T>
   void integer(std::string_view key, T value, yaml::Range, std::string_view doc) {
     line(key, std::to_string(value), doc);
@@ -457,7 +473,8 @@ class Printer {
                  std::string_view doc) {
     line(key, value ? shortest(*value) : std::string(word), doc);
   }
-  void integer_or(std::string_view key, std::string_view word, std::optional<int> value, yaml::Range, std::string_view doc) {
+  void integer_or(std::string_view key, std::string_view word, std::optional<int> value, yaml::Range,
+                  std::string_view doc) {
     line(key, value ? std::to_string(*value) : std::string(word), doc);
   }
   void point(std::string_view key, const Eigen::Vector3d& p, std::string_view doc) {
@@ -559,9 +576,10 @@ void check_camera_tracking(const ServiceConfig& config, const yaml::YamlReader& 
                             (nearest ? " (did you mean " + *nearest + "?)" : ""));
   }
   if (tracking.starts() != 1 && (tracking.starts() > 1 || tracking.load_map.empty()))
-    yaml.fail("start", "exactly one of rectangle, points, board and leds must be given (with load_map none is needed), "
-                       "and there are " +
-                           std::to_string(tracking.starts()));
+    yaml.fail("start",
+              "exactly one of rectangle, points, board and leds must be given (with load_map none is needed), "
+              "and there are " +
+                  std::to_string(tracking.starts()));
   const calib::Camera& camera = config.rig.cameras[std::size_t(*config.rig.index_of(tracking.camera))];
   for (const auto& [key, rows] : {std::pair{"rectangle", &tracking.rectangle}, {"points", &tracking.points}}) {
     const auto problem = start_row_problem(*rows, camera);
@@ -584,8 +602,9 @@ void check_camera_tracking(const ServiceConfig& config, const yaml::YamlReader& 
 void check(const ServiceConfig& config, const yaml::YamlReader& root) {
   check_camera_tracking(config, root.map_or_empty("camera_tracking"));
   if (config.targets.empty() && config.camera_tracking.camera.empty())
-    root.fail("targets", "at least one target is needed: targets: {ball: {color: {hue_deg: [65, 115]}}}; or a camera to "
-                         "track, under camera_tracking");
+    root.fail("targets",
+              "at least one target is needed: targets: {ball: {color: {hue_deg: [65, 115]}}}; or a camera to "
+              "track, under camera_tracking");
   const object_tracking::Box& volume = config.object_tracking.volume;
   const yaml::YamlReader tracking = root.map_or_empty("object_tracking");
   for (int axis = 0; axis < 3; ++axis) {
@@ -764,7 +783,8 @@ std::vector<std::string> differing_keys(const ServiceConfig& a, const ServiceCon
   std::vector<std::string> keys;
   for (std::size_t i = 0; i < of_a.size(); ++i) {
     const bool is_rig = of_a[i].first == "rig";
-    if (of_a[i] != of_b[i] || (is_rig && calib::rig_identity(a.rig) != calib::rig_identity(b.rig))) keys.push_back(of_a[i].first);
+    if (of_a[i] != of_b[i] || (is_rig && calib::rig_identity(a.rig) != calib::rig_identity(b.rig)))
+      keys.push_back(of_a[i].first);
   }
   return keys;
 }
@@ -775,9 +795,8 @@ std::vector<std::size_t> targets_that_differ(const ServiceConfig& before, const 
   std::vector<std::size_t> targets;
   for (std::size_t t = 0; t < after.targets.size(); ++t) {
     const object_tracking::TargetOptions &a = before.targets.at(t), &b = after.targets[t];
-    const bool is_same =
-        a.name == b.name && a.radius_m == b.radius_m && a.color == b.color && a.camera_colors == b.camera_colors &&
-        a.ignored == b.ignored;
+    const bool is_same = a.name == b.name && a.radius_m == b.radius_m && a.color == b.color &&
+                         a.camera_colors == b.camera_colors && a.ignored == b.ignored;
     if (all || !is_same) targets.push_back(t);
   }
   return targets;

@@ -25,13 +25,14 @@ struct DdsConfig {
 
 // How `run` reaches one camera of the rig.
 struct LiveCameraConfig {
-  std::string name;                      // in the rig
-  std::filesystem::path device;          // as written, but an index: /dev/videoN
-  std::optional<capture::CaptureFormat> format;   // nullopt: the first of yuyv, nv12, mjpeg, grey that reaches size and rate
-  std::optional<calib::ImageSize> size;         // nullopt: the rig's; another one is refused
+  std::string name;              // in the rig
+  std::filesystem::path device;  // as written, but an index: /dev/videoN
+  std::optional<capture::CaptureFormat>
+      format;                            // nullopt: the first of yuyv, nv12, mjpeg, grey that reaches size and rate
+  std::optional<calib::ImageSize> size;  // nullopt: the rig's; another one is refused
   std::optional<double> fps;             // > 0, <= 10000; nullopt: the driver's choice
   std::vector<capture::ControlSetting> controls;  // in the order of the file
-  double latency_offset_s = 0;           // subtracted from every capture time
+  double latency_offset_s = 0;                    // subtracted from every capture time
   bool restore_controls = false;
 };
 
@@ -67,14 +68,14 @@ struct ControlConfig {
 };
 
 struct ServiceConfig {
-  std::filesystem::path file;             // absolute
-  std::filesystem::path rig_file;         // absolute
-  calib::CameraRig rig;                          // what rig_file says
-  std::vector<object_tracking::TargetOptions> targets;     // in the order of the file; none only where a camera is tracked
-  CameraTrackingConfig camera_tracking;   // of one moving camera of the rig
-  std::vector<LiveCameraConfig> cameras;  // for `run`, in the order of the file; empty: replay only
-  std::optional<int> quorum;              // 0..cameras: how many must deliver before the service is ready; nullopt: all
-  object_tracking::ObjectTrackerOptions object_tracking;   // the same for every target
+  std::filesystem::path file;                           // absolute
+  std::filesystem::path rig_file;                       // absolute
+  calib::CameraRig rig;                                 // what rig_file says
+  std::vector<object_tracking::TargetOptions> targets;  // in the order of the file; none only where a camera is tracked
+  CameraTrackingConfig camera_tracking;                 // of one moving camera of the rig
+  std::vector<LiveCameraConfig> cameras;                // for `run`, in the order of the file; empty: replay only
+  std::optional<int> quorum;  // 0..cameras: how many must deliver before the service is ready; nullopt: all
+  object_tracking::ObjectTrackerOptions object_tracking;  // the same for every target
   std::optional<double> set_tolerance_s;  // > 0; FrameSynchronizerOptions::tolerance; nullopt: from the frame rates
   int threads = 1;                        // >= 1; targets are tracked in parallel; no influence on the result
   DdsConfig dds;

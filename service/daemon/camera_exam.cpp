@@ -125,7 +125,8 @@ void finish(Examined& examined) {
   std::vector<capture::ControlSetting> moves;
   for (const auto& control : exam.controls) {
     const bool matters = std::ranges::find(controls_that_matter, control.name) != controls_that_matter.end();
-    if (!matters || std::ranges::find(exam.configured, control.name, &capture::ControlResult::name) != exam.configured.end())
+    if (!matters ||
+        std::ranges::find(exam.configured, control.name, &capture::ControlResult::name) != exam.configured.end())
       continue;
     if (auto move = moved(control)) moves.push_back(std::move(*move));
   }
@@ -142,7 +143,8 @@ std::optional<capture::StreamRequest> suitable_stream(std::span<const capture::O
     const long pixels = long{width} * height, wanted = long{wanted_width} * wanted_height;
     return pixels <= wanted ? wanted - pixels : pixels;
   };
-  for (const auto wanted : {capture::CaptureFormat::yuyv, capture::CaptureFormat::nv12, capture::CaptureFormat::mjpeg, capture::CaptureFormat::grey}) {
+  for (const auto wanted : {capture::CaptureFormat::yuyv, capture::CaptureFormat::nv12, capture::CaptureFormat::mjpeg,
+                            capture::CaptureFormat::grey}) {
     for (const auto& offered : formats) {
       if (offered.format != wanted) continue;
       for (const auto& size : offered.sizes) {

@@ -25,7 +25,7 @@ struct StreamTrial {
   double mean_age_s = 0;        // from the time stamp to the dequeue
   capture::StampKind stamp = capture::StampKind::dequeued;
   std::optional<capture::UsbReservation> usb;  // while it streamed
-  std::string failure;                // why it ended early; empty: it did not
+  std::string failure;                         // why it ended early; empty: it did not
   double fps() const { return frames > 1 && seconds > 0 ? double(frames - 1) / seconds : 0; }
 };
 
@@ -36,10 +36,10 @@ struct CameraExam {
   std::vector<capture::OfferedFormat> formats;
   std::vector<capture::Control> controls;          // as found
   std::vector<capture::ControlResult> configured;  // after set_controls() as `run` does it
-  std::vector<capture::ControlResult> stayed;      // those that stuck, read again after the trial: problem when they moved
-  std::vector<capture::ControlResult> tried;       // others that matter, moved by one step and back
-  std::string problem;                    // why it could not be examined; empty: it was
-  std::optional<StreamTrial> trial;       // nullopt: it did not start (problem), or was not to
+  std::vector<capture::ControlResult> stayed;  // those that stuck, read again after the trial: problem when they moved
+  std::vector<capture::ControlResult> tried;   // others that matter, moved by one step and back
+  std::string problem;                         // why it could not be examined; empty: it was
+  std::optional<StreamTrial> trial;            // nullopt: it did not start (problem), or was not to
 };
 
 // What to ask of a camera.

@@ -11,9 +11,9 @@
 
 #include "calib/yaml/yaml_reader.h"
 #include "config/formatted.h"
+#include "config/service_config.h"
 #include "daemon/live.h"
 #include "daemon/metrics.h"
-#include "config/service_config.h"
 #include "publish/estimate_publisher.h"
 
 namespace huetrack::daemon {
@@ -40,10 +40,12 @@ std::string offered(const capture::OfferedFormat& format) {
   std::vector<std::string> sizes;
   for (const auto& size : format.sizes) {
     std::vector<std::string> rates;
-    for (const double fps : format.sizes.empty() ? std::vector<double>{} : size.fps) rates.push_back(config::formatted("%.4g", fps));
+    for (const double fps : format.sizes.empty() ? std::vector<double>{} : size.fps)
+      rates.push_back(config::formatted("%.4g", fps));
     const std::string range =
         size.min_width < size.width ? config::formatted("%dx%d to ", size.min_width, size.min_height) : std::string();
-    sizes.push_back(range + config::formatted("%dx%d", size.width, size.height) + (rates.empty() ? "" : "@" + joined(rates, "/")));
+    sizes.push_back(range + config::formatted("%dx%d", size.width, size.height) +
+                    (rates.empty() ? "" : "@" + joined(rates, "/")));
     if (sizes.size() == 12 && format.sizes.size() > 13) {
       sizes.push_back(config::formatted("and %zu sizes more", format.sizes.size() - sizes.size()));
       break;
@@ -94,7 +96,8 @@ void judge_formats(const CameraExam& exam, std::vector<Finding>& findings) {
 void judge_stream(const CameraExam& exam, std::vector<Finding>& findings) {
   const StreamTrial& trial = *exam.trial;
   const capture::StreamFormat& agreed = trial.agreed;
-  const std::string what = config::formatted("%s %dx%d", std::string(capture::name(agreed.format)).c_str(), agreed.width, agreed.height);
+  const std::string what =
+      config::formatted("%s %dx%d", std::string(capture::name(agreed.format)).c_str(), agreed.width, agreed.height);
   if (!trial.failure.empty()) {
     findings.push_back({Verdict::problem, what + ": " + trial.failure,
                         "try another cable, port or a powered hub; for several cameras on one bus, format: mjpeg or a "
@@ -105,24 +108,27 @@ void judge_stream(const CameraExam& exam, std::vector<Finding>& findings) {
   const bool is_slow = said > 0 && trial.fps() < 0.95 * said;
   findings.push_back(
       {is_slow ? Verdict::warning : Verdict::ok,
-       what + config::formatted(": %.1f frames/s reached", trial.fps()) + (said > 0 ? config::formatted(" of %.4g", said) : std::string()) +
+       what + config::formatted(": %.1f frames/s reached", trial.fps()) +
+           (said > 0 ? config::formatted(" of %.4g", said) : std::string()) +
            config::formatted(" over %.1f s, longest gap %.0f ms", trial.seconds, 1000 * trial.longest_gap_s),
        is_slow ? "long exposures lower the rate: set exposure_time_absolute below the frame period and "
                  "exposure_dynamic_framerate: 0, or give more light; if that is not it, the USB: format: mjpeg"
                : ""});
   if (exam.asked_fps > 0 && agreed.fps > 0 && std::abs(agreed.fps - exam.asked_fps) > 0.02 * exam.asked_fps)
-    findings.push_back({Verdict::warning, config::formatted("asked for %.4g frames/s, it does %.4g", exam.asked_fps, agreed.fps),
+    findings.push_back({Verdict::warning,
+                        config::formatted("asked for %.4g frames/s, it does %.4g", exam.asked_fps, agreed.fps),
                         "give fps one of the rates above"});
   if (trial.dropped > 0 || trial.corrupted > 0)
     findings.push_back(
         {Verdict::warning,
          config::formatted("%llu frames dropped, %llu damaged of %llu", static_cast<unsigned long long>(trial.dropped),
-              static_cast<unsigned long long>(trial.corrupted),
-              static_cast<unsigned long long>(trial.frames + trial.dropped)),
+                           static_cast<unsigned long long>(trial.corrupted),
+                           static_cast<unsigned long long>(trial.frames + trial.dropped)),
          "a busy host, the cable, or the USB bus: try another port, format: mjpeg, or a lower rate"});
   else
     findings.push_back(
-        {Verdict::ok, config::formatted("no frame of %llu dropped or damaged", static_cast<unsigned long long>(trial.frames)), ""});
+        {Verdict::ok,
+         config::formatted("no frame of %llu dropped or damaged", static_cast<unsigned long long>(trial.frames)), ""});
   const std::string stamp = "time stamps: " + std::string(capture::name(trial.stamp)) +
                             config::formatted(", %.1f ms before the frame is taken", 1000 * trial.mean_age_s);
   if (trial.stamp == capture::StampKind::dequeued)
@@ -167,7 +173,8 @@ void judge_controls(const CameraExam& exam, std::vector<Finding>& findings) {
   std::vector<std::string> good;
   for (const auto& set : exam.configured)
     if (!set.problem.empty())
-      findings.push_back({Verdict::warning, capture::to_string(set), "give a value that the camera takes, or leave it out"});
+      findings.push_back(
+          {Verdict::warning, capture::to_string(set), "give a value that the camera takes, or leave it out"});
   for (const auto& set : exam.stayed) {
     if (set.problem.empty())
       good.push_back(set.name + " " + std::to_string(set.got.value_or(0)));
@@ -180,7 +187,8 @@ void judge_controls(const CameraExam& exam, std::vector<Finding>& findings) {
   for (const auto& set : exam.tried) {
     if (set.problem.empty() && !set.is_implied) good.push_back(set.name);
     if (!set.problem.empty())
-      findings.push_back({Verdict::note, "cannot be set: " + capture::to_string(set), "leave it out of the configuration"});
+      findings.push_back(
+          {Verdict::note, "cannot be set: " + capture::to_string(set), "leave it out of the configuration"});
   }
   if (!good.empty())
     findings.push_back(
@@ -256,7 +264,8 @@ class Doctor {
       say({Verdict::problem, error.what(),
            fs::is_regular_file(*options_.config, ignored)
                ? "correct that; huetrackd check prints the whole configuration once it is valid"
-               : "give the configuration that the service is started with; the package has /etc/huetrack/huetrackd.yaml"});
+               : "give the configuration that the service is started with; the package has "
+                 "/etc/huetrack/huetrackd.yaml"});
       return;
     }
     say({Verdict::ok,
@@ -293,7 +302,8 @@ class Doctor {
                "name one of those below: run refuses to start so"});
         continue;
       }
-      const calib::ImageSize size = config_->rig.cameras[std::size_t(config_->rig.index_of(camera.name).value())].image_size;
+      const calib::ImageSize size =
+          config_->rig.cameras[std::size_t(config_->rig.index_of(camera.name).value())].image_size;
       requests.push_back(
           {.node = *found,
            .name = camera.name,
@@ -375,14 +385,16 @@ class Doctor {
     const auto space = fs::space(there, error);
     double bytes_per_s = 0;  // as if nothing were compressed
     for (const auto& camera : config_->cameras) {
-      const calib::ImageSize size = config_->rig.cameras[std::size_t(config_->rig.index_of(camera.name).value())].image_size;
+      const calib::ImageSize size =
+          config_->rig.cameras[std::size_t(config_->rig.index_of(camera.name).value())].image_size;
       bytes_per_s += 2.0 * size.width * size.height * camera.fps.value_or(30);
     }
     const double minutes = bytes_per_s > 0 ? double(space.available) / bytes_per_s / 60 : 0;
     const bool is_short = minutes < 30;
     say({is_short ? Verdict::warning : Verdict::ok,
-         record.folder.string() + config::formatted(": %.1f GB free, room for %.0f minutes of raw images of all cameras",
-                                       double(space.available) / 1e9, minutes),
+         record.folder.string() +
+             config::formatted(": %.1f GB free, room for %.0f minutes of raw images of all cameras",
+                               double(space.available) / 1e9, minutes),
          is_short ? "make room, or use format: mjpeg or raw_storage: huffyuv" : ""});
   }
 
@@ -391,7 +403,8 @@ class Doctor {
     title("metrics");
     try {
       const MetricsServer server(config_->metrics.address, *config_->metrics.port);
-      say({Verdict::ok, config::formatted("%s:%d is free", config_->metrics.address.c_str(), *config_->metrics.port), ""});
+      say({Verdict::ok, config::formatted("%s:%d is free", config_->metrics.address.c_str(), *config_->metrics.port),
+           ""});
     } catch (const std::runtime_error& error) {
       say({Verdict::warning, error.what(), "when it is huetrackd itself that runs there, all is well"});
     }
@@ -416,7 +429,7 @@ std::vector<Finding> judge_camera(const CameraExam& exam, bool is_expected) {
   std::vector<Finding> findings;
   judge_names(exam, is_expected, findings);
   if (!exam.node.problem.empty()) {
-    findings.push_back({is_busy(exam)  ? Verdict::warning
+    findings.push_back({is_busy(exam) ? Verdict::warning
                         : is_expected ? Verdict::problem
                                       : Verdict::note,
                         exam.node.problem, ""});
@@ -466,13 +479,14 @@ std::vector<Finding> judge_usb(std::span<const CameraExam> exams, const std::map
     const double budget = (mbps < 100 ? 0.9 : 0.8) * mbps;  // USB 2.0, 5.6.4 and 5.5.4: periodic transfers
     const double wanted = wanted_mbps[bus];
     const Verdict verdict = wanted > budget ? Verdict::problem : wanted > 0.7 * budget ? Verdict::warning : Verdict::ok;
-    findings.push_back({verdict,
-                        config::formatted("bus %d, %.4g Mbit/s: ", bus, mbps) + joined(names) +
-                            config::formatted("; together %.0f of the %.0f Mbit/s that cameras may have", wanted, budget),
-                        verdict == Verdict::ok
-                            ? ""
-                            : "drivers reserve more than is sent, and then say \"No space left on device\": format: "
-                              "mjpeg, a lower rate, or a port of another bus (lsusb -t)"});
+    findings.push_back(
+        {verdict,
+         config::formatted("bus %d, %.4g Mbit/s: ", bus, mbps) + joined(names) +
+             config::formatted("; together %.0f of the %.0f Mbit/s that cameras may have", wanted, budget),
+         verdict == Verdict::ok
+             ? ""
+             : "drivers reserve more than is sent, and then say \"No space left on device\": format: "
+               "mjpeg, a lower rate, or a port of another bus (lsusb -t)"});
   }
   if (cameras.empty()) findings.push_back({Verdict::note, "no camera on it", ""});
   return findings;

@@ -13,17 +13,17 @@
 #include <thread>
 
 #include "calib/model/rig_yaml.h"
+#include "camera_tracking/methods/make_camera_tracker.h"
 #include "capture/capture_clock.h"
 #include "config/formatted.h"
 #include "daemon/metrics.h"
-#include "tracks/pose_file.h"
-#include "pipeline/recorded_changes.h"
 #include "daemon/service_manager.h"
 #include "daemon/status_reporter.h"
-#include "tracks/track_csv.h"
 #include "daemon/view_server.h"
+#include "pipeline/recorded_changes.h"
 #include "publish/estimate_publisher.h"
-#include "camera_tracking/methods/make_camera_tracker.h"
+#include "tracks/pose_file.h"
+#include "tracks/track_csv.h"
 
 namespace huetrack::daemon {
 namespace {
@@ -33,7 +33,7 @@ using namespace std::chrono_literals;
 
 constexpr auto supervision_period = 50ms;
 constexpr auto status_period = 1s;
-constexpr auto opening_patience = 3s;         // with a camera that does not answer; it is waited for later
+constexpr auto opening_patience = 3s;             // with a camera that does not answer; it is waited for later
 constexpr capture::Duration least_patience = 3s;  // several heartbeats of a camera, and of the tracking thread
 constexpr capture::Duration told_clock_step = 500ms;
 constexpr capture::Duration recorder_patience = 400ms;  // whoever stops us waits a second, and the disk may be slow
@@ -59,7 +59,8 @@ std::optional<ExpectedPixels> expected_pixels(const LiveCamera& camera) {
     case capture::CaptureFormat::nv12:
       return ExpectedPixels{capture::PixelFormat::nv12, stream->range};
     case capture::CaptureFormat::mjpeg:
-      return ExpectedPixels{capture::PixelFormat::i422, capture::ColorRange::full};  // or i420, which has the same table
+      return ExpectedPixels{capture::PixelFormat::i422,
+                            capture::ColorRange::full};  // or i420, which has the same table
     case capture::CaptureFormat::grey:
       break;
   }
@@ -86,7 +87,8 @@ class LiveService {
   LiveService(const config::ServiceConfig& config, std::vector<LiveCamera> cameras, const LiveOptions& options,
               LiveRequests& requests)
       : config_(config), options_(options), requests_(requests), targets_(options.track ? config.targets.size() : 0) {
-    config_.set_tolerance_s = config.set_tolerance_s.value_or(capture::seconds(automatic_tolerance(config, std::span(cameras))));
+    config_.set_tolerance_s =
+        config.set_tolerance_s.value_or(capture::seconds(automatic_tolerance(config, std::span(cameras))));
     quorum_ = std::size_t(config.quorum.value_or(int(cameras.size())));
     if (!options.tracks.empty()) csv_.emplace(options.tracks);
     if (config.dds.enabled && !options.no_dds && options.track) {
@@ -130,9 +132,8 @@ class LiveService {
       const std::scoped_lock lock(happened_mutex_);
       if (changes_) camera_left_out_.push_back(frame.captured_at);
     };
-    outputs.estimates = [this](const capture::FrameSet& set, std::span<const object_tracking::ObjectEstimate> estimates, capture::Timestamp received_at) {
-      put_out(set, estimates, received_at);
-    };
+    outputs.estimates = [this](const capture::FrameSet& set, std::span<const object_tracking::ObjectEstimate> estimates,
+                               capture::Timestamp received_at) { put_out(set, estimates, received_at); };
     const auto& tracked = config.camera_tracking.camera;
     const bool tracks_camera = options.track && !tracked.empty();
     if (!options.poses.empty() && !tracks_camera)
@@ -152,8 +153,9 @@ class LiveService {
     pipeline_.emplace(config_.rig, std::move(sources), std::move(trackers), pipeline, std::move(outputs));
     if (tracks_camera) {
       const int index = config_.rig.index_of(tracked).value();
-      pipeline_->track_camera(index, camera_methods::make_camera_tracker(config_.rig.cameras[std::size_t(index)],
-                                                         config::tracker_options(config_.camera_tracking)));
+      pipeline_->track_camera(index,
+                              camera_methods::make_camera_tracker(config_.rig.cameras[std::size_t(index)],
+                                                                  config::tracker_options(config_.camera_tracking)));
     }
   }
 
@@ -203,7 +205,8 @@ class LiveService {
   };
 
   // The tracking thread.
-  void put_out(const capture::FrameSet& set, std::span<const object_tracking::ObjectEstimate> estimates, capture::Timestamp received_at) {
+  void put_out(const capture::FrameSet& set, std::span<const object_tracking::ObjectEstimate> estimates,
+               capture::Timestamp received_at) {
     const capture::Timestamp now = capture::unix_now();
     publish::EstimatePublisher::Writing writing{now, now};
     for (std::size_t t = 0; t < estimates.size(); ++t) {
@@ -212,7 +215,8 @@ class LiveService {
       targets_[t].effective_sample_size = estimates[t].effective_sample_size;
       targets_[t].particles = estimates[t].particle_count;
       const object_tracking::TrackState before = targets_[t].state.exchange(estimates[t].state);
-      if (estimates[t].state == object_tracking::TrackState::lost && before != object_tracking::TrackState::lost) has_lost_ = true;
+      if (estimates[t].state == object_tracking::TrackState::lost && before != object_tracking::TrackState::lost)
+        has_lost_ = true;
     }
     if (estimates.empty()) return;
     dequeue_to_write_.add(writing.begun - received_at);
@@ -233,7 +237,7 @@ class LiveService {
 
   // A tracker that has its colour tables: the tracking thread would need some 50 ms for each.
   static object_tracking::ObjectTracker tracker_for(const config::ServiceConfig& config, std::size_t target,
-                                   std::span<const LiveCamera> cameras) {
+                                                    std::span<const LiveCamera> cameras) {
     object_tracking::ObjectTracker tracker(config.rig, config.targets[target], config.object_tracking);
     for (const auto& camera : cameras)
       if (const auto pixels = expected_pixels(camera)) tracker.expect(camera.camera, pixels->format, pixels->range);
@@ -277,7 +281,8 @@ class LiveService {
       tell_status(figures, by_rig, states, now, is_last);
     }
     if (is_last) return;
-    const auto delivering = std::ranges::count(healths, capture::CaptureState::delivering, &capture::CameraHealth::state);
+    const auto delivering =
+        std::ranges::count(healths, capture::CaptureState::delivering, &capture::CameraHealth::state);
     if (!is_ready_ && std::size_t(delivering) >= quorum_) {
       is_ready_ = true;
       notify_service_manager("READY=1");
@@ -290,7 +295,8 @@ class LiveService {
     }
   }
 
-  void tell_status(const pipeline::PipelineFigures& figures, std::span<const std::optional<capture::CameraHealth>> cameras,
+  void tell_status(const pipeline::PipelineFigures& figures,
+                   std::span<const std::optional<capture::CameraHealth>> cameras,
                    std::span<const object_tracking::TrackState> states, Clock::time_point now, bool is_last) {
     publish::ServiceStatus status = reporter_->report(figures, now, std::chrono::system_clock::now(), cameras);
     if (publisher_) std::ranges::copy(publisher_->warnings(), std::back_inserter(status.warnings));
@@ -313,11 +319,12 @@ class LiveService {
     told_warnings_ = std::move(told);
     if (publisher_) publisher_->publish_status(status);
     if (metrics_) show_metrics(status);
-    if (!is_last) notify_service_manager("STATUS=" + status_line(status, states,
-                                                                    pipeline_->camera_tracker() != nullptr
-                                                                        ? config_.camera_tracking.camera
-                                                                        : std::string(),
-                                                                    figures.tracked_camera.state));
+    if (!is_last)
+      notify_service_manager("STATUS=" + status_line(status, states,
+                                                     pipeline_->camera_tracker() != nullptr
+                                                         ? config_.camera_tracking.camera
+                                                         : std::string(),
+                                                     figures.tracked_camera.state));
     last_status_ = std::move(status);
   }
 
@@ -356,7 +363,7 @@ class LiveService {
       // The recorder shares it out over all cameras of the rig, of which some may not be used.
       const double share = double(config_.rig.cameras.size()) / double(cameras_.size());
       options.pre_roll = capture::PreRollOptions{.length = capture::duration_of(record.pre_roll_s),
-                                        .most_bytes = std::size_t(share * double(record.pre_roll_mb) * 1e6)};
+                                                 .most_bytes = std::size_t(share * double(record.pre_roll_mb) * 1e6)};
     }
     recorder_.emplace(std::move(options));
     if (has_pre_roll) return;
@@ -436,8 +443,9 @@ class LiveService {
     const pipeline::RecorderFigures figures = recorder_->figures();
     if (figures.failure) warnings.push_back(*figures.failure);
     if (figures.pre_roll_that_fits)
-      warnings.push_back("only the last " + tenths(capture::seconds(*figures.pre_roll_that_fits)) + " s of the pre-roll's " +
-                         tenths(config_.record.pre_roll_s) + " s fit into record.pre_roll_mb");
+      warnings.push_back("only the last " + tenths(capture::seconds(*figures.pre_roll_that_fits)) +
+                         " s of the pre-roll's " + tenths(config_.record.pre_roll_s) +
+                         " s fit into record.pre_roll_mb");
     if (changes_ && !changes_->failure().empty()) warnings.push_back(changes_->failure());
     std::string cameras;
     for (std::size_t c = 0; c < figures.dropped.size(); ++c)
@@ -464,7 +472,8 @@ class LiveService {
   }
 
   void take_over(config::ServiceConfig fresh) {
-    if (!std::ranges::equal(fresh.targets, config_.targets, {}, &object_tracking::TargetOptions::name, &object_tracking::TargetOptions::name))
+    if (!std::ranges::equal(fresh.targets, config_.targets, {}, &object_tracking::TargetOptions::name,
+                            &object_tracking::TargetOptions::name))
       throw std::runtime_error("targets were added, removed, renamed or reordered: that needs a restart");
     if (!tolerance_is_given_) fresh.set_tolerance_s = fresh.set_tolerance_s.value_or(*config_.set_tolerance_s);
     std::string kept;
@@ -510,8 +519,8 @@ class LiveService {
   const std::vector<std::string> config_names_ = config_.dds.publisher.targets;
   std::size_t quorum_ = 0;
   std::vector<Target> targets_;
-  std::optional<tracks::TrackCsvWriter> csv_;           // the tracking thread's
-  std::optional<tracks::PoseFileWriter> poses_;         // the camera thread's
+  std::optional<tracks::TrackCsvWriter> csv_;            // the tracking thread's
+  std::optional<tracks::PoseFileWriter> poses_;          // the camera thread's
   std::optional<publish::EstimatePublisher> publisher_;  // positions: the tracking thread; status: the supervising one
   std::optional<ViewServer> view_;
   std::optional<StatusReporter> reporter_;
@@ -519,15 +528,15 @@ class LiveService {
   std::mutex happened_mutex_;
   std::vector<std::pair<capture::Timestamp, std::string>> happened_;  // guarded by happened_mutex_; config: a reload
   std::vector<capture::Timestamp> camera_left_out_;                   // guarded by happened_mutex_
-  std::optional<pipeline::ChangesWriter> changes_;                     // made before any other thread is
-  std::string tracks_problem_;                               // guarded by happened_mutex_
-  std::string recording_problem_;                            // the supervising thread's, as the next
+  std::optional<pipeline::ChangesWriter> changes_;                    // made before any other thread is
+  std::string tracks_problem_;                                        // guarded by happened_mutex_
+  std::string recording_problem_;                                     // the supervising thread's, as the next
   std::filesystem::path recording_to_;
   std::atomic<bool> has_lost_ = false;
   std::vector<LatencyHistogram> capture_to_dequeue_{config_.rig.cameras.size()};
   LatencyHistogram dequeue_to_write_, dequeue_to_publish_, capture_to_publish_;
   std::optional<MetricsServer> metrics_;
-  std::vector<LiveCamera> cameras_;   // their sources are the pipeline's
+  std::vector<LiveCamera> cameras_;             // their sources are the pipeline's
   std::optional<pipeline::Pipeline> pipeline_;  // after what its outputs use, and cameras_ is used only while it lives
 
   publish::ServiceStatus last_status_;
@@ -559,7 +568,7 @@ std::optional<std::string> one_under_two_names(std::span<const config::LiveCamer
 std::vector<LiveCamera> open_cameras(const config::ServiceConfig& config, const std::stop_token& stop) {
   if (const auto both = one_under_two_names(config.cameras))
     throw capture::CaptureError(std::make_error_code(std::errc::invalid_argument),
-                       config.file.string() + ": cameras: " + *both + ": give each its own device");
+                                config.file.string() + ": cameras: " + *both + ": give each its own device");
   std::vector<capture::V4l2SourceOptions> asked;
   std::vector<std::future<std::unique_ptr<capture::V4l2Source>>> opening;
   for (const auto& camera : config.cameras) {
@@ -660,7 +669,8 @@ std::string status_line(const publish::ServiceStatus& status, std::span<const ob
   for (std::size_t t = 0; t < states.size(); ++t)
     targets += (targets.empty() ? "" : ", ") + status.targets[t] + " " + std::string(object_tracking::name(states[t]));
   if (!tracked_camera.empty())
-    targets += (targets.empty() ? "" : ", ") + tracked_camera + "'s pose " + std::string(camera_tracking::name(camera_state));
+    targets +=
+        (targets.empty() ? "" : ", ") + tracked_camera + "'s pose " + std::string(camera_tracking::name(camera_state));
   return std::to_string(delivering) + " of " + std::to_string(used) + " cameras deliver: " + cameras + "; " +
          tenths(status.set_rate_hz) + " sets/s" + (targets.empty() ? "" : "; " + targets);
 }

@@ -14,9 +14,9 @@
 
 #include "capture/frame_source.h"
 #include "capture/v4l2_source.h"
+#include "config/service_config.h"
 #include "pipeline/pipeline.h"
 #include "pipeline/recorder.h"
-#include "config/service_config.h"
 #include "publish/service_status.h"
 
 namespace huetrack::daemon {
@@ -72,6 +72,7 @@ bool is_progressing(std::span<const capture::CameraHealth> cameras, const pipeli
 // For `systemctl status`: "2 of 3 cameras deliver: left 30.0, right 29.9 Hz, back absent; 29.9 sets/s; ball tracking".
 // states: per target. tracked_camera: its name, empty for none; then "cam0's pose lost" comes last.
 std::string status_line(const publish::ServiceStatus& status, std::span<const object_tracking::TrackState> states,
-                        const std::string& tracked_camera = {}, camera_tracking::CameraState camera_state = camera_tracking::CameraState::searching);
+                        const std::string& tracked_camera = {},
+                        camera_tracking::CameraState camera_state = camera_tracking::CameraState::searching);
 
 }  // namespace huetrack::daemon

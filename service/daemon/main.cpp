@@ -16,15 +16,15 @@
 #include <stop_token>
 #include <thread>
 
+#include "config/service_config.h"
 #include "daemon/doctor.h"
 #include "daemon/live.h"
 #include "daemon/replay.h"
-#include "config/service_config.h"
 #include "daemon/service_manager.h"
 #include "daemon/teach.h"
+#include "publish/estimate_publisher.h"
 #include "tracks/track_csv.h"
 #include "tracks/truth.h"
-#include "publish/estimate_publisher.h"
 
 namespace {
 
@@ -131,7 +131,8 @@ void run(const std::filesystem::path& file, const daemon::LiveOptions& options, 
          const std::stop_token& stop) {
   const config::ServiceConfig config = config::load_service_config(file);
   daemon::set_log_level(config.log_level);
-  const daemon::LiveSummary summary = daemon::run_live(config, daemon::open_cameras(config, stop), options, requests, stop);
+  const daemon::LiveSummary summary =
+      daemon::run_live(config, daemon::open_cameras(config, stop), options, requests, stop);
   spdlog::info("stopped after {} frame sets, {} samples published", summary.figures.sets_tracked, summary.published);
 }
 
@@ -140,7 +141,8 @@ void record(const std::filesystem::path& file, daemon::LiveOptions options, daem
   const config::ServiceConfig config = config::load_service_config(file);
   daemon::set_log_level(config.log_level);
   options.track = false;
-  const daemon::LiveSummary summary = daemon::run_live(config, daemon::open_cameras(config, stop), options, requests, stop);
+  const daemon::LiveSummary summary =
+      daemon::run_live(config, daemon::open_cameras(config, stop), options, requests, stop);
   std::printf("%s\n", options.record_to.c_str());
   for (const auto& camera : config.cameras) {
     const auto c = std::size_t(config.rig.index_of(camera.name).value());
@@ -195,21 +197,24 @@ int main(int argc, char** argv) {
   CLI::App* replay_command = app.add_subcommand("replay", "track a recording");
   replay_command->add_option("config", command.config, "huetrackd.yaml")->required();
   replay_command->add_option("recording", command.recording, "recording.yaml, or the folder that holds it")->required();
-  const std::map<std::string, daemon::ReplaySpeed> speeds{{"real", daemon::ReplaySpeed::real}, {"max", daemon::ReplaySpeed::max}};
+  const std::map<std::string, daemon::ReplaySpeed> speeds{{"real", daemon::ReplaySpeed::real},
+                                                          {"max", daemon::ReplaySpeed::max}};
   replay_command
       ->add_option("--speed", command.speed,
                    "real: as it was recorded; max (default): as fast as possible, never dropping a frame")
       ->transform(word_of(speeds))
       ->type_name("max|real");
   replay_command->add_option("--tracks", command.tracks, "write the tracks to this CSV file");
-  const char* const poses_help = "write the tracked camera's poses to this file, as TUM text: those of state tracking only";
+  const char* const poses_help =
+      "write the tracked camera's poses to this file, as TUM text: those of state tracking only";
   replay_command->add_option("--poses", command.poses, poses_help);
   replay_command->add_option("--pictures", command.pictures,
                              "draw every view of every frame set, and the track, into this folder");
   replay_command->add_option("--pictures-every", command.pictures_every, "only every so many-th frame set")
       ->check(CLI::Range(1, 1'000'000));
   replay_command->add_option("--truth", command.truth, "compare with this CSV file (columns ball, t, x, y, z)");
-  const std::map<std::string, daemon::ReplayStamps> stamps{{"now", daemon::ReplayStamps::now}, {"recording", daemon::ReplayStamps::recording}};
+  const std::map<std::string, daemon::ReplayStamps> stamps{{"now", daemon::ReplayStamps::now},
+                                                           {"recording", daemon::ReplayStamps::recording}};
   replay_command
       ->add_option("--stamps", command.stamps,
                    "published capture times: now (default at speed real), as if captured in this moment, or recording "

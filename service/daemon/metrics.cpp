@@ -108,13 +108,15 @@ std::string to_prometheus(const publish::ServiceStatus& status, std::span<const 
   one("huetrack_published_samples_total", "counter", "positions written to DDS", double(published));
   one("huetrack_warnings", "gauge", "sentences in the status sample's warnings", double(status.warnings.size()));
   one("huetrack_recording", "gauge", "1 while frames are being recorded", recording.is_recording ? 1 : 0);
-  text.family("huetrack_recording_dropped_frames_total", "counter", "frames not recorded, because the disk was too slow");
+  text.family("huetrack_recording_dropped_frames_total", "counter",
+              "frames not recorded, because the disk was too slow");
   for (std::size_t c = 0; c < recording.dropped.size(); ++c)
     text.sample("camera=" + label(status.cameras[c].name), double(recording.dropped[c]));
 
   text.family("huetrack_target_state", "gauge", "1 for the state that the target is in");
   for (std::size_t t = 0; t < targets.size(); ++t) {
-    for (const auto state : {object_tracking::TrackState::searching, object_tracking::TrackState::tracking, object_tracking::TrackState::coasting, object_tracking::TrackState::lost}) {
+    for (const auto state : {object_tracking::TrackState::searching, object_tracking::TrackState::tracking,
+                             object_tracking::TrackState::coasting, object_tracking::TrackState::lost}) {
       text.sample("target=" + label(status.targets[t]) + ",state=" + label(object_tracking::name(state)),
                   targets[t].state == state ? 1 : 0);
     }

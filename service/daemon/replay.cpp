@@ -10,21 +10,21 @@
 #include <utility>
 
 #include "calib/yaml/yaml_reader.h"
+#include "camera_tracking/methods/make_camera_tracker.h"
 #include "capture/recording.h"
 #include "capture/replay_source.h"
-#include "pictures/camera_pictures.h"
 #include "config/formatted.h"
-#include "pictures/pictures.h"
-#include "tracks/pose_file.h"
-#include "daemon/progress_bar.h"
-#include "pipeline/recorded_changes.h"
 #include "config/service_config.h"
+#include "daemon/progress_bar.h"
 #include "daemon/service_manager.h"
 #include "daemon/status_reporter.h"
-#include "tracks/track_csv.h"
 #include "daemon/view_server.h"
+#include "pictures/camera_pictures.h"
+#include "pictures/pictures.h"
+#include "pipeline/recorded_changes.h"
 #include "publish/estimate_publisher.h"
-#include "camera_tracking/methods/make_camera_tracker.h"
+#include "tracks/pose_file.h"
+#include "tracks/track_csv.h"
 
 namespace huetrack::daemon {
 namespace {
@@ -122,23 +122,26 @@ std::vector<std::string> early_ends(const std::vector<capture::ReplayCamera>& ca
     const double short_s = capture::seconds(*last - *figures[c].last_captured);
     const long frames = std::lround(short_s / capture::seconds(cameras[c].frame_period));
     if (frames < 2) continue;  // one more or less is how cameras happen to be stopped
-    sentences.push_back(
-        config::formatted("%s ended early: %ld frames (%.3f s) short of the others", cameras[c].name.c_str(), frames, short_s));
+    sentences.push_back(config::formatted("%s ended early: %ld frames (%.3f s) short of the others",
+                                          cameras[c].name.c_str(), frames, short_s));
   }
   return sentences;
 }
 
 // throws ConfigError: a configuration that cannot be read, or has other targets.
-std::vector<pipeline::Pipeline::Replacement> replacements_of(const pipeline::RecordedChanges& changes, const config::ServiceConfig& first) {
+std::vector<pipeline::Pipeline::Replacement> replacements_of(const pipeline::RecordedChanges& changes,
+                                                             const config::ServiceConfig& first) {
   std::vector<pipeline::Pipeline::Replacement> replacements;
   config::ServiceConfig before = first;
   for (const auto& reload : changes.reloads) {
     config::ServiceConfig after = config::load_service_config(reload.config);
-    if (!std::ranges::equal(after.targets, before.targets, {}, &object_tracking::TargetOptions::name, &object_tracking::TargetOptions::name))
+    if (!std::ranges::equal(after.targets, before.targets, {}, &object_tracking::TargetOptions::name,
+                            &object_tracking::TargetOptions::name))
       throw yaml::ConfigError(reload.config, 0, "has other targets than the recording's huetrackd.yaml");
     pipeline::Pipeline::Replacement replacement{.trackers = {}, .from = reload.at};
     for (const auto t : config::targets_that_differ(before, after))
-      replacement.trackers.emplace_back(t, object_tracking::ObjectTracker(after.rig, after.targets[t], after.object_tracking));
+      replacement.trackers.emplace_back(
+          t, object_tracking::ObjectTracker(after.rig, after.targets[t], after.object_tracking));
     replacements.push_back(std::move(replacement));
     before = std::move(after);
   }
@@ -167,7 +170,8 @@ ReplaySummary replay(const ReplayCommand& command, std::stop_token stop) {
   std::vector<std::string> camera_names;
   for (const auto& camera : config.rig.cameras) camera_names.push_back(camera.name);
   auto owned_source = std::make_unique<capture::ReplaySource>(
-      recording, camera_names, capture::ReplayOptions{.decoder_threads = std::max(1, int(std::thread::hardware_concurrency()))});
+      recording, camera_names,
+      capture::ReplayOptions{.decoder_threads = std::max(1, int(std::thread::hardware_concurrency()))});
   capture::ReplaySource& source = *owned_source;
   std::optional<tracks::Truth> truth;
   if (!command.truth.empty()) {
@@ -176,7 +180,8 @@ ReplaySummary replay(const ReplayCommand& command, std::stop_token stop) {
       spdlog::warn("{}: {}", command.truth.string(), sentence);
     }
   }
-  std::vector<std::tuple<capture::PixelFormat, capture::ColorRange>> formats;  // known before the first frame, and for good
+  std::vector<std::tuple<capture::PixelFormat, capture::ColorRange>>
+      formats;  // known before the first frame, and for good
   for (const auto& camera : source.cameras()) formats.emplace_back(camera.format, camera.range);
   const auto tracker_of = [&formats](const config::ServiceConfig& c, const object_tracking::TargetOptions& target) {
     object_tracking::ObjectTracker tracker(c.rig, target, c.object_tracking);
@@ -195,8 +200,8 @@ ReplaySummary replay(const ReplayCommand& command, std::stop_token stop) {
   std::unique_ptr<camera_tracking::CameraTracker> camera_tracker;
   if (tracks_camera) {
     tracked_camera = config.rig.index_of(config.camera_tracking.camera).value();
-    camera_tracker =
-        camera_methods::make_camera_tracker(config.rig.cameras[std::size_t(tracked_camera)], config::tracker_options(config.camera_tracking));
+    camera_tracker = camera_methods::make_camera_tracker(config.rig.cameras[std::size_t(tracked_camera)],
+                                                         config::tracker_options(config.camera_tracking));
   }
 
   std::optional<tracks::PoseFileWriter> poses;
@@ -226,7 +231,8 @@ ReplaySummary replay(const ReplayCommand& command, std::stop_token stop) {
 
   StatusReporter reporter(config, "replay", summary.clock_offset);
   ProgressBar progress(command.progress);
-  std::vector<std::vector<object_tracking::ObjectEstimate>> tracks(config.targets.size());  // only for the picture of the track
+  std::vector<std::vector<object_tracking::ObjectEstimate>> tracks(
+      config.targets.size());  // only for the picture of the track
   std::optional<capture::Timestamp> last_at;
   Clock::time_point tracked_until = started;
   std::atomic<pipeline::Pipeline*> running = nullptr;
@@ -246,7 +252,8 @@ ReplaySummary replay(const ReplayCommand& command, std::stop_token stop) {
   };
 
   pipeline::PipelineOutputs outputs;
-  outputs.estimates = [&](const capture::FrameSet& set, std::span<const object_tracking::ObjectEstimate> estimates, capture::Timestamp received_at) {
+  outputs.estimates = [&](const capture::FrameSet& set, std::span<const object_tracking::ObjectEstimate> estimates,
+                          capture::Timestamp received_at) {
     last_at = set.at;
     for (std::size_t t = 0; t < estimates.size(); ++t) {
       if (publisher) publisher->publish(t, estimates[t], estimates[t].at + clock_offset(), received_at);
@@ -265,8 +272,8 @@ ReplaySummary replay(const ReplayCommand& command, std::stop_token stop) {
     for (const auto& camera : running.load()->figures().cameras) frames += camera.frames + camera.corrupted;
     std::string states;
     for (const auto& tally : tallies) states += (states.empty() ? "" : ", ") + tally.progress();
-    progress.draw(frames, source.expected_frames(), capture::seconds(set.at - first_at) / capture::seconds(Clock::now() - started),
-                  states);
+    progress.draw(frames, source.expected_frames(),
+                  capture::seconds(set.at - first_at) / capture::seconds(Clock::now() - started), states);
   };
   if (publisher) {
     outputs.status = [&](const pipeline::PipelineFigures& figures) {
@@ -277,7 +284,7 @@ ReplaySummary replay(const ReplayCommand& command, std::stop_token stop) {
     };
   }
   std::vector<camera_tracking::CameraEstimate> way;  // only for the picture of the map
-  pipeline::NoPoseLog no_pose_log;            // the camera thread's, as the next
+  pipeline::NoPoseLog no_pose_log;                   // the camera thread's, as the next
   Clock::time_point camera_tracked_until = started;
   if (tracks_camera) {
     summary.camera.emplace().name = config.camera_tracking.camera;
@@ -291,7 +298,8 @@ ReplaySummary replay(const ReplayCommand& command, std::stop_token stop) {
       if (camera_pictures) way.push_back(estimate);
       camera_tracked_until = Clock::now();
     };
-    if (camera_pictures) outputs.camera_pictures = [&](const pictures::CameraPictureJob& job) { camera_pictures->write(job); };
+    if (camera_pictures)
+      outputs.camera_pictures = [&](const pictures::CameraPictureJob& job) { camera_pictures->write(job); };
   }
   std::optional<ViewServer> view;
   if (publisher) {
@@ -388,8 +396,8 @@ ReplaySummary replay(const ReplayCommand& command, std::stop_token stop) {
     summary.bus = publisher->description();
   }
   if (pictures) {
-    pictures->write("track_3d.png",
-                    pictures::draw_track_3d(config, "Track in 3-D: " + shown_name(recording), tracks, truth ? &*truth : nullptr));
+    pictures->write("track_3d.png", pictures::draw_track_3d(config, "Track in 3-D: " + shown_name(recording), tracks,
+                                                            truth ? &*truth : nullptr));
     summary.pictures = pictures->written() + 1;
   }
   if (camera_pictures) {
@@ -406,13 +414,13 @@ std::string to_text(const ReplaySummary& s, const ReplayCommand& command) {
   for (const auto& camera : s.figures.cameras) frames += camera.frames + camera.corrupted;
   const auto& sets = s.figures.frame_sets;
   text += config::formatted("%s%llu frame sets of %llu frames: %.3f s of recording in %.3f s, %.1fx real time\n",
-                    s.stopped ? "stopped: " : "", static_cast<unsigned long long>(s.figures.sets_tracked),
-                    static_cast<unsigned long long>(frames), s.recorded_s, s.wall_s,
-                    s.wall_s > 0 ? s.recorded_s / s.wall_s : 0);
+                            s.stopped ? "stopped: " : "", static_cast<unsigned long long>(s.figures.sets_tracked),
+                            static_cast<unsigned long long>(frames), s.recorded_s, s.wall_s,
+                            s.wall_s > 0 ? s.recorded_s / s.wall_s : 0);
   text += config::formatted("  frames  %lld missing, %lld corrupted, %llu late; %llu sets without every camera\n",
-                    static_cast<long long>(s.missing_frames), static_cast<long long>(s.corrupted_frames),
-                    static_cast<unsigned long long>(sets.late_frames),
-                    static_cast<unsigned long long>(sets.incomplete_sets));
+                            static_cast<long long>(s.missing_frames), static_cast<long long>(s.corrupted_frames),
+                            static_cast<unsigned long long>(sets.late_frames),
+                            static_cast<unsigned long long>(sets.incomplete_sets));
 
   for (const auto& sentence : s.ended_early) text += "          " + sentence + "\n";
 
@@ -421,19 +429,24 @@ std::string to_text(const ReplaySummary& s, const ReplayCommand& command) {
   const double own_s = capture::seconds(f.synchronise.wall + f.track.wall + f.camera_track.wall + f.publish.wall);
   text += config::formatted(
       "  time    decode %.3f s (CPU %.3f), synchronise %.3f (%.3f), track %.3f (%.3f), publish and write %.3f (%.3f)",
-      capture::seconds(f.decode.wall), capture::seconds(f.decode.cpu), capture::seconds(f.synchronise.wall), capture::seconds(f.synchronise.cpu),
-      capture::seconds(f.track.wall), capture::seconds(f.track.cpu), capture::seconds(f.publish.wall), capture::seconds(f.publish.cpu));
-  if (s.camera) text += config::formatted(", camera %.3f (%.3f)", capture::seconds(f.camera_track.wall), capture::seconds(f.camera_track.cpu));
-  if (s.pictures > 0) text += config::formatted(", draw %.3f (%.3f)", capture::seconds(f.draw.wall), capture::seconds(f.draw.cpu));
+      capture::seconds(f.decode.wall), capture::seconds(f.decode.cpu), capture::seconds(f.synchronise.wall),
+      capture::seconds(f.synchronise.cpu), capture::seconds(f.track.wall), capture::seconds(f.track.cpu),
+      capture::seconds(f.publish.wall), capture::seconds(f.publish.cpu));
+  if (s.camera)
+    text += config::formatted(", camera %.3f (%.3f)", capture::seconds(f.camera_track.wall),
+                              capture::seconds(f.camera_track.cpu));
+  if (s.pictures > 0)
+    text += config::formatted(", draw %.3f (%.3f)", capture::seconds(f.draw.wall), capture::seconds(f.draw.cpu));
   const auto times = [&](double busy_s) {
     const double faster = busy_s > 0 ? s.recorded_s / busy_s : 0;
     return config::formatted(faster < 10 ? "%.1fx" : "%.0fx", faster);
   };
   text += config::formatted("\n          with decoding%s left out: %s real time", s.pictures > 0 ? " and drawing" : "",
-                    times(own_s).c_str());
+                            times(own_s).c_str());
   if (!s.targets.empty())
-    text += config::formatted("; without the first set too (%.3f s, colour tables): %s", capture::seconds(f.track_first.wall),
-                      times(own_s - capture::seconds(f.track_first.wall)).c_str());
+    text += config::formatted("; without the first set too (%.3f s, colour tables): %s",
+                              capture::seconds(f.track_first.wall),
+                              times(own_s - capture::seconds(f.track_first.wall)).c_str());
   text += "\n";
 
   for (const auto& target : s.targets) {
@@ -442,12 +455,13 @@ std::string to_text(const ReplaySummary& s, const ReplayCommand& command) {
     text += config::formatted("  %-7s ", target.name.c_str());
     if (target.first_tracking_set) {
       text += config::formatted("tracking from set %llu on (%.3f s);",
-                        static_cast<unsigned long long>(*target.first_tracking_set), target.first_tracking_s);
+                                static_cast<unsigned long long>(*target.first_tracking_set), target.first_tracking_s);
     } else {
       text += "never tracking;";
     }
     for (const auto& [state, count] : target.sets) {
-      text += config::formatted(" %s %.1f %%", std::string(object_tracking::name(state)).c_str(), 100.0 * double(count) / double(all));
+      text += config::formatted(" %s %.1f %%", std::string(object_tracking::name(state)).c_str(),
+                                100.0 * double(count) / double(all));
     }
     text += "\n";
     if (!target.advice.empty()) text += "          " + target.advice + "\n";
@@ -459,16 +473,18 @@ std::string to_text(const ReplaySummary& s, const ReplayCommand& command) {
     for (const auto& [_, count] : s.camera->frames) all += count;
     text += config::formatted("  %-7s ", s.camera->name.c_str());
     if (s.camera->first_pose_frame) {
-      text += config::formatted("pose from frame %llu on;", static_cast<unsigned long long>(*s.camera->first_pose_frame));
+      text +=
+          config::formatted("pose from frame %llu on;", static_cast<unsigned long long>(*s.camera->first_pose_frame));
     } else {
       const auto& why = f.tracked_camera.why;
       text += why.empty() ? "never a pose;" : "never a pose: " + why + "\n         ";
     }
     for (const auto& [state, count] : s.camera->frames)
-      text += config::formatted(" %s %.1f %%", std::string(camera_tracking::name(state)).c_str(), 100.0 * double(count) / double(all));
-    text +=
-        config::formatted("; %.2f ms per frame (CPU %.2f)\n", all > 0 ? 1e3 * capture::seconds(f.camera_track.wall) / double(all) : 0,
-                  all > 0 ? 1e3 * capture::seconds(f.camera_track.cpu) / double(all) : 0);
+      text += config::formatted(" %s %.1f %%", std::string(camera_tracking::name(state)).c_str(),
+                                100.0 * double(count) / double(all));
+    text += config::formatted("; %.2f ms per frame (CPU %.2f)\n",
+                              all > 0 ? 1e3 * capture::seconds(f.camera_track.wall) / double(all) : 0,
+                              all > 0 ? 1e3 * capture::seconds(f.camera_track.cpu) / double(all) : 0);
     if (s.camera->first_pose_frame && f.tracked_camera.without_since)
       text += "          lost at the end" + (f.tracked_camera.why.empty() ? "" : ": " + f.tracked_camera.why) + "\n";
   }
@@ -480,10 +496,12 @@ std::string to_text(const ReplaySummary& s, const ReplayCommand& command) {
   }
   if (!s.bus.empty()) {
     const std::int64_t ns = s.clock_offset.count();
-    text += config::formatted("  bus     %llu samples, %llu failures; %s\n", static_cast<unsigned long long>(s.published),
-                      static_cast<unsigned long long>(s.publish_failures), s.bus.c_str());
+    text +=
+        config::formatted("  bus     %llu samples, %llu failures; %s\n", static_cast<unsigned long long>(s.published),
+                          static_cast<unsigned long long>(s.publish_failures), s.bus.c_str());
     text += config::formatted("          published capture times are the recording's plus %lld.%09lld s\n",
-                      static_cast<long long>(ns / 1'000'000'000), static_cast<long long>(std::abs(ns % 1'000'000'000)));
+                              static_cast<long long>(ns / 1'000'000'000),
+                              static_cast<long long>(std::abs(ns % 1'000'000'000)));
   }
   return text;
 }

@@ -46,17 +46,17 @@ struct ReplayCommand {
 
 struct TargetSummary {
   std::string name;
-  std::map<object_tracking::TrackState, std::uint64_t> sets;         // per state
-  std::optional<std::uint64_t> first_tracking_set;  // 1 = the first
-  double first_tracking_s = 0;                      // capture time from the first set to that one
+  std::map<object_tracking::TrackState, std::uint64_t> sets;  // per state
+  std::optional<std::uint64_t> first_tracking_set;            // 1 = the first
+  double first_tracking_s = 0;                                // capture time from the first set to that one
   std::optional<tracks::TruthFigures> truth;
   std::string advice;  // when it was never tracked: what to try
 };
 
 struct CameraSummary {
   std::string name;
-  std::map<camera_tracking::CameraState, std::uint64_t> frames;    // per state
-  std::optional<std::uint64_t> first_pose_frame;  // from 0
+  std::map<camera_tracking::CameraState, std::uint64_t> frames;  // per state
+  std::optional<std::uint64_t> first_pose_frame;                 // from 0
 };
 
 struct ReplaySummary {
@@ -71,7 +71,7 @@ struct ReplaySummary {
   std::optional<CameraSummary> camera;  // the tracked one
   std::uint64_t published = 0;          // DDS samples written
   std::uint64_t publish_failures = 0;
-  std::string bus;           // where to; empty: no DDS
+  std::string bus;                    // where to; empty: no DDS
   capture::Duration clock_offset{0};  // published capture time minus the recording's clock
   std::size_t pictures = 0;
 };

@@ -63,8 +63,9 @@ void StatusReporter::take_over(const config::ServiceConfig& config) {
   *this = std::move(fresh);
 }
 
-publish::ServiceStatus StatusReporter::report(const pipeline::PipelineFigures& figures, std::chrono::steady_clock::time_point now,
-                                     capture::Timestamp unix_now, std::span<const std::optional<capture::CameraHealth>> live) {
+publish::ServiceStatus StatusReporter::report(const pipeline::PipelineFigures& figures,
+                                              std::chrono::steady_clock::time_point now, capture::Timestamp unix_now,
+                                              std::span<const std::optional<capture::CameraHealth>> live) {
   if (latest_ && now - latest_->at >= shortest_rate_window) past_ = std::move(latest_);
   const capture::Duration window = past_ ? now - past_->at : 0ns;
 

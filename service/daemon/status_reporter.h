@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "capture/v4l2_source.h"
-#include "pipeline/pipeline.h"
 #include "config/service_config.h"
+#include "pipeline/pipeline.h"
 #include "publish/service_status.h"
 
 namespace huetrack::daemon {
@@ -25,8 +25,9 @@ class StatusReporter {
 
   // live: what the live cameras say of themselves, by rig camera, nullopt for one that is not used; empty in a replay.
   // Rates are over the time since a report at least half a second ago.
-  publish::ServiceStatus report(const pipeline::PipelineFigures& figures, std::chrono::steady_clock::time_point now, capture::Timestamp unix_now,
-                       std::span<const std::optional<capture::CameraHealth>> live = {});
+  publish::ServiceStatus report(const pipeline::PipelineFigures& figures, std::chrono::steady_clock::time_point now,
+                                capture::Timestamp unix_now,
+                                std::span<const std::optional<capture::CameraHealth>> live = {});
 
  private:
   publish::ServiceStatus fixed_;  // what does not change

@@ -87,7 +87,7 @@ At at_of(const calib::CameraRig& rig, const std::string& text) {
 // One picture of every camera: where somebody pointed, the frame of that number; of the others, the one captured
 // nearest to the first of those.
 capture::FrameSet recorded_pictures(const config::ServiceConfig& config, const std::filesystem::path& recording,
-                           const std::map<int, std::int64_t>& wanted, const std::stop_token& stop) {
+                                    const std::map<int, std::int64_t>& wanted, const std::stop_token& stop) {
   const calib::CameraRig& rig = config.rig;
   std::vector<std::string> names;
   for (const auto& camera : rig.cameras) names.push_back(camera.name);
@@ -131,7 +131,7 @@ capture::FrameSet recorded_pictures(const config::ServiceConfig& config, const s
 
 // The live cameras one after the other: the object has to hold still.
 capture::FrameSet live_pictures(const config::ServiceConfig& config, const std::map<int, std::int64_t>& wanted,
-                       const std::stop_token& stop) {
+                                const std::stop_token& stop) {
   constexpr std::int64_t settled = 30;  // frames until exposure and white balance have settled
   constexpr auto patience = 10s;        // for a camera's frames
   if (config.cameras.empty()) throw std::runtime_error(config.file.string() + ": cameras: none is given to teach from");
@@ -161,7 +161,8 @@ capture::FrameSet live_pictures(const config::ServiceConfig& config, const std::
   return set;
 }
 
-void draw(const std::filesystem::path& folder, const calib::CameraRig& rig, const capture::FrameSet& set, const color_teaching::Taught& taught) {
+void draw(const std::filesystem::path& folder, const calib::CameraRig& rig, const capture::FrameSet& set,
+          const color_teaching::Taught& taught) {
   std::filesystem::create_directories(folder);
   for (std::size_t c = 0; c < set.frames.size(); ++c) {
     const color_teaching::PixelMask& mask = taught.views[c].mask;
@@ -212,8 +213,9 @@ int teach(const TeachCommand& command, std::stop_token stop) {
   for (const auto& t : config.targets) names += (names.empty() ? "" : ", ") + t.name;
   if (command.target.empty() && config.targets.size() > 1)
     throw std::runtime_error("which target? Give --target with one of: " + names);
-  const auto target = command.target.empty() ? config.targets.begin()
-                                             : std::ranges::find(config.targets, command.target, &object_tracking::TargetOptions::name);
+  const auto target = command.target.empty()
+                          ? config.targets.begin()
+                          : std::ranges::find(config.targets, command.target, &object_tracking::TargetOptions::name);
   if (target == config.targets.end())
     throw std::runtime_error("there is no target " + command.target + " in " + config.file.string() + ", which has " +
                              names);
@@ -246,8 +248,9 @@ int teach(const TeachCommand& command, std::stop_token stop) {
   for (const auto& [camera, boxes] : ignored) request.ignored[std::size_t(*rig.index_of(camera))] = boxes;
   request.wider = command.wider;
 
-  const capture::FrameSet set = command.recording == "live" ? live_pictures(config, wanted, stop)
-                                                   : recorded_pictures(config, command.recording, wanted, stop);
+  const capture::FrameSet set = command.recording == "live"
+                                    ? live_pictures(config, wanted, stop)
+                                    : recorded_pictures(config, command.recording, wanted, stop);
   const color_teaching::ColorTeacher teacher(rig, set);
   color_teaching::Taught taught = teacher.teach(request, config.object_tracking.volume);
   if (command.accept && taught.any()) {
@@ -269,7 +272,8 @@ int teach(const TeachCommand& command, std::stop_token stop) {
                   std::lround(view.region->centre.x()), std::lround(view.region->centre.y()));
     }
   }
-  if (const std::string hint = color_teaching::radius_hint(taught, *target); !hint.empty()) std::printf("%s\n", hint.c_str());
+  if (const std::string hint = color_teaching::radius_hint(taught, *target); !hint.empty())
+    std::printf("%s\n", hint.c_str());
   for (const std::string& name : teacher.namesakes(taught, config.targets, target->name))
     std::printf("Warning: the object has the colour of the target %s, too: nothing tells the two apart\n",
                 name.c_str());
@@ -294,7 +298,7 @@ int teach(const TeachCommand& command, std::stop_token stop) {
   }
   if (command.dry_run) return 0;
   config::save_taught(config, color_teaching::with_taught_color(*target, rig, taught),
-              command.ignore.empty() ? std::nullopt : std::optional(ignored));
+                      command.ignore.empty() ? std::nullopt : std::optional(ignored));
   std::printf("written into %s: the colour of %s\n", config.file.c_str(), target->name.c_str());
   tell_services(config);
   return 0;

@@ -40,7 +40,8 @@ std::vector<std::uint8_t> packed(const color_teaching::PixelMask& mask, int widt
   return bits;
 }
 
-std::optional<object_tracking::IgnoredRegions> ignored_of(const msg::TeachRequest& request, const calib::CameraRig& rig) {
+std::optional<object_tracking::IgnoredRegions> ignored_of(const msg::TeachRequest& request,
+                                                          const calib::CameraRig& rig) {
   object_tracking::IgnoredRegions regions;
   for (const auto& ignore : request.ignored()) {
     const auto index = rig.index_of(ignore.camera());
@@ -50,7 +51,7 @@ std::optional<object_tracking::IgnoredRegions> ignored_of(const msg::TeachReques
       return std::isfinite(value) ? int(std::clamp(value, 0.0, double(most))) : 0;
     };
     const object_tracking::PixelBox box{in(ignore.box()[0], size.width - 1), in(ignore.box()[1], size.height - 1),
-                       in(ignore.box()[2], size.width - 1), in(ignore.box()[3], size.height - 1)};
+                                        in(ignore.box()[2], size.width - 1), in(ignore.box()[3], size.height - 1)};
     if (box.empty()) return std::nullopt;
     auto it = std::ranges::find(regions, ignore.camera(), &object_tracking::IgnoredRegions::value_type::first);
     if (it == regions.end()) it = regions.insert(regions.end(), {ignore.camera(), {}});
@@ -74,7 +75,8 @@ msg::TeachReply TeachDesk::refusal(const msg::TeachRequest& request, const std::
   return reply;
 }
 
-msg::TeachReply TeachDesk::freeze(const msg::TeachRequest& request, const config::ServiceConfig& config, const capture::FrameSet& set) {
+msg::TeachReply TeachDesk::freeze(const msg::TeachRequest& request, const config::ServiceConfig& config,
+                                  const capture::FrameSet& set) {
   if (const std::string why = why_not(config); !why.empty()) return refusal(request, why);
   msg::TeachReply reply = reply_to(request);
   teacher_.emplace(config.rig, set);
@@ -170,7 +172,7 @@ msg::TeachReply TeachDesk::look(const msg::TeachRequest& request, const config::
     try {
       const bool changes_ignored = *ignored != config.ignored;
       config::save_taught(config, color_teaching::with_taught_color(*target, config.rig, taught),
-                  changes_ignored ? std::optional(*ignored) : std::nullopt);
+                          changes_ignored ? std::optional(*ignored) : std::nullopt);
       const std::string problem = actions_.reload();
       if (!problem.empty()) return refusal(request, "It is written, but not taken over: " + problem);
       reason = "Saved: " + target->name + " is tracked by this colour now, and it is written into " +

@@ -27,7 +27,8 @@ class TeachDesk {
   // Everything but TEACH_ACTION_FREEZE.
   msg::TeachReply answer(const msg::TeachRequest& request, const config::ServiceConfig& config);
   // TEACH_ACTION_FREEZE: these are the pictures from now on.
-  msg::TeachReply freeze(const msg::TeachRequest& request, const config::ServiceConfig& config, const capture::FrameSet& set);
+  msg::TeachReply freeze(const msg::TeachRequest& request, const config::ServiceConfig& config,
+                         const capture::FrameSet& set);
 
   static msg::TeachReply refusal(const msg::TeachRequest& request, const std::string& reason);
 

@@ -10,9 +10,9 @@
 #include <optional>
 #include <thread>
 
-#include "pipeline/pipeline.h"
 #include "config/service_config.h"
 #include "daemon/teach_desk.h"
+#include "pipeline/pipeline.h"
 #include "publish/view_publisher.h"
 
 namespace huetrack::daemon {
@@ -50,7 +50,7 @@ class ViewServer {
 
   struct Counters {
     std::uint64_t previews = 0;  // pictures published
-    capture::Duration busy{0};            // that the thread has spent on them
+    capture::Duration busy{0};   // that the thread has spent on them
   };
   Counters counters() const;  // any thread
 
@@ -76,11 +76,11 @@ class ViewServer {
 
   std::mutex mutex_;
   std::condition_variable_any news_;
-  std::optional<pictures::PictureJob> offered_;   // guarded by mutex_
-  std::optional<camera_tracking::CameraMap> map_;        // guarded by mutex_
-  std::optional<config::ServiceConfig> fresh_;  // guarded by mutex_; to be taken over
-  config::ServiceConfig config_;                // the thread's own
-  std::jthread thread_;                 // last: ends before the rest goes
+  std::optional<pictures::PictureJob> offered_;    // guarded by mutex_
+  std::optional<camera_tracking::CameraMap> map_;  // guarded by mutex_
+  std::optional<config::ServiceConfig> fresh_;     // guarded by mutex_; to be taken over
+  config::ServiceConfig config_;                   // the thread's own
+  std::jthread thread_;                            // last: ends before the rest goes
 };
 
 }  // namespace huetrack::daemon

@@ -12,29 +12,36 @@ double hue_width_deg(const HsiRange& r) {
   return r.hue_max_deg >= r.hue_min_deg ? r.hue_max_deg - r.hue_min_deg : 360 - r.hue_min_deg + r.hue_max_deg;
 }
 
-bool whole_circle(const HsiRange& r) { return r.hue_min_deg == 0 && r.hue_max_deg == 360; }
+bool whole_circle(const HsiRange& r) {
+  return r.hue_min_deg == 0 && r.hue_max_deg == 360;
+}
 
-// contains(range, hsi_of(rgb)) for millions of pixels: the same answer without the arc tangent for all but the few whose
-// hue is within a rounding error of the range's ends.
+// contains(range, hsi_of(rgb)) for millions of pixels: the same answer without the arc tangent for all but the few
+// whose hue is within a rounding error of the range's ends.
 class Matcher {
  public:
-  explicit Matcher(const HsiRange& range) : range_(range), narrow_(hue_width_deg(range) <= 180), any_hue_(whole_circle(range)) {
+  explicit Matcher(const HsiRange& range)
+      : range_(range), narrow_(hue_width_deg(range) <= 180), any_hue_(whole_circle(range)) {
     const double from = range.hue_min_deg * (std::numbers::pi / 180);
     const double to = range.hue_max_deg * (std::numbers::pi / 180);
     from_ = {std::cos(from), std::sin(from)};
     to_ = {std::cos(to), std::sin(to)};
   }
 
-  // Can a pixel of this chroma match at any luma? The order of r, g and b is that of their chroma, clipped or not, and the
-  // order fixes the hue's sextant: from the primary of the largest to the secondary that lacks the smallest.
+  // Can a pixel of this chroma match at any luma? The order of r, g and b is that of their chroma, clipped or not, and
+  // the order fixes the hue's sextant: from the primary of the largest to the secondary that lacks the smallest.
   bool can_match(const Rgb& chroma) const {
     if (any_hue_) return true;
-    const double smallest = std::min({chroma.r, chroma.g, chroma.b}), largest = std::max({chroma.r, chroma.g, chroma.b});
+    const double smallest = std::min({chroma.r, chroma.g, chroma.b}),
+                 largest = std::max({chroma.r, chroma.g, chroma.b});
     const double primary_deg = largest == chroma.r ? 0 : largest == chroma.g ? 120 : 240;
     const double secondary_deg = smallest == chroma.r ? 180 : smallest == chroma.g ? 300 : 60;
     const double low_deg = primary_deg == 0 && secondary_deg == 300 ? 300 : std::min(primary_deg, secondary_deg);
-    const auto beyond_start_deg = [](double hue_deg, double start_deg) { return std::fmod(hue_deg - start_deg + 720, 360); };
-    return beyond_start_deg(low_deg, range_.hue_min_deg - 1) <= hue_width_deg(range_) + 2 ||   // a degree is far above rounding
+    const auto beyond_start_deg = [](double hue_deg, double start_deg) {
+      return std::fmod(hue_deg - start_deg + 720, 360);
+    };
+    return beyond_start_deg(low_deg, range_.hue_min_deg - 1) <=
+               hue_width_deg(range_) + 2 ||  // a degree is far above rounding
            beyond_start_deg(range_.hue_min_deg, low_deg - 1) <= 62;
   }
 
@@ -45,7 +52,7 @@ class Matcher {
     if (3 * smallest > (1 - range_.saturation_min) * sum + slack) return false;
     const double alpha = c.r - (c.g + c.b) / 2;
     const double beta = std::numbers::sqrt3 / 2 * (c.g - c.b);
-    const double after_from = from_.x * beta - from_.y * alpha;   // > 0: up to 180 degrees counterclockwise of the start
+    const double after_from = from_.x * beta - from_.y * alpha;  // > 0: up to 180 degrees counterclockwise of the start
     const double before_to = alpha * to_.y - beta * to_.x;
     const double chroma2 = alpha * alpha + beta * beta;
     if (any_hue_ || chroma2 < slack || std::min(after_from * after_from, before_to * before_to) < slack * chroma2)
@@ -53,13 +60,15 @@ class Matcher {
     if (!(narrow_ ? after_from > 0 && before_to > 0 : after_from > 0 || before_to > 0)) return false;
     const double intensity = sum / 3;
     const double saturation = 1 - smallest / intensity;
-    return saturation >= range_.saturation_min && saturation <= range_.saturation_max && intensity >= range_.intensity_min &&
-           intensity <= range_.intensity_max;
+    return saturation >= range_.saturation_min && saturation <= range_.saturation_max &&
+           intensity >= range_.intensity_min && intensity <= range_.intensity_max;
   }
 
  private:
-  static constexpr double slack = 1e-9;   // far above rounding; inside it the formula decides
-  struct Direction { double x, y; };
+  static constexpr double slack = 1e-9;  // far above rounding; inside it the formula decides
+  struct Direction {
+    double x, y;
+  };
   HsiRange range_;
   bool narrow_, any_hue_;
   Direction from_{}, to_{};
@@ -69,8 +78,9 @@ class Matcher {
 
 std::vector<std::string> HsiRange::problems() const {
   std::vector<std::string> out;
-  const auto inside = [](double v, double lo, double hi) { return v >= lo && v <= hi; };   // false for NaN
-  if (!inside(hue_min_deg, 0, 360) || !inside(hue_max_deg, 0, 360)) out.emplace_back("hue must lie in 0..360 degrees");
+  const auto inside = [](double v, double lo, double hi) { return v >= lo && v <= hi; };  // false for NaN
+  if (!inside(hue_min_deg, 0, 360) || !inside(hue_max_deg, 0, 360))
+    out.emplace_back("hue must lie in 0..360 degrees");
   else if (!whole_circle(*this) && hue_width_deg(*this) > 300)
     out.emplace_back("hue must be a range of at most 300 degrees, or 0..360 for any hue");
   if (!inside(saturation_min, 0, 1) || !inside(saturation_max, 0, 1) || saturation_min > saturation_max)
@@ -90,7 +100,9 @@ Rgb rgb_of(capture::Yuv p, capture::ColorRange range) {
           std::clamp(y + 1.772 * u, 0.0, 1.0)};
 }
 
-Rgb rgb_of(capture::Bgr p) { return {p.r / 255.0, p.g / 255.0, p.b / 255.0}; }
+Rgb rgb_of(capture::Bgr p) {
+  return {p.r / 255.0, p.g / 255.0, p.b / 255.0};
+}
 
 Hsi hsi_of(Rgb c) {
   const double intensity = (c.r + c.g + c.b) / 3;
@@ -101,7 +113,7 @@ Hsi hsi_of(Rgb c) {
   const double beta = std::numbers::sqrt3 / 2 * (c.g - c.b);
   double hue_deg = std::atan2(beta, alpha) * (180 / std::numbers::pi);
   if (hue_deg < 0) hue_deg += 360;
-  if (hue_deg >= 360) hue_deg = 0;         // a rounding error below 0
+  if (hue_deg >= 360) hue_deg = 0;  // a rounding error below 0
   return {hue_deg, 1 - smallest / intensity, intensity, true};
 }
 
@@ -110,7 +122,7 @@ bool contains(const HsiRange& r, const Hsi& hsi) {
   if (hsi.intensity < r.intensity_min || hsi.intensity > r.intensity_max) return false;
   if (whole_circle(r)) return true;
   if (!hsi.has_hue) return false;
-  if (hsi.hue_deg == 0 && r.hue_max_deg == 360) return true;            // the same angle
+  if (hsi.hue_deg == 0 && r.hue_max_deg == 360) return true;  // the same angle
   if (r.hue_min_deg <= r.hue_max_deg) return hsi.hue_deg >= r.hue_min_deg && hsi.hue_deg <= r.hue_max_deg;
   return hsi.hue_deg >= r.hue_min_deg || hsi.hue_deg <= r.hue_max_deg;
 }
@@ -122,18 +134,20 @@ ColorTable::ColorTable(const HsiRange& target, capture::PixelFormat format, capt
   if (is_bgr_) {
     bgr_bits_.assign((std::size_t{1} << 24) / 64, 0);
     for (unsigned index = 0; index < (1u << 24); ++index) {
-      const capture::Bgr p{static_cast<std::uint8_t>(index), static_cast<std::uint8_t>(index >> 8), static_cast<std::uint8_t>(index >> 16)};
+      const capture::Bgr p{static_cast<std::uint8_t>(index), static_cast<std::uint8_t>(index >> 8),
+                           static_cast<std::uint8_t>(index >> 16)};
       if (matches(rgb_of(p))) bgr_bits_[index >> 6] |= std::uint64_t{1} << (index & 63);
     }
     return;
   }
-  y_of_uv_.assign(65536 + 1, Interval{255, 0});   // one more: window_kernels_avx512 reads two at a time
+  y_of_uv_.assign(65536 + 1, Interval{255, 0});  // one more: window_kernels_avx512 reads two at a time
   for (unsigned uv = 0; uv < 65536; ++uv) {
     Interval& interval = y_of_uv_[uv];
     const double u = static_cast<double>(uv & 255) - 128, v = static_cast<double>(uv >> 8) - 128;
     if (!matches.can_match({1.402 * v, -0.344136286 * u - 0.714136286 * v, 1.772 * u})) continue;
     for (unsigned y = 0; y < 256; ++y) {
-      const capture::Yuv p{static_cast<std::uint8_t>(y), static_cast<std::uint8_t>(uv), static_cast<std::uint8_t>(uv >> 8)};
+      const capture::Yuv p{static_cast<std::uint8_t>(y), static_cast<std::uint8_t>(uv),
+                           static_cast<std::uint8_t>(uv >> 8)};
       if (!matches(rgb_of(p, range))) continue;
       interval.y_min = std::min(interval.y_min, p.y);
       interval.y_max = p.y;

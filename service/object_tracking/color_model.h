@@ -1,6 +1,6 @@
-// The target's colour in HSI, as in the paper (section 2.2): a range of hue and of saturation; pixels that are very dark
-// or very bright match nothing. Beside the plain formula stands a table that makes a raw pixel one look-up; the exhaustive
-// test tests/object_tracking/color_model_test.cpp holds every entry of the table to the formula.
+// The target's colour in HSI, as in the paper (section 2.2): a range of hue and of saturation; pixels that are very
+// dark or very bright match nothing. Beside the plain formula stands a table that makes a raw pixel one look-up; the
+// exhaustive test tests/object_tracking/color_model_test.cpp holds every entry of the table to the formula.
 #pragma once
 
 #include <array>
@@ -17,23 +17,25 @@ namespace huetrack::object_tracking {
 struct HsiRange {
   // [0, 360]; min > max: through 0, as in 340..20 for red. At most 300 degrees wide, or the whole circle 0..360.
   double hue_min_deg = 0, hue_max_deg = 360;
-  double saturation_min = 0.3, saturation_max = 1;     // [0, 1]
-  double intensity_min = 0.1, intensity_max = 0.95;    // [0, 1]
-  std::vector<std::string> problems() const;           // empty when valid; one sentence per violated constraint
+  double saturation_min = 0.3, saturation_max = 1;   // [0, 1]
+  double intensity_min = 0.1, intensity_max = 0.95;  // [0, 1]
+  std::vector<std::string> problems() const;         // empty when valid; one sentence per violated constraint
   bool operator==(const HsiRange&) const = default;
 };
 
-struct Rgb { double r, g, b; };                        // [0, 1]
+struct Rgb {
+  double r, g, b;
+};  // [0, 1]
 
 struct Hsi {
-  double hue_deg;                                      // [0, 360); 0 when !has_hue
-  double saturation;                                   // [0, 1]
-  double intensity;                                    // [0, 1]
-  bool has_hue;                                        // false for greys (r = g = b)
+  double hue_deg;     // [0, 360); 0 when !has_hue
+  double saturation;  // [0, 1]
+  double intensity;   // [0, 1]
+  bool has_hue;       // false for greys (r = g = b)
 };
 
 // The definitions. Pure.
-Rgb rgb_of(capture::Yuv pixel, capture::ColorRange range);               // ITU-R BT.601, clamped to [0, 1]
+Rgb rgb_of(capture::Yuv pixel, capture::ColorRange range);  // ITU-R BT.601, clamped to [0, 1]
 Rgb rgb_of(capture::Bgr pixel);
 // Gonzalez and Woods: I = (r+g+b)/3, S = 1 - min/I, H = the angle of the chroma; the arc cosine of the textbook written
 // as atan2, which is the same angle and exact near the axis.
@@ -42,30 +44,36 @@ bool contains(const HsiRange& range, const Hsi& hsi);  // a grey matches only th
 
 // For one target and one kind of pixel: does a raw pixel have the target's colour? Immutable; safe from any thread.
 //
-// YUV family: at one (u, v) the pixels that match are an interval of y. Away from the gamut's edge hue does not depend on
-// y at all, S falls and I rises with it; where r, g or b clip, the hue moves one way only, towards a primary below and a
-// secondary above. So a table of 65536 intervals (128 kB, of which a scene touches little) answers for all 2^24 pixels.
-// BGR has no such order and takes one bit per pixel value (2 MB).
+// YUV family: at one (u, v) the pixels that match are an interval of y. Away from the gamut's edge hue does not depend
+// on y at all, S falls and I rises with it; where r, g or b clip, the hue moves one way only, towards a primary below
+// and a secondary above. So a table of 65536 intervals (128 kB, of which a scene touches little) answers for all 2^24
+// pixels. BGR has no such order and takes one bit per pixel value (2 MB).
 class ColorTable {
  public:
-  struct Interval { std::uint8_t y_min, y_max; };      // empty: y_min 255, y_max 0
+  struct Interval {
+    std::uint8_t y_min, y_max;
+  };  // empty: y_min 255, y_max 0
   // A pixel brighter than of_u[u / 4] or than of_v[v / 4] does not match: what most of a background can be told by.
-  struct LumaCeiling { std::array<std::uint8_t, 64> of_u{}, of_v{}; };
+  struct LumaCeiling {
+    std::array<std::uint8_t, 64> of_u{}, of_v{};
+  };
 
-  ColorTable(const HsiRange& target, capture::PixelFormat format, capture::ColorRange range);   // throws std::invalid_argument; some 100 ms
+  ColorTable(const HsiRange& target, capture::PixelFormat format,
+             capture::ColorRange range);  // throws std::invalid_argument; some 100 ms
 
   bool contains(capture::Yuv p) const {
     const Interval& i = y_of_uv_[static_cast<std::size_t>(p.u) | static_cast<std::size_t>(p.v) << 8];
     return p.y >= i.y_min && p.y <= i.y_max;
   }
   bool contains(capture::Bgr p) const {
-    const std::size_t index = static_cast<std::size_t>(p.b) | static_cast<std::size_t>(p.g) << 8 | static_cast<std::size_t>(p.r) << 16;
+    const std::size_t index =
+        static_cast<std::size_t>(p.b) | static_cast<std::size_t>(p.g) << 8 | static_cast<std::size_t>(p.r) << 16;
     return (bgr_bits_[index >> 6] >> (index & 63) & 1) != 0;
   }
 
-  bool is_for(capture::PixelFormat format, capture::ColorRange range) const;                    // which images it can read
+  bool is_for(capture::PixelFormat format, capture::ColorRange range) const;  // which images it can read
   const Interval* intervals() const { return y_of_uv_.data(); }               // [u | v << 8]; YUV family and grey
-  const LumaCeiling& luma_ceiling() const { return luma_ceiling_; }            // of the intervals
+  const LumaCeiling& luma_ceiling() const { return luma_ceiling_; }           // of the intervals
 
  private:
   bool is_bgr_;

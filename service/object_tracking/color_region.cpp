@@ -145,7 +145,8 @@ const std::vector<ColorRegion>& RegionFinder::search(MatchBits& view, int step_p
     const PixelBox box{std::max(u - max_extent_px, 0), std::max(v - max_extent_px, 0),
                        std::min(u + max_extent_px, view.width() - 1), std::min(v + max_extent_px, view.height() - 1)};
     view.look(box);
-    if (const int under = label_runs(view, box, {u, v}); under >= 0) found_.push_back(moments_[static_cast<std::size_t>(under)]);
+    if (const int under = label_runs(view, box, {u, v}); under >= 0)
+      found_.push_back(moments_[static_cast<std::size_t>(under)]);
   }
   std::erase_if(found_, [&](const Moments& m) {
     return m.box.u_max - m.box.u_min >= max_extent_px || m.box.v_max - m.box.v_min >= max_extent_px;

@@ -13,7 +13,7 @@
 namespace huetrack::object_tracking {
 namespace {
 
-constexpr int tile_size = TileAt::size;    // its powers are written out where that vectorises
+constexpr int tile_size = TileAt::size;  // its powers are written out where that vectorises
 static_assert(MatchBits::margin == tile_size);
 constexpr std::uint64_t each_row = 0x0101010101010101u;
 
@@ -29,7 +29,8 @@ void store_word(std::uint8_t* p, std::uint64_t word) {
 }
 
 bool matches(const capture::Image& image, const ColorTable& table, int u, int v) {
-  return image.format == capture::PixelFormat::bgr ? table.contains(capture::bgr_at(image, u, v)) : table.contains(capture::yuv_at(image, u, v));
+  return image.format == capture::PixelFormat::bgr ? table.contains(capture::bgr_at(image, u, v))
+                                                   : table.contains(capture::yuv_at(image, u, v));
 }
 
 }  // namespace
@@ -41,9 +42,9 @@ MatchBits::MatchBits(int width, int height, const WindowKernels& kernels)
       tile_stride_((width + tile_size - 1) / tile_size + 2),
       tile_rows_((height + tile_size - 1) / tile_size + 2),
       band_rows_(tile_size * tile_rows_),
-      cell_stride_((2 * tile_stride_ + 7) / 8 * 8),                     // whole words
+      cell_stride_((2 * tile_stride_ + 7) / 8 * 8),  // whole words
       tile_frame_(static_cast<std::size_t>(tile_stride_ * tile_rows_ + 16), 0),
-      bands_(static_cast<std::size_t>(2 * tile_stride_ * band_rows_ + 8), 0),   // a window at the end reads 8 rows
+      bands_(static_cast<std::size_t>(2 * tile_stride_ * band_rows_ + 8), 0),  // a window at the end reads 8 rows
       mark_(static_cast<std::size_t>(2 * mark_front + cell_stride_ * (2 * tile_rows_ + 1)), 0),
       unknown_(static_cast<std::size_t>(tile_stride_ * tile_rows_ + 16)) {}
 
@@ -61,10 +62,10 @@ void MatchBits::ignore(const std::vector<PixelBox>& boxes) {
 
 void MatchBits::look_at(const capture::Image& image, const ColorTable& table) {
   image_ = image;
-  image_.owner.reset();                  // a camera's buffer is not kept until its next frame comes, if ever
+  image_.owner.reset();  // a camera's buffer is not kept until its next frame comes, if ever
   bytes_per_pixel_ = image.format == capture::PixelFormat::yuyv ? 2 : image.format == capture::PixelFormat::bgr ? 3 : 1;
   table_ = &table;
-  if (++frame_ == 0) {                    // after 2^32 frames the stamps would come round again
+  if (++frame_ == 0) {  // after 2^32 frames the stamps would come round again
     std::ranges::fill(tile_frame_, 0u);
     frame_ = 1;
   }
@@ -80,7 +81,7 @@ void MatchBits::fill(std::span<const TileAt> tiles) {
     if (is_inside(tile)) {
       inside[n++] = tile;
       if (n == group) flush();
-    } else if (u >= 0 && v >= 0 && u < width_ && v < height_) {         // else a margin tile: its bits stay 0
+    } else if (u >= 0 && v >= 0 && u < width_ && v < height_) {  // else a margin tile: its bits stay 0
       ++tiles_looked_at_;
       const std::uint64_t bits = classify_edge(u, v);
       store({&tile, 1}, &bits);
@@ -104,7 +105,7 @@ void MatchBits::fill_inside(std::span<const TileAt> tiles) {
 
 void MatchBits::store(std::span<const TileAt> tiles, const std::uint64_t* bits) {
   constexpr std::uint64_t left_half = 0x0f * each_row, right_half = 0xf0 * each_row;
-  std::uint8_t* const bands = bands_.data();            // copies of members: a store of bytes might change those
+  std::uint8_t* const bands = bands_.data();  // copies of members: a store of bytes might change those
   const std::uint64_t* const ignored = ignored_.empty() ? nullptr : ignored_.data();
   const std::ptrdiff_t band_rows = band_rows_, tile_stride = tile_stride_;
   for (std::size_t i = 0; i < tiles.size(); ++i) {
@@ -131,8 +132,8 @@ std::uint64_t MatchBits::classify_edge(int u0, int v0) const {
   return bits;
 }
 
-// Brings the rows of tiles on their way from memory: a frame that was just captured is in no cache. Neighbours mostly share
-// their cache lines.
+// Brings the rows of tiles on their way from memory: a frame that was just captured is in no cache. Neighbours mostly
+// share their cache lines.
 void MatchBits::fetch(std::span<const TileAt> tiles) const {
   constexpr std::uintptr_t line = 64;
   const std::uint8_t* const pixels = image_.planes[0].data;
@@ -148,23 +149,26 @@ void MatchBits::fetch(std::span<const TileAt> tiles) const {
 
 namespace {
 
-struct CellBox { int u_min, v_min, u_max, v_max; };
+struct CellBox {
+  int u_min, v_min, u_max, v_max;
+};
 
-// Where each window lies, for all of them at vector speed. It begins in a cell of 4x4 pixels, and so touches that one and its
-// three neighbours to the right and below; its band begins in the same cell. A window whose middle is not in the image gets
-// the corner of the margin. Returns the cells in which those begin that are in the image.
-HUETRACK_CLONES CellBox locate(const float* __restrict u, const float* __restrict v, std::size_t n, float width, float height,
-                               std::int32_t cell_stride, std::int32_t band_rows, std::int32_t* __restrict cell,
-                               std::int32_t* __restrict byte, std::int32_t* __restrict shift) {
+// Where each window lies, for all of them at vector speed. It begins in a cell of 4x4 pixels, and so touches that one
+// and its three neighbours to the right and below; its band begins in the same cell. A window whose middle is not in
+// the image gets the corner of the margin. Returns the cells in which those begin that are in the image.
+HUETRACK_CLONES CellBox locate(const float* __restrict u, const float* __restrict v, std::size_t n, float width,
+                               float height, std::int32_t cell_stride, std::int32_t band_rows,
+                               std::int32_t* __restrict cell, std::int32_t* __restrict byte,
+                               std::int32_t* __restrict shift) {
   std::int32_t* const left = cell;
   std::int32_t* const top = byte;
   for (std::size_t i = 0; i < n; ++i) {
-    const float us = u[i] + 0.5f, vs = v[i] + 0.5f;   // the whole part is the pixel that (u, v) rounds to
+    const float us = u[i] + 0.5f, vs = v[i] + 0.5f;  // the whole part is the pixel that (u, v) rounds to
     const bool in = (us >= 0) & (vs >= 0) & (us < width) & (vs < height);
     left[i] = in ? static_cast<std::int32_t>(in ? us : 0.0f) + MatchBits::margin - 2 : 0;
     top[i] = in ? static_cast<std::int32_t>(in ? vs : 0.0f) + MatchBits::margin - 2 : 0;
   }
-  std::uint32_t u_min = ~0u, v_min = ~0u, u_max = 0, v_max = 0;        // less 1, so that outside is the largest of all
+  std::uint32_t u_min = ~0u, v_min = ~0u, u_max = 0, v_max = 0;  // less 1, so that outside is the largest of all
   for (std::size_t i = 0; i < n; ++i) {
     const std::int32_t l = left[i], t = top[i];
     u_min = std::min(u_min, static_cast<std::uint32_t>(l) - 1);
@@ -176,20 +180,22 @@ HUETRACK_CLONES CellBox locate(const float* __restrict u, const float* __restric
     byte[i] = (l >> 2) * band_rows + t;
   }
   if (u_max == 0) return {0, 0, -1, -1};
-  return {static_cast<int>((u_min + 1) / 4), static_cast<int>((v_min + 1) / 4), static_cast<int>(u_max / 4), static_cast<int>(v_max / 4)};
+  return {static_cast<int>((u_min + 1) / 4), static_cast<int>((v_min + 1) / 4), static_cast<int>(u_max / 4),
+          static_cast<int>(v_max / 4)};
 }
 
 }  // namespace
 
-// Looks at the tiles that the marked windows touch, and clears the marks. First all of them are told apart from what is known
-// already, then looked at together.
+// Looks at the tiles that the marked windows touch, and clears the marks. First all of them are told apart from what is
+// known already, then looked at together.
 void MatchBits::look_at_marked(int cell_u_min, int cell_v_min, int cell_u_max, int cell_v_max) {
   // A tile is touched by windows that begin in its four cells, or in those to the left of and above them.
   const int first = cell_u_min / 2, count = (cell_u_max + 1) / 2 - first + 1;
   std::size_t n = 0;
   for (int tile_v = cell_v_min / 2; tile_v <= (cell_v_max + 1) / 2; ++tile_v) {
     n += kernels_.touched(marked() + std::ptrdiff_t{2} * tile_v * cell_stride_, cell_stride_,
-                          &tile_frame_[static_cast<std::size_t>(tile_v * tile_stride_)], frame_, first, count, tile_v, &unknown_[n]);
+                          &tile_frame_[static_cast<std::size_t>(tile_v * tile_stride_)], frame_, first, count, tile_v,
+                          &unknown_[n]);
   }
   const int first_word = cell_u_min / 8, last_word = (cell_u_max + 1) / 8;
   for (int cell_v = cell_v_min; cell_v <= cell_v_max; ++cell_v) {
@@ -197,14 +203,16 @@ void MatchBits::look_at_marked(int cell_u_min, int cell_v_min, int cell_u_max, i
     for (int w = first_word; w <= last_word; ++w) store_word(row + 8 * w, 0);
   }
   const std::span<const TileAt> tiles(unknown_.data(), n);
-  const bool all_inside = first > 0 && cell_v_min >= 2 && (cell_u_max + 1) / 2 * tile_size <= width_ && (cell_v_max + 1) / 2 * tile_size <= height_;
+  const bool all_inside = first > 0 && cell_v_min >= 2 && (cell_u_max + 1) / 2 * tile_size <= width_ &&
+                          (cell_v_max + 1) / 2 * tile_size <= height_;
   all_inside ? fill_inside(tiles) : fill(tiles);
 }
 
 void MatchBits::count_5x5(const float* u, const float* v, std::size_t n, std::uint8_t* k) {
   where_.resize(3 * n);
   std::int32_t *cell = where_.data(), *byte = cell + n, *shift = byte + n;
-  const CellBox box = locate(u, v, n, static_cast<float>(width_), static_cast<float>(height_), cell_stride_, band_rows_, cell, byte, shift);
+  const CellBox box = locate(u, v, n, static_cast<float>(width_), static_cast<float>(height_), cell_stride_, band_rows_,
+                             cell, byte, shift);
   std::uint8_t* const marks = marked();
   for (std::size_t i = 0; i < n; ++i) marks[cell[i]] = 1;
   if (box.u_min <= box.u_max) look_at_marked(box.u_min, box.v_min, box.u_max, box.v_max);
@@ -223,7 +231,8 @@ std::uint64_t MatchBits::row(int u, int v) const {
   std::uint64_t word = 0;
   for (int i = 0; i < 8; ++i) {
     const int tile_u = left / tile_size + i;
-    if (tile_u < tile_stride_ && frame[tile_u] == frame_) word |= std::uint64_t{*band(2 * tile_u, v + margin)} << (8 * i);
+    if (tile_u < tile_stride_ && frame[tile_u] == frame_)
+      word |= std::uint64_t{*band(2 * tile_u, v + margin)} << (8 * i);
   }
   return word >> left % tile_size;
 }
@@ -266,11 +275,15 @@ void MatchBits::grid(int step, std::vector<PixelAt>& hits) const {
   switch (image.format) {
     case capture::PixelFormat::yuyv:
       return scan([&](int u, int v) {
-        return table.contains(capture::Yuv{byte(0, v, 2 * u), byte(0, v, 4 * (u / 2) + 1), byte(0, v, 4 * (u / 2) + 3)});
+        return table.contains(
+            capture::Yuv{byte(0, v, 2 * u), byte(0, v, 4 * (u / 2) + 1), byte(0, v, 4 * (u / 2) + 3)});
       });
     case capture::PixelFormat::i422:
-      return scan([&](int u, int v) { return table.contains(capture::Yuv{byte(0, v, u), byte(1, v, u / 2), byte(2, v, u / 2)}); });
-    default: return scan([&](int u, int v) { return matches(image, table, u, v); });
+      return scan([&](int u, int v) {
+        return table.contains(capture::Yuv{byte(0, v, u), byte(1, v, u / 2), byte(2, v, u / 2)});
+      });
+    default:
+      return scan([&](int u, int v) { return matches(image, table, u, v); });
   }
 }
 

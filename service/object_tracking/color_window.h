@@ -1,12 +1,12 @@
 // Which pixels of an image have the target's colour, looked at only where somebody asks: the paper's 5x5 windows
 // (section 2.2) and, for our own observation, larger boxes.
 //
-// The image is cut into tiles of 8x8 pixels. A tile is classified by table look-up when a window first touches it, and kept
-// as the 64 bits of one word, so that overlapping windows (particles crowd around the object) do not look a pixel up twice.
-// The words lie in bands, columns of bytes: a byte is eight pixels of one row, and below it lies the row below. The bands
-// overlap by half, so that every 5x5 window lies within one of them, and its count is one load, one shift and the popcount
-// of 25 bits. Nothing is done for the rest of the image: the cost does not grow with the image's size.
-// tests/benchmark/speed measures it.
+// The image is cut into tiles of 8x8 pixels. A tile is classified by table look-up when a window first touches it, and
+// kept as the 64 bits of one word, so that overlapping windows (particles crowd around the object) do not look a pixel
+// up twice. The words lie in bands, columns of bytes: a byte is eight pixels of one row, and below it lies the row
+// below. The bands overlap by half, so that every 5x5 window lies within one of them, and its count is one load, one
+// shift and the popcount of 25 bits. Nothing is done for the rest of the image: the cost does not grow with the image's
+// size. tests/benchmark/speed measures it.
 #pragma once
 
 #include <cstddef>
@@ -33,39 +33,42 @@ class MatchBits {
   // Bits to the left of, right of, above and below the image that are always 0, so that no window needs clipping.
   static constexpr int margin = 8;
 
-  MatchBits(int width, int height, const WindowKernels& kernels = best_window_kernels());   // pixels, >= 1
+  MatchBits(int width, int height, const WindowKernels& kernels = best_window_kernels());  // pixels, >= 1
 
   // Pixels in these boxes (which may reach beyond the image) match nothing from the next frame on.
   void ignore(const std::vector<PixelBox>& boxes);
 
-  // The next frame. The image must have the size given above and `table` must be for its format; both must live until the
-  // next call. Forgets everything that was known of the frame before.
+  // The next frame. The image must have the size given above and `table` must be for its format; both must live until
+  // the next call. Forgets everything that was known of the frame before.
   void look_at(const capture::Image& image, const ColorTable& table);
 
-  // k of eq. (6) for n windows: how many of the 5x5 pixels around the pixel that (u, v) rounds to have the target's colour,
-  // 0..25; pixels of the window beyond the border count as not matching. `outside` where (u, v) is not in the image.
+  // k of eq. (6) for n windows: how many of the 5x5 pixels around the pixel that (u, v) rounds to have the target's
+  // colour, 0..25; pixels of the window beyond the border count as not matching. `outside` where (u, v) is not in the
+  // image.
   static constexpr std::uint8_t outside = 255;
   void count_5x5(const float* u, const float* v, std::size_t n, std::uint8_t* k);
 
-  bool at(int u, int v);                                                // inside the image
+  bool at(int u, int v);  // inside the image
 
   // The 57 (or more) match bits of row v from pixel u on: bit i is pixel u + i. u in [-margin, width), v in the image.
   // Pixels that look(box) has not covered, and those beyond the border, are 0.
   std::uint64_t row(int u, int v) const;
-  void look(const PixelBox& box);                                       // classifies all tiles that the box touches; clipped
+  void look(const PixelBox& box);  // classifies all tiles that the box touches; clipped
 
   // The matching pixels among those of a grid of step pixels over the whole image: (step/2 + i step, step/2 + j step).
   void grid(int step, std::vector<PixelAt>& hits) const;
 
   int width() const { return width_; }
   int height() const { return height_; }
-  std::uint64_t tiles_looked_at() const { return tiles_looked_at_; }    // since the start: the honest cost of it all
+  std::uint64_t tiles_looked_at() const { return tiles_looked_at_; }  // since the start: the honest cost of it all
 
  private:
-  // Band b has the columns 4 b .. 4 b + 7 (margin included), bit c of a byte is column 4 b + c. Of an odd band a nibble is
-  // only as new as the tile that it is of; even bands are the tiles themselves.
+  // Band b has the columns 4 b .. 4 b + 7 (margin included), bit c of a byte is column 4 b + c. Of an odd band a nibble
+  // is only as new as the tile that it is of; even bands are the tiles themselves.
   std::uint8_t* band(int b, int padded_row) { return &bands_[static_cast<std::size_t>(b * band_rows_ + padded_row)]; }
-  const std::uint8_t* band(int b, int padded_row) const { return &bands_[static_cast<std::size_t>(b * band_rows_ + padded_row)]; }
+  const std::uint8_t* band(int b, int padded_row) const {
+    return &bands_[static_cast<std::size_t>(b * band_rows_ + padded_row)];
+  }
   void look_at_tile(int tile_u, int tile_v) {
     std::uint32_t& frame = tile_frame_[static_cast<std::size_t>(tile_v * tile_stride_ + tile_u)];
     if (frame == frame_) return;
@@ -73,34 +76,36 @@ class MatchBits {
     const TileAt tile{static_cast<std::uint16_t>(tile_u), static_cast<std::uint16_t>(tile_v)};
     fill({&tile, 1});
   }
-  std::uint8_t* marked() { return &mark_[static_cast<std::size_t>(mark_front + cell_stride_)]; }   // of the first cell
+  std::uint8_t* marked() { return &mark_[static_cast<std::size_t>(mark_front + cell_stride_)]; }  // of the first cell
   void look_at_marked(int cell_u_min, int cell_v_min, int cell_u_max, int cell_v_max);
   void fill(std::span<const TileAt> tiles);
-  void fill_inside(std::span<const TileAt> tiles);   // wholly inside the image, as for:
+  void fill_inside(std::span<const TileAt> tiles);  // wholly inside the image, as for:
   void store(std::span<const TileAt> tiles, const std::uint64_t* bits);
   void fetch(std::span<const TileAt> tiles) const;
-  bool is_inside(TileAt tile) const {            // wholly inside the image
-    return tile.u > 0 && tile.v > 0 && tile.pixel_u() + TileAt::size <= width_ && tile.pixel_v() + TileAt::size <= height_;
+  bool is_inside(TileAt tile) const {  // wholly inside the image
+    return tile.u > 0 && tile.v > 0 && tile.pixel_u() + TileAt::size <= width_ &&
+           tile.pixel_v() + TileAt::size <= height_;
   }
   std::uint64_t classify_edge(int u, int v) const;
 
-  static constexpr int mark_front = 64;   // bytes that the kernels may read before and behind the cells
+  static constexpr int mark_front = 64;  // bytes that the kernels may read before and behind the cells
 
   const WindowKernels& kernels_;
   int width_, height_;
-  int tile_stride_, tile_rows_;           // tiles per row, and rows of them; a margin tile on each side
-  int band_rows_;                         // bytes per band
-  int cell_stride_;                       // cells per row
+  int tile_stride_, tile_rows_;  // tiles per row, and rows of them; a margin tile on each side
+  int band_rows_;                // bytes per band
+  int cell_stride_;              // cells per row
   std::uint32_t frame_ = 0;
   std::uint64_t tiles_looked_at_ = 0;
   capture::Image image_;
-  int bytes_per_pixel_ = 1;               // of its first plane
+  int bytes_per_pixel_ = 1;  // of its first plane
   const ColorTable* table_ = nullptr;
-  std::vector<std::uint32_t> tile_frame_;       // that the tile was classified for
+  std::vector<std::uint32_t> tile_frame_;  // that the tile was classified for
   std::vector<std::uint8_t> bands_;
-  std::vector<std::uint64_t> ignored_;          // per tile, bits that never match; empty: none
-  std::vector<std::uint8_t> mark_;              // per cell of 4x4 pixels: a window begins in it; all 0 between calls, but for cell 0
-  std::vector<std::int32_t> where_;             // work space of count_5x5, as are:
+  std::vector<std::uint64_t> ignored_;  // per tile, bits that never match; empty: none
+  std::vector<std::uint8_t>
+      mark_;  // per cell of 4x4 pixels: a window begins in it; all 0 between calls, but for cell 0
+  std::vector<std::int32_t> where_;  // work space of count_5x5, as are:
   std::vector<TileAt> unknown_;
 };
 

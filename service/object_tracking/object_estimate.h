@@ -12,37 +12,39 @@
 namespace huetrack::object_tracking {
 
 enum class TrackState : std::uint8_t {
-  searching,   // never found yet: there is no position
-  tracking,    // seen in enough views, position and covariance hold
-  coasting,    // seen by nobody, or by too few to fix it: predicted, with growing covariance
-  lost,        // coasted too long or too far: there is no position, the search is on
+  searching,  // never found yet: there is no position
+  tracking,   // seen in enough views, position and covariance hold
+  coasting,   // seen by nobody, or by too few to fix it: predicted, with growing covariance
+  lost,       // coasted too long or too far: there is no position, the search is on
 };
-std::string_view name(TrackState state);   // "searching", ...
+std::string_view name(TrackState state);  // "searching", ...
 
 struct ViewSupport {
-  bool delivered = false;                  // this camera gave a frame in this set
-  bool in_view = false;                    // the estimate projects into its image
-  bool seen = false;                       // and this view supports the estimate
-  Eigen::Vector2f px = Eigen::Vector2f::Constant(std::numeric_limits<float>::quiet_NaN());   // the estimate's projection, raw pixels
-  float radius_px = 0;                     // the target's radius there
-  float support = 0;                       // 0..1, share of the expected pixels that have the target's colour
-  float residual_px = 0;                   // distance from the projection to the centre of the colour region; 0 if not seen
+  bool delivered = false;  // this camera gave a frame in this set
+  bool in_view = false;    // the estimate projects into its image
+  bool seen = false;       // and this view supports the estimate
+  Eigen::Vector2f px =
+      Eigen::Vector2f::Constant(std::numeric_limits<float>::quiet_NaN());  // the estimate's projection, raw pixels
+  float radius_px = 0;                                                     // the target's radius there
+  float support = 0;      // 0..1, share of the expected pixels that have the target's colour
+  float residual_px = 0;  // distance from the projection to the centre of the colour region; 0 if not seen
 };
 
 struct ObjectEstimate {
-  capture::Timestamp at;                            // the capture time that position refers to
-  std::uint64_t set_number = 0;            // FrameSet::number
+  capture::Timestamp at;         // the capture time that position refers to
+  std::uint64_t set_number = 0;  // FrameSet::number
   TrackState state = TrackState::searching;
   // World frame, metres. NaN in searching and lost: there is none, and a stale one is never given.
   Eigen::Vector3d position = Eigen::Vector3d::Constant(std::numeric_limits<double>::quiet_NaN());
-  Eigen::Vector3d velocity = Eigen::Vector3d::Constant(std::numeric_limits<double>::quiet_NaN());   // m/s
-  Eigen::Matrix3d covariance = Eigen::Matrix3d::Constant(std::numeric_limits<double>::quiet_NaN()); // of position, m^2
-  Eigen::Vector3d map_position = Eigen::Vector3d::Constant(std::numeric_limits<double>::quiet_NaN()); // the best particle
-  int views = 0;                           // that see the target
-  double confidence = 0;                   // 0..1, see ObjectTracker
+  Eigen::Vector3d velocity = Eigen::Vector3d::Constant(std::numeric_limits<double>::quiet_NaN());    // m/s
+  Eigen::Matrix3d covariance = Eigen::Matrix3d::Constant(std::numeric_limits<double>::quiet_NaN());  // of position, m^2
+  Eigen::Vector3d map_position =
+      Eigen::Vector3d::Constant(std::numeric_limits<double>::quiet_NaN());  // the best particle
+  int views = 0;                                                            // that see the target
+  double confidence = 0;                                                    // 0..1, see ObjectTracker
   int particle_count = 0;
-  double effective_sample_size = 0;        // 1..particle_count
-  std::vector<ViewSupport> per_view;       // one per camera of the rig
+  double effective_sample_size = 0;   // 1..particle_count
+  std::vector<ViewSupport> per_view;  // one per camera of the rig
 
   bool has_position() const { return state == TrackState::tracking || state == TrackState::coasting; }
 };

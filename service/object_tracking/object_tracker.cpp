@@ -13,10 +13,14 @@ namespace huetrack::object_tracking {
 
 std::string_view name(TrackState state) {
   switch (state) {
-    case TrackState::searching: return "searching";
-    case TrackState::tracking: return "tracking";
-    case TrackState::coasting: return "coasting";
-    case TrackState::lost: return "lost";
+    case TrackState::searching:
+      return "searching";
+    case TrackState::tracking:
+      return "tracking";
+    case TrackState::coasting:
+      return "coasting";
+    case TrackState::lost:
+      return "lost";
   }
   return "";
 }
@@ -30,7 +34,8 @@ std::vector<std::string> TargetOptions::problems() const {
   std::vector<std::string> out;
   static const std::regex word("[A-Za-z][A-Za-z0-9_]*");
   if (!std::regex_match(name, word))
-    out.push_back("target name '" + name + "' must be letters, digits and _, starting with a letter (it becomes part of a topic's name)");
+    out.push_back("target name '" + name +
+                  "' must be letters, digits and _, starting with a letter (it becomes part of a topic's name)");
   if (!(radius_m > 0) || !std::isfinite(radius_m)) out.push_back("radius_m must be > 0");
   for (const std::string& p : color.problems()) out.push_back("color: " + p);
   for (const auto& [camera, own] : camera_colors) {
@@ -59,7 +64,8 @@ std::vector<std::string> ObjectTrackerOptions::problems() const {
 }
 
 struct ObjectTracker::Impl {
-  Impl(const calib::CameraRig& rig, const TargetOptions& target, const ObjectTrackerOptions& options, particle_filter::Rng rng)
+  Impl(const calib::CameraRig& rig, const TargetOptions& target, const ObjectTrackerOptions& options,
+       particle_filter::Rng rng)
       : tracker(options.observation == Observation::paper
                     ? Tracker(std::in_place_type<PaperTracker>, rig, target, options, rng)
                     : Tracker(std::in_place_type<RegionTracker>, rig, target, options, rng)) {}
@@ -67,20 +73,23 @@ struct ObjectTracker::Impl {
   Tracker tracker;
 };
 
-ObjectTracker::ObjectTracker(const calib::CameraRig& rig, const TargetOptions& target, const ObjectTrackerOptions& options) {
+ObjectTracker::ObjectTracker(const calib::CameraRig& rig, const TargetOptions& target,
+                             const ObjectTrackerOptions& options) {
   std::string all;
   for (const auto& problems : {rig.problems(), target.problems(), options.problems()}) {
     for (const std::string& p : problems) all += (all.empty() ? "" : "; ") + p;
   }
   for (const auto& [camera, own] : target.camera_colors) {
-    if (!rig.index_of(camera)) all += (all.empty() ? "" : "; ") + ("camera_colors: there is no camera '" + camera + "' in the rig");
+    if (!rig.index_of(camera))
+      all += (all.empty() ? "" : "; ") + ("camera_colors: there is no camera '" + camera + "' in the rig");
   }
   for (const auto& [camera, boxes] : target.ignored) {
-    if (!rig.index_of(camera)) all += (all.empty() ? "" : "; ") + ("ignored: there is no camera '" + camera + "' in the rig");
+    if (!rig.index_of(camera))
+      all += (all.empty() ? "" : "; ") + ("ignored: there is no camera '" + camera + "' in the rig");
   }
   if (!all.empty()) throw std::invalid_argument("target " + target.name + ": " + all);
   // The target's name, not its place in the list, picks the stream: adding a target does not change another's track.
-  std::uint64_t stream = 0xcbf29ce484222325u;                 // FNV-1a
+  std::uint64_t stream = 0xcbf29ce484222325u;  // FNV-1a
   for (const char c : target.name) stream = (stream ^ static_cast<unsigned char>(c)) * 0x100000001b3u;
   impl_ = std::make_unique<Impl>(rig, target, options, particle_filter::Rng(options.seed, stream));
 }
@@ -90,7 +99,8 @@ ObjectTracker::ObjectTracker(ObjectTracker&&) noexcept = default;
 ObjectTracker& ObjectTracker::operator=(ObjectTracker&&) noexcept = default;
 
 void ObjectTracker::expect(int camera, capture::PixelFormat format, capture::ColorRange range) {
-  std::visit([&](auto& tracker) { tracker.views().expect(static_cast<std::size_t>(camera), format, range); }, impl_->tracker);
+  std::visit([&](auto& tracker) { tracker.views().expect(static_cast<std::size_t>(camera), format, range); },
+             impl_->tracker);
 }
 
 ObjectEstimate ObjectTracker::update(const capture::FrameSet& set) {

@@ -17,7 +17,7 @@
 
 namespace huetrack::object_tracking {
 
-struct Box {                               // axis-aligned, world frame, metres
+struct Box {  // axis-aligned, world frame, metres
   Eigen::Vector3d min{-1, -1, 0};
   Eigen::Vector3d max{1, 1, 2};
 };
@@ -27,12 +27,12 @@ using IgnoredRegions = std::vector<std::pair<std::string, std::vector<PixelBox>>
 
 // One target to track.
 struct TargetOptions {
-  std::string name;                        // unique; [A-Za-z][A-Za-z0-9_]*, so that it can be part of a topic's name
-  double radius_m = 0.04;                  // > 0; of the ball, or of a ball of about the object's size
+  std::string name;        // unique; [A-Za-z][A-Za-z0-9_]*, so that it can be part of a topic's name
+  double radius_m = 0.04;  // > 0; of the ball, or of a ball of about the object's size
   HsiRange color;
-  std::vector<std::pair<std::string, HsiRange>> camera_colors;   // per-camera overrides: (camera name, range)
+  std::vector<std::pair<std::string, HsiRange>> camera_colors;  // per-camera overrides: (camera name, range)
   IgnoredRegions ignored;
-  const HsiRange& color_in(std::string_view camera) const;       // its own there, else `color`
+  const HsiRange& color_in(std::string_view camera) const;  // its own there, else `color`
   std::vector<std::string> problems() const;
 };
 
@@ -43,29 +43,32 @@ enum class Observation : std::uint8_t {
 
 struct ObjectTrackerOptions {
   Observation observation = Observation::huetrack;
-  Box volume;                              // where targets may be; the particles start uniformly in it
-  int particle_count = 200;                // >= 1; time per frame is linear in it
-  int max_particle_count = 2000;           // >= particle_count; while searching
-  std::uint64_t seed = 1;                  // same seed, same recording, same options => same track, byte for byte
+  Box volume;                     // where targets may be; the particles start uniformly in it
+  int particle_count = 200;       // >= 1; time per frame is linear in it
+  int max_particle_count = 2000;  // >= particle_count; while searching
+  std::uint64_t seed = 1;         // same seed, same recording, same options => same track, byte for byte
   // --- observation: paper
-  double position_noise_m = 0.06;          // > 0; sigma_m of eqs. (1)-(3), metres per frame set
+  double position_noise_m = 0.06;  // > 0; sigma_m of eqs. (1)-(3), metres per frame set
   // --- observation: huetrack
-  double acceleration_m_s2 = 8;            // > 0; the hardest usual acceleration; the filter finds what is needed below it
-  double start_speed_m_s = 3;              // > 0; the highest usual speed: how far an object may be between two sets of a lock
-  double pixel_noise_px = 0.2;            // > 0; std. dev. of a colour region's centre in a view; add a poor calibration's error
-  double max_tracking_sigma_m = 0.03;      // > 0; a position less sure than this (largest axis) is coasting, not tracking
+  double acceleration_m_s2 = 8;  // > 0; the hardest usual acceleration; the filter finds what is needed below it
+  double start_speed_m_s = 3;    // > 0; the highest usual speed: how far an object may be between two sets of a lock
+  double pixel_noise_px = 0.2;   // > 0; std. dev. of a colour region's centre in a view; add a poor calibration's error
+  double max_tracking_sigma_m = 0.03;  // > 0; a position less sure than this (largest axis) is coasting, not tracking
   // --- both
-  double coast_s = 1.0;                    // > 0; coasting longer than this is lost
-  double max_coast_sigma_m = 0.2;          // > 0; coasting less surely than this (largest axis) is lost
+  double coast_s = 1.0;            // > 0; coasting longer than this is lost
+  double max_coast_sigma_m = 0.2;  // > 0; coasting less surely than this (largest axis) is lost
   std::vector<std::string> problems() const;
 };
 
-// What searching has seen in the sets in which it found nothing, since the target was last found (observation: huetrack).
+// What searching has seen in the sets in which it found nothing, since the target was last found (observation:
+// huetrack).
 struct SearchFindings {
   std::size_t sets = 0;
-  std::vector<std::size_t> sets_with_color;   // per camera of the rig: those of them in which it showed a region of the colour
-  std::optional<double> radius_m;             // that the regions of two views agree on, if they do; > 0
-  // What a user should try, one sentence; empty when nothing was searched. `cameras`: their names, in the order of the rig.
+  std::vector<std::size_t>
+      sets_with_color;             // per camera of the rig: those of them in which it showed a region of the colour
+  std::optional<double> radius_m;  // that the regions of two views agree on, if they do; > 0
+  // What a user should try, one sentence; empty when nothing was searched. `cameras`: their names, in the order of the
+  // rig.
   std::string advice(const TargetOptions& target, const std::vector<std::string>& cameras) const;
 };
 
@@ -78,8 +81,8 @@ class ObjectTracker {
   ObjectTracker(ObjectTracker&&) noexcept;
   ObjectTracker& operator=(ObjectTracker&&) noexcept;
 
-  // What a camera is going to deliver, where that is known beforehand: makes its colour table now, which otherwise holds the
-  // first set up for some 50 ms.
+  // What a camera is going to deliver, where that is known beforehand: makes its colour table now, which otherwise
+  // holds the first set up for some 50 ms.
   void expect(int camera, capture::PixelFormat format, capture::ColorRange range);
 
   // set.frames has one slot per camera of the rig; a frame whose size is not the rig's is not used (the caller checks

@@ -29,18 +29,19 @@ HUETRACK_CLONES void walk(const float* __restrict noise, std::size_t n, float si
 // One iteration of CONDENSATION (section 2): prediction, update, estimate, resampling.
 ObjectEstimate PaperTracker::update(const capture::FrameSet& set) {
   const std::vector<TargetView>& views = views_.look_at(set);
-  predict();                                                // eqs. (1)-(3)
-  observation_.weigh(particles_, views, weight_);           // eqs. (4)-(6)
+  predict();                                       // eqs. (1)-(3)
+  observation_.weigh(particles_, views, weight_);  // eqs. (4)-(6)
   particle_filter::normalize_weights(weight_);
-  const ObjectEstimate result = estimate(set, views);       // weighted mean (MMSE) and the best particle (MAP)
-  resample();                                               // a larger population while the object is not seen
+  const ObjectEstimate result = estimate(set, views);  // weighted mean (MMSE) and the best particle (MAP)
+  resample();                                          // a larger population while the object is not seen
   return result;
 }
 
-PaperTracker::PaperTracker(const calib::CameraRig& rig, const TargetOptions& target, const ObjectTrackerOptions& options, particle_filter::Rng rng)
+PaperTracker::PaperTracker(const calib::CameraRig& rig, const TargetOptions& target,
+                           const ObjectTrackerOptions& options, particle_filter::Rng rng)
     : options_(options), views_(rig, target), rng_(rng) {
   particles_.resize(static_cast<std::size_t>(options_.particle_count));
-  scatter(0);                                               // section 3: uniform in the volume
+  scatter(0);  // section 3: uniform in the volume
 }
 
 // Uniform in the volume, from particle `from` on.
@@ -81,15 +82,16 @@ void PaperObservation::weigh(const PositionParticles& particles, const std::vect
 }
 
 void PaperTracker::resample() {
-  // "When the system cannot see the object in the images it grows the particle population to widen the search area until
-  // it finds the object again" (section 3). The paper gives no rates. Here: a fifth more per frame set, drawn as at the
-  // start, uniform in the volume; at the largest population they take the place of a fifth of it, or a cloud that sits on
-  // something else would never search again. Found, the population shrinks by a fifth per set.
+  // "When the system cannot see the object in the images it grows the particle population to widen the search area
+  // until it finds the object again" (section 3). The paper gives no rates. Here: a fifth more per frame set, drawn as
+  // at the start, uniform in the volume; at the largest population they take the place of a fifth of it, or a cloud
+  // that sits on something else would never search again. Found, the population shrinks by a fifth per set.
   const auto n = static_cast<double>(particles_.size());
-  const auto wanted = static_cast<std::size_t>(
-      seen_ ? std::max(options_.particle_count, static_cast<int>(0.8 * n))
-            : std::min(options_.max_particle_count, static_cast<int>(std::ceil(1.2 * n))));
-  const std::size_t survivors = seen_ ? wanted : std::min(particles_.size(), static_cast<std::size_t>(0.8 * static_cast<double>(wanted)));
+  const auto wanted =
+      static_cast<std::size_t>(seen_ ? std::max(options_.particle_count, static_cast<int>(0.8 * n))
+                                     : std::min(options_.max_particle_count, static_cast<int>(std::ceil(1.2 * n))));
+  const std::size_t survivors =
+      seen_ ? wanted : std::min(particles_.size(), static_cast<std::size_t>(0.8 * static_cast<double>(wanted)));
   ancestor_.resize(survivors);
   particle_filter::systematic_ancestors(weight_, rng_.uniform(), ancestor_);
   resampled_.resize(survivors);
@@ -106,8 +108,8 @@ void PaperTracker::resample() {
 ObjectEstimate PaperTracker::estimate(const capture::FrameSet& set, const std::vector<TargetView>& views) {
   const std::size_t n = particles_.size();
   const particle_filter::WeightedMoments moments =
-      particle_filter::weighted_moments(particles_.x.data(), particles_.y.data(), particles_.z.data(), weight_.data(), n,
-                       {particles_.x[0], particles_.y[0], particles_.z[0]});
+      particle_filter::weighted_moments(particles_.x.data(), particles_.y.data(), particles_.z.data(), weight_.data(),
+                                        n, {particles_.x[0], particles_.y[0], particles_.z[0]});
   const std::size_t best = moments.best;
 
   ObjectEstimate e;
@@ -137,14 +139,14 @@ ObjectEstimate PaperTracker::estimate(const capture::FrameSet& set, const std::v
     state_ = TrackState::tracking;
     last_seen_ = set.at;
   } else if (state_ == TrackState::tracking || state_ == TrackState::coasting) {
-    const double unseen_s = capture::seconds(set.at - last_seen_);    // negative: the clock was put back
+    const double unseen_s = capture::seconds(set.at - last_seen_);  // negative: the clock was put back
     state_ = unseen_s < 0 || unseen_s > options_.coast_s ? TrackState::lost : TrackState::coasting;
   }
   e.state = state_;
   if (!e.has_position()) return e;
   e.position = moments.mean;
   e.covariance = moments.covariance;
-  e.velocity.setZero();          // the random walk has none: its expectation
+  e.velocity.setZero();  // the random walk has none: its expectation
   e.map_position = {static_cast<double>(particles_.x[best]), static_cast<double>(particles_.y[best]),
                     static_cast<double>(particles_.z[best])};
   return e;

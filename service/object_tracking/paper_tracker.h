@@ -30,8 +30,8 @@ class PaperObservation {
 
   // What the last call saw of one particle in views[view].
   struct Window {
-    Eigen::Vector2f px;          // its projection, raw pixels
-    std::uint8_t k;              // matching pixels around it, 0..25; MatchBits::outside
+    Eigen::Vector2f px;  // its projection, raw pixels
+    std::uint8_t k;      // matching pixels around it, 0..25; MatchBits::outside
   };
   Window window(std::size_t view, std::size_t particle) const {
     const std::size_t i = view * particle_count_ + particle;
@@ -40,14 +40,15 @@ class PaperObservation {
 
  private:
   std::size_t particle_count_ = 0;
-  std::vector<float> u_, v_;     // per view, per particle; as k_
+  std::vector<float> u_, v_;  // per view, per particle; as k_
   std::vector<std::uint8_t> k_;
 };
 
 // thread-compatible.
 class PaperTracker {
  public:
-  PaperTracker(const calib::CameraRig& rig, const TargetOptions& target, const ObjectTrackerOptions& options, particle_filter::Rng rng);
+  PaperTracker(const calib::CameraRig& rig, const TargetOptions& target, const ObjectTrackerOptions& options,
+               particle_filter::Rng rng);
 
   ObjectEstimate update(const capture::FrameSet& set);
   TargetViews& views() { return views_; }
@@ -66,7 +67,7 @@ class PaperTracker {
   std::vector<float> weight_, noise_;
   std::vector<std::uint32_t> ancestor_;
   PaperObservation observation_;
-  bool seen_ = false;            // in this set
+  bool seen_ = false;  // in this set
   TrackState state_ = TrackState::searching;
   capture::Timestamp last_seen_{};
 };

@@ -17,10 +17,10 @@ namespace {
 
 // White acceleration has a power density a^2 tau: an acceleration of a that lasts for about tau.
 constexpr double acceleration_time_s = 0.1;
-constexpr double least_acceleration_m_s2 = 3;   // nothing moves more evenly than this for long
-constexpr double floor_likelihood = 1.0 / 25;   // the paper's, eqs. (5), (6): tolerates occlusion and locks nothing out
-constexpr double region_gate = 16;              // chi-square, 2 degrees of freedom, 99.97 %
-constexpr double least_support = 0.15;          // of a region that counts as the object
+constexpr double least_acceleration_m_s2 = 3;  // nothing moves more evenly than this for long
+constexpr double floor_likelihood = 1.0 / 25;  // the paper's, eqs. (5), (6): tolerates occlusion and locks nothing out
+constexpr double region_gate = 16;             // chi-square, 2 degrees of freedom, 99.97 %
+constexpr double least_support = 0.15;         // of a region that counts as the object
 constexpr std::size_t max_candidates = 4;
 constexpr double longest_confirmation_s = 0.5;  // a candidate that is older confirms nothing
 
@@ -35,15 +35,15 @@ using Vector6d = Eigen::Matrix<double, 6, 1>;
 ObjectEstimate RegionTracker::update(const capture::FrameSet& set) {
   const std::vector<TargetView>& views = views_.look_at(set);
   sightings_.clear();
-  if (set.at < last_at_) forget();                        // the clock was put back: what was known is of another time
+  if (set.at < last_at_) forget();  // the clock was put back: what was known is of another time
   if (state_ == TrackState::tracking || state_ == TrackState::coasting) {
     const double dt = std::max(0.0, capture::seconds(set.at - last_at_));
     Belief predicted = predict(dt);
-    sight(views, predicted, dt);                          // colour regions near the prediction, one per view at most
+    sight(views, predicted, dt);  // colour regions near the prediction, one per view at most
     predicted = learn_acceleration(dt, predicted);
-    const Belief proposal = propose(predicted);           // motion and regions together, linearised
+    const Belief proposal = propose(predicted);  // motion and regions together, linearised
     draw_particles(proposal);
-    weigh(proposal);                                      // what the linearisation and the floor change
+    weigh(proposal);  // what the linearisation and the floor change
     estimate(proposal);
     judge(set);
   }
@@ -52,7 +52,8 @@ ObjectEstimate RegionTracker::update(const capture::FrameSet& set) {
   return report(set, views);
 }
 
-RegionTracker::RegionTracker(const calib::CameraRig& rig, const TargetOptions& target, const ObjectTrackerOptions& options, particle_filter::Rng rng)
+RegionTracker::RegionTracker(const calib::CameraRig& rig, const TargetOptions& target,
+                             const ObjectTrackerOptions& options, particle_filter::Rng rng)
     : target_(target),
       options_(options),
       views_(rig, target),
@@ -65,8 +66,8 @@ RegionTracker::RegionTracker(const calib::CameraRig& rig, const TargetOptions& t
   scatter();
 }
 
-// How small and how large the target appears in a view anywhere in the volume: on a grid, of which only what is in the image
-// counts (a corner of the volume may be beside or behind the camera).
+// How small and how large the target appears in a view anywhere in the volume: on a grid, of which only what is in the
+// image counts (a corner of the volume may be beside or behind the camera).
 RegionTracker::SizeInView RegionTracker::size_in(const calib::Camera& camera) const {
   constexpr int steps = 12;
   SizeInView out;
@@ -102,7 +103,9 @@ void RegionTracker::scatter() {
   effective_sample_size_ = static_cast<double>(n);
 }
 
-double RegionTracker::power_density() const { return acceleration_ * acceleration_ * acceleration_time_s; }
+double RegionTracker::power_density() const {
+  return acceleration_ * acceleration_ * acceleration_time_s;
+}
 
 // Constant velocity with white acceleration (Bar-Shalom, Li, Kirubarajan 2001, section 6.2.2).
 Belief RegionTracker::predict(double dt) const {
@@ -114,7 +117,8 @@ Belief RegionTracker::predict(double dt) const {
   Belief out;
   out.mean << belief_.position() + dt * belief_.velocity(), belief_.velocity();
   const Eigen::Matrix3d new_pv = pv + dt * vv + q * dt * dt / 2 * identity;
-  out.covariance.topLeftCorner<3, 3>() = pp + dt * (pv + pv.transpose()) + dt * dt * vv + q * dt * dt * dt / 3 * identity;
+  out.covariance.topLeftCorner<3, 3>() =
+      pp + dt * (pv + pv.transpose()) + dt * dt * vv + q * dt * dt * dt / 3 * identity;
   out.covariance.topRightCorner<3, 3>() = new_pv;
   out.covariance.bottomLeftCorner<3, 3>() = new_pv.transpose();
   out.covariance.bottomRightCorner<3, 3>() = vv + q * dt * identity;
@@ -158,8 +162,8 @@ void RegionTracker::sight(const std::vector<TargetView>& views, const Belief& pr
   }
 }
 
-// Covariance matching: raise the acceleration until the innovations of all sightings together are ones that it explains,
-// lower it slowly while they are smaller than they need be. Returns the prediction with what was learnt.
+// Covariance matching: raise the acceleration until the innovations of all sightings together are ones that it
+// explains, lower it slowly while they are smaller than they need be. Returns the prediction with what was learnt.
 Belief RegionTracker::learn_acceleration(double dt, const Belief& predicted) {
   if (sightings_.empty() || dt <= 0) return predicted;
   const auto size = static_cast<Eigen::Index>(2 * sightings_.size());
@@ -169,7 +173,8 @@ Belief RegionTracker::learn_acceleration(double dt, const Belief& predicted) {
   for (std::size_t i = 0; i < sightings_.size(); ++i) {
     const Sighting& sighting = sightings_[i];
     const double age = sighting.view->age_s;
-    const auto at = appearance_of(*sighting.view->camera, predicted.position() - age * predicted.velocity(), target_.radius_m);
+    const auto at =
+        appearance_of(*sighting.view->camera, predicted.position() - age * predicted.velocity(), target_.radius_m);
     if (!at) return predicted;
     const auto row = static_cast<Eigen::Index>(2 * i);
     innovation.segment<2>(row) = sighting.px - at->px;
@@ -178,7 +183,7 @@ Belief RegionTracker::learn_acceleration(double dt, const Belief& predicted) {
     noise.block<2, 2>(row, row) = sighting.covariance;
   }
   Belief out = predicted;
-  const auto surprise = [&] {        // 1 when all is as it should be
+  const auto surprise = [&] {  // 1 when all is as it should be
     const Eigen::MatrixXd s = h * out.covariance * h.transpose() + noise;
     return innovation.dot(s.llt().solve(innovation)) / static_cast<double>(size);
   };
@@ -189,7 +194,8 @@ Belief RegionTracker::learn_acceleration(double dt, const Belief& predicted) {
     out = predict(dt);
     nis = surprise();
   }
-  acceleration_ = std::clamp(acceleration_ * std::exp(0.05 * (std::min(nis, 3.0) - 1)), least_acceleration_m_s2, ceiling);
+  acceleration_ =
+      std::clamp(acceleration_ * std::exp(0.05 * (std::min(nis, 3.0) - 1)), least_acceleration_m_s2, ceiling);
   return out;
 }
 
@@ -217,9 +223,9 @@ Belief RegionTracker::linear_update(const Belief& predicted, const Vector6d& lin
   return out;
 }
 
-// Linearised again where the object turns out to be, when that is not where it was expected (Bell and Cathey 1993). What a
-// single view leaves open must be the ray through its pixel, to a fraction of the pixel over all of the open depth, or
-// particles along the wrong line make the filter sure of a depth that nobody measured.
+// Linearised again where the object turns out to be, when that is not where it was expected (Bell and Cathey 1993).
+// What a single view leaves open must be the ray through its pixel, to a fraction of the pixel over all of the open
+// depth, or particles along the wrong line make the filter sure of a depth that nobody measured.
 Belief RegionTracker::propose(const Belief& predicted) {
   Belief out = linear_update(predicted, predicted.mean);
   for (int iteration = 0; iteration < 3; ++iteration) {
@@ -231,8 +237,8 @@ Belief RegionTracker::propose(const Belief& predicted) {
   return out;
 }
 
-// Antithetic pairs, shaped to the proposal's covariance exactly: where everything is Gaussian the filter is then exactly
-// the Kalman filter, and the only Monte Carlo noise left is in what is not.
+// Antithetic pairs, shaped to the proposal's covariance exactly: where everything is Gaussian the filter is then
+// exactly the Kalman filter, and the only Monte Carlo noise left is in what is not.
 void RegionTracker::draw_particles(const Belief& proposal) {
   const auto n = static_cast<std::size_t>(options_.particle_count);
   const std::size_t pairs = (n + 1) / 2;
@@ -248,7 +254,8 @@ void RegionTracker::draw_particles(const Belief& proposal) {
   drawn << xx, xy, xz, xy, yy, yz, xz, yz, zz;
   const Eigen::Matrix3d sample = drawn.cast<double>() / static_cast<double>(pairs);
   const Eigen::Matrix3d root = proposal.position_covariance().llt().matrixL();
-  // root * sample_root^-1 turns the draws' own covariance into the proposal's; with fewer than four pairs they have none.
+  // root * sample_root^-1 turns the draws' own covariance into the proposal's; with fewer than four pairs they have
+  // none.
   const Eigen::LLT<Eigen::Matrix3d> sample_root(sample);
   Eigen::Matrix3d shape = root;
   if (pairs > 3 && sample_root.info() == Eigen::Success) {
@@ -271,8 +278,8 @@ void RegionTracker::draw_particles(const Belief& proposal) {
 // Weight of a particle: prior times likelihood over proposal. The proposal is the prior times the linearised Gaussian
 // likelihoods, so what is left is, per view,
 //   p_m(s_i | img_m) / Gauss_m(s_i),   p_m = max(1/25, support * exp(-d^2 / 2))
-// with d the distance from the particle's projection, through the whole lens and at the view's own time, to the centre of
-// the colour region, in the region's covariance.
+// with d the distance from the particle's projection, through the whole lens and at the view's own time, to the centre
+// of the colour region, in the region's covariance.
 void RegionTracker::weigh(const Belief& proposal) {
   const std::size_t n = particles_.size();
   log_weight_.assign(n, 0.0f);
@@ -314,8 +321,8 @@ void RegionTracker::weigh(const Belief& proposal) {
   }
   weight_.resize(n);
   particle_filter::normalize_log_weights(log_weight_, weight_);
-  // The floor gives the target heavier tails than the proposal has, so that a few particles far out can outweigh all others;
-  // a handful of particles is a worse answer than the linearised one, which equal weights are.
+  // The floor gives the target heavier tails than the proposal has, so that a few particles far out can outweigh all
+  // others; a handful of particles is a worse answer than the linearised one, which equal weights are.
   effective_sample_size_ = particle_filter::effective_sample_size(weight_);
   if (effective_sample_size_ < 0.1 * static_cast<double>(n)) weight_.assign(n, 1.0f / static_cast<float>(n));
 }
@@ -323,8 +330,8 @@ void RegionTracker::weigh(const Belief& proposal) {
 // The weighted particles' mean and covariance are the position's; the velocity follows by regression on the position.
 void RegionTracker::estimate(const Belief& proposal) {
   const particle_filter::WeightedMoments moments =
-      particle_filter::weighted_moments(particles_.x.data(), particles_.y.data(), particles_.z.data(), weight_.data(), particles_.size(),
-                       proposal.position().cast<float>());
+      particle_filter::weighted_moments(particles_.x.data(), particles_.y.data(), particles_.z.data(), weight_.data(),
+                                        particles_.size(), proposal.position().cast<float>());
   const Eigen::Matrix3d covariance = moments.covariance + 1e-10 * Eigen::Matrix3d::Identity();
   const Eigen::Vector3d shift = moments.mean - proposal.position();
   const Eigen::Matrix3d p_information = proposal.position_covariance().inverse();
@@ -336,7 +343,8 @@ void RegionTracker::estimate(const Belief& proposal) {
   belief_.covariance.topRightCorner<3, 3>() = (regression * covariance).transpose();
   belief_.covariance.bottomRightCorner<3, 3>() +=
       regression * (covariance - proposal.position_covariance()) * regression.transpose();
-  map_ = Eigen::Vector3f(particles_.x[moments.best], particles_.y[moments.best], particles_.z[moments.best]).cast<double>();
+  map_ = Eigen::Vector3f(particles_.x[moments.best], particles_.y[moments.best], particles_.z[moments.best])
+             .cast<double>();
 }
 
 void RegionTracker::forget() {
@@ -360,11 +368,11 @@ void RegionTracker::judge(const capture::FrameSet& set) {
 // Two candidates in two frame sets that one object can explain are a find. One alone never is: a chance match of
 // background pixels does not move like an object.
 void RegionTracker::search(const capture::FrameSet& set, const std::vector<TargetView>& views) {
-  if (views.size() < 2) return;            // of cameras of different rates: such a set neither confirms nor refutes
+  if (views.size() < 2) return;  // of cameras of different rates: such a set neither confirms nor refutes
   for (std::size_t i = 0; i < views.size(); ++i) {
     const TargetView& view = views[i];
     const SizeInView& size = size_in_view_[static_cast<std::size_t>(view.index)];
-    if (size.largest_px == 0) {            // no part of the volume is in view
+    if (size.largest_px == 0) {  // no part of the volume is in view
       regions_[i].clear();
       continue;
     }
@@ -376,7 +384,7 @@ void RegionTracker::search(const capture::FrameSet& set, const std::vector<Targe
   }
   std::vector<Candidate> now =
       cross_rays(views, std::span(regions_).first(views.size()), target_, options_, max_candidates);
-  if (now.empty()) {                       // nor does one in which too few of these views see it
+  if (now.empty()) {  // nor does one in which too few of these views see it
     search_log_.add(views, std::span(regions_).first(views.size()), options_.volume);
     return;
   }
@@ -398,7 +406,8 @@ void RegionTracker::search(const capture::FrameSet& set, const std::vector<Targe
     const double variance = (found->covariance.trace() + earlier->covariance.trace()) / 3 / (dt * dt) +
                             std::pow(options_.acceleration_m_s2 * dt, 2);
     start_at(*found, velocity, variance);
-    state_ = largest_sigma(found->covariance) <= options_.max_tracking_sigma_m ? TrackState::tracking : TrackState::coasting;
+    state_ =
+        largest_sigma(found->covariance) <= options_.max_tracking_sigma_m ? TrackState::tracking : TrackState::coasting;
     last_tracking_ = set.at;
     candidates_.clear();
     search_log_.clear();
@@ -450,7 +459,8 @@ ObjectEstimate RegionTracker::report(const capture::FrameSet& set, const std::ve
     }
     e.views += support.seen ? 1 : 0;
   }
-  // How sure we are that this is the object, not where it is (the covariance says that): that not all supports are chance.
+  // How sure we are that this is the object, not where it is (the covariance says that): that not all supports are
+  // chance.
   double doubt = 1;
   for (const Sighting& s : sightings_) doubt *= 1 - 0.9 * s.support;
   e.confidence = 1 - doubt;

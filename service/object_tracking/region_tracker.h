@@ -1,14 +1,18 @@
-// Our own observation and filter, `observation: huetrack`: a Gaussian particle filter (Kotecha and Djuric 2003) over the
-// position, with the velocity marginalised. Between frame sets the belief is one Gaussian over (position, velocity); in a
-// set, positions are drawn from it, weighed by what every view shows at their projections, and give the next one. What
-// differs from the paper, and why:
-//   - proposal: particles are drawn from motion AND the colour regions near the prediction (the optimal proposal of Doucet,
+// Our own observation and filter, `observation: huetrack`: a Gaussian particle filter (Kotecha and Djuric 2003) over
+// the position, with the velocity marginalised. Between frame sets the belief is one Gaussian over (position,
+// velocity); in a set, positions are drawn from it, weighed by what every view shows at their projections, and give the
+// next one. What differs from the paper, and why:
+//   - proposal: particles are drawn from motion AND the colour regions near the prediction (the optimal proposal of
+//   Doucet,
 //     Godsill and Andrieu 2000), not from the motion alone. 200 particles then sit where they matter.
 //   - observation: the centre of the colour region is rewarded, not the inside of it, with a covariance that knows the
-//     object's radius and sees when a part of it is hidden (sighting.h). The paper's floor of 1/25 stays: no view can veto.
-//   - motion: constant velocity with white acceleration; how much of it is needed is learnt from the innovations, so that
+//     object's radius and sees when a part of it is hidden (sighting.h). The paper's floor of 1/25 stays: no view can
+//     veto.
+//   - motion: constant velocity with white acceleration; how much of it is needed is learnt from the innovations, so
+//   that
 //     calm motion is smoothed and a thrown ball followed. Each view is scored at its own capture time.
-//   - search: rays crossed between views through matching pixels of a coarse grid, confirmed by a second frame set. Several
+//   - search: rays crossed between views through matching pixels of a coarse grid, confirmed by a second frame set.
+//   Several
 //     hypotheses are needed only here, and here they are kept.
 // What else was tried, with figures: README.md beside this file.
 #pragma once
@@ -19,8 +23,8 @@
 #include "object_tracking/color_region.h"
 #include "object_tracking/object_estimate.h"
 #include "object_tracking/object_tracker.h"
-#include "object_tracking/search_findings.h"
 #include "object_tracking/paper_tracker.h"
+#include "object_tracking/search_findings.h"
 #include "object_tracking/sighting.h"
 #include "object_tracking/target_views.h"
 #include "particle_filter/random.h"
@@ -40,7 +44,8 @@ struct Belief {
 // thread-compatible.
 class RegionTracker {
  public:
-  RegionTracker(const calib::CameraRig& rig, const TargetOptions& target, const ObjectTrackerOptions& options, particle_filter::Rng rng);
+  RegionTracker(const calib::CameraRig& rig, const TargetOptions& target, const ObjectTrackerOptions& options,
+                particle_filter::Rng rng);
 
   ObjectEstimate update(const capture::FrameSet& set);
   TargetViews& views() { return views_; }
@@ -48,7 +53,9 @@ class RegionTracker {
   SearchFindings search_findings() const { return search_log_.findings(); }
 
  private:
-  struct SizeInView { double smallest_px = 0, largest_px = 0; };   // radius of the target; 0: never in view
+  struct SizeInView {
+    double smallest_px = 0, largest_px = 0;
+  };  // radius of the target; 0: never in view
   SizeInView size_in(const calib::Camera& camera) const;
   Belief predict(double dt) const;
   void sight(const std::vector<TargetView>& views, const Belief& predicted, double dt);
@@ -64,33 +71,33 @@ class RegionTracker {
   void start_at(const Candidate& found, const Eigen::Vector3d& velocity, double velocity_variance);
   void scatter();
   ObjectEstimate report(const capture::FrameSet& set, const std::vector<TargetView>& views) const;
-  double power_density() const;              // of the acceleration, m^2/s^3
+  double power_density() const;  // of the acceleration, m^2/s^3
 
   TargetOptions target_;
   ObjectTrackerOptions options_;
   TargetViews views_;
   particle_filter::Rng rng_;
 
-  Belief belief_;                            // after the last set, at last_at_
-  double acceleration_ = 0;                  // m/s^2, learnt
+  Belief belief_;            // after the last set, at last_at_
+  double acceleration_ = 0;  // m/s^2, learnt
   PositionParticles particles_;
   std::vector<float> weight_, log_weight_, unit_, u_, v_;
-  PositionParticles seen_at_;                // the particles at a view's own capture time
+  PositionParticles seen_at_;  // the particles at a view's own capture time
   double effective_sample_size_ = 0;
   Eigen::Vector3d map_ = Eigen::Vector3d::Zero();
 
-  struct LinearView {                        // px = jacobian * (position at the view's time) + offset
+  struct LinearView {  // px = jacobian * (position at the view's time) + offset
     const Sighting* sighting;
     Eigen::Matrix<double, 2, 3> jacobian;
     Eigen::Vector2d offset;
   };
-  std::vector<Sighting> sightings_;          // of this set
-  std::vector<LinearView> linear_views_;     // of the proposal
-  std::vector<SizeInView> size_in_view_;     // per camera, as the next two
+  std::vector<Sighting> sightings_;       // of this set
+  std::vector<LinearView> linear_views_;  // of the proposal
+  std::vector<SizeInView> size_in_view_;  // per camera, as the next two
   std::vector<RegionFinder> finders_;
-  std::vector<std::vector<ColorRegion>> regions_;   // of the views of this set, while searching
+  std::vector<std::vector<ColorRegion>> regions_;  // of the views of this set, while searching
   SearchLog search_log_;
-  std::vector<Candidate> candidates_;        // of the last set, while searching
+  std::vector<Candidate> candidates_;  // of the last set, while searching
   capture::Timestamp candidates_at_{};
 
   TrackState state_ = TrackState::searching;

@@ -15,14 +15,15 @@ double radius_of(const calib::Camera& camera, const ColorRegion& region, const E
   const auto at = appearance_of(camera, p, 1.0);
   if (!at || at->radius_px <= 0) return 0;
   const double radius_px = std::sqrt(region.area / std::numbers::pi);
-  if ((at->px - region.centre).norm() > 1.5 + 0.3 * radius_px) return 0;      // the rays pass each other
+  if ((at->px - region.centre).norm() > 1.5 + 0.3 * radius_px) return 0;  // the rays pass each other
   return radius_px / at->radius_px;
 }
 
 }  // namespace
 
-void SearchLog::add(const std::vector<TargetView>& views, std::span<const std::vector<ColorRegion>> regions, const Box& volume) {
-  constexpr std::size_t largest = 3;                 // regions per view; what is asked for is an object, not specks
+void SearchLog::add(const std::vector<TargetView>& views, std::span<const std::vector<ColorRegion>> regions,
+                    const Box& volume) {
+  constexpr std::size_t largest = 3;  // regions per view; what is asked for is an object, not specks
   ++findings_.sets;
   for (std::size_t i = 0; i < views.size(); ++i) {
     if (!regions[i].empty()) ++findings_.sets_with_color[static_cast<std::size_t>(views[i].index)];
@@ -34,15 +35,19 @@ void SearchLog::add(const std::vector<TargetView>& views, std::span<const std::v
           if (!p || ((*p - volume.min).array() < 0).any() || ((volume.max - *p).array() < 0).any()) continue;
           const double r = radius_of(first, a, *p), s = radius_of(second, b, *p);
           if (r <= 0 || s <= 0 || std::max(r, s) > 1.3 * std::min(r, s)) continue;
-          if (radii_m_.size() < kept_radii) radii_m_.push_back(std::sqrt(r * s));
-          else radii_m_[next_++ % kept_radii] = std::sqrt(r * s);
+          if (radii_m_.size() < kept_radii)
+            radii_m_.push_back(std::sqrt(r * s));
+          else
+            radii_m_[next_++ % kept_radii] = std::sqrt(r * s);
         }
       }
     }
   }
 }
 
-void SearchLog::clear() { *this = SearchLog(findings_.sets_with_color.size()); }
+void SearchLog::clear() {
+  *this = SearchLog(findings_.sets_with_color.size());
+}
 
 SearchFindings SearchLog::findings() const {
   SearchFindings out = findings_;
@@ -65,13 +70,17 @@ std::string SearchFindings::advice(const TargetOptions& target, const std::vecto
   }
   if (radius_m && (*radius_m > 1.3 * target.radius_m || *radius_m < target.radius_m / 1.3)) {
     char text[160];
-    std::snprintf(text, sizeof text, "what has its colour has the size of a ball of radius %.3g m, not %.3g: correct radius_m, or narrow its colour",
-                  *radius_m, target.radius_m);
+    std::snprintf(
+        text, sizeof text,
+        "what has its colour has the size of a ball of radius %.3g m, not %.3g: correct radius_m, or narrow its colour",
+        *radius_m, target.radius_m);
     return text;
   }
   if (seeing.empty()) return "no camera shows a region of its colour: widen its colour, or check the volume";
-  if (!blind.empty()) return "its colour is seen by " + seeing + " but hardly ever by " + blind + ": set camera_colors for these";
-  return "all cameras show regions of its colour, but their rays do not meet in the volume where a ball of its radius would look so: check the "
+  if (!blind.empty())
+    return "its colour is seen by " + seeing + " but hardly ever by " + blind + ": set camera_colors for these";
+  return "all cameras show regions of its colour, but their rays do not meet in the volume where a ball of its radius "
+         "would look so: check the "
          "calibration and the radius, or narrow its colour";
 }
 

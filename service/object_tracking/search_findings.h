@@ -20,13 +20,13 @@ class SearchLog {
 
   // One set in which no object of the given radius was found. regions[i] belongs to views[i].
   void add(const std::vector<TargetView>& views, std::span<const std::vector<ColorRegion>> regions, const Box& volume);
-  void clear();                      // it was found
+  void clear();  // it was found
   SearchFindings findings() const;
 
  private:
   static constexpr std::size_t kept_radii = 300;
   SearchFindings findings_;
-  std::vector<double> radii_m_;      // of pairs of regions that one ball can explain; a ring once it is full
+  std::vector<double> radii_m_;  // of pairs of regions that one ball can explain; a ring once it is full
   std::size_t next_ = 0;
 };
 

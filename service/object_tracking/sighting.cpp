@@ -9,9 +9,9 @@
 namespace huetrack::object_tracking {
 namespace {
 
-constexpr double min_start_support = 0.3;      // of either of the two regions that a candidate starts from
-constexpr double max_start_support = 3;        // larger regions are something else
-constexpr double gate = 11.8;                  // chi-square, 2 degrees of freedom, 99.7 %
+constexpr double min_start_support = 0.3;  // of either of the two regions that a candidate starts from
+constexpr double max_start_support = 3;    // larger regions are something else
+constexpr double gate = 11.8;              // chi-square, 2 degrees of freedom, 99.7 %
 constexpr std::size_t max_regions_per_view = 8;
 
 bool inside(const Box& volume, const Eigen::Vector3d& p, double margin_m) {
@@ -57,7 +57,8 @@ Sighting sighting_of(const TargetView& view, const ColorRegion& region, double r
   s.px = region.centre;
   const double noise2 = pixel_noise_px * pixel_noise_px + 0.0016 * radius_px * radius_px;
   // Along each axis of the region: 2 sqrt(eigenvalue) is the radius of the disc that is as wide.
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> axes = Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>().computeDirect(region.spread);
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> axes =
+      Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>().computeDirect(region.spread);
   Eigen::Vector2d variance = Eigen::Vector2d::Constant(noise2);
   for (int i = 0; i < 2; ++i) {
     const double misfit_px = std::abs(radius_px - 2 * std::sqrt(std::max(0.0, axes.eigenvalues()(i))));
@@ -82,16 +83,17 @@ PositionInformation information_of(std::span<const Sighting> sightings, const Ei
   return out;
 }
 
-std::optional<Eigen::Vector3d> crossing(const calib::Camera& camera0, const calib::RawPixel& px0, const calib::Camera& camera1, const calib::RawPixel& px1) {
+std::optional<Eigen::Vector3d> crossing(const calib::Camera& camera0, const calib::RawPixel& px0,
+                                        const calib::Camera& camera1, const calib::RawPixel& px1) {
   const auto ray0 = camera0.model.ray(px0), ray1 = camera1.model.ray(px1);
   if (!ray0 || !ray1) return std::nullopt;
   return crossing(camera0.centre(), camera0.cam_from_world.rotation.conjugate() * *ray0, camera1.centre(),
                   camera1.cam_from_world.rotation.conjugate() * *ray1);
 }
 
-std::vector<Candidate> cross_rays(const std::vector<TargetView>& views, std::span<const std::vector<ColorRegion>> regions,
-                                  const TargetOptions& target, const ObjectTrackerOptions& options,
-                                  std::size_t max_count) {
+std::vector<Candidate> cross_rays(const std::vector<TargetView>& views,
+                                  std::span<const std::vector<ColorRegion>> regions, const TargetOptions& target,
+                                  const ObjectTrackerOptions& options, std::size_t max_count) {
   std::vector<Candidate> out;
   // Nothing is known of the velocity yet: a view that looked earlier saw the object up to so far away.
   const auto sighting_at = [&](std::size_t view, const ColorRegion& region, const Appearance& at) {
@@ -116,7 +118,8 @@ std::vector<Candidate> cross_rays(const std::vector<TargetView>& views, std::spa
       const ColorRegion* nearest = nullptr;
       for (const ColorRegion& region : regions[v]) {
         if (!fits(v, region, *at, 0.1)) continue;
-        if (nearest == nullptr || (region.centre - at->px).norm() < (nearest->centre - at->px).norm()) nearest = &region;
+        if (nearest == nullptr || (region.centre - at->px).norm() < (nearest->centre - at->px).norm())
+          nearest = &region;
       }
       if (nearest == nullptr) {
         score -= 0.25;
@@ -156,9 +159,8 @@ std::vector<Candidate> cross_rays(const std::vector<TargetView>& views, std::spa
             c.position = c.covariance * z.vector;
           }
           if (c.sightings.size() < 2 || !c.position.allFinite()) continue;
-          const bool again = std::ranges::any_of(out, [&](const Candidate& o) {
-            return (o.position - c.position).norm() < target.radius_m / 2;
-          });
+          const bool again = std::ranges::any_of(
+              out, [&](const Candidate& o) { return (o.position - c.position).norm() < target.radius_m / 2; });
           if (!again) out.push_back(std::move(c));
         }
       }

@@ -1,5 +1,5 @@
-// What one view says about where the target is: a colour region as a measurement of the projected centre, with an honest
-// covariance. And from several views together: a position.
+// What one view says about where the target is: a colour region as a measurement of the projected centre, with an
+// honest covariance. And from several views together: a position.
 #pragma once
 
 #include <Eigen/Core>
@@ -23,47 +23,50 @@ std::optional<Appearance> appearance_of(const calib::Camera& camera, const Eigen
 
 struct Sighting {
   const TargetView* view = nullptr;
-  Eigen::Vector2d px;                    // measured centre, raw pixels
-  Eigen::Matrix2d covariance;            // px^2
-  double support = 0;                    // 0..1, share of the expected disc that has the target's colour
+  Eigen::Vector2d px;          // measured centre, raw pixels
+  Eigen::Matrix2d covariance;  // px^2
+  double support = 0;          // 0..1, share of the expected disc that has the target's colour
 };
 
 // The region's centre measures the ball's centre. Along each axis of the region its variance is
 //   s^2 + (0.04 r)^2 + (1.3 max(0, |r - w| - 0.2 r))^2,   w = 2 sqrt(the region's second central moment along the axis)
 // w is the radius of the disc that would be as wide, so |r - w| is how much the region is too narrow or too wide. Where
-// something hides a part of the ball, the visible rest is narrower than the disc in the direction in which it is cut, and
-// its centre is off by about as much; a region that is too wide (motion blur, background of the same colour) is distrusted
-// the same way. Misfits below a fifth of the radius are the noise of a small disc's outline and say nothing. s is
-// options.pixel_noise_px; 0.04 r is the shading of a ball, whose bright side matches further out than its dark side.
-// The figures were fitted on data/rendered (README.md).
+// something hides a part of the ball, the visible rest is narrower than the disc in the direction in which it is cut,
+// and its centre is off by about as much; a region that is too wide (motion blur, background of the same colour) is
+// distrusted the same way. Misfits below a fifth of the radius are the noise of a small disc's outline and say nothing.
+// s is options.pixel_noise_px; 0.04 r is the shading of a ball, whose bright side matches further out than its dark
+// side. The figures were fitted on data/rendered (README.md).
 Sighting sighting_of(const TargetView& view, const ColorRegion& region, double radius_px, double pixel_noise_px);
 
-// Gaussian in the world, in information form: what linearised sightings say. Positive semidefinite; rank 2 for one view.
+// Gaussian in the world, in information form: what linearised sightings say. Positive semidefinite; rank 2 for one
+// view.
 struct PositionInformation {
-  Eigen::Matrix3d information = Eigen::Matrix3d::Zero();   // 1/m^2
-  Eigen::Vector3d vector = Eigen::Vector3d::Zero();        // information * position, 1/m
+  Eigen::Matrix3d information = Eigen::Matrix3d::Zero();  // 1/m^2
+  Eigen::Vector3d vector = Eigen::Vector3d::Zero();       // information * position, 1/m
 };
 
 // Linearised at p_world, a point at the set's time that moves with `velocity`: each view saw it age_s earlier.
 PositionInformation information_of(std::span<const Sighting> sightings, const Eigen::Vector3d& p_world,
                                    const Eigen::Vector3d& velocity);
 
-// Midpoint of the shortest line between the rays through two raw pixels; nullopt when they are nearly parallel, or meet behind
-// a camera.
-std::optional<Eigen::Vector3d> crossing(const calib::Camera& camera0, const calib::RawPixel& px0, const calib::Camera& camera1, const calib::RawPixel& px1);
+// Midpoint of the shortest line between the rays through two raw pixels; nullopt when they are nearly parallel, or meet
+// behind a camera.
+std::optional<Eigen::Vector3d> crossing(const calib::Camera& camera0, const calib::RawPixel& px0,
+                                        const calib::Camera& camera1, const calib::RawPixel& px1);
 
 // A position that several views agree on.
 struct Candidate {
   Eigen::Vector3d position;
   Eigen::Matrix3d covariance;
-  std::vector<Sighting> sightings;       // two or more
-  double score = 0;                      // sum of supports, less 0.25 for each view that should see it and does not
+  std::vector<Sighting> sightings;  // two or more
+  double score = 0;                 // sum of supports, less 0.25 for each view that should see it and does not
 };
 
-// Rays crossed between views: each pair of regions in two views whose rays meet inside the volume, at a distance at which
-// the target would have about the size that they have; refined over, and scored by, all views that agree. Best first, at
-// most max_count. regions[i] belongs to views[i].
-std::vector<Candidate> cross_rays(const std::vector<TargetView>& views, std::span<const std::vector<ColorRegion>> regions,
-                                  const TargetOptions& target, const ObjectTrackerOptions& options, std::size_t max_count);
+// Rays crossed between views: each pair of regions in two views whose rays meet inside the volume, at a distance at
+// which the target would have about the size that they have; refined over, and scored by, all views that agree. Best
+// first, at most max_count. regions[i] belongs to views[i].
+std::vector<Candidate> cross_rays(const std::vector<TargetView>& views,
+                                  std::span<const std::vector<ColorRegion>> regions, const TargetOptions& target,
+                                  const ObjectTrackerOptions& options, std::size_t max_count);
 
 }  // namespace huetrack::object_tracking

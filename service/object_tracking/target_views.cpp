@@ -14,7 +14,7 @@ TargetViews::TargetViews(const calib::CameraRig& rig, const TargetOptions& targe
 
 const ColorTable& TargetViews::table_for(PerCamera& camera, capture::PixelFormat format, capture::ColorRange range) {
   if (camera.table && camera.table->is_for(format, range)) return *camera.table;
-  for (const auto& other : cameras_) {         // cameras of one kind share a table
+  for (const auto& other : cameras_) {  // cameras of one kind share a table
     if (other->table && other->table->is_for(format, range) && other->color == camera.color) {
       camera.table = other->table;
       return *camera.table;

@@ -1,5 +1,5 @@
-// One target in every camera: its colour tables, what was already looked at of the current frames, the projections. What
-// both observations stand on.
+// One target in every camera: its colour tables, what was already looked at of the current frames, the projections.
+// What both observations stand on.
 #pragma once
 
 #include <memory>
@@ -17,13 +17,13 @@ namespace huetrack::object_tracking {
 
 // A camera that gave a usable frame in the current set.
 struct TargetView {
-  int index;                    // into CameraRig::cameras
+  int index;  // into CameraRig::cameras
   const calib::Camera* camera;
   const calib::BatchProjector* projector;
-  MatchBits* matches;           // the pixels of the target's colour in this frame
+  MatchBits* matches;  // the pixels of the target's colour in this frame
   const capture::Image* image;
   const ColorTable* table;
-  double age_s;                 // the set's time minus this frame's own capture time, >= 0
+  double age_s;  // the set's time minus this frame's own capture time, >= 0
 };
 
 // thread-compatible. Views point into this object: it does not move.
@@ -33,11 +33,14 @@ class TargetViews {
   TargetViews(const TargetViews&) = delete;
   TargetViews& operator=(const TargetViews&) = delete;
 
-  // The views of this set, in camera order; valid until the next call. A frame of another size than the rig's is left out.
+  // The views of this set, in camera order; valid until the next call. A frame of another size than the rig's is left
+  // out.
   const std::vector<TargetView>& look_at(const capture::FrameSet& set);
 
   // Makes the camera's colour table for this format before the first frame needs it.
-  void expect(std::size_t camera, capture::PixelFormat format, capture::ColorRange range) { table_for(*cameras_.at(camera), format, range); }
+  void expect(std::size_t camera, capture::PixelFormat format, capture::ColorRange range) {
+    table_for(*cameras_.at(camera), format, range);
+  }
 
   std::size_t camera_count() const { return cameras_.size(); }
   const calib::Camera& camera(std::size_t i) const { return cameras_[i]->camera; }
@@ -51,7 +54,7 @@ class TargetViews {
     calib::BatchProjector projector;
     MatchBits matches;
     HsiRange color;
-    std::shared_ptr<const ColorTable> table;   // of the format seen last; made when a format is first seen
+    std::shared_ptr<const ColorTable> table;  // of the format seen last; made when a format is first seen
   };
   const ColorTable& table_for(PerCamera& camera, capture::PixelFormat format, capture::ColorRange range);
 

@@ -20,7 +20,8 @@ std::uint64_t load_word(const std::uint8_t* p) {
 }
 
 bool matches(const capture::Image& image, const ColorTable& table, int u, int v) {
-  return image.format == capture::PixelFormat::bgr ? table.contains(capture::bgr_at(image, u, v)) : table.contains(capture::yuv_at(image, u, v));
+  return image.format == capture::PixelFormat::bgr ? table.contains(capture::bgr_at(image, u, v))
+                                                   : table.contains(capture::yuv_at(image, u, v));
 }
 
 std::uint64_t classify_pixel_by_pixel(const capture::Image& image, const ColorTable& table, int u, int v) {
@@ -30,12 +31,12 @@ std::uint64_t classify_pixel_by_pixel(const capture::Image& image, const ColorTa
 }
 
 #ifdef __SSE2__
-// Two rows of eight pixels whose neighbours share a chroma sample. y: 16 bytes, row after row; uv: the index u | v << 8 of
-// each pair. Eight look-ups give the intervals of y; sixteen comparisons at once give the bits.
+// Two rows of eight pixels whose neighbours share a chroma sample. y: 16 bytes, row after row; uv: the index u | v << 8
+// of each pair. Eight look-ups give the intervals of y; sixteen comparisons at once give the bits.
 std::uint32_t classify_two_rows(const ColorTable::Interval* intervals, __m128i y, __m128i uv) {
   static_assert(sizeof(ColorTable::Interval) == 2);
   const auto interval = [&](int index) {
-    std::uint16_t bytes;                  // y_min in the low byte, y_max in the high one
+    std::uint16_t bytes;  // y_min in the low byte, y_max in the high one
     std::memcpy(&bytes, intervals + index, 2);
     return bytes;
   };
@@ -49,12 +50,14 @@ std::uint32_t classify_two_rows(const ColorTable::Interval* intervals, __m128i y
   i = _mm_insert_epi16(i, interval(_mm_extract_epi16(uv, 7)), 7);
   const __m128i low = _mm_or_si128(_mm_and_si128(i, _mm_set1_epi16(0xff)), _mm_slli_epi16(i, 8));
   const __m128i high = _mm_or_si128(_mm_srli_epi16(i, 8), _mm_andnot_si128(_mm_set1_epi16(0xff), i));
-  const __m128i match = _mm_and_si128(_mm_cmpeq_epi8(_mm_max_epu8(y, low), y), _mm_cmpeq_epi8(_mm_min_epu8(y, high), y));
+  const __m128i match =
+      _mm_and_si128(_mm_cmpeq_epi8(_mm_max_epu8(y, low), y), _mm_cmpeq_epi8(_mm_min_epu8(y, high), y));
   return static_cast<std::uint32_t>(_mm_movemask_epi8(match));
 }
 
 __m128i two_halves(const void* low, const void* high) {
-  return _mm_unpacklo_epi64(_mm_loadl_epi64(static_cast<const __m128i*>(low)), _mm_loadl_epi64(static_cast<const __m128i*>(high)));
+  return _mm_unpacklo_epi64(_mm_loadl_epi64(static_cast<const __m128i*>(low)),
+                            _mm_loadl_epi64(static_cast<const __m128i*>(high)));
 }
 
 __m128i four_bytes(const std::uint8_t* p) {
@@ -72,7 +75,7 @@ std::uint64_t classify_tile(const capture::Image& image, const ColorTable& table
   std::uint64_t bits = 0;
   for (int r = 0; r < 8; r += 2) {
     __m128i y, uv;
-    if constexpr (format == capture::PixelFormat::yuyv) {                        // Y0 U Y1 V: luma in the even bytes, u v in the odd
+    if constexpr (format == capture::PixelFormat::yuyv) {  // Y0 U Y1 V: luma in the even bytes, u v in the odd
       const __m128i a = _mm_loadu_si128(reinterpret_cast<const __m128i*>(row(0, v + r) + 2 * u));
       const __m128i b = _mm_loadu_si128(reinterpret_cast<const __m128i*>(row(0, v + r + 1) + 2 * u));
       const __m128i even = _mm_set1_epi16(0xff);
@@ -85,8 +88,9 @@ std::uint64_t classify_tile(const capture::Image& image, const ColorTable& table
       if constexpr (format == capture::PixelFormat::nv12) {
         uv = two_halves(row(1, first) + u, row(1, second) + u);
       } else {
-        uv = _mm_unpacklo_epi64(_mm_unpacklo_epi8(four_bytes(row(1, first) + u / 2), four_bytes(row(2, first) + u / 2)),
-                                _mm_unpacklo_epi8(four_bytes(row(1, second) + u / 2), four_bytes(row(2, second) + u / 2)));
+        uv = _mm_unpacklo_epi64(
+            _mm_unpacklo_epi8(four_bytes(row(1, first) + u / 2), four_bytes(row(2, first) + u / 2)),
+            _mm_unpacklo_epi8(four_bytes(row(1, second) + u / 2), four_bytes(row(2, second) + u / 2)));
       }
     }
     bits |= static_cast<std::uint64_t>(classify_two_rows(intervals, y, uv)) << (8 * r);
@@ -101,24 +105,31 @@ std::uint64_t classify_tile(const Image& image, const ColorTable& table, int u, 
 #endif
 
 template <typename Tile>
-void classify_all(const Tile& tile, const capture::Image& image, const ColorTable& table, const TileAt* tiles, std::size_t n, std::uint64_t* bits) {
+void classify_all(const Tile& tile, const capture::Image& image, const ColorTable& table, const TileAt* tiles,
+                  std::size_t n, std::uint64_t* bits) {
   for (std::size_t i = 0; i < n; ++i) bits[i] = tile(image, table, tiles[i].pixel_u(), tiles[i].pixel_v());
 }
 
-void classify(const capture::Image& image, const ColorTable& table, const TileAt* tiles, std::size_t n, std::uint64_t* bits) {
+void classify(const capture::Image& image, const ColorTable& table, const TileAt* tiles, std::size_t n,
+              std::uint64_t* bits) {
   switch (image.format) {
-    case capture::PixelFormat::yuyv: return classify_all(classify_tile<capture::PixelFormat::yuyv>, image, table, tiles, n, bits);
-    case capture::PixelFormat::nv12: return classify_all(classify_tile<capture::PixelFormat::nv12>, image, table, tiles, n, bits);
-    case capture::PixelFormat::i420: return classify_all(classify_tile<capture::PixelFormat::i420>, image, table, tiles, n, bits);
-    case capture::PixelFormat::i422: return classify_all(classify_tile<capture::PixelFormat::i422>, image, table, tiles, n, bits);
+    case capture::PixelFormat::yuyv:
+      return classify_all(classify_tile<capture::PixelFormat::yuyv>, image, table, tiles, n, bits);
+    case capture::PixelFormat::nv12:
+      return classify_all(classify_tile<capture::PixelFormat::nv12>, image, table, tiles, n, bits);
+    case capture::PixelFormat::i420:
+      return classify_all(classify_tile<capture::PixelFormat::i420>, image, table, tiles, n, bits);
+    case capture::PixelFormat::i422:
+      return classify_all(classify_tile<capture::PixelFormat::i422>, image, table, tiles, n, bits);
     case capture::PixelFormat::i444:
     case capture::PixelFormat::bgr:
-    case capture::PixelFormat::grey: return classify_all(classify_pixel_by_pixel, image, table, tiles, n, bits);
+    case capture::PixelFormat::grey:
+      return classify_all(classify_pixel_by_pixel, image, table, tiles, n, bits);
   }
 }
 
-std::size_t touched(const std::uint8_t* marked, std::ptrdiff_t cell_stride, std::uint32_t* known, std::uint32_t frame, int first,
-                    int count, int tile_v, TileAt* tiles) {
+std::size_t touched(const std::uint8_t* marked, std::ptrdiff_t cell_stride, std::uint32_t* known, std::uint32_t frame,
+                    int first, int count, int tile_v, TileAt* tiles) {
   std::size_t n = 0;
   for (int u = first; u < first + count; ++u) {
     const std::uint8_t* const cell = marked + 2 * u;
@@ -146,7 +157,8 @@ const WindowKernels& portable_window_kernels() {
 }
 
 const WindowKernels& best_window_kernels() {
-  static const WindowKernels& best = avx512_window_kernels() != nullptr ? *avx512_window_kernels() : portable_window_kernels();
+  static const WindowKernels& best =
+      avx512_window_kernels() != nullptr ? *avx512_window_kernels() : portable_window_kernels();
   return best;
 }
 

@@ -10,36 +10,42 @@
 
 namespace huetrack::object_tracking {
 
-struct PixelAt { int u, v; };
+struct PixelAt {
+  int u, v;
+};
 
 // A tile of 8x8 pixels, counted in tiles from the top left one of the margin, which is one tile wide.
 struct TileAt {
   std::uint16_t u, v;
   static constexpr int size = 8;
-  int pixel_u() const { return size * (u - 1); }        // of its top left pixel
+  int pixel_u() const { return size * (u - 1); }  // of its top left pixel
   int pixel_v() const { return size * (v - 1); }
 };
 
 struct WindowKernels {
-  // Of the tiles first .. first + count - 1 of row tile_v: appends to `tiles` those that are touched by a marked window and not yet
-  // known for this frame, makes them known, and returns how many they are. A window is marked where it begins, in cells of
-  // 4x4 pixels, two per tile: it touches the tile if it begins in one of its cells or in those to the left of and above them.
-  //   marked      the tile's upper row of cells; the rows above and below are cell_stride bytes away. Readable from one byte
+  // Of the tiles first .. first + count - 1 of row tile_v: appends to `tiles` those that are touched by a marked window
+  // and not yet known for this frame, makes them known, and returns how many they are. A window is marked where it
+  // begins, in cells of 4x4 pixels, two per tile: it touches the tile if it begins in one of its cells or in those to
+  // the left of and above them.
+  //   marked      the tile's upper row of cells; the rows above and below are cell_stride bytes away. Readable from one
+  //   byte
   //               before the first tile's cells to 32 bytes after the last one's.
   //   known       per tile of the row, the frame that it is known for; readable 64 bytes on
   //   tiles       has room for count + 16
-  std::size_t (*touched)(const std::uint8_t* marked, std::ptrdiff_t cell_stride, std::uint32_t* known, std::uint32_t frame,
-                         int first, int count, int tile_v, TileAt* tiles);
-  // Of each tile, which must lie wholly inside the image: bit 8 r + c says whether the pixel in row r and column c has the
-  // target's colour.
-  void (*classify)(const capture::Image& image, const ColorTable& table, const TileAt* tiles, std::size_t n, std::uint64_t* bits);
-  // k[i]: the matching pixels of a window whose five rows are the low five bits of bands[byte[i]] .. bands[byte[i] + 4], after
-  // a shift to the right by the low two bits of shift[i]; or-ed with the second byte of shift[i].
-  void (*count)(const std::uint8_t* bands, const std::int32_t* byte, const std::int32_t* shift, std::size_t n, std::uint8_t* k);
+  std::size_t (*touched)(const std::uint8_t* marked, std::ptrdiff_t cell_stride, std::uint32_t* known,
+                         std::uint32_t frame, int first, int count, int tile_v, TileAt* tiles);
+  // Of each tile, which must lie wholly inside the image: bit 8 r + c says whether the pixel in row r and column c has
+  // the target's colour.
+  void (*classify)(const capture::Image& image, const ColorTable& table, const TileAt* tiles, std::size_t n,
+                   std::uint64_t* bits);
+  // k[i]: the matching pixels of a window whose five rows are the low five bits of bands[byte[i]] .. bands[byte[i] +
+  // 4], after a shift to the right by the low two bits of shift[i]; or-ed with the second byte of shift[i].
+  void (*count)(const std::uint8_t* bands, const std::int32_t* byte, const std::int32_t* shift, std::size_t n,
+                std::uint8_t* k);
 };
 
 const WindowKernels& portable_window_kernels();
-const WindowKernels* avx512_window_kernels();      // nullptr: this machine has none
+const WindowKernels* avx512_window_kernels();  // nullptr: this machine has none
 const WindowKernels& best_window_kernels();
 
 }  // namespace huetrack::object_tracking

@@ -51,14 +51,16 @@ HUETRACK_AVX512 inline __m512i four_rows(const capture::Image& image, int u, int
 
 // Sixteen look-ups give the intervals of y of 32 pixels, two comparisons their bits.
 HUETRACK_AVX512 inline std::uint64_t classify_four_rows(const ColorTable::Interval* intervals, __m512i pairs) {
-  static_assert(sizeof(ColorTable::Interval) == 2);      // y_min in the low byte, y_max in the high one
+  static_assert(sizeof(ColorTable::Interval) == 2);  // y_min in the low byte, y_max in the high one
   const __m512i uv = _mm512_or_si512(_mm512_and_si512(_mm512_srli_epi32(pairs, 8), _mm512_set1_epi32(0xff)),
                                      _mm512_and_si512(_mm512_srli_epi32(pairs, 16), _mm512_set1_epi32(0xff00)));
   const __m512i interval = _mm512_i32gather_epi32(uv, intervals, 2);
-  const __m512i low = _mm512_shuffle_epi8(interval, _mm512_broadcast_i32x4(_mm_setr_epi8(0, -1, 0, -1, 4, -1, 4, -1, 8, -1, 8, -1, 12, -1, 12, -1)));
-  const __m512i high = _mm512_shuffle_epi8(interval, _mm512_broadcast_i32x4(_mm_setr_epi8(1, -1, 1, -1, 5, -1, 5, -1, 9, -1, 9, -1, 13, -1, 13, -1)));
+  const __m512i low = _mm512_shuffle_epi8(
+      interval, _mm512_broadcast_i32x4(_mm_setr_epi8(0, -1, 0, -1, 4, -1, 4, -1, 8, -1, 8, -1, 12, -1, 12, -1)));
+  const __m512i high = _mm512_shuffle_epi8(
+      interval, _mm512_broadcast_i32x4(_mm_setr_epi8(1, -1, 1, -1, 5, -1, 5, -1, 9, -1, 9, -1, 13, -1, 13, -1)));
   const __mmask64 match = _mm512_cmpge_epu8_mask(pairs, low) & _mm512_cmple_epu8_mask(pairs, high);
-  return _pext_u64(match, 0x5555555555555555u);          // the luma bytes
+  return _pext_u64(match, 0x5555555555555555u);  // the luma bytes
 }
 
 // Is any of 32 pixels dark enough for its chroma (ColorTable::LumaCeiling)? of_u, of_v: the ceilings.
@@ -66,17 +68,20 @@ HUETRACK_AVX512 inline bool any_below_ceiling(__m512i of_u, __m512i of_v, __m512
   const __m512i quarters = _mm512_srli_epi16(pairs, 2);  // the look-up takes the low six bits of each byte
   const __m512i of_us = _mm512_permutexvar_epi8(quarters, of_u), of_vs = _mm512_permutexvar_epi8(quarters, of_v);
   const __m512i ceiling = _mm512_min_epu8(
-      _mm512_shuffle_epi8(of_us, _mm512_broadcast_i32x4(_mm_setr_epi8(1, -1, 1, -1, 5, -1, 5, -1, 9, -1, 9, -1, 13, -1, 13, -1))),
-      _mm512_shuffle_epi8(of_vs, _mm512_broadcast_i32x4(_mm_setr_epi8(3, -1, 3, -1, 7, -1, 7, -1, 11, -1, 11, -1, 15, -1, 15, -1))));
+      _mm512_shuffle_epi8(
+          of_us, _mm512_broadcast_i32x4(_mm_setr_epi8(1, -1, 1, -1, 5, -1, 5, -1, 9, -1, 9, -1, 13, -1, 13, -1))),
+      _mm512_shuffle_epi8(
+          of_vs, _mm512_broadcast_i32x4(_mm_setr_epi8(3, -1, 3, -1, 7, -1, 7, -1, 11, -1, 11, -1, 15, -1, 15, -1))));
   return _mm512_mask_cmple_epu8_mask(0x5555555555555555u, pairs, ceiling) != 0;
 }
 
 // Most tiles are background, and most of that is too bright for a colour: it needs no look-up in the table.
 template <capture::PixelFormat format>
-HUETRACK_AVX512 void classify_as(const capture::Image& image, const ColorTable& table, const TileAt* tiles, std::size_t n,
-                                 std::uint64_t* bits) {
+HUETRACK_AVX512 void classify_as(const capture::Image& image, const ColorTable& table, const TileAt* tiles,
+                                 std::size_t n, std::uint64_t* bits) {
   const ColorTable::Interval* const intervals = table.intervals();
-  const __m512i of_u = _mm512_loadu_si512(table.luma_ceiling().of_u.data()), of_v = _mm512_loadu_si512(table.luma_ceiling().of_v.data());
+  const __m512i of_u = _mm512_loadu_si512(table.luma_ceiling().of_u.data()),
+                of_v = _mm512_loadu_si512(table.luma_ceiling().of_v.data());
   for (std::size_t i = 0; i < n; ++i) {
     const int u = tiles[i].pixel_u(), v = tiles[i].pixel_v();
     const __m512i upper = four_rows<format>(image, u, v), lower = four_rows<format>(image, u, v + 4);
@@ -94,15 +99,16 @@ HUETRACK_AVX512 inline __m256i cell_and_left(const std::uint8_t* p) {
 }
 
 // Sixteen tiles at a time: a lane of 16 bits has two cells.
-HUETRACK_AVX512 std::size_t touched(const std::uint8_t* marked, std::ptrdiff_t cell_stride, std::uint32_t* known, std::uint32_t frame,
-                                    int first, int count, int tile_v, TileAt* tiles) {
+HUETRACK_AVX512 std::size_t touched(const std::uint8_t* marked, std::ptrdiff_t cell_stride, std::uint32_t* known,
+                                    std::uint32_t frame, int first, int count, int tile_v, TileAt* tiles) {
   static_assert(sizeof(TileAt) == 4);
   const __m512i now = _mm512_set1_epi32(static_cast<int>(frame));
   const __m512i steps = _mm512_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
   std::size_t n = 0;
   for (int u = first; u < first + count; u += 16) {
     const std::uint8_t* const p = marked + 2 * u;
-    const __m256i any = _mm256_or_si256(_mm256_or_si256(cell_and_left(p), cell_and_left(p - cell_stride)), cell_and_left(p + cell_stride));
+    const __m256i any = _mm256_or_si256(_mm256_or_si256(cell_and_left(p), cell_and_left(p - cell_stride)),
+                                        cell_and_left(p + cell_stride));
     const auto some = static_cast<__mmask16>(first + count - u >= 16 ? 0xffff : (1u << (first + count - u)) - 1);
     const __mmask16 hit = _mm256_mask_test_epi16_mask(some, any, any);
     const __mmask16 unknown = _mm512_mask_cmpneq_epi32_mask(hit, _mm512_loadu_si512(known + u), now);
@@ -114,26 +120,33 @@ HUETRACK_AVX512 std::size_t touched(const std::uint8_t* marked, std::ptrdiff_t c
   return n;
 }
 
-void classify(const capture::Image& image, const ColorTable& table, const TileAt* tiles, std::size_t n, std::uint64_t* bits) {
+void classify(const capture::Image& image, const ColorTable& table, const TileAt* tiles, std::size_t n,
+              std::uint64_t* bits) {
   switch (image.format) {
-    case capture::PixelFormat::yuyv: return classify_as<capture::PixelFormat::yuyv>(image, table, tiles, n, bits);
-    case capture::PixelFormat::nv12: return classify_as<capture::PixelFormat::nv12>(image, table, tiles, n, bits);
-    case capture::PixelFormat::i420: return classify_as<capture::PixelFormat::i420>(image, table, tiles, n, bits);
-    case capture::PixelFormat::i422: return classify_as<capture::PixelFormat::i422>(image, table, tiles, n, bits);
+    case capture::PixelFormat::yuyv:
+      return classify_as<capture::PixelFormat::yuyv>(image, table, tiles, n, bits);
+    case capture::PixelFormat::nv12:
+      return classify_as<capture::PixelFormat::nv12>(image, table, tiles, n, bits);
+    case capture::PixelFormat::i420:
+      return classify_as<capture::PixelFormat::i420>(image, table, tiles, n, bits);
+    case capture::PixelFormat::i422:
+      return classify_as<capture::PixelFormat::i422>(image, table, tiles, n, bits);
     case capture::PixelFormat::i444:
     case capture::PixelFormat::bgr:
-    case capture::PixelFormat::grey: return portable_window_kernels().classify(image, table, tiles, n, bits);
+    case capture::PixelFormat::grey:
+      return portable_window_kernels().classify(image, table, tiles, n, bits);
   }
 }
 
-HUETRACK_AVX512 void count(const std::uint8_t* bands, const std::int32_t* byte, const std::int32_t* shift, std::size_t n,
-                           std::uint8_t* k) {
+HUETRACK_AVX512 void count(const std::uint8_t* bands, const std::int32_t* byte, const std::int32_t* shift,
+                           std::size_t n, std::uint8_t* k) {
   for (std::size_t i = 0; i < n; i += 8) {
     const auto some = static_cast<__mmask8>(n - i >= 8 ? 0xff : (1u << (n - i)) - 1);
     const __m256i where = _mm256_maskz_loadu_epi32(some, byte + i), by = _mm256_maskz_loadu_epi32(some, shift + i);
     const __m512i rows = _mm512_i32gather_epi64(where, bands, 1);
-    const __m512i window = _mm512_and_si512(_mm512_srlv_epi64(rows, _mm512_cvtepu32_epi64(_mm256_and_si256(by, _mm256_set1_epi32(3)))),
-                                            _mm512_set1_epi64(0x1f1f1f1f1f));
+    const __m512i window =
+        _mm512_and_si512(_mm512_srlv_epi64(rows, _mm512_cvtepu32_epi64(_mm256_and_si256(by, _mm256_set1_epi32(3)))),
+                         _mm512_set1_epi64(0x1f1f1f1f1f));
     const __m128i counted = _mm512_cvtepi64_epi8(_mm512_popcnt_epi64(window));
     _mm_mask_storeu_epi8(k + i, some, _mm_or_si128(counted, _mm256_cvtepi32_epi8(_mm256_srli_epi32(by, 8))));
   }
@@ -143,9 +156,10 @@ HUETRACK_AVX512 void count(const std::uint8_t* bands, const std::int32_t* byte, 
 
 const WindowKernels* avx512_window_kernels() {
   static const WindowKernels kernels{touched, classify, count};
-  static const bool has_it = __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512bw") && __builtin_cpu_supports("avx512dq") &&
-                             __builtin_cpu_supports("avx512vl") && __builtin_cpu_supports("avx512vbmi") &&
-                             __builtin_cpu_supports("avx512vpopcntdq") && __builtin_cpu_supports("bmi2");
+  static const bool has_it = __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512bw") &&
+                             __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512vl") &&
+                             __builtin_cpu_supports("avx512vbmi") && __builtin_cpu_supports("avx512vpopcntdq") &&
+                             __builtin_cpu_supports("bmi2");
   return has_it ? &kernels : nullptr;
 }
 
@@ -154,7 +168,9 @@ const WindowKernels* avx512_window_kernels() {
 #else
 
 namespace huetrack::object_tracking {
-const WindowKernels* avx512_window_kernels() { return nullptr; }
+const WindowKernels* avx512_window_kernels() {
+  return nullptr;
+}
 }  // namespace huetrack::object_tracking
 
 #endif

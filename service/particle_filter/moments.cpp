@@ -10,7 +10,7 @@
 namespace huetrack::particle_filter {
 namespace {
 
-constexpr std::size_t lanes = 16;      // sums side by side, added up in a fixed order: that is what vectorises
+constexpr std::size_t lanes = 16;  // sums side by side, added up in a fixed order: that is what vectorises
 enum { x_, y_, z_, xx_, xy_, xz_, yy_, yz_, zz_, sums };
 struct Lanes {
   float sum[sums][lanes] = {};
@@ -21,7 +21,8 @@ struct Lanes {
 
 // n is a multiple of lanes; first: the number of the first particle.
 HUETRACK_CLONES void add_up(const float* __restrict x, const float* __restrict y, const float* __restrict z,
-                            const float* __restrict weight, std::size_t n, float ox, float oy, float oz, std::uint32_t first, Lanes& out) {
+                            const float* __restrict weight, std::size_t n, float ox, float oy, float oz,
+                            std::uint32_t first, Lanes& out) {
   Lanes s = out;
   for (std::size_t i = 0; i < n; i += lanes) {
     for (std::size_t j = 0; j < lanes; ++j) {
@@ -72,7 +73,8 @@ WeightedMoments weighted_moments(const float* x, const float* y, const float* z,
     for (std::size_t i = whole; i < n; ++i) {
       tail[0][i - whole] = x[i], tail[1][i - whole] = y[i], tail[2][i - whole] = z[i], tail[3][i - whole] = weight[i];
     }
-    add_up(tail[0], tail[1], tail[2], tail[3], lanes, origin.x(), origin.y(), origin.z(), static_cast<std::uint32_t>(whole), s);
+    add_up(tail[0], tail[1], tail[2], tail[3], lanes, origin.x(), origin.y(), origin.z(),
+           static_cast<std::uint32_t>(whole), s);
   }
   double t[sums];
   total(s, t);
@@ -82,7 +84,7 @@ WeightedMoments weighted_moments(const float* x, const float* y, const float* z,
   out.covariance -= shift * shift.transpose();
   out.mean = origin.cast<double>() + shift;
   const std::uint32_t best = best_of(s);
-  out.best = best < n ? best : 0;        // all NaN: the first
+  out.best = best < n ? best : 0;  // all NaN: the first
   return out;
 }
 

@@ -7,9 +7,9 @@
 namespace huetrack::particle_filter {
 
 struct WeightedMoments {
-  Eigen::Vector3d mean;            // in the units of the particles
-  Eigen::Matrix3d covariance;      // sum of w d d^T, d from the mean; no correction for the sample's size
-  std::size_t best = 0;            // of the largest weight; the first of them when several are
+  Eigen::Vector3d mean;        // in the units of the particles
+  Eigen::Matrix3d covariance;  // sum of w d d^T, d from the mean; no correction for the sample's size
+  std::size_t best = 0;        // of the largest weight; the first of them when several are
 };
 
 //   x, y, z  (n,) coordinates;  weight  (n,) >= 0, sum 1;  n >= 1

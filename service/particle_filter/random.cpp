@@ -36,13 +36,14 @@ HUETRACK_CLONES void box_muller(const std::uint32_t* __restrict a, const std::ui
     // angle = 2 pi t, t in [-1/2, 1/2). sin(2 pi t): fold t to [-1/4, 1/4], then a Taylor polynomial.
     const float t = static_cast<float>(static_cast<std::int32_t>(b[i]) >> 8) * 0x1p-24f;
     const float q = std::abs(t);
-    const float fold_sin = q > 0.25f ? 0.5f - q : q;           // |sin|
-    const float fold_cos = 0.25f - q;                          // cos(2 pi t) = sin(2 pi (1/4 - |t|))
+    const float fold_sin = q > 0.25f ? 0.5f - q : q;  // |sin|
+    const float fold_cos = 0.25f - q;                 // cos(2 pi t) = sin(2 pi (1/4 - |t|))
     const auto sine = [](float turns) {
       const float x = turns * 6.28318530718f;
       const float x2 = x * x;
-      return x * (1.0f + x2 * (-1.66666667e-1f +
-                               x2 * (8.33333333e-3f + x2 * (-1.98412698e-4f + x2 * (2.75573192e-6f - x2 * 2.50521e-8f)))));
+      return x *
+             (1.0f + x2 * (-1.66666667e-1f +
+                           x2 * (8.33333333e-3f + x2 * (-1.98412698e-4f + x2 * (2.75573192e-6f - x2 * 2.50521e-8f)))));
     };
     const float sin_t = std::copysign(sine(fold_sin), t);
     out[i] = radius * sine(fold_cos);
@@ -66,8 +67,8 @@ namespace {
 using Lanes [[gnu::vector_size(64)]] = std::uint32_t;
 
 // count blocks of one word per generator, in turn to a and to b (a first), which are count / 2 blocks long.
-HUETRACK_CLONES void advance(std::array<std::array<std::uint32_t, 16>, 4>& state, std::size_t count, std::uint32_t* __restrict a,
-                             std::uint32_t* __restrict b) {
+HUETRACK_CLONES void advance(std::array<std::array<std::uint32_t, 16>, 4>& state, std::size_t count,
+                             std::uint32_t* __restrict a, std::uint32_t* __restrict b) {
   Lanes s[4];
   static_assert(sizeof s == sizeof state);
   std::memcpy(s, state.data(), sizeof s);
@@ -89,7 +90,9 @@ HUETRACK_CLONES void advance(std::array<std::array<std::uint32_t, 16>, 4>& state
 
 }  // namespace
 
-void Rng::advance(Block& out) { huetrack::advance(state_, 1, out.data(), nullptr); }
+void Rng::advance(Block& out) {
+  huetrack::advance(state_, 1, out.data(), nullptr);
+}
 
 double Rng::uniform() {
   Block block;
@@ -108,7 +111,7 @@ void Rng::fill_uniform(std::span<float> out) {
 }
 
 void Rng::fill_normal(std::span<float> out) {
-  constexpr std::size_t batch = 8 * lanes;      // words of each kind, twice as many normals
+  constexpr std::size_t batch = 8 * lanes;  // words of each kind, twice as many normals
   std::array<std::uint32_t, batch> a;
   std::array<std::uint32_t, batch> b;
   std::array<float, 2 * batch> z;

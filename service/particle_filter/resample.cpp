@@ -28,12 +28,16 @@ template <typename Term>
   return ((sums[0] + sums[1]) + (sums[2] + sums[3])) + ((sums[4] + sums[5]) + (sums[6] + sums[7]));
 }
 
-HUETRACK_CLONES double sum(std::span<const float> values) { return sum_of(values, [](double w) { return w; }); }
-HUETRACK_CLONES double sum_of_squares(std::span<const float> values) { return sum_of(values, [](double w) { return w * w; }); }
+HUETRACK_CLONES double sum(std::span<const float> values) {
+  return sum_of(values, [](double w) { return w; });
+}
+HUETRACK_CLONES double sum_of_squares(std::span<const float> values) {
+  return sum_of(values, [](double w) { return w * w; });
+}
 
 // The number of teeth (offset + i) / count below a cumulative weight: ceil(cumulative * count - offset), at least 0.
-HUETRACK_CLONES void teeth_below(const double* __restrict cumulative, std::size_t n, double base, double count, double offset,
-                                 std::int32_t* __restrict below) {
+HUETRACK_CLONES void teeth_below(const double* __restrict cumulative, std::size_t n, double base, double count,
+                                 double offset, std::int32_t* __restrict below) {
   for (std::size_t i = 0; i < n; ++i) {
     const double teeth = std::min(count, std::max(0.0, (base + cumulative[i]) * count - offset));
     const auto whole = static_cast<std::int32_t>(teeth);
@@ -49,7 +53,7 @@ bool normalize_weights(std::span<float> weight) {
     std::ranges::fill(weight, 1.0f / static_cast<float>(weight.size()));
     return false;
   }
-  if (total < 1e-30) {                    // its inverse may be beyond a float
+  if (total < 1e-30) {  // its inverse may be beyond a float
     for (float& w : weight) w *= 0x1p100f;
     return normalize_weights(weight);
   }
@@ -74,9 +78,10 @@ double effective_sample_size(std::span<const float> weight) {
 
 namespace {
 
-// descendants_to[i]: how many of `count` new particles descend from particles 0 .. i. In blocks; of each the weights are
-// summed up in four parts side by side, as a sum waits for the one before it.
-void systematic_descendants(std::span<const float> weight, double offset, std::size_t count, std::int32_t* descendants_to) {
+// descendants_to[i]: how many of `count` new particles descend from particles 0 .. i. In blocks; of each the weights
+// are summed up in four parts side by side, as a sum waits for the one before it.
+void systematic_descendants(std::span<const float> weight, double offset, std::size_t count,
+                            std::int32_t* descendants_to) {
   constexpr std::size_t block = 256, parts = 4;
   std::array<double, block> cumulative;
   double sum = 0;
@@ -86,12 +91,14 @@ void systematic_descendants(std::span<const float> weight, double offset, std::s
     const float* const w = &weight[from];
     double sums[parts] = {};
     for (std::size_t i = 0; i < part; ++i) {
-      for (std::size_t p = 0; p < parts; ++p) cumulative[p * part + i] = sums[p] += static_cast<double>(w[p * part + i]);
+      for (std::size_t p = 0; p < parts; ++p)
+        cumulative[p * part + i] = sums[p] += static_cast<double>(w[p * part + i]);
     }
     for (std::size_t i = parts * part; i < size; ++i) cumulative[i] = sums[parts - 1] += static_cast<double>(w[i]);
     for (std::size_t p = 0; p < parts; ++p) {
       const std::size_t first = p * part, end = p + 1 < parts ? first + part : size;
-      teeth_below(&cumulative[first], end - first, sum, static_cast<double>(count), offset, descendants_to + from + first);
+      teeth_below(&cumulative[first], end - first, sum, static_cast<double>(count), offset,
+                  descendants_to + from + first);
       sum += sums[p];
     }
   }
@@ -107,7 +114,8 @@ HUETRACK_DEFAULT_VERSION void largest_so_far(std::uint32_t* value, std::size_t n
   for (std::size_t i = 0; i < n; ++i) value[i] = largest = std::max(largest, value[i]);
 }
 
-HUETRACK_DEFAULT_VERSION void take(const std::uint32_t* ancestor, std::size_t n, const float* in, std::size_t /*in_size*/, float* out) {
+HUETRACK_DEFAULT_VERSION void take(const std::uint32_t* ancestor, std::size_t n, const float* in,
+                                   std::size_t /*in_size*/, float* out) {
   for (std::size_t i = 0; i < n; ++i) out[i] = in[ancestor[i]];
 }
 
@@ -130,24 +138,27 @@ HUETRACK_AVX512_VERSION void largest_so_far(std::uint32_t* value, std::size_t n)
   for (; i < n; ++i) value[i] = largest = std::max(largest, value[i]);
 }
 
-// The ancestors of sixteen neighbours mostly lie within 32 particles: two registers, from which one instruction picks them.
-HUETRACK_AVX512_VERSION void take(const std::uint32_t* ancestor, std::size_t n, const float* in, std::size_t in_size, float* out) {
+// The ancestors of sixteen neighbours mostly lie within 32 particles: two registers, from which one instruction picks
+// them.
+HUETRACK_AVX512_VERSION void take(const std::uint32_t* ancestor, std::size_t n, const float* in, std::size_t in_size,
+                                  float* out) {
   std::size_t i = 0;
   for (; in_size >= 32 && i + 16 <= n; i += 16) {
     const std::size_t first = std::min<std::size_t>(ancestor[i], in_size - 32);
-    const __m512i from_first = _mm512_sub_epi32(_mm512_loadu_si512(ancestor + i), _mm512_set1_epi32(static_cast<int>(first)));
-    const __m512 taken = ancestor[i + 15] - first < 32
-                             ? _mm512_permutex2var_ps(_mm512_loadu_ps(in + first), from_first, _mm512_loadu_ps(in + first + 16))
-                             : _mm512_i32gather_ps(from_first, in + first, sizeof(float));
+    const __m512i from_first =
+        _mm512_sub_epi32(_mm512_loadu_si512(ancestor + i), _mm512_set1_epi32(static_cast<int>(first)));
+    const __m512 taken = ancestor[i + 15] - first < 32 ? _mm512_permutex2var_ps(_mm512_loadu_ps(in + first), from_first,
+                                                                                _mm512_loadu_ps(in + first + 16))
+                                                       : _mm512_i32gather_ps(from_first, in + first, sizeof(float));
     _mm512_storeu_ps(out + i, taken);
   }
   for (; i < n; ++i) out[i] = in[ancestor[i]];
 }
 #endif
 
-// Each particle writes itself where its descendants begin, and so do those before it that have none: the last one there is
-// right. What lies between two such places is the nearer one to the left, the largest so far. No branch depends on how many
-// descendants a particle has.
+// Each particle writes itself where its descendants begin, and so do those before it that have none: the last one there
+// is right. What lies between two such places is the nearer one to the left, the largest so far. No branch depends on
+// how many descendants a particle has.
 void name_ancestors(const std::int32_t* descendants_to, std::size_t n, std::span<std::uint32_t> ancestor) {
   std::ranges::fill(ancestor, 0u);
   std::size_t begin = 0;

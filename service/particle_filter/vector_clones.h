@@ -1,6 +1,6 @@
-// HUETRACK_CLONES before a function: one copy per instruction set, chosen when the program is loaded. The results are the same
-// bits in all of them (-ffp-contract=off). The sanitizers' run-time is not up yet when that choice is made, so their builds
-// have the plain copy only.
+// HUETRACK_CLONES before a function: one copy per instruction set, chosen when the program is loaded. The results are
+// the same bits in all of them (-ffp-contract=off). The sanitizers' run-time is not up yet when that choice is made, so
+// their builds have the plain copy only.
 #pragma once
 
 #if defined(__x86_64__) && !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)

@@ -10,8 +10,8 @@
 #include <stdexcept>
 
 #include "calib/board/board_yaml.h"
-#include "pictures/canvas.h"
 #include "config/formatted.h"
+#include "pictures/canvas.h"
 #include "pictures/pictures.h"
 
 namespace huetrack::pictures {
@@ -47,8 +47,8 @@ struct Axis {
   const char* label;
 };
 const std::array<Axis, 3> world_axes{{{Vector3d::UnitX(), {235, 64, 52}, {206, 44, 44}, "x"},
-                                {Vector3d::UnitY(), {70, 200, 70}, {40, 150, 40}, "y"},
-                                {Vector3d::UnitZ(), {70, 130, 255}, {40, 90, 210}, "z"}}};
+                                      {Vector3d::UnitY(), {70, 200, 70}, {40, 150, 40}, "y"},
+                                      {Vector3d::UnitZ(), {70, 130, 255}, {40, 90, 210}, "z"}}};
 double axis_length(const StartPlane& plane) {
   return 0.5 * std::max(plane.size_x, plane.size_y);
 }
@@ -88,7 +88,8 @@ class Panel {
   }
 
   // In pieces: the lens bends it, and a part of it may be behind the camera.
-  void segment(const calib::Rigid3d& camera_from_world, const Vector3d& a, const Vector3d& b, DrawColor color, double width) {
+  void segment(const calib::Rigid3d& camera_from_world, const Vector3d& a, const Vector3d& b, DrawColor color,
+               double width) {
     constexpr int pieces = 16;
     auto from = point(camera_from_world, a);
     for (int i = 1; i <= pieces; ++i) {
@@ -239,9 +240,10 @@ cv::Mat draw_camera(const calib::Camera& camera, const StartPlane& plane, const 
   const int width = 2 * left.canvas().width() + 3 * margin, height = head + names + left.canvas().height() + foot;
   Canvas canvas(width, height, background);
   canvas.text({margin, 29},
-              config::formatted("%s, frame %llu", camera.name.c_str(), static_cast<unsigned long long>(e.frame_number)), 13,
-              bright, Align::left, true);
-  canvas.text({width - double(margin), 29}, config::formatted("t = %.3f s", capture::seconds(e.at)), 13, bright, Align::right);
+              config::formatted("%s, frame %llu", camera.name.c_str(), static_cast<unsigned long long>(e.frame_number)),
+              13, bright, Align::left, true);
+  canvas.text({width - double(margin), 29}, config::formatted("t = %.3f s", capture::seconds(e.at)), 13, bright,
+              Align::right);
   canvas.text({margin, double(head + names) - 9}, "features: found, not found; given ones ringed; particles", 10,
               faint);
   canvas.text({2.0 * margin + left.canvas().width(), double(head + names) - 9},
@@ -251,22 +253,23 @@ cv::Mat draw_camera(const calib::Camera& camera, const StartPlane& plane, const 
   const double y = height - 14;
   canvas.text({margin, y}, std::string(camera_tracking::name(e.state)), 11, state_color(e.state), Align::left, true);
   std::string details = config::formatted("%d of %d features, map %d, %d particles, ESS %.0f", e.features_matched,
-                                  e.features_in_view, e.map_points, e.particle_count, e.effective_sample_size);
+                                          e.features_in_view, e.map_points, e.particle_count, e.effective_sample_size);
   if (e.has_pose()) {
     const Vector3d& t = e.world_from_camera.translation;
     const double sigma_mm = 1e3 * std::sqrt(std::max(0.0, e.covariance.topLeftCorner<3, 3>().trace()));
     const double sigma_deg =
         std::sqrt(std::max(0.0, e.covariance.bottomRightCorner<3, 3>().trace())) * 180 / std::numbers::pi;
-    details =
-        config::formatted("x %+.3f  y %+.3f  z %+.3f m   +/- %.1f mm, %.2f deg   ", t.x(), t.y(), t.z(), sigma_mm, sigma_deg) +
-        details;
+    details = config::formatted("x %+.3f  y %+.3f  z %+.3f m   +/- %.1f mm, %.2f deg   ", t.x(), t.y(), t.z(), sigma_mm,
+                                sigma_deg) +
+              details;
   }
   canvas.text({margin + 120.0, y}, details, 10, bright);
   return canvas.finished();
 }
 
 cv::Mat draw_camera_map(const calib::Camera& camera, const StartPlane& plane, const std::string& title,
-                        const std::vector<camera_tracking::CameraEstimate>& way, const std::vector<camera_tracking::CameraMapPoint>& map) {
+                        const std::vector<camera_tracking::CameraEstimate>& way,
+                        const std::vector<camera_tracking::CameraMapPoint>& map) {
   constexpr int width = 1280, height = 960;
   constexpr DrawColor paper{252, 252, 250}, ink{38, 42, 48}, soft{120, 126, 136}, rule{200, 204, 210},
       map_color{40, 90, 160}, way_color{30, 140, 70}, coasting_color{232, 130, 0};
@@ -314,11 +317,13 @@ cv::Mat draw_camera_map(const calib::Camera& camera, const StartPlane& plane, co
   canvas.text({36, 46}, title, 16, ink, Align::left, true);
   std::size_t poses = 0;
   for (const auto& e : way) poses += e.has_pose() ? 1 : 0;
-  canvas.text({36, 76},
-              config::formatted("%zu frames, %zu with a pose; %zu map points with their 95 %% ellipsoids%s", way.size(), poses,
-                        map.size(), outside > 0 ? config::formatted(", %zu of them beyond the picture", outside).c_str() : "") +
-                  (shows_origin ? "" : "; the world's origin is beyond the picture"),
-              10.5, ink);
+  canvas.text(
+      {36, 76},
+      config::formatted("%zu frames, %zu with a pose; %zu map points with their 95 %% ellipsoids%s", way.size(), poses,
+                        map.size(),
+                        outside > 0 ? config::formatted(", %zu of them beyond the picture", outside).c_str() : "") +
+          (shows_origin ? "" : "; the world's origin is beyond the picture"),
+      10.5, ink);
 
   std::vector<cv::Point2d> ground;
   for (const auto& [sx, sy] : {std::pair{-0.5, -0.5}, {0.5, -0.5}, {0.5, 0.5}, {-0.5, 0.5}})
@@ -358,8 +363,8 @@ cv::Mat draw_camera_map(const calib::Camera& camera, const StartPlane& plane, co
     const calib::Rigid3d& pose = way[i].world_from_camera;
     std::vector<cv::Point2d> front;
     for (const auto& [u, v] : {std::pair{0, 0}, {1, 0}, {1, 1}, {0, 1}}) {
-      const auto ray =
-          camera.model.ray(calib::RawPixel{{u * (camera.image_size.width - 1.0), v * (camera.image_size.height - 1.0)}});
+      const auto ray = camera.model.ray(
+          calib::RawPixel{{u * (camera.image_size.width - 1.0), v * (camera.image_size.height - 1.0)}});
       if (ray) front.push_back(point(pose * (*ray * reach)));
     }
     const cv::Point2d eye = point(pose.translation);
@@ -372,8 +377,8 @@ cv::Mat draw_camera_map(const calib::Camera& camera, const StartPlane& plane, co
   const double longest = area.width / 5 / zoom, power = std::pow(10, std::floor(std::log10(longest)));
   const double bar = (longest >= 5 * power ? 5 : longest >= 2 * power ? 2 : 1) * power;
   canvas.line({60, height - 34.0}, {60 + bar * zoom, height - 34.0}, ink, 2);
-  canvas.text({60 + bar * zoom + 10, height - 30.0}, bar < 1 ? config::formatted("%g cm", bar * 100) : config::formatted("%g m", bar),
-              10, ink);
+  canvas.text({60 + bar * zoom + 10, height - 30.0},
+              bar < 1 ? config::formatted("%g cm", bar * 100) : config::formatted("%g m", bar), 10, ink);
   double x = width - 36;
   for (const auto& [text, color] : {std::pair{"coasting", coasting_color},
                                     {"tracking", way_color},

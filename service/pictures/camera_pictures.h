@@ -1,7 +1,7 @@
 // Pictures of what a camera tracker saw and thought: per frame one PNG with the features, their search regions and the
 // particles on the left, and on the right the same frame with the world's axes at its origin and a wireframe house that
-// stands on the start's plane: it stands still if the pose holds. At the end one PNG of the map and the way of the camera
-// in 3-D. For people only.
+// stands on the start's plane: it stands still if the pose holds. At the end one PNG of the map and the way of the
+// camera in 3-D. For people only.
 #pragma once
 
 #include <Eigen/Core>
@@ -9,8 +9,8 @@
 #include <opencv2/core.hpp>
 #include <vector>
 
-#include "pictures/picture_job.h"
 #include "config/service_config.h"
+#include "pictures/picture_job.h"
 
 namespace huetrack::pictures {
 
@@ -26,7 +26,8 @@ cv::Mat draw_camera(const calib::Camera& camera, const StartPlane& plane, const 
 
 // The map with its 95 % ellipsoids, the way, and the world's axes where its origin is not far from them.
 cv::Mat draw_camera_map(const calib::Camera& camera, const StartPlane& plane, const std::string& title,
-                        const std::vector<camera_tracking::CameraEstimate>& way, const std::vector<camera_tracking::CameraMapPoint>& map);
+                        const std::vector<camera_tracking::CameraEstimate>& way,
+                        const std::vector<camera_tracking::CameraMapPoint>& map);
 
 // thread-compatible: write() by the camera's picture thread, finish() afterwards.
 class CameraPictureWriter {

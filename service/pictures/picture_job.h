@@ -14,8 +14,8 @@ namespace huetrack::pictures {
 // What a picture of one set needs. A plain value; images are shared, not copied.
 struct PictureJob {
   capture::FrameSet set;
-  std::vector<object_tracking::ObjectEstimate> estimates;                // per target
-  std::vector<std::vector<Eigen::Vector3f>> particles;  // per target
+  std::vector<object_tracking::ObjectEstimate> estimates;  // per target
+  std::vector<std::vector<Eigen::Vector3f>> particles;     // per target
 };
 
 // The same of one frame of a tracked camera.

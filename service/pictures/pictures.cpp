@@ -61,7 +61,8 @@ void draw_outline(Canvas& canvas, const calib::Camera& camera, const ViewFrame& 
 }
 
 // The 95 % ellipse of where its centre is.
-void draw_ellipse(Canvas& canvas, const calib::Camera& camera, const ViewFrame& frame, const object_tracking::ObjectEstimate& estimate) {
+void draw_ellipse(Canvas& canvas, const calib::Camera& camera, const ViewFrame& frame,
+                  const object_tracking::ObjectEstimate& estimate) {
   calib::CameraModel::Jacobian px_per_cam;
   const auto pixel = camera.model.project(camera.cam_from_world * estimate.position, px_per_cam);
   if (!pixel || !camera.contains(*pixel)) return;
@@ -101,8 +102,8 @@ void draw_view(Canvas& canvas, const config::ServiceConfig& config, const Pictur
 }
 
 // Magnified squares around the targets, along the edge of the view that they are farther from.
-void draw_magnifiers(Canvas& view, const config::ServiceConfig& config, const PictureJob& job, const calib::Camera& camera,
-                     const cv::Mat& image) {
+void draw_magnifiers(Canvas& view, const config::ServiceConfig& config, const PictureJob& job,
+                     const calib::Camera& camera, const cv::Mat& image) {
   constexpr double side = 168, gap = 10;
   std::vector<std::pair<std::size_t, Eigen::Vector2d>> seen;  // target, where
   double mean_v = 0;
@@ -181,9 +182,10 @@ cv::Mat draw_views(const config::ServiceConfig& config, const PictureJob& job) {
   const int height =
       int(std::ceil(title_height + rows * (cell_height + margin) + double(targets) * row_height + margin));
   Canvas canvas(width, height, background);
-  canvas.text({margin, 29}, config::formatted("frame set %llu", static_cast<unsigned long long>(job.set.number)), 13, bright,
-              Align::left, true);
-  canvas.text({width - double(margin), 29}, config::formatted("t = %.3f s", capture::seconds(job.set.at)), 13, bright, Align::right);
+  canvas.text({margin, 29}, config::formatted("frame set %llu", static_cast<unsigned long long>(job.set.number)), 13,
+              bright, Align::left, true);
+  canvas.text({width - double(margin), 29}, config::formatted("t = %.3f s", capture::seconds(job.set.at)), 13, bright,
+              Align::right);
 
   for (std::size_t c = 0; c < cameras.size(); ++c) {
     const calib::Camera& camera = cameras[c];
@@ -214,12 +216,13 @@ cv::Mat draw_views(const config::ServiceConfig& config, const PictureJob& job) {
     const object_tracking::ObjectEstimate& e = job.estimates[t];
     canvas.disc({margin + 8.0, y - 5}, 7, color_of_hue(middle_hue_deg(config.targets[t].color), 0.75, 1));
     canvas.text({margin + 24.0, y}, config.targets[t].name, 11, bright, Align::left, true);
-    canvas.text({margin + 130.0, y}, std::string(object_tracking::name(e.state)), 11, state_color(e.state), Align::left, true);
+    canvas.text({margin + 130.0, y}, std::string(object_tracking::name(e.state)), 11, state_color(e.state), Align::left,
+                true);
     std::string details = config::formatted("%d particles, %d of %zu views", e.particle_count, e.views, cameras.size());
     if (e.has_position()) {
       const double sigma_mm = 1e3 * std::sqrt(std::max(0.0, e.covariance.trace()));
-      details = config::formatted("x %+.3f  y %+.3f  z %+.3f m   +/- %.1f mm   speed %.2f m/s   ", e.position.x(), e.position.y(),
-                       e.position.z(), sigma_mm, e.velocity.norm()) +
+      details = config::formatted("x %+.3f  y %+.3f  z %+.3f m   +/- %.1f mm   speed %.2f m/s   ", e.position.x(),
+                                  e.position.y(), e.position.z(), sigma_mm, e.velocity.norm()) +
                 details;
     }
     canvas.text({margin + 250.0, y}, details, 10, bright);
@@ -326,8 +329,9 @@ DrawColor piece_color(const object_tracking::ObjectEstimate& to, DrawColor track
   return to.state == object_tracking::TrackState::tracking ? tracking : coasting_color;
 }
 
-void draw_world(Canvas& canvas, const config::ServiceConfig& config, const std::vector<std::vector<object_tracking::ObjectEstimate>>& tracks,
-                const tracks::Truth* truth, cv::Rect2d area) {
+void draw_world(Canvas& canvas, const config::ServiceConfig& config,
+                const std::vector<std::vector<object_tracking::ObjectEstimate>>& tracks, const tracks::Truth* truth,
+                cv::Rect2d area) {
   const object_tracking::Box& box = config.object_tracking.volume;
   // From the side where no camera stands before the volume: opposite to where the cameras are, turned a little so that
   // neither horizontal axis is seen end on.
@@ -445,7 +449,8 @@ void draw_world(Canvas& canvas, const config::ServiceConfig& config, const std::
     }
     const auto first = std::ranges::find_if(tracks[t], &object_tracking::ObjectEstimate::has_position);
     if (first == tracks[t].end()) continue;
-    const auto last = std::ranges::find_if(tracks[t].rbegin(), tracks[t].rend(), &object_tracking::ObjectEstimate::has_position);
+    const auto last =
+        std::ranges::find_if(tracks[t].rbegin(), tracks[t].rend(), &object_tracking::ObjectEstimate::has_position);
     canvas.disc(view(first->position), 5.5, color);
     canvas.disc(view(first->position), 3.2, white);
     canvas.disc(view(last->position), 5.5, color);
@@ -457,7 +462,8 @@ void draw_world(Canvas& canvas, const config::ServiceConfig& config, const std::
 }  // namespace
 
 cv::Mat draw_track_3d(const config::ServiceConfig& config, const std::string& title,
-                      const std::vector<std::vector<object_tracking::ObjectEstimate>>& tracks, const tracks::Truth* truth) {
+                      const std::vector<std::vector<object_tracking::ObjectEstimate>>& tracks,
+                      const tracks::Truth* truth) {
   constexpr int width = 1760, height = 1120;
   Canvas canvas(width, height, paper);
   canvas.text({36, 50}, title, 17, ink, Align::left, true);
@@ -482,12 +488,12 @@ cv::Mat draw_track_3d(const config::ServiceConfig& config, const std::string& ti
     }
     const double per_cent = tracks[i].empty() ? 0 : 100.0 / double(tracks[i].size());
     std::string text = config::formatted("%zu frame sets: tracking %.0f %%, coasting %.0f %%", tracks[i].size(),
-                              per_cent * double(tracking), per_cent * double(coasting));
+                                         per_cent * double(tracking), per_cent * double(coasting));
     if (comparison) {
       const tracks::TruthFigures f = comparison->figures();
       rms_mm[i] = 1e3 * f.rms_m;
-      text += f.lock_set ? config::formatted("; locked in set %zu; error after it %.1f mm rms, %.1f mm at most", *f.lock_set,
-                                  1e3 * f.rms_m, 1e3 * f.max_m)
+      text += f.lock_set ? config::formatted("; locked in set %zu; error after it %.1f mm rms, %.1f mm at most",
+                                             *f.lock_set, 1e3 * f.rms_m, 1e3 * f.max_m)
                          : "; never near the truth";
     }
     canvas.line({38, y - 4}, {62, y - 4}, track_color(config.targets[i]), 4);
@@ -505,7 +511,9 @@ cv::Mat draw_track_3d(const config::ServiceConfig& config, const std::string& ti
     canvas.line({key_x - 34, 46.5}, {key_x - 8, 46.5}, color, stroke);
     key_x -= 54;
   };
-  const auto has_truth = [&](const object_tracking::TargetOptions& target) { return truth->targets().contains(target.name); };
+  const auto has_truth = [&](const object_tracking::TargetOptions& target) {
+    return truth->targets().contains(target.name);
+  };
   if (truth != nullptr && std::ranges::any_of(config.targets, has_truth)) key("truth", truth_color, 1);
   key("coasting", coasting_color, 3.5);
   key("tracking: the target's colour", track_color(config.targets.front()), 3.5);
@@ -527,8 +535,8 @@ cv::Mat draw_track_3d(const config::ServiceConfig& config, const std::string& ti
       const DrawColor color = track_color(config.targets[i]);
       for_each_piece(tracks[i], [&](const auto& a, const auto& b) {
         canvas.line(plot(capture::seconds(a.at), std::clamp(a.position[axis], plot.y_min, plot.y_max)),
-                    plot(capture::seconds(b.at), std::clamp(b.position[axis], plot.y_min, plot.y_max)), piece_color(b, color),
-                    2.6);
+                    plot(capture::seconds(b.at), std::clamp(b.position[axis], plot.y_min, plot.y_max)),
+                    piece_color(b, color), 2.6);
       });
       if (truth == nullptr) continue;
       const auto it = truth->targets().find(config.targets[i].name);
@@ -569,12 +577,12 @@ cv::Mat draw_track_3d(const config::ServiceConfig& config, const std::string& ti
     for (std::size_t i = 0; i < errors.size(); ++i) {
       if (!(rms_mm[i] > 0 && rms_mm[i] < high)) continue;
       canvas.dashed(plot(t_min, rms_mm[i]), plot(t_max, rms_mm[i]), ink, 1.1);
-      canvas.rimmed_text(plot(t_max, rms_mm[i]) + cv::Point2d(-6 - 90.0 * double(i), -6), config::formatted("rms %.1f", rms_mm[i]),
-                         9, ink, white, Align::right);
+      canvas.rimmed_text(plot(t_max, rms_mm[i]) + cv::Point2d(-6 - 90.0 * double(i), -6),
+                         config::formatted("rms %.1f", rms_mm[i]), 9, ink, white, Align::right);
     }
     if (all.back() > high)
-      canvas.text({right, at_y - 9}, config::formatted("red: beyond the scale, up to %.0f mm", all.back()), 8.5, bad_color,
-                  Align::right);
+      canvas.text({right, at_y - 9}, config::formatted("red: beyond the scale, up to %.0f mm", all.back()), 8.5,
+                  bad_color, Align::right);
   }
   return canvas.finished();
 }

@@ -8,9 +8,9 @@
 #include <string>
 #include <vector>
 
+#include "config/service_config.h"
 #include "pictures/canvas.h"
 #include "pictures/picture_job.h"
-#include "config/service_config.h"
 #include "tracks/truth.h"
 
 namespace huetrack::pictures {
@@ -27,7 +27,8 @@ cv::Mat draw_views(const config::ServiceConfig& config, const PictureJob& job);
 //   title    the headline
 //   tracks   per target (in the order of config.targets), the estimates in time order
 cv::Mat draw_track_3d(const config::ServiceConfig& config, const std::string& title,
-                      const std::vector<std::vector<object_tracking::ObjectEstimate>>& tracks, const tracks::Truth* truth);
+                      const std::vector<std::vector<object_tracking::ObjectEstimate>>& tracks,
+                      const tracks::Truth* truth);
 
 // thread-compatible.
 class PictureWriter {

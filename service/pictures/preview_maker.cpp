@@ -27,8 +27,9 @@ std::array<float, 3> drawing_rgb(const object_tracking::HsiRange& range) {
   return rgb;
 }
 
-msg::PreviewTarget drawn(const calib::Camera& camera, const std::string& name, double radius_m, const object_tracking::ObjectEstimate& estimate,
-                         std::span<const Eigen::Vector3f> particles, int most_particles) {
+msg::PreviewTarget drawn(const calib::Camera& camera, const std::string& name, double radius_m,
+                         const object_tracking::ObjectEstimate& estimate, std::span<const Eigen::Vector3f> particles,
+                         int most_particles) {
   msg::PreviewTarget out;
   out.target(name);
   out.state(static_cast<std::uint32_t>(estimate.state));
@@ -67,7 +68,8 @@ std::array<float, 3> projected_ellipse(const calib::Camera& camera, const Eigen:
           static_cast<float>(std::atan2(major.y(), major.x()))};
 }
 
-std::vector<msg::Preview> make_previews(const config::ServiceConfig& config, const PictureJob& job, capture::Duration clock_offset) {
+std::vector<msg::Preview> make_previews(const config::ServiceConfig& config, const PictureJob& job,
+                                        capture::Duration clock_offset) {
   std::vector<msg::Preview> previews;
   for (std::size_t c = 0; c < job.set.frames.size(); ++c) {
     const auto& frame = job.set.frames[c];

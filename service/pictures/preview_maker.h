@@ -2,16 +2,17 @@
 // thread.
 #pragma once
 
-#include "pictures/picture_job.h"
 #include "config/service_config.h"
 #include "idl/huetrack_view.h"
+#include "pictures/picture_job.h"
 
 namespace huetrack::pictures {
 
 // One per camera that gave a usable frame in this set.
 //   job            as the pipeline made it
 //   clock_offset   is added to capture times
-std::vector<msg::Preview> make_previews(const config::ServiceConfig& config, const PictureJob& job, capture::Duration clock_offset);
+std::vector<msg::Preview> make_previews(const config::ServiceConfig& config, const PictureJob& job,
+                                        capture::Duration clock_offset);
 
 // Everything but host, pid and frame_id.
 msg::Scene make_scene(const config::ServiceConfig& config, bool may_teach, const std::string& why_not);

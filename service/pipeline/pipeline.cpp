@@ -100,7 +100,7 @@ class TrackingTeam {
 
   std::vector<object_tracking::ObjectTracker>& trackers_;
   const int helpers_;
-  std::barrier<> start_, done_;    // what follows is handed over through them
+  std::barrier<> start_, done_;             // what follows is handed over through them
   const capture::FrameSet* set_ = nullptr;  // nullptr at start_: the end
   std::vector<object_tracking::ObjectEstimate>* estimates_ = nullptr;
   std::atomic<std::size_t> next_ = 0;
@@ -111,7 +111,8 @@ class TrackingTeam {
 }  // namespace
 
 Pipeline::Pipeline(const calib::CameraRig& rig, std::vector<std::unique_ptr<capture::FrameSource>> sources,
-                   std::vector<object_tracking::ObjectTracker> trackers, PipelineOptions options, PipelineOutputs outputs)
+                   std::vector<object_tracking::ObjectTracker> trackers, PipelineOptions options,
+                   PipelineOutputs outputs)
     : rig_(rig),
       sources_(std::move(sources)),
       trackers_(std::move(trackers)),
@@ -277,7 +278,8 @@ void Pipeline::put_in_camera_queue(ReadyFrame ready) {
   if (pushed_out && outputs_.camera_left_out) outputs_.camera_left_out(pushed_out->frame);
 }
 
-pictures::PictureJob Pipeline::picture_of(capture::FrameSet set, std::vector<object_tracking::ObjectEstimate> estimates, std::size_t particles) const {
+pictures::PictureJob Pipeline::picture_of(capture::FrameSet set, std::vector<object_tracking::ObjectEstimate> estimates,
+                                          std::size_t particles) const {
   pictures::PictureJob job{std::move(set), std::move(estimates), {}};
   job.particles.reserve(trackers_.size());
   for (const auto& tracker : trackers_) job.particles.push_back(tracker.particles(particles));
@@ -309,8 +311,10 @@ void Pipeline::track() {
       const Stopwatch watch;
       if (outputs_.estimates) outputs_.estimates(ready->set, estimates, ready->received_at);
       if (outputs_.view_wanted && outputs_.view_wanted()) {
-        // Moved where nobody else wants it: then the other thread also frees the images, or gives them back to a driver.
-        outputs_.view(picture_of(outputs_.pictures ? ready->set : std::move(ready->set), estimates, options_.view_particles));
+        // Moved where nobody else wants it: then the other thread also frees the images, or gives them back to a
+        // driver.
+        outputs_.view(
+            picture_of(outputs_.pictures ? ready->set : std::move(ready->set), estimates, options_.view_particles));
       }
       const StageTime published = watch.lap();
       std::uint64_t index = 0;
@@ -392,8 +396,7 @@ void Pipeline::track_camera_frames() {
       figures_.publish += published;
       index = figures_.camera_frames_tracked++;
     }
-    if (outputs_.camera_pictures && index % std::uint64_t(options_.pictures_every) == 0)
-    {
+    if (outputs_.camera_pictures && index % std::uint64_t(options_.pictures_every) == 0) {
       pictures::CameraPictureJob job{std::move(ready->frame), estimate, camera_tracker_->view(), {}};
       if (estimate.has_pose() && job.view.features.empty()) job.start_map = camera_tracker_->map();
       camera_pictures_.push(std::move(job));

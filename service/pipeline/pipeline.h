@@ -25,9 +25,9 @@
 #include "camera_tracking/camera_tracker.h"
 #include "capture/frame_source.h"
 #include "capture/frame_synchronizer.h"
-#include "pipeline/bounded_queue.h"
 #include "object_tracking/object_tracker.h"
 #include "pictures/picture_job.h"
+#include "pipeline/bounded_queue.h"
 #include "pipeline/tracked_camera.h"
 
 namespace huetrack::pipeline {
@@ -44,8 +44,8 @@ struct CameraFigures {
   std::uint64_t corrupted = 0;  // came, but damaged
   std::optional<std::uint32_t> last_sequence;
   std::optional<std::chrono::steady_clock::time_point> last_received;  // with an image
-  std::optional<capture::Timestamp> last_captured;  // the source's clock
-  bool ended = false;                      // its source has no more of it
+  std::optional<capture::Timestamp> last_captured;                     // the source's clock
+  bool ended = false;                                                  // its source has no more of it
 };
 
 // A snapshot of what has happened so far.
@@ -80,15 +80,17 @@ struct PipelineOptions {
   std::vector<capture::Timestamp>
       left_out;  // ascending; sets (FrameSet::at) that are not tracked: a replay of what live dropped
   std::vector<capture::Timestamp> camera_left_out;  // ascending; likewise, frames (captured_at) of the tracked camera
-  int pictures_every = 1;                  // >= 1; every how many-th set goes to the picture output
-  std::size_t view_particles = 0;          // about so many of each target's particles go to the view output; 0: all
+  int pictures_every = 1;                           // >= 1; every how many-th set goes to the picture output
+  std::size_t view_particles = 0;  // about so many of each target's particles go to the view output; 0: all
 };
 
 // Where the results go; an empty function is left out. An exception out of one of them stops the pipeline and comes out
 // of run(). Each is called from one thread only.
 struct PipelineOutputs {
   // Tracking thread; sets in time order, estimates in target order. received_at: UNIX time, when the last frame came.
-  std::function<void(const capture::FrameSet&, std::span<const object_tracking::ObjectEstimate>, capture::Timestamp received_at)> estimates;
+  std::function<void(const capture::FrameSet&, std::span<const object_tracking::ObjectEstimate>,
+                     capture::Timestamp received_at)>
+      estimates;
   // Tracking thread; once a second, when a camera starts or ends, and a last time at the end.
   std::function<void(const PipelineFigures&)> status;
   // Picture thread. It may be slow: replay waits for it, the estimates of the same set are out before.
@@ -116,8 +118,8 @@ struct PipelineOutputs {
 class Pipeline {
  public:
   // One tracker per target. sources yield frames whose `camera` indexes rig.cameras.
-  Pipeline(const calib::CameraRig& rig, std::vector<std::unique_ptr<capture::FrameSource>> sources, std::vector<object_tracking::ObjectTracker> trackers,
-           PipelineOptions options, PipelineOutputs outputs);
+  Pipeline(const calib::CameraRig& rig, std::vector<std::unique_ptr<capture::FrameSource>> sources,
+           std::vector<object_tracking::ObjectTracker> trackers, PipelineOptions options, PipelineOutputs outputs);
   ~Pipeline();
 
   // Returns when every source has ended, or soon after a stop: every set that was tracked is then out, none in part.
@@ -135,8 +137,9 @@ class Pipeline {
   // Trackers that take the place of those of their targets.
   struct Replacement {
     std::vector<std::pair<std::size_t, object_tracking::ObjectTracker>> trackers;  // targets' indices
-    std::optional<capture::Timestamp> from;                                // the first set (FrameSet::at); nullopt: the next one
-    std::function<void(capture::Timestamp)> done = nullptr;  // tracking thread, before that set is tracked; its FrameSet::at
+    std::optional<capture::Timestamp> from;  // the first set (FrameSet::at); nullopt: the next one
+    std::function<void(capture::Timestamp)> done =
+        nullptr;  // tracking thread, before that set is tracked; its FrameSet::at
   };
   void replace_trackers(Replacement replacement);  // no set is lost. thread-safe
 
@@ -155,7 +158,8 @@ class Pipeline {
   void receive(capture::Frame frame);
   void put_in_queue(ReadySet ready);  // synchronizer_mutex_ is held
   void put_in_camera_queue(ReadyFrame ready);
-  pictures::PictureJob picture_of(capture::FrameSet set, std::vector<object_tracking::ObjectEstimate> estimates, std::size_t particles) const;
+  pictures::PictureJob picture_of(capture::FrameSet set, std::vector<object_tracking::ObjectEstimate> estimates,
+                                  std::size_t particles) const;
   void track();
   void note_searches();
   void take_replacements(capture::Timestamp at);
@@ -179,10 +183,10 @@ class Pipeline {
   BoundedQueue<ReadyFrame> camera_frames_;
   BoundedQueue<pictures::CameraPictureJob> camera_pictures_;
 
-  std::mutex synchronizer_mutex_;   // held while sets go into the queue too, which keeps their order
+  std::mutex synchronizer_mutex_;            // held while sets go into the queue too, which keeps their order
   capture::FrameSynchronizer synchronizer_;  // guarded by synchronizer_mutex_
-  std::vector<bool> size_checked_;  // guarded by synchronizer_mutex_
-  std::uint64_t arrivals_ = 0;      // guarded by synchronizer_mutex_
+  std::vector<bool> size_checked_;           // guarded by synchronizer_mutex_
+  std::uint64_t arrivals_ = 0;               // guarded by synchronizer_mutex_
 
   std::mutex replacements_mutex_;
   std::deque<Replacement> replacements_;  // guarded by replacements_mutex_

@@ -12,11 +12,11 @@
 namespace huetrack::pipeline {
 
 struct RecordedReload {
-  capture::Timestamp at;                  // FrameSet::at of the first set that was tracked with it
+  capture::Timestamp at;         // FrameSet::at of the first set that was tracked with it
   std::filesystem::path config;  // the whole configuration from then on
 };
 struct RecordedChanges {
-  std::vector<RecordedReload> reloads;     // in the order in which they happened
+  std::vector<RecordedReload> reloads;              // in the order in which they happened
   std::vector<capture::Timestamp> left_out;         // FrameSet::at, ascending
   std::vector<capture::Timestamp> camera_left_out;  // frames of the tracked camera, ascending
 };

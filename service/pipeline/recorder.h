@@ -18,16 +18,16 @@
 namespace huetrack::pipeline {
 
 struct RecorderOptions {
-  capture::RecordingOptions recording;     // but its folder, which start() and save_pre_roll() name
+  capture::RecordingOptions recording;  // but its folder, which start() and save_pre_roll() name
   std::size_t queue_frames = 32;  // per camera, > 0; more than that are waiting for the disk: the oldest is dropped
   std::optional<capture::PreRollOptions> pre_roll;  // most_bytes is of all cameras; nullopt: none
 };
 
 struct RecorderFigures {
   std::vector<capture::RecordedCameraFigures> cameras;  // of the current or last recording
-  std::vector<std::uint64_t> dropped;          // per camera, by the queues and at the end
+  std::vector<std::uint64_t> dropped;                   // per camera, by the queues and at the end
   std::optional<capture::Duration> pre_roll_that_fits;  // so much of the pre-roll's length has room; nullopt: all of it
-  std::optional<std::string> failure;          // why the current or last recording stopped; nullopt: it did not
+  std::optional<std::string> failure;  // why the current or last recording stopped; nullopt: it did not
 };
 
 // offer() is thread-safe per camera; figures() is thread-safe; the rest is for one supervising thread.
@@ -56,10 +56,10 @@ class Recorder {
   struct Camera {
     Camera(const RecorderOptions& options, std::size_t cameras);
     BoundedQueue<capture::Frame> waiting;
-    std::optional<capture::PreRoll> pre_roll;          // the writing thread's
-    std::atomic<std::int64_t> fits_ns = -1;   // of the pre-roll; -1: all
-    std::atomic<std::uint64_t> given_up = 0;  // frames, at the end
-    std::atomic<bool> is_done = false;        // the thread has written all
+    std::optional<capture::PreRoll> pre_roll;  // the writing thread's
+    std::atomic<std::int64_t> fits_ns = -1;    // of the pre-roll; -1: all
+    std::atomic<std::uint64_t> given_up = 0;   // frames, at the end
+    std::atomic<bool> is_done = false;         // the thread has written all
     std::jthread thread;
   };
   void write(Camera& camera);
@@ -69,7 +69,7 @@ class Recorder {
 
   RecorderOptions options_;  // the supervising thread's
   mutable std::mutex mutex_;
-  std::shared_ptr<capture::RecordingWriter> writer_;                     // guarded by mutex_; who lets go of it last finishes it
+  std::shared_ptr<capture::RecordingWriter> writer_;            // guarded by mutex_; who lets go of it last finishes it
   RecorderFigures last_;                                        // guarded by mutex_; of the recording before
   std::optional<std::chrono::steady_clock::time_point> until_;  // the supervising thread's; nullopt: for ever
   std::vector<std::unique_ptr<Camera>> cameras_;                // last: their threads use the rest

@@ -28,8 +28,9 @@ void TrackedCameraFigures::add(const camera_tracking::CameraEstimate& estimate, 
 
 std::string no_pose_warning(const std::string& camera, const TrackedCameraFigures& figures) {
   if (!figures.without_since || figures.at - *figures.without_since < worth_a_word) return {};
-  return config::formatted("camera %s: no pose for %.0f s (%s)", camera.c_str(), capture::seconds(figures.at - *figures.without_since),
-                   std::string(camera_tracking::name(figures.state)).c_str()) +
+  return config::formatted("camera %s: no pose for %.0f s (%s)", camera.c_str(),
+                           capture::seconds(figures.at - *figures.without_since),
+                           std::string(camera_tracking::name(figures.state)).c_str()) +
          (figures.why.empty() ? "" : ": " + figures.why);
 }
 
@@ -39,7 +40,8 @@ void NoPoseLog::tell(const std::string& camera, const TrackedCameraFigures& figu
   if (!warning.empty() && told_.insert(config::without_numbers(warning)).second) spdlog::warn("{}", warning);
 }
 
-void save_map(const camera_tracking::CameraTracker& tracker, const TrackedCameraFigures& figures, const std::filesystem::path& file) {
+void save_map(const camera_tracking::CameraTracker& tracker, const TrackedCameraFigures& figures,
+              const std::filesystem::path& file) {
   if (figures.had_pose) {
     tracker.save_map(file);
   } else {

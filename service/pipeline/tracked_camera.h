@@ -13,10 +13,11 @@ namespace huetrack::pipeline {
 // A plain value: the tracked camera after its last frame.
 struct TrackedCameraFigures {
   camera_tracking::CameraState state = camera_tracking::CameraState::searching;
-  capture::Timestamp at;                            // capture time of the last frame
-  std::optional<capture::Timestamp> without_since;  // capture time of the first frame without a pose; nullopt: there is one
-  std::string why;                         // what the tracker said last why there is none; empty: nothing
-  bool had_pose = false;                   // in some frame
+  capture::Timestamp at;  // capture time of the last frame
+  std::optional<capture::Timestamp>
+      without_since;      // capture time of the first frame without a pose; nullopt: there is one
+  std::string why;        // what the tracker said last why there is none; empty: nothing
+  bool had_pose = false;  // in some frame
 
   void add(const camera_tracking::CameraEstimate& estimate, const std::string& why_no_pose);
 };
@@ -37,6 +38,7 @@ class NoPoseLog {
 
 // Writes the map, or says in one line of the log that there is none to be kept: an earlier file then stays as it is.
 // throws std::runtime_error naming the file
-void save_map(const camera_tracking::CameraTracker& tracker, const TrackedCameraFigures& figures, const std::filesystem::path& file);
+void save_map(const camera_tracking::CameraTracker& tracker, const TrackedCameraFigures& figures,
+              const std::filesystem::path& file);
 
 }  // namespace huetrack::pipeline

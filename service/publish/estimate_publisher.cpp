@@ -50,7 +50,8 @@ std::array<double, 3> array_of(const Eigen::Vector3d& v) {
 }
 
 // Everything but the names, which do not change, and published_at, which is set last.
-void fill(msg::ObjectPosition& sample, const object_tracking::ObjectEstimate& estimate, capture::Timestamp captured, capture::Timestamp received) {
+void fill(msg::ObjectPosition& sample, const object_tracking::ObjectEstimate& estimate, capture::Timestamp captured,
+          capture::Timestamp received) {
   sample.captured_at(unix_ns(captured));
   sample.received_at(unix_ns(received));
   sample.set_number(estimate.set_number);
@@ -68,7 +69,8 @@ void fill(msg::ObjectPosition& sample, const object_tracking::ObjectEstimate& es
   sample.particle_count(static_cast<std::uint32_t>(estimate.particle_count));
   sample.effective_sample_size(estimate.effective_sample_size);
   for (std::size_t i = 0; i < sample.per_view().size(); ++i) {
-    const object_tracking::ViewSupport view = i < estimate.per_view.size() ? estimate.per_view[i] : object_tracking::ViewSupport{};
+    const object_tracking::ViewSupport view =
+        i < estimate.per_view.size() ? estimate.per_view[i] : object_tracking::ViewSupport{};
     msg::ViewSupport& out = sample.per_view()[i];
     out.delivered(view.delivered);
     out.in_view(view.in_view);
@@ -80,7 +82,8 @@ void fill(msg::ObjectPosition& sample, const object_tracking::ObjectEstimate& es
   }
 }
 
-void fill(msg::CameraPose& sample, const camera_tracking::CameraEstimate& estimate, capture::Timestamp captured, capture::Timestamp received) {
+void fill(msg::CameraPose& sample, const camera_tracking::CameraEstimate& estimate, capture::Timestamp captured,
+          capture::Timestamp received) {
   sample.captured_at(unix_ns(captured));
   sample.received_at(unix_ns(received));
   sample.frame_number(estimate.frame_number);
@@ -182,20 +185,22 @@ idl::ParticipantOptions participant_options(const EstimatePublisherOptions& opti
 struct Connection {
   Connection(const EstimatePublisherOptions& options, Rivals& rivals)
       : participant(participant_options(options), &rivals),
-        position(participant.create_writer(idl::topics::object_position, dds::TypeSupport(new msg::ObjectPositionPubSubType),
+        position(participant.create_writer(idl::topics::object_position,
+                                           dds::TypeSupport(new msg::ObjectPositionPubSubType),
                                            idl::object_position_writer_qos(), rivals.self().user_data())),
         status(participant.create_writer(idl::topics::status, dds::TypeSupport(new msg::ServiceStatusPubSubType),
                                          idl::status_writer_qos(), rivals.self().user_data())) {
     if (!options.tracked_camera.empty())
-      camera = &participant.create_writer(idl::topics::camera_pose, dds::TypeSupport(new msg::CameraPosePubSubType),
-                                          idl::object_position_writer_qos(),
-                                          idl::PublisherIdentity::of_this_process({options.tracked_camera}).user_data());
+      camera = &participant.create_writer(
+          idl::topics::camera_pose, dds::TypeSupport(new msg::CameraPosePubSubType), idl::object_position_writer_qos(),
+          idl::PublisherIdentity::of_this_process({options.tracked_camera}).user_data());
     if (!options.ros2) return;
     using PoseType = geometry_msgs::msg::dds_::PoseWithCovarianceStamped_PubSubType;
     using TfType = tf2_msgs::msg::dds_::TFMessage_PubSubType;
     for (const std::string& name : options.targets)
       poses.push_back(&participant.create_writer(idl::topics::ros2_pose(name), dds::TypeSupport(new PoseType),
-                                                 idl::ros2_writer_qos(), idl::ros2_user_data(idl::ros2_pose_type_hash)));
+                                                 idl::ros2_writer_qos(),
+                                                 idl::ros2_user_data(idl::ros2_pose_type_hash)));
     if (!options.tracked_camera.empty())
       ros_camera = &participant.create_writer(idl::topics::ros2_camera_pose(options.tracked_camera),
                                               dds::TypeSupport(new PoseType), idl::ros2_writer_qos(),
@@ -227,12 +232,14 @@ std::vector<std::string> EstimatePublisherOptions::problems() const {
   std::vector<std::string> sentences;
   if (frame_id.empty() || frame_id.front() == '/')
     sentences.push_back("frame_id \"" + frame_id + "\" must not be empty nor begin with '/'");
-  if (targets.empty() && tracked_camera.empty()) sentences.push_back("there must be at least one target or a tracked camera");
+  if (targets.empty() && tracked_camera.empty())
+    sentences.push_back("there must be at least one target or a tracked camera");
   if (!tracked_camera.empty() && !idl::is_target_name(tracked_camera))
     sentences.push_back("camera \"" + tracked_camera +
                         "\" must be a letter, then letters, digits and single '_': it is part of a ROS 2 topic's name");
   if (std::ranges::find(targets, tracked_camera) != targets.end())
-    sentences.push_back("target " + tracked_camera + " has the name of the tracked camera: both are frames of ROS 2's /tf");
+    sentences.push_back("target " + tracked_camera +
+                        " has the name of the tracked camera: both are frames of ROS 2's /tf");
   for (const std::string& target : targets)
     if (!idl::is_target_name(target))
       sentences.push_back(
@@ -328,8 +335,8 @@ EstimatePublisher::Bus EstimatePublisher::bus(const EstimatePublisherOptions& op
 
 EstimatePublisher::~EstimatePublisher() = default;
 
-bool EstimatePublisher::publish(std::size_t target, const object_tracking::ObjectEstimate& estimate, capture::Timestamp captured,
-                                capture::Timestamp received, Writing* writing) noexcept {
+bool EstimatePublisher::publish(std::size_t target, const object_tracking::ObjectEstimate& estimate,
+                                capture::Timestamp captured, capture::Timestamp received, Writing* writing) noexcept {
   assert(target < impl_->targets.size());
   assert(estimate.per_view.empty() || estimate.per_view.size() == impl_->options.cameras.size());
   Impl::Target& to = impl_->targets[target];
@@ -350,7 +357,8 @@ bool EstimatePublisher::publish(std::size_t target, const object_tracking::Objec
   return impl_->count(ok);
 }
 
-bool EstimatePublisher::publish(const camera_tracking::CameraEstimate& estimate, capture::Timestamp captured, capture::Timestamp received) noexcept {
+bool EstimatePublisher::publish(const camera_tracking::CameraEstimate& estimate, capture::Timestamp captured,
+                                capture::Timestamp received) noexcept {
   assert(!impl_->options.tracked_camera.empty());
   fill(impl_->camera_sample, estimate, captured, received);
   const std::shared_lock lock(impl_->connection_mutex);

@@ -34,8 +34,8 @@ class EstimatePublisher {
   // throws std::invalid_argument on invalid options, a domain, interface or XML file that is wrong (naming it);
   // std::runtime_error when Fast DDS refuses.
   explicit EstimatePublisher(EstimatePublisherOptions options);
-  // Whether the bus can be joined so, without joining it: throws std::invalid_argument as the constructor does. What may
-  // be right on another host, an interface that this one lacks, is returned, one sentence each.
+  // Whether the bus can be joined so, without joining it: throws std::invalid_argument as the constructor does. What
+  // may be right on another host, an interface that this one lacks, is returned, one sentence each.
   static std::vector<std::string> check(const EstimatePublisherOptions& options);
   // The domain, and the network interfaces of this host that would be used: "eth0 192.168.0.5". Those that the options
   // name, or all. throws std::invalid_argument: a domain that is wrong.
@@ -59,11 +59,12 @@ class EstimatePublisher {
   //   received   when the last frame of the set had arrived, UNIX
   //   writing    out, may be null: of the native sample; its ROS 2 copies follow
   // false, and counters().failures is one more, when something could not be written.
-  bool publish(std::size_t target, const object_tracking::ObjectEstimate& estimate, capture::Timestamp captured, capture::Timestamp received,
-               Writing* writing = nullptr) noexcept;
+  bool publish(std::size_t target, const object_tracking::ObjectEstimate& estimate, capture::Timestamp captured,
+               capture::Timestamp received, Writing* writing = nullptr) noexcept;
 
   // The same for the pose of options.tracked_camera: in every state natively, for ROS 2 while there is a pose.
-  bool publish(const camera_tracking::CameraEstimate& estimate, capture::Timestamp captured, capture::Timestamp received) noexcept;
+  bool publish(const camera_tracking::CameraEstimate& estimate, capture::Timestamp captured,
+               capture::Timestamp received) noexcept;
 
   // Host, process id, frame_id and the counters of published samples are added here. Call it about once a second: when
   // the host's network addresses have changed (Wi-Fi or DHCP came up after us), it joins the bus anew, which takes this
@@ -80,8 +81,8 @@ class EstimatePublisher {
   // one of our targets. Any thread.
   std::vector<std::string> warnings() const;
 
-  // How many readers of the native positions and poses there are. A reader that is not counted yet misses what is written now: a
-  // replay that must not lose its beginning waits for it. Any thread.
+  // How many readers of the native positions and poses there are. A reader that is not counted yet misses what is
+  // written now: a replay that must not lose its beginning waits for it. Any thread.
   int subscribers() const;
 
   int domain() const;

@@ -54,8 +54,8 @@ void to_ros(const object_tracking::ObjectEstimate& estimate, capture::Timestamp 
   }
 }
 
-void to_ros(const object_tracking::ObjectEstimate& estimate, capture::Timestamp captured, const std::string& frame_id, const std::string& target,
-            tf2_msgs::msg::dds_::TFMessage_& message) {
+void to_ros(const object_tracking::ObjectEstimate& estimate, capture::Timestamp captured, const std::string& frame_id,
+            const std::string& target, tf2_msgs::msg::dds_::TFMessage_& message) {
   assert(estimate.has_position());
   message.transforms().resize(1);
   auto& transform = message.transforms().front();
@@ -75,8 +75,8 @@ void to_ros(const camera_tracking::CameraEstimate& estimate, capture::Timestamp 
     message.pose().covariance()[static_cast<std::size_t>(i)] = estimate.covariance(i / 6, i % 6);
 }
 
-void to_ros(const camera_tracking::CameraEstimate& estimate, capture::Timestamp captured, const std::string& frame_id, const std::string& camera,
-            tf2_msgs::msg::dds_::TFMessage_& message) {
+void to_ros(const camera_tracking::CameraEstimate& estimate, capture::Timestamp captured, const std::string& frame_id,
+            const std::string& camera, tf2_msgs::msg::dds_::TFMessage_& message) {
   assert(estimate.has_pose());
   message.transforms().resize(1);
   auto& transform = message.transforms().front();

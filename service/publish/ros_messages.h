@@ -19,14 +19,14 @@ namespace huetrack::publish {
 // They fill an existing message, so that a publisher that keeps one does not allocate.
 void to_ros(const object_tracking::ObjectEstimate& estimate, capture::Timestamp captured, const std::string& frame_id,
             geometry_msgs::msg::dds_::PoseWithCovarianceStamped_& message);
-void to_ros(const object_tracking::ObjectEstimate& estimate, capture::Timestamp captured, const std::string& frame_id, const std::string& target,
-            tf2_msgs::msg::dds_::TFMessage_& message);
+void to_ros(const object_tracking::ObjectEstimate& estimate, capture::Timestamp captured, const std::string& frame_id,
+            const std::string& target, tf2_msgs::msg::dds_::TFMessage_& message);
 
-// A camera's pose, of its optical frame (x right, y down, z forward); they require estimate.has_pose(). Child frame: the
-// camera's name.
+// A camera's pose, of its optical frame (x right, y down, z forward); they require estimate.has_pose(). Child frame:
+// the camera's name.
 void to_ros(const camera_tracking::CameraEstimate& estimate, capture::Timestamp captured, const std::string& frame_id,
             geometry_msgs::msg::dds_::PoseWithCovarianceStamped_& message);
-void to_ros(const camera_tracking::CameraEstimate& estimate, capture::Timestamp captured, const std::string& frame_id, const std::string& camera,
-            tf2_msgs::msg::dds_::TFMessage_& message);
+void to_ros(const camera_tracking::CameraEstimate& estimate, capture::Timestamp captured, const std::string& frame_id,
+            const std::string& camera, tf2_msgs::msg::dds_::TFMessage_& message);
 
 }  // namespace huetrack::publish

@@ -98,8 +98,9 @@ std::string ros_name(const std::string& camera) {
 }
 
 visualization_msgs::msg::dds_::MarkerArray_ to_markers(const msg::Scene& scene,
-                                                       std::span<const object_tracking::ObjectEstimate> estimates, capture::Timestamp captured,
-                                                       const std::string& frame_id, const std::string& tracked_camera) {
+                                                       std::span<const object_tracking::ObjectEstimate> estimates,
+                                                       capture::Timestamp captured, const std::string& frame_id,
+                                                       const std::string& tracked_camera) {
   assert(scene.targets().size() == estimates.size());
   const std::int64_t at = captured.time_since_epoch().count();
   visualization_msgs::msg::dds_::MarkerArray_ array;

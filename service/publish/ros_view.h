@@ -18,8 +18,8 @@ namespace huetrack::publish {
 //   captured    capture time, UNIX
 //   tracked_camera  the name of the one that moves, if any: its lines are in its own frame, which /tf moves
 visualization_msgs::msg::dds_::MarkerArray_ to_markers(const msg::Scene& scene,
-                                                       std::span<const object_tracking::ObjectEstimate> estimates, capture::Timestamp captured,
-                                                       const std::string& frame_id,
+                                                       std::span<const object_tracking::ObjectEstimate> estimates,
+                                                       capture::Timestamp captured, const std::string& frame_id,
                                                        const std::string& tracked_camera = "");
 
 sensor_msgs::msg::dds_::CompressedImage_ to_ros_image(const msg::Preview& preview);

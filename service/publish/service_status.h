@@ -1,4 +1,5 @@
-// What the service says about itself, published on the status topic about once a second and on every change. A plain value.
+// What the service says about itself, published on the status topic about once a second and on every change. A plain
+// value.
 #pragma once
 
 #include <cstdint>
@@ -13,31 +14,31 @@ struct CameraStatus {
   std::string name;
   enum class Health : std::uint8_t { waiting, delivering, stalled, absent, ended };
   Health health = Health::waiting;
-  std::string message;                 // what is wrong and what to do; empty when all is well
-  std::uint64_t frames = 0;            // since the start
-  std::uint64_t dropped = 0;           // sequence gaps
+  std::string message;        // what is wrong and what to do; empty when all is well
+  std::uint64_t frames = 0;   // since the start
+  std::uint64_t dropped = 0;  // sequence gaps
   std::uint64_t corrupted = 0;
-  double rate_hz = 0;                  // over the last seconds
-  double age_s = 0;                    // since the last frame was received
-  bool is_used = true;                 // false: a camera of the rig that the configuration leaves out
+  double rate_hz = 0;   // over the last seconds
+  double age_s = 0;     // since the last frame was received
+  bool is_used = true;  // false: a camera of the rig that the configuration leaves out
 };
 
 struct ServiceStatus {
-  capture::Timestamp at;                        // UNIX time
+  capture::Timestamp at;  // UNIX time
   std::string program_version;
-  std::string mode;                    // "replay" or "run"
+  std::string mode;  // "replay" or "run"
   std::string config_file;
-  std::string config_identity;         // hash of the resolved configuration
-  std::string rig_identity;            // rig_identity() of the rig in use
-  double clock_offset_s = 0;           // published capture time minus the recording's own clock; 0 live
-  double set_rate_hz = 0;              // frame sets tracked per second, over the last seconds
+  std::string config_identity;  // hash of the resolved configuration
+  std::string rig_identity;     // rig_identity() of the rig in use
+  double clock_offset_s = 0;    // published capture time minus the recording's own clock; 0 live
+  double set_rate_hz = 0;       // frame sets tracked per second, over the last seconds
   std::uint64_t sets = 0;
   std::uint64_t incomplete_sets = 0;
   std::uint64_t late_frames = 0;
-  std::uint64_t dropped_sets = 0;      // by the queue, because tracking was too slow
+  std::uint64_t dropped_sets = 0;  // by the queue, because tracking was too slow
   std::vector<CameraStatus> cameras;
-  std::vector<std::string> targets;    // names
-  std::vector<std::string> warnings;   // one sentence each
+  std::vector<std::string> targets;   // names
+  std::vector<std::string> warnings;  // one sentence each
 };
 
 }  // namespace huetrack::publish

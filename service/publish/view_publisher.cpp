@@ -27,8 +27,10 @@ int readers_of(const dds::DataWriter& writer) {
   return matched.current_count;
 }
 
-static_assert(static_cast<std::uint32_t>(camera_tracking::CameraMapPoint::State::not_sought) == msg::CAMERA_MAP_POINT_NOT_SOUGHT &&
-              static_cast<std::uint32_t>(camera_tracking::CameraMapPoint::State::missed) == msg::CAMERA_MAP_POINT_MISSED &&
+static_assert(static_cast<std::uint32_t>(camera_tracking::CameraMapPoint::State::not_sought) ==
+                  msg::CAMERA_MAP_POINT_NOT_SOUGHT &&
+              static_cast<std::uint32_t>(camera_tracking::CameraMapPoint::State::missed) ==
+                  msg::CAMERA_MAP_POINT_MISSED &&
               static_cast<std::uint32_t>(camera_tracking::CameraMapPoint::State::found) == msg::CAMERA_MAP_POINT_FOUND);
 
 constexpr std::size_t most_map_points = 1000;  // 45 kB: one UDP datagram
@@ -61,8 +63,8 @@ struct Connection {
                      .domain = options.domain,
                      .interfaces = options.interfaces,
                      .profiles = options.profiles}),
-        scene(participant.create_writer(idl::topics::scene, dds::TypeSupport(new msg::ScenePubSubType), idl::status_writer_qos(),
-                                        who)),
+        scene(participant.create_writer(idl::topics::scene, dds::TypeSupport(new msg::ScenePubSubType),
+                                        idl::status_writer_qos(), who)),
         preview(participant.create_writer(idl::topics::preview, dds::TypeSupport(new msg::PreviewPubSubType),
                                           idl::preview_writer_qos(), who)),
         reply(participant.create_writer(idl::topics::teach_reply, dds::TypeSupport(new msg::TeachReplyPubSubType),
@@ -80,14 +82,16 @@ struct Connection {
     for (const std::string& camera : options.cameras) {
       const std::string name = ros_name(camera);
       images.push_back(&participant.create_writer(idl::topics::ros2_image(name), dds::TypeSupport(new ImageType),
-                                                  idl::ros2_writer_qos(), idl::ros2_user_data(idl::ros2_image_type_hash)));
+                                                  idl::ros2_writer_qos(),
+                                                  idl::ros2_user_data(idl::ros2_image_type_hash)));
       infos.push_back(&participant.create_writer(idl::topics::ros2_camera_info(name), dds::TypeSupport(new InfoType),
-                                                 idl::ros2_writer_qos(), idl::ros2_user_data(idl::ros2_camera_info_type_hash)));
+                                                 idl::ros2_writer_qos(),
+                                                 idl::ros2_user_data(idl::ros2_camera_info_type_hash)));
     }
-    markers = &participant.create_writer(idl::topics::ros2_markers, dds::TypeSupport(new MarkersType), idl::ros2_writer_qos(),
-                                         idl::ros2_user_data(idl::ros2_markers_type_hash));
-    tf_static = &participant.create_writer(idl::topics::ros2_tf_static, dds::TypeSupport(new TfType), idl::status_writer_qos(),
-                                           idl::ros2_user_data(idl::ros2_tf_type_hash));
+    markers = &participant.create_writer(idl::topics::ros2_markers, dds::TypeSupport(new MarkersType),
+                                         idl::ros2_writer_qos(), idl::ros2_user_data(idl::ros2_markers_type_hash));
+    tf_static = &participant.create_writer(idl::topics::ros2_tf_static, dds::TypeSupport(new TfType),
+                                           idl::status_writer_qos(), idl::ros2_user_data(idl::ros2_tf_type_hash));
   }
 
   idl::DdsParticipant participant;
@@ -157,7 +161,8 @@ bool ViewPublisher::publish(const camera_tracking::CameraMap& map, capture::Time
   return impl_->connection->map->write(&*impl_->map);
 }
 
-bool ViewPublisher::publish(std::span<const object_tracking::ObjectEstimate> estimates, capture::Timestamp captured) noexcept {
+bool ViewPublisher::publish(std::span<const object_tracking::ObjectEstimate> estimates,
+                            capture::Timestamp captured) noexcept {
   dds::DataWriter* const markers = impl_->connection->markers;
   if (markers == nullptr || !impl_->scene || readers_of(*markers) == 0) return true;
   auto array = to_markers(*impl_->scene, estimates, captured, impl_->options.frame_id, impl_->options.tracked_camera);

@@ -25,7 +25,8 @@ class ViewPublisher {
   // Each fills in what identifies this process where the message has it. False when it could not be written.
   bool publish(msg::Scene scene) noexcept;  // kept, and sent to who comes late
   bool publish(const msg::Preview& preview) noexcept;
-  bool publish(const camera_tracking::CameraMap& map, capture::Timestamp captured) noexcept;  // of options.tracked_camera, which must be given
+  bool publish(const camera_tracking::CameraMap& map,
+               capture::Timestamp captured) noexcept;  // of options.tracked_camera, which must be given
   bool publish(const msg::TeachReply& reply) noexcept;
   // For RViz: the markers of these targets (those of the last scene, in its order). Nothing without ROS 2.
   bool publish(std::span<const object_tracking::ObjectEstimate> estimates, capture::Timestamp captured) noexcept;

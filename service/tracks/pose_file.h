@@ -10,13 +10,14 @@
 
 namespace huetrack::tracks {
 
-std::string to_tum_line(const camera_tracking::CameraEstimate& estimate);  // without the line's end; requires has_pose()
+std::string to_tum_line(
+    const camera_tracking::CameraEstimate& estimate);  // without the line's end; requires has_pose()
 
 // thread-compatible.
 class PoseFileWriter {
  public:
   explicit PoseFileWriter(std::filesystem::path file);  // throws std::system_error, naming the file; so do the others
-  void write(const camera_tracking::CameraEstimate& estimate);           // nothing in states but tracking
+  void write(const camera_tracking::CameraEstimate& estimate);  // nothing in states but tracking
   void flush();
 
  private:

@@ -24,7 +24,8 @@ void append(std::string& row, double value) {
 }
 
 std::optional<object_tracking::TrackState> track_state_of(std::string_view word) {
-  for (const auto state : {object_tracking::TrackState::searching, object_tracking::TrackState::tracking, object_tracking::TrackState::coasting, object_tracking::TrackState::lost}) {
+  for (const auto state : {object_tracking::TrackState::searching, object_tracking::TrackState::tracking,
+                           object_tracking::TrackState::coasting, object_tracking::TrackState::lost}) {
     if (object_tracking::name(state) == word) return state;
   }
   return std::nullopt;

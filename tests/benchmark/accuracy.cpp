@@ -26,17 +26,21 @@ void check(const char* what, double value, const char* unit, double low, double 
 }
 
 void print_header(const figures::Sequence& s, const std::string& target) {
-  std::printf("\n%s, %s: %zu frame sets, %zu cameras\n", s.name.c_str(), target.c_str(), s.sets.size(), s.rig.cameras.size());
-  std::printf("  %-18s %5s %9s %9s | %9s %9s | %7s %6s %6s | %5s %5s\n", "", "lock", "rms mm", "max mm", "2+ rms mm", "2+ max mm",
-              "none", "wrong", "return", "NEES", "in95");
+  std::printf("\n%s, %s: %zu frame sets, %zu cameras\n", s.name.c_str(), target.c_str(), s.sets.size(),
+              s.rig.cameras.size());
+  std::printf("  %-18s %5s %9s %9s | %9s %9s | %7s %6s %6s | %5s %5s\n", "", "lock", "rms mm", "max mm", "2+ rms mm",
+              "2+ max mm", "none", "wrong", "return", "NEES", "in95");
 }
 
 void print_row(const char* who, const figures::TrackingFigures& f, bool with_covariance) {
   std::printf("  %-18s %5s %9.1f %9.1f | %9.1f %9.1f | %3zu/%3zu %6zu %6zu |", who,
-              f.lock_set ? std::to_string(*f.lock_set).c_str() : "never", 1e3 * f.rms_m, 1e3 * f.max_m, 1e3 * f.rms_two_views_m,
-              1e3 * f.max_two_views_m, f.without_answer, f.sets, f.wrong_tracking, f.longest_return);
-  if (with_covariance) std::printf(" %5.2f %4.0f%%\n", f.mean_nees, 100 * f.share_inside_95);
-  else std::printf("     -     -\n");
+              f.lock_set ? std::to_string(*f.lock_set).c_str() : "never", 1e3 * f.rms_m, 1e3 * f.max_m,
+              1e3 * f.rms_two_views_m, 1e3 * f.max_two_views_m, f.without_answer, f.sets, f.wrong_tracking,
+              f.longest_return);
+  if (with_covariance)
+    std::printf(" %5.2f %4.0f%%\n", f.mean_nees, 100 * f.share_inside_95);
+  else
+    std::printf("     -     -\n");
 }
 
 // Sums up what `honest` reads; mean_nees and share_inside_95 become sums over the compared sets.
@@ -68,15 +72,17 @@ int main(int argc, char** argv) {
     std::fprintf(stderr, "accuracy: no recordings in %s\n", figures::shared_data().c_str());
     return 2;
   }
-  std::puts("lock: first frame set in `tracking` within 50 mm of the truth. rms, max: every set with a position from then on.\n"
-            "2+: of those, where two or more views see more than half of the ball. none: sets without a position.\n"
-            "wrong: sets that say `tracking` and are over 10 cm off. return: longest wait in sets for `tracking` while two\n"
-            "views see the ball. NEES: 3 is perfect. in95: truth inside the 95 % ellipsoid.");
+  std::puts(
+      "lock: first frame set in `tracking` within 50 mm of the truth. rms, max: every set with a position from then "
+      "on.\n"
+      "2+: of those, where two or more views see more than half of the ball. none: sets without a position.\n"
+      "wrong: sets that say `tracking` and are over 10 cm off. return: longest wait in sets for `tracking` while two\n"
+      "views see the ball. NEES: 3 is perfect. in95: truth inside the 95 % ellipsoid.");
 
   struct Case {
     const char* folder;
     int every;
-    std::vector<unsigned> phases;          // each a play of the recording; the covariance is judged over all of them together
+    std::vector<unsigned> phases;  // each a play of the recording; the covariance is judged over all of them together
     std::vector<object_tracking::TargetOptions> targets;
     std::function<void(const figures::TrackingFigures& ours, const figures::TrackingFigures& blob)> must;
   };
@@ -89,52 +95,72 @@ int main(int argc, char** argv) {
     for (std::size_t v = 0; v < 3; ++v) {
       const figures::TrackingFigures::Seen& s = f.by_views[v];
       if (s.sets == 0) continue;
-      std::printf("    %-21s %4zu sets, `tracking` in %4zu, a position in %4zu", who[v], s.sets, s.tracking, s.compared);
+      std::printf("    %-21s %4zu sets, `tracking` in %4zu, a position in %4zu", who[v], s.sets, s.tracking,
+                  s.compared);
       if (s.compared > 0) {
         const double m = static_cast<double>(s.compared);
-        std::printf(": %6.1f mm rms, %6.1f mm max, NEES %4.1f, %3.0f %% in95", 1e3 * std::sqrt(s.sum_error2 / m), 1e3 * s.max_m,
-                    s.sum_nees / m, 100 * static_cast<double>(s.inside_95) / m);
+        std::printf(": %6.1f mm rms, %6.1f mm max, NEES %4.1f, %3.0f %% in95", 1e3 * std::sqrt(s.sum_error2 / m),
+                    1e3 * s.max_m, s.sum_nees / m, 100 * static_cast<double>(s.inside_95) / m);
       }
       std::printf("\n");
     }
-    if (f.by_views[0].sets + f.by_views[1].sets > 0) std::printf("    largest jump where fewer than two do: %.1f mm\n", 1e3 * f.largest_jump_m);
+    if (f.by_views[0].sets + f.by_views[1].sets > 0)
+      std::printf("    largest jump where fewer than two do: %.1f mm\n", 1e3 * f.largest_jump_m);
   };
   const std::vector<Case> cases{
-      {"rendered/two_cams", 1, {0}, {figures::lime_ball()},
+      {"rendered/two_cams",
+       1,
+       {0},
+       {figures::lime_ball()},
        [&](const figures::TrackingFigures& f, const figures::TrackingFigures& blob) {
          check("lock", f.lock_set ? static_cast<double>(*f.lock_set) : 1e6, "set", -1e9, 3);
          check("rms, against the blob's", 1e3 * f.rms_m, "mm", -1e9, 1e3 * blob.rms_m);
          check("max", 1e3 * f.max_m, "mm", -1e9, 12);
        }},
-      {"rendered/occlusion", 1, {0}, {figures::pink_ball(), figures::lime_ball()},
+      {"rendered/occlusion",
+       1,
+       {0},
+       {figures::pink_ball(), figures::lime_ball()},
        [&](const figures::TrackingFigures& f, const figures::TrackingFigures&) {
          check("rms where two or more views see the ball", 1e3 * f.rms_two_views_m, "mm", -1e9, 5);
          check("sets until `tracking` when two views see it", static_cast<double>(f.longest_return), "sets", -1e9, 3);
        }},
-      {"rendered/fast_60fps", 1, {0}, {figures::pink_ball()},
+      {"rendered/fast_60fps",
+       1,
+       {0},
+       {figures::pink_ball()},
        [&](const figures::TrackingFigures& f, const figures::TrackingFigures& blob) {
          check("rms, against 1.2 times the blob's", 1e3 * f.rms_m, "mm", -1e9, 1.2e3 * blob.rms_m);
        }},
       // Every way in which three free-running cameras of half the rate can share the frames out.
-      {"rendered/fast_60fps", 2, {0b010, 0b101, 0b001, 0b110, 0b100, 0b011}, {figures::pink_ball()},
-       [&](const figures::TrackingFigures& f, const figures::TrackingFigures&) { check("rms", 1e3 * f.rms_m, "mm", -1e9, 12); }},
+      {"rendered/fast_60fps",
+       2,
+       {0b010, 0b101, 0b001, 0b110, 0b100, 0b011},
+       {figures::pink_ball()},
+       [&](const figures::TrackingFigures& f, const figures::TrackingFigures&) {
+         check("rms", 1e3 * f.rms_m, "mm", -1e9, 12);
+       }},
   };
   for (const Case& c : cases) {
     for (const object_tracking::TargetOptions& target : c.targets) {
-      std::vector<figures::TrackingFigures> all(static_cast<std::size_t>(seeds));     // over the phases
+      std::vector<figures::TrackingFigures> all(static_cast<std::size_t>(seeds));  // over the phases
       for (const unsigned phases : c.phases) {
         const figures::Sequence sequence = figures::load_sequence(figures::shared_data() / c.folder, c.every, phases);
         print_header(sequence, target.name);
-        const figures::TrackingFigures blob = figures::figures_of(sequence, target.name, figures::track_blob(sequence, target));
+        const figures::TrackingFigures blob =
+            figures::figures_of(sequence, target.name, figures::track_blob(sequence, target));
         print_row("OpenCV blob", blob, false);
         for (int seed = 1; seed <= seeds; ++seed) {
-          const auto options = figures::rendered_options(object_tracking::Observation::paper, static_cast<std::uint64_t>(seed));
+          const auto options =
+              figures::rendered_options(object_tracking::Observation::paper, static_cast<std::uint64_t>(seed));
           print_row(("paper, seed " + std::to_string(seed)).c_str(),
                     figures::figures_of(sequence, target.name, figures::track(sequence, target, options)), true);
         }
         for (int seed = 1; seed <= seeds; ++seed) {
-          const auto options = figures::rendered_options(object_tracking::Observation::huetrack, static_cast<std::uint64_t>(seed));
-          const figures::TrackingFigures ours = figures::figures_of(sequence, target.name, figures::track(sequence, target, options));
+          const auto options =
+              figures::rendered_options(object_tracking::Observation::huetrack, static_cast<std::uint64_t>(seed));
+          const figures::TrackingFigures ours =
+              figures::figures_of(sequence, target.name, figures::track(sequence, target, options));
           print_row(("huetrack, seed " + std::to_string(seed)).c_str(), ours, true);
           c.must(ours, blob);
           add(all[static_cast<std::size_t>(seed - 1)], ours);
@@ -149,13 +175,19 @@ int main(int argc, char** argv) {
   if (figures::have("red_square_stereo")) {
     const figures::Sequence sequence = figures::load_sequence(figures::shared_data() / "red_square_stereo");
     const object_tracking::TargetOptions target = figures::red_square();
-    std::printf("\nred_square_stereo (real): sets of %zu whose estimate projects inside the red square in both views\n", sequence.sets.size());
-    std::printf("  OpenCV blob        %zu\n", figures::inside_red_square(sequence, figures::track_blob(sequence, target)));
+    std::printf("\nred_square_stereo (real): sets of %zu whose estimate projects inside the red square in both views\n",
+                sequence.sets.size());
+    std::printf("  OpenCV blob        %zu\n",
+                figures::inside_red_square(sequence, figures::track_blob(sequence, target)));
     for (int seed = 1; seed <= seeds; ++seed) {
       const auto s = static_cast<std::uint64_t>(seed);
       std::printf("  paper, seed %d      %zu\n", seed,
-                  figures::inside_red_square(sequence, figures::track(sequence, target, figures::red_square_options(object_tracking::Observation::paper, s))));
-      const auto inside = figures::inside_red_square(sequence, figures::track(sequence, target, figures::red_square_options(object_tracking::Observation::huetrack, s)));
+                  figures::inside_red_square(
+                      sequence, figures::track(sequence, target,
+                                               figures::red_square_options(object_tracking::Observation::paper, s))));
+      const auto inside = figures::inside_red_square(
+          sequence,
+          figures::track(sequence, target, figures::red_square_options(object_tracking::Observation::huetrack, s)));
       std::printf("  huetrack, seed %d   %zu\n", seed, inside);
       check("inside the red square in both views", static_cast<double>(inside), "sets", 112, 1e9);
     }

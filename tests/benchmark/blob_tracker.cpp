@@ -10,12 +10,14 @@
 namespace huetrack::figures {
 
 BlobTracker blob_tracker_for(const calib::CameraRig& rig, const object_tracking::TargetOptions& target) {
-  if (target.name == "red") return BlobTracker(rig, {{{171, 210, 80}, {178, 255, 145}}, {{169, 120, 140}, {178, 165, 190}}}, 8);
+  if (target.name == "red")
+    return BlobTracker(rig, {{{171, 210, 80}, {178, 255, 145}}, {{169, 120, 140}, {178, 165, 190}}}, 8);
   const HsvRange color{{target.color.hue_min_deg / 2, 0.3 * 255, 0.25 * 255}, {target.color.hue_max_deg / 2, 255, 255}};
   return BlobTracker(rig, std::vector<HsvRange>(rig.cameras.size(), color), 8);
 }
 
-BlobTracker::BlobTracker(const calib::CameraRig& rig, std::vector<HsvRange> colors, int min_area) : min_area_(min_area) {
+BlobTracker::BlobTracker(const calib::CameraRig& rig, std::vector<HsvRange> colors, int min_area)
+    : min_area_(min_area) {
   for (const calib::Camera& camera : rig.cameras) {
     PerCamera c;
     c.color = colors[cameras_.size()];
@@ -46,14 +48,15 @@ const cv::Mat& BlobTracker::mask_of(const capture::Image& image, std::size_t cam
 }
 
 std::optional<Eigen::Vector3d> BlobTracker::locate(const capture::FrameSet& set) {
-  std::vector<std::pair<std::size_t, cv::Point2d>> seen;      // undistorted, normalised
+  std::vector<std::pair<std::size_t, cv::Point2d>> seen;  // undistorted, normalised
   for (std::size_t i = 0; i < cameras_.size(); ++i) {
     if (!set.frames[i] || set.frames[i]->status != capture::FrameStatus::ok) continue;
     cv::Mat labels, stats, centroids;
     const int n = cv::connectedComponentsWithStats(mask_of(set.frames[i]->pixels, i), labels, stats, centroids);
     int largest = 0;
     for (int label = 1; label < n; ++label) {
-      if (largest == 0 || stats.at<int>(label, cv::CC_STAT_AREA) > stats.at<int>(largest, cv::CC_STAT_AREA)) largest = label;
+      if (largest == 0 || stats.at<int>(label, cv::CC_STAT_AREA) > stats.at<int>(largest, cv::CC_STAT_AREA))
+        largest = label;
     }
     if (largest == 0 || stats.at<int>(largest, cv::CC_STAT_AREA) < min_area_) continue;
     std::vector<cv::Point2d> px{{centroids.at<double>(largest, 0), centroids.at<double>(largest, 1)}}, ideal;

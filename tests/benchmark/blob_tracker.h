@@ -1,5 +1,5 @@
-// What a user would write instead with OpenCV: convert every image, threshold the colour, take the largest blob, undistort
-// its centre, triangulate. The yardstick of the accuracy and speed figures; no part of huetrack.
+// What a user would write instead with OpenCV: convert every image, threshold the colour, take the largest blob,
+// undistort its centre, triangulate. The yardstick of the accuracy and speed figures; no part of huetrack.
 #pragma once
 
 #include <Eigen/Core>
@@ -14,7 +14,9 @@
 namespace huetrack::figures {
 
 // OpenCV's 8-bit HSV: hue 0..180, may not wrap.
-struct HsvRange { cv::Scalar low, high; };
+struct HsvRange {
+  cv::Scalar low, high;
+};
 
 class BlobTracker {
  public:
@@ -30,7 +32,7 @@ class BlobTracker {
  private:
   struct PerCamera {
     cv::Mat k, distortion;
-    cv::Matx34d projection;              // normalised image coordinates from the world
+    cv::Matx34d projection;  // normalised image coordinates from the world
     HsvRange color;
     cv::Mat bgr, hsv, mask;
   };
@@ -38,8 +40,8 @@ class BlobTracker {
   std::vector<PerCamera> cameras_;
 };
 
-// The best that was found for data/rendered (hue as the target's, S > 0.3, V > 0.25: darker pixels have any hue) and, from
-// its README, for data/red_square_stereo.
+// The best that was found for data/rendered (hue as the target's, S > 0.3, V > 0.25: darker pixels have any hue) and,
+// from its README, for data/red_square_stereo.
 BlobTracker blob_tracker_for(const calib::CameraRig& rig, const object_tracking::TargetOptions& target);
 
 }  // namespace huetrack::figures

@@ -19,11 +19,11 @@
 #include <string>
 #include <vector>
 
-#include "calib/model/rig_yaml.h"
 #include "calib/board/board_yaml.h"
+#include "calib/gather/find_boards.h"
+#include "calib/model/rig_yaml.h"
 #include "calib/solver/extrinsics.h"
 #include "calib/solver/world_frame.h"
-#include "calib/gather/find_boards.h"
 #include "solver/synthetic_rig.h"
 
 namespace {
@@ -84,11 +84,12 @@ void stereo() {
   if (!is_there("opencv_chessboard_stereo")) return;
   const board::Board board{.columns = 9, .rows = 6, .pitch = {0.025, 0.025}};
   const gather::FoundBoards found = look(board, {"left=" + data("opencv_chessboard_stereo/left*.jpg").string(),
-                                         "right=" + data("opencv_chessboard_stereo/right*.jpg").string()});
+                                                 "right=" + data("opencv_chessboard_stereo/right*.jpg").string()});
   for (int c = 0; c < 2; ++c) {
     const gather::CameraSighting& camera = found.cameras[std::size_t(c)];
     figure(camera.name + ": boards found of 13", camera.boards, "", 13, 13);
-    const solver::Intrinsics lens = solver::calibrate_intrinsics(board, camera.name, camera.image_size, views_of(found, c));
+    const solver::Intrinsics lens =
+        solver::calibrate_intrinsics(board, camera.name, camera.image_size, views_of(found, c));
     figure(camera.name + ": views used", lens.adjustment.views_used(0), "", 13, 13);
     figure(camera.name + ": rms", lens.adjustment.rms_px, "px", any_low, c == 0 ? 0.20 : 0.21);
     figure(camera.name + ": fx", lens.adjustment.cameras[0].parameters(0), "px", 0.995 * 534, 1.005 * 536);
@@ -187,7 +188,8 @@ struct RigOnCorners {
   double flatness_mm = 0;  // rms distance of a set's corners from the true board, after the best motion
 };
 
-RigOnCorners on_corners(const calib::CameraRig& rig, const board::Board& board, const std::vector<solver::BoardView>& views) {
+RigOnCorners on_corners(const calib::CameraRig& rig, const board::Board& board,
+                        const std::vector<solver::BoardView>& views) {
   std::map<int, std::map<int, std::vector<std::pair<int, Vector2d>>>> sets;  // set -> corner -> (camera, px)
   for (const solver::BoardView& view : views) {
     for (std::size_t k = 0; k < view.ids.size(); ++k) sets[view.set][view.ids[k]].emplace_back(view.camera, view.px[k]);
@@ -292,12 +294,12 @@ void charuco() {
   const std::string folder = "caliscope_charuco_4cam/post_optimization/";
   if (!is_there(folder)) return;
   const board::Board board{.type = board::BoardType::charuco,
-                    .columns = 4,
-                    .rows = 5,
-                    .pitch = {0.054, 0.054},
-                    .marker = 0.0405,
-                    .dictionary = "DICT_4X4_1000",
-                    .inverted = true};
+                           .columns = 4,
+                           .rows = 5,
+                           .pitch = {0.054, 0.054},
+                           .marker = 0.0405,
+                           .dictionary = "DICT_4X4_1000",
+                           .inverted = true};
   const gather::FoundBoards found = look(board, {data(folder + "calibration/extrinsic").string()});
   const calib::CameraRig reference = reference_rig(data(folder + "camera_array.toml"));
   // The board is carried around, and the cameras do not expose together: only where it (nearly) rests do they see the
@@ -322,8 +324,9 @@ void charuco() {
   for (std::size_t c = 0; c < cameras.size(); ++c) cameras[c].model = reference.cameras[c].model;
   const solver::Extrinsics rig = solver::calibrate_extrinsics(board, cameras, found.views);
   const RigOnCorners ours_all = print("huetrack, the reference's lenses", solver::rig_of(rig.adjustment));
-  std::printf("    %s; %d corners used, %d views dropped\n", rig.lens_reason.c_str(), rig.adjustment.corners_used,
-              int(std::ranges::count_if(rig.adjustment.fits, [](const solver::ViewFit& fit) { return !fit.dropped.empty(); })));
+  std::printf(
+      "    %s; %d corners used, %d views dropped\n", rig.lens_reason.c_str(), rig.adjustment.corners_used,
+      int(std::ranges::count_if(rig.adjustment.fits, [](const solver::ViewFit& fit) { return !fit.dropped.empty(); })));
   const RigOnCorners every =
       print("the same, no view dropped", solver::rig_of(solver::adjust(rig.adjustment, {.find_outliers = false})));
   const auto off = centre_distances_mm(solver::rig_of(rig.adjustment), reference);
@@ -346,7 +349,8 @@ void red_square() {
   if (!is_there("red_square_stereo/calibration_images")) return;
   const std::string folder = data("red_square_stereo/calibration_images/").string();
   const board::Board board{.columns = 6, .rows = 6, .pitch = {0.0354, 0.0358}};
-  const gather::FoundBoards found = look(board, {"cam1=" + folder + "camera_1_*.png", "cam2=" + folder + "camera_2_*.png"});
+  const gather::FoundBoards found =
+      look(board, {"cam1=" + folder + "camera_1_*.png", "cam2=" + folder + "camera_2_*.png"});
   figure("boards found of 14", found.cameras[0].boards + found.cameras[1].boards, "", 14, 14);
   int opencv = 0;
   for (const char* camera : {"1", "2"}) {
@@ -382,13 +386,15 @@ void rendered() {
     figure(found.cameras[c].name + ": boards found", found.cameras[c].boards, "", least[c], any_high);
   const solver::Extrinsics rig = solver::calibrate_extrinsics(rendered_board(), unknown(found), found.views);
   for (std::size_t c = 0; c < 3; ++c) {
-    const solver::LensParameters l = rig.adjustment.cameras[c].parameters, t = solver::parameters_of(truth.cameras[c].model);
+    const solver::LensParameters l = rig.adjustment.cameras[c].parameters,
+                                 t = solver::parameters_of(truth.cameras[c].model);
     figure(found.cameras[c].name + ": fx off by", 100 * (l(0) / t(0) - 1), "%", -0.4, 0.4);
     figure(found.cameras[c].name + ": fy off by", 100 * (l(1) / t(1) - 1), "%", -0.4, 0.4);
     figure(found.cameras[c].name + ": principal point off by", (l - t).segment<2>(2).norm(), "px", any_low, 2);
   }
   figure("volume of 2x2x2 m, after rigid alignment",
-         1000 * solver::volume_rms_m(truth, solver::rig_of(rig.adjustment), {-1, -1, 0.1}, {1, 1, 2.1}), "mm", any_low, 2);
+         1000 * solver::volume_rms_m(truth, solver::rig_of(rig.adjustment), {-1, -1, 0.1}, {1, 1, 2.1}), "mm", any_low,
+         2);
 }
 
 // ---- are the bounds true?
@@ -415,7 +421,8 @@ void bounds() {
       views.push_back(std::move(view));
     }
     const solver::Adjustment a =
-        solver::calibrate_extrinsics(rendered_board(), cameras, views, {.refine_lens = solver::RefineLens::yes}).adjustment;
+        solver::calibrate_extrinsics(rendered_board(), cameras, views, {.refine_lens = solver::RefineLens::yes})
+            .adjustment;
     const auto count = [&](std::size_t kind, double error, double sigma) {
       ++all[kind];
       inside[kind] += std::abs(error) <= 1.96 * sigma ? 1 : 0;
@@ -427,10 +434,12 @@ void bounds() {
       for (int i = 0; i < solver::parameter_count(a.cameras[std::size_t(c)].lens); ++i)
         count(i < 2 ? 0U : i < 4 ? 1U : 2U, off(i), sigma(i));
       if (c == 0) continue;  // the reference
-      const auto relative = [](const calib::Rigid3d& camera, const calib::Rigid3d& reference) { return camera * calib::inverse(reference); };
+      const auto relative = [](const calib::Rigid3d& camera, const calib::Rigid3d& reference) {
+        return camera * calib::inverse(reference);
+      };
       const calib::Tangent6d error =
           calib::log(relative(truth.cameras[std::size_t(c)].cam_from_world, truth.cameras[0].cam_from_world) *
-              calib::inverse(relative(a.cameras[std::size_t(c)].cam_from_world, a.cameras[0].cam_from_world)));
+                     calib::inverse(relative(a.cameras[std::size_t(c)].cam_from_world, a.cameras[0].cam_from_world)));
       for (int i = 0; i < 3; ++i) {
         count(3, error(i), a.rotation_sigma(c)(i));
         count(4, error(3 + i), a.centre_sigma(c)(i));
@@ -452,7 +461,8 @@ void speed() {
   std::printf("300 views x 4 cameras x 48 corners\n");
   const solver::SyntheticCapture capture = solver::synthetic_capture({.sets = 300, .noise_px = 0.2, .columns = 8});
   std::vector<solver::CameraToCalibrate> cameras;
-  for (const calib::Camera& camera : capture.rig.cameras) cameras.push_back({camera.name, camera.image_size, camera.model});
+  for (const calib::Camera& camera : capture.rig.cameras)
+    cameras.push_back({camera.name, camera.image_size, camera.model});
   const auto before = std::chrono::steady_clock::now();
   const std::clock_t cpu_before = std::clock();
   const solver::Extrinsics found =

@@ -21,8 +21,8 @@ struct Run {
   double ms_per_frame = 0, worst_ms = 0;
 };
 
-Run run_method(camera_tracking::CameraMethod method, const camera_tracking::CameraStart& start, const figures::CameraSequence& sequence, std::uint64_t seed,
-               bool as_printed) {
+Run run_method(camera_tracking::CameraMethod method, const camera_tracking::CameraStart& start,
+               const figures::CameraSequence& sequence, std::uint64_t seed, bool as_printed) {
   camera_tracking::CameraTrackerOptions options;
   options.method = method, options.start = start, options.seed = seed;
   options.as_printed = as_printed && method != camera_tracking::CameraMethod::huetrack;
@@ -38,7 +38,8 @@ Run run_method(camera_tracking::CameraMethod method, const camera_tracking::Came
   return out;
 }
 
-void print_frames(const std::vector<camera_tracking::CameraEstimate>& estimates, const figures::CameraSequence& sequence) {
+void print_frames(const std::vector<camera_tracking::CameraEstimate>& estimates,
+                  const figures::CameraSequence& sequence) {
   for (std::size_t i = 0; i < estimates.size(); ++i) {
     const camera_tracking::CameraEstimate& e = estimates[i];
     double mm = 0, deg = 0;
@@ -75,7 +76,9 @@ int main(int argc, char** argv) {
       seed = std::stoull(argv[++i]);
     else {
       bool known = false;
-      for (const camera_tracking::CameraMethod m : {camera_tracking::CameraMethod::huetrack, camera_tracking::CameraMethod::lee, camera_tracking::CameraMethod::pupilli}) {
+      for (const camera_tracking::CameraMethod m :
+           {camera_tracking::CameraMethod::huetrack, camera_tracking::CameraMethod::lee,
+            camera_tracking::CameraMethod::pupilli}) {
         if (camera_tracking::name(m) == argv[i]) methods.push_back(m), known = true;
       }
       if (!known) {
@@ -86,29 +89,35 @@ int main(int argc, char** argv) {
       }
     }
   }
-  if (methods.empty()) methods = {camera_tracking::CameraMethod::huetrack, camera_tracking::CameraMethod::lee, camera_tracking::CameraMethod::pupilli};
+  if (methods.empty())
+    methods = {camera_tracking::CameraMethod::huetrack, camera_tracking::CameraMethod::lee,
+               camera_tracking::CameraMethod::pupilli};
   if (!std::filesystem::exists(figures::shared_camera_data() / "rendered/desk")) {
     std::fprintf(stderr, "camera_accuracy: %s is not there\n", figures::shared_camera_data().c_str());
     return 2;
   }
   bool all = true;
-  const figures::CameraSequence desk = figures::load_camera_sequence(figures::shared_camera_data() / "rendered/desk", "groundtruth.txt");
+  const figures::CameraSequence desk =
+      figures::load_camera_sequence(figures::shared_camera_data() / "rendered/desk", "groundtruth.txt");
   for (const camera_tracking::CameraMethod method : methods) {
     const bool ours = method == camera_tracking::CameraMethod::huetrack;
     const auto [estimates, ms, worst] = run_method(method, figures::desk_rectangle(), desk, seed, as_printed);
-    const figures::PoseErrors e = figures::errors_of(estimates, desk), back = figures::errors_of(estimates, desk, 230, 240);
+    const figures::PoseErrors e = figures::errors_of(estimates, desk),
+                              back = figures::errors_of(estimates, desk, 230, 240);
     std::printf("desk, %s: %d of %zu frames tracked, first in frame %d; %.1f ms per frame, %.1f at most\n",
                 std::string(camera_tracking::name(method)).c_str(), e.tracked, estimates.size(),
                 figures::frames_until_tracked(estimates, 0).value_or(-1), ms, worst);
     bool ok = true;
     const auto need = [&](bool reached) { return mark(!ours || within(reached, ok)); };
-    std::printf("  first frame tracked             %s%s\n", estimates[0].state == camera_tracking::CameraState::tracking ? "yes" : "no",
+    std::printf("  first frame tracked             %s%s\n",
+                estimates[0].state == camera_tracking::CameraState::tracking ? "yes" : "no",
                 need(estimates[0].state == camera_tracking::CameraState::tracking));
     std::printf("  position, rms / at most         %.1f / %.1f mm (frame %d), bar 8 rms, 50 at most%s\n", 1e3 * e.rms_m,
                 1e3 * e.max_m, e.max_at, need(e.rms_m <= 0.008 && e.max_m < 0.05));
     std::printf("  orientation, rms / at most      %.2f / %.2f deg, bar 0.6 rms%s\n", e.rms_deg, e.max_deg,
                 need(e.rms_deg <= 0.6));
-    const auto cover = figures::frames_until_tracked(estimates, cover_gone), shake = figures::frames_until_tracked(estimates, shake_over);
+    const auto cover = figures::frames_until_tracked(estimates, cover_gone),
+               shake = figures::frames_until_tracked(estimates, shake_over);
     std::printf("  tracked again after the cover   %d frames, bar 5%s\n", cover.value_or(-1),
                 need(cover && *cover <= 5));
     std::printf("  tracked again after the shake   %d frames, bar 5%s\n", shake.value_or(-1),
@@ -130,7 +139,8 @@ int main(int argc, char** argv) {
     for (const camera_tracking::CameraMethod method : methods) {
       const auto [estimates, ms, worst] = run_method(method, figures::kitchen_points(), kitchen, seed, as_printed);
       const figures::PoseErrors e = figures::errors_of(estimates, kitchen);
-      const figures::AlignedError a = figures::aligned_error(estimates, kitchen, false), b = figures::aligned_error(estimates, kitchen, true);
+      const figures::AlignedError a = figures::aligned_error(estimates, kitchen, false),
+                                  b = figures::aligned_error(estimates, kitchen, true);
       bool ok = true;
       const bool every = e.tracked == static_cast<int>(kitchen.frames.size());
       std::printf("hand_held_7scenes, %s: %d of %zu frames tracked%s; %.1f ms per frame, %.1f at most\n",

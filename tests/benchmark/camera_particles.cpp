@@ -47,7 +47,8 @@ World make_world(std::size_t points, std::size_t frames) {
   w.camera = {"synthetic", {320, 240}, calib::CameraModel(calib::PinholeRadtan{246, 246, 159.5, 119.5, {}}), {}};
   if (std::filesystem::exists(figures::shared_camera_data() / "rendered/desk")) {
     for (const auto& pose :
-         figures::load_camera_sequence(figures::shared_camera_data() / "rendered/desk", "groundtruth.txt", frames).world_from_camera)
+         figures::load_camera_sequence(figures::shared_camera_data() / "rendered/desk", "groundtruth.txt", frames)
+             .world_from_camera)
       w.cam_from_world.push_back(calib::inverse(*pose));
   } else {
     for (std::size_t i = 0; i < frames; ++i) {

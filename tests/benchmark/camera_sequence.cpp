@@ -84,14 +84,15 @@ camera_tracking::PointsStart kitchen_points() {
   return start;
 }
 
-std::vector<camera_tracking::CameraEstimate> run(camera_tracking::CameraTracker& tracker, const CameraSequence& sequence) {
+std::vector<camera_tracking::CameraEstimate> run(camera_tracking::CameraTracker& tracker,
+                                                 const CameraSequence& sequence) {
   std::vector<camera_tracking::CameraEstimate> out;
   for (const capture::Frame& frame : sequence.frames) out.push_back(tracker.update(frame));
   return out;
 }
 
-PoseErrors errors_of(const std::vector<camera_tracking::CameraEstimate>& estimates, const CameraSequence& sequence, std::size_t from,
-                     std::size_t to) {
+PoseErrors errors_of(const std::vector<camera_tracking::CameraEstimate>& estimates, const CameraSequence& sequence,
+                     std::size_t from, std::size_t to) {
   PoseErrors e;
   int inside = 0;
   for (std::size_t i = from; i < std::min(to, estimates.size()); ++i) {
@@ -118,15 +119,16 @@ PoseErrors errors_of(const std::vector<camera_tracking::CameraEstimate>& estimat
   return e;
 }
 
-std::optional<int> frames_until_tracked(const std::vector<camera_tracking::CameraEstimate>& estimates, std::size_t first) {
+std::optional<int> frames_until_tracked(const std::vector<camera_tracking::CameraEstimate>& estimates,
+                                        std::size_t first) {
   for (std::size_t i = first; i < estimates.size(); ++i) {
     if (estimates[i].state == camera_tracking::CameraState::tracking) return static_cast<int>(i - first);
   }
   return std::nullopt;
 }
 
-AlignedError aligned_error(const std::vector<camera_tracking::CameraEstimate>& estimates, const CameraSequence& sequence,
-                           bool lever_arm) {
+AlignedError aligned_error(const std::vector<camera_tracking::CameraEstimate>& estimates,
+                           const CameraSequence& sequence, bool lever_arm) {
   std::vector<Eigen::Vector3d> from, to;
   std::vector<Eigen::Matrix3d> rotation;  // of the truth, world from camera
   for (std::size_t i = 0; i < estimates.size(); ++i) {

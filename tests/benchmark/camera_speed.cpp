@@ -10,9 +10,9 @@
 
 #include "benchmark/camera_sequence.h"
 #include "camera_tracking/corners.h"
+#include "camera_tracking/methods/make_camera_tracker.h"
 #include "camera_tracking/papers/lee_tracker.h"
 #include "camera_tracking/papers/pupilli_tracker.h"
-#include "camera_tracking/methods/make_camera_tracker.h"
 
 using namespace huetrack;
 
@@ -42,7 +42,8 @@ struct PlanePoints {
   std::vector<Eigen::Vector3d> p_world;
   std::vector<Eigen::Vector2d> px;
 };
-PlanePoints corners_on_the_desk(const figures::CameraSequence& desk, const camera_tracking::GreyImage& image, std::size_t n) {
+PlanePoints corners_on_the_desk(const figures::CameraSequence& desk, const camera_tracking::GreyImage& image,
+                                std::size_t n) {
   PlanePoints out;
   const calib::Rigid3d& world_from_cam = *desk.world_from_camera[0];
   for (const double apart : {14.0, 10.0, 7.0, 5.0, 3.0}) {
@@ -65,8 +66,9 @@ struct Times {
   int matched = 0;
   std::size_t features = 0;
 };
-Times lee_times(const figures::CameraSequence& desk, const std::vector<std::shared_ptr<const camera_tracking::Pyramid>>& pyramids,
-                std::size_t features, std::size_t particles) {
+Times lee_times(const figures::CameraSequence& desk,
+                const std::vector<std::shared_ptr<const camera_tracking::Pyramid>>& pyramids, std::size_t features,
+                std::size_t particles) {
   const calib::Rigid3d pose = calib::inverse(*desk.world_from_camera[0]);
   papers::LeeTracking::Options t;
   t.particle_count = particles;
@@ -90,7 +92,10 @@ Times lee_times(const figures::CameraSequence& desk, const std::vector<std::shar
     papers::LeeFrame frame;
     const std::vector<papers::LeeFeature> known = mapping.features();
     tracked.push_back(milliseconds_of([&] {
-      frame = tracking.track(i, std::make_shared<const camera_tracking::Pyramid>(camera_tracking::make_pyramid(pyramids[i]->levels.front())), known);
+      frame = tracking.track(
+          i,
+          std::make_shared<const camera_tracking::Pyramid>(camera_tracking::make_pyramid(pyramids[i]->levels.front())),
+          known);
     }));
     mapped.push_back(milliseconds_of([&] { mapping.map(frame); }));
     out.matched = std::max(out.matched, static_cast<int>(frame.matches.size()));
@@ -99,7 +104,8 @@ Times lee_times(const figures::CameraSequence& desk, const std::vector<std::shar
   return out;
 }
 
-double pupilli_time(const figures::CameraSequence& desk, const std::vector<std::shared_ptr<const camera_tracking::Pyramid>>& pyramids,
+double pupilli_time(const figures::CameraSequence& desk,
+                    const std::vector<std::shared_ptr<const camera_tracking::Pyramid>>& pyramids,
                     std::size_t points_wanted, std::size_t particles) {
   const calib::Rigid3d pose = calib::inverse(*desk.world_from_camera[0]);
   papers::PupilliFilter::Options o;
@@ -130,10 +136,13 @@ int main() {
   const figures::CameraSequence desk = figures::load_camera_sequence(folder, "groundtruth.txt", 36);
   std::vector<std::shared_ptr<const camera_tracking::Pyramid>> pyramids;
   for (const capture::Frame& f : desk.frames)
-    pyramids.push_back(std::make_shared<const camera_tracking::Pyramid>(camera_tracking::make_pyramid(camera_tracking::grey_of(f.pixels))));
+    pyramids.push_back(std::make_shared<const camera_tracking::Pyramid>(
+        camera_tracking::make_pyramid(camera_tracking::grey_of(f.pixels))));
 
   std::puts("start-up: constructing the tracker and its first pose from the rectangle, ms (whole process)");
-  for (const camera_tracking::CameraMethod method : {camera_tracking::CameraMethod::huetrack, camera_tracking::CameraMethod::lee, camera_tracking::CameraMethod::pupilli}) {
+  for (const camera_tracking::CameraMethod method :
+       {camera_tracking::CameraMethod::huetrack, camera_tracking::CameraMethod::lee,
+        camera_tracking::CameraMethod::pupilli}) {
     std::vector<double> ms;
     for (int i = 0; i < 5; ++i) {
       ms.push_back(milliseconds_of(

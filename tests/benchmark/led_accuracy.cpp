@@ -18,7 +18,8 @@ void measure(const figures::LedSequence& sequence, const camera_tracking::Camera
 
 int main(int argc, char** argv) {
   camera_tracking::CameraTrackerOptions options;
-  std::vector<camera_tracking::CameraMethod> methods{camera_tracking::CameraMethod::huetrack, camera_tracking::CameraMethod::herranz};
+  std::vector<camera_tracking::CameraMethod> methods{camera_tracking::CameraMethod::huetrack,
+                                                     camera_tracking::CameraMethod::herranz};
   bool verbose = false;
   int numbers = 0;
   for (int i = 1; i < argc; ++i) {
@@ -80,8 +81,8 @@ void measure(const figures::LedSequence& sequence, const camera_tracking::Camera
   }
   const double frames = static_cast<double>(sequence.frames.size());
   std::printf("%s, seed %llu: first pose in frame %d, %d of %.0f frames with a pose, %d of them over 5 cm off\n",
-              std::string(camera_tracking::name(options.method)).c_str(), static_cast<unsigned long long>(options.seed), first, poses,
-              frames, wrong);
+              std::string(camera_tracking::name(options.method)).c_str(), static_cast<unsigned long long>(options.seed),
+              first, poses, frames, wrong);
   if (samples > 0)
     std::printf(
         "  from frame 16 on (%d poses): rms %.2f mm, %.3f deg; at most %.2f mm, %.3f deg; mean NEES %.1f (6 is "

@@ -54,9 +54,10 @@ PoseError pose_error(const calib::Rigid3d& estimate, const calib::Rigid3d& truth
 double pose_nees(const camera_tracking::CameraEstimate& estimate, const calib::Rigid3d& truth) {
   Eigen::Matrix<double, 6, 1> e;
   e.head<3>() = truth.translation - estimate.world_from_camera.translation;
-  e.tail<3>() = calib::log(calib::Rigid3d{(truth.rotation * estimate.world_from_camera.rotation.conjugate()).normalized(),
-                            Eigen::Vector3d::Zero()})
-                    .head<3>();
+  e.tail<3>() =
+      calib::log(calib::Rigid3d{(truth.rotation * estimate.world_from_camera.rotation.conjugate()).normalized(),
+                                Eigen::Vector3d::Zero()})
+          .head<3>();
   return e.dot(estimate.covariance.llt().solve(e));
 }
 

@@ -160,7 +160,8 @@ Errors simulate(const Setting& setting, std::uint64_t seed) {
       options.start.room_max = start + Vector3d::Constant(0.3);
     }
   }
-  const auto filter = paper_filter ? leds::LedFilter::paper(camera, options) : leds::LedFilter::huetrack(camera, options);
+  const auto filter =
+      paper_filter ? leds::LedFilter::paper(camera, options) : leds::LedFilter::huetrack(camera, options);
   std::mt19937_64 random(seed);
   std::normal_distribution<double> normal;
   Errors errors;
@@ -169,9 +170,9 @@ Errors simulate(const Setting& setting, std::uint64_t seed) {
     const double t = i / setting.fps;
     const calib::Rigid3d truth = setting.way(t);
     leds::LedFrame frame{.at = capture::Timestamp(capture::duration_of(t)),
-                   .number = static_cast<std::uint64_t>(i),
-                   .lit = static_cast<int>(static_cast<std::size_t>(i) % setting.leds.size()),
-                   .dots = {}};
+                         .number = static_cast<std::uint64_t>(i),
+                         .lit = static_cast<int>(static_cast<std::size_t>(i) % setting.leds.size()),
+                         .dots = {}};
     const auto px = camera.model.project(calib::inverse(truth) * setting.leds[static_cast<std::size_t>(*frame.lit)]);
     if (px && camera.contains(*px)) {
       const double du = normal(random), dv = normal(random);
@@ -196,7 +197,9 @@ Errors simulate(const Setting& setting, std::uint64_t seed) {
 
 LedMotionState motion_at(const Way& way, double t) {
   constexpr double h = 1e-3;
-  const auto rates = [&](double at) { return calib::Tangent6d(calib::log(calib::inverse(way(at - h)) * way(at + h)) / (2 * h)); };
+  const auto rates = [&](double at) {
+    return calib::Tangent6d(calib::log(calib::inverse(way(at - h)) * way(at + h)) / (2 * h));
+  };
   const calib::Tangent6d now = rates(t), change = (rates(t + h) - rates(t - h)) / (2 * h);
   return {way(t), now.tail<3>(), now.head<3>(), change.tail<3>(), change.head<3>()};
 }

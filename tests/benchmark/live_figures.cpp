@@ -84,7 +84,8 @@ Figures measure(const Case& c, const fs::path& folder, const std::string& phases
   participant.name = "live_figures";
   participant.domain = domain;
   client::client::PositionSubscription subscription(participant);
-  end_to_end::Process service({FILM_SERVICE, folder / "c.yaml", folder, "--phases", phases}, folder / "out", folder / "err");
+  end_to_end::Process service({FILM_SERVICE, folder / "c.yaml", folder, "--phases", phases}, folder / "out",
+                              folder / "err");
   Figures figures;
   std::vector<double> ages_ms, writes_ms;
   const auto now_ns = [] {

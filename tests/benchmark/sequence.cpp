@@ -3,10 +3,10 @@
 #include <algorithm>
 
 #include "calib/model/rig_yaml.h"
+#include "calib/yaml/csv_table.h"
 #include "capture/frame_synchronizer.h"
 #include "capture/recording.h"
 #include "capture/replay_source.h"
-#include "calib/yaml/csv_table.h"
 
 namespace huetrack::figures {
 
@@ -17,12 +17,17 @@ int TruthRow::views_that_see() const {
 const TruthRow* Sequence::row(const std::string& target, capture::Timestamp at) const {
   const auto rows = truth.find(target);
   if (rows == truth.end()) return nullptr;
-  const auto it = std::ranges::find_if(rows->second, [at](const TruthRow& r) { return std::abs(capture::seconds(r.at - at)) < 1e-4; });
+  const auto it = std::ranges::find_if(
+      rows->second, [at](const TruthRow& r) { return std::abs(capture::seconds(r.at - at)) < 1e-4; });
   return it == rows->second.end() ? nullptr : &*it;
 }
 
-std::filesystem::path shared_data() { return HUETRACK_SHARED_DATA; }
-bool have(const std::string& folder) { return std::filesystem::exists(shared_data() / folder / "recording.yaml"); }
+std::filesystem::path shared_data() {
+  return HUETRACK_SHARED_DATA;
+}
+bool have(const std::string& folder) {
+  return std::filesystem::exists(shared_data() / folder / "recording.yaml");
+}
 
 Sequence load_sequence(const std::filesystem::path& folder, int every, unsigned phases) {
   Sequence out;
@@ -33,7 +38,8 @@ Sequence load_sequence(const std::filesystem::path& folder, int every, unsigned 
   for (const calib::Camera& camera : out.rig.cameras) names.push_back(camera.name);
   if (every > 1) {
     out.name += ", free-running, first frames";
-    for (std::size_t i = 0; i < recording.cameras.size(); ++i) out.name += (i == 0 ? " " : ",") + std::to_string(phases >> i & 1);
+    for (std::size_t i = 0; i < recording.cameras.size(); ++i)
+      out.name += (i == 0 ? " " : ",") + std::to_string(phases >> i & 1);
     for (std::size_t i = 0; i < recording.cameras.size(); ++i) {
       recording.cameras[i].every = every;
       recording.cameras[i].first_frame = phases >> i & 1;
@@ -42,8 +48,9 @@ Sequence load_sequence(const std::filesystem::path& folder, int every, unsigned 
   capture::ReplaySource source(recording, names);
   capture::Duration period = source.cameras().front().frame_period;
   for (const capture::ReplayCamera& camera : source.cameras()) period = std::min(period, camera.frame_period);
-  capture::FrameSynchronizer synchronizer({.camera_count = static_cast<int>(names.size()), .tolerance = capture::duration_of(0.55 * capture::seconds(period)),
-                                  .ascending_input = true});
+  capture::FrameSynchronizer synchronizer({.camera_count = static_cast<int>(names.size()),
+                                           .tolerance = capture::duration_of(0.55 * capture::seconds(period)),
+                                           .ascending_input = true});
   while (auto frame = source.next({})) {
     for (capture::FrameSet& set : synchronizer.push(std::move(*frame))) out.sets.push_back(std::move(set));
   }
@@ -99,7 +106,7 @@ object_tracking::ObjectTrackerOptions rendered_options(object_tracking::Observat
 object_tracking::ObjectTrackerOptions red_square_options(object_tracking::Observation observation, std::uint64_t seed) {
   object_tracking::ObjectTrackerOptions o = rendered_options(observation, seed);
   o.volume = {{-0.3, -0.2, -1.2}, {0.4, 0.5, -0.3}};
-  o.pixel_noise_px = 1.4;                // this rig's reprojection error, see the data's README
+  o.pixel_noise_px = 1.4;  // this rig's reprojection error, see the data's README
   return o;
 }
 

@@ -1,7 +1,8 @@
-// Speed as ratios, in one run, on one thread, to what a user would write instead with OpenCV: YUYV to BGR to HSV, inRange,
-// moments, undistort, triangulate.   build/release/tests/benchmark/speed [--quick]
-// A whole iteration is measured (predict, score, estimate, resample; lens included), on rendered scenes (tests/scene). Then ns per particle and view, and the scaling over N, M and image size.
-// These machines are noisy: each figure is the median of rounds that alternate with OpenCV's.
+// Speed as ratios, in one run, on one thread, to what a user would write instead with OpenCV: YUYV to BGR to HSV,
+// inRange, moments, undistort, triangulate.   build/release/tests/benchmark/speed [--quick] A whole iteration is
+// measured (predict, score, estimate, resample; lens included), on rendered scenes (tests/scene). Then ns per particle
+// and view, and the scaling over N, M and image size. These machines are noisy: each figure is the median of rounds
+// that alternate with OpenCV's.
 #include <benchmark/benchmark.h>
 
 #include <algorithm>
@@ -28,9 +29,11 @@ namespace {
 // A lime ball before cameras on a ring, in YUYV. focal_px 0: it grows with the image, so that the view stays the same.
 Sequence scene_at(int camera_count, int width, int height, int set_count, double focal_px = 0) {
   const scene::Scene scene = scene::SceneBuilder{}
-                          .cameras_on_ring({.count = camera_count, .image_size = {width, height}, .focal_px = focal_px > 0 ? focal_px : 0.75 * width})
-                          .ball({})
-                          .build();
+                                 .cameras_on_ring({.count = camera_count,
+                                                   .image_size = {width, height},
+                                                   .focal_px = focal_px > 0 ? focal_px : 0.75 * width})
+                                 .ball({})
+                                 .build();
   return {"scene", scene.rig, scene::render(scene, {.set_count = set_count}), {}};
 }
 
@@ -56,7 +59,8 @@ class Player {
 
 class OpenCvPass {
  public:
-  OpenCvPass(const calib::CameraRig& rig, const object_tracking::TargetOptions& target) : rig_(rig), blob_(figures::blob_tracker_for(rig, target)) {}
+  OpenCvPass(const calib::CameraRig& rig, const object_tracking::TargetOptions& target)
+      : rig_(rig), blob_(figures::blob_tracker_for(rig, target)) {}
   void run(const capture::FrameSet& set) {
     std::vector<cv::Point2d> centres;
     for (std::size_t c = 0; c < rig_.cameras.size(); ++c) {
@@ -106,10 +110,13 @@ object_tracking::ObjectTrackerOptions options_for(object_tracking::Observation o
   return o;
 }
 
-// Median time of one update, microseconds, of a tracker that has locked on. `tracking` is the share of updates in tracking.
-struct Timing { double us, tracking; };
-Timing time_update(const figures::Sequence& s, object_tracking::Observation observation, int particle_count, int rounds, int updates_per_round,
-                   const std::function<void(const capture::FrameSet&)>& between = {}) {
+// Median time of one update, microseconds, of a tracker that has locked on. `tracking` is the share of updates in
+// tracking.
+struct Timing {
+  double us, tracking;
+};
+Timing time_update(const figures::Sequence& s, object_tracking::Observation observation, int particle_count, int rounds,
+                   int updates_per_round, const std::function<void(const capture::FrameSet&)>& between = {}) {
   object_tracking::ObjectTracker tracker(s.rig, figures::lime_ball(), options_for(observation, particle_count));
   Player player(s);
   for (int i = 0; i < 120; ++i) tracker.update(player.next());
@@ -119,7 +126,8 @@ Timing time_update(const figures::Sequence& s, object_tracking::Observation obse
     double sum = 0;
     for (int i = 0; i < updates_per_round; ++i) {
       const capture::FrameSet& set = player.next();
-      sum += microseconds_of([&] { tracking += tracker.update(set).state == object_tracking::TrackState::tracking ? 1 : 0; });
+      sum += microseconds_of(
+          [&] { tracking += tracker.update(set).state == object_tracking::TrackState::tracking ? 1 : 0; });
       ++all;
     }
     us.push_back(sum / updates_per_round);
@@ -130,10 +138,12 @@ Timing time_update(const figures::Sequence& s, object_tracking::Observation obse
 
 bool all_reached = true;
 
-void ratios(const char* title, const figures::Sequence& s, int particle_count, int rounds, double paper_at_least, double ours_at_least) {
+void ratios(const char* title, const figures::Sequence& s, int particle_count, int rounds, double paper_at_least,
+            double ours_at_least) {
   std::printf("\n%s\n", title);
   for (const auto& [name, observation, least] :
-       {std::tuple{"the paper's filter", object_tracking::Observation::paper, paper_at_least}, {"huetrack's default", object_tracking::Observation::huetrack, ours_at_least}}) {
+       {std::tuple{"the paper's filter", object_tracking::Observation::paper, paper_at_least},
+        {"huetrack's default", object_tracking::Observation::huetrack, ours_at_least}}) {
     OpenCvPass pass(s.rig, figures::lime_ball());
     std::vector<double> opencv_us;
     const Timing t = time_update(s, observation, particle_count, rounds, 20, [&](const capture::FrameSet& set) {
@@ -142,9 +152,11 @@ void ratios(const char* title, const figures::Sequence& s, int particle_count, i
     const double ratio = median(opencv_us) / t.us;
     const bool reached = ratio >= least;
     all_reached = all_reached && reached;
-    std::printf("  %-20s %8.2f us/update, OpenCV %9.1f us: %6.0f times faster (at least %.0f: %s)  %5.2f ns per particle and view, tracking %3.0f %%\n",
-                name, t.us, median(opencv_us), ratio, least, reached ? "reached" : "MISSED",
-                1e3 * t.us / particle_count / static_cast<double>(s.rig.cameras.size()), 100 * t.tracking);
+    std::printf(
+        "  %-20s %8.2f us/update, OpenCV %9.1f us: %6.0f times faster (at least %.0f: %s)  %5.2f ns per particle and "
+        "view, tracking %3.0f %%\n",
+        name, t.us, median(opencv_us), ratio, least, reached ? "reached" : "MISSED",
+        1e3 * t.us / particle_count / static_cast<double>(s.rig.cameras.size()), 100 * t.tracking);
   }
 }
 
@@ -162,25 +174,32 @@ int main(int argc, char** argv) {
   std::puts("\nscaling of one update, us (2 cameras 320x240 and 200 particles, but for what varies)");
   std::printf("  %-20s", "particles");
   for (const int n : {100, 200, 400, 800, 1600, 3200}) std::printf(" %9d", n);
-  for (const auto& [name, observation] : {std::pair{"paper", object_tracking::Observation::paper}, {"huetrack", object_tracking::Observation::huetrack}}) {
+  for (const auto& [name, observation] : {std::pair{"paper", object_tracking::Observation::paper},
+                                          {"huetrack", object_tracking::Observation::huetrack}}) {
     std::printf("\n  %-20s", name);
-    for (const int n : {100, 200, 400, 800, 1600, 3200}) std::printf(" %9.2f", time_update(small, observation, n, 60, 20).us);
+    for (const int n : {100, 200, 400, 800, 1600, 3200})
+      std::printf(" %9.2f", time_update(small, observation, n, 60, 20).us);
   }
   std::printf("\n  %-20s", "cameras");
   for (const int m : {2, 4, 8}) std::printf(" %9d", m);
-  for (const auto& [name, observation] : {std::pair{"paper", object_tracking::Observation::paper}, {"huetrack", object_tracking::Observation::huetrack}}) {
+  for (const auto& [name, observation] : {std::pair{"paper", object_tracking::Observation::paper},
+                                          {"huetrack", object_tracking::Observation::huetrack}}) {
     std::printf("\n  %-20s", name);
-    for (const int m : {2, 4, 8}) std::printf(" %9.2f", time_update(scene_at(m, 320, 240, 30), observation, 200, 60, 20).us);
+    for (const int m : {2, 4, 8})
+      std::printf(" %9.2f", time_update(scene_at(m, 320, 240, 30), observation, 200, 60, 20).us);
   }
-  // Cost follows the pixels that are looked at, not those of the image: flat when the same lens gets a larger sensor. A finer
-  // picture of the same view has more pixels in the cloud of particles.
+  // Cost follows the pixels that are looked at, not those of the image: flat when the same lens gets a larger sensor. A
+  // finer picture of the same view has more pixels in the cloud of particles.
   for (const auto& [title, focal_px] : {std::pair{"image, same lens", 240.0}, {"image, same view", 0.0}}) {
     std::printf("\n  %-20s", title);
     for (const int h : {240, 480, 1080}) std::printf(" %5dx%-4d", h == 1080 ? 1920 : h * 4 / 3, h);
-    for (const auto& [name, observation] : {std::pair{"paper", object_tracking::Observation::paper}, {"huetrack", object_tracking::Observation::huetrack}}) {
+    for (const auto& [name, observation] : {std::pair{"paper", object_tracking::Observation::paper},
+                                            {"huetrack", object_tracking::Observation::huetrack}}) {
       std::printf("\n  %-20s", name);
       for (const int h : {240, 480, 1080}) {
-        std::printf(" %10.2f", time_update(scene_at(2, h == 1080 ? 1920 : h * 4 / 3, h, 8, focal_px), observation, 200, 60, 20).us);
+        std::printf(
+            " %10.2f",
+            time_update(scene_at(2, h == 1080 ? 1920 : h * 4 / 3, h, 8, focal_px), observation, 200, 60, 20).us);
       }
     }
   }
@@ -200,7 +219,8 @@ int main(int argc, char** argv) {
     x[i] = 0.06f * noise[i], y[i] = 0.06f * noise[n + i], z[i] = 1 + 0.06f * noise[2 * n + i];
   }
   const calib::BatchProjector projector(small.rig.cameras[0]);
-  kernel("project, lens included, per point", n, [&] { projector.project(x.data(), y.data(), z.data(), n, u.data(), v.data()); });
+  kernel("project, lens included, per point", n,
+         [&] { projector.project(x.data(), y.data(), z.data(), n, u.data(), v.data()); });
   const capture::Image& image = small.sets[0].frames[0]->pixels;
   const object_tracking::ColorTable table(figures::lime_ball().color, image.format, image.range);
   object_tracking::MatchBits matches(image.width, image.height);

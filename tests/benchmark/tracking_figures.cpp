@@ -10,14 +10,17 @@
 
 namespace huetrack::figures {
 
-std::vector<object_tracking::ObjectEstimate> track(const Sequence& sequence, const object_tracking::TargetOptions& target, const object_tracking::ObjectTrackerOptions& options) {
+std::vector<object_tracking::ObjectEstimate> track(const Sequence& sequence,
+                                                   const object_tracking::TargetOptions& target,
+                                                   const object_tracking::ObjectTrackerOptions& options) {
   object_tracking::ObjectTracker tracker(sequence.rig, target, options);
   std::vector<object_tracking::ObjectEstimate> out;
   for (const capture::FrameSet& set : sequence.sets) out.push_back(tracker.update(set));
   return out;
 }
 
-std::vector<object_tracking::ObjectEstimate> track_blob(const Sequence& sequence, const object_tracking::TargetOptions& target) {
+std::vector<object_tracking::ObjectEstimate> track_blob(const Sequence& sequence,
+                                                        const object_tracking::TargetOptions& target) {
   BlobTracker blob = blob_tracker_for(sequence.rig, target);
   std::vector<object_tracking::ObjectEstimate> out;
   for (const capture::FrameSet& set : sequence.sets) {
@@ -33,7 +36,8 @@ std::vector<object_tracking::ObjectEstimate> track_blob(const Sequence& sequence
   return out;
 }
 
-TrackingFigures figures_of(const Sequence& sequence, const std::string& target, const std::vector<object_tracking::ObjectEstimate>& track) {
+TrackingFigures figures_of(const Sequence& sequence, const std::string& target,
+                           const std::vector<object_tracking::ObjectEstimate>& track) {
   TrackingFigures f;
   double sum2 = 0, sum2_two = 0, sum_nees = 0;
   std::size_t inside = 0, waiting = 0;

@@ -1,6 +1,6 @@
-// What `huetrack-calibrate wave` makes of rendered sequences with exact truth, from camera poses that are wrong by 10 cm and
-// 3 degrees, for many seeds, and from no poses at all:   build/release/tests/benchmark/wave_figures [seeds]
-// Exit status 1 when a figure misses what it must reach.
+// What `huetrack-calibrate wave` makes of rendered sequences with exact truth, from camera poses that are wrong by 10
+// cm and 3 degrees, for many seeds, and from no poses at all:   build/release/tests/benchmark/wave_figures [seeds] Exit
+// status 1 when a figure misses what it must reach.
 #include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
 #include <Eigen/LU>
@@ -42,11 +42,11 @@ calib::CameraRig spoilt(const calib::CameraRig& truth, double metres, double deg
 }
 
 struct Figures {
-  double volume_m = 0;   // rms
-  double path_m = 0;     // rms of the places where the ball was, aligned by themselves
-  double centre_m = 0;   // worst camera
+  double volume_m = 0;  // rms
+  double path_m = 0;    // rms of the places where the ball was, aligned by themselves
+  double centre_m = 0;  // worst camera
   double turned_deg = 0;
-  double scale = 1;      // of the found volume over the true one
+  double scale = 1;  // of the found volume over the true one
 };
 
 struct Aligned {
@@ -57,7 +57,8 @@ struct Aligned {
 };
 
 // Points, projected by the true rig and triangulated with the found one; rigidly aligned.
-Aligned align(const calib::CameraRig& truth, const calib::CameraRig& found, const std::vector<Eigen::Vector3d>& points) {
+Aligned align(const calib::CameraRig& truth, const calib::CameraRig& found,
+              const std::vector<Eigen::Vector3d>& points) {
   std::vector<Eigen::Vector3d> from, to;
   for (const Eigen::Vector3d& p : points) {
     Eigen::Matrix3d sum = Eigen::Matrix3d::Zero();
@@ -92,7 +93,8 @@ Aligned align(const calib::CameraRig& truth, const calib::CameraRig& found, cons
 }
 
 // path: where the ball was.
-Figures compare(const calib::CameraRig& truth, const calib::CameraRig& found, const std::vector<Eigen::Vector3d>& path) {
+Figures compare(const calib::CameraRig& truth, const calib::CameraRig& found,
+                const std::vector<Eigen::Vector3d>& path) {
   std::vector<Eigen::Vector3d> volume;
   for (int i = 0; i <= 8; ++i) {
     for (int j = 0; j <= 8; ++j) {
@@ -107,14 +109,17 @@ Figures compare(const calib::CameraRig& truth, const calib::CameraRig& found, co
   for (std::size_t c = 0; c < truth.cameras.size(); ++c) {
     const Eigen::Vector3d centre = world.rotation * found.cameras[c].centre() + world.translation;
     f.centre_m = std::max(f.centre_m, (centre - truth.cameras[c].centre()).norm());
-    const Eigen::Quaterniond q = found.cameras[c].cam_from_world.rotation * Eigen::Quaterniond(world.rotation).conjugate();
-    f.turned_deg = std::max(f.turned_deg, q.angularDistance(truth.cameras[c].cam_from_world.rotation) * 180 / std::numbers::pi);
+    const Eigen::Quaterniond q =
+        found.cameras[c].cam_from_world.rotation * Eigen::Quaterniond(world.rotation).conjugate();
+    f.turned_deg =
+        std::max(f.turned_deg, q.angularDistance(truth.cameras[c].cam_from_world.rotation) * 180 / std::numbers::pi);
   }
   return f;
 }
 
 // How far the outlines are from where the truth has them, of balls wholly in view: per axis, rms; pixels.
-double outline_noise(const figures::Sequence& sequence, const object_tracking::TargetOptions& target, const std::vector<wave::BallFrame>& frames) {
+double outline_noise(const figures::Sequence& sequence, const object_tracking::TargetOptions& target,
+                     const std::vector<wave::BallFrame>& frames) {
   std::vector<double> off2;
   std::vector<std::vector<std::pair<double, Eigen::Vector2d>>> errors(sequence.rig.cameras.size());
   std::vector<Eigen::Vector2d> sum(sequence.rig.cameras.size(), Eigen::Vector2d::Zero());
@@ -138,8 +143,8 @@ double outline_noise(const figures::Sequence& sequence, const object_tracking::T
   }
   double all = 0;
   for (const double o : off2) all += o / static_cast<double>(off2.size());
-  std::printf("  %s: %zu outlines wholly in view, %.3f px rms per axis from the truth; bias per camera", target.name.c_str(), off2.size(),
-              std::sqrt(all));
+  std::printf("  %s: %zu outlines wholly in view, %.3f px rms per axis from the truth; bias per camera",
+              target.name.c_str(), off2.size(), std::sqrt(all));
   for (std::size_t c = 0; c < count.size(); ++c) {
     if (count[c] > 0) std::printf("  %+.3f %+.3f", sum[c].x() / count[c], sum[c].y() / count[c]);
   }
@@ -163,9 +168,10 @@ double outline_noise(const figures::Sequence& sequence, const object_tracking::T
   return std::sqrt(all);
 }
 
-// What such outlines allow at best (Cramer-Rao): the figures of rigs that are wrong as the covariance of the adjustment says,
-// for independent noise in every frame in which half the ball or more is in view; the true path, the scale exact.
-void print_bound(const figures::Sequence& sequence, const std::vector<object_tracking::TargetOptions>& targets, double noise_px) {
+// What such outlines allow at best (Cramer-Rao): the figures of rigs that are wrong as the covariance of the adjustment
+// says, for independent noise in every frame in which half the ball or more is in view; the true path, the scale exact.
+void print_bound(const figures::Sequence& sequence, const std::vector<object_tracking::TargetOptions>& targets,
+                 double noise_px) {
   std::vector<wave::BallObservation> observations;
   std::vector<std::pair<double, Eigen::Vector3d>> path;
   wave::WaveState state;
@@ -182,7 +188,8 @@ void print_bound(const figures::Sequence& sequence, const std::vector<object_tra
         const calib::Camera& camera = sequence.rig.cameras[c];
         const auto px = wave::outline_centre(camera.model, camera.cam_from_world * row.position, target.radius_m);
         if (row.visible[c] < 0.5 || !px || sequence.rig.cameras.empty()) continue;
-        observations.push_back({static_cast<int>(c), t + later, *px, noise_px * noise_px * Eigen::Matrix2d::Identity()});
+        observations.push_back(
+            {static_cast<int>(c), t + later, *px, noise_px * noise_px * Eigen::Matrix2d::Identity()});
       }
     }
     later += last + 2;
@@ -190,7 +197,8 @@ void print_bound(const figures::Sequence& sequence, const std::vector<object_tra
   state.path = wave::BallPath::over(path.front().first, path.back().first, step);
   for (std::size_t k = 0; k < state.path.control.size(); ++k) {
     const double t = state.path.start_s + (static_cast<double>(k) - 1) * step;
-    state.path.control[k] = std::ranges::min_element(path, {}, [t](const auto& p) { return std::abs(p.first - t); })->second;
+    state.path.control[k] =
+        std::ranges::min_element(path, {}, [t](const auto& p) { return std::abs(p.first - t); })->second;
   }
   wave::WaveAdjustmentOptions options;
   options.radius_m = targets.front().radius_m;
@@ -212,15 +220,17 @@ void print_bound(const figures::Sequence& sequence, const std::vector<object_tra
       calib::Rigid3d& pose = rig.cameras[c].cam_from_world;
       const Eigen::Vector3d centre = rig.cameras[c].centre() + error.segment<3>(6 * static_cast<Eigen::Index>(c));
       const Eigen::Vector3d turn = error.segment<3>(6 * static_cast<Eigen::Index>(c) + 3);
-      if (turn.norm() > 0) pose.rotation = pose.rotation * Eigen::Quaterniond(Eigen::AngleAxisd(turn.norm(), turn.normalized()));
+      if (turn.norm() > 0)
+        pose.rotation = pose.rotation * Eigen::Quaterniond(Eigen::AngleAxisd(turn.norm(), turn.normalized()));
       pose.translation = -(pose.rotation * centre);
     }
     const Figures f = compare(sequence.rig, rig, {});
     volume2 += f.volume_m * f.volume_m / samples;
     centre2 += f.centre_m * f.centre_m / samples;
   }
-  std::printf("  bound: independent noise of %.3f px allows centres (worst camera) of %.2f mm, the volume %.2f mm rms\n", noise_px,
-              1e3 * std::sqrt(centre2), 1e3 * std::sqrt(volume2));
+  std::printf(
+      "  bound: independent noise of %.3f px allows centres (worst camera) of %.2f mm, the volume %.2f mm rms\n",
+      noise_px, 1e3 * std::sqrt(centre2), 1e3 * std::sqrt(volume2));
 }
 
 void print_column(const char* what, std::vector<double> values, double factor, const char* unit, double at_most) {
@@ -248,9 +258,12 @@ int main(int argc, char** argv) {
     std::vector<object_tracking::TargetOptions> targets;
     int every;
   };
-  for (const Case& c : {Case{"rendered/two_cams", {figures::lime_ball()}, 1}, Case{"rendered/occlusion", {figures::pink_ball(), figures::lime_ball()}, 1},
-                        Case{"rendered/occlusion", {figures::pink_ball()}, 1}, Case{"rendered/occlusion", {figures::lime_ball()}, 1},
-                        Case{"rendered/fast_60fps", {figures::pink_ball()}, 1}, Case{"rendered/fast_60fps", {figures::pink_ball()}, 2}}) {
+  for (const Case& c :
+       {Case{"rendered/two_cams", {figures::lime_ball()}, 1},
+        Case{"rendered/occlusion", {figures::pink_ball(), figures::lime_ball()}, 1},
+        Case{"rendered/occlusion", {figures::pink_ball()}, 1}, Case{"rendered/occlusion", {figures::lime_ball()}, 1},
+        Case{"rendered/fast_60fps", {figures::pink_ball()}, 1},
+        Case{"rendered/fast_60fps", {figures::pink_ball()}, 2}}) {
     if (!figures::have(c.folder)) {
       std::fprintf(stderr, "wave_figures: no recordings in %s\n", figures::shared_data().c_str());
       return 2;
@@ -297,7 +310,8 @@ int main(int argc, char** argv) {
       marks.marks.push_back({capture::seconds(row.at), row.position});
     }
     wave::WaveOptions rig_only{.radius_m = c.targets.front().radius_m};
-    for (wave::WaveOptions* options : {&tape, &marks, &rig_only}) options->volume = solver::WorldBox{{-1, -1, 0.1}, {1, 1, 2.1}};
+    for (wave::WaveOptions* options : {&tape, &marks, &rig_only})
+      options->volume = solver::WorldBox{{-1, -1, 0.1}, {1, 1, 2.1}};
     std::vector<Eigen::Vector3d> path;
     for (const object_tracking::TargetOptions& target : c.targets) {
       for (const figures::TruthRow& row : sequence.truth.at(target.name)) path.push_back(row.position);
@@ -312,29 +326,34 @@ int main(int argc, char** argv) {
     for (const Mode& mode : {Mode{"scale from the distance of two cameras", tape, true},
                              Mode{"scale and world from five marked points", marks, true},
                              Mode{"scale from the spoilt rig alone", rig_only, false}}) {
-      std::vector<double> volume, on_path, centre, turned, scale, stated_volume, stated_path, stated_centre, halves, halves_sigma;
+      std::vector<double> volume, on_path, centre, turned, scale, stated_volume, stated_path, stated_centre, halves,
+          halves_sigma;
       int failed = 0, doubtful = 0;
       double slowest = 0;
       for (int seed = 1; seed <= seeds; ++seed) {
         try {
           const auto start = std::chrono::steady_clock::now();
-          const wave::WaveResult r = wave::calibrate_wave(spoilt(sequence.rig, 0.1, 3, static_cast<std::uint64_t>(seed)), frames, mode.options);
+          const wave::WaveResult r = wave::calibrate_wave(
+              spoilt(sequence.rig, 0.1, 3, static_cast<std::uint64_t>(seed)), frames, mode.options);
           slowest = std::max(slowest, std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count());
           const Figures f = compare(sequence.rig, r.rig, path);
           volume.push_back(f.volume_m), centre.push_back(f.centre_m), turned.push_back(f.turned_deg);
-          scale.push_back(std::abs(f.scale - 1)), on_path.push_back(f.path_m), halves.push_back(r.halves_m), halves_sigma.push_back(r.halves_sigma_m);
+          scale.push_back(std::abs(f.scale - 1)), on_path.push_back(f.path_m), halves.push_back(r.halves_m),
+              halves_sigma.push_back(r.halves_sigma_m);
           stated_path.push_back(r.expected_m), stated_volume.push_back(r.expected_in_volume_m.value_or(0));
           double worst = 0;
           for (const wave::WaveCamera& camera : r.cameras) worst = std::max(worst, camera.centre_sigma_m.norm());
           stated_centre.push_back(worst);
           doubtful += r.usable() ? 0 : 1;
-          if (seed == 1 && mode.scale_known && std::getenv("WAVE_FIGURES_VERBOSE") != nullptr) std::printf("%s", report::to_text(r).c_str());
+          if (seed == 1 && mode.scale_known && std::getenv("WAVE_FIGURES_VERBOSE") != nullptr)
+            std::printf("%s", report::to_text(r).c_str());
         } catch (const std::exception& e) {
           ++failed;
           std::printf("    seed %d: %s\n", seed, e.what());
         }
       }
-      std::printf("  %s: %d seeds, %d failed, %d doubtful, slowest %.2f s\n", mode.name, seeds, failed, doubtful, slowest);
+      std::printf("  %s: %d seeds, %d failed, %d doubtful, slowest %.2f s\n", mode.name, seeds, failed, doubtful,
+                  slowest);
       if (must && failed > 0) all_reached = false;
       if (volume.empty()) continue;
       const bool judged = must && mode.scale_known;
@@ -353,12 +372,13 @@ int main(int argc, char** argv) {
     for (const bool with_distance : {true, false}) {
       wave::WaveOptions nothing = with_distance ? tape : rig_only;
       nothing.has_poses = false;
-      std::printf("  no poses to start from, scale from %s\n", with_distance ? "the distance of two cameras" : "the radius");
+      std::printf("  no poses to start from, scale from %s\n",
+                  with_distance ? "the distance of two cameras" : "the radius");
       try {
         const wave::WaveResult r = wave::calibrate_wave(sequence.rig, frames, nothing);
         const Figures f = compare(sequence.rig, r.rig, path);
-        std::printf("    centres %.1f mm, rotations %.3f deg, volume %.2f mm rms, scale off by %.2f %%\n", 1e3 * f.centre_m,
-                    f.turned_deg, 1e3 * f.volume_m, 100 * std::abs(f.scale - 1));
+        std::printf("    centres %.1f mm, rotations %.3f deg, volume %.2f mm rms, scale off by %.2f %%\n",
+                    1e3 * f.centre_m, f.turned_deg, 1e3 * f.volume_m, 100 * std::abs(f.scale - 1));
         if (must && with_distance && (f.centre_m > 0.01 || f.turned_deg > 0.3 || f.volume_m > 0.003)) {
           all_reached = false;
           std::printf("    MISSED\n");

@@ -24,8 +24,8 @@ inline GreyView view_of(const cv::Mat& image) {
 }
 
 // Nothing when the board is not in it.
-inline void add_view(std::vector<solver::BoardView>& views, const BoardDetector& detector, const std::filesystem::path& file,
-                     int camera, int set) {
+inline void add_view(std::vector<solver::BoardView>& views, const BoardDetector& detector,
+                     const std::filesystem::path& file, int camera, int set) {
   const cv::Mat image = cv::imread(file.string(), cv::IMREAD_GRAYSCALE);
   ASSERT_FALSE(image.empty()) << file;
   BoardDetection found = detector.detect(view_of(image));

@@ -70,9 +70,9 @@ TEST(CameraStart, fewerThanFourLedsAreRefused) {
 TEST(CameraStart, makeNamesTheProblems) {
   CameraTrackerOptions options;
   options.start = FoundStart{};
-  EXPECT_THROW(
-      camera_methods::make_camera_tracker(calib::Camera{.name = "cam", .image_size = {320, 240}, .model = {}, .cam_from_world = {}}, options),
-      std::invalid_argument);
+  EXPECT_THROW(camera_methods::make_camera_tracker(
+                   calib::Camera{.name = "cam", .image_size = {320, 240}, .model = {}, .cam_from_world = {}}, options),
+               std::invalid_argument);
 }
 
 }  // namespace

@@ -60,7 +60,8 @@ TEST(Starter, aRectangleThatIsNotWhereItWasPointedAtIsLookedForInLaterFrames) {
 }
 
 TEST(Starter, ARectangleSeenAgainIsTurnedAsTheCameraLastWas) {
-  const calib::Rigid3d truth = look_at({0.05, 0.35, 0.42}, {0, 0, 0});  // from behind: its first corner is at the bottom right
+  const calib::Rigid3d truth =
+      look_at({0.05, 0.35, 0.42}, {0, 0, 0});  // from behind: its first corner is at the bottom right
   const CameraStarter starter(camera(), RectangleStart{rectangle_corners(), {}});
   const auto again =
       starter.find_again({}, view_of_rectangle(camera(), truth), look_at({-0.1, 0.4, 0.3}, {0.05, 0, 0}));

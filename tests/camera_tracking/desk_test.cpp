@@ -71,7 +71,8 @@ TEST_F(Desk, fourKnownPointsAreEnoughToGoOnFrom) {
     start.pixels.push_back(s.camera.model.project(calib::inverse(*s.world_from_camera[0]) * p)->px);
   CameraTrackerOptions o;
   o.start = start;
-  const figures::PoseErrors e = figures::errors_of(figures::run(*camera_methods::make_camera_tracker(s.camera, o), s), s);
+  const figures::PoseErrors e =
+      figures::errors_of(figures::run(*camera_methods::make_camera_tracker(s.camera, o), s), s);
   EXPECT_EQ(e.tracked, 24);
   EXPECT_LT(e.max_m, 0.02);
 }
@@ -131,7 +132,8 @@ TEST_F(Desk, aDamagedFrameIsNoFrame) {
   figures::CameraSequence s = part(0, 12);
   s.frames[6].status = capture::FrameStatus::corrupted;
   s.frames[6].pixels = {};
-  const auto estimates = figures::run(*camera_methods::make_camera_tracker(s.camera, options(CameraMethod::huetrack)), s);
+  const auto estimates =
+      figures::run(*camera_methods::make_camera_tracker(s.camera, options(CameraMethod::huetrack)), s);
   EXPECT_EQ(estimates[6].state, CameraState::coasting);
   EXPECT_EQ(estimates[7].state, CameraState::tracking);
 }

@@ -10,18 +10,18 @@
 #include <numbers>
 #include <stdexcept>
 
-#include "camera_tracking/papers/depth_ray.h"
 #include "camera_tracking/drawn_rectangle.h"
 #include "camera_tracking/keyframes/local_bundle.h"
 #include "camera_tracking/ncc.h"
 #include "camera_tracking/observation_field.h"
+#include "camera_tracking/papers/depth_ray.h"
+#include "camera_tracking/papers/unscented_kalman.h"
 #include "camera_tracking/parallel_task.h"
 #include "camera_tracking/pose_particles.h"
 #include "camera_tracking/pose_solver.h"
 #include "camera_tracking/rectangle_finder.h"
 #include "camera_tracking/scene_map.h"
 #include "camera_tracking/template_patch.h"
-#include "camera_tracking/papers/unscented_kalman.h"
 #include "particle_filter/random.h"
 
 namespace huetrack::camera_tracking {
@@ -303,8 +303,8 @@ TEST(FeatureFilter, convergesOnThePoint) {
   const Eigen::Vector3d truth(0.05, 0.04, 0.03);
   const calib::Rigid3d first = look_at({0, -0.5, 0.4}, {0, 0, 0});
   const double depth = (first * truth).norm();
-  papers::FeatureFilter filter(c.model, first, 1e-8 * Eigen::Matrix<double, 7, 7>::Identity(), 1 / (1.3 * depth), 0.3 / depth,
-                       c.model.project(first * truth)->px, 0.25 * Eigen::Matrix2d::Identity());
+  papers::FeatureFilter filter(c.model, first, 1e-8 * Eigen::Matrix<double, 7, 7>::Identity(), 1 / (1.3 * depth),
+                               0.3 / depth, c.model.project(first * truth)->px, 0.25 * Eigen::Matrix2d::Identity());
   const double before = filter.position_covariance().trace();
   particle_filter::Rng rng(9);
   std::vector<float> noise(40);

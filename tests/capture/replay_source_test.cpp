@@ -245,7 +245,8 @@ TEST_F(Replay, AFileWhoseNameLooksLikeAPatternIsThatFile) {
 }
 
 TEST_F(Replay, AnImageOfAnotherSizeIsNotUsed) {
-  const std::vector<std::pair<std::string, AVPixelFormat>> kinds{{"png", AV_PIX_FMT_RGB24}, {"mjpeg", AV_PIX_FMT_YUVJ422P}};
+  const std::vector<std::pair<std::string, AVPixelFormat>> kinds{{"png", AV_PIX_FMT_RGB24},
+                                                                 {"mjpeg", AV_PIX_FMT_YUVJ422P}};
   for (const auto& [codec, format] : kinds) {
     const std::string name = codec == "png" ? "%d.png" : "%d.jpg";
     write_clip(folder / codec / name, {.codec = codec, .format = format, .frames = 4});

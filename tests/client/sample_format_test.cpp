@@ -123,7 +123,8 @@ msg::CameraPose pose(bool there) {
 TEST(SampleFormat, CameraPoses) {
   ::setenv("TZ", "UTC", 1);
   EXPECT_TRUE(camera_header(Format::csv).starts_with("camera,t,x,y,z,qx,qy,qz,qw,c11,c12,c13,c14,c15,c16,c22,"));
-  EXPECT_TRUE(camera_header(Format::csv).ends_with(",c55,c56,c66,state,features_in_view,features_matched,confidence\n"));
+  EXPECT_TRUE(
+      camera_header(Format::csv).ends_with(",c55,c56,c66,state,features_in_view,features_matched,confidence\n"));
   EXPECT_EQ(line(Format::tum, pose(true), 0, 0), "1700000000.000000042 0.5 -1.25 2 0 0.5 -0.5 0.25\n");
   EXPECT_EQ(line(Format::tum, pose(false), 0, 0), "");
   msg::CameraPose predicted = pose(true);
@@ -131,15 +132,18 @@ TEST(SampleFormat, CameraPoses) {
   EXPECT_EQ(line(Format::tum, predicted, 0, 0), "");
   EXPECT_NE(line(Format::csv, predicted, 0, 0).find(",coasting,"), std::string::npos);
   EXPECT_EQ(line(Format::csv, pose(true), 0, 0),
-            "cam0,1700000000.000000042,0.5,-1.25,2,0,0.5,-0.5,0.25,3e-06,0.125,0.125,0.125,0.125,0.125,3e-06,0.125,0.125,0.125,"
+            "cam0,1700000000.000000042,0.5,-1.25,2,0,0.5,-0.5,0.25,3e-06,0.125,0.125,0.125,0.125,0.125,3e-06,0.125,0."
+            "125,0.125,"
             "0.125,3e-06,0.125,0.125,0.125,3e-06,0.125,0.125,3e-06,0.125,3e-06,tracking,9,8,0.875\n");
   const std::string commas = camera_header(Format::csv), row = line(Format::csv, pose(true), 0, 0);
   EXPECT_EQ(std::ranges::count(commas, ','), std::ranges::count(row, ','));
-  EXPECT_NE(line(Format::json, pose(false), 0, 0).find(R"("state":"searching","position":[null,null,null],"orientation":[null,)"),
+  EXPECT_NE(line(Format::json, pose(false), 0, 0)
+                .find(R"("state":"searching","position":[null,null,null],"orientation":[null,)"),
             std::string::npos);
-  EXPECT_EQ(line(Format::text, pose(true), received_at, 5),
-            "22:13:20.000  cam0   tracking   x   0.5000  y  -1.2500  z   2.0000 m   q  0.0000  0.5000 -0.5000  0.2500   "
-            "sigma    3.0 mm  0.17 deg   features 8/9   latency   12.3 + 0.25 ms\n");
+  EXPECT_EQ(
+      line(Format::text, pose(true), received_at, 5),
+      "22:13:20.000  cam0   tracking   x   0.5000  y  -1.2500  z   2.0000 m   q  0.0000  0.5000 -0.5000  0.2500   "
+      "sigma    3.0 mm  0.17 deg   features 8/9   latency   12.3 + 0.25 ms\n");
 }
 
 TEST(SampleFormat, TimesOfTwoClocksHaveNoLatency) {

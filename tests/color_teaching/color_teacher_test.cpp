@@ -24,7 +24,8 @@ std::vector<TeachPoint> at_truth(const figures::Sequence& s, const std::string& 
 TEST(ColorTeacher, LimeInTwoViewsFromTheirFirstFrames) {
   SKIP_WITHOUT("rendered/two_cams");
   const figures::Sequence s = figures::load_sequence(figures::shared_data() / "rendered/two_cams");
-  const object_tracking::ObjectTrackerOptions options = figures::rendered_options(object_tracking::Observation::huetrack, 1);
+  const object_tracking::ObjectTrackerOptions options =
+      figures::rendered_options(object_tracking::Observation::huetrack, 1);
   const ColorTeacher teacher(s.rig, s.sets[0]);
 
   // One click, and where it is in the other view is found.
@@ -59,7 +60,8 @@ TEST(ColorTeacher, LimeInTwoViewsFromTheirFirstFrames) {
   blue.name = "blue";
   blue.color.hue_min_deg = 200;
   blue.color.hue_max_deg = 240;
-  EXPECT_THAT(teacher.namesakes(both, {figures::lime_ball(), same, blue}, figures::lime_ball().name), ElementsAre("same"));
+  EXPECT_THAT(teacher.namesakes(both, {figures::lime_ball(), same, blue}, figures::lime_ball().name),
+              ElementsAre("same"));
 
   for (const Taught& taught : {one, both}) {
     object_tracking::TargetOptions target = figures::lime_ball();
@@ -78,7 +80,8 @@ TEST(ColorTeacher, LimeInTwoViewsFromTheirFirstFrames) {
 TEST(ColorTeacher, TheRedSquareFromTheFirstPair) {
   SKIP_WITHOUT("red_square_stereo");
   const figures::Sequence s = figures::load_sequence(figures::shared_data() / "red_square_stereo");
-  const object_tracking::ObjectTrackerOptions options = figures::red_square_options(object_tracking::Observation::huetrack, 1);
+  const object_tracking::ObjectTrackerOptions options =
+      figures::red_square_options(object_tracking::Observation::huetrack, 1);
   const ColorTeacher teacher(s.rig, s.sets[0]);
   // Where it is in the first pair, read off the pictures.
   const Taught one = teacher.teach({.points = {{0, {582, 210}}}}, options.volume);
@@ -102,7 +105,8 @@ TEST(ColorTeacher, TheRedSquareFromTheFirstPair) {
 TEST(ColorTeacher, CamerasThatNobodyPointedIntoKeepTheirColour) {
   calib::CameraRig rig;
   for (const char* name : {"a", "b", "c"}) rig.cameras.emplace_back().name = name;
-  const object_tracking::HsiRange old{.hue_min_deg = 10, .hue_max_deg = 20}, fresh{.hue_min_deg = 100, .hue_max_deg = 120};
+  const object_tracking::HsiRange old{.hue_min_deg = 10, .hue_max_deg = 20},
+      fresh{.hue_min_deg = 100, .hue_max_deg = 120};
   object_tracking::TargetOptions target;
   target.camera_colors = {{"a", old}, {"c", old}};
   Taught taught;

@@ -448,11 +448,11 @@ TEST_F(CameraTrackingConfigTest, StartsAreReadFromFilesAndInline) {
   EXPECT_EQ(leds.schedule, (std::vector<int>{2, 0, 1, 3, -1}));
   EXPECT_EQ(leds.room_max, Eigen::Vector3d(2, 2, 2));
 
-  const auto points =
-      std::get<camera_tracking::PointsStart>(tracker_options(load("  camera: cam0\n  start: {points: [[0, 0, 0, 1, 2], [1, 0, 0, 3, 4], "
-                                                 "[0, 1, 0, 5, 6], [1, 1, 0, 7, 8]]}\n")
-                                                .camera_tracking)
-                                .start);
+  const auto points = std::get<camera_tracking::PointsStart>(
+      tracker_options(load("  camera: cam0\n  start: {points: [[0, 0, 0, 1, 2], [1, 0, 0, 3, 4], "
+                           "[0, 1, 0, 5, 6], [1, 1, 0, 7, 8]]}\n")
+                          .camera_tracking)
+          .start);
   EXPECT_EQ(points.pixels[2], Eigen::Vector2d(5, 6));
 }
 
@@ -464,8 +464,8 @@ TEST_F(CameraTrackingConfigTest, MistakesAreNamed) {
       HasSubstr(
           "c.yaml:4: camera_tracking.camera: cam1 is not a camera of the rig, which has cam0 (did you mean cam0?)"));
   EXPECT_THAT(mistake(leds), HasSubstr("camera_tracking.camera: is not given"));
-  EXPECT_THAT(mistake("  camera: cam0\n"),
-              HasSubstr("exactly one of rectangle, points, board and leds must be given (with load_map none is needed), and there are 0"));
+  EXPECT_THAT(mistake("  camera: cam0\n"), HasSubstr("exactly one of rectangle, points, board and leds must be given "
+                                                     "(with load_map none is needed), and there are 0"));
   EXPECT_THAT(mistake("  camera: cam0\n  methd: lee\n" + leds),
               HasSubstr("c.yaml:5: camera_tracking.methd is not a known key (did you mean method?)"));
   EXPECT_THAT(mistake("  camera: cam0\n  start: {leds: [[0, 0, 0], [1, 0, 0], [0, 1, 0]]}\n"),
@@ -502,7 +502,8 @@ TEST_F(CameraTrackingConfigTest, WithAMapNoStartIsNeeded) {
   write("again.yaml", to_yaml(config));
   EXPECT_EQ(to_yaml(load_service_config(folder_ / "again.yaml")), to_yaml(config));
   const auto options = tracker_options(config.camera_tracking);
-  EXPECT_EQ(std::get<camera_tracking::FoundStart>(options.start).find(capture::Image{}), std::nullopt);  // there is nothing to be found
+  EXPECT_EQ(std::get<camera_tracking::FoundStart>(options.start).find(capture::Image{}),
+            std::nullopt);  // there is nothing to be found
   EXPECT_THAT(mistake("  camera: cam0\n  load_map: m.map\n  method: herranz\n"), testing::HasSubstr("needs LEDs"));
 }
 

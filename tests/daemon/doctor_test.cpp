@@ -44,7 +44,8 @@ CameraExam healthy(const std::string& name = "left", int bus = 1) {
   exam.name = name;
   exam.node.identity.node = "/dev/video0";
   exam.node.identity.driver = "uvcvideo";
-  exam.node.identity.usb = capture::UsbPlace{.port = "1-2", .bus = bus, .speed_mbps = 480, .id = "046d:0825", .serial = "A1"};
+  exam.node.identity.usb =
+      capture::UsbPlace{.port = "1-2", .bus = bus, .speed_mbps = 480, .id = "046d:0825", .serial = "A1"};
   exam.node.identity.by_path = {"/dev/v4l/by-path/pci-usb-0:2:1.0-video-index0"};
   exam.node.identity.by_id = {"/dev/v4l/by-id/usb-A1-video-index0"};
   exam.node.is_capture = true;
@@ -149,11 +150,11 @@ class DoctorsConfig : public testing::Test {
  protected:
   // What doctor says of cameras with these devices; only looked at.
   std::string said_of(const std::string& left, const std::string& right) {
-    capture::clips::write_text(folder / "c.yaml",
-                      "version: 1\nrig: " HUETRACK_SOURCE_DIR
-                      "/configs/demo/recording/rig.yaml\ndds: {enabled: false}\ntargets: {ball: {color: {hue_deg: "
-                      "[65, 115]}}}\ncameras: {cam0: {device: " +
-                          left + "}, cam1: {device: " + right + "}}\n");
+    capture::clips::write_text(
+        folder / "c.yaml", "version: 1\nrig: " HUETRACK_SOURCE_DIR
+                           "/configs/demo/recording/rig.yaml\ndds: {enabled: false}\ntargets: {ball: {color: {hue_deg: "
+                           "[65, 115]}}}\ncameras: {cam0: {device: " +
+                               left + "}, cam1: {device: " + right + "}}\n");
     return said(folder / "c.yaml");
   }
   static std::string said(const std::filesystem::path& config) {

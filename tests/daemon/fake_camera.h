@@ -29,8 +29,8 @@ class FakeCamera {
     state_->health.last_progress = std::chrono::steady_clock::now();
     if (!state_->frames.empty()) {
       const capture::Image& image = state_->frames.front().pixels;
-      state_->health.stream =
-          capture::StreamFormat{.width = image.width, .height = image.height, .stride = 0, .fps = 30, .range = image.range};
+      state_->health.stream = capture::StreamFormat{
+          .width = image.width, .height = image.height, .stride = 0, .fps = 30, .range = image.range};
     }
   }
 
@@ -94,7 +94,8 @@ class FakeCamera {
 
 // The first `count` frames of each camera of a recording.
 inline std::vector<std::vector<capture::Frame>> first_frames(const std::filesystem::path& recording,
-                                                    const std::vector<std::string>& cameras, std::size_t count) {
+                                                             const std::vector<std::string>& cameras,
+                                                             std::size_t count) {
   capture::ReplaySource source(capture::read_recording(recording), cameras);
   std::vector<std::vector<capture::Frame>> frames(cameras.size());
   while (std::ranges::any_of(frames, [&](const auto& f) { return f.size() < count; })) {
@@ -107,8 +108,9 @@ inline std::vector<std::vector<capture::Frame>> first_frames(const std::filesyst
 }
 
 // Such cameras with the first `count` frames of these of a recording, all from 50 ms from now on.
-inline std::vector<LiveCamera> fake_cameras(const std::filesystem::path& recording, const std::vector<std::string>& cameras,
-                                            std::size_t count, bool go_silent) {
+inline std::vector<LiveCamera> fake_cameras(const std::filesystem::path& recording,
+                                            const std::vector<std::string>& cameras, std::size_t count,
+                                            bool go_silent) {
   auto pictures = first_frames(recording, cameras, count);
   const capture::Timestamp start = capture::unix_now() + std::chrono::milliseconds(50);
   std::vector<LiveCamera> list;

@@ -107,7 +107,8 @@ class LiveLeds : public LiveCameraTracking {
       capture::Frame frame;
       frame.sequence = std::uint32_t(i);
       frame.captured_at = capture::Timestamp(i * period);
-      frame.pixels = scene::led_image(scene_, scene::led_dots(scene_, scene::led_scene_pose(i / scene_.fps), {i % 8}), std::uint64_t(i));
+      frame.pixels = scene::led_image(scene_, scene::led_dots(scene_, scene::led_scene_pose(i / scene_.fps), {i % 8}),
+                                      std::uint64_t(i));
       list.push_back(std::move(frame));
     }
     start_ = capture::unix_now() + from_now;
@@ -126,8 +127,8 @@ TEST_F(LiveLeds, PosesGoToTheBusNativelyAndForRos) {
   all.durability().kind = dds::VOLATILE_DURABILITY_QOS;
   all.history().kind = dds::KEEP_ALL_HISTORY_QOS;
   Reader<msg::CameraPosePubSubType> native(participant, idl::topics::camera_pose, idl::object_position_reader_qos());
-  Reader<geometry_msgs::msg::dds_::PoseWithCovarianceStamped_PubSubType> ros(participant,
-                                                                             idl::topics::ros2_camera_pose("hand"), all);
+  Reader<geometry_msgs::msg::dds_::PoseWithCovarianceStamped_PubSubType> ros(
+      participant, idl::topics::ros2_camera_pose("hand"), all);
   Reader<tf2_msgs::msg::dds_::TFMessage_PubSubType> tf(participant, idl::topics::ros2_tf, all);
   Reader<msg::CameraMapPubSubType> map(participant, idl::topics::camera_map, idl::status_reader_qos());
 
@@ -231,7 +232,8 @@ TEST_F(LiveCameraTracking, AMapIsSavedAndTheCameraFoundInIt) {
       write("first.yaml", camera + "  start: {rectangle: " + desk + "/rectangle.csv}\n  save_map: desk.map\n");
   const auto pictures = first_frames(data, {"cam0"}, 120);
   const auto live = [&](const fs::path& file, std::size_t from, std::size_t to, LiveOptions options) {
-    std::vector<capture::Frame> some(pictures[0].begin() + std::ptrdiff_t(from), pictures[0].begin() + std::ptrdiff_t(to));
+    std::vector<capture::Frame> some(pictures[0].begin() + std::ptrdiff_t(from),
+                                     pictures[0].begin() + std::ptrdiff_t(to));
     const capture::Timestamp begin = capture::unix_now() - some.front().captured_at.time_since_epoch() + 50ms;
     std::vector<LiveCamera> cameras;
     cameras.push_back(FakeCamera(0, std::move(some), begin, false).live());

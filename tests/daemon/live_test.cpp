@@ -10,8 +10,8 @@
 #include <sstream>
 
 #include "daemon/fake_camera.h"
-#include "pipeline/recorded_changes.h"
 #include "daemon/replay.h"
+#include "pipeline/recorded_changes.h"
 #include "tracks/track_csv.h"
 
 namespace huetrack::daemon {
@@ -171,7 +171,8 @@ TEST_F(Live, AReplayRepeatsTheReloads) {
   EXPECT_EQ(changes.reloads.size(), 2u);
   const std::string live = contents(options_.tracks);
   const auto track = tracks::read_track_csv(options_.tracks).at("lime");
-  EXPECT_GT(std::ranges::count(track, object_tracking::TrackState::searching, &object_tracking::ObjectEstimate::state), 10);
+  EXPECT_GT(std::ranges::count(track, object_tracking::TrackState::searching, &object_tracking::ObjectEstimate::state),
+            10);
   EXPECT_EQ(track.back().state, object_tracking::TrackState::tracking);
   EXPECT_TRUE(replayed(recording) == live);
 }
@@ -283,7 +284,8 @@ TEST_F(Live, SavesThePreRollWhenATargetIsLost) {
   for (std::size_t c = 0; c < 2; ++c) {
     for (std::size_t i = 25; i < 60; ++i) {  // the lights go out
       const capture::Image& before = pictures[c][i].pixels;
-      pictures[c][i].pixels = capture::make_image(capture::PixelFormat::grey, capture::ColorRange::full, before.width, before.height).image;
+      pictures[c][i].pixels =
+          capture::make_image(capture::PixelFormat::grey, capture::ColorRange::full, before.width, before.height).image;
     }
     for (std::size_t i = 0; i < 25; ++i) pictures[c][i].encoded.reset();
     list.push_back(FakeCamera(int(c), std::move(pictures[c]), start, false).live());
@@ -315,8 +317,9 @@ TEST(IsProgressing, NeedsEveryCameraAndTheTrackingThread) {
 
 TEST(StatusLine, SaysRatesAndStates) {
   publish::ServiceStatus status;
-  status.cameras = {{.name = "left", .health = publish::CameraStatus::Health::delivering, .message = {}, .rate_hz = 29.96},
-                    {.name = "back", .health = publish::CameraStatus::Health::absent, .message = "unplugged"}};
+  status.cameras = {
+      {.name = "left", .health = publish::CameraStatus::Health::delivering, .message = {}, .rate_hz = 29.96},
+      {.name = "back", .health = publish::CameraStatus::Health::absent, .message = "unplugged"}};
   status.set_rate_hz = 29.9;
   status.targets = {"ball"};
   const object_tracking::TrackState states[] = {object_tracking::TrackState::coasting};

@@ -53,7 +53,8 @@ TEST(ToPrometheus, HasEveryFigureOnce) {
   latencies.dequeue_to_write = histogram.snapshot();
   histogram.add(25us);
   latencies.dequeue_to_publish = histogram.snapshot();
-  const TargetFigures targets[] = {{.state = object_tracking::TrackState::coasting, .effective_sample_size = 87.5, .particles = 200}};
+  const TargetFigures targets[] = {
+      {.state = object_tracking::TrackState::coasting, .effective_sample_size = 87.5, .particles = 200}};
   const std::string text = to_prometheus(status(), targets, latencies, {.is_recording = true, .dropped = {4}}, 10);
   for (const auto* line : {
            "\nhuetrack_camera_frames_total{camera=\"le\\\"ft\"} 12\n",

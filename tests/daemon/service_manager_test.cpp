@@ -162,7 +162,8 @@ TEST_F(Service, AStuckCameraStarvesTheWatchdog) {
 // ---- The disk
 
 TEST_F(Service, AFullDiskEndsTheRecordingAndNotTheTracking) {
-  const config::ServiceConfig config = configure("record: {folder: " + (folder / "recordings").string() + ", always: true}\n");
+  const config::ServiceConfig config =
+      configure("record: {folder: " + (folder / "recordings").string() + ", always: true}\n");
   auto list = cameras(60);
   std::signal(SIGXFSZ, SIG_IGN);  // as huetrackd does
   rlimit before{};

@@ -11,10 +11,10 @@
 
 #include "calib/model/rig_yaml.h"
 #include "capture/jpeg_decoder.h"
-#include "pictures/preview_maker.h"
 #include "idl/dds_participant.h"
 #include "idl/huetrack_viewPubSubTypes.h"
 #include "idl/topics.h"
+#include "pictures/preview_maker.h"
 #include "publish/test_domain.h"
 
 namespace huetrack::daemon {
@@ -26,7 +26,8 @@ using Clock = std::chrono::steady_clock;
 using eprosima::fastrtps::types::ReturnCode_t;
 
 config::ServiceConfig config() {
-  config::ServiceConfig c = config::load_service_config(std::filesystem::path(HUETRACK_SOURCE_DIR) / "configs/demo/huetrackd.yaml");
+  config::ServiceConfig c =
+      config::load_service_config(std::filesystem::path(HUETRACK_SOURCE_DIR) / "configs/demo/huetrackd.yaml");
   c.dds.publisher.domain = publish::test_domain();
   c.dds.publisher.interfaces = {"lo"};
   return c;
@@ -41,7 +42,8 @@ pictures::PictureJob job_of(const config::ServiceConfig& c, std::uint64_t number
     capture::Frame frame;
     frame.camera = int(i);
     frame.captured_at = capture::Timestamp(1s);
-    frame.pixels = capture::make_image(capture::PixelFormat::yuyv, capture::ColorRange::limited, size.width, size.height).image;
+    frame.pixels =
+        capture::make_image(capture::PixelFormat::yuyv, capture::ColorRange::limited, size.width, size.height).image;
     job.set.frames.emplace_back(std::move(frame));
   }
   object_tracking::ObjectEstimate estimate;
@@ -127,8 +129,9 @@ TEST(ViewServer, MakesNothingWhileNobodySubscribes) {
 
   {
     idl::DdsParticipant participant({.name = "test", .domain = publish::test_domain(), .interfaces = {"lo"}});
-    auto& reader = participant.create_reader(
-        idl::topics::preview, eprosima::fastdds::dds::TypeSupport(new msg::PreviewPubSubType), idl::preview_reader_qos());
+    auto& reader =
+        participant.create_reader(idl::topics::preview, eprosima::fastdds::dds::TypeSupport(new msg::PreviewPubSubType),
+                                  idl::preview_reader_qos());
     ASSERT_TRUE(until([&] { return server.wants(); }));
     server.offer(job_of(c, 42));
     EXPECT_FALSE(server.wants());  // one at a time, and no sooner than the rate allows
@@ -157,8 +160,8 @@ TEST(ViewServer, TheSceneIsThereForWhoComesLateAndFollowsTheConfiguration) {
   config::ServiceConfig c = config();
   ViewServer server(c, {});
   idl::DdsParticipant participant({.name = "test", .domain = publish::test_domain(), .interfaces = {"lo"}});
-  auto& reader = participant.create_reader(idl::topics::scene, eprosima::fastdds::dds::TypeSupport(new msg::ScenePubSubType),
-                                           idl::status_reader_qos());
+  auto& reader = participant.create_reader(
+      idl::topics::scene, eprosima::fastdds::dds::TypeSupport(new msg::ScenePubSubType), idl::status_reader_qos());
   msg::Scene scene;
   eprosima::fastdds::dds::SampleInfo info;
   ASSERT_TRUE(
@@ -189,8 +192,9 @@ TEST(ViewServer, AMapOfATrackedCameraIsThereForWhoComesLate) {
   EXPECT_TRUE(until([&] { return server.wants_map(); }));
 
   idl::DdsParticipant participant({.name = "test", .domain = publish::test_domain(), .interfaces = {"lo"}});
-  auto& reader = participant.create_reader(
-      idl::topics::camera_map, eprosima::fastdds::dds::TypeSupport(new msg::CameraMapPubSubType), idl::status_reader_qos());
+  auto& reader = participant.create_reader(idl::topics::camera_map,
+                                           eprosima::fastdds::dds::TypeSupport(new msg::CameraMapPubSubType),
+                                           idl::status_reader_qos());
   msg::CameraMap sample;
   eprosima::fastdds::dds::SampleInfo info;
   ASSERT_TRUE(

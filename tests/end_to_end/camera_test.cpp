@@ -27,8 +27,8 @@ class CameraEndToEnd : public testing::Test {
     fs::create_directories(folder_ / "cam0");
     const scene::LedScene scene = scene::led_scene();
     for (int i = 0; i < frames; ++i) {
-      const capture::Image image =
-          scene::led_image(scene, scene::led_dots(scene, scene::led_scene_pose(i / scene.fps), {i % 8}), static_cast<std::uint64_t>(i));
+      const capture::Image image = scene::led_image(
+          scene, scene::led_dots(scene, scene::led_scene_pose(i / scene.fps), {i % 8}), static_cast<std::uint64_t>(i));
       char name[32];
       std::snprintf(name, sizeof name, "cam0/%06d.pgm", i);
       std::ofstream file(folder_ / name, std::ios::binary);

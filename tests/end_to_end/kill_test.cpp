@@ -83,7 +83,8 @@ TEST(Kill, TheRestartWorksTheRecordingOpensAndSubscribersNotice) {
       last = frame->captured_at;
     }
     ASSERT_TRUE(first);
-    const capture::Timestamp at_kill = capture::unix_now() - std::chrono::duration_cast<capture::Duration>(Clock::now() - killed);
+    const capture::Timestamp at_kill =
+        capture::unix_now() - std::chrono::duration_cast<capture::Duration>(Clock::now() - killed);
     EXPECT_LT(capture::seconds(at_kill - *last), 1.0) << "more than the last second is missing";
     least_recorded_s = std::min(least_recorded_s, capture::seconds(*last - *first));
   }

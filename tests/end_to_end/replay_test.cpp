@@ -9,8 +9,8 @@
 
 #include "calib/yaml/yaml_reader.h"
 #include "config/service_config.h"
-#include "tracks/track_csv.h"
 #include "end_to_end/process.h"
+#include "tracks/track_csv.h"
 
 namespace huetrack::end_to_end {
 namespace {
@@ -131,7 +131,8 @@ TEST_F(EndToEnd, CheckPrintsAConfigurationThatGivesTheSameTrack) {
   const Result result = run({HUETRACKD, "check", config});
   EXPECT_EQ(result.status, 0);
   const std::string resolved = write(result.out, "resolved.yaml");
-  EXPECT_EQ(config::to_yaml(config::load_service_config(resolved)), config::to_yaml(config::load_service_config(config)));
+  EXPECT_EQ(config::to_yaml(config::load_service_config(resolved)),
+            config::to_yaml(config::load_service_config(config)));
   EXPECT_EQ(tracks({}, resolved), tracks({}));
 }
 

@@ -62,8 +62,9 @@ cv::Mat column(const std::vector<double>& values) {
 }
 
 // OpenCV's own projection of points around (0, 0, 3) in front of the camera is ours.
-void expect_projects_like_opencv(const calib::Camera& camera, const std::vector<double>& k, const std::vector<double>& d,
-                                 const cv::Mat& rotation_vector, const std::vector<double>& t, bool fisheye = false) {
+void expect_projects_like_opencv(const calib::Camera& camera, const std::vector<double>& k,
+                                 const std::vector<double>& d, const cv::Mat& rotation_vector,
+                                 const std::vector<double>& t, bool fisheye = false) {
   cv::Mat r;
   cv::Rodrigues(rotation_vector, r);
   std::vector<cv::Point3d> world;
@@ -126,10 +127,11 @@ calib::CameraRig some_rig(bool fisheye = false) {
     camera.name = "cam" + std::to_string(c);
     camera.image_size = {640, 480};
     if (fisheye)
-      camera.model =
-          calib::CameraModel(calib::FisheyeKannalaBrandt{310.0 / 3, 101.7, 320.1, 239.3 + c, {0.1 / 7, -0.003, 0.0007, -0.0001}});
+      camera.model = calib::CameraModel(
+          calib::FisheyeKannalaBrandt{310.0 / 3, 101.7, 320.1, 239.3 + c, {0.1 / 7, -0.003, 0.0007, -0.0001}});
     else
-      camera.model = calib::CameraModel(calib::PinholeRadtan{532.1 / 3, 531.7, 320.1 + c, 239.3, {-0.1 / 3, 0.02, 0.0005, -0.0004}});
+      camera.model = calib::CameraModel(
+          calib::PinholeRadtan{532.1 / 3, 531.7, 320.1 + c, 239.3, {-0.1 / 3, 0.02, 0.0005, -0.0004}});
     const Eigen::Vector3d axis = Eigen::Vector3d(0.3, 1, 0.2 * c).normalized();
     camera.cam_from_world = {Eigen::Quaterniond(Eigen::AngleAxisd(0.4 + 1.3 * c, axis)), {0.1 * c, -0.2 / 3, 2.5}};
     rig.cameras.push_back(camera);
@@ -203,7 +205,8 @@ TEST_F(Exchange, CameraInfoOfOtherLenses) {
   EXPECT_THAT(export_rig(rig, {.format = ExchangeFormat::ros}).files[0].second,
               HasSubstr("distortion_model: equidistant"));
   expect_same(rig, and_back(rig, {.format = ExchangeFormat::ros}).rig);
-  rig.cameras[0].model = calib::CameraModel(calib::PinholeRadtan{500, 501, 320, 240, {0.1, 0.2, 1e-3, 2e-3, 0.3, 0.11, 0.22, 0.33}});
+  rig.cameras[0].model =
+      calib::CameraModel(calib::PinholeRadtan{500, 501, 320, 240, {0.1, 0.2, 1e-3, 2e-3, 0.3, 0.11, 0.22, 0.33}});
   EXPECT_THAT(export_rig(rig, {.format = ExchangeFormat::ros}).files[0].second,
               HasSubstr("distortion_model: rational_polynomial"));
   expect_same(rig, and_back(rig, {.format = ExchangeFormat::ros}).rig);
@@ -443,7 +446,8 @@ TEST_F(Exchange, OpenCvStereoFiles) {
   const std::vector<std::filesystem::path> both{
       intrinsics, file("extrinsics.yml", "%YAML:1.0\n---\n" + matrix("R", 3, 3, rotation.c_str()) +
                                              matrix("T", 3, 1, "-3.3, 0.04, 0.01") + matrix("Q", 1, 1, "1."))};
-  const ImportOptions options{.image_size = calib::ImageSize{640, 480}, .metres_per_unit = 0.025};  // in squares of 25 mm
+  const ImportOptions options{.image_size = calib::ImageSize{640, 480},
+                              .metres_per_unit = 0.025};  // in squares of 25 mm
   const Imported in = import_rig(both, options);
   ASSERT_EQ(in.rig.cameras.size(), 2u);
   EXPECT_NEAR(in.rig.cameras[1].cam_from_world.translation.x(), -0.0825, 1e-12);

@@ -12,8 +12,8 @@
 #include "calib/gather/image_files.h"
 #include "calib/gather/live_boards.h"
 #include "calib/gather/live_cameras.h"
-#include "gather/pictured_rig.h"
 #include "end_to_end/process.h"
+#include "gather/pictured_rig.h"
 
 namespace huetrack::gather {
 namespace {
@@ -63,7 +63,8 @@ class ShownPictures final : public capture::FrameSource {
     const auto picture_number = programme_->picture_of_frame(at_);
     if (stop.stop_requested() || !picture_number) return std::nullopt;
     const cv::Mat& picture = pictures_[static_cast<std::size_t>(*picture_number)];
-    capture::WritableImage image = capture::make_image(capture::PixelFormat::grey, capture::ColorRange::full, picture.cols, picture.rows);
+    capture::WritableImage image =
+        capture::make_image(capture::PixelFormat::grey, capture::ColorRange::full, picture.cols, picture.rows);
     std::memcpy(image.data[0], picture.data, picture.total());
     capture::Frame frame;
     frame.sequence = static_cast<std::uint32_t>(at_);
@@ -109,7 +110,7 @@ TEST(LiveBoards, KeepsTheBoardWhereItRests) {
   EXPECT_EQ(found.views.size(), 8U);
   EXPECT_EQ(found.thumbnails.size(), 8U);
   EXPECT_THAT(end_to_end::contents(page), AllOf(HasSubstr("finished with 4 moments"), HasSubstr("cam1"),
-                                    HasSubstr("data:image/jpeg"), Not(HasSubstr("http-equiv=refresh"))));
+                                                HasSubstr("data:image/jpeg"), Not(HasSubstr("http-equiv=refresh"))));
   fs::remove(page);
 }
 

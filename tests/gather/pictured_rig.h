@@ -12,9 +12,9 @@
 #include <string>
 #include <vector>
 
-#include "calib/model/camera_rig.h"
-#include "calib/board/board.h"
 #include "board/drawn_board.h"
+#include "calib/board/board.h"
+#include "calib/model/camera_rig.h"
 #include "solver/synthetic_rig.h"
 
 namespace huetrack::gather {
@@ -50,7 +50,8 @@ inline std::vector<calib::Rigid3d> pictured_poses(int count, std::uint64_t seed 
   facing.col(1) = facing.col(2).cross(facing.col(0));
   std::vector<calib::Rigid3d> poses;
   for (int k = 0; k < count; ++k) {
-    const Eigen::Vector3d place(1.0 * solver::uniform(rng) - 0.4, 0.9 * solver::uniform(rng) - 0.45, 0.55 + 0.7 * solver::uniform(rng));
+    const Eigen::Vector3d place(1.0 * solver::uniform(rng) - 0.4, 0.9 * solver::uniform(rng) - 0.45,
+                                0.55 + 0.7 * solver::uniform(rng));
     const Eigen::Vector3d tilt(0.8 * (2 * solver::uniform(rng) - 1), 0.6 * (2 * solver::uniform(rng) - 1),
                                0.6 * (2 * solver::uniform(rng) - 1));
     const Eigen::Quaterniond rotation = Eigen::AngleAxisd(tilt.norm(), tilt.normalized()) * Eigen::Quaterniond(facing);
@@ -60,8 +61,8 @@ inline std::vector<calib::Rigid3d> pictured_poses(int count, std::uint64_t seed 
 }
 
 // What a camera sees of it.
-inline cv::Mat picture_of(const calib::Camera& camera, const board::Board& board, const calib::Rigid3d& world_from_board,
-                          std::uint64_t seed) {
+inline cv::Mat picture_of(const calib::Camera& camera, const board::Board& board,
+                          const calib::Rigid3d& world_from_board, std::uint64_t seed) {
   const board::DrawnBoard drawn = board::draw_board(board, 40);
   const calib::Rigid3d cam_from_board = camera.cam_from_world * world_from_board;
   const Eigen::Matrix3d r = cam_from_board.rotation.toRotationMatrix();
@@ -83,8 +84,9 @@ inline std::string picture_name(int pose) {  // "07.png"
 
 // folder/camN/00.png, ...: of every pose, unless `spoil` changes the picture (an empty one is left out).
 using Spoil = std::function<void(int camera, int pose, cv::Mat& picture)>;
-inline void write_pictures(const std::filesystem::path& folder, const calib::CameraRig& rig, const std::vector<calib::Rigid3d>& poses,
-                           const Spoil& spoil = {}, const board::Board& board = pictured_board()) {
+inline void write_pictures(const std::filesystem::path& folder, const calib::CameraRig& rig,
+                           const std::vector<calib::Rigid3d>& poses, const Spoil& spoil = {},
+                           const board::Board& board = pictured_board()) {
   for (std::size_t c = 0; c < rig.cameras.size(); ++c) {
     std::filesystem::create_directories(folder / rig.cameras[c].name);
     for (std::size_t p = 0; p < poses.size(); ++p) {

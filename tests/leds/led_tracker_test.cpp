@@ -9,8 +9,8 @@
 #include "camera_tracking/leds/led_blobs.h"
 #include "camera_tracking/leds/led_filter.h"
 #include "camera_tracking/leds/led_schedule.h"
-#include "scene/led_scene.h"
 #include "camera_tracking/methods/make_camera_tracker.h"
+#include "scene/led_scene.h"
 
 namespace huetrack::leds {
 namespace {
@@ -35,7 +35,8 @@ TEST_P(LedBlobs, CentresAreFoundToASmallPartOfAPixel) {
   }
 }
 INSTANTIATE_TEST_SUITE_P(Formats, LedBlobs,
-                         testing::Values(capture::PixelFormat::grey, capture::PixelFormat::yuyv, capture::PixelFormat::i420, capture::PixelFormat::bgr));
+                         testing::Values(capture::PixelFormat::grey, capture::PixelFormat::yuyv,
+                                         capture::PixelFormat::i420, capture::PixelFormat::bgr));
 
 TEST(LedBlobs, NothingIsFoundInTheDarkAtTheEdgeOrInALamp) {
   const scene::LedScene scene = scene::led_scene();
@@ -117,8 +118,11 @@ Course follow(
     ++run.poses;
     Eigen::Matrix<double, 6, 1> off;
     off.head<3>() = truth.translation - e.world_from_camera.translation;
-    off.tail<3>() = calib::log(calib::Rigid3d{truth.rotation * e.world_from_camera.rotation.conjugate(), Vector3d::Zero()}).head<3>();
-    run.wrong += e.state == camera_tracking::CameraState::tracking && (off.head<3>().norm() > 0.05 || off.tail<3>().norm() > 0.087);
+    off.tail<3>() =
+        calib::log(calib::Rigid3d{truth.rotation * e.world_from_camera.rotation.conjugate(), Vector3d::Zero()})
+            .head<3>();
+    run.wrong += e.state == camera_tracking::CameraState::tracking &&
+                 (off.head<3>().norm() > 0.05 || off.tail<3>().norm() > 0.087);
     if (i < judged_from) continue;
     ++judged;
     run.rms_mm += 1e6 * off.head<3>().squaredNorm();
@@ -219,10 +223,11 @@ TEST(LedFilter, SameSeedSameBits) {
     const auto filter = LedFilter::huetrack(scene.camera, options);
     Vector3d last(0, 0, 0);
     for (int i = 0; i < 30; ++i) {
-      const camera_tracking::CameraEstimate e = filter->update({.at = scene.at(i),
-                                               .number = static_cast<std::uint64_t>(i),
-                                               .lit = i % 8,
-                                               .dots = scene::led_dots(scene, scene::led_scene_pose(i / scene.fps), {i % 8})});
+      const camera_tracking::CameraEstimate e =
+          filter->update({.at = scene.at(i),
+                          .number = static_cast<std::uint64_t>(i),
+                          .lit = i % 8,
+                          .dots = scene::led_dots(scene, scene::led_scene_pose(i / scene.fps), {i % 8})});
       if (e.has_pose()) last = e.world_from_camera.translation;
     }
     return last;
@@ -246,10 +251,11 @@ TEST(LedTracker, ImagesAndAScheduleBySequenceOrTime) {
   for (int i = 0; i < 40; ++i) {
     if (i % 11 == 5) continue;  // a dropped frame: the schedule goes by the driver's numbers
     const calib::Rigid3d truth = scene::led_scene_pose(i / scene.fps);
-    const capture::Frame frame{.camera = 0,
-                      .sequence = static_cast<std::uint32_t>(i),
-                      .captured_at = scene.at(i),
-                      .pixels = scene::led_image(scene, scene::led_dots(scene, truth, {i % 8}), static_cast<std::uint64_t>(i))};
+    const capture::Frame frame{
+        .camera = 0,
+        .sequence = static_cast<std::uint32_t>(i),
+        .captured_at = scene.at(i),
+        .pixels = scene::led_image(scene, scene::led_dots(scene, truth, {i % 8}), static_cast<std::uint64_t>(i))};
     const camera_tracking::CameraEstimate e = tracker->update(frame);
     if (!e.has_pose()) continue;
     ++poses;
@@ -278,7 +284,8 @@ struct Outcome {
   std::string why;  // after the last frame
 };
 
-Outcome play(const camera_tracking::LedStart& start, const Film& film, camera_tracking::CameraMethod method = camera_tracking::CameraMethod::huetrack) {
+Outcome play(const camera_tracking::LedStart& start, const Film& film,
+             camera_tracking::CameraMethod method = camera_tracking::CameraMethod::huetrack) {
   const scene::LedScene scene = scene::led_scene();
   camera_tracking::CameraTrackerOptions options;
   options.method = method;
@@ -290,11 +297,12 @@ Outcome play(const camera_tracking::LedStart& start, const Film& film, camera_tr
     const calib::Rigid3d truth = scene::led_scene_pose(i / scene.fps);
     std::vector<int> lit;
     if (const int led = film.lit[static_cast<std::size_t>(i) % film.lit.size()]; led >= 0) lit.push_back(led);
-    const capture::Frame frame{.camera = 0,
-                      .sequence = static_cast<std::uint32_t>(i / film.every),
-                      .captured_at = scene.at(i) + film.late,
-                      .pixels = scene::led_image(scene, scene::led_dots(scene, truth, lit), static_cast<std::uint64_t>(i)),
-                      .stream_index = i};
+    const capture::Frame frame{
+        .camera = 0,
+        .sequence = static_cast<std::uint32_t>(i / film.every),
+        .captured_at = scene.at(i) + film.late,
+        .pixels = scene::led_image(scene, scene::led_dots(scene, truth, lit), static_cast<std::uint64_t>(i)),
+        .stream_index = i};
     const camera_tracking::CameraEstimate e = tracker->update(frame);
     if (!e.has_pose()) continue;
     if (out.first < 0) out.first = i;

@@ -14,7 +14,8 @@ class Accuracy : public testing::Test {
     sequence = figures::load_sequence(figures::shared_data() / folder, every);
   }
   figures::TrackingFigures ours(const TargetOptions& target) const {
-    return figures::figures_of(sequence, target.name, figures::track(sequence, target, figures::rendered_options(Observation::huetrack, 1)));
+    return figures::figures_of(sequence, target.name,
+                               figures::track(sequence, target, figures::rendered_options(Observation::huetrack, 1)));
   }
   figures::TrackingFigures blob(const TargetOptions& target) const {
     return figures::figures_of(sequence, target.name, figures::track_blob(sequence, target));
@@ -79,7 +80,8 @@ TEST_F(Accuracy, fastBallBeforeFreeRunningCameras) {
 TEST_F(Accuracy, realRedSquare) {
   SKIP_WITHOUT("red_square_stereo");
   load("red_square_stereo");
-  const auto estimates = figures::track(sequence, figures::red_square(), figures::red_square_options(Observation::huetrack, 1));
+  const auto estimates =
+      figures::track(sequence, figures::red_square(), figures::red_square_options(Observation::huetrack, 1));
   EXPECT_GE(figures::inside_red_square(sequence, estimates), 112u);
 }
 

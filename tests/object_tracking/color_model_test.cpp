@@ -45,18 +45,20 @@ void expect_every_pixel_as_the_formula(const std::vector<ColorTable>& table, For
 }
 
 TEST(ColorTable, everyYuvOfLimitedRangeAsTheFormula) {
-  expect_every_pixel_as_the_formula<capture::Yuv>(tables(capture::PixelFormat::yuyv, capture::ColorRange::limited),
-                                         [](capture::Yuv p) { return hsi_of(rgb_of(p, capture::ColorRange::limited)); });
+  expect_every_pixel_as_the_formula<capture::Yuv>(
+      tables(capture::PixelFormat::yuyv, capture::ColorRange::limited),
+      [](capture::Yuv p) { return hsi_of(rgb_of(p, capture::ColorRange::limited)); });
 }
 
 TEST(ColorTable, everyYuvOfFullRangeAsTheFormula) {
-  expect_every_pixel_as_the_formula<capture::Yuv>(tables(capture::PixelFormat::i422, capture::ColorRange::full),
-                                         [](capture::Yuv p) { return hsi_of(rgb_of(p, capture::ColorRange::full)); });
+  expect_every_pixel_as_the_formula<capture::Yuv>(
+      tables(capture::PixelFormat::i422, capture::ColorRange::full),
+      [](capture::Yuv p) { return hsi_of(rgb_of(p, capture::ColorRange::full)); });
 }
 
 TEST(ColorTable, everyBgrAsTheFormula) {
   expect_every_pixel_as_the_formula<capture::Bgr>(tables(capture::PixelFormat::bgr, capture::ColorRange::full),
-                                         [](capture::Bgr p) { return hsi_of(rgb_of(p)); });
+                                                  [](capture::Bgr p) { return hsi_of(rgb_of(p)); });
 }
 
 TEST(ColorTable, ceilingsAreTheBrightestMatchOfTheirChroma) {
@@ -64,7 +66,8 @@ TEST(ColorTable, ceilingsAreTheBrightestMatchOfTheirChroma) {
     ColorTable::LumaCeiling expected;
     for (unsigned uv = 0; uv < 65536; ++uv) {
       for (const unsigned y : {255u, 200u, 128u, 60u, 16u, 0u, unsigned{table.intervals()[uv].y_max}}) {
-        const auto u = static_cast<std::uint8_t>(uv), v = static_cast<std::uint8_t>(uv >> 8), luma = static_cast<std::uint8_t>(y);
+        const auto u = static_cast<std::uint8_t>(uv), v = static_cast<std::uint8_t>(uv >> 8),
+                   luma = static_cast<std::uint8_t>(y);
         if (!table.contains(capture::Yuv{luma, u, v})) continue;
         expected.of_u[u / 4u] = std::max(expected.of_u[u / 4u], luma);
         expected.of_v[v / 4u] = std::max(expected.of_v[v / 4u], luma);
@@ -87,7 +90,8 @@ TEST(ColorTable, readsOnlyImagesOfItsKind) {
 }
 
 TEST(ColorTable, refusesAnInvalidRange) {
-  EXPECT_THROW(ColorTable({10, 20, 0.5, 0.4, 0, 1}, capture::PixelFormat::yuyv, capture::ColorRange::limited), std::invalid_argument);
+  EXPECT_THROW(ColorTable({10, 20, 0.5, 0.4, 0, 1}, capture::PixelFormat::yuyv, capture::ColorRange::limited),
+               std::invalid_argument);
 }
 
 // Gonzalez and Woods, Digital Image Processing, section 6.2, as printed.

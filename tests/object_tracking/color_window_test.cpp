@@ -72,7 +72,10 @@ class EveryFormat : public testing::TestWithParam<std::tuple<capture::PixelForma
   const ColorTable table{common_color(format), format, capture::ColorRange::limited};
 };
 INSTANTIATE_TEST_SUITE_P(, EveryFormat, testing::Combine(testing::ValuesIn(all_formats), testing::Bool()),
-                         [](const auto& param) { return std::string(capture::name(std::get<0>(param.param))) + (std::get<1>(param.param) ? "_avx512" : ""); });
+                         [](const auto& param) {
+                           return std::string(capture::name(std::get<0>(param.param))) +
+                                  (std::get<1>(param.param) ? "_avx512" : "");
+                         });
 
 TEST_P(EveryFormat, referenceCountsPixelByPixel) {
   const capture::Image image = random_image(format, 20, 20, 1);
@@ -120,7 +123,9 @@ TEST_P(EveryFormat, anyNumberOfStrewnWindowsAsTheReference) {
 
 TEST_P(EveryFormat, fewPixelsOfTheColourInABackground) {
   const HsiRange lime{65, 115, 0.3, 1, 0.1, 0.95};
-  const ColorTable narrow(format == capture::PixelFormat::grey || format == capture::PixelFormat::bgr ? common_color(format) : lime, format, capture::ColorRange::limited);
+  const ColorTable narrow(
+      format == capture::PixelFormat::grey || format == capture::PixelFormat::bgr ? common_color(format) : lime, format,
+      capture::ColorRange::limited);
   const Size size{120, 70};
   MatchBits bits(size.width, size.height, *kernels);
   for (std::uint64_t frame = 1; frame <= 5; ++frame) {
@@ -178,7 +183,8 @@ TEST_P(EveryFormat, gridAsTheImage) {
 }
 
 TEST(MatchBits, imagesWithPaddedRows) {
-  const ColorTable table(common_color(capture::PixelFormat::i420), capture::PixelFormat::i420, capture::ColorRange::limited);
+  const ColorTable table(common_color(capture::PixelFormat::i420), capture::PixelFormat::i420,
+                         capture::ColorRange::limited);
   const capture::Image wide = random_image(capture::PixelFormat::i420, 96, 32, 1);
   capture::Image left = wide;  // the left part of it: rows are longer than pixels
   left.width = 42;
@@ -189,7 +195,8 @@ TEST(MatchBits, imagesWithPaddedRows) {
 }
 
 TEST(MatchBits, coordinatesThatAreNoPixel) {
-  const ColorTable table(common_color(capture::PixelFormat::yuyv), capture::PixelFormat::yuyv, capture::ColorRange::limited);
+  const ColorTable table(common_color(capture::PixelFormat::yuyv), capture::PixelFormat::yuyv,
+                         capture::ColorRange::limited);
   const capture::Image image = random_image(capture::PixelFormat::yuyv, 40, 30, 1);
   MatchBits bits(40, 30);
   bits.look_at(image, table);
@@ -213,7 +220,8 @@ TEST(MatchBits, coordinatesThatAreNoPixel) {
 
 // The point of it all: the cost follows the windows, not the image.
 TEST(MatchBits, looksOnlyWhereAWindowIs) {
-  const ColorTable table(common_color(capture::PixelFormat::nv12), capture::PixelFormat::nv12, capture::ColorRange::limited);
+  const ColorTable table(common_color(capture::PixelFormat::nv12), capture::PixelFormat::nv12,
+                         capture::ColorRange::limited);
   const capture::Image image = random_image(capture::PixelFormat::nv12, 1920, 1080, 1);
   MatchBits bits(1920, 1080);
   bits.look_at(image, table);
@@ -247,13 +255,15 @@ TEST(MatchBits, ignoredBoxesMatchNothing) {
   const ColorTable table(common_color(format), format, image.range);
   const std::vector<PixelBox> boxes{{3, 5, 20, 9}, {40, 30, 400, 41}, {-9, -9, 0, 0}};
   const auto is_ignored = [&](int u, int v) {
-    return std::ranges::any_of(boxes, [&](const PixelBox& b) { return u >= b.u_min && u <= b.u_max && v >= b.v_min && v <= b.v_max; });
+    return std::ranges::any_of(
+        boxes, [&](const PixelBox& b) { return u >= b.u_min && u <= b.u_max && v >= b.v_min && v <= b.v_max; });
   };
   MatchBits bits(66, 50);
   bits.ignore(boxes);
   bits.look_at(image, table);
   for (int v = 0; v < 50; ++v)
-    for (int u = 0; u < 66; ++u) ASSERT_EQ(bits.at(u, v), matches_at(image, table, u, v) && !is_ignored(u, v)) << u << ", " << v;
+    for (int u = 0; u < 66; ++u)
+      ASSERT_EQ(bits.at(u, v), matches_at(image, table, u, v) && !is_ignored(u, v)) << u << ", " << v;
   std::vector<PixelAt> hits;
   bits.grid(3, hits);
   EXPECT_FALSE(hits.empty());

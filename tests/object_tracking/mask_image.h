@@ -9,7 +9,8 @@ namespace huetrack::object_tracking {
 
 template <typename Chosen>
 capture::Image mask_image(int width, int height, Chosen chosen) {
-  capture::WritableImage out = capture::make_image(capture::PixelFormat::grey, capture::ColorRange::full, width, height);
+  capture::WritableImage out =
+      capture::make_image(capture::PixelFormat::grey, capture::ColorRange::full, width, height);
   for (int v = 0; v < height; ++v) {
     for (int u = 0; u < width; ++u) out.data[0][v * out.image.planes[0].stride + u] = chosen(u, v) ? 200 : 50;
   }

@@ -148,8 +148,9 @@ TEST(ObjectTracker, locksByTheThirdSetAndIsHonest) {
 }
 
 TEST(ObjectTracker, readsEveryFormat) {
-  for (const capture::PixelFormat format : {capture::PixelFormat::yuyv, capture::PixelFormat::nv12, capture::PixelFormat::i420, capture::PixelFormat::i422,
-                                   capture::PixelFormat::i444, capture::PixelFormat::bgr}) {
+  for (const capture::PixelFormat format :
+       {capture::PixelFormat::yuyv, capture::PixelFormat::nv12, capture::PixelFormat::i420, capture::PixelFormat::i422,
+        capture::PixelFormat::i444, capture::PixelFormat::bgr}) {
     const scene::Scene scene = ring(2).ball({}).build();
     const Outcome o = run(scene, scene::render(scene, {.set_count = 15, .format = format}), lime(), options_with());
     EXPECT_LE(o.lock, 3u) << capture::name(format);
@@ -179,7 +180,8 @@ TEST_P(BehindWalls, coastsIsLostAndComesBack) {
   const double a = 0.2;
   const Vector3d up(0, 0, 2.5), x(2 * a, 0, 0), y(0, 2 * a, 0);
   scene::SceneBuilder builder = ring(GetParam());
-  for (const scene::Wall& wall : {scene::Wall{{-a, -a, 0}, x, up}, {{-a, a, 0}, x, up}, {{-a, -a, 0}, y, up}, {{a, -a, 0}, y, up}})
+  for (const scene::Wall& wall :
+       {scene::Wall{{-a, -a, 0}, x, up}, {{-a, a, 0}, x, up}, {{-a, -a, 0}, y, up}, {{a, -a, 0}, y, up}})
     builder.wall(wall);
   const scene::Scene scene =
       builder.ball({.path = [](double t) { return Vector3d(-0.7 + 0.35 * t, 0.45 - 0.2 * t, 1.0); }}).build();
@@ -287,7 +289,8 @@ TEST(ObjectTracker, unusableFramesAreAsIfTheyWereNotThere) {
   const scene::Scene scene = ring(3).ball({}).build();
   const std::vector<capture::FrameSet> sets = scene::render(scene, {.set_count = 20});
   std::vector<capture::FrameSet> absent = sets, small = sets, corrupted = sets;
-  const capture::WritableImage other = capture::make_image(capture::PixelFormat::yuyv, capture::ColorRange::limited, 160, 120);
+  const capture::WritableImage other =
+      capture::make_image(capture::PixelFormat::yuyv, capture::ColorRange::limited, 160, 120);
   for (std::size_t i = 5; i < sets.size(); ++i) {
     absent[i].frames[2].reset();
     small[i].frames[2]->pixels = other.image;
@@ -315,8 +318,8 @@ class BothObservations : public testing::TestWithParam<Observation> {};
 INSTANTIATE_TEST_SUITE_P(, BothObservations, testing::Values(Observation::paper, Observation::huetrack),
                          [](const auto& param) { return param.param == Observation::paper ? "paper" : "huetrack"; });
 
-std::vector<ObjectEstimate> track(const scene::Scene& scene, const std::vector<capture::FrameSet>& sets, const TargetOptions& target,
-                                  const ObjectTrackerOptions& options) {
+std::vector<ObjectEstimate> track(const scene::Scene& scene, const std::vector<capture::FrameSet>& sets,
+                                  const TargetOptions& target, const ObjectTrackerOptions& options) {
   ObjectTracker tracker(scene.rig, target, options);
   std::vector<ObjectEstimate> out;
   for (const capture::FrameSet& set : sets) {
@@ -355,7 +358,8 @@ TEST_P(BothObservations, targetsDoNotDisturbEachOther) {
 
 TEST_P(BothObservations, singleCamera) {
   const scene::Scene scene = ring(1).ball({}).build();
-  for (const ObjectEstimate& e : track(scene, scene::render(scene, {.set_count = 20}), lime(), options_with(1, GetParam()))) {
+  for (const ObjectEstimate& e :
+       track(scene, scene::render(scene, {.set_count = 20}), lime(), options_with(1, GetParam()))) {
     if (GetParam() == Observation::huetrack) {
       EXPECT_EQ(e.state, TrackState::searching);
     }
@@ -475,7 +479,7 @@ SearchFindings findings_of(const scene::Scene& scene, const TargetOptions& targe
 }
 
 TEST(SearchFindings, sayWhichRadiusTheRegionsHave) {
-  const scene::Scene scene = ring(3).ball({}).build();          // of 4 cm
+  const scene::Scene scene = ring(3).ball({}).build();  // of 4 cm
   TargetOptions target = lime();
   target.radius_m = 0.1;
   const SearchFindings found = findings_of(scene, target, 20);

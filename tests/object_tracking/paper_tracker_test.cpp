@@ -102,7 +102,8 @@ TEST(PaperObservation, isTheProductOverTheViews) {
 
 TEST(PaperObservation, knownWindows) {
   // One ball straight ahead; particles on its centre, on the background, beside the image and behind the camera.
-  const scene::Scene scene = scene::SceneBuilder{}.cameras_on_ring({.count = 1}).ball({.radius_m = 0.1, .path = still}).build();
+  const scene::Scene scene =
+      scene::SceneBuilder{}.cameras_on_ring({.count = 1}).ball({.radius_m = 0.1, .path = still}).build();
   TargetViews target_views(scene.rig, lime());
   const auto sets = scene::render(scene, {.set_count = 1, .pixel_noise_stddev = 0});
   const Vector3d eye = scene.rig.cameras[0].centre();

@@ -10,9 +10,9 @@
 
 namespace huetrack::object_tracking {
 
-inline const std::vector<capture::PixelFormat> all_formats{capture::PixelFormat::yuyv, capture::PixelFormat::nv12, capture::PixelFormat::i420,
-                                                  capture::PixelFormat::i422, capture::PixelFormat::i444, capture::PixelFormat::bgr,
-                                                  capture::PixelFormat::grey};
+inline const std::vector<capture::PixelFormat> all_formats{
+    capture::PixelFormat::yuyv, capture::PixelFormat::nv12, capture::PixelFormat::i420, capture::PixelFormat::i422,
+    capture::PixelFormat::i444, capture::PixelFormat::bgr,  capture::PixelFormat::grey};
 
 // Half of the bytes of each plane are drawn anew, the others repeat the one to the left.
 inline capture::Image random_image(capture::PixelFormat format, int width, int height, std::uint64_t seed) {
@@ -20,12 +20,12 @@ inline capture::Image random_image(capture::PixelFormat format, int width, int h
   std::mt19937_64 rng(seed);
   for (int plane = 0; plane < 3; ++plane) {
     std::uint8_t* p = out.data[static_cast<std::size_t>(plane)];
-    const std::size_t bytes =
-        capture::plane_row_bytes(format, plane, width) * static_cast<std::size_t>(capture::plane_rows(format, plane, height));
+    const std::size_t bytes = capture::plane_row_bytes(format, plane, width) *
+                              static_cast<std::size_t>(capture::plane_rows(format, plane, height));
     const std::size_t period = format == capture::PixelFormat::yuyv   ? 4
                                : format == capture::PixelFormat::bgr  ? 3
                                : format == capture::PixelFormat::nv12 ? 2
-                                                             : 1;
+                                                                      : 1;
     for (std::size_t i = 0; i < bytes; ++i) {
       p[i] = i >= period && rng() % 2 == 0 ? p[i - period] : static_cast<std::uint8_t>(rng());
     }
@@ -39,7 +39,8 @@ inline capture::Image background_image(capture::PixelFormat format, int width, i
   std::mt19937_64 rng(seed);
   for (int plane = 0; plane < 3; ++plane) {
     std::uint8_t* p = out.data[static_cast<std::size_t>(plane)];
-    const std::size_t bytes = capture::plane_row_bytes(format, plane, width) * static_cast<std::size_t>(capture::plane_rows(format, plane, height));
+    const std::size_t bytes = capture::plane_row_bytes(format, plane, width) *
+                              static_cast<std::size_t>(capture::plane_rows(format, plane, height));
     for (std::size_t i = 0; i < bytes; ++i) {
       const bool luma = format == capture::PixelFormat::yuyv ? i % 2 == 0 : plane == 0;
       const auto usual = luma ? 190 + rng() % 30 : 125 + rng() % 7;
@@ -51,11 +52,13 @@ inline capture::Image background_image(capture::PixelFormat format, int width, i
 
 // A third of all colours. Grey images match this one too, in part: it takes any hue and any saturation.
 inline HsiRange common_color(capture::PixelFormat format) {
-  return format == capture::PixelFormat::grey ? HsiRange{0, 360, 0, 1, 0.3, 0.6} : HsiRange{60, 240, 0.2, 1, 0.05, 0.95};
+  return format == capture::PixelFormat::grey ? HsiRange{0, 360, 0, 1, 0.3, 0.6}
+                                              : HsiRange{60, 240, 0.2, 1, 0.05, 0.95};
 }
 
 inline bool matches_at(const capture::Image& image, const ColorTable& table, int u, int v) {
-  return image.format == capture::PixelFormat::bgr ? table.contains(capture::bgr_at(image, u, v)) : table.contains(capture::yuv_at(image, u, v));
+  return image.format == capture::PixelFormat::bgr ? table.contains(capture::bgr_at(image, u, v))
+                                                   : table.contains(capture::yuv_at(image, u, v));
 }
 
 }  // namespace huetrack::object_tracking

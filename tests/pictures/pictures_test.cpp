@@ -34,9 +34,12 @@ TEST(BgrOf, FollowsBt601InBothRanges) {
     cv::Vec3b bgr;
   };
   const Case cases[] = {
-      {{16, 128, 128}, capture::ColorRange::limited, {0, 0, 0}},  {{235, 128, 128}, capture::ColorRange::limited, {255, 255, 255}},
-      {{81, 90, 240}, capture::ColorRange::limited, {0, 0, 255}}, {{145, 54, 34}, capture::ColorRange::limited, {0, 255, 0}},
-      {{76, 85, 255}, capture::ColorRange::full, {0, 0, 255}},    {{255, 128, 128}, capture::ColorRange::full, {255, 255, 255}},
+      {{16, 128, 128}, capture::ColorRange::limited, {0, 0, 0}},
+      {{235, 128, 128}, capture::ColorRange::limited, {255, 255, 255}},
+      {{81, 90, 240}, capture::ColorRange::limited, {0, 0, 255}},
+      {{145, 54, 34}, capture::ColorRange::limited, {0, 255, 0}},
+      {{76, 85, 255}, capture::ColorRange::full, {0, 0, 255}},
+      {{255, 128, 128}, capture::ColorRange::full, {255, 255, 255}},
   };
   for (const auto& c : cases) {
     capture::WritableImage image = capture::make_image(capture::PixelFormat::i444, c.range, 1, 1);
@@ -102,7 +105,9 @@ TEST_F(CameraPictures, RegionsAreDrawnOnlyWithAPose) {
 
 TEST_F(CameraPictures, TheMapIsAllOfIt) {
   std::vector<camera_tracking::CameraMapPoint> map;
-  const auto drawn = [&] { return count_near(draw_camera_map(camera_, plane_, "", {job_.estimate}, map), {160, 90, 40}); };
+  const auto drawn = [&] {
+    return count_near(draw_camera_map(camera_, plane_, "", {job_.estimate}, map), {160, 90, 40});
+  };
   const int none = drawn();
   for (int i = 0; i < 30; ++i) {
     map.emplace_back().position = {0.01 * i, 0.1, -0.3};
@@ -119,7 +124,8 @@ class Pictures : public testing::Test {
       const auto size = config_.rig.cameras[c].image_size;
       capture::Frame frame;
       frame.camera = int(c);
-      frame.pixels = capture::make_image(capture::PixelFormat::bgr, capture::ColorRange::full, size.width, size.height).image;
+      frame.pixels =
+          capture::make_image(capture::PixelFormat::bgr, capture::ColorRange::full, size.width, size.height).image;
       job_.set.frames.emplace_back(frame);
     }
     object_tracking::ObjectEstimate& estimate = job_.estimates.emplace_back();
@@ -129,7 +135,8 @@ class Pictures : public testing::Test {
     estimate.covariance = Eigen::Matrix3d::Identity() * 1e-4;
     job_.particles.resize(1);
   }
-  const config::ServiceConfig config_ = config::load_service_config(fs::path(HUETRACK_SOURCE_DIR) / "configs/demo/huetrackd.yaml");
+  const config::ServiceConfig config_ =
+      config::load_service_config(fs::path(HUETRACK_SOURCE_DIR) / "configs/demo/huetrackd.yaml");
   PictureJob job_;
 };
 
@@ -152,7 +159,8 @@ TEST_F(Pictures, AViewWithoutAFrameAndATargetWithoutAPositionAreDrawnAsSuch) {
 }
 
 TEST_F(Pictures, TheTrackIsDrawnWithAndWithoutTruthAndEvenWhenEmpty) {
-  const tracks::Truth truth = tracks::Truth::read(fs::path(HUETRACK_SOURCE_DIR) / "configs/demo/recording/groundtruth.csv");
+  const tracks::Truth truth =
+      tracks::Truth::read(fs::path(HUETRACK_SOURCE_DIR) / "configs/demo/recording/groundtruth.csv");
   std::vector<std::vector<object_tracking::ObjectEstimate>> tracks(1);
   EXPECT_FALSE(draw_track_3d(config_, "empty", tracks, nullptr).empty());
   const int without_track = count_near(draw_track_3d(config_, "empty", tracks, &truth), {0, 150, 232});

@@ -40,7 +40,8 @@ class GreySource final : public capture::FrameSource {
     frame.camera = cameras_[std::size_t(made_) % cameras_.size()];
     frame.sequence = std::uint32_t(turn);
     frame.captured_at = capture::Timestamp(turn * 10ms);
-    frame.pixels = capture::make_image(capture::PixelFormat::grey, capture::ColorRange::full, size_.width, size_.height).image;
+    frame.pixels =
+        capture::make_image(capture::PixelFormat::grey, capture::ColorRange::full, size_.width, size_.height).image;
     ++made_;
     return frame;
   }
@@ -89,7 +90,8 @@ TEST(Pipeline, EverySetComesOutOnceInOrderWithEveryTarget) {
     options.pictures_every = 10;
     Pipeline pipeline(rig, sources(GreySource({0, 1}, 50)), trackers_for(rig, 3), options,
                       {.estimates =
-                           [&](const capture::FrameSet& set, std::span<const object_tracking::ObjectEstimate> estimates, capture::Timestamp received_at) {
+                           [&](const capture::FrameSet& set, std::span<const object_tracking::ObjectEstimate> estimates,
+                               capture::Timestamp received_at) {
                              numbers.push_back(set.number);
                              EXPECT_EQ(estimates.size(), 3u);
                              for (const auto& e : estimates) EXPECT_EQ(e.set_number, set.number);
@@ -223,13 +225,14 @@ TEST(Pipeline, PacedFramesComeAtTheirTime) {
   PipelineOptions options = options_for(rig);
   const auto start = std::chrono::steady_clock::now();
   options.pace = Pace{start, capture::Timestamp{}};
-  Pipeline pipeline(rig, sources(GreySource({0}, 21)), trackers_for(rig, 1), options,
-                    {.estimates =
-                         [&](const capture::FrameSet& set, auto, auto) {  // never early; how late depends on the machine's load
-                           EXPECT_GE(std::chrono::steady_clock::now() - start, set.at.time_since_epoch());
-                         },
-                     .status = {},
-                     .pictures = {}});
+  Pipeline pipeline(
+      rig, sources(GreySource({0}, 21)), trackers_for(rig, 1), options,
+      {.estimates =
+           [&](const capture::FrameSet& set, auto, auto) {  // never early; how late depends on the machine's load
+             EXPECT_GE(std::chrono::steady_clock::now() - start, set.at.time_since_epoch());
+           },
+       .status = {},
+       .pictures = {}});
   pipeline.run({});
   EXPECT_GE(std::chrono::steady_clock::now() - start, 200ms);
 }

@@ -11,9 +11,9 @@
 #include <sstream>
 
 #include "config/formatted.h"
+#include "daemon/status_reporter.h"
 #include "pipeline/pipeline.h"
 #include "tracks/pose_file.h"
-#include "daemon/status_reporter.h"
 
 namespace huetrack::pipeline {
 namespace {
@@ -100,15 +100,17 @@ class FakeTracker final : public camera_tracking::CameraTracker {
   FakeTracker(std::uint64_t first, std::uint64_t last) : first_(first), last_(last) {}
   camera_tracking::CameraEstimate update(const capture::Frame& frame) override {
     camera_tracking::CameraEstimate e = estimate(frames_ < first_   ? camera_tracking::CameraState::searching
-                                : frames_ <= last_ ? camera_tracking::CameraState::tracking
-                                                   : camera_tracking::CameraState::lost,
-                                frame.captured_at.time_since_epoch());
+                                                 : frames_ <= last_ ? camera_tracking::CameraState::tracking
+                                                                    : camera_tracking::CameraState::lost,
+                                                 frame.captured_at.time_since_epoch());
     e.frame_number = frames_++;
     return e;
   }
   std::string why_no_pose() const override { return "frame " + std::to_string(frames_ - 1) + " is grey"; }
   camera_tracking::CameraTrackerView view() const override { return {}; }
-  std::vector<camera_tracking::CameraMapPoint> map() const override { return std::vector<camera_tracking::CameraMapPoint>(3); }
+  std::vector<camera_tracking::CameraMapPoint> map() const override {
+    return std::vector<camera_tracking::CameraMapPoint>(3);
+  }
   void save_map(const fs::path& file) const override { std::ofstream(file) << "new"; }
 
  private:
@@ -145,7 +147,8 @@ class TrackedCamera : public testing::Test {
   Pipeline& run(std::uint64_t first, std::uint64_t last, PipelineOutputs outputs) {
     std::vector<std::unique_ptr<capture::FrameSource>> sources;
     sources.push_back(std::make_unique<GreySource>());
-    pipeline_.emplace(rig_, std::move(sources), std::vector<object_tracking::ObjectTracker>{}, PipelineOptions{}, std::move(outputs));
+    pipeline_.emplace(rig_, std::move(sources), std::vector<object_tracking::ObjectTracker>{}, PipelineOptions{},
+                      std::move(outputs));
     pipeline_->track_camera(0, std::make_unique<FakeTracker>(first, last));
     pipeline_->run({});
     return *pipeline_;
@@ -158,7 +161,9 @@ class TrackedCamera : public testing::Test {
 TEST_F(TrackedCamera, TheReasonIsHandedOverWithItsFrame) {
   std::vector<std::string> reasons;
   PipelineOutputs outputs;
-  outputs.camera_poses = [&](const camera_tracking::CameraEstimate&, capture::Timestamp) { reasons.push_back(pipeline_->tracked_camera().why); };
+  outputs.camera_poses = [&](const camera_tracking::CameraEstimate&, capture::Timestamp) {
+    reasons.push_back(pipeline_->tracked_camera().why);
+  };
   run(2, 4, std::move(outputs));
   EXPECT_THAT(reasons,
               testing::ElementsAre("frame 0 is grey", "frame 1 is grey", "", "", "", "frame 5 is grey",

@@ -6,8 +6,8 @@
 #include <fstream>
 #include <iterator>
 
-#include "calib/model/rig_yaml.h"
 #include "calib/board/board_yaml.h"
+#include "calib/model/rig_yaml.h"
 #include "calib/program/commands.h"
 
 namespace huetrack::program {
@@ -86,7 +86,8 @@ TEST_F(Commands, ImportAndExport) {
   EXPECT_EQ(run({"export", rig, "--to", "aniposelib", "--out", path("out")}), ExitStatus::usable) << said_;
   EXPECT_EQ(run({"import", path("out/calibration.toml"), "--rig", path("back.yaml")}), ExitStatus::usable) << said_;
   EXPECT_EQ(calib::read_rig(path("back.yaml")).cameras.size(), 2u);
-  EXPECT_LT((calib::read_rig(path("back.yaml")).cameras[1].centre() - calib::read_rig(rig).cameras[1].centre()).norm(), 1e-13);
+  EXPECT_LT((calib::read_rig(path("back.yaml")).cameras[1].centre() - calib::read_rig(rig).cameras[1].centre()).norm(),
+            1e-13);
   // Never over what is there, and a file that cannot be read leaves the rig alone.
   EXPECT_EQ(run({"export", rig, "--to", "aniposelib", "--out", path("out")}), ExitStatus::failed);
   EXPECT_THAT(said_, HasSubstr("is there already"));

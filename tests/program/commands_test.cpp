@@ -4,10 +4,10 @@
 
 #include <opencv2/imgproc.hpp>
 
-#include "calib/model/rig_yaml.h"
 #include "calib/board/board_yaml.h"
-#include "gather/pictured_rig.h"
+#include "calib/model/rig_yaml.h"
 #include "end_to_end/process.h"
+#include "gather/pictured_rig.h"
 
 namespace huetrack::program {
 namespace {
@@ -95,7 +95,8 @@ TEST_F(Calibrate, PicturesOfAGoodCaptureGiveTheRig) {
   EXPECT_THAT(check.out,
               AllOf(HasSubstr("DOES NOT FIT"), HasSubstr("cam1: was moved by"),
                     HasSubstr("cam0: stands where the rig says"), HasSubstr("cam2: stands where the rig says")));
-  EXPECT_LT(solver::volume_rms_m(truth, calib::read_rig(path("mended.yaml")), {-0.4, -0.4, 0.5}, {0.4, 0.4, 1.3}), 0.003);
+  EXPECT_LT(solver::volume_rms_m(truth, calib::read_rig(path("mended.yaml")), {-0.4, -0.4, 0.5}, {0.4, 0.4, 1.3}),
+            0.003);
 }
 
 TEST_F(Calibrate, TheOrderOfImagesDoesNotMatter) {
@@ -121,10 +122,11 @@ TEST_F(Calibrate, TheOrderOfImagesDoesNotMatter) {
 
 TEST_F(Calibrate, AFailedCalibrationLeavesAGoodRigAlone) {
   std::ofstream(path("rig.yaml")) << "a good rig";
-  gather::write_pictures(folder_ / "pictures", gather::pictured_rig(), gather::pictured_poses(8), [](int c, int p, cv::Mat& picture) {
-    if (c == 2 && p > 1) picture = cv::Mat();
-    if (c != 2 && p < 2) picture = cv::Mat();  // cam2 sees what nobody else does
-  });
+  gather::write_pictures(folder_ / "pictures", gather::pictured_rig(), gather::pictured_poses(8),
+                         [](int c, int p, cv::Mat& picture) {
+                           if (c == 2 && p > 1) picture = cv::Mat();
+                           if (c != 2 && p < 2) picture = cv::Mat();  // cam2 sees what nobody else does
+                         });
   const Ended result = extrinsics("pictures");
   EXPECT_EQ(result.status, 1);
   EXPECT_THAT(result.err, HasSubstr("cam2"));
@@ -164,9 +166,10 @@ TEST_F(Calibrate, ABoardOfAnotherSizeBeforeOneCamera) {
 }
 
 TEST_F(Calibrate, MirroredImagesOfOneCamera) {
-  gather::write_pictures(folder_ / "pictures", gather::pictured_rig(), gather::pictured_poses(10), [](int c, int, cv::Mat& picture) {
-    if (c == 0) cv::flip(picture, picture, 1);
-  });
+  gather::write_pictures(folder_ / "pictures", gather::pictured_rig(), gather::pictured_poses(10),
+                         [](int c, int, cv::Mat& picture) {
+                           if (c == 0) cv::flip(picture, picture, 1);
+                         });
   const Ended result = extrinsics("pictures");
   EXPECT_EQ(result.status, 1) << result.out;
   EXPECT_THAT(result.err, AllOf(HasSubstr("cam0"), HasSubstr("mirrored")));
@@ -184,10 +187,11 @@ TEST_F(Calibrate, SwappedCameras) {
 }
 
 TEST_F(Calibrate, ACameraWithoutOverlap) {
-  gather::write_pictures(folder_ / "pictures", gather::pictured_rig(), gather::pictured_poses(12), [](int c, int p, cv::Mat& picture) {
-    if ((c == 2) == (p < 6)) picture = cv::Mat(240, 320, CV_8UC1, cv::Scalar(90));
-    if ((c == 2) == (p < 6)) cv::circle(picture, {160, 120}, 60, cv::Scalar(200), -1);
-  });
+  gather::write_pictures(folder_ / "pictures", gather::pictured_rig(), gather::pictured_poses(12),
+                         [](int c, int p, cv::Mat& picture) {
+                           if ((c == 2) == (p < 6)) picture = cv::Mat(240, 320, CV_8UC1, cv::Scalar(90));
+                           if ((c == 2) == (p < 6)) cv::circle(picture, {160, 120}, 60, cv::Scalar(200), -1);
+                         });
   const Ended result = extrinsics("pictures");
   EXPECT_EQ(result.status, 1) << result.out;
   EXPECT_THAT(result.err,
@@ -223,7 +227,8 @@ TEST_F(Calibrate, ATruncatedVideo) {
     std::ofstream video(folder_ / "videos" / (rig.cameras[c].name + ".mjpeg"), std::ios::binary);
     for (std::size_t p = 0; p < poses.size(); ++p) {
       cv::Mat picture;
-      cv::cvtColor(gather::picture_of(rig.cameras[c], gather::pictured_board(), poses[p], 100 * c + p), picture, cv::COLOR_GRAY2BGR);
+      cv::cvtColor(gather::picture_of(rig.cameras[c], gather::pictured_board(), poses[p], 100 * c + p), picture,
+                   cv::COLOR_GRAY2BGR);
       std::vector<std::uint8_t> jpeg;
       cv::imencode(".jpg", picture, jpeg);
       video.write(reinterpret_cast<const char*>(jpeg.data()), static_cast<std::streamsize>(jpeg.size()));

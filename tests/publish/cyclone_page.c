@@ -56,8 +56,8 @@ static void preview(const void* sample) {
 static void map(const void* sample) {
   const huetrack_msg_CameraMap* s = sample;
   const huetrack_msg_CameraMapPoint* p = &s->points._buffer[s->points._length - 1];
-  printf("map/camera %s %u %lld %u %u\n", s->camera, (unsigned)s->pid, (long long)s->captured_at, (unsigned)s->map_points,
-         (unsigned)s->points._length);
+  printf("map/camera %s %u %lld %u %u\n", s->camera, (unsigned)s->pid, (long long)s->captured_at,
+         (unsigned)s->map_points, (unsigned)s->points._length);
   printf("map/point %u %.9g %.9g %u %d\n", (unsigned)p->id, (double)p->position[1], (double)p->covariance[5],
          (unsigned)p->state, p->given);
 }

@@ -260,8 +260,8 @@ int main(int argc, char** argv) {
        subscribe(participant, &geometry_msgs_msg_dds__PoseWithCovarianceStamped__desc, "rt/huetrack/camera/hand/pose",
                  DDS_DURABILITY_VOLATILE),
        any_pose, 6, 0, 0},
-      {"tf", subscribe(participant, &tf2_msgs_msg_dds__TFMessage__desc, "rt/tf", DDS_DURABILITY_VOLATILE), any_tf, 12, 0,
-       0},
+      {"tf", subscribe(participant, &tf2_msgs_msg_dds__TFMessage__desc, "rt/tf", DDS_DURABILITY_VOLATILE), any_tf, 12,
+       0, 0},
   };
   const int topic_count = (int)(sizeof topics / sizeof topics[0]);
   int done = 0;

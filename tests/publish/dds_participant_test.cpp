@@ -116,7 +116,8 @@ TEST(DdsParticipant, InterfacesBesideAParticipantProfileAreRefused) {
 TEST(DdsParticipant, DescriptionListsTheInterfacesInUse) {
   const idl::DdsParticipant participant({.domain = testing::test_domain()});
   EXPECT_THAT(participant.description(), HasSubstr("domain " + std::to_string(testing::test_domain())));
-  for (const idl::NetworkInterface& i : idl::network_interfaces()) EXPECT_THAT(participant.description(), HasSubstr(i.address));
+  for (const idl::NetworkInterface& i : idl::network_interfaces())
+    EXPECT_THAT(participant.description(), HasSubstr(i.address));
 }
 
 TEST(DdsParticipant, AnUnchangedNetworkIsNoChange) {
@@ -129,7 +130,8 @@ TEST(DdsParticipant, ProfileOfATopicsNameReplacesItsQosAndOthersKeepOurs) {
       {.domain = testing::test_domain(), .profiles = HUETRACK_SOURCE_DIR "/configs/dds/topic_qos.xml"});
   using TfType = tf2_msgs::msg::dds_::TFMessage_PubSubType;
   const auto qos_of = [&](const char* topic) {
-    return participant.create_writer(topic, dds::TypeSupport(new TfType), idl::ros2_writer_qos(), "typehash=x;").get_qos();
+    return participant.create_writer(topic, dds::TypeSupport(new TfType), idl::ros2_writer_qos(), "typehash=x;")
+        .get_qos();
   };
   const dds::DataWriterQos tf = qos_of(idl::topics::ros2_tf);
   EXPECT_EQ(tf.reliability().kind, dds::BEST_EFFORT_RELIABILITY_QOS);

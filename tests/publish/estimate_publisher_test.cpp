@@ -96,8 +96,8 @@ TEST_F(Bus, PositionRoundTripOfEveryField) {
   dds::DataReader& reader = position_reader();
   EstimatePublisher publisher(known_options(test_domain()));
   const auto before = std::chrono::system_clock::now().time_since_epoch();
-  const auto sample =
-      first_after<msg::ObjectPosition>(reader, [&] { EXPECT_TRUE(publish_known(publisher, object_tracking::TrackState::tracking)); });
+  const auto sample = first_after<msg::ObjectPosition>(
+      reader, [&] { EXPECT_TRUE(publish_known(publisher, object_tracking::TrackState::tracking)); });
   ASSERT_TRUE(sample);
   const object_tracking::ObjectEstimate e = known_estimate(object_tracking::TrackState::tracking);
   EXPECT_EQ(sample->target(), "ball");
@@ -132,7 +132,8 @@ TEST_F(Bus, PositionRoundTripOfEveryField) {
 TEST_F(Bus, WithoutAPositionItIsNanWhateverTheEstimateHolds) {
   dds::DataReader& reader = position_reader();
   EstimatePublisher publisher(known_options(test_domain()));
-  for (const object_tracking::TrackState state : {object_tracking::TrackState::searching, object_tracking::TrackState::lost}) {
+  for (const object_tracking::TrackState state :
+       {object_tracking::TrackState::searching, object_tracking::TrackState::lost}) {
     const auto sample = first_after<msg::ObjectPosition>(reader, [&] { publish_known(publisher, state); });
     ASSERT_TRUE(sample);
     EXPECT_EQ(sample->state(), static_cast<msg::TrackState>(state));
@@ -147,10 +148,12 @@ TEST_F(Bus, WithoutAPositionItIsNanWhateverTheEstimateHolds) {
 TEST_F(Bus, AViewThatSaysNothingDoesNotRepeatTheLastOne) {
   dds::DataReader& reader = position_reader();
   EstimatePublisher publisher(known_options(test_domain()));
-  ASSERT_TRUE(first_after<msg::ObjectPosition>(reader, [&] { publish_known(publisher, object_tracking::TrackState::tracking); }));
+  ASSERT_TRUE(first_after<msg::ObjectPosition>(
+      reader, [&] { publish_known(publisher, object_tracking::TrackState::tracking); }));
   object_tracking::ObjectEstimate bare = known_estimate(object_tracking::TrackState::lost);
   bare.per_view.clear();
-  publisher.publish(0, bare, captured_at(object_tracking::TrackState::lost), received_at(object_tracking::TrackState::lost));
+  publisher.publish(0, bare, captured_at(object_tracking::TrackState::lost),
+                    received_at(object_tracking::TrackState::lost));
   ASSERT_TRUE(ChildProcess::wait(
       [&] {
         for (const auto& sample : take_all<msg::ObjectPosition>(reader))
@@ -170,7 +173,8 @@ TEST_F(Bus, EveryTargetIsAnInstanceOfItsOwnWithItsOwnHistory) {
   options.targets.clear();
   for (int i = 0; i < 30; ++i) options.targets.push_back("target" + std::to_string(i));
   EstimatePublisher publisher(options);
-  ASSERT_TRUE(first_after<msg::ObjectPosition>(reader, [&] { publish_known(publisher, object_tracking::TrackState::tracking); }));
+  ASSERT_TRUE(first_after<msg::ObjectPosition>(
+      reader, [&] { publish_known(publisher, object_tracking::TrackState::tracking); }));
   std::this_thread::sleep_for(50ms);
   take_all<msg::ObjectPosition>(reader);
   for (int repeat = 0; repeat < 10; ++repeat)
@@ -260,7 +264,8 @@ TEST_F(Bus, WithoutRosThereAreNoRosTopics) {
   EstimatePublisherOptions options = known_options(test_domain());
   options.ros2 = false;
   EstimatePublisher publisher(options);
-  ASSERT_TRUE(first_after<msg::ObjectPosition>(native, [&] { publish_known(publisher, object_tracking::TrackState::tracking); }));
+  ASSERT_TRUE(first_after<msg::ObjectPosition>(
+      native, [&] { publish_known(publisher, object_tracking::TrackState::tracking); }));
   EXPECT_TRUE(matched(tf_reader, 0));
   EXPECT_TRUE(take_all<tf2_msgs::msg::dds_::TFMessage_>(tf_reader).empty());
 }
@@ -325,7 +330,8 @@ bool in_own_network() {
 }
 // The kernel takes a moment to report the carrier.
 bool has_carrier(const std::string& address) {
-  return ChildProcess::wait([&] { return idl::describe(idl::network_interfaces()).find(address) != std::string::npos; }, 5s);
+  return ChildProcess::wait([&] { return idl::describe(idl::network_interfaces()).find(address) != std::string::npos; },
+                            5s);
 }
 bool interface_comes_up() {
   return std::system("ip link set va up && ip addr add 10.99.0.1/24 dev va") == 0 && has_carrier("10.99.0.1");
@@ -344,8 +350,9 @@ TEST(Network, AnInterfaceThatComesUpLaterIsUsed) {
   ASSERT_TRUE(has_carrier("10.99.0.2"));
   idl::DdsParticipant participant({.domain = test_domain()});
   EXPECT_THAT(participant.description(), HasSubstr("vb 10.99.0.2"));
-  dds::DataReader& reader = participant.create_reader(
-      idl::topics::object_position, dds::TypeSupport(new msg::ObjectPositionPubSubType), idl::object_position_reader_qos());
+  dds::DataReader& reader =
+      participant.create_reader(idl::topics::object_position, dds::TypeSupport(new msg::ObjectPositionPubSubType),
+                                idl::object_position_reader_qos());
   EXPECT_TRUE(ChildProcess::wait([&] { return !take_all<msg::ObjectPosition>(reader).empty(); }, 10s));
 }
 
@@ -388,7 +395,8 @@ TEST(EstimatePublisher, WrongOptionsAreNamed) {
   EXPECT_THAT(refusal([](auto& o) { o.targets = {"my ball"}; }), HasSubstr("my ball"));
   EXPECT_THAT(refusal([](auto& o) { o.targets = {"a", "a"}; }), HasSubstr("same name"));
   EXPECT_THAT(refusal([](auto& o) { o.targets.clear(), o.tracked_camera.clear(); }), HasSubstr("at least one target"));
-  EXPECT_THAT(refusal([](auto& o) { o.tracked_camera = o.targets[0]; }), HasSubstr("has the name of the tracked camera"));
+  EXPECT_THAT(refusal([](auto& o) { o.tracked_camera = o.targets[0]; }),
+              HasSubstr("has the name of the tracked camera"));
   EXPECT_THAT(refusal([](auto& o) { o.tracked_camera = "cam.0"; }), HasSubstr("camera \"cam.0\" must be a letter"));
   EXPECT_THAT(refusal([](auto& o) { o.frame_id = "/world"; }), HasSubstr("/world"));
   EXPECT_THAT(refusal([](auto& o) { o.domain = 1000; }), HasSubstr("1000"));

@@ -18,7 +18,8 @@ namespace huetrack::testing {
 
 using huetrack::test_domain;
 
-inline constexpr std::array states{object_tracking::TrackState::searching, object_tracking::TrackState::tracking, object_tracking::TrackState::coasting, object_tracking::TrackState::lost};
+inline constexpr std::array states{object_tracking::TrackState::searching, object_tracking::TrackState::tracking,
+                                   object_tracking::TrackState::coasting, object_tracking::TrackState::lost};
 
 inline EstimatePublisherOptions known_options(int domain) {
   EstimatePublisherOptions options;
@@ -30,7 +31,8 @@ inline EstimatePublisherOptions known_options(int domain) {
 }
 
 inline capture::Timestamp captured_at(object_tracking::TrackState state) {
-  return capture::Timestamp(std::chrono::nanoseconds(1'700'000'000'123'456'789 + 100'000'000 * static_cast<int>(state)));
+  return capture::Timestamp(
+      std::chrono::nanoseconds(1'700'000'000'123'456'789 + 100'000'000 * static_cast<int>(state)));
 }
 inline capture::Timestamp received_at(object_tracking::TrackState state) {
   return captured_at(state) + std::chrono::milliseconds(7);
@@ -58,7 +60,9 @@ inline object_tracking::ObjectEstimate known_estimate(object_tracking::TrackStat
 }
 
 // As above; states go by number as a target's do.
-inline constexpr std::array camera_states{camera_tracking::CameraState::searching, camera_tracking::CameraState::tracking, camera_tracking::CameraState::coasting, camera_tracking::CameraState::lost};
+inline constexpr std::array camera_states{camera_tracking::CameraState::searching,
+                                          camera_tracking::CameraState::tracking,
+                                          camera_tracking::CameraState::coasting, camera_tracking::CameraState::lost};
 
 inline camera_tracking::CameraEstimate known_pose(camera_tracking::CameraState state) {
   const int n = static_cast<int>(state);
@@ -68,7 +72,8 @@ inline camera_tracking::CameraEstimate known_pose(camera_tracking::CameraState s
   e.state = state;
   e.world_from_camera = {Eigen::Quaterniond(0.5, -0.1, 0.7, 0.5), {0.5 + n, 1.25, -2.75}};
   for (int row = 0; row < 6; ++row)
-    for (int column = 0; column < 6; ++column) e.covariance(row, column) = 1e-4 * (1 + row + column) + (row == column ? 0.01 : 0);
+    for (int column = 0; column < 6; ++column)
+      e.covariance(row, column) = 1e-4 * (1 + row + column) + (row == column ? 0.01 : 0);
   e.features_in_view = 41;
   e.features_matched = 37;
   e.map_points = 123;

@@ -30,7 +30,8 @@ TEST(RosMessages, PoseHasPositionItsCovarianceAndAnUnknownOrientation) {
 
 TEST(RosMessages, StampBefore1970IsStillNormalised) {
   geometry_msgs::msg::dds_::PoseWithCovarianceStamped_ pose;
-  to_ros(known_estimate(object_tracking::TrackState::tracking), capture::Timestamp(std::chrono::nanoseconds(-1)), "world", pose);
+  to_ros(known_estimate(object_tracking::TrackState::tracking), capture::Timestamp(std::chrono::nanoseconds(-1)),
+         "world", pose);
   EXPECT_EQ(pose.header().stamp().sec(), -1);
   EXPECT_EQ(pose.header().stamp().nanosec(), 999'999'999U);
 }
@@ -38,7 +39,8 @@ TEST(RosMessages, StampBefore1970IsStillNormalised) {
 TEST(RosMessages, TransformIsFromWorldToTheTarget) {
   tf2_msgs::msg::dds_::TFMessage_ tf;
   for (int twice = 0; twice < 2; ++twice)  // the message is reused
-    to_ros(known_estimate(object_tracking::TrackState::coasting), captured_at(object_tracking::TrackState::coasting), "map", "ball", tf);
+    to_ros(known_estimate(object_tracking::TrackState::coasting), captured_at(object_tracking::TrackState::coasting),
+           "map", "ball", tf);
   ASSERT_EQ(tf.transforms().size(), 1U);
   const auto& transform = tf.transforms()[0];
   EXPECT_EQ(transform.header().frame_id(), "map");

@@ -111,7 +111,8 @@ TEST(RosView, ACameraThatIsTrackedMovesWithItsFrame) {
   const auto tf = to_static_tf(s, "map", "left");
   ASSERT_EQ(tf.transforms().size(), 1u);  // /tf says where the other one is
   EXPECT_EQ(tf.transforms()[0].child_frame_id(), "cam.0");
-  const auto array = to_markers(s, std::vector{estimate(object_tracking::TrackState::tracking)}, capture::Timestamp(5s), "map", "left");
+  const auto array = to_markers(s, std::vector{estimate(object_tracking::TrackState::tracking)}, capture::Timestamp(5s),
+                                "map", "left");
   int still = 0, moving = 0;
   for (const auto& marker : array.markers()) {
     if (marker.ns() != "cameras" || marker.points().empty()) continue;

@@ -31,7 +31,7 @@ solver::Extrinsics calibrated(const solver::SyntheticCapture& capture) {
 // Seen from the side, or from behind: no real board is.
 bool is_steep(const solver::SyntheticCapture& capture, const solver::BoardView& view) {
   const calib::Rigid3d cam_from_board = capture.rig.cameras[static_cast<std::size_t>(view.camera)].cam_from_world *
-                                 capture.world_from_board[static_cast<std::size_t>(view.set)];
+                                        capture.world_from_board[static_cast<std::size_t>(view.set)];
   return (cam_from_board.rotation * Eigen::Vector3d::UnitZ()).dot(cam_from_board.translation.normalized()) < 0.3;
 }
 
@@ -53,7 +53,8 @@ TEST(CalibrationReport, OfAGoodCaptureIsUsable) {
     EXPECT_LT(report.cameras[c].centre_sigma_m, 0.003);
   }
   // The predicted accuracy is that of the rig: of the same size as its true error.
-  const double true_rms = solver::volume_rms_m(capture.rig, solver::rig_of(found.adjustment), {-0.3, -0.4, 0.6}, {0.3, 0.4, 1.4});
+  const double true_rms =
+      solver::volume_rms_m(capture.rig, solver::rig_of(found.adjustment), {-0.3, -0.4, 0.6}, {0.3, 0.4, 1.4});
   EXPECT_GT(report.volume->median_by_calibration_m, 0.5 * true_rms);
   EXPECT_LT(report.volume->median_by_calibration_m, 5 * true_rms);
   EXPECT_GT(report.volume->median_total_m, report.volume->median_by_calibration_m);
@@ -113,7 +114,8 @@ TEST(CalibrationReport, NamesAspectOverlapAndBoardsSeenFromBehind) {
     view.camera = 0;
     own.push_back(std::move(view));
   }
-  const solver::Adjustment alone = solver::calibrate_intrinsics(capture.board, "cam1", {640, 480}, own, one_lens).adjustment;
+  const solver::Adjustment alone =
+      solver::calibrate_intrinsics(capture.board, "cam1", {640, 480}, own, one_lens).adjustment;
   EXPECT_GT(alone.lens_sigma(0).head<2>().norm(), 0.02 * alone.cameras[0].parameters(0));
   // As if the solution had put a camera behind the boards.
   solver::Extrinsics behind = calibrated(capture);
@@ -180,7 +182,8 @@ TEST(WorldFrame, IsSetByBoardsPointsAndFloors) {
   for (const auto& p : floor) seen.push_back(other * p);
   const calib::CameraRig back = solver::in_world(moved, {solver::floor_from_points(seen, moved), 1});
   for (const calib::Camera& camera : back.cameras) EXPECT_NEAR(camera.centre().z(), 1.8, 1e-6);
-  EXPECT_LT((solver::floor_from_points(seen, moved) * seen[1] - Eigen::Vector3d(std::hypot(1, 0.5), 0, 0)).norm(), 1e-9);
+  EXPECT_LT((solver::floor_from_points(seen, moved) * seen[1] - Eigen::Vector3d(std::hypot(1, 0.5), 0, 0)).norm(),
+            1e-9);
   std::vector<Eigen::Vector3d> larger;
   for (const auto& p : floor) larger.push_back(1.1 * p);
   const solver::WorldChange change = solver::align_points(seen, larger, true);
@@ -195,7 +198,7 @@ TEST(WorldFrame, IsSetByBoardsPointsAndFloors) {
                solver::CalibrationError);
   const solver::MeasuredPoint point =
       solver::measure_point(capture.rig, {{0, capture.rig.cameras[0].project_world({0.1, 0.2, 0.9}).value().px},
-                                  {2, capture.rig.cameras[2].project_world({0.1, 0.2, 0.9}).value().px}});
+                                          {2, capture.rig.cameras[2].project_world({0.1, 0.2, 0.9}).value().px}});
   EXPECT_LT((point.p_world - Eigen::Vector3d(0.1, 0.2, 0.9)).norm(), 1e-6);
   EXPECT_THROW(solver::measure_point(capture.rig, {{0, before}}), solver::CalibrationError);
 }

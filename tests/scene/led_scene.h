@@ -46,7 +46,7 @@ inline calib::Rigid3d led_scene_pose(double t) {
 
 // A soft dot at each pixel, in the dark. Sensor noise from the seed.
 inline capture::Image led_image(const LedScene& scene, const std::vector<Eigen::Vector2d>& dots, std::uint64_t seed,
-                       capture::PixelFormat format = capture::PixelFormat::grey) {
+                                capture::PixelFormat format = capture::PixelFormat::grey) {
   const auto [width, height] = scene.camera.image_size;
   capture::WritableImage image = capture::make_image(format, capture::ColorRange::full, width, height);
   std::mt19937_64 random(seed);
@@ -67,7 +67,8 @@ inline std::vector<Eigen::Vector2d> led_dots(const LedScene& scene, const calib:
                                              const std::vector<int>& lit) {
   std::vector<Eigen::Vector2d> dots;
   for (const int led : lit) {
-    const auto px = scene.camera.model.project(calib::inverse(world_from_camera) * scene.leds[static_cast<std::size_t>(led)]);
+    const auto px =
+        scene.camera.model.project(calib::inverse(world_from_camera) * scene.leds[static_cast<std::size_t>(led)]);
     if (px && scene.camera.contains(*px)) dots.push_back(px->px);
   }
   return dots;

@@ -19,7 +19,8 @@ Vector3d yuv_of(const Vector3d& rgb) {
 
 // A dull room: grey and brown patches, darker towards the floor. No lime, no pink.
 Vector3d background(double u, double v, int camera) {
-  const double wave = std::sin(0.021 * u + camera) * std::cos(0.017 * v - 2 * camera) + 0.4 * std::sin(0.11 * u + 0.07 * v);
+  const double wave =
+      std::sin(0.021 * u + camera) * std::cos(0.017 * v - 2 * camera) + 0.4 * std::sin(0.11 * u + 0.07 * v);
   const double light = 0.45 + 0.12 * wave;
   return {light * 1.04, light, light * 0.93};
 }
@@ -48,8 +49,10 @@ void draw_ball(const Scene& scene, const calib::Camera& camera, const BallOption
   const Vector3d eye = camera.centre();
   const Vector3d light = Vector3d(0.3, -0.2, 1).normalized();
   const auto clip = [](double x, int size) { return std::clamp(static_cast<int>(std::lround(x)), 0, size - 1); };
-  for (int v = clip(at->px.y() - reach, camera.image_size.height); v <= clip(at->px.y() + reach, camera.image_size.height); ++v) {
-    for (int u = clip(at->px.x() - reach, camera.image_size.width); u <= clip(at->px.x() + reach, camera.image_size.width); ++u) {
+  for (int v = clip(at->px.y() - reach, camera.image_size.height);
+       v <= clip(at->px.y() + reach, camera.image_size.height); ++v) {
+    for (int u = clip(at->px.x() - reach, camera.image_size.width);
+         u <= clip(at->px.x() + reach, camera.image_size.width); ++u) {
       Vector3d color = Vector3d::Zero();
       int hits = 0;
       for (int s = 0; s < 16; ++s) {
@@ -70,7 +73,8 @@ void draw_ball(const Scene& scene, const calib::Camera& camera, const BallOption
   }
 }
 
-capture::Image encode(const std::vector<Vector3d>& yuv, const RenderOptions& options, calib::ImageSize size, particle_filter::Rng& rng, std::vector<float>& noise) {
+capture::Image encode(const std::vector<Vector3d>& yuv, const RenderOptions& options, calib::ImageSize size,
+                      particle_filter::Rng& rng, std::vector<float>& noise) {
   capture::WritableImage out = capture::make_image(options.format, options.range, size.width, size.height);
   const bool limited = options.range == capture::ColorRange::limited;
   noise.resize(3 * yuv.size());
@@ -79,7 +83,8 @@ capture::Image encode(const std::vector<Vector3d>& yuv, const RenderOptions& opt
   const auto index = [&](int u, int v) { return static_cast<std::size_t>(v * size.width + u); };
   const auto y_of = [&](int u, int v) {
     const std::size_t i = index(u, v);
-    return byte((limited ? 16 + 219 * yuv[i].x() : 255 * yuv[i].x()) + options.pixel_noise_stddev * static_cast<double>(noise[i]));
+    return byte((limited ? 16 + 219 * yuv[i].x() : 255 * yuv[i].x()) +
+                options.pixel_noise_stddev * static_cast<double>(noise[i]));
   };
   // Chroma is the mean over the pixels that share the sample, as a camera's is.
   const auto chroma = [&](int u, int v, int du, int dv, int which) {
@@ -91,7 +96,8 @@ capture::Image encode(const std::vector<Vector3d>& yuv, const RenderOptions& opt
     return byte(128 + (limited ? 224 : 255) * sum / (du * dv) + options.pixel_noise_stddev * n);
   };
   const auto at = [&](int plane, int row, int offset) -> std::uint8_t& {
-    return out.data[static_cast<std::size_t>(plane)][row * out.image.planes[static_cast<std::size_t>(plane)].stride + offset];
+    return out
+        .data[static_cast<std::size_t>(plane)][row * out.image.planes[static_cast<std::size_t>(plane)].stride + offset];
   };
   for (int v = 0; v < size.height; ++v) {
     for (int u = 0; u < size.width; ++u) {
@@ -102,13 +108,15 @@ capture::Image encode(const std::vector<Vector3d>& yuv, const RenderOptions& opt
           break;
         case capture::PixelFormat::nv12:
           at(0, v, u) = y_of(u, v);
-          if (u % 2 == 0 && v % 2 == 0) at(1, v / 2, u) = chroma(u, v, 2, 2, 1), at(1, v / 2, u + 1) = chroma(u, v, 2, 2, 2);
+          if (u % 2 == 0 && v % 2 == 0)
+            at(1, v / 2, u) = chroma(u, v, 2, 2, 1), at(1, v / 2, u + 1) = chroma(u, v, 2, 2, 2);
           break;
         case capture::PixelFormat::i420:
         case capture::PixelFormat::i422: {
           const int rows = options.format == capture::PixelFormat::i420 ? 2 : 1;
           at(0, v, u) = y_of(u, v);
-          if (u % 2 == 0 && v % rows == 0) at(1, v / rows, u / 2) = chroma(u, v, 2, rows, 1), at(2, v / rows, u / 2) = chroma(u, v, 2, rows, 2);
+          if (u % 2 == 0 && v % rows == 0)
+            at(1, v / rows, u / 2) = chroma(u, v, 2, rows, 1), at(2, v / rows, u / 2) = chroma(u, v, 2, rows, 2);
           break;
         }
         case capture::PixelFormat::i444:
@@ -119,11 +127,14 @@ capture::Image encode(const std::vector<Vector3d>& yuv, const RenderOptions& opt
           const Vector3d p = 255 * yuv[i];
           const double n = options.pixel_noise_stddev;
           at(0, v, 3 * u) = byte(p.x() + 1.772 * p.y() + n * static_cast<double>(noise[i]));
-          at(0, v, 3 * u + 1) = byte(p.x() - 0.344136 * p.y() - 0.714136 * p.z() + n * static_cast<double>(noise[yuv.size() + i]));
+          at(0, v, 3 * u + 1) =
+              byte(p.x() - 0.344136 * p.y() - 0.714136 * p.z() + n * static_cast<double>(noise[yuv.size() + i]));
           at(0, v, 3 * u + 2) = byte(p.x() + 1.402 * p.z() + n * static_cast<double>(noise[2 * yuv.size() + i]));
           break;
         }
-        case capture::PixelFormat::grey: at(0, v, u) = y_of(u, v); break;
+        case capture::PixelFormat::grey:
+          at(0, v, u) = y_of(u, v);
+          break;
       }
     }
   }
@@ -162,7 +173,8 @@ SceneBuilder& SceneBuilder::cameras_on_ring(const RingOptions& o) {
     const Vector3d right = forward.cross(Vector3d::UnitZ()).normalized();
     Eigen::Matrix3d rotation;
     rotation << right.transpose(), forward.cross(right).transpose(), forward.transpose();
-    calib::PinholeRadtan lens{o.focal_px, o.focal_px, (o.image_size.width - 1) / 2.0, (o.image_size.height - 1) / 2.0, {}};
+    calib::PinholeRadtan lens{
+        o.focal_px, o.focal_px, (o.image_size.width - 1) / 2.0, (o.image_size.height - 1) / 2.0, {}};
     std::ranges::copy(o.distortion, lens.distortion.begin());
     calib::Camera camera;
     camera.name = "cam" + std::to_string(i);
@@ -180,10 +192,12 @@ std::vector<capture::FrameSet> render(const Scene& scene, const RenderOptions& o
   std::vector<std::vector<Vector3d>> rooms;
   for (std::size_t c = 0; c < scene.rig.cameras.size(); ++c) {
     const calib::ImageSize size = scene.rig.cameras[c].image_size;
-    std::vector<Vector3d>& room = rooms.emplace_back(static_cast<std::size_t>(size.width) * static_cast<std::size_t>(size.height));
+    std::vector<Vector3d>& room =
+        rooms.emplace_back(static_cast<std::size_t>(size.width) * static_cast<std::size_t>(size.height));
     for (int v = 0; v < size.height; ++v) {
       for (int u = 0; u < size.width; ++u)
-        room[static_cast<std::size_t>(v * size.width + u)] = yuv_of(background(320.0 * u / size.width, 320.0 * v / size.width, static_cast<int>(c)));
+        room[static_cast<std::size_t>(v * size.width + u)] =
+            yuv_of(background(320.0 * u / size.width, 320.0 * v / size.width, static_cast<int>(c)));
     }
   }
   std::vector<float> noise;
@@ -200,9 +214,11 @@ std::vector<capture::FrameSet> render(const Scene& scene, const RenderOptions& o
         continue;
       }
       std::vector<Vector3d> yuv = rooms[c];
-      for (std::size_t b = 0; b < scene.balls.size(); ++b) draw_ball(scene, camera, scene.balls[b], scene.ball_at(b, at), yuv);
-      set.frames.push_back(capture::Frame{static_cast<int>(c), static_cast<std::uint32_t>(s), at, capture::FrameStatus::ok,
-                                 encode(yuv, options, camera.image_size, rng, noise)});
+      for (std::size_t b = 0; b < scene.balls.size(); ++b)
+        draw_ball(scene, camera, scene.balls[b], scene.ball_at(b, at), yuv);
+      set.frames.push_back(capture::Frame{static_cast<int>(c), static_cast<std::uint32_t>(s), at,
+                                          capture::FrameStatus::ok,
+                                          encode(yuv, options, camera.image_size, rng, noise)});
     }
     out.push_back(std::move(set));
   }

@@ -16,23 +16,24 @@ namespace huetrack::scene {
 
 struct RingOptions {
   int count = 3;
-  double radius_m = 2.5;                 // of the ring, around the world's z axis
-  double height_m = 1.8;                 // of the cameras; they look at (0, 0, look_at_height_m)
+  double radius_m = 2.5;  // of the ring, around the world's z axis
+  double height_m = 1.8;  // of the cameras; they look at (0, 0, look_at_height_m)
   double look_at_height_m = 1.0;
   calib::ImageSize image_size{320, 240};
   double focal_px = 240;
-  std::array<double, 5> distortion{-0.12, 0.02, 0.0005, -0.0004, 0};   // OpenCV's k1 k2 p1 p2 k3
+  std::array<double, 5> distortion{-0.12, 0.02, 0.0005, -0.0004, 0};  // OpenCV's k1 k2 p1 p2 k3
 };
 
 struct BallOptions {
   std::string name = "lime";
   double radius_m = 0.04;
-  Eigen::Vector3d rgb{0.45, 0.80, 0.12};           // [0, 1]; lime: hue about 92 degrees
-  std::function<Eigen::Vector3d(double t_s)> path = {}; // world, metres; a Lissajous figure within the cameras' view when empty
+  Eigen::Vector3d rgb{0.45, 0.80, 0.12};  // [0, 1]; lime: hue about 92 degrees
+  std::function<Eigen::Vector3d(double t_s)> path =
+      {};  // world, metres; a Lissajous figure within the cameras' view when empty
 };
 
-struct Wall {                            // an upright rectangle that hides what is behind it
-  Eigen::Vector3d corner, along, up;     // metres: corner, corner + along, corner + up
+struct Wall {                         // an upright rectangle that hides what is behind it
+  Eigen::Vector3d corner, along, up;  // metres: corner, corner + along, corner + up
 };
 
 struct Scene {
@@ -59,9 +60,9 @@ struct RenderOptions {
   double fps = 30;
   capture::PixelFormat format = capture::PixelFormat::yuyv;
   capture::ColorRange range = capture::ColorRange::limited;
-  double pixel_noise_stddev = 3;         // of Y, U and V, grey levels
-  double dropped_frames = 0;             // [0, 1): share of frames that are absent
-  std::vector<double> offset_s = {};        // per camera, added to its capture times (and so to where it sees the balls)
+  double pixel_noise_stddev = 3;      // of Y, U and V, grey levels
+  double dropped_frames = 0;          // [0, 1): share of frames that are absent
+  std::vector<double> offset_s = {};  // per camera, added to its capture times (and so to where it sees the balls)
   std::uint64_t seed = 1;
 };
 

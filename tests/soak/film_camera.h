@@ -31,10 +31,10 @@ struct FilmCameraOptions {
   std::filesystem::path film;  // frames of width x height YUYV, back to back
   int width = 0, height = 0;
   double fps = 30;
-  std::chrono::steady_clock::time_point start;       // when frame 0 is captured; the same for all cameras
+  std::chrono::steady_clock::time_point start;                // when frame 0 is captured; the same for all cameras
   capture::Duration phase{0};                                 // later than that
   capture::Duration transfer = std::chrono::milliseconds(5);  // from a frame's capture until it can be dequeued
-  std::optional<std::uint64_t> faults;               // seed; nullopt: none
+  std::optional<std::uint64_t> faults;                        // seed; nullopt: none
 };
 
 class FilmCamera {
@@ -73,9 +73,9 @@ class FilmCamera {
       if (frames == 0) throw std::runtime_error(options.film.string() + ": has no frame of that size");
       for (auto& buffer : buffers) buffer.bytes = std::make_unique<std::uint8_t[]>(frame_bytes);
       health.stream = capture::StreamFormat{.width = options.width,
-                                   .height = options.height,
-                                   .stride = 2 * std::size_t(options.width),
-                                   .fps = options.fps};
+                                            .height = options.height,
+                                            .stride = 2 * std::size_t(options.width),
+                                            .fps = options.fps};
       health.last_progress = Clock::now();
     }
     ~State() { ::close(file); }
@@ -150,7 +150,8 @@ class FilmCamera {
       capture::Frame frame;
       frame.camera = options.camera;
       frame.sequence = std::uint32_t(k);
-      frame.captured_at = capture::unix_time_of((options.start + options.phase + k * period_).time_since_epoch()) + clock_jump_;
+      frame.captured_at =
+          capture::unix_time_of((options.start + options.phase + k * period_).time_since_epoch()) + clock_jump_;
       if (is_damaged_) {
         frame.status = capture::FrameStatus::corrupted;
       } else {

@@ -62,7 +62,8 @@ int main(int argc, char** argv) {
       while (!is_ended && !done.stop_requested()) std::this_thread::sleep_for(std::chrono::milliseconds(20));
       stop.request_stop();
     });
-    const daemon::LiveSummary summary = daemon::run_live(config, std::move(cameras), options, requests, stop.get_token());
+    const daemon::LiveSummary summary =
+        daemon::run_live(config, std::move(cameras), options, requests, stop.get_token());
     std::printf("%llu sets tracked, %llu dropped\n", static_cast<unsigned long long>(summary.figures.sets_tracked),
                 static_cast<unsigned long long>(summary.figures.sets_dropped));
   } catch (const std::exception& error) {

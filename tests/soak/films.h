@@ -23,10 +23,11 @@ inline void make_films(const std::filesystem::path& folder, int cameras, int wid
     const double angle = std::numbers::pi * t_s;
     return Eigen::Vector3d(0.4 * std::cos(angle), 0.4 * std::sin(angle), 1 + 0.2 * std::sin(2 * angle));
   };
-  const scene::Scene scene = scene::SceneBuilder{}
-                          .cameras_on_ring({.count = cameras, .image_size = {width, height}, .focal_px = 0.75 * width})
-                          .ball(ball)
-                          .build();
+  const scene::Scene scene =
+      scene::SceneBuilder{}
+          .cameras_on_ring({.count = cameras, .image_size = {width, height}, .focal_px = 0.75 * width})
+          .ball(ball)
+          .build();
   std::filesystem::create_directories(folder);
   calib::write_rig(scene.rig, folder / "rig.yaml");
   std::vector<std::ofstream> films;

@@ -69,10 +69,10 @@ int main(int argc, char** argv) {
   const auto watchdog = std::chrono::duration_cast<std::chrono::microseconds>(4s * slowness);
   const auto write_config = [&](const std::string& hue, const std::string& more) {
     const std::string text = soak::film_config(folder, 200,
-                                         "quorum: 1\ndds: {domain: " + std::to_string(domain) +
-                                             "}\nmetrics: {port: " + std::to_string(metrics_port) +
-                                             "}\nrecord: {folder: " + (folder / "recordings").string() +
-                                             ", pre_roll_s: 2, pre_roll_mb: 64, after_s: 1}\n" + more);
+                                               "quorum: 1\ndds: {domain: " + std::to_string(domain) +
+                                                   "}\nmetrics: {port: " + std::to_string(metrics_port) +
+                                                   "}\nrecord: {folder: " + (folder / "recordings").string() +
+                                                   ", pre_roll_s: 2, pre_roll_mb: 64, after_s: 1}\n" + more);
     std::ofstream(folder / "c.yaml") << std::string(text).replace(text.find("[65, 115]"), 9, hue);
   };
   std::vector<std::string> complaints;
@@ -85,9 +85,9 @@ int main(int argc, char** argv) {
     soak::make_films(folder, 3, 320, 240);
     write_config("[65, 115]", "");
     const NotifySocket notified(folder / "notify");
-    end_to_end::Process service({program.string(), folder / "c.yaml", folder, "--faults", std::to_string(seed)}, folder / "out",
-                    folder / "err",
-                    {{"NOTIFY_SOCKET", folder / "notify"}, {"WATCHDOG_USEC", std::to_string(watchdog.count())}});
+    end_to_end::Process service(
+        {program.string(), folder / "c.yaml", folder, "--faults", std::to_string(seed)}, folder / "out", folder / "err",
+        {{"NOTIFY_SOCKET", folder / "notify"}, {"WATCHDOG_USEC", std::to_string(watchdog.count())}});
     const auto longest_start = Clock::now() + std::chrono::duration_cast<Clock::duration>(30s * slowness);
     for (bool is_ready = false; !is_ready;) {  // a signal before that ends any program
       if (service.has_ended() || Clock::now() > longest_start)
@@ -132,7 +132,8 @@ int main(int argc, char** argv) {
           ++saves;
           break;
         case 3:
-          if (!end_to_end::http_get(metrics_port, "/metrics") && Clock::now() - start > 10s * slowness) complain("no metrics");
+          if (!end_to_end::http_get(metrics_port, "/metrics") && Clock::now() - start > 10s * slowness)
+            complain("no metrics");
           ++scrapes;
           break;
         case 4:
@@ -141,9 +142,9 @@ int main(int argc, char** argv) {
         case 5:
           watcher.reset();
           if (any(3) == 0) break;
-          watcher =
-              std::make_unique<end_to_end::Process>(std::vector<std::string>{HUETRACK, "watch", "--domain", std::to_string(domain)},
-                                        folder / "watch.out", folder / "watch.err");
+          watcher = std::make_unique<end_to_end::Process>(
+              std::vector<std::string>{HUETRACK, "watch", "--domain", std::to_string(domain)}, folder / "watch.out",
+              folder / "watch.err");
           ++watchers;
           break;
         default:

@@ -7,8 +7,8 @@
 #include <cstdio>
 #include <filesystem>
 
-#include "calib/model/rig_yaml.h"
 #include "board/captures.h"
+#include "calib/model/rig_yaml.h"
 #include "solver/synthetic_rig.h"
 
 namespace huetrack::solver {
@@ -162,7 +162,8 @@ void count(Coverage& coverage, const Adjustment& found, const calib::CameraRig& 
     const LensParameters off = found.cameras[c].parameters - parameters_of(truth.cameras[c].model);
     for (int i = 0; i < parameter_count(found.cameras[c].lens); ++i) coverage.add(off(i), found.lens_sigma(camera)(i));
     if (!found.cameras[c].pose_is_free) continue;
-    const calib::Tangent6d error = calib::log(found.cameras[c].cam_from_world * calib::inverse(truth.cameras[c].cam_from_world));
+    const calib::Tangent6d error =
+        calib::log(found.cameras[c].cam_from_world * calib::inverse(truth.cameras[c].cam_from_world));
     for (int i = 0; i < 3; ++i) coverage.add(error(i), found.rotation_sigma(camera)(i));
     for (int i = 0; i < 3; ++i) coverage.add(error(3 + i), found.centre_sigma(camera)(i));
   }
@@ -180,7 +181,8 @@ TEST(BundleAdjustmentBounds, CoverTheTruthOfSyntheticRigs) {
 }
 
 TEST(BundleAdjustmentBounds, CoverTheTruthOfResampledRenderedBoards) {
-  if (!std::filesystem::exists(board::shared_data("rendered/chessboard"))) GTEST_SKIP() << "rendered/chessboard is not there";
+  if (!std::filesystem::exists(board::shared_data("rendered/chessboard")))
+    GTEST_SKIP() << "rendered/chessboard is not there";
   const calib::CameraRig truth = calib::read_rig(board::shared_data("rendered/chessboard/rig.yaml"));
   const auto run = [&](const std::vector<BoardView>& all, double noise_px) {
     Coverage coverage;

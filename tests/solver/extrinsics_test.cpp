@@ -7,8 +7,8 @@
 #include <cstdio>
 #include <opencv2/calib3d.hpp>
 
-#include "calib/model/rig_yaml.h"
 #include "board/captures.h"
+#include "calib/model/rig_yaml.h"
 #include "solver/synthetic_rig.h"
 
 namespace huetrack::solver {

@@ -5,8 +5,8 @@
 
 #include <cstdio>
 
-#include "calib/model/rig_yaml.h"
 #include "board/captures.h"
+#include "calib/model/rig_yaml.h"
 #include "solver/synthetic_rig.h"
 
 namespace huetrack::solver {
@@ -22,11 +22,12 @@ Intrinsics of_synthetic(const calib::CameraModel& model, double noise_px, std::o
 }
 
 TEST(Intrinsics, FindTheSimplestLensThatTheViewsSupport) {
-  const Intrinsics barrel = of_synthetic(calib::CameraModel(calib::PinholeRadtan{620, 618, 322, 236, {-0.3, 0.1, 0.001, 0}}), 0.1);
+  const Intrinsics barrel =
+      of_synthetic(calib::CameraModel(calib::PinholeRadtan{620, 618, 322, 236, {-0.3, 0.1, 0.001, 0}}), 0.1);
   EXPECT_EQ(barrel.adjustment.cameras[0].lens, LensModel::radtan4) << barrel.lens_reason;
   EXPECT_NEAR(barrel.adjustment.cameras[0].parameters(0), 620, 2);
-  const Intrinsics fisheye =
-      of_synthetic(calib::CameraModel(calib::FisheyeKannalaBrandt{230, 231, 322, 236, {0.08, -0.02, 0.004, -0.001}}), 0.1, {}, 0.9);
+  const Intrinsics fisheye = of_synthetic(
+      calib::CameraModel(calib::FisheyeKannalaBrandt{230, 231, 322, 236, {0.08, -0.02, 0.004, -0.001}}), 0.1, {}, 0.9);
   EXPECT_EQ(fisheye.adjustment.cameras[0].lens, LensModel::fisheye) << fisheye.lens_reason;
   EXPECT_NEAR(fisheye.adjustment.cameras[0].parameters(0), 230, 2);
   for (const Intrinsics& found : {barrel, fisheye}) {
@@ -37,8 +38,8 @@ TEST(Intrinsics, FindTheSimplestLensThatTheViewsSupport) {
 }
 
 TEST(Intrinsics, UseTheLensThatIsAskedFor) {
-  const Intrinsics found =
-      of_synthetic(calib::CameraModel(calib::PinholeRadtan{620, 618, 322, 236, {-0.3, 0.1, 0.001, 0}}), 0.1, LensModel::radtan5);
+  const Intrinsics found = of_synthetic(
+      calib::CameraModel(calib::PinholeRadtan{620, 618, 322, 236, {-0.3, 0.1, 0.001, 0}}), 0.1, LensModel::radtan5);
   EXPECT_EQ(found.adjustment.cameras[0].lens, LensModel::radtan5);
   EXPECT_EQ(found.trials.size(), 1U);
 }
@@ -75,8 +76,8 @@ TEST(IntrinsicsCaptures, RenderedBoards) {
   if (!std::filesystem::exists(board::shared_data("rendered/chessboard"))) GTEST_SKIP() << "not there";
   const calib::CameraRig truth = calib::read_rig(board::shared_data("rendered/chessboard/rig.yaml"));
   for (int camera = 0; camera < 3; ++camera) {
-    const Intrinsics found =
-        calibrate_intrinsics(board::rendered_board(), "cam", {320, 240}, board::views_of(board::rendered_views(), camera));
+    const Intrinsics found = calibrate_intrinsics(board::rendered_board(), "cam", {320, 240},
+                                                  board::views_of(board::rendered_views(), camera));
     const double f = found.adjustment.cameras[0].parameters(0),
                  true_f = truth.cameras[static_cast<std::size_t>(camera)].model.fx();
     std::printf("cam%d alone: focal length off by %.2f %% (sigma %.2f %%), rms %.3f px\n", camera,

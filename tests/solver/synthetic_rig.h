@@ -53,9 +53,10 @@ inline SyntheticCapture synthetic_capture(const SyntheticOptions& options = {}) 
   capture.board.rows = options.rows;
   capture.board.pitch = {0.06, 0.06};
   std::mt19937_64 rng(options.seed);
-  const std::vector<calib::CameraModel> usual{calib::CameraModel(calib::PinholeRadtan{620, 618, 322, 236, {-0.25, 0.08, 0.0006, -0.0004}}),
-                                       calib::CameraModel(calib::PinholeRadtan{560, 561, 315, 243, {-0.12, 0.03, -0.0003, 0.0005}}),
-                                       calib::CameraModel(calib::PinholeRadtan{700, 700, 330, 238, {-0.3, 0.1, 0, 0}})};
+  const std::vector<calib::CameraModel> usual{
+      calib::CameraModel(calib::PinholeRadtan{620, 618, 322, 236, {-0.25, 0.08, 0.0006, -0.0004}}),
+      calib::CameraModel(calib::PinholeRadtan{560, 561, 315, 243, {-0.12, 0.03, -0.0003, 0.0005}}),
+      calib::CameraModel(calib::PinholeRadtan{700, 700, 330, 238, {-0.3, 0.1, 0, 0}})};
   for (int c = 0; c < options.cameras; ++c) {
     const double angle = options.cameras > 1 ? (c / (options.cameras - 1.0) - 0.5) * 2 * std::numbers::pi / 3 : 0;
     const auto& models = options.models.empty() ? usual : options.models;
@@ -99,7 +100,8 @@ inline SyntheticCapture synthetic_capture(const SyntheticOptions& options = {}) 
 }
 
 // Where rays from the pixels meet: the point of least reprojection error.
-inline Eigen::Vector3d triangulate(const calib::CameraRig& rig, const std::vector<std::pair<int, Eigen::Vector2d>>& pixels) {
+inline Eigen::Vector3d triangulate(const calib::CameraRig& rig,
+                                   const std::vector<std::pair<int, Eigen::Vector2d>>& pixels) {
   Eigen::Matrix3d a = Eigen::Matrix3d::Zero();
   Eigen::Vector3d b = Eigen::Vector3d::Zero();
   for (const auto& [c, px] : pixels) {

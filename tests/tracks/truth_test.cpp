@@ -41,7 +41,8 @@ const std::string along_x = [] {
   return text;
 }();
 
-object_tracking::ObjectEstimate estimate(double t, const Eigen::Vector3d& position, object_tracking::TrackState state = object_tracking::TrackState::tracking) {
+object_tracking::ObjectEstimate estimate(double t, const Eigen::Vector3d& position,
+                                         object_tracking::TrackState state = object_tracking::TrackState::tracking) {
   object_tracking::ObjectEstimate e;
   e.at = capture::Timestamp(capture::duration_of(t));
   e.state = state;

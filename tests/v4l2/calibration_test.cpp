@@ -63,8 +63,8 @@ class LiveCalibration : public testing::Test {
   // Until its page says so; then Ctrl-C. The exit status.
   int stop_at(const fs::path& page, const std::string& status) {
     const auto begun = std::chrono::steady_clock::now();
-    EXPECT_TRUE(
-        comes_true([&] { return calibrate->has_ended() || end_to_end::contents(page).find(status) != std::string::npos; }, 300s));
+    EXPECT_TRUE(comes_true(
+        [&] { return calibrate->has_ended() || end_to_end::contents(page).find(status) != std::string::npos; }, 300s));
     std::printf("%s after %.0f s\n", status.c_str(),
                 std::chrono::duration<double>(std::chrono::steady_clock::now() - begun).count());
     calibrate->kill(SIGINT);
@@ -106,7 +106,7 @@ TEST_F(LiveCalibration, OfABoardBeforeTwoCameras) {
   EXPECT_LT((is.translation - was.translation).norm(), 0.02);
   EXPECT_LT(is.rotation.angularDistance(was.rotation), 0.01);
   EXPECT_THAT(end_to_end::contents(page), AllOf(HasSubstr("finished with"), HasSubstr("data:image/jpeg"),
-                                    HasSubstr("Shared views still lacking: cam0 + cam1")));
+                                                HasSubstr("Shared views still lacking: cam0 + cam1")));
 
   // One lens.
   fs::remove(page);

@@ -11,10 +11,10 @@
 #include "capture/recording.h"
 #include "capture/replay_source.h"
 #include "config/service_config.h"
-#include "tracks/track_csv.h"
-#include "tracks/truth.h"
 #include "end_to_end/http.h"
 #include "end_to_end/process.h"
+#include "tracks/track_csv.h"
+#include "tracks/truth.h"
 #include "v4l2/vm.h"
 
 namespace huetrack::v4l2 {
@@ -84,7 +84,7 @@ class Daemon : public testing::Test {
   }
   std::unique_ptr<end_to_end::Process> start(const std::vector<std::string>& command, const std::string& name) {
     return std::make_unique<end_to_end::Process>(command, folder / (name + ".out"), folder / (name + ".err"),
-                                     std::map<std::string, std::string>{{"ROS_DOMAIN_ID", "30"}});
+                                                 std::map<std::string, std::string>{{"ROS_DOMAIN_ID", "30"}});
   }
   void run(const fs::path& config) {
     service = start({HUETRACKD, "run", config, "--tracks", folder / "live.csv"}, "service");
@@ -144,7 +144,7 @@ class Films : public Daemon, public testing::WithParamInterface<Film> {
   }
   // slowness: the film was played that many times slower than the truth says.
   static tracks::TruthFigures figures(const fs::path& csv, const fs::path& truth_file, const std::string& target,
-                              capture::Duration clock_offset, int slowness) {
+                                      capture::Duration clock_offset, int slowness) {
     tracks::Truth truth = tracks::Truth::read(truth_file);
     const std::vector<std::string> targets{target};
     truth.match(targets);
@@ -235,7 +235,8 @@ TEST_P(Films, LiveIsAsReplayAndItsRecordingGivesTheSameBytes) {
   EXPECT_TRUE(end_to_end::contents(folder / "replayed.csv") == live) << "live.csv and replayed.csv differ";
 
   // What a subscriber got is what was tracked.
-  const auto tracks = tracks::read_track_csv(folder / "live.csv"), got_tracks = tracks::read_track_csv(folder / "watch.out");
+  const auto tracks = tracks::read_track_csv(folder / "live.csv"),
+             got_tracks = tracks::read_track_csv(folder / "watch.out");
   const auto &track = tracks.at(film.target), &received = got_tracks.at(film.target);
   ASSERT_EQ(received.size(), track.size());
   for (std::size_t i = 0; i < track.size(); ++i) {
@@ -254,10 +255,12 @@ TEST_P(Films, LiveIsAsReplayAndItsRecordingGivesTheSameBytes) {
   capture::ReplaySource recorded(capture::read_recording(recording), film.cameras);
   capture::Timestamp last{};  // nothing overwrites the film's last frame: that one came
   while (const auto frame = recorded.next({})) last = std::max(last, frame->captured_at);
-  const capture::Duration offset = last.time_since_epoch() - capture::duration_of((film_frames - 1) * slowness / film.fps);
+  const capture::Duration offset =
+      last.time_since_epoch() - capture::duration_of((film_frames - 1) * slowness / film.fps);
   const auto wanted = figures(folder / "original.csv", original / "groundtruth.csv", film.target, 0ns, 1);
   const auto got = figures(folder / "live.csv", original / "groundtruth.csv", film.target, offset, slowness);
-  std::printf("%s: replay  %s\n%s: live    %s\n", film.name, tracks::to_text(wanted).c_str(), film.name, tracks::to_text(got).c_str());
+  std::printf("%s: replay  %s\n%s: live    %s\n", film.name, tracks::to_text(wanted).c_str(), film.name,
+              tracks::to_text(got).c_str());
   ASSERT_TRUE(got.lock_set);
   EXPECT_LE(*got.lock_set, *wanted.lock_set + 5);
   EXPECT_LT(got.rms_m, 1.3 * wanted.rms_m + 0.0005);
@@ -309,7 +312,8 @@ class Webcams : public Daemon {
   static std::set<fs::path> webcams() {
     std::set<fs::path> found;
     for (const auto& entry : fs::directory_iterator("/sys/class/video4linux"))
-      if (end_to_end::contents(entry.path() / "name").starts_with("UVC Camera") && end_to_end::contents(entry.path() / "index") == "0\n")
+      if (end_to_end::contents(entry.path() / "name").starts_with("UVC Camera") &&
+          end_to_end::contents(entry.path() / "index") == "0\n")
         found.insert("/dev" / entry.path().filename());
     return found;
   }
@@ -630,7 +634,8 @@ TEST_F(Kills, TheRestartWorksTheRecordingOpensAndSubscribersNotice) {
     // Against what was published, in samples: an emulated start takes seconds, in which the cameras wait with full
     // buffers.
     const auto published = tracks::read_track_csv(folder / "watch.out")["lime"];
-    const auto later = std::ranges::count_if(published, [&](const object_tracking::ObjectEstimate& e) { return e.at > *last; });
+    const auto later =
+        std::ranges::count_if(published, [&](const object_tracking::ObjectEstimate& e) { return e.at > *last; });
     most_lost_s = std::max(most_lost_s, double(later) / fps);
     fs::remove_all(recording);  // the VM's disk is its memory
   }

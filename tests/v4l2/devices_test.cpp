@@ -39,7 +39,9 @@ using testing::Not;
 struct Take {
   std::vector<capture::Frame> frames;
   std::vector<capture::CameraEvent> events;
-  int count(capture::FrameStatus status) const { return static_cast<int>(std::ranges::count(frames, status, &capture::Frame::status)); }
+  int count(capture::FrameStatus status) const {
+    return static_cast<int>(std::ranges::count(frames, status, &capture::Frame::status));
+  }
   std::vector<std::string> messages() const {
     std::vector<std::string> texts;
     for (const auto& event : events) texts.push_back(std::string(capture::name(event.state)) + ": " + event.message);
@@ -233,7 +235,8 @@ class Vivid : public testing::Test {
   }
   void set(const std::string& control, std::int64_t value) {
     const std::vector<capture::ControlSetting> settings{{control, value}};
-    for (const auto& result : knobs->set_controls(settings)) ASSERT_EQ(result.problem, "") << capture::to_string(result);
+    for (const auto& result : knobs->set_controls(settings))
+      ASSERT_EQ(result.problem, "") << capture::to_string(result);
   }
   capture::V4l2SourceOptions options() const { return options_for(node, 320, 180, 30); }
 
@@ -247,7 +250,8 @@ TEST_F(Vivid, SaysWhatItOffersAndRefusesTheRest) {
   const auto yuyv = std::ranges::find(formats, capture::CaptureFormat::yuyv, &capture::OfferedFormat::format);
   ASSERT_NE(yuyv, formats.end());
   EXPECT_EQ(capture::fourcc_text(yuyv->fourcc), "YUYV");
-  EXPECT_THAT(yuyv->sizes, Contains(AllOf(Field(&capture::OfferedSize::width, 640), Field(&capture::OfferedSize::height, 480))));
+  EXPECT_THAT(yuyv->sizes,
+              Contains(AllOf(Field(&capture::OfferedSize::width, 640), Field(&capture::OfferedSize::height, 480))));
   const auto refused = [&](capture::V4l2SourceOptions wrong, const char* why) {
     try {
       const capture::V4l2Source source(std::move(wrong));
@@ -269,9 +273,9 @@ TEST_F(Vivid, SaysWhatItOffersAndRefusesTheRest) {
 }
 
 TEST_F(Vivid, EveryRawFormatArrives) {
-  for (const auto& [format, pixels] :
-       {std::pair{capture::CaptureFormat::yuyv, capture::PixelFormat::yuyv}, std::pair{capture::CaptureFormat::nv12, capture::PixelFormat::nv12},
-        std::pair{capture::CaptureFormat::grey, capture::PixelFormat::grey}}) {
+  for (const auto& [format, pixels] : {std::pair{capture::CaptureFormat::yuyv, capture::PixelFormat::yuyv},
+                                       std::pair{capture::CaptureFormat::nv12, capture::PixelFormat::nv12},
+                                       std::pair{capture::CaptureFormat::grey, capture::PixelFormat::grey}}) {
     auto wanted = options();
     wanted.format = format;
     capture::V4l2Source source(wanted);
@@ -474,11 +478,11 @@ TEST_F(Vivid, FramesAreLetGoOnOtherThreadsWhileItRestarts) {
 
 TEST_F(Vivid, ControlsByNameRangeAndKind) {
   const std::vector<capture::ControlSetting> settings{{"brightness", 100},
-                                             {"brightnes", 1},
-                                             {"contrast", 1000000},
-                                             {"menu", std::string("menu item 4")},
-                                             {"boolean", std::string("off")},
-                                             {"gain", 77}};
+                                                      {"brightnes", 1},
+                                                      {"contrast", 1000000},
+                                                      {"menu", std::string("menu item 4")},
+                                                      {"boolean", std::string("off")},
+                                                      {"gain", 77}};
   const auto results = knobs->set_controls(settings);
   ASSERT_GE(results.size(), settings.size());
   EXPECT_EQ(results[0].got, 100);
@@ -592,7 +596,7 @@ TEST_F(Uvc, ARefusalIsReported) {
   plug_in();
   capture::V4l2Device device(node_of("uvcvideo"));
   const std::vector<capture::ControlSetting> settings{{"exposure_time_absolute", 200},
-                                             {"auto_exposure", std::string("Aperture Priority Mode")}};
+                                                      {"auto_exposure", std::string("Aperture Priority Mode")}};
   const auto results = device.set_controls(settings);
   ASSERT_EQ(results.size(), 2U);
   EXPECT_EQ(results[1].problem, "");
@@ -646,11 +650,11 @@ TEST_F(Uvc, UnplugAnotherAndReplug) {
 
 TEST_F(Uvc, JpegsAreDecodedAndTheirBytesKept) {
   capture::clips::write_clip(folder / "film.mjpg", {.codec = "mjpeg",
-                                           .format = AV_PIX_FMT_YUVJ422P,
-                                           .range = AVCOL_RANGE_JPEG,
-                                           .width = width,
-                                           .height = height,
-                                           .frames = 8});
+                                                    .format = AV_PIX_FMT_YUVJ422P,
+                                                    .range = AVCOL_RANGE_JPEG,
+                                                    .width = width,
+                                                    .height = height,
+                                                    .frames = 8});
   std::string jpegs = read_bytes(folder / "film.mjpg");
   std::vector<std::string> pictures;
   for (std::size_t begin = 0; begin < jpegs.size();) {
@@ -674,7 +678,8 @@ TEST_F(Uvc, JpegsAreDecodedAndTheirBytesKept) {
   EXPECT_GE(got.count(capture::FrameStatus::corrupted), 1);
   EXPECT_EQ(source.health().corrupted, static_cast<unsigned>(got.count(capture::FrameStatus::corrupted)));
   capture::JpegDecoder decoder;
-  capture::RecordingWriter writer({.folder = folder / "out", .cameras = {"left"}, .fps = {}, .rig_yaml = {}, .config_yaml = {}});
+  capture::RecordingWriter writer(
+      {.folder = folder / "out", .cameras = {"left"}, .fps = {}, .rig_yaml = {}, .config_yaml = {}});
   for (auto& frame : got.frames) {
     ASSERT_TRUE(writer.write(frame));
     if (frame.status != capture::FrameStatus::ok) continue;

@@ -1,5 +1,5 @@
-// Preloaded into huetrackd: while the file $LOCKED_UP_WHILE exists, $LOCKED_UP_DEVICE is as a webcam that has locked up.
-// Whatever has to ask the camera itself takes 5 s and fails, and no frame comes.
+// Preloaded into huetrackd: while the file $LOCKED_UP_WHILE exists, $LOCKED_UP_DEVICE is as a webcam that has locked
+// up. Whatever has to ask the camera itself takes 5 s and fails, and no frame comes.
 #define _GNU_SOURCE
 #include <errno.h>
 #include <linux/videodev2.h>

@@ -1,5 +1,5 @@
-#include "calib/report/wave_text.h"
 #include "calib/wave/wave.h"
+#include "calib/report/wave_text.h"
 #include "calib/wave/wave_adjustment.h"
 
 #include <gmock/gmock.h>
@@ -29,7 +29,8 @@ calib::CameraRig rig_of(int count) {
     calib::Camera camera;
     camera.name = "cam" + std::to_string(c);
     camera.image_size = {640, 480};
-    camera.model = calib::CameraModel(calib::PinholeRadtan{480.0 + 5 * c, 482.0, 320.3, 238.8, {-0.1, 0.02, 0.0004, -0.0003}});
+    camera.model =
+        calib::CameraModel(calib::PinholeRadtan{480.0 + 5 * c, 482.0, 320.3, 238.8, {-0.1, 0.02, 0.0004, -0.0003}});
     const double angle = 1.1 * c;
     const Vector3d centre(2.6 * std::cos(angle), 2.6 * std::sin(angle), 1.6 + 0.2 * c), middle(0, 0, 1);
     const Vector3d z = (middle - centre).normalized(), x = z.cross(Vector3d::UnitZ()).normalized(), y = z.cross(x);

@@ -143,8 +143,10 @@ void KeyframeMapping::add_keyframe(const TrackedFrame& frame) {
     // A new look where the point is seen from another side than in all others.
     double nearest = 1e9;
     for (int k = 0; k < p.look_count; ++k) {
-      const camera_tracking::Keyframe& other = map_.keyframes[static_cast<std::size_t>(p.looks[static_cast<std::size_t>(k)].keyframe)];
-      const Eigen::Vector3d from = calib::inverse(other.cam_from_world).translation - p.position, now = centre - p.position;
+      const camera_tracking::Keyframe& other =
+          map_.keyframes[static_cast<std::size_t>(p.looks[static_cast<std::size_t>(k)].keyframe)];
+      const Eigen::Vector3d from = calib::inverse(other.cam_from_world).translation - p.position,
+                            now = centre - p.position;
       nearest = std::min(nearest, angle_between(from, now) + std::abs(std::log(now.norm() / from.norm())));
     }
     if (nearest < 0.25) continue;
@@ -244,7 +246,8 @@ bool KeyframeMapping::update(Seed& seed, const TrackedFrame& frame) {
   const auto view = camera_tracking::view_patch(camera_.model, seed.px, h);
   if (!view) return ++seed.failed < 10;
   const int level = camera_tracking::search_level(view->affine, seed.level, frame.pyramid->count());
-  if (!camera_tracking::warp_patch(*k.pyramid, seed.px, view->affine, level, patch_side, patch_)) return ++seed.failed < 10;
+  if (!camera_tracking::warp_patch(*k.pyramid, seed.px, view->affine, level, patch_side, patch_))
+    return ++seed.failed < 10;
   const camera_tracking::GreyImage& image = frame.pyramid->levels[static_cast<std::size_t>(level)];
   const Eigen::Vector2d from = camera_tracking::to_level(a->px, level), to = camera_tracking::to_level(b->px, level);
   const double length = (to - from).norm();
@@ -252,11 +255,12 @@ bool KeyframeMapping::update(Seed& seed, const TrackedFrame& frame) {
   // The band along the epipolar line: pixels within reach of it.
   const double reach = 1.5;
   const double offset = static_cast<double>(patch_.inner.centre_offset());
-  const camera_tracking::PixelRegion region = camera_tracking::clip({static_cast<int>(std::floor(std::min(from.x(), to.x()) - reach - offset)),
-                                   static_cast<int>(std::floor(std::min(from.y(), to.y()) - reach - offset)),
-                                   static_cast<int>(std::ceil(std::max(from.x(), to.x()) + reach - offset)),
-                                   static_cast<int>(std::ceil(std::max(from.y(), to.y()) + reach - offset))},
-                                  image, patch_side);
+  const camera_tracking::PixelRegion region =
+      camera_tracking::clip({static_cast<int>(std::floor(std::min(from.x(), to.x()) - reach - offset)),
+                             static_cast<int>(std::floor(std::min(from.y(), to.y()) - reach - offset)),
+                             static_cast<int>(std::ceil(std::max(from.x(), to.x()) + reach - offset)),
+                             static_cast<int>(std::ceil(std::max(from.y(), to.y()) + reach - offset))},
+                            image, patch_side);
   if (region.empty()) return ++seed.failed < 10;
   camera_tracking::ncc_field(image, patch_.inner, region, field_);
   const Eigen::Vector2d along = length > 0 ? Eigen::Vector2d((to - from) / length) : Eigen::Vector2d(1, 0);
@@ -330,7 +334,8 @@ void KeyframeMapping::promote(const Seed& seed) {
   const auto index = static_cast<int>(map_.points.size());
   add_look(p, seed.keyframe, seed.level, seed.px);
   map_.points.push_back(p);
-  by_point_.push_back(std::vector<camera_tracking::Sighting>{camera_tracking::Sighting{seed.keyframe, index, seed.px, 0.4 * camera_tracking::scale_of(seed.level)}});
+  by_point_.push_back(std::vector<camera_tracking::Sighting>{
+      camera_tracking::Sighting{seed.keyframe, index, seed.px, 0.4 * camera_tracking::scale_of(seed.level)}});
   given_sigma_m_.push_back(0);
   given_position_.push_back(Eigen::Vector3d::Zero());
   ++counters_.points_added;
@@ -346,7 +351,9 @@ void KeyframeMapping::adjust_near(int keyframe) {
   // The new key frame, and those that share most points with it, are moved; others that see these points are held.
   std::map<int, int> shared;
   for (const auto& sightings : by_point_) {
-    if (std::ranges::none_of(sightings, [keyframe](const camera_tracking::Sighting& s) { return s.keyframe == keyframe; })) continue;
+    if (std::ranges::none_of(sightings,
+                             [keyframe](const camera_tracking::Sighting& s) { return s.keyframe == keyframe; }))
+      continue;
     for (const camera_tracking::Sighting& s : sightings) ++shared[s.keyframe];
   }
   std::vector<std::pair<int, int>> order;  // (- how many, - which): newest first among equals
@@ -371,7 +378,8 @@ void KeyframeMapping::adjust_near(int keyframe) {
     const auto& sightings = by_point_[i];
     const bool given = given_sigma_m_[i] > 0;
     if (sightings.size() < 2 && !(given && !sightings.empty())) continue;
-    if (std::ranges::none_of(sightings, [&](const camera_tracking::Sighting& s) { return moved.contains(s.keyframe); })) continue;
+    if (std::ranges::none_of(sightings, [&](const camera_tracking::Sighting& s) { return moved.contains(s.keyframe); }))
+      continue;
     const auto point = static_cast<int>(problem.points.size());
     BundlePoint p;
     p.position = map_.points[i].position;

@@ -18,11 +18,11 @@ struct TrackedFrame {
   std::uint64_t number = 0;
   std::shared_ptr<const camera_tracking::Pyramid> pyramid;
   calib::Rigid3d cam_from_world;
-  bool tracked = false;             // else the pose means nothing
-  double share_found = 0;           // of the points that were sought
-  double flow_px = 0;               // how far the image moved since the frame before: a fast frame is a blurred one
+  bool tracked = false;    // else the pose means nothing
+  double share_found = 0;  // of the points that were sought
+  double flow_px = 0;      // how far the image moved since the frame before: a fast frame is a blurred one
   std::vector<camera_tracking::Sighting> sightings;  // its keyframe is not set
-  std::vector<int> missed;          // points that were sought and not found
+  std::vector<int> missed;                           // points that were sought and not found
 };
 
 struct MappingCounters {

@@ -117,11 +117,13 @@ class KeyframeTracker final : public camera_tracking::CameraTracker {
 
   std::vector<camera_tracking::CameraMapPoint> map() const override {
     std::vector<camera_tracking::CameraMapPoint> out;
-    std::vector<camera_tracking::CameraMapPoint::State> states(map_.points.size(), camera_tracking::CameraMapPoint::State::not_sought);
+    std::vector<camera_tracking::CameraMapPoint::State> states(map_.points.size(),
+                                                               camera_tracking::CameraMapPoint::State::not_sought);
     if (state_ == camera_tracking::CameraState::tracking) {
       for (const KeyframeTracking::Sought& s : tracking_.sought())
-        states[static_cast<std::size_t>(s.point)] =
-            s.found_px.allFinite() ? camera_tracking::CameraMapPoint::State::found : camera_tracking::CameraMapPoint::State::missed;
+        states[static_cast<std::size_t>(s.point)] = s.found_px.allFinite()
+                                                        ? camera_tracking::CameraMapPoint::State::found
+                                                        : camera_tracking::CameraMapPoint::State::missed;
     }
     for (std::size_t i = 0; i < map_.points.size(); ++i) {
       const camera_tracking::MapPoint& p = map_.points[i];
@@ -130,10 +132,13 @@ class KeyframeTracker final : public camera_tracking::CameraTracker {
     return out;
   }
 
-  void save_map(const std::filesystem::path& file) const override { camera_tracking::write_map(file, mapping_.stored()); }
+  void save_map(const std::filesystem::path& file) const override {
+    camera_tracking::write_map(file, mapping_.stored());
+  }
 
  private:
-  void start(const capture::Frame& frame, const camera_tracking::GreyImage& grey, const std::shared_ptr<const camera_tracking::Pyramid>& pyramid) {
+  void start(const capture::Frame& frame, const camera_tracking::GreyImage& grey,
+             const std::shared_ptr<const camera_tracking::Pyramid>& pyramid) {
     const auto started = starter_.find(frame.pixels, grey);
     if (!started) return;
     started_ = true;
@@ -213,8 +218,8 @@ class KeyframeTracker final : public camera_tracking::CameraTracker {
   calib::Camera camera_;
   camera_tracking::CameraStarter starter_;
   KeyframeTracking tracking_;
-  KeyframeMapping mapping_;  // while mapper_ works: its alone
-  camera_tracking::SceneMap map_;             // what tracking sees
+  KeyframeMapping mapping_;        // while mapper_ works: its alone
+  camera_tracking::SceneMap map_;  // what tracking sees
   std::optional<TrackedFrame> handed_over_;
   int particle_count_;
   std::uint64_t frames_ = 0;
@@ -223,14 +228,16 @@ class KeyframeTracker final : public camera_tracking::CameraTracker {
   camera_tracking::CameraState state_ = camera_tracking::CameraState::searching;
   capture::Timestamp tracked_at_{};
   calib::Rigid3d pose_;
-  camera_tracking::Covariance6d covariance_ = camera_tracking::Covariance6d::Zero(), coasting_covariance_ = camera_tracking::Covariance6d::Zero();
+  camera_tracking::Covariance6d covariance_ = camera_tracking::Covariance6d::Zero(),
+                                coasting_covariance_ = camera_tracking::Covariance6d::Zero();
   ProvenPose last_;
   camera_tracking::ParallelTask mapper_;  // last: it ends before what it works on
 };
 
 }  // namespace
 
-std::unique_ptr<camera_tracking::CameraTracker> make_keyframe_tracker(const calib::Camera& camera, const camera_tracking::CameraTrackerOptions& options) {
+std::unique_ptr<camera_tracking::CameraTracker> make_keyframe_tracker(
+    const calib::Camera& camera, const camera_tracking::CameraTrackerOptions& options) {
   return std::make_unique<KeyframeTracker>(camera, options);
 }
 

@@ -48,7 +48,8 @@ void KeyframeTracking::forget() {
   step_ = {};
 }
 
-std::vector<KeyframeTracking::Visible> KeyframeTracking::visible(const calib::Rigid3d& pose, const camera_tracking::SceneMap& map,
+std::vector<KeyframeTracking::Visible> KeyframeTracking::visible(const calib::Rigid3d& pose,
+                                                                 const camera_tracking::SceneMap& map,
                                                                  int levels) const {
   std::vector<Visible> out;
   const Eigen::Vector3d centre = calib::inverse(pose).translation;
@@ -79,8 +80,9 @@ std::vector<KeyframeTracking::Visible> KeyframeTracking::visible(const calib::Ri
     const bool known = p.normal.squaredNorm() > 0.5;
     const Eigen::Vector3d normal =
         known ? Eigen::Vector3d(then.rotation * p.normal) : Eigen::Vector3d(source.normalized());
-    const auto view =
-        camera_tracking::view_patch(camera_.model, seen.look->px, camera_tracking::plane_homography(pose * calib::inverse(then), normal, normal.dot(source)));
+    const auto view = camera_tracking::view_patch(
+        camera_.model, seen.look->px,
+        camera_tracking::plane_homography(pose * calib::inverse(then), normal, normal.dot(source)));
     if (!view) continue;
     seen.view = *view;
     seen.level = camera_tracking::search_level(view->affine, seen.look->level, levels);
@@ -93,7 +95,8 @@ std::vector<KeyframeTracking::Visible> KeyframeTracking::visible(const calib::Ri
 
 // Particles about the predicted pose and about the last one, drawn to where templates correlate on a small copy of the
 // image: Pupilli and Calway's annealing, with 40 points of which each costs little.
-calib::Rigid3d KeyframeTracking::coarse(const calib::Rigid3d& predicted, const camera_tracking::Pyramid& pyramid, const camera_tracking::SceneMap& map) {
+calib::Rigid3d KeyframeTracking::coarse(const calib::Rigid3d& predicted, const camera_tracking::Pyramid& pyramid,
+                                        const camera_tracking::SceneMap& map) {
   int level = 0;
   while (level + 1 < pyramid.count() && pyramid.levels[static_cast<std::size_t>(level)].width > 100) ++level;
   const camera_tracking::GreyImage& image = pyramid.levels[static_cast<std::size_t>(level)];
@@ -162,9 +165,9 @@ calib::Rigid3d KeyframeTracking::coarse(const calib::Rigid3d& predicted, const c
     const float reach = 24;
     const auto cu = static_cast<float>(cloud.mean.x()), cv = static_cast<float>(cloud.mean.y());
     const camera_tracking::PixelRegion region{static_cast<int>(std::max(cloud.u_min - 1, cu - reach)),
-                             static_cast<int>(std::max(cloud.v_min - 1, cv - reach)),
-                             static_cast<int>(std::min(cloud.u_max + 1, cu + reach)),
-                             static_cast<int>(std::min(cloud.v_max + 1, cv + reach))};
+                                              static_cast<int>(std::max(cloud.v_min - 1, cv - reach)),
+                                              static_cast<int>(std::min(cloud.u_max + 1, cu + reach)),
+                                              static_cast<int>(std::min(cloud.v_max + 1, cv + reach))};
     fields_[used].correlate(image, patch_.inner, region);
     if (fields_[used].region().empty()) continue;
     chosen[used++] = s;
@@ -203,8 +206,9 @@ calib::Rigid3d KeyframeTracking::coarse(const calib::Rigid3d& predicted, const c
           fields_[i].strongest(static_cast<float>(at.x()), static_cast<float>(at.y()), pass == 0 ? 2.5f : 1.8f, 0.65f);
       const double offset = static_cast<double>(fields_[i].centre_offset());
       if (peak.rho > 0)
-        observations.push_back(
-            {p, camera_tracking::from_level(Eigen::Vector2d(peak.u + offset, peak.v + offset), level), 0.4 * camera_tracking::scale_of(level)});
+        observations.push_back({p,
+                                camera_tracking::from_level(Eigen::Vector2d(peak.u + offset, peak.v + offset), level),
+                                0.4 * camera_tracking::scale_of(level)});
     }
     if (observations.size() < 6) break;
     const camera_tracking::PoseFit fit = camera_tracking::refine_pose(camera_.model, observations, pose, 8);
@@ -215,8 +219,8 @@ calib::Rigid3d KeyframeTracking::coarse(const calib::Rigid3d& predicted, const c
 }
 
 // A first fit with some well-spread points at one level above their own, over a wide region.
-calib::Rigid3d KeyframeTracking::first_fit(const calib::Rigid3d& pose, const camera_tracking::Pyramid& pyramid, const camera_tracking::SceneMap& map,
-                                    const std::vector<Visible>& seen) {
+calib::Rigid3d KeyframeTracking::first_fit(const calib::Rigid3d& pose, const camera_tracking::Pyramid& pyramid,
+                                           const camera_tracking::SceneMap& map, const std::vector<Visible>& seen) {
   std::vector<camera_tracking::PoseObservation> observations;
   const std::size_t stride = std::max<std::size_t>(1, seen.size() / first_points);
   for (std::size_t i = 0; i < seen.size(); i += stride) {
@@ -229,7 +233,8 @@ calib::Rigid3d KeyframeTracking::first_fit(const calib::Rigid3d& pose, const cam
     const double offset = static_cast<double>(patch_.inner.centre_offset());
     const int u = static_cast<int>(std::lround(at.x() - offset)), v = static_cast<int>(std::lround(at.y() - offset));
     constexpr int reach = 4;
-    const camera_tracking::PixelRegion region = camera_tracking::clip({u - reach, v - reach, u + reach, v + reach}, image, patch_side);
+    const camera_tracking::PixelRegion region =
+        camera_tracking::clip({u - reach, v - reach, u + reach, v + reach}, image, patch_side);
     if (region.empty()) continue;
     camera_tracking::ncc_field(image, patch_.inner, region, field_);
     const camera_tracking::NccPeak peak = camera_tracking::best_of(field_, region);
@@ -243,7 +248,8 @@ calib::Rigid3d KeyframeTracking::first_fit(const calib::Rigid3d& pose, const cam
   return fit.inliers >= 5 ? fit.cam_from_world : pose;
 }
 
-ProvenPose KeyframeTracking::fine(const calib::Rigid3d& start, const camera_tracking::Pyramid& pyramid, const camera_tracking::SceneMap& map, bool strict) {
+ProvenPose KeyframeTracking::fine(const calib::Rigid3d& start, const camera_tracking::Pyramid& pyramid,
+                                  const camera_tracking::SceneMap& map, bool strict) {
   ProvenPose out;
   calib::Rigid3d pose = first_fit(start, pyramid, map, visible(start, map, pyramid.count()));
   std::vector<Visible> seen = visible(pose, map, pyramid.count());
@@ -267,8 +273,10 @@ ProvenPose KeyframeTracking::fine(const calib::Rigid3d& start, const camera_trac
     if (!image.contains(at.x(), at.y(), 6)) continue;
     const double offset = static_cast<double>(patch_.inner.centre_offset());
     const int u = static_cast<int>(std::lround(at.x() - offset)), v = static_cast<int>(std::lround(at.y() - offset));
-    const int reach = std::clamp(static_cast<int>(std::ceil(2 + 2 * s.map_sigma_px / camera_tracking::scale_of(s.level))), 3, 8);
-    const camera_tracking::PixelRegion region = camera_tracking::clip({u - reach, v - reach, u + reach, v + reach}, image, patch_side);
+    const int reach =
+        std::clamp(static_cast<int>(std::ceil(2 + 2 * s.map_sigma_px / camera_tracking::scale_of(s.level))), 3, 8);
+    const camera_tracking::PixelRegion region =
+        camera_tracking::clip({u - reach, v - reach, u + reach, v + reach}, image, patch_side);
     if (region.empty()) continue;
     ++out.sought;
     const double search = (reach * camera_tracking::scale_of(s.level)) / 2;
@@ -284,8 +292,8 @@ ProvenPose KeyframeTracking::fine(const calib::Rigid3d& start, const camera_trac
       continue;
     }
     const double sigma = match_sigma_px * camera_tracking::scale_of(s.level);
-    observations.push_back({map.points[static_cast<std::size_t>(s.point)].position, camera_tracking::from_level(refined->px, s.level),
-                            std::hypot(sigma, s.map_sigma_px)});
+    observations.push_back({map.points[static_cast<std::size_t>(s.point)].position,
+                            camera_tracking::from_level(refined->px, s.level), std::hypot(sigma, s.map_sigma_px)});
     point_of.push_back(s.point);
     pixel_sigma.push_back(sigma);
     sought_.back().found_px = observations.back().px;
@@ -304,8 +312,8 @@ ProvenPose KeyframeTracking::fine(const calib::Rigid3d& start, const camera_trac
       if (px) about[i] = px->px;
     }
     if (before) {
-      const camera_tracking::RectangleCorners corners = camera_tracking::measure_rectangle(pyramid.levels.front(), camera_.model, about,
-                                                         observations.size() >= 12 ? 3.0 : 7.0, *rectangle_);
+      const camera_tracking::RectangleCorners corners = camera_tracking::measure_rectangle(
+          pyramid.levels.front(), camera_.model, about, observations.size() >= 12 ? 3.0 : 7.0, *rectangle_);
       for (std::size_t i = 0; i < 4; ++i) {
         if (!corners.measured[i]) continue;
         observations.push_back({map.points[i].position, corners.px[i], corner_sigma_px});
@@ -355,7 +363,8 @@ ProvenPose KeyframeTracking::fine(const calib::Rigid3d& start, const camera_trac
   // what should be seen, and lie all over the place is not chance.
   const double wide = camera_.image_size.width / 320.0;
   const double share = out.sought > 0 ? static_cast<double>(out.found) / out.sought : 0;
-  const camera_tracking::Covariance6d world = camera_tracking::world_covariance(out.cam_from_world, out.tangent_covariance);
+  const camera_tracking::Covariance6d world =
+      camera_tracking::world_covariance(out.cam_from_world, out.tangent_covariance);
   const bool sure = std::sqrt(world.topLeftCorner<3, 3>().trace()) < 0.02 * depth &&
                     std::sqrt(world.bottomRightCorner<3, 3>().trace()) < 0.02;
   const bool by_points =
@@ -372,7 +381,8 @@ ProvenPose KeyframeTracking::fine(const calib::Rigid3d& start, const camera_trac
   return out;
 }
 
-ProvenPose KeyframeTracking::track(const std::shared_ptr<const camera_tracking::Pyramid>& pyramid, const camera_tracking::SceneMap& map, bool lost,
+ProvenPose KeyframeTracking::track(const std::shared_ptr<const camera_tracking::Pyramid>& pyramid,
+                                   const camera_tracking::SceneMap& map, bool lost,
                                    const std::optional<calib::Rigid3d>& proposed) {
   ++frames_;
   ProvenPose best;

@@ -40,13 +40,13 @@ class KeyframeTracking {
   // map.
   void set_rectangle(bool dark) { rectangle_ = dark; }
   void set_pose(const calib::Rigid3d& cam_from_world);  // known from elsewhere: a start
-  void forget();                                 // the motion: lost
+  void forget();                                        // the motion: lost
 
   // The next frame. The result's `proven` says whether the pose is one; otherwise it is what the particles make of it.
   // lost: there is no pose to start from, so stored key frames are asked. proposed: a pose that somebody else found in
   // this very frame (the start, seen again); it is proven like one from the key frames.
-  ProvenPose track(const std::shared_ptr<const camera_tracking::Pyramid>& pyramid, const camera_tracking::SceneMap& map, bool lost,
-                   const std::optional<calib::Rigid3d>& proposed = std::nullopt);
+  ProvenPose track(const std::shared_ptr<const camera_tracking::Pyramid>& pyramid, const camera_tracking::SceneMap& map,
+                   bool lost, const std::optional<calib::Rigid3d>& proposed = std::nullopt);
 
   const camera_tracking::PoseParticles& particles() const { return particles_; }
   double effective_sample_size() const { return effective_sample_size_; }
@@ -68,9 +68,12 @@ class KeyframeTracking {
     double map_sigma_px = 0;  // of the point's own uncertainty, projected
   };
   std::vector<Visible> visible(const calib::Rigid3d& pose, const camera_tracking::SceneMap& map, int levels) const;
-  calib::Rigid3d coarse(const calib::Rigid3d& predicted, const camera_tracking::Pyramid& pyramid, const camera_tracking::SceneMap& map);
-  ProvenPose fine(const calib::Rigid3d& pose, const camera_tracking::Pyramid& pyramid, const camera_tracking::SceneMap& map, bool strict);
-  calib::Rigid3d first_fit(const calib::Rigid3d& pose, const camera_tracking::Pyramid& pyramid, const camera_tracking::SceneMap& map, const std::vector<Visible>& seen);
+  calib::Rigid3d coarse(const calib::Rigid3d& predicted, const camera_tracking::Pyramid& pyramid,
+                        const camera_tracking::SceneMap& map);
+  ProvenPose fine(const calib::Rigid3d& pose, const camera_tracking::Pyramid& pyramid,
+                  const camera_tracking::SceneMap& map, bool strict);
+  calib::Rigid3d first_fit(const calib::Rigid3d& pose, const camera_tracking::Pyramid& pyramid,
+                           const camera_tracking::SceneMap& map, const std::vector<Visible>& seen);
 
   calib::Camera camera_;
   calib::BatchProjector lens_;
@@ -83,9 +86,9 @@ class KeyframeTracking {
   camera_tracking::PoseParticles particles_;
   double effective_sample_size_ = 0;
   calib::Rigid3d pose_;
-  calib::Rigid3d step_;        // of the last frame: pose = step * pose before
-  double depth_m_ = 1;  // median, of what is in view
-  int unproven_ = 0;    // frames since the last proven pose
+  calib::Rigid3d step_;  // of the last frame: pose = step * pose before
+  double depth_m_ = 1;   // median, of what is in view
+  int unproven_ = 0;     // frames since the last proven pose
   std::vector<Sought> sought_;
 
   // buffers

@@ -129,7 +129,8 @@ BundleResult adjust(const calib::CameraModel& lens, BundleProblem& p, int iterat
       trial.observations.swap(p.observations);  // not changed: lent
       for (std::size_t i = 0; i < p.poses.size(); ++i) {
         if (column[i] >= 0)
-          trial.poses[i].cam_from_world = calib::exp(Vector6d(step.segment<6>(6 * column[i]))) * p.poses[i].cam_from_world;
+          trial.poses[i].cam_from_world =
+              calib::exp(Vector6d(step.segment<6>(6 * column[i]))) * p.poses[i].cam_from_world;
       }
       for (std::size_t k = 0; k < p.points.size(); ++k) {
         Eigen::Vector3d rhs = bx[k];

@@ -18,7 +18,7 @@ class Brightness {
       : plane_(image.planes[0]),
         step_(image.format == capture::PixelFormat::yuyv  ? 2
               : image.format == capture::PixelFormat::bgr ? 3
-                                                 : 1),
+                                                          : 1),
         is_bgr_(image.format == capture::PixelFormat::bgr) {}
 
   int operator()(int u, int v) const {

@@ -18,8 +18,8 @@
 namespace huetrack::leds {
 
 struct LedFilterOptions {
-  camera_tracking::LedStart start;          // the LEDs and the room; the schedule is not read here
-  int particle_count = 0;  // 0: 5000, the paper's
+  camera_tracking::LedStart start;  // the LEDs and the room; the schedule is not read here
+  int particle_count = 0;           // 0: 5000, the paper's
   std::uint64_t seed = 1;
   double pixel_noise_px = 0.06;  // > 0; standard deviation of a LED's centre in a good image
   LedMotionNoise motion = {};    // of the liveliest cameras

@@ -14,8 +14,9 @@ struct Liveliness {  // of the liveliest camera's
 };
 // A camera that is moved gently also keeps its accelerations for longer. The last two: one that is carried or driven
 // about while it looks steadily where it goes, and one on a turntable or a rail.
-constexpr std::array liveliness{Liveliness{1.0, 1.0, 1.0}, Liveliness{0.2, 0.2, 1.0}, Liveliness{0.05, 0.05, 3.0},
-                                Liveliness{0.02, 0.02, 3.0}, Liveliness{0.02, 0.004, 6.0}, Liveliness{0.001, 0.001, 3.0}};
+constexpr std::array liveliness{Liveliness{1.0, 1.0, 1.0},    Liveliness{0.2, 0.2, 1.0},
+                                Liveliness{0.05, 0.05, 3.0},  Liveliness{0.02, 0.02, 3.0},
+                                Liveliness{0.02, 0.004, 6.0}, Liveliness{0.001, 0.001, 3.0}};
 constexpr std::array pixel_scales{1.0, 4.0, 16.0, 64.0};  // of the sightings' sigma_px
 struct Scale {
   Liveliness motion;
@@ -71,10 +72,11 @@ void LedModels::predict(double dt_s) {
   }
   probability_ = probability;
   for (std::size_t j = 0; j < n; ++j)
-    states_[j] = predicted(mixed[j], dt_s,
-                           {.acceleration = scales[j].motion.acceleration * liveliest_.acceleration,
-                            .angular_acceleration = scales[j].motion.angular_acceleration * liveliest_.angular_acceleration,
-                            .correlation_s = scales[j].motion.correlation * liveliest_.correlation_s});
+    states_[j] =
+        predicted(mixed[j], dt_s,
+                  {.acceleration = scales[j].motion.acceleration * liveliest_.acceleration,
+                   .angular_acceleration = scales[j].motion.angular_acceleration * liveliest_.angular_acceleration,
+                   .correlation_s = scales[j].motion.correlation * liveliest_.correlation_s});
 }
 
 void LedModels::update(const calib::CameraModel& model, std::span<const Eigen::Vector3d> leds,

@@ -17,9 +17,9 @@ class LedModels {
 
   void predict(double dt_s);
   // Each state by Gauss-Newton from `from` on, with its prediction as the prior.
-  void update(const calib::CameraModel& model, std::span<const Eigen::Vector3d> leds, std::span<const LedSighting> sightings,
-              const LedMotionState& from);
-  LedGaussian state() const;  // mean and covariance of the mixture
+  void update(const calib::CameraModel& model, std::span<const Eigen::Vector3d> leds,
+              std::span<const LedSighting> sightings, const LedMotionState& from);
+  LedGaussian state() const;   // mean and covariance of the mixture
   double pixel_scale() const;  // rms, of the sightings' sigma_px: how noisy the image seems
 
  private:

@@ -71,8 +71,8 @@ LedMotionState corrected(const LedMotionState& state, const LedTangent& error) {
 LedTangent difference(const LedMotionState& state, const LedMotionState& from) {
   LedTangent d;
   d.head<3>() = state.world_from_camera.translation - from.world_from_camera.translation;
-  const calib::Rigid3d turned{(state.world_from_camera.rotation * from.world_from_camera.rotation.conjugate()).normalized(),
-                       Vector3d::Zero()};
+  const calib::Rigid3d turned{
+      (state.world_from_camera.rotation * from.world_from_camera.rotation.conjugate()).normalized(), Vector3d::Zero()};
   d.segment<3>(3) = calib::log(turned).head<3>();
   d.segment<3>(6) = state.velocity - from.velocity;
   d.segment<3>(9) = state.angular_rate - from.angular_rate;
@@ -113,8 +113,8 @@ LedGaussian predicted(const LedGaussian& state, double dt_s, const LedMotionNois
   return next;
 }
 
-std::optional<Eigen::Vector2d> led_pixel(const calib::CameraModel& model, const LedMotionState& state, const Vector3d& led,
-                                         double dt_s, LedJacobian* jacobian) {
+std::optional<Eigen::Vector2d> led_pixel(const calib::CameraModel& model, const LedMotionState& state,
+                                         const Vector3d& led, double dt_s, LedJacobian* jacobian) {
   const LedMotionState then = dt_s == 0 ? state : moved(state, dt_s);
   const Matrix3d camera_from_world = then.world_from_camera.rotation.conjugate().toRotationMatrix();
   const Vector3d away = led - then.world_from_camera.translation;
@@ -136,8 +136,9 @@ std::optional<Eigen::Vector2d> led_pixel(const calib::CameraModel& model, const 
   return pixel->px;
 }
 
-std::optional<LedFit> fit_leds(const calib::CameraModel& model, std::span<const Vector3d> leds, const LedGaussian& prior,
-                               const LedMotionState& start, std::span<const LedSighting> sightings, int iterations) {
+std::optional<LedFit> fit_leds(const calib::CameraModel& model, std::span<const Vector3d> leds,
+                               const LedGaussian& prior, const LedMotionState& start,
+                               std::span<const LedSighting> sightings, int iterations) {
   const Eigen::LLT<LedCovariance> prior_factor(prior.covariance);
   if (prior_factor.info() != Eigen::Success) return std::nullopt;
   const LedCovariance prior_information = prior_factor.solve(LedCovariance::Identity());

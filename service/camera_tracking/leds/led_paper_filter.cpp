@@ -159,8 +159,10 @@ class PaperLedFilter final : public LedFilter {
       state_ = camera_tracking::CameraState::tracking;
     } else if (state_ == camera_tracking::CameraState::tracking || state_ == camera_tracking::CameraState::coasting) {
       // Of dots that are not identified, one lies near some LED by chance.
-      const capture::Timestamp supported = frame.lit ? evidence_.last_match().value_or(capture::Timestamp{}) : explained_at_;
-      state_ = small_ && frame.at - supported < evidence_length ? camera_tracking::CameraState::coasting : camera_tracking::CameraState::lost;
+      const capture::Timestamp supported =
+          frame.lit ? evidence_.last_match().value_or(capture::Timestamp{}) : explained_at_;
+      state_ = small_ && frame.at - supported < evidence_length ? camera_tracking::CameraState::coasting
+                                                                : camera_tracking::CameraState::lost;
     }
     if (!frame.lit && sightings.size() >= least_dots && frame.at - explained_at_ > evidence_length) to_gather_ = true;
     // A small cloud that no LED supports holds on to nothing: from the whole room again.

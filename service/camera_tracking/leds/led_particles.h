@@ -26,17 +26,17 @@ class LedParticles {
   //   least_share   the Gaussian is widened until so many do. The paper's own, narrow from the first frame on, leaves
   //                 one particle of those of a whole room.
   // Returns the widening, >= 1: at 1 the particles are as the measurement noise says.
-  double weigh(const calib::CameraModel& model, std::span<const Eigen::Vector3d> leds, std::span<const LedSighting> sightings,
-               double least_share, double enough_share, double miss_px);
+  double weigh(const calib::CameraModel& model, std::span<const Eigen::Vector3d> leds,
+               std::span<const LedSighting> sightings, double least_share, double enough_share, double miss_px);
 
   // From the whole room to one place by the sightings of one frame, which are not identified: there are as many wrong
   // places as ways to take one LED for another, and a cloud that comes together over many frames ends in one of them.
   // Annealing (Deutscher et al. 2000): a Gaussian of half of miss_px shrinks to the sightings' sigma in some forty
   // layers, each weighed and resampled, the copies parting by a fifth of its width. What cloud there was is given up.
   // Returns the rms distance of the dots from the best particle's LEDs, px; when it is large, the place is wrong.
-  double anneal(const calib::CameraModel& model, std::span<const Eigen::Vector3d> leds, std::span<const LedSighting> sightings,
-                const Eigen::Vector3d& room_min, const Eigen::Vector3d& room_max, const LedStartVelocity& velocity,
-                double miss_px);
+  double anneal(const calib::CameraModel& model, std::span<const Eigen::Vector3d> leds,
+                std::span<const LedSighting> sightings, const Eigen::Vector3d& room_min,
+                const Eigen::Vector3d& room_max, const LedStartVelocity& velocity, double miss_px);
 
   void resample(double jitter);  // systematic; then copies part by so much of the cloud's standard deviations
   LedMotionState mean() const;   // weighted

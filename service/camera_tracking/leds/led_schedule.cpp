@@ -35,7 +35,8 @@ std::optional<int> lit_led(const camera_tracking::LedStart& start, const LedMome
   return start.schedule[static_cast<std::size_t>(((slot % n) + n) % n)];
 }
 
-LedOffsetSearch::LedOffsetSearch(const calib::Camera& camera, const camera_tracking::LedStart& start, int particle_count, particle_filter::Rng rng)
+LedOffsetSearch::LedOffsetSearch(const calib::Camera& camera, const camera_tracking::LedStart& start,
+                                 int particle_count, particle_filter::Rng rng)
     : start_(start),
       search_(camera,
               {.leds = start.leds,
@@ -88,8 +89,8 @@ std::optional<int> LedOffsetSearch::update(const LedMoment& moment, const std::o
     untried_.pop_back();
     std::vector<LedSighting> sightings;
     for (std::size_t i = 0; i < tried_on_.size(); ++i)
-      sightings.push_back(
-          {c.lit[i], tried_on_[i].px, capture::seconds(tried_on_[i].moment.at - tried_on_.back().moment.at), pixel_noise_px});
+      sightings.push_back({c.lit[i], tried_on_[i].px,
+                           capture::seconds(tried_on_[i].moment.at - tried_on_.back().moment.at), pixel_noise_px});
     // Where several poses explain them, this offset is as good as one where one does.
     if (search_.find(sightings) || search_.is_ambiguous()) explained_by_.emplace_back(search_.noise_scale(), c.offset);
   }

@@ -29,7 +29,8 @@ std::optional<int> lit_led(const camera_tracking::LedStart& start, const LedMome
 // thread-compatible.
 class LedOffsetSearch {
  public:
-  LedOffsetSearch(const calib::Camera& camera, const camera_tracking::LedStart& start, int particle_count, particle_filter::Rng rng);
+  LedOffsetSearch(const calib::Camera& camera, const camera_tracking::LedStart& start, int particle_count,
+                  particle_filter::Rng rng);
 
   // Of frames in time order that have no pose. dot: the brightest one. Returns the offset when it is clear.
   std::optional<int> update(const LedMoment& moment, const std::optional<Eigen::Vector2d>& dot);

@@ -152,8 +152,9 @@ std::optional<LedGaussian> LedSearch::find(std::span<const LedSighting> sighting
 
 // Every start to its optimum at the reference time, as if the camera stood still; then, with the velocities, over all
 // sightings at their own times. The pose must be the only one that fits.
-std::optional<LedGaussian> LedSearch::polish(std::span<const calib::Rigid3d> starts, std::span<const LedSighting> coarse,
-                                             std::span<const LedSighting> fine, double reference_dt_s) {
+std::optional<LedGaussian> LedSearch::polish(std::span<const calib::Rigid3d> starts,
+                                             std::span<const LedSighting> coarse, std::span<const LedSighting> fine,
+                                             double reference_dt_s) {
   const calib::CameraModel& model = camera_.model;
   constexpr LedStartVelocity still{.velocity = 1e-3, .angular_rate = 1e-3};
   const auto in_front = [&](const calib::Rigid3d& pose) {

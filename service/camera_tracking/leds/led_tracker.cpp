@@ -15,10 +15,11 @@ namespace {
 
 class LedTracker final : public camera_tracking::CameraTracker {
  public:
-  LedTracker(const calib::Camera& camera, const camera_tracking::CameraTrackerOptions& options) : start_(std::get<camera_tracking::LedStart>(options.start)) {
+  LedTracker(const calib::Camera& camera, const camera_tracking::CameraTrackerOptions& options)
+      : start_(std::get<camera_tracking::LedStart>(options.start)) {
     const LedFilterOptions filter{.start = start_, .particle_count = options.particle_count, .seed = options.seed};
     filter_ = options.method == camera_tracking::CameraMethod::herranz ? LedFilter::paper(camera, filter)
-                                                      : LedFilter::huetrack(camera, filter);
+                                                                       : LedFilter::huetrack(camera, filter);
     if (options.method == camera_tracking::CameraMethod::huetrack && !start_.schedule.empty())
       offset_search_.emplace(camera, start_, options.particle_count > 0 ? options.particle_count : 5000,
                              particle_filter::Rng(options.seed, 2));
@@ -138,7 +139,8 @@ class LedTracker final : public camera_tracking::CameraTracker {
 
 }  // namespace
 
-std::unique_ptr<camera_tracking::CameraTracker> make_led_tracker(const calib::Camera& camera, const camera_tracking::CameraTrackerOptions& options) {
+std::unique_ptr<camera_tracking::CameraTracker> make_led_tracker(const calib::Camera& camera,
+                                                                 const camera_tracking::CameraTrackerOptions& options) {
   return std::make_unique<LedTracker>(camera, options);
 }
 

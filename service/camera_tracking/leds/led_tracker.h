@@ -8,6 +8,7 @@
 namespace huetrack::leds {
 
 // options: valid, with a LedStart. Throws nothing that make_camera_tracker() has not thrown.
-std::unique_ptr<camera_tracking::CameraTracker> make_led_tracker(const calib::Camera& camera, const camera_tracking::CameraTrackerOptions& options);
+std::unique_ptr<camera_tracking::CameraTracker> make_led_tracker(const calib::Camera& camera,
+                                                                 const camera_tracking::CameraTrackerOptions& options);
 
 }  // namespace huetrack::leds

@@ -9,7 +9,8 @@
 
 namespace huetrack::camera_methods {
 
-std::unique_ptr<camera_tracking::CameraTracker> make_camera_tracker(const calib::Camera& camera, const camera_tracking::CameraTrackerOptions& options) {
+std::unique_ptr<camera_tracking::CameraTracker> make_camera_tracker(
+    const calib::Camera& camera, const camera_tracking::CameraTrackerOptions& options) {
   std::string all;
   for (const auto& problems : {camera.problems(), options.problems()}) {
     for (const std::string& p : problems) all += (all.empty() ? "" : "; ") + p;
@@ -17,12 +18,17 @@ std::unique_ptr<camera_tracking::CameraTracker> make_camera_tracker(const calib:
   if (!all.empty()) throw std::invalid_argument("camera tracker: " + all);
   if (std::holds_alternative<camera_tracking::LedStart>(options.start)) return leds::make_led_tracker(camera, options);
   switch (options.method) {
-    case camera_tracking::CameraMethod::huetrack: return keyframes::make_keyframe_tracker(camera, options);
-    case camera_tracking::CameraMethod::pupilli: return papers::make_pupilli_tracker(camera, options);
-    case camera_tracking::CameraMethod::lee: return papers::make_lee_tracker(camera, options);
-    case camera_tracking::CameraMethod::herranz: break;
+    case camera_tracking::CameraMethod::huetrack:
+      return keyframes::make_keyframe_tracker(camera, options);
+    case camera_tracking::CameraMethod::pupilli:
+      return papers::make_pupilli_tracker(camera, options);
+    case camera_tracking::CameraMethod::lee:
+      return papers::make_lee_tracker(camera, options);
+    case camera_tracking::CameraMethod::herranz:
+      break;
   }
-  throw std::invalid_argument("camera tracker: the method " + std::string(camera_tracking::name(options.method)) + " needs LEDs to start from");
+  throw std::invalid_argument("camera tracker: the method " + std::string(camera_tracking::name(options.method)) +
+                              " needs LEDs to start from");
 }
 
 }  // namespace huetrack::camera_methods

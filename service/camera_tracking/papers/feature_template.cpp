@@ -7,7 +7,8 @@
 
 namespace huetrack::papers {
 
-std::optional<camera_tracking::NccTemplate> cut_template(const camera_tracking::GreyImage& image, const Eigen::Vector2d& px) {
+std::optional<camera_tracking::NccTemplate> cut_template(const camera_tracking::GreyImage& image,
+                                                         const Eigen::Vector2d& px) {
   const int half = feature_side / 2;
   const int u = static_cast<int>(std::floor(px.x())), v = static_cast<int>(std::floor(px.y()));
   if (!image.contains(u, v, half + 1)) return std::nullopt;
@@ -25,12 +26,13 @@ std::optional<camera_tracking::NccTemplate> cut_template(const camera_tracking::
   return t;
 }
 
-bool predict_template(const calib::CameraModel& lens, const FeatureSource& source, double depth, const calib::Rigid3d& cam_from_world,
-                      camera_tracking::WarpedPatch& out) {
+bool predict_template(const calib::CameraModel& lens, const FeatureSource& source, double depth,
+                      const calib::Rigid3d& cam_from_world, camera_tracking::WarpedPatch& out) {
   const auto ray = lens.ray({source.px});
   if (!ray) return false;
   const calib::Rigid3d now_from_then = cam_from_world * calib::inverse(source.cam_from_world);
-  const auto view = camera_tracking::view_patch(lens, source.px, camera_tracking::plane_homography(now_from_then, *ray, depth));
+  const auto view =
+      camera_tracking::view_patch(lens, source.px, camera_tracking::plane_homography(now_from_then, *ray, depth));
   return view && camera_tracking::warp_patch(*source.pyramid, source.px, view->affine, 0, feature_side, out);
 }
 
@@ -39,8 +41,9 @@ camera_tracking::PixelRegion box_around(const Eigen::Vector2d& centre, double ha
           static_cast<int>(std::ceil(centre.x() + half_u)), static_cast<int>(std::ceil(centre.y() + half_v))};
 }
 
-std::optional<Eigen::Vector2d> corner_in_random_box(const camera_tracking::GreyImage& image, std::span<const Eigen::Vector2d> features,
-                                                    int box, particle_filter::Rng& rng) {
+std::optional<Eigen::Vector2d> corner_in_random_box(const camera_tracking::GreyImage& image,
+                                                    std::span<const Eigen::Vector2d> features, int box,
+                                                    particle_filter::Rng& rng) {
   const int margin = feature_side, apart = feature_side / 2;
   for (int attempt = 0; attempt < 8; ++attempt) {
     const int u = margin + static_cast<int>(rng.uniform() * (image.width - 2 * margin - box));
@@ -55,7 +58,8 @@ std::optional<Eigen::Vector2d> corner_in_random_box(const camera_tracking::GreyI
   return std::nullopt;
 }
 
-Eigen::Matrix<double, 7, 7> state_covariance(const camera_tracking::PoseParticles& particles, const calib::Rigid3d& mean) {
+Eigen::Matrix<double, 7, 7> state_covariance(const camera_tracking::PoseParticles& particles,
+                                             const calib::Rigid3d& mean) {
   const Eigen::Vector3d c = calib::inverse(mean).translation;
   Eigen::Matrix<double, 7, 7> sum = Eigen::Matrix<double, 7, 7>::Zero();
   const Eigen::Vector4d q0(mean.rotation.w(), mean.rotation.x(), mean.rotation.y(), mean.rotation.z());

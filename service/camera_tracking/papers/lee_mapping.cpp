@@ -111,9 +111,10 @@ void LeeMapping::update_candidates(const LeeFrame& frame) {
           (b->px - a->px).norm() > 0.5 ? Eigen::Vector2d((b->px - a->px).normalized()) : Eigen::Vector2d(1, 0);
       constexpr double reach = 4;
       const Eigen::Vector2d middle = 0.5 * (a->px + b->px);
-      const camera_tracking::PixelRegion region = camera_tracking::clip(box_around(middle, 0.5 * std::abs(a->px.x() - b->px.x()) + reach,
-                                                 0.5 * std::abs(a->px.y() - b->px.y()) + reach),
-                                      image, feature_side);
+      const camera_tracking::PixelRegion region =
+          camera_tracking::clip(box_around(middle, 0.5 * std::abs(a->px.x() - b->px.x()) + reach,
+                                           0.5 * std::abs(a->px.y() - b->px.y()) + reach),
+                                image, feature_side);
       camera_tracking::ncc_field(image, c.templ, region, field_);
       c.ray.begin();
       for (int v = region.v0; v <= region.v1; ++v) {
@@ -183,7 +184,8 @@ void LeeMapping::detect(const LeeFrame& frame) {
 
 camera_tracking::SceneMap scene_of(const std::vector<LeeFeature>& features) {
   camera_tracking::SceneMap out;
-  std::map<std::pair<const camera_tracking::Pyramid*, double>, int> frames;  // a frame may have been used by several features
+  std::map<std::pair<const camera_tracking::Pyramid*, double>, int>
+      frames;  // a frame may have been used by several features
   for (const LeeFeature& f : features) {
     const auto [it, fresh] = frames.try_emplace({f.source.pyramid.get(), f.source.cam_from_world.translation.x()},
                                                 static_cast<int>(out.keyframes.size()));

@@ -53,14 +53,17 @@ class LeeTracker final : public PaperTrackerBase {
     for (const LeeFeature& f : features_) {  // ascending ids
       const auto is_it = [&](int id) { return id == f.id; };
       auto state = camera_tracking::CameraMapPoint::State::not_sought;
-      if (std::ranges::any_of(last_.matches, is_it, &LeeFrame::Match::id)) state = camera_tracking::CameraMapPoint::State::found;
+      if (std::ranges::any_of(last_.matches, is_it, &LeeFrame::Match::id))
+        state = camera_tracking::CameraMapPoint::State::found;
       if (std::ranges::any_of(last_.missed, is_it)) state = camera_tracking::CameraMapPoint::State::missed;
       out.push_back({static_cast<std::uint32_t>(f.id), f.position, f.covariance, state, f.given});
     }
     return out;
   }
 
-  void save_map(const std::filesystem::path& file) const override { camera_tracking::write_map(file, mapping_.stored()); }
+  void save_map(const std::filesystem::path& file) const override {
+    camera_tracking::write_map(file, mapping_.stored());
+  }
 
  private:
   static LeeTracking::Options tracking_options(const camera_tracking::CameraTrackerOptions& options) {
@@ -70,7 +73,8 @@ class LeeTracker final : public PaperTrackerBase {
     return o;
   }
 
-  void start(const std::shared_ptr<const camera_tracking::Pyramid>& pyramid, const camera_tracking::Started& started, std::uint64_t number) override {
+  void start(const std::shared_ptr<const camera_tracking::Pyramid>& pyramid, const camera_tracking::Started& started,
+             std::uint64_t number) override {
     last_ = {};
     last_.number = number, last_.pyramid = pyramid, last_.cam_from_world = started.pose.cam_from_world;
     mapping_.start(last_, started);
@@ -113,13 +117,14 @@ class LeeTracker final : public PaperTrackerBase {
   LeeTracking tracking_;
   LeeMapping mapping_;  // while mapper_ works: its alone, as is last_
   LeeFrame last_;
-  std::vector<LeeFeature> features_;  // what tracking sees
-  camera_tracking::ParallelTask mapper_;               // last: it ends before what it works on
+  std::vector<LeeFeature> features_;      // what tracking sees
+  camera_tracking::ParallelTask mapper_;  // last: it ends before what it works on
 };
 
 }  // namespace
 
-std::unique_ptr<camera_tracking::CameraTracker> make_lee_tracker(const calib::Camera& camera, const camera_tracking::CameraTrackerOptions& options) {
+std::unique_ptr<camera_tracking::CameraTracker> make_lee_tracker(const calib::Camera& camera,
+                                                                 const camera_tracking::CameraTrackerOptions& options) {
   return std::make_unique<LeeTracker>(camera, options);
 }
 

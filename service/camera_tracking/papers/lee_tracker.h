@@ -12,9 +12,9 @@
 #include "camera_tracking/camera_tracker.h"
 #include "camera_tracking/papers/depth_ray.h"
 #include "camera_tracking/papers/feature_template.h"
+#include "camera_tracking/papers/unscented_kalman.h"
 #include "camera_tracking/pose_solver.h"
 #include "camera_tracking/scene_map.h"
-#include "camera_tracking/papers/unscented_kalman.h"
 
 namespace huetrack::papers {
 
@@ -33,7 +33,7 @@ struct LeeFrame {
   std::uint64_t number = 0;
   std::shared_ptr<const camera_tracking::Pyramid> pyramid;
   bool tracked = false;
-  calib::Rigid3d cam_from_world;           // the particles' mean, polished
+  calib::Rigid3d cam_from_world;                     // the particles' mean, polished
   std::optional<camera_tracking::PoseFit> polished;  // of which this is the fit
   Eigen::Matrix<double, 7, 7> state_covariance = Eigen::Matrix<double, 7, 7>::Zero();
   std::vector<calib::Rigid3d> sampled;  // particles drawn by their weights: cam_from_world
@@ -140,6 +140,7 @@ class LeeMapping {
 camera_tracking::SceneMap scene_of(const std::vector<LeeFeature>& features);
 
 // options: checked. throws std::runtime_error naming the map file.
-std::unique_ptr<camera_tracking::CameraTracker> make_lee_tracker(const calib::Camera& camera, const camera_tracking::CameraTrackerOptions& options);
+std::unique_ptr<camera_tracking::CameraTracker> make_lee_tracker(const calib::Camera& camera,
+                                                                 const camera_tracking::CameraTrackerOptions& options);
 
 }  // namespace huetrack::papers

@@ -52,7 +52,8 @@ camera_tracking::CloudMoments LeeTracking::cloud_of(const Eigen::Vector3d& p_wor
   return camera_tracking::cloud_moments(cloud.u, cloud.v, particles_.weight);
 }
 
-calib::Rigid3d LeeTracking::track_points(const std::vector<Eigen::Vector3d>& points, const std::vector<Eigen::Vector2d>& px) {
+calib::Rigid3d LeeTracking::track_points(const std::vector<Eigen::Vector3d>& points,
+                                         const std::vector<Eigen::Vector2d>& px) {
   particles_.resample(rng_, options_.particle_count);
   particles_.walk_normal(static_cast<float>(options_.rotation_rad), static_cast<float>(options_.position_m), rng_);
   log_weight_.assign(particles_.size(), 0.0f);
@@ -105,7 +106,8 @@ LeeFrame LeeTracking::track(std::uint64_t number, const std::shared_ptr<const ca
     if (!predict_template(camera_.model, f.source, f.depth, predicted, patch_)) continue;
     const double half_u = std::clamp(3 * std::sqrt(m.covariance(0, 0)), 4.0, most),
                  half_v = std::clamp(3 * std::sqrt(m.covariance(1, 1)), 4.0, most);
-    const camera_tracking::PixelRegion region = camera_tracking::clip(box_around(m.mean, half_u, half_v), image, feature_side);
+    const camera_tracking::PixelRegion region =
+        camera_tracking::clip(box_around(m.mean, half_u, half_v), image, feature_side);
     camera_tracking::ncc_field(image, patch_.inner, region, field_);
     const camera_tracking::NccPeak peak = camera_tracking::best_of(field_, region);
     if (peak.rho < options_.threshold) {

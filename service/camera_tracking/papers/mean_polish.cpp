@@ -5,8 +5,10 @@
 
 namespace huetrack::papers {
 
-std::optional<camera_tracking::PoseFit> polish_mean(const calib::CameraModel& lens, const camera_tracking::PoseParticles& cloud, const calib::Rigid3d& mean,
-                                   std::span<const camera_tracking::PoseObservation> seen) {
+std::optional<camera_tracking::PoseFit> polish_mean(const calib::CameraModel& lens,
+                                                    const camera_tracking::PoseParticles& cloud,
+                                                    const calib::Rigid3d& mean,
+                                                    std::span<const camera_tracking::PoseObservation> seen) {
   constexpr int least = 4;
   constexpr double gate = 30;  // squared distance over the cloud's covariance, 6 dimensions
   camera_tracking::PoseFit fit = camera_tracking::refine_pose(lens, seen, mean);
@@ -15,7 +17,8 @@ std::optional<camera_tracking::PoseFit> polish_mean(const calib::CameraModel& le
   const Eigen::AngleAxisd turn((back.rotation * world_from_mean.rotation.inverse()).normalized());
   Eigen::Matrix<double, 6, 1> off;
   off << back.translation - world_from_mean.translation, turn.angle() * turn.axis();
-  const camera_tracking::Covariance6d covariance = cloud.covariance(mean) + 1e-6 * camera_tracking::Covariance6d::Identity();
+  const camera_tracking::Covariance6d covariance =
+      cloud.covariance(mean) + 1e-6 * camera_tracking::Covariance6d::Identity();
   if (!(off.dot(covariance.inverse() * off) < gate)) return std::nullopt;
   return fit;
 }

@@ -14,8 +14,10 @@ namespace huetrack::papers {
 // within what the cloud holds possible.
 //   seen  the matched points, where the image shows them, with their sigmas
 // nullopt: too few agree, or not there; the mean is then all there is.
-std::optional<camera_tracking::PoseFit> polish_mean(const calib::CameraModel& lens, const camera_tracking::PoseParticles& cloud, const calib::Rigid3d& mean,
-                                   std::span<const camera_tracking::PoseObservation> seen);
+std::optional<camera_tracking::PoseFit> polish_mean(const calib::CameraModel& lens,
+                                                    const camera_tracking::PoseParticles& cloud,
+                                                    const calib::Rigid3d& mean,
+                                                    std::span<const camera_tracking::PoseObservation> seen);
 
 // The sigma of a matched point: its pixel's, and the point's own as it looks from there.
 double sigma_px_of(const calib::CameraModel& lens, double pixel_sigma, double position_sigma_m, double depth_m);

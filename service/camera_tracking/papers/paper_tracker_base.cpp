@@ -34,7 +34,8 @@ PaperTrackerBase::PaperTrackerBase(const calib::Camera& camera, const camera_tra
   has_map_ = true;
 }
 
-std::optional<camera_tracking::PoseFit> PaperTrackerBase::proposal(const camera_tracking::Pyramid& pyramid, std::uint64_t number) const {
+std::optional<camera_tracking::PoseFit> PaperTrackerBase::proposal(const camera_tracking::Pyramid& pyramid,
+                                                                   std::uint64_t number) const {
   return camera_tracking::relocalize(camera_, pyramid, scene(), seed_ + number, map_error_px, agreeing);
 }
 
@@ -45,13 +46,16 @@ bool PaperTrackerBase::proven(const FilteredPose& pose) const {
   if (agree < proving || agree < proven_share * pose.in_view) return false;
   const double scale = std::max(1.0, fit.scale);
   const Eigen::Matrix<double, 6, 6> covariance = scale * scale * fit.information.inverse();
-  const double sigma_m = std::sqrt(camera_tracking::world_covariance(fit.cam_from_world, covariance).topLeftCorner<3, 3>().trace());
-  const double off_m = (calib::inverse(fit.cam_from_world).translation - calib::inverse(pose.cam_from_world).translation).norm();
+  const double sigma_m =
+      std::sqrt(camera_tracking::world_covariance(fit.cam_from_world, covariance).topLeftCorner<3, 3>().trace());
+  const double off_m =
+      (calib::inverse(fit.cam_from_world).translation - calib::inverse(pose.cam_from_world).translation).norm();
   return sigma_m < proven_sigma_m && off_m < proven_off_m;
 }
 
 // The fit's or the particles' own, about their mean, and what the map and the world's start leave open.
-camera_tracking::Covariance6d PaperTrackerBase::covariance_of(const FilteredPose& pose, const calib::Rigid3d& cam_from_world) const {
+camera_tracking::Covariance6d PaperTrackerBase::covariance_of(const FilteredPose& pose,
+                                                              const calib::Rigid3d& cam_from_world) const {
   camera_tracking::Covariance6d covariance = start_covariance_;
   if (pose.polished) {
     const double scale = std::max(1.0, pose.polished->scale);
@@ -136,14 +140,15 @@ camera_tracking::CameraEstimate PaperTrackerBase::update(const capture::Frame& f
     state_ = camera_tracking::CameraState::tracking;
     tracked_at_ = frame.captured_at;
   } else if (state_ == camera_tracking::CameraState::tracking || state_ == camera_tracking::CameraState::coasting) {
-    state_ = capture::seconds(frame.captured_at - tracked_at_) > coast_s ? camera_tracking::CameraState::lost : camera_tracking::CameraState::coasting;
+    state_ = capture::seconds(frame.captured_at - tracked_at_) > coast_s ? camera_tracking::CameraState::lost
+                                                                         : camera_tracking::CameraState::coasting;
   } else if (state_ == camera_tracking::CameraState::searching) {
     state_ = camera_tracking::CameraState::lost;  // a map was loaded, and the way in was not right
   }
   estimate.state = state_;
   estimate.particle_count = static_cast<int>(particles().size());
-  estimate.effective_sample_size =
-      std::clamp(particle_filter::effective_sample_size(particles().weight), 1.0, static_cast<double>(particles().size()));
+  estimate.effective_sample_size = std::clamp(particle_filter::effective_sample_size(particles().weight), 1.0,
+                                              static_cast<double>(particles().size()));
   estimate.map_points = pose.map_points;
   if (!estimate.has_pose()) return estimate;
   estimate.world_from_camera = calib::inverse(cam_from_world);

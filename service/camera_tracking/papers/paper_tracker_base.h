@@ -19,10 +19,11 @@ struct FilteredPose {
   bool tracked = false;
   calib::Rigid3d cam_from_world;
   int in_view = 0, matched = 0, map_points = 0;
-  double map_sigma_m = 0;             // rms, of the matched points' own: errors that they share do not average out
-  double depth_m = 1;                 // of one of them
+  double map_sigma_m = 0;  // rms, of the matched points' own: errors that they share do not average out
+  double depth_m = 1;      // of one of them
   std::vector<camera_tracking::PoseObservation> seen;  // the matched points, where the image shows them
-  std::optional<camera_tracking::PoseFit> polished;    // the fit that cam_from_world is of; none: it is the particles' mean
+  std::optional<camera_tracking::PoseFit>
+      polished;  // the fit that cam_from_world is of; none: it is the particles' mean
 };
 
 class PaperTrackerBase : public camera_tracking::CameraTracker {
@@ -33,7 +34,8 @@ class PaperTrackerBase : public camera_tracking::CameraTracker {
  protected:
   // throws std::runtime_error naming the map file
   PaperTrackerBase(const calib::Camera& camera, const camera_tracking::CameraTrackerOptions& options);
-  virtual void start(const std::shared_ptr<const camera_tracking::Pyramid>& pyramid, const camera_tracking::Started& started, std::uint64_t number) = 0;
+  virtual void start(const std::shared_ptr<const camera_tracking::Pyramid>& pyramid,
+                     const camera_tracking::Started& started, std::uint64_t number) = 0;
   virtual void restart(
       const calib::Rigid3d& cam_from_world) = 0;  // seen again from here: a lost filter's particles are put there
   virtual FilteredPose track(const std::shared_ptr<const camera_tracking::Pyramid>& pyramid, std::uint64_t number) = 0;
@@ -47,7 +49,8 @@ class PaperTrackerBase : public camera_tracking::CameraTracker {
   calib::Camera camera_;
 
  private:
-  std::optional<camera_tracking::PoseFit> proposal(const camera_tracking::Pyramid& pyramid, std::uint64_t number) const;  // from the features' looks
+  std::optional<camera_tracking::PoseFit> proposal(const camera_tracking::Pyramid& pyramid,
+                                                   std::uint64_t number) const;  // from the features' looks
   camera_tracking::Covariance6d covariance_of(const FilteredPose& pose, const calib::Rigid3d& cam_from_world) const;
   bool proven(const FilteredPose& pose) const;
 

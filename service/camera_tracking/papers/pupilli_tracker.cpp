@@ -115,8 +115,8 @@ PupilliFilter::Result PupilliFilter::track(const std::shared_ptr<const camera_tr
   for (std::size_t k = 0; k < m; ++k) {
     const auto px = camera_.model.project(out.cam_from_world * points_[active_[k]].position);
     if (!px) continue;
-    const camera_tracking::NccPeak peak = fields_[k].strongest(static_cast<float>(px->px.x()), static_cast<float>(px->px.y()),
-                                              2 * options_.epsilon_d_px[2], 0.2f);
+    const camera_tracking::NccPeak peak = fields_[k].strongest(
+        static_cast<float>(px->px.x()), static_cast<float>(px->px.y()), 2 * options_.epsilon_d_px[2], 0.2f);
     PupilliPoint& p = points_[active_[k]];
     measured_[k].cloud = camera_tracking::cloud_moments(u_[k], v_[k], particles_.weight);
     if (peak.rho > 0) {
@@ -219,7 +219,8 @@ void PupilliFilter::map(const std::shared_ptr<const camera_tracking::Pyramid>& p
     introduce(pyramid, result.cam_from_world);
 }
 
-void PupilliFilter::introduce(const std::shared_ptr<const camera_tracking::Pyramid>& pyramid, const calib::Rigid3d& pose) {
+void PupilliFilter::introduce(const std::shared_ptr<const camera_tracking::Pyramid>& pyramid,
+                              const calib::Rigid3d& pose) {
   std::vector<Eigen::Vector2d> seen;
   double depth = 0;
   for (const Measured& m : measured_) {
@@ -270,7 +271,8 @@ class PupilliTracker final : public PaperTrackerBase {
     for (const PupilliPoint& p : filter_.points())
       out.push_back({p.id, p.position, covariance_of(p), camera_tracking::CameraMapPoint::State::not_sought, p.given});
     for (const PupilliFilter::Measured& m : filter_.measured())
-      out[m.point].state = m.found.allFinite() ? camera_tracking::CameraMapPoint::State::found : camera_tracking::CameraMapPoint::State::missed;
+      out[m.point].state = m.found.allFinite() ? camera_tracking::CameraMapPoint::State::found
+                                               : camera_tracking::CameraMapPoint::State::missed;
     return out;
   }
 
@@ -297,7 +299,8 @@ class PupilliTracker final : public PaperTrackerBase {
     filter_.add(p);
   }
 
-  void start(const std::shared_ptr<const camera_tracking::Pyramid>& pyramid, const camera_tracking::Started& started, std::uint64_t) override {
+  void start(const std::shared_ptr<const camera_tracking::Pyramid>& pyramid, const camera_tracking::Started& started,
+             std::uint64_t) override {
     filter_.start(started.pose.cam_from_world);
     for (std::size_t i = 0; i < started.points.size(); ++i)
       add(started.points[i], started.given_sigma_m, {pyramid, started.pose.cam_from_world, started.px[i]}, true);
@@ -346,7 +349,8 @@ class PupilliTracker final : public PaperTrackerBase {
 
 }  // namespace
 
-std::unique_ptr<camera_tracking::CameraTracker> make_pupilli_tracker(const calib::Camera& camera, const camera_tracking::CameraTrackerOptions& options) {
+std::unique_ptr<camera_tracking::CameraTracker> make_pupilli_tracker(
+    const calib::Camera& camera, const camera_tracking::CameraTrackerOptions& options) {
   return std::make_unique<PupilliTracker>(camera, options);
 }
 

@@ -7,9 +7,9 @@
 #include "calib/model/batch_projector.h"
 #include "camera_tracking/camera_starter.h"
 #include "camera_tracking/camera_tracker.h"
+#include "camera_tracking/observation_field.h"
 #include "camera_tracking/papers/depth_ray.h"
 #include "camera_tracking/papers/feature_template.h"
-#include "camera_tracking/observation_field.h"
 #include "camera_tracking/pose_particles.h"
 #include "camera_tracking/pose_solver.h"
 #include "camera_tracking/scene_map.h"
@@ -49,7 +49,7 @@ class PupilliFilter {
   void add(PupilliPoint point);  // gets an id
 
   struct Result {
-    calib::Rigid3d cam_from_world;           // the weighted mean, polished
+    calib::Rigid3d cam_from_world;                     // the weighted mean, polished
     std::optional<camera_tracking::PoseFit> polished;  // of which this is the fit
     bool supported = false;
     int active = 0, matched = 0;
@@ -97,6 +97,7 @@ class PupilliFilter {
 };
 
 // options: checked. throws std::runtime_error naming the map file.
-std::unique_ptr<camera_tracking::CameraTracker> make_pupilli_tracker(const calib::Camera& camera, const camera_tracking::CameraTrackerOptions& options);
+std::unique_ptr<camera_tracking::CameraTracker> make_pupilli_tracker(
+    const calib::Camera& camera, const camera_tracking::CameraTrackerOptions& options);
 
 }  // namespace huetrack::papers
