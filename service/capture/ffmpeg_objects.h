@@ -12,7 +12,7 @@ extern "C" {
 #include <new>
 #include <string>
 
-namespace huetrack::ffmpeg {
+namespace huetrack::capture {
 
 struct CloseInput {
   void operator()(AVFormatContext* p) const { avformat_close_input(&p); }
@@ -53,4 +53,4 @@ inline std::string error_text(int error) {
 // FFmpeg prints nothing from here on; VideoReader hears what it has to say. thread-safe.
 void take_over_log();
 
-}  // namespace huetrack::ffmpeg
+}  // namespace huetrack::capture

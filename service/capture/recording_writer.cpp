@@ -44,7 +44,7 @@ std::string system_text(int error) {
 // An FFmpeg error as the system says it, if it is the system's: "No space left on device".
 std::string text_of(int error) {
   const int code = AVUNERROR(error);
-  return code > 0 && code < 200 ? system_text(code) : ffmpeg::error_text(error);
+  return code > 0 && code < 200 ? system_text(code) : error_text(error);
 }
 
 // As a file's name; letters, digits and -_. stay.
@@ -229,7 +229,7 @@ class VideoFile {
     const bool is_huffyuv = !is_jpeg_ && (storage == RawStorage::huffyuv || format_ == PixelFormat::i444);
     AVFormatContext* opened = nullptr;
     check(avformat_alloc_output_context2(&opened, nullptr, "matroska", file_.c_str()));
-    AVStream* stream = ffmpeg::not_null(avformat_new_stream(opened, nullptr));
+    AVStream* stream = not_null(avformat_new_stream(opened, nullptr));
     output_.reset(opened);
     stream->time_base = {1, 1000};
     if (fps > 0) stream->avg_frame_rate = av_d2q(fps, 1'000'000);
@@ -319,7 +319,7 @@ class VideoFile {
   void open_encoder() {
     const AVCodec* codec = avcodec_find_encoder(AV_CODEC_ID_FFVHUFF);
     if (!codec) throw WriteError{file_, "this FFmpeg has no HuffYUV encoder: use raw_storage: uncompressed"};
-    encoder_.reset(ffmpeg::not_null(avcodec_alloc_context3(codec)));
+    encoder_.reset(not_null(avcodec_alloc_context3(codec)));
     encoder_->width = width_;
     encoder_->height = height_;
     encoder_->pix_fmt = av_format_of(planar(format_));
@@ -331,7 +331,7 @@ class VideoFile {
 
   void encode(const Image& image) {
     if (!picture_) {
-      picture_.reset(ffmpeg::not_null(av_frame_alloc()));
+      picture_.reset(not_null(av_frame_alloc()));
       picture_->format = encoder_->pix_fmt;
       picture_->width = width_;
       picture_->height = height_;
@@ -357,10 +357,10 @@ class VideoFile {
   int width_, height_;
   ColorRange range_;
   bool is_jpeg_;
-  ffmpeg::OutputPtr output_;
-  ffmpeg::CodecPtr encoder_;  // null: the bytes as they are
-  ffmpeg::FramePtr picture_;
-  ffmpeg::PacketPtr packet_{ffmpeg::not_null(av_packet_alloc())};
+  OutputPtr output_;
+  CodecPtr encoder_;  // null: the bytes as they are
+  FramePtr picture_;
+  PacketPtr packet_{not_null(av_packet_alloc())};
   AVRational time_base_{1, 1000};
   std::vector<std::uint8_t> scratch_;
   std::int64_t last_ms_ = -1;
@@ -408,7 +408,7 @@ std::vector<std::string> RecordingOptions::problems() const {
 
 struct RecordingWriter::Impl {
   explicit Impl(RecordingOptions o) : options(std::move(o)) {
-    ffmpeg::take_over_log();
+    take_over_log();
     make_folder();
     std::string yaml =
         "# Written by huetrack. The times (t_s) in the CSV files are UNIX time, in seconds: so the clock's zero is "

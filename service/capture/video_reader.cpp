@@ -50,11 +50,6 @@ constexpr std::int64_t most_pixels = 1 << 26;      // of one image; a damaged he
 constexpr std::int64_t longest_gap_frames = 1000;  // a damaged time stamp must not make us invent frames
 constexpr int most_warnings = 5;                   // of one kind, one by one; the others are summed up
 
-using ffmpeg::CodecPtr;
-using ffmpeg::error_text;
-using ffmpeg::FramePtr;
-using ffmpeg::not_null;
-using ffmpeg::PacketPtr;
 
 struct FreeScaler {
   void operator()(SwsContext* p) const { sws_freeContext(p); }
@@ -119,7 +114,7 @@ void on_log(void* source, int level, const char* format, va_list arguments) {
 
 }  // namespace
 
-void ffmpeg::take_over_log() {
+void take_over_log() {
   static std::once_flag once;
   std::call_once(once, [] { av_log_set_callback(on_log); });
 }
@@ -323,7 +318,7 @@ std::vector<ImageFile> image_files_of(const RecordedCamera& camera) {
 struct VideoReader::Impl {
   Impl(const RecordedCamera& c, int threads, std::vector<std::string>& w)
       : camera(c), selection(c), warnings(w), images(image_files_of(c)) {
-    ffmpeg::take_over_log();
+    take_over_log();
     open(images.empty() ? camera.frames : images.front().path, threads);
   }
 
@@ -729,7 +724,7 @@ struct VideoReader::Impl {
   ErrorLog log;
   std::vector<ImageFile> images;  // empty: a video
   std::size_t next_image = 0;
-  ffmpeg::InputPtr format;     // null for images
+  InputPtr format;     // null for images
   AVStream* stream = nullptr;  // of format
   CodecPtr codec;
   JpegDecoder jpeg;

@@ -91,7 +91,7 @@ HUETRACK_CLONES void advance(std::array<std::array<std::uint32_t, 16>, 4>& state
 }  // namespace
 
 void Rng::advance(Block& out) {
-  huetrack::advance(state_, 1, out.data(), nullptr);
+  particle_filter::advance(state_, 1, out.data(), nullptr);
 }
 
 double Rng::uniform() {
@@ -118,7 +118,7 @@ void Rng::fill_normal(std::span<float> out) {
   for (std::size_t i = 0; i < out.size(); i += 2 * batch) {
     const std::size_t wanted = std::min(2 * batch, out.size() - i);
     const std::size_t words = (wanted + 2 * lanes - 1) / (2 * lanes) * lanes;
-    huetrack::advance(state_, 2 * words / lanes, a.data(), b.data());
+    particle_filter::advance(state_, 2 * words / lanes, a.data(), b.data());
     box_muller(a.data(), b.data(), wanted == 2 * words ? out.data() + i : z.data(), words);
     if (wanted != 2 * words) std::copy_n(z.begin(), wanted, out.begin() + static_cast<std::ptrdiff_t>(i));
   }

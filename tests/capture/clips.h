@@ -22,7 +22,7 @@ extern "C" {
 
 #include "capture/frame.h"
 
-namespace huetrack::clips {
+namespace huetrack::capture {
 
 // A folder that goes with the test.
 class TemporaryFolder {
@@ -192,4 +192,4 @@ inline std::uint64_t hash_of(const Image& image, std::uint64_t hash = 0xcbf29ce4
   return hash;
 }
 
-}  // namespace huetrack::clips
+}  // namespace huetrack::capture

@@ -10,15 +10,15 @@
 namespace huetrack::capture {
 namespace {
 
-using clips::Clip;
+using Clip;
 using testing::HasSubstr;
 
 // One JPEG of the given kind, as FFmpeg codes it.
 std::vector<std::uint8_t> jpeg_of(AVPixelFormat format, AVColorRange range = AVCOL_RANGE_JPEG, int width = 64,
                                   int height = 48, bool standard_huffman = false) {
   std::vector<std::uint8_t> bytes;
-  const clips::TemporaryFolder folder;
-  clips::write_clip(folder / "one.mkv", {.codec = "mjpeg",
+  const TemporaryFolder folder;
+  write_clip(folder / "one.mkv", {.codec = "mjpeg",
                                          .format = format,
                                          .range = range,
                                          .width = width,
@@ -43,11 +43,11 @@ TEST(JpegDecoder, GivesThePlanesAsTheyWereCoded) {
     EXPECT_EQ(result.image->range, ColorRange::full);
     ASSERT_EQ(result.image->width, 64);
     ASSERT_EQ(result.image->height, 48);
-    // what clips::paint() painted, coded at a high quality
+    // what paint() painted, coded at a high quality
     for (int v = 14; v < 48; ++v)
       for (int u = 18; u < 64; ++u) {
         const Yuv yuv = yuv_at(*result.image, u, v);
-        ASSERT_NEAR(yuv.y, clips::level_of_frame(0), 8) << u << "," << v;
+        ASSERT_NEAR(yuv.y, level_of_frame(0), 8) << u << "," << v;
         ASSERT_NEAR(yuv.u, 120, 14) << u << "," << v;
         ASSERT_NEAR(yuv.v, 140, 14) << u << "," << v;
       }
@@ -60,7 +60,7 @@ TEST(JpegDecoder, SizesThatAreNoWholeBlocks) {
   ASSERT_TRUE(result.image) << result.problem;
   EXPECT_EQ(result.image->width, 50);
   EXPECT_EQ(result.image->height, 34);
-  EXPECT_NEAR(yuv_at(*result.image, 49, 33).y, clips::level_of_frame(0), 8);
+  EXPECT_NEAR(yuv_at(*result.image, 49, 33).y, level_of_frame(0), 8);
   EXPECT_NEAR(yuv_at(*result.image, 49, 33).v, 140, 14);
 }
 
@@ -99,7 +99,7 @@ TEST(JpegDecoder, WithoutHuffmanTablesItTakesTheStandardOnes) {
   JpegDecoder fresh;
   const auto without = fresh.decode(jpeg);
   ASSERT_TRUE(without.image) << without.problem;
-  EXPECT_EQ(clips::hash_of(*without.image), clips::hash_of(*whole.image));
+  EXPECT_EQ(hash_of(*without.image), hash_of(*whole.image));
 }
 
 TEST(JpegDecoder, AFewBytesOfPaddingAreNoDamage) {
@@ -109,7 +109,7 @@ TEST(JpegDecoder, AFewBytesOfPaddingAreNoDamage) {
   jpeg.insert(jpeg.end() - 2, {0x00, 0x00});  // before the end marker, as some webcams do
   const auto padded = decoder.decode(jpeg);
   ASSERT_TRUE(padded.image) << padded.problem;
-  EXPECT_EQ(clips::hash_of(*padded.image), clips::hash_of(*clean.image));
+  EXPECT_EQ(hash_of(*padded.image), hash_of(*clean.image));
   jpeg.insert(jpeg.end() - 2, 200, 0x11);
   EXPECT_FALSE(decoder.decode(jpeg).image);
   const std::vector<std::uint8_t> trailing = [&] {
@@ -133,7 +133,7 @@ TEST(JpegDecoder, CutOffAnywhereItIsDamagedAndTheNextOneIsNot) {
     if (length % 50 != 0) continue;
     const auto again = decoder.decode(jpeg);
     ASSERT_TRUE(again.image) << "after " << length << " bytes: " << again.problem;
-    ASSERT_EQ(clips::hash_of(*again.image), clips::hash_of(*whole.image));
+    ASSERT_EQ(hash_of(*again.image), hash_of(*whole.image));
   }
 }
 
@@ -150,7 +150,7 @@ TEST(JpegDecoder, FlippedBytesNeverCrash) {
     if (!result.image)
       ++without_image;
     else
-      clips::hash_of(*result.image);  // every byte of it is there
+      hash_of(*result.image);  // every byte of it is there
   }
   EXPECT_GT(without_image, 100);
 }

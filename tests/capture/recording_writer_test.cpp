@@ -24,9 +24,9 @@ namespace {
 
 namespace fs = std::filesystem;
 using namespace std::chrono_literals;
-using clips::hash_of;
-using clips::read_bytes;
-using clips::TemporaryFolder;
+using hash_of;
+using read_bytes;
+using TemporaryFolder;
 using testing::AllOf;
 using testing::Contains;
 using testing::ElementsAre;
@@ -71,7 +71,7 @@ Frame raw_frame(int k, PixelFormat format = PixelFormat::yuyv, int width = 64, i
 std::vector<Frame> jpeg_frames(int count, AVPixelFormat format = AV_PIX_FMT_YUVJ422P) {
   std::vector<Frame> frames;
   const TemporaryFolder folder;
-  clips::write_clip(folder / "film.mkv", {.codec = "mjpeg",
+  write_clip(folder / "film.mkv", {.codec = "mjpeg",
                                           .format = format,
                                           .range = AVCOL_RANGE_JPEG,
                                           .frames = count,
@@ -291,7 +291,7 @@ TEST(RecordingWriter, WhatCannotBeReplayedIsLeftOutAndCounted) {
 
 TEST(RecordingWriter, AFolderWithSomethingInItIsNotTouched) {
   const TemporaryFolder folder;
-  clips::write_text(folder / "run/precious", "data");
+  write_text(folder / "run/precious", "data");
   EXPECT_THROW(RecordingWriter(options_for(folder / "run")), CaptureError);
   EXPECT_EQ(std::distance(fs::directory_iterator(folder / "run"), fs::directory_iterator()), 1);
   EXPECT_THROW(RecordingWriter(options_for("/proc/nowhere")), CaptureError);
@@ -381,7 +381,7 @@ TEST(RecordingWriter, AVideoCutOffAnywhereGivesItsBeginning) {
   const std::string whole = read_bytes(folder / "run/left.mkv");
   std::size_t most = 0;
   for (std::size_t length = 0; length <= whole.size(); length += 13) {
-    clips::write_text(folder / "run/left.mkv", whole.substr(0, length));
+    write_text(folder / "run/left.mkv", whole.substr(0, length));
     std::vector<Frame> frames;
     try {
       frames = replay(folder / "run").frames;
@@ -406,7 +406,7 @@ TEST(RecordingWriter, TimesCutOffAnywhereGiveTheirBeginning) {
   const std::string whole = read_bytes(folder / "run/left.csv");
   const std::size_t header = whole.find('\n') + 1;
   for (std::size_t length = header; length < whole.size(); ++length) {
-    clips::write_text(folder / "run/left.csv", whole.substr(0, length));
+    write_text(folder / "run/left.csv", whole.substr(0, length));
     const auto rows =
         static_cast<std::size_t>(std::count(whole.begin(), whole.begin() + static_cast<std::ptrdiff_t>(length), '\n')) -
         1;
@@ -437,7 +437,7 @@ TEST(RecordingWriter, AFullDiskStopsItWithOneClearLine) {
     if (writer.write(raw_frame(written + 1))) ::_exit(2);  // it failed for good
     writer.finish();
     const auto failure = writer.failure();
-    clips::write_text(folder / "failure", failure ? *failure : "none");
+    write_text(folder / "failure", failure ? *failure : "none");
     ::_exit(written > 10 && written < 1000 ? 0 : 3);
   }
   int status = 0;

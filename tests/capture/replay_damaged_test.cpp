@@ -12,12 +12,12 @@
 namespace huetrack::capture {
 namespace {
 
-using clips::Clip;
-using clips::frame_shown_by;
-using clips::hash_of;
-using clips::read_bytes;
-using clips::write_clip;
-using clips::write_text;
+using Clip;
+using frame_shown_by;
+using hash_of;
+using read_bytes;
+using write_clip;
+using write_text;
 using namespace std::chrono_literals;
 using testing::AllOf;
 using testing::Contains;
@@ -108,7 +108,7 @@ class Damaged : public testing::Test {
     write_clip(folder / name, clip);
     return folder / name;
   }
-  clips::TemporaryFolder folder;
+  TemporaryFolder folder;
 };
 
 TEST_F(Damaged, AFrameThatDoesNotDecodeIsCorruptedAndTheNextKeepTheirNumbers) {
@@ -299,7 +299,7 @@ class Mutated : public testing::TestWithParam<FuzzCase> {};
 
 TEST_P(Mutated, FilesEndInAnErrorOrInFramesNeverInACrash) {
   const FuzzCase& c = GetParam();
-  const clips::TemporaryFolder folder;
+  const TemporaryFolder folder;
   write_clip(folder / c.file, c.clip);
   const std::string original = read_bytes(folder / c.file);
   const Played clean = play(folder / c.file);

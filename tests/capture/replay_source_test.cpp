@@ -15,10 +15,10 @@ namespace huetrack::capture {
 namespace {
 
 using namespace std::chrono_literals;
-using clips::frame_shown_by;
-using clips::hash_of;
-using clips::write_clip;
-using clips::write_text;
+using frame_shown_by;
+using hash_of;
+using write_clip;
+using write_text;
 using testing::AllOf;
 using testing::ElementsAre;
 using testing::HasSubstr;
@@ -63,7 +63,7 @@ class Replay : public testing::Test {
     return result;
   }
 
-  clips::TemporaryFolder folder;
+  TemporaryFolder folder;
 };
 
 // ---- Times and numbers
@@ -285,7 +285,7 @@ class ReplayFormats : public testing::TestWithParam<FormatCase> {};
 
 TEST_P(ReplayFormats, ComeOutAsTheyAreOrAsTheNearest) {
   const FormatCase& c = GetParam();
-  const clips::TemporaryFolder folder;
+  const TemporaryFolder folder;
   write_clip(folder / c.file, {.codec = c.codec,
                                .format = c.coded,
                                .range = c.coded_range,
@@ -305,7 +305,7 @@ TEST_P(ReplayFormats, ComeOutAsTheyAreOrAsTheNearest) {
     EXPECT_EQ(image.range, c.range);
     EXPECT_EQ(image.width, c.width);
     EXPECT_EQ(image.height, c.height);
-    const int level = clips::level_of_frame(count);
+    const int level = level_of_frame(count);
     // the middle, and the corners, where a wrong stride or row order shows (noise is up to 15 there)
     for (const auto& [u, v] : {std::pair{c.width / 2, c.height / 2},
                                {0, 0},
@@ -367,7 +367,7 @@ INSTANTIATE_TEST_SUITE_P(OtherMatrix, ReplayFormats,
 
 TEST_F(Replay, RowsMayLieBottomUp) {
   write_clip(folder / "a.avi", {.codec = "rawvideo", .format = AV_PIX_FMT_BGR24, .frames = 1});
-  std::string bytes = clips::read_bytes(folder / "a.avi");
+  std::string bytes = read_bytes(folder / "a.avi");
   const auto height = bytes.find("strf") + 16;  // biHeight: -48, top down; 48 means bottom up
   ASSERT_EQ(bytes.substr(height, 4), "\xD0\xFF\xFF\xFF");
   write_text(folder / "b.avi", bytes.replace(height, 4, std::string("\x30\0\0\0", 4)));
@@ -385,7 +385,7 @@ TEST_F(Replay, Bt709IsConvertedWithItsOwnMatrix) {
     return read_all(source).at(4).pixels;
   };
   const Bgr hd = bgr_at(colour(AVCOL_SPC_BT709, "hd.mkv"), 40, 30);
-  const double y = 1.1644 * (clips::level_of_frame(4) - 16);  // U = 120, V = 140
+  const double y = 1.1644 * (level_of_frame(4) - 16);  // U = 120, V = 140
   EXPECT_NEAR(hd.r, y + 1.7927 * 12, 1.5);
   EXPECT_NEAR(hd.g, y - 0.2132 * -8 - 0.5329 * 12, 1.5);
   EXPECT_NEAR(hd.b, y + 2.1124 * -8, 1.5);

@@ -217,7 +217,7 @@ class V4l2Faults : public testing::Test {
     return int(std::ranges::count_if(messages, [&](const auto& m) { return m.find(text) != std::string::npos; }));
   }
 
-  clips::TemporaryFolder folder;
+  TemporaryFolder folder;
   V4l2SourceOptions options;
   std::vector<std::string> messages;
 };
@@ -375,7 +375,7 @@ extern "C" int ioctl(int fd, unsigned long request, ...) noexcept {
   va_start(arguments, request);
   void* argument = va_arg(arguments, void*);
   va_end(arguments);
-  huetrack::Driver* const driver = huetrack::driver;
+  huetrack::capture::Driver* const driver = huetrack::capture::driver;
   if (driver == nullptr || !driver->is_mine(fd)) return int(::syscall(SYS_ioctl, fd, request, argument));
   const int error = driver->answer(request, argument);
   if (error == 0) return 0;

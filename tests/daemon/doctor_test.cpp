@@ -150,7 +150,7 @@ class DoctorsConfig : public testing::Test {
  protected:
   // What doctor says of cameras with these devices; only looked at.
   std::string said_of(const std::string& left, const std::string& right) {
-    capture::clips::write_text(
+    capture::write_text(
         folder / "c.yaml", "version: 1\nrig: " HUETRACK_SOURCE_DIR
                            "/configs/demo/recording/rig.yaml\ndds: {enabled: false}\ntargets: {ball: {color: {hue_deg: "
                            "[65, 115]}}}\ncameras: {cam0: {device: " +
@@ -165,7 +165,7 @@ class DoctorsConfig : public testing::Test {
     doctor(options, {});
     return testing::internal::GetCapturedStdout();
   }
-  capture::clips::TemporaryFolder folder;
+  capture::TemporaryFolder folder;
 };
 
 TEST_F(DoctorsConfig, DevicesThatAreNoneOrNotThere) {

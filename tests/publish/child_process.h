@@ -19,7 +19,7 @@
 #include <thread>
 #include <vector>
 
-namespace huetrack::testing {
+namespace huetrack::publish {
 
 // thread-compatible. Killed on destruction.
 class ChildProcess {
@@ -94,4 +94,4 @@ class ChildProcess {
   std::optional<int> status_;
 };
 
-}  // namespace huetrack::testing
+}  // namespace huetrack::publish

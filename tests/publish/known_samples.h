@@ -14,9 +14,8 @@
 #include "publish/service_status.h"
 #include "publish/test_domain.h"
 
-namespace huetrack::testing {
+namespace huetrack::publish {
 
-using huetrack::test_domain;
 
 inline constexpr std::array states{object_tracking::TrackState::searching, object_tracking::TrackState::tracking,
                                    object_tracking::TrackState::coasting, object_tracking::TrackState::lost};
@@ -104,4 +103,4 @@ inline ServiceStatus known_status() {
   return s;
 }
 
-}  // namespace huetrack::testing
+}  // namespace huetrack::publish

@@ -20,7 +20,7 @@ namespace huetrack::publish {
 namespace {
 
 using namespace ::testing;
-using huetrack::testing::ChildProcess;
+
 using namespace std::chrono_literals;
 
 msg::Scene scene() {

@@ -14,14 +14,14 @@ int main(int argc, char** argv) {
   using namespace huetrack;
   if (argc != 2) return 2;
   std::signal(SIGTERM, [](int) { ended = 1; });
-  publish::EstimatePublisher publisher(publish::testing::known_options(std::atoi(argv[1])));
+  publish::EstimatePublisher publisher(publish::known_options(std::atoi(argv[1])));
   for (unsigned n = 0; !ended; ++n) {
-    if (n % 50 == 0) publisher.publish_status(publish::testing::known_status());
+    if (n % 50 == 0) publisher.publish_status(publish::known_status());
     const object_tracking::TrackState state = publish::testing::states[n % publish::testing::states.size()];
-    publisher.publish(0, publish::testing::known_estimate(state), publish::testing::captured_at(state),
+    publisher.publish(0, publish::known_estimate(state), publish::testing::captured_at(state),
                       publish::testing::received_at(state));
     const camera_tracking::CameraEstimate pose =
-        publish::testing::known_pose(publish::testing::camera_states[n % publish::testing::camera_states.size()]);
+        publish::known_pose(publish::testing::camera_states[n % publish::testing::camera_states.size()]);
     publisher.publish(pose, pose.at, pose.at + std::chrono::milliseconds(3));
     std::this_thread::sleep_for(std::chrono::milliseconds(20));
   }

@@ -71,7 +71,7 @@ class LiveCalibration : public testing::Test {
     return calibrate->wait();
   }
 
-  capture::clips::TemporaryFolder folder;
+  capture::TemporaryFolder folder;
   calib::CameraRig truth;
   std::vector<fs::path> nodes;
   std::unique_ptr<end_to_end::Process> player, calibrate;
@@ -131,7 +131,7 @@ TEST_F(LiveWave, BringsASpoiltRigBack) {
   std::string config = "version: 1\nrig: spoilt.yaml\ntargets: {lime: {color: {hue_deg: [65, 115]}}}\ncameras:\n";
   for (const std::size_t c : {0U, 1U})
     config += "  cam" + std::to_string(c) + ": {device: " + nodes[c].string() + ", fps: " + std::to_string(fps) + "}\n";
-  capture::clips::write_text(folder / "c.yaml", config);
+  capture::write_text(folder / "c.yaml", config);
   const double distance = (truth.cameras[0].centre() - truth.cameras[1].centre()).norm();
   run({"wave", "--live", "65", "--config", folder / "c.yaml", "--target", "lime", "--camera-distance", "cam0", "cam1",
        std::to_string(distance), "--rig", folder / "rig.yaml"});
@@ -146,7 +146,7 @@ TEST_F(LiveWave, BringsASpoiltRigBack) {
       100s));
   ASSERT_FALSE(calibrate->has_ended());
   std::this_thread::sleep_for(2s);
-  capture::clips::write_text(folder / "go", "");
+  capture::write_text(folder / "go", "");
   const int status = calibrate->wait();
   EXPECT_TRUE(status == 0 || status == 2) << status;  // 2: too many frames were dropped, and it says so
   std::printf("%s", end_to_end::contents(folder / "calibrate.out").c_str());

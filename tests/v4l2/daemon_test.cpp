@@ -22,8 +22,8 @@ namespace {
 
 namespace fs = std::filesystem;
 using namespace std::chrono_literals;
-using capture::clips::TemporaryFolder;
-using capture::clips::write_text;
+using capture::TemporaryFolder;
+using capture::write_text;
 using testing::AllOf;
 using testing::HasSubstr;
 using testing::Not;

@@ -23,10 +23,10 @@ namespace {
 
 namespace fs = std::filesystem;
 using namespace std::chrono_literals;
-using capture::clips::hash_of;
-using capture::clips::read_bytes;
-using capture::clips::TemporaryFolder;
-using capture::clips::write_text;
+using capture::hash_of;
+using capture::read_bytes;
+using capture::TemporaryFolder;
+using capture::write_text;
 using testing::AllOf;
 using testing::Contains;
 using testing::Each;
@@ -649,7 +649,7 @@ TEST_F(Uvc, UnplugAnotherAndReplug) {
 }
 
 TEST_F(Uvc, JpegsAreDecodedAndTheirBytesKept) {
-  capture::clips::write_clip(folder / "film.mjpg", {.codec = "mjpeg",
+  capture::write_clip(folder / "film.mjpg", {.codec = "mjpeg",
                                                     .format = AV_PIX_FMT_YUVJ422P,
                                                     .range = AVCOL_RANGE_JPEG,
                                                     .width = width,
