@@ -167,7 +167,7 @@ Intrinsics calibrate_intrinsics(const board::Board& board, const std::string& na
   int done = 0;
   const auto tell = [&](const char* step, LensModel lens) {
     if (options.progress) {
-      options.progress(step + std::string(calib::name(lens)), done, static_cast<int>(2 * candidates.size()));
+      options.progress(step + std::string(solver::name(lens)), done, static_cast<int>(2 * candidates.size()));
     }
     ++done;
   };
@@ -214,7 +214,7 @@ Intrinsics calibrate_intrinsics(const board::Board& board, const std::string& na
   }
   std::size_t chosen = 0;
   if (options.lens) {
-    result.lens_reason = std::string(calib::name(*options.lens)) + " was asked for";
+    result.lens_reason = std::string(solver::name(*options.lens)) + " was asked for";
   } else {
     // Cross-validation on the corners that the best fitting model calls good: a model that is too simple must not hide
     // behind calling the image's corners outliers.
@@ -274,10 +274,10 @@ Intrinsics calibrate_intrinsics(const board::Board& board, const std::string& na
       const LensTrial& w = result.trials[winner];
       result.lens_reason =
           chosen == winner
-              ? text_of("%s predicts views that it was not fitted to best (%.3f px)", calib::name(c.lens).data(),
+              ? text_of("%s predicts views that it was not fitted to best (%.3f px)", solver::name(c.lens).data(),
                         c.held_out_px)
               : text_of("%s predicts views that it was not fitted to as well (%.3f px) as %s (%.3f px), and is simpler",
-                        calib::name(c.lens).data(), c.held_out_px, calib::name(w.lens).data(), w.held_out_px);
+                        solver::name(c.lens).data(), c.held_out_px, solver::name(w.lens).data(), w.held_out_px);
     }
   }
   result.adjustment = std::move(fits[chosen]);

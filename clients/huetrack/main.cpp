@@ -53,7 +53,7 @@ int main(int argc, char** argv) {
   CLI::App* status_command = app.add_subcommand("status", "print what the service says about itself");
   add_bus(status_command);
 
-  huetrack::live_view::live_view::ViewOptions view;
+  huetrack::live_view::ViewOptions view;
   CLI::App* view_command = app.add_subcommand("view", "serve a live page for browsers on this host");
   view_command->add_option("--port", view.server.port, "to listen on; 0: any free one")
       ->check(CLI::Range(0, 65535))
@@ -65,7 +65,7 @@ int main(int argc, char** argv) {
       ->capture_default_str();
   add_bus(view_command);
 
-  huetrack::plot::plot::PlotOptions plot;
+  huetrack::plot::PlotOptions plot;
   CLI::App* plot_command = app.add_subcommand("plot", "draw a track CSV: the track, its states, its uncertainty");
   plot_command->add_option("tracks", plot.tracks, "CSV of `huetrackd replay --tracks` or `huetrack log`")->required();
   plot_command->add_option("--truth", plot.truth, "CSV with columns ball, t, x, y, z");
@@ -81,12 +81,12 @@ int main(int argc, char** argv) {
   try {
     if (status_command->parsed()) return status(options.participant);
     if (plot_command->parsed()) {
-      huetrack::plot::plot::plot(plot);
+      huetrack::plot::plot(plot);
       return 0;
     }
     if (view_command->parsed()) {
       view.participant = options.participant;
-      return huetrack::live_view::live_view::view(view, has_ended);
+      return huetrack::live_view::view(view, has_ended);
     }
     options.format = log_command->parsed() ? Format::csv : formats.at(format);
     return watch(options);

@@ -83,7 +83,7 @@ Figures measure(const Case& c, const fs::path& folder, const std::string& phases
   idl::ParticipantOptions participant;
   participant.name = "live_figures";
   participant.domain = domain;
-  client::client::PositionSubscription subscription(participant);
+  client::PositionSubscription subscription(participant);
   end_to_end::Process service({FILM_SERVICE, folder / "c.yaml", folder, "--phases", phases}, folder / "out",
                               folder / "err");
   Figures figures;

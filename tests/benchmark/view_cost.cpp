@@ -189,7 +189,7 @@ class Service {
   }
 
   const fs::path folder_;
-  client::client::PositionSubscription subscription_;
+  client::PositionSubscription subscription_;
   std::optional<end_to_end::Process> service_;
   std::optional<ThreadTime> tracking_;
 };
