@@ -12,8 +12,8 @@
 #include "calib/yaml/yaml_reader.h"
 #include "config/formatted.h"
 #include "config/service_config.h"
-#include "daemon/live.h"
 #include "daemon/metrics.h"
+#include "pipeline/live_cameras.h"
 #include "publish/estimate_publisher.h"
 
 namespace huetrack::daemon {
@@ -273,7 +273,7 @@ class Doctor {
              config::formatted(" of %zu cameras, %zu targets", config_->rig.cameras.size(), config_->targets.size()),
          ""});
     for (const auto& warning : config::warnings_of(*config_)) say({Verdict::warning, warning, ""});
-    if (const auto both = one_under_two_names(config_->cameras))
+    if (const auto both = pipeline::one_under_two_names(config_->cameras))
       say({Verdict::problem, "cameras: " + *both, "give each its own device: run refuses to start so"});
     if (config_->cameras.empty())
       say({Verdict::warning, "cameras: names none: it is for replay only", "name the devices that are listed below"});

@@ -6,8 +6,6 @@
 #include <array>
 #include <cstdio>
 #include <ctime>
-#include <future>
-#include <map>
 #include <mutex>
 #include <set>
 #include <thread>
@@ -33,7 +31,6 @@ using namespace std::chrono_literals;
 
 constexpr auto supervision_period = 50ms;
 constexpr auto status_period = 1s;
-constexpr auto opening_patience = 3s;             // with a camera that does not answer; it is waited for later
 constexpr capture::Duration least_patience = 3s;  // several heartbeats of a camera, and of the tracking thread
 constexpr capture::Duration told_clock_step = 500ms;
 constexpr capture::Duration recorder_patience = 400ms;  // whoever stops us waits a second, and the disk may be slow
@@ -50,7 +47,7 @@ struct ExpectedPixels {
   capture::PixelFormat format;
   capture::ColorRange range;
 };
-std::optional<ExpectedPixels> expected_pixels(const LiveCamera& camera) {
+std::optional<ExpectedPixels> expected_pixels(const pipeline::LiveCamera& camera) {
   const auto stream = camera.health().stream;
   if (!stream) return std::nullopt;
   switch (stream->format) {
@@ -68,7 +65,8 @@ std::optional<ExpectedPixels> expected_pixels(const LiveCamera& camera) {
 }
 
 // From what the cameras agreed to, else what they were asked for; known once and for all, as a track depends on it.
-capture::Duration automatic_tolerance(const config::ServiceConfig& config, std::span<const LiveCamera> cameras) {
+capture::Duration automatic_tolerance(const config::ServiceConfig& config,
+                                      std::span<const pipeline::LiveCamera> cameras) {
   std::vector<capture::Duration> periods;
   for (const auto& camera : cameras) {
     const auto stream = camera.health().stream;
@@ -84,8 +82,8 @@ capture::Duration automatic_tolerance(const config::ServiceConfig& config, std::
 
 class LiveService {
  public:
-  LiveService(const config::ServiceConfig& config, std::vector<LiveCamera> cameras, const LiveOptions& options,
-              LiveRequests& requests)
+  LiveService(const config::ServiceConfig& config, std::vector<pipeline::LiveCamera> cameras,
+              const LiveOptions& options, LiveRequests& requests)
       : config_(config), options_(options), requests_(requests), targets_(options.track ? config.targets.size() : 0) {
     config_.set_tolerance_s =
         config.set_tolerance_s.value_or(capture::seconds(automatic_tolerance(config, std::span(cameras))));
@@ -237,7 +235,7 @@ class LiveService {
 
   // A tracker that has its colour tables: the tracking thread would need some 50 ms for each.
   static object_tracking::ObjectTracker tracker_for(const config::ServiceConfig& config, std::size_t target,
-                                                    std::span<const LiveCamera> cameras) {
+                                                    std::span<const pipeline::LiveCamera> cameras) {
     object_tracking::ObjectTracker tracker(config.rig, config.targets[target], config.object_tracking);
     for (const auto& camera : cameras)
       if (const auto pixels = expected_pixels(camera)) tracker.expect(camera.camera, pixels->format, pixels->range);
@@ -536,7 +534,7 @@ class LiveService {
   std::vector<LatencyHistogram> capture_to_dequeue_{config_.rig.cameras.size()};
   LatencyHistogram dequeue_to_write_, dequeue_to_publish_, capture_to_publish_;
   std::optional<MetricsServer> metrics_;
-  std::vector<LiveCamera> cameras_;             // their sources are the pipeline's
+  std::vector<pipeline::LiveCamera> cameras_;   // their sources are the pipeline's
   std::optional<pipeline::Pipeline> pipeline_;  // after what its outputs use, and cameras_ is used only while it lives
 
   publish::ServiceStatus last_status_;
@@ -550,81 +548,8 @@ class LiveService {
 
 }  // namespace
 
-std::optional<std::string> one_under_two_names(std::span<const config::LiveCameraConfig> cameras) {
-  std::map<std::filesystem::path, const config::LiveCameraConfig*> nodes;
-  for (const auto& camera : cameras) {
-    std::error_code error;
-    const auto node = std::filesystem::canonical(camera.device, error);
-    if (error) continue;
-    const auto [first, is_new] = nodes.emplace(node, &camera);
-    if (is_new) continue;
-    const config::LiveCameraConfig& other = *first->second;
-    return other.name + " and " + camera.name + " are one camera: " + other.device.string() + " and " +
-           camera.device.string() + " are both " + node.string();
-  }
-  return std::nullopt;
-}
-
-std::vector<LiveCamera> open_cameras(const config::ServiceConfig& config, const std::stop_token& stop) {
-  if (const auto both = one_under_two_names(config.cameras))
-    throw capture::CaptureError(std::make_error_code(std::errc::invalid_argument),
-                                config.file.string() + ": cameras: " + *both + ": give each its own device");
-  std::vector<capture::V4l2SourceOptions> asked;
-  std::vector<std::future<std::unique_ptr<capture::V4l2Source>>> opening;
-  for (const auto& camera : config.cameras) {
-    const int index = config.rig.index_of(camera.name).value();
-    const calib::ImageSize size = config.rig.cameras[std::size_t(index)].image_size;
-    capture::V4l2SourceOptions options;
-    options.camera = index;
-    options.name = camera.name;
-    options.device = camera.device;
-    options.format = camera.format;
-    options.width = size.width;
-    options.height = size.height;
-    options.fps = camera.fps.value_or(0);
-    options.controls = camera.controls;
-    options.restore_controls = camera.restore_controls;
-    options.latency = capture::duration_of(camera.latency_offset_s);
-    options.first_patience = opening_patience;
-    asked.push_back(options);
-    opening.push_back(std::async(std::launch::async, [options = std::move(options), stop] {
-      return std::make_unique<capture::V4l2Source>(options, stop);
-    }));
-  }
-  // One that cannot do what is asked, or another model in its port, does not keep the others from running: it is
-  // absent. When there is no other, it is the configuration that is wrong.
-  std::vector<std::pair<int, std::unique_ptr<capture::V4l2Source>>> sources;
-  std::vector<std::size_t> wrong;
-  std::exception_ptr first_wrong;
-  for (std::size_t c = 0; c < opening.size(); ++c) {
-    try {
-      sources.emplace_back(asked[c].camera, opening[c].get());
-    } catch (const capture::CaptureError& error) {
-      if (error.code() != std::errc::invalid_argument) throw;
-      if (!first_wrong) first_wrong = std::current_exception();
-      sources.emplace_back(asked[c].camera, nullptr);
-      wrong.push_back(c);
-    }
-  }
-  if (wrong.size() == asked.size() && first_wrong) std::rethrow_exception(first_wrong);
-  for (const std::size_t c : wrong) {
-    asked[c].may_be_wrong = true;
-    sources[c].second = std::make_unique<capture::V4l2Source>(asked[c], stop);
-  }
-  std::vector<LiveCamera> cameras;
-  for (auto& [index, source] : sources) {
-    const capture::V4l2Source* said_by = source.get();
-    capture::V4l2Source* told_by = source.get();
-    cameras.push_back({.camera = index,
-                       .source = std::move(source),
-                       .health = [said_by] { return said_by->health(); },
-                       .take_events = [told_by] { return told_by->take_events(); }});
-  }
-  return cameras;
-}
-
-LiveSummary run_live(const config::ServiceConfig& config, std::vector<LiveCamera> cameras, const LiveOptions& options,
-                     LiveRequests& requests, std::stop_token stop) {
+LiveSummary run_live(const config::ServiceConfig& config, std::vector<pipeline::LiveCamera> cameras,
+                     const LiveOptions& options, LiveRequests& requests, std::stop_token stop) {
   if (cameras.empty())
     throw std::runtime_error(config.file.string() +
                              ": cameras: none is given: name the live cameras; "

@@ -4,37 +4,19 @@
 
 #include <atomic>
 #include <filesystem>
-#include <functional>
-#include <memory>
 #include <optional>
 #include <span>
 #include <stop_token>
 #include <string>
 #include <vector>
 
-#include "capture/frame_source.h"
-#include "capture/v4l2_source.h"
 #include "config/service_config.h"
+#include "pipeline/live_cameras.h"
 #include "pipeline/pipeline.h"
 #include "pipeline/recorder.h"
 #include "publish/service_status.h"
 
 namespace huetrack::daemon {
-
-// What the service needs of a live camera: a V4l2Source, or what a test puts in its place.
-struct LiveCamera {
-  int camera = 0;  // in the rig
-  std::unique_ptr<capture::FrameSource> source;
-  std::function<capture::CameraHealth()> health;                   // thread-safe while source lives
-  std::function<std::vector<capture::CameraEvent>()> take_events;  // likewise
-};
-
-// The cameras of the configuration, opened as far as they are there and answer, all at once; until a stop.
-// throws CaptureError: one is there, but cannot do what is asked of it, or is there under two names.
-std::vector<LiveCamera> open_cameras(const config::ServiceConfig& config, const std::stop_token& stop = {});
-
-// "left and right are one camera: /dev/v4l/by-path/... and /dev/video0 are both /dev/video0"; nullopt: no two are.
-std::optional<std::string> one_under_two_names(std::span<const config::LiveCameraConfig> cameras);
 
 // What is asked of a running service from outside. thread-safe: signals set them, the service clears them.
 struct LiveRequests {
@@ -60,8 +42,8 @@ struct LiveSummary {
 
 // Runs until the stop, or until every source has ended.
 // throws what the pipeline throws, and std::exceptions with one readable line when an output cannot be opened.
-LiveSummary run_live(const config::ServiceConfig& config, std::vector<LiveCamera> cameras, const LiveOptions& options,
-                     LiveRequests& requests, std::stop_token stop);
+LiveSummary run_live(const config::ServiceConfig& config, std::vector<pipeline::LiveCamera> cameras,
+                     const LiveOptions& options, LiveRequests& requests, std::stop_token stop);
 
 // ---- What it decides by, pure
 

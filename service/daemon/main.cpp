@@ -132,7 +132,7 @@ void run(const std::filesystem::path& file, const daemon::LiveOptions& options, 
   const config::ServiceConfig config = config::load_service_config(file);
   daemon::set_log_level(config.log_level);
   const daemon::LiveSummary summary =
-      daemon::run_live(config, daemon::open_cameras(config, stop), options, requests, stop);
+      daemon::run_live(config, pipeline::open_cameras(config, stop), options, requests, stop);
   spdlog::info("stopped after {} frame sets, {} samples published", summary.figures.sets_tracked, summary.published);
 }
 
@@ -142,7 +142,7 @@ void record(const std::filesystem::path& file, daemon::LiveOptions options, daem
   daemon::set_log_level(config.log_level);
   options.track = false;
   const daemon::LiveSummary summary =
-      daemon::run_live(config, daemon::open_cameras(config, stop), options, requests, stop);
+      daemon::run_live(config, pipeline::open_cameras(config, stop), options, requests, stop);
   std::printf("%s\n", options.record_to.c_str());
   for (const auto& camera : config.cameras) {
     const auto c = std::size_t(config.rig.index_of(camera.name).value());
