@@ -1,5 +1,6 @@
 #include "pipeline/live_cameras.h"
 
+#include <algorithm>
 #include <future>
 #include <map>
 #include <system_error>
@@ -11,6 +12,28 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr auto opening_patience = 3s;  // with a camera that does not answer; it is waited for later
+
+std::optional<SessionCamera::Pixels> pixels_of(const capture::StreamFormat& stream) {
+  switch (stream.format) {
+    case capture::CaptureFormat::yuyv:
+      return {{capture::PixelFormat::yuyv, stream.range}};
+    case capture::CaptureFormat::nv12:
+      return {{capture::PixelFormat::nv12, stream.range}};
+    case capture::CaptureFormat::mjpeg:  // or i420, which has the same colour table
+      return {{capture::PixelFormat::i422, capture::ColorRange::full}};
+    case capture::CaptureFormat::grey:
+      break;
+  }
+  return {{capture::PixelFormat::grey, stream.range}};
+}
+
+SessionCamera known_of(int camera, double asked_fps, const capture::CameraHealth& health) {
+  SessionCamera known{.camera = camera};
+  const double fps = health.stream && health.stream->fps > 0 ? health.stream->fps : asked_fps;
+  if (fps > 0) known.period = capture::duration_of(1 / fps);
+  if (health.stream) known.pixels = pixels_of(*health.stream);
+  return known;
+}
 
 }  // namespace
 
@@ -85,6 +108,28 @@ std::vector<LiveCamera> open_cameras(const config::ServiceConfig& config, const 
                        .take_events = [told_by] { return told_by->take_events(); }});
   }
   return cameras;
+}
+
+SessionSources sources_of(const config::ServiceConfig& config, std::vector<LiveCamera>& cameras) {
+  struct Asked {
+    int camera;
+    double fps;  // 0: the driver's choice
+    std::function<capture::CameraHealth()> health;
+  };
+  SessionSources sources;
+  std::vector<Asked> asked;
+  for (auto& camera : cameras) {
+    const auto& name = config.rig.cameras[std::size_t(camera.camera)].name;
+    const auto options = std::ranges::find(config.cameras, name, &config::LiveCameraConfig::name);
+    asked.push_back({camera.camera, options == config.cameras.end() ? 0 : options->fps.value_or(0), camera.health});
+    sources.sources.push_back(std::move(camera.source));
+  }
+  sources.cameras = [asked = std::move(asked)] {
+    std::vector<SessionCamera> known;
+    for (const Asked& camera : asked) known.push_back(known_of(camera.camera, camera.fps, camera.health()));
+    return known;
+  };
+  return sources;
 }
 
 }  // namespace huetrack::pipeline

@@ -12,6 +12,7 @@
 #include "capture/frame_source.h"
 #include "capture/v4l2_source.h"
 #include "config/service_config.h"
+#include "pipeline/session.h"
 
 namespace huetrack::pipeline {
 
@@ -29,5 +30,9 @@ std::vector<LiveCamera> open_cameras(const config::ServiceConfig& config, const 
 
 // "left and right are one camera: /dev/v4l/by-path/... and /dev/video0 are both /dev/video0"; nullopt: no two are.
 std::optional<std::string> one_under_two_names(std::span<const config::LiveCameraConfig> cameras);
+
+// Takes the sources out of the cameras. What is known of the frames is what a camera has agreed to, else what it is
+// asked for; a camera that is absent may agree later.
+SessionSources sources_of(const config::ServiceConfig& config, std::vector<LiveCamera>& cameras);
 
 }  // namespace huetrack::pipeline
