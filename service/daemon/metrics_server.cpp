@@ -50,6 +50,7 @@ struct MetricsServer::Impl {
   std::string text;  // guarded by mutex
   MHD_Daemon* daemon = nullptr;
   std::map<int, Clock::time_point> deadlines;  // the thread's; by the connection's descriptor
+  bool has_ended = false;                      // the thread's: a connection
   std::jthread thread;
 
   // throws std::runtime_error
@@ -93,7 +94,10 @@ struct MetricsServer::Impl {
       if (waiting[0].revents != 0) return;
       for (const auto& [fd, deadline] : deadlines)  // its end is then an event, on which it is forgotten
         if (Clock::now() >= deadline) ::shutdown(fd, SHUT_RDWR);
-      MHD_run(daemon);
+      do {  // again after an end: only then does it listen again, where there were too many
+        has_ended = false;
+        MHD_run(daemon);
+      } while (has_ended);
     }
   }
 
@@ -114,6 +118,7 @@ struct MetricsServer::Impl {
       self.deadlines[fd] = Clock::now() + client_patience;
     } else {
       self.deadlines.erase(fd);
+      self.has_ended = true;
     }
   }
 

@@ -139,12 +139,10 @@ Session::TakenOver Session::take_over(const config::ServiceConfig& fresh) {
   config::ServiceConfig after = merged(config_, fresh);
   Pipeline::Replacement next = replacement(config_, after);
   for (const auto& [target, _] : next.trackers) result.searched_anew.push_back(after.targets[target].name);
-  config_ = std::move(after);
+  if (!next.trackers.empty()) next.config = config::to_portable_yaml(after);
+  config_ = std::move(after);  // from here on nothing can go wrong
   for (Output* output : outputs_) output->on_config(config_);
-  if (!next.trackers.empty()) {
-    next.config = config::to_portable_yaml(config_);
-    pipeline_.replace_trackers(std::move(next));
-  }
+  if (!next.trackers.empty()) pipeline_.replace_trackers(std::move(next));
   return result;
 }
 

@@ -125,6 +125,13 @@ TEST_F(Server, ASilentClientHoldsUpNobodyAndNoEnd) {
   EXPECT_EQ(end_to_end::http_get(port + 1, "/metrics"), std::nullopt);
 }
 
+TEST_F(Server, WhoComesWhenThereAreTooManyWaitsItsTurn) {
+  server.show("a 1\n");
+  std::vector<std::unique_ptr<end_to_end::Connection>> silent;
+  for (int i = 0; i < 20; ++i) silent.push_back(std::make_unique<end_to_end::Connection>(port));
+  EXPECT_THAT(end_to_end::http_get(port, "/metrics").value(), EndsWith("a 1\n"));
+}
+
 TEST_F(Server, APortThatCannotBeHadIsNamed) {
   const auto says = [](const std::string& what) { return testing::ThrowsMessage<std::runtime_error>(HasSubstr(what)); };
   EXPECT_THAT([&] { MetricsServer("127.0.0.1", port); }, says("127.0.0.1:" + std::to_string(port)));
