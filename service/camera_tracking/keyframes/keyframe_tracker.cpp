@@ -41,7 +41,7 @@ class KeyframeTracker final : public camera_tracking::CameraTracker {
       mapping_.start(std::move(stored));
       map_ = mapping_.scene();
       started_ = is_map_unproven_ = true;
-      state_ = camera_tracking::CameraState::lost;
+      state_ = camera_tracking::PoseState::lost;
     }
   }
 
@@ -65,16 +65,16 @@ class KeyframeTracker final : public camera_tracking::CameraTracker {
     }
     if (handed_over_) mapper_.start([this] { mapping_.map(*handed_over_); });
     std::optional<calib::Rigid3d> proposed;  // what was started from, seen again
-    if (state_ == camera_tracking::CameraState::lost && estimate.frame_number % 5 == 0) {
+    if (state_ == camera_tracking::PoseState::lost && estimate.frame_number % 5 == 0) {
       proposed = starter_.find_again(frame.pixels, grey, pose_);
     }
-    last_ = tracking_.track(pyramid, map_, state_ == camera_tracking::CameraState::lost, proposed);
+    last_ = tracking_.track(pyramid, map_, state_ == camera_tracking::PoseState::lost, proposed);
     mapper_.wait();
     if (handed_over_) map_ = mapping_.scene();
     handed_over_.reset();
     if (last_.proven) {
       const double flow = flow_px(last_.cam_from_world);
-      state_ = camera_tracking::CameraState::tracking;
+      state_ = camera_tracking::PoseState::tracking;
       is_map_unproven_ = false;
       tracked_at_ = frame.captured_at;
       pose_ = last_.cam_from_world;
@@ -96,8 +96,8 @@ class KeyframeTracker final : public camera_tracking::CameraTracker {
   }
 
   std::string why_no_pose() const override {
-    if (state_ == camera_tracking::CameraState::searching) return starter_.why_not();
-    if (state_ != camera_tracking::CameraState::lost) return {};
+    if (state_ == camera_tracking::PoseState::searching) return starter_.why_not();
+    if (state_ != camera_tracking::PoseState::lost) return {};
     return is_map_unproven_ ? "nothing of the loaded map is recognised in the view"
                             : "nothing of what was mapped is recognised in the view";
   }
@@ -119,7 +119,7 @@ class KeyframeTracker final : public camera_tracking::CameraTracker {
     std::vector<camera_tracking::CameraMapPoint> out;
     std::vector<camera_tracking::CameraMapPoint::State> states(map_.points.size(),
                                                                camera_tracking::CameraMapPoint::State::not_sought);
-    if (state_ == camera_tracking::CameraState::tracking) {
+    if (state_ == camera_tracking::PoseState::tracking) {
       for (const KeyframeTracking::Sought& s : tracking_.sought())
         states[static_cast<std::size_t>(s.point)] = s.found_px.allFinite()
                                                         ? camera_tracking::CameraMapPoint::State::found
@@ -158,19 +158,19 @@ class KeyframeTracker final : public camera_tracking::CameraTracker {
     last_.proven = true;
     last_.sought = last_.found = static_cast<int>(started->points.size());
     last_.sightings = first.sightings;
-    state_ = camera_tracking::CameraState::tracking;
+    state_ = camera_tracking::PoseState::tracking;
     tracked_at_ = frame.captured_at;
   }
 
   void coast(capture::Timestamp at) {
-    if (state_ == camera_tracking::CameraState::tracking) {
-      state_ = camera_tracking::CameraState::coasting;
+    if (state_ == camera_tracking::PoseState::tracking) {
+      state_ = camera_tracking::PoseState::coasting;
       coasting_covariance_ = covariance_;
     }
-    if (state_ != camera_tracking::CameraState::coasting) return;
+    if (state_ != camera_tracking::PoseState::coasting) return;
     const double t = capture::seconds(at - tracked_at_);
     if (t > coast_s) {
-      state_ = camera_tracking::CameraState::lost;
+      state_ = camera_tracking::PoseState::lost;
       tracking_.forget();
       return;
     }
@@ -210,7 +210,7 @@ class KeyframeTracker final : public camera_tracking::CameraTracker {
     estimate.world_from_camera = calib::inverse(pose_);
     estimate.covariance = covariance_;
     estimate.features_in_view = proof.sought + proof.corners;
-    estimate.features_matched = state_ == camera_tracking::CameraState::tracking ? proof.found + proof.corners : 0;
+    estimate.features_matched = state_ == camera_tracking::PoseState::tracking ? proof.found + proof.corners : 0;
     if (estimate.features_in_view > 0)
       estimate.confidence = static_cast<double>(estimate.features_matched) / estimate.features_in_view;
   }
@@ -225,7 +225,7 @@ class KeyframeTracker final : public camera_tracking::CameraTracker {
   std::uint64_t frames_ = 0;
   bool started_ = false;
   bool is_map_unproven_ = false;  // it was loaded, and nothing of it was recognised yet
-  camera_tracking::CameraState state_ = camera_tracking::CameraState::searching;
+  camera_tracking::PoseState state_ = camera_tracking::PoseState::searching;
   capture::Timestamp tracked_at_{};
   calib::Rigid3d pose_;
   camera_tracking::Covariance6d covariance_ = camera_tracking::Covariance6d::Zero(),

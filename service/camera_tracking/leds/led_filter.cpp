@@ -196,7 +196,7 @@ class HuetrackLedFilter final : public LedFilter {
     e.effective_sample_size = pose_ ? particles_.effective_sample_size() : 1;
     const bool confirmed = pose_ && confirmed_ >= confirming;
     if (!confirmed) {
-      e.state = was_found_ ? camera_tracking::CameraState::lost : camera_tracking::CameraState::searching;
+      e.state = was_found_ ? camera_tracking::PoseState::lost : camera_tracking::PoseState::searching;
       return e;
     }
     const Vector2d sigma = largest_sigmas(pose_->covariance);
@@ -214,13 +214,13 @@ class HuetrackLedFilter final : public LedFilter {
     }
     // And when it has not been for long, it is no longer said: chance matches could carry it on.
     if (!explained_once_ || frame.at - last_explained_ > longest_coasting) {
-      e.state = was_found_ ? camera_tracking::CameraState::lost : camera_tracking::CameraState::searching;
+      e.state = was_found_ ? camera_tracking::PoseState::lost : camera_tracking::PoseState::searching;
       e.features_in_view = e.features_matched = 0;
       if (explained_once_) forget_pose();
       return e;
     }
     was_found_ = true;
-    e.state = explained && sure ? camera_tracking::CameraState::tracking : camera_tracking::CameraState::coasting;
+    e.state = explained && sure ? camera_tracking::PoseState::tracking : camera_tracking::PoseState::coasting;
     e.world_from_camera = pose_->mean.world_from_camera;
     e.covariance = pose_->covariance.topLeftCorner<6, 6>();
     e.confidence = e.features_in_view > 0 ? static_cast<double>(e.features_matched) / e.features_in_view : 0;

@@ -156,13 +156,13 @@ class PaperLedFilter final : public LedFilter {
     gathered_ = widening_ < narrow ? gathered_ + static_cast<int>(!sightings.empty()) : 0;
     if (explained) explained_at_ = frame.at;
     if (small_ && explained && gathered_ >= gathered_frames) {
-      state_ = camera_tracking::CameraState::tracking;
-    } else if (state_ == camera_tracking::CameraState::tracking || state_ == camera_tracking::CameraState::coasting) {
+      state_ = camera_tracking::PoseState::tracking;
+    } else if (state_ == camera_tracking::PoseState::tracking || state_ == camera_tracking::PoseState::coasting) {
       // Of dots that are not identified, one lies near some LED by chance.
       const capture::Timestamp supported =
           frame.lit ? evidence_.last_match().value_or(capture::Timestamp{}) : explained_at_;
-      state_ = small_ && frame.at - supported < evidence_length ? camera_tracking::CameraState::coasting
-                                                                : camera_tracking::CameraState::lost;
+      state_ = small_ && frame.at - supported < evidence_length ? camera_tracking::PoseState::coasting
+                                                                : camera_tracking::PoseState::lost;
     }
     if (!frame.lit && sightings.size() >= least_dots && frame.at - explained_at_ > evidence_length) to_gather_ = true;
     // A small cloud that no LED supports holds on to nothing: from the whole room again.
@@ -197,7 +197,7 @@ class PaperLedFilter final : public LedFilter {
   LedGaussian pose_;
   LedEvidence evidence_;
   std::vector<std::pair<int, Vector2d>> found_;
-  camera_tracking::CameraState state_ = camera_tracking::CameraState::searching;
+  camera_tracking::PoseState state_ = camera_tracking::PoseState::searching;
   double widening_ = 1;
   bool small_ = false, to_gather_ = true;  // to_gather_: of LEDs that are not identified
   capture::Timestamp explained_at_{};

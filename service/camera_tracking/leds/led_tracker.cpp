@@ -47,7 +47,7 @@ class LedTracker final : public camera_tracking::CameraTracker {
     }
     has_pose_ = estimate.has_pose();
     had_pose_ |= has_pose_;
-    if (!had_pose_) estimate.state = camera_tracking::CameraState::searching;
+    if (!had_pose_) estimate.state = camera_tracking::PoseState::searching;
     remember(frame.captured_at, dots.size(), seen.lit);
     return estimate;
   }

@@ -71,8 +71,8 @@ camera_tracking::Covariance6d PaperTrackerBase::covariance_of(const FilteredPose
 }
 
 std::string PaperTrackerBase::why_no_pose() const {
-  if (state_ == camera_tracking::CameraState::searching && !started_) return starter_.why_not();
-  if (state_ == camera_tracking::CameraState::tracking || state_ == camera_tracking::CameraState::coasting) return {};
+  if (state_ == camera_tracking::PoseState::searching && !started_) return starter_.why_not();
+  if (state_ == camera_tracking::PoseState::tracking || state_ == camera_tracking::PoseState::coasting) return {};
   return has_map_ ? "nothing of the loaded map is recognised in the view, or too little to be sure"
                   : "nothing of what was mapped is recognised in the view, or too little to be sure";
 }
@@ -137,13 +137,13 @@ camera_tracking::CameraEstimate PaperTrackerBase::update(const capture::Frame& f
   const calib::Rigid3d cam_from_world = usable ? pose.cam_from_world : particles().mean();
   const camera_tracking::Covariance6d covariance = covariance_of(pose, cam_from_world);
   if (pose.tracked && covariance.topLeftCorner<3, 3>().trace() < told_sigma_m * told_sigma_m) {
-    state_ = camera_tracking::CameraState::tracking;
+    state_ = camera_tracking::PoseState::tracking;
     tracked_at_ = frame.captured_at;
-  } else if (state_ == camera_tracking::CameraState::tracking || state_ == camera_tracking::CameraState::coasting) {
-    state_ = capture::seconds(frame.captured_at - tracked_at_) > coast_s ? camera_tracking::CameraState::lost
-                                                                         : camera_tracking::CameraState::coasting;
-  } else if (state_ == camera_tracking::CameraState::searching) {
-    state_ = camera_tracking::CameraState::lost;  // a map was loaded, and the way in was not right
+  } else if (state_ == camera_tracking::PoseState::tracking || state_ == camera_tracking::PoseState::coasting) {
+    state_ = capture::seconds(frame.captured_at - tracked_at_) > coast_s ? camera_tracking::PoseState::lost
+                                                                         : camera_tracking::PoseState::coasting;
+  } else if (state_ == camera_tracking::PoseState::searching) {
+    state_ = camera_tracking::PoseState::lost;  // a map was loaded, and the way in was not right
   }
   estimate.state = state_;
   estimate.particle_count = static_cast<int>(particles().size());
@@ -154,7 +154,7 @@ camera_tracking::CameraEstimate PaperTrackerBase::update(const capture::Frame& f
   estimate.world_from_camera = calib::inverse(cam_from_world);
   estimate.covariance = covariance;
   estimate.features_in_view = pose.in_view;
-  estimate.features_matched = state_ == camera_tracking::CameraState::tracking ? pose.matched : 0;
+  estimate.features_matched = state_ == camera_tracking::PoseState::tracking ? pose.matched : 0;
   if (pose.in_view > 0) estimate.confidence = static_cast<double>(estimate.features_matched) / pose.in_view;
   return estimate;
 }

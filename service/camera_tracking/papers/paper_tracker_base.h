@@ -62,7 +62,7 @@ class PaperTrackerBase : public camera_tracking::CameraTracker {
   bool started_ = false, has_map_ = false;
   int probation_ = 0;
   int unsupported_ = 0;  // frames in a row
-  camera_tracking::CameraState state_ = camera_tracking::CameraState::searching;
+  camera_tracking::PoseState state_ = camera_tracking::PoseState::searching;
   capture::Timestamp tracked_at_{};
   camera_tracking::Covariance6d start_covariance_ = camera_tracking::Covariance6d::Zero();
 };
