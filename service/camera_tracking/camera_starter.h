@@ -46,8 +46,8 @@ class CameraStarter {
   calib::Camera camera_;
   CameraStart start_;
   int frames_ = 0;
-  std::optional<calib::Rigid3d> candidate_;  // cam_from_world of what was found in the frame before
-  int candidate_frames_ = 0;                 // that it was found in
+  std::optional<calib::Rigid3d> last_found_;  // cam_from_world, in the frame before
+  int found_in_a_row_ = 0;                    // frames, with poses that follow each other
   std::string why_not_;
 };
 

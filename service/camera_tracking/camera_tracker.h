@@ -21,7 +21,7 @@ namespace huetrack::camera_tracking {
 enum class CameraMethod : std::uint8_t {
   huetrack,  // ours
   pupilli,   // Pupilli and Calway 2005
-  lee,       // Lee 2012
+  lee,       // Lee 2014 (Journal of Electronic Imaging 23(1), 013029)
   herranz,   // Herranz et al. 2014: LED markers at known positions
 };
 std::string_view name(CameraMethod method);  // "huetrack", ...

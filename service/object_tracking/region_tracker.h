@@ -68,7 +68,7 @@ class RegionTracker {
   void judge(const capture::FrameSet& set);
   void forget();
   void search(const capture::FrameSet& set, const std::vector<TargetView>& views);
-  void start_at(const Candidate& found, const Eigen::Vector3d& velocity, double velocity_variance);
+  void start_at(const PositionCandidate& found, const Eigen::Vector3d& velocity, double velocity_variance);
   void scatter();
   ObjectEstimate report(const capture::FrameSet& set, const std::vector<TargetView>& views) const;
   double power_density() const;  // of the acceleration, m^2/s^3
@@ -97,7 +97,7 @@ class RegionTracker {
   std::vector<RegionFinder> finders_;
   std::vector<std::vector<ColorRegion>> regions_;  // of the views of this set, while searching
   SearchLog search_log_;
-  std::vector<Candidate> candidates_;  // of the last set, while searching
+  std::vector<PositionCandidate> candidates_;  // of the last set, while searching
   capture::Timestamp candidates_at_{};
 
   TrackState state_ = TrackState::searching;

@@ -91,10 +91,11 @@ std::optional<Eigen::Vector3d> crossing(const calib::Camera& camera0, const cali
                   camera1.cam_from_world.rotation.conjugate() * *ray1);
 }
 
-std::vector<Candidate> cross_rays(const std::vector<TargetView>& views,
-                                  std::span<const std::vector<ColorRegion>> regions, const TargetOptions& target,
-                                  const ObjectTrackerOptions& options, std::size_t max_count) {
-  std::vector<Candidate> out;
+std::vector<PositionCandidate> cross_rays(const std::vector<TargetView>& views,
+                                          std::span<const std::vector<ColorRegion>> regions,
+                                          const TargetOptions& target, const ObjectTrackerOptions& options,
+                                          std::size_t max_count) {
+  std::vector<PositionCandidate> out;
   // Nothing is known of the velocity yet: a view that looked earlier saw the object up to so far away.
   const auto sighting_at = [&](std::size_t view, const ColorRegion& region, const Appearance& at) {
     Sighting s = sighting_of(views[view], region, at.radius_px, options.pixel_noise_px);
@@ -149,7 +150,7 @@ std::vector<Candidate> cross_rays(const std::vector<TargetView>& views,
           if (!in_i || !in_j || !fits(i, regions[i][a], *in_i, min_start_support) ||
               !fits(j, regions[j][b], *in_j, min_start_support))
             continue;
-          Candidate c;
+          PositionCandidate c;
           c.position = *start;
           for (int iteration = 0; iteration < 2; ++iteration) {
             c.sightings = sightings_at(c.position, c.score);
@@ -160,13 +161,14 @@ std::vector<Candidate> cross_rays(const std::vector<TargetView>& views,
           }
           if (c.sightings.size() < 2 || !c.position.allFinite()) continue;
           const bool again = std::ranges::any_of(
-              out, [&](const Candidate& o) { return (o.position - c.position).norm() < target.radius_m / 2; });
+              out, [&](const PositionCandidate& o) { return (o.position - c.position).norm() < target.radius_m / 2; });
           if (!again) out.push_back(std::move(c));
         }
       }
     }
   }
-  std::ranges::stable_sort(out, [](const Candidate& a, const Candidate& b) { return a.score > b.score; });
+  std::ranges::stable_sort(out,
+                           [](const PositionCandidate& a, const PositionCandidate& b) { return a.score > b.score; });
   if (out.size() > max_count) out.resize(max_count);
   return out;
 }

@@ -162,8 +162,8 @@ TEST(TemplatePatch, viewOfAPlaneIsWhatTheCamerasSee) {
   const calib::Rigid3d first = look_at({0, -0.5, 0.5}, {0, 0, 0}), second = look_at({0.2, -0.45, 0.5}, {0, 0, 0});
   const Eigen::Vector3d point(0.05, 0.03, 0);
   const Eigen::Vector3d in_first = first * point, normal = first.rotation * Eigen::Vector3d::UnitZ();
-  const auto view = view_patch(c.model, c.model.project(in_first)->px,
-                               plane_homography(second * calib::inverse(first), normal, normal.dot(in_first)));
+  const auto view = transfer_patch(c.model, c.model.project(in_first)->px,
+                                   plane_homography(second * calib::inverse(first), normal, normal.dot(in_first)));
   ASSERT_TRUE(view);
   EXPECT_LT((view->px - c.model.project(second * point)->px).norm(), 1e-6);
   const Eigen::Vector3d beside = point + Eigen::Vector3d(0.002, 0.001, 0);  // on the plane

@@ -76,7 +76,8 @@ void KeyframeMapping::start(camera_tracking::StoredMap stored) {
     given_sigma_m_[i] = std::max(1e-4, std::sqrt(map_.points[i].covariance(0, 0)));
     given_position_[i] = map_.points[i].position;
   }
-  for (const camera_tracking::Sighting& s : stored.sightings) by_point_[static_cast<std::size_t>(s.point)].push_back(s);
+  for (const camera_tracking::PointSighting& s : stored.sightings)
+    by_point_[static_cast<std::size_t>(s.point)].push_back(s);
   seeds_.clear();
 }
 
@@ -101,7 +102,7 @@ double KeyframeMapping::median_depth(const calib::Rigid3d& cam_from_world) const
 
 void KeyframeMapping::map(const TrackedFrame& frame) {
   if (!frame.tracked) return;
-  for (const camera_tracking::Sighting& s : frame.sightings) {
+  for (const camera_tracking::PointSighting& s : frame.sightings) {
     auto& counts = map_.points[static_cast<std::size_t>(s.point)].found_of_sought;
     ++counts[0], ++counts[1];
   }
@@ -135,7 +136,7 @@ void KeyframeMapping::add_keyframe(const TrackedFrame& frame) {
   ++counters_.keyframes;
   last_keyframe_frame_ = frame.number;
   const Eigen::Vector3d centre = calib::inverse(frame.cam_from_world).translation;
-  for (camera_tracking::Sighting s : frame.sightings) {
+  for (camera_tracking::PointSighting s : frame.sightings) {
     s.keyframe = index;
     camera_tracking::MapPoint& p = map_.points[static_cast<std::size_t>(s.point)];
     if (!p.alive) continue;
@@ -186,12 +187,12 @@ void KeyframeMapping::add_seeds(int keyframe) {
   const double depth = depths.empty() ? median_depth(k.cam_from_world) : depths[depths.size() / 2];
   const double nearest = depths.empty() ? 0.5 * depth : std::min(0.5 * depth, 0.7 * depths.front());
 
-  struct Candidate {
+  struct CellCorner {
     Eigen::Vector2d px;
     int level;
     float score;
   };
-  std::vector<Candidate> best(taken.size(), {Eigen::Vector2d::Zero(), -1, 0.0f});
+  std::vector<CellCorner> best(taken.size(), {Eigen::Vector2d::Zero(), -1, 0.0f});
   for (int level = 0; level < std::min(corner_levels, k.pyramid->count()); ++level) {
     const camera_tracking::GreyImage& image = k.pyramid->levels[static_cast<std::size_t>(level)];
     for (const camera_tracking::Corner& c : camera_tracking::detect_corners(image, 12, 10, 40)) {
@@ -202,7 +203,7 @@ void KeyframeMapping::add_seeds(int keyframe) {
       if (!taken[at] && score > best[at].score) best[at] = {px, level, score};
     }
   }
-  for (const Candidate& c : best) {
+  for (const CellCorner& c : best) {
     if (c.level < 0 || seeds_.size() >= max_seeds) continue;
     const auto ray = camera_.model.ray({c.px});
     if (!ray) continue;
@@ -243,10 +244,10 @@ bool KeyframeMapping::update(Seed& seed, const TrackedFrame& frame) {
   if (!a || !b || !middle || !camera_.contains(*middle))
     return seed.failed < 40 && ++seed.failed;  // out of view: maybe it returns
   const Eigen::Matrix3d h = camera_tracking::plane_homography(now_from_then, seed.ray, 1 / seed.inverse_depth);
-  const auto view = camera_tracking::view_patch(camera_.model, seed.px, h);
-  if (!view) return ++seed.failed < 10;
-  const int level = camera_tracking::search_level(view->affine, seed.level, frame.pyramid->count());
-  if (!camera_tracking::warp_patch(*k.pyramid, seed.px, view->affine, level, patch_side, patch_))
+  const auto patch = camera_tracking::transfer_patch(camera_.model, seed.px, h);
+  if (!patch) return ++seed.failed < 10;
+  const int level = camera_tracking::search_level(patch->affine, seed.level, frame.pyramid->count());
+  if (!camera_tracking::warp_patch(*k.pyramid, seed.px, patch->affine, level, patch_side, patch_))
     return ++seed.failed < 10;
   const camera_tracking::GreyImage& image = frame.pyramid->levels[static_cast<std::size_t>(level)];
   const Eigen::Vector2d from = camera_tracking::to_level(a->px, level), to = camera_tracking::to_level(b->px, level);
@@ -334,8 +335,8 @@ void KeyframeMapping::promote(const Seed& seed) {
   const auto index = static_cast<int>(map_.points.size());
   add_look(p, seed.keyframe, seed.level, seed.px);
   map_.points.push_back(p);
-  by_point_.push_back(std::vector<camera_tracking::Sighting>{
-      camera_tracking::Sighting{seed.keyframe, index, seed.px, 0.4 * camera_tracking::scale_of(seed.level)}});
+  by_point_.push_back(std::vector<camera_tracking::PointSighting>{
+      camera_tracking::PointSighting{seed.keyframe, index, seed.px, 0.4 * camera_tracking::scale_of(seed.level)}});
   given_sigma_m_.push_back(0);
   given_position_.push_back(Eigen::Vector3d::Zero());
   ++counters_.points_added;
@@ -352,9 +353,9 @@ void KeyframeMapping::adjust_near(int keyframe) {
   std::map<int, int> shared;
   for (const auto& sightings : by_point_) {
     if (std::ranges::none_of(sightings,
-                             [keyframe](const camera_tracking::Sighting& s) { return s.keyframe == keyframe; }))
+                             [keyframe](const camera_tracking::PointSighting& s) { return s.keyframe == keyframe; }))
       continue;
-    for (const camera_tracking::Sighting& s : sightings) ++shared[s.keyframe];
+    for (const camera_tracking::PointSighting& s : sightings) ++shared[s.keyframe];
   }
   std::vector<std::pair<int, int>> order;  // (- how many, - which): newest first among equals
   for (const auto& [k, count] : shared) order.emplace_back(-count, -k);
@@ -378,7 +379,8 @@ void KeyframeMapping::adjust_near(int keyframe) {
     const auto& sightings = by_point_[i];
     const bool given = given_sigma_m_[i] > 0;
     if (sightings.size() < 2 && !(given && !sightings.empty())) continue;
-    if (std::ranges::none_of(sightings, [&](const camera_tracking::Sighting& s) { return moved.contains(s.keyframe); }))
+    if (std::ranges::none_of(sightings,
+                             [&](const camera_tracking::PointSighting& s) { return moved.contains(s.keyframe); }))
       continue;
     const auto point = static_cast<int>(problem.points.size());
     BundlePoint p;

@@ -21,8 +21,8 @@ struct TrackedFrame {
   bool tracked = false;    // else the pose means nothing
   double share_found = 0;  // of the points that were sought
   double flow_px = 0;      // how far the image moved since the frame before: a fast frame is a blurred one
-  std::vector<camera_tracking::Sighting> sightings;  // its keyframe is not set
-  std::vector<int> missed;                           // points that were sought and not found
+  std::vector<camera_tracking::PointSighting> sightings;  // its keyframe is not set
+  std::vector<int> missed;                                // points that were sought and not found
 };
 
 struct MappingCounters {
@@ -68,7 +68,7 @@ class KeyframeMapping {
 
   calib::Camera camera_;
   camera_tracking::SceneMap map_;
-  std::vector<std::vector<camera_tracking::Sighting>> by_point_;  // sightings, per point, by key frame
+  std::vector<std::vector<camera_tracking::PointSighting>> by_point_;  // sightings, per point, by key frame
   std::vector<Seed> seeds_;
   std::vector<double> given_sigma_m_;  // per point; 0: not given
   std::vector<Eigen::Vector3d> given_position_;

@@ -192,7 +192,7 @@ class KeyframeTracker final : public camera_tracking::CameraTracker {
   // How far the image's middle moved since the last pose.
   double flow_px(const calib::Rigid3d& now) const {
     std::vector<double> flow;
-    for (const camera_tracking::Sighting& s : last_.sightings) {
+    for (const camera_tracking::PointSighting& s : last_.sightings) {
       const auto before = camera_.model.project(pose_ * map_.points[static_cast<std::size_t>(s.point)].position);
       const auto after = camera_.model.project(now * map_.points[static_cast<std::size_t>(s.point)].position);
       if (before && after) flow.push_back((after->px - before->px).norm());

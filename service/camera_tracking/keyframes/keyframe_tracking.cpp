@@ -80,7 +80,7 @@ std::vector<KeyframeTracking::Visible> KeyframeTracking::visible(const calib::Ri
     const bool known = p.normal.squaredNorm() > 0.5;
     const Eigen::Vector3d normal =
         known ? Eigen::Vector3d(then.rotation * p.normal) : Eigen::Vector3d(source.normalized());
-    const auto view = camera_tracking::view_patch(
+    const auto view = camera_tracking::transfer_patch(
         camera_.model, seen.look->px,
         camera_tracking::plane_homography(pose * calib::inverse(then), normal, normal.dot(source)));
     if (!view) continue;

@@ -27,7 +27,7 @@ struct ProvenPose {
   double spread_px = 0;       // of the found ones over the image: the smaller standard deviation
   double scale = 1;           // residuals over what they should be
   bool proven = false;
-  std::vector<camera_tracking::Sighting> sightings;
+  std::vector<camera_tracking::PointSighting> sightings;
   std::vector<int> missed;
 };
 
@@ -63,7 +63,7 @@ class KeyframeTracking {
     int point = 0;
     const camera_tracking::PointLook* look = nullptr;
     Eigen::Vector2d px;  // raw
-    camera_tracking::PatchView view;
+    camera_tracking::PatchTransfer view;
     int level = 0;            // to be searched at
     double map_sigma_px = 0;  // of the point's own uncertainty, projected
   };

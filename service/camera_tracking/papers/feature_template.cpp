@@ -31,9 +31,9 @@ bool predict_template(const calib::CameraModel& lens, const FeatureSource& sourc
   const auto ray = lens.ray({source.px});
   if (!ray) return false;
   const calib::Rigid3d now_from_then = cam_from_world * calib::inverse(source.cam_from_world);
-  const auto view =
-      camera_tracking::view_patch(lens, source.px, camera_tracking::plane_homography(now_from_then, *ray, depth));
-  return view && camera_tracking::warp_patch(*source.pyramid, source.px, view->affine, 0, feature_side, out);
+  const auto patch =
+      camera_tracking::transfer_patch(lens, source.px, camera_tracking::plane_homography(now_from_then, *ray, depth));
+  return patch && camera_tracking::warp_patch(*source.pyramid, source.px, patch->affine, 0, feature_side, out);
 }
 
 camera_tracking::PixelRegion box_around(const Eigen::Vector2d& centre, double half_u, double half_v) {

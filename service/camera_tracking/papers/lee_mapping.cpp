@@ -91,8 +91,8 @@ void LeeMapping::update_features(const LeeFrame& frame) {
 // Section 3.3: the template is sought along the ray's image, and the depths where the particles' rays pass gain weight.
 void LeeMapping::update_candidates(const LeeFrame& frame) {
   const camera_tracking::GreyImage& image = frame.pyramid->levels.front();
-  std::vector<Candidate> kept;
-  for (Candidate& c : candidates_) {
+  std::vector<FeatureCandidate> kept;
+  for (FeatureCandidate& c : candidates_) {
     ++c.attempts;
     // The part of the ray that still has weight.
     double first = 0, last = 0, cumulative = 0;
@@ -162,7 +162,7 @@ void LeeMapping::detect(const LeeFrame& frame) {
     const auto px = camera_.model.project(frame.cam_from_world * f.position);
     if (px && camera_.contains(*px)) in_view.push_back(px->px);
   }
-  for (const Candidate& c : candidates_) {
+  for (const FeatureCandidate& c : candidates_) {
     const auto px = camera_.model.project(frame.cam_from_world * (c.ray.origin() + depth_m_ * c.ray.direction()));
     if (px && camera_.contains(*px)) in_view.push_back(px->px);
   }

@@ -1,5 +1,6 @@
 // CameraMethod::lee: S.-H. Lee, Real-time camera tracking using a particle filter combined with unscented Kalman
-// filters, 2014. The paper's two parallel tasks are two classes, which share nothing but what is handed over.
+// filters, Journal of Electronic Imaging 23(1), 013029, 2014. The paper's two parallel tasks are two classes, which
+// share nothing but what is handed over.
 #pragma once
 
 #include <cstdint>
@@ -114,7 +115,7 @@ class LeeMapping {
     std::optional<FeatureFilter> filter;  // none: given
     int found = 0, missed = 0, rejected = 0, age = 0;
   };
-  struct Candidate {  // its depth is not known yet
+  struct FeatureCandidate {  // its depth is not known yet
     FeatureSource source;
     Eigen::Matrix<double, 7, 7> camera_covariance;
     Eigen::Matrix2d px_covariance;
@@ -133,7 +134,7 @@ class LeeMapping {
   double depth_m_ = 1;  // of the scene, about
   std::vector<LeeFeature> features_;
   std::vector<Estimator> estimators_;
-  std::vector<Candidate> candidates_;
+  std::vector<FeatureCandidate> candidates_;
   std::vector<float> field_;
 };
 

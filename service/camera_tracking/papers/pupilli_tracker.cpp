@@ -156,8 +156,8 @@ void PupilliFilter::map(const std::shared_ptr<const camera_tracking::Pyramid>& p
     const auto px = camera_.model.project(result.cam_from_world * p.position);
     return px && camera_.contains(*px);
   }));
-  std::vector<Candidate> kept;
-  for (Candidate& c : candidates_) {
+  std::vector<FeatureCandidate> kept;
+  for (FeatureCandidate& c : candidates_) {
     ++c.attempts;
     double first = 0, last = 0, cumulative = 0;
     for (std::size_t b = 0; b < c.ray.weights().size(); ++b) {

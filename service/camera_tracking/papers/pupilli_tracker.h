@@ -70,7 +70,7 @@ class PupilliFilter {
   const std::vector<Measured>& measured() const { return measured_; }
 
  private:
-  struct Candidate {
+  struct FeatureCandidate {
     FeatureSource source;
     camera_tracking::NccTemplate templ;
     DepthRay ray;
@@ -85,7 +85,7 @@ class PupilliFilter {
   camera_tracking::PoseParticles particles_;
   std::vector<PupilliPoint> points_;
   std::uint32_t next_id_ = 0;
-  std::vector<Candidate> candidates_;  // at most introduced_at_once
+  std::vector<FeatureCandidate> candidates_;  // at most introduced_at_once
   double depth_m_ = 1;
   bool supported_ = true;
   std::vector<camera_tracking::ObservationField> fields_;
