@@ -78,7 +78,16 @@ class LeeTracking {
     std::vector<float> u, v;
     camera_tracking::CloudMoments moments;
   };
+  struct Visible {  // a feature in view, by its place among the features, and its cloud's among the clouds
+    std::size_t feature, cloud;
+  };
+  std::vector<Visible> project(const std::vector<LeeFeature>& features, const calib::Rigid3d& predicted);
+  std::vector<Visible> measure(const camera_tracking::GreyImage& image, const std::vector<LeeFeature>& features,
+                               const calib::Rigid3d& predicted, const std::vector<Visible>& visible, LeeFrame& out);
   void weigh(const Cloud& cloud, const Eigen::Vector2d& y);
+  bool is_supported(const std::vector<Visible>& seen, LeeFrame& out) const;
+  std::optional<camera_tracking::PoseFit> polished(const std::vector<LeeFeature>& features,
+                                                   const std::vector<Visible>& seen, const LeeFrame& frame) const;
 
   calib::Camera camera_;
   Options options_;
@@ -125,6 +134,7 @@ class LeeMapping {
   };
   void update_features(const LeeFrame& frame);
   void update_candidates(const LeeFrame& frame);
+  bool sharpen(FeatureCandidate& candidate, const LeeFrame& frame);
   void detect(const LeeFrame& frame);
 
   calib::Camera camera_;

@@ -76,6 +76,13 @@ class PupilliFilter {
     DepthRay ray;
     int attempts = 0, missed = 0;
   };
+  void choose_active(const calib::Rigid3d& predicted);
+  void project(std::size_t active);
+  void correlate(const camera_tracking::GreyImage& image);
+  void anneal(float rotation_rad, float position_m);
+  int measure(const calib::Rigid3d& cam_from_world);
+  std::optional<camera_tracking::PoseFit> polished(const calib::Rigid3d& mean) const;
+  bool sharpen(FeatureCandidate& candidate, const camera_tracking::GreyImage& image, const calib::Rigid3d& pose);
   void introduce(const std::shared_ptr<const camera_tracking::Pyramid>& pyramid, const calib::Rigid3d& pose);
 
   calib::Camera camera_;
