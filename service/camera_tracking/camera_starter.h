@@ -18,8 +18,7 @@ struct Started {
   double sigma_px = 0.1;                // of px
   // How well the points are known: what their residuals in the view say, if they say that it is badly.
   double given_sigma_m = 1e-4;
-  Eigen::Vector3d normal =
-      Eigen::Vector3d::Zero();  // of their plane, towards the camera; zero: they are not in a plane
+  Eigen::Vector3d normal = Eigen::Vector3d::Zero();  // of their plane, towards the camera; zero: they are in none
   bool rectangle = false;
   bool dark = false;  // the rectangle's inside
 };

@@ -153,7 +153,7 @@ std::optional<Refined> refine(const GreyImage& image, const WarpedPatch& patch, 
       bu += gu[k] * e, bv += gv[k] * e, square += e * e;
     }
     out.rms = std::sqrt(square / static_cast<float>(n));
-    // with unit variances, the sum of squared differences is 2 - 2 rho
+    // With unit variances, the sum of squared differences is 2 - 2 rho.
     out.ncc = 1 - 0.5f * square / (static_cast<float>(n) * tm.deviation * tm.deviation);
     const float du = -(hvv * bu - huv * bv) / det, dv = -(huu * bv - huv * bu) / det;
     u += du, v += dv;

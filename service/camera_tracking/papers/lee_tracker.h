@@ -57,11 +57,12 @@ class LeeTracking {
     // C of eq. (4) is so much of the cloud's covariance. The paper says all of it (1); less is half the error with the
     // same particles (tests/benchmark/camera_particles).
     double cloud_share = 0.3;
-    bool polish = true;         // the mean (the paper: not)
-    float threshold = 0.8f;     // of NCC
-    std::size_t sampled = 40;   // particles that are handed over
-    double wider_unseen = 1.5;  // the walk after a frame that did not support the pose: the paper's
-                                // particles disperse by the walk alone, which takes longer
+    bool polish = true;        // the mean (the paper: not)
+    float threshold = 0.8f;    // of NCC
+    std::size_t sampled = 40;  // particles that are handed over
+    // How much wider the walk is after a frame that did not support the pose: the paper's particles disperse by the
+    // walk alone, which takes longer.
+    double wider_unseen = 1.5;
   };
   LeeTracking(const calib::Camera& camera, const Options& options, std::uint64_t seed);
   void start(const calib::Rigid3d& cam_from_world);
