@@ -26,15 +26,15 @@ constexpr DrawColor found_color{90, 220, 120}, missed_color{255, 96, 88}, given_
     particle_color{255, 220, 90};
 constexpr double chi2_2_95 = 5.991;
 
-DrawColor state_color(camera_tracking::CameraState state) {
+DrawColor state_color(camera_tracking::PoseState state) {
   switch (state) {
-    case camera_tracking::CameraState::tracking:
+    case camera_tracking::PoseState::tracking:
       return {90, 220, 120};
-    case camera_tracking::CameraState::coasting:
+    case camera_tracking::PoseState::coasting:
       return {255, 176, 40};
-    case camera_tracking::CameraState::searching:
+    case camera_tracking::PoseState::searching:
       return {150, 190, 255};
-    case camera_tracking::CameraState::lost:
+    case camera_tracking::PoseState::lost:
       return {255, 96, 88};
   }
   return white;
@@ -352,7 +352,7 @@ cv::Mat draw_camera_map(const calib::Camera& camera, const StartPlane& plane, co
   for (const auto& e : way) {
     if (e.has_pose() && before != nullptr)
       canvas.line(point(before->world_from_camera.translation), point(e.world_from_camera.translation),
-                  e.state == camera_tracking::CameraState::tracking ? way_color : coasting_color, 2.4);
+                  e.state == camera_tracking::PoseState::tracking ? way_color : coasting_color, 2.4);
     before = e.has_pose() ? &e : nullptr;
   }
   // The camera itself, a dozen times on its way.
