@@ -37,15 +37,15 @@ constexpr double headline_size = 19, text_size = 15, small_text_size = 14;
 constexpr Color found_color{90, 220, 120}, missed_color{255, 96, 88}, given_color{110, 180, 255},
     particle_color{255, 220, 90};
 
-Color state_color(camera_tracking::CameraState state) {
+Color state_color(camera_tracking::PoseState state) {
   switch (state) {
-    case camera_tracking::CameraState::tracking:
+    case camera_tracking::PoseState::tracking:
       return {90, 220, 120};
-    case camera_tracking::CameraState::coasting:
+    case camera_tracking::PoseState::coasting:
       return {255, 176, 40};
-    case camera_tracking::CameraState::searching:
+    case camera_tracking::PoseState::searching:
       return {150, 190, 255};
-    case camera_tracking::CameraState::lost:
+    case camera_tracking::PoseState::lost:
       return {255, 96, 88};
   }
   return white;
@@ -338,7 +338,7 @@ cv::Mat draw_camera_map(const calib::Camera& camera, const StartPlane& plane, co
   for (const auto& e : way) {
     if (e.has_pose() && before != nullptr)
       canvas.line(oblique(before->world_from_camera.translation), oblique(e.world_from_camera.translation),
-                  e.state == camera_tracking::CameraState::tracking ? way_color : coasting_color, 2.8);
+                  e.state == camera_tracking::PoseState::tracking ? way_color : coasting_color, 2.8);
     before = e.has_pose() ? &e : nullptr;
   }
   // The camera itself, a dozen times on its way.

@@ -74,3 +74,9 @@ file(WRITE ${SCRATCH}/service/publish/p.h "#include \"capture/frame.h\"\n#includ
 foreach(name ioctl yaml_cpp yaml_reader fast_dds cairo frames_for_trackers results_for_publish)
   expect("" -DFENCE=${name} ${fence})
 endforeach()
+
+file(WRITE ${SCRATCH}/README.md "text\nservice/middle   1  a sentence; another [one]\nidl             0  that is all\n")
+set(readme -P ${CMAKE_CURRENT_LIST_DIR}/check_readme.cmake)
+expect("" -DMODULES=idl=0,service/middle=1 ${readme})
+expect("lacks: service/high=2" -DMODULES=idl=0,service/middle=1,service/high=2 ${readme})
+expect("should not: service/middle=1" -DMODULES=idl=0,service/middle=2 ${readme})
