@@ -6,9 +6,7 @@
 #include <array>
 #include <cmath>
 #include <numbers>
-#include <opencv2/imgcodecs.hpp>
 #include <optional>
-#include <stdexcept>
 
 #include "calib/board/board_yaml.h"
 #include "calib/model/covariance_ellipse.h"
@@ -383,9 +381,7 @@ CameraPictureWriter::CameraPictureWriter(const config::ServiceConfig& config, st
     : camera_(config.rig.cameras.at(std::size_t(config.rig.index_of(config.camera_tracking.camera).value()))),
       plane_(start_plane(config.camera_tracking)),
       folder_(std::move(folder)) {
-  std::error_code error;
-  std::filesystem::create_directories(folder_, error);
-  if (error) throw std::runtime_error("cannot make the folder " + folder_.string() + ": " + error.message());
+  make_picture_folder(folder_);
 }
 
 void CameraPictureWriter::write(const CameraPictureJob& job) {
@@ -398,14 +394,7 @@ void CameraPictureWriter::finish(const std::string& title, const std::vector<cam
 }
 
 void CameraPictureWriter::save(const std::string& name, const cv::Mat& picture) {
-  const auto file = folder_ / name;
-  bool saved = false;
-  try {
-    saved = cv::imwrite(file.string(), picture, {cv::IMWRITE_PNG_COMPRESSION, 2});
-  } catch (const cv::Exception& error) {
-    throw std::runtime_error("cannot write " + file.string() + ": " + error.err);
-  }
-  if (!saved) throw std::runtime_error("cannot write " + file.string());
+  write_png(folder_ / name, picture);
   ++written_;
 }
 

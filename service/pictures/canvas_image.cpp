@@ -1,7 +1,10 @@
 #include "pictures/canvas_image.h"
 
 #include <cmath>
+#include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
+#include <stdexcept>
+#include <system_error>
 
 namespace huetrack::pictures {
 
@@ -29,6 +32,24 @@ cv::Mat image_of(const drawing::Canvas& canvas) {
   cv::Mat bgr;
   cv::cvtColor(bgrx, bgr, cv::COLOR_BGRA2BGR);
   return bgr;
+}
+
+void make_picture_folder(const std::filesystem::path& folder) {
+  std::error_code error;
+  std::filesystem::create_directories(folder, error);
+  if (error) throw std::runtime_error("cannot make the folder " + folder.string() + ": " + error.message());
+}
+
+void write_png(const std::filesystem::path& file, const cv::Mat& bgr) {
+  constexpr int compression = 2;  // of 9: fast, for files that are looked at and thrown away
+  bool written = false;
+  std::string why;
+  try {
+    written = cv::imwrite(file.string(), bgr, {cv::IMWRITE_PNG_COMPRESSION, compression});
+  } catch (const cv::Exception& error) {
+    why = ": " + std::string(error.err);
+  }
+  if (!written) throw std::runtime_error("cannot write " + file.string() + why);
 }
 
 }  // namespace huetrack::pictures

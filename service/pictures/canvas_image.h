@@ -1,6 +1,7 @@
-// Between OpenCV's images and the canvas.
+// Between OpenCV's images, the canvas and files.
 #pragma once
 
+#include <filesystem>
 #include <opencv2/core.hpp>
 
 #include "drawing/canvas.h"
@@ -14,5 +15,9 @@ drawing::Canvas canvas_over(const cv::Mat& bgr, const drawing::Point& top_left, 
                             drawing::Color background);
 
 cv::Mat image_of(const drawing::Canvas& canvas);  // 8-bit BGR
+
+// throw std::runtime_error, naming the folder or the file.
+void make_picture_folder(const std::filesystem::path& folder);
+void write_png(const std::filesystem::path& file, const cv::Mat& bgr);
 
 }  // namespace huetrack::pictures

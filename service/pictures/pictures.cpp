@@ -4,8 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <opencv2/imgcodecs.hpp>
-#include <stdexcept>
 
 #include "calib/model/covariance_ellipse.h"
 #include "drawing/axes.h"
@@ -235,9 +233,7 @@ cv::Mat draw_views(const config::ServiceConfig& config, const PictureJob& job) {
 
 PictureWriter::PictureWriter(const config::ServiceConfig& config, std::filesystem::path folder)
     : config_(config), folder_(std::move(folder)) {
-  std::error_code error;
-  std::filesystem::create_directories(folder_, error);
-  if (error) throw std::runtime_error("cannot make the folder " + folder_.string() + ": " + error.message());
+  make_picture_folder(folder_);
 }
 
 void PictureWriter::write(const PictureJob& job) {
@@ -246,15 +242,7 @@ void PictureWriter::write(const PictureJob& job) {
 }
 
 void PictureWriter::write(const std::string& file_name, const cv::Mat& picture) const {
-  const auto file = folder_ / file_name;
-  bool written = false;
-  std::string why;
-  try {
-    written = cv::imwrite(file.string(), picture, {cv::IMWRITE_PNG_COMPRESSION, 2});
-  } catch (const cv::Exception& error) {
-    why = ": " + std::string(error.err);
-  }
-  if (!written) throw std::runtime_error("cannot write " + file.string() + why);
+  write_png(folder_ / file_name, picture);
 }
 
 }  // namespace huetrack::pictures
