@@ -56,15 +56,6 @@ TEST(BgrOf, FollowsBt601InBothRanges) {
   EXPECT_EQ(bgr_of(bgr.image).at<cv::Vec3b>(0, 0), cv::Vec3b(1, 2, 3));
 }
 
-TEST(ColorOfHue, IsTheColourCircle) {
-  const auto is = [](DrawColor c, int r, int g, int b) { return c.r == r && c.g == g && c.b == b; };
-  EXPECT_TRUE(is(color_of_hue(0, 1, 1), 255, 0, 0));
-  EXPECT_TRUE(is(color_of_hue(120, 1, 1), 0, 255, 0));
-  EXPECT_TRUE(is(color_of_hue(240, 1, 1), 0, 0, 255));
-  EXPECT_TRUE(is(color_of_hue(60, 1, 1), 255, 255, 0));
-  EXPECT_TRUE(is(color_of_hue(77, 0, 1), 255, 255, 255));
-}
-
 class CameraPictures : public testing::Test {
  protected:
   CameraPictures() {
