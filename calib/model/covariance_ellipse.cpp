@@ -27,7 +27,9 @@ std::optional<Eigen::Matrix2d> projected_covariance(const Camera& camera, const 
   if (!camera.model.project(camera.cam_from_world * p_world, px_per_cam) || !covariance.allFinite())
     return std::nullopt;
   const CameraModel::Jacobian px_per_world = px_per_cam * camera.cam_from_world.rotation.toRotationMatrix();
-  return px_per_world * covariance * px_per_world.transpose();
+  Eigen::Matrix2d projected = (px_per_world * covariance * px_per_world.transpose()).triangularView<Eigen::Lower>();
+  projected(0, 1) = projected(1, 0);  // one rounding for both: exactly symmetric
+  return projected;
 }
 
 }  // namespace huetrack::calib
