@@ -17,7 +17,7 @@ namespace {
 struct Options {
   std::string rig, board, mend;
   std::vector<std::string> inputs;
-  gather::FindBoardsOptions find{.max_sets = 60, .view = {}};
+  gather::FindBoardsOptions find{.max_sets = 60, .page = {}};
   bool quiet = false;
 };
 

@@ -46,7 +46,7 @@ constexpr double good_px = 1.5;  // that the board (a point) may be off in the i
 NewWorld from_board(const calib::CameraRig& rig, const Options& options, const std::stop_token& stop) {
   const board::Board board = board::read_board(options.board);
   const gather::FoundBoards found =
-      board_views_of(rig, options.rig, board, options.inputs, {.progress = !options.quiet, .view = {}}, stop);
+      board_views_of(rig, options.rig, board, options.inputs, {.progress = !options.quiet, .page = {}}, stop);
   // The moment that was asked for, or the one that most cameras saw.
   std::map<int, int> seen;
   for (const solver::BoardView& view : found.views) ++seen[view.set];

@@ -65,7 +65,7 @@ gather::FoundBoards look(const board::Board& board, const std::vector<std::strin
 
 std::vector<solver::CameraToCalibrate> unknown(const gather::FoundBoards& found) {
   std::vector<solver::CameraToCalibrate> cameras;
-  for (const gather::CameraSighting& camera : found.cameras) cameras.push_back({camera.name, camera.image_size, {}});
+  for (const gather::PictureTally& camera : found.cameras) cameras.push_back({camera.name, camera.image_size, {}});
   return cameras;
 }
 
@@ -86,7 +86,7 @@ void stereo() {
   const gather::FoundBoards found = look(board, {"left=" + data("opencv_chessboard_stereo/left*.jpg").string(),
                                                  "right=" + data("opencv_chessboard_stereo/right*.jpg").string()});
   for (int c = 0; c < 2; ++c) {
-    const gather::CameraSighting& camera = found.cameras[std::size_t(c)];
+    const gather::PictureTally& camera = found.cameras[std::size_t(c)];
     figure(camera.name + ": boards found of 13", camera.boards, "", 13, 13);
     const solver::Intrinsics lens =
         solver::calibrate_intrinsics(board, camera.name, camera.image_size, views_of(found, c));
