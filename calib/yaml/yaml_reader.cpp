@@ -355,8 +355,9 @@ struct YamlReader::Node {
     for (const Entry& entry : entries) {
       KeyPath here = above;
       here.push_back(entry.key);
-      if (entry.value.IsMap()) {
-        map(entry)->add_leaves(here, leaves);
+      const auto below = entry.value.IsMap() ? map(entry) : nullptr;
+      if (below && !below->entries.empty()) {
+        below->add_leaves(here, leaves);
       } else {
         leaves.push_back({std::move(here), is_null(entry.value)});
       }

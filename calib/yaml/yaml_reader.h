@@ -56,8 +56,8 @@ class YamlReader {
   // anything else takes the place of what is here, and null takes a key away. A message names the file and line that
   // its value comes from; path() and line() are those of this mapping.
   YamlReader patched_with(const YamlReader& patch) const;
-  // What is no mapping, in the order of the file. Ask when finish() has accepted the file: aliases in one that nobody
-  // knows may be a circle. Counts as asking for none.
+  // What is no mapping, or an empty one, in the order of the file. Ask when finish() has accepted the file: aliases in
+  // one that nobody knows may be a circle. Counts as asking for none.
   struct Leaf {
     KeyPath path;
     bool is_null = false;

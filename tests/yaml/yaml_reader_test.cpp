@@ -312,13 +312,13 @@ TEST(PatchedWith, MessagesNameTheFileThatTheValueComesFrom) {
   EXPECT_EQ(error_of([&] { m.finish(); }), "p.yaml:8: m.w is not a known key");
 }
 
-TEST(Leaves, AreAllThatIsNoMapping) {
+TEST(Leaves, AreAllThatHasNothingBelowIt) {
   std::string all;
   for (const auto& [path, is_null] : read("a: 1\nb: {c: [1, {d: 2}], e: {}, f.g: ~}\nh:\n").leaves()) {
     for (const auto& key : path) all += "/" + key;
     all += is_null ? " null\n" : "\n";
   }
-  EXPECT_EQ(all, "/a\n/b/c\n/b/f.g null\n/h null\n");
+  EXPECT_EQ(all, "/a\n/b/c\n/b/e\n/b/f.g null\n/h null\n");
 }
 
 TEST(YamlReader, DeepAndSelfContainingFilesDoNotCrash) {
