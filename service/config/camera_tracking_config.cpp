@@ -1,5 +1,7 @@
 #include "config/camera_tracking_config.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <memory>
@@ -8,7 +10,6 @@
 #include "calib/board/board_yaml.h"
 #include "calib/yaml/csv_table.h"
 #include "calib/yaml/yaml_reader.h"
-#include "config/formatted.h"
 
 namespace huetrack::config {
 namespace {
@@ -99,12 +100,12 @@ std::optional<StartRowProblem> start_row_problem(const NumberRows& rows, const c
   for (std::size_t i = 0; i < rows.size(); ++i) {
     if (rows[i].size() == 5 && !camera.contains(calib::RawPixel{{rows[i][3], rows[i][4]}}))
       return StartRowProblem{
-          i, formatted("the pixel (%g, %g) is outside the image of %s, which is %dx%d", rows[i][3], rows[i][4],
-                       camera.name.c_str(), camera.image_size.width, camera.image_size.height)};
+          i, fmt::format("the pixel ({:g}, {:g}) is outside the image of {}, which is {}x{}", rows[i][3], rows[i][4],
+                         camera.name, camera.image_size.width, camera.image_size.height)};
     for (std::size_t j = 0; j < i; ++j)
       if (point_of(rows[i]) == point_of(rows[j]))
-        return StartRowProblem{i, formatted("the point (%g, %g, %g) is there twice, in row %zu too", rows[i][0],
-                                            rows[i][1], rows[i][2], j + 1)};
+        return StartRowProblem{i, fmt::format("the point ({:g}, {:g}, {:g}) is there twice, in row {} too", rows[i][0],
+                                              rows[i][1], rows[i][2], j + 1)};
   }
   return std::nullopt;
 }

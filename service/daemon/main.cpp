@@ -116,7 +116,7 @@ void check(const std::filesystem::path& file) {
     std::ranges::copy(publish::EstimatePublisher::check(config.dds.publisher), std::back_inserter(warnings));
   for (const auto& warning : warnings) spdlog::warn("{}: {}", config.file.string(), warning);
   std::printf("# %s, resolved; identity %s\n%s", config.file.c_str(), config::config_identity(config).c_str(),
-              config::to_yaml(config).c_str());
+              config::to_yaml_with_origins(config).c_str());
   if (config.targets.empty()) return;
   const auto coverage = config::volume_coverage(config.rig, config.object_tracking.volume);
   std::printf("# of the volume are seen: by two or more cameras %.0f %%, by one or more %.0f %%", 100 * coverage.by_two,
@@ -262,8 +262,8 @@ int main(int argc, char** argv) {
                               "seconds that the tracks' clock is ahead of the truth's");
 
   daemon::TeachCommand teaching;
-  CLI::App* teach_command =
-      app.add_subcommand("teach", "learn a target's colour from where you point, and write it into the configuration");
+  CLI::App* teach_command = app.add_subcommand(
+      "teach", "learn a target's colour from where you point, and write it into a file beside the configuration");
   teach_command->add_option("config", teaching.config, "huetrackd.yaml")->required();
   teach_command
       ->add_option("recording", teaching.recording, "recording.yaml, the folder that holds it, or the word live")

@@ -27,7 +27,7 @@ using IgnoredRegions = std::vector<std::pair<std::string, std::vector<PixelBox>>
 
 // One target to track.
 struct TargetOptions {
-  std::string name;        // unique; [A-Za-z][A-Za-z0-9_]*, so that it can be part of a topic's name
+  std::string name;        // unique, not empty; where it is published, it is part of a topic's name (idl/topics.h)
   double radius_m = 0.04;  // > 0; of the ball, or of a ball of about the object's size
   HsiRange color;
   std::vector<std::pair<std::string, HsiRange>> camera_colors;  // per-camera overrides: (camera name, range)

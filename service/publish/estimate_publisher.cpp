@@ -234,17 +234,17 @@ std::vector<std::string> EstimatePublisherOptions::problems() const {
     sentences.push_back("frame_id \"" + frame_id + "\" must not be empty nor begin with '/'");
   if (targets.empty() && tracked_camera.empty())
     sentences.push_back("there must be at least one target or a tracked camera");
-  if (!tracked_camera.empty() && !idl::is_target_name(tracked_camera))
-    sentences.push_back("camera \"" + tracked_camera +
-                        "\" must be a letter, then letters, digits and single '_': it is part of a ROS 2 topic's name");
+  const auto check_name = [&](const char* whose, const std::string& name) {
+    if (!idl::is_target_name(name))
+      sentences.push_back(
+          std::string(whose) + " \"" + name +
+          "\" must be a letter, then letters, digits and single '_': it is part of a ROS 2 topic's name");
+  };
+  if (!tracked_camera.empty()) check_name("camera", tracked_camera);
   if (std::ranges::find(targets, tracked_camera) != targets.end())
     sentences.push_back("target " + tracked_camera +
                         " has the name of the tracked camera: both are frames of ROS 2's /tf");
-  for (const std::string& target : targets)
-    if (!idl::is_target_name(target))
-      sentences.push_back(
-          "target \"" + target +
-          "\" must be a letter, then letters, digits and single '_': it is part of a ROS 2 topic's name");
+  for (const std::string& target : targets) check_name("target", target);
   if (std::set(targets.begin(), targets.end()).size() != targets.size())
     sentences.push_back("two targets have the same name");
   return sentences;
