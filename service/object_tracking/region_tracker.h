@@ -91,10 +91,10 @@ class RegionTracker {
     Eigen::Matrix<double, 2, 3> jacobian;
     Eigen::Vector2d offset;
   };
-  std::vector<Sighting> sightings_;       // of this set
-  std::vector<LinearView> linear_views_;  // of the proposal
-  std::vector<SizeInView> size_in_view_;  // per camera, as the next two
-  std::vector<RegionFinder> finders_;
+  std::vector<Sighting> sightings_;                // of this set
+  std::vector<LinearView> linear_views_;           // of the proposal
+  std::vector<SizeInView> size_in_view_;           // per camera
+  std::vector<RegionFinder> finders_;              // per camera
   std::vector<std::vector<ColorRegion>> regions_;  // of the views of this set, while searching
   SearchLog search_log_;
   std::vector<Candidate> candidates_;  // of the last set, while searching
