@@ -38,7 +38,7 @@ calib::CameraModel opencv_lens(std::span<const double> intrinsics, std::string_v
     std::ranges::copy(coefficients, lens.distortion.begin());
     return calib::CameraModel(lens);
   }
-  // 12 and 14: with thin prism and tilt, which we have not; zeros there mean nothing.
+  // Of 12 or 14 coefficients the last are thin prism and tilt, which a rig cannot hold; zeros there mean nothing.
   const bool tail_is_zero = n > 8 && std::ranges::all_of(coefficients.subspan(8), [](double k) { return k == 0; });
   if (n != 0 && n != 4 && n != 5 && n != 8 && !((n == 12 || n == 14) && tail_is_zero)) {
     fail(coefficients_key,
@@ -104,7 +104,7 @@ std::string exact(double value) {
 std::string exact_list(std::span<const double> values) {
   std::vector<std::string> texts;
   for (const double value : values) texts.push_back(exact(value));
-  return "[" + joined(texts) + "]";
+  return fmt::format("[{}]", fmt::join(texts, ", "));
 }
 
 std::string joined(const std::vector<std::string>& words) {
