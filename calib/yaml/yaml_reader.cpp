@@ -1,5 +1,6 @@
 #include "calib/yaml/yaml_reader.h"
 
+#include <fmt/format.h>
 #include <yaml-cpp/eventhandler.h>
 #include <yaml-cpp/yaml.h>
 
@@ -447,11 +448,9 @@ std::string YamlReader::choice(std::string_view key, std::span<const std::string
   const auto& entry = node_->required(key);
   const std::string word = node_->string(entry, entry.value, "");
   if (std::ranges::find(words, word) != words.end()) return word;
-  std::string list;
-  for (const auto& known : words) list += (list.empty() ? "" : ", ") + std::string(known);
   const auto near = nearest_word(word, std::vector<std::string>(words.begin(), words.end()));
-  node_->fail(entry, "must be one of " + list + ", got " + in_quotes(word) +
-                         (near ? " (did you mean " + *near + "?)" : std::string()));
+  node_->fail(entry, fmt::format("must be one of {}, got {}{}", fmt::join(words, ", "), in_quotes(word),
+                                 near ? " (did you mean " + *near + "?)" : ""));
 }
 
 std::string YamlReader::choice(std::string_view key, std::span<const std::string_view> words,

@@ -1,5 +1,7 @@
 #include "publish/estimate_publisher.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
 #include <atomic>
@@ -299,7 +301,8 @@ struct EstimatePublisher::Impl {
   std::unique_ptr<Connection>
       connection;  // guarded by connection_mutex: shared to write to it, exclusive to replace it
   std::vector<Target> targets;
-  msg::CameraPose camera_sample;  // the name in it is set once; as the next two, the camera's thread's
+  // Samples of the camera's thread, and of no other.
+  msg::CameraPose camera_sample;  // the name in it is set once
   geometry_msgs::msg::dds_::PoseWithCovarianceStamped_ camera_pose;
   tf2_msgs::msg::dds_::TFMessage_ camera_tf;
   msg::ServiceStatus status;  // the names in it are set once
@@ -310,9 +313,8 @@ struct EstimatePublisher::Impl {
 };
 
 EstimatePublisher::EstimatePublisher(EstimatePublisherOptions options) {
-  std::string sentences;
-  for (const std::string& problem : options.problems()) sentences += (sentences.empty() ? "" : "; ") + problem;
-  if (!sentences.empty()) throw std::invalid_argument("publishing over DDS: " + sentences);
+  if (const auto problems = options.problems(); !problems.empty())
+    throw std::invalid_argument(fmt::format("publishing over DDS: {}", fmt::join(problems, "; ")));
   impl_ = std::make_unique<Impl>(std::move(options));
 }
 
