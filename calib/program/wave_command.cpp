@@ -21,7 +21,7 @@
 #include "calib/wave/wave.h"
 #include "capture/replay_source.h"
 #include "config/service_config.h"
-#include "daemon/live.h"
+#include "pipeline/live_cameras.h"
 
 namespace huetrack::program {
 namespace {
@@ -218,7 +218,7 @@ BallsFrames frames_of_recording(const Options& o, const Input& in, const std::st
 
 // Every camera has its own thread, which looks for the ball as well: of the pictures only what is around it is kept.
 BallsFrames frames_of_cameras(const Options& o, const Input& in, const std::stop_token& stop) {
-  std::vector<daemon::LiveCamera> cameras = daemon::open_cameras(*in.config);
+  std::vector<pipeline::LiveCamera> cameras = pipeline::open_cameras(*in.config);
   if (cameras.size() < 2) throw gather::InputError(o.config + ": cameras: two live cameras or more are needed");
   std::mutex mutex;
   BallsFrames frames(in.targets.size());  // guarded by mutex
@@ -227,7 +227,7 @@ BallsFrames frames_of_cameras(const Options& o, const Input& in, const std::stop
   std::stop_source end;
   {
     std::vector<std::jthread> threads;
-    for (daemon::LiveCamera& camera : cameras) {
+    for (pipeline::LiveCamera& camera : cameras) {
       threads.emplace_back([&, source = camera.source.get()] {
         Finder finder(in);
         wave::Background background(in.rig.cameras.size());

@@ -21,8 +21,8 @@
 #include "color_teaching/lesson.h"
 #include "config/service_config.h"
 #include "config/taught_file.h"
-#include "daemon/live.h"
 #include "pictures/pictures.h"
+#include "pipeline/live_cameras.h"
 #include "publish/service_finder.h"
 
 namespace huetrack::daemon {
@@ -186,7 +186,7 @@ capture::FrameSet live_pictures(const config::ServiceConfig& config, const std::
   if (config.cameras.empty()) throw std::runtime_error(config.file.string() + ": cameras: none is given to teach from");
   capture::FrameSet set;
   set.frames.resize(config.rig.cameras.size());
-  for (auto& camera : open_cameras(config, stop)) {
+  for (auto& camera : pipeline::open_cameras(config, stop)) {
     std::stop_source enough;
     const std::stop_callback forward(stop, [&] { enough.request_stop(); });
     const auto until = std::chrono::steady_clock::now() + patience;

@@ -10,9 +10,8 @@
 #include <fstream>
 #include <sstream>
 
-#include "config/formatted.h"
-#include "daemon/status_reporter.h"
-#include "pipeline/pipeline.h"
+#include "pipeline/pipeline_to.h"
+#include "pipeline/without_numbers.h"
 #include "tracks/pose_file.h"
 
 namespace huetrack::pipeline {
@@ -76,8 +75,8 @@ TEST(NoPoseLog, SaysEachThingOnceUntilThereIsAPoseAgain) {
 }
 
 TEST(WithoutNumbers, TwoFiguresOfOneSentenceAreTheSame) {
-  EXPECT_EQ(config::without_numbers("37.5 px rms for 12 s"), config::without_numbers("-4 px rms for 3 s"));
-  EXPECT_NE(config::without_numbers("37 px"), config::without_numbers("37 mm"));
+  EXPECT_EQ(without_numbers("37.5 px rms for 12 s"), without_numbers("-4 px rms for 3 s"));
+  EXPECT_NE(without_numbers("37 px"), without_numbers("37 mm"));
 }
 
 TEST(PoseFile, HoldsTrackingPosesOnly) {
@@ -144,27 +143,23 @@ class TrackedCamera : public testing::Test {
     std::ofstream(map_) << "old";
   }
   ~TrackedCamera() override { fs::remove(map_); }
-  Pipeline& run(std::uint64_t first, std::uint64_t last, PipelineOutputs outputs) {
+  Pipeline& run(std::uint64_t first, std::uint64_t last, Calls calls) {
     std::vector<std::unique_ptr<capture::FrameSource>> sources;
     sources.push_back(std::make_unique<GreySource>());
-    pipeline_.emplace(rig_, std::move(sources), std::vector<object_tracking::ObjectTracker>{}, PipelineOptions{},
-                      std::move(outputs));
+    pipeline_.emplace(rig_, std::move(sources), std::vector<object_tracking::ObjectTracker>{},
+                      PipelineOptions{.pictures_every = 1}, std::move(calls));
     pipeline_->track_camera(0, std::make_unique<FakeTracker>(first, last));
     pipeline_->run({});
     return *pipeline_;
   }
   calib::CameraRig rig_;
   const fs::path map_ = fs::path(testing::TempDir()) / ("tracked_" + std::to_string(getpid()) + ".map");
-  std::optional<Pipeline> pipeline_;
+  std::optional<PipelineTo> pipeline_;
 };
 
 TEST_F(TrackedCamera, TheReasonIsHandedOverWithItsFrame) {
   std::vector<std::string> reasons;
-  PipelineOutputs outputs;
-  outputs.camera_poses = [&](const camera_tracking::CameraEstimate&, capture::Timestamp) {
-    reasons.push_back(pipeline_->tracked_camera().why);
-  };
-  run(2, 4, std::move(outputs));
+  run(2, 4, {.camera_poses = [&](const TrackedFrame& frame) { reasons.push_back(frame.camera.why); }});
   EXPECT_THAT(reasons,
               testing::ElementsAre("frame 0 is grey", "frame 1 is grey", "", "", "", "frame 5 is grey",
                                    "frame 6 is grey", "frame 7 is grey", "frame 8 is grey", "frame 9 is grey"));
@@ -172,18 +167,6 @@ TEST_F(TrackedCamera, TheReasonIsHandedOverWithItsFrame) {
   EXPECT_EQ(figures.state, camera_tracking::PoseState::lost);
   EXPECT_EQ(figures.without_since, capture::Timestamp(5s));
   EXPECT_EQ(no_pose_warning("cam0", figures), "camera cam0: no pose for 4 s (lost): frame 9 is grey");
-}
-
-TEST_F(TrackedCamera, TheStatusWarnsOfIt) {
-  config::ServiceConfig config;
-  config.rig = rig_;
-  config.camera_tracking.camera = "cam0";
-  daemon::StatusReporter reporter(config, "run", {});
-  const auto status = reporter.report(run(20, 20, {}).figures(), std::chrono::steady_clock::now(), {});
-  EXPECT_THAT(status.warnings, testing::Contains("camera cam0: no pose for 9 s (searching): frame 9 is grey"));
-  daemon::StatusReporter other(config, "run", {});
-  const auto fine = other.report(run(0, 20, {}).figures(), std::chrono::steady_clock::now(), {});
-  EXPECT_THAT(fine.warnings, testing::Not(testing::Contains(HasSubstr("no pose"))));
 }
 
 TEST_F(TrackedCamera, AMapIsKeptWhereThereNeverWasAPose) {
@@ -197,9 +180,8 @@ TEST_F(TrackedCamera, AMapIsKeptWhereThereNeverWasAPose) {
 
 TEST_F(TrackedCamera, ThePictureOfTheStartHasItsPoints) {
   std::vector<std::size_t> points;
-  PipelineOutputs outputs;
-  outputs.camera_pictures = [&](const pictures::CameraPictureJob& job) { points.push_back(job.start_map.size()); };
-  run(8, 9, std::move(outputs));
+  run(8, 9,
+      {.camera_pictures = [&](const pictures::CameraPictureJob& job) { points.push_back(job.start_map.size()); }});
   EXPECT_THAT(points, testing::ElementsAre(0, 0, 0, 0, 0, 0, 0, 0, 3, 3));
 }
 
