@@ -50,7 +50,6 @@ constexpr std::int64_t most_pixels = 1 << 26;      // of one image; a damaged he
 constexpr std::int64_t longest_gap_frames = 1000;  // a damaged time stamp must not make us invent frames
 constexpr int most_warnings = 5;                   // of one kind, one by one; the others are summed up
 
-
 struct FreeScaler {
   void operator()(SwsContext* p) const { sws_freeContext(p); }
 };
@@ -724,7 +723,7 @@ struct VideoReader::Impl {
   ErrorLog log;
   std::vector<ImageFile> images;  // empty: a video
   std::size_t next_image = 0;
-  InputPtr format;     // null for images
+  InputPtr format;             // null for images
   AVStream* stream = nullptr;  // of format
   CodecPtr codec;
   JpegDecoder jpeg;

@@ -150,11 +150,11 @@ class DoctorsConfig : public testing::Test {
  protected:
   // What doctor says of cameras with these devices; only looked at.
   std::string said_of(const std::string& left, const std::string& right) {
-    capture::write_text(
-        folder / "c.yaml", "version: 1\nrig: " HUETRACK_SOURCE_DIR
-                           "/configs/demo/recording/rig.yaml\ndds: {enabled: false}\ntargets: {ball: {color: {hue_deg: "
-                           "[65, 115]}}}\ncameras: {cam0: {device: " +
-                               left + "}, cam1: {device: " + right + "}}\n");
+    capture::write_text(folder / "c.yaml",
+                        "version: 1\nrig: " HUETRACK_SOURCE_DIR
+                        "/configs/demo/recording/rig.yaml\ndds: {enabled: false}\ntargets: {ball: {color: {hue_deg: "
+                        "[65, 115]}}}\ncameras: {cam0: {device: " +
+                            left + "}, cam1: {device: " + right + "}}\n");
     return said(folder / "c.yaml");
   }
   static std::string said(const std::filesystem::path& config) {

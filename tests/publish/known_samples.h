@@ -16,7 +16,6 @@
 
 namespace huetrack::publish {
 
-
 inline constexpr std::array states{object_tracking::TrackState::searching, object_tracking::TrackState::tracking,
                                    object_tracking::TrackState::coasting, object_tracking::TrackState::lost};
 
