@@ -56,7 +56,6 @@ function(program NAME)
   held_to_floors(${NAME} ${P_FLOOR} ${P_DEPENDS})
   add_executable(${NAME} ${P_SOURCE})
   target_link_libraries(${NAME} PRIVATE ${P_DEPENDS} ${P_LIBS} huetrack_warnings)
-  target_link_libraries(${NAME} PRIVATE Eigen3::Eigen)   # of the precompiled headers
   reuse_precompiled(${NAME} precompiled_program)
   set_target_properties(${NAME} PROPERTIES HUETRACK_FLOOR ${P_FLOOR})
   install(TARGETS ${NAME})

@@ -640,7 +640,7 @@ bool is_progressing(std::span<const capture::CameraHealth> cameras, const pipeli
 }
 
 std::string status_line(const publish::ServiceStatus& status, std::span<const object_tracking::TrackState> states,
-                        const std::string& tracked_camera, camera_tracking::CameraState camera_state) {
+                        const std::string& tracked_camera, camera_tracking::PoseState camera_state) {
   std::size_t delivering = 0, used = 0;
   std::string cameras, targets;
   for (const auto& camera : status.cameras) {

@@ -64,9 +64,8 @@ struct ObjectTrackerOptions {
 // huetrack).
 struct SearchFindings {
   std::size_t sets = 0;
-  std::vector<std::size_t>
-      sets_with_color;             // per camera of the rig: those of them in which it showed a region of the colour
-  std::optional<double> radius_m;  // that the regions of two views agree on, if they do; > 0
+  std::vector<std::size_t> sets_with_color;  // per camera of the rig: sets in which it showed a region of the colour
+  std::optional<double> radius_m;            // that the regions of two views agree on, if they do; > 0
   // What a user should try, one sentence; empty when nothing was searched. `cameras`: their names, in the order of the
   // rig.
   std::string advice(const TargetOptions& target, const std::vector<std::string>& cameras) const;

@@ -40,10 +40,10 @@ static_assert(static_cast<std::uint32_t>(CameraStatus::Health::waiting) == msg::
               static_cast<std::uint32_t>(CameraStatus::Health::absent) == msg::CAMERA_HEALTH_ABSENT &&
               static_cast<std::uint32_t>(CameraStatus::Health::ended) == msg::CAMERA_HEALTH_ENDED);
 
-static_assert(static_cast<std::uint32_t>(camera_tracking::CameraState::searching) == msg::CAMERA_STATE_SEARCHING &&
-              static_cast<std::uint32_t>(camera_tracking::CameraState::tracking) == msg::CAMERA_STATE_TRACKING &&
-              static_cast<std::uint32_t>(camera_tracking::CameraState::coasting) == msg::CAMERA_STATE_COASTING &&
-              static_cast<std::uint32_t>(camera_tracking::CameraState::lost) == msg::CAMERA_STATE_LOST);
+static_assert(static_cast<std::uint32_t>(camera_tracking::PoseState::searching) == msg::CAMERA_STATE_SEARCHING &&
+              static_cast<std::uint32_t>(camera_tracking::PoseState::tracking) == msg::CAMERA_STATE_TRACKING &&
+              static_cast<std::uint32_t>(camera_tracking::PoseState::coasting) == msg::CAMERA_STATE_COASTING &&
+              static_cast<std::uint32_t>(camera_tracking::PoseState::lost) == msg::CAMERA_STATE_LOST);
 
 std::array<double, 3> array_of(const Eigen::Vector3d& v) {
   return {v.x(), v.y(), v.z()};

@@ -17,10 +17,13 @@ elseif(FENCE STREQUAL "yaml_cpp")
   set(inside "^calib/yaml/")
 elseif(FENCE STREQUAL "yaml_reader")   # modules are given option structs; YAML ends where files are read
   set(pattern "${include}calib/yaml/")
-  set(inside "^(calib|service/(capture|tracks|config|pipeline|daemon)|tests)/")
+  set(inside "^(calib|service/(capture|truth|tracks|config|pipeline|daemon)|clients/plot|tests)/")
 elseif(FENCE STREQUAL "fast_dds")
   set(pattern "${include}(fastdds|fastrtps|fastcdr)/")
   set(inside "^(service/publish|idl|clients|tests)/")
+elseif(FENCE STREQUAL "cairo")   # one drawing surface
+  set(pattern "${include}cairo/")
+  set(inside "^service/drawing/")
 elseif(FENCE STREQUAL "frames_for_trackers")   # what a frame is, not where it came from
   set(folders service/object_tracking service/camera_tracking)
   set(pattern "${include}capture/")

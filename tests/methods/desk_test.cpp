@@ -42,7 +42,7 @@ class Desk : public testing::Test {
 TEST_F(Desk, huetrackFollowsFromTheFirstFrameAndThroughTheCover) {
   const auto tracker = camera_methods::make_camera_tracker(desk().camera, options(CameraMethod::huetrack));
   const auto estimates = figures::run(*tracker, desk());
-  EXPECT_EQ(estimates[0].state, CameraState::tracking);
+  EXPECT_EQ(estimates[0].state, PoseState::tracking);
   const figures::PoseErrors e = figures::errors_of(estimates, desk());
   EXPECT_LT(e.rms_m, 0.004);
   EXPECT_LT(e.max_m, 0.02);
@@ -134,8 +134,8 @@ TEST_F(Desk, aDamagedFrameIsNoFrame) {
   s.frames[6].pixels = {};
   const auto estimates =
       figures::run(*camera_methods::make_camera_tracker(s.camera, options(CameraMethod::huetrack)), s);
-  EXPECT_EQ(estimates[6].state, CameraState::coasting);
-  EXPECT_EQ(estimates[7].state, CameraState::tracking);
+  EXPECT_EQ(estimates[6].state, PoseState::coasting);
+  EXPECT_EQ(estimates[7].state, PoseState::tracking);
 }
 
 }  // namespace
