@@ -1,6 +1,7 @@
 #include "idl/dds_participant.h"
 
 #include <arpa/inet.h>
+#include <fmt/format.h>
 #include <ifaddrs.h>
 #include <net/if.h>
 
@@ -183,9 +184,10 @@ std::vector<NetworkInterface> network_interfaces() {
 }
 
 std::string describe(const std::vector<NetworkInterface>& list) {
-  std::string text;
-  for (const NetworkInterface& i : list) text += (text.empty() ? "" : ", ") + i.name + " " + i.address;
-  return text.empty() ? "no network interface" : text;
+  if (list.empty()) return "no network interface";
+  std::vector<std::string> texts;
+  for (const NetworkInterface& i : list) texts.push_back(i.name + " " + i.address);
+  return fmt::format("{}", fmt::join(texts, ", "));
 }
 
 int resolve_domain(std::optional<int> configured) {

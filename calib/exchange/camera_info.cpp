@@ -1,9 +1,10 @@
 // ROS camera_info, as camera_calibration_parsers writes it. K, D and the size are the camera's own, as ours are;
 // rectification and projection matrix belong to a rectified image, which huetrack does not use.
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdio>
 
 #include "calib/exchange/exchanged_camera.h"
 #include "calib/yaml/yaml_reader.h"
@@ -60,11 +61,10 @@ Imported import_camera_info(const std::filesystem::path& file, const ImportOptio
     const bool same =
         p.size() == 12 && p[0] == k[0] && p[2] == k[2] && p[5] == k[4] && p[6] == k[5] && p[3] == 0 && p[7] == 0;
     if (!same && p.size() == 12 && p[3] != 0) {
-      std::array<char, 32> beside;
-      std::snprintf(beside.data(), beside.size(), "%.4g m", -p[3] / p[0]);
-      out.notes.push_back(
-          "projection_matrix is not taken over; it says that this is the second camera of a rectified pair, " +
-          std::string(beside.data()) + " beside the first: the pose is to be found anew");
+      out.notes.push_back(fmt::format(
+          "projection_matrix is not taken over; it says that this is the second camera of a rectified pair, "
+          "{:.4g} m beside the first: the pose is to be found anew",
+          -p[3] / p[0]));
     } else if (!same) {
       out.notes.emplace_back("projection_matrix is not taken over: it belongs to a rectified image");
     }

@@ -1,8 +1,9 @@
 #include "calib/exchange/exchange.h"
 
+#include <fmt/format.h>
+
+#include <algorithm>
 #include <array>
-#include <cstdio>
-#include <regex>
 
 #include "calib/exchange/exchanged_camera.h"
 #include "calib/yaml/yaml_reader.h"
@@ -15,6 +16,32 @@ constexpr std::array<std::pair<ExchangeFormat, std::string_view>, 5> names{{{Exc
                                                                             {ExchangeFormat::kalibr, "kalibr"},
                                                                             {ExchangeFormat::aniposelib, "aniposelib"},
                                                                             {ExchangeFormat::caliscope, "caliscope"}}};
+
+constexpr double widest_rig_m = 50;  // no rig is wider, but one whose file counts in millimetres seems to be
+
+enum class Indent { none, any, some };
+
+// Whether one of the lines begins with `word`, and goes on with `mark` but for blanks (0: with anything). Not a
+// std::regex: that calls itself for each character and runs out of stack on a long file.
+bool has_line(std::string_view text, Indent indent, std::string_view word, char mark = 0) {
+  constexpr std::string_view blanks = " \t\n\v\f\r", line_ends = "\n\r";
+  for (auto at = text.find(word); at != std::string_view::npos; at = text.find(word, at + 1)) {
+    const auto next = text.find_first_not_of(blanks, at + word.size());
+    if (mark != 0 && (next == std::string_view::npos || text[next] != mark)) continue;
+    if (indent == Indent::none) {
+      if (at == 0 || line_ends.find(text[at - 1]) != std::string_view::npos) return true;
+      continue;
+    }
+    // What is blank before the word, empty lines included, must reach back to the start of a line.
+    const std::string_view before = text.substr(0, at);
+    const std::string_view blank = before.substr(before.find_last_not_of(blanks) + 1);
+    const auto line_end = blank.find_first_of(line_ends);
+    const std::size_t least = indent == Indent::some ? 1 : 0;
+    if (blank.size() == at ? at >= least : line_end != std::string_view::npos && line_end + 1 + least <= blank.size())
+      return true;
+  }
+  return false;
+}
 
 }  // namespace
 
@@ -35,17 +62,19 @@ std::optional<ExchangeFormat> exchange_format_of(std::string_view word) {
 ExchangeFormat detect_format(const std::filesystem::path& file) {
   const std::string text = text_of(file);
   const std::string extension = file.extension().string();
-  const auto has = [&](const char* pattern) {
-    return std::regex_search(text, std::regex(pattern, std::regex::multiline));
-  };
-  if (extension == ".xml" || extension == ".json" || text.starts_with("%YAML:1.0") || has("opencv-matrix"))
+  if (extension == ".xml" || extension == ".json" || text.starts_with("%YAML:1.0") ||
+      text.find("opencv-matrix") != std::string::npos)
     return ExchangeFormat::opencv;
   if (extension == ".toml") {
-    if (has(R"(^\s*\[cameras\.)") || has(R"(^\s*(cam_id|port|rotation_count)\s*=)")) return ExchangeFormat::caliscope;
-    if (has(R"(^\s*\[cam)")) return ExchangeFormat::aniposelib;
+    const auto has_key = [&](std::string_view key) { return has_line(text, Indent::any, key, '='); };
+    if (has_line(text, Indent::any, "[cameras.") || has_key("cam_id") || has_key("port") || has_key("rotation_count"))
+      return ExchangeFormat::caliscope;
+    if (has_line(text, Indent::any, "[cam")) return ExchangeFormat::aniposelib;
   }
-  if (has(R"(^cam0\s*:)") && has(R"(^\s+camera_model\s*:)")) return ExchangeFormat::kalibr;
-  if (has(R"(^distortion_model\s*:)") && has(R"(^camera_matrix\s*:)")) return ExchangeFormat::ros;
+  if (has_line(text, Indent::none, "cam0", ':') && has_line(text, Indent::some, "camera_model", ':'))
+    return ExchangeFormat::kalibr;
+  if (has_line(text, Indent::none, "distortion_model", ':') && has_line(text, Indent::none, "camera_matrix", ':'))
+    return ExchangeFormat::ros;
   throw yaml::ConfigError(
       file, 0,
       "is no calibration file that we know by its looks; say which with --from: ros, opencv, kalibr, "
@@ -86,16 +115,13 @@ Imported import_rig(std::span<const std::filesystem::path> files, const ImportOp
   for (const calib::Camera& a : out.rig.cameras) {
     for (const calib::Camera& b : out.rig.cameras) widest = std::max(widest, (a.centre() - b.centre()).norm());
   }
-  std::array<char, 160> text;
-  if (widest > 50) {
-    std::snprintf(text.data(), text.size(),
-                  "the cameras are up to %.0f m apart: is the file in millimetres? Then give --unit mm", widest);
-    throw yaml::ConfigError(file, 0, text.data());
+  if (widest > widest_rig_m) {
+    throw yaml::ConfigError(
+        file, 0,
+        fmt::format("the cameras are up to {:.0f} m apart: is the file in millimetres? Then give --unit mm", widest));
   }
   if (out.rig.cameras.size() > 1) {
-    std::snprintf(text.data(), text.size(), "the cameras are up to %.3f m apart: if that is not so, give --unit",
-                  widest);
-    out.notes.emplace_back(text.data());
+    out.notes.push_back(fmt::format("the cameras are up to {:.3f} m apart: if that is not so, give --unit", widest));
   }
   if (out.rig.made_by.empty()) {
     out.rig.made_by.emplace_back("imported_from", file.filename().string());

@@ -1,12 +1,13 @@
 #include "calib/exchange/exchanged_camera.h"
 
+#include <fmt/format.h>
+
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <algorithm>
 #include <array>
 #include <charconv>
 #include <cmath>
-#include <cstdio>
 #include <fstream>
 #include <iterator>
 
@@ -37,7 +38,7 @@ calib::CameraModel opencv_lens(std::span<const double> intrinsics, std::string_v
     std::ranges::copy(coefficients, lens.distortion.begin());
     return calib::CameraModel(lens);
   }
-  // 12 and 14: with thin prism and tilt, which we have not; zeros there mean nothing.
+  // Of 12 or 14 coefficients the last are thin prism and tilt, which a rig cannot hold; zeros there mean nothing.
   const bool tail_is_zero = n > 8 && std::ranges::all_of(coefficients.subspan(8), [](double k) { return k == 0; });
   if (n != 0 && n != 4 && n != 5 && n != 8 && !((n == 12 || n == 14) && tail_is_zero)) {
     fail(coefficients_key,
@@ -55,16 +56,12 @@ Eigen::Quaterniond rotation_of(std::span<const double> m, std::string_view key, 
   const Eigen::Matrix3d r = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(m.data());
   const double off = (r * r.transpose() - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff();
   if (!(off <= 1e-4)) {
-    std::array<char, 32> text;
-    std::snprintf(text.data(), text.size(), "%.2g", off);
-    fail(key,
-         "is not a rotation: its rows must be orthogonal and of length 1 (off by " + std::string(text.data()) + ")");
+    fail(key, fmt::format("is not a rotation: its rows must be orthogonal and of length 1 (off by {:.2g})", off));
   }
   if (r.determinant() < 0) {
     fail(key,
          "is mirrored (determinant -1): the tool's y or z axis points the other way; a camera is right-handed, x "
-         "right, y "
-         "down, z forward");
+         "right, y down, z forward");
   }
   return Eigen::Quaterniond(r).normalized();
 }
@@ -105,15 +102,13 @@ std::string exact(double value) {
 }
 
 std::string exact_list(std::span<const double> values) {
-  std::string text = "[";
-  for (const double value : values) text += (text.size() > 1 ? ", " : "") + exact(value);
-  return text + "]";
+  std::vector<std::string> texts;
+  for (const double value : values) texts.push_back(exact(value));
+  return fmt::format("[{}]", fmt::join(texts, ", "));
 }
 
 std::string joined(const std::vector<std::string>& words) {
-  std::string text;
-  for (const auto& word : words) text += (text.empty() ? "" : ", ") + word;
-  return text;
+  return fmt::format("{}", fmt::join(words, ", "));
 }
 
 void require_valid(const calib::CameraRig& rig, const std::filesystem::path& file) {

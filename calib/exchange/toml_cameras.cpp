@@ -1,5 +1,6 @@
 // Anipose's and Caliscope's TOML. Both keep cam_from_world as OpenCV does: a rotation vector (Caliscope's older files:
 // a matrix) and a translation, p_cam = R p_world + t.
+#include <fmt/format.h>
 #include <toml++/toml.h>
 
 #include <Eigen/Geometry>
@@ -163,9 +164,7 @@ std::string in_quotes(std::string_view text) {
   for (const char c : text) {
     if (c == '"' || c == '\\') out += '\\';
     if (static_cast<unsigned char>(c) < 0x20 || c == 0x7F) {
-      std::array<char, 8> escape;
-      std::snprintf(escape.data(), escape.size(), "\\u%04X", static_cast<unsigned>(c));
-      out += escape.data();
+      out += fmt::format("\\u{:04X}", static_cast<unsigned char>(c));
     } else {
       out += c;
     }

@@ -1,6 +1,7 @@
 #include "calib/model/rig_yaml.h"
 
 #include <fcntl.h>
+#include <fmt/format.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -11,7 +12,6 @@
 #include <charconv>
 #include <cmath>
 #include <cstdint>
-#include <cstdio>
 #include <cstdlib>
 #include <span>
 #include <system_error>
@@ -60,10 +60,8 @@ Eigen::Quaterniond read_rotation_matrix(const yaml::YamlReader& pose) {
   for (int i = 0; i < 3; ++i) m.row(i) = Eigen::Map<const Eigen::RowVector3d>(rows[static_cast<std::size_t>(i)].data());
   if (const double off = (m * m.transpose() - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff();
       !(off <= rotation_tolerance)) {
-    std::array<char, 32> text;
-    std::snprintf(text.data(), text.size(), "%.2g", off);
-    pose.fail("rotation", "is not a rotation: its rows must be orthogonal and of length 1 (off by " +
-                              std::string(text.data()) + ")");
+    pose.fail("rotation",
+              fmt::format("is not a rotation: its rows must be orthogonal and of length 1 (off by {:.2g})", off));
   }
   if (m.determinant() < 0) {
     pose.fail("rotation", "is mirrored (determinant -1): a camera is right-handed, x right, y down, z forward");
@@ -111,9 +109,9 @@ std::string number(double value) {
 }
 
 std::string list(std::span<const double> values) {
-  std::string text = "[";
-  for (const double value : values) text += (text.size() > 1 ? ", " : "") + number(value);
-  return text + "]";
+  std::vector<std::string> texts;
+  for (const double value : values) texts.push_back(number(value));
+  return fmt::format("[{}]", fmt::join(texts, ", "));
 }
 
 std::string in_quotes(std::string_view text) {
@@ -123,9 +121,7 @@ std::string in_quotes(std::string_view text) {
       out += '\\';
       out += c;
     } else if (static_cast<unsigned char>(c) < 0x20 || c == 0x7F) {
-      std::array<char, 8> escape;
-      std::snprintf(escape.data(), escape.size(), "\\x%02x", static_cast<unsigned>(c));
-      out += escape.data();
+      out += fmt::format("\\x{:02x}", static_cast<unsigned char>(c));
     } else {
       out += c;
     }
@@ -228,9 +224,7 @@ void write_rig(const CameraRig& rig, const std::filesystem::path& file) {
 std::string rig_identity(const CameraRig& rig) {
   std::uint64_t hash = 0xcbf29ce484222325u;  // FNV-1a
   for (const char c : to_yaml(rig)) hash = (hash ^ static_cast<unsigned char>(c)) * 0x100000001b3u;
-  std::array<char, 17> text;
-  std::snprintf(text.data(), text.size(), "%016llx", static_cast<unsigned long long>(hash));
-  return text.data();
+  return fmt::format("{:016x}", hash);
 }
 
 }  // namespace huetrack::calib

@@ -1,5 +1,7 @@
 #include "commands.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cerrno>
 #include <csignal>
@@ -78,9 +80,7 @@ class LineWriter {
 };
 
 std::string joined(const std::set<std::string>& names) {
-  std::string text;
-  for (const std::string& name : names) text += (text.empty() ? "" : ", ") + name;
-  return text;
+  return fmt::format("{}", fmt::join(names, ", "));
 }
 
 const std::string& name_of(const msg::ObjectPosition& sample) {

@@ -1,5 +1,7 @@
 #include "clients/live_view/bus_reader.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <fastdds/dds/publisher/DataWriterListener.hpp>
 #include <fastdds/dds/subscriber/DataReaderListener.hpp>
@@ -285,16 +287,17 @@ void BusReader::send_requests() {
 void BusReader::tell_pulse() {
   std::string trouble = trouble_;
   if (services_.size() > 1 && !shown_.empty()) {
-    std::string others;
+    std::vector<std::string> others;
     for (const auto& [who, it] : services_)
       // One that has died before the shown one came is only not forgotten yet.
       if (!is_shown(who) && !it.status.empty() && it.heard > services_.at(shown_).began)
-        others += (others.empty() ? "" : ", ") + who + " (" + it.config_file + ")";
+        others.push_back(who + " (" + it.config_file + ")");
     if (!others.empty())
-      trouble += (trouble.empty() ? "" : "; ") +
-                 ("More than one service publishes here. Shown is the one that came last, " + shown_ + " (" +
-                  services_.at(shown_).config_file + "); not shown: " + others +
-                  ". End one, or give them different dds: {domain: ...}");
+      trouble += fmt::format(
+          "{}More than one service publishes here. Shown is the one that came last, {} ({}); not shown: {}. End one, "
+          "or "
+          "give them different dds: {{domain: ...}}",
+          trouble.empty() ? "" : "; ", shown_, services_.at(shown_).config_file, fmt::join(others, ", "));
   }
   dds::LivelinessChangedStatus liveliness;
   connection_->position.get_liveliness_changed_status(liveliness);

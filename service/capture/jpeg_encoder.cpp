@@ -1,3 +1,6 @@
+// libjpeg-turbo through libjpeg's own interface, because it takes a picture in strips of 16 rows. TurboJPEG (2.1.5)
+// wants the whole picture in memory first: it was tried, gave the same bytes up to quality 95 (above, it takes another
+// DCT), and cost 3 to 8 % more time per picture of 320 to 1920 pixels' width.
 #include "capture/jpeg_encoder.h"
 
 #include <algorithm>

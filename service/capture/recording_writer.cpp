@@ -1,5 +1,7 @@
 #include "capture/recording_writer.h"
 
+#include <fmt/format.h>
+
 extern "C" {
 #include <libavutil/imgutils.h>
 #include <libavutil/pixdesc.h>
@@ -9,7 +11,6 @@ extern "C" {
 #include <unistd.h>
 
 #include <algorithm>
-#include <array>
 #include <atomic>
 #include <cassert>
 #include <cctype>
@@ -68,12 +69,8 @@ std::string quoted(const std::string& text) {
 std::string row_text(const std::string& picture, const Frame& frame) {
   const auto ns = frame.captured_at.time_since_epoch().count();
   const auto size = ns < 0 ? -static_cast<std::uint64_t>(ns) : static_cast<std::uint64_t>(ns);
-  std::array<char, 96> text{};
-  std::snprintf(text.data(), text.size(), "%s,%s%llu.%09llu,%u,%llu\n", picture.c_str(), ns < 0 ? "-" : "",
-                static_cast<unsigned long long>(size / 1'000'000'000),
-                static_cast<unsigned long long>(size % 1'000'000'000), frame.sequence,
-                static_cast<unsigned long long>(frame.arrival));
-  return text.data();
+  return fmt::format("{},{}{}.{:09},{},{}\n", picture, ns < 0 ? "-" : "", size / 1'000'000'000, size % 1'000'000'000,
+                     frame.sequence, frame.arrival);
 }
 
 void write_text(const fs::path& file, const std::string& text) {
@@ -501,10 +498,8 @@ struct RecordingWriter::Impl {
     const std::scoped_lock lock(mutex);
     if (failure) return;
     const auto after = first_write ? std::chrono::duration<double>(Clock::now() - *first_write).count() : 0.0;
-    std::array<char, 48> seconds{};
-    std::snprintf(seconds.data(), seconds.size(), "%.1f s", after);
-    failure = error.file.string() + ": " + error.why + ": recording stopped after " + seconds.data() +
-              "; what was written until then replays";
+    failure = fmt::format("{}: {}: recording stopped after {:.1f} s; what was written until then replays",
+                          error.file.string(), error.why, after);
     has_failed = true;
   }
 

@@ -1,5 +1,7 @@
 #include "capture/replay_source.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cassert>
 #include <cmath>
@@ -14,9 +16,7 @@ namespace huetrack::capture {
 namespace {
 
 std::string list_of(std::span<const std::string> names) {
-  std::string text;
-  for (const auto& name : names) text += (text.empty() ? "" : ", ") + name;
-  return text;
+  return fmt::format("{}", fmt::join(names, ", "));
 }
 
 // The usual time between two frames of a CSV: the median, which a gap does not change.

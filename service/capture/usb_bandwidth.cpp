@@ -1,9 +1,9 @@
 #include "capture/usb_bandwidth.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
-#include <array>
 #include <charconv>
-#include <cstdio>
 #include <fstream>
 #include <iterator>
 
@@ -125,14 +125,10 @@ std::optional<UsbReservation> usb_reservation(const UsbPlace& place) {
 
 std::string to_string(const UsbReservation& reservation) {
   if (reservation.most_mbps == 0) return "bulk: nothing is reserved";
-  std::array<char, 160> text{};
-  std::snprintf(text.data(), text.size(), "%.0f Mbit/s reserved", reservation.mbps());
-  std::string sentence = text.data();
-  for (const auto& setting : reservation.in_force) {
-    std::snprintf(text.data(), text.size(), " (alternate setting %d: %d bytes, %.0f times a second)", setting.alternate,
-                  setting.bytes, setting.intervals_per_s);
-    sentence += text.data();
-  }
+  std::string sentence = fmt::format("{:.0f} Mbit/s reserved", reservation.mbps());
+  for (const auto& setting : reservation.in_force)
+    sentence += fmt::format(" (alternate setting {}: {} bytes, {:.0f} times a second)", setting.alternate,
+                            setting.bytes, setting.intervals_per_s);
   return sentence;
 }
 

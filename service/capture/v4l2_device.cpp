@@ -1,6 +1,7 @@
 #include "capture/v4l2_device.h"
 
 #include <fcntl.h>
+#include <fmt/format.h>
 #include <linux/videodev2.h>
 #include <poll.h>
 #include <sys/eventfd.h>
@@ -81,9 +82,7 @@ std::string text_of(const __u8 (&field)[N]) {
 }
 
 std::string number_text(double value) {
-  std::array<char, 32> text{};
-  std::snprintf(text.data(), text.size(), "%g", std::round(value * 1000) / 1000);
-  return text.data();
+  return fmt::format("{:g}", std::round(value * 1000) / 1000);
 }
 
 // ---- Which camera
@@ -266,10 +265,10 @@ std::string size_text(int width, int height) {
 }
 
 std::string offer_text(const std::vector<OfferedFormat>& formats) {
-  std::string text;
+  std::vector<std::string> offers;
   for (const auto& format : formats) {
     if (!format.format) continue;
-    text += (text.empty() ? "" : "; ") + std::string(name(*format.format));
+    std::string& text = offers.emplace_back(name(*format.format));
     for (std::size_t i = 0; i < format.sizes.size() && i < 12; ++i) {
       const auto& size = format.sizes[i];
       text += (i == 0 ? " " : ", ");
@@ -279,8 +278,8 @@ std::string offer_text(const std::vector<OfferedFormat>& formats) {
     }
     if (format.sizes.size() > 12) text += ", ...";
   }
-  if (!text.empty()) return "it offers " + text;
-  text = "it offers nothing that we can use, only";
+  if (!offers.empty()) return fmt::format("it offers {}", fmt::join(offers, "; "));
+  std::string text = "it offers nothing that we can use, only";
   for (const auto& format : formats) text += " " + fourcc_text(format.fourcc);
   return text;
 }
@@ -632,9 +631,9 @@ std::string range_text(const Control& control) {
   if (control.menu.empty())
     return std::to_string(control.min) + " to " + std::to_string(control.max) +
            (control.step > 1 ? " in steps of " + std::to_string(control.step) : "");
-  std::string text;
-  for (const auto& item : control.menu) text += (text.empty() ? "" : ", ") + value_text(control, item.value);
-  return text;
+  std::vector<std::string> values;
+  for (const auto& item : control.menu) values.push_back(value_text(control, item.value));
+  return fmt::format("{}", fmt::join(values, ", "));
 }
 
 // The number meant, or what is wrong with it.
@@ -803,6 +802,176 @@ std::vector<fs::path> v4l2_nodes_at(const std::string& usb_port) {
   std::ranges::sort(nodes);
   return nodes;
 }
+
+namespace {
+
+// ---- Controls that are set together
+
+// One setting on its way to the camera.
+struct ControlStep {
+  std::optional<std::uint32_t> id;  // nullopt: there is nothing to set, result.problem says why
+  std::int64_t value = 0;
+  bool is_64_bit = false;
+  int error = 0;  // that setting it gave
+  ControlResult result;
+};
+
+// What V4l2Device::set_controls() does, step by step; the functions are called in the order in which they stand here.
+class ControlChange {
+ public:
+  ControlChange(const FileDescriptor& fd, std::span<const ControlSetting> settings)
+      : fd_(fd), controls_(controls_of(fd, patience_)) {
+    for (const auto& setting : settings) steps_.push_back(step_for(setting));
+    for (const auto& step : steps_)
+      if (const Ruled* rule = step.id ? rule_of(*step.id) : nullptr)
+        if (Control* automatic = find_control(controls_, rule->automatic);
+            automatic && std::ranges::find(automatics_, automatic) == automatics_.end())
+          automatics_.push_back(automatic);
+    for (Control* automatic : automatics_) read_state(fd_, *automatic, patience_);
+  }
+
+  // What has to be manual for the values asked becomes a step of its own, where nobody said otherwise.
+  void switch_off_what_rules_them() {
+    const auto asked = steps_.size();
+    for (std::size_t i = 0; i < asked; ++i) {
+      const Ruled* rule = steps_[i].id ? rule_of(*steps_[i].id) : nullptr;
+      const Control* automatic = rule ? find_control(controls_, rule->automatic) : nullptr;
+      if (!automatic || automatic->value == rule->manual || automatic->is_read_only) continue;
+      if (std::ranges::any_of(steps_, [&](const ControlStep& step) { return step.id == rule->automatic; })) continue;
+      ControlStep step;
+      step.id = automatic->id;
+      step.value = rule->manual;
+      step.result.name = automatic->name;
+      step.result.asked = value_text(*automatic, rule->manual);
+      step.result.is_implied = true;
+      steps_.push_back(std::move(step));
+    }
+  }
+
+  // In which they are set: as asked, the automatic ones before all others if so wanted.
+  void put_in_order(bool automatics_first) {
+    for (auto& step : steps_)
+      if (step.id) order_.push_back(&step);
+    if (automatics_first)
+      std::ranges::stable_partition(order_, [](const ControlStep* step) { return is_automatic(*step->id); });
+  }
+
+  // Values that will change and are not in `previous` yet go in front of it: a value is set back before the automatic
+  // control that rules it.
+  void remember_values(std::vector<ControlSetting>& previous) const {
+    for (const ControlStep* step : order_) {
+      const Control& control = control_of(*step);
+      const bool is_new =
+          std::ranges::find(previous, control.name, &ControlSetting::name) == previous.end() && control.value;
+      if (is_new && *control.value != step->value)
+        previous.insert(previous.begin(), {.name = control.name, .value = *control.value});
+    }
+  }
+
+  // Those refused are tried once more: what ruled them may only then be off.
+  void set() {
+    for (ControlStep* step : order_) set(*step);
+    for (ControlStep* step : order_)
+      if (step->error != 0 && !patience_.has_ended()) set(*step);
+  }
+
+  // After all were set, because one control may move another.
+  void read_back() {
+    for (const ControlStep* step : order_) read_state(fd_, control_of(*step), patience_);
+    for (Control* automatic : automatics_) read_state(fd_, *automatic, patience_);
+  }
+
+  std::vector<ControlResult> take_results() {
+    std::vector<ControlResult> results;
+    for (auto& step : steps_) {
+      if (step.id && patience_.has_ended())
+        say_unanswered(step.result);
+      else if (step.id)
+        judge(step);
+      results.push_back(std::move(step.result));
+    }
+    return results;
+  }
+
+ private:
+  // The control that is meant, as it is now, and the number.
+  ControlStep step_for(const ControlSetting& setting) {
+    ControlStep step;
+    ControlResult& result = step.result;
+    const auto* number = std::get_if<std::int64_t>(&setting.value);
+    result.name = setting.name;
+    result.asked = number ? std::to_string(*number) : std::get<std::string>(setting.value);
+    const Control* named = patience_.has_ended() ? nullptr : find_control(std::as_const(controls_), setting.name);
+    Control* control = named ? find_control(controls_, named->id) : nullptr;
+    if (control) read_state(fd_, *control, patience_);
+    if (patience_.has_ended()) {
+      say_unanswered(result);
+    } else if (!control) {
+      std::vector<std::string> names;
+      for (const auto& c : controls_) names.push_back(c.name);
+      const auto nearest = yaml::nearest_word(variable_name(setting.name), names);
+      result.problem = "this camera has no such control" + (nearest ? " (did you mean " + *nearest + "?)" : "");
+    } else if (control->is_read_only) {
+      result.got = control->value;
+      result.problem = "cannot be set: it is read-only";
+    } else if (const auto meant = number_for(*control, setting.value); std::holds_alternative<std::string>(meant)) {
+      result.got = control->value;
+      result.problem = std::get<std::string>(meant);
+    } else {
+      step.id = control->id;
+      step.value = std::get<std::int64_t>(meant);
+      step.is_64_bit = control->is_64_bit;
+    }
+    return step;
+  }
+
+  void set(ControlStep& step) {
+    step.error = patience_.has_ended()
+                     ? patience_.error()
+                     : patience_.watch([&] { return set_value(fd_, *step.id, step.is_64_bit, step.value); });
+  }
+
+  void say_unanswered(ControlResult& result) const {
+    result.problem = "the camera does not answer: " + std::generic_category().message(patience_.error());
+    result.is_unanswered = true;
+  }
+
+  // What came of it, by what was read back.
+  void judge(ControlStep& step) {
+    const Control& control = control_of(step);
+    ControlResult& result = step.result;
+    result.got = control.value;
+    const Ruled* rule = rule_of(control.id);
+    const Control* automatic = rule ? find_control(controls_, rule->automatic) : nullptr;
+    const std::string ruled_by = automatic && automatic->value && *automatic->value != rule->manual
+                                     ? ": " + automatic->name + " is " + value_text(*automatic, *automatic->value) +
+                                           ", set it to " + value_text(*automatic, rule->manual)
+                                     : std::string();
+    if (step.error != 0)
+      result.problem = "the camera refuses it: " + std::generic_category().message(step.error) + ruled_by;
+    else if (!control.value)
+      return;  // write-only, such as a button: nothing to hold it to
+    else if (*control.value != step.value)
+      result.problem = "the camera made it " + value_text(control, *control.value) + " (it takes " +
+                       range_text(control) + ")" + ruled_by;
+    else if (!ruled_by.empty() && control.is_inactive)
+      result.problem = "has no effect now" + ruled_by;
+  }
+
+  const Control& control_of(const ControlStep& step) const {
+    return *std::ranges::find(controls_, *step.id, &Control::id);
+  }
+  Control& control_of(const ControlStep& step) { return *find_control(controls_, *step.id); }
+
+  const FileDescriptor& fd_;
+  Patience patience_;  // before controls_, which are asked under it
+  std::vector<Control> controls_;
+  std::vector<ControlStep> steps_;    // those asked, then the implied ones
+  std::vector<Control*> automatics_;  // that rule those asked; in controls_
+  std::vector<ControlStep*> order_;   // in steps_, which does not grow any more
+};
+
+}  // namespace
 
 // ---- The device
 
@@ -977,132 +1146,13 @@ struct V4l2Device::Impl {
   // Settings in the order given; results in the same order.
   std::vector<ControlResult> apply(std::span<const ControlSetting> settings, bool helps) {
     if (settings.empty()) return {};
-    Patience patience;
-    auto controls = controls_of(*fd, patience);
-    struct Step {
-      std::optional<std::uint32_t> id;
-      std::int64_t value = 0;
-      bool is_64_bit = false;
-      int error = 0;
-      ControlResult result;
-    };
-    std::vector<Step> steps;
-    for (const auto& setting : settings) {
-      Step step;
-      const auto* number = std::get_if<std::int64_t>(&setting.value);
-      step.result.name = setting.name;
-      step.result.asked = number ? std::to_string(*number) : std::get<std::string>(setting.value);
-      const Control* named = patience.has_ended() ? nullptr : find_control(std::as_const(controls), setting.name);
-      Control* control = named ? find_control(controls, named->id) : nullptr;
-      if (control) read_state(*fd, *control, patience);
-      if (patience.has_ended()) {
-        step.result.problem = unanswered_text(patience.error());
-        step.result.is_unanswered = true;
-      } else if (!control) {
-        std::vector<std::string> names;
-        for (const auto& c : controls) names.push_back(c.name);
-        const auto nearest = yaml::nearest_word(variable_name(setting.name), names);
-        step.result.problem = "this camera has no such control" + (nearest ? " (did you mean " + *nearest + "?)" : "");
-      } else if (control->is_read_only) {
-        step.result.got = control->value;
-        step.result.problem = "cannot be set: it is read-only";
-      } else if (const auto meant = number_for(*control, setting.value); std::holds_alternative<std::string>(meant)) {
-        step.result.got = control->value;
-        step.result.problem = std::get<std::string>(meant);
-      } else {
-        step.id = control->id;
-        step.value = std::get<std::int64_t>(meant);
-        step.is_64_bit = control->is_64_bit;
-      }
-      steps.push_back(std::move(step));
-    }
-    // The automatic controls that rule those asked: whether they are on.
-    std::vector<Control*> automatics;
-    for (const auto& step : steps)
-      if (const Ruled* rule = step.id ? rule_of(*step.id) : nullptr)
-        if (Control* automatic = find_control(controls, rule->automatic);
-            automatic && std::ranges::find(automatics, automatic) == automatics.end())
-          automatics.push_back(automatic);
-    for (Control* automatic : automatics) read_state(*fd, *automatic, patience);
-
-    if (helps) {
-      // What has to be manual for the values asked, where nobody said otherwise.
-      const auto asked = steps.size();
-      for (std::size_t i = 0; i < asked; ++i) {
-        const Ruled* rule = steps[i].id ? rule_of(*steps[i].id) : nullptr;
-        const Control* automatic = rule ? find_control(controls, rule->automatic) : nullptr;
-        if (!automatic || automatic->value == rule->manual || automatic->is_read_only) continue;
-        if (std::ranges::any_of(steps, [&](const Step& step) { return step.id == rule->automatic; })) continue;
-        Step step;
-        step.id = automatic->id;
-        step.value = rule->manual;
-        step.result.name = automatic->name;
-        step.result.asked = value_text(*automatic, rule->manual);
-        step.result.is_implied = true;
-        steps.push_back(std::move(step));
-      }
-    }
-    std::vector<Step*> order;
-    for (auto& step : steps)
-      if (step.id) order.push_back(&step);
-    if (helps) std::ranges::stable_partition(order, [](const Step* step) { return is_automatic(*step->id); });
-
-    for (const Step* step : order) {
-      const Control& control = *find_control(controls, *step->id);
-      const bool is_new =
-          std::ranges::find(previous, control.name, &ControlSetting::name) == previous.end() && control.value;
-      // in front: values before the automatic controls that rule them
-      if (helps && is_new && *control.value != step->value)
-        previous.insert(previous.begin(), {.name = control.name, .value = *control.value});
-    }
-    const auto set = [&](Step& step) {
-      step.error = patience.has_ended()
-                       ? patience.error()
-                       : patience.watch([&] { return set_value(*fd, *step.id, step.is_64_bit, step.value); });
-    };
-    for (Step* step : order) set(*step);
-    // Once more for those refused: what ruled them may only now be off.
-    for (Step* step : order)
-      if (step->error != 0 && !patience.has_ended()) set(*step);
-
-    // Read back only now: one control may move another.
-    for (const Step* step : order) read_state(*fd, *find_control(controls, *step->id), patience);
-    for (Control* automatic : automatics) read_state(*fd, *automatic, patience);
-    std::vector<ControlResult> results;
-    for (auto& step : steps) {
-      if (step.id && patience.has_ended()) {
-        step.result.problem = unanswered_text(patience.error());
-        step.result.is_unanswered = true;
-      } else if (step.id) {
-        judge(*find_control(controls, *step.id), controls, step.value, step.error, step.result);
-      }
-      results.push_back(std::move(step.result));
-    }
-    return results;
-  }
-
-  static std::string unanswered_text(int error) {
-    return "the camera does not answer: " + std::generic_category().message(error);
-  }
-
-  static void judge(const Control& control, std::vector<Control>& controls, std::int64_t value, int error,
-                    ControlResult& result) {
-    result.got = control.value;
-    const Ruled* rule = rule_of(control.id);
-    const Control* automatic = rule ? find_control(controls, rule->automatic) : nullptr;
-    const std::string ruled_by = automatic && automatic->value && *automatic->value != rule->manual
-                                     ? ": " + automatic->name + " is " + value_text(*automatic, *automatic->value) +
-                                           ", set it to " + value_text(*automatic, rule->manual)
-                                     : std::string();
-    if (error != 0)
-      result.problem = "the camera refuses it: " + std::generic_category().message(error) + ruled_by;
-    else if (!control.value)
-      return;  // write-only, such as a button: nothing to hold it to
-    else if (*control.value != value)
-      result.problem = "the camera made it " + value_text(control, *control.value) + " (it takes " +
-                       range_text(control) + ")" + ruled_by;
-    else if (!ruled_by.empty() && control.is_inactive)
-      result.problem = "has no effect now" + ruled_by;
+    ControlChange change(*fd, settings);
+    if (helps) change.switch_off_what_rules_them();
+    change.put_in_order(helps);
+    if (helps) change.remember_values(previous);
+    change.set();
+    change.read_back();
+    return change.take_results();
   }
 
   FileDescriptor wake;

@@ -1,11 +1,11 @@
 #include "capture/v4l2_source.h"
 
+#include <fmt/format.h>
 #include <poll.h>
 #include <sys/eventfd.h>
 #include <unistd.h>
 
 #include <algorithm>
-#include <array>
 #include <cerrno>
 #include <cmath>
 #include <cstring>
@@ -37,15 +37,11 @@ constexpr auto patience_at_end = 500ms;  // with a camera that does not answer: 
 constexpr double most_fps = 10000;
 
 std::string fps_text(double fps) {
-  std::array<char, 32> text{};
-  std::snprintf(text.data(), text.size(), "%.4g", fps);
-  return text.data();
+  return fmt::format("{:.4g}", fps);
 }
 
 std::string seconds_text(Clock::duration d) {
-  std::array<char, 32> text{};
-  std::snprintf(text.data(), text.size(), "%.1f s", std::chrono::duration<double>(d).count());
-  return text.data();
+  return fmt::format("{:.1f} s", std::chrono::duration<double>(d).count());
 }
 
 std::size_t image_bytes(const StreamFormat& stream) {
@@ -502,12 +498,10 @@ struct V4l2Source::Impl {
         note(true, "a frame is damaged and not used (" + problem + "); further ones are only counted");
     }
     std::string warning;
-    if (damage.is_high()) {
-      std::array<char, 32> percent{};
-      std::snprintf(percent.data(), percent.size(), "%.0f", 100 * damage.share());
-      warning = std::string(percent.data()) +
-                " % of its frames are damaged and not used: try another cable or port, or " + "a lower rate";
-    }
+    if (damage.is_high())
+      warning =
+          fmt::format("{:.0f} % of its frames are damaged and not used: try another cable or port, or a lower rate",
+                      100 * damage.share());
     const std::scoped_lock lock(mutex);
     health.warning = std::move(warning);
   }

@@ -50,7 +50,6 @@ constexpr std::int64_t most_pixels = 1 << 26;      // of one image; a damaged he
 constexpr std::int64_t longest_gap_frames = 1000;  // a damaged time stamp must not make us invent frames
 constexpr int most_warnings = 5;                   // of one kind, one by one; the others are summed up
 
-
 struct FreeScaler {
   void operator()(SwsContext* p) const { sws_freeContext(p); }
 };
@@ -103,7 +102,7 @@ void on_log(void* source, int level, const char* format, va_list arguments) {
   if (!log && source && *static_cast<const AVClass* const*>(source) == avcodec_get_class())
     log = static_cast<ErrorLog*>(static_cast<const AVCodecContext*>(source)->opaque);  // a slice thread of ours
   if (!log) return;
-  std::array<char, 160> line{};
+  std::array<char, 160> line{};  // an excerpt is enough; FFmpeg's callback leaves no choice but printf
   std::vsnprintf(line.data(), line.size(), format, arguments);
   std::string text(line.data());
   std::ranges::replace_if(
@@ -724,7 +723,7 @@ struct VideoReader::Impl {
   ErrorLog log;
   std::vector<ImageFile> images;  // empty: a video
   std::size_t next_image = 0;
-  InputPtr format;     // null for images
+  InputPtr format;             // null for images
   AVStream* stream = nullptr;  // of format
   CodecPtr codec;
   JpegDecoder jpeg;

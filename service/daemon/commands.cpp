@@ -194,8 +194,8 @@ void add_compare_command(CLI::App& app, Command& chosen) {
 
 void add_teach_command(CLI::App& app, Command& chosen) {
   const auto teaching = std::make_shared<TeachCommand>();
-  CLI::App* command =
-      app.add_subcommand("teach", "learn a target's colour from where you point, and write it into the configuration");
+  CLI::App* command = app.add_subcommand(
+      "teach", "learn a target's colour from where you point, and write it into a file beside the configuration");
   command->add_option("config", teaching->config, config_help)->required();
   command->add_option("recording", teaching->recording, "recording.yaml, the folder that holds it, or the word live")
       ->required();

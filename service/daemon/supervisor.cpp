@@ -171,7 +171,7 @@ std::string word_of(const publish::CameraStatus& camera) {
 }  // namespace
 
 std::string status_line(const publish::ServiceStatus& status, std::span<const object_tracking::TrackState> states,
-                        const std::string& tracked_camera, camera_tracking::CameraState camera_state) {
+                        const std::string& tracked_camera, camera_tracking::PoseState camera_state) {
   std::size_t delivering = 0;
   std::vector<std::string> cameras, tracked;
   for (const auto& camera : status.cameras) {

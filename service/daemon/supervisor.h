@@ -93,6 +93,6 @@ bool is_progressing(std::span<const capture::CameraHealth> cameras, const pipeli
 // states: per target. tracked_camera: its name, empty for none; then "cam0's pose lost" comes last.
 std::string status_line(const publish::ServiceStatus& status, std::span<const object_tracking::TrackState> states,
                         const std::string& tracked_camera = {},
-                        camera_tracking::CameraState camera_state = camera_tracking::CameraState::searching);
+                        camera_tracking::PoseState camera_state = camera_tracking::PoseState::searching);
 
 }  // namespace huetrack::daemon

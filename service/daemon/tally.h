@@ -24,8 +24,8 @@ struct TargetSummary {
 
 struct CameraSummary {
   std::string name;
-  std::map<camera_tracking::CameraState, std::uint64_t> frames;  // per state
-  std::optional<std::uint64_t> first_pose_frame;                 // from 0
+  std::map<camera_tracking::PoseState, std::uint64_t> frames;  // per state
+  std::optional<std::uint64_t> first_pose_frame;               // from 0
 };
 
 // The getters: when the road is empty.

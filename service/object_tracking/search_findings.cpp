@@ -1,8 +1,9 @@
 #include "object_tracking/search_findings.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <numbers>
 
 #include "object_tracking/sighting.h"
@@ -63,25 +64,21 @@ SearchFindings SearchLog::findings() const {
 
 std::string SearchFindings::advice(const TargetOptions& target, const std::vector<std::string>& cameras) const {
   if (sets == 0) return {};
-  std::string seeing, blind;
-  for (std::size_t c = 0; c < sets_with_color.size() && c < cameras.size(); ++c) {
-    std::string& list = 10 * sets_with_color[c] >= sets ? seeing : blind;
-    list += (list.empty() ? "" : ", ") + cameras[c];
-  }
+  std::vector<std::string> seeing, blind;
+  for (std::size_t c = 0; c < sets_with_color.size() && c < cameras.size(); ++c)
+    (10 * sets_with_color[c] >= sets ? seeing : blind).push_back(cameras[c]);
   if (radius_m && (*radius_m > 1.3 * target.radius_m || *radius_m < target.radius_m / 1.3)) {
-    char text[160];
-    std::snprintf(
-        text, sizeof text,
-        "what has its colour has the size of a ball of radius %.3g m, not %.3g: correct radius_m, or narrow its colour",
+    return fmt::format(
+        "what has its colour has the size of a ball of radius {:.3g} m, not {:.3g}: correct radius_m, or narrow its "
+        "colour",
         *radius_m, target.radius_m);
-    return text;
   }
   if (seeing.empty()) return "no camera shows a region of its colour: widen its colour, or check the volume";
   if (!blind.empty())
-    return "its colour is seen by " + seeing + " but hardly ever by " + blind + ": set camera_colors for these";
+    return fmt::format("its colour is seen by {} but hardly ever by {}: set camera_colors for these",
+                       fmt::join(seeing, ", "), fmt::join(blind, ", "));
   return "all cameras show regions of its colour, but their rays do not meet in the volume where a ball of its radius "
-         "would look so: check the "
-         "calibration and the radius, or narrow its colour";
+         "would look so: check the calibration and the radius, or narrow its colour";
 }
 
 }  // namespace huetrack::object_tracking

@@ -124,7 +124,7 @@ struct ViewPublisher::Impl {
   }
 
   std::optional<msg::Scene> scene;    // the last one, for a new connection
-  std::optional<msg::CameraMap> map;  // likewise
+  std::optional<msg::CameraMap> map;  // the last one, for a new connection
 };
 
 ViewPublisher::ViewPublisher(EstimatePublisherOptions options) : impl_(std::make_unique<Impl>(std::move(options))) {}
@@ -203,7 +203,7 @@ void ViewPublisher::look_after_network() {
     if (impl_->scene) impl_->write_scene();
     if (impl_->map) impl_->connection->map->write(&*impl_->map);
   } catch (const std::invalid_argument&) {  // a configured interface is gone: EstimatePublisher warns of the same
-  } catch (const std::runtime_error&) {     // Fast DDS refuses: likewise
+  } catch (const std::runtime_error&) {     // Fast DDS refuses
   }
 }
 

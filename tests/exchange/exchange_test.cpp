@@ -479,5 +479,21 @@ TEST_F(Exchange, CaliscopeAndAnipose) {
   }
 }
 
+TEST_F(Exchange, FormatsAreKnownByTheirLines) {
+  const auto format_of = [&](const std::string& name, const std::string& text) {
+    return detect_format(file(name, text));
+  };
+  EXPECT_EQ(format_of("a.toml", "\n  [cameras.0]\n"), ExchangeFormat::caliscope);
+  EXPECT_EQ(format_of("b.toml", "[cam_0]\nport\t= 0\n"), ExchangeFormat::caliscope);
+  EXPECT_EQ(format_of("c.toml", "[cam_0]\nname = \"report = port\"\n"), ExchangeFormat::aniposelib);
+  EXPECT_EQ(format_of("d.yaml", "cam0 :\r\n  camera_model: pinhole\r\n"), ExchangeFormat::kalibr);
+  EXPECT_THROW(format_of("e.yaml", "cam0:\n  x: 1 camera_model: pinhole\n"), yaml::ConfigError);
+  EXPECT_THROW(format_of("f.yaml", " cam0:\n  camera_model: pinhole\n"), yaml::ConfigError);
+  // Long runs, which a recursive matcher does not survive.
+  const std::string blanks(2'000'000, ' ');
+  EXPECT_EQ(format_of("g.yaml", blanks + "\ndistortion_model" + blanks + ": x\ncamera_matrix:\n"), ExchangeFormat::ros);
+  EXPECT_THROW(format_of("h.toml", "x = \"" + blanks + "[cam\"\n"), yaml::ConfigError);
+}
+
 }  // namespace
 }  // namespace huetrack::exchange

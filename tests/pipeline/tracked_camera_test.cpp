@@ -21,7 +21,7 @@ using namespace std::chrono_literals;
 using testing::HasSubstr;
 namespace fs = std::filesystem;
 
-camera_tracking::CameraEstimate estimate(camera_tracking::CameraState state, capture::Duration at) {
+camera_tracking::CameraEstimate estimate(camera_tracking::PoseState state, capture::Duration at) {
   camera_tracking::CameraEstimate e;
   e.at = capture::Timestamp(at);
   e.state = state;
@@ -37,17 +37,17 @@ std::string contents(const fs::path& file) {
 
 TEST(NoPoseWarning, ComesAfterThreeSecondsOfCaptureTimeWithTheLastReasonAndGoesWithAPose) {
   TrackedCameraFigures figures;
-  figures.add(estimate(camera_tracking::CameraState::searching, 10s), "too dark");
-  figures.add(estimate(camera_tracking::CameraState::searching, 12900ms), "");
+  figures.add(estimate(camera_tracking::PoseState::searching, 10s), "too dark");
+  figures.add(estimate(camera_tracking::PoseState::searching, 12900ms), "");
   EXPECT_EQ(no_pose_warning("cam0", figures), "");
-  figures.add(estimate(camera_tracking::CameraState::searching, 14s), "");
+  figures.add(estimate(camera_tracking::PoseState::searching, 14s), "");
   EXPECT_EQ(no_pose_warning("cam0", figures), "camera cam0: no pose for 4 s (searching): too dark");
   EXPECT_FALSE(figures.had_pose);
-  figures.add(estimate(camera_tracking::CameraState::coasting, 15s), "");
+  figures.add(estimate(camera_tracking::PoseState::coasting, 15s), "");
   EXPECT_EQ(no_pose_warning("cam0", figures), "");
   EXPECT_TRUE(figures.had_pose);
-  figures.add(estimate(camera_tracking::CameraState::lost, 16s), "");
-  figures.add(estimate(camera_tracking::CameraState::lost, 21s), "");
+  figures.add(estimate(camera_tracking::PoseState::lost, 16s), "");
+  figures.add(estimate(camera_tracking::PoseState::lost, 21s), "");
   EXPECT_EQ(no_pose_warning("cam0", figures), "camera cam0: no pose for 5 s (lost)");  // the old reason is none of it
 }
 
@@ -59,14 +59,14 @@ TEST(NoPoseLog, SaysEachThingOnceUntilThereIsAPoseAgain) {
   spdlog::set_pattern("%v");
   NoPoseLog no_pose_log;
   TrackedCameraFigures figures;
-  const auto frame = [&](camera_tracking::CameraState state, int s, const std::string& why) {
+  const auto frame = [&](camera_tracking::PoseState state, int s, const std::string& why) {
     figures.add(estimate(state, std::chrono::seconds(s)), why);
     no_pose_log.tell("cam0", figures);
   };
   for (int s = 0; s < 20; ++s)
-    frame(camera_tracking::CameraState::searching, s, s % 2 == 0 ? "too dark" : "wrong by 3." + std::to_string(s));
-  frame(camera_tracking::CameraState::tracking, 20, "");
-  for (int s = 21; s < 30; ++s) frame(camera_tracking::CameraState::lost, s, "too dark");
+    frame(camera_tracking::PoseState::searching, s, s % 2 == 0 ? "too dark" : "wrong by 3." + std::to_string(s));
+  frame(camera_tracking::PoseState::tracking, 20, "");
+  for (int s = 21; s < 30; ++s) frame(camera_tracking::PoseState::lost, s, "too dark");
   spdlog::set_default_logger(before);
   EXPECT_EQ(
       log.str(),
@@ -83,10 +83,10 @@ TEST(PoseFile, HoldsTrackingPosesOnly) {
   const fs::path file = fs::path(testing::TempDir()) / ("poses_" + std::to_string(getpid()) + ".tum");
   {
     tracks::PoseFileWriter writer(file);
-    writer.write(estimate(camera_tracking::CameraState::searching, 1s));
-    writer.write(estimate(camera_tracking::CameraState::tracking, 2s));
-    writer.write(estimate(camera_tracking::CameraState::coasting, 3s));
-    writer.write(estimate(camera_tracking::CameraState::lost, 4s));
+    writer.write(estimate(camera_tracking::PoseState::searching, 1s));
+    writer.write(estimate(camera_tracking::PoseState::tracking, 2s));
+    writer.write(estimate(camera_tracking::PoseState::coasting, 3s));
+    writer.write(estimate(camera_tracking::PoseState::lost, 4s));
     writer.flush();
   }
   EXPECT_EQ(contents(file), "2.000000000 1 2 3 0 0 0 1\n");
@@ -98,9 +98,9 @@ class FakeTracker final : public camera_tracking::CameraTracker {
  public:
   FakeTracker(std::uint64_t first, std::uint64_t last) : first_(first), last_(last) {}
   camera_tracking::CameraEstimate update(const capture::Frame& frame) override {
-    camera_tracking::CameraEstimate e = estimate(frames_ < first_   ? camera_tracking::CameraState::searching
-                                                 : frames_ <= last_ ? camera_tracking::CameraState::tracking
-                                                                    : camera_tracking::CameraState::lost,
+    camera_tracking::CameraEstimate e = estimate(frames_ < first_   ? camera_tracking::PoseState::searching
+                                                 : frames_ <= last_ ? camera_tracking::PoseState::tracking
+                                                                    : camera_tracking::PoseState::lost,
                                                  frame.captured_at.time_since_epoch());
     e.frame_number = frames_++;
     return e;
@@ -164,7 +164,7 @@ TEST_F(TrackedCamera, TheReasonIsHandedOverWithItsFrame) {
               testing::ElementsAre("frame 0 is grey", "frame 1 is grey", "", "", "", "frame 5 is grey",
                                    "frame 6 is grey", "frame 7 is grey", "frame 8 is grey", "frame 9 is grey"));
   const TrackedCameraFigures figures = pipeline_->figures().tracked_camera;
-  EXPECT_EQ(figures.state, camera_tracking::CameraState::lost);
+  EXPECT_EQ(figures.state, camera_tracking::PoseState::lost);
   EXPECT_EQ(figures.without_since, capture::Timestamp(5s));
   EXPECT_EQ(no_pose_warning("cam0", figures), "camera cam0: no pose for 4 s (lost): frame 9 is grey");
 }
