@@ -1,9 +1,10 @@
 #include "calib/board/board.h"
 
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdio>
 #include <numeric>
 
 namespace huetrack::board {
@@ -21,9 +22,7 @@ std::array<int, 2> marker_square(const Board& board, int index) {
 }
 
 std::string millimetres(double metres) {
-  std::array<char, 32> text;
-  std::snprintf(text.data(), text.size(), "%.4g mm", 1000 * metres);
-  return text.data();
+  return fmt::format("{:.4g} mm", 1000 * metres);
 }
 
 }  // namespace

@@ -14,6 +14,7 @@
 
 #include "calib/board/chessboard_lattice.h"
 #include "calib/board/corner_refinement.h"
+#include "calib/model/median.h"
 
 namespace huetrack::board {
 namespace {
@@ -76,16 +77,21 @@ struct PlacementChoice {
   std::string why_not;
 };
 
-// Where on the board a lattice lies.
-PlacementChoice place(const ChessboardLattice& lattice, const Board& board, cv::Size image) {
+// Cells of a lattice, from the first column and row to the last.
+struct Extent {
   int i0 = std::numeric_limits<int>::max(), i1 = std::numeric_limits<int>::min(), j0 = i0, j1 = i1;
-  // Rows and columns of the lattice that are mostly there: a stray saddle beside the board makes no row.
+  int width() const { return i1 - i0 + 1; }
+  int height() const { return j1 - j0 + 1; }
+};
+
+// Of the rows and columns of the lattice that are mostly there: a stray saddle beside the board makes no row.
+Extent extent_of(const ChessboardLattice& lattice) {
   std::map<int, int> in_column, in_row;
   for (const auto& [cell, node] : lattice.nodes) {
     ++in_column[cell.first];
     ++in_row[cell.second];
   }
-  const auto extent = [](const std::map<int, int>& counts, int& low, int& high) {
+  const auto find = [](const std::map<int, int>& counts, int& low, int& high) {
     int most = 0;
     for (const auto& [line, count] : counts) most = std::max(most, count);
     for (const auto& [line, count] : counts) {
@@ -94,69 +100,106 @@ PlacementChoice place(const ChessboardLattice& lattice, const Board& board, cv::
       high = std::max(high, line);
     }
   };
-  extent(in_column, i0, i1);
-  extent(in_row, j0, j1);
-  const int width = i1 - i0 + 1, height = j1 - j0 + 1;
+  Extent extent;
+  find(in_column, extent.i0, extent.i1);
+  find(in_row, extent.j0, extent.j1);
+  return extent;
+}
+
+// One way in which a lattice may lie on the board.
+struct PlacementTrial {
+  Placement placement;
+  int inside = 0;  // corners of the lattice on the board
+  int unseen = 0;  // corners of the board that should be in the image and are not
+  double upright = 0;
+  std::vector<int> ids;  // of the lattice's nodes, in their order; -1 beside the board
+
+  int score() const { return inside - unseen; }
+};
+
+// pixels: from cells to the image.
+PlacementTrial trial_of(const Placement& placement, const ChessboardLattice& lattice, const Board& board,
+                        const cv::Matx33d& pixels, cv::Size image) {
   const int columns = board.corner_columns(), rows = board.corner_rows();
-  const std::string size = std::to_string(std::max(width, height)) + "x" + std::to_string(std::min(width, height));
-  if (width < 3 || height < 3) return {{}, "no chessboard in it"};
-  if (std::max(width, height) > std::max(columns, rows) || std::min(width, height) > std::min(columns, rows)) {
-    return {{}, "it shows " + size + " inner corners, more than the board has"};
+  PlacementTrial trial;
+  trial.placement = placement;
+  std::map<Cell, int> id_of;
+  for (int row = 0; row < rows; ++row) {
+    for (int column = 0; column < columns; ++column) {
+      const Cell cell = placement.cell(column, row);
+      id_of[cell] = row * columns + column;
+      if (lattice.nodes.contains(cell)) {
+        ++trial.inside;
+        continue;
+      }
+      const Vector2d px = apply(pixels, cell.first, cell.second);
+      constexpr double border = 4;
+      if (px.x() > border && px.y() > border && px.x() < image.width - border && px.y() < image.height - border)
+        ++trial.unseen;
+    }
   }
+  for (const auto& [cell, node] : lattice.nodes) trial.ids.push_back(id_of.contains(cell) ? id_of[cell] : -1);
+  const Cell origin = placement.cell(0, 0), next = placement.cell(1, 0);
+  const Vector2d x_way = apply(pixels, next.first, next.second) - apply(pixels, origin.first, origin.second);
+  trial.upright = x_way.x() / x_way.norm();
+  return trial;
+}
+
+// In all four turns, and at all places on the board, where the squares' colours are right.
+std::vector<PlacementTrial> trials_of(const ChessboardLattice& lattice, const Extent& extent, const Board& board,
+                                      cv::Size image) {
+  const int columns = board.corner_columns(), rows = board.corner_rows();
   const cv::Matx33d pixels = homography_of(lattice);
-  struct Candidate {
-    Placement placement;
-    int inside = 0;  // corners of the lattice on the board
-    int unseen = 0;  // corners of the board that should be in the image and are not
-    double upright = 0;
-    std::vector<int> ids;  // of the lattice's nodes, in their order; -1 beside the board
-  };
-  std::vector<Candidate> candidates;
+  std::vector<PlacementTrial> trials;
   constexpr std::array<Cell, 4> turns{Cell{1, 0}, Cell{0, 1}, Cell{-1, 0}, Cell{0, -1}};
-  const bool any_colour =
-      columns % 2 == 0 && rows % 2 == 0;  // all four corner squares alike: nothing to tell from them
+  // All four corner squares are alike then: nothing to tell from them.
+  const bool any_colour = columns % 2 == 0 && rows % 2 == 0;
   for (const auto& [xi, xj] : turns) {
-    const int extent_x = xi != 0 ? width : height, extent_y = xi != 0 ? height : width;
+    const int extent_x = xi != 0 ? extent.width() : extent.height(),
+              extent_y = xi != 0 ? extent.height() : extent.width();
     if (extent_x > columns || extent_y > rows) continue;
     // Cell of the lattice's own first corner in this turn.
-    const Cell first{xi > 0 || xj < 0 ? i0 : i1, xj > 0 || xi > 0 ? j0 : j1};
+    const Cell first{xi > 0 || xj < 0 ? extent.i0 : extent.i1, xj > 0 || xi > 0 ? extent.j0 : extent.j1};
     for (int left = 0; left <= columns - extent_x; ++left) {
       for (int top = 0; top <= rows - extent_y; ++top) {
-        Candidate c;
-        c.placement = {xi, xj, {0, 0}};
-        const Cell shift = c.placement.cell(left, top);
-        c.placement.origin = {first.first - shift.first, first.second - shift.second};
-        const auto [oi, oj] = c.placement.origin;
+        Placement placement{xi, xj, {0, 0}};
+        const Cell shift = placement.cell(left, top);
+        placement.origin = {first.first - shift.first, first.second - shift.second};
         // Steps along x and y swap the sides at every quarter turn.
-        const bool dark = lattice.dark_at(oi, oj) == (xi != 0);
+        const bool dark = lattice.dark_at(placement.origin.first, placement.origin.second) == (xi != 0);
         const bool whole = extent_x == columns && extent_y == rows;
         if (dark == board.inverted && !(any_colour && whole)) continue;
-        std::map<Cell, int> id_of;
-        for (int row = 0; row < rows; ++row) {
-          for (int column = 0; column < columns; ++column) {
-            const Cell cell = c.placement.cell(column, row);
-            id_of[cell] = row * columns + column;
-            if (lattice.nodes.contains(cell)) {
-              ++c.inside;
-            } else {
-              const Vector2d px = apply(pixels, cell.first, cell.second);
-              constexpr double border = 4;
-              if (px.x() > border && px.y() > border && px.x() < image.width - border && px.y() < image.height - border)
-                ++c.unseen;
-            }
-          }
-        }
-        for (const auto& [cell, node] : lattice.nodes) c.ids.push_back(id_of.contains(cell) ? id_of[cell] : -1);
-        const Vector2d x_way = apply(pixels, oi + xi, oj + xj) - apply(pixels, oi, oj);
-        c.upright = x_way.x() / x_way.norm();
-        candidates.push_back(std::move(c));
+        trials.push_back(trial_of(placement, lattice, board, pixels, image));
       }
     }
   }
-  if (candidates.empty()) return {{}, "it shows " + size + " inner corners, which do not fit on the board"};
-  const Candidate& best = *std::ranges::min_element(candidates, [](const Candidate& a, const Candidate& b) {
-    if (a.inside - a.unseen != b.inside - b.unseen) return a.inside - a.unseen > b.inside - b.unseen;
-    return a.upright > b.upright;
+  return trials;
+}
+
+// Up to a symmetry of the board.
+bool is_same_place(const PlacementTrial& a, const PlacementTrial& b, const std::vector<std::vector<int>>& symmetries) {
+  return std::ranges::any_of(symmetries, [&](const std::vector<int>& symmetry) {
+    for (std::size_t k = 0; k < a.ids.size(); ++k) {
+      const int id = a.ids[k];
+      if ((id < 0 ? -1 : symmetry[static_cast<std::size_t>(id)]) != b.ids[k]) return false;
+    }
+    return true;
+  });
+}
+
+// Where on the board a lattice lies.
+PlacementChoice place(const ChessboardLattice& lattice, const Board& board, cv::Size image) {
+  const Extent extent = extent_of(lattice);
+  const auto [shorter, longer] = std::minmax({extent.width(), extent.height()});
+  const int columns = board.corner_columns(), rows = board.corner_rows();
+  const std::string size = std::to_string(longer) + "x" + std::to_string(shorter);
+  if (shorter < 3) return {{}, "no chessboard in it"};
+  if (longer > std::max(columns, rows) || shorter > std::min(columns, rows))
+    return {{}, "it shows " + size + " inner corners, more than the board has"};
+  const std::vector<PlacementTrial> trials = trials_of(lattice, extent, board, image);
+  if (trials.empty()) return {{}, "it shows " + size + " inner corners, which do not fit on the board"};
+  const PlacementTrial& best = *std::ranges::min_element(trials, [](const auto& a, const auto& b) {
+    return a.score() != b.score() ? a.score() > b.score() : a.upright > b.upright;
   });
   if (best.inside < std::max(9, columns * rows / 4) || best.inside < 2 * best.unseen) {
     return {
@@ -167,17 +210,9 @@ PlacementChoice place(const ChessboardLattice& lattice, const Board& board, cv::
   Board square = board;
   square.pitch.y() = square.pitch.x();  // no image tells squares from nearly square ones
   const auto symmetries = square.symmetries();
-  for (const Candidate& other : candidates) {
-    if (&other == &best || (other.inside - other.unseen) + std::min(columns, rows) / 2 < best.inside - best.unseen)
-      continue;
-    const bool same = std::ranges::any_of(symmetries, [&](const std::vector<int>& symmetry) {
-      for (std::size_t k = 0; k < best.ids.size(); ++k) {
-        const int id = best.ids[k];
-        if ((id < 0 ? -1 : symmetry[static_cast<std::size_t>(id)]) != other.ids[k]) return false;
-      }
-      return true;
-    });
-    if (!same)
+  for (const PlacementTrial& other : trials) {
+    if (&other == &best || other.score() + std::min(columns, rows) / 2 < best.score()) continue;
+    if (!is_same_place(best, other, symmetries))
       return {{}, "it shows a part of the board (" + size + " inner corners) that could be at several places on it"};
   }
   return {best.placement, {}};
@@ -258,19 +293,13 @@ struct FoundCorners {
   }
 };
 
-double median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
-
 // Leaves out the corners that something covers in part (a finger, the edge of a glare): their image fits worse than the
 // others', or they lie off the lines through their neighbours.
 BoardDetection without_odd_ones(const FoundCorners& found, int columns) {
   if (found.ids.empty()) return {};
   std::vector<double> misfits;
   for (const RefinedCorner& c : found.corners) misfits.push_back(c.residual / c.contrast);
-  const double usual = median(misfits);
+  const double usual = calib::median(misfits);
   std::map<int, Vector2d> px;
   for (std::size_t k = 0; k < found.ids.size(); ++k) {
     if (misfits[k] < 0.2 + 2 * usual) px[found.ids[k]] = found.corners[k].px;
@@ -296,7 +325,7 @@ BoardDetection without_odd_ones(const FoundCorners& found, int columns) {
     std::vector<double> values;
     for (const auto& [id, distance] : off) values.push_back(distance);
     const auto worst = std::ranges::max_element(off, {}, [](const auto& o) { return o.second; });
-    if (worst->second < 0.4 + 6 * median(values)) break;
+    if (worst->second < 0.4 + 6 * calib::median(values)) break;
     px.erase(worst->first);
   }
   BoardDetection detection;

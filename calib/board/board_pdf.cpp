@@ -1,10 +1,11 @@
 #include "calib/board/board_pdf.h"
 
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <array>
 #include <charconv>
 #include <cmath>
-#include <cstdio>
 #include <opencv2/aruco.hpp>
 
 #include "calib/board/pdf_page.h"
@@ -15,12 +16,6 @@ namespace {
 constexpr double edge_mm = 5;  // that printers leave white
 constexpr double ruler_mm = 100;
 constexpr double foot_mm = 17;  // for the text and the ruler
-
-std::string format(const char* text, auto... values) {
-  std::array<char, 512> buffer;
-  std::snprintf(buffer.data(), buffer.size(), text, values...);
-  return buffer.data();
-}
 
 const std::array<Paper, 8> papers{{{"A4", 210, 297},
                                    {"A3", 297, 420},
@@ -138,12 +133,13 @@ BoardPdf board_pdf(const Board& board, const Paper& given) {
     }
     const double step = largest >= 5 ? 1 : 0.1;
     throw DoesNotFit(
-        format("%s does not fit on %s: with its margin, the ruler and the printer's edge it needs %.0f x %.0f mm.",
-               board.description().c_str(), given.name.c_str(), needed.x(), needed.y()) +
+        fmt::format(
+            "{} does not fit on {}: with its margin, the ruler and the printer's edge it needs {:.0f} x {:.0f} mm.",
+            board.description(), given.name, needed.x(), needed.y()) +
         (larger.empty() ? std::string() : " It fits on " + larger + ".") +
-        (largest >= 1 ? format(" On %s the %s can be %g mm.", given.name.c_str(),
-                               board.type == BoardType::aruco_grid ? "marker and gap together" : "squares",
-                               std::floor(largest / step) * step)
+        (largest >= 1 ? fmt::format(" On {} the {} can be {:g} mm.", given.name,
+                                    board.type == BoardType::aruco_grid ? "marker and gap together" : "squares",
+                                    std::floor(largest / step) * step)
                       : std::string()));
   }
 
@@ -171,10 +167,10 @@ BoardPdf board_pdf(const Board& board, const Paper& given) {
   }
   page.rectangle(x0 - 0.05, y0, length + 0.1, 0.1, 0);
   page.text(x0 - 0.7, y0 + 3, 2.6, "0");
-  page.text(x0 + length - 2.5, y0 + 3, 2.6, format("%.0f mm", length));
-  page.text(x0 + length + 6, y0 - 3.2, 2.6, format("The ruler must be %.0f mm.", length));
+  page.text(x0 + length - 2.5, y0 + 3, 2.6, fmt::format("{:.0f} mm", length));
+  page.text(x0 + length + 6, y0 - 3.2, 2.6, fmt::format("The ruler must be {:.0f} mm.", length));
   page.text(x0 + length + 6, y0 - 0.2, 2.6, "Print at 100 %, not fitted to the page.");
-  page.text(x0, y0 + 7.2, 3, "huetrack: " + board.description() + format(", on %s", given.name.c_str()));
+  page.text(x0, y0 + 7.2, 3, "huetrack: " + board.description() + fmt::format(", on {}", given.name));
   out.pdf = page.pdf("huetrack: " + board.description());
   return out;
 }

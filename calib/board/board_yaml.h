@@ -1,4 +1,4 @@
-// The board file: which calibration board is used. Its form is documented in calib/README.md.
+// The board file: which calibration board is used. Its form is documented in calib/formats.md.
 #pragma once
 
 #include <filesystem>

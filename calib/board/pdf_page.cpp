@@ -1,7 +1,8 @@
 #include "calib/board/pdf_page.h"
 
+#include <fmt/core.h>
+
 #include <array>
-#include <cstdio>
 #include <string_view>
 #include <vector>
 
@@ -9,12 +10,6 @@ namespace huetrack::board {
 namespace {
 
 constexpr double points_per_mm = 72 / 25.4;
-
-std::string format(const char* text, auto... values) {
-  std::array<char, 256> buffer;
-  std::snprintf(buffer.data(), buffer.size(), text, values...);
-  return buffer.data();
-}
 
 std::string in_brackets(std::string_view text) {
   std::string out = "(";
@@ -30,16 +25,16 @@ std::string in_brackets(std::string_view text) {
 
 PdfPage::PdfPage(double width_mm, double height_mm) : width_mm_(width_mm), height_mm_(height_mm) {
   // Millimetres, y down: the numbers in the file are those of the board.
-  content_ = format("%.8f 0 0 %.8f 0 %.6f cm\n", points_per_mm, -points_per_mm, height_mm * points_per_mm);
+  content_ = fmt::format("{:.8f} 0 0 {:.8f} 0 {:.6f} cm\n", points_per_mm, -points_per_mm, height_mm * points_per_mm);
 }
 
 void PdfPage::rectangle(double x, double y, double width, double height, double grey) {
-  content_ += format("%.3f g %.4f %.4f %.4f %.4f re f\n", grey, x, y, width, height);
+  content_ += fmt::format("{:.3f} g {:.4f} {:.4f} {:.4f} {:.4f} re f\n", grey, x, y, width, height);
 }
 
 void PdfPage::text(double x, double y, double size_mm, const std::string& line, bool turned) {
-  content_ += turned ? format("0 g BT /F1 %.3f Tf 0 -1 -1 0 %.3f %.3f Tm ", size_mm, x, y)
-                     : format("0 g BT /F1 %.3f Tf 1 0 0 -1 %.3f %.3f Tm ", size_mm, x, y);
+  content_ += turned ? fmt::format("0 g BT /F1 {:.3f} Tf 0 -1 -1 0 {:.3f} {:.3f} Tm ", size_mm, x, y)
+                     : fmt::format("0 g BT /F1 {:.3f} Tf 1 0 0 -1 {:.3f} {:.3f} Tm ", size_mm, x, y);
   content_ += in_brackets(line) + " Tj ET\n";
 }
 
@@ -48,16 +43,17 @@ std::string PdfPage::pdf(const std::string& title) const {
       "<< /Type /Catalog /Pages 2 0 R /ViewerPreferences << /PrintScaling /None >> >>",  // printers must not fit it to
                                                                                          // the page
       "<< /Type /Pages /Kids [3 0 R] /Count 1 >>",
-      format("<< /Type /Page /Parent 2 0 R /MediaBox [0 0 %.6f %.6f] /Contents 4 0 R /Resources << /Font << /F1 5 0 R "
-             ">> >> >>",
-             width_mm_ * points_per_mm, height_mm_ * points_per_mm),
+      fmt::format(
+          "<< /Type /Page /Parent 2 0 R /MediaBox [0 0 {:.6f} {:.6f}] /Contents 4 0 R /Resources << /Font << /F1 5 0 R "
+          ">> >> >>",
+          width_mm_ * points_per_mm, height_mm_ * points_per_mm),
       "<< /Length " + std::to_string(content_.size()) + " >>\nstream\n" + content_ + "endstream",
       "<< /Type /Font /Subtype /Type1 /BaseFont /Helvetica >>",
       "<< /Title " + in_brackets(title) + " /Producer (huetrack-calibrate) >>"};
   std::string out = "%PDF-1.4\n";
   std::string table = "xref\n0 " + std::to_string(objects.size() + 1) + "\n0000000000 65535 f \n";
   for (std::size_t i = 0; i < objects.size(); ++i) {
-    table += format("%010zu 00000 n \n", out.size());
+    table += fmt::format("{:010} 00000 n \n", out.size());
     out += std::to_string(i + 1) + " 0 obj\n" + objects[i] + "\nendobj\n";
   }
   const std::size_t start = out.size();

@@ -1,5 +1,7 @@
 #include "calib/gather/detection_page.h"
 
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <array>
 #include <cstdio>
@@ -17,12 +19,6 @@ constexpr std::string_view style =
     "body{font:15px system-ui,sans-serif;margin:16px;background:#14181d;color:#e8ecf0}"
     ".row{display:flex;flex-wrap:wrap;gap:16px}figure{margin:0}figcaption{color:#a9b4c0;font-size:13px}"
     "li{margin:4px 0;font-size:18px}svg text{fill:#e8ecf0;font:12px system-ui}";
-
-std::string text_of(const char* format, auto... values) {
-  std::array<char, 512> text;
-  std::snprintf(text.data(), text.size(), format, values...);
-  return text.data();
-}
 
 std::string escaped(const std::string& text) {
   std::string out;
@@ -55,14 +51,14 @@ std::string picture(const ShownPicture& shown) {
 std::string map_of(const ViewCoverage::OfCamera& camera) {
   constexpr double cell = 24;
   std::string svg =
-      text_of("<svg width='%.0f' height='%.0f'>", ViewCoverage::columns * cell, ViewCoverage::rows * cell);
+      fmt::format("<svg width='{:.0f}' height='{:.0f}'>", ViewCoverage::columns * cell, ViewCoverage::rows * cell);
   for (int row = 0; row < ViewCoverage::rows; ++row) {
     for (int column = 0; column < ViewCoverage::columns; ++column) {
       const int n = camera.corners[static_cast<std::size_t>(row * ViewCoverage::columns + column)];
-      svg += text_of("<rect x='%.0f' y='%.0f' width='22' height='22' fill='%s'/>", column * cell, row * cell,
-                     n == 0   ? "#39424d"
-                     : n < 30 ? "#2f7d4f"
-                              : "#3fbf74");
+      svg += fmt::format("<rect x='{:.0f}' y='{:.0f}' width='22' height='22' fill='{}'/>", column * cell, row * cell,
+                         n == 0   ? "#39424d"
+                         : n < 30 ? "#2f7d4f"
+                                  : "#3fbf74");
     }
   }
   return svg + "</svg>";
@@ -91,10 +87,10 @@ void DetectionPage::show(const std::vector<ShownPicture>& pictures, const ViewCo
   body += "<div class=row>";
   for (std::size_t c = 0; c < pictures.size(); ++c) {
     const auto& of = coverage.cameras()[c];
-    body +=
-        "<div>" + picture(pictures[c]) + map_of(of) +
-        text_of("<div>%d of %d views, %.0f %% of the image (%.0f needed), %d of 5 tilts</div></div>", of.views,
-                ViewCoverage::enough_views, 100 * of.image_share(), 100 * ViewCoverage::enough_image, of.tilts_seen());
+    body += "<div>" + picture(pictures[c]) + map_of(of) +
+            fmt::format("<div>{} of {} views, {:.0f} % of the image ({:.0f} needed), {} of 5 tilts</div></div>",
+                        of.views, ViewCoverage::enough_views, 100 * of.image_share(), 100 * ViewCoverage::enough_image,
+                        of.tilts_seen());
   }
   body += "</div>";
   if (const std::string lacking = coverage.lacking_pairs(); !lacking.empty())

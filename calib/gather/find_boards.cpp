@@ -1,5 +1,7 @@
 #include "calib/gather/find_boards.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <atomic>
 #include <cmath>
@@ -10,6 +12,7 @@
 
 #include "calib/gather/detection_page.h"
 #include "calib/gather/progress_line.h"
+#include "calib/model/median.h"
 
 namespace huetrack::gather {
 namespace {
@@ -81,7 +84,7 @@ std::vector<BoardSet> thinned(std::vector<BoardSet> sets, std::size_t most) {
   return kept;
 }
 
-std::string reasons(const CameraSighting& camera) {
+std::string reasons(const PictureTally& camera) {
   const auto most = std::ranges::max_element(camera.why_not, {}, [](const auto& entry) { return entry.second; });
   if (most == camera.why_not.end()) return {};
   std::string text = most->first;
@@ -110,7 +113,7 @@ class Misses {
 
 void require_boards(const FoundBoards& found, const board::Board& board, const Misses& misses) {
   for (std::size_t c = 0; c < found.cameras.size(); ++c) {
-    const CameraSighting& camera = found.cameras[c];
+    const PictureTally& camera = found.cameras[c];
     if (camera.pictures == 0) {
       throw InputError("camera " + camera.name + " has no picture that can be used" +
                        (found.warnings.empty() ? "" : ": " + found.warnings.front()));
@@ -125,11 +128,95 @@ void require_boards(const FoundBoards& found, const board::Board& board, const M
   }
 }
 
+// One picture that is looked at.
+struct Task {
+  std::size_t set, camera;  // of the batch
+  board::BoardDetection detection;
+  report::EmbeddedPicture thumbnail;  // where the board was found
+};
+
+// Looks at all pictures of a batch, on all cores.
+std::vector<Task> detected(const std::vector<PictureSet>& batch, const board::BoardDetector& detector) {
+  std::vector<Task> tasks;
+  for (std::size_t s = 0; s < batch.size(); ++s) {
+    for (std::size_t c = 0; c < batch[s].pictures.size(); ++c) {
+      if (batch[s].pictures[c]) tasks.push_back({s, c, {}, {}});
+    }
+  }
+  on_all_cores(tasks.size(), [&](std::size_t t) {
+    const cv::Mat& grey = batch[tasks[t].set].pictures[tasks[t].camera]->grey;
+    tasks[t].detection = detector.detect(view_of(grey));
+    if (tasks[t].detection.found()) tasks[t].thumbnail = thumbnail_of(grey);
+  });
+  return tasks;
+}
+
+// throws InputError: it has another size than those before it.
+void count_picture(PictureTally& camera, const Picture& picture) {
+  const calib::ImageSize size{picture.grey.cols, picture.grey.rows};
+  if (camera.pictures++ == 0) camera.image_size = size;
+  if (size == camera.image_size) return;
+  throw InputError(fmt::format(
+      "{} of camera {} is {}x{}, those before it are {}x{}: a calibration holds for one size; leave the others out",
+      picture.label, camera.name, size.width, size.height, camera.image_size.width, camera.image_size.height));
+}
+
+// The views that a batch's pictures give, per set; the pictures are counted.
+std::vector<BoardSet> views_of(const std::vector<PictureSet>& batch, const std::vector<Task>& tasks, FoundBoards& found,
+                               Misses& misses) {
+  std::vector<BoardSet> seen(batch.size());
+  for (std::size_t s = 0; s < batch.size(); ++s) seen[s].at_s = batch[s].at_s;
+  for (const Task& task : tasks) {
+    const Picture& picture = *batch[task.set].pictures[task.camera];
+    PictureTally& camera = found.cameras[task.camera];
+    count_picture(camera, picture);
+    if (!task.detection.found()) {
+      ++camera.why_not[task.detection.why_not];
+      misses.add(task.camera, picture.grey);
+      continue;
+    }
+    ++camera.boards;
+    seen[task.set].views.push_back(
+        {static_cast<int>(task.camera), 0, picture.label, task.detection.ids, task.detection.px});
+    seen[task.set].thumbnails.push_back(task.thumbnail);
+  }
+  found.sets_looked_at += static_cast<int>(batch.size());
+  return seen;
+}
+
+// What the page shows now; nothing before all cameras have given a picture.
+void show(DetectionPage& page, std::vector<ShownPicture>& shown, const std::vector<PictureSet>& batch,
+          const std::vector<Task>& tasks, const std::vector<BoardSet>& sets, const FoundBoards& found,
+          const board::Board& board) {
+  std::vector<std::string> names;
+  std::vector<calib::ImageSize> sizes;
+  for (const PictureTally& camera : found.cameras) {
+    names.push_back(camera.name);
+    sizes.push_back(camera.image_size);
+  }
+  for (const Task& task : tasks) {
+    const auto& corners = task.detection.px;
+    shown[task.camera] = {found.cameras[task.camera].name, batch[task.set].pictures[task.camera]->grey,
+                          corners.empty() ? "no board" : std::to_string(corners.size()) + " corners", corners};
+  }
+  if (std::ranges::any_of(sizes, [](calib::ImageSize size) { return size.width == 0; })) return;
+  ViewCoverage coverage(board, names, sizes);
+  for (const BoardSet& set : sets) coverage.add(set.views);
+  page.show(shown, coverage, "looked at " + std::to_string(found.sets_looked_at) + " moments");
+}
+
+// How often the board was found, per camera.
+std::string boards_text(const FoundBoards& found) {
+  std::vector<std::string> boards;
+  for (const PictureTally& camera : found.cameras) boards.push_back(camera.name + " " + std::to_string(camera.boards));
+  return fmt::to_string(fmt::join(boards, ", "));
+}
+
 }  // namespace
 
 void require_views(const FoundBoards& found, int least) {
   for (std::size_t c = 0; c < found.cameras.size(); ++c) {
-    const CameraSighting& camera = found.cameras[c];
+    const PictureTally& camera = found.cameras[c];
     const auto views = std::ranges::count(found.views, static_cast<int>(c), &solver::BoardView::camera);
     if (views >= least) continue;
     const std::string why = reasons(camera);
@@ -152,9 +239,7 @@ std::optional<double> moved_px(const solver::BoardView& a, const solver::BoardVi
     }
   }
   if (moved.empty()) return std::nullopt;
-  const auto middle = moved.begin() + static_cast<std::ptrdiff_t>(moved.size() / 2);
-  std::nth_element(moved.begin(), middle, moved.end());
-  return *middle;
+  return calib::median(std::move(moved));
 }
 
 report::EmbeddedPicture thumbnail_of(const cv::Mat& grey) {
@@ -179,60 +264,19 @@ FoundBoards find_boards(PictureSource& source, const board::BoardDetector& detec
   ProgressLine line(options.progress);
   Misses misses;
   std::vector<BoardSet> sets;
-  DetectionPage page(options.view);
-  std::optional<ViewCoverage> coverage;
+  DetectionPage page(options.page);
   std::vector<ShownPicture> shown(found.cameras.size());
   for (bool ended = false; !ended;) {
+    constexpr std::size_t batch_size = 8;  // enough for all cores, few enough for memory
     std::vector<PictureSet> batch;
-    while (batch.size() < 8 && !ended) {
+    while (batch.size() < batch_size && !ended) {
       auto set = source.next(stop);
       if (stop.stop_requested()) throw InputError("stopped before all pictures were looked at");
       ended = !set;
       if (set && found.sets_seen++ % every == 0) batch.push_back(std::move(*set));
     }
-    struct Task {
-      std::size_t set, camera;
-      board::BoardDetection detection;
-      report::EmbeddedPicture thumbnail;
-      std::vector<Eigen::Vector2d> corners;  // for the page
-    };
-    std::vector<Task> tasks;
-    for (std::size_t s = 0; s < batch.size(); ++s) {
-      for (std::size_t c = 0; c < batch[s].pictures.size(); ++c) {
-        if (batch[s].pictures[c]) tasks.push_back({s, c, {}, {}, {}});
-      }
-    }
-    on_all_cores(tasks.size(), [&](std::size_t t) {
-      const cv::Mat& grey = batch[tasks[t].set].pictures[tasks[t].camera]->grey;
-      tasks[t].detection = detector.detect(view_of(grey));
-      if (tasks[t].detection.found()) tasks[t].thumbnail = thumbnail_of(grey);
-    });
-    std::vector<BoardSet> seen(batch.size());
-    for (std::size_t s = 0; s < batch.size(); ++s) seen[s].at_s = batch[s].at_s;
-    for (Task& task : tasks) {
-      Picture& picture = *batch[task.set].pictures[task.camera];
-      CameraSighting& camera = found.cameras[task.camera];
-      const calib::ImageSize size{picture.grey.cols, picture.grey.rows};
-      if (camera.pictures++ == 0) camera.image_size = size;
-      if (size != camera.image_size) {
-        throw InputError(picture.label + " of camera " + camera.name + " is " + std::to_string(size.width) + "x" +
-                         std::to_string(size.height) + ", those before it are " +
-                         std::to_string(camera.image_size.width) + "x" + std::to_string(camera.image_size.height) +
-                         ": a calibration holds for one size; leave the others out");
-      }
-      if (!task.detection.found()) {
-        ++camera.why_not[task.detection.why_not];
-        misses.add(task.camera, picture.grey);
-        continue;
-      }
-      ++camera.boards;
-      task.corners = task.detection.px;
-      seen[task.set].views.push_back({static_cast<int>(task.camera), 0, picture.label, std::move(task.detection.ids),
-                                      std::move(task.detection.px)});
-      seen[task.set].thumbnails.push_back(std::move(task.thumbnail));
-    }
-    found.sets_looked_at += static_cast<int>(batch.size());
-    for (BoardSet& set : seen) {
+    const std::vector<Task> tasks = detected(batch, detector);
+    for (BoardSet& set : views_of(batch, tasks, found, misses)) {
       if (set.views.empty()) continue;
       if (!sets.empty() && is_same(sets.back(), set)) {
         ++found.duplicates;
@@ -240,27 +284,8 @@ FoundBoards find_boards(PictureSource& source, const board::BoardDetector& detec
       }
       sets.push_back(std::move(set));
     }
-    if (page.due()) {
-      std::vector<calib::ImageSize> sizes;
-      for (const CameraSighting& camera : found.cameras) sizes.push_back(camera.image_size);
-      const bool all = std::ranges::none_of(sizes, [](calib::ImageSize size) { return size.width == 0; });
-      if (all) coverage.emplace(detector.board(), source.cameras(), sizes);
-      for (std::size_t s = 0; coverage && s < sets.size(); ++s) coverage->add(sets[s].views);
-      for (const Task& task : tasks) {
-        ShownPicture& now = shown[task.camera];
-        now.camera = found.cameras[task.camera].name;
-        now.grey = batch[task.set].pictures[task.camera]->grey;
-        now.caption = task.corners.empty() ? "no board" : std::to_string(task.corners.size()) + " corners";
-        now.corners = task.corners;
-      }
-      if (coverage) page.show(shown, *coverage, "looked at " + std::to_string(found.sets_looked_at) + " moments");
-    }
-    if (line.due()) {
-      std::string details;
-      for (const CameraSighting& camera : found.cameras)
-        details += (details.empty() ? "" : ", ") + camera.name + " " + std::to_string(camera.boards);
-      line.draw(progress_text("looking for the board", found.sets_seen, expected, details));
-    }
+    if (page.due()) show(page, shown, batch, tasks, sets, found, detector.board());
+    if (line.due()) line.draw(progress_text("looking for the board", found.sets_seen, expected, boards_text(found)));
   }
   line.clear();
   page.close("looked at all " + std::to_string(found.sets_looked_at) + " moments");

@@ -22,11 +22,11 @@ struct FindBoardsOptions {
   int look_at = 800;   // >= 1
   int max_sets = 150;  // >= 1; the sets that are kept, spread over the time, with the board as still as possible
   bool progress = true;
-  std::filesystem::path view{};  // see DetectionPage; empty: none
+  std::filesystem::path page{};  // see DetectionPage; empty: none
 };
 
-// What was seen of one camera.
-struct CameraSighting {
+// One camera's pictures, counted.
+struct PictureTally {
   std::string name;
   calib::ImageSize image_size;
   int pictures = 0;                    // looked at
@@ -35,7 +35,7 @@ struct CameraSighting {
 };
 
 struct FoundBoards {
-  std::vector<CameraSighting> cameras;
+  std::vector<PictureTally> cameras;
   std::vector<solver::BoardView> views;  // BoardView::set counts the sets kept, from 0; sorted by set, camera
   std::vector<double> set_at_s;          // per set
   int sets_seen = 0;                     // in the source

@@ -47,7 +47,7 @@ FoundBoards gather_boards(const std::vector<std::string>& inputs, const board::B
     devices = live_cameras(named, options.live.settings);
   } else {
     FindBoardsOptions find = options.find;
-    find.view = options.live.view;
+    find.page = options.live.page;
     const auto source =
         options.alone ? open_pictures_of(only.front(), inputs) : open_pictures(inputs, options.pictures);
     return find_boards(*source, detector, find, std::move(stop));
@@ -61,7 +61,7 @@ FoundBoards gather_boards(const std::vector<std::string>& inputs, const board::B
   for (std::size_t c = 0; c < devices.size(); ++c) devices[c].camera = static_cast<int>(c);
   LiveBoardsOptions live;
   live.seconds = options.live.seconds;
-  live.view = options.live.view;
+  live.page = options.live.page;
   live.progress = options.find.progress;
   auto sources = opened(std::move(devices), live);
   if (options.pictures.tolerance_s) live.tolerance = capture::duration_of(*options.pictures.tolerance_s);

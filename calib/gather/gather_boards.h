@@ -16,7 +16,7 @@ struct LiveOptions {
   std::filesystem::path file;  // of live cameras; empty: the inputs say
   LiveSettings settings;
   std::optional<double> seconds;
-  std::filesystem::path view;  // DetectionPage; empty: none
+  std::filesystem::path page;  // DetectionPage; empty: none
 };
 
 // inputs: as for open_pictures(), or NAME=/dev/... . only: one camera by itself (open_pictures_of()), when

@@ -1,11 +1,12 @@
 #include "calib/gather/live_boards.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <condition_variable>
 #include <cstdio>
 #include <future>
 #include <mutex>
-#include <set>
 #include <thread>
 
 #include "calib/gather/progress_line.h"
@@ -80,134 +81,191 @@ bool is_at_rest(const std::vector<solver::BoardView>& now, const std::vector<sol
   return any;
 }
 
-std::string awaited(const std::vector<CameraSighting>& cameras) {
-  std::string names;
-  for (const CameraSighting& camera : cameras) {
-    if (camera.pictures == 0) names += (names.empty() ? "" : ", ") + camera.name;
+// One look at the cameras: a frame set, and where the board is in it.
+struct Look {
+  double at_s = 0;             // since the first set
+  std::vector<cv::Mat> greys;  // per camera; empty: the set lacks its frame
+  bool is_complete = true;     // no frame is lacking
+  std::vector<solver::BoardView> views;
+};
+
+// What was gathered so far, and what the one who carries the board is told. thread-compatible.
+class Gathering {
+ public:
+  Gathering(const std::vector<LiveCameraSource>& cameras, const board::BoardDetector& detector,
+            const LiveBoardsOptions& options)
+      : detector_(detector),
+        options_(options),
+        sizes_(cameras.size()),
+        shown_(cameras.size()),
+        line_(options.progress),
+        page_(options.page) {
+    for (std::size_t c = 0; c < cameras.size(); ++c) {
+      names_.push_back(cameras[c].name);
+      found_.cameras.emplace_back();
+      found_.cameras.back().name = shown_[c].camera = cameras[c].name;
+    }
   }
-  return "waiting for the first picture of " + names;
-}
+
+  void tell_trouble(std::vector<LiveCameraSource>& cameras) {
+    for (LiveCameraSource& camera : cameras) {
+      if (!camera.take_trouble) continue;
+      for (const std::string& trouble : camera.take_trouble()) {
+        line_.clear();
+        std::fprintf(stderr, "huetrack-calibrate: %s: %s\n", camera.name.c_str(), trouble.c_str());
+      }
+    }
+  }
+
+  // False: nothing is missing any more, and that is what it ends for.
+  bool take(const capture::FrameSet& set) {
+    Look look = look_at(set);
+    ++found_.sets_looked_at;
+    if (!coverage_ && std::ranges::none_of(sizes_, [](calib::ImageSize s) { return s.width == 0; }))
+      coverage_.emplace(detector_.board(), names_, sizes_);
+    const std::string status = keep_if_new(look);
+    before_ = std::move(look.views);
+    before_s_ = look.at_s;
+    if (options_.looked) options_.looked(status);
+    if (!coverage_) {
+      tell_awaited();
+      return true;
+    }
+    const auto needs = coverage_->needs();
+    if (line_.due()) line_.draw(status + (needs.empty() ? "" : "; then: " + needs.front()) + "\n" + coverage_->lines());
+    if (page_.due()) page_.show(shown_, *coverage_, status);
+    return !options_.until_enough || !needs.empty();
+  }
+
+  // While some camera has given no picture yet.
+  void tell_awaited() {
+    if (coverage_ || !line_.due()) return;
+    std::vector<std::string_view> names;
+    for (const PictureTally& camera : found_.cameras) {
+      if (camera.pictures == 0) names.emplace_back(camera.name);
+    }
+    line_.draw(fmt::format("waiting for the first picture of {}", fmt::to_string(fmt::join(names, ", "))));
+  }
+
+  // throws InputError: a camera gave no picture, or none that was kept.
+  FoundBoards finish() {
+    line_.clear();
+    page_.close("finished with " + std::to_string(found_.set_at_s.size()) + " moments");
+    for (const PictureTally& camera : found_.cameras) {
+      if (camera.pictures == 0) throw InputError("camera " + camera.name + " gave no picture");
+    }
+    for (std::size_t c = 0; c < found_.cameras.size(); ++c) {
+      if (std::ranges::find(found_.views, static_cast<int>(c), &solver::BoardView::camera) == found_.views.end())
+        throw InputError(why_no_view(found_.cameras[c]));
+    }
+    return std::move(found_);
+  }
+
+ private:
+  // Detects on all cores, and counts.
+  Look look_at(const capture::FrameSet& set) {
+    ++found_.sets_seen;
+    if (!first_s_) first_s_ = capture::seconds(set.at);
+    Look look;
+    look.at_s = capture::seconds(set.at) - *first_s_;
+    look.greys.resize(names_.size());
+    std::vector<std::future<board::BoardDetection>> detections(names_.size());
+    for (std::size_t c = 0; c < names_.size(); ++c) {
+      if (!set.frames[c]) {
+        look.is_complete = false;
+        continue;
+      }
+      cv::Mat& grey = look.greys[c] = board_grey_of(set.frames[c]->pixels);
+      sizes_[c] = found_.cameras[c].image_size = {grey.cols, grey.rows};
+      detections[c] = std::async(std::launch::async, [this, &grey] {
+        return detector_.detect({grey.data, grey.cols, grey.rows, static_cast<std::ptrdiff_t>(grey.step)});
+      });
+    }
+    for (std::size_t c = 0; c < names_.size(); ++c) {
+      if (!detections[c].valid()) continue;
+      board::BoardDetection detection = detections[c].get();
+      count(c, look.greys[c], detection);
+      if (!detection.found()) continue;
+      look.views.push_back({static_cast<int>(c), 0, fmt::format("{} at {:.2f} s", names_[c], look.at_s),
+                            std::move(detection.ids), std::move(detection.px)});
+    }
+    return look;
+  }
+
+  void count(std::size_t c, const cv::Mat& grey, const board::BoardDetection& detection) {
+    PictureTally& camera = found_.cameras[c];
+    ++camera.pictures;
+    shown_[c].grey = grey;
+    shown_[c].corners = detection.px;
+    shown_[c].caption = detection.found() ? std::to_string(detection.ids.size()) + " corners" : detection.why_not;
+    if (detection.found()) {
+      ++camera.boards;
+    } else {
+      ++camera.why_not[detection.why_not];
+    }
+  }
+
+  // Keeps the views where the board is at rest at a new place. Returns what to tell of it. A set that lacks a frame, as
+  // when a camera lags, says nothing about what its cameras share.
+  std::string keep_if_new(const Look& look) {
+    const bool rests = is_at_rest(look.views, before_, look.at_s - before_s_, sizes_);
+    if (!coverage_ || !look.is_complete || !rests || !coverage_->is_new(look.views)) {
+      if (look.views.empty()) return "no camera sees the board";
+      if (rests) ++found_.duplicates;
+      return !rests ? "hold it still" : "seen before: move it elsewhere";
+    }
+    coverage_->add(look.views);
+    for (solver::BoardView view : look.views) {
+      view.set = static_cast<int>(found_.set_at_s.size());
+      found_.thumbnails.push_back(thumbnail_of(look.greys[static_cast<std::size_t>(view.camera)]));
+      found_.views.push_back(std::move(view));
+    }
+    found_.set_at_s.push_back(look.at_s);
+    return "kept view " + std::to_string(found_.set_at_s.size());
+  }
+
+  std::string why_no_view(const PictureTally& camera) const {
+    const std::string board = "camera " + camera.name + ": the board (" + detector_.board().description() + ") was ";
+    if (camera.boards > 0) return board + "never at rest";
+    const auto why = std::ranges::max_element(camera.why_not, {}, [](const auto& entry) { return entry.second; });
+    return board + "in none of its " + std::to_string(camera.pictures) + " pictures" +
+           (why == camera.why_not.end() ? std::string() : ": " + why->first);
+  }
+
+  const board::BoardDetector& detector_;
+  const LiveBoardsOptions& options_;
+  FoundBoards found_;
+  std::vector<std::string> names_;
+  std::vector<calib::ImageSize> sizes_;   // width 0: no picture yet
+  std::optional<ViewCoverage> coverage_;  // once all sizes are known
+  std::optional<double> first_s_;
+  std::vector<solver::BoardView> before_;  // of the last look, at
+  double before_s_ = 0;
+  std::vector<ShownPicture> shown_;
+  ProgressLine line_;
+  DetectionPage page_;
+};
 
 }  // namespace
 
 FoundBoards gather_live(std::vector<LiveCameraSource> cameras, const board::BoardDetector& detector,
                         const LiveBoardsOptions& options, std::stop_token stop) {
-  FoundBoards found;
-  std::vector<std::string> names;
-  std::vector<calib::ImageSize> sizes(cameras.size());
-  std::vector<ShownPicture> shown(cameras.size());
-  for (std::size_t c = 0; c < cameras.size(); ++c) {
-    names.push_back(cameras[c].name);
-    found.cameras.emplace_back();
-    found.cameras.back().name = shown[c].camera = cameras[c].name;
-  }
-  std::optional<ViewCoverage> coverage;
-  ProgressLine line(options.progress);
-  DetectionPage page(options.view);
+  Gathering gathering(cameras, detector, options);
   NewestSet newest(cameras, options.tolerance);
   const auto start = Clock::now();
-  std::vector<solver::BoardView> before;
-  double before_s = 0;
-  std::optional<double> first_s;
-  std::string status = "waiting for the cameras";
-  while (!stop.stop_requested() && !newest.ended()) {
-    if (options.seconds && Clock::now() - start > std::chrono::duration<double>(*options.seconds)) break;
-    for (LiveCameraSource& camera : cameras) {
-      if (!camera.take_trouble) continue;
-      for (const std::string& trouble : camera.take_trouble()) {
-        line.clear();
-        std::fprintf(stderr, "huetrack-calibrate: %s: %s\n", camera.name.c_str(), trouble.c_str());
-      }
-    }
+  const auto is_over = [&] {
+    return options.seconds && Clock::now() - start > std::chrono::duration<double>(*options.seconds);
+  };
+  while (!stop.stop_requested() && !newest.ended() && !is_over()) {
+    gathering.tell_trouble(cameras);
     const auto set = newest.take(std::chrono::milliseconds(200));
     if (!set) {
-      if (line.due() && !coverage) line.draw(awaited(found.cameras));
-      continue;
+      gathering.tell_awaited();
+    } else if (!gathering.take(*set)) {
+      break;
     }
-    ++found.sets_seen;
-    if (!first_s) first_s = capture::seconds(set->at);
-    const double at_s = capture::seconds(set->at) - *first_s;
-    std::vector<std::future<board::BoardDetection>> detections(cameras.size());
-    std::vector<cv::Mat> greys(cameras.size());
-    for (std::size_t c = 0; c < cameras.size(); ++c) {
-      if (!set->frames[c]) continue;
-      greys[c] = board_grey_of(set->frames[c]->pixels);
-      sizes[c] = found.cameras[c].image_size = {greys[c].cols, greys[c].rows};
-      detections[c] = std::async(std::launch::async, [&, c] {
-        const cv::Mat& grey = greys[c];
-        return detector.detect({grey.data, grey.cols, grey.rows, static_cast<std::ptrdiff_t>(grey.step)});
-      });
-    }
-    std::vector<solver::BoardView> views;
-    for (std::size_t c = 0; c < cameras.size(); ++c) {
-      if (!detections[c].valid()) continue;
-      board::BoardDetection detection = detections[c].get();
-      CameraSighting& camera = found.cameras[c];
-      ++camera.pictures;
-      shown[c].grey = greys[c];
-      shown[c].corners = detection.px;
-      shown[c].caption = detection.found() ? std::to_string(detection.ids.size()) + " corners" : detection.why_not;
-      if (!detection.found()) {
-        ++camera.why_not[detection.why_not];
-        continue;
-      }
-      ++camera.boards;
-      std::array<char, 32> at{};
-      std::snprintf(at.data(), at.size(), " at %.2f s", at_s);
-      views.push_back(
-          {static_cast<int>(c), 0, camera.name + at.data(), std::move(detection.ids), std::move(detection.px)});
-    }
-    ++found.sets_looked_at;
-    if (!coverage && std::ranges::none_of(sizes, [](calib::ImageSize s) { return s.width == 0; }))
-      coverage.emplace(detector.board(), names, sizes);
-    const bool rests = is_at_rest(views, before, at_s - before_s, sizes);
-    // A set that lacks a frame, as when a camera lags, says nothing about what its cameras share.
-    const bool complete = std::ranges::all_of(set->frames, [](const auto& frame) { return frame.has_value(); });
-    if (coverage && complete && rests && coverage->is_new(views)) {
-      coverage->add(views);
-      for (solver::BoardView& view : views) {
-        solver::BoardView kept = view;
-        kept.set = static_cast<int>(found.set_at_s.size());
-        found.thumbnails.push_back(thumbnail_of(greys[static_cast<std::size_t>(view.camera)]));
-        found.views.push_back(std::move(kept));
-      }
-      found.set_at_s.push_back(at_s);
-      status = "kept view " + std::to_string(found.set_at_s.size());
-    } else if (!views.empty()) {
-      status = !rests ? "hold it still" : "seen before: move it elsewhere";
-      if (rests) ++found.duplicates;
-    } else {
-      status = "no camera sees the board";
-    }
-    before = std::move(views);
-    before_s = at_s;
-    if (options.looked) options.looked(status);
-    if (!coverage) {
-      if (line.due()) line.draw(awaited(found.cameras));
-      continue;
-    }
-    const auto needs = coverage->needs();
-    if (line.due()) line.draw(status + (needs.empty() ? "" : "; then: " + needs.front()) + "\n" + coverage->lines());
-    if (page.due()) page.show(shown, *coverage, status);
-    if (options.until_enough && needs.empty()) break;
   }
-  line.clear();
-  page.close("finished with " + std::to_string(found.set_at_s.size()) + " moments");
-  for (const CameraSighting& camera : found.cameras) {
-    if (camera.pictures == 0) throw InputError("camera " + camera.name + " gave no picture");
-  }
-  for (const CameraSighting& camera : found.cameras) {
-    const bool kept = std::ranges::any_of(found.views, [&](const solver::BoardView& view) {
-      return names[static_cast<std::size_t>(view.camera)] == camera.name;
-    });
-    if (kept) continue;
-    const auto why = std::ranges::max_element(camera.why_not, {}, [](const auto& entry) { return entry.second; });
-    throw InputError(
-        "camera " + camera.name + ": the board (" + detector.board().description() + ") was " +
-        (camera.boards > 0 ? "never at rest" : "in none of its " + std::to_string(camera.pictures) + " pictures") +
-        (camera.boards > 0 || why == camera.why_not.end() ? std::string() : ": " + why->first));
-  }
-  return found;
+  return gathering.finish();
 }
 
 }  // namespace huetrack::gather

@@ -20,7 +20,7 @@ struct LiveBoardsOptions {
   capture::Duration tolerance = capture::duration_of(0.017);  // of a frame set
   bool until_enough = true;                                   // end when nothing is missing
   bool progress = true;
-  std::filesystem::path view;                               // see DetectionPage; empty: none
+  std::filesystem::path page;                               // see DetectionPage; empty: none
   std::function<void(const std::string& status)> looked{};  // after every look at the cameras; may be empty
 };
 

@@ -1,7 +1,8 @@
 #include "calib/gather/picture_source.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
-#include <cstdio>
 #include <deque>
 #include <filesystem>
 #include <map>
@@ -57,9 +58,10 @@ class ImageFilePictures final : public PictureSource {
 capture::Recording with_cameras(capture::Recording recording, const std::vector<std::string>& names) {
   for (const std::string& name : names) {
     if (std::ranges::find(recording.cameras, name, &capture::RecordedCamera::name) != recording.cameras.end()) continue;
-    std::string there;
-    for (const auto& camera : recording.cameras) there += (there.empty() ? "" : ", ") + camera.name;
-    throw InputError(recording.file.string() + ": has no camera " + name + "; its cameras are " + there);
+    std::vector<std::string_view> there;
+    for (const auto& camera : recording.cameras) there.emplace_back(camera.name);
+    throw InputError(fmt::format("{}: has no camera {}; its cameras are {}", recording.file.string(), name,
+                                 fmt::to_string(fmt::join(there, ", "))));
   }
   return recording;
 }
@@ -106,9 +108,8 @@ class RecordedPictures final : public PictureSource {
       pictures.pictures.emplace_back();
       const auto& frame = ready_.front().frames[c];
       if (!frame) continue;
-      std::array<char, 32> at{};
-      std::snprintf(at.data(), at.size(), " at %.2f s", capture::seconds(frame->captured_at));
-      pictures.pictures.back() = {board_grey_of(frame->pixels), cameras_[c] + at.data()};
+      pictures.pictures.back() = {board_grey_of(frame->pixels),
+                                  fmt::format("{} at {:.2f} s", cameras_[c], capture::seconds(frame->captured_at))};
     }
     ready_.pop_front();
     return pictures;

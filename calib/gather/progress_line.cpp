@@ -1,27 +1,25 @@
 #include "calib/gather/progress_line.h"
 
+#include <fmt/core.h>
 #include <unistd.h>
 
 #include <algorithm>
-#include <array>
 #include <cstdio>
 
 namespace huetrack::gather {
 
 std::string progress_text(const std::string& what, int done, std::optional<int> total, const std::string& details) {
   std::string text = what + " ";
-  std::array<char, 64> figures{};
   if (total && *total > 0) {
     constexpr std::size_t cells = 24;
     const double share = std::min(1.0, static_cast<double>(done) / *total);
     const auto full = static_cast<std::size_t>(share * cells);
     text += '[';
     text.append(full, '#').append(cells - full, '-').append("] ");
-    std::snprintf(figures.data(), figures.size(), "%3.0f %%  %d/%d", 100 * share, done, *total);
+    text += fmt::format("{:3.0f} %  {}/{}", 100 * share, done, *total);
   } else {
-    std::snprintf(figures.data(), figures.size(), "%d", done);
+    text += std::to_string(done);
   }
-  text += figures.data();
   if (!details.empty()) text.append("  ").append(details);
   return text;
 }

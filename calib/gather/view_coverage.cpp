@@ -1,9 +1,10 @@
 #include "calib/gather/view_coverage.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdio>
 #include <numbers>
 
 #include "calib/gather/find_boards.h"
@@ -13,12 +14,6 @@ namespace {
 
 std::size_t index(int i) {
   return static_cast<std::size_t>(i);
-}
-
-std::string text_of(const char* format, auto... values) {
-  std::array<char, 256> text;
-  std::snprintf(text.data(), text.size(), format, values...);
-  return text.data();
 }
 
 // As a lens of usual width would see it: good enough to tell straight from tilted.
@@ -119,14 +114,14 @@ std::vector<std::string> ViewCoverage::needs() const {
         }
       }
     }
-    needs.push_back(text_of("show it to %s and %s together: %d of %d shared views", names_[index(best_a)].c_str(),
-                            names_[index(best_b)].c_str(), most, enough_shared));
+    needs.push_back(fmt::format("show it to {} and {} together: {} of {} shared views", names_[index(best_a)],
+                                names_[index(best_b)], most, enough_shared));
   }
   for (std::size_t c = 0; c < cameras_.size(); ++c) {
     const OfCamera& camera = cameras_[c];
     if (camera.views == 0) continue;
     if (camera.views < enough_views)
-      needs.push_back(text_of("%s: %d of %d views at different places", names_[c].c_str(), camera.views, enough_views));
+      needs.push_back(fmt::format("{}: {} of {} views at different places", names_[c], camera.views, enough_views));
     if (camera.image_share() < enough_image) {
       // The ninth of the image with the fewest parts seen.
       std::array<int, 9> missing{};
@@ -139,12 +134,12 @@ std::vector<std::string> ViewCoverage::needs() const {
       constexpr std::array places{"top left", "top",         "top right", "left",        "middle",
                                   "right",    "bottom left", "bottom",    "bottom right"};
       const auto worst = static_cast<std::size_t>(std::ranges::max_element(missing) - missing.begin());
-      needs.push_back(text_of("%s: show it in the %s of the image (%.0f %% of it seen)", names_[c].c_str(),
-                              places[worst], 100 * camera.image_share()));
+      needs.push_back(fmt::format("{}: show it in the {} of the image ({:.0f} % of it seen)", names_[c], places[worst],
+                                  100 * camera.image_share()));
     }
     for (std::size_t t = 0; t < camera.tilts.size(); ++t) {
       if (camera.tilts[t] == 0) {
-        needs.push_back(text_of("%s: %s", names_[c].c_str(), tilt_needs[t]));
+        needs.push_back(fmt::format("{}: {}", names_[c], tilt_needs[t]));
         break;
       }
     }
@@ -165,9 +160,8 @@ std::string ViewCoverage::lines() const {
       return text.append(full, '#').append(cells - full, '-') + ']';
     };
     const double views = static_cast<double>(camera.views) / enough_views, image = camera.image_share() / enough_image;
-    lines += text_of("  %-*s  views %s %2d/%d  image %s %3.0f %%  tilts %d/5\n", static_cast<int>(longest),
-                     names_[c].c_str(), bar(views).c_str(), camera.views, enough_views, bar(image).c_str(),
-                     100 * camera.image_share(), camera.tilts_seen());
+    lines += fmt::format("  {:{}}  views {} {:2}/{}  image {} {:3.0f} %  tilts {}/5\n", names_[c], longest, bar(views),
+                         camera.views, enough_views, bar(image), 100 * camera.image_share(), camera.tilts_seen());
   }
   const std::string lacking = lacking_pairs();
   return lines + (cameras_.size() < 2 ? ""
@@ -176,16 +170,14 @@ std::string ViewCoverage::lines() const {
 }
 
 std::string ViewCoverage::lacking_pairs() const {
-  std::string text;
+  std::vector<std::string> pairs;
   for (std::size_t a = 0; a < cameras_.size(); ++a) {
     for (std::size_t b = a + 1; b < cameras_.size(); ++b) {
       const int n = shared(static_cast<int>(a), static_cast<int>(b));
-      if (n < enough_shared)
-        text += (text.empty() ? "" : ", ") +
-                text_of("%s + %s %d/%d", names_[a].c_str(), names_[b].c_str(), n, enough_shared);
+      if (n < enough_shared) pairs.push_back(fmt::format("{} + {} {}/{}", names_[a], names_[b], n, enough_shared));
     }
   }
-  return text;
+  return fmt::to_string(fmt::join(pairs, ", "));
 }
 
 }  // namespace huetrack::gather

@@ -1,4 +1,4 @@
-// The rig file (rig.yaml): read and write. Its form is documented in calib/README.md.
+// The rig file (rig.yaml): read and write. Its form is documented in calib/formats.md.
 #pragma once
 
 #include <filesystem>

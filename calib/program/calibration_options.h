@@ -49,7 +49,7 @@ inline void add_calibration_options(CLI::App& command, CalibrationOptions& optio
           "--seconds", [&options](const double& s) { options.live.seconds = s; },
           "live: look for so long; default: until nothing is missing, or Ctrl-C")
       ->check(CLI::PositiveNumber);
-  command.add_option("--view", options.live.view,
+  command.add_option("--view", options.live.page,
                      "a page to open in a browser: what is being detected, and what is missing");
   command.add_option("--board", options.board, "the board file; see calib/README.md")->required();
   const std::map<std::string, solver::LensModel> lenses{{"radtan4", solver::LensModel::radtan4},

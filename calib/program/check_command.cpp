@@ -9,7 +9,8 @@
 #include "calib/program/commands.h"
 #include "calib/program/outcome.h"
 #include "calib/program/rig_pictures.h"
-#include "calib/report/rig_check.h"
+#include "calib/report/rig_check_report.h"
+#include "calib/solver/rig_check.h"
 
 namespace huetrack::program {
 namespace {
@@ -17,7 +18,7 @@ namespace {
 struct Options {
   std::string rig, board, mend;
   std::vector<std::string> inputs;
-  gather::FindBoardsOptions find{.max_sets = 60, .view = {}};
+  gather::FindBoardsOptions find{.max_sets = 60, .page = {}};
   bool quiet = false;
 };
 
@@ -29,18 +30,19 @@ ExitStatus check(const Options& options, const std::stop_token& stop) {
   const std::vector<solver::BoardView> views =
       board_views_of(rig, options.rig, board, options.inputs, find, stop).views;
   gather::ProgressLine line(!options.quiet);
-  const report::RigCheck result = report::check_rig(board, rig, views, line.progress());
+  const solver::RigCheck result = solver::check_rig(board, rig, views, line.progress());
+  const report::RigCheckReport report = report::report_on(result, rig);
   line.clear();
-  if (!options.quiet) std::fputs(report::to_text(result, rig).c_str(), stdout);
+  if (!options.quiet) std::fputs(report::to_text(report, result).c_str(), stdout);
   if (!options.mend.empty()) {
-    for (const report::MovedCamera& moved : result.moved)
+    for (const solver::MovedCamera& moved : result.moved)
       rig.cameras[static_cast<std::size_t>(moved.camera)].cam_from_world = moved.cam_from_world;
     note_in(rig, "mended",
             result.moved.empty() ? "nothing had moved" : "by huetrack-calibrate check, from views of the board");
     calib::write_rig(rig, options.mend);
     if (!options.quiet) std::printf("written: %s\n", options.mend.c_str());
   }
-  return status_of(result.verdict);
+  return status_of(report.verdict);
 }
 
 }  // namespace

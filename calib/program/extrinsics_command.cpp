@@ -21,7 +21,7 @@ struct Options : CalibrationOptions {
 std::vector<solver::CameraToCalibrate> cameras_of(const gather::FoundBoards& found,
                                                   const std::vector<std::string>& files) {
   std::vector<solver::CameraToCalibrate> cameras;
-  for (const gather::CameraSighting& seen : found.cameras) cameras.push_back({seen.name, seen.image_size, {}});
+  for (const gather::PictureTally& seen : found.cameras) cameras.push_back({seen.name, seen.image_size, {}});
   for (const std::string& file : files) {
     const calib::CameraRig rig = calib::read_rig(file);
     bool any = false;

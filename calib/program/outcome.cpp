@@ -1,5 +1,7 @@
 #include "calib/program/outcome.h"
 
+#include <fmt/format.h>
+
 #include <cerrno>
 #include <cstdio>
 #include <fstream>
@@ -13,18 +15,6 @@ namespace huetrack::program {
 namespace {
 
 namespace fs = std::filesystem;
-
-std::string number(const char* format, double value) {
-  std::array<char, 32> text{};
-  std::snprintf(text.data(), text.size(), format, value);
-  return text.data();
-}
-
-std::string joined(const std::vector<std::string>& texts) {
-  std::string all;
-  for (const std::string& text : texts) all += (all.empty() ? "" : " ") + text;
-  return all;
-}
 
 }  // namespace
 
@@ -42,10 +32,10 @@ ExitStatus status_of(report::Verdict verdict) {
 
 report::ReportInput report_input(const gather::FoundBoards& found, const std::vector<std::string>& inputs) {
   report::ReportInput input;
-  for (const gather::CameraSighting& camera : found.cameras) input.cameras.push_back({camera.pictures, camera.boards});
+  for (const gather::PictureTally& camera : found.cameras) input.cameras.push_back({camera.pictures, camera.boards});
   input.warnings = found.warnings;
   input.made_of.emplace_back("tool", "huetrack-calibrate " HUETRACK_VERSION);
-  if (!inputs.empty()) input.made_of.emplace_back("inputs", joined(inputs));
+  if (!inputs.empty()) input.made_of.emplace_back("inputs", fmt::to_string(fmt::join(inputs, " ")));
   std::string sets = std::to_string(found.set_at_s.size()) + " moments used, " + std::to_string(found.sets_looked_at) +
                      " of " + std::to_string(found.sets_seen) + " looked at";
   if (found.duplicates > 0) sets += "; " + std::to_string(found.duplicates) + " left out: the board had not moved";
@@ -82,9 +72,9 @@ ExitStatus put_out(const report::CalibrationReport& report, calib::CameraRig rig
   rig.made_by.clear();
   for (const auto& [key, value] : report.made_of) rig.made_by.emplace_back(key, value);
   rig.made_by.emplace_back("board", report.board);
-  rig.made_by.emplace_back("rms_px", number("%.4g", report.rms_px));
+  rig.made_by.emplace_back("rms_px", fmt::format("{:.4g}", report.rms_px));
   if (report.volume && report.volume->covered > 0)
-    rig.made_by.emplace_back("expected_mm", number("%.3g", 1000 * report.volume->median_by_calibration_m));
+    rig.made_by.emplace_back("expected_mm", fmt::format("{:.3g}", 1000 * report.volume->median_by_calibration_m));
   rig.made_by.emplace_back("verdict", std::string(report::name(report.verdict)));
 
   std::error_code error;

@@ -1,6 +1,8 @@
 // huetrack-calibrate wave: camera poses from the coloured object itself, waved through the volume.
+#include <fmt/format.h>
+
 #include <CLI/CLI.hpp>
-#include <array>
+#include <algorithm>
 #include <bit>
 #include <chrono>
 #include <cstdio>
@@ -13,12 +15,13 @@
 #include "calib/gather/progress_line.h"
 #include "calib/model/rig_yaml.h"
 #include "calib/program/commands.h"
-#include "calib/report/wave_text.h"
+#include "calib/program/outcome.h"
+#include "calib/report/wave_report.h"
 #include "calib/solver/bundle_adjustment.h"
 #include "calib/wave/wave.h"
 #include "capture/replay_source.h"
 #include "config/service_config.h"
-#include "daemon/live.h"
+#include "pipeline/live_cameras.h"
 
 namespace huetrack::program {
 namespace {
@@ -39,6 +42,12 @@ struct Input {
   std::optional<config::ServiceConfig> config;
 };
 
+std::string names_of(const std::vector<object_tracking::TargetOptions>& targets) {
+  std::vector<std::string_view> names;
+  for (const object_tracking::TargetOptions& target : targets) names.emplace_back(target.name);
+  return fmt::to_string(fmt::join(names, ", "));
+}
+
 Input input_of(const Options& o) {
   Input in;
   if (!o.config.empty()) {
@@ -47,8 +56,7 @@ Input input_of(const Options& o) {
     in.config = config::load_service_config(o.config);
     in.rig = in.config->rig;
     const auto& known = in.config->targets;
-    std::string names;
-    for (const object_tracking::TargetOptions& target : known) names += (names.empty() ? "" : ", ") + target.name;
+    const std::string names = names_of(known);
     if (o.targets.empty() && known.size() > 1)
       throw gather::InputError(o.config + " has several targets: say which with --target: " + names);
     if (o.targets.empty()) in.targets = known;
@@ -210,7 +218,7 @@ BallsFrames frames_of_recording(const Options& o, const Input& in, const std::st
 
 // Every camera has its own thread, which looks for the ball as well: of the pictures only what is around it is kept.
 BallsFrames frames_of_cameras(const Options& o, const Input& in, const std::stop_token& stop) {
-  std::vector<daemon::LiveCamera> cameras = daemon::open_cameras(*in.config);
+  std::vector<pipeline::LiveCamera> cameras = pipeline::open_cameras(*in.config);
   if (cameras.size() < 2) throw gather::InputError(o.config + ": cameras: two live cameras or more are needed");
   std::mutex mutex;
   BallsFrames frames(in.targets.size());  // guarded by mutex
@@ -219,7 +227,7 @@ BallsFrames frames_of_cameras(const Options& o, const Input& in, const std::stop
   std::stop_source end;
   {
     std::vector<std::jthread> threads;
-    for (daemon::LiveCamera& camera : cameras) {
+    for (pipeline::LiveCamera& camera : cameras) {
       threads.emplace_back([&, source = camera.source.get()] {
         Finder finder(in);
         wave::Background background(in.rig.cameras.size());
@@ -272,33 +280,23 @@ ExitStatus wave(const Options& o, const std::stop_token& stop) {
   options.progress = progress.progress();
   wave::WaveResult result = wave::calibrate_wave(in.rig, std::move(frames), options);
   progress.clear();
-  std::printf("%s", report::to_text(result).c_str());
+  const report::WaveReport report = report::report_on(result);
+  std::fputs(report::to_text(report, result).c_str(), stdout);
 
-  std::array<char, 64> text;
-  std::string names;
-  for (const object_tracking::TargetOptions& target : in.targets) names += (names.empty() ? "" : ", ") + target.name;
+  const double expected_m = result.expected_in_volume_m.value_or(result.expected_m);
   result.rig.made_by = {{"tool", "huetrack-calibrate " HUETRACK_VERSION " wave"},
                         {"input", o.live_s > 0 ? "live" : o.recording},
-                        {"target", names},
-                        {"verdict", result.usable() ? "usable" : "doubtful"},
-                        {"scale_from", result.scale_from}};
-  std::snprintf(text.data(), text.size(), "%.3f", result.rms_px);
-  result.rig.made_by.emplace_back("rms_px", text.data());
-  std::snprintf(text.data(), text.size(), "%.2f", 1e3 * result.expected_in_volume_m.value_or(result.expected_m));
-  result.rig.made_by.emplace_back("expected_error_mm", text.data());
+                        {"target", names_of(in.targets)},
+                        {"verdict", std::string(report::name(report.verdict))},
+                        {"scale_from", report.scale_from},
+                        {"rms_px", fmt::format("{:.3f}", result.rms_px)},
+                        {"expected_error_mm", fmt::format("{:.2f}", 1e3 * expected_m)}};
   for (const auto& problem : result.rig.problems())
     throw solver::CalibrationError("what came out is no rig: " + problem);
-  // A doubtful result is not put in the place of a rig that may be better.
-  std::filesystem::path file = o.rig;
-  if (!result.usable() && !o.overwrite && std::filesystem::exists(file)) {
-    file.replace_extension(".doubtful.yaml");
-    std::fprintf(stderr,
-                 "huetrack-calibrate: doubtful, so %s is left as it was; the new rig is %s (--overwrite replaces)\n",
-                 o.rig.c_str(), file.c_str());
-  }
+  const std::filesystem::path file = place_for(report.verdict, o.rig, o.overwrite);
   calib::write_rig(result.rig, file);
   std::printf("%s\n", file.c_str());
-  return result.usable() ? ExitStatus::usable : ExitStatus::doubtful;
+  return status_of(report.verdict);
 }
 
 }  // namespace

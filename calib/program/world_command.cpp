@@ -1,3 +1,4 @@
+#include <fmt/core.h>
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cmath>
@@ -35,18 +36,12 @@ struct NewWorld {
   std::string details;              // for people
 };
 
-std::string text_of(const char* format, auto... values) {
-  std::array<char, 512> text;
-  std::snprintf(text.data(), text.size(), format, values...);
-  return text.data();
-}
-
 constexpr double good_px = 1.5;  // that the board (a point) may be off in the images
 
 NewWorld from_board(const calib::CameraRig& rig, const Options& options, const std::stop_token& stop) {
   const board::Board board = board::read_board(options.board);
   const gather::FoundBoards found =
-      board_views_of(rig, options.rig, board, options.inputs, {.progress = !options.quiet, .view = {}}, stop);
+      board_views_of(rig, options.rig, board, options.inputs, {.progress = !options.quiet, .page = {}}, stop);
   // The moment that was asked for, or the one that most cameras saw.
   std::map<int, int> seen;
   for (const solver::BoardView& view : found.views) ++seen[view.set];
@@ -64,13 +59,13 @@ NewWorld from_board(const calib::CameraRig& rig, const Options& options, const s
       solver::adjust(solver::place_boards(board, rig, views), {.find_outliers = false, .with_covariance = false});
   const calib::Rigid3d& world_from_board = placed.world_from_board[static_cast<std::size_t>(set)];
   world.rig = solver::in_world(rig, {solver::floor_from_board(world_from_board, options.height_m), 1});
-  world.how = text_of("the board on the floor at %.2f s, seen by %zu cameras, %.2f px rms",
-                      found.set_at_s[static_cast<std::size_t>(set)], views.size(), placed.rms_px);
+  world.how = fmt::format("the board on the floor at {:.2f} s, seen by {} cameras, {:.2f} px rms",
+                          found.set_at_s[static_cast<std::size_t>(set)], views.size(), placed.rms_px);
   if (found.set_at_s.size() > 1 && !options.at_s) {
-    world.doubts.push_back(
-        text_of("the board moves in these pictures: its place at %.2f s was taken; give --at SECONDS, or pictures of "
-                "the board at rest",
-                found.set_at_s[static_cast<std::size_t>(set)]));
+    world.doubts.push_back(fmt::format(
+        "the board moves in these pictures: its place at {:.2f} s was taken; give --at SECONDS, or pictures of "
+        "the board at rest",
+        found.set_at_s[static_cast<std::size_t>(set)]));
   }
   if (views.size() == 1) {
     const solver::BoardView& view = views.front();
@@ -78,18 +73,18 @@ NewWorld from_board(const calib::CameraRig& rig, const Options& options, const s
     const auto poses =
         solver::board_poses(board, view, solver::lens_model_of(camera.model), solver::parameters_of(camera.model));
     if (poses.size() > 1 && poses[1].rms_px < 2 * poses[0].rms_px + 0.1) {
-      world.doubts.push_back(
-          text_of("only %s sees the board, and so flat that its mirrored twin fits as well (%.2f and %.2f px): the "
-                  "floor may be "
-                  "tilted the wrong way; lay it where two cameras see it",
-                  camera.name.c_str(), poses[0].rms_px, poses[1].rms_px));
+      world.doubts.push_back(fmt::format(
+          "only {} sees the board, and so flat that its mirrored twin fits as well ({:.2f} and {:.2f} px): the "
+          "floor may be "
+          "tilted the wrong way; lay it where two cameras see it",
+          camera.name, poses[0].rms_px, poses[1].rms_px));
     }
   }
   if (placed.rms_px > good_px) {
     world.doubts.push_back(
-        text_of("the cameras disagree on where the board lies (%.1f px rms): does the rig still fit? "
-                "Try huetrack-calibrate check; is the board file right?",
-                placed.rms_px));
+        fmt::format("the cameras disagree on where the board lies ({:.1f} px rms): does the rig still fit? "
+                    "Try huetrack-calibrate check; is the board file right?",
+                    placed.rms_px));
   }
   return world;
 }
@@ -105,8 +100,8 @@ NewWorld from_points(const calib::CameraRig& rig, const Options& options) {
   for (const PointOfWorld& point : points) {
     if (point.rms_px && *point.rms_px > 2 * good_px) {
       world.doubts.push_back(
-          text_of("the pixels of point %s do not meet: they are off by %.1f px; are they of the same point?",
-                  point.name.c_str(), *point.rms_px));
+          fmt::format("the pixels of point {} do not meet: they are off by {:.1f} px; are they of the same point?",
+                      point.name, *point.rms_px));
     }
   }
   solver::WorldChange change;
@@ -118,13 +113,13 @@ NewWorld from_points(const calib::CameraRig& rig, const Options& options) {
     change = solver::align_points(from, to, options.scale);
     world.is_floor = false;
     world.how = std::to_string(points.size()) + " measured points";
-    if (options.scale) world.how += text_of(", scale %.5f", change.scale);
+    if (options.scale) world.how += fmt::format(", scale {:.5f}", change.scale);
     if (!options.scale && std::abs(scale - 1) > 0.01) {
-      world.doubts.push_back(
-          text_of("by these points all lengths of the rig are to be multiplied by %.4f: the board's square size was "
-                  "probably wrong "
-                  "by that; --scale takes it over",
-                  scale));
+      world.doubts.push_back(fmt::format(
+          "by these points all lengths of the rig are to be multiplied by {:.4f}: the board's square size was "
+          "probably wrong "
+          "by that; --scale takes it over",
+          scale));
     }
   }
   double extent = 0;
@@ -132,13 +127,13 @@ NewWorld from_points(const calib::CameraRig& rig, const Options& options) {
   for (std::size_t k = 0; k < points.size(); ++k) {
     const Eigen::Vector3d p = change * points[k].in_rig;
     const double off = to.empty() ? std::abs(p.z()) : (p - to[k]).norm();
-    world.details += text_of("  %-12s at (%.3f, %.3f, %.3f) m, off by %.1f mm\n", points[k].name.c_str(), p.x(), p.y(),
-                             p.z(), 1000 * off);
+    world.details += fmt::format("  {:12} at ({:.3f}, {:.3f}, {:.3f}) m, off by {:.1f} mm\n", points[k].name, p.x(),
+                                 p.y(), p.z(), 1000 * off);
     const double allowed = to.empty() ? 0.02 : std::max(0.01, 0.01 * extent);
     if (off > allowed) {
       world.doubts.push_back(
-          text_of("point %s is off by %.0f mm: was it measured right, and at the same spot in every image?",
-                  points[k].name.c_str(), 1000 * off));
+          fmt::format("point {} is off by {:.0f} mm: was it measured right, and at the same spot in every image?",
+                      points[k].name, 1000 * off));
     }
   }
   world.rig = solver::in_world(rig, change);
@@ -154,7 +149,7 @@ ExitStatus set_world(const Options& options, const std::stop_token& stop) {
   for (const calib::Camera& camera : world.rig.cameras) {
     if (camera.centre().z() > 0) continue;
     const std::string below =
-        text_of("camera %s would stand %.2f m below z = 0", camera.name.c_str(), -camera.centre().z());
+        fmt::format("camera {} would stand {:.2f} m below z = 0", camera.name, -camera.centre().z());
     if (world.is_floor) {
       throw solver::CalibrationError(
           below +

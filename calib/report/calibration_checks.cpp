@@ -1,9 +1,10 @@
 #include "calib/report/calibration_checks.h"
 
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdio>
 #include <numbers>
 
 namespace huetrack::report {
@@ -34,13 +35,6 @@ constexpr int enough_views = 10, least_views = 4;  // distinct ones
 constexpr double least_tilt_range_deg = 20, least_depth_ratio = 1.15;
 constexpr int enough_shared = 8;  // sets, on the way to every camera
 constexpr double pattern_of_noise = 0.6, least_pattern_px = 0.12;
-
-template <typename... Values>
-std::string text_of(const char* format, Values... values) {
-  std::array<char, 512> text;
-  std::snprintf(text.data(), text.size(), format, values...);
-  return text.data();
-}
 
 struct Range {
   double low = 0, high = 0;
@@ -80,15 +74,15 @@ class Judge {
 
   void fit(const CameraReport& camera) {
     add(rms_share.judge(camera.rms_px / camera.image_size.width), "fit of " + camera.name,
-        text_of("%s: corners are reprojected to %.2f px rms; the worst view, %s, to %.2f px", camera.name.c_str(),
-                camera.rms_px, camera.worst_view.c_str(), camera.worst_view_rms_px),
+        fmt::format("{}: corners are reprojected to {:.2f} px rms; the worst view, {}, to {:.2f} px", camera.name,
+                    camera.rms_px, camera.worst_view, camera.worst_view_rms_px),
         "look at the residuals below: a board that is not flat, a camera that refocuses (switch autofocus off), motion "
         "blur, or cameras that do not expose at the same moment (hold the board still for a second at each place)");
     const bool pattern =
         camera.pattern_px > least_pattern_px && camera.pattern_px > pattern_of_noise * report_.noise_px;
     add(pattern ? Verdict::doubtful : Verdict::usable, "residual pattern of " + camera.name,
-        text_of("%s: %.2f px of the residuals are the same in every view of a part of the image", camera.name.c_str(),
-                camera.pattern_px),
+        fmt::format("{}: {:.2f} px of the residuals are the same in every view of a part of the image", camera.name,
+                    camera.pattern_px),
         "the lens model does not follow this lens: try --lens with a richer model; a board that is not flat does it "
         "too");
     int dropped = 0;
@@ -97,8 +91,8 @@ class Judge {
     }
     const double share = static_cast<double>(dropped) / std::max(1, dropped + camera.views_used);
     add(dropped_share.judge(share), "outlier views of " + camera.name,
-        text_of("%s: %d of %d views of the board contradict the others and were dropped", camera.name.c_str(), dropped,
-                dropped + camera.views_used),
+        fmt::format("{}: {} of {} views of the board contradict the others and were dropped", camera.name, dropped,
+                    dropped + camera.views_used),
         "see the list of dropped views: if they are all of one time, something moved then; leave that part out");
   }
 
@@ -107,25 +101,25 @@ class Judge {
     const double focal = std::max(camera.sigma(0) / l(0), camera.sigma(1) / l(1));
     if (focal > 0) {
       add(focal_share.judge(focal), "focal length of " + camera.name,
-          text_of("%s: fx %.1f +- %.1f, fy %.1f +- %.1f px", camera.name.c_str(), l(0), camera.sigma(0), l(1),
-                  camera.sigma(1)),
+          fmt::format("{}: fx {:.1f} +- {:.1f}, fy {:.1f} +- {:.1f} px", camera.name, l(0), camera.sigma(0), l(1),
+                      camera.sigma(1)),
           "show the board tilted by 30 to 50 degrees, both ways, and near as well as far: boards that are held flat to "
           "the camera do not tell its focal length");
       const double centre = std::max(camera.sigma(2), camera.sigma(3)) / camera.image_size.width;
       add(centre_share.judge(centre), "principal point of " + camera.name,
-          text_of("%s: cx %.1f +- %.1f, cy %.1f +- %.1f px", camera.name.c_str(), l(2), camera.sigma(2), l(3),
-                  camera.sigma(3)),
+          fmt::format("{}: cx {:.1f} +- {:.1f}, cy {:.1f} +- {:.1f} px", camera.name, l(2), camera.sigma(2), l(3),
+                      camera.sigma(3)),
           "show the board tilted, and turned by 90 degrees in its plane");
     }
     const bool off =
         std::abs(l(2) / camera.image_size.width - 0.5) > 0.15 || std::abs(l(3) / camera.image_size.height - 0.5) > 0.15;
     add(off ? Verdict::doubtful : Verdict::usable, "place of the principal point of " + camera.name,
-        text_of("%s: at (%.0f, %.0f) of %dx%d", camera.name.c_str(), l(2), l(3), camera.image_size.width,
-                camera.image_size.height),
+        fmt::format("{}: at ({:.0f}, {:.0f}) of {}x{}", camera.name, l(2), l(3), camera.image_size.width,
+                    camera.image_size.height),
         "that far from the middle is a cropped image or too few tilted views");
     const double ratio = l(0) / l(1);
     add(aspect.judge(std::abs(ratio - 1)), "aspect ratio of " + camera.name,
-        text_of("%s: fx / fy = %.4f", camera.name.c_str(), ratio),
+        fmt::format("{}: fx / fy = {:.4f}", camera.name, ratio),
         "pixels of today's cameras are square: is the video squeezed, or are the board's squares not square (then give "
         "pitch: [x, y] in the board file)? Otherwise these views do not tell the lens: calibrate it by itself "
         "(intrinsics), all over its image, and give it with --intrinsics");
@@ -139,33 +133,33 @@ class Judge {
     const bool own_lens = camera.lens_was_found;
     add(!own_lens || camera.coverage >= least_coverage ? Verdict::usable : Verdict::doubtful,
         "coverage of " + camera.name,
-        text_of("%s: the board was in %.0f %% of the image's parts", camera.name.c_str(), 100 * camera.coverage),
+        fmt::format("{}: the board was in {:.0f} % of the image's parts", camera.name, 100 * camera.coverage),
         "show the board in the parts that the coverage map leaves white, the corners above all: distortion is only "
         "known where a board was");
     const Verdict count = camera.distinct_views < least_views                ? Verdict::failed
                           : own_lens && camera.distinct_views < enough_views ? Verdict::doubtful
                                                                              : Verdict::usable;
     add(count, "views of " + camera.name,
-        text_of("%s: %d views of the board, %d of them at different places", camera.name.c_str(), camera.views_used,
-                camera.distinct_views),
+        fmt::format("{}: {} views of the board, {} of them at different places", camera.name, camera.views_used,
+                    camera.distinct_views),
         "show the board at some 15 different places; views that show it where it was before count as one");
     if (!own_lens) return;
     const Range tilt(camera.tilt_deg), distance(camera.distance_m);
     const double depth = distance.low > 0 ? distance.high / distance.low : 1;
     add(tilt.high - tilt.low < least_tilt_range_deg ? Verdict::doubtful : Verdict::usable, "tilt of " + camera.name,
-        text_of("%s: the board was tilted by %.0f to %.0f degrees against the line of sight", camera.name.c_str(),
-                tilt.low, tilt.high),
+        fmt::format("{}: the board was tilted by {:.0f} to {:.0f} degrees against the line of sight", camera.name,
+                    tilt.low, tilt.high),
         "tilt the board more differently: some views straight, some by 30 to 50 degrees, about both axes");
     add(depth < least_depth_ratio && tilt.high - tilt.low < 2 * least_tilt_range_deg ? Verdict::doubtful
                                                                                      : Verdict::usable,
         "depth range of " + camera.name,
-        text_of("%s: the board was %.2f to %.2f m away", camera.name.c_str(), distance.low, distance.high),
+        fmt::format("{}: the board was {:.2f} to {:.2f} m away", camera.name, distance.low, distance.high),
         "show it nearer and farther too");
   }
 
   void side(const CameraReport& camera, double behind) {
     add(behind_share.judge(behind), "side of the board of " + camera.name,
-        behind > 0 ? text_of("%s: stands behind the board in %.0f %% of its views", camera.name.c_str(), 100 * behind)
+        behind > 0 ? fmt::format("{}: stands behind the board in {:.0f} % of its views", camera.name, 100 * behind)
                    : camera.name + ": sees the board's front in all views",
         "the images of this camera are mirrored (left and right swapped), or its board poses are the mirrored twins: "
         "switch mirroring off in the camera or its driver, and show the board nearer and more tilted");
@@ -178,8 +172,8 @@ class Judge {
     const double turn_deg = camera.rotation_sigma_rad * 180 / std::numbers::pi;
     add(std::max(position_share.judge(camera.centre_sigma_m / middle), rotation_deg.judge(turn_deg)),
         "pose of " + camera.name,
-        text_of("%s: position +- %.1f mm, rotation +- %.3f degrees", camera.name.c_str(), 1000 * camera.centre_sigma_m,
-                turn_deg),
+        fmt::format("{}: position +- {:.1f} mm, rotation +- {:.3f} degrees", camera.name, 1000 * camera.centre_sigma_m,
+                    turn_deg),
         "show the board to this camera and its neighbours together at more places, near and far, tilted");
   }
 
@@ -198,14 +192,14 @@ class Judge {
                         &right = report_.cameras[static_cast<std::size_t>(pair.b)].name;
       add(pair.shared_sets < enough_shared ? Verdict::doubtful : Verdict::usable,
           std::string("overlap of ").append(left).append(" and ").append(right),
-          text_of("%s and %s saw the board together %d times", left.c_str(), right.c_str(), pair.shared_sets),
+          fmt::format("{} and {} saw the board together {} times", left, right, pair.shared_sets),
           "no other cameras link these two groups better: show the board to both together, 10 times or more");
     }
     if (evidence_.alone_px > 0) {
       const double ratio = report_.noise_px / evidence_.alone_px;
       add(out_of_step.judge(ratio), "agreement between the cameras",
-          text_of("corners scatter by %.2f px for all cameras together, by %.2f px for each camera alone",
-                  report_.noise_px, evidence_.alone_px),
+          fmt::format("corners scatter by {:.2f} px for all cameras together, by {:.2f} px for each camera alone",
+                      report_.noise_px, evidence_.alone_px),
           "the cameras do not expose at the same moment, or one was moved while recording: hold the board still for a "
           "second at each place (only still moments are then used), or give the cameras' clock offsets in "
           "recording.yaml (offset_s)");
@@ -223,9 +217,10 @@ class Judge {
       Verdict verdict = volume.covered > 0 ? volume_share.judge(share) : Verdict::failed;
       if (verdict == Verdict::usable && outweighs && share > little_volume_share) verdict = Verdict::doubtful;
       add(verdict, "expected accuracy",
-          text_of("the calibration misplaces points of the volume by %.1f mm (median), %.1f mm (95 %%); two or more "
-                  "cameras see %.0f %% of it",
-                  1000 * volume.median_by_calibration_m, 1000 * volume.p95_by_calibration_m, 100 * volume.covered),
+          fmt::format(
+              "the calibration misplaces points of the volume by {:.1f} mm (median), {:.1f} mm (95 %); two or more "
+              "cameras see {:.0f} % of it",
+              1000 * volume.median_by_calibration_m, 1000 * volume.p95_by_calibration_m, 100 * volume.covered),
           "carry the board through the parts of the volume that the slices below show dark, seen by several cameras");
     }
   }

@@ -6,7 +6,9 @@
 #include <numbers>
 #include <set>
 
+#include "calib/model/median.h"
 #include "calib/report/calibration_checks.h"
+#include "calib/report/sentences.h"
 
 namespace huetrack::report {
 namespace {
@@ -44,10 +46,7 @@ int distinct(const std::vector<const solver::BoardView*>& views, calib::ImageSiz
           view->ids[i] < other->ids[j] ? ++i : ++j;
         }
       }
-      if (apart.empty()) return false;
-      const auto middle = apart.begin() + static_cast<std::ptrdiff_t>(apart.size() / 2);
-      std::nth_element(apart.begin(), middle, apart.end());
-      return *middle < 0.01 * size.width;
+      return !apart.empty() && calib::median(std::move(apart)) < 0.01 * size.width;
     });
     if (!known) kept.push_back(view);
   }
@@ -69,7 +68,7 @@ CameraReport camera_report(const solver::Adjustment& a, int c, Evidence& evidenc
   const Vector3d middle = middle_of(a.board);
   int behind = 0;
   for (std::size_t v = 0; v < a.views.size(); ++v) {
-    if (a.views[v].camera != c || !a.fits[v].dropped.empty()) continue;
+    if (a.views[v].camera != c || a.fits[v].dropped) continue;
     const solver::BoardView& view = a.views[v];
     used_views.push_back(&view);
     double view_sum = 0;
@@ -131,14 +130,14 @@ double distance_sigma(const solver::Adjustment& a, int i, int k) {
 
 void add_views(CalibrationReport& report, const solver::Adjustment& a) {
   for (std::size_t v = 0; v < a.views.size(); ++v) {
-    if (a.fits[v].dropped.empty()) continue;
-    report.dropped.push_back({a.views[v].camera, a.views[v].image, a.fits[v].dropped});
+    if (!a.fits[v].dropped) continue;
+    report.dropped.push_back({a.views[v].camera, a.views[v].image, dropped_text(*a.fits[v].dropped)});
   }
   // Per camera the worst that are used, one in the middle, and some that were dropped.
   for (int c = 0; c < static_cast<int>(a.cameras.size()); ++c) {
     std::vector<std::size_t> used, dropped;
     for (std::size_t v = 0; v < a.views.size(); ++v) {
-      if (a.views[v].camera == c) (a.fits[v].dropped.empty() ? used : dropped).push_back(v);
+      if (a.views[v].camera == c) (a.fits[v].dropped ? dropped : used).push_back(v);
     }
     std::ranges::stable_sort(used, std::greater<>{}, [&](std::size_t v) { return a.fits[v].rms_px; });
     std::vector<std::size_t> chosen(used.begin(),
@@ -175,7 +174,7 @@ CalibrationReport base_report(const solver::Adjustment& a, const ReportInput& in
 
 void take_lens(CameraReport& camera, const solver::Intrinsics& lens) {
   camera.lens_was_found = true;
-  camera.lens_reason = lens.lens_reason;
+  camera.lens_reason = choice_text(lens);
   camera.trials = lens.trials;
 }
 
@@ -203,7 +202,7 @@ CalibrationReport report_on(const solver::Extrinsics& result, const ReportInput&
   for (const CameraReport& camera : report.cameras) {
     report.title += (&camera == &report.cameras.front() ? " " : ", ") + camera.name;
   }
-  report.lens_reason = result.lens_reason;
+  report.lens_reason = refinement_text(result);
   for (std::size_t c = 0; c < a.cameras.size(); ++c) {
     CameraReport& camera = report.cameras[c];
     if (c < result.lenses.size() && result.lenses[c]) take_lens(camera, *result.lenses[c]);
@@ -226,8 +225,7 @@ CalibrationReport report_on(const solver::Extrinsics& result, const ReportInput&
   }
   std::map<int, Vector3d> centres;
   for (std::size_t v = 0; v < a.views.size(); ++v) {
-    if (a.fits[v].dropped.empty())
-      centres[a.views[v].set] = a.world_from_board[index(a.views[v].set)] * middle_of(a.board);
+    if (!a.fits[v].dropped) centres[a.views[v].set] = a.world_from_board[index(a.views[v].set)] * middle_of(a.board);
   }
   report.board_centres.assign(centres.begin(), centres.end());
   constexpr std::array<int, 3> steps{13, 13, 7};

@@ -1,12 +1,14 @@
+#include <fmt/core.h>
+
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdio>
 #include <numbers>
 #include <string_view>
 
 #include "calib/report/calibration_report.h"
+#include "calib/report/sentences.h"
 
 namespace huetrack::report {
 namespace {
@@ -30,13 +32,6 @@ td.n, th.n { text-align:right; }
 svg text { font:11px system-ui,sans-serif; fill:var(--ink); } svg { display:block; }
 ul.todo { padding-left:20px; margin:8px 0; } ul.todo li { margin:8px 0; } details summary { cursor:pointer; color:var(--blue); }
 )";
-
-template <typename... Values>
-std::string text_of(const char* format, Values... values) {
-  std::array<char, 1024> text;
-  std::snprintf(text.data(), text.size(), format, values...);
-  return text.data();
-}
 
 std::string escaped(std::string_view text) {
   std::string out;
@@ -65,7 +60,7 @@ std::string escaped(std::string_view text) {
 std::string shade(double share) {
   const double s = std::clamp(share, 0.0, 1.0);
   const auto mix = [&](double from, double to) { return static_cast<int>(std::lround(from + (to - from) * s)); };
-  return text_of("#%02x%02x%02x", mix(240, 12), mix(245, 52), mix(250, 110));
+  return fmt::format("#{:02x}{:02x}{:02x}", mix(240, 12), mix(245, 52), mix(250, 110));
 }
 
 // 1, 2 or 5 times a power of ten, at most `value`.
@@ -80,12 +75,14 @@ double round_figure(double value) {
 
 std::string arrow(const Vector2d& from, const Vector2d& to, const char* color, double width) {
   const Vector2d along = to - from;
-  if (along.norm() < 0.5) return text_of("<circle cx='%.1f' cy='%.1f' r='1' fill='%s'/>", from.x(), from.y(), color);
+  if (along.norm() < 0.5)
+    return fmt::format("<circle cx='{:.1f}' cy='{:.1f}' r='1' fill='{}'/>", from.x(), from.y(), color);
   const Vector2d a = along.normalized(), n(-a.y(), a.x());
   const Vector2d left = to - 4 * a + 2.5 * n, right = to - 4 * a - 2.5 * n;
-  return text_of(
-      "<line x1='%.1f' y1='%.1f' x2='%.1f' y2='%.1f' stroke='%s' stroke-width='%.1f'/><polygon points='%.1f,%.1f "
-      "%.1f,%.1f %.1f,%.1f' fill='%s'/>",
+  return fmt::format(
+      "<line x1='{:.1f}' y1='{:.1f}' x2='{:.1f}' y2='{:.1f}' stroke='{}' stroke-width='{:.1f}'/><polygon "
+      "points='{:.1f},{:.1f} "
+      "{:.1f},{:.1f} {:.1f},{:.1f}' fill='{}'/>",
       from.x(), from.y(), to.x(), to.y(), color, width, to.x(), to.y(), left.x(), left.y(), right.x(), right.y(),
       color);
 }
@@ -101,18 +98,18 @@ std::string image_map(const CameraReport& camera) {
     if (camera.grid.corners[cell] >= 5) longest = std::max(longest, camera.grid.mean_residual[cell].norm());
   }
   const double unit_px = std::max(0.02, round_figure(longest)), zoom = 0.8 * w / std::max(unit_px, longest);
-  std::string svg = text_of("<svg width='%.0f' height='%.0f' viewBox='0 0 %.0f %.0f' role='img'>", width + 2,
-                            height + 24, width + 2, height + 24);
+  std::string svg = fmt::format("<svg width='{:.0f}' height='{:.0f}' viewBox='0 0 {:.0f} {:.0f}' role='img'>",
+                                width + 2, height + 24, width + 2, height + 24);
   for (int row = 0; row < ImageGrid::rows; ++row) {
     for (int column = 0; column < ImageGrid::columns; ++column) {
       const auto cell = static_cast<std::size_t>(row * ImageGrid::columns + column);
       const int n = camera.grid.corners[cell];
       const std::string fill =
           n == 0 ? "#ffffff" : shade(0.08 + 0.5 * std::log1p(n) / std::log1p(static_cast<double>(most)));
-      svg += text_of(
-          "<rect x='%.1f' y='%.1f' width='%.1f' height='%.1f' fill='%s' stroke='#c6ced8'><title>%d corners, "
-          "mean residual (%.3f, %.3f) px</title></rect>",
-          1 + column * w, 1 + row * h, w, h, fill.c_str(), n, camera.grid.mean_residual[cell].x(),
+      svg += fmt::format(
+          "<rect x='{:.1f}' y='{:.1f}' width='{:.1f}' height='{:.1f}' fill='{}' stroke='#c6ced8'><title>{} corners, "
+          "mean residual ({:.3f}, {:.3f}) px</title></rect>",
+          1 + column * w, 1 + row * h, w, h, fill, n, camera.grid.mean_residual[cell].x(),
           camera.grid.mean_residual[cell].y());
     }
   }
@@ -125,7 +122,7 @@ std::string image_map(const CameraReport& camera) {
     }
   }
   svg += arrow({4, height + 14}, {4 + zoom * unit_px, height + 14}, "#c2410c", 1.6);
-  svg += text_of("<text x='%.1f' y='%.1f'>%g px</text></svg>", 10 + zoom * unit_px, height + 18, unit_px);
+  svg += fmt::format("<text x='{:.1f}' y='{:.1f}'>{:g} px</text></svg>", 10 + zoom * unit_px, height + 18, unit_px);
   return "<figure>" + svg +
          "<figcaption>Blue: where the board's corners were (white: never). Arrows: the residuals' mean " +
          "in each part; noise alone leaves them short and in all directions.</figcaption></figure>";
@@ -138,21 +135,21 @@ std::string view_scatter(const CameraReport& camera) {
   const double farthest = 1.1 * *std::ranges::max_element(camera.distance_m);
   const auto x = [&](double m) { return left + (width - left - 6) * m / farthest; };
   const auto y = [&](double deg) { return (height - bottom) - (height - bottom - 6) * deg / 90; };
-  std::string svg = text_of("<svg width='%.0f' height='%.0f' viewBox='0 0 %.0f %.0f' role='img'>", width, height + 8,
-                            width, height + 8);
+  std::string svg = fmt::format("<svg width='{:.0f}' height='{:.0f}' viewBox='0 0 {:.0f} {:.0f}' role='img'>", width,
+                                height + 8, width, height + 8);
   for (const int deg : {0, 30, 60, 90}) {
-    svg += text_of(
-        "<line x1='%.0f' y1='%.1f' x2='%.0f' y2='%.1f' stroke='#dde2e8'/><text x='%.0f' y='%.1f' "
-        "text-anchor='end'>%d°</text>",
+    svg += fmt::format(
+        "<line x1='{:.0f}' y1='{:.1f}' x2='{:.0f}' y2='{:.1f}' stroke='#dde2e8'/><text x='{:.0f}' y='{:.1f}' "
+        "text-anchor='end'>{}°</text>",
         left, y(deg), width, y(deg), left - 4, y(deg) + 4, deg);
   }
   const double step = round_figure(farthest / 2);
   for (double m = 0; m <= farthest; m += step) {
-    svg += text_of("<text x='%.1f' y='%.0f' text-anchor='middle'>%g m</text>", x(m), height - 8, m);
+    svg += fmt::format("<text x='{:.1f}' y='{:.0f}' text-anchor='middle'>{:g} m</text>", x(m), height - 8, m);
   }
   for (std::size_t k = 0; k < camera.tilt_deg.size(); ++k) {
-    svg += text_of("<circle cx='%.1f' cy='%.1f' r='3' fill='#2563a8' fill-opacity='0.55'/>", x(camera.distance_m[k]),
-                   y(camera.tilt_deg[k]));
+    svg += fmt::format("<circle cx='{:.1f}' cy='{:.1f}' r='3' fill='#2563a8' fill-opacity='0.55'/>",
+                       x(camera.distance_m[k]), y(camera.tilt_deg[k]));
   }
   return "<figure>" + svg +
          "</svg><figcaption>Each view: distance of the board, and its tilt against the line of sight. "
@@ -163,9 +160,9 @@ std::string lens_table(const CameraReport& camera) {
   std::string out = "<table><tr><th>" + std::string(solver::name(camera.lens)) +
                     "</th><th class=n>value</th><th class=n>+-</th></tr>";
   for (int i = 0; i < solver::parameter_count(camera.lens); ++i) {
-    out += text_of(i < 4 ? "<tr><td>%s</td><td class=n>%.2f</td><td class=n>%.2f</td></tr>"
-                         : "<tr><td>%s</td><td class=n>%.5f</td><td class=n>%.5f</td></tr>",
-                   std::string(solver::parameter_name(camera.lens, i)).c_str(), camera.parameters(i), camera.sigma(i));
+    const int digits = i < 4 ? 2 : 5;  // of pixels, of distortion coefficients
+    out += fmt::format("<tr><td>{}</td><td class=n>{:.{}f}</td><td class=n>{:.{}f}</td></tr>",
+                       solver::parameter_name(camera.lens, i), camera.parameters(i), digits, camera.sigma(i), digits);
   }
   return out + "</table>";
 }
@@ -175,9 +172,9 @@ std::string trials_table(const CameraReport& camera) {
   std::string out =
       "<table><tr><th>lens model</th><th class=n>rms of its views</th><th class=n>of others</th><th></th></tr>";
   for (const solver::LensTrial& trial : camera.trials) {
-    out += text_of("<tr><td>%s</td><td class=n>%.3f</td><td class=n>", solver::name(trial.lens).data(), trial.rms_px);
-    out += trial.held_out_px > 0 ? text_of("%.3f", trial.held_out_px) : std::string("-");
-    out += "</td><td>" + escaped(trial.possible ? "" : trial.note) +
+    out += fmt::format("<tr><td>{}</td><td class=n>{:.3f}</td><td class=n>", solver::name(trial.lens), trial.rms_px);
+    out += trial.held_out_px > 0 ? fmt::format("{:.3f}", trial.held_out_px) : std::string("-");
+    out += "</td><td>" + escaped(trial.possible ? std::string() : solver::fault_text(trial)) +
            (trial.lens == camera.lens ? "<b>chosen</b>" : "") + "</td></tr>";
   }
   return out + "</table>";
@@ -188,12 +185,12 @@ std::string picture(const solver::BoardView& view, const solver::ViewFit& fit, c
   const EmbeddedPicture* picture = picture_of ? picture_of(view.camera, view.image) : nullptr;
   constexpr double width = 340;
   const double zoom = width / camera.image_size.width, height = zoom * camera.image_size.height;
-  std::string svg =
-      text_of("<svg width='%.0f' height='%.0f' viewBox='0 0 %.0f %.0f' role='img'>", width, height, width, height);
+  std::string svg = fmt::format("<svg width='{:.0f}' height='{:.0f}' viewBox='0 0 {:.0f} {:.0f}' role='img'>", width,
+                                height, width, height);
   if (picture) {
-    svg += text_of("<image width='%.0f' height='%.0f' href='", width, height) + data_uri(picture->jpeg) + "'/>";
+    svg += fmt::format("<image width='{:.0f}' height='{:.0f}' href='", width, height) + data_uri(picture->jpeg) + "'/>";
   } else {
-    svg += text_of("<rect width='%.0f' height='%.0f' fill='#e9edf1'/>", width, height);
+    svg += fmt::format("<rect width='{:.0f}' height='{:.0f}' fill='#e9edf1'/>", width, height);
   }
   constexpr double magnified = 30;
   for (std::size_t k = 0; k < view.px.size(); ++k) {
@@ -201,17 +198,20 @@ std::string picture(const solver::BoardView& view, const solver::ViewFit& fit, c
     const Vector2d residual = fit.residuals[k].norm() < 1e5 ? fit.residuals[k] : Vector2d(0, 0);
     const Vector2d end = at + zoom * magnified * residual.normalized() * std::min(residual.norm(), 4.0);
     const char* color = fit.used[k] ? "#22c55e" : "#ef4444";
-    svg += text_of("<circle cx='%.1f' cy='%.1f' r='2' fill='none' stroke='%s'/>", at.x(), at.y(), color);
+    svg += fmt::format("<circle cx='{:.1f}' cy='{:.1f}' r='2' fill='none' stroke='{}'/>", at.x(), at.y(), color);
     if (residual.norm() > 0.01)
-      svg += text_of("<line x1='%.1f' y1='%.1f' x2='%.1f' y2='%.1f' stroke='#facc15' stroke-width='1.2'/>", at.x(),
-                     at.y(), end.x(), end.y());
+      svg += fmt::format("<line x1='{:.1f}' y1='{:.1f}' x2='{:.1f}' y2='{:.1f}' stroke='#facc15' stroke-width='1.2'/>",
+                         at.x(), at.y(), end.x(), end.y());
   }
   if (!view.px.empty()) {
     const Vector2d at = zoom * (view.px.front() + Vector2d(0.5, 0.5));
-    svg += text_of("<circle cx='%.1f' cy='%.1f' r='5' fill='none' stroke='#ec4899' stroke-width='2'/>", at.x(), at.y());
+    svg += fmt::format("<circle cx='{:.1f}' cy='{:.1f}' r='5' fill='none' stroke='#ec4899' stroke-width='2'/>", at.x(),
+                       at.y());
   }
-  return "<figure>" + svg + "</svg><figcaption>" + escaped(view.image) + ": " + text_of("%.2f px rms", fit.rms_px) +
-         (fit.dropped.empty() ? std::string() : "; <b>dropped</b>: " + escaped(fit.dropped)) + "</figcaption></figure>";
+  return "<figure>" + svg + "</svg><figcaption>" + escaped(view.image) + ": " +
+         fmt::format("{:.2f} px rms", fit.rms_px) +
+         (fit.dropped ? "; <b>dropped</b>: " + escaped(dropped_text(*fit.dropped)) : std::string()) +
+         "</figcaption></figure>";
 }
 
 // The rig from above: x to the right, y up.
@@ -231,39 +231,40 @@ std::string plan(const CalibrationReport& report) {
   const double zoom = std::min(460 / (high.x() - low.x()), 420 / (high.y() - low.y()));
   const double width = zoom * (high.x() - low.x()), height = zoom * (high.y() - low.y());
   const auto at = [&](const Vector2d& p) { return Vector2d(zoom * (p.x() - low.x()), zoom * (high.y() - p.y())); };
-  std::string svg = text_of(
-      "<svg width='%.0f' height='%.0f' viewBox='0 0 %.0f %.0f' role='img'><rect width='%.0f' height='%.0f' "
+  std::string svg = fmt::format(
+      "<svg width='{:.0f}' height='{:.0f}' viewBox='0 0 {:.0f} {:.0f}' role='img'><rect width='{:.0f}' height='{:.0f}' "
       "fill='#f6f8fa'/>",
       width, height, width, height, width, height);
   const Vector2d corner = at({report.volume->box.low.x(), report.volume->box.high.y()});
   const Vector3d extent = report.volume->box.high - report.volume->box.low;
-  svg += text_of("<rect x='%.1f' y='%.1f' width='%.1f' height='%.1f' fill='#dbeafe' stroke='#93b4dd'/>", corner.x(),
-                 corner.y(), zoom * extent.x(), zoom * extent.y());
+  svg += fmt::format("<rect x='{:.1f}' y='{:.1f}' width='{:.1f}' height='{:.1f}' fill='#dbeafe' stroke='#93b4dd'/>",
+                     corner.x(), corner.y(), zoom * extent.x(), zoom * extent.y());
   for (const auto& [set, centre] : report.board_centres) {
     const Vector2d p = at(centre.head<2>());
-    svg += text_of("<circle cx='%.1f' cy='%.1f' r='2.5' fill='#2563a8' fill-opacity='0.5'/>", p.x(), p.y());
+    svg += fmt::format("<circle cx='{:.1f}' cy='{:.1f}' r='2.5' fill='#2563a8' fill-opacity='0.5'/>", p.x(), p.y());
   }
   for (const CameraReport& camera : report.cameras) {
     const calib::CameraModel model = solver::camera_model(camera.lens, camera.parameters);
     const Vector2d p = at(camera.centre.head<2>());
-    std::string points = text_of("%.1f,%.1f", p.x(), p.y());
+    std::string points = fmt::format("{:.1f},{:.1f}", p.x(), p.y());
     for (const double u : {0.0, camera.image_size.width - 1.0}) {
       const auto ray = model.ray({{u, camera.image_size.height / 2.0}});
       if (!ray) continue;
       const Vector3d direction = camera.cam_from_world->rotation.conjugate() * *ray;
       const Vector2d end = at(camera.centre.head<2>() + 0.3 * size * direction.head<2>());
-      points += text_of(" %.1f,%.1f", end.x(), end.y());
+      points += fmt::format(" {:.1f},{:.1f}", end.x(), end.y());
     }
     svg += "<polygon points='" + points + "' fill='#c2410c' fill-opacity='0.12' stroke='#c2410c'/>";
-    svg +=
-        text_of("<circle cx='%.1f' cy='%.1f' r='4' fill='#c2410c'/><text x='%.1f' y='%.1f' font-weight='600'>%s</text>",
-                p.x(), p.y(), p.x() + 7, p.y() - 6, escaped(camera.name).c_str());
+    svg += fmt::format(
+        "<circle cx='{:.1f}' cy='{:.1f}' r='4' fill='#c2410c'/><text x='{:.1f}' y='{:.1f}' font-weight='600'>{}</text>",
+        p.x(), p.y(), p.x() + 7, p.y() - 6, escaped(camera.name));
   }
   const Vector2d origin = at({0, 0});
   svg += arrow(origin, at({0.1 * size, 0}), "#b3261e", 2) + arrow(origin, at({0, 0.1 * size}), "#1a7f4b", 2);
   const double bar = round_figure(0.3 * size);
-  svg += text_of(
-      "<line x1='10' y1='%.1f' x2='%.1f' y2='%.1f' stroke='#1b2430' stroke-width='2'/><text x='10' y='%.1f'>%g "
+  svg += fmt::format(
+      "<line x1='10' y1='{:.1f}' x2='{:.1f}' y2='{:.1f}' stroke='#1b2430' stroke-width='2'/><text x='10' "
+      "y='{:.1f}'>{:g} "
       "m</text>",
       height - 10, 10 + zoom * bar, height - 10, height - 15, bar);
   return "<figure>" + svg +
@@ -285,30 +286,34 @@ std::string slices(const solver::VolumeAccuracy& volume) {
                h = std::max(4.0, zoom * extent.y() / volume.steps[1]);
   std::string out = "<div class=row>";
   for (const int iz : {0, volume.steps[2] / 2, volume.steps[2] - 1}) {
-    std::string svg = text_of("<svg width='%.0f' height='%.0f' role='img'>", w * volume.steps[0], h * volume.steps[1]);
+    std::string svg =
+        fmt::format("<svg width='{:.0f}' height='{:.0f}' role='img'>", w * volume.steps[0], h * volume.steps[1]);
     for (int iy = 0; iy < volume.steps[1]; ++iy) {
       for (int ix = 0; ix < volume.steps[0]; ++ix) {
         const solver::PointAccuracy& point = volume.at(ix, iy, iz);
         const std::string fill =
             point.views < 2 ? "#e5e7eb" : shade((1000 * point.total_m - low) / std::max(1e-9, high - low) * 0.9 + 0.05);
-        svg += text_of("<rect x='%.1f' y='%.1f' width='%.2f' height='%.2f' fill='%s'><title>(%.2f, %.2f, %.2f) m: ",
-                       ix * w, (volume.steps[1] - 1 - iy) * h, w + 0.3, h + 0.3, fill.c_str(), point.p_world.x(),
-                       point.p_world.y(), point.p_world.z());
-        svg += point.views < 2 ? text_of("%d camera</title></rect>", point.views)
-                               : text_of("%.2f mm, of that %.2f mm by the calibration; %d cameras</title></rect>",
-                                         1000 * point.total_m, 1000 * point.by_calibration_m, point.views);
+        svg += fmt::format(
+            "<rect x='{:.1f}' y='{:.1f}' width='{:.2f}' height='{:.2f}' fill='{}'><title>({:.2f}, {:.2f}, {:.2f}) m: ",
+            ix * w, (volume.steps[1] - 1 - iy) * h, w + 0.3, h + 0.3, fill, point.p_world.x(), point.p_world.y(),
+            point.p_world.z());
+        svg += point.views < 2
+                   ? fmt::format("{} camera</title></rect>", point.views)
+                   : fmt::format("{:.2f} mm, of that {:.2f} mm by the calibration; {} cameras</title></rect>",
+                                 1000 * point.total_m, 1000 * point.by_calibration_m, point.views);
       }
     }
     out += "<figure>" + svg +
-           text_of("</svg><figcaption>z = %.2f m</figcaption></figure>", volume.at(0, 0, iz).p_world.z());
+           fmt::format("</svg><figcaption>z = {:.2f} m</figcaption></figure>", volume.at(0, 0, iz).p_world.z());
   }
   std::string legend = "<svg width='84' height='190' role='img'>";
   for (int i = 0; i < 40; ++i) {
-    legend += text_of("<rect x='0' y='%.1f' width='18' height='4.2' fill='%s'/>", 4 + i * 4.0,
-                      shade(0.95 - 0.9 * i / 39).c_str());
+    legend += fmt::format("<rect x='0' y='{:.1f}' width='18' height='4.2' fill='{}'/>", 4 + i * 4.0,
+                          shade(0.95 - 0.9 * i / 39));
   }
-  legend += text_of(
-      "<text x='24' y='14'>%.1f mm</text><text x='24' y='164'>%.1f mm</text><rect x='0' y='172' width='18' height='12' "
+  legend += fmt::format(
+      "<text x='24' y='14'>{:.1f} mm</text><text x='24' y='164'>{:.1f} mm</text><rect x='0' y='172' width='18' "
+      "height='12' "
       "fill='#e5e7eb'/><text x='24' y='182'>unseen</text></svg>",
       high, low);
   return out + "<figure>" + legend + "</figure></div>";
@@ -318,7 +323,7 @@ std::string todo(const CalibrationReport& report) {
   std::string out;
   for (const Check& check : report.checks) {
     if (check.verdict == Verdict::usable) continue;
-    out += text_of("<li class=%s><b>%s</b>.<br>", name(check.verdict).data(), escaped(check.finding).c_str()) +
+    out += fmt::format("<li class={}><b>{}</b>.<br>", name(check.verdict), escaped(check.finding)) +
            escaped(check.advice) + (check.advice.ends_with('?') ? "</li>" : ".</li>");
   }
   return out.empty() ? out : "<ul class=todo>" + out + "</ul>";
@@ -332,15 +337,15 @@ std::string camera_table(const CalibrationReport& report) {
   if (posed) out += "<th class=n>position mm</th><th class=n>rotation °</th><th class=n>at x, y, z m</th>";
   out += "</tr>";
   for (const CameraReport& c : report.cameras) {
-    out += text_of("<tr><td>%s</td><td class=n>%.3f</td><td class=n>%d</td><td class=n>", escaped(c.name).c_str(),
-                   c.rms_px, c.views_used);
-    out += c.pictures > 0 ? text_of("%d of %d", c.boards, c.pictures) : std::string("-");
-    out += text_of("</td><td class=n>%.0f %%</td><td>%s</td><td class=n>%.1f +- %.1f</td>", 100 * c.coverage,
-                   solver::name(c.lens).data(), c.parameters(0), c.sigma(0));
+    out += fmt::format("<tr><td>{}</td><td class=n>{:.3f}</td><td class=n>{}</td><td class=n>", escaped(c.name),
+                       c.rms_px, c.views_used);
+    out += c.pictures > 0 ? fmt::format("{} of {}", c.boards, c.pictures) : std::string("-");
+    out += fmt::format("</td><td class=n>{:.0f} %</td><td>{}</td><td class=n>{:.1f} +- {:.1f}</td>", 100 * c.coverage,
+                       solver::name(c.lens), c.parameters(0), c.sigma(0));
     if (posed) {
-      out += text_of("<td class=n>+- %.2f</td><td class=n>+- %.4f</td>", 1000 * c.centre_sigma_m,
-                     c.rotation_sigma_rad * 180 / std::numbers::pi);
-      out += text_of("<td class=n>%.3f, %.3f, %.3f</td>", c.centre.x(), c.centre.y(), c.centre.z());
+      out += fmt::format("<td class=n>+- {:.2f}</td><td class=n>+- {:.4f}</td>", 1000 * c.centre_sigma_m,
+                         c.rotation_sigma_rad * 180 / std::numbers::pi);
+      out += fmt::format("<td class=n>{:.3f}, {:.3f}, {:.3f}</td>", c.centre.x(), c.centre.y(), c.centre.z());
     }
     out += "</tr>";
   }
@@ -352,11 +357,12 @@ std::string pair_table(const CalibrationReport& report) {
       "<table><tr><th>pair</th><th class=n>shared views</th><th class=n>rms px</th><th class=n>distance lens to "
       "lens</th></tr>";
   for (const PairReport& pair : report.pairs) {
-    out += text_of("<tr><td>%s - %s</td><td class=n>%d</td><td class=n>",
-                   escaped(report.cameras[static_cast<std::size_t>(pair.a)].name).c_str(),
-                   escaped(report.cameras[static_cast<std::size_t>(pair.b)].name).c_str(), pair.shared_sets);
-    out += pair.shared_sets > 0 ? text_of("%.3f", pair.rms_px) : std::string("-");
-    out += text_of("</td><td class=n>%.3f m +- %.1f mm</td></tr>", pair.distance_m, 1000 * pair.distance_sigma_m);
+    out += fmt::format("<tr><td>{} - {}</td><td class=n>{}</td><td class=n>",
+                       escaped(report.cameras[static_cast<std::size_t>(pair.a)].name),
+                       escaped(report.cameras[static_cast<std::size_t>(pair.b)].name), pair.shared_sets);
+    out += pair.shared_sets > 0 ? fmt::format("{:.3f}", pair.rms_px) : std::string("-");
+    out +=
+        fmt::format("</td><td class=n>{:.3f} m +- {:.1f} mm</td></tr>", pair.distance_m, 1000 * pair.distance_sigma_m);
   }
   return out + "</table>";
 }
@@ -367,16 +373,16 @@ std::string verdict_banner(const CalibrationReport& report) {
                      : report.verdict == Verdict::doubtful ? "<b>Doubtful.</b> "
                                                            : "<b>Failed: do not use it.</b> ";
   if (bad > 0)
-    text +=
-        text_of("%d of %d checks speak against it. ", static_cast<int>(bad), static_cast<int>(report.checks.size()));
-  text += text_of("Corners fit to %.2f px rms", report.rms_px);
+    text += fmt::format("{} of {} checks speak against it. ", static_cast<int>(bad),
+                        static_cast<int>(report.checks.size()));
+  text += fmt::format("Corners fit to {:.2f} px rms", report.rms_px);
   if (report.volume && report.volume->covered > 0) {
-    text +=
-        text_of("; by the calibration points are off by %.2f mm (95 %%: %.2f mm), an object seen to %.1f px by %.1f mm",
-                1000 * report.volume->median_by_calibration_m, 1000 * report.volume->p95_by_calibration_m,
-                report.volume->object_noise_px, 1000 * report.volume->median_total_m);
+    text += fmt::format(
+        "; by the calibration points are off by {:.2f} mm (95 %: {:.2f} mm), an object seen to {:.1f} px by {:.1f} mm",
+        1000 * report.volume->median_by_calibration_m, 1000 * report.volume->p95_by_calibration_m,
+        report.volume->object_noise_px, 1000 * report.volume->median_total_m);
   }
-  return text_of("<div class='verdict %s'>", name(report.verdict).data()) + text + ".</div>";
+  return fmt::format("<div class='verdict {}'>", name(report.verdict)) + text + ".</div>";
 }
 
 }  // namespace
@@ -403,7 +409,7 @@ std::string to_html(const CalibrationReport& report, const PictureOf& picture_of
       escaped(report.title) + "</title><style>";
   out += style;
   out += "</style></head><body>\n<h1>" + escaped(report.title) + "</h1><p class=soft>" + escaped(report.board) +
-         text_of("; %d moments</p>\n", report.sets);
+         fmt::format("; {} moments</p>\n", report.sets);
   out += verdict_banner(report) + todo(report);
   out += "\n<h2>Cameras</h2>" + camera_table(report);
   if (!report.lens_reason.empty()) out += "<p>Lenses: " + escaped(report.lens_reason) + ".</p>";
@@ -415,12 +421,13 @@ std::string to_html(const CalibrationReport& report, const PictureOf& picture_of
         "size. "
         "Measure between two lenses:</p>" +
         pair_table(report);
-    out += text_of(
-        "\n<h2>Expected accuracy</h2><p>In the %.2f x %.2f x %.2f m where the board was, the calibration itself "
+    out += fmt::format(
+        "\n<h2>Expected accuracy</h2><p>In the {:.2f} x {:.2f} x {:.2f} m where the board was, the calibration itself "
         "misplaces "
-        "points by %.2f mm (median; 95 %%: %.2f mm), after the best rigid alignment. With an object whose centre is "
+        "points by {:.2f} mm (median; 95 %: {:.2f} mm), after the best rigid alignment. With an object whose centre is "
         "seen to "
-        "%.1f px it is %.2f mm (%.2f mm). Two or more cameras see %.0f %% of the volume. The slices show the latter; "
+        "{:.1f} px it is {:.2f} mm ({:.2f} mm). Two or more cameras see {:.0f} % of the volume. The slices show the "
+        "latter; "
         "standard deviation of the position.</p>",
         size.x(), size.y(), size.z(), 1000 * v.median_by_calibration_m, 1000 * v.p95_by_calibration_m,
         v.object_noise_px, 1000 * v.median_total_m, 1000 * v.p95_total_m, 100 * v.covered);
@@ -456,8 +463,8 @@ std::string to_html(const CalibrationReport& report, const PictureOf& picture_of
   }
   out += "\n<h2>All checks</h2><table>";
   for (const Check& check : report.checks) {
-    out += text_of("<tr><td class=%s>%s</td><td>", name(check.verdict).data(), name(check.verdict).data()) +
-           escaped(check.name) + "</td><td>" + escaped(check.finding) + "</td></tr>";
+    out += fmt::format("<tr><td class={}>{}</td><td>", name(check.verdict), name(check.verdict)) + escaped(check.name) +
+           "</td><td>" + escaped(check.finding) + "</td></tr>";
   }
   out += "</table>";
   if (!report.made_of.empty()) {

@@ -1,19 +1,13 @@
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <array>
-#include <cstdio>
 #include <numbers>
 
 #include "calib/report/calibration_report.h"
 
 namespace huetrack::report {
 namespace {
-
-template <typename... Values>
-std::string text_of(const char* format, Values... values) {
-  std::array<char, 512> text;
-  std::snprintf(text.data(), text.size(), format, values...);
-  return text.data();
-}
 
 std::string verdict_line(const CalibrationReport& report) {
   const auto bad = std::ranges::count_if(report.checks, [](const Check& c) { return c.verdict != Verdict::usable; });
@@ -39,16 +33,16 @@ std::string to_text(const CalibrationReport& report) {
   }
   std::size_t width = 6;
   for (const CameraReport& camera : report.cameras) width = std::max(width, camera.name.size());
-  const int w = static_cast<int>(width);
   const bool posed = report.cameras.front().cam_from_world.has_value();
-  out +=
-      text_of("\n%-*s  %9s %7s %9s  %-8s %16s", w, "camera", "rms px", "views", "coverage", "lens", "focal length px");
-  out += posed ? text_of("  %12s %14s\n", "position mm", "rotation deg") : "\n";
+  out += fmt::format("\n{:{}}  {:>9} {:>7} {:>9}  {:8} {:>16}", "camera", width, "rms px", "views", "coverage", "lens",
+                     "focal length px");
+  out += posed ? fmt::format("  {:>12} {:>14}\n", "position mm", "rotation deg") : "\n";
   for (const CameraReport& c : report.cameras) {
-    out += text_of("%-*s  %9.3f %7d %7.0f %%  %-8s %8.1f +- %4.1f", w, c.name.c_str(), c.rms_px, c.views_used,
-                   100 * c.coverage, solver::name(c.lens).data(), c.parameters(0), c.sigma(0));
+    out += fmt::format("{:{}}  {:9.3f} {:7} {:7.0f} %  {:8} {:8.1f} +- {:4.1f}", c.name, width, c.rms_px, c.views_used,
+                       100 * c.coverage, solver::name(c.lens), c.parameters(0), c.sigma(0));
     if (posed) {
-      out += text_of("  +- %9.2f +- %11.4f", 1000 * c.centre_sigma_m, c.rotation_sigma_rad * 180 / std::numbers::pi);
+      out += fmt::format("  +- {:9.2f} +- {:11.4f}", 1000 * c.centre_sigma_m,
+                         c.rotation_sigma_rad * 180 / std::numbers::pi);
     }
     out += "\n";
   }
@@ -59,19 +53,21 @@ std::string to_text(const CalibrationReport& report) {
   if (!report.pairs.empty()) {
     out += "\nCheck with a tape measure, lens to lens:\n";
     for (const PairReport& pair : report.pairs) {
-      out += text_of("  %s - %s  %.3f m +- %.1f mm", report.cameras[static_cast<std::size_t>(pair.a)].name.c_str(),
-                     report.cameras[static_cast<std::size_t>(pair.b)].name.c_str(), pair.distance_m,
-                     1000 * pair.distance_sigma_m);
-      out += pair.shared_sets > 0 ? text_of("   (%d shared views, %.3f px rms)\n", pair.shared_sets, pair.rms_px)
+      out += fmt::format("  {} - {}  {:.3f} m +- {:.1f} mm", report.cameras[static_cast<std::size_t>(pair.a)].name,
+                         report.cameras[static_cast<std::size_t>(pair.b)].name, pair.distance_m,
+                         1000 * pair.distance_sigma_m);
+      out += pair.shared_sets > 0 ? fmt::format("   ({} shared views, {:.3f} px rms)\n", pair.shared_sets, pair.rms_px)
                                   : std::string("   (no shared views)\n");
     }
   }
   if (report.volume) {
     const solver::VolumeAccuracy& v = *report.volume;
     const auto size = v.box.high - v.box.low;
-    out += text_of(
-        "\nExpected accuracy in %.2f x %.2f x %.2f m: %.2f mm by the calibration (95 %% of the volume: %.2f mm);\n"
-        "%.2f mm (%.2f mm) for an object whose centre is seen to %.1f px. Two or more cameras see %.0f %% of it.\n",
+    out += fmt::format(
+        "\nExpected accuracy in {:.2f} x {:.2f} x {:.2f} m: {:.2f} mm by the calibration (95 % of the volume: {:.2f} "
+        "mm);\n"
+        "{:.2f} mm ({:.2f} mm) for an object whose centre is seen to {:.1f} px. Two or more cameras see {:.0f} % of "
+        "it.\n",
         size.x(), size.y(), size.z(), 1000 * v.median_by_calibration_m, 1000 * v.p95_by_calibration_m,
         1000 * v.median_total_m, 1000 * v.p95_total_m, v.object_noise_px, 100 * v.covered);
   }

@@ -14,6 +14,8 @@
 #include <opencv2/calib3d.hpp>
 #include <tuple>
 
+#include "calib/model/median.h"
+
 namespace huetrack::solver {
 namespace {
 
@@ -224,36 +226,60 @@ void silence_ceres() {
   static_cast<void>(done);
 }
 
-double median(std::vector<double> values) {
-  if (values.empty()) return 0;
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
-
 std::size_t index(int i) {
   return static_cast<std::size_t>(i);
 }
 
-void solve(Adjustment& a, const BoardShape& shape, double robust_px, int max_iterations) {
-  // Ceres orders parameter blocks by their addresses, and the order decides the last digits: so all of the cameras' lie
-  // in one piece of memory, and all of the boards' in another.
+// What Ceres moves. It orders parameter blocks by their addresses, and the order decides the last digits: so all of the
+// cameras' lie in one piece of memory, and all of the boards' in another.
+class ParameterBlocks {
+ public:
+  explicit ParameterBlocks(const Adjustment& a) : cameras_(a.cameras.size() + 1), boards_(a.world_from_board.size()) {
+    std::copy_n(a.bend.data(), 2, bend());
+    for (std::size_t c = 0; c < a.cameras.size(); ++c) {
+      std::copy_n(a.cameras[c].parameters.data(), 12, cameras_[c].lens.begin());
+      cameras_[c].pose = block_of(a.cameras[c].cam_from_world);
+    }
+    for (std::size_t s = 0; s < boards_.size(); ++s) boards_[s] = block_of(a.world_from_board[s]);
+  }
+
+  double* lens(std::size_t camera) { return cameras_[camera].lens.data(); }
+  double* pose(std::size_t camera) { return cameras_[camera].pose.data(); }
+  double* board(std::size_t set) { return boards_[set].data(); }
+  double* bend() { return cameras_.back().lens.data(); }
+
+  void put_into(Adjustment& a) {
+    const auto normalized = [](const double* block) {
+      calib::Rigid3d pose = pose_of(block);
+      pose.rotation.normalize();
+      return pose;
+    };
+    for (std::size_t c = 0; c < a.cameras.size(); ++c) {
+      std::copy_n(lens(c), 12, a.cameras[c].parameters.data());
+      a.cameras[c].cam_from_world = normalized(pose(c));
+    }
+    for (std::size_t s = 0; s < boards_.size(); ++s) a.world_from_board[s] = normalized(board(s));
+    a.bend = {bend()[0], bend()[1]};
+  }
+
+ private:
   struct CameraBlocks {
     LensBlock lens;
     PoseBlock pose;
   };
-  std::vector<CameraBlocks> cameras(a.cameras.size() + 1);
-  std::vector<PoseBlock> boards(a.world_from_board.size());
-  double* const bend = cameras.back().lens.data();
-  std::copy_n(a.bend.data(), 2, bend);
-  for (std::size_t c = 0; c < a.cameras.size(); ++c) {
-    std::copy_n(a.cameras[c].parameters.data(), 12, cameras[c].lens.begin());
-    cameras[c].pose = block_of(a.cameras[c].cam_from_world);
-  }
-  for (std::size_t s = 0; s < boards.size(); ++s) boards[s] = block_of(a.world_from_board[s]);
+  std::vector<CameraBlocks> cameras_;  // the last one's lens block holds the bend
+  std::vector<PoseBlock> boards_;
+};
 
-  ceres::Problem problem;
-  std::vector<bool> camera_used(a.cameras.size()), board_used(boards.size());
+// Which cameras and sets some corner speaks for.
+struct UsedBlocks {
+  std::vector<bool> cameras, boards;
+};
+
+// One residual per used corner. robust_px: see solve().
+UsedBlocks add_corners(ceres::Problem& problem, const Adjustment& a, const BoardShape& shape, ParameterBlocks& blocks,
+                       double robust_px) {
+  UsedBlocks used{std::vector<bool>(a.cameras.size()), std::vector<bool>(a.world_from_board.size())};
   // One loss for all: it has no state.
   ceres::LossFunction* loss = robust_px > 0 ? new ceres::CauchyLoss(robust_px) : nullptr;
   for (std::size_t v = 0; v < a.views.size(); ++v) {
@@ -263,42 +289,54 @@ void solve(Adjustment& a, const BoardShape& shape, double robust_px, int max_ite
       if (!a.fits[v].used[k]) continue;
       const std::size_t id = index(view.ids[k]);
       problem.AddResidualBlock(new CornerCost(a.cameras[c].lens, shape.points[id], shape.profile[id], view.px[k]), loss,
-                               cameras[c].lens.data(), cameras[c].pose.data(), boards[s].data(), bend);
-      camera_used[c] = board_used[s] = true;
+                               blocks.lens(c), blocks.pose(c), blocks.board(s), blocks.bend());
+      used.cameras[c] = used.boards[s] = true;
     }
   }
+  return used;
+}
+
+// Which of a lens's parameters may move, and that it may not fold where that is asked for.
+void free_lens(ceres::Problem& problem, const AdjustedCamera& camera, double* lens) {
+  if (!camera.lens_is_free) {
+    problem.SetParameterBlockConstant(lens);
+    return;
+  }
+  std::vector<int> fixed;
+  for (int i = parameter_count(camera.lens); i < 12; ++i) fixed.push_back(i);
+  if (!fixed.empty()) problem.SetManifold(lens, new ceres::SubsetManifold(12, fixed));
+  if (camera.unfold > 0) {
+    problem.AddResidualBlock(new ceres::AutoDiffCostFunction<LensShapeCost, LensShapeCost::stations, 12>(
+                                 new LensShapeCost(camera.lens, reach_of(camera), camera.unfold)),
+                             nullptr, lens);
+  }
+}
+
+// One least-squares solution for the used corners, from where `a` is. robust_px: of Cauchy's loss; 0: plain squares.
+void solve(Adjustment& a, const BoardShape& shape, double robust_px, int max_iterations) {
+  ParameterBlocks blocks(a);
+  ceres::Problem problem;
+  const UsedBlocks used = add_corners(problem, a, shape, blocks, robust_px);
   if (problem.NumResidualBlocks() == 0) throw CalibrationError("no view of the board is left to calibrate with");
 
-  auto* ordering = new ceres::ParameterBlockOrdering;
+  auto* ordering = new ceres::ParameterBlockOrdering;  // the boards' poses are eliminated first
   auto* camera_manifold = new PoseManifold<true>;
   auto* board_manifold = new PoseManifold<false>;
-  for (std::size_t s = 0; s < boards.size(); ++s) {
-    if (!board_used[s]) continue;
-    problem.SetManifold(boards[s].data(), board_manifold);
-    ordering->AddElementToGroup(boards[s].data(), 0);
+  for (std::size_t s = 0; s < used.boards.size(); ++s) {
+    if (!used.boards[s]) continue;
+    problem.SetManifold(blocks.board(s), board_manifold);
+    ordering->AddElementToGroup(blocks.board(s), 0);
   }
   for (std::size_t c = 0; c < a.cameras.size(); ++c) {
-    if (!camera_used[c]) continue;
-    const AdjustedCamera& camera = a.cameras[c];
-    if (camera.lens_is_free) {
-      std::vector<int> fixed;
-      for (int i = parameter_count(camera.lens); i < 12; ++i) fixed.push_back(i);
-      if (!fixed.empty()) problem.SetManifold(cameras[c].lens.data(), new ceres::SubsetManifold(12, fixed));
-      if (camera.unfold > 0) {
-        problem.AddResidualBlock(new ceres::AutoDiffCostFunction<LensShapeCost, LensShapeCost::stations, 12>(
-                                     new LensShapeCost(camera.lens, reach_of(camera), camera.unfold)),
-                                 nullptr, cameras[c].lens.data());
-      }
-    } else {
-      problem.SetParameterBlockConstant(cameras[c].lens.data());
-    }
-    problem.SetManifold(cameras[c].pose.data(), camera_manifold);
-    if (!camera.pose_is_free) problem.SetParameterBlockConstant(cameras[c].pose.data());
-    ordering->AddElementToGroup(cameras[c].lens.data(), 1);
-    ordering->AddElementToGroup(cameras[c].pose.data(), 1);
+    if (!used.cameras[c]) continue;
+    free_lens(problem, a.cameras[c], blocks.lens(c));
+    problem.SetManifold(blocks.pose(c), camera_manifold);
+    if (!a.cameras[c].pose_is_free) problem.SetParameterBlockConstant(blocks.pose(c));
+    ordering->AddElementToGroup(blocks.lens(c), 1);
+    ordering->AddElementToGroup(blocks.pose(c), 1);
   }
-  if (!a.bend_is_free) problem.SetParameterBlockConstant(bend);
-  ordering->AddElementToGroup(bend, 1);
+  if (!a.bend_is_free) problem.SetParameterBlockConstant(blocks.bend());
+  ordering->AddElementToGroup(blocks.bend(), 1);
 
   ceres::Solver::Options options;
   options.num_threads = 1;  // the order of a sum decides its last digits
@@ -313,19 +351,7 @@ void solve(Adjustment& a, const BoardShape& shape, double robust_px, int max_ite
   ceres::Solver::Summary summary;
   ceres::Solve(options, &problem, &summary);
   if (!summary.IsSolutionUsable()) throw CalibrationError("the adjustment does not converge: " + summary.message);
-
-  for (std::size_t c = 0; c < a.cameras.size(); ++c) {
-    std::copy_n(cameras[c].lens.begin(), 12, a.cameras[c].parameters.data());
-    calib::Rigid3d pose = pose_of(cameras[c].pose.data());
-    pose.rotation.normalize();
-    a.cameras[c].cam_from_world = pose;
-  }
-  for (std::size_t s = 0; s < boards.size(); ++s) {
-    calib::Rigid3d pose = pose_of(boards[s].data());
-    pose.rotation.normalize();
-    a.world_from_board[s] = pose;
-  }
-  a.bend = {bend[0], bend[1]};
+  blocks.put_into(a);
 }
 
 // Renews the residuals, for all corners, used or not.
@@ -349,36 +375,36 @@ void measure(Adjustment& a, const BoardShape& shape) {
   }
 }
 
-std::string pixels(double px) {
-  std::array<char, 32> text;
-  std::snprintf(text.data(), text.size(), px < 10 ? "%.2f px" : "%.0f px", px);
-  return text.data();
-}
+// Half of the components of normal residuals are smaller than 0.6745 standard deviations, half of the lengths of two
+// such components are smaller than 1.1774.
+constexpr double sigma_of_median_component = 1.4826, median_length_of_sigma = 1.18;
+
+// Of a view with fewer good corners than these nothing is used: it shows something else, or at another moment.
+constexpr std::size_t least_good_tenths = 6, least_good_corners = 4;
 
 // Decides anew which corners are used; views that hardly fit are dropped for good. True: something changed.
 bool classify(Adjustment& a, const AdjustmentOptions& options) {
   std::vector<double> components;
   for (const ViewFit& fit : a.fits) {
-    if (!fit.dropped.empty()) continue;
+    if (fit.dropped) continue;
     for (const Vector2d& r : fit.residuals) {
       components.push_back(std::abs(r.x()));
       components.push_back(std::abs(r.y()));
     }
   }
-  const double sigma = 1.4826 * median(components);
+  const double sigma = sigma_of_median_component * calib::median(components);
   const double limit = std::max(options.outlier_sigmas * sigma, options.least_outlier_px);
   bool changed = false;
   for (std::size_t v = 0; v < a.views.size(); ++v) {
     ViewFit& fit = a.fits[v];
-    if (!fit.dropped.empty()) continue;
+    if (fit.dropped) continue;
     std::vector<bool> used;
     for (const Vector2d& r : fit.residuals) used.push_back(r.norm() < limit);
     const auto good = static_cast<std::size_t>(std::ranges::count(used, true));
-    if (10 * good < 6 * used.size() || good < 4) {
+    if (10 * good < least_good_tenths * used.size() || good < least_good_corners) {
       std::vector<double> lengths;
       for (const Vector2d& r : fit.residuals) lengths.push_back(r.norm());
-      fit.dropped =
-          "its corners are off by " + pixels(median(lengths)) + ", those of the other views by " + pixels(sigma * 1.18);
+      fit.dropped = ViewMisfit{calib::median(lengths), sigma * median_length_of_sigma};
       used.assign(used.size(), false);
     }
     changed = changed || used != fit.used;
@@ -403,137 +429,195 @@ void widen_where_pixels_are_not_square(const Adjustment& a, const std::vector<in
   covariance *= off / sigma * off / sigma;
 }
 
-// What every free camera parameter is known to, from the normal equations with the board poses eliminated.
-void find_covariance(Adjustment& a, const BoardShape& shape) {
-  int size = 0;
+// Where the parameters are in the covariance.
+struct ParameterLayout {
+  int size = 0;         // of all
+  int camera_size = 0;  // of the cameras', which come first
+  int bend_offset = -1;
   std::vector<int> free, held;  // parameters that were adjusted; and those that were not, though they are not exact
+};
+
+// Sets lens_offset and pose_offset, too.
+ParameterLayout lay_out(Adjustment& a) {
+  ParameterLayout layout;
   a.lens_offset.assign(a.cameras.size(), -1);
   a.pose_offset.assign(a.cameras.size(), -1);
   for (std::size_t c = 0; c < a.cameras.size(); ++c) {
     if (a.views_used(static_cast<int>(c)) == 0) continue;
     if (a.cameras[c].lens_is_free || a.cameras[c].lens_covariance.size() > 0) {
-      a.lens_offset[c] = size;
+      a.lens_offset[c] = layout.size;
       const int count = parameter_count(a.cameras[c].lens);
-      for (int i = 0; i < count; ++i) (a.cameras[c].lens_is_free ? free : held).push_back(size + i);
-      size += count;
+      for (int i = 0; i < count; ++i)
+        (a.cameras[c].lens_is_free ? layout.free : layout.held).push_back(layout.size + i);
+      layout.size += count;
     }
     if (a.cameras[c].pose_is_free) {
-      a.pose_offset[c] = size;
-      for (int i = 0; i < 6; ++i) free.push_back(size + i);
-      size += 6;
+      a.pose_offset[c] = layout.size;
+      for (int i = 0; i < 6; ++i) layout.free.push_back(layout.size + i);
+      layout.size += 6;
     }
   }
-  const int camera_size = size;
-  const int bend_offset = a.bend_is_free ? size : -1;
-  for (int i = 0; i < (a.bend_is_free ? 2 : 0); ++i) free.push_back(size++);
+  layout.camera_size = layout.size;
+  if (a.bend_is_free) {
+    layout.bend_offset = layout.size;
+    for (int i = 0; i < 2; ++i) layout.free.push_back(layout.size++);
+  }
+  return layout;
+}
 
-  MatrixXd information = MatrixXd::Zero(size, size);
+// The normal equations of the views of one set: by the parameters that are laid out, and by its board's pose.
+struct SetEquations {
+  MatrixXd by_parameters, mixed;
+  Eigen::Matrix<double, 6, 6> by_board = Eigen::Matrix<double, 6, 6>::Zero();
+  VectorXd gradient;
+  calib::Tangent6d board_gradient = calib::Tangent6d::Zero();
+  bool is_empty = true;
+
+  explicit SetEquations(int size)
+      : by_parameters(MatrixXd::Zero(size, size)), mixed(MatrixXd::Zero(size, 6)), gradient(VectorXd::Zero(size)) {}
+};
+
+// cost: the squares of its residuals are added.
+void add_view(const Adjustment& a, std::size_t v, const BoardShape& shape, const ParameterLayout& layout,
+              SetEquations& set, double& cost) {
+  const BoardView& view = a.views[v];
+  const std::size_t c = index(view.camera);
+  const AdjustedCamera& camera = a.cameras[c];
+  const int lens_size = a.lens_offset[c] >= 0 ? parameter_count(camera.lens) : 0;  // held ones too
+  const int pose_size = a.pose_offset[c] >= 0 ? 6 : 0;
+  const int bend_size = layout.bend_offset >= 0 ? 2 : 0;
+  const int local = lens_size + pose_size + bend_size;
+  std::vector<int> at;  // where the local parameters are in the global ones
+  for (int i = 0; i < lens_size; ++i) at.push_back(a.lens_offset[c] + i);
+  for (int i = 0; i < pose_size; ++i) at.push_back(a.pose_offset[c] + i);
+  for (int i = 0; i < bend_size; ++i) at.push_back(layout.bend_offset + i);
+  MatrixXd jtj = MatrixXd::Zero(local, local), jtb = MatrixXd::Zero(local, 6), j(2, local);
+  VectorXd jtr = VectorXd::Zero(local);
+  for (std::size_t k = 0; k < view.ids.size(); ++k) {
+    if (!a.fits[v].used[k]) continue;
+    const std::size_t id = index(view.ids[k]);
+    Vector2d r;
+    CornerDerivatives d;
+    if (!corner_residual(camera.lens, camera.parameters, camera.cam_from_world, a.world_from_board[index(view.set)],
+                         a.bend, shape.points[id], shape.profile[id], view.px[k], r, &d)) {
+      continue;
+    }
+    set.is_empty = false;
+    if (lens_size > 0) j.leftCols(lens_size) = d.by_lens.leftCols(lens_size);
+    if (pose_size > 0) j.middleCols(lens_size, 6) = d.by_camera;
+    if (bend_size > 0) j.rightCols(2) = d.by_bend;
+    jtj.noalias() += j.transpose() * j;
+    jtb.noalias() += j.transpose() * d.by_board;
+    jtr.noalias() += j.transpose() * r;
+    set.by_board += d.by_board.transpose() * d.by_board;
+    set.board_gradient += d.by_board.transpose() * r;
+    cost += r.squaredNorm();
+  }
+  for (int i = 0; i < local; ++i) {
+    for (int k = 0; k < local; ++k) set.by_parameters(at[index(i)], at[index(k)]) += jtj(i, k);
+    set.mixed.row(at[index(i)]) += jtb.row(i);
+    set.gradient(at[index(i)]) += jtr(i);
+  }
+}
+
+// The normal equations of all views, with the boards' poses eliminated.
+struct NormalEquations {
   struct OfSet {
-    MatrixXd information;  // board pose eliminated
+    MatrixXd information;
     VectorXd gradient;
   };
   std::vector<OfSet> of_sets;
-  double cost = 0;
-  int sets = 0;
+  MatrixXd information;  // of all
+  double cost = 0;       // the residuals' squares
+};
+
+NormalEquations normal_equations(const Adjustment& a, const BoardShape& shape, const ParameterLayout& layout) {
+  NormalEquations equations;
+  equations.information = MatrixXd::Zero(layout.size, layout.size);
   for (std::size_t v = 0; v < a.views.size();) {
-    const int set = a.views[v].set;
-    MatrixXd cc = MatrixXd::Zero(size, size), cb = MatrixXd::Zero(size, 6);
-    Eigen::Matrix<double, 6, 6> bb = Eigen::Matrix<double, 6, 6>::Zero();
-    VectorXd gc = VectorXd::Zero(size);
-    calib::Tangent6d gb = calib::Tangent6d::Zero();
-    bool any = false;
-    for (; v < a.views.size() && a.views[v].set == set; ++v) {
-      const BoardView& view = a.views[v];
-      const std::size_t c = index(view.camera);
-      const AdjustedCamera& camera = a.cameras[c];
-      const int lens_size = a.lens_offset[c] >= 0 ? parameter_count(camera.lens) : 0;  // held ones too
-      const int pose_size = a.pose_offset[c] >= 0 ? 6 : 0;
-      const int bend_size = bend_offset >= 0 ? 2 : 0;
-      const int local = lens_size + pose_size + bend_size;
-      std::vector<int> at;  // where the local parameters are in the global ones
-      for (int i = 0; i < lens_size; ++i) at.push_back(a.lens_offset[c] + i);
-      for (int i = 0; i < pose_size; ++i) at.push_back(a.pose_offset[c] + i);
-      for (int i = 0; i < bend_size; ++i) at.push_back(bend_offset + i);
-      MatrixXd jtj = MatrixXd::Zero(local, local), jtb = MatrixXd::Zero(local, 6), j(2, local);
-      VectorXd jtr = VectorXd::Zero(local);
-      for (std::size_t k = 0; k < view.ids.size(); ++k) {
-        if (!a.fits[v].used[k]) continue;
-        const std::size_t id = index(view.ids[k]);
-        Vector2d r;
-        CornerDerivatives d;
-        if (!corner_residual(camera.lens, camera.parameters, camera.cam_from_world, a.world_from_board[index(set)],
-                             a.bend, shape.points[id], shape.profile[id], view.px[k], r, &d)) {
-          continue;
-        }
-        any = true;
-        if (lens_size > 0) j.leftCols(lens_size) = d.by_lens.leftCols(lens_size);
-        if (pose_size > 0) j.middleCols(lens_size, 6) = d.by_camera;
-        if (bend_size > 0) j.rightCols(2) = d.by_bend;
-        jtj.noalias() += j.transpose() * j;
-        jtb.noalias() += j.transpose() * d.by_board;
-        jtr.noalias() += j.transpose() * r;
-        bb += d.by_board.transpose() * d.by_board;
-        gb += d.by_board.transpose() * r;
-        cost += r.squaredNorm();
-      }
-      for (int i = 0; i < local; ++i) {
-        for (int k = 0; k < local; ++k) cc(at[index(i)], at[index(k)]) += jtj(i, k);
-        cb.row(at[index(i)]) += jtb.row(i);
-        gc(at[index(i)]) += jtr(i);
-      }
-    }
-    if (!any) continue;
-    ++sets;
-    const Eigen::LDLT<Eigen::Matrix<double, 6, 6>> solver(bb);
-    of_sets.push_back({cc - cb * solver.solve(cb.transpose()), gc - cb * solver.solve(gb)});
-    information += of_sets.back().information;
+    const int number = a.views[v].set;
+    SetEquations set(layout.size);
+    for (; v < a.views.size() && a.views[v].set == number; ++v) add_view(a, v, shape, layout, set, equations.cost);
+    if (set.is_empty) continue;
+    const Eigen::LDLT<Eigen::Matrix<double, 6, 6>> solver(set.by_board);
+    equations.of_sets.push_back({set.by_parameters - set.mixed * solver.solve(set.mixed.transpose()),
+                                 set.gradient - set.mixed * solver.solve(set.board_gradient)});
+    equations.information += equations.of_sets.back().information;
   }
+  return equations;
+}
+
+// Directions without information get a huge variance rather than a wrong one. scale: see find_covariance().
+MatrixXd inverse_of(const MatrixXd& information, const VectorXd& scale) {
+  const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(scale.asDiagonal() * information * scale.asDiagonal());
+  const VectorXd inverse_values = eigen.eigenvalues().cwiseMax(1e-13).cwiseInverse();
+  return scale.asDiagonal() * eigen.eigenvectors() * inverse_values.asDiagonal() * eigen.eigenvectors().transpose() *
+         scale.asDiagonal();
+}
+
+// The parameters' variances by leaving out one set after another and looking how far that moves them (jackknife):
+// larger than by the noise where the corners of one moment err together, as with blur, a bent board or cameras out of
+// step.
+VectorXd jackknife_variances(const NormalEquations& equations, const MatrixXd& information, const VectorXd& scale,
+                             const std::vector<int>& free) {
+  const int sets = static_cast<int>(equations.of_sets.size());
+  VectorXd spread = VectorXd::Zero(information.rows());
+  for (const NormalEquations::OfSet& set : equations.of_sets) {
+    const MatrixXd others =
+        scale.asDiagonal() * (information - MatrixXd(set.information(free, free))) * scale.asDiagonal();
+    const VectorXd gradient = scale.asDiagonal() * VectorXd(set.gradient(free));
+    const VectorXd move =
+        scale.asDiagonal() *
+        (others + 1e-12 * MatrixXd::Identity(information.rows(), information.cols())).ldlt().solve(gradient);
+    spread += move.cwiseAbs2() * (sets - 1) / sets;
+  }
+  return spread;
+}
+
+// An error of what was held moves what was adjusted. covariance: of the free ones, to which that is added.
+void add_held(const Adjustment& a, const ParameterLayout& layout, const MatrixXd& information,
+              const MatrixXd& inverse_of_free, MatrixXd& covariance) {
+  const auto &free = layout.free, &held = layout.held;
+  MatrixXd of_held = MatrixXd::Zero(layout.size, layout.size);
+  for (std::size_t c = 0; c < a.cameras.size(); ++c) {
+    const MatrixXd& known = a.cameras[c].lens_covariance;
+    if (a.lens_offset[c] < 0 || a.cameras[c].lens_is_free) continue;
+    of_held.block(a.lens_offset[c], a.lens_offset[c], known.rows(), known.cols()) = known;
+  }
+  const MatrixXd moved = -inverse_of_free * information(free, held);
+  const MatrixXd held_only = of_held(held, held);
+  covariance(free, free) += moved * held_only * moved.transpose();
+  covariance(free, held) = moved * held_only;
+  covariance(held, free) = held_only * moved.transpose();
+  covariance(held, held) = held_only;
+}
+
+// What every free camera parameter is known to, from the normal equations with the board poses eliminated.
+void find_covariance(Adjustment& a, const BoardShape& shape) {
+  const ParameterLayout layout = lay_out(a);
+  const auto& free = layout.free;
+  const NormalEquations equations = normal_equations(a, shape, layout);
+  const int sets = static_cast<int>(equations.of_sets.size());
   const int freedom = 2 * a.corners_used - static_cast<int>(free.size()) - 6 * sets;
-  a.noise_px = std::sqrt(cost / std::max(1, freedom));
-  MatrixXd covariance = MatrixXd::Zero(size, size);
+  a.noise_px = std::sqrt(equations.cost / std::max(1, freedom));
+  MatrixXd covariance = MatrixXd::Zero(layout.size, layout.size);
   if (!free.empty()) {
-    const MatrixXd own = information(free, free);
+    const MatrixXd information = equations.information(free, free);
     // Scaled to a unit diagonal: focal lengths and radians differ by many powers of ten.
-    const VectorXd scale = own.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
-    const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(scale.asDiagonal() * own * scale.asDiagonal());
-    // Directions without information get a huge variance rather than a wrong one.
-    const VectorXd inverse_values = eigen.eigenvalues().cwiseMax(1e-13).cwiseInverse();
-    const MatrixXd inverse_own = scale.asDiagonal() * eigen.eigenvectors() * inverse_values.asDiagonal() *
-                                 eigen.eigenvectors().transpose() * scale.asDiagonal();
-    MatrixXd of_free = a.noise_px * a.noise_px * inverse_own;
-    // The same by leaving out one set after another and looking how far that moves the parameters (jackknife): larger
-    // where the corners of one moment err together, as with blur, a bent board or cameras out of step. It widens the
-    // bounds but never narrows them: few sets tell little.
+    const VectorXd scale = information.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
+    const MatrixXd inverse = inverse_of(information, scale);
+    MatrixXd of_free = a.noise_px * a.noise_px * inverse;
+    // The jackknife widens the bounds but never narrows them: few sets tell little.
     if (sets > 2) {
-      VectorXd spread = VectorXd::Zero(own.rows());
-      for (const OfSet& set : of_sets) {
-        const MatrixXd others = scale.asDiagonal() * (own - MatrixXd(set.information(free, free))) * scale.asDiagonal();
-        const VectorXd gradient = scale.asDiagonal() * VectorXd(set.gradient(free));
-        const VectorXd move =
-            scale.asDiagonal() * (others + 1e-12 * MatrixXd::Identity(own.rows(), own.cols())).ldlt().solve(gradient);
-        spread += move.cwiseAbs2() * (sets - 1) / sets;
-      }
+      const VectorXd spread = jackknife_variances(equations, information, scale, free);
       const VectorXd widen = (spread.array() / of_free.diagonal().array()).cwiseMax(1).sqrt();
       of_free = widen.asDiagonal() * of_free * widen.asDiagonal();
     }
     widen_where_pixels_are_not_square(a, free, of_free);
     covariance(free, free) = of_free;
-    if (!held.empty()) {  // an error of what was held moves what was adjusted
-      MatrixXd of_held = MatrixXd::Zero(size, size);
-      for (std::size_t c = 0; c < a.cameras.size(); ++c) {
-        const MatrixXd& known = a.cameras[c].lens_covariance;
-        if (a.lens_offset[c] < 0 || a.cameras[c].lens_is_free) continue;
-        of_held.block(a.lens_offset[c], a.lens_offset[c], known.rows(), known.cols()) = known;
-      }
-      const MatrixXd moved = -inverse_own * information(free, held);
-      const MatrixXd held_only = of_held(held, held);
-      covariance(free, free) += moved * held_only * moved.transpose();
-      covariance(free, held) = moved * held_only;
-      covariance(held, free) = held_only * moved.transpose();
-      covariance(held, held) = held_only;
-    }
+    if (!layout.held.empty()) add_held(a, layout, equations.information, inverse, covariance);
   }
-  a.covariance = covariance.topLeftCorner(camera_size, camera_size);
+  a.covariance = covariance.topLeftCorner(layout.camera_size, layout.camera_size);
 }
 
 }  // namespace
@@ -580,7 +664,7 @@ double Adjustment::rms_of_camera(int camera) const {
 int Adjustment::views_used(int camera) const {
   int count = 0;
   for (std::size_t v = 0; v < views.size(); ++v) {
-    if (views[v].camera == camera && fits[v].dropped.empty()) ++count;
+    if (views[v].camera == camera && !fits[v].dropped) ++count;
   }
   return count;
 }
@@ -599,7 +683,7 @@ Adjustment adjust(Adjustment a, const AdjustmentOptions& options) {
     for (const ViewFit& fit : a.fits) {
       for (const Vector2d& r : fit.residuals) lengths.push_back(r.norm());
     }
-    solve(a, shape, std::clamp(median(lengths), 0.3, 10.0), options.max_iterations);
+    solve(a, shape, std::clamp(calib::median(lengths), 0.3, 10.0), options.max_iterations);
     measure(a, shape);
     solve(a, shape, 0.5, options.max_iterations);
     measure(a, shape);
@@ -628,7 +712,7 @@ Adjustment adjust(Adjustment a, const AdjustmentOptions& options) {
 std::vector<BoardView> inliers(const Adjustment& adjustment) {
   std::vector<BoardView> views;
   for (std::size_t v = 0; v < adjustment.views.size(); ++v) {
-    if (!adjustment.fits[v].dropped.empty()) continue;
+    if (adjustment.fits[v].dropped) continue;
     BoardView view = adjustment.views[v];
     view.ids.clear();
     view.px.clear();

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <optional>
 #include <stdexcept>
 #include <string>
 #include <vector>
@@ -47,12 +48,18 @@ struct AdjustedCamera {
   calib::CameraModel model() const { return camera_model(lens, parameters); }
 };
 
+// How far a view's corners are off whose greater part contradicts the other views: medians of the residuals' lengths.
+struct ViewMisfit {
+  double own_px = 0;
+  double others_px = 0;  // of the views that are not dropped, and of this one before it is
+};
+
 // How one view fits.
 struct ViewFit {
   std::vector<Eigen::Vector2d> residuals;  // measured minus projected, pixels, beside BoardView::ids
   std::vector<bool> used;                  // beside ids; false: an outlier
   double rms_px = 0;                       // length of the residuals, over all corners of the view
-  std::string dropped;                     // why no corner of the view is used; empty: some are
+  std::optional<ViewMisfit> dropped;       // so far off that no corner of it is used; nullopt: some are
 };
 
 // Before: where to start. After adjust(): what was found.

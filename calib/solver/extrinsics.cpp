@@ -1,5 +1,7 @@
 #include "calib/solver/extrinsics.h"
 
+#include <fmt/format.h>
+
 #include <Eigen/Geometry>
 #include <Eigen/SVD>
 #include <algorithm>
@@ -12,6 +14,8 @@
 #include <numeric>
 #include <set>
 #include <tuple>
+
+#include "calib/model/median.h"
 
 namespace huetrack::solver {
 namespace {
@@ -34,9 +38,9 @@ calib::Rigid3d motion_of(const board::Board& board, const std::vector<int>& symm
   return {Eigen::Quaterniond(Eigen::Matrix3d(t.topLeftCorner<3, 3>())).normalized(), t.topRightCorner<3, 1>()};
 }
 
-// What one view says: where the board is for its camera, in the one or two ways that fit, for the numbering as
+// A view, and where it says that the board is for its camera, in the one or two ways that fit, for the numbering as
 // detected.
-struct Sighting {
+struct PosedView {
   const BoardView* view = nullptr;
   std::vector<BoardPose> poses;
   std::vector<std::size_t> corners;  // a few far apart, enough to score a pose
@@ -62,8 +66,8 @@ class Start {
     for (const auto& symmetry : board.symmetries()) motions_.push_back(motion_of(board, symmetry));
     for (const BoardView& view : views) {
       const AdjustedCamera& camera = cameras[index(view.camera)];
-      Sighting sighting{&view, board_poses(board, view, camera.lens, camera.parameters), far_corners(board, view)};
-      if (!sighting.poses.empty()) sets_[view.set][view.camera] = std::move(sighting);
+      PosedView posed{&view, board_poses(board, view, camera.lens, camera.parameters), far_corners(board, view)};
+      if (!posed.poses.empty()) sets_[view.set][view.camera] = std::move(posed);
     }
   }
 
@@ -74,16 +78,16 @@ class Start {
 
   // nullopt: they never saw the board together.
   std::optional<Link> link(int a, int b) const {
-    std::vector<std::pair<const Sighting*, const Sighting*>> shared;
-    for (const auto& [set, sightings] : sets_) {
-      const auto in_a = sightings.find(a), in_b = sightings.find(b);
-      if (in_a != sightings.end() && in_b != sightings.end()) shared.emplace_back(&in_a->second, &in_b->second);
+    SharedViews shared;
+    for (const auto& [set, views] : sets_) {
+      const auto in_a = views.find(a), in_b = views.find(b);
+      if (in_a != views.end() && in_b != views.end()) shared.emplace_back(&in_a->second, &in_b->second);
     }
     if (shared.empty()) return std::nullopt;
     Link best{{a, b, static_cast<int>(shared.size()), 0, 0, 0}, {}};
     // Every shared set proposes how the cameras stand to one another; the proposal that suits most sets wins.
     constexpr std::size_t most = 40;
-    std::vector<std::pair<const Sighting*, const Sighting*>> some;
+    SharedViews some;
     for (std::size_t k = 0; k < std::min(most, shared.size()); ++k)
       some.push_back(shared[k * shared.size() / std::min(most, shared.size())]);
     best.pair.compared_sets = static_cast<int>(some.size());
@@ -93,22 +97,11 @@ class Start {
         for (const BoardPose& pose_b : to->poses) {
           for (const calib::Rigid3d& motion : motions_) {
             const calib::Rigid3d b_from_a = pose_b.cam_from_board * motion * calib::inverse(pose_a.cam_from_board);
-            double cost = 0;
-            int consistent = 0;
-            for (const auto& [other_a, other_b] : some) {
-              double off = std::numeric_limits<double>::infinity();
-              for (const BoardPose& pose : other_a->poses) {
-                off = std::min(off, off_px(*other_b, b_from_a * pose.cam_from_board));
-              }
-              const double limit = limit_px(b);
-              consistent += off < limit ? 1 : 0;
-              cost += std::min(off, 2 * limit);
-            }
-            if (cost < least) {
-              least = cost;
-              best.b_from_a = b_from_a;
-              best.pair.consistent_sets = consistent;
-            }
+            const auto [cost, consistent] = agreement(some, b_from_a, limit_px(b));
+            if (cost >= least) continue;
+            least = cost;
+            best.b_from_a = b_from_a;
+            best.pair.consistent_sets = consistent;
           }
         }
       }
@@ -125,15 +118,15 @@ class Start {
     const auto symmetries = board_.symmetries();
     const int last = sets_.empty() ? -1 : sets_.rbegin()->first;
     a.world_from_board.resize(index(last + 1));
-    for (const auto& [set, sightings] : sets_) {
+    for (const auto& [set, views] : sets_) {
       calib::Rigid3d best;
       double least = std::numeric_limits<double>::infinity();
-      for (const auto& [camera, sighting] : sightings) {
-        for (const BoardPose& pose : sighting.poses) {
+      for (const auto& [camera, posed] : views) {
+        for (const BoardPose& pose : posed.poses) {
           const calib::Rigid3d world_from_board =
               calib::inverse(cameras[index(camera)].cam_from_world) * pose.cam_from_board;
           double cost = 0;
-          for (const auto& [other, seen] : sightings) {
+          for (const auto& [other, seen] : views) {
             cost +=
                 std::min(off_px(seen, cameras[index(other)].cam_from_world * world_from_board), 4 * limit_px(other));
           }
@@ -144,9 +137,9 @@ class Start {
         }
       }
       a.world_from_board[index(set)] = best;
-      for (const auto& [camera, sighting] : sightings) {
-        BoardView view = *sighting.view;
-        const std::size_t way = best_motion(sighting, cameras[index(camera)].cam_from_world * best).first;
+      for (const auto& [camera, posed] : views) {
+        BoardView view = *posed.view;
+        const std::size_t way = best_motion(posed, cameras[index(camera)].cam_from_world * best).first;
         if (way > 0) {
           std::vector<std::pair<int, Vector2d>> renumbered;
           for (std::size_t k = 0; k < view.ids.size(); ++k)
@@ -165,9 +158,9 @@ class Start {
     Vector3d centre = Vector3d::Zero();
     for (int id = 0; id < board_.point_count(); ++id) centre += board_.point(id) / board_.point_count();
     std::vector<Vector3d> in_a, in_b;
-    for (const auto& [set, sightings] : sets_) {
-      const auto at_a = sightings.find(a), at_b = sightings.find(b);
-      if (at_a == sightings.end() || at_b == sightings.end()) continue;
+    for (const auto& [set, views] : sets_) {
+      const auto at_a = views.find(a), at_b = views.find(b);
+      if (at_a == views.end() || at_b == views.end()) continue;
       in_a.push_back(at_a->second.poses.front().cam_from_board * centre);
       in_b.push_back(at_b->second.poses.front().cam_from_board * centre);
     }
@@ -180,30 +173,46 @@ class Start {
   }
 
  private:
+  using SharedViews = std::vector<std::pair<const PosedView*, const PosedView*>>;  // of two cameras, by sets
+
+  // How well the sets agree that the second camera stands so to the first: what they cost, lower is better, and how
+  // many are off by less than the limit.
+  std::pair<double, int> agreement(const SharedViews& sets, const calib::Rigid3d& b_from_a, double limit) const {
+    double cost = 0;
+    int consistent = 0;
+    for (const auto& [in_a, in_b] : sets) {
+      double off = std::numeric_limits<double>::infinity();
+      for (const BoardPose& pose : in_a->poses) off = std::min(off, off_px(*in_b, b_from_a * pose.cam_from_board));
+      consistent += off < limit ? 1 : 0;
+      cost += std::min(off, 2 * limit);
+    }
+    return {cost, consistent};
+  }
+
   double limit_px(int camera) const {  // that a good start keeps to
     return std::max(2.0, 0.008 * cameras_[index(camera)].image_size.width);
   }
 
   // rms over a few corners, of the numbering that fits best.
-  double off_px(const Sighting& sighting, const calib::Rigid3d& cam_from_board) const {
-    return best_motion(sighting, cam_from_board).second;
+  double off_px(const PosedView& posed, const calib::Rigid3d& cam_from_board) const {
+    return best_motion(posed, cam_from_board).second;
   }
 
-  std::pair<std::size_t, double> best_motion(const Sighting& sighting, const calib::Rigid3d& cam_from_board) const {
-    const AdjustedCamera& camera = cameras_[index(sighting.view->camera)];
+  std::pair<std::size_t, double> best_motion(const PosedView& posed, const calib::Rigid3d& cam_from_board) const {
+    const AdjustedCamera& camera = cameras_[index(posed.view->camera)];
     std::pair<std::size_t, double> best{0, std::numeric_limits<double>::infinity()};
     for (std::size_t m = 0; m < motions_.size(); ++m) {
       double sum = 0;
-      for (const std::size_t k : sighting.corners) {
-        const Vector3d point = motions_[m] * board_.point(sighting.view->ids[k]);
+      for (const std::size_t k : posed.corners) {
+        const Vector3d point = motions_[m] * board_.point(posed.view->ids[k]);
         Vector2d px;
         if (!project(camera.lens, camera.parameters, cam_from_board * point, px, nullptr, nullptr)) {
           sum = std::numeric_limits<double>::infinity();
           break;
         }
-        sum += (px - sighting.view->px[k]).squaredNorm();
+        sum += (px - posed.view->px[k]).squaredNorm();
       }
-      const double rms = std::sqrt(sum / static_cast<double>(sighting.corners.size()));
+      const double rms = std::sqrt(sum / static_cast<double>(posed.corners.size()));
       if (rms < best.second) best = {m, rms};
     }
     return best;
@@ -212,7 +221,7 @@ class Start {
   const board::Board& board_;
   const std::vector<AdjustedCamera>& cameras_;
   std::vector<calib::Rigid3d> motions_;
-  std::map<int, std::map<int, Sighting>> sets_;  // set -> camera -> what it saw
+  std::map<int, std::map<int, PosedView>> sets_;  // set -> camera -> what it saw
 };
 
 // Why two cameras' views contradict one another, from where each says that the board's centre was.
@@ -225,8 +234,7 @@ std::string explain_contradiction(const Start& start, const std::string& a, cons
     const Eigen::Matrix3Xd off = ((t.topLeftCorner<3, 3>() * from).colwise() + t.topRightCorner<3, 1>()) - in_b;
     std::vector<double> lengths;
     for (Eigen::Index k = 0; k < off.cols(); ++k) lengths.push_back(off.col(k).norm());
-    std::ranges::sort(lengths);
-    return lengths[lengths.size() / 2];
+    return calib::median(std::move(lengths));
   };
   double scale = 1, ignored = 1;
   Eigen::Matrix3Xd mirrored = in_a;
@@ -237,13 +245,10 @@ std::string explain_contradiction(const Start& start, const std::string& a, cons
     return "the images of one of them are mirrored (left and right swapped): record them as the sensor sees them";
   }
   if (similar < 0.4 * rigid && std::abs(scale - 1) > 0.02) {
-    std::array<char, 256> text;
-    std::snprintf(
-        text.data(), text.size(),
-        "camera %s sees the board %.2f times as large as camera %s does: did they see different boards, or is one "
+    return fmt::format(
+        "camera {} sees the board {:.2f} times as large as camera {} does: did they see different boards, or is one "
         "camera's focal length wrong?",
-        b.c_str(), scale, a.c_str());
-    return text.data();
+        b, scale, a);
   }
   return "were the images taken at the same time, are they in the right order, and did nobody move a camera?";
 }
@@ -317,57 +322,38 @@ int placed_corners(const Adjustment& a) {
   return count;
 }
 
-std::string with_numbers(const char* format, double a, double b) {
-  std::array<char, 256> text;
-  std::snprintf(text.data(), text.size(), format, a, b);
-  return text.data();
-}
-
-// Which lenses the joint adjustment may move, and why.
-struct LensPlan {
-  std::vector<bool> found;     // per camera: from these views, rather than given and borne out
-  std::string contradictions;  // of lenses that were given
-  double alone_px = 0;         // noise of the corners, as each camera by itself shows it; 0: not known
-};
-
-// The joint adjustment, with the lenses as options.refine_lens says.
-void refine(Extrinsics& result, const Adjustment& placed, const ExtrinsicsOptions& options, const LensPlan& plan) {
+// The joint adjustment, with the lenses as options.refine_lens says. found: per camera: its lens is from these views,
+// rather than given and borne out. Sets adjustment and refinement.
+void refine(Extrinsics& result, const Adjustment& placed, const ExtrinsicsOptions& options,
+            const std::vector<bool>& found) {
   const auto freed = [&](Adjustment a) {
     for (std::size_t c = 0; c < a.cameras.size(); ++c) {
-      a.cameras[c].lens_is_free = plan.found[c] || options.refine_lens == RefineLens::yes;
+      a.cameras[c].lens_is_free = found[c] || options.refine_lens == RefineLens::yes;
     }
     return a;
   };
-  const bool any_found = std::ranges::count(plan.found, true) > 0;
+  const bool any_found = std::ranges::count(found, true) > 0;
   if (options.refine_lens == RefineLens::yes) {
     result.adjustment = adjust(freed(placed), options.adjustment);
-    result.lens_refined = true;
-    result.lens_reason = "refining the lenses was asked for";
+    result.refinement = LensRefinement::asked_for;
     return;
   }
   result.adjustment = adjust(placed, options.adjustment);
   if (options.refine_lens == RefineLens::no || !any_found) {
-    result.lens_reason = any_found ? "the lenses stay as found camera by camera" : "the lenses stay as they were given";
+    result.refinement = any_found ? LensRefinement::kept_as_found : LensRefinement::kept_as_given;
     return;
   }
-  const std::string found_here =
-      plan.contradictions.empty() ? "the lenses were found from these views" : plan.contradictions;
   if (options.progress) options.progress("the joint adjustment, with the lenses", 1, 3);
   Adjustment refined = adjust(freed(result.adjustment), options.adjustment);
-  constexpr double out_of_step = 1.6;
-  if (refined.noise_px < out_of_step * plan.alone_px && refined.corners_used > 0.8 * placed_corners(placed)) {
+  // Cameras that agree with themselves far better than with one another did not see the board at the same moment, or it
+  // bent. Lenses that are refined jointly would be bent to make up for that.
+  constexpr double out_of_step = 1.6, least_left = 0.8;
+  if (refined.noise_px < out_of_step * result.alone_px && refined.corners_used > least_left * placed_corners(placed)) {
     result.adjustment = std::move(refined);
-    result.lens_refined = true;
-    result.lens_reason = found_here + ", and are refined with all cameras' views";
+    result.refinement = LensRefinement::refined;
     return;
   }
-  // The cameras agree with themselves far better than with one another: they did not see the board at the same moment,
-  // or it bent. Lenses that are refined jointly would be bent to make up for that.
-  result.lens_reason =
-      found_here + with_numbers(
-                       ", and stay as each camera's own views say (%.2f px), because the cameras agree "
-                       "less well with one another (%.2f px): they are not quite in step",
-                       plan.alone_px, result.adjustment.noise_px);
+  result.refinement = LensRefinement::out_of_step;
 }
 
 // A lens that was given for one camera, but fits another one's views.
@@ -378,11 +364,11 @@ void refuse_swapped(const board::Board& board, const std::vector<AdjustedCamera>
     if (cameras[lens].image_size != cameras[views].image_size) return false;
     AdjustedCamera other = cameras[lens];
     other.lens_covariance.resize(0, 0);
-    return check_lens(board, other, own[views]).contradiction.empty();
+    return !check_lens(board, other, own[views]).contradiction;
   };
   for (std::size_t a = 0; a < cameras.size(); ++a) {
     for (std::size_t b = a + 1; b < cameras.size(); ++b) {
-      if (!checks[a] || !checks[b] || checks[a]->contradiction.empty() || checks[b]->contradiction.empty()) continue;
+      if (!checks[a] || !checks[b] || !checks[a]->contradiction || !checks[b]->contradiction) continue;
       if (fits(a, b) && fits(b, a)) {
         throw CalibrationError("cameras " + cameras[a].name + " and " + cameras[b].name +
                                " look swapped: the views of each fit the lens that was given for the other");
@@ -423,6 +409,55 @@ LensOfCamera lens_of(const board::Board& board, const CameraToCalibrate& given, 
   return lens;
 }
 
+// Each camera's lens by itself: on all cores. own: per camera, its views.
+std::vector<LensOfCamera> lenses_of(const board::Board& board, const std::vector<CameraToCalibrate>& cameras,
+                                    const std::vector<std::vector<BoardView>>& own, const ExtrinsicsOptions& options) {
+  std::mutex telling;
+  std::vector<std::pair<int, int>> progress(cameras.size(), {0, 8});  // done and total; guarded by telling
+  const auto tell = [&](std::size_t c, int done, int total) {
+    const std::scoped_lock lock(telling);
+    progress[c] = {done, total};
+    int all_done = 0, all = 0;
+    for (const auto& [d, t] : progress) all_done += d, all += t;
+    if (options.progress) options.progress("the lenses", all_done, all);
+  };
+  std::vector<std::future<LensOfCamera>> found;
+  for (std::size_t c = 0; c < cameras.size(); ++c) {
+    found.push_back(std::async(std::launch::async, [&, c] {
+      ExtrinsicsOptions own_options = options;
+      own_options.intrinsics.progress = [&](const std::string&, int done, int total) { tell(c, done, total); };
+      LensOfCamera lens = lens_of(board, cameras[c], own[c], own_options);
+      tell(c, 8, 8);
+      return lens;
+    }));
+  }
+  std::vector<LensOfCamera> lenses;
+  for (auto& lens : found) lenses.push_back(lens.get());
+  return lenses;
+}
+
+// Of the views of sets that both cameras of the pair saw, and that are not dropped: used corners, pixels.
+double rms_of_pair(const Adjustment& a, const CameraPair& pair) {
+  std::map<int, std::array<bool, 2>> seen;
+  for (std::size_t v = 0; v < a.views.size(); ++v) {
+    if (a.fits[v].dropped) continue;
+    if (a.views[v].camera == pair.a) seen[a.views[v].set][0] = true;
+    if (a.views[v].camera == pair.b) seen[a.views[v].set][1] = true;
+  }
+  double sum = 0;
+  int count = 0;
+  for (std::size_t v = 0; v < a.views.size(); ++v) {
+    const BoardView& view = a.views[v];
+    if ((view.camera != pair.a && view.camera != pair.b) || !seen[view.set][0] || !seen[view.set][1]) continue;
+    for (std::size_t k = 0; k < view.ids.size(); ++k) {
+      if (!a.fits[v].used[k]) continue;
+      sum += a.fits[v].residuals[k].squaredNorm();
+      ++count;
+    }
+  }
+  return count > 0 ? std::sqrt(sum / count) : 0;
+}
+
 }  // namespace
 
 Adjustment place_boards(const board::Board& board, const calib::CameraRig& rig, const std::vector<BoardView>& given) {
@@ -457,48 +492,28 @@ Extrinsics calibrate_extrinsics(const board::Board& board, const std::vector<Cam
   };
   std::vector<BoardView> views = given;
   std::ranges::sort(views, {}, [](const BoardView& v) { return std::tie(v.set, v.camera, v.image); });
-  Extrinsics result;
-  std::vector<AdjustedCamera> adjusted;
   std::vector<std::vector<BoardView>> own(cameras.size());
   for (const BoardView& view : views) own[index(view.camera)].push_back(view);
-  std::vector<std::optional<LensCheck>> checks(cameras.size());
-  LensPlan plan;
   for (std::size_t c = 0; c < cameras.size(); ++c) {
     if (own[c].empty()) throw CalibrationError("camera " + cameras[c].name + " never saw the board");
   }
-  // Each camera's by itself: on all cores.
-  std::mutex telling;
-  std::vector<std::pair<int, int>> lens_progress(cameras.size(), {0, 8});  // done and total; guarded by telling
-  const auto tell_of_lens = [&](std::size_t c, int done, int total) {
-    const std::scoped_lock lock(telling);
-    lens_progress[c] = {done, total};
-    int all_done = 0, all = 0;
-    for (const auto& [d, t] : lens_progress) all_done += d, all += t;
-    tell("the lenses", all_done, all);
-  };
-  std::vector<std::future<LensOfCamera>> found;
-  for (std::size_t c = 0; c < cameras.size(); ++c) {
-    found.push_back(std::async(std::launch::async, [&, c] {
-      ExtrinsicsOptions own_options = options;
-      own_options.intrinsics.progress = [&](const std::string&, int done, int total) { tell_of_lens(c, done, total); };
-      LensOfCamera lens = lens_of(board, cameras[c], own[c], own_options);
-      tell_of_lens(c, 8, 8);
-      return lens;
-    }));
-  }
-  for (std::size_t c = 0; c < cameras.size(); ++c) {
-    LensOfCamera lens = found[c].get();
-    plan.found.push_back(!cameras[c].model);
-    plan.alone_px = std::max(plan.alone_px, lens.alone_px);
+  Extrinsics result;
+  std::vector<AdjustedCamera> adjusted;
+  std::vector<bool> found;  // see refine()
+  std::vector<std::optional<LensCheck>> checks;
+  for (LensOfCamera& lens : lenses_of(board, cameras, own, options)) {
+    found.push_back(lens.found.has_value());
+    result.alone_px = std::max(result.alone_px, lens.alone_px);
     adjusted.push_back(std::move(lens.camera));
-    checks[c] = std::move(lens.check);
+    checks.push_back(std::move(lens.check));
     result.lenses.push_back(std::move(lens.found));
   }
   refuse_swapped(board, adjusted, own, checks);
+  result.contradictions.resize(cameras.size());
   for (std::size_t c = 0; c < cameras.size(); ++c) {
-    if (!checks[c] || checks[c]->contradiction.empty()) continue;
-    plan.contradictions += (plan.contradictions.empty() ? "" : "; ") + checks[c]->contradiction;
-    plan.found[c] = true;
+    if (!checks[c] || !checks[c]->contradiction) continue;
+    result.contradictions[c] = checks[c]->contradiction;
+    found[c] = true;
     adjusted[c].parameters = checks[c]->refined.cameras.front().parameters;
     adjusted[c].lens_covariance = checks[c]->refined.covariance;
   }
@@ -516,31 +531,11 @@ Extrinsics calibrate_extrinsics(const board::Board& board, const std::vector<Cam
     adjusted[c].lens_is_free = false;
   }
   tell("the joint adjustment", 1, 3);
-  result.alone_px = plan.alone_px;
-  refine(result, start.placed(adjusted), options, plan);
+  refine(result, start.placed(adjusted), options, found);
   tell("the cameras' pairs", 2, 3);
   for (const Start::Link& link : links) {
-    CameraPair pair = link.pair;
-    std::map<int, std::array<bool, 2>> seen;
-    const Adjustment& a = result.adjustment;
-    for (std::size_t v = 0; v < a.views.size(); ++v) {
-      if (!a.fits[v].dropped.empty()) continue;
-      if (a.views[v].camera == pair.a) seen[a.views[v].set][0] = true;
-      if (a.views[v].camera == pair.b) seen[a.views[v].set][1] = true;
-    }
-    double sum = 0;
-    int count = 0;
-    for (std::size_t v = 0; v < a.views.size(); ++v) {
-      const BoardView& view = a.views[v];
-      if ((view.camera != pair.a && view.camera != pair.b) || !seen[view.set][0] || !seen[view.set][1]) continue;
-      for (std::size_t k = 0; k < view.ids.size(); ++k) {
-        if (!a.fits[v].used[k]) continue;
-        sum += a.fits[v].residuals[k].squaredNorm();
-        ++count;
-      }
-    }
-    pair.rms_px = count > 0 ? std::sqrt(sum / count) : 0;
-    result.pairs.push_back(pair);
+    result.pairs.push_back(link.pair);
+    result.pairs.back().rms_px = rms_of_pair(result.adjustment, link.pair);
   }
   return result;
 }

@@ -40,13 +40,24 @@ struct CameraPair {
   double rms_px = 0;  // of the shared sets after the adjustment, both cameras' used corners
 };
 
+// What the joint adjustment did with the lenses.
+enum class LensRefinement {
+  asked_for,      // refined, all of them
+  kept_as_found,  // camera by camera
+  kept_as_given,
+  refined,      // those that were found here
+  out_of_step,  // kept: the cameras agree far better with themselves (alone_px) than with one another (noise_px)
+};
+
 struct Extrinsics {
-  Adjustment adjustment;                          // the world is the reference camera's frame
-  std::vector<std::optional<Intrinsics>> lenses;  // per camera; nullopt: the model was given
-  std::vector<CameraPair> pairs;                  // with shared_sets > 0
-  bool lens_refined = false;                      // in the joint adjustment
-  std::string lens_reason;                        // why, one sentence
+  Adjustment adjustment;                                         // the world is the reference camera's frame
+  std::vector<std::optional<Intrinsics>> lenses;                 // per camera; nullopt: the model was given
+  std::vector<std::optional<LensContradiction>> contradictions;  // per camera: of the lens that was given
+  std::vector<CameraPair> pairs;                                 // with shared_sets > 0
+  LensRefinement refinement = LensRefinement::kept_as_given;
   double alone_px = 0;  // noise of the corners, as each camera by itself shows it; 0: not known
+
+  bool lens_refined() const { return refinement == LensRefinement::asked_for || refinement == LensRefinement::refined; }
 };
 
 // views: BoardView::set is the moment. throws CalibrationError: a camera without enough views, cameras that share too

@@ -1,30 +1,22 @@
 #include "calib/solver/intrinsics.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <cstdio>
 #include <limits>
 #include <numeric>
+#include <tuple>
+
+#include "calib/model/median.h"
 
 namespace huetrack::solver {
 namespace {
-
-std::string text_of(const char* format, auto... values) {
-  std::array<char, 256> text;
-  std::snprintf(text.data(), text.size(), format, values...);
-  return text.data();
-}
 
 double median_residual(const Adjustment& a) {
   std::vector<double> lengths;
   for (const ViewFit& fit : a.fits) {
     for (const auto& r : fit.residuals) lengths.push_back(r.norm());
   }
-  if (lengths.empty()) return std::numeric_limits<double>::infinity();
-  const auto middle = lengths.begin() + static_cast<std::ptrdiff_t>(lengths.size() / 2);
-  std::nth_element(lengths.begin(), middle, lengths.end());
-  return *middle;
+  return calib::median(std::move(lengths), std::numeric_limits<double>::infinity());
 }
 
 // One camera, the views each in their own set, numbered from 0, with the best board pose for these intrinsics.
@@ -99,7 +91,6 @@ AdjustedCamera find_start(const board::Board& board, const AdjustedCamera& camer
   return best;
 }
 
-// The views without the corners that the adjustment left out.
 // Mean squared reprojection error of every view, each under a lens that was fitted to other views.
 std::vector<double> held_out_errors(const board::Board& board, const AdjustedCamera& camera,
                                     const std::vector<BoardView>& views) {
@@ -135,6 +126,111 @@ bool is_smooth(const AdjustedCamera& camera) {
   return true;
 }
 
+// What a trial is judged by, beside the lens that was fitted.
+struct TrialFit {
+  LensTrial trial;
+  Adjustment fit;
+};
+
+// Fits one lens model, kept from folding inside the image. throws CalibrationError
+TrialFit try_lens(const board::Board& board, AdjustedCamera start, const std::vector<BoardView>& views,
+                  const AdjustmentOptions& options) {
+  start.unfold = 0;
+  Adjustment fit = adjust(posed(board, start, views), options);
+  // Again with the board poses that suit this lens.
+  fit = adjust(posed(board, fit.cameras.front(), views), options);
+  const auto folds = [&] { return !covers_image(fit.cameras.front().model(), fit.cameras.front().image_size); };
+  const double free_rms = fit.rms_px;
+  for (const double weight : {1.0, 10.0, 100.0, 100.0, 1000.0}) {
+    if (!folds()) break;
+    fit.cameras.front().unfold = weight;
+    fit = adjust(std::move(fit), options);
+  }
+  constexpr double as_well = 1.01;  // as without the constraint, but for what the last iterations leave
+  LensTrial trial{start.lens, true, LensFault::none, fit.rms_px, 0, {}};
+  trial.fault = folds()                           ? LensFault::folds
+                : fit.rms_px > as_well * free_rms ? LensFault::fits_folded
+                : !is_smooth(fit.cameras.front()) ? LensFault::cancels
+                                                  : LensFault::none;
+  return {trial, std::move(fit)};
+}
+
+// The fit that leaves the least, of the trials that are possible; their count: none is.
+std::size_t closest_fit(const std::vector<LensTrial>& trials, const std::vector<Adjustment>& fits) {
+  std::size_t best = fits.size();
+  for (std::size_t i = 0; i < fits.size(); ++i) {
+    if (!trials[i].possible) continue;
+    if (best == fits.size() || median_residual(fits[i]) < median_residual(fits[best])) best = i;
+  }
+  return best;
+}
+
+double mean(const std::vector<double>& values) {
+  return std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());
+}
+
+// By more than a standard error of the views' differences. errors: squared, beside one another.
+bool is_clearly_worse(const std::vector<double>& errors, const std::vector<double>& than) {
+  const auto n = static_cast<double>(errors.size());
+  double sum = 0, squares = 0;
+  for (std::size_t v = 0; v < errors.size(); ++v) {
+    const double worse = errors[v] - than[v];
+    sum += worse;
+    squares += worse * worse;
+  }
+  const double difference = sum / n;
+  const double standard_error = std::sqrt(std::max(0.0, squares / n - difference * difference) / (n - 1));
+  return !(difference < standard_error);
+}
+
+using TellLens = std::function<void(const char* step, LensModel lens)>;
+
+// Chooses among the trials by cross-validation, on the corners that the best fitting model calls good: a model that is
+// too simple must not hide behind calling the image's corners outliers. Sets choice, chosen, best, compared_views.
+void choose_lens(Intrinsics& result, const board::Board& board, const std::string& camera,
+                 const std::vector<Adjustment>& fits, const TellLens& tell) {
+  std::vector<LensTrial>& trials = result.trials;
+  const std::size_t closest = closest_fit(trials, fits);
+  if (closest == fits.size())
+    throw CalibrationError("camera " + camera + ": no lens model fits the views: " + fault_text(trials.front()));
+  constexpr std::size_t most_views = 60, least_views = 8;
+  const auto good = spread_over(inliers(fits[closest]), most_views);
+  result.compared_views = good.size();
+  if (good.size() < least_views) {
+    result.choice = LensChoice::too_few_views;
+    result.chosen = result.best = trials.front().possible ? 0 : closest;
+    return;
+  }
+  std::vector<std::vector<double>> errors(fits.size());
+  std::size_t best = fits.size();
+  for (std::size_t i = 0; i < fits.size(); ++i) {
+    tell("trying views that it was not fitted to: ", trials[i].lens);
+    if (!trials[i].possible) continue;
+    try {
+      errors[i] = held_out_errors(board, fits[i].cameras.front(), good);
+    } catch (const CalibrationError& error) {
+      trials[i].possible = false;
+      trials[i].fault = LensFault::unsolved;
+      trials[i].error = error.what();
+      continue;
+    }
+    trials[i].held_out_px = std::sqrt(mean(errors[i]));
+    if (best == fits.size() || mean(errors[i]) < mean(errors[best])) best = i;
+  }
+  if (best == fits.size())
+    throw CalibrationError("camera " + camera + ": no lens model can be fitted to four fifths of the views");
+  // The simplest model that is not clearly worse, or worse by less than one in a hundred.
+  result.chosen = result.best = best;
+  for (std::size_t i = 0; i < best; ++i) {
+    if (!trials[i].possible) continue;
+    if (!is_clearly_worse(errors[i], errors[best]) || trials[i].held_out_px < 1.01 * trials[best].held_out_px) {
+      result.chosen = i;
+      break;
+    }
+  }
+  result.choice = result.chosen == best ? LensChoice::best : LensChoice::simpler;
+}
+
 }  // namespace
 
 bool covers_image(const calib::CameraModel& model, calib::ImageSize size) {
@@ -146,6 +242,22 @@ bool covers_image(const calib::CameraModel& model, calib::ImageSize size) {
     }
   }
   return true;
+}
+
+std::string fault_text(const LensTrial& trial) {
+  switch (trial.fault) {
+    case LensFault::none:
+      return {};
+    case LensFault::folds:
+      return "its distortion turns back on itself inside the image";
+    case LensFault::fits_folded:
+      return "kept from turning back on itself inside the image it does not fit the views";
+    case LensFault::cancels:
+      return "its coefficients cancel one another: the views do not determine them";
+    case LensFault::unsolved:
+      break;
+  }
+  return trial.error;
 }
 
 Intrinsics calibrate_intrinsics(const board::Board& board, const std::string& name, calib::ImageSize image_size,
@@ -160,12 +272,10 @@ Intrinsics calibrate_intrinsics(const board::Board& board, const std::string& na
   }
   std::vector<LensModel> candidates(all_lens_models.begin(), all_lens_models.end());
   if (options.lens) candidates = {*options.lens};
-  AdjustedCamera camera;
-  camera.name = name;
-  camera.image_size = image_size;
+  const bool is_only = candidates.size() == 1;
 
   int done = 0;
-  const auto tell = [&](const char* step, LensModel lens) {
+  const TellLens tell = [&](const char* step, LensModel lens) {
     if (options.progress) {
       options.progress(step + std::string(solver::name(lens)), done, static_cast<int>(2 * candidates.size()));
     }
@@ -174,113 +284,32 @@ Intrinsics calibrate_intrinsics(const board::Board& board, const std::string& na
 
   Intrinsics result;
   std::vector<Adjustment> fits;
-  AdjustedCamera pinhole_start;
+  AdjustedCamera camera;
+  camera.name = name;
+  camera.image_size = image_size;
   for (const LensModel lens : candidates) {
     tell("fitting ", lens);
     camera.lens = lens;
-    LensTrial trial{lens, true, 0, 0, {}};
-    Adjustment fit;
+    TrialFit tried;
+    tried.trial.lens = lens;
     try {
       // The pinhole models start from one another.
-      AdjustedCamera start =
-          lens != LensModel::fisheye && !fits.empty() ? fits.back().cameras.front() : find_start(board, camera, views);
+      const bool has_start = lens != LensModel::fisheye && !fits.empty() && !fits.back().cameras.empty();
+      AdjustedCamera start = has_start ? fits.back().cameras.front() : find_start(board, camera, views);
       start.lens = lens;
-      start.unfold = 0;
-      fit = adjust(posed(board, start, views), options.adjustment);
-      // Again with the board poses that suit this lens.
-      fit = adjust(posed(board, fit.cameras.front(), views), options.adjustment);
-      const double free_rms = fit.rms_px;
-      for (const double weight : {1.0, 10.0, 100.0, 100.0, 1000.0}) {
-        if (covers_image(fit.cameras.front().model(), image_size)) break;
-        fit.cameras.front().unfold = weight;
-        fit = adjust(std::move(fit), options.adjustment);
-      }
-      trial.rms_px = fit.rms_px;
-      if (!covers_image(fit.cameras.front().model(), image_size)) {
-        trial.note = "its distortion turns back on itself inside the image";
-      } else if (fit.rms_px > 1.01 * free_rms) {
-        trial.note = "kept from turning back on itself inside the image it does not fit the views";
-      } else if (!is_smooth(fit.cameras.front())) {
-        trial.note = "its coefficients cancel one another: the views do not determine them";
-      }
-      trial.possible = trial.note.empty() || candidates.size() == 1;
+      tried = try_lens(board, std::move(start), views, options.adjustment);
+      tried.trial.possible = tried.trial.fault == LensFault::none || is_only;
     } catch (const CalibrationError& error) {
-      if (candidates.size() == 1) throw;
-      trial.possible = false;
-      trial.note = error.what();
+      if (is_only) throw;
+      tried.trial.possible = false;
+      tried.trial.fault = LensFault::unsolved;
+      tried.trial.error = error.what();
     }
-    result.trials.push_back(trial);
-    fits.push_back(std::move(fit));
+    result.trials.push_back(tried.trial);
+    fits.push_back(std::move(tried.fit));
   }
-  std::size_t chosen = 0;
-  if (options.lens) {
-    result.lens_reason = std::string(solver::name(*options.lens)) + " was asked for";
-  } else {
-    // Cross-validation on the corners that the best fitting model calls good: a model that is too simple must not hide
-    // behind calling the image's corners outliers.
-    std::size_t best = fits.size();
-    for (std::size_t i = 0; i < fits.size(); ++i) {
-      if (!result.trials[i].possible) continue;
-      if (best == fits.size() || median_residual(fits[i]) < median_residual(fits[best])) best = i;
-    }
-    if (best == fits.size()) {
-      throw CalibrationError("camera " + name + ": no lens model fits the views: " + result.trials.front().note);
-    }
-    const auto good = spread_over(inliers(fits[best]), 60);
-    if (good.size() < 8) {
-      chosen = result.trials.front().possible ? 0 : best;
-      result.lens_reason = text_of("%zu views are too few to tell lens models apart: the simplest one", good.size());
-    } else {
-      std::vector<std::vector<double>> errors(fits.size());
-      std::size_t winner = fits.size();
-      const auto mean = [](const std::vector<double>& e) {
-        return std::accumulate(e.begin(), e.end(), 0.0) / static_cast<double>(e.size());
-      };
-      for (std::size_t i = 0; i < fits.size(); ++i) {
-        LensTrial& trial = result.trials[i];
-        tell("trying views that it was not fitted to: ", trial.lens);
-        if (!trial.possible) continue;
-        try {
-          errors[i] = held_out_errors(board, fits[i].cameras.front(), good);
-        } catch (const CalibrationError& error) {
-          trial.possible = false;
-          trial.note = error.what();
-          continue;
-        }
-        trial.held_out_px = std::sqrt(mean(errors[i]));
-        if (winner == fits.size() || mean(errors[i]) < mean(errors[winner])) winner = i;
-      }
-      if (winner == fits.size())
-        throw CalibrationError("camera " + name + ": no lens model can be fitted to four fifths of the views");
-      // The simplest model that is not clearly worse: by more than a standard error, and by more than one in a hundred.
-      chosen = winner;
-      for (std::size_t i = 0; i < winner; ++i) {
-        if (!result.trials[i].possible) continue;
-        const auto n = static_cast<double>(good.size());
-        double sum = 0, squares = 0;
-        for (std::size_t v = 0; v < good.size(); ++v) {
-          const double worse = errors[i][v] - errors[winner][v];
-          sum += worse;
-          squares += worse * worse;
-        }
-        const double difference = sum / n;
-        const double standard_error = std::sqrt(std::max(0.0, squares / n - difference * difference) / (n - 1));
-        if (difference < standard_error || result.trials[i].held_out_px < 1.01 * result.trials[winner].held_out_px) {
-          chosen = i;
-          break;
-        }
-      }
-      const LensTrial& c = result.trials[chosen];
-      const LensTrial& w = result.trials[winner];
-      result.lens_reason =
-          chosen == winner
-              ? text_of("%s predicts views that it was not fitted to best (%.3f px)", solver::name(c.lens).data(),
-                        c.held_out_px)
-              : text_of("%s predicts views that it was not fitted to as well (%.3f px) as %s (%.3f px), and is simpler",
-                        solver::name(c.lens).data(), c.held_out_px, solver::name(w.lens).data(), w.held_out_px);
-    }
-  }
-  result.adjustment = std::move(fits[chosen]);
+  if (!options.lens) choose_lens(result, board, name, fits, tell);
+  result.adjustment = std::move(fits[result.chosen]);
   return result;
 }
 
@@ -290,10 +319,8 @@ LensCheck check_lens(const board::Board& board, const AdjustedCamera& camera, co
   const AdjustmentOptions options{.with_covariance = false};
   LensCheck check;
   Adjustment given = adjust(posed(board, trial, views), options);
-  check.given_px = given.rms_px;
   given.cameras.front().lens_is_free = true;
   check.refined = adjust(posed(board, given.cameras.front(), views));
-  check.refined_px = check.refined.rms_px;
   const LensParameters& l = check.refined.cameras.front().parameters;
   const LensParameters sigma = check.refined.lens_sigma(0);
   double zoom = 0;
@@ -304,14 +331,15 @@ LensCheck check_lens(const board::Board& board, const AdjustedCamera& camera, co
   const bool corners_lost = given.corners_used < 0.8 * check.refined.corners_used;
   // A tenth of a pixel is no reason to throw away a lens that was calibrated with more views than these.
   constexpr double little_px = 0.1;
-  if ((check.given_px > 1.3 * check.refined_px && check.given_px > check.refined_px + little_px) || corners_lost) {
+  const double given_px = given.rms_px, refined_px = check.refined.rms_px;
+  if ((given_px > 1.3 * refined_px && given_px > refined_px + little_px) || corners_lost) {
     check.contradiction =
-        text_of("the lens that was given for camera %s leaves %.2f px, one fitted to its views %.2f px",
-                camera.name.c_str(), corners_lost ? median_residual(given) : check.given_px, check.refined_px);
+        LensContradiction{.given_px = corners_lost ? median_residual(given) : given_px, .refined_px = refined_px};
   } else if (zoom > 0.01) {
-    check.contradiction =
-        text_of("the views of camera %s say that its focal length is %.1f px (+- %.1f), not %.1f px as given",
-                camera.name.c_str(), l(0), sigma(0), camera.parameters(0));
+    check.contradiction = LensContradiction{.is_by_focal_length = true,
+                                            .focal_px = l(0),
+                                            .focal_sigma_px = sigma(0),
+                                            .given_focal_px = camera.parameters(0)};
   }
   return check;
 }

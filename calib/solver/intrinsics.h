@@ -1,6 +1,7 @@
 // One camera's lens from views of a board.
 #pragma once
 
+#include <cstddef>
 #include <optional>
 #include <string>
 #include <vector>
@@ -18,19 +19,42 @@ struct IntrinsicsOptions {
   Progress progress{};
 };
 
+// What is wrong with a lens as it was fitted.
+enum class LensFault {
+  none,
+  folds,        // its distortion turns back on itself inside the image
+  fits_folded,  // only so does it fit the views: kept from folding it does not
+  cancels,      // its coefficients cancel one another: the views do not determine them
+  unsolved,     // the adjustment failed
+};
+
 // How well one lens model does.
 struct LensTrial {
   LensModel lens = LensModel::radtan4;
-  bool possible = true;    // false: it cannot be fitted, or folds inside the image; see note
+  bool possible = true;  // false: for its fault it cannot be chosen
+  LensFault fault = LensFault::none;
   double rms_px = 0;       // of the views that it was fitted to
   double held_out_px = 0;  // of views that it was not fitted to (cross-validation over the views); 0: not tried
-  std::string note;        // why it is not possible; otherwise empty
+  std::string error;       // LensFault::unsolved: what the adjustment said
+};
+
+// One clause; empty: LensFault::none.
+std::string fault_text(const LensTrial& trial);
+
+// Why a lens model was taken.
+enum class LensChoice {
+  asked_for,
+  too_few_views,  // to tell models apart: the simplest one that is possible
+  best,           // it predicts views that it was not fitted to best
+  simpler,        // it predicts them as well as the best one, and is simpler
 };
 
 struct Intrinsics {
   Adjustment adjustment;          // with one camera, which is the world
   std::vector<LensTrial> trials;  // those that were tried
-  std::string lens_reason;        // why this lens model, one sentence
+  LensChoice choice = LensChoice::asked_for;
+  std::size_t chosen = 0, best = 0;  // of trials; best: at views that it was not fitted to
+  std::size_t compared_views = 0;    // that models were, or were to be, told apart by; asked_for: 0
 };
 
 // views: of this camera (BoardView::camera 0), every one in its own set. start: nullopt: found from the views.
@@ -38,13 +62,19 @@ struct Intrinsics {
 Intrinsics calibrate_intrinsics(const board::Board& board, const std::string& camera, calib::ImageSize image_size,
                                 const std::vector<BoardView>& views, const IntrinsicsOptions& options = {});
 
+// What a camera's own views say against a lens that was known before.
+struct LensContradiction {
+  bool is_by_focal_length = false;          // otherwise by how the lens fits
+  double given_px = 0, refined_px = 0;      // by the fit: what the given lens leaves, and one fitted to the views
+  double focal_px = 0, focal_sigma_px = 0;  // by the focal length (fx): as these views say, and
+  double given_focal_px = 0;                // as it was given
+};
+
 // Whether a camera's own views bear out a lens that was known before. It takes no other camera, so it holds for cameras
 // that are not in step.
 struct LensCheck {
-  double given_px = 0;        // rms with the lens as given, and
-  double refined_px = 0;      // with one that is fitted to the views, of the same model
-  std::string contradiction;  // one clause; empty: they bear it out
-  Adjustment refined;
+  std::optional<LensContradiction> contradiction;  // nullopt: they bear it out
+  Adjustment refined;                              // with a lens that is fitted to the views, of the same model
 };
 LensCheck check_lens(const board::Board& board, const AdjustedCamera& camera, const std::vector<BoardView>& views);
 

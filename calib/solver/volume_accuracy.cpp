@@ -4,6 +4,7 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 namespace huetrack::solver {
 namespace {
@@ -28,6 +29,44 @@ double quantile(std::vector<double> values, double share) {
   return values[static_cast<std::size_t>(at)];
 }
 
+// What moves a point that two or more cameras see.
+struct Sensitivity {
+  std::size_t point;                                       // index into VolumeAccuracy::points
+  Eigen::Matrix<double, 3, Eigen::Dynamic> by_parameters;  // of the calibration's covariance
+  Matrix3d by_noise;                                       // covariance for a noise of 1 px
+};
+
+// Sets point.views. nullopt: fewer than two cameras see it. index_of_point: see Sensitivity.
+std::optional<Sensitivity> sensitivity_at(const Adjustment& a, PointAccuracy& point, std::size_t index_of_point) {
+  Matrix3d h = Matrix3d::Zero();
+  Eigen::Matrix<double, 3, Eigen::Dynamic> g = Eigen::Matrix<double, 3, Eigen::Dynamic>::Zero(3, a.covariance.rows());
+  for (std::size_t c = 0; c < a.cameras.size(); ++c) {
+    const AdjustedCamera& camera = a.cameras[c];
+    const Vector3d p_cam = camera.cam_from_world * point.p_world;
+    const calib::Camera finished{camera.name, camera.image_size, camera.model(), camera.cam_from_world};
+    const auto px = finished.project_world(point.p_world);
+    if (!px || !finished.contains(*px)) continue;
+    Vector2d ignored;
+    PixelByPoint by_point;
+    PixelByLens by_lens;
+    if (!project(camera.lens, camera.parameters, p_cam, ignored, &by_point, &by_lens)) continue;
+    ++point.views;
+    const Eigen::Matrix<double, 2, 3> by_world = by_point * camera.cam_from_world.rotation.toRotationMatrix();
+    h += by_world.transpose() * by_world;
+    if (!a.lens_offset.empty() && a.lens_offset[c] >= 0) {
+      const int count = parameter_count(camera.lens);
+      g.middleCols(a.lens_offset[c], count) += by_world.transpose() * by_lens.leftCols(count);
+    }
+    if (!a.pose_offset.empty() && a.pose_offset[c] >= 0) {
+      g.middleCols(a.pose_offset[c], 3) -= by_world.transpose() * by_point * cross_matrix(p_cam);
+      g.middleCols(a.pose_offset[c] + 3, 3) += by_world.transpose() * by_point;
+    }
+  }
+  if (point.views < 2) return std::nullopt;
+  const Matrix3d inverse_h = h.inverse();
+  return Sensitivity{index_of_point, -inverse_h * g, inverse_h};
+}
+
 }  // namespace
 
 VolumeAccuracy predict_accuracy(const Adjustment& a, const WorldBox& box, const std::array<int, 3>& steps,
@@ -37,11 +76,6 @@ VolumeAccuracy predict_accuracy(const Adjustment& a, const WorldBox& box, const 
   result.steps = steps;
   result.object_noise_px = object_noise_px;
   const Eigen::Index parameters = a.covariance.rows();
-  struct Sensitivity {
-    std::size_t point;
-    Eigen::Matrix<double, 3, Eigen::Dynamic> by_parameters;
-    Matrix3d by_noise;  // covariance for a noise of 1 px
-  };
   std::vector<Sensitivity> seen;
   for (int iz = 0; iz < steps[2]; ++iz) {
     for (int iy = 0; iy < steps[1]; ++iy) {
@@ -50,34 +84,7 @@ VolumeAccuracy predict_accuracy(const Adjustment& a, const WorldBox& box, const 
                              static_cast<double>(iz) / (steps[2] - 1));
         PointAccuracy point;
         point.p_world = box.low + (box.high - box.low).cwiseProduct(share);
-        Matrix3d h = Matrix3d::Zero();
-        Eigen::Matrix<double, 3, Eigen::Dynamic> g = Eigen::Matrix<double, 3, Eigen::Dynamic>::Zero(3, parameters);
-        for (std::size_t c = 0; c < a.cameras.size(); ++c) {
-          const AdjustedCamera& camera = a.cameras[c];
-          const Vector3d p_cam = camera.cam_from_world * point.p_world;
-          const calib::Camera finished{camera.name, camera.image_size, camera.model(), camera.cam_from_world};
-          const auto px = finished.project_world(point.p_world);
-          if (!px || !finished.contains(*px)) continue;
-          Vector2d ignored;
-          PixelByPoint by_point;
-          PixelByLens by_lens;
-          if (!project(camera.lens, camera.parameters, p_cam, ignored, &by_point, &by_lens)) continue;
-          ++point.views;
-          const Eigen::Matrix<double, 2, 3> by_world = by_point * camera.cam_from_world.rotation.toRotationMatrix();
-          h += by_world.transpose() * by_world;
-          if (!a.lens_offset.empty() && a.lens_offset[c] >= 0) {
-            const int count = parameter_count(camera.lens);
-            g.middleCols(a.lens_offset[c], count) += by_world.transpose() * by_lens.leftCols(count);
-          }
-          if (!a.pose_offset.empty() && a.pose_offset[c] >= 0) {
-            g.middleCols(a.pose_offset[c], 3) -= by_world.transpose() * by_point * cross_matrix(p_cam);
-            g.middleCols(a.pose_offset[c] + 3, 3) += by_world.transpose() * by_point;
-          }
-        }
-        if (point.views >= 2) {
-          const Matrix3d inverse_h = h.inverse();
-          seen.push_back({result.points.size(), -inverse_h * g, inverse_h});
-        }
+        if (auto sensitivity = sensitivity_at(a, point, result.points.size())) seen.push_back(std::move(*sensitivity));
         result.points.push_back(point);
       }
     }
@@ -141,7 +148,7 @@ PoseSigma pose_sigma(const Adjustment& a, const VolumeAccuracy& volume, int came
 WorldBox board_volume(const Adjustment& a) {
   std::array<std::vector<double>, 3> along;
   for (std::size_t v = 0; v < a.views.size(); ++v) {
-    if (v < a.fits.size() && !a.fits[v].dropped.empty()) continue;
+    if (v < a.fits.size() && a.fits[v].dropped) continue;
     for (const int id : a.views[v].ids) {
       const Vector3d p = a.world_from_board[index(a.views[v].set)] * a.board_point(id);
       for (int axis = 0; axis < 3; ++axis) along[index(axis)].push_back(p[axis]);

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <cstring>
 
+#include "calib/model/median.h"
+
 namespace huetrack::wave {
 namespace {
 
@@ -79,9 +81,7 @@ std::optional<BackgroundImage> Background::of(std::size_t camera) const {
     }
   }
   for (std::size_t k = 0; k < 3; ++k) {
-    const auto middle = spread[k].begin() + static_cast<std::ptrdiff_t>(spread[k].size() / 2);
-    std::ranges::nth_element(spread[k], middle);
-    out.noise[static_cast<int>(k)] = std::max(1.f, *middle);
+    out.noise[static_cast<int>(k)] = std::max(1.f, calib::median(std::move(spread[k])));
   }
   return out;
 }

@@ -7,6 +7,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "calib/model/median.h"
+
 namespace huetrack::wave {
 namespace {
 
@@ -160,8 +162,7 @@ object_tracking::ColorRegion outline_over_ring(const Patch& patch, const object_
     }
   });
   if (light.size() < 8 || object.x() <= 0 || background.x() <= 0) return region;
-  std::ranges::nth_element(light, light.begin() + static_cast<std::ptrdiff_t>(light.size() / 2));
-  const double behind = light[light.size() / 2];
+  const double behind = calib::median(std::move(light));
   const Vector3d of_object = object / object.x(), of_background = background / background.x();
   if ((of_object - of_background).norm() < 0.15) return region;
   Eigen::Matrix<double, 3, 2> mix;

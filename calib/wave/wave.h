@@ -4,6 +4,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cstddef>
 #include <optional>
 #include <string>
 #include <vector>
@@ -42,11 +43,12 @@ struct WaveOptions {
 };
 
 struct WaveCamera {
-  int frames = 0;       // that were looked at
-  int seen = 0;         // with a region of the colour that is not still
-  int used = 0;         // whose region agrees with the other cameras
-  double rms_px = 0;    // of those, length
-  double coverage = 0;  // 0..1; share of an 8x6 grid over the image in which the ball was
+  int frames = 0;                 // that were looked at
+  int seen = 0;                   // with a region of the colour that is not still
+  int used = 0;                   // whose region agrees with the other cameras
+  double rms_px = 0;              // of those, length
+  double coverage = 0;            // 0..1; share of an 8x6 grid over the image in which the ball was
+  bool has_still_things = false;  // of the target's colour, that stay where they are; they are left out
   // In the world as it is aligned with the volume (without one: with the path), world axes.
   Eigen::Vector3d centre_sigma_m = Eigen::Vector3d::Zero();
   Eigen::Vector3d rotation_sigma_rad = Eigen::Vector3d::Zero();
@@ -58,10 +60,28 @@ struct WavePair {
   int shared = 0;  // frames of a at whose time b saw the ball too
 };
 
+// What the scale rests on.
+struct WaveScale {
+  enum class Source { camera_distance, rest_distance, marks, rig_poses, ball_size };
+  Source source = Source::rig_poses;
+  int a = 0, b = 0;       // camera_distance: whose
+  std::size_t marks = 0;  // marks: how many
+  double measured_m = 0;  // the distance that was measured, of marks the longest; 0: none was
+  double sigma = 0;       // relative
+};
+
+// Figures only: what they are worth is said in calib/report/wave_report.h.
 struct WaveResult {
+  // The path's least length, width and thickness over the distance from the cameras: thinner, and it leaves cameras
+  // free to turn around it, or hardly tells how they stand across it.
+  static constexpr double least_length = 0.1, least_extent = 0.02;
+
   calib::CameraRig rig;             // with the poses found, and made_by
   std::vector<WaveCamera> cameras;  // beside the rig's
   std::vector<WavePair> pairs;      // all
+  double radius_m = 0;              // of the ball, as it was given
+  bool had_poses = false;           // the rig's were taken for a start,
+  bool poses_refused = false;       // but were of no use
   double rms_px = 0;                // of all used regions, length
   // The rms error of positions along the path, and in the volume, that follows from the poses' covariance; and what the
   // scale's uncertainty adds to it.
@@ -70,17 +90,19 @@ struct WaveResult {
   double by_scale_in_volume_m = 0;
   double halves_m = 0;        // how far positions along the path differ between the two halves of the recording
   double halves_sigma_m = 0;  // and by how much they should, by their own covariance
-  double scale_sigma = 0;     // relative
-  std::string scale_from;     // "the distance between cam0 and cam1, 4.020 m"
-  double size_ratio = 1;      // how large the ball looks over how large radius_m says
-  double jerk_m_s3 = 0;       // how jerky the waving was (learnt)
+  WaveScale scale;
+  double size_ratio = 1;              // how large the ball looks over how large radius_m says
+  std::optional<double> marks_off_m;  // the worst of three marks or more, which set the world; nullopt: they did not
+  double jerk_m_s3 = 0;               // how jerky the waving was (learnt)
   double duration_s = 0;
-  Eigen::Vector3d extent_m = Eigen::Vector3d::Zero();  // of the path, along its principal axes
-  std::vector<std::string> doubts;                     // why it may not be usable, each with what to do; empty: usable
-  std::vector<std::string> notes;
+  Eigen::Vector3d extent_m = Eigen::Vector3d::Zero();  // of the path, along its principal axes, the longest first
+  double away_m = 0;                                   // mean distance of the cameras from the path's middle
 
-  bool usable() const { return doubts.empty(); }
+  bool is_in_a_plane() const { return extent_m.z() < least_extent * away_m; }
 };
+
+// One sentence: that the path is in a plane, and what to do. Without poses it is an error, with them a doubt.
+std::string plane_text(const Eigen::Vector3d& extent_m);
 
 // frames: in any order; several per camera. throws std::invalid_argument: options.problems(); CalibrationError: it
 // cannot be done, and why: which camera, which pair. Deterministic.

@@ -235,6 +235,143 @@ class QuietLog {  // Ceres logs every step that it takes back
   int level_;
 };
 
+// The least squares of one adjustment. Ceres orders parameter blocks by their addresses, and the order decides the last
+// digits: each kind lies in one piece. The path's control points are moved where they are, in `state`.
+class WaveProblem {
+ public:
+  WaveProblem(const calib::CameraRig& rig, const std::vector<BallObservation>& observations, WaveState& state,
+              const WaveAdjustmentOptions& options)
+      : state_(state), options_(options), poses_(rig.cameras.size()), base_(rig.cameras.size()) {
+    for (std::size_t c = 0; c < poses_.size(); ++c) {
+      base_[c] = state.cam_from_world[c].rotation.toRotationMatrix();
+      const Vector3d& t = state.cam_from_world[c].translation;
+      poses_[c] = {0, 0, 0, t.x(), t.y(), t.z()};
+    }
+    add_observations(rig, observations);
+    add_smoothness();
+    hold_scale();
+    problem_.SetParameterBlockConstant(poses_[static_cast<std::size_t>(options.reference)].data());
+  }
+
+  // Moves `state`. Returns the cost. throws CalibrationError
+  double solve() {
+    ceres::Solver::Options solver;
+    solver.num_threads = 1;  // the order of a sum decides its last digits
+    solver.linear_solver_type = ceres::SPARSE_NORMAL_CHOLESKY;
+    solver.max_num_iterations = options_.max_iterations;
+    solver.function_tolerance = 1e-8;
+    solver.parameter_tolerance = 1e-9;
+    solver.logging_type = ceres::SILENT;
+    const QuietLog quiet;
+    ceres::Solver::Summary summary;
+    ceres::Solve(solver, &problem_, &summary);
+    if (!summary.IsSolutionUsable())
+      throw solver::CalibrationError("the adjustment does not converge: " + summary.message);
+    for (std::size_t c = 0; c < poses_.size(); ++c) {
+      const Vector3d omega(poses_[c].data());
+      state_.cam_from_world[c] = {Eigen::Quaterniond(Matrix3d(base_[c] * rotation_of(omega))).normalized(),
+                                  Vector3d(poses_[c].data() + 3)};
+    }
+    return summary.final_cost;
+  }
+
+  // See WaveFit::evidence.
+  double evidence(double cost) {
+    std::vector<double*> blocks;
+    for (const std::size_t c : free_cameras()) blocks.push_back(poses_[c].data());
+    for (Vector3d& p : state_.path.control) blocks.push_back(p.data());
+    return -cost - log_determinant(jacobian_of(problem_, blocks)) / 2 -
+           3 * static_cast<double>(state_.path.control.size() - 3) * std::log(third_difference());
+  }
+
+  // See WaveFit::covariance. variance: of the residuals, over what they were thought to have.
+  Eigen::MatrixXd covariance(const std::vector<BallObservation>& observations, double variance) {
+    const std::vector<std::size_t> free = free_cameras();
+    std::vector<double*> free_poses, points;
+    for (const std::size_t c : free) free_poses.push_back(poses_[c].data());
+    for (Vector3d& p : state_.path.control) points.push_back(p.data());
+    const Eigen::MatrixXd in_blocks =
+        pose_covariance(problem_, free_poses, points, variance, observations, poses_.size(), options_.correlation);
+    // From (omega, t) to (centre, rotation): c = -R^T t.
+    Eigen::MatrixXd change = Eigen::MatrixXd::Zero(6 * static_cast<Eigen::Index>(poses_.size()), in_blocks.cols());
+    for (std::size_t i = 0; i < free.size(); ++i) {
+      const std::size_t c = free[i];
+      const Matrix3d rotation = state_.cam_from_world[c].rotation.toRotationMatrix();
+      const Vector3d centre = -rotation.transpose() * state_.cam_from_world[c].translation;
+      const auto row = 6 * static_cast<Eigen::Index>(c), column = 6 * static_cast<Eigen::Index>(i);
+      const Matrix3d jr = right_jacobian(Vector3d(poses_[c].data()));
+      change.block<3, 3>(row, column) = cross_matrix(centre) * jr;
+      change.block<3, 3>(row, column + 3) = -rotation.transpose();
+      change.block<3, 3>(row + 3, column) = jr;
+    }
+    return change * in_blocks * change.transpose();
+  }
+
+ private:
+  void add_observations(const calib::CameraRig& rig, const std::vector<BallObservation>& observations) {
+    std::vector<solver::LensModel> lens;
+    std::vector<solver::LensParameters> parameters;
+    for (const calib::Camera& camera : rig.cameras) {
+      lens.push_back(solver::lens_model_of(camera.model));
+      parameters.push_back(solver::parameters_of(camera.model));
+    }
+    used_.assign(poses_.size(), false);
+    std::vector<Vector3d>& control = state_.path.control;
+    ceres::LossFunction* loss = new ceres::CauchyLoss(options_.loss);  // of all: it has no state
+    for (const BallObservation& o : observations) {
+      const auto c = static_cast<std::size_t>(o.camera);
+      const BallPath::Basis b = state_.path.basis(o.t_s);
+      problem_.AddResidualBlock(new OutlineCost(lens[c], parameters[c], base_[c], o, b.weight, options_.radius_m), loss,
+                                poses_[c].data(), control[b.first].data(), control[b.first + 1].data(),
+                                control[b.first + 2].data(), control[b.first + 3].data());
+      used_[c] = true;
+    }
+  }
+
+  void add_smoothness() {
+    std::vector<Vector3d>& control = state_.path.control;
+    for (std::size_t k = 0; k + 3 < control.size(); ++k) {
+      problem_.AddResidualBlock(
+          new ceres::AutoDiffCostFunction<SmoothCost, 3, 3, 3, 3, 3>(new SmoothCost{1 / third_difference()}),
+          new ceres::HuberLoss(3), control[k].data(), control[k + 1].data(), control[k + 2].data(),
+          control[k + 3].data());
+    }
+  }
+
+  void hold_scale() {
+    const auto a = static_cast<std::size_t>(options_.scale_a), b = static_cast<std::size_t>(options_.scale_b);
+    const double distance =
+        (calib::inverse(state_.cam_from_world[a]).translation - calib::inverse(state_.cam_from_world[b]).translation)
+            .norm();
+    constexpr double per_metre = 1e5;  // as good as fixed, and still differentiable
+    problem_.AddResidualBlock(new ceres::AutoDiffCostFunction<DistanceCost, 1, 6, 6>(
+                                  new DistanceCost{base_[a], base_[b], distance, per_metre}),
+                              nullptr, poses_[a].data(), poses_[b].data());
+  }
+
+  // Of the path's control points, for white jerk: over a longer step it averages out.
+  double third_difference() const {
+    const double h = state_.path.step_s;
+    return options_.jerk_m_s3 * std::sqrt(1 / (30 * h)) * h * h * h;
+  }
+
+  // That the observations say something about.
+  std::vector<std::size_t> free_cameras() const {
+    std::vector<std::size_t> free;
+    for (std::size_t c = 0; c < used_.size(); ++c) {
+      if (static_cast<int>(c) != options_.reference && used_[c]) free.push_back(c);
+    }
+    return free;
+  }
+
+  WaveState& state_;
+  const WaveAdjustmentOptions& options_;
+  std::vector<std::array<double, 6>> poses_;  // rotation vector on top of base_, translation
+  std::vector<Matrix3d> base_;
+  std::vector<bool> used_;
+  ceres::Problem problem_;  // last: it ends first
+};
+
 }  // namespace
 
 std::optional<Vector2d> outline_centre(const calib::CameraModel& model, const Vector3d& p_cam, double radius_m) {
@@ -248,69 +385,9 @@ std::optional<Vector2d> outline_centre(const calib::CameraModel& model, const Ve
 
 WaveFit adjust_wave(const calib::CameraRig& rig, const std::vector<BallObservation>& observations, WaveState& state,
                     const WaveAdjustmentOptions& options) {
-  const std::size_t cameras = rig.cameras.size();
-  // Ceres orders parameter blocks by their addresses, and the order decides the last digits: each kind in one piece.
-  std::vector<std::array<double, 6>> poses(cameras);
-  std::vector<Vector3d>& control = state.path.control;
-  std::vector<Matrix3d> base(cameras);
-  std::vector<solver::LensModel> lens(cameras);
-  std::vector<solver::LensParameters> parameters(cameras);
-  for (std::size_t c = 0; c < cameras; ++c) {
-    base[c] = state.cam_from_world[c].rotation.toRotationMatrix();
-    const Vector3d& t = state.cam_from_world[c].translation;
-    poses[c] = {0, 0, 0, t.x(), t.y(), t.z()};
-    lens[c] = solver::lens_model_of(rig.cameras[c].model);
-    parameters[c] = solver::parameters_of(rig.cameras[c].model);
-  }
-  ceres::Problem problem;
-  ceres::LossFunction* loss = new ceres::CauchyLoss(options.loss);  // of all: it has no state
-  std::vector<bool> camera_used(cameras, false);
-  for (const BallObservation& o : observations) {
-    const auto c = static_cast<std::size_t>(o.camera);
-    const BallPath::Basis b = state.path.basis(o.t_s);
-    problem.AddResidualBlock(new OutlineCost(lens[c], parameters[c], base[c], o, b.weight, options.radius_m), loss,
-                             poses[c].data(), control[b.first].data(), control[b.first + 1].data(),
-                             control[b.first + 2].data(), control[b.first + 3].data());
-    camera_used[c] = true;
-  }
-  // White jerk: over a longer step it averages out.
-  const double h = state.path.step_s;
-  const double third_difference = options.jerk_m_s3 * std::sqrt(1 / (30 * h)) * h * h * h;
-  for (std::size_t k = 0; k + 3 < control.size(); ++k) {
-    problem.AddResidualBlock(
-        new ceres::AutoDiffCostFunction<SmoothCost, 3, 3, 3, 3, 3>(new SmoothCost{1 / third_difference}),
-        new ceres::HuberLoss(3), control[k].data(), control[k + 1].data(), control[k + 2].data(),
-        control[k + 3].data());
-  }
-  const auto a = static_cast<std::size_t>(options.scale_a), b = static_cast<std::size_t>(options.scale_b);
-  const double distance =
-      (calib::inverse(state.cam_from_world[a]).translation - calib::inverse(state.cam_from_world[b]).translation)
-          .norm();
-  problem.AddResidualBlock(
-      new ceres::AutoDiffCostFunction<DistanceCost, 1, 6, 6>(new DistanceCost{base[a], base[b], distance, 1e5}),
-      nullptr, poses[a].data(), poses[b].data());
-  problem.SetParameterBlockConstant(poses[static_cast<std::size_t>(options.reference)].data());
-
-  ceres::Solver::Options solver;
-  solver.num_threads = 1;  // the order of a sum decides its last digits
-  solver.linear_solver_type = ceres::SPARSE_NORMAL_CHOLESKY;
-  solver.max_num_iterations = options.max_iterations;
-  solver.function_tolerance = 1e-8;
-  solver.parameter_tolerance = 1e-9;
-  solver.logging_type = ceres::SILENT;
-  const QuietLog quiet;
-  ceres::Solver::Summary summary;
-  ceres::Solve(solver, &problem, &summary);
-  if (!summary.IsSolutionUsable())
-    throw solver::CalibrationError("the adjustment does not converge: " + summary.message);
-
+  WaveProblem problem(rig, observations, state, options);
   WaveFit fit;
-  fit.cost = summary.final_cost;
-  for (std::size_t c = 0; c < cameras; ++c) {
-    const Vector3d omega(poses[c].data());
-    state.cam_from_world[c] = {Eigen::Quaterniond(Matrix3d(base[c] * rotation_of(omega))).normalized(),
-                               Vector3d(poses[c].data() + 3)};
-  }
+  fit.cost = problem.solve();
   double sum = 0, weights = 0;
   for (const BallObservation& o : observations) {
     const auto c = static_cast<std::size_t>(o.camera);
@@ -323,38 +400,9 @@ WaveFit adjust_wave(const calib::CameraRig& rig, const std::vector<BallObservati
     sum += weight * fit.distance2.back();
     weights += 2 * weight;
   }
-  std::vector<double*> free_poses, points;
-  std::vector<std::size_t> free_cameras;
-  for (std::size_t c = 0; c < cameras; ++c) {
-    if (static_cast<int>(c) == options.reference || !camera_used[c]) continue;
-    free_poses.push_back(poses[c].data());
-    free_cameras.push_back(c);
-  }
-  for (Vector3d& p : control) points.push_back(p.data());
-  if (options.with_evidence) {
-    std::vector<double*> blocks = free_poses;
-    blocks.insert(blocks.end(), points.begin(), points.end());
-    fit.evidence = -fit.cost - log_determinant(jacobian_of(problem, blocks)) / 2 -
-                   3 * static_cast<double>(control.size() - 3) * std::log(third_difference);
-  }
-  if (!options.with_covariance) return fit;
-  const Eigen::MatrixXd in_blocks =
-      pose_covariance(problem, free_poses, points, std::max(1.0, sum / std::max(1.0, weights)), observations, cameras,
-                      options.correlation);
-  // From (omega, t) to (centre, rotation): c = -R^T t.
-  const auto n = 6 * static_cast<Eigen::Index>(cameras);
-  Eigen::MatrixXd change = Eigen::MatrixXd::Zero(n, in_blocks.cols());
-  for (std::size_t i = 0; i < free_cameras.size(); ++i) {
-    const std::size_t c = free_cameras[i];
-    const Matrix3d rotation = state.cam_from_world[c].rotation.toRotationMatrix();
-    const Vector3d centre = -rotation.transpose() * state.cam_from_world[c].translation;
-    const auto row = 6 * static_cast<Eigen::Index>(c), column = 6 * static_cast<Eigen::Index>(i);
-    const Matrix3d jr = right_jacobian(Vector3d(poses[c].data()));
-    change.block<3, 3>(row, column) = cross_matrix(centre) * jr;
-    change.block<3, 3>(row, column + 3) = -rotation.transpose();
-    change.block<3, 3>(row + 3, column) = jr;
-  }
-  fit.covariance = change * in_blocks * change.transpose();
+  if (options.with_evidence) fit.evidence = problem.evidence(fit.cost);
+  if (options.with_covariance)
+    fit.covariance = problem.covariance(observations, std::max(1.0, sum / std::max(1.0, weights)));
   return fit;
 }
 

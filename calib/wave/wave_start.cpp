@@ -1,5 +1,7 @@
 #include "calib/wave/wave_start.h"
 
+#include <fmt/format.h>
+
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
@@ -109,17 +111,26 @@ BallPath crossed_path(const calib::CameraRig& rig, const std::vector<calib::Rigi
   return path;
 }
 
-std::vector<calib::Rigid3d> poses_from_nothing(const calib::CameraRig& rig, const BallTracks& tracks) {
-  const std::size_t n = rig.cameras.size();
-  const auto focal = [&](std::size_t c) { return (rig.cameras[c].model.fx() + rig.cameras[c].model.fy()) / 2; };
-  constexpr double reach_px = 2;  // of an inlier
-  struct Best {
-    std::size_t a = 0, b = 0;
-    int inliers = 0;
-    calib::Rigid3d b_from_a;
-  } best;
-  for (std::size_t a = 0; a < n; ++a) {
-    for (std::size_t b = a + 1; b < n; ++b) {
+namespace {
+
+double focal_of(const calib::Camera& camera) {
+  return (camera.model.fx() + camera.model.fy()) / 2;
+}
+
+constexpr double reach_px = 2;            // of an inlier
+constexpr std::size_t least_common = 12;  // observations that two cameras, or a camera and the path, must agree in
+
+struct FirstPair {
+  std::size_t a = 0, b = 0;
+  int inliers = 0;
+  calib::Rigid3d b_from_a;
+};
+
+// The two cameras that agree most on how the ball moved, by their essential matrix. throws CalibrationError
+FirstPair first_pair(const calib::CameraRig& rig, const BallTracks& tracks) {
+  FirstPair best;
+  for (std::size_t a = 0; a < rig.cameras.size(); ++a) {
+    for (std::size_t b = a + 1; b < rig.cameras.size(); ++b) {
       std::vector<cv::Point2d> in_a, in_b;
       for (const double t : tracks.shared(a, b)) {
         const auto pa = on_plane(rig.cameras[a].model, *tracks.at(a, t));
@@ -128,66 +139,88 @@ std::vector<calib::Rigid3d> poses_from_nothing(const calib::CameraRig& rig, cons
         in_a.push_back(*pa);
         in_b.push_back(*pb);
       }
-      if (in_a.size() < 12) continue;
+      if (in_a.size() < least_common) continue;
       // OpenCV's RANSAC has a seed of its own: the same input gives the same answer.
       const cv::Mat identity = cv::Mat::eye(3, 3, CV_64F);
       cv::Mat mask, rotation, translation;
       const cv::Mat essential =
-          cv::findEssentialMat(in_a, in_b, identity, cv::RANSAC, 0.9999, 2 * reach_px / (focal(a) + focal(b)), mask);
+          cv::findEssentialMat(in_a, in_b, identity, cv::RANSAC, 0.9999,
+                               2 * reach_px / (focal_of(rig.cameras[a]) + focal_of(rig.cameras[b])), mask);
       if (essential.rows != 3 || essential.cols != 3) continue;
       const int inliers = cv::recoverPose(essential, in_a, in_b, identity, rotation, translation, mask);
       if (inliers > best.inliers) best = {a, b, inliers, pose_of(rotation, translation)};
     }
   }
-  if (best.inliers < 12) {
+  if (best.inliers < static_cast<int>(least_common)) {
     throw solver::CalibrationError(
         "no two cameras agree on how the ball moved, so their poses cannot be found: is its colour seen on anything "
-        "else "
-        "that moves? Give approximate poses (--config with a rig), or wave for longer, through the whole volume");
+        "else that moves? Give approximate poses (--config with a rig), or wave for longer, through the whole volume");
   }
+  return best;
+}
+
+// A camera that is not placed yet, and what it saw of the path that those before it make.
+struct NextCamera {
+  std::size_t camera = 0;
+  std::vector<cv::Point3d> points;
+  std::vector<cv::Point2d> seen;  // beside the points, on the plane z = 1
+};
+
+// The one that shares most with those that are placed; no points: there is none.
+NextCamera next_camera(const calib::CameraRig& rig, const std::vector<calib::Rigid3d>& poses,
+                       const std::vector<bool>& placed, const BallTracks& tracks) {
+  NextCamera next;
+  for (std::size_t c = 0; c < rig.cameras.size(); ++c) {
+    if (placed[c]) continue;
+    NextCamera here{c, {}, {}};
+    for (const BallTracks::Point& p : tracks.of_camera[c]) {
+      const auto p_world = crossing(rig, poses, placed, tracks, p.t_s);
+      const auto plane = on_plane(rig.cameras[c].model, p.px);
+      if (!plane || !p_world) continue;
+      here.points.emplace_back(p_world->x(), p_world->y(), p_world->z());
+      here.seen.push_back(*plane);
+    }
+    if (here.points.size() > next.points.size()) next = std::move(here);
+  }
+  return next;
+}
+
+// nullopt: too little of what it saw agrees with the path.
+std::optional<calib::Rigid3d> pose_from_path(const calib::CameraRig& rig, const NextCamera& next) {
+  if (next.points.size() < least_common) return std::nullopt;
+  cv::Mat rotation_vector, translation, rotation, inliers;
+  if (!cv::solvePnPRansac(
+          next.points, next.seen, cv::Mat::eye(3, 3, CV_64F), cv::noArray(), rotation_vector, translation, false, 500,
+          static_cast<float>(3 * reach_px / focal_of(rig.cameras[next.camera])), 0.999, inliers, cv::SOLVEPNP_SQPNP) ||
+      inliers.rows < static_cast<int>(least_common))
+    return std::nullopt;
+  cv::Rodrigues(rotation_vector, rotation);
+  return pose_of(rotation, translation);
+}
+
+}  // namespace
+
+std::vector<calib::Rigid3d> poses_from_nothing(const calib::CameraRig& rig, const BallTracks& tracks) {
+  const std::size_t n = rig.cameras.size();
+  const FirstPair pair = first_pair(rig, tracks);
   std::vector<calib::Rigid3d> poses(n);
   std::vector<bool> placed(n, false);
-  poses[best.b] = best.b_from_a;
-  placed[best.a] = placed[best.b] = true;
-
+  poses[pair.b] = pair.b_from_a;
+  placed[pair.a] = placed[pair.b] = true;
   for (std::size_t round = 2; round < n; ++round) {
-    // The next camera: the one that shares most with those that are placed.
-    std::size_t next = n;
-    std::vector<cv::Point3d> points;
-    std::vector<cv::Point2d> seen;
-    for (std::size_t c = 0; c < n; ++c) {
-      if (placed[c]) continue;
-      std::vector<cv::Point3d> here;
-      std::vector<cv::Point2d> here_seen;
-      for (const BallTracks::Point& p : tracks.of_camera[c]) {
-        const auto p_world = crossing(rig, poses, placed, tracks, p.t_s);
-        const auto plane = on_plane(rig.cameras[c].model, p.px);
-        if (!plane || !p_world) continue;
-        here.emplace_back(p_world->x(), p_world->y(), p_world->z());
-        here_seen.push_back(*plane);
-      }
-      if (here.size() > points.size()) {
-        next = c;
-        points = std::move(here);
-        seen = std::move(here_seen);
-      }
-    }
-    cv::Mat rotation_vector, translation, rotation, inliers;
-    if (next == n || points.size() < 12 ||
-        !cv::solvePnPRansac(points, seen, cv::Mat::eye(3, 3, CV_64F), cv::noArray(), rotation_vector, translation,
-                            false, 500, static_cast<float>(3 * reach_px / focal(next)), 0.999, inliers,
-                            cv::SOLVEPNP_SQPNP) ||
-        inliers.rows < 12) {
-      std::string names;
+    const NextCamera next = next_camera(rig, poses, placed, tracks);
+    const auto pose = pose_from_path(rig, next);
+    if (!pose) {
+      std::vector<std::string_view> names;
       for (std::size_t c = 0; c < n; ++c) {
-        if (!placed[c]) names += (names.empty() ? "" : ", ") + rig.cameras[c].name;
+        if (!placed[c]) names.emplace_back(rig.cameras[c].name);
       }
-      throw solver::CalibrationError(names +
-                                     ": cannot be placed; wave the ball where it and two other cameras see it at once");
+      throw solver::CalibrationError(
+          fmt::format("{}: cannot be placed; wave the ball where it and two other cameras see it at once",
+                      fmt::to_string(fmt::join(names, ", "))));
     }
-    cv::Rodrigues(rotation_vector, rotation);
-    poses[next] = pose_of(rotation, translation);
-    placed[next] = true;
+    poses[next.camera] = *pose;
+    placed[next.camera] = true;
   }
   return poses;
 }

@@ -4,7 +4,6 @@
 #include <cerrno>
 #include <charconv>
 #include <cmath>
-#include <optional>
 #include <system_error>
 
 #include "calib/yaml/yaml_reader.h"
@@ -12,14 +11,20 @@
 namespace huetrack::yaml {
 namespace {
 
-std::vector<std::string_view> split(std::string_view line) {
-  if (line.ends_with('\r')) line.remove_suffix(1);
-  std::vector<std::string_view> cells;
+std::string_view without_blanks(std::string_view text) {
+  constexpr std::string_view blanks = " \t\r";
+  text.remove_prefix(std::min(text.find_first_not_of(blanks), text.size()));
+  text.remove_suffix(text.size() - std::min(text.find_last_not_of(blanks) + 1, text.size()));
+  return text;
+}
+
+std::vector<std::string_view> split(std::string_view text, char separator) {
+  std::vector<std::string_view> parts;
   for (;;) {
-    const auto comma = line.find(',');
-    cells.push_back(line.substr(0, comma));
-    if (comma == std::string_view::npos) return cells;
-    line.remove_prefix(comma + 1);
+    const auto end = text.find(separator);
+    parts.push_back(without_blanks(text.substr(0, end)));
+    if (end == std::string_view::npos) return parts;
+    text.remove_prefix(end + 1);
   }
 }
 
@@ -34,36 +39,63 @@ std::optional<T> parsed(std::string_view text) {
 }  // namespace
 
 CsvTable::CsvTable(std::filesystem::path file, std::span<const std::string_view> columns)
-    : file_(std::move(file)), stream_(file_), names_(columns.begin(), columns.end()) {
+    : file_(std::move(file)), stream_(file_) {
   if (!stream_) throw ConfigError(file_, 0, "cannot be read: " + std::generic_category().message(errno));
-  if (!std::getline(stream_, line_)) throw ConfigError(file_, 0, "is empty: a header line is needed");
-  cells_ = split(line_);
-  for (const auto& name : names_) {
-    const auto it = std::ranges::find(cells_, name);
-    if (it == cells_.end()) fail("the header has no column " + name);
-    position_.push_back(static_cast<std::size_t>(it - cells_.begin()));
+  if (std::filesystem::is_directory(file_))
+    throw ConfigError(file_, 0, "cannot be read: " + std::generic_category().message(EISDIR));
+  if (!read_line()) throw ConfigError(file_, 0, "is empty: a header line is needed");
+  if (constexpr std::string_view mark = "\xEF\xBB\xBF"; cells_.front().starts_with(mark))
+    cells_.front().remove_prefix(mark.size());
+  for (std::string_view asked : columns) {
+    const bool may_be_missing = asked.ends_with('?');
+    if (may_be_missing) asked.remove_suffix(1);
+    const std::vector<std::string_view> names = split(asked, '|');
+    Column& column = columns_.emplace_back(Column{std::string(names.front()), {}});
+    const auto known = std::ranges::find_if(
+        names, [&](std::string_view name) { return std::ranges::find(cells_, name) != cells_.end(); });
+    if (known != names.end()) {
+      column.name = *known;
+      column.cell = static_cast<std::size_t>(std::ranges::find(cells_, *known) - cells_.begin());
+      needed_cells_ = std::max(needed_cells_, *column.cell + 1);
+    } else if (!may_be_missing) {
+      std::string list(names.front());
+      for (std::size_t i = 1; i < names.size(); ++i) list.append(" or ").append(names[i]);
+      fail("the header has no column " + list);
+    }
   }
+}
+
+bool CsvTable::read_line() {
+  if (!std::getline(stream_, line_)) {
+    if (stream_.bad()) throw ConfigError(file_, line_number_, "cannot be read on after this line");
+    return false;
+  }
+  ++line_number_;
+  cells_ = split(line_, ',');
+  return true;
 }
 
 bool CsvTable::next() {
   do {
-    if (!std::getline(stream_, line_)) return false;
-    ++line_number_;
-  } while (line_.empty() || line_ == "\r");
-  cells_ = split(line_);
-  if (const auto needed = std::ranges::max(position_); cells_.size() <= needed) {
-    fail("has " + std::to_string(cells_.size()) + " columns, at least " + std::to_string(needed + 1) + " are needed");
-  }
+    if (!read_line()) return false;
+    if (leaves_out_cut_off_row_ && stream_.eof() && !line_.empty()) {
+      cut_off_line_ = line_number_;
+      return false;
+    }
+  } while (cells_.size() == 1 && cells_.front().empty());
+  if (cells_.size() < needed_cells_)
+    fail("has " + std::to_string(cells_.size()) + " columns, at least " + std::to_string(needed_cells_) +
+         " are needed");
   return true;
 }
 
 std::string_view CsvTable::text(std::size_t column) const {
-  return cells_[position_[column]];
+  return cells_[*columns_[column].cell];
 }
 
 double CsvTable::number(std::size_t column) const {
   const auto value = parsed<double>(text(column));
-  if (!value) fail(names_[column] + " must be a number, got \"" + std::string(text(column)) + "\"");
+  if (!value) fail(columns_[column].name + " must be a number, got \"" + std::string(text(column)) + "\"");
   return *value;
 }
 
@@ -78,7 +110,7 @@ std::chrono::sys_time<std::chrono::nanoseconds> CsvTable::time(std::size_t colum
   digits.resize(9, '0');
   const auto fraction = parsed<std::int64_t>(digits);
   if (!whole || *whole < 0 || *whole > 9'000'000'000 || !fraction || *fraction < 0) {
-    fail(names_[column] + " must be a time in seconds, got \"" + std::string(text(column)) + "\"");
+    fail(columns_[column].name + " must be a time in seconds, got \"" + std::string(text(column)) + "\"");
   }
   const std::chrono::nanoseconds since_zero = std::chrono::seconds(*whole) + std::chrono::nanoseconds(*fraction);
   return std::chrono::sys_time<std::chrono::nanoseconds>(negative ? -since_zero : since_zero);

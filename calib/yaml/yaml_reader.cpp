@@ -211,10 +211,24 @@ std::optional<std::string> nearest_word(std::string_view word, std::span<const s
 }
 
 struct YamlReader::Node {
+  // A key, and what stands behind it in which file.
   struct Entry {
     std::string key;
     YAML::Node value;
-    int line;  // of the key
+    std::filesystem::path file;
+    int line;                    // of the key
+    bool is_taken_away = false;  // by a patch: known to be there, and not to be read
+    std::vector<Entry> patches;  // of a mapping: mappings to be read over it, the last one on top
+
+    // To assign a YAML::Node changes the document that it is a part of; this lets go of that one.
+    Entry& operator=(const Entry&) = delete;
+    void become(const Entry& other) {
+      value.reset(other.value);
+      file = other.file;
+      line = other.line;
+      is_taken_away = other.is_taken_away;
+      patches.clear();
+    }
   };
 
   std::filesystem::path file;
@@ -239,7 +253,30 @@ struct YamlReader::Node {
       }
       const std::string& key = pair.first.Scalar();
       if (!seen.insert(key).second) throw ConfigError(file, key_line, child(key) + " is given twice");
-      entries.push_back({key, pair.second, key_line});
+      entries.push_back({.key = key, .value = pair.second, .file = file, .line = key_line, .patches = {}});
+    }
+  }
+
+  // One level, like the constructor: the mappings below are merged when they are asked for.
+  void patch_with(const Node& patch) {
+    for (const Entry& over : patch.entries) {
+      auto entry = std::ranges::find(entries, over.key, &Entry::key);
+      const bool is_new = entry == entries.end();
+      if (is_new) {
+        entries.push_back(over);
+        entry = entries.end() - 1;
+      }
+      if (!over.value.IsMap()) {
+        entry->become(over);
+        entry->is_taken_away = is_null(over.value);
+        continue;
+      }
+      // A mapping over nothing, too, is a patch: of an empty mapping, so that null in it takes away here as elsewhere.
+      if (is_new || entry->is_taken_away || !entry->value.IsMap()) {
+        entry->become(over);
+        entry->value.reset(YAML::Node(YAML::NodeType::Map));
+      }
+      entry->patches.push_back(over);
     }
   }
 
@@ -251,7 +288,7 @@ struct YamlReader::Node {
   const Entry* find(std::string_view key) {
     if (std::ranges::find(asked, key) == asked.end()) asked.emplace_back(key);
     const auto entry = std::ranges::find(entries, key, &Entry::key);
-    return entry == entries.end() ? nullptr : &*entry;
+    return entry == entries.end() || entry->is_taken_away ? nullptr : &*entry;
   }
 
   const Entry& required(std::string_view key) {
@@ -269,14 +306,15 @@ struct YamlReader::Node {
   }
 
   [[noreturn]] void fail(const Entry& entry, const std::string& message, const std::string& index = "") const {
-    throw ConfigError(file, entry.line, child(entry.key) + index + " " + message);
+    throw ConfigError(entry.file, entry.line, child(entry.key) + index + " " + message);
   }
 
   // A list may span lines, so its elements are reported where they are (but nothing is nowhere).
   [[noreturn]] void fail(const Entry& entry, const YAML::Node& element, const std::string& index,
                          const std::string& message) const {
     const int element_line = index.empty() || is_null(element) ? 0 : element.Mark().line + 1;
-    throw ConfigError(file, element_line > 0 ? element_line : entry.line, child(entry.key) + index + " " + message);
+    throw ConfigError(entry.file, element_line > 0 ? element_line : entry.line,
+                      child(entry.key) + index + " " + message);
   }
 
   double number(const Entry& entry, const YAML::Node& value, const std::string& index, Range range) const {
@@ -308,7 +346,23 @@ struct YamlReader::Node {
   }
 
   std::shared_ptr<Node> map(const Entry& entry) const {
-    return std::make_shared<Node>(file, child(entry.key), entry.line, entry.value);
+    auto merged = std::make_shared<Node>(entry.file, child(entry.key), entry.line, entry.value);
+    for (const Entry& patch : entry.patches)
+      merged->patch_with(Node(patch.file, merged->path, patch.line, patch.value));
+    return merged;
+  }
+
+  void add_leaves(const KeyPath& above, std::vector<Leaf>& leaves) const {
+    for (const Entry& entry : entries) {
+      KeyPath here = above;
+      here.push_back(entry.key);
+      const auto below = entry.value.IsMap() ? map(entry) : nullptr;
+      if (below && !below->entries.empty()) {
+        below->add_leaves(here, leaves);
+      } else {
+        leaves.push_back({std::move(here), is_null(entry.value)});
+      }
+    }
   }
 };
 
@@ -322,6 +376,18 @@ YamlReader YamlReader::text(const std::string& yaml, const std::string& name) {
   const YAML::Node document = parse(yaml, name);
   if (is_null(document)) throw ConfigError(name, 0, "is empty");
   return YamlReader(std::make_shared<Node>(name, "", 1, document));
+}
+
+YamlReader YamlReader::patched_with(const YamlReader& patch) const {
+  auto merged = std::make_shared<Node>(*node_);
+  merged->patch_with(*patch.node_);
+  return YamlReader(std::move(merged));
+}
+
+std::vector<YamlReader::Leaf> YamlReader::leaves() const {
+  std::vector<Leaf> leaves;
+  node_->add_leaves({}, leaves);
+  return leaves;
 }
 
 bool YamlReader::has(std::string_view key) const {
@@ -460,7 +526,7 @@ std::vector<YamlReader> YamlReader::maps(std::string_view key) const {
   for (const auto& element : entry.value) {
     const int line = element.Mark().line + 1;
     readers.push_back(
-        YamlReader(std::make_shared<Node>(node_->file, node_->child(key) + "[" + std::to_string(readers.size()) + "]",
+        YamlReader(std::make_shared<Node>(entry.file, node_->child(key) + "[" + std::to_string(readers.size()) + "]",
                                           line > 0 ? line : entry.line, element)));
   }
   return readers;
@@ -470,6 +536,7 @@ std::vector<std::pair<std::string, YamlReader>> YamlReader::named_maps(std::stri
   const YamlReader parent = map(key);
   std::vector<std::pair<std::string, YamlReader>> readers;
   for (const auto& entry : parent.node_->entries) {
+    if (entry.is_taken_away) continue;
     readers.emplace_back(entry.key, YamlReader(parent.node_->map(entry)));
   }
   return readers;
@@ -477,7 +544,8 @@ std::vector<std::pair<std::string, YamlReader>> YamlReader::named_maps(std::stri
 
 std::vector<std::string> YamlReader::keys() const {
   std::vector<std::string> keys;
-  for (const auto& entry : node_->entries) keys.push_back(entry.key);
+  for (const auto& entry : node_->entries)
+    if (!entry.is_taken_away) keys.push_back(entry.key);
   return keys;
 }
 
@@ -492,8 +560,13 @@ void YamlReader::finish() const {
 void YamlReader::fail(std::string_view key, const std::string& message) const {
   const auto entry = std::ranges::find(node_->entries, key, &Node::Entry::key);
   const std::string path = node_->child(key);
-  throw ConfigError(node_->file, entry == node_->entries.end() ? node_->line : entry->line,
-                    path.empty() ? message : path + ": " + message);
+  const std::string text = path.empty() ? message : path + ": " + message;
+  if (entry == node_->entries.end()) throw ConfigError(node_->file, node_->line, text);
+  if (entry->patches.empty() || entry->file == entry->patches.back().file)
+    throw ConfigError(entry->file, entry->line, text);
+  const Node::Entry& over = entry->patches.back();  // what is wrong may stand here or there
+  throw ConfigError(entry->file, entry->line,
+                    text + " (" + over.file.string() + ":" + std::to_string(over.line) + " is read over it)");
 }
 
 const std::filesystem::path& YamlReader::path() const {

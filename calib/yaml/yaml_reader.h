@@ -41,6 +41,9 @@ inline constexpr Range any_number{};
 inline constexpr Range positive{.min = 0, .min_is_open = true};
 inline constexpr Range non_negative{.min = 0};
 
+// The keys that lead to a value from the root of a file: {"targets", "ball", "radius_m"}.
+using KeyPath = std::vector<std::string>;
+
 // One mapping of a YAML file. Ask for every key that you know, then call finish(): it throws on the first key that
 // nobody asked for, with a suggestion from those that were. Every getter throws ConfigError; the ones that take a
 // default return it when the key is absent (a key that is present but null is an error).
@@ -48,6 +51,18 @@ class YamlReader {
  public:
   static YamlReader file(const std::filesystem::path& path);                 // unreadable or not a mapping: ConfigError
   static YamlReader text(const std::string& yaml, const std::string& name);  // name stands for the file in messages
+
+  // This mapping with another file's read over it, as a JSON merge patch (RFC 7396): mappings are merged key by key,
+  // anything else takes the place of what is here, and null takes a key away. A message names the file and line that
+  // its value comes from; path() and line() are those of this mapping.
+  YamlReader patched_with(const YamlReader& patch) const;
+  // What is no mapping, or an empty one, in the order of the file. Ask when finish() has accepted the file: aliases in
+  // one that nobody knows may be a circle. Counts as asking for none.
+  struct Leaf {
+    KeyPath path;
+    bool is_null = false;
+  };
+  std::vector<Leaf> leaves() const;
 
   bool has(std::string_view key) const;      // counts as asked for
   bool is_list(std::string_view key) const;  // false when absent; counts as asked for

@@ -10,7 +10,7 @@
 #include "commands.h"
 
 int main(int argc, char** argv) {
-  using namespace huetrack::client::client;
+  using namespace huetrack::client;
   CLI::App app("huetrack: what a running huetrackd says over DDS, as text, files and a live page");
   app.require_subcommand(1);
   WatchOptions options;

@@ -1,19 +1,18 @@
-// Draws tracks with cairo: the same drawing is a PNG or an SVG. Pure but for the drawing.
+// Draws tracks: plan, side view, coordinates, uncertainty, error and states over time. Pure but for the drawing.
 #pragma once
-
-#include <cairo/cairo.h>
 
 #include <string>
 #include <vector>
 
 #include "clients/plot/track_file.h"
+#include "drawing/canvas.h"
 
 namespace huetrack::plot {
 
 struct ChartTarget {
   std::string name;
   std::vector<TrackRow> rows;
-  std::vector<TruthPoint> truth;  // on the rows' clock; empty: none
+  const truth::Truth* truth = nullptr;  // on the rows' clock, with this target; nullptr: none
 };
 
 struct TargetFigures {
@@ -30,11 +29,12 @@ TargetFigures figures_of(const ChartTarget& target);
 std::string to_text(const TargetFigures& figures);
 
 struct ChartStyle {
-  int width = 1500;   // pixels, or SVG units; below 900 the planes stand above each other
-  std::string title;  // empty: neither it nor the figures, they stand beside the picture
+  int width = 1500;         // pixels, or SVG units; below 900 the planes stand above each other
+  std::string title;        // empty: neither it nor the figures, they stand beside the picture
+  truth::Timestamp zero{};  // of the axis of time
   std::string time_title = "capture time, s";
 };
-int chart_height(const std::vector<ChartTarget>& targets, const ChartStyle& style);
-void draw_chart(cairo_t* cairo, const std::vector<ChartTarget>& targets, const ChartStyle& style);
+drawing::Canvas draw_chart(const std::vector<ChartTarget>& targets, const ChartStyle& style,
+                           drawing::Canvas::Kind kind);
 
 }  // namespace huetrack::plot

@@ -12,13 +12,13 @@
 
 namespace huetrack::camera_tracking {
 
-enum class CameraState : std::uint8_t {
+enum class PoseState : std::uint8_t {
   searching,  // never found yet: there is no pose
   tracking,   // the view supports the pose: pose and covariance hold
   coasting,   // not supported by this frame (covered, shaken): predicted, with growing covariance
   lost,       // coasted too long or too far: there is no pose, relocalisation is tried
 };
-std::string_view name(CameraState state);  // "searching", ...
+std::string_view name(PoseState state);  // "searching", ...
 
 // Row and column order: x y z in metres, then rotation about the world's x y z in radians. That is ROS's order.
 using Covariance6d = Eigen::Matrix<double, 6, 6>;
@@ -28,7 +28,7 @@ struct CameraEstimate {
 
   capture::Timestamp at;           // capture time of the frame, to which the pose refers
   std::uint64_t frame_number = 0;  // counts the frames that were given to the tracker, from 0
-  CameraState state = CameraState::searching;
+  PoseState state = PoseState::searching;
   // p_world = world_from_camera * p_cam. NaN in searching and lost: there is none, and a stale one is never given.
   calib::Rigid3d world_from_camera{Eigen::Quaterniond(nan, nan, nan, nan), Eigen::Vector3d::Constant(nan)};
   // Of errors (dt, w) with true pose = (exp(w) R, t + dt), R and t from world_from_camera; NaN where there is no pose.
@@ -40,7 +40,7 @@ struct CameraEstimate {
   int particle_count = 0;
   double effective_sample_size = 0;  // 1..particle_count
 
-  bool has_pose() const { return state == CameraState::tracking || state == CameraState::coasting; }
+  bool has_pose() const { return state == PoseState::tracking || state == PoseState::coasting; }
 };
 
 // A point of the scene that the tracker goes by: mapped, or given (a start's point, a LED).

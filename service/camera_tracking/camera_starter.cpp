@@ -115,7 +115,7 @@ std::optional<Started> CameraStarter::find(const capture::Image& image, const Gr
       if (const auto found = rectangle_at(grey, camera_.model, corners, {px[0], px[1], px[2], px[3]}))
         return accepted(from_rectangle(*found, corners), 4, "the rectangle");
     }
-    const auto found = find_rectangle(grey, camera_.model, corners, candidate_ ? &*candidate_ : nullptr);
+    const auto found = find_rectangle(grey, camera_.model, corners, last_found_ ? &*last_found_ : nullptr);
     if (found) return confirmed(accepted(from_rectangle(*found, corners), 4, "what looks like the rectangle"));
     why_not_ = "no rectangle of the given proportions is seen whole, clear and over 1 % of the image";
   } else if (const auto* board = std::get_if<FoundStart>(&start_)) {
@@ -132,16 +132,16 @@ std::optional<Started> CameraStarter::confirmed(std::optional<Started> started) 
   constexpr double sure = 0.005;                    // leaves less open, of the distance: at once
   constexpr double moved = 0.1, turned_rad = 0.15;  // from frame to frame; of the distance
   if (!started) {
-    candidate_.reset();
+    last_found_.reset();
     return std::nullopt;
   }
   const calib::Rigid3d& pose = started->pose.cam_from_world;
-  const bool goes_on = candidate_ && candidate_->rotation.angularDistance(pose.rotation) < turned_rad &&
-                       (calib::inverse(*candidate_).translation - calib::inverse(pose).translation).norm() <
+  const bool goes_on = last_found_ && last_found_->rotation.angularDistance(pose.rotation) < turned_rad &&
+                       (calib::inverse(*last_found_).translation - calib::inverse(pose).translation).norm() <
                            moved * distance_m(*started);
-  candidate_ = pose;
-  candidate_frames_ = goes_on ? candidate_frames_ + 1 : 1;
-  if (candidate_frames_ >= frames_in_a_row || open_m(started->pose) < sure * distance_m(*started)) return started;
+  last_found_ = pose;
+  found_in_a_row_ = goes_on ? found_in_a_row_ + 1 : 1;
+  if (found_in_a_row_ >= frames_in_a_row || open_m(started->pose) < sure * distance_m(*started)) return started;
   why_not_ = "what it starts from has yet to be seen in some frames in a row";
   return std::nullopt;
 }

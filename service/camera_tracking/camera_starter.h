@@ -18,8 +18,7 @@ struct Started {
   double sigma_px = 0.1;                // of px
   // How well the points are known: what their residuals in the view say, if they say that it is badly.
   double given_sigma_m = 1e-4;
-  Eigen::Vector3d normal =
-      Eigen::Vector3d::Zero();  // of their plane, towards the camera; zero: they are not in a plane
+  Eigen::Vector3d normal = Eigen::Vector3d::Zero();  // of their plane, towards the camera; zero: they are in none
   bool rectangle = false;
   bool dark = false;  // the rectangle's inside
 };
@@ -46,8 +45,8 @@ class CameraStarter {
   calib::Camera camera_;
   CameraStart start_;
   int frames_ = 0;
-  std::optional<calib::Rigid3d> candidate_;  // cam_from_world of what was found in the frame before
-  int candidate_frames_ = 0;                 // that it was found in
+  std::optional<calib::Rigid3d> last_found_;  // cam_from_world, in the frame before
+  int found_in_a_row_ = 0;                    // frames, with poses that follow each other
   std::string why_not_;
 };
 

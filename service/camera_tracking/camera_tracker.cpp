@@ -2,15 +2,15 @@
 
 namespace huetrack::camera_tracking {
 
-std::string_view name(CameraState state) {
+std::string_view name(PoseState state) {
   switch (state) {
-    case CameraState::searching:
+    case PoseState::searching:
       return "searching";
-    case CameraState::tracking:
+    case PoseState::tracking:
       return "tracking";
-    case CameraState::coasting:
+    case PoseState::coasting:
       return "coasting";
-    case CameraState::lost:
+    case PoseState::lost:
       return "lost";
   }
   return "";

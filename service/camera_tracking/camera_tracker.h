@@ -21,25 +21,25 @@ namespace huetrack::camera_tracking {
 enum class CameraMethod : std::uint8_t {
   huetrack,  // ours
   pupilli,   // Pupilli and Calway 2005
-  lee,       // Lee 2012
+  lee,       // Lee 2014 (Journal of Electronic Imaging 23(1), 013029)
   herranz,   // Herranz et al. 2014: LED markers at known positions
 };
 std::string_view name(CameraMethod method);  // "huetrack", ...
 
 // How the tracker finds its first pose, and with it the world frame and metres. Points in the world frame, metres.
 struct RectangleStart {  // a dark rectangle on a light ground, or the reverse, found in the view
-  std::vector<Eigen::Vector3d>
-      corners;  // 4, clockwise as the camera sees them; which one is the first: find_rectangle()
-  std::vector<Eigen::Vector2d>
-      pixels;  // empty: found and ordered by itself; or where the 4 lie in the first frame (about)
+  // 4, clockwise as the camera sees them; which one is the first is said at find_rectangle().
+  std::vector<Eigen::Vector3d> corners;
+  // Empty: found and ordered by itself. Else about where the 4 lie in the first frame.
+  std::vector<Eigen::Vector2d> pixels;
 };
 struct PointsStart {                    // known points with their raw pixels in the first frame
   std::vector<Eigen::Vector3d> points;  // >= 4
   std::vector<Eigen::Vector2d> pixels;  // as many
 };
-// Something that is found in a view by what this module does not know: a printed board. The daemon passes
-// calib/solver's detector in. Called with frames until it answers, and again for a proof when the pose was lost. Never
-// throws.
+// Something that is found in a view by what this module does not know: a printed board, for which the configuration
+// passes calib/board's detector in. Called with frames until it answers, and again for a proof when the pose was lost.
+// Never throws.
 struct FoundStart {
   std::function<std::optional<PointsStart>(const capture::Image&)> find;
 };
@@ -48,9 +48,9 @@ struct LedStart {                     // no pose at all: uniform over the room
   // Which LED is lit in which frame of the camera (index into leds, -1: none), repeated from the beginning; empty: LEDs
   // are not identified, and any number may be lit.
   std::vector<int> schedule;
-  // 0: one entry of the schedule per frame of the camera (or of the recorded stream, whatever part of it is played). >
-  // 0, seconds: each entry holds for so long, by capture time, from the clock's zero on. The method huetrack finds by
-  // itself by how many slots the schedule is off (LedOffsetSearch).
+  // 0: one entry of the schedule per frame of the camera (or of the recorded stream, whatever part of it is played).
+  // More, seconds: each entry holds for so long, by capture time, from the clock's zero on. The method huetrack finds
+  // by itself by how many slots the schedule is off (LedOffsetSearch).
   double slot_s = 0;
   Eigen::Vector3d room_min{-3, -3, 0}, room_max{3, 3, 3};
 };

@@ -13,6 +13,8 @@ namespace {
 constexpr double corner_sigma_px = 0.1;
 constexpr double least_share = 0.01;  // of the image's area
 constexpr double fits_px = 0.6;       // rms of the corners, of a rectangle of this size
+constexpr double same_px = 1.5;       // corners of the same quadrangle in two thresholds
+constexpr double least_contrast = 1.5;
 using Quad = std::array<Eigen::Vector2d, 4>;
 
 struct Line {  // n . p = d, in ideal pixels; n unit
@@ -85,23 +87,20 @@ std::optional<double> steepest(const GreyImage& image, const Eigen::Vector2d& at
   return spacing * moment / sum;
 }
 
-Line fit_edge(const GreyImage& image, const calib::CameraModel& lens, const Eigen::Vector2d& a,
-              const Eigen::Vector2d& b, const Eigen::Vector2d& inside, double search_px, bool dark) {
-  Line line;
-  const Eigen::Vector2d along = b - a;
-  const double length = along.norm();
-  if (!(length > 6)) return line;
-  Eigen::Vector2d outward(-along.y() / length, along.x() / length);
-  if (outward.dot(inside - a) > 0) outward = -outward;
-  const int samples = std::clamp(static_cast<int>(length), 10, 80);
-  struct Point {
-    Eigen::Vector2d ideal;
-    double part;
-  };
-  std::vector<Point> points;
-  int asked = 0;
+struct EdgePoint {
+  Eigen::Vector2d ideal;
+  double part;  // of the edge, 0..1
+};
+
+// Where the edge from a to b is seen, in ideal pixels; asked: at how many places it was looked for.
+std::vector<EdgePoint> points_of_edge(const GreyImage& image, const calib::CameraModel& lens, const Eigen::Vector2d& a,
+                                      const Eigen::Vector2d& along, const Eigen::Vector2d& outward, double search_px,
+                                      bool dark, int& asked) {
+  const int samples = std::clamp(static_cast<int>(along.norm()), 10, 80);
+  std::vector<EdgePoint> points;
+  asked = 0;
   for (int i = 0; i < samples; ++i) {
-    const double part = 0.06 + 0.88 * (i + 0.5) / samples;
+    const double part = 0.06 + 0.88 * (i + 0.5) / samples;  // not too near to the corners
     const auto raw = raw_of(lens, a + part * along);
     const auto beside = raw_of(lens, a + part * along + outward);
     if (!raw || !beside || !image.contains(raw->x(), raw->y(), 3)) continue;
@@ -111,26 +110,45 @@ Line fit_edge(const GreyImage& image, const calib::CameraModel& lens, const Eige
     if (!offset) continue;
     if (const auto ideal = lens.undistort({*raw + *offset * normal})) points.push_back({ideal->px, part});
   }
-  if (asked < 8 || points.size() < 8) return line;
-  // The line through two of the points that most of them agree with, then least squares on those.
-  std::vector<Point> best;
+  return points;
+}
+
+// Those that lie near the line through two of them that most of them agree with.
+std::vector<EdgePoint> most_in_a_line(const std::vector<EdgePoint>& points) {
+  std::vector<EdgePoint> best;
   const std::size_t n = points.size();
   for (std::size_t i = 0; i < n; i += 1 + n / 24) {
     for (std::size_t j = i + n / 4 + 1; j < n; j += 1 + n / 24) {
       const Eigen::Vector2d d = (points[j].ideal - points[i].ideal).normalized();
-      std::vector<Point> close;
-      for (const Point& p : points) {
+      std::vector<EdgePoint> close;
+      for (const EdgePoint& p : points) {
         const Eigen::Vector2d r = p.ideal - points[i].ideal;
         if (std::abs(d.x() * r.y() - d.y() * r.x()) < 0.6) close.push_back(p);
       }
       if (close.size() > best.size()) best = std::move(close);
     }
   }
-  if (static_cast<double>(best.size()) < 0.6 * asked || best.size() < 8) return line;
+  return best;
+}
+
+Line fit_edge(const GreyImage& image, const calib::CameraModel& lens, const Eigen::Vector2d& a,
+              const Eigen::Vector2d& b, const Eigen::Vector2d& inside, double search_px, bool dark) {
+  constexpr std::size_t fewest = 8;
+  Line line;
+  const Eigen::Vector2d along = b - a;
+  const double length = along.norm();
+  if (!(length > 6)) return line;
+  Eigen::Vector2d outward(-along.y() / length, along.x() / length);
+  if (outward.dot(inside - a) > 0) outward = -outward;
+  int asked = 0;
+  const std::vector<EdgePoint> points = points_of_edge(image, lens, a, along, outward, search_px, dark, asked);
+  if (points.size() < fewest) return line;
+  const std::vector<EdgePoint> best = most_in_a_line(points);
+  if (static_cast<double>(best.size()) < 0.6 * asked || best.size() < fewest) return line;
   Eigen::Vector2d mean = Eigen::Vector2d::Zero();
-  for (const Point& p : best) mean += p.ideal / static_cast<double>(best.size());
+  for (const EdgePoint& p : best) mean += p.ideal / static_cast<double>(best.size());
   Eigen::Matrix2d spread = Eigen::Matrix2d::Zero();
-  for (const Point& p : best) spread += (p.ideal - mean) * (p.ideal - mean).transpose();
+  for (const EdgePoint& p : best) spread += (p.ideal - mean) * (p.ideal - mean).transpose();
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> axes(spread);
   if (axes.eigenvalues()[0] / static_cast<double>(best.size()) > 0.3 * 0.3) return line;
   line.n = axes.eigenvectors().col(0);
@@ -176,6 +194,76 @@ double contrast(const GreyImage& image, const Quad& px, bool dark) {
                        std::sqrt(std::max(0.0, square[1] / count[1] - outside * outside));
   const double step = dark ? outside - inside : inside - outside;
   return step < 20 ? 0 : step / (noise + 4);
+}
+
+// The corners of a contour that is a convex quadrangle, clockwise; nullopt: it is none.
+std::optional<Quad> quad_of(const std::vector<cv::Point>& contour) {
+  std::vector<cv::Point> corners;
+  for (const double tolerance : {0.02, 0.035, 0.05}) {  // of its length
+    cv::approxPolyDP(contour, corners, tolerance * cv::arcLength(contour, true), true);
+    if (corners.size() == 4) break;
+  }
+  if (corners.size() != 4 || !cv::isContourConvex(corners)) return std::nullopt;
+  Quad quad;
+  for (std::size_t i = 0; i < 4; ++i) quad[i] = {corners[i].x, corners[i].y};
+  double twice_area = 0;  // > 0: clockwise, v being down
+  for (std::size_t i = 0; i < 4; ++i)
+    twice_area += quad[i].x() * quad[(i + 1) % 4].y() - quad[i].y() * quad[(i + 1) % 4].x();
+  if (twice_area < 0) std::swap(quad[1], quad[3]);
+  return quad;
+}
+
+// Whichever corner comes first.
+bool are_the_same(const Quad& a, const Quad& b) {
+  return std::ranges::any_of(std::array<std::size_t, 4>{0, 1, 2, 3}, [&](std::size_t turn) {
+    double far = 0;
+    for (std::size_t i = 0; i < 4; ++i) far = std::max(far, (a[i] - b[(i + turn) % 4]).norm());
+    return far < same_px;
+  });
+}
+
+// Quadrangles that are not too small, at several thresholds about Otsu's: light falls unevenly.
+std::vector<Quad> quads_in(const GreyImage& image) {
+  const cv::Mat grey(image.height, image.width, CV_8UC1, const_cast<std::uint8_t*>(image.data),
+                     static_cast<std::size_t>(image.stride));
+  cv::Mat binary;
+  const double otsu = cv::threshold(grey, binary, 0, 255, cv::THRESH_BINARY | cv::THRESH_OTSU);
+  std::vector<Quad> quads;
+  for (const double threshold : {otsu, 0.7 * otsu, 0.5 * otsu, 1.25 * otsu, 1.5 * otsu}) {
+    cv::threshold(grey, binary, threshold, 255, cv::THRESH_BINARY);
+    std::vector<std::vector<cv::Point>> contours;
+    cv::findContours(binary, contours, cv::RETR_LIST, cv::CHAIN_APPROX_NONE);
+    for (const auto& contour : contours) {
+      if (cv::contourArea(contour) < least_share * image.width * image.height) continue;
+      const auto quad = quad_of(contour);
+      if (quad && std::ranges::none_of(quads, [&](const Quad& other) { return are_the_same(*quad, other); }))
+        quads.push_back(*quad);
+    }
+  }
+  return quads;
+}
+
+struct WayRound {  // which of the four corners is the first
+  PoseFit pose;
+  Quad px;
+  double rms_px;
+};
+// Of all four the one that fits best; those that fit equally well differ by half a turn.
+std::optional<WayRound> best_way_round(const calib::CameraModel& lens, std::span<const Eigen::Vector3d> corners_world,
+                                       const Quad& seen, const calib::Rigid3d* near) {
+  std::vector<WayRound> ways;
+  for (std::size_t turn = 0; turn < 4; ++turn) {
+    Quad px;
+    for (std::size_t i = 0; i < 4; ++i) px[i] = seen[(i + turn) % 4];
+    if (auto pose = pose_of(lens, corners_world, px); pose && rms_px(*pose) < fits_px)
+      ways.push_back({*pose, px, rms_px(*pose)});
+  }
+  if (ways.empty()) return std::nullopt;
+  const double least = std::ranges::min(ways, {}, &WayRound::rms_px).rms_px;
+  std::erase_if(ways, [least](const WayRound& w) { return w.rms_px > least + 0.25 * fits_px; });
+  return *std::ranges::min_element(ways, {}, [near](const WayRound& w) {
+    return near != nullptr ? w.pose.cam_from_world.rotation.angularDistance(near->rotation) : w.px[0].sum();
+  });
 }
 
 }  // namespace
@@ -232,72 +320,20 @@ std::optional<FoundRectangle> rectangle_at(const GreyImage& image, const calib::
 std::optional<FoundRectangle> find_rectangle(const GreyImage& image, const calib::CameraModel& lens,
                                              std::span<const Eigen::Vector3d> corners_world,
                                              const calib::Rigid3d* near) {
-  const cv::Mat grey(image.height, image.width, CV_8UC1, const_cast<std::uint8_t*>(image.data),
-                     static_cast<std::size_t>(image.stride));
   std::optional<FoundRectangle> best;
-  double best_contrast = 1.5;
-  cv::Mat binary;
-  cv::Mat ignored;
-  const double otsu = cv::threshold(grey, ignored, 0, 255, cv::THRESH_BINARY | cv::THRESH_OTSU);
-  std::vector<Quad> seen;
-  for (const double threshold : {otsu, 0.7 * otsu, 0.5 * otsu, 1.25 * otsu, 1.5 * otsu}) {
-    cv::threshold(grey, binary, threshold, 255, cv::THRESH_BINARY);
-    std::vector<std::vector<cv::Point>> contours;
-    cv::findContours(binary, contours, cv::RETR_LIST, cv::CHAIN_APPROX_NONE);
-    for (const auto& contour : contours) {
-      const double area = cv::contourArea(contour);
-      if (area < least_share * image.width * image.height) continue;
-      std::vector<cv::Point> corners;
-      for (const double tolerance : {0.02, 0.035, 0.05}) {
-        cv::approxPolyDP(contour, corners, tolerance * cv::arcLength(contour, true), true);
-        if (corners.size() == 4) break;
-      }
-      if (corners.size() != 4 || !cv::isContourConvex(corners)) continue;
-      Quad quad;
-      for (std::size_t i = 0; i < 4; ++i) quad[i] = {corners[i].x, corners[i].y};
-      double twice_area = 0;  // > 0: clockwise, v being down
-      for (std::size_t i = 0; i < 4; ++i)
-        twice_area += quad[i].x() * quad[(i + 1) % 4].y() - quad[i].y() * quad[(i + 1) % 4].x();
-      if (twice_area < 0) std::swap(quad[1], quad[3]);
-      const bool again = std::ranges::any_of(seen, [&quad](const Quad& other) {
-        return std::ranges::any_of(std::array{0, 1, 2, 3}, [&](int turn) {
-          double far = 0;
-          for (std::size_t i = 0; i < 4; ++i)
-            far = std::max(far, (quad[i] - other[(i + static_cast<std::size_t>(turn)) % 4]).norm());
-          return far < 1.5;
-        });
-      });
-      if (again) continue;
-      seen.push_back(quad);
-      for (const bool dark : {true, false}) {
-        RectangleCorners measured = measure_rectangle(image, lens, quad, 4, dark);
-        if (measured.count() < 4) continue;
-        measured = measure_rectangle(image, lens, measured.px, 2.5, dark);
-        if (measured.count() < 4) continue;
-        const double clear = contrast(image, measured.px, dark);
-        if (!(clear > best_contrast)) continue;
-        // All four ways round; those that fit equally well differ by half a turn.
-        struct Way {
-          PoseFit pose;
-          Quad px;
-          double rms;
-        };
-        std::vector<Way> ways;
-        for (std::size_t turn = 0; turn < 4; ++turn) {
-          Quad px;
-          for (std::size_t i = 0; i < 4; ++i) px[i] = measured.px[(i + turn) % 4];
-          if (auto pose = pose_of(lens, corners_world, px); pose && rms_px(*pose) < fits_px)
-            ways.push_back({*pose, px, rms_px(*pose)});
-        }
-        if (ways.empty()) continue;
-        const double least = std::ranges::min(ways, {}, &Way::rms).rms;
-        std::erase_if(ways, [least](const Way& w) { return w.rms > least + 0.25 * fits_px; });
-        const Way& way = *std::ranges::min_element(ways, {}, [near](const Way& w) {
-          return near != nullptr ? w.pose.cam_from_world.rotation.angularDistance(near->rotation) : w.px[0].sum();
-        });
-        best_contrast = clear;
-        best = FoundRectangle{{way.px, {true, true, true, true}}, way.pose, dark};
-      }
+  double best_contrast = least_contrast;
+  for (const Quad& quad : quads_in(image)) {
+    for (const bool dark : {true, false}) {
+      RectangleCorners measured = measure_rectangle(image, lens, quad, 4, dark);
+      if (measured.count() < 4) continue;
+      measured = measure_rectangle(image, lens, measured.px, 2.5, dark);
+      if (measured.count() < 4) continue;
+      const double clear = contrast(image, measured.px, dark);
+      if (!(clear > best_contrast)) continue;
+      const auto way = best_way_round(lens, corners_world, measured.px, near);
+      if (!way) continue;
+      best_contrast = clear;
+      best = FoundRectangle{{way->px, {true, true, true, true}}, way->pose, dark};
     }
   }
   return best;

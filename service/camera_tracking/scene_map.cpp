@@ -119,7 +119,7 @@ void write_map(const std::filesystem::path& file, const StoredMap& stored) {
     }
   }
   w.put(static_cast<std::int32_t>(stored.sightings.size()));
-  for (const Sighting& s : stored.sightings) {
+  for (const PointSighting& s : stored.sightings) {
     w.put(static_cast<std::int32_t>(s.keyframe));
     w.put(static_cast<std::int32_t>(s.point));
     w.put(s.px);
@@ -197,7 +197,7 @@ StoredMap read_map(const std::filesystem::path& file) {
   }
   const int sightings = r.count(most, "the number of sightings");
   for (int i = 0; i < sightings; ++i) {
-    Sighting s;
+    PointSighting s;
     s.keyframe = r.index(keyframes, "a key frame");
     s.point = r.index(points, "a point");
     r.get(s.px);

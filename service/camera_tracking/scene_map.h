@@ -41,8 +41,8 @@ struct MapPoint {
   std::array<std::uint16_t, 2> found_of_sought{};  // how often, lately
 };
 
-// Whether a key frame saw a point, and where.
-struct Sighting {
+// Where a key frame saw a point of the map.
+struct PointSighting {
   int keyframe = 0;
   int point = 0;
   Eigen::Vector2d px = Eigen::Vector2d::Zero();  // raw
@@ -64,7 +64,7 @@ struct SceneMap {
 // sightings.  throws std::runtime_error naming the file and what is wrong with it.
 struct StoredMap {
   SceneMap map;
-  std::vector<Sighting> sightings;
+  std::vector<PointSighting> sightings;
   Eigen::Vector2i image_size = Eigen::Vector2i::Zero();
 };
 void write_map(const std::filesystem::path& file, const StoredMap& stored);  // atomic: temporary file, then rename

@@ -47,18 +47,18 @@ Eigen::Matrix3d plane_homography(const calib::Rigid3d& cam1_from_cam0, const Eig
   return cam1_from_cam0.rotation.toRotationMatrix() + cam1_from_cam0.translation * normal.transpose() / d;
 }
 
-std::optional<PatchView> view_patch(const calib::CameraModel& lens, const Eigen::Vector2d& px0,
-                                    const Eigen::Matrix3d& h) {
+std::optional<PatchTransfer> transfer_patch(const calib::CameraModel& lens, const Eigen::Vector2d& px0,
+                                            const Eigen::Matrix3d& h) {
   const auto centre = through(lens, h, px0);
   if (!centre) return std::nullopt;
-  PatchView view{*centre, Eigen::Matrix2d::Zero()};
+  PatchTransfer patch{*centre, Eigen::Matrix2d::Zero()};
   constexpr double step = 1.0;
   for (int k = 0; k < 2; ++k) {
     const auto beside = through(lens, h, px0 + step * Eigen::Vector2d::Unit(k));
     if (!beside) return std::nullopt;
-    view.affine.col(k) = (*beside - *centre) / step;
+    patch.affine.col(k) = (*beside - *centre) / step;
   }
-  return view;
+  return patch;
 }
 
 int search_level(const Eigen::Matrix2d& affine, int source_level, int levels) {
@@ -153,7 +153,7 @@ std::optional<Refined> refine(const GreyImage& image, const WarpedPatch& patch, 
       bu += gu[k] * e, bv += gv[k] * e, square += e * e;
     }
     out.rms = std::sqrt(square / static_cast<float>(n));
-    // with unit variances, the sum of squared differences is 2 - 2 rho
+    // With unit variances, the sum of squared differences is 2 - 2 rho.
     out.ncc = 1 - 0.5f * square / (static_cast<float>(n) * tm.deviation * tm.deviation);
     const float du = -(hvv * bu - huv * bv) / det, dv = -(huu * bv - huv * bu) / det;
     u += du, v += dv;

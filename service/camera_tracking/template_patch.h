@@ -18,14 +18,15 @@ namespace huetrack::camera_tracking {
 // d: its N points the other way.)
 Eigen::Matrix3d plane_homography(const calib::Rigid3d& cam1_from_cam0, const Eigen::Vector3d& normal, double d);
 
-// A patch on such a plane, seen by the two cameras: its centre in the second, and d px_1 / d px_0 there, lens included.
-struct PatchView {
+// Where a patch on such a plane lies in the second camera's image, and how it is distorted there (d px_1 / d px_0),
+// lens included.
+struct PatchTransfer {
   Eigen::Vector2d px;      // raw, level 0
   Eigen::Matrix2d affine;  // px_1 - centre_1 = affine (px_0 - centre_0)
 };
 // ray0: unit, through the patch's centre px0. nullopt: behind a camera, or outside of the lens model.
-std::optional<PatchView> view_patch(const calib::CameraModel& lens, const Eigen::Vector2d& px0,
-                                    const Eigen::Matrix3d& homography);
+std::optional<PatchTransfer> transfer_patch(const calib::CameraModel& lens, const Eigen::Vector2d& px0,
+                                            const Eigen::Matrix3d& homography);
 
 // A patch as it should look at a level of the current pyramid.
 struct WarpedPatch {

@@ -1,9 +1,10 @@
 #include "color_teaching/color_teacher.h"
 
+#include <fmt/format.h>
+
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <utility>
 
 #include "color_teaching/color_fit.h"
@@ -54,9 +55,7 @@ double share_of(const HsiImage& image, const PixelMask& region, const object_tra
 }
 
 std::string percent(double share) {
-  char text[32];
-  std::snprintf(text, sizeof text, share < 0.001 ? "%.2f %%" : "%.1f %%", 100 * share);
-  return text;
+  return fmt::format("{:.{}f} %", 100 * share, share < 0.001 ? 2 : 1);
 }
 
 // Wide enough for another camera's white balance.
@@ -87,12 +86,17 @@ ColorTeacher::ColorTeacher(const calib::CameraRig& rig, const capture::FrameSet&
   }
 }
 
+const std::vector<object_tracking::PixelBox>& ColorTeacher::ignored_in(const TeachRequestOptions& request,
+                                                                       std::size_t camera) const {
+  static const std::vector<object_tracking::PixelBox> none;
+  const auto own = std::ranges::find(request.ignored, rig_.cameras[camera].name,
+                                     &object_tracking::IgnoredRegions::value_type::first);
+  return own == request.ignored.end() ? none : own->second;
+}
+
 Taught ColorTeacher::teach(const TeachRequestOptions& request, const object_tracking::Box& volume) const {
   Taught taught;
   taught.views.resize(images_.size());
-  const auto ignored_in = [&](std::size_t c) {
-    return c < request.ignored.size() ? request.ignored[c] : std::vector<object_tracking::PixelBox>();
-  };
   for (const TeachPoint& point : request.points) {
     const auto c = static_cast<std::size_t>(point.camera);
     TaughtView& view = taught.views.at(c);
@@ -116,7 +120,7 @@ Taught ColorTeacher::teach(const TeachRequestOptions& request, const object_trac
     const PixelMask object = grown(*region, soft_edge_px + static_cast<int>(view.region->radius_px() / 3));
     PixelMask background = object;
     for (auto& pixel : background.pixels) pixel = pixel == 0 ? 1 : 0;
-    for (const object_tracking::PixelBox& box : ignored_in(c)) {
+    for (const object_tracking::PixelBox& box : ignored_in(request, c)) {
       for (int v = std::max(0, box.v_min); v <= std::min(box.v_max, image.height - 1); ++v)
         for (int u = std::max(0, box.u_min); u <= std::min(box.u_max, image.width - 1); ++u) background.at(u, v) = 0;
     }
@@ -133,10 +137,10 @@ Taught ColorTeacher::teach(const TeachRequestOptions& request, const object_trac
   const auto first = std::ranges::find_if(taught.views, &TaughtView::pointed);
   for (TaughtView& view : taught.views)
     if (!view.pointed) view.color = first->color;
-  suggest(taught.views, request, volume);
+  suggest(taught.views, volume);
   for (std::size_t c = 0; c < images_.size(); ++c)
     if (images_[c])
-      judge(taught.views[c], c, rig_.cameras[std::size_t(first - taught.views.begin())].name, ignored_in(c));
+      judge(taught.views[c], c, rig_.cameras[std::size_t(first - taught.views.begin())].name, ignored_in(request, c));
 
   std::vector<std::pair<const calib::Camera*, Eigen::Vector2d>> seen;
   for (std::size_t c = 0; c < images_.size(); ++c)
@@ -153,8 +157,7 @@ Taught ColorTeacher::teach(const TeachRequestOptions& request, const object_trac
   return taught;
 }
 
-void ColorTeacher::suggest(std::vector<TaughtView>& views, const TeachRequestOptions&,
-                           const object_tracking::Box& volume) const {
+void ColorTeacher::suggest(std::vector<TaughtView>& views, const object_tracking::Box& volume) const {
   std::vector<std::size_t> pointed;
   for (std::size_t c = 0; c < views.size(); ++c)
     if (views[c].pointed) pointed.push_back(c);
@@ -213,16 +216,15 @@ void ColorTeacher::judge(TaughtView& view, std::size_t camera, const std::string
   if (!is_rival) view.patch.reset();
   std::string text = "camera " + name + ": ";
   const auto patch_text = [&] {
-    return ", mostly a patch of " + std::to_string(view.patch->area) + " pixels " +
-           part_of_picture(view.patch->centre, image.width, image.height) + " (around " +
-           std::to_string(std::lround(view.patch->centre.x())) + ", " +
-           std::to_string(std::lround(view.patch->centre.y())) + ")";
+    return fmt::format(", mostly a patch of {} pixels {} (around {}, {})", view.patch->area,
+                       part_of_picture(view.patch->centre, image.width, image.height),
+                       std::lround(view.patch->centre.x()), std::lround(view.patch->centre.y()));
   };
   if (!view.pointed) {
     text += !view.problem.empty() ? view.problem
             : view.region
-                ? "the object is probably at " + std::to_string(std::lround(view.region->centre.x())) + ", " +
-                      std::to_string(std::lround(view.region->centre.y())) + ": point at it to confirm"
+                ? fmt::format("the object is probably at {}, {}: point at it to confirm",
+                              std::lround(view.region->centre.x()), std::lround(view.region->centre.y()))
                 : "no region fits what was pointed at in the other views; point at the object if it is in this picture";
     text += ". By what was learnt in " + color_of + ", " + percent(view.background_share) +
             " of the background matches here" + (is_rival ? patch_text() : "");
@@ -286,13 +288,10 @@ std::string radius_hint(const Taught& taught, const object_tracking::TargetOptio
   if (!taught.radius_m) return "";
   const double ratio = *taught.radius_m / target.radius_m;
   if (ratio <= 1.5 && ratio >= 0.65) return "";
-  char text[160];
-  std::snprintf(
-      text, sizeof text,
-      "It looks like a radius of about %.0f mm, but radius_m says %.0f mm: correct that in the configuration, "
+  return fmt::format(
+      "It looks like a radius of about {:.0f} mm, but radius_m says {:.0f} mm: correct that in the configuration, "
       "or the search will not take it.",
       1e3 * *taught.radius_m, 1e3 * target.radius_m);
-  return text;
 }
 
 object_tracking::TargetOptions with_taught_color(object_tracking::TargetOptions target, const calib::CameraRig& rig,

@@ -21,9 +21,10 @@ struct TeachPoint {
 };
 
 struct TeachRequestOptions {
-  std::vector<TeachPoint> points{};                               // at most one per camera counts: the last
-  std::vector<std::vector<object_tracking::PixelBox>> ignored{};  // per camera of the rig, or empty
-  int wider = 0;                                                  // steps; negative: narrower
+  std::vector<TeachPoint> points{};           // at most one per camera counts: the last
+  object_tracking::IgnoredRegions ignored{};  // nothing matches in there
+  int wider = 0;                              // steps; negative: narrower
+  bool accepts_suggestions = false;           // learn(): in the other cameras, what is suggested counts as pointed at
 };
 
 // What was learnt of one camera.
@@ -55,6 +56,8 @@ class ColorTeacher {
   // set: one slot per camera of the rig; cameras without a frame cannot be pointed into
   ColorTeacher(const calib::CameraRig& rig, const capture::FrameSet& set);
 
+  const calib::CameraRig& rig() const { return rig_; }
+
   // volume: where a suggested object may be
   Taught teach(const TeachRequestOptions& request, const object_tracking::Box& volume) const;
 
@@ -63,10 +66,11 @@ class ColorTeacher {
                                      const std::string& own_name) const;
 
  private:
+  const std::vector<object_tracking::PixelBox>& ignored_in(const TeachRequestOptions& request,
+                                                           std::size_t camera) const;
   void judge(TaughtView& view, std::size_t camera, const std::string& color_of,
              const std::vector<object_tracking::PixelBox>& ignored) const;
-  void suggest(std::vector<TaughtView>& views, const TeachRequestOptions& request,
-               const object_tracking::Box& volume) const;
+  void suggest(std::vector<TaughtView>& views, const object_tracking::Box& volume) const;
 
   calib::CameraRig rig_;
   std::vector<std::optional<HsiImage>> images_;

@@ -1,15 +1,15 @@
 #include "config/camera_tracking_config.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
-#include <fstream>
 #include <memory>
 
 #include "calib/board/board_detector.h"
 #include "calib/board/board_yaml.h"
 #include "calib/yaml/csv_table.h"
 #include "calib/yaml/yaml_reader.h"
-#include "config/formatted.h"
 
 namespace huetrack::config {
 namespace {
@@ -70,26 +70,26 @@ int CameraTrackingConfig::starts() const {
 
 NumberRows read_number_rows(const std::filesystem::path& file, const std::vector<CsvColumn>& columns,
                             std::size_t required) {
-  std::vector<std::string> header;
-  {
-    std::ifstream stream(file);
-    std::string line, cell;
-    std::getline(stream, line);
-    if (line.ends_with('\r')) line.pop_back();
-    for (std::istringstream cells(line); std::getline(cells, cell, ',');) header.push_back(cell);
+  std::vector<std::string> names;  // as CsvTable takes them
+  for (const CsvColumn& column : columns) {
+    names.push_back(std::string(column.name) + "|" + column.other_name);
+    if (names.size() > required) names.back() += "?";
   }
-  const auto has = [&](std::string_view name) { return std::ranges::find(header, name) != header.end(); };
-  std::vector<std::string_view> names;
-  for (const CsvColumn& column : columns)
-    names.emplace_back(has(column.name) || !has(column.other_name) ? column.name : column.other_name);
-  if (std::ranges::none_of(names.begin() + std::ptrdiff_t(required), names.end(), has)) names.resize(required);
-  yaml::CsvTable table(file, names);
+  yaml::CsvTable table(file, std::vector<std::string_view>(names.begin(), names.end()));
+  std::size_t count = required, missing = columns.size();
+  for (std::size_t c = required; c < columns.size(); ++c) {
+    if (table.has(c))
+      count = columns.size();
+    else
+      missing = std::min(missing, c);
+  }
+  if (missing < count) table.fail("the header has no column " + std::string(columns[missing].name));
   NumberRows rows;
   while (table.next()) {
     std::vector<double>& row = rows.emplace_back();
-    for (std::size_t c = 0; c < names.size(); ++c) {
+    for (std::size_t c = 0; c < count; ++c) {
       row.push_back(table.number(c));
-      if (!std::isfinite(row.back())) table.fail(std::string(names[c]) + " must be a finite number");
+      if (!std::isfinite(row.back())) table.fail(table.name(c) + " must be a finite number");
     }
   }
   if (rows.empty()) throw yaml::ConfigError(file, 0, "has no rows");
@@ -100,24 +100,20 @@ std::optional<StartRowProblem> start_row_problem(const NumberRows& rows, const c
   for (std::size_t i = 0; i < rows.size(); ++i) {
     if (rows[i].size() == 5 && !camera.contains(calib::RawPixel{{rows[i][3], rows[i][4]}}))
       return StartRowProblem{
-          i, formatted("the pixel (%g, %g) is outside the image of %s, which is %dx%d", rows[i][3], rows[i][4],
-                       camera.name.c_str(), camera.image_size.width, camera.image_size.height)};
+          i, fmt::format("the pixel ({:g}, {:g}) is outside the image of {}, which is {}x{}", rows[i][3], rows[i][4],
+                         camera.name, camera.image_size.width, camera.image_size.height)};
     for (std::size_t j = 0; j < i; ++j)
       if (point_of(rows[i]) == point_of(rows[j]))
-        return StartRowProblem{i, formatted("the point (%g, %g, %g) is there twice, in row %zu too", rows[i][0],
-                                            rows[i][1], rows[i][2], j + 1)};
+        return StartRowProblem{i, fmt::format("the point ({:g}, {:g}, {:g}) is there twice, in row {} too", rows[i][0],
+                                              rows[i][1], rows[i][2], j + 1)};
   }
   return std::nullopt;
 }
 
 int line_of_row(const std::filesystem::path& file, std::size_t row) {
-  std::ifstream stream(file);
-  std::string text;
-  std::getline(stream, text);
-  int line = 1;
-  for (std::size_t rows = 0; rows <= row && std::getline(stream, text); ++line)
-    if (!text.empty() && text != "\r") ++rows;
-  return line;
+  yaml::CsvTable table(file, {});
+  for (std::size_t rows = 0; rows <= row && table.next();) ++rows;
+  return table.line();
 }
 
 camera_tracking::CameraTrackerOptions tracker_options(const CameraTrackingConfig& config) {

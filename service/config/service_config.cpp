@@ -1,5 +1,8 @@
 #include "config/service_config.h"
 
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
 #include <algorithm>
 #include <array>
 #include <cctype>
@@ -16,6 +19,7 @@
 
 #include "calib/model/rig_yaml.h"
 #include "calib/yaml/yaml_reader.h"
+#include "config/config_check.h"
 
 namespace huetrack::config {
 namespace {
@@ -201,54 +205,35 @@ void describe(Io& io, Config& config) {
     in.integer("particles", config.preview.particles, yaml::Range{.min = 0, .max = 10000}, "drawn per target, about");
   });
   io.group("control", "what may be asked of the running service over DDS", [&](auto& in) {
-    in.boolean("allow_teach", config.control.allow_teach, "teach colours: writes into this file");
+    in.boolean("allow_teach", config.control.allow_teach, "teach colours: writes a file beside this one");
   });
   io.choice("log_level", config.log_level, Words<LogLevel>(log_level_words), "debug, info, warning or error");
 }
 
 // The name that a mapping of named entries gives to an entry, and the rest of the entry.
-std::string& name_of(LiveCameraConfig& camera) {
-  return camera.name;
+template <typename Entry>
+auto& name_of(Entry& entry) {
+  if constexpr (requires { entry.name; }) {
+    return entry.name;
+  } else {
+    return entry.first;
+  }
 }
-const std::string& name_of(const LiveCameraConfig& camera) {
-  return camera.name;
-}
-LiveCameraConfig& value_of(LiveCameraConfig& camera) {
-  return camera;
-}
-const LiveCameraConfig& value_of(const LiveCameraConfig& camera) {
-  return camera;
-}
-std::string& name_of(object_tracking::TargetOptions& target) {
-  return target.name;
-}
-const std::string& name_of(const object_tracking::TargetOptions& target) {
-  return target.name;
-}
-object_tracking::TargetOptions& value_of(object_tracking::TargetOptions& target) {
-  return target;
-}
-const object_tracking::TargetOptions& value_of(const object_tracking::TargetOptions& target) {
-  return target;
-}
-std::string& name_of(std::pair<std::string, object_tracking::HsiRange>& entry) {
-  return entry.first;
-}
-const std::string& name_of(const std::pair<std::string, object_tracking::HsiRange>& entry) {
-  return entry.first;
-}
-object_tracking::HsiRange& value_of(std::pair<std::string, object_tracking::HsiRange>& entry) {
-  return entry.second;
-}
-const object_tracking::HsiRange& value_of(const std::pair<std::string, object_tracking::HsiRange>& entry) {
-  return entry.second;
+template <typename Entry>
+auto& value_of(Entry& entry) {
+  if constexpr (requires { entry.second; }) {
+    return entry.second;
+  } else {
+    return entry;
+  }
 }
 
 // ---------------------------------------------------------------------------------------------------------------------
 // One mapping of the file; what it lacks keeps its default, or is an error where it is required.
 class Reader {
  public:
-  explicit Reader(yaml::YamlReader yaml) : yaml_(std::move(yaml)) {}
+  // folder: where relative paths start, whichever file they stand in
+  Reader(yaml::YamlReader yaml, fs::path folder) : yaml_(std::move(yaml)), folder_(std::move(folder)) {}
 
   void version(int only) { yaml_.integer("version", yaml::Range{.min = double(only), .max = double(only)}); }
   void number(std::string_view key, double& value, yaml::Range range, std::string_view) {
@@ -270,8 +255,7 @@ class Reader {
     if (yaml_.is_list(key)) {
       rows = yaml_.table(key, min_columns, max_columns);
       if (rows.front().size() != min_columns && rows.front().size() != max_columns)
-        yaml_.fail(key, "must have " + std::to_string(min_columns) + " or " + std::to_string(max_columns) +
-                            " numbers per row");
+        yaml_.fail(key, fmt::format("must have {} or {} numbers per row", min_columns, max_columns));
       return;
     }
     const std::string given = yaml_.string(key);
@@ -361,15 +345,13 @@ class Reader {
       for (std::size_t i = 0; i < numbers.size(); i += 4) {
         const auto at = [&](std::size_t k) { return int(std::lround(numbers[i + k])); };
         boxes.push_back({at(0), at(1), at(2), at(3)});
-        if (boxes.back().empty())
-          cameras->fail(camera, "rectangle " + std::to_string(i / 4 + 1) + " ends before it begins");
+        if (boxes.back().empty()) cameras->fail(camera, fmt::format("rectangle {} ends before it begins", i / 4 + 1));
       }
     }
-    cameras->finish();
   }
   template <typename F>
   void group(std::string_view key, std::string_view, F&& describe_group) {
-    Reader inner(yaml_.map_or_empty(key));  // even when it is absent: something in it may be required
+    Reader inner(yaml_.map_or_empty(key), folder_);  // even when it is absent: something in it may be required
     describe_group(inner);
     inner.finish();
   }
@@ -377,7 +359,7 @@ class Reader {
   void named(std::string_view key, std::vector<T>& entries, std::string_view, F&& describe_entry) {
     if (!yaml_.has(key)) return;
     for (auto& [name, yaml] : yaml_.named_maps(key)) {
-      Reader inner(yaml);
+      Reader inner(yaml, folder_);
       T& entry = entries.emplace_back();
       name_of(entry) = name;
       describe_entry(inner, value_of(entry));
@@ -387,9 +369,7 @@ class Reader {
   void finish() const { yaml_.finish(); }
 
  private:
-  fs::path resolved(const std::string& path) const {
-    return fs::absolute(yaml_.path().parent_path() / path).lexically_normal();
-  }
+  fs::path resolved(const std::string& path) const { return fs::absolute(folder_ / path).lexically_normal(); }
   // Absent, or the word that stands for "not a number".
   bool is_word(std::string_view key, std::string_view word) const {
     if (!yaml_.has(key)) return true;
@@ -402,14 +382,27 @@ class Reader {
   }
 
   yaml::YamlReader yaml_;
+  fs::path folder_;
 };
 
 // ---------------------------------------------------------------------------------------------------------------------
 class Printer {
  public:
-  explicit Printer(std::string& out, int depth = 0) : out_(out), depth_(depth) {}
+  enum class Show : std::uint8_t {
+    all,          // every value
+    all_origins,  // and which of them come from the taught file
+    taught        // only what stands in the taught file
+  };
+  struct Style {
+    Show show = Show::all;
+    const TaughtKeys& taught;
+    std::string taught_name{};  // of its file
+  };
+  // path: of the mapping that is printed, empty at the root. style stays alive.
+  Printer(std::string& out, const Style& style, yaml::KeyPath path = {})
+      : out_(out), style_(style), path_(std::move(path)) {}
 
-  void version(int only) { line("version", std::to_string(only), ""); }
+  void version(int only) { write("version", std::to_string(only), ""); }
   void number(std::string_view key, double value, yaml::Range, std::string_view doc) {
     line(key, shortest(value), doc);
   }
@@ -456,12 +449,13 @@ class Printer {
     line(key, size ? list_of({std::to_string(size->width), std::to_string(size->height)}) : std::string(word), doc);
   }
   void controls(std::string_view key, const std::vector<capture::ControlSetting>& settings, std::string_view doc) {
-    line(key, settings.empty() ? "{}" : "", doc);
-    Printer inner(out_, depth_ + 1);
-    for (const auto& [name, value] : settings) {
-      const auto* number = std::get_if<std::int64_t>(&value);
-      inner.line(quoted_key(name), number ? std::to_string(*number) : quoted(std::get<std::string>(value)), "");
-    }
+    mapping(key, doc, [&](Printer& inner) {
+      for (const auto& [name, value] : settings) {
+        const auto* number = std::get_if<std::int64_t>(&value);
+        inner.line(name, number ? std::to_string(*number) : quoted(std::get<std::string>(value)), "");
+      }
+      inner.names_taken_away();
+    });
   }
   void path_or(std::string_view key, std::string_view none, const fs::path& value, std::string_view doc) {
     line(key, value.empty() ? std::string(none) : quoted(value.string()), doc);
@@ -484,53 +478,92 @@ class Printer {
     line(key, list_of({shortest(min), shortest(max)}), doc);
   }
   void boxes(std::string_view key, const object_tracking::IgnoredRegions& regions, std::string_view doc) {
-    line(key, regions.empty() ? "{}" : "", doc);
-    for (const auto& [camera, boxes] : regions) {
-      std::vector<std::string> numbers;
-      for (const object_tracking::PixelBox& box : boxes)
-        for (const int value : {box.u_min, box.v_min, box.u_max, box.v_max}) numbers.push_back(std::to_string(value));
-      Printer(out_, depth_ + 1).line(quoted_key(camera), list_of(numbers), "");
-    }
+    mapping(key, doc, [&](Printer& inner) {
+      for (const auto& [camera, boxes] : regions) {
+        std::vector<std::string> numbers;
+        for (const object_tracking::PixelBox& box : boxes)
+          for (const int value : {box.u_min, box.v_min, box.u_max, box.v_max}) numbers.push_back(std::to_string(value));
+        inner.line(camera, list_of(numbers), "");
+      }
+      inner.names_taken_away();
+    });
   }
   template <typename F>
   void group(std::string_view key, std::string_view doc, F&& describe_group) {
-    line(key, "", doc);
-    Printer inner(out_, depth_ + 1);
-    describe_group(inner);
+    mapping(key, doc, describe_group);
   }
   template <typename T, typename F>
   void named(std::string_view key, const std::vector<T>& entries, std::string_view doc, F&& describe_entry) {
-    line(key, entries.empty() ? "{}" : "", doc);
-    for (const T& entry : entries) {
-      Printer inner(out_, depth_ + 1);
-      inner.line(quoted_key(name_of(entry)), "", "");
-      Printer fields(out_, depth_ + 2);
-      describe_entry(fields, value_of(entry));
-    }
+    mapping(key, doc, [&](Printer& inner) {
+      for (const T& entry : entries)
+        inner.mapping(name_of(entry), "", [&](Printer& fields) { describe_entry(fields, value_of(entry)); });
+      inner.names_taken_away();
+    });
   }
 
  private:
+  yaml::KeyPath below(std::string_view key) const {
+    yaml::KeyPath path = path_;
+    path.emplace_back(key);
+    return path;
+  }
   void line(std::string_view key, const std::string& value, std::string_view doc) {
+    const yaml::KeyPath here = below(key);
+    const bool is_removed = style_.taught.removed.contains(here);
+    const bool is_taught = is_removed || style_.taught.given.contains(here);
+    if (style_.show == Show::taught) {
+      if (is_taught) write(key, is_removed ? "null" : value, "");
+    } else if (style_.show == Show::all_origins && is_taught) {
+      write(key, value, fmt::format("from {}{}{}", style_.taught_name, doc.empty() ? "" : "; ", doc));
+    } else {
+      write(key, value, doc);
+    }
+  }
+  // fill prints the entries.
+  template <typename F>
+  void mapping(std::string_view key, std::string_view doc, F&& fill) {
+    std::string inside;
+    Printer inner(inside, style_, below(key));
+    fill(inner);
+    if (style_.show == Show::taught) {
+      if (style_.taught.removed.contains(inner.path_)) {
+        write(key, "null", "");
+      } else if (inner.has_entries_) {
+        write(key, "", "");
+      } else if (style_.taught.given.contains(inner.path_)) {
+        write(key, "{}", "");
+      }
+    } else {
+      write(key, inner.has_entries_ ? "" : "{}", doc);
+    }
+    out_ += inside;
+  }
+  // The entries of this mapping that the taught file takes away are not among those that are there.
+  void names_taken_away() {
+    if (style_.show == Show::all) return;
+    for (const yaml::KeyPath& removed : style_.taught.removed) {
+      if (removed.size() != path_.size() + 1 || !std::equal(path_.begin(), path_.end(), removed.begin())) continue;
+      if (style_.show == Show::taught) {
+        write(removed.back(), "null", "");
+      } else {
+        out_ += fmt::format("{}# without {}: from {}\n", indentation(), removed.back(), style_.taught_name);
+      }
+    }
+  }
+  std::string indentation() const { return std::string(2 * path_.size(), ' '); }
+  void write(std::string_view key, std::string_view value, std::string_view comment) {
     constexpr std::size_t comment_column = 44;
-    std::string text(std::size_t(depth_) * 2, ' ');
-    text += key;
-    text += ":";
-    if (!value.empty()) text += " " + value;
-    if (!doc.empty()) {
+    std::string text = fmt::format("{}{}:", indentation(), quoted_key(std::string(key)));
+    if (!value.empty()) text.append(" ").append(value);
+    if (!comment.empty()) {
       text.resize(std::max(text.size() + 2, comment_column), ' ');
-      text += "# ";
-      text += doc;
+      text.append("# ").append(comment);
     }
     out_ += text + "\n";
+    has_entries_ = true;
   }
   static std::string list_of(const std::vector<std::string>& items) {
-    std::string list = "[";
-    for (const auto& item : items) {
-      if (list.size() > 1) list += ", ";
-      list += item;
-    }
-    list += "]";
-    return list;
+    return fmt::format("[{}]", fmt::join(items, ", "));
   }
   static std::string shortest(double value) {
     std::array<char, 32> buffer{};
@@ -554,161 +587,47 @@ class Printer {
   }
 
   std::string& out_;
-  int depth_;
+  const Style& style_;
+  yaml::KeyPath path_;
+  bool has_entries_ = false;
 };
 
 // ---------------------------------------------------------------------------------------------------------------------
-void check_camera_tracking(const ServiceConfig& config, const yaml::YamlReader& yaml) {
-  const CameraTrackingConfig& tracking = config.camera_tracking;
-  if (tracking.camera.empty()) {
-    if (tracking.starts() > 0) yaml.fail("camera", "is not given: name the camera of the rig that moves");
-    return;
-  }
-  if (!config.rig.index_of(tracking.camera)) {
-    std::vector<std::string> names;
-    std::string list;
-    for (const auto& camera : config.rig.cameras) {
-      list += (names.empty() ? "" : ", ") + camera.name;
-      names.push_back(camera.name);
-    }
-    const auto nearest = yaml::nearest_word(tracking.camera, names);
-    yaml.fail("camera", tracking.camera + " is not a camera of the rig, which has " + list +
-                            (nearest ? " (did you mean " + *nearest + "?)" : ""));
-  }
-  if (tracking.starts() != 1 && (tracking.starts() > 1 || tracking.load_map.empty()))
-    yaml.fail("start",
-              "exactly one of rectangle, points, board and leds must be given (with load_map none is needed), "
-              "and there are " +
-                  std::to_string(tracking.starts()));
-  const calib::Camera& camera = config.rig.cameras[std::size_t(*config.rig.index_of(tracking.camera))];
-  for (const auto& [key, rows] : {std::pair{"rectangle", &tracking.rectangle}, {"points", &tracking.points}}) {
-    const auto problem = start_row_problem(*rows, camera);
-    if (!problem) continue;
-    const yaml::YamlReader start = yaml.map("start");
-    const std::string message = "row " + std::to_string(problem->row + 1) + ": " + problem->message;
-    if (start.is_list(key)) start.fail(key, message);
-    const fs::path file = fs::absolute(start.path().parent_path() / start.string(key)).lexically_normal();
-    throw yaml::ConfigError(file, line_of_row(file, problem->row), message);
-  }
-  for (const auto& row : tracking.led_schedule)
-    if (row[0] != std::floor(row[0])) yaml.map("start").fail("led_schedule", "must hold whole numbers of LEDs, from 0");
-  if (!tracking.leds.empty() && !tracking.save_map.empty())
-    yaml.fail("save_map", "with LEDs there is no map to save; their positions are given: leave it out");
-  if (const auto problems = tracker_options(tracking).problems(); !problems.empty()) yaml.fail("", problems.front());
-  if (const auto problems = config.dds.publisher.problems(); !problems.empty()) yaml.fail("camera", problems.front());
-}
-
-// What one key alone cannot tell.
-void check(const ServiceConfig& config, const yaml::YamlReader& root) {
-  check_camera_tracking(config, root.map_or_empty("camera_tracking"));
-  if (config.targets.empty() && config.camera_tracking.camera.empty())
-    root.fail("targets",
-              "at least one target is needed: targets: {ball: {color: {hue_deg: [65, 115]}}}; or a camera to "
-              "track, under camera_tracking");
-  const object_tracking::Box& volume = config.object_tracking.volume;
-  const yaml::YamlReader tracking = root.map_or_empty("object_tracking");
-  for (int axis = 0; axis < 3; ++axis) {
-    if (!(volume.min[axis] < volume.max[axis])) {
-      tracking.fail("volume",
-                    std::string("min must be less than max on every axis, and on ") + "xyz"[axis] + " it is not");
-    }
-  }
-  if (const auto problems = config.object_tracking.problems(); !problems.empty())
-    root.fail("object_tracking", problems.front());
-  if (!config.targets.empty() && volume_coverage(config.rig, volume).by_one == 0) {
-    tracking.fail("volume", "no camera of the rig sees any of it: is the volume in the rig's world frame, in metres?");
-  }
-
-  std::vector<std::string> cameras;
-  std::string camera_list;
-  for (const auto& camera : config.rig.cameras) {
-    camera_list += (cameras.empty() ? "" : ", ") + camera.name;
-    cameras.push_back(camera.name);
-  }
-  for (const auto& [camera, boxes] : config.ignored) {
-    if (config.rig.index_of(camera)) continue;
-    const auto nearest = yaml::nearest_word(camera, cameras);
-    root.map("ignore").fail(camera, "is not a camera of the rig, which has " + camera_list +
-                                        (nearest ? " (did you mean " + *nearest + "?)" : ""));
-  }
-  const yaml::YamlReader live = config.cameras.empty() ? root : root.map("cameras");
-  for (const auto& camera : config.cameras) {
-    const auto index = config.rig.index_of(camera.name);
-    if (!index) {
-      const auto nearest = yaml::nearest_word(camera.name, cameras);
-      live.fail(camera.name, "is not a camera of the rig, which has " + camera_list +
-                                 (nearest ? " (did you mean " + *nearest + "?)" : ""));
-    }
-    const calib::ImageSize calibrated = config.rig.cameras[std::size_t(*index)].image_size;
-    if (camera.size && *camera.size != calibrated) {
-      live.map(camera.name)
-          .fail("size", "the rig was calibrated at " + std::to_string(calibrated.width) + "x" +
-                            std::to_string(calibrated.height) + ": use that size (or the word rig), or calibrate anew");
-    }
-    for (const auto& other : config.cameras) {
-      if (&other == &camera) break;
-      if (other.device == camera.device)
-        live.map(camera.name).fail("device", "is the device of " + other.name + " already");
-    }
-  }
-  if (config.quorum && *config.quorum > int(config.cameras.size())) {
-    root.fail("quorum", "is more than there are in cameras (" + std::to_string(config.cameras.size()) + ")");
-  }
-
-  if (config.record.folder.empty() && (config.record.always || config.record.pre_roll_s > 0)) {
-    root.map("record").fail("", "a folder is needed to record to, or to save the pre-roll to");
-  }
-
-  const double smallest_side_m = (volume.max - volume.min).minCoeff();
-  const yaml::YamlReader targets = root.map_or_empty("targets");
-  for (const auto& target : config.targets) {
-    publish::EstimatePublisherOptions topics;  // the name becomes part of theirs
-    topics.targets = {target.name};
-    if (const auto problems = topics.problems(); !problems.empty()) targets.fail(target.name, problems.front());
-    const yaml::YamlReader yaml = targets.map(target.name);
-    if (2 * target.radius_m > smallest_side_m) {
-      yaml.fail("radius_m", "a ball of this radius does not fit into object_tracking.volume; the unit is metres");
-    }
-    for (const auto& [camera, range] : target.camera_colors) {
-      const yaml::YamlReader colors = yaml.map("camera_colors");
-      if (!config.rig.index_of(camera)) {
-        const auto nearest = yaml::nearest_word(camera, cameras);
-        colors.fail(camera, "is not a camera of the rig, which has " + camera_list +
-                                (nearest ? " (did you mean " + *nearest + "?)" : ""));
-      }
-      if (const auto problems = range.problems(); !problems.empty()) colors.fail(camera, problems.front());
-    }
-    if (const auto problems = target.color.problems(); !problems.empty()) yaml.fail("color", problems.front());
-    if (const auto problems = target.problems(); !problems.empty()) targets.fail(target.name, problems.front());
-  }
-  if (const auto problems = config.dds.publisher.problems(); !problems.empty()) {
-    root.map_or_empty("dds").fail("", problems.front());
-  }
-}
-
-// The share of the first hue range that lies in the second, both on the circle.
-bool hues_overlap(const object_tracking::HsiRange& a, const object_tracking::HsiRange& b) {
-  const auto inside = [](double hue, const object_tracking::HsiRange& r) {
-    return r.hue_min_deg <= r.hue_max_deg ? hue >= r.hue_min_deg && hue <= r.hue_max_deg
-                                          : hue >= r.hue_min_deg || hue <= r.hue_max_deg;
-  };
-  return (inside(a.hue_min_deg, b) || inside(b.hue_min_deg, a)) && a.saturation_min <= b.saturation_max &&
-         b.saturation_min <= a.saturation_max && a.intensity_min <= b.intensity_max &&
-         b.intensity_min <= a.intensity_max;
-}
-
-// Names of what a recording holds beside its configuration.
-constexpr const char *board_beside = "camera_board.yaml", *map_beside = "camera.map";
-
-}  // namespace
-
-ServiceConfig load_service_config(const fs::path& file) {
-  const yaml::YamlReader root = yaml::YamlReader::file(file);
+ServiceConfig described(const yaml::YamlReader& root, const fs::path& file) {
   ServiceConfig config;
   config.file = fs::absolute(file).lexically_normal();
-  Reader reader(root);
+  Reader reader(root, root.path().parent_path());
   describe(reader, config);
   reader.finish();
+  return config;
+}
+
+// Somebody renamed a target, or took it out, and what it was taught is still there: only a person knows which.
+void check_taught_targets(const yaml::YamlReader& written, const yaml::YamlReader& taught) {
+  const std::vector<std::string> known = written.map_or_empty("targets").keys();
+  const yaml::YamlReader targets = taught.map_or_empty("targets");
+  for (const std::string& name : targets.keys()) {
+    if (std::ranges::find(known, name) != known.end()) continue;
+    const auto nearest = yaml::nearest_word(name, known);
+    targets.fail(name, fmt::format("{} has no such target{}: rename it here too, or take it out of this file",
+                                   written.path().string(), nearest ? " (did you mean " + *nearest + "?)" : ""));
+  }
+}
+
+// The configuration must be right by itself: so a mistake in it is not hidden by what is read over it, and whoever
+// deletes the taught file has it back.
+ServiceConfig read_config(const fs::path& file, const yaml::YamlReader& written,
+                          const std::optional<yaml::YamlReader>& taught) {
+  ServiceConfig config = described(written, file);
+  yaml::YamlReader root = written;
+  if (taught) {
+    taught->integer("version", yaml::Range{.min = 1, .max = 1});
+    check_taught_targets(written, *taught);
+    root = written.patched_with(*taught);
+    config = described(root, file);
+    for (const auto& [path, is_null] : taught->leaves())
+      if (path != yaml::KeyPath{"version"}) (is_null ? config.taught.removed : config.taught.given).insert(path);
+  }
   if (!fs::is_regular_file(config.rig_file)) root.fail("rig", "there is no file " + config.rig_file.string());
   config.rig = calib::read_rig(config.rig_file);
   for (const auto& target : config.targets) config.dds.publisher.targets.push_back(target.name);
@@ -719,11 +638,46 @@ ServiceConfig load_service_config(const fs::path& file) {
   return config;
 }
 
-std::string to_yaml(const ServiceConfig& config) {
+std::string printed(const ServiceConfig& config, Printer::Show show) {
   std::string out;
-  Printer printer(out);
+  Printer::Style style{.show = show, .taught = config.taught};
+  if (show == Printer::Show::all_origins) style.taught_name = taught_file(config.file).filename().string();
+  Printer printer(out, style);
   describe(printer, config);
   return out;
+}
+
+// Names of what a recording holds beside its configuration.
+constexpr const char *board_beside = "camera_board.yaml", *map_beside = "camera.map";
+
+}  // namespace
+
+fs::path taught_file(const fs::path& config) {
+  const fs::path real = fs::weakly_canonical(config);
+  return real.parent_path() / (real.stem().string() + ".taught" + real.extension().string());
+}
+
+ServiceConfig load_service_config(const fs::path& file) {
+  const yaml::YamlReader written = yaml::YamlReader::file(file);
+  const fs::path beside = taught_file(file);
+  if (!fs::exists(beside)) return read_config(file, written, std::nullopt);
+  return read_config(file, written, yaml::YamlReader::file(beside));
+}
+
+ServiceConfig load_service_config(const fs::path& file, const std::string& taught) {
+  return read_config(file, yaml::YamlReader::file(file), yaml::YamlReader::text(taught, taught_file(file).string()));
+}
+
+std::string to_yaml(const ServiceConfig& config) {
+  return printed(config, Printer::Show::all);
+}
+
+std::string to_yaml_with_origins(const ServiceConfig& config) {
+  return printed(config, Printer::Show::all_origins);
+}
+
+std::string to_taught_yaml(const ServiceConfig& config) {
+  return printed(config, Printer::Show::taught);
 }
 
 std::string to_portable_yaml(const ServiceConfig& config) {
@@ -757,12 +711,7 @@ std::string config_identity(const ServiceConfig& config) {
   anywhere.rig_file.clear();                 // where the rig lies changes nothing; what it says has its own identity
   std::uint64_t hash = 0xcbf29ce484222325u;  // FNV-1a 64
   for (const char c : to_yaml(anywhere)) hash = (hash ^ static_cast<unsigned char>(c)) * 0x100000001b3u;
-  std::array<char, 16> digits{};
-  digits.fill('0');
-  std::array<char, 16> raw{};
-  const auto end = std::to_chars(raw.data(), raw.data() + raw.size(), hash, 16).ptr;
-  std::copy(raw.data(), end, digits.data() + (raw.data() + raw.size() - end));
-  return {digits.begin(), digits.end()};
+  return fmt::format("{:016x}", hash);
 }
 
 std::vector<std::string> differing_keys(const ServiceConfig& a, const ServiceConfig& b) {
@@ -800,59 +749,6 @@ std::vector<std::size_t> targets_that_differ(const ServiceConfig& before, const 
     if (all || !is_same) targets.push_back(t);
   }
   return targets;
-}
-
-std::vector<std::string> warnings_of(const ServiceConfig& config) {
-  std::vector<std::string> warnings;
-  for (const auto& camera : config.rig.cameras) {
-    if (!config.cameras.empty() &&
-        std::ranges::find(config.cameras, camera.name, &LiveCameraConfig::name) == config.cameras.end())
-      warnings.push_back("camera " + camera.name + " of the rig is not among the live cameras, and not used by run");
-  }
-  const RecordConfig& record = config.record;
-  if (!record.folder.empty() && !record.always && !(record.pre_roll_s > 0))
-    warnings.push_back("record.folder is given, but nothing will be recorded: set record.always or record.pre_roll_s");
-  if (config.targets.empty()) return warnings;
-  const auto coverage = volume_coverage(config.rig, config.object_tracking.volume);
-  for (std::size_t c = 0; c < config.rig.cameras.size(); ++c) {
-    if (coverage.per_camera[c] == 0)
-      warnings.push_back("camera " + config.rig.cameras[c].name + " sees nothing of the volume");
-  }
-  if (coverage.by_two < 0.5) {
-    warnings.push_back("only " + std::to_string(std::lround(100 * coverage.by_two)) +
-                       " % of the volume is seen by two or more cameras: a target's depth is not fixed in the rest");
-  }
-  for (std::size_t a = 0; a < config.targets.size(); ++a) {
-    for (std::size_t b = a + 1; b < config.targets.size(); ++b) {
-      for (const auto& camera : config.rig.cameras) {
-        if (!hues_overlap(config.targets[a].color_in(camera.name), config.targets[b].color_in(camera.name))) continue;
-        warnings.push_back("targets " + config.targets[a].name + " and " + config.targets[b].name +
-                           " have overlapping colours in camera " + camera.name + " and may be taken for each other");
-        break;
-      }
-    }
-  }
-  return warnings;
-}
-
-VolumeCoverage volume_coverage(const calib::CameraRig& rig, const object_tracking::Box& volume) {
-  constexpr int steps = 12;  // per axis: 1728 points, fine enough for a share in per cent
-  VolumeCoverage coverage{.per_camera = std::vector<double>(rig.cameras.size(), 0.0)};
-  constexpr double weight = 1.0 / (steps * steps * steps);
-  for (int i = 0; i < steps * steps * steps; ++i) {
-    const Eigen::Array3d cell(i % steps, i / steps % steps, i / (steps * steps));
-    const Eigen::Vector3d p = volume.min.array() + (cell + 0.5) / steps * (volume.max - volume.min).array();
-    int views = 0;
-    for (std::size_t c = 0; c < rig.cameras.size(); ++c) {
-      const auto pixel = rig.cameras[c].project_world(p);
-      if (!pixel || !rig.cameras[c].contains(*pixel)) continue;
-      coverage.per_camera[c] += weight;
-      ++views;
-    }
-    if (views >= 1) coverage.by_one += weight;
-    if (views >= 2) coverage.by_two += weight;
-  }
-  return coverage;
 }
 
 }  // namespace huetrack::config

@@ -4,10 +4,13 @@
 
 #include <filesystem>
 #include <optional>
+#include <set>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "calib/model/camera_rig.h"
+#include "calib/yaml/yaml_reader.h"
 #include "capture/recording_writer.h"
 #include "capture/v4l2_source.h"
 #include "config/camera_tracking_config.h"
@@ -64,7 +67,12 @@ struct PreviewConfig {
 
 // What may be asked of the running service over the bus.
 struct ControlConfig {
-  bool allow_teach = false;  // teach colours and ignore regions: changes the configuration file
+  bool allow_teach = false;  // teach colours and ignore regions: changes what the taught file says
+};
+
+// Of which values the taught file says what they are, and which of the configuration's it takes away.
+struct TaughtKeys {
+  std::set<yaml::KeyPath> given, removed;
 };
 
 struct ServiceConfig {
@@ -85,14 +93,29 @@ struct ServiceConfig {
   ControlConfig control;
   object_tracking::IgnoredRegions ignored;  // also in every target
   LogLevel log_level = LogLevel::info;
+  TaughtKeys taught;  // where values come from; no value, and nothing that compares configurations looks at it
 };
 
-// throws ConfigError: unreadable, unknown key, wrong type, out of range, or keys that contradict each other or the rig.
-// Relative paths in the file start at the file's folder.
+// The file of what was taught to this configuration, whether there is one or not: my.taught.yaml beside my.yaml, where
+// that lies itself when `config` is a link. It has the same keys, of which it needs none but version, and is read over
+// the configuration as a JSON merge patch (RFC 7396): what it says takes the place of what the configuration says for
+// that key, mappings are merged, and null takes a key away. Programs write it (taught_file.h), as a whole; whoever
+// deletes it has the configuration alone again.
+std::filesystem::path taught_file(const std::filesystem::path& config);
+
+// The configuration, with the taught file read over it where there is one. throws ConfigError, for both files:
+// unreadable, unknown key, wrong type, out of range, keys that contradict each other or the rig; or the taught file
+// speaks of a target that the configuration does not have. Relative paths start at the configuration's folder.
 ServiceConfig load_service_config(const std::filesystem::path& file);
+// The same, as if the taught file held this text.
+ServiceConfig load_service_config(const std::filesystem::path& file, const std::string& taught);
 
 // Every key, default or given, as YAML that loads back to the same configuration from any folder (paths are absolute).
 std::string to_yaml(const ServiceConfig& config);
+// The same, with a comment at every value that comes from the taught file.
+std::string to_yaml_with_origins(const ServiceConfig& config);
+// What the taught file says, from version on: the values of config.taught.
+std::string to_taught_yaml(const ServiceConfig& config);
 
 // The same for another machine: `rig` is rig.yaml beside it, and what else is referred to are files_beside(). What a
 // recording holds. A replay of it writes no map.

@@ -1,5 +1,6 @@
 #include "daemon/doctor.h"
 
+#include <fmt/format.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -10,10 +11,9 @@
 #include <set>
 
 #include "calib/yaml/yaml_reader.h"
-#include "config/formatted.h"
 #include "config/service_config.h"
-#include "daemon/live.h"
 #include "daemon/metrics.h"
+#include "pipeline/live_cameras.h"
 #include "publish/estimate_publisher.h"
 
 namespace huetrack::daemon {
@@ -22,9 +22,7 @@ namespace {
 namespace fs = std::filesystem;
 
 std::string joined(const std::vector<std::string>& words, const std::string& between = ", ") {
-  std::string all;
-  for (const auto& word : words) all += (all.empty() ? "" : between) + word;
-  return all;
+  return fmt::format("{}", fmt::join(words, between));
 }
 std::string joined(const std::vector<fs::path>& paths) {
   std::vector<std::string> words(paths.begin(), paths.end());
@@ -41,13 +39,13 @@ std::string offered(const capture::OfferedFormat& format) {
   for (const auto& size : format.sizes) {
     std::vector<std::string> rates;
     for (const double fps : format.sizes.empty() ? std::vector<double>{} : size.fps)
-      rates.push_back(config::formatted("%.4g", fps));
+      rates.push_back(fmt::format("{:.4g}", fps));
     const std::string range =
-        size.min_width < size.width ? config::formatted("%dx%d to ", size.min_width, size.min_height) : std::string();
-    sizes.push_back(range + config::formatted("%dx%d", size.width, size.height) +
+        size.min_width < size.width ? fmt::format("{}x{} to ", size.min_width, size.min_height) : std::string();
+    sizes.push_back(range + fmt::format("{}x{}", size.width, size.height) +
                     (rates.empty() ? "" : "@" + joined(rates, "/")));
     if (sizes.size() == 12 && format.sizes.size() > 13) {
-      sizes.push_back(config::formatted("and %zu sizes more", format.sizes.size() - sizes.size()));
+      sizes.push_back(fmt::format("and {} sizes more", format.sizes.size() - sizes.size()));
       break;
     }
   }
@@ -96,8 +94,7 @@ void judge_formats(const CameraExam& exam, std::vector<Finding>& findings) {
 void judge_stream(const CameraExam& exam, std::vector<Finding>& findings) {
   const StreamTrial& trial = *exam.trial;
   const capture::StreamFormat& agreed = trial.agreed;
-  const std::string what =
-      config::formatted("%s %dx%d", std::string(capture::name(agreed.format)).c_str(), agreed.width, agreed.height);
+  const std::string what = fmt::format("{} {}x{}", capture::name(agreed.format), agreed.width, agreed.height);
   if (!trial.failure.empty()) {
     findings.push_back({Verdict::problem, what + ": " + trial.failure,
                         "try another cable, port or a powered hub; for several cameras on one bus, format: mjpeg or a "
@@ -108,29 +105,25 @@ void judge_stream(const CameraExam& exam, std::vector<Finding>& findings) {
   const bool is_slow = said > 0 && trial.fps() < 0.95 * said;
   findings.push_back(
       {is_slow ? Verdict::warning : Verdict::ok,
-       what + config::formatted(": %.1f frames/s reached", trial.fps()) +
-           (said > 0 ? config::formatted(" of %.4g", said) : std::string()) +
-           config::formatted(" over %.1f s, longest gap %.0f ms", trial.seconds, 1000 * trial.longest_gap_s),
+       what + fmt::format(": {:.1f} frames/s reached", trial.fps()) +
+           (said > 0 ? fmt::format(" of {:.4g}", said) : std::string()) +
+           fmt::format(" over {:.1f} s, longest gap {:.0f} ms", trial.seconds, 1000 * trial.longest_gap_s),
        is_slow ? "long exposures lower the rate: set exposure_time_absolute below the frame period and "
                  "exposure_dynamic_framerate: 0, or give more light; if that is not it, the USB: format: mjpeg"
                : ""});
   if (exam.asked_fps > 0 && agreed.fps > 0 && std::abs(agreed.fps - exam.asked_fps) > 0.02 * exam.asked_fps)
     findings.push_back({Verdict::warning,
-                        config::formatted("asked for %.4g frames/s, it does %.4g", exam.asked_fps, agreed.fps),
+                        fmt::format("asked for {:.4g} frames/s, it does {:.4g}", exam.asked_fps, agreed.fps),
                         "give fps one of the rates above"});
   if (trial.dropped > 0 || trial.corrupted > 0)
-    findings.push_back(
-        {Verdict::warning,
-         config::formatted("%llu frames dropped, %llu damaged of %llu", static_cast<unsigned long long>(trial.dropped),
-                           static_cast<unsigned long long>(trial.corrupted),
-                           static_cast<unsigned long long>(trial.frames + trial.dropped)),
-         "a busy host, the cable, or the USB bus: try another port, format: mjpeg, or a lower rate"});
+    findings.push_back({Verdict::warning,
+                        fmt::format("{} frames dropped, {} damaged of {}", trial.dropped, trial.corrupted,
+                                    trial.frames + trial.dropped),
+                        "a busy host, the cable, or the USB bus: try another port, format: mjpeg, or a lower rate"});
   else
-    findings.push_back(
-        {Verdict::ok,
-         config::formatted("no frame of %llu dropped or damaged", static_cast<unsigned long long>(trial.frames)), ""});
+    findings.push_back({Verdict::ok, fmt::format("no frame of {} dropped or damaged", trial.frames), ""});
   const std::string stamp = "time stamps: " + std::string(capture::name(trial.stamp)) +
-                            config::formatted(", %.1f ms before the frame is taken", 1000 * trial.mean_age_s);
+                            fmt::format(", {:.1f} ms before the frame is taken", 1000 * trial.mean_age_s);
   if (trial.stamp == capture::StampKind::dequeued)
     findings.push_back({Verdict::warning, "time stamps: the driver gives none; the time of taking the frame is used",
                         "several ms of jitter: track slowly moving objects only, or use another camera"});
@@ -270,10 +263,10 @@ class Doctor {
     }
     say({Verdict::ok,
          "it is valid; rig " + config_->rig_file.string() +
-             config::formatted(" of %zu cameras, %zu targets", config_->rig.cameras.size(), config_->targets.size()),
+             fmt::format(" of {} cameras, {} targets", config_->rig.cameras.size(), config_->targets.size()),
          ""});
     for (const auto& warning : config::warnings_of(*config_)) say({Verdict::warning, warning, ""});
-    if (const auto both = one_under_two_names(config_->cameras))
+    if (const auto both = pipeline::one_under_two_names(config_->cameras))
       say({Verdict::problem, "cameras: " + *both, "give each its own device: run refuses to start so"});
     if (config_->cameras.empty())
       say({Verdict::warning, "cameras: names none: it is for replay only", "name the devices that are listed below"});
@@ -392,9 +385,8 @@ class Doctor {
     const double minutes = bytes_per_s > 0 ? double(space.available) / bytes_per_s / 60 : 0;
     const bool is_short = minutes < 30;
     say({is_short ? Verdict::warning : Verdict::ok,
-         record.folder.string() +
-             config::formatted(": %.1f GB free, room for %.0f minutes of raw images of all cameras",
-                               double(space.available) / 1e9, minutes),
+         record.folder.string() + fmt::format(": {:.1f} GB free, room for {:.0f} minutes of raw images of all cameras",
+                                              double(space.available) / 1e9, minutes),
          is_short ? "make room, or use format: mjpeg or raw_storage: huffyuv" : ""});
   }
 
@@ -403,8 +395,7 @@ class Doctor {
     title("metrics");
     try {
       const MetricsServer server(config_->metrics.address, *config_->metrics.port);
-      say({Verdict::ok, config::formatted("%s:%d is free", config_->metrics.address.c_str(), *config_->metrics.port),
-           ""});
+      say({Verdict::ok, fmt::format("{}:{} is free", config_->metrics.address, *config_->metrics.port), ""});
     } catch (const std::runtime_error& error) {
       say({Verdict::warning, error.what(), "when it is huetrackd itself that runs there, all is well"});
     }
@@ -422,7 +413,7 @@ class Doctor {
 
 std::string not_examined(int busy, int cameras) {
   if (busy == 0) return {};
-  return config::formatted("; %d of %d camera%s could not be examined: busy", busy, cameras, cameras == 1 ? "" : "s");
+  return fmt::format("; {} of {} camera{} could not be examined: busy", busy, cameras, cameras == 1 ? "" : "s");
 }
 
 std::vector<Finding> judge_camera(const CameraExam& exam, bool is_expected) {
@@ -465,12 +456,12 @@ std::vector<Finding> judge_usb(std::span<const CameraExam> exams, const std::map
           trial.agreed.format == capture::CaptureFormat::mjpeg ? trial.fps() : std::max(trial.fps(), trial.agreed.fps);
       const double mbps = 8e-6 * per_frame * fps;
       wanted_mbps[usb.bus] += std::max(mbps, trial.usb ? trial.usb->mbps() : 0);
-      text_of_camera += config::formatted(" %.0f Mbit/s", mbps);
+      text_of_camera += fmt::format(" {:.0f} Mbit/s", mbps);
       if (trial.usb) text_of_camera += ", " + capture::to_string(*trial.usb);
     }
     cameras[usb.bus].push_back(text_of_camera);
     if (usb.speed_mbps > 0 && usb.speed_mbps < 100)
-      findings.push_back({Verdict::problem, name_of(exam) + config::formatted(" runs at %.4g Mbit/s", usb.speed_mbps),
+      findings.push_back({Verdict::problem, name_of(exam) + fmt::format(" runs at {:.4g} Mbit/s", usb.speed_mbps),
                           "it hangs on a USB 1 hub or a bad cable: plug it in directly"});
   }
   for (const auto& [bus, names] : cameras) {
@@ -479,14 +470,13 @@ std::vector<Finding> judge_usb(std::span<const CameraExam> exams, const std::map
     const double budget = (mbps < 100 ? 0.9 : 0.8) * mbps;  // USB 2.0, 5.6.4 and 5.5.4: periodic transfers
     const double wanted = wanted_mbps[bus];
     const Verdict verdict = wanted > budget ? Verdict::problem : wanted > 0.7 * budget ? Verdict::warning : Verdict::ok;
-    findings.push_back(
-        {verdict,
-         config::formatted("bus %d, %.4g Mbit/s: ", bus, mbps) + joined(names) +
-             config::formatted("; together %.0f of the %.0f Mbit/s that cameras may have", wanted, budget),
-         verdict == Verdict::ok
-             ? ""
-             : "drivers reserve more than is sent, and then say \"No space left on device\": format: "
-               "mjpeg, a lower rate, or a port of another bus (lsusb -t)"});
+    findings.push_back({verdict,
+                        fmt::format("bus {}, {:.4g} Mbit/s: ", bus, mbps) + joined(names) +
+                            fmt::format("; together {:.0f} of the {:.0f} Mbit/s that cameras may have", wanted, budget),
+                        verdict == Verdict::ok
+                            ? ""
+                            : "drivers reserve more than is sent, and then say \"No space left on device\": format: "
+                              "mjpeg, a lower rate, or a port of another bus (lsusb -t)"});
   }
   if (cameras.empty()) findings.push_back({Verdict::note, "no camera on it", ""});
   return findings;

@@ -1,8 +1,9 @@
 #include "daemon/metrics.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <limits>
 #include <utility>
 
@@ -11,9 +12,7 @@ namespace {
 
 std::string number(double value) {
   if (std::isnan(value)) return "NaN";
-  std::array<char, 32> text{};
-  std::snprintf(text.data(), text.size(), "%.9g", value);
-  return text.data();
+  return fmt::format("{:.9g}", value);
 }
 
 std::string label(std::string_view text) {

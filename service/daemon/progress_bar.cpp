@@ -1,5 +1,6 @@
 #include "daemon/progress_bar.h"
 
+#include <fmt/format.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -9,21 +10,17 @@ namespace huetrack::daemon {
 
 std::string progress_text(std::uint64_t done, std::optional<std::int64_t> total, double times_real_time,
                           const std::string& details) {
-  char figures[96];
   std::string bar;
   if (total && *total > 0) {
     constexpr std::size_t cells = 24;
     const double share = std::min(1.0, static_cast<double>(done) / static_cast<double>(*total));
     const auto full = static_cast<std::size_t>(share * cells);
-    bar += '[';
-    bar.append(full, '#').append(cells - full, '-').append("] ");
-    std::snprintf(figures, sizeof figures, "%3.0f %%  %llu/%lld frames  %.1fx real time", 100 * share,
-                  static_cast<unsigned long long>(done), static_cast<long long>(*total), times_real_time);
+    bar = fmt::format("[{}{}] {:3.0f} %  {}/{} frames", std::string(full, '#'), std::string(cells - full, '-'),
+                      100 * share, done, *total);
   } else {
-    std::snprintf(figures, sizeof figures, "%llu frames  %.1fx real time", static_cast<unsigned long long>(done),
-                  times_real_time);
+    bar = fmt::format("{} frames", done);
   }
-  bar += figures;
+  bar += fmt::format("  {:.1f}x real time", times_real_time);
   if (!details.empty()) bar.append("  ").append(details);
   return bar;
 }

@@ -4,14 +4,13 @@
 #include <atomic>
 #include <cstdint>
 #include <filesystem>
-#include <map>
 #include <optional>
 #include <stop_token>
 #include <string>
 #include <vector>
 
-#include "pipeline/pipeline.h"
-#include "tracks/truth.h"
+#include "daemon/tally.h"
+#include "pipeline/figures.h"
 
 namespace huetrack::daemon {
 
@@ -44,21 +43,6 @@ struct ReplayCommand {
   bool progress = true;                 // a bar on stderr, if that is a terminal
 };
 
-struct TargetSummary {
-  std::string name;
-  std::map<object_tracking::TrackState, std::uint64_t> sets;  // per state
-  std::optional<std::uint64_t> first_tracking_set;            // 1 = the first
-  double first_tracking_s = 0;                                // capture time from the first set to that one
-  std::optional<tracks::TruthFigures> truth;
-  std::string advice;  // when it was never tracked: what to try
-};
-
-struct CameraSummary {
-  std::string name;
-  std::map<camera_tracking::CameraState, std::uint64_t> frames;  // per state
-  std::optional<std::uint64_t> first_pose_frame;                 // from 0
-};
-
 struct ReplaySummary {
   pipeline::PipelineFigures figures;
   bool stopped = false;  // before the end
@@ -77,7 +61,7 @@ struct ReplaySummary {
 };
 
 // throws ConfigError and other std::exceptions whose what() is one readable line. Warnings go to the log.
-ReplaySummary replay(const ReplayCommand& command, std::stop_token stop);
+ReplaySummary replay(const ReplayCommand& command, const std::stop_token& stop);
 
 // For people, several lines.
 std::string to_text(const ReplaySummary& summary, const ReplayCommand& command);

@@ -1,7 +1,8 @@
 #include "daemon/status_reporter.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
-#include <cstdio>
 
 #include "calib/model/rig_yaml.h"
 
@@ -101,9 +102,7 @@ publish::ServiceStatus StatusReporter::report(const pipeline::PipelineFigures& f
       out.message = "no frame yet";
     } else if (now - *camera.last_received > stalled_after) {
       out.health = publish::CameraStatus::Health::stalled;
-      char text[64];
-      std::snprintf(text, sizeof text, "no frame for %.1f s", out.age_s);
-      out.message = text;
+      out.message = fmt::format("no frame for {:.1f} s", out.age_s);
     } else {
       out.health = publish::CameraStatus::Health::delivering;
     }

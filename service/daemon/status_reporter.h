@@ -9,7 +9,7 @@
 
 #include "capture/v4l2_source.h"
 #include "config/service_config.h"
-#include "pipeline/pipeline.h"
+#include "pipeline/figures.h"
 #include "publish/service_status.h"
 
 namespace huetrack::daemon {

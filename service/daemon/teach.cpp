@@ -1,6 +1,7 @@
 #include "daemon/teach.h"
 
-#include <spdlog/spdlog.h>
+#include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <charconv>
@@ -10,18 +11,18 @@
 #include <cstdio>
 #include <functional>
 #include <map>
-#include <memory>
 #include <opencv2/imgcodecs.hpp>
+#include <optional>
 #include <thread>
 
 #include "calib/yaml/yaml_reader.h"
 #include "capture/recording.h"
 #include "capture/replay_source.h"
-#include "color_teaching/color_teacher.h"
-#include "config/config_editor.h"
-#include "config/formatted.h"
-#include "daemon/live.h"
+#include "color_teaching/lesson.h"
+#include "config/service_config.h"
+#include "config/taught_file.h"
 #include "pictures/pictures.h"
+#include "pipeline/live_cameras.h"
 #include "publish/service_finder.h"
 
 namespace huetrack::daemon {
@@ -51,15 +52,24 @@ double number_of(const std::string& text, const std::string& whole, const char* 
 
 int camera_of(const calib::CameraRig& rig, const std::string& name) {
   if (const auto index = rig.index_of(name)) return *index;
-  std::string list;
   std::vector<std::string> names;
-  for (const auto& camera : rig.cameras) {
-    list += (list.empty() ? "" : ", ") + camera.name;
-    names.push_back(camera.name);
-  }
+  for (const auto& camera : rig.cameras) names.push_back(camera.name);
   const auto nearest = yaml::nearest_word(name, names);
-  throw std::runtime_error("there is no camera " + name + " in the rig, which has " + list +
-                           (nearest ? " (did you mean " + *nearest + "?)" : ""));
+  throw std::runtime_error(fmt::format("there is no camera {} in the rig, which has {}{}", name, fmt::join(names, ", "),
+                                       nearest ? " (did you mean " + *nearest + "?)" : ""));
+}
+
+const object_tracking::TargetOptions& target_of(const config::ServiceConfig& config, const std::string& name) {
+  std::vector<std::string> names;
+  for (const auto& target : config.targets) names.push_back(target.name);
+  if (name.empty() && names.size() > 1)
+    throw std::runtime_error(fmt::format("which target? Give --target with one of: {}", fmt::join(names, ", ")));
+  const auto target = name.empty() ? config.targets.begin()
+                                   : std::ranges::find(config.targets, name, &object_tracking::TargetOptions::name);
+  if (target == config.targets.end())
+    throw std::runtime_error(
+        fmt::format("there is no target {} in {}, which has {}", name, config.file.string(), fmt::join(names, ", ")));
+  return *target;
 }
 
 struct At {
@@ -70,18 +80,58 @@ struct At {
 At at_of(const calib::CameraRig& rig, const std::string& text) {
   constexpr const char* form = "CAMERA,FRAME,U,V, as in left,0,310,222";
   const auto parts = split(text);
-  if (parts.size() != 4) throw std::runtime_error("--at \"" + text + "\" is not of the form " + form);
+  if (parts.size() != 4) throw std::runtime_error(fmt::format("--at \"{}\" is not of the form {}", text, form));
   At at;
   at.point.camera = camera_of(rig, parts[0]);
   const double frame = number_of(parts[1], text, form);
-  if (frame < 0 || frame != std::floor(frame)) throw std::runtime_error("--at \"" + text + "\": frames count from 0");
+  if (frame < 0 || frame != std::floor(frame))
+    throw std::runtime_error(fmt::format("--at \"{}\": frames count from 0", text));
   at.frame = std::int64_t(frame);
   at.point.px = {number_of(parts[2], text, form), number_of(parts[3], text, form)};
   const calib::Camera& camera = rig.cameras[std::size_t(at.point.camera)];
   if (!camera.contains({at.point.px}))
-    throw std::runtime_error("--at \"" + text + "\": the pictures of " + camera.name + " are " +
-                             std::to_string(camera.image_size.width) + "x" + std::to_string(camera.image_size.height));
+    throw std::runtime_error(fmt::format("--at \"{}\": the pictures of {} are {}x{}", text, camera.name,
+                                         camera.image_size.width, camera.image_size.height));
   return at;
+}
+
+std::pair<std::string, object_tracking::PixelBox> ignored_of(const calib::CameraRig& rig, const std::string& text) {
+  constexpr const char* form = "CAMERA,U_MIN,V_MIN,U_MAX,V_MAX";
+  const auto parts = split(text);
+  if (parts.size() != 5) throw std::runtime_error(fmt::format("--ignore \"{}\" is not of the form {}", text, form));
+  camera_of(rig, parts[0]);
+  const auto pixel = [&](std::size_t part) {
+    return int(std::lround(std::clamp(number_of(parts[part], text, form), -1e6, 1e6)));
+  };
+  const object_tracking::PixelBox box{pixel(1), pixel(2), pixel(3), pixel(4)};
+  if (box.empty()) throw std::runtime_error(fmt::format("--ignore \"{}\" ends before it begins", text));
+  return {parts[0], box};
+}
+
+// What the command line points at, and in which frame of each camera.
+struct Pointing {
+  color_teaching::TeachRequestOptions request;
+  std::map<int, std::int64_t> frames;
+};
+
+Pointing pointing_of(const TeachCommand& command, const config::ServiceConfig& config) {
+  if (command.at.empty()) throw std::runtime_error("point at the object: --at CAMERA,FRAME,U,V");
+  Pointing pointing;
+  pointing.request.wider = command.wider;
+  pointing.request.accepts_suggestions = command.accept;
+  for (const std::string& text : command.at) {
+    const At at = at_of(config.rig, text);
+    if (!pointing.frames.emplace(at.point.camera, at.frame).second)
+      throw std::runtime_error(
+          fmt::format("--at \"{}\": there is another --at for this camera; one per camera counts", text));
+    pointing.request.points.push_back(at.point);
+  }
+  pointing.request.ignored = config.ignored;
+  for (const std::string& text : command.ignore) {
+    const auto [camera, box] = ignored_of(config.rig, text);
+    color_teaching::add_ignored(pointing.request.ignored, camera, box);
+  }
+  return pointing;
 }
 
 // One picture of every camera: where somebody pointed, the frame of that number; of the others, the one captured
@@ -122,9 +172,8 @@ capture::FrameSet recorded_pictures(const config::ServiceConfig& config, const s
   }
   for (const auto& [camera, number] : wanted) {
     if (!is_settled[std::size_t(camera)])
-      throw std::runtime_error(recording.string() + ": camera " + rig.cameras[std::size_t(camera)].name +
-                               " has no sound frame " + std::to_string(number) + " (it has " +
-                               std::to_string(count[std::size_t(camera)]) + ")");
+      throw std::runtime_error(fmt::format("{}: camera {} has no sound frame {} (it has {})", recording.string(),
+                                           rig.cameras[std::size_t(camera)].name, number, count[std::size_t(camera)]));
   }
   return set;
 }
@@ -137,7 +186,7 @@ capture::FrameSet live_pictures(const config::ServiceConfig& config, const std::
   if (config.cameras.empty()) throw std::runtime_error(config.file.string() + ": cameras: none is given to teach from");
   capture::FrameSet set;
   set.frames.resize(config.rig.cameras.size());
-  for (auto& camera : open_cameras(config, stop)) {
+  for (auto& camera : pipeline::open_cameras(config, stop)) {
     std::stop_source enough;
     const std::stop_callback forward(stop, [&] { enough.request_stop(); });
     const auto until = std::chrono::steady_clock::now() + patience;
@@ -155,8 +204,9 @@ capture::FrameSet live_pictures(const config::ServiceConfig& config, const std::
     }
     if (!set.frames[std::size_t(camera.camera)] && it != wanted.end())
       throw std::runtime_error(
-          "camera " + config.rig.cameras[std::size_t(camera.camera)].name +
-          " gave no such frame within 10 s; is it in use by a running huetrackd? Then teach on the page");
+          fmt::format("camera {} gave no such frame within 10 s; is it in use by a running huetrackd? Then teach on "
+                      "the page",
+                      config.rig.cameras[std::size_t(camera.camera)].name));
   }
   return set;
 }
@@ -191,115 +241,81 @@ void tell_services(const config::ServiceConfig& config) {
     if (!service.is_on_this_host || !is_same_file(service.config_file, config.file)) continue;
     const bool runs = service.mode == "run";
     if (::kill(pid_t(service.pid), SIGHUP) == 0) {
-      std::printf("huetrackd (process %u%s) has been told to take it over\n", service.pid,
-                  runs                     ? ""
-                  : service.mode == "held" ? ", a replay that is held: Go on on the page lets it run"
-                                           : ", a replay");
+      fmt::print("huetrackd (process {}{}) has been told to take it over\n", service.pid,
+                 runs                     ? ""
+                 : service.mode == "held" ? ", a replay that is held: Go on on the page lets it run"
+                                          : ", a replay");
     } else {
-      std::printf("huetrackd runs as another user: tell it with  kill -HUP %u%s\n", service.pid,
-                  runs ? "  or  systemctl reload huetrackd" : "");
+      fmt::print("huetrackd runs as another user: tell it with  kill -HUP {}{}\n", service.pid,
+                 runs ? "  or  systemctl reload huetrackd" : "");
     }
     told = true;
   }
-  if (!told) std::printf("no huetrackd runs with this file on this host: it takes effect at the next start\n");
+  if (!told) fmt::print("no huetrackd runs with this file on this host: it takes effect at the next start\n");
+}
+
+void print_lesson(const color_teaching::Lesson& lesson, const calib::CameraRig& rig, std::int64_t first_frame) {
+  for (std::size_t c = 0; c < lesson.taught.views.size(); ++c) {
+    const color_teaching::TaughtView& view = lesson.taught.views[c];
+    if (!view.verdict.empty()) fmt::print("{}\n", view.verdict);
+    if (view.pointed) {
+      fmt::print("  hue_deg: [{:g}, {:g}], saturation: [{:g}, {:g}], intensity: [{:g}, {:g}]\n", view.color.hue_min_deg,
+                 view.color.hue_max_deg, view.color.saturation_min, view.color.saturation_max, view.color.intensity_min,
+                 view.color.intensity_max);
+    } else if (view.region) {
+      fmt::print("  confirm it with  --at {},{},{},{}  or take all that is suggested with --accept\n",
+                 rig.cameras[c].name, first_frame, std::lround(view.region->centre.x()),
+                 std::lround(view.region->centre.y()));
+    }
+  }
+  if (!lesson.radius_hint.empty()) fmt::print("{}\n", lesson.radius_hint);
+  for (const std::string& name : lesson.namesakes)
+    fmt::print("Warning: the object has the colour of the target {}, too: nothing tells the two apart\n", name);
+}
+
+// May it be written? What speaks against it is said.
+bool is_worth_writing(const color_teaching::Lesson& lesson, const TeachCommand& command) {
+  if (!lesson.why_useless.empty()) {
+    fmt::print(stderr, "huetrackd: nothing is written: {}\n", lesson.why_useless);
+    return false;
+  }
+  if (lesson.unconfirmed.empty()) return true;
+  const std::string where =
+      fmt::format("nobody has confirmed where the object is in {}", fmt::join(lesson.unconfirmed, ", "));
+  if (!command.only && !command.dry_run) {
+    fmt::print(stderr,
+               "huetrackd: nothing is written: {}. Confirm it with the --at above, take what is suggested with "
+               "--accept, or leave it so with --only\n",
+               where);
+    return false;
+  }
+  fmt::print("Warning: {}: the colour may not be seen there\n", where);
+  return true;
 }
 
 }  // namespace
 
 int teach(const TeachCommand& command, std::stop_token stop) {
   const config::ServiceConfig config = config::load_service_config(command.config);
-  const calib::CameraRig& rig = config.rig;
-  std::string names;
-  for (const auto& t : config.targets) names += (names.empty() ? "" : ", ") + t.name;
-  if (command.target.empty() && config.targets.size() > 1)
-    throw std::runtime_error("which target? Give --target with one of: " + names);
-  const auto target = command.target.empty()
-                          ? config.targets.begin()
-                          : std::ranges::find(config.targets, command.target, &object_tracking::TargetOptions::name);
-  if (target == config.targets.end())
-    throw std::runtime_error("there is no target " + command.target + " in " + config.file.string() + ", which has " +
-                             names);
-
-  if (command.at.empty()) throw std::runtime_error("point at the object: --at CAMERA,FRAME,U,V");
-  std::map<int, std::int64_t> wanted;
-  color_teaching::TeachRequestOptions request;
-  for (const std::string& text : command.at) {
-    const At at = at_of(rig, text);
-    if (!wanted.emplace(at.point.camera, at.frame).second)
-      throw std::runtime_error("--at \"" + text + "\": there is another --at for this camera; one per camera counts");
-    request.points.push_back(at.point);
-  }
-  object_tracking::IgnoredRegions ignored = config.ignored;
-  for (const std::string& text : command.ignore) {
-    constexpr const char* form = "CAMERA,U_MIN,V_MIN,U_MAX,V_MAX";
-    const auto parts = split(text);
-    if (parts.size() != 5) throw std::runtime_error("--ignore \"" + text + "\" is not of the form " + form);
-    camera_of(rig, parts[0]);
-    object_tracking::PixelBox box{};
-    int* const to[] = {&box.u_min, &box.v_min, &box.u_max, &box.v_max};
-    for (std::size_t i = 0; i < 4; ++i)
-      *to[i] = int(std::lround(std::clamp(number_of(parts[i + 1], text, form), -1e6, 1e6)));
-    if (box.empty()) throw std::runtime_error("--ignore \"" + text + "\" ends before it begins");
-    auto it = std::ranges::find(ignored, parts[0], &object_tracking::IgnoredRegions::value_type::first);
-    if (it == ignored.end()) it = ignored.insert(ignored.end(), {parts[0], {}});
-    it->second.push_back(box);
-  }
-  request.ignored.resize(rig.cameras.size());
-  for (const auto& [camera, boxes] : ignored) request.ignored[std::size_t(*rig.index_of(camera))] = boxes;
-  request.wider = command.wider;
-
+  const object_tracking::TargetOptions& target = target_of(config, command.target);
+  const Pointing pointing = pointing_of(command, config);
   const capture::FrameSet set = command.recording == "live"
-                                    ? live_pictures(config, wanted, stop)
-                                    : recorded_pictures(config, command.recording, wanted, stop);
-  const color_teaching::ColorTeacher teacher(rig, set);
-  color_teaching::Taught taught = teacher.teach(request, config.object_tracking.volume);
-  if (command.accept && taught.any()) {
-    for (std::size_t c = 0; c < taught.views.size(); ++c)
-      if (!taught.views[c].pointed && taught.views[c].region && taught.views[c].problem.empty())
-        request.points.push_back({int(c), taught.views[c].region->centre});
-    taught = teacher.teach(request, config.object_tracking.volume);
-  }
-  for (std::size_t c = 0; c < taught.views.size(); ++c) {
-    const color_teaching::TaughtView& view = taught.views[c];
-    if (!view.verdict.empty()) std::printf("%s\n", view.verdict.c_str());
-    if (view.pointed) {
-      std::printf("  hue_deg: [%g, %g], saturation: [%g, %g], intensity: [%g, %g]\n", view.color.hue_min_deg,
-                  view.color.hue_max_deg, view.color.saturation_min, view.color.saturation_max,
-                  view.color.intensity_min, view.color.intensity_max);
-    } else if (view.region) {
-      std::printf("  confirm it with  --at %s,%lld,%ld,%ld  or take all that is suggested with --accept\n",
-                  rig.cameras[c].name.c_str(), static_cast<long long>(wanted.begin()->second),
-                  std::lround(view.region->centre.x()), std::lround(view.region->centre.y()));
-    }
-  }
-  if (const std::string hint = color_teaching::radius_hint(taught, *target); !hint.empty())
-    std::printf("%s\n", hint.c_str());
-  for (const std::string& name : teacher.namesakes(taught, config.targets, target->name))
-    std::printf("Warning: the object has the colour of the target %s, too: nothing tells the two apart\n",
-                name.c_str());
+                                    ? live_pictures(config, pointing.frames, stop)
+                                    : recorded_pictures(config, command.recording, pointing.frames, stop);
+  const color_teaching::Lesson lesson =
+      color_teaching::learn(color_teaching::ColorTeacher(config.rig, set), pointing.request, config.targets, target,
+                            config.object_tracking.volume);
+  print_lesson(lesson, config.rig, pointing.frames.begin()->second);
   if (!command.pictures.empty()) {
-    draw(command.pictures, rig, set, taught);
-    std::printf("pictures with what matches in pink: %s\n", command.pictures.c_str());
+    draw(command.pictures, config.rig, set, lesson.taught);
+    fmt::print("pictures with what matches in pink: {}\n", command.pictures.string());
   }
-  if (const std::string why = color_teaching::why_useless(taught, rig); !why.empty()) {
-    std::fprintf(stderr, "huetrackd: nothing is written: %s\n", why.c_str());
-    return 1;
-  }
-  if (const auto open = color_teaching::unconfirmed(taught, rig); !open.empty()) {
-    const std::string where = "nobody has confirmed where the object is in " + config::list_of(open);
-    if (!command.only && !command.dry_run) {
-      std::fprintf(stderr,
-                   "huetrackd: nothing is written: %s. Confirm it with the --at above, take what is suggested with "
-                   "--accept, or leave it so with --only\n",
-                   where.c_str());
-      return 1;
-    }
-    std::printf("Warning: %s: the colour may not be seen there\n", where.c_str());
-  }
+  if (!is_worth_writing(lesson, command)) return 1;
   if (command.dry_run) return 0;
-  config::save_taught(config, color_teaching::with_taught_color(*target, rig, taught),
-                      command.ignore.empty() ? std::nullopt : std::optional(ignored));
-  std::printf("written into %s: the colour of %s\n", config.file.c_str(), target->name.c_str());
+  const bool adds_ignored = !command.ignore.empty();
+  const std::filesystem::path written = config::save_taught(
+      config.file, lesson.target, adds_ignored ? std::optional(pointing.request.ignored) : std::nullopt);
+  fmt::print("written into {}: the colour of {}\n", written.string(), target.name);
   tell_services(config);
   return 0;
 }

@@ -21,7 +21,8 @@ struct TeachCommand {
   std::filesystem::path pictures;  // folder for a picture of every view with the mask; empty: none
 };
 
-// Prints what was learnt; writes it into the configuration, and tells a service that runs with it on this host.
+// Prints what was learnt; writes it into the configuration's taught file, and tells a service that runs with it on this
+// host.
 // Returns the exit status: 1 when nothing was learnt, or a suggestion is open: then nothing is written. throws
 // ConfigError and other std::exceptions of one readable line.
 int teach(const TeachCommand& command, std::stop_token stop);

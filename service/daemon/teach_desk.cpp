@@ -1,15 +1,16 @@
 #include "daemon/teach_desk.h"
 
+#include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <cmath>
+#include <exception>
 #include <limits>
-#include <stdexcept>
 
 #include "capture/jpeg_encoder.h"
-#include "config/config_editor.h"
-#include "config/formatted.h"
+#include "config/taught_file.h"
 
 namespace huetrack::daemon {
 namespace {
@@ -53,19 +54,103 @@ std::optional<object_tracking::IgnoredRegions> ignored_of(const msg::TeachReques
     const object_tracking::PixelBox box{in(ignore.box()[0], size.width - 1), in(ignore.box()[1], size.height - 1),
                                         in(ignore.box()[2], size.width - 1), in(ignore.box()[3], size.height - 1)};
     if (box.empty()) return std::nullopt;
-    auto it = std::ranges::find(regions, ignore.camera(), &object_tracking::IgnoredRegions::value_type::first);
-    if (it == regions.end()) it = regions.insert(regions.end(), {ignore.camera(), {}});
-    it->second.push_back(box);
+    color_teaching::add_ignored(regions, ignore.camera(), box);
   }
   return regions;
+}
+
+// What the page points at; or why that makes no sense.
+struct Pointing {
+  color_teaching::TeachRequestOptions request;
+  std::string problem;
+};
+
+Pointing pointing_of(const msg::TeachRequest& request, const calib::CameraRig& rig) {
+  Pointing pointing;
+  const auto ignored = ignored_of(request, rig);
+  if (!ignored) return {{}, "A rectangle is not in any camera's picture."};
+  pointing.request.ignored = *ignored;
+  pointing.request.wider = std::clamp(request.wider(), -50, 50);
+  for (const auto& point : request.points()) {
+    const auto index = rig.index_of(point.camera());
+    if (!index || !std::isfinite(point.pixel()[0]) || !std::isfinite(point.pixel()[1]) ||
+        !rig.cameras[std::size_t(*index)].contains({{point.pixel()[0], point.pixel()[1]}}))
+      return {{}, "A point is not in any camera's picture."};
+    pointing.request.points.push_back({*index, {point.pixel()[0], point.pixel()[1]}});
+  }
+  if (pointing.request.points.empty()) return {{}, "Point at the object first."};
+  return pointing;
+}
+
+// With the mask at this size; 0: none.
+msg::TeachCamera camera_of(const color_teaching::TaughtView& view, const std::string& name,
+                           std::pair<std::uint32_t, std::uint32_t> mask_size) {
+  msg::TeachCamera camera;
+  camera.camera(name);
+  camera.pointed(view.pointed);
+  camera.region_pixel({none, none});
+  if (view.region) {
+    camera.region_pixel({view.region->centre.x(), view.region->centre.y()});
+    camera.region_radius_px(view.region->radius_px());
+  }
+  camera.color().camera(name);
+  camera.color().hue_deg({view.color.hue_min_deg, view.color.hue_max_deg});
+  camera.color().saturation({view.color.saturation_min, view.color.saturation_max});
+  camera.color().intensity({view.color.intensity_min, view.color.intensity_max});
+  camera.background_share(view.background_share);
+  if (view.patch) {
+    const object_tracking::PixelBox& b = view.patch->box;
+    camera.background_box({double(b.u_min), double(b.v_min), double(b.u_max), double(b.v_max)});
+  }
+  camera.verdict(view.verdict);
+  camera.width(mask_size.first);
+  camera.height(mask_size.second);
+  if (view.mask.width > 0) camera.mask(packed(view.mask, int(camera.width()), int(camera.height())));
+  return camera;
+}
+
+// Why there is no lesson in it.
+std::string why_nothing(const color_teaching::Taught& taught) {
+  const auto failed = std::ranges::find_if(taught.views, [](const auto& view) { return !view.problem.empty(); });
+  return failed == taught.views.end() ? "Point at the object first." : failed->verdict;
+}
+
+std::string learnt(const color_teaching::Lesson& lesson) {
+  const auto& views = lesson.taught.views;
+  std::string text = fmt::format("Learnt from {} of {} cameras.",
+                                 std::ranges::count_if(views, &color_teaching::TaughtView::pointed), views.size());
+  if (!lesson.unconfirmed.empty())
+    text += fmt::format(" Confirm it where the dashed ring is: {}.", fmt::join(lesson.unconfirmed, ", "));
+  return text;
+}
+
+std::string saved(const color_teaching::Lesson& lesson, const std::filesystem::path& file) {
+  std::string text = fmt::format("Saved: {} is tracked by this colour now, and it is written into {}.",
+                                 lesson.target.name, file.string());
+  if (!lesson.unconfirmed.empty())
+    text += fmt::format(" Nobody has confirmed where it is in {}: it may not be seen there.",
+                        fmt::join(lesson.unconfirmed, ", "));
+  if (lesson.is_faint) text += " Less than half of the object matches: widen the ranges.";
+  return text;
+}
+
+std::string warnings(const color_teaching::Lesson& lesson) {
+  std::string text;
+  if (!lesson.namesakes.empty())
+    text += fmt::format(" The object has the colour of {}, too: nothing tells them apart.",
+                        fmt::join(lesson.namesakes, ", "));
+  if (!lesson.radius_hint.empty()) text += " " + lesson.radius_hint;
+  return text;
 }
 
 }  // namespace
 
 std::string TeachDesk::why_not(const config::ServiceConfig& config) {
   if (config.control.allow_teach) return "";
-  return "The configuration does not allow it. Set control: {allow_teach: true} in " + config.file.string() +
-         ", then reload it: kill -HUP " + std::to_string(::getpid()) + " (or systemctl reload huetrackd).";
+  return fmt::format(
+      "The configuration does not allow it. Set control: {{allow_teach: true}} in {}, then reload it: kill -HUP {} (or "
+      "systemctl reload huetrackd).",
+      config.file.string(), ::getpid());
 }
 
 msg::TeachReply TeachDesk::refusal(const msg::TeachRequest& request, const std::string& reason) {
@@ -106,86 +191,55 @@ msg::TeachReply TeachDesk::look(const msg::TeachRequest& request, const config::
     return refusal(request, "Somebody else took new pictures meanwhile. Take new ones, and point again.");
   const auto target = std::ranges::find(config.targets, request.target(), &object_tracking::TargetOptions::name);
   if (target == config.targets.end()) return refusal(request, "There is no target \"" + request.target() + "\".");
-  const auto ignored = ignored_of(request, config.rig);
-  if (!ignored) return refusal(request, "A rectangle is not in any camera's picture.");
-  color_teaching::TeachRequestOptions options;
-  options.wider = std::clamp(request.wider(), -50, 50);
-  options.ignored.resize(config.rig.cameras.size());
-  for (const auto& [camera, boxes] : *ignored) options.ignored[std::size_t(*config.rig.index_of(camera))] = boxes;
-  for (const auto& point : request.points()) {
-    const auto index = config.rig.index_of(point.camera());
-    if (!index || !std::isfinite(point.pixel()[0]) || !std::isfinite(point.pixel()[1]) ||
-        !config.rig.cameras[std::size_t(*index)].contains({{point.pixel()[0], point.pixel()[1]}}))
-      return refusal(request, "A point is not in any camera's picture.");
-    options.points.push_back({*index, {point.pixel()[0], point.pixel()[1]}});
-  }
-  if (options.points.empty()) return refusal(request, "Point at the object first.");
+  const Pointing pointing = pointing_of(request, config.rig);
+  if (!pointing.problem.empty()) return refusal(request, pointing.problem);
 
-  const color_teaching::Taught taught = teacher_->teach(options, config.object_tracking.volume);
+  const color_teaching::Lesson lesson =
+      color_teaching::learn(*teacher_, pointing.request, config.targets, *target, config.object_tracking.volume);
   msg::TeachReply reply = reply_to(request);
   reply.set_number(set_number_);
-  reply.radius_m(taught.radius_m.value_or(none));
-  for (std::size_t c = 0; c < taught.views.size(); ++c) {
-    const color_teaching::TaughtView& view = taught.views[c];
-    msg::TeachCamera& camera = reply.cameras().emplace_back();
-    camera.camera(config.rig.cameras[c].name);
-    camera.pointed(view.pointed);
-    camera.region_pixel({none, none});
-    if (view.region) {
-      camera.region_pixel({view.region->centre.x(), view.region->centre.y()});
-      camera.region_radius_px(view.region->radius_px());
-    }
-    camera.color().camera(config.rig.cameras[c].name);
-    camera.color().hue_deg({view.color.hue_min_deg, view.color.hue_max_deg});
-    camera.color().saturation({view.color.saturation_min, view.color.saturation_max});
-    camera.color().intensity({view.color.intensity_min, view.color.intensity_max});
-    camera.background_share(view.background_share);
-    if (view.patch) {
-      const object_tracking::PixelBox& b = view.patch->box;
-      camera.background_box({double(b.u_min), double(b.v_min), double(b.u_max), double(b.v_max)});
-    }
-    camera.verdict(view.verdict);
-    camera.width(picture_sizes_[c].first);
-    camera.height(picture_sizes_[c].second);
-    if (taught.any() && view.mask.width > 0) camera.mask(packed(view.mask, int(camera.width()), int(camera.height())));
-  }
-  const auto pointed = std::ranges::count_if(taught.views, &color_teaching::TaughtView::pointed);
-  const auto open = color_teaching::unconfirmed(taught, config.rig);
-  if (!taught.any()) {
+  reply.radius_m(lesson.taught.radius_m.value_or(none));
+  for (std::size_t c = 0; c < lesson.taught.views.size(); ++c)
+    reply.cameras().push_back(camera_of(lesson.taught.views[c], config.rig.cameras[c].name, picture_sizes_[c]));
+  if (!lesson.taught.any()) {
     reply.granted(false);
-    const auto failed = std::ranges::find_if(taught.views, [](const auto& v) { return !v.problem.empty(); });
-    reply.reason(failed == taught.views.end() ? "Point at the object first." : failed->verdict);
+    reply.reason(why_nothing(lesson.taught));
     return reply;
   }
-  std::string reason =
-      "Learnt from " + std::to_string(pointed) + " of " + std::to_string(taught.views.size()) + " cameras.";
-  if (!open.empty()) reason += " Confirm it where the dashed ring is: " + config::list_of(open) + ".";
-  std::string warnings;
-  if (const auto names = teacher_->namesakes(taught, config.targets, target->name); !names.empty())
-    warnings += " The object has the colour of " + config::list_of(names) + ", too: nothing tells them apart.";
-  if (const std::string hint = color_teaching::radius_hint(taught, *target); !hint.empty()) warnings += " " + hint;
-  const auto faint = std::ranges::find_if(
-      taught.views, [](const auto& v) { return v.pointed && v.object_share < color_teaching::least_object_share; });
-  if (applies) {
-    if (const std::string why = color_teaching::why_useless(taught, config.rig); !why.empty())
-      return refusal(request, "Not saved: " + why + ".");
-    try {
-      const bool changes_ignored = *ignored != config.ignored;
-      config::save_taught(config, color_teaching::with_taught_color(*target, config.rig, taught),
-                          changes_ignored ? std::optional(*ignored) : std::nullopt);
-      const std::string problem = actions_.reload();
-      if (!problem.empty()) return refusal(request, "It is written, but not taken over: " + problem);
-      reason = "Saved: " + target->name + " is tracked by this colour now, and it is written into " +
-               config.file.string() + ".";
-      if (!open.empty())
-        reason += " Nobody has confirmed where it is in " + config::list_of(open) + ": it may not be seen there.";
-      if (faint != taught.views.end()) reason += " Less than half of the object matches: widen the ranges.";
-    } catch (const std::exception& error) {  // the file cannot be written, or not be changed by a program
-      return refusal(request, std::string("Not saved: ") + error.what());
-    }
+  if (!applies) {
+    reply.reason(learnt(lesson) + warnings(lesson));
+    return reply;
   }
-  reply.reason(reason + warnings);
+  if (!lesson.why_useless.empty()) return refusal(request, "Not saved: " + lesson.why_useless + ".");
+  const bool changes_ignored = pointing.request.ignored != config.ignored;
+  std::filesystem::path file;
+  const std::string why_not = why_not_saved([&] {
+    file = config::save_taught(config.file, lesson.target,
+                               changes_ignored ? std::optional(pointing.request.ignored) : std::nullopt);
+  });
+  if (!why_not.empty()) return refusal(request, why_not);
+  reply.reason(saved(lesson, file) + warnings(lesson));
   return reply;
+}
+
+msg::TeachReply TeachDesk::ignore(const msg::TeachRequest& request, const config::ServiceConfig& config) {
+  const auto ignored = ignored_of(request, config.rig);
+  if (!ignored) return refusal(request, "A rectangle is not in any camera's picture.");
+  const std::string why_not = why_not_saved([&] { config::save_ignored(config.file, *ignored); });
+  if (!why_not.empty()) return refusal(request, why_not);
+  msg::TeachReply reply = reply_to(request);
+  reply.reason("Saved: nothing matches in these rectangles any more.");
+  return reply;
+}
+
+std::string TeachDesk::why_not_saved(const std::function<void()>& save) const {
+  try {
+    save();
+    const std::string problem = actions_.reload();
+    return problem.empty() ? "" : "It is written, but not taken over: " + problem;
+  } catch (const std::exception& error) {  // the file cannot be written, or the configuration is not right as it stands
+    return std::string("Not saved: ") + error.what();
+  }
 }
 
 msg::TeachReply TeachDesk::answer(const msg::TeachRequest& request, const config::ServiceConfig& config) {
@@ -202,20 +256,8 @@ msg::TeachReply TeachDesk::answer(const msg::TeachRequest& request, const config
       return look(request, config, false);
     case msg::TEACH_ACTION_APPLY:
       return look(request, config, true);
-    case msg::TEACH_ACTION_IGNORE: {
-      const auto ignored = ignored_of(request, config.rig);
-      if (!ignored) return refusal(request, "A rectangle is not in any camera's picture.");
-      try {
-        config::save_ignored(config, *ignored);
-        const std::string problem = actions_.reload();
-        if (!problem.empty()) return refusal(request, "It is written, but not taken over: " + problem);
-      } catch (const std::exception& error) {  // as above
-        return refusal(request, std::string("Not saved: ") + error.what());
-      }
-      msg::TeachReply reply = reply_to(request);
-      reply.reason("Saved: nothing matches in these rectangles any more.");
-      return reply;
-    }
+    case msg::TEACH_ACTION_IGNORE:
+      return ignore(request, config);
     default:
       return refusal(request, "This service does not know that request.");
   }

@@ -1,11 +1,12 @@
 // Answers what pages ask when a colour is taught: holds the frozen pictures, and writes what was learnt.
 #pragma once
 
+#include <filesystem>
 #include <functional>
 #include <optional>
 #include <string>
 
-#include "color_teaching/color_teacher.h"
+#include "color_teaching/lesson.h"
 #include "config/service_config.h"
 #include "idl/huetrack_view.h"
 
@@ -15,7 +16,7 @@ namespace huetrack::daemon {
 class TeachDesk {
  public:
   struct Actions {
-    // The configuration file was changed: take it over. Returns why that did not work, or an empty string.
+    // What was taught stands in its file: take it over. Returns why that did not work, or an empty string.
     std::function<std::string()> reload;
     std::function<void()> resume;  // of a replay that was started to be held; empty: nothing is held
   };
@@ -34,6 +35,8 @@ class TeachDesk {
 
  private:
   msg::TeachReply look(const msg::TeachRequest& request, const config::ServiceConfig& config, bool applies);
+  msg::TeachReply ignore(const msg::TeachRequest& request, const config::ServiceConfig& config);
+  std::string why_not_saved(const std::function<void()>& save) const;  // empty: it is, and taken over
 
   const Actions actions_;
   std::optional<color_teaching::ColorTeacher> teacher_;

@@ -1,9 +1,10 @@
 #include "daemon/view_server.h"
 
-#include <spdlog/spdlog.h>
 #include <sys/prctl.h>
 #include <sys/resource.h>
 #include <unistd.h>
+
+#include <algorithm>
 
 #include "pictures/preview_maker.h"
 
@@ -26,6 +27,7 @@ constexpr auto repeat_after = 1s;             // a set that is kept is shown aga
 
 ViewServer::ViewServer(const config::ServiceConfig& config, ViewServerOptions options)
     : options_(std::move(options)),
+      particles_(std::size_t(std::max(1, config.preview.particles))),
       publisher_(config.dds.publisher),
       desk_(options_.actions),
       wanted_(options_.keeps_frames),
@@ -39,6 +41,18 @@ void ViewServer::offer(pictures::PictureJob job) {
   const std::scoped_lock lock(mutex_);
   offered_ = std::move(job);
   // Nobody is woken: that costs the tracking thread more than all the rest of this, and the other one looks by itself.
+}
+
+void ViewServer::on_set(const pipeline::TrackedSet& set) {
+  if (wants()) offer(set.picture(particles_));
+}
+
+void ViewServer::on_camera_pose(const pipeline::TrackedFrame& frame) {
+  if (wants_map()) offer({frame.estimate.at, frame.tracker.map()});
+}
+
+capture::Duration ViewServer::clock_offset() const {
+  return options_.time != nullptr ? options_.time->offset() : capture::Duration{0};
 }
 
 void ViewServer::offer(camera_tracking::CameraMap map) {
@@ -88,7 +102,7 @@ void ViewServer::serve(const std::stop_token& stop) {
       publish_scene();
     }
     const auto now = Clock::now();
-    if (options_.reload_asked != nullptr && options_.reload_asked->exchange(false)) reload();
+    if (options_.reload_asked != nullptr && options_.reload_asked->exchange(false)) options_.actions.reload();
     take_requests();
     if (to_freeze_ && job) {
       freeze(job->set);
@@ -110,7 +124,7 @@ void ViewServer::serve(const std::stop_token& stop) {
     if (job && options_.keeps_frames) last = std::move(job);
     if ((is_watched && now >= next_preview) || to_freeze_) wanted_.store(true, std::memory_order_relaxed);
     if (map) {
-      publisher_.publish(*map, map->at + capture::Duration(clock_offset_ns_));
+      publisher_.publish(*map, map->at + clock_offset());
       next_map = now + map_period;
     }
     if (now >= next_map) map_wanted_.store(true, std::memory_order_relaxed);
@@ -118,20 +132,6 @@ void ViewServer::serve(const std::stop_token& stop) {
       next_network = now + network_period;
       publisher_.look_after_network();
     }
-  }
-}
-
-void ViewServer::reload() {
-  std::string problem;
-  try {
-    problem = options_.actions.reload();
-  } catch (const std::exception& error) {  // a mistake in the file: it goes on with what it has
-    problem = error.what();
-  }
-  if (problem.empty()) {
-    spdlog::info("reloaded {}", config_.file.string());
-  } else {
-    spdlog::error("reload refused, going on with the old configuration: {}", problem);
   }
 }
 
@@ -177,10 +177,10 @@ void ViewServer::reply(msg::TeachReply reply) {
 void ViewServer::publish_previews(const pictures::PictureJob& job) {
   const auto started = Clock::now();
   if (publisher_.picture_subscribers() > 0) {
-    for (const auto& preview : pictures::make_previews(config_, job, capture::Duration(clock_offset_ns_)))
+    for (const auto& preview : pictures::make_previews(config_, job, clock_offset()))
       if (publisher_.publish(preview)) ++previews_;
   }
-  publisher_.publish(job.estimates, job.set.at + capture::Duration(clock_offset_ns_));
+  publisher_.publish(job.estimates, job.set.at + clock_offset());
   busy_ns_ += (Clock::now() - started).count();
 }
 

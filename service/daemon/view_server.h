@@ -12,7 +12,8 @@
 
 #include "config/service_config.h"
 #include "daemon/teach_desk.h"
-#include "pipeline/pipeline.h"
+#include "pipeline/output.h"
+#include "pipeline/published_time.h"
 #include "publish/view_publisher.h"
 
 namespace huetrack::daemon {
@@ -21,6 +22,8 @@ struct ViewServerOptions {
   // Of a replay: a set that is held may be kept, no driver waits for its buffers. The first set is always taken, and
   // the newest one shown again while none comes.
   bool keeps_frames = false;
+  // How published times are made; outlives the server. nullptr: they are the capture times.
+  const pipeline::PublishedTime* time = nullptr;
   // Set by somebody: the configuration is to be read again, by actions.reload. nullptr: somebody else does that.
   std::atomic<bool>* reload_asked = nullptr;
   // Called from the server's thread. Without reload, nothing can be taught.
@@ -28,11 +31,11 @@ struct ViewServerOptions {
 };
 
 // thread-safe as said per function. Has a thread of its own, ended by the destructor.
-class ViewServer {
+class ViewServer final : public pipeline::Output {
  public:
   // throws as ViewPublisher's constructor does.
   ViewServer(const config::ServiceConfig& config, ViewServerOptions options);
-  ~ViewServer();
+  ~ViewServer() override;
   ViewServer(const ViewServer&) = delete;
   ViewServer& operator=(const ViewServer&) = delete;
 
@@ -44,9 +47,12 @@ class ViewServer {
   bool wants_map() const noexcept { return map_wanted_.load(std::memory_order_relaxed); }
   void offer(camera_tracking::CameraMap map);
 
-  // Any thread: the configuration now in force, or another offset of published capture times.
+  // Any thread: the configuration now in force.
   void take_over(const config::ServiceConfig& config);
-  void set_clock_offset(capture::Duration offset) { clock_offset_ns_ = offset.count(); }
+
+  void on_set(const pipeline::TrackedSet& set) override;
+  void on_camera_pose(const pipeline::TrackedFrame& frame) override;
+  void on_config(const config::ServiceConfig& config) override { take_over(config); }
 
   struct Counters {
     std::uint64_t previews = 0;  // pictures published
@@ -58,19 +64,20 @@ class ViewServer {
   void serve(const std::stop_token& stop);
   void publish_previews(const pictures::PictureJob& job);
   void publish_scene();
-  void reload();
   void take_requests();
   void freeze(const capture::FrameSet& set);
   void reply(msg::TeachReply reply);
 
+  capture::Duration clock_offset() const;
+
   const ViewServerOptions options_;
+  const std::size_t particles_;       // of each target in a picture, about
   publish::ViewPublisher publisher_;  // this and all that follows to wanted_: the server's thread's
   TeachDesk desk_;
   std::optional<msg::TeachRequest> to_freeze_;  // waits for a set
   std::chrono::steady_clock::time_point asked_to_freeze_{};
   std::optional<msg::TeachReply> last_reply_;
   std::atomic<bool> wanted_ = false, map_wanted_ = true;
-  std::atomic<std::int64_t> clock_offset_ns_ = 0;
   std::atomic<std::uint64_t> previews_ = 0;
   std::atomic<std::int64_t> busy_ns_ = 0;
 

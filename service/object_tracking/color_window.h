@@ -38,8 +38,8 @@ class MatchBits {
   // Pixels in these boxes (which may reach beyond the image) match nothing from the next frame on.
   void ignore(const std::vector<PixelBox>& boxes);
 
-  // The next frame. The image must have the size given above and `table` must be for its format; both must live until
-  // the next call. Forgets everything that was known of the frame before.
+  // The next frame. The image must have the size that the constructor was given, and `table` must be for its format;
+  // both must live until the next call. Forgets everything that was known of the frame before.
   void look_at(const capture::Image& image, const ColorTable& table);
 
   // k of eq. (6) for n windows: how many of the 5x5 pixels around the pixel that (u, v) rounds to have the target's
@@ -103,10 +103,10 @@ class MatchBits {
   std::vector<std::uint32_t> tile_frame_;  // that the tile was classified for
   std::vector<std::uint8_t> bands_;
   std::vector<std::uint64_t> ignored_;  // per tile, bits that never match; empty: none
-  std::vector<std::uint8_t>
-      mark_;  // per cell of 4x4 pixels: a window begins in it; all 0 between calls, but for cell 0
-  std::vector<std::int32_t> where_;  // work space of count_5x5, as are:
-  std::vector<TileAt> unknown_;
+  // Per cell of 4x4 pixels: whether a window begins in it; all 0 between calls, but for cell 0.
+  std::vector<std::uint8_t> mark_;
+  std::vector<std::int32_t> where_;  // work space of count_5x5
+  std::vector<TileAt> unknown_;      // work space of count_5x5
 };
 
 // The obvious way, one look-up per pixel of the window: the truth that the test holds count_5x5 to.

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <regex>
 #include <stdexcept>
 #include <variant>
 
@@ -32,10 +31,7 @@ const HsiRange& TargetOptions::color_in(std::string_view camera) const {
 
 std::vector<std::string> TargetOptions::problems() const {
   std::vector<std::string> out;
-  static const std::regex word("[A-Za-z][A-Za-z0-9_]*");
-  if (!std::regex_match(name, word))
-    out.push_back("target name '" + name +
-                  "' must be letters, digits and _, starting with a letter (it becomes part of a topic's name)");
+  if (name.empty()) out.emplace_back("a target must have a name");
   if (!(radius_m > 0) || !std::isfinite(radius_m)) out.push_back("radius_m must be > 0");
   for (const std::string& p : color.problems()) out.push_back("color: " + p);
   for (const auto& [camera, own] : camera_colors) {

@@ -27,7 +27,7 @@ using IgnoredRegions = std::vector<std::pair<std::string, std::vector<PixelBox>>
 
 // One target to track.
 struct TargetOptions {
-  std::string name;        // unique; [A-Za-z][A-Za-z0-9_]*, so that it can be part of a topic's name
+  std::string name;        // unique, not empty; where it is published, it is part of a topic's name (idl/topics.h)
   double radius_m = 0.04;  // > 0; of the ball, or of a ball of about the object's size
   HsiRange color;
   std::vector<std::pair<std::string, HsiRange>> camera_colors;  // per-camera overrides: (camera name, range)
@@ -64,9 +64,8 @@ struct ObjectTrackerOptions {
 // huetrack).
 struct SearchFindings {
   std::size_t sets = 0;
-  std::vector<std::size_t>
-      sets_with_color;             // per camera of the rig: those of them in which it showed a region of the colour
-  std::optional<double> radius_m;  // that the regions of two views agree on, if they do; > 0
+  std::vector<std::size_t> sets_with_color;  // per camera of the rig: sets in which it showed a region of the colour
+  std::optional<double> radius_m;            // that the regions of two views agree on, if they do; > 0
   // What a user should try, one sentence; empty when nothing was searched. `cameras`: their names, in the order of the
   // rig.
   std::string advice(const TargetOptions& target, const std::vector<std::string>& cameras) const;

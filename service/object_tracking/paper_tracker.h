@@ -40,8 +40,8 @@ class PaperObservation {
 
  private:
   std::size_t particle_count_ = 0;
-  std::vector<float> u_, v_;  // per view, per particle; as k_
-  std::vector<std::uint8_t> k_;
+  std::vector<float> u_, v_;     // per view, per particle
+  std::vector<std::uint8_t> k_;  // per view, per particle
 };
 
 // thread-compatible.

@@ -382,19 +382,19 @@ void RegionTracker::search(const capture::FrameSet& set, const std::vector<Targe
     regions_[i] = finders_[static_cast<std::size_t>(view.index)].search(*view.matches, step, extent, min_area,
                                                                         2 * size.smallest_px);
   }
-  std::vector<Candidate> now =
+  std::vector<PositionCandidate> now =
       cross_rays(views, std::span(regions_).first(views.size()), target_, options_, max_candidates);
   if (now.empty()) {  // nor does one in which too few of these views see it
     search_log_.add(views, std::span(regions_).first(views.size()), options_.volume);
     return;
   }
   const double dt = capture::seconds(set.at - candidates_at_);
-  const Candidate* found = nullptr;
-  const Candidate* earlier = nullptr;
+  const PositionCandidate* found = nullptr;
+  const PositionCandidate* earlier = nullptr;
   double best = -1e30;
   if (dt > 0 && dt < longest_confirmation_s) {
-    for (const Candidate& c : now) {
-      for (const Candidate& e : candidates_) {
+    for (const PositionCandidate& c : now) {
+      for (const PositionCandidate& e : candidates_) {
         const double spread = 3 * (largest_sigma(c.covariance) + largest_sigma(e.covariance));
         if ((c.position - e.position).norm() > options_.start_speed_m_s * dt + spread) continue;
         if (c.score + e.score > best) best = c.score + e.score, found = &c, earlier = &e;
@@ -417,7 +417,8 @@ void RegionTracker::search(const capture::FrameSet& set, const std::vector<Targe
   candidates_at_ = set.at;
 }
 
-void RegionTracker::start_at(const Candidate& found, const Eigen::Vector3d& velocity, double velocity_variance) {
+void RegionTracker::start_at(const PositionCandidate& found, const Eigen::Vector3d& velocity,
+                             double velocity_variance) {
   belief_.mean << found.position, velocity;
   belief_.covariance.setZero();
   belief_.covariance.topLeftCorner<3, 3>() = found.covariance;

@@ -3,17 +3,14 @@
 // velocity); in a set, positions are drawn from it, weighed by what every view shows at their projections, and give the
 // next one. What differs from the paper, and why:
 //   - proposal: particles are drawn from motion AND the colour regions near the prediction (the optimal proposal of
-//   Doucet,
-//     Godsill and Andrieu 2000), not from the motion alone. 200 particles then sit where they matter.
+//     Doucet, Godsill and Andrieu 2000), not from the motion alone. 200 particles then sit where they matter.
 //   - observation: the centre of the colour region is rewarded, not the inside of it, with a covariance that knows the
 //     object's radius and sees when a part of it is hidden (sighting.h). The paper's floor of 1/25 stays: no view can
 //     veto.
 //   - motion: constant velocity with white acceleration; how much of it is needed is learnt from the innovations, so
-//   that
-//     calm motion is smoothed and a thrown ball followed. Each view is scored at its own capture time.
+//     that calm motion is smoothed and a thrown ball followed. Each view is scored at its own capture time.
 //   - search: rays crossed between views through matching pixels of a coarse grid, confirmed by a second frame set.
-//   Several
-//     hypotheses are needed only here, and here they are kept.
+//     Several hypotheses are needed only here, and here they are kept.
 // What else was tried, with figures: README.md beside this file.
 #pragma once
 
@@ -68,7 +65,7 @@ class RegionTracker {
   void judge(const capture::FrameSet& set);
   void forget();
   void search(const capture::FrameSet& set, const std::vector<TargetView>& views);
-  void start_at(const Candidate& found, const Eigen::Vector3d& velocity, double velocity_variance);
+  void start_at(const PositionCandidate& found, const Eigen::Vector3d& velocity, double velocity_variance);
   void scatter();
   ObjectEstimate report(const capture::FrameSet& set, const std::vector<TargetView>& views) const;
   double power_density() const;  // of the acceleration, m^2/s^3
@@ -97,7 +94,7 @@ class RegionTracker {
   std::vector<RegionFinder> finders_;              // per camera
   std::vector<std::vector<ColorRegion>> regions_;  // of the views of this set, while searching
   SearchLog search_log_;
-  std::vector<Candidate> candidates_;  // of the last set, while searching
+  std::vector<PositionCandidate> candidates_;  // of the last set, while searching
   capture::Timestamp candidates_at_{};
 
   TrackState state_ = TrackState::searching;

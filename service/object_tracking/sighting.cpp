@@ -9,10 +9,13 @@
 namespace huetrack::object_tracking {
 namespace {
 
-constexpr double min_start_support = 0.3;  // of either of the two regions that a candidate starts from
-constexpr double max_start_support = 3;    // larger regions are something else
-constexpr double gate = 11.8;              // chi-square, 2 degrees of freedom, 99.7 %
+// Shares of the disc that the ball would be in a view: of the two regions that a candidate starts from, of any other
+// region that agrees, and of all of them at most, for larger regions are something else.
+constexpr double min_start_support = 0.3, min_support = 0.1, max_support = 3;
+constexpr double gate = 11.8;  // chi-square, 2 degrees of freedom, 99.7 %
 constexpr std::size_t max_regions_per_view = 8;
+constexpr double not_seen_penalty = 0.25;  // of the score, for a view that should see it and does not
+constexpr int refinements = 2;             // of a candidate's position, each by the sightings at the one before
 
 bool inside(const Box& volume, const Eigen::Vector3d& p, double margin_m) {
   return ((p - volume.min).array() >= -margin_m).all() && ((volume.max - p).array() >= -margin_m).all();
@@ -34,6 +37,108 @@ std::optional<Eigen::Vector3d> crossing(const Eigen::Vector3d& c0, const Eigen::
 double mahalanobis2(const Eigen::Vector2d& d, const Eigen::Matrix2d& covariance) {
   return d.dot(covariance.inverse() * d);
 }
+
+// A region with the ray on which its centre lies, in the world.
+struct RegionRay {
+  const ColorRegion* region;
+  Eigen::Vector3d direction;
+};
+
+// What the views say to one target. Nothing is known of its velocity yet.
+class RayCrosser {
+ public:
+  RayCrosser(const std::vector<TargetView>& views, std::span<const std::vector<ColorRegion>> regions,
+             const TargetOptions& target, const ObjectTrackerOptions& options)
+      : views_(views), regions_(regions), target_(target), options_(options) {}
+
+  // Of the view's largest regions.
+  std::vector<RegionRay> rays_of(std::size_t view) const {
+    std::vector<RegionRay> rays;
+    const calib::Camera& camera = *views_[view].camera;
+    for (std::size_t i = 0; i < std::min(regions_[view].size(), max_regions_per_view); ++i) {
+      if (const auto ray = camera.model.ray({regions_[view][i].centre}))
+        rays.push_back({&regions_[view][i], camera.cam_from_world.rotation.conjugate() * *ray});
+    }
+    return rays;
+  }
+
+  // Where the rays of two views' regions meet; nullopt: nowhere, outside of the volume, or at a distance at which the
+  // target would not have their size.
+  std::optional<Eigen::Vector3d> meeting(std::size_t i, const RegionRay& a, std::size_t j, const RegionRay& b) const {
+    const calib::Camera& ci = *views_[i].camera;
+    const calib::Camera& cj = *views_[j].camera;
+    const auto p = crossing(ci.centre(), a.direction, cj.centre(), b.direction);
+    if (!p || !inside(options_.volume, *p, target_.radius_m)) return std::nullopt;
+    const auto in_i = appearance_of(ci, *p, target_.radius_m);
+    const auto in_j = appearance_of(cj, *p, target_.radius_m);
+    if (!in_i || !in_j || !fits(i, *a.region, *in_i, min_start_support) ||
+        !fits(j, *b.region, *in_j, min_start_support))
+      return std::nullopt;
+    return p;
+  }
+
+  // Refined over, and scored by, all views that agree; nullopt: fewer than two do.
+  std::optional<PositionCandidate> refined(const Eigen::Vector3d& start) const {
+    PositionCandidate c;
+    c.position = start;
+    for (int i = 0; i < refinements; ++i) {
+      look(c);
+      if (c.sightings.size() < 2) return std::nullopt;
+      const PositionInformation z = information_of(c.sightings, c.position, Eigen::Vector3d::Zero());
+      c.covariance = z.information.inverse();
+      c.position = c.covariance * z.vector;
+    }
+    if (!c.position.allFinite()) return std::nullopt;
+    return c;
+  }
+
+ private:
+  // A view that looked earlier saw the object up to so far away.
+  Sighting sighting_at(std::size_t view, const ColorRegion& region, const Appearance& at) const {
+    Sighting s = sighting_of(views_[view], region, at.radius_px, options_.pixel_noise_px);
+    const double way_m = options_.start_speed_m_s * views_[view].age_s;
+    s.covariance += way_m * way_m * at.jacobian * at.jacobian.transpose();
+    return s;
+  }
+
+  bool fits(std::size_t view, const ColorRegion& region, const Appearance& at, double least_support) const {
+    const double share = region.area / (std::numbers::pi * at.radius_px * at.radius_px);
+    if (share < least_support || share > max_support) return false;
+    const Sighting s = sighting_at(view, region, at);
+    return mahalanobis2(s.px - at.px, s.covariance) <= gate;
+  }
+
+  const ColorRegion* nearest_fitting(std::size_t view, const Appearance& at) const {
+    const ColorRegion* nearest = nullptr;
+    for (const ColorRegion& region : regions_[view]) {
+      if (!fits(view, region, at, min_support)) continue;
+      if (nearest == nullptr || (region.centre - at.px).norm() < (nearest->centre - at.px).norm()) nearest = &region;
+    }
+    return nearest;
+  }
+
+  // Sightings and score, of all views that should see the position.
+  void look(PositionCandidate& c) const {
+    c.sightings.clear();
+    c.score = 0;
+    for (std::size_t v = 0; v < views_.size(); ++v) {
+      const std::optional<Appearance> at = appearance_of(*views_[v].camera, c.position, target_.radius_m);
+      if (!at || !views_[v].camera->contains({at->px})) continue;
+      const ColorRegion* region = nearest_fitting(v, *at);
+      if (region == nullptr) {
+        c.score -= not_seen_penalty;
+        continue;
+      }
+      c.sightings.push_back(sighting_at(v, *region, *at));
+      c.score += c.sightings.back().support;
+    }
+  }
+
+  const std::vector<TargetView>& views_;
+  std::span<const std::vector<ColorRegion>> regions_;
+  const TargetOptions& target_;
+  const ObjectTrackerOptions& options_;
+};
 
 }  // namespace
 
@@ -91,82 +196,33 @@ std::optional<Eigen::Vector3d> crossing(const calib::Camera& camera0, const cali
                   camera1.cam_from_world.rotation.conjugate() * *ray1);
 }
 
-std::vector<Candidate> cross_rays(const std::vector<TargetView>& views,
-                                  std::span<const std::vector<ColorRegion>> regions, const TargetOptions& target,
-                                  const ObjectTrackerOptions& options, std::size_t max_count) {
-  std::vector<Candidate> out;
-  // Nothing is known of the velocity yet: a view that looked earlier saw the object up to so far away.
-  const auto sighting_at = [&](std::size_t view, const ColorRegion& region, const Appearance& at) {
-    Sighting s = sighting_of(views[view], region, at.radius_px, options.pixel_noise_px);
-    const double way_m = options.start_speed_m_s * views[view].age_s;
-    s.covariance += way_m * way_m * at.jacobian * at.jacobian.transpose();
-    return s;
-  };
-  const auto fits = [&](std::size_t view, const ColorRegion& region, const Appearance& at, double least_support) {
-    const double share = region.area / (std::numbers::pi * at.radius_px * at.radius_px);
-    if (share < least_support || share > max_start_support) return false;
-    const Sighting s = sighting_at(view, region, at);
-    return mahalanobis2(s.px - at.px, s.covariance) <= gate;
-  };
-  // All views that agree with the point, each with its nearest fitting region.
-  const auto sightings_at = [&](const Eigen::Vector3d& p, double& score) {
-    std::vector<Sighting> sightings;
-    score = 0;
-    for (std::size_t v = 0; v < views.size(); ++v) {
-      const std::optional<Appearance> at = appearance_of(*views[v].camera, p, target.radius_m);
-      if (!at || !views[v].camera->contains({at->px})) continue;
-      const ColorRegion* nearest = nullptr;
-      for (const ColorRegion& region : regions[v]) {
-        if (!fits(v, region, *at, 0.1)) continue;
-        if (nearest == nullptr || (region.centre - at->px).norm() < (nearest->centre - at->px).norm())
-          nearest = &region;
-      }
-      if (nearest == nullptr) {
-        score -= 0.25;
-        continue;
-      }
-      sightings.push_back(sighting_at(v, *nearest, *at));
-      score += sightings.back().support;
-    }
-    return sightings;
-  };
+std::vector<PositionCandidate> cross_rays(const std::vector<TargetView>& views,
+                                          std::span<const std::vector<ColorRegion>> regions,
+                                          const TargetOptions& target, const ObjectTrackerOptions& options,
+                                          std::size_t max_count) {
+  const RayCrosser crosser(views, regions, target, options);
+  std::vector<std::vector<RegionRay>> rays;
+  for (std::size_t i = 0; i < views.size(); ++i) rays.push_back(crosser.rays_of(i));
 
+  std::vector<PositionCandidate> out;
+  const auto consider = [&](std::size_t i, const RegionRay& a, std::size_t j, const RegionRay& b) {
+    const auto start = crosser.meeting(i, a, j, b);
+    if (!start) return;
+    auto c = crosser.refined(*start);
+    if (!c) return;
+    const bool again = std::ranges::any_of(
+        out, [&](const PositionCandidate& o) { return (o.position - c->position).norm() < target.radius_m / 2; });
+    if (!again) out.push_back(std::move(*c));
+  };
   for (std::size_t i = 0; i < views.size(); ++i) {
     for (std::size_t j = i + 1; j < views.size(); ++j) {
-      for (std::size_t a = 0; a < std::min(regions[i].size(), max_regions_per_view); ++a) {
-        const auto ray_i = views[i].camera->model.ray({regions[i][a].centre});
-        if (!ray_i) continue;
-        for (std::size_t b = 0; b < std::min(regions[j].size(), max_regions_per_view); ++b) {
-          const auto ray_j = views[j].camera->model.ray({regions[j][b].centre});
-          if (!ray_j) continue;
-          const calib::Camera& ci = *views[i].camera;
-          const calib::Camera& cj = *views[j].camera;
-          const auto start = crossing(ci.centre(), ci.cam_from_world.rotation.conjugate() * *ray_i, cj.centre(),
-                                      cj.cam_from_world.rotation.conjugate() * *ray_j);
-          if (!start || !inside(options.volume, *start, target.radius_m)) continue;
-          const auto in_i = appearance_of(ci, *start, target.radius_m);
-          const auto in_j = appearance_of(cj, *start, target.radius_m);
-          if (!in_i || !in_j || !fits(i, regions[i][a], *in_i, min_start_support) ||
-              !fits(j, regions[j][b], *in_j, min_start_support))
-            continue;
-          Candidate c;
-          c.position = *start;
-          for (int iteration = 0; iteration < 2; ++iteration) {
-            c.sightings = sightings_at(c.position, c.score);
-            if (c.sightings.size() < 2) break;
-            const PositionInformation z = information_of(c.sightings, c.position, Eigen::Vector3d::Zero());
-            c.covariance = z.information.inverse();
-            c.position = c.covariance * z.vector;
-          }
-          if (c.sightings.size() < 2 || !c.position.allFinite()) continue;
-          const bool again = std::ranges::any_of(
-              out, [&](const Candidate& o) { return (o.position - c.position).norm() < target.radius_m / 2; });
-          if (!again) out.push_back(std::move(c));
-        }
+      for (const RegionRay& a : rays[i]) {
+        for (const RegionRay& b : rays[j]) consider(i, a, j, b);
       }
     }
   }
-  std::ranges::stable_sort(out, [](const Candidate& a, const Candidate& b) { return a.score > b.score; });
+  std::ranges::stable_sort(out,
+                           [](const PositionCandidate& a, const PositionCandidate& b) { return a.score > b.score; });
   if (out.size() > max_count) out.resize(max_count);
   return out;
 }

@@ -55,7 +55,7 @@ std::optional<Eigen::Vector3d> crossing(const calib::Camera& camera0, const cali
                                         const calib::Camera& camera1, const calib::RawPixel& px1);
 
 // A position that several views agree on.
-struct Candidate {
+struct PositionCandidate {
   Eigen::Vector3d position;
   Eigen::Matrix3d covariance;
   std::vector<Sighting> sightings;  // two or more
@@ -65,8 +65,9 @@ struct Candidate {
 // Rays crossed between views: each pair of regions in two views whose rays meet inside the volume, at a distance at
 // which the target would have about the size that they have; refined over, and scored by, all views that agree. Best
 // first, at most max_count. regions[i] belongs to views[i].
-std::vector<Candidate> cross_rays(const std::vector<TargetView>& views,
-                                  std::span<const std::vector<ColorRegion>> regions, const TargetOptions& target,
-                                  const ObjectTrackerOptions& options, std::size_t max_count);
+std::vector<PositionCandidate> cross_rays(const std::vector<TargetView>& views,
+                                          std::span<const std::vector<ColorRegion>> regions,
+                                          const TargetOptions& target, const ObjectTrackerOptions& options,
+                                          std::size_t max_count);
 
 }  // namespace huetrack::object_tracking

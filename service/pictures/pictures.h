@@ -9,11 +9,14 @@
 #include <vector>
 
 #include "config/service_config.h"
-#include "pictures/canvas.h"
+#include "drawing/canvas.h"
 #include "pictures/picture_job.h"
 #include "tracks/truth.h"
 
 namespace huetrack::pictures {
+
+// A colour to draw a target with: the middle of its hues.
+drawing::Color color_of(const object_tracking::HsiRange& range, double saturation, double value);
 
 // The whole image in 8-bit BGR (BT.601).
 cv::Mat bgr_of(const capture::Image& image);

@@ -1,17 +1,16 @@
 #include "pictures/preview_maker.h"
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <limits>
 
+#include "calib/model/covariance_ellipse.h"
 #include "calib/model/rig_yaml.h"
 #include "capture/jpeg_encoder.h"
 
 namespace huetrack::pictures {
 namespace {
 
-constexpr double chi2_95_in_2d = 5.991;
 constexpr float none = std::numeric_limits<float>::quiet_NaN();
 
 // A colour to draw a target with: the middle of its hues, bright and strong enough to be seen on any picture.
@@ -57,14 +56,11 @@ msg::PreviewTarget drawn(const calib::Camera& camera, const std::string& name, d
 
 std::array<float, 3> projected_ellipse(const calib::Camera& camera, const Eigen::Vector3d& position,
                                        const Eigen::Matrix3d& covariance) {
-  calib::CameraModel::Jacobian px_per_cam;
-  if (!camera.model.project(camera.cam_from_world * position, px_per_cam) || !covariance.allFinite())
-    return {none, none, none};
-  const calib::CameraModel::Jacobian px_per_world = px_per_cam * camera.cam_from_world.rotation.toRotationMatrix();
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> axes(px_per_world * covariance * px_per_world.transpose());
-  const Eigen::Vector2d half = (axes.eigenvalues().cwiseMax(0) * chi2_95_in_2d).cwiseSqrt();
-  const Eigen::Vector2d major = axes.eigenvectors().col(1);
-  return {static_cast<float>(half[1]), static_cast<float>(half[0]),
+  const auto projected = calib::projected_covariance(camera, position, covariance);
+  if (!projected) return {none, none, none};
+  const calib::CovarianceEllipse ellipse = calib::ellipse_95(*projected);
+  const Eigen::Vector2d major = ellipse.directions.col(1);
+  return {static_cast<float>(ellipse.half_axes[1]), static_cast<float>(ellipse.half_axes[0]),
           static_cast<float>(std::atan2(major.y(), major.x()))};
 }
 

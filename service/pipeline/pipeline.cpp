@@ -50,9 +50,11 @@ bool sleep_until(Clock::time_point when, const std::stop_token& stop) {
   return !stop.stop_requested();
 }
 
+}  // namespace
+
 // Updates all trackers with one set, distributed over threads: the calling one and helpers that live as long as this.
 // Every tracker has its own state and randomness, so who updates it changes nothing.
-class TrackingTeam {
+class Pipeline::TrackingTeam {
  public:
   TrackingTeam(std::vector<object_tracking::ObjectTracker>& trackers, int threads)
       : trackers_(trackers),
@@ -108,16 +110,12 @@ class TrackingTeam {
   std::vector<std::jthread> threads_;  // last: joined before the rest goes
 };
 
-}  // namespace
-
 Pipeline::Pipeline(const calib::CameraRig& rig, std::vector<std::unique_ptr<capture::FrameSource>> sources,
-                   std::vector<object_tracking::ObjectTracker> trackers, PipelineOptions options,
-                   PipelineOutputs outputs)
+                   std::vector<object_tracking::ObjectTracker> trackers, PipelineOptions options)
     : rig_(rig),
       sources_(std::move(sources)),
       trackers_(std::move(trackers)),
       options_(std::move(options)),
-      outputs_(std::move(outputs)),
       frame_sets_(options_.queue_capacity, options_.when_full),
       pictures_(options_.queue_capacity, WhenFull::wait),
       camera_frames_(options_.queue_capacity, options_.when_full),
@@ -208,18 +206,24 @@ void Pipeline::capture(capture::FrameSource& source, std::stop_token stop) {
     {
       const std::scoped_lock lock(figures_mutex_);
       figures_.decode += lap;
-      for (std::size_t c = 0; c < mine.size(); ++c) figures_.cameras[c].ended |= mine[c] && source.ended(int(c));
+      for (std::size_t c = 0; c < mine.size(); ++c)
+        if (mine[c] && source.ended(int(c))) note_end(c);
     }
     if (!frame) break;
     mine.at(std::size_t(frame->camera)) = true;
-    if (options_.pace) {
-      const capture::Duration delay{options_.pace->delay_ns != nullptr ? options_.pace->delay_ns->load() : 0};
-      if (!sleep_until(options_.pace->start + delay + (frame->captured_at - options_.pace->first), stop)) break;
+    if (pace_) {
+      const capture::Duration delay{pace_->delay_ns != nullptr ? pace_->delay_ns->load() : 0};
+      if (!sleep_until(pace_->start + delay + (frame->captured_at - pace_->first), stop)) break;
     }
     receive(std::move(*frame));
   }
   const std::scoped_lock lock(figures_mutex_);
-  for (std::size_t c = 0; c < mine.size(); ++c) figures_.cameras[c].ended |= mine[c];
+  for (std::size_t c = 0; c < mine.size(); ++c)
+    if (mine[c]) note_end(c);
+}
+
+void Pipeline::note_end(std::size_t camera) {
+  if (!std::exchange(figures_.cameras[camera].ended, true)) ++camera_news_;
 }
 
 void Pipeline::receive(capture::Frame frame) {
@@ -230,6 +234,7 @@ void Pipeline::receive(capture::Frame frame) {
     CameraFigures& figures = figures_.cameras[camera];
     const bool is_sound = frame.status == capture::FrameStatus::ok;
     ++(is_sound ? figures.frames : figures.corrupted);
+    if (is_sound && figures.frames == 1) ++camera_news_;
     if (figures.last_sequence && frame.sequence > *figures.last_sequence + 1) {
       figures.dropped += frame.sequence - *figures.last_sequence - 1;
     }
@@ -251,7 +256,7 @@ void Pipeline::receive(capture::Frame frame) {
     size_checked_[camera] = true;
   }
   frame.arrival = ++arrivals_;
-  if (outputs_.frames) outputs_.frames(frame, received_at);
+  for (Output* output : outputs_) output->on_frame(frame, received_at);
   if (frame.camera == tracked_camera_ && frame.status == capture::FrameStatus::ok)
     put_in_camera_queue({frame, received_at});  // the image is shared, not copied
   const Stopwatch watch;
@@ -268,85 +273,80 @@ void Pipeline::receive(capture::Frame frame) {
 void Pipeline::put_in_queue(ReadySet ready) {
   std::optional<ReadySet> pushed_out;
   frame_sets_.push(std::move(ready), &pushed_out);
-  if (pushed_out && outputs_.left_out) outputs_.left_out(pushed_out->set);
+  if (!pushed_out) return;
+  for (Output* output : outputs_) output->on_left_out({.at = pushed_out->set.at});
 }
 
 void Pipeline::put_in_camera_queue(ReadyFrame ready) {
   if (std::ranges::binary_search(options_.camera_left_out, ready.frame.captured_at)) return;
   std::optional<ReadyFrame> pushed_out;
   camera_frames_.push(std::move(ready), &pushed_out);
-  if (pushed_out && outputs_.camera_left_out) outputs_.camera_left_out(pushed_out->frame);
-}
-
-pictures::PictureJob Pipeline::picture_of(capture::FrameSet set, std::vector<object_tracking::ObjectEstimate> estimates,
-                                          std::size_t particles) const {
-  pictures::PictureJob job{std::move(set), std::move(estimates), {}};
-  job.particles.reserve(trackers_.size());
-  for (const auto& tracker : trackers_) job.particles.push_back(tracker.particles(particles));
-  return job;
+  if (!pushed_out) return;
+  for (Output* output : outputs_) output->on_left_out({.at = pushed_out->frame.captured_at, .is_of_camera = true});
 }
 
 void Pipeline::track() {
   ::prctl(PR_SET_NAME, "tracking");  // for top -H, and for who measures
   TrackingTeam team(trackers_, options_.threads);
   std::vector<object_tracking::ObjectEstimate> estimates(trackers_.size());
-  std::vector<std::pair<bool, bool>> cameras_then;  // started, ended
   auto next_status = Clock::now() + status_period;
+  int told_camera_news = -1;
 
   for (;;) {
+    int camera_news = 0;
     {
       const std::scoped_lock lock(figures_mutex_);
       figures_.tracking_round = Clock::now();
+      camera_news = camera_news_;
     }
     if (auto ready = frame_sets_.pop_for(std::max<Clock::duration>(next_status - Clock::now(), 0ns))) {
       if (std::ranges::binary_search(options_.left_out, ready->set.at)) continue;
-      take_replacements(ready->set.at);
-      // Object tracking is for still cameras: a camera that moves is absent from its sets.
-      std::optional<capture::FrameSet> of_still_cameras;
-      if (tracked_camera_ >= 0) {
-        of_still_cameras = ready->set;  // images are shared
-        of_still_cameras->frames.at(std::size_t(tracked_camera_)).reset();
-      }
-      const StageTime tracked = team.update(of_still_cameras ? *of_still_cameras : ready->set, estimates);
-      const Stopwatch watch;
-      if (outputs_.estimates) outputs_.estimates(ready->set, estimates, ready->received_at);
-      if (outputs_.view_wanted && outputs_.view_wanted()) {
-        // Moved where nobody else wants it: then the other thread also frees the images, or gives them back to a
-        // driver.
-        outputs_.view(
-            picture_of(outputs_.pictures ? ready->set : std::move(ready->set), estimates, options_.view_particles));
-      }
-      const StageTime published = watch.lap();
-      std::uint64_t index = 0;
-      {
-        const std::scoped_lock lock(figures_mutex_);
-        figures_.track += tracked;
-        if (figures_.sets_tracked == 0) figures_.track_first = tracked;
-        figures_.publish += published;
-        index = figures_.sets_tracked++;
-      }
-      if (outputs_.pictures && index % std::uint64_t(options_.pictures_every) == 0) {
-        pictures_.push(picture_of(std::move(ready->set), estimates, 0));
-      }
+      update(std::move(*ready), team, estimates);
     } else if (frame_sets_.ended()) {
       break;
     }
-    if (Clock::now() >= next_status) note_searches();
-    if (!outputs_.status) {
-      if (Clock::now() >= next_status) next_status = Clock::now() + status_period;
-      continue;
-    }
-    const PipelineFigures now = figures();
-    std::vector<std::pair<bool, bool>> cameras_now;
-    for (const auto& camera : now.cameras) cameras_now.emplace_back(camera.frames > 0, camera.ended);
-    if (Clock::now() >= next_status || cameras_now != cameras_then) {
-      outputs_.status(now);
-      cameras_then = std::move(cameras_now);
-      next_status = Clock::now() + status_period;
-    }
+    const bool is_due = Clock::now() >= next_status;
+    if (!is_due && camera_news == told_camera_news) continue;
+    if (is_due) note_searches();
+    tell_status();
+    told_camera_news = camera_news;
+    next_status = Clock::now() + status_period;
   }
   note_searches();
-  if (outputs_.status) outputs_.status(figures());
+  tell_status();
+}
+
+void Pipeline::update(ReadySet ready, TrackingTeam& team, std::vector<object_tracking::ObjectEstimate>& estimates) {
+  take_replacements(ready.set.at);
+  // Object tracking is for still cameras: a camera that moves is absent from its sets.
+  std::optional<capture::FrameSet> of_still_cameras;
+  if (tracked_camera_ >= 0) {
+    of_still_cameras = ready.set;  // images are shared
+    of_still_cameras->frames.at(std::size_t(tracked_camera_)).reset();
+  }
+  const StageTime tracked = team.update(of_still_cameras ? *of_still_cameras : ready.set, estimates);
+  const TrackedSet result{ready.set, estimates, ready.received_at, trackers_, reloaded_};
+  const Stopwatch watch;
+  for (Output* output : outputs_) output->on_set(result);
+  const StageTime published = watch.lap();
+  std::uint64_t index = 0;
+  {
+    const std::scoped_lock lock(figures_mutex_);
+    figures_.track += tracked;
+    if (figures_.sets_tracked == 0) figures_.track_first = tracked;
+    figures_.publish += published;
+    index = figures_.sets_tracked++;
+  }
+  if (is_picture(index) && !trackers_.empty()) pictures_.push(result.picture(0));
+}
+
+bool Pipeline::is_picture(std::uint64_t index) const {
+  return options_.pictures_every > 0 && index % std::uint64_t(options_.pictures_every) == 0;
+}
+
+void Pipeline::tell_status() {
+  const PipelineFigures now = figures();
+  for (Output* output : outputs_) output->on_status(now);
 }
 
 void Pipeline::note_searches() {
@@ -362,10 +362,11 @@ void Pipeline::replace_trackers(Replacement replacement) {
 }
 
 void Pipeline::take_replacements(capture::Timestamp at) {
+  reloaded_.clear();
   const std::scoped_lock lock(replacements_mutex_);
   for (; !replacements_.empty() && replacements_.front().from.value_or(at) <= at; replacements_.pop_front()) {
     for (auto& [target, tracker] : replacements_.front().trackers) trackers_.at(target) = std::move(tracker);
-    if (replacements_.front().done) replacements_.front().done(at);
+    if (!replacements_.front().config.empty()) reloaded_.push_back(std::move(replacements_.front().config));
   }
 }
 
@@ -385,9 +386,9 @@ void Pipeline::track_camera_frames() {
       figures_.tracked_camera.add(estimate, why);
     }
     const Stopwatch publishing;
-    if (outputs_.camera_poses) outputs_.camera_poses(estimate, ready->received_at);
-    if (outputs_.camera_map_wanted && outputs_.camera_map_wanted())
-      outputs_.camera_map({estimate.at, camera_tracker_->map()});
+    // These figures are read without the lock: nobody but this thread changes them.
+    const TrackedFrame result{estimate, ready->received_at, figures_.tracked_camera, *camera_tracker_};
+    for (Output* output : outputs_) output->on_camera_pose(result);
     const StageTime published = publishing.lap();
     std::uint64_t index = 0;
     {
@@ -396,7 +397,7 @@ void Pipeline::track_camera_frames() {
       figures_.publish += published;
       index = figures_.camera_frames_tracked++;
     }
-    if (outputs_.camera_pictures && index % std::uint64_t(options_.pictures_every) == 0) {
+    if (is_picture(index)) {
       pictures::CameraPictureJob job{std::move(ready->frame), estimate, camera_tracker_->view(), {}};
       if (estimate.has_pose() && job.view.features.empty()) job.start_map = camera_tracker_->map();
       camera_pictures_.push(std::move(job));
@@ -407,7 +408,7 @@ void Pipeline::track_camera_frames() {
 void Pipeline::draw_camera() {
   while (auto job = camera_pictures_.pop()) {
     const Stopwatch watch;
-    outputs_.camera_pictures(*job);
+    for (Output* output : outputs_) output->on_camera_picture(*job);
     const StageTime lap = watch.lap();
     const std::scoped_lock lock(figures_mutex_);
     figures_.draw += lap;
@@ -417,7 +418,7 @@ void Pipeline::draw_camera() {
 void Pipeline::draw() {
   while (auto job = pictures_.pop()) {
     const Stopwatch watch;
-    outputs_.pictures(*job);
+    for (Output* output : outputs_) output->on_picture(*job);
     const StageTime lap = watch.lap();
     const std::scoped_lock lock(figures_mutex_);
     figures_.draw += lap;

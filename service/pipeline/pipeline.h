@@ -1,8 +1,8 @@
 // The road of a frame, and every thread of the service:
 //
 //   capture threads (one per source)      tracking thread                              picture thread
-//   source -> [pace] -> synchroniser -> queue -> trackers (+ workers) -> estimates out -> queue -> pictures out
-//                    `-> queue -> camera tracker -> poses out            (camera thread) -> queue -> pictures out
+//   source -> [pace] -> synchroniser -> queue -> trackers (+ workers) -> outputs -> queue -> outputs' pictures
+//                    `-> queue -> camera tracker -> outputs       (camera thread) -> queue -> outputs' pictures
 //
 // Nothing calls back up. Stopping goes from upstream down: the sources end, the queue closes, tracking drains it.
 #pragma once
@@ -12,12 +12,11 @@
 #include <cstdint>
 #include <deque>
 #include <exception>
-#include <functional>
 #include <memory>
 #include <mutex>
 #include <optional>
-#include <span>
 #include <stop_token>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -28,41 +27,9 @@
 #include "object_tracking/object_tracker.h"
 #include "pictures/picture_job.h"
 #include "pipeline/bounded_queue.h"
-#include "pipeline/tracked_camera.h"
+#include "pipeline/output.h"
 
 namespace huetrack::pipeline {
-
-// What a stage took so far. Waiting (for a paced frame, for room in a queue) is not counted.
-struct StageTime {
-  capture::Duration wall{0};
-  capture::Duration cpu{0};  // of our threads; threads inside libraries (decoders) are not seen
-};
-
-struct CameraFigures {
-  std::uint64_t frames = 0;     // with an image
-  std::uint64_t dropped = 0;    // sequence gaps
-  std::uint64_t corrupted = 0;  // came, but damaged
-  std::optional<std::uint32_t> last_sequence;
-  std::optional<std::chrono::steady_clock::time_point> last_received;  // with an image
-  std::optional<capture::Timestamp> last_captured;                     // the source's clock
-  bool ended = false;                                                  // its source has no more of it
-};
-
-// A snapshot of what has happened so far.
-struct PipelineFigures {
-  std::vector<CameraFigures> cameras;  // in the order of the rig
-  capture::FrameSynchronizerCounters frame_sets;
-  std::uint64_t sets_tracked = 0;
-  std::uint64_t sets_dropped = 0;  // by the queue, because tracking was too slow
-  StageTime decode, synchronise, track, publish, draw;
-  std::vector<object_tracking::SearchFindings> searches;  // per target, about once a second and at the end
-  std::uint64_t camera_frames_tracked = 0;
-  std::uint64_t camera_frames_dropped = 0;  // by the queue, because camera tracking was too slow
-  StageTime camera_track;
-  TrackedCameraFigures tracked_camera;
-  StageTime track_first;  // part of track: the first set, for which the trackers build colour tables
-  std::chrono::steady_clock::time_point tracking_round{};  // when the tracking thread last came round: once a second
-};
 
 // Frames are held back until their capture time: `first` is let through at `start`.
 struct Pace {
@@ -72,46 +39,15 @@ struct Pace {
 };
 
 struct PipelineOptions {
-  capture::FrameSynchronizerOptions frame_sets;
+  capture::FrameSynchronizerOptions frame_sets = {};
   WhenFull when_full = WhenFull::wait;
   std::size_t queue_capacity = 8;  // frame sets between capture and tracking
   int threads = 1;                 // that track; the result does not depend on it
-  std::optional<Pace> pace;        // nullopt: as fast as frames come
-  std::vector<capture::Timestamp>
-      left_out;  // ascending; sets (FrameSet::at) that are not tracked: a replay of what live dropped
-  std::vector<capture::Timestamp> camera_left_out;  // ascending; likewise, frames (captured_at) of the tracked camera
-  int pictures_every = 1;                           // >= 1; every how many-th set goes to the picture output
-  std::size_t view_particles = 0;  // about so many of each target's particles go to the view output; 0: all
-};
-
-// Where the results go; an empty function is left out. An exception out of one of them stops the pipeline and comes out
-// of run(). Each is called from one thread only.
-struct PipelineOutputs {
-  // Tracking thread; sets in time order, estimates in target order. received_at: UNIX time, when the last frame came.
-  std::function<void(const capture::FrameSet&, std::span<const object_tracking::ObjectEstimate>,
-                     capture::Timestamp received_at)>
-      estimates;
-  // Tracking thread; once a second, when a camera starts or ends, and a last time at the end.
-  std::function<void(const PipelineFigures&)> status;
-  // Picture thread. It may be slow: replay waits for it, the estimates of the same set are out before.
-  std::function<void(const pictures::PictureJob&)> pictures;
-  // Capture threads, one at a time: a set that will not be tracked, because tracking is too slow. Must be quick.
-  std::function<void(const capture::FrameSet&)> left_out = nullptr;
-  std::function<void(const capture::Frame&)> camera_left_out = nullptr;  // the same, of the tracked camera's frames
-  // Camera thread: a pose per frame of the tracked camera. received_at: UNIX time.
-  std::function<void(const camera_tracking::CameraEstimate&, capture::Timestamp received_at)> camera_poses = nullptr;
-  // Camera thread, after camera_poses: whether the map is wanted by who watches, and then the map. Both must be quick.
-  std::function<bool()> camera_map_wanted = nullptr;
-  std::function<void(camera_tracking::CameraMap)> camera_map = nullptr;
-  // Camera picture thread; every options.pictures_every-th frame.
-  std::function<void(const pictures::CameraPictureJob&)> camera_pictures = nullptr;
-  // Tracking thread, after `estimates`: whether a picture of this set is wanted by who watches, and then the set. Both
-  // must be quick: they are on the road.
-  std::function<bool()> view_wanted = nullptr;
-  std::function<void(pictures::PictureJob)> view = nullptr;
-  // Capture threads, one at a time, before the frame enters the synchroniser and in that order (Frame::arrival): must
-  // be quick, everything waits for it. received_at: UNIX time.
-  std::function<void(const capture::Frame&, capture::Timestamp received_at)> frames = nullptr;
+  // Sets (FrameSet::at) and frames of the tracked camera (captured_at) that are not tracked, ascending: a replay of
+  // what live dropped.
+  std::vector<capture::Timestamp> left_out = {}, camera_left_out = {};
+  // Every how many-th set, and frame of the tracked camera, goes to the outputs as a picture; 0: none.
+  int pictures_every = 0;
 };
 
 // thread-compatible; run() once.
@@ -119,8 +55,13 @@ class Pipeline {
  public:
   // One tracker per target. sources yield frames whose `camera` indexes rig.cameras.
   Pipeline(const calib::CameraRig& rig, std::vector<std::unique_ptr<capture::FrameSource>> sources,
-           std::vector<object_tracking::ObjectTracker> trackers, PipelineOptions options, PipelineOutputs outputs);
+           std::vector<object_tracking::ObjectTracker> trackers, PipelineOptions options);
   ~Pipeline();
+
+  // Before run(). The output is called after those that were added before it, and outlives run().
+  void add(Output& output) { outputs_.push_back(&output); }
+  // Before run(): frames come no sooner than this; without it, as fast as the sources give them.
+  void hold_to(const Pace& pace) { pace_ = pace; }
 
   // Returns when every source has ended, or soon after a stop: every set that was tracked is then out, none in part.
   // What had been received when the stop came is tracked, too: a recording of the same frames gives the same track.
@@ -132,14 +73,13 @@ class Pipeline {
   const camera_tracking::CameraTracker* camera_tracker() const { return camera_tracker_.get(); }  // when run() is over
 
   PipelineFigures figures() const;              // thread-safe
-  TrackedCameraFigures tracked_camera() const;  // thread-safe; of figures(), and in camera_poses those of that frame
+  TrackedCameraFigures tracked_camera() const;  // thread-safe; of figures()
 
   // Trackers that take the place of those of their targets.
   struct Replacement {
     std::vector<std::pair<std::size_t, object_tracking::ObjectTracker>> trackers;  // targets' indices
     std::optional<capture::Timestamp> from;  // the first set (FrameSet::at); nullopt: the next one
-    std::function<void(capture::Timestamp)> done =
-        nullptr;  // tracking thread, before that set is tracked; its FrameSet::at
+    std::string config = {};                 // TrackedSet::reloaded of that set; empty: nothing is said of it
   };
   void replace_trackers(Replacement replacement);  // no set is lost. thread-safe
 
@@ -154,14 +94,18 @@ class Pipeline {
     capture::Timestamp received_at;
   };
 
+  class TrackingTeam;
+
   void capture(capture::FrameSource& source, std::stop_token stop);
   void receive(capture::Frame frame);
   void put_in_queue(ReadySet ready);  // synchronizer_mutex_ is held
   void put_in_camera_queue(ReadyFrame ready);
-  pictures::PictureJob picture_of(capture::FrameSet set, std::vector<object_tracking::ObjectEstimate> estimates,
-                                  std::size_t particles) const;
   void track();
+  void update(ReadySet ready, TrackingTeam& team, std::vector<object_tracking::ObjectEstimate>& estimates);
+  bool is_picture(std::uint64_t index) const;
+  void tell_status();
   void note_searches();
+  void note_end(std::size_t camera);  // figures_mutex_ is held
   void take_replacements(capture::Timestamp at);
   void draw();
   void track_camera_frames();
@@ -173,7 +117,8 @@ class Pipeline {
   std::vector<std::unique_ptr<capture::FrameSource>> sources_;
   std::vector<object_tracking::ObjectTracker> trackers_;  // the tracking thread's and its workers'
   const PipelineOptions options_;
-  const PipelineOutputs outputs_;
+  std::optional<Pace> pace_;
+  std::vector<Output*> outputs_;
   std::stop_source stop_;
   BoundedQueue<ReadySet> frame_sets_;
   BoundedQueue<pictures::PictureJob> pictures_;
@@ -190,9 +135,11 @@ class Pipeline {
 
   std::mutex replacements_mutex_;
   std::deque<Replacement> replacements_;  // guarded by replacements_mutex_
+  std::vector<std::string> reloaded_;     // the tracking thread's: TrackedSet::reloaded
 
   mutable std::mutex figures_mutex_;  // never held while waiting
   PipelineFigures figures_;           // guarded by figures_mutex_
+  int camera_news_ = 0;               // guarded by figures_mutex_; how often a camera has started or ended
   std::exception_ptr error_;          // guarded by figures_mutex_; the first one
 };
 

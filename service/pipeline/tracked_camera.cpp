@@ -1,8 +1,9 @@
 #include "pipeline/tracked_camera.h"
 
+#include <fmt/format.h>
 #include <spdlog/spdlog.h>
 
-#include "config/formatted.h"
+#include "pipeline/without_numbers.h"
 
 namespace huetrack::pipeline {
 namespace {
@@ -28,16 +29,15 @@ void TrackedCameraFigures::add(const camera_tracking::CameraEstimate& estimate, 
 
 std::string no_pose_warning(const std::string& camera, const TrackedCameraFigures& figures) {
   if (!figures.without_since || figures.at - *figures.without_since < worth_a_word) return {};
-  return config::formatted("camera %s: no pose for %.0f s (%s)", camera.c_str(),
-                           capture::seconds(figures.at - *figures.without_since),
-                           std::string(camera_tracking::name(figures.state)).c_str()) +
-         (figures.why.empty() ? "" : ": " + figures.why);
+  return fmt::format("camera {}: no pose for {:.0f} s ({}){}{}", camera,
+                     capture::seconds(figures.at - *figures.without_since), camera_tracking::name(figures.state),
+                     figures.why.empty() ? "" : ": ", figures.why);
 }
 
 void NoPoseLog::tell(const std::string& camera, const TrackedCameraFigures& figures) {
   if (!figures.without_since) told_.clear();
   const std::string warning = no_pose_warning(camera, figures);
-  if (!warning.empty() && told_.insert(config::without_numbers(warning)).second) spdlog::warn("{}", warning);
+  if (!warning.empty() && told_.insert(without_numbers(warning)).second) spdlog::warn("{}", warning);
 }
 
 void save_map(const camera_tracking::CameraTracker& tracker, const TrackedCameraFigures& figures,

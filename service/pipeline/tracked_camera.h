@@ -12,7 +12,7 @@ namespace huetrack::pipeline {
 
 // A plain value: the tracked camera after its last frame.
 struct TrackedCameraFigures {
-  camera_tracking::CameraState state = camera_tracking::CameraState::searching;
+  camera_tracking::PoseState state = camera_tracking::PoseState::searching;
   capture::Timestamp at;  // capture time of the last frame
   std::optional<capture::Timestamp>
       without_since;      // capture time of the first frame without a pose; nullopt: there is one

@@ -42,10 +42,10 @@ static_assert(static_cast<std::uint32_t>(CameraStatus::Health::waiting) == msg::
               static_cast<std::uint32_t>(CameraStatus::Health::absent) == msg::CAMERA_HEALTH_ABSENT &&
               static_cast<std::uint32_t>(CameraStatus::Health::ended) == msg::CAMERA_HEALTH_ENDED);
 
-static_assert(static_cast<std::uint32_t>(camera_tracking::CameraState::searching) == msg::CAMERA_STATE_SEARCHING &&
-              static_cast<std::uint32_t>(camera_tracking::CameraState::tracking) == msg::CAMERA_STATE_TRACKING &&
-              static_cast<std::uint32_t>(camera_tracking::CameraState::coasting) == msg::CAMERA_STATE_COASTING &&
-              static_cast<std::uint32_t>(camera_tracking::CameraState::lost) == msg::CAMERA_STATE_LOST);
+static_assert(static_cast<std::uint32_t>(camera_tracking::PoseState::searching) == msg::CAMERA_STATE_SEARCHING &&
+              static_cast<std::uint32_t>(camera_tracking::PoseState::tracking) == msg::CAMERA_STATE_TRACKING &&
+              static_cast<std::uint32_t>(camera_tracking::PoseState::coasting) == msg::CAMERA_STATE_COASTING &&
+              static_cast<std::uint32_t>(camera_tracking::PoseState::lost) == msg::CAMERA_STATE_LOST);
 
 std::array<double, 3> array_of(const Eigen::Vector3d& v) {
   return {v.x(), v.y(), v.z()};
@@ -236,17 +236,17 @@ std::vector<std::string> EstimatePublisherOptions::problems() const {
     sentences.push_back("frame_id \"" + frame_id + "\" must not be empty nor begin with '/'");
   if (targets.empty() && tracked_camera.empty())
     sentences.push_back("there must be at least one target or a tracked camera");
-  if (!tracked_camera.empty() && !idl::is_target_name(tracked_camera))
-    sentences.push_back("camera \"" + tracked_camera +
-                        "\" must be a letter, then letters, digits and single '_': it is part of a ROS 2 topic's name");
+  const auto check_name = [&](const char* whose, const std::string& name) {
+    if (!idl::is_target_name(name))
+      sentences.push_back(
+          std::string(whose) + " \"" + name +
+          "\" must be a letter, then letters, digits and single '_': it is part of a ROS 2 topic's name");
+  };
+  if (!tracked_camera.empty()) check_name("camera", tracked_camera);
   if (std::ranges::find(targets, tracked_camera) != targets.end())
     sentences.push_back("target " + tracked_camera +
                         " has the name of the tracked camera: both are frames of ROS 2's /tf");
-  for (const std::string& target : targets)
-    if (!idl::is_target_name(target))
-      sentences.push_back(
-          "target \"" + target +
-          "\" must be a letter, then letters, digits and single '_': it is part of a ROS 2 topic's name");
+  for (const std::string& target : targets) check_name("target", target);
   if (std::set(targets.begin(), targets.end()).size() != targets.size())
     sentences.push_back("two targets have the same name");
   return sentences;

@@ -19,7 +19,7 @@ namespace huetrack::publish {
 struct EstimatePublisherOptions {
   std::optional<int> domain;                  // 0..232; nullopt: ROS_DOMAIN_ID, and 0 without it
   std::string frame_id = "world";             // not empty, no leading '/'; the world frame's name on the ROS 2 topics
-  std::vector<std::string> targets;           // unique; [A-Za-z][A-Za-z0-9_]*; none only with a tracked camera
+  std::vector<std::string> targets;           // unique; idl::is_target_name(); none only with a tracked camera
   std::string tracked_camera;                 // whose pose is published, named like a target; empty: none
   std::vector<std::string> cameras;           // names in rig order: per_view[i] is what cameras[i] says
   std::vector<std::string> interfaces;        // use only these, and loopback: names or IPv4 addresses; empty: all

@@ -6,6 +6,8 @@
 #include <cassert>
 #include <cmath>
 
+#include "calib/model/covariance_ellipse.h"
+
 namespace huetrack::publish {
 namespace {
 
@@ -18,7 +20,6 @@ enum MarkerType : std::int32_t {
 };  // visualization_msgs/msg/Marker.msg
 enum MarkerAction : std::int32_t { add = 0, remove = 2 };
 
-constexpr double chi_95_in_3d = 2.7955;  // the square root of 7.815
 constexpr float camera_grey = 0.6F;
 constexpr std::int32_t target_lifetime_s = 2;
 
@@ -77,7 +78,7 @@ void set_ellipsoid(Marker& m, const Eigen::Matrix3d& covariance) {
   m.pose().orientation().y(q.y());
   m.pose().orientation().z(q.z());
   m.pose().orientation().w(q.w());
-  const Eigen::Vector3d diameter = 2 * chi_95_in_3d * axes.eigenvalues().cwiseMax(1e-12).cwiseSqrt();
+  const Eigen::Vector3d diameter = 2 * calib::chi_95_in_3d * axes.eigenvalues().cwiseMax(1e-12).cwiseSqrt();
   set_scale(m, diameter[0], diameter[1], diameter[2]);
 }
 

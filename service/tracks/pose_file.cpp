@@ -38,7 +38,7 @@ PoseFileWriter::PoseFileWriter(std::filesystem::path file) : file_(std::move(fil
 }
 
 void PoseFileWriter::write(const camera_tracking::CameraEstimate& estimate) {
-  if (estimate.state != camera_tracking::CameraState::tracking) return;  // only that is a claim
+  if (estimate.state != camera_tracking::PoseState::tracking) return;  // only that is a claim
   errno = 0;
   stream_ << to_tum_line(estimate) << '\n';
   if (!stream_) fail(file_);

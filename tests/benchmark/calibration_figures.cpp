@@ -22,6 +22,7 @@
 #include "calib/board/board_yaml.h"
 #include "calib/gather/find_boards.h"
 #include "calib/model/rig_yaml.h"
+#include "calib/report/sentences.h"
 #include "calib/solver/extrinsics.h"
 #include "calib/solver/world_frame.h"
 #include "solver/synthetic_rig.h"
@@ -65,7 +66,7 @@ gather::FoundBoards look(const board::Board& board, const std::vector<std::strin
 
 std::vector<solver::CameraToCalibrate> unknown(const gather::FoundBoards& found) {
   std::vector<solver::CameraToCalibrate> cameras;
-  for (const gather::CameraSighting& camera : found.cameras) cameras.push_back({camera.name, camera.image_size, {}});
+  for (const gather::PictureTally& camera : found.cameras) cameras.push_back({camera.name, camera.image_size, {}});
   return cameras;
 }
 
@@ -86,7 +87,7 @@ void stereo() {
   const gather::FoundBoards found = look(board, {"left=" + data("opencv_chessboard_stereo/left*.jpg").string(),
                                                  "right=" + data("opencv_chessboard_stereo/right*.jpg").string()});
   for (int c = 0; c < 2; ++c) {
-    const gather::CameraSighting& camera = found.cameras[std::size_t(c)];
+    const gather::PictureTally& camera = found.cameras[std::size_t(c)];
     figure(camera.name + ": boards found of 13", camera.boards, "", 13, 13);
     const solver::Intrinsics lens =
         solver::calibrate_intrinsics(board, camera.name, camera.image_size, views_of(found, c));
@@ -318,15 +319,16 @@ void charuco() {
   print("huetrack, lenses from these views", solver::rig_of(scratch.adjustment));
   std::printf("    centres off the reference's: %s mm; %s\n",
               rms_list(centre_distances_mm(solver::rig_of(scratch.adjustment), reference)).c_str(),
-              scratch.lens_reason.c_str());
+              report::refinement_text(scratch).c_str());
   // As its own users do: the lenses are known from recordings of their own.
   auto cameras = unknown(found);
   for (std::size_t c = 0; c < cameras.size(); ++c) cameras[c].model = reference.cameras[c].model;
   const solver::Extrinsics rig = solver::calibrate_extrinsics(board, cameras, found.views);
   const RigOnCorners ours_all = print("huetrack, the reference's lenses", solver::rig_of(rig.adjustment));
-  std::printf(
-      "    %s; %d corners used, %d views dropped\n", rig.lens_reason.c_str(), rig.adjustment.corners_used,
-      int(std::ranges::count_if(rig.adjustment.fits, [](const solver::ViewFit& fit) { return !fit.dropped.empty(); })));
+  std::printf("    %s; %d corners used, %d views dropped\n", report::refinement_text(rig).c_str(),
+              rig.adjustment.corners_used,
+              int(std::ranges::count_if(rig.adjustment.fits,
+                                        [](const solver::ViewFit& fit) { return fit.dropped.has_value(); })));
   const RigOnCorners every =
       print("the same, no view dropped", solver::rig_of(solver::adjust(rig.adjustment, {.find_outliers = false})));
   const auto off = centre_distances_mm(solver::rig_of(rig.adjustment), reference);

@@ -110,8 +110,8 @@ int main(int argc, char** argv) {
     bool ok = true;
     const auto need = [&](bool reached) { return mark(!ours || within(reached, ok)); };
     std::printf("  first frame tracked             %s%s\n",
-                estimates[0].state == camera_tracking::CameraState::tracking ? "yes" : "no",
-                need(estimates[0].state == camera_tracking::CameraState::tracking));
+                estimates[0].state == camera_tracking::PoseState::tracking ? "yes" : "no",
+                need(estimates[0].state == camera_tracking::PoseState::tracking));
     std::printf("  position, rms / at most         %.1f / %.1f mm (frame %d), bar 8 rms, 50 at most%s\n", 1e3 * e.rms_m,
                 1e3 * e.max_m, e.max_at, need(e.rms_m <= 0.008 && e.max_m < 0.05));
     std::printf("  orientation, rms / at most      %.2f / %.2f deg, bar 0.6 rms%s\n", e.rms_deg, e.max_deg,

@@ -97,8 +97,8 @@ PoseErrors errors_of(const std::vector<camera_tracking::CameraEstimate>& estimat
   int inside = 0;
   for (std::size_t i = from; i < std::min(to, estimates.size()); ++i) {
     const camera_tracking::CameraEstimate& x = estimates[i];
-    e.coasting += x.state == camera_tracking::CameraState::coasting;
-    if (x.state != camera_tracking::CameraState::tracking || !sequence.world_from_camera[i]) continue;
+    e.coasting += x.state == camera_tracking::PoseState::coasting;
+    if (x.state != camera_tracking::PoseState::tracking || !sequence.world_from_camera[i]) continue;
     const calib::Rigid3d& t = *sequence.world_from_camera[i];
     const Eigen::Vector3d d = t.translation - x.world_from_camera.translation;
     const Eigen::AngleAxisd turn((t.rotation * x.world_from_camera.rotation.inverse()).normalized());
@@ -122,7 +122,7 @@ PoseErrors errors_of(const std::vector<camera_tracking::CameraEstimate>& estimat
 std::optional<int> frames_until_tracked(const std::vector<camera_tracking::CameraEstimate>& estimates,
                                         std::size_t first) {
   for (std::size_t i = first; i < estimates.size(); ++i) {
-    if (estimates[i].state == camera_tracking::CameraState::tracking) return static_cast<int>(i - first);
+    if (estimates[i].state == camera_tracking::PoseState::tracking) return static_cast<int>(i - first);
   }
   return std::nullopt;
 }
@@ -132,7 +132,7 @@ AlignedError aligned_error(const std::vector<camera_tracking::CameraEstimate>& e
   std::vector<Eigen::Vector3d> from, to;
   std::vector<Eigen::Matrix3d> rotation;  // of the truth, world from camera
   for (std::size_t i = 0; i < estimates.size(); ++i) {
-    if (estimates[i].state != camera_tracking::CameraState::tracking || !sequence.world_from_camera[i]) continue;
+    if (estimates[i].state != camera_tracking::PoseState::tracking || !sequence.world_from_camera[i]) continue;
     from.push_back(estimates[i].world_from_camera.translation);
     to.push_back(sequence.world_from_camera[i]->translation);
     rotation.push_back(sequence.world_from_camera[i]->rotation.toRotationMatrix());

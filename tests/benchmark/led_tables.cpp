@@ -184,7 +184,7 @@ Errors simulate(const Setting& setting, std::uint64_t seed) {
     if (!e.world_from_camera.translation.allFinite()) continue;
     ++errors.poses;
     const figures::PoseError error = figures::pose_error(e.world_from_camera, truth);
-    errors.wrong += e.state == camera_tracking::CameraState::tracking && (error.metres > 0.5 || error.degrees > 20);
+    errors.wrong += e.state == camera_tracking::PoseState::tracking && (error.metres > 0.5 || error.degrees > 20);
     errors.mm.push_back(1e3 * error.metres);
     errors.deg.push_back(error.degrees);
   }

@@ -14,7 +14,7 @@
 #include <random>
 
 #include "benchmark/sequence.h"
-#include "calib/report/wave_text.h"
+#include "calib/report/wave_report.h"
 #include "calib/wave/wave.h"
 #include "calib/wave/wave_adjustment.h"
 
@@ -344,9 +344,10 @@ int main(int argc, char** argv) {
           double worst = 0;
           for (const wave::WaveCamera& camera : r.cameras) worst = std::max(worst, camera.centre_sigma_m.norm());
           stated_centre.push_back(worst);
-          doubtful += r.usable() ? 0 : 1;
+          const report::WaveReport told = report::report_on(r);
+          doubtful += told.verdict == report::Verdict::usable ? 0 : 1;
           if (seed == 1 && mode.scale_known && std::getenv("WAVE_FIGURES_VERBOSE") != nullptr)
-            std::printf("%s", report::to_text(r).c_str());
+            std::printf("%s", report::to_text(told, r).c_str());
         } catch (const std::exception& e) {
           ++failed;
           std::printf("    seed %d: %s\n", seed, e.what());

@@ -302,8 +302,9 @@ async function test() {
   await page.click("#teach-save");
   await until("it is saved", async () => /^Saved: lime/.test(await page.textContent("#teach-says")));
   say(await page.textContent("#teach-says"));
-  const written = readFileSync(teachable, "utf8");
-  assert.match(written, /# to be taught[\s\S]*lime:   # the ball[\s\S]*camera_colors: \{cam0: \{hue_deg: /);
+  assert.equal(readFileSync(teachable, "utf8"), untaught, "the user's own file stays as it is");
+  const written = readFileSync(teachable.replace(/\.yaml$/, ".taught.yaml"), "utf8");
+  assert.match(written, /^# What huetrackd was taught[\s\S]*lime:[\s\S]*camera_colors:\s+cam0:\s+hue_deg: /);
   assert.equal(await page.isVisible("#teach-resume"), true, "it is still held: another target may be taught");
   await page.click("#teach-resume");
   assert.equal(await daemon.ended, 0, daemon.err);

@@ -1,8 +1,6 @@
 #include <gmock/gmock.h>
 
-#include <stdexcept>
-
-#include "camera_tracking/methods/make_camera_tracker.h"
+#include "camera_tracking/camera_tracker.h"
 
 namespace huetrack::camera_tracking {
 namespace {
@@ -65,14 +63,6 @@ TEST(CameraStart, fewerThanFourLedsAreRefused) {
   three.leds.pop_back();
   EXPECT_THAT(problems(CameraMethod::herranz, three), Contains(HasSubstr("at least 4 LEDs")));
   EXPECT_THAT(problems(CameraMethod::herranz, three), Contains(HasSubstr("the schedule names LEDs 0 to 2")));
-}
-
-TEST(CameraStart, makeNamesTheProblems) {
-  CameraTrackerOptions options;
-  options.start = FoundStart{};
-  EXPECT_THROW(camera_methods::make_camera_tracker(
-                   calib::Camera{.name = "cam", .image_size = {320, 240}, .model = {}, .cam_from_world = {}}, options),
-               std::invalid_argument);
 }
 
 }  // namespace

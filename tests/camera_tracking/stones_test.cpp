@@ -1,21 +1,16 @@
 // The parts that the camera trackers are made of, each in a small known world.
 #include <gmock/gmock.h>
-
 #include <unistd.h>
+
 #include <Eigen/LU>
 #include <cmath>
 #include <filesystem>
-
 #include <fstream>
-#include <numbers>
 #include <stdexcept>
 
 #include "camera_tracking/drawn_rectangle.h"
-#include "camera_tracking/keyframes/local_bundle.h"
 #include "camera_tracking/ncc.h"
 #include "camera_tracking/observation_field.h"
-#include "camera_tracking/papers/depth_ray.h"
-#include "camera_tracking/papers/unscented_kalman.h"
 #include "camera_tracking/parallel_task.h"
 #include "camera_tracking/pose_particles.h"
 #include "camera_tracking/pose_solver.h"
@@ -162,8 +157,8 @@ TEST(TemplatePatch, viewOfAPlaneIsWhatTheCamerasSee) {
   const calib::Rigid3d first = look_at({0, -0.5, 0.5}, {0, 0, 0}), second = look_at({0.2, -0.45, 0.5}, {0, 0, 0});
   const Eigen::Vector3d point(0.05, 0.03, 0);
   const Eigen::Vector3d in_first = first * point, normal = first.rotation * Eigen::Vector3d::UnitZ();
-  const auto view = view_patch(c.model, c.model.project(in_first)->px,
-                               plane_homography(second * calib::inverse(first), normal, normal.dot(in_first)));
+  const auto view = transfer_patch(c.model, c.model.project(in_first)->px,
+                                   plane_homography(second * calib::inverse(first), normal, normal.dot(in_first)));
   ASSERT_TRUE(view);
   EXPECT_LT((view->px - c.model.project(second * point)->px).norm(), 1e-6);
   const Eigen::Vector3d beside = point + Eigen::Vector3d(0.002, 0.001, 0);  // on the plane
@@ -220,35 +215,6 @@ TEST(PoseSolver, worldCovarianceIsThatOfPerturbedPoses) {
   EXPECT_LT((world_covariance(pose, small * small.transpose()) - expected).norm(), 1e-2 * expected.norm());
 }
 
-TEST(LocalBundle, putsPosesAndPointsRight) {
-  const calib::Camera c = camera();
-  particle_filter::Rng rng(6);
-  keyframes::BundleProblem problem;
-  std::vector<calib::Rigid3d> truth;
-  for (int k = 0; k < 4; ++k) truth.push_back(look_at({0.1 * k, -0.5, 0.4}, {0.02, 0.03, 0}));
-  std::vector<Eigen::Vector3d> points;
-  for (int i = 0; i < 40; ++i)
-    points.emplace_back(0.3 * rng.uniform() - 0.15, 0.3 * rng.uniform() - 0.15, 0.1 * rng.uniform());
-  for (int k = 0; k < 4; ++k) {
-    calib::Tangent6d off = calib::Tangent6d::Constant(k < 2 ? 0.0 : 0.01);
-    problem.poses.push_back({calib::exp(off) * truth[static_cast<std::size_t>(k)], k < 2});
-  }
-  for (int i = 0; i < 40; ++i) {
-    problem.points.push_back({});
-    problem.points.back().position = points[static_cast<std::size_t>(i)] + Eigen::Vector3d(0.01, -0.01, 0.01);
-    for (int k = 0; k < 4; ++k)
-      problem.observations.push_back(
-          {k, i, c.model.project(truth[static_cast<std::size_t>(k)] * points[static_cast<std::size_t>(i)])->px, 0.5,
-           false});
-  }
-  problem.observations[10].px += Eigen::Vector2d(12, -9);
-  keyframes::adjust(c.model, problem, 30);
-  EXPECT_TRUE(problem.observations[10].outlier);
-  EXPECT_FALSE(problem.observations[11].outlier);
-  EXPECT_LT(calib::log(problem.poses[3].cam_from_world * calib::inverse(truth[3])).norm(), 2e-3);
-  EXPECT_LT((problem.points[20].position - points[20]).norm(), 2e-3);
-}
-
 TEST(RectangleFinder, measuresADrawnOneInLight) {
   const calib::Camera c = camera();
   const calib::Rigid3d truth = look_at({0.05, -0.35, 0.42}, {0, 0, 0});
@@ -264,63 +230,6 @@ TEST(RectangleFinder, measuresADrawnOneInLight) {
   std::vector<Eigen::Vector3d> other = corners;
   for (auto& p : other) p.x() *= 2;
   EXPECT_FALSE(find_rectangle(image, c.model, other));  // another shape
-}
-
-TEST(DepthRay, convergesOnTheDepthAndNotOnNoise) {
-  const Eigen::Vector3d origin(0, 0, 0), direction(0, 0, 1), truth(0, 0, 0.7);
-  particle_filter::Rng rng(8);
-  papers::DepthRay ray(origin, direction, 0.2, 5);
-  EXPECT_FALSE(ray.converged());
-  for (int k = 1; k <= 8; ++k) {
-    ray.begin();
-    for (int n = 0; n < 40; ++n) {
-      const Eigen::Vector3d from(0.02 * k + 0.002 * (rng.uniform() - 0.5), 0.002 * (rng.uniform() - 0.5), 0);
-      ray.add(from, (truth - from).normalized(), 1, 0.004);
-    }
-    EXPECT_TRUE(ray.end());
-  }
-  const auto depth = ray.converged();
-  ASSERT_TRUE(depth);
-  EXPECT_NEAR(1 / depth->inverse_depth, 0.7, 0.03);
-
-  papers::DepthRay two(origin, direction, 0.2, 5);  // two places that look alike: not one peak
-  for (int k = 1; k <= 8; ++k) {
-    two.begin();
-    const Eigen::Vector3d from(0.02 * k, 0, 0);
-    two.add(from, (truth - from).normalized(), 1, 0.004);
-    two.add(from, (Eigen::Vector3d(0, 0, 1.6) - from).normalized(), 1, 0.004);
-    two.end();
-  }
-  EXPECT_FALSE(two.converged());
-  papers::DepthRay parallel(origin, direction, 0.2, 5);
-  parallel.begin();
-  parallel.add({0.001, 0, 0}, direction, 1, 0.004);
-  EXPECT_FALSE(parallel.end());
-}
-
-TEST(FeatureFilter, convergesOnThePoint) {
-  const calib::Camera c = camera();
-  const Eigen::Vector3d truth(0.05, 0.04, 0.03);
-  const calib::Rigid3d first = look_at({0, -0.5, 0.4}, {0, 0, 0});
-  const double depth = (first * truth).norm();
-  papers::FeatureFilter filter(c.model, first, 1e-8 * Eigen::Matrix<double, 7, 7>::Identity(), 1 / (1.3 * depth),
-                               0.3 / depth, c.model.project(first * truth)->px, 0.25 * Eigen::Matrix2d::Identity());
-  const double before = filter.position_covariance().trace();
-  particle_filter::Rng rng(9);
-  std::vector<float> noise(40);
-  rng.fill_normal(noise);
-  for (std::size_t k = 0; k < 20; ++k) {
-    const calib::Rigid3d pose = look_at({0.01 * static_cast<double>(k + 1), -0.5, 0.4}, {0, 0, 0});
-    const Eigen::Vector2d px =
-        c.model.project(pose * truth)->px +
-        0.3 * Eigen::Vector2d(static_cast<double>(noise[2 * k]), static_cast<double>(noise[2 * k + 1]));
-    EXPECT_TRUE(filter.update(pose, px, 0.09 * Eigen::Matrix2d::Identity()));
-  }
-  EXPECT_LT((*filter.position() - truth).norm(), 0.008);
-  EXPECT_LT(filter.position_covariance().trace(), 0.02 * before);
-  const calib::Rigid3d pose = look_at({0.3, -0.5, 0.4}, {0, 0, 0});
-  EXPECT_FALSE(filter.update(pose, c.model.project(pose * truth)->px + Eigen::Vector2d(40, 0),
-                             0.09 * Eigen::Matrix2d::Identity()));
 }
 
 class MapFile : public testing::Test {

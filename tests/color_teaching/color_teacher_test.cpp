@@ -147,8 +147,8 @@ TEST(ColorTeacher, SaysWhatIsInTheWay) {
   EXPECT_LT(narrow.views[0].object_share, least_object_share);
   EXPECT_THAT(narrow.views[0].verdict, AnyOf(HasSubstr("only "), HasSubstr("nothing of the object matches")));
   // Ignoring the patch takes it out of the mask and out of the share.
-  const Taught ignored =
-      teacher.teach({.points = points, .ignored = {{wide.views[0].patch->box}, {}}, .wider = 12}, volume);
+  const Taught ignored = teacher.teach(
+      {.points = points, .ignored = {{s.rig.cameras[0].name, {wide.views[0].patch->box}}}, .wider = 12}, volume);
   EXPECT_LT(ignored.views[0].background_share, wide.views[0].background_share);
   EXPECT_LT(ignored.views[0].mask.count(), wide.views[0].mask.count());
 }

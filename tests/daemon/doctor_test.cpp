@@ -4,7 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "capture/clips.h"
-#include "daemon/live.h"
+#include "pipeline/live_cameras.h"
 
 namespace huetrack::daemon {
 namespace {
@@ -150,11 +150,11 @@ class DoctorsConfig : public testing::Test {
  protected:
   // What doctor says of cameras with these devices; only looked at.
   std::string said_of(const std::string& left, const std::string& right) {
-    capture::write_text(
-        folder / "c.yaml", "version: 1\nrig: " HUETRACK_SOURCE_DIR
-                           "/configs/demo/recording/rig.yaml\ndds: {enabled: false}\ntargets: {ball: {color: {hue_deg: "
-                           "[65, 115]}}}\ncameras: {cam0: {device: " +
-                               left + "}, cam1: {device: " + right + "}}\n");
+    capture::write_text(folder / "c.yaml",
+                        "version: 1\nrig: " HUETRACK_SOURCE_DIR
+                        "/configs/demo/recording/rig.yaml\ndds: {enabled: false}\ntargets: {ball: {color: {hue_deg: "
+                        "[65, 115]}}}\ncameras: {cam0: {device: " +
+                            left + "}, cam1: {device: " + right + "}}\n");
     return said(folder / "c.yaml");
   }
   static std::string said(const std::filesystem::path& config) {
@@ -181,7 +181,7 @@ TEST_F(DoctorsConfig, OneCameraUnderTwoNames) {
   EXPECT_THAT(text, HasSubstr("FAIL  cameras: cam0 and cam1 are one camera: /dev/null and "));
   EXPECT_THAT(text, HasSubstr("are both /dev/null\n        -> give each its own device"));
   try {
-    open_cameras(config::load_service_config(folder / "c.yaml"));
+    pipeline::open_cameras(config::load_service_config(folder / "c.yaml"));
     ADD_FAILURE() << "opened";
   } catch (const capture::CaptureError& error) {
     EXPECT_THAT(error.what(), HasSubstr("cam0 and cam1 are one camera"));

@@ -13,9 +13,11 @@
 #include "capture/capture_clock.h"
 #include "capture/recording.h"
 #include "capture/replay_source.h"
-#include "daemon/live.h"
+#include "pipeline/live_cameras.h"
 
 namespace huetrack::daemon {
+
+using pipeline::LiveCamera;
 
 // thread-safe where LiveCamera asks for it.
 class FakeCamera {

@@ -325,7 +325,7 @@ TEST(StatusLine, SaysRatesAndStates) {
   const object_tracking::TrackState states[] = {object_tracking::TrackState::coasting};
   EXPECT_EQ(status_line(status, states),
             "1 of 2 cameras deliver: left 30.0 Hz, back absent; 29.9 sets/s; ball coasting");
-  EXPECT_EQ(status_line(status, states, "left", camera_tracking::CameraState::lost),
+  EXPECT_EQ(status_line(status, states, "left", camera_tracking::PoseState::lost),
             "1 of 2 cameras deliver: left 30.0 Hz, back absent; 29.9 sets/s; ball coasting, left's pose lost");
 }
 

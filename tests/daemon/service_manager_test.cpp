@@ -13,6 +13,7 @@
 #include <mutex>
 
 #include "daemon/fake_camera.h"
+#include "daemon/live.h"
 #include "tracks/track_csv.h"
 
 namespace huetrack::daemon {

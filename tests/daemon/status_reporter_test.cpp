@@ -103,5 +103,18 @@ TEST_F(Reporter, CountersAreHandedOn) {
   EXPECT_EQ(status.cameras[1].corrupted, 8u);
 }
 
+TEST_F(Reporter, WarnsOfATrackedCameraWithoutAPose) {
+  config::ServiceConfig config = config_;
+  config.camera_tracking.camera = "cam0";
+  figures_.tracked_camera.at = capture::Timestamp(9s);
+  figures_.tracked_camera.without_since = capture::Timestamp(0s);
+  figures_.tracked_camera.why = "frame 9 is grey";
+  const auto status = StatusReporter(config, "run", {}).report(figures_, start_, {});
+  EXPECT_THAT(status.warnings, testing::Contains("camera cam0: no pose for 9 s (searching): frame 9 is grey"));
+  figures_.tracked_camera.without_since.reset();
+  const auto fine = StatusReporter(config, "run", {}).report(figures_, start_, {});
+  EXPECT_THAT(fine.warnings, testing::Not(testing::Contains(testing::HasSubstr("no pose"))));
+}
+
 }  // namespace
 }  // namespace huetrack::daemon

@@ -178,8 +178,9 @@ TEST(ViewServer, TheSceneIsThereForWhoComesLateAndFollowsTheConfiguration) {
 TEST(ViewServer, AMapOfATrackedCameraIsThereForWhoComesLate) {
   config::ServiceConfig c = config();
   c.dds.publisher.tracked_camera = "hand";
-  ViewServer server(c, {});
-  server.set_clock_offset(2s);
+  pipeline::PublishedTime time;
+  time.begin(2s);
+  ViewServer server(c, {.time = &time});
   ASSERT_TRUE(server.wants_map());
   camera_tracking::CameraMap map{capture::Timestamp(1s), std::vector<camera_tracking::CameraMapPoint>(2500)};
   for (std::size_t i = 0; i < map.points.size(); ++i) map.points[i].id = std::uint32_t(2 * i);

@@ -57,10 +57,12 @@ class Teach : public Test {
   const fs::path folder =
       fs::path(TempDir()) / (std::string("teach_") + UnitTest::GetInstance()->current_test_info()->name());
   const std::string config = folder / "huetrackd.yaml";
+  const std::string taught = folder / "huetrackd.taught.yaml";
   const std::string recording = demo / "recording";
 };
 
 TEST_F(Teach, OnePointSuggestsTheOtherAndTheColourThenTracks) {
+  const std::string by_hand = contents(config);
   const Result one = run({"teach", config, recording, "--at", at("cam0"), "--dry-run"});
   ASSERT_EQ(one.status, 0) << one.err;
   EXPECT_THAT(one.out, AllOf(HasSubstr("camera cam0: "), HasSubstr("of the background matches"),
@@ -68,18 +70,32 @@ TEST_F(Teach, OnePointSuggestsTheOtherAndTheColourThenTracks) {
   const Result unconfirmed = run({"teach", config, recording, "--at", at("cam0")});
   EXPECT_EQ(unconfirmed.status, 1);
   EXPECT_THAT(unconfirmed.err, HasSubstr("nothing is written: nobody has confirmed where the object is in cam1"));
-  EXPECT_EQ(config::load_service_config(config).targets[0].color.hue_min_deg, 200);  // nothing was written
+  EXPECT_EQ(config::load_service_config(config).targets[0].color.hue_min_deg, 200);
+  EXPECT_FALSE(fs::exists(taught));  // nothing was written
 
   const Result all =
       run({"teach", config, recording, "--at", at("cam0"), "--accept", "--pictures", folder / "pictures"});
   ASSERT_EQ(all.status, 0) << all.err;
-  EXPECT_THAT(all.out, AllOf(HasSubstr("written into "), HasSubstr("no huetrackd runs with this file")));
+  EXPECT_THAT(all.out, AllOf(HasSubstr("written into " + taught + ": the colour of lime"),
+                             HasSubstr("no huetrackd runs with this file")));
   EXPECT_TRUE(fs::exists(folder / "pictures/cam1.png"));
-  EXPECT_THAT(contents(config), AllOf(HasSubstr("# taught below"), HasSubstr("lime:   # the ball"),
-                                      HasSubstr("# not yet"), HasSubstr("camera_colors: {cam0: {hue_deg: ")));
+  EXPECT_EQ(contents(config), by_hand);
+  EXPECT_THAT(contents(taught), AllOf(StartsWith("# What huetrackd was taught. It is read over huetrackd.yaml"),
+                                      HasSubstr("\n    camera_colors:\n      cam0:\n        hue_deg: [")));
+  const Result check = run({"check", config});
+  ASSERT_EQ(check.status, 0) << check.err;
+  EXPECT_THAT(check.out, ContainsRegex("\n      hue_deg: \\[[0-9.]+, [0-9.]+\\] +# from huetrackd.taught.yaml; "));
+  EXPECT_THAT(check.out, ContainsRegex("\n    radius_m: 0.04 +# of the ball"));
   const Result replay = run({"replay", config, recording, "--no-dds", "--truth", recording + "/groundtruth.csv"});
   ASSERT_EQ(replay.status, 0) << replay.err;
   EXPECT_THAT(replay.out, ContainsRegex("tracking from set [23] on"));
+
+  // A target of another name: said, with what to do.
+  std::ofstream(config) << std::string(by_hand).replace(by_hand.find("lime:"), 4, "ball");
+  const Result renamed = run({"check", config});
+  EXPECT_EQ(renamed.status, 1);
+  EXPECT_THAT(renamed.err, ContainsRegex("huetrackd.taught.yaml:7: targets.lime: .*/huetrackd.yaml has no such target: "
+                                         "rename it here too, or take it out of this file\n$"));
 }
 
 TEST_F(Teach, MistakesAreOneReadableLine) {

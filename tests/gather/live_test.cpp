@@ -99,7 +99,7 @@ TEST(LiveBoards, KeepsTheBoardWhereItRests) {
   const auto programme = std::make_shared<Programme>(4);
   LiveBoardsOptions options;
   options.progress = false;
-  options.view = page;
+  options.page = page;
   options.looked = [&](const std::string& status) {
     if (status.starts_with("kept view")) programme->turn();
   };

@@ -121,7 +121,7 @@ Course follow(
     off.tail<3>() =
         calib::log(calib::Rigid3d{truth.rotation * e.world_from_camera.rotation.conjugate(), Vector3d::Zero()})
             .head<3>();
-    run.wrong += e.state == camera_tracking::CameraState::tracking &&
+    run.wrong += e.state == camera_tracking::PoseState::tracking &&
                  (off.head<3>().norm() > 0.05 || off.tail<3>().norm() > 0.087);
     if (i < judged_from) continue;
     ++judged;

@@ -367,8 +367,8 @@ TEST_F(RigYaml, ADamagedFileIsReadOrRefusedNothingElse) {
   EXPECT_GT(read_through, 200);
 }
 
-TEST_F(RigYaml, TheExampleInTheReadmeIsRead) {
-  std::ifstream stream(HUETRACK_SOURCE_DIR "/calib/README.md");
+TEST_F(RigYaml, TheExampleInFormatsMdIsRead) {
+  std::ifstream stream(HUETRACK_SOURCE_DIR "/calib/formats.md");
   const std::string text{std::istreambuf_iterator<char>(stream), {}};
   const std::size_t begin = text.find("```yaml\nversion: 1\ncameras:") + 8, end = text.find("```", begin);
   ASSERT_LT(end, text.size());

@@ -428,12 +428,10 @@ TEST(ObjectTracker, refusesWhatIsInvalidAndSaysAllOfIt) {
 
 TEST(TargetOptions, problemsNameTheConstraint) {
   EXPECT_THAT(lime().problems(), IsEmpty());
-  for (const char* bad : {"", "2nd", "a-b", "a b", "_a", "ä"}) {
-    TargetOptions t = lime();
-    t.name = bad;
-    EXPECT_THAT(t.problems(), ElementsAre(HasSubstr("must be letters, digits and _"))) << bad;
-  }
   TargetOptions t = lime();
+  t.name = "";
+  EXPECT_THAT(t.problems(), ElementsAre(HasSubstr("must have a name")));
+  t = lime();
   for (const double radius : {0.0, -1.0, std::nan(""), HUGE_VAL}) {
     t.radius_m = radius;
     EXPECT_THAT(t.problems(), ElementsAre(HasSubstr("radius_m"))) << radius;

@@ -136,7 +136,8 @@ class Rig : public testing::Test {
     r.spread = at->radius_px * at->radius_px / 4 * Eigen::Matrix2d::Identity();
     return r;
   }
-  std::vector<Candidate> cross(const std::vector<std::vector<ColorRegion>>& regions, std::size_t most = 10) const {
+  std::vector<PositionCandidate> cross(const std::vector<std::vector<ColorRegion>>& regions,
+                                       std::size_t most = 10) const {
     return cross_rays(views, regions, target, options, most);
   }
 

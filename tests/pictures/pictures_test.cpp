@@ -56,15 +56,6 @@ TEST(BgrOf, FollowsBt601InBothRanges) {
   EXPECT_EQ(bgr_of(bgr.image).at<cv::Vec3b>(0, 0), cv::Vec3b(1, 2, 3));
 }
 
-TEST(ColorOfHue, IsTheColourCircle) {
-  const auto is = [](DrawColor c, int r, int g, int b) { return c.r == r && c.g == g && c.b == b; };
-  EXPECT_TRUE(is(color_of_hue(0, 1, 1), 255, 0, 0));
-  EXPECT_TRUE(is(color_of_hue(120, 1, 1), 0, 255, 0));
-  EXPECT_TRUE(is(color_of_hue(240, 1, 1), 0, 0, 255));
-  EXPECT_TRUE(is(color_of_hue(60, 1, 1), 255, 255, 0));
-  EXPECT_TRUE(is(color_of_hue(77, 0, 1), 255, 255, 255));
-}
-
 class CameraPictures : public testing::Test {
  protected:
   CameraPictures() {
@@ -72,7 +63,7 @@ class CameraPictures : public testing::Test {
     camera_.image_size = {320, 240};
     camera_.model = calib::CameraModel(calib::PinholeRadtan{.fx = 250, .fy = 250, .cx = 160, .cy = 120});
     job_.frame.pixels = capture::make_image(capture::PixelFormat::grey, capture::ColorRange::full, 320, 240).image;
-    job_.estimate.state = camera_tracking::CameraState::tracking;
+    job_.estimate.state = camera_tracking::PoseState::tracking;
     job_.estimate.world_from_camera = {Eigen::Quaterniond::Identity(), {0, 0, -1}};
     job_.estimate.covariance.setIdentity();
     plane_.origin = {0.2, 0.1, 0};  // the start lies aside of the world's origin
@@ -99,7 +90,7 @@ TEST_F(CameraPictures, RegionsAreDrawnOnlyWithAPose) {
   feature.covariance.setZero();
   const cv::Rect left(14, 72, 720, 540);
   EXPECT_GT(count_near(draw_camera(camera_, plane_, job_)(left), {88, 96, 255}), 20);
-  job_.estimate.state = camera_tracking::CameraState::lost;
+  job_.estimate.state = camera_tracking::PoseState::lost;
   EXPECT_EQ(count_near(draw_camera(camera_, plane_, job_)(left), {88, 96, 255}), 0);
 }
 

@@ -1,10 +1,10 @@
-#include "pipeline/pipeline.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <atomic>
 #include <thread>
+
+#include "pipeline/pipeline_to.h"
 
 namespace huetrack::pipeline {
 namespace {
@@ -88,21 +88,22 @@ TEST(Pipeline, EverySetComesOutOnceInOrderWithEveryTarget) {
     std::size_t particles = 0;
     int statuses = 0;
     options.pictures_every = 10;
-    Pipeline pipeline(rig, sources(GreySource({0, 1}, 50)), trackers_for(rig, 3), options,
-                      {.estimates =
-                           [&](const capture::FrameSet& set, std::span<const object_tracking::ObjectEstimate> estimates,
-                               capture::Timestamp received_at) {
-                             numbers.push_back(set.number);
-                             EXPECT_EQ(estimates.size(), 3u);
-                             for (const auto& e : estimates) EXPECT_EQ(e.set_number, set.number);
-                             EXPECT_LT(std::chrono::system_clock::now() - received_at, 60s);
-                           },
-                       .status = [&](const PipelineFigures&) { ++statuses; },
-                       .pictures =
-                           [&](const pictures::PictureJob& job) {
-                             pictures.push_back(job.set.number);
-                             particles += job.particles.at(2).size();
-                           }});
+    PipelineTo pipeline(
+        rig, sources(GreySource({0, 1}, 50)), trackers_for(rig, 3), options,
+        {.estimates =
+             [&](const capture::FrameSet& set, std::span<const object_tracking::ObjectEstimate> estimates,
+                 capture::Timestamp received_at) {
+               numbers.push_back(set.number);
+               EXPECT_EQ(estimates.size(), 3u);
+               for (const auto& e : estimates) EXPECT_EQ(e.set_number, set.number);
+               EXPECT_LT(std::chrono::system_clock::now() - received_at, 60s);
+             },
+         .status = [&](const PipelineFigures&) { ++statuses; },
+         .pictures =
+             [&](const pictures::PictureJob& job) {
+               pictures.push_back(job.set.number);
+               particles += job.particles.at(2).size();
+             }});
     pipeline.run({});
     std::vector<std::uint64_t> expected(50);
     for (std::size_t i = 0; i < expected.size(); ++i) expected[i] = i;
@@ -135,7 +136,7 @@ class DamagedSource final : public capture::FrameSource {
 
 TEST(Pipeline, DamagedFramesAreNoDelivery) {
   const calib::CameraRig rig = rig_of(2);
-  Pipeline pipeline(rig, sources(GreySource({0}, 20), DamagedSource()), trackers_for(rig, 1), options_for(rig), {});
+  PipelineTo pipeline(rig, sources(GreySource({0}, 20), DamagedSource()), trackers_for(rig, 1), options_for(rig), {});
   pipeline.run({});
   const PipelineFigures figures = pipeline.figures();
   EXPECT_EQ(figures.cameras[0].frames, 20u);
@@ -167,12 +168,12 @@ TEST(Pipeline, ACameraThatIsCutShortHasEndedWhileTheOtherGoesOn) {
   const calib::CameraRig rig = rig_of(2);
   bool seen = false;
   PipelineOptions options = options_for(rig);
-  options.pace = Pace{std::chrono::steady_clock::now(), capture::Timestamp(0ns)};  // so that sets are tracked meanwhile
-  Pipeline pipeline(
+  PipelineTo pipeline(
       rig, sources(CutShortSource()), trackers_for(rig, 1), options,
       {.estimates = {},
        .status = [&](const PipelineFigures& figures) { seen |= figures.cameras[1].ended && !figures.cameras[0].ended; },
        .pictures = {}});
+  pipeline.hold_to({std::chrono::steady_clock::now(), capture::Timestamp(0ns)});  // so that sets are tracked meanwhile
   pipeline.run({});
   EXPECT_TRUE(seen);
   EXPECT_EQ(pipeline.figures().cameras[1].frames, 3u);
@@ -183,15 +184,15 @@ TEST(Pipeline, ACameraThatIsCutShortHasEndedWhileTheOtherGoesOn) {
 TEST(Pipeline, OneSourcePerCameraWorksToo) {
   const calib::CameraRig rig = rig_of(2);
   std::uint64_t last = 0, sets = 0;
-  Pipeline pipeline(rig, sources(GreySource({0}, 40), GreySource({1}, 40)), trackers_for(rig, 1), options_for(rig),
-                    {.estimates =
-                         [&](const capture::FrameSet& set, auto, auto) {
-                           EXPECT_TRUE(sets == 0 || set.number > last);
-                           last = set.number;
-                           ++sets;
-                         },
-                     .status = {},
-                     .pictures = {}});
+  PipelineTo pipeline(rig, sources(GreySource({0}, 40), GreySource({1}, 40)), trackers_for(rig, 1), options_for(rig),
+                      {.estimates =
+                           [&](const capture::FrameSet& set, auto, auto) {
+                             EXPECT_TRUE(sets == 0 || set.number > last);
+                             last = set.number;
+                             ++sets;
+                           },
+                       .status = {},
+                       .pictures = {}});
   pipeline.run({});
   EXPECT_EQ(pipeline.figures().cameras[0].frames + pipeline.figures().cameras[1].frames, 80u);
   EXPECT_EQ(sets, pipeline.figures().sets_tracked);
@@ -202,13 +203,14 @@ TEST(Pipeline, AStopEndsItSoonAndLeavesNothingInPart) {
   const calib::CameraRig rig = rig_of(2);
   for (const bool paced : {false, true}) {
     PipelineOptions options = options_for(rig);
-    if (paced) options.pace = Pace{std::chrono::steady_clock::now(), capture::Timestamp{}};
+    options.pictures_every = 1;
     std::stop_source stop;
     std::atomic<int> sets = 0;
-    Pipeline pipeline(rig, sources(GreySource({0, 1}, 0)), trackers_for(rig, 2), options,
-                      {.estimates = [&](auto&, auto, auto) { ++sets; },
-                       .status = {},
-                       .pictures = [](const pictures::PictureJob&) { std::this_thread::sleep_for(50ms); }});
+    PipelineTo pipeline(rig, sources(GreySource({0, 1}, 0)), trackers_for(rig, 2), options,
+                        {.estimates = [&](auto&, auto, auto) { ++sets; },
+                         .status = {},
+                         .pictures = [](const pictures::PictureJob&) { std::this_thread::sleep_for(50ms); }});
+    if (paced) pipeline.hold_to({std::chrono::steady_clock::now(), capture::Timestamp{}});
     std::jthread stopper([&] {
       while (sets < 3) std::this_thread::sleep_for(1ms);
       stop.request_stop();
@@ -224,8 +226,7 @@ TEST(Pipeline, PacedFramesComeAtTheirTime) {
   const calib::CameraRig rig = rig_of(1);
   PipelineOptions options = options_for(rig);
   const auto start = std::chrono::steady_clock::now();
-  options.pace = Pace{start, capture::Timestamp{}};
-  Pipeline pipeline(
+  PipelineTo pipeline(
       rig, sources(GreySource({0}, 21)), trackers_for(rig, 1), options,
       {.estimates =
            [&](const capture::FrameSet& set, auto, auto) {  // never early; how late depends on the machine's load
@@ -233,13 +234,14 @@ TEST(Pipeline, PacedFramesComeAtTheirTime) {
            },
        .status = {},
        .pictures = {}});
+  pipeline.hold_to({start, capture::Timestamp{}});
   pipeline.run({});
   EXPECT_GE(std::chrono::steady_clock::now() - start, 200ms);
 }
 
 TEST(Pipeline, FramesOfAnotherSizeThanTheRigsAreAnErrorThatNamesBoth) {
   const calib::CameraRig rig = rig_of(2);
-  Pipeline pipeline(rig, sources(GreySource({0, 1}, 10, {64, 48})), trackers_for(rig, 1), options_for(rig), {});
+  PipelineTo pipeline(rig, sources(GreySource({0, 1}, 10, {64, 48})), trackers_for(rig, 1), options_for(rig), {});
   try {
     pipeline.run({});
     FAIL() << "frames of the wrong size were taken";
@@ -251,11 +253,13 @@ TEST(Pipeline, FramesOfAnotherSizeThanTheRigsAreAnErrorThatNamesBoth) {
 TEST(Pipeline, WhatAnOutputThrowsComesOutOfRun) {
   const calib::CameraRig rig = rig_of(1);
   const auto fails = [](const char* why) { throw std::runtime_error(why); };
-  Pipeline estimates(rig, sources(GreySource({0}, 0)), trackers_for(rig, 1), options_for(rig),
-                     {.estimates = [&](auto&, auto, auto) { fails("disk full"); }, .status = {}, .pictures = {}});
+  PipelineTo estimates(rig, sources(GreySource({0}, 0)), trackers_for(rig, 1), options_for(rig),
+                       {.estimates = [&](auto&, auto, auto) { fails("disk full"); }, .status = {}, .pictures = {}});
   EXPECT_THAT([&] { estimates.run({}); }, testing::ThrowsMessage<std::runtime_error>("disk full"));
-  Pipeline pictures(rig, sources(GreySource({0}, 0)), trackers_for(rig, 1), options_for(rig),
-                    {.estimates = {}, .status = {}, .pictures = [&](auto&) { fails("no picture"); }});
+  PipelineOptions with_pictures = options_for(rig);
+  with_pictures.pictures_every = 1;
+  PipelineTo pictures(rig, sources(GreySource({0}, 0)), trackers_for(rig, 1), with_pictures,
+                      {.estimates = {}, .status = {}, .pictures = [&](auto&) { fails("no picture"); }});
   EXPECT_THAT([&] { pictures.run({}); }, testing::ThrowsMessage<std::runtime_error>("no picture"));
 }
 
@@ -265,14 +269,14 @@ TEST(Pipeline, LiveDropsTheOldestSetsAndCountsThem) {
   options.when_full = WhenFull::drop_oldest;
   options.queue_capacity = 1;
   std::vector<std::uint64_t> numbers;
-  Pipeline pipeline(rig, sources(GreySource({0}, 60)), trackers_for(rig, 1), options,
-                    {.estimates =
-                         [&](const capture::FrameSet& set, auto, auto) {
-                           numbers.push_back(set.number);
-                           std::this_thread::sleep_for(20ms);
-                         },
-                     .status = {},
-                     .pictures = {}});
+  PipelineTo pipeline(rig, sources(GreySource({0}, 60)), trackers_for(rig, 1), options,
+                      {.estimates =
+                           [&](const capture::FrameSet& set, auto, auto) {
+                             numbers.push_back(set.number);
+                             std::this_thread::sleep_for(20ms);
+                           },
+                       .status = {},
+                       .pictures = {}});
   pipeline.run({});
   EXPECT_GT(pipeline.figures().sets_dropped, 0u);
   EXPECT_EQ(pipeline.figures().sets_dropped + pipeline.figures().sets_tracked, 60u);

@@ -10,9 +10,8 @@
 #include <fstream>
 #include <sstream>
 
-#include "config/formatted.h"
-#include "daemon/status_reporter.h"
-#include "pipeline/pipeline.h"
+#include "pipeline/pipeline_to.h"
+#include "pipeline/without_numbers.h"
 #include "tracks/pose_file.h"
 
 namespace huetrack::pipeline {
@@ -22,7 +21,7 @@ using namespace std::chrono_literals;
 using testing::HasSubstr;
 namespace fs = std::filesystem;
 
-camera_tracking::CameraEstimate estimate(camera_tracking::CameraState state, capture::Duration at) {
+camera_tracking::CameraEstimate estimate(camera_tracking::PoseState state, capture::Duration at) {
   camera_tracking::CameraEstimate e;
   e.at = capture::Timestamp(at);
   e.state = state;
@@ -38,17 +37,17 @@ std::string contents(const fs::path& file) {
 
 TEST(NoPoseWarning, ComesAfterThreeSecondsOfCaptureTimeWithTheLastReasonAndGoesWithAPose) {
   TrackedCameraFigures figures;
-  figures.add(estimate(camera_tracking::CameraState::searching, 10s), "too dark");
-  figures.add(estimate(camera_tracking::CameraState::searching, 12900ms), "");
+  figures.add(estimate(camera_tracking::PoseState::searching, 10s), "too dark");
+  figures.add(estimate(camera_tracking::PoseState::searching, 12900ms), "");
   EXPECT_EQ(no_pose_warning("cam0", figures), "");
-  figures.add(estimate(camera_tracking::CameraState::searching, 14s), "");
+  figures.add(estimate(camera_tracking::PoseState::searching, 14s), "");
   EXPECT_EQ(no_pose_warning("cam0", figures), "camera cam0: no pose for 4 s (searching): too dark");
   EXPECT_FALSE(figures.had_pose);
-  figures.add(estimate(camera_tracking::CameraState::coasting, 15s), "");
+  figures.add(estimate(camera_tracking::PoseState::coasting, 15s), "");
   EXPECT_EQ(no_pose_warning("cam0", figures), "");
   EXPECT_TRUE(figures.had_pose);
-  figures.add(estimate(camera_tracking::CameraState::lost, 16s), "");
-  figures.add(estimate(camera_tracking::CameraState::lost, 21s), "");
+  figures.add(estimate(camera_tracking::PoseState::lost, 16s), "");
+  figures.add(estimate(camera_tracking::PoseState::lost, 21s), "");
   EXPECT_EQ(no_pose_warning("cam0", figures), "camera cam0: no pose for 5 s (lost)");  // the old reason is none of it
 }
 
@@ -60,14 +59,14 @@ TEST(NoPoseLog, SaysEachThingOnceUntilThereIsAPoseAgain) {
   spdlog::set_pattern("%v");
   NoPoseLog no_pose_log;
   TrackedCameraFigures figures;
-  const auto frame = [&](camera_tracking::CameraState state, int s, const std::string& why) {
+  const auto frame = [&](camera_tracking::PoseState state, int s, const std::string& why) {
     figures.add(estimate(state, std::chrono::seconds(s)), why);
     no_pose_log.tell("cam0", figures);
   };
   for (int s = 0; s < 20; ++s)
-    frame(camera_tracking::CameraState::searching, s, s % 2 == 0 ? "too dark" : "wrong by 3." + std::to_string(s));
-  frame(camera_tracking::CameraState::tracking, 20, "");
-  for (int s = 21; s < 30; ++s) frame(camera_tracking::CameraState::lost, s, "too dark");
+    frame(camera_tracking::PoseState::searching, s, s % 2 == 0 ? "too dark" : "wrong by 3." + std::to_string(s));
+  frame(camera_tracking::PoseState::tracking, 20, "");
+  for (int s = 21; s < 30; ++s) frame(camera_tracking::PoseState::lost, s, "too dark");
   spdlog::set_default_logger(before);
   EXPECT_EQ(
       log.str(),
@@ -76,18 +75,18 @@ TEST(NoPoseLog, SaysEachThingOnceUntilThereIsAPoseAgain) {
 }
 
 TEST(WithoutNumbers, TwoFiguresOfOneSentenceAreTheSame) {
-  EXPECT_EQ(config::without_numbers("37.5 px rms for 12 s"), config::without_numbers("-4 px rms for 3 s"));
-  EXPECT_NE(config::without_numbers("37 px"), config::without_numbers("37 mm"));
+  EXPECT_EQ(without_numbers("37.5 px rms for 12 s"), without_numbers("-4 px rms for 3 s"));
+  EXPECT_NE(without_numbers("37 px"), without_numbers("37 mm"));
 }
 
 TEST(PoseFile, HoldsTrackingPosesOnly) {
   const fs::path file = fs::path(testing::TempDir()) / ("poses_" + std::to_string(getpid()) + ".tum");
   {
     tracks::PoseFileWriter writer(file);
-    writer.write(estimate(camera_tracking::CameraState::searching, 1s));
-    writer.write(estimate(camera_tracking::CameraState::tracking, 2s));
-    writer.write(estimate(camera_tracking::CameraState::coasting, 3s));
-    writer.write(estimate(camera_tracking::CameraState::lost, 4s));
+    writer.write(estimate(camera_tracking::PoseState::searching, 1s));
+    writer.write(estimate(camera_tracking::PoseState::tracking, 2s));
+    writer.write(estimate(camera_tracking::PoseState::coasting, 3s));
+    writer.write(estimate(camera_tracking::PoseState::lost, 4s));
     writer.flush();
   }
   EXPECT_EQ(contents(file), "2.000000000 1 2 3 0 0 0 1\n");
@@ -99,9 +98,9 @@ class FakeTracker final : public camera_tracking::CameraTracker {
  public:
   FakeTracker(std::uint64_t first, std::uint64_t last) : first_(first), last_(last) {}
   camera_tracking::CameraEstimate update(const capture::Frame& frame) override {
-    camera_tracking::CameraEstimate e = estimate(frames_ < first_   ? camera_tracking::CameraState::searching
-                                                 : frames_ <= last_ ? camera_tracking::CameraState::tracking
-                                                                    : camera_tracking::CameraState::lost,
+    camera_tracking::CameraEstimate e = estimate(frames_ < first_   ? camera_tracking::PoseState::searching
+                                                 : frames_ <= last_ ? camera_tracking::PoseState::tracking
+                                                                    : camera_tracking::PoseState::lost,
                                                  frame.captured_at.time_since_epoch());
     e.frame_number = frames_++;
     return e;
@@ -144,46 +143,30 @@ class TrackedCamera : public testing::Test {
     std::ofstream(map_) << "old";
   }
   ~TrackedCamera() override { fs::remove(map_); }
-  Pipeline& run(std::uint64_t first, std::uint64_t last, PipelineOutputs outputs) {
+  Pipeline& run(std::uint64_t first, std::uint64_t last, Calls calls) {
     std::vector<std::unique_ptr<capture::FrameSource>> sources;
     sources.push_back(std::make_unique<GreySource>());
-    pipeline_.emplace(rig_, std::move(sources), std::vector<object_tracking::ObjectTracker>{}, PipelineOptions{},
-                      std::move(outputs));
+    pipeline_.emplace(rig_, std::move(sources), std::vector<object_tracking::ObjectTracker>{},
+                      PipelineOptions{.pictures_every = 1}, std::move(calls));
     pipeline_->track_camera(0, std::make_unique<FakeTracker>(first, last));
     pipeline_->run({});
     return *pipeline_;
   }
   calib::CameraRig rig_;
   const fs::path map_ = fs::path(testing::TempDir()) / ("tracked_" + std::to_string(getpid()) + ".map");
-  std::optional<Pipeline> pipeline_;
+  std::optional<PipelineTo> pipeline_;
 };
 
 TEST_F(TrackedCamera, TheReasonIsHandedOverWithItsFrame) {
   std::vector<std::string> reasons;
-  PipelineOutputs outputs;
-  outputs.camera_poses = [&](const camera_tracking::CameraEstimate&, capture::Timestamp) {
-    reasons.push_back(pipeline_->tracked_camera().why);
-  };
-  run(2, 4, std::move(outputs));
+  run(2, 4, {.camera_poses = [&](const TrackedFrame& frame) { reasons.push_back(frame.camera.why); }});
   EXPECT_THAT(reasons,
               testing::ElementsAre("frame 0 is grey", "frame 1 is grey", "", "", "", "frame 5 is grey",
                                    "frame 6 is grey", "frame 7 is grey", "frame 8 is grey", "frame 9 is grey"));
   const TrackedCameraFigures figures = pipeline_->figures().tracked_camera;
-  EXPECT_EQ(figures.state, camera_tracking::CameraState::lost);
+  EXPECT_EQ(figures.state, camera_tracking::PoseState::lost);
   EXPECT_EQ(figures.without_since, capture::Timestamp(5s));
   EXPECT_EQ(no_pose_warning("cam0", figures), "camera cam0: no pose for 4 s (lost): frame 9 is grey");
-}
-
-TEST_F(TrackedCamera, TheStatusWarnsOfIt) {
-  config::ServiceConfig config;
-  config.rig = rig_;
-  config.camera_tracking.camera = "cam0";
-  daemon::StatusReporter reporter(config, "run", {});
-  const auto status = reporter.report(run(20, 20, {}).figures(), std::chrono::steady_clock::now(), {});
-  EXPECT_THAT(status.warnings, testing::Contains("camera cam0: no pose for 9 s (searching): frame 9 is grey"));
-  daemon::StatusReporter other(config, "run", {});
-  const auto fine = other.report(run(0, 20, {}).figures(), std::chrono::steady_clock::now(), {});
-  EXPECT_THAT(fine.warnings, testing::Not(testing::Contains(HasSubstr("no pose"))));
 }
 
 TEST_F(TrackedCamera, AMapIsKeptWhereThereNeverWasAPose) {
@@ -197,9 +180,8 @@ TEST_F(TrackedCamera, AMapIsKeptWhereThereNeverWasAPose) {
 
 TEST_F(TrackedCamera, ThePictureOfTheStartHasItsPoints) {
   std::vector<std::size_t> points;
-  PipelineOutputs outputs;
-  outputs.camera_pictures = [&](const pictures::CameraPictureJob& job) { points.push_back(job.start_map.size()); };
-  run(8, 9, std::move(outputs));
+  run(8, 9,
+      {.camera_pictures = [&](const pictures::CameraPictureJob& job) { points.push_back(job.start_map.size()); }});
   EXPECT_THAT(points, testing::ElementsAre(0, 0, 0, 0, 0, 0, 0, 0, 3, 3));
 }
 

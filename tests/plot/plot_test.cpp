@@ -125,7 +125,7 @@ TEST_F(Plot, DrawsALogOfACamera) {
                              "cam0,1.1,nan,nan,nan,nan,nan,nan,nan,nan,nan,nan,nan,nan,nan,lost,0\n");
   const auto rows = read_tracks(log).at("cam0");
   ASSERT_EQ(rows.size(), 2u);
-  EXPECT_EQ(rows[0].covariance[3], 2e-6);
+  EXPECT_EQ(rows[0].covariance(1, 1), 2e-6);
   internal::CaptureStdout();
   plot({.tracks = log, .truth = {}, .out = folder / "a.svg"});
   EXPECT_THAT(internal::GetCapturedStdout(), HasSubstr("cam0: 2 samples; tracking 50.0 %"));
@@ -136,7 +136,7 @@ TEST_F(Plot, ReadsWhatIsThere) {
   ASSERT_EQ(rows.size(), 100u);
   EXPECT_FALSE(rows[0].has_position());
   EXPECT_EQ(rows[46].state, "coasting");
-  EXPECT_EQ(rows[99].covariance[5], 1e-5);
+  EXPECT_EQ(rows[99].covariance(2, 2), 1e-5);
 }
 
 TEST_F(Plot, MistakesNameFileAndLine) {
@@ -149,11 +149,11 @@ TEST_F(Plot, MistakesNameFileAndLine) {
     return std::string("nothing was said");
   };
   EXPECT_THAT(message(""), HasSubstr("bad.csv: is empty"));
-  EXPECT_THAT(message("a,b\n1,2\n"), HasSubstr("bad.csv:1: there is no column target"));
+  EXPECT_THAT(message("a,b\n1,2\n"), HasSubstr("bad.csv:1: the header has no column target"));
   EXPECT_THAT(message(header), HasSubstr("holds no row"));
-  EXPECT_THAT(message(header + "ball,0\n"), HasSubstr("bad.csv:2: has 2 fields, but the header 17"));
+  EXPECT_THAT(message(header + "ball,0\n"), HasSubstr("bad.csv:2: has 2 columns, at least 15 are needed"));
   EXPECT_THAT(message(header + "ball,x,1,1,1,0,0,0,1,0,0,1,0,1,tracking,2,1\n"),
-              HasSubstr("bad.csv:2: t is no number"));
+              HasSubstr("bad.csv:2: t must be a time in seconds, got \"x\""));
   EXPECT_THAT(message(header + "ball,1,1,1,1,0,0,0,1,0,0,1,0,1,trakcing,2,1\n"),
               HasSubstr("bad.csv:2: state must be searching, tracking, coasting or lost, got \"trakcing\""));
   EXPECT_THAT(message(header + "ball,1,1e300,1,1,0,0,0,1,0,0,1,0,1,tracking,2,1\n"),

@@ -16,7 +16,6 @@
 
 namespace huetrack::publish {
 
-
 inline constexpr std::array states{object_tracking::TrackState::searching, object_tracking::TrackState::tracking,
                                    object_tracking::TrackState::coasting, object_tracking::TrackState::lost};
 
@@ -59,11 +58,10 @@ inline object_tracking::ObjectEstimate known_estimate(object_tracking::TrackStat
 }
 
 // As above; states go by number as a target's do.
-inline constexpr std::array camera_states{camera_tracking::CameraState::searching,
-                                          camera_tracking::CameraState::tracking,
-                                          camera_tracking::CameraState::coasting, camera_tracking::CameraState::lost};
+inline constexpr std::array camera_states{camera_tracking::PoseState::searching, camera_tracking::PoseState::tracking,
+                                          camera_tracking::PoseState::coasting, camera_tracking::PoseState::lost};
 
-inline camera_tracking::CameraEstimate known_pose(camera_tracking::CameraState state) {
+inline camera_tracking::CameraEstimate known_pose(camera_tracking::PoseState state) {
   const int n = static_cast<int>(state);
   camera_tracking::CameraEstimate e;
   e.at = capture::Timestamp(std::chrono::nanoseconds(1'700'000'010'023'456'789 + 100'000'000 * n));

@@ -106,7 +106,7 @@ Fields expected_status(pid_t publisher) {
   return f;
 }
 
-Fields expected_camera(camera_tracking::CameraState state) {
+Fields expected_camera(camera_tracking::PoseState state) {
   const camera_tracking::CameraEstimate e = known_pose(state);
   const std::string path = fmt::format("camera/{}/", static_cast<int>(state));
   const double nan = std::numeric_limits<double>::quiet_NaN();
@@ -197,7 +197,7 @@ TEST(SecondVendor, CycloneSeesEveryFieldOfEveryTopic) {
     const auto now = std::chrono::system_clock::now().time_since_epoch() / 1ns;
     EXPECT_NEAR(std::stod(published.mapped()), static_cast<double>(now), 30e9);
   }
-  for (const camera_tracking::CameraState state : camera_states) {
+  for (const camera_tracking::PoseState state : camera_states) {
     expected.merge(expected_camera(state));
     const auto published = got.extract(fmt::format("camera/{}/published_at", static_cast<int>(state)));
     ASSERT_FALSE(published.empty());

@@ -4,7 +4,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "calib/report/rig_check.h"
+#include "calib/report/rig_check_report.h"
+#include "calib/report/sentences.h"
 #include "calib/solver/world_frame.h"
 #include "solver/synthetic_rig.h"
 
@@ -127,16 +128,58 @@ TEST(CalibrationReport, NamesAspectOverlapAndBoardsSeenFromBehind) {
   EXPECT_THAT(report_on(behind, {}).checks, speaks_against(Verdict::failed, "side of the board of cam0"));
 }
 
+TEST(Sentences, SayWhatTheSolversFound) {
+  EXPECT_EQ(dropped_text({9.87, 0.123}), "its corners are off by 9.87 px, those of the other views by 0.12 px");
+  EXPECT_EQ(dropped_text({98.7, 0.123}), "its corners are off by 99 px, those of the other views by 0.12 px");
+  EXPECT_EQ(contradiction_text({.given_px = 1.234, .refined_px = 0.2}, "left"),
+            "the lens that was given for camera left leaves 1.23 px, one fitted to its views 0.20 px");
+  const solver::LensContradiction zoomed{
+      .is_by_focal_length = true, .focal_px = 600.12, .focal_sigma_px = 0.5, .given_focal_px = 620};
+  EXPECT_EQ(contradiction_text(zoomed, "left"),
+            "the views of camera left say that its focal length is 600.1 px (+- 0.5), not 620.0 px as given");
+
+  solver::Intrinsics lens;
+  lens.trials = {{.lens = solver::LensModel::radtan4, .held_out_px = 0.101},
+                 {.lens = solver::LensModel::radtan5, .held_out_px = 0.1}};
+  EXPECT_EQ(choice_text(lens), "radtan4 was asked for");
+  lens.choice = solver::LensChoice::simpler;
+  lens.best = 1;
+  EXPECT_EQ(
+      choice_text(lens),
+      "radtan4 predicts views that it was not fitted to as well (0.101 px) as radtan5 (0.100 px), and is simpler");
+  lens.choice = solver::LensChoice::best;
+  lens.chosen = 1;
+  EXPECT_EQ(choice_text(lens), "radtan5 predicts views that it was not fitted to best (0.100 px)");
+  lens.choice = solver::LensChoice::too_few_views;
+  lens.compared_views = 7;
+  EXPECT_EQ(choice_text(lens), "7 views are too few to tell lens models apart: the simplest one");
+
+  solver::Extrinsics cameras;
+  EXPECT_EQ(refinement_text(cameras), "the lenses stay as they were given");
+  cameras.alone_px = 0.1;
+  cameras.adjustment.noise_px = 0.25;
+  cameras.refinement = solver::LensRefinement::out_of_step;
+  EXPECT_EQ(refinement_text(cameras),
+            "the lenses were found from these views, and stay as each camera's own views say (0.10 px), because the "
+            "cameras agree less well with one another (0.25 px): they are not quite in step");
+  cameras.adjustment.cameras.resize(2);
+  cameras.adjustment.cameras[1].name = "right";
+  cameras.contradictions = {std::nullopt, zoomed};
+  cameras.refinement = solver::LensRefinement::refined;
+  EXPECT_EQ(refinement_text(cameras),
+            contradiction_text(zoomed, "right") + ", and are refined with all cameras' views");
+}
+
 TEST(RigCheck, NamesTheCameraThatMoved) {
   const solver::SyntheticCapture capture = solver::synthetic_capture({.cameras = 3, .sets = 16});
-  const RigCheck fits = check_rig(capture.board, capture.rig, capture.views);
-  EXPECT_EQ(fits.verdict, Verdict::usable) << to_text(fits, capture.rig);
+  const solver::RigCheck fits = solver::check_rig(capture.board, capture.rig, capture.views);
+  EXPECT_EQ(report_on(fits, capture.rig).verdict, Verdict::usable) << to_text(report_on(fits, capture.rig), fits);
   EXPECT_TRUE(fits.moved.empty());
   calib::CameraRig bumped = capture.rig;
   const calib::Rigid3d bump = calib::exp((calib::Tangent6d() << 0, 0.02, 0, 0.03, 0.01, 0).finished());
   bumped.cameras[2].cam_from_world = bump * bumped.cameras[2].cam_from_world;
-  const RigCheck moved = check_rig(capture.board, bumped, capture.views);
-  EXPECT_EQ(moved.verdict, Verdict::failed);
+  const solver::RigCheck moved = solver::check_rig(capture.board, bumped, capture.views);
+  EXPECT_EQ(report_on(moved, bumped).verdict, Verdict::failed);
   ASSERT_EQ(moved.moved.size(), 1U);
   EXPECT_EQ(moved.moved[0].camera, 2);
   EXPECT_TRUE(moved.or_else.empty());
@@ -151,26 +194,26 @@ TEST(RigCheck, NamesTheCameraThatMoved) {
     --view.camera;
     views.push_back(std::move(view));
   }
-  const RigCheck either = check_rig(capture.board, two, views);
-  EXPECT_EQ(either.verdict, Verdict::failed);
+  const solver::RigCheck either = solver::check_rig(capture.board, two, views);
+  EXPECT_EQ(report_on(either, two).verdict, Verdict::failed);
   EXPECT_EQ(either.or_else.size(), 1U);
-  EXPECT_THAT(to_text(either, two), HasSubstr("these views do not tell which"));
+  EXPECT_THAT(to_text(report_on(either, two), either), HasSubstr("these views do not tell which"));
 }
 
 TEST(RigCheck, TellsAnotherBoardAndSwappedNamesFromABump) {
   const solver::SyntheticCapture capture = solver::synthetic_capture({.cameras = 3, .sets = 8});
   board::Board smaller = capture.board;
   smaller.pitch *= 0.95;
-  const RigCheck scale = check_rig(smaller, capture.rig, capture.views);
-  EXPECT_EQ(scale.verdict, Verdict::failed);
+  const solver::RigCheck scale = solver::check_rig(smaller, capture.rig, capture.views);
+  EXPECT_EQ(report_on(scale, capture.rig).verdict, Verdict::failed);
   EXPECT_TRUE(scale.moved.empty());
-  EXPECT_THAT(to_text(scale, capture.rig), AllOf(HasSubstr("0.950"), HasSubstr("board file")));
+  EXPECT_THAT(to_text(report_on(scale, capture.rig), scale), AllOf(HasSubstr("0.950"), HasSubstr("board file")));
   std::vector<solver::BoardView> swapped = capture.views;
   for (solver::BoardView& view : swapped) view.camera = view.camera == 0 ? 2 : view.camera == 2 ? 0 : view.camera;
-  const RigCheck names = check_rig(capture.board, capture.rig, swapped);
-  EXPECT_EQ(names.verdict, Verdict::failed);
+  const solver::RigCheck names = solver::check_rig(capture.board, capture.rig, swapped);
+  EXPECT_EQ(report_on(names, capture.rig).verdict, Verdict::failed);
   EXPECT_TRUE(names.moved.empty());
-  EXPECT_THAT(to_text(names, capture.rig), HasSubstr("cameras cam0 and cam2 look swapped"));
+  EXPECT_THAT(to_text(report_on(names, capture.rig), names), HasSubstr("cameras cam0 and cam2 look swapped"));
 }
 
 TEST(WorldFrame, IsSetByBoardsPointsAndFloors) {

@@ -22,7 +22,7 @@
 #include <vector>
 
 #include "capture/capture_clock.h"
-#include "daemon/live.h"
+#include "pipeline/live_cameras.h"
 
 namespace huetrack::soak {
 
@@ -41,7 +41,7 @@ class FilmCamera {
  public:
   explicit FilmCamera(FilmCameraOptions options) : state_(std::make_shared<State>(std::move(options))) {}
 
-  daemon::LiveCamera live() const {
+  pipeline::LiveCamera live() const {
     return {.camera = state_->options.camera,
             .source = std::make_unique<Source>(state_),
             .health =

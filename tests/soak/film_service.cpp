@@ -7,6 +7,7 @@
 #include <cstdio>
 #include <thread>
 
+#include "daemon/live.h"
 #include "daemon/service_manager.h"
 #include "soak/film_camera.h"
 
@@ -43,7 +44,7 @@ int main(int argc, char** argv) {
     const config::ServiceConfig config = config::load_service_config(config_file);
     daemon::set_log_level(config.log_level);
     const auto start = std::chrono::steady_clock::now();
-    std::vector<daemon::LiveCamera> cameras;
+    std::vector<pipeline::LiveCamera> cameras;
     for (const auto& camera : config.cameras) {
       soak::FilmCameraOptions film;
       film.camera = config.rig.index_of(camera.name).value();

@@ -1,20 +1,17 @@
 #include "tracks/truth.h"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <filesystem>
 #include <fstream>
-#include <random>
-
-#include "calib/yaml/yaml_reader.h"
 
 namespace huetrack::tracks {
 namespace {
 
 namespace fs = std::filesystem;
-using namespace std::chrono_literals;
 using testing::HasSubstr;
 
 class TruthFile : public testing::Test {
@@ -34,9 +31,7 @@ class TruthFile : public testing::Test {
 const std::string along_x = [] {
   std::string text = "frame,t,ball,x,y,z,more\n";
   for (int i = 0; i <= 20; ++i) {
-    char row[96];
-    std::snprintf(row, sizeof row, "%d,%.6f,ball,%.6f,2,3,1\n", i, 0.1 * i, 0.1 * i);
-    text += row;
+    text += fmt::format("{},{:.6f},ball,{:.6f},2,3,1\n", i, 0.1 * i, 0.1 * i);
   }
   return text;
 }();
@@ -50,54 +45,6 @@ object_tracking::ObjectEstimate estimate(double t, const Eigen::Vector3d& positi
   e.position = position;
   e.covariance = Eigen::Vector3d(1e-4, 1e-4, 1e-4).asDiagonal();  // sigma 1 cm
   return e;
-}
-
-TEST_F(TruthFile, TheOnlyBallIsTheOnlyTargetWhateverItsName) {
-  Truth t = truth(along_x);
-  const std::vector<std::string> lime{"lime"};
-  EXPECT_THAT(t.match(lime), testing::ElementsAre(testing::AllOf(HasSubstr("ball named ball"), HasSubstr("lime"))));
-  EXPECT_TRUE(t.position("lime", capture::Timestamp(100ms)).has_value());
-  EXPECT_THAT(t.match(lime), testing::IsEmpty());
-}
-
-TEST_F(TruthFile, SaysWhichBallsItHasForTargetsThatItHasNot) {
-  Truth t = truth(along_x + "0,0,red,0,0,0,1\n");
-  const std::vector<std::string> lime{"lime"}, both{"ball", "lime"};
-  const std::string sentence = "the truth has no ball named lime, which is not compared: it has ball, red";
-  EXPECT_THAT(t.match(lime), testing::ElementsAre(sentence));
-  EXPECT_THAT(t.match(both), testing::ElementsAre(sentence));
-  EXPECT_FALSE(t.position("lime", capture::Timestamp(100ms)).has_value());
-}
-
-TEST_F(TruthFile, IsLinearBetweenItsSamplesAndNotBeyond) {
-  const Truth t = truth(along_x);
-  EXPECT_THAT(*t.position("ball", capture::Timestamp(100ms)), testing::Eq(Eigen::Vector3d(0.1, 2, 3)));
-  EXPECT_NEAR((*t.position("ball", capture::Timestamp(123ms)) - Eigen::Vector3d(0.123, 2, 3)).norm(), 0, 1e-12);
-  EXPECT_TRUE(t.position("ball", capture::Timestamp(2000400us)).has_value());  // rounding of a time in a file
-  EXPECT_FALSE(t.position("ball", capture::Timestamp(2010ms)).has_value());
-  EXPECT_FALSE(t.position("ball", capture::Timestamp(-10ms)).has_value());
-  EXPECT_FALSE(t.position("cube", capture::Timestamp(100ms)).has_value());
-}
-
-TEST_F(TruthFile, IsNotInventedInsideAGap) {
-  const Truth t = truth("ball,t,x,y,z\nb,0,0,0,0\nb,1,1,0,0\n");
-  EXPECT_FALSE(t.position("b", capture::Timestamp(500ms)).has_value());
-  EXPECT_EQ(t.position("b", capture::Timestamp(1s)), Eigen::Vector3d(1, 0, 0));
-}
-
-TEST_F(TruthFile, MistakesAreNamedWithTheLine) {
-  const auto error = [&](const std::string& text) -> std::string {
-    try {
-      truth(text);
-    } catch (const yaml::ConfigError& e) {
-      return e.what();
-    }
-    return "no error";
-  };
-  EXPECT_EQ(error("t,x,y,z\n"), file_.string() + ":1: the header has no column ball");
-  EXPECT_EQ(error("ball,t,x,y,z\nb,0,0,0,0\nb,0,1,1,1\n"),
-            file_.string() + ":3: t must grow from row to row of one target");
-  EXPECT_EQ(error("ball,t,x,y,z\nb,0,nan,0,0\n"), file_.string() + ":2: x, y and z must be finite");
 }
 
 TEST_F(TruthFile, FiguresAreThoseOfTheSetsAfterTheLock) {
@@ -132,31 +79,6 @@ TEST_F(TruthFile, WithoutALockThereAreNoFigures) {
   EXPECT_EQ(comparison.figures().lock_set, std::nullopt);
   EXPECT_EQ(comparison.figures().samples, 0u);
   EXPECT_THAT(to_text(comparison.figures()), HasSubstr("never within 50 mm"));
-}
-
-TEST(Nees, IsChiSquaredWhenTheCovarianceIsTrue) {
-  Eigen::Matrix3d factor;
-  factor << 0.02, 0, 0, 0.01, 0.005, 0, -0.003, 0.004, 0.03;
-  const Eigen::Matrix3d covariance = factor * factor.transpose();
-  std::mt19937_64 random(1);
-  std::normal_distribution<double> normal;
-  double sum = 0;
-  int inside = 0;
-  constexpr int n = 20000;
-  for (int i = 0; i < n; ++i) {
-    const Eigen::Vector3d error = factor * Eigen::Vector3d(normal(random), normal(random), normal(random));
-    const double squared = nees(error, covariance);
-    sum += squared;
-    inside += squared <= 7.815 ? 1 : 0;
-  }
-  EXPECT_NEAR(sum / n, 3, 0.06);
-  EXPECT_NEAR(double(inside) / n, 0.95, 0.006);
-}
-
-TEST(Nees, IsInfiniteForWhatIsNoCovariance) {
-  EXPECT_TRUE(std::isinf(nees({1, 0, 0}, Eigen::Matrix3d::Zero())));
-  EXPECT_TRUE(std::isinf(nees({1, 0, 0}, -Eigen::Matrix3d::Identity())));
-  EXPECT_TRUE(std::isinf(nees({1, 0, 0}, Eigen::Matrix3d::Constant(std::nan("")))));
 }
 
 }  // namespace

@@ -1,6 +1,6 @@
 #!/bin/bash
 # Installs the package on a bare Debian 12, boots that with a real systemd and udev in the VM of tests/v4l2/run.sh, plugs in two
-# USB cameras (emulated, through uvcvideo), edits the one file that the README names, and uses the service: start, reload,
+# USB cameras (emulated, through uvcvideo), edits the one file that service/daemon/live.md names, and uses the service: start, reload,
 # kill -9, unplug, stop. Not part of CI: it takes some five minutes and the network.
 #   sudo tests/v4l2/systemd.sh DEB [ROOT]
 # DEB: huetrack_*.deb of cpack. ROOT: a folder for that Debian (default: one that is removed afterwards); kept and used again

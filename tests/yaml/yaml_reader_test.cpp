@@ -247,6 +247,80 @@ TEST(YamlReader, ReadsAFileAndKeepsItsName) {
   EXPECT_EQ(error_of([&] { r.boolean("b"); }), path + ":2: b must be true or false, got \"x\"");
 }
 
+// ---- One file read over another.
+
+YamlReader patched(const std::string& yaml, const std::string& patch) {
+  return YamlReader::text(yaml, "c.yaml").patched_with(YamlReader::text(patch, "p.yaml"));
+}
+
+TEST(PatchedWith, MergesMappingsReplacesTheRestAndNullTakesAway) {
+  const YamlReader r = patched("a: 1\nb: {x: 1, y: [1, 2], z: {q: 1}}\nc: word\nd: 4\nl: {m: 1}\n",
+                               "b: {y: [3], z: {q: 2, r: 3}, w: 5}\nc: null\ne: 6\nl: 7\nn: {o: {p: 8, s: null}}\n");
+  EXPECT_THAT(r.keys(), ElementsAre("a", "b", "d", "l", "e", "n"));
+  EXPECT_EQ(r.integer("a", any_number), 1);
+  const YamlReader b = r.map("b");
+  EXPECT_EQ(b.integer("x", any_number), 1);
+  EXPECT_THAT(b.numbers("y", 0, 9, any_number), ElementsAre(3));
+  EXPECT_EQ(b.map("z").integer("q", any_number), 2);
+  EXPECT_EQ(b.map("z").integer("r", any_number), 3);
+  EXPECT_EQ(b.integer("w", any_number), 5);
+  EXPECT_FALSE(r.has("c"));
+  EXPECT_EQ(r.string("c", "default"), "default");
+  EXPECT_EQ(r.integer("d", any_number), 4);
+  EXPECT_EQ(r.integer("e", any_number), 6);
+  EXPECT_EQ(r.integer("l", any_number), 7);
+  EXPECT_THAT(r.map("n").map("o").keys(), ElementsAre("p"));
+  r.finish();
+}
+
+TEST(PatchedWith, NamedMappingsAreMergedByName) {
+  const YamlReader r =
+      patched("n:\n  a: {x: 1, y: 1}\n  b: {x: 2}\n  c: {x: 3}\n", "n: {b: null, c: {x: 4}, d: {x: 5}}\n");
+  std::string seen;
+  for (const auto& [name, map] : r.named_maps("n")) seen += name + std::to_string(map.integer("x", any_number));
+  EXPECT_EQ(seen, "a1c4d5");
+}
+
+TEST(PatchedWith, TheFilesThemselvesStayAsTheyAre) {
+  const YamlReader file = YamlReader::text("a: {x: 1}\nb: 2\n", "c.yaml"),
+                   patch = YamlReader::text("a: 3\nb: {y: 4}\n", "p.yaml");
+  const YamlReader merged = file.patched_with(patch);
+  EXPECT_EQ(merged.integer("a", any_number), 3);
+  EXPECT_EQ(merged.map("b").integer("y", any_number), 4);
+  EXPECT_EQ(file.map("a").integer("x", any_number), 1);
+  EXPECT_EQ(file.integer("b", any_number), 2);
+  EXPECT_EQ(patch.integer("a", any_number), 3);
+  // And again: the last one is on top.
+  const YamlReader twice = file.patched_with(YamlReader::text("a: {x: 5, y: 5}\n", "p.yaml"))
+                               .patched_with(YamlReader::text("a: {x: 6}\n", "q.yaml"));
+  EXPECT_EQ(twice.map("a").integer("x", any_number), 6);
+  EXPECT_EQ(twice.map("a").integer("y", any_number), 5);
+}
+
+TEST(PatchedWith, MessagesNameTheFileThatTheValueComesFrom) {
+  const YamlReader r = patched("a: 1\nm:\n  x: 1\n  z: 1\n", "\n\na: [1,\n  two]\nm:\n  x: two\n  y: null\n  w: 1\n");
+  EXPECT_EQ(error_of([&] { r.numbers("a", 0, 9, any_number); }), "p.yaml:4: a[1] must be a number, got \"two\"");
+  const YamlReader m = r.map("m");
+  EXPECT_EQ(error_of([&] { m.integer("x", any_number); }), "p.yaml:6: m.x must be a whole number, got \"two\"");
+  EXPECT_EQ(error_of([&] { m.boolean("z"); }), "c.yaml:4: m.z must be true or false, got \"1\"");
+  EXPECT_EQ(error_of([&] { m.integer("q", any_number); }), "c.yaml:2: m.q is missing");
+  EXPECT_EQ(error_of([&] { m.fail("x", "no"); }), "p.yaml:6: m.x: no");
+  EXPECT_EQ(error_of([&] { r.fail("m", "no"); }), "c.yaml:2: m: no (p.yaml:5 is read over it)");
+  // What is taken away must be a known key, too.
+  EXPECT_EQ(error_of([&] { m.finish(); }), "p.yaml:7: m.y is not a known key");
+  m.has("y");
+  EXPECT_EQ(error_of([&] { m.finish(); }), "p.yaml:8: m.w is not a known key");
+}
+
+TEST(Leaves, AreAllThatHasNothingBelowIt) {
+  std::string all;
+  for (const auto& [path, is_null] : read("a: 1\nb: {c: [1, {d: 2}], e: {}, f.g: ~}\nh:\n").leaves()) {
+    for (const auto& key : path) all += "/" + key;
+    all += is_null ? " null\n" : "\n";
+  }
+  EXPECT_EQ(all, "/a\n/b/c\n/b/e\n/b/f.g null\n/h null\n");
+}
+
 TEST(YamlReader, DeepAndSelfContainingFilesDoNotCrash) {
   for (const std::string open : {"[", "{a: ", "- ", "? ", "&a [", "!t ["}) {
     std::string deep = "k: ";

@@ -3,15 +3,21 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
 #include <memory>
+#include <set>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "calib/model/camera_rig.h"
+#include "camera_tracking/keyframes/local_bundle.h"
 #include "camera_tracking/scene_map.h"
 #include "camera_tracking/template_patch.h"
 
 namespace huetrack::keyframes {
+
+inline constexpr int patch_side = 8;  // pixels of a point's patch
 
 // What tracking hands over of a frame.
 struct TrackedFrame {
@@ -21,8 +27,8 @@ struct TrackedFrame {
   bool tracked = false;    // else the pose means nothing
   double share_found = 0;  // of the points that were sought
   double flow_px = 0;      // how far the image moved since the frame before: a fast frame is a blurred one
-  std::vector<camera_tracking::Sighting> sightings;  // its keyframe is not set
-  std::vector<int> missed;                           // points that were sought and not found
+  std::vector<camera_tracking::PointSighting> sightings;  // its keyframe is not set
+  std::vector<int> missed;                                // points that were sought and not found
 };
 
 struct MappingCounters {
@@ -56,19 +62,44 @@ class KeyframeMapping {
     double widest_rad = 0;  // parallax so far
   };
 
+  // What a frame says to a seed.
+  struct SeedSeen {
+    enum class How : std::uint8_t { found, out_of_view, ambiguous, distorted, not_found };
+    How how = How::not_found;
+    Eigen::Vector2d px = Eigen::Vector2d::Zero();  // raw, when it is found
+    int level = 0;                                 // of the pyramid, at which it is
+  };
+
+  void count_finds(const TrackedFrame& frame);
+  bool is_new_keyframe(const TrackedFrame& frame) const;
   void add_keyframe(const TrackedFrame& frame);
-  void add_seeds(int keyframe);
-  void update_seeds(const TrackedFrame& frame);
-  bool update(Seed& seed, const TrackedFrame& frame);  // false: given up
-  void promote(const Seed& seed);
   void add_look(camera_tracking::MapPoint& point, int keyframe, int level, const Eigen::Vector2d& px);
-  void adjust_near(int keyframe);
+  void promote(const Seed& seed);
   void remove(int point);
   double median_depth(const calib::Rigid3d& cam_from_world) const;
 
+  // ---- The adjustment of some key frames and of what they see.
+  struct LocalProblem {
+    BundleProblem bundle;
+    std::map<int, int> pose_of;                               // key frame -> pose of the bundle
+    std::vector<int> point_of;                                // of each point of the bundle: the map's
+    std::vector<std::pair<std::size_t, std::size_t>> source;  // of each observation: point, place in its list
+  };
+  void adjust_near(int keyframe);
+  std::set<int> to_be_moved(int keyframe) const;
+  LocalProblem problem_of(const std::set<int>& moved, int keyframe) const;
+  void take_over(const LocalProblem& local);
+
+  // ---- keyframe_seeds.cpp
+  void add_seeds(int keyframe);
+  void update_seeds(const TrackedFrame& frame);
+  bool update(Seed& seed, const TrackedFrame& frame);  // false: given up
+  SeedSeen seek(const Seed& seed, const TrackedFrame& frame);
+  bool narrow(Seed& seed, const SeedSeen& seen, const calib::Rigid3d& now_from_then) const;  // false: contradicted
+
   calib::Camera camera_;
   camera_tracking::SceneMap map_;
-  std::vector<std::vector<camera_tracking::Sighting>> by_point_;  // sightings, per point, by key frame
+  std::vector<std::vector<camera_tracking::PointSighting>> by_point_;  // sightings, per point, by key frame
   std::vector<Seed> seeds_;
   std::vector<double> given_sigma_m_;  // per point; 0: not given
   std::vector<Eigen::Vector3d> given_position_;

@@ -12,6 +12,9 @@
 #include "camera_tracking/pose_solver.h"
 
 namespace huetrack::keyframes {
+
+using namespace camera_tracking;
+
 namespace {
 
 constexpr std::size_t default_particles = 250;
@@ -21,9 +24,9 @@ constexpr double coast_m_s = 0.25, coast_rad_s = 0.6;
 
 // Frame n is tracked with the map as frame n - 2 left it, while frame n - 1 is being mapped: two tasks in parallel
 // whose result does not depend on who is faster.
-class KeyframeTracker final : public camera_tracking::CameraTracker {
+class KeyframeTracker final : public CameraTracker {
  public:
-  KeyframeTracker(const calib::Camera& camera, const camera_tracking::CameraTrackerOptions& options)
+  KeyframeTracker(const calib::Camera& camera, const CameraTrackerOptions& options)
       : camera_(camera),
         starter_(camera, options.start),
         tracking_(camera,
@@ -32,7 +35,7 @@ class KeyframeTracker final : public camera_tracking::CameraTracker {
         mapping_(camera),
         particle_count_(options.particle_count > 0 ? options.particle_count : static_cast<int>(default_particles)) {
     if (!options.load_map.empty()) {
-      camera_tracking::StoredMap stored = camera_tracking::read_map(options.load_map);
+      StoredMap stored = read_map(options.load_map);
       if (stored.image_size != Eigen::Vector2i(camera.image_size.width, camera.image_size.height))
         throw std::runtime_error(options.load_map.string() + ": is a map of images of " +
                                  std::to_string(stored.image_size.x()) + "x" + std::to_string(stored.image_size.y()) +
@@ -41,12 +44,12 @@ class KeyframeTracker final : public camera_tracking::CameraTracker {
       mapping_.start(std::move(stored));
       map_ = mapping_.scene();
       started_ = is_map_unproven_ = true;
-      state_ = camera_tracking::CameraState::lost;
+      state_ = PoseState::lost;
     }
   }
 
-  camera_tracking::CameraEstimate update(const capture::Frame& frame) override {
-    camera_tracking::CameraEstimate estimate;
+  CameraEstimate update(const capture::Frame& frame) override {
+    CameraEstimate estimate;
     estimate.at = frame.captured_at;
     estimate.frame_number = frames_++;
     estimate.particle_count = particle_count_;
@@ -56,8 +59,8 @@ class KeyframeTracker final : public camera_tracking::CameraTracker {
       fill(estimate, ProvenPose{});
       return estimate;
     }
-    const camera_tracking::GreyImage grey = camera_tracking::grey_of(frame.pixels);
-    const auto pyramid = std::make_shared<const camera_tracking::Pyramid>(camera_tracking::make_pyramid(grey));
+    const GreyImage grey = grey_of(frame.pixels);
+    const auto pyramid = std::make_shared<const Pyramid>(make_pyramid(grey));
     if (!started_) {
       start(frame, grey, pyramid);
       fill(estimate, last_);
@@ -65,29 +68,25 @@ class KeyframeTracker final : public camera_tracking::CameraTracker {
     }
     if (handed_over_) mapper_.start([this] { mapping_.map(*handed_over_); });
     std::optional<calib::Rigid3d> proposed;  // what was started from, seen again
-    if (state_ == camera_tracking::CameraState::lost && estimate.frame_number % 5 == 0) {
+    if (state_ == PoseState::lost && estimate.frame_number % 5 == 0) {
       proposed = starter_.find_again(frame.pixels, grey, pose_);
     }
-    last_ = tracking_.track(pyramid, map_, state_ == camera_tracking::CameraState::lost, proposed);
+    last_ = tracking_.track(pyramid, map_, state_ == PoseState::lost, proposed);
     mapper_.wait();
     if (handed_over_) map_ = mapping_.scene();
     handed_over_.reset();
     if (last_.proven) {
       const double flow = flow_px(last_.cam_from_world);
-      state_ = camera_tracking::CameraState::tracking;
+      state_ = PoseState::tracking;
       is_map_unproven_ = false;
       tracked_at_ = frame.captured_at;
       pose_ = last_.cam_from_world;
-      covariance_ = camera_tracking::world_covariance(pose_, last_.tangent_covariance) + of_the_world(pose_);
-      handed_over_ = TrackedFrame{estimate.frame_number,
-                                  pyramid,
-                                  pose_,
-                                  true,
-                                  last_.sought > 0 ? static_cast<double>(last_.found) / last_.sought : 1.0,
-                                  flow,
-                                  last_.sightings,
-                                  last_.missed};
-      if (last_.sought < 8) handed_over_->share_found = 1;  // nothing is mapped yet: the rectangle was seen
+      covariance_ = world_covariance(pose_, last_.tangent_covariance) + of_the_world(pose_);
+      const PoseEvidence& e = last_.evidence;
+      // With so few points sought nothing is mapped yet, and it is the rectangle that was seen.
+      const double share_found = e.sought < 8 ? 1.0 : static_cast<double>(e.found) / e.sought;
+      handed_over_ =
+          TrackedFrame{estimate.frame_number, pyramid, pose_, true, share_found, flow, last_.sightings, last_.missed};
     } else {
       coast(frame.captured_at);
     }
@@ -96,16 +95,16 @@ class KeyframeTracker final : public camera_tracking::CameraTracker {
   }
 
   std::string why_no_pose() const override {
-    if (state_ == camera_tracking::CameraState::searching) return starter_.why_not();
-    if (state_ != camera_tracking::CameraState::lost) return {};
+    if (state_ == PoseState::searching) return starter_.why_not();
+    if (state_ != PoseState::lost) return {};
     return is_map_unproven_ ? "nothing of the loaded map is recognised in the view"
                             : "nothing of what was mapped is recognised in the view";
   }
 
-  camera_tracking::CameraTrackerView view() const override {
-    camera_tracking::CameraTrackerView out;
+  CameraTrackerView view() const override {
+    CameraTrackerView out;
     for (const KeyframeTracking::Sought& s : tracking_.sought()) {
-      const camera_tracking::MapPoint& p = map_.points[static_cast<std::size_t>(s.point)];
+      const MapPoint& p = map_.points[static_cast<std::size_t>(s.point)];
       out.features.push_back(
           {s.px.cast<float>(), s.found_px.cast<float>(), s.search.cast<float>(), p.position, p.covariance, p.given});
     }
@@ -115,30 +114,25 @@ class KeyframeTracker final : public camera_tracking::CameraTracker {
     return out;
   }
 
-  std::vector<camera_tracking::CameraMapPoint> map() const override {
-    std::vector<camera_tracking::CameraMapPoint> out;
-    std::vector<camera_tracking::CameraMapPoint::State> states(map_.points.size(),
-                                                               camera_tracking::CameraMapPoint::State::not_sought);
-    if (state_ == camera_tracking::CameraState::tracking) {
+  std::vector<CameraMapPoint> map() const override {
+    std::vector<CameraMapPoint> out;
+    std::vector<CameraMapPoint::State> states(map_.points.size(), CameraMapPoint::State::not_sought);
+    if (state_ == PoseState::tracking) {
       for (const KeyframeTracking::Sought& s : tracking_.sought())
-        states[static_cast<std::size_t>(s.point)] = s.found_px.allFinite()
-                                                        ? camera_tracking::CameraMapPoint::State::found
-                                                        : camera_tracking::CameraMapPoint::State::missed;
+        states[static_cast<std::size_t>(s.point)] =
+            s.found_px.allFinite() ? CameraMapPoint::State::found : CameraMapPoint::State::missed;
     }
     for (std::size_t i = 0; i < map_.points.size(); ++i) {
-      const camera_tracking::MapPoint& p = map_.points[i];
+      const MapPoint& p = map_.points[i];
       if (p.alive) out.push_back({static_cast<std::uint32_t>(i), p.position, p.covariance, states[i], p.given});
     }
     return out;
   }
 
-  void save_map(const std::filesystem::path& file) const override {
-    camera_tracking::write_map(file, mapping_.stored());
-  }
+  void save_map(const std::filesystem::path& file) const override { write_map(file, mapping_.stored()); }
 
  private:
-  void start(const capture::Frame& frame, const camera_tracking::GreyImage& grey,
-             const std::shared_ptr<const camera_tracking::Pyramid>& pyramid) {
+  void start(const capture::Frame& frame, const GreyImage& grey, const std::shared_ptr<const Pyramid>& pyramid) {
     const auto started = starter_.find(frame.pixels, grey);
     if (!started) return;
     started_ = true;
@@ -150,27 +144,27 @@ class KeyframeTracker final : public camera_tracking::CameraTracker {
       first.sightings.push_back({0, static_cast<int>(i), started->px[i], started->sigma_px});
     const double scale = std::max(1.0, started->pose.scale);
     const Eigen::Matrix<double, 6, 6> inverse_information = started->pose.information.inverse();
-    covariance_ = camera_tracking::world_covariance(pose_, scale * scale * inverse_information);
+    covariance_ = world_covariance(pose_, scale * scale * inverse_information);
     mapping_.start(first, started->points, started->normal, started->given_sigma_m, covariance_);
     map_ = mapping_.scene();
     last_ = {};
     last_.cam_from_world = pose_;
     last_.proven = true;
-    last_.sought = last_.found = static_cast<int>(started->points.size());
+    last_.evidence.sought = last_.evidence.found = static_cast<int>(started->points.size());
     last_.sightings = first.sightings;
-    state_ = camera_tracking::CameraState::tracking;
+    state_ = PoseState::tracking;
     tracked_at_ = frame.captured_at;
   }
 
   void coast(capture::Timestamp at) {
-    if (state_ == camera_tracking::CameraState::tracking) {
-      state_ = camera_tracking::CameraState::coasting;
+    if (state_ == PoseState::tracking) {
+      state_ = PoseState::coasting;
       coasting_covariance_ = covariance_;
     }
-    if (state_ != camera_tracking::CameraState::coasting) return;
+    if (state_ != PoseState::coasting) return;
     const double t = capture::seconds(at - tracked_at_);
     if (t > coast_s) {
-      state_ = camera_tracking::CameraState::lost;
+      state_ = PoseState::lost;
       tracking_.forget();
       return;
     }
@@ -181,10 +175,10 @@ class KeyframeTracker final : public camera_tracking::CameraTracker {
 
   // The start's error, as it shows here: all poses have it, turned about the start. Later views of the start make it
   // smaller than it was; how much was measured on data/rendered/desk.
-  camera_tracking::Covariance6d of_the_world(const calib::Rigid3d& cam_from_world) const {
+  Covariance6d of_the_world(const calib::Rigid3d& cam_from_world) const {
     constexpr double left = 0.7;
     const Eigen::Vector3d arm = calib::inverse(cam_from_world).translation - map_.start_centre;
-    camera_tracking::Covariance6d carry = camera_tracking::Covariance6d::Identity();
+    Covariance6d carry = Covariance6d::Identity();
     carry.topRightCorner<3, 3>() << 0, arm.z(), -arm.y(), -arm.z(), 0, arm.x(), arm.y(), -arm.x(), 0;
     return left * left * carry * map_.start_covariance * carry.transpose();
   }
@@ -192,7 +186,7 @@ class KeyframeTracker final : public camera_tracking::CameraTracker {
   // How far the image's middle moved since the last pose.
   double flow_px(const calib::Rigid3d& now) const {
     std::vector<double> flow;
-    for (const camera_tracking::Sighting& s : last_.sightings) {
+    for (const PointSighting& s : last_.sightings) {
       const auto before = camera_.model.project(pose_ * map_.points[static_cast<std::size_t>(s.point)].position);
       const auto after = camera_.model.project(now * map_.points[static_cast<std::size_t>(s.point)].position);
       if (before && after) flow.push_back((after->px - before->px).norm());
@@ -202,42 +196,40 @@ class KeyframeTracker final : public camera_tracking::CameraTracker {
     return flow[flow.size() / 2];
   }
 
-  void fill(camera_tracking::CameraEstimate& estimate, const ProvenPose& proof) const {
+  void fill(CameraEstimate& estimate, const ProvenPose& proof) const {
     estimate.state = state_;
     estimate.map_points = map_.alive_count();
     estimate.effective_sample_size = std::max(1.0, tracking_.effective_sample_size());
     if (!estimate.has_pose()) return;
     estimate.world_from_camera = calib::inverse(pose_);
     estimate.covariance = covariance_;
-    estimate.features_in_view = proof.sought + proof.corners;
-    estimate.features_matched = state_ == camera_tracking::CameraState::tracking ? proof.found + proof.corners : 0;
+    estimate.features_in_view = proof.evidence.sought + proof.evidence.corners;
+    estimate.features_matched = state_ == PoseState::tracking ? proof.evidence.found + proof.evidence.corners : 0;
     if (estimate.features_in_view > 0)
       estimate.confidence = static_cast<double>(estimate.features_matched) / estimate.features_in_view;
   }
 
   calib::Camera camera_;
-  camera_tracking::CameraStarter starter_;
+  CameraStarter starter_;
   KeyframeTracking tracking_;
-  KeyframeMapping mapping_;        // while mapper_ works: its alone
-  camera_tracking::SceneMap map_;  // what tracking sees
+  KeyframeMapping mapping_;  // while mapper_ works: its alone
+  SceneMap map_;             // what tracking sees
   std::optional<TrackedFrame> handed_over_;
   int particle_count_;
   std::uint64_t frames_ = 0;
   bool started_ = false;
   bool is_map_unproven_ = false;  // it was loaded, and nothing of it was recognised yet
-  camera_tracking::CameraState state_ = camera_tracking::CameraState::searching;
+  PoseState state_ = PoseState::searching;
   capture::Timestamp tracked_at_{};
   calib::Rigid3d pose_;
-  camera_tracking::Covariance6d covariance_ = camera_tracking::Covariance6d::Zero(),
-                                coasting_covariance_ = camera_tracking::Covariance6d::Zero();
+  Covariance6d covariance_ = Covariance6d::Zero(), coasting_covariance_ = Covariance6d::Zero();
   ProvenPose last_;
-  camera_tracking::ParallelTask mapper_;  // last: it ends before what it works on
+  ParallelTask mapper_;  // last: it ends before what it works on
 };
 
 }  // namespace
 
-std::unique_ptr<camera_tracking::CameraTracker> make_keyframe_tracker(
-    const calib::Camera& camera, const camera_tracking::CameraTrackerOptions& options) {
+std::unique_ptr<CameraTracker> make_keyframe_tracker(const calib::Camera& camera, const CameraTrackerOptions& options) {
   return std::make_unique<KeyframeTracker>(camera, options);
 }
 

@@ -1,4 +1,4 @@
-// Our camera tracker: CameraMethod::huetrack. See README.md.
+// Our camera tracker: CameraMethod::huetrack. How it works: ../README.md.
 #pragma once
 
 #include <memory>

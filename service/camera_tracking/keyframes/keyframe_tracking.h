@@ -10,8 +10,10 @@
 #include "calib/model/camera_rig.h"
 #include "camera_tracking/camera_tracker.h"
 #include "camera_tracking/keyframes/keyframe_mapping.h"
+#include "camera_tracking/keyframes/pose_proof.h"
 #include "camera_tracking/observation_field.h"
 #include "camera_tracking/pose_particles.h"
+#include "camera_tracking/pose_solver.h"
 #include "camera_tracking/rectangle_finder.h"
 #include "camera_tracking/scene_map.h"
 #include "camera_tracking/template_patch.h"
@@ -22,13 +24,10 @@ namespace huetrack::keyframes {
 struct ProvenPose {
   calib::Rigid3d cam_from_world;
   Eigen::Matrix<double, 6, 6> tangent_covariance = Eigen::Matrix<double, 6, 6>::Identity();
-  int sought = 0, found = 0;  // points; found: inliers of the pose
-  int corners = 0;            // of the start rectangle, measured and agreeing
-  double spread_px = 0;       // of the found ones over the image: the smaller standard deviation
-  double scale = 1;           // residuals over what they should be
+  PoseEvidence evidence;
   bool proven = false;
-  std::vector<camera_tracking::Sighting> sightings;
-  std::vector<int> missed;
+  std::vector<camera_tracking::PointSighting> sightings;  // their key frame is not set
+  std::vector<int> missed;                                // points that were sought and not found
 };
 
 // thread-compatible.
@@ -59,21 +58,62 @@ class KeyframeTracking {
   const std::vector<Sought>& sought() const { return sought_; }
 
  private:
+  // ---- keyframe_tracking.cpp: what should be seen from a pose.
   struct Visible {
     int point = 0;
     const camera_tracking::PointLook* look = nullptr;
     Eigen::Vector2d px;  // raw
-    camera_tracking::PatchView view;
+    camera_tracking::PatchTransfer patch;
     int level = 0;            // to be searched at
     double map_sigma_px = 0;  // of the point's own uncertainty, projected
   };
   std::vector<Visible> visible(const calib::Rigid3d& pose, const camera_tracking::SceneMap& map, int levels) const;
+  static const camera_tracking::PointLook* look_most_alike(const camera_tracking::MapPoint& point,
+                                                           const Eigen::Vector3d& centre,
+                                                           const camera_tracking::SceneMap& map);
+  static void thin_out(std::vector<Visible>& seen, std::size_t most);
+  // Into patch_; false: nothing would match.
+  bool warp(const Visible& seen, const camera_tracking::SceneMap& map, int level);
+
+  // ---- keyframe_coarse.cpp: particles, drawn to where templates correlate on a small copy of the image. Pupilli and
+  // Calway's annealing, with 40 points of which each costs little.
+  struct Walk {
+    float rotation_rad, position_m;  // standard deviations per axis
+  };
   calib::Rigid3d coarse(const calib::Rigid3d& predicted, const camera_tracking::Pyramid& pyramid,
                         const camera_tracking::SceneMap& map);
-  ProvenPose fine(const calib::Rigid3d& pose, const camera_tracking::Pyramid& pyramid,
-                  const camera_tracking::SceneMap& map, bool strict);
+  Walk scatter(const calib::Rigid3d& predicted);
+  std::vector<Visible> one_per_cell(const std::vector<Visible>& seen, const camera_tracking::SceneMap& map) const;
+  void correlate(std::vector<Visible>& chosen, const camera_tracking::Pyramid& pyramid, int level,
+                 const camera_tracking::SceneMap& map);
+  void project(const Eigen::Vector3d& p_world, int level);
+  void anneal(const std::vector<Visible>& chosen, int level, const camera_tracking::SceneMap& map, const Walk& walk);
+  calib::Rigid3d fit_to_fields(calib::Rigid3d pose, const std::vector<Visible>& chosen, int level,
+                               const camera_tracking::SceneMap& map) const;
+
+  // ---- keyframe_fine.cpp: every point to a fraction of a pixel, and whether that proves the pose.
+  struct Matches {  // of one frame, corners of the start rectangle included
+    int sought = 0;
+    std::vector<camera_tracking::PoseObservation> observations;
+    std::vector<int> point;           // of each observation
+    std::vector<double> pixel_sigma;  // of each observation: without what the point's own uncertainty adds
+    std::vector<int> missed;
+    void add(int map_point, const camera_tracking::PoseObservation& observation, double sigma_px);
+  };
+  // is_guess: see PoseEvidence.
+  ProvenPose fine(const calib::Rigid3d& start, const camera_tracking::Pyramid& pyramid,
+                  const camera_tracking::SceneMap& map, bool is_guess);
   calib::Rigid3d first_fit(const calib::Rigid3d& pose, const camera_tracking::Pyramid& pyramid,
-                           const camera_tracking::SceneMap& map, const std::vector<Visible>& seen);
+                           const camera_tracking::SceneMap& map);
+  Matches match(const std::vector<Visible>& seen, const camera_tracking::Pyramid& pyramid,
+                const camera_tracking::SceneMap& map);
+  calib::Rigid3d add_corners(const calib::Rigid3d& pose, const camera_tracking::Pyramid& pyramid,
+                             const camera_tracking::SceneMap& map, Matches& matches);
+  bool is_corner(int point) const { return rectangle_ && point < 4; }
+  void sort_out(const camera_tracking::PoseFit& fit, const Matches& matches, ProvenPose& out) const;
+  // Where a template may lie whose centre is within reach of `at`, both in pixels of the image.
+  camera_tracking::PixelRegion around(const Eigen::Vector2d& at, int reach,
+                                      const camera_tracking::GreyImage& image) const;
 
   calib::Camera camera_;
   calib::BatchProjector lens_;

@@ -9,11 +9,24 @@
 #include "camera_tracking/pose_solver.h"
 
 namespace huetrack::keyframes {
+
+using namespace camera_tracking;
+
 namespace {
 
 using Matrix6d = Eigen::Matrix<double, 6, 6>;
 using Vector6d = Eigen::Matrix<double, 6, 1>;
 using Matrix63d = Eigen::Matrix<double, 6, 3>;
+
+constexpr double huber = 1.5;  // sigmas
+// Levenberg-Marquardt: the damping to begin with, its floor, and by what it changes after a good and a bad step.
+constexpr double first_damping = 1e-4, least_damping = 1e-7, good_step = 0.2, bad_step = 10;
+constexpr int attempts_per_iteration = 4;
+constexpr double converged_share = 1e-4;                 // a step that gains less of the cost is the last one
+constexpr double point_ridge = 1e-6, pose_ridge = 1e-9;  // so that what nobody sees twice stays invertible
+// A residual's length over the standard deviation of its two axes, when it is the median; a robust scale below 0.7
+// would mean that few observations fit by chance.
+constexpr double median_of_length = 1.1774, least_scale = 0.7, outlier_scales = 3.5;
 
 struct Linear {  // one observation, whitened and weighted
   Eigen::Vector2d r;
@@ -22,15 +35,91 @@ struct Linear {  // one observation, whitened and weighted
   bool good = false;
 };
 
-constexpr double huber = 1.5;  // sigmas
+class Adjustment {
+ public:
+  Adjustment(const calib::CameraModel& lens, BundleProblem& problem);
+  BundleResult run(int iterations);
+
+ private:
+  double cost_of(const BundleProblem& p, std::vector<double>& length) const;
+  void linearise();
+  void eliminate_points(double damping);
+  void eliminate(std::size_t point);
+  double try_step(const Eigen::VectorXd& pose_step, BundleProblem& trial);
+  double mark_outliers();  // returns the rms of the others
+  int column_of(std::size_t observation) const {
+    return column_[static_cast<std::size_t>(p_.observations[observation].pose)];
+  }
+
+  const calib::CameraModel& lens_;
+  BundleProblem& p_;
+  std::vector<int> column_;  // of each pose among the free ones; -1: it is held
+  int free_poses_ = 0;
+  std::vector<std::size_t> first_;             // observation of each point; those of a point lie side by side
+  std::vector<Linear> linear_;                 // per observation
+  std::vector<double> length_, trial_length_;  // of the residuals, sigmas
+  // The normal equations with the points eliminated (Schur complement): what is needed to find the points' steps.
+  std::vector<Eigen::Matrix3d> v_inverse_;  // per point
+  std::vector<Eigen::Vector3d> bx_;         // per point
+  std::vector<Matrix63d> w_;                // per observation
+  Eigen::MatrixXd s_;
+  Eigen::VectorXd b_;
+};
+
+Adjustment::Adjustment(const calib::CameraModel& lens, BundleProblem& problem)
+    : lens_(lens), p_(problem), column_(problem.poses.size(), -1) {
+  for (std::size_t i = 0; i < p_.poses.size(); ++i) {
+    if (!p_.poses[i].fixed) column_[i] = free_poses_++;
+  }
+  const std::size_t n = p_.observations.size();
+  first_.assign(p_.points.size() + 1, n);
+  for (std::size_t i = n; i-- > 0;) first_[static_cast<std::size_t>(p_.observations[i].point)] = i;
+  for (std::size_t k = p_.points.size(); k-- > 0;) first_[k] = std::min(first_[k], first_[k + 1]);
+  linear_.resize(n), length_.resize(n), trial_length_.resize(n), w_.resize(n);
+  v_inverse_.resize(p_.points.size()), bx_.resize(p_.points.size());
+  const Eigen::Index size = 6 * free_poses_;
+  s_.resize(size, size), b_.resize(size);
+}
+
+BundleResult Adjustment::run(int iterations) {
+  BundleResult result;
+  double cost = cost_of(p_, length_);
+  double damping = first_damping;
+  for (int iteration = 0; iteration < iterations; ++iteration) {
+    linearise();
+    bool improved = false;
+    for (int attempt = 0; attempt < attempts_per_iteration && !improved; ++attempt) {
+      eliminate_points(damping);
+      Eigen::VectorXd step = Eigen::VectorXd::Zero(b_.size());
+      if (free_poses_ > 0) step = -s_.ldlt().solve(b_);
+      if (!step.allFinite()) return result;
+      BundleProblem trial;
+      const double trial_cost = try_step(step, trial);
+      improved = trial_cost < cost;
+      if (!improved) {
+        damping *= bad_step;
+        continue;
+      }
+      result.converged = cost - trial_cost < converged_share * cost;
+      p_.poses.swap(trial.poses), p_.points.swap(trial.points), length_.swap(trial_length_);
+      cost = trial_cost;
+      damping = std::max(least_damping, good_step * damping);
+    }
+    if (!improved) result.converged = true;
+    if (result.converged) break;
+  }
+  for (std::size_t k = 0; k < p_.points.size(); ++k) p_.points[k].covariance = v_inverse_[k];
+  result.rms = mark_outliers();
+  return result;
+}
 
 // Sum of the robust costs; fills the residual lengths.
-double cost_of(const calib::CameraModel& lens, const BundleProblem& p, std::vector<double>& length) {
+double Adjustment::cost_of(const BundleProblem& p, std::vector<double>& length) const {
   double cost = 0;
   for (std::size_t i = 0; i < p.observations.size(); ++i) {
     const BundleObservation& o = p.observations[i];
-    const auto seen = lens.project(p.poses[static_cast<std::size_t>(o.pose)].cam_from_world *
-                                   p.points[static_cast<std::size_t>(o.point)].position);
+    const auto seen = lens_.project(p.poses[static_cast<std::size_t>(o.pose)].cam_from_world *
+                                    p.points[static_cast<std::size_t>(o.point)].position);
     length[i] = seen ? (seen->px - o.px).norm() / o.sigma_px : std::numeric_limits<double>::infinity();
     const double e = std::min(length[i], 1e3);
     cost += e < huber ? 0.5 * e * e : huber * (e - 0.5 * huber);
@@ -41,136 +130,111 @@ double cost_of(const calib::CameraModel& lens, const BundleProblem& p, std::vect
   return cost;
 }
 
-}  // namespace
-
-BundleResult adjust(const calib::CameraModel& lens, BundleProblem& p, int iterations) {
-  BundleResult result;
-  const std::size_t n = p.observations.size();
-  std::vector<int> column(p.poses.size(), -1);
-  int free_poses = 0;
-  for (std::size_t i = 0; i < p.poses.size(); ++i) {
-    if (!p.poses[i].fixed) column[i] = free_poses++;
+void Adjustment::linearise() {
+  for (std::size_t i = 0; i < p_.observations.size(); ++i) {
+    const BundleObservation& o = p_.observations[i];
+    const calib::Rigid3d& pose = p_.poses[static_cast<std::size_t>(o.pose)].cam_from_world;
+    const Eigen::Vector3d cam = pose * p_.points[static_cast<std::size_t>(o.point)].position;
+    calib::CameraModel::Jacobian j;
+    const auto seen = lens_.project(cam, j);
+    linear_[i].good = seen.has_value();
+    if (!seen) continue;
+    const Eigen::Vector2d r = (seen->px - o.px) / o.sigma_px;
+    const double e = r.norm(), weight = e < huber ? 1 : std::sqrt(huber / e);
+    linear_[i].r = weight * r;
+    linear_[i].jp = weight / o.sigma_px * pose_jacobian(j, cam);
+    linear_[i].jx = weight / o.sigma_px * j * pose.rotation.toRotationMatrix();
   }
-  std::vector<std::size_t> first(p.points.size() + 1, n);  // observations of each point
-  for (std::size_t i = n; i-- > 0;) first[static_cast<std::size_t>(p.observations[i].point)] = i;
-  for (std::size_t k = p.points.size(); k-- > 0;) first[k] = std::min(first[k], first[k + 1]);
+}
 
-  std::vector<Linear> linear(n);
-  std::vector<double> length(n), trial_length(n);
-  std::vector<Eigen::Matrix3d> v_inverse(p.points.size());
-  std::vector<Eigen::Vector3d> bx(p.points.size());
-  std::vector<Matrix63d> w(n);
-  double cost = cost_of(lens, p, length);
-  double lambda = 1e-4;
-  const Eigen::Index size = 6 * free_poses;
-  Eigen::MatrixXd s(size, size);
-  Eigen::VectorXd b(size);
-  for (int iteration = 0; iteration < iterations; ++iteration) {
-    for (std::size_t i = 0; i < n; ++i) {
-      const BundleObservation& o = p.observations[i];
-      const calib::Rigid3d& pose = p.poses[static_cast<std::size_t>(o.pose)].cam_from_world;
-      const Eigen::Vector3d cam = pose * p.points[static_cast<std::size_t>(o.point)].position;
-      calib::CameraModel::Jacobian j;
-      const auto seen = lens.project(cam, j);
-      linear[i].good = seen.has_value();
-      if (!seen) continue;
-      const Eigen::Vector2d r = (seen->px - o.px) / o.sigma_px;
-      const double e = r.norm(), weight = e < huber ? 1 : std::sqrt(huber / e);
-      linear[i].r = weight * r;
-      linear[i].jp = weight / o.sigma_px * camera_tracking::pose_jacobian(j, cam);
-      linear[i].jx = weight / o.sigma_px * j * pose.rotation.toRotationMatrix();
+// Fills s_ and b_, of the poses alone.
+void Adjustment::eliminate_points(double damping) {
+  s_.setZero(), b_.setZero();
+  for (std::size_t k = 0; k < p_.points.size(); ++k) {
+    Eigen::Matrix3d v = Eigen::Matrix3d::Zero();
+    bx_[k].setZero();
+    if (const double sigma = p_.points[k].prior_sigma_m; sigma > 0) {
+      v.diagonal().array() += 1 / (sigma * sigma);
+      bx_[k] += (p_.points[k].position - p_.points[k].prior) / (sigma * sigma);
     }
-    bool improved = false;
-    for (int attempt = 0; attempt < 4 && !improved; ++attempt) {
-      s.setZero(), b.setZero();
-      for (std::size_t k = 0; k < p.points.size(); ++k) {
-        Eigen::Matrix3d v = Eigen::Matrix3d::Zero();
-        bx[k].setZero();
-        if (const double sigma = p.points[k].prior_sigma_m; sigma > 0) {
-          v.diagonal().array() += 1 / (sigma * sigma);
-          bx[k] += (p.points[k].position - p.points[k].prior) / (sigma * sigma);
-        }
-        for (std::size_t i = first[k]; i < first[k + 1]; ++i) {
-          const Linear& l = linear[i];
-          if (!l.good) continue;
-          v += l.jx.transpose() * l.jx;
-          bx[k] += l.jx.transpose() * l.r;
-        }
-        v.diagonal() *= 1 + lambda;
-        v.diagonal().array() += 1e-6;
-        v_inverse[k] = v.inverse();
-        const Eigen::Vector3d vb = v_inverse[k] * bx[k];
-        for (std::size_t i = first[k]; i < first[k + 1]; ++i) {
-          const Linear& l = linear[i];
-          const int ci = column[static_cast<std::size_t>(p.observations[i].pose)];
-          if (!l.good || ci < 0) continue;
-          w[i] = l.jp.transpose() * l.jx;
-          const Matrix63d y = w[i] * v_inverse[k];
-          auto diagonal = s.block<6, 6>(6 * ci, 6 * ci);
-          diagonal += l.jp.transpose() * l.jp;
-          b.segment<6>(6 * ci) += l.jp.transpose() * l.r - w[i] * vb;
-          for (std::size_t m = first[k]; m <= i; ++m) {
-            const int cm = column[static_cast<std::size_t>(p.observations[m].pose)];
-            if (!linear[m].good || cm < 0) continue;
-            const Matrix6d block = y * w[m].transpose();
-            s.block<6, 6>(6 * ci, 6 * cm) -= block;
-            if (m != i) s.block<6, 6>(6 * cm, 6 * ci) -= block.transpose();
-          }
-        }
-      }
-      for (int c = 0; c < free_poses; ++c) {
-        for (int d = 0; d < 6; ++d) s(6 * c + d, 6 * c + d) *= 1 + lambda, s(6 * c + d, 6 * c + d) += 1e-9;
-      }
-      Eigen::VectorXd step = Eigen::VectorXd::Zero(size);
-      if (free_poses > 0) step = -s.ldlt().solve(b);
-      if (!step.allFinite()) return result;
-      BundleProblem trial;
-      trial.poses = p.poses, trial.points = p.points;
-      trial.observations.swap(p.observations);  // not changed: lent
-      for (std::size_t i = 0; i < p.poses.size(); ++i) {
-        if (column[i] >= 0)
-          trial.poses[i].cam_from_world =
-              calib::exp(Vector6d(step.segment<6>(6 * column[i]))) * p.poses[i].cam_from_world;
-      }
-      for (std::size_t k = 0; k < p.points.size(); ++k) {
-        Eigen::Vector3d rhs = bx[k];
-        for (std::size_t i = first[k]; i < first[k + 1]; ++i) {
-          const int c = column[static_cast<std::size_t>(trial.observations[i].pose)];
-          if (linear[i].good && c >= 0) rhs += w[i].transpose() * step.segment<6>(6 * c);
-        }
-        trial.points[k].position -= v_inverse[k] * rhs;
-      }
-      const double trial_cost = cost_of(lens, trial, trial_length);
-      p.observations.swap(trial.observations);
-      if (trial_cost < cost) {
-        improved = true;
-        result.converged = cost - trial_cost < 1e-4 * cost;
-        p.poses.swap(trial.poses), p.points.swap(trial.points), length.swap(trial_length);
-        cost = trial_cost;
-        lambda = std::max(1e-7, 0.2 * lambda);
-      } else {
-        lambda *= 10;
-      }
+    for (std::size_t i = first_[k]; i < first_[k + 1]; ++i) {
+      const Linear& l = linear_[i];
+      if (!l.good) continue;
+      v += l.jx.transpose() * l.jx;
+      bx_[k] += l.jx.transpose() * l.r;
     }
-    if (!improved) result.converged = true;
-    if (!improved || result.converged) break;
+    v.diagonal() *= 1 + damping;
+    v.diagonal().array() += point_ridge;
+    v_inverse_[k] = v.inverse();
+    eliminate(k);
   }
-  for (std::size_t k = 0; k < p.points.size(); ++k) p.points[k].covariance = v_inverse[k];
-  std::vector<double> sorted = length;
+  for (Eigen::Index d = 0; d < s_.rows(); ++d) s_(d, d) *= 1 + damping, s_(d, d) += pose_ridge;
+}
+
+// One point: what its observations say to the free poses that see it, less what the point itself will take up.
+void Adjustment::eliminate(std::size_t k) {
+  const Eigen::Vector3d vb = v_inverse_[k] * bx_[k];
+  for (std::size_t i = first_[k]; i < first_[k + 1]; ++i) {
+    const Linear& l = linear_[i];
+    const int ci = column_of(i);
+    if (!l.good || ci < 0) continue;
+    w_[i] = l.jp.transpose() * l.jx;
+    const Matrix63d y = w_[i] * v_inverse_[k];
+    auto diagonal = s_.block<6, 6>(6 * ci, 6 * ci);
+    diagonal += l.jp.transpose() * l.jp;
+    b_.segment<6>(6 * ci) += l.jp.transpose() * l.r - w_[i] * vb;
+    for (std::size_t m = first_[k]; m <= i; ++m) {
+      const int cm = column_of(m);
+      if (!linear_[m].good || cm < 0) continue;
+      const Matrix6d block = y * w_[m].transpose();
+      s_.block<6, 6>(6 * ci, 6 * cm) -= block;
+      if (m != i) s_.block<6, 6>(6 * cm, 6 * ci) -= block.transpose();
+    }
+  }
+}
+
+// The poses and points after the step, without the observations; returns their cost.
+double Adjustment::try_step(const Eigen::VectorXd& pose_step, BundleProblem& trial) {
+  trial.poses = p_.poses, trial.points = p_.points;
+  for (std::size_t i = 0; i < p_.poses.size(); ++i) {
+    if (column_[i] >= 0)
+      trial.poses[i].cam_from_world =
+          calib::exp(Vector6d(pose_step.segment<6>(6 * column_[i]))) * p_.poses[i].cam_from_world;
+  }
+  for (std::size_t k = 0; k < p_.points.size(); ++k) {
+    Eigen::Vector3d rhs = bx_[k];
+    for (std::size_t i = first_[k]; i < first_[k + 1]; ++i) {
+      const int c = column_of(i);
+      if (linear_[i].good && c >= 0) rhs += w_[i].transpose() * pose_step.segment<6>(6 * c);
+    }
+    trial.points[k].position -= v_inverse_[k] * rhs;
+  }
+  trial.observations.swap(p_.observations);  // lent, for they do not change
+  const double cost = cost_of(trial, trial_length_);
+  p_.observations.swap(trial.observations);
+  return cost;
+}
+
+double Adjustment::mark_outliers() {
   double scale = 1;
-  if (!sorted.empty()) {
+  if (std::vector<double> sorted = length_; !sorted.empty()) {
     const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2);
     std::nth_element(sorted.begin(), middle, sorted.end());
-    scale = std::max(0.7, *middle / 1.1774);
+    scale = std::max(least_scale, *middle / median_of_length);
   }
   double sum = 0;
   int inliers = 0;
-  for (std::size_t i = 0; i < n; ++i) {
-    p.observations[i].outlier = !(length[i] < 3.5 * scale);
-    if (!p.observations[i].outlier) sum += length[i] * length[i], ++inliers;
+  for (std::size_t i = 0; i < p_.observations.size(); ++i) {
+    p_.observations[i].outlier = !(length_[i] < outlier_scales * scale);
+    if (!p_.observations[i].outlier) sum += length_[i] * length_[i], ++inliers;
   }
-  result.rms = std::sqrt(sum / std::max(1, 2 * inliers));
-  return result;
+  return std::sqrt(sum / std::max(1, 2 * inliers));
+}
+
+}  // namespace
+
+BundleResult adjust(const calib::CameraModel& lens, BundleProblem& problem, int iterations) {
+  return Adjustment(lens, problem).run(iterations);
 }
 
 }  // namespace huetrack::keyframes

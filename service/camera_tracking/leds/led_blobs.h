@@ -11,7 +11,7 @@ namespace huetrack::leds {
 struct LedBlobOptions {
   int min_contrast = 25;  // 1..255; grey levels that a LED's brightest pixel is above the dark around it
   double threshold =
-      0.25;  // (0, 1); the "dynamic threshold": so far from the dark to the peak a pixel must reach to count
+      0.25;  // (0, 1); the "dynamic threshold": how far from the dark to the peak a pixel must be to count
   int max_diameter_px = 40;  // >= 1; what is larger is a lamp or a window
   int max_count = 16;        // >= 1; the brightest so many
 };

@@ -8,6 +8,8 @@
 
 namespace huetrack::leds {
 
+using namespace camera_tracking;
+
 namespace {
 
 using Eigen::Vector2d;
@@ -41,7 +43,7 @@ class HuetrackLedFilter final : public LedFilter {
                 particle_filter::Rng(options.seed, 0)),
         particles_(options.particle_count, particle_filter::Rng(options.seed, 1)) {}
 
-  camera_tracking::CameraEstimate update(const LedFrame& frame) override {
+  CameraEstimate update(const LedFrame& frame) override {
     found_.clear();
     if (pose_) {
       follow(frame);
@@ -56,15 +58,15 @@ class HuetrackLedFilter final : public LedFilter {
   void forget() override { forget_pose(); }
   bool is_ambiguous() const override { return !pose_ && search_.is_ambiguous(); }
 
-  camera_tracking::CameraTrackerView view() const override {
-    camera_tracking::CameraTrackerView view;
+  CameraTrackerView view() const override {
+    CameraTrackerView view;
     constexpr std::size_t most = 300;
     if (pose_) {
       for (std::size_t l = 0; l < leds().size(); ++l) {
         LedJacobian j;
         const auto px = led_pixel(camera_.model, pose_->mean, leds()[l], 0, &j);
         if (!px || !camera_.contains(calib::RawPixel{*px})) continue;
-        camera_tracking::CameraTrackerView::Feature f;
+        CameraTrackerView::Feature f;
         f.px = px->cast<float>();
         f.found_px = Eigen::Vector2f::Constant(std::numeric_limits<float>::quiet_NaN());
         for (const auto& [led, at] : found_)
@@ -187,8 +189,8 @@ class HuetrackLedFilter final : public LedFilter {
     return sightings;
   }
 
-  camera_tracking::CameraEstimate estimate(const LedFrame& frame) {
-    camera_tracking::CameraEstimate e;
+  CameraEstimate estimate(const LedFrame& frame) {
+    CameraEstimate e;
     e.at = frame.at;
     e.frame_number = frame.number;
     e.map_points = static_cast<int>(leds().size());
@@ -196,7 +198,7 @@ class HuetrackLedFilter final : public LedFilter {
     e.effective_sample_size = pose_ ? particles_.effective_sample_size() : 1;
     const bool confirmed = pose_ && confirmed_ >= confirming;
     if (!confirmed) {
-      e.state = was_found_ ? camera_tracking::CameraState::lost : camera_tracking::CameraState::searching;
+      e.state = was_found_ ? PoseState::lost : PoseState::searching;
       return e;
     }
     const Vector2d sigma = largest_sigmas(pose_->covariance);
@@ -214,13 +216,13 @@ class HuetrackLedFilter final : public LedFilter {
     }
     // And when it has not been for long, it is no longer said: chance matches could carry it on.
     if (!explained_once_ || frame.at - last_explained_ > longest_coasting) {
-      e.state = was_found_ ? camera_tracking::CameraState::lost : camera_tracking::CameraState::searching;
+      e.state = was_found_ ? PoseState::lost : PoseState::searching;
       e.features_in_view = e.features_matched = 0;
       if (explained_once_) forget_pose();
       return e;
     }
     was_found_ = true;
-    e.state = explained && sure ? camera_tracking::CameraState::tracking : camera_tracking::CameraState::coasting;
+    e.state = explained && sure ? PoseState::tracking : PoseState::coasting;
     e.world_from_camera = pose_->mean.world_from_camera;
     e.covariance = pose_->covariance.topLeftCorner<6, 6>();
     e.confidence = e.features_in_view > 0 ? static_cast<double>(e.features_matched) / e.features_in_view : 0;

@@ -6,6 +6,8 @@
 
 namespace huetrack::leds {
 
+using namespace camera_tracking;
+
 namespace {
 
 using Eigen::Vector2d;
@@ -44,7 +46,7 @@ class PaperLedFilter final : public LedFilter {
     scatter();
   }
 
-  camera_tracking::CameraEstimate update(const LedFrame& frame) override {
+  CameraEstimate update(const LedFrame& frame) override {
     // "the prediction phase ... sampling from the state transition distribution"
     if (number_ > 0) particles_.predict(std::max(1e-6, capture::seconds(frame.at - last_at_)), motion_);
     last_at_ = frame.at;
@@ -73,13 +75,13 @@ class PaperLedFilter final : public LedFilter {
     return estimate(frame, ess);
   }
 
-  camera_tracking::CameraTrackerView view() const override {
-    camera_tracking::CameraTrackerView view;
+  CameraTrackerView view() const override {
+    CameraTrackerView view;
     for (const Vector3d& led : options_.start.leds) {
       LedJacobian j;
       const auto px = led_pixel(camera_.model, pose_.mean, led, 0, &j);
       if (!px || !camera_.contains(calib::RawPixel{*px})) continue;
-      camera_tracking::CameraTrackerView::Feature f;
+      CameraTrackerView::Feature f;
       f.px = px->cast<float>();
       f.found_px = Eigen::Vector2f::Constant(std::numeric_limits<float>::quiet_NaN());
       for (const auto& [at, px_seen] : found_)
@@ -156,13 +158,12 @@ class PaperLedFilter final : public LedFilter {
     gathered_ = widening_ < narrow ? gathered_ + static_cast<int>(!sightings.empty()) : 0;
     if (explained) explained_at_ = frame.at;
     if (small_ && explained && gathered_ >= gathered_frames) {
-      state_ = camera_tracking::CameraState::tracking;
-    } else if (state_ == camera_tracking::CameraState::tracking || state_ == camera_tracking::CameraState::coasting) {
+      state_ = PoseState::tracking;
+    } else if (state_ == PoseState::tracking || state_ == PoseState::coasting) {
       // Of dots that are not identified, one lies near some LED by chance.
       const capture::Timestamp supported =
           frame.lit ? evidence_.last_match().value_or(capture::Timestamp{}) : explained_at_;
-      state_ = small_ && frame.at - supported < evidence_length ? camera_tracking::CameraState::coasting
-                                                                : camera_tracking::CameraState::lost;
+      state_ = small_ && frame.at - supported < evidence_length ? PoseState::coasting : PoseState::lost;
     }
     if (!frame.lit && sightings.size() >= least_dots && frame.at - explained_at_ > evidence_length) to_gather_ = true;
     // A small cloud that no LED supports holds on to nothing: from the whole room again.
@@ -172,8 +173,8 @@ class PaperLedFilter final : public LedFilter {
     }
   }
 
-  camera_tracking::CameraEstimate estimate(const LedFrame& frame, double ess) const {
-    camera_tracking::CameraEstimate e;
+  CameraEstimate estimate(const LedFrame& frame, double ess) const {
+    CameraEstimate e;
     e.at = frame.at;
     e.frame_number = frame.number;
     e.state = state_;
@@ -197,7 +198,7 @@ class PaperLedFilter final : public LedFilter {
   LedGaussian pose_;
   LedEvidence evidence_;
   std::vector<std::pair<int, Vector2d>> found_;
-  camera_tracking::CameraState state_ = camera_tracking::CameraState::searching;
+  PoseState state_ = PoseState::searching;
   double widening_ = 1;
   bool small_ = false, to_gather_ = true;  // to_gather_: of LEDs that are not identified
   capture::Timestamp explained_at_{};

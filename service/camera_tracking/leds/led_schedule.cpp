@@ -53,18 +53,18 @@ void LedOffsetSearch::forget() {
 }
 
 // Offsets that name the same LEDs are one: of them the one whose slots have the frames most in their middle.
-std::vector<LedOffsetSearch::Candidate> LedOffsetSearch::candidates() const {
-  std::vector<Candidate> all;
+std::vector<LedOffsetSearch::OffsetTrial> LedOffsetSearch::trials() const {
+  std::vector<OffsetTrial> all;
   const int step = start_.slot_s > 0 ? 1 : 2;
   for (int offset = 0; offset < 2 * static_cast<int>(start_.schedule.size()); offset += step) {
-    Candidate c{.offset = offset, .margin = 1, .lit = {}};
+    OffsetTrial c{.offset = offset, .margin = 1, .lit = {}};
     for (const Seen& s : tried_on_) {
       const double slots = slots_of(start_, s.moment, offset), part = slots - std::floor(slots);
       c.margin = std::min({c.margin, part, 1 - part});
       c.lit.push_back(*lit_led(start_, s.moment, offset));
     }
     if (std::ranges::find(c.lit, -1) != c.lit.end()) continue;  // a LED was seen where none is lit
-    const auto same = std::ranges::find(all, c.lit, &Candidate::lit);
+    const auto same = std::ranges::find(all, c.lit, &OffsetTrial::lit);
     if (same == all.end())
       all.push_back(c);
     else if (c.margin > same->margin)
@@ -81,11 +81,11 @@ std::optional<int> LedOffsetSearch::update(const LedMoment& moment, const std::o
   if (tried_on_.empty()) {
     if (window_.size() < sightings_wanted) return std::nullopt;
     tried_on_.assign(window_.begin(), window_.end());
-    untried_ = candidates();
+    untried_ = trials();
     explained_by_.clear();
   }
   for (int k = 0; k < tries_per_frame && !untried_.empty(); ++k) {
-    const Candidate c = untried_.back();
+    const OffsetTrial c = untried_.back();
     untried_.pop_back();
     std::vector<LedSighting> sightings;
     for (std::size_t i = 0; i < tried_on_.size(); ++i)

@@ -41,18 +41,18 @@ class LedOffsetSearch {
     LedMoment moment;
     Eigen::Vector2d px;
   };
-  struct Candidate {
+  struct OffsetTrial {
     int offset;
     double margin;  // slots, from the frame that lies nearest to a slot's end
     std::vector<int> lit;
   };
-  std::vector<Candidate> candidates() const;
+  std::vector<OffsetTrial> trials() const;
 
   camera_tracking::LedStart start_;
   LedSearch search_;
   std::deque<Seen> window_;
   std::vector<Seen> tried_on_;                        // empty: the window is not full yet
-  std::vector<Candidate> untried_;                    // on tried_on_
+  std::vector<OffsetTrial> untried_;                  // on tried_on_
   std::vector<std::pair<double, int>> explained_by_;  // LedSearch::noise_scale(), offset
 };
 

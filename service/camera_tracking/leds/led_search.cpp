@@ -20,12 +20,11 @@ constexpr std::size_t polished = 48;        // of the best positions
 constexpr double coarse_sigma_px = 4;       // of LEDs that were seen at several times, brought to one time
 constexpr std::array noise_scales{1.0, 4.0, 16.0, 64.0};  // of the sightings' sigma_px, as in LedModels
 constexpr double unique_by_chi2 = 25;                     // a second pose must fit so much worse
-
-struct Ray {
-  int led;
-  Vector2d px;
-  Vector3d ray;  // unit, camera
-};
+// Of dots that are not identified: how near the angle between two LEDs must be to that between two dots, and how near a
+// LED to its dot, at first and each time that the pose was fitted anew.
+constexpr double angle_tolerance_rad = 0.03, match_px = 12;
+constexpr std::array match_reaches_px{8 * match_px, 3 * match_px, match_px, 0.4 * match_px};
+constexpr double unexplained_chi2 = 100;  // what a dot that is no LED costs
 
 // All sightings at one time: each LED's pixel on the straight line that its sightings follow; of LEDs that were seen
 // once, along with the others.
@@ -213,96 +212,105 @@ std::optional<LedGaussian> LedSearch::polish(std::span<const calib::Rigid3d> sta
   return std::nullopt;
 }
 
-std::optional<LedGaussian> LedSearch::find_unidentified(std::span<const LedSighting> sightings) {
-  candidates_.clear();
-  is_ambiguous_ = false;
-  constexpr double angle_tolerance = 0.03, match_px = 12;
-  if (sightings.size() < least_leds + 1) return std::nullopt;
-  std::vector<Ray> dots;
-  for (const LedSighting& s : sightings)
-    if (const auto ray = camera_.model.ray(calib::RawPixel{s.px})) dots.push_back({-1, s.px, *ray});
-  if (dots.size() < least_leds + 1) return std::nullopt;
+// The nearest LED of each dot, none twice; returns the sum of squares over those within reach.
+double LedSearch::match(const calib::Rigid3d& pose, std::span<const Dot> dots, double reach_px,
+                        std::vector<LedSighting>& out) const {
+  const calib::Rigid3d camera_from_world = calib::inverse(pose);
+  out.clear();
+  std::set<int> used;
+  double sum = 0;
+  std::vector<std::optional<calib::RawPixel>> px;
+  for (const Vector3d& led : options_.leds) px.push_back(camera_.model.project(camera_from_world * led));
+  for (const Dot& dot : dots) {
+    int nearest = -1;
+    double least = reach_px * reach_px;
+    for (std::size_t l = 0; l < px.size(); ++l) {
+      if (!px[l]) continue;
+      if (const double d2 = (px[l]->px - dot.sighting.px).squaredNorm(); d2 < least)
+        least = d2, nearest = static_cast<int>(l);
+    }
+    sum += least;
+    if (nearest < 0 || !used.insert(nearest).second) continue;
+    out.push_back(dot.sighting);
+    out.back().led = nearest;
+  }
+  return sum;
+}
+
+// From every position, turned by each pair of LEDs that is as far apart as two of the dots: those that explain the dots
+// best.
+std::vector<calib::Rigid3d> LedSearch::turned_by_pairs(std::span<const Dot> dots) {
   // The two dots that are farthest apart say most about how the camera is turned.
   std::size_t a = 0, b = 1;
   for (std::size_t i = 0; i < dots.size(); ++i)
     for (std::size_t j = i + 1; j < dots.size(); ++j)
       if (dots[i].ray.dot(dots[j].ray) < dots[a].ray.dot(dots[b].ray)) a = i, b = j;
   const double angle = std::acos(std::clamp(dots[a].ray.dot(dots[b].ray), -1.0, 1.0));
-
-  // The nearest LED of each dot, none twice; the sum of squares over those within reach.
-  const auto matched = [&](const calib::Rigid3d& pose, double reach_px, std::vector<LedSighting>& out) {
-    const calib::Rigid3d camera_from_world = calib::inverse(pose);
-    out.clear();
-    std::set<int> used;
-    double sum = 0;
-    std::vector<std::optional<calib::RawPixel>> px;
-    for (const Vector3d& led : options_.leds) px.push_back(camera_.model.project(camera_from_world * led));
-    for (std::size_t d = 0; d < dots.size(); ++d) {
-      int nearest = -1;
-      double least = reach_px * reach_px;
-      for (std::size_t l = 0; l < px.size(); ++l) {
-        if (!px[l]) continue;
-        if (const double d2 = (px[l]->px - dots[d].px).squaredNorm(); d2 < least)
-          least = d2, nearest = static_cast<int>(l);
-      }
-      sum += least;
-      if (nearest < 0 || !used.insert(nearest).second) continue;
-      LedSighting s = sightings[d];
-      s.led = nearest;
-      out.push_back(s);
-    }
-    return sum;
-  };
+  const std::array rays{dots[a].ray, dots[b].ray};
 
   scatter();
   std::vector<std::pair<double, calib::Rigid3d>> scored;
-  std::vector<LedSighting> match;
+  std::vector<LedSighting> matched;
   for (const Vector3d& at : positions_) {
     for (std::size_t i = 0; i < options_.leds.size(); ++i) {
       const Vector3d to_i = (options_.leds[i] - at).normalized();
       for (std::size_t j = 0; j < options_.leds.size(); ++j) {
         if (i == j) continue;
         const Vector3d to_j = (options_.leds[j] - at).normalized();
-        if (std::abs(std::acos(std::clamp(to_i.dot(to_j), -1.0, 1.0)) - angle) > angle_tolerance) continue;
-        const std::array rays{dots[a].ray, dots[b].ray};
-        const std::array towards{to_i, to_j};
-        const calib::Rigid3d pose{rotation_between(rays, towards), at};
-        const double sum = matched(pose, 8 * match_px, match);
-        if (match.size() >= least_leds) scored.emplace_back(sum, pose);
+        if (std::abs(std::acos(std::clamp(to_i.dot(to_j), -1.0, 1.0)) - angle) > angle_tolerance_rad) continue;
+        const calib::Rigid3d pose{rotation_between(rays, std::array{to_i, to_j}), at};
+        const double sum = match(pose, dots, match_reaches_px.front(), matched);
+        if (matched.size() >= least_leds) scored.emplace_back(sum, pose);
       }
     }
   }
   const std::size_t best = std::min<std::size_t>(4 * polished, scored.size());
   std::ranges::partial_sort(scored, scored.begin() + static_cast<std::ptrdiff_t>(best), {},
                             [](const auto& s) { return s.first; });
-  scored.resize(best);
+  std::vector<calib::Rigid3d> poses;
+  for (std::size_t i = 0; i < best; ++i) poses.push_back(scored[i].second);
+  return poses;
+}
 
-  // Fit, match anew, and again: the pose that explains every dot.
-  struct Found {
-    LedFit fit;
-    double cost;
-  };
-  std::vector<Found> found;
-  for (const auto& [_, start] : scored) {
-    LedGaussian prior = open_prior(start, LedStartVelocity{.velocity = 1e-3, .angular_rate = 1e-3}, options_.motion);
-    LedMotionState at = prior.mean;
-    std::optional<LedFit> fit;
-    for (const double reach : {8 * match_px, 3 * match_px, match_px, 0.4 * match_px}) {
-      matched(at.world_from_camera, reach, match);
-      if (match.size() < least_leds) break;
-      fit = fit_leds(camera_.model, options_.leds, prior, at, match, 10);
-      if (!fit) break;
-      at = fit->posterior.mean;
-    }
-    if (!fit || match.size() + 1 < dots.size() || match.size() < least_leds + 1) continue;
-    if (found.empty() || std::ranges::none_of(found, [&](const Found& f) {
-          return is_same_pose(f.fit.posterior.mean.world_from_camera, at.world_from_camera);
+// Fitted, matched anew, and again; nullopt: it does not explain all of the dots but one.
+std::optional<LedSearch::Explanation> LedSearch::explain(const calib::Rigid3d& start, std::span<const Dot> dots) const {
+  const LedGaussian prior =
+      open_prior(start, LedStartVelocity{.velocity = 1e-3, .angular_rate = 1e-3}, options_.motion);
+  LedMotionState at = prior.mean;
+  std::optional<LedFit> fit;
+  std::vector<LedSighting> matched;
+  for (const double reach_px : match_reaches_px) {
+    match(at.world_from_camera, dots, reach_px, matched);
+    if (matched.size() < least_leds) break;
+    fit = fit_leds(camera_.model, options_.leds, prior, at, matched, 10);
+    if (!fit) break;
+    at = fit->posterior.mean;
+  }
+  if (!fit || matched.size() + 1 < dots.size() || matched.size() < least_leds + 1) return std::nullopt;
+  return Explanation{*fit, fit->chi2 + unexplained_chi2 * static_cast<double>(dots.size() - matched.size())};
+}
+
+std::optional<LedGaussian> LedSearch::find_unidentified(std::span<const LedSighting> sightings) {
+  candidates_.clear();
+  is_ambiguous_ = false;
+  if (sightings.size() < least_leds + 1) return std::nullopt;
+  std::vector<Dot> dots;
+  for (const LedSighting& s : sightings)
+    if (const auto ray = camera_.model.ray(calib::RawPixel{s.px})) dots.push_back({s, *ray});
+  if (dots.size() < least_leds + 1) return std::nullopt;
+
+  std::vector<Explanation> found;
+  for (const calib::Rigid3d& start : turned_by_pairs(dots)) {
+    const auto explanation = explain(start, dots);
+    if (explanation && std::ranges::none_of(found, [&](const Explanation& other) {
+          return is_same_pose(other.fit.posterior.mean.world_from_camera,
+                              explanation->fit.posterior.mean.world_from_camera);
         }))
-      found.push_back({*fit, fit->chi2 + 100.0 * static_cast<double>(dots.size() - match.size())});
+      found.push_back(*explanation);
   }
   if (found.empty()) return std::nullopt;
-  std::ranges::stable_sort(found, {}, &Found::cost);
-  for (const Found& f : found) candidates_.push_back(f.fit.posterior.mean.world_from_camera);
+  std::ranges::stable_sort(found, {}, &Explanation::cost);
+  for (const Explanation& f : found) candidates_.push_back(f.fit.posterior.mean.world_from_camera);
   const LedFit& first = found.front().fit;
   const double freedom = 2.0 * first.used - 6;
   const auto fitting = std::ranges::find_if(

@@ -47,6 +47,20 @@ class LedSearch {
   std::optional<LedGaussian> polish(std::span<const calib::Rigid3d> starts, std::span<const LedSighting> coarse,
                                     std::span<const LedSighting> fine, double reference_dt_s);
 
+  // ---- Of dots that are not identified.
+  struct Dot {
+    LedSighting sighting;  // its led is not known
+    Eigen::Vector3d ray;   // unit, camera
+  };
+  struct Explanation {
+    LedFit fit;
+    double cost = 0;  // the fit's chi2, and what the dots cost that it leaves unexplained
+  };
+  double match(const calib::Rigid3d& pose, std::span<const Dot> dots, double reach_px,
+               std::vector<LedSighting>& out) const;
+  std::vector<calib::Rigid3d> turned_by_pairs(std::span<const Dot> dots);
+  std::optional<Explanation> explain(const calib::Rigid3d& start, std::span<const Dot> dots) const;
+
   calib::Camera camera_;
   LedSearchOptions options_;
   particle_filter::Rng rng_;

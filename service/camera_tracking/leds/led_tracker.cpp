@@ -11,21 +11,23 @@
 
 namespace huetrack::leds {
 
+using namespace camera_tracking;
+
 namespace {
 
-class LedTracker final : public camera_tracking::CameraTracker {
+class LedTracker final : public CameraTracker {
  public:
-  LedTracker(const calib::Camera& camera, const camera_tracking::CameraTrackerOptions& options)
-      : start_(std::get<camera_tracking::LedStart>(options.start)) {
+  LedTracker(const calib::Camera& camera, const CameraTrackerOptions& options)
+      : start_(std::get<LedStart>(options.start)) {
     const LedFilterOptions filter{.start = start_, .particle_count = options.particle_count, .seed = options.seed};
-    filter_ = options.method == camera_tracking::CameraMethod::herranz ? LedFilter::paper(camera, filter)
-                                                                       : LedFilter::huetrack(camera, filter);
-    if (options.method == camera_tracking::CameraMethod::huetrack && !start_.schedule.empty())
+    filter_ = options.method == CameraMethod::herranz ? LedFilter::paper(camera, filter)
+                                                      : LedFilter::huetrack(camera, filter);
+    if (options.method == CameraMethod::huetrack && !start_.schedule.empty())
       offset_search_.emplace(camera, start_, options.particle_count > 0 ? options.particle_count : 5000,
                              particle_filter::Rng(options.seed, 2));
   }
 
-  camera_tracking::CameraEstimate update(const capture::Frame& frame) override {
+  CameraEstimate update(const capture::Frame& frame) override {
     const LedMoment moment = moment_of(frame);
     std::vector<Eigen::Vector2d> dots;
     if (frame.status == capture::FrameStatus::ok)
@@ -33,7 +35,7 @@ class LedTracker final : public camera_tracking::CameraTracker {
     LedFrame seen{.at = frame.captured_at, .number = frames_++, .lit = lit_led(start_, moment, offset_), .dots = {}};
     const bool dark = seen.lit && *seen.lit < 0;
     if (!dark) seen.dots = dots;
-    camera_tracking::CameraEstimate estimate = filter_->update(seen);
+    CameraEstimate estimate = filter_->update(seen);
     if (offset_search_) {
       // Such noise may be the price of a wrong offset.
       if (estimate.has_pose() && !offset_is_proven_ && filter_->start_noise_px() < proving_noise_px)
@@ -47,7 +49,7 @@ class LedTracker final : public camera_tracking::CameraTracker {
     }
     has_pose_ = estimate.has_pose();
     had_pose_ |= has_pose_;
-    if (!had_pose_) estimate.state = camera_tracking::CameraState::searching;
+    if (!had_pose_) estimate.state = PoseState::searching;
     remember(frame.captured_at, dots.size(), seen.lit);
     return estimate;
   }
@@ -74,15 +76,15 @@ class LedTracker final : public camera_tracking::CameraTracker {
     return "LEDs are seen, but no pose explains them: are led_schedule, the LEDs' positions, the room (led_room_min, "
            "led_room_max) and the rig right?";
   }
-  camera_tracking::CameraTrackerView view() const override { return filter_->view(); }
-  std::vector<camera_tracking::CameraMapPoint> map() const override {
-    std::vector<camera_tracking::CameraMapPoint> out;
+  CameraTrackerView view() const override { return filter_->view(); }
+  std::vector<CameraMapPoint> map() const override {
+    std::vector<CameraMapPoint> out;
     for (const Eigen::Vector3d& led : start_.leds)
       out.push_back({.id = static_cast<std::uint32_t>(out.size()), .position = led, .given = true});
-    for (const camera_tracking::CameraTrackerView::Feature& f : filter_->view().features) {
+    for (const CameraTrackerView::Feature& f : filter_->view().features) {
       if (!f.found_px.allFinite()) continue;  // not lit, perhaps: nobody can say that it was missed
-      const auto led = std::ranges::find(out, f.position, &camera_tracking::CameraMapPoint::position);
-      if (led != out.end()) led->state = camera_tracking::CameraMapPoint::State::found;
+      const auto led = std::ranges::find(out, f.position, &CameraMapPoint::position);
+      if (led != out.end()) led->state = CameraMapPoint::State::found;
     }
     return out;
   }
@@ -107,8 +109,8 @@ class LedTracker final : public camera_tracking::CameraTracker {
     offset_ = *offset;
     filter_->forget();
   }
-  static camera_tracking::CameraEstimate without_pose(const camera_tracking::CameraEstimate& estimate) {
-    camera_tracking::CameraEstimate e;
+  static CameraEstimate without_pose(const CameraEstimate& estimate) {
+    CameraEstimate e;
     e.at = estimate.at;
     e.frame_number = estimate.frame_number;
     e.map_points = estimate.map_points;
@@ -127,7 +129,7 @@ class LedTracker final : public camera_tracking::CameraTracker {
     int lit;  // -1: none, or not known
   };
 
-  camera_tracking::LedStart start_;
+  LedStart start_;
   std::unique_ptr<LedFilter> filter_;
   std::optional<LedOffsetSearch> offset_search_;  // ours only, with a schedule
   bool offset_is_proven_ = false;
@@ -139,8 +141,7 @@ class LedTracker final : public camera_tracking::CameraTracker {
 
 }  // namespace
 
-std::unique_ptr<camera_tracking::CameraTracker> make_led_tracker(const calib::Camera& camera,
-                                                                 const camera_tracking::CameraTrackerOptions& options) {
+std::unique_ptr<CameraTracker> make_led_tracker(const calib::Camera& camera, const CameraTrackerOptions& options) {
   return std::make_unique<LedTracker>(camera, options);
 }
 

@@ -9,25 +9,26 @@
 
 namespace huetrack::camera_methods {
 
-std::unique_ptr<camera_tracking::CameraTracker> make_camera_tracker(
-    const calib::Camera& camera, const camera_tracking::CameraTrackerOptions& options) {
+using namespace camera_tracking;
+
+std::unique_ptr<CameraTracker> make_camera_tracker(const calib::Camera& camera, const CameraTrackerOptions& options) {
   std::string all;
   for (const auto& problems : {camera.problems(), options.problems()}) {
     for (const std::string& p : problems) all += (all.empty() ? "" : "; ") + p;
   }
   if (!all.empty()) throw std::invalid_argument("camera tracker: " + all);
-  if (std::holds_alternative<camera_tracking::LedStart>(options.start)) return leds::make_led_tracker(camera, options);
+  if (std::holds_alternative<LedStart>(options.start)) return leds::make_led_tracker(camera, options);
   switch (options.method) {
-    case camera_tracking::CameraMethod::huetrack:
+    case CameraMethod::huetrack:
       return keyframes::make_keyframe_tracker(camera, options);
-    case camera_tracking::CameraMethod::pupilli:
+    case CameraMethod::pupilli:
       return papers::make_pupilli_tracker(camera, options);
-    case camera_tracking::CameraMethod::lee:
+    case CameraMethod::lee:
       return papers::make_lee_tracker(camera, options);
-    case camera_tracking::CameraMethod::herranz:
+    case CameraMethod::herranz:
       break;
   }
-  throw std::invalid_argument("camera tracker: the method " + std::string(camera_tracking::name(options.method)) +
+  throw std::invalid_argument("camera tracker: the method " + std::string(name(options.method)) +
                               " needs LEDs to start from");
 }
 

@@ -7,13 +7,14 @@
 
 namespace huetrack::papers {
 
-std::optional<camera_tracking::NccTemplate> cut_template(const camera_tracking::GreyImage& image,
-                                                         const Eigen::Vector2d& px) {
+using namespace camera_tracking;
+
+std::optional<NccTemplate> cut_template(const GreyImage& image, const Eigen::Vector2d& px) {
   const int half = feature_side / 2;
   const int u = static_cast<int>(std::floor(px.x())), v = static_cast<int>(std::floor(px.y()));
   if (!image.contains(u, v, half + 1)) return std::nullopt;
   const double a = px.x() - u, b = px.y() - v;
-  camera_tracking::NccTemplate t;
+  NccTemplate t;
   t.side = feature_side;
   for (int j = -half; j <= half; ++j) {
     const std::uint8_t *row = image.row(v + j) + u, *next = image.row(v + j + 1) + u;
@@ -27,23 +28,21 @@ std::optional<camera_tracking::NccTemplate> cut_template(const camera_tracking::
 }
 
 bool predict_template(const calib::CameraModel& lens, const FeatureSource& source, double depth,
-                      const calib::Rigid3d& cam_from_world, camera_tracking::WarpedPatch& out) {
+                      const calib::Rigid3d& cam_from_world, WarpedPatch& out) {
   const auto ray = lens.ray({source.px});
   if (!ray) return false;
   const calib::Rigid3d now_from_then = cam_from_world * calib::inverse(source.cam_from_world);
-  const auto view =
-      camera_tracking::view_patch(lens, source.px, camera_tracking::plane_homography(now_from_then, *ray, depth));
-  return view && camera_tracking::warp_patch(*source.pyramid, source.px, view->affine, 0, feature_side, out);
+  const auto patch = transfer_patch(lens, source.px, plane_homography(now_from_then, *ray, depth));
+  return patch && warp_patch(*source.pyramid, source.px, patch->affine, 0, feature_side, out);
 }
 
-camera_tracking::PixelRegion box_around(const Eigen::Vector2d& centre, double half_u, double half_v) {
+PixelRegion box_around(const Eigen::Vector2d& centre, double half_u, double half_v) {
   return {static_cast<int>(std::floor(centre.x() - half_u)), static_cast<int>(std::floor(centre.y() - half_v)),
           static_cast<int>(std::ceil(centre.x() + half_u)), static_cast<int>(std::ceil(centre.y() + half_v))};
 }
 
-std::optional<Eigen::Vector2d> corner_in_random_box(const camera_tracking::GreyImage& image,
-                                                    std::span<const Eigen::Vector2d> features, int box,
-                                                    particle_filter::Rng& rng) {
+std::optional<Eigen::Vector2d> corner_in_random_box(const GreyImage& image, std::span<const Eigen::Vector2d> features,
+                                                    int box, particle_filter::Rng& rng) {
   const int margin = feature_side, apart = feature_side / 2;
   for (int attempt = 0; attempt < 8; ++attempt) {
     const int u = margin + static_cast<int>(rng.uniform() * (image.width - 2 * margin - box));
@@ -52,14 +51,13 @@ std::optional<Eigen::Vector2d> corner_in_random_box(const camera_tracking::GreyI
       return f.x() >= u - apart && f.y() >= v - apart && f.x() <= u + box + apart && f.y() <= v + box + apart;
     });
     if (overlaps) continue;
-    const auto corners = camera_tracking::detect_corners(image, 20, margin, 120, u, v, u + box, v + box);
+    const auto corners = detect_corners(image, 20, margin, 120, u, v, u + box, v + box);
     if (!corners.empty()) return corners.front().px;
   }
   return std::nullopt;
 }
 
-Eigen::Matrix<double, 7, 7> state_covariance(const camera_tracking::PoseParticles& particles,
-                                             const calib::Rigid3d& mean) {
+Eigen::Matrix<double, 7, 7> state_covariance(const PoseParticles& particles, const calib::Rigid3d& mean) {
   const Eigen::Vector3d c = calib::inverse(mean).translation;
   Eigen::Matrix<double, 7, 7> sum = Eigen::Matrix<double, 7, 7>::Zero();
   const Eigen::Vector4d q0(mean.rotation.w(), mean.rotation.x(), mean.rotation.y(), mean.rotation.z());

@@ -8,10 +8,22 @@
 
 namespace huetrack::papers {
 
+using namespace camera_tracking;
+
+namespace {
+
+// New features: how long and how often in vain their depth is sought, what share of the weights at either end of the
+// ray counts for nothing, and how far to the side of its image the template is sought.
+constexpr int most_attempts = 60, most_missed = 10;
+constexpr double weightless = 0.02, longest_line_px = 120, line_reach_px = 4;
+constexpr float least_rho = 0.75f;
+
+}  // namespace
+
 LeeMapping::LeeMapping(const calib::Camera& camera, const Options& options, std::uint64_t seed)
     : camera_(camera), options_(options), rng_(seed, 12) {}
 
-void LeeMapping::start(const LeeFrame& first, const camera_tracking::Started& started) {
+void LeeMapping::start(const LeeFrame& first, const Started& started) {
   double depth = 0;
   for (std::size_t i = 0; i < started.points.size(); ++i) {
     LeeFeature f;
@@ -88,60 +100,11 @@ void LeeMapping::update_features(const LeeFrame& frame) {
   }
 }
 
-// Section 3.3: the template is sought along the ray's image, and the depths where the particles' rays pass gain weight.
 void LeeMapping::update_candidates(const LeeFrame& frame) {
-  const camera_tracking::GreyImage& image = frame.pyramid->levels.front();
-  std::vector<Candidate> kept;
-  for (Candidate& c : candidates_) {
+  std::vector<FeatureCandidate> kept;
+  for (FeatureCandidate& c : candidates_) {
     ++c.attempts;
-    // The part of the ray that still has weight.
-    double first = 0, last = 0, cumulative = 0;
-    bool begun = false;
-    for (std::size_t b = 0; b < c.ray.weights().size(); ++b) {
-      cumulative += c.ray.weights()[b];
-      if (!begun && cumulative > 0.02) first = c.ray.inverse_depth(b), begun = true;
-      if (cumulative <= 0.98) last = c.ray.inverse_depth(b);
-    }
-    last = std::max(last, first);
-    const auto a = camera_.model.project(frame.cam_from_world * (c.ray.origin() + c.ray.direction() / first));
-    const auto b = camera_.model.project(frame.cam_from_world * (c.ray.origin() + c.ray.direction() / last));
-    bool found = false;
-    if (a && b && (camera_.contains(*a) || camera_.contains(*b)) && (a->px - b->px).norm() < 120) {
-      const Eigen::Vector2d along =
-          (b->px - a->px).norm() > 0.5 ? Eigen::Vector2d((b->px - a->px).normalized()) : Eigen::Vector2d(1, 0);
-      constexpr double reach = 4;
-      const Eigen::Vector2d middle = 0.5 * (a->px + b->px);
-      const camera_tracking::PixelRegion region =
-          camera_tracking::clip(box_around(middle, 0.5 * std::abs(a->px.x() - b->px.x()) + reach,
-                                           0.5 * std::abs(a->px.y() - b->px.y()) + reach),
-                                image, feature_side);
-      camera_tracking::ncc_field(image, c.templ, region, field_);
-      c.ray.begin();
-      for (int v = region.v0; v <= region.v1; ++v) {
-        for (int u = region.u0; u <= region.u1; ++u) {
-          const auto rho_at = [&](int i, int j) {
-            return i < region.u0 || i > region.u1 || j < region.v0 || j > region.v1
-                       ? -1.0f
-                       : field_[static_cast<std::size_t>((j - region.v0) * region.width() + i - region.u0)];
-          };
-          const float rho = rho_at(u, v);
-          if (rho < 0.75f || rho_at(u - 1, v) > rho || rho_at(u + 1, v) >= rho || rho_at(u, v - 1) > rho ||
-              rho_at(u, v + 1) >= rho)
-            continue;
-          const Eigen::Vector2d d = Eigen::Vector2d(u, v) - a->px;
-          if (std::abs(along.x() * d.y() - along.y() * d.x()) > reach) continue;
-          const auto ray = camera_.model.ray({Eigen::Vector2d(u, v)});
-          if (!ray) continue;
-          found = true;
-          for (const calib::Rigid3d& particle : frame.sampled) {
-            const calib::Rigid3d back = calib::inverse(particle);
-            c.ray.add(back.translation, back.rotation * *ray, static_cast<double>(rho * rho), 1.0 / camera_.model.fx());
-          }
-        }
-      }
-      if (found) c.ray.end();
-    }
-    c.missed += !found;
+    c.missed += !sharpen(c, frame);
     if (const auto depth = c.ray.converged()) {
       LeeFeature f;
       f.source = c.source;
@@ -149,11 +112,64 @@ void LeeMapping::update_candidates(const LeeFrame& frame) {
       f.position = c.ray.origin() + f.depth * c.ray.direction();
       add(f, std::max(depth->sigma, 0.04 * depth->inverse_depth), c.camera_covariance);
       features_.back().covariance = estimators_.back().filter->position_covariance();
-    } else if (c.attempts < 60 && c.missed < 10) {
+    } else if (c.attempts < most_attempts && c.missed < most_missed) {
       kept.push_back(std::move(c));
     }
   }
   candidates_.swap(kept);
+}
+
+// Section 3.3: the template is sought along the image of the part of the ray that still has weight, and the depths
+// where the particles' rays pass gain weight. false: it is nowhere.
+bool LeeMapping::sharpen(FeatureCandidate& c, const LeeFrame& frame) {
+  double first = 0, last = 0, cumulative = 0;
+  bool begun = false;
+  for (std::size_t b = 0; b < c.ray.weights().size(); ++b) {
+    cumulative += c.ray.weights()[b];
+    if (!begun && cumulative > weightless) first = c.ray.inverse_depth(b), begun = true;
+    if (cumulative <= 1 - weightless) last = c.ray.inverse_depth(b);
+  }
+  last = std::max(last, first);
+  const auto a = camera_.model.project(frame.cam_from_world * (c.ray.origin() + c.ray.direction() / first));
+  const auto b = camera_.model.project(frame.cam_from_world * (c.ray.origin() + c.ray.direction() / last));
+  if (!a || !b || !(camera_.contains(*a) || camera_.contains(*b)) || !((a->px - b->px).norm() < longest_line_px))
+    return false;
+  const Eigen::Vector2d along =
+      (b->px - a->px).norm() > 0.5 ? Eigen::Vector2d((b->px - a->px).normalized()) : Eigen::Vector2d(1, 0);
+  const Eigen::Vector2d middle = 0.5 * (a->px + b->px);
+  const PixelRegion region = clip(box_around(middle, 0.5 * std::abs(a->px.x() - b->px.x()) + line_reach_px,
+                                             0.5 * std::abs(a->px.y() - b->px.y()) + line_reach_px),
+                                  frame.pyramid->levels.front(), feature_side);
+  ncc_field(frame.pyramid->levels.front(), c.templ, region, field_);
+  const auto rho_at = [&](int u, int v) {
+    return u < region.u0 || u > region.u1 || v < region.v0 || v > region.v1
+               ? -1.0f
+               : field_[static_cast<std::size_t>((v - region.v0) * region.width() + u - region.u0)];
+  };
+  const auto is_peak = [&](int u, int v) {
+    const float rho = rho_at(u, v);
+    return !(rho < least_rho || rho_at(u - 1, v) > rho || rho_at(u + 1, v) >= rho || rho_at(u, v - 1) > rho ||
+             rho_at(u, v + 1) >= rho);
+  };
+  bool found = false;
+  c.ray.begin();
+  for (int v = region.v0; v <= region.v1; ++v) {
+    for (int u = region.u0; u <= region.u1; ++u) {
+      if (!is_peak(u, v)) continue;
+      const Eigen::Vector2d d = Eigen::Vector2d(u, v) - a->px;
+      if (std::abs(along.x() * d.y() - along.y() * d.x()) > line_reach_px) continue;
+      const auto ray = camera_.model.ray({Eigen::Vector2d(u, v)});
+      if (!ray) continue;
+      found = true;
+      const float rho = rho_at(u, v);
+      for (const calib::Rigid3d& particle : frame.sampled) {
+        const calib::Rigid3d back = calib::inverse(particle);
+        c.ray.add(back.translation, back.rotation * *ray, static_cast<double>(rho * rho), 1.0 / camera_.model.fx());
+      }
+    }
+  }
+  if (found) c.ray.end();
+  return found;
 }
 
 void LeeMapping::detect(const LeeFrame& frame) {
@@ -162,7 +178,7 @@ void LeeMapping::detect(const LeeFrame& frame) {
     const auto px = camera_.model.project(frame.cam_from_world * f.position);
     if (px && camera_.contains(*px)) in_view.push_back(px->px);
   }
-  for (const Candidate& c : candidates_) {
+  for (const FeatureCandidate& c : candidates_) {
     const auto px = camera_.model.project(frame.cam_from_world * (c.ray.origin() + depth_m_ * c.ray.direction()));
     if (px && camera_.contains(*px)) in_view.push_back(px->px);
   }
@@ -182,35 +198,34 @@ void LeeMapping::detect(const LeeFrame& frame) {
   }
 }
 
-camera_tracking::SceneMap scene_of(const std::vector<LeeFeature>& features) {
-  camera_tracking::SceneMap out;
-  std::map<std::pair<const camera_tracking::Pyramid*, double>, int>
-      frames;  // a frame may have been used by several features
+SceneMap scene_of(const std::vector<LeeFeature>& features) {
+  SceneMap out;
+  std::map<std::pair<const Pyramid*, double>, int> frames;  // a frame may have been used by several features
   for (const LeeFeature& f : features) {
     const auto [it, fresh] = frames.try_emplace({f.source.pyramid.get(), f.source.cam_from_world.translation.x()},
                                                 static_cast<int>(out.keyframes.size()));
     if (fresh) out.keyframes.push_back({f.source.pyramid, f.source.cam_from_world});
-    camera_tracking::MapPoint p;
+    MapPoint p;
     p.position = f.position, p.covariance = f.covariance, p.given = f.given;
-    camera_tracking::PointLook& look = p.looks[0];
+    PointLook& look = p.looks[0];
     look.keyframe = it->second, look.px = f.source.px;
-    const camera_tracking::GreyImage& image = f.source.pyramid->levels.front();
-    look.described = image.contains(look.px.x(), look.px.y(), camera_tracking::descriptor_margin);
-    if (look.described) look.descriptor = camera_tracking::describe(image, look.px);
+    const GreyImage& image = f.source.pyramid->levels.front();
+    look.described = image.contains(look.px.x(), look.px.y(), descriptor_margin);
+    if (look.described) look.descriptor = describe(image, look.px);
     p.look_count = 1;
     out.points.push_back(p);
   }
   return out;
 }
 
-camera_tracking::StoredMap LeeMapping::stored() const {
+StoredMap LeeMapping::stored() const {
   return {scene_of(features_), {}, {camera_.image_size.width, camera_.image_size.height}};
 }
 
-void LeeMapping::start(const camera_tracking::StoredMap& stored) {
-  for (const camera_tracking::MapPoint& p : stored.map.points) {
+void LeeMapping::start(const StoredMap& stored) {
+  for (const MapPoint& p : stored.map.points) {
     if (!p.alive || p.look_count == 0) continue;
-    const camera_tracking::Keyframe& k = stored.map.keyframes[static_cast<std::size_t>(p.looks[0].keyframe)];
+    const Keyframe& k = stored.map.keyframes[static_cast<std::size_t>(p.looks[0].keyframe)];
     LeeFeature f;
     f.position = p.position, f.covariance = p.covariance, f.given = p.given;
     f.source = {k.pyramid, k.cam_from_world, p.looks[0].px};

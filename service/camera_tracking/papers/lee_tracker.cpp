@@ -8,13 +8,16 @@
 #include "camera_tracking/parallel_task.h"
 
 namespace huetrack::papers {
+
+using namespace camera_tracking;
+
 namespace {
 
 // Frame n is tracked with the features as frame n - 2 left them, while frame n - 1 is being mapped: section 3.6's two
 // parallel processes, with a result that does not depend on who is faster.
 class LeeTracker final : public PaperTrackerBase {
  public:
-  LeeTracker(const calib::Camera& camera, const camera_tracking::CameraTrackerOptions& options)
+  LeeTracker(const calib::Camera& camera, const CameraTrackerOptions& options)
       : PaperTrackerBase(camera, options),
         tracking_(camera, tracking_options(options), options.seed),
         mapping_(camera, {}, options.seed) {
@@ -24,10 +27,10 @@ class LeeTracker final : public PaperTrackerBase {
     }
   }
 
-  camera_tracking::CameraTrackerView view() const override {
-    camera_tracking::CameraTrackerView out;
+  CameraTrackerView view() const override {
+    CameraTrackerView out;
     for (const LeeFeature& f : features_) {
-      camera_tracking::CameraTrackerView::Feature x;
+      CameraTrackerView::Feature x;
       x.position = f.position, x.covariance = f.covariance, x.given = f.given;
       x.found_px.setConstant(std::numeric_limits<float>::quiet_NaN());
       bool in_view = false;
@@ -48,33 +51,29 @@ class LeeTracker final : public PaperTrackerBase {
     return out;
   }
 
-  std::vector<camera_tracking::CameraMapPoint> map() const override {
-    std::vector<camera_tracking::CameraMapPoint> out;
+  std::vector<CameraMapPoint> map() const override {
+    std::vector<CameraMapPoint> out;
     for (const LeeFeature& f : features_) {  // ascending ids
       const auto is_it = [&](int id) { return id == f.id; };
-      auto state = camera_tracking::CameraMapPoint::State::not_sought;
-      if (std::ranges::any_of(last_.matches, is_it, &LeeFrame::Match::id))
-        state = camera_tracking::CameraMapPoint::State::found;
-      if (std::ranges::any_of(last_.missed, is_it)) state = camera_tracking::CameraMapPoint::State::missed;
+      auto state = CameraMapPoint::State::not_sought;
+      if (std::ranges::any_of(last_.matches, is_it, &LeeFrame::Match::id)) state = CameraMapPoint::State::found;
+      if (std::ranges::any_of(last_.missed, is_it)) state = CameraMapPoint::State::missed;
       out.push_back({static_cast<std::uint32_t>(f.id), f.position, f.covariance, state, f.given});
     }
     return out;
   }
 
-  void save_map(const std::filesystem::path& file) const override {
-    camera_tracking::write_map(file, mapping_.stored());
-  }
+  void save_map(const std::filesystem::path& file) const override { write_map(file, mapping_.stored()); }
 
  private:
-  static LeeTracking::Options tracking_options(const camera_tracking::CameraTrackerOptions& options) {
+  static LeeTracking::Options tracking_options(const CameraTrackerOptions& options) {
     LeeTracking::Options o;
     if (options.particle_count > 0) o.particle_count = static_cast<std::size_t>(options.particle_count);
     if (options.as_printed) o.cloud_share = 1, o.polish = false, o.wider_unseen = 1;
     return o;
   }
 
-  void start(const std::shared_ptr<const camera_tracking::Pyramid>& pyramid, const camera_tracking::Started& started,
-             std::uint64_t number) override {
+  void start(const std::shared_ptr<const Pyramid>& pyramid, const Started& started, std::uint64_t number) override {
     last_ = {};
     last_.number = number, last_.pyramid = pyramid, last_.cam_from_world = started.pose.cam_from_world;
     mapping_.start(last_, started);
@@ -82,10 +81,10 @@ class LeeTracker final : public PaperTrackerBase {
     tracking_.start(last_.cam_from_world);
   }
   void restart(const calib::Rigid3d& cam_from_world) override { tracking_.start(cam_from_world); }
-  const camera_tracking::PoseParticles& particles() const override { return tracking_.particles(); }
-  camera_tracking::SceneMap scene() const override { return scene_of(features_); }
+  const PoseParticles& particles() const override { return tracking_.particles(); }
+  SceneMap scene() const override { return scene_of(features_); }
 
-  FilteredPose track(const std::shared_ptr<const camera_tracking::Pyramid>& pyramid, std::uint64_t number) override {
+  FilteredPose track(const std::shared_ptr<const Pyramid>& pyramid, std::uint64_t number) override {
     const bool mapping = last_.tracked && may_map();
     if (mapping) mapper_.start([this] { mapping_.map(last_); });
     LeeFrame now = tracking_.track(number, pyramid, features_);
@@ -117,14 +116,13 @@ class LeeTracker final : public PaperTrackerBase {
   LeeTracking tracking_;
   LeeMapping mapping_;  // while mapper_ works: its alone, as is last_
   LeeFrame last_;
-  std::vector<LeeFeature> features_;      // what tracking sees
-  camera_tracking::ParallelTask mapper_;  // last: it ends before what it works on
+  std::vector<LeeFeature> features_;  // what tracking sees
+  ParallelTask mapper_;               // last: it ends before what it works on
 };
 
 }  // namespace
 
-std::unique_ptr<camera_tracking::CameraTracker> make_lee_tracker(const calib::Camera& camera,
-                                                                 const camera_tracking::CameraTrackerOptions& options) {
+std::unique_ptr<CameraTracker> make_lee_tracker(const calib::Camera& camera, const CameraTrackerOptions& options) {
   return std::make_unique<LeeTracker>(camera, options);
 }
 

@@ -1,5 +1,6 @@
 // CameraMethod::lee: S.-H. Lee, Real-time camera tracking using a particle filter combined with unscented Kalman
-// filters, 2014. The paper's two parallel tasks are two classes, which share nothing but what is handed over.
+// filters, Journal of Electronic Imaging 23(1), 013029, 2014. The paper's two parallel tasks are two classes, which
+// share nothing but what is handed over.
 #pragma once
 
 #include <cstdint>
@@ -56,11 +57,12 @@ class LeeTracking {
     // C of eq. (4) is so much of the cloud's covariance. The paper says all of it (1); less is half the error with the
     // same particles (tests/benchmark/camera_particles).
     double cloud_share = 0.3;
-    bool polish = true;         // the mean (the paper: not)
-    float threshold = 0.8f;     // of NCC
-    std::size_t sampled = 40;   // particles that are handed over
-    double wider_unseen = 1.5;  // the walk after a frame that did not support the pose: the paper's
-                                // particles disperse by the walk alone, which takes longer
+    bool polish = true;        // the mean (the paper: not)
+    float threshold = 0.8f;    // of NCC
+    std::size_t sampled = 40;  // particles that are handed over
+    // How much wider the walk is after a frame that did not support the pose: the paper's particles disperse by the
+    // walk alone, which takes longer.
+    double wider_unseen = 1.5;
   };
   LeeTracking(const calib::Camera& camera, const Options& options, std::uint64_t seed);
   void start(const calib::Rigid3d& cam_from_world);
@@ -77,7 +79,16 @@ class LeeTracking {
     std::vector<float> u, v;
     camera_tracking::CloudMoments moments;
   };
+  struct Visible {  // a feature in view, by its place among the features, and its cloud's among the clouds
+    std::size_t feature, cloud;
+  };
+  std::vector<Visible> project(const std::vector<LeeFeature>& features, const calib::Rigid3d& predicted);
+  std::vector<Visible> measure(const camera_tracking::GreyImage& image, const std::vector<LeeFeature>& features,
+                               const calib::Rigid3d& predicted, const std::vector<Visible>& visible, LeeFrame& out);
   void weigh(const Cloud& cloud, const Eigen::Vector2d& y);
+  bool is_supported(const std::vector<Visible>& seen, LeeFrame& out) const;
+  std::optional<camera_tracking::PoseFit> polished(const std::vector<LeeFeature>& features,
+                                                   const std::vector<Visible>& seen, const LeeFrame& frame) const;
 
   calib::Camera camera_;
   Options options_;
@@ -114,7 +125,7 @@ class LeeMapping {
     std::optional<FeatureFilter> filter;  // none: given
     int found = 0, missed = 0, rejected = 0, age = 0;
   };
-  struct Candidate {  // its depth is not known yet
+  struct FeatureCandidate {  // its depth is not known yet
     FeatureSource source;
     Eigen::Matrix<double, 7, 7> camera_covariance;
     Eigen::Matrix2d px_covariance;
@@ -124,6 +135,7 @@ class LeeMapping {
   };
   void update_features(const LeeFrame& frame);
   void update_candidates(const LeeFrame& frame);
+  bool sharpen(FeatureCandidate& candidate, const LeeFrame& frame);
   void detect(const LeeFrame& frame);
 
   calib::Camera camera_;
@@ -133,7 +145,7 @@ class LeeMapping {
   double depth_m_ = 1;  // of the scene, about
   std::vector<LeeFeature> features_;
   std::vector<Estimator> estimators_;
-  std::vector<Candidate> candidates_;
+  std::vector<FeatureCandidate> candidates_;
   std::vector<float> field_;
 };
 

@@ -5,20 +5,19 @@
 
 namespace huetrack::papers {
 
-std::optional<camera_tracking::PoseFit> polish_mean(const calib::CameraModel& lens,
-                                                    const camera_tracking::PoseParticles& cloud,
-                                                    const calib::Rigid3d& mean,
-                                                    std::span<const camera_tracking::PoseObservation> seen) {
+using namespace camera_tracking;
+
+std::optional<PoseFit> polish_mean(const calib::CameraModel& lens, const PoseParticles& cloud,
+                                   const calib::Rigid3d& mean, std::span<const PoseObservation> seen) {
   constexpr int least = 4;
   constexpr double gate = 30;  // squared distance over the cloud's covariance, 6 dimensions
-  camera_tracking::PoseFit fit = camera_tracking::refine_pose(lens, seen, mean);
+  PoseFit fit = refine_pose(lens, seen, mean);
   if (fit.inliers < least || 2 * fit.inliers < static_cast<int>(seen.size())) return std::nullopt;
   const calib::Rigid3d back = calib::inverse(fit.cam_from_world), world_from_mean = calib::inverse(mean);
   const Eigen::AngleAxisd turn((back.rotation * world_from_mean.rotation.inverse()).normalized());
   Eigen::Matrix<double, 6, 1> off;
   off << back.translation - world_from_mean.translation, turn.angle() * turn.axis();
-  const camera_tracking::Covariance6d covariance =
-      cloud.covariance(mean) + 1e-6 * camera_tracking::Covariance6d::Identity();
+  const Covariance6d covariance = cloud.covariance(mean) + 1e-6 * Covariance6d::Identity();
   if (!(off.dot(covariance.inverse() * off) < gate)) return std::nullopt;
   return fit;
 }

@@ -8,6 +8,9 @@
 #include "camera_tracking/relocalizer.h"
 
 namespace huetrack::papers {
+
+using namespace camera_tracking;
+
 namespace {
 
 // A proposal needs so many features within so many pixels (their maps are coarser than ours); the filter then judges
@@ -25,42 +28,39 @@ constexpr double coast_s = 1.0;        // the particles disperse meanwhile, and 
 
 }  // namespace
 
-PaperTrackerBase::PaperTrackerBase(const calib::Camera& camera, const camera_tracking::CameraTrackerOptions& options)
+PaperTrackerBase::PaperTrackerBase(const calib::Camera& camera, const CameraTrackerOptions& options)
     : camera_(camera), starter_(camera, options.start), seed_(options.seed), as_printed_(options.as_printed) {
   if (options.load_map.empty()) return;
-  loaded_ = camera_tracking::read_map(options.load_map);
+  loaded_ = read_map(options.load_map);
   if (loaded_->image_size != Eigen::Vector2i(camera.image_size.width, camera.image_size.height))
     throw std::runtime_error(options.load_map.string() + ": is a map of images of another size than the camera's");
   has_map_ = true;
 }
 
-std::optional<camera_tracking::PoseFit> PaperTrackerBase::proposal(const camera_tracking::Pyramid& pyramid,
-                                                                   std::uint64_t number) const {
-  return camera_tracking::relocalize(camera_, pyramid, scene(), seed_ + number, map_error_px, agreeing);
+std::optional<PoseFit> PaperTrackerBase::proposal(const Pyramid& pyramid, std::uint64_t number) const {
+  return relocalize(camera_, pyramid, scene(), seed_ + number, map_error_px, agreeing);
 }
 
 bool PaperTrackerBase::proven(const FilteredPose& pose) const {
   if (static_cast<int>(pose.seen.size()) < proving) return false;
-  const camera_tracking::PoseFit fit = camera_tracking::refine_pose(camera_.model, pose.seen, pose.cam_from_world);
+  const PoseFit fit = refine_pose(camera_.model, pose.seen, pose.cam_from_world);
   const auto agree = static_cast<int>(std::ranges::count_if(fit.error, [](double e) { return e < proven_px; }));
   if (agree < proving || agree < proven_share * pose.in_view) return false;
   const double scale = std::max(1.0, fit.scale);
   const Eigen::Matrix<double, 6, 6> covariance = scale * scale * fit.information.inverse();
-  const double sigma_m =
-      std::sqrt(camera_tracking::world_covariance(fit.cam_from_world, covariance).topLeftCorner<3, 3>().trace());
+  const double sigma_m = std::sqrt(world_covariance(fit.cam_from_world, covariance).topLeftCorner<3, 3>().trace());
   const double off_m =
       (calib::inverse(fit.cam_from_world).translation - calib::inverse(pose.cam_from_world).translation).norm();
   return sigma_m < proven_sigma_m && off_m < proven_off_m;
 }
 
 // The fit's or the particles' own, about their mean, and what the map and the world's start leave open.
-camera_tracking::Covariance6d PaperTrackerBase::covariance_of(const FilteredPose& pose,
-                                                              const calib::Rigid3d& cam_from_world) const {
-  camera_tracking::Covariance6d covariance = start_covariance_;
+Covariance6d PaperTrackerBase::covariance_of(const FilteredPose& pose, const calib::Rigid3d& cam_from_world) const {
+  Covariance6d covariance = start_covariance_;
   if (pose.polished) {
     const double scale = std::max(1.0, pose.polished->scale);
     const Eigen::Matrix<double, 6, 6> own = scale * scale * pose.polished->information.inverse();
-    covariance += camera_tracking::world_covariance(cam_from_world, own);
+    covariance += world_covariance(cam_from_world, own);
   } else {
     covariance += particles().covariance(cam_from_world);
   }
@@ -71,22 +71,22 @@ camera_tracking::Covariance6d PaperTrackerBase::covariance_of(const FilteredPose
 }
 
 std::string PaperTrackerBase::why_no_pose() const {
-  if (state_ == camera_tracking::CameraState::searching && !started_) return starter_.why_not();
-  if (state_ == camera_tracking::CameraState::tracking || state_ == camera_tracking::CameraState::coasting) return {};
+  if (state_ == PoseState::searching && !started_) return starter_.why_not();
+  if (state_ == PoseState::tracking || state_ == PoseState::coasting) return {};
   return has_map_ ? "nothing of the loaded map is recognised in the view, or too little to be sure"
                   : "nothing of what was mapped is recognised in the view, or too little to be sure";
 }
 
-camera_tracking::CameraEstimate PaperTrackerBase::update(const capture::Frame& frame) {
-  camera_tracking::CameraEstimate estimate;
+CameraEstimate PaperTrackerBase::update(const capture::Frame& frame) {
+  CameraEstimate estimate;
   estimate.at = frame.captured_at;
   estimate.frame_number = frames_++;
   const bool usable = frame.status == capture::FrameStatus::ok && frame.pixels.width == camera_.image_size.width &&
                       frame.pixels.height == camera_.image_size.height;
   FilteredPose pose;
   if (usable) {
-    const camera_tracking::GreyImage grey = camera_tracking::grey_of(frame.pixels);
-    const auto pyramid = std::make_shared<const camera_tracking::Pyramid>(camera_tracking::make_pyramid(grey));
+    const GreyImage grey = grey_of(frame.pixels);
+    const auto pyramid = std::make_shared<const Pyramid>(make_pyramid(grey));
     if (!started_ && has_map_) {
       if (const auto found = proposal(*pyramid, estimate.frame_number)) {
         restart(found->cam_from_world);
@@ -98,7 +98,7 @@ camera_tracking::CameraEstimate PaperTrackerBase::update(const capture::Frame& f
       if (const auto found = starter_.find(frame.pixels, grey)) {
         started_ = true;
         const Eigen::Matrix<double, 6, 6> inverse_information = found->pose.information.inverse();
-        start_covariance_ = camera_tracking::world_covariance(found->pose.cam_from_world, inverse_information);
+        start_covariance_ = world_covariance(found->pose.cam_from_world, inverse_information);
         if (has_map_) {  // is it the map's world? That is to be proven
           restart(found->pose.cam_from_world);
           probation_ = probation;
@@ -135,15 +135,14 @@ camera_tracking::CameraEstimate PaperTrackerBase::update(const capture::Frame& f
   }
   if (!started_) return estimate;
   const calib::Rigid3d cam_from_world = usable ? pose.cam_from_world : particles().mean();
-  const camera_tracking::Covariance6d covariance = covariance_of(pose, cam_from_world);
+  const Covariance6d covariance = covariance_of(pose, cam_from_world);
   if (pose.tracked && covariance.topLeftCorner<3, 3>().trace() < told_sigma_m * told_sigma_m) {
-    state_ = camera_tracking::CameraState::tracking;
+    state_ = PoseState::tracking;
     tracked_at_ = frame.captured_at;
-  } else if (state_ == camera_tracking::CameraState::tracking || state_ == camera_tracking::CameraState::coasting) {
-    state_ = capture::seconds(frame.captured_at - tracked_at_) > coast_s ? camera_tracking::CameraState::lost
-                                                                         : camera_tracking::CameraState::coasting;
-  } else if (state_ == camera_tracking::CameraState::searching) {
-    state_ = camera_tracking::CameraState::lost;  // a map was loaded, and the way in was not right
+  } else if (state_ == PoseState::tracking || state_ == PoseState::coasting) {
+    state_ = capture::seconds(frame.captured_at - tracked_at_) > coast_s ? PoseState::lost : PoseState::coasting;
+  } else if (state_ == PoseState::searching) {
+    state_ = PoseState::lost;  // a map was loaded, and the way in was not right
   }
   estimate.state = state_;
   estimate.particle_count = static_cast<int>(particles().size());
@@ -154,7 +153,7 @@ camera_tracking::CameraEstimate PaperTrackerBase::update(const capture::Frame& f
   estimate.world_from_camera = calib::inverse(cam_from_world);
   estimate.covariance = covariance;
   estimate.features_in_view = pose.in_view;
-  estimate.features_matched = state_ == camera_tracking::CameraState::tracking ? pose.matched : 0;
+  estimate.features_matched = state_ == PoseState::tracking ? pose.matched : 0;
   if (pose.in_view > 0) estimate.confidence = static_cast<double>(estimate.features_matched) / pose.in_view;
   return estimate;
 }

@@ -22,8 +22,8 @@ struct FilteredPose {
   double map_sigma_m = 0;  // rms, of the matched points' own: errors that they share do not average out
   double depth_m = 1;      // of one of them
   std::vector<camera_tracking::PoseObservation> seen;  // the matched points, where the image shows them
-  std::optional<camera_tracking::PoseFit>
-      polished;  // the fit that cam_from_world is of; none: it is the particles' mean
+  // The fit that cam_from_world is of; none: it is the particles' mean.
+  std::optional<camera_tracking::PoseFit> polished;
 };
 
 class PaperTrackerBase : public camera_tracking::CameraTracker {
@@ -36,13 +36,13 @@ class PaperTrackerBase : public camera_tracking::CameraTracker {
   PaperTrackerBase(const calib::Camera& camera, const camera_tracking::CameraTrackerOptions& options);
   virtual void start(const std::shared_ptr<const camera_tracking::Pyramid>& pyramid,
                      const camera_tracking::Started& started, std::uint64_t number) = 0;
-  virtual void restart(
-      const calib::Rigid3d& cam_from_world) = 0;  // seen again from here: a lost filter's particles are put there
+  // Seen again from here: a lost filter's particles are put there.
+  virtual void restart(const calib::Rigid3d& cam_from_world) = 0;
   virtual FilteredPose track(const std::shared_ptr<const camera_tracking::Pyramid>& pyramid, std::uint64_t number) = 0;
   virtual const camera_tracking::PoseParticles& particles() const = 0;
   virtual camera_tracking::SceneMap scene() const = 0;  // to find the way in, or back
-  // False while a pose has yet to be proven: a map that grew about a wrong pose would prove it.
-  // (The papers have no such doubt.)
+  // False while a pose has yet to be proven: a map that grew about a wrong pose would prove it. (The papers have no
+  // such doubt.)
   bool may_map() const { return unsupported_ == 0 && (probation_ == 0 || as_printed_); }
   std::optional<camera_tracking::StoredMap> take_loaded() { return std::move(loaded_); }
 
@@ -62,7 +62,7 @@ class PaperTrackerBase : public camera_tracking::CameraTracker {
   bool started_ = false, has_map_ = false;
   int probation_ = 0;
   int unsupported_ = 0;  // frames in a row
-  camera_tracking::CameraState state_ = camera_tracking::CameraState::searching;
+  camera_tracking::PoseState state_ = camera_tracking::PoseState::searching;
   capture::Timestamp tracked_at_{};
   camera_tracking::Covariance6d start_covariance_ = camera_tracking::Covariance6d::Zero();
 };

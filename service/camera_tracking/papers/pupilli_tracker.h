@@ -70,12 +70,19 @@ class PupilliFilter {
   const std::vector<Measured>& measured() const { return measured_; }
 
  private:
-  struct Candidate {
+  struct FeatureCandidate {
     FeatureSource source;
     camera_tracking::NccTemplate templ;
     DepthRay ray;
     int attempts = 0, missed = 0;
   };
+  void choose_active(const calib::Rigid3d& predicted);
+  void project(std::size_t active);
+  void correlate(const camera_tracking::GreyImage& image);
+  void anneal(float rotation_rad, float position_m);
+  int measure(const calib::Rigid3d& cam_from_world);
+  std::optional<camera_tracking::PoseFit> polished(const calib::Rigid3d& mean) const;
+  bool sharpen(FeatureCandidate& candidate, const camera_tracking::GreyImage& image, const calib::Rigid3d& pose);
   void introduce(const std::shared_ptr<const camera_tracking::Pyramid>& pyramid, const calib::Rigid3d& pose);
 
   calib::Camera camera_;
@@ -85,7 +92,7 @@ class PupilliFilter {
   camera_tracking::PoseParticles particles_;
   std::vector<PupilliPoint> points_;
   std::uint32_t next_id_ = 0;
-  std::vector<Candidate> candidates_;  // at most introduced_at_once
+  std::vector<FeatureCandidate> candidates_;  // at most introduced_at_once
   double depth_m_ = 1;
   bool supported_ = true;
   std::vector<camera_tracking::ObservationField> fields_;

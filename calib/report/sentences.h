@@ -1,0 +1,20 @@
+// What the solvers found, in words: one clause each, without a full stop.
+#pragma once
+
+#include <string>
+
+#include "calib/solver/extrinsics.h"
+
+namespace huetrack::report {
+
+// Why this lens model.
+std::string choice_text(const solver::Intrinsics& lens);
+
+// Why the lenses were refined with all cameras, or not.
+std::string refinement_text(const solver::Extrinsics& result);
+
+std::string contradiction_text(const solver::LensContradiction& contradiction, const std::string& camera);
+
+std::string dropped_text(const solver::ViewMisfit& misfit);
+
+}  // namespace huetrack::report

@@ -1,0 +1,174 @@
+#include "calib/report/wave_report.h"
+
+#include <fmt/core.h>
+
+#include <numbers>
+
+namespace huetrack::report {
+namespace {
+
+using wave::WaveCamera;
+using wave::WaveResult;
+using wave::WaveScale;
+
+constexpr double deg = 180 / std::numbers::pi;
+
+// From here on a figure is doubtful.
+constexpr double far_mark_m = 0.03;                    // a tape measure and a hand do better
+constexpr double poor_scale = 0.01;                    // relative; a distance of a metre, taped to 5 mm, does better
+constexpr double small_ball = 0.65, large_ball = 1.5;  // over its radius; light and blur make less of a difference
+constexpr double few_agree = 0.6;                      // of a camera's frames with the colour in them
+constexpr double far_from_rig = 0.3;                   // a camera, over the distance of the cameras from the ball
+constexpr double far_turned_rad = 0.35;                // 20 degrees
+constexpr double little_coverage = 0.15;               // of a camera's image
+constexpr double large_rms_px = 1.5;
+constexpr double large_error = 0.003;        // of positions, over the distance of the cameras
+constexpr double large_difference = 0.006;   // of the halves, likewise; when it is also
+constexpr double unexpected_difference = 2;  // times what their covariance says
+
+std::string scale_text(const WaveResult& result) {
+  const WaveScale& scale = result.scale;
+  const auto name = [&](int c) { return result.rig.cameras[static_cast<std::size_t>(c)].name; };
+  switch (scale.source) {
+    case WaveScale::Source::camera_distance:
+      return fmt::format("the distance between {} and {}, {:.3f} m", name(scale.a), name(scale.b), scale.measured_m);
+    case WaveScale::Source::rest_distance:
+      return fmt::format("the distance between the two places where the ball rested, {:.3f} m", scale.measured_m);
+    case WaveScale::Source::marks:
+      return fmt::format("{} marked points", scale.marks);
+    case WaveScale::Source::rig_poses:
+      return "the rig's own poses";
+    case WaveScale::Source::ball_size:
+      break;
+  }
+  return "the ball's radius, roughly";
+}
+
+void doubt_scale(WaveReport& report, const WaveResult& result) {
+  const bool is_measured = result.scale.measured_m > 0;
+  if (result.scale.sigma > poor_scale) {
+    report.doubts.push_back(fmt::format("the scale is from {}, which is good to {:.1f} % only: {}", report.scale_from,
+                                        1e2 * result.scale.sigma,
+                                        is_measured ? "measure a longer distance, or places further apart"
+                                                    : "give --camera-distance, --rest-distance or two marked points"));
+  }
+  if (is_measured && (result.size_ratio < small_ball || result.size_ratio > large_ball)) {
+    report.doubts.push_back(
+        fmt::format("at this scale the ball looks {:.2f} times as large as its radius of {:.1f} mm says: is the "
+                    "radius, or the measured distance, wrong?",
+                    result.size_ratio, 1e3 * result.radius_m));
+  }
+}
+
+void doubt_camera(WaveReport& report, const WaveResult& result, const WaveCamera& camera, const std::string& name) {
+  if (camera.used < few_agree * camera.seen) {
+    report.doubts.push_back(
+        fmt::format("{}: only {} of the {} frames with the target's colour agree with the other cameras: other things "
+                    "of that colour, wrong times, or the wrong lens",
+                    name, camera.used, camera.seen));
+  }
+  if (result.had_poses && (camera.moved_m > far_from_rig * result.away_m || camera.turned_rad > far_turned_rad)) {
+    report.doubts.push_back(fmt::format(
+        "{} is {:.2f} m and {:.0f} degrees from where the rig had it: are the cameras' names swapped, or is "
+        "it the wrong rig?",
+        name, camera.moved_m, camera.turned_rad * 180 / std::numbers::pi));
+  }
+  if (camera.coverage < little_coverage) {
+    report.doubts.push_back(fmt::format("{} saw the ball in {:.0f} % of its image only: wave it where the rest looks",
+                                        name, 1e2 * camera.coverage));
+  }
+}
+
+void doubt_positions(WaveReport& report, const WaveResult& result) {
+  if (result.rms_px > large_rms_px) {
+    report.doubts.push_back(
+        fmt::format("the ball is {:.1f} px off on average: the lenses, the cameras' times or the colour are not right",
+                    result.rms_px));
+  }
+  const double expected_m = result.expected_in_volume_m.value_or(result.expected_m);
+  if (expected_m > large_error * result.away_m) {
+    report.doubts.push_back(fmt::format(
+        "positions would be off by {:.0f} mm: wave for longer, and through more of the volume", 1e3 * expected_m));
+  }
+  if (result.halves_m > large_difference * result.away_m &&
+      result.halves_m > unexpected_difference * result.halves_sigma_m) {
+    report.doubts.push_back(
+        fmt::format("the two halves of the recording disagree by {:.0f} mm: did a camera move meanwhile? Otherwise "
+                    "wave for longer",
+                    1e3 * result.halves_m));
+  }
+}
+
+std::vector<std::string> notes_on(const WaveResult& result) {
+  std::vector<std::string> notes;
+  for (std::size_t c = 0; c < result.cameras.size(); ++c) {
+    if (result.cameras[c].has_still_things)
+      notes.push_back(result.rig.cameras[c].name +
+                      ": something of the target's colour stands still in its view; it is left out");
+  }
+  if (result.marks_off_m) {
+    notes.push_back(fmt::format("the marked points fit to {:.1f} mm", 1e3 * *result.marks_off_m));
+  } else if (!result.had_poses) {
+    notes.push_back("the world's origin is " + result.rig.cameras[0].name +
+                    ", with z up in its image; set it with huetrack-calibrate world");
+  }
+  return notes;
+}
+
+std::string camera_line(const WaveCamera& camera, const std::string& name) {
+  return fmt::format("{:12} {:7} {:7} {:7} {:8.2f} {:8.0f}% {:15.1f} {:13.3f} {:10.1f} {:9.2f}\n", name, camera.frames,
+                     camera.seen, camera.used, camera.rms_px, 1e2 * camera.coverage, 1e3 * camera.centre_sigma_m.norm(),
+                     deg * camera.rotation_sigma_rad.norm(), 1e3 * camera.moved_m, deg * camera.turned_rad);
+}
+
+}  // namespace
+
+WaveReport report_on(const WaveResult& result) {
+  WaveReport report;
+  report.scale_from = scale_text(result);
+  report.notes = notes_on(result);
+  if (result.marks_off_m && *result.marks_off_m > far_mark_m) {
+    report.doubts.push_back(fmt::format("a marked point is off by {:.0f} mm: measure them again, and check the times",
+                                        1e3 * *result.marks_off_m));
+  }
+  if (result.is_in_a_plane()) report.doubts.push_back(wave::plane_text(result.extent_m));
+  doubt_scale(report, result);
+  for (std::size_t c = 0; c < result.cameras.size(); ++c)
+    doubt_camera(report, result, result.cameras[c], result.rig.cameras[c].name);
+  doubt_positions(report, result);
+  if (result.poses_refused)
+    report.doubts.emplace_back("the rig's poses were no use as a start: check that its cameras' names are not swapped");
+  report.verdict = report.doubts.empty() ? Verdict::usable : Verdict::doubtful;
+  return report;
+}
+
+std::string to_text(const WaveReport& report, const WaveResult& result) {
+  std::string out = fmt::format("VERDICT: {}\n", name(report.verdict));
+  for (const auto& doubt : report.doubts) out += "  - " + doubt + "\n";
+  out += fmt::format(
+      "{:.1f} s of waving, {:.2f} x {:.2f} x {:.2f} m, jerks of {:.0f} m/s^3; the ball is {:.2f} px rms off\n",
+      result.duration_s, result.extent_m.x(), result.extent_m.y(), result.extent_m.z(), result.jerk_m_s3,
+      result.rms_px);
+  out += fmt::format("expected error of positions where the ball was: {:.1f} mm rms, and by the scale {:.1f} mm\n",
+                     1e3 * result.expected_m, 1e3 * result.by_scale_m);
+  if (result.expected_in_volume_m)
+    out += fmt::format("in the whole volume: {:.1f} mm rms, and by the scale {:.1f} mm\n",
+                       1e3 * *result.expected_in_volume_m, 1e3 * result.by_scale_in_volume_m);
+  out += fmt::format("the two halves of the recording differ by {:.1f} mm there; {:.1f} mm was to be expected\n",
+                     1e3 * result.halves_m, 1e3 * result.halves_sigma_m);
+  out += fmt::format("scale: from {}; good to {:.2f} %; the ball looks {:.2f} times as large as its radius says\n",
+                     report.scale_from, 1e2 * result.scale.sigma, result.size_ratio);
+  out += fmt::format("{:12} {:>7} {:>7} {:>7} {:>8} {:>9} {:>15} {:>13} {:>10} {:>9}\n", "camera", "frames", "seen",
+                     "used", "rms px", "coverage", "position +- mm", "axes +- deg", "moved mm", "turned");
+  for (std::size_t c = 0; c < result.cameras.size(); ++c)
+    out += camera_line(result.cameras[c], result.rig.cameras[c].name);
+  for (const wave::WavePair& pair : result.pairs) {
+    out += fmt::format("{} and {} saw it together in {} frames\n",
+                       result.rig.cameras[static_cast<std::size_t>(pair.a)].name,
+                       result.rig.cameras[static_cast<std::size_t>(pair.b)].name, pair.shared);
+  }
+  for (const auto& note : report.notes) out += "note: " + note + "\n";
+  return out;
+}
+
+}  // namespace huetrack::report

@@ -1,0 +1,209 @@
+#include "calib/solver/rig_check.h"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <iterator>
+#include <map>
+#include <set>
+
+#include "calib/solver/extrinsics.h"
+
+namespace huetrack::solver {
+namespace {
+
+std::size_t index(int i) {
+  return static_cast<std::size_t>(i);
+}
+
+// A solution counts as good as the best one when its rms is at most this much larger.
+constexpr double as_good = 1.15, as_good_px = 0.03;
+
+bool is_as_good(double rms, double best) {
+  return rms <= as_good * best + as_good_px;
+}
+
+// The views of sets that two or more cameras have.
+std::vector<BoardView> shared(const std::vector<BoardView>& views) {
+  std::map<int, std::set<int>> cameras;
+  for (const BoardView& view : views) cameras[view.set].insert(view.camera);
+  std::vector<BoardView> some;
+  for (const BoardView& view : views) {
+    if (cameras[view.set].size() > 1) some.push_back(view);
+  }
+  return some;
+}
+
+Adjustment with_free(Adjustment a, const std::set<int>& free) {
+  for (std::size_t c = 0; c < a.cameras.size(); ++c) a.cameras[c].pose_is_free = free.contains(static_cast<int>(c));
+  return a;
+}
+
+int corner_count(const std::vector<BoardView>& views) {
+  int count = 0;
+  for (const BoardView& view : views) count += static_cast<int>(view.ids.size());
+  return count;
+}
+
+MovedCamera movement(const Adjustment& a, const calib::CameraRig& rig, int c) {
+  const calib::Rigid3d& before = rig.cameras[index(c)].cam_from_world;
+  MovedCamera moved;
+  moved.camera = c;
+  moved.cam_from_world = a.cameras[index(c)].cam_from_world;
+  moved.moved_m = (calib::inverse(moved.cam_from_world).translation - calib::inverse(before).translation).norm();
+  moved.turned_rad = moved.cam_from_world.rotation.angularDistance(before.rotation);
+  moved.moved_sigma_m = a.centre_sigma(c).norm();
+  moved.turned_sigma_rad = a.rotation_sigma(c).norm();
+  return moved;
+}
+
+// By how much all distances between cameras would have to be longer for the rig to fit, if that is all that is wrong:
+// the board's squares are not as large as those that the rig was made with, or the rig was scaled. nullopt: it is not
+// that.
+std::optional<double> other_scale(const board::Board& board, const calib::CameraRig& rig,
+                                  const std::vector<BoardView>& views, const Adjustment& best,
+                                  const std::set<int>& seen, double best_px) {
+  double found = 0, known = 0;
+  for (const int a : seen) {
+    for (const int b : seen) {
+      if (a >= b) continue;
+      const auto distance = [&](const calib::Rigid3d& p, const calib::Rigid3d& q) {
+        return (calib::inverse(p).translation - calib::inverse(q).translation).norm();
+      };
+      found += distance(best.cameras[index(a)].cam_from_world, best.cameras[index(b)].cam_from_world);
+      known += distance(rig.cameras[index(a)].cam_from_world, rig.cameras[index(b)].cam_from_world);
+    }
+  }
+  const double scale = found / known;
+  if (!(known > 0) || !(scale > 0.01) || std::abs(scale - 1) < 0.003) return std::nullopt;
+  calib::CameraRig scaled = rig;
+  for (calib::Camera& camera : scaled.cameras) camera.cam_from_world.translation *= scale;
+  const Adjustment fit =
+      adjust(with_free(place_boards(board, scaled, views), {}), {.find_outliers = false, .with_covariance = false});
+  return is_as_good(fit.rms_px, best_px) ? std::optional(scale) : std::nullopt;
+}
+
+// Two cameras of the rig whose names are swapped in the pictures: then everything fits. as_is_px: with the names as
+// they are.
+std::optional<std::pair<int, int>> swapped_names(const board::Board& board, const calib::CameraRig& rig,
+                                                 const std::vector<BoardView>& views, const std::set<int>& seen,
+                                                 double as_is_px) {
+  for (const int a : seen) {
+    for (const int b : seen) {
+      if (a >= b || rig.cameras[index(a)].image_size != rig.cameras[index(b)].image_size) continue;
+      std::vector<BoardView> renamed = views;
+      for (BoardView& view : renamed) view.camera = view.camera == a ? b : view.camera == b ? a : view.camera;
+      try {
+        const Adjustment fit = adjust(with_free(place_boards(board, rig, renamed), {}), {.with_covariance = false});
+        if (fit.rms_px < as_is_px / 4 && fit.corners_used > 0.7 * corner_count(views)) return std::pair(a, b);
+      } catch (const CalibrationError&) {  // then they are not swapped
+      }
+    }
+  }
+  return std::nullopt;
+}
+
+// Who moved: camera by camera the one that explains most, until the rest fits. cost: the rms with these free.
+// start: with the boards placed for the rig as it is. Sets moved, or_else and with_moved_px.
+void find_moved(RigCheck& check, const calib::CameraRig& rig, const Adjustment& start, const std::set<int>& seen,
+                const std::function<double(const std::set<int>&)>& cost) {
+  std::set<int> moved;
+  check.with_moved_px = check.as_is_px;
+  while (!is_as_good(check.with_moved_px, check.best_px) && moved.size() + 1 < seen.size()) {
+    std::vector<std::pair<double, int>> trials;
+    for (const int c : seen) {
+      if (moved.contains(c)) continue;
+      std::set<int> free = moved;
+      free.insert(c);
+      trials.emplace_back(cost(free), c);
+    }
+    std::ranges::sort(trials);
+    for (std::size_t t = 1; moved.empty() && t < trials.size(); ++t) {
+      if (is_as_good(trials[t].first, trials.front().first)) check.or_else.push_back(trials[t].second);
+    }
+    check.with_moved_px = trials.front().first;
+    moved.insert(trials.front().second);
+  }
+  if (moved.empty()) return;
+  const Adjustment found = adjust(with_free(start, moved), {.find_outliers = false, .with_covariance = true});
+  for (const int c : moved) check.moved.push_back(movement(found, rig, c));
+}
+
+// nullopt: its own views bear the lens out.
+std::optional<LensContradiction> against_lens(const board::Board& board, const calib::Camera& camera,
+                                              const std::vector<BoardView>& own) {
+  AdjustedCamera lens;
+  lens.name = camera.name;
+  lens.image_size = camera.image_size;
+  lens.lens = lens_model_of(camera.model);
+  lens.parameters = parameters_of(camera.model);
+  return check_lens(board, lens, own).contradiction;
+}
+
+}  // namespace
+
+RigCheck check_rig(const board::Board& board, const calib::CameraRig& rig, const std::vector<BoardView>& given,
+                   const Progress& progress) {
+  // Three adjustments, as many as there are cameras if one has moved, and the lenses.
+  int done = 0;
+  const auto tell = [&](const std::string& step) {
+    if (progress) progress(step, done, 4 + 2 * static_cast<int>(rig.cameras.size()));
+    ++done;
+  };
+  RigCheck check;
+  check.rms_px.resize(rig.cameras.size());
+  check.shared_views.resize(rig.cameras.size());
+  check.lenses.resize(rig.cameras.size());
+  std::vector<BoardView> views = shared(given);
+  std::set<int> seen;
+  for (const BoardView& view : views) seen.insert(view.camera);
+  if (seen.size() < 2) {
+    throw CalibrationError(
+        "no two cameras of the rig saw the board at the same time: nothing tells how they stand to each other");
+  }
+  std::set<int> all_free = seen;
+  all_free.erase(*seen.begin());
+  // What the cameras could do at best; and which corners are no good whatever the cameras' poses.
+  tell("what the cameras could do at best");
+  const Adjustment best = adjust(with_free(place_boards(board, rig, views), all_free));
+  views = shared(inliers(best));
+  for (const BoardView& view : views) ++check.shared_views[index(view.camera)];
+  if (views.empty())
+    throw CalibrationError("the views of the board contradict the rig altogether: is it the rig of these cameras?");
+  const Adjustment start = place_boards(board, rig, views);
+  const auto fit = [&](const std::set<int>& free) {
+    tell(free.empty() ? "the rig as it is" : "who moved");
+    return adjust(with_free(start, free), {.find_outliers = false, .with_covariance = false});
+  };
+  check.best_px = fit(all_free).rms_px;
+  const Adjustment as_is = fit({});
+  check.as_is_px = as_is.rms_px;
+  for (std::size_t c = 0; c < rig.cameras.size(); ++c) check.rms_px[c] = as_is.rms_of_camera(static_cast<int>(c));
+
+  if (!is_as_good(check.as_is_px, check.best_px)) {
+    check.scale = other_scale(board, rig, views, best, seen, check.best_px);
+    if (check.scale) return check;
+  }
+  constexpr double far_off_px = 3;  // nearly always more than a bump
+  if (check.as_is_px > far_off_px) {
+    tell("whose names are swapped");
+    check.swapped = swapped_names(board, rig, shared(given), seen, check.as_is_px);
+    if (check.swapped) return check;
+  }
+  find_moved(check, rig, start, seen, [&](const std::set<int>& free) { return fit(free).rms_px; });
+
+  constexpr std::size_t enough_for_lens = 6;
+  for (std::size_t c = 0; c < rig.cameras.size(); ++c) {
+    if (check.shared_views[c] < RigCheck::enough_views) continue;
+    std::vector<BoardView> own;
+    std::ranges::copy_if(given, std::back_inserter(own),
+                         [&](const BoardView& view) { return view.camera == static_cast<int>(c); });
+    if (own.size() < enough_for_lens) continue;
+    tell("the lens of " + rig.cameras[c].name);
+    check.lenses[c] = against_lens(board, rig.cameras[c], own);
+  }
+  return check;
+}
+
+}  // namespace huetrack::solver

@@ -1,0 +1,98 @@
+#include "calib/wave/shape_errors.h"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+
+namespace huetrack::wave {
+namespace {
+
+using Eigen::Matrix3d;
+using Eigen::Vector3d;
+
+Matrix3d cross_matrix(const Vector3d& v) {
+  return (Matrix3d() << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0).finished();
+}
+
+}  // namespace
+
+double ShapeErrors::rms(const Eigen::MatrixXd& covariance) const {
+  return places > 0 ? std::sqrt(std::max(0.0, (by_poses * covariance * by_poses.transpose()).trace() / places)) : 0;
+}
+
+Eigen::MatrixXd ShapeErrors::of_camera(Eigen::Index c, const Vector3d& centre) const {
+  Eigen::MatrixXd error = Eigen::MatrixXd::Zero(6, by_poses.cols());
+  error.block<6, 6>(0, 6 * c).setIdentity();
+  if (places == 0) return error;
+  error.topRows<3>() -= alignment.topRows<3>() - cross_matrix(centre) * alignment.bottomRows<3>();
+  error.bottomRows<3>() -= alignment.bottomRows<3>();
+  return error;
+}
+
+ShapeErrors shape_errors(const calib::CameraRig& rig, const WaveState& state, const std::vector<Vector3d>& wanted) {
+  const auto n = static_cast<Eigen::Index>(rig.cameras.size());
+  std::vector<Eigen::MatrixXd> moved;
+  std::vector<Vector3d> places;
+  Vector3d mean = Vector3d::Zero();
+  for (const Vector3d& p : wanted) {
+    Matrix3d information = Matrix3d::Zero();
+    Eigen::MatrixXd by_pose = Eigen::MatrixXd::Zero(3, 6 * n);
+    int views = 0;
+    for (Eigen::Index c = 0; c < n; ++c) {
+      const calib::Camera& camera = rig.cameras[static_cast<std::size_t>(c)];
+      const calib::Rigid3d& pose = state.cam_from_world[static_cast<std::size_t>(c)];
+      calib::CameraModel::Jacobian by_cam;
+      const auto px = camera.model.project(pose * p, by_cam);
+      if (!px || !camera.contains(*px)) continue;
+      ++views;
+      const Eigen::Matrix<double, 2, 3> j = by_cam * pose.rotation.toRotationMatrix();
+      const Vector3d lever = p - calib::inverse(pose).translation;
+      Eigen::Matrix<double, 2, 6> by_camera;
+      by_camera.leftCols<3>() = -j;
+      by_camera.rightCols<3>() = -j * cross_matrix(lever);
+      information += j.transpose() * j;
+      by_pose.middleCols<6>(6 * c) -= j.transpose() * by_camera;
+    }
+    if (views < 2) continue;
+    moved.push_back(information.ldlt().solve(by_pose));
+    places.push_back(p);
+    mean += p;
+  }
+  ShapeErrors shape;
+  shape.places = static_cast<double>(places.size());
+  const auto rows = 3 * static_cast<Eigen::Index>(places.size());
+  Eigen::MatrixXd all(rows, 6 * n), world(rows, 6);
+  for (std::size_t k = 0; k < places.size(); ++k) {
+    const auto row = 3 * static_cast<Eigen::Index>(k);
+    all.middleRows<3>(row) = moved[k];
+    world.block<3, 3>(row, 0).setIdentity();
+    world.block<3, 3>(row, 3) = -cross_matrix(places[k]);
+    shape.reach_m += (places[k] - mean / shape.places).squaredNorm() / shape.places;
+  }
+  shape.reach_m = std::sqrt(shape.reach_m);
+  shape.alignment = (world.transpose() * world).ldlt().solve(world.transpose() * all);
+  shape.by_poses = all - world * shape.alignment;
+  return shape;
+}
+
+std::vector<Vector3d> places_along(const BallPath& path) {
+  constexpr int samples = 60;
+  std::vector<Vector3d> places;
+  for (int i = 0; i <= samples; ++i)
+    places.push_back(path.at(path.start_s + (path.end_s() - path.start_s) * i / samples));
+  return places;
+}
+
+std::vector<Vector3d> places_in(const solver::WorldBox& box) {
+  constexpr int steps = 6;
+  std::vector<Vector3d> places;
+  for (int i = 0; i <= steps; ++i) {
+    for (int j = 0; j <= steps; ++j) {
+      for (int k = 0; k <= steps; ++k)
+        places.push_back(box.low + Vector3d(i, j, k).cwiseProduct(box.high - box.low) / steps);
+    }
+  }
+  return places;
+}
+
+}  // namespace huetrack::wave

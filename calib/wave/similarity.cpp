@@ -1,0 +1,82 @@
+#include "calib/wave/similarity.h"
+
+#include <Eigen/Geometry>
+#include <Eigen/SVD>
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+namespace huetrack::wave {
+
+using Eigen::Matrix3d;
+using Eigen::Vector3d;
+
+void Similarity::apply(WaveState& state) const {
+  for (calib::Rigid3d& cam_from_world : state.cam_from_world) {
+    const Vector3d centre = *this * calib::inverse(cam_from_world).translation;
+    const Matrix3d r = cam_from_world.rotation.toRotationMatrix() * rotation.transpose();
+    cam_from_world = {Eigen::Quaterniond(r).normalized(), -r * centre};
+  }
+  for (Vector3d& p : state.path.control) p = *this * p;
+}
+
+Similarity onto_rig(const calib::CameraRig& rig, const WaveState& state, bool scale_too) {
+  const std::size_t n = rig.cameras.size();
+  std::vector<double> weight(n, 1);
+  Similarity s;
+  for (int round = 0; round < 20; ++round) {
+    Matrix3d sum = Matrix3d::Zero();
+    Vector3d mean_from = Vector3d::Zero(), mean_to = Vector3d::Zero();
+    const double total = std::accumulate(weight.begin(), weight.end(), 0.0);
+    for (std::size_t c = 0; c < n; ++c) {
+      mean_from += weight[c] / total * calib::inverse(state.cam_from_world[c]).translation;
+      mean_to += weight[c] / total * rig.cameras[c].centre();
+    }
+    double spread_from = 0, spread_to = 0;
+    for (std::size_t c = 0; c < n; ++c) {
+      const Vector3d from = calib::inverse(state.cam_from_world[c]).translation - mean_from,
+                     to = rig.cameras[c].centre() - mean_to;
+      spread_from += weight[c] * from.squaredNorm();
+      spread_to += weight[c] * to.squaredNorm();
+    }
+    if (scale_too && spread_from > 0) s.scale = std::sqrt(spread_to / spread_from);
+    // Both what the cameras' axes and what their centres say about the rotation; a camera's own orientation counts like
+    // a lever of a metre.
+    for (std::size_t c = 0; c < n; ++c) {
+      const Matrix3d guess = rig.cameras[c].cam_from_world.rotation.toRotationMatrix();
+      const Matrix3d found = state.cam_from_world[c].rotation.toRotationMatrix();
+      const Vector3d from = calib::inverse(state.cam_from_world[c]).translation - mean_from,
+                     to = rig.cameras[c].centre() - mean_to;
+      sum += weight[c] * (guess.transpose() * found + s.scale * to * from.transpose());
+    }
+    const Eigen::JacobiSVD<Matrix3d> svd(sum, Eigen::ComputeFullU | Eigen::ComputeFullV);
+    Vector3d sign(1, 1, (svd.matrixU() * svd.matrixV().transpose()).determinant() < 0 ? -1 : 1);
+    s.rotation = svd.matrixU() * sign.asDiagonal() * svd.matrixV().transpose();
+    s.translation = mean_to - s.scale * (s.rotation * mean_from);
+    for (std::size_t c = 0; c < n; ++c) {
+      const calib::Rigid3d& pose = state.cam_from_world[c];
+      const double off = (s * calib::inverse(pose).translation - rig.cameras[c].centre()).norm();
+      const Matrix3d turned = pose.rotation.toRotationMatrix() * s.rotation.transpose();
+      const double angle =
+          Eigen::AngleAxisd(turned * rig.cameras[c].cam_from_world.rotation.toRotationMatrix().transpose()).angle();
+      weight[c] = 1 / std::max(0.002, std::hypot(off, angle));
+    }
+  }
+  return s;
+}
+
+Similarity onto_points(const std::vector<Vector3d>& from, const std::vector<Vector3d>& to) {
+  Eigen::Matrix3Xd a(3, from.size()), b(3, to.size());
+  for (std::size_t i = 0; i < from.size(); ++i) {
+    a.col(static_cast<Eigen::Index>(i)) = from[i];
+    b.col(static_cast<Eigen::Index>(i)) = to[i];
+  }
+  const Eigen::Matrix4d t = Eigen::umeyama(a, b, false);  // Umeyama 1991
+  Similarity s;
+  s.scale = std::cbrt(t.topLeftCorner<3, 3>().determinant());
+  s.rotation = t.topLeftCorner<3, 3>() / s.scale;
+  s.translation = t.topRightCorner<3, 1>();
+  return s;
+}
+
+}  // namespace huetrack::wave

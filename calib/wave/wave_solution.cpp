@@ -1,0 +1,311 @@
+#include "calib/wave/wave_solution.h"
+
+#include <Eigen/Eigenvalues>
+#include <Eigen/LU>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+
+#include "calib/model/median.h"
+#include "calib/solver/bundle_adjustment.h"
+#include "calib/wave/similarity.h"
+
+namespace huetrack::wave {
+namespace {
+
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+
+// In standard deviations: beyond these an observation counts less and less; at first, when everything may be wrong.
+constexpr double robust_sigmas = 3, rough_robust_sigmas = 6;
+// In standard deviations, how far a region may be off for the ball: from the first poses, from better ones, in the end.
+constexpr double first_sigmas = 20, rough_sigmas = 8, final_sigmas = 4;
+
+// A region's width over a whole ball's, beyond which its centre tells nothing: hidden for the most part, or run into
+// something else.
+constexpr double narrowest = 0.75, widest = 1.6;
+// Within these limits its centre is off by up to some times what its width is off, but for what is usual.
+constexpr double usual_misfit = 0.04, centre_per_misfit = 4;
+constexpr double variance_of_radius2 = 4e-4;  // see WaveOptions::pixel_noise_px
+// A frame costs no more than this, squared standard deviations, however wrong it is.
+constexpr double most_cost = 20;
+
+std::size_t index(int i) {
+  return static_cast<std::size_t>(i);
+}
+
+// How wide a region is along its axes, minor first, as the radius of a disc; and its axes.
+struct Shape {
+  Eigen::Matrix2d axes;
+  Vector2d width_px;
+};
+
+Shape shape_of(const object_tracking::ColorRegion& region) {
+  const auto solver = Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>().computeDirect(region.spread);
+  return {solver.eigenvectors(), 2 * solver.eigenvalues().cwiseMax(0).cwiseSqrt()};
+}
+
+}  // namespace
+
+WaveSolution::WaveSolution(const calib::CameraRig& rig, const std::vector<BallFrame>& frames,
+                           const WaveOptions& options)
+    : rig_(rig), frames_(frames), options_(options), chosen_(frames.size(), -1) {
+  double from = std::numeric_limits<double>::infinity(), to = -from;
+  std::vector<std::vector<double>> times(rig.cameras.size());
+  for (const BallFrame& f : frames_) {
+    times[index(f.camera)].push_back(f.t_s);
+    if (f.regions.empty()) continue;
+    from = std::min(from, f.t_s);
+    to = std::max(to, f.t_s);
+  }
+  from_s_ = from;
+  to_s_ = to;
+  step_s_ = std::numeric_limits<double>::infinity();
+  for (const auto& of_camera : times) {
+    std::vector<double> gaps;
+    for (std::size_t i = 1; i < of_camera.size(); ++i) gaps.push_back(of_camera[i] - of_camera[i - 1]);
+    if (const double gap = calib::median(gaps); gap > 0)
+      step_s_ = std::min(step_s_, gap), longest_s_ = std::max(longest_s_, gap);
+  }
+  // The largest region to begin with.
+  for (std::size_t f = 0; f < frames_.size(); ++f) chosen_[f] = frames_[f].regions.empty() ? -1 : 0;
+}
+
+void WaveSolution::solve(const std::vector<calib::Rigid3d>& start, bool any_scale) {
+  state_.cam_from_world = start;
+  std::size_t crossed = 0;
+  state_.path = crossed_path(rig_, start, tracks(), from_s_, to_s_, step_s_, &crossed);
+  if (crossed < index(least_shared)) {
+    throw solver::CalibrationError(
+        "the cameras' rays to the ball hardly ever meet with the poses that the rig has (" + std::to_string(crossed) +
+        " times): the poses are far off, the cameras' names are swapped, or they see different things");
+  }
+  WaveAdjustmentOptions o = adjustment_options();
+  // First everything may be wrong by much; then whatever agrees by its own covariance.
+  rough_ = true;
+  o.loss = rough_robust_sigmas;
+  for (int round = 0; round < 2; ++round) {
+    tell("the poses, roughly", round);
+    fit_ = adjust_wave(rig_, observations(), state_, o);
+    choose(round == 0 ? first_sigmas : rough_sigmas);
+    o.loss = robust_sigmas;
+    if (any_scale) Similarity{.scale = 1 / size_ratio()}.apply(state_);
+  }
+  learn_shapes();
+  rough_ = false;
+  choose(rough_sigmas);
+  refine(WaveSteps::refined);
+}
+
+void WaveSolution::refine(int step) {
+  WaveAdjustmentOptions o = adjustment_options();
+  for (int round = 0; round < WaveSteps::most_rounds; ++round) {
+    tell("the poses and the ball's path", step + round);
+    learn_shapes();
+    if (round == 1 || round == 3) learn_jerk();
+    o.jerk_m_s3 = jerk_m_s3_;
+    fit_ = adjust_wave(rig_, observations(), state_, o);
+    const std::vector<int> before = chosen_;
+    choose(final_sigmas);
+    if (round >= 3 && chosen_ == before) break;
+  }
+}
+
+void WaveSolution::settle() {
+  WaveAdjustmentOptions o = adjustment_options();
+  o.with_covariance = true;
+  o.max_iterations = 100;
+  fit_ = adjust_wave(rig_, observations(), state_, o);
+}
+
+void WaveSolution::keep_half(int half) {
+  const double piece = std::max(1.0, (to_s_ - from_s_) / 20);
+  for (std::size_t f = 0; f < frames_.size(); ++f) {
+    if (static_cast<int>(std::floor((frames_[f].t_s - from_s_) / piece)) % 2 != half) chosen_[f] = -1;
+  }
+}
+
+double WaveSolution::misfit() const {
+  double sum = 0;
+  for (std::size_t f = 0; f < frames_.size(); ++f) {
+    if (frames_[f].regions.empty()) continue;
+    sum += chosen_[f] < 0 ? most_cost : std::min(most_cost, cost_of(f, region(f)).value_or(most_cost));
+  }
+  return sum;
+}
+
+double WaveSolution::used_share() const {
+  const auto used = std::ranges::count_if(chosen_, [](int c) { return c >= 0; });
+  const auto seen = std::ranges::count_if(frames_, [](const BallFrame& f) { return !f.regions.empty(); });
+  return seen == 0 ? 0 : static_cast<double>(used) / static_cast<double>(seen);
+}
+
+double WaveSolution::size_ratio() const {
+  std::vector<double> ratios;
+  for (std::size_t f = 0; f < frames_.size(); ++f) {
+    if (chosen_[f] < 0) continue;
+    const auto at = appearance(frames_[f]);
+    if (at && at->radius_px > 0) ratios.push_back(2 * std::pow(region(f).spread.determinant(), 0.25) / at->radius_px);
+  }
+  return ratios.empty() ? 1 : calib::median(ratios);
+}
+
+BallTracks WaveSolution::tracks() const {
+  BallTracks t;
+  t.of_camera.resize(rig_.cameras.size());
+  t.max_gap_s = 2.5 * longest_s_;
+  for (std::size_t f = 0; f < frames_.size(); ++f) {
+    if (chosen_[f] >= 0) t.of_camera[index(frames_[f].camera)].push_back({frames_[f].t_s, region(f).centre});
+  }
+  return t;
+}
+
+std::vector<BallObservation> WaveSolution::observations() const {
+  std::vector<BallObservation> out;
+  for (std::size_t f = 0; f < frames_.size(); ++f) {
+    if (chosen_[f] < 0) continue;
+    const auto at = appearance(frames_[f]);
+    const auto covariance = at ? covariance_of(f, region(f), *at) : std::nullopt;
+    if (covariance) out.push_back({frames_[f].camera, frames_[f].t_s, region(f).centre, *covariance});
+  }
+  return out;
+}
+
+void WaveSolution::tell(const char* step, int done) const {
+  if (options_.progress) options_.progress(step, done, WaveSteps::all);
+}
+
+const object_tracking::ColorRegion& WaveSolution::region(std::size_t f) const {
+  return frames_[f].regions[index(chosen_[f])];
+}
+
+WaveAdjustmentOptions WaveSolution::adjustment_options() const {
+  WaveAdjustmentOptions o;
+  o.radius_m = options_.radius_m;
+  o.loss = robust_sigmas;
+  o.jerk_m_s3 = jerk_m_s3_;
+  // The scale is held by the two cameras that are furthest apart.
+  double furthest = -1;
+  for (std::size_t a = 0; a < rig_.cameras.size(); ++a) {
+    for (std::size_t b = a + 1; b < rig_.cameras.size(); ++b) {
+      const double d =
+          (calib::inverse(state_.cam_from_world[a]).translation - calib::inverse(state_.cam_from_world[b]).translation)
+              .norm();
+      if (d <= furthest) continue;
+      furthest = d;
+      o.scale_a = static_cast<int>(a);
+      o.scale_b = static_cast<int>(b);
+    }
+  }
+  o.reference = o.scale_a;
+  return o;
+}
+
+std::optional<object_tracking::Appearance> WaveSolution::appearance(const BallFrame& frame) const {
+  calib::Camera camera = rig_.cameras[index(frame.camera)];
+  camera.cam_from_world = state_.cam_from_world[index(frame.camera)];
+  const Vector3d p = state_.path.at(frame.t_s);
+  auto at = object_tracking::appearance_of(camera, p, options_.radius_m);
+  if (!at) return at;
+  if (const auto px = outline_centre(camera.model, camera.cam_from_world * p, options_.radius_m)) at->px = *px;
+  return at;
+}
+
+// How jerky the waving was: the smoother the path may be taken, the more it tells of the cameras. The most likely
+// one.
+void WaveSolution::learn_jerk() {
+  const std::vector<BallObservation> seen = observations();
+  const auto evidence_for = [&](double jerk) {
+    WaveState trial = state_;
+    WaveAdjustmentOptions o = adjustment_options();
+    o.jerk_m_s3 = jerk;
+    o.max_iterations = 10;
+    o.with_evidence = true;
+    return adjust_wave(rig_, seen, trial, o).evidence;
+  };
+  constexpr double step = 1.8, least = 0.3, most = 1000;  // m/s^3: as if carried by a crane, and as if thrown
+  double best = evidence_for(jerk_m_s3_);
+  for (const double factor : {1 / step, step}) {
+    bool moved = false;
+    for (double jerk = factor * jerk_m_s3_; jerk > least && jerk < most; jerk *= factor) {
+      const double evidence = evidence_for(jerk);
+      if (evidence <= best) break;
+      best = evidence;
+      jerk_m_s3_ = jerk;
+      moved = true;
+    }
+    if (moved) break;
+  }
+}
+
+// What whole balls look like to each camera: blur and shared chroma widen them, by a square that is the same at all
+// sizes. The upper half of what was seen, as hidden ones are narrow.
+void WaveSolution::learn_shapes() {
+  std::vector<std::array<std::vector<double>, 2>> excess(rig_.cameras.size());
+  for (std::size_t f = 0; f < frames_.size(); ++f) {
+    if (chosen_[f] < 0) continue;
+    const auto at = appearance(frames_[f]);
+    if (!at) continue;
+    const Vector2d width = shape_of(region(f)).width_px;
+    for (const std::size_t i : {0u, 1u}) {
+      const double w = width[static_cast<int>(i)];
+      excess[index(frames_[f].camera)][i].push_back(w * w - at->radius_px * at->radius_px);
+    }
+  }
+  blur2_.assign(rig_.cameras.size(), Vector2d::Zero());
+  for (std::size_t c = 0; c < excess.size(); ++c) {
+    for (const std::size_t i : {0u, 1u}) {
+      auto& values = excess[c][i];
+      if (values.empty()) continue;
+      constexpr double share = 0.6;  // a little above the middle
+      const auto at = values.begin() + static_cast<std::ptrdiff_t>(share * static_cast<double>(values.size()));
+      std::ranges::nth_element(values, at);
+      blur2_[c][static_cast<int>(i)] = *at;
+    }
+  }
+}
+
+// A region that is narrower than a whole ball is partly hidden, one that is wider has something else in it, and its
+// centre is off by as much: of little use here, where there are many others. nullopt: of none.
+std::optional<Eigen::Matrix2d> WaveSolution::covariance_of(std::size_t f, const object_tracking::ColorRegion& region,
+                                                           const object_tracking::Appearance& at) const {
+  if (rough_) return Eigen::Matrix2d(Eigen::Matrix2d::Identity());
+  const Shape shape = shape_of(region);
+  const double r2 = at.radius_px * at.radius_px;
+  Vector2d variance;
+  for (const int i : {0, 1}) {
+    const double whole = std::sqrt(std::max(r2 / 2, r2 + blur2_[index(frames_[f].camera)][i]));
+    const double ratio = shape.width_px[i] / whole;
+    if (ratio < narrowest || ratio > widest) return std::nullopt;
+    const double misfit_px = centre_per_misfit * std::max(0.0, std::abs(ratio - 1) - usual_misfit) * at.radius_px;
+    variance[i] = options_.pixel_noise_px * options_.pixel_noise_px + variance_of_radius2 * r2 + misfit_px * misfit_px;
+  }
+  return Eigen::Matrix2d(shape.axes * variance.asDiagonal() * shape.axes.transpose());
+}
+
+// How badly a region suits the path; nullopt: not at all.
+std::optional<double> WaveSolution::cost_of(std::size_t f, const object_tracking::ColorRegion& region) const {
+  const auto at = appearance(frames_[f]);
+  if (!at) return std::nullopt;
+  const Vector2d d = region.centre - at->px;
+  const auto covariance = covariance_of(f, region, *at);
+  if (!covariance) return std::nullopt;
+  return d.dot(covariance->inverse() * d);
+}
+
+// Of every frame the region that suits the path best, if any does to `sigmas`.
+void WaveSolution::choose(double sigmas) {
+  for (std::size_t f = 0; f < frames_.size(); ++f) {
+    chosen_[f] = -1;
+    double best = sigmas * sigmas;
+    for (std::size_t r = 0; r < frames_[f].regions.size(); ++r) {
+      const auto cost = cost_of(f, frames_[f].regions[r]);
+      if (!cost || *cost >= best) continue;
+      best = *cost;
+      chosen_[f] = static_cast<int>(r);
+    }
+  }
+}
+
+}  // namespace huetrack::wave

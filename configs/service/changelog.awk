@@ -1,0 +1,37 @@
+# Debian's changelog of our CHANGELOG.md: awk -v version=0.1.0 -v by="NAME <MAIL>" -f changelog.awk CHANGELOG.md
+# The package's version is the newest entry. What stands above its heading is in the package, too, as long as the
+# version has not been raised, so it belongs to that entry.
+function begin(entry_version) {
+  printf "%shuetrack (%s) unstable; urgency=medium\n\n", separator, entry_version
+  separator = "\n"
+  is_open = 1
+}
+function end(day,    command, date) {
+  command = "date --utc --rfc-email --date=" day
+  command | getline date
+  close(command)
+  printf "\n -- %s  %s\n", by, date
+  is_open = 0
+}
+/^## / {
+  if ($2 == "Unreleased") {
+    begin(version)
+    next
+  }
+  if ($2 == version) is_found = 1
+  else if (!is_found) exit  # the error is said below
+  if (is_open && $2 != version) end(day)
+  if (!is_open) begin($2)
+  day = $3
+  gsub(/[()]/, "", day)
+  next
+}
+is_open && /^- / { print "  * " substr($0, 3) }
+is_open && /^  / { print "  " $0 }
+END {
+  if (!is_found) {
+    print "CHANGELOG.md has no heading '## " version " (YYYY-MM-DD)', or an older version stands above it" > "/dev/stderr"
+    exit 1
+  }
+  end(day)
+}

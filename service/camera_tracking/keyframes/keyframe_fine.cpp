@@ -1,0 +1,217 @@
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+
+#include "camera_tracking/keyframes/keyframe_tracking.h"
+
+namespace huetrack::keyframes {
+
+using namespace camera_tracking;
+
+namespace {
+
+constexpr std::size_t first_points = 60, most_points = 220;
+constexpr float good_ncc = 0.8f;
+// Between the pixels a template matches better than on the best of them: so much less is enough to look there, and less
+// is asked of a patch that is sought one level above its own.
+constexpr float refined_gains = 0.1f, blurred_loses = 0.05f;
+constexpr double most_shift_px = 1.5;  // of refine()
+// What a template's match is worth, at its own level, in pixels of that level: on the best pixel, and refined.
+constexpr double pixel_sigma_px = 0.4, match_sigma_px = 0.25, corner_sigma_px = 0.12;
+constexpr int first_reach_px = 4, least_reach_px = 3, most_reach_px = 8;  // of the search, pixels of the level
+constexpr double margin_px = 6;                                           // of a point to its level's border
+// Fewer points than this are no fit to go on from; and so many of them must agree.
+constexpr std::size_t first_fit_points = 6, corner_fit_points = 8, fewest_observations = 4;
+constexpr int first_fit_inliers = 5, corner_fit_inliers = 6, rough_iterations = 8, iterations = 15;
+// How far off the rectangle's edges may be, where the points say where it is and where they do not.
+constexpr std::size_t points_that_tell = 12;
+constexpr double near_edge_px = 3, far_edge_px = 7;
+constexpr double inlier_weight = 0.1;  // as PoseFit::inliers
+constexpr double least_pivot = 1e-9;   // of the information: else it leaves a direction open
+
+// The smaller standard deviation over the image.
+double spread_px(const std::vector<PointSighting>& sightings) {
+  Eigen::Vector2d mean = Eigen::Vector2d::Zero();
+  Eigen::Matrix2d spread = Eigen::Matrix2d::Zero();
+  for (const PointSighting& s : sightings) {
+    mean += s.px;
+    spread += s.px * s.px.transpose();
+  }
+  const auto n = static_cast<double>(sightings.size());
+  mean /= n;
+  spread = spread / n - mean * mean.transpose();
+  return std::sqrt(std::max(0.0, Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>(spread).eigenvalues()[0]));
+}
+
+double median_depth_m(const calib::Rigid3d& cam_from_world, const std::vector<PointSighting>& sightings,
+                      const SceneMap& map) {
+  std::vector<double> depths;
+  for (const PointSighting& s : sightings)
+    depths.push_back((cam_from_world * map.points[static_cast<std::size_t>(s.point)].position).norm());
+  std::ranges::sort(depths);
+  return depths[depths.size() / 2];
+}
+
+std::optional<Covariance6d> tangent_covariance(const PoseFit& fit) {
+  const Eigen::LDLT<Covariance6d> solver(fit.information);
+  if (!solver.isPositive() || !(solver.vectorD().minCoeff() > least_pivot)) return std::nullopt;
+  const double scale = std::max(1.0, fit.scale);
+  return Covariance6d(scale * scale * solver.solve(Covariance6d::Identity()));
+}
+
+}  // namespace
+
+ProvenPose KeyframeTracking::fine(const calib::Rigid3d& start, const Pyramid& pyramid, const SceneMap& map,
+                                  bool is_guess) {
+  ProvenPose out;
+  out.cam_from_world = first_fit(start, pyramid, map);
+  std::vector<Visible> seen = visible(out.cam_from_world, map, pyramid.count());
+  thin_out(seen, most_points);
+  Matches matches = match(seen, pyramid, map);
+  if (rectangle_ && map.points.size() >= 4) out.cam_from_world = add_corners(out.cam_from_world, pyramid, map, matches);
+  out.evidence.sought = matches.sought;
+  out.missed = matches.missed;
+  if (matches.observations.size() < fewest_observations) return out;
+  const PoseFit fit = refine_pose(camera_.model, matches.observations, out.cam_from_world, iterations);
+  out.cam_from_world = fit.cam_from_world;
+  sort_out(fit, matches, out);
+  if (out.sightings.size() < fewest_observations) return out;
+  const auto covariance = tangent_covariance(fit);
+  if (!covariance) return out;
+  out.tangent_covariance = *covariance;
+
+  PoseEvidence& e = out.evidence;
+  const Covariance6d world = world_covariance(out.cam_from_world, out.tangent_covariance);
+  e.image_width_px = camera_.image_size.width;
+  e.spread_px = spread_px(out.sightings);
+  e.scale = fit.scale;
+  e.position_sigma_m = std::sqrt(world.topLeftCorner<3, 3>().trace());
+  e.rotation_sigma_rad = std::sqrt(world.bottomRightCorner<3, 3>().trace());
+  e.depth_m = median_depth_m(out.cam_from_world, out.sightings, map);
+  e.map_points = map.alive_count();
+  e.keyframes = static_cast<int>(map.keyframes.size());
+  e.is_guess = is_guess;
+  out.proven = proof_of(e) != Proof::none;
+  if (out.proven) depth_m_ = e.depth_m;
+  return out;
+}
+
+void KeyframeTracking::Matches::add(int map_point, const PoseObservation& observation, double sigma_px) {
+  observations.push_back(observation);
+  point.push_back(map_point);
+  pixel_sigma.push_back(sigma_px);
+}
+
+PixelRegion KeyframeTracking::around(const Eigen::Vector2d& at, int reach, const GreyImage& image) const {
+  const double offset = static_cast<double>(patch_.inner.centre_offset());
+  const int u = static_cast<int>(std::lround(at.x() - offset)), v = static_cast<int>(std::lround(at.y() - offset));
+  return clip({u - reach, v - reach, u + reach, v + reach}, image, patch_side);
+}
+
+// With some well-spread points at one level above their own, over a wide region.
+calib::Rigid3d KeyframeTracking::first_fit(const calib::Rigid3d& pose, const Pyramid& pyramid, const SceneMap& map) {
+  const std::vector<Visible> seen = visible(pose, map, pyramid.count());
+  std::vector<PoseObservation> observations;
+  const std::size_t stride = std::max<std::size_t>(1, seen.size() / first_points);
+  for (std::size_t i = 0; i < seen.size(); i += stride) {
+    const Visible& s = seen[i];
+    const int level = std::min(s.level + 1, std::min(2, pyramid.count() - 1));
+    if (!warp(s, map, level)) continue;
+    const GreyImage& image = pyramid.levels[static_cast<std::size_t>(level)];
+    const PixelRegion region = around(to_level(s.px, level), first_reach_px, image);
+    if (region.empty()) continue;
+    ncc_field(image, patch_.inner, region, field_);
+    const NccPeak peak = best_of(field_, region);
+    if (peak.rho < good_ncc - blurred_loses) continue;
+    const double offset = static_cast<double>(patch_.inner.centre_offset());
+    const Eigen::Vector2d px = from_level(Eigen::Vector2d(peak.u + offset, peak.v + offset), level);
+    observations.push_back({map.points[static_cast<std::size_t>(s.point)].position, px,
+                            std::hypot(pixel_sigma_px * scale_of(level), s.map_sigma_px)});
+  }
+  if (observations.size() < first_fit_points) return pose;
+  const PoseFit fit = refine_pose(camera_.model, observations, pose, rough_iterations);
+  return fit.inliers >= first_fit_inliers ? fit.cam_from_world : pose;
+}
+
+// Each point near where the pose has it, to a fraction of a pixel. What was sought is kept in sought_, for pictures.
+KeyframeTracking::Matches KeyframeTracking::match(const std::vector<Visible>& seen, const Pyramid& pyramid,
+                                                  const SceneMap& map) {
+  Matches out;
+  sought_.clear();
+  for (const Visible& s : seen) {
+    if (!warp(s, map, s.level)) continue;
+    const GreyImage& image = pyramid.levels[static_cast<std::size_t>(s.level)];
+    const Eigen::Vector2d at = to_level(s.px, s.level);
+    if (!image.contains(at.x(), at.y(), margin_px)) continue;
+    const int reach = std::clamp(static_cast<int>(std::ceil(2 + 2 * s.map_sigma_px / scale_of(s.level))),
+                                 least_reach_px, most_reach_px);
+    const PixelRegion region = around(at, reach, image);
+    if (region.empty()) continue;
+    ++out.sought;
+    const double search = (reach * scale_of(s.level)) / 2;
+    sought_.push_back({s.point, s.px, Eigen::Vector2d::Constant(std::numeric_limits<double>::quiet_NaN()),
+                       search * search * Eigen::Matrix2d::Identity()});
+    ncc_field(image, patch_.inner, region, field_);
+    const NccPeak peak = best_of(field_, region);
+    const double offset = static_cast<double>(patch_.inner.centre_offset());
+    std::optional<Refined> refined;
+    if (peak.rho > good_ncc - refined_gains)
+      refined = refine(image, patch_, Eigen::Vector2d(peak.u + offset, peak.v + offset), most_shift_px);
+    if (!refined || refined->ncc < good_ncc) {
+      out.missed.push_back(s.point);
+      continue;
+    }
+    const double sigma = match_sigma_px * scale_of(s.level);
+    sought_.back().found_px = from_level(refined->px, s.level);
+    out.add(s.point,
+            {map.points[static_cast<std::size_t>(s.point)].position, sought_.back().found_px,
+             std::hypot(sigma, s.map_sigma_px)},
+            sigma);
+  }
+  return out;
+}
+
+// Those of the start's rectangle, by its edges, which lie where the pose has them: the pose that the points say, if
+// there are enough, which is returned.
+calib::Rigid3d KeyframeTracking::add_corners(const calib::Rigid3d& start, const Pyramid& pyramid, const SceneMap& map,
+                                             Matches& matches) {
+  calib::Rigid3d pose = start;
+  const std::size_t points = matches.observations.size();
+  if (points >= corner_fit_points) {
+    const PoseFit fit = refine_pose(camera_.model, matches.observations, pose, rough_iterations);
+    if (fit.inliers >= corner_fit_inliers) pose = fit.cam_from_world;
+  }
+  std::array<Eigen::Vector2d, 4> about;
+  for (std::size_t i = 0; i < 4; ++i) {
+    const auto px = camera_.model.project(pose * map.points[i].position);
+    if (!px) return pose;
+    about[i] = px->px;
+  }
+  const RectangleCorners corners =
+      measure_rectangle(pyramid.levels.front(), camera_.model, about,
+                        points >= points_that_tell ? near_edge_px : far_edge_px, *rectangle_);
+  for (std::size_t i = 0; i < 4; ++i) {
+    if (!corners.measured[i]) continue;
+    matches.add(static_cast<int>(i), {map.points[i].position, corners.px[i], corner_sigma_px}, corner_sigma_px);
+    sought_.push_back({static_cast<int>(i), about[i], corners.px[i], 4 * Eigen::Matrix2d::Identity()});
+  }
+  return pose;
+}
+
+// The matches that the fit holds for right, and the points that it does not.
+void KeyframeTracking::sort_out(const PoseFit& fit, const Matches& matches, ProvenPose& out) const {
+  for (std::size_t i = 0; i < matches.observations.size(); ++i) {
+    const int point = matches.point[i];
+    if (!(fit.weight[i] > inlier_weight)) {
+      if (!is_corner(point)) out.missed.push_back(point);
+      continue;
+    }
+    ++(is_corner(point) ? out.evidence.corners : out.evidence.found);
+    out.sightings.push_back({-1, point, matches.observations[i].px, matches.pixel_sigma[i]});
+  }
+}
+
+}  // namespace huetrack::keyframes

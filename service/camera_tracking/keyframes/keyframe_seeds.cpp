@@ -1,0 +1,268 @@
+#include <algorithm>
+#include <cmath>
+
+#include "camera_tracking/keyframes/keyframe_mapping.h"
+
+namespace huetrack::keyframes {
+
+using namespace camera_tracking;
+
+namespace {
+
+constexpr std::size_t max_seeds = 350;
+constexpr int corner_levels = 3;
+constexpr int cell_px = 18, least_cell_px = 8;  // of a 320 px wide image: at most one new corner per cell
+constexpr int corner_threshold = 12, corner_margin_px = 10;
+constexpr float least_corner_score = 40;
+// The depth of a seed is first thought to be the scene's, and no less than these shares of it and of its nearest point.
+constexpr double nearest_of_depth = 0.5, nearest_of_nearest = 0.7;
+constexpr double least_inverse_depth = 1e-3;  // 1/m: as good as infinity
+
+// A seed becomes a point once its depth is as sure as that (sigma over inverse depth), and not by chance: found so
+// often, and seen from as far aside.
+constexpr double converged = 0.035, enough_parallax_rad = 0.025;
+constexpr int enough_found = 4;
+
+constexpr double longest_line_px = 80;  // of a search: longer, and anything may be found on it
+constexpr double reach_px = 1.5;        // from the epipolar line: noise of the poses
+constexpr float good_ncc = 0.8f;
+// A second place that matches nearly as well, and is not the first one's neighbour, leaves open which one it is.
+constexpr float rival_loses = 0.08f;
+constexpr double rival_px = 2.9;
+constexpr double most_shift_px = 1.5;  // of refine()
+
+// At which failure a seed is given up: what is out of view may return, and what has a rival may lose it.
+constexpr int failures_hidden = 41, failures_distorted = 10, failures_missed = 8;
+
+constexpr double seen_sigma_px = 0.7;  // of the corner here, there, and of both poses; pixels of the level
+constexpr double contradicted_sigmas = 3;
+// Errors of neighbouring frames' poses are alike, so that no number of frames makes a depth surer than this share of
+// what one of them says.
+constexpr double least_share_of_sigma = 0.25;
+
+double angle_between(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
+  return std::atan2(a.cross(b).norm(), a.dot(b));
+}
+
+// The image of a part of a seed's ray, pixels of a level.
+struct EpipolarLine {
+  EpipolarLine(const Eigen::Vector2d& a, const Eigen::Vector2d& b) : from(a), to(b), length((b - a).norm()) {
+    if (length > 0) along = (to - from) / length;
+  }
+  double off(const Eigen::Vector2d& p) const {
+    const Eigen::Vector2d d = p - from;
+    return std::abs(along.x() * d.y() - along.y() * d.x());
+  }
+  bool is_near(const Eigen::Vector2d& p) const {
+    const double t = along.dot(p - from);
+    return !(t < -reach_px || t > length + reach_px || off(p) > reach_px);
+  }
+  Eigen::Vector2d from, to;
+  double length;
+  Eigen::Vector2d along{1, 0};
+};
+
+PixelRegion box_of(const EpipolarLine& line, double offset) {
+  const Eigen::Vector2d low = line.from.cwiseMin(line.to), high = line.from.cwiseMax(line.to);
+  return {static_cast<int>(std::floor(low.x() - reach_px - offset)),
+          static_cast<int>(std::floor(low.y() - reach_px - offset)),
+          static_cast<int>(std::ceil(high.x() + reach_px - offset)),
+          static_cast<int>(std::ceil(high.y() + reach_px - offset))};
+}
+
+struct Strongest {
+  float ncc = -2, rival_ncc = -2;
+  Eigen::Vector2d px;  // of ncc
+  bool is_ambiguous() const { return rival_ncc > good_ncc && rival_ncc > ncc - rival_loses; }
+};
+// Near the line.
+Strongest strongest(const std::vector<float>& field, const PixelRegion& region, const EpipolarLine& line,
+                    double offset) {
+  Strongest out;
+  out.px = line.from;
+  const auto each = [&](const auto& look) {
+    for (int v = region.v0; v <= region.v1; ++v) {
+      for (int u = region.u0; u <= region.u1; ++u) {
+        const Eigen::Vector2d p(u + offset, v + offset);
+        if (line.is_near(p)) look(field[static_cast<std::size_t>((v - region.v0) * region.width() + u - region.u0)], p);
+      }
+    }
+  };
+  each([&](float ncc, const Eigen::Vector2d& p) {
+    if (ncc > out.ncc) out.ncc = ncc, out.px = p;
+  });
+  each([&](float ncc, const Eigen::Vector2d& p) {
+    if (ncc > out.rival_ncc && (p - out.px).norm() > rival_px) out.rival_ncc = ncc;
+  });
+  return out;
+}
+
+}  // namespace
+
+void KeyframeMapping::add_seeds(int keyframe) {
+  const Keyframe& k = map_.keyframes[static_cast<std::size_t>(keyframe)];
+  const int cell = std::max(least_cell_px, cell_px * camera_.image_size.width / 320);
+  const int columns = (camera_.image_size.width + cell - 1) / cell,
+            rows = (camera_.image_size.height + cell - 1) / cell;
+  std::vector<char> taken(static_cast<std::size_t>(columns * rows), 0);
+  const auto cell_of = [&](const Eigen::Vector2d& px) {
+    return static_cast<std::size_t>(std::clamp(static_cast<int>(px.y()) / cell, 0, rows - 1) * columns +
+                                    std::clamp(static_cast<int>(px.x()) / cell, 0, columns - 1));
+  };
+  std::vector<double> depths;
+  for (const MapPoint& p : map_.points) {
+    if (!p.alive) continue;
+    const Eigen::Vector3d cam = k.cam_from_world * p.position;
+    const auto px = camera_.model.project(cam);
+    if (!px || !camera_.contains(*px)) continue;
+    taken[cell_of(px->px)] = 1;
+    depths.push_back(cam.norm());
+  }
+  for (const Seed& s : seeds_) {  // those that are on their way, about where they will be
+    const Keyframe& from = map_.keyframes[static_cast<std::size_t>(s.keyframe)];
+    const auto px =
+        camera_.model.project(k.cam_from_world * (calib::inverse(from.cam_from_world) * (s.ray / s.inverse_depth)));
+    if (px && camera_.contains(*px)) taken[cell_of(px->px)] = 1;
+  }
+
+  struct CellCorner {
+    Eigen::Vector2d px;
+    int level;
+    float score;
+  };
+  std::vector<CellCorner> best(taken.size(), {Eigen::Vector2d::Zero(), -1, 0.0f});
+  for (int level = 0; level < std::min(corner_levels, k.pyramid->count()); ++level) {
+    const GreyImage& image = k.pyramid->levels[static_cast<std::size_t>(level)];
+    for (const Corner& c : detect_corners(image, corner_threshold, corner_margin_px, least_corner_score)) {
+      const Eigen::Vector2d px = from_level(c.px, level);
+      const std::size_t at = cell_of(px);
+      // Fine corners locate better, coarse ones survive blur: a coarse one must be clearly stronger.
+      const float score = c.score / static_cast<float>(1 + level);
+      if (!taken[at] && score > best[at].score) best[at] = {px, level, score};
+    }
+  }
+
+  std::ranges::sort(depths);
+  const double depth = depths.empty() ? median_depth(k.cam_from_world) : depths[depths.size() / 2];
+  const double nearest = depths.empty() ? nearest_of_depth * depth
+                                        : std::min(nearest_of_depth * depth, nearest_of_nearest * depths.front());
+  for (const CellCorner& c : best) {
+    if (c.level < 0 || seeds_.size() >= max_seeds) continue;
+    const auto ray = camera_.model.ray({c.px});
+    if (!ray) continue;
+    // From nearer than all that is known to infinity: 2 sigmas on either side.
+    Seed seed;
+    seed.keyframe = keyframe, seed.level = c.level, seed.px = c.px, seed.ray = *ray;
+    seed.inverse_depth = 1 / depth;
+    seed.sigma = std::max(1 / nearest - 1 / depth, 1 / depth) / 2;
+    seeds_.push_back(seed);
+    ++counters_.seeds_started;
+  }
+}
+
+void KeyframeMapping::update_seeds(const TrackedFrame& frame) {
+  std::vector<Seed> kept;
+  kept.reserve(seeds_.size());
+  for (Seed& seed : seeds_) {
+    if (!update(seed, frame)) {
+      ++counters_.seeds_abandoned;
+      continue;
+    }
+    if (seed.sigma < converged * seed.inverse_depth && seed.found >= enough_found &&
+        seed.widest_rad > enough_parallax_rad)
+      promote(seed);
+    else
+      kept.push_back(seed);
+  }
+  seeds_.swap(kept);
+}
+
+bool KeyframeMapping::update(Seed& seed, const TrackedFrame& frame) {
+  const SeedSeen seen = seek(seed, frame);
+  bool is_explained = seen.how == SeedSeen::How::found;
+  if (is_explained) {
+    const calib::Rigid3d& then = map_.keyframes[static_cast<std::size_t>(seed.keyframe)].cam_from_world;
+    ++seed.found;
+    is_explained = narrow(seed, seen, frame.cam_from_world * calib::inverse(then));
+  }
+  if (is_explained) return true;
+  switch (seen.how) {
+    case SeedSeen::How::out_of_view:
+    case SeedSeen::How::ambiguous:
+      return ++seed.failed < failures_hidden;
+    case SeedSeen::How::distorted:
+      return ++seed.failed < failures_distorted;
+    case SeedSeen::How::not_found:
+    case SeedSeen::How::found:
+      break;
+  }
+  return ++seed.failed < failures_missed;
+}
+
+// Along the epipolar line, as far as its depth is open.
+KeyframeMapping::SeedSeen KeyframeMapping::seek(const Seed& seed, const TrackedFrame& frame) {
+  using How = SeedSeen::How;
+  const Keyframe& k = map_.keyframes[static_cast<std::size_t>(seed.keyframe)];
+  const calib::Rigid3d now_from_then = frame.cam_from_world * calib::inverse(k.cam_from_world);
+  const auto at = [&](double inverse_depth) {
+    return camera_.model.project(now_from_then * (seed.ray / inverse_depth));
+  };
+  const auto far = at(std::max(seed.inverse_depth - 2 * seed.sigma, least_inverse_depth)),
+             near = at(seed.inverse_depth + 2 * seed.sigma), middle = at(seed.inverse_depth);
+  if (!far || !near || !middle || !camera_.contains(*middle)) return {How::out_of_view};
+
+  const Eigen::Matrix3d h = plane_homography(now_from_then, seed.ray, 1 / seed.inverse_depth);
+  const auto patch = transfer_patch(camera_.model, seed.px, h);
+  if (!patch) return {How::distorted};
+  const int level = search_level(patch->affine, seed.level, frame.pyramid->count());
+  if (!warp_patch(*k.pyramid, seed.px, patch->affine, level, patch_side, patch_)) return {How::distorted};
+  const EpipolarLine line(to_level(far->px, level), to_level(near->px, level));
+  if (line.length > longest_line_px) return {How::distorted};
+  const GreyImage& image = frame.pyramid->levels[static_cast<std::size_t>(level)];
+  const double offset = static_cast<double>(patch_.inner.centre_offset());
+  const PixelRegion region = clip(box_of(line, offset), image, patch_side);
+  if (region.empty()) return {How::distorted};
+
+  ncc_field(image, patch_.inner, region, field_);
+  const Strongest best = strongest(field_, region, line, offset);
+  if (best.ncc < good_ncc) return {How::not_found};
+  if (best.is_ambiguous()) return {How::ambiguous};
+  const auto refined = refine(image, patch_, best.px, most_shift_px);
+  if (!refined || refined->ncc < good_ncc) return {How::not_found};
+  if (line.length > 1 && line.off(refined->px) > reach_px) return {How::not_found};  // something else
+  const SeedSeen seen{How::found, from_level(refined->px, level), level};
+  return camera_.model.ray({seen.px}) ? seen : SeedSeen{};
+}
+
+// One more measurement of its depth.
+bool KeyframeMapping::narrow(Seed& seed, const SeedSeen& seen, const calib::Rigid3d& now_from_then) const {
+  const auto at = [&](double inverse_depth) {
+    return camera_.model.project(now_from_then * (seed.ray / inverse_depth));
+  };
+  seed.widest_rad =
+      std::max(seed.widest_rad, angle_between(now_from_then.rotation * seed.ray, *camera_.model.ray({seen.px})));
+  const double step = std::max(1e-4, 0.02 * seed.inverse_depth);
+  const auto middle = at(seed.inverse_depth), next = at(seed.inverse_depth + step);
+  if (!middle || !next) return false;
+  const double px_per_inverse_depth = ((next->px - middle->px) / step).norm();
+  if (px_per_inverse_depth < 1e-6) return true;  // no baseline yet
+  // The image of the ray is hyperbolic in the inverse depth: some steps of Newton's method on it.
+  double rho = seed.inverse_depth;
+  for (int i = 0; i < 3; ++i) {
+    const auto p0 = at(rho), p1 = at(rho + step);
+    if (!p0 || !p1) break;
+    const Eigen::Vector2d slope = (p1->px - p0->px) / step;
+    if (slope.squaredNorm() < 1e-12) break;
+    rho = std::max(least_inverse_depth, rho + slope.dot(seen.px - p0->px) / slope.squaredNorm());
+  }
+  const double sigma = seen_sigma_px * scale_of(seen.level) / px_per_inverse_depth;
+  const double sum = std::sqrt(sigma * sigma + seed.sigma * seed.sigma);
+  if (std::abs(rho - seed.inverse_depth) > contradicted_sigmas * sum) return false;
+  const double gain = seed.sigma * seed.sigma / (sum * sum);
+  seed.inverse_depth = std::max(least_inverse_depth, seed.inverse_depth + gain * (rho - seed.inverse_depth));
+  seed.sigma *= std::sqrt(1 - gain);
+  seed.sigma = std::max(seed.sigma, least_share_of_sigma * sigma);
+  return true;
+}
+
+}  // namespace huetrack::keyframes

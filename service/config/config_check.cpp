@@ -1,0 +1,195 @@
+#include "config/config_check.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <cmath>
+
+namespace huetrack::config {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::string not_in_the_rig(const std::string& camera, const calib::CameraRig& rig) {
+  std::vector<std::string> names;
+  for (const auto& known : rig.cameras) names.push_back(known.name);
+  const auto nearest = yaml::nearest_word(camera, names);
+  return fmt::format("is not a camera of the rig, which has {}{}", fmt::join(names, ", "),
+                     nearest ? " (did you mean " + *nearest + "?)" : "");
+}
+
+void check_camera_tracking(const ServiceConfig& config, const yaml::YamlReader& yaml) {
+  const CameraTrackingConfig& tracking = config.camera_tracking;
+  if (tracking.camera.empty()) {
+    if (tracking.starts() > 0) yaml.fail("camera", "is not given: name the camera of the rig that moves");
+    return;
+  }
+  if (!config.rig.index_of(tracking.camera))
+    yaml.fail("camera", tracking.camera + " " + not_in_the_rig(tracking.camera, config.rig));
+  if (tracking.starts() != 1 && (tracking.starts() > 1 || tracking.load_map.empty()))
+    yaml.fail("start", fmt::format("exactly one of rectangle, points, board and leds must be given (with load_map none "
+                                   "is needed), and there are {}",
+                                   tracking.starts()));
+  const calib::Camera& camera = config.rig.cameras[std::size_t(*config.rig.index_of(tracking.camera))];
+  for (const auto& [key, rows] : {std::pair{"rectangle", &tracking.rectangle}, {"points", &tracking.points}}) {
+    const auto problem = start_row_problem(*rows, camera);
+    if (!problem) continue;
+    const yaml::YamlReader start = yaml.map("start");
+    const std::string message = fmt::format("row {}: {}", problem->row + 1, problem->message);
+    if (start.is_list(key)) start.fail(key, message);
+    const fs::path file = fs::absolute(config.file.parent_path() / start.string(key)).lexically_normal();
+    throw yaml::ConfigError(file, line_of_row(file, problem->row), message);
+  }
+  for (const auto& row : tracking.led_schedule)
+    if (row[0] != std::floor(row[0])) yaml.map("start").fail("led_schedule", "must hold whole numbers of LEDs, from 0");
+  if (!tracking.leds.empty() && !tracking.save_map.empty())
+    yaml.fail("save_map", "with LEDs there is no map to save; their positions are given: leave it out");
+  if (const auto problems = tracker_options(tracking).problems(); !problems.empty()) yaml.fail("", problems.front());
+  if (const auto problems = config.dds.publisher.problems(); !problems.empty()) yaml.fail("camera", problems.front());
+}
+
+void check_object_tracking(const ServiceConfig& config, const yaml::YamlReader& root) {
+  const object_tracking::Box& volume = config.object_tracking.volume;
+  const yaml::YamlReader tracking = root.map_or_empty("object_tracking");
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    if (!(volume.min[Eigen::Index(axis)] < volume.max[Eigen::Index(axis)]))
+      tracking.fail("volume", fmt::format("min must be less than max on every axis, and on {} it is not", "xyz"[axis]));
+  }
+  if (const auto problems = config.object_tracking.problems(); !problems.empty())
+    root.fail("object_tracking", problems.front());
+  if (!config.targets.empty() && volume_coverage(config.rig, volume).by_one == 0)
+    tracking.fail("volume", "no camera of the rig sees any of it: is the volume in the rig's world frame, in metres?");
+}
+
+void check_ignored(const ServiceConfig& config, const yaml::YamlReader& root) {
+  for (const auto& [camera, boxes] : config.ignored)
+    if (!config.rig.index_of(camera)) root.map("ignore").fail(camera, not_in_the_rig(camera, config.rig));
+}
+
+void check_live_cameras(const ServiceConfig& config, const yaml::YamlReader& root) {
+  const yaml::YamlReader live = config.cameras.empty() ? root : root.map("cameras");
+  for (const auto& camera : config.cameras) {
+    const auto index = config.rig.index_of(camera.name);
+    if (!index) live.fail(camera.name, not_in_the_rig(camera.name, config.rig));
+    const calib::ImageSize calibrated = config.rig.cameras[std::size_t(*index)].image_size;
+    if (camera.size && *camera.size != calibrated)
+      live.map(camera.name)
+          .fail("size",
+                fmt::format("the rig was calibrated at {}x{}: use that size (or the word rig), or calibrate anew",
+                            calibrated.width, calibrated.height));
+    for (const auto& other : config.cameras) {
+      if (&other == &camera) break;
+      if (other.device == camera.device)
+        live.map(camera.name).fail("device", "is the device of " + other.name + " already");
+    }
+  }
+  if (config.quorum && *config.quorum > int(config.cameras.size()))
+    root.fail("quorum", fmt::format("is more than there are in cameras ({})", config.cameras.size()));
+}
+
+void check_targets(const ServiceConfig& config, const yaml::YamlReader& root) {
+  const object_tracking::Box& volume = config.object_tracking.volume;
+  const double smallest_side_m = (volume.max - volume.min).minCoeff();
+  const yaml::YamlReader targets = root.map_or_empty("targets");
+  for (const auto& target : config.targets) {
+    publish::EstimatePublisherOptions topics;  // the name becomes part of theirs
+    topics.targets = {target.name};
+    if (const auto problems = topics.problems(); !problems.empty()) targets.fail(target.name, problems.front());
+    const yaml::YamlReader yaml = targets.map(target.name);
+    if (2 * target.radius_m > smallest_side_m)
+      yaml.fail("radius_m", "a ball of this radius does not fit into object_tracking.volume; the unit is metres");
+    for (const auto& [camera, range] : target.camera_colors) {
+      const yaml::YamlReader colors = yaml.map("camera_colors");
+      if (!config.rig.index_of(camera)) colors.fail(camera, not_in_the_rig(camera, config.rig));
+      if (const auto problems = range.problems(); !problems.empty()) colors.fail(camera, problems.front());
+    }
+    if (const auto problems = target.color.problems(); !problems.empty()) yaml.fail("color", problems.front());
+    if (const auto problems = target.problems(); !problems.empty()) targets.fail(target.name, problems.front());
+  }
+}
+
+// The share of the first hue range that lies in the second, both on the circle.
+bool hues_overlap(const object_tracking::HsiRange& a, const object_tracking::HsiRange& b) {
+  const auto inside = [](double hue, const object_tracking::HsiRange& r) {
+    return r.hue_min_deg <= r.hue_max_deg ? hue >= r.hue_min_deg && hue <= r.hue_max_deg
+                                          : hue >= r.hue_min_deg || hue <= r.hue_max_deg;
+  };
+  return (inside(a.hue_min_deg, b) || inside(b.hue_min_deg, a)) && a.saturation_min <= b.saturation_max &&
+         b.saturation_min <= a.saturation_max && a.intensity_min <= b.intensity_max &&
+         b.intensity_min <= a.intensity_max;
+}
+
+}  // namespace
+
+void check(const ServiceConfig& config, const yaml::YamlReader& root) {
+  check_camera_tracking(config, root.map_or_empty("camera_tracking"));
+  if (config.targets.empty() && config.camera_tracking.camera.empty())
+    root.fail("targets",
+              "at least one target is needed: targets: {ball: {color: {hue_deg: [65, 115]}}}; or a camera to "
+              "track, under camera_tracking");
+  check_object_tracking(config, root);
+  check_ignored(config, root);
+  check_live_cameras(config, root);
+  if (config.record.folder.empty() && (config.record.always || config.record.pre_roll_s > 0))
+    root.map("record").fail("", "a folder is needed to record to, or to save the pre-roll to");
+  check_targets(config, root);
+  if (const auto problems = config.dds.publisher.problems(); !problems.empty())
+    root.map_or_empty("dds").fail("", problems.front());
+}
+
+std::vector<std::string> warnings_of(const ServiceConfig& config) {
+  std::vector<std::string> warnings;
+  for (const auto& camera : config.rig.cameras) {
+    if (!config.cameras.empty() &&
+        std::ranges::find(config.cameras, camera.name, &LiveCameraConfig::name) == config.cameras.end())
+      warnings.push_back("camera " + camera.name + " of the rig is not among the live cameras, and not used by run");
+  }
+  const RecordConfig& record = config.record;
+  if (!record.folder.empty() && !record.always && !(record.pre_roll_s > 0))
+    warnings.push_back("record.folder is given, but nothing will be recorded: set record.always or record.pre_roll_s");
+  if (config.targets.empty()) return warnings;
+  const auto coverage = volume_coverage(config.rig, config.object_tracking.volume);
+  for (std::size_t c = 0; c < config.rig.cameras.size(); ++c) {
+    if (coverage.per_camera[c] == 0)
+      warnings.push_back("camera " + config.rig.cameras[c].name + " sees nothing of the volume");
+  }
+  if (coverage.by_two < 0.5) {
+    warnings.push_back(
+        fmt::format("only {} % of the volume is seen by two or more cameras: a target's depth is not fixed in the rest",
+                    std::lround(100 * coverage.by_two)));
+  }
+  for (std::size_t a = 0; a < config.targets.size(); ++a) {
+    for (std::size_t b = a + 1; b < config.targets.size(); ++b) {
+      for (const auto& camera : config.rig.cameras) {
+        if (!hues_overlap(config.targets[a].color_in(camera.name), config.targets[b].color_in(camera.name))) continue;
+        warnings.push_back("targets " + config.targets[a].name + " and " + config.targets[b].name +
+                           " have overlapping colours in camera " + camera.name + " and may be taken for each other");
+        break;
+      }
+    }
+  }
+  return warnings;
+}
+
+VolumeCoverage volume_coverage(const calib::CameraRig& rig, const object_tracking::Box& volume) {
+  constexpr int steps = 12;  // per axis: 1728 points, fine enough for a share in per cent
+  VolumeCoverage coverage{.per_camera = std::vector<double>(rig.cameras.size(), 0.0)};
+  constexpr double weight = 1.0 / (steps * steps * steps);
+  for (int i = 0; i < steps * steps * steps; ++i) {
+    const Eigen::Array3d cell(i % steps, i / steps % steps, i / (steps * steps));
+    const Eigen::Vector3d p = volume.min.array() + (cell + 0.5) / steps * (volume.max - volume.min).array();
+    int views = 0;
+    for (std::size_t c = 0; c < rig.cameras.size(); ++c) {
+      const auto pixel = rig.cameras[c].project_world(p);
+      if (!pixel || !rig.cameras[c].contains(*pixel)) continue;
+      coverage.per_camera[c] += weight;
+      ++views;
+    }
+    if (views >= 1) coverage.by_one += weight;
+    if (views >= 2) coverage.by_two += weight;
+  }
+  return coverage;
+}
+
+}  // namespace huetrack::config

@@ -1,0 +1,178 @@
+#include "config/taught_file.h"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+#include <functional>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "capture/file_descriptor.h"
+#include "config/service_config.h"
+
+namespace huetrack::config {
+namespace {
+
+namespace fs = std::filesystem;
+using object_tracking::HsiRange;
+
+bool is_below(const yaml::KeyPath& path, const yaml::KeyPath& above) {
+  return path.size() >= above.size() && std::equal(above.begin(), above.end(), path.begin());
+}
+
+// The configuration as the two files have it now, and as it is to be.
+struct Draft {
+  ServiceConfig config;
+  std::vector<yaml::YamlReader::Leaf> written;  // what the configuration says itself
+
+  bool is_written(const yaml::KeyPath& path) const {
+    return std::ranges::any_of(written, [&](const auto& leaf) { return is_below(leaf.path, path); });
+  }
+  bool is_said(const yaml::KeyPath& path) const { return config.taught.given.contains(path) || is_written(path); }
+
+  void give(const yaml::KeyPath& path) {
+    std::erase_if(config.taught.removed, [&](const auto& removed) { return is_below(path, removed); });
+    config.taught.given.insert(path);
+  }
+  void take_away(const yaml::KeyPath& path) {
+    std::erase_if(config.taught.given, [&](const auto& given) { return is_below(given, path); });
+    if (is_written(path)) config.taught.removed.insert(path);
+  }
+};
+
+void set_color(Draft& draft, const object_tracking::TargetOptions& taught) {
+  const auto target = std::ranges::find(draft.config.targets, taught.name, &object_tracking::TargetOptions::name);
+  if (target == draft.config.targets.end())
+    throw std::runtime_error(fmt::format("{} has no target {} any more", draft.config.file.string(), taught.name));
+  const yaml::KeyPath color = {"targets", taught.name, "color"}, cameras = {"targets", taught.name, "camera_colors"};
+  const auto key_of = [](yaml::KeyPath path, const char* key) {
+    path.emplace_back(key);
+    return path;
+  };
+  for (const char* key : {"hue_deg", "saturation", "intensity"}) draft.give(key_of(color, key));
+
+  const auto is_of = [](const std::string& camera) {
+    return [&camera](const auto& entry) { return entry.first == camera; };
+  };
+  for (const auto& [camera, old] : target->camera_colors)
+    if (std::ranges::none_of(taught.camera_colors, is_of(camera))) draft.take_away(key_of(cameras, camera.c_str()));
+  for (const auto& [camera, range] : taught.camera_colors) {
+    // What nobody taught stays where it is said. What is said nowhere was the target's colour, which is another one
+    // now.
+    const auto old = std::ranges::find_if(target->camera_colors, is_of(camera));
+    const bool is_new = old == target->camera_colors.end();
+    const HsiRange was = is_new ? HsiRange{} : old->second;
+    const yaml::KeyPath own = key_of(cameras, camera.c_str());
+    const auto set = [&](const char* key, bool is_same) {
+      if (is_new || !is_same || !draft.is_said(key_of(own, key))) draft.give(key_of(own, key));
+    };
+    set("hue_deg", was.hue_min_deg == range.hue_min_deg && was.hue_max_deg == range.hue_max_deg);
+    set("saturation", was.saturation_min == range.saturation_min && was.saturation_max == range.saturation_max);
+    set("intensity", was.intensity_min == range.intensity_min && was.intensity_max == range.intensity_max);
+  }
+  target->color = taught.color;
+  target->camera_colors = taught.camera_colors;
+}
+
+void set_ignored(Draft& draft, object_tracking::IgnoredRegions ignored) {
+  std::erase_if(ignored, [](const auto& camera) { return camera.second.empty(); });
+  const auto is_in = [](const object_tracking::IgnoredRegions& regions, const std::string& camera) {
+    return std::ranges::find(regions, camera, [](const auto& entry) { return entry.first; }) != regions.end();
+  };
+  for (const auto& [camera, boxes] : draft.config.ignored)
+    if (!is_in(ignored, camera)) draft.take_away({"ignore", camera});
+  for (const auto& [camera, boxes] : ignored)
+    if (std::ranges::find(draft.config.ignored, std::pair(camera, boxes)) == draft.config.ignored.end())
+      draft.give({"ignore", camera});
+  draft.config.ignored = std::move(ignored);
+}
+
+// Everything that a configuration says, whatever the order in which its files name cameras.
+std::string all_of(ServiceConfig config) {
+  for (auto& target : config.targets)
+    std::ranges::sort(target.camera_colors, {}, [](const auto& entry) { return entry.first; });
+  std::ranges::sort(config.ignored, {}, [](const auto& entry) { return entry.first; });
+  return to_yaml(config);
+}
+
+std::runtime_error cannot_write(const fs::path& file) {
+  return std::runtime_error(fmt::format("cannot write {}: {}", file.string(), std::strerror(errno)));
+}
+
+// To the disk, with the rights of `like`. throws before anything has happened to `file`.
+void write_all(const fs::path& fresh, const std::string& text, const fs::path& like, const fs::path& file) {
+  struct stat rights {};
+  if (::stat(like.c_str(), &rights) != 0) throw cannot_write(file);
+  const capture::FileDescriptor to(
+      ::open(fresh.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, rights.st_mode & 07777));
+  if (to.get() < 0) throw cannot_write(file);
+  for (std::size_t written = 0; written < text.size();) {
+    const auto n = ::write(to.get(), text.data() + written, text.size() - written);
+    if (n < 0 && errno == EINTR) continue;
+    if (n <= 0) throw cannot_write(file);
+    written += std::size_t(n);
+  }
+  if (::fchmod(to.get(), rights.st_mode & 07777) != 0) throw cannot_write(file);
+  // Only root may give files away; who may not keeps the file as its own.
+  if (::geteuid() == 0 && ::fchown(to.get(), rights.st_uid, rights.st_gid) != 0) throw cannot_write(file);
+  if (::fsync(to.get()) != 0) throw cannot_write(file);  // before the rename: a power cut must not leave an empty file
+}
+
+void replace(const fs::path& file, const std::string& text, const fs::path& config) {
+  const fs::path fresh = file.parent_path() / fmt::format(".{}-{}", file.filename().string(), ::getpid());
+  try {
+    write_all(fresh, text, fs::exists(file) ? file : config, file);
+    if (::rename(fresh.c_str(), file.c_str()) != 0) throw cannot_write(file);
+  } catch (const std::runtime_error&) {
+    std::error_code not_begun;
+    fs::remove(fresh, not_begun);
+    throw;
+  }
+}
+
+fs::path save(const fs::path& config_file, const std::function<void(Draft&)>& change) {
+  const fs::path file = taught_file(config_file);
+  Draft draft{.config = load_service_config(config_file), .written = yaml::YamlReader::file(config_file).leaves()};
+  change(draft);
+  const std::string name = fs::weakly_canonical(config_file).filename().string();
+  const std::string text = fmt::format(
+      "# What huetrackd was taught. It is read over {0}: what stands here takes the place of what stands there for\n"
+      "# the same key, and null takes the key away. `huetrackd check {0}` shows what comes from here.\n"
+      "# Written by `huetrackd teach` and by the page, every time as a whole: comments of yours would be lost. Delete "
+      "a key\n"
+      "# to have it as {0} says, or delete this file; then reload (SIGHUP).\n"
+      "{1}",
+      name, to_taught_yaml(draft.config));
+  std::string why_not;
+  try {
+    if (all_of(load_service_config(config_file, text)) != all_of(draft.config))
+      why_not = "the new one would not say what was meant";
+  } catch (const yaml::ConfigError& error) {  // more rectangles than may be, for example
+    why_not = error.what();
+  }
+  if (!why_not.empty()) throw std::runtime_error(fmt::format("{} was left as it is ({})", file.string(), why_not));
+  replace(file, text, config_file);
+  return file;
+}
+
+}  // namespace
+
+fs::path save_taught(const fs::path& config, const object_tracking::TargetOptions& target,
+                     const std::optional<object_tracking::IgnoredRegions>& ignored) {
+  return save(config, [&](Draft& draft) {
+    set_color(draft, target);
+    if (ignored) set_ignored(draft, *ignored);
+  });
+}
+
+fs::path save_ignored(const fs::path& config, const object_tracking::IgnoredRegions& ignored) {
+  return save(config, [&](Draft& draft) { set_ignored(draft, ignored); });
+}
+
+}  // namespace huetrack::config

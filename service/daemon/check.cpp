@@ -1,0 +1,51 @@
+#include "daemon/check.h"
+
+#include <spdlog/spdlog.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <iterator>
+
+#include "config/service_config.h"
+#include "publish/estimate_publisher.h"
+#include "tracks/track_csv.h"
+#include "tracks/truth.h"
+
+namespace huetrack::daemon {
+
+void check(const std::filesystem::path& file) {
+  const config::ServiceConfig config = config::load_service_config(file);
+  auto warnings = config::warnings_of(config);
+  if (config.dds.enabled)
+    std::ranges::copy(publish::EstimatePublisher::check(config.dds.publisher), std::back_inserter(warnings));
+  for (const auto& warning : warnings) spdlog::warn("{}: {}", config.file.string(), warning);
+  std::printf("# %s, resolved; identity %s\n%s", config.file.c_str(), config::config_identity(config).c_str(),
+              config::to_yaml_with_origins(config).c_str());
+  if (config.targets.empty()) return;
+  const auto coverage = config::volume_coverage(config.rig, config.object_tracking.volume);
+  std::printf("# of the volume are seen: by two or more cameras %.0f %%, by one or more %.0f %%", 100 * coverage.by_two,
+              100 * coverage.by_one);
+  for (std::size_t c = 0; c < config.rig.cameras.size(); ++c) {
+    std::printf(", by %s %.0f %%", config.rig.cameras[c].name.c_str(), 100 * coverage.per_camera[c]);
+  }
+  std::printf("\n");
+}
+
+void compare(const std::filesystem::path& tracks_file, const std::filesystem::path& truth_file, double clock_offset_s) {
+  tracks::Truth truth = tracks::Truth::read(truth_file);
+  auto tracks = tracks::read_track_csv(tracks_file);
+  std::vector<std::string> targets;
+  for (const auto& [target, _] : tracks) targets.push_back(target);
+  for (const auto& sentence : truth.match(targets)) spdlog::warn("{}: {}", truth_file.string(), sentence);
+  for (auto& [target, track] : tracks) {
+    if (!truth.targets().contains(target)) continue;
+    tracks::TruthComparison comparison(truth, target);
+    for (object_tracking::ObjectEstimate& estimate : track) {
+      estimate.at -= capture::duration_of(clock_offset_s);
+      comparison.add(estimate);
+    }
+    std::printf("%s: %zu samples; %s\n", target.c_str(), track.size(), tracks::to_text(comparison.figures()).c_str());
+  }
+}
+
+}  // namespace huetrack::daemon

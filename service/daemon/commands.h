@@ -1,0 +1,32 @@
+// The sub-commands of huetrackd. Each adds itself to the program; the one that was asked for sets `chosen`.
+//
+// To add one: declare it here, define it in commands.cpp, which alone knows the argument parser besides main(), and
+// list it in main.cpp.
+#pragma once
+
+#include <functional>
+#include <stop_token>
+
+#include "daemon/signals.h"
+
+namespace CLI {
+class App;
+}
+
+namespace huetrack::daemon {
+
+struct Command {
+  // Does the work, and returns the exit status. throws std::exceptions with one readable line.
+  std::function<int(const std::stop_token& stop)> run;
+  Signals::Others on_signal = {};  // what signals besides SIGINT and SIGTERM do
+};
+
+void add_check_command(CLI::App& app, Command& chosen);
+void add_replay_command(CLI::App& app, Command& chosen);
+void add_run_command(CLI::App& app, Command& chosen);
+void add_record_command(CLI::App& app, Command& chosen);
+void add_doctor_command(CLI::App& app, Command& chosen);
+void add_compare_command(CLI::App& app, Command& chosen);
+void add_teach_command(CLI::App& app, Command& chosen);
+
+}  // namespace huetrack::daemon

@@ -1,0 +1,191 @@
+#include "daemon/supervisor.h"
+
+#include <fmt/format.h>
+#include <spdlog/spdlog.h>
+
+#include <algorithm>
+#include <iterator>
+#include <utility>
+
+#include "capture/capture_clock.h"
+#include "daemon/reloader.h"
+#include "daemon/service_manager.h"
+#include "pipeline/without_numbers.h"
+
+namespace huetrack::daemon {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr auto status_period = 1s;
+constexpr capture::Duration least_patience = 3s;  // several heartbeats of a camera, and of the tracking thread
+constexpr capture::Duration told_clock_step = 500ms;
+
+}  // namespace
+
+Supervisor::Supervisor(Supervised supervised)
+    : the_(std::move(supervised)),
+      tracked_camera_(the_.session.camera_tracker() != nullptr ? the_.session.config().camera_tracking.camera : ""),
+      quorum_(std::size_t(the_.session.config().quorum.value_or(int(the_.cameras.size())))),
+      reporter_(the_.session.config(), "run", capture::Duration{0}),
+      watchdog_(watchdog_period()) {}
+
+bool Supervisor::is_receiving() const {
+  return std::ranges::any_of(the_.session.figures().cameras, [](const auto& camera) { return camera.frames > 0; });
+}
+
+void Supervisor::look(bool is_last) {
+  if (the_.requests.reload.exchange(false) && !is_last) reload_configuration();
+  the_.recording.look_after();
+  if (the_.requests.save.exchange(false)) the_.recording.save_pre_roll("signal");
+  const bool has_events = log_events();
+  const Healths cameras = healths();
+  const auto now = Clock::now();
+  const pipeline::PipelineFigures figures = the_.session.figures();
+  std::vector<object_tracking::TrackState> states;
+  for (const auto& target : the_.meter.targets()) states.push_back(target.state);
+  if (is_last || has_events || states != told_states_ || now >= next_status_) {
+    next_status_ = now + status_period;
+    told_states_ = states;
+    tell_status(figures, cameras, states, now, is_last);
+  }
+  if (!is_last) tell_service_manager(figures, cameras, now);
+}
+
+void Supervisor::reload_configuration() {
+  if (watchdog_) notify_service_manager("WATCHDOG=1");  // the new colour tables may take a slow machine seconds
+  const auto since_boot = std::chrono::duration_cast<std::chrono::microseconds>(Clock::now().time_since_epoch());
+  if (is_ready_) notify_service_manager("RELOADING=1\nMONOTONIC_USEC=" + std::to_string(since_boot.count()));
+  reload(the_.session);
+  if (is_ready_) notify_service_manager("READY=1");
+  next_status_ = {};
+}
+
+bool Supervisor::log_events() {
+  bool has_events = false;
+  for (const auto& camera : the_.cameras) {
+    const auto& name = the_.session.rig().cameras[std::size_t(camera.camera)].name;
+    for (const auto& event : camera.take_events()) {
+      spdlog::log(event.is_problem ? spdlog::level::warn : spdlog::level::info, "camera {}: {}", name, event.message);
+      has_events = true;
+    }
+  }
+  return has_events;
+}
+
+Supervisor::Healths Supervisor::healths() const {
+  Healths healths;
+  healths.by_rig.resize(the_.session.rig().cameras.size());
+  for (const auto& camera : the_.cameras) {
+    healths.in_use.push_back(camera.health());
+    healths.by_rig[std::size_t(camera.camera)] = healths.in_use.back();
+  }
+  return healths;
+}
+
+void Supervisor::tell_status(const pipeline::PipelineFigures& figures, const Healths& cameras,
+                             std::span<const object_tracking::TrackState> states, Clock::time_point now, bool is_last) {
+  status_ = reporter_.report(figures, now, std::chrono::system_clock::now(), cameras.by_rig);
+  add_warnings(status_);
+  log_new(status_.warnings, figures.tracked_camera);
+  if (the_.bus != nullptr) the_.bus->publisher().publish_status(status_);
+  if (the_.metrics != nullptr) show_metrics();
+  if (!is_last)
+    notify_service_manager("STATUS=" + status_line(status_, states, tracked_camera_, figures.tracked_camera.state));
+}
+
+void Supervisor::add_warnings(publish::ServiceStatus& status) const {
+  if (the_.bus != nullptr)
+    std::ranges::copy(std::as_const(*the_.bus).publisher().warnings(), std::back_inserter(status.warnings));
+  std::ranges::copy(the_.recording.warnings(), std::back_inserter(status.warnings));
+  for (const auto* file : the_.files)
+    if (const std::string problem = file->problem(); !problem.empty()) status.warnings.push_back(problem);
+  if (const capture::Duration step = capture::wall_clock_step(); std::chrono::abs(step) >= told_clock_step)
+    status.warnings.push_back(
+        fmt::format("the wall clock was set by {:.1f} s since the start, and published times are off by that: restart "
+                    "the service",
+                    capture::seconds(step)));
+}
+
+// Each once, and not again for every further frame that it counts.
+void Supervisor::log_new(const std::vector<std::string>& all, const pipeline::TrackedCameraFigures& camera) {
+  no_pose_log_.tell(tracked_camera_, camera);
+  std::set<std::string> warnings(all.begin(), all.end());
+  warnings.erase(pipeline::no_pose_warning(tracked_camera_, camera));
+  std::set<std::string> told;
+  for (const auto& warning : warnings) {
+    if (!told_warnings_.contains(pipeline::without_numbers(warning))) spdlog::warn("{}", warning);
+    told.insert(pipeline::without_numbers(warning));
+  }
+  told_warnings_ = std::move(told);
+}
+
+void Supervisor::show_metrics() const {
+  const RecordingCounts recording{.is_recording = the_.recording.is_recording(),
+                                  .dropped = the_.recording.figures().dropped};
+  the_.metrics->show(to_prometheus(status_, the_.meter.targets(), the_.meter.latencies(), recording,
+                                   the_.bus != nullptr ? the_.bus->publisher().counters().published : 0));
+}
+
+void Supervisor::tell_service_manager(const pipeline::PipelineFigures& figures, const Healths& cameras,
+                                      Clock::time_point now) {
+  const auto delivering =
+      std::ranges::count(cameras.in_use, capture::CaptureState::delivering, &capture::CameraHealth::state);
+  if (!is_ready_ && std::size_t(delivering) >= quorum_) {
+    is_ready_ = true;
+    notify_service_manager("READY=1");
+    spdlog::info("ready: {} of {} cameras deliver", delivering, the_.cameras.size());
+  }
+  if (watchdog_ && now >= next_watchdog_) {
+    next_watchdog_ = now + *watchdog_ / 4;
+    const capture::Duration patience = std::max<capture::Duration>(least_patience, *watchdog_ / 2);
+    if (is_progressing(cameras.in_use, figures, now, patience)) notify_service_manager("WATCHDOG=1");
+  }
+}
+
+bool is_progressing(std::span<const capture::CameraHealth> cameras, const pipeline::PipelineFigures& figures,
+                    std::chrono::steady_clock::time_point now, capture::Duration patience) {
+  const auto is_recent = [&](std::chrono::steady_clock::time_point at) { return now - at <= patience; };
+  return is_recent(figures.tracking_round) &&
+         std::ranges::all_of(cameras, [&](const auto& camera) { return is_recent(camera.last_progress); });
+}
+
+namespace {
+
+std::string word_of(const publish::CameraStatus& camera) {
+  switch (camera.health) {
+    case publish::CameraStatus::Health::delivering:
+      return fmt::format("{:.1f} Hz", camera.rate_hz);
+    case publish::CameraStatus::Health::waiting:
+      return "waiting";
+    case publish::CameraStatus::Health::stalled:
+      return "stalled";
+    case publish::CameraStatus::Health::absent:
+      return "absent";
+    case publish::CameraStatus::Health::ended:
+      return "ended";
+  }
+  return {};
+}
+
+}  // namespace
+
+std::string status_line(const publish::ServiceStatus& status, std::span<const object_tracking::TrackState> states,
+                        const std::string& tracked_camera, camera_tracking::PoseState camera_state) {
+  std::size_t delivering = 0;
+  std::vector<std::string> cameras, tracked;
+  for (const auto& camera : status.cameras) {
+    if (!camera.is_used) continue;
+    cameras.push_back(camera.name + " " + word_of(camera));
+    if (camera.health == publish::CameraStatus::Health::delivering) ++delivering;
+  }
+  for (std::size_t t = 0; t < states.size(); ++t)
+    tracked.push_back(fmt::format("{} {}", status.targets[t], object_tracking::name(states[t])));
+  if (!tracked_camera.empty())
+    tracked.push_back(fmt::format("{}'s pose {}", tracked_camera, camera_tracking::name(camera_state)));
+  return fmt::format("{} of {} cameras deliver: {}; {:.1f} sets/s{}{}", delivering, cameras.size(),
+                     fmt::join(cameras, ", "), status.set_rate_hz, tracked.empty() ? "" : "; ",
+                     fmt::join(tracked, ", "));
+}
+
+}  // namespace huetrack::daemon

@@ -1,0 +1,98 @@
+// Watches over a session on live cameras, and tells the log, the bus, the metrics and the service manager how it goes.
+#pragma once
+
+#include <atomic>
+#include <chrono>
+#include <optional>
+#include <set>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "daemon/metrics.h"
+#include "daemon/road_meter.h"
+#include "daemon/status_reporter.h"
+#include "pipeline/bus.h"
+#include "pipeline/file_outputs.h"
+#include "pipeline/live_cameras.h"
+#include "pipeline/recording_keeper.h"
+#include "pipeline/session.h"
+
+namespace huetrack::daemon {
+
+// What is asked of a running service from outside. thread-safe: signals set them, the service clears them.
+struct LiveRequests {
+  std::atomic<bool> reload = false;  // SIGHUP
+  std::atomic<bool> save = false;    // SIGUSR1: the pre-roll
+};
+
+// All of it outlives the supervisor.
+struct Supervised {
+  pipeline::Session& session;
+  std::span<const pipeline::LiveCamera> cameras;
+  LiveRequests& requests;
+  const RoadMeter& meter;
+  pipeline::RecordingKeeper& recording;
+  std::vector<const pipeline::FileOutput*> files;
+  pipeline::Bus* bus = nullptr;      // null: nothing is published
+  MetricsServer* metrics = nullptr;  // null: no endpoint
+};
+
+// thread-compatible. It is an output of the session for a reload only, which it asks for itself.
+class Supervisor final : public pipeline::Output {
+ public:
+  explicit Supervisor(Supervised supervised);
+
+  // Every few tens of milliseconds, and once more when the road is empty.
+  void look_after() { look(false); }
+  void look_a_last_time() { look(true); }
+
+  bool is_receiving() const;                                             // some camera has delivered
+  const publish::ServiceStatus& last_status() const { return status_; }  // what was told last
+
+  void on_config(const config::ServiceConfig& config) override { reporter_.take_over(config); }
+
+ private:
+  using Clock = std::chrono::steady_clock;
+  struct Healths {
+    std::vector<capture::CameraHealth> in_use;
+    std::vector<std::optional<capture::CameraHealth>> by_rig;
+  };
+
+  void look(bool is_last);
+  void reload_configuration();
+  bool log_events();  // whether there were any
+  Healths healths() const;
+  void tell_status(const pipeline::PipelineFigures& figures, const Healths& cameras,
+                   std::span<const object_tracking::TrackState> states, Clock::time_point now, bool is_last);
+  void add_warnings(publish::ServiceStatus& status) const;
+  void log_new(const std::vector<std::string>& warnings, const pipeline::TrackedCameraFigures& camera);
+  void show_metrics() const;
+  void tell_service_manager(const pipeline::PipelineFigures& figures, const Healths& cameras, Clock::time_point now);
+
+  const Supervised the_;
+  const std::string tracked_camera_;  // its name; empty: none
+  const std::size_t quorum_;
+  StatusReporter reporter_;
+  publish::ServiceStatus status_;
+  std::vector<object_tracking::TrackState> told_states_;
+  std::set<std::string> told_warnings_;
+  pipeline::NoPoseLog no_pose_log_;
+  Clock::time_point next_status_{}, next_watchdog_{};
+  const std::optional<std::chrono::microseconds> watchdog_;
+  bool is_ready_ = false;
+};
+
+// ---- What it decides by, pure
+
+// Whether frames, or deliberate waiting for them, go on everywhere: no thread has been away for longer than `patience`.
+bool is_progressing(std::span<const capture::CameraHealth> cameras, const pipeline::PipelineFigures& figures,
+                    std::chrono::steady_clock::time_point now, capture::Duration patience);
+
+// For `systemctl status`: "2 of 3 cameras deliver: left 30.0, right 29.9 Hz, back absent; 29.9 sets/s; ball tracking".
+// states: per target. tracked_camera: its name, empty for none; then "cam0's pose lost" comes last.
+std::string status_line(const publish::ServiceStatus& status, std::span<const object_tracking::TrackState> states,
+                        const std::string& tracked_camera = {},
+                        camera_tracking::PoseState camera_state = camera_tracking::PoseState::searching);
+
+}  // namespace huetrack::daemon

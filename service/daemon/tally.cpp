@@ -1,0 +1,55 @@
+#include "daemon/tally.h"
+
+#include <algorithm>
+
+namespace huetrack::daemon {
+
+using Clock = std::chrono::steady_clock;
+
+Tally::Tally(const config::ServiceConfig& config, const tracks::Truth* truth) {
+  for (const auto& target : config.targets) {
+    Target& added = targets_.emplace_back();
+    added.summary.name = target.name;
+    if (truth != nullptr && truth->targets().contains(target.name)) added.comparison.emplace(*truth, target.name);
+  }
+  if (!config.camera_tracking.camera.empty()) camera_.emplace().name = config.camera_tracking.camera;
+}
+
+void Tally::Target::add(const object_tracking::ObjectEstimate& estimate, std::uint64_t set) {
+  if (!first_at) first_at = estimate.at;
+  ++summary.sets[estimate.state];
+  if (estimate.state == object_tracking::TrackState::tracking && !summary.first_tracking_set) {
+    summary.first_tracking_set = set;
+    summary.first_tracking_s = capture::seconds(estimate.at - *first_at);
+  }
+  if (comparison) comparison->add(estimate);
+}
+
+void Tally::on_set(const pipeline::TrackedSet& set) {
+  ++sets_;
+  last_at_ = set.frames.at;
+  for (std::size_t t = 0; t < set.estimates.size(); ++t) targets_[t].add(set.estimates[t], sets_);
+  sets_until_ = Clock::now();
+}
+
+void Tally::on_camera_pose(const pipeline::TrackedFrame& frame) {
+  ++camera_->frames[frame.estimate.state];
+  if (frame.estimate.has_pose() && !camera_->first_pose_frame) camera_->first_pose_frame = frame.estimate.frame_number;
+  no_pose_log_.tell(camera_->name, frame.camera);
+  camera_until_ = Clock::now();
+}
+
+std::vector<TargetSummary> Tally::targets() const {
+  std::vector<TargetSummary> summaries;
+  for (const auto& target : targets_) {
+    TargetSummary& summary = summaries.emplace_back(target.summary);
+    if (target.comparison) summary.truth = target.comparison->figures();
+  }
+  return summaries;
+}
+
+Clock::time_point Tally::last_out() const {
+  return std::max(sets_until_, camera_until_);
+}
+
+}  // namespace huetrack::daemon

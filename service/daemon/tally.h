@@ -1,0 +1,62 @@
+// The output that counts what a replay's summary says of the targets and of the tracked camera.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "pipeline/output.h"
+#include "tracks/truth.h"
+
+namespace huetrack::daemon {
+
+struct TargetSummary {
+  std::string name;
+  std::map<object_tracking::TrackState, std::uint64_t> sets;  // per state
+  std::optional<std::uint64_t> first_tracking_set;            // 1 = the first
+  double first_tracking_s = 0;                                // capture time from the first set to that one
+  std::optional<tracks::TruthFigures> truth;
+  std::string advice;  // when it was never tracked: what to try
+};
+
+struct CameraSummary {
+  std::string name;
+  std::map<camera_tracking::PoseState, std::uint64_t> frames;  // per state
+  std::optional<std::uint64_t> first_pose_frame;               // from 0
+};
+
+// The getters: when the road is empty.
+class Tally final : public pipeline::Output {
+ public:
+  // truth: null for none; outlives this
+  Tally(const config::ServiceConfig& config, const tracks::Truth* truth);
+
+  void on_set(const pipeline::TrackedSet& set) override;
+  void on_camera_pose(const pipeline::TrackedFrame& frame) override;
+
+  std::vector<TargetSummary> targets() const;
+  const std::optional<CameraSummary>& camera() const { return camera_; }         // nullopt: none is tracked
+  const std::optional<capture::Timestamp>& last_at() const { return last_at_; }  // capture time of the last set
+  std::chrono::steady_clock::time_point last_out() const;  // when the last estimate came; begin() if none
+  void begin(std::chrono::steady_clock::time_point at) { sets_until_ = camera_until_ = at; }
+
+ private:
+  struct Target {
+    TargetSummary summary;
+    std::optional<tracks::TruthComparison> comparison;
+    std::optional<capture::Timestamp> first_at = {};
+    void add(const object_tracking::ObjectEstimate& estimate, std::uint64_t set);
+  };
+  std::vector<Target> targets_;  // this and what follows to sets_until_: the tracking thread's
+  std::uint64_t sets_ = 0;
+  std::optional<capture::Timestamp> last_at_;
+  std::chrono::steady_clock::time_point sets_until_;
+  std::optional<CameraSummary> camera_;  // this and all that follows: the camera thread's
+  pipeline::NoPoseLog no_pose_log_;
+  std::chrono::steady_clock::time_point camera_until_;
+};
+
+}  // namespace huetrack::daemon

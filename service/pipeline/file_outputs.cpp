@@ -1,0 +1,62 @@
+#include "pipeline/file_outputs.h"
+
+#include <stdexcept>
+#include <system_error>
+
+namespace huetrack::pipeline {
+namespace {
+
+const std::filesystem::path& with_tracked_camera(const std::filesystem::path& file,
+                                                 const config::ServiceConfig& config) {
+  if (config.camera_tracking.camera.empty())
+    throw std::runtime_error("--poses needs a camera to track: give camera_tracking in " + config.file.string());
+  return file;
+}
+
+}  // namespace
+
+std::string FileOutput::problem() const {
+  const std::scoped_lock lock(mutex_);
+  return problem_;
+}
+
+template <typename Write>
+void FileOutput::attempt(Write&& write) {
+  if (has_failed_) return;
+  try {
+    write();
+  } catch (const std::system_error& error) {
+    if (when_ == WhenFileFails::stop) throw;
+    has_failed_ = true;
+    const std::scoped_lock lock(mutex_);
+    problem_ = std::string(error.what()) + ": the " + content_ + " are written no further";
+  }
+}
+
+TrackFile::TrackFile(const std::filesystem::path& file, const config::ServiceConfig& config, WhenFileFails when)
+    : FileOutput("tracks", when), writer_(file) {
+  for (const auto& target : config.targets) targets_.push_back(target.name);
+}
+
+void TrackFile::on_set(const TrackedSet& set) {
+  attempt([&] {
+    for (std::size_t t = 0; t < set.estimates.size(); ++t) writer_.write(targets_[t], set.estimates[t]);
+  });
+}
+
+void TrackFile::flush() {
+  attempt([&] { writer_.flush(); });
+}
+
+PoseFile::PoseFile(const std::filesystem::path& file, const config::ServiceConfig& config, WhenFileFails when)
+    : FileOutput("poses", when), writer_(with_tracked_camera(file, config)) {}
+
+void PoseFile::on_camera_pose(const TrackedFrame& frame) {
+  attempt([&] { writer_.write(frame.estimate); });
+}
+
+void PoseFile::flush() {
+  attempt([&] { writer_.flush(); });
+}
+
+}  // namespace huetrack::pipeline

@@ -1,0 +1,63 @@
+// The outputs that are text files: the tracks of the targets as CSV, the poses of the tracked camera as TUM text.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <mutex>
+#include <string>
+#include <vector>
+
+#include "pipeline/output.h"
+#include "tracks/pose_file.h"
+#include "tracks/track_csv.h"
+
+namespace huetrack::pipeline {
+
+// What a disk that takes no more of a file does to the rest.
+enum class WhenFileFails : std::uint8_t {
+  stop,   // the run ends with the error: a replay is there for its files
+  go_on,  // the file ends, and problem() says so: what happens live happens once
+};
+
+class FileOutput : public Output {
+ public:
+  // Why the file is written no further, one line; empty: it is. Any thread.
+  std::string problem() const;
+
+ protected:
+  FileOutput(std::string content, WhenFileFails when) : content_(std::move(content)), when_(when) {}
+  template <typename Write>
+  void attempt(Write&& write);  // the road's thread, and flush()
+
+ private:
+  const std::string content_;  // "tracks"
+  const WhenFileFails when_;
+  bool has_failed_ = false;
+  mutable std::mutex mutex_;
+  std::string problem_;  // guarded by mutex_
+};
+
+class TrackFile final : public FileOutput {
+ public:
+  // throws std::system_error, naming the file
+  TrackFile(const std::filesystem::path& file, const config::ServiceConfig& config, WhenFileFails when);
+  void on_set(const TrackedSet& set) override;
+  void flush() override;
+
+ private:
+  std::vector<std::string> targets_;
+  tracks::TrackCsvWriter writer_;
+};
+
+class PoseFile final : public FileOutput {
+ public:
+  // throws std::system_error, naming the file; std::runtime_error: the configuration tracks no camera
+  PoseFile(const std::filesystem::path& file, const config::ServiceConfig& config, WhenFileFails when);
+  void on_camera_pose(const TrackedFrame& frame) override;
+  void flush() override;
+
+ private:
+  tracks::PoseFileWriter writer_;
+};
+
+}  // namespace huetrack::pipeline

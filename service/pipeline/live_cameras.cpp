@@ -1,0 +1,135 @@
+#include "pipeline/live_cameras.h"
+
+#include <algorithm>
+#include <future>
+#include <map>
+#include <system_error>
+#include <utility>
+
+namespace huetrack::pipeline {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr auto opening_patience = 3s;  // with a camera that does not answer; it is waited for later
+
+std::optional<SessionCamera::Pixels> pixels_of(const capture::StreamFormat& stream) {
+  switch (stream.format) {
+    case capture::CaptureFormat::yuyv:
+      return {{capture::PixelFormat::yuyv, stream.range}};
+    case capture::CaptureFormat::nv12:
+      return {{capture::PixelFormat::nv12, stream.range}};
+    case capture::CaptureFormat::mjpeg:  // or i420, which has the same colour table
+      return {{capture::PixelFormat::i422, capture::ColorRange::full}};
+    case capture::CaptureFormat::grey:
+      break;
+  }
+  return {{capture::PixelFormat::grey, stream.range}};
+}
+
+SessionCamera known_of(int camera, double asked_fps, const capture::CameraHealth& health) {
+  SessionCamera known{.camera = camera};
+  const double fps = health.stream && health.stream->fps > 0 ? health.stream->fps : asked_fps;
+  if (fps > 0) known.period = capture::duration_of(1 / fps);
+  if (health.stream) known.pixels = pixels_of(*health.stream);
+  return known;
+}
+
+}  // namespace
+
+std::optional<std::string> one_under_two_names(std::span<const config::LiveCameraConfig> cameras) {
+  std::map<std::filesystem::path, const config::LiveCameraConfig*> nodes;
+  for (const auto& camera : cameras) {
+    std::error_code error;
+    const auto node = std::filesystem::canonical(camera.device, error);
+    if (error) continue;
+    const auto [first, is_new] = nodes.emplace(node, &camera);
+    if (is_new) continue;
+    const config::LiveCameraConfig& other = *first->second;
+    return other.name + " and " + camera.name + " are one camera: " + other.device.string() + " and " +
+           camera.device.string() + " are both " + node.string();
+  }
+  return std::nullopt;
+}
+
+std::vector<LiveCamera> open_cameras(const config::ServiceConfig& config, const std::stop_token& stop) {
+  if (const auto both = one_under_two_names(config.cameras))
+    throw capture::CaptureError(std::make_error_code(std::errc::invalid_argument),
+                                config.file.string() + ": cameras: " + *both + ": give each its own device");
+  std::vector<capture::V4l2SourceOptions> asked;
+  std::vector<std::future<std::unique_ptr<capture::V4l2Source>>> opening;
+  for (const auto& camera : config.cameras) {
+    const int index = config.rig.index_of(camera.name).value();
+    const calib::ImageSize size = config.rig.cameras[std::size_t(index)].image_size;
+    capture::V4l2SourceOptions options;
+    options.camera = index;
+    options.name = camera.name;
+    options.device = camera.device;
+    options.format = camera.format;
+    options.width = size.width;
+    options.height = size.height;
+    options.fps = camera.fps.value_or(0);
+    options.controls = camera.controls;
+    options.restore_controls = camera.restore_controls;
+    options.latency = capture::duration_of(camera.latency_offset_s);
+    options.first_patience = opening_patience;
+    asked.push_back(options);
+    opening.push_back(std::async(std::launch::async, [options = std::move(options), stop] {
+      return std::make_unique<capture::V4l2Source>(options, stop);
+    }));
+  }
+  // One that cannot do what is asked, or another model in its port, does not keep the others from running: it is
+  // absent. When there is no other, it is the configuration that is wrong.
+  std::vector<std::pair<int, std::unique_ptr<capture::V4l2Source>>> sources;
+  std::vector<std::size_t> wrong;
+  std::exception_ptr first_wrong;
+  for (std::size_t c = 0; c < opening.size(); ++c) {
+    try {
+      sources.emplace_back(asked[c].camera, opening[c].get());
+    } catch (const capture::CaptureError& error) {
+      if (error.code() != std::errc::invalid_argument) throw;
+      if (!first_wrong) first_wrong = std::current_exception();
+      sources.emplace_back(asked[c].camera, nullptr);
+      wrong.push_back(c);
+    }
+  }
+  if (wrong.size() == asked.size() && first_wrong) std::rethrow_exception(first_wrong);
+  for (const std::size_t c : wrong) {
+    asked[c].may_be_wrong = true;
+    sources[c].second = std::make_unique<capture::V4l2Source>(asked[c], stop);
+  }
+  std::vector<LiveCamera> cameras;
+  for (auto& [index, source] : sources) {
+    const capture::V4l2Source* said_by = source.get();
+    capture::V4l2Source* told_by = source.get();
+    cameras.push_back({.camera = index,
+                       .source = std::move(source),
+                       .health = [said_by] { return said_by->health(); },
+                       .take_events = [told_by] { return told_by->take_events(); }});
+  }
+  return cameras;
+}
+
+SessionSources sources_of(const config::ServiceConfig& config, std::vector<LiveCamera>& cameras) {
+  struct Asked {
+    int camera;
+    double fps;  // 0: the driver's choice
+    std::function<capture::CameraHealth()> health;
+  };
+  SessionSources sources;
+  std::vector<Asked> asked;
+  for (auto& camera : cameras) {
+    const auto& name = config.rig.cameras[std::size_t(camera.camera)].name;
+    const auto options = std::ranges::find(config.cameras, name, &config::LiveCameraConfig::name);
+    asked.push_back({camera.camera, options == config.cameras.end() ? 0 : options->fps.value_or(0), camera.health});
+    sources.sources.push_back(std::move(camera.source));
+  }
+  sources.cameras = [asked = std::move(asked)] {
+    std::vector<SessionCamera> known;
+    for (const Asked& camera : asked) known.push_back(known_of(camera.camera, camera.fps, camera.health()));
+    return known;
+  };
+  return sources;
+}
+
+}  // namespace huetrack::pipeline

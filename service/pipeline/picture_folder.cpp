@@ -1,0 +1,42 @@
+#include "pipeline/picture_folder.h"
+
+namespace huetrack::pipeline {
+
+PictureFolder::PictureFolder(const config::ServiceConfig& config, const std::filesystem::path& folder)
+    : config_(config), tracks_(config.targets.size()) {
+  if (!config.targets.empty()) sets_.emplace(config, folder);
+  if (!config.camera_tracking.camera.empty()) camera_.emplace(config, folder);
+}
+
+void PictureFolder::on_set(const TrackedSet& set) {
+  for (std::size_t t = 0; t < set.estimates.size(); ++t) {
+    tracks_[t].push_back(set.estimates[t]);
+    tracks_[t].back().per_view.clear();
+  }
+}
+
+void PictureFolder::on_camera_pose(const TrackedFrame& frame) {
+  way_.push_back(frame.estimate);
+}
+
+void PictureFolder::on_picture(const pictures::PictureJob& job) {
+  sets_->write(job);
+}
+
+void PictureFolder::on_camera_picture(const pictures::CameraPictureJob& job) {
+  camera_->write(job);
+}
+
+void PictureFolder::finish(const std::string& name, const tracks::Truth* truth,
+                           const camera_tracking::CameraTracker* tracker) {
+  if (sets_) {
+    sets_->write("track_3d.png", pictures::draw_track_3d(config_, "Track in 3-D: " + name, tracks_, truth));
+    written_ += sets_->written() + 1;
+  }
+  if (camera_ && tracker != nullptr) {
+    camera_->finish("The way of " + config_.camera_tracking.camera + ": " + name, way_, tracker->map());
+    written_ += camera_->written();
+  }
+}
+
+}  // namespace huetrack::pipeline

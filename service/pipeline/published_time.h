@@ -1,0 +1,29 @@
+// How capture time becomes published time.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+
+#include "capture/frame.h"
+
+namespace huetrack::pipeline {
+
+// Live, both are UNIX time. A replay adds an offset to the recording's clock. begin() once, before the first frame; the
+// rest: any thread.
+class PublishedTime {
+ public:
+  // held_ns: is added, and may grow while no frame is let through; nullptr: nothing is held.
+  void begin(capture::Duration offset, const std::atomic<std::int64_t>* held_ns = nullptr) {
+    offset_ = offset;
+    held_ns_ = held_ns;
+  }
+  // Published capture time minus the source's clock.
+  capture::Duration offset() const { return offset_ + capture::Duration(held_ns_ != nullptr ? held_ns_->load() : 0); }
+  capture::Timestamp of(capture::Timestamp captured) const { return captured + offset(); }
+
+ private:
+  capture::Duration offset_{0};
+  const std::atomic<std::int64_t>* held_ns_ = nullptr;
+};
+
+}  // namespace huetrack::pipeline

@@ -1,0 +1,178 @@
+#include "pipeline/recording_keeper.h"
+
+#include <fmt/chrono.h>
+#include <fmt/format.h>
+#include <spdlog/spdlog.h>
+
+#include <chrono>
+
+#include "calib/model/rig_yaml.h"
+
+namespace huetrack::pipeline {
+
+namespace {
+
+std::vector<std::string> names_of(const calib::CameraRig& rig) {
+  std::vector<std::string> names;
+  for (const auto& camera : rig.cameras) names.push_back(camera.name);
+  return names;
+}
+
+}  // namespace
+
+RecordingKeeper::RecordingKeeper(const config::ServiceConfig& config, const RecordingKeeperOptions& options)
+    : record_(config.record),
+      cameras_(names_of(config.rig)),
+      states_(config.targets.size(), object_tracking::TrackState::searching) {
+  const bool has_pre_roll = record_.pre_roll_s > 0 && !record_.always && options.record_to.empty();
+  if (!record_.always && !has_pre_roll && options.record_to.empty()) return;
+  make_recorder(config, options, has_pre_roll);
+  if (has_pre_roll) return;
+  if (!options.record_to.empty()) {
+    start(options.record_to, options.is_tracking);
+    return;
+  }
+  try {
+    start(new_folder(""), options.is_tracking);
+  } catch (const std::exception& error) {  // of the disk, whatever it is: that ends no tracking, nor keeps it from it
+    problem_ = std::string("nothing is recorded: ") + error.what();
+  }
+}
+
+void RecordingKeeper::make_recorder(const config::ServiceConfig& config, const RecordingKeeperOptions& options,
+                                    bool has_pre_roll) {
+  RecorderOptions recorder;
+  recorder.recording.cameras = cameras_;
+  recorder.recording.rig_yaml = calib::to_yaml(config.rig);
+  recorder.recording.config_yaml = config::to_portable_yaml(config);
+  recorder.recording.files = config::files_beside(config);
+  recorder.recording.raw_storage = record_.raw_storage;
+  recorder.queue_frames = std::size_t(record_.queue_frames);
+  if (has_pre_roll) {
+    // The recorder shares it out over all cameras of the rig, of which some may not be used.
+    const double share = double(cameras_.size()) / double(options.cameras_in_use);
+    recorder.pre_roll = capture::PreRollOptions{.length = capture::duration_of(record_.pre_roll_s),
+                                                .most_bytes = std::size_t(share * double(record_.pre_roll_mb) * 1e6)};
+  }
+  recorder_.emplace(std::move(recorder));
+}
+
+void RecordingKeeper::start(const std::filesystem::path& folder, bool is_tracking) {
+  recorder_->start(folder);
+  folder_ = folder;
+  if (is_tracking) changes_.emplace(folder);
+  spdlog::info("recording to {}", folder.string());
+}
+
+std::filesystem::path RecordingKeeper::new_folder(const std::string& why) const {
+  const std::string name = fmt::format("{:%Y%m%dT%H%M%SZ}{}", fmt::gmtime(std::chrono::system_clock::now()), why);
+  auto folder = record_.folder / name;
+  for (int i = 2; std::filesystem::exists(folder); ++i) folder = record_.folder / fmt::format("{}-{}", name, i);
+  return folder;
+}
+
+void RecordingKeeper::on_frame(const capture::Frame& frame, capture::Timestamp /*received_at*/) {
+  if (recorder_) recorder_->offer(frame);
+}
+
+void RecordingKeeper::on_left_out(const LeftOut& left_out) {
+  if (!changes_) return;
+  const std::scoped_lock lock(mutex_);
+  if (left_out.is_of_camera) {
+    camera_left_out_.push_back(left_out.at);
+  } else {
+    happened_.push_back({left_out.at, {}});
+  }
+}
+
+void RecordingKeeper::on_set(const TrackedSet& set) {
+  for (std::size_t t = 0; t < set.estimates.size(); ++t) {
+    const auto before = std::exchange(states_[t], set.estimates[t].state);
+    if (states_[t] == object_tracking::TrackState::lost && before != states_[t]) has_lost_ = true;
+  }
+  if (!changes_ || set.reloaded.empty()) return;
+  const std::scoped_lock lock(mutex_);
+  for (const auto& config : set.reloaded) happened_.push_back({set.frames.at, config});
+}
+
+void RecordingKeeper::on_config(const config::ServiceConfig& config) {
+  if (recorder_) recorder_->take_over(config::to_portable_yaml(config));
+}
+
+void RecordingKeeper::look_after() {
+  if (!recorder_) return;
+  recorder_->end_when_due();
+  if (has_lost_.exchange(false) && record_.on_lost) save_pre_roll("lost");
+  write_changes();
+}
+
+// Away from the road, which only notes them.
+void RecordingKeeper::write_changes() {
+  if (!changes_) return;
+  std::vector<Happening> happened;
+  std::vector<capture::Timestamp> camera_left_out;
+  {
+    const std::scoped_lock lock(mutex_);
+    happened.swap(happened_);
+    camera_left_out.swap(camera_left_out_);
+  }
+  for (const capture::Timestamp at : camera_left_out) changes_->camera_left_out(at);
+  for (const auto& [at, config] : happened) config.empty() ? changes_->left_out(at) : changes_->reloaded(at, config);
+}
+
+void RecordingKeeper::save_pre_roll(const std::string& why) {
+  if (!recorder_) {
+    spdlog::warn("there is no pre-roll to save: give record.folder and record.pre_roll_s");
+    return;
+  }
+  try {
+    const auto folder = new_folder("-" + why);
+    if (recorder_->save_pre_roll(folder, capture::duration_of(record_.after_s))) {
+      folder_ = folder;
+      problem_.clear();
+      spdlog::info("saving the pre-roll to {}", folder.string());
+    } else if (why == "signal") {
+      spdlog::info("it is all in the recording that is being made: {}", folder_.string());
+    }
+  } catch (const std::exception& error) {  // a full or read-only disk ends no tracking; told with the status, once
+    problem_ = std::string("the pre-roll was not saved: ") + error.what();
+  }
+}
+
+void RecordingKeeper::finish(capture::Duration patience) {
+  if (!recorder_) return;
+  recorder_->finish(patience);
+  write_changes();
+}
+
+std::vector<std::string> RecordingKeeper::warnings() const {
+  std::vector<std::string> warnings;
+  if (!recorder_) return warnings;
+  if (!problem_.empty()) warnings.push_back(problem_);
+  std::error_code ignored;
+  if (recorder_->is_recording() && !std::filesystem::exists(folder_, ignored))
+    warnings.push_back(folder_.string() + " is gone: nothing of the recording is kept; restart to record again");
+  const RecorderFigures figures = recorder_->figures();
+  if (figures.failure) warnings.push_back(*figures.failure);
+  if (figures.pre_roll_that_fits)
+    warnings.push_back(fmt::format("only the last {:.1f} s of the pre-roll's {:.1f} s fit into record.pre_roll_mb",
+                                   capture::seconds(*figures.pre_roll_that_fits), record_.pre_roll_s));
+  if (changes_ && !changes_->failure().empty()) warnings.push_back(changes_->failure());
+  std::vector<std::string> dropped;
+  for (std::size_t c = 0; c < figures.dropped.size(); ++c)
+    if (figures.dropped[c] > 0) dropped.push_back(fmt::format("{} {}", cameras_[c], figures.dropped[c]));
+  if (!dropped.empty())
+    warnings.push_back(
+        fmt::format("the disk is too slow for the recording, frames are missing in it: {}", fmt::join(dropped, ", ")));
+  return warnings;
+}
+
+bool RecordingKeeper::is_recording() const {
+  return recorder_ && recorder_->is_recording() && !recorder_->figures().failure;
+}
+
+RecorderFigures RecordingKeeper::figures() const {
+  return recorder_ ? recorder_->figures() : RecorderFigures{};
+}
+
+}  // namespace huetrack::pipeline

@@ -1,0 +1,151 @@
+#include "pipeline/session.h"
+
+#include <algorithm>
+#include <array>
+#include <exception>
+#include <stdexcept>
+#include <string_view>
+#include <utility>
+
+#include "calib/yaml/yaml_reader.h"
+#include "camera_tracking/methods/make_camera_tracker.h"
+
+namespace huetrack::pipeline {
+namespace {
+
+// What a reload may change, by the configuration's first level.
+constexpr std::array<std::string_view, 5> reloadable{"targets", "object_tracking", "log_level", "ignore", "control"};
+
+bool has_same_targets(const config::ServiceConfig& a, const config::ServiceConfig& b) {
+  return std::ranges::equal(a.targets, b.targets, {}, &object_tracking::TargetOptions::name,
+                            &object_tracking::TargetOptions::name);
+}
+
+// What a reload may change, from `fresh`; the rest stays.
+config::ServiceConfig merged(config::ServiceConfig config, const config::ServiceConfig& fresh) {
+  config.targets = fresh.targets;
+  config.object_tracking = fresh.object_tracking;
+  config.log_level = fresh.log_level;
+  config.ignored = fresh.ignored;
+  config.control = fresh.control;
+  return config;
+}
+
+// Known once and for all, as a track depends on it.
+config::ServiceConfig with_tolerance(config::ServiceConfig config, const std::vector<SessionCamera>& cameras) {
+  std::vector<capture::Duration> periods;
+  for (const auto& camera : cameras) periods.push_back(camera.period);
+  if (!config.set_tolerance_s) config.set_tolerance_s = capture::seconds(capture::suggested_tolerance(periods));
+  return config;
+}
+
+}  // namespace
+
+Session::Session(config::ServiceConfig config, SessionSources sources, SessionOptions options)
+    : cameras_(std::move(sources.cameras)),
+      is_tracking_(options.is_tracking),
+      tolerance_is_given_(config.set_tolerance_s.has_value()),
+      save_map_(config.camera_tracking.save_map),
+      config_(with_tolerance(std::move(config), cameras_())),
+      rig_(config_.rig),
+      pipeline_(rig_, std::move(sources.sources), trackers(), pipeline_options(options, sources.is_ascending)) {
+  repeat(options.repeats.reloads);
+  if (!is_tracking_ || config_.camera_tracking.camera.empty()) return;
+  const int camera = rig_.index_of(config_.camera_tracking.camera).value();
+  pipeline_.track_camera(camera, camera_methods::make_camera_tracker(rig_.cameras[std::size_t(camera)],
+                                                                     config::tracker_options(config_.camera_tracking)));
+}
+
+object_tracking::ObjectTracker Session::tracker_of(const config::ServiceConfig& config, std::size_t target) const {
+  object_tracking::ObjectTracker tracker(rig_, config.targets[target], config.object_tracking);
+  // The tracking thread would need some 50 ms for each colour table.
+  for (const auto& camera : cameras_())
+    if (camera.pixels) tracker.expect(camera.camera, camera.pixels->format, camera.pixels->range);
+  return tracker;
+}
+
+std::vector<object_tracking::ObjectTracker> Session::trackers() const {
+  std::vector<object_tracking::ObjectTracker> all;
+  for (std::size_t t = 0; is_tracking_ && t < config_.targets.size(); ++t) all.push_back(tracker_of(config_, t));
+  return all;
+}
+
+PipelineOptions Session::pipeline_options(const SessionOptions& options, bool is_ascending) const {
+  PipelineOptions road;
+  road.frame_sets.camera_count = int(rig_.cameras.size());
+  road.frame_sets.cameras_in_use = int(cameras_().size());
+  road.frame_sets.tolerance = capture::duration_of(*config_.set_tolerance_s);
+  road.frame_sets.ascending_input = is_ascending;
+  road.when_full = options.when_full;
+  road.threads = options.threads.value_or(config_.threads);
+  road.left_out = options.repeats.left_out;
+  road.camera_left_out = options.repeats.camera_left_out;
+  road.pictures_every = options.pictures_every;
+  return road;
+}
+
+void Session::add(Output& output) {
+  outputs_.push_back(&output);
+  pipeline_.add(output);
+}
+
+void Session::run(std::stop_token stop) {
+  std::exception_ptr error;
+  const auto attempt = [&error](auto&& step) {
+    try {
+      step();
+    } catch (...) {  // not swallowed: the first one is thrown again below
+      if (!error) error = std::current_exception();
+    }
+  };
+  attempt([&] { pipeline_.run(std::move(stop)); });
+  for (Output* output : outputs_) attempt([&] { output->flush(); });
+  if (error) std::rethrow_exception(error);
+  if (const auto* tracker = camera_tracker(); tracker != nullptr && !save_map_.empty())
+    save_map(*tracker, pipeline_.tracked_camera(), save_map_);
+}
+
+Pipeline::Replacement Session::replacement(const config::ServiceConfig& before,
+                                           const config::ServiceConfig& after) const {
+  Pipeline::Replacement replacement;
+  for (const auto t : config::targets_that_differ(before, after))
+    replacement.trackers.emplace_back(t, tracker_of(after, t));
+  return replacement;
+}
+
+void Session::repeat(const std::vector<RecordedReload>& reloads) {
+  config::ServiceConfig before = config_;
+  for (const auto& reload : reloads) {
+    const config::ServiceConfig fresh = config::load_service_config(reload.config);
+    if (!has_same_targets(fresh, before))
+      throw yaml::ConfigError(reload.config, 0, "has other targets than the recording's huetrackd.yaml");
+    config::ServiceConfig after = merged(before, fresh);
+    Pipeline::Replacement next = replacement(before, after);
+    next.from = reload.at;
+    pipeline_.replace_trackers(std::move(next));
+    before = std::move(after);
+  }
+}
+
+Session::TakenOver Session::take_over(const config::ServiceConfig& fresh) {
+  if (!has_same_targets(fresh, config_))
+    throw std::runtime_error("targets were added, removed, renamed or reordered: that needs a restart");
+  TakenOver result;
+  config::ServiceConfig compared = fresh;
+  if (!compared.set_tolerance_s && !tolerance_is_given_) compared.set_tolerance_s = config_.set_tolerance_s;
+  for (const auto& key : config::differing_keys(config_, compared))
+    if (std::ranges::find(reloadable, key) == reloadable.end()) result.waiting.push_back(key);
+
+  config::ServiceConfig after = merged(config_, fresh);
+  Pipeline::Replacement next = replacement(config_, after);
+  for (const auto& [target, _] : next.trackers) result.searched_anew.push_back(after.targets[target].name);
+  config_ = std::move(after);
+  for (Output* output : outputs_) output->on_config(config_);
+  if (!next.trackers.empty()) {
+    next.config = config::to_portable_yaml(config_);
+    pipeline_.replace_trackers(std::move(next));
+  }
+  return result;
+}
+
+}  // namespace huetrack::pipeline

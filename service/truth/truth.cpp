@@ -1,0 +1,87 @@
+#include "truth/truth.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <limits>
+#include <ranges>
+#include <utility>
+
+#include "calib/yaml/csv_table.h"
+
+namespace huetrack::truth {
+namespace {
+
+constexpr std::chrono::nanoseconds longest_gap = std::chrono::milliseconds(100);
+
+double seconds(std::chrono::nanoseconds d) {
+  return std::chrono::duration<double>(d).count();
+}
+
+}  // namespace
+
+Truth Truth::read(const std::filesystem::path& file) {
+  static constexpr std::string_view columns[] = {"ball", "t", "x", "y", "z"};
+  yaml::CsvTable table(file, columns);
+  Truth truth;
+  while (table.next()) {
+    auto& samples = truth.targets_[std::string(table.text(0))];
+    const Sample sample{table.time(1), {table.number(2), table.number(3), table.number(4)}};
+    if (!samples.empty() && sample.at <= samples.back().at) table.fail("t must grow from row to row of one target");
+    if (!sample.position.allFinite()) table.fail("x, y and z must be finite");
+    samples.push_back(sample);
+  }
+  return truth;
+}
+
+std::vector<std::string> Truth::match(std::span<const std::string> targets) {
+  if (targets.size() == 1 && targets_.size() == 1 && !targets_.contains(targets.front())) {
+    auto only = targets_.extract(targets_.begin());
+    const std::string ball = std::exchange(only.key(), targets.front());
+    targets_.insert(std::move(only));
+    return {"the truth is of a ball named " + ball + ", the only one, and is compared with the only target, " +
+            targets.front()};
+  }
+  const std::string balls = targets_.empty() ? "none" : fmt::format("{}", fmt::join(targets_ | std::views::keys, ", "));
+  std::vector<std::string> sentences;
+  for (const auto& target : targets) {
+    if (targets_.contains(target)) continue;
+    sentences.push_back("the truth has no ball named " + target + ", which is not compared: it has " + balls);
+  }
+  return sentences;
+}
+
+void Truth::shift(std::chrono::nanoseconds ahead) {
+  for (auto& [_, samples] : targets_)
+    for (Sample& sample : samples) sample.at += ahead;
+}
+
+std::optional<Eigen::Vector3d> Truth::position(std::string_view target, Timestamp at) const {
+  const auto it = targets_.find(target);
+  if (it == targets_.end()) return std::nullopt;
+  const auto& samples = it->second;
+  // Times may be rounded in the file: half a millisecond past either end is still that end.
+  constexpr std::chrono::nanoseconds rounding = std::chrono::microseconds(500);
+  const auto after = std::ranges::lower_bound(samples, at, {}, &Sample::at);
+  if (after == samples.end())
+    return at - samples.back().at <= rounding ? std::optional(samples.back().position) : std::nullopt;
+  if (after == samples.begin()) return after->at - at <= rounding ? std::optional(after->position) : std::nullopt;
+  const auto before = std::prev(after);
+  if (after->at - before->at > longest_gap) {
+    if (after->at - at <= rounding) return after->position;
+    if (at - before->at <= rounding) return before->position;
+    return std::nullopt;
+  }
+  const double share = seconds(at - before->at) / seconds(after->at - before->at);
+  return before->position + share * (after->position - before->position);
+}
+
+double nees(const Eigen::Vector3d& error_m, const Eigen::Matrix3d& covariance) {
+  const Eigen::LLT<Eigen::Matrix3d> cholesky(covariance);
+  if (!covariance.allFinite() || cholesky.info() != Eigen::Success) return std::numeric_limits<double>::infinity();
+  return error_m.dot(cholesky.solve(error_m));
+}
+
+}  // namespace huetrack::truth

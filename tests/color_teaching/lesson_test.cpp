@@ -1,0 +1,69 @@
+#include "color_teaching/lesson.h"
+
+#include <gmock/gmock.h>
+
+#include "benchmark/tracking_figures.h"
+
+namespace huetrack::color_teaching {
+namespace {
+
+using namespace testing;
+
+TEST(Lesson, FromOneClickToTheTargetsColour) {
+  if (!figures::have("rendered/two_cams")) GTEST_SKIP() << "no recording in " << figures::shared_data();
+  const figures::Sequence s = figures::load_sequence(figures::shared_data() / "rendered/two_cams");
+  const object_tracking::Box volume = figures::rendered_options(object_tracking::Observation::huetrack, 1).volume;
+  const ColorTeacher teacher(s.rig, s.sets[0]);
+  const auto row = s.row("lime", s.sets[0].at);
+  TeachRequestOptions request;
+  request.points = {{0, s.rig.cameras[0].project_world(row->position)->px}};
+  object_tracking::TargetOptions lime = figures::lime_ball(), same = lime;
+  same.name = "same";
+  lime.color = {.hue_min_deg = 200, .hue_max_deg = 220};
+
+  // The other view is suggested, and the way it stands is not confirmed.
+  const Lesson one = learn(teacher, request, {lime, same}, lime, volume);
+  EXPECT_THAT(one.unconfirmed, ElementsAre(s.rig.cameras[1].name));
+  EXPECT_THAT(one.namesakes, ElementsAre("same"));
+  EXPECT_EQ(one.why_useless, "");
+  EXPECT_EQ(one.target.name, lime.name);
+  EXPECT_EQ(one.target.color, one.taught.views[0].color);
+  EXPECT_THAT(one.target.camera_colors, IsEmpty());
+  EXPECT_FALSE(one.is_faint);
+
+  // With suggestions accepted it is as if both had been pointed at.
+  request.accepts_suggestions = true;
+  const Lesson accepted = learn(teacher, request, {lime}, lime, volume);
+  TeachRequestOptions both;
+  both.points = {request.points[0], {1, one.taught.views[1].region->centre}};
+  const Lesson pointed = learn(teacher, both, {lime}, lime, volume);
+  EXPECT_THAT(accepted.unconfirmed, IsEmpty());
+  EXPECT_THAT(accepted.namesakes, IsEmpty());
+  EXPECT_EQ(accepted.taught.radius_m, pointed.taught.radius_m);
+  EXPECT_EQ(accepted.target.color, pointed.target.color);
+  EXPECT_EQ(accepted.target.camera_colors, pointed.target.camera_colors);
+  EXPECT_EQ(accepted.target.camera_colors.size(), 2u);
+
+  // The size is held to the target's, and narrow ranges to the object.
+  lime.radius_m = 0.02;
+  both.wider = -20;
+  const Lesson narrow = learn(teacher, both, {lime}, lime, volume);
+  EXPECT_THAT(narrow.radius_hint, HasSubstr("but radius_m says 20 mm"));
+  EXPECT_TRUE(narrow.is_faint);
+
+  // Where there is nothing coloured nothing is learnt, and the target stays what it is.
+  const Lesson nothing = learn(teacher, {.points = {{0, {0, 0}}}}, {lime, same}, lime, volume);
+  EXPECT_EQ(nothing.why_useless, "nothing was learnt");
+  EXPECT_EQ(nothing.target.color, lime.color);
+}
+
+TEST(Lesson, RectanglesAreAddedPerCamera) {
+  object_tracking::IgnoredRegions regions;
+  add_ignored(regions, "a", {1, 2, 3, 4});
+  add_ignored(regions, "b", {5, 6, 7, 8});
+  add_ignored(regions, "a", {0, 0, 9, 9});
+  EXPECT_EQ(regions, (object_tracking::IgnoredRegions{{"a", {{1, 2, 3, 4}, {0, 0, 9, 9}}}, {"b", {{5, 6, 7, 8}}}}));
+}
+
+}  // namespace
+}  // namespace huetrack::color_teaching

@@ -1,0 +1,348 @@
+#include "config/taught_file.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/fsuid.h>
+#include <sys/resource.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <csignal>
+#include <fstream>
+#include <sstream>
+
+#include "calib/yaml/yaml_reader.h"
+#include "config/service_config.h"
+
+namespace huetrack::config {
+namespace {
+
+using namespace testing;
+namespace fs = std::filesystem;
+using object_tracking::HsiRange;
+using object_tracking::IgnoredRegions;
+using object_tracking::TargetOptions;
+
+class TaughtFile : public Test {
+ protected:
+  TaughtFile() {
+    fs::remove_all(folder);
+    fs::create_directories(folder);
+    fs::copy(fs::path(HUETRACK_SOURCE_DIR) / "configs/demo/recording/rig.yaml", folder / "rig.yaml");
+  }
+  ~TaughtFile() override { fs::remove_all(folder); }
+  ServiceConfig with(const std::string& yaml) {
+    std::ofstream(file) << yaml;
+    return load_service_config(file);
+  }
+  static std::string text(const fs::path& of) {
+    std::ostringstream out;
+    out << std::ifstream(of).rdbuf();
+    return out.str();
+  }
+  // The taught file from `version` on.
+  std::string said() const { return text(taught).substr(text(taught).find("version:")); }
+  // The message without the folder's name.
+  std::string error(const std::string& yaml, const std::string& taught_yaml) {
+    std::ofstream(taught) << taught_yaml;
+    try {
+      with(yaml);
+    } catch (const yaml::ConfigError& e) {
+      std::string message = e.what();
+      for (std::size_t at; (at = message.find(folder.string() + "/")) != std::string::npos;)
+        message.erase(at, folder.string().size() + 1);
+      return message;
+    }
+    return "no error";
+  }
+  std::ptrdiff_t files() const { return std::distance(fs::directory_iterator(folder), {}); }
+
+  const fs::path folder = fs::weakly_canonical(TempDir()) /
+                          (std::string("taught_file_") + UnitTest::GetInstance()->current_test_info()->name());
+  const fs::path file = folder / "lab.yaml", taught = folder / "lab.taught.yaml";
+};
+
+const std::string head = "version: 1\nrig: rig.yaml\n";
+// Every form that a person may write it in: block and flow, comments, quotes, an anchor, Windows' line ends.
+const std::string by_hand =
+    head +
+    "# mine\n\ntargets:\n  # the green one\n  ball: &b          # on the stick\n    radius_m: 0.03   "
+    "# measured\n    color:\n      saturation: [0.3, 1]\n      # by hand:\n      hue_deg: [65, "
+    "115]   # was 60\n    camera_colors:\n      cam0: {hue_deg: [3, 4]}\r\n  'other': {\"color\": "
+    "{hue_deg: [200,\n 220]}}\nthreads: 2 # two\nignore: {cam0: [1, 2, 3, 4]}\n# the end";
+
+TEST_F(TaughtFile, LiesBesideTheConfiguration) {
+  EXPECT_EQ(taught_file("/etc/huetrack/huetrackd.yaml"), "/etc/huetrack/huetrackd.taught.yaml");
+  EXPECT_EQ(taught_file("/nowhere/a.b.yml"), "/nowhere/a.b.taught.yml");
+  EXPECT_EQ(taught_file("/nowhere/plain"), "/nowhere/plain.taught");
+  EXPECT_EQ(taught_file(file), taught);
+}
+
+TEST_F(TaughtFile, TheUsersOwnTextIsNotTouched) {
+  const ServiceConfig config = with(by_hand);
+  TargetOptions target = config.targets[0];
+  target.color = {.hue_min_deg = 350, .hue_max_deg = 10, .saturation_min = 0.25};
+  target.camera_colors = {{"cam1", {.hue_min_deg = 340, .hue_max_deg = 5}}};
+  EXPECT_EQ(save_taught(file, target, IgnoredRegions{{"cam1", {{1, 2, 30, 40}}}}), taught);
+  EXPECT_EQ(text(file), by_hand);
+  EXPECT_EQ(load_service_config(file).targets[0].color, target.color);
+}
+
+TEST_F(TaughtFile, HoldsColoursAndRectanglesAndIsReadOverTheConfiguration) {
+  const ServiceConfig config = with(by_hand);
+  ::chmod(file.c_str(), 0640);
+  TargetOptions target = config.targets[0];
+  target.color = {.hue_min_deg = 350, .hue_max_deg = 10, .saturation_min = 0.25};
+  target.camera_colors = {{"cam1", {.hue_min_deg = 340, .hue_max_deg = 5}}};
+  const IgnoredRegions ignored = {{"cam1", {{1, 2, 30, 40}, {5, 6, 7, 8}}}};
+  save_taught(file, target, ignored);
+  EXPECT_THAT(text(taught), StartsWith("# What huetrackd was taught. It is read over lab.yaml: "));
+  EXPECT_EQ(said(),
+            "version: 1\ntargets:\n  ball:\n    color:\n      hue_deg: [350, 10]\n      saturation: [0.25, 1]\n"
+            "      intensity: [0.1, 0.95]\n    camera_colors:\n      cam1:\n        hue_deg: [340, 5]\n"
+            "        saturation: [0.3, 1]\n        intensity: [0.1, 0.95]\n      cam0: null\n"
+            "ignore:\n  cam1: [1, 2, 30, 40, 5, 6, 7, 8]\n  cam0: null\n");
+  const ServiceConfig after = load_service_config(file);
+  EXPECT_EQ(after.targets[0].color, target.color);
+  EXPECT_EQ(after.targets[0].camera_colors, target.camera_colors);
+  EXPECT_EQ(after.targets[0].radius_m, 0.03);  // the configuration's
+  EXPECT_EQ(after.targets[1].color, config.targets[1].color);
+  EXPECT_EQ(after.ignored, ignored);
+  EXPECT_EQ(after.targets[1].ignored, ignored);
+  EXPECT_EQ(after.threads, 2);
+  EXPECT_NE(config_identity(after), config_identity(config));
+  EXPECT_THAT(differing_keys(config, after), ElementsAre("targets", "ignore"));
+  struct stat rights {};
+  ::stat(taught.c_str(), &rights);
+  EXPECT_EQ(rights.st_mode & 0777, 0640u);  // the configuration's
+  EXPECT_EQ(files(), 3);                    // nothing is left beside them
+
+  // Its own rights from then on.
+  ::chmod(taught.c_str(), 0604);
+  save_ignored(file, {});
+  EXPECT_THAT(load_service_config(file).ignored, IsEmpty());
+  EXPECT_EQ(load_service_config(file).targets[0].color, target.color);
+  ::stat(taught.c_str(), &rights);
+  EXPECT_EQ(rights.st_mode & 0777, 0604u);
+
+  // Whoever deletes it has the configuration alone again.
+  fs::remove(taught);
+  EXPECT_EQ(config_identity(load_service_config(file)), config_identity(config));
+}
+
+TEST_F(TaughtFile, ASecondTeachOfATargetReplacesTheFirst) {
+  const std::string yaml = head + "targets:\n  a: {color: {hue_deg: [1, 2]}}\n  b: {color: {hue_deg: [200, 220]}}\n";
+  TargetOptions a = with(yaml).targets[0], b = with(yaml).targets[1];
+  a.color.hue_min_deg = 350;
+  a.camera_colors = {{"cam0", {.hue_min_deg = 340, .hue_max_deg = 5}},
+                     {"cam1", {.hue_min_deg = 350, .hue_max_deg = 2}}};
+  save_taught(file, a, {});
+  b.color.hue_max_deg = 230;
+  save_taught(file, b, {});  // what the other target was taught stays
+  EXPECT_EQ(load_service_config(file).targets[0].camera_colors, a.camera_colors);
+
+  a.color = {.hue_min_deg = 10, .hue_max_deg = 20};
+  a.camera_colors.clear();
+  save_taught(file, a, {});
+  const ServiceConfig after = load_service_config(file);
+  EXPECT_EQ(after.targets[0].color, a.color);
+  EXPECT_THAT(after.targets[0].camera_colors, IsEmpty());
+  EXPECT_EQ(after.targets[1].color, b.color);
+  EXPECT_THAT(said(),
+              Not(HasSubstr("camera_colors")));  // nothing has to be taken away that the configuration never said
+
+  save_ignored(file, {{"cam0", {{1, 2, 3, 4}}}});
+  save_ignored(file, {{"cam1", {{5, 6, 7, 8}}}});
+  EXPECT_EQ(load_service_config(file).ignored, (IgnoredRegions{{"cam1", {{5, 6, 7, 8}}}}));
+  EXPECT_EQ(load_service_config(file).targets[0].color, a.color);
+}
+
+TEST_F(TaughtFile, CamerasThatWereNotTaughtStayTheConfigurations) {
+  const ServiceConfig config = with(head +
+                                    "targets:\n  ball:\n    color: {hue_deg: [1, 2], saturation: [0.4, 1]}\n"
+                                    "    camera_colors:\n      cam1: {hue_deg: [3, 4]}  # by hand\n");
+  TargetOptions target = config.targets[0];
+  const HsiRange by_hand_in_cam1 = target.color_in("cam1");
+  target.color = {.hue_min_deg = 7, .hue_max_deg = 8, .saturation_min = 0.5};
+  save_taught(file, target, {});
+  // Its hue is said there, and may be changed there. The rest was the target's, which is another one now.
+  EXPECT_EQ(load_service_config(file).targets[0].color_in("cam1"), by_hand_in_cam1);
+  EXPECT_THAT(said(), HasSubstr("    camera_colors:\n      cam1:\n        saturation: [0.4, 1]\n"));
+  EXPECT_THAT(said(), Not(HasSubstr("hue_deg: [3, 4]")));
+  with(head + "targets: {ball: {color: {hue_deg: [1, 2]}, camera_colors: {cam1: {hue_deg: [5, 6]}}}}\n");
+  EXPECT_EQ(load_service_config(file).targets[0].color_in("cam1").hue_min_deg, 5);
+  EXPECT_EQ(load_service_config(file).targets[0].color_in("cam1").saturation_min, 0.4);
+
+  // Of a camera whose colour was taken away, and is taught again, nothing old comes back.
+  target.camera_colors.clear();
+  save_taught(file, target, {});
+  EXPECT_THAT(load_service_config(file).targets[0].camera_colors, IsEmpty());
+  target.camera_colors = {{"cam1", HsiRange{.hue_min_deg = 5, .hue_max_deg = 6}}};
+  save_taught(file, target, {});
+  EXPECT_EQ(load_service_config(file).targets[0].camera_colors, target.camera_colors);
+
+  // The same of one that says nothing but its name.
+  with(head + "targets: {ball: {color: {hue_deg: [1, 2]}, camera_colors: {cam0: {}, cam1: {}}}}\n");
+  target.camera_colors.clear();
+  save_taught(file, target, {});
+  EXPECT_THAT(load_service_config(file).targets[0].camera_colors, IsEmpty());
+}
+
+TEST_F(TaughtFile, CheckSaysWhatComesFromIt) {
+  const ServiceConfig config =
+      with(head + "targets:\n  ball: {color: {hue_deg: [1, 2]}, camera_colors: {cam0: {hue_deg: [3, 4]}}}\n");
+  EXPECT_EQ(to_yaml_with_origins(config), to_yaml(config));
+  TargetOptions target = config.targets[0];
+  target.color.hue_min_deg = 0.5;
+  target.camera_colors.clear();
+  save_taught(file, target, {});
+  const ServiceConfig after = load_service_config(file);
+  const std::string printed = to_yaml_with_origins(after);
+  EXPECT_THAT(printed, HasSubstr("      hue_deg: [0.5, 2]                     # from lab.taught.yaml; [from, to]; "));
+  EXPECT_THAT(printed, HasSubstr("    camera_colors: {} "));
+  EXPECT_THAT(printed, HasSubstr("\n      # without cam0: from lab.taught.yaml\n"));
+  EXPECT_THAT(printed, HasSubstr("    radius_m: 0.04                          # of the ball"));  // the default
+  // The values are the same, and load back by themselves; where they come from is no part of them.
+  EXPECT_EQ(to_yaml(after).find("lab.taught"), std::string::npos);
+  fs::create_directory(folder / "elsewhere");
+  std::ofstream(folder / "elsewhere/lab.yaml") << printed;
+  EXPECT_EQ(config_identity(load_service_config(folder / "elsewhere/lab.yaml")), config_identity(after));
+  // A recording holds the values in force.
+  fs::copy(folder / "rig.yaml", folder / "elsewhere/rig.yaml");
+  std::ofstream(folder / "elsewhere/lab.yaml") << to_portable_yaml(after);
+  EXPECT_EQ(config_identity(load_service_config(folder / "elsewhere/lab.yaml")), config_identity(after));
+  EXPECT_THAT(load_service_config(folder / "elsewhere/lab.yaml").taught.given, IsEmpty());
+}
+
+// Any key may stand in it, as in the configuration: a later program may write others, and a person may.
+TEST_F(TaughtFile, AnyKeyMayStandInIt) {
+  std::ofstream(taught)
+      << "version: 1\ntargets: {ball: {radius_m: 0.05}}\ncameras: {cam0: {controls: {gain: 9, hue: null}}}\n"
+         "threads: 3\nrecord: {folder: out}\nlog_level: null\ndds: {}\nmetrics: null\n";
+  const ServiceConfig config = with(head +
+                                    "targets: {ball: {radius_m: 0.04, color: {hue_deg: [1, 2]}}}\nlog_level: debug\n"
+                                    "cameras: {cam0: {device: 0, controls: {exposure: 5, gain: 1, hue: 2}}}\n");
+  EXPECT_EQ(config.targets[0].radius_m, 0.05);
+  EXPECT_EQ(config.targets[0].color.hue_max_deg, 2);
+  ASSERT_EQ(config.cameras[0].controls.size(), 2u);
+  EXPECT_EQ(config.cameras[0].controls[0].name, "exposure");
+  EXPECT_EQ(config.cameras[0].controls[1].value, capture::ControlValue(std::int64_t{9}));
+  EXPECT_EQ(config.threads, 3);
+  EXPECT_EQ(config.record.folder, folder / "out");
+  EXPECT_EQ(config.log_level, LogLevel::info);
+  // All of it stays when something is taught.
+  TargetOptions target = config.targets[0];
+  target.color.hue_max_deg = 20;
+  save_taught(file, target, {});
+  const ServiceConfig after = load_service_config(file);
+  EXPECT_EQ(after.targets[0].color.hue_max_deg, 20);
+  EXPECT_THAT(differing_keys(config, after), ElementsAre("targets"));
+  EXPECT_THAT(said(), AllOf(HasSubstr("threads: 3\n"), HasSubstr("log_level: null\n"), HasSubstr("hue: null\n"),
+                            HasSubstr("dds: {}\n"), HasSubstr("metrics: null\n")));
+}
+
+TEST_F(TaughtFile, MistakesInItAreNamedWithFileAndLine) {
+  const std::string yaml = head + "targets:\n  ball: {color: {hue_deg: [1, 2]}}\n";
+  const std::string v = "version: 1\n";
+  EXPECT_EQ(error(yaml, v), "no error");
+  EXPECT_EQ(error(yaml, v + "thraeds: 2\n"), "lab.taught.yaml:2: thraeds is not a known key (did you mean threads?)");
+  EXPECT_EQ(error(yaml, v + "thraeds: null\n"),
+            "lab.taught.yaml:2: thraeds is not a known key (did you mean threads?)");
+  EXPECT_EQ(error(yaml, v + "targets:\n  ball:\n    colour: {hue_deg: [1, 2]}\n"),
+            "lab.taught.yaml:4: targets.ball.colour is not a known key (did you mean color?)");
+  EXPECT_EQ(error(yaml, v + "targets:\n  ball:\n    color:\n      hue_deg: [1,\n        370]\n"),
+            "lab.taught.yaml:6: targets.ball.color.hue_deg[1] must be from 0 to 360 (is 370)");
+  EXPECT_EQ(error(yaml, v + "targets: {ball: {color: {saturation: [0.9, 0.3]}}}\n"),
+            "lab.yaml:4: targets.ball.color: saturation must be a range min <= max within 0..1 (lab.taught.yaml:2 is "
+            "read over it)");
+  EXPECT_EQ(error(yaml, v + "ignore: {cma0: [1, 2, 3, 4]}\n"),
+            "lab.taught.yaml:2: ignore.cma0: is not a camera of the rig, which has cam0, cam1 (did you mean cam0?)");
+  EXPECT_EQ(error(yaml, "threads: 2\n"), "lab.taught.yaml:1: version is missing");
+  EXPECT_EQ(error(yaml, "version: 2\n"), "lab.taught.yaml:1: version must be from 1 to 1 (is 2)");
+  EXPECT_EQ(error(yaml, ""), "lab.taught.yaml: is empty");
+  // A target that is gone or renamed.
+  EXPECT_EQ(error(yaml, v + "targets:\n  bal:\n    color: {hue_deg: [3, 4]}\n"),
+            "lab.taught.yaml:3: targets.bal: lab.yaml has no such target (did you mean ball?): rename it here too, or "
+            "take it out of this file");
+  // A mistake in the configuration is not hidden by what is read over it.
+  EXPECT_EQ(error(yaml + "threads: many\n", v + "threads: 2\n"),
+            "lab.yaml:5: threads must be a whole number, got \"many\"");
+}
+
+TEST_F(TaughtFile, FollowsALinkToTheConfiguration) {
+  const ServiceConfig config = with(head + "targets:\n  ball:\n    color: {hue_deg: [1, 2]}\n");
+  fs::create_directory(folder / "links");
+  fs::copy(folder / "rig.yaml", folder / "links/rig.yaml");
+  const fs::path link = folder / "links/link.yaml";
+  fs::create_symlink(file, link);
+  TargetOptions target = config.targets[0];
+  target.color.hue_max_deg = 77;
+  EXPECT_EQ(save_taught(link, target, {}), taught);
+  EXPECT_TRUE(fs::is_symlink(link));
+  EXPECT_EQ(load_service_config(file).targets[0].color.hue_max_deg, 77);
+  EXPECT_EQ(load_service_config(link).targets[0].color.hue_max_deg, 77);
+  EXPECT_EQ(std::distance(fs::directory_iterator(folder / "links"), {}), 2);
+}
+
+TEST_F(TaughtFile, WhatCannotBeSaidIsNotWritten) {
+  const ServiceConfig config = with(head + "targets:\n  ball:\n    color: {hue_deg: [1, 2]}\n");
+  save_ignored(file, {{"cam0", {{1, 2, 3, 4}}}});
+  const std::string before = text(taught);
+  const std::vector<object_tracking::PixelBox> too_many(101, {1, 2, 3, 4});
+  EXPECT_THAT(
+      [&] {
+        save_ignored(file, {{"cam0", too_many}});
+      },
+      ThrowsMessage<std::runtime_error>(AllOf(StartsWith(taught.string() + " was left as it is ("),
+                                              HasSubstr("must be a list of 4 to 400 numbers"))));
+  TargetOptions gone = config.targets[0];
+  gone.name = "gone";
+  EXPECT_THAT([&] { save_taught(file, gone, {}); },
+              ThrowsMessage<std::runtime_error>(HasSubstr("lab.yaml has no target gone any more")));
+  std::ofstream(file) << "version: 1\nrig: rig.yaml\ntargets: &t\n";  // somebody is writing it just now
+  EXPECT_THAT([&] { save_ignored(file, {}); },
+              ThrowsMessage<std::runtime_error>(HasSubstr("lab.yaml:3: targets must")));
+  EXPECT_EQ(text(taught), before);
+}
+
+TEST_F(TaughtFile, AFullDiskLeavesTheOldFile) {
+  const ServiceConfig config = with(head + "targets:\n  ball:\n    color: {hue_deg: [1, 2]}\n");
+  save_ignored(file, {{"cam0", {{1, 2, 3, 4}}}});
+  const std::string before = text(taught);
+  // A limit of file sizes stands for the full disk: some is written, then nothing.
+  rlimit old{};
+  ::getrlimit(RLIMIT_FSIZE, &old);
+  const auto old_signal = std::signal(SIGXFSZ, SIG_IGN);
+  const rlimit small{.rlim_cur = 50, .rlim_max = old.rlim_max};
+  ::setrlimit(RLIMIT_FSIZE, &small);
+  std::string message;
+  try {
+    save_ignored(file, {});
+  } catch (const std::runtime_error& error) {
+    message = error.what();
+  }
+  ::setrlimit(RLIMIT_FSIZE, &old);
+  std::signal(SIGXFSZ, old_signal);
+  EXPECT_EQ(message, "cannot write " + taught.string() + ": File too large");
+  EXPECT_EQ(text(taught), before);
+  EXPECT_EQ(files(), 3);  // and nothing half written beside it
+}
+
+TEST_F(TaughtFile, AReadOnlyFolderIsOneReadableLine) {
+  with(head + "targets:\n  ball:\n    color: {hue_deg: [1, 2]}\n");
+  ::chmod(folder.c_str(), 0555);
+  const int root = ::setfsuid(::geteuid() == 0 ? 65534 : ::geteuid());  // to root every folder can be written
+  std::string message;
+  try {
+    save_ignored(file, {{"cam0", {{1, 2, 3, 4}}}});
+  } catch (const std::runtime_error& error) {
+    message = error.what();
+  }
+  ::setfsuid(uid_t(root));
+  ::chmod(folder.c_str(), 0755);
+  EXPECT_EQ(message, "cannot write " + taught.string() + ": Permission denied");
+  EXPECT_EQ(files(), 2);
+}
+
+}  // namespace
+}  // namespace huetrack::config

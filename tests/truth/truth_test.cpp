@@ -1,0 +1,124 @@
+#include "truth/truth.h"
+
+#include <fmt/format.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <random>
+
+#include "calib/yaml/yaml_reader.h"
+
+namespace huetrack::truth {
+namespace {
+
+namespace fs = std::filesystem;
+using namespace std::chrono_literals;
+using testing::HasSubstr;
+
+class TruthFile : public testing::Test {
+ protected:
+  TruthFile()
+      : file_(fs::path(testing::TempDir()) /
+              ("truth_" + std::string(testing::UnitTest::GetInstance()->current_test_info()->name()) + ".csv")) {}
+  ~TruthFile() override { fs::remove(file_); }
+  Truth truth(const std::string& text) const {
+    std::ofstream(file_) << text;
+    return Truth::read(file_);
+  }
+  fs::path file_;
+};
+
+// A ball that goes along x at 1 m/s, 10 samples a second.
+const std::string along_x = [] {
+  std::string text = "frame,t,ball,x,y,z,more\n";
+  for (int i = 0; i <= 20; ++i) {
+    text += fmt::format("{},{:.6f},ball,{:.6f},2,3,1\n", i, 0.1 * i, 0.1 * i);
+  }
+  return text;
+}();
+
+TEST_F(TruthFile, TheOnlyBallIsTheOnlyTargetWhateverItsName) {
+  Truth t = truth(along_x);
+  const std::vector<std::string> lime{"lime"};
+  EXPECT_THAT(t.match(lime), testing::ElementsAre(testing::AllOf(HasSubstr("ball named ball"), HasSubstr("lime"))));
+  EXPECT_TRUE(t.position("lime", Timestamp(100ms)).has_value());
+  EXPECT_THAT(t.match(lime), testing::IsEmpty());
+}
+
+TEST_F(TruthFile, SaysWhichBallsItHasForTargetsThatItHasNot) {
+  Truth t = truth(along_x + "0,0,red,0,0,0,1\n");
+  const std::vector<std::string> lime{"lime"}, both{"ball", "lime"};
+  const std::string sentence = "the truth has no ball named lime, which is not compared: it has ball, red";
+  EXPECT_THAT(t.match(lime), testing::ElementsAre(sentence));
+  EXPECT_THAT(t.match(both), testing::ElementsAre(sentence));
+  EXPECT_FALSE(t.position("lime", Timestamp(100ms)).has_value());
+}
+
+TEST_F(TruthFile, IsLinearBetweenItsSamplesAndNotBeyond) {
+  const Truth t = truth(along_x);
+  EXPECT_THAT(*t.position("ball", Timestamp(100ms)), testing::Eq(Eigen::Vector3d(0.1, 2, 3)));
+  EXPECT_NEAR((*t.position("ball", Timestamp(123ms)) - Eigen::Vector3d(0.123, 2, 3)).norm(), 0, 1e-12);
+  EXPECT_TRUE(t.position("ball", Timestamp(2000400us)).has_value());  // rounding of a time in a file
+  EXPECT_FALSE(t.position("ball", Timestamp(2010ms)).has_value());
+  EXPECT_FALSE(t.position("ball", Timestamp(-10ms)).has_value());
+  EXPECT_FALSE(t.position("cube", Timestamp(100ms)).has_value());
+}
+
+TEST_F(TruthFile, IsNotInventedInsideAGap) {
+  const Truth t = truth("ball,t,x,y,z\nb,0,0,0,0\nb,1,1,0,0\n");
+  EXPECT_FALSE(t.position("b", Timestamp(500ms)).has_value());
+  EXPECT_EQ(t.position("b", Timestamp(1s)), Eigen::Vector3d(1, 0, 0));
+}
+
+TEST_F(TruthFile, MistakesAreNamedWithTheLine) {
+  const auto error = [&](const std::string& text) -> std::string {
+    try {
+      truth(text);
+    } catch (const yaml::ConfigError& e) {
+      return e.what();
+    }
+    return "no error";
+  };
+  EXPECT_EQ(error("t,x,y,z\n"), file_.string() + ":1: the header has no column ball");
+  EXPECT_EQ(error("ball,t,x,y,z\nb,0,0,0,0\nb,0,1,1,1\n"),
+            file_.string() + ":3: t must grow from row to row of one target");
+  EXPECT_EQ(error("ball,t,x,y,z\nb,0,nan,0,0\n"), file_.string() + ":2: x, y and z must be finite");
+}
+
+TEST_F(TruthFile, CanBeMovedToAnotherClock) {
+  Truth t = truth(along_x);
+  t.shift(10s);
+  EXPECT_THAT(*t.position("ball", Timestamp(10100ms)), testing::Eq(Eigen::Vector3d(0.1, 2, 3)));
+  EXPECT_FALSE(t.position("ball", Timestamp(100ms)).has_value());
+}
+
+TEST(Nees, IsChiSquaredWhenTheCovarianceIsTrue) {
+  Eigen::Matrix3d factor;
+  factor << 0.02, 0, 0, 0.01, 0.005, 0, -0.003, 0.004, 0.03;
+  const Eigen::Matrix3d covariance = factor * factor.transpose();
+  std::mt19937_64 random(1);
+  std::normal_distribution<double> normal;
+  double sum = 0;
+  int inside = 0;
+  constexpr int n = 20000;
+  for (int i = 0; i < n; ++i) {
+    const Eigen::Vector3d error = factor * Eigen::Vector3d(normal(random), normal(random), normal(random));
+    const double squared = nees(error, covariance);
+    sum += squared;
+    inside += squared <= 7.815 ? 1 : 0;
+  }
+  EXPECT_NEAR(sum / n, 3, 0.06);
+  EXPECT_NEAR(double(inside) / n, 0.95, 0.006);
+}
+
+TEST(Nees, IsInfiniteForWhatIsNoCovariance) {
+  EXPECT_TRUE(std::isinf(nees({1, 0, 0}, Eigen::Matrix3d::Zero())));
+  EXPECT_TRUE(std::isinf(nees({1, 0, 0}, -Eigen::Matrix3d::Identity())));
+  EXPECT_TRUE(std::isinf(nees({1, 0, 0}, Eigen::Matrix3d::Constant(std::nan("")))));
+}
+
+}  // namespace
+}  // namespace huetrack::truth
