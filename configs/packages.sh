@@ -1,13 +1,18 @@
 # The Debian packages that huetrack needs, in one place, and how they are installed. Sourced by configs/demo/run.sh and
 # tests/run.sh; not a program of its own.
 
-packages_build="g++ cmake ninja-build pkg-config
+# huetrackd and huetrack, without the page of `huetrack view`
+packages_demo="g++ cmake ninja-build pkg-config
   libeigen3-dev libyaml-cpp-dev libfmt-dev libspdlog-dev libcli11-dev
-  libsystemd-dev libmicrohttpd-dev nlohmann-json3-dev libcairo2-dev fonts-dejavu-core libceres-dev libtomlplusplus-dev libopencv-dev libavformat-dev libavcodec-dev libavutil-dev libswscale-dev libjpeg62-turbo-dev
+  libsystemd-dev libmicrohttpd-dev nlohmann-json3-dev libcairo2-dev fonts-dejavu-core libopencv-dev
+  libavformat-dev libavcodec-dev libavutil-dev libswscale-dev libjpeg62-turbo-dev
   libfastrtps-dev libssl-dev fastddsgen default-jre-headless"
-# The page of `huetrack view` is built with node and npm: whichever are there, else Debian's.
+# everything: huetrack-calibrate, too, and the page, which is built with node and npm: whichever are there, else Debian's
+packages_build="$packages_demo libceres-dev libtomlplusplus-dev"
 command -v npm >/dev/null || packages_build="$packages_build nodejs npm"
-packages_test="chromium libgtest-dev libgmock-dev libbenchmark-dev cyclonedds-dev cyclonedds-tools poppler-utils"
+packages_test="chromium libgtest-dev libgmock-dev cyclonedds-dev cyclonedds-tools poppler-utils clang-format-14"
+packages_long="clang-tidy-14"   # HUETRACK_LONG=1 of tests/run.sh
+packages_benchmark="libbenchmark-dev"   # for -DHUETRACK_BENCHMARKS=ON
 
 # For the VM with real V4L2 drivers (tests/v4l2/run.sh): where its scripts are, and only then. Its tests are skipped without.
 packages_vm="qemu-system-x86 cpio xz-utils binutils make gcc-12"
@@ -42,15 +47,17 @@ install_missing() {
   fi
 }
 
-# build_huetrack FOLDER TESTS(ON|OFF) TARGETS...: configures and builds with Ninja.
+# build_huetrack FOLDER "CMAKE OPTIONS" TARGETS...: configures and builds with Ninja; says how long it took.
 build_huetrack() {
-  local folder="$1" tests="$2" root
+  local folder="$1" options="$2" root start=$SECONDS
   shift 2
   root="$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)"
   echo "== building in $folder"
-  cmake -S "$root" -B "$folder" -G Ninja -DCMAKE_BUILD_TYPE=RelWithDebInfo -DHUETRACK_TESTS="$tests" -DHUETRACK_VM_TESTS="${HUETRACK_VM_TESTS:-off}" >"$folder.configure.log" 2>&1 || {
+  # shellcheck disable=SC2086
+  cmake -S "$root" -B "$folder" -G Ninja $options -DHUETRACK_VM_TESTS="${HUETRACK_VM_TESTS:-off}" >"$folder.configure.log" 2>&1 || {
     cat "$folder.configure.log" >&2
     return 1
   }
-  cmake --build "$folder" --target "$@"
+  cmake --build "$folder" --target "$@" || return 1
+  echo "== built in $(((SECONDS - start) / 60)) min $(((SECONDS - start) % 60)) s"
 }

@@ -1,12 +1,15 @@
 #!/bin/bash
 # Installs what is missing, builds everything, runs every test. The last line counts them: N passed, N failed, N skipped.
 # Exit status: 0 only when at least one test passed and none failed.
+#   HUETRACK_LONG=1              builds everything once more with -O0, AddressSanitizer and UBSan (preset debug), runs the tests
+#                                of all modules there, and clang-tidy over the tree; about an hour on two cores
+#   HUETRACK_VM_TESTS=off|short|all   real V4L2 drivers in a VM (tests/v4l2/run.sh; short: 3 minutes, all: 15); skipped
+#                                where there is no VM
 set -uo pipefail
 cd "$(dirname "$0")/.."
 . configs/packages.sh
 
 build=build/release
-results=$PWD/$build/tests.xml
 fail() {
   echo "$1" >&2
   echo "0 passed, 0 failed, 0 skipped"
@@ -15,25 +18,47 @@ fail() {
 
 # shellcheck disable=SC2086
 install_missing $packages_build $packages_test || fail "the packages could not be installed"
-# off, short (3 minutes) or all (15): real V4L2 drivers in a VM (tests/v4l2/run.sh); skipped where there is no VM.
 export HUETRACK_VM_TESTS=${HUETRACK_VM_TESTS:-short}
 if [ "$HUETRACK_VM_TESTS" != off ] && [ -d "${V4L2VM_DIR:-../shared/tools/v4l2vm}" ]; then
   # shellcheck disable=SC2086,SC2154
   install_missing $packages_vm || echo "no VM, so its tests will be skipped"
 fi
+long=${HUETRACK_LONG:-0}
+if [ "$long" != 0 ]; then
+  # shellcheck disable=SC2086,SC2154
+  install_missing $packages_long || fail "the packages could not be installed"
+fi
 mkdir -p build
-build_huetrack "$build" ON all || fail "the build failed"
+build_huetrack "$build" "-DCMAKE_BUILD_TYPE=Release" all || fail "the build failed"
 
-rm -f "$results"
-ctest --test-dir "$build" -j2 --output-on-failure --output-junit "$results"
-ctest_status=$?
-[ -s "$results" ] || fail "ctest wrote no results"
+total=0 failed=0 skipped=0 status=0
+# run_tests FOLDER CTEST-ARGUMENTS...: adds to the counts
+run_tests() {
+  local folder="$1" results="$PWD/$1/tests.xml" name value
+  shift
+  rm -f "$results"
+  ctest --test-dir "$folder" --output-on-failure --output-junit "$results" "$@" || status=1
+  [ -s "$results" ] || fail "ctest wrote no results"
+  # The root element: <testsuite name=... tests="N" failures="N" disabled="N" skipped="N" ...>
+  for name in tests failures disabled skipped; do
+    value=$(tr '\n\t' '  ' <"$results" | sed -n "s/.*<testsuite [^>]*[ ]$name=\"\([0-9]*\)\".*/\1/p")
+    [ -n "$value" ] || fail "the results of ctest cannot be read: $results"
+    case $name in
+      tests) total=$((total + value)) ;;
+      failures) failed=$((failed + value)) ;;
+      *) skipped=$((skipped + value)) ;;
+    esac
+  done
+}
 
-# The root element: <testsuite name=... tests="N" failures="N" disabled="N" skipped="N" ...>
-count() { tr '\n\t' '  ' <"$results" | sed -n "s/.*<testsuite [^>]*[ ]$1=\"\([0-9]*\)\".*/\1/p"; }
-total=$(count tests) failed=$(count failures) disabled=$(count disabled) skipped=$(count skipped)
-[ -n "$total" ] && [ -n "$failed" ] && [ -n "$disabled" ] && [ -n "$skipped" ] || fail "the results of ctest cannot be read: $results"
-skipped=$((skipped + disabled))
+run_tests "$build" -j2
+if [ "$long" != 0 ]; then
+  cmake --preset debug >/dev/null || fail "the debug build could not be configured"
+  build_huetrack build/debug "" all || fail "the debug build failed"
+  # Not those that measure time, or need a browser or a VM: they run whole programs, which are the same as above.
+  run_tests build/debug -j2 -E '^(end_to_end\.|browser/|v4l2/|floors/|fences/|format$)'
+fi
+
 passed=$((total - failed - skipped))
 echo "$passed passed, $failed failed, $skipped skipped"
-[ "$passed" -gt 0 ] && [ "$failed" -eq 0 ] && [ "$ctest_status" -eq 0 ]
+[ "$passed" -gt 0 ] && [ "$failed" -eq 0 ] && [ "$status" -eq 0 ]

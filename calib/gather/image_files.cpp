@@ -6,8 +6,9 @@
 #include <array>
 #include <cctype>
 #include <map>
-#include <regex>
+#include <optional>
 #include <set>
+#include <string>
 
 #include "calib/gather/picture_source.h"
 
@@ -63,6 +64,22 @@ std::optional<long> last_number(const fs::path& file) {
   return std::stol(stem.substr(begin, end - begin));
 }
 
+// A printf pattern matches like a glob: digits where its number (%d, %04d) is.
+std::string as_glob(const std::string& pattern) {
+  std::string glob;
+  for (std::size_t i = 0; i < pattern.size();) {
+    std::size_t end = i + 1;
+    while (end < pattern.size() && is_digit(pattern[end])) ++end;
+    if (pattern[i] == '%' && end < pattern.size() && pattern[end] == 'd') {
+      glob += "[0-9]*";
+      i = end + 1;
+    } else {
+      glob += pattern[i++];
+    }
+  }
+  return glob;
+}
+
 }  // namespace
 
 bool is_image_file(const fs::path& file) {
@@ -87,11 +104,8 @@ std::vector<fs::path> image_files(const fs::path& given) {
   } else if (fs::exists(given, error)) {
     if (is_image_file(given)) files.push_back(given);
   } else if (text.find_first_of("*?[") != std::string::npos || text.find('%') != std::string::npos) {
-    // A printf pattern matches like a glob: digits where its number is.
-    static const std::regex number(R"(%0?\d*d)");
-    const std::string pattern = std::regex_replace(text, number, "[0-9]*");
     glob_t found{};
-    if (::glob(pattern.c_str(), 0, nullptr, &found) == 0) {
+    if (::glob(as_glob(text).c_str(), 0, nullptr, &found) == 0) {
       for (std::size_t i = 0; i < found.gl_pathc; ++i) {
         const fs::path file = found.gl_pathv[i];
         if (is_image_file(file)) files.push_back(file);

@@ -10,9 +10,10 @@ out=out/demo
 recording=configs/demo/recording
 
 # shellcheck disable=SC2086
-install_missing $packages_build
+install_missing $packages_demo
 mkdir -p build
-build_huetrack "$build" OFF huetrackd huetrack
+build_huetrack "$build" "-DCMAKE_BUILD_TYPE=Release -DHUETRACK_TESTS=OFF -DHUETRACK_CALIBRATE=OFF -DHUETRACK_PAGE=OFF" \
+  huetrackd huetrack
 huetrackd=$build/service/daemon/huetrackd
 huetrack=$build/clients/huetrack/huetrack
 

@@ -19,16 +19,16 @@ std::vector<std::uint8_t> jpeg_of(AVPixelFormat format, AVColorRange range = AVC
   std::vector<std::uint8_t> bytes;
   const TemporaryFolder folder;
   write_clip(folder / "one.mkv", {.codec = "mjpeg",
-                                         .format = format,
-                                         .range = range,
-                                         .width = width,
-                                         .height = height,
-                                         .frames = 1,
-                                         .standard_huffman = standard_huffman,
-                                         .tamper = [&](int, AVPacket& packet) {
-                                           bytes.assign(packet.data, packet.data + packet.size);
-                                           return true;
-                                         }});
+                                  .format = format,
+                                  .range = range,
+                                  .width = width,
+                                  .height = height,
+                                  .frames = 1,
+                                  .standard_huffman = standard_huffman,
+                                  .tamper = [&](int, AVPacket& packet) {
+                                    bytes.assign(packet.data, packet.data + packet.size);
+                                    return true;
+                                  }});
   return bytes;
 }
 

@@ -72,17 +72,17 @@ std::vector<Frame> jpeg_frames(int count, AVPixelFormat format = AV_PIX_FMT_YUVJ
   std::vector<Frame> frames;
   const TemporaryFolder folder;
   write_clip(folder / "film.mkv", {.codec = "mjpeg",
-                                          .format = format,
-                                          .range = AVCOL_RANGE_JPEG,
-                                          .frames = count,
-                                          .tamper = [&](int, AVPacket& packet) {
-                                            Frame frame = raw_frame(static_cast<int>(frames.size()));
-                                            frame.encoded = std::make_shared<const std::vector<std::uint8_t>>(
-                                                packet.data, packet.data + packet.size);
-                                            frame.pixels = *JpegDecoder().decode(*frame.encoded).image;
-                                            frames.push_back(frame);
-                                            return true;
-                                          }});
+                                   .format = format,
+                                   .range = AVCOL_RANGE_JPEG,
+                                   .frames = count,
+                                   .tamper = [&](int, AVPacket& packet) {
+                                     Frame frame = raw_frame(static_cast<int>(frames.size()));
+                                     frame.encoded = std::make_shared<const std::vector<std::uint8_t>>(
+                                         packet.data, packet.data + packet.size);
+                                     frame.pixels = *JpegDecoder().decode(*frame.encoded).image;
+                                     frames.push_back(frame);
+                                     return true;
+                                   }});
   return frames;
 }
 

@@ -650,11 +650,11 @@ TEST_F(Uvc, UnplugAnotherAndReplug) {
 
 TEST_F(Uvc, JpegsAreDecodedAndTheirBytesKept) {
   capture::write_clip(folder / "film.mjpg", {.codec = "mjpeg",
-                                                    .format = AV_PIX_FMT_YUVJ422P,
-                                                    .range = AVCOL_RANGE_JPEG,
-                                                    .width = width,
-                                                    .height = height,
-                                                    .frames = 8});
+                                             .format = AV_PIX_FMT_YUVJ422P,
+                                             .range = AVCOL_RANGE_JPEG,
+                                             .width = width,
+                                             .height = height,
+                                             .frames = 8});
   std::string jpegs = read_bytes(folder / "film.mjpg");
   std::vector<std::string> pictures;
   for (std::size_t begin = 0; begin < jpegs.size();) {

@@ -1,0 +1,3 @@
+#include "calib/model/decompositions.h"
+
+HUETRACK_DECOMPOSITIONS();
