@@ -184,8 +184,8 @@ void draw_augmented(Panel& panel, const StartPlane& plane, const camera_tracking
     for (const auto& [a, b] : house_on(plane)) panel.segment(camera_from_world, a, b, width > 3 ? black : house, width);
   for (const auto& axis : world_axes) {
     const Vector3d tip = axis_length(plane) * axis.direction;
-    panel.segment(camera_from_world, Vector3d::Zero(), tip, black, 5.4);
-    panel.segment(camera_from_world, Vector3d::Zero(), tip, axis.in_picture, 3.2);
+    panel.segment(camera_from_world, Vector3d::Zero(), tip, black, 6);
+    panel.segment(camera_from_world, Vector3d::Zero(), tip, axis.in_picture, 3.8);
     if (const auto at = panel.point(camera_from_world, 1.1 * tip))
       panel.canvas().rimmed_text(*at, axis.label, small_text_size, axis.in_picture, black, Align::centre);
   }
