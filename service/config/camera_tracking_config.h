@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "camera_tracking/methods/make_camera_tracker.h"
+#include "camera_tracking/camera_tracker.h"
 
 namespace huetrack::config {
 

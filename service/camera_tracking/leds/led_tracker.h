@@ -3,7 +3,7 @@
 
 #include <memory>
 
-#include "camera_tracking/methods/make_camera_tracker.h"
+#include "camera_tracking/camera_tracker.h"
 
 namespace huetrack::leds {
 
