@@ -32,7 +32,7 @@ const HsiRange& TargetOptions::color_in(std::string_view camera) const {
 std::vector<std::string> TargetOptions::problems() const {
   std::vector<std::string> out;
   if (name.empty()) out.emplace_back("a target must have a name");
-  if (!(radius_m > 0) || !std::isfinite(radius_m)) out.push_back("radius_m must be > 0");
+  if (!(radius_m > 0) || !std::isfinite(radius_m)) out.emplace_back("radius_m must be > 0");
   for (const std::string& p : color.problems()) out.push_back("color: " + p);
   for (const auto& [camera, own] : camera_colors) {
     for (const std::string& p : own.problems()) out.push_back("camera_colors." + camera + ": " + p);
