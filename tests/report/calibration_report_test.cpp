@@ -139,8 +139,8 @@ TEST(Sentences, SayWhatTheSolversFound) {
             "the views of camera left say that its focal length is 600.1 px (+- 0.5), not 620.0 px as given");
 
   solver::Intrinsics lens;
-  lens.trials = {{.lens = solver::LensModel::radtan4, .held_out_px = 0.101},
-                 {.lens = solver::LensModel::radtan5, .held_out_px = 0.1}};
+  lens.trials = {{.lens = solver::LensModel::radtan4, .held_out_px = 0.101, .error = {}},
+                 {.lens = solver::LensModel::radtan5, .held_out_px = 0.1, .error = {}}};
   EXPECT_EQ(choice_text(lens), "radtan4 was asked for");
   lens.choice = solver::LensChoice::simpler;
   lens.best = 1;
