@@ -10,7 +10,6 @@
 namespace huetrack::capture {
 namespace {
 
-using Clip;
 using testing::HasSubstr;
 
 // One JPEG of the given kind, as FFmpeg codes it.

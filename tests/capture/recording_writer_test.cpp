@@ -24,9 +24,6 @@ namespace {
 
 namespace fs = std::filesystem;
 using namespace std::chrono_literals;
-using hash_of;
-using read_bytes;
-using TemporaryFolder;
 using testing::AllOf;
 using testing::Contains;
 using testing::ElementsAre;

@@ -12,12 +12,6 @@
 namespace huetrack::capture {
 namespace {
 
-using Clip;
-using frame_shown_by;
-using hash_of;
-using read_bytes;
-using write_clip;
-using write_text;
 using namespace std::chrono_literals;
 using testing::AllOf;
 using testing::Contains;

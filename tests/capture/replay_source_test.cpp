@@ -15,10 +15,6 @@ namespace huetrack::capture {
 namespace {
 
 using namespace std::chrono_literals;
-using frame_shown_by;
-using hash_of;
-using write_clip;
-using write_text;
 using testing::AllOf;
 using testing::ElementsAre;
 using testing::HasSubstr;

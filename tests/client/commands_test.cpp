@@ -11,7 +11,7 @@
 namespace huetrack::client {
 namespace {
 
-using namespace publish::testing;
+using publish::ChildProcess;
 using namespace std::chrono_literals;
 using ::testing::AllOf;
 using ::testing::ContainsRegex;

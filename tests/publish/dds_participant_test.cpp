@@ -28,7 +28,7 @@ std::string refusal(Call call) {
 }
 
 std::string refusal(idl::ParticipantOptions options) {
-  options.domain = testing::test_domain();
+  options.domain = test_domain();
   return refusal([&] { idl::DdsParticipant{options}; });
 }
 
@@ -92,7 +92,7 @@ TEST(DdsCheck, RefusesABrokenProfilesFileAndReturnsInterfacesThatAreNotThere) {
 
 TEST(DdsParticipant, InterfaceByNameOrAddress) {
   for (const char* loopback : {"lo", "127.0.0.1"}) {
-    const idl::DdsParticipant participant({.domain = testing::test_domain(), .interfaces = {loopback}});
+    const idl::DdsParticipant participant({.domain = test_domain(), .interfaces = {loopback}});
     EXPECT_THAT(participant.description(), HasSubstr("UDP on lo 127.0.0.1 only"));
   }
 }
@@ -101,7 +101,7 @@ TEST(DdsParticipant, InterfaceByNameOrAddress) {
 TEST(DdsParticipant, LoopbackIsAlwaysAmongTheInterfaces) {
   for (const idl::NetworkInterface& i : idl::network_interfaces()) {
     if (i.name == "lo") continue;
-    const idl::DdsParticipant participant({.domain = testing::test_domain(), .interfaces = {i.name}});
+    const idl::DdsParticipant participant({.domain = test_domain(), .interfaces = {i.name}});
     EXPECT_THAT(participant.description(), HasSubstr("UDP on " + i.name + " " + i.address + ", lo 127.0.0.1 only"));
     return;
   }
@@ -114,20 +114,20 @@ TEST(DdsParticipant, InterfacesBesideAParticipantProfileAreRefused) {
 }
 
 TEST(DdsParticipant, DescriptionListsTheInterfacesInUse) {
-  const idl::DdsParticipant participant({.domain = testing::test_domain()});
-  EXPECT_THAT(participant.description(), HasSubstr("domain " + std::to_string(testing::test_domain())));
+  const idl::DdsParticipant participant({.domain = test_domain()});
+  EXPECT_THAT(participant.description(), HasSubstr("domain " + std::to_string(test_domain())));
   for (const idl::NetworkInterface& i : idl::network_interfaces())
     EXPECT_THAT(participant.description(), HasSubstr(i.address));
 }
 
 TEST(DdsParticipant, AnUnchangedNetworkIsNoChange) {
-  idl::DdsParticipant participant({.domain = testing::test_domain()});
+  idl::DdsParticipant participant({.domain = test_domain()});
   for (int call = 0; call < 3; ++call) EXPECT_FALSE(participant.network_changed());
 }
 
 TEST(DdsParticipant, ProfileOfATopicsNameReplacesItsQosAndOthersKeepOurs) {
   idl::DdsParticipant participant(
-      {.domain = testing::test_domain(), .profiles = HUETRACK_SOURCE_DIR "/configs/dds/topic_qos.xml"});
+      {.domain = test_domain(), .profiles = HUETRACK_SOURCE_DIR "/configs/dds/topic_qos.xml"});
   using TfType = tf2_msgs::msg::dds_::TFMessage_PubSubType;
   const auto qos_of = [&](const char* topic) {
     return participant.create_writer(topic, dds::TypeSupport(new TfType), idl::ros2_writer_qos(), "typehash=x;")
@@ -147,7 +147,7 @@ class ShippedProfiles : public ::testing::TestWithParam<std::string> {};
 
 TEST_P(ShippedProfiles, Load) {
   const idl::DdsParticipant participant(
-      {.domain = testing::test_domain(), .profiles = HUETRACK_SOURCE_DIR "/configs/dds/" + GetParam()});
+      {.domain = test_domain(), .profiles = HUETRACK_SOURCE_DIR "/configs/dds/" + GetParam()});
   EXPECT_THAT(participant.description(),
               HasSubstr(GetParam() == "topic_qos.xml" ? "UDP on" : "as the participant profile says"));
 }

@@ -17,11 +17,11 @@ int main(int argc, char** argv) {
   publish::EstimatePublisher publisher(publish::known_options(std::atoi(argv[1])));
   for (unsigned n = 0; !ended; ++n) {
     if (n % 50 == 0) publisher.publish_status(publish::known_status());
-    const object_tracking::TrackState state = publish::testing::states[n % publish::testing::states.size()];
-    publisher.publish(0, publish::known_estimate(state), publish::testing::captured_at(state),
-                      publish::testing::received_at(state));
+    const object_tracking::TrackState state = publish::states[n % publish::states.size()];
+    publisher.publish(0, publish::known_estimate(state), publish::captured_at(state),
+                      publish::received_at(state));
     const camera_tracking::CameraEstimate pose =
-        publish::known_pose(publish::testing::camera_states[n % publish::testing::camera_states.size()]);
+        publish::known_pose(publish::camera_states[n % publish::camera_states.size()]);
     publisher.publish(pose, pose.at, pose.at + std::chrono::milliseconds(3));
     std::this_thread::sleep_for(std::chrono::milliseconds(20));
   }
