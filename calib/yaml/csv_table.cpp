@@ -46,6 +46,7 @@ CsvTable::CsvTable(std::filesystem::path file, std::span<const std::string_view>
   if (!read_line()) throw ConfigError(file_, 0, "is empty: a header line is needed");
   if (constexpr std::string_view mark = "\xEF\xBB\xBF"; cells_.front().starts_with(mark))
     cells_.front().remove_prefix(mark.size());
+  header_cells_ = cells_.size();
   for (std::string_view asked : columns) {
     const bool may_be_missing = asked.ends_with('?');
     if (may_be_missing) asked.remove_suffix(1);
@@ -83,6 +84,8 @@ bool CsvTable::next() {
       return false;
     }
   } while (cells_.size() == 1 && cells_.front().empty());
+  if (refuses_ragged_rows_ && cells_.size() != header_cells_)
+    fail("has " + std::to_string(cells_.size()) + " fields, but the header " + std::to_string(header_cells_));
   if (cells_.size() < needed_cells_)
     fail("has " + std::to_string(cells_.size()) + " columns, at least " + std::to_string(needed_cells_) +
          " are needed");

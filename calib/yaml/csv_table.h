@@ -27,6 +27,9 @@ class CsvTable {
   void leave_out_cut_off_row() { leaves_out_cut_off_row_ = true; }
   std::optional<int> cut_off_line() const { return cut_off_line_; }
 
+  // From here on a row must have as many cells as the header: a file of a program's, in which any other row is damaged.
+  void refuse_ragged_rows() { refuses_ragged_rows_ = true; }
+
   bool next();  // to the next row; false at the end. throws ConfigError: a row with too few columns, reading fails
   int line() const { return line_number_; }  // of the current row, from 1
   // Of the current row; column indexes what the constructor was given, and the file has it. They throw ConfigError
@@ -51,7 +54,9 @@ class CsvTable {
   std::string line_;
   std::vector<std::string_view> cells_;  // of line_
   int line_number_ = 0;
+  std::size_t header_cells_ = 0;
   bool leaves_out_cut_off_row_ = false;
+  bool refuses_ragged_rows_ = false;
   std::optional<int> cut_off_line_;
 };
 

@@ -28,6 +28,7 @@ std::map<std::string, std::vector<TrackRow>> read_tracks(const std::filesystem::
       "target|camera", "t", "state", "x", "y", "z", "cxx|c11", "cxy|c12", "cxz|c13", "cyy|c22", "cyz|c23", "czz|c33"};
   static constexpr std::string_view states[] = {"tracking", "coasting", "searching", "lost"};
   yaml::CsvTable table(file, columns);
+  table.refuse_ragged_rows();
   std::map<std::string, std::vector<TrackRow>> tracks;
   while (table.next()) {
     TrackRow row;

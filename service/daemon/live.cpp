@@ -6,6 +6,7 @@
 #include <atomic>
 #include <cstdio>
 #include <exception>
+#include <memory>
 #include <stdexcept>
 #include <thread>
 #include <utility>
@@ -44,6 +45,9 @@ std::exception_ptr run_supervised(pipeline::Session& session, Supervisor& superv
     }
     has_ended = true;
   });
+  // Whatever ends the watch ends the road: it is waited for below, or where an exception destroys `running`.
+  const std::unique_ptr<std::stop_source, void (*)(std::stop_source*)> guard(&ending,
+                                                                             [](auto* s) { s->request_stop(); });
   std::optional<Clock::time_point> end;
   while (!has_ended && !ending.stop_requested()) {
     supervisor.look_after();
@@ -122,7 +126,9 @@ LiveSummary run_live(const config::ServiceConfig& config, std::vector<pipeline::
   const std::exception_ptr error = run_supervised(session, supervisor, options.seconds, stop);
   recording.finish(stop.stop_requested() ? recorder_patience : longest_recorder_patience);
   supervisor.look_a_last_time();
+  session.close_sources();  // before bus and page, which may take their time: the cameras get their controls back
   if (error) std::rethrow_exception(error);
+  session.save_camera_map();
   for (const auto* file : files)  // after all that is to be kept
     if (const std::string problem = file->problem(); !problem.empty()) throw std::runtime_error(problem);
   return {.figures = session.figures(),

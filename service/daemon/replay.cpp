@@ -4,6 +4,7 @@
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <iterator>
 #include <memory>
@@ -175,9 +176,13 @@ class ReloadRefusal final : public pipeline::Output {
   std::atomic<bool>& asked_;
 };
 
-ViewServerOptions viewing(pipeline::Session& session, const ReplayCommand& command, HeldSource* held) {
+ViewServerOptions viewing(pipeline::Session& session, const ReplayCommand& command, HeldSource* held,
+                          const std::atomic<bool>& has_begun) {
   ViewServerOptions options{.keeps_frames = true, .time = &session.time(), .reload_asked = command.reload};
-  options.actions.reload = [&session] { return reload(session); };
+  options.actions.reload = [&session, &has_begun]() -> std::string {
+    if (!has_begun) return "the replay has not begun yet";
+    return reload(session);
+  };
   if (held != nullptr) options.actions.resume = [held] { held->release(); };
   return options;
 }
@@ -291,8 +296,9 @@ ReplaySummary replay(const ReplayCommand& command, const std::stop_token& stop) 
   session.add(progress);
   std::optional<ReloadRefusal> refusal;
   if (!bus && command.reload != nullptr) session.add(refusal.emplace(*command.reload));
+  std::atomic<bool> has_begun = false;  // the page's thread runs before, and may not reload yet
   std::optional<ViewServer> view;
-  if (bus) session.add(view.emplace(session.config(), viewing(session, command, playback.held)));
+  if (bus) session.add(view.emplace(session.config(), viewing(session, command, playback.held, has_begun)));
 
   if (bus && command.wait_for_subscriber_s > 0)
     wait_for_subscriber(bus->publisher(), command.wait_for_subscriber_s, stop);
@@ -300,7 +306,9 @@ ReplaySummary replay(const ReplayCommand& command, const std::stop_token& stop) 
   begin_time(session, playback, command, began);
   tally.begin(began);
   progress.begin(began);
+  has_begun = true;
   session.run(stop);
+  session.save_camera_map();
 
   for (const auto& warning : playback.source->take_warnings()) spdlog::warn("{}", warning);
   ReplaySummary summary = summary_of(config, session.figures(), *playback.source, tally, began, stop.stop_requested());

@@ -126,6 +126,10 @@ Pipeline::Pipeline(const calib::CameraRig& rig, std::vector<std::unique_ptr<capt
 }
 
 Pipeline::~Pipeline() {
+  close_sources();
+}
+
+void Pipeline::close_sources() {
   std::vector<std::jthread> ending;  // all at once: each camera may take its time
   for (auto& source : sources_) ending.emplace_back([&source] { source.reset(); });
 }
@@ -293,11 +297,9 @@ void Pipeline::track() {
   int told_camera_news = -1;
 
   for (;;) {
-    int camera_news = 0;
     {
       const std::scoped_lock lock(figures_mutex_);
       figures_.tracking_round = Clock::now();
-      camera_news = camera_news_;
     }
     if (auto ready = frame_sets_.pop_for(std::max<Clock::duration>(next_status - Clock::now(), 0ns))) {
       if (std::ranges::binary_search(options_.left_out, ready->set.at)) continue;
@@ -306,6 +308,11 @@ void Pipeline::track() {
       break;
     }
     const bool is_due = Clock::now() >= next_status;
+    int camera_news = 0;
+    {
+      const std::scoped_lock lock(figures_mutex_);
+      camera_news = camera_news_;
+    }
     if (!is_due && camera_news == told_camera_news) continue;
     if (is_due) note_searches();
     tell_status();

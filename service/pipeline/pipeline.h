@@ -58,6 +58,9 @@ class Pipeline {
            std::vector<object_tracking::ObjectTracker> trackers, PipelineOptions options);
   ~Pipeline();
 
+  // After run(): the cameras are given back now, not only when this is destroyed.
+  void close_sources();
+
   // Before run(). The output is called after those that were added before it, and outlives run().
   void add(Output& output) { outputs_.push_back(&output); }
   // Before run(): frames come no sooner than this; without it, as fast as the sources give them.

@@ -101,7 +101,7 @@ void RecordingKeeper::on_config(const config::ServiceConfig& config) {
 
 void RecordingKeeper::look_after() {
   if (!recorder_) return;
-  recorder_->end_when_due();
+  if (!is_finished_) recorder_->end_when_due();
   if (has_lost_.exchange(false) && record_.on_lost) save_pre_roll("lost");
   write_changes();
 }
@@ -125,6 +125,7 @@ void RecordingKeeper::save_pre_roll(const std::string& why) {
     spdlog::warn("there is no pre-roll to save: give record.folder and record.pre_roll_s");
     return;
   }
+  if (is_finished_) return;
   try {
     const auto folder = new_folder("-" + why);
     if (recorder_->save_pre_roll(folder, capture::duration_of(record_.after_s))) {
@@ -142,6 +143,7 @@ void RecordingKeeper::save_pre_roll(const std::string& why) {
 void RecordingKeeper::finish(capture::Duration patience) {
   if (!recorder_) return;
   recorder_->finish(patience);
+  is_finished_ = true;
   write_changes();
 }
 

@@ -39,7 +39,8 @@ class RecordingKeeper final : public Output {
   void look_after();
   // Into a folder named by the time and `why`; "signal": somebody asked for it.
   void save_pre_roll(const std::string& why);
-  // When the road is empty: what is written is on disk, and what is still waiting after `patience` is left out.
+  // When the road is empty: what is written is on disk, and what is still waiting after `patience` is left out. Nothing
+  // is recorded from then on, whatever is asked.
   void finish(capture::Duration patience);
 
   std::vector<std::string> warnings() const;  // one sentence each
@@ -58,6 +59,7 @@ class RecordingKeeper final : public Output {
   std::optional<ChangesWriter> changes_;  // made by the constructor, or never
   std::filesystem::path folder_;          // of the current or last recording
   std::string problem_;                   // empty: none
+  bool is_finished_ = false;
 
   std::vector<object_tracking::TrackState> states_;  // the tracking thread's; per target
   std::atomic<bool> has_lost_ = false;

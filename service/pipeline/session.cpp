@@ -101,6 +101,9 @@ void Session::run(std::stop_token stop) {
   attempt([&] { pipeline_.run(std::move(stop)); });
   for (Output* output : outputs_) attempt([&] { output->flush(); });
   if (error) std::rethrow_exception(error);
+}
+
+void Session::save_camera_map() const {
   if (const auto* tracker = camera_tracker(); tracker != nullptr && !save_map_.empty())
     save_map(*tracker, pipeline_.tracked_camera(), save_map_);
 }

@@ -62,9 +62,12 @@ class Session {
   // Before run(): frames come no sooner than this.
   void hold_to(const Pace& pace) { pipeline_.hold_to(pace); }
 
-  // As Pipeline::run(); then the outputs are flushed, whatever has ended it, and the tracked camera's map is saved
-  // where the configuration says so. throws the first of what went wrong.
+  // As Pipeline::run(); then the outputs are flushed, whatever has ended it. throws the first of what went wrong.
   void run(std::stop_token stop);
+  // After run(). The tracked camera's map, where the configuration says so; it may lie on a slow disk, so whoever
+  // records ends the recording before. throws std::runtime_error, naming the file.
+  void save_camera_map() const;
+  void close_sources() { pipeline_.close_sources(); }
 
   // What came of a configuration that was read again.
   struct TakenOver {

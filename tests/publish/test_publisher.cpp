@@ -18,8 +18,7 @@ int main(int argc, char** argv) {
   for (unsigned n = 0; !ended; ++n) {
     if (n % 50 == 0) publisher.publish_status(publish::known_status());
     const object_tracking::TrackState state = publish::states[n % publish::states.size()];
-    publisher.publish(0, publish::known_estimate(state), publish::captured_at(state),
-                      publish::received_at(state));
+    publisher.publish(0, publish::known_estimate(state), publish::captured_at(state), publish::received_at(state));
     const camera_tracking::CameraEstimate pose =
         publish::known_pose(publish::camera_states[n % publish::camera_states.size()]);
     publisher.publish(pose, pose.at, pose.at + std::chrono::milliseconds(3));
