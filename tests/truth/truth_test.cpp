@@ -10,35 +10,13 @@
 #include <random>
 
 #include "calib/yaml/yaml_reader.h"
+#include "truth/truth_file.h"
 
 namespace huetrack::truth {
 namespace {
 
-namespace fs = std::filesystem;
 using namespace std::chrono_literals;
 using testing::HasSubstr;
-
-class TruthFile : public testing::Test {
- protected:
-  TruthFile()
-      : file_(fs::path(testing::TempDir()) /
-              ("truth_" + std::string(testing::UnitTest::GetInstance()->current_test_info()->name()) + ".csv")) {}
-  ~TruthFile() override { fs::remove(file_); }
-  Truth truth(const std::string& text) const {
-    std::ofstream(file_) << text;
-    return Truth::read(file_);
-  }
-  fs::path file_;
-};
-
-// A ball that goes along x at 1 m/s, 10 samples a second.
-const std::string along_x = [] {
-  std::string text = "frame,t,ball,x,y,z,more\n";
-  for (int i = 0; i <= 20; ++i) {
-    text += fmt::format("{},{:.6f},ball,{:.6f},2,3,1\n", i, 0.1 * i, 0.1 * i);
-  }
-  return text;
-}();
 
 TEST_F(TruthFile, TheOnlyBallIsTheOnlyTargetWhateverItsName) {
   Truth t = truth(along_x);
