@@ -25,8 +25,22 @@ bool is_finite(const CameraModel& model) {
 
 }  // namespace
 
-std::vector<std::string> Camera::problems() const {
+std::vector<std::string> CameraTiming::problems() const {
   std::vector<std::string> problems;
+  const auto check = [&](const char* what, const std::optional<double>& value, const std::optional<double>& sigma) {
+    if (value && !(std::abs(*value) <= 1))
+      problems.push_back(std::string("timing: ") + what + "_s must be from -1 to 1");
+    if (sigma && !value) problems.push_back(std::string("timing: ") + what + "_sigma_s needs " + what + "_s beside it");
+    if (sigma && !(*sigma >= 0 && *sigma <= 1))
+      problems.push_back(std::string("timing: ") + what + "_sigma_s must be from 0 to 1");
+  };
+  check("latency", latency_s, latency_sigma_s);
+  check("readout", readout_s, readout_sigma_s);
+  return problems;
+}
+
+std::vector<std::string> Camera::problems() const {
+  std::vector<std::string> problems = timing.problems();
   if (!is_plain_name(name)) {
     problems.emplace_back(
         "a camera's name has 1 to 64 letters, digits, '_', '-' or '.', and starts with a letter, a digit or '_'");

@@ -18,11 +18,27 @@ struct ImageSize {
   bool operator==(const ImageSize&) const = default;
 };
 
+// When a camera's rows are exposed, and how late its driver's time stamps are. What is absent is not known. Row r of H
+// is exposed around
+//   stamp - latency + (r / (H - 1) - 1/2) readout
+// Each sigma is the standard deviation of the number beside it, and stands only where that does.
+struct CameraTiming {
+  std::optional<double> latency_s;        // -1..1; from the middle row's mid-exposure to the driver's time stamp
+  std::optional<double> latency_sigma_s;  // 0..1
+  std::optional<double> readout_s;  // -1..1; from the first row's mid-exposure to the last's; < 0: it reads upwards
+  std::optional<double> readout_sigma_s;  // 0..1
+
+  bool is_known() const { return latency_s || readout_s; }
+  bool operator==(const CameraTiming&) const = default;
+  std::vector<std::string> problems() const;  // empty when valid; one sentence per violated constraint
+};
+
 struct Camera {
   std::string name;  // unique in the rig
   ImageSize image_size;
   CameraModel model;
   Rigid3d cam_from_world;  // p_cam = cam_from_world * p_world
+  CameraTiming timing;
 
   std::optional<RawPixel> project_world(const Eigen::Vector3d& p_world) const {
     return model.project(cam_from_world * p_world);

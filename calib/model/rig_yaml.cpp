@@ -87,6 +87,19 @@ Rigid3d read_pose(const yaml::YamlReader& pose) {
   return {rotation, {t[0], t[1], t[2]}};
 }
 
+CameraTiming read_timing(const yaml::YamlReader& reader) {
+  CameraTiming timing;
+  const auto number = [&](const char* key, std::optional<double>& value, yaml::Range range) {
+    if (reader.has(key)) value = reader.number(key, range);
+  };
+  number("latency_s", timing.latency_s, {.min = -1, .max = 1});
+  number("latency_sigma_s", timing.latency_sigma_s, {.min = 0, .max = 1});
+  number("readout_s", timing.readout_s, {.min = -1, .max = 1});
+  number("readout_sigma_s", timing.readout_sigma_s, {.min = 0, .max = 1});
+  reader.finish();
+  return timing;
+}
+
 Camera read_camera(const std::string& name, const yaml::YamlReader& reader, bool pose_required) {
   Camera camera;
   camera.name = name;
@@ -98,6 +111,7 @@ Camera read_camera(const std::string& name, const yaml::YamlReader& reader, bool
   camera.model = read_model(reader);
   // A single camera may do without: then the world is the camera's own frame.
   if (pose_required || reader.has("cam_from_world")) camera.cam_from_world = read_pose(reader.map("cam_from_world"));
+  if (const auto timing = reader.optional_map("timing")) camera.timing = read_timing(*timing);
   reader.finish();
   for (const auto& problem : camera.problems()) reader.fail("", problem);
   return camera;
@@ -148,6 +162,18 @@ std::string distortion_text(const FisheyeKannalaBrandt& lens) {
   return list(lens.distortion) + "   # k1 k2 k3 k4";
 }
 
+std::string timing_text(const CameraTiming& timing) {
+  std::vector<std::string> entries;
+  const auto add = [&](const char* key, const std::optional<double>& value) {
+    if (value) entries.push_back(fmt::format("{}: {}", key, number(*value)));
+  };
+  add("latency_s", timing.latency_s);
+  add("readout_s", timing.readout_s);
+  add("latency_sigma_s", timing.latency_sigma_s);
+  add("readout_sigma_s", timing.readout_sigma_s);
+  return fmt::format("{{{}}}", fmt::join(entries, ", "));
+}
+
 }  // namespace
 
 CameraRig read_rig(const std::filesystem::path& file) {
@@ -187,6 +213,7 @@ std::string to_yaml(const CameraRig& rig) {
     // Not as a matrix: nine numbers would have to be made a rotation again, and would not come back bit for bit.
     out += "      quaternion_xyzw: " + list(std::array{q.x(), q.y(), q.z(), q.w()}) + "\n";
     out += "      translation: " + list(std::array{t.x(), t.y(), t.z()}) + "\n";
+    if (camera.timing.is_known()) out += "    timing: " + timing_text(camera.timing) + "\n";
   }
   if (!rig.made_by.empty()) {
     out += "made_by:\n";

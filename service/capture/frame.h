@@ -30,10 +30,20 @@ enum class FrameStatus : std::uint8_t {
   corrupted,  // the driver flagged it (V4L2_BUF_FLAG_ERROR), or it does not decode: counted, never used
 };
 
+// What is known of when a camera's rows are exposed (calib::CameraTiming); 0 where it is not.
+struct FrameTiming {
+  Duration latency{0};  // from the middle row's mid-exposure to the driver's time stamp
+  Duration readout{0};  // from the first row's mid-exposure to the last's; < 0: it reads upwards
+  bool operator==(const FrameTiming&) const = default;
+};
+
 struct Frame {
   int camera = 0;              // index into CameraRig::cameras
   std::uint32_t sequence = 0;  // 0 at stream start; a gap is a drop
-  Timestamp captured_at;       // when the light fell on the sensor, never when we woke up
+  Timestamp captured_at;       // mid-exposure of its middle row, as far as that is known; never when we woke up
+  Timestamp stamped_at{};  // the driver's own time stamp; captured_at is that smoothed (camera_clock.h), less latency
+  Duration latency{0};     // of the camera, as far as known; captured_at + latency is the smoothed stamp
+  Duration readout{0};     // from its first row's mid-exposure to its last row's, as far as known
   FrameStatus status = FrameStatus::ok;
   Image pixels;
   // The camera's own bytes of this image, when it came compressed (MJPEG): for a recorder, which must not encode anew.
@@ -44,6 +54,12 @@ struct Frame {
   // Which frame of its recorded stream it is, of a replay that may begin later or leave frames out (first_frame,
   // every), where `sequence` counts what is played. nullopt: `sequence` is the camera's own count.
   std::optional<std::int64_t> stream_index = {};
+
+  // Mid-exposure of a row, 0 the topmost one; fractions are between rows.
+  Timestamp row_time(double row) const {
+    const double below_middle = pixels.height > 1 ? row / (pixels.height - 1) - 0.5 : 0.0;
+    return captured_at + Duration(static_cast<Duration::rep>(below_middle * static_cast<double>(readout.count())));
+  }
 };
 
 // What the cameras saw at (nearly) one time. A camera that gave no usable frame is absent, not black.
