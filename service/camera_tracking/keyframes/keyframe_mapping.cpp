@@ -59,7 +59,7 @@ void KeyframeMapping::start(const TrackedFrame& frame, std::span<const Eigen::Ve
                             const Eigen::Matrix<double, 6, 6>& start_covariance) {
   map_ = {};
   map_.start_covariance = start_covariance;
-  map_.start_centre = calib::inverse(frame.cam_from_world).translation;
+  map_.start_centre = calib::inverse(frame.pose.cam_from_world).translation;
   by_point_.clear(), seeds_.clear(), given_sigma_m_.clear(), given_position_.clear();
   for (std::size_t i = 0; i < points.size(); ++i) {
     MapPoint p;
@@ -136,21 +136,21 @@ bool KeyframeMapping::is_new_keyframe(const TrackedFrame& frame) const {
   if (frame.number < last_keyframe_frame_ + frames_between_keyframes || !(frame.share_found > enough_found) ||
       !(frame.flow_px < sharp_for_keyframe * camera_.image_size.width))
     return false;
-  const double depth = median_depth(frame.cam_from_world);
-  const Eigen::Vector3d centre = calib::inverse(frame.cam_from_world).translation;
+  const double depth = median_depth(frame.pose.cam_from_world);
+  const Eigen::Vector3d centre = calib::inverse(frame.pose.cam_from_world).translation;
   return std::ranges::all_of(map_.keyframes, [&](const Keyframe& k) {
     const double moved = (calib::inverse(k.cam_from_world).translation - centre).norm() / depth;
-    const double turned = k.cam_from_world.rotation.angularDistance(frame.cam_from_world.rotation);
+    const double turned = k.cam_from_world.rotation.angularDistance(frame.pose.cam_from_world.rotation);
     return moved / keyframe_moved + turned / keyframe_turned_rad > 1;
   });
 }
 
 void KeyframeMapping::add_keyframe(const TrackedFrame& frame) {
   const auto index = static_cast<int>(map_.keyframes.size());
-  map_.keyframes.push_back({frame.pyramid, frame.cam_from_world});
+  map_.keyframes.push_back({frame.pyramid, frame.pose.cam_from_world, frame.pose.sweep});
   ++counters_.keyframes;
   last_keyframe_frame_ = frame.number;
-  const Eigen::Vector3d centre = calib::inverse(frame.cam_from_world).translation;
+  const Eigen::Vector3d centre = calib::inverse(frame.pose.cam_from_world).translation;
   for (PointSighting s : frame.sightings) {
     s.keyframe = index;
     MapPoint& p = map_.points[static_cast<std::size_t>(s.point)];
@@ -175,7 +175,7 @@ void KeyframeMapping::add_keyframe(const TrackedFrame& frame) {
 void KeyframeMapping::promote(const Seed& seed) {
   MapPoint p;
   const Keyframe& k = map_.keyframes[static_cast<std::size_t>(seed.keyframe)];
-  const calib::Rigid3d world_from_cam = calib::inverse(k.cam_from_world);
+  const calib::Rigid3d world_from_cam = calib::inverse(k.pose().at(seed.px.y()));
   const Eigen::Vector3d ray = world_from_cam.rotation * seed.ray;
   p.position = world_from_cam * (seed.ray / seed.inverse_depth);
   const double along = seed.sigma / (seed.inverse_depth * seed.inverse_depth);
@@ -223,8 +223,8 @@ KeyframeMapping::LocalProblem KeyframeMapping::problem_of(const std::set<int>& m
   bool anchored = false;
   const auto pose_index = [&](int k) {
     const auto [it, fresh] = local.pose_of.try_emplace(k, static_cast<int>(problem.poses.size()));
-    if (fresh)
-      problem.poses.push_back({map_.keyframes[static_cast<std::size_t>(k)].cam_from_world, !moved.contains(k)});
+    const Keyframe& frame = map_.keyframes[static_cast<std::size_t>(k)];
+    if (fresh) problem.poses.push_back({frame.cam_from_world, !moved.contains(k), frame.sweep});
     return it->second;
   };
   for (std::size_t i = 0; i < by_point_.size(); ++i) {

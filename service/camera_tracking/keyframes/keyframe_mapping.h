@@ -23,7 +23,7 @@ inline constexpr int patch_side = 8;  // pixels of a point's patch
 struct TrackedFrame {
   std::uint64_t number = 0;
   std::shared_ptr<const camera_tracking::Pyramid> pyramid;
-  calib::Rigid3d cam_from_world;
+  camera_tracking::SweptPose pose;
   bool tracked = false;    // else the pose means nothing
   double share_found = 0;  // of the points that were sought
   double flow_px = 0;      // how far the image moved since the frame before: a fast frame is a blurred one
@@ -95,7 +95,7 @@ class KeyframeMapping {
   void update_seeds(const TrackedFrame& frame);
   bool update(Seed& seed, const TrackedFrame& frame);  // false: given up
   SeedSeen seek(const Seed& seed, const TrackedFrame& frame);
-  bool narrow(Seed& seed, const SeedSeen& seen, const calib::Rigid3d& now_from_then) const;  // false: contradicted
+  bool narrow(Seed& seed, const SeedSeen& seen, const calib::Rigid3d& now) const;  // false: contradicted
 
   calib::Camera camera_;
   camera_tracking::SceneMap map_;

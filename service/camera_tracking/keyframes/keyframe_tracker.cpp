@@ -71,22 +71,22 @@ class KeyframeTracker final : public CameraTracker {
     if (state_ == PoseState::lost && estimate.frame_number % 5 == 0) {
       proposed = starter_.find_again(frame.pixels, grey, pose_);
     }
-    last_ = tracking_.track(pyramid, map_, state_ == PoseState::lost, proposed);
+    last_ = tracking_.track(frame.captured_at, pyramid, map_, state_ == PoseState::lost, proposed);
     mapper_.wait();
     if (handed_over_) map_ = mapping_.scene();
     handed_over_.reset();
     if (last_.proven) {
-      const double flow = flow_px(last_.cam_from_world);
+      const double flow = flow_px(last_.pose.cam_from_world);
       state_ = PoseState::tracking;
       is_map_unproven_ = false;
       tracked_at_ = frame.captured_at;
-      pose_ = last_.cam_from_world;
+      pose_ = last_.pose.cam_from_world;
       covariance_ = world_covariance(pose_, last_.tangent_covariance) + of_the_world(pose_);
       const PoseEvidence& e = last_.evidence;
       // With so few points sought nothing is mapped yet, and it is the rectangle that was seen.
       const double share_found = e.sought < 8 ? 1.0 : static_cast<double>(e.found) / e.sought;
-      handed_over_ =
-          TrackedFrame{estimate.frame_number, pyramid, pose_, true, share_found, flow, last_.sightings, last_.missed};
+      handed_over_ = TrackedFrame{estimate.frame_number, pyramid, last_.pose,      true,
+                                  share_found,           flow,    last_.sightings, last_.missed};
     } else {
       coast(frame.captured_at);
     }
@@ -138,8 +138,8 @@ class KeyframeTracker final : public CameraTracker {
     started_ = true;
     if (started->rectangle) tracking_.set_rectangle(started->dark);
     pose_ = started->pose.cam_from_world;
-    tracking_.set_pose(pose_);
-    TrackedFrame first{frames_ - 1, pyramid, pose_, true, 1, 0, {}, {}};
+    tracking_.set_pose(frame.captured_at, pose_);
+    TrackedFrame first{frames_ - 1, pyramid, {pose_, {}}, true, 1, 0, {}, {}};
     for (std::size_t i = 0; i < started->points.size(); ++i)
       first.sightings.push_back({0, static_cast<int>(i), started->px[i], started->sigma_px});
     const double scale = std::max(1.0, started->pose.scale);
@@ -148,7 +148,7 @@ class KeyframeTracker final : public CameraTracker {
     mapping_.start(first, started->points, started->normal, started->given_sigma_m, covariance_);
     map_ = mapping_.scene();
     last_ = {};
-    last_.cam_from_world = pose_;
+    last_.pose.cam_from_world = pose_;
     last_.proven = true;
     last_.evidence.sought = last_.evidence.found = static_cast<int>(started->points.size());
     last_.sightings = first.sightings;
@@ -200,6 +200,7 @@ class KeyframeTracker final : public CameraTracker {
     estimate.state = state_;
     estimate.map_points = map_.alive_count();
     estimate.effective_sample_size = std::max(1.0, tracking_.effective_sample_size());
+    estimate.readout_s = tracking_.readout().mean_s, estimate.readout_sigma_s = tracking_.readout().sigma_s;
     if (!estimate.has_pose()) return;
     estimate.world_from_camera = calib::inverse(pose_);
     estimate.covariance = covariance_;
