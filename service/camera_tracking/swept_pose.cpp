@@ -1,5 +1,6 @@
 #include "camera_tracking/swept_pose.h"
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 
@@ -12,6 +13,15 @@ double Sweep::part(double row) const {
 calib::Rigid3d Sweep::row_from_middle(double row) const {
   const double s = part(row);
   return calib::exp(calib::Tangent6d(s * motion + 0.5 * s * s * bend));
+}
+
+Eigen::Matrix2d Sweep::unskewed(const calib::CameraModel::Jacobian& d_px_d_cam, const Eigen::Vector3d& p_cam,
+                                double row) const {
+  const calib::Tangent6d per_row = (motion + part(row) * bend) / last_row;
+  const Eigen::Vector3d moved = per_row.head<3>().cross(p_cam) + per_row.tail<3>();
+  Eigen::Matrix2d out = Eigen::Matrix2d::Identity();
+  out.col(1) -= d_px_d_cam * moved;
+  return out;
 }
 
 std::optional<SweptPixel> project_swept(const calib::CameraModel& lens, const SweptPose& pose,

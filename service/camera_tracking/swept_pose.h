@@ -18,6 +18,10 @@ struct Sweep {
 
   double part(double row) const;  // rows far outside of the image count as its border's
   calib::Rigid3d row_from_middle(double row) const;
+  // What a patch around a point would be if all of its rows were exposed when the point's is, by where they are seen,
+  // d px / d px. p_cam is in the frame of the point's row, d_px_d_cam the lens' there.
+  Eigen::Matrix2d unskewed(const calib::CameraModel::Jacobian& d_px_d_cam, const Eigen::Vector3d& p_cam,
+                           double row) const;
   bool is_none() const { return motion.isZero(0) && bend.isZero(0); }  // a global shutter, or at rest
 };
 

@@ -127,7 +127,7 @@ TEST(SweptFit, aCameraAtRestSaysNothingOfItsReadout) {
   flight.velocity.setZero(), flight.noise_px = 0.3;
   const SweptFit fit = refine_swept_pose(camera().model, flight.seen(), flight.swept(), flight.prior({0, 0.02}), 15);
   EXPECT_LT(off(fit.pose.cam_from_world, flight.middle), 0.003);
-  if (fit.readout) EXPECT_GT(fit.readout->sigma_s, 0.02);
+  EXPECT_GT(fit.readout.value_or(Readout{0, 1}).sigma_s, 0.02);
 }
 
 }  // namespace

@@ -161,7 +161,7 @@ HandHeld::HandHeld(const HandHeldOptions& options) : options_(options) {
 
 double HandHeld::envelope(double t_s) const {
   if (options_.still_s <= 0) return 1;
-  constexpr double ramp_s = 1;
+  constexpr double ramp_s = 1.8;
   const double x =
       std::clamp(std::min(t_s - options_.still_s, options_.length_s - options_.still_s - t_s) / ramp_s, 0.0, 1.0);
   return x * x * (3 - 2 * x);

@@ -47,7 +47,7 @@ struct HandHeldOptions {
   std::uint64_t seed = 1;
   double length_s = 8;
   double fastest_deg_s = 130;  // turning; reached once or more
-  double sway_m = 0.08;        // of the position, per axis, about
+  double sway_m = 0.1;         // of the position, per axis, about
   double still_s = 0.4;        // 0: it moves in the first frame already
 };
 class HandHeld {

@@ -19,9 +19,11 @@ constexpr double off_by_share_of_change = 2.0 / 3;
 // What a rig says without a standard deviation, and a camera of which no rig says anything.
 constexpr double known_sigma_s = 1e-3, unknown_sigma_s = 20e-3;
 // Neighbouring frames see the same points, whose errors are alike: so many of them say as much as one.
-constexpr double frames_alike = 8;
+constexpr double frames_alike = 5;
 constexpr double least_frame_sigma_s = 0.5e-3;  // of what one frame says: the motion between rows is not that even
 constexpr double plausible_sigmas = 3;
+// No number of frames tells it better than this: velocities are differences of poses, whose errors are no part of this.
+constexpr double least_sigma_share = 0.01, least_sigma_s = 0.15e-3;
 
 }  // namespace
 
@@ -93,11 +95,21 @@ MotionPrior CameraMotion::prior(capture::Timestamp at, const Readout& readout) c
   return out;
 }
 
+MotionPrior CameraMotion::prior_from_next(capture::Timestamp at, capture::Timestamp next_at, const calib::Rigid3d& next,
+                                          const Readout& readout) {
+  CameraMotion backwards;
+  backwards.last_at_ = at - (next_at - at), backwards.last_pose_ = next;
+  MotionPrior out = backwards.prior(at, readout);
+  out.per_frame_hz = -out.per_frame_hz;  // what it sees as the frame before is the one after
+  return out;
+}
+
 ReadoutLearner::ReadoutLearner(const calib::CameraTiming& timing)
     : readout_{timing.readout_s.value_or(0.0),
                timing.readout_s ? timing.readout_sigma_s.value_or(known_sigma_s) : unknown_sigma_s} {}
 
 void ReadoutLearner::add(const Readout& measured) {
+  if (readout_.sigma_s < std::hypot(least_sigma_s, least_sigma_share * readout_.mean_s)) return;
   const double variance = readout_.sigma_s * readout_.sigma_s;
   const double own = std::hypot(measured.sigma_s, least_frame_sigma_s);
   // What contradicts all that was learnt counts for less, the more it does.

@@ -44,6 +44,9 @@ class CameraMotion {
   void forget();  // it was lost, or set down elsewhere
   void add(capture::Timestamp at, const calib::Rigid3d& cam_from_world);
   MotionPrior prior(capture::Timestamp at, const Readout& readout) const;
+  // Of the first of two frames, by the second one.
+  static MotionPrior prior_from_next(capture::Timestamp at, capture::Timestamp next_at, const calib::Rigid3d& next,
+                                     const Readout& readout);
 
  private:
   struct Interval {

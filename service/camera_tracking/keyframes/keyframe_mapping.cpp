@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "camera_tracking/keyframes/swept_fit.h"
+
 namespace huetrack::keyframes {
 
 using namespace camera_tracking;
@@ -26,7 +28,10 @@ constexpr double new_look = 0.25;
 constexpr int window = 7;                     // key frames that an adjustment moves
 constexpr std::size_t fewest_to_adjust = 12;  // observations
 constexpr int adjust_iterations = 6;
-constexpr double seed_sigma_px = 0.4;  // of a seed's corner, pixels of its level
+// A key frame is fitted anew once the readout is known by so much better.
+constexpr double refit_at_share = 0.6;
+constexpr std::size_t fewest_to_refit = 4;  // observations
+constexpr double seed_sigma_px = 0.4;       // of a seed's corner, pixels of its level
 
 double angle_between(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
   return std::atan2(a.cross(b).norm(), a.dot(b));
@@ -60,6 +65,7 @@ void KeyframeMapping::start(const TrackedFrame& frame, std::span<const Eigen::Ve
   map_ = {};
   map_.start_covariance = start_covariance;
   map_.start_centre = calib::inverse(frame.pose.cam_from_world).translation;
+  priors_.clear();
   by_point_.clear(), seeds_.clear(), given_sigma_m_.clear(), given_position_.clear();
   for (std::size_t i = 0; i < points.size(); ++i) {
     MapPoint p;
@@ -77,6 +83,7 @@ void KeyframeMapping::start(const TrackedFrame& frame, std::span<const Eigen::Ve
 
 void KeyframeMapping::start(StoredMap stored) {
   map_ = std::move(stored.map);
+  priors_.assign(map_.keyframes.size(), std::nullopt);
   by_point_.assign(map_.points.size(), {});
   given_sigma_m_.assign(map_.points.size(), 0);
   given_position_.assign(map_.points.size(), Eigen::Vector3d::Zero());
@@ -111,6 +118,7 @@ double KeyframeMapping::median_depth(const calib::Rigid3d& cam_from_world) const
 void KeyframeMapping::map(const TrackedFrame& frame) {
   if (!frame.tracked) return;
   count_finds(frame);
+  refit_keyframes(frame.readout);
   if (frame.flow_px < sharp_for_seeds * camera_.image_size.width) update_seeds(frame);
   if (is_new_keyframe(frame)) add_keyframe(frame);
 }
@@ -148,6 +156,7 @@ bool KeyframeMapping::is_new_keyframe(const TrackedFrame& frame) const {
 void KeyframeMapping::add_keyframe(const TrackedFrame& frame) {
   const auto index = static_cast<int>(map_.keyframes.size());
   map_.keyframes.push_back({frame.pyramid, frame.pose.cam_from_world, frame.pose.sweep});
+  priors_.push_back(frame.prior);
   ++counters_.keyframes;
   last_keyframe_frame_ = frame.number;
   const Eigen::Vector3d centre = calib::inverse(frame.pose.cam_from_world).translation;
@@ -272,6 +281,23 @@ void KeyframeMapping::take_over(const LocalProblem& local) {
     if (!map_.points[point].alive) continue;
     sightings.erase(sightings.begin() + static_cast<std::ptrdiff_t>(place));
     if (sightings.size() < 2) remove(static_cast<int>(point));
+  }
+}
+
+// Those whose motion was fitted when less was known of the readout: their rows are elsewhere than was thought.
+void KeyframeMapping::refit_keyframes(const Readout& readout) {
+  for (std::size_t k = 0; k < priors_.size(); ++k) {
+    if (!priors_[k] || !(readout.sigma_s < refit_at_share * priors_[k]->readout.sigma_s)) continue;
+    priors_[k]->readout = readout;
+    std::vector<PoseObservation> seen;
+    for (std::size_t i = 0; i < by_point_.size(); ++i) {
+      for (const PointSighting& s : by_point_[i])
+        if (s.keyframe == static_cast<int>(k)) seen.push_back({map_.points[i].position, s.px, s.sigma_px});
+    }
+    if (seen.size() < fewest_to_refit) continue;
+    Keyframe& keyframe = map_.keyframes[k];
+    const SweptFit fit = refine_swept_pose(camera_.model, seen, keyframe.pose(), *priors_[k]);
+    keyframe.cam_from_world = fit.pose.cam_from_world, keyframe.sweep = fit.pose.sweep;
   }
 }
 

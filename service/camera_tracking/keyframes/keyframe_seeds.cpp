@@ -181,7 +181,7 @@ bool KeyframeMapping::update(Seed& seed, const TrackedFrame& frame) {
   bool is_explained = seen.how == SeedSeen::How::found;
   if (is_explained) {
     ++seed.found;
-    is_explained = narrow(seed, seen, frame.pose.at(seen.px.y()));
+    is_explained = narrow(seed, seen, frame);
   }
   if (is_explained) return true;
   switch (seen.how) {
@@ -233,8 +233,9 @@ KeyframeMapping::SeedSeen KeyframeMapping::seek(const Seed& seed, const TrackedF
   return camera_.model.ray({seen.px}) ? seen : SeedSeen{};
 }
 
-// One more measurement of its depth. now: cam_from_world of the row where it is seen.
-bool KeyframeMapping::narrow(Seed& seed, const SeedSeen& seen, const calib::Rigid3d& now) const {
+// One more measurement of its depth.
+bool KeyframeMapping::narrow(Seed& seed, const SeedSeen& seen, const TrackedFrame& frame) const {
+  const calib::Rigid3d now = frame.pose.at(seen.px.y());
   const Keyframe& k = map_.keyframes[static_cast<std::size_t>(seed.keyframe)];
   const calib::Rigid3d now_from_then = now * calib::inverse(k.pose().at(seed.px.y()));
   const auto at = [&](double inverse_depth) {
@@ -256,7 +257,8 @@ bool KeyframeMapping::narrow(Seed& seed, const SeedSeen& seen, const calib::Rigi
     if (slope.squaredNorm() < 1e-12) break;
     rho = std::max(least_inverse_depth, rho + slope.dot(seen.px - p0->px) / slope.squaredNorm());
   }
-  const double sigma = seen_sigma_px * scale_of(seen.level) / px_per_inverse_depth;
+  const double row_open_px = frame.pose.sweep.part(seen.px.y()) * frame.readout_open_px;
+  const double sigma = std::hypot(seen_sigma_px * scale_of(seen.level), row_open_px) / px_per_inverse_depth;
   const double sum = std::sqrt(sigma * sigma + seed.sigma * seed.sigma);
   if (std::abs(rho - seed.inverse_depth) > contradicted_sigmas * sum) return false;
   const double gain = seed.sigma * seed.sigma / (sum * sum);

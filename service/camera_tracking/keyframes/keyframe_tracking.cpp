@@ -1,5 +1,6 @@
 #include "camera_tracking/keyframes/keyframe_tracking.h"
 
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 
@@ -15,6 +16,7 @@ constexpr double border_px = 5;  // that a point must be away from the image's b
 // A look counts for a point when it is less unlike today's view than this: radians between the directions plus the
 // logarithm of the distances' ratio. The first look is preferred by so much: it is nobody's copy.
 constexpr double most_unlike = 0.9, later_look_penalty = 0.15;
+constexpr double known_share = 0.3;    // a readout is known that is surer than this share of it
 constexpr double velocity_kept = 0.9;  // from frame to frame
 
 // So far off the image may a point be for the middle row, and yet be in view in its own.
@@ -59,6 +61,18 @@ void KeyframeTracking::forget() {
   motion_.forget();
 }
 
+std::optional<SweptFit> KeyframeTracking::with_motion(const MotionPrior& prior, capture::Timestamp at,
+                                                      const calib::Rigid3d& pose, std::span<const PoseObservation> seen,
+                                                      capture::Timestamp last_at) {
+  if (!(readout().sigma_s < known_share * std::abs(readout().mean_s))) return std::nullopt;
+  SweptFit fit =
+      refine_swept_pose(camera_.model, seen, {pose, prior.sweep(pose, camera_.image_size.height - 1)}, prior);
+  if (fit.fit.inliers < static_cast<int>(seen.size())) return std::nullopt;
+  motion_.forget();
+  motion_.add(at, fit.fit.cam_from_world), motion_.add(last_at, pose_);
+  return fit;
+}
+
 // nullptr: from here the point looks like in none of its looks.
 const PointLook* KeyframeTracking::look_most_alike(const MapPoint& p, const Eigen::Vector3d& centre,
                                                    const SceneMap& map) {
@@ -93,8 +107,8 @@ std::vector<KeyframeTracking::Visible> KeyframeTracking::visible(const SweptPose
     seen.point = static_cast<int>(i), seen.px = now->px, seen.swept_px = (now->px - middle->px).cast<float>();
     seen.look = look_most_alike(p, centre, map);
     if (!seen.look) continue;
-    const calib::Rigid3d then =
-        map.keyframes[static_cast<std::size_t>(seen.look->keyframe)].pose().at(seen.look->px.y());
+    const Keyframe& frame_then = map.keyframes[static_cast<std::size_t>(seen.look->keyframe)];
+    const calib::Rigid3d then = frame_then.pose().at(seen.look->px.y());
     const Eigen::Vector3d source = then * p.position;
     const bool known = p.normal.squaredNorm() > 0.5;
     const Eigen::Vector3d normal =
@@ -104,7 +118,14 @@ std::vector<KeyframeTracking::Visible> KeyframeTracking::visible(const SweptPose
                        plane_homography(now->cam_from_world * calib::inverse(then), normal, normal.dot(source)));
     if (!patch) continue;
     seen.patch = *patch;
-    seen.level = search_level(patch->affine, seen.look->level, levels);
+    if (!pose.sweep.is_none())
+      seen.patch.affine =
+          pose.sweep.unskewed(j, now->cam_from_world * p.position, now->px.y()).inverse() * seen.patch.affine;
+    if (const Sweep& sweep = frame_then.sweep; !sweep.is_none()) {
+      calib::CameraModel::Jacobian j_then;
+      if (camera_.model.project(source, j_then)) seen.patch.affine *= sweep.unskewed(j_then, source, seen.look->px.y());
+    }
+    seen.level = search_level(seen.patch.affine, seen.look->level, levels);
     const Eigen::Matrix<double, 2, 3> d = j * now->cam_from_world.rotation.toRotationMatrix();
     seen.map_sigma_px = std::sqrt(0.5 * (d * p.covariance * d.transpose()).trace());
     out.push_back(seen);

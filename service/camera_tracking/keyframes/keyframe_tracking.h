@@ -43,6 +43,14 @@ class KeyframeTracking {
   void set_rectangle(bool dark) { rectangle_ = dark; }
   void set_pose(capture::Timestamp at, const calib::Rigid3d& cam_from_world);  // known from elsewhere: a start
   void forget();                                                               // the motion: lost
+  // The frame before the last one, of which nothing was known but what it shows: the motion that the last one gives it,
+  // and its pose with that; nullopt: while the readout is not known, that says no more.
+  MotionPrior motion_of(capture::Timestamp at, capture::Timestamp last_at) const {
+    return CameraMotion::prior_from_next(at, last_at, pose_, readout());
+  }
+  std::optional<SweptFit> with_motion(const MotionPrior& prior, capture::Timestamp at, const calib::Rigid3d& pose,
+                                      std::span<const camera_tracking::PoseObservation> seen,
+                                      capture::Timestamp last_at);
 
   // The next frame. The result's `proven` says whether the pose is one; otherwise it is what the particles make of it.
   // lost: there is no pose to start from, so stored key frames are asked. proposed: a pose that somebody else found in
@@ -54,8 +62,7 @@ class KeyframeTracking {
   const camera_tracking::PoseParticles& particles() const { return particles_; }
   double effective_sample_size() const { return effective_sample_size_; }
   const Readout& readout() const { return readout_.readout(); }
-  // Of a frame at this time, from the poses before it.
-  MotionPrior motion_prior(capture::Timestamp at) const { return motion_.prior(at, readout()); }
+  const MotionPrior& prior() const { return prior_; }  // with which the last frame's pose was fitted
   // What was sought in the last frame, for pictures.
   struct Sought {
     int point;
