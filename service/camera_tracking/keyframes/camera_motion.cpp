@@ -19,11 +19,11 @@ constexpr double off_by_share_of_change = 2.0 / 3;
 // What a rig says without a standard deviation, and a camera of which no rig says anything.
 constexpr double known_sigma_s = 1e-3, unknown_sigma_s = 20e-3;
 // Neighbouring frames see the same points, whose errors are alike: so many of them say as much as one.
-constexpr double frames_alike = 5;
+constexpr double frames_alike = 2;
 constexpr double least_frame_sigma_s = 0.5e-3;  // of what one frame says: the motion between rows is not that even
 constexpr double plausible_sigmas = 3;
 // No number of frames tells it better than this: velocities are differences of poses, whose errors are no part of this.
-constexpr double least_sigma_share = 0.01, least_sigma_s = 0.15e-3;
+constexpr double least_sigma_share = 0.015, least_sigma_s = 0.15e-3;
 
 }  // namespace
 
@@ -40,6 +40,12 @@ calib::Tangent6d MotionPrior::bend(const calib::Rigid3d& cam_from_world) const {
 
 camera_tracking::Sweep MotionPrior::sweep(const calib::Rigid3d& cam_from_world, double last_row) const {
   return {readout.mean_s * velocity(cam_from_world), bend(cam_from_world), last_row};
+}
+
+MotionPrior MotionPrior::held() const {
+  MotionPrior out = *this;
+  out.readout.sigma_s = out.turn_sigma_rad_s = out.shift_sigma_m_s = 0;
+  return out;
 }
 
 Matrix6d MotionPrior::covariance(const calib::Tangent6d& velocity) const {

@@ -34,6 +34,7 @@ struct MotionPrior {
   calib::Tangent6d bend(const calib::Rigid3d& cam_from_world) const;            // Sweep::bend
   double velocity_per_tangent_hz() const { return (1 + kept) * per_frame_hz; }  // d velocity / d tangent of the pose
   camera_tracking::Sweep sweep(const calib::Rigid3d& cam_from_world, double last_row) const;
+  MotionPrior held() const;  // as if it were sure
   // Of a sweep's motion about sweep().motion, the readout's included.
   Matrix6d covariance(const calib::Tangent6d& velocity) const;
 };

@@ -94,7 +94,8 @@ class KeyframeMapping {
   std::set<int> to_be_moved(int keyframe) const;
   LocalProblem problem_of(const std::set<int>& moved, int keyframe) const;
   void take_over(const LocalProblem& local);
-  void refit_keyframes(const Readout& readout);
+  void keep_up_with(const Readout& readout);
+  void refit(const std::set<int>& keyframes);
 
   // ---- keyframe_seeds.cpp
   void add_seeds(int keyframe);
