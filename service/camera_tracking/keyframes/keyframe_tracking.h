@@ -61,7 +61,7 @@ class KeyframeTracking {
 
   const camera_tracking::PoseParticles& particles() const { return particles_; }
   double effective_sample_size() const { return effective_sample_size_; }
-  const Readout& readout() const { return readout_.readout(); }
+  Readout readout() const { return readout_.readout(); }
   const MotionPrior& prior() const { return prior_; }  // with which the last frame's pose was fitted
   // What was sought in the last frame, for pictures.
   struct Sought {
