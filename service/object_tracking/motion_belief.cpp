@@ -13,6 +13,9 @@ namespace {
 constexpr double unknown_latency_sigma_s = 0.020;
 // Rolling shutters take 10 to 33 ms, global ones nothing, and either may be mounted upside down.
 constexpr double unknown_readout_sigma_s = 0.020;
+// Of cameras whose frames' times are the same: a trigger starts them within microseconds, and their exposures are set
+// alike but for a millisecond; few have a rolling shutter.
+constexpr double in_step_latency_sigma_s = 0.001, in_step_readout_sigma_s = 0.004;
 // Of a number that somebody wrote into the rig without saying how well it is known.
 constexpr double unstated_sigma_s = 0.002;
 // Mid-exposure moves with the exposure time, which lamps and clouds make a camera change: a millisecond in a minute or
@@ -25,6 +28,11 @@ constexpr double least_latency_sigma_s = 3e-4, least_readout_sigma_s = 8e-4;
 
 // An object of a room's size passes its lamps and windows within metres: half a metre on, it is lit in another way.
 constexpr double lasting_way_m = 0.5;
+
+// Row times that moved by this much since they were last opened were linearised at the wrong place: a ball at 3 m/s is
+// 15 mm from where it was taken to be. Opened are they by as much as that may have cost.
+constexpr double far_s = 0.005, reopened_latency_sigma_s = 0.003, reopened_readout_sigma_s = 0.006;
+constexpr double settled_s = 0.002;  // row times known as well as this are known
 
 double variance_of(const std::optional<double>& value, const std::optional<double>& sigma, double unknown_sigma_s) {
   const double s = sigma.value_or(value ? unstated_sigma_s : unknown_sigma_s);
@@ -52,6 +60,38 @@ MotionBelief::MotionBelief(const calib::CameraRig& rig, bool times_are_learnt) :
       given.readout_variance_s2 = std::pow(timing.readout_sigma_s.value_or(0), 2);
     }
     given_.push_back(given);
+  }
+}
+
+void MotionBelief::expect_in_step() {
+  if (!times_are_learnt_) return;
+  for (int c = 0; c < static_cast<int>(given_.size()); ++c) {
+    const Eigen::Index l = latency_of(c), r = l + 1;
+    const auto at_most = [&](Eigen::Index i, double sigma) {
+      covariance_(i, i) = std::min(covariance_(i, i), sigma * sigma);
+    };
+    at_most(l, in_step_latency_sigma_s);
+    at_most(r, in_step_readout_sigma_s);
+  }
+}
+
+void MotionBelief::reopen_times() {
+  if (!times_are_learnt_) return;
+  const Eigen::Index n = 2 * static_cast<Eigen::Index>(given_.size());
+  if (times_linearised_.size() == 0) times_linearised_ = Eigen::VectorXd::Zero(n);
+  double moved_s = 0;
+  for (int c = 0; c < static_cast<int>(given_.size()); ++c) {
+    if (row_sigma_s(c, 0) > settled_s) return;
+    const Eigen::Index l = latency_of(c);
+    moved_s = std::max({moved_s, std::abs(mean_(l) - times_linearised_(l - 6)),
+                        std::abs(mean_(l + 1) - times_linearised_(l - 5)) / 2});
+  }
+  if (moved_s < far_s) return;
+  times_linearised_ = mean_.segment(6, n);
+  for (int c = 0; c < static_cast<int>(given_.size()); ++c) {
+    const Eigen::Index l = latency_of(c);
+    if (c != reference_camera) covariance_(l, l) += reopened_latency_sigma_s * reopened_latency_sigma_s;
+    covariance_(l + 1, l + 1) += reopened_readout_sigma_s * reopened_readout_sigma_s;
   }
 }
 

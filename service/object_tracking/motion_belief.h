@@ -10,15 +10,9 @@
 
 #include "calib/model/camera_rig.h"
 #include "capture/frame.h"
+#include "object_tracking/object_estimate.h"
 
 namespace huetrack::object_tracking {
-
-// One camera's time as a target's motion tells it; seconds. Row r of H is exposed around
-//   stamp - latency + (r / (H - 1) - 1/2) readout.
-struct CameraTimingEstimate {
-  double latency_s = 0, latency_sigma_s = 0;
-  double readout_s = 0, readout_sigma_s = 0;
-};
 
 // The row of a view in which something is seen.
 struct SeenRow {
@@ -66,6 +60,9 @@ class MotionBelief {
   // been moved since.
   void open_times_as(const MotionBelief& other);
 
+  // The cameras are triggered together: their frames' times have been the same. Before anything is learnt only. Then
+  // latencies hardly differ, and such cameras mostly have global shutters.
+  void expect_in_step();
   // What is to be added to the frame's time for this row of this camera, and how well that is known (standard
   // deviation).
   double row_shift_s(int camera, double below_middle) const;
@@ -80,6 +77,9 @@ class MotionBelief {
   // Kalman update. Returns the squared innovation in its own standard deviations: 2 on average. A sighting from before
   // `at` is compared with where the object was then, swerves included. velocity: that of the linearisation.
   double observe(const LinearSighting& sighting, const Eigen::Vector3d& velocity, double power_density);
+  // Where the times have become known, and were far from it before, they are opened again by some milliseconds: what
+  // was learnt on the way was linearised at wrong times, and is surer than it should be.
+  void reopen_times();
   // The position's mean and covariance are replaced; all else follows by regression on the position.
   void set_position(const Eigen::Vector3d& mean, const Eigen::Matrix3d& covariance);
 
@@ -120,6 +120,7 @@ class MotionBelief {
   void renew_lasting(int camera, double lasting_px);
 
   bool times_are_learnt_;
+  Eigen::VectorXd times_linearised_;  // their means when they were last opened
   Eigen::VectorXd mean_;
   Eigen::MatrixXd covariance_;
   struct Given {  // by the rig

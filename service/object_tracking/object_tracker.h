@@ -13,7 +13,6 @@
 #include "capture/frame.h"
 #include "object_tracking/color_model.h"
 #include "object_tracking/color_window.h"
-#include "object_tracking/motion_belief.h"
 #include "object_tracking/object_estimate.h"
 
 namespace huetrack::object_tracking {
@@ -100,10 +99,6 @@ class ObjectTracker {
   std::vector<Eigen::Vector3f> particles(std::size_t about = 0) const;
 
   SearchFindings search_findings() const;
-
-  // When the cameras' rows are exposed, as this target's motion tells it; one per camera of the rig. The first camera's
-  // latency is held: all others hang on it. Empty: observation: paper.
-  std::vector<CameraTimingEstimate> timing() const;
 
  private:
   struct Impl;

@@ -46,6 +46,15 @@ bool is_in_volume(const Eigen::Vector3d& p, const Box& volume) {
   return ((p - volume.min).array() >= 0).all() && ((volume.max - p).array() >= 0).all();
 }
 
+// Frames that a trigger did not start at one moment. Stamps that agree by chance, camera by camera and set by set, do
+// not happen.
+bool is_apart(const std::vector<TargetView>& views) {
+  constexpr auto trigger_jitter = capture::Duration(50'000);
+  return std::ranges::any_of(views, [&](const TargetView& view) {
+    return std::chrono::abs(view.frame->captured_at - views.front().frame->captured_at) > trigger_jitter;
+  });
+}
+
 void sort_by_time(std::vector<Sighting>& sightings) {
   std::ranges::stable_sort(sightings, {}, [](const Sighting& s) { return s.row.at; });
 }
@@ -66,6 +75,7 @@ std::optional<PixelBox> box_around(const TargetView& view, const Appearance& at,
 ObjectEstimate RegionTracker::update(const capture::FrameSet& set) {
   const std::vector<TargetView>& views = views_.look_at(set);
   sightings_.clear();
+  sets_apart_ += is_apart(views) ? 1 : 0;
   if (set.at < last_at_) forget();  // the clock was put back: what was known is of another time
   if (state_ == TrackState::tracking || state_ == TrackState::coasting) {
     sight(views);  // colour regions near the prediction, one per view at most
@@ -77,6 +87,7 @@ ObjectEstimate RegionTracker::update(const capture::FrameSet& set) {
     weigh(at_times, q);  // what the linearisation and the floor change
     estimate(at_times);
     belief_.open_times_as(proposal);
+    belief_.reopen_times();
     judge(set);
   }
   if (state_ != TrackState::tracking) search(set, views);
@@ -84,9 +95,11 @@ ObjectEstimate RegionTracker::update(const capture::FrameSet& set) {
   if (std::getenv("DBG")) {
     std::fprintf(stderr, "%.3f v=%.2f a=%.1f s=%.2f n=%zu", capture::seconds(set.at), belief_.velocity().norm(),
                  acceleration_, surprise_, sightings_.size());
-    for (auto& t : timing())
+    for (int c = 0; c < static_cast<int>(views_.camera_count()); ++c) {
+      const auto t = belief_.timing(c);
       std::fprintf(stderr, " | %.2f+-%.2f %.2f+-%.2f", 1e3 * t.latency_s, 1e3 * t.latency_sigma_s, 1e3 * t.readout_s,
                    1e3 * t.readout_sigma_s);
+    }
     std::fprintf(stderr, "\n");
   }
   return report(set, views);
@@ -302,7 +315,7 @@ double RegionTracker::learn_acceleration(const capture::FrameSet& set, const std
   }
   // While the times are open, small innovations do not tell calm motion: nearly all of what is expected of them is the
   // times'. And a motion that is taken for too calm passes for cameras that are late.
-  const double least = are_times_open() ? options_.acceleration_m_s2 : least_acceleration_m_s2;
+  const double least = are_times_open() ? 2 * options_.acceleration_m_s2 : least_acceleration_m_s2;
   if (!sightings_.empty())
     acceleration_ = std::clamp(acceleration_ * std::exp(0.05 * (std::min(surprise_, 3.0) - 1)), least, ceiling);
   return power_density();
@@ -504,6 +517,8 @@ void RegionTracker::start_at(const PositionCandidate& earlier, const PositionCan
   MotionBelief about = belief_;
   about.begin(set_at, found.position, 0, (found.position - earlier.position) / dt, 0);
   last_reported_ = capture::Timestamp::min();
+  if (!has_begun_ && sets_apart_ == 0) belief_.expect_in_step();
+  has_begun_ = true;
   sightings_ = earlier.sightings;
   sort_by_time(sightings_);
   belief_.begin(sightings_.front().row.at, earlier.position, anywhere_m * anywhere_m, Eigen::Vector3d::Zero(),
@@ -518,12 +533,6 @@ void RegionTracker::start_at(const PositionCandidate& earlier, const PositionCan
   map_ = belief_.position();
 }
 
-std::vector<CameraTimingEstimate> RegionTracker::timing() const {
-  std::vector<CameraTimingEstimate> out;
-  for (int c = 0; c < static_cast<int>(views_.camera_count()); ++c) out.push_back(belief_.timing(c));
-  return out;
-}
-
 ObjectEstimate RegionTracker::report(const capture::FrameSet& set, const std::vector<TargetView>& views) {
   ObjectEstimate e;
   e.at = set.at;
@@ -532,6 +541,7 @@ ObjectEstimate RegionTracker::report(const capture::FrameSet& set, const std::ve
   e.particle_count = static_cast<int>(particles_.size());
   e.effective_sample_size = effective_sample_size_;
   e.per_view.resize(views_.camera_count());
+  for (int c = 0; c < static_cast<int>(views_.camera_count()); ++c) e.times.push_back(belief_.timing(c));
   for (const TargetView& view : views) e.per_view[static_cast<std::size_t>(view.index)].delivered = true;
   if (!e.has_position()) return e;
   e.at = last_reported_ = std::max(belief_.at, last_reported_ + capture::Duration(1));

@@ -42,7 +42,6 @@ class RegionTracker {
   TargetViews& views() { return views_; }
   const PositionParticles& particles() const { return particles_; }
   SearchFindings search_findings() const { return search_log_.findings(); }
-  std::vector<CameraTimingEstimate> timing() const;
 
  private:
   struct SizeInView {
@@ -102,6 +101,8 @@ class RegionTracker {
 
   TrackState state_ = TrackState::searching;
   capture::Timestamp last_at_{}, last_tracking_{};  // of the sets
+  bool has_begun_ = false;                          // an object was found: times are being learnt
+  std::size_t sets_apart_ = 0;                      // whose frames were not taken at one moment
   capture::Timestamp last_reported_ = capture::Timestamp::min();
 };
 
