@@ -14,6 +14,7 @@
 #include "pictures/canvas_image.h"
 #include "pictures/oblique.h"
 #include "pictures/pictures.h"
+#include "pictures/view_style.h"
 
 namespace huetrack::pictures {
 namespace {
@@ -30,8 +31,6 @@ using drawing::white;
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-constexpr Color background{24, 26, 30}, no_image{44, 47, 53}, faint{150, 156, 166}, bright{238, 240, 244};
-constexpr double headline_size = 19, text_size = 15, small_text_size = 14;
 constexpr Color found_color{90, 220, 120}, missed_color{255, 96, 88}, given_color{110, 180, 255},
     particle_color{255, 220, 90};
 

@@ -30,7 +30,7 @@ constexpr double least_sigma_px = 1;  // Table I; a narrower Gaussian leaves too
 constexpr double own_motion = 0.25;   // of LedFilterOptions::motion, which is that of the liveliest cameras
 constexpr double narrow = 1.5;        // up to this widening the particles are where the measurements are
 constexpr int gathered_frames = 12;
-constexpr double tracking_sigma_m = 0.05, tracking_sigma_rad = 0.06;
+constexpr double small_sigma_m = 0.05, small_sigma_rad = 0.06;
 constexpr double explained_px = 6;  // a LED so near to where the pose has it supports the pose
 constexpr capture::Duration evidence_length = 400ms;
 
@@ -152,7 +152,7 @@ class PaperLedFilter final : public LedFilter {
     }
     evidence_.forget(frame.at - evidence_length);
     const Vector2d sigma = largest_sigmas(pose_.covariance);
-    small_ = sigma.x() < tracking_sigma_m && sigma.y() < tracking_sigma_rad;
+    small_ = sigma.x() < small_sigma_m && sigma.y() < small_sigma_rad;
     const bool explained = evidence_.distinct() >= 4 && 4 * evidence_.matched() > 3 * evidence_.in_view();
     // For some frames: a cloud that is just coming together may pass by.
     gathered_ = widening_ < narrow ? gathered_ + static_cast<int>(!sightings.empty()) : 0;
