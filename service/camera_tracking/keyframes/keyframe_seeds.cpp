@@ -21,7 +21,7 @@ constexpr double least_inverse_depth = 1e-3;  // 1/m: as good as infinity
 // A seed becomes a point once its depth is as sure as that (sigma over inverse depth), and not by chance: found so
 // often, and seen from as far aside.
 constexpr double converged = 0.035, enough_parallax_rad = 0.025;
-constexpr int found_often_enough = 4;
+constexpr int enough_found = 4;
 
 constexpr double longest_line_px = 80;  // of a search: longer, and anything may be found on it
 constexpr double reach_px = 1.5;        // from the epipolar line: noise of the poses
@@ -168,7 +168,7 @@ void KeyframeMapping::update_seeds(const TrackedFrame& frame) {
       ++counters_.seeds_abandoned;
       continue;
     }
-    if (seed.sigma < converged * seed.inverse_depth && seed.found >= found_often_enough &&
+    if (seed.sigma < converged * seed.inverse_depth && seed.found >= enough_found &&
         seed.widest_rad > enough_parallax_rad)
       promote(seed);
     else
