@@ -26,7 +26,7 @@
 namespace huetrack::program {
 namespace {
 
-struct Options {
+struct WaveCommand {
   std::string recording, config, rig;
   std::vector<std::string> targets;
   std::vector<std::string> lenses, camera_distance;
@@ -48,7 +48,7 @@ std::string names_of(const std::vector<object_tracking::TargetOptions>& targets)
   return fmt::to_string(fmt::join(names, ", "));
 }
 
-Input input_of(const Options& o) {
+Input input_of(const WaveCommand& o) {
   Input in;
   if (!o.config.empty()) {
     if (!o.lenses.empty() || !o.hue.empty())
@@ -92,7 +92,7 @@ Input input_of(const Options& o) {
   return in;
 }
 
-wave::WaveOptions wave_options(const Options& o, const Input& in) {
+wave::WaveOptions wave_options(const WaveCommand& o, const Input& in) {
   wave::WaveOptions options{.radius_m = in.targets.front().radius_m};
   options.has_poses = !o.no_poses && in.config.has_value();
   if (!o.camera_distance.empty()) {
@@ -174,7 +174,7 @@ class Finder {
   std::vector<std::unique_ptr<wave::BallFinder>> finders_;
 };
 
-BallsFrames frames_of_recording(const Options& o, const Input& in, const std::stop_token& stop) {
+BallsFrames frames_of_recording(const WaveCommand& o, const Input& in, const std::stop_token& stop) {
   std::vector<std::string> names;
   for (const calib::Camera& camera : in.rig.cameras) names.push_back(camera.name);
   const capture::Recording recording = capture::read_recording(o.recording);
@@ -217,7 +217,7 @@ BallsFrames frames_of_recording(const Options& o, const Input& in, const std::st
 }
 
 // Every camera has its own thread, which looks for the ball as well: of the pictures only what is around it is kept.
-BallsFrames frames_of_cameras(const Options& o, const Input& in, const std::stop_token& stop) {
+BallsFrames frames_of_cameras(const WaveCommand& o, const Input& in, const std::stop_token& stop) {
   std::vector<pipeline::LiveCamera> cameras = pipeline::open_cameras(*in.config);
   if (cameras.size() < 2) throw gather::InputError(o.config + ": cameras: two live cameras or more are needed");
   std::mutex mutex;
@@ -267,7 +267,7 @@ BallsFrames frames_of_cameras(const Options& o, const Input& in, const std::stop
   return frames;
 }
 
-ExitStatus wave(const Options& o, const std::stop_token& stop) {
+ExitStatus wave(const WaveCommand& o, const std::stop_token& stop) {
   if (o.recording.empty() == (o.live_s <= 0)) throw gather::InputError("give a recording, or --live SECONDS");
   if (o.live_s > 0 && o.config.empty())
     throw gather::InputError("--live needs --config: it says where the cameras are");
@@ -302,7 +302,7 @@ ExitStatus wave(const Options& o, const std::stop_token& stop) {
 }  // namespace
 
 void add_wave_command(CLI::App& app, Command& chosen) {
-  const auto o = std::make_shared<Options>();
+  const auto o = std::make_shared<WaveCommand>();
   CLI::App* command =
       app.add_subcommand("wave", "find or refine the cameras' poses from the coloured ball, waved through the volume");
   command->add_option("recording", o->recording, "recording.yaml, or the folder that holds it");

@@ -21,7 +21,7 @@
 #include "daemon/reloader.h"
 #include "daemon/service_manager.h"
 #include "daemon/status_reporter.h"
-#include "daemon/view_server.h"
+#include "page/view_server.h"
 #include "pipeline/bus.h"
 #include "pipeline/file_outputs.h"
 #include "pipeline/picture_folder.h"
@@ -121,7 +121,7 @@ class ReplayStatus final : public pipeline::Output {
     if (held_ != nullptr && !held_->is_released()) status.mode = "held";
     bus_.publisher().publish_status(status);
   }
-  void on_config(const config::ServiceConfig& config) override {
+  void on_config(const config::ServiceConfig& config) noexcept override {
     const std::scoped_lock lock(mutex_);
     reporter_.take_over(config);
   }
@@ -177,9 +177,9 @@ class ReloadRefusal final : public pipeline::Output {
   std::atomic<bool>& asked_;
 };
 
-ViewServerOptions viewing(pipeline::Session& session, const ReplayCommand& command, HeldSource* held,
-                          const std::atomic<bool>& has_begun) {
-  ViewServerOptions options{.keeps_frames = true, .time = &session.time(), .reload_asked = command.reload};
+page::ViewServerOptions viewing(pipeline::Session& session, const ReplayCommand& command, HeldSource* held,
+                                const std::atomic<bool>& has_begun) {
+  page::ViewServerOptions options{.keeps_frames = true, .time = &session.time(), .reload_asked = command.reload};
   options.actions.reload = [&session, &has_begun]() -> std::string {
     if (!has_begun) return "the replay has not begun yet";
     return reload(session);
@@ -298,7 +298,7 @@ ReplaySummary replay(const ReplayCommand& command, const std::stop_token& stop) 
   std::optional<ReloadRefusal> refusal;
   if (!bus && command.reload != nullptr) session.add(refusal.emplace(*command.reload));
   std::atomic<bool> has_begun = false;  // the page's thread runs before, and may not reload yet
-  std::optional<ViewServer> view;
+  std::optional<page::ViewServer> view;
   if (bus) session.add(view.emplace(session.config(), viewing(session, command, playback.held, has_begun)));
 
   if (bus && command.wait_for_subscriber_s > 0)

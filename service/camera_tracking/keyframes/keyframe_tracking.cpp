@@ -17,11 +17,6 @@ constexpr double border_px = 5;  // that a point must be away from the image's b
 constexpr double most_unlike = 0.9, later_look_penalty = 0.15;
 constexpr double velocity_kept = 0.9;  // from frame to frame
 
-calib::Camera without_pose(calib::Camera camera) {
-  camera.cam_from_world = {};
-  return camera;
-}
-
 double angle_between(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
   return std::atan2(a.cross(b).norm(), a.dot(b));
 }

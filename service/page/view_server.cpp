@@ -1,4 +1,4 @@
-#include "daemon/view_server.h"
+#include "page/view_server.h"
 
 #include <sys/prctl.h>
 #include <sys/resource.h>
@@ -8,7 +8,7 @@
 
 #include "pictures/preview_maker.h"
 
-namespace huetrack::daemon {
+namespace huetrack::page {
 namespace {
 
 using Clock = std::chrono::steady_clock;
@@ -184,4 +184,4 @@ void ViewServer::publish_previews(const pictures::PictureJob& job) {
   busy_ns_ += (Clock::now() - started).count();
 }
 
-}  // namespace huetrack::daemon
+}  // namespace huetrack::page

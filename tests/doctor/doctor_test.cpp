@@ -1,4 +1,4 @@
-#include "daemon/doctor.h"
+#include "doctor/doctor.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -6,7 +6,7 @@
 #include "capture/clips.h"
 #include "pipeline/live_cameras.h"
 
-namespace huetrack::daemon {
+namespace huetrack::doctor {
 namespace {
 
 using testing::AllOf;
@@ -16,7 +16,7 @@ using testing::HasSubstr;
 using testing::IsEmpty;
 using testing::Not;
 
-auto says(Verdict verdict, const std::string& what) {
+auto says(Grade verdict, const std::string& what) {
   return Contains(AllOf(Field(&Finding::verdict, verdict), Field(&Finding::what, HasSubstr(what))));
 }
 auto advises(const std::string& advice) {
@@ -66,20 +66,20 @@ CameraExam healthy(const std::string& name = "left", int bus = 1) {
 TEST(JudgeCamera, AHealthyOneIsAllRight) {
   const auto findings = judge_camera(healthy(), true);
   for (const auto& finding : findings)
-    EXPECT_TRUE(finding.verdict == Verdict::ok || finding.what == "no controls") << finding.what;
-  EXPECT_THAT(findings, says(Verdict::ok, "by path (the port): /dev/v4l/by-path/pci-usb-0:2:1.0-video-index0"));
-  EXPECT_THAT(findings, says(Verdict::ok, "by id (the camera): /dev/v4l/by-id/usb-A1-video-index0"));
-  EXPECT_THAT(findings, says(Verdict::ok, "yuyv: 640x480@30/15, 1280x720@10"));
-  EXPECT_THAT(findings, says(Verdict::ok, "yuyv 640x480: 30.0 frames/s reached of 30 over 3.0 s, longest gap 34 ms"));
-  EXPECT_THAT(findings, says(Verdict::ok, "no frame of 91 dropped or damaged"));
-  EXPECT_THAT(findings, says(Verdict::ok, "time stamps: start of exposure, 12.0 ms"));
+    EXPECT_TRUE(finding.verdict == Grade::ok || finding.what == "no controls") << finding.what;
+  EXPECT_THAT(findings, says(Grade::ok, "by path (the port): /dev/v4l/by-path/pci-usb-0:2:1.0-video-index0"));
+  EXPECT_THAT(findings, says(Grade::ok, "by id (the camera): /dev/v4l/by-id/usb-A1-video-index0"));
+  EXPECT_THAT(findings, says(Grade::ok, "yuyv: 640x480@30/15, 1280x720@10"));
+  EXPECT_THAT(findings, says(Grade::ok, "yuyv 640x480: 30.0 frames/s reached of 30 over 3.0 s, longest gap 34 ms"));
+  EXPECT_THAT(findings, says(Grade::ok, "no frame of 91 dropped or damaged"));
+  EXPECT_THAT(findings, says(Grade::ok, "time stamps: start of exposure, 12.0 ms"));
 }
 
 TEST(JudgeCamera, ARateThatIsNotReachedNamesItsCauses) {
   CameraExam dark = healthy();
   dark.trial->frames = 46;
   const auto findings = judge_camera(dark, true);
-  EXPECT_THAT(findings, says(Verdict::warning, "15.0 frames/s reached of 30"));
+  EXPECT_THAT(findings, says(Grade::warning, "15.0 frames/s reached of 30"));
   EXPECT_THAT(findings, advises("exposure_time_absolute below the frame period"));
 }
 
@@ -89,16 +89,16 @@ TEST(JudgeCamera, DropsDamageAndStampsAreSaid) {
   poor.trial->corrupted = 2;
   poor.trial->stamp = capture::StampKind::dequeued;
   auto findings = judge_camera(poor, true);
-  EXPECT_THAT(findings, says(Verdict::warning, "3 frames dropped, 2 damaged of 94"));
-  EXPECT_THAT(findings, says(Verdict::warning, "the driver gives none"));
+  EXPECT_THAT(findings, says(Grade::warning, "3 frames dropped, 2 damaged of 94"));
+  EXPECT_THAT(findings, says(Grade::warning, "the driver gives none"));
   poor.trial->stamp = capture::StampKind::end_of_frame;
-  EXPECT_THAT(judge_camera(poor, true), says(Verdict::note, "time stamps: end of frame"));
+  EXPECT_THAT(judge_camera(poor, true), says(Grade::note, "time stamps: end of frame"));
   poor.trial->mean_age_s = -0.02;
-  EXPECT_THAT(judge_camera(poor, true), says(Verdict::warning, "they lie in the future"));
+  EXPECT_THAT(judge_camera(poor, true), says(Grade::warning, "they lie in the future"));
   poor.trial->frames = 0;
   poor.trial->failure = "no frame came";
   findings = judge_camera(poor, true);
-  EXPECT_THAT(findings, says(Verdict::problem, "yuyv 640x480: no frame came"));
+  EXPECT_THAT(findings, says(Grade::problem, "yuyv 640x480: no frame came"));
 }
 
 TEST(JudgeCamera, ControlsThatDidNotStick) {
@@ -110,33 +110,33 @@ TEST(JudgeCamera, ControlsThatDidNotStick) {
   exam.stayed = {{"gain", "30", 30, "", false},
                  {"white_balance_temperature", "4600", 5000, "it did not stay so while the camera streamed", false}};
   const auto findings = judge_camera(exam, true);
-  EXPECT_THAT(findings, says(Verdict::ok, "controls of the configuration that stuck: gain 30"));
-  EXPECT_THAT(findings, says(Verdict::warning, "exposure_time_absolute: asked 100, got 157: the camera refuses it"));
-  EXPECT_THAT(findings, says(Verdict::warning, "white_balance_temperature: asked 4600, got 5000: it did not stay"));
-  EXPECT_THAT(findings, says(Verdict::warning, "exposure is automatic"));
-  EXPECT_THAT(findings, says(Verdict::note, "controls not tried: auto_exposure, sharpness"));
+  EXPECT_THAT(findings, says(Grade::ok, "controls of the configuration that stuck: gain 30"));
+  EXPECT_THAT(findings, says(Grade::warning, "exposure_time_absolute: asked 100, got 157: the camera refuses it"));
+  EXPECT_THAT(findings, says(Grade::warning, "white_balance_temperature: asked 4600, got 5000: it did not stay"));
+  EXPECT_THAT(findings, says(Grade::warning, "exposure is automatic"));
+  EXPECT_THAT(findings, says(Grade::note, "controls not tried: auto_exposure, sharpness"));
 }
 
 TEST(JudgeCamera, PermissionsAndBusyCamerasSayWhatToDo) {
   CameraExam exam = healthy();
   exam.trial.reset();
   exam.node.problem = "/dev/video0: Permission denied: " + capture::advice_for(EACCES);
-  EXPECT_THAT(judge_camera(exam, true), says(Verdict::problem, "group video"));
-  EXPECT_THAT(judge_camera(exam, false), Not(says(Verdict::problem, "")));
+  EXPECT_THAT(judge_camera(exam, true), says(Grade::problem, "group video"));
+  EXPECT_THAT(judge_camera(exam, false), Not(says(Grade::problem, "")));
   exam.node.problem.clear();
   exam.problem = "/dev/video0: Device or resource busy: " + capture::advice_for(EBUSY);
-  EXPECT_THAT(judge_camera(exam, true), says(Verdict::warning, "another program uses it"));
+  EXPECT_THAT(judge_camera(exam, true), says(Grade::warning, "another program uses it"));
   EXPECT_THAT(judge_camera(exam, true), advises("systemctl stop huetrackd"));
   exam.problem = "/dev/video0: No space left on device: " + capture::advice_for(ENOSPC);
-  EXPECT_THAT(judge_camera(exam, true), says(Verdict::problem, "USB bandwidth, not the disk"));
+  EXPECT_THAT(judge_camera(exam, true), says(Grade::problem, "USB bandwidth, not the disk"));
 }
 
 TEST(JudgeCamera, WithoutStableNamesItWarns) {
   CameraExam exam = healthy();
   exam.node.identity.by_path.clear();
   exam.node.identity.by_id.clear();
-  EXPECT_THAT(judge_camera(exam, true), says(Verdict::warning, "no name in /dev/v4l/by-path"));
-  EXPECT_THAT(judge_camera(exam, true), says(Verdict::note, "no serial number"));
+  EXPECT_THAT(judge_camera(exam, true), says(Grade::warning, "no name in /dev/v4l/by-path"));
+  EXPECT_THAT(judge_camera(exam, true), says(Grade::note, "no serial number"));
   EXPECT_THAT(judge_camera(exam, true), Not(advises("name it by its port"))) << "it has no such name";
 }
 
@@ -199,16 +199,16 @@ TEST(JudgeUsb, AddsUpWhatCamerasOfABusWant) {
   std::vector<CameraExam> exams{healthy("left"), healthy("right")};
   auto findings = judge_usb(exams, {{1, 480}});
   ASSERT_EQ(findings.size(), 1u);
-  EXPECT_EQ(findings[0].verdict, Verdict::warning);
+  EXPECT_EQ(findings[0].verdict, Grade::warning);
   EXPECT_THAT(findings[0].what, HasSubstr("bus 1, 480 Mbit/s: left (video0) in port 1-2 147 Mbit/s, right"));
   EXPECT_THAT(findings[0].what, HasSubstr("together 295 of the 384 Mbit/s"));
   exams.push_back(healthy("back"));
-  EXPECT_EQ(judge_usb(exams, {{1, 480}})[0].verdict, Verdict::problem);
+  EXPECT_EQ(judge_usb(exams, {{1, 480}})[0].verdict, Grade::problem);
   exams[1] = healthy("right", 2);
   exams[2] = healthy("back", 3);
   findings = judge_usb(exams, {{1, 480}, {2, 480}, {3, 5000}});
   ASSERT_EQ(findings.size(), 3u);
-  for (const auto& finding : findings) EXPECT_EQ(finding.verdict, Verdict::ok);
+  for (const auto& finding : findings) EXPECT_EQ(finding.verdict, Grade::ok);
   exams = {healthy("left"), healthy("right")};
   exams[0].trial->usb = capture::UsbReservation{
       .in_force = {{.interface = 1, .alternate = 7, .is_isochronous = true, .bytes = 3072, .intervals_per_s = 8000}},
@@ -220,16 +220,16 @@ TEST(JudgeUsb, AddsUpWhatCamerasOfABusWant) {
                         "3072 bytes, 8000 times a second), right"));
   EXPECT_THAT(findings[0].what, HasSubstr("147 Mbit/s, bulk: nothing is reserved; together 344 of the 384 Mbit/s"));
   exams[0].node.identity.usb->speed_mbps = 12;
-  EXPECT_THAT(judge_usb(exams, {}), says(Verdict::problem, "left (video0) runs at 12 Mbit/s"));
+  EXPECT_THAT(judge_usb(exams, {}), says(Grade::problem, "left (video0) runs at 12 Mbit/s"));
 }
 
 TEST(JudgeNetwork, SaysWhoCanSubscribe) {
   EXPECT_THAT(judge_network(7, "ROS_DOMAIN_ID", {"lo 127.0.0.1", "eth0 10.0.0.5"}),
-              AllOf(says(Verdict::ok, "domain 7, from ROS_DOMAIN_ID"), says(Verdict::ok, "eth0 10.0.0.5")));
-  EXPECT_THAT(judge_network(0, "", {"lo 127.0.0.1"}), says(Verdict::note, "subscribers on this host only"));
+              AllOf(says(Grade::ok, "domain 7, from ROS_DOMAIN_ID"), says(Grade::ok, "eth0 10.0.0.5")));
+  EXPECT_THAT(judge_network(0, "", {"lo 127.0.0.1"}), says(Grade::note, "subscribers on this host only"));
   EXPECT_THAT(judge_network(0, "", {"lo 127.0.0.1", "eth0 10.0.0.5", "wlan0 10.1.0.5"}),
-              AllOf(says(Verdict::note, "several networks"), advises("interfaces: [...]")));
-  EXPECT_THAT(judge_network(0, "", {}), says(Verdict::problem, "no network interface"));
+              AllOf(says(Grade::note, "several networks"), advises("interfaces: [...]")));
+  EXPECT_THAT(judge_network(0, "", {}), says(Grade::problem, "no network interface"));
 }
 
 TEST(SuitableStream, IsVgaOrTheNearestBelowIt) {
@@ -247,9 +247,9 @@ TEST(SuitableStream, IsVgaOrTheNearestBelowIt) {
 }
 
 TEST(ToText, PutsTheAdviceBelowTheVerdict) {
-  EXPECT_EQ(to_text({Verdict::ok, "fine", ""}), "  ok    fine\n");
-  EXPECT_EQ(to_text({Verdict::problem, "bad", "mend it"}), "  FAIL  bad\n        -> mend it\n");
+  EXPECT_EQ(to_text({Grade::ok, "fine", ""}), "  ok    fine\n");
+  EXPECT_EQ(to_text({Grade::problem, "bad", "mend it"}), "  FAIL  bad\n        -> mend it\n");
 }
 
 }  // namespace
-}  // namespace huetrack::daemon
+}  // namespace huetrack::doctor

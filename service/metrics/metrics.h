@@ -15,7 +15,7 @@
 #include "object_tracking/object_estimate.h"
 #include "publish/service_status.h"
 
-namespace huetrack::daemon {
+namespace huetrack::metrics {
 
 // Counts durations in fixed buckets from 0.05 ms to 1 s, in steps of 0.05 ms where the service is to be: quantiles are
 // read out of them. thread-safe; add() takes no lock.
@@ -73,4 +73,4 @@ class MetricsServer {
   std::unique_ptr<Impl> impl_;
 };
 
-}  // namespace huetrack::daemon
+}  // namespace huetrack::metrics

@@ -1,4 +1,4 @@
-#include "daemon/teach.h"
+#include "page/teach.h"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -25,7 +25,7 @@
 #include "pipeline/live_cameras.h"
 #include "publish/service_finder.h"
 
-namespace huetrack::daemon {
+namespace huetrack::page {
 namespace {
 
 using namespace std::chrono_literals;
@@ -320,4 +320,4 @@ int teach(const TeachCommand& command, std::stop_token stop) {
   return 0;
 }
 
-}  // namespace huetrack::daemon
+}  // namespace huetrack::page

@@ -20,9 +20,9 @@
 #include <utility>
 
 #include "capture/file_descriptor.h"
-#include "daemon/metrics.h"
+#include "metrics/metrics.h"
 
-namespace huetrack::daemon {
+namespace huetrack::metrics {
 namespace {
 
 using Clock = std::chrono::steady_clock;
@@ -156,4 +156,4 @@ void MetricsServer::show(std::string text) {
   impl_->text = std::move(text);
 }
 
-}  // namespace huetrack::daemon
+}  // namespace huetrack::metrics

@@ -1,4 +1,4 @@
-#include "daemon/teach_desk.h"
+#include "page/teach_desk.h"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -12,7 +12,7 @@
 #include "capture/jpeg_encoder.h"
 #include "config/taught_file.h"
 
-namespace huetrack::daemon {
+namespace huetrack::page {
 namespace {
 
 constexpr int picture_width = 960;  // larger than a preview's: people point into it
@@ -60,13 +60,13 @@ std::optional<object_tracking::IgnoredRegions> ignored_of(const msg::TeachReques
 }
 
 // What the page points at; or why that makes no sense.
-struct Pointing {
+struct PointedAt {
   color_teaching::TeachRequestOptions request;
   std::string problem;
 };
 
-Pointing pointing_of(const msg::TeachRequest& request, const calib::CameraRig& rig) {
-  Pointing pointing;
+PointedAt pointing_of(const msg::TeachRequest& request, const calib::CameraRig& rig) {
+  PointedAt pointing;
   const auto ignored = ignored_of(request, rig);
   if (!ignored) return {{}, "A rectangle is not in any camera's picture."};
   pointing.request.ignored = *ignored;
@@ -191,7 +191,7 @@ msg::TeachReply TeachDesk::look(const msg::TeachRequest& request, const config::
     return refusal(request, "Somebody else took new pictures meanwhile. Take new ones, and point again.");
   const auto target = std::ranges::find(config.targets, request.target(), &object_tracking::TargetOptions::name);
   if (target == config.targets.end()) return refusal(request, "There is no target \"" + request.target() + "\".");
-  const Pointing pointing = pointing_of(request, config.rig);
+  const PointedAt pointing = pointing_of(request, config.rig);
   if (!pointing.problem.empty()) return refusal(request, pointing.problem);
 
   const color_teaching::Lesson lesson =
@@ -263,4 +263,4 @@ msg::TeachReply TeachDesk::answer(const msg::TeachRequest& request, const config
   }
 }
 
-}  // namespace huetrack::daemon
+}  // namespace huetrack::page

@@ -1,4 +1,4 @@
-#include "daemon/metrics.h"
+#include "metrics/metrics.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -8,7 +8,7 @@
 
 #include "end_to_end/http.h"
 
-namespace huetrack::daemon {
+namespace huetrack::metrics {
 namespace {
 
 using namespace std::chrono_literals;
@@ -140,4 +140,4 @@ TEST_F(Server, APortThatCannotBeHadIsNamed) {
 }
 
 }  // namespace
-}  // namespace huetrack::daemon
+}  // namespace huetrack::metrics

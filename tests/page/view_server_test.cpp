@@ -1,5 +1,5 @@
 // Previews leave the road of the frames only while somebody subscribes, and never hold it up.
-#include "daemon/view_server.h"
+#include "page/view_server.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -17,7 +17,7 @@
 #include "pictures/preview_maker.h"
 #include "publish/test_domain.h"
 
-namespace huetrack::daemon {
+namespace huetrack::page {
 namespace {
 
 using namespace testing;
@@ -215,4 +215,4 @@ TEST(ViewServer, AMapOfATrackedCameraIsThereForWhoComesLate) {
 }
 
 }  // namespace
-}  // namespace huetrack::daemon
+}  // namespace huetrack::page

@@ -10,7 +10,7 @@
 #include "config/service_config.h"
 #include "idl/huetrack_view.h"
 
-namespace huetrack::daemon {
+namespace huetrack::page {
 
 // thread-compatible; the view server's thread owns it.
 class TeachDesk {
@@ -45,4 +45,4 @@ class TeachDesk {
   std::vector<std::pair<std::uint32_t, std::uint32_t>> picture_sizes_;  // per camera of the rig
 };
 
-}  // namespace huetrack::daemon
+}  // namespace huetrack::page

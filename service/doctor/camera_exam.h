@@ -11,7 +11,7 @@
 #include "capture/usb_bandwidth.h"
 #include "capture/v4l2_device.h"
 
-namespace huetrack::daemon {
+namespace huetrack::doctor {
 
 // A few seconds of frames.
 struct StreamTrial {
@@ -60,4 +60,4 @@ std::optional<capture::StreamRequest> suitable_stream(std::span<const capture::O
 std::vector<CameraExam> examine_cameras(const std::vector<ExamRequest>& requests, std::chrono::duration<double> length,
                                         const std::stop_token& stop);
 
-}  // namespace huetrack::daemon
+}  // namespace huetrack::doctor

@@ -10,11 +10,11 @@
 #include <string>
 #include <vector>
 
-#include "daemon/camera_exam.h"
+#include "doctor/camera_exam.h"
 
-namespace huetrack::daemon {
+namespace huetrack::doctor {
 
-enum class Verdict : std::uint8_t {
+enum class Grade : std::uint8_t {
   ok,
   note,     // good to know
   warning,  // tracking suffers, or will
@@ -22,7 +22,7 @@ enum class Verdict : std::uint8_t {
 };
 
 struct Finding {
-  Verdict verdict = Verdict::ok;
+  Grade verdict = Grade::ok;
   std::string what;
   std::string advice;  // what to do; empty where nothing is to be done
 };
@@ -53,4 +53,4 @@ std::string not_examined(int busy, int cameras);
 
 std::string to_text(const Finding& finding);  // "  ok    ...\n", or "  FAIL  ...\n        -> ...\n"
 
-}  // namespace huetrack::daemon
+}  // namespace huetrack::doctor

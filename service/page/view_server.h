@@ -11,12 +11,12 @@
 #include <thread>
 
 #include "config/service_config.h"
-#include "daemon/teach_desk.h"
+#include "page/teach_desk.h"
 #include "pipeline/output.h"
 #include "pipeline/published_time.h"
 #include "publish/view_publisher.h"
 
-namespace huetrack::daemon {
+namespace huetrack::page {
 
 struct ViewServerOptions {
   // Of a replay: a set that is held may be kept, no driver waits for its buffers. The first set is always taken, and
@@ -52,7 +52,7 @@ class ViewServer final : public pipeline::Output {
 
   void on_set(const pipeline::TrackedSet& set) override;
   void on_camera_pose(const pipeline::TrackedFrame& frame) override;
-  void on_config(const config::ServiceConfig& config) override { take_over(config); }
+  void on_config(const config::ServiceConfig& config) noexcept override { take_over(config); }
 
   struct Counters {
     std::uint64_t previews = 0;  // pictures published
@@ -90,4 +90,4 @@ class ViewServer final : public pipeline::Output {
   std::jthread thread_;                            // last: ends before the rest goes
 };
 
-}  // namespace huetrack::daemon
+}  // namespace huetrack::page

@@ -1,4 +1,4 @@
-#include "daemon/camera_exam.h"
+#include "doctor/camera_exam.h"
 
 #include <algorithm>
 #include <array>
@@ -7,7 +7,7 @@
 #include <memory>
 #include <thread>
 
-namespace huetrack::daemon {
+namespace huetrack::doctor {
 namespace {
 
 using Clock = std::chrono::steady_clock;
@@ -179,4 +179,4 @@ std::vector<CameraExam> examine_cameras(const std::vector<ExamRequest>& requests
   return exams;
 }
 
-}  // namespace huetrack::daemon
+}  // namespace huetrack::doctor

@@ -1,4 +1,4 @@
-#include "daemon/metrics.h"
+#include "metrics/metrics.h"
 
 #include <fmt/format.h>
 
@@ -7,7 +7,7 @@
 #include <limits>
 #include <utility>
 
-namespace huetrack::daemon {
+namespace huetrack::metrics {
 namespace {
 
 std::string number(double value) {
@@ -142,4 +142,4 @@ std::string to_prometheus(const publish::ServiceStatus& status, std::span<const 
   return text.take();
 }
 
-}  // namespace huetrack::daemon
+}  // namespace huetrack::metrics

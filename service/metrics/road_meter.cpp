@@ -1,8 +1,8 @@
-#include "daemon/road_meter.h"
+#include "metrics/road_meter.h"
 
 #include "capture/capture_clock.h"
 
-namespace huetrack::daemon {
+namespace huetrack::metrics {
 
 RoadMeter::RoadMeter(std::size_t cameras, std::size_t targets, const pipeline::Bus* bus)
     : bus_(bus), targets_(targets), capture_to_dequeue_(cameras) {}
@@ -40,4 +40,4 @@ LatencyFigures RoadMeter::latencies() const {
   return figures;
 }
 
-}  // namespace huetrack::daemon
+}  // namespace huetrack::metrics

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-namespace huetrack::daemon {
+namespace huetrack::page {
 
 struct TeachCommand {
   std::filesystem::path config;
@@ -27,4 +27,4 @@ struct TeachCommand {
 // ConfigError and other std::exceptions of one readable line.
 int teach(const TeachCommand& command, std::stop_token stop);
 
-}  // namespace huetrack::daemon
+}  // namespace huetrack::page

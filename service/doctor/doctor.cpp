@@ -1,4 +1,4 @@
-#include "daemon/doctor.h"
+#include "doctor/doctor.h"
 
 #include <fmt/format.h>
 #include <unistd.h>
@@ -12,11 +12,11 @@
 
 #include "calib/yaml/yaml_reader.h"
 #include "config/service_config.h"
-#include "daemon/metrics.h"
+#include "metrics/metrics.h"
 #include "pipeline/live_cameras.h"
 #include "publish/estimate_publisher.h"
 
-namespace huetrack::daemon {
+namespace huetrack::doctor {
 namespace {
 
 namespace fs = std::filesystem;
@@ -57,17 +57,17 @@ std::string offered(const capture::OfferedFormat& format) {
 void judge_names(const CameraExam& exam, bool is_expected, std::vector<Finding>& findings) {
   const capture::V4l2Identity& identity = exam.node.identity;
   if (identity.by_path.empty()) {
-    findings.push_back({is_expected ? Verdict::warning : Verdict::note, "no name in /dev/v4l/by-path",
+    findings.push_back({is_expected ? Grade::warning : Grade::note, "no name in /dev/v4l/by-path",
                         "udev makes these names; without them only " + identity.node.string() +
                             " is left, which the next boot may give to another camera"});
   } else {
-    findings.push_back({Verdict::ok, "by path (the port): " + joined(identity.by_path), ""});
+    findings.push_back({Grade::ok, "by path (the port): " + joined(identity.by_path), ""});
   }
   if (identity.by_id.empty()) {
-    findings.push_back({Verdict::note, "no name in /dev/v4l/by-id: it has no serial number of its own",
+    findings.push_back({Grade::note, "no name in /dev/v4l/by-id: it has no serial number of its own",
                         identity.by_path.empty() ? "" : "name it by its port, in /dev/v4l/by-path"});
   } else {
-    findings.push_back({Verdict::ok, "by id (the camera): " + joined(identity.by_id), ""});
+    findings.push_back({Grade::ok, "by id (the camera): " + joined(identity.by_id), ""});
   }
 }
 
@@ -76,7 +76,7 @@ void judge_formats(const CameraExam& exam, std::vector<Finding>& findings) {
   bool has_any = false;
   for (const auto& format : exam.formats) {
     if (format.format) {
-      findings.push_back({Verdict::ok, std::string(capture::name(*format.format)) + ": " + offered(format), ""});
+      findings.push_back({Grade::ok, std::string(capture::name(*format.format)) + ": " + offered(format), ""});
       has_any = true;
     } else {
       others.push_back(capture::fourcc_text(format.fourcc));
@@ -84,11 +84,11 @@ void judge_formats(const CameraExam& exam, std::vector<Finding>& findings) {
   }
   if (!has_any)
     findings.push_back(
-        {Verdict::problem,
+        {Grade::problem,
          "no format that huetrackd can use" + (others.empty() ? std::string() : ", only " + joined(others)),
          "huetrackd reads yuyv, nv12, mjpeg and grey: use another camera"});
   else if (!others.empty())
-    findings.push_back({Verdict::note, "not used by huetrackd: " + joined(others), ""});
+    findings.push_back({Grade::note, "not used by huetrackd: " + joined(others), ""});
 }
 
 void judge_stream(const CameraExam& exam, std::vector<Finding>& findings) {
@@ -96,7 +96,7 @@ void judge_stream(const CameraExam& exam, std::vector<Finding>& findings) {
   const capture::StreamFormat& agreed = trial.agreed;
   const std::string what = fmt::format("{} {}x{}", capture::name(agreed.format), agreed.width, agreed.height);
   if (!trial.failure.empty()) {
-    findings.push_back({Verdict::problem, what + ": " + trial.failure,
+    findings.push_back({Grade::problem, what + ": " + trial.failure,
                         "try another cable, port or a powered hub; for several cameras on one bus, format: mjpeg or a "
                         "lower rate"});
     if (trial.frames < 2) return;
@@ -104,7 +104,7 @@ void judge_stream(const CameraExam& exam, std::vector<Finding>& findings) {
   const double said = agreed.fps > 0 ? agreed.fps : exam.asked_fps;
   const bool is_slow = said > 0 && trial.fps() < 0.95 * said;
   findings.push_back(
-      {is_slow ? Verdict::warning : Verdict::ok,
+      {is_slow ? Grade::warning : Grade::ok,
        what + fmt::format(": {:.1f} frames/s reached", trial.fps()) +
            (said > 0 ? fmt::format(" of {:.4g}", said) : std::string()) +
            fmt::format(" over {:.1f} s, longest gap {:.0f} ms", trial.seconds, 1000 * trial.longest_gap_s),
@@ -112,32 +112,31 @@ void judge_stream(const CameraExam& exam, std::vector<Finding>& findings) {
                  "exposure_dynamic_framerate: 0, or give more light; if that is not it, the USB: format: mjpeg"
                : ""});
   if (exam.asked_fps > 0 && agreed.fps > 0 && std::abs(agreed.fps - exam.asked_fps) > 0.02 * exam.asked_fps)
-    findings.push_back({Verdict::warning,
+    findings.push_back({Grade::warning,
                         fmt::format("asked for {:.4g} frames/s, it does {:.4g}", exam.asked_fps, agreed.fps),
                         "give fps one of the rates above"});
   if (trial.dropped > 0 || trial.corrupted > 0)
-    findings.push_back({Verdict::warning,
+    findings.push_back({Grade::warning,
                         fmt::format("{} frames dropped, {} damaged of {}", trial.dropped, trial.corrupted,
                                     trial.frames + trial.dropped),
                         "a busy host, the cable, or the USB bus: try another port, format: mjpeg, or a lower rate"});
   else
-    findings.push_back({Verdict::ok, fmt::format("no frame of {} dropped or damaged", trial.frames), ""});
+    findings.push_back({Grade::ok, fmt::format("no frame of {} dropped or damaged", trial.frames), ""});
   const std::string stamp = "time stamps: " + std::string(capture::name(trial.stamp)) +
                             fmt::format(", {:.1f} ms before the frame is taken", 1000 * trial.mean_age_s);
   if (trial.stamp == capture::StampKind::dequeued)
-    findings.push_back({Verdict::warning, "time stamps: the driver gives none; the time of taking the frame is used",
+    findings.push_back({Grade::warning, "time stamps: the driver gives none; the time of taking the frame is used",
                         "several ms of jitter: track slowly moving objects only, or use another camera"});
   else if (trial.mean_age_s < 0)
     findings.push_back(
-        {Verdict::warning, stamp + ": they lie in the future", "give latency_offset_s, or update the driver"});
+        {Grade::warning, stamp + ": they lie in the future", "give latency_offset_s, or update the driver"});
   else if (trial.stamp == capture::StampKind::end_of_frame)
-    findings.push_back(
-        {Verdict::note, stamp, "they are late by exposure and transfer: latency_offset_s takes that off"});
+    findings.push_back({Grade::note, stamp, "they are late by exposure and transfer: latency_offset_s takes that off"});
   else
-    findings.push_back({Verdict::ok, stamp, ""});
+    findings.push_back({Grade::ok, stamp, ""});
   if (agreed.is_interlaced)
     findings.push_back(
-        {Verdict::warning, "interlaced frames: moving objects come out as combs", "use a progressive mode"});
+        {Grade::warning, "interlaced frames: moving objects come out as combs", "use a progressive mode"});
 }
 
 // What is left automatic changes colours and rates while tracking.
@@ -157,7 +156,7 @@ void judge_automatics(const CameraExam& exam, std::vector<Finding>& findings) {
     for (const auto& set : exam.configured)
       if (set.name == a.control) value = set.got;
     if (value && *value != a.off)
-      findings.push_back({exam.name.empty() ? Verdict::note : Verdict::warning, a.what,
+      findings.push_back({exam.name.empty() ? Grade::note : Grade::warning, a.what,
                           std::string("controls: {") + a.manual + ": ...} in the configuration switches that off"});
   }
 }
@@ -167,25 +166,25 @@ void judge_controls(const CameraExam& exam, std::vector<Finding>& findings) {
   for (const auto& set : exam.configured)
     if (!set.problem.empty())
       findings.push_back(
-          {Verdict::warning, capture::to_string(set), "give a value that the camera takes, or leave it out"});
+          {Grade::warning, capture::to_string(set), "give a value that the camera takes, or leave it out"});
   for (const auto& set : exam.stayed) {
     if (set.problem.empty())
       good.push_back(set.name + " " + std::to_string(set.got.value_or(0)));
     else
       findings.push_back(
-          {Verdict::warning, capture::to_string(set), "something else rules it: switch its automatic control off"});
+          {Grade::warning, capture::to_string(set), "something else rules it: switch its automatic control off"});
   }
-  if (!good.empty()) findings.push_back({Verdict::ok, "controls of the configuration that stuck: " + joined(good), ""});
+  if (!good.empty()) findings.push_back({Grade::ok, "controls of the configuration that stuck: " + joined(good), ""});
   good.clear();
   for (const auto& set : exam.tried) {
     if (set.problem.empty() && !set.is_implied) good.push_back(set.name);
     if (!set.problem.empty())
       findings.push_back(
-          {Verdict::note, "cannot be set: " + capture::to_string(set), "leave it out of the configuration"});
+          {Grade::note, "cannot be set: " + capture::to_string(set), "leave it out of the configuration"});
   }
   if (!good.empty())
     findings.push_back(
-        {Verdict::ok, "controls that stuck when moved by one step, and were put back: " + joined(good), ""});
+        {Grade::ok, "controls that stuck when moved by one step, and were put back: " + joined(good), ""});
   std::vector<std::string> others;
   for (const auto& control : exam.controls) {
     const auto is_it = [&](const capture::ControlResult& set) { return set.name == control.name; };
@@ -195,10 +194,10 @@ void judge_controls(const CameraExam& exam, std::vector<Finding>& findings) {
     others.push_back(control.name + (control.is_inactive ? " (ruled by an automatic one now)" : ""));
   }
   if (!others.empty())
-    findings.push_back({Verdict::note, "controls not tried: " + joined(others),
+    findings.push_back({Grade::note, "controls not tried: " + joined(others),
                         "those that the configuration sets are tried, and said to stick or not"});
   if (exam.controls.empty())
-    findings.push_back({Verdict::note, "no controls", "exposure and white balance stay as the camera likes"});
+    findings.push_back({Grade::note, "no controls", "exposure and white balance stay as the camera likes"});
 }
 
 // ---- The host
@@ -239,8 +238,8 @@ class Doctor {
  private:
   static void title(const std::string& title) { std::printf("%s\n", title.c_str()); }
   void say(const Finding& finding) {
-    problems_ += finding.verdict == Verdict::problem ? 1 : 0;
-    warnings_ += finding.verdict == Verdict::warning ? 1 : 0;
+    problems_ += finding.verdict == Grade::problem ? 1 : 0;
+    warnings_ += finding.verdict == Grade::warning ? 1 : 0;
     std::fputs(to_text(finding).c_str(), stdout);
     std::fflush(stdout);
   }
@@ -254,22 +253,22 @@ class Doctor {
       config_ = config::load_service_config(*options_.config);
     } catch (const yaml::ConfigError& error) {
       std::error_code ignored;
-      say({Verdict::problem, error.what(),
+      say({Grade::problem, error.what(),
            fs::is_regular_file(*options_.config, ignored)
                ? "correct that; huetrackd check prints the whole configuration once it is valid"
                : "give the configuration that the service is started with; the package has "
                  "/etc/huetrack/huetrackd.yaml"});
       return;
     }
-    say({Verdict::ok,
+    say({Grade::ok,
          "it is valid; rig " + config_->rig_file.string() +
              fmt::format(" of {} cameras, {} targets", config_->rig.cameras.size(), config_->targets.size()),
          ""});
-    for (const auto& warning : config::warnings_of(*config_)) say({Verdict::warning, warning, ""});
+    for (const auto& warning : config::warnings_of(*config_)) say({Grade::warning, warning, ""});
     if (const auto both = pipeline::one_under_two_names(config_->cameras))
-      say({Verdict::problem, "cameras: " + *both, "give each its own device: run refuses to start so"});
+      say({Grade::problem, "cameras: " + *both, "give each its own device: run refuses to start so"});
     if (config_->cameras.empty())
-      say({Verdict::warning, "cameras: names none: it is for replay only", "name the devices that are listed below"});
+      say({Grade::warning, "cameras: names none: it is for replay only", "name the devices that are listed below"});
   }
 
   // Of the configuration, with the node that its device is; those whose device is not there are said to be so.
@@ -286,12 +285,12 @@ class Doctor {
       if (error || found == nodes.end()) {
         title("camera " + camera.name);
         if (const auto warning = unstable_.find(camera.name); warning != unstable_.end())
-          say({Verdict::warning, warning->second, ""});
+          say({Grade::warning, warning->second, ""});
         if (error)
-          say({Verdict::problem, camera.device.string() + " is not there",
+          say({Grade::problem, camera.device.string() + " is not there",
                "plug it in, or name one of those below; the service starts without it and takes it when it comes"});
         else
-          say({Verdict::problem, camera.device.string() + " is not a video device",
+          say({Grade::problem, camera.device.string() + " is not a video device",
                "name one of those below: run refuses to start so"});
         continue;
       }
@@ -326,14 +325,14 @@ class Doctor {
     for (const auto& exam : exams) {
       title("camera " + name_of(exam) + ": " + exam.node.identity.to_string());
       if (const auto warning = unstable_.find(exam.name); warning != unstable_.end())
-        say({Verdict::warning, warning->second, ""});
+        say({Grade::warning, warning->second, ""});
       say(judge_camera(exam, !has_cameras || !exam.name.empty()));
       ++examined_;
       busy_ += is_busy(exam) ? 1 : 0;
     }
     if (exams.empty()) {
       title("cameras");
-      say({config_ && config_->cameras.empty() ? Verdict::note : Verdict::warning, "no camera is plugged in",
+      say({config_ && config_->cameras.empty() ? Grade::note : Grade::warning, "no camera is plugged in",
            "lsusb lists what the USB sees; dmesg says why a camera has no /dev/video"});
     }
     title("USB");
@@ -346,11 +345,11 @@ class Doctor {
     options.targets = {"target"};
     if (config_) options = config_->dds.publisher;
     if (config_ && !config_->dds.enabled) {
-      say({Verdict::note, "dds.enabled is false: nothing is published", ""});
+      say({Grade::note, "dds.enabled is false: nothing is published", ""});
       return;
     }
     try {
-      for (const auto& warning : publish::EstimatePublisher::check(options)) say({Verdict::warning, warning, ""});
+      for (const auto& warning : publish::EstimatePublisher::check(options)) say({Grade::warning, warning, ""});
       const auto bus = publish::EstimatePublisher::bus(options);
       const char* variable = std::getenv("ROS_DOMAIN_ID");
       say(judge_network(bus.domain,
@@ -359,7 +358,7 @@ class Doctor {
                                               : "the default; ROS_DOMAIN_ID is not set",
                         bus.interfaces));
     } catch (const std::invalid_argument& error) {
-      say({Verdict::problem, error.what(), "correct dds: in the configuration, or the environment"});
+      say({Grade::problem, error.what(), "correct dds: in the configuration, or the environment"});
     }
   }
 
@@ -371,8 +370,7 @@ class Doctor {
     fs::path there = record.folder;
     while (!there.empty() && !fs::exists(there, error) && there != there.root_path()) there = there.parent_path();
     if (::access(there.c_str(), W_OK | X_OK) != 0) {
-      say({Verdict::problem, "this user may not write to " + there.string(),
-           "give it another owner, or another folder"});
+      say({Grade::problem, "this user may not write to " + there.string(), "give it another owner, or another folder"});
       return;
     }
     const auto space = fs::space(there, error);
@@ -384,7 +382,7 @@ class Doctor {
     }
     const double minutes = bytes_per_s > 0 ? double(space.available) / bytes_per_s / 60 : 0;
     const bool is_short = minutes < 30;
-    say({is_short ? Verdict::warning : Verdict::ok,
+    say({is_short ? Grade::warning : Grade::ok,
          record.folder.string() + fmt::format(": {:.1f} GB free, room for {:.0f} minutes of raw images of all cameras",
                                               double(space.available) / 1e9, minutes),
          is_short ? "make room, or use format: mjpeg or raw_storage: huffyuv" : ""});
@@ -394,10 +392,10 @@ class Doctor {
     if (!config_->metrics.port) return;
     title("metrics");
     try {
-      const MetricsServer server(config_->metrics.address, *config_->metrics.port);
-      say({Verdict::ok, fmt::format("{}:{} is free", config_->metrics.address, *config_->metrics.port), ""});
+      const metrics::MetricsServer server(config_->metrics.address, *config_->metrics.port);
+      say({Grade::ok, fmt::format("{}:{} is free", config_->metrics.address, *config_->metrics.port), ""});
     } catch (const std::runtime_error& error) {
-      say({Verdict::warning, error.what(), "when it is huetrackd itself that runs there, all is well"});
+      say({Grade::warning, error.what(), "when it is huetrackd itself that runs there, all is well"});
     }
   }
 
@@ -420,17 +418,17 @@ std::vector<Finding> judge_camera(const CameraExam& exam, bool is_expected) {
   std::vector<Finding> findings;
   judge_names(exam, is_expected, findings);
   if (!exam.node.problem.empty()) {
-    findings.push_back({is_busy(exam) ? Verdict::warning
-                        : is_expected ? Verdict::problem
-                                      : Verdict::note,
+    findings.push_back({is_busy(exam) ? Grade::warning
+                        : is_expected ? Grade::problem
+                                      : Grade::note,
                         exam.node.problem, ""});
     return findings;
   }
-  findings.push_back({Verdict::ok, "this user may read and write " + exam.node.identity.node.string(), ""});
+  findings.push_back({Grade::ok, "this user may read and write " + exam.node.identity.node.string(), ""});
   if (!exam.formats.empty() || exam.problem.empty()) judge_formats(exam, findings);
   if (!exam.problem.empty()) {
     findings.push_back(
-        {is_busy(exam) || !is_expected ? Verdict::warning : Verdict::problem, exam.problem,
+        {is_busy(exam) || !is_expected ? Grade::warning : Grade::problem, exam.problem,
          is_busy(exam) ? "is the service running? Stop it (systemctl stop huetrackd) to examine the camera" : ""});
     return findings;
   }
@@ -461,7 +459,7 @@ std::vector<Finding> judge_usb(std::span<const CameraExam> exams, const std::map
     }
     cameras[usb.bus].push_back(text_of_camera);
     if (usb.speed_mbps > 0 && usb.speed_mbps < 100)
-      findings.push_back({Verdict::problem, name_of(exam) + fmt::format(" runs at {:.4g} Mbit/s", usb.speed_mbps),
+      findings.push_back({Grade::problem, name_of(exam) + fmt::format(" runs at {:.4g} Mbit/s", usb.speed_mbps),
                           "it hangs on a USB 1 hub or a bad cable: plug it in directly"});
   }
   for (const auto& [bus, names] : cameras) {
@@ -469,36 +467,36 @@ std::vector<Finding> judge_usb(std::span<const CameraExam> exams, const std::map
     const double mbps = speed == bus_mbps.end() ? 480 : speed->second;
     const double budget = (mbps < 100 ? 0.9 : 0.8) * mbps;  // USB 2.0, 5.6.4 and 5.5.4: periodic transfers
     const double wanted = wanted_mbps[bus];
-    const Verdict verdict = wanted > budget ? Verdict::problem : wanted > 0.7 * budget ? Verdict::warning : Verdict::ok;
+    const Grade verdict = wanted > budget ? Grade::problem : wanted > 0.7 * budget ? Grade::warning : Grade::ok;
     findings.push_back({verdict,
                         fmt::format("bus {}, {:.4g} Mbit/s: ", bus, mbps) + joined(names) +
                             fmt::format("; together {:.0f} of the {:.0f} Mbit/s that cameras may have", wanted, budget),
-                        verdict == Verdict::ok
+                        verdict == Grade::ok
                             ? ""
                             : "drivers reserve more than is sent, and then say \"No space left on device\": format: "
                               "mjpeg, a lower rate, or a port of another bus (lsusb -t)"});
   }
-  if (cameras.empty()) findings.push_back({Verdict::note, "no camera on it", ""});
+  if (cameras.empty()) findings.push_back({Grade::note, "no camera on it", ""});
   return findings;
 }
 
 std::vector<Finding> judge_network(int domain, const std::string& domain_from,
                                    const std::vector<std::string>& interfaces) {
-  std::vector<Finding> findings{{Verdict::ok, "domain " + std::to_string(domain) + ", from " + domain_from, ""}};
+  std::vector<Finding> findings{{Grade::ok, "domain " + std::to_string(domain) + ", from " + domain_from, ""}};
   std::vector<std::string> outside;
   for (const auto& interface : interfaces)
     if (interface.find(" 127.") == std::string::npos) outside.push_back(interface);
   if (interfaces.empty())
-    findings.push_back({Verdict::problem, "no network interface is up", "ip link set lo up; DDS needs one at least"});
+    findings.push_back({Grade::problem, "no network interface is up", "ip link set lo up; DDS needs one at least"});
   else if (outside.empty())
-    findings.push_back({Verdict::note, "only " + joined(interfaces) + ": subscribers on this host only",
+    findings.push_back({Grade::note, "only " + joined(interfaces) + ": subscribers on this host only",
                         "for others, bring a network up; it is taken by itself"});
   else if (outside.size() > 1)
-    findings.push_back({Verdict::note, "several networks: " + joined(interfaces),
+    findings.push_back({Grade::note, "several networks: " + joined(interfaces),
                         "when subscribers do not find the service, name theirs: dds: {interfaces: [...]}; and let "
                         "multicast 239.255.0.1 through"});
   else
-    findings.push_back({Verdict::ok, "networks: " + joined(interfaces), ""});
+    findings.push_back({Grade::ok, "networks: " + joined(interfaces), ""});
   return findings;
 }
 
@@ -512,4 +510,4 @@ int doctor(const DoctorOptions& options, const std::stop_token& stop) {
   return Doctor(options, stop).run();
 }
 
-}  // namespace huetrack::daemon
+}  // namespace huetrack::doctor

@@ -4,11 +4,11 @@
 #include <atomic>
 #include <vector>
 
-#include "daemon/metrics.h"
+#include "metrics/metrics.h"
 #include "pipeline/bus.h"
 #include "pipeline/output.h"
 
-namespace huetrack::daemon {
+namespace huetrack::metrics {
 
 // Add it to the session after the bus. The getters: any thread.
 class RoadMeter final : public pipeline::Output {
@@ -34,4 +34,4 @@ class RoadMeter final : public pipeline::Output {
   LatencyHistogram dequeue_to_write_, dequeue_to_publish_, capture_to_publish_;
 };
 
-}  // namespace huetrack::daemon
+}  // namespace huetrack::metrics
