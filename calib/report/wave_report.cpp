@@ -121,6 +121,19 @@ std::string camera_line(const WaveCamera& camera, const std::string& name) {
                      deg * camera.rotation_sigma_rad.norm(), 1e3 * camera.moved_m, deg * camera.turned_rad);
 }
 
+std::string times_text(const WaveResult& result) {
+  const std::string& first = result.rig.cameras[0].name;
+  std::string out = fmt::format("{:12} {:>12} {:>8} {:>12} {:>8}   (latency: against {}'s, which stays)\n", "times",
+                                "latency ms", "+- ms", "readout ms", "+- ms", first);
+  for (const calib::Camera& camera : result.rig.cameras) {
+    const calib::CameraTiming& t = camera.timing;
+    out += fmt::format("{:12} {:12.2f} {:8.2f} {:12.2f} {:8.2f}\n", camera.name, 1e3 * t.latency_s.value_or(0),
+                       1e3 * t.latency_sigma_s.value_or(0), 1e3 * t.readout_s.value_or(0),
+                       1e3 * t.readout_sigma_s.value_or(0));
+  }
+  return out;
+}
+
 }  // namespace
 
 WaveReport report_on(const WaveResult& result) {
@@ -162,6 +175,7 @@ std::string to_text(const WaveReport& report, const WaveResult& result) {
                      "used", "rms px", "coverage", "position +- mm", "axes +- deg", "moved mm", "turned");
   for (std::size_t c = 0; c < result.cameras.size(); ++c)
     out += camera_line(result.cameras[c], result.rig.cameras[c].name);
+  out += times_text(result);
   for (const wave::WavePair& pair : result.pairs) {
     out += fmt::format("{} and {} saw it together in {} frames\n",
                        result.rig.cameras[static_cast<std::size_t>(pair.a)].name,
