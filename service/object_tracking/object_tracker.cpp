@@ -116,6 +116,11 @@ std::vector<Eigen::Vector3f> ObjectTracker::particles(std::size_t about) const {
       impl_->tracker);
 }
 
+std::vector<CameraTimingEstimate> ObjectTracker::timing() const {
+  const auto* tracker = std::get_if<RegionTracker>(&impl_->tracker);
+  return tracker != nullptr ? tracker->timing() : std::vector<CameraTimingEstimate>{};
+}
+
 SearchFindings ObjectTracker::search_findings() const {
   const auto* tracker = std::get_if<RegionTracker>(&impl_->tracker);
   return tracker != nullptr ? tracker->search_findings() : SearchFindings{};
