@@ -271,7 +271,7 @@ class EllipseFit {
     double changed;          // from the background, in standard deviations
   };
   struct System {
-    Eigen::Matrix<double, unknowns, unknowns> normal;
+    Eigen::Matrix<double, unknowns, unknowns> normal;  // the lower half
     Unknowns gradient;
     double cost = 0;
   };
@@ -347,7 +347,7 @@ class EllipseFit {
       const auto add = [&](double residual, const Row& slope, double weight) {
         const double r2 = residual * residual, w = weight / (1 + r2 / loss2);
         out.cost += weight * loss2 * std::log1p(r2 / loss2) / 2;
-        out.normal.noalias() += w * slope.transpose() * slope;
+        out.normal.selfadjointView<Eigen::Lower>().rankUpdate(slope.transpose(), w);
         out.gradient.noalias() += w * residual * slope.transpose();
       };
       double shared = 0;
