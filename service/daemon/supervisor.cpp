@@ -98,6 +98,7 @@ void Supervisor::add_warnings(publish::ServiceStatus& status) const {
   if (the_.bus != nullptr)
     std::ranges::copy(std::as_const(*the_.bus).publisher().warnings(), std::back_inserter(status.warnings));
   std::ranges::copy(the_.recording.warnings(), std::back_inserter(status.warnings));
+  std::ranges::copy(the_.light.warnings(), std::back_inserter(status.warnings));
   for (const auto* file : the_.files)
     if (const std::string problem = file->problem(); !problem.empty()) status.warnings.push_back(problem);
   if (const capture::Duration step = capture::wall_clock_step(); std::chrono::abs(step) >= told_clock_step)
