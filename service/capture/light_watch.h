@@ -7,8 +7,8 @@
 //   flicker   lamps flicker at 100 or 120 Hz (twice the mains), and rows are exposed one after the other: row r shows
 //             the flicker at its own time, so the rows' brightness is 1 + m cos(2 pi (f t + k r / rows) + p), with one
 //             k (flicker times readout) and a phase that goes on with the time t of the frame at f. Nothing else in a
-//             picture does: at all other frequencies between 96 and 124 Hz there must be a quarter of it at most. At a
-//             frame rate that divides f the bands stand still, and are not found.
+//             picture does: at all other frequencies between 96 and 124 Hz there must be a third of its power at most.
+//             At a frame rate that divides f the bands stand still, and are not found.
 //   exposure  the whole picture becomes brighter or darker, left and right alike, and not in one step
 //   balance   the same of the ratio of red or blue to green
 #pragma once

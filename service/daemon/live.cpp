@@ -84,7 +84,7 @@ LiveSummary run_live(const config::ServiceConfig& config, std::vector<pipeline::
     session.add(bus.emplace(config.dds.publisher, session.time()));
   RoadMeter meter(config.rig.cameras.size(), options.track ? config.targets.size() : 0, bus ? &*bus : nullptr);
   session.add(meter);
-  pipeline::LightReport light(session.config(), false);
+  pipeline::LightReport light(session.config());
   session.add(light);
   std::vector<const pipeline::FileOutput*> files;
   std::optional<pipeline::TrackFile> tracks;

@@ -285,7 +285,7 @@ ReplaySummary replay(const ReplayCommand& command, const std::stop_token& stop) 
   // Where the results go, in this order.
   std::optional<pipeline::Bus> bus;
   if (config.dds.enabled && !command.no_dds) session.add(bus.emplace(config.dds.publisher, session.time()));
-  pipeline::LightReport light(session.config(), true);
+  pipeline::LightReport light(session.config());
   session.add(light);
   std::optional<ReplayStatus> status;
   if (bus) session.add(status.emplace(session.config(), *bus, session.time(), playback.held, light));

@@ -88,6 +88,7 @@ void Supervisor::tell_status(const pipeline::PipelineFigures& figures, const Hea
   status_ = reporter_.report(figures, now, std::chrono::system_clock::now(), cameras.by_rig);
   add_warnings(status_);
   log_new(status_.warnings, figures.tracked_camera);
+  std::ranges::copy(the_.light.warnings(), std::back_inserter(status_.warnings));  // it has logged them itself
   if (the_.bus != nullptr) the_.bus->publisher().publish_status(status_);
   if (the_.metrics != nullptr) show_metrics();
   if (!is_last)
@@ -98,7 +99,6 @@ void Supervisor::add_warnings(publish::ServiceStatus& status) const {
   if (the_.bus != nullptr)
     std::ranges::copy(std::as_const(*the_.bus).publisher().warnings(), std::back_inserter(status.warnings));
   std::ranges::copy(the_.recording.warnings(), std::back_inserter(status.warnings));
-  std::ranges::copy(the_.light.warnings(), std::back_inserter(status.warnings));
   for (const auto* file : the_.files)
     if (const std::string problem = file->problem(); !problem.empty()) status.warnings.push_back(problem);
   if (const capture::Duration step = capture::wall_clock_step(); std::chrono::abs(step) >= told_clock_step)

@@ -46,9 +46,12 @@ PerColorAxis wanted_shift(const HsiRange& taught, const SeenColor& seen) {
     const auto a = static_cast<std::size_t>(axis);
     if (std::isnan(seen.median[a])) continue;
     const AxisRange range = axis_range(taught, axis, middle_hue_deg(taught));
-    const double inside = std::min(well_inside * (seen.spread[a] + color_noise[a]), (range.max - range.min) / 2);
-    const double least = range.has_max ? seen.median[a] + inside - range.max : -furthest[a];
-    const double most = range.has_min ? seen.median[a] - inside - range.min : furthest[a];
+    double below = well_inside * (seen.below[a] + color_noise[a]),
+           above = well_inside * (seen.above[a] + color_noise[a]);
+    const double fit = std::min(1.0, (range.max - range.min) / (below + above));
+    below *= fit, above *= fit;
+    const double least = range.has_max ? seen.median[a] + above - range.max : -furthest[a];
+    const double most = range.has_min ? seen.median[a] - below - range.min : furthest[a];
     shift[a] = std::clamp(std::max(std::min(0.0, most), least), -furthest[a], furthest[a]);
   }
   const double lowest = std::min(taught.saturation_min, least_saturation);

@@ -1,7 +1,8 @@
 // `color: adapt: true`: the range that a camera looks for follows the object's colour (ColorWatch) when exposure or
 // white balance move it. A range only moves, as far as the object needs to lie well inside, and stays near the taught
 // one:
-//   shift = the one nearest to 0 with which the object's median is two spreads (and the noise) from both ends
+//   shift = the one nearest to 0 with which the ends are twice as far from the object's median as where ColorWatch
+//   warns
 // So nothing moves while the object is well inside, and the range comes back with the light. Background is never
 // learnt: what counts is what ColorWatch measures, in a view that sees the object whole, while another one confirms
 // where it is. When the object is lost for long, what was taught is in force again.

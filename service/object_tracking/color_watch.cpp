@@ -24,29 +24,32 @@ constexpr float inner_disc = 0.6f;        // radii; with the residual still insi
 constexpr double usual_exposure_s =
     1.0 / 60;  // in which the object moves by a radius at most: the middle stays its own
 
-constexpr int steps_per_radius = 6;  // of the grid of pixels that are looked at
-constexpr std::size_t most_pixels = 160, least_pixels = 9;
+constexpr int steps_per_radius = 5;  // of the grid of pixels that are looked at
+constexpr std::size_t most_pixels = 121, least_pixels = 9;
+constexpr double outlier = 4.5;                   // median absolute deviations: three standard deviations
 constexpr double least_saturation_of_hue = 0.08;  // below it a hue is noise
 
-// An end of the range is near when one spread of the object's pixels and the noise reach it: a sixth of the pixels are
-// then out, and the object is lost when nearly all are. It is far again half as much further away.
+// An end of the range is near when a sixth of the object's pixels are within the noise of it or beyond; the object is
+// lost when nearly all are. It is far again half as much further away.
 constexpr double far_again = 1.5;
 
-// Sorts what is given.
-double median(std::span<double> values) {
-  const auto middle = values.begin() + std::ptrdiff_t(values.size() / 2);
-  std::ranges::nth_element(values, middle);
-  return *middle;
-}
-
-struct Spread {
-  double median, sigma;
+struct Distribution {
+  double median, below, above;
 };
-// Sorts what is given. 1.4826: of the normal distribution, median absolute deviation to standard deviation.
-Spread robust(std::span<double> values) {
-  const double m = median(values);
-  for (double& value : values) value = std::abs(value - m);
-  return {m, 1.4826 * median(values)};
+// Sorts what is given. What is far from the median is not the object's, but before it or a highlight on it.
+Distribution robust(std::span<double> values, double noise) {
+  std::ranges::sort(values);
+  const std::size_t n = values.size();
+  const double median = values[n / 2];
+  std::array<double, most_pixels> deviations;
+  std::ranges::transform(values, deviations.begin(), [&](double value) { return std::abs(value - median); });
+  const auto middle = deviations.begin() + std::ptrdiff_t(n / 2);
+  std::nth_element(deviations.begin(), middle, deviations.begin() + std::ptrdiff_t(n));
+  const double reach = outlier * *middle + noise;
+  const auto first = std::ranges::lower_bound(values, median - reach),
+             last = std::ranges::upper_bound(values, median + reach);
+  const auto own = std::span(first, last);
+  return {median, median - own[own.size() / 6], own[own.size() - 1 - own.size() / 6] - median};
 }
 
 Rgb rgb_at(const capture::Image& image, int u, int v) {
@@ -106,10 +109,11 @@ std::optional<SeenColor> color_inside(const capture::Image& image, const Eigen::
   }
   if (n < least_pixels) return std::nullopt;
   constexpr double nan = std::numeric_limits<double>::quiet_NaN();
-  const Spread hue = 2 * with_hue > n ? robust(std::span(hues).first(with_hue)) : Spread{nan, nan};
-  const Spread saturation = robust(std::span(saturations).first(n));
-  const Spread intensity = robust(std::span(intensities).first(n));
-  return SeenColor{{hue.median, saturation.median, intensity.median}, {hue.sigma, saturation.sigma, intensity.sigma}};
+  const Distribution h =
+      2 * with_hue > n ? robust(std::span(hues).first(with_hue), color_noise[0]) : Distribution{nan, nan, nan};
+  const Distribution s = robust(std::span(saturations).first(n), color_noise[1]);
+  const Distribution i = robust(std::span(intensities).first(n), color_noise[2]);
+  return SeenColor{{h.median, s.median, i.median}, {h.below, s.below, i.below}, {h.above, s.above, i.above}};
 }
 
 ColorWatch::ColorWatch(const calib::CameraRig& rig, const TargetOptions& target)
@@ -137,10 +141,12 @@ void ColorWatch::look(const capture::FrameSet& set, const ObjectEstimate& estima
     ++camera.looks;
     const double share = std::max(1 - std::exp(-pause_s / smoothing_s), 1.0 / camera.looks);
     for (std::size_t axis = 0; axis < 3; ++axis) {
-      double &smoothed = camera.health.seen->median[axis], &spread = camera.health.seen->spread[axis];
       if (std::isnan(seen->median[axis])) continue;
-      smoothed = std::isnan(smoothed) ? seen->median[axis] : smoothed + share * (seen->median[axis] - smoothed);
-      spread = std::isnan(spread) ? seen->spread[axis] : spread + share * (seen->spread[axis] - spread);
+      for (PerColorAxis SeenColor::*figure : {&SeenColor::median, &SeenColor::below, &SeenColor::above}) {
+        double& smoothed = ((*camera.health.seen).*figure)[axis];
+        const double fresh = ((*seen).*figure)[axis];
+        smoothed = std::isnan(smoothed) ? fresh : smoothed + share * (fresh - smoothed);
+      }
     }
     if (camera.looks >= least_looks) judge(camera, in_force[i]);
   }
@@ -165,9 +171,8 @@ void ColorWatch::judge(PerCamera& camera, const HsiRange& in_force) {
     const auto a = static_cast<std::size_t>(axis);
     if (std::isnan(seen.median[a])) continue;
     const AxisRange range = axis_range(in_force, axis, camera.hue_origin_deg);
-    const double reach = seen.spread[a] + color_noise[a];
-    if (range.has_min) look_at_end(axis, false, seen.median[a] - range.min, reach);
-    if (range.has_max) look_at_end(axis, true, range.max - seen.median[a], reach);
+    if (range.has_min) look_at_end(axis, false, seen.median[a] - range.min, seen.below[a] + color_noise[a]);
+    if (range.has_max) look_at_end(axis, true, range.max - seen.median[a], seen.above[a] + color_noise[a]);
   }
   if (told && !is_told_far) return;  // one end at a time, until that is far again
   const bool had = told.has_value();

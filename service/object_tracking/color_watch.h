@@ -2,8 +2,8 @@
 // colours of a picture, and an object that leaves its range is lost; here that is known beforehand, per camera.
 //
 // What is measured is the object, not what matches: pixels of the inner part of its disc, whatever their colour, and of
-// them the median and the median absolute deviation, which less than half of a disc (a highlight, a hand before it) do
-// not move. Only a view is asked that sees the object whole, while another one confirms where it is.
+// them the median and what lies around it, which less than half of a disc (a highlight, a hand before it) do not move.
+// Only a view is asked that sees the object whole, while another one confirms where it is.
 #pragma once
 
 #include <Eigen/Core>
@@ -29,7 +29,8 @@ using PerColorAxis = std::array<double, 3>;  // by ColorAxis; hue in degrees, th
 // Of an object's pixels in one image. The hue counts from the middle of the taught ones, -180..180; NaN where too few
 // pixels have one.
 struct SeenColor {
-  PerColorAxis median{}, spread{};  // spread: standard deviation, by the median absolute deviation
+  PerColorAxis median{};
+  PerColorAxis below{}, above{};  // >= 0; so far from the median a sixth of the pixels are below it, and above it
 };
 
 // The end of the range in force that the object's colour has come near to.

@@ -22,10 +22,10 @@ std::vector<std::string> names_of(const calib::CameraRig& rig) {
 
 }  // namespace
 
-LightReport::LightReport(const config::ServiceConfig& config, bool logs)
-    : logs_(logs),
-      cameras_(names_of(config.rig)),
+LightReport::LightReport(const config::ServiceConfig& config)
+    : cameras_(names_of(config.rig)),
       watches_(cameras_.size()),
+      of_cameras_(cameras_.size()),
       told_(config.targets.size()),
       targets_(config.targets),
       camera_warnings_(cameras_.size()) {
@@ -41,9 +41,9 @@ void LightReport::on_frame(const capture::Frame& frame, capture::Timestamp /*rec
     warnings.push_back(fmt::format("camera {}: {}: {}", cameras_[c], remark.what, remark.advice));
   for (const std::string& warning : warnings) {
     const auto is_it = [&](const std::string& other) { return without_numbers(other) == without_numbers(warning); };
-    if (std::ranges::any_of(of_cameras_, is_it)) continue;
-    of_cameras_.push_back(warning);
-    if (logs_) spdlog::warn("{}", warning);
+    if (std::ranges::any_of(of_cameras_[c], is_it)) continue;
+    of_cameras_[c].push_back(warning);
+    spdlog::warn("{}", warning);
   }
   const std::scoped_lock lock(mutex_);
   camera_warnings_[c] = std::move(warnings);
@@ -65,8 +65,9 @@ void LightReport::tell_colors(std::size_t target, const TrackedSet& set) {
     told.followed[c] = followed_text(cameras_[c], healths[c]);
     std::string warning = color_warning(targets_[target], cameras_[c], healths[c]);
     if (!warning.empty()) {
-      const std::string kind = without_numbers(warning);
-      if (logs_ && kind != without_numbers(told.warnings[c])) spdlog::warn("{}", warning);
+      const std::string kind = cameras_[c] + without_numbers(warning);
+      if (told.warnings[c].empty() || kind != cameras_[c] + without_numbers(told.warnings[c]))
+        spdlog::warn("{}", warning);
       if (std::ranges::find(told.ever, kind, &std::pair<std::string, std::string>::first) == told.ever.end())
         told.ever.emplace_back(
             kind, fmt::format("from {:.3f} s on: {}", capture::seconds(set.frames.at - *first_at_), warning));
@@ -90,7 +91,8 @@ std::vector<std::string> LightReport::warnings() const {
 }
 
 std::vector<std::string> LightReport::summary() const {
-  std::vector<std::string> all = of_cameras_;
+  std::vector<std::string> all;
+  for (const auto& of_camera : of_cameras_) std::ranges::copy(of_camera, std::back_inserter(all));
   for (std::size_t t = 0; t < told_.size(); ++t) {
     for (const auto& [_, sentence] : told_[t].ever) all.push_back(sentence);
     for (const std::string& sentence : told_[t].followed)

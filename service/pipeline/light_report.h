@@ -16,8 +16,8 @@ namespace huetrack::pipeline {
 
 class LightReport final : public Output {
  public:
-  // logs: every warning goes into the log when it begins; false: whoever shows warnings() does that.
-  LightReport(const config::ServiceConfig& config, bool logs);
+  // What is new goes into the log, too.
+  explicit LightReport(const config::ServiceConfig& config);
 
   void on_frame(const capture::Frame& frame, capture::Timestamp received_at) override;
   void on_set(const TrackedSet& set) override;
@@ -39,13 +39,12 @@ class LightReport final : public Output {
   };
   void tell_colors(std::size_t target, const TrackedSet& set);
 
-  const bool logs_;
   const std::vector<std::string> cameras_;
-  std::vector<capture::LightWatch> watches_;    // the capture threads', one at a time
-  std::vector<std::string> of_cameras_;         // likewise
-  std::vector<Told> told_;                      // the tracking thread's; warnings are guarded by mutex_
-  std::optional<capture::Timestamp> first_at_;  // the tracking thread's
-  std::uint64_t sets_ = 0;                      // likewise
+  std::vector<capture::LightWatch> watches_;          // the capture threads', one at a time
+  std::vector<std::vector<std::string>> of_cameras_;  // likewise; per camera, all that there were
+  std::vector<Told> told_;                            // the tracking thread's; warnings are guarded by mutex_
+  std::optional<capture::Timestamp> first_at_;        // the tracking thread's
+  std::uint64_t sets_ = 0;                            // likewise
   mutable std::mutex mutex_;
   std::vector<object_tracking::TargetOptions> targets_;    // guarded by mutex_
   std::vector<std::vector<std::string>> camera_warnings_;  // guarded by mutex_; per camera
