@@ -141,7 +141,7 @@ capture::FrameSet recorded_pictures(const config::ServiceConfig& config, const s
   const calib::CameraRig& rig = config.rig;
   std::vector<std::string> names;
   for (const auto& camera : rig.cameras) names.push_back(camera.name);
-  capture::ReplaySource source(capture::read_recording(recording), names);
+  capture::ReplaySource source(capture::read_recording(recording), names, {.timing = config::frame_timing(rig)});
   capture::FrameSet set;
   set.frames.resize(rig.cameras.size());
   std::vector<std::int64_t> count(rig.cameras.size(), 0);

@@ -141,6 +141,11 @@ std::uint64_t ObjectTracker::color_news() const {
   return impl_->watch.news();
 }
 
+std::vector<CameraTimingEstimate> ObjectTracker::timing() const {
+  const auto* tracker = std::get_if<RegionTracker>(&impl_->tracker);
+  return tracker != nullptr ? tracker->timing() : std::vector<CameraTimingEstimate>{};
+}
+
 SearchFindings ObjectTracker::search_findings() const {
   const auto* tracker = std::get_if<RegionTracker>(&impl_->tracker);
   return tracker != nullptr ? tracker->search_findings() : SearchFindings{};

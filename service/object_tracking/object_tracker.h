@@ -14,6 +14,7 @@
 #include "object_tracking/color_model.h"
 #include "object_tracking/color_watch.h"
 #include "object_tracking/color_window.h"
+#include "object_tracking/motion_belief.h"
 #include "object_tracking/object_estimate.h"
 
 namespace huetrack::object_tracking {
@@ -43,12 +44,18 @@ enum class Observation : std::uint8_t {
   huetrack,  // ours
 };
 
+enum class TimingMode : std::uint8_t {
+  learn,  // each camera's latency and readout follow from the motion, from what the rig says of them or from nothing
+  fixed,  // the rig's hold; 0 where it has none
+};
+
 struct ObjectTrackerOptions {
   Observation observation = Observation::huetrack;
-  Box volume;                     // where targets may be; the particles start uniformly in it
-  int particle_count = 200;       // >= 1; time per frame is linear in it
-  int max_particle_count = 2000;  // >= particle_count; while searching
-  std::uint64_t seed = 1;         // same seed, same recording, same options => same track, byte for byte
+  TimingMode timing = TimingMode::learn;  // observation: huetrack
+  Box volume;                             // where targets may be; the particles start uniformly in it
+  int particle_count = 200;               // >= 1; time per frame is linear in it
+  int max_particle_count = 2000;          // >= particle_count; while searching
+  std::uint64_t seed = 1;                 // same seed, same recording, same options => same track, byte for byte
   // --- observation: paper
   double position_noise_m = 0.06;  // > 0; sigma_m of eqs. (1)-(3), metres per frame set
   // --- observation: huetrack
@@ -100,6 +107,10 @@ class ObjectTracker {
   // counts what there is to tell of it.
   std::vector<ColorHealth> color_health() const;
   std::uint64_t color_news() const;
+
+  // When the cameras' rows are exposed, as this target's motion tells it; one per camera of the rig. The first camera's
+  // latency is held: all others hang on it. Empty: observation: paper.
+  std::vector<CameraTimingEstimate> timing() const;
 
  private:
   struct Impl;

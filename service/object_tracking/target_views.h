@@ -24,7 +24,10 @@ struct TargetView {
   MatchBits* matches;  // the pixels of the target's colour in this frame
   const capture::Image* image;
   const ColorTable* table;
-  double age_s;  // the set's time minus this frame's own capture time, >= 0
+  const capture::Frame* frame;
+  double age_s;  // the set's time minus this frame's own capture time (its middle row's), >= 0
+
+  double below_middle(double row) const { return image->height > 1 ? row / (image->height - 1) - 0.5 : 0.0; }
 };
 
 // thread-compatible. Views point into this object: it does not move.

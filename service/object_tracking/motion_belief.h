@@ -1,0 +1,111 @@
+// What is believed of a target's motion, and of when each camera's rows were exposed: one Gaussian over both, since
+// neither is known without the other. A moving object that two cameras see at unknown times is at an unknown place; how
+// its sightings disagree while it moves tells the times.
+#pragma once
+
+#include <Eigen/Core>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "calib/model/camera_rig.h"
+#include "capture/frame.h"
+
+namespace huetrack::object_tracking {
+
+// One camera's time as a target's motion tells it; seconds. Row r of H is exposed around
+//   stamp - latency + (r / (H - 1) - 1/2) readout.
+struct CameraTimingEstimate {
+  double latency_s = 0, latency_sigma_s = 0;
+  double readout_s = 0, readout_sigma_s = 0;
+};
+
+// The row of a view in which something is seen.
+struct SeenRow {
+  int camera = 0;
+  double below_middle = 0;  // r / (H - 1) - 1/2
+  capture::Timestamp at{};  // when it was exposed, with the camera's times as they were believed
+  double shift_s = 0;       // when the set came: what they added to the frame's own time
+};
+
+// A measurement of the object's projected centre, and how its projection moves with it.
+struct LinearSighting {
+  SeenRow row;
+  Eigen::Vector2d px;                    // measured, raw pixels
+  Eigen::Matrix2d covariance;            // px^2
+  Eigen::Vector3d linearised_at;         // a position near the object's when the row was exposed, metres
+  Eigen::Vector2d px_expected;           // its projection
+  Eigen::Matrix<double, 2, 3> jacobian;  // d px / d p_world there, px/m
+};
+
+// State: position (m) and velocity (m/s) in the world at `at`, then for each camera what its latency and its readout
+// differ from those that its frames' times were made with (s). Motion: constant velocity with white acceleration of a
+// power density q (m^2/s^3; Bar-Shalom, Li, Kirubarajan 2001, section 6.2.2). Times: as good as constant.
+// A sighting sees position + (t - at) velocity at its row's time t, which is later by -latency + below_middle *
+// readout. thread-compatible.
+class MotionBelief {
+ public:
+  // One of the rig's cameras gives the time on which all hangs: its latency is held, as one shift of all latencies
+  // moves the object along its path and changes no picture. It is the first one.
+  static constexpr int reference_camera = 0;
+
+  // times_are_learnt: otherwise the rig's hold, and what it states of their uncertainty counts as noise of a sighting.
+  MotionBelief(const calib::CameraRig& rig, bool times_are_learnt);
+
+  capture::Timestamp at{};
+  Eigen::Vector3d position() const { return mean_.head<3>(); }
+  Eigen::Vector3d velocity() const { return mean_.segment<3>(3); }
+  Eigen::Matrix3d position_covariance() const { return covariance_.topLeftCorner<3, 3>(); }
+  // If all cameras' times were known to be what they are believed to be.
+  Eigen::Matrix3d position_covariance_given_times() const;
+
+  // What is to be added to the frame's time for this row of this camera, and how well that is known (standard
+  // deviation).
+  double row_shift_s(int camera, double below_middle) const;
+  double row_sigma_s(int camera, double below_middle) const;
+  CameraTimingEstimate timing(int camera) const;
+
+  // A new object: what was learnt of the cameras stays.
+  void begin(capture::Timestamp when, const Eigen::Vector3d& position, double position_variance,
+             const Eigen::Vector3d& velocity, double velocity_variance);
+  // Forward only.
+  void predict_to(capture::Timestamp when, double power_density);
+  // Kalman update. Returns the squared innovation in its own standard deviations: 2 on average. A sighting from before
+  // `at` is compared with where the object was then, swerves included. velocity: that of the linearisation.
+  double observe(const LinearSighting& sighting, const Eigen::Vector3d& velocity, double power_density);
+  // The position's mean and covariance are replaced; all else follows by regression on the position.
+  void set_position(const Eigen::Vector3d& mean, const Eigen::Matrix3d& covariance);
+
+  // What the camera of the sighting sees is y, a position. E[y | position] = slope * position + offset, and what is
+  // left open of it.
+  struct SeenPosition {
+    Eigen::Matrix3d slope;
+    Eigen::Vector3d offset;
+    Eigen::Matrix3d covariance;
+  };
+  SeenPosition seen_given_position(const SeenRow& row, double power_density) const;
+  // Of y itself; the row may be later or earlier than `at`.
+  Eigen::Matrix3d seen_covariance(const SeenRow& row, double power_density) const;
+
+ private:
+  Eigen::Index size() const { return mean_.size(); }
+  Eigen::Index latency_of(int camera) const { return 6 + 2 * camera; }
+  // Covariance of y with the state, and of y itself. y = position + dt velocity + v (below_middle readout - latency) is
+  // linear in the state; v is the velocity that it is linearised at.
+  struct Seen {
+    Eigen::Matrix<double, 3, Eigen::Dynamic> with_state;
+    Eigen::Matrix3d covariance;
+  };
+  Seen seen(const SeenRow& row, const Eigen::Vector3d& velocity, double power_density) const;
+
+  bool times_are_learnt_;
+  Eigen::VectorXd mean_;
+  Eigen::MatrixXd covariance_;
+  struct Given {  // by the rig
+    double latency_s = 0, readout_s = 0;
+    double latency_variance_s2 = 0, readout_variance_s2 = 0;  // where times are not learnt
+  };
+  std::vector<Given> given_;  // per camera
+};
+
+}  // namespace huetrack::object_tracking
