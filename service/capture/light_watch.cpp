@@ -40,9 +40,12 @@ constexpr double above_others = 3;          // in power
 
 // A slow change of all of the picture, in logarithms: 0.025 is 6 % of the light.
 constexpr double least_drift = 0.025;
-constexpr double largest_disagreement = 0.4;  // of the strips, share of the change
-constexpr double largest_step = 0.5;          // share of the change from one sample to the next: more is a switch
-constexpr std::size_t smoothing = 5;          // samples: takes the flicker out
+constexpr std::size_t least_strips = 3;
+static_assert(LightWatch::strips == 4);
+constexpr double largest_disagreement = 0.3;                       // of a strip, share of the change
+constexpr std::size_t most_disagreeing = LightWatch::samples / 4;  // samples in which more than one strip does
+constexpr double largest_step = 0.75;  // share of the change within the smoothing: more is a switch
+constexpr std::size_t smoothing = 5;   // samples: takes the flicker out
 constexpr int windows_until_gone = 6;
 
 double median(std::span<double> values) {
@@ -202,31 +205,38 @@ LightFindings LightWatch::judge_window() {
   return found;
 }
 
+// What moves before a strip spoils it for as long as it is there: the median of the strips, and most of them with it,
+// is what the whole picture does.
 std::optional<double> LightWatch::find_drift(const Change& change, std::size_t count) {
-  const std::size_t n = count - smoothing + 1;
-  const auto range = [&](auto&& value) {
-    double low = value(0), high = low;
-    for (std::size_t t = 1; t < n; ++t) low = std::min(low, value(t)), high = std::max(high, value(t));
-    return high - low;
-  };
-  std::array<Series, strips> smooth{};
-  Series all{};
-  for (std::size_t t = 0; t < n; ++t) {
-    for (std::size_t s = 0; s < strips; ++s) {
-      double sum = 0;
-      for (std::size_t k = 0; k < smoothing; ++k) sum += change.of_strip[s][t + k];
-      smooth[s][t] = sum / smoothing;
-      if (std::isnan(sum)) return std::nullopt;
-      all[t] += smooth[s][t] / strips;
+  Series all{}, smooth{};
+  for (std::size_t t = 0; t < count; ++t) {
+    double sum = 0, least = 1e30, most = -1e30;
+    std::size_t used = 0;
+    for (const Series& strip : change.of_strip) {
+      if (std::isnan(strip[t])) continue;  // it is black or white
+      sum += strip[t], least = std::min(least, strip[t]), most = std::max(most, strip[t]);
+      ++used;
     }
+    if (used < least_strips) return std::nullopt;
+    all[t] = (sum - least - most) / double(used - 2);  // the median of three or four
   }
-  const double drift = range([&](std::size_t t) { return all[t]; });
+  const std::size_t n = count - smoothing + 1;
+  for (std::size_t t = 0; t < n; ++t)
+    for (std::size_t k = 0; k < smoothing; ++k) smooth[t] += all[t + k] / double(smoothing);
+  const auto [low, high] = std::minmax_element(smooth.begin(), smooth.begin() + std::ptrdiff_t(n));
+  const double drift = *high - *low;
   if (drift < least_drift) return std::nullopt;
-  for (std::size_t s = 0; s < strips; ++s)
-    if (range([&](std::size_t t) { return smooth[s][t] - all[t]; }) > largest_disagreement * drift) return std::nullopt;
+  std::size_t disagreeing = 0;
+  for (std::size_t t = 0; t < count; ++t) {
+    const auto others = std::ranges::count_if(change.of_strip, [&](const Series& strip) {
+      return !(std::abs(strip[t] - all[t]) <= largest_disagreement * drift);
+    });
+    disagreeing += others > 1 ? 1 : 0;
+  }
+  if (disagreeing > most_disagreeing) return std::nullopt;
   // A switch goes through the smoothing as a straight line of its length.
   for (std::size_t t = smoothing; t < n; ++t)
-    if (std::abs(all[t] - all[t - smoothing]) > largest_step * drift * 1.5) return std::nullopt;
+    if (std::abs(smooth[t] - smooth[t - smoothing]) > largest_step * drift) return std::nullopt;
   return std::exp(drift) - 1;
 }
 
@@ -284,16 +294,24 @@ std::optional<Flicker> LightWatch::find_flicker() {
     std::array<Complex, samples> turn{};
     for (std::size_t t = 0; t < count_; ++t) turn[t] = std::polar(2.0 / double(count_), -two_pi * hz * time_s_[t]);
     for (const bool is_upward : {false, true}) {
-      Peak& peak = peaks[f][is_upward ? 1 : 0];
-      peak.hz = hz;
-      peak.seen_hz = seen_hz(hz, is_upward);
-      for (std::size_t k = 0; k < band_count; ++k) {
-        Complex sum = 0;
-        for (std::size_t t = 0; t < count_; ++t)
-          sum += turn[t] * (is_upward ? std::conj(amplitude[k][t]) : amplitude[k][t]);
-        if (std::abs(sum) > peak.modulation)
-          peak.modulation = std::abs(sum), peak.bands = fewest_bands + step_of_bands * double(k);
+      peaks[f][is_upward ? 1 : 0].hz = hz;
+      peaks[f][is_upward ? 1 : 0].seen_hz = seen_hz(hz, is_upward);
+    }
+    for (std::size_t k = 0; k < band_count; ++k) {
+      // turn * amplitude, and turn * its conjugate, which is that of rows that are exposed upwards.
+      double rr = 0, ii = 0, ri = 0, ir = 0;
+      for (std::size_t t = 0; t < count_; ++t) {
+        const Complex &w = turn[t], &a = amplitude[k][t];
+        rr += w.real() * a.real(), ii += w.imag() * a.imag(), ri += w.real() * a.imag(), ir += w.imag() * a.real();
       }
+      const std::array<double, 2> modulation{std::hypot(rr - ii, ri + ir), std::hypot(rr + ii, ir - ri)};
+      for (const std::size_t way : {0u, 1u}) {
+        if (modulation[way] <= peaks[f][way].modulation) continue;
+        peaks[f][way].modulation = modulation[way];
+        peaks[f][way].bands = fewest_bands + step_of_bands * double(k);
+      }
+    }
+    for (const Peak& peak : peaks[f]) {
       const bool is_of_mains = std::min(std::abs(hz - 100), std::abs(hz - 120)) <= of_mains_hz + 1e-9;
       if (is_of_mains && apart(peak.seen_hz, 0) > standing_hz && peak.modulation > best.modulation) best = peak;
     }

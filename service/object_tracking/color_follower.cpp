@@ -9,13 +9,10 @@
 namespace huetrack::object_tracking {
 namespace {
 
-// White balance of a webcam moves a hue by some 20 degrees from daylight to lamp light; what is further away is another
-// colour.
-constexpr PerColorAxis furthest{20, 0.15, 0.2};
+constexpr PerColorAxis furthest = furthest_followed;
 constexpr double least_saturation = 0.15;  // a range below it would hold greys
-// A table is made for at least so much, and for at most so much at a time and per camera: degrees in a second.
-constexpr PerColorAxis least_step{1.5, 0.015, 0.015}, largest_step{4, 0.04, 0.05};
-constexpr double least_time_between_steps_s = 1;
+// A table is made for at least so much, and for at most so much at once: some degrees in a second.
+constexpr PerColorAxis least_step{1.5, 0.015, 0.015}, largest_step{6, 0.06, 0.07};
 constexpr double longest_time_unseen_s = 1;  // what was seen before does not say what the colour is now
 constexpr double forgotten_after_s = 10;
 // From the object's median to either end of the range: twice what ColorWatch warns at.
@@ -83,30 +80,33 @@ void ColorFollower::follow(const capture::FrameSet& set, const ObjectEstimate& e
   put_in_force(done.camera, done.shift, done.color, done.builder.table(), views);
 }
 
+// For the camera that is furthest behind.
 void ColorFollower::begin_next(const capture::FrameSet& set, const ColorWatch& watch) {
-  for (std::size_t tried = 0; tried < cameras_.size(); ++tried) {
-    const std::size_t i = std::exchange(next_, (next_ + 1) % cameras_.size());
-    PerCamera& camera = cameras_[i];
+  double most = 1;  // least steps
+  std::optional<std::size_t> next;
+  PerColorAxis next_shift{};
+  for (std::size_t i = 0; i < cameras_.size(); ++i) {
     const auto& seen = watch.in(i).seen;
     if (!seen || capture::seconds(set.at - watch.in(i).seen_at) > longest_time_unseen_s || !set.frames[i] ||
-        set.frames[i]->status != capture::FrameStatus::ok ||
-        capture::seconds(set.at - camera.moved_at) < least_time_between_steps_s)
+        set.frames[i]->status != capture::FrameStatus::ok)
       continue;
-    const PerColorAxis wanted = wanted_shift(camera.taught, *seen);
-    PerColorAxis shift = camera.shift;
-    bool is_worth_it = false;
+    const PerColorAxis wanted = wanted_shift(cameras_[i].taught, *seen);
+    PerColorAxis shift = cameras_[i].shift;
+    double behind = 0;
     for (std::size_t a = 0; a < shift.size(); ++a) {
       const double step = wanted[a] - shift[a];
-      is_worth_it |= std::abs(step) >= least_step[a];
+      behind = std::max(behind, std::abs(step) / least_step[a]);
       shift[a] += std::clamp(step, -largest_step[a], largest_step[a]);
     }
-    if (!is_worth_it) continue;
-    const HsiRange color = moved(camera.taught, shift);
-    const capture::Image& image = set.frames[i]->pixels;
-    camera.moved_at = set.at;
-    building_.emplace(Building{i, shift, color, ColorTableBuilder(color, image.format, image.range)});
-    return;
+    if (behind < most) continue;
+    most = behind;
+    next = i;
+    next_shift = shift;
   }
+  if (!next) return;
+  const HsiRange color = moved(cameras_[*next].taught, next_shift);
+  const capture::Image& image = set.frames[*next]->pixels;
+  building_.emplace(Building{*next, next_shift, color, ColorTableBuilder(color, image.format, image.range)});
 }
 
 void ColorFollower::put_in_force(std::size_t camera, const PerColorAxis& shift, const HsiRange& color,

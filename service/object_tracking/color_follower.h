@@ -26,6 +26,10 @@
 
 namespace huetrack::object_tracking {
 
+// White balance of a webcam moves a hue by some 20 degrees from daylight to lamp light; what is further away is another
+// colour.
+constexpr PerColorAxis furthest_followed{20, 0.15, 0.2};
+
 // The range moved by so much: the same width, but where the axis itself ends.
 HsiRange moved(const HsiRange& range, const PerColorAxis& shift);
 
@@ -47,8 +51,7 @@ class ColorFollower {
  private:
   struct PerCamera {
     HsiRange taught;
-    PerColorAxis shift{};  // of the range in force
-    capture::Timestamp moved_at = {};
+    PerColorAxis shift{};                                 // of the range in force
     std::shared_ptr<const ColorTable> taught_table = {};  // once another one is in force
   };
   struct Building {
@@ -65,7 +68,6 @@ class ColorFollower {
   std::vector<PerCamera> cameras_;
   std::vector<HsiRange> in_force_;
   std::optional<Building> building_;
-  std::size_t next_ = 0;  // the camera that may have the next table
   std::optional<capture::Timestamp> last_tracking_;
 };
 

@@ -250,7 +250,7 @@ ColorTableBuilder::ColorTableBuilder(const HsiRange& target, capture::PixelForma
 }
 
 void ColorTableBuilder::go_on() {
-  const unsigned parts = table_->is_bgr_ ? 256 : 1024;
+  const unsigned parts = table_->is_bgr_ ? 256 : 4096;
   const unsigned first = std::exchange(next_, std::min(next_ + parts, ColorTable::all_parts));
   table_->fill(target_, first, next_);
 }

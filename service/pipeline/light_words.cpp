@@ -5,6 +5,8 @@
 
 #include <cmath>
 
+#include "object_tracking/color_follower.h"
+
 namespace huetrack::pipeline {
 namespace {
 
@@ -67,18 +69,21 @@ std::string color_warning(const object_tracking::TargetOptions& target, const st
                           const ColorHealth& health) {
   if (!health.near_end || !health.seen) return {};
   const bool is_light = health.near_end->axis == ColorAxis::intensity;
+  const auto axis = std::size_t(health.near_end->axis);
+  const bool is_at_limit = std::abs(health.followed[axis]) > 0.95 * object_tracking::furthest_followed[axis];
   return fmt::format("{} in {}: {}: {}", target.name, camera, movement(*health.near_end, health),
-                     target.adapts_color ? "color: adapt follows no further; teach it anew in this light"
-                     : is_light          ? "fix exposure and gain, teach it anew, or color: {adapt: true}"
-                                         : "fix white balance and exposure, teach it anew, or color: {adapt: true}");
+                     target.adapts_color && is_at_limit ? "color: adapt follows no further; teach it anew in this light"
+                     : target.adapts_color              ? "color: adapt follows it"
+                     : is_light ? "fix exposure and gain, teach it anew, or color: {adapt: true}"
+                                : "fix white balance and exposure, teach it anew, or color: {adapt: true}");
 }
 
 std::string followed_text(const std::string& camera, const ColorHealth& health) {
   const auto& by = health.followed;
   std::vector<std::string> parts;
-  if (by[0] != 0) parts.push_back(fmt::format("{:+.0f} degrees of hue", by[0]));
-  if (by[1] != 0) parts.push_back(fmt::format("{:+.2f} of saturation", by[1]));
-  if (by[2] != 0) parts.push_back(fmt::format("{:+.2f} of intensity", by[2]));
+  if (std::abs(by[0]) >= 0.5) parts.push_back(fmt::format("{:+.0f} degrees of hue", by[0]));
+  if (std::abs(by[1]) >= 0.005) parts.push_back(fmt::format("{:+.2f} of saturation", by[1]));
+  if (std::abs(by[2]) >= 0.005) parts.push_back(fmt::format("{:+.2f} of intensity", by[2]));
   if (parts.empty()) return {};
   return fmt::format("its colour in {} was followed, at the end by {}", camera, fmt::join(parts, ", "));
 }

@@ -126,6 +126,8 @@ TEST(ColorWarning, SaysWhichWayAndHowMuchIsLeft) {
   health.near_end = object_tracking::NearEnd{object_tracking::ColorAxis::saturation, false, -0.04};
   EXPECT_THAT(pipeline::color_warning(ball, "cam1", health), HasSubstr("0.04 beyond what is looked for"));
   ball.adapts_color = true;
+  EXPECT_THAT(pipeline::color_warning(ball, "cam1", health), HasSubstr("color: adapt follows it"));
+  health.followed[1] = -0.15;
   EXPECT_THAT(pipeline::color_warning(ball, "cam1", health), HasSubstr("follows no further"));
 }
 
@@ -136,7 +138,7 @@ class WanderingReplay : public testing::Test {
   WanderingReplay() : folder_(fs::path(testing::TempDir()) / "light_test_wandering") { fs::remove_all(folder_); }
   ~WanderingReplay() override { fs::remove_all(folder_); }
 
-  // Three cameras and a ball; the second camera's and the third's colours turn from the second second on.
+  // Three cameras and a ball; all colours turn from the second second on.
   void film() const {
     constexpr double fps = 30;
     const scene::Scene world = scene::SceneBuilder{}
@@ -147,8 +149,8 @@ class WanderingReplay : public testing::Test {
                                             return {0.1 * std::cos(angle), 0.1 * std::sin(angle), 1};
                                           }})
                                    .build();
-    const auto sets = scene::wandering(scene::render(world, {.set_count = int(fps), .fps = fps}), fps, 10,
-                                       [](double t) { return 4.5 * std::clamp(t - 1, 0.0, 8.0); });
+    const auto sets = scene::wandering(scene::render(world, {.set_count = int(fps), .fps = fps}), fps, 13,
+                                       [](double t) { return 3 * std::clamp(t - 1, 0.0, 12.0); });
     capture::RecordingWriter writer({.folder = folder_,
                                      .cameras = {"cam0", "cam1", "cam2"},
                                      .fps = {fps, fps, fps},

@@ -177,12 +177,12 @@ scene::Scene Wandering::world;
 std::vector<capture::FrameSet> Wandering::second;
 
 double turning(double t) {
-  return 4 * std::clamp(t - 1, 0.0, 9.0);  // to 36 degrees
+  return 3 * std::clamp(t - 1, 0.0, 12.0);  // to 36 degrees
 }
 
 TEST_F(Wandering, IsSaidBeforeTheObjectIsLost) {
-  const Course course = follow(lime(false), scene::wandering(second, fps, 11, turning));
-  EXPECT_LT(course.lost_at(), 10);
+  const Course course = follow(lime(false), scene::wandering(second, fps, 12, turning));
+  EXPECT_LT(course.lost_at(), 11.5);
   for (std::size_t camera = 0; camera < 3; ++camera) {
     EXPECT_LT(course.warned_at(camera), course.lost_at() - 0.5);
     EXPECT_GT(course.warned_at(camera), 2);
@@ -196,10 +196,10 @@ TEST_F(Wandering, IsSaidBeforeTheObjectIsLost) {
 }
 
 TEST_F(Wandering, IsSaidOfTheCameraWhereItIsAndWithdrawn) {
-  const auto there_and_back = [](double t) { return t < 5 ? turning(t) : turning(10 - t); };
+  const auto there_and_back = [](double t) { return t < 7 ? turning(t) : turning(14 - t); };
   ObjectTracker tracker(world.rig, lime(false), {});
   bool was_near = false;
-  for (const auto& set : scene::wandering(second, fps, 11, there_and_back, 1)) {
+  for (const auto& set : scene::wandering(second, fps, 14, there_and_back, 1)) {
     tracker.update(set);
     const auto health = tracker.color_health();
     EXPECT_FALSE(health[0].near_end);
@@ -223,7 +223,7 @@ TEST_F(Wandering, NothingIsSaidOfAColourThatStays) {
 }
 
 TEST_F(Wandering, WhatAdaptsHoldsTheObject) {
-  const auto film = scene::wandering(second, fps, 13, turning);
+  const auto film = scene::wandering(second, fps, 15, turning);
   const Course course = follow(lime(true), film);
   EXPECT_EQ(course.lost_at(), std::numeric_limits<double>::infinity());
   for (const ColorHealth& health : course.healths.back()) {
