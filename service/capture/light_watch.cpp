@@ -22,7 +22,7 @@ constexpr std::array<double, LightWatch::samples - 1> uneven_gaps{
     1.25, 1.25, 1.75, 1.5,  0.25, 0.75, 0.5,  1.0, 0.75, 1.0,  1.5,  1.5, 0.5,  0.5,  1.0};
 
 constexpr float darkest = 0.06f, brightest = 0.92f;  // of 0..1: in between a change of light is a factor
-constexpr std::size_t least_cells_of_row = 5, least_cells_of_strip = 40;
+constexpr std::size_t least_cells_of_row = 5, least_cells_of_strip = 20;
 // Median deviation of the cells from their row's change: in a picture that stands still it is noise, 0.01 to 0.03;
 // where the camera moves every cell shows something else.
 constexpr double unsteady_deviation = 0.08;
@@ -40,10 +40,10 @@ constexpr double above_others = 3;          // in power
 
 // A slow change of all of the picture, in logarithms: 0.025 is 6 % of the light.
 constexpr double least_drift = 0.025;
-constexpr std::size_t least_strips = 3;
-static_assert(LightWatch::strips == 4);
-constexpr double largest_disagreement = 0.3;                       // of a strip, share of the change
-constexpr std::size_t most_disagreeing = LightWatch::samples / 4;  // samples in which more than one strip does
+constexpr std::size_t least_strips = 6;
+constexpr double largest_disagreement = 0.3;  // of a strip, share of the change
+constexpr int most_strips_apart = 3;
+constexpr std::size_t most_disagreeing = LightWatch::samples / 4;  // samples in which more strips are
 constexpr double largest_step = 0.75;  // share of the change within the smoothing: more is a switch
 constexpr std::size_t smoothing = 5;   // samples: takes the flicker out
 constexpr int windows_until_gone = 6;
@@ -210,15 +210,12 @@ LightFindings LightWatch::judge_window() {
 std::optional<double> LightWatch::find_drift(const Change& change, std::size_t count) {
   Series all{}, smooth{};
   for (std::size_t t = 0; t < count; ++t) {
-    double sum = 0, least = 1e30, most = -1e30;
+    std::array<double, strips> values{};
     std::size_t used = 0;
-    for (const Series& strip : change.of_strip) {
-      if (std::isnan(strip[t])) continue;  // it is black or white
-      sum += strip[t], least = std::min(least, strip[t]), most = std::max(most, strip[t]);
-      ++used;
-    }
+    for (const Series& strip : change.of_strip)
+      if (!std::isnan(strip[t])) values[used++] = strip[t];  // else it is black or white
     if (used < least_strips) return std::nullopt;
-    all[t] = (sum - least - most) / double(used - 2);  // the median of three or four
+    all[t] = median(std::span(values).first(used));
   }
   const std::size_t n = count - smoothing + 1;
   for (std::size_t t = 0; t < n; ++t)
@@ -231,7 +228,7 @@ std::optional<double> LightWatch::find_drift(const Change& change, std::size_t c
     const auto others = std::ranges::count_if(change.of_strip, [&](const Series& strip) {
       return !(std::abs(strip[t] - all[t]) <= largest_disagreement * drift);
     });
-    disagreeing += others > 1 ? 1 : 0;
+    disagreeing += others > most_strips_apart ? 1 : 0;
   }
   if (disagreeing > most_disagreeing) return std::nullopt;
   // A switch goes through the smoothing as a straight line of its length.

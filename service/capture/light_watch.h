@@ -9,7 +9,7 @@
 //             k (flicker times readout) and a phase that goes on with the time t of the frame at f. Nothing else in a
 //             picture does: at all other frequencies between 96 and 124 Hz there must be a third of its power at most.
 //             At a frame rate that divides f the bands stand still, and are not found.
-//   exposure  the whole picture becomes brighter or darker, left and right alike, and not in one step
+//   exposure  the whole picture becomes brighter or darker, most of eight upright strips alike, and not in one step
 //   balance   the same of the ratio of red or blue to green
 #pragma once
 
@@ -54,7 +54,7 @@ class LightWatch {
   const LightFindings& findings() const { return findings_; }
   std::uint64_t windows() const { return windows_; }  // that said something
 
-  static constexpr std::size_t rows = 48, columns = 16, strips = 4, samples = 32;
+  static constexpr std::size_t rows = 48, columns = 16, strips = 8, samples = 32;
 
  private:
   struct Cell {
