@@ -59,6 +59,7 @@ class RegionTracker {
   bool sight_after_bounce(const std::vector<TargetView>& views, double power_density);
   MotionBelief followed(const MotionBelief& from, const MotionBelief* linearised_about, capture::Timestamp set_at,
                         double power_density);
+  bool are_times_open() const;
   double learn_acceleration(const capture::FrameSet& set, const std::vector<TargetView>& views);
   MotionBelief propose(const capture::FrameSet& set, double power_density);
   void draw_particles(const MotionBelief& proposal);
