@@ -14,20 +14,20 @@
 #include <opencv2/calib3d.hpp>
 #include <tuple>
 
+#include "calib/model/cross_matrix.h"
+#include "calib/model/index.h"
 #include "calib/model/median.h"
 
 namespace huetrack::solver {
 namespace {
 
+using calib::cross_matrix;
+using calib::index;
 using Eigen::Matrix3d;
 using Eigen::MatrixXd;
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
-
-Matrix3d cross_matrix(const Vector3d& v) {
-  return (Matrix3d() << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0).finished();
-}
 
 // A pose as Ceres keeps it: quaternion x y z w, then translation.
 using PoseBlock = std::array<double, 7>;
@@ -224,10 +224,6 @@ void silence_ceres() {
     return true;
   }();
   static_cast<void>(done);
-}
-
-std::size_t index(int i) {
-  return static_cast<std::size_t>(i);
 }
 
 // What Ceres moves. It orders parameter blocks by their addresses, and the order decides the last digits: so all of the

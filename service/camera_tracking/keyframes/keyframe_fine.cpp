@@ -5,6 +5,8 @@
 #include <cmath>
 #include <limits>
 
+#include "calib/model/median.h"
+
 #include "camera_tracking/keyframes/keyframe_tracking.h"
 
 namespace huetrack::keyframes {
@@ -51,8 +53,7 @@ double median_depth_m(const calib::Rigid3d& cam_from_world, const std::vector<Po
   std::vector<double> depths;
   for (const PointSighting& s : sightings)
     depths.push_back((cam_from_world * map.points[static_cast<std::size_t>(s.point)].position).norm());
-  std::ranges::sort(depths);
-  return depths[depths.size() / 2];
+  return calib::median(std::move(depths));
 }
 
 std::optional<Covariance6d> tangent_covariance(const PoseFit& fit) {

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "calib/model/median.h"
 #include "camera_tracking/keyframes/swept_fit.h"
 
 namespace huetrack::keyframes {
@@ -112,9 +113,7 @@ double KeyframeMapping::median_depth(const calib::Rigid3d& cam_from_world) const
     const auto px = camera_.model.project(cam);
     if (px && camera_.contains(*px)) depth.push_back(cam.norm());
   }
-  if (depth.empty()) return 1;
-  std::nth_element(depth.begin(), depth.begin() + static_cast<std::ptrdiff_t>(depth.size() / 2), depth.end());
-  return depth[depth.size() / 2];
+  return calib::median(std::move(depth), 1.0);
 }
 
 void KeyframeMapping::map(const TrackedFrame& frame) {

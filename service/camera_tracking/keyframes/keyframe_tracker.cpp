@@ -5,6 +5,7 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "calib/model/median.h"
 #include "camera_tracking/camera_starter.h"
 #include "camera_tracking/keyframes/keyframe_mapping.h"
 #include "camera_tracking/keyframes/keyframe_tracking.h"
@@ -238,9 +239,7 @@ class KeyframeTracker final : public CameraTracker {
       const auto after = camera_.model.project(now * map_.points[static_cast<std::size_t>(s.point)].position);
       if (before && after) flow.push_back((after->px - before->px).norm());
     }
-    if (flow.empty()) return 0;
-    std::nth_element(flow.begin(), flow.begin() + static_cast<std::ptrdiff_t>(flow.size() / 2), flow.end());
-    return flow[flow.size() / 2];
+    return calib::median(std::move(flow));
   }
 
   void fill(CameraEstimate& estimate, const ProvenPose& proof) const {

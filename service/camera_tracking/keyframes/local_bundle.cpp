@@ -6,6 +6,7 @@
 #include <cmath>
 #include <limits>
 
+#include "calib/model/median.h"
 #include "camera_tracking/pose_solver.h"
 
 namespace huetrack::keyframes {
@@ -221,12 +222,7 @@ double Adjustment::try_step(const Eigen::VectorXd& pose_step, BundleProblem& tri
 }
 
 double Adjustment::mark_outliers() {
-  double scale = 1;
-  if (std::vector<double> sorted = length_; !sorted.empty()) {
-    const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2);
-    std::nth_element(sorted.begin(), middle, sorted.end());
-    scale = std::max(least_scale, *middle / median_of_length);
-  }
+  const double scale = length_.empty() ? 1 : std::max(least_scale, calib::median(length_) / median_of_length);
   double sum = 0;
   int inliers = 0;
   for (std::size_t i = 0; i < p_.observations.size(); ++i) {
