@@ -11,11 +11,11 @@ namespace {
 constexpr double hand_rad_s = 0.5, hand_m_s = 0.2, hand_rad_s2 = 8, hand_m_s2 = 4;
 constexpr double longest_interval_s = 0.15;  // longer, and the motion before says nothing about that after
 // However evenly it moved, a hand trembles.
-constexpr double least_rad_s = 0.04, least_m_s = 0.015;
+constexpr double least_rad_s = 0.02, least_m_s = 0.01;
 constexpr double change_kept = 0.8;  // of the mean square, from frame to frame
 // With a steady change of the acceleration, velocities that go on with the acceleration before are off by a third of
-// what the next one then departs from them; the double of that leaves room for changes that are not steady.
-constexpr double off_by_share_of_change = 2.0 / 3;
+// what the next one then departs from them.
+constexpr double off_by_share_of_change = 1.0 / 3;
 // What a rig says without a standard deviation, and a camera of which no rig says anything.
 constexpr double known_sigma_s = 1e-3, unknown_sigma_s = 20e-3;
 // Neighbouring frames see the same points, whose errors are alike: so many of them say as much as one.

@@ -34,6 +34,7 @@ constexpr int adjust_iterations = 6;
 // A key frame is fitted anew once the readout is known by so much better.
 constexpr double refit_at_share = 0.6;
 constexpr std::size_t fewest_to_refit = 4;  // observations
+constexpr std::size_t most_kept_up = 14;    // in one frame, the oldest first
 constexpr double seed_sigma_px = 0.4;       // of a seed's corner, pixels of its level
 
 double angle_between(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
@@ -179,7 +180,7 @@ void KeyframeMapping::add_keyframe(const TrackedFrame& frame) {
     const int level = p.look_count == 0 ? 0 : p.looks[0].level;
     add_look(p, index, level, s.px);
   }
-  if (index > 0) adjust_near(index);
+  if (index > 0) adjust_moved(to_be_moved(index), index);
   add_seeds(index);
 }
 
@@ -289,17 +290,16 @@ void KeyframeMapping::take_over(const LocalProblem& local) {
 // Those whose motion was fitted when less was known of the readout: their rows are elsewhere than was thought.
 void KeyframeMapping::keep_up_with(const Readout& readout) {
   std::set<int> outdated;
-  for (std::size_t k = 0; k < priors_.size(); ++k) {
+  for (std::size_t k = 0; k < priors_.size() && outdated.size() < most_kept_up; ++k) {
     if (!priors_[k] || !(readout.sigma_s < refit_at_share * priors_[k]->readout.sigma_s)) continue;
     priors_[k]->readout = readout;
     outdated.insert(static_cast<int>(k));
   }
-  refit(outdated);
+  if (!outdated.empty()) adjust_moved(outdated, *outdated.rbegin());
 }
 
 // Pose and motion, to the points as they are now.
 void KeyframeMapping::refit(const std::set<int>& keyframes) {
-  if (keyframes.empty()) return;
   std::map<int, std::vector<PoseObservation>> seen;
   for (std::size_t i = 0; i < by_point_.size(); ++i) {
     for (const PointSighting& s : by_point_[i]) {
@@ -315,8 +315,7 @@ void KeyframeMapping::refit(const std::set<int>& keyframes) {
   }
 }
 
-void KeyframeMapping::adjust_near(int keyframe) {
-  const std::set<int> moved = to_be_moved(keyframe);
+void KeyframeMapping::adjust_moved(const std::set<int>& moved, int keyframe) {
   refit(moved);  // the adjustment holds their motion
   LocalProblem local = problem_of(moved, keyframe);
   if (local.bundle.observations.size() < fewest_to_adjust) return;
