@@ -65,9 +65,10 @@ std::optional<Covariance6d> tangent_covariance(const PoseFit& fit) {
 
 }  // namespace
 
-ProvenPose KeyframeTracking::fine(const SweptPose& start, const Pyramid& pyramid, const SceneMap& map, bool is_guess) {
+ProvenPose KeyframeTracking::fine(const SweptPose& start, const Pyramid& pyramid, const SceneMap& map, bool is_guess,
+                                  bool is_near) {
   ProvenPose out;
-  out.pose = first_fit(start, pyramid, map);
+  out.pose = is_near ? start : first_fit(start, pyramid, map);
   std::vector<Visible> seen = visible(out.pose, map, pyramid.count());
   thin_out(seen, most_points);
   Matches matches = match(seen, pyramid, map);

@@ -148,8 +148,8 @@ ProvenPose KeyframeTracking::track(capture::Timestamp at, const std::shared_ptr<
   ++frames_;
   ProvenPose best;
   const double last_row = camera_.image_size.height - 1;
-  const auto try_from = [&](const calib::Rigid3d& pose, bool is_guess) {
-    ProvenPose other = fine({pose, prior_.sweep(pose, last_row)}, *pyramid, map, is_guess);
+  const auto try_from = [&](const calib::Rigid3d& pose, bool is_guess, bool is_near = false) {
+    ProvenPose other = fine({pose, prior_.sweep(pose, last_row)}, *pyramid, map, is_guess, is_near);
     if (other.proven) best = std::move(other);
   };
   if (lost || unproven_ > 0) motion_.forget();
@@ -160,6 +160,7 @@ ProvenPose KeyframeTracking::track(capture::Timestamp at, const std::shared_ptr<
     const calib::Rigid3d predicted = calib::exp(calib::Tangent6d(keep * calib::log(step_))) * pose_;
     best = fine(coarse({predicted, prior_.sweep(predicted, last_row)}, *pyramid, map), *pyramid, map, false);
     if (!best.proven && unproven_ == 0) try_from(predicted, false);
+    if (!best.proven && unproven_ == 0) try_from(predicted, false, true);
   }
   if (!best.proven) {  // whatever is found from here on is no continuation
     motion_.forget();
