@@ -629,8 +629,10 @@ void take_latencies(ServiceConfig& config, const yaml::YamlReader& root) {
     const auto index = config.rig.index_of(camera.name);
     if (!index || !camera.latency_offset_s) continue;
     std::optional<double>& latency_s = config.rig.cameras[std::size_t(*index)].timing.latency_s;
-    if (latency_s) {
-      root.map("cameras").map(camera.name).fail("latency_offset_s",
+    if (latency_s && *latency_s != *camera.latency_offset_s) {
+      root.map("cameras")
+          .map(camera.name)
+          .fail("latency_offset_s",
                 fmt::format("is given although {} has timing.latency_s {:g} for this camera: say rig here, or take it "
                             "out there",
                             config.rig_file.filename().string(), *latency_s));

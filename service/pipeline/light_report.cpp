@@ -76,7 +76,7 @@ void LightReport::tell_colors(std::size_t target, const TrackedSet& set) {
   }
 }
 
-void LightReport::on_config(const config::ServiceConfig& config) {
+void LightReport::on_config(const config::ServiceConfig& config) noexcept {
   const std::scoped_lock lock(mutex_);
   targets_ = config.targets;
 }

@@ -22,6 +22,11 @@ constexpr double velocity_kept = 0.9;  // from frame to frame
 // So far off the image may a point be for the middle row, and yet be in view in its own.
 constexpr double most_swept_px = 60;
 
+bool is_inside(const Eigen::Vector2d& px, const calib::ImageSize& size, double margin) {
+  return px.x() >= margin && px.y() >= margin && px.x() <= size.width - 1 - margin &&
+         px.y() <= size.height - 1 - margin;
+}
+
 double angle_between(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
   return std::atan2(a.cross(b).norm(), a.dot(b));
 }
