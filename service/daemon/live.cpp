@@ -84,6 +84,8 @@ LiveSummary run_live(const config::ServiceConfig& config, std::vector<pipeline::
     session.add(bus.emplace(config.dds.publisher, session.time()));
   metrics::RoadMeter meter(config.rig.cameras.size(), options.track ? config.targets.size() : 0, bus ? &*bus : nullptr);
   session.add(meter);
+  pipeline::LightReport light(session.config());
+  session.add(light);
   std::vector<const pipeline::FileOutput*> files;
   std::optional<pipeline::TrackFile> tracks;
   if (!options.tracks.empty()) {
@@ -118,6 +120,7 @@ LiveSummary run_live(const config::ServiceConfig& config, std::vector<pipeline::
                          .cameras = cameras,
                          .requests = requests,
                          .meter = meter,
+                         .light = light,
                          .recording = recording,
                          .files = files,
                          .bus = bus ? &*bus : nullptr,

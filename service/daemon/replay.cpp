@@ -24,6 +24,7 @@
 #include "page/view_server.h"
 #include "pipeline/bus.h"
 #include "pipeline/file_outputs.h"
+#include "pipeline/light_report.h"
 #include "pipeline/picture_folder.h"
 #include "pipeline/session.h"
 
@@ -107,8 +108,8 @@ std::optional<tracks::Truth> truth_of(const config::ServiceConfig& config, const
 class ReplayStatus final : public pipeline::Output {
  public:
   ReplayStatus(const config::ServiceConfig& config, pipeline::Bus& bus, const pipeline::PublishedTime& time,
-               const HeldSource* held)
-      : bus_(bus), time_(time), held_(held), reporter_(config, "replay", {}) {}
+               const HeldSource* held, const pipeline::LightReport& light)
+      : bus_(bus), time_(time), held_(held), light_(light), reporter_(config, "replay", {}) {}
 
   void on_status(const pipeline::PipelineFigures& figures) override {
     publish::ServiceStatus status;
@@ -118,6 +119,7 @@ class ReplayStatus final : public pipeline::Output {
     }
     status.clock_offset_s = capture::seconds(time_.offset());
     std::ranges::copy(bus_.publisher().warnings(), std::back_inserter(status.warnings));
+    std::ranges::copy(light_.warnings(), std::back_inserter(status.warnings));
     if (held_ != nullptr && !held_->is_released()) status.mode = "held";
     bus_.publisher().publish_status(status);
   }
@@ -130,6 +132,7 @@ class ReplayStatus final : public pipeline::Output {
   pipeline::Bus& bus_;
   const pipeline::PublishedTime& time_;
   const HeldSource* const held_;
+  const pipeline::LightReport& light_;
   std::mutex mutex_;
   StatusReporter reporter_;  // guarded by mutex_: the page's thread reloads
 };
@@ -283,8 +286,10 @@ ReplaySummary replay(const ReplayCommand& command, const std::stop_token& stop) 
   // Where the results go, in this order.
   std::optional<pipeline::Bus> bus;
   if (config.dds.enabled && !command.no_dds) session.add(bus.emplace(config.dds.publisher, session.time()));
+  pipeline::LightReport light(session.config());
+  session.add(light);
   std::optional<ReplayStatus> status;
-  if (bus) session.add(status.emplace(session.config(), *bus, session.time(), playback.held));
+  if (bus) session.add(status.emplace(session.config(), *bus, session.time(), playback.held, light));
   std::optional<pipeline::PoseFile> poses;
   if (!command.poses.empty()) session.add(poses.emplace(command.poses, config, pipeline::WhenFileFails::stop));
   std::optional<pipeline::TrackFile> tracks;
@@ -313,6 +318,7 @@ ReplaySummary replay(const ReplayCommand& command, const std::stop_token& stop) 
 
   for (const auto& warning : playback.source->take_warnings()) spdlog::warn("{}", warning);
   ReplaySummary summary = summary_of(config, session.figures(), *playback.source, tally, began, stop.stop_requested());
+  summary.light = light.summary();
   summary.clock_offset = session.time().offset();
   if (bus) {
     summary.published = bus->publisher().counters().published;

@@ -14,6 +14,7 @@
 #include "metrics/road_meter.h"
 #include "pipeline/bus.h"
 #include "pipeline/file_outputs.h"
+#include "pipeline/light_report.h"
 #include "pipeline/live_cameras.h"
 #include "pipeline/recording_keeper.h"
 #include "pipeline/session.h"
@@ -32,6 +33,7 @@ struct Supervised {
   std::span<const pipeline::LiveCamera> cameras;
   LiveRequests& requests;
   const metrics::RoadMeter& meter;
+  const pipeline::LightReport& light;
   pipeline::RecordingKeeper& recording;
   std::vector<const pipeline::FileOutput*> files;
   pipeline::Bus* bus = nullptr;                      // null: nothing is published

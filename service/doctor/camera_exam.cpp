@@ -7,6 +7,8 @@
 #include <memory>
 #include <thread>
 
+#include "doctor/light_exam.h"
+
 namespace huetrack::doctor {
 namespace {
 
@@ -75,6 +77,7 @@ void watch(Examined& examined, Clock::time_point end, const std::stop_token& sto
   StreamTrial& trial = *examined.exam.trial;
   std::optional<std::chrono::nanoseconds> first, last;
   std::optional<std::uint32_t> sequence;
+  LightExam light(std::chrono::duration<double>(end - Clock::now()).count());
   double ages_s = 0;
   const auto give_up = Clock::now() + first_frame_patience;
   while (!stop.stop_requested()) {
@@ -90,6 +93,7 @@ void watch(Examined& examined, Clock::time_point end, const std::stop_token& sto
     ++trial.frames;
     trial.bytes += frame.bytes.size();
     if (frame.has_error) ++trial.corrupted;
+    light.look(frame, trial.agreed);
     trial.stamp = frame.stamp;
     if (sequence && frame.sequence > *sequence + 1) trial.dropped += frame.sequence - *sequence - 1;
     sequence = frame.sequence;
@@ -103,6 +107,7 @@ void watch(Examined& examined, Clock::time_point end, const std::stop_token& sto
     trial.failure = "no frame came";
     return;
   }
+  trial.light = light.findings();
   trial.seconds = std::chrono::duration<double>(*last - *first).count();
   trial.mean_age_s = ages_s / double(trial.frames);
 }

@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "capture/light_watch.h"
 #include "capture/usb_bandwidth.h"
 #include "capture/v4l2_device.h"
 
@@ -24,8 +25,9 @@ struct StreamTrial {
   double longest_gap_s = 0;     // between two time stamps
   double mean_age_s = 0;        // from the time stamp to the dequeue
   capture::StampKind stamp = capture::StampKind::dequeued;
-  std::optional<capture::UsbReservation> usb;  // while it streamed
-  std::string failure;                         // why it ended early; empty: it did not
+  std::optional<capture::UsbReservation> usb;   // while it streamed
+  std::optional<capture::LightFindings> light;  // nullopt: too few sound frames to say
+  std::string failure;                          // why it ended early; empty: it did not
   double fps() const { return frames > 1 && seconds > 0 ? double(frames - 1) / seconds : 0; }
 };
 

@@ -8,10 +8,12 @@
 #include <cstdio>
 #include <cstdlib>
 #include <fstream>
+#include <iterator>
 #include <set>
 
 #include "calib/yaml/yaml_reader.h"
 #include "config/service_config.h"
+#include "doctor/light_exam.h"
 #include "metrics/metrics.h"
 #include "pipeline/live_cameras.h"
 #include "publish/estimate_publisher.h"
@@ -435,6 +437,7 @@ std::vector<Finding> judge_camera(const CameraExam& exam, bool is_expected) {
   if (exam.trial) judge_stream(exam, findings);
   judge_controls(exam, findings);
   judge_automatics(exam, findings);
+  std::ranges::move(judge_light(exam), std::back_inserter(findings));
   return findings;
 }
 
