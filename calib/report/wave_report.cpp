@@ -139,6 +139,9 @@ std::string times_text(const WaveResult& result) {
   const std::string& first = result.rig.cameras[0].name;
   std::string out = fmt::format("{:12} {:>12} {:>8} {:>12} {:>8}   (latency: against {}'s, which stays)\n", "times",
                                 "latency ms", "+- ms", "readout ms", "+- ms", first);
+  for (const wave::WaveCamera& c : result.cameras)
+    out += fmt::format("SIGNS wander {:.2f} ms ({:.1f}) scatter {:.2f} ms repeated {:.3f}\n", 1e3 * c.wander_s,
+                       c.wander_sigmas, 1e3 * c.scatter_s, c.repeated);
   for (const calib::Camera& camera : result.rig.cameras) {
     const calib::CameraTiming& t = camera.timing;
     out += fmt::format("{:12} {:12.2f} {:8.2f} {:12.2f} {:8.2f}\n", camera.name, 1e3 * t.latency_s.value_or(0),
