@@ -212,7 +212,6 @@ void print_faults(const std::filesystem::path& folder) {
       std::printf("  %-42s %9.2f %9.2f %6.1f  %s%s%s\n", fault.name.c_str(), 1e3 * error, 1e3 * stated, error / stated,
                   std::string(report::name(report.verdict)).c_str(), is_wrong ? "  WRONG" : "",
                   report.doubts.empty() ? "" : (": " + report.doubts.front()).c_str());
-      for (const auto& c : found.cameras) std::printf("      SIGNS wander %.2f ms (%.1f) scatter %.2f ms repeated %.3f rms %.2f\n", 1e3*c.wander_s, c.wander_sigmas, 1e3*c.scatter_s, c.repeated, c.rms_px);
     } catch (const std::exception& e) {
       std::printf("  %-42s %9s %9s %6s  failed: %s\n", fault.name.c_str(), "", "", "", e.what());
     }
