@@ -480,7 +480,7 @@ Adjustment place_boards(const board::Board& board, const calib::CameraRig& rig, 
 calib::CameraRig rig_of(const Adjustment& adjustment) {
   calib::CameraRig rig;
   for (const AdjustedCamera& camera : adjustment.cameras) {
-    rig.cameras.push_back({camera.name, camera.image_size, camera.model(), camera.cam_from_world});
+    rig.cameras.push_back({camera.name, camera.image_size, camera.model(), camera.cam_from_world, {}});
   }
   return rig;
 }
