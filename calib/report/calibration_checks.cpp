@@ -30,6 +30,7 @@ constexpr double little_volume_share = 0.002;      // from here on, where it out
 constexpr Limits dropped_share{0.2, 0.6};          // views
 constexpr Limits behind_share{0.02, 0.5};          // views that show the board's back
 constexpr Limits out_of_step{1.6, never};          // noise of all together / of each alone
+constexpr Limits fast_share{2, never};             // rms of views that move fast / of slow ones
 constexpr double least_coverage = 0.4;             // of the image's cells
 constexpr int enough_views = 10, least_views = 4;  // distinct ones
 constexpr double least_tilt_range_deg = 20, least_depth_ratio = 1.15;
@@ -203,6 +204,13 @@ class Judge {
           "the cameras do not expose at the same moment, or one was moved while recording: hold the board still for a "
           "second at each place (only still moments are then used), or give the cameras' clock offsets in "
           "recording.yaml (offset_s)");
+    }
+    if (evidence_.slow_px > 0) {
+      add(fast_share.judge(evidence_.fast_px / evidence_.slow_px), "views of the board in motion",
+          fmt::format("corners fit to {:.2f} px where the board moves fast, to {:.2f} px where it moves slowly",
+                      evidence_.fast_px, evidence_.slow_px),
+          "the times of the pictures do not explain how the board moves: motion blur (expose more briefly), or stamps "
+          "that do not tell when a picture was taken; move the board more slowly, or hold it still at each place");
     }
     if (report_.volume) {
       const solver::VolumeAccuracy& volume = *report_.volume;

@@ -43,7 +43,7 @@ std::optional<Sensitivity> sensitivity_at(const Adjustment& a, PointAccuracy& po
   for (std::size_t c = 0; c < a.cameras.size(); ++c) {
     const AdjustedCamera& camera = a.cameras[c];
     const Vector3d p_cam = camera.cam_from_world * point.p_world;
-    const calib::Camera finished{camera.name, camera.image_size, camera.model(), camera.cam_from_world};
+    const calib::Camera finished{camera.name, camera.image_size, camera.model(), camera.cam_from_world, {}};
     const auto px = finished.project_world(point.p_world);
     if (!px || !finished.contains(*px)) continue;
     Vector2d ignored;
