@@ -27,6 +27,9 @@ constexpr int sets_each_way = 2;
 // where hands are slower still, a derivative is ten times the one before it.
 constexpr std::array<double, 2> usual_change{15, 3}, usual_jerk{150, 30};
 
+// What goes further between two sets was not carried: the pictures are of different places, one after the other.
+constexpr std::array<double, 2> fastest{10, 3};  // rad/s, m/s
+
 constexpr double least_stamp_sigma_s = 5e-5, most_stamp_sigma_s = 0.02, first_stamp_sigma_s = 0.003;
 
 // The views of one set, as [first, last).
@@ -51,9 +54,10 @@ struct PlacedSet {
   calib::Tangent6d variance = calib::Tangent6d::Zero();  // of its board's pose, right tangent
 };
 
-// When the middle row of a view was exposed.
+// When the middle row of a view was exposed, by its stamp. Not by what was found to be its error: then a set's moment
+// would follow it, and so would what the sets around say, round after round.
 double middle_of(const Adjustment& a, std::size_t v) {
-  return *a.views[v].stamp_s + a.stamp_error_s[v] - a.cameras[index(a.views[v].camera)].latency.value_s;
+  return *a.views[v].stamp_s - a.cameras[index(a.views[v].camera)].latency.value_s;
 }
 
 // To where the board is at another time; its course with it.
@@ -98,11 +102,18 @@ void find_motion(Adjustment& a, const std::vector<PlacedSet>& sets, std::size_t 
   BoardMotion& motion = a.motions[index(sets[s].set)];
   const calib::Rigid3d board_from_world = calib::inverse(a.world_from_board[index(sets[s].set)]);
   std::vector<std::size_t> around;
+  std::vector<calib::Tangent6d> moved;  // beside it
   for (const int way : {-1, 1}) {
     for (int k = 1; k <= sets_each_way; ++k) {
       const std::size_t other = s + static_cast<std::size_t>(way * k);  // below 0 it wraps, and is no index
-      if (other >= sets.size() || std::abs(sets[other].at_s - sets[s].at_s) > longest_gap_s) break;
+      const double gap_s = other < sets.size() ? std::abs(sets[other].at_s - sets[s].at_s) : longest_gap_s;
+      if (!(gap_s < longest_gap_s)) break;
+      const calib::Rigid3d step = board_from_world * a.world_from_board[index(sets[other].set)];
+      const Eigen::AngleAxisd turn(step.rotation);
+      if (turn.angle() > fastest[0] * gap_s || step.translation.norm() > fastest[1] * gap_s) break;
       around.push_back(other);
+      moved.emplace_back();
+      moved.back() << turn.angle() * turn.axis(), step.translation;
     }
   }
   const bool was_known = motion.is_known;
@@ -110,12 +121,6 @@ void find_motion(Adjustment& a, const std::vector<PlacedSet>& sets, std::size_t 
   if (around.empty()) {
     motion.course.setZero();
     return;
-  }
-  MatrixXd moved(around.size(), 6);
-  for (std::size_t k = 0; k < around.size(); ++k) {
-    const calib::Rigid3d way = board_from_world * a.world_from_board[index(sets[around[k]].set)];
-    const Eigen::AngleAxisd turn(way.rotation);
-    moved.row(static_cast<Eigen::Index>(k)) << (turn.angle() * turn.axis()).transpose(), way.translation.transpose();
   }
   for (int i = 0; i < 6; ++i) {
     // Unknown: this set's own error, rate, change, jerk; each with what is known of it.
@@ -128,7 +133,7 @@ void find_motion(Adjustment& a, const std::vector<PlacedSet>& sets, std::size_t 
       const double tau = other.at_s - sets[s].at_s;
       const Eigen::Vector4d j(1, tau, tau * tau / 2, tau * tau * tau / 6);
       h += j * j.transpose() / other.variance(i);
-      g += j * moved(static_cast<Eigen::Index>(k), i) / other.variance(i);
+      g += j * moved[k](i) / other.variance(i);
     }
     const Eigen::Vector4d scale = h.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
     const Eigen::Matrix4d inverse =

@@ -87,7 +87,7 @@ bool renew(Adjustment& a, const BoardShape& shape, bool with_stamps) {
   const std::vector<BoardMotion> before = a.motions;
   const double stamps_before_s = a.stamp_sigma_s;
   renew_motions(a, shape, with_stamps);
-  constexpr double settled_s = 1e-5, settled_share = 0.03;
+  constexpr double settled_s = 2e-5, settled_share = 0.2;
   for (std::size_t s = 0; s < before.size(); ++s) {
     if (before[s].is_known != a.motions[s].is_known || std::abs(before[s].at_s - a.motions[s].at_s) > settled_s)
       return false;
@@ -181,11 +181,11 @@ Adjustment adjust(Adjustment a, const AdjustmentOptions& options) {
     if (!with_motion || std::ranges::none_of(a.motions, &BoardMotion::is_known))
       solve(a, shape, median_length(a), options.max_iterations);
     // What moved between the cameras' exposures looks like an outlier until the times are known.
-    constexpr int rounds_with_motion = 4;
+    constexpr int rounds_with_motion = 3;
     for (int round = 0; with_motion && round < rounds_with_motion; ++round) {
       measure(a, shape);
       renew(a, shape, round > 0);
-      solve(a, shape, median_length(a), options.max_iterations);
+      solve(a, shape, median_length(a), std::min(20, options.max_iterations));
     }
     measure(a, shape);
     solve(a, shape, 0.5, options.max_iterations);
@@ -194,10 +194,12 @@ Adjustment adjust(Adjustment a, const AdjustmentOptions& options) {
   } else if (with_motion) {
     measure(a, shape);
   }
-  const int max_rounds = with_motion ? 20 : 8;
+  const int max_rounds = with_motion ? 12 : 8;
+  // What is known of motions is renewed in every round: no need to go to the end each time.
+  const int iterations = with_motion ? std::min(10, options.max_iterations) : options.max_iterations;
   for (int round = 0; round < max_rounds; ++round) {
     const bool is_settled = !with_motion || renew(a, shape, true);
-    solve(a, shape, 0, options.max_iterations);
+    solve(a, shape, 0, iterations);
     measure(a, shape);
     if ((!options.find_outliers || !classify(a, options)) && is_settled) break;
   }

@@ -233,6 +233,7 @@ TEST(MovingBoard, TimingThatWasGivenIsHeldOrRefined) {
   cameras[1].timing = {options.latency_s[1], {}, options.readout_s[1], {}};  // exactly
   cameras[3].timing = {options.latency_s[3] + 0.002, 0.003, {}, {}};
   const Adjustment a = calibrate_extrinsics(capture.of.board, cameras, capture.of.views).adjustment;
+  print("given", capture, options, a);
   const calib::CameraRig rig = rig_of(a);
   EXPECT_EQ(rig.cameras[1].timing, cameras[1].timing);
   for (const std::size_t c : {0, 2, 3}) EXPECT_NEAR(*rig.cameras[c].timing.latency_s, options.latency_s[c], 0.001);
