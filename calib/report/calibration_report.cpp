@@ -236,6 +236,7 @@ CalibrationReport report_on(const solver::Extrinsics& result, const ReportInput&
     camera.cam_from_world = a.cameras[c].cam_from_world;
     camera.centre = calib::inverse(a.cameras[c].cam_from_world).translation;
     camera.timing = timing_text(a.cameras[c]);
+    evidence.late_s.push_back(a.motions.empty() ? 0 : a.cameras[c].latency.value_s);
   }
   for (int i = 0; i < static_cast<int>(a.cameras.size()); ++i) {
     for (int k = i + 1; k < static_cast<int>(a.cameras.size()); ++k) {

@@ -137,19 +137,24 @@ SetEquations set_equations(const Adjustment& a, const BoardShape& shape, const P
   if (!a.moves(number) || set.residuals == 0) return set;
   // What is known beforehand, in pixels.
   const BoardMotion& motion = a.motions[index(number)];
-  const auto add_prior = [&](const std::vector<int>& at, const VectorXd& off, const MatrixXd& information) {
+  const auto add_prior = [&](const std::vector<int>& at, const MatrixXd& j, const VectorXd& off,
+                             const MatrixXd& information) {
     const MatrixXd weight = a.noise_px * a.noise_px * information;
-    set.by_own(at, at) += weight;
-    set.own_gradient(at) += weight * off;
+    set.by_own(at, at) += j.transpose() * weight * j;
+    set.own_gradient(at) += j.transpose() * weight * off;
     set.cost += off.dot(weight * off);
-    set.residuals += static_cast<int>(at.size());
+    set.residuals += static_cast<int>(off.size());
   };
-  for (int i = 0; i < 6; ++i)
-    add_prior({own_course_at + i, own_course_at + 6 + i}, (motion.course - motion.mean).row(i).transpose(),
-              motion.information[index(i)]);
+  const BoardMotion::Course off = course_off(motion, a.world_from_board[index(number)]);
+  for (int i = 0; i < 6; ++i) {
+    Eigen::Matrix<double, 2, 3> j;  // by the pose, the course and its change
+    j << -motion.by_place.row(i).transpose(), Eigen::Matrix2d::Identity();
+    add_prior({i, own_course_at + i, own_course_at + 6 + i}, j, off.row(i).transpose(), motion.information[index(i)]);
+  }
   const MatrixXd of_stamp = MatrixXd::Constant(1, 1, 1 / (a.stamp_sigma_s * a.stamp_sigma_s));
   for (std::size_t v = first; v < last; ++v)
-    add_prior({own_stamps_at + static_cast<int>(v - first)}, VectorXd::Constant(1, a.stamp_error_s[v]), of_stamp);
+    add_prior({own_stamps_at + static_cast<int>(v - first)}, MatrixXd::Identity(1, 1),
+              VectorXd::Constant(1, a.stamp_error_s[v]), of_stamp);
   return set;
 }
 

@@ -122,30 +122,30 @@ void find_motion(Adjustment& a, const std::vector<PlacedSet>& sets, std::size_t 
     motion.course.setZero();
     return;
   }
+  motion.place = a.world_from_board[index(sets[s].set)];
   for (int i = 0; i < 6; ++i) {
-    // Unknown: this set's own error, rate, change, jerk; each with what is known of it.
-    Eigen::Matrix4d h = Eigen::Matrix4d::Zero();
-    Eigen::Vector4d g = Eigen::Vector4d::Zero();
+    // Unknown: rate, change, jerk; with what is known of the latter two.
+    Eigen::Matrix3d h = Eigen::Matrix3d::Zero();
+    Eigen::Vector3d g = Eigen::Vector3d::Zero(), g_of_place = Eigen::Vector3d::Zero();
     const double change = usual_change[i < 3 ? 0 : 1], jerk = usual_jerk[i < 3 ? 0 : 1];
-    h.diagonal() << 1 / sets[s].variance(i), 0, 1 / (change * change), 1 / (jerk * jerk);
+    h.diagonal() << 0, 1 / (change * change), 1 / (jerk * jerk);
     for (std::size_t k = 0; k < around.size(); ++k) {
       const PlacedSet& other = sets[around[k]];
       const double tau = other.at_s - sets[s].at_s;
-      const Eigen::Vector4d j(1, tau, tau * tau / 2, tau * tau * tau / 6);
+      const Eigen::Vector3d j(tau, tau * tau / 2, tau * tau * tau / 6);
       h += j * j.transpose() / other.variance(i);
       g += j * moved[k](i) / other.variance(i);
+      g_of_place -= j / other.variance(i);
     }
-    const Eigen::Vector4d scale = h.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
-    const Eigen::Matrix4d inverse =
-        scale.asDiagonal() *
-        Eigen::Matrix4d(
-            (scale.asDiagonal() * h * scale.asDiagonal()).eval().ldlt().solve(Eigen::Matrix4d::Identity())) *
-        scale.asDiagonal();
-    const Eigen::Vector4d found = inverse * g;
-    motion.mean.row(i) = found.segment<2>(1).transpose();
-    motion.information[index(i)] = Eigen::Matrix2d(inverse.block<2, 2>(1, 1)).inverse();
+    const Eigen::Vector3d scale = h.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
+    const Eigen::Matrix3d inverse = scale.asDiagonal() *
+                                    Eigen::Matrix3d(scale.asDiagonal() * h * scale.asDiagonal()).inverse() *
+                                    scale.asDiagonal();
+    motion.expected.row(i) = (inverse * g).head<2>().transpose();
+    motion.by_place.row(i) = (inverse * g_of_place).head<2>().transpose();
+    motion.information[index(i)] = Eigen::Matrix2d(inverse.topLeftCorner<2, 2>()).inverse();
   }
-  if (!was_known) motion.course = motion.mean;
+  if (!was_known) motion.course = motion.expected;
 }
 
 }  // namespace

@@ -195,11 +195,11 @@ Adjustment adjust(Adjustment a, const AdjustmentOptions& options) {
     measure(a, shape);
   }
   const int max_rounds = with_motion ? 12 : 8;
-  // What is known of motions is renewed in every round: no need to go to the end each time.
-  const int iterations = with_motion ? std::min(10, options.max_iterations) : options.max_iterations;
+  // While what is known of motions is still renewed there is no need to go to the end each time.
+  const int first_iterations = std::min(10, options.max_iterations);
   for (int round = 0; round < max_rounds; ++round) {
-    const bool is_settled = !with_motion || renew(a, shape, true);
-    solve(a, shape, 0, iterations);
+    const bool is_settled = !with_motion || renew(a, shape, true) || round + 1 == max_rounds;
+    solve(a, shape, 0, is_settled ? options.max_iterations : first_iterations);
     measure(a, shape);
     if ((!options.find_outliers || !classify(a, options)) && is_settled) break;
   }

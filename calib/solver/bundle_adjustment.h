@@ -69,8 +69,11 @@ struct BoardMotion {
   bool is_known = false;                       // from the sets around; otherwise the board rests while it is seen
   double at_s = 0;                             // the moment, on the clock of the stamps less latency
   Course course = Course::Zero();              // adjusted
-  // What the sets around say of it, and the inverse of that's covariance, for each of the six.
-  Course mean = Course::Zero();
+  // What the sets around say of it, for the pose `place` of this set's board: expected, with the inverse of its
+  // covariance for each of the six. A pose that is exp(b) further has the course expected + b * by_place: they say
+  // where the board was before and after, so what is added here is missing there.
+  calib::Rigid3d place;
+  Course expected = Course::Zero(), by_place = Course::Zero();
   std::array<Eigen::Matrix2d, 6> information{};
 };
 

@@ -58,6 +58,11 @@ MovedPoint moved(const BoardMotion& motion, double tau, const Vector3d& point) {
 
 }  // namespace
 
+BoardMotion::Course course_off(const BoardMotion& motion, const calib::Rigid3d& world_from_board) {
+  const calib::Tangent6d further = calib::log(calib::inverse(motion.place) * world_from_board);
+  return motion.course - motion.expected - further.asDiagonal() * motion.by_place;
+}
+
 Matrix3d cross_matrix(const Vector3d& v) {
   return (Matrix3d() << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0).finished();
 }

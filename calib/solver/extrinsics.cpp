@@ -499,7 +499,7 @@ Adjustment place_boards(const board::Board& board, const calib::CameraRig& rig, 
 }
 
 bool is_determined(const AdjustedTime& time) {
-  constexpr double share = 1.0 / 3;
+  constexpr double share = 0.1;
   return time.prior_sigma_s > 0 && time.sigma_s > 0 && time.sigma_s < share * time.prior_sigma_s;
 }
 

@@ -75,7 +75,7 @@ Adjustment place_boards(const board::Board& board, const calib::CameraRig& camer
 // made_by is empty. Timing is as it was given, but for what views of a board that moved determine better.
 calib::CameraRig rig_of(const Adjustment& adjustment);
 
-// Whether the views told a time: it is known three times better, at least, than beforehand.
+// Whether the views told a time: it is known ten times better, at least, than beforehand.
 bool is_determined(const AdjustedTime& time);
 
 }  // namespace huetrack::solver

@@ -17,7 +17,7 @@ struct MovingOptions {
   double stamp_jitter_s = 1e-4;
   double age_s = 0;  // the stamps are late by up to that, evenly distributed: a program took pictures that had waited
   bool in_step = false;
-  int bursts = 25, frames_of_burst = 2;
+  int bursts = 16, frames_of_burst = 2;
   double between_s = 0.7, frame_s = 1 / 30.0;  // of bursts, and of the frames that are looked at
   std::uint64_t seed = 1;
 };
@@ -158,7 +158,7 @@ Adjustment found(const MovingCapture& capture) {
 TEST(MovingBoard, TimesAndPosesAreFoundFromAHandCarriedBoard) {
   double off = 0;
   for (const std::uint64_t seed : {1, 2}) {
-    const MovingOptions options{.seed = seed};
+    const MovingOptions options{.bursts = 20, .seed = seed};
     const MovingCapture capture = moving_capture(options);
     const Adjustment a = found(capture);
     print("carried", capture, options, a);
@@ -182,7 +182,7 @@ TEST(MovingBoard, TimesAndPosesAreFoundFromAHandCarriedBoard) {
 // A program that takes six pictures a second of cameras that make thirty, and notes when it took them.
 TEST(MovingBoard, StampsThatTellWhenAPictureWasFetchedAreLearntToBeWrong) {
   const MovingOptions options{
-      .speed_m_s = 0.2, .turning_deg_s = 30, .age_s = 0.033, .bursts = 1, .frames_of_burst = 50, .frame_s = 1 / 6.0};
+      .speed_m_s = 0.2, .turning_deg_s = 30, .age_s = 0.033, .bursts = 1, .frames_of_burst = 36, .frame_s = 1 / 6.0};
   const MovingCapture capture = moving_capture(options);
   const Adjustment a = found(capture);
   print("fetched", capture, options, a);
