@@ -93,7 +93,7 @@ std::vector<capture::V4l2SourceOptions> live_cameras_in(const std::filesystem::p
     }
     if (yaml.has("fps") && yaml.string("fps") != "auto") options.fps = yaml.number("fps", yaml::positive);
     options.controls = controls_of(yaml);
-    options.latency = capture::duration_of(yaml.number("latency_offset_s", yaml::Range{.min = -1, .max = 1}, 0));
+    options.timing.latency = capture::duration_of(yaml.number("latency_offset_s", yaml::Range{.min = -1, .max = 1}, 0));
     options.restore_controls = yaml.boolean("restore_controls", false);
     yaml.finish();
     finish(options, static_cast<int>(cameras.size()), settings);

@@ -29,6 +29,7 @@ void add_extrinsics_command(CLI::App& app, Command& chosen);
 void add_world_command(CLI::App& app, Command& chosen);
 void add_check_command(CLI::App& app, Command& chosen);
 void add_wave_command(CLI::App& app, Command& chosen);
+void add_time_command(CLI::App& app, Command& chosen);
 void add_exchange_commands(CLI::App& app, Command& chosen);  // import and export
 void add_board_command(CLI::App& app, Command& chosen);
 

@@ -10,7 +10,7 @@
 namespace huetrack::program {
 namespace {
 
-struct Options : CalibrationOptions {
+struct ExtrinsicsOptions : CalibrationOptions {
   std::vector<std::string> cameras, intrinsics;
   solver::RefineLens refine = solver::RefineLens::automatic;
   std::optional<double> tolerance_s;
@@ -43,7 +43,7 @@ std::vector<solver::CameraToCalibrate> cameras_of(const gather::FoundBoards& fou
   return cameras;
 }
 
-ExitStatus calibrate(const Options& options, const std::stop_token& stop) {
+ExitStatus calibrate(const ExtrinsicsOptions& options, const std::stop_token& stop) {
   const board::Board board = board::read_board(options.board);
   gather::GatherOptions gather;
   gather.pictures = {.only = options.cameras, .tolerance_s = options.tolerance_s};
@@ -80,7 +80,7 @@ ExitStatus calibrate(const Options& options, const std::stop_token& stop) {
 }  // namespace
 
 void add_extrinsics_command(CLI::App& app, Command& chosen) {
-  const auto options = std::make_shared<Options>();
+  const auto options = std::make_shared<ExtrinsicsOptions>();
   CLI::App* command =
       app.add_subcommand("extrinsics", "find all cameras in one world, from a board carried through the volume");
   add_calibration_options(*command, *options);

@@ -54,6 +54,7 @@ int main(int argc, char** argv) {
   program::add_world_command(app, chosen);
   program::add_check_command(app, chosen);
   program::add_wave_command(app, chosen);
+  program::add_time_command(app, chosen);
   program::add_exchange_commands(app, chosen);
   program::add_board_command(app, chosen);
 

@@ -6,6 +6,7 @@
 #include <numbers>
 #include <set>
 
+#include "calib/model/index.h"
 #include "calib/model/median.h"
 #include "calib/report/calibration_checks.h"
 #include "calib/report/sentences.h"
@@ -13,12 +14,9 @@
 namespace huetrack::report {
 namespace {
 
+using calib::index;
 using Eigen::Vector2d;
 using Eigen::Vector3d;
-
-std::size_t index(int i) {
-  return static_cast<std::size_t>(i);
-}
 
 Vector3d middle_of(const board::Board& board) {
   Vector3d middle = Vector3d::Zero();

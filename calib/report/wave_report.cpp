@@ -73,7 +73,7 @@ void doubt_camera(WaveReport& report, const WaveResult& result, const WaveCamera
         "it the wrong rig?",
         name, camera.moved_m, camera.turned_rad * 180 / std::numbers::pi));
   }
-  if (camera.coverage < little_coverage) {
+  if (!result.held_poses && camera.coverage < little_coverage) {
     report.doubts.push_back(fmt::format("{} saw the ball in {:.0f} % of its image only: wave it where the rest looks",
                                         name, 1e2 * camera.coverage));
   }
@@ -121,18 +121,47 @@ std::string camera_line(const WaveCamera& camera, const std::string& name) {
                      deg * camera.rotation_sigma_rad.norm(), 1e3 * camera.moved_m, deg * camera.turned_rad);
 }
 
+std::string positions_text(const WaveReport& report, const WaveResult& result) {
+  std::string out =
+      fmt::format("expected error of positions where the ball was: {:.1f} mm rms, and by the scale {:.1f} mm\n",
+                  1e3 * result.expected_m, 1e3 * result.by_scale_m);
+  if (result.expected_in_volume_m)
+    out += fmt::format("in the whole volume: {:.1f} mm rms, and by the scale {:.1f} mm\n",
+                       1e3 * *result.expected_in_volume_m, 1e3 * result.by_scale_in_volume_m);
+  out += fmt::format("the two halves of the recording differ by {:.1f} mm there; {:.1f} mm was to be expected\n",
+                     1e3 * result.halves_m, 1e3 * result.halves_sigma_m);
+  out += fmt::format("scale: from {}; good to {:.2f} %; the ball looks {:.2f} times as large as its radius says\n",
+                     report.scale_from, 1e2 * result.scale.sigma, result.size_ratio);
+  return out;
+}
+
+std::string times_text(const WaveResult& result) {
+  const std::string& first = result.rig.cameras[0].name;
+  std::string out = fmt::format("{:12} {:>12} {:>8} {:>12} {:>8}   (latency: against {}'s, which stays)\n", "times",
+                                "latency ms", "+- ms", "readout ms", "+- ms", first);
+  for (const calib::Camera& camera : result.rig.cameras) {
+    const calib::CameraTiming& t = camera.timing;
+    out += fmt::format("{:12} {:12.2f} {:8.2f} {:12.2f} {:8.2f}\n", camera.name, 1e3 * t.latency_s.value_or(0),
+                       1e3 * t.latency_sigma_s.value_or(0), 1e3 * t.readout_s.value_or(0),
+                       1e3 * t.readout_sigma_s.value_or(0));
+  }
+  return out;
+}
+
 }  // namespace
 
 WaveReport report_on(const WaveResult& result) {
   WaveReport report;
-  report.scale_from = scale_text(result);
+  if (!result.held_poses) report.scale_from = scale_text(result);
   report.notes = notes_on(result);
   if (result.marks_off_m && *result.marks_off_m > far_mark_m) {
     report.doubts.push_back(fmt::format("a marked point is off by {:.0f} mm: measure them again, and check the times",
                                         1e3 * *result.marks_off_m));
   }
-  if (result.is_in_a_plane()) report.doubts.push_back(wave::plane_text(result.extent_m));
-  doubt_scale(report, result);
+  if (!result.held_poses) {
+    if (result.is_in_a_plane()) report.doubts.push_back(wave::plane_text(result.extent_m));
+    doubt_scale(report, result);
+  }
   for (std::size_t c = 0; c < result.cameras.size(); ++c)
     doubt_camera(report, result, result.cameras[c], result.rig.cameras[c].name);
   doubt_positions(report, result);
@@ -149,19 +178,12 @@ std::string to_text(const WaveReport& report, const WaveResult& result) {
       "{:.1f} s of waving, {:.2f} x {:.2f} x {:.2f} m, jerks of {:.0f} m/s^3; the ball is {:.2f} px rms off\n",
       result.duration_s, result.extent_m.x(), result.extent_m.y(), result.extent_m.z(), result.jerk_m_s3,
       result.rms_px);
-  out += fmt::format("expected error of positions where the ball was: {:.1f} mm rms, and by the scale {:.1f} mm\n",
-                     1e3 * result.expected_m, 1e3 * result.by_scale_m);
-  if (result.expected_in_volume_m)
-    out += fmt::format("in the whole volume: {:.1f} mm rms, and by the scale {:.1f} mm\n",
-                       1e3 * *result.expected_in_volume_m, 1e3 * result.by_scale_in_volume_m);
-  out += fmt::format("the two halves of the recording differ by {:.1f} mm there; {:.1f} mm was to be expected\n",
-                     1e3 * result.halves_m, 1e3 * result.halves_sigma_m);
-  out += fmt::format("scale: from {}; good to {:.2f} %; the ball looks {:.2f} times as large as its radius says\n",
-                     report.scale_from, 1e2 * result.scale.sigma, result.size_ratio);
+  if (!result.held_poses) out += positions_text(report, result);
   out += fmt::format("{:12} {:>7} {:>7} {:>7} {:>8} {:>9} {:>15} {:>13} {:>10} {:>9}\n", "camera", "frames", "seen",
                      "used", "rms px", "coverage", "position +- mm", "axes +- deg", "moved mm", "turned");
   for (std::size_t c = 0; c < result.cameras.size(); ++c)
     out += camera_line(result.cameras[c], result.rig.cameras[c].name);
+  out += times_text(result);
   for (const wave::WavePair& pair : result.pairs) {
     out += fmt::format("{} and {} saw it together in {} frames\n",
                        result.rig.cameras[static_cast<std::size_t>(pair.a)].name,

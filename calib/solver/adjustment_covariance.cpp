@@ -3,18 +3,16 @@
 #include <algorithm>
 #include <cmath>
 
+#include "calib/model/index.h"
 #include "calib/solver/adjustment_steps.h"
 
 namespace huetrack::solver {
 namespace {
 
+using calib::index;
 using Eigen::MatrixXd;
 using Eigen::Vector2d;
 using Eigen::VectorXd;
-
-std::size_t index(int i) {
-  return static_cast<std::size_t>(i);
-}
 
 // Pixels of today's cameras are square. A lens by itself that comes out otherwise tells how wrong it is, in a way that
 // its residuals cannot (few views, a board that is not flat, a rolling shutter): it is widened until square pixels are

@@ -7,15 +7,14 @@
 #include <array>
 #include <cmath>
 
+#include "calib/model/index.h"
 #include "calib/solver/adjustment_steps.h"
 #include "calib/solver/corner_cost.h"
 
 namespace huetrack::solver {
 namespace {
 
-std::size_t index(int i) {
-  return static_cast<std::size_t>(i);
-}
+using calib::index;
 
 // How far a lens has to reach for its image's corners; a bit further than it does, when it folds before.
 double reach_of(const AdjustedCamera& camera) {
@@ -61,7 +60,7 @@ class ParameterBlocks {
     for (std::size_t v = 0; v < a.views.size(); ++v) view_in_set_[v] = views_of_[index(a.views[v].set)]++;
     for (std::size_t s = 0; s < views_of_.size(); ++s) {
       board_at_.push_back(boards_.size());
-      boards_.resize(boards_.size() + index(a.moves(static_cast<int>(s)) ? stamps_at + views_of_[s] : pose_size));
+      boards_.resize(boards_.size() + index(a.moves(static_cast<int>(s)) ? stamps_at + views_of_[s] : pose_block_size));
     }
     for (std::size_t s = 0; s < views_of_.size(); ++s) {
       write_pose(a.world_from_board[s], board(s));
@@ -109,7 +108,7 @@ class ParameterBlocks {
 
   struct CameraBlocks {
     std::array<double, 12> lens;
-    std::array<double, pose_size> pose;
+    std::array<double, pose_block_size> pose;
     std::array<double, 2> times;
   };
   std::vector<CameraBlocks> cameras_;  // the last one's lens block holds the bend
@@ -208,7 +207,7 @@ void solve(Adjustment& a, const BoardShape& shape, double robust_px, int max_ite
     if (!used.boards[s]) continue;
     const bool moves = a.moves(static_cast<int>(s));
     problem.SetManifold(blocks.board(s),
-                        pose_manifold(false, moves ? stamps_at + blocks.views_of(s) - pose_size : 0).release());
+                        pose_manifold(false, moves ? stamps_at + blocks.views_of(s) - pose_block_size : 0).release());
     if (moves) add_motion(problem, a, s, blocks.views_of(s), blocks.board(s));
     ordering->AddElementToGroup(blocks.board(s), 0);
   }

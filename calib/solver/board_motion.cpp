@@ -5,18 +5,16 @@
 #include <cmath>
 #include <map>
 
+#include "calib/model/index.h"
 #include "calib/solver/adjustment_steps.h"
 
 namespace huetrack::solver {
 namespace {
 
+using calib::index;
 using Eigen::MatrixXd;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
-
-std::size_t index(int i) {
-  return static_cast<std::size_t>(i);
-}
 
 // Sets further apart than this tell nothing of how the board moves in between: a hand turns back within half a second.
 constexpr double longest_gap_s = 0.25;

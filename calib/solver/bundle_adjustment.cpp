@@ -6,18 +6,16 @@
 #include <opencv2/calib3d.hpp>
 #include <tuple>
 
+#include "calib/model/index.h"
 #include "calib/model/median.h"
 #include "calib/solver/adjustment_steps.h"
 
 namespace huetrack::solver {
 namespace {
 
+using calib::index;
 using Eigen::Vector2d;
 using Eigen::Vector3d;
-
-std::size_t index(int i) {
-  return static_cast<std::size_t>(i);
-}
 
 // Renews the residuals, for all corners, used or not.
 void measure(Adjustment& a, const BoardShape& shape) {

@@ -3,16 +3,17 @@
 #include <Eigen/Geometry>
 #include <cmath>
 
+#include "calib/model/cross_matrix.h"
+#include "calib/model/index.h"
+
 namespace huetrack::solver {
 namespace {
 
+using calib::cross_matrix;
+using calib::index;
 using Eigen::Matrix3d;
 using Eigen::Vector2d;
 using Eigen::Vector3d;
-
-std::size_t index(int i) {
-  return static_cast<std::size_t>(i);
-}
 
 Eigen::RowVector2d bend_profile(const Vector3d& point, const Vector3d& low, const Vector3d& high) {
   Eigen::RowVector2d profile;
@@ -61,10 +62,6 @@ MovedPoint moved(const BoardMotion& motion, double tau, const Vector3d& point) {
 BoardMotion::Course course_off(const BoardMotion& motion, const calib::Rigid3d& world_from_board) {
   const calib::Tangent6d further = calib::log(calib::inverse(motion.place) * world_from_board);
   return motion.course - motion.expected - further.asDiagonal() * motion.by_place;
-}
-
-Matrix3d cross_matrix(const Vector3d& v) {
-  return (Matrix3d() << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0).finished();
 }
 
 BoardShape::BoardShape(const board::Board& board) {

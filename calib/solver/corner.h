@@ -57,6 +57,4 @@ bool corner_residual(const Adjustment& a, const BoardShape& shape, std::size_t v
 // How far its course is from what the sets around say, for this pose of the board.
 BoardMotion::Course course_off(const BoardMotion& motion, const calib::Rigid3d& world_from_board);
 
-Eigen::Matrix3d cross_matrix(const Eigen::Vector3d& v);
-
 }  // namespace huetrack::solver

@@ -18,12 +18,12 @@ class PoseManifold final : public ceres::Manifold {
  public:
   PoseManifold(bool left, int more) : left_(left), more_(more) {}
 
-  int AmbientSize() const override { return pose_size + more_; }
+  int AmbientSize() const override { return pose_block_size + more_; }
   int TangentSize() const override { return 6 + more_; }
   bool Plus(const double* x, const double* delta, double* result) const override {
     const calib::Rigid3d step = calib::exp(Eigen::Map<const calib::Tangent6d>(delta)), pose = read_pose(x);
     write_pose(left_ ? step * pose : pose * step, result);
-    for (int i = 0; i < more_; ++i) result[pose_size + i] = x[pose_size + i] + delta[6 + i];
+    for (int i = 0; i < more_; ++i) result[pose_block_size + i] = x[pose_block_size + i] + delta[6 + i];
     return true;
   }
   bool PlusJacobian(const double*, double* jacobian) const override {
@@ -36,7 +36,7 @@ class PoseManifold final : public ceres::Manifold {
   bool Minus(const double* y, const double* x, double* delta) const override {
     const calib::Rigid3d a = read_pose(y), b = read_pose(x);
     Eigen::Map<calib::Tangent6d>{delta} = calib::log(left_ ? a * calib::inverse(b) : calib::inverse(b) * a);
-    for (int i = 0; i < more_; ++i) delta[6 + i] = y[pose_size + i] - x[pose_size + i];
+    for (int i = 0; i < more_; ++i) delta[6 + i] = y[pose_block_size + i] - x[pose_block_size + i];
     return true;
   }
   bool MinusJacobian(const double*, double* jacobian) const override {
@@ -60,14 +60,14 @@ void put_out(const CornerDerivatives& d, int board_size, double** jacobians) {
   if (jacobians[0]) Eigen::Map<PixelByLens>{jacobians[0]} = d.by_lens;
   for (const int b : {1, 2}) {
     if (!jacobians[b]) continue;
-    TwoRows j(jacobians[b], 2, b == 1 ? pose_size : board_size);
+    TwoRows j(jacobians[b], 2, b == 1 ? pose_block_size : board_size);
     j.setZero();
     j.leftCols<6>() = b == 1 ? d.by_camera : d.by_board;
   }
   if (jacobians[3]) TwoRows(jacobians[3], 2, 2) = d.by_bend;
 }
 
-class CornerCost final : public ceres::SizedCostFunction<2, 12, pose_size, pose_size, 2> {
+class CornerCost final : public ceres::SizedCostFunction<2, 12, pose_block_size, pose_block_size, 2> {
  public:
   CornerCost(LensModel lens, const Corner& corner) : lens_(lens), corner_(corner) {}
 
@@ -82,7 +82,7 @@ class CornerCost final : public ceres::SizedCostFunction<2, 12, pose_size, pose_
       return false;
     }
     Eigen::Map<Vector2d>{residuals} = residual;
-    if (jacobians) put_out(d, pose_size, jacobians);
+    if (jacobians) put_out(d, pose_block_size, jacobians);
     return true;
   }
 
@@ -96,7 +96,7 @@ class MovingCornerCost final : public ceres::CostFunction {
   MovingCornerCost(LensModel lens, const Corner& corner, double after_s, int view, int views)
       : lens_(lens), corner_(corner), after_s_(after_s), stamp_at_(stamps_at + view) {
     set_num_residuals(2);
-    *mutable_parameter_block_sizes() = {12, pose_size, stamps_at + views, 2, 2};
+    *mutable_parameter_block_sizes() = {12, pose_block_size, stamps_at + views, 2, 2};
   }
 
   bool Evaluate(const double* const* blocks, double* residuals, double** jacobians) const override {

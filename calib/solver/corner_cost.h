@@ -13,12 +13,12 @@
 namespace huetrack::solver {
 
 // A camera's pose as Ceres keeps it: quaternion x y z w, then translation.
-inline constexpr int pose_size = 7;
+inline constexpr int pose_block_size = 7;
 void write_pose(const calib::Rigid3d& pose, double* block);
 calib::Rigid3d read_pose(const double* block);
 
 // A board that moves has in its block, after its pose, its course, and an error of the stamp of each of its views.
-inline constexpr int course_at = pose_size, stamps_at = pose_size + 12;
+inline constexpr int course_at = pose_block_size, stamps_at = pose_block_size + 12;
 
 // left: exp(delta) * pose; otherwise pose * exp(delta). more: what follows the pose in the block is moved by adding.
 std::unique_ptr<ceres::Manifold> pose_manifold(bool left, int more = 0);

@@ -15,18 +15,17 @@
 #include <set>
 #include <tuple>
 
+#include "calib/model/index.h"
 #include "calib/model/median.h"
 #include "calib/solver/adjustment_steps.h"
+#include "calib/solver/umeyama.h"
 
 namespace huetrack::solver {
 namespace {
 
+using calib::index;
 using Eigen::Vector2d;
 using Eigen::Vector3d;
-
-std::size_t index(int i) {
-  return static_cast<std::size_t>(i);
-}
 
 // The rigid motion of the board that renumbers its points: point(symmetry[id]) = motion * point(id).
 calib::Rigid3d motion_of(const board::Board& board, const std::vector<int>& symmetry) {
@@ -35,7 +34,7 @@ calib::Rigid3d motion_of(const board::Board& board, const std::vector<int>& symm
     from.col(id) = board.point(id);
     to.col(id) = board.point(symmetry[index(id)]);
   }
-  const Eigen::Matrix4d t = Eigen::umeyama(from, to, false);
+  const Eigen::Matrix4d t = umeyama(from, to, false);
   return {Eigen::Quaterniond(Eigen::Matrix3d(t.topLeftCorner<3, 3>())).normalized(), t.topRightCorner<3, 1>()};
 }
 
@@ -230,7 +229,7 @@ std::string explain_contradiction(const Start& start, const std::string& a, cons
   const auto [in_a, in_b] = start.centres(ia, ib);
   if (in_a.cols() < 4) return "too few shared views to tell why";
   const auto misfit = [&](const Eigen::Matrix3Xd& from, bool with_scale, double& scale) {
-    const Eigen::Matrix4d t = Eigen::umeyama(from, in_b, with_scale);
+    const Eigen::Matrix4d t = umeyama(from, in_b, with_scale);
     scale = t.topLeftCorner<3, 3>().col(0).norm();
     const Eigen::Matrix3Xd off = ((t.topLeftCorner<3, 3>() * from).colwise() + t.topRightCorner<3, 1>()) - in_b;
     std::vector<double> lengths;

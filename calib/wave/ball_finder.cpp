@@ -22,7 +22,7 @@ std::optional<BallFrame> BallFinder::look(const capture::Frame& frame) {
   }
   object_tracking::MatchBits& matches = *views.front().matches;
   const int width = matches.width(), height = matches.height();
-  BallFrame out{frame.camera, capture::seconds(frame.captured_at), {}, {}};
+  BallFrame out{frame.camera, capture::seconds(frame.captured_at + frame.latency), {}, {}};
   for (const object_tracking::ColorRegion& region :
        finder_.find(matches, {0, 0, width - 1, height - 1}, options_.min_area_px, 0)) {
     // Of a region that is as wide as it appears, 2 standard deviations reach to its edge.

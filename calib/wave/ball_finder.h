@@ -17,7 +17,7 @@ namespace huetrack::wave {
 // One frame of one camera.
 struct BallFrame {
   int camera = 0;  // in the rig
-  double t_s = 0;  // its own capture time
+  double t_s = 0;  // the camera's stamp, smoothed: its latency and its readout are not taken out yet
   std::vector<object_tracking::ColorRegion>
       regions;                      // of the target's colour, largest first; not those that the image's border cuts
   std::vector<Patch> patches = {};  // beside the regions, or none

@@ -260,8 +260,9 @@ class EllipseFit {
   }
 
  private:
-  // place; the object's light; the background's; log of the blur over the usual one
-  static constexpr int unknowns = 3 + 18 + 3 + 1, blur = 24;
+  // place; the object's light; the background's; log of the blur over the usual one, of light and of chroma; how much
+  // more of it there is along u and along the diagonal, as motion makes it
+  static constexpr int unknowns = 3 + 18 + 3 + 2 + 2, blur = 24, smear = 26;
   using Unknowns = Eigen::Matrix<double, unknowns, 1>;
   using Row = Eigen::Matrix<double, 1, unknowns>;
   struct Pixel {
@@ -270,11 +271,11 @@ class EllipseFit {
     double changed;          // from the background, in standard deviations
   };
   struct System {
-    Eigen::Matrix<double, unknowns, unknowns> normal;
+    Eigen::Matrix<double, unknowns, unknowns> normal;  // the lower half
     Unknowns gradient;
     double cost = 0;
   };
-  static constexpr double reach_px = 3.5, usual_blur_px = 0.6;
+  static constexpr double reach_px = 5, usual_blur_px = 0.6;
 
   double off(const Place& place, const Vector2d& at) const {
     const Vector2d d = at - place.head<2>();
@@ -286,7 +287,8 @@ class EllipseFit {
 
   System system_at(const Unknowns& x, const Unknowns& start) const {
     constexpr double loss2 = 4;  // Cauchy's, beyond two standard deviations
-    const double blur_px = usual_blur_px * std::exp(x[blur]);
+    // Cameras and JPEG blur chroma more than light.
+    const std::array<double, 2> blurs_px{usual_blur_px * std::exp(x[blur]), usual_blur_px * std::exp(x[blur + 1])};
     System out;
     out.normal.setZero();
     out.gradient.setZero();
@@ -307,36 +309,45 @@ class EllipseFit {
           moved[c] += h;
           by_place[c] = (off(moved, p.at) - here) / h;
         }
-        const double a = 0.5 * std::erfc(here / (blur_px * std::numbers::sqrt2));
-        const double a_by_off =
-            -std::exp(-here * here / (2 * blur_px * blur_px)) / (blur_px * std::sqrt(2 * std::numbers::pi));
-        cover[k] = a;
+        const Vector2d normal = -by_place.head<2>().normalized();
+        const Vector2d along(normal.x() * normal.x() - normal.y() * normal.y(), 2 * normal.x() * normal.y());
+        const double smeared = std::exp(x.segment<2>(smear).dot(along));
+        cover[k] = 0.5 * std::erfc(here / (smeared * blurs_px[0] * std::numbers::sqrt2));
         const Vector2d d = (p.at - origin_) / size_;
         Eigen::Matrix<double, 6, 1> terms;
         terms << 1, d.x(), d.y(), d.x() * d.x(), d.x() * d.y(), d.y() * d.y();
         const Vector3d shade_terms(1, d.x(), d.y());
         const double shade = 1 + x.segment<3>(21).dot(shade_terms);
-        Vector3d rgb, rgb_slope;
-        Eigen::Matrix<double, 3, unknowns> j = Eigen::Matrix<double, 3, unknowns>::Zero();
-        for (int c = 0; c < 3; ++c) {
-          const double object = x.segment<6>(3 + 6 * c).dot(terms);
-          const double mixed = a * object + (1 - a) * shade * p.behind[c];
-          const double lit = std::max(mixed, darkest);
-          rgb[c] = 255 * std::pow(lit, 1 / gamma_of_cameras);
-          rgb_slope[c] = mixed > darkest ? rgb[c] / (gamma_of_cameras * lit) : 0;
-          j.row(c).head<3>() = rgb_slope[c] * (object - shade * p.behind[c]) * a_by_off * by_place.transpose();
-          j(c, blur) = -rgb_slope[c] * (object - shade * p.behind[c]) * a_by_off * here;
-          j.row(c).segment<6>(3 + 6 * c) = rgb_slope[c] * a * terms.transpose();
-          j.row(c).segment<3>(21) = rgb_slope[c] * (1 - a) * p.behind[c] * shade_terms.transpose();
+        for (const int kind : {0, 1}) {
+          const double blur_px = smeared * blurs_px[static_cast<std::size_t>(kind)];
+          const double a = 0.5 * std::erfc(here / (blur_px * std::numbers::sqrt2));
+          const double a_by_off =
+              -std::exp(-here * here / (2 * blur_px * blur_px)) / (blur_px * std::sqrt(2 * std::numbers::pi));
+          Vector3d rgb;
+          Eigen::Matrix<double, 3, unknowns> j = Eigen::Matrix<double, 3, unknowns>::Zero();
+          for (int c = 0; c < 3; ++c) {
+            const double object = x.segment<6>(3 + 6 * c).dot(terms);
+            const double mixed = a * object + (1 - a) * shade * p.behind[c];
+            const double lit = std::max(mixed, darkest);
+            rgb[c] = 255 * std::pow(lit, 1 / gamma_of_cameras);
+            const double slope = mixed > darkest ? rgb[c] / (gamma_of_cameras * lit) : 0;
+            j.row(c).head<3>() = slope * (object - shade * p.behind[c]) * a_by_off * by_place.transpose();
+            const double by_blur = -slope * (object - shade * p.behind[c]) * a_by_off * here;
+            j(c, blur + kind) = by_blur;
+            j.row(c).segment<2>(smear) = by_blur * along.transpose();
+            j.row(c).segment<6>(3 + 6 * c) = slope * a * terms.transpose();
+            j.row(c).segment<3>(21) = slope * (1 - a) * p.behind[c] * shade_terms.transpose();
+          }
+          const Eigen::Matrix3d& ycc = light_from_rgb();
+          const int from = kind == 0 ? 0 : 1, rows = kind == 0 ? 1 : 2;
+          predicted[k].segment(from, rows) = ycc.middleRows(from, rows) * rgb;
+          slopes[k].middleRows(from, rows) = ycc.middleRows(from, rows) * j;
         }
-        const Eigen::Matrix3d& ycc = light_from_rgb();
-        predicted[k] = ycc * rgb;
-        slopes[k] = ycc * j;
       }
       const auto add = [&](double residual, const Row& slope, double weight) {
         const double r2 = residual * residual, w = weight / (1 + r2 / loss2);
         out.cost += weight * loss2 * std::log1p(r2 / loss2) / 2;
-        out.normal.noalias() += w * slope.transpose() * slope;
+        out.normal.selfadjointView<Eigen::Lower>().rankUpdate(slope.transpose(), w);
         out.gradient.noalias() += w * residual * slope.transpose();
       };
       double shared = 0;
@@ -369,7 +380,9 @@ class EllipseFit {
     }
     usual(21, 0.3);
     for (int i = 22; i < 24; ++i) usual(i, 0.2);
-    usual(blur, 0.3);
+    usual(blur, 0.5);
+    usual(blur + 1, 0.7);
+    for (int i = smear; i < unknowns; ++i) usual(i, 0.5);
     return out;
   }
 
@@ -397,12 +410,12 @@ class EllipseFit {
 
 object_tracking::ColorRegion outline_over_background(const Patch& patch, const object_tracking::ColorRegion& region,
                                                      const BackgroundImage& background, const Eigen::Matrix2d& shape) {
-  constexpr double ring_from_px = 2, ring_to_px = 5, changed_sigmas = 6, most_changed = 0.5;
+  // Beyond what blur and a compressed picture's shared chroma carry out of the object.
+  constexpr double ring_from_px = 4, ring_to_px = 7, changed_sigmas = 6, most_changed = 0.5;
+  const Eigen::Vector3f steady = background.noise.cwiseMax(Eigen::Vector3f(1, 2.5f, 2.5f));
   if (patch.empty()) return region;
   const auto change = [&](int u, int v) {
-    return (light_of(patch.at(u, v)) - background.at(u, v).cast<double>())
-        .cwiseQuotient(background.noise.cast<double>())
-        .norm();
+    return (light_of(patch.at(u, v)) - background.at(u, v).cast<double>()).cwiseQuotient(steady.cast<double>()).norm();
   };
   // What has the colour and is not the background's own.
   const Ellipse rough(region);

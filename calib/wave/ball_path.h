@@ -13,14 +13,18 @@ struct BallPath {
   double step_s = 1;                     // > 0, between knots
   std::vector<Eigen::Vector3d> control;  // >= 4; world
 
-  // The four control points that make the position at t, from `first`, and their weights (their sum is 1).
+  // The four control points that make the position at t, from `first`, their weights (their sum is 1), and what these
+  // change by per second.
   struct Basis {
     std::size_t first;
-    std::array<double, 4> weight;
+    std::array<double, 4> weight, weight_per_s;
   };
-  Basis basis(double t_s) const;  // t is clamped to the path
+  // The control points whose piece of the path t is in; before and after the path those of its ends.
+  std::size_t piece(double t_s) const;
+  // The polynomial of that piece, which goes on beyond it.
+  Basis basis(double t_s, std::size_t first) const;
   Eigen::Vector3d at(double t_s) const;
-  double end_s() const { return start_s + step_s * static_cast<double>(control.size() - 3); }
+  Eigen::Vector3d velocity(double t_s) const;  // m/s
 
   static BallPath over(double from_s, double to_s, double step_s);  // all control points at the origin
 };

@@ -4,15 +4,14 @@
 #include <algorithm>
 #include <cmath>
 
+#include "calib/model/cross_matrix.h"
+
 namespace huetrack::wave {
 namespace {
 
+using calib::cross_matrix;
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
-
-Matrix3d cross_matrix(const Vector3d& v) {
-  return (Matrix3d() << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0).finished();
-}
 
 }  // namespace
 
@@ -75,11 +74,10 @@ ShapeErrors shape_errors(const calib::CameraRig& rig, const WaveState& state, co
   return shape;
 }
 
-std::vector<Vector3d> places_along(const BallPath& path) {
+std::vector<Vector3d> places_along(const BallPath& path, double from_s, double to_s) {
   constexpr int samples = 60;
   std::vector<Vector3d> places;
-  for (int i = 0; i <= samples; ++i)
-    places.push_back(path.at(path.start_s + (path.end_s() - path.start_s) * i / samples));
+  for (int i = 0; i <= samples; ++i) places.push_back(path.at(from_s + (to_s - from_s) * i / samples));
   return places;
 }
 

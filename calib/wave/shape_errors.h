@@ -27,7 +27,7 @@ struct ShapeErrors {
 ShapeErrors shape_errors(const calib::CameraRig& rig, const WaveState& state,
                          const std::vector<Eigen::Vector3d>& places);
 
-std::vector<Eigen::Vector3d> places_along(const BallPath& path);
+std::vector<Eigen::Vector3d> places_along(const BallPath& path, double from_s, double to_s);
 std::vector<Eigen::Vector3d> places_in(const solver::WorldBox& box);
 
 }  // namespace huetrack::wave

@@ -12,6 +12,7 @@
 #include <set>
 #include <stdexcept>
 
+#include "calib/model/index.h"
 #include "calib/solver/bundle_adjustment.h"
 #include "calib/wave/shape_errors.h"
 #include "calib/wave/similarity.h"
@@ -20,13 +21,10 @@
 namespace huetrack::wave {
 namespace {
 
+using calib::index;
 using Eigen::Matrix3d;
 using Eigen::Vector2d;
 using Eigen::Vector3d;
-
-std::size_t index(int i) {
-  return static_cast<std::size_t>(i);
-}
 
 // Names the cameras that are not connected, and which pair lacks what.
 void require_connected(const calib::CameraRig& rig, const std::vector<WavePair>& pairs) {
@@ -108,11 +106,15 @@ Found find_solution(const calib::CameraRig& rig, const std::vector<BallFrame>& f
   auto solution = std::make_unique<WaveSolution>(rig, frames, options);
   require_connected(rig, pairs_of(rig, solution->tracks()));
   if (!options.has_poses) {
-    solution->solve(poses_from_nothing(rig, solution->tracks()), true);
+    solution->solve(start_from_nothing(rig, solution->tracks()), true);
     return {std::move(solution), false};
   }
-  std::vector<calib::Rigid3d> start;
-  for (const calib::Camera& camera : rig.cameras) start.push_back(camera.cam_from_world);
+  WaveStart start;
+  for (const calib::Camera& camera : rig.cameras) start.cam_from_world.push_back(camera.cam_from_world);
+  if (options.hold_poses) {
+    solution->solve(start, false);
+    return {std::move(solution), false};
+  }
   std::string why;
   try {
     solution->solve(start, false);
@@ -123,7 +125,7 @@ Found find_solution(const calib::CameraRig& rig, const std::vector<BallFrame>& f
   if (why.empty() && solution->used_share() >= most_agree) return {std::move(solution), false};
   try {
     auto fresh = std::make_unique<WaveSolution>(rig, frames, options);
-    fresh->solve(poses_from_nothing(rig, fresh->tracks()), true);
+    fresh->solve(start_from_nothing(rig, fresh->tracks()), true);
     if (!why.empty() || fresh->misfit() < solution->misfit()) return {std::move(fresh), true};
   } catch (const solver::CalibrationError&) {
     if (!why.empty()) throw solver::CalibrationError(why);
@@ -316,9 +318,12 @@ void measure_path(WaveResult& result, const WaveSolution& wave, const std::vecto
   Vector3d mean = Vector3d::Zero();
   Matrix3d scatter = Matrix3d::Zero();
   const auto count = static_cast<double>(observations.size());
-  for (const BallObservation& o : observations) mean += path.at(o.t_s) / count;
+  const auto place = [&](const BallObservation& o) {
+    return path.at(wave.state().exposed_s(result.rig, o.camera, o.t_s, o.px));
+  };
+  for (const BallObservation& o : observations) mean += place(o) / count;
   for (const BallObservation& o : observations) {
-    const Vector3d d = path.at(o.t_s) - mean;
+    const Vector3d d = place(o) - mean;
     scatter += d * d.transpose() / count;
   }
   const Vector3d variance = Eigen::SelfAdjointEigenSolver<Matrix3d>(scatter).eigenvalues();
@@ -381,6 +386,18 @@ struct PlacesErrors {
   bool has_volume() const { return in_volume && in_volume->places > 0; }
 };
 
+// Sets the rig's timing. widen: see take_uncertainties.
+void take_times(WaveResult& result, const WaveSolution& wave, double widen) {
+  for (std::size_t c = 0; c < result.cameras.size(); ++c) {
+    const CameraTime& time = wave.state().times[c];
+    const auto at = 2 * static_cast<Eigen::Index>(c);
+    const auto sigma = [&](Eigen::Index i) {
+      return widen * std::sqrt(std::max(0.0, wave.fit().time_covariance(i, i)));
+    };
+    result.rig.cameras[c].timing = {time.latency_s, sigma(at), time.readout_s, sigma(at + 1)};
+  }
+}
+
 // Sets how well positions and poses are known, but for the scale.
 void take_uncertainties(WaveResult& result, const WaveSolution& wave, const calib::CameraRig& start,
                         const PlacesErrors& errors, const solver::Progress& progress) {
@@ -391,6 +408,7 @@ void take_uncertainties(WaveResult& result, const WaveSolution& wave, const cali
   // Where they differ by more than the noise explains, they are believed.
   const double widen = result.halves_sigma_m > 0 ? std::max(1.0, result.halves_m / result.halves_sigma_m) : 1;
   const Eigen::MatrixXd covariance = widen * widen * wave.fit().covariance;
+  take_times(result, wave, widen);
   for (std::size_t c = 0; c < n; ++c) {
     WaveCamera& camera = result.cameras[c];
     const Eigen::MatrixXd by_poses = (errors.has_volume() ? *errors.in_volume : errors.along_path)
@@ -469,6 +487,8 @@ std::vector<std::string> WaveOptions::problems(const calib::CameraRig& rig) cons
     if (!(camera_distance->metres > 0)) out.emplace_back("camera_distance must be > 0 metres");
   }
   if (rest_distance_m && !(*rest_distance_m > 0)) out.emplace_back("rest_distance_m must be > 0");
+  if (hold_poses && (!has_poses || camera_distance || rest_distance_m || !marks.empty()))
+    out.emplace_back("poses that are held have their scale: has_poses, and nothing else that sets it");
   if (marks.size() == 1) out.emplace_back("one marked point sets no scale: give two, or three for the world's frame");
   if ((camera_distance ? 1 : 0) + (rest_distance_m ? 1 : 0) + (marks.empty() ? 0 : 1) > 1)
     out.emplace_back("the scale is given more than once: give one of camera distance, rest distance and marks");
@@ -492,6 +512,7 @@ WaveResult calibrate_wave(const calib::CameraRig& rig, std::vector<BallFrame> fr
   result.cameras.resize(rig.cameras.size());
   result.radius_m = options.radius_m;
   result.had_poses = options.has_poses;
+  result.held_poses = options.hold_poses;
   take_sightings(result, frames);
 
   const Found found = find_solution(rig, frames, options);
@@ -501,10 +522,12 @@ WaveResult calibrate_wave(const calib::CameraRig& rig, std::vector<BallFrame> fr
   require_connected(rig, result.pairs);
 
   // How large the ball should look, and how smooth its path is, depend on the scale.
-  result.scale = set_scale(wave, rig, options);
+  if (!options.hold_poses) result.scale = set_scale(wave, rig, options);
   wave.refine(WaveSteps::refined_again);
-  if (result.scale.measured_m > 0) result.scale = set_scale(wave, rig, options);
-  set_world(result, wave, rig, options);
+  if (!options.hold_poses) {
+    if (result.scale.measured_m > 0) result.scale = set_scale(wave, rig, options);
+    set_world(result, wave, rig, options);
+  }
 
   if (options.progress) options.progress("the uncertainties", WaveSteps::settled, WaveSteps::all);
   wave.settle();
@@ -513,10 +536,12 @@ WaveResult calibrate_wave(const calib::CameraRig& rig, std::vector<BallFrame> fr
   measure_path(result, wave, observations);
   require_motion(result);
 
-  PlacesErrors errors{shape_errors(result.rig, wave.state(), places_along(wave.state().path)), std::nullopt};
+  PlacesErrors errors{
+      shape_errors(result.rig, wave.state(), places_along(wave.state().path, wave.from_s(), wave.to_s())),
+      std::nullopt};
   if (options.volume) errors.in_volume = shape_errors(result.rig, wave.state(), places_in(*options.volume));
   take_uncertainties(result, wave, rig, errors, options.progress);
-  result.scale.sigma = scale_sigma(result, wave, options);
+  if (!options.hold_poses) result.scale.sigma = scale_sigma(result, wave, options);
   result.by_scale_m = result.scale.sigma * errors.along_path.reach_m;
   if (errors.in_volume) result.by_scale_in_volume_m = result.scale.sigma * errors.in_volume->reach_m;
   require_agreement(result);

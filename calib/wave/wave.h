@@ -1,6 +1,7 @@
-// Camera poses from a coloured ball that was waved through the volume: no board.
-// Joint adjustment of all poses and of the ball's smooth path, every frame at its own capture time, so that cameras
-// need not run in step.
+// Camera poses and times from a coloured ball that was waved through the volume: no board.
+// Joint adjustment of all poses, of each camera's latency and readout and of the ball's smooth path, every outline at
+// the time at which its row was exposed, so that cameras need not run in step, nor have a global shutter. Latencies are
+// told against the first camera's, which stays: a shift of all times cannot be seen.
 #pragma once
 
 #include <Eigen/Core>
@@ -23,7 +24,7 @@ struct CameraDistance {
 
 // The ball's centre was here at this moment.
 struct BallMark {
-  double t_s = 0;           // on the clock of BallFrame::t_s
+  double t_s = 0;           // on the clock of BallFrame::t_s of the first camera, less its latency
   Eigen::Vector3d p_world;  // metres
 };
 
@@ -31,6 +32,7 @@ struct WaveOptions {
   double radius_m = 0.04;       // > 0; of the ball
   double pixel_noise_px = 0.1;  // > 0; of an outline's centre, to which 0.02 of its radius is added
   bool has_poses = true;        // the rig's poses are roughly right; otherwise they are found from nothing
+  bool hold_poses = false;      // they are right: only the times are found; nothing sets the scale then
   // What sets the scale, at most one of these; none: the rig's poses, or without them the ball's radius (rough).
   std::optional<CameraDistance> camera_distance{};
   std::optional<double> rest_distance_m{};   // > 0; between the two places where the ball rested longest
@@ -76,10 +78,11 @@ struct WaveResult {
   // free to turn around it, or hardly tells how they stand across it.
   static constexpr double least_length = 0.1, least_extent = 0.02;
 
-  calib::CameraRig rig;             // with the poses found, and made_by
+  calib::CameraRig rig;             // with the poses and the times found
   std::vector<WaveCamera> cameras;  // beside the rig's
   std::vector<WavePair> pairs;      // all
   double radius_m = 0;              // of the ball, as it was given
+  bool held_poses = false;          // see WaveOptions; what is said of scale and positions is 0 then
   bool had_poses = false;           // the rig's were taken for a start,
   bool poses_refused = false;       // but were of no use
   double rms_px = 0;                // of all used regions, length

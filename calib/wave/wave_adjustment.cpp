@@ -11,20 +11,18 @@
 #include <cmath>
 #include <optional>
 
+#include "calib/model/cross_matrix.h"
 #include "calib/solver/bundle_adjustment.h"
 #include "calib/solver/lens.h"
 
 namespace huetrack::wave {
 namespace {
 
+using calib::cross_matrix;
 using Eigen::Matrix2d;
 using Eigen::Matrix3d;
 using Eigen::Vector2d;
 using Eigen::Vector3d;
-
-Matrix3d cross_matrix(const Vector3d& v) {
-  return (Matrix3d() << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0).finished();
-}
 
 Matrix3d rotation_of(const Vector3d& omega) {
   const double angle = omega.norm();
@@ -51,19 +49,33 @@ Vector3d outline_point(bool pinhole, const Vector3d& p, double radius, double* z
 }
 
 // A pose is R = base * exp(omega), t: omega starts at 0, far from where rotation vectors turn over.
-// Blocks: pose (omega, t), and four control points. Residual: whitened, predicted minus measured.
-class OutlineCost final : public ceres::SizedCostFunction<2, 6, 3, 3, 3, 3> {
+// Blocks: pose (omega, t), four control points, latency, readout. Residual: whitened, predicted minus measured.
+class OutlineCost final : public ceres::SizedCostFunction<2, 6, 3, 3, 3, 3, 1, 1> {
  public:
+  // `first`: of the piece of the path that the observation is on.
   OutlineCost(solver::LensModel lens, const solver::LensParameters& parameters, const Matrix3d& base,
-              const BallObservation& o, const std::array<double, 4>& weight, double radius)
-      : lens_(lens), parameters_(parameters), base_(base), measured_(o.px), weight_(weight), radius_(radius) {
+              const BallObservation& o, double below, const BallPath& path, std::size_t first, double radius)
+      : lens_(lens),
+        parameters_(parameters),
+        base_(base),
+        measured_(o.px),
+        stamp_s_(o.t_s),
+        below_(below),
+        path_(path),
+        first_(first),
+        radius_(radius) {
     whiten_ = Matrix2d(o.covariance.inverse()).llt().matrixL().transpose();
   }
 
   bool Evaluate(double const* const* blocks, double* residuals, double** jacobians) const override {
     const Eigen::Map<const Vector3d> omega(blocks[0]), t(blocks[0] + 3);
-    Vector3d p = Vector3d::Zero();
-    for (std::size_t k = 0; k < 4; ++k) p += weight_[k] * Eigen::Map<const Vector3d>(blocks[k + 1]);
+    const BallPath::Basis basis = path_.basis(stamp_s_ - blocks[5][0] + below_ * blocks[6][0], first_);
+    Vector3d p = Vector3d::Zero(), velocity = Vector3d::Zero();
+    for (std::size_t k = 0; k < 4; ++k) {
+      const Eigen::Map<const Vector3d> control(blocks[k + 1]);
+      p += basis.weight[k] * control;
+      velocity += basis.weight_per_s[k] * control;
+    }
     const Matrix3d rotation = base_ * rotation_of(omega);
     const Vector3d p_cam = rotation * p + t;
     double z_by_z = 1;
@@ -86,8 +98,11 @@ class OutlineCost final : public ceres::SizedCostFunction<2, 6, 3, 3, 3, 3> {
     const Eigen::Matrix<double, 2, 3> by_world = by_cam * rotation;
     for (std::size_t k = 0; k < 4; ++k) {
       if (jacobians[k + 1])
-        Eigen::Map<Eigen::Matrix<double, 2, 3, Eigen::RowMajor>>{jacobians[k + 1]} = weight_[k] * by_world;
+        Eigen::Map<Eigen::Matrix<double, 2, 3, Eigen::RowMajor>>{jacobians[k + 1]} = basis.weight[k] * by_world;
     }
+    const Vector2d by_time = by_world * velocity;
+    if (jacobians[5]) Eigen::Map<Vector2d>{jacobians[5]} = -by_time;
+    if (jacobians[6]) Eigen::Map<Vector2d>{jacobians[6]} = below_ * by_time;
     return true;
   }
 
@@ -96,9 +111,20 @@ class OutlineCost final : public ceres::SizedCostFunction<2, 6, 3, 3, 3, 3> {
   solver::LensParameters parameters_;
   Matrix3d base_;
   Vector2d measured_;
-  std::array<double, 4> weight_;
+  double stamp_s_, below_;
+  const BallPath& path_;  // for its knots
+  std::size_t first_;
   double radius_;
   Matrix2d whiten_;
+};
+
+struct PriorCost {
+  double mean, sigma;
+  template <typename T>
+  bool operator()(const T* x, T* residual) const {
+    residual[0] = (x[0] - mean) / sigma;
+    return true;
+  }
 };
 
 // The third difference of the control points is the jerk times step^3.
@@ -192,33 +218,34 @@ Eigen::MatrixXd propagated(const Eigen::MatrixXd& gain, const std::vector<BallOb
   return sum;
 }
 
-// What the camera poses are known to, with the path eliminated.
-Eigen::MatrixXd pose_covariance(ceres::Problem& problem, const std::vector<double*>& poses,
-                                const std::vector<double*>& points, double variance_factor,
-                                const std::vector<BallObservation>& observations, std::size_t cameras,
-                                const OutlineCorrelation& correlation) {
-  std::vector<double*> blocks = poses;
+// What poses and times are known to, with the path eliminated; in the order of `wanted`, whose blocks have `size`
+// parameters in all.
+Eigen::MatrixXd covariance_of(ceres::Problem& problem, const std::vector<double*>& wanted, Eigen::Index size,
+                              const std::vector<double*>& points, double variance_factor,
+                              const std::vector<BallObservation>& observations, std::size_t cameras,
+                              const OutlineCorrelation& correlation) {
+  std::vector<double*> blocks = wanted;
   blocks.insert(blocks.end(), points.begin(), points.end());
   const Eigen::SparseMatrix<double> j = jacobian_of(problem, blocks);
-  const Eigen::Index n = 6 * static_cast<Eigen::Index>(poses.size());
-  const Eigen::SparseMatrix<double> by_pose = j.leftCols(n), by_point = j.rightCols(j.cols() - n);
+  const Eigen::SparseMatrix<double> by_wanted = j.leftCols(size), by_point = j.rightCols(j.cols() - size);
   Eigen::SparseMatrix<double> pp = by_point.transpose() * by_point;
-  const Eigen::SparseMatrix<double> pc = by_point.transpose() * by_pose;
+  const Eigen::SparseMatrix<double> pc = by_point.transpose() * by_wanted;
   Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>> solver(pp);
   if (solver.info() != Eigen::Success)
     throw solver::CalibrationError("the ball's path is not determined by what was seen");
   const Eigen::MatrixXd cross = pc;
-  const Eigen::MatrixXd path_by_pose = solver.solve(cross);
-  const Eigen::MatrixXd information = Eigen::MatrixXd(by_pose.transpose() * by_pose) - cross.transpose() * path_by_pose;
+  const Eigen::MatrixXd path_by_wanted = solver.solve(cross);
+  const Eigen::MatrixXd information =
+      Eigen::MatrixXd(by_wanted.transpose() * by_wanted) - cross.transpose() * path_by_wanted;
   const Eigen::LDLT<Eigen::MatrixXd> ldlt(information);
-  const Eigen::MatrixXd covariance = ldlt.solve(Eigen::MatrixXd::Identity(n, n));
+  const Eigen::MatrixXd covariance = ldlt.solve(Eigen::MatrixXd::Identity(size, size));
   if (!covariance.allFinite() || (covariance.diagonal().array() <= 0).any()) {
     throw solver::CalibrationError(
         "the camera poses are not determined by how the ball was moved: carry it through the whole volume, "
         "up and down and towards the cameras");
   }
-  // How much every residual moves the poses.
-  const Eigen::MatrixXd gain = (Eigen::MatrixXd(by_pose) - by_point * path_by_pose) * covariance;
+  // How much every residual moves what is wanted.
+  const Eigen::MatrixXd gain = (Eigen::MatrixXd(by_wanted) - by_point * path_by_wanted) * covariance;
   const auto others = gain.rows() - 2 * static_cast<Eigen::Index>(observations.size());
   return variance_factor * (propagated(gain, observations, cameras, correlation) +
                             Eigen::MatrixXd(gain.bottomRows(others).transpose() * gain.bottomRows(others)));
@@ -236,21 +263,25 @@ class QuietLog {  // Ceres logs every step that it takes back
 };
 
 // The least squares of one adjustment. Ceres orders parameter blocks by their addresses, and the order decides the last
-// digits: each kind lies in one piece. The path's control points are moved where they are, in `state`.
+// digits: each kind lies in one piece. The path's control points are moved where they are, in `state`, the times too.
 class WaveProblem {
  public:
   WaveProblem(const calib::CameraRig& rig, const std::vector<BallObservation>& observations, WaveState& state,
               const WaveAdjustmentOptions& options)
-      : state_(state), options_(options), poses_(rig.cameras.size()), base_(rig.cameras.size()) {
+      : rig_(rig), observations_(observations), state_(state), options_(options), poses_(rig.cameras.size()) {
+    for (const calib::Rigid3d& pose : state.cam_from_world) base_.push_back(pose.rotation.toRotationMatrix());
     for (std::size_t c = 0; c < poses_.size(); ++c) {
-      base_[c] = state.cam_from_world[c].rotation.toRotationMatrix();
       const Vector3d& t = state.cam_from_world[c].translation;
       poses_[c] = {0, 0, 0, t.x(), t.y(), t.z()};
     }
-    add_observations(rig, observations);
+    add_observations();
     add_smoothness();
-    hold_scale();
-    problem_.SetParameterBlockConstant(poses_[static_cast<std::size_t>(options.reference)].data());
+    if (!options.hold_poses) hold_scale();
+    for (std::size_t c = 0; c < poses_.size(); ++c) {
+      if (!is_free_pose(c) && problem_.HasParameterBlock(poses_[c].data()))
+        problem_.SetParameterBlockConstant(poses_[c].data());
+    }
+    add_times();
   }
 
   // Moves `state`. Returns the cost. throws CalibrationError
@@ -268,6 +299,7 @@ class WaveProblem {
     if (!summary.IsSolutionUsable())
       throw solver::CalibrationError("the adjustment does not converge: " + summary.message);
     for (std::size_t c = 0; c < poses_.size(); ++c) {
+      if (!is_free_pose(c)) continue;
       const Vector3d omega(poses_[c].data());
       state_.cam_from_world[c] = {Eigen::Quaterniond(Matrix3d(base_[c] * rotation_of(omega))).normalized(),
                                   Vector3d(poses_[c].data() + 3)};
@@ -275,59 +307,108 @@ class WaveProblem {
     return summary.final_cost;
   }
 
+  // Whether every observation is still on the piece of the path that it was put on, or not far beyond it.
+  bool is_on_its_pieces() const {
+    constexpr double most_beyond = 0.25;  // of a step; there the next piece is hardly another
+    for (std::size_t i = 0; i < observations_.size(); ++i) {
+      const double s =
+          (exposed_s(observations_[i]) - state_.path.start_s) / state_.path.step_s - static_cast<double>(pieces_[i]);
+      if (s < -most_beyond || s > 1 + most_beyond) return false;
+    }
+    return true;
+  }
+
   // See WaveFit::evidence.
   double evidence(double cost) {
-    std::vector<double*> blocks;
-    for (const std::size_t c : free_cameras()) blocks.push_back(poses_[c].data());
+    std::vector<double*> blocks = free_blocks();
     for (Vector3d& p : state_.path.control) blocks.push_back(p.data());
     return -cost - log_determinant(jacobian_of(problem_, blocks)) / 2 -
            3 * static_cast<double>(state_.path.control.size() - 3) * std::log(third_difference());
   }
 
-  // See WaveFit::covariance. variance: of the residuals, over what they were thought to have.
-  Eigen::MatrixXd covariance(const std::vector<BallObservation>& observations, double variance) {
-    const std::vector<std::size_t> free = free_cameras();
-    std::vector<double*> free_poses, points;
-    for (const std::size_t c : free) free_poses.push_back(poses_[c].data());
+  // Sets both covariances of `fit`. variance: of the residuals, over what they were thought to have.
+  void covariance(WaveFit& fit, double variance) {
+    std::vector<double*> points;
     for (Vector3d& p : state_.path.control) points.push_back(p.data());
+    const std::vector<double*> wanted = free_blocks();
+    Eigen::Index size = 0;
+    for (const double* block : wanted) size += problem_.ParameterBlockSize(block);
+    const auto cameras = static_cast<Eigen::Index>(poses_.size());
+    fit.covariance = Eigen::MatrixXd::Zero(6 * cameras, 6 * cameras);
+    fit.time_covariance = Eigen::MatrixXd::Zero(2 * cameras, 2 * cameras);
+    if (size == 0) return;
     const Eigen::MatrixXd in_blocks =
-        pose_covariance(problem_, free_poses, points, variance, observations, poses_.size(), options_.correlation);
+        covariance_of(problem_, wanted, size, points, variance, observations_, poses_.size(), options_.correlation);
     // From (omega, t) to (centre, rotation): c = -R^T t.
-    Eigen::MatrixXd change = Eigen::MatrixXd::Zero(6 * static_cast<Eigen::Index>(poses_.size()), in_blocks.cols());
-    for (std::size_t i = 0; i < free.size(); ++i) {
-      const std::size_t c = free[i];
+    Eigen::MatrixXd pose_change = Eigen::MatrixXd::Zero(6 * cameras, size);
+    Eigen::MatrixXd time_change = Eigen::MatrixXd::Zero(2 * cameras, size);
+    Eigen::Index column = 0;
+    for (std::size_t c = 0; c < poses_.size(); ++c) {
+      if (!is_free_pose(c)) continue;
       const Matrix3d rotation = state_.cam_from_world[c].rotation.toRotationMatrix();
       const Vector3d centre = -rotation.transpose() * state_.cam_from_world[c].translation;
-      const auto row = 6 * static_cast<Eigen::Index>(c), column = 6 * static_cast<Eigen::Index>(i);
+      const auto row = 6 * static_cast<Eigen::Index>(c);
       const Matrix3d jr = right_jacobian(Vector3d(poses_[c].data()));
-      change.block<3, 3>(row, column) = cross_matrix(centre) * jr;
-      change.block<3, 3>(row, column + 3) = -rotation.transpose();
-      change.block<3, 3>(row + 3, column) = jr;
+      pose_change.block<3, 3>(row, column) = cross_matrix(centre) * jr;
+      pose_change.block<3, 3>(row, column + 3) = -rotation.transpose();
+      pose_change.block<3, 3>(row + 3, column) = jr;
+      column += 6;
     }
-    return change * in_blocks * change.transpose();
+    for (std::size_t c = 0; c < poses_.size(); ++c) {
+      if (has_free_latency(c)) time_change(2 * static_cast<Eigen::Index>(c), column++) = 1;
+      if (has_free_readout(c)) time_change(2 * static_cast<Eigen::Index>(c) + 1, column++) = 1;
+    }
+    fit.covariance = pose_change * in_blocks * pose_change.transpose();
+    fit.time_covariance = time_change * in_blocks * time_change.transpose();
   }
 
  private:
-  void add_observations(const calib::CameraRig& rig, const std::vector<BallObservation>& observations) {
+  double exposed_s(const BallObservation& o) const { return state_.exposed_s(rig_, o.camera, o.t_s, o.px); }
+
+  void add_observations() {
     std::vector<solver::LensModel> lens;
     std::vector<solver::LensParameters> parameters;
-    for (const calib::Camera& camera : rig.cameras) {
+    for (const calib::Camera& camera : rig_.cameras) {
       lens.push_back(solver::lens_model_of(camera.model));
       parameters.push_back(solver::parameters_of(camera.model));
     }
     used_.assign(poses_.size(), false);
     std::vector<Vector3d>& control = state_.path.control;
     ceres::LossFunction* loss = new ceres::CauchyLoss(options_.loss);  // of all: it has no state
-    for (const BallObservation& o : observations) {
+    for (const BallObservation& o : observations_) {
       const auto c = static_cast<std::size_t>(o.camera);
-      const BallPath::Basis b = state_.path.basis(o.t_s);
-      problem_.AddResidualBlock(new OutlineCost(lens[c], parameters[c], base_[c], o, b.weight, options_.radius_m), loss,
-                                poses_[c].data(), control[b.first].data(), control[b.first + 1].data(),
-                                control[b.first + 2].data(), control[b.first + 3].data());
+      const std::size_t first = state_.path.piece(exposed_s(o));
+      pieces_.push_back(first);
+      problem_.AddResidualBlock(
+          new OutlineCost(lens[c], parameters[c], base_[c], o, below_middle(rig_.cameras[c], o.px), state_.path, first,
+                          options_.radius_m),
+          loss, poses_[c].data(), control[first].data(), control[first + 1].data(), control[first + 2].data(),
+          control[first + 3].data(), &state_.times[c].latency_s, &state_.times[c].readout_s);
       used_[c] = true;
     }
   }
 
+  void add_times() {
+    const auto add_prior = [&](double* x, double mean, double sigma) {
+      constexpr double loss = 3;  // a prior that what is seen contradicts is not believed
+      problem_.AddResidualBlock(new ceres::AutoDiffCostFunction<PriorCost, 1, 1>(new PriorCost{mean, sigma}),
+                                new ceres::CauchyLoss(loss), x);
+    };
+    for (std::size_t c = 0; c < poses_.size(); ++c) {
+      if (!used_[c]) continue;
+      CameraTime& time = state_.times[c];
+      if (has_free_latency(c)) {
+        add_prior(&time.latency_s, options_.times[c].time.latency_s, options_.times[c].latency_sigma_s);
+      } else {
+        problem_.SetParameterBlockConstant(&time.latency_s);
+      }
+      if (has_free_readout(c)) {
+        add_prior(&time.readout_s, options_.times[c].time.readout_s, options_.times[c].readout_sigma_s);
+      } else {
+        problem_.SetParameterBlockConstant(&time.readout_s);
+      }
+    }
+  }
   void add_smoothness() {
     std::vector<Vector3d>& control = state_.path.control;
     for (std::size_t k = 0; k + 3 < control.size(); ++k) {
@@ -355,21 +436,36 @@ class WaveProblem {
     return options_.jerk_m_s3 * std::sqrt(1 / (30 * h)) * h * h * h;
   }
 
-  // That the observations say something about.
-  std::vector<std::size_t> free_cameras() const {
-    std::vector<std::size_t> free;
-    for (std::size_t c = 0; c < used_.size(); ++c) {
-      if (static_cast<int>(c) != options_.reference && used_[c]) free.push_back(c);
+  // What is free, and the observations say something about.
+  bool is_free_pose(std::size_t c) const {
+    return !options_.hold_poses && static_cast<int>(c) != options_.reference && used_[c];
+  }
+  bool has_free_readout(std::size_t c) const { return !options_.times.empty() && used_[c]; }
+  bool has_free_latency(std::size_t c) const {
+    return has_free_readout(c) && static_cast<int>(c) != options_.time_reference;
+  }
+  // Poses, then times, in the order of the cameras.
+  std::vector<double*> free_blocks() {
+    std::vector<double*> blocks;
+    for (std::size_t c = 0; c < poses_.size(); ++c) {
+      if (is_free_pose(c)) blocks.push_back(poses_[c].data());
     }
-    return free;
+    for (std::size_t c = 0; c < poses_.size(); ++c) {
+      if (has_free_latency(c)) blocks.push_back(&state_.times[c].latency_s);
+      if (has_free_readout(c)) blocks.push_back(&state_.times[c].readout_s);
+    }
+    return blocks;
   }
 
+  const calib::CameraRig& rig_;
+  const std::vector<BallObservation>& observations_;
   WaveState& state_;
   const WaveAdjustmentOptions& options_;
   std::vector<std::array<double, 6>> poses_;  // rotation vector on top of base_, translation
   std::vector<Matrix3d> base_;
   std::vector<bool> used_;
-  ceres::Problem problem_;  // last: it ends first
+  std::vector<std::size_t> pieces_;  // beside the observations: of the path
+  ceres::Problem problem_;           // last: it ends first
 };
 
 }  // namespace
@@ -383,16 +479,32 @@ std::optional<Vector2d> outline_centre(const calib::CameraModel& model, const Ve
   return px->px;
 }
 
+double below_middle(const calib::Camera& camera, const Vector2d& px) {
+  return camera.image_size.height > 1 ? px.y() / (camera.image_size.height - 1) - 0.5 : 0;
+}
+
+double WaveState::exposed_s(const calib::CameraRig& rig, int camera, double stamp_s, const Vector2d& px) const {
+  const auto c = static_cast<std::size_t>(camera);
+  if (times.empty()) return stamp_s;
+  return stamp_s - times[c].latency_s + below_middle(rig.cameras[c], px) * times[c].readout_s;
+}
+
 WaveFit adjust_wave(const calib::CameraRig& rig, const std::vector<BallObservation>& observations, WaveState& state,
                     const WaveAdjustmentOptions& options) {
-  WaveProblem problem(rig, observations, state, options);
+  state.times.resize(rig.cameras.size());
   WaveFit fit;
-  fit.cost = problem.solve();
+  std::optional<WaveProblem> problem;
+  constexpr int most_rounds = 8;  // as the times move, observations move on along the path
+  for (int round = 0; round < most_rounds; ++round) {
+    problem.emplace(rig, observations, state, options);
+    fit.cost = problem->solve();
+    if (problem->is_on_its_pieces()) break;
+  }
   double sum = 0, weights = 0;
   for (const BallObservation& o : observations) {
     const auto c = static_cast<std::size_t>(o.camera);
-    const auto px =
-        outline_centre(rig.cameras[c].model, state.cam_from_world[c] * state.path.at(o.t_s), options.radius_m);
+    const Vector3d p = state.path.at(state.exposed_s(rig, o.camera, o.t_s, o.px));
+    const auto px = outline_centre(rig.cameras[c].model, state.cam_from_world[c] * p, options.radius_m);
     const Vector2d residual = px ? Vector2d(o.px - *px) : Vector2d::Constant(1e4);
     fit.residuals.push_back(residual);
     fit.distance2.push_back(residual.dot(o.covariance.inverse() * residual));
@@ -400,9 +512,8 @@ WaveFit adjust_wave(const calib::CameraRig& rig, const std::vector<BallObservati
     sum += weight * fit.distance2.back();
     weights += 2 * weight;
   }
-  if (options.with_evidence) fit.evidence = problem.evidence(fit.cost);
-  if (options.with_covariance)
-    fit.covariance = problem.covariance(observations, std::max(1.0, sum / std::max(1.0, weights)));
+  if (options.with_evidence) fit.evidence = problem->evidence(fit.cost);
+  if (options.with_covariance) problem->covariance(fit, std::max(1.0, sum / std::max(1.0, weights)));
   return fit;
 }
 

@@ -12,14 +12,33 @@ namespace huetrack::wave {
 // The ball's outline in one frame.
 struct BallObservation {
   int camera = 0;
-  double t_s = 0;
+  double t_s = 0;              // the frame's stamp
   Eigen::Vector2d px;          // centre of the outline, raw pixels
   Eigen::Matrix2d covariance;  // px^2
 };
 
+// When a camera's rows are exposed; see calib::CameraTiming.
+struct CameraTime {
+  double latency_s = 0, readout_s = 0;
+};
+
+// What is known of it beforehand.
+struct TimePrior {
+  CameraTime time;
+  double latency_sigma_s = 0.05;  // > 0; against that of the camera whose latency stays
+  double readout_sigma_s = 0.03;  // > 0
+};
+
+// -1/2..1/2 from the top row to the bottom one.
+double below_middle(const calib::Camera& camera, const Eigen::Vector2d& px);
+
 struct WaveState {
   std::vector<calib::Rigid3d> cam_from_world;
-  BallPath path;
+  BallPath path;                  // in true time, as far as it is known
+  std::vector<CameraTime> times;  // beside the poses; empty: a global shutter, without latency
+
+  // When the row of this pixel was exposed, of a frame that is stamped so.
+  double exposed_s(const calib::CameraRig& rig, int camera, double stamp_s, const Eigen::Vector2d& px) const;
 };
 
 // How like one another the errors of a camera's outlines are: of their variance, one part is the same in all frames
@@ -38,6 +57,11 @@ struct WaveAdjustmentOptions {
   bool with_evidence = false;
   int reference = 0;             // the camera that stays
   int scale_a = 0, scale_b = 1;  // the distance of these two cameras stays: nothing else holds the scale
+  bool hold_poses = false;       // all stay: only times and path are found
+  // In the cameras' order; empty: the times stay, too. The latency of `time_reference` stays in any case: a shift of
+  // all times cannot be seen.
+  std::vector<TimePrior> times;
+  int time_reference = 0;
   int max_iterations = 50;
   bool with_covariance = false;
   OutlineCorrelation correlation{};  // what the covariance assumes
@@ -54,6 +78,7 @@ struct WaveFit {
   // error; 6 x cameras square. For the state as it is held by `reference` and the scale's two cameras. The solution
   // takes the errors as independent; the covariance says what correlated ones do to it.
   Eigen::MatrixXd covariance;
+  Eigen::MatrixXd time_covariance;  // likewise: latency and readout of each camera, seconds; 2 x cameras square
 };
 
 // throws CalibrationError when it is numerically hopeless. Deterministic.

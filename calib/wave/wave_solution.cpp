@@ -7,6 +7,7 @@
 #include <cmath>
 #include <limits>
 
+#include "calib/model/index.h"
 #include "calib/model/median.h"
 #include "calib/solver/bundle_adjustment.h"
 #include "calib/wave/similarity.h"
@@ -14,6 +15,7 @@
 namespace huetrack::wave {
 namespace {
 
+using calib::index;
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
@@ -31,10 +33,6 @@ constexpr double variance_of_radius2 = 4e-4;  // see WaveOptions::pixel_noise_px
 // A frame costs no more than this, squared standard deviations, however wrong it is.
 constexpr double most_cost = 20;
 
-std::size_t index(int i) {
-  return static_cast<std::size_t>(i);
-}
-
 // How wide a region is along its axes, minor first, as the radius of a disc; and its axes.
 struct Shape {
   Eigen::Matrix2d axes;
@@ -46,21 +44,29 @@ Shape shape_of(const object_tracking::ColorRegion& region) {
   return {solver.eigenvectors(), 2 * solver.eigenvalues().cwiseMax(0).cwiseSqrt()};
 }
 
+// What the rig says, or webcams in general: their stamps are up to 45 ms late, and their rows take up to 33 ms.
+TimePrior time_prior(const calib::CameraTiming& timing) {
+  constexpr double any_latency_s = 0.05, any_readout_s = 0.03;  // standard deviations
+  constexpr double noted_s = 0.005;                             // of a number that says nothing about its own
+  TimePrior prior;
+  prior.time = {timing.latency_s.value_or(0), timing.readout_s.value_or(0)};
+  prior.latency_sigma_s = timing.latency_s ? timing.latency_sigma_s.value_or(noted_s) : any_latency_s;
+  prior.readout_sigma_s = timing.readout_s ? timing.readout_sigma_s.value_or(noted_s) : any_readout_s;
+  // A prior, however sure it is, must leave the adjustment room.
+  constexpr double surest_s = 1e-5;
+  prior.latency_sigma_s = std::max(surest_s, prior.latency_sigma_s);
+  prior.readout_sigma_s = std::max(surest_s, prior.readout_sigma_s);
+  return prior;
+}
+
 }  // namespace
 
 WaveSolution::WaveSolution(const calib::CameraRig& rig, const std::vector<BallFrame>& frames,
                            const WaveOptions& options)
     : rig_(rig), frames_(frames), options_(options), chosen_(frames.size(), -1) {
-  double from = std::numeric_limits<double>::infinity(), to = -from;
+  for (const calib::Camera& camera : rig.cameras) state_.times.push_back(time_prior(camera.timing).time);
   std::vector<std::vector<double>> times(rig.cameras.size());
-  for (const BallFrame& f : frames_) {
-    times[index(f.camera)].push_back(f.t_s);
-    if (f.regions.empty()) continue;
-    from = std::min(from, f.t_s);
-    to = std::max(to, f.t_s);
-  }
-  from_s_ = from;
-  to_s_ = to;
+  for (const BallFrame& f : frames_) times[index(f.camera)].push_back(f.t_s);
   step_s_ = std::numeric_limits<double>::infinity();
   for (const auto& of_camera : times) {
     std::vector<double> gaps;
@@ -70,12 +76,28 @@ WaveSolution::WaveSolution(const calib::CameraRig& rig, const std::vector<BallFr
   }
   // The largest region to begin with.
   for (std::size_t f = 0; f < frames_.size(); ++f) chosen_[f] = frames_[f].regions.empty() ? -1 : 0;
+  find_span();
 }
 
-void WaveSolution::solve(const std::vector<calib::Rigid3d>& start, bool any_scale) {
-  state_.cam_from_world = start;
+// From when to when the ball was seen.
+void WaveSolution::find_span() {
+  from_s_ = std::numeric_limits<double>::infinity(), to_s_ = -from_s_;
+  for (const BallFrame& f : frames_) {
+    if (f.regions.empty()) continue;
+    const double t = exposed_s(f, f.regions.front());
+    from_s_ = std::min(from_s_, t);
+    to_s_ = std::max(to_s_, t);
+  }
+}
+
+void WaveSolution::solve(const WaveStart& start, bool any_scale) {
+  state_.cam_from_world = start.cam_from_world;
+  for (std::size_t c = 0; c < start.later_s.size(); ++c) state_.times[c].latency_s += start.later_s[c];
+  find_span();
+  constexpr double most_late_s = 0.1;  // what may yet be learnt of a camera's times
   std::size_t crossed = 0;
-  state_.path = crossed_path(rig_, start, tracks(), from_s_, to_s_, step_s_, &crossed);
+  state_.path = crossed_path(rig_, state_.cam_from_world, tracks(), from_s_ - most_late_s, to_s_ + most_late_s, step_s_,
+                             &crossed);
   if (crossed < index(least_shared)) {
     throw solver::CalibrationError(
         "the cameras' rays to the ball hardly ever meet with the poses that the rig has (" + std::to_string(crossed) +
@@ -145,7 +167,7 @@ double WaveSolution::size_ratio() const {
   std::vector<double> ratios;
   for (std::size_t f = 0; f < frames_.size(); ++f) {
     if (chosen_[f] < 0) continue;
-    const auto at = appearance(frames_[f]);
+    const auto at = appearance(frames_[f], region(f));
     if (at && at->radius_px > 0) ratios.push_back(2 * std::pow(region(f).spread.determinant(), 0.25) / at->radius_px);
   }
   return ratios.empty() ? 1 : calib::median(ratios);
@@ -156,8 +178,10 @@ BallTracks WaveSolution::tracks() const {
   t.of_camera.resize(rig_.cameras.size());
   t.max_gap_s = 2.5 * longest_s_;
   for (std::size_t f = 0; f < frames_.size(); ++f) {
-    if (chosen_[f] >= 0) t.of_camera[index(frames_[f].camera)].push_back({frames_[f].t_s, region(f).centre});
+    if (chosen_[f] >= 0)
+      t.of_camera[index(frames_[f].camera)].push_back({exposed_s(frames_[f], region(f)), region(f).centre});
   }
+  for (auto& track : t.of_camera) std::ranges::stable_sort(track, {}, &BallTracks::Point::t_s);
   return t;
 }
 
@@ -165,7 +189,7 @@ std::vector<BallObservation> WaveSolution::observations() const {
   std::vector<BallObservation> out;
   for (std::size_t f = 0; f < frames_.size(); ++f) {
     if (chosen_[f] < 0) continue;
-    const auto at = appearance(frames_[f]);
+    const auto at = appearance(frames_[f], region(f));
     const auto covariance = at ? covariance_of(f, region(f), *at) : std::nullopt;
     if (covariance) out.push_back({frames_[f].camera, frames_[f].t_s, region(f).centre, *covariance});
   }
@@ -199,13 +223,20 @@ WaveAdjustmentOptions WaveSolution::adjustment_options() const {
     }
   }
   o.reference = o.scale_a;
+  o.hold_poses = options_.hold_poses;
+  for (const calib::Camera& camera : rig_.cameras) o.times.push_back(time_prior(camera.timing));
+  for (TimePrior& prior : o.times) {
+    // Against the first camera's, which stays.
+    prior.latency_sigma_s = std::hypot(prior.latency_sigma_s, rig_.cameras[0].timing.latency_sigma_s.value_or(0));
+  }
   return o;
 }
 
-std::optional<object_tracking::Appearance> WaveSolution::appearance(const BallFrame& frame) const {
+std::optional<object_tracking::Appearance> WaveSolution::appearance(const BallFrame& frame,
+                                                                    const object_tracking::ColorRegion& region) const {
   calib::Camera camera = rig_.cameras[index(frame.camera)];
   camera.cam_from_world = state_.cam_from_world[index(frame.camera)];
-  const Vector3d p = state_.path.at(frame.t_s);
+  const Vector3d p = state_.path.at(exposed_s(frame, region));
   auto at = object_tracking::appearance_of(camera, p, options_.radius_m);
   if (!at) return at;
   if (const auto px = outline_centre(camera.model, camera.cam_from_world * p, options_.radius_m)) at->px = *px;
@@ -245,7 +276,7 @@ void WaveSolution::learn_shapes() {
   std::vector<std::array<std::vector<double>, 2>> excess(rig_.cameras.size());
   for (std::size_t f = 0; f < frames_.size(); ++f) {
     if (chosen_[f] < 0) continue;
-    const auto at = appearance(frames_[f]);
+    const auto at = appearance(frames_[f], region(f));
     if (!at) continue;
     const Vector2d width = shape_of(region(f)).width_px;
     for (const std::size_t i : {0u, 1u}) {
@@ -286,7 +317,7 @@ std::optional<Eigen::Matrix2d> WaveSolution::covariance_of(std::size_t f, const 
 
 // How badly a region suits the path; nullopt: not at all.
 std::optional<double> WaveSolution::cost_of(std::size_t f, const object_tracking::ColorRegion& region) const {
-  const auto at = appearance(frames_[f]);
+  const auto at = appearance(frames_[f], region);
   if (!at) return std::nullopt;
   const Vector2d d = region.centre - at->px;
   const auto covariance = covariance_of(f, region, *at);

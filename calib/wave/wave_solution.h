@@ -30,7 +30,7 @@ class WaveSolution {
 
   // Poses and path that suit the frames best, from these poses on. What does not agree is left out. `any_scale`: that
   // of the start means nothing; take the one at which the ball looks as large as it is. throws CalibrationError
-  void solve(const std::vector<calib::Rigid3d>& start, bool any_scale);
+  void solve(const WaveStart& start, bool any_scale);
   // Whatever agrees by its own covariance; what it is compared with is learnt anew in every round. step: the first of
   // WaveSteps::most_rounds that are told.
   void refine(int step);
@@ -43,6 +43,10 @@ class WaveSolution {
   // What speaks against this solution: lower is better.
   double misfit() const;
   double used_share() const;  // of the frames with a region in them
+  // When a region of a frame was exposed, by what is known of its camera's times.
+  double exposed_s(const BallFrame& frame, const object_tracking::ColorRegion& region) const {
+    return state_.exposed_s(rig_, frame.camera, frame.t_s, region.centre);
+  }
   // How large the ball looks over how large it should, at the scale as it is.
   double size_ratio() const;
   BallTracks tracks() const;
@@ -61,9 +65,11 @@ class WaveSolution {
 
  private:
   void tell(const char* step, int done) const;
+  void find_span();
   const object_tracking::ColorRegion& region(std::size_t f) const;
   WaveAdjustmentOptions adjustment_options() const;
-  std::optional<object_tracking::Appearance> appearance(const BallFrame& frame) const;
+  std::optional<object_tracking::Appearance> appearance(const BallFrame& frame,
+                                                        const object_tracking::ColorRegion& region) const;
   void learn_jerk();
   void learn_shapes();
   std::optional<Eigen::Matrix2d> covariance_of(std::size_t f, const object_tracking::ColorRegion& region,

@@ -36,6 +36,10 @@ calib::Rigid3d pose_of(const cv::Mat& rotation, const cv::Mat& translation) {
 
 }  // namespace
 
+void BallTracks::move_earlier(std::size_t camera, double by_s) {
+  for (Point& p : of_camera[camera]) p.t_s -= by_s;
+}
+
 std::optional<Vector2d> BallTracks::at(std::size_t camera, double t_s) const {
   const auto& track = of_camera[camera];
   const auto after = std::ranges::lower_bound(track, t_s - 1e-6, {}, &Point::t_s);
@@ -120,35 +124,69 @@ double focal_of(const calib::Camera& camera) {
 constexpr double reach_px = 2;            // of an inlier
 constexpr std::size_t least_common = 12;  // observations that two cameras, or a camera and the path, must agree in
 
+// Of what two cameras, or a camera and the path, have in common, that agrees where their times are right; with fewer,
+// it is tried whether one of them is late.
+constexpr double most_agree = 0.7;
+// How late a camera's stamps may be against another's, and how finely that is looked for.
+constexpr double most_late_s = 0.06, late_step_s = 0.005;
+
+// Calls `agreement(later_s)`, which counts, first for 0 and then, if that is little of `all`, for others. Returns the
+// best.
+double most_agreed(std::size_t all, auto&& agreement) {
+  int best = agreement(0.0);
+  double best_s = 0;
+  if (best >= most_agree * static_cast<double>(all)) return best_s;
+  for (int i = 1; i * late_step_s < most_late_s + late_step_s / 2; ++i) {
+    for (const double later_s : {i * late_step_s, -i * late_step_s}) {
+      const int count = agreement(later_s);
+      if (count > best) best = count, best_s = later_s;
+    }
+  }
+  return best_s;
+}
+
 struct FirstPair {
   std::size_t a = 0, b = 0;
   int inliers = 0;
+  double b_later_s = 0;
   calib::Rigid3d b_from_a;
 };
 
-// The two cameras that agree most on how the ball moved, by their essential matrix. throws CalibrationError
+// How two cameras agree on how the ball moved, by their essential matrix, if the second one's stamps are so much later.
+FirstPair pair_of(const calib::CameraRig& rig, const BallTracks& tracks, std::size_t a, std::size_t b, double later_s) {
+  FirstPair pair{a, b, 0, later_s, {}};
+  std::vector<cv::Point2d> in_a, in_b;
+  for (const BallTracks::Point& p : tracks.of_camera[a]) {
+    const auto other = tracks.at(b, p.t_s + later_s);
+    if (!other) continue;
+    const auto pa = on_plane(rig.cameras[a].model, p.px), pb = on_plane(rig.cameras[b].model, *other);
+    if (!pa || !pb) continue;
+    in_a.push_back(*pa);
+    in_b.push_back(*pb);
+  }
+  if (in_a.size() < least_common) return pair;
+  // OpenCV's RANSAC has a seed of its own: the same input gives the same answer.
+  const cv::Mat identity = cv::Mat::eye(3, 3, CV_64F);
+  cv::Mat mask, rotation, translation;
+  const cv::Mat essential =
+      cv::findEssentialMat(in_a, in_b, identity, cv::RANSAC, 0.9999,
+                           2 * reach_px / (focal_of(rig.cameras[a]) + focal_of(rig.cameras[b])), mask);
+  if (essential.rows != 3 || essential.cols != 3) return pair;
+  pair.inliers = cv::recoverPose(essential, in_a, in_b, identity, rotation, translation, mask);
+  pair.b_from_a = pose_of(rotation, translation);
+  return pair;
+}
+
+// The two cameras that agree most on how the ball moved. throws CalibrationError
 FirstPair first_pair(const calib::CameraRig& rig, const BallTracks& tracks) {
   FirstPair best;
   for (std::size_t a = 0; a < rig.cameras.size(); ++a) {
     for (std::size_t b = a + 1; b < rig.cameras.size(); ++b) {
-      std::vector<cv::Point2d> in_a, in_b;
-      for (const double t : tracks.shared(a, b)) {
-        const auto pa = on_plane(rig.cameras[a].model, *tracks.at(a, t));
-        const auto pb = on_plane(rig.cameras[b].model, *tracks.at(b, t));
-        if (!pa || !pb) continue;
-        in_a.push_back(*pa);
-        in_b.push_back(*pb);
-      }
-      if (in_a.size() < least_common) continue;
-      // OpenCV's RANSAC has a seed of its own: the same input gives the same answer.
-      const cv::Mat identity = cv::Mat::eye(3, 3, CV_64F);
-      cv::Mat mask, rotation, translation;
-      const cv::Mat essential =
-          cv::findEssentialMat(in_a, in_b, identity, cv::RANSAC, 0.9999,
-                               2 * reach_px / (focal_of(rig.cameras[a]) + focal_of(rig.cameras[b])), mask);
-      if (essential.rows != 3 || essential.cols != 3) continue;
-      const int inliers = cv::recoverPose(essential, in_a, in_b, identity, rotation, translation, mask);
-      if (inliers > best.inliers) best = {a, b, inliers, pose_of(rotation, translation)};
+      most_agreed(tracks.shared(a, b).size(), [&](double later_s) {
+        const FirstPair pair = pair_of(rig, tracks, a, b, later_s);
+        if (pair.inliers > best.inliers) best = pair;
+        return pair.inliers;
+      });
     }
   }
   if (best.inliers < static_cast<int>(least_common)) {
@@ -166,51 +204,71 @@ struct NextCamera {
   std::vector<cv::Point2d> seen;  // beside the points, on the plane z = 1
 };
 
+NextCamera common_of(const calib::CameraRig& rig, const std::vector<calib::Rigid3d>& poses,
+                     const std::vector<bool>& placed, const BallTracks& tracks, std::size_t camera, double later_s) {
+  NextCamera common{camera, {}, {}};
+  for (const BallTracks::Point& p : tracks.of_camera[camera]) {
+    const auto p_world = crossing(rig, poses, placed, tracks, p.t_s - later_s);
+    const auto plane = on_plane(rig.cameras[camera].model, p.px);
+    if (!plane || !p_world) continue;
+    common.points.emplace_back(p_world->x(), p_world->y(), p_world->z());
+    common.seen.push_back(*plane);
+  }
+  return common;
+}
+
 // The one that shares most with those that are placed; no points: there is none.
 NextCamera next_camera(const calib::CameraRig& rig, const std::vector<calib::Rigid3d>& poses,
                        const std::vector<bool>& placed, const BallTracks& tracks) {
   NextCamera next;
   for (std::size_t c = 0; c < rig.cameras.size(); ++c) {
     if (placed[c]) continue;
-    NextCamera here{c, {}, {}};
-    for (const BallTracks::Point& p : tracks.of_camera[c]) {
-      const auto p_world = crossing(rig, poses, placed, tracks, p.t_s);
-      const auto plane = on_plane(rig.cameras[c].model, p.px);
-      if (!plane || !p_world) continue;
-      here.points.emplace_back(p_world->x(), p_world->y(), p_world->z());
-      here.seen.push_back(*plane);
-    }
+    NextCamera here = common_of(rig, poses, placed, tracks, c, 0);
     if (here.points.size() > next.points.size()) next = std::move(here);
   }
   return next;
 }
 
-// nullopt: too little of what it saw agrees with the path.
-std::optional<calib::Rigid3d> pose_from_path(const calib::CameraRig& rig, const NextCamera& next) {
-  if (next.points.size() < least_common) return std::nullopt;
+struct PathPose {
+  int inliers = 0;  // fewer than least_common: too little of what it saw agrees with the path
+  calib::Rigid3d cam_from_world;
+};
+
+PathPose pose_from_path(const calib::CameraRig& rig, const NextCamera& next) {
+  if (next.points.size() < least_common) return {};
   cv::Mat rotation_vector, translation, rotation, inliers;
   if (!cv::solvePnPRansac(
           next.points, next.seen, cv::Mat::eye(3, 3, CV_64F), cv::noArray(), rotation_vector, translation, false, 500,
           static_cast<float>(3 * reach_px / focal_of(rig.cameras[next.camera])), 0.999, inliers, cv::SOLVEPNP_SQPNP) ||
       inliers.rows < static_cast<int>(least_common))
-    return std::nullopt;
+    return {};
   cv::Rodrigues(rotation_vector, rotation);
-  return pose_of(rotation, translation);
+  return {inliers.rows, pose_of(rotation, translation)};
 }
 
 }  // namespace
 
-std::vector<calib::Rigid3d> poses_from_nothing(const calib::CameraRig& rig, const BallTracks& tracks) {
+WaveStart start_from_nothing(const calib::CameraRig& rig, BallTracks tracks) {
   const std::size_t n = rig.cameras.size();
   const FirstPair pair = first_pair(rig, tracks);
-  std::vector<calib::Rigid3d> poses(n);
+  WaveStart start{std::vector<calib::Rigid3d>(n), std::vector<double>(n, 0)};
+  std::vector<calib::Rigid3d>& poses = start.cam_from_world;
   std::vector<bool> placed(n, false);
-  poses[pair.b] = pair.b_from_a;
-  placed[pair.a] = placed[pair.b] = true;
+  const auto place = [&](std::size_t camera, const calib::Rigid3d& pose, double later_s) {
+    poses[camera] = pose;
+    start.later_s[camera] = later_s;
+    tracks.move_earlier(camera, later_s);
+    placed[camera] = true;
+  };
+  place(pair.a, {}, 0);
+  place(pair.b, pair.b_from_a, pair.b_later_s);
   for (std::size_t round = 2; round < n; ++round) {
     const NextCamera next = next_camera(rig, poses, placed, tracks);
-    const auto pose = pose_from_path(rig, next);
-    if (!pose) {
+    const double later_s = most_agreed(next.points.size(), [&](double s) {
+      return pose_from_path(rig, common_of(rig, poses, placed, tracks, next.camera, s)).inliers;
+    });
+    const PathPose pose = pose_from_path(rig, common_of(rig, poses, placed, tracks, next.camera, later_s));
+    if (pose.inliers < static_cast<int>(least_common)) {
       std::vector<std::string_view> names;
       for (std::size_t c = 0; c < n; ++c) {
         if (!placed[c]) names.emplace_back(rig.cameras[c].name);
@@ -219,10 +277,12 @@ std::vector<calib::Rigid3d> poses_from_nothing(const calib::CameraRig& rig, cons
           fmt::format("{}: cannot be placed; wave the ball where it and two other cameras see it at once",
                       fmt::to_string(fmt::join(names, ", "))));
     }
-    poses[next.camera] = *pose;
-    placed[next.camera] = true;
+    place(next.camera, pose.cam_from_world, later_s);
   }
-  return poses;
+  // The first camera's latency is what all others are told against.
+  const double first_s = start.later_s[0];
+  for (double& later_s : start.later_s) later_s -= first_s;
+  return start;
 }
 
 }  // namespace huetrack::wave

@@ -20,6 +20,8 @@ struct BallTracks {
   std::vector<std::vector<Point>> of_camera;
   double max_gap_s = 0.1;  // between two points, that is bridged
 
+  // The camera's points as if they had been seen so much earlier.
+  void move_earlier(std::size_t camera, double by_s);
   // At the time itself, or between its two neighbours in a straight line; nullopt: not seen then.
   std::optional<Eigen::Vector2d> at(std::size_t camera, double t_s) const;
   // The times of camera a's points at which b saw the ball too.
@@ -36,9 +38,16 @@ std::optional<Eigen::Vector3d> crossing(const calib::CameraRig& rig, const std::
 BallPath crossed_path(const calib::CameraRig& rig, const std::vector<calib::Rigid3d>& cam_from_world,
                       const BallTracks& tracks, double from_s, double to_s, double step_s, std::size_t* crossed);
 
+// Where the adjustment starts.
+struct WaveStart {
+  std::vector<calib::Rigid3d> cam_from_world;
+  std::vector<double> later_s = {};  // by which the cameras' stamps are later than was thought; empty: as was thought
+};
+
 // Camera poses from what they saw alone, in the frame of one of the cameras and with a scale of its own: the pair with
 // most in common by its essential matrix (Nister 2004, in OpenCV), the others one by one from the path that those
-// before make (PnP). throws CalibrationError: no pair, or a camera, can be placed.
-std::vector<calib::Rigid3d> poses_from_nothing(const calib::CameraRig& rig, const BallTracks& tracks);
+// before make (PnP). Where they agree little, how late the stamps of one are is looked for, too.
+// throws CalibrationError: no pair, or a camera, can be placed.
+WaveStart start_from_nothing(const calib::CameraRig& rig, BallTracks tracks);
 
 }  // namespace huetrack::wave

@@ -42,8 +42,8 @@ class TimestampFile {
   }
 
  private:
-  enum Column : std::size_t { frame, t_s, sequence, arrival };
-  static constexpr std::string_view columns[] = {"frame", "t_s", "sequence?", "arrival?"};
+  enum Column : std::size_t { frame, t_s, sequence, arrival, stamp_s };
+  static constexpr std::string_view columns[] = {"frame", "t_s", "sequence?", "arrival?", "stamp_s?"};
 
   bool is_ours() const { return table_.has(sequence) && table_.has(arrival); }
   std::string quoted(Column column) const { return std::string("'").append(table_.text(column)).append("'"); }
@@ -60,7 +60,13 @@ class TimestampFile {
       const auto arrival_number = parse<std::uint64_t>(table_.text(arrival));
       if (!sequence_number) return "sequence is " + quoted(sequence) + ", not an integer >= 0";
       if (!arrival_number) return "arrival is " + quoted(arrival) + ", not an integer >= 0";
-      received = {.sequence = *sequence_number, .arrival = *arrival_number};
+      received = {.sequence = *sequence_number, .arrival = *arrival_number, .stamped_at = std::nullopt};
+      if (table_.has(stamp_s)) {
+        const auto stamp = parse<long double>(table_.text(stamp_s));
+        if (!stamp || !(std::fabs(*stamp) < static_cast<long double>(longest_s)))
+          return "stamp_s is " + quoted(stamp_s) + ", not a time in seconds";
+        received.stamped_at = Timestamp{exact_duration_of(*stamp)};
+      }
     }
     if (table_.text(frame).empty() && is_ours()) {
       if (last_at_ && at <= *last_at_) return not_later(table_.text(t_s));

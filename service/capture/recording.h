@@ -4,7 +4,7 @@
 //   cameras:
 //     left:  {frames: left.mkv, fps: 30, offset_s: 0.0}
 //     right: {frames: right/%06d.png, timestamps: right.csv}        # csv: frame,t_s   (header line; frame from 0)
-//                                                                   # our own: frame,t_s,sequence,arrival
+//                                                                   # our own: frame,t_s,sequence,arrival,stamp_s
 //     fast:  {frames: fast.mkv, fps: 60, first_frame: 1, every: 2}  # frames 1, 3, 5, ... at 1/60, 3/60, 5/60 s
 // frames: anything that FFmpeg reads, or a printf pattern / glob of images. Relative paths start at the yaml file.
 #pragma once
@@ -32,6 +32,9 @@ struct RecordedCamera {
   struct Received {
     std::uint32_t sequence = 0;  // Frame::sequence
     std::uint64_t arrival = 0;   // Frame::arrival
+    // The driver's own time stamp: then the times in `timestamps` are such stamps that the live camera's clock has
+    // smoothed (camera_clock.h), and are not smoothed again. Recordings of before 0.3 lack it.
+    std::optional<Timestamp> stamped_at;
   };
   std::vector<Received> received;
   // Frames that came corrupted (rows without a frame number): a time, but no picture. Ascending in time.

@@ -66,11 +66,16 @@ std::string quoted(const std::string& text) {
   return yaml + '"';
 }
 
-std::string row_text(const std::string& picture, const Frame& frame) {
-  const auto ns = frame.captured_at.time_since_epoch().count();
+std::string decimal_seconds(Timestamp at) {
+  const auto ns = at.time_since_epoch().count();
   const auto size = ns < 0 ? -static_cast<std::uint64_t>(ns) : static_cast<std::uint64_t>(ns);
-  return fmt::format("{},{}{}.{:09},{},{}\n", picture, ns < 0 ? "-" : "", size / 1'000'000'000, size % 1'000'000'000,
-                     frame.sequence, frame.arrival);
+  return fmt::format("{}{}.{:09}", ns < 0 ? "-" : "", size / 1'000'000'000, size % 1'000'000'000);
+}
+
+// The latency is the rig's, which may be known better when the recording is played: it is not written into the times.
+std::string row_text(const std::string& picture, const Frame& frame) {
+  return fmt::format("{},{},{},{},{}\n", picture, decimal_seconds(frame.captured_at + frame.latency), frame.sequence,
+                     frame.arrival, decimal_seconds(frame.stamped_at));
 }
 
 void write_text(const fs::path& file, const std::string& text) {
@@ -420,7 +425,7 @@ struct RecordingWriter::Impl {
       camera->video_path = options.folder / (name + ".mkv");
       camera->fps = options.fps.empty() ? 0 : options.fps[i];
       camera->times = std::make_unique<CsvFile>(options.folder / (name + ".csv"));
-      camera->times->add("frame,t_s,sequence,arrival\n");
+      camera->times->add("frame,t_s,sequence,arrival,stamp_s\n");
       yaml.append("  ").append(quoted(options.cameras[i])).append(": {frames: ").append(quoted(name + ".mkv"));
       yaml.append(", timestamps: ").append(quoted(name + ".csv")).append("}\n");
       files.push_back(std::move(camera));

@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "calib/yaml/yaml_reader.h"
+#include "capture/camera_clock.h"
 #include "capture/video_reader.h"
 
 namespace huetrack::capture {
@@ -38,8 +39,8 @@ Duration usual_period(const RecordedCamera& camera, const FrameSelection& select
 class Stream {
  public:
   Stream(int camera_index, const RecordedCamera& camera, const std::filesystem::path& recording_file, int threads,
-         std::vector<std::string>& warnings)
-      : camera_index_(camera_index), camera_(camera), selection_(camera_), warnings_(warnings) {
+         const FrameTiming& timing, std::vector<std::string>& warnings)
+      : camera_index_(camera_index), camera_(camera), timing_(timing), selection_(camera_), warnings_(warnings) {
     info_.name = camera_.name;
     info_.file = camera_.frames;
     if (delivered_nothing()) {  // nor need there be a file
@@ -141,12 +142,15 @@ class Stream {
     if (!picture_ && reader_) picture_ = read_picture();
     const auto& corrupted = camera_.corrupted;
     if (next_corrupted_ < corrupted.size() &&
-        (!picture_ || corrupted[next_corrupted_].first + camera_.offset < picture_->captured_at)) {
+        (!picture_ || corrupted[next_corrupted_].first + camera_.offset - timing_.latency < picture_->captured_at)) {
       const auto& [at, received] = corrupted[next_corrupted_++];
       count_number(received.sequence);
       return Frame{.camera = camera_index_,
                    .sequence = received.sequence,
-                   .captured_at = at + camera_.offset,
+                   .captured_at = at + camera_.offset - timing_.latency,
+                   .stamped_at = received.stamped_at.value_or(at) + camera_.offset,
+                   .latency = timing_.latency,
+                   .readout = timing_.readout,
                    .status = FrameStatus::corrupted,
                    .pixels = {},
                    .arrival = received.arrival};
@@ -163,26 +167,31 @@ class Stream {
 
   std::optional<Frame> read_picture() {
     while (auto picture = reader_->next()) {
-      const auto at = capture_time(*picture);
-      if (!at) continue;
-      if (last_at_ && *at <= *last_at_) {
+      const auto stamp = capture_time(*picture);
+      if (!stamp) continue;
+      if (last_stamp_ && *stamp <= *last_stamp_) {
         if (!std::exchange(warned_of_order_, true))
           warn("time stamps go back at frame " + std::to_string(picture->index) + ": such frames are left out");
         continue;  // its number is missing from the frames handed out
       }
-      last_at_ = at;
+      last_stamp_ = stamp;
+      const Timestamp at = has_exact_times() ? *stamp : clock_.smoothed(*stamp);
       last_index_ = picture->index;
       if (!first_index_) first_index_ = picture->index;
 
       Frame frame{.camera = camera_index_,
                   .sequence = static_cast<std::uint32_t>((picture->index - *first_index_) / camera_.every),
-                  .captured_at = *at,
+                  .captured_at = at - timing_.latency,
+                  .stamped_at = *stamp,
+                  .latency = timing_.latency,
+                  .readout = timing_.readout,
                   .status = FrameStatus::corrupted,
                   .pixels = {}};
       if (!camera_.received.empty()) {
         const auto& received = camera_.received[row_of(picture->index)];
         frame.sequence = received.sequence;
         frame.arrival = received.arrival;
+        if (received.stamped_at) frame.stamped_at = *received.stamped_at + camera_.offset;
       } else {
         frame.stream_index = picture->index;
       }
@@ -194,6 +203,12 @@ class Stream {
     }
     if (!std::exchange(ended_, true)) note_listed_frames_that_never_came();
     return std::nullopt;
+  }
+
+  // Its times are not stamps with jitter: they follow from the rate, or were smoothed when they were recorded.
+  bool has_exact_times() const {
+    return camera_.timestamps.empty() ? camera_.fps > 0
+                                      : !camera_.received.empty() && camera_.received.front().stamped_at.has_value();
   }
 
   std::size_t row_of(std::int64_t index) const {
@@ -212,7 +227,7 @@ class Stream {
       return Timestamp{Duration(std::llround(since_start)) + camera_.offset};
     }
     if (picture.stamp) return *picture.stamp + camera_.offset;
-    if (!std::exchange(has_no_stamps_, true) && last_at_)
+    if (!std::exchange(has_no_stamps_, true) && last_stamp_)
       warn("frame " + std::to_string(picture.index) + " and perhaps others have no time stamp: they are left out");
     return std::nullopt;
   }
@@ -262,6 +277,8 @@ class Stream {
 
   int camera_index_;
   RecordedCamera camera_;
+  FrameTiming timing_;
+  CameraClock clock_;
   FrameSelection selection_;  // of camera_
   std::vector<std::string>& warnings_;
   std::optional<VideoReader> reader_;  // of camera_; none when it delivered nothing
@@ -269,7 +286,7 @@ class Stream {
   std::size_t next_corrupted_ = 0;     // row of camera_.corrupted
   ReplayCamera info_;
   std::deque<Frame> waiting_;
-  std::optional<Timestamp> last_at_;
+  std::optional<Timestamp> last_stamp_;
   std::optional<std::int64_t> first_index_, last_index_;           // in the stream, of the pictures that are played
   std::optional<std::uint32_t> last_number_;                       // Frame::sequence
   std::optional<std::pair<std::int64_t, Timestamp>> first_stamp_;  // index and the container's time
@@ -298,6 +315,8 @@ ReplaySource::ReplaySource(const Recording& recording, std::span<const std::stri
                            const ReplayOptions& options)
     : impl_(std::make_unique<Impl>()) {
   for (const auto& problem : options.problems()) throw std::invalid_argument("ReplaySource: " + problem);
+  if (!options.timing.empty() && options.timing.size() != camera_names.size())
+    throw std::invalid_argument("ReplaySource: timing has not one entry per camera");
 
   impl_->warnings = recording.warnings;
   std::vector<std::string> recorded;
@@ -313,10 +332,11 @@ ReplaySource::ReplaySource(const Recording& recording, std::span<const std::stri
     if (std::ranges::find(camera_names, name) == camera_names.end())
       impl_->warnings.push_back(recording.file.string() + ": camera " + name + " is not in the rig: it is not played");
 
-  for (const auto& name : camera_names) {
-    const auto& camera = *std::ranges::find(recording.cameras, name, &RecordedCamera::name);
-    impl_->streams.push_back(std::make_unique<Stream>(static_cast<int>(impl_->streams.size()), camera, recording.file,
-                                                      options.decoder_threads, impl_->warnings));
+  for (std::size_t c = 0; c < camera_names.size(); ++c) {
+    const auto& camera = *std::ranges::find(recording.cameras, camera_names[c], &RecordedCamera::name);
+    const FrameTiming timing = options.timing.empty() ? FrameTiming{} : options.timing[c];
+    impl_->streams.push_back(std::make_unique<Stream>(static_cast<int>(c), camera, recording.file,
+                                                      options.decoder_threads, timing, impl_->warnings));
     impl_->cameras.push_back(impl_->streams.back()->info());
   }
   impl_->repeats_arrivals =

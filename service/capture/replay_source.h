@@ -15,6 +15,8 @@ namespace huetrack::capture {
 
 struct ReplayOptions {
   int decoder_threads = 1;  // >= 1; slices of one frame that are decoded at once. Changes the speed, never the frames.
+  // Beside camera_names: what is known of when each camera's rows are exposed. Empty: nothing of any camera.
+  std::vector<FrameTiming> timing = {};
   std::vector<std::string> problems() const;
 };
 
@@ -37,6 +39,8 @@ struct ReplayCamera {
 // All cameras of a recording, merged by capture time (equal times: in the order of camera_names), the same frames in
 // the same order every time. Nothing waits for a clock: who wants real time sleeps until a frame is due.
 //
+// Recorded time stamps are smoothed by a CameraClock, as those of the live camera are; times that follow from `fps` and
+// those that our own recorder smoothed already (column stamp_s) are taken as they are.
 // Images come in the file's own pixel format, not converted, where PixelFormat has it; otherwise in the nearest one
 // (README.md). A corrupted frame comes with its time and number, status corrupted and an empty image.
 // thread-compatible.

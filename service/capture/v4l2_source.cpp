@@ -17,6 +17,7 @@
 #include <thread>
 #include <utility>
 
+#include "capture/camera_clock.h"
 #include "capture/capture_clock.h"
 #include "capture/file_descriptor.h"
 #include "capture/jpeg_decoder.h"
@@ -451,7 +452,9 @@ struct V4l2Source::Impl {
   Frame frame_from(Dequeued&& raw) {
     Frame frame;
     frame.camera = options.camera;
-    frame.captured_at = unix_time_of(raw.at) - options.latency;
+    frame.stamped_at = unix_time_of(raw.at);
+    frame.latency = options.timing.latency;
+    frame.readout = options.timing.readout;
     const auto [sequence, lost] = number(raw.sequence);
     frame.sequence = sequence;
     const StampKind stamp = raw.stamp;
@@ -468,6 +471,8 @@ struct V4l2Source::Impl {
     else
       is_copied = take_image(std::move(raw), frame);
     frame.status = problem.empty() ? FrameStatus::ok : FrameStatus::corrupted;
+    const Timestamp at = frame.status == FrameStatus::ok ? clock.smoothed(frame.stamped_at) : frame.stamped_at;
+    frame.captured_at = at - frame.latency;
 
     const bool is_back = state() != CaptureState::delivering;
     {
@@ -661,6 +666,7 @@ struct V4l2Source::Impl {
   std::string told_controls;
   std::optional<std::uint32_t> last_of_driver;  // sequence number in this stream
   std::uint32_t next_sequence = 0;
+  CameraClock clock;
 };
 
 V4l2Source::V4l2Source(V4l2SourceOptions options, const std::stop_token& stop) {

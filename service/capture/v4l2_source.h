@@ -24,9 +24,7 @@ struct V4l2SourceOptions {
   double fps = 0;                        // >= 0, <= 10000; 0: the driver's choice
   std::vector<ControlSetting> controls;  // applied at start, and again after a replug
   bool restore_controls = false;         // put the camera's own values back at the end
-  // Subtracted from every capture time: how long after the light fell on the sensor (mid-exposure) the driver's stamp
-  // is.
-  Duration latency{0};
+  FrameTiming timing;
   int buffers = 8;                       // 4 .. 32; readers may hold all but three of them, then frames are copied
   std::chrono::milliseconds retry{700};  // > 0; between two attempts to open an absent camera
   // > 0; how long the constructor waits for a camera that does not answer. next() waits on, and says so.
@@ -89,7 +87,8 @@ class DamageWatch {
 
 // thread-compatible, one thread calls next(); health() and take_events() are thread-safe.
 //
-// Frames: capture times are UNIX time (capture_clock.h), from the driver's own stamp minus options.latency. sequence
+// Frames: capture times are UNIX time (capture_clock.h): the driver's own stamps, smoothed (camera_clock.h), less the
+// latency. A damaged frame's stamp is not smoothed, and counts for no other's. sequence
 // starts at 0 and follows the driver's, so a gap is a drop; after a restart or a replug it goes on without a gap. MJPEG
 // is decoded to planar YUV and carries its own bytes in Frame::encoded. A frame that the driver flagged, of a wrong
 // length, or that does not decode is handed out as corrupted, without an image; a camera that gives no others is

@@ -29,6 +29,10 @@ namespace fs = std::filesystem;
 template <typename T>
 using Words = std::span<const std::pair<std::string_view, T>>;
 
+constexpr std::pair<std::string_view, object_tracking::TimingMode> timing_words[] = {
+    {"learn", object_tracking::TimingMode::learn},
+    {"fixed", object_tracking::TimingMode::fixed},
+};
 constexpr std::pair<std::string_view, object_tracking::Observation> observation_words[] = {
     {"huetrack", object_tracking::Observation::huetrack}, {"paper", object_tracking::Observation::paper}};
 constexpr std::pair<std::string_view, LogLevel> log_level_words[] = {
@@ -68,6 +72,8 @@ template <typename Io, typename Options>
 void describe_object_tracking(Io& io, Options& o) {
   io.choice("observation", o.observation, Words<object_tracking::Observation>(observation_words),
             "the filter: huetrack (ours), or paper (Barrera et al., eqs. (1)-(6), nothing else)");
+  io.choice("timing", o.timing, Words<object_tracking::TimingMode>(timing_words),
+            "huetrack only: learn (each camera's latency and readout, from the motion), or fixed (the rig's hold)");
   io.group("volume", "where targets may be; world frame, metres", [&](auto& in) {
     in.point("min", o.volume.min, "[x, y, z]");
     in.point("max", o.volume.max, "[x, y, z]");
@@ -127,8 +133,8 @@ void describe_camera(Io& io, Camera& camera) {
   io.number_or("fps", "auto", camera.fps, yaml::Range{.min = 0, .max = 10000, .min_is_open = true},
                "frames per second; auto: the driver's choice");
   io.controls("controls", camera.controls, "by their V4L2 names; automatic ones are switched first");
-  io.number("latency_offset_s", camera.latency_offset_s, yaml::Range{.min = -1, .max = 1},
-            "subtracted from the driver's time stamps, seconds");
+  io.number_or("latency_offset_s", "rig", camera.latency_offset_s, yaml::Range{.min = -1, .max = 1},
+               "from mid-exposure to the driver's time stamp, seconds; rig: the rig's timing.latency_s");
   io.boolean("restore_controls", camera.restore_controls, "put the camera's own values back at the end");
 }
 
@@ -166,7 +172,10 @@ void describe(Io& io, Config& config) {
   io.named("targets", config.targets, "what to track: name, size and colour of each", [&](auto& in, auto& target) {
     in.number("radius_m", target.radius_m, yaml::positive,
               "of the ball, or of a ball of about the object's size, metres");
-    in.group("color", "HSI as in the paper", [&](auto& color) { describe_color(color, target.color, Need::required); });
+    in.group("color", "HSI as in the paper", [&](auto& color) {
+      describe_color(color, target.color, Need::required);
+      color.boolean("adapt", target.adapts_color, "huetrack only: the ranges follow the object's colour slowly");
+    });
     in.named("camera_colors", target.camera_colors, "per-camera overrides of color", [&](auto& color, auto& range) {
       if constexpr (!std::is_const_v<std::remove_reference_t<decltype(range)>>)
         range = target.color;  // what is not given is the target's
@@ -614,6 +623,22 @@ void check_taught_targets(const yaml::YamlReader& written, const yaml::YamlReade
   }
 }
 
+// latency_offset_s is the rig's latency, for a rig that lacks it: there are never two.
+void take_latencies(ServiceConfig& config, const yaml::YamlReader& root) {
+  for (const LiveCameraConfig& camera : config.cameras) {
+    const auto index = config.rig.index_of(camera.name);
+    if (!index || !camera.latency_offset_s) continue;
+    std::optional<double>& latency_s = config.rig.cameras[std::size_t(*index)].timing.latency_s;
+    if (latency_s) {
+      root.map("cameras").map(camera.name).fail("latency_offset_s",
+                fmt::format("is given although {} has timing.latency_s {:g} for this camera: say rig here, or take it "
+                            "out there",
+                            config.rig_file.filename().string(), *latency_s));
+    }
+    latency_s = *camera.latency_offset_s;
+  }
+}
+
 // The configuration must be right by itself: so a mistake in it is not hidden by what is read over it, and whoever
 // deletes the taught file has it back.
 ServiceConfig read_config(const fs::path& file, const yaml::YamlReader& written,
@@ -630,6 +655,7 @@ ServiceConfig read_config(const fs::path& file, const yaml::YamlReader& written,
   }
   if (!fs::is_regular_file(config.rig_file)) root.fail("rig", "there is no file " + config.rig_file.string());
   config.rig = calib::read_rig(config.rig_file);
+  take_latencies(config, root);
   for (const auto& target : config.targets) config.dds.publisher.targets.push_back(target.name);
   for (const auto& camera : config.rig.cameras) config.dds.publisher.cameras.push_back(camera.name);
   config.dds.publisher.tracked_camera = config.camera_tracking.camera;
@@ -655,6 +681,14 @@ constexpr const char *board_beside = "camera_board.yaml", *map_beside = "camera.
 fs::path taught_file(const fs::path& config) {
   const fs::path real = fs::weakly_canonical(config);
   return real.parent_path() / (real.stem().string() + ".taught" + real.extension().string());
+}
+
+std::vector<capture::FrameTiming> frame_timing(const calib::CameraRig& rig) {
+  std::vector<capture::FrameTiming> out;
+  for (const calib::Camera& camera : rig.cameras)
+    out.push_back({.latency = capture::duration_of(camera.timing.latency_s.value_or(0)),
+                   .readout = capture::duration_of(camera.timing.readout_s.value_or(0))});
+  return out;
 }
 
 ServiceConfig load_service_config(const fs::path& file) {
@@ -745,7 +779,8 @@ std::vector<std::size_t> targets_that_differ(const ServiceConfig& before, const 
   for (std::size_t t = 0; t < after.targets.size(); ++t) {
     const object_tracking::TargetOptions &a = before.targets.at(t), &b = after.targets[t];
     const bool is_same = a.name == b.name && a.radius_m == b.radius_m && a.color == b.color &&
-                         a.camera_colors == b.camera_colors && a.ignored == b.ignored;
+                         a.camera_colors == b.camera_colors && a.adapts_color == b.adapts_color &&
+                         a.ignored == b.ignored;
     if (all || !is_same) targets.push_back(t);
   }
   return targets;

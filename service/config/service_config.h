@@ -35,7 +35,7 @@ struct LiveCameraConfig {
   std::optional<calib::ImageSize> size;  // nullopt: the rig's; another one is refused
   std::optional<double> fps;             // > 0, <= 10000; nullopt: the driver's choice
   std::vector<capture::ControlSetting> controls;  // in the order of the file
-  double latency_offset_s = 0;                    // subtracted from every capture time
+  std::optional<double> latency_offset_s;         // read into the rig: Camera::timing.latency_s
   bool restore_controls = false;
 };
 
@@ -107,6 +107,8 @@ std::filesystem::path taught_file(const std::filesystem::path& config);
 // unreadable, unknown key, wrong type, out of range, keys that contradict each other or the rig; or the taught file
 // speaks of a target that the configuration does not have. Relative paths start at the configuration's folder.
 ServiceConfig load_service_config(const std::filesystem::path& file);
+// What the sources need to know of the rig's cameras, beside them.
+std::vector<capture::FrameTiming> frame_timing(const calib::CameraRig& rig);
 // The same, as if the taught file held this text.
 ServiceConfig load_service_config(const std::filesystem::path& file, const std::string& taught);
 

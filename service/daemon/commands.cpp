@@ -9,10 +9,10 @@
 #include <memory>
 
 #include "daemon/check.h"
-#include "daemon/doctor.h"
 #include "daemon/live.h"
 #include "daemon/replay.h"
-#include "daemon/teach.h"
+#include "doctor/doctor.h"
+#include "page/teach.h"
 
 namespace huetrack::daemon {
 namespace {
@@ -120,7 +120,7 @@ namespace {
 // What run and record share.
 struct Service {
   std::filesystem::path config;
-  LiveOptions live = {};
+  LiveCommand live = {};
   LiveRequests requests;
 };
 
@@ -161,7 +161,7 @@ void add_record_command(CLI::App& app, Command& chosen) {
 }
 
 void add_doctor_command(CLI::App& app, Command& chosen) {
-  const auto options = std::make_shared<DoctorOptions>();
+  const auto options = std::make_shared<doctor::DoctorOptions>();
   CLI::App* command = app.add_subcommand(
       "doctor", "examine this host's cameras, USB, permissions and network, and say what to do about what is wrong");
   command->add_option("config", options->config, "huetrackd.yaml: examine what it says, too");
@@ -169,7 +169,7 @@ void add_doctor_command(CLI::App& app, Command& chosen) {
       ->check(CLI::Range(0.5, 3600.0));
   command->add_flag("!--no-stream", options->streams, "look at the cameras without starting them");
   command->callback([options, &chosen] {
-    chosen.run = [options](const std::stop_token& stop) { return doctor(*options, stop) > 0 ? 1 : 0; };
+    chosen.run = [options](const std::stop_token& stop) { return doctor::doctor(*options, stop) > 0 ? 1 : 0; };
   });
 }
 
@@ -193,7 +193,7 @@ void add_compare_command(CLI::App& app, Command& chosen) {
 }
 
 void add_teach_command(CLI::App& app, Command& chosen) {
-  const auto teaching = std::make_shared<TeachCommand>();
+  const auto teaching = std::make_shared<page::TeachCommand>();
   CLI::App* command = app.add_subcommand(
       "teach", "learn a target's colour from where you point, and write it into a file beside the configuration");
   command->add_option("config", teaching->config, config_help)->required();
@@ -214,8 +214,9 @@ void add_teach_command(CLI::App& app, Command& chosen) {
   command->add_option("--pictures", teaching->pictures, "draw what matches, one picture per camera, into this folder");
   command->add_flag("--dry-run", teaching->dry_run, "only say what would be learnt");
 
-  command->callback(
-      [teaching, &chosen] { chosen.run = [teaching](const std::stop_token& stop) { return teach(*teaching, stop); }; });
+  command->callback([teaching, &chosen] {
+    chosen.run = [teaching](const std::stop_token& stop) { return page::teach(*teaching, stop); };
+  });
 }
 
 }  // namespace huetrack::daemon

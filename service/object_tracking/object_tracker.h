@@ -12,6 +12,7 @@
 #include "calib/model/camera_rig.h"
 #include "capture/frame.h"
 #include "object_tracking/color_model.h"
+#include "object_tracking/color_watch.h"
 #include "object_tracking/color_window.h"
 #include "object_tracking/object_estimate.h"
 
@@ -31,6 +32,7 @@ struct TargetOptions {
   double radius_m = 0.04;  // > 0; of the ball, or of a ball of about the object's size
   HsiRange color;
   std::vector<std::pair<std::string, HsiRange>> camera_colors;  // per-camera overrides: (camera name, range)
+  bool adapts_color = false;  // the ranges follow the object's colour (color_follower.h; observation: huetrack only)
   IgnoredRegions ignored;
   const HsiRange& color_in(std::string_view camera) const;  // its own there, else `color`
   std::vector<std::string> problems() const;
@@ -41,12 +43,18 @@ enum class Observation : std::uint8_t {
   huetrack,  // ours
 };
 
+enum class TimingMode : std::uint8_t {
+  learn,  // each camera's latency and readout follow from the motion, from what the rig says of them or from nothing
+  fixed,  // the rig's hold; 0 where it has none
+};
+
 struct ObjectTrackerOptions {
   Observation observation = Observation::huetrack;
-  Box volume;                     // where targets may be; the particles start uniformly in it
-  int particle_count = 200;       // >= 1; time per frame is linear in it
-  int max_particle_count = 2000;  // >= particle_count; while searching
-  std::uint64_t seed = 1;         // same seed, same recording, same options => same track, byte for byte
+  TimingMode timing = TimingMode::learn;  // observation: huetrack
+  Box volume;                             // where targets may be; the particles start uniformly in it
+  int particle_count = 200;               // >= 1; time per frame is linear in it
+  int max_particle_count = 2000;          // >= particle_count; while searching
+  std::uint64_t seed = 1;                 // same seed, same recording, same options => same track, byte for byte
   // --- observation: paper
   double position_noise_m = 0.06;  // > 0; sigma_m of eqs. (1)-(3), metres per frame set
   // --- observation: huetrack
@@ -93,6 +101,11 @@ class ObjectTracker {
   std::vector<Eigen::Vector3f> particles(std::size_t about = 0) const;
 
   SearchFindings search_findings() const;
+
+  // Per camera of the rig: how the object's colour lies in the range that is looked for (color_watch.h). color_news()
+  // counts what there is to tell of it.
+  std::vector<ColorHealth> color_health() const;
+  std::uint64_t color_news() const;
 
  private:
   struct Impl;

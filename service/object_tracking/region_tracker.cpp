@@ -5,6 +5,8 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
+#include <cstdlib>
 #include <limits>
 #include <numbers>
 #include <optional>
@@ -24,31 +26,82 @@ constexpr double least_support = 0.15;         // of a region that counts as the
 constexpr std::size_t max_candidates = 4;
 constexpr double longest_confirmation_s = 0.5;  // a candidate that is older confirms nothing
 
+// An exposure smears a moving object. Webcams take half a frame's time at most before their gain gives out.
+constexpr double longest_exposure_s = 1.0 / 60;
+// Mean squared innovation in its standard deviations; 1 is usual. The hardest acceleration does not explain it.
+constexpr double bounce_surprise = 6;
+
+// At usual speeds, some metres a second, this is some millimetres of way: as much as what else is not known.
+constexpr double open_time_s = 2e-3;
+
+double largest_variance(const Eigen::Matrix3d& covariance) {
+  return std::max(0.0, covariance.selfadjointView<Eigen::Lower>().eigenvalues().maxCoeff());
+}
+
 double largest_sigma(const Eigen::Matrix3d& covariance) {
-  return std::sqrt(std::max(0.0, covariance.selfadjointView<Eigen::Lower>().eigenvalues().maxCoeff()));
+  return std::sqrt(largest_variance(covariance));
+}
+
+bool is_in_volume(const Eigen::Vector3d& p, const Box& volume) {
+  return ((p - volume.min).array() >= 0).all() && ((volume.max - p).array() >= 0).all();
+}
+
+// Frames that a trigger did not start at one moment. Stamps that agree by chance, camera by camera and set by set, do
+// not happen.
+bool is_apart(const std::vector<TargetView>& views) {
+  constexpr auto trigger_jitter = capture::Duration(50'000);
+  return std::ranges::any_of(views, [&](const TargetView& view) {
+    return std::chrono::abs(view.frame->captured_at - views.front().frame->captured_at) > trigger_jitter;
+  });
+}
+
+void sort_by_time(std::vector<Sighting>& sightings) {
+  std::ranges::stable_sort(sightings, {}, [](const Sighting& s) { return s.row.at; });
+}
+
+// Three standard deviations around where it is expected, and the disc. nullopt: nowhere near the image.
+std::optional<PixelBox> box_around(const TargetView& view, const Appearance& at, const Eigen::Matrix2d& spread) {
+  // Not beyond the image's own size around it: a box is clipped to the image anyway, and an int must hold it.
+  const double limit = view.matches->width() + view.matches->height();
+  if (!(std::abs(at.px.x()) < 2 * limit && std::abs(at.px.y()) < 2 * limit)) return std::nullopt;
+  const double reach_u = std::min(limit, 3 * std::sqrt(spread(0, 0)) + 2 * at.radius_px + 2);
+  const double reach_v = std::min(limit, 3 * std::sqrt(spread(1, 1)) + 2 * at.radius_px + 2);
+  return PixelBox{static_cast<int>(std::floor(at.px.x() - reach_u)), static_cast<int>(std::floor(at.px.y() - reach_v)),
+                  static_cast<int>(std::ceil(at.px.x() + reach_u)), static_cast<int>(std::ceil(at.px.y() + reach_v))};
 }
 
 }  // namespace
 
-using Vector6d = Eigen::Matrix<double, 6, 1>;
-
 ObjectEstimate RegionTracker::update(const capture::FrameSet& set) {
   const std::vector<TargetView>& views = views_.look_at(set);
   sightings_.clear();
+  sets_apart_ += is_apart(views) ? 1 : 0;
   if (set.at < last_at_) forget();  // the clock was put back: what was known is of another time
   if (state_ == TrackState::tracking || state_ == TrackState::coasting) {
-    const double dt = std::max(0.0, capture::seconds(set.at - last_at_));
-    Belief predicted = predict(dt);
-    sight(views, predicted, dt);  // colour regions near the prediction, one per view at most
-    predicted = learn_acceleration(dt, predicted);
-    const Belief proposal = propose(predicted);  // motion and regions together, linearised
-    draw_particles(proposal);
-    weigh(proposal);  // what the linearisation and the floor change
-    estimate(proposal);
+    sight(views);  // colour regions near the prediction, one per view at most
+    const double q = learn_acceleration(set, views);
+    const MotionBelief proposal = propose(set, q);  // motion and regions together, linearised
+    const MotionBelief at_times =
+        proposal.given_times();  // particles are positions, for the times as they are believed
+    draw_particles(at_times);
+    weigh(at_times, q);  // what the linearisation and the floor change
+    estimate(at_times);
+    belief_.open_times_as(proposal);
+    belief_.reopen_times();
     judge(set);
   }
   if (state_ != TrackState::tracking) search(set, views);
   last_at_ = set.at;
+  if (std::getenv("DBG")) {
+    std::fprintf(stderr, "%.3f v=%.2f a=%.1f s=%.2f n=%zu", capture::seconds(set.at), belief_.velocity().norm(),
+                 acceleration_, surprise_, sightings_.size());
+    for (int c = 0; c < static_cast<int>(views_.camera_count()); ++c) {
+      const auto t = belief_.timing(c);
+      std::fprintf(stderr, " | %.2f+-%.2f %.2f+-%.2f", 1e3 * t.latency_s, 1e3 * t.latency_sigma_s, 1e3 * t.readout_s,
+                   1e3 * t.readout_sigma_s);
+    }
+    std::fprintf(stderr, "\n");
+  }
   return report(set, views);
 }
 
@@ -58,6 +111,7 @@ RegionTracker::RegionTracker(const calib::CameraRig& rig, const TargetOptions& t
       options_(options),
       views_(rig, target),
       rng_(rng),
+      belief_(rig, options.timing == TimingMode::learn),
       acceleration_(options.acceleration_m_s2),
       finders_(rig.cameras.size()),
       regions_(rig.cameras.size()),
@@ -107,139 +161,185 @@ double RegionTracker::power_density() const {
   return acceleration_ * acceleration_ * acceleration_time_s;
 }
 
-// Constant velocity with white acceleration (Bar-Shalom, Li, Kirubarajan 2001, section 6.2.2).
-Belief RegionTracker::predict(double dt) const {
-  const Eigen::Matrix3d pp = belief_.covariance.topLeftCorner<3, 3>();
-  const Eigen::Matrix3d pv = belief_.covariance.topRightCorner<3, 3>();
-  const Eigen::Matrix3d vv = belief_.covariance.bottomRightCorner<3, 3>();
-  const Eigen::Matrix3d identity = Eigen::Matrix3d::Identity();
-  const double q = power_density();
-  Belief out;
-  out.mean << belief_.position() + dt * belief_.velocity(), belief_.velocity();
-  const Eigen::Matrix3d new_pv = pv + dt * vv + q * dt * dt / 2 * identity;
-  out.covariance.topLeftCorner<3, 3>() =
-      pp + dt * (pv + pv.transpose()) + dt * dt * vv + q * dt * dt * dt / 3 * identity;
-  out.covariance.topRightCorner<3, 3>() = new_pv;
-  out.covariance.bottomLeftCorner<3, 3>() = new_pv.transpose();
-  out.covariance.bottomRightCorner<3, 3>() = vv + q * dt * identity;
+// Where a view shows the object, if it goes on as it does: at the time of the row on which it is seen, which depends on
+// where it is seen. The rows run faster than any object, so that two steps find it.
+std::optional<RegionTracker::ExpectedView> RegionTracker::expect(const TargetView& view) const {
+  ExpectedView out;
+  double row = (view.image->height - 1) / 2.0;
+  for (int step = 0; step < 3; ++step) {
+    out.row = row_of(view, row, belief_);
+    const double ahead_s = capture::seconds(out.row.at - belief_.at);
+    const auto at = appearance_of(*view.camera, belief_.position() + ahead_s * belief_.velocity(), target_.radius_m);
+    if (!at) return std::nullopt;
+    out.at = *at;
+    row = std::clamp(at->px.y(), -0.5 * view.image->height, 1.5 * view.image->height);
+  }
   return out;
 }
 
+ImageMotion RegionTracker::image_motion(const TargetView& view, const Appearance& at) const {
+  const double readout_s = capture::seconds(view.frame->readout) + belief_.row_shift_s(view.index, 0.5) -
+                           belief_.row_shift_s(view.index, -0.5);
+  return {.velocity = at.jacobian * belief_.velocity(),
+          .row_s = view.image->height > 1 ? readout_s / (view.image->height - 1) : 0.0,
+          .longest_exposure_s = longest_exposure_s};
+}
+
 // In each view the region near the prediction that explains it best, if there is one.
-void RegionTracker::sight(const std::vector<TargetView>& views, const Belief& predicted, double dt) {
-  // The gate allows for twice the hardest usual acceleration, whatever the filter has learnt: a throw must not lose the
-  // object.
-  const double reach_m = options_.acceleration_m_s2 * dt * dt;
-  const Eigen::Matrix3d spread = predicted.position_covariance() + reach_m * reach_m * Eigen::Matrix3d::Identity();
+void RegionTracker::sight(const std::vector<TargetView>& views) {
   for (const TargetView& view : views) {
-    const auto at =
-        appearance_of(*view.camera, predicted.position() - view.age_s * predicted.velocity(), target_.radius_m);
-    if (!at) continue;
-    const Eigen::Matrix2d s = at->jacobian * spread * at->jacobian.transpose();
-    // Not beyond the image's own size around it: a box is clipped to the image anyway, and an int must hold it.
-    const double limit = view.matches->width() + view.matches->height();
-    if (!(std::abs(at->px.x()) < 2 * limit && std::abs(at->px.y()) < 2 * limit)) continue;
-    const double reach_u = std::min(limit, 3 * std::sqrt(s(0, 0)) + 2 * at->radius_px + 2);
-    const double reach_v = std::min(limit, 3 * std::sqrt(s(1, 1)) + 2 * at->radius_px + 2);
-    const PixelBox box{
-        static_cast<int>(std::floor(at->px.x() - reach_u)), static_cast<int>(std::floor(at->px.y() - reach_v)),
-        static_cast<int>(std::ceil(at->px.x() + reach_u)), static_cast<int>(std::ceil(at->px.y() + reach_v))};
-    const double disc = std::numbers::pi * at->radius_px * at->radius_px;
+    const auto expected = expect(view);
+    if (!expected) continue;
+    const Appearance& at = expected->at;
+    // The gate allows for twice the hardest usual acceleration, whatever the filter has learnt: a throw must not lose
+    // the object.
+    const double dt = capture::seconds(expected->row.at - belief_.at);
+    const double reach_m = options_.acceleration_m_s2 * dt * dt;
+    const Eigen::Matrix3d spread =
+        belief_.seen_covariance(expected->row, power_density()) + reach_m * reach_m * Eigen::Matrix3d::Identity();
+    const Eigen::Matrix2d s = at.jacobian * spread * at.jacobian.transpose();
+    const auto box = box_around(view, at, s);
+    if (!box) continue;
+    const double disc = std::numbers::pi * at.radius_px * at.radius_px;
     const int min_area = std::max(2, static_cast<int>(least_support * disc));
     double best = -std::numeric_limits<double>::infinity();
     std::optional<Sighting> chosen;
     for (const ColorRegion& region :
-         finders_[static_cast<std::size_t>(view.index)].find(*view.matches, box, min_area, 1.3 * at->radius_px)) {
-      const Sighting sighting = sighting_of(view, region, at->radius_px, options_.pixel_noise_px);
-      const Eigen::Matrix2d total = s + sighting.covariance;
-      const Eigen::Vector2d d = sighting.px - at->px;
+         finders_[static_cast<std::size_t>(view.index)].find(*view.matches, *box, min_area, 1.3 * at.radius_px)) {
+      const Sighting sighting =
+          sighting_of(view, region, at.radius_px, options_.pixel_noise_px, image_motion(view, at));
+      const Eigen::Matrix2d total =
+          s + sighting.covariance + sighting.lasting_px * sighting.lasting_px * Eigen::Matrix2d::Identity();
+      const Eigen::Vector2d d = sighting.px - at.px;
       const double d2 = d.dot(total.inverse() * d);
       if (d2 > region_gate) continue;
       const double score = std::log(sighting.support) - 0.5 * d2 - 0.5 * std::log(sighting.covariance.determinant());
       if (score > best) best = score, chosen = sighting;
     }
-    if (chosen) sightings_.push_back(*chosen);
+    if (!chosen) continue;
+    chosen->row = row_of(view, chosen->px.y(), belief_);
+    sightings_.push_back(*chosen);
   }
+  sort_by_time(sightings_);
+}
+
+// The object bounced, or was hit or thrown, since the last set: it may be wherever twice its speed, or the highest
+// usual one, takes it. Two views or more that see it in one such place are believed at once; one is not.
+bool RegionTracker::sight_after_bounce(const std::vector<TargetView>& views, double power_density) {
+  double dt = 0;
+  for (std::size_t i = 0; i < views.size(); ++i) {
+    regions_[i].clear();
+    const auto expected = expect(views[i]);
+    if (!expected) continue;
+    dt = std::max(dt, capture::seconds(expected->row.at - belief_.at));
+    const Appearance& at = expected->at;
+    const Eigen::Matrix3d spread = belief_.seen_covariance(expected->row, power_density);
+    const auto box = box_around(views[i], at, at.jacobian * spread * at.jacobian.transpose());
+    if (!box) continue;
+    const double disc = std::numbers::pi * at.radius_px * at.radius_px;
+    const int min_area = std::max(2, static_cast<int>(least_support * disc));
+    regions_[i] =
+        finders_[static_cast<std::size_t>(views[i].index)].find(*views[i].matches, *box, min_area, 1.3 * at.radius_px);
+  }
+  const Eigen::Vector3d expected = belief_.position() + dt * belief_.velocity();
+  const double reach_m =
+      3 * std::sqrt(power_density * dt * dt * dt / 3 + largest_variance(belief_.position_covariance()));
+  for (const PositionCandidate& c :
+       cross_rays(views, std::span(regions_).first(views.size()), target_, options_, belief_, max_candidates)) {
+    if ((c.position - expected).norm() > reach_m || c.sightings.size() <= sightings_.size()) continue;
+    sightings_ = c.sightings;
+    sort_by_time(sightings_);
+    return true;
+  }
+  return false;
+}
+
+// The belief after the sightings, each at its own time. linearised_about: a motion near the object's; nullptr: as it is
+// expected to go on. An object that nobody sees is predicted to the set's time.
+MotionBelief RegionTracker::followed(const MotionBelief& from, const MotionBelief* linearised_about,
+                                     capture::Timestamp set_at, double power_density) {
+  MotionBelief out = from;
+  linear_views_.clear();
+  double surprise = 0;
+  for (const Sighting& sighting : sightings_) {
+    out.predict_to(sighting.row.at, power_density);
+    const MotionBelief& near = linearised_about != nullptr ? *linearised_about : out;
+    const Eigen::Vector3d then = near.position() + capture::seconds(sighting.row.at - near.at) * near.velocity();
+    const auto at = appearance_of(*sighting.camera, then, target_.radius_m);
+    if (!at) continue;
+    linear_views_.push_back({&sighting,
+                             {.row = sighting.row,
+                              .px = sighting.px,
+                              .covariance = sighting.covariance,
+                              .lasting_px = sighting.lasting_px,
+                              .linearised_at = then,
+                              .px_expected = at->px,
+                              .jacobian = at->jacobian}});
+    surprise += out.observe(linear_views_.back().linear, near.velocity(), power_density);
+  }
+  surprise_ = linear_views_.empty() ? 1 : surprise / (2 * static_cast<double>(linear_views_.size()));
+  // Rows of two sets may overlap in time; positions are told in the order of time.
+  if (linear_views_.empty() || out.at <= last_reported_)
+    out.predict_to(std::max(set_at, last_reported_ + capture::Duration(1)), power_density);
+  return out;
+}
+
+bool RegionTracker::are_times_open() const {
+  return std::ranges::any_of(sightings_, [&](const Sighting& s) {
+    return belief_.row_sigma_s(s.row.camera, s.row.below_middle) > open_time_s;
+  });
 }
 
 // Covariance matching: raise the acceleration until the innovations of all sightings together are ones that it
-// explains, lower it slowly while they are smaller than they need be. Returns the prediction with what was learnt.
-Belief RegionTracker::learn_acceleration(double dt, const Belief& predicted) {
-  if (sightings_.empty() || dt <= 0) return predicted;
-  const auto size = static_cast<Eigen::Index>(2 * sightings_.size());
-  Eigen::VectorXd innovation(size);
-  Eigen::MatrixXd h = Eigen::MatrixXd::Zero(size, 6);
-  Eigen::MatrixXd noise = Eigen::MatrixXd::Zero(size, size);
-  for (std::size_t i = 0; i < sightings_.size(); ++i) {
-    const Sighting& sighting = sightings_[i];
-    const double age = sighting.view->age_s;
-    const auto at =
-        appearance_of(*sighting.view->camera, predicted.position() - age * predicted.velocity(), target_.radius_m);
-    if (!at) return predicted;
-    const auto row = static_cast<Eigen::Index>(2 * i);
-    innovation.segment<2>(row) = sighting.px - at->px;
-    h.block<2, 3>(row, 0) = at->jacobian;
-    h.block<2, 3>(row, 3) = -age * at->jacobian;
-    noise.block<2, 2>(row, row) = sighting.covariance;
-  }
-  Belief out = predicted;
-  const auto surprise = [&] {  // 1 when all is as it should be
-    const Eigen::MatrixXd s = h * out.covariance * h.transpose() + noise;
-    return innovation.dot(s.llt().solve(innovation)) / static_cast<double>(size);
-  };
+// explains, lower it slowly while they are smaller than they need be. Returns the power density to use for this set: a
+// bounce needs one that is not learnt, as what comes after it is as calm as what went before.
+double RegionTracker::learn_acceleration(const capture::FrameSet& set, const std::vector<TargetView>& views) {
+  const double before = acceleration_;
   const double ceiling = 4 * options_.acceleration_m_s2;
-  double nis = surprise();
-  while (nis > 3 && acceleration_ < ceiling) {
+  if (!sightings_.empty()) followed(belief_, nullptr, set.at, power_density());
+  while (!sightings_.empty() && surprise_ > 3 && acceleration_ < ceiling) {
     acceleration_ = std::min(ceiling, 1.5 * acceleration_);
-    out = predict(dt);
-    nis = surprise();
+    followed(belief_, nullptr, set.at, power_density());
   }
-  acceleration_ =
-      std::clamp(acceleration_ * std::exp(0.05 * (std::min(nis, 3.0) - 1)), least_acceleration_m_s2, ceiling);
-  return out;
-}
-
-// Kalman update with each sighting, all linearised at one point. A view that looked age_s earlier saw p - age v.
-Belief RegionTracker::linear_update(const Belief& predicted, const Vector6d& linearised_at) {
-  Belief out = predicted;
-  linear_views_.clear();
-  for (const Sighting& sighting : sightings_) {
-    const double age = sighting.view->age_s;
-    const Eigen::Vector3d then = linearised_at.head<3>() - age * linearised_at.tail<3>();
-    const auto at = appearance_of(*sighting.view->camera, then, target_.radius_m);
-    if (!at) continue;
-    linear_views_.push_back({&sighting, at->jacobian, at->px - at->jacobian * then});
-    Eigen::Matrix<double, 2, 6> h;
-    h << at->jacobian, -age * at->jacobian;
-    // What the object may have swerved since the view looked.
-    const Eigen::Matrix2d swerve = power_density() * age * age * age / 3 * at->jacobian * at->jacobian.transpose();
-    const Eigen::Matrix<double, 6, 2> ph = out.covariance * h.transpose();
-    const Eigen::Matrix2d s = h * ph + sighting.covariance + swerve;
-    const Eigen::Matrix<double, 6, 2> gain = ph * s.inverse();
-    out.mean += gain * (sighting.px - at->px - h * (out.mean - linearised_at));
-    out.covariance -= gain * ph.transpose();
+  const double dt = capture::seconds(set.at - belief_.at);
+  const bool is_unexplained = sightings_.size() >= 2 && surprise_ > bounce_surprise;
+  if (dt > 0 && views.size() >= 2 && (sightings_.size() < 2 || is_unexplained)) {
+    // A velocity that changes by `kick` on each axis at any moment since the last set is as good as white acceleration
+    // of this power density.
+    const double kick = std::max(belief_.velocity().norm(), options_.start_speed_m_s);
+    const double q = kick * kick / dt;
+    if (sight_after_bounce(views, q) || is_unexplained) {
+      acceleration_ = before;
+      return std::max(q, power_density());
+    }
   }
-  out.covariance = (0.5 * (out.covariance + out.covariance.transpose())).eval();
-  return out;
+  // While the times are open, small innovations do not tell calm motion: nearly all of what is expected of them is the
+  // times'. And a motion that is taken for too calm passes for cameras that are late.
+  const double least = are_times_open() ? 2 * options_.acceleration_m_s2 : least_acceleration_m_s2;
+  if (!sightings_.empty())
+    acceleration_ = std::clamp(acceleration_ * std::exp(0.05 * (std::min(surprise_, 3.0) - 1)), least, ceiling);
+  return power_density();
 }
 
 // Linearised again where the object turns out to be, when that is not where it was expected (Bell and Cathey 1993).
 // What a single view leaves open must be the ray through its pixel, to a fraction of the pixel over all of the open
 // depth, or particles along the wrong line make the filter sure of a depth that nobody measured.
-Belief RegionTracker::propose(const Belief& predicted) {
-  Belief out = linear_update(predicted, predicted.mean);
+MotionBelief RegionTracker::propose(const capture::FrameSet& set, double power_density) {
+  MotionBelief out = followed(belief_, nullptr, set.at, power_density);
+  Eigen::Vector3d before = belief_.position() + capture::seconds(out.at - belief_.at) * belief_.velocity();
   for (int iteration = 0; iteration < 3; ++iteration) {
-    const Vector6d before = out.mean;
-    if ((out.position() - predicted.position()).norm() < 0.1 * target_.radius_m) break;
-    out = linear_update(predicted, before);
-    if ((out.position() - before.head<3>()).norm() < 0.01 * target_.radius_m) break;
+    const double moved_m = (out.position() - before).norm();
+    if (moved_m < (iteration == 0 ? 0.1 : 0.01) * target_.radius_m) break;
+    before = out.position();
+    const MotionBelief about = out;
+    out = followed(belief_, &about, set.at, power_density);
   }
   return out;
 }
 
 // Antithetic pairs, shaped to the proposal's covariance exactly: where everything is Gaussian the filter is then
 // exactly the Kalman filter, and the only Monte Carlo noise left is in what is not.
-void RegionTracker::draw_particles(const Belief& proposal) {
+void RegionTracker::draw_particles(const MotionBelief& proposal) {
   const auto n = static_cast<std::size_t>(options_.particle_count);
   const std::size_t pairs = (n + 1) / 2;
   unit_.resize(3 * pairs);
@@ -280,41 +380,40 @@ void RegionTracker::draw_particles(const Belief& proposal) {
 //   p_m(s_i | img_m) / Gauss_m(s_i),   p_m = max(1/25, support * exp(-d^2 / 2))
 // with d the distance from the particle's projection, through the whole lens and at the view's own time, to the centre
 // of the colour region, in the region's covariance.
-void RegionTracker::weigh(const Belief& proposal) {
+void RegionTracker::weigh(const MotionBelief& proposal, double power_density) {
   const std::size_t n = particles_.size();
   log_weight_.assign(n, 0.0f);
   u_.resize(n), v_.resize(n);
-  const Eigen::Matrix3d p_information = proposal.position_covariance().inverse();
-  const Eigen::Matrix3d velocity_of_position = proposal.covariance.bottomLeftCorner<3, 3>() * p_information;
-  for (const LinearView& linear : linear_views_) {
-    const Sighting& sighting = *linear.sighting;
-    const double age = sighting.view->age_s;
-    // Given the position, the velocity is that of the regression; so the position at the view's time is linear in it.
-    const Eigen::Matrix3d back = Eigen::Matrix3d::Identity() - age * velocity_of_position;
-    const Eigen::Vector3d mean_then = proposal.position() - age * proposal.velocity();
-    const float *x = particles_.x.data(), *y = particles_.y.data(), *z = particles_.z.data();
-    if (age != 0) {
-      const Eigen::Matrix3f b = back.cast<float>();
-      const Eigen::Vector3f c = (mean_then - back * proposal.position()).cast<float>();
-      seen_at_.resize(n);
-      for (std::size_t i = 0; i < n; ++i) seen_at_.x[i] = b(0, 0) * x[i] + b(0, 1) * y[i] + b(0, 2) * z[i] + c(0);
-      for (std::size_t i = 0; i < n; ++i) seen_at_.y[i] = b(1, 0) * x[i] + b(1, 1) * y[i] + b(1, 2) * z[i] + c(1);
-      for (std::size_t i = 0; i < n; ++i) seen_at_.z[i] = b(2, 0) * x[i] + b(2, 1) * y[i] + b(2, 2) * z[i] + c(2);
-      x = seen_at_.x.data(), y = seen_at_.y.data(), z = seen_at_.z.data();
-    }
-    sighting.view->projector->project(x, y, z, n, u_.data(), v_.data());
+  seen_at_.resize(n);
+  const float *x = particles_.x.data(), *y = particles_.y.data(), *z = particles_.z.data();
+  for (const LinearView& view : linear_views_) {
+    const Sighting& sighting = *view.sighting;
+    const LinearSighting& linear = view.linear;
+    // What is not of the position (velocity, times) is that of the regression on it, and what that leaves open counts
+    // as the view's noise.
+    const MotionBelief::SeenPosition seen = proposal.seen_given_position(linear.row, power_density);
+    const Eigen::Matrix3f b = seen.slope.cast<float>();
+    const Eigen::Vector3f c = seen.offset.cast<float>();
+    float *px = seen_at_.x.data(), *py = seen_at_.y.data(), *pz = seen_at_.z.data();
+    for (std::size_t i = 0; i < n; ++i) px[i] = b(0, 0) * x[i] + b(0, 1) * y[i] + b(0, 2) * z[i] + c(0);
+    for (std::size_t i = 0; i < n; ++i) py[i] = b(1, 0) * x[i] + b(1, 1) * y[i] + b(1, 2) * z[i] + c(1);
+    for (std::size_t i = 0; i < n; ++i) pz[i] = b(2, 0) * x[i] + b(2, 1) * y[i] + b(2, 2) * z[i] + c(2);
+    sighting.projector->project(px, py, pz, n, u_.data(), v_.data());
 
-    const Eigen::Matrix2f information = sighting.covariance.inverse().cast<float>();
+    const Eigen::Matrix2d noise = linear.covariance + linear.jacobian * seen.covariance * linear.jacobian.transpose() +
+                                  proposal.lasting_covariance_given_position(linear.row.camera);
+    const Eigen::Vector2d measured = linear.px - proposal.lasting_error(linear.row.camera);
+    const Eigen::Matrix2f information = noise.inverse().cast<float>();
     const float i_uu = information(0, 0), i_uv = 2 * information(0, 1), i_vv = information(1, 1);
     const auto d2_of = [=](float du, float dv) { return i_uu * du * du + i_uv * du * dv + i_vv * dv * dv; };
-    const auto cu = static_cast<float>(sighting.px.x()), cv = static_cast<float>(sighting.px.y());
+    const auto cu = static_cast<float>(measured.x()), cv = static_cast<float>(measured.y());
     const auto floor = static_cast<float>(std::log(floor_likelihood / sighting.support));
     // The linearisation: du = j p + k.
     const Eigen::Matrix<float, 2, 3> j = linear.jacobian.cast<float>();
-    const Eigen::Vector2f k = (linear.offset - sighting.px).cast<float>();
+    const Eigen::Vector2f k = (linear.px_expected - measured - linear.jacobian * linear.linearised_at).cast<float>();
     for (std::size_t i = 0; i < n; ++i) {
-      const float linear_du = j(0, 0) * x[i] + j(0, 1) * y[i] + j(0, 2) * z[i] + k(0);
-      const float linear_dv = j(1, 0) * x[i] + j(1, 1) * y[i] + j(1, 2) * z[i] + k(1);
+      const float linear_du = j(0, 0) * px[i] + j(0, 1) * py[i] + j(0, 2) * pz[i] + k(0);
+      const float linear_dv = j(1, 0) * px[i] + j(1, 1) * py[i] + j(1, 2) * pz[i] + k(1);
       const float likelihood = std::max(std::min(floor, 0.0f), -0.5f * d2_of(u_[i] - cu, v_[i] - cv));
       log_weight_[i] += likelihood + 0.5f * std::min(d2_of(linear_du, linear_dv), 50.0f);
     }
@@ -327,22 +426,13 @@ void RegionTracker::weigh(const Belief& proposal) {
   if (effective_sample_size_ < 0.1 * static_cast<double>(n)) weight_.assign(n, 1.0f / static_cast<float>(n));
 }
 
-// The weighted particles' mean and covariance are the position's; the velocity follows by regression on the position.
-void RegionTracker::estimate(const Belief& proposal) {
+// The weighted particles' mean and covariance are the position's; velocity and times follow by regression on it.
+void RegionTracker::estimate(const MotionBelief& proposal) {
   const particle_filter::WeightedMoments moments =
       particle_filter::weighted_moments(particles_.x.data(), particles_.y.data(), particles_.z.data(), weight_.data(),
                                         particles_.size(), proposal.position().cast<float>());
-  const Eigen::Matrix3d covariance = moments.covariance + 1e-10 * Eigen::Matrix3d::Identity();
-  const Eigen::Vector3d shift = moments.mean - proposal.position();
-  const Eigen::Matrix3d p_information = proposal.position_covariance().inverse();
-  const Eigen::Matrix3d regression = proposal.covariance.bottomLeftCorner<3, 3>() * p_information;
-  belief_.mean << moments.mean, proposal.velocity() + regression * shift;
-  belief_.covariance = proposal.covariance;
-  belief_.covariance.topLeftCorner<3, 3>() = covariance;
-  belief_.covariance.bottomLeftCorner<3, 3>() = regression * covariance;
-  belief_.covariance.topRightCorner<3, 3>() = (regression * covariance).transpose();
-  belief_.covariance.bottomRightCorner<3, 3>() +=
-      regression * (covariance - proposal.position_covariance()) * regression.transpose();
+  belief_ = proposal;
+  belief_.set_position(moments.mean, moments.covariance + 1e-10 * Eigen::Matrix3d::Identity());
   map_ = Eigen::Vector3f(particles_.x[moments.best], particles_.y[moments.best], particles_.z[moments.best])
              .cast<double>();
 }
@@ -353,13 +443,17 @@ void RegionTracker::forget() {
   scatter();
 }
 
+// A view or more must see it, and together they must say where. What is open because nobody knows the cameras' times
+// does not count here: the covariance tells it, and motion will.
 void RegionTracker::judge(const capture::FrameSet& set) {
-  const double sigma_m = largest_sigma(belief_.position_covariance());
+  const double sigma_m = largest_sigma(belief_.given_times().position_covariance());
   if (!sightings_.empty() && sigma_m <= options_.max_tracking_sigma_m) {
     state_ = TrackState::tracking;
     last_tracking_ = set.at;
   } else if (sigma_m > options_.max_coast_sigma_m || capture::seconds(set.at - last_tracking_) > options_.coast_s) {
     forget();
+  } else if (sightings_.empty() && !is_in_volume(belief_.position(), options_.volume)) {
+    forget();  // nobody sees it, and it is not expected to be where it may be
   } else {
     state_ = TrackState::coasting;
   }
@@ -383,7 +477,7 @@ void RegionTracker::search(const capture::FrameSet& set, const std::vector<Targe
                                                                         2 * size.smallest_px);
   }
   std::vector<PositionCandidate> now =
-      cross_rays(views, std::span(regions_).first(views.size()), target_, options_, max_candidates);
+      cross_rays(views, std::span(regions_).first(views.size()), target_, options_, belief_, max_candidates);
   if (now.empty()) {  // nor does one in which too few of these views see it
     search_log_.add(views, std::span(regions_).first(views.size()), options_.volume);
     return;
@@ -402,12 +496,9 @@ void RegionTracker::search(const capture::FrameSet& set, const std::vector<Targe
     }
   }
   if (found != nullptr) {
-    const Eigen::Vector3d velocity = (found->position - earlier->position) / dt;
-    const double variance = (found->covariance.trace() + earlier->covariance.trace()) / 3 / (dt * dt) +
-                            std::pow(options_.acceleration_m_s2 * dt, 2);
-    start_at(*found, velocity, variance);
-    state_ =
-        largest_sigma(found->covariance) <= options_.max_tracking_sigma_m ? TrackState::tracking : TrackState::coasting;
+    start_at(*earlier, *found, set.at, dt);
+    const double sigma_m = largest_sigma(belief_.given_times().position_covariance());
+    state_ = sigma_m <= options_.max_tracking_sigma_m ? TrackState::tracking : TrackState::coasting;
     last_tracking_ = set.at;
     candidates_.clear();
     search_log_.clear();
@@ -417,21 +508,32 @@ void RegionTracker::search(const capture::FrameSet& set, const std::vector<Targe
   candidates_at_ = set.at;
 }
 
-void RegionTracker::start_at(const PositionCandidate& found, const Eigen::Vector3d& velocity,
-                             double velocity_variance) {
-  belief_.mean << found.position, velocity;
-  belief_.covariance.setZero();
-  belief_.covariance.topLeftCorner<3, 3>() = found.covariance;
-  belief_.covariance.bottomRightCorner<3, 3>() = velocity_variance * Eigen::Matrix3d::Identity();
+// The belief that the sightings of two sets give, from nothing but what is usual.
+void RegionTracker::start_at(const PositionCandidate& earlier, const PositionCandidate& found,
+                             capture::Timestamp set_at, double dt) {
   acceleration_ = options_.acceleration_m_s2;
+  const double anywhere_m = (options_.volume.max - options_.volume.min).norm();
+  const double speed = options_.start_speed_m_s;
+  MotionBelief about = belief_;
+  about.begin(set_at, found.position, 0, (found.position - earlier.position) / dt, 0);
+  last_reported_ = capture::Timestamp::min();
+  if (!has_begun_ && sets_apart_ == 0) belief_.expect_in_step();
+  has_begun_ = true;
+  sightings_ = earlier.sightings;
+  sort_by_time(sightings_);
+  belief_.begin(sightings_.front().row.at, earlier.position, anywhere_m * anywhere_m, Eigen::Vector3d::Zero(),
+                speed * speed);
+  belief_ = followed(belief_, &about, set_at, power_density());
   sightings_ = found.sightings;
-  draw_particles(belief_);
+  sort_by_time(sightings_);
+  belief_ = followed(belief_, &about, set_at, power_density());
+  draw_particles(belief_.given_times());
   weight_.assign(particles_.size(), 1.0f / static_cast<float>(particles_.size()));
   effective_sample_size_ = static_cast<double>(particles_.size());
-  map_ = found.position;
+  map_ = belief_.position();
 }
 
-ObjectEstimate RegionTracker::report(const capture::FrameSet& set, const std::vector<TargetView>& views) const {
+ObjectEstimate RegionTracker::report(const capture::FrameSet& set, const std::vector<TargetView>& views) {
   ObjectEstimate e;
   e.at = set.at;
   e.set_number = set.number;
@@ -439,24 +541,27 @@ ObjectEstimate RegionTracker::report(const capture::FrameSet& set, const std::ve
   e.particle_count = static_cast<int>(particles_.size());
   e.effective_sample_size = effective_sample_size_;
   e.per_view.resize(views_.camera_count());
+  for (int c = 0; c < static_cast<int>(views_.camera_count()); ++c) e.times.push_back(belief_.timing(c));
   for (const TargetView& view : views) e.per_view[static_cast<std::size_t>(view.index)].delivered = true;
   if (!e.has_position()) return e;
+  e.at = last_reported_ = std::max(belief_.at, last_reported_ + capture::Duration(1));
   e.position = belief_.position();
   e.velocity = belief_.velocity();
   e.covariance = belief_.position_covariance();
   e.map_position = map_;
   for (const TargetView& view : views) {
     ViewSupport& support = e.per_view[static_cast<std::size_t>(view.index)];
-    const auto at = appearance_of(*view.camera, e.position - view.age_s * e.velocity, target_.radius_m);
-    if (!at || !view.camera->contains({at->px})) continue;
+    const auto expected = expect(view);
+    if (!expected || !view.camera->contains({expected->at.px})) continue;
+    const Appearance& at = expected->at;
     support.in_view = true;
-    support.px = at->px.cast<float>();
-    support.radius_px = static_cast<float>(at->radius_px);
+    support.px = at.px.cast<float>();
+    support.radius_px = static_cast<float>(at.radius_px);
     for (const Sighting& s : sightings_) {
-      if (s.view->index != view.index) continue;
+      if (s.row.camera != view.index) continue;
       support.seen = true;
       support.support = static_cast<float>(s.support);
-      support.residual_px = static_cast<float>((s.px - at->px).norm());
+      support.residual_px = static_cast<float>((s.px - at.px).norm());
     }
     e.views += support.seen ? 1 : 0;
   }

@@ -8,9 +8,13 @@
 //     object's radius and sees when a part of it is hidden (sighting.h). The paper's floor of 1/25 stays: no view can
 //     veto.
 //   - motion: constant velocity with white acceleration; how much of it is needed is learnt from the innovations, so
-//     that calm motion is smoothed and a thrown ball followed. Each view is scored at its own capture time.
+//     that calm motion is smoothed and a thrown ball followed. A bounce, which none of it explains, is followed within
+//     the set, when two views or more see where the object went.
+//   - time: a sighting counts when the row was exposed in which it lies. When that is, per camera, is part of what is
+//     believed and learnt (motion_belief.h).
 //   - search: rays crossed between views through matching pixels of a coarse grid, confirmed by a second frame set.
 //     Several hypotheses are needed only here, and here they are kept.
+// A position is that of the moment of the newest sighting in its set; without a sighting, of the set.
 // What else was tried, with figures: README.md beside this file.
 #pragma once
 
@@ -28,16 +32,6 @@
 
 namespace huetrack::object_tracking {
 
-// Gaussian over (position, velocity): metres, m/s, world frame.
-struct Belief {
-  Eigen::Matrix<double, 6, 1> mean = Eigen::Matrix<double, 6, 1>::Zero();
-  Eigen::Matrix<double, 6, 6> covariance = Eigen::Matrix<double, 6, 6>::Identity();
-
-  auto position() const { return mean.head<3>(); }
-  auto velocity() const { return mean.tail<3>(); }
-  auto position_covariance() const { return covariance.topLeftCorner<3, 3>(); }
-};
-
 // thread-compatible.
 class RegionTracker {
  public:
@@ -54,20 +48,28 @@ class RegionTracker {
     double smallest_px = 0, largest_px = 0;
   };  // radius of the target; 0: never in view
   SizeInView size_in(const calib::Camera& camera) const;
-  Belief predict(double dt) const;
-  void sight(const std::vector<TargetView>& views, const Belief& predicted, double dt);
-  Belief learn_acceleration(double dt, const Belief& predicted);
-  Belief linear_update(const Belief& predicted, const Eigen::Matrix<double, 6, 1>& linearised_at);
-  Belief propose(const Belief& predicted);
-  void draw_particles(const Belief& proposal);
-  void weigh(const Belief& proposal);
-  void estimate(const Belief& proposal);
+  struct ExpectedView {
+    SeenRow row;
+    Appearance at;
+  };
+  std::optional<ExpectedView> expect(const TargetView& view) const;
+  ImageMotion image_motion(const TargetView& view, const Appearance& at) const;
+  void sight(const std::vector<TargetView>& views);
+  bool sight_after_bounce(const std::vector<TargetView>& views, double power_density);
+  MotionBelief followed(const MotionBelief& from, const MotionBelief* linearised_about, capture::Timestamp set_at,
+                        double power_density);
+  bool are_times_open() const;
+  double learn_acceleration(const capture::FrameSet& set, const std::vector<TargetView>& views);
+  MotionBelief propose(const capture::FrameSet& set, double power_density);
+  void draw_particles(const MotionBelief& proposal);
+  void weigh(const MotionBelief& proposal, double power_density);
+  void estimate(const MotionBelief& proposal);
   void judge(const capture::FrameSet& set);
   void forget();
   void search(const capture::FrameSet& set, const std::vector<TargetView>& views);
-  void start_at(const PositionCandidate& found, const Eigen::Vector3d& velocity, double velocity_variance);
+  void start_at(const PositionCandidate& earlier, const PositionCandidate& found, capture::Timestamp set_at, double dt);
   void scatter();
-  ObjectEstimate report(const capture::FrameSet& set, const std::vector<TargetView>& views) const;
+  ObjectEstimate report(const capture::FrameSet& set, const std::vector<TargetView>& views);
   double power_density() const;  // of the acceleration, m^2/s^3
 
   TargetOptions target_;
@@ -75,7 +77,7 @@ class RegionTracker {
   TargetViews views_;
   particle_filter::Rng rng_;
 
-  Belief belief_;            // after the last set, at last_at_
+  MotionBelief belief_;      // after the last set
   double acceleration_ = 0;  // m/s^2, learnt
   PositionParticles particles_;
   std::vector<float> weight_, log_weight_, unit_, u_, v_;
@@ -83,13 +85,13 @@ class RegionTracker {
   double effective_sample_size_ = 0;
   Eigen::Vector3d map_ = Eigen::Vector3d::Zero();
 
-  struct LinearView {  // px = jacobian * (position at the view's time) + offset
+  std::vector<Sighting> sightings_;  // of this set, by the times of their rows
+  struct LinearView {
     const Sighting* sighting;
-    Eigen::Matrix<double, 2, 3> jacobian;
-    Eigen::Vector2d offset;
+    LinearSighting linear;
   };
-  std::vector<Sighting> sightings_;                // of this set
   std::vector<LinearView> linear_views_;           // of the proposal
+  double surprise_ = 0;                            // of them, 1 when all is as it should be
   std::vector<SizeInView> size_in_view_;           // per camera
   std::vector<RegionFinder> finders_;              // per camera
   std::vector<std::vector<ColorRegion>> regions_;  // of the views of this set, while searching
@@ -98,7 +100,10 @@ class RegionTracker {
   capture::Timestamp candidates_at_{};
 
   TrackState state_ = TrackState::searching;
-  capture::Timestamp last_at_{}, last_tracking_{};
+  capture::Timestamp last_at_{}, last_tracking_{};  // of the sets
+  bool has_begun_ = false;                          // an object was found: times are being learnt
+  std::size_t sets_apart_ = 0;                      // whose frames were not taken at one moment
+  capture::Timestamp last_reported_ = capture::Timestamp::min();
 };
 
 }  // namespace huetrack::object_tracking

@@ -48,8 +48,10 @@ struct RegionRay {
 class RayCrosser {
  public:
   RayCrosser(const std::vector<TargetView>& views, std::span<const std::vector<ColorRegion>> regions,
-             const TargetOptions& target, const ObjectTrackerOptions& options)
-      : views_(views), regions_(regions), target_(target), options_(options) {}
+             const TargetOptions& target, const ObjectTrackerOptions& options, const MotionBelief& times)
+      : views_(views), regions_(regions), target_(target), options_(options), times_(times) {
+    for (const TargetView& view : views) newest_ = std::max(newest_, view.frame->captured_at);
+  }
 
   // Of the view's largest regions.
   std::vector<RegionRay> rays_of(std::size_t view) const {
@@ -82,9 +84,9 @@ class RayCrosser {
     PositionCandidate c;
     c.position = start;
     for (int i = 0; i < refinements; ++i) {
-      look(c);
-      if (c.sightings.size() < 2) return std::nullopt;
-      const PositionInformation z = information_of(c.sightings, c.position, Eigen::Vector3d::Zero());
+      const std::vector<Sighting> apart = look(c);
+      if (apart.size() < 2) return std::nullopt;
+      const PositionInformation z = information_of(apart, c.position);
       c.covariance = z.information.inverse();
       c.position = c.covariance * z.vector;
     }
@@ -93,18 +95,26 @@ class RayCrosser {
   }
 
  private:
-  // A view that looked earlier saw the object up to so far away.
   Sighting sighting_at(std::size_t view, const ColorRegion& region, const Appearance& at) const {
-    Sighting s = sighting_of(views_[view], region, at.radius_px, options_.pixel_noise_px);
-    const double way_m = options_.start_speed_m_s * views_[view].age_s;
+    Sighting s = sighting_of(views_[view], region, at.radius_px, options_.pixel_noise_px, {});
+    s.row = row_of(views_[view], region.centre.y(), times_);
+    return s;
+  }
+
+  // A view that looked earlier or later, or nobody knows when, saw the object up to so far away.
+  Sighting set_apart(Sighting s, const Appearance& at) const {
+    const double apart_s =
+        std::hypot(capture::seconds(newest_ - s.row.at), times_.row_sigma_s(s.row.camera, s.row.below_middle));
+    const double way_m = options_.start_speed_m_s * apart_s;
     s.covariance += way_m * way_m * at.jacobian * at.jacobian.transpose();
+    s.covariance.diagonal().array() += s.lasting_px * s.lasting_px;
     return s;
   }
 
   bool fits(std::size_t view, const ColorRegion& region, const Appearance& at, double least_support) const {
     const double share = region.area / (std::numbers::pi * at.radius_px * at.radius_px);
     if (share < least_support || share > max_support) return false;
-    const Sighting s = sighting_at(view, region, at);
+    const Sighting s = set_apart(sighting_at(view, region, at), at);
     return mahalanobis2(s.px - at.px, s.covariance) <= gate;
   }
 
@@ -117,8 +127,9 @@ class RayCrosser {
     return nearest;
   }
 
-  // Sightings and score, of all views that should see the position.
-  void look(PositionCandidate& c) const {
+  // Sightings and score, of all views that should see the position. Returns the sightings as of one time.
+  std::vector<Sighting> look(PositionCandidate& c) const {
+    std::vector<Sighting> apart;
     c.sightings.clear();
     c.score = 0;
     for (std::size_t v = 0; v < views_.size(); ++v) {
@@ -130,14 +141,18 @@ class RayCrosser {
         continue;
       }
       c.sightings.push_back(sighting_at(v, *region, *at));
+      apart.push_back(set_apart(c.sightings.back(), *at));
       c.score += c.sightings.back().support;
     }
+    return apart;
   }
 
   const std::vector<TargetView>& views_;
   std::span<const std::vector<ColorRegion>> regions_;
   const TargetOptions& target_;
   const ObjectTrackerOptions& options_;
+  const MotionBelief& times_;
+  capture::Timestamp newest_ = capture::Timestamp::min();
 };
 
 }  // namespace
@@ -156,18 +171,29 @@ std::optional<Appearance> appearance_of(const calib::Camera& camera, const Eigen
   return a;
 }
 
-Sighting sighting_of(const TargetView& view, const ColorRegion& region, double radius_px, double pixel_noise_px) {
+Sighting sighting_of(const TargetView& view, const ColorRegion& region, double radius_px, double pixel_noise_px,
+                     const ImageMotion& motion) {
   Sighting s;
-  s.view = &view;
+  s.row.camera = view.index;
+  s.camera = view.camera;
+  s.projector = view.projector;
   s.px = region.centre;
-  const double noise2 = pixel_noise_px * pixel_noise_px + 0.0016 * radius_px * radius_px;
-  // Along each axis of the region: 2 sqrt(eigenvalue) is the radius of the disc that is as wide.
+  s.lasting_px = 0.06 * radius_px;
+  // A row that is dv below the centre's shows the ball where it is dv row_s later: the outline is the disc's image
+  // under the inverse of d -> d - velocity row_s d.v. Never faster than the rows themselves, as far as the shape goes.
+  const Eigen::Vector2d shear = (motion.row_s * motion.velocity).cwiseMax(-0.5).cwiseMin(0.5);
+  Eigen::Matrix2d outline_from_disc = Eigen::Matrix2d::Identity();
+  outline_from_disc.col(1) += shear / (1 - shear.y());
+  // Along each axis of the region: 2 sqrt(eigenvalue) is the half width of the disc that is as wide.
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> axes =
       Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>().computeDirect(region.spread);
-  Eigen::Vector2d variance = Eigen::Vector2d::Constant(noise2);
+  Eigen::Vector2d variance = Eigen::Vector2d::Constant(pixel_noise_px * pixel_noise_px);
   for (int i = 0; i < 2; ++i) {
-    const double misfit_px = std::abs(radius_px - 2 * std::sqrt(std::max(0.0, axes.eigenvalues()(i))));
-    const double excess_px = 1.3 * std::max(0.0, misfit_px - 0.2 * radius_px);
+    const Eigen::Vector2d axis = axes.eigenvectors().col(i);
+    const double expected_px = radius_px * (outline_from_disc.transpose() * axis).norm();
+    const double smear_px = 0.5 * std::abs(axis.dot(motion.velocity)) * motion.longest_exposure_s;
+    const double misfit_px = std::abs(expected_px - 2 * std::sqrt(std::max(0.0, axes.eigenvalues()(i))));
+    const double excess_px = 1.3 * std::max(0.0, misfit_px - 0.2 * radius_px - smear_px);
     variance(i) += excess_px * excess_px;
   }
   s.covariance = axes.eigenvectors() * variance.asDiagonal() * axes.eigenvectors().transpose();
@@ -175,11 +201,17 @@ Sighting sighting_of(const TargetView& view, const ColorRegion& region, double r
   return s;
 }
 
-PositionInformation information_of(std::span<const Sighting> sightings, const Eigen::Vector3d& p_world,
-                                   const Eigen::Vector3d& velocity) {
+SeenRow row_of(const TargetView& view, double row, const MotionBelief& times) {
+  SeenRow out{.camera = view.index, .below_middle = view.below_middle(row)};
+  out.shift_s = times.row_shift_s(view.index, out.below_middle);
+  out.at = view.frame->row_time(row) + capture::duration_of(out.shift_s);
+  return out;
+}
+
+PositionInformation information_of(std::span<const Sighting> sightings, const Eigen::Vector3d& p_world) {
   PositionInformation out;
   for (const Sighting& s : sightings) {
-    const std::optional<Appearance> a = appearance_of(*s.view->camera, p_world - s.view->age_s * velocity, 1);
+    const std::optional<Appearance> a = appearance_of(*s.camera, p_world, 1);
     if (!a) continue;
     const Eigen::Matrix<double, 3, 2> weighted = a->jacobian.transpose() * s.covariance.inverse();
     out.information += weighted * a->jacobian;
@@ -199,8 +231,8 @@ std::optional<Eigen::Vector3d> crossing(const calib::Camera& camera0, const cali
 std::vector<PositionCandidate> cross_rays(const std::vector<TargetView>& views,
                                           std::span<const std::vector<ColorRegion>> regions,
                                           const TargetOptions& target, const ObjectTrackerOptions& options,
-                                          std::size_t max_count) {
-  const RayCrosser crosser(views, regions, target, options);
+                                          const MotionBelief& times, std::size_t max_count) {
+  const RayCrosser crosser(views, regions, target, options, times);
   std::vector<std::vector<RegionRay>> rays;
   for (std::size_t i = 0; i < views.size(); ++i) rays.push_back(crosser.rays_of(i));
 

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "object_tracking/color_region.h"
+#include "object_tracking/motion_belief.h"
 #include "object_tracking/object_tracker.h"
 #include "object_tracking/target_views.h"
 
@@ -22,21 +23,35 @@ struct Appearance {
 std::optional<Appearance> appearance_of(const calib::Camera& camera, const Eigen::Vector3d& p_world, double radius_m);
 
 struct Sighting {
-  const TargetView* view = nullptr;
+  SeenRow row;
+  const calib::Camera* camera = nullptr;
+  const calib::BatchProjector* projector = nullptr;
   Eigen::Vector2d px;          // measured centre, raw pixels
-  Eigen::Matrix2d covariance;  // px^2
+  Eigen::Matrix2d covariance;  // px^2, of what is new in every frame
+  double lasting_px = 0;       // standard deviation of what lasts while the object rests
   double support = 0;          // 0..1, share of the expected disc that has the target's colour
 };
 
-// The region's centre measures the ball's centre. Along each axis of the region its variance is
-//   s^2 + (0.04 r)^2 + (1.3 max(0, |r - w| - 0.2 r))^2,   w = 2 sqrt(the region's second central moment along the axis)
-// w is the radius of the disc that would be as wide, so |r - w| is how much the region is too narrow or too wide. Where
-// something hides a part of the ball, the visible rest is narrower than the disc in the direction in which it is cut,
-// and its centre is off by about as much; a region that is too wide (motion blur, background of the same colour) is
-// distrusted the same way. Misfits below a fifth of the radius are the noise of a small disc's outline and say nothing.
-// s is options.pixel_noise_px; 0.04 r is the shading of a ball, whose bright side matches further out than its dark
-// side. The figures were fitted on data/rendered (README.md).
-Sighting sighting_of(const TargetView& view, const ColorRegion& region, double radius_px, double pixel_noise_px);
+// How a ball's outline moves over the rows and during the exposure.
+struct ImageMotion {
+  Eigen::Vector2d velocity = Eigen::Vector2d::Zero();  // of its centre, px/s
+  double row_s = 0;                                    // between the exposures of two rows; < 0: upwards
+  double longest_exposure_s = 0;
+};
+
+// The region's centre measures the ball's centre, in the row where it lies. Along each axis of the region its variance
+// is
+//   s^2 + (1.3 max(0, |e - w| - 0.2 r - b))^2,   w = 2 sqrt(the region's second central moment along it)
+// w is the half width of the disc that would be as wide and e the one that is expected: the radius r, but of a moving
+// ball that is read row by row the disc is sheared and stretched. b: exposure smears it by velocity times time, which
+// makes a region longer (half of the smear matches) or shorter (none of it does), and leaves its centre where it is.
+// Where something hides a part of the ball, the visible rest is narrower than expected in the direction in which it is
+// cut, and its centre is off by about as much; a region that is too wide (background of the same colour) is distrusted
+// the same way. Misfits below a fifth of the radius are the noise of a small disc's outline and say nothing.
+// s is options.pixel_noise_px. What lasts has a standard deviation of 0.06 r: the shading of a ball, whose bright side
+// matches further out than its dark side. The figures were fitted on data/rendered (README.md).
+Sighting sighting_of(const TargetView& view, const ColorRegion& region, double radius_px, double pixel_noise_px,
+                     const ImageMotion& motion);
 
 // Gaussian in the world, in information form: what linearised sightings say. Positive semidefinite; rank 2 for one
 // view.
@@ -45,9 +60,8 @@ struct PositionInformation {
   Eigen::Vector3d vector = Eigen::Vector3d::Zero();       // information * position, 1/m
 };
 
-// Linearised at p_world, a point at the set's time that moves with `velocity`: each view saw it age_s earlier.
-PositionInformation information_of(std::span<const Sighting> sightings, const Eigen::Vector3d& p_world,
-                                   const Eigen::Vector3d& velocity);
+// Linearised at p_world; as if all had been seen at one time.
+PositionInformation information_of(std::span<const Sighting> sightings, const Eigen::Vector3d& p_world);
 
 // Midpoint of the shortest line between the rays through two raw pixels; nullopt when they are nearly parallel, or meet
 // behind a camera.
@@ -64,10 +78,13 @@ struct PositionCandidate {
 
 // Rays crossed between views: each pair of regions in two views whose rays meet inside the volume, at a distance at
 // which the target would have about the size that they have; refined over, and scored by, all views that agree. Best
-// first, at most max_count. regions[i] belongs to views[i].
+// first, at most max_count. regions[i] belongs to views[i]. Of the belief only the cameras' times are used.
 std::vector<PositionCandidate> cross_rays(const std::vector<TargetView>& views,
                                           std::span<const std::vector<ColorRegion>> regions,
                                           const TargetOptions& target, const ObjectTrackerOptions& options,
-                                          std::size_t max_count);
+                                          const MotionBelief& times, std::size_t max_count);
+
+// The row of a view, when it was exposed as far as is known.
+SeenRow row_of(const TargetView& view, double row, const MotionBelief& times);
 
 }  // namespace huetrack::object_tracking

@@ -33,7 +33,7 @@ const std::vector<TargetView>& TargetViews::look_at(const capture::FrameSet& set
     if (frame.pixels.width != c.camera.image_size.width || frame.pixels.height != c.camera.image_size.height) continue;
     const ColorTable& table = table_for(c, frame.pixels.format, frame.pixels.range);
     c.matches.look_at(frame.pixels, table);
-    views_.push_back({static_cast<int>(i), &c.camera, &c.projector, &c.matches, &frame.pixels, &table,
+    views_.push_back({static_cast<int>(i), &c.camera, &c.projector, &c.matches, &frame.pixels, &table, &frame,
                       capture::seconds(set.at - frame.captured_at)});
   }
   return views_;

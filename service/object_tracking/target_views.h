@@ -4,6 +4,7 @@
 
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "calib/model/batch_projector.h"
@@ -23,7 +24,10 @@ struct TargetView {
   MatchBits* matches;  // the pixels of the target's colour in this frame
   const capture::Image* image;
   const ColorTable* table;
-  double age_s;  // the set's time minus this frame's own capture time, >= 0
+  const capture::Frame* frame;
+  double age_s;  // the set's time minus this frame's own capture time (its middle row's), >= 0
+
+  double below_middle(double row) const { return image->height > 1 ? row / (image->height - 1) - 0.5 : 0.0; }
 };
 
 // thread-compatible. Views point into this object: it does not move.
@@ -42,6 +46,15 @@ class TargetViews {
     table_for(*cameras_.at(camera), format, range);
   }
 
+  // From the next set on the camera looks for this colour, with its table. Returns the table that was in force.
+  std::shared_ptr<const ColorTable> recolor(std::size_t camera, const HsiRange& color,
+                                            std::shared_ptr<const ColorTable> table) {
+    PerCamera& c = *cameras_.at(camera);
+    c.color = color;
+    c.table_before = c.table;  // the views of this set point to it
+    return std::exchange(c.table, std::move(table));
+  }
+
   std::size_t camera_count() const { return cameras_.size(); }
   const calib::Camera& camera(std::size_t i) const { return cameras_[i]->camera; }
   const calib::BatchProjector& projector(std::size_t i) const { return cameras_[i]->projector; }
@@ -55,6 +68,7 @@ class TargetViews {
     MatchBits matches;
     HsiRange color;
     std::shared_ptr<const ColorTable> table;  // of the format seen last; made when a format is first seen
+    std::shared_ptr<const ColorTable> table_before = {};
   };
   const ColorTable& table_for(PerCamera& camera, capture::PixelFormat format, capture::ColorRange range);
 

@@ -56,6 +56,7 @@ std::vector<LiveCamera> open_cameras(const config::ServiceConfig& config, const 
   if (const auto both = one_under_two_names(config.cameras))
     throw capture::CaptureError(std::make_error_code(std::errc::invalid_argument),
                                 config.file.string() + ": cameras: " + *both + ": give each its own device");
+  const std::vector<capture::FrameTiming> timing = config::frame_timing(config.rig);
   std::vector<capture::V4l2SourceOptions> asked;
   std::vector<std::future<std::unique_ptr<capture::V4l2Source>>> opening;
   for (const auto& camera : config.cameras) {
@@ -71,7 +72,7 @@ std::vector<LiveCamera> open_cameras(const config::ServiceConfig& config, const 
     options.fps = camera.fps.value_or(0);
     options.controls = camera.controls;
     options.restore_controls = camera.restore_controls;
-    options.latency = capture::duration_of(camera.latency_offset_s);
+    options.timing = timing[std::size_t(index)];
     options.first_patience = opening_patience;
     asked.push_back(options);
     opening.push_back(std::async(std::launch::async, [options = std::move(options), stop] {

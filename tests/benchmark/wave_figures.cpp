@@ -3,8 +3,6 @@
 // status 1 when a figure misses what it must reach.
 #include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
-#include <Eigen/LU>
-#include <Eigen/SVD>
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
@@ -13,6 +11,7 @@
 #include <numbers>
 #include <random>
 
+#include "benchmark/rig_figures.h"
 #include "benchmark/sequence.h"
 #include "calib/report/wave_report.h"
 #include "calib/wave/wave.h"
@@ -39,82 +38,6 @@ calib::CameraRig spoilt(const calib::CameraRig& truth, double metres, double deg
     camera.cam_from_world.translation = -(camera.cam_from_world.rotation * centre);
   }
   return rig;
-}
-
-struct Figures {
-  double volume_m = 0;  // rms
-  double path_m = 0;    // rms of the places where the ball was, aligned by themselves
-  double centre_m = 0;  // worst camera
-  double turned_deg = 0;
-  double scale = 1;  // of the found volume over the true one
-};
-
-struct Aligned {
-  Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();
-  Eigen::Vector3d translation = Eigen::Vector3d::Zero();
-  double rms_m = 0;
-  double scale = 1;
-};
-
-// Points, projected by the true rig and triangulated with the found one; rigidly aligned.
-Aligned align(const calib::CameraRig& truth, const calib::CameraRig& found,
-              const std::vector<Eigen::Vector3d>& points) {
-  std::vector<Eigen::Vector3d> from, to;
-  for (const Eigen::Vector3d& p : points) {
-    Eigen::Matrix3d sum = Eigen::Matrix3d::Zero();
-    Eigen::Vector3d right = Eigen::Vector3d::Zero();
-    int views = 0;
-    for (std::size_t c = 0; c < truth.cameras.size(); ++c) {
-      const auto px = truth.cameras[c].project_world(p);
-      if (!px || !truth.cameras[c].contains(*px)) continue;
-      const auto ray = found.cameras[c].model.ray(*px);
-      if (!ray) continue;
-      const calib::Rigid3d world_from_cam = calib::inverse(found.cameras[c].cam_from_world);
-      const Eigen::Vector3d d = world_from_cam.rotation * *ray;
-      const Eigen::Matrix3d across = Eigen::Matrix3d::Identity() - d * d.transpose();
-      sum += across;
-      right += across * world_from_cam.translation;
-      ++views;
-    }
-    if (views < 2) continue;
-    from.push_back(sum.inverse() * right);
-    to.push_back(p);
-  }
-  Eigen::Matrix3Xd a(3, from.size()), b(3, to.size());
-  for (std::size_t i = 0; i < from.size(); ++i) {
-    a.col(static_cast<Eigen::Index>(i)) = from[i];
-    b.col(static_cast<Eigen::Index>(i)) = to[i];
-  }
-  const Eigen::Matrix4d t = Eigen::umeyama(a, b, false);
-  Aligned result{t.topLeftCorner<3, 3>(), t.topRightCorner<3, 1>()};
-  result.rms_m = std::sqrt(((result.rotation * a).colwise() + result.translation - b).colwise().squaredNorm().mean());
-  result.scale = 1 / std::cbrt(Eigen::umeyama(a, b, true).topLeftCorner<3, 3>().determinant());
-  return result;
-}
-
-// path: where the ball was.
-Figures compare(const calib::CameraRig& truth, const calib::CameraRig& found,
-                const std::vector<Eigen::Vector3d>& path) {
-  std::vector<Eigen::Vector3d> volume;
-  for (int i = 0; i <= 8; ++i) {
-    for (int j = 0; j <= 8; ++j) {
-      for (int k = 0; k <= 8; ++k) volume.emplace_back(-1 + 0.25 * i, -1 + 0.25 * j, 0.1 + 0.25 * k);
-    }
-  }
-  const Aligned world = align(truth, found, volume);
-  Figures f;
-  f.volume_m = world.rms_m;
-  f.scale = world.scale;
-  if (!path.empty()) f.path_m = align(truth, found, path).rms_m;
-  for (std::size_t c = 0; c < truth.cameras.size(); ++c) {
-    const Eigen::Vector3d centre = world.rotation * found.cameras[c].centre() + world.translation;
-    f.centre_m = std::max(f.centre_m, (centre - truth.cameras[c].centre()).norm());
-    const Eigen::Quaterniond q =
-        found.cameras[c].cam_from_world.rotation * Eigen::Quaterniond(world.rotation).conjugate();
-    f.turned_deg =
-        std::max(f.turned_deg, q.angularDistance(truth.cameras[c].cam_from_world.rotation) * 180 / std::numbers::pi);
-  }
-  return f;
 }
 
 // How far the outlines are from where the truth has them, of balls wholly in view: per axis, rms; pixels.
@@ -224,7 +147,7 @@ void print_bound(const figures::Sequence& sequence, const std::vector<object_tra
         pose.rotation = pose.rotation * Eigen::Quaterniond(Eigen::AngleAxisd(turn.norm(), turn.normalized()));
       pose.translation = -(pose.rotation * centre);
     }
-    const Figures f = compare(sequence.rig, rig, {});
+    const figures::RigFigures f = figures::compare(sequence.rig, rig, {});
     volume2 += f.volume_m * f.volume_m / samples;
     centre2 += f.centre_m * f.centre_m / samples;
   }
@@ -336,7 +259,7 @@ int main(int argc, char** argv) {
           const wave::WaveResult r = wave::calibrate_wave(
               spoilt(sequence.rig, 0.1, 3, static_cast<std::uint64_t>(seed)), frames, mode.options);
           slowest = std::max(slowest, std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count());
-          const Figures f = compare(sequence.rig, r.rig, path);
+          const figures::RigFigures f = figures::compare(sequence.rig, r.rig, path);
           volume.push_back(f.volume_m), centre.push_back(f.centre_m), turned.push_back(f.turned_deg);
           scale.push_back(std::abs(f.scale - 1)), on_path.push_back(f.path_m), halves.push_back(r.halves_m),
               halves_sigma.push_back(r.halves_sigma_m);
@@ -377,7 +300,7 @@ int main(int argc, char** argv) {
                   with_distance ? "the distance of two cameras" : "the radius");
       try {
         const wave::WaveResult r = wave::calibrate_wave(sequence.rig, frames, nothing);
-        const Figures f = compare(sequence.rig, r.rig, path);
+        const figures::RigFigures f = figures::compare(sequence.rig, r.rig, path);
         std::printf("    centres %.1f mm, rotations %.3f deg, volume %.2f mm rms, scale off by %.2f %%\n",
                     1e3 * f.centre_m, f.turned_deg, 1e3 * f.volume_m, 100 * std::abs(f.scale - 1));
         if (must && with_distance && (f.centre_m > 0.01 || f.turned_deg > 0.3 || f.volume_m > 0.003)) {

@@ -10,6 +10,7 @@
 
 #include "calib/model/camera_rig.h"
 #include "calib/solver/bundle_adjustment.h"
+#include "calib/solver/umeyama.h"
 
 namespace huetrack::solver {
 
@@ -158,7 +159,7 @@ inline double volume_rms_m(const calib::CameraRig& truth, const calib::CameraRig
     a.col(static_cast<Eigen::Index>(k)) = true_points[k];
     b.col(static_cast<Eigen::Index>(k)) = found_points[k];
   }
-  const Eigen::Matrix4d t = Eigen::umeyama(b, a, false);
+  const Eigen::Matrix4d t = umeyama(b, a, false);
   const Eigen::Matrix3Xd off = ((t.topLeftCorner<3, 3>() * b).colwise() + t.topRightCorner<3, 1>()) - a;
   return std::sqrt(off.squaredNorm() / static_cast<double>(true_points.size()));
 }

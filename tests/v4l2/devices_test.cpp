@@ -300,7 +300,7 @@ TEST_F(Vivid, StampsAreCalledWhatTheyAre) {
   }
   set("timestamp_source", 1);
   auto late = options();
-  late.latency = 1h;
+  late.timing.latency = 1h;
   capture::V4l2Source source(late);
   const auto got = take(source, 1);
   ASSERT_EQ(got.frames.size(), 1U);

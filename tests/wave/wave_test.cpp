@@ -1,5 +1,6 @@
 #include "calib/wave/wave.h"
 #include "calib/report/wave_report.h"
+#include "calib/solver/umeyama.h"
 #include "calib/wave/wave_adjustment.h"
 
 #include <gmock/gmock.h>
@@ -49,7 +50,8 @@ Vector3d lissajous(double t) {
 struct Waving {
   double seconds = 8;
   double noise_px = 0.15;
-  std::vector<double> offset_s{};  // per camera
+  std::vector<double> offset_s{};   // per camera: when its first frame is
+  std::vector<CameraTime> times{};  // per camera
   std::function<bool(int camera, double t)> hidden = {};
   std::function<Vector3d(double t)> path = lissajous;
   double wrong = 0;  // share of frames with a second, larger region somewhere
@@ -64,10 +66,18 @@ std::vector<BallFrame> waved(const calib::CameraRig& rig, const Waving& w) {
   for (int c = 0; c < static_cast<int>(rig.cameras.size()); ++c) {
     const calib::Camera& camera = rig.cameras[static_cast<std::size_t>(c)];
     for (int i = 0; i < static_cast<int>(30 * w.seconds); ++i) {
-      BallFrame frame{c, i / 30.0 + (w.offset_s.empty() ? 0 : w.offset_s[static_cast<std::size_t>(c)]), {}};
-      const Vector3d p = camera.cam_from_world * w.path(frame.t_s);
-      // The outline's centre is that of a cone around the ball.
-      const auto px = camera.model.project({p.x(), p.y(), p.z() - radius_m * radius_m / p.z()});
+      const double middle_s = i / 30.0 + (w.offset_s.empty() ? 0 : w.offset_s[static_cast<std::size_t>(c)]);
+      const CameraTime time = w.times.empty() ? CameraTime{} : w.times[static_cast<std::size_t>(c)];
+      BallFrame frame{c, middle_s + time.latency_s, {}};
+      // The outline's centre is that of a cone around the ball, and is seen when its own row is exposed.
+      double exposed_s = middle_s;
+      Vector3d p;
+      std::optional<calib::RawPixel> px;
+      for (int round = 0; round < 4; ++round) {
+        p = camera.cam_from_world * w.path(exposed_s);
+        px = camera.model.project({p.x(), p.y(), p.z() - radius_m * radius_m / p.z()});
+        if (px) exposed_s = middle_s + below_middle(camera, px->px) * time.readout_s;
+      }
       const double r = radius_m * camera.model.fx() / p.z();
       const auto add = [&](const Eigen::Vector2d& at, double radius) {
         object_tracking::ColorRegion region;
@@ -77,7 +87,7 @@ std::vector<BallFrame> waved(const calib::CameraRig& rig, const Waving& w) {
         frame.regions.push_back(region);
       };
       if (uniform(rng) < w.wrong) add({640 * uniform(rng), 480 * uniform(rng)}, 1.3 * r);
-      if (px && camera.contains(*px) && !(w.hidden && w.hidden(c, frame.t_s)))
+      if (px && camera.contains(*px) && !(w.hidden && w.hidden(c, middle_s)))
         add(px->px + Eigen::Vector2d(noise(rng), noise(rng)), r * (1 + 0.02 * noise(rng)));
       frames.push_back(std::move(frame));
     }
@@ -114,7 +124,7 @@ Off off(const calib::CameraRig& found, const calib::CameraRig& truth) {
   };
   points(found, a);
   points(truth, b);
-  const Eigen::Matrix4d t = Eigen::umeyama(a, b, false);
+  const Eigen::Matrix4d t = solver::umeyama(a, b, false);
   const Eigen::Matrix3d rotation = t.topLeftCorner<3, 3>();
   Off out;
   for (std::size_t c = 0; c < found.cameras.size(); ++c) {
@@ -229,6 +239,75 @@ TEST(Wave, CamerasNeedNotRunInStep) {
   const calib::CameraRig truth = rig_of(3);
   const auto frames = waved(truth, {.offset_s = {0, 0.011, 0.023}});
   EXPECT_LT(off(calibrate_wave(spoilt(truth, 0.1, 3), frames, taped(truth)).rig, truth).metres, 0.003);
+}
+
+const std::vector<CameraTime> webcam_times{{0.012, 0.024}, {0.045, 0.031}, {0.002, -0.018}};
+
+// Latencies against the first camera's, and readouts; in their own standard deviations and as such.
+void expect_times(const WaveResult& found, const std::vector<CameraTime>& truth) {
+  for (std::size_t c = 0; c < truth.size(); ++c) {
+    const calib::CameraTiming& timing = found.rig.cameras[c].timing;
+    ASSERT_TRUE(timing.latency_s && timing.readout_s && timing.latency_sigma_s && timing.readout_sigma_s);
+    const double latency_off = *timing.latency_s - (truth[c].latency_s - truth[0].latency_s);
+    const double readout_off = *timing.readout_s - truth[c].readout_s;
+    EXPECT_LE(std::abs(latency_off), 3 * *timing.latency_sigma_s) << "camera " << c;
+    EXPECT_LT(std::abs(readout_off), 3 * *timing.readout_sigma_s) << "camera " << c;
+    EXPECT_LT(std::abs(latency_off), 0.001) << "camera " << c;
+    EXPECT_LT(std::abs(readout_off), 0.002) << "camera " << c;
+  }
+  EXPECT_EQ(*found.rig.cameras[0].timing.latency_s, 0);
+  EXPECT_EQ(*found.rig.cameras[0].timing.latency_sigma_s, 0);
+}
+
+TEST(Wave, FindsLatenciesAndReadoutsWithThePoses) {
+  const calib::CameraRig truth = rig_of(3);
+  const auto frames = waved(truth, {.offset_s = {0, 0.011, 0.023}, .times = webcam_times});
+  const WaveResult r = calibrate_wave(spoilt(truth, 0.1, 3), frames, taped(truth));
+  EXPECT_LT(off(r.rig, truth).metres, 0.003);
+  EXPECT_TRUE(is_usable(r)) << report::to_text(report::report_on(r), r);
+  expect_times(r, webcam_times);
+}
+
+TEST(Wave, CamerasInStepComeOutAtZero) {
+  const calib::CameraRig truth = rig_of(3);
+  expect_times(calibrate_wave(spoilt(truth, 0.1, 3), waved(truth, {}), taped(truth)), {{}, {}, {}});
+}
+
+TEST(Wave, FindsTimesAndPosesFromNothing) {
+  const calib::CameraRig truth = rig_of(3);
+  WaveOptions options = taped(truth);
+  options.has_poses = false;
+  const WaveResult r = calibrate_wave(truth, waved(truth, {.times = webcam_times}), options);
+  EXPECT_LT(off(r.rig, truth).metres, 0.003);
+  expect_times(r, webcam_times);
+}
+
+TEST(Wave, FindsTimesWithThePosesHeld) {
+  const calib::CameraRig truth = rig_of(3);
+  WaveOptions options;
+  options.hold_poses = true;
+  const WaveResult r = calibrate_wave(truth, waved(truth, {.times = webcam_times}), options);
+  expect_times(r, webcam_times);
+  EXPECT_TRUE(is_usable(r)) << report::to_text(report::report_on(r), r);
+  for (std::size_t c = 0; c < 3; ++c)
+    EXPECT_EQ((r.rig.cameras[c].centre() - truth.cameras[c].centre()).norm(), 0) << "camera " << c;
+  // Poses that are not right are found out.
+  EXPECT_FALSE(is_usable(calibrate_wave(spoilt(truth, 0.05, 1), waved(truth, {.times = webcam_times}), options)));
+}
+
+// What the rig says of the times is believed as far as its own uncertainty says, unless the recording contradicts it.
+TEST(Wave, TheRigsTimesAreAPrior) {
+  calib::CameraRig rig = rig_of(3);
+  const auto frames = waved(rig, {.times = webcam_times});
+  rig.cameras[0].timing = {0.012, 0.0, 0.024, 1e-5};
+  WaveOptions options;
+  options.hold_poses = true;
+  const WaveResult sure = calibrate_wave(rig, frames, options);
+  EXPECT_EQ(*sure.rig.cameras[0].timing.latency_s, 0.012);
+  EXPECT_NEAR(*sure.rig.cameras[0].timing.readout_s, 0.024, 3e-5);
+  EXPECT_NEAR(*sure.rig.cameras[1].timing.latency_s, 0.045, 0.001);
+  rig.cameras[1].timing = {0.001, 1e-5, 0.031, 1e-5};
+  EXPECT_NEAR(*calibrate_wave(rig, frames, options).rig.cameras[1].timing.latency_s, 0.045, 0.001);
 }
 
 TEST(Wave, FindsPosesFromNothing) {

@@ -1,0 +1,218 @@
+#include "calib/program/waved_ball.h"
+
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <bit>
+#include <chrono>
+#include <cstdio>
+#include <iterator>
+#include <memory>
+#include <mutex>
+#include <thread>
+
+#include "calib/gather/picture_source.h"
+#include "calib/gather/progress_line.h"
+#include "capture/replay_source.h"
+#include "pipeline/live_cameras.h"
+
+namespace huetrack::program {
+namespace {
+
+// What is still needed: how much of each image the ball has been in, and which pairs saw it together how often.
+class Needs {
+ public:
+  explicit Needs(const calib::CameraRig& rig) : rig_(rig), cells_(rig.cameras.size()), last_(rig.cameras.size(), -1e9) {
+    shared_.assign(rig.cameras.size() * rig.cameras.size(), 0);
+  }
+  void add(const wave::BallFrame& frame) {
+    if (frame.regions.empty()) return;
+    const auto c = static_cast<std::size_t>(frame.camera);
+    const calib::ImageSize size = rig_.cameras[c].image_size;
+    const Eigen::Vector2d& px = frame.regions.front().centre;
+    cells_[c] |= std::uint64_t{1} << (static_cast<int>(8 * (px.x() + 0.5) / size.width) +
+                                      8 * static_cast<int>(6 * (px.y() + 0.5) / size.height));
+    last_[c] = frame.t_s;
+    for (std::size_t o = 0; o < last_.size(); ++o) {
+      if (o != c && frame.t_s - last_[o] < 0.05) ++shared_[std::min(o, c) * last_.size() + std::max(o, c)];
+    }
+  }
+  std::string text() const {
+    std::string out;
+    for (std::size_t c = 0; c < cells_.size(); ++c)
+      out += " " + rig_.cameras[c].name + " " + std::to_string(100 * std::popcount(cells_[c]) / 48) + "%";
+    std::string lacking;
+    for (std::size_t a = 0; a < cells_.size(); ++a) {
+      for (std::size_t b = a + 1; b < cells_.size(); ++b) {
+        if (shared_[a * cells_.size() + b] < 40) lacking += " " + rig_.cameras[a].name + "+" + rig_.cameras[b].name;
+      }
+    }
+    return "in view:" + out + (lacking.empty() ? "" : "; hardly together yet:" + lacking);
+  }
+
+ private:
+  const calib::CameraRig& rig_;
+  std::vector<std::uint64_t> cells_;
+  std::vector<double> last_;
+  std::vector<int> shared_;
+};
+
+using BallsFrames = std::vector<std::vector<wave::BallFrame>>;  // per target
+
+// All targets in one frame.
+class Finder {
+ public:
+  explicit Finder(const WavedInput& in) {
+    for (const object_tracking::TargetOptions& target : in.targets)
+      finders_.push_back(std::make_unique<wave::BallFinder>(in.rig, target));
+  }
+  std::optional<wave::BallFrame> look(std::size_t ball, const capture::Frame& frame) {
+    return finders_[ball]->look(frame);
+  }
+  std::size_t unusable_frames() const { return finders_.front()->unusable_frames(); }
+
+ private:
+  std::vector<std::unique_ptr<wave::BallFinder>> finders_;
+};
+
+BallsFrames frames_of_recording(const WavedOptions& o, const WavedInput& in, const std::stop_token& stop) {
+  std::vector<std::string> names;
+  for (const calib::Camera& camera : in.rig.cameras) names.push_back(camera.name);
+  const capture::Recording recording = capture::read_recording(o.recording);
+  for (const auto& warning : recording.warnings) std::printf("note: %s\n", warning.c_str());
+  capture::ReplaySource source(recording, names);
+  for (std::size_t c = 0; c < names.size(); ++c) {
+    const capture::ReplayCamera& camera = source.cameras()[c];
+    const calib::ImageSize size = in.rig.cameras[c].image_size;
+    if (camera.width != size.width || camera.height != size.height) {
+      throw gather::InputError(camera.file.string() + " is " + std::to_string(camera.width) + "x" +
+                               std::to_string(camera.height) + ", and " + names[c] + "'s lens was calibrated at " +
+                               std::to_string(size.width) + "x" + std::to_string(size.height));
+    }
+  }
+  Finder finder(in);
+  Needs needs(in.rig);
+  gather::ProgressLine progress(!o.quiet);
+  BallsFrames frames(in.targets.size());
+  wave::Background background(names.size());
+  const auto expected = source.expected_frames();
+  for (int done = 0; auto frame = source.next(stop); ++done) {
+    background.add(*frame);
+    for (std::size_t ball = 0; ball < frames.size(); ++ball) {
+      auto found = finder.look(ball, *frame);
+      if (!found) continue;
+      needs.add(*found);
+      frames[ball].push_back(std::move(*found));
+    }
+    if (progress.due())
+      progress.draw(gather::progress_text("looking for the ball", done,
+                                          expected ? std::optional<int>(static_cast<int>(*expected)) : std::nullopt,
+                                          needs.text()));
+  }
+  for (auto& of_ball : frames) wave::sharpen(of_ball, background, in.rig, progress.progress());
+  progress.clear();
+  if (stop.stop_requested()) throw gather::InputError("stopped");
+  for (const auto& warning : source.take_warnings()) std::printf("note: %s\n", warning.c_str());
+  if (finder.unusable_frames() > 0) std::printf("note: %zu damaged frames left out\n", finder.unusable_frames());
+  return frames;
+}
+
+// Every camera has its own thread, which looks for the ball as well: of the pictures only what is around it is kept.
+BallsFrames frames_of_cameras(const WavedOptions& o, const WavedInput& in, const std::stop_token& stop) {
+  std::vector<pipeline::LiveCamera> cameras = pipeline::open_cameras(*in.config);
+  if (cameras.size() < 2) throw gather::InputError(o.config + ": cameras: two live cameras or more are needed");
+  std::mutex mutex;
+  BallsFrames frames(in.targets.size());  // guarded by mutex
+  Needs needs(in.rig);                    // guarded by mutex
+  std::optional<double> start;            // guarded by mutex
+  std::stop_source end;
+  {
+    std::vector<std::jthread> threads;
+    for (pipeline::LiveCamera& camera : cameras) {
+      threads.emplace_back([&, source = camera.source.get()] {
+        Finder finder(in);
+        wave::Background background(in.rig.cameras.size());
+        BallsFrames seen(in.targets.size());
+        while (const auto frame = source->next(end.get_token())) {
+          background.add(*frame);
+          for (std::size_t ball = 0; ball < in.targets.size(); ++ball) {
+            auto found = finder.look(ball, *frame);
+            if (!found) continue;
+            const std::lock_guard lock(mutex);
+            if (!start) start = found->t_s;
+            found->t_s -= *start;
+            needs.add(*found);
+            seen[ball].push_back(std::move(*found));
+          }
+        }
+        for (std::size_t ball = 0; ball < seen.size(); ++ball) {
+          wave::sharpen(seen[ball], background, in.rig);
+          const std::lock_guard lock(mutex);
+          std::ranges::move(seen[ball], std::back_inserter(frames[ball]));
+        }
+      });
+    }
+    gather::ProgressLine progress(!o.quiet);
+    const auto began = std::chrono::steady_clock::now();
+    double s = 0;
+    while (!stop.stop_requested() &&
+           (s = std::chrono::duration<double>(std::chrono::steady_clock::now() - began).count()) < o.live_s) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(100));
+      const std::lock_guard lock(mutex);
+      progress.draw(
+          gather::progress_text("wave the ball", static_cast<int>(s), static_cast<int>(o.live_s), needs.text()));
+    }
+    progress.clear();
+    end.request_stop();
+  }
+  return frames;
+}
+
+}  // namespace
+
+void add_waved_options(CLI::App& command, WavedOptions& o) {
+  command.add_option("recording", o.recording, "recording.yaml, or the folder that holds it");
+  command.add_option("--config", o.config, "huetrackd.yaml: targets, the rig to start from, live cameras");
+  command.add_option("--target", o.targets, "which of its targets is waved; again for another ball of the same size");
+  command.add_option("--rig", o.rig, "the rig file to write")->required();
+  command.add_option("--live", o.live_s, "look at the live cameras for so many seconds")->check(CLI::PositiveNumber);
+  command.add_flag("--overwrite", o.overwrite, "replace the rig file even when the result is doubtful");
+  command.add_flag("--quiet", o.quiet, "no progress");
+}
+
+std::string names_of(const std::vector<object_tracking::TargetOptions>& targets) {
+  std::vector<std::string_view> names;
+  for (const object_tracking::TargetOptions& target : targets) names.emplace_back(target.name);
+  return fmt::to_string(fmt::join(names, ", "));
+}
+
+WavedInput configured_input(const WavedOptions& o) {
+  WavedInput in;
+  in.config = config::load_service_config(o.config);
+  in.rig = in.config->rig;
+  const auto& known = in.config->targets;
+  const std::string names = names_of(known);
+  if (o.targets.empty() && known.size() > 1)
+    throw gather::InputError(o.config + " has several targets: say which with --target: " + names);
+  if (o.targets.empty()) in.targets = known;
+  for (const auto& name : o.targets) {
+    const auto target = std::ranges::find(known, name, &object_tracking::TargetOptions::name);
+    if (target == known.end()) throw gather::InputError(o.config + " has no target " + name + ": it has " + names);
+    if (!in.targets.empty() && in.targets.front().radius_m != target->radius_m)
+      throw gather::InputError("--target: " + in.targets.front().name + " and " + name +
+                               " are not of one radius: wave one of them");
+    in.targets.push_back(*target);
+  }
+  return in;
+}
+
+std::vector<wave::BallFrame> waved_frames(const WavedOptions& o, const WavedInput& in, const std::stop_token& stop) {
+  if (o.recording.empty() == (o.live_s <= 0)) throw gather::InputError("give a recording, or --live SECONDS");
+  if (o.live_s > 0 && o.config.empty())
+    throw gather::InputError("--live needs --config: it says where the cameras are");
+  return wave::one_after_the_other(o.live_s > 0 ? frames_of_cameras(o, in, stop) : frames_of_recording(o, in, stop),
+                                   in.rig.cameras.size());
+}
+
+}  // namespace huetrack::program

@@ -1,0 +1,46 @@
+// The waved ball in a recording, or before the live cameras: what `wave` and `time` look at.
+#pragma once
+
+#include <optional>
+#include <stop_token>
+#include <string>
+#include <vector>
+
+#include "calib/model/camera_rig.h"
+#include "calib/wave/wave.h"
+#include "config/service_config.h"
+#include "object_tracking/object_tracker.h"
+
+namespace CLI {
+class App;
+}
+
+namespace huetrack::program {
+
+struct WavedOptions {
+  std::string recording, config, rig;
+  std::vector<std::string> targets;
+  double live_s = 0;  // > 0: live, for so long; 0: the recording
+  bool quiet = false, overwrite = false;
+};
+
+void add_waved_options(CLI::App& command, WavedOptions& options);
+
+// What is to be calibrated, with which ball.
+struct WavedInput {
+  calib::CameraRig rig;
+  std::vector<object_tracking::TargetOptions> targets;  // of one radius
+  std::optional<config::ServiceConfig> config;
+};
+
+// What the configuration says. throws gather::InputError, and what load_service_config() throws
+WavedInput configured_input(const WavedOptions& options);
+
+std::string names_of(const std::vector<object_tracking::TargetOptions>& targets);
+
+// Where the ball may be in every frame, of several balls as if waved one after the other. Prints notes and progress.
+// throws gather::InputError, and what a recording or a camera throws
+std::vector<wave::BallFrame> waved_frames(const WavedOptions& options, const WavedInput& in,
+                                          const std::stop_token& stop);
+
+}  // namespace huetrack::program
