@@ -1,9 +1,11 @@
 // The keyframe camera tracker under a rolling shutter: a rendered desk (tests/scene/desk_scene.h) by a hand that turns
 // the camera at up to 130 degrees a second, the same motion at readouts of 0, 15 and 30 ms, the readout known or
 // learnt.
-//   build/release/tests/benchmark/camera_shutter [--seeds N] [--first SEED] [--moving] [--upwards] [--frames]
-// --moving: without rest at the beginning. --upwards: sensors that read from the last row to the first.
-// Exit status 1 when a rolling shutter costs more than half of the global shutter's error, or a frame.
+//   build/release/tests/benchmark/camera_shutter [--seeds N] [--first SEED] [--moving] [--upwards] [--readout MS]
+//   [--frames]
+// --readout: that one alone, besides 0. --moving: without rest at the beginning. --upwards: sensors that read from the
+// last row to the first. Exit status 1 when a rolling shutter costs more than half of the global shutter's error, or a
+// frame.
 #include <chrono>
 #include <cstdio>
 #include <cstring>
@@ -23,6 +25,7 @@ constexpr double ratio_bar = 1.5, rest_s = 0.35;
 
 struct Options {
   std::uint64_t seeds = 4, first = 1;
+  double only_ms = 0;
   bool moving = false, upwards = false, frames = false;
 };
 
@@ -82,6 +85,8 @@ int main(int argc, char** argv) {
       options.seeds = std::stoull(argv[++i]);
     else if (std::strcmp(argv[i], "--first") == 0 && i + 1 < argc)
       options.first = std::stoull(argv[++i]);
+    else if (std::strcmp(argv[i], "--readout") == 0 && i + 1 < argc)
+      options.only_ms = std::stod(argv[++i]);
     else if (std::strcmp(argv[i], "--moving") == 0)
       options.moving = true;
     else if (std::strcmp(argv[i], "--upwards") == 0)
@@ -89,8 +94,10 @@ int main(int argc, char** argv) {
     else if (std::strcmp(argv[i], "--frames") == 0)
       options.frames = true;
     else {
-      std::fprintf(stderr, "camera_shutter: '%s' is none of --seeds N, --first SEED, --moving, --upwards, --frames\n",
-                   argv[i]);
+      std::fprintf(
+          stderr,
+          "camera_shutter: '%s' is none of --seeds N, --first SEED, --moving, --upwards, --readout MS, --frames\n",
+          argv[i]);
       return 2;
     }
   }
@@ -103,6 +110,7 @@ int main(int argc, char** argv) {
         static_cast<unsigned long long>(seed));
     std::optional<Run> global;
     for (const double ms : {0.0, 15.0, 30.0}) {
+      if (options.only_ms != 0 && ms != 0 && ms != options.only_ms) continue;
       const double readout_s = 1e-3 * (options.upwards ? -ms : ms);
       figures::CameraSequence sequence;
       sequence.camera = desk.camera;

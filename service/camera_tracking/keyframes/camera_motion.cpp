@@ -11,19 +11,19 @@ namespace {
 constexpr double hand_rad_s = 0.5, hand_m_s = 0.2, hand_rad_s2 = 8, hand_m_s2 = 4;
 constexpr double longest_interval_s = 0.15;  // longer, and the motion before says nothing about that after
 // However evenly it moved, a hand trembles.
-constexpr double least_rad_s = 0.04, least_m_s = 0.015;
+constexpr double least_rad_s = 0.02, least_m_s = 0.01;
 constexpr double change_kept = 0.8;  // of the mean square, from frame to frame
 // With a steady change of the acceleration, velocities that go on with the acceleration before are off by a third of
-// what the next one then departs from them; the double of that leaves room for changes that are not steady.
-constexpr double off_by_share_of_change = 2.0 / 3;
+// what the next one then departs from them.
+constexpr double off_by_share_of_change = 1.0 / 3;
 // What a rig says without a standard deviation, and a camera of which no rig says anything.
 constexpr double known_sigma_s = 1e-3, unknown_sigma_s = 20e-3;
 // Neighbouring frames see the same points, whose errors are alike: so many of them say as much as one.
-constexpr double frames_alike = 5;
+constexpr double frames_alike = 3;
 constexpr double least_frame_sigma_s = 0.5e-3;  // of what one frame says: the motion between rows is not that even
 constexpr double plausible_sigmas = 3;
 // No number of frames tells it better than this: velocities are differences of poses, whose errors are no part of this.
-constexpr double least_sigma_share = 0.01, least_sigma_s = 0.15e-3;
+constexpr double least_sigma_share = 0.015, least_sigma_s = 0.15e-3;
 
 }  // namespace
 
@@ -32,14 +32,20 @@ calib::Tangent6d MotionPrior::velocity(const calib::Rigid3d& cam_from_world) con
   return mean + kept * (mean - velocity_before);
 }
 
-calib::Tangent6d MotionPrior::bend(const calib::Rigid3d& cam_from_world) const {
+calib::Tangent6d MotionPrior::bend(const calib::Rigid3d& cam_from_world, double readout_s) const {
   if (kept <= 0) return calib::Tangent6d::Zero();
   const calib::Tangent6d mean = per_frame_hz * calib::log(cam_from_world * calib::inverse(before));
-  return readout.mean_s * readout.mean_s / accelerating_s * (mean - velocity_before);
+  return readout_s * readout_s / accelerating_s * (mean - velocity_before);
 }
 
 camera_tracking::Sweep MotionPrior::sweep(const calib::Rigid3d& cam_from_world, double last_row) const {
-  return {readout.mean_s * velocity(cam_from_world), bend(cam_from_world), last_row};
+  return {readout.mean_s * velocity(cam_from_world), bend(cam_from_world, readout.mean_s), last_row};
+}
+
+MotionPrior MotionPrior::held() const {
+  MotionPrior out = *this;
+  out.readout.sigma_s = out.turn_sigma_rad_s = out.shift_sigma_m_s = 0;
+  return out;
 }
 
 Matrix6d MotionPrior::covariance(const calib::Tangent6d& velocity) const {
@@ -105,21 +111,26 @@ MotionPrior CameraMotion::prior_from_next(capture::Timestamp at, capture::Timest
 }
 
 ReadoutLearner::ReadoutLearner(const calib::CameraTiming& timing)
-    : readout_{timing.readout_s.value_or(0.0),
-               timing.readout_s ? timing.readout_sigma_s.value_or(known_sigma_s) : unknown_sigma_s} {}
+    : told_{timing.readout_s.value_or(0.0),
+            timing.readout_s ? timing.readout_sigma_s.value_or(known_sigma_s) : unknown_sigma_s},
+      averaged_(told_) {}
 
 void ReadoutLearner::add(const Readout& measured) {
-  if (readout_.sigma_s < std::hypot(least_sigma_s, least_sigma_share * readout_.mean_s)) return;
-  const double variance = readout_.sigma_s * readout_.sigma_s;
+  const double variance = averaged_.sigma_s * averaged_.sigma_s;
   const double own = std::hypot(measured.sigma_s, least_frame_sigma_s);
   // What contradicts all that was learnt counts for less, the more it does.
   const double surprise =
-      std::abs(measured.mean_s - readout_.mean_s) / std::sqrt(own * own + variance) / plausible_sigmas;
+      std::abs(measured.mean_s - averaged_.mean_s) / std::sqrt(own * own + variance) / plausible_sigmas;
   const double noise = frames_alike * own * own * std::max(1.0, surprise * surprise);
   const double gain = variance / (variance + noise);
   if (!(gain > 0)) return;
-  readout_.mean_s += gain * (measured.mean_s - readout_.mean_s);
-  readout_.sigma_s = std::sqrt((1 - gain) * variance);
+  averaged_.mean_s += gain * (measured.mean_s - averaged_.mean_s);
+  averaged_.sigma_s = std::sqrt((1 - gain) * variance);
+}
+
+Readout ReadoutLearner::readout() const {
+  const double least_s = std::hypot(least_sigma_s, least_sigma_share * averaged_.mean_s);
+  return {averaged_.mean_s, std::max(averaged_.sigma_s, std::min(least_s, told_.sigma_s))};
 }
 
 }  // namespace huetrack::keyframes

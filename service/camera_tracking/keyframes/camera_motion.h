@@ -31,9 +31,10 @@ struct MotionPrior {
 
   // When the middle row is exposed.
   calib::Tangent6d velocity(const calib::Rigid3d& cam_from_world) const;
-  calib::Tangent6d bend(const calib::Rigid3d& cam_from_world) const;            // Sweep::bend
+  calib::Tangent6d bend(const calib::Rigid3d& cam_from_world, double readout_s) const;  // Sweep::bend
   double velocity_per_tangent_hz() const { return (1 + kept) * per_frame_hz; }  // d velocity / d tangent of the pose
   camera_tracking::Sweep sweep(const calib::Rigid3d& cam_from_world, double last_row) const;
+  MotionPrior held() const;  // as if it were sure
   // Of a sweep's motion about sweep().motion, the readout's included.
   Matrix6d covariance(const calib::Tangent6d& velocity) const;
 };
@@ -65,10 +66,10 @@ class ReadoutLearner {
  public:
   explicit ReadoutLearner(const calib::CameraTiming& timing);
   void add(const Readout& measured);  // by one frame
-  const Readout& readout() const { return readout_; }
+  Readout readout() const;
 
  private:
-  Readout readout_;
+  Readout told_, averaged_;
 };
 
 }  // namespace huetrack::keyframes

@@ -167,7 +167,7 @@ SweptPose KeyframeTracking::fit_to_fields(SweptPose pose, const std::vector<Visi
             {p, from_level(Eigen::Vector2d(peak.u + offset, peak.v + offset), level), fit_sigma_px * scale_of(level)});
     }
     if (observations.size() < fewest_answers) break;
-    const SweptFit fit = refine(observations, pose, fit_iterations);
+    const SweptFit fit = rough_fit(observations, pose, fit_iterations);
     if (fit.fit.inliers < fewest_inliers) break;
     pose = fit.pose;
   }

@@ -75,7 +75,7 @@ ProvenPose KeyframeTracking::fine(const SweptPose& start, const Pyramid& pyramid
   out.evidence.sought = matches.sought;
   out.missed = matches.missed;
   if (matches.observations.size() < fewest_observations) return out;
-  const SweptFit refined = refine(matches.observations, out.pose, iterations);
+  const SweptFit refined = refine_swept_pose(camera_.model, matches.observations, out.pose, prior_, iterations);
   const PoseFit& fit = refined.fit;
   out.pose = refined.pose;
   out.readout = refined.readout;
@@ -134,7 +134,7 @@ SweptPose KeyframeTracking::first_fit(const SweptPose& pose, const Pyramid& pyra
                             std::hypot(pixel_sigma_px * scale_of(level), s.map_sigma_px)});
   }
   if (observations.size() < first_fit_points) return pose;
-  const SweptFit fit = refine(observations, pose, rough_iterations);
+  const SweptFit fit = rough_fit(observations, pose, rough_iterations);
   return fit.fit.inliers >= first_fit_inliers ? fit.pose : pose;
 }
 
@@ -184,7 +184,7 @@ SweptPose KeyframeTracking::add_corners(const SweptPose& start, const Pyramid& p
   SweptPose pose = start;
   const std::size_t points = matches.observations.size();
   if (points >= corner_fit_points) {
-    const SweptFit fit = refine(matches.observations, pose, rough_iterations);
+    const SweptFit fit = rough_fit(matches.observations, pose, rough_iterations);
     if (fit.fit.inliers >= corner_fit_inliers) pose = fit.pose;
   }
   std::array<Eigen::Vector2d, 4> about;

@@ -20,6 +20,8 @@ constexpr int least_found_share = 4;  // one in so many
 // A frame maps points only where most were found, for else its pose is weak, and where it moved by less than these
 // shares of the image's width, for a fast frame is a blurred one.
 constexpr double enough_found = 0.5, sharp_for_seeds = 0.06, sharp_for_keyframe = 0.03;
+// So much may an unknown readout leave open over the image, in a frame that maps.
+constexpr double seeds_bear_px = 4, keyframes_bear_px = 2;
 // A key frame is new where the camera has moved by so much of the scene's distance, or turned by so much, from all
 // others.
 constexpr double keyframe_moved = 0.05, keyframe_turned_rad = 0.2;
@@ -32,6 +34,7 @@ constexpr int adjust_iterations = 6;
 // A key frame is fitted anew once the readout is known by so much better.
 constexpr double refit_at_share = 0.6;
 constexpr std::size_t fewest_to_refit = 4;  // observations
+constexpr std::size_t most_kept_up = 14;    // in one frame, the oldest first
 constexpr double seed_sigma_px = 0.4;       // of a seed's corner, pixels of its level
 
 double angle_between(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
@@ -117,8 +120,9 @@ double KeyframeMapping::median_depth(const calib::Rigid3d& cam_from_world) const
 void KeyframeMapping::map(const TrackedFrame& frame) {
   if (!frame.tracked) return;
   count_finds(frame);
-  refit_keyframes(frame.readout);
-  if (frame.flow_px < sharp_for_seeds * camera_.image_size.width) update_seeds(frame);
+  keep_up_with(frame.readout);
+  if (frame.flow_px < sharp_for_seeds * camera_.image_size.width && frame.readout_open_px < seeds_bear_px)
+    update_seeds(frame);
   if (is_new_keyframe(frame)) add_keyframe(frame);
 }
 
@@ -141,7 +145,7 @@ void KeyframeMapping::count_finds(const TrackedFrame& frame) {
 
 bool KeyframeMapping::is_new_keyframe(const TrackedFrame& frame) const {
   if (frame.number < last_keyframe_frame_ + frames_between_keyframes || !(frame.share_found > enough_found) ||
-      !(frame.flow_px < sharp_for_keyframe * camera_.image_size.width))
+      !(frame.flow_px < sharp_for_keyframe * camera_.image_size.width) || !(frame.readout_open_px < keyframes_bear_px))
     return false;
   const double depth = median_depth(frame.pose.cam_from_world);
   const Eigen::Vector3d centre = calib::inverse(frame.pose.cam_from_world).translation;
@@ -176,7 +180,7 @@ void KeyframeMapping::add_keyframe(const TrackedFrame& frame) {
     const int level = p.look_count == 0 ? 0 : p.looks[0].level;
     add_look(p, index, level, s.px);
   }
-  if (index > 0) adjust_near(index);
+  if (index > 0) adjust_moved(to_be_moved(index), index);
   add_seeds(index);
 }
 
@@ -284,24 +288,36 @@ void KeyframeMapping::take_over(const LocalProblem& local) {
 }
 
 // Those whose motion was fitted when less was known of the readout: their rows are elsewhere than was thought.
-void KeyframeMapping::refit_keyframes(const Readout& readout) {
-  for (std::size_t k = 0; k < priors_.size(); ++k) {
+void KeyframeMapping::keep_up_with(const Readout& readout) {
+  std::set<int> outdated;
+  for (std::size_t k = 0; k < priors_.size() && outdated.size() < most_kept_up; ++k) {
     if (!priors_[k] || !(readout.sigma_s < refit_at_share * priors_[k]->readout.sigma_s)) continue;
     priors_[k]->readout = readout;
-    std::vector<PoseObservation> seen;
-    for (std::size_t i = 0; i < by_point_.size(); ++i) {
-      for (const PointSighting& s : by_point_[i])
-        if (s.keyframe == static_cast<int>(k)) seen.push_back({map_.points[i].position, s.px, s.sigma_px});
+    outdated.insert(static_cast<int>(k));
+  }
+  if (!outdated.empty()) adjust_moved(outdated, *outdated.rbegin());
+}
+
+// Pose and motion, to the points as they are now.
+void KeyframeMapping::refit(const std::set<int>& keyframes) {
+  std::map<int, std::vector<PoseObservation>> seen;
+  for (std::size_t i = 0; i < by_point_.size(); ++i) {
+    for (const PointSighting& s : by_point_[i]) {
+      if (keyframes.contains(s.keyframe)) seen[s.keyframe].push_back({map_.points[i].position, s.px, s.sigma_px});
     }
-    if (seen.size() < fewest_to_refit) continue;
-    Keyframe& keyframe = map_.keyframes[k];
-    const SweptFit fit = refine_swept_pose(camera_.model, seen, keyframe.pose(), *priors_[k]);
+  }
+  for (const auto& [k, observations] : seen) {
+    const std::optional<MotionPrior>& prior = priors_[static_cast<std::size_t>(k)];
+    if (!prior || observations.size() < fewest_to_refit) continue;
+    Keyframe& keyframe = map_.keyframes[static_cast<std::size_t>(k)];
+    const SweptFit fit = refine_swept_pose(camera_.model, observations, keyframe.pose(), *prior);
     keyframe.cam_from_world = fit.pose.cam_from_world, keyframe.sweep = fit.pose.sweep;
   }
 }
 
-void KeyframeMapping::adjust_near(int keyframe) {
-  LocalProblem local = problem_of(to_be_moved(keyframe), keyframe);
+void KeyframeMapping::adjust_moved(const std::set<int>& moved, int keyframe) {
+  refit(moved);  // the adjustment holds their motion
+  LocalProblem local = problem_of(moved, keyframe);
   if (local.bundle.observations.size() < fewest_to_adjust) return;
   adjust(camera_.model, local.bundle, adjust_iterations);
   ++counters_.adjustments;

@@ -90,11 +90,12 @@ class KeyframeMapping {
     std::vector<int> point_of;                                // of each point of the bundle: the map's
     std::vector<std::pair<std::size_t, std::size_t>> source;  // of each observation: point, place in its list
   };
-  void adjust_near(int keyframe);
+  void adjust_moved(const std::set<int>& moved, int newest);
   std::set<int> to_be_moved(int keyframe) const;
   LocalProblem problem_of(const std::set<int>& moved, int keyframe) const;
   void take_over(const LocalProblem& local);
-  void refit_keyframes(const Readout& readout);
+  void keep_up_with(const Readout& readout);
+  void refit(const std::set<int>& keyframes);
 
   // ---- keyframe_seeds.cpp
   void add_seeds(int keyframe);

@@ -61,7 +61,7 @@ class KeyframeTracking {
 
   const camera_tracking::PoseParticles& particles() const { return particles_; }
   double effective_sample_size() const { return effective_sample_size_; }
-  const Readout& readout() const { return readout_.readout(); }
+  Readout readout() const { return readout_.readout(); }
   const MotionPrior& prior() const { return prior_; }  // with which the last frame's pose was fitted
   // What was sought in the last frame, for pictures.
   struct Sought {
@@ -127,9 +127,12 @@ class KeyframeTracking {
                                          const camera_tracking::Pyramid& pyramid, const camera_tracking::SceneMap& map,
                                          Matches& matches);
   bool is_corner(int point) const { return rectangle_ && point < 4; }
-  SweptFit refine(std::span<const camera_tracking::PoseObservation> observations,
-                  const camera_tracking::SweptPose& start, int iterations) const {
-    return refine_swept_pose(camera_.model, observations, start, prior_, iterations);
+  // For a pose to go on from. Few points that are roughly seen would make any motion of their noise.
+  SweptFit rough_fit(std::span<const camera_tracking::PoseObservation> observations,
+                     const camera_tracking::SweptPose& start, int iterations) const {
+    constexpr std::size_t enough_for_motion = 20;
+    const bool is_held = observations.size() < enough_for_motion;
+    return refine_swept_pose(camera_.model, observations, start, is_held ? prior_.held() : prior_, iterations);
   }
   void sort_out(const camera_tracking::PoseFit& fit, const Matches& matches, ProvenPose& out) const;
   // Where a template may lie whose centre is within reach of `at`, both in pixels of the image.

@@ -61,6 +61,7 @@ class Fit {
   // The prior, at the present pose.
   Vector6d velocity_ = Vector6d::Zero(), off_ = Vector6d::Zero();  // off_: the motion less what the prior expects
   Matrix6d prior_information_ = Matrix6d::Zero();
+  double readout_s_ = 0;
 };
 
 Fit::Fit(const calib::CameraModel& lens, std::span<const PoseObservation> observations, const SweptPose& start,
@@ -122,14 +123,16 @@ Normal Fit::seen() {
 
 Normal Fit::known() {
   velocity_ = prior_.velocity(out_.pose.cam_from_world);
-  out_.pose.sweep.bend = prior_.bend(out_.pose.cam_from_world);
   off_ = out_.pose.sweep.motion - prior_.readout.mean_s * velocity_;
   prior_information_ = prior_.covariance(velocity_).llt().solve(Matrix6d::Identity());
-  const double by_pose = prior_.readout.mean_s * prior_.velocity_per_tangent_hz();
+  const Vector6d b = prior_information_ * off_;
+  // The readout that goes best with this motion is what couples it to the pose.
+  readout_s_ = prior_.readout.mean_s + prior_.readout.sigma_s * prior_.readout.sigma_s * velocity_.dot(b);
+  out_.pose.sweep.bend = prior_.bend(out_.pose.cam_from_world, readout_s_);
+  const double by_pose = readout_s_ * prior_.velocity_per_tangent_hz();
   Normal n;
   n.h << by_pose * by_pose * prior_information_, -by_pose * prior_information_, -by_pose * prior_information_,
       prior_information_;
-  const Vector6d b = prior_information_ * off_;
   n.b << -by_pose * b, b;
   return n;
 }
@@ -140,7 +143,7 @@ std::optional<Readout> Fit::readout_of(const Matrix12d& covariance) const {
   constexpr double least_information = 1e-3;  // of the prior's
   const double variance = prior_.readout.sigma_s * prior_.readout.sigma_s;
   if (!(variance > 0)) return std::nullopt;
-  const double by_pose = prior_.readout.mean_s * prior_.velocity_per_tangent_hz();
+  const double by_pose = readout_s_ * prior_.velocity_per_tangent_hz();
   const Vector6d gain = variance * prior_information_ * velocity_;
   const Matrix6d of_off = by_pose * by_pose * covariance.topLeftCorner<6, 6>() -
                           by_pose * (covariance.topRightCorner<6, 6>() + covariance.bottomLeftCorner<6, 6>()) +
@@ -148,7 +151,7 @@ std::optional<Readout> Fit::readout_of(const Matrix12d& covariance) const {
   const double left = variance - variance * gain.dot(velocity_) + gain.dot(of_off * gain);
   if (!(left > 0) || !(1 / left - 1 / variance > least_information / variance)) return std::nullopt;
   const double own = 1 / (1 / left - 1 / variance);
-  return Readout{prior_.readout.mean_s + gain.dot(off_) * own / left, std::sqrt(own)};
+  return Readout{prior_.readout.mean_s + (readout_s_ - prior_.readout.mean_s) * own / left, std::sqrt(own)};
 }
 
 void Fit::iterate(int iterations) {
