@@ -21,6 +21,7 @@ namespace fs = std::filesystem;
 using doctor::CameraExam;
 using doctor::Finding;
 using doctor::judge_light;
+using doctor::LightExam;
 using object_tracking::TrackState;
 using testing::AllOf;
 using testing::Contains;
