@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 
 #include <Eigen/LU>
+#include <array>
 #include <cmath>
 #include <numbers>
 
