@@ -207,7 +207,8 @@ std::vector<TimeSigns> WaveSolution::signs() const {
   std::vector<std::vector<LagSample>> samples(rig_.cameras.size());
   std::vector<std::vector<double>> gaps(rig_.cameras.size());
   std::vector<double> before_s(rig_.cameras.size(), -1);
-  for (const BallFrame& f : frames_) {
+  for (std::size_t number = 0; number < frames_.size(); ++number) {
+    const BallFrame& f = frames_[number];
     const std::size_t c = index(f.camera);
     if (before_s[c] >= 0) gaps[c].push_back(f.t_s - before_s[c]);
     before_s[c] = f.t_s;
@@ -221,6 +222,10 @@ std::vector<TimeSigns> WaveSolution::signs() const {
       const double t_s = exposed_s(f, region);
       const auto at = predicted(t_s), soon = predicted(t_s + soon_s);
       if (!at || !soon) continue;
+      const auto look = appearance(f, region);
+      const auto covariance = look ? covariance_of(number, region, *look) : std::nullopt;
+      constexpr double most_sigma_px = 1;  // beyond, it is hidden in part, or not the ball alone
+      if (!covariance || covariance->trace() > 2 * most_sigma_px * most_sigma_px) continue;
       const LagSample sample{t_s, region.centre - *at, (*soon - *at) / soon_s};
       if (sample.residual.norm() > near_px + most_frames * longest_s_ * sample.velocity.norm()) continue;
       if (!best || sample.residual.norm() < best->residual.norm()) best = sample;
