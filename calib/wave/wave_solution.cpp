@@ -278,9 +278,15 @@ WaveAdjustmentOptions WaveSolution::adjustment_options() const {
   o.hold_poses = options_.hold_poses;
   o.wander_s = wander_s_;
   for (const calib::Camera& camera : rig_.cameras) o.times.push_back(time_prior(camera.timing, in_step_));
-  for (TimePrior& prior : o.times) {
+  for (std::size_t c = 0; c < o.times.size(); ++c) {
+    TimePrior& prior = o.times[c];
+    const calib::CameraTiming& timing = rig_.cameras[c].timing;
     // Against the first camera's, which stays.
     prior.latency_sigma_s = std::hypot(prior.latency_sigma_s, rig_.cameras[0].timing.latency_sigma_s.value_or(0));
+    // What the rig is sure of, and is wrong by now, would not let go once the rest is fitted to it.
+    const TimePrior any;
+    if (rough_ && timing.latency_s) prior.latency_sigma_s = any.latency_sigma_s;
+    if (rough_ && timing.readout_s) prior.readout_sigma_s = any.readout_sigma_s;
   }
   return o;
 }
