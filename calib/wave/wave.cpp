@@ -111,8 +111,15 @@ Found find_solution(const calib::CameraRig& rig, const std::vector<BallFrame>& f
   }
   WaveStart start;
   for (const calib::Camera& camera : rig.cameras) start.cam_from_world.push_back(camera.cam_from_world);
+  constexpr double most_agree = 0.7;  // of the frames, where the start was not too far off
   if (options.hold_poses) {
     solution->solve(start, false);
+    if (const double share = solution->used_share(); share < most_agree) {
+      throw solver::CalibrationError(fmt::format(
+          "only {:.0f} % of the frames with the target's colour agree with the poses that the rig has: they "
+          "are not right, or the cameras' names are swapped. Find poses and times together, with wave",
+          1e2 * share));
+    }
     return {std::move(solution), false};
   }
   std::string why;
@@ -121,7 +128,6 @@ Found find_solution(const calib::CameraRig& rig, const std::vector<BallFrame>& f
   } catch (const solver::CalibrationError& e) {
     why = e.what();
   }
-  constexpr double most_agree = 0.7;  // of the frames, where the start was not too far off
   if (why.empty() && solution->used_share() >= most_agree) return {std::move(solution), false};
   try {
     auto fresh = std::make_unique<WaveSolution>(rig, frames, options);

@@ -205,7 +205,8 @@ std::vector<TimeSigns> WaveSolution::signs() const {
   std::vector<std::vector<LagSample>> samples(rig_.cameras.size());
   std::vector<std::vector<double>> gaps(rig_.cameras.size());
   std::vector<double> before_s(rig_.cameras.size(), -1);
-  for (const BallFrame& f : frames_) {
+  for (std::size_t number = 0; number < frames_.size(); ++number) {
+    const BallFrame& f = frames_[number];
     const std::size_t c = index(f.camera);
     if (before_s[c] >= 0) gaps[c].push_back(f.t_s - before_s[c]);
     before_s[c] = f.t_s;
@@ -219,6 +220,10 @@ std::vector<TimeSigns> WaveSolution::signs() const {
       const double t_s = exposed_s(f, region);
       const auto at = predicted(t_s), soon = predicted(t_s + soon_s);
       if (!at || !soon) continue;
+      const auto look = appearance(f, region);
+      const auto covariance = look ? covariance_of(number, region, *look) : std::nullopt;
+      constexpr double most_sigma_px = 1;  // beyond, it is hidden in part, or not the ball alone
+      if (!covariance || covariance->trace() > 2 * most_sigma_px * most_sigma_px) continue;
       const LagSample sample{t_s, region.centre - *at, (*soon - *at) / soon_s};
       if (sample.residual.norm() > near_px + most_frames * longest_s_ * sample.velocity.norm()) continue;
       if (!best || sample.residual.norm() < best->residual.norm()) best = sample;
@@ -271,9 +276,15 @@ WaveAdjustmentOptions WaveSolution::adjustment_options() const {
   o.hold_poses = options_.hold_poses;
   o.wander_s = wander_s_;
   for (const calib::Camera& camera : rig_.cameras) o.times.push_back(time_prior(camera.timing, in_step_));
-  for (TimePrior& prior : o.times) {
+  for (std::size_t c = 0; c < o.times.size(); ++c) {
+    TimePrior& prior = o.times[c];
+    const calib::CameraTiming& timing = rig_.cameras[c].timing;
     // Against the first camera's, which stays.
     prior.latency_sigma_s = std::hypot(prior.latency_sigma_s, rig_.cameras[0].timing.latency_sigma_s.value_or(0));
+    // What the rig is sure of, and is wrong by now, would not let go once the rest is fitted to it.
+    const TimePrior any;
+    if (rough_ && timing.latency_s) prior.latency_sigma_s = any.latency_sigma_s;
+    if (rough_ && timing.readout_s) prior.readout_sigma_s = any.readout_sigma_s;
   }
   return o;
 }
