@@ -19,7 +19,7 @@ constexpr double off_by_share_of_change = 1.0 / 3;
 // What a rig says without a standard deviation, and a camera of which no rig says anything.
 constexpr double known_sigma_s = 1e-3, unknown_sigma_s = 20e-3;
 // Neighbouring frames see the same points, whose errors are alike: so many of them say as much as one.
-constexpr double frames_alike = 3;
+constexpr double frames_alike = 4;
 constexpr double least_frame_sigma_s = 0.5e-3;  // of what one frame says: the motion between rows is not that even
 constexpr double plausible_sigmas = 3;
 // No number of frames tells it better than this: velocities are differences of poses, whose errors are no part of this.

@@ -21,7 +21,7 @@ constexpr int least_found_share = 4;  // one in so many
 // shares of the image's width, for a fast frame is a blurred one.
 constexpr double enough_found = 0.5, sharp_for_seeds = 0.06, sharp_for_keyframe = 0.03;
 // So much may an unknown readout leave open over the image, in a frame that maps.
-constexpr double seeds_bear_px = 4, keyframes_bear_px = 2;
+constexpr double seeds_bear_px = 1.5, keyframes_bear_px = 1.5;
 // A key frame is new where the camera has moved by so much of the scene's distance, or turned by so much, from all
 // others.
 constexpr double keyframe_moved = 0.05, keyframe_turned_rad = 0.2;
