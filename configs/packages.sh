@@ -47,10 +47,13 @@ install_missing() {
   fi
 }
 
-# build_huetrack FOLDER "CMAKE OPTIONS" TARGETS...: configures and builds with Ninja; says how long it took.
+# build_huetrack FOLDER "CMAKE OPTIONS" TARGETS...: configures and builds with Ninja; says how long it took. In a new
+# folder a module's files are compiled together, which halves the time; who develops configures by himself first
+# (cmake --preset release), for then only the file that changed is compiled again.
 build_huetrack() {
   local folder="$1" options="$2" root start=$SECONDS
   shift 2
+  [ -e "$folder/CMakeCache.txt" ] || options="$options -DCMAKE_UNITY_BUILD=ON"
   root="$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)"
   echo "== building in $folder"
   # shellcheck disable=SC2086

@@ -8,6 +8,8 @@
 #include <opencv2/imgproc.hpp>
 #include <optional>
 
+#include "calib/model/median.h"
+
 namespace huetrack::board {
 namespace {
 
@@ -407,8 +409,7 @@ class Growing {  // one lattice
       if (contrasts.back()) known.push_back(*contrasts.back());
     }
     if (known.empty()) return;
-    std::ranges::nth_element(known, known.begin() + static_cast<std::ptrdiff_t>(known.size() / 2));
-    const double usual = std::max(known[known.size() / 2], 1e-3);
+    const double usual = std::max(calib::median(std::move(known)), 1e-3);
     auto contrast = contrasts.begin();
     std::erase_if(cells_, [&](const auto&) { return (contrast++)->value_or(usual) < least_contrast * usual; });
     for (bool dropped = true; dropped;) {

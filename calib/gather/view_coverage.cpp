@@ -8,13 +8,12 @@
 #include <numbers>
 
 #include "calib/gather/find_boards.h"
+#include "calib/model/index.h"
 
 namespace huetrack::gather {
 namespace {
 
-std::size_t index(int i) {
-  return static_cast<std::size_t>(i);
-}
+using calib::index;
 
 // As a lens of usual width would see it: good enough to tell straight from tilted.
 ViewCoverage::Tilt tilt_of(const board::Board& board, const solver::BoardView& view, calib::ImageSize size) {

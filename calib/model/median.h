@@ -8,7 +8,7 @@
 namespace huetrack::calib {
 
 // The median: of an even count the larger one of the two middle values (not their mean). of_none: for no values at all.
-// T is a floating-point type; no value may be NaN.
+// T is a floating-point type or a duration; no value may be NaN.
 template <typename T>
 T median(std::vector<T> values, T of_none = 0) {
   if (values.empty()) return of_none;

@@ -2,14 +2,10 @@
 
 #include <cmath>
 
+#include "calib/model/cross_matrix.h"
+
 namespace huetrack::calib {
 namespace {
-
-Eigen::Matrix3d cross_matrix(const Eigen::Vector3d& w) {
-  Eigen::Matrix3d m;
-  m << 0, -w.z(), w.y(), w.z(), 0, -w.x(), -w.y(), w.x(), 0;
-  return m;
-}
 
 // Below this angle (radians) the closed forms lose digits and the first terms of their series are exact to rounding.
 constexpr double small_angle = 1e-3;

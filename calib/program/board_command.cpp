@@ -12,7 +12,7 @@
 namespace huetrack::program {
 namespace {
 
-struct Options {
+struct BoardOptions {
   std::string type, paper = "A4", dictionary;
   int columns = 0, rows = 0, first_marker = 0;
   double square_mm = 0, marker_mm = 0, gap_mm = 0;
@@ -20,7 +20,7 @@ struct Options {
   std::filesystem::path out, board_file;
 };
 
-board::Board board_of(const Options& o) {
+board::Board board_of(const BoardOptions& o) {
   board::Board board;
   board.inverted = o.inverted;
   board.legacy = o.legacy;
@@ -54,7 +54,7 @@ board::Board board_of(const Options& o) {
   return board;
 }
 
-ExitStatus print(const Options& o) {
+ExitStatus print(const BoardOptions& o) {
   const board::Board board = board_of(o);
   const auto paper = board::paper_of(o.paper);
   if (!paper)
@@ -83,7 +83,7 @@ ExitStatus print(const Options& o) {
 }  // namespace
 
 void add_board_command(CLI::App& app, Command& chosen) {
-  const auto o = std::make_shared<Options>();
+  const auto o = std::make_shared<BoardOptions>();
   CLI::App* command =
       app.add_subcommand("board", "make a calibration board to print (PDF, true scale), and its board file");
   command->add_option("--type", o->type, "chessboard, charuco, aruco_grid or april_grid")

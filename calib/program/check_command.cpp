@@ -15,14 +15,14 @@
 namespace huetrack::program {
 namespace {
 
-struct Options {
+struct CheckOptions {
   std::string rig, board, mend;
   std::vector<std::string> inputs;
   gather::FindBoardsOptions find{.max_sets = 60, .page = {}};
   bool quiet = false;
 };
 
-ExitStatus check(const Options& options, const std::stop_token& stop) {
+ExitStatus check(const CheckOptions& options, const std::stop_token& stop) {
   const board::Board board = board::read_board(options.board);
   calib::CameraRig rig = calib::read_rig(options.rig);
   gather::FindBoardsOptions find = options.find;
@@ -48,7 +48,7 @@ ExitStatus check(const Options& options, const std::stop_token& stop) {
 }  // namespace
 
 void add_check_command(CLI::App& app, Command& chosen) {
-  const auto options = std::make_shared<Options>();
+  const auto options = std::make_shared<CheckOptions>();
   CLI::App* command = app.add_subcommand("check", "does a rig still fit? Names a camera that was bumped");
   command->add_option("rig", options->rig, "the rig file")->required();
   command->add_option("inputs", options->inputs, "a recording of the board, or NAME=FRAMES for each camera")

@@ -7,11 +7,11 @@
 namespace huetrack::program {
 namespace {
 
-struct Options : CalibrationOptions {
+struct IntrinsicsOptions : CalibrationOptions {
   std::string camera;
 };
 
-ExitStatus calibrate(Options options, const std::stop_token& stop) {
+ExitStatus calibrate(IntrinsicsOptions options, const std::stop_token& stop) {
   if (options.rig.empty()) options.rig = options.camera + ".yaml";
   const board::Board board = board::read_board(options.board);
   gather::GatherOptions gather;
@@ -35,7 +35,7 @@ ExitStatus calibrate(Options options, const std::stop_token& stop) {
 }  // namespace
 
 void add_intrinsics_command(CLI::App& app, Command& chosen) {
-  const auto options = std::make_shared<Options>();
+  const auto options = std::make_shared<IntrinsicsOptions>();
   CLI::App* command = app.add_subcommand("intrinsics", "find the lens of one camera from pictures of a board");
   add_calibration_options(*command, *options);
   command->get_option("inputs")->description(

@@ -18,14 +18,14 @@
 namespace huetrack::program {
 namespace {
 
-struct Options : WavedOptions {
+struct WaveCommand : WavedOptions {
   std::vector<std::string> lenses, camera_distance;
   std::vector<double> hue, saturation{0.3, 1}, intensity{0.1, 0.95}, marks;
   double radius_mm = 40, rest_distance = 0;
   bool no_poses = false;
 };
 
-WavedInput input_of(const Options& o) {
+WavedInput input_of(const WaveCommand& o) {
   if (!o.config.empty()) {
     if (!o.lenses.empty() || !o.hue.empty())
       throw gather::InputError("--config says lenses and colours: leave --lens and --hue out");
@@ -54,7 +54,7 @@ WavedInput input_of(const Options& o) {
   return in;
 }
 
-wave::WaveOptions wave_options(const Options& o, const WavedInput& in) {
+wave::WaveOptions wave_options(const WaveCommand& o, const WavedInput& in) {
   wave::WaveOptions options{.radius_m = in.targets.front().radius_m};
   options.has_poses = !o.no_poses && in.config.has_value();
   if (!o.camera_distance.empty()) {
@@ -80,7 +80,7 @@ wave::WaveOptions wave_options(const Options& o, const WavedInput& in) {
   return options;
 }
 
-ExitStatus wave(const Options& o, const std::stop_token& stop) {
+ExitStatus wave(const WaveCommand& o, const std::stop_token& stop) {
   if (o.marks.size() % 4 != 0) throw gather::InputError("--mark has four numbers: SECONDS X Y Z");
   const WavedInput in = input_of(o);
   wave::WaveOptions options = wave_options(o, in);
@@ -111,7 +111,7 @@ ExitStatus wave(const Options& o, const std::stop_token& stop) {
 }  // namespace
 
 void add_wave_command(CLI::App& app, Command& chosen) {
-  const auto o = std::make_shared<Options>();
+  const auto o = std::make_shared<WaveCommand>();
   CLI::App* command = app.add_subcommand(
       "wave", "find or refine the cameras' poses and times from the coloured ball, waved through the volume");
   add_waved_options(*command, *o);

@@ -20,7 +20,7 @@
 namespace huetrack::program {
 namespace {
 
-struct Options {
+struct WorldOptions {
   std::string rig, out, board, points;
   std::vector<std::string> inputs;
   double height_m = 0;
@@ -38,7 +38,7 @@ struct NewWorld {
 
 constexpr double good_px = 1.5;  // that the board (a point) may be off in the images
 
-NewWorld from_board(const calib::CameraRig& rig, const Options& options, const std::stop_token& stop) {
+NewWorld from_board(const calib::CameraRig& rig, const WorldOptions& options, const std::stop_token& stop) {
   const board::Board board = board::read_board(options.board);
   const gather::FoundBoards found =
       board_views_of(rig, options.rig, board, options.inputs, {.progress = !options.quiet, .page = {}}, stop);
@@ -89,7 +89,7 @@ NewWorld from_board(const calib::CameraRig& rig, const Options& options, const s
   return world;
 }
 
-NewWorld from_points(const calib::CameraRig& rig, const Options& options) {
+NewWorld from_points(const calib::CameraRig& rig, const WorldOptions& options) {
   const auto points = read_points(options.points, rig);
   std::vector<Eigen::Vector3d> from, to;
   for (const PointOfWorld& point : points) {
@@ -140,7 +140,7 @@ NewWorld from_points(const calib::CameraRig& rig, const Options& options) {
   return world;
 }
 
-ExitStatus set_world(const Options& options, const std::stop_token& stop) {
+ExitStatus set_world(const WorldOptions& options, const std::stop_token& stop) {
   const calib::CameraRig rig = calib::read_rig(options.rig);
   if (options.board.empty() == options.points.empty())
     throw gather::InputError(
@@ -177,7 +177,7 @@ ExitStatus set_world(const Options& options, const std::stop_token& stop) {
 }  // namespace
 
 void add_world_command(CLI::App& app, Command& chosen) {
-  const auto options = std::make_shared<Options>();
+  const auto options = std::make_shared<WorldOptions>();
   CLI::App* command = app.add_subcommand("world", "set origin, axes and scale of a rig's world");
   command->add_option("rig", options->rig, "the rig file")->required();
   command->add_option("inputs", options->inputs, "pictures of the board on the floor: a recording, or NAME=FRAMES");

@@ -8,14 +8,13 @@
 #include <map>
 #include <set>
 
+#include "calib/model/index.h"
 #include "calib/solver/extrinsics.h"
 
 namespace huetrack::solver {
 namespace {
 
-std::size_t index(int i) {
-  return static_cast<std::size_t>(i);
-}
+using calib::index;
 
 // A solution counts as good as the best one when its rms is at most this much larger.
 constexpr double as_good = 1.15, as_good_px = 0.03;

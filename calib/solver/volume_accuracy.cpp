@@ -6,21 +6,18 @@
 #include <cmath>
 #include <optional>
 
+#include "calib/model/cross_matrix.h"
+#include "calib/model/index.h"
+
 namespace huetrack::solver {
 namespace {
 
+using calib::cross_matrix;
+using calib::index;
 using Eigen::Matrix3d;
 using Eigen::MatrixXd;
 using Eigen::Vector2d;
 using Eigen::Vector3d;
-
-std::size_t index(int i) {
-  return static_cast<std::size_t>(i);
-}
-
-Matrix3d cross_matrix(const Vector3d& v) {
-  return (Matrix3d() << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0).finished();
-}
 
 double quantile(std::vector<double> values, double share) {
   if (values.empty()) return 0;

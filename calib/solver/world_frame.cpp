@@ -3,20 +3,20 @@
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
-#include <Eigen/SVD>
+#include <algorithm>
 #include <cmath>
 #include <set>
+
+#include "calib/model/index.h"
+#include "calib/solver/umeyama.h"
 
 namespace huetrack::solver {
 namespace {
 
+using calib::index;
 using Eigen::Matrix3d;
 using Eigen::Vector2d;
 using Eigen::Vector3d;
-
-std::size_t index(int i) {
-  return static_cast<std::size_t>(i);
-}
 
 calib::Rigid3d with_axes(const Vector3d& x, const Vector3d& z, const Vector3d& origin) {
   Matrix3d new_from_old;
@@ -30,8 +30,9 @@ double breadth(const std::vector<Vector3d>& points) {
   Eigen::Matrix3Xd m(3, points.size());
   for (std::size_t k = 0; k < points.size(); ++k) m.col(static_cast<Eigen::Index>(k)) = points[k];
   const Eigen::Matrix3Xd centred = m.colwise() - Vector3d(m.rowwise().mean());
-  const Vector3d s = Eigen::JacobiSVD<Eigen::MatrixXd>(Eigen::MatrixXd(centred)).singularValues().head<3>();
-  return s(0) > 0 ? s(1) / s(0) : 0;
+  const Matrix3d spread = centred * centred.transpose();
+  const Vector3d s2 = Eigen::SelfAdjointEigenSolver<Matrix3d>(spread, Eigen::EigenvaluesOnly).eigenvalues();
+  return s2(2) > 0 ? std::sqrt(std::max(0.0, s2(1)) / s2(2)) : 0;
 }
 
 void require_spread(const std::vector<Vector3d>& points) {
@@ -101,7 +102,7 @@ WorldChange align_points(const std::vector<Vector3d>& old_points, const std::vec
     from.col(static_cast<Eigen::Index>(k)) = old_points[k];
     to.col(static_cast<Eigen::Index>(k)) = new_points[k];
   }
-  const Eigen::Matrix4d t = Eigen::umeyama(from, to, with_scale);
+  const Eigen::Matrix4d t = umeyama(from, to, with_scale);
   WorldChange change;
   change.scale = t.topLeftCorner<3, 3>().col(0).norm();
   change.new_from_old.rotation = Eigen::Quaterniond(Matrix3d(t.topLeftCorner<3, 3>() / change.scale)).normalized();

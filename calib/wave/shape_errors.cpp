@@ -4,15 +4,14 @@
 #include <algorithm>
 #include <cmath>
 
+#include "calib/model/cross_matrix.h"
+
 namespace huetrack::wave {
 namespace {
 
+using calib::cross_matrix;
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
-
-Matrix3d cross_matrix(const Vector3d& v) {
-  return (Matrix3d() << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0).finished();
-}
 
 }  // namespace
 

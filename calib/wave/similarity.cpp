@@ -6,6 +6,8 @@
 #include <cmath>
 #include <numeric>
 
+#include "calib/solver/umeyama.h"
+
 namespace huetrack::wave {
 
 using Eigen::Matrix3d;
@@ -71,7 +73,7 @@ Similarity onto_points(const std::vector<Vector3d>& from, const std::vector<Vect
     a.col(static_cast<Eigen::Index>(i)) = from[i];
     b.col(static_cast<Eigen::Index>(i)) = to[i];
   }
-  const Eigen::Matrix4d t = Eigen::umeyama(a, b, false);  // Umeyama 1991
+  const Eigen::Matrix4d t = solver::umeyama(a, b, false);
   Similarity s;
   s.scale = std::cbrt(t.topLeftCorner<3, 3>().determinant());
   s.rotation = t.topLeftCorner<3, 3>() / s.scale;

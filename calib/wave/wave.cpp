@@ -12,6 +12,7 @@
 #include <set>
 #include <stdexcept>
 
+#include "calib/model/index.h"
 #include "calib/solver/bundle_adjustment.h"
 #include "calib/wave/shape_errors.h"
 #include "calib/wave/similarity.h"
@@ -20,13 +21,10 @@
 namespace huetrack::wave {
 namespace {
 
+using calib::index;
 using Eigen::Matrix3d;
 using Eigen::Vector2d;
 using Eigen::Vector3d;
-
-std::size_t index(int i) {
-  return static_cast<std::size_t>(i);
-}
 
 // Names the cameras that are not connected, and which pair lacks what.
 void require_connected(const calib::CameraRig& rig, const std::vector<WavePair>& pairs) {

@@ -12,20 +12,18 @@
 #include <map>
 #include <optional>
 
+#include "calib/model/cross_matrix.h"
 #include "calib/solver/bundle_adjustment.h"
 #include "calib/solver/lens.h"
 
 namespace huetrack::wave {
 namespace {
 
+using calib::cross_matrix;
 using Eigen::Matrix2d;
 using Eigen::Matrix3d;
 using Eigen::Vector2d;
 using Eigen::Vector3d;
-
-Matrix3d cross_matrix(const Vector3d& v) {
-  return (Matrix3d() << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0).finished();
-}
 
 Matrix3d rotation_of(const Vector3d& omega) {
   const double angle = omega.norm();

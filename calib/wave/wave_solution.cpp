@@ -7,6 +7,7 @@
 #include <cmath>
 #include <limits>
 
+#include "calib/model/index.h"
 #include "calib/model/median.h"
 #include "calib/solver/bundle_adjustment.h"
 #include "calib/wave/similarity.h"
@@ -14,6 +15,7 @@
 namespace huetrack::wave {
 namespace {
 
+using calib::index;
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
@@ -30,10 +32,6 @@ constexpr double usual_misfit = 0.04, centre_per_misfit = 4;
 constexpr double variance_of_radius2 = 4e-4;  // see WaveOptions::pixel_noise_px
 // A frame costs no more than this, squared standard deviations, however wrong it is.
 constexpr double most_cost = 20;
-
-std::size_t index(int i) {
-  return static_cast<std::size_t>(i);
-}
 
 // How wide a region is along its axes, minor first, as the radius of a disc; and its axes.
 struct Shape {

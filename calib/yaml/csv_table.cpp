@@ -1,5 +1,7 @@
 #include "calib/yaml/csv_table.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cerrno>
 #include <charconv>
@@ -59,9 +61,7 @@ CsvTable::CsvTable(std::filesystem::path file, std::span<const std::string_view>
       column.cell = static_cast<std::size_t>(std::ranges::find(cells_, *known) - cells_.begin());
       needed_cells_ = std::max(needed_cells_, *column.cell + 1);
     } else if (!may_be_missing) {
-      std::string list(names.front());
-      for (std::size_t i = 1; i < names.size(); ++i) list.append(" or ").append(names[i]);
-      fail("the header has no column " + list);
+      fail(fmt::format("the header has no column {}", fmt::join(names, " or ")));
     }
   }
 }

@@ -11,6 +11,7 @@
 #include <ranges>
 
 #include "calib/model/covariance_ellipse.h"
+#include "calib/model/median.h"
 #include "drawing/axes.h"
 
 namespace huetrack::plot {
@@ -94,9 +95,7 @@ std::chrono::nanoseconds longest_step(const std::vector<TrackRow>& rows) {
   std::vector<std::chrono::nanoseconds> steps;
   for (std::size_t i = 1; i < rows.size(); ++i) steps.push_back(rows[i].at - rows[i - 1].at);
   if (steps.empty()) return std::chrono::seconds(1);
-  const auto middle = steps.begin() + static_cast<std::ptrdiff_t>(steps.size() / 2);
-  std::ranges::nth_element(steps, middle);
-  return std::max(*middle, shortest) * 5 / 2;
+  return std::max(calib::median(std::move(steps), shortest), shortest) * 5 / 2;
 }
 
 // A line without a break, in one colour.

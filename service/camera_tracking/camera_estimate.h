@@ -39,6 +39,9 @@ struct CameraEstimate {
   double confidence = 0;     // 0..1: share of features_in_view that is matched, 0 without a pose
   int particle_count = 0;
   double effective_sample_size = 0;  // 1..particle_count
+  // Of the camera's rolling shutter, as known by then: from the first row's mid-exposure to the last one's. NaN: the
+  // method does not ask.
+  double readout_s = nan, readout_sigma_s = nan;
 
   bool has_pose() const { return state == PoseState::tracking || state == PoseState::coasting; }
 };

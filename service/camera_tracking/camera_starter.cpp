@@ -7,6 +7,7 @@
 #include <cmath>
 #include <cstdio>
 
+#include "calib/model/median.h"
 #include "camera_tracking/rectangle_finder.h"
 
 namespace huetrack::camera_tracking {
@@ -41,12 +42,11 @@ std::optional<Started> from_points(const calib::Camera& camera, const PointsStar
     depth.push_back((pose->cam_from_world * known.points[i]).norm());
   }
   if (out.points.empty()) return std::nullopt;
-  std::ranges::sort(depth);
   // With few points the residuals say little; with many, a scale well above 1 says that the points are not where they
   // are said to be, by so many pixels at their distance.
   if (observations.size() >= 6 && pose->scale > 2)
-    out.given_sigma_m =
-        std::max(out.given_sigma_m, pose->scale * points_sigma_px / camera.model.fx() * depth[depth.size() / 2]);
+    out.given_sigma_m = std::max(out.given_sigma_m,
+                                 pose->scale * points_sigma_px / camera.model.fx() * calib::median(std::move(depth)));
   out.normal = plane_normal(out.points, pose->cam_from_world);
   return out;
 }

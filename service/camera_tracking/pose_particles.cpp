@@ -50,6 +50,11 @@ HUETRACK_CLONES void row_times(std::size_t n, const float* __restrict a, const f
 
 }  // namespace
 
+calib::Camera without_pose(calib::Camera camera) {
+  camera.cam_from_world = {};
+  return camera;
+}
+
 void PoseParticles::reset(std::size_t count, const calib::Rigid3d& cam_from_world) {
   const Eigen::Vector3d centre = calib::inverse(cam_from_world).translation;
   const Eigen::Quaterniond& q = cam_from_world.rotation;

@@ -57,6 +57,9 @@ class PoseParticles {
   std::vector<std::uint32_t> ancestor_;
 };
 
+// The camera with the identity as its pose: what the projector of PoseParticles::project() is made of.
+calib::Camera without_pose(calib::Camera camera);
+
 // Weighted mean and 2x2 covariance of projections, those without a pixel left out. weight_sum: of those that have one.
 struct CloudMoments {
   Eigen::Vector2d mean = Eigen::Vector2d::Zero();

@@ -8,6 +8,7 @@
 #include <limits>
 #include <opencv2/calib3d.hpp>
 
+#include "calib/model/median.h"
 #include "particle_filter/random.h"
 
 namespace huetrack::camera_tracking {
@@ -15,12 +16,6 @@ namespace {
 
 using Matrix6d = Eigen::Matrix<double, 6, 6>;
 using Vector6d = Eigen::Matrix<double, 6, 1>;
-
-double median(std::vector<double> x) {
-  const auto middle = x.begin() + static_cast<std::ptrdiff_t>(x.size() / 2);
-  std::nth_element(x.begin(), middle, x.end());
-  return *middle;
-}
 
 calib::Rigid3d rigid_of(const cv::Mat& rvec, const cv::Mat& tvec) {
   const Eigen::Vector3d r(rvec.at<double>(0), rvec.at<double>(1), rvec.at<double>(2));
@@ -77,7 +72,7 @@ PoseFit refine_pose(const calib::CameraModel& lens, std::span<const PoseObservat
     }
     if (known.size() < 3) return fit;
     // The length of two normal residuals of deviation s has its median at 1.1774 s.
-    fit.scale = median(known) / 1.1774;
+    fit.scale = calib::median(known) / 1.1774;
     const double width = 4.685 * std::max(fit.scale, 0.5);
     Matrix6d h = Matrix6d::Zero();
     Vector6d b = Vector6d::Zero();

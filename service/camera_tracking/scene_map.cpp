@@ -10,7 +10,8 @@
 namespace huetrack::camera_tracking {
 namespace {
 
-constexpr std::string_view magic = "huetrack camera map 1\n";
+constexpr std::string_view magic = "huetrack camera map 2\n", magic_1 = "huetrack camera map 1\n";
+static_assert(magic.size() == magic_1.size());
 static_assert(std::endian::native == std::endian::little, "the map file is little-endian");
 
 std::uint64_t checksum(std::string_view bytes) {  // FNV-1a
@@ -99,6 +100,8 @@ void write_map(const std::filesystem::path& file, const StoredMap& stored) {
   w.put(static_cast<std::int32_t>(stored.map.keyframes.size()));
   for (const Keyframe& k : stored.map.keyframes) {
     w.put(k.cam_from_world);
+    w.put(k.sweep.motion);
+    w.put(k.sweep.bend);
     const GreyImage& image = k.pyramid->levels.front();
     for (int v = 0; v < image.height; ++v)
       w.bytes.append(reinterpret_cast<const char*>(image.row(v)), static_cast<std::size_t>(image.width));
@@ -147,8 +150,8 @@ StoredMap read_map(const std::filesystem::path& file) {
   const std::string all((std::istreambuf_iterator<char>(in)), std::istreambuf_iterator<char>());
   if (!in.is_open()) throw std::runtime_error(file.string() + ": cannot be read; is it there?");
   Reader r(all, file.string());
-  if (all.size() < magic.size() || r.take(magic.size()) != magic)
-    r.fail("is not a camera map of this version of huetrack");
+  const std::string_view version = all.size() < magic.size() ? std::string_view{} : r.take(magic.size());
+  if (version != magic && version != magic_1) r.fail("is not a camera map of this version of huetrack");
   std::uint64_t sum = 0;
   r.get(sum);
   if (sum != checksum(std::string_view(all).substr(magic.size() + sizeof sum)))
@@ -164,6 +167,11 @@ StoredMap read_map(const std::filesystem::path& file) {
   for (int i = 0; i < keyframes; ++i) {
     Keyframe k;
     r.get(k.cam_from_world);
+    k.sweep.last_row = out.image_size.y() - 1;
+    if (version == magic) {
+      r.get(k.sweep.motion);
+      r.get(k.sweep.bend);
+    }
     std::uint8_t* pixels = nullptr;
     GreyImage image = make_grey(out.image_size.x(), out.image_size.y(), pixels);
     const auto bytes = r.take(static_cast<std::size_t>(image.width) * static_cast<std::size_t>(image.height));

@@ -12,13 +12,17 @@
 #include "calib/model/rigid3.h"
 #include "camera_tracking/corners.h"
 #include "camera_tracking/grey_image.h"
+#include "camera_tracking/swept_pose.h"
 
 namespace huetrack::camera_tracking {
 
 // A view that is kept.
 struct Keyframe {
   std::shared_ptr<const Pyramid> pyramid;
-  calib::Rigid3d cam_from_world;
+  calib::Rigid3d cam_from_world;  // of its middle row
+  Sweep sweep = {};
+
+  SweptPose pose() const { return {cam_from_world, sweep}; }
 };
 
 // How a point looked in a key frame.
@@ -60,8 +64,9 @@ struct SceneMap {
   int alive_count() const;
 };
 
-// A map as a file: little-endian, with a version and a check sum; the points, the key frames' images and poses, and the
-// sightings.  throws std::runtime_error naming the file and what is wrong with it.
+// A map as a file: little-endian, with a version and a check sum; the points, the key frames' images, poses and sweeps,
+// and the sightings. Version 1, which has no sweeps, is read, too.  throws std::runtime_error naming the file and what
+// is wrong with it.
 struct StoredMap {
   SceneMap map;
   std::vector<PointSighting> sightings;

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <utility>
 
+#include "calib/model/median.h"
 #include "color_teaching/color_fit.h"
 
 namespace huetrack::color_teaching {
@@ -150,8 +151,7 @@ Taught ColorTeacher::teach(const TeachRequestOptions& request, const object_trac
       std::vector<double> radii;
       for (std::size_t c = 0; c < images_.size(); ++c)
         if (taught.views[c].pointed) radii.push_back(radius_m_of(rig_.cameras[c], *taught.views[c].region, *at));
-      std::ranges::sort(radii);
-      taught.radius_m = radii[radii.size() / 2];
+      taught.radius_m = calib::median(std::move(radii));
     }
   }
   return taught;

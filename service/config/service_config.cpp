@@ -172,7 +172,10 @@ void describe(Io& io, Config& config) {
   io.named("targets", config.targets, "what to track: name, size and colour of each", [&](auto& in, auto& target) {
     in.number("radius_m", target.radius_m, yaml::positive,
               "of the ball, or of a ball of about the object's size, metres");
-    in.group("color", "HSI as in the paper", [&](auto& color) { describe_color(color, target.color, Need::required); });
+    in.group("color", "HSI as in the paper", [&](auto& color) {
+      describe_color(color, target.color, Need::required);
+      color.boolean("adapt", target.adapts_color, "huetrack only: the ranges follow the object's colour slowly");
+    });
     in.named("camera_colors", target.camera_colors, "per-camera overrides of color", [&](auto& color, auto& range) {
       if constexpr (!std::is_const_v<std::remove_reference_t<decltype(range)>>)
         range = target.color;  // what is not given is the target's
@@ -626,8 +629,10 @@ void take_latencies(ServiceConfig& config, const yaml::YamlReader& root) {
     const auto index = config.rig.index_of(camera.name);
     if (!index || !camera.latency_offset_s) continue;
     std::optional<double>& latency_s = config.rig.cameras[std::size_t(*index)].timing.latency_s;
-    if (latency_s) {
-      root.map("cameras").map(camera.name).fail("latency_offset_s",
+    if (latency_s && *latency_s != *camera.latency_offset_s) {
+      root.map("cameras")
+          .map(camera.name)
+          .fail("latency_offset_s",
                 fmt::format("is given although {} has timing.latency_s {:g} for this camera: say rig here, or take it "
                             "out there",
                             config.rig_file.filename().string(), *latency_s));
@@ -776,7 +781,8 @@ std::vector<std::size_t> targets_that_differ(const ServiceConfig& before, const 
   for (std::size_t t = 0; t < after.targets.size(); ++t) {
     const object_tracking::TargetOptions &a = before.targets.at(t), &b = after.targets[t];
     const bool is_same = a.name == b.name && a.radius_m == b.radius_m && a.color == b.color &&
-                         a.camera_colors == b.camera_colors && a.ignored == b.ignored;
+                         a.camera_colors == b.camera_colors && a.adapts_color == b.adapts_color &&
+                         a.ignored == b.ignored;
     if (all || !is_same) targets.push_back(t);
   }
   return targets;

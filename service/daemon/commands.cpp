@@ -9,15 +9,17 @@
 #include <memory>
 
 #include "daemon/check.h"
-#include "daemon/doctor.h"
 #include "daemon/live.h"
 #include "daemon/replay.h"
-#include "daemon/teach.h"
+#include "doctor/doctor.h"
+#include "page/teach.h"
 
 namespace huetrack::daemon {
 namespace {
 
 constexpr auto config_help = "huetrackd.yaml";
+constexpr auto write_rig_help =
+    "write the rig here at the end, with the cameras' times (latency, readout) as learnt; not over an existing file";
 constexpr auto poses_help = "write the tracked camera's poses to this file, as TUM text: those of state tracking only";
 
 // One of these words, as its value. (CLI11's own transformer names the choices by their numbers when a word is wrong.)
@@ -83,6 +85,7 @@ void add_replay_command(CLI::App& app, Command& chosen) {
   command->add_option("--pictures-every", replay_options.pictures_every, "only every so many-th frame set")
       ->check(CLI::Range(1, 1'000'000));
   command->add_option("--truth", replay_options.truth, "compare with this CSV file (columns ball, t, x, y, z)");
+  command->add_option("--write-rig", replay_options.write_rig, write_rig_help);
   const std::map<std::string, ReplayStamps> stamps{{"now", ReplayStamps::now}, {"recording", ReplayStamps::recording}};
   command
       ->add_option("--stamps", replay_options.stamps,
@@ -120,7 +123,7 @@ namespace {
 // What run and record share.
 struct Service {
   std::filesystem::path config;
-  LiveOptions live = {};
+  LiveCommand live = {};
   LiveRequests requests;
 };
 
@@ -132,6 +135,7 @@ void add_run_command(CLI::App& app, Command& chosen) {
   command->add_option("config", service->config, config_help)->required();
   command->add_option("--tracks", service->live.tracks, "write the tracks to this CSV file");
   command->add_option("--poses", service->live.poses, poses_help);
+  command->add_option("--write-rig", service->live.write_rig, write_rig_help);
   command->add_flag("--no-dds", service->live.no_dds, "do not publish");
   command->callback([service, &chosen] {
     chosen.on_signal[SIGHUP] = ask(service->requests.reload);
@@ -161,7 +165,7 @@ void add_record_command(CLI::App& app, Command& chosen) {
 }
 
 void add_doctor_command(CLI::App& app, Command& chosen) {
-  const auto options = std::make_shared<DoctorOptions>();
+  const auto options = std::make_shared<doctor::DoctorOptions>();
   CLI::App* command = app.add_subcommand(
       "doctor", "examine this host's cameras, USB, permissions and network, and say what to do about what is wrong");
   command->add_option("config", options->config, "huetrackd.yaml: examine what it says, too");
@@ -169,7 +173,7 @@ void add_doctor_command(CLI::App& app, Command& chosen) {
       ->check(CLI::Range(0.5, 3600.0));
   command->add_flag("!--no-stream", options->streams, "look at the cameras without starting them");
   command->callback([options, &chosen] {
-    chosen.run = [options](const std::stop_token& stop) { return doctor(*options, stop) > 0 ? 1 : 0; };
+    chosen.run = [options](const std::stop_token& stop) { return doctor::doctor(*options, stop) > 0 ? 1 : 0; };
   });
 }
 
@@ -193,7 +197,7 @@ void add_compare_command(CLI::App& app, Command& chosen) {
 }
 
 void add_teach_command(CLI::App& app, Command& chosen) {
-  const auto teaching = std::make_shared<TeachCommand>();
+  const auto teaching = std::make_shared<page::TeachCommand>();
   CLI::App* command = app.add_subcommand(
       "teach", "learn a target's colour from where you point, and write it into a file beside the configuration");
   command->add_option("config", teaching->config, config_help)->required();
@@ -214,8 +218,9 @@ void add_teach_command(CLI::App& app, Command& chosen) {
   command->add_option("--pictures", teaching->pictures, "draw what matches, one picture per camera, into this folder");
   command->add_flag("--dry-run", teaching->dry_run, "only say what would be learnt");
 
-  command->callback(
-      [teaching, &chosen] { chosen.run = [teaching](const std::stop_token& stop) { return teach(*teaching, stop); }; });
+  command->callback([teaching, &chosen] {
+    chosen.run = [teaching](const std::stop_token& stop) { return page::teach(*teaching, stop); };
+  });
 }
 
 }  // namespace huetrack::daemon

@@ -12,7 +12,7 @@
 #include <utility>
 
 #include "daemon/service_manager.h"
-#include "daemon/view_server.h"
+#include "page/view_server.h"
 
 namespace huetrack::daemon {
 namespace {
@@ -61,7 +61,7 @@ std::exception_ptr run_supervised(pipeline::Session& session, Supervisor& superv
   return error;
 }
 
-LiveSummary run_cameras(const config::ServiceConfig& config, const LiveOptions& options, LiveRequests& requests,
+LiveSummary run_cameras(const config::ServiceConfig& config, const LiveCommand& options, LiveRequests& requests,
                         const std::stop_token& stop) {
   set_log_level(config.log_level);
   return run_live(config, pipeline::open_cameras(config, stop), options, requests, stop);
@@ -70,7 +70,7 @@ LiveSummary run_cameras(const config::ServiceConfig& config, const LiveOptions& 
 }  // namespace
 
 LiveSummary run_live(const config::ServiceConfig& config, std::vector<pipeline::LiveCamera> cameras,
-                     const LiveOptions& options, LiveRequests& requests, const std::stop_token& stop) {
+                     const LiveCommand& options, LiveRequests& requests, const std::stop_token& stop) {
   if (cameras.empty())
     throw std::runtime_error(config.file.string() +
                              ": cameras: none is given: name the live cameras; "
@@ -82,8 +82,12 @@ LiveSummary run_live(const config::ServiceConfig& config, std::vector<pipeline::
   std::optional<pipeline::Bus> bus;
   if (config.dds.enabled && !options.no_dds && options.track)
     session.add(bus.emplace(config.dds.publisher, session.time()));
-  RoadMeter meter(config.rig.cameras.size(), options.track ? config.targets.size() : 0, bus ? &*bus : nullptr);
+  metrics::RoadMeter meter(config.rig.cameras.size(), options.track ? config.targets.size() : 0, bus ? &*bus : nullptr);
   session.add(meter);
+  pipeline::LightReport light(session.config());
+  session.add(light);
+  pipeline::CameraTimes times(session.config(), options.write_rig);
+  session.add(times);
   std::vector<const pipeline::FileOutput*> files;
   std::optional<pipeline::TrackFile> tracks;
   if (!options.tracks.empty()) {
@@ -99,11 +103,12 @@ LiveSummary run_live(const config::ServiceConfig& config, std::vector<pipeline::
     requests.reload = true;
     return std::string();
   };
-  std::optional<ViewServer> view;
+  std::optional<page::ViewServer> view;
   if (bus)
     session.add(view.emplace(
-        session.config(), ViewServerOptions{.time = nullptr, .actions = {.reload = ask_to_reload, .resume = nullptr}}));
-  std::optional<MetricsServer> metrics;
+        session.config(),
+        page::ViewServerOptions{.time = nullptr, .actions = {.reload = ask_to_reload, .resume = nullptr}}));
+  std::optional<metrics::MetricsServer> metrics;
   if (config.metrics.port) {
     metrics.emplace(config.metrics.address, *config.metrics.port);
     log_where(config.metrics);
@@ -117,10 +122,12 @@ LiveSummary run_live(const config::ServiceConfig& config, std::vector<pipeline::
                          .cameras = cameras,
                          .requests = requests,
                          .meter = meter,
+                         .light = light,
+                         .times = times,
                          .recording = recording,
                          .files = files,
                          .bus = bus ? &*bus : nullptr,
-                         .metrics = metrics ? &*metrics : nullptr});
+                         .metrics_server = metrics ? &*metrics : nullptr});
   session.add(supervisor);
 
   const std::exception_ptr error = run_supervised(session, supervisor, options.seconds, stop);
@@ -137,13 +144,13 @@ LiveSummary run_live(const config::ServiceConfig& config, std::vector<pipeline::
           .published = bus ? bus->publisher().counters().published : 0};
 }
 
-void run(const std::filesystem::path& file, const LiveOptions& options, LiveRequests& requests,
+void run(const std::filesystem::path& file, const LiveCommand& options, LiveRequests& requests,
          const std::stop_token& stop) {
   const LiveSummary summary = run_cameras(config::load_service_config(file), options, requests, stop);
   spdlog::info("stopped after {} frame sets, {} samples published", summary.figures.sets_tracked, summary.published);
 }
 
-void record(const std::filesystem::path& file, LiveOptions options, LiveRequests& requests,
+void record(const std::filesystem::path& file, LiveCommand options, LiveRequests& requests,
             const std::stop_token& stop) {
   const config::ServiceConfig config = config::load_service_config(file);
   options.track = false;

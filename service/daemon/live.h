@@ -13,13 +13,14 @@
 
 namespace huetrack::daemon {
 
-struct LiveOptions {
-  bool track = true;                 // false: only record, and do not publish
-  std::filesystem::path record_to;   // record everything into this folder; empty: what the configuration says
-  bool no_dds = false;               // whatever the configuration says
-  std::filesystem::path tracks;      // CSV of the estimates; empty: none
-  std::filesystem::path poses = {};  // TUM file of the tracked camera's poses, see PoseFileWriter; empty: none
-  std::optional<double> seconds;     // > 0; end so long after the first frame
+struct LiveCommand {
+  bool track = true;                     // false: only record, and do not publish
+  std::filesystem::path record_to;       // record everything into this folder; empty: what the configuration says
+  bool no_dds = false;                   // whatever the configuration says
+  std::filesystem::path tracks;          // CSV of the estimates; empty: none
+  std::filesystem::path write_rig = {};  // the rig with the cameras' times as learnt; empty: none
+  std::filesystem::path poses = {};      // TUM file of the tracked camera's poses, see PoseFileWriter; empty: none
+  std::optional<double> seconds;         // > 0; end so long after the first frame
 };
 
 struct LiveSummary {
@@ -32,13 +33,13 @@ struct LiveSummary {
 // Runs until the stop, or until every source has ended.
 // throws what the pipeline throws, and std::exceptions with one readable line when an output cannot be opened.
 LiveSummary run_live(const config::ServiceConfig& config, std::vector<pipeline::LiveCamera> cameras,
-                     const LiveOptions& options, LiveRequests& requests, const std::stop_token& stop);
+                     const LiveCommand& options, LiveRequests& requests, const std::stop_token& stop);
 
 // `huetrackd run CONFIG` and `huetrackd record CONFIG OUT`: with the cameras of the configuration. What came of it goes
 // to the log, and of a recording to stdout, too. throw as run_live(), and when nothing has been recorded.
-void run(const std::filesystem::path& config, const LiveOptions& options, LiveRequests& requests,
+void run(const std::filesystem::path& config, const LiveCommand& options, LiveRequests& requests,
          const std::stop_token& stop);
-void record(const std::filesystem::path& config, LiveOptions options, LiveRequests& requests,
+void record(const std::filesystem::path& config, LiveCommand options, LiveRequests& requests,
             const std::stop_token& stop);
 
 }  // namespace huetrack::daemon

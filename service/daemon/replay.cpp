@@ -21,9 +21,11 @@
 #include "daemon/reloader.h"
 #include "daemon/service_manager.h"
 #include "daemon/status_reporter.h"
-#include "daemon/view_server.h"
+#include "page/view_server.h"
 #include "pipeline/bus.h"
+#include "pipeline/camera_times.h"
 #include "pipeline/file_outputs.h"
+#include "pipeline/light_report.h"
 #include "pipeline/picture_folder.h"
 #include "pipeline/session.h"
 
@@ -107,8 +109,8 @@ std::optional<tracks::Truth> truth_of(const config::ServiceConfig& config, const
 class ReplayStatus final : public pipeline::Output {
  public:
   ReplayStatus(const config::ServiceConfig& config, pipeline::Bus& bus, const pipeline::PublishedTime& time,
-               const HeldSource* held)
-      : bus_(bus), time_(time), held_(held), reporter_(config, "replay", {}) {}
+               const HeldSource* held, const pipeline::LightReport& light, const pipeline::CameraTimes& times)
+      : bus_(bus), time_(time), held_(held), light_(light), times_(times), reporter_(config, "replay", {}) {}
 
   void on_status(const pipeline::PipelineFigures& figures) override {
     publish::ServiceStatus status;
@@ -118,10 +120,12 @@ class ReplayStatus final : public pipeline::Output {
     }
     status.clock_offset_s = capture::seconds(time_.offset());
     std::ranges::copy(bus_.publisher().warnings(), std::back_inserter(status.warnings));
+    std::ranges::copy(light_.warnings(), std::back_inserter(status.warnings));
+    std::ranges::copy(times_.warnings(), std::back_inserter(status.warnings));
     if (held_ != nullptr && !held_->is_released()) status.mode = "held";
     bus_.publisher().publish_status(status);
   }
-  void on_config(const config::ServiceConfig& config) override {
+  void on_config(const config::ServiceConfig& config) noexcept override {
     const std::scoped_lock lock(mutex_);
     reporter_.take_over(config);
   }
@@ -130,6 +134,8 @@ class ReplayStatus final : public pipeline::Output {
   pipeline::Bus& bus_;
   const pipeline::PublishedTime& time_;
   const HeldSource* const held_;
+  const pipeline::LightReport& light_;
+  const pipeline::CameraTimes& times_;
   std::mutex mutex_;
   StatusReporter reporter_;  // guarded by mutex_: the page's thread reloads
 };
@@ -177,9 +183,9 @@ class ReloadRefusal final : public pipeline::Output {
   std::atomic<bool>& asked_;
 };
 
-ViewServerOptions viewing(pipeline::Session& session, const ReplayCommand& command, HeldSource* held,
-                          const std::atomic<bool>& has_begun) {
-  ViewServerOptions options{.keeps_frames = true, .time = &session.time(), .reload_asked = command.reload};
+page::ViewServerOptions viewing(pipeline::Session& session, const ReplayCommand& command, HeldSource* held,
+                                const std::atomic<bool>& has_begun) {
+  page::ViewServerOptions options{.keeps_frames = true, .time = &session.time(), .reload_asked = command.reload};
   options.actions.reload = [&session, &has_begun]() -> std::string {
     if (!has_begun) return "the replay has not begun yet";
     return reload(session);
@@ -283,8 +289,12 @@ ReplaySummary replay(const ReplayCommand& command, const std::stop_token& stop) 
   // Where the results go, in this order.
   std::optional<pipeline::Bus> bus;
   if (config.dds.enabled && !command.no_dds) session.add(bus.emplace(config.dds.publisher, session.time()));
+  pipeline::LightReport light(session.config());
+  session.add(light);
+  pipeline::CameraTimes times(session.config(), command.write_rig);
+  session.add(times);
   std::optional<ReplayStatus> status;
-  if (bus) session.add(status.emplace(session.config(), *bus, session.time(), playback.held));
+  if (bus) session.add(status.emplace(session.config(), *bus, session.time(), playback.held, light, times));
   std::optional<pipeline::PoseFile> poses;
   if (!command.poses.empty()) session.add(poses.emplace(command.poses, config, pipeline::WhenFileFails::stop));
   std::optional<pipeline::TrackFile> tracks;
@@ -298,7 +308,7 @@ ReplaySummary replay(const ReplayCommand& command, const std::stop_token& stop) 
   std::optional<ReloadRefusal> refusal;
   if (!bus && command.reload != nullptr) session.add(refusal.emplace(*command.reload));
   std::atomic<bool> has_begun = false;  // the page's thread runs before, and may not reload yet
-  std::optional<ViewServer> view;
+  std::optional<page::ViewServer> view;
   if (bus) session.add(view.emplace(session.config(), viewing(session, command, playback.held, has_begun)));
 
   if (bus && command.wait_for_subscriber_s > 0)
@@ -313,6 +323,8 @@ ReplaySummary replay(const ReplayCommand& command, const std::stop_token& stop) 
 
   for (const auto& warning : playback.source->take_warnings()) spdlog::warn("{}", warning);
   ReplaySummary summary = summary_of(config, session.figures(), *playback.source, tally, began, stop.stop_requested());
+  summary.light = light.summary();
+  summary.times = times.summary();
   summary.clock_offset = session.time().offset();
   if (bus) {
     summary.published = bus->publisher().counters().published;

@@ -88,8 +88,10 @@ void Supervisor::tell_status(const pipeline::PipelineFigures& figures, const Hea
   status_ = reporter_.report(figures, now, std::chrono::system_clock::now(), cameras.by_rig);
   add_warnings(status_);
   log_new(status_.warnings, figures.tracked_camera);
+  std::ranges::copy(the_.light.warnings(), std::back_inserter(status_.warnings));  // it has logged them itself
+  std::ranges::copy(the_.times.warnings(), std::back_inserter(status_.warnings));
   if (the_.bus != nullptr) the_.bus->publisher().publish_status(status_);
-  if (the_.metrics != nullptr) show_metrics();
+  if (the_.metrics_server != nullptr) show_metrics();
   if (!is_last)
     notify_service_manager("STATUS=" + status_line(status_, states, tracked_camera_, figures.tracked_camera.state));
 }
@@ -121,10 +123,11 @@ void Supervisor::log_new(const std::vector<std::string>& all, const pipeline::Tr
 }
 
 void Supervisor::show_metrics() const {
-  const RecordingCounts recording{.is_recording = the_.recording.is_recording(),
-                                  .dropped = the_.recording.figures().dropped};
-  the_.metrics->show(to_prometheus(status_, the_.meter.targets(), the_.meter.latencies(), recording,
-                                   the_.bus != nullptr ? the_.bus->publisher().counters().published : 0));
+  const metrics::RecordingCounts recording{.is_recording = the_.recording.is_recording(),
+                                           .dropped = the_.recording.figures().dropped};
+  the_.metrics_server->show(
+      metrics::to_prometheus(status_, the_.meter.targets(), the_.meter.latencies(), recording,
+                             the_.bus != nullptr ? the_.bus->publisher().counters().published : 0));
 }
 
 void Supervisor::tell_service_manager(const pipeline::PipelineFigures& figures, const Healths& cameras,

@@ -9,11 +9,13 @@
 #include <string>
 #include <vector>
 
-#include "daemon/metrics.h"
-#include "daemon/road_meter.h"
 #include "daemon/status_reporter.h"
+#include "metrics/metrics.h"
+#include "metrics/road_meter.h"
 #include "pipeline/bus.h"
+#include "pipeline/camera_times.h"
 #include "pipeline/file_outputs.h"
+#include "pipeline/light_report.h"
 #include "pipeline/live_cameras.h"
 #include "pipeline/recording_keeper.h"
 #include "pipeline/session.h"
@@ -31,11 +33,13 @@ struct Supervised {
   pipeline::Session& session;
   std::span<const pipeline::LiveCamera> cameras;
   LiveRequests& requests;
-  const RoadMeter& meter;
+  const metrics::RoadMeter& meter;
+  const pipeline::LightReport& light;
+  const pipeline::CameraTimes& times;
   pipeline::RecordingKeeper& recording;
   std::vector<const pipeline::FileOutput*> files;
-  pipeline::Bus* bus = nullptr;      // null: nothing is published
-  MetricsServer* metrics = nullptr;  // null: no endpoint
+  pipeline::Bus* bus = nullptr;                      // null: nothing is published
+  metrics::MetricsServer* metrics_server = nullptr;  // null: no endpoint
 };
 
 // thread-compatible. It is an output of the session for a reload only, which it asks for itself.
@@ -50,7 +54,7 @@ class Supervisor final : public pipeline::Output {
   bool is_receiving() const;                                             // some camera has delivered
   const publish::ServiceStatus& last_status() const { return status_; }  // what was told last
 
-  void on_config(const config::ServiceConfig& config) override { reporter_.take_over(config); }
+  void on_config(const config::ServiceConfig& config) noexcept override { reporter_.take_over(config); }
 
  private:
   using Clock = std::chrono::steady_clock;

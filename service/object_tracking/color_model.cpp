@@ -3,7 +3,10 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <optional>
+#include <ranges>
 #include <stdexcept>
+#include <utility>
 
 namespace huetrack::object_tracking {
 namespace {
@@ -14,6 +17,16 @@ double hue_width_deg(const HsiRange& r) {
 
 bool whole_circle(const HsiRange& r) {
   return r.hue_min_deg == 0 && r.hue_max_deg == 360;
+}
+
+// What u and v add to a pixel of any luma, up to a scale.
+Rgb chroma_of(std::uint8_t u, std::uint8_t v) {
+  const double du = int{u} - 128, dv = int{v} - 128;
+  return {1.402 * dv, -0.344136286 * du - 0.714136286 * dv, 1.772 * du};
+}
+
+void require_valid(const HsiRange& range) {
+  if (const auto problems = range.problems(); !problems.empty()) throw std::invalid_argument(problems.front());
 }
 
 // contains(range, hsi_of(rgb)) for millions of pixels: the same answer without the arc tangent for all but the few
@@ -64,11 +77,81 @@ class Matcher {
            intensity >= range_.intensity_min && intensity <= range_.intensity_max;
   }
 
+  // The luma that match at one chroma. As y rises, I rises and S falls, and the hue goes one way only: clipped at 0 it
+  // is nearer to the primary of the sextant, clipped at 1 to the secondary. So there is a y below which all are too
+  // dark, too saturated or have not come into the range of hues yet, and one above which they are too bright, too pale
+  // or beyond that range. Both are found by bisection, slack counts as inside, and the formula has the last word at the
+  // ends.
+  ColorTable::Interval luma_at(std::uint8_t u, std::uint8_t v, capture::ColorRange range) const {
+    const auto rgb = [&](int y) { return rgb_of(capture::Yuv{static_cast<std::uint8_t>(y), u, v}, range); };
+    int first = 0, last = 255;
+    if (const auto way = way_of_hue(chroma_of(u, v))) {
+      const auto luma = std::views::iota(0, 256);
+      first = int(std::ranges::partition_point(luma, [&](int y) { return is_too_low(rgb(y), *way); }) - luma.begin());
+      last =
+          int(std::ranges::partition_point(luma, [&](int y) { return !is_too_high(rgb(y), *way); }) - luma.begin()) - 1;
+    }
+    while (first <= last && !(*this)(rgb(first))) ++first;
+    while (first < last && !(*this)(rgb(last))) --last;
+    if (first > last) return {255, 0};
+    return {static_cast<std::uint8_t>(first), static_cast<std::uint8_t>(last)};
+  }
+
  private:
   static constexpr double slack = 1e-9;  // far above rounding; inside it the formula decides
   struct Direction {
     double x, y;
   };
+  // Where the range of hues begins and ends on the way from the sextant's primary to its secondary; what lies outside
+  // of the sextant is nullopt.
+  struct WayOfHue {
+    double turns;  // 1: counterclockwise, -1: clockwise
+    std::optional<Direction> begin, end;
+  };
+
+  // nullopt where bisection does not do: a grey, whose hue leaps, a range that greys belong to, and one that leaves out
+  // the middle of the sextant.
+  std::optional<WayOfHue> way_of_hue(const Rgb& chroma) const {
+    const double smallest = std::min({chroma.r, chroma.g, chroma.b}),
+                 largest = std::max({chroma.r, chroma.g, chroma.b});
+    if (is_grey(chroma) || (any_hue_ && range_.saturation_min == 0)) return std::nullopt;
+    if (any_hue_) return WayOfHue{1, {}, {}};
+    const double primary_deg = largest == chroma.r ? 0 : largest == chroma.g ? 120 : 240;
+    const double secondary_deg = smallest == chroma.r ? 180 : smallest == chroma.g ? 300 : 60;
+    const bool is_counterclockwise = std::fmod(secondary_deg - primary_deg + 360, 360) == 60;
+    const double turns = is_counterclockwise ? 1 : -1;
+    const auto way_to = [&](double hue_deg) { return std::fmod(turns * (hue_deg - primary_deg) + 720, 360); };
+    const double begin = way_to(is_counterclockwise ? range_.hue_min_deg : range_.hue_max_deg);
+    const double end = way_to(is_counterclockwise ? range_.hue_max_deg : range_.hue_min_deg);
+    const bool holds_primary = begin > end || begin == 0;
+    if (holds_primary && begin > 0 && begin <= 60) return std::nullopt;
+    WayOfHue way{turns, {}, {}};
+    if (!holds_primary) way.begin = is_counterclockwise ? from_ : to_;
+    if (end < 60) way.end = is_counterclockwise ? to_ : from_;
+    return way;
+  }
+
+  static bool is_grey(const Rgb& c) { return std::max({c.r, c.g, c.b}) - std::min({c.r, c.g, c.b}) < slack; }
+  static double sum_of(const Rgb& c) { return c.r + c.g + c.b; }
+  // > 0: the hue lies counterclockwise of the direction by more than slack, < 0: clockwise.
+  static double beyond(const Direction& direction, const Rgb& c) {
+    const double alpha = c.r - (c.g + c.b) / 2, beta = std::numbers::sqrt3 / 2 * (c.g - c.b);
+    const double sine = direction.x * beta - direction.y * alpha;
+    return sine * sine < slack * (alpha * alpha + beta * beta) ? 0 : sine;
+  }
+  bool is_too_low(const Rgb& c, const WayOfHue& way) const {
+    if (is_grey(c)) return sum_of(c) < 1.5;
+    return sum_of(c) < 3 * range_.intensity_min - slack ||
+           3 * std::min({c.r, c.g, c.b}) < (1 - range_.saturation_max) * sum_of(c) - slack ||
+           (way.begin && way.turns * beyond(*way.begin, c) < 0);
+  }
+  bool is_too_high(const Rgb& c, const WayOfHue& way) const {
+    if (is_grey(c)) return sum_of(c) >= 1.5;
+    return sum_of(c) > 3 * range_.intensity_max + slack ||
+           3 * std::min({c.r, c.g, c.b}) > (1 - range_.saturation_min) * sum_of(c) + slack ||
+           (way.end && way.turns * beyond(*way.end, c) > 0);
+  }
+
   HsiRange range_;
   bool narrow_, any_hue_;
   Direction from_{}, to_{};
@@ -127,35 +210,49 @@ bool contains(const HsiRange& r, const Hsi& hsi) {
   return hsi.hue_deg >= r.hue_min_deg || hsi.hue_deg <= r.hue_max_deg;
 }
 
-ColorTable::ColorTable(const HsiRange& target, capture::PixelFormat format, capture::ColorRange range)
+ColorTable::ColorTable(capture::PixelFormat format, capture::ColorRange range)
     : is_bgr_(format == capture::PixelFormat::bgr), range_(range) {
-  if (const auto problems = target.problems(); !problems.empty()) throw std::invalid_argument(problems.front());
+  if (is_bgr_)
+    bgr_bits_.assign((std::size_t{1} << 24) / 64, 0);
+  else
+    y_of_uv_.assign(65536 + 1, Interval{255, 0});  // one more: window_kernels_avx512 reads two at a time
+}
+
+ColorTable::ColorTable(const HsiRange& target, capture::PixelFormat format, capture::ColorRange range)
+    : ColorTable(format, range) {
+  require_valid(target);
+  fill(target, 0, all_parts);
+}
+
+void ColorTable::fill(const HsiRange& target, unsigned first, unsigned last) {
   const Matcher matches(target);
   if (is_bgr_) {
-    bgr_bits_.assign((std::size_t{1} << 24) / 64, 0);
-    for (unsigned index = 0; index < (1u << 24); ++index) {
+    for (unsigned index = 256 * first; index < 256 * last; ++index) {
       const capture::Bgr p{static_cast<std::uint8_t>(index), static_cast<std::uint8_t>(index >> 8),
                            static_cast<std::uint8_t>(index >> 16)};
       if (matches(rgb_of(p))) bgr_bits_[index >> 6] |= std::uint64_t{1} << (index & 63);
     }
     return;
   }
-  y_of_uv_.assign(65536 + 1, Interval{255, 0});  // one more: window_kernels_avx512 reads two at a time
-  for (unsigned uv = 0; uv < 65536; ++uv) {
-    Interval& interval = y_of_uv_[uv];
-    const double u = static_cast<double>(uv & 255) - 128, v = static_cast<double>(uv >> 8) - 128;
-    if (!matches.can_match({1.402 * v, -0.344136286 * u - 0.714136286 * v, 1.772 * u})) continue;
-    for (unsigned y = 0; y < 256; ++y) {
-      const capture::Yuv p{static_cast<std::uint8_t>(y), static_cast<std::uint8_t>(uv),
-                           static_cast<std::uint8_t>(uv >> 8)};
-      if (!matches(rgb_of(p, range))) continue;
-      interval.y_min = std::min(interval.y_min, p.y);
-      interval.y_max = p.y;
-    }
+  for (unsigned uv = first; uv < last; ++uv) {
+    const auto u = static_cast<std::uint8_t>(uv), v = static_cast<std::uint8_t>(uv >> 8);
+    if (!matches.can_match(chroma_of(u, v))) continue;
+    const Interval interval = y_of_uv_[uv] = matches.luma_at(u, v, range_);
     std::uint8_t &of_u = luma_ceiling_.of_u[(uv & 255) / 4], &of_v = luma_ceiling_.of_v[uv / 1024];
     of_u = std::max(of_u, interval.y_max);
     of_v = std::max(of_v, interval.y_max);
   }
+}
+
+ColorTableBuilder::ColorTableBuilder(const HsiRange& target, capture::PixelFormat format, capture::ColorRange range)
+    : target_(target), table_(new ColorTable(format, range)) {
+  require_valid(target);
+}
+
+void ColorTableBuilder::go_on() {
+  const unsigned parts = table_->is_bgr_ ? 256 : 4096;
+  const unsigned first = std::exchange(next_, std::min(next_ + parts, ColorTable::all_parts));
+  table_->fill(target_, first, next_);
 }
 
 bool ColorTable::is_for(capture::PixelFormat format, capture::ColorRange range) const {

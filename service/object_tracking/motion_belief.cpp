@@ -13,6 +13,9 @@ namespace {
 constexpr double unknown_latency_sigma_s = 0.020;
 // Rolling shutters take 10 to 33 ms, global ones nothing, and either may be mounted upside down.
 constexpr double unknown_readout_sigma_s = 0.020;
+// Of cameras whose frames' times are the same: a trigger starts them within microseconds, and their exposures are set
+// alike but for a millisecond; few have a rolling shutter.
+constexpr double in_step_latency_sigma_s = 0.001, in_step_readout_sigma_s = 0.004;
 // Of a number that somebody wrote into the rig without saying how well it is known.
 constexpr double unstated_sigma_s = 0.002;
 // Mid-exposure moves with the exposure time, which lamps and clouds make a camera change: a millisecond in a minute or
@@ -23,6 +26,14 @@ constexpr double latency_walk_s2_per_s = 1e-4 * 1e-4;
 // exposure).
 constexpr double least_latency_sigma_s = 3e-4, least_readout_sigma_s = 8e-4;
 
+// An object of a room's size passes its lamps and windows within metres: half a metre on, it is lit in another way.
+constexpr double lasting_way_m = 0.5;
+
+// Row times that moved by this much since they were last opened were linearised at the wrong place: a ball at 3 m/s is
+// 15 mm from where it was taken to be. Opened are they by as much as that may have cost.
+constexpr double far_s = 0.005, reopened_latency_sigma_s = 0.003, reopened_readout_sigma_s = 0.006;
+constexpr double settled_s = 0.002;  // row times known as well as this are known
+
 double variance_of(const std::optional<double>& value, const std::optional<double>& sigma, double unknown_sigma_s) {
   const double s = sigma.value_or(value ? unstated_sigma_s : unknown_sigma_s);
   return s * s;
@@ -32,7 +43,7 @@ double variance_of(const std::optional<double>& value, const std::optional<doubl
 
 MotionBelief::MotionBelief(const calib::CameraRig& rig, bool times_are_learnt) : times_are_learnt_(times_are_learnt) {
   const auto cameras = static_cast<Eigen::Index>(rig.cameras.size());
-  const Eigen::Index n = times_are_learnt ? 6 + 2 * cameras : 6;
+  const Eigen::Index n = 6 + (times_are_learnt ? 4 : 2) * cameras;
   mean_ = Eigen::VectorXd::Zero(n);
   covariance_ = Eigen::MatrixXd::Zero(n, n);
   for (std::size_t c = 0; c < rig.cameras.size(); ++c) {
@@ -49,6 +60,37 @@ MotionBelief::MotionBelief(const calib::CameraRig& rig, bool times_are_learnt) :
       given.readout_variance_s2 = std::pow(timing.readout_sigma_s.value_or(0), 2);
     }
     given_.push_back(given);
+  }
+}
+
+void MotionBelief::expect_in_step() {
+  if (!times_are_learnt_) return;
+  for (int c = 0; c < static_cast<int>(given_.size()); ++c) {
+    const Eigen::Index l = latency_of(c), r = l + 1;
+    const auto at_most = [&](Eigen::Index i, double sigma) {
+      covariance_(i, i) = std::min(covariance_(i, i), sigma * sigma);
+    };
+    at_most(l, in_step_latency_sigma_s);
+    at_most(r, in_step_readout_sigma_s);
+  }
+}
+
+void MotionBelief::reopen_times() {
+  if (!times_are_learnt_) return;
+  const Eigen::Index n = 2 * static_cast<Eigen::Index>(given_.size());
+  if (times_linearised_.size() == 0) times_linearised_ = Eigen::VectorXd::Zero(n);
+  double moved_s = 0;
+  for (int c = 0; c < static_cast<int>(given_.size()); ++c) {
+    if (row_sigma_s(c, 0) > settled_s) return;
+    const Eigen::Index l = latency_of(c);
+    moved_s = std::max(moved_s, std::abs(mean_(l) - times_linearised_(l - 6)));
+  }
+  if (moved_s < far_s) return;
+  times_linearised_ = mean_.segment(6, n);
+  for (int c = 0; c < static_cast<int>(given_.size()); ++c) {
+    const Eigen::Index l = latency_of(c);
+    if (c != reference_camera) covariance_(l, l) += reopened_latency_sigma_s * reopened_latency_sigma_s;
+    covariance_(l + 1, l + 1) += reopened_readout_sigma_s * reopened_readout_sigma_s;
   }
 }
 
@@ -88,6 +130,13 @@ void MotionBelief::begin(capture::Timestamp when, const Eigen::Vector3d& positio
   covariance_.leftCols<6>().setZero();
   covariance_.diagonal().head<3>().setConstant(position_variance);
   covariance_.diagonal().segment<3>(3).setConstant(velocity_variance);
+  // What lasted, lasted with the object of before. Not known until a sighting says how large it may be.
+  const Eigen::Index lasting = 2 * static_cast<Eigen::Index>(given_.size());
+  mean_.tail(lasting).setZero();
+  covariance_.bottomRows(lasting).setZero();
+  covariance_.rightCols(lasting).setZero();
+  lasting_px_.assign(given_.size(), 0);
+  way_m_.assign(given_.size(), 0);
 }
 
 void MotionBelief::predict_to(capture::Timestamp when, double power_density) {
@@ -97,6 +146,7 @@ void MotionBelief::predict_to(capture::Timestamp when, double power_density) {
   mean_.head<3>() += dt * mean_.segment<3>(3);
   covariance_.topRows<3>() += dt * covariance_.middleRows<3>(3);
   covariance_.leftCols<3>() += dt * covariance_.middleCols<3>(3);
+  for (double& way : way_m_) way += dt * velocity().norm();
   const double q = power_density;
   covariance_.diagonal().head<3>().array() += q * dt * dt * dt / 3;
   covariance_.diagonal().segment<3>(3).array() += q * dt;
@@ -108,39 +158,75 @@ void MotionBelief::predict_to(capture::Timestamp when, double power_density) {
   }
 }
 
-MotionBelief::Seen MotionBelief::seen(const SeenRow& row, const Eigen::Vector3d& velocity, double power_density) const {
-  const double dt = capture::seconds(row.at - at);
-  Seen out{.with_state = covariance_.topRows<3>() + dt * covariance_.middleRows<3>(3), .covariance = {}};
-  const Given& given = given_[static_cast<std::size_t>(row.camera)];
-  double time_variance_s2 = given.latency_variance_s2 + row.below_middle * row.below_middle * given.readout_variance_s2;
-  const Eigen::Index latency = latency_of(row.camera);
-  if (times_are_learnt_)
-    out.with_state += velocity * (row.below_middle * covariance_.row(latency + 1) - covariance_.row(latency));
-  out.covariance = out.with_state.leftCols<3>() + dt * out.with_state.middleCols<3>(3);
-  if (times_are_learnt_)
-    out.covariance +=
-        (row.below_middle * out.with_state.col(latency + 1) - out.with_state.col(latency)) * velocity.transpose();
-  out.covariance += time_variance_s2 * velocity * velocity.transpose();
-  out.covariance.diagonal().array() += power_density * std::abs(dt * dt * dt) / 3;  // what it may swerve meanwhile
+template <typename Rows>
+Eigen::Matrix<double, Rows::RowsAtCompileTime, 3> MotionBelief::onto(const SeenBy& by, const Rows& rows) const {
+  Eigen::Matrix<double, Rows::RowsAtCompileTime, 3> out =
+      rows.template leftCols<3>() + by.dt * rows.template middleCols<3>(3);
+  if (times_are_learnt_) {
+    const Eigen::Index latency = latency_of(by.row.camera);
+    out += (by.row.below_middle * rows.col(latency + 1) - rows.col(latency)) * by.v.transpose();
+  }
   return out;
 }
 
+Eigen::Matrix<double, 3, Eigen::Dynamic> MotionBelief::covariance_with_state(const SeenBy& by) const {
+  return onto(by, covariance_).transpose();
+}
+
+Eigen::Matrix3d MotionBelief::unmodelled(const SeenBy& by, double power_density) const {
+  const Given& given = given_[static_cast<std::size_t>(by.row.camera)];
+  const double given_variance_s2 =
+      given.latency_variance_s2 + by.row.below_middle * by.row.below_middle * given.readout_variance_s2;
+  const double time_sigma_s = row_sigma_s(by.row.camera, by.row.below_middle);
+  // Velocity times time is a product of two unknowns. Its second order: were it left out, the noise of the velocity of
+  // an object at rest would pass for motion, from which times can be learnt.
+  return given_variance_s2 * by.v * by.v.transpose() + time_sigma_s * time_sigma_s * covariance_.block<3, 3>(3, 3) +
+         power_density * std::abs(by.dt * by.dt * by.dt) / 3 * Eigen::Matrix3d::Identity();
+}
+
 Eigen::Matrix3d MotionBelief::seen_covariance(const SeenRow& row, double power_density) const {
-  return seen(row, velocity(), power_density).covariance;
+  const SeenBy by{row, capture::seconds(row.at - at), velocity()};
+  return onto(by, covariance_with_state(by)) + unmodelled(by, power_density);
+}
+
+Eigen::Matrix2d MotionBelief::lasting_covariance_given_position(int camera) const {
+  const Eigen::Index lasting = lasting_of(camera);
+  const Eigen::Matrix<double, 2, 3> with_position = covariance_.block<2, 3>(lasting, 0);
+  return covariance_.block<2, 2>(lasting, lasting) -
+         with_position * position_covariance().inverse() * with_position.transpose();
+}
+
+// A first-order Gauss-Markov process along the way that the object has gone since the camera saw it last, of the
+// standard deviation that it has now (a near object is larger, and so is what shifts its centre).
+void MotionBelief::renew_lasting(int camera, double lasting_px) {
+  const Eigen::Index lasting = lasting_of(camera);
+  double& way_m = way_m_[static_cast<std::size_t>(camera)];
+  double& before_px = lasting_px_[static_cast<std::size_t>(camera)];
+  const double kept = std::exp(-way_m / lasting_way_m) * (before_px > 0 ? lasting_px / before_px : 0.0);
+  const double renewed = -std::expm1(-2 * way_m / lasting_way_m);
+  mean_.segment<2>(lasting) *= kept;
+  covariance_.middleRows<2>(lasting) *= kept;
+  covariance_.middleCols<2>(lasting) *= kept;
+  covariance_.diagonal().segment<2>(lasting).array() += (before_px > 0 ? renewed : 1.0) * lasting_px * lasting_px;
+  way_m = 0;
+  before_px = lasting_px;
 }
 
 double MotionBelief::observe(const LinearSighting& sighting, const Eigen::Vector3d& velocity, double power_density) {
   const SeenRow& row = sighting.row;
-  const Seen predicted = seen(row, velocity, power_density);
+  renew_lasting(row.camera, sighting.lasting_px);
+  const Eigen::Index lasting = lasting_of(row.camera);
+  const SeenBy by{row, capture::seconds(row.at - at), velocity};
   const double later_s = row_shift_s(row.camera, row.below_middle) - row.shift_s;
-  const Eigen::Vector3d position_then =
-      position() + capture::seconds(row.at - at) * this->velocity() + later_s * velocity;
-  const Eigen::Vector2d innovation =
-      sighting.px - sighting.px_expected - sighting.jacobian * (position_then - sighting.linearised_at);
-  const Eigen::Matrix2d s =
-      sighting.jacobian * predicted.covariance * sighting.jacobian.transpose() + sighting.covariance;
+  const Eigen::Vector3d position_then = position() + by.dt * this->velocity() + later_s * velocity;
+  const Eigen::Vector2d innovation = sighting.px - sighting.px_expected - lasting_error(row.camera) -
+                                     sighting.jacobian * (position_then - sighting.linearised_at);
+  const Eigen::Matrix<double, 2, 3>& j = sighting.jacobian;
+  const Eigen::Matrix<double, 2, Eigen::Dynamic> px_with_state =
+      j * covariance_with_state(by) + covariance_.middleRows<2>(lasting);
+  const Eigen::Matrix2d s = onto(by, px_with_state) * j.transpose() + px_with_state.middleCols<2>(lasting) +
+                            j * unmodelled(by, power_density) * j.transpose() + sighting.covariance;
   const Eigen::Matrix2d information = s.inverse();
-  const Eigen::Matrix<double, 2, Eigen::Dynamic> px_with_state = sighting.jacobian * predicted.with_state;
   const Eigen::Matrix<double, Eigen::Dynamic, 2> gain = px_with_state.transpose() * information;
   const Eigen::VectorXd variance_before = covariance_.diagonal();
   mean_ += gain * innovation;
@@ -158,13 +244,26 @@ double MotionBelief::observe(const LinearSighting& sighting, const Eigen::Vector
   return innovation.dot(information * innovation);
 }
 
-Eigen::Matrix3d MotionBelief::position_covariance_given_times() const {
-  const Eigen::Index n = size() - 6;
-  if (n == 0) return position_covariance();
-  Eigen::MatrixXd times = covariance_.bottomRightCorner(n, n);
+Eigen::MatrixXd MotionBelief::by_times() const {
+  const Eigen::Index n = 2 * static_cast<Eigen::Index>(given_.size());
+  Eigen::MatrixXd times = covariance_.block(6, 6, n, n);
   times.diagonal().array() += 1e-16;  // s^2: of those that are held
-  const Eigen::MatrixXd with_position = covariance_.bottomLeftCorner(n, 3);
-  return position_covariance() - with_position.transpose() * times.llt().solve(with_position);
+  const Eigen::MatrixXd with_times = covariance_.middleRows(6, n);
+  return with_times.transpose() * times.llt().solve(with_times);
+}
+
+MotionBelief MotionBelief::given_times() const {
+  MotionBelief out = *this;
+  if (!times_are_learnt_) return out;
+  const Eigen::Index n = 2 * static_cast<Eigen::Index>(given_.size());
+  out.covariance_ -= by_times();
+  out.covariance_.middleRows(6, n).setZero();
+  out.covariance_.middleCols(6, n).setZero();
+  return out;
+}
+
+void MotionBelief::open_times_as(const MotionBelief& other) {
+  if (times_are_learnt_) covariance_ += other.by_times();
 }
 
 void MotionBelief::set_position(const Eigen::Vector3d& mean, const Eigen::Matrix3d& covariance) {
@@ -180,13 +279,14 @@ void MotionBelief::set_position(const Eigen::Vector3d& mean, const Eigen::Matrix
 }
 
 MotionBelief::SeenPosition MotionBelief::seen_given_position(const SeenRow& row, double power_density) const {
-  const Eigen::Vector3d v = velocity();
-  const Seen all = seen(row, v, power_density);
+  const SeenBy by{row, capture::seconds(row.at - at), velocity()};
+  const Eigen::Matrix<double, 3, Eigen::Dynamic> with_state = covariance_with_state(by);
   const double later_s = row_shift_s(row.camera, row.below_middle) - row.shift_s;
   SeenPosition out;
-  out.slope = all.with_state.leftCols<3>() * position_covariance().inverse();
-  out.offset = position() + (capture::seconds(row.at - at) + later_s) * v - out.slope * position();
-  out.covariance = all.covariance - out.slope * all.with_state.leftCols<3>().transpose();
+  out.slope = with_state.leftCols<3>() * position_covariance().inverse();
+  out.offset = position() + (by.dt + later_s) * by.v - out.slope * position();
+  out.covariance =
+      onto(by, with_state) + unmodelled(by, power_density) - out.slope * with_state.leftCols<3>().transpose();
   out.covariance = (0.5 * (out.covariance + out.covariance.transpose())).eval();
   return out;
 }

@@ -10,15 +10,9 @@
 
 #include "calib/model/camera_rig.h"
 #include "capture/frame.h"
+#include "object_tracking/object_estimate.h"
 
 namespace huetrack::object_tracking {
-
-// One camera's time as a target's motion tells it; seconds. Row r of H is exposed around
-//   stamp - latency + (r / (H - 1) - 1/2) readout.
-struct CameraTimingEstimate {
-  double latency_s = 0, latency_sigma_s = 0;
-  double readout_s = 0, readout_sigma_s = 0;
-};
 
 // The row of a view in which something is seen.
 struct SeenRow {
@@ -32,7 +26,8 @@ struct SeenRow {
 struct LinearSighting {
   SeenRow row;
   Eigen::Vector2d px;                    // measured, raw pixels
-  Eigen::Matrix2d covariance;            // px^2
+  Eigen::Matrix2d covariance;            // px^2, of what is new in every frame
+  double lasting_px = 0;                 // standard deviation of what lasts: see MotionBelief
   Eigen::Vector3d linearised_at;         // a position near the object's when the row was exposed, metres
   Eigen::Vector2d px_expected;           // its projection
   Eigen::Matrix<double, 2, 3> jacobian;  // d px / d p_world there, px/m
@@ -41,8 +36,11 @@ struct LinearSighting {
 // State: position (m) and velocity (m/s) in the world at `at`, then for each camera what its latency and its readout
 // differ from those that its frames' times were made with (s). Motion: constant velocity with white acceleration of a
 // power density q (m^2/s^3; Bar-Shalom, Li, Kirubarajan 2001, section 6.2.2). Times: as good as constant.
-// A sighting sees position + (t - at) velocity at its row's time t, which is later by -latency + below_middle *
-// readout. thread-compatible.
+// And for each camera how far the object is seen beside where it is (px, two coordinates): it is lit from one side, and
+// its bright side matches further out than its dark one. Such an error lasts while the object rests and changes as it
+// moves through the light. Left out, it would pass for noise, which many frames average away, and what remains of it in
+// a slow motion would be taken for latencies. A sighting sees position + (t - at) velocity at its row's time t, which
+// is later by -latency + below_middle * readout. thread-compatible.
 class MotionBelief {
  public:
   // One of the rig's cameras gives the time on which all hangs: its latency is held, as one shift of all latencies
@@ -56,9 +54,15 @@ class MotionBelief {
   Eigen::Vector3d position() const { return mean_.head<3>(); }
   Eigen::Vector3d velocity() const { return mean_.segment<3>(3); }
   Eigen::Matrix3d position_covariance() const { return covariance_.topLeftCorner<3, 3>(); }
-  // If all cameras' times were known to be what they are believed to be.
-  Eigen::Matrix3d position_covariance_given_times() const;
+  // The same if all cameras' times were known to be what they are believed to be.
+  MotionBelief given_times() const;
+  // Undoes it: what the times leave open, of all, is as it is in `other`, of which this was given_times() and may have
+  // been moved since.
+  void open_times_as(const MotionBelief& other);
 
+  // The cameras are triggered together: their frames' times have been the same. Before anything is learnt only. Then
+  // latencies hardly differ, and such cameras mostly have global shutters.
+  void expect_in_step();
   // What is to be added to the frame's time for this row of this camera, and how well that is known (standard
   // deviation).
   double row_shift_s(int camera, double below_middle) const;
@@ -73,6 +77,9 @@ class MotionBelief {
   // Kalman update. Returns the squared innovation in its own standard deviations: 2 on average. A sighting from before
   // `at` is compared with where the object was then, swerves included. velocity: that of the linearisation.
   double observe(const LinearSighting& sighting, const Eigen::Vector3d& velocity, double power_density);
+  // Where the times have become known, and were far from it before, they are opened again by some milliseconds: what
+  // was learnt on the way was linearised at wrong times, and is surer than it should be.
+  void reopen_times();
   // The position's mean and covariance are replaced; all else follows by regression on the position.
   void set_position(const Eigen::Vector3d& mean, const Eigen::Matrix3d& covariance);
 
@@ -84,28 +91,45 @@ class MotionBelief {
     Eigen::Matrix3d covariance;
   };
   SeenPosition seen_given_position(const SeenRow& row, double power_density) const;
+  // How far the camera is believed to see the object beside where it is, at this position: mean, px, and covariance.
+  Eigen::Vector2d lasting_error(int camera) const { return mean_.segment<2>(lasting_of(camera)); }
+  Eigen::Matrix2d lasting_covariance_given_position(int camera) const;
   // Of y itself; the row may be later or earlier than `at`.
   Eigen::Matrix3d seen_covariance(const SeenRow& row, double power_density) const;
 
  private:
   Eigen::Index size() const { return mean_.size(); }
   Eigen::Index latency_of(int camera) const { return 6 + 2 * camera; }
-  // Covariance of y with the state, and of y itself. y = position + dt velocity + v (below_middle readout - latency) is
-  // linear in the state; v is the velocity that it is linearised at.
-  struct Seen {
-    Eigen::Matrix<double, 3, Eigen::Dynamic> with_state;
-    Eigen::Matrix3d covariance;
+  Eigen::Index lasting_of(int camera) const {
+    return size() - 2 * static_cast<Eigen::Index>(given_.size()) + 2 * camera;
+  }
+  // y = position + dt velocity + v (below_middle readout - latency) is linear in the state; v is the velocity that it
+  // is linearised at.
+  struct SeenBy {
+    const SeenRow& row;
+    double dt;
+    Eigen::Vector3d v;
   };
-  Seen seen(const SeenRow& row, const Eigen::Vector3d& velocity, double power_density) const;
+  template <typename Rows>  // rows x size() -> rows x 3: the product with the transpose of y's coefficients
+  Eigen::Matrix<double, Rows::RowsAtCompileTime, 3> onto(const SeenBy& by, const Rows& rows) const;
+  Eigen::Matrix<double, 3, Eigen::Dynamic> covariance_with_state(const SeenBy& by) const;
+  Eigen::MatrixXd by_times() const;  // the part of the covariance that follows from that of the times
+  // What is not in the state: swerves between the row and `at`, and times that are given with an uncertainty.
+  Eigen::Matrix3d unmodelled(const SeenBy& by, double power_density) const;
+
+  void renew_lasting(int camera, double lasting_px);
 
   bool times_are_learnt_;
+  Eigen::VectorXd times_linearised_;  // their means when they were last opened
   Eigen::VectorXd mean_;
   Eigen::MatrixXd covariance_;
   struct Given {  // by the rig
     double latency_s = 0, readout_s = 0;
     double latency_variance_s2 = 0, readout_variance_s2 = 0;  // where times are not learnt
   };
-  std::vector<Given> given_;  // per camera
+  std::vector<Given> given_;        // per camera
+  std::vector<double> lasting_px_;  // per camera: the standard deviation that what lasts had at the last sighting,
+  std::vector<double> way_m_;       // and the way since then
 };
 
 }  // namespace huetrack::object_tracking

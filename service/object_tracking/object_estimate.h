@@ -11,6 +11,15 @@
 
 namespace huetrack::object_tracking {
 
+// One camera's time as a target's motion tells it; seconds. Row r of H is exposed around
+//   stamp - latency + (r / (H - 1) - 1/2) readout.
+// The latency of the rig's first camera is held, and all others hang on it: a shift of all of them together moves the
+// object along its path and changes no picture.
+struct CameraTimingEstimate {
+  double latency_s = 0, latency_sigma_s = 0;
+  double readout_s = 0, readout_sigma_s = 0;
+};
+
 enum class TrackState : std::uint8_t {
   searching,  // never found yet: there is no position
   tracking,   // seen in enough views, position and covariance hold
@@ -45,6 +54,9 @@ struct ObjectEstimate {
   int particle_count = 0;
   double effective_sample_size = 0;   // 1..particle_count
   std::vector<ViewSupport> per_view;  // one per camera of the rig
+  // When each camera's rows are exposed, as this target's motion has told so far, one per camera of the rig; empty with
+  // observation: paper.
+  std::vector<CameraTimingEstimate> times;
 
   bool has_position() const { return state == TrackState::tracking || state == TrackState::coasting; }
 };

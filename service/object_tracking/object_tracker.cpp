@@ -5,6 +5,7 @@
 #include <stdexcept>
 #include <variant>
 
+#include "object_tracking/color_follower.h"
 #include "object_tracking/paper_tracker.h"
 #include "object_tracking/region_tracker.h"
 
@@ -64,9 +65,15 @@ struct ObjectTracker::Impl {
        particle_filter::Rng rng)
       : tracker(options.observation == Observation::paper
                     ? Tracker(std::in_place_type<PaperTracker>, rig, target, options, rng)
-                    : Tracker(std::in_place_type<RegionTracker>, rig, target, options, rng)) {}
+                    : Tracker(std::in_place_type<RegionTracker>, rig, target, options, rng)),
+        adapts(target.adapts_color && options.observation == Observation::huetrack),
+        watch(rig, target),
+        follower(rig, target) {}
   using Tracker = std::variant<PaperTracker, RegionTracker>;
   Tracker tracker;
+  bool adapts;
+  ColorWatch watch;
+  ColorFollower follower;
 };
 
 ObjectTracker::ObjectTracker(const calib::CameraRig& rig, const TargetOptions& target,
@@ -100,7 +107,12 @@ void ObjectTracker::expect(int camera, capture::PixelFormat format, capture::Col
 }
 
 ObjectEstimate ObjectTracker::update(const capture::FrameSet& set) {
-  return std::visit([&](auto& tracker) { return tracker.update(set); }, impl_->tracker);
+  ObjectEstimate estimate = std::visit([&](auto& tracker) { return tracker.update(set); }, impl_->tracker);
+  impl_->watch.look(set, estimate, impl_->follower.in_force());
+  if (impl_->adapts)
+    std::visit([&](auto& tracker) { impl_->follower.follow(set, estimate, impl_->watch, tracker.views()); },
+               impl_->tracker);
+  return estimate;
 }
 
 std::vector<Eigen::Vector3f> ObjectTracker::particles(std::size_t about) const {
@@ -116,9 +128,17 @@ std::vector<Eigen::Vector3f> ObjectTracker::particles(std::size_t about) const {
       impl_->tracker);
 }
 
-std::vector<CameraTimingEstimate> ObjectTracker::timing() const {
-  const auto* tracker = std::get_if<RegionTracker>(&impl_->tracker);
-  return tracker != nullptr ? tracker->timing() : std::vector<CameraTimingEstimate>{};
+std::vector<ColorHealth> ObjectTracker::color_health() const {
+  std::vector<ColorHealth> all;
+  for (std::size_t i = 0; i < impl_->watch.camera_count(); ++i) {
+    all.push_back(impl_->watch.in(i));
+    all.back().followed = impl_->follower.shift(i);
+  }
+  return all;
+}
+
+std::uint64_t ObjectTracker::color_news() const {
+  return impl_->watch.news();
 }
 
 SearchFindings ObjectTracker::search_findings() const {

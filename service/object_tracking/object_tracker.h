@@ -12,8 +12,8 @@
 #include "calib/model/camera_rig.h"
 #include "capture/frame.h"
 #include "object_tracking/color_model.h"
+#include "object_tracking/color_watch.h"
 #include "object_tracking/color_window.h"
-#include "object_tracking/motion_belief.h"
 #include "object_tracking/object_estimate.h"
 
 namespace huetrack::object_tracking {
@@ -32,6 +32,7 @@ struct TargetOptions {
   double radius_m = 0.04;  // > 0; of the ball, or of a ball of about the object's size
   HsiRange color;
   std::vector<std::pair<std::string, HsiRange>> camera_colors;  // per-camera overrides: (camera name, range)
+  bool adapts_color = false;  // the ranges follow the object's colour (color_follower.h; observation: huetrack only)
   IgnoredRegions ignored;
   const HsiRange& color_in(std::string_view camera) const;  // its own there, else `color`
   std::vector<std::string> problems() const;
@@ -101,9 +102,10 @@ class ObjectTracker {
 
   SearchFindings search_findings() const;
 
-  // When the cameras' rows are exposed, as this target's motion tells it; one per camera of the rig. The first camera's
-  // latency is held: all others hang on it. Empty: observation: paper.
-  std::vector<CameraTimingEstimate> timing() const;
+  // Per camera of the rig: how the object's colour lies in the range that is looked for (color_watch.h). color_news()
+  // counts what there is to tell of it.
+  std::vector<ColorHealth> color_health() const;
+  std::uint64_t color_news() const;
 
  private:
   struct Impl;

@@ -5,6 +5,8 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
+#include <cstdlib>
 #include <limits>
 #include <numbers>
 #include <optional>
@@ -29,6 +31,9 @@ constexpr double longest_exposure_s = 1.0 / 60;
 // Mean squared innovation in its standard deviations; 1 is usual. The hardest acceleration does not explain it.
 constexpr double bounce_surprise = 6;
 
+// At usual speeds, some metres a second, this is some millimetres of way: as much as what else is not known.
+constexpr double open_time_s = 2e-3;
+
 double largest_variance(const Eigen::Matrix3d& covariance) {
   return std::max(0.0, covariance.selfadjointView<Eigen::Lower>().eigenvalues().maxCoeff());
 }
@@ -39,6 +44,15 @@ double largest_sigma(const Eigen::Matrix3d& covariance) {
 
 bool is_in_volume(const Eigen::Vector3d& p, const Box& volume) {
   return ((p - volume.min).array() >= 0).all() && ((volume.max - p).array() >= 0).all();
+}
+
+// Frames that a trigger did not start at one moment. Stamps that agree by chance, camera by camera and set by set, do
+// not happen.
+bool is_apart(const std::vector<TargetView>& views) {
+  constexpr auto trigger_jitter = capture::Duration(50'000);
+  return std::ranges::any_of(views, [&](const TargetView& view) {
+    return std::chrono::abs(view.frame->captured_at - views.front().frame->captured_at) > trigger_jitter;
+  });
 }
 
 void sort_by_time(std::vector<Sighting>& sightings) {
@@ -61,18 +75,33 @@ std::optional<PixelBox> box_around(const TargetView& view, const Appearance& at,
 ObjectEstimate RegionTracker::update(const capture::FrameSet& set) {
   const std::vector<TargetView>& views = views_.look_at(set);
   sightings_.clear();
+  sets_apart_ += is_apart(views) ? 1 : 0;
   if (set.at < last_at_) forget();  // the clock was put back: what was known is of another time
   if (state_ == TrackState::tracking || state_ == TrackState::coasting) {
     sight(views);  // colour regions near the prediction, one per view at most
     const double q = learn_acceleration(set, views);
     const MotionBelief proposal = propose(set, q);  // motion and regions together, linearised
-    draw_particles(proposal);
-    weigh(proposal, q);  // what the linearisation and the floor change
-    estimate(proposal);
+    const MotionBelief at_times =
+        proposal.given_times();  // particles are positions, for the times as they are believed
+    draw_particles(at_times);
+    weigh(at_times, q);  // what the linearisation and the floor change
+    estimate(at_times);
+    belief_.open_times_as(proposal);
+    belief_.reopen_times();
     judge(set);
   }
   if (state_ != TrackState::tracking) search(set, views);
   last_at_ = set.at;
+  if (std::getenv("DBG")) {
+    std::fprintf(stderr, "%.3f v=%.2f a=%.1f s=%.2f n=%zu", capture::seconds(set.at), belief_.velocity().norm(),
+                 acceleration_, surprise_, sightings_.size());
+    for (int c = 0; c < static_cast<int>(views_.camera_count()); ++c) {
+      const auto t = belief_.timing(c);
+      std::fprintf(stderr, " | %.2f+-%.2f %.2f+-%.2f", 1e3 * t.latency_s, 1e3 * t.latency_sigma_s, 1e3 * t.readout_s,
+                   1e3 * t.readout_sigma_s);
+    }
+    std::fprintf(stderr, "\n");
+  }
   return report(set, views);
 }
 
@@ -179,7 +208,8 @@ void RegionTracker::sight(const std::vector<TargetView>& views) {
          finders_[static_cast<std::size_t>(view.index)].find(*view.matches, *box, min_area, 1.3 * at.radius_px)) {
       const Sighting sighting =
           sighting_of(view, region, at.radius_px, options_.pixel_noise_px, image_motion(view, at));
-      const Eigen::Matrix2d total = s + sighting.covariance;
+      const Eigen::Matrix2d total =
+          s + sighting.covariance + sighting.lasting_px * sighting.lasting_px * Eigen::Matrix2d::Identity();
       const Eigen::Vector2d d = sighting.px - at.px;
       const double d2 = d.dot(total.inverse() * d);
       if (d2 > region_gate) continue;
@@ -241,6 +271,7 @@ MotionBelief RegionTracker::followed(const MotionBelief& from, const MotionBelie
                              {.row = sighting.row,
                               .px = sighting.px,
                               .covariance = sighting.covariance,
+                              .lasting_px = sighting.lasting_px,
                               .linearised_at = then,
                               .px_expected = at->px,
                               .jacobian = at->jacobian}});
@@ -251,6 +282,12 @@ MotionBelief RegionTracker::followed(const MotionBelief& from, const MotionBelie
   if (linear_views_.empty() || out.at <= last_reported_)
     out.predict_to(std::max(set_at, last_reported_ + capture::Duration(1)), power_density);
   return out;
+}
+
+bool RegionTracker::are_times_open() const {
+  return std::ranges::any_of(sightings_, [&](const Sighting& s) {
+    return belief_.row_sigma_s(s.row.camera, s.row.below_middle) > open_time_s;
+  });
 }
 
 // Covariance matching: raise the acceleration until the innovations of all sightings together are ones that it
@@ -276,9 +313,11 @@ double RegionTracker::learn_acceleration(const capture::FrameSet& set, const std
       return std::max(q, power_density());
     }
   }
+  // While the times are open, small innovations do not tell calm motion: nearly all of what is expected of them is the
+  // times'. And a motion that is taken for too calm passes for cameras that are late.
+  const double least = are_times_open() ? 2 * options_.acceleration_m_s2 : least_acceleration_m_s2;
   if (!sightings_.empty())
-    acceleration_ =
-        std::clamp(acceleration_ * std::exp(0.05 * (std::min(surprise_, 3.0) - 1)), least_acceleration_m_s2, ceiling);
+    acceleration_ = std::clamp(acceleration_ * std::exp(0.05 * (std::min(surprise_, 3.0) - 1)), least, ceiling);
   return power_density();
 }
 
@@ -361,15 +400,17 @@ void RegionTracker::weigh(const MotionBelief& proposal, double power_density) {
     for (std::size_t i = 0; i < n; ++i) pz[i] = b(2, 0) * x[i] + b(2, 1) * y[i] + b(2, 2) * z[i] + c(2);
     sighting.projector->project(px, py, pz, n, u_.data(), v_.data());
 
-    const Eigen::Matrix2d noise = linear.covariance + linear.jacobian * seen.covariance * linear.jacobian.transpose();
+    const Eigen::Matrix2d noise = linear.covariance + linear.jacobian * seen.covariance * linear.jacobian.transpose() +
+                                  proposal.lasting_covariance_given_position(linear.row.camera);
+    const Eigen::Vector2d measured = linear.px - proposal.lasting_error(linear.row.camera);
     const Eigen::Matrix2f information = noise.inverse().cast<float>();
     const float i_uu = information(0, 0), i_uv = 2 * information(0, 1), i_vv = information(1, 1);
     const auto d2_of = [=](float du, float dv) { return i_uu * du * du + i_uv * du * dv + i_vv * dv * dv; };
-    const auto cu = static_cast<float>(linear.px.x()), cv = static_cast<float>(linear.px.y());
+    const auto cu = static_cast<float>(measured.x()), cv = static_cast<float>(measured.y());
     const auto floor = static_cast<float>(std::log(floor_likelihood / sighting.support));
     // The linearisation: du = j p + k.
     const Eigen::Matrix<float, 2, 3> j = linear.jacobian.cast<float>();
-    const Eigen::Vector2f k = (linear.px_expected - linear.px - linear.jacobian * linear.linearised_at).cast<float>();
+    const Eigen::Vector2f k = (linear.px_expected - measured - linear.jacobian * linear.linearised_at).cast<float>();
     for (std::size_t i = 0; i < n; ++i) {
       const float linear_du = j(0, 0) * px[i] + j(0, 1) * py[i] + j(0, 2) * pz[i] + k(0);
       const float linear_dv = j(1, 0) * px[i] + j(1, 1) * py[i] + j(1, 2) * pz[i] + k(1);
@@ -405,7 +446,7 @@ void RegionTracker::forget() {
 // A view or more must see it, and together they must say where. What is open because nobody knows the cameras' times
 // does not count here: the covariance tells it, and motion will.
 void RegionTracker::judge(const capture::FrameSet& set) {
-  const double sigma_m = largest_sigma(belief_.position_covariance_given_times());
+  const double sigma_m = largest_sigma(belief_.given_times().position_covariance());
   if (!sightings_.empty() && sigma_m <= options_.max_tracking_sigma_m) {
     state_ = TrackState::tracking;
     last_tracking_ = set.at;
@@ -456,7 +497,7 @@ void RegionTracker::search(const capture::FrameSet& set, const std::vector<Targe
   }
   if (found != nullptr) {
     start_at(*earlier, *found, set.at, dt);
-    const double sigma_m = largest_sigma(belief_.position_covariance_given_times());
+    const double sigma_m = largest_sigma(belief_.given_times().position_covariance());
     state_ = sigma_m <= options_.max_tracking_sigma_m ? TrackState::tracking : TrackState::coasting;
     last_tracking_ = set.at;
     candidates_.clear();
@@ -476,6 +517,8 @@ void RegionTracker::start_at(const PositionCandidate& earlier, const PositionCan
   MotionBelief about = belief_;
   about.begin(set_at, found.position, 0, (found.position - earlier.position) / dt, 0);
   last_reported_ = capture::Timestamp::min();
+  if (!has_begun_ && sets_apart_ == 0) belief_.expect_in_step();
+  has_begun_ = true;
   sightings_ = earlier.sightings;
   sort_by_time(sightings_);
   belief_.begin(sightings_.front().row.at, earlier.position, anywhere_m * anywhere_m, Eigen::Vector3d::Zero(),
@@ -484,16 +527,10 @@ void RegionTracker::start_at(const PositionCandidate& earlier, const PositionCan
   sightings_ = found.sightings;
   sort_by_time(sightings_);
   belief_ = followed(belief_, &about, set_at, power_density());
-  draw_particles(belief_);
+  draw_particles(belief_.given_times());
   weight_.assign(particles_.size(), 1.0f / static_cast<float>(particles_.size()));
   effective_sample_size_ = static_cast<double>(particles_.size());
   map_ = belief_.position();
-}
-
-std::vector<CameraTimingEstimate> RegionTracker::timing() const {
-  std::vector<CameraTimingEstimate> out;
-  for (int c = 0; c < static_cast<int>(views_.camera_count()); ++c) out.push_back(belief_.timing(c));
-  return out;
 }
 
 ObjectEstimate RegionTracker::report(const capture::FrameSet& set, const std::vector<TargetView>& views) {
@@ -504,6 +541,7 @@ ObjectEstimate RegionTracker::report(const capture::FrameSet& set, const std::ve
   e.particle_count = static_cast<int>(particles_.size());
   e.effective_sample_size = effective_sample_size_;
   e.per_view.resize(views_.camera_count());
+  for (int c = 0; c < static_cast<int>(views_.camera_count()); ++c) e.times.push_back(belief_.timing(c));
   for (const TargetView& view : views) e.per_view[static_cast<std::size_t>(view.index)].delivered = true;
   if (!e.has_position()) return e;
   e.at = last_reported_ = std::max(belief_.at, last_reported_ + capture::Duration(1));

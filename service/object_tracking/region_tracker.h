@@ -42,7 +42,6 @@ class RegionTracker {
   TargetViews& views() { return views_; }
   const PositionParticles& particles() const { return particles_; }
   SearchFindings search_findings() const { return search_log_.findings(); }
-  std::vector<CameraTimingEstimate> timing() const;
 
  private:
   struct SizeInView {
@@ -59,6 +58,7 @@ class RegionTracker {
   bool sight_after_bounce(const std::vector<TargetView>& views, double power_density);
   MotionBelief followed(const MotionBelief& from, const MotionBelief* linearised_about, capture::Timestamp set_at,
                         double power_density);
+  bool are_times_open() const;
   double learn_acceleration(const capture::FrameSet& set, const std::vector<TargetView>& views);
   MotionBelief propose(const capture::FrameSet& set, double power_density);
   void draw_particles(const MotionBelief& proposal);
@@ -101,6 +101,8 @@ class RegionTracker {
 
   TrackState state_ = TrackState::searching;
   capture::Timestamp last_at_{}, last_tracking_{};  // of the sets
+  bool has_begun_ = false;                          // an object was found: times are being learnt
+  std::size_t sets_apart_ = 0;                      // whose frames were not taken at one moment
   capture::Timestamp last_reported_ = capture::Timestamp::min();
 };
 

@@ -107,6 +107,7 @@ class RayCrosser {
         std::hypot(capture::seconds(newest_ - s.row.at), times_.row_sigma_s(s.row.camera, s.row.below_middle));
     const double way_m = options_.start_speed_m_s * apart_s;
     s.covariance += way_m * way_m * at.jacobian * at.jacobian.transpose();
+    s.covariance.diagonal().array() += s.lasting_px * s.lasting_px;
     return s;
   }
 
@@ -177,7 +178,7 @@ Sighting sighting_of(const TargetView& view, const ColorRegion& region, double r
   s.camera = view.camera;
   s.projector = view.projector;
   s.px = region.centre;
-  const double noise2 = pixel_noise_px * pixel_noise_px + 0.0016 * radius_px * radius_px;
+  s.lasting_px = 0.06 * radius_px;
   // A row that is dv below the centre's shows the ball where it is dv row_s later: the outline is the disc's image
   // under the inverse of d -> d - velocity row_s d.v. Never faster than the rows themselves, as far as the shape goes.
   const Eigen::Vector2d shear = (motion.row_s * motion.velocity).cwiseMax(-0.5).cwiseMin(0.5);
@@ -186,7 +187,7 @@ Sighting sighting_of(const TargetView& view, const ColorRegion& region, double r
   // Along each axis of the region: 2 sqrt(eigenvalue) is the half width of the disc that is as wide.
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> axes =
       Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>().computeDirect(region.spread);
-  Eigen::Vector2d variance = Eigen::Vector2d::Constant(noise2);
+  Eigen::Vector2d variance = Eigen::Vector2d::Constant(pixel_noise_px * pixel_noise_px);
   for (int i = 0; i < 2; ++i) {
     const Eigen::Vector2d axis = axes.eigenvectors().col(i);
     const double expected_px = radius_px * (outline_from_disc.transpose() * axis).norm();

@@ -4,6 +4,7 @@
 
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "calib/model/batch_projector.h"
@@ -45,6 +46,15 @@ class TargetViews {
     table_for(*cameras_.at(camera), format, range);
   }
 
+  // From the next set on the camera looks for this colour, with its table. Returns the table that was in force.
+  std::shared_ptr<const ColorTable> recolor(std::size_t camera, const HsiRange& color,
+                                            std::shared_ptr<const ColorTable> table) {
+    PerCamera& c = *cameras_.at(camera);
+    c.color = color;
+    c.table_before = c.table;  // the views of this set point to it
+    return std::exchange(c.table, std::move(table));
+  }
+
   std::size_t camera_count() const { return cameras_.size(); }
   const calib::Camera& camera(std::size_t i) const { return cameras_[i]->camera; }
   const calib::BatchProjector& projector(std::size_t i) const { return cameras_[i]->projector; }
@@ -58,6 +68,7 @@ class TargetViews {
     MatchBits matches;
     HsiRange color;
     std::shared_ptr<const ColorTable> table;  // of the format seen last; made when a format is first seen
+    std::shared_ptr<const ColorTable> table_before = {};
   };
   const ColorTable& table_for(PerCamera& camera, capture::PixelFormat format, capture::ColorRange range);
 

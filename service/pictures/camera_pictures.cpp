@@ -14,6 +14,7 @@
 #include "pictures/canvas_image.h"
 #include "pictures/oblique.h"
 #include "pictures/pictures.h"
+#include "pictures/view_style.h"
 
 namespace huetrack::pictures {
 namespace {
@@ -30,8 +31,6 @@ using drawing::white;
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-constexpr Color background{24, 26, 30}, no_image{44, 47, 53}, faint{150, 156, 166}, bright{238, 240, 244};
-constexpr double headline_size = 19, text_size = 15, small_text_size = 14;
 constexpr Color found_color{90, 220, 120}, missed_color{255, 96, 88}, given_color{110, 180, 255},
     particle_color{255, 220, 90};
 
@@ -269,13 +268,85 @@ cv::Mat draw_camera(const calib::Camera& camera, const StartPlane& plane, const 
   return image_of(canvas);
 }
 
+// ---- The map of a tracked camera, from above.
+
+namespace {
+
+constexpr int map_width = 1280, map_height = 960;
+constexpr Color map_paper{252, 252, 250}, soft_line{120, 126, 136}, map_point_color{40, 90, 160},
+    given_point_color{206, 44, 44}, way_color{30, 140, 70}, coasting_way_color{232, 130, 0};
+
+// Its points with their 95 % ellipsoids, those between low and high of the oblique plane.
+void draw_map_points(Canvas& canvas, const Oblique& oblique, const std::vector<camera_tracking::CameraMapPoint>& map,
+                     const Vector2d& wide_low, const Vector2d& wide_high) {
+  for (const auto& f : map) {
+    const Vector2d p = oblique.flat(f.position);
+    if ((p.array() < wide_low.array() - 1e-9).any() || (p.array() > wide_high.array() + 1e-9).any()) continue;
+    std::vector<Point> ring;
+    for (const Vector2d& r : calib::ellipse_95(oblique.flat(f.covariance)).ring(32)) ring.push_back(oblique.at(p + r));
+    const Color color = f.given ? given_point_color : map_point_color;
+    canvas.polygon(ring, color.faded(0.10));
+    canvas.polyline(ring, color, 1.2, true);
+    canvas.disc(oblique.at(p), 2.2, color);
+  }
+}
+
+void draw_way(Canvas& canvas, const Oblique& oblique, const std::vector<camera_tracking::CameraEstimate>& way) {
+  const camera_tracking::CameraEstimate* before = nullptr;
+  for (const auto& e : way) {
+    if (e.has_pose() && before != nullptr)
+      canvas.line(oblique(before->world_from_camera.translation), oblique(e.world_from_camera.translation),
+                  e.state == camera_tracking::PoseState::tracking ? way_color : coasting_way_color, 2.8);
+    before = e.has_pose() ? &e : nullptr;
+  }
+}
+
+// The camera itself, a dozen times on its way. reach: of its corners' rays, metres
+void draw_cameras(Canvas& canvas, const Oblique& oblique, const calib::Camera& camera,
+                  const std::vector<camera_tracking::CameraEstimate>& way, double reach) {
+  const std::size_t every = std::max<std::size_t>(1, way.size() / 12);
+  for (std::size_t i = 0; i < way.size(); i += every) {
+    if (!way[i].has_pose()) continue;
+    const calib::Rigid3d& pose = way[i].world_from_camera;
+    std::vector<Point> front;
+    for (const auto& [u, v] : {std::pair{0, 0}, {1, 0}, {1, 1}, {0, 1}}) {
+      const auto ray = camera.model.ray(
+          calib::RawPixel{{u * (camera.image_size.width - 1.0), v * (camera.image_size.height - 1.0)}});
+      if (ray) front.push_back(oblique(pose * (*ray * reach)));
+    }
+    const Point eye = oblique(pose.translation);
+    canvas.polyline(front, soft_line, 1.3, true);
+    for (const auto& p : front) canvas.line(eye, p, soft_line, 1.3);
+    canvas.disc(eye, 2.6, way_color);
+  }
+}
+
+// The scale, and what the colours mean.
+void draw_map_key(Canvas& canvas, double zoom) {
+  // A scale: the longest of 1, 2, 5 times a power of ten that is at most a fifth of the picture.
+  const double longest = (map_width - 120) / 5.0 / zoom, power = std::pow(10, std::floor(std::log10(longest)));
+  const double bar = (longest >= 5 * power ? 5 : longest >= 2 * power ? 2 : 1) * power;
+  canvas.line({60, map_height - 34.0}, {60 + bar * zoom, map_height - 34.0}, ink, 2);
+  canvas.text({60 + bar * zoom + 10, map_height - 29.0},
+              bar < 1 ? fmt::format("{:g} cm", bar * 100) : fmt::format("{:g} m", bar), small_text_size, ink);
+  double x = map_width - 36;
+  for (const auto& [text, color] : {std::pair{"coasting", coasting_way_color},
+                                    {"tracking", way_color},
+                                    {"given points", given_point_color},
+                                    {"map points", map_point_color}}) {
+    canvas.text({x, map_height - 29.0}, text, small_text_size, ink, Align::right);
+    x -= canvas.text_width(text, small_text_size);
+    canvas.disc({x - 10, map_height - 34.0}, 4, color);
+    x -= 34;
+  }
+}
+
+}  // namespace
+
 cv::Mat draw_camera_map(const calib::Camera& camera, const StartPlane& plane, const std::string& title,
                         const std::vector<camera_tracking::CameraEstimate>& way,
                         const std::vector<camera_tracking::CameraMapPoint>& map) {
-  constexpr int width = 1280, height = 960;
-  constexpr Color paper{252, 252, 250}, soft{120, 126, 136}, map_color{40, 90, 160}, given_point_color{206, 44, 44},
-      way_color{30, 140, 70}, coasting_color{232, 130, 0};
-  Canvas canvas(width, height, paper);
+  Canvas canvas(map_width, map_height, map_paper);
   Oblique oblique = Oblique::from(-60, 32);
 
   // What is fitted: the start, the way, and of the map what is not far out.
@@ -300,7 +371,7 @@ cv::Mat draw_camera_map(const calib::Camera& camera, const StartPlane& plane, co
   for (const auto& point : map) outside += include(point.position) ? 0 : 1;
   const bool shows_origin = include(Vector3d::Zero());
   const Vector2d edge = 0.04 * (wide_high - wide_low);
-  oblique.fit(wide_low - edge, wide_high + edge, {60, 110, width - 120, height - 170});
+  oblique.fit(wide_low - edge, wide_high + edge, {60, 110, map_width - 120, map_height - 170});
 
   canvas.text({36, 46}, title, 22, ink, Align::left, Weight::bold);
   const auto poses = std::ranges::count_if(way, &camera_tracking::CameraEstimate::has_pose);
@@ -313,67 +384,19 @@ cv::Mat draw_camera_map(const calib::Camera& camera, const StartPlane& plane, co
   std::vector<Point> outline;
   for (const Vector3d& p : ground) outline.push_back(oblique(p));
   canvas.polygon(outline, {225, 228, 232, 0.8});
-  canvas.polyline(outline, soft, 1.7, true);
+  canvas.polyline(outline, soft_line, 1.7, true);
   for (const auto& axis : world_axes) {
     if (!shows_origin) break;
     const Vector3d tip = axis_length(plane) * axis.direction;
     canvas.line(oblique(Vector3d::Zero()), oblique(tip), axis.on_paper, 2.8);
-    canvas.rimmed_text(oblique(1.12 * tip), axis.label, small_text_size, axis.on_paper, paper, Align::centre);
+    canvas.rimmed_text(oblique(1.12 * tip), axis.label, small_text_size, axis.on_paper, map_paper, Align::centre);
   }
 
-  for (const auto& f : map) {
-    const Vector2d p = oblique.flat(f.position);
-    if ((p.array() < wide_low.array() - 1e-9).any() || (p.array() > wide_high.array() + 1e-9).any()) continue;
-    std::vector<Point> ring;
-    for (const Vector2d& r : calib::ellipse_95(oblique.flat(f.covariance)).ring(32)) ring.push_back(oblique.at(p + r));
-    const Color color = f.given ? given_point_color : map_color;
-    canvas.polygon(ring, color.faded(0.10));
-    canvas.polyline(ring, color, 1.2, true);
-    canvas.disc(oblique.at(p), 2.2, color);
-  }
-
-  const camera_tracking::CameraEstimate* before = nullptr;
-  for (const auto& e : way) {
-    if (e.has_pose() && before != nullptr)
-      canvas.line(oblique(before->world_from_camera.translation), oblique(e.world_from_camera.translation),
-                  e.state == camera_tracking::PoseState::tracking ? way_color : coasting_color, 2.8);
-    before = e.has_pose() ? &e : nullptr;
-  }
-  // The camera itself, a dozen times on its way.
-  const double reach = 0.07 * (wide_high - wide_low).maxCoeff();
-  const std::size_t every = std::max<std::size_t>(1, way.size() / 12);
-  for (std::size_t i = 0; i < way.size(); i += every) {
-    if (!way[i].has_pose()) continue;
-    const calib::Rigid3d& pose = way[i].world_from_camera;
-    std::vector<Point> front;
-    for (const auto& [u, v] : {std::pair{0, 0}, {1, 0}, {1, 1}, {0, 1}}) {
-      const auto ray = camera.model.ray(
-          calib::RawPixel{{u * (camera.image_size.width - 1.0), v * (camera.image_size.height - 1.0)}});
-      if (ray) front.push_back(oblique(pose * (*ray * reach)));
-    }
-    const Point eye = oblique(pose.translation);
-    canvas.polyline(front, soft, 1.3, true);
-    for (const auto& p : front) canvas.line(eye, p, soft, 1.3);
-    canvas.disc(eye, 2.6, way_color);
-  }
-
-  // A scale: the longest of 1, 2, 5 times a power of ten that is at most a fifth of the picture.
-  const double longest = (width - 120) / 5.0 / oblique.zoom, power = std::pow(10, std::floor(std::log10(longest)));
-  const double bar = (longest >= 5 * power ? 5 : longest >= 2 * power ? 2 : 1) * power;
-  canvas.line({60, height - 34.0}, {60 + bar * oblique.zoom, height - 34.0}, ink, 2);
-  canvas.text({60 + bar * oblique.zoom + 10, height - 29.0},
-              bar < 1 ? fmt::format("{:g} cm", bar * 100) : fmt::format("{:g} m", bar), small_text_size, ink);
-  double x = width - 36;
-  for (const auto& [text, color] : {std::pair{"coasting", coasting_color},
-                                    {"tracking", way_color},
-                                    {"given points", given_point_color},
-                                    {"map points", map_color}}) {
-    canvas.text({x, height - 29.0}, text, small_text_size, ink, Align::right);
-    x -= canvas.text_width(text, small_text_size);
-    canvas.disc({x - 10, height - 34.0}, 4, color);
-    x -= 34;
-  }
-  canvas.line({36, 92}, {width - 36.0, 92}, rule, 0.8);
+  draw_map_points(canvas, oblique, map, wide_low, wide_high);
+  draw_way(canvas, oblique, way);
+  draw_cameras(canvas, oblique, camera, way, 0.07 * (wide_high - wide_low).maxCoeff());
+  draw_map_key(canvas, oblique.zoom);
+  canvas.line({36, 92}, {map_width - 36.0, 92}, rule, 0.8);
   return image_of(canvas);
 }
 

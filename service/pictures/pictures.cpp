@@ -8,6 +8,7 @@
 #include "calib/model/covariance_ellipse.h"
 #include "drawing/axes.h"
 #include "pictures/canvas_image.h"
+#include "pictures/view_style.h"
 
 namespace huetrack::pictures {
 namespace {
@@ -20,9 +21,6 @@ using drawing::Color;
 using drawing::Point;
 using drawing::Weight;
 using drawing::white;
-
-constexpr Color background{24, 26, 30}, no_image{44, 47, 53}, faint{150, 156, 166}, bright{238, 240, 244};
-constexpr double headline_size = 19, text_size = 15, small_text_size = 14;
 
 Color target_color(const object_tracking::TargetOptions& target) {
   return color_of(target.color, 0.75, 1);

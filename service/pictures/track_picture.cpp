@@ -31,8 +31,8 @@ using object_tracking::ObjectEstimate;
 
 constexpr Color paper{252, 252, 250}, floor_color{243, 245, 248}, shadow_color{214, 217, 222}, glass{96, 120, 170};
 constexpr Color truth_color{70, 76, 86}, coasting_color{232, 130, 0}, bad_color{206, 44, 44};
-constexpr double text_size = 14, small_text_size = 12.5, label_size = 11;
-constexpr double margin = 36;
+constexpr double name_size = 14, figures_size = 12.5, label_size = 11;
+constexpr double page_margin = 36;
 
 // What is drawn of one target.
 struct Target {
@@ -182,7 +182,7 @@ class World {
       tick(oblique_({foot.x(), foot.y(), z}), {-1, 0}, drawing::tick_label(z, z_step));
     });
     const auto title = [&](const Point& at, const char* text) {
-      canvas_.text(at, text, text_size, ink, Align::centre, Weight::bold);
+      canvas_.text(at, text, name_size, ink, Align::centre, Weight::bold);
     };
     title(on_floor((box_.min.x() + box_.max.x()) / 2, near_y) + 62 * away_from_y, "x, m");
     title(on_floor(near_x, (box_.min.y() + box_.max.y()) / 2) + 62 * away_from_x, "y, m");
@@ -211,7 +211,7 @@ class World {
     canvas_.polyline(front, glass, 1.4, true);
     for (const Point& p : front) canvas_.line(centre, p, glass, 1.4);
     canvas_.disc(centre, 3.2, glass);
-    canvas_.text(centre + Point(0, -14), camera.name, text_size, glass, Align::centre, Weight::bold);
+    canvas_.text(centre + Point(0, -14), camera.name, name_size, glass, Align::centre, Weight::bold);
   }
 
   void draw_shadow(const Target& target) {
@@ -239,8 +239,8 @@ class World {
     canvas_.disc(start, 5.5, target.color);
     canvas_.disc(start, 3.2, white);
     canvas_.disc(end, 5.5, target.color);
-    canvas_.rimmed_text(start + Point(9, 18), "start", small_text_size, ink, white);
-    canvas_.rimmed_text(end + Point(9, -10), "end", small_text_size, ink, white);
+    canvas_.rimmed_text(start + Point(9, 18), "start", figures_size, ink, white);
+    canvas_.rimmed_text(end + Point(9, -10), "end", figures_size, ink, white);
   }
 
   Canvas& canvas_;
@@ -297,7 +297,7 @@ void draw_errors(Canvas& canvas, const Box& box, const drawing::Span& time, std:
     if (!(target.rms_mm > 0 && target.rms_mm < high)) continue;
     canvas.dashed(axes(time.low, target.rms_mm), axes(time.high, target.rms_mm), ink, 1.3);
     canvas.rimmed_text(axes(time.high, target.rms_mm) + Point(-6 - 90 * labels++, -6),
-                       fmt::format("rms {:.1f}", target.rms_mm), small_text_size, ink, white, Align::right);
+                       fmt::format("rms {:.1f}", target.rms_mm), figures_size, ink, white, Align::right);
   }
   if (all.back() > high)
     canvas.text({box.x + box.width, box.y - 8}, fmt::format("red: beyond the scale, up to {:.0f} mm", all.back()),
@@ -310,7 +310,7 @@ void draw_over_time(Canvas& canvas, const object_tracking::Box& volume, std::spa
     for (const ObjectEstimate& e : target.track) time.add(capture::seconds(e.at));
   if (!(time.high > time.low)) time = {0, 1};
   const bool has_error = std::ranges::any_of(targets, [](const Target& t) { return !t.errors.empty(); });
-  const double width = canvas.width() - margin - plot_left;
+  const double width = canvas.width() - page_margin - plot_left;
   const double height = (canvas.height() - top - 70 - (has_error ? error_height + 66 : 0)) / 3 - plot_gap;
   double y = top + 26;
   for (int axis = 0; axis < 3; ++axis, y += height + plot_gap)
@@ -320,10 +320,10 @@ void draw_over_time(Canvas& canvas, const object_tracking::Box& volume, std::spa
 }
 
 void draw_keys(Canvas& canvas, std::span<const Target> targets) {
-  double x = canvas.width() - margin;
+  double x = canvas.width() - page_margin;
   const auto key = [&](const std::string& text, Color color, double width) {
-    canvas.text({x, 50}, text, small_text_size, ink, Align::right);
-    x -= canvas.text_width(text, small_text_size);
+    canvas.text({x, 50}, text, figures_size, ink, Align::right);
+    x -= canvas.text_width(text, figures_size);
     canvas.line({x - 34, 46}, {x - 8, 46}, color, width);
     x -= 54;
   };
@@ -339,18 +339,18 @@ cv::Mat draw_track_3d(const config::ServiceConfig& config, const std::string& ti
   std::vector<Target> targets;
   for (std::size_t i = 0; i < tracks.size(); ++i) targets.push_back(target_of(config.targets[i], tracks[i], truth));
   Canvas canvas(1760, 1120, paper);
-  canvas.text({margin, 50}, title, 23, ink, Align::left, Weight::bold);
+  canvas.text({page_margin, 50}, title, 23, ink, Align::left, Weight::bold);
   draw_keys(canvas, targets);
   double y = 84;
   for (const Target& target : targets) {
-    canvas.line({margin + 2, y - 5}, {margin + 26, y - 5}, target.color, 4);
-    canvas.text({margin + 36, y}, target.name, text_size, ink, Align::left, Weight::bold);
-    canvas.text({margin + 50 + canvas.text_width(target.name, text_size, Weight::bold), y}, target.figures, text_size,
-                ink);
+    canvas.line({page_margin + 2, y - 5}, {page_margin + 26, y - 5}, target.color, 4);
+    canvas.text({page_margin + 36, y}, target.name, name_size, ink, Align::left, Weight::bold);
+    canvas.text({page_margin + 50 + canvas.text_width(target.name, name_size, Weight::bold), y}, target.figures,
+                name_size, ink);
     y += 26;
   }
   const double top = y + 6;
-  World(canvas, config, targets, {margin, top, 1060, canvas.height() - top - 20});
+  World(canvas, config, targets, {page_margin, top, 1060, canvas.height() - top - 20});
   draw_over_time(canvas, config.object_tracking.volume, targets, top);
   return image_of(canvas);
 }

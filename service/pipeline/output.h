@@ -64,8 +64,8 @@ class Output {
   virtual void on_picture(const pictures::PictureJob& /*job*/) {}
   virtual void on_camera_picture(const pictures::CameraPictureJob& /*job*/) {}
 
-  // The thread that reloads: this configuration is in force.
-  virtual void on_config(const config::ServiceConfig& /*config*/) {}
+  // The thread that reloads: this configuration is in force, and nothing can be taken back any more.
+  virtual void on_config(const config::ServiceConfig& /*config*/) noexcept {}
   // The thread that has run the session, when the road is empty: what is written is to be on disk.
   virtual void flush() {}
 };

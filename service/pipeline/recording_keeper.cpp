@@ -95,7 +95,7 @@ void RecordingKeeper::on_set(const TrackedSet& set) {
   for (const auto& config : set.reloaded) happened_.push_back({set.frames.at, config});
 }
 
-void RecordingKeeper::on_config(const config::ServiceConfig& config) {
+void RecordingKeeper::on_config(const config::ServiceConfig& config) noexcept {
   if (recorder_) recorder_->take_over(config::to_portable_yaml(config));
 }
 

@@ -33,7 +33,7 @@ class RecordingKeeper final : public Output {
   void on_frame(const capture::Frame& frame, capture::Timestamp received_at) override;
   void on_left_out(const LeftOut& left_out) override;
   void on_set(const TrackedSet& set) override;
-  void on_config(const config::ServiceConfig& config) override;
+  void on_config(const config::ServiceConfig& config) noexcept override;
 
   // Now and then: ends what is over, saves the pre-roll of a target that was lost, writes down what happened.
   void look_after();

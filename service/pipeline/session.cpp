@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <exception>
+#include <iterator>
 #include <stdexcept>
 #include <string_view>
 #include <utility>
@@ -108,11 +109,10 @@ void Session::save_camera_map() const {
     save_map(*tracker, pipeline_.tracked_camera(), save_map_);
 }
 
-Pipeline::Replacement Session::replacement(const config::ServiceConfig& before,
+Pipeline::Replacement Session::replacement(const std::vector<std::size_t>& targets,
                                            const config::ServiceConfig& after) const {
   Pipeline::Replacement replacement;
-  for (const auto t : config::targets_that_differ(before, after))
-    replacement.trackers.emplace_back(t, tracker_of(after, t));
+  for (const auto t : targets) replacement.trackers.emplace_back(t, tracker_of(after, t));
   return replacement;
 }
 
@@ -123,10 +123,10 @@ void Session::repeat(const std::vector<RecordedReload>& reloads) {
     if (!has_same_targets(fresh, before))
       throw yaml::ConfigError(reload.config, 0, "has other targets than the recording's huetrackd.yaml");
     config::ServiceConfig after = merged(before, fresh);
-    Pipeline::Replacement next = replacement(before, after);
+    Pipeline::Replacement next = replacement(config::targets_that_differ(before, after), after);
     next.from = reload.at;
     pipeline_.replace_trackers(std::move(next));
-    before = std::move(after);
+    before = repeated_.emplace_back(std::move(after));
   }
 }
 
@@ -140,10 +140,15 @@ Session::TakenOver Session::take_over(const config::ServiceConfig& fresh) {
     if (std::ranges::find(reloadable, key) == reloadable.end()) result.waiting.push_back(key);
 
   config::ServiceConfig after = merged(config_, fresh);
-  Pipeline::Replacement next = replacement(config_, after);
+  std::vector<std::size_t> differing = config::targets_that_differ(config_, after);
+  for (const auto& before : repeated_)
+    std::ranges::copy(config::targets_that_differ(before, after), std::back_inserter(differing));
+  std::ranges::sort(differing);
+  differing.erase(std::unique(differing.begin(), differing.end()), differing.end());
+  Pipeline::Replacement next = replacement(differing, after);
   for (const auto& [target, _] : next.trackers) result.searched_anew.push_back(after.targets[target].name);
   if (!next.trackers.empty()) next.config = config::to_portable_yaml(after);
-  config_ = std::move(after);  // from here on nothing can go wrong
+  config_ = std::move(after);  // nothing throws from here on
   for (Output* output : outputs_) output->on_config(config_);
   if (!next.trackers.empty()) pipeline_.replace_trackers(std::move(next));
   return result;

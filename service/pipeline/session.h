@@ -91,14 +91,16 @@ class Session {
   object_tracking::ObjectTracker tracker_of(const config::ServiceConfig& config, std::size_t target) const;
   std::vector<object_tracking::ObjectTracker> trackers() const;
   PipelineOptions pipeline_options(const SessionOptions& options, bool is_ascending) const;
-  Pipeline::Replacement replacement(const config::ServiceConfig& before, const config::ServiceConfig& after) const;
+  Pipeline::Replacement replacement(const std::vector<std::size_t>& targets, const config::ServiceConfig& after) const;
+  // throws ConfigError: one has other targets
   void repeat(const std::vector<RecordedReload>& reloads);
 
   const std::function<std::vector<SessionCamera>()> cameras_;
   const bool is_tracking_, tolerance_is_given_;
   const std::filesystem::path save_map_;  // empty: no map is saved
   config::ServiceConfig config_;
-  const calib::CameraRig rig_;  // the road reads it, while config_ may change
+  std::vector<config::ServiceConfig> repeated_;  // of recorded reloads: each of them is, or will be, in force
+  const calib::CameraRig rig_;                   // the road reads it, while config_ may change
   PublishedTime time_;
   std::vector<Output*> outputs_;
   Pipeline pipeline_;

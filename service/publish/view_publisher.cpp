@@ -57,8 +57,8 @@ msg::CameraMap to_message(const camera_tracking::CameraMap& map, capture::Timest
   return out;
 }
 
-struct Connection {
-  Connection(const EstimatePublisherOptions& options, const std::string& who)
+struct ViewConnection {
+  ViewConnection(const EstimatePublisherOptions& options, const std::string& who)
       : participant({.name = "huetrackd view",
                      .domain = options.domain,
                      .interfaces = options.interfaces,
@@ -109,11 +109,11 @@ struct ViewPublisher::Impl {
   explicit Impl(EstimatePublisherOptions o)
       : options(std::move(o)),
         identity(idl::PublisherIdentity::of_this_process(options.targets)),
-        connection(std::make_unique<Connection>(options, identity.user_data())) {}
+        connection(std::make_unique<ViewConnection>(options, identity.user_data())) {}
 
   const EstimatePublisherOptions options;
   const idl::PublisherIdentity identity;
-  std::unique_ptr<Connection> connection;
+  std::unique_ptr<ViewConnection> connection;
   bool write_scene() {
     bool ok = connection->scene.write(&*scene);
     if (connection->tf_static != nullptr) {
@@ -139,7 +139,7 @@ bool ViewPublisher::publish(msg::Scene scene) noexcept {
 }
 
 bool ViewPublisher::publish(const msg::Preview& preview) noexcept {
-  Connection& bus = *impl_->connection;
+  ViewConnection& bus = *impl_->connection;
   bool ok = bus.preview.write(const_cast<msg::Preview*>(&preview));  // write() takes void*, and only reads
   for (std::size_t c = 0; impl_->scene && c < bus.images.size(); ++c) {
     if (impl_->options.cameras[c] != preview.camera() || readers_of(*bus.images[c]) + readers_of(*bus.infos[c]) == 0)
@@ -184,7 +184,7 @@ std::optional<msg::TeachRequest> ViewPublisher::next_request() {
 }
 
 int ViewPublisher::picture_subscribers() const {
-  const Connection& bus = *impl_->connection;
+  const ViewConnection& bus = *impl_->connection;
   int readers = readers_of(bus.preview);
   for (const auto* writer : bus.images) readers += readers_of(*writer);
   for (const auto* writer : bus.infos) readers += readers_of(*writer);
@@ -199,7 +199,7 @@ int ViewPublisher::marker_subscribers() const {
 void ViewPublisher::look_after_network() {
   if (!impl_->connection->participant.network_changed()) return;
   try {
-    impl_->connection = std::make_unique<Connection>(impl_->options, impl_->identity.user_data());
+    impl_->connection = std::make_unique<ViewConnection>(impl_->options, impl_->identity.user_data());
     if (impl_->scene) impl_->write_scene();
     if (impl_->map) impl_->connection->map->write(&*impl_->map);
   } catch (const std::invalid_argument&) {  // a configured interface is gone: EstimatePublisher warns of the same

@@ -9,7 +9,7 @@
 namespace huetrack::tracks {
 namespace {
 
-[[noreturn]] void fail(const std::filesystem::path& file) {
+[[noreturn]] void cannot_write(const std::filesystem::path& file) {
   throw std::system_error(errno != 0 ? errno : EIO, std::generic_category(), "cannot write " + file.string());
 }
 
@@ -34,19 +34,19 @@ std::string to_tum_line(const camera_tracking::CameraEstimate& e) {
 PoseFileWriter::PoseFileWriter(std::filesystem::path file) : file_(std::move(file)) {
   errno = 0;
   stream_.open(file_, std::ios::binary | std::ios::trunc);
-  if (!stream_) fail(file_);
+  if (!stream_) cannot_write(file_);
 }
 
 void PoseFileWriter::write(const camera_tracking::CameraEstimate& estimate) {
   if (estimate.state != camera_tracking::PoseState::tracking) return;  // only that is a claim
   errno = 0;
   stream_ << to_tum_line(estimate) << '\n';
-  if (!stream_) fail(file_);
+  if (!stream_) cannot_write(file_);
 }
 
 void PoseFileWriter::flush() {
   errno = 0;
-  if (!stream_.flush()) fail(file_);
+  if (!stream_.flush()) cannot_write(file_);
 }
 
 }  // namespace huetrack::tracks

@@ -11,9 +11,9 @@
 #include <sstream>
 
 #include "clients/huetrack/position_subscription.h"
-#include "daemon/metrics.h"
 #include "end_to_end/http.h"
 #include "end_to_end/process.h"
+#include "metrics/metrics.h"
 #include "soak/films.h"
 
 namespace {
@@ -49,7 +49,7 @@ double quantile(std::vector<double> values, double q) {
 double quantile(const std::map<std::string, double>& metrics, const std::string& family, double q) {
   const double all = metrics.at(family + "_count");
   double below = 0, lower_s = 0;
-  for (const double bound_s : daemon::LatencyHistogram::bounds_s) {
+  for (const double bound_s : metrics::LatencyHistogram::bounds_s) {
     std::ostringstream label;
     label << family << "_bucket{le=\"" << bound_s << "\"}";
     const double count = metrics.at(label.str());

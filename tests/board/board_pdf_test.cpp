@@ -108,10 +108,10 @@ TEST_P(PrintedBoard, IsFoundAtTrueScale) {
   EXPECT_NEAR(measured, longest, 0.1);
 }
 
-Board chessboard(int columns, int rows, double square) {
+Board a_chessboard(int columns, int rows, double square) {
   return {.type = BoardType::chessboard, .columns = columns, .rows = rows, .pitch = {square, square}};
 }
-Board charuco(int columns, int rows, double square, double marker) {
+Board a_charuco(int columns, int rows, double square, double marker) {
   return {.type = BoardType::charuco,
           .columns = columns,
           .rows = rows,
@@ -137,26 +137,26 @@ Board legacy(Board board) {
 }
 
 INSTANTIATE_TEST_SUITE_P(All, PrintedBoard,
-                         testing::Values(Case{"chessboard", chessboard(8, 5, 0.025), "A4"},
-                                         Case{"chessboard_A3", chessboard(9, 6, 0.035), "A3"},
-                                         Case{"charuco", charuco(7, 5, 0.033, 0.025), "A4"},
-                                         Case{"charuco_legacy", legacy(charuco(7, 6, 0.028, 0.02)), "A4"},
-                                         Case{"charuco_inverted", inverted(charuco(5, 4, 0.04, 0.03)), "A4"},
+                         testing::Values(Case{"chessboard", a_chessboard(8, 5, 0.025), "A4"},
+                                         Case{"chessboard_A3", a_chessboard(9, 6, 0.035), "A3"},
+                                         Case{"charuco", a_charuco(7, 5, 0.033, 0.025), "A4"},
+                                         Case{"charuco_legacy", legacy(a_charuco(7, 6, 0.028, 0.02)), "A4"},
+                                         Case{"charuco_inverted", inverted(a_charuco(5, 4, 0.04, 0.03)), "A4"},
                                          Case{"aruco_grid", grid("DICT_5X5_100"), "A4"},
                                          Case{"april_grid", grid("DICT_APRILTAG_36h11"), "A4"},
-                                         Case{"own_paper", chessboard(6, 4, 0.02), "180x200"}),
+                                         Case{"own_paper", a_chessboard(6, 4, 0.02), "180x200"}),
                          [](const auto& test) { return test.param.name; });
 
 TEST(BoardPdf, SaysWhatFits) {
   try {
-    board_pdf(chessboard(9, 6, 0.04), *paper_of("A4"));
+    board_pdf(a_chessboard(9, 6, 0.04), *paper_of("A4"));
     ADD_FAILURE() << "a board of 400 mm on A4";
   } catch (const DoesNotFit& error) {
     EXPECT_THAT(error.what(), AllOf(HasSubstr("does not fit on A4"), HasSubstr("It fits on A2"),
                                     HasSubstr("On A4 the squares can be 24 mm")));
   }
-  EXPECT_NO_THROW(board_pdf(chessboard(9, 6, 0.024), *paper_of("A4")));
-  EXPECT_THROW(board_pdf(chessboard(9, 6, 0.025), *paper_of("A4")), DoesNotFit);
+  EXPECT_NO_THROW(board_pdf(a_chessboard(9, 6, 0.024), *paper_of("A4")));
+  EXPECT_THROW(board_pdf(a_chessboard(9, 6, 0.025), *paper_of("A4")), DoesNotFit);
 }
 
 TEST(BoardPdf, Papers) {
@@ -167,8 +167,8 @@ TEST(BoardPdf, Papers) {
 }
 
 TEST(BoardPdf, SameBoardSameBytes) {
-  EXPECT_EQ(board_pdf(charuco(7, 5, 0.03, 0.02), *paper_of("A4")).pdf,
-            board_pdf(charuco(7, 5, 0.03, 0.02), *paper_of("A4")).pdf);
+  EXPECT_EQ(board_pdf(a_charuco(7, 5, 0.03, 0.02), *paper_of("A4")).pdf,
+            board_pdf(a_charuco(7, 5, 0.03, 0.02), *paper_of("A4")).pdf);
 }
 
 }  // namespace

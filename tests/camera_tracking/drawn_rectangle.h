@@ -12,7 +12,7 @@ namespace huetrack::camera_tracking {
 inline calib::Camera camera() {
   calib::PinholeRadtan lens{246, 246, 158, 122, {}};
   lens.distortion[0] = -0.12, lens.distortion[1] = 0.02;
-  return {"cam", {320, 240}, calib::CameraModel(lens), {}};
+  return {"cam", {320, 240}, calib::CameraModel(lens), {}, {}};
 }
 
 inline calib::Rigid3d look_at(const Eigen::Vector3d& from, const Eigen::Vector3d& at) {  // cam_from_world, upright

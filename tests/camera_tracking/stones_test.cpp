@@ -265,6 +265,19 @@ TEST_F(MapFile, readsBack) {
   EXPECT_EQ(back.sightings[0].px, stored.sightings[0].px);
 }
 
+TEST_F(MapFile, keepsHowAKeyFrameWasSwept) {
+  Keyframe& k = stored.map.keyframes[0];
+  k.sweep.motion << 0.01, -0.03, 0.002, 0.004, 0, -0.001;
+  k.sweep.bend << 0.001, 0, 0, 0, 0.002, 0;
+  k.sweep.last_row = 63;
+  write_map(file, stored);
+  const StoredMap back = read_map(file);
+  for (const double row : {0.0, 20.0, 63.0}) {
+    const calib::Rigid3d off = k.pose().at(row) * calib::inverse(back.map.keyframes[0].pose().at(row));
+    EXPECT_LT(calib::log(off).norm(), 1e-12);
+  }
+}
+
 TEST_F(MapFile, damageIsNamed) {
   write_map(file, stored);
   std::string bytes;

@@ -56,6 +56,24 @@ class ServiceConfigFile : public testing::Test {
 const std::string head = "version: 1\nrig: rig.yaml\n";
 const std::string ball = head + "targets: {ball: {color: {hue_deg: [65, 115]}}}\n";
 
+TEST_F(ServiceConfigFile, AColourMayAdapt) {
+  EXPECT_FALSE(load(ball).targets[0].adapts_color);
+  const std::string adapting = head + "targets: {ball: {color: {hue_deg: [65, 115], adapt: true}}}\n";
+  const ServiceConfig config = load(adapting);
+  EXPECT_TRUE(config.targets[0].adapts_color);
+  EXPECT_TRUE(load(to_yaml(config)).targets[0].adapts_color);
+  EXPECT_THAT(targets_that_differ(load(ball), config), ElementsAre(0u));
+  EXPECT_EQ(error(head + "targets: {ball: {color: {hue_deg: [65, 115], adapt: slowly}}}\n").find("c.yaml:3: "), 0u);
+  EXPECT_THAT(error(adapting + "object_tracking: {observation: paper}\n"),
+              HasSubstr("c.yaml:3: targets.ball.color.adapt is not for object_tracking.observation: paper"));
+  // What is taught says nothing of it, and changes nothing of it.
+  write(adapting);
+  const ServiceConfig taught = load_service_config(
+      folder_ / "c.yaml", "version: 1\ntargets: {ball: {color: {hue_deg: [70, 120], saturation: [0.4, 1]}}}\n");
+  EXPECT_EQ(taught.targets[0].color.hue_max_deg, 120);
+  EXPECT_TRUE(taught.targets[0].adapts_color);
+}
+
 TEST_F(ServiceConfigFile, WhatIsNotGivenHasItsDefault) {
   const ServiceConfig config = load(ball);
   ASSERT_EQ(config.targets.size(), 1u);

@@ -62,10 +62,10 @@ class TaughtFile : public Test {
   const fs::path file = folder / "lab.yaml", taught = folder / "lab.taught.yaml";
 };
 
-const std::string head = "version: 1\nrig: rig.yaml\n";
+const std::string taught_head = "version: 1\nrig: rig.yaml\n";
 // Every form that a person may write it in: block and flow, comments, quotes, an anchor, Windows' line ends.
 const std::string by_hand =
-    head +
+    taught_head +
     "# mine\n\ntargets:\n  # the green one\n  ball: &b          # on the stick\n    radius_m: 0.03   "
     "# measured\n    color:\n      saturation: [0.3, 1]\n      # by hand:\n      hue_deg: [65, "
     "115]   # was 60\n    camera_colors:\n      cam0: {hue_deg: [3, 4]}\r\n  'other': {\"color\": "
@@ -131,7 +131,8 @@ TEST_F(TaughtFile, HoldsColoursAndRectanglesAndIsReadOverTheConfiguration) {
 }
 
 TEST_F(TaughtFile, ASecondTeachOfATargetReplacesTheFirst) {
-  const std::string yaml = head + "targets:\n  a: {color: {hue_deg: [1, 2]}}\n  b: {color: {hue_deg: [200, 220]}}\n";
+  const std::string yaml =
+      taught_head + "targets:\n  a: {color: {hue_deg: [1, 2]}}\n  b: {color: {hue_deg: [200, 220]}}\n";
   TargetOptions a = with(yaml).targets[0], b = with(yaml).targets[1];
   a.color.hue_min_deg = 350;
   a.camera_colors = {{"cam0", {.hue_min_deg = 340, .hue_max_deg = 5}},
@@ -158,7 +159,7 @@ TEST_F(TaughtFile, ASecondTeachOfATargetReplacesTheFirst) {
 }
 
 TEST_F(TaughtFile, CamerasThatWereNotTaughtStayTheConfigurations) {
-  const ServiceConfig config = with(head +
+  const ServiceConfig config = with(taught_head +
                                     "targets:\n  ball:\n    color: {hue_deg: [1, 2], saturation: [0.4, 1]}\n"
                                     "    camera_colors:\n      cam1: {hue_deg: [3, 4]}  # by hand\n");
   TargetOptions target = config.targets[0];
@@ -169,7 +170,7 @@ TEST_F(TaughtFile, CamerasThatWereNotTaughtStayTheConfigurations) {
   EXPECT_EQ(load_service_config(file).targets[0].color_in("cam1"), by_hand_in_cam1);
   EXPECT_THAT(said(), HasSubstr("    camera_colors:\n      cam1:\n        saturation: [0.4, 1]\n"));
   EXPECT_THAT(said(), Not(HasSubstr("hue_deg: [3, 4]")));
-  with(head + "targets: {ball: {color: {hue_deg: [1, 2]}, camera_colors: {cam1: {hue_deg: [5, 6]}}}}\n");
+  with(taught_head + "targets: {ball: {color: {hue_deg: [1, 2]}, camera_colors: {cam1: {hue_deg: [5, 6]}}}}\n");
   EXPECT_EQ(load_service_config(file).targets[0].color_in("cam1").hue_min_deg, 5);
   EXPECT_EQ(load_service_config(file).targets[0].color_in("cam1").saturation_min, 0.4);
 
@@ -182,7 +183,7 @@ TEST_F(TaughtFile, CamerasThatWereNotTaughtStayTheConfigurations) {
   EXPECT_EQ(load_service_config(file).targets[0].camera_colors, target.camera_colors);
 
   // The same of one that says nothing but its name.
-  with(head + "targets: {ball: {color: {hue_deg: [1, 2]}, camera_colors: {cam0: {}, cam1: {}}}}\n");
+  with(taught_head + "targets: {ball: {color: {hue_deg: [1, 2]}, camera_colors: {cam0: {}, cam1: {}}}}\n");
   target.camera_colors.clear();
   save_taught(file, target, {});
   EXPECT_THAT(load_service_config(file).targets[0].camera_colors, IsEmpty());
@@ -190,7 +191,7 @@ TEST_F(TaughtFile, CamerasThatWereNotTaughtStayTheConfigurations) {
 
 TEST_F(TaughtFile, CheckSaysWhatComesFromIt) {
   const ServiceConfig config =
-      with(head + "targets:\n  ball: {color: {hue_deg: [1, 2]}, camera_colors: {cam0: {hue_deg: [3, 4]}}}\n");
+      with(taught_head + "targets:\n  ball: {color: {hue_deg: [1, 2]}, camera_colors: {cam0: {hue_deg: [3, 4]}}}\n");
   EXPECT_EQ(to_yaml_with_origins(config), to_yaml(config));
   TargetOptions target = config.targets[0];
   target.color.hue_min_deg = 0.5;
@@ -219,7 +220,7 @@ TEST_F(TaughtFile, AnyKeyMayStandInIt) {
   std::ofstream(taught)
       << "version: 1\ntargets: {ball: {radius_m: 0.05}}\ncameras: {cam0: {controls: {gain: 9, hue: null}}}\n"
          "threads: 3\nrecord: {folder: out}\nlog_level: null\ndds: {}\nmetrics: null\n";
-  const ServiceConfig config = with(head +
+  const ServiceConfig config = with(taught_head +
                                     "targets: {ball: {radius_m: 0.04, color: {hue_deg: [1, 2]}}}\nlog_level: debug\n"
                                     "cameras: {cam0: {device: 0, controls: {exposure: 5, gain: 1, hue: 2}}}\n");
   EXPECT_EQ(config.targets[0].radius_m, 0.05);
@@ -242,7 +243,7 @@ TEST_F(TaughtFile, AnyKeyMayStandInIt) {
 }
 
 TEST_F(TaughtFile, MistakesInItAreNamedWithFileAndLine) {
-  const std::string yaml = head + "targets:\n  ball: {color: {hue_deg: [1, 2]}}\n";
+  const std::string yaml = taught_head + "targets:\n  ball: {color: {hue_deg: [1, 2]}}\n";
   const std::string v = "version: 1\n";
   EXPECT_EQ(error(yaml, v), "no error");
   EXPECT_EQ(error(yaml, v + "thraeds: 2\n"), "lab.taught.yaml:2: thraeds is not a known key (did you mean threads?)");
@@ -270,7 +271,7 @@ TEST_F(TaughtFile, MistakesInItAreNamedWithFileAndLine) {
 }
 
 TEST_F(TaughtFile, FollowsALinkToTheConfiguration) {
-  const ServiceConfig config = with(head + "targets:\n  ball:\n    color: {hue_deg: [1, 2]}\n");
+  const ServiceConfig config = with(taught_head + "targets:\n  ball:\n    color: {hue_deg: [1, 2]}\n");
   fs::create_directory(folder / "links");
   fs::copy(folder / "rig.yaml", folder / "links/rig.yaml");
   const fs::path link = folder / "links/link.yaml";
@@ -285,7 +286,7 @@ TEST_F(TaughtFile, FollowsALinkToTheConfiguration) {
 }
 
 TEST_F(TaughtFile, WhatCannotBeSaidIsNotWritten) {
-  const ServiceConfig config = with(head + "targets:\n  ball:\n    color: {hue_deg: [1, 2]}\n");
+  const ServiceConfig config = with(taught_head + "targets:\n  ball:\n    color: {hue_deg: [1, 2]}\n");
   save_ignored(file, {{"cam0", {{1, 2, 3, 4}}}});
   const std::string before = text(taught);
   const std::vector<object_tracking::PixelBox> too_many(101, {1, 2, 3, 4});
@@ -306,7 +307,7 @@ TEST_F(TaughtFile, WhatCannotBeSaidIsNotWritten) {
 }
 
 TEST_F(TaughtFile, AFullDiskLeavesTheOldFile) {
-  const ServiceConfig config = with(head + "targets:\n  ball:\n    color: {hue_deg: [1, 2]}\n");
+  const ServiceConfig config = with(taught_head + "targets:\n  ball:\n    color: {hue_deg: [1, 2]}\n");
   save_ignored(file, {{"cam0", {{1, 2, 3, 4}}}});
   const std::string before = text(taught);
   // A limit of file sizes stands for the full disk: some is written, then nothing.
@@ -329,7 +330,7 @@ TEST_F(TaughtFile, AFullDiskLeavesTheOldFile) {
 }
 
 TEST_F(TaughtFile, AReadOnlyFolderIsOneReadableLine) {
-  with(head + "targets:\n  ball:\n    color: {hue_deg: [1, 2]}\n");
+  with(taught_head + "targets:\n  ball:\n    color: {hue_deg: [1, 2]}\n");
   ::chmod(folder.c_str(), 0555);
   const int root = ::setfsuid(::geteuid() == 0 ? 65534 : ::geteuid());  // to root every folder can be written
   std::string message;

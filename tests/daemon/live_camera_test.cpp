@@ -133,7 +133,7 @@ TEST_F(LiveLeds, PosesGoToTheBusNativelyAndForRos) {
   Reader<msg::CameraMapPubSubType> map(participant, idl::topics::camera_map, idl::status_reader_qos());
 
   const config::ServiceConfig c = config();
-  LiveOptions options;
+  LiveCommand options;
   options.poses = folder_ / "live.tum";
   LiveRequests requests;
   const auto period = std::chrono::duration_cast<capture::Duration>(std::chrono::duration<double>(1 / scene_.fps));
@@ -182,7 +182,7 @@ TEST_F(LiveLeds, PosesGoToTheBusNativelyAndForRos) {
 
 TEST_F(LiveLeds, ARecordingReplaysToTheSamePosesEvenWhenFramesWereDropped) {
   const config::ServiceConfig c = config();
-  LiveOptions options;
+  LiveCommand options;
   options.no_dds = true;
   options.poses = folder_ / "live.tum";
   options.record_to = folder_ / "recording";
@@ -204,7 +204,7 @@ TEST_F(LiveLeds, ARecordingHoldsTheFilesThatItsConfigurationNames) {
   c.camera_tracking.led_schedule.clear();
   c.camera_tracking.board = board;
   c.camera_tracking.save_map = write("mine.map", "an older one");
-  LiveOptions options;
+  LiveCommand options;
   options.no_dds = true;
   options.record_to = folder_ / "recording";
   LiveRequests requests;
@@ -231,7 +231,7 @@ TEST_F(LiveCameraTracking, AMapIsSavedAndTheCameraFoundInIt) {
   const fs::path first =
       write("first.yaml", camera + "  start: {rectangle: " + desk + "/rectangle.csv}\n  save_map: desk.map\n");
   const auto pictures = first_frames(data, {"cam0"}, 120);
-  const auto live = [&](const fs::path& file, std::size_t from, std::size_t to, LiveOptions options) {
+  const auto live = [&](const fs::path& file, std::size_t from, std::size_t to, LiveCommand options) {
     std::vector<capture::Frame> some(pictures[0].begin() + std::ptrdiff_t(from),
                                      pictures[0].begin() + std::ptrdiff_t(to));
     const capture::Timestamp begin = capture::unix_now() - some.front().captured_at.time_since_epoch() + 50ms;
@@ -244,7 +244,7 @@ TEST_F(LiveCameraTracking, AMapIsSavedAndTheCameraFoundInIt) {
   ASSERT_TRUE(fs::exists(folder_ / "desk.map"));
 
   const fs::path second = write("second.yaml", camera + "  load_map: desk.map\n");
-  LiveOptions options;
+  LiveCommand options;
   options.poses = folder_ / "second.tum";
   options.record_to = folder_ / "recording";
   live(second, 66, 90, options);

@@ -69,7 +69,7 @@ class Live : public testing::Test {
 
   fs::path folder_;
   config::ServiceConfig config_;
-  LiveOptions options_;
+  LiveCommand options_;
   LiveRequests requests_;
 };
 
@@ -178,7 +178,7 @@ TEST_F(Live, AReplayRepeatsTheReloads) {
 }
 
 TEST_F(Live, RecordWithoutTrackingReplays) {
-  options_ = LiveOptions{.track = false, .record_to = folder_ / "out", .no_dds = false, .tracks = {}, .seconds = {}};
+  options_ = LiveCommand{.track = false, .record_to = folder_ / "out", .no_dds = false, .tracks = {}, .seconds = {}};
   const LiveSummary summary = run_live(config_, cameras(30), options_, requests_, {});
   EXPECT_EQ(summary.recorded.cameras.at(1).frames, 30u);
   EXPECT_EQ(summary.published, 0u);
@@ -228,7 +228,7 @@ TEST_F(Live, APreRollHoldsTheConfigurationInForce) {
 
 // A recording begins with its first frame, not with a camera that never delivered: it would be 56 years long.
 TEST_F(Live, ARecordingWithASilentCameraIsAsLongAsItsFrames) {
-  options_ = LiveOptions{.track = false, .record_to = folder_ / "out", .no_dds = false, .tracks = {}, .seconds = {}};
+  options_ = LiveCommand{.track = false, .record_to = folder_ / "out", .no_dds = false, .tracks = {}, .seconds = {}};
   std::vector<LiveCamera> one = cameras(30);
   one.pop_back();
   run_live(config_, std::move(one), options_, requests_, {});

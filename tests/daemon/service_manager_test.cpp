@@ -26,7 +26,7 @@ using testing::Contains;
 using testing::HasSubstr;
 using testing::Not;
 
-const fs::path demo = fs::path(HUETRACK_SOURCE_DIR) / "configs/demo";
+const fs::path demo_folder = fs::path(HUETRACK_SOURCE_DIR) / "configs/demo";
 
 class Service : public testing::Test {
  protected:
@@ -72,18 +72,18 @@ class Service : public testing::Test {
     return std::exchange(received, {});
   }
   config::ServiceConfig configure(const std::string& more = "", const std::string& hue = "65, 115") const {
-    std::ofstream(folder / "c.yaml") << "version: 1\nrig: " << (demo / "recording/rig.yaml").string()
+    std::ofstream(folder / "c.yaml") << "version: 1\nrig: " << (demo_folder / "recording/rig.yaml").string()
                                      << "\ntargets: {lime: {color: {hue_deg: [" << hue << "]}}}\n"
                                      << "cameras: {cam0: {device: 0, fps: 30}, cam1: {device: 1, fps: 30}}\n"
                                      << more;
     return config::load_service_config(folder / "c.yaml");
   }
   static std::vector<LiveCamera> cameras(std::size_t frames, bool go_silent = false) {
-    return fake_cameras(demo / "recording", {"cam0", "cam1"}, frames, go_silent);
+    return fake_cameras(demo_folder / "recording", {"cam0", "cam1"}, frames, go_silent);
   }
 
   const fs::path folder;
-  LiveOptions options;
+  LiveCommand options;
   LiveRequests requests;
   int socket = -1;
   std::mutex mutex;

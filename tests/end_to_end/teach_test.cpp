@@ -16,7 +16,7 @@ namespace {
 namespace fs = std::filesystem;
 using namespace testing;
 
-const fs::path demo = fs::path(HUETRACK_SOURCE_DIR) / "configs/demo";
+const fs::path demo_folder = fs::path(HUETRACK_SOURCE_DIR) / "configs/demo";
 
 class Teach : public Test {
  protected:
@@ -24,7 +24,7 @@ class Teach : public Test {
     fs::remove_all(folder);
     fs::create_directories(folder);
     std::ofstream(config)
-        << "# taught below\nversion: 1\nrig: " << (demo / "recording/rig.yaml").string()
+        << "# taught below\nversion: 1\nrig: " << (demo_folder / "recording/rig.yaml").string()
         << "\ntargets:\n  lime:   # the ball\n    radius_m: 0.04\n    color: {hue_deg: [200, 220]}  # not yet\n"
            "dds: {domain: 73, interfaces: [lo]}\n";
   }
@@ -41,8 +41,8 @@ class Teach : public Test {
   }
   // Where the ball is in frame 0, as --at wants it.
   std::string at(const std::string& camera) {
-    const calib::CameraRig rig = calib::read_rig(demo / "recording/rig.yaml");
-    std::ifstream truth(demo / "recording/groundtruth.csv");
+    const calib::CameraRig rig = calib::read_rig(demo_folder / "recording/rig.yaml");
+    std::ifstream truth(demo_folder / "recording/groundtruth.csv");
     std::string header, row;
     std::getline(truth, header);
     std::getline(truth, row);
@@ -58,7 +58,7 @@ class Teach : public Test {
       fs::path(TempDir()) / (std::string("teach_") + UnitTest::GetInstance()->current_test_info()->name());
   const std::string config = folder / "huetrackd.yaml";
   const std::string taught = folder / "huetrackd.taught.yaml";
-  const std::string recording = demo / "recording";
+  const std::string recording = demo_folder / "recording";
 };
 
 TEST_F(Teach, OnePointSuggestsTheOtherAndTheColourThenTracks) {

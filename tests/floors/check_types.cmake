@@ -2,7 +2,8 @@
 # not see it, the linker does not, and the program does something else (the One Definition Rule).
 #   ROOT  the source tree
 # The text is as clang-format writes it (test format): what is at namespace scope begins in the first column. All modules and
-# programs are held to each other, and every folder of tests, one program each, to itself and to them.
+# programs are held to each other, and every folder of tests, one program each, to itself, to them and to the headers of
+# all tests, which folders share.
 cmake_minimum_required(VERSION 3.25)
 include(${CMAKE_CURRENT_LIST_DIR}/sources.cmake)
 
@@ -56,7 +57,10 @@ if(count EQUAL 0)
   list(APPEND problems "no type was found: the text is not as clang-format writes it")
 endif()
 source_files(files ${ROOT}/tests)
-foreach(file IN LISTS files)
+set(headers ${files})
+list(FILTER headers INCLUDE REGEX "\\.h$")
+list(REMOVE_ITEM files ${headers})
+foreach(file IN LISTS headers files)
   cmake_path(RELATIVE_PATH file BASE_DIRECTORY ${ROOT} OUTPUT_VARIABLE shown)
   cmake_path(GET shown PARENT_PATH folder)
   types_of(types ${file})
@@ -65,10 +69,15 @@ foreach(file IN LISTS files)
     string(MAKE_C_IDENTIFIER "${folder}_${type}" id_here)
     if(DEFINED module_${id})
       list(APPEND problems "${type} is defined in ${module_${id}} and in ${shown}")
+    elseif(DEFINED header_${id})
+      list(APPEND problems "${type} is defined in ${header_${id}} and in ${shown}")
     elseif(DEFINED test_${id_here})
       list(APPEND problems "${type} is defined in ${test_${id_here}} and in ${shown}")
     endif()
     set(test_${id_here} ${shown})
+    if(shown MATCHES "\\.h$")
+      set(header_${id} ${shown})
+    endif()
   endforeach()
 endforeach()
 report("${problems}")

@@ -112,6 +112,8 @@ expect_twice(Sighting idl/c.h "template <typename T>\nclass Sighting {\n};")
 expect_twice(Short service/c/c.h "enum class Short : int { a, b };")
 expect_twice(Later calib/c/c.h "class Later {\n};\nclass Later {\n};")
 expect_twice(Sighting tests/c/c_test.cpp "struct Sighting {\n};")
+file(WRITE ${SCRATCH}/tests/b/shared.h "namespace huetrack::a {\nstruct Shared {\n};\n}  // namespace huetrack::a\n")
+expect_twice(Shared tests/a/other_test.cpp "struct Shared {\n};")
 expect_twice(Fixture tests/a/other_test.cpp "struct Fixture : Base {\n};")
 
 # The floors: what does not lead down does not configure.

@@ -10,9 +10,11 @@ namespace {
 TEST(MakeCameraTracker, namesTheProblems) {
   camera_tracking::CameraTrackerOptions options;
   options.start = camera_tracking::FoundStart{};
-  EXPECT_THROW(make_camera_tracker(
-                   calib::Camera{.name = "cam", .image_size = {320, 240}, .model = {}, .cam_from_world = {}}, options),
-               std::invalid_argument);
+  EXPECT_THROW(
+      make_camera_tracker(
+          calib::Camera{.name = "cam", .image_size = {320, 240}, .model = {}, .cam_from_world = {}, .timing = {}},
+          options),
+      std::invalid_argument);
 }
 
 }  // namespace

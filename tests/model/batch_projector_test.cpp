@@ -23,16 +23,16 @@ struct Pixels {
   std::vector<float> u, v;
 };
 
-struct TestLens {
+struct BatchLens {
   std::string name;
   CameraModel model;
 };
 
-void PrintTo(const TestLens& lens, std::ostream* out) {
+void PrintTo(const BatchLens& lens, std::ostream* out) {
   *out << lens.name;
 }
 
-std::vector<TestLens> lenses() {
+std::vector<BatchLens> batch_lenses() {
   const auto pinhole = [](std::array<double, 8> k) { return CameraModel(PinholeRadtan{500, 501, 322, 241, k}); };
   return {{"pinhole", pinhole({})},
           {"k1_k2", pinhole({-0.145, 0.033, -4e-4, 5e-4})},
@@ -45,7 +45,7 @@ std::vector<TestLens> lenses() {
 
 Camera camera(const CameraModel& model) {
   const Rigid3d pose{Eigen::Quaterniond(0.9, 0.1, -0.3, 0.2).normalized(), {0.1, -0.2, 0.4}};
-  return {.name = "c", .image_size = {640, 480}, .model = model, .cam_from_world = pose};
+  return {.name = "c", .image_size = {640, 480}, .model = model, .cam_from_world = pose, .timing = {}};
 }
 
 // All around the camera: in front, at the side and behind.
@@ -63,7 +63,7 @@ Pixels project(const BatchProjector& projector, const Points& p) {
   return out;
 }
 
-class BatchProjectorContract : public testing::TestWithParam<TestLens> {};
+class BatchProjectorContract : public testing::TestWithParam<BatchLens> {};
 
 TEST_P(BatchProjectorContract, AgreesWithTheReferenceInDoublePrecision) {
   const Camera c = camera(GetParam().model);
@@ -117,10 +117,10 @@ TEST_P(BatchProjectorContract, AnyCountAndAnyAlignmentGiveTheSameBits) {
 TEST_P(BatchProjectorContract, WhatHasNoPixelIsOutside) {
   Camera c = camera(GetParam().model);
   c.cam_from_world = {};
-  constexpr float infinity = std::numeric_limits<float>::infinity(), nan = std::numeric_limits<float>::quiet_NaN();
-  const Points p{{0, 0, nan, 1, 0, infinity, 0, infinity},
-                 {0, 0, 0, nan, 0, 0, infinity, infinity},
-                 {0, -1, 1, 1, nan, 1, 1, infinity}};
+  constexpr float unbounded = std::numeric_limits<float>::infinity(), nan = std::numeric_limits<float>::quiet_NaN();
+  const Points p{{0, 0, nan, 1, 0, unbounded, 0, unbounded},
+                 {0, 0, 0, nan, 0, 0, unbounded, unbounded},
+                 {0, -1, 1, 1, nan, 1, 1, unbounded}};
   const Pixels pixels = project(BatchProjector(c), p);
   for (std::size_t i = 0; i < p.x.size(); ++i) {
     EXPECT_EQ(pixels.u[i], BatchProjector::outside) << i;
@@ -134,14 +134,14 @@ TEST_P(BatchProjectorContract, WhatHasNoPixelIsOutside) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(Lenses, BatchProjectorContract, testing::ValuesIn(lenses()),
+INSTANTIATE_TEST_SUITE_P(Lenses, BatchProjectorContract, testing::ValuesIn(batch_lenses()),
                          [](const auto& test) { return test.param.name; });
 
 // The same recording must give the same track on every machine, so the bits are pinned: AVX-512, AVX2, SSE2 and a
 // sanitizer's build all have to arrive at this number.
 TEST(BatchProjector, GivesTheSameBitsOnEveryInstructionSet) {
   std::uint64_t hash = 0xcbf29ce484222325u;
-  for (const TestLens& lens : lenses()) {
+  for (const BatchLens& lens : batch_lenses()) {
     const Pixels pixels = project(BatchProjector(camera(lens.model)), random_points(5000, 3));
     for (const auto* values : {&pixels.u, &pixels.v}) {
       for (const float value : *values) hash = (hash ^ std::bit_cast<std::uint32_t>(value)) * 0x100000001b3u;

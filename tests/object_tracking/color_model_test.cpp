@@ -78,6 +78,24 @@ TEST(ColorTable, ceilingsAreTheBrightestMatchOfTheirChroma) {
   }
 }
 
+TEST(ColorTable, builtPieceByPieceIsTheSame) {
+  for (const HsiRange& color : colors) {
+    const ColorTable at_once(color, capture::PixelFormat::nv12, capture::ColorRange::limited);
+    ColorTableBuilder builder(color, capture::PixelFormat::nv12, capture::ColorRange::limited);
+    int pieces = 0;
+    for (; !builder.is_done(); ++pieces) builder.go_on();
+    EXPECT_EQ(pieces, 16);
+    const auto is_same = [](ColorTable::Interval a, ColorTable::Interval b) {
+      return a.y_min == b.y_min && a.y_max == b.y_max;
+    };
+    EXPECT_TRUE(std::equal(at_once.intervals(), at_once.intervals() + 65536, builder.table()->intervals(), is_same));
+    EXPECT_EQ(at_once.luma_ceiling().of_u, builder.table()->luma_ceiling().of_u);
+    EXPECT_EQ(at_once.luma_ceiling().of_v, builder.table()->luma_ceiling().of_v);
+  }
+  EXPECT_THROW(ColorTableBuilder({10, 20, 0.5, 0.4, 0, 1}, capture::PixelFormat::nv12, capture::ColorRange::limited),
+               std::invalid_argument);
+}
+
 TEST(ColorTable, readsOnlyImagesOfItsKind) {
   const ColorTable yuv(colors[0], capture::PixelFormat::nv12, capture::ColorRange::limited),
       bgr(colors[0], capture::PixelFormat::bgr, capture::ColorRange::full);

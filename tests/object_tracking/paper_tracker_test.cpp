@@ -13,7 +13,7 @@ namespace {
 
 using Eigen::Vector3d;
 
-TargetOptions lime() {
+TargetOptions lime_ball() {
   TargetOptions t;
   t.name = "lime";
   t.color.hue_min_deg = 65, t.color.hue_max_deg = 115;
@@ -74,7 +74,7 @@ TEST(PaperObservation, isTheProductOverTheViews) {
   for (const int cameras : {1, 2, 4}) {
     const scene::Scene scene = scene::SceneBuilder{}.cameras_on_ring({.count = cameras}).ball({.path = still}).build();
     const std::vector<capture::FrameSet> sets = scene::render(scene, {.set_count = 1});
-    TargetViews target_views(scene.rig, lime());
+    TargetViews target_views(scene.rig, lime_ball());
     const std::vector<TargetView>& views = target_views.look_at(sets[0]);
     // Close around the ball, over the volume, and all around the cameras.
     for (const double sigma_m : {0.03, 0.5, 3.0}) {
@@ -104,7 +104,7 @@ TEST(PaperObservation, knownWindows) {
   // One ball straight ahead; particles on its centre, on the background, beside the image and behind the camera.
   const scene::Scene scene =
       scene::SceneBuilder{}.cameras_on_ring({.count = 1}).ball({.radius_m = 0.1, .path = still}).build();
-  TargetViews target_views(scene.rig, lime());
+  TargetViews target_views(scene.rig, lime_ball());
   const auto sets = scene::render(scene, {.set_count = 1, .pixel_noise_stddev = 0});
   const Vector3d eye = scene.rig.cameras[0].centre();
   PositionParticles p;
@@ -131,7 +131,7 @@ TEST(PaperTracker, startsUniformInTheVolume) {
   const scene::Scene scene = scene::SceneBuilder{}.cameras_on_ring({.count = 2}).build();
   ObjectTrackerOptions options = paper(20'000);
   options.volume = {{-0.5, 0.2, 1}, {0.5, 0.4, 3}};
-  const PaperTracker tracker(scene.rig, lime(), options, particle_filter::Rng(1));
+  const PaperTracker tracker(scene.rig, lime_ball(), options, particle_filter::Rng(1));
   const PositionParticles& p = tracker.particles();
   ASSERT_EQ(p.size(), 20'000u);
   for (int axis = 0; axis < 3; ++axis) {
@@ -155,7 +155,7 @@ TEST(PaperTracker, walksWithSigma) {
   options.max_particle_count = 50'000;
   options.volume = {{0, 0, 0}, {1e-6, 1e-6, 1e-6}};
   options.position_noise_m = 0.07;
-  PaperTracker tracker(scene.rig, lime(), options, particle_filter::Rng(1));
+  PaperTracker tracker(scene.rig, lime_ball(), options, particle_filter::Rng(1));
   capture::FrameSet empty;
   empty.frames.resize(2);
   tracker.update(empty);
@@ -173,7 +173,7 @@ TEST(PaperTracker, walksWithSigma) {
 
 TEST(PaperTracker, findsTheBallAndFollowsIt) {
   const scene::Scene scene = scene::SceneBuilder{}.cameras_on_ring({.count = 3}).ball({}).build();
-  PaperTracker tracker(scene.rig, lime(), paper(), particle_filter::Rng(1));
+  PaperTracker tracker(scene.rig, lime_ball(), paper(), particle_filter::Rng(1));
   double sum2 = 0;
   int n = 0;
   const auto sets = scene::render(scene, {.set_count = 120});
@@ -198,7 +198,7 @@ TEST(PaperTracker, populationGrowsWhileUnseenAndShrinksWhenFound) {
   without.balls.clear();
   ObjectTrackerOptions options = paper(100);
   options.max_particle_count = 1000;
-  PaperTracker tracker(with.rig, lime(), options, particle_filter::Rng(1));
+  PaperTracker tracker(with.rig, lime_ball(), options, particle_filter::Rng(1));
   std::vector<capture::FrameSet> sets = scene::render(without, {.set_count = 30});
   std::vector<std::size_t> size{tracker.particles().size()};
   for (const capture::FrameSet& set : sets) {
@@ -223,7 +223,7 @@ TEST(PaperTracker, coastsThenIsLostWithoutAPosition) {
   const scene::Scene with = scene::SceneBuilder{}.cameras_on_ring({.count = 3}).ball({.path = still}).build();
   ObjectTrackerOptions options = paper(1000);
   options.coast_s = 0.3;
-  PaperTracker tracker(with.rig, lime(), options, particle_filter::Rng(1));
+  PaperTracker tracker(with.rig, lime_ball(), options, particle_filter::Rng(1));
   ObjectEstimate e;
   for (const capture::FrameSet& set : scene::render(with, {.set_count = 60})) e = tracker.update(set);
   ASSERT_EQ(e.state, TrackState::tracking);

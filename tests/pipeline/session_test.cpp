@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <filesystem>
+#include <fstream>
 #include <stdexcept>
 
 namespace huetrack::pipeline {
@@ -16,7 +17,7 @@ constexpr int sets = 5;
 constexpr capture::Duration period = 33ms;
 
 // Grey frames of both cameras of the demo's rig.
-class GreySource final : public capture::FrameSource {
+class TwoGreyCameras final : public capture::FrameSource {
  public:
   std::optional<capture::Frame> next(std::stop_token stop) override {
     if (stop.stop_requested() || made_ == 2 * sets) return std::nullopt;
@@ -38,7 +39,7 @@ struct NotingOutput final : Output {
     reloaded.push_back(set.reloaded.size());
     if (fails) throw std::runtime_error("the disk is full");
   }
-  void on_config(const config::ServiceConfig& config) override { radius_m = config.targets.at(1).radius_m; }
+  void on_config(const config::ServiceConfig& config) noexcept override { radius_m = config.targets.at(1).radius_m; }
   void flush() override {
     is_flushed = true;
     if (fails) throw std::runtime_error("and full it stays");
@@ -56,14 +57,14 @@ class SessionOfTheDemo : public testing::Test {
     config_.targets.back().name = "other";
     config_.set_tolerance_s.reset();
   }
-  Session session() const {
+  Session session(SessionOptions options = {}) const {
     SessionSources sources;
-    sources.sources.push_back(std::make_unique<GreySource>());
+    sources.sources.push_back(std::make_unique<TwoGreyCameras>());
     sources.is_ascending = true;
     sources.cameras = [] {
       return std::vector<SessionCamera>{{.camera = 0, .period = period}, {.camera = 1, .period = period}};
     };
-    return Session(config_, std::move(sources), {});
+    return Session(config_, std::move(sources), std::move(options));
   }
   config::ServiceConfig config_ =
       config::load_service_config(std::filesystem::path(HUETRACK_SOURCE_DIR) / "configs/demo/huetrackd.yaml");
@@ -91,6 +92,20 @@ TEST_F(SessionOfTheDemo, AReloadReplacesTheTrackersOfTargetsThatDifferAndSaysWha
   EXPECT_THAT(session.take_over(fresh).searched_anew, testing::IsEmpty());
   session.run({});
   EXPECT_THAT(output.reloaded, ElementsAre(1, 0, 0, 0, 0));
+}
+
+// A replay repeats what was reloaded when it was recorded; back to the first configuration is then a change.
+TEST_F(SessionOfTheDemo, AReloadIsHeldToWhatRecordedReloadsHavePutIntoForceToo) {
+  const std::filesystem::path folder = testing::TempDir() + "session_test.repeats";
+  std::filesystem::create_directories(folder);
+  config::ServiceConfig recorded = config_;
+  recorded.targets[1].radius_m = 0.05;
+  std::ofstream(folder / "reload.yaml") << config::to_yaml(recorded);
+  SessionOptions options;
+  options.repeats.reloads.push_back({capture::Timestamp(period), folder / "reload.yaml"});
+  Session session = this->session(std::move(options));
+  EXPECT_THAT(session.take_over(config_).searched_anew, ElementsAre("other"));
+  std::filesystem::remove_all(folder);
 }
 
 TEST_F(SessionOfTheDemo, OtherTargetsAreRefused) {

@@ -117,7 +117,7 @@ class FakeTracker final : public camera_tracking::CameraTracker {
 };
 
 // Ten frames, a second apart.
-class GreySource final : public capture::FrameSource {
+class OneGreyCamera final : public capture::FrameSource {
  public:
   std::optional<capture::Frame> next(std::stop_token) override {
     if (made_ == 10) return std::nullopt;
@@ -145,7 +145,7 @@ class TrackedCamera : public testing::Test {
   ~TrackedCamera() override { fs::remove(map_); }
   Pipeline& run(std::uint64_t first, std::uint64_t last, Calls calls) {
     std::vector<std::unique_ptr<capture::FrameSource>> sources;
-    sources.push_back(std::make_unique<GreySource>());
+    sources.push_back(std::make_unique<OneGreyCamera>());
     pipeline_.emplace(rig_, std::move(sources), std::vector<object_tracking::ObjectTracker>{},
                       PipelineOptions{.pictures_every = 1}, std::move(calls));
     pipeline_->track_camera(0, std::make_unique<FakeTracker>(first, last));

@@ -216,9 +216,10 @@ std::vector<capture::FrameSet> render(const Scene& scene, const RenderOptions& o
       std::vector<Vector3d> yuv = rooms[c];
       for (std::size_t b = 0; b < scene.balls.size(); ++b)
         draw_ball(scene, camera, scene.balls[b], scene.ball_at(b, at), yuv);
-      set.frames.push_back(capture::Frame{static_cast<int>(c), static_cast<std::uint32_t>(s), at,
-                                          capture::FrameStatus::ok,
-                                          encode(yuv, options, camera.image_size, rng, noise)});
+      set.frames.push_back(capture::Frame{.camera = static_cast<int>(c),
+                                          .sequence = static_cast<std::uint32_t>(s),
+                                          .captured_at = at,
+                                          .pixels = encode(yuv, options, camera.image_size, rng, noise)});
     }
     out.push_back(std::move(set));
   }

@@ -32,7 +32,7 @@ int main(int argc, char** argv) {
   std::filesystem::path config_file, films;
   std::optional<std::uint64_t> faults;
   std::string phases = "spread";
-  daemon::LiveOptions options;
+  daemon::LiveCommand options;
   app.add_option("config", config_file)->required();
   app.add_option("films", films)->required();
   app.add_option("--faults", faults);

@@ -10,6 +10,7 @@
 
 #include "calib/model/camera_rig.h"
 #include "calib/solver/bundle_adjustment.h"
+#include "calib/solver/umeyama.h"
 
 namespace huetrack::solver {
 
@@ -64,7 +65,8 @@ inline SyntheticCapture synthetic_capture(const SyntheticOptions& options = {}) 
     capture.rig.cameras.push_back({"cam" + std::to_string(c),
                                    {640, 480},
                                    models[static_cast<std::size_t>(c) % models.size()],
-                                   looking_at(place, {0, 0, 1.0})});
+                                   looking_at(place, {0, 0, 1.0}),
+                                   {}});
   }
   Eigen::Vector3d centre = Eigen::Vector3d::Zero();
   for (int id = 0; id < capture.board.point_count(); ++id)
@@ -157,7 +159,7 @@ inline double volume_rms_m(const calib::CameraRig& truth, const calib::CameraRig
     a.col(static_cast<Eigen::Index>(k)) = true_points[k];
     b.col(static_cast<Eigen::Index>(k)) = found_points[k];
   }
-  const Eigen::Matrix4d t = Eigen::umeyama(b, a, false);
+  const Eigen::Matrix4d t = umeyama(b, a, false);
   const Eigen::Matrix3Xd off = ((t.topLeftCorner<3, 3>() * b).colwise() + t.topRightCorner<3, 1>()) - a;
   return std::sqrt(off.squaredNorm() / static_cast<double>(true_points.size()));
 }

@@ -1,5 +1,6 @@
 #include "calib/wave/wave.h"
 #include "calib/report/wave_report.h"
+#include "calib/solver/umeyama.h"
 #include "calib/wave/wave_adjustment.h"
 
 #include <gmock/gmock.h>
@@ -123,7 +124,7 @@ Off off(const calib::CameraRig& found, const calib::CameraRig& truth) {
   };
   points(found, a);
   points(truth, b);
-  const Eigen::Matrix4d t = Eigen::umeyama(a, b, false);
+  const Eigen::Matrix4d t = solver::umeyama(a, b, false);
   const Eigen::Matrix3d rotation = t.topLeftCorner<3, 3>();
   Off out;
   for (std::size_t c = 0; c < found.cameras.size(); ++c) {

@@ -39,9 +39,9 @@ int level_to_search(const Pyramid& pyramid) {
 
 }  // namespace
 
-calib::Rigid3d KeyframeTracking::coarse(const calib::Rigid3d& predicted, const Pyramid& pyramid, const SceneMap& map) {
+SweptPose KeyframeTracking::coarse(const SweptPose& predicted, const Pyramid& pyramid, const SceneMap& map) {
   const int level = level_to_search(pyramid);
-  const Walk walk = scatter(predicted);
+  const Walk walk = scatter(predicted.cam_from_world);
   std::vector<Visible> chosen = one_per_cell(visible(predicted, map, pyramid.count()), map);
   thin_out(chosen, most_points);
   correlate(chosen, pyramid, level, map);
@@ -52,7 +52,7 @@ calib::Rigid3d KeyframeTracking::coarse(const calib::Rigid3d& predicted, const P
     return predicted;
   }
   anneal(chosen, level, map, walk);
-  return fit_to_fields(particles_.mean(), chosen, level, map);
+  return fit_to_fields({particles_.mean(), predicted.sweep}, chosen, level, map);
 }
 
 // Particles about the predicted pose and about the last one; without a last one, about where they were.
@@ -97,13 +97,14 @@ std::vector<KeyframeTracking::Visible> KeyframeTracking::one_per_cell(const std:
   return chosen;
 }
 
-// Each particle's view of the point, in pixels of the level: u_, v_.
-void KeyframeTracking::project(const Eigen::Vector3d& p_world, int level) {
+// Each particle's view of the point, in pixels of the level: u_, v_. All of them are swept alike.
+void KeyframeTracking::project(const Visible& seen, const SceneMap& map, int level) {
   const std::size_t n = particles_.size();
   u_.resize(n), v_.resize(n);
-  particles_.project(lens_, p_world, u_, v_);
+  particles_.project(lens_, map.points[static_cast<std::size_t>(seen.point)].position, u_, v_);
   const float shrink = 1 / static_cast<float>(scale_of(level));
-  for (std::size_t i = 0; i < n; ++i) u_[i] = (u_[i] + 0.5f) * shrink - 0.5f, v_[i] = (v_[i] + 0.5f) * shrink - 0.5f;
+  const float du = seen.swept_px.x() + 0.5f, dv = seen.swept_px.y() + 0.5f;
+  for (std::size_t i = 0; i < n; ++i) u_[i] = (u_[i] + du) * shrink - 0.5f, v_[i] = (v_[i] + dv) * shrink - 0.5f;
 }
 
 // Leaves the points that have a field, fields_[i] being that of chosen[i].
@@ -114,7 +115,7 @@ void KeyframeTracking::correlate(std::vector<Visible>& chosen, const Pyramid& py
   for (std::size_t i = 0; i < chosen.size(); ++i) {
     const Visible s = chosen[i];
     if (!warp(s, map, level)) continue;
-    project(map.points[static_cast<std::size_t>(s.point)].position, level);
+    project(s, map, level);
     const CloudMoments cloud = cloud_moments(u_, v_, particles_.weight);
     if (!(cloud.weight_sum > 0.5)) continue;
     const auto cu = static_cast<float>(cloud.mean.x()), cv = static_cast<float>(cloud.mean.y());
@@ -136,7 +137,7 @@ void KeyframeTracking::anneal(const std::vector<Visible>& chosen, int level, con
   for (std::size_t step = 0; step < narrowing_px.size(); ++step) {
     std::ranges::fill(log_weight_, 0.0f);
     for (std::size_t i = 0; i < chosen.size(); ++i) {
-      project(map.points[static_cast<std::size_t>(chosen[i].point)].position, level);
+      project(chosen[i], map, level);
       fields_[i].mark(least_ncc, narrowing_px[step]);
       fields_[i].score(u_, v_, gain, binary, log_weight_);
     }
@@ -149,13 +150,13 @@ void KeyframeTracking::anneal(const std::vector<Visible>& chosen, int level, con
   }
 }
 
-calib::Rigid3d KeyframeTracking::fit_to_fields(calib::Rigid3d pose, const std::vector<Visible>& chosen, int level,
-                                               const SceneMap& map) const {
+SweptPose KeyframeTracking::fit_to_fields(SweptPose pose, const std::vector<Visible>& chosen, int level,
+                                          const SceneMap& map) const {
   for (const float within_px : fit_within_px) {
     std::vector<PoseObservation> observations;
     for (std::size_t i = 0; i < chosen.size(); ++i) {
       const Eigen::Vector3d& p = map.points[static_cast<std::size_t>(chosen[i].point)].position;
-      const auto px = camera_.model.project(pose * p);
+      const auto px = project_swept(camera_.model, pose, p);
       if (!px) continue;
       const Eigen::Vector2d at = to_level(px->px, level);
       const NccPeak peak =
@@ -166,9 +167,9 @@ calib::Rigid3d KeyframeTracking::fit_to_fields(calib::Rigid3d pose, const std::v
             {p, from_level(Eigen::Vector2d(peak.u + offset, peak.v + offset), level), fit_sigma_px * scale_of(level)});
     }
     if (observations.size() < fewest_answers) break;
-    const PoseFit fit = refine_pose(camera_.model, observations, pose, fit_iterations);
-    if (fit.inliers < fewest_inliers) break;
-    pose = fit.cam_from_world;
+    const SweptFit fit = rough_fit(observations, pose, fit_iterations);
+    if (fit.fit.inliers < fewest_inliers) break;
+    pose = fit.pose;
   }
   return pose;
 }

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <limits>
 
+#include "calib/model/median.h"
+
 #include "camera_tracking/keyframes/keyframe_tracking.h"
 
 namespace huetrack::keyframes {
@@ -51,8 +53,7 @@ double median_depth_m(const calib::Rigid3d& cam_from_world, const std::vector<Po
   std::vector<double> depths;
   for (const PointSighting& s : sightings)
     depths.push_back((cam_from_world * map.points[static_cast<std::size_t>(s.point)].position).norm());
-  std::ranges::sort(depths);
-  return depths[depths.size() / 2];
+  return calib::median(std::move(depths));
 }
 
 std::optional<Covariance6d> tangent_covariance(const PoseFit& fit) {
@@ -64,19 +65,20 @@ std::optional<Covariance6d> tangent_covariance(const PoseFit& fit) {
 
 }  // namespace
 
-ProvenPose KeyframeTracking::fine(const calib::Rigid3d& start, const Pyramid& pyramid, const SceneMap& map,
-                                  bool is_guess) {
+ProvenPose KeyframeTracking::fine(const SweptPose& start, const Pyramid& pyramid, const SceneMap& map, bool is_guess) {
   ProvenPose out;
-  out.cam_from_world = first_fit(start, pyramid, map);
-  std::vector<Visible> seen = visible(out.cam_from_world, map, pyramid.count());
+  out.pose = first_fit(start, pyramid, map);
+  std::vector<Visible> seen = visible(out.pose, map, pyramid.count());
   thin_out(seen, most_points);
   Matches matches = match(seen, pyramid, map);
-  if (rectangle_ && map.points.size() >= 4) out.cam_from_world = add_corners(out.cam_from_world, pyramid, map, matches);
+  if (rectangle_ && map.points.size() >= 4) out.pose = add_corners(out.pose, pyramid, map, matches);
   out.evidence.sought = matches.sought;
   out.missed = matches.missed;
   if (matches.observations.size() < fewest_observations) return out;
-  const PoseFit fit = refine_pose(camera_.model, matches.observations, out.cam_from_world, iterations);
-  out.cam_from_world = fit.cam_from_world;
+  const SweptFit refined = refine_swept_pose(camera_.model, matches.observations, out.pose, prior_, iterations);
+  const PoseFit& fit = refined.fit;
+  out.pose = refined.pose;
+  out.readout = refined.readout;
   sort_out(fit, matches, out);
   if (out.sightings.size() < fewest_observations) return out;
   const auto covariance = tangent_covariance(fit);
@@ -84,13 +86,13 @@ ProvenPose KeyframeTracking::fine(const calib::Rigid3d& start, const Pyramid& py
   out.tangent_covariance = *covariance;
 
   PoseEvidence& e = out.evidence;
-  const Covariance6d world = world_covariance(out.cam_from_world, out.tangent_covariance);
+  const Covariance6d world = world_covariance(out.pose.cam_from_world, out.tangent_covariance);
   e.image_width_px = camera_.image_size.width;
   e.spread_px = spread_px(out.sightings);
   e.scale = fit.scale;
   e.position_sigma_m = std::sqrt(world.topLeftCorner<3, 3>().trace());
   e.rotation_sigma_rad = std::sqrt(world.bottomRightCorner<3, 3>().trace());
-  e.depth_m = median_depth_m(out.cam_from_world, out.sightings, map);
+  e.depth_m = median_depth_m(out.pose.cam_from_world, out.sightings, map);
   e.map_points = map.alive_count();
   e.keyframes = static_cast<int>(map.keyframes.size());
   e.is_guess = is_guess;
@@ -112,7 +114,7 @@ PixelRegion KeyframeTracking::around(const Eigen::Vector2d& at, int reach, const
 }
 
 // With some well-spread points at one level above their own, over a wide region.
-calib::Rigid3d KeyframeTracking::first_fit(const calib::Rigid3d& pose, const Pyramid& pyramid, const SceneMap& map) {
+SweptPose KeyframeTracking::first_fit(const SweptPose& pose, const Pyramid& pyramid, const SceneMap& map) {
   const std::vector<Visible> seen = visible(pose, map, pyramid.count());
   std::vector<PoseObservation> observations;
   const std::size_t stride = std::max<std::size_t>(1, seen.size() / first_points);
@@ -132,8 +134,8 @@ calib::Rigid3d KeyframeTracking::first_fit(const calib::Rigid3d& pose, const Pyr
                             std::hypot(pixel_sigma_px * scale_of(level), s.map_sigma_px)});
   }
   if (observations.size() < first_fit_points) return pose;
-  const PoseFit fit = refine_pose(camera_.model, observations, pose, rough_iterations);
-  return fit.inliers >= first_fit_inliers ? fit.cam_from_world : pose;
+  const SweptFit fit = rough_fit(observations, pose, rough_iterations);
+  return fit.fit.inliers >= first_fit_inliers ? fit.pose : pose;
 }
 
 // Each point near where the pose has it, to a fraction of a pixel. What was sought is kept in sought_, for pictures.
@@ -159,7 +161,8 @@ KeyframeTracking::Matches KeyframeTracking::match(const std::vector<Visible>& se
     const double offset = static_cast<double>(patch_.inner.centre_offset());
     std::optional<Refined> refined;
     if (peak.rho > good_ncc - refined_gains)
-      refined = refine(image, patch_, Eigen::Vector2d(peak.u + offset, peak.v + offset), most_shift_px);
+      refined =
+          camera_tracking::refine(image, patch_, Eigen::Vector2d(peak.u + offset, peak.v + offset), most_shift_px);
     if (!refined || refined->ncc < good_ncc) {
       out.missed.push_back(s.point);
       continue;
@@ -176,17 +179,17 @@ KeyframeTracking::Matches KeyframeTracking::match(const std::vector<Visible>& se
 
 // Those of the start's rectangle, by its edges, which lie where the pose has them: the pose that the points say, if
 // there are enough, which is returned.
-calib::Rigid3d KeyframeTracking::add_corners(const calib::Rigid3d& start, const Pyramid& pyramid, const SceneMap& map,
-                                             Matches& matches) {
-  calib::Rigid3d pose = start;
+SweptPose KeyframeTracking::add_corners(const SweptPose& start, const Pyramid& pyramid, const SceneMap& map,
+                                        Matches& matches) {
+  SweptPose pose = start;
   const std::size_t points = matches.observations.size();
   if (points >= corner_fit_points) {
-    const PoseFit fit = refine_pose(camera_.model, matches.observations, pose, rough_iterations);
-    if (fit.inliers >= corner_fit_inliers) pose = fit.cam_from_world;
+    const SweptFit fit = rough_fit(matches.observations, pose, rough_iterations);
+    if (fit.fit.inliers >= corner_fit_inliers) pose = fit.pose;
   }
   std::array<Eigen::Vector2d, 4> about;
   for (std::size_t i = 0; i < 4; ++i) {
-    const auto px = camera_.model.project(pose * map.points[i].position);
+    const auto px = project_swept(camera_.model, pose, map.points[i].position);
     if (!px) return pose;
     about[i] = px->px;
   }

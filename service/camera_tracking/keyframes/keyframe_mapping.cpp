@@ -4,6 +4,9 @@
 #include <algorithm>
 #include <cmath>
 
+#include "calib/model/median.h"
+#include "camera_tracking/keyframes/swept_fit.h"
+
 namespace huetrack::keyframes {
 
 using namespace camera_tracking;
@@ -17,6 +20,8 @@ constexpr int least_found_share = 4;  // one in so many
 // A frame maps points only where most were found, for else its pose is weak, and where it moved by less than these
 // shares of the image's width, for a fast frame is a blurred one.
 constexpr double enough_found = 0.5, sharp_for_seeds = 0.06, sharp_for_keyframe = 0.03;
+// So much may an unknown readout leave open over the image, in a frame that maps.
+constexpr double seeds_bear_px = 4, keyframes_bear_px = 2;
 // A key frame is new where the camera has moved by so much of the scene's distance, or turned by so much, from all
 // others.
 constexpr double keyframe_moved = 0.05, keyframe_turned_rad = 0.2;
@@ -26,7 +31,11 @@ constexpr double new_look = 0.25;
 constexpr int window = 7;                     // key frames that an adjustment moves
 constexpr std::size_t fewest_to_adjust = 12;  // observations
 constexpr int adjust_iterations = 6;
-constexpr double seed_sigma_px = 0.4;  // of a seed's corner, pixels of its level
+// A key frame is fitted anew once the readout is known by so much better.
+constexpr double refit_at_share = 0.6;
+constexpr std::size_t fewest_to_refit = 4;  // observations
+constexpr std::size_t most_kept_up = 14;    // in one frame, the oldest first
+constexpr double seed_sigma_px = 0.4;       // of a seed's corner, pixels of its level
 
 double angle_between(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
   return std::atan2(a.cross(b).norm(), a.dot(b));
@@ -59,7 +68,8 @@ void KeyframeMapping::start(const TrackedFrame& frame, std::span<const Eigen::Ve
                             const Eigen::Matrix<double, 6, 6>& start_covariance) {
   map_ = {};
   map_.start_covariance = start_covariance;
-  map_.start_centre = calib::inverse(frame.cam_from_world).translation;
+  map_.start_centre = calib::inverse(frame.pose.cam_from_world).translation;
+  priors_.clear();
   by_point_.clear(), seeds_.clear(), given_sigma_m_.clear(), given_position_.clear();
   for (std::size_t i = 0; i < points.size(); ++i) {
     MapPoint p;
@@ -77,6 +87,7 @@ void KeyframeMapping::start(const TrackedFrame& frame, std::span<const Eigen::Ve
 
 void KeyframeMapping::start(StoredMap stored) {
   map_ = std::move(stored.map);
+  priors_.assign(map_.keyframes.size(), std::nullopt);
   by_point_.assign(map_.points.size(), {});
   given_sigma_m_.assign(map_.points.size(), 0);
   given_position_.assign(map_.points.size(), Eigen::Vector3d::Zero());
@@ -103,15 +114,15 @@ double KeyframeMapping::median_depth(const calib::Rigid3d& cam_from_world) const
     const auto px = camera_.model.project(cam);
     if (px && camera_.contains(*px)) depth.push_back(cam.norm());
   }
-  if (depth.empty()) return 1;
-  std::nth_element(depth.begin(), depth.begin() + static_cast<std::ptrdiff_t>(depth.size() / 2), depth.end());
-  return depth[depth.size() / 2];
+  return calib::median(std::move(depth), 1.0);
 }
 
 void KeyframeMapping::map(const TrackedFrame& frame) {
   if (!frame.tracked) return;
   count_finds(frame);
-  if (frame.flow_px < sharp_for_seeds * camera_.image_size.width) update_seeds(frame);
+  keep_up_with(frame.readout);
+  if (frame.flow_px < sharp_for_seeds * camera_.image_size.width && frame.readout_open_px < seeds_bear_px)
+    update_seeds(frame);
   if (is_new_keyframe(frame)) add_keyframe(frame);
 }
 
@@ -134,23 +145,24 @@ void KeyframeMapping::count_finds(const TrackedFrame& frame) {
 
 bool KeyframeMapping::is_new_keyframe(const TrackedFrame& frame) const {
   if (frame.number < last_keyframe_frame_ + frames_between_keyframes || !(frame.share_found > enough_found) ||
-      !(frame.flow_px < sharp_for_keyframe * camera_.image_size.width))
+      !(frame.flow_px < sharp_for_keyframe * camera_.image_size.width) || !(frame.readout_open_px < keyframes_bear_px))
     return false;
-  const double depth = median_depth(frame.cam_from_world);
-  const Eigen::Vector3d centre = calib::inverse(frame.cam_from_world).translation;
+  const double depth = median_depth(frame.pose.cam_from_world);
+  const Eigen::Vector3d centre = calib::inverse(frame.pose.cam_from_world).translation;
   return std::ranges::all_of(map_.keyframes, [&](const Keyframe& k) {
     const double moved = (calib::inverse(k.cam_from_world).translation - centre).norm() / depth;
-    const double turned = k.cam_from_world.rotation.angularDistance(frame.cam_from_world.rotation);
+    const double turned = k.cam_from_world.rotation.angularDistance(frame.pose.cam_from_world.rotation);
     return moved / keyframe_moved + turned / keyframe_turned_rad > 1;
   });
 }
 
 void KeyframeMapping::add_keyframe(const TrackedFrame& frame) {
   const auto index = static_cast<int>(map_.keyframes.size());
-  map_.keyframes.push_back({frame.pyramid, frame.cam_from_world});
+  map_.keyframes.push_back({frame.pyramid, frame.pose.cam_from_world, frame.pose.sweep});
+  priors_.push_back(frame.prior);
   ++counters_.keyframes;
   last_keyframe_frame_ = frame.number;
-  const Eigen::Vector3d centre = calib::inverse(frame.cam_from_world).translation;
+  const Eigen::Vector3d centre = calib::inverse(frame.pose.cam_from_world).translation;
   for (PointSighting s : frame.sightings) {
     s.keyframe = index;
     MapPoint& p = map_.points[static_cast<std::size_t>(s.point)];
@@ -168,14 +180,14 @@ void KeyframeMapping::add_keyframe(const TrackedFrame& frame) {
     const int level = p.look_count == 0 ? 0 : p.looks[0].level;
     add_look(p, index, level, s.px);
   }
-  if (index > 0) adjust_near(index);
+  if (index > 0) adjust_moved(to_be_moved(index), index);
   add_seeds(index);
 }
 
 void KeyframeMapping::promote(const Seed& seed) {
   MapPoint p;
   const Keyframe& k = map_.keyframes[static_cast<std::size_t>(seed.keyframe)];
-  const calib::Rigid3d world_from_cam = calib::inverse(k.cam_from_world);
+  const calib::Rigid3d world_from_cam = calib::inverse(k.pose().at(seed.px.y()));
   const Eigen::Vector3d ray = world_from_cam.rotation * seed.ray;
   p.position = world_from_cam * (seed.ray / seed.inverse_depth);
   const double along = seed.sigma / (seed.inverse_depth * seed.inverse_depth);
@@ -223,8 +235,8 @@ KeyframeMapping::LocalProblem KeyframeMapping::problem_of(const std::set<int>& m
   bool anchored = false;
   const auto pose_index = [&](int k) {
     const auto [it, fresh] = local.pose_of.try_emplace(k, static_cast<int>(problem.poses.size()));
-    if (fresh)
-      problem.poses.push_back({map_.keyframes[static_cast<std::size_t>(k)].cam_from_world, !moved.contains(k)});
+    const Keyframe& frame = map_.keyframes[static_cast<std::size_t>(k)];
+    if (fresh) problem.poses.push_back({frame.cam_from_world, !moved.contains(k), frame.sweep});
     return it->second;
   };
   for (std::size_t i = 0; i < by_point_.size(); ++i) {
@@ -275,8 +287,37 @@ void KeyframeMapping::take_over(const LocalProblem& local) {
   }
 }
 
-void KeyframeMapping::adjust_near(int keyframe) {
-  LocalProblem local = problem_of(to_be_moved(keyframe), keyframe);
+// Those whose motion was fitted when less was known of the readout: their rows are elsewhere than was thought.
+void KeyframeMapping::keep_up_with(const Readout& readout) {
+  std::set<int> outdated;
+  for (std::size_t k = 0; k < priors_.size() && outdated.size() < most_kept_up; ++k) {
+    if (!priors_[k] || !(readout.sigma_s < refit_at_share * priors_[k]->readout.sigma_s)) continue;
+    priors_[k]->readout = readout;
+    outdated.insert(static_cast<int>(k));
+  }
+  if (!outdated.empty()) adjust_moved(outdated, *outdated.rbegin());
+}
+
+// Pose and motion, to the points as they are now.
+void KeyframeMapping::refit(const std::set<int>& keyframes) {
+  std::map<int, std::vector<PoseObservation>> seen;
+  for (std::size_t i = 0; i < by_point_.size(); ++i) {
+    for (const PointSighting& s : by_point_[i]) {
+      if (keyframes.contains(s.keyframe)) seen[s.keyframe].push_back({map_.points[i].position, s.px, s.sigma_px});
+    }
+  }
+  for (const auto& [k, observations] : seen) {
+    const std::optional<MotionPrior>& prior = priors_[static_cast<std::size_t>(k)];
+    if (!prior || observations.size() < fewest_to_refit) continue;
+    Keyframe& keyframe = map_.keyframes[static_cast<std::size_t>(k)];
+    const SweptFit fit = refine_swept_pose(camera_.model, observations, keyframe.pose(), *prior);
+    keyframe.cam_from_world = fit.pose.cam_from_world, keyframe.sweep = fit.pose.sweep;
+  }
+}
+
+void KeyframeMapping::adjust_moved(const std::set<int>& moved, int keyframe) {
+  refit(moved);  // the adjustment holds their motion
+  LocalProblem local = problem_of(moved, keyframe);
   if (local.bundle.observations.size() < fewest_to_adjust) return;
   adjust(camera_.model, local.bundle, adjust_iterations);
   ++counters_.adjustments;

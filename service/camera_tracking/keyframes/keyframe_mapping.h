@@ -5,12 +5,14 @@
 #include <cstdint>
 #include <map>
 #include <memory>
+#include <optional>
 #include <set>
 #include <span>
 #include <utility>
 #include <vector>
 
 #include "calib/model/camera_rig.h"
+#include "camera_tracking/keyframes/camera_motion.h"
 #include "camera_tracking/keyframes/local_bundle.h"
 #include "camera_tracking/scene_map.h"
 #include "camera_tracking/template_patch.h"
@@ -23,12 +25,15 @@ inline constexpr int patch_side = 8;  // pixels of a point's patch
 struct TrackedFrame {
   std::uint64_t number = 0;
   std::shared_ptr<const camera_tracking::Pyramid> pyramid;
-  calib::Rigid3d cam_from_world;
+  camera_tracking::SweptPose pose;
   bool tracked = false;    // else the pose means nothing
   double share_found = 0;  // of the points that were sought
   double flow_px = 0;      // how far the image moved since the frame before: a fast frame is a blurred one
   std::vector<camera_tracking::PointSighting> sightings;  // its keyframe is not set
   std::vector<int> missed;                                // points that were sought and not found
+  std::optional<MotionPrior> prior;                       // with which its pose was fitted
+  Readout readout;                                        // as it is known now
+  double readout_open_px = 0;                             // what that leaves open between the first row and the last
 };
 
 struct MappingCounters {
@@ -85,20 +90,24 @@ class KeyframeMapping {
     std::vector<int> point_of;                                // of each point of the bundle: the map's
     std::vector<std::pair<std::size_t, std::size_t>> source;  // of each observation: point, place in its list
   };
-  void adjust_near(int keyframe);
+  void adjust_moved(const std::set<int>& moved, int newest);
   std::set<int> to_be_moved(int keyframe) const;
   LocalProblem problem_of(const std::set<int>& moved, int keyframe) const;
   void take_over(const LocalProblem& local);
+  void keep_up_with(const Readout& readout);
+  void refit(const std::set<int>& keyframes);
 
   // ---- keyframe_seeds.cpp
   void add_seeds(int keyframe);
   void update_seeds(const TrackedFrame& frame);
   bool update(Seed& seed, const TrackedFrame& frame);  // false: given up
   SeedSeen seek(const Seed& seed, const TrackedFrame& frame);
-  bool narrow(Seed& seed, const SeedSeen& seen, const calib::Rigid3d& now_from_then) const;  // false: contradicted
+  bool narrow(Seed& seed, const SeedSeen& seen, const TrackedFrame& frame) const;  // false: contradicted
 
   calib::Camera camera_;
   camera_tracking::SceneMap map_;
+  std::vector<std::optional<MotionPrior>>
+      priors_;  // per key frame: with which its pose was fitted; of a stored one none
   std::vector<std::vector<camera_tracking::PointSighting>> by_point_;  // sightings, per point, by key frame
   std::vector<Seed> seeds_;
   std::vector<double> given_sigma_m_;  // per point; 0: not given

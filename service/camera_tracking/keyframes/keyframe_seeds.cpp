@@ -112,17 +112,16 @@ void KeyframeMapping::add_seeds(int keyframe) {
   std::vector<double> depths;
   for (const MapPoint& p : map_.points) {
     if (!p.alive) continue;
-    const Eigen::Vector3d cam = k.cam_from_world * p.position;
-    const auto px = camera_.model.project(cam);
-    if (!px || !camera_.contains(*px)) continue;
-    taken[cell_of(px->px)] = 1;
-    depths.push_back(cam.norm());
+    const auto seen = project_swept(camera_.model, k.pose(), p.position);
+    if (!seen || !camera_.contains({seen->px})) continue;
+    taken[cell_of(seen->px)] = 1;
+    depths.push_back((k.cam_from_world * p.position).norm());
   }
   for (const Seed& s : seeds_) {  // those that are on their way, about where they will be
     const Keyframe& from = map_.keyframes[static_cast<std::size_t>(s.keyframe)];
-    const auto px =
-        camera_.model.project(k.cam_from_world * (calib::inverse(from.cam_from_world) * (s.ray / s.inverse_depth)));
-    if (px && camera_.contains(*px)) taken[cell_of(px->px)] = 1;
+    const auto seen =
+        project_swept(camera_.model, k.pose(), calib::inverse(from.pose().at(s.px.y())) * (s.ray / s.inverse_depth));
+    if (seen && camera_.contains({seen->px})) taken[cell_of(seen->px)] = 1;
   }
 
   struct CellCorner {
@@ -181,9 +180,8 @@ bool KeyframeMapping::update(Seed& seed, const TrackedFrame& frame) {
   const SeedSeen seen = seek(seed, frame);
   bool is_explained = seen.how == SeedSeen::How::found;
   if (is_explained) {
-    const calib::Rigid3d& then = map_.keyframes[static_cast<std::size_t>(seed.keyframe)].cam_from_world;
     ++seed.found;
-    is_explained = narrow(seed, seen, frame.cam_from_world * calib::inverse(then));
+    is_explained = narrow(seed, seen, frame);
   }
   if (is_explained) return true;
   switch (seen.how) {
@@ -203,15 +201,16 @@ bool KeyframeMapping::update(Seed& seed, const TrackedFrame& frame) {
 KeyframeMapping::SeedSeen KeyframeMapping::seek(const Seed& seed, const TrackedFrame& frame) {
   using How = SeedSeen::How;
   const Keyframe& k = map_.keyframes[static_cast<std::size_t>(seed.keyframe)];
-  const calib::Rigid3d now_from_then = frame.cam_from_world * calib::inverse(k.cam_from_world);
+  const calib::Rigid3d world_from_then = calib::inverse(k.pose().at(seed.px.y()));
   const auto at = [&](double inverse_depth) {
-    return camera_.model.project(now_from_then * (seed.ray / inverse_depth));
+    return project_swept(camera_.model, frame.pose, world_from_then * (seed.ray / inverse_depth));
   };
   const auto far = at(std::max(seed.inverse_depth - 2 * seed.sigma, least_inverse_depth)),
              near = at(seed.inverse_depth + 2 * seed.sigma), middle = at(seed.inverse_depth);
-  if (!far || !near || !middle || !camera_.contains(*middle)) return {How::out_of_view};
+  if (!far || !near || !middle || !camera_.contains({middle->px})) return {How::out_of_view};
 
-  const Eigen::Matrix3d h = plane_homography(now_from_then, seed.ray, 1 / seed.inverse_depth);
+  const Eigen::Matrix3d h =
+      plane_homography(middle->cam_from_world * world_from_then, seed.ray, 1 / seed.inverse_depth);
   const auto patch = transfer_patch(camera_.model, seed.px, h);
   if (!patch) return {How::distorted};
   const int level = search_level(patch->affine, seed.level, frame.pyramid->count());
@@ -235,7 +234,10 @@ KeyframeMapping::SeedSeen KeyframeMapping::seek(const Seed& seed, const TrackedF
 }
 
 // One more measurement of its depth.
-bool KeyframeMapping::narrow(Seed& seed, const SeedSeen& seen, const calib::Rigid3d& now_from_then) const {
+bool KeyframeMapping::narrow(Seed& seed, const SeedSeen& seen, const TrackedFrame& frame) const {
+  const calib::Rigid3d now = frame.pose.at(seen.px.y());
+  const Keyframe& k = map_.keyframes[static_cast<std::size_t>(seed.keyframe)];
+  const calib::Rigid3d now_from_then = now * calib::inverse(k.pose().at(seed.px.y()));
   const auto at = [&](double inverse_depth) {
     return camera_.model.project(now_from_then * (seed.ray / inverse_depth));
   };
@@ -255,7 +257,8 @@ bool KeyframeMapping::narrow(Seed& seed, const SeedSeen& seen, const calib::Rigi
     if (slope.squaredNorm() < 1e-12) break;
     rho = std::max(least_inverse_depth, rho + slope.dot(seen.px - p0->px) / slope.squaredNorm());
   }
-  const double sigma = seen_sigma_px * scale_of(seen.level) / px_per_inverse_depth;
+  const double row_open_px = frame.pose.sweep.part(seen.px.y()) * frame.readout_open_px;
+  const double sigma = std::hypot(seen_sigma_px * scale_of(seen.level), row_open_px) / px_per_inverse_depth;
   const double sum = std::sqrt(sigma * sigma + seed.sigma * seed.sigma);
   if (std::abs(rho - seed.inverse_depth) > contradicted_sigmas * sum) return false;
   const double gain = seed.sigma * seed.sigma / (sum * sum);

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "calib/model/median.h"
 #include "camera_tracking/camera_starter.h"
 #include "camera_tracking/keyframes/keyframe_mapping.h"
 #include "camera_tracking/keyframes/keyframe_tracking.h"
@@ -71,22 +72,37 @@ class KeyframeTracker final : public CameraTracker {
     if (state_ == PoseState::lost && estimate.frame_number % 5 == 0) {
       proposed = starter_.find_again(frame.pixels, grey, pose_);
     }
-    last_ = tracking_.track(pyramid, map_, state_ == PoseState::lost, proposed);
+    const capture::Timestamp before = tracked_at_;
+    last_ = tracking_.track(frame.captured_at, pyramid, map_, state_ == PoseState::lost, proposed);
     mapper_.wait();
     if (handed_over_) map_ = mapping_.scene();
     handed_over_.reset();
+    if (started_from_) {
+      if (last_.proven) settle_start(before, frame.captured_at);
+      started_from_.reset();
+    }
     if (last_.proven) {
-      const double flow = flow_px(last_.cam_from_world);
+      const double flow = flow_px(last_.pose.cam_from_world);
       state_ = PoseState::tracking;
       is_map_unproven_ = false;
       tracked_at_ = frame.captured_at;
-      pose_ = last_.cam_from_world;
+      pose_ = last_.pose.cam_from_world;
       covariance_ = world_covariance(pose_, last_.tangent_covariance) + of_the_world(pose_);
       const PoseEvidence& e = last_.evidence;
       // With so few points sought nothing is mapped yet, and it is the rectangle that was seen.
       const double share_found = e.sought < 8 ? 1.0 : static_cast<double>(e.found) / e.sought;
-      handed_over_ =
-          TrackedFrame{estimate.frame_number, pyramid, pose_, true, share_found, flow, last_.sightings, last_.missed};
+      const double frame_s = std::max(1e-3, capture::seconds(frame.captured_at - before));
+      handed_over_ = TrackedFrame{.number = estimate.frame_number,
+                                  .pyramid = pyramid,
+                                  .pose = last_.pose,
+                                  .tracked = true,
+                                  .share_found = share_found,
+                                  .flow_px = flow,
+                                  .sightings = last_.sightings,
+                                  .missed = last_.missed,
+                                  .prior = tracking_.prior(),
+                                  .readout = tracking_.readout(),
+                                  .readout_open_px = tracking_.readout().sigma_s * flow / frame_s};
     } else {
       coast(frame.captured_at);
     }
@@ -138,22 +154,54 @@ class KeyframeTracker final : public CameraTracker {
     started_ = true;
     if (started->rectangle) tracking_.set_rectangle(started->dark);
     pose_ = started->pose.cam_from_world;
-    tracking_.set_pose(pose_);
-    TrackedFrame first{frames_ - 1, pyramid, pose_, true, 1, 0, {}, {}};
-    for (std::size_t i = 0; i < started->points.size(); ++i)
-      first.sightings.push_back({0, static_cast<int>(i), started->px[i], started->sigma_px});
+    tracking_.set_pose(frame.captured_at, pose_);
     const double scale = std::max(1.0, started->pose.scale);
-    const Eigen::Matrix<double, 6, 6> inverse_information = started->pose.information.inverse();
-    covariance_ = world_covariance(pose_, scale * scale * inverse_information);
-    mapping_.start(first, started->points, started->normal, started->given_sigma_m, covariance_);
-    map_ = mapping_.scene();
+    const Covariance6d inverse_information = started->pose.information.inverse();
+    started_from_ = StartedFrom{{.number = frames_ - 1,
+                                 .pyramid = pyramid,
+                                 .pose = {pose_},
+                                 .tracked = true,
+                                 .share_found = 1,
+                                 .sightings = {},
+                                 .missed = {},
+                                 .prior = {},
+                                 .readout = tracking_.readout()},
+                                *started};
+    for (std::size_t i = 0; i < started->points.size(); ++i)
+      started_from_->frame.sightings.push_back({0, static_cast<int>(i), started->px[i], started->sigma_px});
+    map_from_start(scale * scale * inverse_information);
+    covariance_ = map_.start_covariance;
     last_ = {};
-    last_.cam_from_world = pose_;
+    last_.pose.cam_from_world = pose_;
     last_.proven = true;
     last_.evidence.sought = last_.evidence.found = static_cast<int>(started->points.size());
-    last_.sightings = first.sightings;
+    last_.sightings = started_from_->frame.sightings;
     state_ = PoseState::tracking;
     tracked_at_ = frame.captured_at;
+  }
+
+  void map_from_start(const Covariance6d& tangent_covariance) {
+    const auto& [first, started] = *started_from_;
+    mapping_.start(first, started.points, started.normal, started.given_sigma_m,
+                   world_covariance(first.pose.cam_from_world, tangent_covariance));
+    map_ = mapping_.scene();
+  }
+
+  // The start was taken for a view at rest. What the next frame says of its motion puts it right, before anything else
+  // is mapped.
+  void settle_start(capture::Timestamp started_at, capture::Timestamp at) {
+    auto& [first, started] = *started_from_;
+    std::vector<PoseObservation> seen;
+    for (const PointSighting& s : first.sightings)
+      seen.push_back({started.points[static_cast<std::size_t>(s.point)], s.px, s.sigma_px});
+    first.prior = tracking_.motion_of(started_at, at);
+    first.pose.sweep.last_row = camera_.image_size.height - 1;
+    const auto settled = tracking_.with_motion(*first.prior, started_at, first.pose.cam_from_world, seen, at);
+    const PoseFit& fit = settled ? settled->fit : started.pose;
+    if (settled) first.pose = settled->pose;
+    const double scale = std::max(1.0, fit.scale);
+    const Covariance6d inverse_information = fit.information.inverse();
+    map_from_start(scale * scale * inverse_information);
   }
 
   void coast(capture::Timestamp at) {
@@ -191,15 +239,14 @@ class KeyframeTracker final : public CameraTracker {
       const auto after = camera_.model.project(now * map_.points[static_cast<std::size_t>(s.point)].position);
       if (before && after) flow.push_back((after->px - before->px).norm());
     }
-    if (flow.empty()) return 0;
-    std::nth_element(flow.begin(), flow.begin() + static_cast<std::ptrdiff_t>(flow.size() / 2), flow.end());
-    return flow[flow.size() / 2];
+    return calib::median(std::move(flow));
   }
 
   void fill(CameraEstimate& estimate, const ProvenPose& proof) const {
     estimate.state = state_;
     estimate.map_points = map_.alive_count();
     estimate.effective_sample_size = std::max(1.0, tracking_.effective_sample_size());
+    estimate.readout_s = tracking_.readout().mean_s, estimate.readout_sigma_s = tracking_.readout().sigma_s;
     if (!estimate.has_pose()) return;
     estimate.world_from_camera = calib::inverse(pose_);
     estimate.covariance = covariance_;
@@ -209,8 +256,14 @@ class KeyframeTracker final : public CameraTracker {
       estimate.confidence = static_cast<double>(estimate.features_matched) / estimate.features_in_view;
   }
 
+  struct StartedFrom {
+    TrackedFrame frame;
+    Started start;
+  };
+
   calib::Camera camera_;
   CameraStarter starter_;
+  std::optional<StartedFrom> started_from_;  // until the frame after the start
   KeyframeTracking tracking_;
   KeyframeMapping mapping_;  // while mapper_ works: its alone
   SceneMap map_;             // what tracking sees

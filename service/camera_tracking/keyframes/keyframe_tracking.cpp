@@ -1,5 +1,6 @@
 #include "camera_tracking/keyframes/keyframe_tracking.h"
 
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 
@@ -15,11 +16,15 @@ constexpr double border_px = 5;  // that a point must be away from the image's b
 // A look counts for a point when it is less unlike today's view than this: radians between the directions plus the
 // logarithm of the distances' ratio. The first look is preferred by so much: it is nobody's copy.
 constexpr double most_unlike = 0.9, later_look_penalty = 0.15;
+constexpr double known_share = 0.3;    // a readout is known that is surer than this share of it
 constexpr double velocity_kept = 0.9;  // from frame to frame
 
-calib::Camera without_pose(calib::Camera camera) {
-  camera.cam_from_world = {};
-  return camera;
+// So far off the image may a point be for the middle row, and yet be in view in its own.
+constexpr double most_swept_px = 60;
+
+bool is_inside(const Eigen::Vector2d& px, const calib::ImageSize& size, double margin) {
+  return px.x() >= margin && px.y() >= margin && px.x() <= size.width - 1 - margin &&
+         px.y() <= size.height - 1 - margin;
 }
 
 double angle_between(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
@@ -29,11 +34,18 @@ double angle_between(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
 }  // namespace
 
 KeyframeTracking::KeyframeTracking(const calib::Camera& camera, std::size_t particle_count, std::uint64_t seed)
-    : camera_(camera), lens_(without_pose(camera)), rng_(seed, 1), particle_count_(particle_count), seed_(seed) {}
+    : camera_(camera),
+      lens_(without_pose(camera)),
+      rng_(seed, 1),
+      particle_count_(particle_count),
+      seed_(seed),
+      readout_(camera.timing) {}
 
-void KeyframeTracking::set_pose(const calib::Rigid3d& cam_from_world) {
+void KeyframeTracking::set_pose(capture::Timestamp at, const calib::Rigid3d& cam_from_world) {
   pose_ = cam_from_world;
   step_ = {};
+  motion_.forget();
+  motion_.add(at, cam_from_world);
   unproven_ = 0;
   particles_.reset(particle_count_, pose_);
   effective_sample_size_ = static_cast<double>(particle_count_);
@@ -41,6 +53,19 @@ void KeyframeTracking::set_pose(const calib::Rigid3d& cam_from_world) {
 
 void KeyframeTracking::forget() {
   step_ = {};
+  motion_.forget();
+}
+
+std::optional<SweptFit> KeyframeTracking::with_motion(const MotionPrior& prior, capture::Timestamp at,
+                                                      const calib::Rigid3d& pose, std::span<const PoseObservation> seen,
+                                                      capture::Timestamp last_at) {
+  if (!(readout().sigma_s < known_share * std::abs(readout().mean_s))) return std::nullopt;
+  SweptFit fit =
+      refine_swept_pose(camera_.model, seen, {pose, prior.sweep(pose, camera_.image_size.height - 1)}, prior);
+  if (fit.fit.inliers < static_cast<int>(seen.size())) return std::nullopt;
+  motion_.forget();
+  motion_.add(at, fit.fit.cam_from_world), motion_.add(last_at, pose_);
+  return fit;
 }
 
 // nullptr: from here the point looks like in none of its looks.
@@ -60,33 +85,43 @@ const PointLook* KeyframeTracking::look_most_alike(const MapPoint& p, const Eige
   return best;
 }
 
-std::vector<KeyframeTracking::Visible> KeyframeTracking::visible(const calib::Rigid3d& pose, const SceneMap& map,
+std::vector<KeyframeTracking::Visible> KeyframeTracking::visible(const SweptPose& pose, const SceneMap& map,
                                                                  int levels) const {
   std::vector<Visible> out;
-  const Eigen::Vector3d centre = calib::inverse(pose).translation;
+  const Eigen::Vector3d centre = calib::inverse(pose.cam_from_world).translation;
   for (std::size_t i = 0; i < map.points.size(); ++i) {
     const MapPoint& p = map.points[i];
     if (!p.alive || p.look_count == 0 || is_corner(static_cast<int>(i))) continue;
+    const auto middle = camera_.model.project(pose.cam_from_world * p.position);
+    if (!middle || !is_inside(middle->px, camera_.image_size, -most_swept_px)) continue;
+    const auto now = project_swept(camera_.model, pose, p.position);
+    if (!now || !is_inside(now->px, camera_.image_size, border_px)) continue;
     calib::CameraModel::Jacobian j;
-    const auto px = camera_.model.project(pose * p.position, j);
-    if (!px || px->px.x() < border_px || px->px.y() < border_px ||
-        px->px.x() > camera_.image_size.width - 1 - border_px || px->px.y() > camera_.image_size.height - 1 - border_px)
-      continue;
+    if (!camera_.model.project(now->cam_from_world * p.position, j)) continue;
     Visible seen;
-    seen.point = static_cast<int>(i), seen.px = px->px;
+    seen.point = static_cast<int>(i), seen.px = now->px, seen.swept_px = (now->px - middle->px).cast<float>();
     seen.look = look_most_alike(p, centre, map);
     if (!seen.look) continue;
-    const calib::Rigid3d& then = map.keyframes[static_cast<std::size_t>(seen.look->keyframe)].cam_from_world;
+    const Keyframe& frame_then = map.keyframes[static_cast<std::size_t>(seen.look->keyframe)];
+    const calib::Rigid3d then = frame_then.pose().at(seen.look->px.y());
     const Eigen::Vector3d source = then * p.position;
     const bool known = p.normal.squaredNorm() > 0.5;
     const Eigen::Vector3d normal =
         known ? Eigen::Vector3d(then.rotation * p.normal) : Eigen::Vector3d(source.normalized());
-    const auto patch = transfer_patch(camera_.model, seen.look->px,
-                                      plane_homography(pose * calib::inverse(then), normal, normal.dot(source)));
+    const auto patch =
+        transfer_patch(camera_.model, seen.look->px,
+                       plane_homography(now->cam_from_world * calib::inverse(then), normal, normal.dot(source)));
     if (!patch) continue;
     seen.patch = *patch;
-    seen.level = search_level(patch->affine, seen.look->level, levels);
-    const Eigen::Matrix<double, 2, 3> d = j * pose.rotation.toRotationMatrix();
+    if (!pose.sweep.is_none())
+      seen.patch.affine =
+          pose.sweep.unskewed(j, now->cam_from_world * p.position, now->px.y()).inverse() * seen.patch.affine;
+    if (const Sweep& sweep = frame_then.sweep; !sweep.is_none()) {
+      calib::CameraModel::Jacobian j_then;
+      if (camera_.model.project(source, j_then)) seen.patch.affine *= sweep.unskewed(j_then, source, seen.look->px.y());
+    }
+    seen.level = search_level(seen.patch.affine, seen.look->level, levels);
+    const Eigen::Matrix<double, 2, 3> d = j * now->cam_from_world.rotation.toRotationMatrix();
     seen.map_sigma_px = std::sqrt(0.5 * (d * p.covariance * d.transpose()).trace());
     out.push_back(seen);
   }
@@ -108,20 +143,27 @@ bool KeyframeTracking::warp(const Visible& seen, const SceneMap& map, int level)
   return warp_patch(source, seen.look->px, seen.patch.affine, level, patch_side, patch_);
 }
 
-ProvenPose KeyframeTracking::track(const std::shared_ptr<const Pyramid>& pyramid, const SceneMap& map, bool lost,
-                                   const std::optional<calib::Rigid3d>& proposed) {
+ProvenPose KeyframeTracking::track(capture::Timestamp at, const std::shared_ptr<const Pyramid>& pyramid,
+                                   const SceneMap& map, bool lost, const std::optional<calib::Rigid3d>& proposed) {
   ++frames_;
   ProvenPose best;
+  const double last_row = camera_.image_size.height - 1;
   const auto try_from = [&](const calib::Rigid3d& pose, bool is_guess) {
-    ProvenPose other = fine(pose, *pyramid, map, is_guess);
+    ProvenPose other = fine({pose, prior_.sweep(pose, last_row)}, *pyramid, map, is_guess);
     if (other.proven) best = std::move(other);
   };
+  if (lost || unproven_ > 0) motion_.forget();
+  prior_ = motion_.prior(at, readout());
   if (!lost) {
     // The velocity fades where it is not confirmed.
     const double keep = unproven_ == 0 ? velocity_kept : 0.0;
     const calib::Rigid3d predicted = calib::exp(calib::Tangent6d(keep * calib::log(step_))) * pose_;
-    best = fine(coarse(predicted, *pyramid, map), *pyramid, map, false);
+    best = fine(coarse({predicted, prior_.sweep(predicted, last_row)}, *pyramid, map), *pyramid, map, false);
     if (!best.proven && unproven_ == 0) try_from(predicted, false);
+  }
+  if (!best.proven) {  // whatever is found from here on is no continuation
+    motion_.forget();
+    prior_ = motion_.prior(at, readout());
   }
   if (!best.proven && map.keyframes.size() >= 2) {
     if (const auto proposal = relocalize(camera_, *pyramid, map, seed_ + frames_))
@@ -129,9 +171,11 @@ ProvenPose KeyframeTracking::track(const std::shared_ptr<const Pyramid>& pyramid
   }
   if (!best.proven && proposed) try_from(*proposed, true);
   if (best.proven) {
-    step_ = unproven_ == 0 ? best.cam_from_world * calib::inverse(pose_) : calib::Rigid3d{};
-    pose_ = best.cam_from_world;
+    step_ = unproven_ == 0 ? best.pose.cam_from_world * calib::inverse(pose_) : calib::Rigid3d{};
+    pose_ = best.pose.cam_from_world;
     unproven_ = 0;
+    motion_.add(at, pose_);
+    if (best.readout) readout_.add(*best.readout);
   } else {
     ++unproven_;
     if (particles_.size() > 0) particles_.resample(rng_, particle_count_);

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <limits>
 
+#include "calib/model/median.h"
 #include "camera_tracking/pose_solver.h"
 
 namespace huetrack::keyframes {
@@ -55,9 +56,10 @@ class Adjustment {
   BundleProblem& p_;
   std::vector<int> column_;  // of each pose among the free ones; -1: it is held
   int free_poses_ = 0;
-  std::vector<std::size_t> first_;             // observation of each point; those of a point lie side by side
-  std::vector<Linear> linear_;                 // per observation
-  std::vector<double> length_, trial_length_;  // of the residuals, sigmas
+  std::vector<std::size_t> first_;               // observation of each point; those of a point lie side by side
+  std::vector<calib::Rigid3d> row_from_middle_;  // per observation, of its pose
+  std::vector<Linear> linear_;                   // per observation
+  std::vector<double> length_, trial_length_;    // of the residuals, sigmas
   // The normal equations with the points eliminated (Schur complement): what is needed to find the points' steps.
   std::vector<Eigen::Matrix3d> v_inverse_;  // per point
   std::vector<Eigen::Vector3d> bx_;         // per point
@@ -75,6 +77,9 @@ Adjustment::Adjustment(const calib::CameraModel& lens, BundleProblem& problem)
   first_.assign(p_.points.size() + 1, n);
   for (std::size_t i = n; i-- > 0;) first_[static_cast<std::size_t>(p_.observations[i].point)] = i;
   for (std::size_t k = p_.points.size(); k-- > 0;) first_[k] = std::min(first_[k], first_[k + 1]);
+  row_from_middle_.reserve(n);
+  for (const BundleObservation& o : p_.observations)
+    row_from_middle_.push_back(p_.poses[static_cast<std::size_t>(o.pose)].sweep.row_from_middle(o.px.y()));
   linear_.resize(n), length_.resize(n), trial_length_.resize(n), w_.resize(n);
   v_inverse_.resize(p_.points.size()), bx_.resize(p_.points.size());
   const Eigen::Index size = 6 * free_poses_;
@@ -118,8 +123,8 @@ double Adjustment::cost_of(const BundleProblem& p, std::vector<double>& length) 
   double cost = 0;
   for (std::size_t i = 0; i < p.observations.size(); ++i) {
     const BundleObservation& o = p.observations[i];
-    const auto seen = lens_.project(p.poses[static_cast<std::size_t>(o.pose)].cam_from_world *
-                                    p.points[static_cast<std::size_t>(o.point)].position);
+    const auto seen = lens_.project(row_from_middle_[i] * (p.poses[static_cast<std::size_t>(o.pose)].cam_from_world *
+                                                           p.points[static_cast<std::size_t>(o.point)].position));
     length[i] = seen ? (seen->px - o.px).norm() / o.sigma_px : std::numeric_limits<double>::infinity();
     const double e = std::min(length[i], 1e3);
     cost += e < huber ? 0.5 * e * e : huber * (e - 0.5 * huber);
@@ -136,9 +141,10 @@ void Adjustment::linearise() {
     const calib::Rigid3d& pose = p_.poses[static_cast<std::size_t>(o.pose)].cam_from_world;
     const Eigen::Vector3d cam = pose * p_.points[static_cast<std::size_t>(o.point)].position;
     calib::CameraModel::Jacobian j;
-    const auto seen = lens_.project(cam, j);
+    const auto seen = lens_.project(row_from_middle_[i] * cam, j);
     linear_[i].good = seen.has_value();
     if (!seen) continue;
+    j *= row_from_middle_[i].rotation.toRotationMatrix();
     const Eigen::Vector2d r = (seen->px - o.px) / o.sigma_px;
     const double e = r.norm(), weight = e < huber ? 1 : std::sqrt(huber / e);
     linear_[i].r = weight * r;
@@ -216,12 +222,7 @@ double Adjustment::try_step(const Eigen::VectorXd& pose_step, BundleProblem& tri
 }
 
 double Adjustment::mark_outliers() {
-  double scale = 1;
-  if (std::vector<double> sorted = length_; !sorted.empty()) {
-    const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2);
-    std::nth_element(sorted.begin(), middle, sorted.end());
-    scale = std::max(least_scale, *middle / median_of_length);
-  }
+  const double scale = length_.empty() ? 1 : std::max(least_scale, calib::median(length_) / median_of_length);
   double sum = 0;
   int inliers = 0;
   for (std::size_t i = 0; i < p_.observations.size(); ++i) {

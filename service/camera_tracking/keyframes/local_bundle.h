@@ -6,12 +6,14 @@
 
 #include "calib/model/camera_model.h"
 #include "calib/model/rigid3.h"
+#include "camera_tracking/swept_pose.h"
 
 namespace huetrack::keyframes {
 
 struct BundlePose {
-  calib::Rigid3d cam_from_world;
+  calib::Rigid3d cam_from_world;  // of the middle row
   bool fixed = false;
+  camera_tracking::Sweep sweep = {};  // held
 };
 struct BundlePoint {
   Eigen::Vector3d position = Eigen::Vector3d::Zero();

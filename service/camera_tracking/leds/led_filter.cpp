@@ -93,6 +93,11 @@ class HuetrackLedFilter final : public LedFilter {
     return sigma_px * sigma_px * Eigen::Matrix2d::Identity();
   }
 
+  // When a row is exposed, from the middle row's time on, which is the frame's.
+  double row_dt_s(double row) const {
+    return camera_.timing.readout_s.value_or(0) * (row / (camera_.image_size.height - 1) - 0.5);
+  }
+
   // ---- No pose yet, or none any more.
   void look_for(const LedFrame& frame) {
     std::vector<LedSighting> sightings;
@@ -104,7 +109,8 @@ class HuetrackLedFilter final : public LedFilter {
       while (!window_.empty() && (window_.size() > window_sightings || frame.at - window_.front().at > window_length))
         window_.pop_front();
       for (const auto& w : window_)
-        sightings.push_back({w.led, w.px, capture::seconds(w.at - frame.at), options_.pixel_noise_px});
+        sightings.push_back(
+            {w.led, w.px, capture::seconds(w.at - frame.at) + row_dt_s(w.px.y()), options_.pixel_noise_px});
       pose_ = search_.find(sightings);
     }
     if (!pose_) return;
@@ -128,7 +134,7 @@ class HuetrackLedFilter final : public LedFilter {
     LedMotionState start = prior.mean;
     if (!sightings.empty()) {
       const double miss_px = std::hypot(camera_.image_size.width, camera_.image_size.height);
-      particles_.weigh(camera_.model, leds(), sightings, 0.02, 0.02, miss_px);
+      particles_.weigh(camera_.model, leds(), at_frame_time(sightings, prior.mean), 0.02, 0.02, miss_px);
       start = particles_.mean();
       models_->update(camera_.model, leds(), sightings, start);
     }
@@ -145,6 +151,18 @@ class HuetrackLedFilter final : public LedFilter {
     }
   }
 
+  // Particles have no velocities: the sightings as they would be, were all rows exposed at the frame's time.
+  std::vector<LedSighting> at_frame_time(std::vector<LedSighting> sightings, const LedMotionState& state) const {
+    for (LedSighting& s : sightings) {
+      const Vector3d& led = leds()[static_cast<std::size_t>(s.led)];
+      const auto then = led_pixel(camera_.model, state, led, s.dt_s, nullptr),
+                 now = led_pixel(camera_.model, state, led, 0, nullptr);
+      if (then && now) s.px += *now - *then;
+      s.dt_s = 0;
+    }
+    return sightings;
+  }
+
   void forget_pose() {
     pose_.reset();
     models_.reset();
@@ -158,7 +176,9 @@ class HuetrackLedFilter final : public LedFilter {
     std::vector<bool> used(frame.dots.size(), false);
     const auto seek = [&](int led) {
       LedJacobian j;
-      const auto px = led_pixel(camera_.model, prior.mean, leds()[static_cast<std::size_t>(led)], 0, &j);
+      const Vector3d& position = leds()[static_cast<std::size_t>(led)];
+      auto px = led_pixel(camera_.model, prior.mean, position, 0, &j);
+      if (px) px = led_pixel(camera_.model, prior.mean, position, row_dt_s(px->y()), &j);
       // A LED that is seen where the pose has it out of view speaks against the pose.
       const bool is_seen = frame.lit && !frame.dots.empty();
       if (!is_seen && (!px || !camera_.contains(calib::RawPixel{*px}))) return;
@@ -178,7 +198,7 @@ class HuetrackLedFilter final : public LedFilter {
       evidence_.add(frame.at, led, matched);
       if (!matched) return;
       used[best] = true;
-      sightings.push_back({led, frame.dots[best], 0, options_.pixel_noise_px});
+      sightings.push_back({led, frame.dots[best], row_dt_s(frame.dots[best].y()), options_.pixel_noise_px});
       found_.emplace_back(led, frame.dots[best]);
     };
     if (!frame.lit) {

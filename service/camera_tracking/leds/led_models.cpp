@@ -90,7 +90,7 @@ void LedModels::update(const calib::CameraModel& model, std::span<const Eigen::V
       LedSighting& s = scaled[k];
       s.sigma_px = scales[i].pixel * sightings[k].sigma_px;
       LedJacobian j;
-      const auto px = led_pixel(model, state.mean, leds[static_cast<std::size_t>(s.led)], 0, &j);
+      const auto px = led_pixel(model, state.mean, leds[static_cast<std::size_t>(s.led)], s.dt_s, &j);
       if (!px) continue;
       const Eigen::Matrix2d spread =
           j * state.covariance * j.transpose() + s.sigma_px * s.sigma_px * Eigen::Matrix2d::Identity();

@@ -57,7 +57,7 @@ LedGaussian predicted(const LedGaussian& state, double dt_s, const LedMotionNois
 struct LedSighting {
   int led = 0;
   Eigen::Vector2d px{0, 0};  // raw pixels
-  double dt_s = 0;           // when, from the time of the state that it is compared with; <= 0
+  double dt_s = 0;           // when, from the time of the state that it is compared with
   double sigma_px = 1;       // > 0
 };
 

@@ -30,9 +30,9 @@ constexpr double least_sigma_px = 1;  // Table I; a narrower Gaussian leaves too
 constexpr double own_motion = 0.25;   // of LedFilterOptions::motion, which is that of the liveliest cameras
 constexpr double narrow = 1.5;        // up to this widening the particles are where the measurements are
 constexpr int gathered_frames = 12;
-constexpr double tracking_sigma_m = 0.05, tracking_sigma_rad = 0.06;
+constexpr double small_sigma_m = 0.05, small_sigma_rad = 0.06;
 constexpr double explained_px = 6;  // a LED so near to where the pose has it supports the pose
-constexpr capture::Duration evidence_length = 400ms;
+constexpr capture::Duration gathered_length = 400ms;
 
 class PaperLedFilter final : public LedFilter {
  public:
@@ -150,9 +150,9 @@ class PaperLedFilter final : public LedFilter {
     } else if (*frame.lit >= 0) {
       check(*frame.lit);
     }
-    evidence_.forget(frame.at - evidence_length);
+    evidence_.forget(frame.at - gathered_length);
     const Vector2d sigma = largest_sigmas(pose_.covariance);
-    small_ = sigma.x() < tracking_sigma_m && sigma.y() < tracking_sigma_rad;
+    small_ = sigma.x() < small_sigma_m && sigma.y() < small_sigma_rad;
     const bool explained = evidence_.distinct() >= 4 && 4 * evidence_.matched() > 3 * evidence_.in_view();
     // For some frames: a cloud that is just coming together may pass by.
     gathered_ = widening_ < narrow ? gathered_ + static_cast<int>(!sightings.empty()) : 0;
@@ -163,9 +163,9 @@ class PaperLedFilter final : public LedFilter {
       // Of dots that are not identified, one lies near some LED by chance.
       const capture::Timestamp supported =
           frame.lit ? evidence_.last_match().value_or(capture::Timestamp{}) : explained_at_;
-      state_ = small_ && frame.at - supported < evidence_length ? PoseState::coasting : PoseState::lost;
+      state_ = small_ && frame.at - supported < gathered_length ? PoseState::coasting : PoseState::lost;
     }
-    if (!frame.lit && sightings.size() >= least_dots && frame.at - explained_at_ > evidence_length) to_gather_ = true;
+    if (!frame.lit && sightings.size() >= least_dots && frame.at - explained_at_ > gathered_length) to_gather_ = true;
     // A small cloud that no LED supports holds on to nothing: from the whole room again.
     if (small_ && evidence_.in_view() >= 12 && evidence_.matched() == 0) {
       evidence_.clear();

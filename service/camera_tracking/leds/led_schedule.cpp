@@ -13,7 +13,7 @@ using namespace std::chrono_literals;
 
 constexpr double early_slots = 0.1;
 constexpr std::size_t sightings_wanted = 16;  // 32 equations for 12 unknowns, and one offset of many to be told
-constexpr capture::Duration window_length = 600ms;
+constexpr capture::Duration schedule_window = 600ms;
 constexpr int tries_per_frame = 1;  // of 10 to 30 ms when no pose fits
 constexpr double pixel_noise_px = 0.06;
 
@@ -76,7 +76,7 @@ std::vector<LedOffsetSearch::OffsetTrial> LedOffsetSearch::trials() const {
 std::optional<int> LedOffsetSearch::update(const LedMoment& moment, const std::optional<Vector2d>& dot) {
   if (dot) window_.push_back({moment, *dot});
   while (!window_.empty() &&
-         (window_.size() > sightings_wanted || moment.at - window_.front().moment.at > window_length))
+         (window_.size() > sightings_wanted || moment.at - window_.front().moment.at > schedule_window))
     window_.pop_front();
   if (tried_on_.empty()) {
     if (window_.size() < sightings_wanted) return std::nullopt;

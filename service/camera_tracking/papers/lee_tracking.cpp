@@ -30,11 +30,6 @@ HUETRACK_CLONES void add_log_likelihood(const float* __restrict u, const float* 
   }
 }
 
-calib::Camera without_pose(calib::Camera camera) {
-  camera.cam_from_world = {};
-  return camera;
-}
-
 }  // namespace
 
 LeeTracking::LeeTracking(const calib::Camera& camera, const Options& options, std::uint64_t seed)

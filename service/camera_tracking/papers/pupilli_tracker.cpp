@@ -26,11 +26,6 @@ constexpr int most_attempts = 60, most_missed = 8;
 constexpr double weightless = 0.02, longest_line_px = 120, line_reach_px = 5, line_sigma_px = 2, ray_sigma_px = 1.5;
 constexpr std::size_t drawn_rays = 40;  // of particles
 
-calib::Camera without_pose(calib::Camera camera) {
-  camera.cam_from_world = {};
-  return camera;
-}
-
 }  // namespace
 
 PupilliFilter::PupilliFilter(const calib::Camera& camera, const Options& options, std::uint64_t seed)

@@ -1,0 +1,12 @@
+// A number that is never negative, as containers count.
+#pragma once
+
+#include <cstddef>
+
+namespace huetrack::calib {
+
+constexpr std::size_t index(int i) {
+  return static_cast<std::size_t>(i);
+}
+
+}  // namespace huetrack::calib

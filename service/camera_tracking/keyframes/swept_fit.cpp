@@ -1,0 +1,188 @@
+#include "camera_tracking/keyframes/swept_fit.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <utility>
+#include <vector>
+
+namespace huetrack::keyframes {
+
+using namespace camera_tracking;
+
+namespace {
+
+using Vector6d = Eigen::Matrix<double, 6, 1>;
+using Matrix12d = Eigen::Matrix<double, 12, 12>;
+using Vector12d = Eigen::Matrix<double, 12, 1>;
+
+constexpr double tukey = 4.685, median_of_length = 1.1774, least_scale = 0.5, inlier_weight = 0.1;  // as refine_pose()
+constexpr double most_step_rad = 1, most_step_m = 10;  // further, and the step leads nowhere
+constexpr double done_rad = 1e-7, done_m = 1e-7;
+
+double median(std::vector<double>& x) {
+  const auto middle = x.begin() + static_cast<std::ptrdiff_t>(x.size() / 2);
+  std::nth_element(x.begin(), middle, x.end());
+  return *middle;
+}
+
+// The normal equations of the pose and the motion: of the observations at unit scale, and of the prior.
+struct Normal {
+  Matrix12d h = Matrix12d::Zero();
+  Vector12d b = Vector12d::Zero();
+};
+
+class Fit {
+ public:
+  Fit(const calib::CameraModel& lens, std::span<const PoseObservation> observations, const SweptPose& start,
+      const MotionPrior& prior);
+  SweptFit run(int iterations) {
+    iterate(iterations);
+    out_.fit.cam_from_world = out_.pose.cam_from_world;
+    return std::move(out_);
+  }
+
+ private:
+  void iterate(int iterations);
+  bool look();     // residuals and their derivatives; false: too few points are before the camera
+  Normal seen();   // what the observations say
+  Normal known();  // what the prior says
+  std::optional<Readout> readout_of(const Matrix12d& covariance) const;
+
+  const calib::CameraModel& lens_;
+  std::span<const PoseObservation> observations_;
+  const MotionPrior& prior_;
+  SweptFit out_;
+  std::vector<Eigen::Vector2d> residual_;
+  std::vector<Eigen::Matrix<double, 2, 6>> jacobian_;  // by the pose of the row
+  std::vector<double> part_, lengths_;
+  // The prior, at the present pose.
+  Vector6d velocity_ = Vector6d::Zero(), off_ = Vector6d::Zero();  // off_: the motion less what the prior expects
+  Matrix6d prior_information_ = Matrix6d::Zero();
+  double readout_s_ = 0;
+};
+
+Fit::Fit(const calib::CameraModel& lens, std::span<const PoseObservation> observations, const SweptPose& start,
+         const MotionPrior& prior)
+    : lens_(lens), observations_(observations), prior_(prior) {
+  const std::size_t n = observations.size();
+  out_.pose = start;
+  out_.fit.error.assign(n, std::numeric_limits<double>::infinity());
+  out_.fit.weight.assign(n, 0);
+  residual_.resize(n), jacobian_.resize(n), part_.resize(n);
+  for (std::size_t i = 0; i < n; ++i) part_[i] = start.sweep.part(observations[i].px.y());
+}
+
+bool Fit::look() {
+  PoseFit& fit = out_.fit;
+  const Sweep& sweep = out_.pose.sweep;
+  const bool is_swept = !sweep.is_none();
+  lengths_.clear();
+  for (std::size_t i = 0; i < observations_.size(); ++i) {
+    const PoseObservation& o = observations_[i];
+    Eigen::Vector3d p = out_.pose.cam_from_world * o.p_world;
+    if (is_swept) p = sweep.row_from_middle(o.px.y()) * p;
+    calib::CameraModel::Jacobian j;
+    const auto seen = lens_.project(p, j);
+    fit.error[i] = std::numeric_limits<double>::infinity();
+    if (!seen) continue;
+    residual_[i] = (seen->px - o.px) / o.sigma_px;
+    jacobian_[i] = pose_jacobian(j, p) / o.sigma_px;
+    fit.error[i] = residual_[i].norm();
+    lengths_.push_back(fit.error[i]);
+  }
+  if (lengths_.size() < 3) return false;
+  fit.scale = median(lengths_) / median_of_length;
+  return true;
+}
+
+// A motion between the rows moves a point by the row's part of what a motion of the whole pose does, the two directions
+// being alike to first order of the sweep.
+Normal Fit::seen() {
+  PoseFit& fit = out_.fit;
+  const double width = tukey * std::max(fit.scale, least_scale);
+  Normal n;
+  Matrix6d pose = Matrix6d::Zero(), both = Matrix6d::Zero(), motion = Matrix6d::Zero();
+  fit.inliers = 0;
+  for (std::size_t i = 0; i < observations_.size(); ++i) {
+    const double x = fit.error[i] / width;
+    const double w = x < 1 ? (1 - x * x) * (1 - x * x) : 0;
+    fit.weight[i] = w;
+    if (w <= 0) continue;
+    fit.inliers += w > inlier_weight;
+    const Matrix6d h = w * jacobian_[i].transpose() * jacobian_[i];
+    const Vector6d b = w * jacobian_[i].transpose() * residual_[i];
+    pose += h, both += part_[i] * h, motion += part_[i] * part_[i] * h;
+    n.b.head<6>() += b, n.b.tail<6>() += part_[i] * b;
+  }
+  n.h << pose, both, both, motion;
+  return n;
+}
+
+Normal Fit::known() {
+  velocity_ = prior_.velocity(out_.pose.cam_from_world);
+  off_ = out_.pose.sweep.motion - prior_.readout.mean_s * velocity_;
+  prior_information_ = prior_.covariance(velocity_).llt().solve(Matrix6d::Identity());
+  const Vector6d b = prior_information_ * off_;
+  // The readout that goes best with this motion is what couples it to the pose.
+  readout_s_ = prior_.readout.mean_s + prior_.readout.sigma_s * prior_.readout.sigma_s * velocity_.dot(b);
+  out_.pose.sweep.bend = prior_.bend(out_.pose.cam_from_world, readout_s_);
+  const double by_pose = readout_s_ * prior_.velocity_per_tangent_hz();
+  Normal n;
+  n.h << by_pose * by_pose * prior_information_, -by_pose * prior_information_, -by_pose * prior_information_,
+      prior_information_;
+  n.b << -by_pose * b, b;
+  return n;
+}
+
+// How the prior's expectation and what came out differ along the velocity is the readout's doing; what the frame alone
+// says of it is what the fit knows less what the prior knew.
+std::optional<Readout> Fit::readout_of(const Matrix12d& covariance) const {
+  constexpr double least_information = 1e-3;  // of the prior's
+  const double variance = prior_.readout.sigma_s * prior_.readout.sigma_s;
+  if (!(variance > 0)) return std::nullopt;
+  const double by_pose = readout_s_ * prior_.velocity_per_tangent_hz();
+  const Vector6d gain = variance * prior_information_ * velocity_;
+  const Matrix6d of_off = by_pose * by_pose * covariance.topLeftCorner<6, 6>() -
+                          by_pose * (covariance.topRightCorner<6, 6>() + covariance.bottomLeftCorner<6, 6>()) +
+                          covariance.bottomRightCorner<6, 6>();
+  const double left = variance - variance * gain.dot(velocity_) + gain.dot(of_off * gain);
+  if (!(left > 0) || !(1 / left - 1 / variance > least_information / variance)) return std::nullopt;
+  const double own = 1 / (1 / left - 1 / variance);
+  return Readout{prior_.readout.mean_s + (readout_s_ - prior_.readout.mean_s) * own / left, std::sqrt(own)};
+}
+
+void Fit::iterate(int iterations) {
+  for (int iteration = 0; iteration <= iterations; ++iteration) {
+    if (!look()) return;
+    const Normal seen = this->seen(), known = this->known();
+    const double scale = std::max(1.0, out_.fit.scale), scale2 = scale * scale;
+    Matrix12d h = seen.h / scale2 + known.h;
+    if (iteration == iterations) {
+      const Eigen::LDLT<Matrix6d> motion(h.bottomRightCorner<6, 6>());
+      out_.fit.information =
+          scale2 * (h.topLeftCorner<6, 6>() - h.topRightCorner<6, 6>() * motion.solve(h.bottomLeftCorner<6, 6>()));
+      const Eigen::LDLT<Matrix12d> whole(h);
+      if (whole.isPositive()) out_.readout = readout_of(whole.solve(Matrix12d::Identity()));
+      break;
+    }
+    h.diagonal() *= 1 + 1e-9;
+    const Vector12d step = -h.ldlt().solve(seen.b / scale2 + known.b);
+    if (!step.allFinite() || step.head<3>().norm() > most_step_rad || step.segment<3>(3).norm() > most_step_m) return;
+    out_.pose.cam_from_world = calib::exp(Vector6d(step.head<6>())) * out_.pose.cam_from_world;
+    out_.pose.sweep.motion += step.tail<6>();
+    if (step.head<3>().norm() < done_rad && step.segment<3>(3).norm() < done_m && iteration > 1)
+      iteration = iterations - 1;
+  }
+}
+
+}  // namespace
+
+SweptFit refine_swept_pose(const calib::CameraModel& lens, std::span<const PoseObservation> observations,
+                           const SweptPose& start, const MotionPrior& prior, int iterations) {
+  return Fit(lens, observations, start, prior).run(iterations);
+}
+
+}  // namespace huetrack::keyframes

@@ -1,0 +1,516 @@
+#include "doctor/doctor.h"
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <fstream>
+#include <iterator>
+#include <set>
+
+#include "calib/yaml/yaml_reader.h"
+#include "config/service_config.h"
+#include "doctor/light_exam.h"
+#include "metrics/metrics.h"
+#include "pipeline/live_cameras.h"
+#include "publish/estimate_publisher.h"
+
+namespace huetrack::doctor {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::string joined(const std::vector<std::string>& words, const std::string& between = ", ") {
+  return fmt::format("{}", fmt::join(words, between));
+}
+std::string joined(const std::vector<fs::path>& paths) {
+  std::vector<std::string> words(paths.begin(), paths.end());
+  return joined(words);
+}
+
+std::string name_of(const CameraExam& exam) {
+  const std::string node = exam.node.identity.node.filename().string();
+  return exam.name.empty() ? node : exam.name + " (" + node + ")";
+}
+
+std::string offered(const capture::OfferedFormat& format) {
+  std::vector<std::string> sizes;
+  for (const auto& size : format.sizes) {
+    std::vector<std::string> rates;
+    for (const double fps : format.sizes.empty() ? std::vector<double>{} : size.fps)
+      rates.push_back(fmt::format("{:.4g}", fps));
+    const std::string range =
+        size.min_width < size.width ? fmt::format("{}x{} to ", size.min_width, size.min_height) : std::string();
+    sizes.push_back(range + fmt::format("{}x{}", size.width, size.height) +
+                    (rates.empty() ? "" : "@" + joined(rates, "/")));
+    if (sizes.size() == 12 && format.sizes.size() > 13) {
+      sizes.push_back(fmt::format("and {} sizes more", format.sizes.size() - sizes.size()));
+      break;
+    }
+  }
+  return joined(sizes);
+}
+
+// ---- One camera
+
+void judge_names(const CameraExam& exam, bool is_expected, std::vector<Finding>& findings) {
+  const capture::V4l2Identity& identity = exam.node.identity;
+  if (identity.by_path.empty()) {
+    findings.push_back({is_expected ? Grade::warning : Grade::note, "no name in /dev/v4l/by-path",
+                        "udev makes these names; without them only " + identity.node.string() +
+                            " is left, which the next boot may give to another camera"});
+  } else {
+    findings.push_back({Grade::ok, "by path (the port): " + joined(identity.by_path), ""});
+  }
+  if (identity.by_id.empty()) {
+    findings.push_back({Grade::note, "no name in /dev/v4l/by-id: it has no serial number of its own",
+                        identity.by_path.empty() ? "" : "name it by its port, in /dev/v4l/by-path"});
+  } else {
+    findings.push_back({Grade::ok, "by id (the camera): " + joined(identity.by_id), ""});
+  }
+}
+
+void judge_formats(const CameraExam& exam, std::vector<Finding>& findings) {
+  std::vector<std::string> others;
+  bool has_any = false;
+  for (const auto& format : exam.formats) {
+    if (format.format) {
+      findings.push_back({Grade::ok, std::string(capture::name(*format.format)) + ": " + offered(format), ""});
+      has_any = true;
+    } else {
+      others.push_back(capture::fourcc_text(format.fourcc));
+    }
+  }
+  if (!has_any)
+    findings.push_back(
+        {Grade::problem,
+         "no format that huetrackd can use" + (others.empty() ? std::string() : ", only " + joined(others)),
+         "huetrackd reads yuyv, nv12, mjpeg and grey: use another camera"});
+  else if (!others.empty())
+    findings.push_back({Grade::note, "not used by huetrackd: " + joined(others), ""});
+}
+
+void judge_stream(const CameraExam& exam, std::vector<Finding>& findings) {
+  const StreamTrial& trial = *exam.trial;
+  const capture::StreamFormat& agreed = trial.agreed;
+  const std::string what = fmt::format("{} {}x{}", capture::name(agreed.format), agreed.width, agreed.height);
+  if (!trial.failure.empty()) {
+    findings.push_back({Grade::problem, what + ": " + trial.failure,
+                        "try another cable, port or a powered hub; for several cameras on one bus, format: mjpeg or a "
+                        "lower rate"});
+    if (trial.frames < 2) return;
+  }
+  const double said = agreed.fps > 0 ? agreed.fps : exam.asked_fps;
+  const bool is_slow = said > 0 && trial.fps() < 0.95 * said;
+  findings.push_back(
+      {is_slow ? Grade::warning : Grade::ok,
+       what + fmt::format(": {:.1f} frames/s reached", trial.fps()) +
+           (said > 0 ? fmt::format(" of {:.4g}", said) : std::string()) +
+           fmt::format(" over {:.1f} s, longest gap {:.0f} ms", trial.seconds, 1000 * trial.longest_gap_s),
+       is_slow ? "long exposures lower the rate: set exposure_time_absolute below the frame period and "
+                 "exposure_dynamic_framerate: 0, or give more light; if that is not it, the USB: format: mjpeg"
+               : ""});
+  if (exam.asked_fps > 0 && agreed.fps > 0 && std::abs(agreed.fps - exam.asked_fps) > 0.02 * exam.asked_fps)
+    findings.push_back({Grade::warning,
+                        fmt::format("asked for {:.4g} frames/s, it does {:.4g}", exam.asked_fps, agreed.fps),
+                        "give fps one of the rates above"});
+  if (trial.dropped > 0 || trial.corrupted > 0)
+    findings.push_back({Grade::warning,
+                        fmt::format("{} frames dropped, {} damaged of {}", trial.dropped, trial.corrupted,
+                                    trial.frames + trial.dropped),
+                        "a busy host, the cable, or the USB bus: try another port, format: mjpeg, or a lower rate"});
+  else
+    findings.push_back({Grade::ok, fmt::format("no frame of {} dropped or damaged", trial.frames), ""});
+  const std::string stamp = "time stamps: " + std::string(capture::name(trial.stamp)) +
+                            fmt::format(", {:.1f} ms before the frame is taken", 1000 * trial.mean_age_s);
+  if (trial.stamp == capture::StampKind::dequeued)
+    findings.push_back({Grade::warning, "time stamps: the driver gives none; the time of taking the frame is used",
+                        "several ms of jitter: track slowly moving objects only, or use another camera"});
+  else if (trial.mean_age_s < 0)
+    findings.push_back(
+        {Grade::warning, stamp + ": they lie in the future", "give latency_offset_s, or update the driver"});
+  else if (trial.stamp == capture::StampKind::end_of_frame)
+    findings.push_back({Grade::note, stamp, "they are late by exposure and transfer: latency_offset_s takes that off"});
+  else
+    findings.push_back({Grade::ok, stamp, ""});
+  if (agreed.is_interlaced)
+    findings.push_back(
+        {Grade::warning, "interlaced frames: moving objects come out as combs", "use a progressive mode"});
+}
+
+// What is left automatic changes colours and rates while tracking.
+void judge_automatics(const CameraExam& exam, std::vector<Finding>& findings) {
+  struct Automatic {
+    const char *control, *manual;
+    std::int64_t off;
+    const char* what;
+  };
+  for (const Automatic& a :
+       {Automatic{"auto_exposure", "exposure_time_absolute", 1, "exposure is automatic: colours and frame rate change"},
+        Automatic{"white_balance_automatic", "white_balance_temperature", 0, "white balance is automatic: hues change"},
+        Automatic{"focus_automatic_continuous", "focus_absolute", 0, "focus is automatic: the calibration changes"}}) {
+    const auto control = std::ranges::find(exam.controls, a.control, &capture::Control::name);
+    if (control == exam.controls.end()) continue;
+    std::optional<std::int64_t> value = control->value;
+    for (const auto& set : exam.configured)
+      if (set.name == a.control) value = set.got;
+    if (value && *value != a.off)
+      findings.push_back({exam.name.empty() ? Grade::note : Grade::warning, a.what,
+                          std::string("controls: {") + a.manual + ": ...} in the configuration switches that off"});
+  }
+}
+
+void judge_controls(const CameraExam& exam, std::vector<Finding>& findings) {
+  std::vector<std::string> good;
+  for (const auto& set : exam.configured)
+    if (!set.problem.empty())
+      findings.push_back(
+          {Grade::warning, capture::to_string(set), "give a value that the camera takes, or leave it out"});
+  for (const auto& set : exam.stayed) {
+    if (set.problem.empty())
+      good.push_back(set.name + " " + std::to_string(set.got.value_or(0)));
+    else
+      findings.push_back(
+          {Grade::warning, capture::to_string(set), "something else rules it: switch its automatic control off"});
+  }
+  if (!good.empty()) findings.push_back({Grade::ok, "controls of the configuration that stuck: " + joined(good), ""});
+  good.clear();
+  for (const auto& set : exam.tried) {
+    if (set.problem.empty() && !set.is_implied) good.push_back(set.name);
+    if (!set.problem.empty())
+      findings.push_back(
+          {Grade::note, "cannot be set: " + capture::to_string(set), "leave it out of the configuration"});
+  }
+  if (!good.empty())
+    findings.push_back(
+        {Grade::ok, "controls that stuck when moved by one step, and were put back: " + joined(good), ""});
+  std::vector<std::string> others;
+  for (const auto& control : exam.controls) {
+    const auto is_it = [&](const capture::ControlResult& set) { return set.name == control.name; };
+    if (control.is_read_only || control.is_button || std::ranges::any_of(exam.tried, is_it) ||
+        std::ranges::any_of(exam.configured, is_it))
+      continue;
+    others.push_back(control.name + (control.is_inactive ? " (ruled by an automatic one now)" : ""));
+  }
+  if (!others.empty())
+    findings.push_back({Grade::note, "controls not tried: " + joined(others),
+                        "those that the configuration sets are tried, and said to stick or not"});
+  if (exam.controls.empty())
+    findings.push_back({Grade::note, "no controls", "exposure and white balance stay as the camera likes"});
+}
+
+// ---- The host
+
+std::map<int, double> bus_speeds(std::span<const CameraExam> exams) {
+  std::map<int, double> speeds;
+  for (const auto& exam : exams) {
+    if (!exam.node.identity.usb) continue;
+    const int bus = exam.node.identity.usb->bus;
+    std::ifstream file("/sys/bus/usb/devices/usb" + std::to_string(bus) + "/speed");
+    if (double mbps = 0; file >> mbps) speeds[bus] = mbps;
+  }
+  return speeds;
+}
+
+bool is_busy(const CameraExam& exam) {
+  return exam.problem.find("another program uses it") != std::string::npos ||
+         exam.node.problem.find("another program uses it") != std::string::npos;
+}
+
+class Doctor {
+ public:
+  Doctor(const DoctorOptions& options, const std::stop_token& stop) : options_(options), stop_(stop) {}
+
+  int run() {
+    if (options_.config) look_at_config();
+    look_at_cameras();
+    look_at_network();
+    if (config_) {
+      look_at_recording();
+      look_at_metrics();
+    }
+    std::printf("%d problem%s, %d warning%s%s\n", problems_, problems_ == 1 ? "" : "s", warnings_,
+                warnings_ == 1 ? "" : "s", not_examined(busy_, examined_).c_str());
+    return problems_;
+  }
+
+ private:
+  static void title(const std::string& title) { std::printf("%s\n", title.c_str()); }
+  void say(const Finding& finding) {
+    problems_ += finding.verdict == Grade::problem ? 1 : 0;
+    warnings_ += finding.verdict == Grade::warning ? 1 : 0;
+    std::fputs(to_text(finding).c_str(), stdout);
+    std::fflush(stdout);
+  }
+  void say(const std::vector<Finding>& findings) {
+    for (const auto& finding : findings) say(finding);
+  }
+
+  void look_at_config() {
+    title("configuration " + options_.config->string());
+    try {
+      config_ = config::load_service_config(*options_.config);
+    } catch (const yaml::ConfigError& error) {
+      std::error_code ignored;
+      say({Grade::problem, error.what(),
+           fs::is_regular_file(*options_.config, ignored)
+               ? "correct that; huetrackd check prints the whole configuration once it is valid"
+               : "give the configuration that the service is started with; the package has "
+                 "/etc/huetrack/huetrackd.yaml"});
+      return;
+    }
+    say({Grade::ok,
+         "it is valid; rig " + config_->rig_file.string() +
+             fmt::format(" of {} cameras, {} targets", config_->rig.cameras.size(), config_->targets.size()),
+         ""});
+    for (const auto& warning : config::warnings_of(*config_)) say({Grade::warning, warning, ""});
+    if (const auto both = pipeline::one_under_two_names(config_->cameras))
+      say({Grade::problem, "cameras: " + *both, "give each its own device: run refuses to start so"});
+    if (config_->cameras.empty())
+      say({Grade::warning, "cameras: names none: it is for replay only", "name the devices that are listed below"});
+  }
+
+  // Of the configuration, with the node that its device is; those whose device is not there are said to be so.
+  std::vector<ExamRequest> requests(const std::vector<capture::V4l2Node>& nodes) {
+    std::vector<ExamRequest> requests;
+    std::set<fs::path> taken;
+    for (const auto& camera : config_ ? config_->cameras : std::vector<config::LiveCameraConfig>{}) {
+      std::error_code error;
+      const fs::path node = fs::canonical(camera.device, error);
+      const auto found = std::ranges::find(nodes, node, [](const capture::V4l2Node& n) { return n.identity.node; });
+      capture::V4l2SourceOptions source;
+      source.device = camera.device;
+      for (const auto& warning : source.warnings()) unstable_[camera.name] = warning;
+      if (error || found == nodes.end()) {
+        title("camera " + camera.name);
+        if (const auto warning = unstable_.find(camera.name); warning != unstable_.end())
+          say({Grade::warning, warning->second, ""});
+        if (error)
+          say({Grade::problem, camera.device.string() + " is not there",
+               "plug it in, or name one of those below; the service starts without it and takes it when it comes"});
+        else
+          say({Grade::problem, camera.device.string() + " is not a video device",
+               "name one of those below: run refuses to start so"});
+        continue;
+      }
+      const calib::ImageSize size =
+          config_->rig.cameras[std::size_t(config_->rig.index_of(camera.name).value())].image_size;
+      requests.push_back(
+          {.node = *found,
+           .name = camera.name,
+           .stream =
+               capture::StreamRequest{
+                   .format = camera.format, .width = size.width, .height = size.height, .fps = camera.fps.value_or(0)},
+           .controls = camera.controls,
+           .streams = options_.streams});
+      taken.insert(node);
+    }
+    const bool has_cameras = config_ && !config_->cameras.empty();
+    for (const auto& node : nodes)  // the others; they stream only when nothing was configured
+      if ((node.is_capture || !node.problem.empty()) && !taken.contains(node.identity.node))
+        requests.push_back({.node = node,
+                            .name = {},
+                            .stream = std::nullopt,
+                            .controls = {},
+                            .streams = options_.streams && !has_cameras});
+    return requests;
+  }
+
+  void look_at_cameras() {
+    const auto nodes = capture::list_v4l2_nodes();
+    const auto asked = requests(nodes);
+    const auto exams = examine_cameras(asked, std::chrono::duration<double>(options_.seconds), stop_);
+    const bool has_cameras = config_ && !config_->cameras.empty();
+    for (const auto& exam : exams) {
+      title("camera " + name_of(exam) + ": " + exam.node.identity.to_string());
+      if (const auto warning = unstable_.find(exam.name); warning != unstable_.end())
+        say({Grade::warning, warning->second, ""});
+      say(judge_camera(exam, !has_cameras || !exam.name.empty()));
+      ++examined_;
+      busy_ += is_busy(exam) ? 1 : 0;
+    }
+    if (exams.empty()) {
+      title("cameras");
+      say({config_ && config_->cameras.empty() ? Grade::note : Grade::warning, "no camera is plugged in",
+           "lsusb lists what the USB sees; dmesg says why a camera has no /dev/video"});
+    }
+    title("USB");
+    say(judge_usb(exams, bus_speeds(exams)));
+  }
+
+  void look_at_network() {
+    title("DDS");
+    publish::EstimatePublisherOptions options;
+    options.targets = {"target"};
+    if (config_) options = config_->dds.publisher;
+    if (config_ && !config_->dds.enabled) {
+      say({Grade::note, "dds.enabled is false: nothing is published", ""});
+      return;
+    }
+    try {
+      for (const auto& warning : publish::EstimatePublisher::check(options)) say({Grade::warning, warning, ""});
+      const auto bus = publish::EstimatePublisher::bus(options);
+      const char* variable = std::getenv("ROS_DOMAIN_ID");
+      say(judge_network(bus.domain,
+                        options.domain        ? "the configuration"
+                        : variable != nullptr ? "ROS_DOMAIN_ID"
+                                              : "the default; ROS_DOMAIN_ID is not set",
+                        bus.interfaces));
+    } catch (const std::invalid_argument& error) {
+      say({Grade::problem, error.what(), "correct dds: in the configuration, or the environment"});
+    }
+  }
+
+  void look_at_recording() {
+    const config::RecordConfig& record = config_->record;
+    if (record.folder.empty()) return;
+    title("recording");
+    std::error_code error;
+    fs::path there = record.folder;
+    while (!there.empty() && !fs::exists(there, error) && there != there.root_path()) there = there.parent_path();
+    if (::access(there.c_str(), W_OK | X_OK) != 0) {
+      say({Grade::problem, "this user may not write to " + there.string(), "give it another owner, or another folder"});
+      return;
+    }
+    const auto space = fs::space(there, error);
+    double bytes_per_s = 0;  // as if nothing were compressed
+    for (const auto& camera : config_->cameras) {
+      const calib::ImageSize size =
+          config_->rig.cameras[std::size_t(config_->rig.index_of(camera.name).value())].image_size;
+      bytes_per_s += 2.0 * size.width * size.height * camera.fps.value_or(30);
+    }
+    const double minutes = bytes_per_s > 0 ? double(space.available) / bytes_per_s / 60 : 0;
+    const bool is_short = minutes < 30;
+    say({is_short ? Grade::warning : Grade::ok,
+         record.folder.string() + fmt::format(": {:.1f} GB free, room for {:.0f} minutes of raw images of all cameras",
+                                              double(space.available) / 1e9, minutes),
+         is_short ? "make room, or use format: mjpeg or raw_storage: huffyuv" : ""});
+  }
+
+  void look_at_metrics() {
+    if (!config_->metrics.port) return;
+    title("metrics");
+    try {
+      const metrics::MetricsServer server(config_->metrics.address, *config_->metrics.port);
+      say({Grade::ok, fmt::format("{}:{} is free", config_->metrics.address, *config_->metrics.port), ""});
+    } catch (const std::runtime_error& error) {
+      say({Grade::warning, error.what(), "when it is huetrackd itself that runs there, all is well"});
+    }
+  }
+
+  const DoctorOptions& options_;
+  const std::stop_token& stop_;
+  std::optional<config::ServiceConfig> config_;
+  std::map<std::string, std::string> unstable_;  // by camera
+  int problems_ = 0, warnings_ = 0;
+  int examined_ = 0, busy_ = 0;  // cameras
+};
+
+}  // namespace
+
+std::string not_examined(int busy, int cameras) {
+  if (busy == 0) return {};
+  return fmt::format("; {} of {} camera{} could not be examined: busy", busy, cameras, cameras == 1 ? "" : "s");
+}
+
+std::vector<Finding> judge_camera(const CameraExam& exam, bool is_expected) {
+  std::vector<Finding> findings;
+  judge_names(exam, is_expected, findings);
+  if (!exam.node.problem.empty()) {
+    findings.push_back({is_busy(exam) ? Grade::warning
+                        : is_expected ? Grade::problem
+                                      : Grade::note,
+                        exam.node.problem, ""});
+    return findings;
+  }
+  findings.push_back({Grade::ok, "this user may read and write " + exam.node.identity.node.string(), ""});
+  if (!exam.formats.empty() || exam.problem.empty()) judge_formats(exam, findings);
+  if (!exam.problem.empty()) {
+    findings.push_back(
+        {is_busy(exam) || !is_expected ? Grade::warning : Grade::problem, exam.problem,
+         is_busy(exam) ? "is the service running? Stop it (systemctl stop huetrackd) to examine the camera" : ""});
+    return findings;
+  }
+  if (exam.trial) judge_stream(exam, findings);
+  judge_controls(exam, findings);
+  judge_automatics(exam, findings);
+  std::ranges::move(judge_light(exam), std::back_inserter(findings));
+  return findings;
+}
+
+std::vector<Finding> judge_usb(std::span<const CameraExam> exams, const std::map<int, double>& bus_mbps) {
+  std::map<int, std::vector<std::string>> cameras;
+  std::map<int, double> wanted_mbps;
+  std::vector<Finding> findings;
+  for (const auto& exam : exams) {
+    if (!exam.node.identity.usb) continue;
+    const capture::UsbPlace& usb = *exam.node.identity.usb;
+    std::string text_of_camera = name_of(exam) + " in port " + usb.port;
+    if (exam.trial && exam.trial->seconds > 0) {
+      const StreamTrial& trial = *exam.trial;
+      // What it should send, where it is raw; what it sent, where it compresses.
+      const double per_frame = double(trial.bytes) / double(trial.frames);
+      const double fps =
+          trial.agreed.format == capture::CaptureFormat::mjpeg ? trial.fps() : std::max(trial.fps(), trial.agreed.fps);
+      const double mbps = 8e-6 * per_frame * fps;
+      wanted_mbps[usb.bus] += std::max(mbps, trial.usb ? trial.usb->mbps() : 0);
+      text_of_camera += fmt::format(" {:.0f} Mbit/s", mbps);
+      if (trial.usb) text_of_camera += ", " + capture::to_string(*trial.usb);
+    }
+    cameras[usb.bus].push_back(text_of_camera);
+    if (usb.speed_mbps > 0 && usb.speed_mbps < 100)
+      findings.push_back({Grade::problem, name_of(exam) + fmt::format(" runs at {:.4g} Mbit/s", usb.speed_mbps),
+                          "it hangs on a USB 1 hub or a bad cable: plug it in directly"});
+  }
+  for (const auto& [bus, names] : cameras) {
+    const auto speed = bus_mbps.find(bus);
+    const double mbps = speed == bus_mbps.end() ? 480 : speed->second;
+    const double budget = (mbps < 100 ? 0.9 : 0.8) * mbps;  // USB 2.0, 5.6.4 and 5.5.4: periodic transfers
+    const double wanted = wanted_mbps[bus];
+    const Grade verdict = wanted > budget ? Grade::problem : wanted > 0.7 * budget ? Grade::warning : Grade::ok;
+    findings.push_back({verdict,
+                        fmt::format("bus {}, {:.4g} Mbit/s: ", bus, mbps) + joined(names) +
+                            fmt::format("; together {:.0f} of the {:.0f} Mbit/s that cameras may have", wanted, budget),
+                        verdict == Grade::ok
+                            ? ""
+                            : "drivers reserve more than is sent, and then say \"No space left on device\": format: "
+                              "mjpeg, a lower rate, or a port of another bus (lsusb -t)"});
+  }
+  if (cameras.empty()) findings.push_back({Grade::note, "no camera on it", ""});
+  return findings;
+}
+
+std::vector<Finding> judge_network(int domain, const std::string& domain_from,
+                                   const std::vector<std::string>& interfaces) {
+  std::vector<Finding> findings{{Grade::ok, "domain " + std::to_string(domain) + ", from " + domain_from, ""}};
+  std::vector<std::string> outside;
+  for (const auto& interface : interfaces)
+    if (interface.find(" 127.") == std::string::npos) outside.push_back(interface);
+  if (interfaces.empty())
+    findings.push_back({Grade::problem, "no network interface is up", "ip link set lo up; DDS needs one at least"});
+  else if (outside.empty())
+    findings.push_back({Grade::note, "only " + joined(interfaces) + ": subscribers on this host only",
+                        "for others, bring a network up; it is taken by itself"});
+  else if (outside.size() > 1)
+    findings.push_back({Grade::note, "several networks: " + joined(interfaces),
+                        "when subscribers do not find the service, name theirs: dds: {interfaces: [...]}; and let "
+                        "multicast 239.255.0.1 through"});
+  else
+    findings.push_back({Grade::ok, "networks: " + joined(interfaces), ""});
+  return findings;
+}
+
+std::string to_text(const Finding& finding) {
+  static constexpr std::array<const char*, 4> words{"ok  ", "note", "WARN", "FAIL"};
+  return std::string("  ") + words[std::size_t(finding.verdict)] + "  " + finding.what + "\n" +
+         (finding.advice.empty() ? "" : "        -> " + finding.advice + "\n");
+}
+
+int doctor(const DoctorOptions& options, const std::stop_token& stop) {
+  return Doctor(options, stop).run();
+}
+
+}  // namespace huetrack::doctor

@@ -1,0 +1,145 @@
+#include "metrics/metrics.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+namespace huetrack::metrics {
+namespace {
+
+std::string number(double value) {
+  if (std::isnan(value)) return "NaN";
+  return fmt::format("{:.9g}", value);
+}
+
+std::string label(std::string_view text) {
+  std::string out = "\"";
+  for (const char c : text) {
+    if (c == '"' || c == '\\') out += '\\';
+    out += c == '\n' ? ' ' : c;
+  }
+  return out + '"';
+}
+
+class Text {
+ public:
+  void family(std::string_view family, std::string_view type, std::string_view help) {
+    family_ = family;
+    text_.append("# HELP ").append(family).append(" ").append(help).append("\n");
+    text_.append("# TYPE ").append(family).append(" ").append(type).append("\n");
+  }
+  void sample(const std::string& labels, double value, std::string_view suffix = "") {
+    text_.append(family_).append(suffix);
+    if (!labels.empty()) text_.append("{").append(labels).append("}");
+    text_.append(" ").append(number(value)).append("\n");
+  }
+  void histogram(const std::string& labels, const LatencyHistogram::Snapshot& snapshot) {
+    const std::string before = labels.empty() ? "" : labels + ",";
+    std::uint64_t below = 0;
+    for (std::size_t i = 0; i < LatencyHistogram::bounds_s.size(); ++i) {
+      below += snapshot.counts[i];
+      sample(before + "le=\"" + number(LatencyHistogram::bounds_s[i]) + "\"", double(below), "_bucket");
+    }
+    sample(before + "le=\"+Inf\"", double(snapshot.count()), "_bucket");
+    sample(labels, snapshot.sum_s, "_sum");
+    sample(labels, double(snapshot.count()), "_count");
+  }
+  std::string take() { return std::move(text_); }
+
+ private:
+  std::string family_, text_;
+};
+
+}  // namespace
+
+void LatencyHistogram::add(capture::Duration latency) {
+  const auto bucket = std::ranges::lower_bound(bounds_s, capture::seconds(latency)) - bounds_s.begin();
+  counts_[std::size_t(bucket)].fetch_add(1, std::memory_order_relaxed);
+  sum_ns_.fetch_add(latency.count(), std::memory_order_relaxed);
+}
+
+LatencyHistogram::Snapshot LatencyHistogram::snapshot() const {
+  Snapshot snapshot;
+  for (std::size_t i = 0; i < counts_.size(); ++i) snapshot.counts[i] = counts_[i].load(std::memory_order_relaxed);
+  snapshot.sum_s = 1e-9 * double(sum_ns_.load(std::memory_order_relaxed));
+  return snapshot;
+}
+
+std::uint64_t LatencyHistogram::Snapshot::count() const {
+  std::uint64_t sum = 0;
+  for (const auto count : counts) sum += count;
+  return sum;
+}
+
+std::string to_prometheus(const publish::ServiceStatus& status, std::span<const TargetFigures> targets,
+                          const LatencyFigures& latencies, const RecordingCounts& recording, std::uint64_t published) {
+  Text text;
+  const auto cameras = [&](std::string_view family, std::string_view type, std::string_view help, auto value) {
+    text.family(family, type, help);
+    for (const auto& camera : status.cameras)
+      if (camera.is_used) text.sample("camera=" + label(camera.name), double(value(camera)));
+  };
+  cameras("huetrack_camera_up", "gauge", "1 when the camera delivers",
+          [](const auto& c) { return c.health == publish::CameraStatus::Health::delivering ? 1 : 0; });
+  cameras("huetrack_camera_frames_total", "counter", "frames received", [](const auto& c) { return c.frames; });
+  cameras("huetrack_camera_dropped_frames_total", "counter", "gaps in the driver's numbering",
+          [](const auto& c) { return c.dropped; });
+  cameras("huetrack_camera_corrupted_frames_total", "counter", "damaged frames, not used",
+          [](const auto& c) { return c.corrupted; });
+  cameras("huetrack_camera_rate_hertz", "gauge", "frames per second over the last seconds",
+          [](const auto& c) { return c.rate_hz; });
+  cameras("huetrack_camera_age_seconds", "gauge", "since the last frame was received",
+          [](const auto& c) { return c.frames > 0 ? c.age_s : std::numeric_limits<double>::quiet_NaN(); });
+
+  const auto one = [&](std::string_view family, std::string_view type, std::string_view help, double value) {
+    text.family(family, type, help);
+    text.sample("", value);
+  };
+  one("huetrack_sets_total", "counter", "frame sets tracked", double(status.sets));
+  one("huetrack_incomplete_sets_total", "counter", "frame sets without every camera", double(status.incomplete_sets));
+  one("huetrack_dropped_sets_total", "counter", "frame sets not tracked, because tracking was too slow",
+      double(status.dropped_sets));
+  one("huetrack_late_frames_total", "counter", "frames that came after their set", double(status.late_frames));
+  one("huetrack_set_rate_hertz", "gauge", "frame sets tracked per second", status.set_rate_hz);
+  one("huetrack_published_samples_total", "counter", "positions written to DDS", double(published));
+  one("huetrack_warnings", "gauge", "sentences in the status sample's warnings", double(status.warnings.size()));
+  one("huetrack_recording", "gauge", "1 while frames are being recorded", recording.is_recording ? 1 : 0);
+  text.family("huetrack_recording_dropped_frames_total", "counter",
+              "frames not recorded, because the disk was too slow");
+  for (std::size_t c = 0; c < recording.dropped.size(); ++c)
+    text.sample("camera=" + label(status.cameras[c].name), double(recording.dropped[c]));
+
+  text.family("huetrack_target_state", "gauge", "1 for the state that the target is in");
+  for (std::size_t t = 0; t < targets.size(); ++t) {
+    for (const auto state : {object_tracking::TrackState::searching, object_tracking::TrackState::tracking,
+                             object_tracking::TrackState::coasting, object_tracking::TrackState::lost}) {
+      text.sample("target=" + label(status.targets[t]) + ",state=" + label(object_tracking::name(state)),
+                  targets[t].state == state ? 1 : 0);
+    }
+  }
+  text.family("huetrack_target_effective_sample_size", "gauge", "of the target's particles");
+  for (std::size_t t = 0; t < targets.size(); ++t)
+    text.sample("target=" + label(status.targets[t]), targets[t].effective_sample_size);
+  text.family("huetrack_target_particles", "gauge", "how many the target has");
+  for (std::size_t t = 0; t < targets.size(); ++t)
+    text.sample("target=" + label(status.targets[t]), targets[t].particles);
+
+  text.family("huetrack_capture_to_dequeue_seconds", "histogram", "from a frame's capture to its dequeue");
+  for (std::size_t c = 0; c < latencies.capture_to_dequeue.size(); ++c)
+    text.histogram("camera=" + label(status.cameras[c].name), latencies.capture_to_dequeue[c]);
+  text.family("huetrack_dequeue_to_write_seconds", "histogram",
+              "from the dequeue of a set's last frame to the DDS write of its position");
+  text.histogram("", latencies.dequeue_to_write);
+  text.family("huetrack_dequeue_to_publish_seconds", "histogram",
+              "from the dequeue of a set's last frame until the DDS write is over and the position sent");
+  text.histogram("", latencies.dequeue_to_publish);
+  text.family("huetrack_capture_to_publish_seconds", "histogram",
+              "from the newest capture in a set until its position is sent");
+  text.histogram("", latencies.capture_to_publish);
+  return text.take();
+}
+
+}  // namespace huetrack::metrics

@@ -1,0 +1,76 @@
+// What the service measures about itself, as Prometheus reads it (text format 0.0.4), and the small server that hands
+// it out.
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "capture/frame.h"
+#include "object_tracking/object_estimate.h"
+#include "publish/service_status.h"
+
+namespace huetrack::metrics {
+
+// Counts durations in fixed buckets from 0.05 ms to 1 s, in steps of 0.05 ms where the service is to be: quantiles are
+// read out of them. thread-safe; add() takes no lock.
+class LatencyHistogram {
+ public:
+  static constexpr std::array<double, 24> bounds_s{0.00005, 0.0001, 0.00015, 0.0002, 0.00025, 0.0003, 0.00035, 0.0004,
+                                                   0.00045, 0.0005, 0.0006,  0.0008, 0.001,   0.0012, 0.0015,  0.002,
+                                                   0.003,   0.005,  0.01,    0.02,   0.05,    0.1,    0.2,     1.0};
+  void add(capture::Duration latency);
+  struct Snapshot {
+    std::array<std::uint64_t, bounds_s.size() + 1>
+        counts{};  // per bucket, not cumulated; the last one: beyond the bounds
+    double sum_s = 0;
+    std::uint64_t count() const;
+  };
+  Snapshot snapshot() const;
+
+ private:
+  std::array<std::atomic<std::uint64_t>, bounds_s.size() + 1> counts_{};
+  std::atomic<std::int64_t> sum_ns_ = 0;
+};
+
+struct TargetFigures {
+  object_tracking::TrackState state = object_tracking::TrackState::searching;
+  double effective_sample_size = 0;
+  int particles = 0;
+};
+
+struct LatencyFigures {
+  std::vector<LatencyHistogram::Snapshot> capture_to_dequeue;  // per camera of the status
+  LatencyHistogram::Snapshot dequeue_to_write;  // from a set's last frame until the DDS write of its last native sample
+  LatencyHistogram::Snapshot dequeue_to_publish;  // the same until that write is over: the sample is on its way
+  LatencyHistogram::Snapshot capture_to_publish;  // from the newest capture time in a set until then
+};
+
+struct RecordingCounts {
+  bool is_recording = false;
+  std::vector<std::uint64_t> dropped;  // frames, per camera of the status; empty: nothing is ever recorded
+};
+
+// targets: as status.targets, or empty.
+std::string to_prometheus(const publish::ServiceStatus& status, std::span<const TargetFigures> targets,
+                          const LatencyFigures& latencies, const RecordingCounts& recording, std::uint64_t published);
+
+// Answers GET /metrics with the text that was given last. thread-safe.
+class MetricsServer {
+ public:
+  // throws std::runtime_error when the port cannot be had, naming it.
+  MetricsServer(const std::string& address, int port);
+  ~MetricsServer();  // at once, whoever is connected
+  void show(std::string text);
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace huetrack::metrics

@@ -1,0 +1,43 @@
+#include "metrics/road_meter.h"
+
+#include "capture/capture_clock.h"
+
+namespace huetrack::metrics {
+
+RoadMeter::RoadMeter(std::size_t cameras, std::size_t targets, const pipeline::Bus* bus)
+    : bus_(bus), targets_(targets), capture_to_dequeue_(cameras) {}
+
+void RoadMeter::on_frame(const capture::Frame& frame, capture::Timestamp received_at) {
+  capture_to_dequeue_[std::size_t(frame.camera)].add(received_at - frame.captured_at);
+}
+
+void RoadMeter::on_set(const pipeline::TrackedSet& set) {
+  if (set.estimates.empty()) return;
+  for (std::size_t t = 0; t < set.estimates.size(); ++t) {
+    targets_[t].state = set.estimates[t].state;
+    targets_[t].effective_sample_size = set.estimates[t].effective_sample_size;
+    targets_[t].particles = set.estimates[t].particle_count;
+  }
+  const capture::Timestamp now = capture::unix_now();
+  const auto [begun, sent] = bus_ != nullptr ? bus_->last_writing() : publish::EstimatePublisher::Writing{now, now};
+  dequeue_to_write_.add(begun - set.received_at);
+  dequeue_to_publish_.add(sent - set.received_at);
+  capture_to_publish_.add(sent - set.frames.at);
+}
+
+std::vector<TargetFigures> RoadMeter::targets() const {
+  std::vector<TargetFigures> figures;
+  for (const auto& target : targets_) figures.push_back({target.state, target.effective_sample_size, target.particles});
+  return figures;
+}
+
+LatencyFigures RoadMeter::latencies() const {
+  LatencyFigures figures;
+  for (const auto& camera : capture_to_dequeue_) figures.capture_to_dequeue.push_back(camera.snapshot());
+  figures.dequeue_to_write = dequeue_to_write_.snapshot();
+  figures.dequeue_to_publish = dequeue_to_publish_.snapshot();
+  figures.capture_to_publish = capture_to_publish_.snapshot();
+  return figures;
+}
+
+}  // namespace huetrack::metrics

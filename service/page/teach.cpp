@@ -1,0 +1,323 @@
+#include "page/teach.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <charconv>
+#include <chrono>
+#include <cmath>
+#include <csignal>
+#include <cstdio>
+#include <functional>
+#include <map>
+#include <opencv2/imgcodecs.hpp>
+#include <optional>
+#include <thread>
+
+#include "calib/yaml/yaml_reader.h"
+#include "capture/recording.h"
+#include "capture/replay_source.h"
+#include "color_teaching/lesson.h"
+#include "config/service_config.h"
+#include "config/taught_file.h"
+#include "pictures/pictures.h"
+#include "pipeline/live_cameras.h"
+#include "publish/service_finder.h"
+
+namespace huetrack::page {
+namespace {
+
+using namespace std::chrono_literals;
+
+std::vector<std::string> split(const std::string& text) {
+  std::vector<std::string> parts(1);
+  for (const char c : text) {
+    if (c == ',') {
+      parts.emplace_back();
+    } else {
+      parts.back() += c;
+    }
+  }
+  return parts;
+}
+
+double number_of(const std::string& text, const std::string& whole, const char* form) {
+  double value = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (error != std::errc{} || end != text.data() + text.size() || !std::isfinite(value))
+    throw std::runtime_error("\"" + whole + "\" is not of the form " + form);
+  return value;
+}
+
+int camera_of(const calib::CameraRig& rig, const std::string& name) {
+  if (const auto index = rig.index_of(name)) return *index;
+  std::vector<std::string> names;
+  for (const auto& camera : rig.cameras) names.push_back(camera.name);
+  const auto nearest = yaml::nearest_word(name, names);
+  throw std::runtime_error(fmt::format("there is no camera {} in the rig, which has {}{}", name, fmt::join(names, ", "),
+                                       nearest ? " (did you mean " + *nearest + "?)" : ""));
+}
+
+const object_tracking::TargetOptions& target_of(const config::ServiceConfig& config, const std::string& name) {
+  std::vector<std::string> names;
+  for (const auto& target : config.targets) names.push_back(target.name);
+  if (name.empty() && names.size() > 1)
+    throw std::runtime_error(fmt::format("which target? Give --target with one of: {}", fmt::join(names, ", ")));
+  const auto target = name.empty() ? config.targets.begin()
+                                   : std::ranges::find(config.targets, name, &object_tracking::TargetOptions::name);
+  if (target == config.targets.end())
+    throw std::runtime_error(
+        fmt::format("there is no target {} in {}, which has {}", name, config.file.string(), fmt::join(names, ", ")));
+  return *target;
+}
+
+struct At {
+  color_teaching::TeachPoint point;
+  std::int64_t frame = 0;
+};
+
+At at_of(const calib::CameraRig& rig, const std::string& text) {
+  constexpr const char* form = "CAMERA,FRAME,U,V, as in left,0,310,222";
+  const auto parts = split(text);
+  if (parts.size() != 4) throw std::runtime_error(fmt::format("--at \"{}\" is not of the form {}", text, form));
+  At at;
+  at.point.camera = camera_of(rig, parts[0]);
+  const double frame = number_of(parts[1], text, form);
+  if (frame < 0 || frame != std::floor(frame))
+    throw std::runtime_error(fmt::format("--at \"{}\": frames count from 0", text));
+  at.frame = std::int64_t(frame);
+  at.point.px = {number_of(parts[2], text, form), number_of(parts[3], text, form)};
+  const calib::Camera& camera = rig.cameras[std::size_t(at.point.camera)];
+  if (!camera.contains({at.point.px}))
+    throw std::runtime_error(fmt::format("--at \"{}\": the pictures of {} are {}x{}", text, camera.name,
+                                         camera.image_size.width, camera.image_size.height));
+  return at;
+}
+
+std::pair<std::string, object_tracking::PixelBox> ignored_of(const calib::CameraRig& rig, const std::string& text) {
+  constexpr const char* form = "CAMERA,U_MIN,V_MIN,U_MAX,V_MAX";
+  const auto parts = split(text);
+  if (parts.size() != 5) throw std::runtime_error(fmt::format("--ignore \"{}\" is not of the form {}", text, form));
+  camera_of(rig, parts[0]);
+  const auto pixel = [&](std::size_t part) {
+    return int(std::lround(std::clamp(number_of(parts[part], text, form), -1e6, 1e6)));
+  };
+  const object_tracking::PixelBox box{pixel(1), pixel(2), pixel(3), pixel(4)};
+  if (box.empty()) throw std::runtime_error(fmt::format("--ignore \"{}\" ends before it begins", text));
+  return {parts[0], box};
+}
+
+// What the command line points at, and in which frame of each camera.
+struct Pointing {
+  color_teaching::TeachRequestOptions request;
+  std::map<int, std::int64_t> frames;
+};
+
+Pointing pointing_of(const TeachCommand& command, const config::ServiceConfig& config) {
+  if (command.at.empty()) throw std::runtime_error("point at the object: --at CAMERA,FRAME,U,V");
+  Pointing pointing;
+  pointing.request.wider = command.wider;
+  pointing.request.accepts_suggestions = command.accept;
+  for (const std::string& text : command.at) {
+    const At at = at_of(config.rig, text);
+    if (!pointing.frames.emplace(at.point.camera, at.frame).second)
+      throw std::runtime_error(
+          fmt::format("--at \"{}\": there is another --at for this camera; one per camera counts", text));
+    pointing.request.points.push_back(at.point);
+  }
+  pointing.request.ignored = config.ignored;
+  for (const std::string& text : command.ignore) {
+    const auto [camera, box] = ignored_of(config.rig, text);
+    color_teaching::add_ignored(pointing.request.ignored, camera, box);
+  }
+  return pointing;
+}
+
+// One picture of every camera: where somebody pointed, the frame of that number; of the others, the one captured
+// nearest to the first of those.
+capture::FrameSet recorded_pictures(const config::ServiceConfig& config, const std::filesystem::path& recording,
+                                    const std::map<int, std::int64_t>& wanted, const std::stop_token& stop) {
+  const calib::CameraRig& rig = config.rig;
+  std::vector<std::string> names;
+  for (const auto& camera : rig.cameras) names.push_back(camera.name);
+  capture::ReplaySource source(capture::read_recording(recording), names, {.timing = config::frame_timing(rig)});
+  capture::FrameSet set;
+  set.frames.resize(rig.cameras.size());
+  std::vector<std::int64_t> count(rig.cameras.size(), 0);
+  std::vector<bool> is_settled(rig.cameras.size(), false);
+  const int leader = wanted.begin()->first;
+  std::optional<capture::Timestamp> leader_at;
+  while (!std::ranges::all_of(is_settled, std::identity{})) {
+    auto frame = source.next(stop);
+    if (!frame) break;
+    const auto c = std::size_t(frame->camera);
+    const std::int64_t number = count[c]++;
+    if (frame->status != capture::FrameStatus::ok || is_settled[c]) continue;
+    if (const auto it = wanted.find(frame->camera); it != wanted.end()) {
+      if (number != it->second) continue;
+      if (frame->camera == leader) leader_at = frame->captured_at;
+      is_settled[c] = true;
+      set.frames[c] = std::move(*frame);
+      continue;
+    }
+    auto& slot = set.frames[c];
+    // Before the leader's frame is known, the newest one is the nearest; after it, the first that is later ends the
+    // search.
+    const bool is_nearer =
+        !leader_at || !slot ||
+        std::chrono::abs(frame->captured_at - *leader_at) < std::chrono::abs(slot->captured_at - *leader_at);
+    is_settled[c] = leader_at && frame->captured_at >= *leader_at;
+    if (is_nearer) slot = std::move(*frame);
+  }
+  for (const auto& [camera, number] : wanted) {
+    if (!is_settled[std::size_t(camera)])
+      throw std::runtime_error(fmt::format("{}: camera {} has no sound frame {} (it has {})", recording.string(),
+                                           rig.cameras[std::size_t(camera)].name, number, count[std::size_t(camera)]));
+  }
+  return set;
+}
+
+// The live cameras one after the other: the object has to hold still.
+capture::FrameSet live_pictures(const config::ServiceConfig& config, const std::map<int, std::int64_t>& wanted,
+                                const std::stop_token& stop) {
+  constexpr std::int64_t settled = 30;  // frames until exposure and white balance have settled
+  constexpr auto patience = 10s;        // for a camera's frames
+  if (config.cameras.empty()) throw std::runtime_error(config.file.string() + ": cameras: none is given to teach from");
+  capture::FrameSet set;
+  set.frames.resize(config.rig.cameras.size());
+  for (auto& camera : pipeline::open_cameras(config, stop)) {
+    std::stop_source enough;
+    const std::stop_callback forward(stop, [&] { enough.request_stop(); });
+    const auto until = std::chrono::steady_clock::now() + patience;
+    const std::jthread watch([&](const std::stop_token& done) {
+      while (!done.stop_requested() && std::chrono::steady_clock::now() < until) std::this_thread::sleep_for(20ms);
+      enough.request_stop();
+    });
+    const auto it = wanted.find(camera.camera);
+    const std::int64_t number = it == wanted.end() ? settled : it->second;
+    std::int64_t count = 0;
+    while (auto frame = camera.source->next(enough.get_token())) {
+      if (frame->status != capture::FrameStatus::ok || count++ < number) continue;
+      set.frames[std::size_t(camera.camera)] = std::move(*frame);
+      break;
+    }
+    if (!set.frames[std::size_t(camera.camera)] && it != wanted.end())
+      throw std::runtime_error(
+          fmt::format("camera {} gave no such frame within 10 s; is it in use by a running huetrackd? Then teach on "
+                      "the page",
+                      config.rig.cameras[std::size_t(camera.camera)].name));
+  }
+  return set;
+}
+
+void draw(const std::filesystem::path& folder, const calib::CameraRig& rig, const capture::FrameSet& set,
+          const color_teaching::Taught& taught) {
+  std::filesystem::create_directories(folder);
+  for (std::size_t c = 0; c < set.frames.size(); ++c) {
+    const color_teaching::PixelMask& mask = taught.views[c].mask;
+    if (!set.frames[c] || mask.width == 0) continue;
+    cv::Mat picture = pictures::bgr_of(set.frames[c]->pixels);
+    for (int v = 0; v < picture.rows; ++v) {
+      for (int u = 0; u < picture.cols; ++u) {
+        auto& pixel = picture.at<cv::Vec3b>(v, u);
+        pixel = mask.at(u, v) != 0 ? cv::Vec3b(220, 0, 255) : pixel / 2;
+      }
+    }
+    const auto file = folder / (rig.cameras[c].name + ".png");
+    if (!cv::imwrite(file.string(), picture)) throw std::runtime_error("cannot write " + file.string());
+  }
+}
+
+// A service on this host that runs with this file, or replays with it, reloads it.
+void tell_services(const config::ServiceConfig& config) {
+  if (!config.dds.enabled) return;
+  bool told = false;
+  const auto is_same_file = [](const std::string& a, const std::filesystem::path& b) {
+    std::error_code ignored;
+    return a == b || std::filesystem::equivalent(a, b, ignored);
+  };
+  for (const publish::RunningService& service : publish::running_services(config.dds.publisher, 1500ms)) {
+    if (!service.is_on_this_host || !is_same_file(service.config_file, config.file)) continue;
+    const bool runs = service.mode == "run";
+    if (::kill(pid_t(service.pid), SIGHUP) == 0) {
+      fmt::print("huetrackd (process {}{}) has been told to take it over\n", service.pid,
+                 runs                     ? ""
+                 : service.mode == "held" ? ", a replay that is held: Go on on the page lets it run"
+                                          : ", a replay");
+    } else {
+      fmt::print("huetrackd runs as another user: tell it with  kill -HUP {}{}\n", service.pid,
+                 runs ? "  or  systemctl reload huetrackd" : "");
+    }
+    told = true;
+  }
+  if (!told) fmt::print("no huetrackd runs with this file on this host: it takes effect at the next start\n");
+}
+
+void print_lesson(const color_teaching::Lesson& lesson, const calib::CameraRig& rig, std::int64_t first_frame) {
+  for (std::size_t c = 0; c < lesson.taught.views.size(); ++c) {
+    const color_teaching::TaughtView& view = lesson.taught.views[c];
+    if (!view.verdict.empty()) fmt::print("{}\n", view.verdict);
+    if (view.pointed) {
+      fmt::print("  hue_deg: [{:g}, {:g}], saturation: [{:g}, {:g}], intensity: [{:g}, {:g}]\n", view.color.hue_min_deg,
+                 view.color.hue_max_deg, view.color.saturation_min, view.color.saturation_max, view.color.intensity_min,
+                 view.color.intensity_max);
+    } else if (view.region) {
+      fmt::print("  confirm it with  --at {},{},{},{}  or take all that is suggested with --accept\n",
+                 rig.cameras[c].name, first_frame, std::lround(view.region->centre.x()),
+                 std::lround(view.region->centre.y()));
+    }
+  }
+  if (!lesson.radius_hint.empty()) fmt::print("{}\n", lesson.radius_hint);
+  for (const std::string& name : lesson.namesakes)
+    fmt::print("Warning: the object has the colour of the target {}, too: nothing tells the two apart\n", name);
+}
+
+// May it be written? What speaks against it is said.
+bool is_worth_writing(const color_teaching::Lesson& lesson, const TeachCommand& command) {
+  if (!lesson.why_useless.empty()) {
+    fmt::print(stderr, "huetrackd: nothing is written: {}\n", lesson.why_useless);
+    return false;
+  }
+  if (lesson.unconfirmed.empty()) return true;
+  const std::string where =
+      fmt::format("nobody has confirmed where the object is in {}", fmt::join(lesson.unconfirmed, ", "));
+  if (!command.only && !command.dry_run) {
+    fmt::print(stderr,
+               "huetrackd: nothing is written: {}. Confirm it with the --at above, take what is suggested with "
+               "--accept, or leave it so with --only\n",
+               where);
+    return false;
+  }
+  fmt::print("Warning: {}: the colour may not be seen there\n", where);
+  return true;
+}
+
+}  // namespace
+
+int teach(const TeachCommand& command, std::stop_token stop) {
+  const config::ServiceConfig config = config::load_service_config(command.config);
+  const object_tracking::TargetOptions& target = target_of(config, command.target);
+  const Pointing pointing = pointing_of(command, config);
+  const capture::FrameSet set = command.recording == "live"
+                                    ? live_pictures(config, pointing.frames, stop)
+                                    : recorded_pictures(config, command.recording, pointing.frames, stop);
+  const color_teaching::Lesson lesson =
+      color_teaching::learn(color_teaching::ColorTeacher(config.rig, set), pointing.request, config.targets, target,
+                            config.object_tracking.volume);
+  print_lesson(lesson, config.rig, pointing.frames.begin()->second);
+  if (!command.pictures.empty()) {
+    draw(command.pictures, config.rig, set, lesson.taught);
+    fmt::print("pictures with what matches in pink: {}\n", command.pictures.string());
+  }
+  if (!is_worth_writing(lesson, command)) return 1;
+  if (command.dry_run) return 0;
+  const bool adds_ignored = !command.ignore.empty();
+  const std::filesystem::path written = config::save_taught(
+      config.file, lesson.target, adds_ignored ? std::optional(pointing.request.ignored) : std::nullopt);
+  fmt::print("written into {}: the colour of {}\n", written.string(), target.name);
+  tell_services(config);
+  return 0;
+}
+
+}  // namespace huetrack::page

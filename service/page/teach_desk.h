@@ -1,0 +1,48 @@
+// Answers what pages ask when a colour is taught: holds the frozen pictures, and writes what was learnt.
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <optional>
+#include <string>
+
+#include "color_teaching/lesson.h"
+#include "config/service_config.h"
+#include "idl/huetrack_view.h"
+
+namespace huetrack::page {
+
+// thread-compatible; the view server's thread owns it.
+class TeachDesk {
+ public:
+  struct Actions {
+    // What was taught stands in its file: take it over. Returns why that did not work, or an empty string.
+    std::function<std::string()> reload;
+    std::function<void()> resume;  // of a replay that was started to be held; empty: nothing is held
+  };
+  explicit TeachDesk(Actions actions) : actions_(std::move(actions)) {}
+
+  // Why nothing may be taught; empty: it may.
+  static std::string why_not(const config::ServiceConfig& config);
+
+  // Everything but TEACH_ACTION_FREEZE.
+  msg::TeachReply answer(const msg::TeachRequest& request, const config::ServiceConfig& config);
+  // TEACH_ACTION_FREEZE: these are the pictures from now on.
+  msg::TeachReply freeze(const msg::TeachRequest& request, const config::ServiceConfig& config,
+                         const capture::FrameSet& set);
+
+  static msg::TeachReply refusal(const msg::TeachRequest& request, const std::string& reason);
+
+ private:
+  msg::TeachReply look(const msg::TeachRequest& request, const config::ServiceConfig& config, bool applies);
+  msg::TeachReply ignore(const msg::TeachRequest& request, const config::ServiceConfig& config);
+  std::string why_not_saved(const std::function<void()>& save) const;  // empty: it is, and taken over
+
+  const Actions actions_;
+  std::optional<color_teaching::ColorTeacher> teacher_;
+  std::string client_;  // whose pictures they are
+  std::uint64_t set_number_ = 0;
+  std::vector<std::pair<std::uint32_t, std::uint32_t>> picture_sizes_;  // per camera of the rig
+};
+
+}  // namespace huetrack::page

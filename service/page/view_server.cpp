@@ -1,0 +1,187 @@
+#include "page/view_server.h"
+
+#include <sys/prctl.h>
+#include <sys/resource.h>
+#include <unistd.h>
+
+#include <algorithm>
+
+#include "pictures/preview_maker.h"
+
+namespace huetrack::page {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+using namespace std::chrono_literals;
+
+constexpr int niceness = 10;               // of 19
+constexpr auto look_round_period = 100ms;  // for subscribers
+constexpr auto fetch_period = 10ms;        // for the set that was asked for
+constexpr auto network_period = 1s;
+constexpr auto map_period = 1s;
+constexpr auto freeze_patience = 3s;          // for a set to freeze
+constexpr auto kept_freeze_patience = 300ms;  // likewise, when there is one that was kept
+constexpr auto repeat_after = 1s;             // a set that is kept is shown again: who comes late sees it too
+
+}  // namespace
+
+ViewServer::ViewServer(const config::ServiceConfig& config, ViewServerOptions options)
+    : options_(std::move(options)),
+      particles_(std::size_t(std::max(1, config.preview.particles))),
+      publisher_(config.dds.publisher),
+      desk_(options_.actions),
+      wanted_(options_.keeps_frames),
+      config_(config),
+      thread_([this](const std::stop_token& stop) { serve(stop); }) {}
+
+ViewServer::~ViewServer() = default;
+
+void ViewServer::offer(pictures::PictureJob job) {
+  wanted_.store(false, std::memory_order_relaxed);
+  const std::scoped_lock lock(mutex_);
+  offered_ = std::move(job);
+  // Nobody is woken: that costs the tracking thread more than all the rest of this, and the other one looks by itself.
+}
+
+void ViewServer::on_set(const pipeline::TrackedSet& set) {
+  if (wants()) offer(set.picture(particles_));
+}
+
+void ViewServer::on_camera_pose(const pipeline::TrackedFrame& frame) {
+  if (wants_map()) offer({frame.estimate.at, frame.tracker.map()});
+}
+
+capture::Duration ViewServer::clock_offset() const {
+  return options_.time != nullptr ? options_.time->offset() : capture::Duration{0};
+}
+
+void ViewServer::offer(camera_tracking::CameraMap map) {
+  map_wanted_.store(false, std::memory_order_relaxed);
+  const std::scoped_lock lock(mutex_);  // the thread comes round in time: no reason to wake it
+  map_ = std::move(map);
+}
+
+void ViewServer::take_over(const config::ServiceConfig& config) {
+  {
+    const std::scoped_lock lock(mutex_);
+    fresh_ = config;
+  }
+  news_.notify_one();
+}
+
+ViewServer::Counters ViewServer::counters() const {
+  return {previews_, capture::Duration(busy_ns_)};
+}
+
+void ViewServer::serve(const std::stop_token& stop) {
+  ::prctl(PR_SET_NAME, "view");
+  // Whoever tracks or captures comes first. In Linux this is the thread's own; where it is refused, nothing is lost.
+  ::setpriority(PRIO_PROCESS, static_cast<id_t>(::gettid()), niceness);
+  publish_scene();
+  std::optional<pictures::PictureJob> last;  // only where frames may be kept
+  Clock::time_point next_preview{}, next_network = Clock::now() + network_period, next_map{}, shown_at{};
+  const auto period =
+      std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(1 / config_.preview.rate_hz));
+  bool is_watched = false;
+  while (!stop.stop_requested()) {
+    std::optional<pictures::PictureJob> job;
+    std::optional<camera_tracking::CameraMap> map;
+    std::optional<config::ServiceConfig> fresh;
+    {
+      std::unique_lock lock(mutex_);
+      auto until = Clock::now() + look_round_period;
+      if (is_watched && next_preview > Clock::now()) until = std::min(until, next_preview);
+      if (wants()) until = Clock::now() + fetch_period;
+      news_.wait_until(lock, stop, until, [&] { return offered_ || fresh_; });
+      job.swap(offered_);
+      map.swap(map_);
+      fresh.swap(fresh_);
+    }
+    if (fresh) {
+      config_ = std::move(*fresh);
+      publish_scene();
+    }
+    const auto now = Clock::now();
+    if (options_.reload_asked != nullptr && options_.reload_asked->exchange(false)) options_.actions.reload();
+    take_requests();
+    if (to_freeze_ && job) {
+      freeze(job->set);
+    } else if (to_freeze_ && last && now > asked_to_freeze_ + kept_freeze_patience) {
+      freeze(last->set);
+    } else if (to_freeze_ && now > asked_to_freeze_ + freeze_patience) {
+      reply(TeachDesk::refusal(*to_freeze_, "No pictures come from the cameras."));
+      to_freeze_.reset();
+    }
+    is_watched = config_.preview.enabled && publisher_.picture_subscribers() + publisher_.marker_subscribers() > 0;
+    if (job && is_watched) {
+      publish_previews(*job);
+      shown_at = now;
+      next_preview = now + period;
+    } else if (last && !job && is_watched && now >= shown_at + repeat_after) {
+      publish_previews(*last);
+      shown_at = now;
+    }
+    if (job && options_.keeps_frames) last = std::move(job);
+    if ((is_watched && now >= next_preview) || to_freeze_) wanted_.store(true, std::memory_order_relaxed);
+    if (map) {
+      publisher_.publish(*map, map->at + clock_offset());
+      next_map = now + map_period;
+    }
+    if (now >= next_map) map_wanted_.store(true, std::memory_order_relaxed);
+    if (now >= next_network) {
+      next_network = now + network_period;
+      publisher_.look_after_network();
+    }
+  }
+}
+
+void ViewServer::publish_scene() {
+  const std::string why_not = !options_.actions.reload ? "This service cannot be taught." : TeachDesk::why_not(config_);
+  publisher_.publish(pictures::make_scene(config_, why_not.empty(), why_not));
+}
+
+void ViewServer::take_requests() {
+  const auto is_same = [](const auto& a, const auto& b) {
+    return a.client() == b.client() && a.number() == b.number();
+  };
+  while (const auto request = publisher_.next_request()) {
+    // Who waits for long asks again. It is answered once: pictures taken twice would not be those that the page shows.
+    if (to_freeze_ && is_same(*to_freeze_, *request)) continue;
+    if (last_reply_ && is_same(*last_reply_, *request)) {
+      publisher_.publish(*last_reply_);
+      continue;
+    }
+    if (!options_.actions.reload) {
+      reply(TeachDesk::refusal(*request, "This service cannot be taught."));
+    } else if (request->action() != msg::TEACH_ACTION_FREEZE) {
+      reply(desk_.answer(*request, config_));
+    } else if (const std::string why = TeachDesk::why_not(config_); !why.empty()) {
+      reply(TeachDesk::refusal(*request, why));
+    } else {
+      to_freeze_ = *request;
+      asked_to_freeze_ = Clock::now();
+    }
+  }
+}
+
+void ViewServer::freeze(const capture::FrameSet& set) {
+  reply(desk_.freeze(*to_freeze_, config_, set));
+  to_freeze_.reset();
+}
+
+void ViewServer::reply(msg::TeachReply reply) {
+  publisher_.publish(reply);
+  last_reply_ = std::move(reply);
+}
+
+void ViewServer::publish_previews(const pictures::PictureJob& job) {
+  const auto started = Clock::now();
+  if (publisher_.picture_subscribers() > 0) {
+    for (const auto& preview : pictures::make_previews(config_, job, clock_offset()))
+      if (publisher_.publish(preview)) ++previews_;
+  }
+  publisher_.publish(job.estimates, job.set.at + clock_offset());
+  busy_ns_ += (Clock::now() - started).count();
+}
+
+}  // namespace huetrack::page

@@ -1,0 +1,104 @@
+#include "pipeline/light_report.h"
+
+#include <fmt/format.h>
+#include <spdlog/spdlog.h>
+
+#include <algorithm>
+#include <iterator>
+
+#include "pipeline/light_words.h"
+#include "pipeline/without_numbers.h"
+
+namespace huetrack::pipeline {
+namespace {
+
+constexpr std::uint64_t sets_until_told_again = 30;  // figures of what is in force are as new as that
+
+std::vector<std::string> camera_names(const calib::CameraRig& rig) {
+  std::vector<std::string> names;
+  for (const auto& camera : rig.cameras) names.push_back(camera.name);
+  return names;
+}
+
+}  // namespace
+
+LightReport::LightReport(const config::ServiceConfig& config)
+    : cameras_(camera_names(config.rig)),
+      watches_(cameras_.size()),
+      of_cameras_(cameras_.size()),
+      told_(config.targets.size()),
+      targets_(config.targets),
+      camera_warnings_(cameras_.size()) {
+  for (Told& told : told_) told.warnings.resize(cameras_.size()), told.followed.resize(cameras_.size());
+}
+
+void LightReport::on_frame(const capture::Frame& frame, capture::Timestamp /*received_at*/) {
+  if (frame.status != capture::FrameStatus::ok) return;
+  const auto c = std::size_t(frame.camera);
+  if (!watches_[c].is_wanted(frame.captured_at) || !watches_[c].look(frame.pixels, frame.captured_at)) return;
+  std::vector<std::string> warnings;
+  for (const Remark& remark : light_remarks(watches_[c].findings()))
+    warnings.push_back(fmt::format("camera {}: {}: {}", cameras_[c], remark.what, remark.advice));
+  for (const std::string& warning : warnings) {
+    const auto is_it = [&](const std::string& other) { return without_numbers(other) == without_numbers(warning); };
+    if (std::ranges::any_of(of_cameras_[c], is_it)) continue;
+    of_cameras_[c].push_back(warning);
+    spdlog::warn("{}", warning);
+  }
+  const std::scoped_lock lock(mutex_);
+  camera_warnings_[c] = std::move(warnings);
+}
+
+void LightReport::on_set(const TrackedSet& set) {
+  if (!first_at_) first_at_ = set.frames.at;
+  const bool is_due = ++sets_ % sets_until_told_again == 0;
+  for (std::size_t t = 0; t < set.trackers.size() && t < told_.size(); ++t)
+    if (is_due || set.trackers[t].color_news() != told_[t].news) tell_colors(t, set);
+}
+
+void LightReport::tell_colors(std::size_t target, const TrackedSet& set) {
+  Told& told = told_[target];
+  told.news = set.trackers[target].color_news();
+  const auto healths = set.trackers[target].color_health();
+  const std::scoped_lock lock(mutex_);
+  for (std::size_t c = 0; c < healths.size(); ++c) {
+    told.followed[c] = followed_text(cameras_[c], healths[c]);
+    std::string warning = color_warning(targets_[target], cameras_[c], healths[c]);
+    if (!warning.empty()) {
+      const std::string kind = cameras_[c] + without_numbers(warning);
+      if (told.warnings[c].empty() || kind != cameras_[c] + without_numbers(told.warnings[c]))
+        spdlog::warn("{}", warning);
+      if (std::ranges::find(told.ever, kind, &std::pair<std::string, std::string>::first) == told.ever.end())
+        told.ever.emplace_back(
+            kind, fmt::format("from {:.3f} s on: {}", capture::seconds(set.frames.at - *first_at_), warning));
+    }
+    told.warnings[c] = std::move(warning);
+  }
+}
+
+void LightReport::on_config(const config::ServiceConfig& config) noexcept {
+  const std::scoped_lock lock(mutex_);
+  targets_ = config.targets;
+}
+
+std::vector<std::string> LightReport::warnings() const {
+  const std::scoped_lock lock(mutex_);
+  std::vector<std::string> all;
+  for (const Told& told : told_)
+    std::ranges::copy_if(told.warnings, std::back_inserter(all), [](const auto& warning) { return !warning.empty(); });
+  for (const auto& of_camera : camera_warnings_) std::ranges::copy(of_camera, std::back_inserter(all));
+  return all;
+}
+
+std::vector<std::string> LightReport::summary() const {
+  std::vector<std::string> all;
+  for (const auto& of_camera : of_cameras_) std::ranges::copy(of_camera, std::back_inserter(all));
+  for (std::size_t t = 0; t < told_.size(); ++t) {
+    for (const auto& [_, sentence] : told_[t].ever) all.push_back(sentence);
+    for (const std::string& sentence : told_[t].followed)
+      if (!sentence.empty()) all.push_back(targets_[t].name + ": " + sentence);
+  }
+  return all;
+}
+
+}  // namespace huetrack::pipeline

@@ -1,0 +1,53 @@
+// The output that says what light does: where an object's colour wanders in a camera, and where a camera's picture
+// flickers or its automatics work. Each is a warning as long as it lasts.
+#pragma once
+
+#include <cstdint>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "capture/light_watch.h"
+#include "pipeline/output.h"
+
+namespace huetrack::pipeline {
+
+class LightReport final : public Output {
+ public:
+  // What is new goes into the log, too.
+  explicit LightReport(const config::ServiceConfig& config);
+
+  void on_frame(const capture::Frame& frame, capture::Timestamp received_at) override;
+  void on_set(const TrackedSet& set) override;
+  void on_config(const config::ServiceConfig& config) noexcept override;
+
+  // In force now, one sentence each. thread-safe
+  std::vector<std::string> warnings() const;
+
+  // What there was since the start, one sentence each; of colours with the time since the first set. When the road is
+  // empty.
+  std::vector<std::string> summary() const;
+
+ private:
+  struct Told {
+    std::uint64_t news = 0;
+    std::vector<std::string> warnings = {};                      // per camera of the rig; empty: none
+    std::vector<std::pair<std::string, std::string>> ever = {};  // warning without its numbers, sentence
+    std::vector<std::string> followed = {};
+  };
+  void tell_colors(std::size_t target, const TrackedSet& set);
+
+  const std::vector<std::string> cameras_;
+  std::vector<capture::LightWatch> watches_;          // the capture threads', one at a time
+  std::vector<std::vector<std::string>> of_cameras_;  // likewise; per camera, all that there were
+  std::vector<Told> told_;                            // the tracking thread's; warnings are guarded by mutex_
+  std::optional<capture::Timestamp> first_at_;        // the tracking thread's
+  std::uint64_t sets_ = 0;                            // likewise
+  mutable std::mutex mutex_;
+  std::vector<object_tracking::TargetOptions> targets_;    // guarded by mutex_
+  std::vector<std::vector<std::string>> camera_warnings_;  // guarded by mutex_; per camera
+};
+
+}  // namespace huetrack::pipeline

@@ -1,0 +1,91 @@
+#include "pipeline/light_words.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <cmath>
+
+#include "object_tracking/color_follower.h"
+
+namespace huetrack::pipeline {
+namespace {
+
+using object_tracking::ColorAxis;
+using object_tracking::ColorHealth;
+using object_tracking::NearEnd;
+
+// As far as the object's median is from the end of its range.
+std::string what_is_left(double left, const std::string& amount) {
+  return left > 0 ? amount + " are left" : amount + " beyond what is looked for";
+}
+
+std::string movement(const NearEnd& end, const ColorHealth& health) {
+  const auto& median = health.seen->median;
+  switch (end.axis) {
+    case ColorAxis::hue:
+      return fmt::format("the colour has moved by {:.0f} degrees since it was taught, {}", std::abs(median[0]),
+                         what_is_left(end.left, fmt::format("{:.0f} degrees", std::abs(end.left))));
+    case ColorAxis::saturation:
+      return fmt::format("the colour has become {} than it was taught (saturation {:.2f}), {}",
+                         end.is_upper ? "stronger" : "paler", median[1],
+                         what_is_left(end.left, fmt::format("{:.2f}", std::abs(end.left))));
+    case ColorAxis::intensity:
+      break;
+  }
+  return fmt::format("the colour has become {} than it was taught (intensity {:.2f}), {}",
+                     end.is_upper ? "brighter" : "darker", median[2],
+                     what_is_left(end.left, fmt::format("{:.2f}", std::abs(end.left))));
+}
+
+}  // namespace
+
+std::vector<Remark> light_remarks(const capture::LightFindings& findings) {
+  std::vector<Remark> remarks;
+  if (findings.flicker) {
+    const bool is_50_hz = findings.flicker->light_hz < 110;
+    remarks.push_back(
+        {fmt::format("the light flickers at {:.0f} Hz, in bands of {:.1f} % of the brightness",
+                     findings.flicker->light_hz, 100 * findings.flicker->modulation),
+         is_50_hz
+             ? "controls: {power_line_frequency: 50 Hz}, or exposure_time_absolute: 100, 200 or 300 (10, 20, 30 ms)"
+             : "controls: {power_line_frequency: 60 Hz}, or exposure_time_absolute: 83, 167 or 250 (8.3, 16.7, 25 "
+               "ms)"});
+  }
+  if (findings.exposure_change)
+    remarks.push_back({fmt::format("the whole picture becomes {:.0f} % brighter or darker within seconds: automatic "
+                                   "exposure is at work, or the light itself changes",
+                                   100 * *findings.exposure_change),
+                       "controls: {auto_exposure: 1, exposure_time_absolute: 100, gain: ...} (1: manual), and "
+                       "exposure_dynamic_framerate: 0"});
+  if (findings.balance_change)
+    remarks.push_back({fmt::format("all colours of the picture move, by {:.0f} % of red or blue within seconds: "
+                                   "automatic white balance is at work, or the light itself changes",
+                                   100 * *findings.balance_change),
+                       "controls: {white_balance_automatic: 0, white_balance_temperature: 4600}"});
+  return remarks;
+}
+
+std::string color_warning(const object_tracking::TargetOptions& target, const std::string& camera,
+                          const ColorHealth& health) {
+  if (!health.near_end || !health.seen) return {};
+  const bool is_light = health.near_end->axis == ColorAxis::intensity;
+  const auto axis = std::size_t(health.near_end->axis);
+  const bool is_at_limit = std::abs(health.followed[axis]) > 0.95 * object_tracking::furthest_followed[axis];
+  return fmt::format("{} in {}: {}: {}", target.name, camera, movement(*health.near_end, health),
+                     target.adapts_color && is_at_limit ? "color: adapt follows no further; teach it anew in this light"
+                     : target.adapts_color              ? "color: adapt follows it"
+                     : is_light ? "fix exposure and gain, teach it anew, or color: {adapt: true}"
+                                : "fix white balance and exposure, teach it anew, or color: {adapt: true}");
+}
+
+std::string followed_text(const std::string& camera, const ColorHealth& health) {
+  const auto& by = health.followed;
+  std::vector<std::string> parts;
+  if (std::abs(by[0]) >= 0.5) parts.push_back(fmt::format("{:+.0f} degrees of hue", by[0]));
+  if (std::abs(by[1]) >= 0.005) parts.push_back(fmt::format("{:+.2f} of saturation", by[1]));
+  if (std::abs(by[2]) >= 0.005) parts.push_back(fmt::format("{:+.2f} of intensity", by[2]));
+  if (parts.empty()) return {};
+  return fmt::format("its colour in {} was followed, at the end by {}", camera, fmt::join(parts, ", "));
+}
+
+}  // namespace huetrack::pipeline

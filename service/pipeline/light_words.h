@@ -1,0 +1,26 @@
+// What light does to cameras and colours, in sentences for people.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "capture/light_watch.h"
+#include "object_tracking/object_tracker.h"
+
+namespace huetrack::pipeline {
+
+struct Remark {
+  std::string what;    // "the light flickers at 100 Hz: ..."
+  std::string advice;  // what to set
+};
+// Of one camera's pictures; none where they are still.
+std::vector<Remark> light_remarks(const capture::LightFindings& findings);
+
+// "ball in cam1: the colour has moved by 12 degrees since it was taught; ..."; empty when all is well.
+std::string color_warning(const object_tracking::TargetOptions& target, const std::string& camera,
+                          const object_tracking::ColorHealth& health);
+
+// "its colour in cam1 was followed by 12 degrees of hue"; empty when it is looked for as it was taught.
+std::string followed_text(const std::string& camera, const object_tracking::ColorHealth& health);
+
+}  // namespace huetrack::pipeline

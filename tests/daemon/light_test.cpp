@@ -1,0 +1,196 @@
+// What is said of light: by doctor, and by a replay whose cameras' colours wander.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+#include <numbers>
+
+#include "calib/model/rig_yaml.h"
+#include "capture/recording_writer.h"
+#include "daemon/replay.h"
+#include "doctor/light_exam.h"
+#include "pipeline/light_words.h"
+#include "scene/scene.h"
+#include "scene/turned_hue.h"
+
+namespace huetrack::daemon {
+namespace {
+
+namespace fs = std::filesystem;
+using doctor::CameraExam;
+using doctor::Finding;
+using doctor::judge_light;
+using doctor::LightExam;
+using object_tracking::TrackState;
+using testing::AllOf;
+using testing::Contains;
+using testing::ElementsAre;
+using testing::Field;
+using testing::HasSubstr;
+using testing::IsEmpty;
+using testing::Not;
+
+auto says(doctor::Grade verdict, const std::string& what, const std::string& advice = "") {
+  return Contains(AllOf(Field(&Finding::verdict, verdict), Field(&Finding::what, HasSubstr(what)),
+                        Field(&Finding::advice, HasSubstr(advice))));
+}
+
+CameraExam exam_with(const std::vector<std::pair<std::string, std::int64_t>>& controls) {
+  CameraExam exam;
+  exam.name = "left";
+  for (const auto& [name, value] : controls) {
+    capture::Control control;
+    control.name = name;
+    control.value = value;
+    exam.controls.push_back(control);
+  }
+  return exam;
+}
+
+TEST(JudgeLight, ExposuresThatFitIntoLampsAreAllRight) {
+  for (const std::int64_t time : {100, 200, 300, 83, 167})
+    EXPECT_THAT(judge_light(exam_with({{"auto_exposure", 1}, {"exposure_time_absolute", time}})), IsEmpty()) << time;
+  for (const std::int64_t time : {128, 50, 156})
+    EXPECT_THAT(judge_light(exam_with({{"auto_exposure", 1}, {"exposure_time_absolute", time}})),
+                says(doctor::Grade::note, "show lamps flicker", "100, 200 or 300"))
+        << time;
+  // Where the camera is told which mains there are, only theirs count; an automatic exposure sees to it itself.
+  EXPECT_THAT(
+      judge_light(exam_with({{"auto_exposure", 1}, {"exposure_time_absolute", 83}, {"power_line_frequency", 1}})),
+      says(doctor::Grade::note, "exposures of 8.3 ms"));
+  EXPECT_THAT(judge_light(exam_with({{"auto_exposure", 3}, {"exposure_time_absolute", 128}})), IsEmpty());
+}
+
+TEST(JudgeLight, ControlsThatLetLightIn) {
+  const auto findings = judge_light(exam_with({{"exposure_dynamic_framerate", 1}, {"power_line_frequency", 0}}));
+  EXPECT_THAT(findings,
+              says(doctor::Grade::warning, "exposure_dynamic_framerate is on", "exposure_dynamic_framerate: 0"));
+  EXPECT_THAT(findings, says(doctor::Grade::note, "power_line_frequency is off", "50 Hz"));
+  CameraExam set = exam_with({{"exposure_dynamic_framerate", 1}});
+  set.configured = {{"exposure_dynamic_framerate", "0", 0, "", false}};
+  EXPECT_THAT(judge_light(set), IsEmpty());
+}
+
+TEST(JudgeLight, WhatThePicturesShow) {
+  CameraExam exam = exam_with({{"auto_exposure", 1}});
+  exam.trial.emplace();
+  EXPECT_THAT(judge_light(exam), IsEmpty());  // too few frames to say anything
+  exam.trial->light = capture::LightFindings{};
+  EXPECT_THAT(judge_light(exam), says(doctor::Grade::ok, "no bands of flicker"));
+  exam.trial->light->flicker = capture::Flicker{.light_hz = 100, .modulation = 0.032, .bands = 3};
+  exam.trial->light->exposure_change = 0.13;
+  const auto findings = judge_light(exam);
+  EXPECT_THAT(findings,
+              says(doctor::Grade::warning, "flickers at 100 Hz, in bands of 3.2 %", "power_line_frequency: 50 Hz"));
+  EXPECT_THAT(findings, says(doctor::Grade::warning, "13 % brighter or darker", "auto_exposure: 1"));
+  EXPECT_THAT(findings, says(doctor::Grade::warning, "auto_exposure says that it is manual"));
+  exam.trial->light = capture::LightFindings{};
+  exam.trial->light->flicker = capture::Flicker{.light_hz = 120, .modulation = 0.01, .bands = 2};
+  exam.trial->light->balance_change = 0.1;
+  EXPECT_THAT(judge_light(exam), says(doctor::Grade::warning, "flickers at 120 Hz", "exposure_time_absolute: 83"));
+  EXPECT_THAT(judge_light(exam), says(doctor::Grade::warning, "10 % of red or blue", "white_balance_automatic: 0"));
+}
+
+// A camera's raw frames, as doctor takes them from the driver.
+TEST(LightExam, SeesFlickerInATrialOfThreeSeconds) {
+  constexpr int width = 64, height = 96;
+  const capture::StreamFormat format{
+      .format = capture::CaptureFormat::yuyv, .width = width, .height = height, .stride = 2 * width, .fps = 30};
+  LightExam exam(3);
+  std::vector<std::uint8_t> bytes(2 * width * height, 128);
+  for (int k = 0; k < 90; ++k) {
+    const double t = k / 30.0;
+    for (int v = 0; v < height; ++v) {
+      const double wave = std::cos(2 * std::numbers::pi * 100 * (t + 0.025 * v / height));
+      for (int u = 0; u < width; ++u)
+        bytes[std::size_t(2 * (v * width + u))] = std::uint8_t(std::lround((80.0 + u % 50) * (1 + 0.04 * wave)));
+    }
+    capture::Dequeued frame;
+    frame.bytes = bytes;
+    frame.at = std::chrono::round<std::chrono::nanoseconds>(std::chrono::duration<double>(100 + t));
+    exam.look(frame, format);
+  }
+  ASSERT_TRUE(exam.findings());
+  ASSERT_TRUE(exam.findings()->flicker);
+  EXPECT_EQ(exam.findings()->flicker->light_hz, 100);
+}
+
+TEST(ColorWarning, SaysWhichWayAndHowMuchIsLeft) {
+  object_tracking::TargetOptions ball;
+  ball.name = "ball";
+  object_tracking::ColorHealth health;
+  EXPECT_EQ(pipeline::color_warning(ball, "cam1", health), "");
+  health.seen = object_tracking::SeenColor{{12.4, 0.35, 0.2}, {}, {}};
+  health.near_end = object_tracking::NearEnd{object_tracking::ColorAxis::hue, true, 3.2};
+  EXPECT_EQ(
+      pipeline::color_warning(ball, "cam1", health),
+      "ball in cam1: the colour has moved by 12 degrees since it was taught, 3 degrees are left: fix white balance "
+      "and exposure, teach it anew, or color: {adapt: true}");
+  health.near_end = object_tracking::NearEnd{object_tracking::ColorAxis::intensity, false, 0.04};
+  EXPECT_THAT(pipeline::color_warning(ball, "cam1", health), HasSubstr("darker than it was taught (intensity 0.20)"));
+  health.near_end = object_tracking::NearEnd{object_tracking::ColorAxis::saturation, false, -0.04};
+  EXPECT_THAT(pipeline::color_warning(ball, "cam1", health), HasSubstr("0.04 beyond what is looked for"));
+  ball.adapts_color = true;
+  EXPECT_THAT(pipeline::color_warning(ball, "cam1", health), HasSubstr("color: adapt follows it"));
+  health.followed[1] = -0.15;
+  EXPECT_THAT(pipeline::color_warning(ball, "cam1", health), HasSubstr("follows no further"));
+}
+
+// ---- A replay
+
+class WanderingReplay : public testing::Test {
+ protected:
+  WanderingReplay() : folder_(fs::path(testing::TempDir()) / "light_test_wandering") { fs::remove_all(folder_); }
+  ~WanderingReplay() override { fs::remove_all(folder_); }
+
+  // Three cameras and a ball; all colours turn from the second second on.
+  void film() const {
+    constexpr double fps = 30;
+    const scene::Scene world = scene::SceneBuilder{}
+                                   .cameras_on_ring({.count = 3})
+                                   .ball({.radius_m = 0.08,
+                                          .path = [](double t) -> Eigen::Vector3d {
+                                            const double angle = 2 * std::numbers::pi * t;
+                                            return {0.1 * std::cos(angle), 0.1 * std::sin(angle), 1};
+                                          }})
+                                   .build();
+    const auto sets = scene::wandering(scene::render(world, {.set_count = int(fps), .fps = fps}), fps, 13,
+                                       [](double t) { return 3 * std::clamp(t - 1, 0.0, 12.0); });
+    capture::RecordingWriter writer({.folder = folder_,
+                                     .cameras = {"cam0", "cam1", "cam2"},
+                                     .fps = {fps, fps, fps},
+                                     .rig_yaml = calib::to_yaml(world.rig),
+                                     .config_yaml = {}});
+    for (const auto& set : sets)
+      for (const auto& frame : set.frames) writer.write(*frame);
+    writer.finish();
+  }
+  ReplaySummary play(const std::string& adapt) const {
+    std::ofstream(folder_ / "c.yaml") << "version: 1\nrig: rig.yaml\ntargets: {lime: {radius_m: 0.08, color: {hue_deg: "
+                                         "[65, 115], adapt: "
+                                      << adapt << "}}}\n";
+    ReplayCommand command;
+    command.config = folder_ / "c.yaml";
+    command.recording = folder_;
+    command.no_dds = true;
+    command.progress = false;
+    return replay(command, {});
+  }
+  const fs::path folder_;
+};
+
+TEST_F(WanderingReplay, WarnsAndHoldsWhereItAdapts) {
+  film();
+  const ReplaySummary plain = play("false"), adapted = play("true");
+  EXPECT_GT(plain.targets[0].sets.count(TrackState::lost), 0u);
+  EXPECT_THAT(plain.light, Contains(AllOf(HasSubstr("lime in cam1: the colour has moved by"),
+                                          HasSubstr("degrees since it was taught"), HasSubstr("adapt: true"))));
+  EXPECT_THAT(to_text(plain, {}), HasSubstr("  light   from "));
+  EXPECT_EQ(adapted.targets[0].sets.count(TrackState::lost), 0u);
+  EXPECT_EQ(adapted.targets[0].sets.count(TrackState::coasting), 0u);
+  EXPECT_THAT(adapted.light, Contains(HasSubstr("lime: its colour in cam1 was followed, at the end by +")));
+}
+
+}  // namespace
+}  // namespace huetrack::daemon

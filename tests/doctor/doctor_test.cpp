@@ -1,0 +1,255 @@
+#include "doctor/doctor.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "capture/clips.h"
+#include "pipeline/live_cameras.h"
+
+namespace huetrack::doctor {
+namespace {
+
+using testing::AllOf;
+using testing::Contains;
+using testing::Field;
+using testing::HasSubstr;
+using testing::IsEmpty;
+using testing::Not;
+
+auto says(Grade verdict, const std::string& what) {
+  return Contains(AllOf(Field(&Finding::verdict, verdict), Field(&Finding::what, HasSubstr(what))));
+}
+auto advises(const std::string& advice) {
+  return Contains(Field(&Finding::advice, HasSubstr(advice)));
+}
+
+capture::OfferedFormat yuyv() {
+  return {.fourcc = 0x56595559,
+          .description = "YUYV 4:2:2",
+          .format = capture::CaptureFormat::yuyv,
+          .sizes = {{640, 480, 640, 480, {30, 15}}, {1280, 720, 1280, 720, {10}}}};
+}
+
+capture::Control control(const std::string& name, std::int64_t value) {
+  capture::Control control;
+  control.name = name;
+  control.max = 100;
+  control.value = value;
+  return control;
+}
+
+// A webcam with nothing to complain of.
+CameraExam healthy(const std::string& name = "left", int bus = 1) {
+  CameraExam exam;
+  exam.name = name;
+  exam.node.identity.node = "/dev/video0";
+  exam.node.identity.driver = "uvcvideo";
+  exam.node.identity.usb =
+      capture::UsbPlace{.port = "1-2", .bus = bus, .speed_mbps = 480, .id = "046d:0825", .serial = "A1"};
+  exam.node.identity.by_path = {"/dev/v4l/by-path/pci-usb-0:2:1.0-video-index0"};
+  exam.node.identity.by_id = {"/dev/v4l/by-id/usb-A1-video-index0"};
+  exam.node.is_capture = true;
+  exam.asked_fps = 30;
+  exam.formats = {yuyv()};
+  StreamTrial trial;
+  trial.agreed = {.format = capture::CaptureFormat::yuyv, .width = 640, .height = 480, .stride = 1280, .fps = 30};
+  trial.frames = 91;
+  trial.seconds = 3;
+  trial.bytes = 91ull * 640 * 480 * 2;
+  trial.longest_gap_s = 0.034;
+  trial.mean_age_s = 0.012;
+  trial.stamp = capture::StampKind::start_of_exposure;
+  exam.trial = trial;
+  return exam;
+}
+
+TEST(JudgeCamera, AHealthyOneIsAllRight) {
+  const auto findings = judge_camera(healthy(), true);
+  for (const auto& finding : findings)
+    EXPECT_TRUE(finding.verdict == Grade::ok || finding.what == "no controls") << finding.what;
+  EXPECT_THAT(findings, says(Grade::ok, "by path (the port): /dev/v4l/by-path/pci-usb-0:2:1.0-video-index0"));
+  EXPECT_THAT(findings, says(Grade::ok, "by id (the camera): /dev/v4l/by-id/usb-A1-video-index0"));
+  EXPECT_THAT(findings, says(Grade::ok, "yuyv: 640x480@30/15, 1280x720@10"));
+  EXPECT_THAT(findings, says(Grade::ok, "yuyv 640x480: 30.0 frames/s reached of 30 over 3.0 s, longest gap 34 ms"));
+  EXPECT_THAT(findings, says(Grade::ok, "no frame of 91 dropped or damaged"));
+  EXPECT_THAT(findings, says(Grade::ok, "time stamps: start of exposure, 12.0 ms"));
+}
+
+TEST(JudgeCamera, ARateThatIsNotReachedNamesItsCauses) {
+  CameraExam dark = healthy();
+  dark.trial->frames = 46;
+  const auto findings = judge_camera(dark, true);
+  EXPECT_THAT(findings, says(Grade::warning, "15.0 frames/s reached of 30"));
+  EXPECT_THAT(findings, advises("exposure_time_absolute below the frame period"));
+}
+
+TEST(JudgeCamera, DropsDamageAndStampsAreSaid) {
+  CameraExam poor = healthy();
+  poor.trial->dropped = 3;
+  poor.trial->corrupted = 2;
+  poor.trial->stamp = capture::StampKind::dequeued;
+  auto findings = judge_camera(poor, true);
+  EXPECT_THAT(findings, says(Grade::warning, "3 frames dropped, 2 damaged of 94"));
+  EXPECT_THAT(findings, says(Grade::warning, "the driver gives none"));
+  poor.trial->stamp = capture::StampKind::end_of_frame;
+  EXPECT_THAT(judge_camera(poor, true), says(Grade::note, "time stamps: end of frame"));
+  poor.trial->mean_age_s = -0.02;
+  EXPECT_THAT(judge_camera(poor, true), says(Grade::warning, "they lie in the future"));
+  poor.trial->frames = 0;
+  poor.trial->failure = "no frame came";
+  findings = judge_camera(poor, true);
+  EXPECT_THAT(findings, says(Grade::problem, "yuyv 640x480: no frame came"));
+}
+
+TEST(JudgeCamera, ControlsThatDidNotStick) {
+  CameraExam exam = healthy();
+  exam.controls = {control("auto_exposure", 3), control("gain", 0), control("sharpness", 2)};
+  exam.configured = {{"gain", "30", 30, "", false},
+                     {"exposure_time_absolute", "100", 157, "the camera refuses it", false},
+                     {"white_balance_temperature", "4600", 4600, "", false}};
+  exam.stayed = {{"gain", "30", 30, "", false},
+                 {"white_balance_temperature", "4600", 5000, "it did not stay so while the camera streamed", false}};
+  const auto findings = judge_camera(exam, true);
+  EXPECT_THAT(findings, says(Grade::ok, "controls of the configuration that stuck: gain 30"));
+  EXPECT_THAT(findings, says(Grade::warning, "exposure_time_absolute: asked 100, got 157: the camera refuses it"));
+  EXPECT_THAT(findings, says(Grade::warning, "white_balance_temperature: asked 4600, got 5000: it did not stay"));
+  EXPECT_THAT(findings, says(Grade::warning, "exposure is automatic"));
+  EXPECT_THAT(findings, says(Grade::note, "controls not tried: auto_exposure, sharpness"));
+}
+
+TEST(JudgeCamera, PermissionsAndBusyCamerasSayWhatToDo) {
+  CameraExam exam = healthy();
+  exam.trial.reset();
+  exam.node.problem = "/dev/video0: Permission denied: " + capture::advice_for(EACCES);
+  EXPECT_THAT(judge_camera(exam, true), says(Grade::problem, "group video"));
+  EXPECT_THAT(judge_camera(exam, false), Not(says(Grade::problem, "")));
+  exam.node.problem.clear();
+  exam.problem = "/dev/video0: Device or resource busy: " + capture::advice_for(EBUSY);
+  EXPECT_THAT(judge_camera(exam, true), says(Grade::warning, "another program uses it"));
+  EXPECT_THAT(judge_camera(exam, true), advises("systemctl stop huetrackd"));
+  exam.problem = "/dev/video0: No space left on device: " + capture::advice_for(ENOSPC);
+  EXPECT_THAT(judge_camera(exam, true), says(Grade::problem, "USB bandwidth, not the disk"));
+}
+
+TEST(JudgeCamera, WithoutStableNamesItWarns) {
+  CameraExam exam = healthy();
+  exam.node.identity.by_path.clear();
+  exam.node.identity.by_id.clear();
+  EXPECT_THAT(judge_camera(exam, true), says(Grade::warning, "no name in /dev/v4l/by-path"));
+  EXPECT_THAT(judge_camera(exam, true), says(Grade::note, "no serial number"));
+  EXPECT_THAT(judge_camera(exam, true), Not(advises("name it by its port"))) << "it has no such name";
+}
+
+TEST(JudgeCamera, TheSumSaysWhatWasNotExamined) {
+  EXPECT_EQ(not_examined(0, 3), "");
+  EXPECT_EQ(not_examined(1, 1), "; 1 of 1 camera could not be examined: busy");
+  EXPECT_EQ(not_examined(2, 3), "; 2 of 3 cameras could not be examined: busy");
+}
+
+class DoctorsConfig : public testing::Test {
+ protected:
+  // What doctor says of cameras with these devices; only looked at.
+  std::string said_of(const std::string& left, const std::string& right) {
+    capture::write_text(folder / "c.yaml",
+                        "version: 1\nrig: " HUETRACK_SOURCE_DIR
+                        "/configs/demo/recording/rig.yaml\ndds: {enabled: false}\ntargets: {ball: {color: {hue_deg: "
+                        "[65, 115]}}}\ncameras: {cam0: {device: " +
+                            left + "}, cam1: {device: " + right + "}}\n");
+    return said(folder / "c.yaml");
+  }
+  static std::string said(const std::filesystem::path& config) {
+    DoctorOptions options;
+    options.config = config;
+    options.streams = false;
+    testing::internal::CaptureStdout();
+    doctor(options, {});
+    return testing::internal::GetCapturedStdout();
+  }
+  capture::TemporaryFolder folder;
+};
+
+TEST_F(DoctorsConfig, DevicesThatAreNoneOrNotThere) {
+  const std::string text = said_of("/dev/null", "/dev/video97");
+  EXPECT_THAT(text,
+              HasSubstr("FAIL  /dev/null is not a video device\n        -> name one of those below: run refuses"));
+  EXPECT_THAT(text, HasSubstr("WARN  /dev/video97 is not stable"));
+  EXPECT_THAT(text, HasSubstr("FAIL  /dev/video97 is not there\n        -> plug it in"));
+}
+
+TEST_F(DoctorsConfig, OneCameraUnderTwoNames) {
+  const std::string text = said_of("/dev/null", "/dev/shm/../null");
+  EXPECT_THAT(text, HasSubstr("FAIL  cameras: cam0 and cam1 are one camera: /dev/null and "));
+  EXPECT_THAT(text, HasSubstr("are both /dev/null\n        -> give each its own device"));
+  try {
+    pipeline::open_cameras(config::load_service_config(folder / "c.yaml"));
+    ADD_FAILURE() << "opened";
+  } catch (const capture::CaptureError& error) {
+    EXPECT_THAT(error.what(), HasSubstr("cam0 and cam1 are one camera"));
+  }
+}
+
+TEST_F(DoctorsConfig, AMissingFileIsNoLineToCorrect) {
+  const std::string text = said(folder / "none.yaml");
+  EXPECT_THAT(text,
+              testing::AllOf(HasSubstr("FAIL"), HasSubstr("give the configuration"), Not(HasSubstr("correct that"))));
+}
+
+TEST(JudgeUsb, AddsUpWhatCamerasOfABusWant) {
+  // 640 x 480 x 2 bytes x 8 bits x 30.0 = 147 Mbit/s each
+  std::vector<CameraExam> exams{healthy("left"), healthy("right")};
+  auto findings = judge_usb(exams, {{1, 480}});
+  ASSERT_EQ(findings.size(), 1u);
+  EXPECT_EQ(findings[0].verdict, Grade::warning);
+  EXPECT_THAT(findings[0].what, HasSubstr("bus 1, 480 Mbit/s: left (video0) in port 1-2 147 Mbit/s, right"));
+  EXPECT_THAT(findings[0].what, HasSubstr("together 295 of the 384 Mbit/s"));
+  exams.push_back(healthy("back"));
+  EXPECT_EQ(judge_usb(exams, {{1, 480}})[0].verdict, Grade::problem);
+  exams[1] = healthy("right", 2);
+  exams[2] = healthy("back", 3);
+  findings = judge_usb(exams, {{1, 480}, {2, 480}, {3, 5000}});
+  ASSERT_EQ(findings.size(), 3u);
+  for (const auto& finding : findings) EXPECT_EQ(finding.verdict, Grade::ok);
+  exams = {healthy("left"), healthy("right")};
+  exams[0].trial->usb = capture::UsbReservation{
+      .in_force = {{.interface = 1, .alternate = 7, .is_isochronous = true, .bytes = 3072, .intervals_per_s = 8000}},
+      .most_mbps = 196.608};
+  exams[1].trial->usb = capture::UsbReservation{};
+  findings = judge_usb(exams, {{1, 480}});
+  EXPECT_THAT(findings[0].what,
+              HasSubstr("left (video0) in port 1-2 147 Mbit/s, 197 Mbit/s reserved (alternate setting 7: "
+                        "3072 bytes, 8000 times a second), right"));
+  EXPECT_THAT(findings[0].what, HasSubstr("147 Mbit/s, bulk: nothing is reserved; together 344 of the 384 Mbit/s"));
+  exams[0].node.identity.usb->speed_mbps = 12;
+  EXPECT_THAT(judge_usb(exams, {}), says(Grade::problem, "left (video0) runs at 12 Mbit/s"));
+}
+
+TEST(JudgeNetwork, SaysWhoCanSubscribe) {
+  EXPECT_THAT(judge_network(7, "ROS_DOMAIN_ID", {"lo 127.0.0.1", "eth0 10.0.0.5"}),
+              AllOf(says(Grade::ok, "domain 7, from ROS_DOMAIN_ID"), says(Grade::ok, "eth0 10.0.0.5")));
+  EXPECT_THAT(judge_network(0, "", {"lo 127.0.0.1"}), says(Grade::note, "subscribers on this host only"));
+  EXPECT_THAT(judge_network(0, "", {"lo 127.0.0.1", "eth0 10.0.0.5", "wlan0 10.1.0.5"}),
+              AllOf(says(Grade::note, "several networks"), advises("interfaces: [...]")));
+  EXPECT_THAT(judge_network(0, "", {}), says(Grade::problem, "no network interface"));
+}
+
+TEST(SuitableStream, IsVgaOrTheNearestBelowIt) {
+  const std::vector<capture::OfferedFormat> formats{yuyv()};
+  const auto stream = suitable_stream(formats);
+  ASSERT_TRUE(stream);
+  EXPECT_EQ(stream->width, 640);
+  EXPECT_EQ(stream->fps, 30);
+  capture::OfferedFormat large = yuyv();
+  large.sizes.erase(large.sizes.begin());
+  EXPECT_EQ(suitable_stream(std::vector{large})->width, 1280);
+  capture::OfferedFormat unknown = yuyv();
+  unknown.format.reset();
+  EXPECT_EQ(suitable_stream(std::vector{unknown}), std::nullopt);
+}
+
+TEST(ToText, PutsTheAdviceBelowTheVerdict) {
+  EXPECT_EQ(to_text({Grade::ok, "fine", ""}), "  ok    fine\n");
+  EXPECT_EQ(to_text({Grade::problem, "bad", "mend it"}), "  FAIL  bad\n        -> mend it\n");
+}
+
+}  // namespace
+}  // namespace huetrack::doctor
