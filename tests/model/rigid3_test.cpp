@@ -10,7 +10,7 @@
 namespace huetrack::calib {
 namespace {
 
-constexpr double turn = std::numbers::pi;
+constexpr double half_turn = std::numbers::pi;
 
 double random_1(std::mt19937_64& rng) {
   return static_cast<double>(rng() >> 11) * 0x1p-53 * 2 - 1;
@@ -41,9 +41,10 @@ Eigen::Matrix4d exponential_series(const Tangent6d& tangent) {
 }
 
 // Angles at both ends of the closed forms, and at the border to their series.
-const std::vector<double> angles{0,        1e-300,      1e-12,       1e-8,        1e-5, 9.99e-4,
-                                 1.0e-3,   1.001e-3,    1.999e-3,    2e-3,        0.1,  1,
-                                 turn / 2, turn - 1e-3, turn - 1e-6, turn - 1e-9, turn};
+const std::vector<double> angles{
+    0,        1e-300, 1e-12, 1e-8, 1e-5,          9.99e-4,          1.0e-3,           1.001e-3,
+    1.999e-3, 2e-3,   0.1,   1,    half_turn / 2, half_turn - 1e-3, half_turn - 1e-6, half_turn - 1e-9,
+    half_turn};
 
 TEST(Rigid3, ComposeAndInverseAreThoseOfMatrices) {
   std::mt19937_64 rng(1);
@@ -80,11 +81,11 @@ TEST(Rigid3, LogUndoesExp) {
       tangent << random_vector(rng).normalized() * angle, random_vector(rng) * 3;
       const Tangent6d back = log(exp(tangent));
       // At pi both axes are the same rotation; and the pose must be the same in any case.
-      if (angle < turn - 1e-8) {
+      if (angle < half_turn - 1e-8) {
         EXPECT_LT((back - tangent).norm(), 1e-13) << angle;
       }
       EXPECT_LT((matrix(exp(back)) - matrix(exp(tangent))).norm(), 1e-13) << angle;
-      EXPECT_LE(back.head<3>().norm(), turn + 1e-15) << angle;
+      EXPECT_LE(back.head<3>().norm(), half_turn + 1e-15) << angle;
       if (angle > 1e-299) {
         EXPECT_NEAR(back.head<3>().norm() / angle, 1, 1e-12);
       }

@@ -108,7 +108,7 @@ MovingCapture moving_capture(const MovingOptions& options = {}) {
   return capture;
 }
 
-std::vector<CameraToCalibrate> known(const calib::CameraRig& rig) {
+std::vector<CameraToCalibrate> cameras_as_known(const calib::CameraRig& rig) {
   std::vector<CameraToCalibrate> cameras;
   for (const calib::Camera& camera : rig.cameras) cameras.push_back({camera.name, camera.image_size, camera.model});
   return cameras;
@@ -152,7 +152,7 @@ double volume_error_m(const MovingCapture& capture, const Adjustment& a) {
 }
 
 Adjustment found(const MovingCapture& capture) {
-  return calibrate_extrinsics(capture.of.board, known(capture.of.rig), capture.of.views).adjustment;
+  return calibrate_extrinsics(capture.of.board, cameras_as_known(capture.of.rig), capture.of.views).adjustment;
 }
 
 TEST(MovingBoard, TimesAndPosesAreFoundFromAHandCarriedBoard) {
@@ -213,9 +213,10 @@ TEST(MovingBoard, CamerasInStepStayInStep) {
 // Sets too far apart to tell how the board moves in between: as stills.
 TEST(MovingBoard, ABoardAtRestAtEachPlaceTellsNoTimes) {
   SyntheticCapture capture = synthetic_capture({.sets = 15});
-  const Adjustment stills = calibrate_extrinsics(capture.board, known(capture.rig), capture.views).adjustment;
+  const Adjustment stills =
+      calibrate_extrinsics(capture.board, cameras_as_known(capture.rig), capture.views).adjustment;
   for (BoardView& view : capture.views) view.stamp_s = view.set + 0.01 * view.camera;
-  auto cameras = known(capture.rig);
+  auto cameras = cameras_as_known(capture.rig);
   cameras[2].timing = {0.02, 0.001, 0.03, {}};
   const Adjustment a = calibrate_extrinsics(capture.board, cameras, capture.views).adjustment;
   EXPECT_TRUE(a.motions.empty());
@@ -229,7 +230,7 @@ TEST(MovingBoard, ABoardAtRestAtEachPlaceTellsNoTimes) {
 TEST(MovingBoard, TimingThatWasGivenIsHeldOrRefined) {
   const MovingOptions options{.seed = 3};
   const MovingCapture capture = moving_capture(options);
-  auto cameras = known(capture.of.rig);
+  auto cameras = cameras_as_known(capture.of.rig);
   cameras[1].timing = {options.latency_s[1], {}, options.readout_s[1], {}};  // exactly
   cameras[3].timing = {options.latency_s[3] + 0.002, 0.003, {}, {}};
   const Adjustment a = calibrate_extrinsics(capture.of.board, cameras, capture.of.views).adjustment;
