@@ -13,10 +13,10 @@ constexpr double readout_s = 0.03;
 const figures::CameraSequence& swept_desk() {
   static const figures::CameraSequence sequence = [] {
     const scene::DeskScene desk(5);
-    const scene::HandHeld hand({.seed = 5, .length_s = 1.4, .fastest_deg_s = 70, .still_s = 0.1});
+    const scene::HandHeld hand({.seed = 5, .length_s = 1.3, .fastest_deg_s = 45, .still_s = 0.1});
     figures::CameraSequence out;
     out.camera = desk.camera;
-    out.frames = scene::render(desk, hand, {.frames = 40, .readout_s = readout_s});
+    out.frames = scene::render(desk, hand, {.frames = 36, .readout_s = readout_s});
     for (const capture::Frame& f : out.frames)
       out.world_from_camera.emplace_back(hand.world_from_camera(capture::seconds(f.captured_at)));
     return out;
@@ -41,7 +41,7 @@ calib::CameraTiming readout(double mean_s) {
 TEST(RollingShutter, aKnownReadoutCostsNothing) {
   const figures::PoseErrors known = figures::errors_of(track(readout(readout_s)), swept_desk()),
                             ignored = figures::errors_of(track(readout(0)), swept_desk());
-  EXPECT_EQ(known.tracked, 40);
+  EXPECT_EQ(known.tracked, 36);
   EXPECT_LT(known.rms_m, 0.0015);
   EXPECT_LT(known.rms_deg, 0.15);
   EXPECT_GT(ignored.rms_m, 4 * known.rms_m);
@@ -50,7 +50,7 @@ TEST(RollingShutter, aKnownReadoutCostsNothing) {
 TEST(RollingShutter, anUnknownOneIsLearntAndTold) {
   const auto estimates = track({});
   const figures::PoseErrors e = figures::errors_of(estimates, swept_desk());
-  EXPECT_EQ(e.tracked, 40);
+  EXPECT_EQ(e.tracked, 36);
   EXPECT_LT(e.mean_nees, 12);
   EXPECT_EQ(estimates.front().readout_s, 0);
   EXPECT_NEAR(estimates.front().readout_sigma_s, 0.02, 1e-9);
