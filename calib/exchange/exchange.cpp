@@ -131,7 +131,9 @@ Imported import_rig(std::span<const std::filesystem::path> files, const ImportOp
   return out;
 }
 
-Exported export_rig(const calib::CameraRig& rig, const ExportOptions& options) {
+namespace {
+
+Exported exported_as(const calib::CameraRig& rig, const ExportOptions& options) {
   switch (options.format) {
     case ExchangeFormat::ros:
       return export_camera_info(rig);
@@ -145,6 +147,17 @@ Exported export_rig(const calib::CameraRig& rig, const ExportOptions& options) {
       return export_caliscope(rig);
   }
   throw ExchangeError("unknown format");
+}
+
+}  // namespace
+
+Exported export_rig(const calib::CameraRig& rig, const ExportOptions& options) {
+  Exported out = exported_as(rig, options);
+  const bool is_timed = std::ranges::any_of(rig.cameras, [](const calib::Camera& c) { return c.timing.is_known(); });
+  if (is_timed && options.format != ExchangeFormat::kalibr)
+    out.notes.push_back(
+        fmt::format("{} has no place for the cameras' timing (latency, readout)", name(options.format)));
+  return out;
 }
 
 }  // namespace huetrack::exchange

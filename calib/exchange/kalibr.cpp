@@ -1,12 +1,58 @@
 // Kalibr's camchain YAML (github.com/ethz-asl/kalibr/wiki/yaml-formats): T_cn_cnm1 takes points of the camera before to
 // this one; the first camera is the world.
+//
+// Its time model, of which ours (calib::CameraTiming) is another form: row r is exposed at
+//   stamp + timeshift_cam_imu + r * line delay
+// on the clock of the IMU that the cameras were calibrated with, which becomes the clock that the rig hangs on. The
+// shift is Kalibr's own key; the line delay is that of its rolling-shutter branch (github.com/JzHuai0108/kalibr),
+// line_delay_nanoseconds, a whole number >= 0. Some tools write line_delay, seconds: that is read, too.
 #include <algorithm>
 #include <array>
+#include <cmath>
+#include <cstdint>
 
 #include "calib/exchange/exchanged_camera.h"
 #include "calib/yaml/yaml_reader.h"
 
 namespace huetrack::exchange {
+namespace {
+
+calib::CameraTiming read_timing(const yaml::YamlReader& cam, int height) {
+  constexpr std::string_view shift = "timeshift_cam_imu", seconds = "line_delay",
+                             nanoseconds = "line_delay_nanoseconds";
+  calib::CameraTiming timing;
+  if (cam.has(seconds) && cam.has(nanoseconds)) cam.fail(seconds, "is given beside line_delay_nanoseconds: give one");
+  const double longest = 1.0 / std::max(1, height - 1);  // a line's, of a readout of a second
+  if (cam.has(nanoseconds))
+    timing.readout_s = 1e-9 * cam.number(nanoseconds, {.min = 0, .max = 1e9 * longest}) * (height - 1);
+  if (cam.has(seconds)) timing.readout_s = cam.number(seconds, {.min = -longest, .max = longest}) * (height - 1);
+  if (cam.has(shift)) {
+    const double shift_s = cam.number(shift, yaml::any_number), latency_s = -shift_s - timing.readout_s.value_or(0) / 2;
+    if (std::abs(latency_s) > 1)
+      cam.fail(shift, "is more than a second: the clocks differ by more than a camera's latency; take it out");
+    timing.latency_s = latency_s;
+  }
+  return timing;
+}
+
+// Notes what the format cannot hold.
+std::string timing_text(const calib::Camera& camera, std::vector<std::string>& notes) {
+  const calib::CameraTiming& timing = camera.timing;
+  std::string text;
+  const double readout_s = timing.readout_s.value_or(0);
+  if (timing.readout_s && readout_s >= 0 && camera.image_size.height > 1)
+    text +=
+        "  line_delay_nanoseconds: " + std::to_string(std::llround(1e9 * readout_s / (camera.image_size.height - 1))) +
+        "\n";
+  if (timing.latency_s) text += "  timeshift_cam_imu: " + exact(-*timing.latency_s - readout_s / 2) + "\n";
+  if (readout_s < 0)
+    notes.push_back(camera.name + ": Kalibr has no place for a sensor that reads upwards: no line delay");
+  if (timing.latency_sigma_s || timing.readout_sigma_s)
+    notes.push_back(camera.name + ": Kalibr has no place for the standard deviations of timing");
+  return text;
+}
+
+}  // namespace
 
 Imported import_kalibr(const std::filesystem::path& file, const ImportOptions& options) {
   const yaml::YamlReader reader = yaml::YamlReader::file(file);
@@ -54,8 +100,10 @@ Imported import_kalibr(const std::filesystem::path& file, const ImportOptions& o
     } else if (cam.has("T_cn_cnm1")) {
       cam.fail("T_cn_cnm1", "the first camera has none before it");
     }
+    camera.timing = read_timing(cam, camera.image_size.height);
+    if (camera.timing.latency_s) out.notes.push_back(name + ": its latency is counted on the IMU's clock");
     std::vector<std::string> left_out;
-    for (const std::string key : {"rostopic", "cam_overlaps", "T_cam_imu", "timeshift_cam_imu"}) {
+    for (const std::string key : {"rostopic", "cam_overlaps", "T_cam_imu"}) {
       if (cam.has(key)) left_out.push_back(key);
     }
     if (!left_out.empty()) out.notes.push_back(name + ": not taken over: " + joined(left_out));
@@ -98,7 +146,8 @@ Exported export_kalibr(const calib::CameraRig& rig) {
     text += "  camera_model: pinhole\n  distortion_coeffs: " + exact_list(d) +
             "\n  distortion_model: " + (fisheye ? "equidistant" : "radtan") + "\n  intrinsics: " + exact_list(k) +
             "\n  resolution: [" + std::to_string(camera.image_size.width) + ", " +
-            std::to_string(camera.image_size.height) + "]\n  rostopic: /" + camera.name + "/image_raw\n";
+            std::to_string(camera.image_size.height) + "]\n  rostopic: /" + camera.name + "/image_raw\n" +
+            timing_text(camera, out.notes);
     if (camera.name != "cam" + std::to_string(n))
       out.notes.push_back("Kalibr numbers its cameras: " + camera.name + " is cam" + std::to_string(n));
   }

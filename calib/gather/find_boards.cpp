@@ -69,18 +69,24 @@ bool is_same(const BoardSet& a, const BoardSet& b) {
 }
 
 // At most `most`: one from each equal part of the time, the one that most cameras see and where the board is stillest.
-std::vector<BoardSet> thinned(std::vector<BoardSet> sets, std::size_t most) {
+// with_next: and the set that follows closely upon it, where there is one: it tells how the board moves.
+std::vector<BoardSet> thinned(std::vector<BoardSet> sets, std::size_t most, bool with_next) {
   if (sets.size() <= most) return sets;
+  constexpr double closely_s = 0.15;
   const std::vector<double> speed = speeds(sets);
-  std::vector<BoardSet> kept;
+  std::vector<std::size_t> chosen;
   for (std::size_t part = 0; part < most; ++part) {
     std::size_t best = part * sets.size() / most;
     for (std::size_t s = best; s < (part + 1) * sets.size() / most; ++s) {
       const auto seen = sets[s].views.size(), best_seen = sets[best].views.size();
       if (seen > best_seen || (seen == best_seen && speed[s] < speed[best])) best = s;
     }
-    kept.push_back(std::move(sets[best]));
+    if (chosen.empty() || chosen.back() != best) chosen.push_back(best);
+    if (with_next && best + 1 < sets.size() && sets[best + 1].at_s - sets[best].at_s < closely_s)
+      chosen.push_back(best + 1);
   }
+  std::vector<BoardSet> kept;
+  for (const std::size_t s : chosen) kept.push_back(std::move(sets[s]));
   return kept;
 }
 
@@ -177,7 +183,7 @@ std::vector<BoardSet> views_of(const std::vector<PictureSet>& batch, const std::
     }
     ++camera.boards;
     seen[task.set].views.push_back(
-        {static_cast<int>(task.camera), 0, picture.label, task.detection.ids, task.detection.px});
+        {static_cast<int>(task.camera), 0, picture.label, task.detection.ids, task.detection.px, picture.stamp_s});
     seen[task.set].thumbnails.push_back(task.thumbnail);
   }
   found.sets_looked_at += static_cast<int>(batch.size());
@@ -261,6 +267,8 @@ FoundBoards find_boards(PictureSource& source, const board::BoardDetector& detec
   }
   const auto expected = source.expected_sets();
   const int every = options.every > 0 ? options.every : expected ? std::max(1, *expected / options.look_at) : 1;
+  // Two sets that follow upon one another tell how the board moves; nobody asked which sets are left out.
+  const int at_a_time = source.has_stamps() && options.every == 0 && every > 1 ? 2 : 1;
   ProgressLine line(options.progress);
   Misses misses;
   std::vector<BoardSet> sets;
@@ -273,7 +281,7 @@ FoundBoards find_boards(PictureSource& source, const board::BoardDetector& detec
       auto set = source.next(stop);
       if (stop.stop_requested()) throw InputError("stopped before all pictures were looked at");
       ended = !set;
-      if (set && found.sets_seen++ % every == 0) batch.push_back(std::move(*set));
+      if (set && found.sets_seen++ % (every * at_a_time) < at_a_time) batch.push_back(std::move(*set));
     }
     const std::vector<Task> tasks = detected(batch, detector);
     for (BoardSet& set : views_of(batch, tasks, found, misses)) {
@@ -292,7 +300,7 @@ FoundBoards find_boards(PictureSource& source, const board::BoardDetector& detec
   found.warnings = source.take_warnings();
   require_boards(found, detector.board(), misses);
   const std::size_t before = sets.size();
-  sets = thinned(std::move(sets), static_cast<std::size_t>(options.max_sets));
+  sets = thinned(std::move(sets), static_cast<std::size_t>(options.max_sets), source.has_stamps());
   found.thinned = static_cast<int>(before - sets.size());
   for (BoardSet& set : sets) {
     for (std::size_t v = 0; v < set.views.size(); ++v) {

@@ -18,9 +18,11 @@
 namespace huetrack::gather {
 
 struct FindBoardsOptions {
-  int every = 0;       // >= 1: look at every so many-th set; 0: so that about look_at are
-  int look_at = 800;   // >= 1
-  int max_sets = 150;  // >= 1; the sets that are kept, spread over the time, with the board as still as possible
+  int every = 0;      // >= 1: look at every so many-th set; 0: so that about look_at are, in pairs if they have stamps
+  int look_at = 800;  // >= 1
+  // >= 1; the sets that are kept, spread over the time, with the board as still as possible. Of a source with stamps
+  // each comes with the set that follows closely upon it.
+  int max_sets = 150;
   bool progress = true;
   std::filesystem::path page{};  // see DetectionPage; empty: none
 };

@@ -27,6 +27,7 @@ class ImageFilePictures final : public PictureSource {
 
   const std::vector<std::string>& cameras() const override { return cameras_; }
   std::optional<int> expected_sets() const override { return static_cast<int>(sets_.size()); }
+  bool has_stamps() const override { return false; }
   std::vector<std::string> take_warnings() override { return std::exchange(warnings_, {}); }
 
   std::optional<PictureSet> next(std::stop_token stop) override {
@@ -42,7 +43,7 @@ class ImageFilePictures final : public PictureSource {
         warnings_.push_back(file->string() + ": is not an image that can be read: it was left out");
         continue;
       }
-      set.pictures.back() = {std::move(grey), file->filename().string()};
+      set.pictures.back() = {std::move(grey), file->filename().string(), {}};
     }
     ++at_;
     return set;
@@ -86,6 +87,7 @@ class RecordedPictures final : public PictureSource {
     }
     return static_cast<int>(most);
   }
+  bool has_stamps() const override { return true; }
   std::vector<std::string> take_warnings() override {
     std::ranges::move(source_.take_warnings(), std::back_inserter(warnings_));
     return std::exchange(warnings_, {});
@@ -109,7 +111,8 @@ class RecordedPictures final : public PictureSource {
       const auto& frame = ready_.front().frames[c];
       if (!frame) continue;
       pictures.pictures.back() = {board_grey_of(frame->pixels),
-                                  fmt::format("{} at {:.2f} s", cameras_[c], capture::seconds(frame->captured_at))};
+                                  fmt::format("{} at {:.2f} s", cameras_[c], capture::seconds(frame->captured_at)),
+                                  capture::seconds(frame->captured_at + frame->latency)};
     }
     ready_.pop_front();
     return pictures;

@@ -21,8 +21,9 @@ class InputError : public std::runtime_error {
 };
 
 struct Picture {
-  cv::Mat grey;       // 8 bit
-  std::string label;  // for people: "left07.jpg", "left at 3.20 s"
+  cv::Mat grey;                     // 8 bit
+  std::string label;                // for people: "left07.jpg", "left at 3.20 s"
+  std::optional<double> stamp_s{};  // the camera's time stamp, freed of jitter; nullopt: it has none, as a still
 };
 
 // What the cameras saw at (nearly) one time; a camera that gave nothing is absent.
@@ -39,6 +40,7 @@ class PictureSource {
   virtual const std::vector<std::string>& cameras() const = 0;
   virtual std::optional<PictureSet> next(std::stop_token stop) = 0;  // nullopt: ended or stopped
   virtual std::optional<int> expected_sets() const = 0;              // about; nullopt: not known
+  virtual bool has_stamps() const = 0;                               // its pictures have stamp_s
   virtual std::vector<std::string> take_warnings() = 0;              // what was damaged; one line each
 };
 

@@ -17,11 +17,11 @@ struct ExtrinsicsOptions : CalibrationOptions {
   std::vector<double> volume;
 };
 
-// The lenses that were given, for the cameras that were seen.
+// The lenses and times that were given, for the cameras that were seen.
 std::vector<solver::CameraToCalibrate> cameras_of(const gather::FoundBoards& found,
                                                   const std::vector<std::string>& files) {
   std::vector<solver::CameraToCalibrate> cameras;
-  for (const gather::PictureTally& seen : found.cameras) cameras.push_back({seen.name, seen.image_size, {}});
+  for (const gather::PictureTally& seen : found.cameras) cameras.push_back({seen.name, seen.image_size, {}, {}});
   for (const std::string& file : files) {
     const calib::CameraRig rig = calib::read_rig(file);
     bool any = false;
@@ -36,6 +36,7 @@ std::vector<solver::CameraToCalibrate> cameras_of(const gather::FoundBoards& fou
             "x" + std::to_string(known->image_size.height));
       }
       known->model = camera.model;
+      known->timing = camera.timing;
     }
     if (!any) throw gather::InputError(file + ": has none of the cameras that are calibrated: are the names the same?");
   }
@@ -93,7 +94,7 @@ void add_extrinsics_command(CLI::App& app, Command& chosen) {
       ->allow_extra_args(false);
   command
       ->add_option("--intrinsics", options->intrinsics,
-                   "a rig file with lenses that are known already; may come more than once")
+                   "a rig file with lenses, and perhaps timing, that are known already; may come more than once")
       ->allow_extra_args(false);
   const std::map<std::string, solver::RefineLens> refine{
       {"auto", solver::RefineLens::automatic}, {"yes", solver::RefineLens::yes}, {"no", solver::RefineLens::no}};

@@ -20,17 +20,19 @@ struct Limits {
 constexpr double never = 1e300;
 // rms of a camera's corners, of its image's width: 0.6 px of 640. A board seen well leaves a fourth of it.
 constexpr Limits rms_share{0.001, 0.006};
-constexpr Limits focal_share{0.005, 0.03};         // standard deviation / focal length
-constexpr Limits centre_share{0.006, 0.05};        // of the principal point / image width
-constexpr Limits aspect{0.01, never};              // |fx / fy - 1|
-constexpr Limits position_share{0.01, 0.05};       // of a camera / its distance to the boards
-constexpr Limits rotation_deg{0.3, 3};             // of a camera
-constexpr Limits volume_share{0.01, 0.05};         // 95 % of the volume / distance of the cameras; and
-constexpr double little_volume_share = 0.002;      // from here on, where it outweighs the noise of what will be tracked
-constexpr Limits dropped_share{0.2, 0.6};          // views
-constexpr Limits behind_share{0.02, 0.5};          // views that show the board's back
-constexpr Limits out_of_step{1.6, never};          // noise of all together / of each alone
-constexpr double least_coverage = 0.4;             // of the image's cells
+constexpr Limits focal_share{0.005, 0.03};     // standard deviation / focal length
+constexpr Limits centre_share{0.006, 0.05};    // of the principal point / image width
+constexpr Limits aspect{0.01, never};          // |fx / fy - 1|
+constexpr Limits position_share{0.01, 0.05};   // of a camera / its distance to the boards
+constexpr Limits rotation_deg{0.3, 3};         // of a camera
+constexpr Limits volume_share{0.01, 0.05};     // 95 % of the volume / distance of the cameras; and
+constexpr double little_volume_share = 0.002;  // from here on, where it outweighs the noise of what will be tracked
+constexpr Limits dropped_share{0.2, 0.6};      // views
+constexpr Limits behind_share{0.02, 0.5};      // views that show the board's back
+constexpr Limits out_of_step{1.6, never};      // noise of all together / of each alone
+constexpr Limits fast_share{2, never};         // rms of views that move fast / of slow ones
+constexpr double latest_s = 0.1;               // that a camera stamps later than another: beyond, it is frames behind
+constexpr double least_coverage = 0.4;         // of the image's cells
 constexpr int enough_views = 10, least_views = 4;  // distinct ones
 constexpr double least_tilt_range_deg = 20, least_depth_ratio = 1.15;
 constexpr int enough_shared = 8;  // sets, on the way to every camera
@@ -203,6 +205,23 @@ class Judge {
           "the cameras do not expose at the same moment, or one was moved while recording: hold the board still for a "
           "second at each place (only still moments are then used), or give the cameras' clock offsets in "
           "recording.yaml (offset_s)");
+    }
+    for (std::size_t c = 0; c < evidence_.late_s.size(); ++c) {
+      const double late_s = evidence_.late_s[c];
+      if (std::abs(late_s) < latest_s) continue;
+      const std::string& name = report_.cameras[c].name;
+      add(Verdict::doubtful, "time of " + name,
+          fmt::format("{}: its pictures are {:.0f} ms {} those of the others, by how the board moves", name,
+                      1000 * std::abs(late_s), late_s > 0 ? "behind" : "ahead of"),
+          "that is more than a camera's own latency: a frame was probably lost or counted twice at the start, or a "
+          "picture waited in a buffer; mend the recording (offset_s in recording.yaml), or record it anew");
+    }
+    if (evidence_.slow_px > 0) {
+      add(fast_share.judge(evidence_.fast_px / evidence_.slow_px), "views of the board in motion",
+          fmt::format("corners fit to {:.2f} px where the board moves fast, to {:.2f} px where it moves slowly",
+                      evidence_.fast_px, evidence_.slow_px),
+          "the times of the pictures do not explain how the board moves: motion blur (expose more briefly), or stamps "
+          "that do not tell when a picture was taken; move the board more slowly, or hold it still at each place");
     }
     if (report_.volume) {
       const solver::VolumeAccuracy& volume = *report_.volume;

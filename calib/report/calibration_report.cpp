@@ -149,6 +149,32 @@ void add_views(CalibrationReport& report, const solver::Adjustment& a) {
   }
 }
 
+// Whether what moves fits less than what rests: then time is not all explained.
+void compare_speeds(const solver::Adjustment& a, Evidence& evidence) {
+  std::vector<std::size_t> moving;
+  for (std::size_t v = 0; v < a.views.size(); ++v) {
+    if (!a.fits[v].dropped && a.moves(a.views[v].set)) moving.push_back(v);
+  }
+  constexpr std::size_t enough = 12;
+  if (moving.size() < enough) return;
+  std::ranges::stable_sort(moving, {}, [&](std::size_t v) { return a.fits[v].speed_px_s; });
+  const auto rms = [&](std::size_t first, std::size_t last) {
+    double sum = 0;
+    int corners = 0;
+    for (std::size_t i = first; i < last; ++i) {
+      const solver::ViewFit& fit = a.fits[moving[i]];
+      for (std::size_t k = 0; k < fit.used.size(); ++k) {
+        if (!fit.used[k]) continue;
+        sum += fit.residuals[k].squaredNorm();
+        ++corners;
+      }
+    }
+    return std::sqrt(sum / std::max(1, corners));
+  };
+  evidence.slow_px = rms(0, moving.size() / 3);
+  evidence.fast_px = rms(moving.size() - moving.size() / 3, moving.size());
+}
+
 CalibrationReport base_report(const solver::Adjustment& a, const ReportInput& input, Evidence& evidence) {
   CalibrationReport report;
   report.made_of = input.made_of;
@@ -195,6 +221,7 @@ CalibrationReport report_on(const solver::Extrinsics& result, const ReportInput&
   const solver::Adjustment& a = result.adjustment;
   Evidence evidence;
   evidence.alone_px = result.alone_px;
+  compare_speeds(a, evidence);
   CalibrationReport report = base_report(a, input, evidence);
   report.title = "Cameras";
   for (const CameraReport& camera : report.cameras) {
@@ -206,6 +233,8 @@ CalibrationReport report_on(const solver::Extrinsics& result, const ReportInput&
     if (c < result.lenses.size() && result.lenses[c]) take_lens(camera, *result.lenses[c]);
     camera.cam_from_world = a.cameras[c].cam_from_world;
     camera.centre = calib::inverse(a.cameras[c].cam_from_world).translation;
+    camera.timing = timing_text(a.cameras[c]);
+    evidence.late_s.push_back(a.motions.empty() ? 0 : a.cameras[c].latency.value_s);
   }
   for (int i = 0; i < static_cast<int>(a.cameras.size()); ++i) {
     for (int k = i + 1; k < static_cast<int>(a.cameras.size()); ++k) {

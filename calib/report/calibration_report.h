@@ -43,6 +43,7 @@ struct CameraReport {
   solver::LensParameters sigma = solver::LensParameters::Zero();  // 0: taken as exact
   bool lens_was_found = false;                                    // here, rather than given
   std::string lens_reason;                                        // of the choice of model; empty when it was given
+  std::string timing;  // latency and readout, where a board that moved told them; otherwise empty
   std::vector<solver::LensTrial> trials;
   int pictures = 0, boards = 0;  // looked at, and with the board in it; 0 pictures: not known
   int views_used = 0, corners_used = 0;

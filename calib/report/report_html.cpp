@@ -437,6 +437,7 @@ std::string to_html(const CalibrationReport& report, const PictureOf& picture_of
     const CameraReport& camera = report.cameras[c];
     out += "\n<h2>" + escaped(camera.name) + "</h2>";
     if (!camera.lens_reason.empty()) out += "<p>" + escaped(camera.lens_reason) + ".</p>";
+    if (!camera.timing.empty()) out += "<p>Of its time: " + escaped(camera.timing) + ".</p>";
     out += "<div class=row>" + image_map(camera) + view_scatter(camera) + "<div>" + lens_table(camera) + "</div></div>";
     if (camera.trials.size() > 1)
       out += "<details><summary>Lens models that were tried</summary>" + trials_table(camera) + "</details>";

@@ -49,6 +49,9 @@ std::string to_text(const CalibrationReport& report) {
   for (const CameraReport& camera : report.cameras) {
     if (!camera.lens_reason.empty()) out += camera.name + ": " + camera.lens_reason + "\n";
   }
+  for (const CameraReport& camera : report.cameras) {
+    if (!camera.timing.empty()) out += camera.name + ": " + camera.timing + "\n";
+  }
   if (!report.lens_reason.empty()) out += report.lens_reason + "\n";
   if (!report.pairs.empty()) {
     out += "\nCheck with a tape measure, lens to lens:\n";

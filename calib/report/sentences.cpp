@@ -67,6 +67,15 @@ std::string contradiction_text(const solver::LensContradiction& c, const std::st
                      camera, c.given_px, c.refined_px);
 }
 
+std::string timing_text(const solver::AdjustedCamera& camera) {
+  std::vector<std::string> clauses;
+  for (const auto& [what, time] : {std::pair("latency", &camera.latency), std::pair("readout", &camera.readout)}) {
+    if (!solver::is_determined(*time)) continue;
+    clauses.push_back(fmt::format("{} {:.1f} +- {:.1f} ms", what, 1000 * time->value_s, 1000 * time->sigma_s));
+  }
+  return fmt::to_string(fmt::join(clauses, ", "));
+}
+
 std::string dropped_text(const solver::ViewMisfit& misfit) {
   return fmt::format("its corners are off by {}, those of the other views by {}", pixels(misfit.own_px),
                      pixels(misfit.others_px));

@@ -2,6 +2,7 @@
 
 #include <fmt/core.h>
 
+#include <algorithm>
 #include <numbers>
 
 namespace huetrack::report {
@@ -22,9 +23,13 @@ constexpr double far_from_rig = 0.3;                   // a camera, over the dis
 constexpr double far_turned_rad = 0.35;                // 20 degrees
 constexpr double little_coverage = 0.15;               // of a camera's image
 constexpr double large_rms_px = 1.5;
-constexpr double large_error = 0.003;        // of positions, over the distance of the cameras
-constexpr double large_difference = 0.006;   // of the halves, likewise; when it is also
-constexpr double unexpected_difference = 2;  // times what their covariance says
+constexpr double large_error = 0.003;                        // of positions, over the distance of the cameras
+constexpr double large_difference = 0.006;                   // of the halves, likewise; when it is also
+constexpr double unexpected_difference = 2;                  // times what their covariance says
+constexpr double much_wander_s = 0.0015;                     // from second to second; when it is also
+constexpr double sure_wander = 4;                            // times what the noise makes of it
+constexpr double much_scatter_s = 0.003;                     // from frame to frame, of stamps that are smoothed
+constexpr double many_repeated = 0.2, some_repeated = 0.03;  // of the fast frames
 
 std::string scale_text(const WaveResult& result) {
   const WaveScale& scale = result.scale;
@@ -79,6 +84,34 @@ void doubt_camera(WaveReport& report, const WaveResult& result, const WaveCamera
   }
 }
 
+// A camera whose times are wrong pulls the others' along: only the worst is named.
+void doubt_times(WaveReport& report, const WaveResult& result) {
+  const auto worst = std::ranges::max_element(result.cameras, {}, &WaveCamera::wander_s) - result.cameras.begin();
+  for (std::size_t c = 0; c < result.cameras.size(); ++c) {
+    const WaveCamera& camera = result.cameras[c];
+    const std::string& name = result.rig.cameras[c].name;
+    if (camera.repeated > many_repeated) {
+      report.doubts.push_back(fmt::format(
+          "{}: {:.0f} % of its frames show the ball where it was a frame earlier, as if it repeated frames: "
+          "set a rate that it keeps in this light, and switch automatic exposure off",
+          name, 1e2 * camera.repeated));
+    } else if (static_cast<std::ptrdiff_t>(c) == worst && camera.wander_s > much_wander_s &&
+               camera.wander_sigmas > sure_wander) {
+      report.doubts.push_back(fmt::format(
+          "{}: the ball is off along its way, the more the faster it is, by {:.1f} ms and another way from second to "
+          "second, as if its stamps wandered: its latency changes, its clock runs at another rate, or lost frames are "
+          "not counted. Record the driver's own stamps",
+          name, 1e3 * camera.wander_s));
+    }
+    if (camera.scatter_s > much_scatter_s) {
+      report.doubts.push_back(
+          fmt::format("{}: the ball is off along its way, the more the faster it is, by {:.1f} ms and another way in "
+                      "every frame, as if its stamps were late at random: record the driver's own stamps",
+                      name, 1e3 * camera.scatter_s));
+    }
+  }
+}
+
 void doubt_positions(WaveReport& report, const WaveResult& result) {
   if (result.rms_px > large_rms_px) {
     report.doubts.push_back(
@@ -105,7 +138,13 @@ std::vector<std::string> notes_on(const WaveResult& result) {
     if (result.cameras[c].has_still_things)
       notes.push_back(result.rig.cameras[c].name +
                       ": something of the target's colour stands still in its view; it is left out");
+    if (const double share = result.cameras[c].repeated; share > some_repeated && share <= many_repeated)
+      notes.push_back(fmt::format("{}: some {:.0f} % of its frames show the one before once more; they are left out",
+                                  result.rig.cameras[c].name, 1e2 * share));
   }
+  notes.push_back(
+      result.rig.cameras[0].name +
+      "'s latency stays as it was: a shift of all times cannot be seen, and the others' are told against it");
   if (result.marks_off_m) {
     notes.push_back(fmt::format("the marked points fit to {:.1f} mm", 1e3 * *result.marks_off_m));
   } else if (!result.had_poses) {
@@ -164,6 +203,7 @@ WaveReport report_on(const WaveResult& result) {
   }
   for (std::size_t c = 0; c < result.cameras.size(); ++c)
     doubt_camera(report, result, result.cameras[c], result.rig.cameras[c].name);
+  doubt_times(report, result);
   doubt_positions(report, result);
   if (result.poses_refused)
     report.doubts.emplace_back("the rig's poses were no use as a start: check that its cameras' names are not swapped");

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <optional>
 #include <stdexcept>
 #include <string>
@@ -27,6 +28,15 @@ struct BoardView {
   std::string image;                // for messages: "left07.jpg", "cam0 at 3.20 s"
   std::vector<int> ids;             // ascending; of Board::point()
   std::vector<Eigen::Vector2d> px;  // raw pixels, beside ids
+  // The camera's time stamp, freed of jitter, on a clock that all cameras share. nullopt: it has none, as a still.
+  std::optional<double> stamp_s{};
+};
+
+// A time that is adjusted, and what is known of it beforehand.
+struct AdjustedTime {
+  double value_s = 0;
+  double prior_s = 0, prior_sigma_s = 0;  // sigma 0: it is held
+  double sigma_s = 0;                     // result: its standard deviation, the prior included
 };
 
 struct AdjustedCamera {
@@ -44,8 +54,27 @@ struct AdjustedCamera {
   // 1, in pixels.
   double unfold = 0;
   bool pose_is_free = true;  // otherwise cam_from_world stays; at least one camera's must
+  // When its rows are exposed, as in calib::CameraTiming: used, and adjusted, where a board moves. One constant that
+  // all latencies have in common cannot be told, so at least one camera's is held.
+  AdjustedTime latency, readout;
+  calib::CameraTiming timing;  // as it was given: rig_of() keeps it where nothing better was found
 
   calib::CameraModel model() const { return camera_model(lens, parameters); }
+};
+
+// How a board moves around the moment of its set: a time tau later, what was its point p is at R(turn) p + shift in its
+// own frame at that moment, (turn, shift) = tau course.col(0) + tau^2 / 2 course.col(1).
+struct BoardMotion {
+  using Course = Eigen::Matrix<double, 6, 2>;  // rotation (rad) and translation (m): per s, and per s^2
+  bool is_known = false;                       // from the sets around; otherwise the board rests while it is seen
+  double at_s = 0;                             // the moment, on the clock of the stamps less latency
+  Course course = Course::Zero();              // adjusted
+  // What the sets around say of it, for the pose `place` of this set's board: expected, with the inverse of its
+  // covariance for each of the six. A pose that is exp(b) further has the course expected + b * by_place: they say
+  // where the board was before and after, so what is added here is missing there.
+  calib::Rigid3d place;
+  Course expected = Course::Zero(), by_place = Course::Zero();
+  std::array<Eigen::Matrix2d, 6> information{};
 };
 
 // How far a view's corners are off whose greater part contradicts the other views: medians of the residuals' lengths.
@@ -59,6 +88,7 @@ struct ViewFit {
   std::vector<Eigen::Vector2d> residuals;  // measured minus projected, pixels, beside BoardView::ids
   std::vector<bool> used;                  // beside ids; false: an outlier
   double rms_px = 0;                       // length of the residuals, over all corners of the view
+  double speed_px_s = 0;                   // of its corners, median; 0: the board rests, as far as is known
   std::optional<ViewMisfit> dropped;       // so far off that no corner of it is used; nullopt: some are
 };
 
@@ -71,6 +101,13 @@ struct Adjustment {
   // How far the board's middle stands out of the plane of its edges, along x and along y (a parabola each way), metres.
   Eigen::Vector2d bend = Eigen::Vector2d::Zero();
   bool bend_is_free = false;
+  // Per set. Before: empty, and boards rest while they are seen; or as many as there are sets, and where views have
+  // stamps and sets follow closely upon one another each view counts at the time of its rows.
+  std::vector<BoardMotion> motions;
+  // The usual error of a stamp (standard deviation), as it is learnt where boards move: what is left of jitter; or
+  // more, where a program noted when it took a picture that had been waiting for it.
+  double stamp_sigma_s = 0;
+  std::vector<double> stamp_error_s;  // beside views, what is added to the stamp; empty without motions
 
   // Results.
   std::vector<ViewFit> fits;  // beside views
@@ -79,12 +116,15 @@ struct Adjustment {
   int corners_used = 0;
   // Of all camera parameters that are not exactly known, in the order of `cameras`: first those of its lens
   // (parameter_count() of them), then those of its pose: rotation (radians) and translation (metres) in the camera's
-  // frame, so that cam_from_world_true = exp(error) * cam_from_world. Scaled by the noise, and widened where the
-  // scatter between sets says that errors within a set are not independent.
+  // frame, so that cam_from_world_true = exp(error) * cam_from_world; after all cameras', where boards move, each
+  // camera's latency and readout. Scaled by the noise, and widened where the scatter between sets says that errors
+  // within a set are not independent.
   Eigen::MatrixXd covariance;
   std::vector<int> lens_offset;  // into covariance, per camera; -1: not in it
   std::vector<int> pose_offset;
+  std::vector<int> time_offset;  // of its latency and readout
 
+  bool moves(int set) const { return !motions.empty() && motions[static_cast<std::size_t>(set)].is_known; }
   Eigen::Vector3d board_point(int id) const;         // with the bend, board frame
   Eigen::Vector3d centre_sigma(int camera) const;    // std. dev. of the camera's position, its own axes, metres
   Eigen::Vector3d rotation_sigma(int camera) const;  // about its own axes, radians

@@ -17,6 +17,7 @@
 
 #include "calib/model/index.h"
 #include "calib/model/median.h"
+#include "calib/solver/adjustment_steps.h"
 #include "calib/solver/umeyama.h"
 
 namespace huetrack::solver {
@@ -355,6 +356,25 @@ void refine(Extrinsics& result, const Adjustment& placed, const ExtrinsicsOption
   result.refinement = LensRefinement::out_of_step;
 }
 
+// What is known of the cameras' times beforehand. One latency is held: the first that is given, or the reference's.
+void set_times(std::vector<AdjustedCamera>& cameras, const std::vector<CameraToCalibrate>& given, int reference) {
+  // No webcam is later than that with its stamp, nor reads its rows more slowly; and a sensor may be upside down.
+  constexpr double usual_latency_s = 0.05, usual_readout_s = 0.03;
+  const auto set = [](AdjustedTime& time, std::optional<double> value, std::optional<double> sigma, double usual_s) {
+    time.value_s = time.prior_s = value.value_or(0);
+    time.prior_sigma_s = value ? sigma.value_or(0) : usual_s;
+  };
+  for (std::size_t c = 0; c < cameras.size(); ++c) {
+    const calib::CameraTiming& timing = cameras[c].timing = given[c].timing;
+    set(cameras[c].latency, timing.latency_s, timing.latency_sigma_s, usual_latency_s);
+    set(cameras[c].readout, timing.readout_s, timing.readout_sigma_s, usual_readout_s);
+  }
+  const auto first =
+      std::ranges::find_if(given, [](const CameraToCalibrate& camera) { return camera.timing.latency_s.has_value(); });
+  const std::size_t held = first == given.end() ? index(reference) : static_cast<std::size_t>(first - given.begin());
+  cameras[held].latency.prior_sigma_s = 0;
+}
+
 // A lens that was given for one camera, but fits another one's views.
 void refuse_swapped(const board::Board& board, const std::vector<AdjustedCamera>& cameras,
                     const std::vector<std::vector<BoardView>>& own,
@@ -468,6 +488,7 @@ Adjustment place_boards(const board::Board& board, const calib::CameraRig& rig, 
     held.lens = lens_model_of(camera.model);
     held.parameters = parameters_of(camera.model);
     held.cam_from_world = camera.cam_from_world;
+    held.timing = camera.timing;
     held.lens_is_free = held.pose_is_free = false;
     cameras.push_back(held);
   }
@@ -476,10 +497,27 @@ Adjustment place_boards(const board::Board& board, const calib::CameraRig& rig, 
   return Start(board, cameras, views).placed(cameras);
 }
 
+bool is_determined(const AdjustedTime& time) {
+  constexpr double share = 0.1;
+  return time.prior_sigma_s > 0 && time.sigma_s > 0 && time.sigma_s < share * time.prior_sigma_s;
+}
+
 calib::CameraRig rig_of(const Adjustment& adjustment) {
   calib::CameraRig rig;
+  const bool is_timed = std::ranges::any_of(adjustment.cameras,
+                                            [](const AdjustedCamera& camera) { return is_determined(camera.latency); });
   for (const AdjustedCamera& camera : adjustment.cameras) {
-    rig.cameras.push_back({camera.name, camera.image_size, camera.model(), camera.cam_from_world, {}});
+    calib::CameraTiming timing = camera.timing;
+    const auto take = [](const AdjustedTime& time, std::optional<double>& value, std::optional<double>& sigma) {
+      if (!is_determined(time)) return;
+      value = time.value_s;
+      sigma = time.sigma_s;
+    };
+    take(camera.latency, timing.latency_s, timing.latency_sigma_s);
+    take(camera.readout, timing.readout_s, timing.readout_sigma_s);
+    // The camera whose clock the others' latencies are counted on.
+    if (is_timed && camera.latency.prior_sigma_s == 0) timing.latency_s = camera.latency.value_s;
+    rig.cameras.push_back({camera.name, camera.image_size, camera.model(), camera.cam_from_world, timing});
   }
   return rig;
 }
@@ -530,7 +568,10 @@ Extrinsics calibrate_extrinsics(const board::Board& board, const std::vector<Cam
     adjusted[c].lens_is_free = false;
   }
   tell("the joint adjustment", 1, 3);
-  refine(result, start.placed(adjusted), options, found);
+  set_times(adjusted, cameras, options.reference);
+  Adjustment placed = start.placed(adjusted);
+  if (tell_motion(placed.views)) placed.motions.resize(placed.world_from_board.size());
+  refine(result, placed, options, found);
   tell("the cameras' pairs", 2, 3);
   for (const Start::Link& link : links) {
     result.pairs.push_back(link.pair);

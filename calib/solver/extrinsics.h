@@ -15,6 +15,7 @@ struct CameraToCalibrate {
   std::string name;
   calib::ImageSize image_size;
   std::optional<calib::CameraModel> model;  // known intrinsics; nullopt: found from this camera's views
+  calib::CameraTiming timing{};             // what is known of it
 };
 
 enum class RefineLens {
@@ -71,6 +72,10 @@ Extrinsics calibrate_extrinsics(const board::Board& board, const std::vector<Cam
 Adjustment place_boards(const board::Board& board, const calib::CameraRig& cameras,
                         const std::vector<BoardView>& views);
 
-calib::CameraRig rig_of(const Adjustment& adjustment);  // made_by is empty
+// made_by is empty. Timing is as it was given, but for what views of a board that moved determine better.
+calib::CameraRig rig_of(const Adjustment& adjustment);
+
+// Whether the views told a time: it is known ten times better, at least, than beforehand.
+bool is_determined(const AdjustedTime& time);
 
 }  // namespace huetrack::solver

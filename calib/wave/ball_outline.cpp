@@ -275,7 +275,7 @@ class EllipseFit {
     Unknowns gradient;
     double cost = 0;
   };
-  static constexpr double reach_px = 5, usual_blur_px = 0.6;
+  static constexpr double reach_px = 3.5, usual_blur_px = 0.6;
 
   double off(const Place& place, const Vector2d& at) const {
     const Vector2d d = at - place.head<2>();
@@ -380,9 +380,10 @@ class EllipseFit {
     }
     usual(21, 0.3);
     for (int i = 22; i < 24; ++i) usual(i, 0.2);
-    usual(blur, 0.5);
+    usual(blur, 0.3);
     usual(blur + 1, 0.7);
-    for (int i = smear; i < unknowns; ++i) usual(i, 0.5);
+    // Little, as long as the picture does not say otherwise: a ball that is hidden in part looks smeared, too.
+    for (int i = smear; i < unknowns; ++i) usual(i, 0.05);
     return out;
   }
 

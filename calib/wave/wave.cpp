@@ -111,8 +111,15 @@ Found find_solution(const calib::CameraRig& rig, const std::vector<BallFrame>& f
   }
   WaveStart start;
   for (const calib::Camera& camera : rig.cameras) start.cam_from_world.push_back(camera.cam_from_world);
+  constexpr double most_agree = 0.7;  // of the frames, where the start was not too far off
   if (options.hold_poses) {
     solution->solve(start, false);
+    if (const double share = solution->used_share(); share < most_agree) {
+      throw solver::CalibrationError(fmt::format(
+          "only {:.0f} % of the frames with the target's colour agree with the poses that the rig has: they "
+          "are not right, or the cameras' names are swapped. Find poses and times together, with wave",
+          1e2 * share));
+    }
     return {std::move(solution), false};
   }
   std::string why;
@@ -121,7 +128,6 @@ Found find_solution(const calib::CameraRig& rig, const std::vector<BallFrame>& f
   } catch (const solver::CalibrationError& e) {
     why = e.what();
   }
-  constexpr double most_agree = 0.7;  // of the frames, where the start was not too far off
   if (why.empty() && solution->used_share() >= most_agree) return {std::move(solution), false};
   try {
     auto fresh = std::make_unique<WaveSolution>(rig, frames, options);
@@ -333,6 +339,21 @@ void measure_path(WaveResult& result, const WaveSolution& wave, const std::vecto
     result.away_m += (wave.centre(static_cast<int>(c)) - mean).norm() / static_cast<double>(n);
 }
 
+// What speaks against the times, and counts as their uncertainty.
+void take_signs(WaveResult& result, WaveSolution& wave) {
+  const std::vector<TimeSigns> signs = wave.signs();
+  std::vector<double> wander_s;
+  for (std::size_t c = 0; c < signs.size(); ++c) {
+    WaveCamera& camera = result.cameras[c];
+    camera.wander_s = signs[c].wander_s;
+    camera.wander_sigmas = signs[c].wander_sigmas;
+    camera.scatter_s = signs[c].scatter_s;
+    camera.repeated = signs[c].repeated;
+    wander_s.push_back(signs[c].wander_s);
+  }
+  wave.set_wander(std::move(wander_s));
+}
+
 // throws CalibrationError: the path leaves cameras free to move.
 void require_motion(const WaveResult& result) {
   if (result.extent_m[0] < WaveResult::least_length * result.away_m) {
@@ -391,10 +412,14 @@ void take_times(WaveResult& result, const WaveSolution& wave, double widen) {
   for (std::size_t c = 0; c < result.cameras.size(); ++c) {
     const CameraTime& time = wave.state().times[c];
     const auto at = 2 * static_cast<Eigen::Index>(c);
-    const auto sigma = [&](Eigen::Index i) {
-      return widen * std::sqrt(std::max(0.0, wave.fit().time_covariance(i, i)));
+    const auto sigma = [&](Eigen::Index i, double least) {
+      const double variance = wave.fit().time_covariance(i, i);
+      return variance > 0 ? std::hypot(widen * std::sqrt(variance), least) : 0;
     };
-    result.rig.cameras[c].timing = {time.latency_s, sigma(at), time.readout_s, sigma(at + 1)};
+    // Light that flickers, and is not even over the ball, makes an exposure's moment another than its middle; over the
+    // rows in which the ball is seen (rms a third of them) that is as much more of a readout.
+    constexpr double moment_s = 3e-4, over_rows_s = 3 * moment_s;
+    result.rig.cameras[c].timing = {time.latency_s, sigma(at, moment_s), time.readout_s, sigma(at + 1, over_rows_s)};
   }
 }
 
@@ -530,6 +555,7 @@ WaveResult calibrate_wave(const calib::CameraRig& rig, std::vector<BallFrame> fr
   }
 
   if (options.progress) options.progress("the uncertainties", WaveSteps::settled, WaveSteps::all);
+  take_signs(result, wave);
   wave.settle();
   const std::vector<BallObservation> observations = wave.observations();
   take_fit(result, wave, observations);

@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <map>
 #include <optional>
 
 #include "calib/model/cross_matrix.h"
@@ -218,12 +219,10 @@ Eigen::MatrixXd propagated(const Eigen::MatrixXd& gain, const std::vector<BallOb
   return sum;
 }
 
-// What poses and times are known to, with the path eliminated; in the order of `wanted`, whose blocks have `size`
-// parameters in all.
-Eigen::MatrixXd covariance_of(ceres::Problem& problem, const std::vector<double*>& wanted, Eigen::Index size,
-                              const std::vector<double*>& points, double variance_factor,
-                              const std::vector<BallObservation>& observations, std::size_t cameras,
-                              const OutlineCorrelation& correlation) {
+// How much every residual (rows) moves poses and times, with the path eliminated; in the order of `wanted`, whose
+// blocks have `size` parameters in all.
+Eigen::MatrixXd gain_of(ceres::Problem& problem, const std::vector<double*>& wanted, Eigen::Index size,
+                        const std::vector<double*>& points) {
   std::vector<double*> blocks = wanted;
   blocks.insert(blocks.end(), points.begin(), points.end());
   const Eigen::SparseMatrix<double> j = jacobian_of(problem, blocks);
@@ -244,11 +243,7 @@ Eigen::MatrixXd covariance_of(ceres::Problem& problem, const std::vector<double*
         "the camera poses are not determined by how the ball was moved: carry it through the whole volume, "
         "up and down and towards the cameras");
   }
-  // How much every residual moves what is wanted.
-  const Eigen::MatrixXd gain = (Eigen::MatrixXd(by_wanted) - by_point * path_by_wanted) * covariance;
-  const auto others = gain.rows() - 2 * static_cast<Eigen::Index>(observations.size());
-  return variance_factor * (propagated(gain, observations, cameras, correlation) +
-                            Eigen::MatrixXd(gain.bottomRows(others).transpose() * gain.bottomRows(others)));
+  return (Eigen::MatrixXd(by_wanted) - by_point * path_by_wanted) * covariance;
 }
 
 class QuietLog {  // Ceres logs every step that it takes back
@@ -337,8 +332,12 @@ class WaveProblem {
     fit.covariance = Eigen::MatrixXd::Zero(6 * cameras, 6 * cameras);
     fit.time_covariance = Eigen::MatrixXd::Zero(2 * cameras, 2 * cameras);
     if (size == 0) return;
+    const Eigen::MatrixXd gain = gain_of(problem_, wanted, size, points);
+    const auto others = gain.rows() - 2 * static_cast<Eigen::Index>(observations_.size());
     const Eigen::MatrixXd in_blocks =
-        covariance_of(problem_, wanted, size, points, variance, observations_, poses_.size(), options_.correlation);
+        variance * (propagated(gain, observations_, poses_.size(), options_.correlation) +
+                    Eigen::MatrixXd(gain.bottomRows(others).transpose() * gain.bottomRows(others))) +
+        by_wander(gain);
     // From (omega, t) to (centre, rotation): c = -R^T t.
     Eigen::MatrixXd pose_change = Eigen::MatrixXd::Zero(6 * cameras, size);
     Eigen::MatrixXd time_change = Eigen::MatrixXd::Zero(2 * cameras, size);
@@ -364,6 +363,37 @@ class WaveProblem {
 
  private:
   double exposed_s(const BallObservation& o) const { return state_.exposed_s(rig_, o.camera, o.t_s, o.px); }
+
+  // The covariance that WaveAdjustmentOptions::wander_s adds.
+  Eigen::MatrixXd by_wander(const Eigen::MatrixXd& gain) const {
+    constexpr double window_s = 1;
+    std::map<std::pair<int, int>, Eigen::VectorXd> moved;  // by camera and second, if that is a second early
+    for (std::size_t i = 0; i < observations_.size() && !options_.wander_s.empty(); ++i) {
+      const BallObservation& o = observations_[i];
+      const auto c = static_cast<std::size_t>(o.camera);
+      const double t_s = exposed_s(o);
+      constexpr double soon_s = 1e-3;
+      const auto px_at = [&](double t) {
+        return outline_centre(rig_.cameras[c].model, state_.cam_from_world[c] * state_.path.at(t), options_.radius_m);
+      };
+      const auto at = px_at(t_s), soon = px_at(t_s + soon_s);
+      if (!at || !soon) continue;
+      const Matrix2d information = o.covariance.inverse();
+      const double distance2 = (*at - o.px).dot(information * (*at - o.px));
+      const double weight = 1 / (1 + distance2 / (options_.loss * options_.loss));
+      const Matrix2d whiten = information.llt().matrixL().transpose();
+      const Vector2d whitened = std::sqrt(weight) * whiten * (*soon - *at) / soon_s;
+      Eigen::VectorXd& sum =
+          moved
+              .try_emplace({o.camera, static_cast<int>(std::floor(t_s / window_s))}, Eigen::VectorXd::Zero(gain.cols()))
+              .first->second;
+      const auto row = 2 * static_cast<Eigen::Index>(i);
+      sum += options_.wander_s[c] * (gain.middleRows<2>(row).transpose() * whitened);
+    }
+    Eigen::MatrixXd covariance = Eigen::MatrixXd::Zero(gain.cols(), gain.cols());
+    for (const auto& [window, by] : moved) covariance += by * by.transpose();
+    return covariance;
+  }
 
   void add_observations() {
     std::vector<solver::LensModel> lens;

@@ -60,11 +60,14 @@ struct WaveAdjustmentOptions {
   bool hold_poses = false;       // all stay: only times and path are found
   // In the cameras' order; empty: the times stay, too. The latency of `time_reference` stays in any case: a shift of
   // all times cannot be seen.
-  std::vector<TimePrior> times;
+  std::vector<TimePrior> times{};
   int time_reference = 0;
   int max_iterations = 50;
   bool with_covariance = false;
   OutlineCorrelation correlation{};  // what the covariance assumes
+  // Likewise, per camera: by how much its frames are early or late beyond what the model knows, another way in every
+  // second; rms. Empty: not at all.
+  std::vector<double> wander_s{};
 };
 
 struct WaveFit {

@@ -44,10 +44,25 @@ Shape shape_of(const object_tracking::ColorRegion& region) {
   return {solver.eigenvectors(), 2 * solver.eigenvalues().cwiseMax(0).cwiseSqrt()};
 }
 
-// What the rig says, or webcams in general: their stamps are up to 45 ms late, and their rows take up to 33 ms.
-TimePrior time_prior(const calib::CameraTiming& timing) {
-  constexpr double any_latency_s = 0.05, any_readout_s = 0.03;  // standard deviations
-  constexpr double noted_s = 0.005;                             // of a number that says nothing about its own
+// Whether every camera has frames at the times of the first one's.
+bool are_in_step(const std::vector<std::vector<double>>& times) {
+  constexpr double same_s = 5e-4, most = 0.9;  // stamps are told to a tenth of a millisecond; a frame may be lost
+  if (times.front().empty()) return false;
+  for (const auto& of_camera : times) {
+    const auto same = std::ranges::count_if(of_camera, [&](double t) {
+      const auto after = std::ranges::lower_bound(times.front(), t - same_s);
+      return after != times.front().end() && *after <= t + same_s;
+    });
+    if (static_cast<double>(same) < most * static_cast<double>(of_camera.size())) return false;
+  }
+  return true;
+}
+
+// What the rig says; or webcams in general: their stamps are up to 45 ms late, and their rows take up to 33 ms. Cameras
+// that are stamped alike are triggered, and mostly have a global shutter: that is believed until it is contradicted.
+TimePrior time_prior(const calib::CameraTiming& timing, bool in_step) {
+  const double any_latency_s = in_step ? 2e-4 : 0.05, any_readout_s = in_step ? 5e-4 : 0.03;  // standard deviations
+  constexpr double noted_s = 0.005;  // of a number that says nothing about its own
   TimePrior prior;
   prior.time = {timing.latency_s.value_or(0), timing.readout_s.value_or(0)};
   prior.latency_sigma_s = timing.latency_s ? timing.latency_sigma_s.value_or(noted_s) : any_latency_s;
@@ -64,9 +79,10 @@ TimePrior time_prior(const calib::CameraTiming& timing) {
 WaveSolution::WaveSolution(const calib::CameraRig& rig, const std::vector<BallFrame>& frames,
                            const WaveOptions& options)
     : rig_(rig), frames_(frames), options_(options), chosen_(frames.size(), -1) {
-  for (const calib::Camera& camera : rig.cameras) state_.times.push_back(time_prior(camera.timing).time);
   std::vector<std::vector<double>> times(rig.cameras.size());
   for (const BallFrame& f : frames_) times[index(f.camera)].push_back(f.t_s);
+  in_step_ = are_in_step(times);
+  for (const calib::Camera& camera : rig.cameras) state_.times.push_back(time_prior(camera.timing, in_step_).time);
   step_s_ = std::numeric_limits<double>::infinity();
   for (const auto& of_camera : times) {
     std::vector<double> gaps;
@@ -185,6 +201,40 @@ BallTracks WaveSolution::tracks() const {
   return t;
 }
 
+std::vector<TimeSigns> WaveSolution::signs() const {
+  std::vector<std::vector<LagSample>> samples(rig_.cameras.size());
+  std::vector<std::vector<double>> gaps(rig_.cameras.size());
+  std::vector<double> before_s(rig_.cameras.size(), -1);
+  for (std::size_t number = 0; number < frames_.size(); ++number) {
+    const BallFrame& f = frames_[number];
+    const std::size_t c = index(f.camera);
+    if (before_s[c] >= 0) gaps[c].push_back(f.t_s - before_s[c]);
+    before_s[c] = f.t_s;
+    const auto predicted = [&](double t_s) {
+      return outline_centre(rig_.cameras[c].model, state_.cam_from_world[c] * state_.path.at(t_s), options_.radius_m);
+    };
+    // What was not used is taken for the ball if it is where the ball was, or will be, a few frames off.
+    std::optional<LagSample> best;
+    for (const object_tracking::ColorRegion& region : f.regions) {
+      constexpr double soon_s = 1e-3, most_frames = 5, near_px = 10;
+      const double t_s = exposed_s(f, region);
+      const auto at = predicted(t_s), soon = predicted(t_s + soon_s);
+      if (!at || !soon) continue;
+      const auto look = appearance(f, region);
+      const auto covariance = look ? covariance_of(number, region, *look) : std::nullopt;
+      constexpr double most_sigma_px = 1;  // beyond, it is hidden in part, or not the ball alone
+      if (!covariance || covariance->trace() > 2 * most_sigma_px * most_sigma_px) continue;
+      const LagSample sample{t_s, region.centre - *at, (*soon - *at) / soon_s};
+      if (sample.residual.norm() > near_px + most_frames * longest_s_ * sample.velocity.norm()) continue;
+      if (!best || sample.residual.norm() < best->residual.norm()) best = sample;
+    }
+    if (best) samples[c].push_back(*best);
+  }
+  std::vector<TimeSigns> out;
+  for (std::size_t c = 0; c < samples.size(); ++c) out.push_back(time_signs(samples[c], calib::median(gaps[c])));
+  return out;
+}
+
 std::vector<BallObservation> WaveSolution::observations() const {
   std::vector<BallObservation> out;
   for (std::size_t f = 0; f < frames_.size(); ++f) {
@@ -224,10 +274,17 @@ WaveAdjustmentOptions WaveSolution::adjustment_options() const {
   }
   o.reference = o.scale_a;
   o.hold_poses = options_.hold_poses;
-  for (const calib::Camera& camera : rig_.cameras) o.times.push_back(time_prior(camera.timing));
-  for (TimePrior& prior : o.times) {
+  o.wander_s = wander_s_;
+  for (const calib::Camera& camera : rig_.cameras) o.times.push_back(time_prior(camera.timing, in_step_));
+  for (std::size_t c = 0; c < o.times.size(); ++c) {
+    TimePrior& prior = o.times[c];
+    const calib::CameraTiming& timing = rig_.cameras[c].timing;
     // Against the first camera's, which stays.
     prior.latency_sigma_s = std::hypot(prior.latency_sigma_s, rig_.cameras[0].timing.latency_sigma_s.value_or(0));
+    // What the rig is sure of, and is wrong by now, would not let go once the rest is fitted to it.
+    const TimePrior any;
+    if (rough_ && timing.latency_s) prior.latency_sigma_s = any.latency_sigma_s;
+    if (rough_ && timing.readout_s) prior.readout_sigma_s = any.readout_sigma_s;
   }
   return o;
 }

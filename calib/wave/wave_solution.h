@@ -6,6 +6,7 @@
 #include <optional>
 #include <vector>
 
+#include "calib/wave/time_signs.h"
 #include "calib/wave/wave.h"
 #include "calib/wave/wave_adjustment.h"
 #include "calib/wave/wave_start.h"
@@ -52,6 +53,11 @@ class WaveSolution {
   BallTracks tracks() const;
   std::vector<BallObservation> observations() const;
 
+  // Per camera.
+  std::vector<TimeSigns> signs() const;
+  // What the covariance takes for the times' own unmodelled wandering; see WaveAdjustmentOptions::wander_s.
+  void set_wander(std::vector<double> wander_s) { wander_s_ = std::move(wander_s); }
+
   WaveState& state() { return state_; }
   const WaveState& state() const { return state_; }
   Eigen::Vector3d centre(int camera) const {
@@ -82,6 +88,8 @@ class WaveSolution {
   const WaveOptions& options_;
   std::vector<int> chosen_;  // beside the frames: the region that is taken for the ball; -1: none
   double from_s_ = 0, to_s_ = 0, step_s_ = 0, longest_s_ = 0;
+  bool in_step_ = false;                // all cameras' frames are stamped alike
+  std::vector<double> wander_s_;        // see set_wander()
   bool rough_ = true;                   // all outlines count the same
   double jerk_m_s3_ = 60;               // see learn_jerk()
   std::vector<Eigen::Vector2d> blur2_;  // per camera: see learn_shapes()

@@ -72,8 +72,6 @@ template <typename Io, typename Options>
 void describe_object_tracking(Io& io, Options& o) {
   io.choice("observation", o.observation, Words<object_tracking::Observation>(observation_words),
             "the filter: huetrack (ours), or paper (Barrera et al., eqs. (1)-(6), nothing else)");
-  io.choice("timing", o.timing, Words<object_tracking::TimingMode>(timing_words),
-            "huetrack only: learn (each camera's latency and readout, from the motion), or fixed (the rig's hold)");
   io.group("volume", "where targets may be; world frame, metres", [&](auto& in) {
     in.point("min", o.volume.min, "[x, y, z]");
     in.point("max", o.volume.max, "[x, y, z]");
@@ -84,6 +82,8 @@ void describe_object_tracking(Io& io, Options& o) {
              "same seed, same recording, same configuration: same track, byte for byte");
   io.number("position_noise_m", o.position_noise_m, yaml::positive,
             "paper only: sigma_m of the random walk, metres per frame set");
+  io.choice("timing", o.timing, Words<object_tracking::TimingMode>(timing_words),
+            "huetrack only: learn (each camera's latency and readout, from the motion), or fixed (the rig's hold)");
   io.number("acceleration_m_s2", o.acceleration_m_s2, yaml::positive,
             "huetrack only: the hardest usual acceleration, m/s^2");
   io.number("start_speed_m_s", o.start_speed_m_s, yaml::positive, "huetrack only: the highest usual speed, m/s");
@@ -629,8 +629,10 @@ void take_latencies(ServiceConfig& config, const yaml::YamlReader& root) {
     const auto index = config.rig.index_of(camera.name);
     if (!index || !camera.latency_offset_s) continue;
     std::optional<double>& latency_s = config.rig.cameras[std::size_t(*index)].timing.latency_s;
-    if (latency_s) {
-      root.map("cameras").map(camera.name).fail("latency_offset_s",
+    if (latency_s && *latency_s != *camera.latency_offset_s) {
+      root.map("cameras")
+          .map(camera.name)
+          .fail("latency_offset_s",
                 fmt::format("is given although {} has timing.latency_s {:g} for this camera: say rig here, or take it "
                             "out there",
                             config.rig_file.filename().string(), *latency_s));

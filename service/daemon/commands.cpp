@@ -18,6 +18,8 @@ namespace huetrack::daemon {
 namespace {
 
 constexpr auto config_help = "huetrackd.yaml";
+constexpr auto write_rig_help =
+    "write the rig here at the end, with the cameras' times (latency, readout) as learnt; not over an existing file";
 constexpr auto poses_help = "write the tracked camera's poses to this file, as TUM text: those of state tracking only";
 
 // One of these words, as its value. (CLI11's own transformer names the choices by their numbers when a word is wrong.)
@@ -83,6 +85,7 @@ void add_replay_command(CLI::App& app, Command& chosen) {
   command->add_option("--pictures-every", replay_options.pictures_every, "only every so many-th frame set")
       ->check(CLI::Range(1, 1'000'000));
   command->add_option("--truth", replay_options.truth, "compare with this CSV file (columns ball, t, x, y, z)");
+  command->add_option("--write-rig", replay_options.write_rig, write_rig_help);
   const std::map<std::string, ReplayStamps> stamps{{"now", ReplayStamps::now}, {"recording", ReplayStamps::recording}};
   command
       ->add_option("--stamps", replay_options.stamps,
@@ -132,6 +135,7 @@ void add_run_command(CLI::App& app, Command& chosen) {
   command->add_option("config", service->config, config_help)->required();
   command->add_option("--tracks", service->live.tracks, "write the tracks to this CSV file");
   command->add_option("--poses", service->live.poses, poses_help);
+  command->add_option("--write-rig", service->live.write_rig, write_rig_help);
   command->add_flag("--no-dds", service->live.no_dds, "do not publish");
   command->callback([service, &chosen] {
     chosen.on_signal[SIGHUP] = ask(service->requests.reload);

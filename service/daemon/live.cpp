@@ -86,6 +86,8 @@ LiveSummary run_live(const config::ServiceConfig& config, std::vector<pipeline::
   session.add(meter);
   pipeline::LightReport light(session.config());
   session.add(light);
+  pipeline::CameraTimes times(session.config(), options.write_rig);
+  session.add(times);
   std::vector<const pipeline::FileOutput*> files;
   std::optional<pipeline::TrackFile> tracks;
   if (!options.tracks.empty()) {
@@ -121,6 +123,7 @@ LiveSummary run_live(const config::ServiceConfig& config, std::vector<pipeline::
                          .requests = requests,
                          .meter = meter,
                          .light = light,
+                         .times = times,
                          .recording = recording,
                          .files = files,
                          .bus = bus ? &*bus : nullptr,

@@ -14,12 +14,13 @@
 namespace huetrack::daemon {
 
 struct LiveCommand {
-  bool track = true;                 // false: only record, and do not publish
-  std::filesystem::path record_to;   // record everything into this folder; empty: what the configuration says
-  bool no_dds = false;               // whatever the configuration says
-  std::filesystem::path tracks;      // CSV of the estimates; empty: none
-  std::filesystem::path poses = {};  // TUM file of the tracked camera's poses, see PoseFileWriter; empty: none
-  std::optional<double> seconds;     // > 0; end so long after the first frame
+  bool track = true;                     // false: only record, and do not publish
+  std::filesystem::path record_to;       // record everything into this folder; empty: what the configuration says
+  bool no_dds = false;                   // whatever the configuration says
+  std::filesystem::path tracks;          // CSV of the estimates; empty: none
+  std::filesystem::path write_rig = {};  // the rig with the cameras' times as learnt; empty: none
+  std::filesystem::path poses = {};      // TUM file of the tracked camera's poses, see PoseFileWriter; empty: none
+  std::optional<double> seconds;         // > 0; end so long after the first frame
 };
 
 struct LiveSummary {

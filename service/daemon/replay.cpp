@@ -23,6 +23,7 @@
 #include "daemon/status_reporter.h"
 #include "page/view_server.h"
 #include "pipeline/bus.h"
+#include "pipeline/camera_times.h"
 #include "pipeline/file_outputs.h"
 #include "pipeline/light_report.h"
 #include "pipeline/picture_folder.h"
@@ -108,8 +109,8 @@ std::optional<tracks::Truth> truth_of(const config::ServiceConfig& config, const
 class ReplayStatus final : public pipeline::Output {
  public:
   ReplayStatus(const config::ServiceConfig& config, pipeline::Bus& bus, const pipeline::PublishedTime& time,
-               const HeldSource* held, const pipeline::LightReport& light)
-      : bus_(bus), time_(time), held_(held), light_(light), reporter_(config, "replay", {}) {}
+               const HeldSource* held, const pipeline::LightReport& light, const pipeline::CameraTimes& times)
+      : bus_(bus), time_(time), held_(held), light_(light), times_(times), reporter_(config, "replay", {}) {}
 
   void on_status(const pipeline::PipelineFigures& figures) override {
     publish::ServiceStatus status;
@@ -120,6 +121,7 @@ class ReplayStatus final : public pipeline::Output {
     status.clock_offset_s = capture::seconds(time_.offset());
     std::ranges::copy(bus_.publisher().warnings(), std::back_inserter(status.warnings));
     std::ranges::copy(light_.warnings(), std::back_inserter(status.warnings));
+    std::ranges::copy(times_.warnings(), std::back_inserter(status.warnings));
     if (held_ != nullptr && !held_->is_released()) status.mode = "held";
     bus_.publisher().publish_status(status);
   }
@@ -133,6 +135,7 @@ class ReplayStatus final : public pipeline::Output {
   const pipeline::PublishedTime& time_;
   const HeldSource* const held_;
   const pipeline::LightReport& light_;
+  const pipeline::CameraTimes& times_;
   std::mutex mutex_;
   StatusReporter reporter_;  // guarded by mutex_: the page's thread reloads
 };
@@ -288,8 +291,10 @@ ReplaySummary replay(const ReplayCommand& command, const std::stop_token& stop) 
   if (config.dds.enabled && !command.no_dds) session.add(bus.emplace(config.dds.publisher, session.time()));
   pipeline::LightReport light(session.config());
   session.add(light);
+  pipeline::CameraTimes times(session.config(), command.write_rig);
+  session.add(times);
   std::optional<ReplayStatus> status;
-  if (bus) session.add(status.emplace(session.config(), *bus, session.time(), playback.held, light));
+  if (bus) session.add(status.emplace(session.config(), *bus, session.time(), playback.held, light, times));
   std::optional<pipeline::PoseFile> poses;
   if (!command.poses.empty()) session.add(poses.emplace(command.poses, config, pipeline::WhenFileFails::stop));
   std::optional<pipeline::TrackFile> tracks;
@@ -319,6 +324,7 @@ ReplaySummary replay(const ReplayCommand& command, const std::stop_token& stop) 
   for (const auto& warning : playback.source->take_warnings()) spdlog::warn("{}", warning);
   ReplaySummary summary = summary_of(config, session.figures(), *playback.source, tally, began, stop.stop_requested());
   summary.light = light.summary();
+  summary.times = times.summary();
   summary.clock_offset = session.time().offset();
   if (bus) {
     summary.published = bus->publisher().counters().published;

@@ -13,6 +13,7 @@
 #include "metrics/metrics.h"
 #include "metrics/road_meter.h"
 #include "pipeline/bus.h"
+#include "pipeline/camera_times.h"
 #include "pipeline/file_outputs.h"
 #include "pipeline/light_report.h"
 #include "pipeline/live_cameras.h"
@@ -34,6 +35,7 @@ struct Supervised {
   LiveRequests& requests;
   const metrics::RoadMeter& meter;
   const pipeline::LightReport& light;
+  const pipeline::CameraTimes& times;
   pipeline::RecordingKeeper& recording;
   std::vector<const pipeline::FileOutput*> files;
   pipeline::Bus* bus = nullptr;                      // null: nothing is published

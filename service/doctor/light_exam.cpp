@@ -91,8 +91,7 @@ std::vector<Finding> judge_light(const CameraExam& exam) {
                         "exposure_dynamic_framerate is on: the frame rate falls in the dark",
                         "controls: {exposure_dynamic_framerate: 0}"});
   if (value_of(exam, "power_line_frequency") == disabled)
-    findings.push_back({Grade::note,
-                        "power_line_frequency is off: automatic exposure does not heed lamps that flicker",
+    findings.push_back({Grade::note, "power_line_frequency is off: automatic exposure does not heed lamps that flicker",
                         "controls: {power_line_frequency: 50 Hz}, or 60 Hz where mains have that"});
   judge_exposure_time(exam, findings);
   if (!exam.trial || !exam.trial->light) return findings;

@@ -15,8 +15,29 @@ constexpr double least_saturation = 0.15;  // a range below it would hold greys
 constexpr PerColorAxis least_step{1.5, 0.015, 0.015}, largest_step{6, 0.06, 0.07};
 constexpr double longest_time_unseen_s = 1;  // what was seen before does not say what the colour is now
 constexpr double forgotten_after_s = 10;
-// From the object's median to either end of the range: twice what ColorWatch warns at.
-constexpr double well_inside = 2;
+// From the object's median to either end of the range, of what ColorWatch warns at: where a range moves to, and from
+// where on it moves.
+constexpr double well_inside = 2, just_inside = 1.3;
+constexpr double steps_back = 4;  // least steps: a range that is further off than it must be goes back
+
+// The shift nearest to `from` with which the object is so far inside.
+PerColorAxis shift_between(const HsiRange& taught, const SeenColor& seen, double inside, const PerColorAxis& from) {
+  PerColorAxis shift = from;
+  for (const ColorAxis axis : {ColorAxis::hue, ColorAxis::saturation, ColorAxis::intensity}) {
+    const auto a = static_cast<std::size_t>(axis);
+    if (std::isnan(seen.median[a])) continue;
+    const AxisRange range = axis_range(taught, axis, middle_hue_deg(taught));
+    double below = inside * (seen.below[a] + color_noise[a]), above = inside * (seen.above[a] + color_noise[a]);
+    const double fit = std::min(1.0, (range.max - range.min) / (below + above));
+    below *= fit, above *= fit;
+    const double least = range.has_max ? seen.median[a] + above - range.max : -furthest[a];
+    const double most = range.has_min ? seen.median[a] - below - range.min : furthest[a];
+    shift[a] = std::clamp(std::max(std::min(from[a], most), least), -furthest[a], furthest[a]);
+  }
+  const double lowest = std::min(taught.saturation_min, least_saturation);
+  shift[1] = std::max(shift[1], lowest - taught.saturation_min);
+  return shift;
+}
 
 }  // namespace
 
@@ -38,22 +59,7 @@ HsiRange moved(const HsiRange& range, const PerColorAxis& shift) {
 }
 
 PerColorAxis wanted_shift(const HsiRange& taught, const SeenColor& seen) {
-  PerColorAxis shift{};
-  for (const ColorAxis axis : {ColorAxis::hue, ColorAxis::saturation, ColorAxis::intensity}) {
-    const auto a = static_cast<std::size_t>(axis);
-    if (std::isnan(seen.median[a])) continue;
-    const AxisRange range = axis_range(taught, axis, middle_hue_deg(taught));
-    double below = well_inside * (seen.below[a] + color_noise[a]),
-           above = well_inside * (seen.above[a] + color_noise[a]);
-    const double fit = std::min(1.0, (range.max - range.min) / (below + above));
-    below *= fit, above *= fit;
-    const double least = range.has_max ? seen.median[a] + above - range.max : -furthest[a];
-    const double most = range.has_min ? seen.median[a] - below - range.min : furthest[a];
-    shift[a] = std::clamp(std::max(std::min(0.0, most), least), -furthest[a], furthest[a]);
-  }
-  const double lowest = std::min(taught.saturation_min, least_saturation);
-  shift[1] = std::max(shift[1], lowest - taught.saturation_min);
-  return shift;
+  return shift_between(taught, seen, well_inside, {});
 }
 
 ColorFollower::ColorFollower(const calib::CameraRig& rig, const TargetOptions& target) {
@@ -92,8 +98,12 @@ void ColorFollower::begin_next(const capture::FrameSet& set, const ColorWatch& w
       continue;
     const PerColorAxis wanted = wanted_shift(cameras_[i].taught, *seen);
     PerColorAxis shift = cameras_[i].shift;
+    // Only what must move does: a ball that goes from the window into the shade is no change of light.
+    const PerColorAxis nearest = shift_between(cameras_[i].taught, *seen, just_inside, shift);
     double behind = 0;
     for (std::size_t a = 0; a < shift.size(); ++a) {
+      const bool is_back = std::abs(shift[a]) - std::abs(wanted[a]) >= steps_back * least_step[a];
+      if (nearest[a] == shift[a] && !is_back) continue;
       const double step = wanted[a] - shift[a];
       behind = std::max(behind, std::abs(step) / least_step[a]);
       shift[a] += std::clamp(step, -largest_step[a], largest_step[a]);

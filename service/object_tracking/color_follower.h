@@ -7,7 +7,7 @@
 // learnt: what counts is what ColorWatch measures, in a view that sees the object whole, while another one confirms
 // where it is. When the object is lost for long, what was taught is in force again.
 //
-// A new table of colours takes some 10 ms, which the road of the frames has not got: it is made in pieces, one per set,
+// A new table of colours takes some 5 ms, which the road of the frames has not got: it is made in pieces, one per set,
 // one table at a time, and is in force when it is done. The same sets give the same ranges.
 #pragma once
 

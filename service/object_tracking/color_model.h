@@ -58,7 +58,7 @@ class ColorTable {
     std::array<std::uint8_t, 64> of_u{}, of_v{};
   };
 
-  // throws std::invalid_argument. Some 10 ms; for BGR some 100.
+  // throws std::invalid_argument. Some 5 ms; for BGR some 100.
   ColorTable(const HsiRange& target, capture::PixelFormat format, capture::ColorRange range);
 
   bool contains(capture::Yuv p) const {

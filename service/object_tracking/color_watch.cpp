@@ -19,8 +19,8 @@ constexpr int least_looks = 5;         // before anything is said
 // A view that sees the object whole and where it is.
 constexpr float least_radius_px = 4;  // below it, chroma that is shared and blurred is half the background's
 constexpr float least_support = 0.5f;
-constexpr float largest_residual = 0.3f;  // radii
-constexpr float inner_disc = 0.6f;        // radii; with the residual still inside the object
+// Radii: the inner part of the disc is looked at, less of it where the estimate is aside of what is seen.
+constexpr float largest_residual = 0.5f, inner_disc = 0.6f, whole_disc = 0.9f;
 constexpr double usual_exposure_s =
     1.0 / 60;  // in which the object moves by a radius at most: the middle stays its own
 
@@ -86,9 +86,8 @@ AxisRange axis_range(const HsiRange& range, ColorAxis axis, double hue_origin_de
   return {range.intensity_min, range.intensity_max, range.intensity_min > 0, range.intensity_max < 1};
 }
 
-std::optional<SeenColor> color_inside(const capture::Image& image, const Eigen::Vector2f& px, float radius_px,
+std::optional<SeenColor> color_inside(const capture::Image& image, const Eigen::Vector2f& px, float inner,
                                       double hue_origin_deg) {
-  const float inner = inner_disc * radius_px;
   if (!(px.x() >= inner && px.y() >= inner && px.x() + inner < static_cast<float>(image.width) - 1 &&
         px.y() + inner < static_cast<float>(image.height) - 1))
     return std::nullopt;
@@ -130,7 +129,8 @@ void ColorWatch::look(const capture::FrameSet& set, const ObjectEstimate& estima
     const ViewSupport& view = estimate.per_view[i];
     if (!set.frames[i] || !sees_it_well(view)) continue;
     PerCamera& camera = cameras_[i];
-    const auto seen = color_inside(set.frames[i]->pixels, view.px, view.radius_px, camera.hue_origin_deg);
+    const float inner_px = std::min(inner_disc * view.radius_px, whole_disc * view.radius_px - view.residual_px);
+    const auto seen = color_inside(set.frames[i]->pixels, view.px, inner_px, camera.hue_origin_deg);
     if (!seen) continue;
     const double pause_s = capture::seconds(set.at - std::exchange(camera.health.seen_at, set.at));
     if (!camera.health.seen || pause_s < 0 || pause_s > longest_pause_s) {

@@ -56,11 +56,11 @@ AxisRange axis_range(const HsiRange& range, ColorAxis axis, double hue_origin_de
 double middle_hue_deg(const HsiRange& range);            // [0, 360)
 double degrees_between(double from_deg, double to_deg);  // counterclockwise, -180..180
 
-// What cannot be told apart, or moves by itself from frame to frame: noise, JPEG.
-constexpr PerColorAxis color_noise{2, 0.02, 0.02};
+// What moves by itself from frame to frame (noise, JPEG), and what light moves in a second or two.
+constexpr PerColorAxis color_noise{3.5, 0.03, 0.03};
 
-// Of the pixels within 0.6 radii; nullopt: they are too few, or not all in the image.
-std::optional<SeenColor> color_inside(const capture::Image& image, const Eigen::Vector2f& px, float radius_px,
+// Of the pixels within inner_px; nullopt: they are too few, or not all in the image.
+std::optional<SeenColor> color_inside(const capture::Image& image, const Eigen::Vector2f& px, float inner_px,
                                       double hue_origin_deg);
 
 // thread-compatible; one per target. look() allocates nothing.

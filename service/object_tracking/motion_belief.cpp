@@ -83,8 +83,7 @@ void MotionBelief::reopen_times() {
   for (int c = 0; c < static_cast<int>(given_.size()); ++c) {
     if (row_sigma_s(c, 0) > settled_s) return;
     const Eigen::Index l = latency_of(c);
-    moved_s = std::max({moved_s, std::abs(mean_(l) - times_linearised_(l - 6)),
-                        std::abs(mean_(l + 1) - times_linearised_(l - 5)) / 2});
+    moved_s = std::max(moved_s, std::abs(mean_(l) - times_linearised_(l - 6)));
   }
   if (moved_s < far_s) return;
   times_linearised_ = mean_.segment(6, n);

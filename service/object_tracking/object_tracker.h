@@ -89,7 +89,7 @@ class ObjectTracker {
   ObjectTracker& operator=(ObjectTracker&&) noexcept;
 
   // What a camera is going to deliver, where that is known beforehand: makes its colour table now, which otherwise
-  // holds the first set up for some 50 ms.
+  // holds the first set up for some 5 ms.
   void expect(int camera, capture::PixelFormat format, capture::ColorRange range);
 
   // set.frames has one slot per camera of the rig; a frame whose size is not the rig's is not used (the caller checks

@@ -5,8 +5,6 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
-#include <cstdlib>
 #include <limits>
 #include <numbers>
 #include <optional>
@@ -29,7 +27,7 @@ constexpr double longest_confirmation_s = 0.5;  // a candidate that is older con
 // An exposure smears a moving object. Webcams take half a frame's time at most before their gain gives out.
 constexpr double longest_exposure_s = 1.0 / 60;
 // Mean squared innovation in its standard deviations; 1 is usual. The hardest acceleration does not explain it.
-constexpr double bounce_surprise = 6;
+constexpr double usual_surprise = 3, bounce_surprise = 6;
 
 // At usual speeds, some metres a second, this is some millimetres of way: as much as what else is not known.
 constexpr double open_time_s = 2e-3;
@@ -92,16 +90,6 @@ ObjectEstimate RegionTracker::update(const capture::FrameSet& set) {
   }
   if (state_ != TrackState::tracking) search(set, views);
   last_at_ = set.at;
-  if (std::getenv("DBG")) {
-    std::fprintf(stderr, "%.3f v=%.2f a=%.1f s=%.2f n=%zu", capture::seconds(set.at), belief_.velocity().norm(),
-                 acceleration_, surprise_, sightings_.size());
-    for (int c = 0; c < static_cast<int>(views_.camera_count()); ++c) {
-      const auto t = belief_.timing(c);
-      std::fprintf(stderr, " | %.2f+-%.2f %.2f+-%.2f", 1e3 * t.latency_s, 1e3 * t.latency_sigma_s, 1e3 * t.readout_s,
-                   1e3 * t.readout_sigma_s);
-    }
-    std::fprintf(stderr, "\n");
-  }
   return report(set, views);
 }
 
@@ -290,6 +278,23 @@ bool RegionTracker::are_times_open() const {
   });
 }
 
+// Of three views or more, one that contradicts what all others agree on with the motion: it shows a frame once more, or
+// something else of this colour. A bounce contradicts all of them.
+void RegionTracker::leave_out_what_contradicts(const capture::FrameSet& set) {
+  if (sightings_.size() < 3 || surprise_ <= bounce_surprise) return;
+  const std::vector<Sighting> all = sightings_;
+  std::vector<Sighting> best;
+  double least_surprise = usual_surprise;
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    sightings_ = all;
+    sightings_.erase(sightings_.begin() + static_cast<std::ptrdiff_t>(i));
+    followed(belief_, nullptr, set.at, power_density());
+    if (surprise_ < least_surprise) least_surprise = surprise_, best = sightings_;
+  }
+  sightings_ = best.empty() ? all : best;
+  followed(belief_, nullptr, set.at, power_density());
+}
+
 // Covariance matching: raise the acceleration until the innovations of all sightings together are ones that it
 // explains, lower it slowly while they are smaller than they need be. Returns the power density to use for this set: a
 // bounce needs one that is not learnt, as what comes after it is as calm as what went before.
@@ -297,7 +302,8 @@ double RegionTracker::learn_acceleration(const capture::FrameSet& set, const std
   const double before = acceleration_;
   const double ceiling = 4 * options_.acceleration_m_s2;
   if (!sightings_.empty()) followed(belief_, nullptr, set.at, power_density());
-  while (!sightings_.empty() && surprise_ > 3 && acceleration_ < ceiling) {
+  leave_out_what_contradicts(set);
+  while (!sightings_.empty() && surprise_ > usual_surprise && acceleration_ < ceiling) {
     acceleration_ = std::min(ceiling, 1.5 * acceleration_);
     followed(belief_, nullptr, set.at, power_density());
   }
@@ -317,7 +323,8 @@ double RegionTracker::learn_acceleration(const capture::FrameSet& set, const std
   // times'. And a motion that is taken for too calm passes for cameras that are late.
   const double least = are_times_open() ? 2 * options_.acceleration_m_s2 : least_acceleration_m_s2;
   if (!sightings_.empty())
-    acceleration_ = std::clamp(acceleration_ * std::exp(0.05 * (std::min(surprise_, 3.0) - 1)), least, ceiling);
+    acceleration_ =
+        std::clamp(acceleration_ * std::exp(0.05 * (std::min(surprise_, usual_surprise) - 1)), least, ceiling);
   return power_density();
 }
 

@@ -59,6 +59,7 @@ class RegionTracker {
   MotionBelief followed(const MotionBelief& from, const MotionBelief* linearised_about, capture::Timestamp set_at,
                         double power_density);
   bool are_times_open() const;
+  void leave_out_what_contradicts(const capture::FrameSet& set);
   double learn_acceleration(const capture::FrameSet& set, const std::vector<TargetView>& views);
   MotionBelief propose(const capture::FrameSet& set, double power_density);
   void draw_particles(const MotionBelief& proposal);

@@ -234,8 +234,8 @@ void tell_services(const config::ServiceConfig& config) {
   if (!config.dds.enabled) return;
   bool told = false;
   const auto is_same_file = [](const std::string& a, const std::filesystem::path& b) {
-    std::error_code none;
-    return a == b || std::filesystem::equivalent(a, b, none);
+    std::error_code ignored;
+    return a == b || std::filesystem::equivalent(a, b, ignored);
   };
   for (const publish::RunningService& service : publish::running_services(config.dds.publisher, 1500ms)) {
     if (!service.is_on_this_host || !is_same_file(service.config_file, config.file)) continue;

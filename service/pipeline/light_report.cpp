@@ -14,7 +14,7 @@ namespace {
 
 constexpr std::uint64_t sets_until_told_again = 30;  // figures of what is in force are as new as that
 
-std::vector<std::string> names_of(const calib::CameraRig& rig) {
+std::vector<std::string> camera_names(const calib::CameraRig& rig) {
   std::vector<std::string> names;
   for (const auto& camera : rig.cameras) names.push_back(camera.name);
   return names;
@@ -23,7 +23,7 @@ std::vector<std::string> names_of(const calib::CameraRig& rig) {
 }  // namespace
 
 LightReport::LightReport(const config::ServiceConfig& config)
-    : cameras_(names_of(config.rig)),
+    : cameras_(camera_names(config.rig)),
       watches_(cameras_.size()),
       of_cameras_(cameras_.size()),
       told_(config.targets.size()),
@@ -76,7 +76,7 @@ void LightReport::tell_colors(std::size_t target, const TrackedSet& set) {
   }
 }
 
-void LightReport::on_config(const config::ServiceConfig& config) {
+void LightReport::on_config(const config::ServiceConfig& config) noexcept {
   const std::scoped_lock lock(mutex_);
   targets_ = config.targets;
 }

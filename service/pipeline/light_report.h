@@ -21,7 +21,7 @@ class LightReport final : public Output {
 
   void on_frame(const capture::Frame& frame, capture::Timestamp received_at) override;
   void on_set(const TrackedSet& set) override;
-  void on_config(const config::ServiceConfig& config) override;
+  void on_config(const config::ServiceConfig& config) noexcept override;
 
   // In force now, one sentence each. thread-safe
   std::vector<std::string> warnings() const;

@@ -59,7 +59,7 @@ Session::Session(config::ServiceConfig config, SessionSources sources, SessionOp
 
 object_tracking::ObjectTracker Session::tracker_of(const config::ServiceConfig& config, std::size_t target) const {
   object_tracking::ObjectTracker tracker(rig_, config.targets[target], config.object_tracking);
-  // The tracking thread would need some 50 ms for each colour table.
+  // The tracking thread would need some 5 ms for each colour table.
   for (const auto& camera : cameras_())
     if (camera.pixels) tracker.expect(camera.camera, camera.pixels->format, camera.pixels->range);
   return tracker;

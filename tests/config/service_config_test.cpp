@@ -65,7 +65,7 @@ TEST_F(ServiceConfigFile, AColourMayAdapt) {
   EXPECT_THAT(targets_that_differ(load(ball), config), ElementsAre(0u));
   EXPECT_EQ(error(head + "targets: {ball: {color: {hue_deg: [65, 115], adapt: slowly}}}\n").find("c.yaml:3: "), 0u);
   EXPECT_THAT(error(adapting + "object_tracking: {observation: paper}\n"),
-              HasSubstr("c.yaml:3: targets.ball.color.adapt is not for object_tracking.observation: paper"));
+              HasSubstr("c.yaml:3: targets.ball.color.adapt: is not for object_tracking.observation: paper"));
   // What is taught says nothing of it, and changes nothing of it.
   write(adapting);
   const ServiceConfig taught = load_service_config(

@@ -8,8 +8,8 @@
 
 #include "calib/model/rig_yaml.h"
 #include "capture/recording_writer.h"
-#include "doctor/light_exam.h"
 #include "daemon/replay.h"
+#include "doctor/light_exam.h"
 #include "pipeline/light_words.h"
 #include "scene/scene.h"
 #include "scene/turned_hue.h"
@@ -21,6 +21,7 @@ namespace fs = std::filesystem;
 using doctor::CameraExam;
 using doctor::Finding;
 using doctor::judge_light;
+using doctor::LightExam;
 using object_tracking::TrackState;
 using testing::AllOf;
 using testing::Contains;
@@ -31,7 +32,7 @@ using testing::IsEmpty;
 using testing::Not;
 
 auto says(doctor::Grade verdict, const std::string& what, const std::string& advice = "") {
-  return Contains(AllOf(Field(&Finding::grade, verdict), Field(&Finding::what, HasSubstr(what)),
+  return Contains(AllOf(Field(&Finding::verdict, verdict), Field(&Finding::what, HasSubstr(what)),
                         Field(&Finding::advice, HasSubstr(advice))));
 }
 
@@ -63,7 +64,8 @@ TEST(JudgeLight, ExposuresThatFitIntoLampsAreAllRight) {
 
 TEST(JudgeLight, ControlsThatLetLightIn) {
   const auto findings = judge_light(exam_with({{"exposure_dynamic_framerate", 1}, {"power_line_frequency", 0}}));
-  EXPECT_THAT(findings, says(doctor::Grade::warning, "exposure_dynamic_framerate is on", "exposure_dynamic_framerate: 0"));
+  EXPECT_THAT(findings,
+              says(doctor::Grade::warning, "exposure_dynamic_framerate is on", "exposure_dynamic_framerate: 0"));
   EXPECT_THAT(findings, says(doctor::Grade::note, "power_line_frequency is off", "50 Hz"));
   CameraExam set = exam_with({{"exposure_dynamic_framerate", 1}});
   set.configured = {{"exposure_dynamic_framerate", "0", 0, "", false}};
@@ -79,7 +81,8 @@ TEST(JudgeLight, WhatThePicturesShow) {
   exam.trial->light->flicker = capture::Flicker{.light_hz = 100, .modulation = 0.032, .bands = 3};
   exam.trial->light->exposure_change = 0.13;
   const auto findings = judge_light(exam);
-  EXPECT_THAT(findings, says(doctor::Grade::warning, "flickers at 100 Hz, in bands of 3.2 %", "power_line_frequency: 50 Hz"));
+  EXPECT_THAT(findings,
+              says(doctor::Grade::warning, "flickers at 100 Hz, in bands of 3.2 %", "power_line_frequency: 50 Hz"));
   EXPECT_THAT(findings, says(doctor::Grade::warning, "13 % brighter or darker", "auto_exposure: 1"));
   EXPECT_THAT(findings, says(doctor::Grade::warning, "auto_exposure says that it is manual"));
   exam.trial->light = capture::LightFindings{};

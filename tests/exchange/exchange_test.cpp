@@ -260,8 +260,9 @@ TEST_F(Exchange, KalibrCamchain) {
   ASSERT_TRUE(p);
   EXPECT_NEAR(p->px.x(), px[0].x, 1e-4);
   EXPECT_NEAR(p->px.y(), px[0].y, 1e-4);
-  EXPECT_THAT(in.notes, Contains(AllOf(HasSubstr("cam0: not taken over"), HasSubstr("T_cam_imu"),
-                                       HasSubstr("timeshift_cam_imu"))));
+  EXPECT_THAT(in.notes, Contains(AllOf(HasSubstr("cam0: not taken over"), HasSubstr("T_cam_imu"))));
+  EXPECT_EQ(in.rig.cameras[0].timing, (calib::CameraTiming{8.121e-05, {}, {}, {}}));
+  EXPECT_EQ(in.rig.cameras[1].timing, calib::CameraTiming{});
   expect_same(in.rig, and_back(in.rig, {.format = ExchangeFormat::kalibr}).rig);
 }
 
@@ -271,6 +272,53 @@ TEST_F(Exchange, KalibrChainOfThree) {
     EXPECT_THAT(export_rig(rig, {.format = ExchangeFormat::kalibr}).notes,
                 Contains(HasSubstr("the world becomes cam0's frame")));
     expect_same(from_first(rig), and_back(rig, {.format = ExchangeFormat::kalibr}).rig);
+  }
+}
+
+// t_imu = t_stamp + timeshift_cam_imu + row * line delay, so the middle row's latency is -shift - readout / 2.
+TEST_F(Exchange, KalibrTiming) {
+  const std::string shift = "  timeshift_cam_imu: -8.121e-05\n";
+  const auto timing = [&](const std::string& lines) {
+    return import_text("timed.yaml", replaced(camchain, shift, lines)).rig.cameras[0].timing;
+  };
+  const calib::CameraTiming rolling = timing("  timeshift_cam_imu: -0.03\n  line_delay_nanoseconds: 40000\n");
+  EXPECT_NEAR(rolling.readout_s.value(), 40e-6 * 479, 1e-15);
+  EXPECT_NEAR(rolling.latency_s.value(), 0.03 - 20e-6 * 479, 1e-15);
+  EXPECT_NEAR(timing("  line_delay: 4.0e-05\n").readout_s.value(), 40e-6 * 479, 1e-15);
+  EXPECT_FALSE(timing("  line_delay: 4.0e-05\n").latency_s);
+  EXPECT_THAT(error_of("s.yaml", replaced(camchain, shift, "  timeshift_cam_imu: 12.5\n")),
+              AllOf(HasSubstr("s.yaml:11"), HasSubstr("more than a second")));
+  EXPECT_THAT(error_of("l.yaml", replaced(camchain, shift, "  line_delay_nanoseconds: -1\n")), HasSubstr("l.yaml:11"));
+  EXPECT_THAT(error_of("b.yaml", replaced(camchain, shift, "  line_delay: 0\n  line_delay_nanoseconds: 0\n")),
+              HasSubstr("b.yaml:11: cam0.line_delay: is given beside line_delay_nanoseconds"));
+  EXPECT_THAT(error_of("d.yaml", replaced(camchain, shift, "  line_dely: 0\n")), HasSubstr("did you mean line_delay?"));
+
+  // There and back. The format's line delay is in whole nanoseconds.
+  calib::CameraRig rig = some_rig();
+  rig.cameras[0].timing = {0.031, 0.001, 60000e-9 * 479, {}};
+  rig.cameras[1].timing = {-0.002, {}, {}, {}};
+  const calib::CameraRig back = and_back(rig, {.format = ExchangeFormat::kalibr}).rig;
+  EXPECT_NEAR(back.cameras[0].timing.latency_s.value(), 0.031, 1e-15);
+  EXPECT_NEAR(back.cameras[0].timing.readout_s.value(), 60000e-9 * 479, 1e-15);
+  EXPECT_EQ(back.cameras[1].timing, rig.cameras[1].timing);
+  EXPECT_EQ(back.cameras[2].timing, calib::CameraTiming{});
+  EXPECT_THAT(export_rig(rig, {.format = ExchangeFormat::kalibr}).notes,
+              Contains(HasSubstr("cam0: Kalibr has no place for the standard deviations of timing")));
+  rig.cameras[0].timing = {0.01, {}, -0.02, {}};
+  EXPECT_THAT(export_rig(rig, {.format = ExchangeFormat::kalibr}).notes,
+              Contains(HasSubstr("cam0: Kalibr has no place for a sensor that reads upwards")));
+  EXPECT_NEAR(and_back(rig, {.format = ExchangeFormat::kalibr}).rig.cameras[0].timing.latency_s.value(), 0, 1e-15);
+}
+
+TEST_F(Exchange, FormatsWithoutAPlaceForTimingSaySo) {
+  calib::CameraRig rig = some_rig();
+  const auto about_timing = Contains(HasSubstr("has no place for the cameras' timing"));
+  for (const ExchangeFormat format :
+       {ExchangeFormat::ros, ExchangeFormat::opencv, ExchangeFormat::aniposelib, ExchangeFormat::caliscope}) {
+    rig.cameras[1].timing = {};
+    EXPECT_THAT(export_rig(rig, {.format = format}).notes, testing::Not(about_timing));
+    rig.cameras[1].timing.readout_s = 0.02;
+    EXPECT_THAT(export_rig(rig, {.format = format}).notes, about_timing);
   }
 }
 

@@ -34,7 +34,8 @@ inline calib::CameraRig pictured_rig() {
     rig.cameras.push_back({"cam" + std::to_string(c),
                            {320, 240},
                            calib::CameraModel(calib::PinholeRadtan{f, f, 158.5 + c, 121.0 - c}),
-                           solver::looking_at(place, {0, 0, 0.9})});
+                           solver::looking_at(place, {0, 0, 0.9}),
+                           {}});
   }
   return rig;
 }

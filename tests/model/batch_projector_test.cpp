@@ -45,7 +45,7 @@ std::vector<BatchLens> batch_lenses() {
 
 Camera camera(const CameraModel& model) {
   const Rigid3d pose{Eigen::Quaterniond(0.9, 0.1, -0.3, 0.2).normalized(), {0.1, -0.2, 0.4}};
-  return {.name = "c", .image_size = {640, 480}, .model = model, .cam_from_world = pose};
+  return {.name = "c", .image_size = {640, 480}, .model = model, .cam_from_world = pose, .timing = {}};
 }
 
 // All around the camera: in front, at the side and behind.

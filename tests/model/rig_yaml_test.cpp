@@ -232,6 +232,7 @@ void expect_same_bits(const CameraRig& a, const CameraRig& b) {
       expect_same_bits(c.cam_from_world.rotation.coeffs()[k], d.cam_from_world.rotation.coeffs()[k]);
     }
     for (int k = 0; k < 3; ++k) expect_same_bits(c.cam_from_world.translation[k], d.cam_from_world.translation[k]);
+    EXPECT_EQ(c.timing, d.timing);
   }
   EXPECT_EQ(a.made_by, b.made_by);
 }
@@ -263,6 +264,10 @@ TEST_F(RigYaml, WhatIsWrittenReadsBackToTheSameBits) {
       camera.cam_from_world.rotation =
           Eigen::Quaterniond(uniform(rng), uniform(rng), uniform(rng), uniform(rng)).normalized();
       camera.cam_from_world.translation = {3 * uniform(rng), -0.0, 1e-9 * uniform(rng)};
+      if (rng() % 2 == 0) camera.timing.latency_s = 0.05 * uniform(rng);
+      if (rng() % 2 == 0) camera.timing.readout_s = 0.03 * uniform(rng);
+      if (camera.timing.latency_s && rng() % 2 == 0) camera.timing.latency_sigma_s = 1e-3 * (1 + uniform(rng));
+      if (camera.timing.readout_s && rng() % 2 == 0) camera.timing.readout_sigma_s = 1e-3 * (1 + uniform(rng));
       rig.cameras.push_back(camera);
     }
     rig.made_by = {{"tool", "huetrack-calibrate"},
@@ -314,6 +319,55 @@ TEST_F(RigYaml, TheWrittenFormIsThisOne) {
             "      translation: [-1, 0, 2.5]\n"
             "made_by:\n"
             "  tool: \"huetrack-calibrate 0.1\"\n");
+}
+
+// The pose of the left camera ends in this line.
+const std::string end_of_left = "      translation: [0.1, 0.2, 3]\n";
+
+TEST_F(RigYaml, TimingIsOptionalInAllItsParts) {
+  const auto timing = [&](const std::string& map) {
+    const CameraRig rig = read(replaced(end_of_left, end_of_left + "    timing: " + map + "\n"));
+    EXPECT_EQ(rig.cameras[1].timing, CameraTiming{});
+    return rig.cameras[0].timing;
+  };
+  EXPECT_EQ(timing("{latency_s: 0.0316, readout_s: -0.029, latency_sigma_s: 0.0003, readout_sigma_s: 0.0008}"),
+            (CameraTiming{0.0316, 0.0003, -0.029, 0.0008}));
+  EXPECT_EQ(timing("{latency_s: -1, latency_sigma_s: 0}"), (CameraTiming{-1.0, 0.0, {}, {}}));
+  EXPECT_EQ(timing("{readout_s: 0}"), (CameraTiming{{}, {}, 0.0, {}}));
+  EXPECT_EQ(timing("{}"), CameraTiming{});
+  EXPECT_FALSE(timing("{}").is_known());
+}
+
+TEST_F(RigYaml, TimingIsWrittenWhereItIsKnown) {
+  CameraRig rig = read(valid);
+  EXPECT_EQ(to_yaml(rig).find("timing"), std::string::npos);
+  rig.cameras[1].timing = {0.0316, 0.0003, -0.029, 0.0008};
+  EXPECT_THAT(to_yaml(rig), HasSubstr("      translation: [-1, 0, 2.5]\n"
+                                      "    timing: {latency_s: 0.0316, readout_s: -0.029, latency_sigma_s: 3e-04, "
+                                      "readout_sigma_s: 8e-04}\n"));
+  rig.cameras[1].timing = {{}, {}, 0.02, {}};
+  EXPECT_THAT(to_yaml(rig), HasSubstr("    timing: {readout_s: 0.02}\n"));
+  EXPECT_NE(rig_identity(rig), rig_identity(read(valid)));
+}
+
+TEST_F(RigYaml, EveryMistakeInTimingHasItsOwnMessage) {
+  const std::vector<std::pair<std::string, std::string>> mistakes{
+      {"{latncy_s: 0.01}", "rig.yaml:11: cameras.left.timing.latncy_s is not a known key (did you mean latency_s?)"},
+      {"{readout: 0.01}", "rig.yaml:11: cameras.left.timing.readout is not a known key (did you mean readout_s?)"},
+      {"{latency_s: 31.6}", "rig.yaml:11: cameras.left.timing.latency_s must be from -1 to 1 (is 31.6)"},
+      {"{readout_s: -2}", "rig.yaml:11: cameras.left.timing.readout_s must be from -1 to 1 (is -2)"},
+      {"{readout_s: .nan}", "rig.yaml:11: cameras.left.timing.readout_s must be a number, got \".nan\""},
+      {"{latency_s: 0, latency_sigma_s: -0.001}",
+       "rig.yaml:11: cameras.left.timing.latency_sigma_s must be from 0 to 1 (is -0.001)"},
+      {"{readout_s: 0, readout_sigma_s: 2}",
+       "rig.yaml:11: cameras.left.timing.readout_sigma_s must be from 0 to 1 (is 2)"},
+      {"{latency_sigma_s: 0.001}", "rig.yaml:3: cameras.left: timing: latency_sigma_s needs latency_s beside it"},
+      {"{latency_s: 0.01, readout_sigma_s: 0.001}",
+       "rig.yaml:3: cameras.left: timing: readout_sigma_s needs readout_s beside it"},
+      {"0.03", "rig.yaml:11: cameras.left.timing must be a mapping (key: value), got \"0.03\""},
+  };
+  for (const auto& [map, message] : mistakes)
+    EXPECT_EQ(error_of(replaced(end_of_left, end_of_left + "    timing: " + map + "\n")), message) << map;
 }
 
 TEST_F(RigYaml, TheIdentityChangesWithAnyNumber) {

@@ -10,12 +10,14 @@
 namespace huetrack::calib {
 namespace {
 
-double uniform_in_2(std::mt19937_64& rng) {
+constexpr double half_turn = std::numbers::pi;
+
+double random_1(std::mt19937_64& rng) {
   return static_cast<double>(rng() >> 11) * 0x1p-53 * 2 - 1;
 }
 
 Eigen::Vector3d random_vector(std::mt19937_64& rng) {
-  return {uniform_in_2(rng), uniform_in_2(rng), uniform_in_2(rng)};
+  return {random_1(rng), random_1(rng), random_1(rng)};
 }
 
 Eigen::Matrix4d matrix(const Rigid3d& t) {
@@ -39,33 +41,18 @@ Eigen::Matrix4d exponential_series(const Tangent6d& tangent) {
 }
 
 // Angles at both ends of the closed forms, and at the border to their series.
-const std::vector<double> angles{0,
-                                 1e-300,
-                                 1e-12,
-                                 1e-8,
-                                 1e-5,
-                                 9.99e-4,
-                                 1.0e-3,
-                                 1.001e-3,
-                                 1.999e-3,
-                                 2e-3,
-                                 0.1,
-                                 1,
-                                 pi / 2,
-                                 std::numbers::pi - 1e-3,
-                                 std::numbers::pi - 1e-6,
-                                 std::numbers::pi - 1e-9,
-                                 std::numbers::pi};
+const std::vector<double> angles{
+    0,        1e-300, 1e-12, 1e-8, 1e-5,          9.99e-4,          1.0e-3,           1.001e-3,
+    1.999e-3, 2e-3,   0.1,   1,    half_turn / 2, half_turn - 1e-3, half_turn - 1e-6, half_turn - 1e-9,
+    half_turn};
 
 TEST(Rigid3, ComposeAndInverseAreThoseOfMatrices) {
   std::mt19937_64 rng(1);
   for (int i = 0; i < 100; ++i) {
-    const Rigid3d a_from_b{
-        Eigen::Quaterniond(uniform_in_2(rng), uniform_in_2(rng), uniform_in_2(rng), uniform_in_2(rng)).normalized(),
-        random_vector(rng)};
-    const Rigid3d b_from_c{
-        Eigen::Quaterniond(uniform_in_2(rng), uniform_in_2(rng), uniform_in_2(rng), uniform_in_2(rng)).normalized(),
-        random_vector(rng)};
+    const Rigid3d a_from_b{Eigen::Quaterniond(random_1(rng), random_1(rng), random_1(rng), random_1(rng)).normalized(),
+                           random_vector(rng)};
+    const Rigid3d b_from_c{Eigen::Quaterniond(random_1(rng), random_1(rng), random_1(rng), random_1(rng)).normalized(),
+                           random_vector(rng)};
     EXPECT_LT((matrix(a_from_b * b_from_c) - matrix(a_from_b) * matrix(b_from_c)).norm(), 1e-14);
     EXPECT_LT((matrix(inverse(a_from_b)) - matrix(a_from_b).inverse()).norm(), 1e-14);
     const Eigen::Vector3d p = random_vector(rng);
@@ -94,11 +81,11 @@ TEST(Rigid3, LogUndoesExp) {
       tangent << random_vector(rng).normalized() * angle, random_vector(rng) * 3;
       const Tangent6d back = log(exp(tangent));
       // At pi both axes are the same rotation; and the pose must be the same in any case.
-      if (angle < std::numbers::pi - 1e-8) {
+      if (angle < half_turn - 1e-8) {
         EXPECT_LT((back - tangent).norm(), 1e-13) << angle;
       }
       EXPECT_LT((matrix(exp(back)) - matrix(exp(tangent))).norm(), 1e-13) << angle;
-      EXPECT_LE(back.head<3>().norm(), std::numbers::pi + 1e-15) << angle;
+      EXPECT_LE(back.head<3>().norm(), half_turn + 1e-15) << angle;
       if (angle > 1e-299) {
         EXPECT_NEAR(back.head<3>().norm() / angle, 1, 1e-12);
       }

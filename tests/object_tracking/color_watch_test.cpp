@@ -37,7 +37,7 @@ capture::WritableImage disc(Rgb color, double u0, double v0, double radius) {
 TEST(ColorInside, IsTheDiscsWhateverItsColour) {
   const auto image = disc({0.2, 0.6, 0.1}, 30, 30, 8);
   const Hsi expected = hsi_of({51 / 255.0, 153 / 255.0, 25 / 255.0});
-  const auto seen = color_inside(image.image, {30, 30}, 8, 90);
+  const auto seen = color_inside(image.image, {30, 30}, 5, 90);
   ASSERT_TRUE(seen);
   EXPECT_NEAR(seen->median[0], expected.hue_deg - 90, 1e-9);
   EXPECT_NEAR(seen->median[1], expected.saturation, 1e-9);
@@ -45,14 +45,14 @@ TEST(ColorInside, IsTheDiscsWhateverItsColour) {
   EXPECT_THAT(seen->below, Each(testing::DoubleNear(0, 1e-9)));
   EXPECT_THAT(seen->above, Each(testing::DoubleNear(0, 1e-9)));
   // The hue counts from where it is told to, through 0.
-  EXPECT_NEAR(color_inside(image.image, {30, 30}, 8, 350)->median[0], expected.hue_deg + 10, 1e-9);
+  EXPECT_NEAR(color_inside(image.image, {30, 30}, 5, 350)->median[0], expected.hue_deg + 10, 1e-9);
 }
 
 TEST(ColorInside, WhatHidesLessThanHalfMovesNothing) {
   auto image = disc({0.2, 0.6, 0.1}, 30, 30, 8);
   for (int v = 0; v < 64; ++v)
     for (int u = 32; u < 64; ++u) image.data[0][v * image.image.planes[0].stride + 3 * u] = 200;  // blue
-  const auto seen = color_inside(image.image, {30, 30}, 8, 90);
+  const auto seen = color_inside(image.image, {30, 30}, 5, 90);
   ASSERT_TRUE(seen);
   EXPECT_NEAR(seen->median[0], hsi_of({51 / 255.0, 153 / 255.0, 25 / 255.0}).hue_deg - 90, 1e-9);
   EXPECT_NEAR(seen->above[0], 0, 1e-9);
@@ -60,10 +60,10 @@ TEST(ColorInside, WhatHidesLessThanHalfMovesNothing) {
 
 TEST(ColorInside, NothingIsSaidAtTheBorderNorOfGreys) {
   const auto image = disc({0.2, 0.6, 0.1}, 3, 30, 8);
-  EXPECT_FALSE(color_inside(image.image, {3, 30}, 8, 90));
-  EXPECT_FALSE(color_inside(image.image, {std::nanf(""), 30}, 8, 90));
-  EXPECT_FALSE(color_inside(image.image, {30, 30}, 1.5f, 90));  // three pixels
-  const auto grey = color_inside(image.image, {40, 30}, 8, 90);
+  EXPECT_FALSE(color_inside(image.image, {3, 30}, 5, 90));
+  EXPECT_FALSE(color_inside(image.image, {std::nanf(""), 30}, 5, 90));
+  EXPECT_FALSE(color_inside(image.image, {30, 30}, 1.2f, 90));  // five pixels
+  const auto grey = color_inside(image.image, {45, 30}, 5, 90);
   ASSERT_TRUE(grey);
   EXPECT_TRUE(std::isnan(grey->median[0]));
   EXPECT_EQ(grey->median[1], 0);
@@ -104,11 +104,11 @@ SeenColor seen_at(double hue, double saturation, double intensity) {
 TEST(ColorFollower, MovesAsLittleAsItMust) {
   const HsiRange taught{65, 115, 0.3, 1, 0.1, 0.95};
   EXPECT_THAT(wanted_shift(taught, seen_at(0, 0.7, 0.5)), Each(0));
-  EXPECT_THAT(wanted_shift(taught, seen_at(14, 0.7, 0.5)), Each(0));  // 11 from the end: twice 3, and the noise
-  EXPECT_NEAR(wanted_shift(taught, seen_at(22, 0.7, 0.5))[0], 7, 1e-9);
-  EXPECT_NEAR(wanted_shift(taught, seen_at(-22, 0.7, 0.5))[0], -7, 1e-9);
+  EXPECT_THAT(wanted_shift(taught, seen_at(11, 0.7, 0.5)), Each(0));  // 14 from the end: twice 3 and the noise
+  EXPECT_NEAR(wanted_shift(taught, seen_at(22, 0.7, 0.5))[0], 10, 1e-9);
+  EXPECT_NEAR(wanted_shift(taught, seen_at(-22, 0.7, 0.5))[0], -10, 1e-9);
   EXPECT_EQ(wanted_shift(taught, seen_at(90, 0.7, 0.5))[0], 20);  // another colour
-  EXPECT_NEAR(wanted_shift(taught, seen_at(0, 0.35, 0.5))[1], -0.05, 1e-9);
+  EXPECT_NEAR(wanted_shift(taught, seen_at(0, 0.37, 0.5))[1], -0.05, 1e-9);
   EXPECT_NEAR(wanted_shift(taught, seen_at(0, 0.02, 0.5))[1], -0.15, 1e-9);
   EXPECT_NEAR(wanted_shift({65, 115, 0.2, 1, 0.1, 0.9}, seen_at(0, 0.02, 0.5))[1], -0.05, 1e-9);  // greys begin
   EXPECT_EQ(wanted_shift(taught, seen_at(0, 1, 0.5))[1], 0);  // a colour cannot be too strong
@@ -196,7 +196,9 @@ TEST_F(Wandering, IsSaidBeforeTheObjectIsLost) {
 }
 
 TEST_F(Wandering, IsSaidOfTheCameraWhereItIsAndWithdrawn) {
-  const auto there_and_back = [](double t) { return t < 7 ? turning(t) : turning(14 - t); };
+  const auto there_and_back = [](double t) {  // to 22 degrees, where 1 is left
+    return std::clamp(t < 6 ? 5 * (t - 1) : 5 * (12 - t), 0.0, 22.0);
+  };
   ObjectTracker tracker(world.rig, lime(false), {});
   bool was_near = false;
   for (const auto& set : scene::wandering(second, fps, 14, there_and_back, 1)) {

@@ -65,7 +65,8 @@ inline SyntheticCapture synthetic_capture(const SyntheticOptions& options = {}) 
     capture.rig.cameras.push_back({"cam" + std::to_string(c),
                                    {640, 480},
                                    models[static_cast<std::size_t>(c) % models.size()],
-                                   looking_at(place, {0, 0, 1.0})});
+                                   looking_at(place, {0, 0, 1.0}),
+                                   {}});
   }
   Eigen::Vector3d centre = Eigen::Vector3d::Zero();
   for (int id = 0; id < capture.board.point_count(); ++id)

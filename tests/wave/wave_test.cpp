@@ -292,7 +292,57 @@ TEST(Wave, FindsTimesWithThePosesHeld) {
   for (std::size_t c = 0; c < 3; ++c)
     EXPECT_EQ((r.rig.cameras[c].centre() - truth.cameras[c].centre()).norm(), 0) << "camera " << c;
   // Poses that are not right are found out.
-  EXPECT_FALSE(is_usable(calibrate_wave(spoilt(truth, 0.05, 1), waved(truth, {.times = webcam_times}), options)));
+  EXPECT_THAT(failure(spoilt(truth, 0.05, 1), waved(truth, {.times = webcam_times}), options),
+              HasSubstr("agree with the poses that the rig has"));
+}
+
+struct TimeFault {
+  const char* what;
+  std::function<void(std::vector<BallFrame>&)> put;  // in camera 1
+  const char* doubt;                                 // "": none is needed
+};
+
+std::function<void(std::vector<BallFrame>&)> late(const std::function<double(double)>& by) {
+  return [by](std::vector<BallFrame>& frames) {
+    for (BallFrame& f : frames) f.t_s += f.camera == 1 ? by(f.t_s) : 0;
+  };
+}
+
+// Nothing is called usable that is off by more than three times what is stated; what is wrong is named.
+TEST(Wave, TimesThatAreNotAsBelievedAreFoundOut) {
+  const calib::CameraRig truth = rig_of(3);
+  const Waving waving{.offset_s = {0, 0.011, 0.023}, .times = webcam_times};
+  const auto repeat = [](std::vector<BallFrame>& frames) {
+    BallFrame* before = nullptr;
+    int number = 0;
+    for (BallFrame& f : frames) {
+      if (f.camera != 1) continue;
+      if (before != nullptr && ++number % 3 == 0) f.regions = before->regions;
+      before = &f;
+    }
+  };
+  for (const TimeFault& fault : {
+           TimeFault{"nothing", late([](double) { return 0.0; }), ""},
+           TimeFault{"late by much", late([](double) { return 0.12; }), ""},
+           TimeFault{"a step", late([](double t) { return t > 4 ? 0.015 : 0.0; }), "as if its stamps wandered"},
+           TimeFault{"a swing", late([](double t) { return 0.012 * std::sin(2 * t); }), "as if its stamps wandered"},
+           TimeFault{"another rate", late([](double t) { return 0.01 * t; }), "as if its stamps wandered"},
+           TimeFault{"repeated frames", repeat, "as if it repeated frames"},
+       }) {
+    SCOPED_TRACE(fault.what);
+    std::vector<BallFrame> frames = waved(truth, waving);
+    fault.put(frames);
+    const WaveResult r = calibrate_wave(spoilt(truth, 0.1, 3), frames, taped(truth));
+    const report::WaveReport report = report::report_on(r);
+    if (fault.doubt[0] == '\0') {
+      EXPECT_TRUE(is_usable(r)) << report::to_text(report, r);
+      double stated = 0;
+      for (const WaveCamera& camera : r.cameras) stated = std::max(stated, camera.centre_sigma_m.norm());
+      EXPECT_LT(off(r.rig, truth).metres, 3 * stated);
+    } else {
+      EXPECT_THAT(report.doubts, testing::Contains(AllOf(testing::StartsWith("cam1"), HasSubstr(fault.doubt))));
+    }
+  }
 }
 
 // What the rig says of the times is believed as far as its own uncertainty says, unless the recording contradicts it.

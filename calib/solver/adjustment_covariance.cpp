@@ -1,0 +1,287 @@
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+
+#include "calib/model/index.h"
+#include "calib/solver/adjustment_steps.h"
+
+namespace huetrack::solver {
+namespace {
+
+using calib::index;
+using Eigen::MatrixXd;
+using Eigen::Vector2d;
+using Eigen::VectorXd;
+
+// Pixels of today's cameras are square. A lens by itself that comes out otherwise tells how wrong it is, in a way that
+// its residuals cannot (few views, a board that is not flat, a rolling shutter): it is widened until square pixels are
+// one standard deviation away. free: which parameters the rows of the covariance are.
+void widen_where_pixels_are_not_square(const Adjustment& a, const std::vector<int>& free, MatrixXd& covariance) {
+  // In a joint adjustment it is not known what else such a lens has bent.
+  if (a.cameras.size() != 1 || !a.cameras.front().lens_is_free || free.size() < 2 || free[0] != 0 || free[1] != 1)
+    return;
+  const double fx = a.cameras.front().parameters(0), fy = a.cameras.front().parameters(1);
+  const double off = std::abs(fx / fy - 1);
+  const double sigma = std::sqrt(
+      std::max(0.0, covariance(0, 0) / (fx * fx) + covariance(1, 1) / (fy * fy) - 2 * covariance(0, 1) / (fx * fy)));
+  constexpr double least = 0.01;  // some cameras' are a little off in truth
+  if (off < least || off < sigma || sigma <= 0) return;
+  covariance *= off / sigma * off / sigma;
+}
+
+// Where the parameters are in the covariance.
+struct ParameterLayout {
+  int size = 0;         // of all
+  int camera_size = 0;  // of the cameras', which come first
+  int bend_offset = -1;
+  std::vector<int> free, held;  // parameters that were adjusted; and those that were not, though they are not exact
+};
+
+// Sets lens_offset, pose_offset and time_offset, too.
+ParameterLayout lay_out(Adjustment& a) {
+  ParameterLayout layout;
+  a.lens_offset.assign(a.cameras.size(), -1);
+  a.pose_offset.assign(a.cameras.size(), -1);
+  a.time_offset.assign(a.cameras.size(), -1);
+  for (std::size_t c = 0; c < a.cameras.size(); ++c) {
+    if (a.views_used(static_cast<int>(c)) == 0) continue;
+    if (a.cameras[c].lens_is_free || a.cameras[c].lens_covariance.size() > 0) {
+      a.lens_offset[c] = layout.size;
+      const int count = parameter_count(a.cameras[c].lens);
+      for (int i = 0; i < count; ++i)
+        (a.cameras[c].lens_is_free ? layout.free : layout.held).push_back(layout.size + i);
+      layout.size += count;
+    }
+    if (a.cameras[c].pose_is_free) {
+      a.pose_offset[c] = layout.size;
+      for (int i = 0; i < 6; ++i) layout.free.push_back(layout.size + i);
+      layout.size += 6;
+    }
+  }
+  for (std::size_t c = 0; c < a.cameras.size() && !a.motions.empty(); ++c) {
+    if (a.views_used(static_cast<int>(c)) == 0) continue;
+    a.time_offset[c] = layout.size;
+    for (const AdjustedTime* time : {&a.cameras[c].latency, &a.cameras[c].readout}) {
+      if (time->prior_sigma_s > 0) layout.free.push_back(layout.size);
+      ++layout.size;
+    }
+  }
+  layout.camera_size = layout.size;
+  if (a.bend_is_free) {
+    layout.bend_offset = layout.size;
+    for (int i = 0; i < 2; ++i) layout.free.push_back(layout.size++);
+  }
+  return layout;
+}
+
+// view_in_set: which one of its set's.
+void add_view(const Adjustment& a, std::size_t v, int view_in_set, const BoardShape& shape,
+              const ParameterLayout& layout, SetEquations& set) {
+  const BoardView& view = a.views[v];
+  const std::size_t c = index(view.camera);
+  const AdjustedCamera& camera = a.cameras[c];
+  const bool moves = a.moves(view.set), is_laid_out = layout.size > 0;
+  const int lens_size = is_laid_out && a.lens_offset[c] >= 0 ? parameter_count(camera.lens) : 0;  // held ones too
+  const int pose_size = is_laid_out && a.pose_offset[c] >= 0 ? 6 : 0;
+  const int time_size = is_laid_out && moves && a.time_offset[c] >= 0 ? 2 : 0;
+  const int bend_size = layout.bend_offset >= 0 ? 2 : 0;
+  const int local = lens_size + pose_size + time_size + bend_size, own = static_cast<int>(set.by_own.rows());
+  std::vector<int> at;  // where the local parameters are in the global ones
+  for (int i = 0; i < lens_size; ++i) at.push_back(a.lens_offset[c] + i);
+  for (int i = 0; i < pose_size; ++i) at.push_back(a.pose_offset[c] + i);
+  for (int i = 0; i < time_size; ++i) at.push_back(a.time_offset[c] + i);
+  for (int i = 0; i < bend_size; ++i) at.push_back(layout.bend_offset + i);
+  MatrixXd jtj = MatrixXd::Zero(local, local), jtb = MatrixXd::Zero(local, own), j(2, local),
+           j_own = MatrixXd::Zero(2, own);
+  VectorXd jtr = VectorXd::Zero(local);
+  for (std::size_t k = 0; k < view.ids.size(); ++k) {
+    if (!a.fits[v].used[k]) continue;
+    Vector2d r;
+    CornerDerivatives d;
+    if (!corner_residual(a, shape, v, k, r, &d)) continue;
+    set.residuals += 2;
+    if (lens_size > 0) j.leftCols(lens_size) = d.by_lens.leftCols(lens_size);
+    if (pose_size > 0) j.middleCols(lens_size, 6) = d.by_camera;
+    if (time_size > 0) {
+      j.col(lens_size + pose_size) = -d.by_time;
+      j.col(lens_size + pose_size + 1) = corner_of(a, shape, v, k).below_middle * d.by_time;
+    }
+    if (bend_size > 0) j.rightCols(2) = d.by_bend;
+    j_own.leftCols<6>() = d.by_board;
+    if (moves) {
+      j_own.middleCols<12>(own_course_at) = d.by_course;
+      j_own.col(own_stamps_at + view_in_set) = d.by_time;
+    }
+    jtj.noalias() += j.transpose() * j;
+    jtb.noalias() += j.transpose() * j_own;
+    jtr.noalias() += j.transpose() * r;
+    set.by_own.noalias() += j_own.transpose() * j_own;
+    set.own_gradient.noalias() += j_own.transpose() * r;
+    set.cost += r.squaredNorm();
+  }
+  for (int i = 0; i < local; ++i) {
+    for (int k = 0; k < local; ++k) set.by_parameters(at[index(i)], at[index(k)]) += jtj(i, k);
+    set.mixed.row(at[index(i)]) += jtb.row(i);
+    set.gradient(at[index(i)]) += jtr(i);
+  }
+}
+
+SetEquations set_equations(const Adjustment& a, const BoardShape& shape, const ParameterLayout& layout,
+                           std::size_t first, std::size_t last) {
+  const int number = a.views[first].set, views = static_cast<int>(last - first);
+  SetEquations set(layout.size, a.moves(number) ? own_stamps_at + views : own_course_at);
+  for (std::size_t v = first; v < last; ++v) add_view(a, v, static_cast<int>(v - first), shape, layout, set);
+  if (!a.moves(number) || set.residuals == 0) return set;
+  // What is known beforehand, in pixels.
+  const BoardMotion& motion = a.motions[index(number)];
+  const auto add_prior = [&](const std::vector<int>& at, const MatrixXd& j, const VectorXd& off,
+                             const MatrixXd& information) {
+    const MatrixXd weight = a.noise_px * a.noise_px * information;
+    set.by_own(at, at) += j.transpose() * weight * j;
+    set.own_gradient(at) += j.transpose() * weight * off;
+    set.cost += off.dot(weight * off);
+    set.residuals += static_cast<int>(off.size());
+  };
+  const BoardMotion::Course off = course_off(motion, a.world_from_board[index(number)]);
+  for (int i = 0; i < 6; ++i) {
+    Eigen::Matrix<double, 2, 3> j;  // by the pose, the course and its change
+    j << -motion.by_place.row(i).transpose(), Eigen::Matrix2d::Identity();
+    add_prior({i, own_course_at + i, own_course_at + 6 + i}, j, off.row(i).transpose(), motion.information[index(i)]);
+  }
+  const MatrixXd of_stamp = MatrixXd::Constant(1, 1, 1 / (a.stamp_sigma_s * a.stamp_sigma_s));
+  for (std::size_t v = first; v < last; ++v)
+    add_prior({own_stamps_at + static_cast<int>(v - first)}, MatrixXd::Identity(1, 1),
+              VectorXd::Constant(1, a.stamp_error_s[v]), of_stamp);
+  return set;
+}
+
+// The normal equations of all views, with what is the sets' own eliminated.
+struct NormalEquations {
+  struct OfSet {
+    MatrixXd information;
+    VectorXd gradient;
+  };
+  std::vector<OfSet> of_sets;
+  MatrixXd information;  // of all
+  double cost = 0;       // the residuals' squares
+  int residuals = 0, own = 0;
+};
+
+NormalEquations normal_equations(const Adjustment& a, const BoardShape& shape, const ParameterLayout& layout) {
+  NormalEquations equations;
+  equations.information = MatrixXd::Zero(layout.size, layout.size);
+  for (std::size_t v = 0; v < a.views.size();) {
+    const std::size_t first = v;
+    while (v < a.views.size() && a.views[v].set == a.views[first].set) ++v;
+    const SetEquations set = set_equations(a, shape, layout, first, v);
+    equations.cost += set.cost;
+    if (set.residuals == 0) continue;
+    equations.residuals += set.residuals;
+    equations.own += static_cast<int>(set.by_own.rows());
+    const Eigen::LDLT<MatrixXd> solver(set.by_own);
+    equations.of_sets.push_back({set.by_parameters - set.mixed * solver.solve(set.mixed.transpose()),
+                                 set.gradient - set.mixed * solver.solve(set.own_gradient)});
+    equations.information += equations.of_sets.back().information;
+  }
+  for (std::size_t c = 0; c < a.cameras.size(); ++c) {
+    if (a.time_offset[c] < 0) continue;
+    int at = a.time_offset[c];
+    for (const AdjustedTime* time : {&a.cameras[c].latency, &a.cameras[c].readout}) {
+      if (time->prior_sigma_s > 0) {
+        const double weight = a.noise_px / time->prior_sigma_s, off = time->value_s - time->prior_s;
+        equations.information(at, at) += weight * weight;
+        equations.cost += weight * weight * off * off;
+        ++equations.residuals;
+      }
+      ++at;
+    }
+  }
+  return equations;
+}
+
+// Directions without information get a huge variance rather than a wrong one. scale: see find_covariance().
+MatrixXd inverse_of(const MatrixXd& information, const VectorXd& scale) {
+  const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(scale.asDiagonal() * information * scale.asDiagonal());
+  const VectorXd inverse_values = eigen.eigenvalues().cwiseMax(1e-13).cwiseInverse();
+  return scale.asDiagonal() * eigen.eigenvectors() * inverse_values.asDiagonal() * eigen.eigenvectors().transpose() *
+         scale.asDiagonal();
+}
+
+// The parameters' variances by leaving out one set after another and looking how far that moves them (jackknife):
+// larger than by the noise where the corners of one moment err together, as with blur, a bent board or cameras out of
+// step.
+VectorXd jackknife_variances(const NormalEquations& equations, const MatrixXd& information, const VectorXd& scale,
+                             const std::vector<int>& free) {
+  const int sets = static_cast<int>(equations.of_sets.size());
+  VectorXd spread = VectorXd::Zero(information.rows());
+  for (const NormalEquations::OfSet& set : equations.of_sets) {
+    const MatrixXd others =
+        scale.asDiagonal() * (information - MatrixXd(set.information(free, free))) * scale.asDiagonal();
+    const VectorXd gradient = scale.asDiagonal() * VectorXd(set.gradient(free));
+    const VectorXd move =
+        scale.asDiagonal() *
+        (others + 1e-12 * MatrixXd::Identity(information.rows(), information.cols())).ldlt().solve(gradient);
+    spread += move.cwiseAbs2() * (sets - 1) / sets;
+  }
+  return spread;
+}
+
+// An error of what was held moves what was adjusted. covariance: of the free ones, to which that is added.
+void add_held(const Adjustment& a, const ParameterLayout& layout, const MatrixXd& information,
+              const MatrixXd& inverse_of_free, MatrixXd& covariance) {
+  const auto &free = layout.free, &held = layout.held;
+  MatrixXd of_held = MatrixXd::Zero(layout.size, layout.size);
+  for (std::size_t c = 0; c < a.cameras.size(); ++c) {
+    const MatrixXd& known = a.cameras[c].lens_covariance;
+    if (a.lens_offset[c] < 0 || a.cameras[c].lens_is_free) continue;
+    of_held.block(a.lens_offset[c], a.lens_offset[c], known.rows(), known.cols()) = known;
+  }
+  const MatrixXd moved = -inverse_of_free * information(free, held);
+  const MatrixXd held_only = of_held(held, held);
+  covariance(free, free) += moved * held_only * moved.transpose();
+  covariance(free, held) = moved * held_only;
+  covariance(held, free) = held_only * moved.transpose();
+  covariance(held, held) = held_only;
+}
+
+}  // namespace
+
+SetEquations own_equations(const Adjustment& a, const BoardShape& shape, std::size_t first, std::size_t last) {
+  return set_equations(a, shape, {}, first, last);
+}
+
+void find_covariance(Adjustment& a, const BoardShape& shape) {
+  const ParameterLayout layout = lay_out(a);
+  const auto& free = layout.free;
+  const NormalEquations equations = normal_equations(a, shape, layout);
+  const int sets = static_cast<int>(equations.of_sets.size());
+  const int freedom = equations.residuals - static_cast<int>(free.size()) - equations.own;
+  a.noise_px = std::sqrt(equations.cost / std::max(1, freedom));
+  MatrixXd covariance = MatrixXd::Zero(layout.size, layout.size);
+  if (!free.empty()) {
+    const MatrixXd information = equations.information(free, free);
+    // Scaled to a unit diagonal: focal lengths and radians differ by many powers of ten.
+    const VectorXd scale = information.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
+    const MatrixXd inverse = inverse_of(information, scale);
+    MatrixXd of_free = a.noise_px * a.noise_px * inverse;
+    // The jackknife widens the bounds but never narrows them: few sets tell little.
+    if (sets > 2) {
+      const VectorXd spread = jackknife_variances(equations, information, scale, free);
+      const VectorXd widen = (spread.array() / of_free.diagonal().array()).cwiseMax(1).sqrt();
+      of_free = widen.asDiagonal() * of_free * widen.asDiagonal();
+    }
+    widen_where_pixels_are_not_square(a, free, of_free);
+    covariance(free, free) = of_free;
+    if (!layout.held.empty()) add_held(a, layout, equations.information, inverse, covariance);
+  }
+  a.covariance = covariance.topLeftCorner(layout.camera_size, layout.camera_size);
+  for (std::size_t c = 0; c < a.cameras.size(); ++c) {
+    if (a.time_offset[c] < 0) continue;
+    const auto sigma = a.covariance.diagonal().segment<2>(a.time_offset[c]).cwiseSqrt();
+    a.cameras[c].latency.sigma_s = sigma(0);
+    a.cameras[c].readout.sigma_s = sigma(1);
+  }
+}
+
+}  // namespace huetrack::solver

@@ -1,0 +1,244 @@
+#include <ceres/loss_function.h>
+#include <ceres/problem.h>
+#include <ceres/solver.h>
+#include <glog/logging.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "calib/model/index.h"
+#include "calib/solver/adjustment_steps.h"
+#include "calib/solver/corner_cost.h"
+
+namespace huetrack::solver {
+namespace {
+
+using calib::index;
+
+// How far a lens has to reach for its image's corners; a bit further than it does, when it folds before.
+double reach_of(const AdjustedCamera& camera) {
+  const calib::CameraModel model = camera.model();
+  double reach = 0;
+  const double right = camera.image_size.width - 1, bottom = camera.image_size.height - 1;
+  for (const calib::RawPixel& corner : {calib::RawPixel{{0, 0}}, calib::RawPixel{{right, 0}},
+                                        calib::RawPixel{{0, bottom}}, calib::RawPixel{{right, bottom}}}) {
+    const auto ray = model.ray(corner);
+    const bool pinhole = camera.lens != LensModel::fisheye;
+    if (ray && (!pinhole || ray->z() > 0.05)) {
+      const double rho = ray->head<2>().norm();
+      reach = std::max(reach, pinhole ? rho / ray->z() : std::atan2(rho, ray->z()));
+    } else {
+      reach = std::max(reach, 1.15 * (pinhole ? std::sqrt(std::min(model.limit(), 400.0)) : model.limit()));
+    }
+  }
+  return reach;
+}
+
+// Ceres tells of every step that it has to take back; the outcome is looked at here anyway. Once for all: adjustments
+// may run on several threads.
+void silence_ceres() {
+  static const bool done = [] {
+    FLAGS_minloglevel = google::GLOG_FATAL;
+    return true;
+  }();
+  static_cast<void>(done);
+}
+
+// What Ceres moves. It orders parameter blocks by their addresses, and the order decides the last digits: so all of the
+// cameras' lie in one piece of memory, and all of the boards' in another.
+class ParameterBlocks {
+ public:
+  explicit ParameterBlocks(const Adjustment& a)
+      : cameras_(a.cameras.size() + 1), view_in_set_(a.views.size()), views_of_(a.world_from_board.size()) {
+    std::copy_n(a.bend.data(), 2, bend());
+    for (std::size_t c = 0; c < a.cameras.size(); ++c) {
+      std::copy_n(a.cameras[c].parameters.data(), 12, lens(c));
+      write_pose(a.cameras[c].cam_from_world, pose(c));
+      cameras_[c].times = {a.cameras[c].latency.value_s, a.cameras[c].readout.value_s};
+    }
+    for (std::size_t v = 0; v < a.views.size(); ++v) view_in_set_[v] = views_of_[index(a.views[v].set)]++;
+    for (std::size_t s = 0; s < views_of_.size(); ++s) {
+      board_at_.push_back(boards_.size());
+      boards_.resize(boards_.size() + index(a.moves(static_cast<int>(s)) ? stamps_at + views_of_[s] : pose_block_size));
+    }
+    for (std::size_t s = 0; s < views_of_.size(); ++s) {
+      write_pose(a.world_from_board[s], board(s));
+      if (a.moves(static_cast<int>(s))) std::copy_n(a.motions[s].course.data(), 12, board(s) + course_at);
+    }
+    for (std::size_t v = 0; v < a.views.size(); ++v) {
+      if (a.moves(a.views[v].set)) *stamp_error(a, v) = a.stamp_error_s[v];
+    }
+  }
+
+  double* lens(std::size_t camera) { return cameras_[camera].lens.data(); }
+  double* pose(std::size_t camera) { return cameras_[camera].pose.data(); }
+  double* times(std::size_t camera) { return cameras_[camera].times.data(); }  // latency, readout
+  double* board(std::size_t set) { return boards_.data() + board_at_[set]; }
+  double* bend() { return cameras_.back().lens.data(); }
+  int view_in_set(std::size_t view) const { return view_in_set_[view]; }
+  int views_of(std::size_t set) const { return views_of_[set]; }
+
+  void put_into(Adjustment& a) {
+    const auto normalized = [](const double* block) {
+      calib::Rigid3d pose = read_pose(block);
+      pose.rotation.normalize();
+      return pose;
+    };
+    for (std::size_t c = 0; c < a.cameras.size(); ++c) {
+      std::copy_n(lens(c), 12, a.cameras[c].parameters.data());
+      a.cameras[c].cam_from_world = normalized(pose(c));
+      a.cameras[c].latency.value_s = times(c)[0];
+      a.cameras[c].readout.value_s = times(c)[1];
+    }
+    for (std::size_t s = 0; s < views_of_.size(); ++s) {
+      a.world_from_board[s] = normalized(board(s));
+      if (a.moves(static_cast<int>(s))) std::copy_n(board(s) + course_at, 12, a.motions[s].course.data());
+    }
+    for (std::size_t v = 0; v < a.views.size(); ++v) {
+      if (a.moves(a.views[v].set)) a.stamp_error_s[v] = *stamp_error(a, v);
+    }
+    a.bend = {bend()[0], bend()[1]};
+  }
+
+ private:
+  double* stamp_error(const Adjustment& a, std::size_t view) {
+    return board(index(a.views[view].set)) + stamps_at + view_in_set_[view];
+  }
+
+  struct CameraBlocks {
+    std::array<double, 12> lens;
+    std::array<double, pose_block_size> pose;
+    std::array<double, 2> times;
+  };
+  std::vector<CameraBlocks> cameras_;  // the last one's lens block holds the bend
+  std::vector<double> boards_;
+  std::vector<std::size_t> board_at_;  // in boards_, per set
+  std::vector<int> view_in_set_;       // per view: which one of its set's
+  std::vector<int> views_of_;          // per set
+};
+
+// Which cameras and sets some corner speaks for.
+struct UsedBlocks {
+  std::vector<bool> cameras, boards;
+  std::vector<bool> timed;  // cameras that see a board that moves
+};
+
+// One residual per used corner. robust_px: see solve().
+UsedBlocks add_corners(ceres::Problem& problem, const Adjustment& a, const BoardShape& shape, ParameterBlocks& blocks,
+                       double robust_px) {
+  UsedBlocks used{std::vector<bool>(a.cameras.size()), std::vector<bool>(a.world_from_board.size()),
+                  std::vector<bool>(a.cameras.size())};
+  // One loss for all: it has no state.
+  ceres::LossFunction* loss = robust_px > 0 ? new ceres::CauchyLoss(robust_px) : nullptr;
+  for (std::size_t v = 0; v < a.views.size(); ++v) {
+    const BoardView& view = a.views[v];
+    const std::size_t c = index(view.camera), s = index(view.set);
+    for (std::size_t k = 0; k < view.ids.size(); ++k) {
+      if (!a.fits[v].used[k]) continue;
+      const Corner corner = corner_of(a, shape, v, k);
+      if (a.moves(view.set)) {
+        problem.AddResidualBlock(moving_corner_cost(a.cameras[c].lens, corner, *view.stamp_s - a.motions[s].at_s,
+                                                    blocks.view_in_set(v), blocks.views_of(s))
+                                     .release(),
+                                 loss, blocks.lens(c), blocks.pose(c), blocks.board(s), blocks.bend(), blocks.times(c));
+        used.timed[c] = true;
+      } else {
+        problem.AddResidualBlock(corner_cost(a.cameras[c].lens, corner).release(), loss, blocks.lens(c), blocks.pose(c),
+                                 blocks.board(s), blocks.bend());
+      }
+      used.cameras[c] = used.boards[s] = true;
+    }
+  }
+  return used;
+}
+
+// Which of a lens's parameters may move, and that it may not fold where that is asked for.
+void free_lens(ceres::Problem& problem, const AdjustedCamera& camera, double* lens) {
+  if (!camera.lens_is_free) {
+    problem.SetParameterBlockConstant(lens);
+    return;
+  }
+  std::vector<int> fixed;
+  for (int i = parameter_count(camera.lens); i < 12; ++i) fixed.push_back(i);
+  if (!fixed.empty()) problem.SetManifold(lens, new ceres::SubsetManifold(12, fixed));
+  if (camera.unfold > 0)
+    problem.AddResidualBlock(lens_shape_cost(camera.lens, reach_of(camera), camera.unfold).release(), nullptr, lens);
+}
+
+// Which of a camera's times may move, and what is known of them.
+void free_times(ceres::Problem& problem, const AdjustedCamera& camera, double noise_px, double* times) {
+  const std::array<const AdjustedTime*, 2> both{&camera.latency, &camera.readout};
+  std::vector<int> fixed;
+  for (int i = 0; i < 2; ++i) {
+    const AdjustedTime& time = *both[index(i)];
+    if (time.prior_sigma_s > 0) {
+      problem.AddResidualBlock(prior_cost(2, i, {time.prior_s}, {noise_px / time.prior_sigma_s}).release(), nullptr,
+                               times);
+    } else {
+      fixed.push_back(i);
+    }
+  }
+  if (fixed.size() == 2) {
+    problem.SetParameterBlockConstant(times);
+  } else if (!fixed.empty()) {
+    problem.SetManifold(times, new ceres::SubsetManifold(2, fixed));
+  }
+}
+
+// What is known of how a board moves, and of its stamps.
+void add_motion(ceres::Problem& problem, const Adjustment& a, std::size_t set, int views, double* board) {
+  const int size = stamps_at + views;
+  problem.AddResidualBlock(course_cost(size, a.motions[set], a.noise_px).release(), nullptr, board);
+  std::vector<double> means(index(views), 0.0), weights(index(views), a.noise_px / a.stamp_sigma_s);
+  problem.AddResidualBlock(prior_cost(size, stamps_at, std::move(means), std::move(weights)).release(), nullptr, board);
+}
+
+}  // namespace
+
+void solve(Adjustment& a, const BoardShape& shape, double robust_px, int max_iterations) {
+  ParameterBlocks blocks(a);
+  ceres::Problem problem;
+  const UsedBlocks used = add_corners(problem, a, shape, blocks, robust_px);
+  if (problem.NumResidualBlocks() == 0) throw CalibrationError("no view of the board is left to calibrate with");
+
+  auto* ordering = new ceres::ParameterBlockOrdering;  // the boards' poses are eliminated first
+  for (std::size_t s = 0; s < used.boards.size(); ++s) {
+    if (!used.boards[s]) continue;
+    const bool moves = a.moves(static_cast<int>(s));
+    problem.SetManifold(blocks.board(s),
+                        pose_manifold(false, moves ? stamps_at + blocks.views_of(s) - pose_block_size : 0).release());
+    if (moves) add_motion(problem, a, s, blocks.views_of(s), blocks.board(s));
+    ordering->AddElementToGroup(blocks.board(s), 0);
+  }
+  for (std::size_t c = 0; c < a.cameras.size(); ++c) {
+    if (!used.cameras[c]) continue;
+    free_lens(problem, a.cameras[c], blocks.lens(c));
+    problem.SetManifold(blocks.pose(c), pose_manifold(true).release());
+    if (!a.cameras[c].pose_is_free) problem.SetParameterBlockConstant(blocks.pose(c));
+    ordering->AddElementToGroup(blocks.lens(c), 1);
+    ordering->AddElementToGroup(blocks.pose(c), 1);
+    if (!used.timed[c]) continue;
+    free_times(problem, a.cameras[c], a.noise_px, blocks.times(c));
+    ordering->AddElementToGroup(blocks.times(c), 1);
+  }
+  if (!a.bend_is_free) problem.SetParameterBlockConstant(blocks.bend());
+  ordering->AddElementToGroup(blocks.bend(), 1);
+
+  ceres::Solver::Options options;
+  options.num_threads = 1;  // the order of a sum decides its last digits
+  options.linear_solver_type = ceres::DENSE_SCHUR;
+  options.linear_solver_ordering.reset(ordering);
+  options.max_num_iterations = max_iterations;
+  options.function_tolerance = 1e-10;
+  options.gradient_tolerance = 1e-12;
+  options.parameter_tolerance = 1e-10;
+  options.logging_type = ceres::SILENT;
+  silence_ceres();
+  ceres::Solver::Summary summary;
+  ceres::Solve(options, &problem, &summary);
+  if (!summary.IsSolutionUsable()) throw CalibrationError("the adjustment does not converge: " + summary.message);
+  blocks.put_into(a);
+}
+
+}  // namespace huetrack::solver

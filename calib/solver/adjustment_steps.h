@@ -1,0 +1,46 @@
+// The steps that adjust() is made of. Private to this module.
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "calib/solver/corner.h"
+
+namespace huetrack::solver {
+
+// One least-squares solution for the used corners, from where `a` is. robust_px: of Cauchy's loss; 0: plain squares.
+// What is known beforehand of a board's motion and of times counts by a.noise_px. throws CalibrationError
+void solve(Adjustment& a, const BoardShape& shape, double robust_px, int max_iterations);
+
+// Sets noise_px, covariance, the offsets into it, and the sigmas of times.
+void find_covariance(Adjustment& a, const BoardShape& shape);
+
+// The normal equations of the views of one set: by parameters that are laid out elsewhere (none, where layout_size is
+// 0), and by what is the set's own: its board's pose (right tangent), and where it moves its course and an error of the
+// stamp of each view of the set.
+struct SetEquations {
+  Eigen::MatrixXd by_parameters, mixed, by_own;
+  Eigen::VectorXd gradient, own_gradient;
+  int residuals = 0;  // 0: no corner of it is used
+  double cost = 0;    // the residuals' squares
+
+  SetEquations(int layout_size, int own_size)
+      : by_parameters(Eigen::MatrixXd::Zero(layout_size, layout_size)),
+        mixed(Eigen::MatrixXd::Zero(layout_size, own_size)),
+        by_own(Eigen::MatrixXd::Zero(own_size, own_size)),
+        gradient(Eigen::VectorXd::Zero(layout_size)),
+        own_gradient(Eigen::VectorXd::Zero(own_size)) {}
+};
+inline constexpr int own_course_at = 6, own_stamps_at = 18;
+
+// first, last: views of one set, as [first, last) of a.views. What is known beforehand is in it.
+SetEquations own_equations(const Adjustment& a, const BoardShape& shape, std::size_t first, std::size_t last);
+
+// Whether views tell how the board moves: all have stamps, and some sets follow closely upon one another.
+bool tell_motion(const std::vector<BoardView>& views);
+
+// Where sets follow closely upon one another: moves each set's moment amid its views, and takes from the sets around
+// how the board moves then (expected, information, is_known). Learns stamp_sigma_s when asked to.
+void renew_motions(Adjustment& a, const BoardShape& shape, bool with_stamps);
+
+}  // namespace huetrack::solver

@@ -1,0 +1,197 @@
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <map>
+
+#include "calib/model/index.h"
+#include "calib/solver/adjustment_steps.h"
+
+namespace huetrack::solver {
+namespace {
+
+using calib::index;
+using Eigen::MatrixXd;
+using Eigen::Vector3d;
+using Eigen::VectorXd;
+
+// Sets further apart than this tell nothing of how the board moves in between: a hand turns back within half a second.
+constexpr double longest_gap_s = 0.25;
+// The nearest sets before and after, so many each: what they say is a cubic, which holds for a short time only.
+constexpr int sets_each_way = 2;
+
+// How a hand carries a board: rms of the second and third derivative of turning (rad) and place (m). At some 1.5 Hz,
+// where hands are slower still, a derivative is ten times the one before it.
+constexpr std::array<double, 2> usual_change{15, 3}, usual_jerk{150, 30};
+
+// What goes further between two sets was not carried: the pictures are of different places, one after the other.
+constexpr std::array<double, 2> fastest{10, 3};  // rad/s, m/s
+
+constexpr double least_stamp_sigma_s = 5e-5, most_stamp_sigma_s = 0.02, first_stamp_sigma_s = 0.003;
+
+// The views of one set, as [first, last).
+struct ViewsOfSet {
+  std::size_t first = 0, last = 0;
+};
+
+std::vector<ViewsOfSet> views_of_sets(const Adjustment& a) {
+  std::vector<ViewsOfSet> sets;
+  for (std::size_t v = 0; v < a.views.size(); ++v) {
+    if (v == 0 || a.views[v].set != a.views[v - 1].set) sets.push_back({v, v});
+    sets.back().last = v + 1;
+  }
+  return sets;
+}
+
+// A set whose board is where it was found to be, and how certain that is.
+struct PlacedSet {
+  ViewsOfSet views;
+  int set = 0;
+  double at_s = 0;
+  calib::Tangent6d variance = calib::Tangent6d::Zero();  // of its board's pose, right tangent
+};
+
+// When the middle row of a view was exposed, by its stamp. Not by what was found to be its error: then a set's moment
+// would follow it, and so would what the sets around say, round after round.
+double middle_of(const Adjustment& a, std::size_t v) {
+  return *a.views[v].stamp_s - a.cameras[index(a.views[v].camera)].latency.value_s;
+}
+
+// To where the board is at another time; its course with it.
+void move_moment(Adjustment& a, int set, double at_s) {
+  BoardMotion& motion = a.motions[index(set)];
+  if (motion.is_known) {
+    const double tau = at_s - motion.at_s;
+    const calib::Tangent6d way = motion.course * Eigen::Vector2d(tau, tau * tau / 2);
+    calib::Rigid3d step = calib::exp((calib::Tangent6d() << way.head<3>(), Vector3d::Zero()).finished());
+    step.translation = way.tail<3>();
+    a.world_from_board[index(set)] = a.world_from_board[index(set)] * step;
+    motion.course.col(0) += tau * motion.course.col(1);
+    // The board's own axes have turned, too.
+    motion.course.bottomRows<3>() =
+        (step.rotation.toRotationMatrix().transpose() * motion.course.bottomRows<3>()).eval();
+  }
+  motion.at_s = at_s;
+}
+
+// What the stamps' errors tell of how large they usually are (MacKay's rule: only as far as the views determine them).
+class StampErrors {
+ public:
+  void add(const Adjustment& a, const PlacedSet& set, const MatrixXd& covariance) {
+    for (std::size_t v = set.views.first; v < set.views.last; ++v) {
+      const auto at = own_stamps_at + static_cast<Eigen::Index>(v - set.views.first);
+      determined_ += std::max(0.0, 1 - covariance(at, at) / (a.stamp_sigma_s * a.stamp_sigma_s));
+      squares_ += a.stamp_error_s[v] * a.stamp_error_s[v];
+    }
+  }
+  double sigma_s(double otherwise_s) const {
+    constexpr double least = 4;  // errors that are as good as measured
+    if (determined_ < least) return otherwise_s;
+    return std::clamp(std::sqrt(squares_ / determined_), least_stamp_sigma_s, most_stamp_sigma_s);
+  }
+
+ private:
+  double determined_ = 0, squares_ = 0;
+};
+
+// By least squares: the cubics through where the board was, seen from where it is in this set.
+void find_motion(Adjustment& a, const std::vector<PlacedSet>& sets, std::size_t s) {
+  BoardMotion& motion = a.motions[index(sets[s].set)];
+  const calib::Rigid3d board_from_world = calib::inverse(a.world_from_board[index(sets[s].set)]);
+  std::vector<std::size_t> around;
+  std::vector<calib::Tangent6d> moved;  // beside it
+  for (const int way : {-1, 1}) {
+    for (int k = 1; k <= sets_each_way; ++k) {
+      const std::size_t other = s + static_cast<std::size_t>(way * k);  // below 0 it wraps, and is no index
+      const double gap_s = other < sets.size() ? std::abs(sets[other].at_s - sets[s].at_s) : longest_gap_s;
+      if (!(gap_s < longest_gap_s)) break;
+      const calib::Rigid3d step = board_from_world * a.world_from_board[index(sets[other].set)];
+      const Eigen::AngleAxisd turn(step.rotation);
+      if (turn.angle() > fastest[0] * gap_s || step.translation.norm() > fastest[1] * gap_s) break;
+      around.push_back(other);
+      moved.emplace_back();
+      moved.back() << turn.angle() * turn.axis(), step.translation;
+    }
+  }
+  const bool was_known = motion.is_known;
+  motion.is_known = !around.empty();
+  if (around.empty()) {
+    motion.course.setZero();
+    return;
+  }
+  motion.place = a.world_from_board[index(sets[s].set)];
+  for (int i = 0; i < 6; ++i) {
+    // Unknown: rate, change, jerk; with what is known of the latter two.
+    Eigen::Matrix3d h = Eigen::Matrix3d::Zero();
+    Eigen::Vector3d g = Eigen::Vector3d::Zero(), g_of_place = Eigen::Vector3d::Zero();
+    const double change = usual_change[i < 3 ? 0 : 1], jerk = usual_jerk[i < 3 ? 0 : 1];
+    h.diagonal() << 0, 1 / (change * change), 1 / (jerk * jerk);
+    for (std::size_t k = 0; k < around.size(); ++k) {
+      const PlacedSet& other = sets[around[k]];
+      const double tau = other.at_s - sets[s].at_s;
+      const Eigen::Vector3d j(tau, tau * tau / 2, tau * tau * tau / 6);
+      h += j * j.transpose() / other.variance(i);
+      g += j * moved[k](i) / other.variance(i);
+      g_of_place -= j / other.variance(i);
+    }
+    const Eigen::Vector3d scale = h.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
+    const Eigen::Matrix3d inverse = scale.asDiagonal() *
+                                    Eigen::Matrix3d(scale.asDiagonal() * h * scale.asDiagonal()).inverse() *
+                                    scale.asDiagonal();
+    motion.expected.row(i) = (inverse * g).head<2>().transpose();
+    motion.by_place.row(i) = (inverse * g_of_place).head<2>().transpose();
+    motion.information[index(i)] = Eigen::Matrix2d(inverse.topLeftCorner<2, 2>()).inverse();
+  }
+  if (!was_known) motion.course = motion.expected;
+}
+
+}  // namespace
+
+bool tell_motion(const std::vector<BoardView>& views) {
+  std::map<int, double> at_s;
+  for (const BoardView& view : views) {
+    if (!view.stamp_s) return false;
+    at_s[view.set] = *view.stamp_s;
+  }
+  std::vector<double> times;
+  for (const auto& [set, time] : at_s) times.push_back(time);
+  std::ranges::sort(times);
+  return std::ranges::adjacent_find(times, [](double a, double b) { return b - a <= longest_gap_s; }) != times.end();
+}
+
+void renew_motions(Adjustment& a, const BoardShape& shape, bool with_stamps) {
+  if (a.stamp_error_s.size() != a.views.size()) a.stamp_error_s.assign(a.views.size(), 0);
+  if (!(a.stamp_sigma_s > 0)) a.stamp_sigma_s = first_stamp_sigma_s;
+  std::vector<PlacedSet> sets;
+  StampErrors errors;
+  for (const ViewsOfSet& views : views_of_sets(a)) {
+    PlacedSet set{views, a.views[views.first].set};
+    // A view that is not used has no error of its stamp.
+    std::vector<double> middles;
+    for (std::size_t v = views.first; v < views.last; ++v) {
+      if (a.fits[v].dropped) a.stamp_error_s[v] = 0;
+      if (!a.fits[v].dropped) middles.push_back(middle_of(a, v));
+    }
+    if (middles.empty()) continue;
+    const SetEquations equations = own_equations(a, shape, views.first, views.last);
+    if (equations.residuals == 0) continue;
+    const auto size = equations.by_own.rows();
+    const MatrixXd covariance = a.noise_px * a.noise_px * equations.by_own.ldlt().solve(MatrixXd::Identity(size, size));
+    if (!covariance.allFinite() || covariance.diagonal().minCoeff() <= 0) continue;
+    // A pose is never better than the flatness of a board.
+    constexpr double least_sigma = 2e-5;
+    set.variance = covariance.diagonal().head<6>().cwiseMax(least_sigma * least_sigma);
+    if (a.moves(set.set)) errors.add(a, set, covariance);
+    double sum = 0;
+    for (const double middle : middles) sum += middle;
+    set.at_s = sum / static_cast<double>(middles.size());
+    move_moment(a, set.set, set.at_s);
+    sets.push_back(set);
+  }
+  if (with_stamps) a.stamp_sigma_s = errors.sigma_s(a.stamp_sigma_s);
+  std::ranges::stable_sort(sets, {}, &PlacedSet::at_s);
+  for (std::size_t s = 0; s < sets.size(); ++s) find_motion(a, sets, s);
+}
+
+}  // namespace huetrack::solver

@@ -1,0 +1,127 @@
+#include "calib/solver/corner.h"
+
+#include <Eigen/Geometry>
+#include <cmath>
+
+#include "calib/model/cross_matrix.h"
+#include "calib/model/index.h"
+
+namespace huetrack::solver {
+namespace {
+
+using calib::cross_matrix;
+using calib::index;
+using Eigen::Matrix3d;
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+
+Eigen::RowVector2d bend_profile(const Vector3d& point, const Vector3d& low, const Vector3d& high) {
+  Eigen::RowVector2d profile;
+  for (int axis = 0; axis < 2; ++axis) {
+    const double size = high[axis] - low[axis];
+    const double t = size > 0 ? 2 * (point[axis] - low[axis]) / size - 1 : 0;
+    profile[axis] = 1 - t * t;
+  }
+  return profile;
+}
+
+// How a point of the board has moved since the moment of its set, with derivatives.
+struct MovedPoint {
+  Vector3d point;
+  Matrix3d rotation = Matrix3d::Identity();
+  Eigen::Matrix<double, 3, 12> by_course;
+  Vector3d by_time;
+};
+
+MovedPoint moved(const BoardMotion& motion, double tau, const Vector3d& point) {
+  const calib::Tangent6d way = motion.course * Eigen::Vector2d(tau, tau * tau / 2),
+                         rate_now = motion.course * Eigen::Vector2d(1, tau);
+  const Vector3d turn = way.head<3>();
+  const double angle = turn.norm();
+  const Matrix3d w = cross_matrix(turn);
+  // exp(turn + d) = exp(turn) exp(J d). The closed forms lose digits at small angles, where the series is exact.
+  const double angle2 = angle * angle;
+  const double s = angle < 1e-3 ? 1 - angle2 / 6 : std::sin(angle) / angle;
+  const double b = angle < 1e-3 ? 0.5 - angle2 / 24 : (1 - std::cos(angle)) / angle2;
+  const double c = angle < 1e-3 ? 1.0 / 6 - angle2 / 120 : (angle - std::sin(angle)) / (angle2 * angle);
+  MovedPoint result;
+  result.rotation = Matrix3d::Identity() + s * w + b * w * w;
+  result.point = result.rotation * point + way.tail<3>();
+  const Matrix3d by_turn = -result.rotation * cross_matrix(point) * (Matrix3d::Identity() - b * w + c * w * w);
+  for (const int order : {0, 1}) {
+    const double by_course = order == 0 ? tau : tau * tau / 2;
+    result.by_course.middleCols<3>(6 * order) = by_course * by_turn;
+    result.by_course.middleCols<3>(6 * order + 3) = by_course * Matrix3d::Identity();
+  }
+  result.by_time = by_turn * rate_now.head<3>() + rate_now.tail<3>();
+  return result;
+}
+
+}  // namespace
+
+BoardMotion::Course course_off(const BoardMotion& motion, const calib::Rigid3d& world_from_board) {
+  const calib::Tangent6d further = calib::log(calib::inverse(motion.place) * world_from_board);
+  return motion.course - motion.expected - further.asDiagonal() * motion.by_place;
+}
+
+BoardShape::BoardShape(const board::Board& board) {
+  for (int id = 0; id < board.point_count(); ++id) points.push_back(board.point(id));
+  Vector3d low = points.front(), high = points.front();
+  for (const Vector3d& p : points) {
+    low = low.cwiseMin(p);
+    high = high.cwiseMax(p);
+  }
+  for (const Vector3d& p : points) profile.push_back(bend_profile(p, low, high));
+}
+
+Corner corner_of(const Adjustment& a, const BoardShape& shape, std::size_t v, std::size_t k) {
+  const BoardView& view = a.views[v];
+  const std::size_t id = index(view.ids[k]);
+  const int height = a.cameras[index(view.camera)].image_size.height;
+  return {shape.points[id], shape.profile[id], view.px[k], height > 1 ? view.px[k].y() / (height - 1) - 0.5 : 0.0};
+}
+
+bool corner_residual(LensModel lens, const LensParameters& parameters, const calib::Rigid3d& cam_from_world,
+                     const BoardState& board, const Corner& corner, Vector2d& residual, CornerDerivatives* d) {
+  const Vector3d own_point = corner.point + Vector3d(0, 0, corner.profile.dot(board.bend));
+  MovedPoint way;
+  if (board.motion != nullptr) way = moved(*board.motion, board.after_s, own_point);
+  const Vector3d point = board.motion != nullptr ? way.point : own_point;
+  const Vector3d p_cam = cam_from_world * (board.world_from_board * point);
+  PixelByPoint by_point;
+  Vector2d px;
+  if (!project(lens, parameters, p_cam, px, d ? &by_point : nullptr, d ? &d->by_lens : nullptr)) return false;
+  residual = px - corner.measured;
+  if (d) {
+    d->by_camera.leftCols<3>() = -by_point * cross_matrix(p_cam);
+    d->by_camera.rightCols<3>() = by_point;
+    const PixelByPoint by_board_point =
+        by_point * (cam_from_world.rotation * board.world_from_board.rotation).toRotationMatrix();
+    d->by_board.leftCols<3>() = -by_board_point * cross_matrix(point);
+    d->by_board.rightCols<3>() = by_board_point;
+    if (board.motion != nullptr) {
+      d->by_bend = by_board_point * way.rotation.col(2) * corner.profile;
+      d->by_course = by_board_point * way.by_course;
+      d->by_time = by_board_point * way.by_time;
+    } else {
+      d->by_bend = by_board_point.col(2) * corner.profile;
+    }
+  }
+  return true;
+}
+
+bool corner_residual(const Adjustment& a, const BoardShape& shape, std::size_t v, std::size_t k, Vector2d& residual,
+                     CornerDerivatives* d) {
+  const BoardView& view = a.views[v];
+  const AdjustedCamera& camera = a.cameras[index(view.camera)];
+  const Corner corner = corner_of(a, shape, v, k);
+  BoardState board{a.world_from_board[index(view.set)], a.bend};
+  if (a.moves(view.set)) {
+    board.motion = &a.motions[index(view.set)];
+    board.after_s = *view.stamp_s + a.stamp_error_s[v] - camera.latency.value_s +
+                    corner.below_middle * camera.readout.value_s - board.motion->at_s;
+  }
+  return corner_residual(camera.lens, camera.parameters, camera.cam_from_world, board, corner, residual, d);
+}
+
+}  // namespace huetrack::solver

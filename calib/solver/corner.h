@@ -1,0 +1,60 @@
+// Where a corner of the board appears to a camera, with derivatives: of a board that rests, and of one that moves while
+// the camera's rows are exposed. Private to this module.
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "calib/solver/bundle_adjustment.h"
+#include "calib/solver/lens.h"
+
+namespace huetrack::solver {
+
+// The board's corners, and how far each is moved along z per metre of bend.
+struct BoardShape {
+  std::vector<Eigen::Vector3d> points;
+  std::vector<Eigen::RowVector2d> profile;  // of the bend along x and along y: 1 in the middle, 0 at the edges
+  explicit BoardShape(const board::Board& board);
+};
+
+using PoseJacobian = Eigen::Matrix<double, 2, 6, Eigen::RowMajor>;
+
+struct CornerDerivatives {
+  PixelByLens by_lens;
+  PoseJacobian by_camera;  // left tangent of cam_from_world
+  PoseJacobian by_board;   // right tangent of world_from_board
+  Eigen::Matrix<double, 2, 2, Eigen::RowMajor> by_bend;
+  // Of a board that moves:
+  Eigen::Matrix<double, 2, 12> by_course;  // of BoardMotion, column by column
+  Eigen::Vector2d by_time;                 // of the moment of the exposure, px/s
+};
+
+// One corner in one view.
+struct Corner {
+  Eigen::Vector3d point;       // of the flat board
+  Eigen::RowVector2d profile;  // see BoardShape
+  Eigen::Vector2d measured;
+  double below_middle = 0;  // of its row, in image heights: -1/2 the first row, 1/2 the last
+};
+Corner corner_of(const Adjustment& a, const BoardShape& shape, std::size_t view, std::size_t corner);
+
+// A board's pose at the moment of its set; and of one that moves, how: motion may be null.
+struct BoardState {
+  const calib::Rigid3d& world_from_board;
+  const Eigen::Vector2d& bend;
+  const BoardMotion* motion = nullptr;
+  double after_s = 0;  // of the corner's exposure, after BoardMotion::at_s
+};
+
+// Projected minus measured; d may be null. false: behind the camera.
+bool corner_residual(LensModel lens, const LensParameters& parameters, const calib::Rigid3d& cam_from_world,
+                     const BoardState& board, const Corner& corner, Eigen::Vector2d& residual, CornerDerivatives* d);
+
+// The same for the state as it is.
+bool corner_residual(const Adjustment& a, const BoardShape& shape, std::size_t view, std::size_t corner,
+                     Eigen::Vector2d& residual, CornerDerivatives* d);
+
+// How far its course is from what the sets around say, for this pose of the board.
+BoardMotion::Course course_off(const BoardMotion& motion, const calib::Rigid3d& world_from_board);
+
+}  // namespace huetrack::solver

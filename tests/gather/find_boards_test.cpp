@@ -1,0 +1,70 @@
+// Which moments of a recording are looked at and kept, for a board that moves.
+#include "calib/gather/find_boards.h"
+
+#include <gtest/gtest.h>
+
+#include <array>
+
+#include "gather/pictured_rig.h"
+
+namespace huetrack::gather {
+namespace {
+
+// A board that goes slowly past one camera, ten sets a second.
+class Passing final : public PictureSource {
+ public:
+  Passing(int sets, bool has_stamps) : sets_(sets), has_stamps_(has_stamps) {}
+  const std::vector<std::string>& cameras() const override { return names_; }
+  std::optional<int> expected_sets() const override { return sets_; }
+  bool has_stamps() const override { return has_stamps_; }
+  std::vector<std::string> take_warnings() override { return {}; }
+  std::optional<PictureSet> next(std::stop_token) override {
+    if (at_ == sets_) return std::nullopt;
+    calib::Rigid3d pose = pictured_poses(1)[0];
+    pose.translation.y() += 0.3 * at_ / sets_;
+    PictureSet set{.number = at_, .at_s = 0.1 * at_, .pictures = {}};
+    Picture picture{picture_of(rig_.cameras[1], pictured_board(), pose, 7), std::to_string(at_), {}};
+    if (has_stamps_) picture.stamp_s = 0.1 * at_ + 0.004;
+    set.pictures.emplace_back(std::move(picture));
+    ++at_;
+    return set;
+  }
+
+ private:
+  int sets_;
+  bool has_stamps_;
+  int at_ = 0;
+  calib::CameraRig rig_ = pictured_rig();
+  std::vector<std::string> names_{"cam1"};
+};
+
+FoundBoards found(int sets, bool has_stamps, FindBoardsOptions options) {
+  Passing source(sets, has_stamps);
+  options.progress = false;
+  return find_boards(source, board::BoardDetector(pictured_board()), options, {});
+}
+
+TEST(FindBoards, AMomentWithStampsComesWithTheNextOne) {
+  const FoundBoards with = found(12, true, {.max_sets = 3});
+  ASSERT_EQ(with.set_at_s.size(), 6U);
+  for (std::size_t s = 0; s < 6; s += 2) EXPECT_NEAR(with.set_at_s[s + 1] - with.set_at_s[s], 0.1, 1e-9);
+  for (const solver::BoardView& view : with.views)
+    EXPECT_NEAR(view.stamp_s.value(), with.set_at_s[static_cast<std::size_t>(view.set)] + 0.004, 1e-9);
+  EXPECT_EQ(with.thinned, 6);
+  const FoundBoards without = found(12, false, {.max_sets = 3});
+  EXPECT_EQ(without.set_at_s.size(), 3U);
+  for (const solver::BoardView& view : without.views) EXPECT_FALSE(view.stamp_s);
+}
+
+TEST(FindBoards, OfALongRecordingPairsOfMomentsAreLookedAt) {
+  const FoundBoards pairs = found(12, true, {.look_at = 4});
+  EXPECT_EQ(pairs.sets_looked_at, 4);
+  for (std::size_t s = 0; s < 4; ++s) EXPECT_NEAR(pairs.set_at_s.at(s), (std::array{0.0, 0.1, 0.6, 0.7}[s]), 1e-9);
+  const FoundBoards stills = found(12, false, {.look_at = 4});
+  EXPECT_EQ(stills.sets_looked_at, 4);
+  EXPECT_NEAR(stills.set_at_s.at(1), 0.3, 1e-9);
+  EXPECT_NEAR(found(12, true, {.every = 3}).set_at_s.at(1), 0.3, 1e-9);  // as was asked for
+}
+
+}  // namespace
+}  // namespace huetrack::gather

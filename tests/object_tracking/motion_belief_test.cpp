@@ -1,0 +1,179 @@
+#include "object_tracking/motion_belief.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <random>
+
+#include "object_tracking/sighting.h"
+
+namespace huetrack::object_tracking {
+namespace {
+
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+
+capture::Timestamp at(double s) {
+  return capture::Timestamp{capture::duration_of(s)};
+}
+
+calib::Camera camera_at(const std::string& name, const Vector3d& centre) {
+  calib::Camera camera;
+  camera.name = name;
+  camera.image_size = {640, 480};
+  camera.model = calib::CameraModel(calib::PinholeRadtan{.fx = 450, .fy = 450, .cx = 320, .cy = 240});
+  const Vector3d forward = (Vector3d(0, 0, 1) - centre).normalized();
+  const Vector3d right = forward.cross(Vector3d::UnitZ()).normalized();
+  Eigen::Matrix3d rotation;
+  rotation << right.transpose(), forward.cross(right).transpose(), forward.transpose();
+  camera.cam_from_world = {Eigen::Quaterniond(rotation), -rotation * centre};
+  return camera;
+}
+
+// Free-running cameras around an object that goes round, up and down.
+struct Scene {
+  std::mt19937 random;
+  calib::CameraRig rig;
+  std::vector<double> latency_s{0.012, 0.038, 0.024}, readout_s{0.024, -0.018, 0.03};
+  double noise_px = 0.2;
+
+  explicit Scene(unsigned seed) : random(seed) {
+    rig.cameras = {camera_at("a", {3, 0, 2}), camera_at("b", {-1, 3, 1.5}), camera_at("c", {-1, -3, 0.5})};
+  }
+  static Vector3d position(double t) {
+    return {0.6 * std::cos(3 * t), 0.5 * std::sin(3.7 * t), 1 + 0.6 * std::sin(2.3 * t)};
+  }
+  // A second of sightings, as they come: (seconds of the frame's time, sighting) with times by the belief.
+  void run(MotionBelief& belief, double from_s, double to_s) {
+    struct Coming {
+      double middle_s;
+      int camera;
+    };
+    std::vector<Coming> frames;
+    for (int c = 0; c < 3; ++c)
+      for (double t = from_s + 0.011 * c; t < to_s; t += 1 / (29.8 + 0.1 * c)) frames.push_back({t, c});
+    std::ranges::sort(frames, {}, &Coming::middle_s);
+    std::normal_distribution<double> noise(0, noise_px);
+    for (const Coming& frame : frames) {
+      const auto c = static_cast<std::size_t>(frame.camera);
+      const calib::Camera& camera = rig.cameras[c];
+      double row = 240;
+      for (int i = 0; i < 4; ++i)
+        row = camera.project_world(position(frame.middle_s + (row / 479 - 0.5) * readout_s[c]))->px.y();
+      const double below = row / 479 - 0.5;
+      const auto px = camera.project_world(position(frame.middle_s + below * readout_s[c]))->px;
+      LinearSighting seen;
+      seen.row = {.camera = frame.camera, .below_middle = below};
+      seen.row.shift_s = belief.row_shift_s(frame.camera, below);
+      seen.row.at = at(frame.middle_s + latency_s[c] - latency_s[0] + seen.row.shift_s);
+      seen.px = px + Vector2d(noise(random), noise(random));
+      seen.covariance = noise_px * noise_px * Eigen::Matrix2d::Identity();
+      seen.lasting_px = 0.1;
+      constexpr double q = 40;
+      belief.predict_to(seen.row.at, q);
+      seen.linearised_at = belief.position() + capture::seconds(seen.row.at - belief.at) * belief.velocity();
+      const auto appearance = appearance_of(camera, seen.linearised_at, 0.04);
+      ASSERT_TRUE(appearance);
+      seen.px_expected = appearance->px;
+      seen.jacobian = appearance->jacobian;
+      belief.observe(seen, belief.velocity(), q);
+    }
+  }
+};
+
+TEST(MotionBelief, MotionTellsLatenciesAndReadouts) {
+  int inside = 0, all = 0;
+  for (unsigned seed = 0; seed < 8; ++seed) {
+    Scene scene(seed);
+    MotionBelief belief(scene.rig, true);
+    belief.begin(at(0), Scene::position(0), 1, Vector3d::Zero(), 9);
+    scene.run(belief, 0, 6);
+    for (int c = 0; c < 3; ++c) {
+      const auto i = static_cast<std::size_t>(c);
+      const CameraTimingEstimate t = belief.timing(c);
+      EXPECT_NEAR(t.latency_s, scene.latency_s[i] - scene.latency_s[0], 0.0015) << seed << " camera " << c;
+      EXPECT_NEAR(t.readout_s, scene.readout_s[i], 0.004) << seed << " camera " << c;
+      EXPECT_LT(t.readout_sigma_s, 0.004);
+      all += c == 0 ? 1 : 2;
+      inside += c != 0 && std::abs(t.latency_s - scene.latency_s[i] + scene.latency_s[0]) < 1.96 * t.latency_sigma_s;
+      inside += std::abs(t.readout_s - scene.readout_s[i]) < 1.96 * t.readout_sigma_s;
+    }
+    EXPECT_EQ(belief.timing(0).latency_sigma_s, 0) << "all others hang on it";
+  }
+  EXPECT_GE(inside, all * 8 / 10);
+}
+
+TEST(MotionBelief, AnObjectAtRestTellsNoTimes) {
+  Scene scene(3);
+  MotionBelief belief(scene.rig, true);
+  belief.begin(at(0), {0, 0, 1}, 1, Vector3d::Zero(), 9);
+  std::normal_distribution<double> noise(0, 0.2);
+  for (int k = 0; k < 600; ++k) {
+    const int c = k % 3;
+    const calib::Camera& camera = scene.rig.cameras[static_cast<std::size_t>(c)];
+    LinearSighting seen;
+    seen.row = {.camera = c, .below_middle = 0.2, .at = at(0.011 * k)};
+    seen.row.shift_s = belief.row_shift_s(c, 0.2);
+    seen.px = camera.project_world({0, 0, 1})->px + Vector2d(noise(scene.random), noise(scene.random));
+    seen.covariance = 0.04 * Eigen::Matrix2d::Identity();
+    seen.lasting_px = 0.3;
+    belief.predict_to(seen.row.at, 1);
+    seen.linearised_at = belief.position();
+    const auto appearance = appearance_of(camera, seen.linearised_at, 0.04);
+    ASSERT_TRUE(appearance);
+    seen.px_expected = appearance->px;
+    seen.jacobian = appearance->jacobian;
+    belief.observe(seen, belief.velocity(), 1);
+  }
+  for (int c = 1; c < 3; ++c) {
+    EXPECT_LT(std::abs(belief.timing(c).latency_s), 0.02) << c;
+    EXPECT_GT(belief.timing(c).latency_sigma_s, 0.01) << c;
+  }
+  EXPECT_LT((belief.position() - Vector3d(0, 0, 1)).norm(), 0.003);
+}
+
+TEST(MotionBelief, WhatTheTimesLeaveOpenLiesAlongThePath) {
+  Scene scene(5);
+  scene.rig.cameras[1].timing = {.latency_s = 0.03, .latency_sigma_s = 0.01, .readout_s = 0, .readout_sigma_s = 0};
+  for (const int c : {0, 2})
+    scene.rig.cameras[static_cast<std::size_t>(c)].timing = {
+        .latency_s = 0, .latency_sigma_s = 0, .readout_s = 0, .readout_sigma_s = 0};
+  MotionBelief belief(scene.rig, true);
+  belief.begin(at(0), {0, 0, 1}, 1e-6, {2, 0, 0}, 1e-8);
+  const Eigen::Matrix3d of_b = belief.seen_covariance({.camera = 1, .below_middle = 0, .at = at(0)}, 0);
+  EXPECT_NEAR(std::sqrt(of_b(0, 0)), 0.02, 2e-3);  // 2 m/s for 10 ms
+  EXPECT_NEAR(std::sqrt(of_b(1, 1)), 0.001, 1e-4);
+  const Eigen::Matrix3d of_a = belief.seen_covariance({.camera = 0, .below_middle = 0, .at = at(0)}, 0);
+  EXPECT_NEAR(std::sqrt(of_a(0, 0)), 0.001, 1e-4);
+}
+
+TEST(MotionBelief, GivenTimesAndBackAgainIsTheSame) {
+  Scene scene(1);
+  MotionBelief belief(scene.rig, true);
+  belief.begin(at(0), Scene::position(0), 1, Vector3d::Zero(), 9);
+  scene.run(belief, 0, 0.5);
+  MotionBelief back = belief.given_times();
+  EXPECT_LT(back.position_covariance().trace(), belief.position_covariance().trace());
+  back.open_times_as(belief);
+  EXPECT_LT((back.position_covariance() - belief.position_covariance()).norm(),
+            1e-9 * belief.position_covariance().norm() + 1e-12);
+  for (int c = 0; c < 3; ++c) EXPECT_NEAR(back.timing(c).readout_sigma_s, belief.timing(c).readout_sigma_s, 1e-6) << c;
+}
+
+TEST(MotionBelief, FixedTimesStayAndTheirUncertaintyCounts) {
+  Scene scene(2);
+  for (auto& camera : scene.rig.cameras)
+    camera.timing = {.latency_s = 0.01, .latency_sigma_s = 0.003, .readout_s = 0.02, .readout_sigma_s = 0};
+  MotionBelief belief(scene.rig, false);
+  belief.begin(at(0), Scene::position(0), 1, Vector3d::Zero(), 9);
+  scene.run(belief, 0, 1);
+  EXPECT_EQ(belief.timing(2).latency_s, 0.01);
+  EXPECT_EQ(belief.row_shift_s(1, 0.4), 0);
+  EXPECT_NEAR(belief.row_sigma_s(1, 0), 0.003, 1e-12);
+}
+
+}  // namespace
+}  // namespace huetrack::object_tracking
