@@ -32,6 +32,8 @@ constexpr double usual_surprise = 3, bounce_surprise = 6;
 // At usual speeds, some metres a second, this is some millimetres of way: as much as what else is not known.
 constexpr double open_time_s = 2e-3;
 
+constexpr auto as_good_as_the_sets_time = std::chrono::milliseconds(2);  // a line is exact enough for as long
+
 double largest_variance(const Eigen::Matrix3d& covariance) {
   return std::max(0.0, covariance.selfadjointView<Eigen::Lower>().eigenvalues().maxCoeff());
 }
@@ -551,8 +553,12 @@ ObjectEstimate RegionTracker::report(const capture::FrameSet& set, const std::ve
   for (int c = 0; c < static_cast<int>(views_.camera_count()); ++c) e.times.push_back(belief_.timing(c));
   for (const TargetView& view : views) e.per_view[static_cast<std::size_t>(view.index)].delivered = true;
   if (!e.has_position()) return e;
-  e.at = last_reported_ = std::max(belief_.at, last_reported_ + capture::Duration(1));
-  e.position = belief_.position();
+  // Frames of one moment are told at that moment, whatever a few rows' uncertain times make of it.
+  const bool is_of_the_set =
+      std::chrono::abs(set.at - belief_.at) <= as_good_as_the_sets_time && set.at > last_reported_;
+  e.at = is_of_the_set ? set.at : std::max(belief_.at, last_reported_ + capture::Duration(1));
+  last_reported_ = e.at;
+  e.position = belief_.position() + capture::seconds(e.at - belief_.at) * belief_.velocity();
   e.velocity = belief_.velocity();
   e.covariance = belief_.position_covariance();
   e.map_position = map_;

@@ -14,7 +14,8 @@
 //     believed and learnt (motion_belief.h).
 //   - search: rays crossed between views through matching pixels of a coarse grid, confirmed by a second frame set.
 //     Several hypotheses are needed only here, and here they are kept.
-// A position is that of the moment of the newest sighting in its set; without a sighting, of the set.
+// A position is that of the moment of the newest sighting in its set; of the set's own time, where that is within 2 ms
+// of it or nobody sees the object.
 // What else was tried, with figures: README.md beside this file.
 #pragma once
 

@@ -50,7 +50,9 @@ scene::SceneBuilder ring(int count) {
 
 // What holds of every estimate, whatever happens.
 void expect_sound(const ObjectEstimate& e, const capture::FrameSet& set, std::size_t cameras) {
-  EXPECT_EQ(e.at, set.at);
+  // Of the newest sighting, which lies on some row of some frame of the set.
+  EXPECT_LT(std::chrono::abs(e.at - set.at), std::chrono::milliseconds(60));
+  if (!e.has_position()) EXPECT_EQ(e.at, set.at);
   EXPECT_EQ(e.set_number, set.number);
   EXPECT_EQ(e.has_position(), e.state == TrackState::tracking || e.state == TrackState::coasting);
   for (const bool finite :
@@ -93,7 +95,7 @@ Outcome run(const scene::Scene& scene, const std::vector<capture::FrameSet>& set
   for (const capture::FrameSet& set : sets) {
     const ObjectEstimate e = tracker.update(set);
     expect_sound(e, set, scene.rig.cameras.size());
-    const Vector3d error = e.position - scene.ball_at(ball, set.at);
+    const Vector3d error = e.position - scene.ball_at(ball, e.at);
     out.error_m.push_back(error.norm());
     out.estimates.push_back(e);
     if (e.state != TrackState::tracking) continue;
@@ -217,6 +219,72 @@ TEST(ObjectTracker, droppedFrames) {
   EXPECT_EQ(std::ranges::count(o.estimates, TrackState::lost, &ObjectEstimate::state), 0);
 }
 
+// The rig says when their rows are exposed: global shutters, stamped at mid-exposure.
+scene::Scene with_known_times(scene::Scene scene) {
+  for (calib::Camera& camera : scene.rig.cameras)
+    camera.timing = {.latency_s = 0, .latency_sigma_s = 0, .readout_s = 0, .readout_sigma_s = 0};
+  return scene;
+}
+
+// The same, but nobody says that the stamps are right. What the times leave open is said, and then learnt.
+TEST(ObjectTracker, camerasWhoseTimesNobodyKnows) {
+  const scene::Scene scene =
+      ring(3)
+          .ball({.path =
+                     [](double t) {
+                       return Vector3d(0.5 * std::sin(4 * t), 0.4 * std::cos(4 * t), 1 + 0.3 * std::sin(3 * t));
+                     }})
+          .build();
+  std::vector<capture::FrameSet> sets = scene::render(scene, {.set_count = 240, .offset_s = {0, 0.011, 0.022}});
+  for (capture::FrameSet& set : sets) {  // one camera's stamps are late
+    for (auto& frame : set.frames)
+      if (frame && frame->camera == 2) frame->captured_at += capture::duration_of(0.025);
+    set.at += capture::duration_of(0.025);
+  }
+  ObjectTracker tracker(scene.rig, lime(), options_with());
+  double nees = 0, sum2 = 0;
+  int n = 0, late_n = 0;
+  ObjectEstimate e;
+  for (const capture::FrameSet& set : sets) {
+    e = tracker.update(set);
+    if (e.state != TrackState::tracking) continue;
+    const Vector3d error = e.position - scene.ball_at(0, e.at);
+    nees += error.dot(e.covariance.llt().solve(error)), ++n;
+    if (set.number >= 150) sum2 += error.squaredNorm(), ++late_n;
+  }
+  EXPECT_GT(n, 200);
+  EXPECT_LT(nees / n, 6);
+  EXPECT_LT(std::sqrt(sum2 / late_n), 0.015);
+  EXPECT_NEAR(e.times[1].latency_s, 0, 0.003);
+  EXPECT_NEAR(e.times[2].latency_s, 0.025, 0.003);
+  EXPECT_EQ(e.times[0].latency_sigma_s, 0);
+}
+
+// It falls at 5 m/s and comes back as fast: between two frames at 60 fps its velocity changes by 10 m/s.
+TEST(ObjectTracker, aBounceLosesNothing) {
+  const scene::Scene scene =
+      ring(4)
+          .ball({.path = [](double t) { return Vector3d(0.3 - 0.8 * t, 0.1, 0.4 + 5 * std::abs(0.22 - t)); }})
+          .build();
+  const std::vector<capture::FrameSet> sets = scene::render(scene, {.set_count = 26, .fps = 60});
+  const Outcome o = run(scene, sets, lime(), options_with());
+  EXPECT_LE(o.lock, 4u);
+  for (std::size_t i = o.lock; i < o.estimates.size(); ++i) {
+    EXPECT_EQ(o.estimates[i].state, TrackState::tracking) << i;
+    EXPECT_LT(o.error_m[i], 0.03) << i;
+  }
+}
+
+// A camera that shows a frame once more contradicts the others, which are believed.
+TEST(ObjectTracker, aFrameThatIsShownAgainIsNotABounce) {
+  const scene::Scene scene = ring(3).ball({}).build();
+  std::vector<capture::FrameSet> sets = scene::render(scene, {.set_count = 80});
+  for (std::size_t i = 20; i < 80; i += 7) sets[i].frames[1]->pixels = sets[i - 2].frames[1]->pixels;
+  const Outcome o = run(scene, sets, lime(), options_with());
+  EXPECT_LT(o.rms_m, 0.008);
+  for (std::size_t i = o.lock; i < o.error_m.size(); ++i) EXPECT_LT(o.error_m[i], 0.03) << i;
+}
+
 // Cameras that look at different times, a ball at 2 m/s: 22 ms are 44 mm.
 TEST(ObjectTracker, freeRunningCameras) {
   const scene::Scene scene =
@@ -227,7 +295,7 @@ TEST(ObjectTracker, freeRunningCameras) {
                      }})
           .build();
   const std::vector<capture::FrameSet> sets = scene::render(scene, {.set_count = 90, .offset_s = {0, 0.011, 0.022}});
-  const Outcome o = run(scene, sets, lime(), options_with());
+  const Outcome o = run(with_known_times(scene), sets, lime(), options_with());
   EXPECT_LE(o.lock, 4u);
   EXPECT_LT(o.rms_m, 0.010);
   EXPECT_GT(o.share_inside_95, 0.8);
