@@ -95,7 +95,9 @@ TEST(CameraClock, TimesAscendAsStampsDo) {
   for (const auto& sample : webcam.record(2000)) {
     if (sample.stamp <= last_stamp) continue;
     const Timestamp out = clock.smoothed(sample.stamp);
-    if (last_stamp != Timestamp{}) EXPECT_GT(out, last);
+    if (last_stamp != Timestamp{}) {
+      EXPECT_GT(out, last);
+    }
     last = out, last_stamp = sample.stamp;
   }
 }

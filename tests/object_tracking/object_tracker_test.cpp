@@ -52,7 +52,9 @@ scene::SceneBuilder ring(int count) {
 void expect_sound(const ObjectEstimate& e, const capture::FrameSet& set, std::size_t cameras) {
   // Of the newest sighting, which lies on some row of some frame of the set.
   EXPECT_LT(std::chrono::abs(e.at - set.at), std::chrono::milliseconds(60));
-  if (!e.has_position()) EXPECT_EQ(e.at, set.at);
+  if (!e.has_position()) {
+    EXPECT_EQ(e.at, set.at);
+  }
   EXPECT_EQ(e.set_number, set.number);
   EXPECT_EQ(e.has_position(), e.state == TrackState::tracking || e.state == TrackState::coasting);
   for (const bool finite :
