@@ -283,10 +283,11 @@ bool RegionTracker::are_times_open() const {
 // Of three views or more, one that contradicts what all others agree on with the motion: it shows a frame once more, or
 // something else of this colour. A bounce contradicts all of them.
 void RegionTracker::leave_out_what_contradicts(const capture::FrameSet& set) {
-  if (sightings_.size() < 3 || surprise_ <= bounce_surprise) return;
+  if (sightings_.size() < 3 || surprise_ <= usual_surprise) return;
   const std::vector<Sighting> all = sightings_;
   std::vector<Sighting> best;
-  double least_surprise = usual_surprise;
+  // The others must agree; and much better than all did, as a swerve surprises some views more than others.
+  double least_surprise = std::min(usual_surprise, surprise_ / 3);
   for (std::size_t i = 0; i < all.size(); ++i) {
     sightings_ = all;
     sightings_.erase(sightings_.begin() + static_cast<std::ptrdiff_t>(i));

@@ -178,7 +178,7 @@ Sighting sighting_of(const TargetView& view, const ColorRegion& region, double r
   s.camera = view.camera;
   s.projector = view.projector;
   s.px = region.centre;
-  s.lasting_px = 0.06 * radius_px;
+  s.lasting_px = 0.04 * radius_px;
   // A row that is dv below the centre's shows the ball where it is dv row_s later: the outline is the disc's image
   // under the inverse of d -> d - velocity row_s d.v. Never faster than the rows themselves, as far as the shape goes.
   const Eigen::Vector2d shear = (motion.row_s * motion.velocity).cwiseMax(-0.5).cwiseMin(0.5);

@@ -48,7 +48,7 @@ struct ImageMotion {
 // Where something hides a part of the ball, the visible rest is narrower than expected in the direction in which it is
 // cut, and its centre is off by about as much; a region that is too wide (background of the same colour) is distrusted
 // the same way. Misfits below a fifth of the radius are the noise of a small disc's outline and say nothing.
-// s is options.pixel_noise_px. What lasts has a standard deviation of 0.06 r: the shading of a ball, whose bright side
+// s is options.pixel_noise_px. What lasts has a standard deviation of 0.04 r: the shading of a ball, whose bright side
 // matches further out than its dark side. The figures were fitted on data/rendered (README.md).
 Sighting sighting_of(const TargetView& view, const ColorRegion& region, double radius_px, double pixel_noise_px,
                      const ImageMotion& motion);

@@ -14,12 +14,22 @@ int TruthRow::views_that_see() const {
   return static_cast<int>(std::ranges::count_if(visible, [](double share) { return share > 0.5; }));
 }
 
-const TruthRow* Sequence::row(const std::string& target, capture::Timestamp at) const {
-  const auto rows = truth.find(target);
-  if (rows == truth.end()) return nullptr;
-  const auto it = std::ranges::find_if(
-      rows->second, [at](const TruthRow& r) { return std::abs(capture::seconds(r.at - at)) < 1e-4; });
-  return it == rows->second.end() ? nullptr : &*it;
+std::optional<TruthRow> Sequence::row(const std::string& target, capture::Timestamp at) const {
+  const auto found = truth.find(target);
+  if (found == truth.end() || found->second.empty()) return std::nullopt;
+  const std::vector<TruthRow>& rows = found->second;
+  constexpr auto same_time = std::chrono::microseconds(100);  // times in files are rounded
+  const auto next = std::ranges::lower_bound(rows, at, {}, &TruthRow::at);
+  if (next != rows.end() && next->at - at < same_time) return *next;
+  if (next == rows.begin()) return std::nullopt;
+  const auto before = std::prev(next);
+  if (at - before->at < same_time) return *before;
+  if (next == rows.end()) return std::nullopt;
+  const double share = capture::seconds(at - before->at) / capture::seconds(next->at - before->at);
+  TruthRow out = share < 0.5 ? *before : *next;
+  out.at = at;
+  out.position = (1 - share) * before->position + share * next->position;
+  return out;
 }
 
 std::filesystem::path shared_data() {

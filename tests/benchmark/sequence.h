@@ -3,6 +3,7 @@
 
 #include <filesystem>
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -23,8 +24,10 @@ struct Sequence {
   std::string name;
   calib::CameraRig rig;
   std::vector<capture::FrameSet> sets;
-  std::map<std::string, std::vector<TruthRow>> truth;                           // per target, by time
-  const TruthRow* row(const std::string& target, capture::Timestamp at) const;  // at this very time, else nullptr
+  std::map<std::string, std::vector<TruthRow>> truth;  // per target, by time
+  // At this time: that of the nearest row, its position between that one's and its neighbour's. nullopt: before the
+  // first row or after the last.
+  std::optional<TruthRow> row(const std::string& target, capture::Timestamp at) const;
 };
 
 // every = 2: as free-running cameras of half the rate; camera i begins with frame `phases` >> i & 1, so 0b010 lets the

@@ -43,7 +43,7 @@ TrackingFigures figures_of(const Sequence& sequence, const std::string& target,
   std::size_t inside = 0, waiting = 0;
   std::optional<Eigen::Vector3d> last_error;
   for (const object_tracking::ObjectEstimate& e : track) {
-    const TruthRow* row = sequence.row(target, e.at);
+    const std::optional<TruthRow> row = sequence.row(target, e.at);
     if (row == nullptr) continue;
     ++f.sets;
     const bool two = row->views_that_see() >= 2;

@@ -48,7 +48,8 @@ double outline_noise(const figures::Sequence& sequence, const object_tracking::T
   std::vector<Eigen::Vector2d> sum(sequence.rig.cameras.size(), Eigen::Vector2d::Zero());
   std::vector<int> count(sequence.rig.cameras.size(), 0);
   for (const wave::BallFrame& frame : frames) {
-    const figures::TruthRow* row = sequence.row(target.name, capture::Timestamp(capture::duration_of(frame.t_s)));
+    const std::optional<figures::TruthRow> row =
+        sequence.row(target.name, capture::Timestamp(capture::duration_of(frame.t_s)));
     const auto c = static_cast<std::size_t>(frame.camera);
     if (row == nullptr || row->visible[c] < 0.99) continue;
     const calib::Camera& camera = sequence.rig.cameras[c];

@@ -44,7 +44,7 @@ TEST(SightingOf, wholeDiscIsAsSureAsThePixelNoise) {
     EXPECT_NEAR(s.support, 1, 0.12) << r;
     EXPECT_LT(s.px.norm(), 0.3) << r;
     EXPECT_LT((s.covariance - 0.04 * Eigen::Matrix2d::Identity()).norm(), 1e-9) << r;
-    EXPECT_NEAR(s.lasting_px, 0.06 * r, 1e-9) << "the shading of a ball";
+    EXPECT_NEAR(s.lasting_px, 0.04 * r, 1e-9) << "the shading of a ball";
   }
   EXPECT_NEAR(sighting_of_disc(8, 0, -100, 2.0).covariance(0, 0), 4, 1e-9);
 }
