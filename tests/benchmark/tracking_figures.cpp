@@ -44,7 +44,7 @@ TrackingFigures figures_of(const Sequence& sequence, const std::string& target,
   std::optional<Eigen::Vector3d> last_error;
   for (const object_tracking::ObjectEstimate& e : track) {
     const std::optional<TruthRow> row = sequence.row(target, e.at);
-    if (row == nullptr) continue;
+    if (!row) continue;
     ++f.sets;
     const bool two = row->views_that_see() >= 2;
     TrackingFigures::Seen& seen = f.by_views[static_cast<std::size_t>(std::min(2, row->views_that_see()))];

@@ -51,7 +51,7 @@ double outline_noise(const figures::Sequence& sequence, const object_tracking::T
     const std::optional<figures::TruthRow> row =
         sequence.row(target.name, capture::Timestamp(capture::duration_of(frame.t_s)));
     const auto c = static_cast<std::size_t>(frame.camera);
-    if (row == nullptr || row->visible[c] < 0.99) continue;
+    if (!row || row->visible[c] < 0.99) continue;
     const calib::Camera& camera = sequence.rig.cameras[c];
     const auto px = wave::outline_centre(camera.model, camera.cam_from_world * row->position, target.radius_m);
     if (!px) continue;
