@@ -86,7 +86,7 @@ LiveSummary run_live(const config::ServiceConfig& config, std::vector<pipeline::
   session.add(meter);
   pipeline::LightReport light(session.config());
   session.add(light);
-  pipeline::CameraTimes times(session.config(), options.write_rig);
+  pipeline::CameraTimes times(session.config(), options.write_rig, true);
   session.add(times);
   std::vector<const pipeline::FileOutput*> files;
   std::optional<pipeline::TrackFile> tracks;

@@ -291,7 +291,7 @@ ReplaySummary replay(const ReplayCommand& command, const std::stop_token& stop) 
   if (config.dds.enabled && !command.no_dds) session.add(bus.emplace(config.dds.publisher, session.time()));
   pipeline::LightReport light(session.config());
   session.add(light);
-  pipeline::CameraTimes times(session.config(), command.write_rig);
+  pipeline::CameraTimes times(session.config(), command.write_rig, false);
   session.add(times);
   std::optional<ReplayStatus> status;
   if (bus) session.add(status.emplace(session.config(), *bus, session.time(), playback.held, light, times));

@@ -16,7 +16,7 @@ namespace {
 using object_tracking::CameraTimingEstimate;
 
 // Better known than this, a time costs a position some millimetres at the usual speeds, and is worth keeping in a rig.
-constexpr double known_latency_s = 0.002, known_readout_s = 0.004;
+constexpr double known_latency_s = 0.002, known_readout_s = 0.003;
 // What was said is said again when it has moved by this many of its standard deviations of then.
 constexpr double news_sigmas = 4;
 // An object at this speed is farther from where it is said to be by its cameras' unknown times than by all else.
@@ -36,8 +36,8 @@ std::string words(const std::string& camera, const CameraTimingEstimate& t, bool
 
 }  // namespace
 
-CameraTimes::CameraTimes(const config::ServiceConfig& config, std::filesystem::path rig_file)
-    : rig_file_(std::move(rig_file)), rig_(config.rig) {
+CameraTimes::CameraTimes(const config::ServiceConfig& config, std::filesystem::path rig_file, bool is_logging)
+    : rig_file_(std::move(rig_file)), is_logging_(is_logging), rig_(config.rig) {
   if (std::filesystem::exists(rig_file_))
     throw std::runtime_error(rig_file_.string() + " exists: --write-rig writes no file anew; name another one");
   on_config(config);
@@ -79,7 +79,7 @@ void CameraTimes::on_set(const TrackedSet& set) {
           ": moving objects are less sure until their motion has told it; huetrack-calibrate time finds it beforehand";
     if (!is_learning_) return;
   }
-  tell(told);
+  if (is_logging_) tell(told);
 }
 
 void CameraTimes::tell(const Estimates& told) {

@@ -13,10 +13,10 @@ namespace huetrack::pipeline {
 
 class CameraTimes final : public Output {
  public:
-  // What has become known, and what has changed since it was said, goes into the log. rig_file: written when the road
-  // is empty, as the configuration's rig with the times of the cameras that became known; empty: no file. throws
-  // std::runtime_error when the file is there.
-  CameraTimes(const config::ServiceConfig& config, std::filesystem::path rig_file);
+  // is_logging: what has become known, and what has changed since it was said, goes into the log. rig_file: written
+  // when the road is empty, as the configuration's rig with the times of the cameras that became known; empty: no file.
+  // throws std::runtime_error when the file is there.
+  CameraTimes(const config::ServiceConfig& config, std::filesystem::path rig_file, bool is_logging);
 
   void on_set(const TrackedSet& set) override;
   void on_config(const config::ServiceConfig& config) noexcept override;
@@ -34,6 +34,7 @@ class CameraTimes final : public Output {
   void tell(const Estimates& told);
 
   const std::filesystem::path rig_file_;
+  const bool is_logging_;
   calib::CameraRig rig_;
   Estimates times_;   // the tracking thread's; empty: nothing was learnt
   Estimates logged_;  // likewise; with the sigma of what was not logged yet at infinity
