@@ -122,19 +122,20 @@ TEST(MotionBelief, AnObjectAtRestTellsNoTimes) {
     seen.px = camera.project_world({0, 0, 1})->px + Vector2d(noise(scene.random), noise(scene.random));
     seen.covariance = 0.04 * Eigen::Matrix2d::Identity();
     seen.lasting_px = 0.3;
-    belief.predict_to(seen.row.at, 1);
+    constexpr double q = 16 * 16 * 0.1;  // while the times are open, the tracker takes twice the hardest acceleration
+    belief.predict_to(seen.row.at, q);
     seen.linearised_at = belief.position();
     const auto appearance = appearance_of(camera, seen.linearised_at, 0.04);
     ASSERT_TRUE(appearance);
     seen.px_expected = appearance->px;
     seen.jacobian = appearance->jacobian;
-    belief.observe(seen, is_start ? Vector3d(Vector3d::Zero()) : belief.velocity(), 1);
+    belief.observe(seen, is_start ? Vector3d(Vector3d::Zero()) : belief.velocity(), q);
   }
   for (int c = 1; c < 3; ++c) {
     EXPECT_LT(std::abs(belief.timing(c).latency_s), 0.02) << c;
     EXPECT_GT(belief.timing(c).latency_sigma_s, 0.01) << c;
   }
-  EXPECT_LT((belief.position() - Vector3d(0, 0, 1)).norm(), 0.003);
+  EXPECT_LT((belief.position() - Vector3d(0, 0, 1)).norm(), 0.006);
 }
 
 TEST(MotionBelief, WhatTheTimesLeaveOpenLiesAlongThePath) {
