@@ -15,6 +15,9 @@ constexpr double off_sigmas = 4;         // a stamp that is further off the line
 constexpr double variance_share = 1.0 / 30;  // of each new stamp in what is known of the jitter
 constexpr int off_in_a_row_to_begin = 3;     // late stamps come alone: so many of them are another line
 constexpr double longest_gap_s = 2;          // after a longer one a camera may have been restarted, in another phase
+// Of a period: a camera whose stamps are further off the line, again and again, does not keep one (it waits for light,
+// or for its host), and its stamps are the best that there is.
+constexpr double even_share = 0.05;
 // Of a period, off the line: beyond it nobody can say how many frames were lost.
 constexpr double largest_misfit = 0.3;
 
@@ -72,7 +75,7 @@ Timestamp CameraClock::smoothed(Timestamp stamp) {
         const double of_a_stamp = believed_s * believed_s / (1 + line_share);
         variance_s2_ += variance_share * (of_a_stamp - variance_s2_);
         variance_s2_ = std::max(variance_s2_, least_jitter_s * least_jitter_s);
-        at_s = phase_s_;
+        if (std::sqrt(variance_s2_) < even_share * period_s_) at_s = phase_s_;
       }
     }
   }

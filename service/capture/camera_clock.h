@@ -15,9 +15,8 @@ namespace huetrack::capture {
 // found as whole periods, so that no sequence numbers are needed.
 //
 // It begins anew where the stamps show no line: after a gap, when a clock was stepped or when the camera changes its
-// rate (three stamps in a row that are off); until it has one the times are the stamps themselves. Times ascend
-// strictly as long as the stamps do.
-// thread-compatible.
+// rate (three stamps in a row that are off); until it has one, and while a camera keeps no even period, the times are
+// the stamps themselves. Times ascend strictly as long as the stamps do. thread-compatible.
 class CameraClock {
  public:
   // The stamps must ascend; one that does not begins the clock anew. Returns the smoothed stamp.

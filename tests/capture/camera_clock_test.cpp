@@ -80,6 +80,20 @@ TEST(CameraClock, AnotherRateAnotherLine) {
   EXPECT_NEAR(clock.period_s().value(), 1 / 25.0, 1e-4);
 }
 
+TEST(CameraClock, StampsOfAnUnevenCameraAreTaken) {
+  std::mt19937 random(3);
+  std::normal_distribution<double> wait(0.064, 0.012);
+  CameraClock clock;
+  double t = 0;
+  for (int k = 0; k < 300; ++k) {
+    t += std::max(0.02, wait(random));
+    const double off_s = std::abs(seconds(clock.smoothed(at(t))) - t);
+    if (k > 60) {
+      EXPECT_EQ(off_s, 0) << k;
+    }
+  }
+}
+
 TEST(CameraClock, FollowsAClockThatWasStepped) {
   CameraClock clock;
   for (int k = 0; k < 50; ++k) clock.smoothed(at(100 + k / 30.0));

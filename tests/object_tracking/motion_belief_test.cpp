@@ -133,7 +133,7 @@ TEST(MotionBelief, AnObjectAtRestTellsNoTimes) {
   }
   for (int c = 1; c < 3; ++c) {
     EXPECT_LT(std::abs(belief.timing(c).latency_s), 0.02) << c;
-    EXPECT_GT(belief.timing(c).latency_sigma_s, 0.01) << c;
+    EXPECT_GT(belief.timing(c).latency_sigma_s, 0.006) << c;
   }
   EXPECT_LT((belief.position() - Vector3d(0, 0, 1)).norm(), 0.006);
 }
