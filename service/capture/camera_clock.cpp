@@ -18,6 +18,7 @@ constexpr double longest_gap_s = 2;          // after a longer one a camera may 
 // Of a period: a camera whose stamps are further off the line, again and again, does not keep one (it waits for light,
 // or for its host), and its stamps are the best that there is.
 constexpr double even_share = 0.05;
+constexpr int even_count = 10;  // stamps on a line, before it is taken for one
 // Of a period, off the line: beyond it nobody can say how many frames were lost.
 constexpr double largest_misfit = 0.3;
 
@@ -27,7 +28,6 @@ void CameraClock::begin(Timestamp stamp) {
   origin_ = stamp;
   phase_s_ = 0;
   period_s_ = 0;
-  variance_s2_ = first_jitter_s * first_jitter_s;
   count_ = 1;
   off_in_a_row_ = 0;
 }
@@ -40,6 +40,7 @@ Timestamp CameraClock::smoothed(Timestamp stamp) {
 
   double at_s = 0;
   if (is_new) {
+    variance_s2_ = first_jitter_s * first_jitter_s;
     begin(stamp);
   } else {
     const double measured_s = seconds(stamp - *origin_);
@@ -61,6 +62,9 @@ Timestamp CameraClock::smoothed(Timestamp stamp) {
       const bool is_off = std::abs(misfit_s) > limit_s;
       off_in_a_row_ = is_off ? off_in_a_row_ + 1 : 0;
       if (is_other_rate || off_in_a_row_ >= off_in_a_row_to_begin) {
+        // A camera that begins anew again and again is not even.
+        const double off_s = std::min(std::abs(misfit_s), period_s_ / 2);
+        variance_s2_ += variance_share * (off_s * off_s - variance_s2_);
         begin(stamp);
         at_s = 0;
       } else {
@@ -75,7 +79,7 @@ Timestamp CameraClock::smoothed(Timestamp stamp) {
         const double of_a_stamp = believed_s * believed_s / (1 + line_share);
         variance_s2_ += variance_share * (of_a_stamp - variance_s2_);
         variance_s2_ = std::max(variance_s2_, least_jitter_s * least_jitter_s);
-        if (std::sqrt(variance_s2_) < even_share * period_s_) at_s = phase_s_;
+        if (count_ >= even_count && std::sqrt(variance_s2_) < even_share * period_s_) at_s = phase_s_;
       }
     }
   }

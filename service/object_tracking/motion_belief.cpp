@@ -15,7 +15,7 @@ constexpr double unknown_latency_sigma_s = 0.020;
 constexpr double unknown_readout_sigma_s = 0.020;
 // Of cameras whose frames' times are the same: a trigger starts them within microseconds, and their exposures are set
 // alike, so that mid-exposures differ by half of what is left; cameras that can be triggered have global shutters.
-constexpr double in_step_latency_sigma_s = 0.0005, in_step_readout_sigma_s = 0.0015;
+constexpr double in_step_latency_sigma_s = 0.0002, in_step_readout_sigma_s = 0.0005;
 // Of a number that somebody wrote into the rig without saying how well it is known.
 constexpr double unstated_sigma_s = 0.002;
 // Mid-exposure moves with the exposure time, which lamps and clouds make a camera change: a millisecond in a minute or

@@ -15,9 +15,9 @@ constexpr double min_start_support = 0.3, min_support = 0.1, max_support = 3;
 constexpr double gate = 11.8;  // chi-square, 2 degrees of freedom, 99.7 %
 constexpr std::size_t max_regions_per_view = 8;
 constexpr double not_seen_penalty = 0.25;  // of the score, for a view that should see it and does not
-// Of the variance of a region's centre: the same in all frames (the light comes from one side) or changing slowly (with
-// what is behind the object). As measured on outlines of the same balls: wave::OutlineCorrelation, 0.2 and 0.25.
-constexpr double lasting_share = 0.45;
+// Of the variance of a region's centre: the same in all frames, as the light comes from one side. As measured on outlines
+// of rendered balls: wave::OutlineCorrelation.
+constexpr double lasting_share = 0.2;
 constexpr int refinements = 2;  // of a candidate's position, each by the sightings at the one before
 
 bool inside(const Box& volume, const Eigen::Vector3d& p, double margin_m) {

@@ -49,7 +49,7 @@ struct ImageMotion {
 // cut, and its centre is off by about as much; a region that is too wide (background of the same colour) is distrusted
 // the same way. Misfits below a fifth of the radius are the noise of a small disc's outline and say nothing.
 // s is options.pixel_noise_px; 0.04 r is the shading of a ball, whose bright side matches further out than its dark
-// side. Of these two, 0.45 last while the object rests (lasting_px), the remainder is new in every frame and stands in
+// side. Of these two, 0.2 last while the object rests (lasting_px), the remainder is new in every frame and stands in
 // `covariance` with the misfit. The figures were fitted on data/rendered (README.md).
 Sighting sighting_of(const TargetView& view, const ColorRegion& region, double radius_px, double pixel_noise_px,
                      const ImageMotion& motion);

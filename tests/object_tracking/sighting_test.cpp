@@ -44,10 +44,10 @@ TEST(SightingOf, wholeDiscIsAsSureAsThePixelNoise) {
     EXPECT_NEAR(s.support, 1, 0.12) << r;
     EXPECT_LT(s.px.norm(), 0.3) << r;
     const double variance = 0.04 + 0.0016 * r * r;
-    EXPECT_LT((s.covariance - 0.55 * variance * Eigen::Matrix2d::Identity()).norm(), 1e-9) << r;
-    EXPECT_NEAR(s.lasting_px * s.lasting_px, 0.45 * variance, 1e-9) << r;
+    EXPECT_LT((s.covariance - 0.8 * variance * Eigen::Matrix2d::Identity()).norm(), 1e-9) << r;
+    EXPECT_NEAR(s.lasting_px * s.lasting_px, 0.2 * variance, 1e-9) << r;
   }
-  EXPECT_NEAR(sighting_of_disc(8, 0, -100, 2.0).covariance(0, 0), 0.55 * (4 + 0.0016 * 64), 1e-9);
+  EXPECT_NEAR(sighting_of_disc(8, 0, -100, 2.0).covariance(0, 0), 0.8 * (4 + 0.0016 * 64), 1e-9);
 }
 
 TEST(SightingOf, hiddenHalfIsUncertainAcrossTheCutOnly) {
@@ -110,11 +110,11 @@ TEST(SightingOf, expectsTheShapeOfAMovingBall) {
   EXPECT_GT(sighting_of(view, region, r, 0.2, known).covariance.trace(), 1) << "a disc is not what such a ball shows";
   const ImageMotion motion{.velocity = velocity, .row_s = row_s, .longest_exposure_s = 0};
   region.spread = r * r / 4 * outline_from_disc * outline_from_disc.transpose();
-  EXPECT_NEAR(sighting_of(view, region, r, 0.2, motion).covariance.trace(), 2 * 0.55 * 0.2, 1e-9);
+  EXPECT_NEAR(sighting_of(view, region, r, 0.2, motion).covariance.trace(), 2 * 0.8 * 0.2, 1e-9);
   // Smeared by half of what it moves during the exposure, along its way only.
   ImageMotion smeared{.velocity = {600, 0}, .row_s = 0, .longest_exposure_s = 0.01};
   region.spread << 12.5 * 12.5 / 4, 0, 0, r * r / 4;
-  EXPECT_NEAR(sighting_of(view, region, r, 0.2, smeared).covariance.trace(), 2 * 0.55 * 0.2, 1e-9);
+  EXPECT_NEAR(sighting_of(view, region, r, 0.2, smeared).covariance.trace(), 2 * 0.8 * 0.2, 1e-9);
   smeared.velocity = {0, 600};
   EXPECT_GT(sighting_of(view, region, r, 0.2, smeared).covariance(0, 0), 0.3);
 }
