@@ -15,8 +15,8 @@ constexpr double min_start_support = 0.3, min_support = 0.1, max_support = 3;
 constexpr double gate = 11.8;  // chi-square, 2 degrees of freedom, 99.7 %
 constexpr std::size_t max_regions_per_view = 8;
 constexpr double not_seen_penalty = 0.25;  // of the score, for a view that should see it and does not
-// Of the variance of a region's centre: the same in all frames, as the light comes from one side. As measured on outlines
-// of rendered balls: wave::OutlineCorrelation.
+// Of the variance of a region's centre: the same in all frames, as the light comes from one side. As measured on
+// outlines of rendered balls: wave::OutlineCorrelation.
 constexpr double lasting_share = 0.2;
 constexpr int refinements = 2;  // of a candidate's position, each by the sightings at the one before
 
@@ -196,8 +196,10 @@ Sighting sighting_of(const TargetView& view, const ColorRegion& region, double r
     const Eigen::Vector2d axis = axes.eigenvectors().col(i);
     const double expected_px = radius_px * (outline_from_disc.transpose() * axis).norm();
     const double smear_px = 0.5 * std::abs(axis.dot(motion.velocity)) * motion.longest_exposure_s;
-    const double misfit_px = std::abs(expected_px - 2 * std::sqrt(std::max(0.0, axes.eigenvalues()(i))));
-    const double excess_px = 1.3 * std::max(0.0, misfit_px - 0.2 * radius_px - smear_px);
+    const double too_wide_px = 2 * std::sqrt(std::max(0.0, axes.eigenvalues()(i))) - expected_px;
+    // What hides a part of it makes a region narrow, too, and is the more usual reason.
+    const double smeared_px = too_wide_px > 0 ? smear_px : smear_px / 3;
+    const double excess_px = 1.3 * std::max(0.0, std::abs(too_wide_px) - 0.2 * radius_px - smeared_px);
     variance(i) += excess_px * excess_px;
   }
   s.covariance = axes.eigenvectors() * variance.asDiagonal() * axes.eigenvectors().transpose();

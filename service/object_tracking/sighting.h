@@ -44,7 +44,8 @@ struct ImageMotion {
 //   s^2 + (0.04 r)^2 + (1.3 max(0, |e - w| - 0.2 r - b))^2,   w = 2 sqrt(the region's second central moment along it)
 // w is the half width of the disc that would be as wide and e the one that is expected: the radius r, but of a moving
 // ball that is read row by row the disc is sheared and stretched. b: exposure smears it by velocity times time, which
-// makes a region longer (half of the smear matches) or shorter (none of it does), and leaves its centre where it is.
+// makes a region longer (half of the smear matches) or shorter (a third of that is granted, as what hides a part of the
+// ball makes it shorter, too), and leaves its centre where it is.
 // Where something hides a part of the ball, the visible rest is narrower than expected in the direction in which it is
 // cut, and its centre is off by about as much; a region that is too wide (background of the same colour) is distrusted
 // the same way. Misfits below a fifth of the radius are the noise of a small disc's outline and say nothing.
