@@ -24,8 +24,9 @@ constexpr double least_support = 0.15;         // of a region that counts as the
 constexpr std::size_t max_candidates = 4;
 constexpr double longest_confirmation_s = 0.5;  // a candidate that is older confirms nothing
 
-// An exposure smears a moving object. Webcams take half a frame's time at most before their gain gives out.
-constexpr double longest_exposure_s = 1.0 / 60;
+// An exposure smears a moving object. Indoors, one period of the light of lamps is the shortest one without flicker,
+// and the longest one before motion blurs what colour is.
+constexpr double longest_exposure_s = 0.010;
 // Mean squared innovation in its standard deviations; 1 is usual. The hardest acceleration does not explain it.
 constexpr double usual_surprise = 3, bounce_surprise = 6;
 
