@@ -189,13 +189,6 @@ Eigen::Matrix3d MotionBelief::seen_covariance(const SeenRow& row, double power_d
   return onto(by, covariance_with_state(by)) + unmodelled(by, power_density);
 }
 
-Eigen::Matrix2d MotionBelief::lasting_covariance_given_position(int camera) const {
-  const Eigen::Index lasting = lasting_of(camera);
-  const Eigen::Matrix<double, 2, 3> with_position = covariance_.block<2, 3>(lasting, 0);
-  return covariance_.block<2, 2>(lasting, lasting) -
-         with_position * position_covariance().inverse() * with_position.transpose();
-}
-
 // A first-order Gauss-Markov process along the way that the object has gone since the camera saw it last, of the
 // standard deviation that it has now (a near object is larger, and so is what shifts its centre).
 void MotionBelief::renew_lasting(int camera, double lasting_px) {

@@ -91,9 +91,8 @@ class MotionBelief {
     Eigen::Matrix3d covariance;
   };
   SeenPosition seen_given_position(const SeenRow& row, double power_density) const;
-  // How far the camera is believed to see the object beside where it is, at this position: mean, px, and covariance.
+  // How far the camera is believed to see the object beside where it is, px.
   Eigen::Vector2d lasting_error(int camera) const { return mean_.segment<2>(lasting_of(camera)); }
-  Eigen::Matrix2d lasting_covariance_given_position(int camera) const;
   // Of y itself; the row may be later or earlier than `at`.
   Eigen::Matrix3d seen_covariance(const SeenRow& row, double power_density) const;
 

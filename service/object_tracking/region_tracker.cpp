@@ -412,7 +412,7 @@ void RegionTracker::weigh(const MotionBelief& proposal, double power_density) {
     sighting.projector->project(px, py, pz, n, u_.data(), v_.data());
 
     const Eigen::Matrix2d noise = linear.covariance + linear.jacobian * seen.covariance * linear.jacobian.transpose() +
-                                  proposal.lasting_covariance_given_position(linear.row.camera);
+                                  linear.lasting_px * linear.lasting_px * Eigen::Matrix2d::Identity();
     const Eigen::Vector2d measured = linear.px - proposal.lasting_error(linear.row.camera);
     const Eigen::Matrix2f information = noise.inverse().cast<float>();
     const float i_uu = information(0, 0), i_uv = 2 * information(0, 1), i_vv = information(1, 1);
