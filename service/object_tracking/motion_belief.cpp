@@ -237,26 +237,25 @@ double MotionBelief::observe(const LinearSighting& sighting, const Eigen::Vector
   return innovation.dot(information * innovation);
 }
 
-Eigen::MatrixXd MotionBelief::by_times() const {
-  const Eigen::Index n = 2 * static_cast<Eigen::Index>(given_.size());
-  Eigen::MatrixXd times = covariance_.block(6, 6, n, n);
-  times.diagonal().array() += 1e-16;  // s^2: of those that are held
-  const Eigen::MatrixXd with_times = covariance_.middleRows(6, n);
-  return with_times.transpose() * times.llt().solve(with_times);
+Eigen::MatrixXd MotionBelief::by_views() const {
+  const Eigen::Index n = size() - 6;
+  Eigen::MatrixXd views = covariance_.bottomRightCorner(n, n);
+  views.diagonal().array() += 1e-16;  // s^2, px^2: of what is held
+  const Eigen::MatrixXd with_views = covariance_.bottomRows(n);
+  return with_views.transpose() * views.llt().solve(with_views);
 }
 
-MotionBelief MotionBelief::given_times() const {
+MotionBelief MotionBelief::given_views() const {
   MotionBelief out = *this;
-  if (!times_are_learnt_) return out;
-  const Eigen::Index n = 2 * static_cast<Eigen::Index>(given_.size());
-  out.covariance_ -= by_times();
-  out.covariance_.middleRows(6, n).setZero();
-  out.covariance_.middleCols(6, n).setZero();
+  const Eigen::Index n = size() - 6;
+  out.covariance_ -= by_views();
+  out.covariance_.bottomRows(n).setZero();
+  out.covariance_.rightCols(n).setZero();
   return out;
 }
 
-void MotionBelief::open_times_as(const MotionBelief& other) {
-  if (times_are_learnt_) covariance_ += other.by_times();
+void MotionBelief::open_views_as(const MotionBelief& other) {
+  covariance_ += other.by_views();
 }
 
 void MotionBelief::set_position(const Eigen::Vector3d& mean, const Eigen::Matrix3d& covariance) {

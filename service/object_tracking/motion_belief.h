@@ -54,11 +54,11 @@ class MotionBelief {
   Eigen::Vector3d position() const { return mean_.head<3>(); }
   Eigen::Vector3d velocity() const { return mean_.segment<3>(3); }
   Eigen::Matrix3d position_covariance() const { return covariance_.topLeftCorner<3, 3>(); }
-  // The same if all cameras' times were known to be what they are believed to be.
-  MotionBelief given_times() const;
-  // Undoes it: what the times leave open, of all, is as it is in `other`, of which this was given_times() and may have
+  // The same if what is believed of the views, their times and what lasts, were known to be so.
+  MotionBelief given_views() const;
+  // Undoes it: what the views leave open, of all, is as it is in `other`, of which this was given_views() and may have
   // been moved since.
-  void open_times_as(const MotionBelief& other);
+  void open_views_as(const MotionBelief& other);
 
   // The cameras are triggered together: their frames' times have been the same. Before anything is learnt only. Then
   // latencies hardly differ, and such cameras mostly have global shutters.
@@ -112,7 +112,7 @@ class MotionBelief {
   template <typename Rows>  // rows x size() -> rows x 3: the product with the transpose of y's coefficients
   Eigen::Matrix<double, Rows::RowsAtCompileTime, 3> onto(const SeenBy& by, const Rows& rows) const;
   Eigen::Matrix<double, 3, Eigen::Dynamic> covariance_with_state(const SeenBy& by) const;
-  Eigen::MatrixXd by_times() const;  // the part of the covariance that follows from that of the times
+  Eigen::MatrixXd by_views() const;  // the part of the covariance that follows from that of times and what lasts
   // What is not in the state: swerves between the row and `at`, and times that are given with an uncertainty.
   Eigen::Matrix3d unmodelled(const SeenBy& by, double power_density) const;
 

@@ -82,12 +82,12 @@ ObjectEstimate RegionTracker::update(const capture::FrameSet& set) {
     sight(views);  // colour regions near the prediction, one per view at most
     const double q = learn_acceleration(set, views);
     const MotionBelief proposal = propose(set, q);  // motion and regions together, linearised
-    const MotionBelief at_times =
-        proposal.given_times();  // particles are positions, for the times as they are believed
-    draw_particles(at_times);
-    weigh(at_times, q);  // what the linearisation and the floor change
-    estimate(at_times);
-    belief_.open_times_as(proposal);
+    const MotionBelief at_views =
+        proposal.given_views();  // particles are positions, for views as they are believed to be
+    draw_particles(at_views);
+    weigh(at_views, q);  // what the linearisation and the floor change
+    estimate(at_views);
+    belief_.open_views_as(proposal);
     belief_.reopen_times();
     judge(set);
   }
@@ -457,7 +457,7 @@ void RegionTracker::forget() {
 // A view or more must see it, and together they must say where. What is open because nobody knows the cameras' times
 // does not count here: the covariance tells it, and motion will.
 void RegionTracker::judge(const capture::FrameSet& set) {
-  const double sigma_m = largest_sigma(belief_.given_times().position_covariance());
+  const double sigma_m = largest_sigma(belief_.given_views().position_covariance());
   if (!sightings_.empty() && sigma_m <= options_.max_tracking_sigma_m) {
     state_ = TrackState::tracking;
     last_tracking_ = set.at;
@@ -508,7 +508,7 @@ void RegionTracker::search(const capture::FrameSet& set, const std::vector<Targe
   }
   if (found != nullptr) {
     start_at(*earlier, *found, set.at, dt);
-    const double sigma_m = largest_sigma(belief_.given_times().position_covariance());
+    const double sigma_m = largest_sigma(belief_.given_views().position_covariance());
     state_ = sigma_m <= options_.max_tracking_sigma_m ? TrackState::tracking : TrackState::coasting;
     last_tracking_ = set.at;
     candidates_.clear();
@@ -538,7 +538,7 @@ void RegionTracker::start_at(const PositionCandidate& earlier, const PositionCan
   sightings_ = found.sightings;
   sort_by_time(sightings_);
   belief_ = followed(belief_, &about, set_at, power_density());
-  draw_particles(belief_.given_times());
+  draw_particles(belief_.given_views());
   weight_.assign(particles_.size(), 1.0f / static_cast<float>(particles_.size()));
   effective_sample_size_ = static_cast<double>(particles_.size());
   map_ = belief_.position();

@@ -153,14 +153,14 @@ TEST(MotionBelief, WhatTheTimesLeaveOpenLiesAlongThePath) {
   EXPECT_NEAR(std::sqrt(of_a(0, 0)), 0.001, 1e-4);
 }
 
-TEST(MotionBelief, GivenTimesAndBackAgainIsTheSame) {
+TEST(MotionBelief, GivenViewsAndBackAgainIsTheSame) {
   Scene scene(1);
   MotionBelief belief(scene.rig, true);
   belief.begin(at(0), Scene::position(0), 1, Vector3d::Zero(), 9);
   scene.run(belief, 0, 0.5);
-  MotionBelief back = belief.given_times();
+  MotionBelief back = belief.given_views();
   EXPECT_LT(back.position_covariance().trace(), belief.position_covariance().trace());
-  back.open_times_as(belief);
+  back.open_views_as(belief);
   EXPECT_LT((back.position_covariance() - belief.position_covariance()).norm(),
             1e-9 * belief.position_covariance().norm() + 1e-12);
   for (int c = 0; c < 3; ++c) EXPECT_NEAR(back.timing(c).readout_sigma_s, belief.timing(c).readout_sigma_s, 1e-6) << c;
