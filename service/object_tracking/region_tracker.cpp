@@ -32,6 +32,8 @@ constexpr double usual_surprise = 3, bounce_surprise = 6;
 
 // At usual speeds, some metres a second, this is some millimetres of way: as much as what else is not known.
 constexpr double open_time_s = 2e-3;
+// Slower than this, times hardly matter: 6 mm at 20 ms.
+constexpr double at_rest_m_s = 0.3;
 
 constexpr auto as_good_as_the_sets_time = std::chrono::milliseconds(2);  // a line is exact enough for as long
 
@@ -325,7 +327,8 @@ double RegionTracker::learn_acceleration(const capture::FrameSet& set, const std
   }
   // While the times are open, small innovations do not tell calm motion: nearly all of what is expected of them is the
   // times'. And a motion that is taken for too calm passes for cameras that are late.
-  const double least = are_times_open() ? 2 * options_.acceleration_m_s2 : least_acceleration_m_s2;
+  const double usual = (belief_.velocity().norm() > at_rest_m_s ? 2 : 1) * options_.acceleration_m_s2;
+  const double least = are_times_open() ? usual : least_acceleration_m_s2;
   if (!sightings_.empty())
     acceleration_ =
         std::clamp(acceleration_ * std::exp(0.05 * (std::min(surprise_, usual_surprise) - 1)), least, ceiling);
@@ -454,10 +457,19 @@ void RegionTracker::forget() {
   scatter();
 }
 
+// Of what fixes the position: the belief for the views as they are believed to be, or the views of this set alone where
+// they are surer (a belief that allows for anything between two sets of slow cameras is not).
+double RegionTracker::judged_sigma() const {
+  const double believed_m = largest_sigma(belief_.given_views().position_covariance());
+  if (sightings_.size() < 2) return believed_m;
+  const PositionInformation seen = information_of(sightings_, belief_.position());
+  return std::min(believed_m, largest_sigma(seen.information.inverse()));
+}
+
 // A view or more must see it, and together they must say where. What is open because nobody knows the cameras' times
 // does not count here: the covariance tells it, and motion will.
 void RegionTracker::judge(const capture::FrameSet& set) {
-  const double sigma_m = largest_sigma(belief_.given_views().position_covariance());
+  const double sigma_m = judged_sigma();
   if (!sightings_.empty() && sigma_m <= options_.max_tracking_sigma_m) {
     state_ = TrackState::tracking;
     last_tracking_ = set.at;
@@ -508,7 +520,7 @@ void RegionTracker::search(const capture::FrameSet& set, const std::vector<Targe
   }
   if (found != nullptr) {
     start_at(*earlier, *found, set.at, dt);
-    const double sigma_m = largest_sigma(belief_.given_views().position_covariance());
+    const double sigma_m = judged_sigma();
     state_ = sigma_m <= options_.max_tracking_sigma_m ? TrackState::tracking : TrackState::coasting;
     last_tracking_ = set.at;
     candidates_.clear();

@@ -66,6 +66,7 @@ class RegionTracker {
   void draw_particles(const MotionBelief& proposal);
   void weigh(const MotionBelief& proposal, double power_density);
   void estimate(const MotionBelief& proposal);
+  double judged_sigma() const;
   void judge(const capture::FrameSet& set);
   void forget();
   void search(const capture::FrameSet& set, const std::vector<TargetView>& views);
