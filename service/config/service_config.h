@@ -107,10 +107,11 @@ std::filesystem::path taught_file(const std::filesystem::path& config);
 // unreadable, unknown key, wrong type, out of range, keys that contradict each other or the rig; or the taught file
 // speaks of a target that the configuration does not have. Relative paths start at the configuration's folder.
 ServiceConfig load_service_config(const std::filesystem::path& file);
-// What the sources need to know of the rig's cameras, beside them.
-std::vector<capture::FrameTiming> frame_timing(const calib::CameraRig& rig);
 // The same, as if the taught file held this text.
 ServiceConfig load_service_config(const std::filesystem::path& file, const std::string& taught);
+
+// Beside the rig's cameras: when their rows are exposed, as the sources need it.
+std::vector<capture::FrameTiming> frame_timing(const calib::CameraRig& rig);
 
 // Every key, default or given, as YAML that loads back to the same configuration from any folder (paths are absolute).
 std::string to_yaml(const ServiceConfig& config);

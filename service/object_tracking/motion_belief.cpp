@@ -46,6 +46,7 @@ MotionBelief::MotionBelief(const calib::CameraRig& rig, bool times_are_learnt) :
   const Eigen::Index n = 6 + (times_are_learnt ? 4 : 2) * cameras;
   mean_ = Eigen::VectorXd::Zero(n);
   covariance_ = Eigen::MatrixXd::Zero(n, n);
+  if (times_are_learnt) times_linearised_ = Eigen::VectorXd::Zero(2 * cameras);
   for (std::size_t c = 0; c < rig.cameras.size(); ++c) {
     const calib::CameraTiming& timing = rig.cameras[c].timing;
     Given given{.latency_s = timing.latency_s.value_or(0), .readout_s = timing.readout_s.value_or(0)};
@@ -78,7 +79,6 @@ void MotionBelief::expect_in_step() {
 void MotionBelief::reopen_times() {
   if (!times_are_learnt_) return;
   const Eigen::Index n = 2 * static_cast<Eigen::Index>(given_.size());
-  if (times_linearised_.size() == 0) times_linearised_ = Eigen::VectorXd::Zero(n);
   double moved_s = 0;
   for (int c = 0; c < static_cast<int>(given_.size()); ++c) {
     if (row_sigma_s(c, 0) > settled_s) return;

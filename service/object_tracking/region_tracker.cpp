@@ -45,10 +45,6 @@ double largest_sigma(const Eigen::Matrix3d& covariance) {
   return std::sqrt(largest_variance(covariance));
 }
 
-bool is_in_volume(const Eigen::Vector3d& p, const Box& volume) {
-  return ((p - volume.min).array() >= 0).all() && ((volume.max - p).array() >= 0).all();
-}
-
 // Frames that a trigger did not start at one moment. Stamps that agree by chance, camera by camera and set by set, do
 // not happen.
 bool is_apart(const std::vector<TargetView>& views) {
@@ -60,17 +56,6 @@ bool is_apart(const std::vector<TargetView>& views) {
 
 void sort_by_time(std::vector<Sighting>& sightings) {
   std::ranges::stable_sort(sightings, {}, [](const Sighting& s) { return s.row.at; });
-}
-
-// Three standard deviations around where it is expected, and the disc. nullopt: nowhere near the image.
-std::optional<PixelBox> box_around(const TargetView& view, const Appearance& at, const Eigen::Matrix2d& spread) {
-  // Not beyond the image's own size around it: a box is clipped to the image anyway, and an int must hold it.
-  const double limit = view.matches->width() + view.matches->height();
-  if (!(std::abs(at.px.x()) < 2 * limit && std::abs(at.px.y()) < 2 * limit)) return std::nullopt;
-  const double reach_u = std::min(limit, 3 * std::sqrt(spread(0, 0)) + 2 * at.radius_px + 2);
-  const double reach_v = std::min(limit, 3 * std::sqrt(spread(1, 1)) + 2 * at.radius_px + 2);
-  return PixelBox{static_cast<int>(std::floor(at.px.x() - reach_u)), static_cast<int>(std::floor(at.px.y() - reach_v)),
-                  static_cast<int>(std::ceil(at.px.x() + reach_u)), static_cast<int>(std::ceil(at.px.y() + reach_v))};
 }
 
 }  // namespace
@@ -178,6 +163,23 @@ ImageMotion RegionTracker::image_motion(const TargetView& view, const Appearance
           .longest_exposure_s = longest_exposure_s};
 }
 
+// The regions large enough to be the object within three standard deviations of where it is expected, and its disc.
+// None where that is nowhere near the image. Valid until the view's next call.
+std::span<const ColorRegion> RegionTracker::regions_near(const TargetView& view, const Appearance& at,
+                                                         const Eigen::Matrix2d& spread) {
+  // Not beyond the image's own size around it: a box is clipped to the image anyway, and an int must hold it.
+  const double limit = view.matches->width() + view.matches->height();
+  if (!(std::abs(at.px.x()) < 2 * limit && std::abs(at.px.y()) < 2 * limit)) return {};
+  const double reach_u = std::min(limit, 3 * std::sqrt(spread(0, 0)) + 2 * at.radius_px + 2);
+  const double reach_v = std::min(limit, 3 * std::sqrt(spread(1, 1)) + 2 * at.radius_px + 2);
+  const PixelBox box{
+      static_cast<int>(std::floor(at.px.x() - reach_u)), static_cast<int>(std::floor(at.px.y() - reach_v)),
+      static_cast<int>(std::ceil(at.px.x() + reach_u)), static_cast<int>(std::ceil(at.px.y() + reach_v))};
+  const double disc = std::numbers::pi * at.radius_px * at.radius_px;
+  const int min_area = std::max(2, static_cast<int>(least_support * disc));
+  return finders_[static_cast<std::size_t>(view.index)].find(*view.matches, box, min_area, 1.3 * at.radius_px);
+}
+
 // In each view the region near the prediction that explains it best, if there is one.
 void RegionTracker::sight(const std::vector<TargetView>& views) {
   for (const TargetView& view : views) {
@@ -191,14 +193,9 @@ void RegionTracker::sight(const std::vector<TargetView>& views) {
     const Eigen::Matrix3d spread =
         belief_.seen_covariance(expected->row, power_density()) + reach_m * reach_m * Eigen::Matrix3d::Identity();
     const Eigen::Matrix2d s = at.jacobian * spread * at.jacobian.transpose();
-    const auto box = box_around(view, at, s);
-    if (!box) continue;
-    const double disc = std::numbers::pi * at.radius_px * at.radius_px;
-    const int min_area = std::max(2, static_cast<int>(least_support * disc));
     double best = -std::numeric_limits<double>::infinity();
     std::optional<Sighting> chosen;
-    for (const ColorRegion& region :
-         finders_[static_cast<std::size_t>(view.index)].find(*view.matches, *box, min_area, 1.3 * at.radius_px)) {
+    for (const ColorRegion& region : regions_near(view, at, s)) {
       const Sighting sighting =
           sighting_of(view, region, at.radius_px, options_.pixel_noise_px, image_motion(view, at));
       const Eigen::Matrix2d total =
@@ -227,12 +224,8 @@ bool RegionTracker::sight_after_bounce(const std::vector<TargetView>& views, dou
     dt = std::max(dt, capture::seconds(expected->row.at - belief_.at));
     const Appearance& at = expected->at;
     const Eigen::Matrix3d spread = belief_.seen_covariance(expected->row, power_density);
-    const auto box = box_around(views[i], at, at.jacobian * spread * at.jacobian.transpose());
-    if (!box) continue;
-    const double disc = std::numbers::pi * at.radius_px * at.radius_px;
-    const int min_area = std::max(2, static_cast<int>(least_support * disc));
-    regions_[i] =
-        finders_[static_cast<std::size_t>(views[i].index)].find(*views[i].matches, *box, min_area, 1.3 * at.radius_px);
+    const auto near = regions_near(views[i], at, at.jacobian * spread * at.jacobian.transpose());
+    regions_[i].assign(near.begin(), near.end());
   }
   const Eigen::Vector3d expected = belief_.position() + dt * belief_.velocity();
   const double reach_m =
@@ -475,7 +468,7 @@ void RegionTracker::judge(const capture::FrameSet& set) {
     last_tracking_ = set.at;
   } else if (sigma_m > options_.max_coast_sigma_m || capture::seconds(set.at - last_tracking_) > options_.coast_s) {
     forget();
-  } else if (sightings_.empty() && !is_in_volume(belief_.position(), options_.volume)) {
+  } else if (sightings_.empty() && !inside(options_.volume, belief_.position(), 0)) {
     forget();  // nobody sees it, and it is not expected to be where it may be
   } else {
     state_ = TrackState::coasting;

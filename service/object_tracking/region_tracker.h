@@ -20,6 +20,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <span>
 #include <vector>
 
 #include "object_tracking/color_region.h"
@@ -55,6 +56,8 @@ class RegionTracker {
   };
   std::optional<ExpectedView> expect(const TargetView& view) const;
   ImageMotion image_motion(const TargetView& view, const Appearance& at) const;
+  std::span<const ColorRegion> regions_near(const TargetView& view, const Appearance& at,
+                                            const Eigen::Matrix2d& spread);
   void sight(const std::vector<TargetView>& views);
   bool sight_after_bounce(const std::vector<TargetView>& views, double power_density);
   MotionBelief followed(const MotionBelief& from, const MotionBelief* linearised_about, capture::Timestamp set_at,

@@ -33,7 +33,7 @@ void SearchLog::add(const std::vector<TargetView>& views, std::span<const std::v
       for (const ColorRegion& a : std::span(regions[i]).first(std::min(largest, regions[i].size()))) {
         for (const ColorRegion& b : std::span(regions[j]).first(std::min(largest, regions[j].size()))) {
           const auto p = crossing(first, {a.centre}, second, {b.centre});
-          if (!p || ((*p - volume.min).array() < 0).any() || ((volume.max - *p).array() < 0).any()) continue;
+          if (!p || !inside(volume, *p, 0)) continue;
           const double r = radius_of(first, a, *p), s = radius_of(second, b, *p);
           if (r <= 0 || s <= 0 || std::max(r, s) > 1.3 * std::min(r, s)) continue;
           if (radii_m_.size() < kept_radii)

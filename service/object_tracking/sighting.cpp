@@ -20,10 +20,6 @@ constexpr double not_seen_penalty = 0.25;  // of the score, for a view that shou
 constexpr double lasting_share = 0.2;
 constexpr int refinements = 2;  // of a candidate's position, each by the sightings at the one before
 
-bool inside(const Box& volume, const Eigen::Vector3d& p, double margin_m) {
-  return ((p - volume.min).array() >= -margin_m).all() && ((volume.max - p).array() >= -margin_m).all();
-}
-
 // Midpoint of the shortest line between two rays; nullopt when they are nearly parallel or meet behind a camera.
 std::optional<Eigen::Vector3d> crossing(const Eigen::Vector3d& c0, const Eigen::Vector3d& d0, const Eigen::Vector3d& c1,
                                         const Eigen::Vector3d& d1) {
@@ -159,6 +155,10 @@ class RayCrosser {
 };
 
 }  // namespace
+
+bool inside(const Box& volume, const Eigen::Vector3d& p, double margin_m) {
+  return ((p - volume.min).array() >= -margin_m).all() && ((volume.max - p).array() >= -margin_m).all();
+}
 
 std::optional<Appearance> appearance_of(const calib::Camera& camera, const Eigen::Vector3d& p_world, double radius_m) {
   const Eigen::Vector3d p_cam = camera.cam_from_world * p_world;
