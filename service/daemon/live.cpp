@@ -86,7 +86,9 @@ LiveSummary run_live(const config::ServiceConfig& config, std::vector<pipeline::
   session.add(meter);
   pipeline::LightReport light(session.config());
   session.add(light);
-  pipeline::CameraTimes times(session.config(), options.write_rig, true);
+  pipeline::CalibrationReport calibration(session.config());
+  session.add(calibration);
+  pipeline::CameraTimes times(session.config(), options.write_rig, true, &calibration);
   session.add(times);
   std::vector<const pipeline::FileOutput*> files;
   std::optional<pipeline::TrackFile> tracks;
@@ -124,6 +126,7 @@ LiveSummary run_live(const config::ServiceConfig& config, std::vector<pipeline::
                          .meter = meter,
                          .light = light,
                          .times = times,
+                         .calibration = calibration,
                          .recording = recording,
                          .files = files,
                          .bus = bus ? &*bus : nullptr,

@@ -90,6 +90,7 @@ void Supervisor::tell_status(const pipeline::PipelineFigures& figures, const Hea
   log_new(status_.warnings, figures.tracked_camera);
   std::ranges::copy(the_.light.warnings(), std::back_inserter(status_.warnings));  // it has logged them itself
   std::ranges::copy(the_.times.warnings(), std::back_inserter(status_.warnings));
+  std::ranges::copy(the_.calibration.warnings(), std::back_inserter(status_.warnings));  // logged as well
   if (the_.bus != nullptr) the_.bus->publisher().publish_status(status_);
   if (the_.metrics_server != nullptr) show_metrics();
   if (!is_last)

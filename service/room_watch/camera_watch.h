@@ -14,6 +14,7 @@
 
 #include "calib/model/camera_rig.h"
 #include "capture/frame.h"
+#include "room_watch/kept_patch.h"
 #include "room_watch/patch.h"
 #include "room_watch/patch_choice.h"
 #include "room_watch/rotation_fit.h"
@@ -61,17 +62,10 @@ struct RoomCondition {
   int changed = 0;                  // that have long shown something else, while the others held
 };
 
-// What is kept of a room.
-struct KeptPatch {
-  Eigen::Vector2d px = Eigen::Vector2d::Zero();  // raw pixel of its centre
-  int cell = 0;
-  SeenPatch seen{};
-};
-
 struct CameraWatchOptions {
   // Patches that are looked for per second: while all is well, and while something may be going on. Each costs about a
   // microsecond.
-  double calm_rate_hz = 10, alert_rate_hz = 40;
+  double calm_rate_hz = 6, alert_rate_hz = 40;
   double least_turn_rad = 0.9e-3;  // what is told: 0.05 degrees, 3 mm at 3 m
   double least_zoom = 0.006;       // a step of 15 mm towards a room at 2.5 m looks like it; a focus ring does more
 };

@@ -20,8 +20,8 @@ constexpr float least_contrast = 0.25f;     // share of the patch's own: fog, a 
 constexpr float farthest = 4.f;             // blocks from the start: else it is another one
 
 // In a search several places of one edge are alike; places this near to each other are one.
-constexpr int same_place = 2;
-constexpr float searched_correlation = 0.8f, less_alike = 0.08f;
+constexpr int same_place = 2;  // steps
+constexpr float searched_correlation = 0.65f, less_alike = 0.08f;
 
 float sum_of(const std::array<float, lanes>& partial) {
   float sum = 0;
@@ -115,7 +115,7 @@ Found find(const Patch& patch, const Luma& luma, const Eigen::Vector2d& start) {
   Eigen::Vector2d centre = start;
   int readings = 0;
   Eigen::Vector2i corner = Eigen::Vector2i::Zero();
-  bool is_read = false;
+  bool is_read = false, is_settled = false;
   Sums sums;
   for (int step = 0; step < most_steps; ++step) {
     Eigen::Vector2f from = (centre - corner.cast<double>()).cast<float>() - Eigen::Vector2f::Constant(half);
@@ -133,20 +133,17 @@ Found find(const Patch& patch, const Luma& luma, const Eigen::Vector2d& start) {
     const float length = change.norm();
     centre -= (length > 2 ? Eigen::Vector2f(change * (2 / length)) : change).cast<double>();
     if (!((centre - start).norm() <= double(farthest))) break;
-    if (length < settled) {
-      found.outcome = Found::Outcome::found;
-      break;
-    }
+    is_settled = length < settled;
+    if (is_settled) break;
   }
   const float energy = std::max(sums.square - sums.value * sums.value / float(patch_pixels), 1e-3f);
   found.contrast = std::sqrt(energy / float(patch_pixels));
   found.correlation = sums.with_patch / std::sqrt(energy * patch.energy);
-  if (found.correlation < least_correlation || found.contrast < least_contrast * patch.contrast())
-    found.outcome = Found::Outcome::outside;
-  if (found.outcome != Found::Outcome::found) {
+  if (!is_settled || found.correlation < least_correlation || found.contrast < least_contrast * patch.contrast()) {
     found.outcome = Found::Outcome::differs;
     return found;
   }
+  found.outcome = Found::Outcome::found;
   found.centre = centre;
   const float unexplained = std::max(0.f, 1 - found.correlation * found.correlation);  // share of the energy
   const float noise = patch.energy * unexplained / float(patch_pixels);
@@ -163,17 +160,19 @@ std::optional<Eigen::Vector2d> search(const Patch& patch, const Luma& luma, cons
   const int columns = right - left + patch_side, rows = bottom - top + patch_side;
   std::vector<float> area(std::size_t(columns) * std::size_t(rows));
   if (!luma.read(left, top, columns, rows, area.data())) return std::nullopt;
-  const int places = right - left + 1;
-  std::vector<float> alike(std::size_t(places) * std::size_t(bottom - top + 1));
+  // Every second place in both directions: find() does the rest.
+  constexpr int stride = 2;
+  const int places = (right - left) / stride + 1, lines = (bottom - top) / stride + 1;
+  std::vector<float> alike(std::size_t(places) * std::size_t(lines));
   std::vector<float> with_patch(static_cast<std::size_t>(places)), value(with_patch), square(with_patch);
-  for (int v = 0; v <= bottom - top; ++v) {
+  for (int v = 0; v < lines; ++v) {
     std::ranges::fill(with_patch, 0.f), std::ranges::fill(value, 0.f), std::ranges::fill(square, 0.f);
     for (int j = 0; j < patch_side; ++j) {
-      const float* const line = area.data() + std::ptrdiff_t(v + j) * columns;
+      const float* const line = area.data() + std::ptrdiff_t(stride * v + j) * columns;
       for (int i = 0; i < patch_side; ++i) {
         const float p = patch.values[std::size_t(j) * patch_side + std::size_t(i)];
         for (int u = 0; u < places; ++u) {
-          const float now = line[u + i];
+          const float now = line[stride * u + i];
           with_patch[std::size_t(u)] += now * p;
           value[std::size_t(u)] += now;
           square[std::size_t(u)] += now * now;
@@ -195,7 +194,7 @@ std::optional<Eigen::Vector2d> search(const Patch& patch, const Luma& luma, cons
     const bool is_apart = std::abs(k % places - u) > same_place || std::abs(k / places - v) > same_place;
     if (is_apart && alike[std::size_t(k)] > *best - less_alike) return std::nullopt;
   }
-  return Eigen::Vector2d(left + u, top + v) + Eigen::Vector2d::Constant(double(patch_side - 1) / 2);
+  return Eigen::Vector2d(left + stride * u, top + stride * v) + Eigen::Vector2d::Constant(double(patch_side - 1) / 2);
 }
 
 }  // namespace huetrack::room_watch

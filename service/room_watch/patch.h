@@ -9,16 +9,10 @@
 #include <cstdint>
 #include <optional>
 
+#include "room_watch/kept_patch.h"
 #include "room_watch/luma.h"
 
 namespace huetrack::room_watch {
-
-constexpr int patch_side = 12;  // blocks; its centre is between the sixth and the seventh
-constexpr int patch_pixels = patch_side * patch_side;
-constexpr int seen_side = patch_side + 2;  // with a border, for the gradients
-
-// What was seen, to be kept: blocks, row by row.
-using SeenPatch = std::array<std::uint8_t, std::size_t(seen_side) * seen_side>;
 
 struct Patch {
   Eigen::Vector2d centre = Eigen::Vector2d::Zero();  // in blocks, where it was seen; whole numbers plus a half
@@ -48,7 +42,7 @@ struct Found {
 // From `start` on, which should be right to about two blocks.
 Found find(const Patch& patch, const Luma& luma, const Eigen::Vector2d& start);
 
-// The place within +-reach blocks around `start` where it fits best: whole blocks, to go on from with find().
+// The place within +-reach blocks around `start` where it fits best, to a block: to go on from with find().
 // nullopt: nothing there is like it, or two places apart are as like.
 std::optional<Eigen::Vector2d> search(const Patch& patch, const Luma& luma, const Eigen::Vector2d& start, int reach);
 

@@ -25,13 +25,13 @@ struct Gradients {
   float least() const { return (xx + yy) / 2 - std::sqrt((xx - yy) * (xx - yy) / 4 + xy * xy); }
 };
 
-// Of every second block in both directions: a corner is larger than that.
+// Of every second block in every fourth row: a corner is larger than that.
 std::vector<Gradients> gradients_of(const Luma& luma, int bin_columns, int bin_rows) {
   std::vector<Gradients> bins(std::size_t(bin_columns) * std::size_t(bin_rows));
   const int columns = bin_columns * bin;
   std::array<std::vector<float>, 3> lines;  // above, at and below
   for (auto& line : lines) line.resize(std::size_t(columns));
-  for (int v = 1; v + 1 < bin_rows * bin; v += 2) {
+  for (int v = bin / 2; v + 1 < bin_rows * bin; v += bin) {
     for (int k = 0; k < 3; ++k) luma.read(0, v - 1 + k, columns, 1, lines[std::size_t(k)].data());
     Gradients* const row = bins.data() + std::ptrdiff_t(v / bin) * bin_columns;
     const float *const above = lines[0].data(), *const here = lines[1].data(), *const below = lines[2].data();
@@ -54,7 +54,7 @@ std::vector<ChosenPatch> choose_patches(const Luma& luma, int margin) {
   if (bin_columns < 2 * bins_of_patch || bin_rows < 2 * bins_of_patch) return {};
   const std::vector<Gradients> bins = gradients_of(luma, bin_columns, bin_rows);
   struct Best {
-    float texture = some_texture * float(patch_pixels) / 4;  // a quarter of the blocks is looked at
+    float texture = some_texture * float(patch_pixels) / 8;  // an eighth of the blocks is looked at
     Eigen::Vector2i corner = Eigen::Vector2i::Zero();
     bool is_any = false;
   };
