@@ -16,8 +16,9 @@ using room_watch::RoomState;
 
 // The room around the volume is seen farther away than the volume's centre: walls behind it, the floor below it.
 constexpr double room_beyond_centre = 1.5;
-// How far a camera's centre goes when it is knocked on its tripod, and when its mount gives way.
-constexpr double knocked_shift_m = 0.02, sagged_shift_m = 0.005;
+// How far a camera's centre goes when it is turned: about something so far away, on a tripod and on a mount that gives way,
+// and by so much anyhow.
+constexpr double knocked_lever_m = 0.3, knocked_shift_m = 0.004, sagged_lever_m = 0.1, sagged_shift_m = 0.002;
 
 // A pose that changed by less than this share of what is known of it is not told to the trackers anew, which forget then
 // what they learnt of the camera; nor more often than so.
@@ -88,7 +89,10 @@ void CalibrationWatch::follow(std::size_t camera) {
     if (!w.pose || (is_new && !room.turn->is_slow)) {
       const Eigen::Vector3d centre = (volume_.min + volume_.max) / 2;
       const double distance_m = room_beyond_centre * (rig_.cameras[camera].centre() - centre).norm();
-      w.pose.emplace(rig_.cameras[camera], distance_m, room.turn->is_slow ? sagged_shift_m : knocked_shift_m);
+      const double turned_rad = room_watch::rotation_between(room.turn->before, room.turn->after).norm();
+      const double shift_m = room.turn->is_slow ? sagged_shift_m + sagged_lever_m * turned_rad
+                                                : knocked_shift_m + knocked_lever_m * turned_rad;
+      w.pose.emplace(rig_.cameras[camera], distance_m, shift_m);
       w.rotation.setZero();
     }
     if (w.rotation != room.rotation) {

@@ -15,7 +15,6 @@ using config::CalibrationMode;
 using room_watch::RoomState;
 
 constexpr double degrees = 180 / std::numbers::pi;
-constexpr double told_shift_sigma_m = 0.004;  // a shift that is known less well is not told
 constexpr double unix_times_from_s = 1e9;     // of 2001; a recording's own clock begins near 0
 
 std::string consequence(const CameraCalibration& facts, CalibrationMode mode) {
@@ -37,9 +36,8 @@ std::string consequence(const CameraCalibration& facts, CalibrationMode mode) {
 
 std::string by_how_much(const CameraCalibration& facts) {
   const room_watch::MovedPoseEstimate& moved = *facts.moved;
-  std::string text = fmt::format("{:.2f} degrees", degrees * moved.rotation.norm());
-  if (moved.shift_sigma < told_shift_sigma_m) text += fmt::format(" and moved by {:.0f} mm", 1e3 * moved.shift.norm());
-  return text;
+  return fmt::format("{:.2f} degrees and moved by {:.0f} mm (+- {:.0f})", degrees * moved.rotation.norm(),
+                     1e3 * moved.shift.norm(), std::max(1.0, 1e3 * moved.shift_sigma));
 }
 
 }  // namespace

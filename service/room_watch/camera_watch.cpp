@@ -12,7 +12,7 @@ using capture::Duration;
 using capture::Timestamp;
 
 // Learning: the mean of so many frames, so far apart: noise and flicker are averaged, and it is over within a second.
-constexpr int lesson_frames = 10;
+constexpr int lesson_frames = 8;
 constexpr Duration lesson_pause = 80ms;
 constexpr float least_texture = 1.5f;  // of the mean; with noise of 3 grey levels a patch is then found to 0.2 blocks
 constexpr int image_margin = 6;        // blocks
@@ -464,8 +464,11 @@ Turn CameraWatch::turn_since(Timestamp at, const Eigen::Vector3d& before, const 
   Turn turn{.is_slow = true, .from = at, .until = at, .before = before, .after = after};
   double most = 0;
   for (std::size_t i = 0; i < history_.size(); ++i) {
-    for (std::size_t j = i + 1; j < history_.size() && history_[j].at - history_[i].at <= knock_takes; ++j) {
+    for (std::size_t j = i + 1; j < history_.size(); ++j) {
       const double part = rotation_between(history_[i].rotation, history_[j].rotation).norm();
+      // From one look to the next no camera sags as far as that.
+      const bool is_jump = j == i + 1 && part > small_turns * options_.least_turn_rad;
+      if (history_[j].at - history_[i].at > knock_takes && !is_jump) break;
       if (part <= 1.02 * most) continue;  // the shortest time in which it happened
       most = part;
       turn.from = history_[i].at, turn.until = history_[j].at;

@@ -50,16 +50,17 @@ class MovedPose {
   const MovedPoseEstimate& estimate() const { return estimate_; }
 
  private:
-  using Matrix6 = Eigen::Matrix<double, 6, 6>;
-  using Vector6 = Eigen::Matrix<double, 6, 1>;
+  using Matrix9 = Eigen::Matrix<double, 9, 9>;
+  using Vector9 = Eigen::Matrix<double, 9, 1>;
   void solve();
 
   calib::Camera camera_;
   double room_distance_m_, shift_sigma_m_;
   RoomRotation room_;
-  Matrix6 information_ = Matrix6::Zero();  // of the witnesses, about (b, v)
-  Vector6 weighted_ = Vector6::Zero();     // information times value
-  Vector6 state_ = Vector6::Zero();
+  Matrix9 information_ = Matrix9::Zero();  // of the witnesses, about (b, v, o)
+  Vector9 weighted_ = Vector9::Zero();     // information times value
+  Vector9 state_ = Vector9::Zero();
+  Matrix9 covariance_ = Matrix9::Zero();
   std::optional<capture::Timestamp> last_at_;
   MovedPoseEstimate estimate_;
 };
