@@ -77,9 +77,13 @@ class MotionBelief {
   // Kalman update. Returns the squared innovation in its own standard deviations: 2 on average. A sighting from before
   // `at` is compared with where the object was then, swerves included. velocity: that of the linearisation.
   double observe(const LinearSighting& sighting, const Eigen::Vector3d& velocity, double power_density);
-  // Where the times have become known, and were far from it before, they are opened again by some milliseconds: what
-  // was learnt on the way was linearised at wrong times, and is surer than it should be.
-  void reopen_times();
+  // Velocity times time is a product of two unknowns, which observe() takes at the times' means of then. They are far
+  // from those by now: what was learnt on the way was linearised at wrong times, and is surer than it should be.
+  bool are_times_far() const;
+  // Before anything is observed again: the times' means become those of `known`, and are as open as they were.
+  void linearise_times_at(const MotionBelief& known);
+  // When all is observed again: that the times were moved from what `begun` says of them, which is as open, is undone.
+  void count_times_from(const MotionBelief& begun, const MotionBelief& moved_to);
   // The position's mean and covariance are replaced; all else follows by regression on the position.
   void set_position(const Eigen::Vector3d& mean, const Eigen::Matrix3d& covariance);
 
@@ -119,7 +123,7 @@ class MotionBelief {
   void renew_lasting(int camera, double lasting_px);
 
   bool times_are_learnt_;
-  Eigen::VectorXd times_linearised_;  // their means when they were last opened
+  Eigen::VectorXd times_linearised_;  // their means when they were last linearised at
   Eigen::VectorXd mean_;
   Eigen::MatrixXd covariance_;
   struct Given {  // by the rig
