@@ -44,6 +44,10 @@ constexpr std::size_t sets_of_a_start = 2;  // that say where the object is and 
 constexpr int sets_until_again = 75;
 
 constexpr double surely_moved_px = 1;  // by as much a region of some hundred pixels moves and changes visibly
+// A view that should show the object is looked through as a whole in every so many-th set in which it does not: that
+// takes longer than all else. What it finds may be the object if it covers so much of the disc that would be there.
+constexpr unsigned far_looks_every = 4;
+constexpr double least_far_share = 0.3, largest_far_share = 3;
 
 constexpr auto as_good_as_the_sets_time = std::chrono::milliseconds(2);  // a line is exact enough for as long
 
@@ -73,10 +77,14 @@ void sort_by_time(std::vector<Sighting>& sightings) {
 ObjectEstimate RegionTracker::update(const capture::FrameSet& set) {
   const std::vector<TargetView>& views = views_.look_at(set);
   sightings_.clear();
+  seen_.clear();
+  watched_.clear();
   sets_apart_ += is_apart(views) ? 1 : 0;
   if (set.at < last_at_) forget();  // the clock was put back: what was known is of another time
   if (state_ == TrackState::tracking || state_ == TrackState::coasting) {
-    sight(views);  // colour regions near the prediction, one per view at most
+    sight(views, sightings_);  // colour regions near the prediction, one per view at most
+    sight(views_.unused(), watched_);
+    compare(views);
     const double q = learn_acceleration(set, views);
     const MotionBelief proposal = propose(set, q);  // motion and regions together, linearised
     const MotionBelief at_views =
@@ -102,6 +110,9 @@ RegionTracker::RegionTracker(const calib::CameraRig& rig, const TargetOptions& t
       belief_(rig, options.timing == TimingMode::learn),
       begun_(belief_),
       acceleration_(options.acceleration_m_s2),
+      doubts_(rig.cameras.size()),
+      pose_covariance_(rig.cameras.size(), Eigen::Matrix<double, 6, 6>::Zero()),
+      unseen_(rig.cameras.size()),
       last_regions_(rig.cameras.size()),
       finders_(rig.cameras.size()),
       regions_(rig.cameras.size()),
@@ -207,7 +218,7 @@ bool RegionTracker::is_repeated(const TargetView& view, std::span<const ColorReg
 }
 
 // In each view the region near the prediction that explains it best, if there is one.
-void RegionTracker::sight(const std::vector<TargetView>& views) {
+void RegionTracker::sight(const std::vector<TargetView>& views, std::vector<Sighting>& out) {
   for (const TargetView& view : views) {
     const auto expected = expect(view);
     if (!expected) continue;
@@ -218,7 +229,11 @@ void RegionTracker::sight(const std::vector<TargetView>& views) {
     const double reach_m = options_.acceleration_m_s2 * dt * dt;
     const Eigen::Matrix3d spread =
         belief_.seen_covariance(expected->row, power_density()) + reach_m * reach_m * Eigen::Matrix3d::Identity();
-    const Eigen::Matrix2d s = at.jacobian * spread * at.jacobian.transpose();
+    const auto c = static_cast<std::size_t>(view.index);
+    Eigen::Matrix2d s = at.jacobian * spread * at.jacobian.transpose();
+    s.diagonal().array() += doubts_.variance_px2(c);
+    if (has_pose_covariance_)
+      s += px_covariance_of_pose(*view.camera, belief_.position() + dt * belief_.velocity(), at, pose_covariance_[c]);
     double best = -std::numeric_limits<double>::infinity();
     std::optional<Sighting> chosen;
     ColorRegion chosen_region;
@@ -238,9 +253,106 @@ void RegionTracker::sight(const std::vector<TargetView>& views) {
     if (!chosen) continue;
     last_regions_[static_cast<std::size_t>(view.index)] = {chosen_region, view.frame->captured_at};
     chosen->row = row_of(view, chosen->px.y(), belief_);
-    sightings_.push_back(*chosen);
+    out.push_back(*chosen);
   }
-  sort_by_time(sightings_);
+  sort_by_time(out);
+}
+
+// Beside where the object would be if it had gone on as it did.
+std::optional<SeenBeside> RegionTracker::beside(const Sighting& sighting) const {
+  const double ahead_s = capture::seconds(sighting.row.at - belief_.at);
+  const auto at = appearance_of(*sighting.camera, belief_.position() + ahead_s * belief_.velocity(), target_.radius_m);
+  if (!at) return std::nullopt;
+  const Eigen::Vector2d px_per_s = at->jacobian * belief_.velocity();
+  const double time_sigma_s = belief_.row_sigma_s(sighting.row.camera, sighting.row.below_middle);
+  SeenBeside out{.camera = sighting.row.camera,
+                 .at_s = ahead_s,
+                 .off_px = sighting.px - at->px,
+                 .covariance = sighting.covariance + sighting.of_pose +
+                               time_sigma_s * time_sigma_s * px_per_s * px_per_s.transpose(),
+                 .jacobian = at->jacobian};
+  out.covariance.diagonal().array() += sighting.lasting_px * sighting.lasting_px;
+  return out;
+}
+
+// A view that should show the object, and does not where the others have it: shows it something like it elsewhere? Seen
+// through another calibration it may be anywhere in the image. What stands still is furniture; an object that moves is
+// not where it was when the view was looked at before.
+std::optional<SeenBeside> RegionTracker::far_off(const TargetView& view) {
+  Unseen& unseen = unseen_[static_cast<std::size_t>(view.index)];
+  const auto expected = expect(view);
+  if (!expected || !view.camera->contains({expected->at.px})) return std::nullopt;
+  if (++unseen.sets % far_looks_every != 0) return std::nullopt;
+  const Appearance& at = expected->at;
+  const double disc = std::numbers::pi * at.radius_px * at.radius_px;
+  const auto& regions = finders_[static_cast<std::size_t>(view.index)].search(
+      *view.matches, std::max(1, static_cast<int>(at.radius_px)), static_cast<int>(std::ceil(3 * at.radius_px)) + 2,
+      std::max(2, static_cast<int>(least_far_share * disc)), at.radius_px);
+  const double still_px = std::max(2.0, 0.2 * at.radius_px);
+  const bool is_moving = (at.px - unseen.expected).norm() > 2 * still_px;
+  const ColorRegion* nearest = nullptr;
+  for (const ColorRegion& region : regions) {
+    const bool was_there = std::ranges::any_of(
+        unseen.found, [&](const ColorRegion& before) { return (before.centre - region.centre).norm() < still_px; });
+    if (was_there || region.area > largest_far_share * disc) continue;
+    if (nearest == nullptr || (region.centre - at.px).norm() < (nearest->centre - at.px).norm()) nearest = &region;
+  }
+  std::optional<SeenBeside> out;
+  if (nearest != nullptr && is_moving && unseen.sets > far_looks_every) {
+    Sighting sighting = sighting_of(view, *nearest, at.radius_px, options_.pixel_noise_px, image_motion(view, at));
+    sighting.row = row_of(view, sighting.px.y(), belief_);
+    out = beside(sighting);
+  }
+  unseen.found = regions;
+  unseen.expected = at.px;
+  return out;
+}
+
+// Every view with every other one, before one of them is left out; then each is doubted by what came of it.
+void RegionTracker::compare(const std::vector<TargetView>& views) {
+  besides_.clear();
+  doubt(sightings_);
+  for (const Sighting& s : sightings_) {
+    unseen_[static_cast<std::size_t>(s.row.camera)].sets = 0;
+    if (const auto seen = beside(s)) besides_.push_back(*seen);
+  }
+  for (const TargetView& view : views) {
+    const bool is_seen = std::ranges::any_of(sightings_, [&](const Sighting& s) { return s.row.camera == view.index; });
+    if (is_seen || sightings_.empty()) continue;
+    if (const auto far = far_off(view)) besides_.push_back(*far);
+  }
+  const double velocity_variance = largest_variance(belief_.velocity_covariance());
+  doubts_.compare(besides_, std::sqrt(velocity_variance), options_.acceleration_m_s2);
+  doubt(sightings_);
+  doubt(watched_);
+  seen_ = sightings_;
+  seen_.insert(seen_.end(), watched_.begin(), watched_.end());
+}
+
+// How far each of them may be off in every frame alike.
+void RegionTracker::doubt(std::vector<Sighting>& sightings) const {
+  for (Sighting& s : sightings) {
+    const auto c = static_cast<std::size_t>(s.row.camera);
+    s.doubt_px2 = doubts_.variance_px2(c);
+    if (!has_pose_covariance_) continue;
+    const Eigen::Vector3d then = belief_.position() + capture::seconds(s.row.at - belief_.at) * belief_.velocity();
+    const auto at = appearance_of(*s.camera, then, target_.radius_m);
+    if (at) s.of_pose = px_covariance_of_pose(*s.camera, then, *at, pose_covariance_[c]);
+  }
+}
+
+void RegionTracker::trust(std::span<const CameraTrust> cameras) {
+  for (const std::size_t c : views_.trust(cameras)) {
+    doubts_.forget(c);
+    belief_.forget_lasting(static_cast<int>(c));
+    seen_sets_.clear();  // they were seen by a camera that stood elsewhere
+    is_forgetting_motion_ = true;
+  }
+  has_pose_covariance_ = false;
+  for (std::size_t c = 0; c < pose_covariance_.size(); ++c) {
+    pose_covariance_[c] = c < cameras.size() ? cameras[c].pose_covariance : Eigen::Matrix<double, 6, 6>::Zero();
+    has_pose_covariance_ = has_pose_covariance_ || !pose_covariance_[c].isZero(0);
+  }
 }
 
 // The object bounced, or was hit or thrown, since the last set: it may be wherever twice its speed, or the highest
@@ -265,6 +377,8 @@ bool RegionTracker::sight_after_bounce(const std::vector<TargetView>& views, dou
     if ((c.position - expected).norm() > reach_m || c.sightings.size() <= sightings_.size()) continue;
     sightings_ = c.sightings;
     sort_by_time(sightings_);
+    doubt(sightings_);
+    seen_ = sightings_;
     return true;
   }
   return false;
@@ -288,6 +402,7 @@ MotionBelief RegionTracker::observed(const MotionBelief& from, const MotionBelie
                               .px = sighting.px,
                               .covariance = sighting.covariance,
                               .lasting_px = sighting.lasting_px,
+                              .doubt = sighting.doubt(),
                               .linearised_at = then,
                               .px_expected = at->px,
                               .jacobian = at->jacobian}});
@@ -448,7 +563,7 @@ void RegionTracker::weigh(const MotionBelief& proposal, double power_density) {
     sighting.projector->project(px, py, pz, n, u_.data(), v_.data());
 
     const Eigen::Matrix2d noise = linear.covariance + linear.jacobian * seen.covariance * linear.jacobian.transpose() +
-                                  linear.lasting_px * linear.lasting_px * Eigen::Matrix2d::Identity();
+                                  linear.lasting_px * linear.lasting_px * Eigen::Matrix2d::Identity() + linear.doubt;
     const Eigen::Vector2d measured = linear.px - proposal.lasting_error(linear.row.camera);
     const Eigen::Matrix2f information = noise.inverse().cast<float>();
     const float i_uu = information(0, 0), i_uv = 2 * information(0, 1), i_vv = information(1, 1);
@@ -569,14 +684,28 @@ double RegionTracker::judged_sigma() const {
   return std::min(believed_m, largest_sigma(seen.information.inverse()));
 }
 
+// What doubted views leave open of the position; 0: no view is doubted.
+double RegionTracker::doubted_sigma() const {
+  if (!has_pose_covariance_ && !doubts_.any()) return 0;
+  const double believed_m = largest_sigma(belief_.position_covariance());
+  if (sightings_.size() < 2) return believed_m;
+  std::vector<Sighting> opened = sightings_;
+  for (Sighting& s : opened) s.covariance += s.doubt();
+  const PositionInformation seen = information_of(opened, belief_.position());
+  return std::min(believed_m, largest_sigma(seen.information.inverse()));
+}
+
 // A view or more must see it, and together they must say where. What is open because nobody knows the cameras' times
-// does not count here: the covariance tells it, and motion will.
+// does not count here: the covariance tells it, and motion will. What is open because views contradict one another
+// does: such an object is seen, and where it is nobody knows well enough.
 void RegionTracker::judge(const capture::FrameSet& set) {
   const double sigma_m = judged_sigma();
-  if (!sightings_.empty() && sigma_m <= options_.max_tracking_sigma_m) {
-    state_ = TrackState::tracking;
+  const double doubted_m = doubted_sigma();
+  if (!sightings_.empty() && sigma_m <= options_.max_tracking_sigma_m && doubted_m <= options_.max_coast_sigma_m) {
+    state_ = doubted_m <= options_.max_tracking_sigma_m ? TrackState::tracking : TrackState::coasting;
     last_tracking_ = set.at;
-  } else if (sigma_m > options_.max_coast_sigma_m || capture::seconds(set.at - last_tracking_) > options_.coast_s) {
+  } else if (std::max(sigma_m, doubted_m) > options_.max_coast_sigma_m ||
+             capture::seconds(set.at - last_tracking_) > options_.coast_s) {
     forget();
   } else if (sightings_.empty() && !inside(options_.volume, belief_.position(), 0)) {
     forget();  // nobody sees it, and it is not expected to be where it may be
@@ -623,7 +752,7 @@ void RegionTracker::search(const capture::FrameSet& set, const std::vector<Targe
   }
   if (found != nullptr) {
     start_at(*earlier, *found, set.at, dt);
-    const double sigma_m = judged_sigma();
+    const double sigma_m = std::max(judged_sigma(), doubted_sigma());
     state_ = sigma_m <= options_.max_tracking_sigma_m ? TrackState::tracking : TrackState::coasting;
     last_tracking_ = set.at;
     candidates_.clear();
@@ -656,16 +785,36 @@ void RegionTracker::start_at(const PositionCandidate& earlier, const PositionCan
   for (const std::vector<Sighting>* sightings : {&earlier.sightings, &found.sightings}) {
     sightings_ = *sightings;
     sort_by_time(sightings_);
+    doubt(sightings_);
     belief_ = observed(belief_, &about, power_density());
     predict_to_be_told(belief_, set_at, power_density());
     remember(power_density());
   }
+  seen_ = sightings_;
   for (SeenSet& seen : seen_sets_)
     seen.believed_at = belief_.at, seen.position = belief_.position(), seen.velocity = belief_.velocity();
   draw_particles(belief_.given_views());
   weight_.assign(particles_.size(), 1.0f / static_cast<float>(particles_.size()));
   effective_sample_size_ = static_cast<double>(particles_.size());
   map_ = belief_.position();
+}
+
+// What one view says to the estimate. Is it seen there?
+bool RegionTracker::add_support(const TargetView& view, ObjectEstimate& estimate) const {
+  ViewSupport& support = estimate.per_view[static_cast<std::size_t>(view.index)];
+  const auto expected = expect(view);
+  if (!expected || !view.camera->contains({expected->at.px})) return false;
+  const Appearance& at = expected->at;
+  support.in_view = true;
+  support.px = at.px.cast<float>();
+  support.radius_px = static_cast<float>(at.radius_px);
+  for (const Sighting& s : sightings_) {
+    if (s.row.camera != view.index) continue;
+    support.seen = true;
+    support.support = static_cast<float>(s.support);
+    support.residual_px = static_cast<float>((s.px - at.px).norm());
+  }
+  return support.seen;
 }
 
 ObjectEstimate RegionTracker::report(const capture::FrameSet& set, const std::vector<TargetView>& views) {
@@ -677,7 +826,10 @@ ObjectEstimate RegionTracker::report(const capture::FrameSet& set, const std::ve
   e.effective_sample_size = effective_sample_size_;
   e.per_view.resize(views_.camera_count());
   for (int c = 0; c < static_cast<int>(views_.camera_count()); ++c) e.times.push_back(belief_.timing(c));
-  for (const TargetView& view : views) e.per_view[static_cast<std::size_t>(view.index)].delivered = true;
+  for (const auto* some : {&views, &views_.unused()})
+    for (const TargetView& view : *some) e.per_view[static_cast<std::size_t>(view.index)].delivered = true;
+  for (std::size_t c = 0; c < e.per_view.size(); ++c)
+    e.per_view[c].doubt_px = static_cast<float>(std::sqrt(doubts_.variance_px2(c)));
   if (!e.has_position()) return e;
   // Frames of one moment are told at that moment, whatever a few rows' uncertain times make of it.
   const bool is_of_the_set =
@@ -688,28 +840,75 @@ ObjectEstimate RegionTracker::report(const capture::FrameSet& set, const std::ve
   e.velocity = belief_.velocity();
   e.covariance = belief_.position_covariance();
   e.map_position = map_;
-  for (const TargetView& view : views) {
-    ViewSupport& support = e.per_view[static_cast<std::size_t>(view.index)];
-    const auto expected = expect(view);
-    if (!expected || !view.camera->contains({expected->at.px})) continue;
-    const Appearance& at = expected->at;
-    support.in_view = true;
-    support.px = at.px.cast<float>();
-    support.radius_px = static_cast<float>(at.radius_px);
-    for (const Sighting& s : sightings_) {
-      if (s.row.camera != view.index) continue;
-      support.seen = true;
-      support.support = static_cast<float>(s.support);
-      support.residual_px = static_cast<float>((s.px - at.px).norm());
-    }
-    e.views += support.seen ? 1 : 0;
+  for (const auto* some : {&views, &views_.unused()}) {
+    for (const TargetView& view : *some) e.views += add_support(view, e) ? 1 : 0;
   }
+  add_witnesses(e);
   // How sure we are that this is the object, not where it is (the covariance says that): that not all supports are
   // chance.
   double doubt = 1;
-  for (const Sighting& s : sightings_) doubt *= 1 - 0.9 * s.support;
+  for (const Sighting& s : sightings_) {
+    // A view that contradicts the others by as much as its gate allows is worth half.
+    const double usual_px2 = s.covariance.trace() / 2 + s.lasting_px * s.lasting_px;
+    doubt *= 1 - 0.9 * s.support / (1 + s.doubt_px2 / (region_gate * usual_px2));
+  }
   e.confidence = 1 - doubt;
   return e;
+}
+
+// Each view that shows the object beside what those that are in use say without it, on the path that is believed now.
+void RegionTracker::add_witnesses(ObjectEstimate& estimate) const {
+  if (seen_.size() < 2) return;
+  const Eigen::Vector3d velocity = belief_.velocity();
+  const Eigen::Matrix3d velocity_covariance = belief_.velocity_covariance();
+  const double anywhere_m = (options_.volume.max - options_.volume.min).norm();
+  struct OnPath {
+    Appearance at;
+    Eigen::Matrix2d covariance;  // of all of its errors but what is only doubted
+  };
+  std::vector<std::optional<OnPath>> on_path;
+  const auto path = [&](const Sighting& s) -> Eigen::Vector3d {
+    return belief_.position() + capture::seconds(s.row.at - belief_.at) * velocity;
+  };
+  for (const Sighting& s : seen_) {
+    auto& out = on_path.emplace_back();
+    const auto at = appearance_of(*s.camera, path(s), target_.radius_m);
+    if (!at) continue;
+    const Eigen::Vector2d px_per_s = at->jacobian * velocity;
+    const double time_sigma_s = belief_.row_sigma_s(s.row.camera, s.row.below_middle);
+    out = {*at, s.covariance + s.of_pose + time_sigma_s * time_sigma_s * px_per_s * px_per_s.transpose()};
+    out->covariance.diagonal().array() += s.lasting_px * s.lasting_px;
+  }
+  const auto is_in_use = [&](int camera) {
+    return std::ranges::any_of(sightings_, [&](const Sighting& s) { return s.row.camera == camera; });
+  };
+  for (std::size_t i = 0; i < seen_.size(); ++i) {
+    if (!on_path[i]) continue;
+    // Along a single ray anything within the volume.
+    PositionInformation others{.information = Eigen::Matrix3d::Identity() / (anywhere_m * anywhere_m)};
+    ViewWitness witness;
+    witness.at = seen_[i].row.at;
+    witness.px = seen_[i].px;
+    witness.covariance = on_path[i]->covariance;
+    for (std::size_t j = 0; j < seen_.size(); ++j) {
+      if (j == i || !on_path[j] || !is_in_use(seen_[j].row.camera)) continue;
+      const double apart_s = capture::seconds(seen_[j].row.at - seen_[i].row.at);
+      const double swerve_m = 0.5 * apart_s * apart_s * options_.acceleration_m_s2;
+      const Eigen::Matrix3d way =
+          apart_s * apart_s * velocity_covariance + swerve_m * swerve_m * Eigen::Matrix3d::Identity();
+      const auto& jacobian = on_path[j]->at.jacobian;
+      const Eigen::Matrix2d covariance = on_path[j]->covariance + jacobian * way * jacobian.transpose();
+      const Eigen::Matrix<double, 3, 2> weighted = jacobian.transpose() * covariance.inverse();
+      others.information += weighted * jacobian;
+      others.vector += weighted * (seen_[j].px - on_path[j]->at.px);
+      ++witness.others;
+    }
+    if (witness.others == 0) continue;
+    witness.position_covariance = others.information.inverse();
+    witness.position = path(seen_[i]) + witness.position_covariance * others.vector;
+    witness.velocity = velocity;
+    estimate.per_view[static_cast<std::size_t>(seen_[i].row.camera)].witness = witness;
+  }
 }
 
 }  // namespace huetrack::object_tracking

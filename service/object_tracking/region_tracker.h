@@ -12,6 +12,9 @@
 //     the set, when two views or more see where the object went.
 //   - time: a sighting counts when the row was exposed in which it lies. When that is, per camera, is part of what is
 //     believed and learnt (motion_belief.h).
+//   - trust: views that contradict one another are doubted by as much as they do (view_doubts.h). What is doubted is an
+//     error that lasts, like a pose that is not quite known, so that no number of frames averages it away; it is in the
+//     covariance, and what it leaves too open is not `tracking`.
 //   - search: rays crossed between views through matching pixels of a coarse grid, confirmed by a second frame set.
 //     Several hypotheses are needed only here, and here they are kept.
 // A position is that of the moment of the newest sighting in its set; of the set's own time, where that is within 2 ms
@@ -21,6 +24,7 @@
 
 #include <Eigen/Core>
 #include <deque>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -31,6 +35,7 @@
 #include "object_tracking/search_findings.h"
 #include "object_tracking/sighting.h"
 #include "object_tracking/target_views.h"
+#include "object_tracking/view_doubts.h"
 #include "particle_filter/random.h"
 
 namespace huetrack::object_tracking {
@@ -42,6 +47,7 @@ class RegionTracker {
                 particle_filter::Rng rng);
 
   ObjectEstimate update(const capture::FrameSet& set);
+  void trust(std::span<const CameraTrust> cameras);
   TargetViews& views() { return views_; }
   const PositionParticles& particles() const { return particles_; }
   SearchFindings search_findings() const { return search_log_.findings(); }
@@ -59,8 +65,15 @@ class RegionTracker {
   ImageMotion image_motion(const TargetView& view, const Appearance& at) const;
   std::span<const ColorRegion> regions_near(const TargetView& view, const Appearance& at,
                                             const Eigen::Matrix2d& spread);
-  void sight(const std::vector<TargetView>& views);
   bool is_repeated(const TargetView& view, std::span<const ColorRegion> regions, const Appearance& at);
+  void sight(const std::vector<TargetView>& views, std::vector<Sighting>& out);
+  std::optional<SeenBeside> beside(const Sighting& sighting) const;
+  std::optional<SeenBeside> far_off(const TargetView& view);
+  void compare(const std::vector<TargetView>& views);
+  void doubt(std::vector<Sighting>& sightings) const;
+  double doubted_sigma() const;
+  bool add_support(const TargetView& view, ObjectEstimate& estimate) const;
+  void add_witnesses(ObjectEstimate& estimate) const;
   bool sight_after_bounce(const std::vector<TargetView>& views, double power_density);
   MotionBelief observed(const MotionBelief& from, const MotionBelief* linearised_about, double power_density);
   MotionBelief observed_in_passes(const MotionBelief& from, double power_density);
@@ -99,6 +112,19 @@ class RegionTracker {
   Eigen::Vector3d map_ = Eigen::Vector3d::Zero();
 
   std::vector<Sighting> sightings_;  // of this set, by the times of their rows
+  // All that views show of the object in this set: also what contradicts, and what cameras see that are not used.
+  std::vector<Sighting> seen_;
+  std::vector<Sighting> watched_;    // of the latter
+  std::vector<SeenBeside> besides_;  // of seen_ and what is far off, while views are compared
+  ViewDoubts doubts_;
+  std::vector<Eigen::Matrix<double, 6, 6>> pose_covariance_;  // per camera, CameraTrust
+  bool has_pose_covariance_ = false;
+  struct Unseen {
+    unsigned sets = 0;                    // one after the other, in which a view should have shown the object
+    std::vector<ColorRegion> found = {};  // in the whole image, when it was last looked at
+    Eigen::Vector2d expected = Eigen::Vector2d::Zero();  // then, raw pixels
+  };
+  std::vector<Unseen> unseen_;  // per camera
   struct LinearView {
     const Sighting* sighting;
     LinearSighting linear;
