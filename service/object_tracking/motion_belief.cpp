@@ -82,15 +82,6 @@ bool MotionBelief::are_times_far() const {
 
 void MotionBelief::linearise_times_at(const MotionBelief& known) {
   times_linearised_ = known.mean_.segment(6, times_linearised_.size());
-  mean_.segment(6, times_linearised_.size()) = times_linearised_;
-}
-
-// In information form the prior's part is P0^-1 m0, and only that differs.
-void MotionBelief::count_times_from(const MotionBelief& begun, const MotionBelief& moved_to) {
-  const Eigen::Index n = times_linearised_.size();
-  Eigen::MatrixXd open = begun.covariance_.block(6, 6, n, n);
-  open.diagonal().array() += 1e-16;  // s^2: of what is held
-  mean_ += covariance_.middleCols(6, n) * open.llt().solve(begun.mean_.segment(6, n) - moved_to.mean_.segment(6, n));
 }
 
 double MotionBelief::row_shift_s(int camera, double below_middle) const {

@@ -86,10 +86,8 @@ class MotionBelief {
   // Velocity times time is a product of two unknowns, which observe() takes at the times' means of then. They are far
   // from those by now: what was learnt on the way was linearised at wrong times, and is surer than it should be.
   bool are_times_far() const;
-  // Before anything is observed again: the times' means become those of `known`, and are as open as they were.
+  // What is observed from now on is linearised at the times' means of `known`.
   void linearise_times_at(const MotionBelief& known);
-  // When all is observed again: that the times were moved from what `begun` says of them, which is as open, is undone.
-  void count_times_from(const MotionBelief& begun, const MotionBelief& moved_to);
   // The position's mean and covariance are replaced; all else follows by regression on the position.
   void set_position(const Eigen::Vector3d& mean, const Eigen::Matrix3d& covariance);
 

@@ -661,7 +661,6 @@ void RegionTracker::linearise_times_again() {
       again = observed(again, &about, seen.power_density);
       seen.believed_at = again.at, seen.position = again.position(), seen.velocity = again.velocity();
     }
-    again.count_times_from(begun_, known);
     again.predict_to(known.at, power_density());
     belief_ = again;
   }
