@@ -56,6 +56,7 @@ int main(int argc, char** argv) {
   program::add_wave_command(app, chosen);
   program::add_time_command(app, chosen);
   program::add_exchange_commands(app, chosen);
+  program::add_accept_command(app, chosen);
   program::add_board_command(app, chosen);
 
   try {

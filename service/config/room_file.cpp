@@ -2,7 +2,10 @@
 
 #include <fmt/format.h>
 
+#include <cerrno>
 #include <charconv>
+#include <fstream>
+#include <system_error>
 
 #include "calib/yaml/yaml_reader.h"
 
@@ -37,9 +40,8 @@ std::vector<KeptRoom> read_room(const std::filesystem::path& file, const std::st
     kept.camera = camera;
     for (const yaml::YamlReader& patch : reader.maps("patches")) {
       const auto px = patch.numbers("px", 2, 2, {.min = -farthest_px, .max = farthest_px});
-      kept.patches.push_back({.px = {px[0], px[1]},
-                              .cell = int(patch.integer("cell", {.min = 0, .max = 1e6})),
-                              .seen = read_seen(patch)});
+      kept.patches.push_back(
+          {.px = {px[0], px[1]}, .cell = int(patch.integer("cell", {.min = 0, .max = 1e6})), .seen = read_seen(patch)});
       patch.finish();
     }
     reader.finish();
@@ -48,9 +50,20 @@ std::vector<KeptRoom> read_room(const std::filesystem::path& file, const std::st
   return is_of_this_rig ? room : std::vector<KeptRoom>{};
 }
 
+void write_room(const std::filesystem::path& file, const std::vector<KeptRoom>& room, const std::string& rig_identity) {
+  const std::filesystem::path fresh = file.string() + ".fresh";
+  errno = 0;
+  std::ofstream out(fresh, std::ios::binary | std::ios::trunc);
+  out << room_to_yaml(room, rig_identity) << std::flush;
+  out.close();
+  if (!out) throw std::system_error(errno != 0 ? errno : EIO, std::generic_category(), fresh.string());
+  std::filesystem::rename(fresh, file);
+}
+
 std::string room_to_yaml(const std::vector<KeptRoom>& room, const std::string& rig_identity) {
   std::string text =
-      "# What the cameras saw of the still room when they stood where the rig says. huetrackd writes and reads it; who\n"
+      "# What the cameras saw of the still room when they stood where the rig says. huetrackd writes and reads it; "
+      "who\n"
       "# deletes it has the room learnt anew.\nversion: 1\n";
   text += fmt::format("rig: \"{}\"  # this one only\ncameras:\n", rig_identity);
   for (const KeptRoom& kept : room) {

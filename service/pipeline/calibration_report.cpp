@@ -19,12 +19,12 @@ constexpr capture::Duration figures_pause = 500ms;  // of the figures in warning
 constexpr capture::Duration waits_for_shift = 700ms;
 constexpr double known_shift_sigma_m = 0.004;
 
+}  // namespace
+
 bool is_trouble(RoomState state) {
   return state == RoomState::knocked || state == RoomState::sagging || state == RoomState::zoomed ||
          state == RoomState::blinded || state == RoomState::hidden;
 }
-
-}  // namespace
 
 CalibrationReport::CalibrationReport(const config::ServiceConfig& config)
     : cameras_([&] {
@@ -49,7 +49,8 @@ bool CalibrationReport::is_told(std::size_t camera, const CameraCalibration& fac
   }
   if (!is_trouble(state)) {
     told = {.state = state, .turns = facts.room.turns, .seen_at = {}};
-    return state == RoomState::still && std::ranges::any_of(happenings_, [&](const auto& h) { return h.camera == camera; });
+    return state == RoomState::still &&
+           std::ranges::any_of(happenings_, [&](const auto& h) { return h.camera == camera; });
   }
   if (!told.seen_at) told.seen_at = at;
   const bool may_be_better_known = facts.moved && facts.moved->shift_sigma > known_shift_sigma_m;
@@ -122,8 +123,10 @@ int CalibrationReport::mend(calib::CameraRig& rig) const {
     const std::string key = "mended_" + cameras_[c];
     std::erase_if(rig.made_by, [&](const auto& entry) { return entry.first == key; });
     rig.made_by.emplace_back(
-        key, fmt::format("by huetrackd, from what it saw while tracking: turned by {:.2f} degrees, moved by {:.0f} mm (+- {:.0f})",
-                         m.rotation.norm() * 180 / std::numbers::pi, 1e3 * m.shift.norm(), 1e3 * m.shift_sigma));
+        key,
+        fmt::format(
+            "by huetrackd, from what it saw while tracking: turned by {:.2f} degrees, moved by {:.0f} mm (+- {:.0f})",
+            m.rotation.norm() * 180 / std::numbers::pi, 1e3 * m.shift.norm(), 1e3 * m.shift_sigma));
   }
   return moved;
 }

@@ -12,6 +12,9 @@
 
 namespace huetrack::pipeline {
 
+// Whether that is told people: the camera gives wrong positions, or none.
+bool is_trouble(room_watch::RoomState state);
+
 class CalibrationReport final : public Output {
  public:
   explicit CalibrationReport(const config::ServiceConfig& config);
@@ -33,7 +36,7 @@ class CalibrationReport final : public Output {
   struct Happening {
     std::size_t camera;
     room_watch::RoomState state;
-    int turns;                // RoomCondition::turns
+    int turns;  // RoomCondition::turns
     capture::Timestamp told_at;
     CameraCalibration facts;  // as known last, while it lasted
   };
@@ -46,12 +49,12 @@ class CalibrationReport final : public Output {
 
   const std::vector<std::string> cameras_;
   const config::CalibrationMode mode_;
-  std::vector<Told> told_;                    // the tracking thread's
-  std::vector<Happening> happenings_;         // likewise
-  std::optional<capture::Timestamp> next_at_; // likewise; when figures are told anew
+  std::vector<Told> told_;                     // the tracking thread's
+  std::vector<Happening> happenings_;          // likewise
+  std::optional<capture::Timestamp> next_at_;  // likewise; when figures are told anew
   mutable std::mutex mutex_;
-  std::vector<std::string> warnings_;       // guarded by mutex_; per camera, empty: none
-  std::vector<CameraCalibration> facts_;    // guarded by mutex_
+  std::vector<std::string> warnings_;     // guarded by mutex_; per camera, empty: none
+  std::vector<CameraCalibration> facts_;  // guarded by mutex_
 };
 
 }  // namespace huetrack::pipeline

@@ -16,12 +16,12 @@ using room_watch::RoomState;
 
 // The room around the volume is seen farther away than the volume's centre: walls behind it, the floor below it.
 constexpr double room_beyond_centre = 1.5;
-// How far a camera's centre goes when it is turned: about something so far away, on a tripod and on a mount that gives way,
-// and by so much anyhow.
+// How far a camera's centre goes when it is turned: about something so far away, on a tripod and on a mount that gives
+// way, and by so much anyhow.
 constexpr double knocked_lever_m = 0.3, knocked_shift_m = 0.004, sagged_lever_m = 0.1, sagged_shift_m = 0.002;
 
-// A pose that changed by less than this share of what is known of it is not told to the trackers anew, which forget then
-// what they learnt of the camera; nor more often than so.
+// A pose that changed by less than this share of what is known of it is not told to the trackers anew, which forget
+// then what they learnt of the camera; nor more often than so.
 constexpr double news_share = 0.3;
 constexpr double news_rotation_rad = 1e-4, news_shift_m = 3e-4;
 constexpr double still_good_m = 0.01;  // as much as an ordinary calibration is off by
@@ -55,10 +55,9 @@ CalibrationWatch::CalibrationWatch(const calib::CameraRig& rig, const object_tra
   for (std::size_t c = 0; c < rig_.cameras.size(); ++c) {
     const calib::Camera& camera = rig_.cameras[c];
     const auto known = std::ranges::find(config_.room, camera.name, &config::KeptRoom::camera);
-    watched_.push_back(
-        {.watch = known == config_.room.end() ? room_watch::CameraWatch(camera)
-                                              : room_watch::CameraWatch(camera, {}, known->patches),
-         .is_still = still[c]});
+    watched_.push_back({.watch = known == config_.room.end() ? room_watch::CameraWatch(camera)
+                                                             : room_watch::CameraWatch(camera, {}, known->patches),
+                        .is_still = still[c]});
   }
 }
 
@@ -143,7 +142,8 @@ bool CalibrationWatch::trust_camera(std::size_t camera, bool is_used, capture::T
     wanted.pose_covariance = facts.moved->covariance;
   } else if (facts.moved) {
     // It is held to stand where the rig says, which is off by this.
-    const calib::Tangent6d off = calib::log(facts.moved->cam_from_world * calib::inverse(rig_.cameras[camera].cam_from_world));
+    const calib::Tangent6d off =
+        calib::log(facts.moved->cam_from_world * calib::inverse(rig_.cameras[camera].cam_from_world));
     wanted.pose_covariance = facts.moved->covariance + off * off.transpose();
   }
   CameraTrust& given = trust_[camera];
@@ -180,8 +180,16 @@ void CalibrationWatch::learn(std::span<const object_tracking::ObjectEstimate> es
   }
 }
 
-// What triangulating with the rig's pose does to positions when the camera stands elsewhere: over a grid in the volume, of
-// the places that this camera and another one see.
+std::vector<config::KeptRoom> CalibrationWatch::room() const {
+  std::vector<config::KeptRoom> room;
+  for (std::size_t c = 0; c < watched_.size(); ++c)
+    if (auto patches = watched_[c].watch.room(); !patches.empty())
+      room.push_back({rig_.cameras[c].name, std::move(patches)});
+  return room;
+}
+
+// What triangulating with the rig's pose does to positions when the camera stands elsewhere: over a grid in the volume,
+// of the places that this camera and another one see.
 double CalibrationWatch::effect_of(std::size_t camera, const calib::Rigid3d& now) const {
   constexpr std::array<double, 3> shares{0.2, 0.5, 0.8};
   double sum = 0;

@@ -1,6 +1,6 @@
-// Watches on the road whether every camera still stands where the rig says: what each of them sees of the still room, and
-// what it sees of an object whose position the others fix. Says what is to be held of each camera, by the configuration:
-// nothing, that it is left out, or that its pose follows. Facts for the outputs; no sentences.
+// Watches on the road whether every camera still stands where the rig says: what each of them sees of the still room,
+// and what it sees of an object whose position the others fix. Says what is to be held of each camera, by the
+// configuration: nothing, that it is left out, or that its pose follows. Facts for the outputs; no sentences.
 #pragma once
 
 #include <Eigen/Core>
@@ -40,7 +40,8 @@ class CalibrationWatch {
 
   const std::vector<object_tracking::CameraTrust>& trust() const { return trust_; }  // per camera of the rig
   const std::vector<CameraCalibration>& cameras() const { return facts_; }           // per camera of the rig
-  std::vector<room_watch::KeptPatch> room(std::size_t camera) const { return watched_[camera].watch.room(); }
+  // As it is known by now, to be kept; cameras of which nothing is known are absent.
+  std::vector<config::KeptRoom> room() const;
 
  private:
   struct Watched {

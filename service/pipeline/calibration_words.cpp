@@ -15,7 +15,7 @@ using config::CalibrationMode;
 using room_watch::RoomState;
 
 constexpr double degrees = 180 / std::numbers::pi;
-constexpr double unix_times_from_s = 1e9;     // of 2001; a recording's own clock begins near 0
+constexpr double unix_times_from_s = 1e9;  // of 2001; a recording's own clock begins near 0
 
 std::string consequence(const CameraCalibration& facts, CalibrationMode mode) {
   const double off_mm = 1e3 * facts.effect_m;
@@ -24,11 +24,13 @@ std::string consequence(const CameraCalibration& facts, CalibrationMode mode) {
       break;
     case CalibrationMode::leave_out:
       if (facts.is_used) break;
-      return fmt::format("it is left out until it fits again; with it positions would be off by about {:.0f} mm", off_mm);
+      return fmt::format("it is left out until it fits again; with it positions would be off by about {:.0f} mm",
+                         off_mm);
     case CalibrationMode::mend:
       if (facts.is_mended && facts.moved)
-        return fmt::format("positions would be off by about {:.0f} mm; its pose is followed, to {:.0f} mm and {:.2f} degrees",
-                           off_mm, std::max(1.0, 1e3 * facts.moved->shift_sigma), degrees * facts.moved->rotation_sigma);
+        return fmt::format(
+            "positions would be off by about {:.0f} mm; its pose is followed, to {:.0f} mm and {:.2f} degrees", off_mm,
+            std::max(1.0, 1e3 * facts.moved->shift_sigma), degrees * facts.moved->rotation_sigma);
       break;
   }
   return fmt::format("positions are off by about {:.0f} mm until it is mended", off_mm);
@@ -66,17 +68,19 @@ std::string calibration_warning(const std::string& camera, const CameraCalibrati
       return fmt::format("{} sags: since {} it has slowly turned by {}: {}", camera, moment_text(facts.room.turn->from),
                          by_how_much(facts), consequence(facts, mode));
     case RoomState::zoomed:
-      return fmt::format("{}'s picture {} by {:.1f} % at {}: its zoom or focus was changed: set it back, or calibrate its lens "
-                         "again{}",
-                         camera, facts.room.zoom > 0 ? "grew" : "shrank", 100 * std::abs(facts.room.zoom), since,
-                         facts.is_used ? "" : "; it is left out until then");
+      return fmt::format(
+          "{}'s picture {} by {:.1f} % at {}: its zoom or focus was changed: set it back, or calibrate its lens "
+          "again{}",
+          camera, facts.room.zoom > 0 ? "grew" : "shrank", 100 * std::abs(facts.room.zoom), since,
+          facts.is_used ? "" : "; it is left out until then");
     case RoomState::blinded:
-      return fmt::format("{} has seen next to nothing since {}: it is covered, in the dark, or its lens is dirty", camera,
-                         since);
-    case RoomState::hidden:
-      return fmt::format("{} has seen nothing of the room as it was since {}: it was turned far away, or something large is "
-                         "before it",
+      return fmt::format("{} has seen next to nothing since {}: it is covered, in the dark, or its lens is dirty",
                          camera, since);
+    case RoomState::hidden:
+      return fmt::format(
+          "{} has seen nothing of the room as it was since {}: it was turned far away, or something large is "
+          "before it",
+          camera, since);
   }
   return {};
 }

@@ -13,6 +13,7 @@ std::string moment_text(capture::Timestamp at);
 
 // "cam1 was turned by 1.20 degrees and moved by 8 mm at 12:03:07: positions are off by about 40 mm until it is mended";
 // empty when all is well, or nothing can be said.
-std::string calibration_warning(const std::string& camera, const CameraCalibration& facts, config::CalibrationMode mode);
+std::string calibration_warning(const std::string& camera, const CameraCalibration& facts,
+                                config::CalibrationMode mode);
 
 }  // namespace huetrack::pipeline

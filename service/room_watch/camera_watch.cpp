@@ -27,10 +27,10 @@ constexpr double far_blocks = 1.0, near_blocks = 0.4, mean_off_blocks = 0.15;
 constexpr int many_of_six = 4;
 constexpr Duration shortest_pause = 250ms, longest_pause = 2s;
 constexpr Duration longest_relocation_pause = 8s;  // it costs as much as a hundred patches
-constexpr Duration settling = 150ms;  // between two surveys that are to agree
+constexpr Duration settling = 150ms;               // between two surveys that are to agree
 constexpr Duration longest_moving = 1500ms;
 constexpr Duration fit_pause = 1s, alert_fit_pause = 500ms;
-constexpr Duration alert_for = 5s;
+constexpr Duration alert_for = 5s, hurry_for = 200ms, hurry_pause = 2s;
 
 constexpr double sure_sigmas = 5;
 constexpr double alike_blocks = 0.12;  // in a picture: what two surveys of a still camera differ by at most
@@ -43,7 +43,8 @@ constexpr std::size_t searched_patches = 16;
 constexpr Duration knock_takes = 800ms;  // at most, with its shaking
 constexpr double shaking = 4;            // times what two looks of a still camera differ by
 constexpr double knock_share = 0.6;      // of a turn that happened within that
-// A small turn may be the beginning of sagging: it is looked at for so long whether it goes on, by more than this share.
+// A small turn may be the beginning of sagging: it is looked at for so long whether it goes on, by more than this
+// share.
 constexpr double small_turns = 4;  // in least_turn_rad
 constexpr Duration small_turn_is_watched = 900ms;
 constexpr double goes_on_share = 0.25;
@@ -93,7 +94,8 @@ CameraWatch::CameraWatch(const calib::Camera& camera, const CameraWatchOptions& 
   for (const KeptPatch& kept : known) {
     const auto patch = make_patch(block_of(kept.px), kept.seen);
     const auto ray = camera_.model.ray({kept.px});
-    if (patch && ray) watched_.push_back({.patch = *patch, .cell = kept.cell, .ray = *ray, .seen_at = {}, .differs_since = {}});
+    if (patch && ray)
+      watched_.push_back({.patch = *patch, .cell = kept.cell, .ray = *ray, .seen_at = {}, .differs_since = {}});
   }
   is_kept_ = int(watched_.size()) >= least_patches;
   if (!is_kept_) watched_.clear();
@@ -133,7 +135,8 @@ void CameraWatch::look(const capture::Frame& frame, std::span<const Disc> object
     return;
   const Luma luma(frame.pixels, scale_);
   const Timestamp at = frame.captured_at;
-  if (!last_at_) {
+  if (!has_begun_) {
+    has_begun_ = true;
     condition_.since = at;
     if (is_kept_) {
       next_survey_ = at;
@@ -158,9 +161,8 @@ void CameraWatch::choose(const Luma& luma) {
 namespace {
 
 bool is_before(const Eigen::Vector2d& px, double half_px, std::span<const Disc> objects) {
-  return std::ranges::any_of(objects, [&](const Disc& disc) {
-    return (disc.px - px).norm() < object_margin * disc.radius_px + half_px;
-  });
+  return std::ranges::any_of(
+      objects, [&](const Disc& disc) { return (disc.px - px).norm() < object_margin * disc.radius_px + half_px; });
 }
 
 }  // namespace
@@ -221,16 +223,17 @@ void CameraWatch::watch(const Luma& luma, Timestamp at, std::span<const Disc> ob
     return;
   }
   const double since_s = last_at_ ? std::clamp(capture::seconds(at - *last_at_), 0.0, 1.0) : 0;
-  due_ = std::min(due_ + since_s * (at < alert_until_ ? options_.alert_rate_hz : options_.calm_rate_hz),
-                  double(watched_.size()));
+  due_ = std::min(
+      due_ + since_s * (at < alert_until_ || at < hurry_until_ ? options_.alert_rate_hz : options_.calm_rate_hz),
+      double(watched_.size()));
   for (; due_ >= 1; due_ -= 1) {
     Watched& watched = watched_[next_];
     // Coprime steps: patches that follow one another are apart in the image, as one person is not everywhere.
     next_ = (next_ + 7) % watched_.size();
     if (watched_.size() % 7 == 0 && next_ < 7) next_ = (next_ + 1) % 7;
-    if (measure(watched, luma, at, condition_.rotation, objects)) note(watched);
+    if (measure(watched, luma, at, condition_.rotation, objects)) note(watched, at);
   }
-  const bool is_waiting = pending_.has_value() || nothing_since_.has_value();
+  const bool is_waiting = history_.empty() || pending_.has_value() || nothing_since_.has_value();
   if (at >= next_survey_ && (is_waiting || is_suspicious())) {
     survey(luma, at, objects);
   } else if (at >= next_fit_) {
@@ -265,12 +268,24 @@ bool CameraWatch::measure(Watched& watched, const Luma& luma, Timestamp at, cons
   return true;
 }
 
-void CameraWatch::note(const Watched& watched) {
+// Two in a row that are off: more of them are looked at at once, but not again and again for somebody who stands there.
+void CameraWatch::hurry(Timestamp at) {
+  if (++off_in_a_row_ < 2 || at < next_hurry_) return;
+  next_hurry_ = at + hurry_pause;
+  hurry_until_ = at + hurry_for;
+}
+
+void CameraWatch::note(const Watched& watched, Timestamp at) {
   Verdict& verdict = verdicts_[verdict_count_++ % verdicts_.size()];
   verdict = {};
-  if (!watched.seen_at) return;
+  if (!watched.seen_at) {
+    hurry(at);
+    return;
+  }
   verdict = {true, watched.px - watched.expected_px};
-  if (verdict.innovation_px.norm() < near_blocks * scale_) last_agreed_at_ = watched.seen_at;
+  const double off_blocks = verdict.innovation_px.norm() / scale_;
+  if (off_blocks < near_blocks) last_agreed_at_ = at;
+  off_blocks < far_blocks ? off_in_a_row_ = 0 : hurry(at);
 }
 
 bool CameraWatch::is_suspicious() const {
@@ -308,13 +323,15 @@ void CameraWatch::survey(const Luma& luma, Timestamp at, std::span<const Disc> o
   int could_say = 0;
   auto fit = fit_all(luma, at, condition_.rotation, objects, could_say);
   if (!fit && at >= next_relocation_) {
-    relocation_pause_ = nothing_since_ ? std::clamp<Duration>(2 * relocation_pause_, shortest_pause, longest_relocation_pause)
-                                       : shortest_pause;
+    relocation_pause_ = nothing_since_
+                            ? std::clamp<Duration>(2 * relocation_pause_, shortest_pause, longest_relocation_pause)
+                            : shortest_pause;
     next_relocation_ = at + relocation_pause_;
     if (const auto guess = relocate(luma, objects)) fit = fit_all(luma, at, *guess, objects, could_say);
   }
   const bool is_news = !fit || rotation_between(condition_.rotation, fit->rotation).norm() > alike_rad();
-  survey_pause_ = is_news && fit ? shortest_pause : std::clamp<Duration>(2 * survey_pause_, shortest_pause, longest_pause);
+  survey_pause_ =
+      is_news && fit ? shortest_pause : std::clamp<Duration>(2 * survey_pause_, shortest_pause, longest_pause);
   next_survey_ = at + survey_pause_;
   if (is_news) alert_until_ = at + alert_for;
   // It still was as before when the last patch was found in its place.
@@ -336,8 +353,8 @@ std::optional<Eigen::Vector3d> CameraWatch::relocate(const Luma& luma, std::span
   std::vector<const Watched*> order;
   for (const Watched& w : watched_) order.push_back(&w);
   std::ranges::stable_sort(order, std::ranges::greater{}, [](const Watched* w) { return w->patch.least_texture; });
-  const int reach = std::clamp(int(std::ceil(search_reach_rad * camera_.model.fx() / scale_)), least_search_reach,
-                               most_search_reach);
+  const int reach =
+      std::clamp(int(std::ceil(search_reach_rad * camera_.model.fx() / scale_)), least_search_reach, most_search_reach);
   std::vector<SeenRay> seen;
   std::size_t searched = 0;
   for (const Watched* w : order) {
@@ -359,9 +376,10 @@ void CameraWatch::fit_recent(Timestamp at) {
   condition_.changed = 0;
   for (const Watched& w : watched_) {
     if (w.differs_since && at - *w.differs_since > changed_after) ++condition_.changed;
-    if (w.is_hidden) continue;
+    const bool is_seen = w.seen_at && at - *w.seen_at <= recent;
+    if (w.is_hidden || (!is_seen && !w.differs_since)) continue;
     ++could_say;
-    if (w.seen_at && at - *w.seen_at <= recent) seen.push_back({w.ray, w.px, w.sigma_px});
+    if (is_seen) seen.push_back({w.ray, w.px, w.sigma_px});
   }
   const auto fit = fit_rotation(camera_.model, seen, condition_.rotation, find_gate_blocks * scale_);
   if (!fit || fit->held < std::max(least_patches * 2 / 3, int(least_share * could_say))) return;
@@ -409,15 +427,16 @@ void CameraWatch::judge_turn(const RotationFit& fit, Timestamp at, bool is_fresh
       if (is_back) told_.setZero(), condition_.turn.reset();
       set_state(RoomState::still, at);
     } else if (condition_.state != RoomState::knocked && condition_.state != RoomState::sagging) {
-      set_state(condition_.turn ? (condition_.turn->is_slow ? RoomState::sagging : RoomState::knocked) : RoomState::still,
-                at);
+      set_state(
+          condition_.turn ? (condition_.turn->is_slow ? RoomState::sagging : RoomState::knocked) : RoomState::still,
+          at);
     }
     return;
   }
   // A turn is told when two looks agree on it. A sagging camera goes on by little between them.
   const double agreed = std::max(alike_rad(), sure_sigmas * sigma());
   const double apart = pending_ ? rotation_between(pending_->rotation, fit.rotation).norm() : 0;
-  const bool is_settled = pending_ && apart < agreed, is_shaking = apart > shaking * agreed;
+  const bool is_settled = pending_ && apart<agreed, is_shaking = apart> shaking * agreed;
   if (!pending_) pending_since_ = at, settled_.reset();
   pending_ = Snapshot{at, fit.rotation};
   if (!is_settled) {
@@ -462,6 +481,10 @@ void CameraWatch::tell(Turn turn, bool goes_on, bool is_small, Timestamp at) {
 Turn CameraWatch::turn_since(Timestamp at, const Eigen::Vector3d& before, const Eigen::Vector3d& after) const {
   const double all = rotation_between(before, after).norm();
   Turn turn{.is_slow = true, .from = at, .until = at, .before = before, .after = after};
+  if (history_.size() < 2) {  // nobody looked: of a kept room
+    turn.is_slow = false;
+    return turn;
+  }
   double most = 0;
   for (std::size_t i = 0; i < history_.size(); ++i) {
     for (std::size_t j = i + 1; j < history_.size(); ++j) {
@@ -488,8 +511,8 @@ void CameraWatch::judge_nothing(Timestamp at) {
     // Another light, another room: it is learnt as it is now.
     is_kept_ = false;
     has_forgotten_ = true;
+    has_begun_ = false;
     watched_.clear();
-    last_at_.reset();
     last_lesson_at_.reset();
     return;
   }

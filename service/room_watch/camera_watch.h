@@ -1,6 +1,6 @@
-// Whether one camera still stands as it did: pieces of the still room around it are learnt at the beginning, and a few of
-// them are looked for in every frame, in turn. Those that are no longer where they were say how the camera was turned; those
-// that are gone, that something stands before it. Facts only; who tells people is above.
+// Whether one camera still stands as it did: pieces of the still room around it are learnt at the beginning, and a few
+// of them are looked for in every frame, in turn. Those that are no longer where they were say how the camera was
+// turned; those that are gone, that something stands before it. Facts only; who tells people is above.
 #pragma once
 
 #include <Eigen/Core>
@@ -50,8 +50,8 @@ struct Turn {
 struct RoomCondition {
   RoomState state = RoomState::learning;
   capture::Timestamp since;  // of the state
-  // What it was turned by since the room was learnt, as seen last; radians, camera frame. A shift is a part of it, as far
-  // as it moves a room of that distance alike: RotationFit::shift_to_rotation.
+  // What it was turned by since the room was learnt, as seen last; radians, camera frame. A shift is a part of it, as
+  // far as it moves a room of that distance alike: RotationFit::shift_to_rotation.
   Eigen::Vector3d rotation = Eigen::Vector3d::Zero();
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
   Eigen::Matrix3d shift_to_rotation = Eigen::Matrix3d::Zero();
@@ -102,9 +102,9 @@ class CameraWatch {
     Eigen::Vector2d px = Eigen::Vector2d::Zero();    // where; raw pixel
     double sigma_px = 0;
     Eigen::Vector2d expected_px = Eigen::Vector2d::Zero();  // where it was looked for last
-    std::optional<capture::Timestamp> differs_since;  // it shows something else than it should
-    float contrast = 0;                               // when it was looked at last, as a share of its own
-    bool is_hidden = false;  // by an object, or outside the image: it says nothing
+    std::optional<capture::Timestamp> differs_since;        // it shows something else than it should
+    float contrast = 0;                                     // when it was looked at last, as a share of its own
+    bool is_hidden = false;                                 // by an object, or outside the image: it says nothing
   };
   struct Verdict {
     bool is_found = false;
@@ -121,7 +121,8 @@ class CameraWatch {
   void watch(const Luma& luma, capture::Timestamp at, std::span<const Disc> objects);
   bool measure(Watched& watched, const Luma& luma, capture::Timestamp at, const Eigen::Vector3d& rotation,
                std::span<const Disc> objects);
-  void note(const Watched& watched);
+  void note(const Watched& watched, capture::Timestamp at);
+  void hurry(capture::Timestamp at);
   bool is_suspicious() const;
   void survey(const Luma& luma, capture::Timestamp at, std::span<const Disc> objects);
   std::optional<RotationFit> fit_all(const Luma& luma, capture::Timestamp at, const Eigen::Vector3d& from,
@@ -146,12 +147,13 @@ class CameraWatch {
   std::vector<Lesson> lessons_;
   std::vector<Watched> watched_;
   std::optional<capture::Timestamp> last_at_, last_lesson_at_, last_agreed_at_;
-  bool is_kept_ = false, has_forgotten_ = false;
+  bool has_begun_ = false, is_kept_ = false, has_forgotten_ = false;
   std::size_t next_ = 0;  // of watched_
   double due_ = 0;        // patches to look for
   std::array<Verdict, 6> verdicts_{};
   std::size_t verdict_count_ = 0;
-  capture::Timestamp next_survey_{}, next_fit_{}, alert_until_{};
+  int off_in_a_row_ = 0;
+  capture::Timestamp next_survey_{}, next_fit_{}, alert_until_{}, next_hurry_{}, hurry_until_{};
   capture::Duration survey_pause_{0};
   std::optional<capture::Timestamp> nothing_since_, zoomed_since_;
   std::deque<Snapshot> history_;

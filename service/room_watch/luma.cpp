@@ -27,7 +27,8 @@ Luma::Luma(const capture::Image& image, int scale)
       rows_(image.height / scale) {}
 
 float Luma::at(int column, int row) const {
-  const std::uint8_t* corner = first_ + std::ptrdiff_t(row) * scale_ * stride_ + std::ptrdiff_t(column) * scale_ * step_;
+  const std::uint8_t* corner =
+      first_ + std::ptrdiff_t(row) * scale_ * stride_ + std::ptrdiff_t(column) * scale_ * step_;
   int sum = 0;
   for (int j = 0; j < scale_; ++j)
     for (int i = 0; i < scale_; ++i) sum += corner[j * stride_ + std::ptrdiff_t(i) * step_];

@@ -19,8 +19,8 @@ class Luma {
 
   // The mean of a block, 0..255. Inside.
   float at(int column, int row) const;
-  // The window of columns x rows blocks from (column, row) on, into out, row by row. False, and nothing is written, where
-  // it is not wholly inside.
+  // The window of columns x rows blocks from (column, row) on, into out, row by row. False, and nothing is written,
+  // where it is not wholly inside.
   bool read(int column, int row, int columns, int rows, float* out) const;
 
  private:

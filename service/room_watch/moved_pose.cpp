@@ -14,12 +14,13 @@ namespace {
 // An object's sightings have errors that last for as long as it takes to come elsewhere: so many seconds of them count
 // as one.
 constexpr double errors_last_s = 0.25;
-constexpr capture::Duration shortest_pause = std::chrono::milliseconds(90);  // what is nearer tells little, and costs as much
-constexpr double forgotten_after_s = 20;     // a camera that was knocked may go on moving by a little
-constexpr double others_off_m = 0.002;       // positions that two cameras fix, all alike, by how these were calibrated
-constexpr double distance_share = 0.4;       // how well the room's distance is known, of itself
-constexpr double agreeing = 2.5;             // sigmas; what is farther off counts by its distance (Huber)
-constexpr double contradicting = 8;          // sigmas; not the same object
+constexpr capture::Duration shortest_pause =
+    std::chrono::milliseconds(90);        // what is nearer tells little, and costs as much
+constexpr double forgotten_after_s = 20;  // a camera that was knocked may go on moving by a little
+constexpr double others_off_m = 0.002;    // positions that two cameras fix, all alike, by how these were calibrated
+constexpr double distance_share = 0.4;    // how well the room's distance is known, of itself
+constexpr double agreeing = 2.5;          // sigmas; what is farther off counts by its distance (Huber)
+constexpr double contradicting = 8;       // sigmas; not the same object
 
 Eigen::Matrix3d rotation_matrix(const Eigen::Vector3d& rotation) {
   Eigen::Matrix3d out;
@@ -41,7 +42,8 @@ void MovedPose::set_room(const RoomRotation& room) {
 
 void MovedPose::add(const Witness& witness) {
   if (last_at_ && witness.at - *last_at_ < shortest_pause) return;
-  const Eigen::Vector3d turned_then = turned(room_.rotation, camera_.cam_from_world * (witness.position + state_.tail<3>()));
+  const Eigen::Vector3d turned_then =
+      turned(room_.rotation, camera_.cam_from_world * (witness.position + state_.tail<3>()));
   const Eigen::Matrix3d b = rotation_matrix(state_.head<3>());
   const Eigen::Vector3d q = b * turned_then;
   calib::CameraModel::Jacobian jacobian;

@@ -1,10 +1,10 @@
-// Where a camera stands that was turned or moved: by the room, which fixes its rotation, and by what it sees of an object
-// whose position the other cameras fix, which tells a shift from a rotation.
+// Where a camera stands that was turned or moved: by the room, which fixes its rotation, and by what it sees of an
+// object whose position the other cameras fix, which tells a shift from a rotation.
 //
-// The room alone cannot: far walls move in the picture alike when the camera turns and when it is shifted. So the state is
-// (b, v): p_now = Exp(b) Exp(room's rotation) p_then + v in the camera's axes, with v unknown to some centimetres, and the
-// room says b = -shift_to_rotation v / distance, with the distance of the room known to a share of itself. An object at
-// another depth than the room then tells both.
+// The room alone cannot: far walls move in the picture alike when the camera turns and when it is shifted. So the state
+// is (b, v): p_now = Exp(b) Exp(room's rotation) p_then + v in the camera's axes, with v unknown to some centimetres,
+// and the room says b = -shift_to_rotation v / distance, with the distance of the room known to a share of itself. An
+// object at another depth than the room then tells both.
 #pragma once
 
 #include <Eigen/Core>
@@ -18,9 +18,9 @@ namespace huetrack::room_watch {
 // A camera's sight of an object whose position others fix.
 struct Witness {
   capture::Timestamp at;
-  Eigen::Vector2d px = Eigen::Vector2d::Zero();                  // raw pixels
-  Eigen::Matrix2d covariance = Eigen::Matrix2d::Zero();          // px^2
-  Eigen::Vector3d position = Eigen::Vector3d::Zero();            // world, metres
+  Eigen::Vector2d px = Eigen::Vector2d::Zero();                   // raw pixels
+  Eigen::Matrix2d covariance = Eigen::Matrix2d::Zero();           // px^2
+  Eigen::Vector3d position = Eigen::Vector3d::Zero();             // world, metres
   Eigen::Matrix3d position_covariance = Eigen::Matrix3d::Zero();  // m^2
 };
 
@@ -42,7 +42,8 @@ struct MovedPoseEstimate {
 // thread-compatible. A plain value; never throws.
 class MovedPose {
  public:
-  // room_distance_m: of what is seen of the room, as far as that is known. shift_sigma_m: how far it may have been shifted.
+  // room_distance_m: of what is seen of the room, as far as that is known. shift_sigma_m: how far it may have been
+  // shifted.
   MovedPose(const calib::Camera& camera, double room_distance_m, double shift_sigma_m);
 
   void set_room(const RoomRotation& room);

@@ -20,7 +20,7 @@ struct Patch {
 
   // What follows from `seen`: zero mean, in an order in which the compiler adds several at once.
   std::array<float, patch_pixels> values{}, gradient_x{}, gradient_y{};
-  float energy = 0;                                          // sum of the squared values
+  float energy = 0;                                         // sum of the squared values
   Eigen::Matrix2f from_gradient = Eigen::Matrix2f::Zero();  // inverse of the sum of the gradients' squares
   float least_texture = 0;  // smaller eigenvalue of that sum, per pixel: squared grey levels per squared block
 

@@ -63,7 +63,8 @@ std::vector<ChosenPatch> choose_patches(const Luma& luma, int margin) {
     for (int i = (margin + bin) / bin; (i + bins_of_patch) * bin + margin <= luma.columns(); ++i) {
       Gradients sum;
       for (int b = 0; b < bins_of_patch; ++b)
-        for (int a = 0; a < bins_of_patch; ++a) sum += bins[std::size_t(j + b) * std::size_t(bin_columns) + std::size_t(i + a)];
+        for (int a = 0; a < bins_of_patch; ++a)
+          sum += bins[std::size_t(j + b) * std::size_t(bin_columns) + std::size_t(i + a)];
       const int u = (2 * i + bins_of_patch) * cell_columns / (2 * bin_columns);
       const int v = (2 * j + bins_of_patch) * cell_rows / (2 * bin_rows);
       Best& of_cell = best[std::size_t(v) * cell_columns + std::size_t(u)];

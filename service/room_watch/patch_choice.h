@@ -1,5 +1,5 @@
-// Which pieces of a picture can be found again: corners, one at most in each cell of a grid, so that they are spread over
-// it. Pure.
+// Which pieces of a picture can be found again: corners, one at most in each cell of a grid, so that they are spread
+// over it. Pure.
 #pragma once
 
 #include <Eigen/Core>

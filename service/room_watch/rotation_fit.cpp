@@ -11,7 +11,7 @@ namespace huetrack::room_watch {
 namespace {
 
 constexpr int most_rounds = 6;
-constexpr double same_gate = 0.9;  // a gate that is narrowed by less is what it will be
+constexpr double same_gate = 0.9;     // a gate that is narrowed by less is what it will be
 constexpr double tukey_sigmas = 4.5;  // beyond, a ray has no say; usual for 95 % efficiency: 4.685
 // Patches have errors that stay: JPEG blocks, interpolation, a lens that is not quite its model. As a share of a pixel.
 constexpr double lasting_px = 0.05;
@@ -32,9 +32,9 @@ Eigen::Vector3d vector_of(const Eigen::Quaterniond& rotation) {
 }
 
 struct Linear {
-  Row derivative;                // of the pixel by rotation and zoom
+  Row derivative;                        // of the pixel by rotation and zoom
   Eigen::Matrix<double, 2, 3> by_shift;  // by p_now - R p_then in units of the room's distance
-  Eigen::Vector2d difference;    // seen less expected
+  Eigen::Vector2d difference;            // seen less expected
   double variance;
   double weight = 0;
 };

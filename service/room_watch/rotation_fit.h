@@ -1,5 +1,5 @@
-// How a camera was turned, from where it sees known directions of the room. Robust: who walks through, and what was moved,
-// is outvoted. Pure; no exception.
+// How a camera was turned, from where it sees known directions of the room. Robust: who walks through, and what was
+// moved, is outvoted. Pure; no exception.
 #pragma once
 
 #include <Eigen/Core>
@@ -12,8 +12,8 @@
 namespace huetrack::room_watch {
 
 struct SeenRay {
-  Eigen::Vector3d ray;   // unit, of the camera as it was
-  Eigen::Vector2d px;    // raw pixel where it is seen now
+  Eigen::Vector3d ray;    // unit, of the camera as it was
+  Eigen::Vector2d px;     // raw pixel where it is seen now
   double sigma_px = 0.1;  // > 0; along each axis
 };
 
@@ -33,8 +33,8 @@ struct RotationFit {
 std::optional<RotationFit> fit_rotation(const calib::CameraModel& lens, std::span<const SeenRay> seen,
                                         const Eigen::Vector3d& start, double gate_px);
 
-// A rotation that most agree with, to gate_px, found without knowing where to start. nullopt: no two rays that more agree
-// with than they themselves.
+// A rotation that most agree with, to gate_px, found without knowing where to start. nullopt: no two rays that more
+// agree with than they themselves.
 std::optional<Eigen::Vector3d> guess_rotation(const calib::CameraModel& lens, std::span<const SeenRay> seen,
                                               double gate_px);
 
