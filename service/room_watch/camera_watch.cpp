@@ -285,7 +285,11 @@ void CameraWatch::note(const Watched& watched, Timestamp at) {
   verdict = {true, watched.px - watched.expected_px};
   const double off_blocks = verdict.innovation_px.norm() / scale_;
   if (off_blocks < near_blocks) last_agreed_at_ = at;
-  off_blocks < far_blocks ? off_in_a_row_ = 0 : hurry(at);
+  if (off_blocks >= far_blocks) {
+    hurry(at);
+  } else {
+    off_in_a_row_ = 0;
+  }
 }
 
 bool CameraWatch::is_suspicious() const {
