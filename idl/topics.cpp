@@ -24,9 +24,9 @@ constexpr auto growing = eprosima::fastrtps::rtps::DYNAMIC_REUSABLE_MEMORY_MODE;
 
 constexpr std::uint32_t KiB = 1024;
 constexpr std::pair<std::string_view, std::uint32_t> largest_samples[] = {
-    {topics::object_position, 16 * KiB}, {topics::camera_pose, 4 * KiB},    {topics::status, 256 * KiB},
-    {topics::scene, 1024 * KiB},         {topics::preview, 2048 * KiB},     {topics::camera_map, 128 * KiB},
-    {topics::teach_request, 64 * KiB},   {topics::teach_reply, 4096 * KiB},
+    {object_position_topic, 16 * KiB}, {camera_pose_topic, 4 * KiB},    {status_topic, 256 * KiB},
+    {camera_times_topic, 64 * KiB},    {scene_topic, 1024 * KiB},       {preview_topic, 2048 * KiB},
+    {camera_map_topic, 128 * KiB},     {teach_request_topic, 64 * KiB}, {teach_reply_topic, 4096 * KiB},
 };
 constexpr std::size_t longest_user_data = 16 * KiB;  // who a publisher is: some hundred targets
 constexpr int most_instances = 4000;                 // of a reader; one costs some hundred bytes
@@ -75,25 +75,21 @@ constexpr std::uint32_t liveliness_lease_s = 1;
 
 }  // namespace
 
-namespace topics {
-
-std::string ros2_pose(std::string_view target) {
+std::string ros2_pose_topic(std::string_view target) {
   return "rt/huetrack/" + std::string(target) + "/pose";
 }
 
-std::string ros2_image(std::string_view camera) {
+std::string ros2_image_topic(std::string_view camera) {
   return "rt/huetrack/" + std::string(camera) + "/image/compressed";
 }
 
-std::string ros2_camera_info(std::string_view camera) {
+std::string ros2_camera_info_topic(std::string_view camera) {
   return "rt/huetrack/" + std::string(camera) + "/camera_info";
 }
 
-std::string ros2_camera_pose(std::string_view camera) {
+std::string ros2_camera_pose_topic(std::string_view camera) {
   return "rt/huetrack/camera/" + std::string(camera) + "/pose";
 }
-
-}  // namespace topics
 
 std::string ros2_user_data(std::string_view type_hash) {
   return "typehash=" + std::string(type_hash) + ";";

@@ -47,6 +47,11 @@ void make_printable(msg::ServiceStatus& sample) {
   for (std::string& warning : sample.warnings()) warning = sentence(warning);
 }
 
+void make_printable(msg::CameraTimes& sample) {
+  sample.host(word(sample.host()));
+  for (msg::CameraTime& camera : sample.cameras()) camera.camera(word(camera.camera()));
+}
+
 const std::string& name_of(const msg::ObjectPosition& sample) {
   return sample.target();
 }

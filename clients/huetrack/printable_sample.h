@@ -4,6 +4,7 @@
 
 #include <string>
 
+#include "idl/camera_times.h"
 #include "idl/huetrack.h"
 
 namespace huetrack::client {
@@ -12,6 +13,7 @@ namespace huetrack::client {
 void make_printable(msg::ObjectPosition& sample);
 void make_printable(msg::CameraPose& sample);
 void make_printable(msg::ServiceStatus& sample);
+void make_printable(msg::CameraTimes& sample);
 
 const std::string& name_of(const msg::ObjectPosition& sample);  // the target's
 const std::string& name_of(const msg::CameraPose& sample);      // the camera's

@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "clients/live_view/events.h"
+#include "idl/camera_timesPubSubTypes.h"
 #include "idl/huetrackPubSubTypes.h"
 #include "idl/huetrack_viewPubSubTypes.h"
 #include "idl/topics.h"
@@ -68,23 +69,25 @@ idl::ParticipantOptions named(idl::ParticipantOptions options, const char* name)
 struct BusReader::Connection {
   explicit Connection(const idl::ParticipantOptions& options)
       : participant(named(options, "huetrack view")),
-        position(participant.create_reader(idl::topics::object_position,
+        position(participant.create_reader(idl::object_position_topic,
                                            dds::TypeSupport(new msg::ObjectPositionPubSubType),
                                            idl::object_position_reader_qos())),
-        camera_pose(participant.create_reader(idl::topics::camera_pose, dds::TypeSupport(new msg::CameraPosePubSubType),
+        camera_pose(participant.create_reader(idl::camera_pose_topic, dds::TypeSupport(new msg::CameraPosePubSubType),
                                               idl::object_position_reader_qos())),
-        camera_map(participant.create_reader(idl::topics::camera_map, dds::TypeSupport(new msg::CameraMapPubSubType),
+        camera_map(participant.create_reader(idl::camera_map_topic, dds::TypeSupport(new msg::CameraMapPubSubType),
                                              idl::status_reader_qos())),
-        status(participant.create_reader(idl::topics::status, dds::TypeSupport(new msg::ServiceStatusPubSubType),
+        status(participant.create_reader(idl::status_topic, dds::TypeSupport(new msg::ServiceStatusPubSubType),
                                          idl::status_reader_qos())),
-        scene(participant.create_reader(idl::topics::scene, dds::TypeSupport(new msg::ScenePubSubType),
+        scene(participant.create_reader(idl::scene_topic, dds::TypeSupport(new msg::ScenePubSubType),
                                         idl::status_reader_qos())),
-        reply(participant.create_reader(idl::topics::teach_reply, dds::TypeSupport(new msg::TeachReplyPubSubType),
+        times(participant.create_reader(idl::camera_times_topic, dds::TypeSupport(new msg::CameraTimesPubSubType),
+                                        idl::status_reader_qos())),
+        reply(participant.create_reader(idl::teach_reply_topic, dds::TypeSupport(new msg::TeachReplyPubSubType),
                                         idl::teach_reader_qos())),
-        request(participant.create_writer(idl::topics::teach_request, dds::TypeSupport(new msg::TeachRequestPubSubType),
+        request(participant.create_writer(idl::teach_request_topic, dds::TypeSupport(new msg::TeachRequestPubSubType),
                                           idl::teach_writer_qos(), "")) {}
   idl::DdsParticipant participant;
-  dds::DataReader &position, &camera_pose, &camera_map, &status, &scene, &reply;
+  dds::DataReader &position, &camera_pose, &camera_map, &status, &scene, &times, &reply;
   dds::DataWriter& request;
 };
 
@@ -92,7 +95,7 @@ struct BusReader::Connection {
 struct BusReader::Previews {
   explicit Previews(const idl::ParticipantOptions& options)
       : participant(named(options, "huetrack view, previews")),
-        preview(participant.create_reader(idl::topics::preview, dds::TypeSupport(new msg::PreviewPubSubType),
+        preview(participant.create_reader(idl::preview_topic, dds::TypeSupport(new msg::PreviewPubSubType),
                                           idl::preview_reader_qos())) {}
   idl::DdsParticipant participant;
   dds::DataReader& preview;
@@ -127,6 +130,7 @@ void BusReader::poll(int pages) {
   take_camera_maps();
   take_statuses();
   take_scenes();
+  take_times();
   take_replies();
   if (previews_) take_previews();
   send_requests();
@@ -159,6 +163,7 @@ void BusReader::show(const std::string& who) {
   if (!shown_.empty()) {
     hub_.erase("status");
     hub_.erase("scene");
+    hub_.erase("camera_times");
     const auto old = services_.find(shown_);
     if (old != services_.end()) {
       for (const auto& [camera, event] : old->second.camera_maps) hub_.erase("camera_map/" + camera);
@@ -171,6 +176,7 @@ void BusReader::show(const std::string& who) {
   const Service& now = services_.at(who);
   hub_.set("status", now.status);
   if (!now.scene.empty()) hub_.set("scene", now.scene);
+  if (!now.times.empty()) hub_.set("camera_times", now.times);
   for (const auto& [camera, event] : now.camera_maps) hub_.set("camera_map/" + camera, event);
   for (const auto& [process, event] : early_)
     if (process == now.process) hub_.append(event);
@@ -254,6 +260,16 @@ void BusReader::take_scenes() {
     if (it == nullptr) return;
     it->scene = to_event("scene", to_json(sample));
     if (is_shown(who)) hub_.set("scene", it->scene);
+  });
+}
+
+void BusReader::take_times() {
+  take_all<msg::CameraTimes>(connection_->times, [&](const auto& sample, const Process&) {
+    const std::string who = who_of(sample);
+    Service* const it = service(who);
+    if (it == nullptr) return;
+    it->times = to_event("camera_times", to_json(sample));
+    if (is_shown(who)) hub_.set("camera_times", it->times);
   });
 }
 

@@ -76,8 +76,8 @@ TEST_F(Attack, TheServiceKeepsItsMemoryItsSetsAndItsAnswers) {
   double most_mb = before_mb;
 
   Stranger stranger(domain_);
-  auto& teach = stranger.writer<msg::TeachRequestPubSubType>(idl::topics::teach_request, idl::teach_writer_qos());
-  auto& status = stranger.writer<msg::ServiceStatusPubSubType>(idl::topics::status, idl::status_writer_qos());
+  auto& teach = stranger.writer<msg::TeachRequestPubSubType>(idl::teach_request_topic, idl::teach_writer_qos());
+  auto& status = stranger.writer<msg::ServiceStatusPubSubType>(idl::status_topic, idl::status_writer_qos());
   std::this_thread::sleep_for(1s);  // they meet
   auto slowest = 0ms;
   std::vector<std::unique_ptr<Connection>> silent;
@@ -119,10 +119,10 @@ TEST_F(Attack, ThePagesBridgeKeepsItsMemoryAndItsAnswers) {
   page.send("GET /api/events HTTP/1.1\r\nHost: localhost\r\n\r\n");
   Stranger stranger(domain_);
   dds::DataWriterQos reliable = idl::teach_writer_qos();
-  auto& preview = stranger.writer<msg::PreviewPubSubType>(idl::topics::preview, idl::preview_writer_qos());
-  auto& status = stranger.writer<msg::ServiceStatusPubSubType>(idl::topics::status, idl::status_writer_qos());
-  auto& scene = stranger.writer<msg::ScenePubSubType>(idl::topics::scene, idl::status_writer_qos());
-  auto& reply = stranger.writer<msg::TeachReplyPubSubType>(idl::topics::teach_reply, reliable);
+  auto& preview = stranger.writer<msg::PreviewPubSubType>(idl::preview_topic, idl::preview_writer_qos());
+  auto& status = stranger.writer<msg::ServiceStatusPubSubType>(idl::status_topic, idl::status_writer_qos());
+  auto& scene = stranger.writer<msg::ScenePubSubType>(idl::scene_topic, idl::status_writer_qos());
+  auto& reply = stranger.writer<msg::TeachReplyPubSubType>(idl::teach_reply_topic, reliable);
   std::this_thread::sleep_for(2s);
   const double before_mb = resident_mb(view.pid());
   double most_mb = before_mb;

@@ -15,6 +15,7 @@
 #include "capture/jpeg_encoder.h"
 #include "config/service_config.h"
 #include "fuzz/fuzz_target.h"
+#include "idl/camera_timesPubSubTypes.h"
 #include "idl/huetrackPubSubTypes.h"
 #include "idl/huetrack_viewPubSubTypes.h"
 #include "tracks/track_csv.h"
@@ -71,6 +72,8 @@ std::vector<std::string> samples() {
   request.client("page");
   request.points().resize(1);
   request.ignored().resize(1);
+  msg::CameraTimes times;
+  times.cameras().resize(1);
   return {serialized<msg::ObjectPositionPubSubType>(0, position),
           serialized<msg::CameraPosePubSubType>(1, pose),
           serialized<msg::ServiceStatusPubSubType>(2, status),
@@ -79,7 +82,8 @@ std::vector<std::string> samples() {
           serialized<msg::CameraMapPubSubType>(5, map),
           serialized<msg::TeachReplyPubSubType>(6, reply),
           serialized<msg::TeachRequestPubSubType>(7, request),
-          "\x08host=lab;pid=12;targets=red,green;"};
+          serialized<msg::CameraTimesPubSubType>(8, times),
+          "\x09host=lab;pid=12;targets=red,green;"};
 }
 
 std::string picture(int width, int height) {

@@ -8,6 +8,7 @@
 #include "clients/huetrack/sample_format.h"
 #include "clients/live_view/events.h"
 #include "fuzz/fuzz_target.h"
+#include "idl/camera_timesPubSubTypes.h"
 #include "idl/huetrackPubSubTypes.h"
 #include "idl/huetrack_viewPubSubTypes.h"
 #include "idl/topics.h"
@@ -40,7 +41,7 @@ HUETRACK_FUZZ_TARGET(dds) {
   if (input.empty()) return;
   const std::string_view bytes = input.substr(1);
   const auto to_json = [](const auto& sample) { live_view::to_json(sample); };
-  switch (static_cast<unsigned char>(input.front()) % 9) {
+  switch (static_cast<unsigned char>(input.front()) % 10) {
     case 0:
       return receive<msg::ObjectPositionPubSubType>(bytes, [](auto& sample) { print(sample); });
     case 1:
@@ -61,6 +62,11 @@ HUETRACK_FUZZ_TARGET(dds) {
       return receive<msg::TeachReplyPubSubType>(bytes, to_json);
     case 7:
       return receive<msg::TeachRequestPubSubType>(bytes, [](auto&) {});
+    case 8:
+      return receive<msg::CameraTimesPubSubType>(bytes, [](auto& sample) {
+        live_view::to_json(sample);
+        client::make_printable(sample);
+      });
     default:
       if (const auto identity = idl::PublisherIdentity::from(bytes))
         idl::PublisherIdentity::from(identity->user_data());
