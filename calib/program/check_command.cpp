@@ -35,8 +35,10 @@ ExitStatus check(const CheckOptions& options, const std::stop_token& stop) {
   line.clear();
   if (!options.quiet) std::fputs(report::to_text(report, result).c_str(), stdout);
   if (!options.mend.empty()) {
-    for (const solver::MovedCamera& moved : result.moved)
+    for (const solver::MovedCamera& moved : result.moved) {
       rig.cameras[static_cast<std::size_t>(moved.camera)].cam_from_world = moved.cam_from_world;
+      if (rig.uncertainty) rig.uncertainty = calib::with_pose_covariance(rig, moved.camera, moved.covariance);
+    }
     note_in(rig, "mended",
             result.moved.empty() ? "nothing had moved" : "by huetrack-calibrate check, from views of the board");
     calib::write_rig(rig, options.mend);

@@ -142,6 +142,36 @@ PoseSigma pose_sigma(const Adjustment& a, const VolumeAccuracy& volume, int came
   return sigma;
 }
 
+std::optional<calib::RigUncertainty> uncertainty_of(const Adjustment& a, const VolumeAccuracy& volume) {
+  if (a.covariance.size() == 0 || a.lens_offset.size() != a.cameras.size()) return std::nullopt;
+  const bool has_poses = std::ranges::any_of(a.pose_offset, [](int at) { return at >= 0; });
+  std::vector<calib::RigUncertainty::OfCamera> cameras;
+  int size = 0;
+  for (std::size_t c = 0; c < a.cameras.size(); ++c) {
+    const int lens_count = a.lens_offset[c] >= 0 ? parameter_count(a.cameras[c].lens) : 0;
+    cameras.push_back({size, lens_count, has_poses});
+    size += cameras.back().size();
+  }
+  if (size == 0) return std::nullopt;
+  MatrixXd by_found = MatrixXd::Zero(size, a.covariance.rows());  // the parameters, by those of the adjustment
+  const Vector3d middle = (volume.box.low + volume.box.high) / 2;
+  for (std::size_t c = 0; c < a.cameras.size(); ++c) {
+    const int lens_count = cameras[c].lens_count, pose_at = cameras[c].pose_at();
+    if (lens_count > 0)
+      by_found.block(cameras[c].at, a.lens_offset[c], lens_count, lens_count).setIdentity();
+    if (!has_poses) continue;
+    if (a.pose_offset[c] >= 0) by_found.block<6, 6>(pose_at, a.pose_offset[c]).setIdentity();
+    // With the world turned and shifted back, the camera turns and shifts in its own axes: see pose_sigma().
+    const calib::Rigid3d& cam_from_world = a.cameras[c].cam_from_world;
+    const Matrix3d turn = cam_from_world.rotation.toRotationMatrix();
+    const Vector3d arm = calib::inverse(cam_from_world).translation - middle;
+    const auto turned = volume.alignment.topRows<3>(), shifted = volume.alignment.bottomRows<3>();
+    by_found.middleRows<3>(pose_at) += turn * turned;
+    by_found.middleRows<3>(pose_at + 3) += turn * (shifted - cross_matrix(arm) * turned);
+  }
+  return calib::RigUncertainty::of(std::move(cameras), by_found * a.covariance * by_found.transpose());
+}
+
 WorldBox board_volume(const Adjustment& a) {
   std::array<std::vector<double>, 3> along;
   for (std::size_t v = 0; v < a.views.size(); ++v) {

@@ -4,6 +4,7 @@
 
 #include <Eigen/Core>
 #include <array>
+#include <optional>
 #include <vector>
 
 #include "calib/solver/bundle_adjustment.h"
@@ -53,6 +54,11 @@ struct PoseSigma {
   Eigen::Vector3d rotation = Eigen::Vector3d::Zero();
 };
 PoseSigma pose_sigma(const Adjustment& calibrated, const VolumeAccuracy& volume, int camera);
+
+// What was found of the cameras' uncertainty, in the world that is aligned with the volume (see calib::RigUncertainty
+// for why), for the rig file. nullopt: there is no covariance, or nothing is uncertain. Of a single camera it is the
+// lens.
+std::optional<calib::RigUncertainty> uncertainty_of(const Adjustment& calibrated, const VolumeAccuracy& volume);
 
 // Where the board was: the box of its used corners in the world, without the outermost hundredth on every side.
 WorldBox board_volume(const Adjustment& calibrated);

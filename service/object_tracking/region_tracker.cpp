@@ -91,6 +91,7 @@ RegionTracker::RegionTracker(const calib::CameraRig& rig, const TargetOptions& t
       rng_(rng),
       belief_(rig, options.timing == TimingMode::learn),
       acceleration_(options.acceleration_m_s2),
+      rig_error_(rig, options.max_coast_sigma_m),
       finders_(rig.cameras.size()),
       regions_(rig.cameras.size()),
       search_log_(rig.cameras.size()) {
@@ -567,7 +568,8 @@ ObjectEstimate RegionTracker::report(const capture::FrameSet& set, const std::ve
   last_reported_ = e.at;
   e.position = belief_.position() + capture::seconds(e.at - belief_.at) * belief_.velocity();
   e.velocity = belief_.velocity();
-  e.covariance = belief_.position_covariance();
+  rig_error_.add(sightings_);
+  e.covariance = belief_.position_covariance() + rig_error_.left_open(e.position, e.at);
   e.map_position = map_;
   for (const TargetView& view : views) {
     ViewSupport& support = e.per_view[static_cast<std::size_t>(view.index)];
