@@ -1,6 +1,7 @@
 #include "object_tracking/motion_belief.h"
 
 #include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
@@ -29,10 +30,8 @@ constexpr double least_latency_sigma_s = 3e-4, least_readout_sigma_s = 8e-4;
 // An object of a room's size passes its lamps and windows within metres: half a metre on, it is lit in another way.
 constexpr double lasting_way_m = 0.5;
 
-// Row times that moved by this much since they were last opened were linearised at the wrong place: a ball at 3 m/s is
-// 15 mm from where it was taken to be. Opened are they by as much as that may have cost.
-constexpr double far_s = 0.005, reopened_latency_sigma_s = 0.003, reopened_readout_sigma_s = 0.006;
-constexpr double settled_s = 0.002;  // row times known as well as this are known
+// A ball at 3 m/s is 15 mm from where it is taken to be; in so much time its usual swerves are a tenth of a millimetre.
+constexpr double far_s = 0.005;
 
 double variance_of(const std::optional<double>& value, const std::optional<double>& sigma, double unknown_sigma_s) {
   const double s = sigma.value_or(value ? unstated_sigma_s : unknown_sigma_s);
@@ -76,22 +75,13 @@ void MotionBelief::expect_in_step() {
   }
 }
 
-void MotionBelief::reopen_times() {
-  if (!times_are_learnt_) return;
-  const Eigen::Index n = 2 * static_cast<Eigen::Index>(given_.size());
-  double moved_s = 0;
-  for (int c = 0; c < static_cast<int>(given_.size()); ++c) {
-    if (row_sigma_s(c, 0) > settled_s) return;
-    const Eigen::Index l = latency_of(c);
-    moved_s = std::max(moved_s, std::abs(mean_(l) - times_linearised_(l - 6)));
-  }
-  if (moved_s < far_s) return;
-  times_linearised_ = mean_.segment(6, n);
-  for (int c = 0; c < static_cast<int>(given_.size()); ++c) {
-    const Eigen::Index l = latency_of(c);
-    if (c != reference_camera) covariance_(l, l) += reopened_latency_sigma_s * reopened_latency_sigma_s;
-    covariance_(l + 1, l + 1) += reopened_readout_sigma_s * reopened_readout_sigma_s;
-  }
+bool MotionBelief::are_times_far() const {
+  if (!times_are_learnt_) return false;
+  return (mean_.segment(6, times_linearised_.size()) - times_linearised_).cwiseAbs().maxCoeff() > far_s;
+}
+
+void MotionBelief::linearise_times_at(const MotionBelief& known) {
+  times_linearised_ = known.mean_.segment(6, times_linearised_.size());
 }
 
 double MotionBelief::row_shift_s(int camera, double below_middle) const {
@@ -137,6 +127,19 @@ void MotionBelief::begin(capture::Timestamp when, const Eigen::Vector3d& positio
   covariance_.rightCols(lasting).setZero();
   lasting_px_.assign(given_.size(), 0);
   way_m_.assign(given_.size(), 0);
+  doubt_.assign(given_.size(), Eigen::Matrix2d::Zero());
+}
+
+void MotionBelief::forget_lasting(int camera) {
+  const Eigen::Index lasting = lasting_of(camera);
+  const auto c = static_cast<std::size_t>(camera);
+  mean_.segment<2>(lasting).setZero();
+  covariance_.middleRows<2>(lasting).setZero();
+  covariance_.middleCols<2>(lasting).setZero();
+  if (lasting_px_.empty()) return;  // nothing was begun yet
+  lasting_px_[c] = 0;
+  way_m_[c] = 0;
+  doubt_[c].setZero();
 }
 
 void MotionBelief::predict_to(capture::Timestamp when, double power_density) {
@@ -191,23 +194,41 @@ Eigen::Matrix3d MotionBelief::seen_covariance(const SeenRow& row, double power_d
 
 // A first-order Gauss-Markov process along the way that the object has gone since the camera saw it last, of the
 // standard deviation that it has now (a near object is larger, and so is what shifts its centre).
-void MotionBelief::renew_lasting(int camera, double lasting_px) {
+void MotionBelief::renew_lasting(int camera, double lasting_px, const Eigen::Matrix2d& doubt) {
   const Eigen::Index lasting = lasting_of(camera);
   double& way_m = way_m_[static_cast<std::size_t>(camera)];
   double& before_px = lasting_px_[static_cast<std::size_t>(camera)];
-  const double kept = std::exp(-way_m / lasting_way_m) * (before_px > 0 ? lasting_px / before_px : 0.0);
-  const double renewed = -std::expm1(-2 * way_m / lasting_way_m);
+  Eigen::Matrix2d& doubt_before = doubt_[static_cast<std::size_t>(camera)];
+  const double faded = std::exp(-way_m / lasting_way_m);
+  double kept = 0;
+  Eigen::Matrix2d added;
+  if (before_px > 0 && (doubt.diagonal().any() || doubt_before.diagonal().any())) {
+    // Doubt that comes leaves what is believed as it is and opens it; doubt that goes takes its share along.
+    const Eigen::Matrix2d one = Eigen::Matrix2d::Identity();
+    const Eigen::Matrix2d now = doubt + lasting_px * lasting_px * one;
+    const Eigen::Matrix2d before = doubt_before + before_px * before_px * one;
+    kept = faded * std::sqrt(std::min(1.0, now.trace() / before.trace()));
+    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> axes =
+        Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>().computeDirect(now - kept * kept * before);
+    added = axes.eigenvectors() * axes.eigenvalues().cwiseMax(0).asDiagonal() * axes.eigenvectors().transpose();
+  } else {
+    kept = faded * (before_px > 0 ? lasting_px / before_px : 0.0);
+    const double renewed = -std::expm1(-2 * way_m / lasting_way_m);
+    added = (before_px > 0 ? renewed : 1.0) * lasting_px * lasting_px * Eigen::Matrix2d::Identity();
+    if (before_px == 0) added += doubt;
+  }
   mean_.segment<2>(lasting) *= kept;
   covariance_.middleRows<2>(lasting) *= kept;
   covariance_.middleCols<2>(lasting) *= kept;
-  covariance_.diagonal().segment<2>(lasting).array() += (before_px > 0 ? renewed : 1.0) * lasting_px * lasting_px;
+  covariance_.block<2, 2>(lasting, lasting) += added;
   way_m = 0;
   before_px = lasting_px;
+  doubt_before = doubt;
 }
 
 double MotionBelief::observe(const LinearSighting& sighting, const Eigen::Vector3d& velocity, double power_density) {
   const SeenRow& row = sighting.row;
-  renew_lasting(row.camera, sighting.lasting_px);
+  renew_lasting(row.camera, sighting.lasting_px, sighting.doubt);
   const Eigen::Index lasting = lasting_of(row.camera);
   const SeenBy by{row, capture::seconds(row.at - at), velocity};
   const double later_s = row_shift_s(row.camera, row.below_middle) - row.shift_s;

@@ -25,9 +25,11 @@ struct SeenRow {
 // A measurement of the object's projected centre, and how its projection moves with it.
 struct LinearSighting {
   SeenRow row;
-  Eigen::Vector2d px;                    // measured, raw pixels
-  Eigen::Matrix2d covariance;            // px^2, of what is new in every frame
-  double lasting_px = 0;                 // standard deviation of what lasts: see MotionBelief
+  Eigen::Vector2d px;          // measured, raw pixels
+  Eigen::Matrix2d covariance;  // px^2, of what is new in every frame
+  double lasting_px = 0;       // standard deviation of what lasts: see MotionBelief
+  // px^2, of what lasts besides: the camera's pose is not quite known, or views contradict it.
+  Eigen::Matrix2d doubt = Eigen::Matrix2d::Zero();
   Eigen::Vector3d linearised_at;         // a position near the object's when the row was exposed, metres
   Eigen::Vector2d px_expected;           // its projection
   Eigen::Matrix<double, 2, 3> jacobian;  // d px / d p_world there, px/m
@@ -39,8 +41,9 @@ struct LinearSighting {
 // And for each camera how far the object is seen beside where it is (px, two coordinates): it is lit from one side, and
 // its bright side matches further out than its dark one. Such an error lasts while the object rests and changes as it
 // moves through the light. Left out, it would pass for noise, which many frames average away, and what remains of it in
-// a slow motion would be taken for latencies. A sighting sees position + (t - at) velocity at its row's time t, which
-// is later by -latency + below_middle * readout. thread-compatible.
+// a slow motion would be taken for latencies. The same holds, pixels instead of fractions of one, where the camera does
+// not quite stand where the rig says (LinearSighting::doubt). A sighting sees position + (t - at) velocity at its row's
+// time t, which is later by -latency + below_middle * readout. thread-compatible.
 class MotionBelief {
  public:
   // One of the rig's cameras gives the time on which all hangs: its latency is held, as one shift of all latencies
@@ -54,7 +57,8 @@ class MotionBelief {
   Eigen::Vector3d position() const { return mean_.head<3>(); }
   Eigen::Vector3d velocity() const { return mean_.segment<3>(3); }
   Eigen::Matrix3d position_covariance() const { return covariance_.topLeftCorner<3, 3>(); }
-  // The same if what is believed of the views, their times and what lasts, were known to be so.
+  Eigen::Matrix3d velocity_covariance() const { return covariance_.block<3, 3>(3, 3); }
+  // The whole belief, if what is believed of the views, their times and what lasts, were known to be so.
   MotionBelief given_views() const;
   // Undoes it: what the views leave open, of all, is as it is in `other`, of which this was given_views() and may have
   // been moved since.
@@ -74,12 +78,16 @@ class MotionBelief {
              const Eigen::Vector3d& velocity, double velocity_variance);
   // Forward only.
   void predict_to(capture::Timestamp when, double power_density);
+  // The camera stands elsewhere: what lasted there, lasts no more.
+  void forget_lasting(int camera);
   // Kalman update. Returns the squared innovation in its own standard deviations: 2 on average. A sighting from before
   // `at` is compared with where the object was then, swerves included. velocity: that of the linearisation.
   double observe(const LinearSighting& sighting, const Eigen::Vector3d& velocity, double power_density);
-  // Where the times have become known, and were far from it before, they are opened again by some milliseconds: what
-  // was learnt on the way was linearised at wrong times, and is surer than it should be.
-  void reopen_times();
+  // Velocity times time is a product of two unknowns, which observe() takes at the times' means of then. They are far
+  // from those by now: what was learnt on the way was linearised at wrong times, and is surer than it should be.
+  bool are_times_far() const;
+  // What is observed from now on is linearised at the times' means of `known`.
+  void linearise_times_at(const MotionBelief& known);
   // The position's mean and covariance are replaced; all else follows by regression on the position.
   void set_position(const Eigen::Vector3d& mean, const Eigen::Matrix3d& covariance);
 
@@ -116,19 +124,20 @@ class MotionBelief {
   // What is not in the state: swerves between the row and `at`, and times that are given with an uncertainty.
   Eigen::Matrix3d unmodelled(const SeenBy& by, double power_density) const;
 
-  void renew_lasting(int camera, double lasting_px);
+  void renew_lasting(int camera, double lasting_px, const Eigen::Matrix2d& doubt);
 
   bool times_are_learnt_;
-  Eigen::VectorXd times_linearised_;  // their means when they were last opened
+  Eigen::VectorXd times_linearised_;  // their means when they were last linearised at
   Eigen::VectorXd mean_;
   Eigen::MatrixXd covariance_;
   struct Given {  // by the rig
     double latency_s = 0, readout_s = 0;
     double latency_variance_s2 = 0, readout_variance_s2 = 0;  // where times are not learnt
   };
-  std::vector<Given> given_;        // per camera
-  std::vector<double> lasting_px_;  // per camera: the standard deviation that what lasts had at the last sighting,
-  std::vector<double> way_m_;       // and the way since then
+  std::vector<Given> given_;            // per camera
+  std::vector<double> lasting_px_;      // per camera: the standard deviation that what lasts had at the last sighting,
+  std::vector<double> way_m_;           // the way since then,
+  std::vector<Eigen::Matrix2d> doubt_;  // and the variance of the doubt that was a part of it
 };
 
 }  // namespace huetrack::object_tracking

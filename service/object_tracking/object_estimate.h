@@ -4,6 +4,7 @@
 #include <Eigen/Core>
 #include <cstdint>
 #include <limits>
+#include <optional>
 #include <string_view>
 #include <vector>
 
@@ -28,6 +29,24 @@ enum class TrackState : std::uint8_t {
 };
 std::string_view name(TrackState state);  // "searching", ...
 
+// What a view saw of the target, beside what the other views of the same set say of the same moment: the evidence that
+// views agree with one another, or contradict. How far apart the two are, and how far they may be:
+//   d = px - project(position),  S = covariance + J position_covariance J',  J = d px / d p_world at position
+// d' S^-1 d is chi-square with 2 degrees of freedom where two others or more see it, with 1 where one does.
+struct ViewWitness {
+  capture::Timestamp at;       // when the row was exposed on which it is seen, with the times that are believed
+  Eigen::Vector2d px;          // measured centre, raw pixels
+  Eigen::Matrix2d covariance;  // px^2, of all its errors: those that are new in every frame and those that last
+  // By the others alone, brought to `at` along the velocity: nothing that this view saw in this set is in it, nor what
+  // the motion up to now lets expect, which this view has shaped, too. World frame, metres. A single other view leaves
+  // its ray open: position is that point of it which is nearest to the estimate, and along the ray the covariance is as
+  // large as the volume, so that d counts across the epipolar line only.
+  Eigen::Vector3d position;
+  Eigen::Matrix3d position_covariance;
+  Eigen::Vector3d velocity;  // m/s, of the estimate: nothing but motion tells it
+  int others = 0;            // >= 1; views that position stands on
+};
+
 struct ViewSupport {
   bool delivered = false;  // this camera gave a frame in this set
   bool in_view = false;    // the estimate projects into its image
@@ -37,6 +56,13 @@ struct ViewSupport {
   float radius_px = 0;                                                     // the target's radius there
   float support = 0;      // 0..1, share of the expected pixels that have the target's colour
   float residual_px = 0;  // distance from the projection to the centre of the colour region; 0 if not seen
+  // nullopt: nothing of the object's colour is where it may be expected in this view, or no other view shows it. Also
+  // of a view that was left out of this set because it contradicts the others (seen is false then), and of one that is
+  // not used (CameraTrust); the others never stand on these.
+  std::optional<ViewWitness> witness = {};
+  // What this view's contradictions with the others add to its error, as a standard deviation, px: an error that lasts,
+  // and that is in the estimate's covariance. 0: they agree as well as they should.
+  float doubt_px = 0;
 };
 
 struct ObjectEstimate {

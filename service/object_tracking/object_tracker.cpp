@@ -106,6 +106,16 @@ void ObjectTracker::expect(int camera, capture::PixelFormat format, capture::Col
              impl_->tracker);
 }
 
+void ObjectTracker::trust(std::span<const CameraTrust> cameras) {
+  for (const CameraTrust& camera : cameras) {
+    const bool is_finite = camera.pose_covariance.allFinite() &&
+                           (!camera.cam_from_world || (camera.cam_from_world->rotation.coeffs().allFinite() &&
+                                                       camera.cam_from_world->translation.allFinite()));
+    if (!is_finite) throw std::invalid_argument("trust: a camera's pose and its covariance must be finite");
+  }
+  std::visit([&](auto& tracker) { tracker.trust(cameras); }, impl_->tracker);
+}
+
 ObjectEstimate ObjectTracker::update(const capture::FrameSet& set) {
   ObjectEstimate estimate = std::visit([&](auto& tracker) { return tracker.update(set); }, impl_->tracker);
   impl_->watch.look(set, estimate, impl_->follower.in_force());

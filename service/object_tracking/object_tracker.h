@@ -5,11 +5,13 @@
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "calib/model/camera_rig.h"
+#include "calib/model/rigid3.h"
 #include "capture/frame.h"
 #include "object_tracking/color_model.h"
 #include "object_tracking/color_watch.h"
@@ -68,6 +70,18 @@ struct ObjectTrackerOptions {
   std::vector<std::string> problems() const;
 };
 
+// What is held of one camera's calibration at the moment, beside what the rig says.
+struct CameraTrust {
+  // false: what this camera shows moves no estimate and starts none. It is still looked at where the target is
+  // expected, for its ViewWitness.
+  bool is_used = true;
+  std::optional<calib::Rigid3d> cam_from_world = {};  // its pose in place of the rig's; nullopt: the rig's
+  // Of that pose: cam_from_world_true = exp(e) * cam_from_world, e = (rotation vector in radians, shift in metres) in
+  // the camera's own axes. An error that lasts: it is in every position's covariance, and no number of frames averages
+  // it away. Symmetric, positive semidefinite.
+  Eigen::Matrix<double, 6, 6> pose_covariance = Eigen::Matrix<double, 6, 6>::Zero();
+};
+
 // What searching has seen in the sets in which it found nothing, since the target was last found (observation:
 // huetrack).
 struct SearchFindings {
@@ -79,7 +93,8 @@ struct SearchFindings {
   std::string advice(const TargetOptions& target, const std::vector<std::string>& cameras) const;
 };
 
-// thread-compatible; one per target; the pipeline's tracking threads own them. Never throws after construction.
+// thread-compatible; one per target; the pipeline's tracking threads own them. Never throws after
+// construction, but for trust().
 class ObjectTracker {
  public:
   // Copies what it needs of the rig. throws std::invalid_argument, naming the problems.
@@ -91,6 +106,12 @@ class ObjectTracker {
   // What a camera is going to deliver, where that is known beforehand: makes its colour table now, which otherwise
   // holds the first set up for some 5 ms.
   void expect(int camera, capture::PixelFormat format, capture::ColorRange range);
+
+  // From the next update() on: per camera of the rig what is held of its calibration; fewer entries: the remaining
+  // cameras are as the rig says. Replaces what was said before. The target is not searched anew, and what its views'
+  // contradictions have told of a camera is forgotten where its pose becomes another one. observation: paper takes
+  // is_used and the pose, and knows no covariance. throws std::invalid_argument: a value is not finite.
+  void trust(std::span<const CameraTrust> cameras);
 
   // set.frames has one slot per camera of the rig; a frame whose size is not the rig's is not used (the caller checks
   // sizes at start). Sets come in time order.

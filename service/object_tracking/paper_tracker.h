@@ -51,6 +51,7 @@ class PaperTracker {
                particle_filter::Rng rng);
 
   ObjectEstimate update(const capture::FrameSet& set);
+  void trust(std::span<const CameraTrust> cameras) { views_.trust(cameras); }
   TargetViews& views() { return views_; }
   const PositionParticles& particles() const { return particles_; }
 

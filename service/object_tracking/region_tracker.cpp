@@ -35,6 +35,20 @@ constexpr double open_time_s = 2e-3;
 // Slower than this, times hardly matter: 6 mm at 20 ms.
 constexpr double at_rest_m_s = 0.3;
 
+// Ten seconds of motion at 30 sets a second tell all that there is to tell of times; and a pass over them takes no
+// longer than some ten milliseconds.
+constexpr std::size_t most_seen_sets = 300;
+constexpr int passes = 3;
+constexpr std::size_t sets_of_a_start = 2;  // that say where the object is and how it moves
+// Half of what is told in ten seconds is told anew.
+constexpr int sets_until_again = 75;
+
+constexpr double surely_moved_px = 1;  // by as much a region of some hundred pixels moves and changes visibly
+// A view that should show the object is looked through as a whole in every so many-th set in which it does not: that
+// takes longer than all else. What it finds may be the object if it covers so much of the disc that would be there.
+constexpr unsigned far_looks_every = 4;
+constexpr double least_far_share = 0.3, largest_far_share = 3;
+
 constexpr auto as_good_as_the_sets_time = std::chrono::milliseconds(2);  // a line is exact enough for as long
 
 double largest_variance(const Eigen::Matrix3d& covariance) {
@@ -63,10 +77,14 @@ void sort_by_time(std::vector<Sighting>& sightings) {
 ObjectEstimate RegionTracker::update(const capture::FrameSet& set) {
   const std::vector<TargetView>& views = views_.look_at(set);
   sightings_.clear();
+  seen_.clear();
+  watched_.clear();
   sets_apart_ += is_apart(views) ? 1 : 0;
   if (set.at < last_at_) forget();  // the clock was put back: what was known is of another time
   if (state_ == TrackState::tracking || state_ == TrackState::coasting) {
-    sight(views);  // colour regions near the prediction, one per view at most
+    sight(views, sightings_);  // colour regions near the prediction, one per view at most
+    sight(views_.unused(), watched_);
+    compare(views);
     const double q = learn_acceleration(set, views);
     const MotionBelief proposal = propose(set, q);  // motion and regions together, linearised
     const MotionBelief at_views =
@@ -75,7 +93,7 @@ ObjectEstimate RegionTracker::update(const capture::FrameSet& set) {
     weigh(at_views, q);  // what the linearisation and the floor change
     estimate(at_views);
     belief_.open_views_as(proposal);
-    belief_.reopen_times();
+    if (remember(q)) linearise_times_again();
     judge(set);
   }
   if (state_ != TrackState::tracking) search(set, views);
@@ -90,8 +108,13 @@ RegionTracker::RegionTracker(const calib::CameraRig& rig, const TargetOptions& t
       views_(rig, target),
       rng_(rng),
       belief_(rig, options.timing == TimingMode::learn),
+      begun_(belief_),
       acceleration_(options.acceleration_m_s2),
+      doubts_(rig.cameras.size()),
+      pose_covariance_(rig.cameras.size(), Eigen::Matrix<double, 6, 6>::Zero()),
+      unseen_(rig.cameras.size()),
       rig_error_(rig, options.max_coast_sigma_m),
+      last_regions_(rig.cameras.size()),
       finders_(rig.cameras.size()),
       regions_(rig.cameras.size()),
       search_log_(rig.cameras.size()) {
@@ -181,8 +204,22 @@ std::span<const ColorRegion> RegionTracker::regions_near(const TargetView& view,
   return finders_[static_cast<std::size_t>(view.index)].find(*view.matches, box, min_area, 1.3 * at.radius_px);
 }
 
+// Cameras, drivers and cables show a frame once more now and then, with a new stamp. No two frames have the same noise:
+// one in which the region of a moving object is the same to its last pixel is the frame before, and says nothing of
+// now. Twice in a row the object stands still, in pictures without noise.
+bool RegionTracker::is_repeated(const TargetView& view, std::span<const ColorRegion> regions, const Appearance& at) {
+  LastRegion& last = last_regions_[static_cast<std::size_t>(view.index)];
+  const double moved_px =
+      (at.jacobian * belief_.velocity()).norm() * capture::seconds(view.frame->captured_at - last.captured_at);
+  last.is_repeated =
+      !last.is_repeated && moved_px > surely_moved_px && std::ranges::any_of(regions, [&](const ColorRegion& region) {
+        return region.area == last.region.area && region.centre == last.region.centre;
+      });
+  return last.is_repeated;
+}
+
 // In each view the region near the prediction that explains it best, if there is one.
-void RegionTracker::sight(const std::vector<TargetView>& views) {
+void RegionTracker::sight(const std::vector<TargetView>& views, std::vector<Sighting>& out) {
   for (const TargetView& view : views) {
     const auto expected = expect(view);
     if (!expected) continue;
@@ -193,10 +230,17 @@ void RegionTracker::sight(const std::vector<TargetView>& views) {
     const double reach_m = options_.acceleration_m_s2 * dt * dt;
     const Eigen::Matrix3d spread =
         belief_.seen_covariance(expected->row, power_density()) + reach_m * reach_m * Eigen::Matrix3d::Identity();
-    const Eigen::Matrix2d s = at.jacobian * spread * at.jacobian.transpose();
+    const auto c = static_cast<std::size_t>(view.index);
+    Eigen::Matrix2d s = at.jacobian * spread * at.jacobian.transpose();
+    s.diagonal().array() += doubts_.variance_px2(c);
+    if (has_pose_covariance_)
+      s += px_covariance_of_pose(*view.camera, belief_.position() + dt * belief_.velocity(), at, pose_covariance_[c]);
     double best = -std::numeric_limits<double>::infinity();
     std::optional<Sighting> chosen;
-    for (const ColorRegion& region : regions_near(view, at, s)) {
+    ColorRegion chosen_region;
+    const std::span<const ColorRegion> regions = regions_near(view, at, s);
+    if (is_repeated(view, regions, at)) continue;
+    for (const ColorRegion& region : regions) {
       const Sighting sighting =
           sighting_of(view, region, at.radius_px, options_.pixel_noise_px, image_motion(view, at));
       const Eigen::Matrix2d total =
@@ -205,13 +249,114 @@ void RegionTracker::sight(const std::vector<TargetView>& views) {
       const double d2 = d.dot(total.inverse() * d);
       if (d2 > region_gate) continue;
       const double score = std::log(sighting.support) - 0.5 * d2 - 0.5 * std::log(sighting.covariance.determinant());
-      if (score > best) best = score, chosen = sighting;
+      if (score > best) best = score, chosen = sighting, chosen_region = region;
     }
     if (!chosen) continue;
+    last_regions_[static_cast<std::size_t>(view.index)] = {chosen_region, view.frame->captured_at};
     chosen->row = row_of(view, chosen->px.y(), belief_);
-    sightings_.push_back(*chosen);
+    out.push_back(*chosen);
   }
-  sort_by_time(sightings_);
+  sort_by_time(out);
+}
+
+// Beside where the object would be if it had gone on as it did.
+std::optional<SeenBeside> RegionTracker::beside(const Sighting& sighting) const {
+  const double ahead_s = capture::seconds(sighting.row.at - belief_.at);
+  const auto at = appearance_of(*sighting.camera, belief_.position() + ahead_s * belief_.velocity(), target_.radius_m);
+  if (!at) return std::nullopt;
+  const Eigen::Vector2d px_per_s = at->jacobian * belief_.velocity();
+  const double time_sigma_s = belief_.row_sigma_s(sighting.row.camera, sighting.row.below_middle);
+  SeenBeside out{.camera = sighting.row.camera,
+                 .at_s = ahead_s,
+                 .off_px = sighting.px - at->px,
+                 .covariance = sighting.covariance + sighting.of_pose +
+                               time_sigma_s * time_sigma_s * px_per_s * px_per_s.transpose(),
+                 .jacobian = at->jacobian};
+  out.covariance.diagonal().array() += sighting.lasting_px * sighting.lasting_px;
+  return out;
+}
+
+// A view that should show the object, and does not where the others have it: shows it something like it elsewhere? Seen
+// through another calibration it may be anywhere in the image. What stands still is furniture; an object that moves is
+// not where it was when the view was looked at before.
+std::optional<SeenBeside> RegionTracker::far_off(const TargetView& view) {
+  Unseen& unseen = unseen_[static_cast<std::size_t>(view.index)];
+  const auto expected = expect(view);
+  if (!expected || !view.camera->contains({expected->at.px})) return std::nullopt;
+  if (++unseen.sets % far_looks_every != 0) return std::nullopt;
+  const Appearance& at = expected->at;
+  const double disc = std::numbers::pi * at.radius_px * at.radius_px;
+  const auto& regions = finders_[static_cast<std::size_t>(view.index)].search(
+      *view.matches, std::max(1, static_cast<int>(at.radius_px)), static_cast<int>(std::ceil(3 * at.radius_px)) + 2,
+      std::max(2, static_cast<int>(least_far_share * disc)), at.radius_px);
+  const double still_px = std::max(2.0, 0.2 * at.radius_px);
+  const bool is_moving = (at.px - unseen.expected).norm() > 2 * still_px;
+  const ColorRegion* nearest = nullptr;
+  for (const ColorRegion& region : regions) {
+    const bool was_there = std::ranges::any_of(
+        unseen.found, [&](const ColorRegion& before) { return (before.centre - region.centre).norm() < still_px; });
+    if (was_there || region.area > largest_far_share * disc) continue;
+    if (nearest == nullptr || (region.centre - at.px).norm() < (nearest->centre - at.px).norm()) nearest = &region;
+  }
+  std::optional<SeenBeside> out;
+  if (nearest != nullptr && is_moving && unseen.sets > far_looks_every) {
+    Sighting sighting = sighting_of(view, *nearest, at.radius_px, options_.pixel_noise_px, image_motion(view, at));
+    sighting.row = row_of(view, sighting.px.y(), belief_);
+    out = beside(sighting);
+  }
+  unseen.found = regions;
+  unseen.expected = at.px;
+  return out;
+}
+
+// Every view with every other one, before one of them is left out; then each is doubted by what came of it.
+void RegionTracker::compare(const std::vector<TargetView>& views) {
+  besides_.clear();
+  doubt(sightings_);
+  for (const Sighting& s : sightings_) {
+    unseen_[static_cast<std::size_t>(s.row.camera)].sets = 0;
+    if (const auto seen = beside(s)) besides_.push_back(*seen);
+  }
+  for (const TargetView& view : views) {
+    const bool is_seen = std::ranges::any_of(sightings_, [&](const Sighting& s) { return s.row.camera == view.index; });
+    if (is_seen || sightings_.empty()) continue;
+    if (const auto far = far_off(view)) besides_.push_back(*far);
+  }
+  const double velocity_variance = largest_variance(belief_.velocity_covariance());
+  doubts_.compare(besides_, std::sqrt(velocity_variance), options_.acceleration_m_s2);
+  doubt(sightings_);
+  doubt(watched_);
+  seen_ = sightings_;
+  seen_.insert(seen_.end(), watched_.begin(), watched_.end());
+}
+
+// How far each of them may be off in every frame alike.
+void RegionTracker::doubt(std::vector<Sighting>& sightings) const {
+  for (Sighting& s : sightings) {
+    const auto c = static_cast<std::size_t>(s.row.camera);
+    s.doubt_px2 = doubts_.variance_px2(c);
+    if (!has_pose_covariance_) continue;
+    const Eigen::Vector3d then = belief_.position() + capture::seconds(s.row.at - belief_.at) * belief_.velocity();
+    const auto at = appearance_of(*s.camera, then, target_.radius_m);
+    if (at) s.of_pose = px_covariance_of_pose(*s.camera, then, *at, pose_covariance_[c]);
+  }
+}
+
+void RegionTracker::trust(std::span<const CameraTrust> cameras) {
+  for (const std::size_t c : views_.trust(cameras)) {
+    doubts_.forget(c);
+    belief_.forget_lasting(static_cast<int>(c));
+    seen_sets_.clear();  // they were seen by a camera that stood elsewhere
+    is_forgetting_motion_ = true;
+  }
+  has_pose_covariance_ = false;
+  for (std::size_t c = 0; c < pose_covariance_.size(); ++c) {
+    pose_covariance_[c] = c < cameras.size() ? cameras[c].pose_covariance : Eigen::Matrix<double, 6, 6>::Zero();
+    has_pose_covariance_ = has_pose_covariance_ || !pose_covariance_[c].isZero(0);
+  }
+  std::vector<bool> posed_anew;  // what is open of those poses is said in their own covariance
+  for (const CameraTrust& camera : cameras) posed_anew.push_back(camera.cam_from_world.has_value());
+  rig_error_.leave_out_poses(posed_anew);
 }
 
 // The object bounced, or was hit or thrown, since the last set: it may be wherever twice its speed, or the highest
@@ -221,7 +366,7 @@ bool RegionTracker::sight_after_bounce(const std::vector<TargetView>& views, dou
   for (std::size_t i = 0; i < views.size(); ++i) {
     regions_[i].clear();
     const auto expected = expect(views[i]);
-    if (!expected) continue;
+    if (!expected || last_regions_[static_cast<std::size_t>(views[i].index)].is_repeated) continue;
     dt = std::max(dt, capture::seconds(expected->row.at - belief_.at));
     const Appearance& at = expected->at;
     const Eigen::Matrix3d spread = belief_.seen_covariance(expected->row, power_density);
@@ -236,15 +381,17 @@ bool RegionTracker::sight_after_bounce(const std::vector<TargetView>& views, dou
     if ((c.position - expected).norm() > reach_m || c.sightings.size() <= sightings_.size()) continue;
     sightings_ = c.sightings;
     sort_by_time(sightings_);
+    doubt(sightings_);
+    seen_ = sightings_;
     return true;
   }
   return false;
 }
 
 // The belief after the sightings, each at its own time. linearised_about: a motion near the object's; nullptr: as it is
-// expected to go on. An object that nobody sees is predicted to the set's time.
-MotionBelief RegionTracker::followed(const MotionBelief& from, const MotionBelief* linearised_about,
-                                     capture::Timestamp set_at, double power_density) {
+// expected to go on.
+MotionBelief RegionTracker::observed(const MotionBelief& from, const MotionBelief* linearised_about,
+                                     double power_density) {
   MotionBelief out = from;
   linear_views_.clear();
   double surprise = 0;
@@ -259,15 +406,13 @@ MotionBelief RegionTracker::followed(const MotionBelief& from, const MotionBelie
                               .px = sighting.px,
                               .covariance = sighting.covariance,
                               .lasting_px = sighting.lasting_px,
+                              .doubt = sighting.doubt(),
                               .linearised_at = then,
                               .px_expected = at->px,
                               .jacobian = at->jacobian}});
     surprise += out.observe(linear_views_.back().linear, near.velocity(), power_density);
   }
   surprise_ = linear_views_.empty() ? 1 : surprise / (2 * static_cast<double>(linear_views_.size()));
-  // Rows of two sets may overlap in time; positions are told in the order of time.
-  if (linear_views_.empty() || out.at <= last_reported_)
-    out.predict_to(std::max(set_at, last_reported_ + capture::Duration(1)), power_density);
   return out;
 }
 
@@ -279,7 +424,7 @@ bool RegionTracker::are_times_open() const {
 
 // Of three views or more, one that contradicts what all others agree on with the motion: it shows a frame once more, or
 // something else of this colour. A bounce contradicts all of them.
-void RegionTracker::leave_out_what_contradicts(const capture::FrameSet& set) {
+void RegionTracker::leave_out_what_contradicts() {
   if (sightings_.size() < 3 || surprise_ <= usual_surprise) return;
   const std::vector<Sighting> all = sightings_;
   std::vector<Sighting> best;
@@ -288,11 +433,11 @@ void RegionTracker::leave_out_what_contradicts(const capture::FrameSet& set) {
   for (std::size_t i = 0; i < all.size(); ++i) {
     sightings_ = all;
     sightings_.erase(sightings_.begin() + static_cast<std::ptrdiff_t>(i));
-    followed(belief_, nullptr, set.at, power_density());
+    observed(belief_, nullptr, power_density());
     if (surprise_ < least_surprise) least_surprise = surprise_, best = sightings_;
   }
   sightings_ = best.empty() ? all : best;
-  followed(belief_, nullptr, set.at, power_density());
+  observed(belief_, nullptr, power_density());
 }
 
 // Covariance matching: raise the acceleration until the innovations of all sightings together are ones that it
@@ -301,11 +446,11 @@ void RegionTracker::leave_out_what_contradicts(const capture::FrameSet& set) {
 double RegionTracker::learn_acceleration(const capture::FrameSet& set, const std::vector<TargetView>& views) {
   const double before = acceleration_;
   const double ceiling = 4 * options_.acceleration_m_s2;
-  if (!sightings_.empty()) followed(belief_, nullptr, set.at, power_density());
-  leave_out_what_contradicts(set);
+  if (!sightings_.empty()) observed(belief_, nullptr, power_density());
+  leave_out_what_contradicts();
   while (!sightings_.empty() && surprise_ > usual_surprise && acceleration_ < ceiling) {
     acceleration_ = std::min(ceiling, 1.5 * acceleration_);
-    followed(belief_, nullptr, set.at, power_density());
+    observed(belief_, nullptr, power_density());
   }
   const double dt = capture::seconds(set.at - belief_.at);
   const bool is_unexplained = sightings_.size() >= 2 && surprise_ > bounce_surprise;
@@ -332,16 +477,29 @@ double RegionTracker::learn_acceleration(const capture::FrameSet& set, const std
 // Linearised again where the object turns out to be, when that is not where it was expected (Bell and Cathey 1993).
 // What a single view leaves open must be the ray through its pixel, to a fraction of the pixel over all of the open
 // depth, or particles along the wrong line make the filter sure of a depth that nobody measured.
-MotionBelief RegionTracker::propose(const capture::FrameSet& set, double power_density) {
-  MotionBelief out = followed(belief_, nullptr, set.at, power_density);
-  Eigen::Vector3d before = belief_.position() + capture::seconds(out.at - belief_.at) * belief_.velocity();
+MotionBelief RegionTracker::observed_in_passes(const MotionBelief& from, double power_density) {
+  MotionBelief out = observed(from, nullptr, power_density);
+  Eigen::Vector3d before = from.position() + capture::seconds(out.at - from.at) * from.velocity();
   for (int iteration = 0; iteration < 3; ++iteration) {
     const double moved_m = (out.position() - before).norm();
     if (moved_m < (iteration == 0 ? 0.1 : 0.01) * target_.radius_m) break;
     before = out.position();
     const MotionBelief about = out;
-    out = followed(belief_, &about, set.at, power_density);
+    out = observed(from, &about, power_density);
   }
+  return out;
+}
+
+// Rows of two sets may overlap in time, but positions are told in the order of time; and an object that nobody sees is
+// predicted to the set's time.
+void RegionTracker::predict_to_be_told(MotionBelief& belief, capture::Timestamp set_at, double power_density) const {
+  if (linear_views_.empty() || belief.at <= last_reported_)
+    belief.predict_to(std::max(set_at, last_reported_ + capture::Duration(1)), power_density);
+}
+
+MotionBelief RegionTracker::propose(const capture::FrameSet& set, double power_density) {
+  MotionBelief out = observed_in_passes(belief_, power_density);
+  predict_to_be_told(out, set.at, power_density);
   return out;
 }
 
@@ -409,7 +567,7 @@ void RegionTracker::weigh(const MotionBelief& proposal, double power_density) {
     sighting.projector->project(px, py, pz, n, u_.data(), v_.data());
 
     const Eigen::Matrix2d noise = linear.covariance + linear.jacobian * seen.covariance * linear.jacobian.transpose() +
-                                  linear.lasting_px * linear.lasting_px * Eigen::Matrix2d::Identity();
+                                  linear.lasting_px * linear.lasting_px * Eigen::Matrix2d::Identity() + linear.doubt;
     const Eigen::Vector2d measured = linear.px - proposal.lasting_error(linear.row.camera);
     const Eigen::Matrix2f information = noise.inverse().cast<float>();
     const float i_uu = information(0, 0), i_uv = 2 * information(0, 1), i_vv = information(1, 1);
@@ -445,6 +603,75 @@ void RegionTracker::estimate(const MotionBelief& proposal) {
              .cast<double>();
 }
 
+// Returns whether what is remembered now tells more of the times than was made of it.
+bool RegionTracker::remember(double power_density) {
+  if (options_.timing != TimingMode::learn || is_forgetting_motion_ || sightings_.empty()) return false;
+  if (seen_sets_.size() == most_seen_sets) {
+    // What an object at rest showed told nothing of times. Without what a moving one did, less would be known.
+    is_forgetting_motion_ = seen_sets_.front().velocity.norm() > at_rest_m_s;
+    seen_sets_.pop_front();
+    if (is_forgetting_motion_) seen_sets_.clear();
+    if (is_forgetting_motion_) return false;
+  }
+  seen_sets_.push_back({power_density, sightings_, belief_.at, belief_.position(), belief_.velocity()});
+  moving_sets_ += belief_.velocity().norm() > at_rest_m_s ? 1 : 0;
+  if (moving_sets_ < sets_until_again && !belief_.are_times_far()) return false;
+  moving_sets_ = 0;
+  return seen_sets_.size() > sets_of_a_start;
+}
+
+// Velocities at the seen sets as the path around each of them tells them: less noisy than those of the filter, and not
+// of the noise of that set's own sightings, with which they are multiplied.
+std::vector<Eigen::Vector3d> RegionTracker::smooth_velocities() const {
+  std::vector<Eigen::Vector3d> out;
+  const auto count = std::ptrdiff_t(seen_sets_.size());
+  for (std::ptrdiff_t i = 0; i < count; ++i) {
+    const SeenSet& before = seen_sets_[std::size_t(std::max<std::ptrdiff_t>(0, i - 2))];
+    const SeenSet& after = seen_sets_[std::size_t(std::min(count - 1, i + 2))];
+    const double dt = capture::seconds(after.believed_at - before.believed_at);
+    out.push_back(dt > 0 && dt < 0.3 ? Eigen::Vector3d((after.position - before.position) / dt)
+                                     : seen_sets_[std::size_t(i)].velocity);
+  }
+  return out;
+}
+
+// All that was seen since the object was found is gone through once more, with rows' times as they are known now: an
+// iterated extended Kalman filter (Bell and Cathey 1993), whose every pass begins where the one before has ended.
+void RegionTracker::linearise_times_again() {
+  const std::vector<Sighting> of_this_set = sightings_;
+  const double surprise = surprise_;
+  const double speed = options_.start_speed_m_s;
+  const double anywhere_m = (options_.volume.max - options_.volume.min).norm();
+  MotionBelief about = belief_;
+  for (int pass = 0; pass < passes; ++pass) {
+    const MotionBelief known = belief_;
+    MotionBelief again = begun_;
+    again.linearise_times_at(known);
+    const std::vector<Eigen::Vector3d> velocities = smooth_velocities();
+    for (std::size_t i = 0; i < seen_sets_.size(); ++i) {
+      SeenSet& seen = seen_sets_[i];
+      sightings_ = seen.sightings;
+      for (Sighting& s : sightings_) {
+        const double shift_s = known.row_shift_s(s.row.camera, s.row.below_middle);
+        s.row.at += capture::duration_of(shift_s - s.row.shift_s);
+        s.row.shift_s = shift_s;
+      }
+      sort_by_time(sightings_);
+      if (i == 0) {
+        again.begin(sightings_.front().row.at, seen.position, anywhere_m * anywhere_m, Eigen::Vector3d::Zero(),
+                    speed * speed);
+      }
+      about.begin(seen.believed_at, seen.position, 0, velocities[i], 0);
+      again = observed(again, &about, seen.power_density);
+      seen.believed_at = again.at, seen.position = again.position(), seen.velocity = again.velocity();
+    }
+    again.predict_to(known.at, power_density());
+    belief_ = again;
+  }
+  sightings_ = of_this_set;
+  surprise_ = surprise;
+}
+
 void RegionTracker::forget() {
   if (state_ != TrackState::searching) state_ = TrackState::lost;
   candidates_.clear();
@@ -460,14 +687,28 @@ double RegionTracker::judged_sigma() const {
   return std::min(believed_m, largest_sigma(seen.information.inverse()));
 }
 
+// What doubted views leave open of the position; 0: no view is doubted.
+double RegionTracker::doubted_sigma() const {
+  if (!has_pose_covariance_ && !doubts_.any()) return 0;
+  const double believed_m = largest_sigma(belief_.position_covariance());
+  if (sightings_.size() < 2) return believed_m;
+  std::vector<Sighting> opened = sightings_;
+  for (Sighting& s : opened) s.covariance += s.doubt();
+  const PositionInformation seen = information_of(opened, belief_.position());
+  return std::min(believed_m, largest_sigma(seen.information.inverse()));
+}
+
 // A view or more must see it, and together they must say where. What is open because nobody knows the cameras' times
-// does not count here: the covariance tells it, and motion will.
+// does not count here: the covariance tells it, and motion will. What is open because views contradict one another
+// does: such an object is seen, and where it is nobody knows well enough.
 void RegionTracker::judge(const capture::FrameSet& set) {
   const double sigma_m = judged_sigma();
-  if (!sightings_.empty() && sigma_m <= options_.max_tracking_sigma_m) {
-    state_ = TrackState::tracking;
+  const double doubted_m = doubted_sigma();
+  if (!sightings_.empty() && sigma_m <= options_.max_tracking_sigma_m && doubted_m <= options_.max_coast_sigma_m) {
+    state_ = doubted_m <= options_.max_tracking_sigma_m ? TrackState::tracking : TrackState::coasting;
     last_tracking_ = set.at;
-  } else if (sigma_m > options_.max_coast_sigma_m || capture::seconds(set.at - last_tracking_) > options_.coast_s) {
+  } else if (std::max(sigma_m, doubted_m) > options_.max_coast_sigma_m ||
+             capture::seconds(set.at - last_tracking_) > options_.coast_s) {
     forget();
   } else if (sightings_.empty() && !inside(options_.volume, belief_.position(), 0)) {
     forget();  // nobody sees it, and it is not expected to be where it may be
@@ -514,7 +755,7 @@ void RegionTracker::search(const capture::FrameSet& set, const std::vector<Targe
   }
   if (found != nullptr) {
     start_at(*earlier, *found, set.at, dt);
-    const double sigma_m = judged_sigma();
+    const double sigma_m = std::max(judged_sigma(), doubted_sigma());
     state_ = sigma_m <= options_.max_tracking_sigma_m ? TrackState::tracking : TrackState::coasting;
     last_tracking_ = set.at;
     candidates_.clear();
@@ -536,18 +777,47 @@ void RegionTracker::start_at(const PositionCandidate& earlier, const PositionCan
   last_reported_ = capture::Timestamp::min();
   if (!has_begun_ && sets_apart_ == 0) belief_.expect_in_step();
   has_begun_ = true;
-  sightings_ = earlier.sightings;
-  sort_by_time(sightings_);
-  belief_.begin(sightings_.front().row.at, earlier.position, anywhere_m * anywhere_m, Eigen::Vector3d::Zero(),
-                speed * speed);
-  belief_ = followed(belief_, &about, set_at, power_density());
-  sightings_ = found.sightings;
-  sort_by_time(sightings_);
-  belief_ = followed(belief_, &about, set_at, power_density());
+  belief_.linearise_times_at(belief_);
+  begun_ = belief_;
+  seen_sets_.clear();
+  is_forgetting_motion_ = false;
+  moving_sets_ = 0;
+  const auto row_time = [](const Sighting& s) { return s.row.at; };
+  const capture::Timestamp first_at = std::ranges::min(earlier.sightings, {}, row_time).row.at;
+  belief_.begin(first_at, earlier.position, anywhere_m * anywhere_m, Eigen::Vector3d::Zero(), speed * speed);
+  for (const std::vector<Sighting>* sightings : {&earlier.sightings, &found.sightings}) {
+    sightings_ = *sightings;
+    sort_by_time(sightings_);
+    doubt(sightings_);
+    belief_ = observed(belief_, &about, power_density());
+    predict_to_be_told(belief_, set_at, power_density());
+    remember(power_density());
+  }
+  seen_ = sightings_;
+  for (SeenSet& seen : seen_sets_)
+    seen.believed_at = belief_.at, seen.position = belief_.position(), seen.velocity = belief_.velocity();
   draw_particles(belief_.given_views());
   weight_.assign(particles_.size(), 1.0f / static_cast<float>(particles_.size()));
   effective_sample_size_ = static_cast<double>(particles_.size());
   map_ = belief_.position();
+}
+
+// What one view says to the estimate. Is it seen there?
+bool RegionTracker::add_support(const TargetView& view, ObjectEstimate& estimate) const {
+  ViewSupport& support = estimate.per_view[static_cast<std::size_t>(view.index)];
+  const auto expected = expect(view);
+  if (!expected || !view.camera->contains({expected->at.px})) return false;
+  const Appearance& at = expected->at;
+  support.in_view = true;
+  support.px = at.px.cast<float>();
+  support.radius_px = static_cast<float>(at.radius_px);
+  for (const Sighting& s : sightings_) {
+    if (s.row.camera != view.index) continue;
+    support.seen = true;
+    support.support = static_cast<float>(s.support);
+    support.residual_px = static_cast<float>((s.px - at.px).norm());
+  }
+  return support.seen;
 }
 
 ObjectEstimate RegionTracker::report(const capture::FrameSet& set, const std::vector<TargetView>& views) {
@@ -559,7 +829,10 @@ ObjectEstimate RegionTracker::report(const capture::FrameSet& set, const std::ve
   e.effective_sample_size = effective_sample_size_;
   e.per_view.resize(views_.camera_count());
   for (int c = 0; c < static_cast<int>(views_.camera_count()); ++c) e.times.push_back(belief_.timing(c));
-  for (const TargetView& view : views) e.per_view[static_cast<std::size_t>(view.index)].delivered = true;
+  for (const auto* some : {&views, &views_.unused()})
+    for (const TargetView& view : *some) e.per_view[static_cast<std::size_t>(view.index)].delivered = true;
+  for (std::size_t c = 0; c < e.per_view.size(); ++c)
+    e.per_view[c].doubt_px = static_cast<float>(std::sqrt(doubts_.variance_px2(c)));
   if (!e.has_position()) return e;
   // Frames of one moment are told at that moment, whatever a few rows' uncertain times make of it.
   const bool is_of_the_set =
@@ -571,28 +844,75 @@ ObjectEstimate RegionTracker::report(const capture::FrameSet& set, const std::ve
   rig_error_.add(sightings_);
   e.covariance = belief_.position_covariance() + rig_error_.left_open(e.position, e.at);
   e.map_position = map_;
-  for (const TargetView& view : views) {
-    ViewSupport& support = e.per_view[static_cast<std::size_t>(view.index)];
-    const auto expected = expect(view);
-    if (!expected || !view.camera->contains({expected->at.px})) continue;
-    const Appearance& at = expected->at;
-    support.in_view = true;
-    support.px = at.px.cast<float>();
-    support.radius_px = static_cast<float>(at.radius_px);
-    for (const Sighting& s : sightings_) {
-      if (s.row.camera != view.index) continue;
-      support.seen = true;
-      support.support = static_cast<float>(s.support);
-      support.residual_px = static_cast<float>((s.px - at.px).norm());
-    }
-    e.views += support.seen ? 1 : 0;
+  for (const auto* some : {&views, &views_.unused()}) {
+    for (const TargetView& view : *some) e.views += add_support(view, e) ? 1 : 0;
   }
+  add_witnesses(e);
   // How sure we are that this is the object, not where it is (the covariance says that): that not all supports are
   // chance.
   double doubt = 1;
-  for (const Sighting& s : sightings_) doubt *= 1 - 0.9 * s.support;
+  for (const Sighting& s : sightings_) {
+    // A view that contradicts the others by as much as its gate allows is worth half.
+    const double usual_px2 = s.covariance.trace() / 2 + s.lasting_px * s.lasting_px;
+    doubt *= 1 - 0.9 * s.support / (1 + s.doubt_px2 / (region_gate * usual_px2));
+  }
   e.confidence = 1 - doubt;
   return e;
+}
+
+// Each view that shows the object beside what those that are in use say without it, on the path that is believed now.
+void RegionTracker::add_witnesses(ObjectEstimate& estimate) const {
+  if (seen_.size() < 2) return;
+  const Eigen::Vector3d velocity = belief_.velocity();
+  const Eigen::Matrix3d velocity_covariance = belief_.velocity_covariance();
+  const double anywhere_m = (options_.volume.max - options_.volume.min).norm();
+  struct OnPath {
+    Appearance at;
+    Eigen::Matrix2d covariance;  // of all of its errors but what is only doubted
+  };
+  std::vector<std::optional<OnPath>> on_path;
+  const auto path = [&](const Sighting& s) -> Eigen::Vector3d {
+    return belief_.position() + capture::seconds(s.row.at - belief_.at) * velocity;
+  };
+  for (const Sighting& s : seen_) {
+    auto& out = on_path.emplace_back();
+    const auto at = appearance_of(*s.camera, path(s), target_.radius_m);
+    if (!at) continue;
+    const Eigen::Vector2d px_per_s = at->jacobian * velocity;
+    const double time_sigma_s = belief_.row_sigma_s(s.row.camera, s.row.below_middle);
+    out = {*at, s.covariance + s.of_pose + time_sigma_s * time_sigma_s * px_per_s * px_per_s.transpose()};
+    out->covariance.diagonal().array() += s.lasting_px * s.lasting_px;
+  }
+  const auto is_in_use = [&](int camera) {
+    return std::ranges::any_of(sightings_, [&](const Sighting& s) { return s.row.camera == camera; });
+  };
+  for (std::size_t i = 0; i < seen_.size(); ++i) {
+    if (!on_path[i]) continue;
+    // Along a single ray anything within the volume.
+    PositionInformation others{.information = Eigen::Matrix3d::Identity() / (anywhere_m * anywhere_m)};
+    ViewWitness witness;
+    witness.at = seen_[i].row.at;
+    witness.px = seen_[i].px;
+    witness.covariance = on_path[i]->covariance;
+    for (std::size_t j = 0; j < seen_.size(); ++j) {
+      if (j == i || !on_path[j] || !is_in_use(seen_[j].row.camera)) continue;
+      const double apart_s = capture::seconds(seen_[j].row.at - seen_[i].row.at);
+      const double swerve_m = 0.5 * apart_s * apart_s * options_.acceleration_m_s2;
+      const Eigen::Matrix3d way =
+          apart_s * apart_s * velocity_covariance + swerve_m * swerve_m * Eigen::Matrix3d::Identity();
+      const auto& jacobian = on_path[j]->at.jacobian;
+      const Eigen::Matrix2d covariance = on_path[j]->covariance + jacobian * way * jacobian.transpose();
+      const Eigen::Matrix<double, 3, 2> weighted = jacobian.transpose() * covariance.inverse();
+      others.information += weighted * jacobian;
+      others.vector += weighted * (seen_[j].px - on_path[j]->at.px);
+      ++witness.others;
+    }
+    if (witness.others == 0) continue;
+    witness.position_covariance = others.information.inverse();
+    witness.position = path(seen_[i]) + witness.position_covariance * others.vector;
+    witness.velocity = velocity;
+    estimate.per_view[static_cast<std::size_t>(seen_[i].row.camera)].witness = witness;
+  }
 }
 
 }  // namespace huetrack::object_tracking

@@ -12,6 +12,9 @@
 //     the set, when two views or more see where the object went.
 //   - time: a sighting counts when the row was exposed in which it lies. When that is, per camera, is part of what is
 //     believed and learnt (motion_belief.h).
+//   - trust: views that contradict one another are doubted by as much as they do (view_doubts.h). What is doubted is an
+//     error that lasts, like a pose that is not quite known, so that no number of frames averages it away; it is in the
+//     covariance, and what it leaves too open is not `tracking`.
 //   - search: rays crossed between views through matching pixels of a coarse grid, confirmed by a second frame set.
 //     Several hypotheses are needed only here, and here they are kept.
 //   - calibration: what the rig's own covariance leaves open of a position, where it has one, is in the covariance that
@@ -22,6 +25,8 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <deque>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -33,6 +38,7 @@
 #include "object_tracking/search_findings.h"
 #include "object_tracking/sighting.h"
 #include "object_tracking/target_views.h"
+#include "object_tracking/view_doubts.h"
 #include "particle_filter/random.h"
 
 namespace huetrack::object_tracking {
@@ -44,6 +50,7 @@ class RegionTracker {
                 particle_filter::Rng rng);
 
   ObjectEstimate update(const capture::FrameSet& set);
+  void trust(std::span<const CameraTrust> cameras);
   TargetViews& views() { return views_; }
   const PositionParticles& particles() const { return particles_; }
   SearchFindings search_findings() const { return search_log_.findings(); }
@@ -61,17 +68,29 @@ class RegionTracker {
   ImageMotion image_motion(const TargetView& view, const Appearance& at) const;
   std::span<const ColorRegion> regions_near(const TargetView& view, const Appearance& at,
                                             const Eigen::Matrix2d& spread);
-  void sight(const std::vector<TargetView>& views);
+  bool is_repeated(const TargetView& view, std::span<const ColorRegion> regions, const Appearance& at);
+  void sight(const std::vector<TargetView>& views, std::vector<Sighting>& out);
+  std::optional<SeenBeside> beside(const Sighting& sighting) const;
+  std::optional<SeenBeside> far_off(const TargetView& view);
+  void compare(const std::vector<TargetView>& views);
+  void doubt(std::vector<Sighting>& sightings) const;
+  double doubted_sigma() const;
+  bool add_support(const TargetView& view, ObjectEstimate& estimate) const;
+  void add_witnesses(ObjectEstimate& estimate) const;
   bool sight_after_bounce(const std::vector<TargetView>& views, double power_density);
-  MotionBelief followed(const MotionBelief& from, const MotionBelief* linearised_about, capture::Timestamp set_at,
-                        double power_density);
+  MotionBelief observed(const MotionBelief& from, const MotionBelief* linearised_about, double power_density);
+  MotionBelief observed_in_passes(const MotionBelief& from, double power_density);
+  void predict_to_be_told(MotionBelief& belief, capture::Timestamp set_at, double power_density) const;
   bool are_times_open() const;
-  void leave_out_what_contradicts(const capture::FrameSet& set);
+  void leave_out_what_contradicts();
   double learn_acceleration(const capture::FrameSet& set, const std::vector<TargetView>& views);
   MotionBelief propose(const capture::FrameSet& set, double power_density);
   void draw_particles(const MotionBelief& proposal);
   void weigh(const MotionBelief& proposal, double power_density);
   void estimate(const MotionBelief& proposal);
+  bool remember(double power_density);
+  std::vector<Eigen::Vector3d> smooth_velocities() const;
+  void linearise_times_again();
   double judged_sigma() const;
   void judge(const capture::FrameSet& set);
   void forget();
@@ -87,6 +106,7 @@ class RegionTracker {
   particle_filter::Rng rng_;
 
   MotionBelief belief_;      // after the last set
+  MotionBelief begun_;       // what was known of the times before the object was found
   double acceleration_ = 0;  // m/s^2, learnt
   PositionParticles particles_;
   std::vector<float> weight_, log_weight_, unit_, u_, v_;
@@ -95,13 +115,42 @@ class RegionTracker {
   Eigen::Vector3d map_ = Eigen::Vector3d::Zero();
 
   std::vector<Sighting> sightings_;  // of this set, by the times of their rows
+  // All that views show of the object in this set: also what contradicts, and what cameras see that are not used.
+  std::vector<Sighting> seen_;
+  std::vector<Sighting> watched_;    // of the latter
+  std::vector<SeenBeside> besides_;  // of seen_ and what is far off, while views are compared
+  ViewDoubts doubts_;
+  std::vector<Eigen::Matrix<double, 6, 6>> pose_covariance_;  // per camera, CameraTrust
+  bool has_pose_covariance_ = false;
+  struct Unseen {
+    unsigned sets = 0;                    // one after the other, in which a view should have shown the object
+    std::vector<ColorRegion> found = {};  // in the whole image, when it was last looked at
+    Eigen::Vector2d expected = Eigen::Vector2d::Zero();  // then, raw pixels
+  };
+  std::vector<Unseen> unseen_;  // per camera
   RigError rig_error_;
   struct LinearView {
     const Sighting* sighting;
     LinearSighting linear;
   };
-  std::vector<LinearView> linear_views_;           // of the proposal
-  double surprise_ = 0;                            // of them, 1 when all is as it should be
+  std::vector<LinearView> linear_views_;  // of the proposal
+  double surprise_ = 0;                   // of them, 1 when all is as it should be
+  // What was seen of the object since it was found, as long as the times may turn out to be others.
+  struct SeenSet {
+    double power_density;
+    std::vector<Sighting> sightings;
+    capture::Timestamp believed_at;  // what was believed of the motion after it
+    Eigen::Vector3d position, velocity;
+  };
+  std::deque<SeenSet> seen_sets_;
+  int moving_sets_ = 0;                // among them, since the times were linearised again
+  bool is_forgetting_motion_ = false;  // seen_sets_ had to be given up: what they told of times is only in the belief
+  struct LastRegion {
+    ColorRegion region = {};
+    capture::Timestamp captured_at{};
+    bool is_repeated = false;
+  };
+  std::vector<LastRegion> last_regions_;           // per camera: what was sighted last
   std::vector<SizeInView> size_in_view_;           // per camera
   std::vector<RegionFinder> finders_;              // per camera
   std::vector<std::vector<ColorRegion>> regions_;  // of the views of this set, while searching

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -22,8 +23,9 @@ class RigError {
 
   // After every set.
   void add(std::span<const Sighting> sightings);
-  // This camera's pose is now another one than the rig's, and what is open of it is counted elsewhere.
-  void leave_out_pose(int camera);
+  // Per camera of the rig, those at the end may be missing: its pose is another one than the rig's now, and what is
+  // open of that is counted elsewhere. Replaces what was said before.
+  void leave_out_poses(const std::vector<bool>& of_cameras);
 
   // Of the covariance of a position that is told for this moment, m^2; zero for a rig of which nothing is known.
   Eigen::Matrix3d left_open(const Eigen::Vector3d& position, capture::Timestamp at) const;
@@ -34,7 +36,8 @@ class RigError {
     capture::Timestamp at{};
     Eigen::Matrix2d information = Eigen::Matrix2d::Zero();  // 1/px^2
   };
-  calib::CameraRig rig_;
+  calib::CameraRig rig_;                           // with the uncertainty that counts
+  std::optional<calib::RigUncertainty> as_found_;  // that of the rig's file
   Eigen::Matrix3d elsewhere_;
   std::vector<Seen> seen_;  // per camera, when it last saw the object
 };

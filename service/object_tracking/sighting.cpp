@@ -6,6 +6,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "calib/model/cross_matrix.h"
+
 namespace huetrack::object_tracking {
 namespace {
 
@@ -172,6 +174,16 @@ std::optional<Appearance> appearance_of(const calib::Camera& camera, const Eigen
   const Eigen::Matrix2d across = px_from_cam * px_from_cam.transpose();
   a.radius_px = radius_m * std::sqrt(std::sqrt(std::max(0.0, across.determinant())));
   return a;
+}
+
+Eigen::Matrix2d px_covariance_of_pose(const calib::Camera& camera, const Eigen::Vector3d& p_world, const Appearance& at,
+                                      const Eigen::Matrix<double, 6, 6>& pose_covariance) {
+  const Eigen::Matrix<double, 2, 3> px_from_cam =
+      at.jacobian * camera.cam_from_world.rotation.toRotationMatrix().transpose();
+  // exp(e) p = p + rotation x p + shift, to first order.
+  Eigen::Matrix<double, 2, 6> by_pose;
+  by_pose << -px_from_cam * calib::cross_matrix(camera.cam_from_world * p_world), px_from_cam;
+  return by_pose * pose_covariance * by_pose.transpose();
 }
 
 Sighting sighting_of(const TargetView& view, const ColorRegion& region, double radius_px, double pixel_noise_px,

@@ -25,6 +25,10 @@ struct Appearance {
 };
 std::optional<Appearance> appearance_of(const calib::Camera& camera, const Eigen::Vector3d& p_world, double radius_m);
 
+// How far a pose that is not quite known (CameraTrust::pose_covariance) moves what is seen there, px^2.
+Eigen::Matrix2d px_covariance_of_pose(const calib::Camera& camera, const Eigen::Vector3d& p_world, const Appearance& at,
+                                      const Eigen::Matrix<double, 6, 6>& pose_covariance);
+
 struct Sighting {
   SeenRow row;
   const calib::Camera* camera = nullptr;
@@ -33,6 +37,11 @@ struct Sighting {
   Eigen::Matrix2d covariance;  // px^2, of what is new in every frame
   double lasting_px = 0;       // standard deviation of what lasts while the object rests
   double support = 0;          // 0..1, share of the expected disc that has the target's colour
+  // px^2, of what lasts besides: by the pose that the camera is held to have, and by how far views contradict it.
+  Eigen::Matrix2d of_pose = Eigen::Matrix2d::Zero();
+  double doubt_px2 = 0;
+
+  Eigen::Matrix2d doubt() const { return of_pose + doubt_px2 * Eigen::Matrix2d::Identity(); }
 };
 
 // How a ball's outline moves over the rows and during the exposure.

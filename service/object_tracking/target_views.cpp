@@ -12,6 +12,22 @@ TargetViews::TargetViews(const calib::CameraRig& rig, const TargetOptions& targe
   }
 }
 
+std::vector<std::size_t> TargetViews::trust(std::span<const CameraTrust> cameras) {
+  std::vector<std::size_t> moved;
+  for (std::size_t i = 0; i < cameras_.size(); ++i) {
+    PerCamera& c = *cameras_[i];
+    const CameraTrust trust = i < cameras.size() ? cameras[i] : CameraTrust{};
+    c.is_used = trust.is_used;
+    const calib::Rigid3d pose = trust.cam_from_world.value_or(c.in_rig);
+    const calib::Rigid3d& before = c.camera.cam_from_world;
+    if (pose.rotation.coeffs() == before.rotation.coeffs() && pose.translation == before.translation) continue;
+    c.camera.cam_from_world = pose;
+    c.projector = calib::BatchProjector(c.camera);
+    moved.push_back(i);
+  }
+  return moved;
+}
+
 const ColorTable& TargetViews::table_for(PerCamera& camera, capture::PixelFormat format, capture::ColorRange range) {
   if (camera.table && camera.table->is_for(format, range)) return *camera.table;
   for (const auto& other : cameras_) {  // cameras of one kind share a table
@@ -26,6 +42,7 @@ const ColorTable& TargetViews::table_for(PerCamera& camera, capture::PixelFormat
 
 const std::vector<TargetView>& TargetViews::look_at(const capture::FrameSet& set) {
   views_.clear();
+  unused_.clear();
   for (std::size_t i = 0; i < cameras_.size() && i < set.frames.size(); ++i) {
     if (!set.frames[i] || set.frames[i]->status != capture::FrameStatus::ok) continue;
     const capture::Frame& frame = *set.frames[i];
@@ -33,8 +50,9 @@ const std::vector<TargetView>& TargetViews::look_at(const capture::FrameSet& set
     if (frame.pixels.width != c.camera.image_size.width || frame.pixels.height != c.camera.image_size.height) continue;
     const ColorTable& table = table_for(c, frame.pixels.format, frame.pixels.range);
     c.matches.look_at(frame.pixels, table);
-    views_.push_back({static_cast<int>(i), &c.camera, &c.projector, &c.matches, &frame.pixels, &table, &frame,
-                      capture::seconds(set.at - frame.captured_at)});
+    (c.is_used ? views_ : unused_)
+        .push_back({static_cast<int>(i), &c.camera, &c.projector, &c.matches, &frame.pixels, &table, &frame,
+                    capture::seconds(set.at - frame.captured_at)});
   }
   return views_;
 }

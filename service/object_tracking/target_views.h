@@ -3,6 +3,7 @@
 #pragma once
 
 #include <memory>
+#include <span>
 #include <string>
 #include <utility>
 #include <vector>
@@ -38,8 +39,10 @@ class TargetViews {
   TargetViews& operator=(const TargetViews&) = delete;
 
   // The views of this set, in camera order; valid until the next call. A frame of another size than the rig's is left
-  // out.
+  // out, and so are cameras that are not used.
   const std::vector<TargetView>& look_at(const capture::FrameSet& set);
+  // Those of this set that are not used.
+  const std::vector<TargetView>& unused() const { return unused_; }
 
   // Makes the camera's colour table for this format before the first frame needs it.
   void expect(std::size_t camera, capture::PixelFormat format, capture::ColorRange range) {
@@ -55,6 +58,9 @@ class TargetViews {
     return std::exchange(c.table, std::move(table));
   }
 
+  // From the next set on; ObjectTracker::trust(). Returns the cameras that stand elsewhere than before.
+  std::vector<std::size_t> trust(std::span<const CameraTrust> cameras);
+
   std::size_t camera_count() const { return cameras_.size(); }
   const calib::Camera& camera(std::size_t i) const { return cameras_[i]->camera; }
   const calib::BatchProjector& projector(std::size_t i) const { return cameras_[i]->projector; }
@@ -62,10 +68,16 @@ class TargetViews {
  private:
   struct PerCamera {
     PerCamera(const calib::Camera& c, const HsiRange& color_of_target)
-        : camera(c), projector(c), matches(c.image_size.width, c.image_size.height), color(color_of_target) {}
+        : in_rig(c.cam_from_world),
+          camera(c),
+          projector(c),
+          matches(c.image_size.width, c.image_size.height),
+          color(color_of_target) {}
+    calib::Rigid3d in_rig;
     calib::Camera camera;
     calib::BatchProjector projector;
     MatchBits matches;
+    bool is_used = true;
     HsiRange color;
     std::shared_ptr<const ColorTable> table;  // of the format seen last; made when a format is first seen
     std::shared_ptr<const ColorTable> table_before = {};
@@ -73,7 +85,7 @@ class TargetViews {
   const ColorTable& table_for(PerCamera& camera, capture::PixelFormat format, capture::ColorRange range);
 
   std::vector<std::unique_ptr<PerCamera>> cameras_;
-  std::vector<TargetView> views_;
+  std::vector<TargetView> views_, unused_;
 };
 
 }  // namespace huetrack::object_tracking

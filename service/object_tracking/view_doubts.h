@@ -1,0 +1,76 @@
+// Whether the views of one object contradict one another, and by how much: what a calibration that is no longer right
+// does, or a camera that is late, or another one than the rig says. Facts only.
+//
+// Two views that see an object at one moment have four coordinates for three unknowns: across their epipolar lines they
+// must agree, wherever it is and however it moves. How far they do not, beside what is expected of both, is kept per
+// pair of cameras over the recent past, and its robust scale (a quantile, so that a frame that is shown once more or
+// something else of the colour moves nothing) is shared out between the two:
+//   scale^2 of a pair = expected + a_i S_i + a_j S_j,   S >= 0: variance that a camera's error has in excess, px^2
+// over all pairs. One camera of three that is wrong has two pairs that disagree and leaves one that agrees, and gets
+// all of it; two cameras share alike, and so do three where it cannot be told.
+#pragma once
+
+#include <Eigen/Core>
+#include <cstddef>
+#include <span>
+#include <vector>
+
+namespace huetrack::object_tracking {
+
+// Where a view saw the object beside where it would be if it were on a path that all views are compared with. That path
+// need not be the right one: what two views say of each other hardly depends on it.
+struct SeenBeside {
+  int camera = 0;
+  double at_s = 0;                       // when, on any clock that the views share
+  Eigen::Vector2d off_px;                // measured, less the path's projection at that time
+  Eigen::Matrix2d covariance;            // px^2, of off_px
+  Eigen::Matrix<double, 2, 3> jacobian;  // d px / d p_world on the path, px/m
+};
+
+// How far two views are apart across their epipolar lines: off = across_i off_px_i + across_j off_px_j, in pixels, with
+// |across_i|^2 + |across_j|^2 = 1.
+struct Disagreement {
+  double off_px = 0;
+  double expected_px2 = 0;          // variance of off_px
+  double share_i = 0, share_j = 0;  // of a unit of variance in each coordinate of a view, in that of off_px
+};
+// way_variance_m2: how far the object may have left the path between the two moments, on each axis.
+// false: their rays are nearly parallel, and say nothing of each other.
+bool disagreement(const SeenBeside& i, const SeenBeside& j, double way_variance_m2, Disagreement& out);
+
+// thread-compatible. Allocates only when it is made.
+class ViewDoubts {
+ public:
+  explicit ViewDoubts(std::size_t cameras);
+
+  // What the views of one set say, one entry per camera at most. velocity_sigma_m_s, acceleration_m_s2: how far the
+  // object may leave the path between two moments.
+  void compare(std::span<const SeenBeside> views, double velocity_sigma_m_s, double acceleration_m_s2);
+  // The camera stands elsewhere: what was seen of it before says nothing any more.
+  void forget(std::size_t camera);
+
+  bool any() const { return any_; }
+  double variance_px2(std::size_t camera) const { return variance_px2_[camera]; }  // S; 0: no contradiction
+
+  // Of a pair, in units of what was expected: 1 when all is as it should be. 0: hardly ever seen together.
+  double scale2(std::size_t i, std::size_t j) const { return pair(i, j).scale2; }
+
+ private:
+  static constexpr std::size_t kept = 32;  // comparisons of a pair: about a second
+  struct Pair {
+    float squares[kept];  // off_px^2 / expected_px2, a ring
+    std::size_t count = 0;
+    double expected_px2 = 0, share_i = 0, share_j = 0;  // means over the recent past
+    double scale2 = 0;
+  };
+  const Pair& pair(std::size_t i, std::size_t j) const;
+  Pair& pair(std::size_t i, std::size_t j) { return const_cast<Pair&>(std::as_const(*this).pair(i, j)); }
+  void share_out();
+
+  std::size_t cameras_;
+  std::vector<Pair> pairs_;  // i < j
+  std::vector<double> variance_px2_, up_, down_;
+  bool any_ = false;
+};
+
+}  // namespace huetrack::object_tracking
