@@ -15,9 +15,13 @@ constexpr double normal_95 = 1.96;
 constexpr double slow_m_s = 0.3, fast_m_s = 1.0;
 
 std::size_t direction_of(const Vector3d& along) {
-  static const std::array<Vector3d, direction_count> directions{
-      Vector3d(1, 0, 0), Vector3d(0, 1, 0), Vector3d(0, 0, 1), Vector3d(1, 1, 1).normalized(),
-      Vector3d(1, 1, -1).normalized(), Vector3d(1, -1, 1).normalized(), Vector3d(-1, 1, 1).normalized()};
+  static const std::array<Vector3d, direction_count> directions{Vector3d(1, 0, 0),
+                                                                Vector3d(0, 1, 0),
+                                                                Vector3d(0, 0, 1),
+                                                                Vector3d(1, 1, 1).normalized(),
+                                                                Vector3d(1, 1, -1).normalized(),
+                                                                Vector3d(1, -1, 1).normalized(),
+                                                                Vector3d(-1, 1, 1).normalized()};
   std::size_t best = 0;
   for (std::size_t k = 1; k < direction_count; ++k) {
     if (std::abs(directions[k].dot(along)) > std::abs(directions[best].dot(along))) best = k;
@@ -124,7 +128,8 @@ Certificate certificate_of(const std::vector<MeasuredLength>& lengths, double tr
     for (const int axis : {2, 1, 0}) {
       const int steps = c.steps[static_cast<std::size_t>(axis)];
       const double extent = std::max(1e-9, c.box.high[axis] - c.box.low[axis]);
-      const int at = std::clamp(static_cast<int>(steps * (length.middle[axis] - c.box.low[axis]) / extent), 0, steps - 1);
+      const int at =
+          std::clamp(static_cast<int>(steps * (length.middle[axis] - c.box.low[axis]) / extent), 0, steps - 1);
       cell = cell * static_cast<std::size_t>(steps) + static_cast<std::size_t>(at);
     }
     cells[cell].add(length, weight);

@@ -35,8 +35,8 @@ std::string age_text(std::chrono::seconds age) {
     std::int64_t seconds;
     const char* name;
   };
-  constexpr std::array<Unit, 5> units{
-      Unit{31'557'600, "years"}, Unit{2'629'800, "months"}, Unit{86'400, "days"}, Unit{3600, "hours"}, Unit{60, "minutes"}};
+  constexpr std::array<Unit, 5> units{Unit{31'557'600, "years"}, Unit{2'629'800, "months"}, Unit{86'400, "days"},
+                                      Unit{3600, "hours"}, Unit{60, "minutes"}};
   for (const Unit& unit : units) {
     if (age.count() >= 2 * unit.seconds) return fmt::format("{} {}", age.count() / unit.seconds, unit.name);
   }

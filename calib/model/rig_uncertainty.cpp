@@ -119,8 +119,7 @@ std::vector<std::string> RigUncertainty::problems(const CameraRig& rig) const {
   if (!sigma.allFinite() || (sigma.array() < 0).any()) out.emplace_back("a sigma must be >= 0");
   for (Eigen::Index k = 0; k < root.rows(); ++k) {
     if (sigma(k) > 0 && !(std::abs(root.row(k).norm() - 1) < row_tolerance)) {
-      out.push_back(fmt::format("row {} of root has the length {:.4g} and not 1", k + 1,
-                                root.row(k).norm()));
+      out.push_back(fmt::format("row {} of root has the length {:.4g} and not 1", k + 1, root.row(k).norm()));
       break;
     }
   }
@@ -142,9 +141,9 @@ CameraRig with_errors(CameraRig rig, const Eigen::VectorXd& errors) {
 }
 
 RigUncertainty with_pose_covariance(const CameraRig& rig, int camera, const Covariance6d& covariance) {
-  const RigUncertainty before =
-      rig.uncertainty ? *rig.uncertainty
-                      : RigUncertainty{std::vector<RigUncertainty::OfCamera>(rig.cameras.size()), {}, {}};
+  const RigUncertainty before = rig.uncertainty
+                                    ? *rig.uncertainty
+                                    : RigUncertainty{std::vector<RigUncertainty::OfCamera>(rig.cameras.size()), {}, {}};
   std::vector<RigUncertainty::OfCamera> cameras = before.cameras;
   cameras[index(camera)].has_pose = true;
   std::vector<int> kept, at;  // parameters of before, and where they are now
@@ -182,8 +181,8 @@ Eigen::Matrix3Xd moved_by_cameras(const CameraRig& rig, const RigUncertainty& un
   return -solver.solve(moment);
 }
 
-Eigen::Matrix3d left_open_by_rig(const CameraRig& rig, const Eigen::Vector3d& p_world,
-                                 std::span<const PlaceView> views, const Eigen::Matrix3d& elsewhere) {
+Eigen::Matrix3d left_open_by_rig(const CameraRig& rig, const Eigen::Vector3d& p_world, std::span<const PlaceView> views,
+                                 const Eigen::Matrix3d& elsewhere) {
   if (!rig.uncertainty || rig.uncertainty->size() == 0) return Eigen::Matrix3d::Zero();
   const Eigen::Matrix3Xd moved =
       moved_by_cameras(rig, *rig.uncertainty, p_world, views, elsewhere) * rig.uncertainty->factor();

@@ -51,7 +51,7 @@ struct RigUncertainty {
   int size() const { return static_cast<int>(sigma.size()); }
   Eigen::MatrixXd covariance() const;
   Eigen::MatrixXd factor() const { return sigma.asDiagonal() * root; }  // covariance = factor * factor^T
-  std::vector<std::string> problems(const CameraRig& rig) const;       // empty when valid
+  std::vector<std::string> problems(const CameraRig& rig) const;        // empty when valid
 };
 
 // Uncertain lenses have this many parameters.
@@ -80,8 +80,7 @@ Eigen::Matrix3Xd moved_by_cameras(const CameraRig& rig, const RigUncertainty& un
                                   const Eigen::Matrix3d& elsewhere = Eigen::Matrix3d::Zero());
 
 // What the rig leaves open of that position: G covariance G^T, m^2. Zero for a rig without uncertainty.
-Eigen::Matrix3d left_open_by_rig(const CameraRig& rig, const Eigen::Vector3d& p_world,
-                                 std::span<const PlaceView> views,
+Eigen::Matrix3d left_open_by_rig(const CameraRig& rig, const Eigen::Vector3d& p_world, std::span<const PlaceView> views,
                                  const Eigen::Matrix3d& elsewhere = Eigen::Matrix3d::Zero());
 
 }  // namespace huetrack::calib

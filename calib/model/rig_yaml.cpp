@@ -256,8 +256,7 @@ std::string uncertainty_text(const RigUncertainty& uncertainty, const CameraRig&
     const RigUncertainty::OfCamera& of = uncertainty.cameras[c];
     if (of.size() == 0) continue;
     std::vector<std::string> entries;
-    if (of.lens_count > 0)
-      entries.push_back("lens: " + list(sigma.subspan(index(of.at), index(of.lens_count))));
+    if (of.lens_count > 0) entries.push_back("lens: " + list(sigma.subspan(index(of.at), index(of.lens_count))));
     if (of.has_pose) entries.push_back("pose: " + list(sigma.subspan(index(of.pose_at()), 6)));
     out += fmt::format("    {}: {{{}}}\n", key_text(rig.cameras[c].name), fmt::join(entries, ", "));
   }

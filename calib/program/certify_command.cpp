@@ -45,7 +45,8 @@ class Collector final : public pipeline::Output {
   Collector(const std::vector<object_tracking::TargetOptions>& targets, Tracked& out) : targets_(targets), out_(out) {}
   void on_set(const pipeline::TrackedSet& set) override {
     ++out_.sets;
-    const bool is_complete = std::ranges::all_of(set.frames.frames, [](const auto& frame) { return frame.has_value(); });
+    const bool is_complete =
+        std::ranges::all_of(set.frames.frames, [](const auto& frame) { return frame.has_value(); });
     out_.incomplete += is_complete ? 0 : 1;
     for (std::size_t t = 0; t < set.estimates.size(); ++t) out_.estimates[targets_[t].name].push_back(set.estimates[t]);
   }
@@ -158,8 +159,8 @@ std::vector<std::string> targets_of(const CertifyOptions& o, const config::Servi
   if (names.empty() && known.size() == count) names = known;
   const std::string all = fmt::to_string(fmt::join(known, ", "));
   if (names.size() != count)
-    throw gather::InputError(fmt::format("say with --target which {} it is, of {}: {}", count == 1 ? "ball" : "two balls",
-                                         o.config, all));
+    throw gather::InputError(
+        fmt::format("say with --target which {} it is, of {}: {}", count == 1 ? "ball" : "two balls", o.config, all));
   for (const std::string& name : names) {
     if (std::ranges::find(known, name) == known.end())
       throw gather::InputError(o.config + " has no target " + name + ": it has " + all);
@@ -239,12 +240,12 @@ void add_certify_command(CLI::App& app, Command& chosen) {
       ->check(CLI::PositiveNumber);
   command->add_option("--length-sigma-mm", o->length_sigma_mm, "how well it (or the places) is known (default 0.3)")
       ->check(CLI::NonNegativeNumber);
-  command->add_option("--places", o->places, "a file of marked places on which the one ball was put; see calib/formats.md");
+  command->add_option("--places", o->places,
+                      "a file of marked places on which the one ball was put; see calib/formats.md");
   command->add_option("--limit-mm", o->limit_mm, "PASS or FAIL: what the expanded uncertainty (95 %) must not exceed")
       ->check(CLI::PositiveNumber);
   command->add_option("--report", o->report, "write it with pictures: NAME.html, and NAME.pdf beside it");
-  command->callback(
-      [o, &chosen] { chosen = [o](const std::stop_token& stop) { return certify_lengths(*o, stop); }; });
+  command->callback([o, &chosen] { chosen = [o](const std::stop_token& stop) { return certify_lengths(*o, stop); }; });
 }
 
 }  // namespace huetrack::program

@@ -26,8 +26,9 @@ struct CheckOptions {
 void print_history(const calib::CameraRig& rig) {
   if (const std::string age = rig.made.text(utc_now()); !age.empty()) std::printf("The rig: %s.\n", age.c_str());
   if (!rig.uncertainty)
-    std::printf("It has no uncertainty: its cameras count as exactly known, and what the calibration left open is in "
-                "no position's covariance.\n");
+    std::printf(
+        "It has no uncertainty: its cameras count as exactly known, and what the calibration left open is in "
+        "no position's covariance.\n");
 }
 
 ExitStatus check(const CheckOptions& options, const std::stop_token& stop) {

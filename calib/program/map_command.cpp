@@ -1,6 +1,6 @@
 // huetrack-calibrate map: the expected error over the volume, before anything is recorded.
-#include <Eigen/LU>
 #include <CLI/CLI.hpp>
+#include <Eigen/LU>
 #include <algorithm>
 #include <cstdio>
 #include <memory>

@@ -25,9 +25,10 @@ std::string in_mm(double metres) {
 std::vector<std::string> doubts_of(const Certificate& c) {
   std::vector<std::string> doubts;
   if (c.independent < least_independent)
-    doubts.push_back(fmt::format("only {} lengths of their own were measured, {} are needed: carry it on, to other "
-                                 "places and in other directions",
-                                 c.independent, least_independent));
+    doubts.push_back(
+        fmt::format("only {} lengths of their own were measured, {} are needed: carry it on, to other "
+                    "places and in other directions",
+                    c.independent, least_independent));
   if (c.directions_measured() < least_directions)
     doubts.push_back(fmt::format("lengths lie in {} of seven directions only: turn it, upright and slanting too",
                                  c.directions_measured()));
@@ -39,12 +40,14 @@ std::vector<std::string> doubts_of(const Certificate& c) {
 
 std::string honesty_text(const Certificate& c) {
   std::string out = fmt::format(
-      "The positions' own covariances state {} mm for a length (95 %); of the errors {:.0f} % lie within what was stated "
+      "The positions' own covariances state {} mm for a length (95 %); of the errors {:.0f} % lie within what was "
+      "stated "
       "for them (95 % would be right), and their squares are {:.2f} times what was stated.",
       in_mm(c.stated_expanded_m), 100 * c.inside_stated, c.surprise);
   if (c.surprise > honest_surprise)
-    out += " They are too sure: the rig does not fit any more, or was calibrated worse than it says, or the cameras' "
-           "times are wrong. huetrack-calibrate check tells the first.";
+    out +=
+        " They are too sure: the rig does not fit any more, or was calibrated worse than it says, or the cameras' "
+        "times are wrong. huetrack-calibrate check tells the first.";
   else if (c.surprise < modest_surprise)
     out += " They are more modest than they need be.";
   else
@@ -57,7 +60,8 @@ Table by_direction(const Certificate& c) {
   for (std::size_t k = 0; k < certify::direction_count; ++k) {
     const Certificate::Part& part = c.by_direction[k];
     table.rows.push_back({std::string(certify::direction_name(k)), std::to_string(part.lengths),
-                          std::to_string(part.independent), part.lengths > 0 ? fmt::format("{:+.2f}", 1e3 * part.mean_m) : "-",
+                          std::to_string(part.independent),
+                          part.lengths > 0 ? fmt::format("{:+.2f}", 1e3 * part.mean_m) : "-",
                           part.lengths > 0 ? in_mm(part.rms_m) : "-"});
   }
   return table;
@@ -98,15 +102,17 @@ void add_targets(Document& document, const CertificateInput& input) {
   Table table{.head = {"target", "tracked", "gaps", "longest gap s", "rests", "scatter at rest mm"}, .rows = {}};
   for (const TargetTally& target : input.targets) {
     table.rows.push_back({target.name,
-                          fmt::format("{:.1f} % of {}", 100.0 * static_cast<double>(target.tracking) /
-                                                            static_cast<double>(std::max<std::size_t>(1, target.sets)),
+                          fmt::format("{:.1f} % of {}",
+                                      100.0 * static_cast<double>(target.tracking) /
+                                          static_cast<double>(std::max<std::size_t>(1, target.sets)),
                                       target.sets),
                           std::to_string(target.gaps), fmt::format("{:.2f}", target.longest_gap_s),
                           std::to_string(target.rests), target.rests > 0 ? in_mm(target.rest_scatter_m) : "-"});
   }
   document.table(table);
   if (input.has_incomplete_sets)
-    document.paragraph(fmt::format("In {:.1f} % of the frame sets a camera's frame was missing.", 100 * input.incomplete_share));
+    document.paragraph(
+        fmt::format("In {:.1f} % of the frame sets a camera's frame was missing.", 100 * input.incomplete_share));
   for (const auto& [camera, time] : input.cameras) document.paragraph(camera + ": " + time + ".");
   if (input.set_ms)
     document.paragraph(fmt::format("Tracking took {:.2f} ms per frame set on this computer.", *input.set_ms));
@@ -129,28 +135,31 @@ CertificateReport report_on(const Certificate& c, const std::vector<certify::Mea
                                   c.box.high.y() - c.box.low.y(), c.box.high.z() - c.box.low.z());
   std::string text = fmt::format("The expanded uncertainty of a length is {} mm (95 %)", in_mm(c.expanded_m));
   text += input.limit_m ? fmt::format(", the limit {} mm.", in_mm(*input.limit_m)) : "; no limit was given.";
-  const char* word = is_above                              ? "FAIL"
-                     : report.verdict == Verdict::usable   ? "PASS"
-                     : input.limit_m                       ? "TOO LITTLE MEASURED"
-                     : report.doubts.empty()               ? "MEASURED"
-                                                           : "TOO LITTLE MEASURED";
+  const char* word = is_above                            ? "FAIL"
+                     : report.verdict == Verdict::usable ? "PASS"
+                     : input.limit_m                     ? "TOO LITTLE MEASURED"
+                     : report.doubts.empty()             ? "MEASURED"
+                                                         : "TOO LITTLE MEASURED";
   document.banner(report.verdict, word, text);
   for (const std::string& doubt : report.doubts) document.paragraph("? " + doubt + ".");
   document.heading("Errors of the length");
-  document.paragraph(fmt::format(
-      "Mean {:+.2f} mm, rms {} mm, largest {} mm. The true length is known to {} mm (standard deviation), which is part "
-      "of the uncertainty.",
-      1e3 * c.mean_m, in_mm(c.rms_m), in_mm(c.largest_m), in_mm(c.true_length_sigma_m)));
+  document.paragraph(
+      fmt::format("Mean {:+.2f} mm, rms {} mm, largest {} mm. The true length is known to {} mm (standard deviation), "
+                  "which is part "
+                  "of the uncertainty.",
+                  1e3 * c.mean_m, in_mm(c.rms_m), in_mm(c.largest_m), in_mm(c.true_length_sigma_m)));
   document.paragraph(honesty_text(c));
   if (!rig.uncertainty)
-    document.paragraph("The rig file has no uncertainty of its own: what the calibration leaves open is in no covariance.");
+    document.paragraph(
+        "The rig file has no uncertainty of its own: what the calibration leaves open is in no covariance.");
   if (!lengths.empty()) {
     document.figure(errors_figure(c, lengths, input.limit_m));
     document.table(by_direction(c));
     if (c.slow.lengths > 0 && c.fast.lengths > 0)
-      document.paragraph(fmt::format("Slow (below 0.3 m/s) the rms is {} mm, fast (above 1 m/s) {} mm{}.",
-                                     in_mm(c.slow.rms_m), in_mm(c.fast.rms_m),
-                                     c.fast.rms_m > 2 * c.slow.rms_m ? ": the cameras' times are not known well enough" : ""));
+      document.paragraph(
+          fmt::format("Slow (below 0.3 m/s) the rms is {} mm, fast (above 1 m/s) {} mm{}.", in_mm(c.slow.rms_m),
+                      in_mm(c.fast.rms_m),
+                      c.fast.rms_m > 2 * c.slow.rms_m ? ": the cameras' times are not known well enough" : ""));
     document.heading("Where in the volume it is good");
     VolumeValues values{c.box, c.steps, {}};
     std::vector<MarkedPlace> places;
@@ -161,9 +170,11 @@ CertificateReport report_on(const Certificate& c, const std::vector<certify::Mea
       if (length.measurement != last) places.push_back({"", length.middle});
       last = length.measurement;
     }
-    document.figure(slices_figure(values, "not visited", 0,
-                                  "Slices from above, x to the right and y up: rms error of the lengths whose middle was there."));
-    document.figure(plan_figure(rig, c.box, places, "From above: cameras and what they see, and where the lengths' middles were."));
+    document.figure(
+        slices_figure(values, "not visited", 0,
+                      "Slices from above, x to the right and y up: rms error of the lengths whose middle was there."));
+    document.figure(
+        plan_figure(rig, c.box, places, "From above: cameras and what they see, and where the lengths' middles were."));
   }
   add_targets(document, input);
   document.heading("How it was made");

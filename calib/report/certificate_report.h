@@ -28,13 +28,14 @@ struct CertificateInput {
   std::vector<std::pair<std::string, std::string>> cameras{};  // name; what is known of its time
   std::optional<double> set_ms{};                              // that tracking a frame set took; nullopt: not known
   bool has_incomplete_sets = false;
-  double incomplete_share = 0;                                // of the frame sets: a camera's frame was missing
+  double incomplete_share = 0;  // of the frame sets: a camera's frame was missing
   std::vector<std::pair<std::string, std::string>> made_of{};
 };
 
 struct CertificateReport {
-  Verdict verdict = Verdict::usable;  // usable: PASS; failed: FAIL; doubtful: too little was measured, or no limit given
-  std::vector<std::string> doubts;    // one sentence each, with what to do
+  Verdict verdict =
+      Verdict::usable;              // usable: PASS; failed: FAIL; doubtful: too little was measured, or no limit given
+  std::vector<std::string> doubts;  // one sentence each, with what to do
   Document document;
 };
 

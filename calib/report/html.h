@@ -6,7 +6,7 @@
 
 namespace huetrack::report {
 
-std::string escaped(std::string_view text);            // for HTML's text and for attributes in either quotes
-std::string html_head(std::string_view title);         // up to where the body's contents begin
+std::string escaped(std::string_view text);     // for HTML's text and for attributes in either quotes
+std::string html_head(std::string_view title);  // up to where the body's contents begin
 
 }  // namespace huetrack::report

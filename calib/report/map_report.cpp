@@ -27,11 +27,13 @@ Table by_views(const solver::VolumeAccuracy& map, std::size_t cameras) {
     if (count == 0) continue;
     std::ranges::sort(total);
     const auto at = [&](double share) {
-      return total.empty() ? std::string("-") : in_mm(total[static_cast<std::size_t>(share * static_cast<double>(total.size() - 1))]);
+      return total.empty() ? std::string("-")
+                           : in_mm(total[static_cast<std::size_t>(share * static_cast<double>(total.size() - 1))]);
     };
-    table.rows.push_back({fmt::format("{} camera{}", views, views == 1 ? "" : "s"),
-                          fmt::format("{:.0f} %", 100.0 * static_cast<double>(count) / static_cast<double>(map.points.size())),
-                          at(0.5), at(0.9)});
+    table.rows.push_back(
+        {fmt::format("{} camera{}", views, views == 1 ? "" : "s"),
+         fmt::format("{:.0f} %", 100.0 * static_cast<double>(count) / static_cast<double>(map.points.size())), at(0.5),
+         at(0.9)});
   }
   return table;
 }
@@ -44,15 +46,15 @@ MapReport map_report(const calib::CameraRig& rig, const solver::VolumeAccuracy& 
   const Eigen::Vector3d size = map.box.high - map.box.low, middle = (map.box.high + map.box.low) / 2;
   Document& document = report.document;
   document.title = "Expected error: " + input.rig_name;
-  document.subtitle = fmt::format("{} cameras; {:.2f} x {:.2f} x {:.2f} m around ({:.2f}, {:.2f}, {:.2f}), {}",
-                                  rig.cameras.size(), size.x(), size.y(), size.z(), middle.x(), middle.y(), middle.z(),
-                                  input.volume_is_from);
+  document.subtitle =
+      fmt::format("{} cameras; {:.2f} x {:.2f} x {:.2f} m around ({:.2f}, {:.2f}, {:.2f}), {}", rig.cameras.size(),
+                  size.x(), size.y(), size.z(), middle.x(), middle.y(), middle.z(), input.volume_is_from);
   constexpr double enough_covered = 0.5;
   report.verdict = map.covered < enough_covered ? Verdict::doubtful : Verdict::usable;
   std::string seen = fmt::format("Two or more cameras see {:.0f} % of the volume.", 100 * map.covered);
   if (map.covered > 0)
     seen += fmt::format(" Positions from one moment's pictures are expected to be off by {} there (95 %: {}).",
-                               in_mm(map.median_total_m), in_mm(map.p95_total_m));
+                        in_mm(map.median_total_m), in_mm(map.p95_total_m));
   document.banner(report.verdict, report.verdict == Verdict::usable ? "Covered" : "Hardly covered", seen);
   document.paragraph(
       fmt::format("An object whose centre every camera sees to {:g} px; standard deviation of the position, length of "
@@ -66,8 +68,8 @@ MapReport map_report(const calib::CameraRig& rig, const solver::VolumeAccuracy& 
   if (map.covered > 0) {
     document.heading("Where in the volume");
     document.figure(slices_figure(values_of(map), "unseen", 0,
-                                              "Slices from above, x to the right and y up: the expected error. Grey: "
-                                              "fewer than two cameras see it."));
+                                  "Slices from above, x to the right and y up: the expected error. Grey: "
+                                  "fewer than two cameras see it."));
     document.table(by_views(map, rig.cameras.size()));
   }
   std::vector<MarkedPlace> marked;
@@ -82,11 +84,11 @@ MapReport map_report(const calib::CameraRig& rig, const solver::VolumeAccuracy& 
                             in_mm(place.p95_total_m)});
     }
     document.paragraph("One more with the lens of " + rig.cameras.front().name +
-                                          ", looking at the middle of the volume, and as if it were exactly known:");
+                       ", looking at the middle of the volume, and as if it were exactly known:");
     document.table(table);
   }
-  document.figure(plan_figure(rig, map.box, marked,
-                                          "From above: cameras and what they see, the volume, and the places above."));
+  document.figure(
+      plan_figure(rig, map.box, marked, "From above: cameras and what they see, the volume, and the places above."));
   return report;
 }
 

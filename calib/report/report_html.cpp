@@ -364,8 +364,8 @@ std::string data_uri(const std::vector<std::uint8_t>& bytes) {
 }
 
 std::string to_html(const CalibrationReport& report, const PictureOf& picture_of) {
-  std::string out = html_head(report.title) + "<h1>" + escaped(report.title) + "</h1><p class=soft>" + escaped(report.board) +
-         fmt::format("; {} moments</p>\n", report.sets);
+  std::string out = html_head(report.title) + "<h1>" + escaped(report.title) + "</h1><p class=soft>" +
+                    escaped(report.board) + fmt::format("; {} moments</p>\n", report.sets);
   out += verdict_banner(report) + todo(report);
   out += "\n<h2>Cameras</h2>" + camera_table(report);
   if (!report.lens_reason.empty()) out += "<p>Lenses: " + escaped(report.lens_reason) + ".</p>";

@@ -69,9 +69,8 @@ Figure slices_figure(const VolumeValues& values, const std::string& none_means, 
     double left = 0;
     for (const int z : layers) {
       // Of a cell's middle; a grid of places has one at either end, a grid of cells has none there.
-      const double height_m =
-          values.steps[2] == 1 ? (values.box.low.z() + values.box.high.z()) / 2
-                               : values.box.low.z() + extent.z() * z / (values.steps[2] - 1);
+      const double height_m = values.steps[2] == 1 ? (values.box.low.z() + values.box.high.z()) / 2
+                                                   : values.box.low.z() + extent.z() * z / (values.steps[2] - 1);
       canvas.text({left, top - 7}, fmt::format("z = {:.2f} m", height_m), label, drawing::muted);
       for (int y = 0; y < values.steps[1]; ++y) {
         for (int x = 0; x < values.steps[0]; ++x) {

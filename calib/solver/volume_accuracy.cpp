@@ -192,7 +192,8 @@ std::vector<CameraPlace> next_camera_places(const calib::CameraRig& rig, const V
       double squares = 0;
       for (const PointAccuracy& point : then.points)
         squares += std::pow(point.views < 2 ? unseen_m : std::min(unseen_m, point.total_m), 2);
-      tried.emplace_back(squares, CameraPlace{camera.cam_from_world, then.covered, then.median_total_m, then.p95_total_m});
+      tried.emplace_back(squares,
+                         CameraPlace{camera.cam_from_world, then.covered, then.median_total_m, then.p95_total_m});
       if (lowest == highest) break;
     }
   }
@@ -246,8 +247,7 @@ std::optional<calib::RigUncertainty> uncertainty_of(const Adjustment& a, const V
   const Vector3d middle = (volume.box.low + volume.box.high) / 2;
   for (std::size_t c = 0; c < a.cameras.size(); ++c) {
     const int lens_count = cameras[c].lens_count, pose_at = cameras[c].pose_at();
-    if (lens_count > 0)
-      by_found.block(cameras[c].at, a.lens_offset[c], lens_count, lens_count).setIdentity();
+    if (lens_count > 0) by_found.block(cameras[c].at, a.lens_offset[c], lens_count, lens_count).setIdentity();
     if (!has_poses) continue;
     if (a.pose_offset[c] >= 0) by_found.block<6, 6>(pose_at, a.pose_offset[c]).setIdentity();
     // With the world turned and shifted back, the camera turns and shifts in its own axes: see pose_sigma().

@@ -425,7 +425,7 @@ void take_times(WaveResult& result, const WaveSolution& wave, double widen) {
 
 // Sets how well positions and poses are known, but for the scale. Returns the poses' covariance (see WaveFit).
 Eigen::MatrixXd take_uncertainties(WaveResult& result, const WaveSolution& wave, const calib::CameraRig& start,
-                        const PlacesErrors& errors, const solver::Progress& progress) {
+                                   const PlacesErrors& errors, const solver::Progress& progress) {
   const std::size_t n = result.cameras.size();
   const Halves halves = compare_halves(wave, n, progress);
   result.halves_m = errors.along_path.rms(halves.apart * halves.apart.transpose());

@@ -155,7 +155,8 @@ std::string rig_warning(const calib::CameraRig& rig) {
     return "the rig was found " + made.checks.back().verdict + " when it was last checked: " + made.text(now);
   const auto seen = made.checks.empty() ? made.at : std::optional(made.checks.back().at);
   if (seen && now - *seen > old)
-    return "nobody has checked the rig for long: " + made.text(now) + "; huetrack-calibrate check tells whether it fits";
+    return "nobody has checked the rig for long: " + made.text(now) +
+           "; huetrack-calibrate check tells whether it fits";
   return {};
 }
 

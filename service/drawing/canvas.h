@@ -1,6 +1,7 @@
 // The one drawing surface of pictures and charts, as pixels, SVG or PDF. Coordinates and sizes are in pixels of the
-// finished picture (units of the SVG, points of the PDF), (0,0) is its top left corner, x runs to the right and y down; lines and areas
-// are smoothed, and what is outside is not drawn. thread-compatible; canvases know nothing of each other.
+// finished picture (units of the SVG, points of the PDF), (0,0) is its top left corner, x runs to the right and y down;
+// lines and areas are smoothed, and what is outside is not drawn. thread-compatible; canvases know nothing of each
+// other.
 #pragma once
 
 #include <Eigen/Core>

@@ -35,9 +35,7 @@ struct Honesty {
     constexpr double chi2_95 = 7.815;  // three degrees of freedom
     nees += d2, inside += d2 <= chi2_95 ? 1 : 0, squares += off.squaredNorm(), ++samples;
   }
-  void add(const Honesty& o) {
-    nees += o.nees, inside += o.inside, squares += o.squares, samples += o.samples;
-  }
+  void add(const Honesty& o) { nees += o.nees, inside += o.inside, squares += o.squares, samples += o.samples; }
   std::string text() const {
     const double n = std::max(1, samples);
     return fmt::format("rms {:5.2f} mm, NEES {:6.2f}, inside {:5.1f} %", 1e3 * std::sqrt(squares / n), nees / n,

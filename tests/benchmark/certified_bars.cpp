@@ -1,7 +1,7 @@
-// How much of the true length errors a certificate's expanded uncertainty covers, over good and bad rigs: a bar with two
-// balls is rendered twice before the same cameras, on two paths; the first recording is certified, the second one tells
-// whether the certificate holds. The tracker has a rig that is off from the cameras: by a draw from the rig file's own
-// covariance, or by a mistake.
+// How much of the true length errors a certificate's expanded uncertainty covers, over good and bad rigs: a bar with
+// two balls is rendered twice before the same cameras, on two paths; the first recording is certified, the second one
+// tells whether the certificate holds. The tracker has a rig that is off from the cameras: by a draw from the rig
+// file's own covariance, or by a mistake.
 //   certified_bars RIG.yaml [SEEDS]
 #include <fmt/core.h>
 
@@ -94,10 +94,12 @@ int main(int argc, char** argv) {
     calib::CameraRig (*make)(const calib::CameraRig&, std::uint64_t);
   };
   const Fault faults[] = {
-      {"draw", [](const calib::CameraRig& r, std::uint64_t seed) {
+      {"draw",
+       [](const calib::CameraRig& r, std::uint64_t seed) {
          return calib::with_errors(r, r.uncertainty->factor() * normals(r.uncertainty->size(), seed));
        }},
-      {"turned", [](const calib::CameraRig& r, std::uint64_t seed) {  // one camera, by about 0.3 degrees
+      {"turned",
+       [](const calib::CameraRig& r, std::uint64_t seed) {  // one camera, by about 0.3 degrees
          calib::CameraRig out = r;
          calib::Tangent6d turn = calib::Tangent6d::Zero();
          turn.head<3>() = 3e-3 * normals(3, seed);
@@ -105,7 +107,8 @@ int main(int argc, char** argv) {
          camera.cam_from_world = calib::exp(turn) * camera.cam_from_world;
          return out;
        }},
-      {"scaled", [](const calib::CameraRig& r, std::uint64_t seed) {  // the board's squares were measured wrong
+      {"scaled",
+       [](const calib::CameraRig& r, std::uint64_t seed) {  // the board's squares were measured wrong
          calib::CameraRig out = r;
          const double scale = 1 + 0.01 * normals(1, seed)(0);
          for (calib::Camera& camera : out.cameras) camera.cam_from_world.translation *= scale;
@@ -131,10 +134,11 @@ int main(int argc, char** argv) {
       const auto second = measured(cameras, rig, {middle, 0.9 * seed + 2.2}, 2 * s + 1, 25);
       const certify::Certificate c = certify::certificate_of(first, 0);
       const double share = certify::covered_by(c.expanded_m, second);
-      fmt::print("{:7} {:2}: {} lengths, {} of their own, expanded {:5.2f} mm (stated {:5.2f}), rms {:5.2f}, mean {:+5.2f}; "
-                 "inside what was stated {:5.1f} %, of the second recording covered {:5.1f} %\n",
-                 fault.name, seed, c.lengths, c.independent, 1e3 * c.expanded_m, 1e3 * c.stated_expanded_m, 1e3 * c.rms_m,
-                 1e3 * c.mean_m, 100 * c.inside_stated, 100 * share);
+      fmt::print(
+          "{:7} {:2}: {} lengths, {} of their own, expanded {:5.2f} mm (stated {:5.2f}), rms {:5.2f}, mean {:+5.2f}; "
+          "inside what was stated {:5.1f} %, of the second recording covered {:5.1f} %\n",
+          fault.name, seed, c.lengths, c.independent, 1e3 * c.expanded_m, 1e3 * c.stated_expanded_m, 1e3 * c.rms_m,
+          1e3 * c.mean_m, 100 * c.inside_stated, 100 * share);
       of_fault += share, covered += share, stated += c.inside_stated, ++runs;
     }
     fmt::print("{:7}: covered {:.1f} %\n", fault.name, 100 * of_fault / seeds);

@@ -29,9 +29,8 @@ CameraRig three_cameras() {
   return rig;
 }
 
-const std::vector<RigUncertainty::OfCamera> of_cameras{{.lens_count = 9, .has_pose = true},
-                                                       {.lens_count = 8, .has_pose = true},
-                                                       {.has_pose = true}};
+const std::vector<RigUncertainty::OfCamera> of_cameras{
+    {.lens_count = 9, .has_pose = true}, {.lens_count = 8, .has_pose = true}, {.has_pose = true}};
 
 // Correlated, and without variance in six directions; lens and pose have the sizes of a good calibration.
 Eigen::MatrixXd some_covariance(std::mt19937& rng) {
@@ -54,10 +53,12 @@ TEST(RigUncertainty, HoldsACovarianceThatHasDirectionsWithoutVariance) {
   const Eigen::VectorXd sigma = covariance.diagonal().cwiseSqrt();
   const Eigen::MatrixXd off = (uncertainty.covariance() - covariance).array() / (sigma * sigma.transpose()).array();
   EXPECT_LT(off.cwiseAbs().maxCoeff(), 1e-5);
-  EXPECT_TRUE(uncertainty.problems([] {
-    CameraRig rig = three_cameras();
-    return rig;
-  }()).empty());
+  EXPECT_TRUE(uncertainty
+                  .problems([] {
+                    CameraRig rig = three_cameras();
+                    return rig;
+                  }())
+                  .empty());
 }
 
 // The truth: the pixels of the cameras as they are, and least squares with the cameras as the rig has them.
@@ -93,8 +94,7 @@ TEST(RigUncertainty, MovesAPositionAsTheCamerasErrorsDo) {
   for (const Eigen::Vector3d& p : {Eigen::Vector3d(0, 0, 1), Eigen::Vector3d(0.3, -0.4, 0.7)}) {
     const Eigen::Matrix3Xd moved = moved_by_cameras(rig, *rig.uncertainty, p, views);
     for (int draw = 0; draw < 20; ++draw) {
-      const Eigen::VectorXd errors =
-          factor * Eigen::VectorXd::NullaryExpr(factor.cols(), [&] { return normal(rng); });
+      const Eigen::VectorXd errors = factor * Eigen::VectorXd::NullaryExpr(factor.cols(), [&] { return normal(rng); });
       // The cameras are where `errors` puts them: what the rig then says lies beside p by -moved * errors.
       const Eigen::Vector3d off = triangulated(with_errors(rig, errors), rig, p, views) - p;
       EXPECT_LT((off + moved * errors).norm(), 0.02 * off.norm() + 2e-5);
@@ -150,7 +150,8 @@ TEST(RigHistory, TellsTimesAndAges) {
   for (int k = 0; k < 12; ++k) made.add({*at + std::chrono::hours(k), "usable", std::to_string(k)});
   EXPECT_EQ(made.checks.size(), RigHistory::most_checks);
   EXPECT_EQ(made.checks.back().text, "11");
-  EXPECT_EQ(made.text(*at + std::chrono::hours(14)), "calibrated 14 hours ago at 21.5 C; last checked 3 hours ago: usable");
+  EXPECT_EQ(made.text(*at + std::chrono::hours(14)),
+            "calibrated 14 hours ago at 21.5 C; last checked 3 hours ago: usable");
   EXPECT_EQ(RigHistory{}.text(*at), "");
 }
 

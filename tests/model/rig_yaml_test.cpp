@@ -321,7 +321,8 @@ TEST_F(RigYaml, TheWrittenFormIsThisOne) {
             "  tool: \"huetrack-calibrate 0.1\"\n");
 }
 
-const std::string with_uncertainty = valid +
+const std::string with_uncertainty =
+    valid +
     "made:\n"
     "  at: 2026-11-22T16:04:08Z\n"
     "  temperature_c: 21.5\n"
