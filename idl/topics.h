@@ -18,6 +18,9 @@ inline constexpr const char* object_position_topic =
 inline constexpr const char* camera_pose_topic = "huetrack/camera_pose";  // huetrack::msg::CameraPose, keyed
 inline constexpr const char* status_topic = "huetrack/status";            // huetrack::msg::ServiceStatus, keyed
 
+// Native, the type of camera_times.idl.
+inline constexpr const char* camera_times_topic = "huetrack/camera_times";  // huetrack::msg::CameraTimes, keyed
+
 // Native, types of huetrack_view.idl: what a page shows and asks for.
 inline constexpr const char* scene_topic = "huetrack/scene";                  // huetrack::msg::Scene, keyed
 inline constexpr const char* preview_topic = "huetrack/preview";              // huetrack::msg::Preview, keyed
@@ -71,6 +74,7 @@ bool is_target_name(std::string_view name);
 //                    is seen within 1.5 s. A reader keeps more, so that a slow terminal loses nothing.
 //   camera_pose      as object_position
 //   status           reliable, transient-local, keep-last 1; heartbeat 200 ms: who comes late has it within that time.
+//   camera_times     as status.
 //   scene            as status.
 //   camera_map       as status.
 //   preview          best effort, volatile, keep-last 1: a lost picture is not sent again. Large socket buffers are the

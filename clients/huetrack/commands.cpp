@@ -15,6 +15,7 @@
 #include <stdexcept>
 #include <vector>
 
+#include "idl/camera_timesPubSubTypes.h"
 #include "idl/huetrackPubSubTypes.h"
 #include "idl/topics.h"
 #include "position_subscription.h"
@@ -210,6 +211,8 @@ int status(const idl::ParticipantOptions& options) {
   idl::DdsParticipant participant(options);
   dds::DataReader& reader = participant.create_reader(
       idl::status_topic, dds::TypeSupport(new msg::ServiceStatusPubSubType), idl::status_reader_qos());
+  dds::DataReader& times_reader = participant.create_reader(
+      idl::camera_times_topic, dds::TypeSupport(new msg::CameraTimesPubSubType), idl::status_reader_qos());
   dds::DataReader& pose_reader = participant.create_reader(
       idl::camera_pose_topic, dds::TypeSupport(new msg::CameraPosePubSubType), idl::object_position_reader_qos());
   LineWriter out({}, false);
@@ -218,6 +221,7 @@ int status(const idl::ParticipantOptions& options) {
   constexpr auto a_moment = 300ms;
   bool waited_for_pose = false;
   std::vector<msg::ServiceStatus> statuses;
+  std::map<std::pair<std::string, std::uint32_t>, msg::CameraTimes> times;  // by the service's host and process
   std::map<std::string, msg::CameraPose> poses;
   while (!ended && Clock::now() < until) {
     msg::ServiceStatus sample;
@@ -227,6 +231,9 @@ int status(const idl::ParticipantOptions& options) {
       if (statuses.empty()) until = Clock::now() + a_moment;
       statuses.push_back(sample);
     }
+    msg::CameraTimes of_service;
+    while (times_reader.take_next_sample(&of_service, &info) == ReturnCode_t::RETCODE_OK)
+      if (info.valid_data) times[{of_service.host(), of_service.pid()}] = of_service;
     msg::CameraPose pose;
     while (pose_reader.take_next_sample(&pose, &info) == ReturnCode_t::RETCODE_OK)
       if (info.valid_data) poses[pose.camera()] = pose;
@@ -241,8 +248,11 @@ int status(const idl::ParticipantOptions& options) {
   }
   std::vector<msg::CameraPose> last_poses;
   for (const auto& [_, pose] : poses) last_poses.push_back(pose);
-  for (const auto& sample : statuses)
-    if (!out.write(text(sample, unix_now(), last_poses))) return 0;
+  for (const auto& sample : statuses) {
+    const auto of_service = times.find({sample.host(), sample.pid()});
+    if (!out.write(text(sample, unix_now(), of_service == times.end() ? nullptr : &of_service->second, last_poses)))
+      return 0;
+  }
   if (statuses.empty() && !ended) say("no huetrackd publishes its status " + what_to_check(participant));
   return statuses.empty() ? 1 : 0;
 }

@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "clients/live_view/events.h"
+#include "idl/camera_timesPubSubTypes.h"
 #include "idl/huetrackPubSubTypes.h"
 #include "idl/huetrack_viewPubSubTypes.h"
 #include "idl/topics.h"
@@ -77,12 +78,14 @@ struct BusReader::Connection {
                                          idl::status_reader_qos())),
         scene(participant.create_reader(idl::scene_topic, dds::TypeSupport(new msg::ScenePubSubType),
                                         idl::status_reader_qos())),
+        times(participant.create_reader(idl::camera_times_topic, dds::TypeSupport(new msg::CameraTimesPubSubType),
+                                        idl::status_reader_qos())),
         reply(participant.create_reader(idl::teach_reply_topic, dds::TypeSupport(new msg::TeachReplyPubSubType),
                                         idl::teach_reader_qos())),
         request(participant.create_writer(idl::teach_request_topic, dds::TypeSupport(new msg::TeachRequestPubSubType),
                                           idl::teach_writer_qos(), "")) {}
   idl::DdsParticipant participant;
-  dds::DataReader &position, &camera_pose, &camera_map, &status, &scene, &reply;
+  dds::DataReader &position, &camera_pose, &camera_map, &status, &scene, &times, &reply;
   dds::DataWriter& request;
 };
 
@@ -125,6 +128,7 @@ void BusReader::poll(int pages) {
   take_camera_maps();
   take_statuses();
   take_scenes();
+  take_times();
   take_replies();
   if (previews_) take_previews();
   send_requests();
@@ -156,6 +160,7 @@ void BusReader::show(const std::string& who) {
   if (!shown_.empty()) {
     hub_.erase("status");
     hub_.erase("scene");
+    hub_.erase("camera_times");
     const auto old = services_.find(shown_);
     if (old != services_.end()) {
       for (const auto& [camera, event] : old->second.camera_maps) hub_.erase("camera_map/" + camera);
@@ -168,6 +173,7 @@ void BusReader::show(const std::string& who) {
   const Service& now = services_.at(who);
   hub_.set("status", now.status);
   if (!now.scene.empty()) hub_.set("scene", now.scene);
+  if (!now.times.empty()) hub_.set("camera_times", now.times);
   for (const auto& [camera, event] : now.camera_maps) hub_.set("camera_map/" + camera, event);
   for (const auto& [process, event] : early_)
     if (process == now.process) hub_.append(event);
@@ -246,6 +252,15 @@ void BusReader::take_scenes() {
     std::string& event = service(who).scene;
     event = to_event("scene", to_json(sample));
     if (is_shown(who)) hub_.set("scene", event);
+  });
+}
+
+void BusReader::take_times() {
+  take_all<msg::CameraTimes>(connection_->times, [&](const auto& sample, const Process&) {
+    const std::string who = who_of(sample);
+    std::string& event = service(who).times;
+    event = to_event("camera_times", to_json(sample));
+    if (is_shown(who)) hub_.set("camera_times", event);
   });
 }
 

@@ -43,6 +43,7 @@ class BusReader {
   void take_camera_maps();
   void take_statuses();
   void take_scenes();
+  void take_times();
   void take_replies();
   void take_previews();
   void send_requests();
@@ -57,7 +58,7 @@ class BusReader {
   struct Service {
     std::chrono::steady_clock::time_point began, heard;
     Process process{};
-    std::string status, scene;  // the last events
+    std::string status, scene, times;  // the last events
     std::map<std::string, std::string> camera_maps;
     std::string config_file;
     std::set<std::string> cameras;

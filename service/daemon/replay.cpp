@@ -124,6 +124,7 @@ class ReplayStatus final : public pipeline::Output {
     std::ranges::copy(times_.warnings(), std::back_inserter(status.warnings));
     if (held_ != nullptr && !held_->is_released()) status.mode = "held";
     bus_.publisher().publish_status(status);
+    bus_.publisher().publish_times(status.at, times_.told());
   }
   void on_config(const config::ServiceConfig& config) noexcept override {
     const std::scoped_lock lock(mutex_);
