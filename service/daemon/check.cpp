@@ -3,6 +3,7 @@
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
+#include <chrono>
 #include <cstdio>
 #include <exception>
 #include <iterator>
@@ -42,6 +43,12 @@ void check(const std::filesystem::path& file) {
   for (const auto& warning : warnings) spdlog::warn("{}: {}", config.file.string(), warning);
   std::printf("# %s, resolved; identity %s\n%s", config.file.c_str(), config::config_identity(config).c_str(),
               config::to_yaml_with_origins(config).c_str());
+  if (config.rig.cameras.empty()) return;
+  const std::string age =
+      config.rig.made.text(std::chrono::floor<std::chrono::seconds>(std::chrono::system_clock::now()));
+  std::printf("# the rig: %s; %s\n", age.empty() ? "its file does not say when it was made" : age.c_str(),
+              config.rig.uncertainty ? "with its uncertainty, which is in every position's covariance"
+                                     : "without uncertainty: its cameras count as exactly known");
   if (config.targets.empty()) return;
   const auto coverage = config::volume_coverage(config.rig, config.object_tracking.volume);
   std::printf("# of the volume are seen: by two or more cameras %.0f %%, by one or more %.0f %%", 100 * coverage.by_two,
