@@ -312,7 +312,8 @@ ReplaySummary replay(const ReplayCommand& command, const std::stop_token& stop) 
   pipeline::CameraTimes times(session.config(), command.write_rig, false, &calibration);
   session.add(times);
   std::optional<ReplayStatus> status;
-  if (bus) session.add(status.emplace(session.config(), *bus, session.time(), playback.held, light, times, calibration));
+  if (bus)
+    session.add(status.emplace(session.config(), *bus, session.time(), playback.held, light, times, calibration));
   std::optional<pipeline::PoseFile> poses;
   if (!command.poses.empty()) session.add(poses.emplace(command.poses, config, pipeline::WhenFileFails::stop));
   std::optional<pipeline::TrackFile> tracks;

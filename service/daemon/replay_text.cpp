@@ -39,7 +39,8 @@ std::string times_text(const ReplaySummary& s) {
   if (s.camera) text += ", " + stage_text("camera", f.camera_track);
   if (s.pictures > 0) text += ", " + stage_text("draw", f.draw);
   // The camera's thread runs beside the tracking thread: together this is what one core would need.
-  const double own_s = capture::seconds(f.synchronise.wall + f.watch.wall + f.track.wall + f.camera_track.wall + f.publish.wall);
+  const double own_s =
+      capture::seconds(f.synchronise.wall + f.watch.wall + f.track.wall + f.camera_track.wall + f.publish.wall);
   text += fmt::format("\n          with decoding{} left out: {} real time", s.pictures > 0 ? " and drawing" : "",
                       times_real_time(s.recorded_s, own_s));
   if (!s.targets.empty()) {

@@ -118,8 +118,9 @@ int CalibrationReport::mend(calib::CameraRig& rig) const {
   for (std::size_t c = 0; c < cameras_.size(); ++c) {
     if (!facts_[c].moved) continue;
     ++moved;
-    rig.cameras[c].cam_from_world = facts_[c].moved->cam_from_world;
-    const auto& m = *facts_[c].moved;
+    const room_watch::MovedPoseEstimate& m = *facts_[c].moved;
+    rig.cameras[c].cam_from_world = m.cam_from_world;
+    if (rig.uncertainty) rig.uncertainty = calib::with_pose_covariance(rig, int(c), m.covariance);
     const std::string key = "mended_" + cameras_[c];
     std::erase_if(rig.made_by, [&](const auto& entry) { return entry.first == key; });
     rig.made_by.emplace_back(
