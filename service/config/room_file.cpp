@@ -27,6 +27,15 @@ room_watch::SeenPatch read_seen(const yaml::YamlReader& patch) {
   return seen;
 }
 
+std::string in_quotes(const std::string& name) {
+  std::string out = "\"";
+  for (const char c : name) {
+    if (c == '"' || c == '\\') out += '\\';
+    out += c;
+  }
+  return out + '"';
+}
+
 }  // namespace
 
 std::vector<KeptRoom> read_room(const std::filesystem::path& file, const std::string& rig_identity) {
@@ -67,7 +76,7 @@ std::string room_to_yaml(const std::vector<KeptRoom>& room, const std::string& r
       "# deletes it has the room learnt anew.\nversion: 1\n";
   text += fmt::format("rig: \"{}\"  # this one only\ncameras:\n", rig_identity);
   for (const KeptRoom& kept : room) {
-    text += fmt::format("  \"{}\":\n    patches:\n", kept.camera);
+    text += fmt::format("  {}:\n    patches:\n", in_quotes(kept.camera));
     for (const room_watch::KeptPatch& patch : kept.patches) {
       text += fmt::format("      - {{px: [{}, {}], cell: {}, seen: \"", patch.px.x(), patch.px.y(), patch.cell);
       for (const std::uint8_t value : patch.seen) text += fmt::format("{:02x}", value);

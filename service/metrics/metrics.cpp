@@ -96,7 +96,7 @@ std::string to_prometheus(const publish::ServiceStatus& status, std::span<const 
           [](const auto& c) { return c.frames > 0 ? c.age_s : std::numeric_limits<double>::quiet_NaN(); });
 
   const auto calibrations = [&](std::string_view family, std::string_view help, auto value) {
-    text.family(family, "gauge", help);
+    if (!calibration.empty()) text.family(family, "gauge", help);
     for (std::size_t c = 0; c < calibration.size(); ++c)
       text.sample("camera=" + label(status.cameras[c].name), double(value(calibration[c])));
   };
