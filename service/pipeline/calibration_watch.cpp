@@ -158,8 +158,9 @@ bool CalibrationWatch::trust_camera(std::size_t camera, bool is_used, capture::T
 }
 
 void CalibrationWatch::learn(std::span<const object_tracking::ObjectEstimate> estimates) {
-  // What the others fix is worth nothing where one of them is off itself.
-  const auto is_off = [&](const CameraCalibration& facts) { return facts.moved && facts.is_used && !facts.is_mended; };
+  // What the others fix is worth nothing where one of them is off itself; and two that were mended by one another would
+  // drift away together.
+  const auto is_off = [&](const CameraCalibration& facts) { return facts.moved && facts.is_used; };
   const auto off = std::ranges::count_if(facts_, is_off);
   for (std::size_t c = 0; c < watched_.size(); ++c) {
     Watched& w = watched_[c];

@@ -38,7 +38,7 @@ Patch patch_at(const capture::Image& image, int column, int row, int scale = 1) 
 
 TEST(Patch, IsFoundToATwentiethOfAPixelInAnotherLight) {
   const Patch patch = patch_at(picture(spots), 30, 30);
-  for (const Eigen::Vector2d shift : {Eigen::Vector2d(0.37, -0.61), Eigen::Vector2d(-1.4, 1.2)}) {
+  for (const Eigen::Vector2d& shift : {Eigen::Vector2d(0.37, -0.61), Eigen::Vector2d(-1.4, 1.2)}) {
     const auto dimmed = picture([&](double u, double v) { return 0.6 * spots(u - shift.x(), v - shift.y()) + 25; });
     const Found found = find(patch, Luma(dimmed, 1), patch.centre);
     ASSERT_EQ(found.outcome, Found::Outcome::found);
