@@ -68,6 +68,12 @@ struct PublisherIdentity {
 // A target's name is part of a ROS 2 topic's name: [A-Za-z][A-Za-z0-9_]*, without two underscores in a row.
 bool is_target_name(std::string_view name);
 
+// The largest sample of a native topic that a reader of ours takes, in bytes; larger ones are refused on receipt,
+// before there is memory for them. The types have no bounds of their own, as a @final type never changes: without
+// these, anybody on the bus could make every reader hold what he sends. Each is several times what huetrackd sends with
+// 16 cameras and 100 targets. nullopt: a topic that we do not read.
+std::optional<std::uint32_t> largest_sample(std::string_view topic);
+
 // The QoS when the user's XML has no profile of the topic's name.
 //   object_position  reliable, volatile, keep-last 10; liveliness automatic, lease 1 s, so that the kill -9 of a
 //   service
@@ -81,6 +87,8 @@ bool is_target_name(std::string_view name);
 //                    host's affair; our pictures fit into a few datagrams.
 //   teach_*          reliable, volatile, keep-last 10.
 //   ROS 2            reliable, volatile, keep-last 10: matches echo, RViz and best-effort readers.
+// A reader has room for samples of largest_sample() from its start and never takes more: what is not taken in time is
+// replaced by what comes, and of a keyed topic there are at most 4000 instances.
 // All are published synchronously: the measured latency and its tail are the best so, and the publishing thread is not
 // a capturing one. No deadline is offered: it would exclude readers.
 eprosima::fastdds::dds::DataWriterQos object_position_writer_qos();

@@ -1,22 +1,18 @@
 #include "calib/model/rig_yaml.h"
 
-#include <fcntl.h>
 #include <fmt/format.h>
-#include <sys/stat.h>
-#include <unistd.h>
 
 #include <Eigen/LU>
 #include <algorithm>
 #include <array>
-#include <cerrno>
 #include <charconv>
 #include <cmath>
 #include <cstdint>
-#include <cstdlib>
 #include <span>
-#include <system_error>
+#include <stdexcept>
 
 #include "calib/model/index.h"
+#include "calib/yaml/output_file.h"
 #include "calib/yaml/yaml_reader.h"
 
 namespace huetrack::calib {
@@ -325,29 +321,16 @@ std::string to_yaml(const CameraRig& rig) {
 }
 
 void write_rig(const CameraRig& rig, const std::filesystem::path& file) {
-  const auto problem = [](const std::filesystem::path& path) {
-    return std::system_error(errno, std::generic_category(), "cannot write " + path.string());
-  };
-  std::filesystem::path temporary = file;
-  temporary += ".XXXXXX";
-  std::string name = temporary.string();
-  const int fd = ::mkostemp(name.data(), O_CLOEXEC);
-  if (fd < 0) throw problem(file);
-  const std::string text = to_yaml(rig);
-  bool written = ::fchmod(fd, 0644) == 0;
-  for (std::size_t done = 0; written && done < text.size();) {
-    const ssize_t count = ::write(fd, text.data() + done, text.size() - done);
-    if (count < 0 && errno == EINTR) continue;
-    written = count > 0;
-    done += written ? static_cast<std::size_t>(count) : 0;
+  std::error_code none;
+  if (std::filesystem::is_regular_file(file, none) && std::filesystem::file_size(file, none) > 0) {
+    try {
+      read_rig(file);
+    } catch (const yaml::ConfigError&) {
+      throw std::runtime_error(file.string() +
+                               " is there, and holds no rig: it is not replaced. Give another name, or remove it");
+    }
   }
-  written = written && ::fsync(fd) == 0;  // before the rename: a power cut must not leave an empty rig
-  written = ::close(fd) == 0 && written;
-  if (!written || ::rename(name.c_str(), file.c_str()) != 0) {
-    const auto error = problem(file);
-    ::unlink(name.c_str());
-    throw error;
-  }
+  yaml::write_whole_file(file, to_yaml(rig));
 }
 
 std::string rig_identity(const CameraRig& rig) {

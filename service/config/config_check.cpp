@@ -6,11 +6,15 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <iterator>
 
 namespace huetrack::config {
 namespace {
 
 namespace fs = std::filesystem;
+
+constexpr std::size_t most_targets = 100;
+constexpr std::size_t most_pairs = 3;  // of targets with one colour that are warned of one by one
 
 std::string not_in_the_rig(const std::string& camera, const calib::CameraRig& rig) {
   std::vector<std::string> names;
@@ -127,6 +131,10 @@ bool hues_overlap(const object_tracking::HsiRange& a, const object_tracking::Hsi
 }  // namespace
 
 void check(const ServiceConfig& config, const yaml::YamlReader& root) {
+  if (config.targets.size() > most_targets)
+    root.fail("targets", fmt::format("are {}, and {} at most can be tracked: each has particles, colour tables and "
+                                     "topics of its own",
+                                     config.targets.size(), most_targets));
   check_camera_tracking(config, root.map_or_empty("camera_tracking"));
   if (config.targets.empty() && config.camera_tracking.camera.empty())
     root.fail("targets",
@@ -184,15 +192,24 @@ std::vector<std::string> warnings_of(const ServiceConfig& config) {
         fmt::format("only {} % of the volume is seen by two or more cameras: a target's depth is not fixed in the rest",
                     std::lround(100 * coverage.by_two)));
   }
+  std::vector<std::string> pairs;
   for (std::size_t a = 0; a < config.targets.size(); ++a) {
     for (std::size_t b = a + 1; b < config.targets.size(); ++b) {
       for (const auto& camera : config.rig.cameras) {
         if (!hues_overlap(config.targets[a].color_in(camera.name), config.targets[b].color_in(camera.name))) continue;
-        warnings.push_back("targets " + config.targets[a].name + " and " + config.targets[b].name +
-                           " have overlapping colours in camera " + camera.name + " and may be taken for each other");
+        pairs.push_back("targets " + config.targets[a].name + " and " + config.targets[b].name +
+                        " have overlapping colours in camera " + camera.name + " and may be taken for each other");
         break;
       }
     }
+  }
+  if (pairs.size() > most_pairs) {
+    warnings.push_back(
+        fmt::format("{} pairs of targets have overlapping colours and may be taken for each other; the "
+                    "first: {}",
+                    pairs.size(), pairs.front()));
+  } else {
+    std::ranges::move(pairs, std::back_inserter(warnings));
   }
   return warnings;
 }

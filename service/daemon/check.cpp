@@ -5,20 +5,41 @@
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
+#include <exception>
 #include <iterator>
+#include <vector>
 
+#include "calib/yaml/yaml_reader.h"
 #include "config/service_config.h"
+#include "pipeline/session.h"
 #include "publish/estimate_publisher.h"
 #include "tracks/track_csv.h"
 #include "tracks/truth.h"
 
 namespace huetrack::daemon {
 
+namespace {
+
+// What replay and run would say of it when they begin: the trackers, the map that is loaded. throws, naming the file
+void require_session(const config::ServiceConfig& config) {
+  try {
+    const pipeline::Session session(
+        config, {.sources = {}, .cameras = [] { return std::vector<pipeline::SessionCamera>(); }}, {});
+  } catch (const yaml::ConfigError&) {
+    throw;
+  } catch (const std::exception& error) {
+    throw yaml::ConfigError(config.file, 0, error.what());
+  }
+}
+
+}  // namespace
+
 void check(const std::filesystem::path& file) {
   const config::ServiceConfig config = config::load_service_config(file);
   auto warnings = config::warnings_of(config);
   if (config.dds.enabled)
     std::ranges::copy(publish::EstimatePublisher::check(config.dds.publisher), std::back_inserter(warnings));
+  require_session(config);
   for (const auto& warning : warnings) spdlog::warn("{}: {}", config.file.string(), warning);
   std::printf("# %s, resolved; identity %s\n%s", config.file.c_str(), config::config_identity(config).c_str(),
               config::to_yaml_with_origins(config).c_str());
