@@ -86,6 +86,8 @@ LiveSummary run_live(const config::ServiceConfig& config, std::vector<pipeline::
   session.add(meter);
   pipeline::LightReport light(session.config());
   session.add(light);
+  pipeline::MistakeReport mistakes(session.config());
+  session.add(mistakes);
   pipeline::CameraTimes times(session.config(), options.write_rig, true);
   session.add(times);
   std::vector<const pipeline::FileOutput*> files;
@@ -123,6 +125,7 @@ LiveSummary run_live(const config::ServiceConfig& config, std::vector<pipeline::
                          .requests = requests,
                          .meter = meter,
                          .light = light,
+                         .mistakes = mistakes,
                          .times = times,
                          .recording = recording,
                          .files = files,

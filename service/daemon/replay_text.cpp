@@ -107,6 +107,7 @@ std::string to_text(const ReplaySummary& s, const ReplayCommand& command) {
   std::string text = frames_text(s) + times_text(s);
   for (const auto& target : s.targets) text += target_text(target);
   if (s.camera) text += camera_text(*s.camera, s.figures);
+  for (const auto& sentence : s.mistakes) text += "  mistake " + sentence + "\n";
   for (const auto& sentence : s.times) text += "  times   " + sentence + "\n";
   for (const auto& sentence : s.light) text += "  light   " + sentence + "\n";
   if (!command.poses.empty()) text += "  poses   " + command.poses.string() + "\n";

@@ -17,6 +17,7 @@
 #include "pipeline/file_outputs.h"
 #include "pipeline/light_report.h"
 #include "pipeline/live_cameras.h"
+#include "pipeline/mistake_report.h"
 #include "pipeline/recording_keeper.h"
 #include "pipeline/session.h"
 
@@ -35,6 +36,7 @@ struct Supervised {
   LiveRequests& requests;
   const metrics::RoadMeter& meter;
   const pipeline::LightReport& light;
+  const pipeline::MistakeReport& mistakes;
   const pipeline::CameraTimes& times;
   pipeline::RecordingKeeper& recording;
   std::vector<const pipeline::FileOutput*> files;
