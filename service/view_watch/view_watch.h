@@ -66,7 +66,7 @@ class ViewWatch {
             double now_s);
   bool is_still(PerCamera& camera, const Eigen::Vector2d& px, double now_s) const;
   std::optional<Mistake> of_rig(double now_s);
-  std::optional<Mistake> explained(const PairComparison::Verdict& as_is);
+  std::optional<Mistake> explained(const PairComparison::Verdict& as_is, bool is_clear) const;
   std::optional<Mistake> of_radius() const;
   bool has_moved() const;
   void confirm(const std::vector<Mistake>& found, double now_s);
@@ -77,7 +77,7 @@ class ViewWatch {
   std::vector<Track> tracks_;  // of cameras_, less what contradicts itself: work space
   TimeSigmas time_sigmas_, time_shifts_;
   std::optional<capture::Timestamp> first_at_;
-  double next_s_ = 0;
+  double next_s_ = 0, next_turn_s_ = 0;
   struct Suspected {
     Mistake mistake;
     int times = 0;
