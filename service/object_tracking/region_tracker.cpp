@@ -39,6 +39,7 @@ constexpr double at_rest_m_s = 0.3;
 // takes longer than all else. What it finds may be the object if it covers so much of the disc that would be there.
 constexpr unsigned far_looks_every = 4;
 constexpr double least_far_share = 0.3, largest_far_share = 4;
+constexpr double excused_share_of_speed = 0.25;
 constexpr double nowhere_px = 50;  // how far apart views are whose rays do not meet
 // A candidate that two views agree on while another one shows something of its size elsewhere must be seen in so many
 // sets: by chance rays meet once and again, but not for as long.
@@ -408,8 +409,10 @@ void RegionTracker::compare(const std::vector<TargetView>& views, capture::Times
       if (const auto far = far_off(view, set_at)) besides_.push_back(*far);
     }
   }
-  const double velocity_variance = largest_variance(belief_.velocity_covariance());
-  doubts_.compare(besides_, std::sqrt(velocity_variance), options_.acceleration_m_s2);
+  // A velocity that is not known any more, as the views contradict one another, is no excuse for them.
+  const double velocity_sigma =
+      std::min(largest_sigma(belief_.velocity_covariance()), excused_share_of_speed * options_.start_speed_m_s);
+  doubts_.compare(besides_, velocity_sigma, options_.acceleration_m_s2);
   doubt(sightings_);
   doubt(watched_);
   seen_ = sightings_;

@@ -17,6 +17,7 @@ constexpr std::size_t enough = 8;  // comparisons, for a quantile
 // What a good calibration's own error, light from one side and a colour's seams make of it on good recordings
 // (README.md): a pair below this agrees.
 constexpr double usual_scale2 = 4;
+constexpr double usual_of_two = 12;      // (3.5 standard deviations)^2, twice
 constexpr double forgetting = 1.0 / 16;  // of the means, per comparison
 // A disagreement that has lasted for a second is believed to be there for some 20 s more, fading: where the object is
 // now, the cameras' error may lie along the epipolar lines.
@@ -84,7 +85,12 @@ void ViewDoubts::note(Pair& p, const Disagreement& seen) {
   p.share_i += share * (seen.share_i - p.share_i);
   p.share_j += share * (seen.share_j - p.share_j);
   p.scale2 = scale2_of(p);
-  const double excess_px2 = p.scale2 > usual_scale2 ? (p.scale2 - 1) * p.expected_px2 : 0;
+  double excess_px2 = p.scale2 > usual_scale2 ? (p.scale2 - 1) * p.expected_px2 : 0;
+  // Before it is usual: what two comparisons say, one after the other, is no frame that was shown once more.
+  if (p.count > 1) {
+    const double of_both = double(std::min(p.squares[(p.count - 1) % kept], p.squares[(p.count - 2) % kept]));
+    if (of_both > usual_of_two) excess_px2 = std::max(excess_px2, of_both * p.expected_px2);
+  }
   const double rise =
       p.count >= enough && excess_px2 > p.lasting_px2 ? believed_per_comparison * (excess_px2 - p.lasting_px2) : 0;
   p.lasting_px2 = kept_of_excess * p.lasting_px2 + rise;
