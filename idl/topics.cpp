@@ -59,25 +59,21 @@ constexpr std::uint32_t liveliness_lease_s = 1;
 
 }  // namespace
 
-namespace topics {
-
-std::string ros2_pose(std::string_view target) {
+std::string ros2_pose_topic(std::string_view target) {
   return "rt/huetrack/" + std::string(target) + "/pose";
 }
 
-std::string ros2_image(std::string_view camera) {
+std::string ros2_image_topic(std::string_view camera) {
   return "rt/huetrack/" + std::string(camera) + "/image/compressed";
 }
 
-std::string ros2_camera_info(std::string_view camera) {
+std::string ros2_camera_info_topic(std::string_view camera) {
   return "rt/huetrack/" + std::string(camera) + "/camera_info";
 }
 
-std::string ros2_camera_pose(std::string_view camera) {
+std::string ros2_camera_pose_topic(std::string_view camera) {
   return "rt/huetrack/camera/" + std::string(camera) + "/pose";
 }
-
-}  // namespace topics
 
 std::string ros2_user_data(std::string_view type_hash) {
   return "typehash=" + std::string(type_hash) + ";";

@@ -12,33 +12,30 @@
 
 namespace huetrack::idl {
 
-namespace topics {
-
 // Native, types of huetrack.idl.
-inline constexpr const char* object_position = "huetrack/object_position";  // huetrack::msg::ObjectPosition, keyed
-inline constexpr const char* camera_pose = "huetrack/camera_pose";          // huetrack::msg::CameraPose, keyed
-inline constexpr const char* status = "huetrack/status";                    // huetrack::msg::ServiceStatus, keyed
+inline constexpr const char* object_position_topic =
+    "huetrack/object_position";                                           // huetrack::msg::ObjectPosition, keyed
+inline constexpr const char* camera_pose_topic = "huetrack/camera_pose";  // huetrack::msg::CameraPose, keyed
+inline constexpr const char* status_topic = "huetrack/status";            // huetrack::msg::ServiceStatus, keyed
 
 // Native, types of huetrack_view.idl: what a page shows and asks for.
-inline constexpr const char* scene = "huetrack/scene";                  // huetrack::msg::Scene, keyed
-inline constexpr const char* preview = "huetrack/preview";              // huetrack::msg::Preview, keyed
-inline constexpr const char* camera_map = "huetrack/camera_map";        // huetrack::msg::CameraMap, keyed
-inline constexpr const char* teach_request = "huetrack/teach_request";  // huetrack::msg::TeachRequest
-inline constexpr const char* teach_reply = "huetrack/teach_reply";      // huetrack::msg::TeachReply
+inline constexpr const char* scene_topic = "huetrack/scene";                  // huetrack::msg::Scene, keyed
+inline constexpr const char* preview_topic = "huetrack/preview";              // huetrack::msg::Preview, keyed
+inline constexpr const char* camera_map_topic = "huetrack/camera_map";        // huetrack::msg::CameraMap, keyed
+inline constexpr const char* teach_request_topic = "huetrack/teach_request";  // huetrack::msg::TeachRequest
+inline constexpr const char* teach_reply_topic = "huetrack/teach_reply";      // huetrack::msg::TeachReply
 
 // ROS 2, types of ros2_messages.idl. A ROS 2 topic /x is the DDS topic rt/x.
-inline constexpr const char* ros2_tf = "rt/tf";  // tf2_msgs/msg/TFMessage
-std::string ros2_pose(
+inline constexpr const char* ros2_tf_topic = "rt/tf";  // tf2_msgs/msg/TFMessage
+std::string ros2_pose_topic(
     std::string_view target);  // rt/huetrack/<target>/pose: geometry_msgs/msg/PoseWithCovarianceStamped
-std::string ros2_camera_pose(std::string_view camera);  // rt/huetrack/camera/<camera>/pose: the same type
+std::string ros2_camera_pose_topic(std::string_view camera);  // rt/huetrack/camera/<camera>/pose: the same type
 
-inline constexpr const char* ros2_tf_static = "rt/tf_static";       // tf2_msgs/msg/TFMessage, transient local
-inline constexpr const char* ros2_markers = "rt/huetrack/markers";  // visualization_msgs/msg/MarkerArray
-std::string ros2_image(std::string_view camera);  // rt/huetrack/<camera>/image/compressed: CompressedImage
-std::string ros2_camera_info(
+inline constexpr const char* ros2_tf_static_topic = "rt/tf_static";       // tf2_msgs/msg/TFMessage, transient local
+inline constexpr const char* ros2_markers_topic = "rt/huetrack/markers";  // visualization_msgs/msg/MarkerArray
+std::string ros2_image_topic(std::string_view camera);  // rt/huetrack/<camera>/image/compressed: CompressedImage
+std::string ros2_camera_info_topic(
     std::string_view camera);  // rt/huetrack/<camera>/camera_info: CameraInfo; of the image's size
-
-}  // namespace topics
 
 // REP-2011 type hashes, which ROS 2 Iron and later look for in an endpoint's USER_DATA.
 inline constexpr const char* ros2_pose_type_hash =

@@ -3,7 +3,7 @@
 // Board frame: metres; seen from the front x right, y down, z into the board (away from the viewer).
 // - chessboard, charuco: the points are the inner corners, numbered row by row, x fastest; corner 0 is the origin.
 //   A chessboard's corner 0 lies beside a black corner square (a white one when `inverted`). Where that leaves more
-//   than one way round (symmetric(), the usual mistake in multi-camera calibration), one image alone cannot tell which.
+//   than one way round (the usual mistake in multi-camera calibration), one image alone cannot tell which.
 // - aruco_grid: the points are the markers' corners, 4 * marker + (0..3), clockwise from its top left one; markers are
 //   numbered row by row; the top left corner of marker 0 is the origin.
 #pragma once
@@ -43,7 +43,6 @@ struct Board {
   // The ways in which the board's points can be renumbered so that it looks the same: permutations of the point ids,
   // the identity first. Only chessboards have more than one: two (turned by half), or four (square, both counts odd).
   std::vector<std::vector<int>> symmetries() const;
-  bool symmetric() const { return symmetries().size() > 1; }
 
   std::string description() const;            // "chessboard 9x6, squares of 60 mm"
   std::vector<std::string> problems() const;  // empty when valid; one sentence per violated constraint

@@ -209,9 +209,9 @@ int watch_topic(const WatchOptions& options, const std::string& wanted, const st
 int status(const idl::ParticipantOptions& options) {
   idl::DdsParticipant participant(options);
   dds::DataReader& reader = participant.create_reader(
-      idl::topics::status, dds::TypeSupport(new msg::ServiceStatusPubSubType), idl::status_reader_qos());
+      idl::status_topic, dds::TypeSupport(new msg::ServiceStatusPubSubType), idl::status_reader_qos());
   dds::DataReader& pose_reader = participant.create_reader(
-      idl::topics::camera_pose, dds::TypeSupport(new msg::CameraPosePubSubType), idl::object_position_reader_qos());
+      idl::camera_pose_topic, dds::TypeSupport(new msg::CameraPosePubSubType), idl::object_position_reader_qos());
   LineWriter out({}, false);
   // After the first one a moment more: a second service may be there, and the poses of a camera that is tracked.
   Clock::time_point until = Clock::now() + nobody_after;

@@ -19,15 +19,15 @@ struct Of;
 template <>
 struct Of<msg::ObjectPosition> {
   using Type = msg::ObjectPositionPubSubType;
-  static constexpr const char* topic = idl::topics::object_position;
-  static constexpr const char* other_topic = idl::topics::camera_pose;
+  static constexpr const char* topic = idl::object_position_topic;
+  static constexpr const char* other_topic = idl::camera_pose_topic;
   static constexpr const char* named = ", targets";
 };
 template <>
 struct Of<msg::CameraPose> {
   using Type = msg::CameraPosePubSubType;
-  static constexpr const char* topic = idl::topics::camera_pose;
-  static constexpr const char* other_topic = idl::topics::object_position;
+  static constexpr const char* topic = idl::camera_pose_topic;
+  static constexpr const char* other_topic = idl::object_position_topic;
   static constexpr const char* named = ", camera";
 };
 

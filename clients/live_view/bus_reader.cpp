@@ -66,20 +66,20 @@ idl::ParticipantOptions named(idl::ParticipantOptions options, const char* name)
 struct BusReader::Connection {
   explicit Connection(const idl::ParticipantOptions& options)
       : participant(named(options, "huetrack view")),
-        position(participant.create_reader(idl::topics::object_position,
+        position(participant.create_reader(idl::object_position_topic,
                                            dds::TypeSupport(new msg::ObjectPositionPubSubType),
                                            idl::object_position_reader_qos())),
-        camera_pose(participant.create_reader(idl::topics::camera_pose, dds::TypeSupport(new msg::CameraPosePubSubType),
+        camera_pose(participant.create_reader(idl::camera_pose_topic, dds::TypeSupport(new msg::CameraPosePubSubType),
                                               idl::object_position_reader_qos())),
-        camera_map(participant.create_reader(idl::topics::camera_map, dds::TypeSupport(new msg::CameraMapPubSubType),
+        camera_map(participant.create_reader(idl::camera_map_topic, dds::TypeSupport(new msg::CameraMapPubSubType),
                                              idl::status_reader_qos())),
-        status(participant.create_reader(idl::topics::status, dds::TypeSupport(new msg::ServiceStatusPubSubType),
+        status(participant.create_reader(idl::status_topic, dds::TypeSupport(new msg::ServiceStatusPubSubType),
                                          idl::status_reader_qos())),
-        scene(participant.create_reader(idl::topics::scene, dds::TypeSupport(new msg::ScenePubSubType),
+        scene(participant.create_reader(idl::scene_topic, dds::TypeSupport(new msg::ScenePubSubType),
                                         idl::status_reader_qos())),
-        reply(participant.create_reader(idl::topics::teach_reply, dds::TypeSupport(new msg::TeachReplyPubSubType),
+        reply(participant.create_reader(idl::teach_reply_topic, dds::TypeSupport(new msg::TeachReplyPubSubType),
                                         idl::teach_reader_qos())),
-        request(participant.create_writer(idl::topics::teach_request, dds::TypeSupport(new msg::TeachRequestPubSubType),
+        request(participant.create_writer(idl::teach_request_topic, dds::TypeSupport(new msg::TeachRequestPubSubType),
                                           idl::teach_writer_qos(), "")) {}
   idl::DdsParticipant participant;
   dds::DataReader &position, &camera_pose, &camera_map, &status, &scene, &reply;
@@ -90,7 +90,7 @@ struct BusReader::Connection {
 struct BusReader::Previews {
   explicit Previews(const idl::ParticipantOptions& options)
       : participant(named(options, "huetrack view, previews")),
-        preview(participant.create_reader(idl::topics::preview, dds::TypeSupport(new msg::PreviewPubSubType),
+        preview(participant.create_reader(idl::preview_topic, dds::TypeSupport(new msg::PreviewPubSubType),
                                           idl::preview_reader_qos())) {}
   idl::DdsParticipant participant;
   dds::DataReader& preview;

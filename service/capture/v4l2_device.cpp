@@ -1276,8 +1276,4 @@ bool V4l2Device::is_short_of_buffers() const {
   return impl_->buffers && (impl_->is_loopback() || impl_->buffers->left_to_driver() < least_left_to_driver);
 }
 
-int V4l2Device::buffer_count() const {
-  return impl_->buffers ? impl_->buffers->count() : 0;
-}
-
 }  // namespace huetrack::capture

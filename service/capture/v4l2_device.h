@@ -213,7 +213,6 @@ class V4l2Device {
   // Copy the frame and let go of it rather than hold it: fewer than three buffers are left to the driver, or it is
   // v4l2loopback, whose player writes on into buffers that were handed out.
   bool is_short_of_buffers() const;
-  int buffer_count() const;  // that the driver gave
 
  private:
   void release_buffers();

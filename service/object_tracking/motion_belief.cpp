@@ -30,10 +30,8 @@ constexpr double least_latency_sigma_s = 3e-4, least_readout_sigma_s = 8e-4;
 // An object of a room's size passes its lamps and windows within metres: half a metre on, it is lit in another way.
 constexpr double lasting_way_m = 0.5;
 
-// Row times that moved by this much since they were last opened were linearised at the wrong place: a ball at 3 m/s is
-// 15 mm from where it was taken to be. Opened are they by as much as that may have cost.
-constexpr double far_s = 0.005, reopened_latency_sigma_s = 0.003, reopened_readout_sigma_s = 0.006;
-constexpr double settled_s = 0.002;  // row times known as well as this are known
+// A ball at 3 m/s is 15 mm from where it is taken to be; in so much time its usual swerves are a tenth of a millimetre.
+constexpr double far_s = 0.005;
 
 double variance_of(const std::optional<double>& value, const std::optional<double>& sigma, double unknown_sigma_s) {
   const double s = sigma.value_or(value ? unstated_sigma_s : unknown_sigma_s);
@@ -77,22 +75,13 @@ void MotionBelief::expect_in_step() {
   }
 }
 
-void MotionBelief::reopen_times() {
-  if (!times_are_learnt_) return;
-  const Eigen::Index n = 2 * static_cast<Eigen::Index>(given_.size());
-  double moved_s = 0;
-  for (int c = 0; c < static_cast<int>(given_.size()); ++c) {
-    if (row_sigma_s(c, 0) > settled_s) return;
-    const Eigen::Index l = latency_of(c);
-    moved_s = std::max(moved_s, std::abs(mean_(l) - times_linearised_(l - 6)));
-  }
-  if (moved_s < far_s) return;
-  times_linearised_ = mean_.segment(6, n);
-  for (int c = 0; c < static_cast<int>(given_.size()); ++c) {
-    const Eigen::Index l = latency_of(c);
-    if (c != reference_camera) covariance_(l, l) += reopened_latency_sigma_s * reopened_latency_sigma_s;
-    covariance_(l + 1, l + 1) += reopened_readout_sigma_s * reopened_readout_sigma_s;
-  }
+bool MotionBelief::are_times_far() const {
+  if (!times_are_learnt_) return false;
+  return (mean_.segment(6, times_linearised_.size()) - times_linearised_).cwiseAbs().maxCoeff() > far_s;
+}
+
+void MotionBelief::linearise_times_at(const MotionBelief& known) {
+  times_linearised_ = known.mean_.segment(6, times_linearised_.size());
 }
 
 double MotionBelief::row_shift_s(int camera, double below_middle) const {

@@ -83,9 +83,11 @@ class MotionBelief {
   // Kalman update. Returns the squared innovation in its own standard deviations: 2 on average. A sighting from before
   // `at` is compared with where the object was then, swerves included. velocity: that of the linearisation.
   double observe(const LinearSighting& sighting, const Eigen::Vector3d& velocity, double power_density);
-  // Where the times have become known, and were far from it before, they are opened again by some milliseconds: what
-  // was learnt on the way was linearised at wrong times, and is surer than it should be.
-  void reopen_times();
+  // Velocity times time is a product of two unknowns, which observe() takes at the times' means of then. They are far
+  // from those by now: what was learnt on the way was linearised at wrong times, and is surer than it should be.
+  bool are_times_far() const;
+  // What is observed from now on is linearised at the times' means of `known`.
+  void linearise_times_at(const MotionBelief& known);
   // The position's mean and covariance are replaced; all else follows by regression on the position.
   void set_position(const Eigen::Vector3d& mean, const Eigen::Matrix3d& covariance);
 
@@ -125,7 +127,7 @@ class MotionBelief {
   void renew_lasting(int camera, double lasting_px, const Eigen::Matrix2d& doubt);
 
   bool times_are_learnt_;
-  Eigen::VectorXd times_linearised_;  // their means when they were last opened
+  Eigen::VectorXd times_linearised_;  // their means when they were last linearised at
   Eigen::VectorXd mean_;
   Eigen::MatrixXd covariance_;
   struct Given {  // by the rig

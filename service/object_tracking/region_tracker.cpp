@@ -35,6 +35,15 @@ constexpr double open_time_s = 2e-3;
 // Slower than this, times hardly matter: 6 mm at 20 ms.
 constexpr double at_rest_m_s = 0.3;
 
+// Ten seconds of motion at 30 sets a second tell all that there is to tell of times; and a pass over them takes no
+// longer than some ten milliseconds.
+constexpr std::size_t most_seen_sets = 300;
+constexpr int passes = 3;
+constexpr std::size_t sets_of_a_start = 2;  // that say where the object is and how it moves
+// Half of what is told in ten seconds is told anew.
+constexpr int sets_until_again = 75;
+
+constexpr double surely_moved_px = 1;  // by as much a region of some hundred pixels moves and changes visibly
 // A view that should show the object is looked through as a whole in every so many-th set in which it does not: that
 // takes longer than all else. What it finds may be the object if it covers so much of the disc that would be there.
 constexpr unsigned far_looks_every = 4;
@@ -91,7 +100,7 @@ ObjectEstimate RegionTracker::update(const capture::FrameSet& set) {
     weigh(at_views, q);  // what the linearisation and the floor change
     estimate(at_views);
     belief_.open_views_as(proposal);
-    belief_.reopen_times();
+    if (remember(q)) linearise_times_again();
     judge(set);
   }
   if (state_ != TrackState::tracking) search(set, views);
@@ -106,11 +115,13 @@ RegionTracker::RegionTracker(const calib::CameraRig& rig, const TargetOptions& t
       views_(rig, target),
       rng_(rng),
       belief_(rig, options.timing == TimingMode::learn),
+      begun_(belief_),
       acceleration_(options.acceleration_m_s2),
       doubts_(rig.cameras.size()),
       pose_covariance_(rig.cameras.size(), Eigen::Matrix<double, 6, 6>::Zero()),
       unseen_(rig.cameras.size()),
       color_shares_(rig.cameras.size()),
+      last_regions_(rig.cameras.size()),
       finders_(rig.cameras.size()),
       regions_(rig.cameras.size()),
       search_log_(rig.cameras.size()) {
@@ -205,6 +216,20 @@ std::span<const ColorRegion> RegionTracker::regions_near(const TargetView& view,
   return finders_[static_cast<std::size_t>(view.index)].find(*view.matches, box, min_area, 1.3 * at.radius_px);
 }
 
+// Cameras, drivers and cables show a frame once more now and then, with a new stamp. No two frames have the same noise:
+// one in which the region of a moving object is the same to its last pixel is the frame before, and says nothing of
+// now. Twice in a row the object stands still, in pictures without noise.
+bool RegionTracker::is_repeated(const TargetView& view, std::span<const ColorRegion> regions, const Appearance& at) {
+  LastRegion& last = last_regions_[static_cast<std::size_t>(view.index)];
+  const double moved_px =
+      (at.jacobian * belief_.velocity()).norm() * capture::seconds(view.frame->captured_at - last.captured_at);
+  last.is_repeated =
+      !last.is_repeated && moved_px > surely_moved_px && std::ranges::any_of(regions, [&](const ColorRegion& region) {
+        return region.area == last.region.area && region.centre == last.region.centre;
+      });
+  return last.is_repeated;
+}
+
 // In each view the region near the prediction that explains it best, if there is one.
 void RegionTracker::sight(const std::vector<TargetView>& views, std::vector<Sighting>& out) {
   for (const TargetView& view : views) {
@@ -224,7 +249,10 @@ void RegionTracker::sight(const std::vector<TargetView>& views, std::vector<Sigh
       s += px_covariance_of_pose(*view.camera, belief_.position() + dt * belief_.velocity(), at, pose_covariance_[c]);
     double best = -std::numeric_limits<double>::infinity();
     std::optional<Sighting> chosen;
-    for (const ColorRegion& region : regions_near(view, at, s)) {
+    ColorRegion chosen_region;
+    const std::span<const ColorRegion> regions = regions_near(view, at, s);
+    if (is_repeated(view, regions, at)) continue;
+    for (const ColorRegion& region : regions) {
       const Sighting sighting =
           sighting_of(view, region, at.radius_px, options_.pixel_noise_px, image_motion(view, at));
       const Eigen::Matrix2d total =
@@ -233,9 +261,10 @@ void RegionTracker::sight(const std::vector<TargetView>& views, std::vector<Sigh
       const double d2 = d.dot(total.inverse() * d);
       if (d2 > region_gate) continue;
       const double score = std::log(sighting.support) - 0.5 * d2 - 0.5 * std::log(sighting.covariance.determinant());
-      if (score > best) best = score, chosen = sighting;
+      if (score > best) best = score, chosen = sighting, chosen_region = region;
     }
     if (!chosen) continue;
+    last_regions_[static_cast<std::size_t>(view.index)] = {chosen_region, view.frame->captured_at};
     chosen->row = row_of(view, chosen->px.y(), belief_);
     out.push_back(*chosen);
   }
@@ -409,14 +438,26 @@ void RegionTracker::compare(const std::vector<TargetView>& views, capture::Times
       if (const auto far = far_off(view, set_at)) besides_.push_back(*far);
     }
   }
-  // A velocity that is not known any more, as the views contradict one another, is no excuse for them.
-  const double velocity_sigma =
-      std::min(largest_sigma(belief_.velocity_covariance()), excused_share_of_speed * options_.start_speed_m_s);
-  doubts_.compare(besides_, velocity_sigma, options_.acceleration_m_s2);
+  compare_besides();
   doubt(sightings_);
   doubt(watched_);
   seen_ = sightings_;
   seen_.insert(seen_.end(), watched_.begin(), watched_.end());
+}
+
+void RegionTracker::compare_sighted() {
+  besides_.clear();
+  for (const Sighting& s : sightings_)
+    if (const auto seen = beside(s)) besides_.push_back(*seen);
+  compare_besides();
+  doubt(sightings_);
+}
+
+void RegionTracker::compare_besides() {
+  // A velocity that is not known any more, as the views contradict one another, is no excuse for them.
+  const double velocity_sigma =
+      std::min(largest_sigma(belief_.velocity_covariance()), excused_share_of_speed * options_.start_speed_m_s);
+  doubts_.compare(besides_, velocity_sigma, options_.acceleration_m_s2);
 }
 
 // How far each of them may be off in every frame alike.
@@ -435,6 +476,8 @@ void RegionTracker::trust(std::span<const CameraTrust> cameras) {
   for (const std::size_t c : views_.trust(cameras)) {
     doubts_.forget(c);
     belief_.forget_lasting(static_cast<int>(c));
+    seen_sets_.clear();  // they were seen by a camera that stood elsewhere
+    is_forgetting_motion_ = true;
   }
   has_pose_covariance_ = false;
   for (std::size_t c = 0; c < pose_covariance_.size(); ++c) {
@@ -450,7 +493,7 @@ bool RegionTracker::sight_after_bounce(const std::vector<TargetView>& views, dou
   for (std::size_t i = 0; i < views.size(); ++i) {
     regions_[i].clear();
     const auto expected = expect(views[i]);
-    if (!expected) continue;
+    if (!expected || last_regions_[static_cast<std::size_t>(views[i].index)].is_repeated) continue;
     dt = std::max(dt, capture::seconds(expected->row.at - belief_.at));
     const Appearance& at = expected->at;
     const Eigen::Matrix3d spread = belief_.seen_covariance(expected->row, power_density);
@@ -473,9 +516,9 @@ bool RegionTracker::sight_after_bounce(const std::vector<TargetView>& views, dou
 }
 
 // The belief after the sightings, each at its own time. linearised_about: a motion near the object's; nullptr: as it is
-// expected to go on. An object that nobody sees is predicted to the set's time.
-MotionBelief RegionTracker::followed(const MotionBelief& from, const MotionBelief* linearised_about,
-                                     capture::Timestamp set_at, double power_density) {
+// expected to go on.
+MotionBelief RegionTracker::observed(const MotionBelief& from, const MotionBelief* linearised_about,
+                                     double power_density) {
   MotionBelief out = from;
   linear_views_.clear();
   double surprise = 0;
@@ -497,9 +540,6 @@ MotionBelief RegionTracker::followed(const MotionBelief& from, const MotionBelie
     surprise += out.observe(linear_views_.back().linear, near.velocity(), power_density);
   }
   surprise_ = linear_views_.empty() ? 1 : surprise / (2 * static_cast<double>(linear_views_.size()));
-  // Rows of two sets may overlap in time; positions are told in the order of time.
-  if (linear_views_.empty() || out.at <= last_reported_)
-    out.predict_to(std::max(set_at, last_reported_ + capture::Duration(1)), power_density);
   return out;
 }
 
@@ -511,7 +551,7 @@ bool RegionTracker::are_times_open() const {
 
 // Of three views or more, one that contradicts what all others agree on with the motion: it shows a frame once more, or
 // something else of this colour. A bounce contradicts all of them.
-void RegionTracker::leave_out_what_contradicts(const capture::FrameSet& set) {
+void RegionTracker::leave_out_what_contradicts() {
   if (sightings_.size() < 3 || surprise_ <= usual_surprise) return;
   const std::vector<Sighting> all = sightings_;
   std::vector<Sighting> best;
@@ -520,11 +560,11 @@ void RegionTracker::leave_out_what_contradicts(const capture::FrameSet& set) {
   for (std::size_t i = 0; i < all.size(); ++i) {
     sightings_ = all;
     sightings_.erase(sightings_.begin() + static_cast<std::ptrdiff_t>(i));
-    followed(belief_, nullptr, set.at, power_density());
+    observed(belief_, nullptr, power_density());
     if (surprise_ < least_surprise) least_surprise = surprise_, best = sightings_;
   }
   sightings_ = best.empty() ? all : best;
-  followed(belief_, nullptr, set.at, power_density());
+  observed(belief_, nullptr, power_density());
 }
 
 // Covariance matching: raise the acceleration until the innovations of all sightings together are ones that it
@@ -533,11 +573,11 @@ void RegionTracker::leave_out_what_contradicts(const capture::FrameSet& set) {
 double RegionTracker::learn_acceleration(const capture::FrameSet& set, const std::vector<TargetView>& views) {
   const double before = acceleration_;
   const double ceiling = 4 * options_.acceleration_m_s2;
-  if (!sightings_.empty()) followed(belief_, nullptr, set.at, power_density());
-  leave_out_what_contradicts(set);
+  if (!sightings_.empty()) observed(belief_, nullptr, power_density());
+  leave_out_what_contradicts();
   while (!sightings_.empty() && surprise_ > usual_surprise && acceleration_ < ceiling) {
     acceleration_ = std::min(ceiling, 1.5 * acceleration_);
-    followed(belief_, nullptr, set.at, power_density());
+    observed(belief_, nullptr, power_density());
   }
   const double dt = capture::seconds(set.at - belief_.at);
   const bool is_unexplained = sightings_.size() >= 2 && surprise_ > bounce_surprise;
@@ -564,16 +604,29 @@ double RegionTracker::learn_acceleration(const capture::FrameSet& set, const std
 // Linearised again where the object turns out to be, when that is not where it was expected (Bell and Cathey 1993).
 // What a single view leaves open must be the ray through its pixel, to a fraction of the pixel over all of the open
 // depth, or particles along the wrong line make the filter sure of a depth that nobody measured.
-MotionBelief RegionTracker::propose(const capture::FrameSet& set, double power_density) {
-  MotionBelief out = followed(belief_, nullptr, set.at, power_density);
-  Eigen::Vector3d before = belief_.position() + capture::seconds(out.at - belief_.at) * belief_.velocity();
+MotionBelief RegionTracker::observed_in_passes(const MotionBelief& from, double power_density) {
+  MotionBelief out = observed(from, nullptr, power_density);
+  Eigen::Vector3d before = from.position() + capture::seconds(out.at - from.at) * from.velocity();
   for (int iteration = 0; iteration < 3; ++iteration) {
     const double moved_m = (out.position() - before).norm();
     if (moved_m < (iteration == 0 ? 0.1 : 0.01) * target_.radius_m) break;
     before = out.position();
     const MotionBelief about = out;
-    out = followed(belief_, &about, set.at, power_density);
+    out = observed(from, &about, power_density);
   }
+  return out;
+}
+
+// Rows of two sets may overlap in time, but positions are told in the order of time; and an object that nobody sees is
+// predicted to the set's time.
+void RegionTracker::predict_to_be_told(MotionBelief& belief, capture::Timestamp set_at, double power_density) const {
+  if (linear_views_.empty() || belief.at <= last_reported_)
+    belief.predict_to(std::max(set_at, last_reported_ + capture::Duration(1)), power_density);
+}
+
+MotionBelief RegionTracker::propose(const capture::FrameSet& set, double power_density) {
+  MotionBelief out = observed_in_passes(belief_, power_density);
+  predict_to_be_told(out, set.at, power_density);
   return out;
 }
 
@@ -677,6 +730,75 @@ void RegionTracker::estimate(const MotionBelief& proposal) {
              .cast<double>();
 }
 
+// Returns whether what is remembered now tells more of the times than was made of it.
+bool RegionTracker::remember(double power_density) {
+  if (options_.timing != TimingMode::learn || is_forgetting_motion_ || sightings_.empty()) return false;
+  if (seen_sets_.size() == most_seen_sets) {
+    // What an object at rest showed told nothing of times. Without what a moving one did, less would be known.
+    is_forgetting_motion_ = seen_sets_.front().velocity.norm() > at_rest_m_s;
+    seen_sets_.pop_front();
+    if (is_forgetting_motion_) seen_sets_.clear();
+    if (is_forgetting_motion_) return false;
+  }
+  seen_sets_.push_back({power_density, sightings_, belief_.at, belief_.position(), belief_.velocity()});
+  moving_sets_ += belief_.velocity().norm() > at_rest_m_s ? 1 : 0;
+  if (moving_sets_ < sets_until_again && !belief_.are_times_far()) return false;
+  moving_sets_ = 0;
+  return seen_sets_.size() > sets_of_a_start;
+}
+
+// Velocities at the seen sets as the path around each of them tells them: less noisy than those of the filter, and not
+// of the noise of that set's own sightings, with which they are multiplied.
+std::vector<Eigen::Vector3d> RegionTracker::smooth_velocities() const {
+  std::vector<Eigen::Vector3d> out;
+  const auto count = std::ptrdiff_t(seen_sets_.size());
+  for (std::ptrdiff_t i = 0; i < count; ++i) {
+    const SeenSet& before = seen_sets_[std::size_t(std::max<std::ptrdiff_t>(0, i - 2))];
+    const SeenSet& after = seen_sets_[std::size_t(std::min(count - 1, i + 2))];
+    const double dt = capture::seconds(after.believed_at - before.believed_at);
+    out.push_back(dt > 0 && dt < 0.3 ? Eigen::Vector3d((after.position - before.position) / dt)
+                                     : seen_sets_[std::size_t(i)].velocity);
+  }
+  return out;
+}
+
+// All that was seen since the object was found is gone through once more, with rows' times as they are known now: an
+// iterated extended Kalman filter (Bell and Cathey 1993), whose every pass begins where the one before has ended.
+void RegionTracker::linearise_times_again() {
+  const std::vector<Sighting> of_this_set = sightings_;
+  const double surprise = surprise_;
+  const double speed = options_.start_speed_m_s;
+  const double anywhere_m = (options_.volume.max - options_.volume.min).norm();
+  MotionBelief about = belief_;
+  for (int pass = 0; pass < passes; ++pass) {
+    const MotionBelief known = belief_;
+    MotionBelief again = begun_;
+    again.linearise_times_at(known);
+    const std::vector<Eigen::Vector3d> velocities = smooth_velocities();
+    for (std::size_t i = 0; i < seen_sets_.size(); ++i) {
+      SeenSet& seen = seen_sets_[i];
+      sightings_ = seen.sightings;
+      for (Sighting& s : sightings_) {
+        const double shift_s = known.row_shift_s(s.row.camera, s.row.below_middle);
+        s.row.at += capture::duration_of(shift_s - s.row.shift_s);
+        s.row.shift_s = shift_s;
+      }
+      sort_by_time(sightings_);
+      if (i == 0) {
+        again.begin(sightings_.front().row.at, seen.position, anywhere_m * anywhere_m, Eigen::Vector3d::Zero(),
+                    speed * speed);
+      }
+      about.begin(seen.believed_at, seen.position, 0, velocities[i], 0);
+      again = observed(again, &about, seen.power_density);
+      seen.believed_at = again.at, seen.position = again.position(), seen.velocity = again.velocity();
+    }
+    again.predict_to(known.at, power_density());
+    belief_ = again;
+  }
+  sightings_ = of_this_set;
+  surprise_ = surprise;
+}
+
 void RegionTracker::forget() {
   if (state_ != TrackState::searching) state_ = TrackState::lost;
   candidates_.clear();
@@ -768,6 +890,7 @@ void RegionTracker::search(const capture::FrameSet& set, const std::vector<Targe
   }
   if (found != nullptr) {
     start_at(*earlier, *found, set.at, dt);
+    compare_sighted();  // now that it is known when they saw it
     const double doubted_m = doubted_sigma();
     if (doubted_m <= options_.max_coast_sigma_m) {
       state_ = std::max(judged_sigma(), doubted_m) <= options_.max_tracking_sigma_m ? TrackState::tracking
@@ -812,17 +935,25 @@ void RegionTracker::start_at(const PositionCandidate& earlier, const PositionCan
   last_reported_ = capture::Timestamp::min();
   if (!has_begun_ && sets_apart_ == 0) belief_.expect_in_step();
   has_begun_ = true;
-  sightings_ = earlier.sightings;
-  sort_by_time(sightings_);
-  doubt(sightings_);
-  belief_.begin(sightings_.front().row.at, earlier.position, anywhere_m * anywhere_m, Eigen::Vector3d::Zero(),
-                speed * speed);
-  belief_ = followed(belief_, &about, set_at, power_density());
-  sightings_ = found.sightings;
-  sort_by_time(sightings_);
-  doubt(sightings_);
+  belief_.linearise_times_at(belief_);
+  begun_ = belief_;
+  seen_sets_.clear();
+  is_forgetting_motion_ = false;
+  moving_sets_ = 0;
+  const auto row_time = [](const Sighting& s) { return s.row.at; };
+  const capture::Timestamp first_at = std::ranges::min(earlier.sightings, {}, row_time).row.at;
+  belief_.begin(first_at, earlier.position, anywhere_m * anywhere_m, Eigen::Vector3d::Zero(), speed * speed);
+  for (const std::vector<Sighting>* sightings : {&earlier.sightings, &found.sightings}) {
+    sightings_ = *sightings;
+    sort_by_time(sightings_);
+    doubt(sightings_);
+    belief_ = observed(belief_, &about, power_density());
+    predict_to_be_told(belief_, set_at, power_density());
+    remember(power_density());
+  }
   seen_ = sightings_;
-  belief_ = followed(belief_, &about, set_at, power_density());
+  for (SeenSet& seen : seen_sets_)
+    seen.believed_at = belief_.at, seen.position = belief_.position(), seen.velocity = belief_.velocity();
   draw_particles(belief_.given_views());
   weight_.assign(particles_.size(), 1.0f / static_cast<float>(particles_.size()));
   effective_sample_size_ = static_cast<double>(particles_.size());

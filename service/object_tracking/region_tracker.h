@@ -23,6 +23,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <deque>
 #include <optional>
 #include <span>
 #include <vector>
@@ -66,6 +67,7 @@ class RegionTracker {
   ImageMotion image_motion(const TargetView& view, const Appearance& at) const;
   std::span<const ColorRegion> regions_near(const TargetView& view, const Appearance& at,
                                             const Eigen::Matrix2d& spread);
+  bool is_repeated(const TargetView& view, std::span<const ColorRegion> regions, const Appearance& at);
   void sight(const std::vector<TargetView>& views, std::vector<Sighting>& out);
   std::optional<SeenBeside> beside(const Sighting& sighting) const;
   const ColorRegion* only_moving(int camera, std::span<const ColorRegion> regions, double disc_px2, double still_px,
@@ -77,20 +79,26 @@ class RegionTracker {
   void note_regions(const TargetView& view, std::span<const ColorRegion> regions);
   void measure_color(const std::vector<TargetView>& views, capture::Timestamp set_at);
   void compare(const std::vector<TargetView>& views, capture::Timestamp set_at);
+  void compare_sighted();
+  void compare_besides();
   void doubt(std::vector<Sighting>& sightings) const;
   double doubted_sigma() const;
   bool add_support(const TargetView& view, ObjectEstimate& estimate) const;
   void add_witnesses(ObjectEstimate& estimate) const;
   bool sight_after_bounce(const std::vector<TargetView>& views, double power_density);
-  MotionBelief followed(const MotionBelief& from, const MotionBelief* linearised_about, capture::Timestamp set_at,
-                        double power_density);
+  MotionBelief observed(const MotionBelief& from, const MotionBelief* linearised_about, double power_density);
+  MotionBelief observed_in_passes(const MotionBelief& from, double power_density);
+  void predict_to_be_told(MotionBelief& belief, capture::Timestamp set_at, double power_density) const;
   bool are_times_open() const;
-  void leave_out_what_contradicts(const capture::FrameSet& set);
+  void leave_out_what_contradicts();
   double learn_acceleration(const capture::FrameSet& set, const std::vector<TargetView>& views);
   MotionBelief propose(const capture::FrameSet& set, double power_density);
   void draw_particles(const MotionBelief& proposal);
   void weigh(const MotionBelief& proposal, double power_density);
   void estimate(const MotionBelief& proposal);
+  bool remember(double power_density);
+  std::vector<Eigen::Vector3d> smooth_velocities() const;
+  void linearise_times_again();
   double judged_sigma() const;
   void judge(const capture::FrameSet& set);
   void forget();
@@ -106,6 +114,7 @@ class RegionTracker {
   particle_filter::Rng rng_;
 
   MotionBelief belief_;      // after the last set
+  MotionBelief begun_;       // what was known of the times before the object was found
   double acceleration_ = 0;  // m/s^2, learnt
   PositionParticles particles_;
   std::vector<float> weight_, log_weight_, unit_, u_, v_;
@@ -138,8 +147,24 @@ class RegionTracker {
     const Sighting* sighting;
     LinearSighting linear;
   };
-  std::vector<LinearView> linear_views_;           // of the proposal
-  double surprise_ = 0;                            // of them, 1 when all is as it should be
+  std::vector<LinearView> linear_views_;  // of the proposal
+  double surprise_ = 0;                   // of them, 1 when all is as it should be
+  // What was seen of the object since it was found, as long as the times may turn out to be others.
+  struct SeenSet {
+    double power_density;
+    std::vector<Sighting> sightings;
+    capture::Timestamp believed_at;  // what was believed of the motion after it
+    Eigen::Vector3d position, velocity;
+  };
+  std::deque<SeenSet> seen_sets_;
+  int moving_sets_ = 0;                // among them, since the times were linearised again
+  bool is_forgetting_motion_ = false;  // seen_sets_ had to be given up: what they told of times is only in the belief
+  struct LastRegion {
+    ColorRegion region = {};
+    capture::Timestamp captured_at{};
+    bool is_repeated = false;
+  };
+  std::vector<LastRegion> last_regions_;           // per camera: what was sighted last
   std::vector<SizeInView> size_in_view_;           // per camera
   std::vector<RegionFinder> finders_;              // per camera
   std::vector<std::vector<ColorRegion>> regions_;  // of the views of this set, while searching

@@ -33,7 +33,7 @@ bool disagreement(const SeenBeside& i, const SeenBeside& j, double way_variance_
     return jacobian.row(0).cross(jacobian.row(1)).normalized();
   };
   const Eigen::Vector3d across = ray_of(i.jacobian).cross(ray_of(j.jacobian));
-  constexpr double least_sine = 0.03;
+  constexpr double least_sine = 0.1;  // cameras that face each other see hardly anything across both rays
   if (!(across.squaredNorm() > least_sine * least_sine)) return false;
   Eigen::Vector2d u = (i.jacobian * i.jacobian.transpose()).inverse() * (i.jacobian * across);
   Eigen::Vector2d w = -((j.jacobian * j.jacobian.transpose()).inverse() * (j.jacobian * across));

@@ -146,7 +146,7 @@ class Rivals : public dds::DomainParticipantListener {
 
   void on_publisher_discovery(dds::DomainParticipant*, rtps::WriterDiscoveryInfo&& info) override {
     const rtps::GUID_t guid = info.info.guid();
-    if (info.info.topicName() != idl::topics::object_position) return;
+    if (info.info.topicName() != idl::object_position_topic) return;
     const std::lock_guard lock(mutex_);
     if (info.status == rtps::WriterDiscoveryInfo::REMOVED_WRITER) {
       others_.erase(guid);
@@ -187,27 +187,27 @@ idl::ParticipantOptions participant_options(const EstimatePublisherOptions& opti
 struct Connection {
   Connection(const EstimatePublisherOptions& options, Rivals& rivals)
       : participant(participant_options(options), &rivals),
-        position(participant.create_writer(idl::topics::object_position,
+        position(participant.create_writer(idl::object_position_topic,
                                            dds::TypeSupport(new msg::ObjectPositionPubSubType),
                                            idl::object_position_writer_qos(), rivals.self().user_data())),
-        status(participant.create_writer(idl::topics::status, dds::TypeSupport(new msg::ServiceStatusPubSubType),
+        status(participant.create_writer(idl::status_topic, dds::TypeSupport(new msg::ServiceStatusPubSubType),
                                          idl::status_writer_qos(), rivals.self().user_data())) {
     if (!options.tracked_camera.empty())
       camera = &participant.create_writer(
-          idl::topics::camera_pose, dds::TypeSupport(new msg::CameraPosePubSubType), idl::object_position_writer_qos(),
+          idl::camera_pose_topic, dds::TypeSupport(new msg::CameraPosePubSubType), idl::object_position_writer_qos(),
           idl::PublisherIdentity::of_this_process({options.tracked_camera}).user_data());
     if (!options.ros2) return;
     using PoseType = geometry_msgs::msg::dds_::PoseWithCovarianceStamped_PubSubType;
     using TfType = tf2_msgs::msg::dds_::TFMessage_PubSubType;
     for (const std::string& name : options.targets)
-      poses.push_back(&participant.create_writer(idl::topics::ros2_pose(name), dds::TypeSupport(new PoseType),
+      poses.push_back(&participant.create_writer(idl::ros2_pose_topic(name), dds::TypeSupport(new PoseType),
                                                  idl::ros2_writer_qos(),
                                                  idl::ros2_user_data(idl::ros2_pose_type_hash)));
     if (!options.tracked_camera.empty())
-      ros_camera = &participant.create_writer(idl::topics::ros2_camera_pose(options.tracked_camera),
+      ros_camera = &participant.create_writer(idl::ros2_camera_pose_topic(options.tracked_camera),
                                               dds::TypeSupport(new PoseType), idl::ros2_writer_qos(),
                                               idl::ros2_user_data(idl::ros2_pose_type_hash));
-    tf = &participant.create_writer(idl::topics::ros2_tf, dds::TypeSupport(new TfType), idl::ros2_writer_qos(),
+    tf = &participant.create_writer(idl::ros2_tf_topic, dds::TypeSupport(new TfType), idl::ros2_writer_qos(),
                                     idl::ros2_user_data(idl::ros2_tf_type_hash));
   }
 

@@ -19,7 +19,7 @@ std::vector<RunningService> running_services(const EstimatePublisherOptions& opt
   idl::DdsParticipant participant(
       {.name = "huetrackd", .domain = options.domain, .interfaces = options.interfaces, .profiles = options.profiles});
   dds::DataReader& reader = participant.create_reader(
-      idl::topics::status, dds::TypeSupport(new msg::ServiceStatusPubSubType), idl::status_reader_qos());
+      idl::status_topic, dds::TypeSupport(new msg::ServiceStatusPubSubType), idl::status_reader_qos());
   const std::string host = idl::PublisherIdentity::of_this_process({}).host;
   std::map<std::pair<std::string, std::uint32_t>, RunningService> found;
   const auto until = std::chrono::steady_clock::now() + patience;

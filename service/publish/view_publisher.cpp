@@ -63,16 +63,16 @@ struct ViewConnection {
                      .domain = options.domain,
                      .interfaces = options.interfaces,
                      .profiles = options.profiles}),
-        scene(participant.create_writer(idl::topics::scene, dds::TypeSupport(new msg::ScenePubSubType),
+        scene(participant.create_writer(idl::scene_topic, dds::TypeSupport(new msg::ScenePubSubType),
                                         idl::status_writer_qos(), who)),
-        preview(participant.create_writer(idl::topics::preview, dds::TypeSupport(new msg::PreviewPubSubType),
+        preview(participant.create_writer(idl::preview_topic, dds::TypeSupport(new msg::PreviewPubSubType),
                                           idl::preview_writer_qos(), who)),
-        reply(participant.create_writer(idl::topics::teach_reply, dds::TypeSupport(new msg::TeachReplyPubSubType),
+        reply(participant.create_writer(idl::teach_reply_topic, dds::TypeSupport(new msg::TeachReplyPubSubType),
                                         idl::teach_writer_qos(), who)),
-        request(participant.create_reader(idl::topics::teach_request, dds::TypeSupport(new msg::TeachRequestPubSubType),
+        request(participant.create_reader(idl::teach_request_topic, dds::TypeSupport(new msg::TeachRequestPubSubType),
                                           idl::teach_reader_qos())) {
     if (!options.tracked_camera.empty())
-      map = &participant.create_writer(idl::topics::camera_map, dds::TypeSupport(new msg::CameraMapPubSubType),
+      map = &participant.create_writer(idl::camera_map_topic, dds::TypeSupport(new msg::CameraMapPubSubType),
                                        idl::status_writer_qos(), who);
     if (!options.ros2) return;
     using ImageType = sensor_msgs::msg::dds_::CompressedImage_PubSubType;
@@ -81,16 +81,16 @@ struct ViewConnection {
     using TfType = tf2_msgs::msg::dds_::TFMessage_PubSubType;
     for (const std::string& camera : options.cameras) {
       const std::string name = ros_name(camera);
-      images.push_back(&participant.create_writer(idl::topics::ros2_image(name), dds::TypeSupport(new ImageType),
+      images.push_back(&participant.create_writer(idl::ros2_image_topic(name), dds::TypeSupport(new ImageType),
                                                   idl::ros2_writer_qos(),
                                                   idl::ros2_user_data(idl::ros2_image_type_hash)));
-      infos.push_back(&participant.create_writer(idl::topics::ros2_camera_info(name), dds::TypeSupport(new InfoType),
+      infos.push_back(&participant.create_writer(idl::ros2_camera_info_topic(name), dds::TypeSupport(new InfoType),
                                                  idl::ros2_writer_qos(),
                                                  idl::ros2_user_data(idl::ros2_camera_info_type_hash)));
     }
-    markers = &participant.create_writer(idl::topics::ros2_markers, dds::TypeSupport(new MarkersType),
+    markers = &participant.create_writer(idl::ros2_markers_topic, dds::TypeSupport(new MarkersType),
                                          idl::ros2_writer_qos(), idl::ros2_user_data(idl::ros2_markers_type_hash));
-    tf_static = &participant.create_writer(idl::topics::ros2_tf_static, dds::TypeSupport(new TfType),
+    tf_static = &participant.create_writer(idl::ros2_tf_static_topic, dds::TypeSupport(new TfType),
                                            idl::status_writer_qos(), idl::ros2_user_data(idl::ros2_tf_type_hash));
   }
 

@@ -12,7 +12,7 @@ namespace {
 
 using object_tracking::SeenRegion;
 
-constexpr double window_s = 3, longest_rate_hz = 32, judged_every_s = 0.5;
+constexpr double window_s = 3, longest_rate_hz = 16, judged_every_s = 0.5;
 constexpr double forgotten_after_s = 6;  // what was found once and not again
 
 // Good recordings have a robust cost of 0.05 to 1 and a worst pair of 0.2 to 1.2, in which cameras' own errors and
@@ -21,7 +21,10 @@ constexpr double agrees = 1.4, much_better = 0.45, least_gain = 0.5;
 // Below the first nothing is supposed; from the second on all that there is, and in between a small turn, but not
 // often: it takes a millisecond.
 constexpr double suspicious_score = 0.9, disagrees = 2;
-constexpr double turns_tried_every_s = 1.5;
+constexpr double turns_tried_every_s = 3;
+// What was supposed so often is supposed ever more rarely: it explains, or it does not.
+constexpr int tries_at_once = 4;
+constexpr double longest_pause_s = 16;
 // Of two suppositions one is named only where it explains more than the other one: a turn has three numbers to fit.
 constexpr double clearly_better = 0.8;
 constexpr double nothing_explains = 6;
@@ -49,6 +52,11 @@ bool is_smooth(const Sample& before, const Sample& at, const Sample& after) {
   return (out - in).norm() * step_s < noise_px + swerve * (out.norm() + in.norm()) * step_s;
 }
 
+bool is_of_rig(MistakeKind kind) {
+  return kind == MistakeKind::swapped || kind == MistakeKind::late || kind == MistakeKind::turned ||
+         kind == MistakeKind::other_rig;
+}
+
 }  // namespace
 
 ViewWatch::ViewWatch(const calib::CameraRig& rig, const object_tracking::TargetOptions& target)
@@ -73,8 +81,8 @@ void ViewWatch::look(const object_tracking::ObjectEstimate& estimate, const obje
   std::vector<Mistake> now;
   if (auto mistake = of_rig(now_s)) {
     now.push_back(std::move(*mistake));
-  } else if (auto wrong_radius = of_radius()) {
-    now.push_back(std::move(*wrong_radius));
+  } else if (!is_wrong_) {
+    if (auto wrong_radius = of_radius()) now.push_back(std::move(*wrong_radius));
   }
   const auto shares = tracker.color_shares();
   for (std::size_t c = 0; c < shares.size(); ++c) {
@@ -157,13 +165,19 @@ std::optional<Mistake> ViewWatch::of_rig(double now_s) {
       tracks_[c].back().t_s += time_shifts_[c];
     }
   }
+  is_wrong_ = false;
   if (!has_moved()) return std::nullopt;
   const PairComparison comparison(rig_);
   const PairComparison::Verdict as_is = comparison.verdict(tracks_, {}, time_sigmas_);
-  if (as_is.pairs == 0 || (as_is.worst < disagrees && as_is.score < suspicious_score)) return std::nullopt;
+  is_wrong_ = as_is.pairs > 0 && (as_is.worst >= disagrees || as_is.score >= suspicious_score);
   const bool is_clear = as_is.worst >= disagrees;
-  if (!is_clear && now_s < next_turn_s_) return std::nullopt;
+  if (!is_clear) tries_ = 0;
+  if (!is_wrong_ || now_s < (is_clear ? next_try_s_ : next_turn_s_)) return std::nullopt;
   next_turn_s_ = now_s + turns_tried_every_s;
+  if (is_clear) {
+    const int paused = std::max(0, ++tries_ - tries_at_once);
+    next_try_s_ = now_s + std::min(longest_pause_s, 0.9 * judged_every_s * std::pow(2, paused));
+  }
   return explained(as_is, is_clear);
 }
 
@@ -258,7 +272,7 @@ std::optional<Mistake> ViewWatch::of_radius() const {
       radii_m.insert(radii_m.end(), pair.radius_m.begin(), pair.radius_m.end());
     }
   }
-  constexpr std::size_t least = 40;
+  constexpr std::size_t least = 24;
   if (radii_m.size() < least || !has_moved()) return std::nullopt;
   std::ranges::sort(radii_m);
   // What hides a part of it makes it smaller, what is beside it of its colour larger: most of what was seen must say
@@ -272,6 +286,9 @@ std::optional<Mistake> ViewWatch::of_radius() const {
 // Named when it was found twice, and as long as it is found now and again.
 void ViewWatch::confirm(const std::vector<Mistake>& found, double now_s) {
   constexpr int least_times = 2;
+  if (is_wrong_)  // and has not been looked into again: it is as it was
+    for (Suspected& s : suspected_)
+      if (is_of_rig(s.mistake.kind)) s.last_s = now_s;
   for (const Mistake& mistake : found) {
     const auto known =
         std::ranges::find_if(suspected_, [&](const Suspected& s) { return s.mistake.is_same_as(mistake); });

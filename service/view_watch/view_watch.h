@@ -77,7 +77,9 @@ class ViewWatch {
   std::vector<Track> tracks_;  // of cameras_, less what contradicts itself: work space
   TimeSigmas time_sigmas_, time_shifts_;
   std::optional<capture::Timestamp> first_at_;
-  double next_s_ = 0, next_turn_s_ = 0;
+  double next_s_ = 0, next_turn_s_ = 0, next_try_s_ = 0;
+  int tries_ = 0;
+  bool is_wrong_ = false;  // the views contradict one another now
   struct Suspected {
     Mistake mistake;
     int times = 0;

@@ -29,6 +29,7 @@
 #include <vector>
 
 #include "board/drawn_board.h"
+#include "board/rendered_corners.h"
 #include "calib/board/board_detector.h"
 
 namespace {
@@ -184,22 +185,12 @@ Capture no_board() {
 Capture rendered() {
   const Board board{.columns = 9, .rows = 6, .pitch = {0.06, 0.06}};
   Capture capture{"rendered/chessboard, 9x6", board, {}};
-  std::map<std::pair<int, int>, std::vector<Vector2d>> truth;
-  std::ifstream csv(data("rendered/chessboard/corners_gt.csv"));
-  std::string line;
-  std::getline(csv, line);
-  while (std::getline(csv, line)) {
-    int pose = 0, camera = 0, corner = 0;
-    double u = 0, v = 0;
-    if (std::sscanf(line.c_str(), "%d,cam%d,%d,%*f,%*f,%*f,%lf,%lf", &pose, &camera, &corner, &u, &v) != 5) continue;
-    auto& corners = truth[{camera, pose}];
-    corners.resize(std::size_t(board.point_count()), Vector2d::Constant(NAN));
-    corners[std::size_t(corner)] = {u, v};
-  }
-  for (const auto& [of, corners] : truth) {
+  for (const board::RenderedCorners& seen : board::rendered_corners(data("rendered/chessboard"))) {
+    std::vector<Vector2d> corners(std::size_t(board.point_count()), Vector2d::Constant(NAN));
+    for (std::size_t i = 0; i < seen.ids.size(); ++i) corners[std::size_t(seen.ids[i])] = seen.px[i];
     std::array<char, 64> name{};
-    std::snprintf(name.data(), name.size(), "rendered/chessboard/cam%d/%06d.jpg", of.first, of.second);
-    capture.pictures.push_back({data(name.data()), of.first, corners});
+    std::snprintf(name.data(), name.size(), "rendered/chessboard/cam%d/%06d.jpg", seen.camera, seen.pose);
+    capture.pictures.push_back({data(name.data()), seen.camera, std::move(corners)});
   }
   return capture;
 }

@@ -5,11 +5,10 @@
 
 #include <cstdio>
 #include <filesystem>
-#include <fstream>
-#include <map>
 #include <opencv2/imgcodecs.hpp>
 #include <vector>
 
+#include "board/rendered_corners.h"
 #include "calib/board/board_detector.h"
 #include "calib/solver/bundle_adjustment.h"
 
@@ -55,23 +54,16 @@ inline const std::vector<solver::BoardView>& rendered_views() {
 
 // The exact corners of the rendered boards.
 inline std::vector<solver::BoardView> rendered_truth() {
-  std::map<std::pair<int, int>, solver::BoardView> views;
-  std::ifstream csv(shared_data("rendered/chessboard/corners_gt.csv"));
-  std::string line;
-  std::getline(csv, line);
-  while (std::getline(csv, line)) {
-    int pose = 0, camera = 0, corner = 0;
-    double u = 0, v = 0;
-    if (std::sscanf(line.c_str(), "%d,cam%d,%d,%*f,%*f,%*f,%lf,%lf", &pose, &camera, &corner, &u, &v) != 5) continue;
-    solver::BoardView& view = views[{pose, camera}];
-    view.camera = camera;
-    view.set = pose;
-    view.image = "cam" + std::to_string(camera) + " pose " + std::to_string(pose);
-    view.ids.push_back(corner);
-    view.px.emplace_back(u, v);
-  }
   std::vector<solver::BoardView> all;
-  for (auto& [key, view] : views) all.push_back(std::move(view));
+  for (RenderedCorners& corners : rendered_corners(shared_data("rendered/chessboard"))) {
+    solver::BoardView view;
+    view.camera = corners.camera;
+    view.set = corners.pose;
+    view.image = "cam" + std::to_string(corners.camera) + " pose " + std::to_string(corners.pose);
+    view.ids = std::move(corners.ids);
+    view.px = std::move(corners.px);
+    all.push_back(std::move(view));
+  }
   return all;
 }
 

@@ -147,14 +147,7 @@ class WanderingReplay : public testing::Test {
   // Three cameras and a ball; all colours turn from the second second on.
   void film() const {
     constexpr double fps = 30;
-    const scene::Scene world = scene::SceneBuilder{}
-                                   .cameras_on_ring({.count = 3})
-                                   .ball({.radius_m = 0.08,
-                                          .path = [](double t) -> Eigen::Vector3d {
-                                            const double angle = 2 * std::numbers::pi * t;
-                                            return {0.1 * std::cos(angle), 0.1 * std::sin(angle), 1};
-                                          }})
-                                   .build();
+    const scene::Scene world = scene::circling_ball();
     const auto sets = scene::wandering(scene::render(world, {.set_count = int(fps), .fps = fps}), fps, 13,
                                        [](double t) { return 3 * std::clamp(t - 1, 0.0, 12.0); });
     capture::RecordingWriter writer({.folder = folder_,

@@ -126,11 +126,11 @@ TEST_F(LiveLeds, PosesGoToTheBusNativelyAndForRos) {
   dds::DataReaderQos all = idl::status_reader_qos();
   all.durability().kind = dds::VOLATILE_DURABILITY_QOS;
   all.history().kind = dds::KEEP_ALL_HISTORY_QOS;
-  Reader<msg::CameraPosePubSubType> native(participant, idl::topics::camera_pose, idl::object_position_reader_qos());
-  Reader<geometry_msgs::msg::dds_::PoseWithCovarianceStamped_PubSubType> ros(
-      participant, idl::topics::ros2_camera_pose("hand"), all);
-  Reader<tf2_msgs::msg::dds_::TFMessage_PubSubType> tf(participant, idl::topics::ros2_tf, all);
-  Reader<msg::CameraMapPubSubType> map(participant, idl::topics::camera_map, idl::status_reader_qos());
+  Reader<msg::CameraPosePubSubType> native(participant, idl::camera_pose_topic, idl::object_position_reader_qos());
+  Reader<geometry_msgs::msg::dds_::PoseWithCovarianceStamped_PubSubType> ros(participant,
+                                                                             idl::ros2_camera_pose_topic("hand"), all);
+  Reader<tf2_msgs::msg::dds_::TFMessage_PubSubType> tf(participant, idl::ros2_tf_topic, all);
+  Reader<msg::CameraMapPubSubType> map(participant, idl::camera_map_topic, idl::status_reader_qos());
 
   const config::ServiceConfig c = config();
   LiveCommand options;

@@ -41,14 +41,13 @@ class Page {
  public:
   Page()
       : participant_({.name = "test page", .domain = domain, .interfaces = {"lo"}}),
-        request_(participant_.create_writer(idl::topics::teach_request,
-                                            dds::TypeSupport(new msg::TeachRequestPubSubType), idl::teach_writer_qos(),
-                                            "")),
-        reply_(participant_.create_reader(idl::topics::teach_reply, dds::TypeSupport(new msg::TeachReplyPubSubType),
+        request_(participant_.create_writer(idl::teach_request_topic, dds::TypeSupport(new msg::TeachRequestPubSubType),
+                                            idl::teach_writer_qos(), "")),
+        reply_(participant_.create_reader(idl::teach_reply_topic, dds::TypeSupport(new msg::TeachReplyPubSubType),
                                           idl::teach_reader_qos())),
-        scene_(participant_.create_reader(idl::topics::scene, dds::TypeSupport(new msg::ScenePubSubType),
+        scene_(participant_.create_reader(idl::scene_topic, dds::TypeSupport(new msg::ScenePubSubType),
                                           idl::status_reader_qos())),
-        position_(participant_.create_reader(idl::topics::object_position,
+        position_(participant_.create_reader(idl::object_position_topic,
                                              dds::TypeSupport(new msg::ObjectPositionPubSubType),
                                              idl::object_position_reader_qos())) {}
 

@@ -74,7 +74,11 @@ TEST_F(Accuracy, fastBallBeforeFreeRunningCameras) {
   load("rendered/fast_60fps", 2);
   const figures::TrackingFigures f = ours(figures::pink_ball());
   EXPECT_LE(f.rms_m, 0.012);
-  expect_honest(f);  // of some 45 samples one outside is 98 %, none 100 %: no upper bound on so few
+  // What is not known of the times is one error for all of the 1.5 s, not one per sample: small by chance, it is so in
+  // all of them, and neither the share inside nor the NEES has a lower bound.
+  EXPECT_EQ(f.wrong_tracking, 0u);
+  EXPECT_LE(f.mean_nees, 6);
+  EXPECT_GE(f.share_inside_95, 0.85);
 }
 
 TEST_F(Accuracy, realRedSquare) {

@@ -132,14 +132,7 @@ TargetOptions lime(bool adapts) {
 class Wandering : public testing::Test {
  protected:
   static void SetUpTestSuite() {
-    world = scene::SceneBuilder{}
-                .cameras_on_ring({.count = 3})
-                .ball({.radius_m = 0.08,
-                       .path = [](double t) -> Eigen::Vector3d {
-                         const double angle = 2 * std::numbers::pi * t;
-                         return {0.1 * std::cos(angle), 0.1 * std::sin(angle), 1};
-                       }})
-                .build();
+    world = scene::circling_ball();
     second = scene::render(world, {.set_count = int(fps), .fps = fps});
   }
   static void TearDownTestSuite() { second.clear(); }

@@ -258,8 +258,8 @@ TEST(ObjectTracker, camerasWhoseTimesNobodyKnows) {
   EXPECT_GT(n, 200);
   EXPECT_LT(nees / n, 6);
   EXPECT_LT(std::sqrt(sum2 / late_n), 0.015);
-  EXPECT_NEAR(e.times[1].latency_s, 0, 0.003);
-  EXPECT_NEAR(e.times[2].latency_s, 0.025, 0.003);
+  EXPECT_NEAR(e.times[1].latency_s, 0, 0.0015);
+  EXPECT_NEAR(e.times[2].latency_s, 0.025, 0.0015);
   EXPECT_EQ(e.times[0].latency_sigma_s, 0);
 }
 
@@ -286,6 +286,22 @@ TEST(ObjectTracker, aFrameThatIsShownAgainIsNotABounce) {
   const Outcome o = run(scene, sets, lime(), options_with());
   EXPECT_LT(o.rms_m, 0.008);
   for (std::size_t i = o.lock; i < o.error_m.size(); ++i) EXPECT_LT(o.error_m[i], 0.03) << i;
+}
+
+// Of two cameras nobody could tell which one is wrong; but no two frames of a moving object are the same.
+TEST(ObjectTracker, aFrameThatIsShownAgainSaysNothing) {
+  const scene::Scene scene = ring(2).ball({}).build();
+  std::vector<capture::FrameSet> sets = scene::render(scene, {.set_count = 80});
+  for (std::size_t i = 20; i < 80; i += 7) sets[i].frames[1]->pixels = sets[i - 1].frames[1]->pixels;
+  const Outcome o = run(scene, sets, lime(), options_with());
+  for (std::size_t i = 20; i < 80; ++i) {
+    const ViewSupport &before = o.estimates[i - 1].per_view[1], &now = o.estimates[i].per_view[1];
+    const bool is_shown_again = (i - 20) % 7 == 0;
+    if (!is_shown_again || (now.px - before.px).norm() > 2) {
+      EXPECT_EQ(now.seen, !is_shown_again) << i;
+    }
+    EXPECT_LT(o.error_m[i], 0.02) << i;
+  }
 }
 
 // Cameras that look at different times, a ball at 2 m/s: 22 ms are 44 mm.

@@ -129,9 +129,8 @@ TEST(ViewServer, MakesNothingWhileNobodySubscribes) {
 
   {
     idl::DdsParticipant participant({.name = "test", .domain = publish::test_domain(), .interfaces = {"lo"}});
-    auto& reader =
-        participant.create_reader(idl::topics::preview, eprosima::fastdds::dds::TypeSupport(new msg::PreviewPubSubType),
-                                  idl::preview_reader_qos());
+    auto& reader = participant.create_reader(
+        idl::preview_topic, eprosima::fastdds::dds::TypeSupport(new msg::PreviewPubSubType), idl::preview_reader_qos());
     ASSERT_TRUE(until([&] { return server.wants(); }));
     server.offer(job_of(c, 42));
     EXPECT_FALSE(server.wants());  // one at a time, and no sooner than the rate allows
@@ -161,7 +160,7 @@ TEST(ViewServer, TheSceneIsThereForWhoComesLateAndFollowsTheConfiguration) {
   ViewServer server(c, {});
   idl::DdsParticipant participant({.name = "test", .domain = publish::test_domain(), .interfaces = {"lo"}});
   auto& reader = participant.create_reader(
-      idl::topics::scene, eprosima::fastdds::dds::TypeSupport(new msg::ScenePubSubType), idl::status_reader_qos());
+      idl::scene_topic, eprosima::fastdds::dds::TypeSupport(new msg::ScenePubSubType), idl::status_reader_qos());
   msg::Scene scene;
   eprosima::fastdds::dds::SampleInfo info;
   ASSERT_TRUE(
@@ -193,7 +192,7 @@ TEST(ViewServer, AMapOfATrackedCameraIsThereForWhoComesLate) {
   EXPECT_TRUE(until([&] { return server.wants_map(); }));
 
   idl::DdsParticipant participant({.name = "test", .domain = publish::test_domain(), .interfaces = {"lo"}});
-  auto& reader = participant.create_reader(idl::topics::camera_map,
+  auto& reader = participant.create_reader(idl::camera_map_topic,
                                            eprosima::fastdds::dds::TypeSupport(new msg::CameraMapPubSubType),
                                            idl::status_reader_qos());
   msg::CameraMap sample;

@@ -133,7 +133,7 @@ TEST(DdsParticipant, ProfileOfATopicsNameReplacesItsQosAndOthersKeepOurs) {
     return participant.create_writer(topic, dds::TypeSupport(new TfType), idl::ros2_writer_qos(), "typehash=x;")
         .get_qos();
   };
-  const dds::DataWriterQos tf = qos_of(idl::topics::ros2_tf);
+  const dds::DataWriterQos tf = qos_of(idl::ros2_tf_topic);
   EXPECT_EQ(tf.reliability().kind, dds::BEST_EFFORT_RELIABILITY_QOS);
   EXPECT_EQ(tf.history().depth, 1);
   EXPECT_EQ(tf.user_data().size(), 11U);  // the type hash is there all the same

@@ -60,7 +60,7 @@ class Bus : public ::testing::Test {
     return participant_->create_reader(topic, dds::TypeSupport(new PubSubType), qos);
   }
   dds::DataReader& position_reader() {
-    return reader<msg::ObjectPositionPubSubType>(idl::topics::object_position, idl::object_position_reader_qos());
+    return reader<msg::ObjectPositionPubSubType>(idl::object_position_topic, idl::object_position_reader_qos());
   }
 
   static bool matched(dds::DataReader& reader, int publishers = 1) {
@@ -199,7 +199,7 @@ TEST_F(Bus, StatusIsThereForWhoComesLate) {
   publish_known(publisher, object_tracking::TrackState::tracking);
   ASSERT_TRUE(publisher.publish_status(known_status()));
   std::this_thread::sleep_for(300ms);
-  dds::DataReader& reader = this->reader<msg::ServiceStatusPubSubType>(idl::topics::status, idl::status_reader_qos());
+  dds::DataReader& reader = this->reader<msg::ServiceStatusPubSubType>(idl::status_topic, idl::status_reader_qos());
   std::vector<msg::ServiceStatus> got;
   ASSERT_TRUE(ChildProcess::wait([&] { return !(got = take_all<msg::ServiceStatus>(reader)).empty(); }, 2s));
   const msg::ServiceStatus& s = got.back();
@@ -240,8 +240,8 @@ TEST_F(Bus, RosTopicsOnlyWhileThereIsAPosition) {
   ros.reliability().kind = dds::RELIABLE_RELIABILITY_QOS;
   ros.history().depth = 50;
   dds::DataReader& pose_reader =
-      reader<geometry_msgs::msg::dds_::PoseWithCovarianceStamped_PubSubType>(idl::topics::ros2_pose("wand"), ros);
-  dds::DataReader& tf_reader = reader<tf2_msgs::msg::dds_::TFMessage_PubSubType>(idl::topics::ros2_tf, ros);
+      reader<geometry_msgs::msg::dds_::PoseWithCovarianceStamped_PubSubType>(idl::ros2_pose_topic("wand"), ros);
+  dds::DataReader& tf_reader = reader<tf2_msgs::msg::dds_::TFMessage_PubSubType>(idl::ros2_tf_topic, ros);
   EstimatePublisher publisher(known_options(test_domain()));
   ASSERT_TRUE(matched(pose_reader) && matched(tf_reader));
   std::this_thread::sleep_for(200ms);
@@ -259,7 +259,7 @@ TEST_F(Bus, RosTopicsOnlyWhileThereIsAPosition) {
 
 TEST_F(Bus, WithoutRosThereAreNoRosTopics) {
   dds::DataReaderQos ros;
-  dds::DataReader& tf_reader = reader<tf2_msgs::msg::dds_::TFMessage_PubSubType>(idl::topics::ros2_tf, ros);
+  dds::DataReader& tf_reader = reader<tf2_msgs::msg::dds_::TFMessage_PubSubType>(idl::ros2_tf_topic, ros);
   dds::DataReader& native = position_reader();
   EstimatePublisherOptions options = known_options(test_domain());
   options.ros2 = false;
@@ -351,7 +351,7 @@ TEST(Network, AnInterfaceThatComesUpLaterIsUsed) {
   idl::DdsParticipant participant({.domain = test_domain()});
   EXPECT_THAT(participant.description(), HasSubstr("vb 10.99.0.2"));
   dds::DataReader& reader =
-      participant.create_reader(idl::topics::object_position, dds::TypeSupport(new msg::ObjectPositionPubSubType),
+      participant.create_reader(idl::object_position_topic, dds::TypeSupport(new msg::ObjectPositionPubSubType),
                                 idl::object_position_reader_qos());
   EXPECT_TRUE(ChildProcess::wait([&] { return !take_all<msg::ObjectPosition>(reader).empty(); }, 10s));
 }

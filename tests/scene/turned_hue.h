@@ -6,8 +6,22 @@
 #include <vector>
 
 #include "capture/frame.h"
+#include "scene/scene.h"
 
 namespace huetrack::scene {
+
+// Three cameras around a ball that goes round a small circle once a second: a second of it can be played again and
+// again.
+inline Scene circling_ball() {
+  return SceneBuilder{}
+      .cameras_on_ring({.count = 3})
+      .ball({.radius_m = 0.08,
+             .path = [](double t) -> Eigen::Vector3d {
+               const double angle = 2 * std::numbers::pi * t;
+               return {0.1 * std::cos(angle), 0.1 * std::sin(angle), 1};
+             }})
+      .build();
+}
 
 // The same yuyv image with its chroma turned in the plane of u and v: by nearly as much in hue, and the same way round.
 inline capture::Image turned_hue(const capture::Image& image, double degrees) {
