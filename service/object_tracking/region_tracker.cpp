@@ -49,7 +49,8 @@ constexpr double surely_moved_px = 1;  // by as much a region of some hundred pi
 constexpr unsigned far_looks_every = 4;
 constexpr double least_far_share = 0.3, largest_far_share = 4;
 constexpr double excused_share_of_speed = 0.25;
-constexpr double nowhere_px = 50;  // how far apart views are whose rays do not meet
+constexpr unsigned sets_until_known = 8;  // since it was found
+constexpr double nowhere_px = 50;         // how far apart views are whose rays do not meet
 // A candidate that two views agree on while another one shows something of its size elsewhere must be seen in so many
 // sets: by chance rays meet once and again, but not for as long.
 constexpr int contested_sets = 8;
@@ -454,9 +455,11 @@ void RegionTracker::compare_sighted() {
 }
 
 void RegionTracker::compare_besides() {
-  // A velocity that is not known any more, as the views contradict one another, is no excuse for them.
+  // A velocity that is not known any more, as the views contradict one another, is no excuse for them; one that is not
+  // known yet is.
+  const double excused = ++compared_sets_ > sets_until_known ? excused_share_of_speed : 1.0;
   const double velocity_sigma =
-      std::min(largest_sigma(belief_.velocity_covariance()), excused_share_of_speed * options_.start_speed_m_s);
+      std::min(largest_sigma(belief_.velocity_covariance()), excused * options_.start_speed_m_s);
   doubts_.compare(besides_, velocity_sigma, options_.acceleration_m_s2);
 }
 
@@ -890,6 +893,7 @@ void RegionTracker::search(const capture::FrameSet& set, const std::vector<Targe
   }
   if (found != nullptr) {
     start_at(*earlier, *found, set.at, dt);
+    compared_sets_ = 0;
     compare_sighted();  // now that it is known when they saw it
     const double doubted_m = doubted_sigma();
     if (doubted_m <= options_.max_coast_sigma_m) {

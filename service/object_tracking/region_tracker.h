@@ -128,6 +128,7 @@ class RegionTracker {
   std::vector<Sighting> watched_;    // of the latter
   std::vector<SeenBeside> besides_;  // of seen_ and what is far off, while views are compared
   ViewDoubts doubts_;
+  unsigned compared_sets_ = 0;                                // since the object was found
   std::vector<Eigen::Matrix<double, 6, 6>> pose_covariance_;  // per camera, CameraTrust
   bool has_pose_covariance_ = false;
   // A view that should show the object and does not, or that is searched.
