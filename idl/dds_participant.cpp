@@ -22,6 +22,8 @@
 #include <mutex>
 #include <stdexcept>
 
+#include "idl/topics.h"
+
 #ifdef __SANITIZE_ADDRESS__
 // Debian's Fast DDS 2.9.1 deletes an object of its own with a wrong size (~RTPSReader). It is harmless, not ours, and
 // ends every program under AddressSanitizer that has ever joined the bus.
@@ -255,6 +257,7 @@ dds::Topic* DdsParticipant::topic(const std::string& name, dds::TypeSupport type
   // With them, Cyclone DDS rejects our writers as having invalid type information.
   type->auto_fill_type_information(false);
   type->auto_fill_type_object(false);
+  if (const auto most = largest_sample(name)) type->m_typeSize = *most;  // what a reader has room for
   type.register_type(participant_);
   return participant_->create_topic(name, type.get_type_name(), dds::TOPIC_QOS_DEFAULT);
 }

@@ -6,6 +6,8 @@
 #include <array>
 #include <cctype>
 #include <charconv>
+#include <iterator>
+#include <utility>
 
 namespace huetrack::idl {
 
@@ -16,9 +18,19 @@ namespace {
 
 constexpr std::uint32_t ms = 1'000'000;  // nanoseconds
 
-// Samples hold strings and sequences, so their size varies. Payloads are allocated when they are needed and used again:
-// preallocated ones have the size of the longest sample there could be, which is 20 MB for the topics of the pages.
+// Samples hold strings and sequences, so their size varies. A writer's payloads are allocated when they are needed and
+// used again.
 constexpr auto growing = eprosima::fastrtps::rtps::DYNAMIC_REUSABLE_MEMORY_MODE;
+
+constexpr std::uint32_t KiB = 1024;
+constexpr std::pair<std::string_view, std::uint32_t> largest_samples[] = {
+    {object_position_topic, 16 * KiB}, {camera_pose_topic, 4 * KiB},    {status_topic, 256 * KiB},
+    {camera_times_topic, 64 * KiB},    {scene_topic, 1024 * KiB},       {preview_topic, 2048 * KiB},
+    {camera_map_topic, 128 * KiB},     {teach_request_topic, 64 * KiB}, {teach_reply_topic, 4096 * KiB},
+};
+constexpr std::size_t longest_user_data = 16 * KiB;  // who a publisher is: some hundred targets
+constexpr int most_instances = 4000;                 // of a reader; one costs some hundred bytes
+constexpr int samples_from_the_start = 4;            // for which a reader has room at once; further ones as they come
 
 // Fast DDS' default is 10 instances, and the eleventh target would silently not be there.
 template <typename Qos>
@@ -50,8 +62,12 @@ dds::DataReaderQos reliable_reader(int depth) {
   qos.history().kind = dds::KEEP_LAST_HISTORY_QOS;
   qos.history().depth = depth;
   qos.data_sharing().off();
-  qos.endpoint().history_memory_policy = growing;
-  without_instance_limit(qos);
+  // Every payload has the size that largest_sample() says: what is larger does not fit, and is refused.
+  qos.endpoint().history_memory_policy = eprosima::fastrtps::rtps::PREALLOCATED_MEMORY_MODE;
+  qos.resource_limits().allocated_samples = samples_from_the_start;
+  qos.resource_limits().max_instances = most_instances;
+  qos.resource_limits().max_samples_per_instance = depth;
+  qos.resource_limits().max_samples = depth * most_instances;
   return qos;
 }
 
@@ -99,6 +115,7 @@ std::optional<PublisherIdentity> PublisherIdentity::from(std::string_view user_d
     user_data.remove_prefix(end + 1);
     return value;
   };
+  if (user_data.size() > longest_user_data) return std::nullopt;
   PublisherIdentity identity;
   const auto host = take("host=");
   const auto pid = host ? take("pid=") : std::nullopt;
@@ -119,6 +136,11 @@ bool is_target_name(std::string_view name) {
   const auto allowed = [&](char c) { return letter(c) || (c >= '0' && c <= '9') || c == '_'; };
   return !name.empty() && letter(name.front()) && std::ranges::all_of(name, allowed) &&
          name.find("__") == std::string_view::npos;
+}
+
+std::optional<std::uint32_t> largest_sample(std::string_view topic) {
+  const auto known = std::ranges::find(largest_samples, topic, [](const auto& entry) { return entry.first; });
+  return known == std::end(largest_samples) ? std::nullopt : std::optional(known->second);
 }
 
 dds::DataWriterQos object_position_writer_qos() {
@@ -165,7 +187,7 @@ dds::DataWriterQos teach_writer_qos() {
 }
 
 dds::DataReaderQos teach_reader_qos() {
-  return reliable_reader(10);
+  return reliable_reader(4);
 }
 
 dds::DataWriterQos ros2_writer_qos() {

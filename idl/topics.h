@@ -18,6 +18,9 @@ inline constexpr const char* object_position_topic =
 inline constexpr const char* camera_pose_topic = "huetrack/camera_pose";  // huetrack::msg::CameraPose, keyed
 inline constexpr const char* status_topic = "huetrack/status";            // huetrack::msg::ServiceStatus, keyed
 
+// Native, the type of camera_times.idl.
+inline constexpr const char* camera_times_topic = "huetrack/camera_times";  // huetrack::msg::CameraTimes, keyed
+
 // Native, types of huetrack_view.idl: what a page shows and asks for.
 inline constexpr const char* scene_topic = "huetrack/scene";                  // huetrack::msg::Scene, keyed
 inline constexpr const char* preview_topic = "huetrack/preview";              // huetrack::msg::Preview, keyed
@@ -65,18 +68,27 @@ struct PublisherIdentity {
 // A target's name is part of a ROS 2 topic's name: [A-Za-z][A-Za-z0-9_]*, without two underscores in a row.
 bool is_target_name(std::string_view name);
 
+// The largest sample of a native topic that a reader of ours takes, in bytes; larger ones are refused on receipt,
+// before there is memory for them. The types have no bounds of their own, as a @final type never changes: without
+// these, anybody on the bus could make every reader hold what he sends. Each is several times what huetrackd sends with
+// 16 cameras and 100 targets. nullopt: a topic that we do not read.
+std::optional<std::uint32_t> largest_sample(std::string_view topic);
+
 // The QoS when the user's XML has no profile of the topic's name.
 //   object_position  reliable, volatile, keep-last 10; liveliness automatic, lease 1 s, so that the kill -9 of a
 //   service
 //                    is seen within 1.5 s. A reader keeps more, so that a slow terminal loses nothing.
 //   camera_pose      as object_position
 //   status           reliable, transient-local, keep-last 1; heartbeat 200 ms: who comes late has it within that time.
+//   camera_times     as status.
 //   scene            as status.
 //   camera_map       as status.
 //   preview          best effort, volatile, keep-last 1: a lost picture is not sent again. Large socket buffers are the
 //                    host's affair; our pictures fit into a few datagrams.
 //   teach_*          reliable, volatile, keep-last 10.
 //   ROS 2            reliable, volatile, keep-last 10: matches echo, RViz and best-effort readers.
+// A reader has room for samples of largest_sample() from its start and never takes more: what is not taken in time is
+// replaced by what comes, and of a keyed topic there are at most 4000 instances.
 // All are published synchronously: the measured latency and its tail are the best so, and the publishing thread is not
 // a capturing one. No deadline is offered: it would exclude readers.
 eprosima::fastdds::dds::DataWriterQos object_position_writer_qos();

@@ -118,11 +118,9 @@ void require_valid(const calib::CameraRig& rig, const std::filesystem::path& fil
   for (const auto& problem : rig.problems()) throw yaml::ConfigError(file, 0, problem);
 }
 
-std::string text_of(const std::filesystem::path& file) {
-  std::ifstream in(file, std::ios::binary);
-  std::string text((std::istreambuf_iterator<char>(in)), std::istreambuf_iterator<char>());
-  if (!in.is_open() || in.bad() || std::filesystem::is_directory(file))
-    throw yaml::ConfigError(file, 0, "cannot be read");
+std::string text_of(const std::filesystem::path& file, yaml::Keys keys) {
+  std::string text = yaml::read_text_file(file);
+  yaml::refuse_deep_nesting(text, file, keys);
   return text;
 }
 

@@ -12,6 +12,7 @@
 
 #include "calib/exchange/exchange.h"
 #include "calib/model/camera_rig.h"
+#include "calib/yaml/text_file.h"
 
 namespace huetrack::exchange {
 
@@ -53,6 +54,7 @@ Exported export_kalibr(const calib::CameraRig& rig);
 Exported export_aniposelib(const calib::CameraRig& rig);
 Exported export_caliscope(const calib::CameraRig& rig);
 
-std::string text_of(const std::filesystem::path& file);  // the whole file; throws ConfigError
+// The whole file, no larger and no deeper than a parser bears. throws ConfigError
+std::string text_of(const std::filesystem::path& file, yaml::Keys keys = yaml::Keys::plain);
 
 }  // namespace huetrack::exchange

@@ -17,7 +17,7 @@ namespace {
 
 toml::table parsed(const std::filesystem::path& file) {
   try {
-    return toml::parse(text_of(file), file.string());
+    return toml::parse(text_of(file, yaml::Keys::dotted), file.string());
   } catch (const toml::parse_error& error) {
     throw yaml::ConfigError(file, static_cast<int>(error.source().begin.line), std::string(error.description()));
   }

@@ -1,24 +1,15 @@
 #include "calib/gather/write_file.h"
 
-#include <cerrno>
-#include <fstream>
-#include <system_error>
+#include "calib/yaml/output_file.h"
 
 namespace huetrack::gather {
 
-namespace fs = std::filesystem;
-
-void write_file(const fs::path& file, const std::string& text) {
-  const fs::path temporary = file.string() + ".new";
-  errno = 0;
-  {
-    std::ofstream stream(temporary, std::ios::binary);
-    stream << text;
-    stream.flush();
-    if (!stream)
-      throw std::system_error(errno != 0 ? errno : EIO, std::generic_category(), "cannot write " + temporary.string());
-  }
-  fs::rename(temporary, file);
+void write_file(const std::filesystem::path& file, const std::string& text) {
+  yaml::refuse_other_kind(file, {"page or report of huetrack's", [](std::string_view begin) {
+                                   return begin.starts_with("<!doctype html") || begin.find("USABLE") != begin.npos ||
+                                          begin.find("DOUBTFUL") != begin.npos || begin.find("FAILED") != begin.npos;
+                                 }});
+  yaml::write_whole_file(file, text);
 }
 
 }  // namespace huetrack::gather

@@ -1,4 +1,4 @@
-// Files that are there whole or not at all.
+// Pages and reports: there whole or not at all.
 #pragma once
 
 #include <filesystem>
@@ -6,7 +6,7 @@
 
 namespace huetrack::gather {
 
-// Atomic: by a temporary file beside it. throws std::system_error
+// Replaces a page or a report, and nothing else. throws std::system_error, std::runtime_error; both name the file
 void write_file(const std::filesystem::path& file, const std::string& text);
 
 }  // namespace huetrack::gather

@@ -1,13 +1,14 @@
 // huetrack-calibrate board: a board to print, and the board file that describes it.
 #include <CLI/CLI.hpp>
 #include <cstdio>
-#include <fstream>
 #include <memory>
 
 #include "calib/board/board_pdf.h"
 #include "calib/board/board_yaml.h"
 #include "calib/gather/picture_source.h"
 #include "calib/program/commands.h"
+#include "calib/yaml/output_file.h"
+#include "calib/yaml/yaml_reader.h"
 
 namespace huetrack::program {
 namespace {
@@ -54,6 +55,17 @@ board::Board board_of(const BoardOptions& o) {
   return board;
 }
 
+void refuse_other_than_a_board(const std::filesystem::path& file) {
+  std::error_code none;
+  if (!std::filesystem::is_regular_file(file, none) || std::filesystem::file_size(file, none) == 0) return;
+  try {
+    board::read_board(file);
+  } catch (const yaml::ConfigError&) {
+    throw gather::InputError(file.string() +
+                             " is there, and is no board file: it is not replaced. Give another --board");
+  }
+}
+
 ExitStatus print(const BoardOptions& o) {
   const board::Board board = board_of(o);
   const auto paper = board::paper_of(o.paper);
@@ -63,14 +75,10 @@ ExitStatus print(const BoardOptions& o) {
   const board::BoardPdf printed = board::board_pdf(board, *paper);
   const std::filesystem::path yaml =
       o.board_file.empty() ? std::filesystem::path(o.out).replace_extension(".yaml") : o.board_file;
-  for (const auto& [file, text] :
-       {std::pair{o.out, printed.pdf},
-        std::pair{yaml, "# " + o.out.filename().string() + ", printed at 100 %\n" + board::to_yaml(board)}}) {
-    std::ofstream out(file, std::ios::binary);
-    out << text;
-    out.close();
-    if (!out) throw gather::InputError("cannot write " + file.string());
-  }
+  yaml::refuse_other_kind(o.out, {"PDF", [](std::string_view text) { return text.starts_with("%PDF"); }});
+  refuse_other_than_a_board(yaml);
+  yaml::write_whole_file(o.out, printed.pdf);
+  yaml::write_whole_file(yaml, "# " + o.out.filename().string() + ", printed at 100 %\n" + board::to_yaml(board));
   std::printf(
       "%s: %s, %.1f x %.1f mm on %s\n%s: the board file for it\nPrint at 100 %%, without fitting it to the page; "
       "measure the ruler, "

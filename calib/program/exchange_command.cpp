@@ -1,7 +1,6 @@
 // huetrack-calibrate import | export: calibrations of other tools.
 #include <CLI/CLI.hpp>
 #include <cstdio>
-#include <fstream>
 #include <map>
 #include <memory>
 
@@ -9,6 +8,7 @@
 #include "calib/gather/picture_source.h"
 #include "calib/model/rig_yaml.h"
 #include "calib/program/commands.h"
+#include "calib/yaml/output_file.h"
 
 namespace huetrack::program {
 namespace {
@@ -71,10 +71,7 @@ ExitStatus export_files(const ExportCommand& command) {
   std::filesystem::create_directories(command.folder);
   for (const auto& [name, text] : exported.files) {
     const std::filesystem::path file = command.folder / name;
-    std::ofstream out(file, std::ios::binary);
-    out << text;
-    out.close();
-    if (!out) throw gather::InputError("cannot write " + file.string());
+    yaml::write_whole_file(file, text);
     std::printf("%s\n", file.c_str());
   }
   for (const auto& note : exported.notes) std::printf("note: %s\n", note.c_str());

@@ -10,6 +10,7 @@
 #include <thread>
 
 #include "calib/program/commands.h"
+#include "calib/yaml/text_file.h"
 
 namespace {
 
@@ -43,6 +44,7 @@ class Signals {
 }  // namespace
 
 int main(int argc, char** argv) {
+  const Signals signals;  // first of all: whoever ends it early is answered, too
   CLI::App app("huetrack-calibrate: calibrates cameras, and says whether to trust the result");
   app.set_version_flag("--version", "huetrack-calibrate " HUETRACK_VERSION);
   app.require_subcommand(1);
@@ -55,6 +57,8 @@ int main(int argc, char** argv) {
   program::add_check_command(app, chosen);
   program::add_wave_command(app, chosen);
   program::add_time_command(app, chosen);
+  program::add_certify_command(app, chosen);
+  program::add_map_command(app, chosen);
   program::add_exchange_commands(app, chosen);
   program::add_board_command(app, chosen);
 
@@ -63,12 +67,11 @@ int main(int argc, char** argv) {
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? 0 : 1;
   }
-  const Signals signals;
   program::ExitStatus status = program::ExitStatus::failed;
   try {
     status = chosen(signals.token());
   } catch (const std::exception& error) {  // the user's input or the outside world: said once, in one line, here
-    std::fprintf(stderr, "huetrack-calibrate: %s\n", error.what());
+    std::fprintf(stderr, "huetrack-calibrate: %s\n", yaml::printable(error.what(), yaml::longest_message).c_str());
     return 1;
   }
   if (std::fflush(stdout) != 0) {

@@ -3,11 +3,10 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cerrno>
 #include <charconv>
 #include <cmath>
-#include <system_error>
 
+#include "calib/yaml/text_file.h"
 #include "calib/yaml/yaml_reader.h"
 
 namespace huetrack::yaml {
@@ -41,11 +40,9 @@ std::optional<T> parsed(std::string_view text) {
 }  // namespace
 
 CsvTable::CsvTable(std::filesystem::path file, std::span<const std::string_view> columns)
-    : file_(std::move(file)), stream_(file_) {
-  if (!stream_) throw ConfigError(file_, 0, "cannot be read: " + std::generic_category().message(errno));
-  if (std::filesystem::is_directory(file_))
-    throw ConfigError(file_, 0, "cannot be read: " + std::generic_category().message(EISDIR));
+    : file_(std::move(file)), stream_(open_text_file(file_)), buffer_(longest_line + 1) {
   if (!read_line()) throw ConfigError(file_, 0, "is empty: a header line is needed");
+  require_plain_line();
   if (constexpr std::string_view mark = "\xEF\xBB\xBF"; cells_.front().starts_with(mark))
     cells_.front().remove_prefix(mark.size());
   header_cells_ = cells_.size();
@@ -67,13 +64,20 @@ CsvTable::CsvTable(std::filesystem::path file, std::span<const std::string_view>
 }
 
 bool CsvTable::read_line() {
-  if (!std::getline(stream_, line_)) {
-    if (stream_.bad()) throw ConfigError(file_, line_number_, "cannot be read on after this line");
-    return false;
-  }
+  stream_.getline(buffer_.data(), static_cast<std::streamsize>(buffer_.size()));
+  const auto count = static_cast<std::size_t>(stream_.gcount());  // with the line's end, where it has one
+  if (stream_.bad()) throw ConfigError(file_, line_number_, "cannot be read on after this line");
+  if (stream_.fail() && (stream_.eof() || count == 0)) return false;
   ++line_number_;
+  if (stream_.fail()) fail("is longer than " + std::to_string(longest_line >> 10U) + " KiB: not a table of ours");
+  line_ = {buffer_.data(), stream_.eof() ? count : count - 1};
+  while (line_.ends_with('\r')) line_.remove_suffix(1);
   cells_ = split(line_, ',');
   return true;
+}
+
+void CsvTable::require_plain_line() const {
+  if (has_control_characters(line_)) fail("has control characters in it: not a table of ours");
 }
 
 bool CsvTable::next() {
@@ -84,6 +88,7 @@ bool CsvTable::next() {
       return false;
     }
   } while (cells_.size() == 1 && cells_.front().empty());
+  require_plain_line();
   if (refuses_ragged_rows_ && cells_.size() != header_cells_)
     fail("has " + std::to_string(cells_.size()) + " fields, but the header " + std::to_string(header_cells_));
   if (cells_.size() < needed_cells_)
@@ -96,9 +101,13 @@ std::string_view CsvTable::text(std::size_t column) const {
   return cells_[*columns_[column].cell];
 }
 
+std::string CsvTable::quoted(std::size_t column) const {
+  return '"' + printable(text(column)) + '"';
+}
+
 double CsvTable::number(std::size_t column) const {
   const auto value = parsed<double>(text(column));
-  if (!value) fail(columns_[column].name + " must be a number, got \"" + std::string(text(column)) + "\"");
+  if (!value) fail(columns_[column].name + " must be a number, got " + quoted(column));
   return *value;
 }
 
@@ -113,7 +122,7 @@ std::chrono::sys_time<std::chrono::nanoseconds> CsvTable::time(std::size_t colum
   digits.resize(9, '0');
   const auto fraction = parsed<std::int64_t>(digits);
   if (!whole || *whole < 0 || *whole > 9'000'000'000 || !fraction || *fraction < 0) {
-    fail(columns_[column].name + " must be a time in seconds, got \"" + std::string(text(column)) + "\"");
+    fail(columns_[column].name + " must be a time in seconds, got " + quoted(column));
   }
   const std::chrono::nanoseconds since_zero = std::chrono::seconds(*whole) + std::chrono::nanoseconds(*fraction);
   return std::chrono::sys_time<std::chrono::nanoseconds>(negative ? -since_zero : since_zero);

@@ -1,5 +1,5 @@
 // The one reader of CSV files: a header line, columns by name. For files of numbers and plain words: no quoting. Empty
-// lines, blanks around a field and the byte order mark that spreadsheets write say nothing.
+// lines, blanks around a field and the byte order mark that spreadsheets write say nothing. Limits: text_file.h.
 #pragma once
 
 #include <chrono>
@@ -35,7 +35,8 @@ class CsvTable {
   // Of the current row; column indexes what the constructor was given, and the file has it. They throw ConfigError
   // "file:line: ...".
   std::string_view text(std::size_t column) const;
-  double number(std::size_t column) const;  // nan and inf are numbers here
+  std::string quoted(std::size_t column) const;  // the text, for a message
+  double number(std::size_t column) const;       // nan and inf are numbers here
   // Decimal seconds, exact to the nanosecond; further digits are cut off.
   std::chrono::sys_time<std::chrono::nanoseconds> time(std::size_t column) const;
   [[noreturn]] void fail(const std::string& message) const;
@@ -46,12 +47,14 @@ class CsvTable {
     std::optional<std::size_t> cell;  // of a row
   };
   bool read_line();  // into cells_; false at the end
+  void require_plain_line() const;
 
   std::filesystem::path file_;
   std::ifstream stream_;
   std::vector<Column> columns_;
-  std::size_t needed_cells_ = 0;  // that a row must have
-  std::string line_;
+  std::size_t needed_cells_ = 0;         // that a row must have
+  std::vector<char> buffer_;             // of one line
+  std::string_view line_;                // in it
   std::vector<std::string_view> cells_;  // of line_
   int line_number_ = 0;
   std::size_t header_cells_ = 0;

@@ -6,30 +6,20 @@
 
 #include <algorithm>
 #include <array>
-#include <cerrno>
 #include <charconv>
 #include <cmath>
-#include <fstream>
 #include <sstream>
-#include <system_error>
 #include <unordered_set>
+
+#include "calib/yaml/text_file.h"
 
 namespace huetrack::yaml {
 namespace {
 
-// Our files are written by hand or by our own tools; more than this is some other file given by mistake.
-constexpr std::size_t largest_file = 4u << 20;
-
-// What a message shows of a text from the file: short, on one line.
-std::string shortened(std::string_view text, std::size_t length = 40) {
-  if (text.size() <= length) return std::string(text);
-  std::size_t end = length;
-  while (end > 0 && (static_cast<unsigned char>(text[end]) & 0xC0) == 0x80) --end;  // not inside a UTF-8 character
-  return std::string(text.substr(0, end)) + "...";
-}
+constexpr std::size_t longest_path = 200, longest_key = 80;  // characters, in a message
 
 std::string in_quotes(std::string_view text) {
-  return '"' + shortened(text) + '"';
+  return '"' + printable(text) + '"';
 }
 
 std::string to_text(double value) {
@@ -134,9 +124,8 @@ std::size_t edit_distance(std::string_view a, std::string_view b) {
 }
 
 std::string error_text(const std::filesystem::path& file, int line, const std::string& message) {
-  std::string text = file.string() + (line > 0 ? ":" + std::to_string(line) : "") + ": ";
-  for (const char c : message) text += static_cast<unsigned char>(c) < 0x20 || c == 0x7F ? ' ' : c;  // one line
-  return text;
+  return printable(file.string(), longest_path) + (line > 0 ? ":" + std::to_string(line) : "") + ": " +
+         printable(message, longest_message);
 }
 
 // Hears where documents begin.
@@ -173,23 +162,6 @@ YAML::Node parse(const std::string& yaml, const std::string& name) {
     throw ConfigError(name, error.mark.line + 1,
                       "is not valid YAML: " + error.msg + " (column " + std::to_string(error.mark.column + 1) + ")");
   }
-}
-
-std::string contents(const std::filesystem::path& path) {
-  std::error_code ignored;
-  if (std::filesystem::is_directory(path, ignored)) throw ConfigError(path, 0, "is a directory, not a file");
-  errno = 0;
-  std::ifstream stream(path, std::ios::binary);
-  std::string text(largest_file + 1, '\0');
-  if (stream) stream.read(text.data(), static_cast<std::streamsize>(text.size()));
-  if (!stream.is_open() || stream.bad()) {
-    throw ConfigError(path, 0, "cannot be read: " + std::generic_category().message(errno != 0 ? errno : EIO));
-  }
-  text.resize(static_cast<std::size_t>(stream.gcount()));
-  if (text.size() > largest_file) {
-    throw ConfigError(path, 0, "is larger than " + std::to_string(largest_file >> 20) + " MiB: not a file of ours");
-  }
-  return text;
 }
 
 }  // namespace
@@ -281,7 +253,7 @@ struct YamlReader::Node {
   }
 
   std::string child(std::string_view key) const {
-    const std::string shown = shortened(key, 80);
+    const std::string shown = printable(key, longest_key);
     return path.empty() ? shown : key.empty() ? path : path + "." + shown;
   }
 
@@ -369,7 +341,7 @@ struct YamlReader::Node {
 YamlReader::YamlReader(std::shared_ptr<Node> node) : node_(std::move(node)) {}
 
 YamlReader YamlReader::file(const std::filesystem::path& path) {
-  return text(contents(path), path.string());
+  return text(read_text_file(path), path.string());
 }
 
 YamlReader YamlReader::text(const std::string& yaml, const std::string& name) {

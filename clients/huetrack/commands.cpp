@@ -15,9 +15,13 @@
 #include <stdexcept>
 #include <vector>
 
+#include "calib/yaml/output_file.h"
+#include "calib/yaml/text_file.h"
+#include "idl/camera_timesPubSubTypes.h"
 #include "idl/huetrackPubSubTypes.h"
 #include "idl/topics.h"
 #include "position_subscription.h"
+#include "printable_sample.h"
 
 namespace huetrack::client {
 
@@ -32,10 +36,11 @@ volatile std::sig_atomic_t ended = 0;
 
 // Discovery takes 0.1 s on one host and well below 1 s on a network; what is silent for so long is not there.
 constexpr auto nobody_after = 1500ms;
+constexpr std::size_t most_statuses = 50;
 constexpr auto poll = 50ms;  // how late a signal or a farewell may be noticed
 
 void say(const std::string& sentence) {
-  std::fprintf(stderr, "huetrack: %s\n", sentence.c_str());
+  std::fprintf(stderr, "huetrack: %s\n", yaml::printable(sentence, yaml::longest_message).c_str());
 }
 
 std::int64_t unix_now() {
@@ -52,42 +57,43 @@ std::string what_to_check(const idl::DdsParticipant& participant) {
          " are open between the hosts";
 }
 
-// Lines to stdout or to a file, each one flushed, so that whoever reads has it at once.
+// What a log may take the place of.
+constexpr yaml::FileKind log_kind{"log of huetrack's", [](std::string_view text) {
+                                    return text.starts_with("target,t,") || text.starts_with("camera,t,");
+                                  }};
+
+// Text to stdout or lines to a file, each one flushed, so that whoever reads has it at once.
 class LineWriter {
  public:
-  LineWriter(const std::filesystem::path& file, bool overwrite) : name_(file.empty() ? "stdout" : file.string()) {
+  // throws std::runtime_error: the file exists, and may not be replaced, or cannot be written
+  LineWriter(const std::filesystem::path& file, bool overwrite) {
     if (file.empty()) return;
-    owned_.reset(std::fopen(file.c_str(), overwrite ? "we" : "wxe"));
-    if (!owned_ && errno == EEXIST) throw std::runtime_error(name_ + " exists; give another name, or --overwrite");
-    if (!owned_) throw std::runtime_error("cannot write " + name_ + ": " + std::strerror(errno));
-    to_ = owned_.get();
+    std::error_code none;
+    if (!overwrite && std::filesystem::exists(file, none))
+      throw std::runtime_error(file.string() + " exists; give another name, or --overwrite");
+    file_.emplace(file, log_kind);
   }
 
-  // false: the reader of the pipe is gone, nobody wants more. throws std::runtime_error when the disk is full.
-  bool write(const std::string& text) {
-    if (std::fwrite(text.data(), 1, text.size(), to_) == text.size() && std::fflush(to_) == 0) return true;
+  // text: ends with the line's end. false: the reader of the pipe is gone, nobody wants more. throws std::runtime_error
+  // when the disk is full.
+  bool write(std::string_view text) {
+    if (text.empty()) return true;
+    if (file_) {
+      file_->write(text.substr(0, text.size() - 1));
+      file_->flush();
+      return true;
+    }
+    if (std::fwrite(text.data(), 1, text.size(), stdout) == text.size() && std::fflush(stdout) == 0) return true;
     if (errno == EPIPE) return false;
-    throw std::runtime_error("cannot write " + name_ + ": " + std::strerror(errno));
+    throw std::runtime_error(std::string("cannot write stdout: ") + std::strerror(errno));
   }
 
  private:
-  struct Close {
-    void operator()(std::FILE* file) const { std::fclose(file); }
-  };
-  std::string name_;
-  std::unique_ptr<std::FILE, Close> owned_;
-  std::FILE* to_ = stdout;
+  std::optional<yaml::LineFile> file_;
 };
 
 std::string joined(const std::set<std::string>& names) {
   return fmt::format("{}", fmt::join(names, ", "));
-}
-
-const std::string& name_of(const msg::ObjectPosition& sample) {
-  return sample.target();
-}
-const std::string& name_of(const msg::CameraPose& sample) {
-  return sample.camera();
 }
 
 struct Wording {
@@ -96,6 +102,14 @@ struct Wording {
   const char* others;   // "no ..., but there are ...", and how they are watched
   const char* how;
 };
+
+constexpr std::size_t most_names = 1000, most_strangers = 100;  // that are kept in mind: anybody may send any number
+
+// A line that people must not take for the service's.
+std::string mark_of(std::string text, const std::string& stranger) {
+  text.pop_back();
+  return text + "   NOT THE SAME PUBLISHER: " + stranger + "\n";
+}
 
 // wanted: the name of the target or camera; empty: every one.
 template <typename Sample>
@@ -136,7 +150,7 @@ int watch_topic(const WatchOptions& options, const std::string& wanted, const st
 
   std::uint64_t lines = 0;
   std::size_t target_width = 0;
-  std::set<std::string> seen_targets;
+  std::set<std::string> seen_targets, strangers;
   bool said_nobody = false, said_others = false;
   std::set<std::string> said_targets;  // those named when ours was not among them
   const Clock::time_point start = Clock::now();
@@ -148,14 +162,20 @@ int watch_topic(const WatchOptions& options, const std::string& wanted, const st
   };
 
   while (!ended && (!options.count || lines < *options.count)) {
-    const std::optional<Sample> sample = subscription->next(poll);
+    const std::optional<Heard<Sample>> heard = subscription->next(poll);
     const Clock::time_point now = Clock::now();
-    if (sample) {
-      seen_targets.insert(name_of(*sample));
-      if (wanted.empty() || name_of(*sample) == wanted) {
-        target_width = std::max(target_width, name_of(*sample).size());
-        const std::string text = line(options.format, *sample, unix_now(), target_width);
-        if (!text.empty()) {
+    if (heard) {
+      const std::string& name = name_of(heard->sample);
+      if (seen_targets.size() < most_names) seen_targets.insert(name);
+      if (wanted.empty() || name == wanted) {
+        target_width = std::max(target_width, name.size());
+        std::string text = line(options.format, heard->sample, unix_now(), target_width);
+        if (!heard->stranger.empty()) {
+          if (strangers.size() < most_strangers && strangers.insert(name + heard->stranger).second)
+            say(fmt::format("{} {} comes from a second publisher, too, which is {} here: {}", words.one, name,
+                            options.format == Format::text ? "marked" : "left out", heard->stranger));
+          if (options.format == Format::text && !out.write(mark_of(std::move(text), heard->stranger))) return finish(0);
+        } else if (!text.empty()) {
           if (!out.write(text)) return finish(0);
           ++lines;
           last_line = now;
@@ -210,6 +230,8 @@ int status(const idl::ParticipantOptions& options) {
   idl::DdsParticipant participant(options);
   dds::DataReader& reader = participant.create_reader(
       idl::status_topic, dds::TypeSupport(new msg::ServiceStatusPubSubType), idl::status_reader_qos());
+  dds::DataReader& times_reader = participant.create_reader(
+      idl::camera_times_topic, dds::TypeSupport(new msg::CameraTimesPubSubType), idl::status_reader_qos());
   dds::DataReader& pose_reader = participant.create_reader(
       idl::camera_pose_topic, dds::TypeSupport(new msg::CameraPosePubSubType), idl::object_position_reader_qos());
   LineWriter out({}, false);
@@ -218,6 +240,7 @@ int status(const idl::ParticipantOptions& options) {
   constexpr auto a_moment = 300ms;
   bool waited_for_pose = false;
   std::vector<msg::ServiceStatus> statuses;
+  std::map<std::pair<std::string, std::uint32_t>, msg::CameraTimes> times;  // by the service's host and process
   std::map<std::string, msg::CameraPose> poses;
   while (!ended && Clock::now() < until) {
     msg::ServiceStatus sample;
@@ -225,11 +248,21 @@ int status(const idl::ParticipantOptions& options) {
     while (reader.take_next_sample(&sample, &info) == ReturnCode_t::RETCODE_OK) {
       if (!info.valid_data) continue;
       if (statuses.empty()) until = Clock::now() + a_moment;
-      statuses.push_back(sample);
+      make_printable(sample);
+      if (statuses.size() < most_statuses) statuses.push_back(sample);
     }
+    msg::CameraTimes of_service;
+    while (times_reader.take_next_sample(&of_service, &info) == ReturnCode_t::RETCODE_OK)
+      if (info.valid_data && times.size() < most_statuses) {
+        make_printable(of_service);
+        times[{of_service.host(), of_service.pid()}] = of_service;
+      }
     msg::CameraPose pose;
     while (pose_reader.take_next_sample(&pose, &info) == ReturnCode_t::RETCODE_OK)
-      if (info.valid_data) poses[pose.camera()] = pose;
+      if (info.valid_data && poses.size() < most_names) {
+        make_printable(pose);
+        poses[pose.camera()] = pose;
+      }
     dds::SubscriptionMatchedStatus matched;  // a slow camera's frame takes a while
     if (!statuses.empty() && poses.empty() && !waited_for_pose &&
         pose_reader.get_subscription_matched_status(matched) == ReturnCode_t::RETCODE_OK && matched.current_count > 0) {
@@ -241,8 +274,11 @@ int status(const idl::ParticipantOptions& options) {
   }
   std::vector<msg::CameraPose> last_poses;
   for (const auto& [_, pose] : poses) last_poses.push_back(pose);
-  for (const auto& sample : statuses)
-    if (!out.write(text(sample, unix_now(), last_poses))) return 0;
+  for (const auto& sample : statuses) {
+    const auto of_service = times.find({sample.host(), sample.pid()});
+    if (!out.write(text(sample, unix_now(), of_service == times.end() ? nullptr : &of_service->second, last_poses)))
+      return 0;
+  }
   if (statuses.empty() && !ended) say("no huetrackd publishes its status " + what_to_check(participant));
   return statuses.empty() ? 1 : 0;
 }

@@ -5,12 +5,14 @@
 #include <map>
 #include <string>
 
+#include "calib/yaml/text_file.h"
 #include "clients/live_view/view.h"
 #include "clients/plot/plot.h"
 #include "commands.h"
 
 int main(int argc, char** argv) {
   using namespace huetrack::client;
+  end_on_signals();  // first of all: whoever ends it early is answered, too
   CLI::App app("huetrack: what a running huetrackd says over DDS, as text, files and a live page");
   app.require_subcommand(1);
   WatchOptions options;
@@ -76,7 +78,6 @@ int main(int argc, char** argv) {
 
   CLI11_PARSE(app, argc, argv);
 
-  end_on_signals();
   if (timeout_s > 0) options.timeout = std::chrono::duration<double>(timeout_s);
   try {
     if (status_command->parsed()) return status(options.participant);
@@ -91,7 +92,8 @@ int main(int argc, char** argv) {
     options.format = log_command->parsed() ? Format::csv : formats.at(format);
     return watch(options);
   } catch (const std::exception& error) {  // a wrong option or file, a full disk: said once, here
-    std::fprintf(stderr, "huetrack: %s\n", error.what());
+    std::fprintf(stderr, "huetrack: %s\n",
+                 huetrack::yaml::printable(error.what(), huetrack::yaml::longest_message).c_str());
     return 1;
   }
 }

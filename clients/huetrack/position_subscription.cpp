@@ -4,7 +4,9 @@
 #include <fastdds/dds/subscriber/DataReaderListener.hpp>
 #include <fastdds/dds/subscriber/SampleInfo.hpp>
 
+#include "calib/yaml/text_file.h"
 #include "idl/huetrackPubSubTypes.h"
+#include "printable_sample.h"
 
 namespace huetrack::client {
 
@@ -33,11 +35,18 @@ struct Of<msg::CameraPose> {
 
 std::string who(const std::optional<idl::PublisherIdentity>& identity, const char* named) {
   if (!identity) return "a program that is not huetrackd";
-  std::string text = "process " + std::to_string(identity->pid) + " on " + identity->host;
+  std::string text = "process " + std::to_string(identity->pid) + " on " + yaml::printable(identity->host);
   if (!identity->targets.empty()) text += named;
-  for (const std::string& target : identity->targets) text += " " + target;
+  for (const std::string& target : identity->targets) text += " " + yaml::printable(target);
   return text;
 }
+
+bool is_same_process(const std::optional<idl::PublisherIdentity>& a, const std::optional<idl::PublisherIdentity>& b) {
+  return a && b && a->host == b->host && a->pid == b->pid;
+}
+
+constexpr auto silent_after = std::chrono::seconds(1);         // the lease of the publishers' liveliness
+constexpr std::size_t most_names = 1000, most_writers = 1000;  // that are kept in mind: anybody may announce any number
 
 }  // namespace
 
@@ -51,9 +60,10 @@ void SampleSubscription<Sample>::Announcements::on_publisher_discovery(dds::Doma
     if (const auto it = known_.find(info.info.guid()); it != known_.end()) it->second.there = false;
     return;
   }
+  if (known_.size() >= most_writers) std::erase_if(known_, [](const auto& entry) { return !entry.second.there; });
+  if (known_.size() >= most_writers) return;
   const auto& bytes = info.info.m_qos.m_userData;
-  if (auto identity = idl::PublisherIdentity::from(std::string(bytes.begin(), bytes.end())))
-    known_[info.info.guid()] = {std::move(*identity), topic};
+  known_[info.info.guid()] = {idl::PublisherIdentity::from(std::string(bytes.begin(), bytes.end())), topic};
 }
 
 template <typename Sample>
@@ -61,16 +71,43 @@ std::optional<idl::PublisherIdentity> SampleSubscription<Sample>::Announcements:
     const rtps::GUID_t& writer) const {
   const std::lock_guard lock(mutex_);
   const auto it = known_.find(writer);
-  return it == known_.end() ? std::nullopt : std::optional(it->second.identity);
+  return it == known_.end() ? std::nullopt : it->second.identity;
+}
+
+template <typename Sample>
+bool SampleSubscription<Sample>::Announcements::has_gone(const rtps::GUID_t& writer) const {
+  const std::lock_guard lock(mutex_);
+  const auto it = known_.find(writer);
+  return it != known_.end() && !it->second.there;
 }
 
 template <typename Sample>
 std::set<std::string> SampleSubscription<Sample>::Announcements::names_on(const std::string& topic) const {
   std::set<std::string> names;
   const std::lock_guard lock(mutex_);
-  for (const auto& [guid, known] : known_)
-    if (known.there && known.topic == topic) names.insert(known.identity.targets.begin(), known.identity.targets.end());
+  for (const auto& [guid, known] : known_) {
+    if (!known.there || known.topic != topic || !known.identity) continue;
+    for (const std::string& name : known.identity->targets) names.insert(yaml::printable(name));
+  }
   return names;
+}
+
+template <typename Sample>
+std::string SampleSubscription<Sample>::stranger(const std::string& name, const rtps::GUID_t& writer) {
+  const auto now = std::chrono::steady_clock::now();
+  const auto identity = announcements_.find(writer);
+  const auto it = believed_.find(name);
+  if (it == believed_.end()) {
+    if (believed_.size() >= most_names) return who(identity, "");
+    believed_[name] = {writer, identity, now};
+    return "";
+  }
+  Believed& believed = it->second;
+  const bool is_the_one = believed.writer == writer || is_same_process(believed.identity, identity);
+  const bool is_over = now - believed.heard > silent_after || announcements_.has_gone(believed.writer);
+  if (!is_the_one && !is_over && (believed.identity || !identity)) return who(identity, "");
+  believed = {writer, identity, now};
+  return "";
 }
 
 template <typename Sample>
@@ -80,13 +117,16 @@ SampleSubscription<Sample>::SampleSubscription(const idl::ParticipantOptions& op
                                          idl::object_position_reader_qos())) {}
 
 template <typename Sample>
-std::optional<Sample> SampleSubscription<Sample>::next(std::chrono::milliseconds at_most) {
+std::optional<Heard<Sample>> SampleSubscription<Sample>::next(std::chrono::milliseconds at_most) {
   const auto until = std::chrono::steady_clock::now() + at_most;
   Sample sample;
   dds::SampleInfo info;
   for (;;) {
-    while (reader_.take_next_sample(&sample, &info) == ReturnCode_t::RETCODE_OK)
-      if (info.valid_data) return sample;  // the others only say that an instance has ended
+    while (reader_.take_next_sample(&sample, &info) == ReturnCode_t::RETCODE_OK) {
+      if (!info.valid_data) continue;  // it only says that an instance has ended
+      make_printable(sample);
+      return Heard<Sample>{sample, stranger(name_of(sample), info.sample_identity.writer_guid())};
+    }
     const auto left = std::chrono::duration<long double>(until - std::chrono::steady_clock::now());
     if (left.count() <= 0 || !reader_.wait_for_unread_message(eprosima::fastrtps::Duration_t(left.count())))
       return std::nullopt;

@@ -198,7 +198,8 @@ std::string line(Format format, const msg::ObjectPosition& sample, std::int64_t 
   return any_line(format, sample, received_at, target_width);
 }
 
-std::string text(const msg::ServiceStatus& s, std::int64_t now, std::span<const msg::CameraPose> poses) {
+std::string text(const msg::ServiceStatus& s, std::int64_t now, const msg::CameraTimes* times,
+                 std::span<const msg::CameraPose> poses) {
   std::string out = fmt::format("huetrackd {} on {}, process {}, mode {}, {} s ago\n", s.program_version(), s.host(),
                                 s.pid(), s.mode(), number(static_cast<double>(now - s.at()) / ns_per_s, 1));
   const auto add = [&](std::string_view label, const std::string& what) {
@@ -221,6 +222,13 @@ std::string text(const msg::ServiceStatus& s, std::int64_t now, std::span<const 
                     name(camera.health()), number(camera.rate_hz(), 1, 5), camera.frames(), camera.dropped(),
                     camera.corrupted(), camera.frames() > 0 ? ", the last " + number(camera.age_s(), 2) + " s ago" : "",
                     camera.message().empty() ? "" : ": ", camera.message()));
+  const auto ms = [](double seconds) { return number(1e3 * seconds, 1); };
+  for (std::size_t c = 0; times != nullptr && c < times->cameras().size(); ++c) {
+    const msg::CameraTime& time = times->cameras()[c];
+    const std::string how_sure = c == 0 ? "(held)" : fmt::format("+- {}", ms(time.latency_sigma_s()));
+    add("times", fmt::format("{:<{}}  latency {} ms {}, readout {} ms +- {}", time.camera(), width,
+                             ms(time.latency_s()), how_sure, ms(time.readout_s()), ms(time.readout_sigma_s())));
+  }
   for (const msg::CameraPose& pose : poses)
     if (std::ranges::any_of(s.cameras(), [&](const auto& camera) { return camera.name() == pose.camera(); }))
       add("pose", fmt::format("{:<{}}  {:<10}  {} of {} features, {} map points", pose.camera(), width,

@@ -8,6 +8,7 @@
 #include <string>
 #include <string_view>
 
+#include "idl/camera_times.h"
 #include "idl/huetrack.h"
 
 namespace huetrack::client {
@@ -34,8 +35,10 @@ std::string line(Format format, const msg::CameraPose& sample, std::int64_t rece
 
 // The status for people, several lines.
 //   now     UNIX ns
+//   times   the last of this service, if there are any
 //   poses   the last of each tracked camera; those of the status' cameras are shown
-std::string text(const msg::ServiceStatus& status, std::int64_t now, std::span<const msg::CameraPose> poses = {});
+std::string text(const msg::ServiceStatus& status, std::int64_t now, const msg::CameraTimes* times = nullptr,
+                 std::span<const msg::CameraPose> poses = {});
 
 std::string_view name(msg::TrackState state);  // "searching", "tracking", "coasting", "lost"; "unknown" if none of them
 std::string_view name(msg::CameraState state);

@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "clients/live_view/events.h"
+#include "idl/camera_timesPubSubTypes.h"
 #include "idl/huetrackPubSubTypes.h"
 #include "idl/huetrack_viewPubSubTypes.h"
 #include "idl/topics.h"
@@ -29,6 +30,8 @@ constexpr auto keep_previews_for = 3s;  // after the last page: a reload is no r
 constexpr auto keep_replies_for = 60s;
 constexpr std::size_t most_requests = 16;
 constexpr std::size_t most_early = 200;
+// What anybody on the bus may make us keep, besides the limits of idl/topics.h on a sample and the hub's on all.
+constexpr std::size_t most_services = 8, most_maps = 4, most_replies = 32, most_strangers = 16;
 
 double unix_now() {
   return std::chrono::duration<double>(std::chrono::system_clock::now().time_since_epoch()).count();
@@ -77,12 +80,14 @@ struct BusReader::Connection {
                                          idl::status_reader_qos())),
         scene(participant.create_reader(idl::scene_topic, dds::TypeSupport(new msg::ScenePubSubType),
                                         idl::status_reader_qos())),
+        times(participant.create_reader(idl::camera_times_topic, dds::TypeSupport(new msg::CameraTimesPubSubType),
+                                        idl::status_reader_qos())),
         reply(participant.create_reader(idl::teach_reply_topic, dds::TypeSupport(new msg::TeachReplyPubSubType),
                                         idl::teach_reader_qos())),
         request(participant.create_writer(idl::teach_request_topic, dds::TypeSupport(new msg::TeachRequestPubSubType),
                                           idl::teach_writer_qos(), "")) {}
   idl::DdsParticipant participant;
-  dds::DataReader &position, &camera_pose, &camera_map, &status, &scene, &reply;
+  dds::DataReader &position, &camera_pose, &camera_map, &status, &scene, &times, &reply;
   dds::DataWriter& request;
 };
 
@@ -125,6 +130,7 @@ void BusReader::poll(int pages) {
   take_camera_maps();
   take_statuses();
   take_scenes();
+  take_times();
   take_replies();
   if (previews_) take_previews();
   send_requests();
@@ -145,10 +151,11 @@ void BusReader::poll(int pages) {
   }
 }
 
-BusReader::Service& BusReader::service(const std::string& who) {
+BusReader::Service* BusReader::service(const std::string& who) {
+  if (services_.size() >= most_services && !services_.contains(who)) return nullptr;
   const auto [it, is_new] = services_.try_emplace(who);
   if (is_new) it->second.began = it->second.heard = Clock::now();
-  return it->second;
+  return &it->second;
 }
 
 // From now on pages see this one, and nothing of the one before.
@@ -156,6 +163,7 @@ void BusReader::show(const std::string& who) {
   if (!shown_.empty()) {
     hub_.erase("status");
     hub_.erase("scene");
+    hub_.erase("camera_times");
     const auto old = services_.find(shown_);
     if (old != services_.end()) {
       for (const auto& [camera, event] : old->second.camera_maps) hub_.erase("camera_map/" + camera);
@@ -168,29 +176,30 @@ void BusReader::show(const std::string& who) {
   const Service& now = services_.at(who);
   hub_.set("status", now.status);
   if (!now.scene.empty()) hub_.set("scene", now.scene);
+  if (!now.times.empty()) hub_.set("camera_times", now.times);
   for (const auto& [camera, event] : now.camera_maps) hub_.set("camera_map/" + camera, event);
   for (const auto& [process, event] : early_)
     if (process == now.process) hub_.append(event);
   early_.clear();
 }
 
-// Positions and previews do not say whose they are, but DDS says which process wrote them.
-bool BusReader::is_of_another(const Process& process) const {
-  return services_.size() > 1 && std::ranges::any_of(services_, [&](const auto& entry) {
-           return entry.second.process == process && !is_shown(entry.first);
-         });
+// Positions and previews do not say whose they are, but DDS says which process wrote them. Once there is a service that
+// is shown, only what comes from its process is; the others are counted, and named by tell_pulse().
+bool BusReader::is_of_another(const Process& process) {
+  if (shown_.empty() || services_.at(shown_).process == process) return false;
+  const bool is_known =
+      std::ranges::any_of(services_, [&](const auto& entry) { return entry.second.process == process; });
+  if (!is_known && (strangers_.size() < most_strangers || strangers_.contains(process))) ++strangers_[process];
+  return true;
 }
 
 void BusReader::append(const Process& process, std::string event) {
-  if (is_of_another(process)) return;
-  const bool is_known =
-      std::ranges::any_of(services_, [&](const auto& entry) { return entry.second.process == process; });
-  if (!is_known) {
-    // Of a replay that is held there are no others: they must outlive the change to it.
+  // Of one that has not said yet who it is. Of a replay that is held there are no others: they must outlive the change.
+  if (std::ranges::none_of(services_, [&](const auto& entry) { return entry.second.process == process; })) {
     early_.emplace_back(process, event);
     if (early_.size() > most_early) early_.pop_front();
   }
-  hub_.append(std::move(event));
+  if (!is_of_another(process)) hub_.append(std::move(event));
 }
 
 void BusReader::take_positions() {
@@ -208,7 +217,9 @@ void BusReader::take_camera_poses() {
 void BusReader::take_camera_maps() {
   take_all<msg::CameraMap>(connection_->camera_map, [&](const auto& sample, const Process&) {
     const std::string who = who_of(sample);
-    std::string& event = service(who).camera_maps[sample.camera()];
+    Service* const it = service(who);
+    if (it == nullptr || (it->camera_maps.size() >= most_maps && !it->camera_maps.contains(sample.camera()))) return;
+    std::string& event = it->camera_maps[sample.camera()];
     event = to_event("camera_map", to_json(sample));
     if (is_shown(who)) hub_.set("camera_map/" + sample.camera(), event);
   });
@@ -218,13 +229,15 @@ void BusReader::take_statuses() {
   const auto now = Clock::now();
   take_all<msg::ServiceStatus>(connection_->status, [&](const auto& sample, const Process& process) {
     const std::string who = who_of(sample);
-    Service& it = service(who);
-    it.heard = now;
-    it.process = process;
-    it.config_file = sample.config_file();
-    for (const auto& camera : sample.cameras()) it.cameras.insert(camera.name());
-    it.status = to_event("status", to_json(sample, unix_now()));
-    if (is_shown(who)) hub_.set("status", it.status);
+    Service* const it = service(who);
+    if (it == nullptr) return;
+    it->heard = now;
+    it->process = process;
+    it->config_file = sample.config_file();
+    it->cameras.clear();
+    for (const auto& camera : sample.cameras()) it->cameras.insert(camera.name());
+    it->status = to_event("status", to_json(sample, unix_now()));
+    if (is_shown(who)) hub_.set("status", it->status);
   });
   std::erase_if(services_, [&](const auto& entry) {
     if (now - entry.second.heard < gone_after) return false;
@@ -243,9 +256,20 @@ void BusReader::take_statuses() {
 void BusReader::take_scenes() {
   take_all<msg::Scene>(connection_->scene, [&](const auto& sample, const Process&) {
     const std::string who = who_of(sample);
-    std::string& event = service(who).scene;
-    event = to_event("scene", to_json(sample));
-    if (is_shown(who)) hub_.set("scene", event);
+    Service* const it = service(who);
+    if (it == nullptr) return;
+    it->scene = to_event("scene", to_json(sample));
+    if (is_shown(who)) hub_.set("scene", it->scene);
+  });
+}
+
+void BusReader::take_times() {
+  take_all<msg::CameraTimes>(connection_->times, [&](const auto& sample, const Process&) {
+    const std::string who = who_of(sample);
+    Service* const it = service(who);
+    if (it == nullptr) return;
+    it->times = to_event("camera_times", to_json(sample));
+    if (is_shown(who)) hub_.set("camera_times", it->times);
   });
 }
 
@@ -255,6 +279,7 @@ void BusReader::take_replies() {
     // The newest per client, only for that one, and not for long: replies hold pictures.
     const std::string key =
         "teach/" + sample.client() + (sample.cameras().empty() || sample.cameras()[0].jpeg().empty() ? "" : "/frozen");
+    if (replies_.size() >= most_replies && !replies_.contains(key)) return;
     hub_.set(key, to_event("teach", to_json(sample)), sample.client());
     replies_[key] = now;
   });
@@ -299,6 +324,11 @@ void BusReader::tell_pulse() {
           "give them different dds: {{domain: ...}}",
           trouble.empty() ? "" : "; ", shown_, services_.at(shown_).config_file, fmt::join(others, ", "));
   }
+  for (const auto& [process, samples] : std::exchange(strangers_, {}))
+    trouble += fmt::format(
+        "{}{} samples came from a program that is not the service shown: they are not shown. Without "
+        "DDS Security, anybody on this network can send them",
+        trouble.empty() ? "" : "; ", samples);
   dds::LivelinessChangedStatus liveliness;
   connection_->position.get_liveliness_changed_status(liveliness);
   hub_.set("pulse", to_event("pulse", to_json(Pulse{.now = unix_now(),

@@ -43,6 +43,7 @@ class BusReader {
   void take_camera_maps();
   void take_statuses();
   void take_scenes();
+  void take_times();
   void take_replies();
   void take_previews();
   void send_requests();
@@ -57,14 +58,14 @@ class BusReader {
   struct Service {
     std::chrono::steady_clock::time_point began, heard;
     Process process{};
-    std::string status, scene;  // the last events
-    std::map<std::string, std::string> camera_maps;
+    std::string status, scene, times;                // the last events
+    std::map<std::string, std::string> camera_maps;  // a few
     std::string config_file;
     std::set<std::string> cameras;
   };
-  Service& service(const std::string& who);
+  Service* service(const std::string& who);  // nullptr: there are too many
   void show(const std::string& who);
-  bool is_of_another(const Process& process) const;
+  bool is_of_another(const Process& process);
   void append(const Process& process, std::string event);
   bool is_shown(const std::string& who) const { return who == shown_; }
 
@@ -73,6 +74,8 @@ class BusReader {
   std::deque<std::pair<Process, std::string>> early_;  // what came before its service had said who it is
   std::map<std::string, std::chrono::steady_clock::time_point> replies_;  // hub keys, when they came
   std::string trouble_;
+  std::map<Process, std::uint64_t>
+      strangers_;  // samples since the last pulse that are not of the service that is shown
 
   std::mutex mutex_;
   std::deque<msg::TeachRequest> requests_;  // guarded by mutex_

@@ -8,9 +8,6 @@ std::string to_event(const std::string& name, const std::string& json) {
   return "event: " + name + "\ndata: " + json + "\n\n";
 }
 
-EventHub::EventHub(std::size_t stream_events, std::size_t stream_bytes)
-    : stream_events_(stream_events), stream_bytes_(stream_bytes) {}
-
 void EventHub::set(const std::string& key, std::string event, const std::string& audience) {
   const std::scoped_lock lock(mutex_);
   put(std::move(event), &key, audience);
@@ -18,10 +15,17 @@ void EventHub::set(const std::string& key, std::string event, const std::string&
 
 void EventHub::erase(const std::string& key) {
   const std::scoped_lock lock(mutex_);
+  forget(key);
+}
+
+void EventHub::forget(const std::string& key) {
   const auto it = latest_.find(key);
   if (it == latest_.end()) return;
-  entries_.erase(it->second);
+  const auto entry = entries_.find(it->second);
+  set_bytes_ -= entry->second.text->size();
+  set_.erase(it->second);
   latest_.erase(it);
+  entries_.erase(entry);  // last: key may be its own
 }
 
 void EventHub::append(std::string event) {
@@ -39,14 +43,19 @@ void EventHub::forget_appended() {
 void EventHub::put(std::string event, const std::string* key, const std::string& audience) {
   const std::uint64_t number = ++last_;
   const std::size_t size = event.size();
-  entries_[number] = {std::make_shared<const std::string>(std::move(event)), audience};
   if (key != nullptr) {
-    if (const auto old = latest_.find(*key); old != latest_.end()) entries_.erase(old->second);
+    forget(*key);
+    entries_[number] = {std::make_shared<const std::string>(std::move(event)), audience, *key};
     latest_[*key] = number;
+    set_.insert(number);
+    set_bytes_ += size;
+    while (set_.size() > 1 && (set_.size() > limits_.keys || set_bytes_ > limits_.key_bytes))
+      forget(std::string(entries_.at(*set_.begin()).key));
   } else {
+    entries_[number] = {std::make_shared<const std::string>(std::move(event)), audience, ""};
     stream_[number] = size;
     bytes_ += size;
-    while (stream_.size() > 1 && (stream_.size() > stream_events_ || bytes_ > stream_bytes_)) {
+    while (stream_.size() > 1 && (stream_.size() > limits_.stream_events || bytes_ > limits_.stream_bytes)) {
       const auto oldest = stream_.begin();
       bytes_ -= oldest->second;
       entries_.erase(oldest->first);

@@ -8,6 +8,7 @@
 #include <map>
 #include <memory>
 #include <mutex>
+#include <set>
 #include <string>
 
 namespace huetrack::live_view {
@@ -20,8 +21,14 @@ std::string to_event(const std::string& name, const std::string& json);
 // thread-safe.
 class EventHub {
  public:
-  // stream_events, stream_bytes: how much of what was appended is kept, at most.
-  explicit EventHub(std::size_t stream_events = 4000, std::size_t stream_bytes = 4'000'000);
+  // stream_events, stream_bytes: how much of what was appended is kept, at most. keys, key_bytes: how much of what was
+  // set; the oldest goes first. A page of sixteen cameras has some 40 keys and 4 MB.
+  struct Limits {
+    std::size_t stream_events = 4000, stream_bytes = 4'000'000;
+    std::size_t keys = 256, key_bytes = 16'000'000;
+  };
+  EventHub() : EventHub(Limits{}) {}
+  explicit EventHub(const Limits& limits) : limits_(limits) {}
 
   // Replaces the last one of this key: who is late sees only the newest. audience: only pages of this name see it;
   // empty: all do.
@@ -43,13 +50,17 @@ class EventHub {
   struct Entry {
     Text text;
     std::string audience;
+    std::string key;  // empty: appended
   };
   void put(std::string event, const std::string* key, const std::string& audience);
+  void forget(const std::string& key);  // both: under mutex_
 
-  const std::size_t stream_events_, stream_bytes_;
+  const Limits limits_;
   mutable std::mutex mutex_;
   std::map<std::uint64_t, Entry> entries_;       // guarded by mutex_; by number
   std::map<std::string, std::uint64_t> latest_;  // guarded by mutex_; number of a key's entry
+  std::set<std::uint64_t> set_;                  // guarded by mutex_; the same numbers, ascending
+  std::size_t set_bytes_ = 0;                    // guarded by mutex_; of those
   std::map<std::uint64_t, std::size_t> stream_;  // guarded by mutex_; sizes of the appended ones
   std::size_t bytes_ = 0;                        // guarded by mutex_; their sum
   std::uint64_t last_ = 0;                       // guarded by mutex_

@@ -152,6 +152,17 @@ std::string to_json(const msg::ServiceStatus& s, double heard) {
                {"warnings", s.warnings()}});
 }
 
+std::string to_json(const msg::CameraTimes& s) {
+  Json cameras = Json::array();
+  for (const auto& c : s.cameras())
+    cameras.push_back({{"name", c.camera()},
+                       {"latency_s", c.latency_s()},
+                       {"latency_sigma_s", c.latency_sigma_s()},
+                       {"readout_s", c.readout_s()},
+                       {"readout_sigma_s", c.readout_sigma_s()}});
+  return text({{"host", s.host()}, {"pid", s.pid()}, {"cameras", std::move(cameras)}});
+}
+
 std::string to_json(const msg::Scene& s) {
   Json cameras = Json::array(), targets = Json::array(), ignored = Json::array();
   for (const auto& c : s.cameras())

@@ -5,18 +5,25 @@
 #include <microhttpd.h>
 #include <net/if.h>
 #include <netinet/in.h>
+#include <strings.h>
 #include <sys/random.h>
 #include <sys/resource.h>
+#include <sys/socket.h>
 
+#include <algorithm>
 #include <array>
 #include <atomic>
 #include <cerrno>
+#include <chrono>
+#include <condition_variable>
 #include <cstring>
+#include <map>
 #include <mutex>
 #include <optional>
 #include <set>
 #include <stdexcept>
 #include <string_view>
+#include <thread>
 #include <vector>
 
 #include "clients/live_view/page_files.h"
@@ -26,8 +33,11 @@ namespace {
 
 constexpr std::size_t most_body_bytes = 64 * 1024;
 constexpr std::size_t connection_memory = 16 * 1024;  // request line and headers; larger ones are refused
-constexpr std::size_t stream_block = 32 * 1024;
+constexpr std::size_t stream_block = 16 * 1024;
 constexpr rlim_t most_files = 8192;
+
+constexpr std::size_t most_bodies = 2 << 20;  // bytes, of all requests that come in at once
+constexpr auto look_round_period = std::chrono::milliseconds(250);
 
 // What is kept of a request while its body comes in.
 struct Request {
@@ -56,6 +66,54 @@ std::string cookie_name_of(int port) {
 std::string_view host_name(std::string_view host) {
   if (host.starts_with('[')) return host.substr(0, host.find(']') + 1);
   return host.substr(0, host.rfind(':'));
+}
+
+bool is_json(std::string_view content_type) {
+  constexpr std::string_view json = "application/json";
+  if (content_type.size() < json.size() || ::strncasecmp(content_type.data(), json.data(), json.size()) != 0)
+    return false;
+  const auto rest = content_type.find_first_not_of(" \t", json.size());
+  return rest == std::string_view::npos || content_type[rest] == ';';
+}
+
+// The connections that have not asked yet, or not again: each has until its deadline. thread-safe.
+class SilentConnections {
+ public:
+  SilentConnections(std::chrono::seconds patience, std::size_t most) : patience_(patience), most_(most) {}
+
+  // It waits for a request from now on.
+  void begin(int fd) {
+    const std::scoped_lock lock(mutex_);
+    deadlines_[fd] = Clock::now() + patience_;
+    if (deadlines_.size() <= most_) return;
+    const auto oldest = std::ranges::min_element(deadlines_, {}, [](const auto& entry) { return entry.second; });
+    ::shutdown(oldest->first, SHUT_RDWR);  // the server sees its end, and end() is called
+    deadlines_.erase(oldest);
+  }
+  void end(int fd) {
+    const std::scoped_lock lock(mutex_);
+    deadlines_.erase(fd);
+  }
+  void close_those_that_are_due() {
+    const std::scoped_lock lock(mutex_);
+    std::erase_if(deadlines_, [now = Clock::now()](const auto& entry) {
+      if (entry.second > now) return false;
+      ::shutdown(entry.first, SHUT_RDWR);
+      return true;
+    });
+  }
+
+ private:
+  using Clock = std::chrono::steady_clock;
+  const std::chrono::seconds patience_;
+  const std::size_t most_;
+  std::mutex mutex_;
+  std::map<int, Clock::time_point> deadlines_;  // guarded by mutex_; by socket. A socket in it is open: libmicrohttpd
+                                                // closes it after it has told, which is end()
+};
+
+int socket_of(MHD_Connection* connection) {
+  return MHD_get_connection_info(connection, MHD_CONNECTION_INFO_CONNECTION_FD)->connect_fd;
 }
 
 }  // namespace
@@ -108,7 +166,11 @@ struct PageServer::Impl {
     bool is_waiting = false;  // suspended; guarded by the hub's lock
   };
 
-  Impl(const PageServerOptions& o, EventHub& h, OnRequest t) : options(o), hub(h), on_teach(std::move(t)) {
+  Impl(const PageServerOptions& o, EventHub& h, OnRequest t)
+      : options(o),
+        hub(h),
+        on_teach(std::move(t)),
+        silent(std::chrono::seconds(o.request_s), std::size_t(std::max(1, o.most_silent))) {
     if (options.address == "localhost") options.address = "127.0.0.1";
     sockaddr_in address{};
     address.sin_family = AF_INET;
@@ -129,7 +191,8 @@ struct PageServer::Impl {
                               nullptr, &Impl::answer, this, MHD_OPTION_SOCK_ADDR, &address, MHD_OPTION_CONNECTION_LIMIT,
                               most, MHD_OPTION_CONNECTION_TIMEOUT, static_cast<unsigned>(options.timeout_s),
                               MHD_OPTION_CONNECTION_MEMORY_LIMIT, connection_memory, MHD_OPTION_NOTIFY_COMPLETED,
-                              &Impl::completed, this, MHD_OPTION_LISTEN_BACKLOG_SIZE, 1024U, MHD_OPTION_END);
+                              &Impl::completed, this, MHD_OPTION_NOTIFY_CONNECTION, &Impl::note, this,
+                              MHD_OPTION_LISTEN_BACKLOG_SIZE, 1024U, MHD_OPTION_END);
     if (daemon == nullptr)
       throw std::runtime_error("cannot listen on " + options.address + ":" + std::to_string(options.port) + ": " +
                                (errno != 0 ? std::strerror(errno) : "the HTTP server does not start") +
@@ -138,9 +201,15 @@ struct PageServer::Impl {
     port = info != nullptr ? info->port : options.port;
     if (options.port == 0) cookie_name = cookie_name_of(port);  // nobody knows the port yet
     hub.on_news([this] { wake(); });
+    doorman = std::jthread([this](const std::stop_token& stop) {
+      std::unique_lock lock(door);
+      while (!bell.wait_for(lock, stop, look_round_period, [&] { return stop.stop_requested(); }))
+        silent.close_those_that_are_due();
+    });
   }
 
   ~Impl() {
+    doorman = {};
     hub.on_news(nullptr);
     ends = true;
     hub.if_nothing_after(~std::uint64_t{0}, [this] { wake(); });
@@ -231,6 +300,13 @@ struct PageServer::Impl {
     return host == "localhost" || host == options.address || host == "127.0.0.1" || host == "[::1]";
   }
 
+  // What a browser says of the page that sends. Ours is served by us: its origin is the host that it asked. No browser,
+  // no origin: then the token decides, or that it is on this host.
+  static bool is_of_our_page(MHD_Connection* connection) {
+    const std::string_view origin = header(connection, "Origin");
+    return origin.empty() || origin == std::string("http://").append(header(connection, "Host"));
+  }
+
   bool has_token(MHD_Connection* connection) const {
     if (options.token.empty()) return true;
     const char* in_address = MHD_lookup_connection_value(connection, MHD_GET_ARGUMENT_KIND, "token");
@@ -240,6 +316,8 @@ struct PageServer::Impl {
   }
 
   MHD_Result stream(MHD_Connection* connection) {
+    if (pages >= options.most_pages)
+      return refuse(connection, MHD_HTTP_SERVICE_UNAVAILABLE, "Too many pages are open.");
     const char* const page = MHD_lookup_connection_value(connection, MHD_GET_ARGUMENT_KIND, "client");
     auto* const stream = new Stream{.server = this, .connection = connection, .page = page != nullptr ? page : ""};
     MHD_Response* response = MHD_create_response_from_callback(MHD_SIZE_UNKNOWN, stream_block, &Impl::read_stream,
@@ -274,8 +352,10 @@ struct PageServer::Impl {
   MHD_Result post(MHD_Connection* connection, std::string_view path, const Request& request) {
     if (!has_token(connection)) return refuse(connection, MHD_HTTP_FORBIDDEN, "A token is needed.");
     if (path != "/api/teach") return refuse(connection, MHD_HTTP_NOT_FOUND, "There is no such page.");
+    if (!is_of_our_page(connection))
+      return refuse(connection, MHD_HTTP_FORBIDDEN, "This request comes from another server's page.");
     // Pages of other origins cannot send JSON without asking first (CORS), and we do not answer that question.
-    if (!header(connection, "Content-Type").starts_with("application/json"))
+    if (!is_json(header(connection, "Content-Type")))
       return refuse(connection, MHD_HTTP_UNSUPPORTED_MEDIA_TYPE, "The body must be application/json.");
     if (request.is_too_long) return refuse(connection, MHD_HTTP_CONTENT_TOO_LARGE, "The request is too long.");
     const std::string why_not = on_teach(request.body);
@@ -293,11 +373,16 @@ struct PageServer::Impl {
       return MHD_YES;
     }
     if (*data_size > 0) {
-      request->is_too_long |= request->body.size() + *data_size > most_body_bytes;
-      if (!request->is_too_long) request->body.append(data, *data_size);
+      request->is_too_long |=
+          request->body.size() + *data_size > most_body_bytes || self.body_bytes + *data_size > most_bodies;
+      if (!request->is_too_long) {
+        request->body.append(data, *data_size);
+        self.body_bytes += *data_size;
+      }
       *data_size = 0;
       return MHD_YES;
     }
+    self.silent.end(socket_of(connection));
     if (!self.is_for_us(connection))
       return self.refuse(connection, MHD_HTTP_MISDIRECTED_REQUEST, "This server answers to localhost only.");
     const std::string_view verb = method;
@@ -306,14 +391,33 @@ struct PageServer::Impl {
     return self.refuse(connection, MHD_HTTP_METHOD_NOT_ALLOWED, "Only GET, HEAD and POST.");
   }
 
-  static void completed(void*, MHD_Connection*, void** per_request, MHD_RequestTerminationCode) {
-    delete static_cast<Request*>(*per_request);
+  static void completed(void* closure, MHD_Connection* connection, void** per_request, MHD_RequestTerminationCode how) {
+    auto& self = *static_cast<Impl*>(closure);
+    if (const auto* request = static_cast<Request*>(*per_request)) {
+      self.body_bytes -= request->body.size();
+      delete request;
+    }
     *per_request = nullptr;
+    if (how == MHD_REQUEST_TERMINATED_COMPLETED_OK) self.silent.begin(socket_of(connection));  // for its next one
+  }
+
+  static void note(void* closure, MHD_Connection* connection, void**, MHD_ConnectionNotificationCode what) {
+    auto& self = *static_cast<Impl*>(closure);
+    if (what == MHD_CONNECTION_NOTIFY_STARTED) {
+      self.silent.begin(socket_of(connection));
+    } else {
+      self.silent.end(socket_of(connection));
+    }
   }
 
   PageServerOptions options;
   EventHub& hub;
   const OnRequest on_teach;
+  SilentConnections silent;
+  std::size_t body_bytes = 0;  // the server's thread's: of the requests that come in
+  std::mutex door;             // guards nothing: the doorman waits with it
+  std::condition_variable_any bell;
+  std::jthread doorman;
   std::atomic<bool> ends = false;
   std::atomic<int> pages = 0;
   std::set<Stream*> waiting;  // guarded by the hub's lock

@@ -19,6 +19,13 @@ struct PageServerOptions {
   std::string token;                  // must be given by every request; empty: none is needed. Only sane on loopback
   int most_connections = 4000;        // as far as the limit of open files allows
   int timeout_s = 10;                 // a connection on which nothing moves for so long is closed
+  // From its begin, or its last answer, to its next: a connection that has not asked by then is closed, however it
+  // trickles. A page's stream has asked.
+  int request_s = 15;
+  // So many connections may be without a request at once. Then the one that has waited longest is closed: whoever opens
+  // many takes the room from himself, and a request that is on its way takes milliseconds.
+  int most_silent = 512;
+  int most_pages = 400;  // streams; the next is refused
 };
 
 // thread-safe.

@@ -5,10 +5,11 @@
 
 #include <algorithm>
 #include <cstdio>
-#include <fstream>
 #include <ranges>
 #include <stdexcept>
+#include <string_view>
 
+#include "calib/yaml/output_file.h"
 #include "clients/plot/track_chart.h"
 
 namespace huetrack::plot {
@@ -106,12 +107,18 @@ truth::Truth matched_truth(const PlotOptions& options, const std::vector<std::st
   return truth;
 }
 
+bool is_begun_drawing(std::string_view text) {
+  constexpr std::string_view beginnings[] = {"\x89PNG", "<?xml", "<svg", "<!doctype html"};
+  return std::ranges::any_of(beginnings, [&](std::string_view begin) { return text.starts_with(begin); });
+}
+
 }  // namespace
 
 void plot(const PlotOptions& options) {
   const std::string kind = options.out.extension().string();
   if (kind != ".png" && kind != ".svg" && kind != ".html")
     throw std::runtime_error(options.out.string() + ": the name must end with .png, .svg or .html");
+  yaml::refuse_other_kind(options.out, {"drawing", is_begun_drawing});
   const auto tracks = read_tracks(options.tracks);
   std::vector<ChartTarget> targets;
   for (const auto& [name, rows] : tracks) targets.push_back({name, rows, nullptr});
@@ -135,10 +142,7 @@ void plot(const PlotOptions& options) {
   const std::string content = kind == ".png"   ? draw_chart(targets, style, Canvas::Kind::pixels).png()
                               : kind == ".svg" ? draw_chart(targets, style, Canvas::Kind::svg).svg()
                                                : html_of(targets, style);
-  std::ofstream stream(options.out, std::ios::binary);
-  stream.write(content.data(), static_cast<std::streamsize>(content.size()));
-  stream.close();
-  if (!stream) throw std::runtime_error("cannot write " + options.out.string());
+  yaml::write_whole_file(options.out, content);
   for (const ChartTarget& target : targets) {
     const TargetFigures figures = figures_of(target);
     fmt::print("{}\n", to_text(figures));

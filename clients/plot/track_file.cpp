@@ -16,7 +16,7 @@ constexpr double farthest_m = 1e5, largest_variance_m2 = 1e8;
 
 double bounded(const yaml::CsvTable& table, std::size_t column, double most) {
   const double value = table.number(column);
-  if (std::abs(value) > most) table.fail(table.name(column) + " is absurd: " + std::string(table.text(column)));
+  if (std::abs(value) > most) table.fail(table.name(column) + " is absurd: " + table.quoted(column));
   return value;
 }
 
@@ -35,7 +35,7 @@ std::map<std::string, std::vector<TrackRow>> read_tracks(const std::filesystem::
     row.at = table.time(1);
     row.state = table.text(2);
     if (std::ranges::find(states, row.state) == std::end(states))
-      table.fail("state must be searching, tracking, coasting or lost, got \"" + row.state + "\"");
+      table.fail("state must be searching, tracking, coasting or lost, got " + table.quoted(2));
     for (int i = 0; i < 3; ++i) row.position[i] = bounded(table, std::size_t(3 + i), farthest_m);
     if (row.position.hasNaN() && !row.position.array().isNaN().all()) table.fail("a part of the position is missing");
     std::size_t column = 6;

@@ -3,15 +3,19 @@
 #include <algorithm>
 #include <bit>
 #include <cstring>
-#include <fstream>
 #include <stdexcept>
 #include <string>
+
+#include "calib/yaml/output_file.h"
+#include "calib/yaml/text_file.h"
 
 namespace huetrack::camera_tracking {
 namespace {
 
 constexpr std::string_view magic = "huetrack camera map 2\n", magic_1 = "huetrack camera map 1\n";
+constexpr std::string_view any_magic = magic.substr(0, magic.size() - 2);
 static_assert(magic.size() == magic_1.size());
+constexpr std::size_t largest_map = 1U << 30;  // bytes: three thousand key frames of 640x480
 static_assert(std::endian::native == std::endian::little, "the map file is little-endian");
 
 std::uint64_t checksum(std::string_view bytes) {  // FNV-1a
@@ -128,27 +132,16 @@ void write_map(const std::filesystem::path& file, const StoredMap& stored) {
     w.put(s.px);
     w.put(s.sigma_px);
   }
-  std::filesystem::path temporary = file;
-  temporary += ".part";
-  {
-    std::ofstream out(temporary, std::ios::binary | std::ios::trunc);
-    const std::uint64_t sum = checksum(w.bytes);
-    out << magic;
-    out.write(reinterpret_cast<const char*>(&sum), sizeof sum);
-    out.write(w.bytes.data(), static_cast<std::streamsize>(w.bytes.size()));
-    out.flush();
-    if (!out)
-      throw std::runtime_error(file.string() + ": cannot be written; is there room, and may this user write there?");
-  }
-  std::error_code error;
-  std::filesystem::rename(temporary, file, error);
-  if (error) throw std::runtime_error(file.string() + ": cannot be written: " + error.message());
+  const std::uint64_t sum = checksum(w.bytes);
+  std::string text(magic);
+  text.append(reinterpret_cast<const char*>(&sum), sizeof sum);
+  text += w.bytes;
+  yaml::refuse_other_kind(file, {"camera map", [](std::string_view begin) { return begin.starts_with(any_magic); }});
+  yaml::write_whole_file(file, text);
 }
 
 StoredMap read_map(const std::filesystem::path& file) {
-  std::ifstream in(file, std::ios::binary);
-  const std::string all((std::istreambuf_iterator<char>(in)), std::istreambuf_iterator<char>());
-  if (!in.is_open()) throw std::runtime_error(file.string() + ": cannot be read; is it there?");
+  const std::string all = yaml::read_text_file(file, largest_map);
   Reader r(all, file.string());
   const std::string_view version = all.size() < magic.size() ? std::string_view{} : r.take(magic.size());
   if (version != magic && version != magic_1) r.fail("is not a camera map of this version of huetrack");
@@ -172,9 +165,11 @@ StoredMap read_map(const std::filesystem::path& file) {
       r.get(k.sweep.motion);
       r.get(k.sweep.bend);
     }
+    // Before there is room for them: what a damaged file promises may be more than there is memory.
+    const auto bytes =
+        r.take(static_cast<std::size_t>(out.image_size.x()) * static_cast<std::size_t>(out.image_size.y()));
     std::uint8_t* pixels = nullptr;
     GreyImage image = make_grey(out.image_size.x(), out.image_size.y(), pixels);
-    const auto bytes = r.take(static_cast<std::size_t>(image.width) * static_cast<std::size_t>(image.height));
     std::memcpy(pixels, bytes.data(), bytes.size());
     k.pyramid = std::make_shared<const Pyramid>(make_pyramid(std::move(image)));
     out.map.keyframes.push_back(std::move(k));

@@ -46,7 +46,7 @@ class TimestampFile {
   static constexpr std::string_view columns[] = {"frame", "t_s", "sequence?", "arrival?", "stamp_s?"};
 
   bool is_ours() const { return table_.has(sequence) && table_.has(arrival); }
-  std::string quoted(Column column) const { return std::string("'").append(table_.text(column)).append("'"); }
+  std::string quoted(Column column) const { return table_.quoted(column); }
 
   // Takes the row, or says what is wrong with it.
   std::optional<std::string> problem_of_row() {
@@ -69,7 +69,7 @@ class TimestampFile {
       }
     }
     if (table_.text(frame).empty() && is_ours()) {
-      if (last_at_ && at <= *last_at_) return not_later(table_.text(t_s));
+      if (last_at_ && at <= *last_at_) return not_later(table_.quoted(t_s));
       camera_.corrupted.emplace_back(at, received);
       last_at_ = at;
       return std::nullopt;
@@ -80,15 +80,15 @@ class TimestampFile {
     if (!rows.empty() && *number <= rows.back().first)
       return "frame " + std::to_string(*number) + " does not come after frame " + std::to_string(rows.back().first) +
              " of the row before: sort the rows";
-    if (last_at_ && at <= *last_at_) return not_later(table_.text(t_s));
+    if (last_at_ && at <= *last_at_) return not_later(table_.quoted(t_s));
     rows.emplace_back(*number, at);
     if (is_ours()) camera_.received.push_back(received);
     last_at_ = at;
     return std::nullopt;
   }
 
-  static std::string not_later(std::string_view t_s) {
-    return "t_s " + std::string(t_s) + " is not later than that of the row before: capture times must ascend";
+  static std::string not_later(const std::string& t_s) {
+    return "t_s " + t_s + " is not later than that of the row before: capture times must ascend";
   }
 
   yaml::CsvTable table_;
@@ -100,10 +100,12 @@ class TimestampFile {
 
 Recording read_recording(const std::filesystem::path& path) {
   const auto absolute = std::filesystem::absolute(path);
-  Recording recording{.file = std::filesystem::is_directory(absolute) ? absolute / "recording.yaml" : absolute,
-                      .cameras = {},
-                      .warnings = {},
-                      .started_at = {}};
+  std::error_code unreadable;  // which the reader says then, with the file's name
+  Recording recording{
+      .file = std::filesystem::is_directory(absolute, unreadable) ? absolute / "recording.yaml" : absolute,
+      .cameras = {},
+      .warnings = {},
+      .started_at = {}};
   recording.file = recording.file.lexically_normal();
   const auto folder = recording.file.parent_path();
   const auto yaml = yaml::YamlReader::file(recording.file);

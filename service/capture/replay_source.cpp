@@ -297,6 +297,27 @@ class Stream {
   bool ended_ = false;
 };
 
+// A mistake in a time stamp's unit, or in offset_s, and no set ever has two views.
+void warn_of_times_apart(const Recording& recording, const std::vector<std::unique_ptr<Stream>>& streams,
+                         std::vector<std::string>& warnings) {
+  struct Span {
+    std::string name;
+    Timestamp from, to;
+  };
+  std::vector<Span> spans;
+  for (const auto& stream : streams)
+    if (const auto from = stream->info().first_at, to = stream->expected_end(); from && to)
+      spans.push_back({stream->info().name, *from, *to});
+  for (const Span& a : spans) {
+    const auto meets = [&](const Span& b) { return &a != &b && a.from <= b.to && b.from <= a.to; };
+    if (spans.size() > 1 && std::ranges::none_of(spans, meets))
+      warnings.push_back(fmt::format(
+          "{}: camera {} has frames from {:.3f} to {:.3f} s, and no other camera has any then: are its times right "
+          "(fps, offset_s, timestamps)?",
+          recording.file.string(), a.name, seconds(a.from.time_since_epoch()), seconds(a.to.time_since_epoch())));
+  }
+}
+
 }  // namespace
 
 std::vector<std::string> ReplayOptions::problems() const {
@@ -339,6 +360,7 @@ ReplaySource::ReplaySource(const Recording& recording, std::span<const std::stri
                                                       options.decoder_threads, timing, impl_->warnings));
     impl_->cameras.push_back(impl_->streams.back()->info());
   }
+  warn_of_times_apart(recording, impl_->streams, impl_->warnings);
   impl_->repeats_arrivals =
       std::ranges::all_of(impl_->streams, [](const auto& stream) { return stream->has_arrivals(); });
 }

@@ -14,13 +14,6 @@ constexpr double least_saturation = 0.12;
 constexpr double largest_share = 0.25;  // of the image: a region larger than that is background
 constexpr int least_area = 6;           // pixels
 
-// S and hue as a point: distances in it mean the same for every hue, and do not depend on intensity.
-Eigen::Vector2d chroma(const object_tracking::Hsi& p) {
-  if (!p.has_hue) return Eigen::Vector2d::Zero();
-  const double angle = p.hue_deg * (std::numbers::pi / 180);
-  return p.saturation * Eigen::Vector2d(std::cos(angle), std::sin(angle));
-}
-
 double hue_difference(double a, double b) {  // -180..180
   return std::remainder(a - b, 360.0);
 }

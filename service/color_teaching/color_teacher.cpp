@@ -9,13 +9,18 @@
 
 #include "calib/model/median.h"
 #include "color_teaching/color_fit.h"
+#include "color_teaching/suggestion.h"
 
 namespace huetrack::color_teaching {
 namespace {
 
 constexpr int soft_edge_px = 3;          // blur, and chroma that neighbours share
 constexpr double notable_share = 0.005;  // of the background
-constexpr double notable_patch = 0.25;   // of the object's own area: a patch that could be taken for it
+// Frames that no trigger has started are of one moment to half a period, and stamps are late by up to 45 ms: at a
+// stroll's or a hand's two metres a second that is a decimetre.
+constexpr auto in_step = std::chrono::milliseconds(2);
+constexpr double moved_between_frames_m = 0.1;
+constexpr double notable_patch = 0.25;  // of the object's own area: a patch that could be taken for it
 
 std::string part_of_picture(const Eigen::Vector2d& at, int width, int height) {
   const int column = std::clamp(static_cast<int>(3 * at.x() / width), 0, 2);
@@ -59,31 +64,25 @@ std::string percent(double share) {
   return fmt::format("{:.{}f} %", 100 * share, share < 0.001 ? 2 : 1);
 }
 
-// Wide enough for another camera's white balance.
-object_tracking::HsiRange in_other_cameras(const object_tracking::HsiRange& r) {
-  const double width = std::fmod(r.hue_max_deg - r.hue_min_deg + 720, 360);
-  const double more = std::min(18.0, std::max(0.0, (280 - width) / 2));
-  return {.hue_min_deg = std::fmod(r.hue_min_deg - more + 720, 360),
-          .hue_max_deg = std::fmod(r.hue_max_deg + more, 360),
-          .saturation_min = std::max(0.15, 0.35 * r.saturation_min),
-          .saturation_max = 1,
-          .intensity_min = 0.06,
-          .intensity_max = 0.98};
-}
-
 }  // namespace
 
 bool Taught::any() const {
   return std::ranges::any_of(views, &TaughtView::pointed);
 }
 
-ColorTeacher::ColorTeacher(const calib::CameraRig& rig, const capture::FrameSet& set)
-    : rig_(rig), images_(rig.cameras.size()) {
+ColorTeacher::ColorTeacher(const calib::CameraRig& rig, const capture::FrameSet& set,
+                           const std::vector<std::vector<capture::Image>>& elsewhen)
+    : rig_(rig), images_(rig.cameras.size()), moving_(rig.cameras.size()) {
+  std::optional<capture::Timestamp> first_at;
   for (std::size_t c = 0; c < images_.size() && c < set.frames.size(); ++c) {
     const auto& frame = set.frames[c];
     if (frame && frame->status == capture::FrameStatus::ok && frame->pixels.width == rig.cameras[c].image_size.width &&
-        frame->pixels.height == rig.cameras[c].image_size.height)
+        frame->pixels.height == rig.cameras[c].image_size.height) {
       images_[c] = hsi_image(frame->pixels);
+      if (!first_at) first_at = frame->captured_at;
+      if (std::chrono::abs(frame->captured_at - *first_at) > in_step) moved_m_ = moved_between_frames_m;
+      if (c < elsewhen.size()) moving_[c] = moving_pixels(frame->pixels, elsewhen[c]);
+    }
   }
 }
 
@@ -158,36 +157,22 @@ Taught ColorTeacher::teach(const TeachRequestOptions& request, const object_trac
 }
 
 void ColorTeacher::suggest(std::vector<TaughtView>& views, const object_tracking::Box& volume) const {
-  std::vector<std::size_t> pointed;
-  for (std::size_t c = 0; c < views.size(); ++c)
-    if (views[c].pointed) pointed.push_back(c);
+  const auto picture = [this](std::size_t c) {
+    return Picture{&rig_.cameras[c], &*images_[c], moving_[c] ? &*moving_[c] : nullptr};
+  };
+  std::vector<PointedObject> pointed;
+  std::vector<Picture> others;
+  std::vector<std::size_t> cameras;
   for (std::size_t c = 0; c < views.size(); ++c) {
-    if (views[c].pointed || !images_[c]) continue;
-    const object_tracking::HsiRange wide = in_other_cameras(views[pointed.front()].color);
-    double best_cost = 1;
-    for (const MaskRegion& region : regions_of(matching(*images_[c], wide, {}), 6)) {
-      std::vector<std::pair<const calib::Camera*, Eigen::Vector2d>> rays{{&rig_.cameras[c], region.centre}};
-      for (const std::size_t p : pointed) rays.emplace_back(&rig_.cameras[p], views[p].region->centre);
-      const auto at = triangulate(rays);
-      if (!at || (at->array() < volume.min.array() - 0.1).any() || (at->array() > volume.max.array() + 0.1).any())
-        continue;
-      // Costs of 1 are as much as a suggestion may cost: off by the object's own radius (or 6 px), or 2.5 times as
-      // large.
-      double cost = 0;
-      for (const auto& [camera, px] : rays) {
-        const auto again = camera->project_world(*at);
-        cost = std::max(cost, again ? (again->px - px).norm() / std::max(6.0, region.radius_px()) : 1e9);
-      }
-      for (const std::size_t p : pointed) {
-        const double ratio =
-            radius_m_of(rig_.cameras[c], region, *at) / radius_m_of(rig_.cameras[p], *views[p].region, *at);
-        cost = std::max(cost, std::abs(std::log(ratio)) / std::log(2.5));
-      }
-      if (cost >= best_cost) continue;
-      best_cost = cost;
-      views[c].region = region;
+    if (views[c].pointed) {
+      pointed.push_back({picture(c), *views[c].region, views[c].object});
+    } else if (images_[c]) {
+      others.push_back(picture(c));
+      cameras.push_back(c);
     }
   }
+  const auto regions = suggested_regions(pointed, others, volume, moved_m_);
+  for (std::size_t i = 0; i < cameras.size(); ++i) views[cameras[i]].region = regions[i];
 }
 
 void ColorTeacher::judge(TaughtView& view, std::size_t camera, const std::string& color_of,

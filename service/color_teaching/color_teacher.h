@@ -53,8 +53,10 @@ struct Taught {
 // thread-compatible. Holds converted copies of the pictures; the frames may go.
 class ColorTeacher {
  public:
-  // set: one slot per camera of the rig; cameras without a frame cannot be pointed into
-  ColorTeacher(const calib::CameraRig& rig, const capture::FrameSet& set);
+  // set: one slot per camera of the rig; cameras without a frame cannot be pointed into.
+  // elsewhen: per camera, what it shows at other moments; with some of them it is known what moves. May be empty.
+  ColorTeacher(const calib::CameraRig& rig, const capture::FrameSet& set,
+               const std::vector<std::vector<capture::Image>>& elsewhen = {});
 
   const calib::CameraRig& rig() const { return rig_; }
 
@@ -74,6 +76,8 @@ class ColorTeacher {
 
   calib::CameraRig rig_;
   std::vector<std::optional<HsiImage>> images_;
+  std::vector<std::optional<PixelMask>> moving_;  // per camera
+  double moved_m_ = 0;                            // how far an object may move between the pictures
 };
 
 // Cameras into which nobody pointed, though the object probably is there.

@@ -28,6 +28,12 @@ HsiImage hsi_image(const capture::Image& image) {
   return out;
 }
 
+Eigen::Vector2d chroma(const object_tracking::Hsi& pixel) {
+  if (!pixel.has_hue) return Eigen::Vector2d::Zero();
+  const double angle = pixel.hue_deg * (std::numbers::pi / 180);
+  return pixel.saturation * Eigen::Vector2d(std::cos(angle), std::sin(angle));
+}
+
 PixelMask matching(const HsiImage& image, const object_tracking::HsiRange& range,
                    const std::vector<object_tracking::PixelBox>& ignored) {
   PixelMask mask(image.width, image.height);

@@ -34,6 +34,9 @@ struct HsiImage {
 };
 HsiImage hsi_image(const capture::Image& image);
 
+// S and hue as a point: distances in it mean the same for every hue, and do not depend on intensity.
+Eigen::Vector2d chroma(const object_tracking::Hsi& pixel);
+
 // The pixels that have the colour, but those in the boxes.
 PixelMask matching(const HsiImage& image, const object_tracking::HsiRange& range,
                    const std::vector<object_tracking::PixelBox>& ignored);

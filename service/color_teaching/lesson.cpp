@@ -1,8 +1,43 @@
 #include "color_teaching/lesson.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
+#include <cmath>
 
 namespace huetrack::color_teaching {
+
+namespace {
+
+constexpr double most_elsewhere = 0.01;  // of a picture: of so much a search finds the object in nearly every set
+constexpr double furthest_hue_deg = 35;  // from one camera to the next: more than white balance does
+
+double middle_hue(const object_tracking::HsiRange& range) {
+  return range.hue_min_deg + std::fmod(range.hue_max_deg - range.hue_min_deg + 720, 360) / 2;
+}
+
+// What speaks against places that nobody has looked at. Empty: nothing.
+std::string why_not_accepted(const Taught& taught, const calib::CameraRig& rig, std::size_t first,
+                             const std::vector<std::size_t>& accepted) {
+  for (const std::size_t c : accepted) {
+    const TaughtView& view = taught.views[c];
+    const std::string where = "what was suggested in camera " + rig.cameras[c].name;
+    if (!view.pointed) return where + " is no region of one colour: point at the object there";
+    const double off = std::remainder(middle_hue(view.color) - middle_hue(taught.views[first].color), 360.0);
+    if (std::abs(off) > furthest_hue_deg)
+      return fmt::format(
+          "{} has another hue, by {:.0f} degrees, than what was pointed at in {}: point at the object there", where,
+          std::abs(off), rig.cameras[first].name);
+    if (view.background_share > most_elsewhere)
+      return fmt::format(
+          "the colour of {} covers {:.1f} % of its picture beside the object: point at the object there, "
+          "narrow the ranges, or ignore a rectangle",
+          where, 100 * view.background_share);
+  }
+  return "";
+}
+
+}  // namespace
 
 Lesson learn(const ColorTeacher& teacher, const TeachRequestOptions& request,
              const std::vector<object_tracking::TargetOptions>& targets, const object_tracking::TargetOptions& target,
@@ -12,19 +47,23 @@ Lesson learn(const ColorTeacher& teacher, const TeachRequestOptions& request,
   lesson.target = target;
   if (request.accepts_suggestions && lesson.taught.any()) {
     TeachRequestOptions confirmed = request;
+    std::vector<std::size_t> accepted;
+    const auto first = static_cast<std::size_t>(std::ranges::find_if(lesson.taught.views, &TaughtView::pointed) -
+                                                lesson.taught.views.begin());
     for (std::size_t c = 0; c < lesson.taught.views.size(); ++c) {
       const TaughtView& view = lesson.taught.views[c];
       if (!view.pointed && view.region && view.problem.empty())
-        confirmed.points.push_back({int(c), view.region->centre});
+        confirmed.points.push_back({int(c), view.region->centre}), accepted.push_back(c);
     }
     lesson.taught = teacher.teach(confirmed, volume);
+    lesson.why_useless = why_not_accepted(lesson.taught, teacher.rig(), first, accepted);
   }
   const Taught& taught = lesson.taught;
   if (taught.any()) lesson.target = with_taught_color(target, teacher.rig(), taught);
   lesson.unconfirmed = unconfirmed(taught, teacher.rig());
   lesson.namesakes = teacher.namesakes(taught, targets, target.name);
   lesson.radius_hint = radius_hint(taught, target);
-  lesson.why_useless = why_useless(taught, teacher.rig());
+  if (lesson.why_useless.empty()) lesson.why_useless = why_useless(taught, teacher.rig());
   lesson.is_faint = std::ranges::any_of(
       taught.views, [](const TaughtView& view) { return view.pointed && view.object_share < least_object_share; });
   return lesson;

@@ -4,12 +4,17 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
+#include <iterator>
 
 namespace huetrack::config {
 namespace {
 
 namespace fs = std::filesystem;
+
+constexpr std::size_t most_targets = 100;
+constexpr std::size_t most_pairs = 3;  // of targets with one colour that are warned of one by one
 
 std::string not_in_the_rig(const std::string& camera, const calib::CameraRig& rig) {
   std::vector<std::string> names;
@@ -126,6 +131,10 @@ bool hues_overlap(const object_tracking::HsiRange& a, const object_tracking::Hsi
 }  // namespace
 
 void check(const ServiceConfig& config, const yaml::YamlReader& root) {
+  if (config.targets.size() > most_targets)
+    root.fail("targets", fmt::format("are {}, and {} at most can be tracked: each has particles, colour tables and "
+                                     "topics of its own",
+                                     config.targets.size(), most_targets));
   check_camera_tracking(config, root.map_or_empty("camera_tracking"));
   if (config.targets.empty() && config.camera_tracking.camera.empty())
     root.fail("targets",
@@ -141,6 +150,26 @@ void check(const ServiceConfig& config, const yaml::YamlReader& root) {
     root.map_or_empty("dds").fail("", problems.front());
 }
 
+namespace {
+
+// What speaks against a rig by what its file says of it; empty: nothing.
+std::string rig_warning(const calib::CameraRig& rig) {
+  using namespace std::chrono;
+  // Mounts sag and lenses are touched within months; before, somebody has looked.
+  constexpr auto old = days(180);
+  const sys_seconds now = floor<seconds>(system_clock::now());
+  const calib::RigHistory& made = rig.made;
+  if (!made.checks.empty() && made.checks.back().verdict != "usable")
+    return "the rig was found " + made.checks.back().verdict + " when it was last checked: " + made.text(now);
+  const auto seen = made.checks.empty() ? made.at : std::optional(made.checks.back().at);
+  if (seen && now - *seen > old)
+    return "nobody has checked the rig for long: " + made.text(now) +
+           "; huetrack-calibrate check tells whether it fits";
+  return {};
+}
+
+}  // namespace
+
 std::vector<std::string> warnings_of(const ServiceConfig& config) {
   std::vector<std::string> warnings;
   for (const auto& camera : config.rig.cameras) {
@@ -148,6 +177,7 @@ std::vector<std::string> warnings_of(const ServiceConfig& config) {
         std::ranges::find(config.cameras, camera.name, &LiveCameraConfig::name) == config.cameras.end())
       warnings.push_back("camera " + camera.name + " of the rig is not among the live cameras, and not used by run");
   }
+  if (std::string warning = rig_warning(config.rig); !warning.empty()) warnings.push_back(std::move(warning));
   const RecordConfig& record = config.record;
   if (!record.folder.empty() && !record.always && !(record.pre_roll_s > 0))
     warnings.push_back("record.folder is given, but nothing will be recorded: set record.always or record.pre_roll_s");
@@ -162,15 +192,24 @@ std::vector<std::string> warnings_of(const ServiceConfig& config) {
         fmt::format("only {} % of the volume is seen by two or more cameras: a target's depth is not fixed in the rest",
                     std::lround(100 * coverage.by_two)));
   }
+  std::vector<std::string> pairs;
   for (std::size_t a = 0; a < config.targets.size(); ++a) {
     for (std::size_t b = a + 1; b < config.targets.size(); ++b) {
       for (const auto& camera : config.rig.cameras) {
         if (!hues_overlap(config.targets[a].color_in(camera.name), config.targets[b].color_in(camera.name))) continue;
-        warnings.push_back("targets " + config.targets[a].name + " and " + config.targets[b].name +
-                           " have overlapping colours in camera " + camera.name + " and may be taken for each other");
+        pairs.push_back("targets " + config.targets[a].name + " and " + config.targets[b].name +
+                        " have overlapping colours in camera " + camera.name + " and may be taken for each other");
         break;
       }
     }
+  }
+  if (pairs.size() > most_pairs) {
+    warnings.push_back(
+        fmt::format("{} pairs of targets have overlapping colours and may be taken for each other; the "
+                    "first: {}",
+                    pairs.size(), pairs.front()));
+  } else {
+    std::ranges::move(pairs, std::back_inserter(warnings));
   }
   return warnings;
 }

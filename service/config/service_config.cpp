@@ -10,14 +10,13 @@
 #include <cmath>
 #include <concepts>
 #include <cstdint>
-#include <fstream>
 #include <span>
-#include <sstream>
 #include <stdexcept>
 #include <string_view>
 #include <utility>
 
 #include "calib/model/rig_yaml.h"
+#include "calib/yaml/text_file.h"
 #include "calib/yaml/yaml_reader.h"
 #include "config/config_check.h"
 
@@ -51,6 +50,8 @@ constexpr std::pair<std::string_view, camera_tracking::CameraMethod> camera_meth
     {"herranz", camera_tracking::CameraMethod::herranz}};
 constexpr yaml::Range share{.min = 0, .max = 1};
 constexpr yaml::Range degrees{.min = 0, .max = 360};
+// From the clock's microsecond to more than any two cameras are apart.
+constexpr yaml::Range tolerance{.min = 1e-6, .max = 10};
 constexpr yaml::Range at_least_one{.min = 1, .max = 1e6};
 
 enum class Need : std::uint8_t { optional, required };
@@ -192,7 +193,7 @@ void describe(Io& io, Config& config) {
                 "how many cameras must deliver before the service says that it is ready");
   io.group("object_tracking", "", [&](auto& in) { describe_object_tracking(in, config.object_tracking); });
   io.group("frame_sets", "which frames belong together", [&](auto& in) {
-    in.number_or("tolerance_s", "auto", config.set_tolerance_s, yaml::positive,
+    in.number_or("tolerance_s", "auto", config.set_tolerance_s, tolerance,
                  "first to last capture time in a set, seconds; auto: about half a frame period");
   });
   io.integer("threads", config.threads, yaml::Range{.min = 1, .max = 64},
@@ -583,7 +584,11 @@ class Printer {
     std::string out = "\"";
     for (const char c : text) {
       if (c == '"' || c == '\\') out += '\\';
-      out += c;
+      if (static_cast<unsigned char>(c) < 0x20 || c == 0x7F) {
+        out += fmt::format("\\x{:02X}", static_cast<unsigned char>(c));
+      } else {
+        out += c;
+      }
     }
     out += '"';
     return out;
@@ -676,6 +681,7 @@ std::string printed(const ServiceConfig& config, Printer::Show show) {
 }
 
 // Names of what a recording holds beside its configuration.
+constexpr std::size_t largest_beside = 1U << 30;  // bytes: a map has pictures in it
 constexpr const char *board_beside = "camera_board.yaml", *map_beside = "camera.map";
 
 }  // namespace
@@ -731,11 +737,7 @@ std::vector<std::pair<std::string, std::string>> files_beside(const ServiceConfi
   std::vector<std::pair<std::string, std::string>> files;
   const auto add = [&files](const char* name, const std::filesystem::path& file) {
     if (file.empty()) return;
-    std::ifstream in(file, std::ios::binary);
-    std::ostringstream content;
-    content << in.rdbuf();
-    if (!in) throw std::runtime_error(file.string() + ": cannot be read, and the recording is to hold it");
-    files.emplace_back(name, std::move(content).str());
+    files.emplace_back(name, yaml::read_text_file(file, largest_beside));
   };
   add(board_beside, config.camera_tracking.board);
   add(map_beside, config.camera_tracking.load_map);

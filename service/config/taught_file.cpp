@@ -124,10 +124,22 @@ void write_all(const fs::path& fresh, const std::string& text, const fs::path& l
   if (::fsync(to.get()) != 0) throw cannot_write(file);  // before the rename: a power cut must not leave an empty file
 }
 
+fs::path before(const fs::path& file) {
+  return file.string() + ".before";
+}
+
+void keep(const fs::path& file) {
+  std::error_code error;
+  if (!fs::exists(file)) return;
+  fs::copy_file(file, before(file), fs::copy_options::overwrite_existing, error);
+  if (error) throw std::runtime_error(fmt::format("cannot write {}: {}", before(file).string(), error.message()));
+}
+
 void replace(const fs::path& file, const std::string& text, const fs::path& config) {
   const fs::path fresh = file.parent_path() / fmt::format(".{}-{}", file.filename().string(), ::getpid());
   try {
     write_all(fresh, text, fs::exists(file) ? file : config, file);
+    keep(file);
     if (::rename(fresh.c_str(), file.c_str()) != 0) throw cannot_write(file);
   } catch (const std::runtime_error&) {
     std::error_code not_begun;
@@ -169,6 +181,17 @@ fs::path save_taught(const fs::path& config, const object_tracking::TargetOption
     set_color(draft, target);
     if (ignored) set_ignored(draft, *ignored);
   });
+}
+
+fs::path undo_taught(const fs::path& config) {
+  const fs::path file = taught_file(config), old = before(file);
+  if (!fs::exists(file) && !fs::exists(old))
+    throw std::runtime_error(fmt::format("{}: nothing was taught, so there is nothing to undo", config.string()));
+  const fs::path aside = file.string() + ".undone";
+  if (fs::exists(file)) fs::rename(file, aside);
+  if (fs::exists(old)) fs::rename(old, file);
+  if (fs::exists(aside)) fs::rename(aside, old);
+  return file;
 }
 
 fs::path save_ignored(const fs::path& config, const object_tracking::IgnoredRegions& ignored) {

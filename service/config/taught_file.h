@@ -18,4 +18,9 @@ std::filesystem::path save_taught(const std::filesystem::path& config, const obj
                                   const std::optional<object_tracking::IgnoredRegions>& ignored);
 std::filesystem::path save_ignored(const std::filesystem::path& config, const object_tracking::IgnoredRegions& ignored);
 
+// What was there before the last save takes its place again, and the other way round: undone twice is as it was. Every
+// save keeps the file before it, as <taught file>.before; before the first one there was none. Returns the taught
+// file's path. throws std::runtime_error: nothing was saved.
+std::filesystem::path undo_taught(const std::filesystem::path& config);
+
 }  // namespace huetrack::config

@@ -4,11 +4,16 @@
 
 #include <algorithm>
 #include <array>
+#include <chrono>
 #include <cmath>
 #include <cstdio>
+#include <exception>
 #include <iterator>
+#include <vector>
 
+#include "calib/yaml/yaml_reader.h"
 #include "config/service_config.h"
+#include "pipeline/session.h"
 #include "publish/estimate_publisher.h"
 #include "tracks/track_csv.h"
 #include "tracks/truth.h"
@@ -33,6 +38,18 @@ void print_hues(const object_tracking::TargetOptions& target) {
   std::printf("\n");
 }
 
+// What replay and run would say of it when they begin: the trackers, the map that is loaded. throws, naming the file
+void require_session(const config::ServiceConfig& config) {
+  try {
+    const pipeline::Session session(
+        config, {.sources = {}, .cameras = [] { return std::vector<pipeline::SessionCamera>(); }}, {});
+  } catch (const yaml::ConfigError&) {
+    throw;
+  } catch (const std::exception& error) {
+    throw yaml::ConfigError(config.file, 0, error.what());
+  }
+}
+
 }  // namespace
 
 void check(const std::filesystem::path& file) {
@@ -40,9 +57,16 @@ void check(const std::filesystem::path& file) {
   auto warnings = config::warnings_of(config);
   if (config.dds.enabled)
     std::ranges::copy(publish::EstimatePublisher::check(config.dds.publisher), std::back_inserter(warnings));
+  require_session(config);
   for (const auto& warning : warnings) spdlog::warn("{}: {}", config.file.string(), warning);
   std::printf("# %s, resolved; identity %s\n%s", config.file.c_str(), config::config_identity(config).c_str(),
               config::to_yaml_with_origins(config).c_str());
+  if (config.rig.cameras.empty()) return;
+  const std::string age =
+      config.rig.made.text(std::chrono::floor<std::chrono::seconds>(std::chrono::system_clock::now()));
+  std::printf("# the rig: %s; %s\n", age.empty() ? "its file does not say when it was made" : age.c_str(),
+              config.rig.uncertainty ? "with its uncertainty, which is in every position's covariance"
+                                     : "without uncertainty: its cameras count as exactly known");
   if (config.targets.empty()) return;
   for (const auto& target : config.targets) print_hues(target);
   const auto coverage = config::volume_coverage(config.rig, config.object_tracking.volume);

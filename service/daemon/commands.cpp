@@ -206,8 +206,7 @@ void add_teach_command(CLI::App& app, Command& chosen) {
   CLI::App* command = app.add_subcommand(
       "teach", "learn a target's colour from where you point, and write it into a file beside the configuration");
   command->add_option("config", teaching->config, config_help)->required();
-  command->add_option("recording", teaching->recording, "recording.yaml, the folder that holds it, or the word live")
-      ->required();
+  command->add_option("recording", teaching->recording, "recording.yaml, the folder that holds it, or the word live");
   command->add_option("--at", teaching->at, "the object: CAMERA,FRAME,U,V (frames from 0, pixels); once per camera")
       ->allow_extra_args(false);
   command->add_option("--target", teaching->target, "which one, where there are several");
@@ -222,6 +221,7 @@ void add_teach_command(CLI::App& app, Command& chosen) {
       ->allow_extra_args(false);
   command->add_option("--pictures", teaching->pictures, "draw what matches, one picture per camera, into this folder");
   command->add_flag("--dry-run", teaching->dry_run, "only say what would be learnt");
+  command->add_flag("--undo", teaching->undo, "what was there before the last save takes its place again");
 
   command->callback([teaching, &chosen] {
     chosen.run = [teaching](const std::stop_token& stop) { return page::teach(*teaching, stop); };

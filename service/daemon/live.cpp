@@ -75,6 +75,7 @@ LiveSummary run_live(const config::ServiceConfig& config, std::vector<pipeline::
     throw std::runtime_error(config.file.string() +
                              ": cameras: none is given: name the live cameras; "
                              "ls -l /dev/v4l/by-path/ lists those that there are");
+  pipeline::refuse_one_file_for_two({options.tracks, options.poses, options.write_rig});
   pipeline::Session session(config, pipeline::sources_of(config, cameras),
                             {.when_full = pipeline::WhenFull::drop_oldest, .is_tracking = options.track});
 

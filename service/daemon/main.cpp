@@ -7,6 +7,7 @@
 #include <cstdlib>
 #include <exception>
 
+#include "calib/yaml/text_file.h"
 #include "capture/v4l2_source.h"
 #include "daemon/commands.h"
 #include "daemon/service_manager.h"
@@ -51,7 +52,8 @@ int main(int argc, char** argv) {
   try {
     status = chosen.run(signals.token());
   } catch (const std::exception& error) {  // the user's input or the outside world: said once, in one line, here
-    std::fprintf(stderr, "%shuetrackd: %s\n", daemon::journal_prefix(), error.what());
+    std::fprintf(stderr, "%shuetrackd: %s\n", daemon::journal_prefix(),
+                 yaml::printable(error.what(), yaml::longest_message).c_str());
     return end_with(1);
   }
   if (std::fflush(stdout) != 0) {

@@ -44,6 +44,10 @@ config::ServiceConfig configuration_of(const ReplayCommand& command) {
   for (const auto& warning : config::warnings_of(config)) spdlog::warn("{}: {}", config.file.string(), warning);
   if (command.hold && (command.no_dds || !config.dds.enabled))
     throw std::runtime_error("--hold needs DDS: a page says when to go on");
+  if (command.hold && !config.control.allow_teach)
+    throw std::runtime_error(config.file.string() +
+                             ": --hold needs control: {allow_teach: true}: a page says when to go on, and may not");
+  pipeline::refuse_one_file_for_two({command.tracks, command.poses, command.write_rig});
   return config;
 }
 
@@ -133,6 +137,7 @@ class ReplayStatus final : public pipeline::Output {
     std::ranges::copy(times_.warnings(), std::back_inserter(status.warnings));
     if (held_ != nullptr && !held_->is_released()) status.mode = "held";
     bus_.publisher().publish_status(status);
+    bus_.publisher().publish_times(status.at, times_.told());
   }
   void on_config(const config::ServiceConfig& config) noexcept override {
     const std::scoped_lock lock(mutex_);
@@ -290,6 +295,7 @@ ReplaySummary replay(const ReplayCommand& command, const std::stop_token& stop) 
   // Everything that may be wrong with the user's files is found before anything is written.
   const config::ServiceConfig config = configuration_of(command);
   Playback playback = open_playback(config, command);
+  for (const auto& warning : playback.source->take_warnings()) spdlog::warn("{}", warning);
   const std::optional<tracks::Truth> truth = truth_of(config, command);
   pipeline::Session session(config, std::move(playback.sources),
                             {.threads = command.threads,

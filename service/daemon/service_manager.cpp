@@ -11,6 +11,8 @@
 #include <cstdlib>
 #include <memory>
 
+#include "calib/yaml/text_file.h"
+
 namespace huetrack::daemon {
 namespace {
 
@@ -48,6 +50,16 @@ class JournalPriority final : public spdlog::custom_flag_formatter {
   }
 };
 
+// %P: the message on one line, without what a terminal would obey: a part of it may be from a file or from the bus.
+class PrintableMessage final : public spdlog::custom_flag_formatter {
+ public:
+  void format(const spdlog::details::log_msg& message, const std::tm&, spdlog::memory_buf_t& out) override {
+    const std::string text = yaml::printable({message.payload.data(), message.payload.size()}, yaml::longest_message);
+    out.append(text.data(), text.data() + text.size());
+  }
+  std::unique_ptr<custom_flag_formatter> clone() const override { return std::make_unique<PrintableMessage>(); }
+};
+
 }  // namespace
 
 void notify_service_manager(const std::string& assignments) {
@@ -65,17 +77,13 @@ const char* journal_prefix() {
 }
 
 void set_up_log() {
-  if (stderr_is_journal()) {
-    const auto log = spdlog::stderr_logger_mt("huetrackd");
-    auto formatter = std::make_unique<spdlog::pattern_formatter>();
-    formatter->add_flag<JournalPriority>('J').set_pattern("%J%v");
-    log->set_formatter(std::move(formatter));
-    spdlog::set_default_logger(log);
-  } else {
-    const auto log = spdlog::stderr_color_mt("huetrackd");
-    log->set_pattern("%n: %^%l%$: %v");
-    spdlog::set_default_logger(log);
-  }
+  const bool is_journal = stderr_is_journal();
+  const auto log = is_journal ? spdlog::stderr_logger_mt("huetrackd") : spdlog::stderr_color_mt("huetrackd");
+  auto formatter = std::make_unique<spdlog::pattern_formatter>();
+  formatter->add_flag<JournalPriority>('J').add_flag<PrintableMessage>('P');
+  formatter->set_pattern(is_journal ? "%J%P" : "%n: %^%l%$: %P");
+  log->set_formatter(std::move(formatter));
+  spdlog::set_default_logger(log);
 }
 
 void set_log_level(config::LogLevel level) {

@@ -14,6 +14,14 @@ constexpr std::array held{SIGINT, SIGTERM, SIGHUP, SIGUSR1};
 
 }  // namespace
 
+namespace {
+
+// The dynamic linker calls it when the program's libraries are loaded and before their constructors run, which take
+// longer than all else until main(): a signal that comes meanwhile waits as well.
+[[gnu::section(".preinit_array"), gnu::used]] void (*const before_all_constructors)() = &Signals::hold;
+
+}  // namespace
+
 void Signals::hold() {
   sigset_t all;
   sigemptyset(&all);

@@ -91,7 +91,10 @@ void Supervisor::tell_status(const pipeline::PipelineFigures& figures, const Hea
   std::ranges::copy(the_.mistakes.warnings(), std::back_inserter(status_.warnings));  // likewise
   std::ranges::copy(the_.light.warnings(), std::back_inserter(status_.warnings));     // it has logged them itself
   std::ranges::copy(the_.times.warnings(), std::back_inserter(status_.warnings));
-  if (the_.bus != nullptr) the_.bus->publisher().publish_status(status_);
+  if (the_.bus != nullptr) {
+    the_.bus->publisher().publish_status(status_);
+    the_.bus->publisher().publish_times(status_.at, the_.times.told());
+  }
   if (the_.metrics_server != nullptr) show_metrics();
   if (!is_last)
     notify_service_manager("STATUS=" + status_line(status_, states, tracked_camera_, figures.tracked_camera.state));

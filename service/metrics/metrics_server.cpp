@@ -28,8 +28,11 @@ namespace {
 using Clock = std::chrono::steady_clock;
 using namespace std::chrono_literals;
 
-constexpr unsigned most_clients = 16;             // who comes when there are so many waits in the kernel's queue
-constexpr std::size_t client_memory = 64 * 1024;  // bytes, of a request; a longer one is refused
+constexpr unsigned most_clients = 256;
+// When there are so many, the one that was there first is closed for the next: clients that stay silent take the room
+// from one another, and a request takes a millisecond of it.
+constexpr std::size_t most_open = most_clients - 16;
+constexpr std::size_t client_memory = 16 * 1024;  // bytes, of a request; a longer one is refused
 constexpr auto client_patience = 2s;              // from its connection until its answer is sent
 
 struct AddressList {
@@ -116,6 +119,10 @@ struct MetricsServer::Impl {
     const int fd = MHD_get_connection_info(connection, MHD_CONNECTION_INFO_CONNECTION_FD)->connect_fd;
     if (what == MHD_CONNECTION_NOTIFY_STARTED) {
       self.deadlines[fd] = Clock::now() + client_patience;
+      if (self.deadlines.size() <= most_open) return;
+      const auto first = std::ranges::min_element(self.deadlines, {}, [](const auto& entry) { return entry.second; });
+      ::shutdown(first->first, SHUT_RDWR);
+      self.deadlines.erase(first);
     } else {
       self.deadlines.erase(fd);
       self.has_ended = true;

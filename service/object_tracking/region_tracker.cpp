@@ -122,6 +122,7 @@ RegionTracker::RegionTracker(const calib::CameraRig& rig, const TargetOptions& t
       pose_covariance_(rig.cameras.size(), Eigen::Matrix<double, 6, 6>::Zero()),
       unseen_(rig.cameras.size()),
       color_shares_(rig.cameras.size()),
+      rig_error_(rig, options.max_coast_sigma_m),
       last_regions_(rig.cameras.size()),
       finders_(rig.cameras.size()),
       regions_(rig.cameras.size()),
@@ -487,6 +488,9 @@ void RegionTracker::trust(std::span<const CameraTrust> cameras) {
     pose_covariance_[c] = c < cameras.size() ? cameras[c].pose_covariance : Eigen::Matrix<double, 6, 6>::Zero();
     has_pose_covariance_ = has_pose_covariance_ || !pose_covariance_[c].isZero(0);
   }
+  std::vector<bool> posed_anew;  // what is open of those poses is said in their own covariance
+  for (const CameraTrust& camera : cameras) posed_anew.push_back(camera.cam_from_world.has_value());
+  rig_error_.leave_out_poses(posed_anew);
 }
 
 // The object bounced, or was hit or thrown, since the last set: it may be wherever twice its speed, or the highest
@@ -1003,7 +1007,8 @@ ObjectEstimate RegionTracker::report(const capture::FrameSet& set, const std::ve
   last_reported_ = e.at;
   e.position = belief_.position() + capture::seconds(e.at - belief_.at) * belief_.velocity();
   e.velocity = belief_.velocity();
-  e.covariance = belief_.position_covariance();
+  rig_error_.add(sightings_);
+  e.covariance = belief_.position_covariance() + rig_error_.left_open(e.position, e.at);
   e.map_position = map_;
   for (const auto* some : {&views, &views_.unused()}) {
     for (const TargetView& view : *some) e.views += add_support(view, e) ? 1 : 0;

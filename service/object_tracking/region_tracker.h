@@ -17,6 +17,8 @@
 //     covariance, and what it leaves too open is not `tracking`.
 //   - search: rays crossed between views through matching pixels of a coarse grid, confirmed by a second frame set.
 //     Several hypotheses are needed only here, and here they are kept.
+//   - calibration: what the rig's own covariance leaves open of a position, where it has one, is in the covariance that
+//     is told (rig_error.h).
 // A position is that of the moment of the newest sighting in its set; of the set's own time, where that is within 2 ms
 // of it or nobody sees the object.
 // What else was tried, with figures: README.md beside this file.
@@ -32,6 +34,7 @@
 #include "object_tracking/object_estimate.h"
 #include "object_tracking/object_tracker.h"
 #include "object_tracking/paper_tracker.h"
+#include "object_tracking/rig_error.h"
 #include "object_tracking/search_findings.h"
 #include "object_tracking/sighting.h"
 #include "object_tracking/target_views.h"
@@ -144,6 +147,7 @@ class RegionTracker {
   std::size_t shared_next_ = 0;           // the camera whose share is measured next
   capture::Timestamp shared_at_ = capture::Timestamp::min();
   std::vector<PixelAt> hits_;
+  RigError rig_error_;
   struct LinearView {
     const Sighting* sighting;
     LinearSighting linear;

@@ -134,25 +134,50 @@ Pointing pointing_of(const TeachCommand& command, const config::ServiceConfig& c
   return pointing;
 }
 
+// A moment's pictures, one slot per camera, and per camera some of other moments.
+struct Pictures {
+  capture::FrameSet set;
+  std::vector<std::vector<capture::Image>> elsewhen;
+};
+
+// Some pictures, spread over all that come, however many that are.
+class Spread {
+ public:
+  void add(const capture::Image& image) {
+    if (count_++ % every_ != 0) return;
+    images_.push_back(image);
+    if (images_.size() < most) return;
+    for (std::size_t i = 0; i < images_.size() / 2; ++i) images_[i] = images_[2 * i];
+    images_.resize(images_.size() / 2);
+    every_ *= 2;
+  }
+  std::vector<capture::Image> take() { return std::move(images_); }
+
+ private:
+  static constexpr std::size_t most = 16;
+  std::vector<capture::Image> images_;
+  std::uint64_t count_ = 0, every_ = 8;  // neighbours show nearly the same
+};
+
 // One picture of every camera: where somebody pointed, the frame of that number; of the others, the one captured
 // nearest to the first of those.
-capture::FrameSet recorded_pictures(const config::ServiceConfig& config, const std::filesystem::path& recording,
-                                    const std::map<int, std::int64_t>& wanted, const std::stop_token& stop) {
+Pictures recorded_pictures(const config::ServiceConfig& config, const std::filesystem::path& recording,
+                           const std::map<int, std::int64_t>& wanted, const std::stop_token& stop) {
   const calib::CameraRig& rig = config.rig;
   std::vector<std::string> names;
   for (const auto& camera : rig.cameras) names.push_back(camera.name);
   capture::ReplaySource source(capture::read_recording(recording), names, {.timing = config::frame_timing(rig)});
   capture::FrameSet set;
   set.frames.resize(rig.cameras.size());
+  std::vector<Spread> spread(rig.cameras.size());
   std::vector<std::int64_t> count(rig.cameras.size(), 0);
   std::vector<bool> is_settled(rig.cameras.size(), false);
   const int leader = wanted.begin()->first;
   std::optional<capture::Timestamp> leader_at;
-  while (!std::ranges::all_of(is_settled, std::identity{})) {
-    auto frame = source.next(stop);
-    if (!frame) break;
+  while (auto frame = source.next(stop)) {
     const auto c = std::size_t(frame->camera);
     const std::int64_t number = count[c]++;
+    if (frame->status == capture::FrameStatus::ok) spread[c].add(frame->pixels);
     if (frame->status != capture::FrameStatus::ok || is_settled[c]) continue;
     if (const auto it = wanted.find(frame->camera); it != wanted.end()) {
       if (number != it->second) continue;
@@ -175,7 +200,9 @@ capture::FrameSet recorded_pictures(const config::ServiceConfig& config, const s
       throw std::runtime_error(fmt::format("{}: camera {} has no sound frame {} (it has {})", recording.string(),
                                            rig.cameras[std::size_t(camera)].name, number, count[std::size_t(camera)]));
   }
-  return set;
+  Pictures pictures{.set = std::move(set), .elsewhen = {}};
+  for (Spread& of_camera : spread) pictures.elsewhen.push_back(of_camera.take());
+  return pictures;
 }
 
 // The live cameras one after the other: the object has to hold still.
@@ -297,17 +324,24 @@ bool is_worth_writing(const color_teaching::Lesson& lesson, const TeachCommand& 
 
 int teach(const TeachCommand& command, std::stop_token stop) {
   const config::ServiceConfig config = config::load_service_config(command.config);
+  if (command.undo) {
+    fmt::print("{} is as it was before the last save; --undo again takes this back\n",
+               config::undo_taught(config.file).string());
+    tell_services(config);
+    return 0;
+  }
+  if (command.recording.empty()) throw std::runtime_error("teach from what? Give a recording, or the word live");
   const object_tracking::TargetOptions& target = target_of(config, command.target);
   const Pointing pointing = pointing_of(command, config);
-  const capture::FrameSet set = command.recording == "live"
-                                    ? live_pictures(config, pointing.frames, stop)
-                                    : recorded_pictures(config, command.recording, pointing.frames, stop);
+  const Pictures pictures = command.recording == "live"
+                                ? Pictures{live_pictures(config, pointing.frames, stop), {}}
+                                : recorded_pictures(config, command.recording, pointing.frames, stop);
   const color_teaching::Lesson lesson =
-      color_teaching::learn(color_teaching::ColorTeacher(config.rig, set), pointing.request, config.targets, target,
-                            config.object_tracking.volume);
+      color_teaching::learn(color_teaching::ColorTeacher(config.rig, pictures.set, pictures.elsewhen), pointing.request,
+                            config.targets, target, config.object_tracking.volume);
   print_lesson(lesson, config.rig, pointing.frames.begin()->second);
   if (!command.pictures.empty()) {
-    draw(command.pictures, config.rig, set, lesson.taught);
+    draw(command.pictures, config.rig, pictures.set, lesson.taught);
     fmt::print("pictures with what matches in pink: {}\n", command.pictures.string());
   }
   if (!is_worth_writing(lesson, command)) return 1;

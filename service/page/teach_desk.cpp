@@ -17,6 +17,7 @@ namespace {
 
 constexpr int picture_width = 960;  // larger than a preview's: people point into it
 constexpr int picture_quality = 85;
+constexpr std::size_t most_marks = 64;  // points, or rectangles, of a request; each costs a look at all pictures
 constexpr double none = std::numeric_limits<double>::quiet_NaN();
 
 msg::TeachReply reply_to(const msg::TeachRequest& request) {
@@ -44,6 +45,7 @@ std::vector<std::uint8_t> packed(const color_teaching::PixelMask& mask, int widt
 std::optional<object_tracking::IgnoredRegions> ignored_of(const msg::TeachRequest& request,
                                                           const calib::CameraRig& rig) {
   object_tracking::IgnoredRegions regions;
+  if (request.ignored().size() > most_marks * rig.cameras.size()) return std::nullopt;
   for (const auto& ignore : request.ignored()) {
     const auto index = rig.index_of(ignore.camera());
     if (!index) return std::nullopt;
@@ -67,6 +69,7 @@ struct PointedAt {
 
 PointedAt pointing_of(const msg::TeachRequest& request, const calib::CameraRig& rig) {
   PointedAt pointing;
+  if (request.points().size() > most_marks) return {{}, fmt::format("More than {} points.", most_marks)};
   const auto ignored = ignored_of(request, rig);
   if (!ignored) return {{}, "A rectangle is not in any camera's picture."};
   pointing.request.ignored = *ignored;
@@ -243,6 +246,7 @@ std::string TeachDesk::why_not_saved(const std::function<void()>& save) const {
 }
 
 msg::TeachReply TeachDesk::answer(const msg::TeachRequest& request, const config::ServiceConfig& config) {
+  if (const std::string why = why_not(config); !why.empty()) return refusal(request, why);
   if (request.action() == msg::TEACH_ACTION_RESUME) {
     if (!actions_.resume) return refusal(request, "Nothing is held.");
     actions_.resume();
@@ -250,7 +254,6 @@ msg::TeachReply TeachDesk::answer(const msg::TeachRequest& request, const config
     reply.reason("Going on.");
     return reply;
   }
-  if (const std::string why = why_not(config); !why.empty()) return refusal(request, why);
   switch (request.action()) {
     case msg::TEACH_ACTION_LOOK:
       return look(request, config, false);

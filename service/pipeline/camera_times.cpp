@@ -63,9 +63,9 @@ void CameraTimes::on_set(const TrackedSet& set) {
     }
   }
   if (told.empty()) return;
-  times_ = told;
   {
     const std::scoped_lock lock(mutex_);
+    times_ = told;
     std::string cameras;
     for (std::size_t c = 0; c < told.size(); ++c) {
       if (told[c].latency_sigma_s > known_latency_s)
@@ -101,6 +101,11 @@ void CameraTimes::tell(const Estimates& told) {
 std::vector<std::string> CameraTimes::warnings() const {
   const std::scoped_lock lock(mutex_);
   return open_ ? std::vector{*open_} : std::vector<std::string>{};
+}
+
+std::vector<CameraTimingEstimate> CameraTimes::told() const {
+  const std::scoped_lock lock(mutex_);
+  return times_;
 }
 
 std::vector<std::string> CameraTimes::summary() const {

@@ -24,6 +24,8 @@ class CameraTimes final : public Output {
 
   // While an object moves and the cameras' times are not known: one sentence. thread-safe
   std::vector<std::string> warnings() const;
+  // As they are believed now, one per camera of the rig; empty: nothing is known yet. thread-safe
+  std::vector<object_tracking::CameraTimingEstimate> told() const;
   // One sentence per camera. When the road is empty.
   std::vector<std::string> summary() const;
   // When the road is empty.
@@ -36,7 +38,7 @@ class CameraTimes final : public Output {
   const std::filesystem::path rig_file_;
   const bool is_logging_;
   calib::CameraRig rig_;
-  Estimates times_;   // the tracking thread's; empty: nothing was learnt
+  Estimates times_;   // the tracking thread's, and guarded by mutex_ for who reads it on another
   Estimates logged_;  // likewise; with the sigma of what was not logged yet at infinity
   mutable std::mutex mutex_;
   std::optional<std::string> open_;  // guarded by mutex_

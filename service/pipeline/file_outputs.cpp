@@ -1,5 +1,6 @@
 #include "pipeline/file_outputs.h"
 
+#include <set>
 #include <stdexcept>
 #include <system_error>
 
@@ -30,6 +31,15 @@ void FileOutput::attempt(Write&& write) {
     has_failed_ = true;
     const std::scoped_lock lock(mutex_);
     problem_ = std::string(error.what()) + ": the " + content_ + " are written no further";
+  }
+}
+
+void refuse_one_file_for_two(const std::vector<std::filesystem::path>& files) {
+  std::set<std::filesystem::path> known;
+  for (const auto& file : files) {
+    std::error_code none;
+    if (!file.empty() && !known.insert(std::filesystem::weakly_canonical(file, none)).second)
+      throw std::runtime_error(file.string() + " is to be written twice: give each output a file of its own");
   }
 }
 

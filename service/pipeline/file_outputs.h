@@ -37,6 +37,9 @@ class FileOutput : public Output {
   std::string problem_;  // guarded by mutex_
 };
 
+// Of the files that a run writes, where they are given (not empty). throws std::runtime_error, naming the file.
+void refuse_one_file_for_two(const std::vector<std::filesystem::path>& files);
+
 class TrackFile final : public FileOutput {
  public:
   // throws std::system_error, naming the file

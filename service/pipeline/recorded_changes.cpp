@@ -43,7 +43,7 @@ RecordedChanges read_changes(const fs::path& folder) {
     } else if (table.text(1) == reloaded_name) {
       changes.reloads.push_back({at, folder / table.text(2)});
     } else {
-      table.fail("unknown change '" + std::string(table.text(1)) + "'");
+      table.fail("unknown change " + table.quoted(1));
     }
   }
   std::ranges::sort(changes.left_out);

@@ -14,6 +14,7 @@
 #include <stdexcept>
 
 #include "capture/capture_clock.h"
+#include "idl/camera_timesPubSubTypes.h"
 #include "idl/dds_participant.h"
 #include "idl/huetrackPubSubTypes.h"
 #include "idl/ros2_messagesPubSubTypes.h"
@@ -191,7 +192,9 @@ struct Connection {
                                            dds::TypeSupport(new msg::ObjectPositionPubSubType),
                                            idl::object_position_writer_qos(), rivals.self().user_data())),
         status(participant.create_writer(idl::status_topic, dds::TypeSupport(new msg::ServiceStatusPubSubType),
-                                         idl::status_writer_qos(), rivals.self().user_data())) {
+                                         idl::status_writer_qos(), rivals.self().user_data())),
+        times(participant.create_writer(idl::camera_times_topic, dds::TypeSupport(new msg::CameraTimesPubSubType),
+                                        idl::status_writer_qos(), rivals.self().user_data())) {
     if (!options.tracked_camera.empty())
       camera = &participant.create_writer(
           idl::camera_pose_topic, dds::TypeSupport(new msg::CameraPosePubSubType), idl::object_position_writer_qos(),
@@ -222,6 +225,7 @@ struct Connection {
   idl::DdsParticipant participant;
   dds::DataWriter& position;
   dds::DataWriter& status;
+  dds::DataWriter& times;
   std::vector<dds::DataWriter*> poses;  // by target; empty without ROS 2
   dds::DataWriter* tf = nullptr;        // null without ROS 2
   dds::DataWriter* camera = nullptr;    // null without a tracked camera
@@ -272,6 +276,8 @@ struct EstimatePublisher::Impl {
     status.host(rivals.self().host);
     status.pid(rivals.self().pid);
     status.frame_id(options.frame_id);
+    times.host(rivals.self().host);
+    times.pid(rivals.self().pid);
   }
 
   // The status thread only. The new connection is there before the old one goes, so that publish() hardly waits.
@@ -306,6 +312,7 @@ struct EstimatePublisher::Impl {
   geometry_msgs::msg::dds_::PoseWithCovarianceStamped_ camera_pose;
   tf2_msgs::msg::dds_::TFMessage_ camera_tf;
   msg::ServiceStatus status;  // the names in it are set once
+  msg::CameraTimes times;     // likewise
   std::atomic<std::uint64_t> published = 0;
   std::atomic<std::uint64_t> failures = 0;
   mutable std::mutex problem_mutex;
@@ -384,6 +391,21 @@ bool EstimatePublisher::publish_status(const ServiceStatus& status) noexcept {
   impl_->status.published(now.published);
   impl_->status.publish_failures(now.failures);
   return impl_->count(impl_->connection->status.write(&impl_->status));
+}
+
+bool EstimatePublisher::publish_times(capture::Timestamp at,
+                                      std::span<const object_tracking::CameraTimingEstimate> times) noexcept {
+  impl_->times.at(unix_ns(at));
+  impl_->times.cameras().resize(times.size());
+  for (std::size_t c = 0; c < times.size(); ++c) {
+    msg::CameraTime& out = impl_->times.cameras()[c];
+    out.camera(impl_->options.cameras[c]);
+    out.latency_s(times[c].latency_s);
+    out.latency_sigma_s(times[c].latency_sigma_s);
+    out.readout_s(times[c].readout_s);
+    out.readout_sigma_s(times[c].readout_sigma_s);
+  }
+  return impl_->count(impl_->connection->times.write(&impl_->times));
 }
 
 EstimatePublisher::Counters EstimatePublisher::counters() const {

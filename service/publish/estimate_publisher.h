@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -70,6 +71,9 @@ class EstimatePublisher {
   // the host's network addresses have changed (Wi-Fi or DHCP came up after us), it joins the bus anew, which takes this
   // call 0.1-0.7 s, while publish() on another thread goes on; where that is not possible, warnings() says why.
   bool publish_status(const ServiceStatus& status) noexcept;
+
+  // Beside it: when each camera exposes its rows. times: one per camera, or none, when nothing is known of them.
+  bool publish_times(capture::Timestamp at, std::span<const object_tracking::CameraTimingEstimate> times) noexcept;
 
   struct Counters {
     std::uint64_t published = 0;  // native samples written: positions and poses

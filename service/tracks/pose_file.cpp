@@ -1,16 +1,27 @@
 #include "tracks/pose_file.h"
 
+#include <algorithm>
 #include <array>
-#include <cerrno>
 #include <charconv>
 #include <cstdlib>
+#include <string_view>
 #include <system_error>
 
 namespace huetrack::tracks {
 namespace {
 
-[[noreturn]] void cannot_write(const std::filesystem::path& file) {
-  throw std::system_error(errno != 0 ? errno : EIO, std::generic_category(), "cannot write " + file.string());
+// Eight numbers to a line; comments begin with #.
+bool begins_with_a_pose(std::string_view text) {
+  if (text.starts_with('#')) return true;
+  int numbers = 0;
+  for (std::string_view line = text.substr(0, text.find('\n')); !line.empty(); ++numbers) {
+    double value = 0;
+    const auto [end, error] = std::from_chars(line.data(), line.data() + line.size(), value);
+    if (error != std::errc{}) return false;
+    line.remove_prefix(static_cast<std::size_t>(end - line.data()));
+    line.remove_prefix(std::min(line.find_first_not_of(" \r"), line.size()));
+  }
+  return numbers == 8;
 }
 
 }  // namespace
@@ -31,22 +42,15 @@ std::string to_tum_line(const camera_tracking::CameraEstimate& e) {
   return line;
 }
 
-PoseFileWriter::PoseFileWriter(std::filesystem::path file) : file_(std::move(file)) {
-  errno = 0;
-  stream_.open(file_, std::ios::binary | std::ios::trunc);
-  if (!stream_) cannot_write(file_);
-}
+PoseFileWriter::PoseFileWriter(std::filesystem::path file) : file_(std::move(file), {"poses", begins_with_a_pose}) {}
 
 void PoseFileWriter::write(const camera_tracking::CameraEstimate& estimate) {
-  if (estimate.state != camera_tracking::PoseState::tracking) return;  // only that is a claim
-  errno = 0;
-  stream_ << to_tum_line(estimate) << '\n';
-  if (!stream_) cannot_write(file_);
+  if (estimate.state == camera_tracking::PoseState::tracking)
+    file_.write(to_tum_line(estimate));  // only that is a claim
 }
 
 void PoseFileWriter::flush() {
-  errno = 0;
-  if (!stream_.flush()) cannot_write(file_);
+  file_.flush();
 }
 
 }  // namespace huetrack::tracks

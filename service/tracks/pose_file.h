@@ -3,9 +3,9 @@
 #pragma once
 
 #include <filesystem>
-#include <fstream>
 #include <string>
 
+#include "calib/yaml/output_file.h"
 #include "camera_tracking/camera_estimate.h"
 
 namespace huetrack::tracks {
@@ -16,13 +16,13 @@ std::string to_tum_line(
 // thread-compatible.
 class PoseFileWriter {
  public:
-  explicit PoseFileWriter(std::filesystem::path file);  // throws std::system_error, naming the file; so do the others
+  // throws std::system_error, naming the file, as the others do; std::runtime_error: something else than poses is there
+  explicit PoseFileWriter(std::filesystem::path file);
   void write(const camera_tracking::CameraEstimate& estimate);  // nothing in states but tracking
   void flush();
 
  private:
-  std::filesystem::path file_;
-  std::ofstream stream_;
+  yaml::LineFile file_;
 };
 
 }  // namespace huetrack::tracks

@@ -1,12 +1,10 @@
 #include "tracks/track_csv.h"
 
 #include <array>
-#include <cerrno>
 #include <charconv>
 #include <cmath>
 #include <cstdlib>
 #include <optional>
-#include <system_error>
 
 #include "calib/yaml/csv_table.h"
 
@@ -31,9 +29,7 @@ std::optional<object_tracking::TrackState> track_state_of(std::string_view word)
   return std::nullopt;
 }
 
-[[noreturn]] void fail(const std::filesystem::path& file) {
-  throw std::system_error(errno != 0 ? errno : EIO, std::generic_category(), "cannot write " + file.string());
-}
+constexpr yaml::FileKind kind{"tracks", [](std::string_view text) { return text.starts_with("target,t,"); }};
 
 }  // namespace
 
@@ -59,22 +55,14 @@ std::string to_csv_row(std::string_view target, const object_tracking::ObjectEst
   return row;
 }
 
-TrackCsvWriter::TrackCsvWriter(std::filesystem::path file) : file_(std::move(file)) {
-  errno = 0;
-  stream_.open(file_, std::ios::binary | std::ios::trunc);
-  if (!stream_) fail(file_);
-  stream_ << track_csv_header << '\n';
-}
+TrackCsvWriter::TrackCsvWriter(std::filesystem::path file) : file_(std::move(file), kind, track_csv_header) {}
 
 void TrackCsvWriter::write(std::string_view target, const object_tracking::ObjectEstimate& estimate) {
-  errno = 0;
-  stream_ << to_csv_row(target, estimate) << '\n';
-  if (!stream_) fail(file_);
+  file_.write(to_csv_row(target, estimate));
 }
 
 void TrackCsvWriter::flush() {
-  errno = 0;
-  if (!stream_.flush()) fail(file_);
+  file_.flush();
 }
 
 std::map<std::string, std::vector<object_tracking::ObjectEstimate>> read_track_csv(const std::filesystem::path& file) {
@@ -95,8 +83,7 @@ std::map<std::string, std::vector<object_tracking::ObjectEstimate>> read_track_c
       for (int j = i; j < 3; ++j) e.covariance(i, j) = e.covariance(j, i) = table.number(column++);
     }
     const auto state = track_state_of(table.text(14));
-    if (!state)
-      table.fail("state must be searching, tracking, coasting or lost, got \"" + std::string(table.text(14)) + "\"");
+    if (!state) table.fail("state must be searching, tracking, coasting or lost, got " + table.quoted(14));
     e.state = *state;
     e.views = static_cast<int>(table.number(15));
     e.confidence = table.number(16);

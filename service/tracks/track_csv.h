@@ -3,12 +3,12 @@
 #pragma once
 
 #include <filesystem>
-#include <fstream>
 #include <map>
 #include <string>
 #include <string_view>
 #include <vector>
 
+#include "calib/yaml/output_file.h"
 #include "object_tracking/object_estimate.h"
 
 namespace huetrack::tracks {
@@ -23,15 +23,15 @@ std::string to_csv_row(std::string_view target, const object_tracking::ObjectEst
 // thread-compatible.
 class TrackCsvWriter {
  public:
-  explicit TrackCsvWriter(std::filesystem::path file);  // throws std::system_error, naming the file
+  // throws std::system_error, naming the file; std::runtime_error: something else than tracks is there
+  explicit TrackCsvWriter(std::filesystem::path file);
   void write(std::string_view target, const object_tracking::ObjectEstimate& estimate);
   // What is written so far is on disk. throws std::system_error, naming the file: a full disk must not look like a
   // track.
   void flush();
 
  private:
-  std::filesystem::path file_;
-  std::ofstream stream_;
+  yaml::LineFile file_;
 };
 
 // What a TrackCsvWriter (or `huetrack watch --format csv`) wrote: the estimates of each target, in the file's order.

@@ -112,9 +112,9 @@ TEST_F(ReadRecording, NamesFileAndLineOfABadTimeStamp) {
   EXPECT_THAT(error_of_csv("frame,t_s\n"), HasSubstr("lists no frames"));
   EXPECT_THAT(error_of_csv("frame,time\n0,0\n"), AllOf(HasSubstr("times.csv:1"), HasSubstr("t_s")));
   EXPECT_THAT(error_of_csv("frame,t_s\n0,0\n1\n"), HasSubstr("times.csv:3"));
-  EXPECT_THAT(error_of_csv("frame,t_s\n0,0\n1.5,1\n"), AllOf(HasSubstr("times.csv:3"), HasSubstr("'1.5'")));
+  EXPECT_THAT(error_of_csv("frame,t_s\n0,0\n1.5,1\n"), AllOf(HasSubstr("times.csv:3"), HasSubstr("\"1.5\"")));
   EXPECT_THAT(error_of_csv("frame,t_s\n0,0\n-1,1\n"), HasSubstr("times.csv:3"));
-  EXPECT_THAT(error_of_csv("frame,t_s\n0,zero\n"), AllOf(HasSubstr("times.csv:2"), HasSubstr("'zero'")));
+  EXPECT_THAT(error_of_csv("frame,t_s\n0,zero\n"), AllOf(HasSubstr("times.csv:2"), HasSubstr("\"zero\"")));
   EXPECT_THAT(error_of_csv("frame,t_s\n0,nan\n"), HasSubstr("times.csv:2"));
   EXPECT_THAT(error_of_csv("frame,t_s\n0,1e30\n"), HasSubstr("times.csv:2"));
   EXPECT_THAT(error_of_csv("frame,t_s\n0,0\n1,0.1\n2,0.1\n"), AllOf(HasSubstr("times.csv:4"), HasSubstr("later")));

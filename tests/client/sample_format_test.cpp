@@ -159,10 +159,24 @@ TEST(SampleFormat, StatusOfATrackedCamera) {
   msg::CameraPose other = pose(true);
   other.camera("of_another_service");
   const std::vector<msg::CameraPose> poses{pose(false), other};
-  const std::string out = text(s, 0, poses);
+  const std::string out = text(s, 0, nullptr, poses);
   EXPECT_NE(out.find("  targets   none\n"), std::string::npos) << out;
   EXPECT_NE(out.find("  pose      cam0  searching   8 of 9 features, 0 map points\n"), std::string::npos) << out;
   EXPECT_EQ(out.find("of_another_service"), std::string::npos);
+}
+
+TEST(SampleFormat, StatusSaysWhenRowsAreExposed) {
+  msg::ServiceStatus s;
+  s.cameras().resize(2);
+  s.cameras()[0].name("left"), s.cameras()[1].name("r");
+  msg::CameraTimes times;
+  times.cameras().resize(2);
+  times.cameras()[0].camera("left"), times.cameras()[1].camera("r");
+  times.cameras()[0].readout_s(0.0251), times.cameras()[0].readout_sigma_s(0.0012);
+  times.cameras()[1].latency_s(-0.0117), times.cameras()[1].latency_sigma_s(0.0003);
+  const std::string out = text(s, 0, &times);
+  EXPECT_NE(out.find("  times     left  latency 0.0 ms (held), readout 25.1 ms +- 1.2\n"), std::string::npos) << out;
+  EXPECT_NE(out.find("  times     r     latency -11.7 ms +- 0.3, readout 0.0 ms +- 0.0\n"), std::string::npos) << out;
 }
 
 TEST(SampleFormat, StatusNamesWhatIsWrong) {

@@ -543,5 +543,31 @@ TEST_F(Exchange, FormatsAreKnownByTheirLines) {
   EXPECT_THROW(format_of("h.toml", "x = \"" + blanks + "[cam\"\n"), yaml::ConfigError);
 }
 
+// Each of these ended the program: the parsers call themselves for each level, and the stack ends.
+TEST_F(Exchange, WhatIsNestedTooDeepIsRefusedBeforeAnyParser) {
+  const auto repeated = [](const std::string& text, int times) {
+    std::string out;
+    for (int i = 0; i < times; ++i) out += text;
+    return out;
+  };
+  const std::pair<std::string, std::string> files[] = {
+      {"lists.json", "{\"camera_matrix\":" + repeated("[", 40'000)},
+      {"lists.yml", "%YAML:1.0\n---\ncamera_matrix: " + repeated("[", 400'000)},
+      {"sequences.yml", "%YAML:1.0\n---\nK:\n   " + repeated("- ", 300'000) + "1\n"},
+      {"tags.xml", "<?xml version=\"1.0\"?>\n<opencv_storage>" + repeated("<a>", 200'000)},
+      {"dotted.toml", "[cam_0]\n" + repeated("a.", 200'000) + "a = 1\n"},
+      {"blank.yaml", repeated("\n", 40'000)},
+      {"blank.toml", std::string(1'000'000, ' ')},
+  };
+  for (const auto& [name, text] : files) {
+    std::ofstream(folder_ / name) << text;
+    const std::filesystem::path file[] = {folder_ / name};
+    EXPECT_THROW(import_rig(file), yaml::ConfigError) << name;
+    for (const ExchangeFormat format : {ExchangeFormat::ros, ExchangeFormat::opencv, ExchangeFormat::kalibr,
+                                        ExchangeFormat::aniposelib, ExchangeFormat::caliscope})
+      EXPECT_THROW(import_rig(file, {.format = format}), yaml::ConfigError) << name;
+  }
+}
+
 }  // namespace
 }  // namespace huetrack::exchange

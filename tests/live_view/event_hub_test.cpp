@@ -60,11 +60,11 @@ TEST(EventHub, WhatIsForOnePageOthersDoNotGet) {
 }
 
 TEST(EventHub, KeepsOnlySoMuchOfTheStream) {
-  EventHub hub(3, 1000);
+  EventHub hub({.stream_events = 3, .stream_bytes = 1000});
   for (const char* text : {"1", "2", "3", "4", "5"}) hub.append(text);
   std::uint64_t page = 0;
   EXPECT_THAT(all(hub, page), ElementsAre("3", "4", "5"));
-  EventHub small(100, 10);
+  EventHub small({.stream_events = 100, .stream_bytes = 10});
   small.append(std::string(6, 'a'));
   small.append(std::string(6, 'b'));  // together too much
   page = 0;
@@ -87,6 +87,21 @@ TEST(EventHub, TellsItsListenerAndMissesNoNews) {
   EXPECT_FALSE(waits);
   EXPECT_TRUE(hub.if_nothing_after(page, [&] { waits = true; }));
   EXPECT_TRUE(waits);
+}
+
+TEST(EventHub, KeysThatAnybodyMayInventAreForgottenOldestFirst) {
+  EventHub hub({.keys = 3, .key_bytes = 100});
+  for (int i = 0; i < 1000; ++i) hub.set("preview/" + std::to_string(i), std::to_string(i));
+  std::uint64_t cursor = 0;
+  std::vector<std::string> kept;
+  while (const Text text = hub.next(cursor)) kept.push_back(*text);
+  EXPECT_EQ(kept, (std::vector<std::string>{"997", "998", "999"}));
+  hub.set("large", std::string(90, 'x'));
+  hub.set("preview/999", "a" + std::string(20, 'y'));  // the large one has to go
+  cursor = 0;
+  kept.clear();
+  while (const Text text = hub.next(cursor)) kept.push_back(*text);
+  EXPECT_EQ(kept, (std::vector<std::string>{"a" + std::string(20, 'y')}));
 }
 
 }  // namespace

@@ -88,9 +88,10 @@ class Server : public Test {
   std::string get(const std::string& path, const std::string& headers = "") {
     return ask("GET " + path + " HTTP/1.1\r\nHost: localhost:1\r\nConnection: close\r\n" + headers + "\r\n");
   }
-  std::string post(const std::string& body, const std::string& type = "application/json") {
-    return ask("POST /api/teach HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\nContent-Type: " + type +
-               "\r\nContent-Length: " + std::to_string(body.size()) + "\r\n\r\n" + body);
+  std::string post(const std::string& body, const std::string& type = "application/json",
+                   const std::string& headers = "") {
+    return ask("POST /api/teach HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n" + headers +
+               "Content-Type: " + type + "\r\nContent-Length: " + std::to_string(body.size()) + "\r\n\r\n" + body);
   }
   EventHub hub;
   std::vector<std::string> bodies;  // written by the server's thread before it answers, read after the answer
@@ -236,6 +237,47 @@ TEST_F(Server, AThousandConnectionsLeaveRoomForAPage) {
   for (auto& page : pages) EXPECT_THAT(page.receive("\r\n\r\n"), HasSubstr("200 OK"));
   hub.append(to_event("position", "\"to all\""));
   for (auto& page : pages) EXPECT_THAT(page.receive("to all"), HasSubstr("to all"));
+}
+
+TEST_F(Server, RequestsOfAnotherServersPageAreRefused) {
+  start();
+  for (const char* type : {"application/jsonx", "application/json-seq", "text/plain; application/json", ""})
+    EXPECT_THAT(post("{}", type), StartsWith("HTTP/1.1 415")) << type;
+  for (const char* origin : {"http://evil.example", "null", "http://localhost:1", "https://localhost"})
+    EXPECT_THAT(post("{}", "application/json", std::string("Origin: ") + origin + "\r\n"), StartsWith("HTTP/1.1 403"))
+        << origin;
+  EXPECT_THAT(bodies, ElementsAre());
+  EXPECT_THAT(post("{}", "Application/JSON ; charset=utf-8", "Origin: http://localhost\r\n"),
+              StartsWith("HTTP/1.1 202"));
+}
+
+// A byte now and then is not silence, and yet no request.
+TEST_F(Server, AConnectionThatTricklesHasATotalTimeLimit) {
+  PageServerOptions o = options();
+  o.request_s = 2;
+  start(o);
+  const Socket trickling(server->port());
+  const auto began = Clock::now();
+  while (Clock::now() < began + 10s && trickling.send("G")) std::this_thread::sleep_for(100ms);
+  EXPECT_LT(Clock::now() - began, 4s);
+  Socket page(server->port());  // one that has asked stays
+  page.send(listen_request);
+  page.receive("\r\n\r\n");
+  std::this_thread::sleep_for(3s);
+  hub.append(to_event("position", "\"still\""));
+  EXPECT_THAT(page.receive("still"), HasSubstr("still"));
+}
+
+TEST_F(Server, TheNextPageOfTooManyIsRefused) {
+  PageServerOptions o = options();
+  o.most_pages = 2;
+  start(o);
+  std::vector<Socket> pages;
+  for (int i = 0; i < 3; ++i) {
+    pages.emplace_back(server->port());
+    pages.back().send(listen_request);
+    EXPECT_THAT(pages.back().receive("\r\n\r\n"), HasSubstr(i < 2 ? "200 OK" : "503"));
+  }
 }
 
 TEST_F(Server, EndsWithPagesOpen) {

@@ -157,7 +157,7 @@ TEST_F(Plot, MistakesNameFileAndLine) {
   EXPECT_THAT(message(header + "ball,1,1,1,1,0,0,0,1,0,0,1,0,1,trakcing,2,1\n"),
               HasSubstr("bad.csv:2: state must be searching, tracking, coasting or lost, got \"trakcing\""));
   EXPECT_THAT(message(header + "ball,1,1e300,1,1,0,0,0,1,0,0,1,0,1,tracking,2,1\n"),
-              HasSubstr("bad.csv:2: x is absurd: 1e300"));
+              HasSubstr("bad.csv:2: x is absurd: \"1e300\""));
   EXPECT_THAT(message(header + "ball,1,1,nan,1,0,0,0,1,0,0,1,0,1,tracking,2,1\n"),
               HasSubstr("bad.csv:2: a part of the position is missing"));
   EXPECT_THAT([&] { plot({.tracks = tracks(), .truth = {}, .out = "a.gif"}); },

@@ -8,6 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "camera_times.h"
 #include "huetrack.h"
 #include "ros2_messages.h"
 
@@ -134,6 +135,24 @@ static void print_status(const huetrack_msg_ServiceStatus* s) {
   print_strings(p, "warnings", &s->warnings);
 }
 
+static void print_times(const huetrack_msg_CameraTimes* s) {
+  const char* p = "times/";
+  text(p, "host", s->host);
+  integer(p, "pid", s->pid);
+  integer(p, "at", s->at);
+  integer(p, "cameras", s->cameras._length);
+  for (uint32_t i = 0; i < s->cameras._length; ++i) {
+    const huetrack_msg_CameraTime* c = &s->cameras._buffer[i];
+    char q[64];
+    snprintf(q, sizeof q, "times/cameras[%u].", (unsigned)i);
+    text(q, "camera", c->camera);
+    number(q, "latency_s", c->latency_s);
+    number(q, "latency_sigma_s", c->latency_sigma_s);
+    number(q, "readout_s", c->readout_s);
+    number(q, "readout_sigma_s", c->readout_sigma_s);
+  }
+}
+
 static void print_header(const char* p, const std_msgs_msg_dds__Header_* header) {
   text(p, "frame_id", header->frame_id);
 }
@@ -223,6 +242,9 @@ static void any_position(const void* s) {
 static void any_status(const void* s) {
   print_status(s);
 }
+static void any_times(const void* s) {
+  print_times(s);
+}
 static void any_camera(const void* s) {
   print_camera(s);
 }
@@ -250,6 +272,9 @@ int main(int argc, char** argv) {
       {"status",
        subscribe(participant, &huetrack_msg_ServiceStatus_desc, "huetrack/status", DDS_DURABILITY_TRANSIENT_LOCAL),
        any_status, 1, 0, 0},
+      {"times",
+       subscribe(participant, &huetrack_msg_CameraTimes_desc, "huetrack/camera_times", DDS_DURABILITY_TRANSIENT_LOCAL),
+       any_times, 1, 0, 0},
       {"pose",
        subscribe(participant, &geometry_msgs_msg_dds__PoseWithCovarianceStamped__desc, pose_topic,
                  DDS_DURABILITY_VOLATILE),

@@ -106,6 +106,24 @@ Fields expected_status(pid_t publisher) {
   return f;
 }
 
+Fields expected_times(pid_t publisher) {
+  Fields f;
+  f["times/host"] = idl::PublisherIdentity::of_this_process({}).host;
+  f["times/pid"] = std::to_string(publisher);
+  f["times/at"] = std::to_string(known_status().at.time_since_epoch().count());
+  const auto times = known_times();
+  f["times/cameras"] = std::to_string(times.size());
+  for (std::size_t c = 0; c < times.size(); ++c) {
+    const std::string p = fmt::format("times/cameras[{}].", c);
+    f[p + "camera"] = known_options(0).cameras[c];
+    f[p + "latency_s"] = text(times[c].latency_s);
+    f[p + "latency_sigma_s"] = text(times[c].latency_sigma_s);
+    f[p + "readout_s"] = text(times[c].readout_s);
+    f[p + "readout_sigma_s"] = text(times[c].readout_sigma_s);
+  }
+  return f;
+}
+
 Fields expected_camera(camera_tracking::PoseState state) {
   const camera_tracking::CameraEstimate e = known_pose(state);
   const std::string path = fmt::format("camera/{}/", static_cast<int>(state));
@@ -188,6 +206,7 @@ TEST(SecondVendor, CycloneSeesEveryFieldOfEveryTopic) {
   }
 
   Fields expected = expected_status(publisher.pid());
+  expected.merge(expected_times(publisher.pid()));
   for (const object_tracking::TrackState state : states) {
     expected.merge(expected_position(state));
     if (known_estimate(state).has_position()) expected.merge(expected_ros(state));
@@ -209,13 +228,14 @@ TEST(SecondVendor, CycloneSeesEveryFieldOfEveryTopic) {
   EXPECT_LT(std::stoul(count.mapped()), 1000U);
   expected["position/type"] = "huetrack::msg::ObjectPosition";
   expected["status/type"] = "huetrack::msg::ServiceStatus";
+  expected["times/type"] = "huetrack::msg::CameraTimes";
   expected["pose/type"] = "geometry_msgs::msg::dds_::PoseWithCovarianceStamped_";
   expected["camera/type"] = "huetrack::msg::CameraPose";
   expected["camera_ros/type"] = expected["pose/type"];
   expected["tf/type"] = "tf2_msgs::msg::dds_::TFMessage_";
   idl::PublisherIdentity identity = idl::PublisherIdentity::of_this_process({"ball", "wand"});
   identity.pid = static_cast<std::uint32_t>(publisher.pid());
-  expected["position/user_data"] = expected["status/user_data"] = identity.user_data();
+  expected["position/user_data"] = expected["status/user_data"] = expected["times/user_data"] = identity.user_data();
   identity.targets = {"hand"};
   expected["camera/user_data"] = identity.user_data();
   // REP-2011 hashes as published; topics.h is not asked.

@@ -16,7 +16,10 @@ int main(int argc, char** argv) {
   std::signal(SIGTERM, [](int) { ended = 1; });
   publish::EstimatePublisher publisher(publish::known_options(std::atoi(argv[1])));
   for (unsigned n = 0; !ended; ++n) {
-    if (n % 50 == 0) publisher.publish_status(publish::known_status());
+    if (n % 50 == 0) {
+      publisher.publish_status(publish::known_status());
+      publisher.publish_times(publish::known_status().at, publish::known_times());
+    }
     const object_tracking::TrackState state = publish::states[n % publish::states.size()];
     publisher.publish(0, publish::known_estimate(state), publish::captured_at(state), publish::received_at(state));
     const camera_tracking::CameraEstimate pose =

@@ -232,7 +232,8 @@ TEST(YamlReader, FilesThatCannotBeReadAreNamedAsGiven) {
   EXPECT_EQ(error_of([] { YamlReader::file("no/such/./rig.yaml"); }),
             "no/such/./rig.yaml: cannot be read: No such file or directory");
   EXPECT_EQ(error_of([] { YamlReader::file("/proc/self"); }), "/proc/self: is a directory, not a file");
-  EXPECT_EQ(error_of([] { YamlReader::file("/dev/zero"); }), "/dev/zero: is larger than 4 MiB: not a file of ours");
+  EXPECT_EQ(error_of([] { YamlReader::file("/dev/zero"); }),
+            "/dev/zero: is not a file, but a device, a pipe or a socket");
   EXPECT_EQ(error_of([] { YamlReader::file("~/rig.yaml"); }), "~/rig.yaml: cannot be read: No such file or directory");
 }
 

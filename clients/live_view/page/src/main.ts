@@ -1,7 +1,7 @@
 // The page: listens to the bridge and shows what it says. Everything that is shown is in the store.
 import { forgetPictures, redrawCameras, showPreview, updateCameras } from "./cameras";
 import { colorOf } from "./color";
-import type { CameraMap, CameraMapPoint, CameraPose, Position, Pulse, Scene, State, Status, TeachReply } from "./messages";
+import type { CameraMap, CameraMapPoint, CameraPose, CameraTimes, Position, Pulse, Scene, State, Status, TeachReply } from "./messages";
 import { drawPlots, updatePlotTexts } from "./plots";
 import { Scene3d } from "./scene3d";
 import { client, forget, isServing, largestSigma, store, takeCameraMap, takeCameraPose, takePosition, takeStatus } from "./store";
@@ -44,6 +44,7 @@ function listen(): void {
     store.scene = scene;
     tick();
   });
+  on<CameraTimes>("camera_times", (times) => (store.times = times));
   on<Position>("position", takePosition);
   on<CameraPose>("camera_pose", takeCameraPose);
   on<CameraMap>("camera_map", takeCameraMap);
@@ -230,6 +231,18 @@ function tick(): void {
   updateTeach(serving);
 }
 
+// When the camera exposes its rows, as the targets' motion has told so far.
+function timesOf(camera: string): string {
+  const { status, times } = store;
+  if (!status || !times || times.host !== status.host || times.pid !== status.pid) return "";
+  const index = times.cameras.findIndex((c) => c.name === camera);
+  if (index < 0) return "";
+  const time = times.cameras[index];
+  const ms = (seconds: number) => (1000 * seconds).toFixed(1);
+  const sure = index === 0 ? "(held)" : `± ${ms(time.latency_sigma_s)}`;
+  return `late by ${ms(time.latency_s)} ms ${sure}, rows over ${ms(time.readout_s)} ms ± ${ms(time.readout_sigma_s)}`;
+}
+
 function updateHealth(serving: boolean): void {
   const { status } = store;
   const body = $("health");
@@ -257,6 +270,7 @@ function updateHealth(serving: boolean): void {
     cell(String(camera.frames));
     cell(String(camera.dropped));
     cell(String(camera.corrupted));
+    cell(timesOf(camera.name));
     cell(isHeld ? "" : camera.message);
     return row;
   });

@@ -84,6 +84,12 @@ export interface Status {
   warnings: string[];
 }
 
+export interface CameraTimes {
+  host: string;
+  pid: number;
+  cameras: { name: string; latency_s: number; latency_sigma_s: number; readout_s: number; readout_sigma_s: number }[];
+}
+
 export interface Color {
   camera: string;
   hue_deg: [number, number];

@@ -1,5 +1,5 @@
 // What the page knows. The views read it; nothing here touches the document.
-import type { CameraMap, CameraPose, Position, Pulse, Scene, State, Status } from "./messages";
+import type { CameraMap, CameraPose, CameraTimes, Position, Pulse, Scene, State, Status } from "./messages";
 
 export const historySeconds = 30;
 
@@ -35,6 +35,7 @@ export const store = {
   connected: false, // to the bridge
   pulse: null as Pulse | null,
   status: null as Status | null,
+  times: null as CameraTimes | null,
   statusHeard: 0,
   scene: null as Scene | null,
   targets: new Map<string, Target>(),

@@ -1,0 +1,111 @@
+#include "calib/yaml/output_file.h"
+
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <array>
+#include <cerrno>
+#include <stdexcept>
+#include <system_error>
+#include <utility>
+
+namespace huetrack::yaml {
+namespace {
+
+constexpr std::size_t beginning = 4096;     // bytes by which a file's kind is told
+constexpr std::size_t longest_wait = 4096;  // bytes of lines that wait for one another: a write of a page
+
+std::system_error cannot_write(const std::filesystem::path& file, int error) {
+  return {error != 0 ? error : EIO, std::generic_category(), "cannot write " + file.string()};
+}
+
+// How much of it was written: all, or less with errno.
+std::size_t write_all(int fd, std::string_view text) {
+  std::size_t done = 0;
+  while (done < text.size()) {
+    const ssize_t count = ::write(fd, text.data() + done, text.size() - done);
+    if (count < 0 && errno == EINTR) continue;
+    if (count == 0) errno = ENOSPC;
+    if (count <= 0) break;
+    done += static_cast<std::size_t>(count);
+  }
+  return done;
+}
+
+}  // namespace
+
+void refuse_other_kind(const std::filesystem::path& file, const FileKind& kind) {
+  struct stat there {};
+  if (::stat(file.c_str(), &there) != 0 || !S_ISREG(there.st_mode) || there.st_size == 0) return;
+  std::array<char, beginning> bytes{};
+  const int fd = ::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
+  const ssize_t count = fd < 0 ? -1 : ::read(fd, bytes.data(), bytes.size());
+  if (fd >= 0) ::close(fd);
+  if (count < 0 || !kind.begins({bytes.data(), static_cast<std::size_t>(count)}))
+    throw std::runtime_error(file.string() + " is there, and holds no " + std::string(kind.name) +
+                             ": it is not replaced. Give another name, or remove it");
+}
+
+void write_whole_file(const std::filesystem::path& file, std::string_view text) {
+  std::string name = file.string() + ".XXXXXX";
+  const int fd = ::mkostemp(name.data(), O_CLOEXEC);
+  if (fd < 0) throw cannot_write(file, errno);
+  bool is_written = ::fchmod(fd, 0644) == 0 && write_all(fd, text) == text.size() &&
+                    ::fsync(fd) == 0;  // before the rename: a power cut must not leave an empty file
+  int error = errno;
+  if (::close(fd) != 0 && is_written) {
+    is_written = false;
+    error = errno;
+  }
+  if (is_written && ::rename(name.c_str(), file.c_str()) == 0) return;
+  if (is_written) error = errno;
+  ::unlink(name.c_str());
+  throw cannot_write(file, error);
+}
+
+LineFile::LineFile(std::filesystem::path file, const FileKind& kind, std::string_view header) : file_(std::move(file)) {
+  refuse_other_kind(file_, kind);
+  fd_ = ::open(file_.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
+  if (fd_ < 0) throw cannot_write(file_, errno);
+  struct stat there {};
+  is_regular_ = ::fstat(fd_, &there) == 0 && S_ISREG(there.st_mode);
+  if (!header.empty()) write(header);
+}
+
+LineFile::~LineFile() {
+  if (!waiting_.empty()) {
+    try {
+      flush();
+    } catch (const std::system_error&) {  // who wants to know calls flush()
+    }
+  }
+  ::close(fd_);
+}
+
+void LineFile::write(std::string_view line) {
+  if (!waiting_.empty() && waiting_.size() + line.size() >= longest_wait) flush();
+  waiting_.append(line).append("\n");
+}
+
+void LineFile::flush() {
+  const std::size_t written = write_all(fd_, waiting_);
+  if (written < waiting_.size()) fail(errno, written);
+  length_ += written;
+  waiting_.clear();
+}
+
+// Back to the last whole line that fitted; a file without one is taken away.
+void LineFile::fail(int error, std::size_t written) {
+  const auto end = written == 0 ? std::string::npos : waiting_.rfind('\n', written - 1);
+  length_ += end == std::string::npos ? 0 : end + 1;
+  waiting_.clear();
+  if (is_regular_ && length_ == 0) {
+    ::unlink(file_.c_str());
+  } else if (is_regular_ && (::ftruncate(fd_, static_cast<off_t>(length_)) != 0 || ::lseek(fd_, 0, SEEK_END) < 0)) {
+    error = errno;  // worse than the first
+  }
+  throw cannot_write(file_, error);
+}
+
+}  // namespace huetrack::yaml

@@ -1,0 +1,21 @@
+// What came over the bus, as a terminal, a CSV and a log may have it: anybody may have sent it. Every sample goes
+// through here when it is received, so that nothing below has to think of it. Pure functions; thread-safe.
+#pragma once
+
+#include <string>
+
+#include "idl/camera_times.h"
+#include "idl/huetrack.h"
+
+namespace huetrack::client {
+
+// Names become one word, sentences one line; both are cut where no huetrackd would go.
+void make_printable(msg::ObjectPosition& sample);
+void make_printable(msg::CameraPose& sample);
+void make_printable(msg::ServiceStatus& sample);
+void make_printable(msg::CameraTimes& sample);
+
+const std::string& name_of(const msg::ObjectPosition& sample);  // the target's
+const std::string& name_of(const msg::CameraPose& sample);      // the camera's
+
+}  // namespace huetrack::client

@@ -1,0 +1,345 @@
+#include "color_teaching/suggestion.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdlib>
+#include <numbers>
+
+#include "calib/model/median.h"
+#include "color_teaching/color_fit.h"
+
+namespace huetrack::color_teaching {
+namespace {
+
+// From one camera to the next, white balance, shading and chroma that neighbours share move a hue by so many degrees,
+// and a saturation by such a factor. Twice that, or more, is another colour.
+constexpr double usual_hue_deg = 10, most_hue_deg = 25;
+const double usual_saturation = std::log(1.5), most_saturation = std::log(2.5);
+// A ball that is half hidden or smeared still fills so much of its disc; and what has more of its colour around it
+// than this is a larger thing of that colour.
+constexpr double least_fill = 0.6, most_around = 0.4;
+// Costs are squares of what is off in units of what is usual, so that these two are standard deviations, squared: as
+// much as a suggestion may cost, and as much as the next best must cost more.
+constexpr double largest_cost = 12, clear_lead = 4;
+// What another view says of a candidate that it should see: it may be hidden there.
+constexpr double seen_elsewhere = -4, unseen_elsewhere = 2;
+// A region of which so much has moved moves; of which less than that has, stands still. Between them nobody can tell.
+constexpr double moving_share = 0.6, still_share = 0.25;
+constexpr double least_radius_px = 1.5;
+
+// Sums over rectangles in four look-ups.
+class Sums {
+ public:
+  Sums(const PixelMask& mask) : width_(mask.width), height_(mask.height) {
+    sums_.assign(std::size_t(width_ + 1) * std::size_t(height_ + 1), 0);
+    for (int v = 0; v < height_; ++v)
+      for (int u = 0, row = 0; u < width_; ++u) {
+        row += mask.at(u, v);
+        sums_[at(u + 1, v + 1)] = sums_[at(u + 1, v)] + row;
+      }
+  }
+  // Of the square around (u, v): its pixels inside the picture, and how many of them are set.
+  std::pair<int, int> square(double u, double v, double half) const {
+    const int u0 = std::clamp(int(std::lround(u - half)), 0, width_);
+    const int u1 = std::clamp(int(std::lround(u + half)) + 1, u0, width_);
+    const int v0 = std::clamp(int(std::lround(v - half)), 0, height_);
+    const int v1 = std::clamp(int(std::lround(v + half)) + 1, v0, height_);
+    return {(u1 - u0) * (v1 - v0), sums_[at(u1, v1)] - sums_[at(u0, v1)] - sums_[at(u1, v0)] + sums_[at(u0, v0)]};
+  }
+
+ private:
+  std::size_t at(int u, int v) const { return std::size_t(v) * std::size_t(width_ + 1) + std::size_t(u); }
+  int width_, height_;
+  std::vector<int> sums_;
+};
+
+struct LikePixels {
+  PixelMask mask;
+  Sums sums;
+};
+
+Eigen::Vector2d mean_chroma(const HsiImage& image, const PixelMask& pixels) {
+  std::vector<double> x, y;
+  for (std::size_t i = 0; i < pixels.pixels.size(); ++i) {
+    if (pixels.pixels[i] == 0) continue;
+    const Eigen::Vector2d c = chroma(image.pixels[i]);
+    x.push_back(c.x()), y.push_back(c.y());
+  }
+  return x.empty() ? Eigen::Vector2d::Zero()
+                   : Eigen::Vector2d(calib::median(std::move(x)), calib::median(std::move(y)));
+}
+
+// Of one colour against another: how far the hue is off in degrees, and the logarithm of the saturations' ratio.
+struct ColorStep {
+  double hue_deg, saturation;
+};
+
+ColorStep step_of(const Eigen::Vector2d& from, const Eigen::Vector2d& to) {
+  const double turned = std::atan2(from.x() * to.y() - from.y() * to.x(), from.dot(to));
+  return {turned * 180 / std::numbers::pi, std::log(std::max(1e-3, to.norm()) / from.norm())};
+}
+
+LikePixels like(const HsiImage& image, const Eigen::Vector2d& color) {
+  PixelMask mask(image.width, image.height);
+  for (std::size_t i = 0; i < image.pixels.size(); ++i) {
+    const ColorStep step = step_of(color, chroma(image.pixels[i]));
+    mask.pixels[i] = std::abs(step.hue_deg) <= most_hue_deg && std::abs(step.saturation) <= most_saturation ? 1 : 0;
+  }
+  Sums sums(mask);
+  return {std::move(mask), std::move(sums)};
+}
+
+// Where the object would appear in a picture, if it were at this depth.
+struct Expected {
+  Eigen::Vector3d position;
+  Eigen::Vector2d px;
+  double radius_px;
+  double slack_px;  // how far it may be beside that
+};
+
+double radius_px_of(const calib::Camera& camera, const Eigen::Vector3d& position, double radius_m) {
+  return radius_m * camera.model.fx() / (camera.cam_from_world * position).norm();
+}
+
+// The click and the lens' calibration are off by some pixels, and frames of nearly one moment by a radius.
+double slack_px_of(const calib::Camera& camera, const Eigen::Vector3d& position, double radius_px, double moved_m) {
+  return std::max(6.0, radius_px) + radius_px_of(camera, position, moved_m);
+}
+
+// All depths inside the volume, in steps of a pixel or so in the other picture.
+std::vector<Expected> along_ray(const std::vector<PointedObject>& pointed, const calib::Camera& camera,
+                                const object_tracking::Box& volume, double moved_m) {
+  const PointedObject& first = pointed.front();
+  const auto ray = first.picture.camera->model.ray({first.region.centre});
+  std::vector<Expected> out;
+  if (!ray) return out;
+  const Eigen::Vector3d from = first.picture.camera->centre();
+  const Eigen::Vector3d direction = first.picture.camera->cam_from_world.rotation.conjugate() * ray->normalized();
+  const Eigen::Vector3d middle = (volume.min + volume.max) / 2;
+  const double reach_m = (volume.max - volume.min).norm() / 2 + 0.1;
+  const double nearest_m = std::max(0.05, (middle - from).dot(direction) - reach_m);
+  const double step = 1 / std::max(first.picture.camera->model.fx(), camera.model.fx());
+  for (double depth = nearest_m; depth < (middle - from).dot(direction) + reach_m; depth *= 1 + step) {
+    const Eigen::Vector3d position = from + depth * direction;
+    if ((position.array() < volume.min.array() - 0.1).any() || (position.array() > volume.max.array() + 0.1).any())
+      continue;
+    const bool is_seen_by_all = std::all_of(pointed.begin() + 1, pointed.end(), [&](const PointedObject& other) {
+      const calib::Camera& its = *other.picture.camera;
+      const auto at = its.project_world(position);
+      return at &&
+             (at->px - other.region.centre).norm() < slack_px_of(its, position, other.region.radius_px(), moved_m);
+    });
+    const auto at = camera.project_world(position);
+    if (!is_seen_by_all || !at || !camera.contains({at->px})) continue;
+    const double radius_m = first.region.radius_px() * depth / first.picture.camera->model.fx();
+    const double radius_px = radius_px_of(camera, position, radius_m);
+    if (radius_px < least_radius_px) continue;
+    if (!out.empty() && (out.back().px - at->px).norm() < 0.7) continue;
+    out.push_back({position, at->px, radius_px, slack_px_of(camera, position, radius_px, moved_m)});
+  }
+  return out;
+}
+
+struct Candidate {
+  Eigen::Vector3d position;
+  MaskRegion region;
+  double cost = 0;
+};
+
+// The pixels of the object's colour within the disc, where that lies best: mean shift from where it was expected.
+MaskRegion settled(const PixelMask& mask, Eigen::Vector2d centre, double radius) {
+  MaskRegion region;
+  for (int step = 0; step < 4; ++step) {
+    region = {.centre = {0, 0}, .box = {mask.width, mask.height, -1, -1}};
+    for (int v = std::max(0, int(centre.y() - radius)); v <= std::min(mask.height - 1, int(centre.y() + radius) + 1);
+         ++v)
+      for (int u = std::max(0, int(centre.x() - radius)); u <= std::min(mask.width - 1, int(centre.x() + radius) + 1);
+           ++u) {
+        if (mask.at(u, v) == 0 || (Eigen::Vector2d(u, v) - centre).squaredNorm() > radius * radius) continue;
+        ++region.area;
+        region.centre += Eigen::Vector2d(u, v);
+        region.box = {std::min(region.box.u_min, u), std::min(region.box.v_min, v), std::max(region.box.u_max, u),
+                      std::max(region.box.v_max, v)};
+      }
+    if (region.area == 0) return region;
+    region.centre /= region.area;
+    if ((region.centre - centre).norm() < 0.1) break;
+    centre = region.centre;
+  }
+  return region;
+}
+
+// How much of the disc, and of a ring around it, has the object's colour.
+struct Filling {
+  double inside = 0, around = 0;
+};
+
+Filling filling_of(const PixelMask& mask, const Eigen::Vector2d& centre, double radius) {
+  int in = 0, in_set = 0, out = 0, out_set = 0;
+  const double inner = std::max(1.0, 0.85 * radius), edge = radius + std::max(1.5, 0.3 * radius),
+               outer = edge + std::max(2.0, 0.5 * radius);
+  for (int v = std::max(0, int(centre.y() - outer)); v <= std::min(mask.height - 1, int(centre.y() + outer) + 1); ++v)
+    for (int u = std::max(0, int(centre.x() - outer)); u <= std::min(mask.width - 1, int(centre.x() + outer) + 1);
+         ++u) {
+      const double d = (Eigen::Vector2d(u, v) - centre).norm();
+      if (d <= inner) ++in, in_set += mask.at(u, v);
+      if (d > edge && d <= outer) ++out, out_set += mask.at(u, v);
+    }
+  return {in > 0 ? double(in_set) / in : 0, out > 0 ? double(out_set) / out : 0};
+}
+
+double share_inside(const PixelMask& mask, const Eigen::Vector2d& centre, double radius) {
+  return filling_of(mask, centre, radius).inside;
+}
+
+// nullopt: it is nothing like the object.
+std::optional<Candidate> judged(const Picture& picture, const LikePixels& pixels, const Expected& expected,
+                                const Eigen::Vector2d& color, const std::optional<bool>& is_moving) {
+  const double radius = expected.radius_px;
+  const MaskRegion region = settled(pixels.mask, expected.px, 1.25 * radius);
+  if (region.area == 0) return std::nullopt;
+  const Filling filling = filling_of(pixels.mask, region.centre, radius);
+  const double aside = (region.centre - expected.px).norm() / expected.slack_px;
+  if (filling.inside < least_fill || filling.around > most_around || aside > 1) return std::nullopt;
+  if (is_moving && picture.moving != nullptr) {
+    const double moved = share_inside(*picture.moving, region.centre, radius);
+    if (*is_moving ? moved < still_share : moved > moving_share) return std::nullopt;
+  }
+  PixelMask inside(pixels.mask.width, pixels.mask.height);
+  for (int v = region.box.v_min; v <= region.box.v_max; ++v)
+    for (int u = region.box.u_min; u <= region.box.u_max; ++u)
+      if (pixels.mask.at(u, v) != 0 && (Eigen::Vector2d(u, v) - region.centre).norm() <= radius) inside.at(u, v) = 1;
+  const ColorStep off = step_of(color, mean_chroma(*picture.image, inside));
+  const double size = std::log(region.radius_px() / radius);
+  const auto squared = [](double x) { return x * x; };
+  Candidate out{.position = expected.position, .region = region};
+  out.cost = squared((1 - filling.inside) / 0.15) + squared(filling.around / 0.15) +
+             squared(off.hue_deg / usual_hue_deg) + squared(off.saturation / usual_saturation) + squared(aside / 0.5) +
+             squared(size / 0.25);
+  return out;
+}
+
+// Local bests along the ray; of each region in the picture one.
+std::vector<Candidate> candidates_in(const Picture& picture, const LikePixels& pixels, const std::vector<Expected>& ray,
+                                     const Eigen::Vector2d& color, const std::optional<bool>& is_moving) {
+  std::vector<Candidate> out;
+  for (const Expected& expected : ray) {
+    // A cheap look first: with the frames of another moment, the object is somewhere in this square.
+    const double slack = expected.slack_px;
+    const auto [count, set] = pixels.sums.square(expected.px.x(), expected.px.y(), slack + expected.radius_px);
+    if (count == 0 || set < 0.5 * expected.radius_px * expected.radius_px) continue;
+    // The ray's own steps look along it; beside it, in steps of a radius or so.
+    const int steps = std::max(1, int(std::ceil(slack / std::max(4.0, expected.radius_px))));
+    for (int i = -steps; i <= steps; ++i)
+      for (int j = -steps; j <= steps; ++j) {
+        const Eigen::Vector2d start = expected.px + slack / steps * Eigen::Vector2d(i, j);
+        const auto [near_count, near_set] = pixels.sums.square(start.x(), start.y(), 0.7 * expected.radius_px);
+        if (near_count == 0 || near_set < 0.4 * near_count) continue;
+        const MaskRegion found = settled(pixels.mask, start, 1.25 * expected.radius_px);
+        if (found.area == 0 || (found.centre - expected.px).norm() > slack) continue;
+        Expected at = expected;
+        at.px = found.centre;
+        auto candidate = judged(picture, pixels, at, color, is_moving);
+        if (!candidate) continue;
+        const double aside = (candidate->region.centre - expected.px).norm() / slack;
+        candidate->cost += aside * aside / 0.25;
+        const auto same = std::ranges::find_if(out, [&](const Candidate& other) {
+          return (other.region.centre - candidate->region.centre).norm() < expected.radius_px;
+        });
+        if (same == out.end()) {
+          out.push_back(*candidate);
+        } else if (candidate->cost < same->cost) {
+          *same = *candidate;
+        }
+      }
+  }
+  return out;
+}
+
+}  // namespace
+
+std::vector<std::optional<MaskRegion>> suggested_regions(const std::vector<PointedObject>& pointed,
+                                                         const std::vector<Picture>& others,
+                                                         const object_tracking::Box& volume, double moved_m) {
+  std::vector<std::optional<MaskRegion>> out(others.size());
+  if (pointed.empty()) return out;
+  const PointedObject& first = pointed.front();
+  const Eigen::Vector2d color = mean_chroma(*first.picture.image, first.pixels);
+  if (color.norm() == 0) return out;
+  std::optional<bool> is_moving;
+  if (first.picture.moving != nullptr) {
+    const double moved = share_inside(*first.picture.moving, first.region.centre, first.region.radius_px());
+    if (moved > moving_share) is_moving = true;
+    if (moved < still_share) is_moving = false;
+  }
+  std::vector<LikePixels> pixels;
+  std::vector<std::vector<Candidate>> candidates;
+  for (const Picture& other : others) {
+    pixels.push_back(like(*other.image, color));
+    candidates.push_back(
+        candidates_in(other, pixels.back(), along_ray(pointed, *other.camera, volume, moved_m), color, is_moving));
+  }
+  // What the other pictures show where a candidate would be in them.
+  for (std::size_t i = 0; i < others.size(); ++i) {
+    std::vector<double> costs;
+    for (const Candidate& candidate : candidates[i]) {
+      double cost = candidate.cost;
+      for (std::size_t j = 0; j < others.size(); ++j) {
+        const auto at = j == i ? std::nullopt : others[j].camera->project_world(candidate.position);
+        if (!at || !others[j].camera->contains({at->px})) continue;
+        const bool is_seen = std::ranges::any_of(candidates[j], [&](const Candidate& other) {
+          return (other.region.centre - at->px).norm() <
+                 1.5 * slack_px_of(*others[j].camera, candidate.position, other.region.radius_px(), moved_m);
+        });
+        cost += is_seen ? seen_elsewhere : unseen_elsewhere;
+      }
+      costs.push_back(cost);
+    }
+    const auto best = std::ranges::min_element(costs);
+    if (best == costs.end() || *best > largest_cost) continue;
+    const bool is_clear = std::ranges::count_if(costs, [&](double cost) { return cost < *best + clear_lead; }) == 1;
+    if (is_clear) out[i] = candidates[i][std::size_t(best - costs.begin())].region;
+  }
+  return out;
+}
+
+std::optional<PixelMask> moving_pixels(const capture::Image& picture, const std::vector<capture::Image>& others) {
+  constexpr std::size_t least_others = 4;
+  if (others.size() < least_others) return std::nullopt;
+  const auto channels = [](const capture::Image& image, int u, int v) {
+    const auto rgb = image.format == capture::PixelFormat::bgr
+                         ? object_tracking::rgb_of(capture::bgr_at(image, u, v))
+                         : object_tracking::rgb_of(capture::yuv_at(image, u, v), image.range);
+    return std::array<double, 3>{rgb.r, rgb.g, rgb.b};
+  };
+  const std::size_t count = std::size_t(picture.width) * std::size_t(picture.height);
+  std::vector<float> differences(count);
+  std::vector<double> values;
+  for (int v = 0; v < picture.height; ++v) {
+    for (int u = 0; u < picture.width; ++u) {
+      const auto now = channels(picture, u, v);
+      double most = 0;
+      std::array<std::array<double, 3>, 32> then;
+      const std::size_t n = std::min(others.size(), then.size());
+      for (std::size_t i = 0; i < n; ++i) then[i] = channels(others[i], u, v);
+      for (std::size_t k = 0; k < 3; ++k) {
+        values.clear();
+        for (std::size_t i = 0; i < n; ++i) values.push_back(then[i][k]);
+        std::ranges::nth_element(values, values.begin() + std::ptrdiff_t(n / 2));
+        most = std::max(most, std::abs(now[k] - values[n / 2]));
+      }
+      differences[std::size_t(v) * std::size_t(picture.width) + std::size_t(u)] = float(most);
+    }
+  }
+  // Most of a picture stands still: half of it says how much noise, flicker and exposure change a pixel.
+  std::vector<float> sorted = differences;
+  std::ranges::nth_element(sorted, sorted.begin() + std::ptrdiff_t(count / 2));
+  const float usual = sorted[count / 2];
+  const float least = std::max(0.06f, 5 * usual);
+  PixelMask mask(picture.width, picture.height);
+  for (std::size_t i = 0; i < count; ++i) mask.pixels[i] = differences[i] > least ? 1 : 0;
+  return mask;
+}
+
+}  // namespace huetrack::color_teaching

@@ -1,0 +1,164 @@
+// What a stranger on the network can do to the service and to the page's bridge, each in a process of its own: huge and
+// countless samples on the bus, connections that say nothing. Their memory stays, every good request is answered within
+// a second, and not one frame set is lost.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <fastdds/dds/publisher/DataWriterListener.hpp>
+#include <memory>
+
+#include "end_to_end/http.h"
+#include "end_to_end/process.h"
+#include "idl/dds_participant.h"
+#include "idl/huetrackPubSubTypes.h"
+#include "idl/huetrack_viewPubSubTypes.h"
+#include "idl/topics.h"
+#include "publish/test_domain.h"
+#include "soak/films.h"
+
+namespace huetrack::end_to_end {
+namespace {
+
+namespace fs = std::filesystem;
+namespace dds = eprosima::fastdds::dds;
+using namespace std::chrono_literals;
+using namespace testing;
+using Clock = std::chrono::steady_clock;
+
+constexpr double most_growth_mb = 20;
+
+template <typename Condition>
+bool comes_true(Condition condition, std::chrono::milliseconds patience = 20s) {
+  for (const auto end = Clock::now() + patience; Clock::now() < end; std::this_thread::sleep_for(20ms))
+    if (condition()) return true;
+  return false;
+}
+
+double resident_mb(pid_t pid) {
+  std::istringstream text(contents("/proc/" + std::to_string(pid) + "/status"));
+  for (std::string line; std::getline(text, line);)
+    if (line.starts_with("VmRSS:")) return std::stod(line.substr(6)) / 1024;
+  return 0;
+}
+
+// Anybody on the domain.
+class Stranger {
+ public:
+  explicit Stranger(int domain) : participant_({.name = "stranger", .domain = domain, .interfaces = {"lo"}}) {}
+
+  template <typename PubSubType>
+  dds::DataWriter& writer(const char* topic, dds::DataWriterQos qos) {
+    qos.resource_limits().max_instances = 5;  // the stranger's own memory
+    return participant_.create_writer(topic, dds::TypeSupport(new PubSubType), std::move(qos), "");
+  }
+
+ private:
+  idl::DdsParticipant participant_;
+};
+
+class Attack : public Test {
+ protected:
+  Attack() { soak::make_films(folder_, 2, 160, 120); }
+  ~Attack() override { fs::remove_all(folder_); }
+  std::map<std::string, double> metrics() const { return prometheus_samples(http_get(port_, "/metrics").value_or("")); }
+  const int domain_ = publish::test_domain(), port_ = 20000 + ::getpid() % 10000;
+  const fs::path folder_ = fs::path(TempDir()) / ("attack_" + std::to_string(::getpid()));
+};
+
+TEST_F(Attack, TheServiceKeepsItsMemoryItsSetsAndItsAnswers) {
+  std::ofstream(folder_ / "c.yaml") << soak::film_config(folder_, 100,
+                                                         "dds: {domain: " + std::to_string(domain_) +
+                                                             ", interfaces: [lo]}\ncontrol: {allow_teach: true}\n" +
+                                                             "metrics: {port: " + std::to_string(port_) + "}\n");
+  const Process service({FILM_SERVICE, folder_ / "c.yaml", folder_}, folder_ / "out", folder_ / "err");
+  ASSERT_TRUE(comes_true([&] { return metrics()["huetrack_sets_total"] > 60; })) << service.err();
+  const double before_mb = resident_mb(service.pid());
+  double most_mb = before_mb;
+
+  Stranger stranger(domain_);
+  auto& teach = stranger.writer<msg::TeachRequestPubSubType>(idl::teach_request_topic, idl::teach_writer_qos());
+  auto& status = stranger.writer<msg::ServiceStatusPubSubType>(idl::status_topic, idl::status_writer_qos());
+  std::this_thread::sleep_for(1s);  // they meet
+  auto slowest = 0ms;
+  std::vector<std::unique_ptr<Connection>> silent;
+  for (int i = 0; i < 25; ++i) {
+    msg::TeachRequest request;
+    request.client(std::string(10'000'000, 'c'));
+    request.target(std::string(10'000'000, 't'));
+    request.action(msg::TEACH_ACTION_LOOK);
+    request.pid(static_cast<std::uint32_t>(service.pid()));
+    teach.write(&request);
+    msg::ServiceStatus flood;
+    flood.pid(static_cast<std::uint32_t>(i));
+    flood.config_file(std::string(1'000'000, 'f'));
+    status.write(&flood);
+    for (int k = 0; k < 20; ++k) silent.push_back(std::make_unique<Connection>(port_));
+    const auto asked = Clock::now();
+    EXPECT_THAT(http_get(port_, "/metrics").value_or(""), HasSubstr("huetrack_sets_total"));
+    slowest = std::max(slowest, std::chrono::duration_cast<std::chrono::milliseconds>(Clock::now() - asked));
+    most_mb = std::max(most_mb, resident_mb(service.pid()));
+  }
+  silent.clear();
+  std::this_thread::sleep_for(500ms);
+  auto after = metrics();
+  RecordProperty("growth_mb", std::to_string(most_mb - before_mb));
+  std::printf("the service: %.1f MB before, at most %.1f; the slowest answer took %lld ms; %.0f sets\n", before_mb,
+              most_mb, static_cast<long long>(slowest.count()), after["huetrack_sets_total"]);
+  EXPECT_LT(most_mb - before_mb, most_growth_mb);
+  EXPECT_LT(resident_mb(service.pid()) - before_mb, most_growth_mb);
+  EXPECT_LT(slowest, 1s);
+  EXPECT_EQ(after["huetrack_dropped_sets_total"], 0);
+}
+
+TEST_F(Attack, ThePagesBridgeKeepsItsMemoryAndItsAnswers) {
+  const Process view(
+      {HUETRACK, "view", "--port", std::to_string(port_), "--domain", std::to_string(domain_), "--interface", "lo"},
+      folder_ / "out", folder_ / "err");
+  ASSERT_TRUE(comes_true([&] { return http_get(port_, "/").has_value(); })) << view.err();
+  const Connection page(port_);  // with one, the bridge takes previews
+  page.send("GET /api/events HTTP/1.1\r\nHost: localhost\r\n\r\n");
+  Stranger stranger(domain_);
+  dds::DataWriterQos reliable = idl::teach_writer_qos();
+  auto& preview = stranger.writer<msg::PreviewPubSubType>(idl::preview_topic, idl::preview_writer_qos());
+  auto& status = stranger.writer<msg::ServiceStatusPubSubType>(idl::status_topic, idl::status_writer_qos());
+  auto& scene = stranger.writer<msg::ScenePubSubType>(idl::scene_topic, idl::status_writer_qos());
+  auto& reply = stranger.writer<msg::TeachReplyPubSubType>(idl::teach_reply_topic, reliable);
+  std::this_thread::sleep_for(2s);
+  const double before_mb = resident_mb(view.pid());
+  double most_mb = before_mb;
+  auto slowest = 0ms;
+  for (int i = 0; i < 3000; ++i) {
+    msg::Preview picture;
+    picture.camera("cam" + std::to_string(i));
+    picture.jpeg(std::vector<std::uint8_t>(60'000, 'x'));
+    preview.write(&picture);
+    preview.unregister_instance(&picture, dds::HANDLE_NIL);
+    if (i % 10 == 0) {
+      msg::ServiceStatus flood;
+      flood.pid(static_cast<std::uint32_t>(i));
+      flood.config_file(std::string(100'000, 'f'));
+      status.write(&flood);
+      msg::Scene place;
+      place.pid(static_cast<std::uint32_t>(i));
+      place.why_not(std::string(100'000, 'w'));
+      scene.write(&place);
+      msg::TeachReply answer;
+      answer.client("c" + std::to_string(i));
+      answer.reason(std::string(100'000, 'r'));
+      reply.write(&answer);
+    }
+    if (i % 100 != 0) continue;
+    std::this_thread::sleep_for(20ms);
+    const auto asked = Clock::now();
+    EXPECT_THAT(http_get(port_, "/").value_or(""), HasSubstr("200 OK"));
+    slowest = std::max(slowest, std::chrono::duration_cast<std::chrono::milliseconds>(Clock::now() - asked));
+    most_mb = std::max(most_mb, resident_mb(view.pid()));
+  }
+  std::printf("the bridge: %.1f MB before, at most %.1f; the slowest answer took %lld ms\n", before_mb, most_mb,
+              static_cast<long long>(slowest.count()));
+  EXPECT_LT(most_mb - before_mb, most_growth_mb);
+  EXPECT_LT(slowest, 1s);
+}
+
+}  // namespace
+}  // namespace huetrack::end_to_end

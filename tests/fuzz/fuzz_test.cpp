@@ -1,0 +1,214 @@
+// The corpus through every fuzz target, without a fuzzer: seeds that are made here, of what our own writers write, and
+// the files of corpus/TARGET, which fuzzing found to reach more, or to end the program once.
+// HUETRACK_WRITE_SEEDS=FOLDER writes the seeds, for run.sh.
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+#include <sstream>
+#include <stdexcept>
+#include <vector>
+
+#include "calib/board/board_yaml.h"
+#include "calib/exchange/exchange.h"
+#include "calib/model/rig_yaml.h"
+#include "camera_tracking/scene_map.h"
+#include "capture/jpeg_encoder.h"
+#include "config/service_config.h"
+#include "fuzz/fuzz_target.h"
+#include "idl/camera_timesPubSubTypes.h"
+#include "idl/huetrackPubSubTypes.h"
+#include "idl/huetrack_viewPubSubTypes.h"
+#include "tracks/track_csv.h"
+
+namespace huetrack::fuzz {
+namespace {
+
+namespace fs = std::filesystem;
+const fs::path source = HUETRACK_SOURCE_DIR;
+
+std::string contents(const fs::path& file) {
+  std::ostringstream text;
+  text << std::ifstream(file, std::ios::binary).rdbuf();
+  return text.str();
+}
+
+template <typename PubSubType>
+std::string serialized(char choice, typename PubSubType::type sample) {
+  PubSubType type;
+  eprosima::fastrtps::rtps::SerializedPayload_t payload(type.getSerializedSizeProvider(&sample)());
+  type.serialize(&sample, &payload);
+  return choice + std::string(reinterpret_cast<const char*>(payload.data), payload.length);
+}
+
+std::vector<std::string> samples() {
+  msg::ObjectPosition position;
+  position.target("ball");
+  position.per_view().resize(2);
+  position.per_view()[0].camera("left");
+  msg::CameraPose pose;
+  pose.camera("hand");
+  msg::ServiceStatus status;
+  status.host("lab");
+  status.cameras().resize(2);
+  status.cameras()[0].name("left");
+  status.warnings({"one", "two"});
+  msg::Scene scene;
+  scene.cameras().resize(1);
+  scene.cameras()[0].distortion({1, 2, 3, 4});
+  scene.targets().resize(1);
+  scene.targets()[0].colors().resize(2);
+  scene.ignored().resize(1);
+  msg::Preview preview;
+  preview.camera("left");
+  preview.jpeg({1, 2, 3});
+  preview.targets().resize(1);
+  preview.targets()[0].particles({1, 2});
+  msg::CameraMap map;
+  map.points().resize(3);
+  msg::TeachReply reply;
+  reply.cameras().resize(1);
+  reply.cameras()[0].mask({1, 2});
+  msg::TeachRequest request;
+  request.client("page");
+  request.points().resize(1);
+  request.ignored().resize(1);
+  msg::CameraTimes times;
+  times.cameras().resize(1);
+  return {serialized<msg::ObjectPositionPubSubType>(0, position),
+          serialized<msg::CameraPosePubSubType>(1, pose),
+          serialized<msg::ServiceStatusPubSubType>(2, status),
+          serialized<msg::ScenePubSubType>(3, scene),
+          serialized<msg::PreviewPubSubType>(4, preview),
+          serialized<msg::CameraMapPubSubType>(5, map),
+          serialized<msg::TeachReplyPubSubType>(6, reply),
+          serialized<msg::TeachRequestPubSubType>(7, request),
+          serialized<msg::CameraTimesPubSubType>(8, times),
+          "\x09host=lab;pid=12;targets=red,green;"};
+}
+
+std::string picture(int width, int height) {
+  const std::vector<std::uint8_t> grey(std::size_t(width) * std::size_t(height), 77);
+  capture::Image image{
+      .format = capture::PixelFormat::grey, .width = width, .height = height, .planes = {}, .owner = {}};
+  image.planes[0] = {grey.data(), width};
+  const auto jpeg = capture::encode_picture(image, {width, height}, 80);
+  return {jpeg.begin(), jpeg.end()};
+}
+
+std::string map() {
+  camera_tracking::StoredMap stored;
+  stored.image_size = {32, 24};
+  camera_tracking::Keyframe keyframe;
+  std::uint8_t* pixels = nullptr;
+  camera_tracking::GreyImage image = camera_tracking::make_grey(32, 24, pixels);
+  std::fill_n(pixels, 32 * 24, std::uint8_t{9});
+  keyframe.pyramid = std::make_shared<const camera_tracking::Pyramid>(camera_tracking::make_pyramid(std::move(image)));
+  stored.map.keyframes.push_back(keyframe);
+  camera_tracking::MapPoint point;
+  point.look_count = 1;
+  point.looks[0].keyframe = 0;
+  stored.map.points.push_back(point);
+  stored.sightings.push_back({.keyframe = 0, .point = 0, .px = {1, 2}, .sigma_px = 1});
+  camera_tracking::write_map(folder() / "seed.map", stored);
+  return contents(folder() / "seed.map");
+}
+
+std::vector<std::string> exchanged(const calib::CameraRig& rig) {
+  using exchange::ExchangeFormat;
+  std::vector<std::string> seeds;
+  // The first byte as targets/exchange.cpp reads it: 4 extensions to a format.
+  const auto add = [&](exchange::ExportOptions options, int choice) {
+    for (const auto& [name, text] : exchange::export_rig(rig, options).files) seeds.push_back(char(choice) + text);
+  };
+  add({.format = ExchangeFormat::ros}, 0);
+  add({.format = ExchangeFormat::opencv}, 4);
+  add({.format = ExchangeFormat::opencv, .extension = "json", .stereo = true}, 5);
+  add({.format = ExchangeFormat::opencv, .extension = "xml"}, 6);
+  add({.format = ExchangeFormat::kalibr}, 8);
+  add({.format = ExchangeFormat::aniposelib}, 15);
+  add({.format = ExchangeFormat::caliscope}, 19);
+  add({.format = ExchangeFormat::caliscope}, 23);  // by its looks
+  return seeds;
+}
+
+std::map<std::string, std::vector<std::string>> seeds() {
+  const fs::path demo = source / "configs/demo";
+  const calib::CameraRig rig = calib::read_rig(demo / "recording/rig.yaml");
+  board::Board board;
+  board.type = board::BoardType::charuco;
+  board.columns = 7, board.rows = 5;
+  board.pitch.setConstant(0.03);
+  board.marker = 0.02;
+  board.dictionary = "DICT_4X4_50";
+  object_tracking::ObjectEstimate estimate;
+  const std::string track = std::string(tracks::track_csv_header) + "\n" + tracks::to_csv_row("lime", estimate) + "\n";
+  std::string film = contents(demo / "recording/cam0.mkv");
+  film.resize(std::min<std::size_t>(film.size(), 20'000));
+  const std::string ask =
+      "{\"client\":\"c\",\"number\":1,\"host\":\"h\",\"pid\":2,\"action\":\"look\",\"points\":"
+      "[{\"camera\":\"left\",\"pixel\":[1,2]}],\"ignored\":[{\"camera\":\"left\",\"box\":[1,2,3,4]}]}";
+  const std::string host = " HTTP/1.1\r\nHost: localhost\r\n";
+  return {
+      {"rig", {calib::to_yaml(rig)}},
+      {"board", {board::to_yaml(board), "type: chessboard\ncolumns: 9\nrows: 6\nsquare: 0.025\n"}},
+      {"exchange", exchanged(rig)},
+      {"tables",
+       {std::string(1, '\0') + track, "\x02" + track,
+        "\x01"
+        "ball,t,x,y,z\nred,0.5,1,2,3\n",
+        "\x03"
+        "t_s,change,config\n1.5,left_out,\n"}},
+      {"recording",
+       {contents(demo / "recording/recording.yaml"),
+        "version: 1\ncameras: {a: {frames: a.mkv, timestamps: times.csv}}\n%%\nframe,t_s,sequence,arrival,stamp_s\n"
+        "0,0.5,0,1,0.6\n,0.7,1,2,0.7\n"}},
+      {"config",
+       {contents(source / "configs/huetrackd.yaml"), contents(demo / "huetrackd.yaml"),
+        "version: 1\nrig: rig.yaml\ntargets: {a: {radius_m: 0.03, color: {hue_deg: [1, 2]}}}\n%%\n"
+        "version: 1\ntargets: {a: {color: {hue_deg: [3, 4]}}}\nignore: null\n"}},
+      {"map", {map()}},
+      {"jpeg", {picture(32, 24), picture(8, 8)}},
+      {"video", {film, picture(32, 24)}},
+      {"dds", samples()},
+      {"http",
+       {"GET /" + host + "\r\n", "GET /api/events?client=a" + host + "\r\n",
+        "POST /api/teach" + host + "Content-Type: application/json\r\nContent-Length: " + std::to_string(ask.size()) +
+            "\r\n\r\n" + ask,
+        "POST /api/teach" + host + "Transfer-Encoding: chunked\r\n\r\n2\r\n{}\r\n0\r\n\r\n",
+        "HEAD /page.js" + host + "Cookie: huetrack_token_1=x\r\nOrigin: http://localhost\r\n\r\n"}},
+  };
+}
+
+TEST(Fuzz, EveryTargetHasSeedsAndTakesThem) {
+  const auto made = seeds();
+  ASSERT_EQ(made.size(), targets().size());
+  for (const auto& [name, target] : targets()) {
+    ASSERT_TRUE(made.contains(name)) << name;
+    for (const std::string& seed : made.at(name)) {
+      target(seed);
+      target(std::string_view(seed).substr(0, seed.size() / 2));
+    }
+    target("");
+  }
+  if (const char* folder = std::getenv("HUETRACK_WRITE_SEEDS")) {
+    for (const auto& [name, inputs] : made) {
+      fs::create_directories(fs::path(folder) / name);
+      for (std::size_t i = 0; i < inputs.size(); ++i)
+        std::ofstream(fs::path(folder) / name / ("seed" + std::to_string(i)), std::ios::binary) << inputs[i];
+    }
+  }
+}
+
+TEST(Fuzz, TheCorpusIsHarmless) {
+  const fs::path corpus = source / "tests/fuzz/corpus";
+  for (const auto& [name, target] : targets()) {
+    if (!fs::exists(corpus / name)) continue;
+    for (const auto& entry : fs::directory_iterator(corpus / name)) {
+      SCOPED_TRACE(entry.path().string());
+      target(contents(entry.path()));
+    }
+  }
+}
+
+}  // namespace
+}  // namespace huetrack::fuzz

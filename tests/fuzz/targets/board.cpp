@@ -1,0 +1,12 @@
+#include "calib/board/board_yaml.h"
+#include "calib/yaml/yaml_reader.h"
+#include "fuzz/fuzz_target.h"
+
+using namespace huetrack;
+
+HUETRACK_FUZZ_TARGET(board) {
+  try {
+    board::to_yaml(board::read_board(fuzz::file_with("board.yaml", input)));
+  } catch (const yaml::ConfigError&) {
+  }
+}

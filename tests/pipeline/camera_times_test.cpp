@@ -1,0 +1,88 @@
+#include "pipeline/camera_times.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+
+#include "calib/model/rig_yaml.h"
+#include "scene/scene.h"
+
+namespace huetrack::pipeline {
+namespace {
+
+namespace fs = std::filesystem;
+using object_tracking::CameraTimingEstimate;
+using object_tracking::ObjectEstimate;
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::IsEmpty;
+
+config::ServiceConfig two_cameras() {
+  config::ServiceConfig config;
+  config.rig = scene::SceneBuilder{}.cameras_on_ring({.count = 2}).build().rig;
+  return config;
+}
+
+// Of a target at this speed.
+ObjectEstimate told(double speed_m_s, std::vector<CameraTimingEstimate> times) {
+  ObjectEstimate e;
+  e.state = object_tracking::TrackState::tracking;
+  e.position = e.velocity = Eigen::Vector3d::Zero();
+  e.velocity.x() = speed_m_s;
+  e.times = std::move(times);
+  return e;
+}
+
+void take(CameraTimes& times, std::vector<ObjectEstimate> estimates) {
+  const capture::FrameSet frames;
+  times.on_set({.frames = frames, .estimates = estimates, .received_at = {}, .trackers = {}, .reloaded = {}});
+}
+
+const CameraTimingEstimate held{.readout_s = 0.025, .readout_sigma_s = 0.001};
+const CameraTimingEstimate open{.latency_s = 0.010, .latency_sigma_s = 0.015, .readout_sigma_s = 0.02};
+const CameraTimingEstimate known{
+    .latency_s = 0.012, .latency_sigma_s = 3e-4, .readout_s = 0.03, .readout_sigma_s = 1e-3};
+
+TEST(CameraTimes, WarnsOnlyWhileSomethingMovesAndNobodyKnows) {
+  CameraTimes times(two_cameras(), {}, false);
+  EXPECT_THAT(times.told(), IsEmpty());
+  take(times, {told(0.1, {held, open})});
+  EXPECT_THAT(times.warnings(), IsEmpty());
+  take(times, {told(1, {held, open})});
+  EXPECT_THAT(times.warnings(), ElementsAre(HasSubstr("not known yet of cam1 (+- 15 ms)")));
+  take(times, {told(1, {held, known})});
+  EXPECT_THAT(times.warnings(), IsEmpty());
+  take(times, {told(1, {held, open})});
+  config::ServiceConfig fixed = two_cameras();
+  fixed.object_tracking.timing = object_tracking::TimingMode::fixed;
+  times.on_config(fixed);
+  EXPECT_THAT(times.warnings(), IsEmpty());
+}
+
+TEST(CameraTimes, BelievesTheSurestTarget) {
+  CameraTimes times(two_cameras(), {}, false);
+  take(times, {told(1, {held, open}), told(1, {held, known})});
+  ASSERT_EQ(times.told().size(), 2u);
+  EXPECT_EQ(times.told()[1].latency_s, known.latency_s);
+  EXPECT_THAT(times.summary(), ElementsAre(HasSubstr("cam0: latency 0.0 ms (held"),
+                                           HasSubstr("cam1: latency 12.0 ms +- 0.3, readout 30.0 ms +- 1.0")));
+}
+
+TEST(CameraTimes, WritesWhatIsKnownIntoARigOfItsOwn) {
+  const fs::path file = fs::path(testing::TempDir()) / "camera_times_test_rig.yaml";
+  fs::remove(file);
+  {
+    CameraTimes times(two_cameras(), file, false);
+    take(times, {told(1, {held, open})});
+    EXPECT_FALSE(times.rig().cameras[1].timing.latency_s);
+    take(times, {told(1, {held, known})});
+    times.flush();
+  }
+  EXPECT_NEAR(calib::read_rig(file).cameras[1].timing.latency_s.value(), 0.012, 1e-9);
+  EXPECT_THROW(CameraTimes(two_cameras(), file, false), std::runtime_error);  // nothing is overwritten
+  fs::remove(file);
+}
+
+}  // namespace
+}  // namespace huetrack::pipeline
