@@ -20,7 +20,8 @@ namespace {
 constexpr int mistakes_status = 3;  // of replay --strict
 constexpr auto config_help = "huetrackd.yaml";
 constexpr auto write_rig_help =
-    "write the rig here at the end, with the cameras' times (latency, readout) as learnt; not over an existing file";
+    "write the rig here at the end, with the cameras' times (latency, readout) as learnt and those that were moved "
+    "where they stand now; not over an existing file";
 constexpr auto poses_help = "write the tracked camera's poses to this file, as TUM text: those of state tracking only";
 
 // One of these words, as its value. (CLI11's own transformer names the choices by their numbers when a word is wrong.)

@@ -23,6 +23,7 @@
 #include "daemon/status_reporter.h"
 #include "page/view_server.h"
 #include "pipeline/bus.h"
+#include "pipeline/calibration_report.h"
 #include "pipeline/camera_times.h"
 #include "pipeline/file_outputs.h"
 #include "pipeline/light_report.h"
@@ -115,13 +116,14 @@ class ReplayStatus final : public pipeline::Output {
  public:
   ReplayStatus(const config::ServiceConfig& config, pipeline::Bus& bus, const pipeline::PublishedTime& time,
                const HeldSource* held, const pipeline::LightReport& light, const pipeline::MistakeReport& mistakes,
-               const pipeline::CameraTimes& times)
+               const pipeline::CameraTimes& times, const pipeline::CalibrationReport& calibration)
       : bus_(bus),
         time_(time),
         held_(held),
         light_(light),
         mistakes_(mistakes),
         times_(times),
+        calibration_(calibration),
         reporter_(config, "replay", {}) {}
 
   void on_status(const pipeline::PipelineFigures& figures) override {
@@ -135,6 +137,7 @@ class ReplayStatus final : public pipeline::Output {
     std::ranges::copy(mistakes_.warnings(), std::back_inserter(status.warnings));
     std::ranges::copy(light_.warnings(), std::back_inserter(status.warnings));
     std::ranges::copy(times_.warnings(), std::back_inserter(status.warnings));
+    std::ranges::copy(calibration_.warnings(), std::back_inserter(status.warnings));
     if (held_ != nullptr && !held_->is_released()) status.mode = "held";
     bus_.publisher().publish_status(status);
     bus_.publisher().publish_times(status.at, times_.told());
@@ -151,6 +154,7 @@ class ReplayStatus final : public pipeline::Output {
   const pipeline::LightReport& light_;
   const pipeline::MistakeReport& mistakes_;
   const pipeline::CameraTimes& times_;
+  const pipeline::CalibrationReport& calibration_;
   std::mutex mutex_;
   StatusReporter reporter_;  // guarded by mutex_: the page's thread reloads
 };
@@ -309,10 +313,14 @@ ReplaySummary replay(const ReplayCommand& command, const std::stop_token& stop) 
   session.add(light);
   pipeline::MistakeReport mistakes(session.config());
   session.add(mistakes);
-  pipeline::CameraTimes times(session.config(), command.write_rig, false);
+  pipeline::CalibrationReport calibration(session.config());
+  session.add(calibration);
+  pipeline::CameraTimes times(session.config(), command.write_rig, false, &calibration);
   session.add(times);
   std::optional<ReplayStatus> status;
-  if (bus) session.add(status.emplace(session.config(), *bus, session.time(), playback.held, light, mistakes, times));
+  if (bus)
+    session.add(
+        status.emplace(session.config(), *bus, session.time(), playback.held, light, mistakes, times, calibration));
   std::optional<pipeline::PoseFile> poses;
   if (!command.poses.empty()) session.add(poses.emplace(command.poses, config, pipeline::WhenFileFails::stop));
   std::optional<pipeline::TrackFile> tracks;
@@ -344,6 +352,7 @@ ReplaySummary replay(const ReplayCommand& command, const std::stop_token& stop) 
   summary.mistakes = mistakes.summary();
   summary.light = light.summary();
   summary.times = times.summary();
+  summary.calibration = calibration.summary();
   summary.clock_offset = session.time().offset();
   if (bus) {
     summary.published = bus->publisher().counters().published;

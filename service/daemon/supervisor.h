@@ -13,6 +13,7 @@
 #include "metrics/metrics.h"
 #include "metrics/road_meter.h"
 #include "pipeline/bus.h"
+#include "pipeline/calibration_report.h"
 #include "pipeline/camera_times.h"
 #include "pipeline/file_outputs.h"
 #include "pipeline/light_report.h"
@@ -38,6 +39,7 @@ struct Supervised {
   const pipeline::LightReport& light;
   const pipeline::MistakeReport& mistakes;
   const pipeline::CameraTimes& times;
+  const pipeline::CalibrationReport& calibration;
   pipeline::RecordingKeeper& recording;
   std::vector<const pipeline::FileOutput*> files;
   pipeline::Bus* bus = nullptr;                      // null: nothing is published
