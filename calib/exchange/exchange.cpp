@@ -157,6 +157,8 @@ Exported export_rig(const calib::CameraRig& rig, const ExportOptions& options) {
   if (is_timed && options.format != ExchangeFormat::kalibr)
     out.notes.push_back(
         fmt::format("{} has no place for the cameras' timing (latency, readout)", name(options.format)));
+  if (rig.uncertainty)
+    out.notes.push_back(fmt::format("{} has no place for the calibration's uncertainty", name(options.format)));
   return out;
 }
 

@@ -94,6 +94,12 @@ std::vector<std::string> CameraRig::problems() const {
       }
     }
   }
+  if (uncertainty && problems.empty()) {
+    for (const auto& problem : uncertainty->problems(*this)) problems.push_back("uncertainty: " + problem);
+  }
+  for (const RigCheckNote& check : made.checks) {
+    if (check.verdict.empty()) problems.emplace_back("made: a check has no verdict");
+  }
   for (const auto& [key, value] : made_by) {
     if (key.empty() || value.empty()) problems.emplace_back("made_by has an empty key or an empty value");
     if (std::ranges::count(made_by, key, &std::pair<std::string, std::string>::first) > 1) {

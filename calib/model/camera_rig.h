@@ -8,6 +8,8 @@
 #include <vector>
 
 #include "calib/model/camera_model.h"
+#include "calib/model/rig_history.h"
+#include "calib/model/rig_uncertainty.h"
 #include "calib/model/rigid3.h"
 
 namespace huetrack::calib {
@@ -54,7 +56,9 @@ struct Camera {
 struct CameraRig {
   std::vector<Camera> cameras;  // Frame::camera indexes this
   // How the calibration was made, for people to read (tool, date, residuals): unique keys, nothing empty.
-  std::vector<std::pair<std::string, std::string>> made_by;
+  std::vector<std::pair<std::string, std::string>> made_by{};
+  RigHistory made{};                            // when; and what was seen since
+  std::optional<RigUncertainty> uncertainty{};  // nullopt: nothing is known of it, the rig is taken as exact
 
   std::optional<int> index_of(std::string_view name) const;
   std::vector<std::string> problems() const;  // empty when valid; one sentence per violated constraint

@@ -11,6 +11,7 @@
 #include <span>
 #include <stdexcept>
 
+#include "calib/model/index.h"
 #include "calib/yaml/output_file.h"
 #include "calib/yaml/yaml_reader.h"
 
@@ -113,6 +114,67 @@ Camera read_camera(const std::string& name, const yaml::YamlReader& reader, bool
   return camera;
 }
 
+UtcTime read_time(const yaml::YamlReader& reader, const char* key) {
+  const std::string text = reader.string(key);
+  const auto time = utc_time(text);
+  if (!time) reader.fail(key, "must be a time like 2026-11-22T16:04:08Z, in UTC, got " + text);
+  return *time;
+}
+
+RigHistory read_history(const yaml::YamlReader& reader) {
+  constexpr yaml::Range temperatures{.min = -90, .max = 150};
+  RigHistory made;
+  if (reader.has("at")) made.at = read_time(reader, "at");
+  if (reader.has("temperature_c")) made.temperature_c = reader.number("temperature_c", temperatures);
+  if (reader.has("checks")) {
+    for (const yaml::YamlReader& check : reader.maps("checks")) {
+      made.checks.push_back(
+          {read_time(check, "at"), check.string("verdict"), check.has("text") ? check.string("text") : ""});
+      check.finish();
+    }
+  }
+  reader.finish();
+  return made;
+}
+
+// The lower triangle, row by row.
+RigUncertainty read_uncertainty(const yaml::YamlReader& reader, const CameraRig& rig) {
+  RigUncertainty out;
+  out.cameras.resize(rig.cameras.size());
+  std::vector<double> sigma;
+  int next = 0;
+  for (const auto& [name, camera] : reader.named_maps("sigma")) {
+    const auto c = rig.index_of(name);
+    if (!c) camera.fail("", "is no camera of this rig");
+    if (*c < next) camera.fail("", "comes after a camera that is after it in the rig: the order is that of cameras");
+    next = *c + 1;
+    RigUncertainty::OfCamera& of = out.cameras[index(*c)];
+    const auto take = [&, &from = camera](const char* key, std::size_t min, std::size_t max) {
+      const auto values = from.has(key) ? from.numbers(key, min, max, yaml::non_negative) : std::vector<double>();
+      sigma.insert(sigma.end(), values.begin(), values.end());
+      return static_cast<int>(values.size());
+    };
+    of.lens_count = take("lens", 8, 12);
+    of.has_pose = take("pose", 6, 6) > 0;
+    camera.finish();
+  }
+  int at = 0;
+  for (RigUncertainty::OfCamera& of : out.cameras) {
+    of.at = at;
+    at += of.size();
+  }
+  const std::size_t n = sigma.size();
+  out.sigma = Eigen::Map<const Eigen::VectorXd>(sigma.data(), static_cast<Eigen::Index>(n));
+  const auto root = reader.numbers("root", n * (n + 1) / 2, n * (n + 1) / 2, {.min = -1, .max = 1});
+  out.root = Eigen::MatrixXd::Zero(out.sigma.size(), out.sigma.size());
+  auto value = root.begin();
+  for (Eigen::Index row = 0; row < out.root.rows(); ++row) {
+    for (Eigen::Index column = 0; column <= row; ++column) out.root(row, column) = *value++;
+  }
+  reader.finish();
+  return out;
+}
+
 std::string number(double value) {
   std::array<char, 32> buffer;  // the shortest text that reads back as the same double
   return {buffer.data(), std::to_chars(buffer.data(), buffer.data() + buffer.size(), value).ptr};
@@ -170,6 +232,39 @@ std::string timing_text(const CameraTiming& timing) {
   return fmt::format("{{{}}}", fmt::join(entries, ", "));
 }
 
+std::string history_text(const RigHistory& made) {
+  std::string out = "made:\n";
+  if (made.at) out += "  at: " + utc_text(*made.at) + "\n";
+  if (made.temperature_c) out += "  temperature_c: " + number(*made.temperature_c) + "\n";
+  if (!made.checks.empty()) out += "  checks:\n";
+  for (const RigCheckNote& check : made.checks) {
+    out += "    - {at: " + utc_text(check.at) + ", verdict: " + in_quotes(check.verdict);
+    if (!check.text.empty()) out += ", text: " + in_quotes(check.text);
+    out += "}\n";
+  }
+  return out;
+}
+
+std::string uncertainty_text(const RigUncertainty& uncertainty, const CameraRig& rig) {
+  std::string out = "uncertainty:   # the cameras' joint covariance; see calib/formats.md\n  sigma:\n";
+  const std::span<const double> sigma(uncertainty.sigma.data(), static_cast<std::size_t>(uncertainty.sigma.size()));
+  for (std::size_t c = 0; c < uncertainty.cameras.size(); ++c) {
+    const RigUncertainty::OfCamera& of = uncertainty.cameras[c];
+    if (of.size() == 0) continue;
+    std::vector<std::string> entries;
+    if (of.lens_count > 0) entries.push_back("lens: " + list(sigma.subspan(index(of.at), index(of.lens_count))));
+    if (of.has_pose) entries.push_back("pose: " + list(sigma.subspan(index(of.pose_at()), 6)));
+    out += fmt::format("    {}: {{{}}}\n", key_text(rig.cameras[c].name), fmt::join(entries, ", "));
+  }
+  std::vector<std::string> rows;
+  for (Eigen::Index row = 0; row < uncertainty.root.rows(); ++row) {
+    const Eigen::RowVectorXd values = uncertainty.root.row(row).head(row + 1);
+    const std::string text = list(std::span(values.data(), static_cast<std::size_t>(values.size())));
+    rows.push_back("    " + text.substr(1, text.size() - 2));
+  }
+  return out + fmt::format("  root: [\n{}]\n", fmt::join(rows, ",\n"));
+}
+
 }  // namespace
 
 CameraRig read_rig(const std::filesystem::path& file) {
@@ -182,6 +277,11 @@ CameraRig read_rig(const std::filesystem::path& file) {
   for (const auto& [name, camera] : cameras) rig.cameras.push_back(read_camera(name, camera, cameras.size() > 1));
   if (const auto made_by = reader.optional_map("made_by")) {
     for (const auto& key : made_by->keys()) rig.made_by.emplace_back(key, made_by->string(key));
+  }
+  if (const auto made = reader.optional_map("made")) rig.made = read_history(*made);
+  if (const auto uncertainty = reader.optional_map("uncertainty")) {
+    rig.uncertainty = read_uncertainty(*uncertainty, rig);
+    for (const auto& problem : rig.uncertainty->problems(rig)) uncertainty->fail("", problem);
   }
   reader.finish();
   for (const auto& problem : rig.problems()) reader.fail("cameras", problem);
@@ -215,6 +315,8 @@ std::string to_yaml(const CameraRig& rig) {
     out += "made_by:\n";
     for (const auto& [key, value] : rig.made_by) out += "  " + key_text(key) + ": " + in_quotes(value) + "\n";
   }
+  if (!rig.made.is_empty()) out += history_text(rig.made);
+  if (rig.uncertainty && rig.uncertainty->size() > 0) out += uncertainty_text(*rig.uncertainty, rig);
   return out;
 }
 
@@ -233,7 +335,9 @@ void write_rig(const CameraRig& rig, const std::filesystem::path& file) {
 
 std::string rig_identity(const CameraRig& rig) {
   std::uint64_t hash = 0xcbf29ce484222325u;  // FNV-1a
-  for (const char c : to_yaml(rig)) hash = (hash ^ static_cast<unsigned char>(c)) * 0x100000001b3u;
+  CameraRig same = rig;
+  same.made = {};
+  for (const char c : to_yaml(same)) hash = (hash ^ static_cast<unsigned char>(c)) * 0x100000001b3u;
   return fmt::format("{:016x}", hash);
 }
 

@@ -24,6 +24,7 @@ struct CalibrationOptions {
   std::string rig, report;
   gather::LiveOptions live;
   bool overwrite = false, quiet = false;
+  std::optional<double> temperature_c;
 };
 
 inline void add_calibration_options(CLI::App& command, CalibrationOptions& options) {
@@ -69,6 +70,11 @@ inline void add_calibration_options(CLI::App& command, CalibrationOptions& optio
       ->check(CLI::PositiveNumber)
       ->capture_default_str();
   command.add_option("--report", options.report, "the report (HTML; the same as text beside it)");
+  command
+      .add_option_function<double>(
+          "--temperature", [&options](const double& celsius) { options.temperature_c = celsius; },
+          "of the room, degrees Celsius: noted in the rig file")
+      ->check(CLI::Range(-90.0, 150.0));
   command.add_flag("--overwrite", options.overwrite, "a doubtful result may replace the rig that is there");
   command.add_flag("--quiet", options.quiet, "print nothing but errors");
 }
@@ -80,6 +86,7 @@ inline OutputFiles output_files(const CalibrationOptions& options) {
                                         : std::filesystem::path(options.report);
   files.overwrite = options.overwrite;
   files.quiet = options.quiet;
+  files.temperature_c = options.temperature_c;
   return files;
 }
 

@@ -19,12 +19,22 @@ struct CheckOptions {
   std::string rig, board, mend;
   std::vector<std::string> inputs;
   gather::FindBoardsOptions find{.max_sets = 60, .page = {}};
-  bool quiet = false;
+  bool note = false, quiet = false;
 };
+
+// What the rig file says of itself, before anything is looked at.
+void print_history(const calib::CameraRig& rig) {
+  if (const std::string age = rig.made.text(utc_now()); !age.empty()) std::printf("The rig: %s.\n", age.c_str());
+  if (!rig.uncertainty)
+    std::printf(
+        "It has no uncertainty: its cameras count as exactly known, and what the calibration left open is in "
+        "no position's covariance.\n");
+}
 
 ExitStatus check(const CheckOptions& options, const std::stop_token& stop) {
   const board::Board board = board::read_board(options.board);
   calib::CameraRig rig = calib::read_rig(options.rig);
+  if (!options.quiet) print_history(rig);
   gather::FindBoardsOptions find = options.find;
   find.progress = !options.quiet;
   const std::vector<solver::BoardView> views =
@@ -34,9 +44,15 @@ ExitStatus check(const CheckOptions& options, const std::stop_token& stop) {
   const report::RigCheckReport report = report::report_on(result, rig);
   line.clear();
   if (!options.quiet) std::fputs(report::to_text(report, result).c_str(), stdout);
+  if (options.note) {
+    rig.made.add({utc_now(), std::string(report::name(report.verdict)), report.checks.front().finding});
+    calib::write_rig(rig, options.rig);
+  }
   if (!options.mend.empty()) {
-    for (const solver::MovedCamera& moved : result.moved)
+    for (const solver::MovedCamera& moved : result.moved) {
       rig.cameras[static_cast<std::size_t>(moved.camera)].cam_from_world = moved.cam_from_world;
+      if (rig.uncertainty) rig.uncertainty = calib::with_pose_covariance(rig, moved.camera, moved.covariance);
+    }
     note_in(rig, "mended",
             result.moved.empty() ? "nothing had moved" : "by huetrack-calibrate check, from views of the board");
     calib::write_rig(rig, options.mend);
@@ -55,6 +71,7 @@ void add_check_command(CLI::App& app, Command& chosen) {
       ->required();
   command->add_option("--board", options->board, "the board file; see calib/README.md")->required();
   command->add_option("--mend", options->mend, "write the rig with the moved cameras where they stand now");
+  command->add_flag("--note", options->note, "note the verdict, and when it was, in the rig file");
   command->add_option("--every", options->find.every, "look at every so many-th picture")->check(CLI::PositiveNumber);
   command->add_flag("--quiet", options->quiet, "print nothing but errors");
   command->callback(

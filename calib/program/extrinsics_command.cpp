@@ -37,6 +37,9 @@ std::vector<solver::CameraToCalibrate> cameras_of(const gather::FoundBoards& fou
       }
       known->model = camera.model;
       known->timing = camera.timing;
+      if (!rig.uncertainty) continue;
+      const auto& of = rig.uncertainty->cameras[static_cast<std::size_t>(*rig.index_of(camera.name))];
+      known->lens_covariance = rig.uncertainty->covariance().block(of.at, of.at, of.lens_count, of.lens_count);
     }
     if (!any) throw gather::InputError(file + ": has none of the cameras that are calibrated: are the names the same?");
   }
@@ -74,7 +77,9 @@ ExitStatus calibrate(const ExtrinsicsOptions& options, const std::stop_token& st
   }
   const report::CalibrationReport report = report::report_on(result, input);
   line.clear();
-  return put_out(report, solver::rig_of(result.adjustment), found, output_files(options));
+  calib::CameraRig rig = solver::rig_of(result.adjustment);
+  if (report.volume) rig.uncertainty = solver::uncertainty_of(result.adjustment, *report.volume);
+  return put_out(report, std::move(rig), found, output_files(options));
 }
 
 }  // namespace

@@ -3,6 +3,7 @@
 #include "calib/program/calibration_options.h"
 #include "calib/program/commands.h"
 #include "calib/solver/intrinsics.h"
+#include "calib/solver/volume_accuracy.h"
 
 namespace huetrack::program {
 namespace {
@@ -29,7 +30,9 @@ ExitStatus calibrate(IntrinsicsOptions options, const std::stop_token& stop) {
   line.draw("writing the report");
   const report::CalibrationReport report = report::report_on(result, report_input(found, options.inputs));
   line.clear();
-  return put_out(report, solver::rig_of(result.adjustment), found, output_files(options));
+  calib::CameraRig rig = solver::rig_of(result.adjustment);
+  rig.uncertainty = solver::uncertainty_of(result.adjustment, {});
+  return put_out(report, std::move(rig), found, output_files(options));
 }
 
 }  // namespace

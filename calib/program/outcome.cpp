@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <cerrno>
+#include <chrono>
 #include <cstdio>
 #include <fstream>
 #include <map>
@@ -17,6 +18,10 @@ namespace {
 namespace fs = std::filesystem;
 
 }  // namespace
+
+calib::UtcTime utc_now() {
+  return std::chrono::floor<std::chrono::seconds>(std::chrono::system_clock::now());
+}
 
 ExitStatus status_of(report::Verdict verdict) {
   switch (verdict) {
@@ -44,6 +49,11 @@ report::ReportInput report_input(const gather::FoundBoards& found, const std::ve
   return input;
 }
 
+void write_document(const report::Document& document, const fs::path& html) {
+  gather::write_file(html, report::to_html(document));
+  gather::write_file(fs::path(html).replace_extension(".pdf"), report::to_pdf(document));
+}
+
 fs::path place_for(report::Verdict verdict, const fs::path& rig, bool overwrite) {
   std::error_code error;
   if (verdict == report::Verdict::usable || overwrite || !fs::exists(rig, error)) return rig;
@@ -69,6 +79,7 @@ ExitStatus put_out(const report::CalibrationReport& report, calib::CameraRig rig
   gather::write_file(fs::path(files.report).replace_extension(".txt"), text);
   if (!files.quiet) std::fputs(text.c_str(), stdout);
 
+  rig.made = {.at = utc_now(), .temperature_c = files.temperature_c, .checks = {}};
   rig.made_by.clear();
   for (const auto& [key, value] : report.made_of) rig.made_by.emplace_back(key, value);
   rig.made_by.emplace_back("board", report.board);

@@ -2,12 +2,14 @@
 #pragma once
 
 #include <filesystem>
+#include <optional>
 #include <string>
 
 #include "calib/gather/find_boards.h"
 #include "calib/model/camera_rig.h"
 #include "calib/program/commands.h"
 #include "calib/report/calibration_report.h"
+#include "calib/report/document.h"
 
 namespace huetrack::program {
 
@@ -21,13 +23,19 @@ struct OutputFiles {
   std::filesystem::path report;  // .html; a .txt of the same name is written beside it
   bool overwrite = false;        // a doubtful result may replace a rig that is there
   bool quiet = false;
+  std::optional<double> temperature_c{};  // while the pictures were taken, if somebody told
 };
+
+calib::UtcTime utc_now();
 
 // Prints the report, writes it, and the rig when the verdict allows: a failed result is not written; a doubtful one
 // does not replace a rig that is there but goes beside it, as NAME.doubtful.yaml. made_by of the rig is filled.
 // throws std::system_error, std::runtime_error: a file cannot be written
 ExitStatus put_out(const report::CalibrationReport& report, calib::CameraRig rig, const gather::FoundBoards& found,
                    const OutputFiles& files);
+
+// Writes it as HTML there, and as PDF beside it. throws std::system_error, std::runtime_error
+void write_document(const report::Document& document, const std::filesystem::path& html);
 
 // Where a rig of this verdict (usable, doubtful) goes: NAME.doubtful.yaml where it must not replace what is there.
 std::filesystem::path place_for(report::Verdict verdict, const std::filesystem::path& rig, bool overwrite);

@@ -1,16 +1,11 @@
 // huetrack-calibrate time: when the cameras' rows are exposed, from the waved ball, by a rig whose poses are right.
 #include <CLI/CLI.hpp>
-#include <cstdio>
 #include <memory>
 
 #include "calib/gather/picture_source.h"
-#include "calib/gather/progress_line.h"
-#include "calib/model/rig_yaml.h"
 #include "calib/program/commands.h"
-#include "calib/program/outcome.h"
 #include "calib/program/rig_pictures.h"
 #include "calib/program/waved_ball.h"
-#include "calib/report/wave_report.h"
 #include "calib/wave/wave.h"
 
 namespace huetrack::program {
@@ -18,23 +13,13 @@ namespace {
 
 ExitStatus time(const WavedOptions& o, const std::stop_token& stop) {
   const WavedInput in = configured_input(o);
-  wave::WaveOptions options{.radius_m = in.targets.front().radius_m, .hold_poses = true};
+  const wave::WaveOptions options{.radius_m = in.targets.front().radius_m, .hold_poses = true};
   for (const auto& problem : options.problems(in.rig)) throw gather::InputError(problem);
-  std::vector<wave::BallFrame> frames = waved_frames(o, in, stop);
-  gather::ProgressLine progress(!o.quiet);
-  options.progress = progress.progress();
-  wave::WaveResult result = wave::calibrate_wave(in.rig, std::move(frames), options);
-  progress.clear();
-  const report::WaveReport report = report::report_on(result);
-  std::fputs(report::to_text(report, result).c_str(), stdout);
-
-  note_in(result.rig, "timing",
-          "huetrack-calibrate " HUETRACK_VERSION " time, from " + (o.live_s > 0 ? "live cameras" : o.recording) + ", " +
-              std::string(report::name(report.verdict)));
-  const std::filesystem::path file = place_for(report.verdict, o.rig, o.overwrite);
-  calib::write_rig(result.rig, file);
-  std::printf("%s\n", file.c_str());
-  return status_of(report.verdict);
+  return calibrate_and_write(o, in, options, stop, [&](wave::WaveResult& result, const report::WaveReport& report) {
+    note_in(result.rig, "timing",
+            "huetrack-calibrate " HUETRACK_VERSION " time, from " + (o.live_s > 0 ? "live cameras" : o.recording) +
+                ", " + std::string(report::name(report.verdict)));
+  });
 }
 
 }  // namespace

@@ -2,17 +2,13 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
-#include <cstdio>
 #include <memory>
 
 #include "calib/gather/picture_source.h"
-#include "calib/gather/progress_line.h"
 #include "calib/model/rig_yaml.h"
 #include "calib/program/commands.h"
 #include "calib/program/outcome.h"
 #include "calib/program/waved_ball.h"
-#include "calib/report/wave_report.h"
-#include "calib/solver/bundle_adjustment.h"
 #include "calib/wave/wave.h"
 
 namespace huetrack::program {
@@ -83,29 +79,18 @@ wave::WaveOptions wave_options(const WaveCommand& o, const WavedInput& in) {
 ExitStatus wave(const WaveCommand& o, const std::stop_token& stop) {
   if (o.marks.size() % 4 != 0) throw gather::InputError("--mark has four numbers: SECONDS X Y Z");
   const WavedInput in = input_of(o);
-  wave::WaveOptions options = wave_options(o, in);
-  std::vector<wave::BallFrame> frames = waved_frames(o, in, stop);
-  gather::ProgressLine progress(!o.quiet);
-  options.progress = progress.progress();
-  wave::WaveResult result = wave::calibrate_wave(in.rig, std::move(frames), options);
-  progress.clear();
-  const report::WaveReport report = report::report_on(result);
-  std::fputs(report::to_text(report, result).c_str(), stdout);
-
-  const double expected_m = result.expected_in_volume_m.value_or(result.expected_m);
-  result.rig.made_by = {{"tool", "huetrack-calibrate " HUETRACK_VERSION " wave"},
-                        {"input", o.live_s > 0 ? "live" : o.recording},
-                        {"target", names_of(in.targets)},
-                        {"verdict", std::string(report::name(report.verdict))},
-                        {"scale_from", report.scale_from},
-                        {"rms_px", fmt::format("{:.3f}", result.rms_px)},
-                        {"expected_error_mm", fmt::format("{:.2f}", 1e3 * expected_m)}};
-  for (const auto& problem : result.rig.problems())
-    throw solver::CalibrationError("what came out is no rig: " + problem);
-  const std::filesystem::path file = place_for(report.verdict, o.rig, o.overwrite);
-  calib::write_rig(result.rig, file);
-  std::printf("%s\n", file.c_str());
-  return status_of(report.verdict);
+  const auto note = [&](wave::WaveResult& result, const report::WaveReport& report) {
+    const double expected_m = result.expected_in_volume_m.value_or(result.expected_m);
+    result.rig.made = {.at = utc_now(), .temperature_c = o.temperature_c, .checks = {}};
+    result.rig.made_by = {{"tool", "huetrack-calibrate " HUETRACK_VERSION " wave"},
+                          {"input", o.live_s > 0 ? "live" : o.recording},
+                          {"target", names_of(in.targets)},
+                          {"verdict", std::string(report::name(report.verdict))},
+                          {"scale_from", report.scale_from},
+                          {"rms_px", fmt::format("{:.3f}", result.rms_px)},
+                          {"expected_error_mm", fmt::format("{:.2f}", 1e3 * expected_m)}};
+  };
+  return calibrate_and_write(o, in, wave_options(o, in), stop, note);
 }
 
 }  // namespace

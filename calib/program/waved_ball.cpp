@@ -14,6 +14,9 @@
 
 #include "calib/gather/picture_source.h"
 #include "calib/gather/progress_line.h"
+#include "calib/model/rig_yaml.h"
+#include "calib/program/outcome.h"
+#include "calib/solver/bundle_adjustment.h"
 #include "capture/replay_source.h"
 #include "pipeline/live_cameras.h"
 
@@ -177,6 +180,11 @@ void add_waved_options(CLI::App& command, WavedOptions& o) {
   command.add_option("--target", o.targets, "which of its targets is waved; again for another ball of the same size");
   command.add_option("--rig", o.rig, "the rig file to write")->required();
   command.add_option("--live", o.live_s, "look at the live cameras for so many seconds")->check(CLI::PositiveNumber);
+  command
+      .add_option_function<double>(
+          "--temperature", [&o](const double& celsius) { o.temperature_c = celsius; },
+          "of the room, degrees Celsius: noted in the rig file")
+      ->check(CLI::Range(-90.0, 150.0));
   command.add_flag("--overwrite", o.overwrite, "replace the rig file even when the result is doubtful");
   command.add_flag("--quiet", o.quiet, "no progress");
 }
@@ -213,6 +221,25 @@ std::vector<wave::BallFrame> waved_frames(const WavedOptions& o, const WavedInpu
     throw gather::InputError("--live needs --config: it says where the cameras are");
   return wave::one_after_the_other(o.live_s > 0 ? frames_of_cameras(o, in, stop) : frames_of_recording(o, in, stop),
                                    in.rig.cameras.size());
+}
+
+ExitStatus calibrate_and_write(const WavedOptions& o, const WavedInput& in, wave::WaveOptions options,
+                               const std::stop_token& stop,
+                               const std::function<void(wave::WaveResult&, const report::WaveReport&)>& note) {
+  std::vector<wave::BallFrame> frames = waved_frames(o, in, stop);
+  gather::ProgressLine progress(!o.quiet);
+  options.progress = progress.progress();
+  wave::WaveResult result = wave::calibrate_wave(in.rig, std::move(frames), options);
+  progress.clear();
+  const report::WaveReport report = report::report_on(result);
+  std::fputs(report::to_text(report, result).c_str(), stdout);
+  note(result, report);
+  for (const auto& problem : result.rig.problems())
+    throw solver::CalibrationError("what came out is no rig: " + problem);
+  const std::filesystem::path file = place_for(report.verdict, o.rig, o.overwrite);
+  calib::write_rig(result.rig, file);
+  std::printf("%s\n", file.c_str());
+  return status_of(report.verdict);
 }
 
 }  // namespace huetrack::program

@@ -8,6 +8,7 @@
 #include <string_view>
 
 #include "calib/report/calibration_report.h"
+#include "calib/report/html.h"
 #include "calib/report/sentences.h"
 
 namespace huetrack::report {
@@ -15,46 +16,6 @@ namespace {
 
 using Eigen::Vector2d;
 using Eigen::Vector3d;
-
-constexpr std::string_view style = R"(
-:root { --ink:#1b2430; --soft:#5b6775; --line:#dde2e8; --good:#1a7f4b; --doubt:#a86400; --bad:#b3261e; --blue:#2563a8; }
-* { box-sizing:border-box; }
-body { font:15px/1.45 system-ui,sans-serif; color:var(--ink); margin:0 auto; padding:24px; max-width:1120px; background:#fff; }
-h1 { font-size:22px; margin:0 0 4px; } h2 { font-size:18px; margin:34px 0 8px; } h3 { font-size:15px; margin:18px 0 6px; }
-p { margin:6px 0; max-width:85ch; } .soft { color:var(--soft); }
-.verdict { border-left:8px solid; padding:12px 16px; margin:14px 0; background:#f6f8fa; font-size:17px; }
-.verdict.usable { border-color:var(--good); } .verdict.doubtful { border-color:var(--doubt); } .verdict.failed { border-color:var(--bad); }
-.usable b, td.usable { color:var(--good); } .doubtful b, td.doubtful { color:var(--doubt); } .failed b, td.failed { color:var(--bad); }
-table { border-collapse:collapse; font-variant-numeric:tabular-nums; margin:6px 0; }
-th { text-align:left; font-weight:600; color:var(--soft); } th,td { padding:3px 14px 3px 0; border-bottom:1px solid var(--line); vertical-align:top; }
-td.n, th.n { text-align:right; }
-.row { display:flex; flex-wrap:wrap; gap:20px; align-items:flex-start; } figure { margin:0; } figcaption { color:var(--soft); font-size:13px; max-width:44ch; }
-svg text { font:11px system-ui,sans-serif; fill:var(--ink); } svg { display:block; }
-ul.todo { padding-left:20px; margin:8px 0; } ul.todo li { margin:8px 0; } details summary { cursor:pointer; color:var(--blue); }
-)";
-
-std::string escaped(std::string_view text) {
-  std::string out;
-  for (const char c : text) {
-    switch (c) {
-      case '&':
-        out += "&amp;";
-        break;
-      case '<':
-        out += "&lt;";
-        break;
-      case '>':
-        out += "&gt;";
-        break;
-      case '"':
-        out += "&quot;";
-        break;
-      default:
-        out += c;
-    }
-  }
-  return out;
-}
 
 // From white (0) to dark blue (1).
 std::string shade(double share) {
@@ -403,13 +364,8 @@ std::string data_uri(const std::vector<std::uint8_t>& bytes) {
 }
 
 std::string to_html(const CalibrationReport& report, const PictureOf& picture_of) {
-  std::string out =
-      "<!doctype html>\n<html lang=en><head><meta charset=utf-8><meta name=viewport "
-      "content='width=device-width'><title>" +
-      escaped(report.title) + "</title><style>";
-  out += style;
-  out += "</style></head><body>\n<h1>" + escaped(report.title) + "</h1><p class=soft>" + escaped(report.board) +
-         fmt::format("; {} moments</p>\n", report.sets);
+  std::string out = html_head(report.title) + "<h1>" + escaped(report.title) + "</h1><p class=soft>" +
+                    escaped(report.board) + fmt::format("; {} moments</p>\n", report.sets);
   out += verdict_banner(report) + todo(report);
   out += "\n<h2>Cameras</h2>" + camera_table(report);
   if (!report.lens_reason.empty()) out += "<p>Lenses: " + escaped(report.lens_reason) + ".</p>";

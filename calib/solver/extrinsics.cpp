@@ -416,6 +416,8 @@ LensOfCamera lens_of(const board::Board& board, const CameraToCalibrate& given, 
       lens.check = check_lens(board, lens.camera, views);
       lens.alone_px = lens.check->refined.noise_px;
     }
+    if (given.lens_covariance.rows() == parameter_count(lens.camera.lens))
+      lens.camera.lens_covariance = given.lens_covariance;
     return lens;
   }
   lens.found = calibrate_intrinsics(board, given.name, given.image_size, views, options.intrinsics);

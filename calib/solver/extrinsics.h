@@ -16,6 +16,8 @@ struct CameraToCalibrate {
   calib::ImageSize image_size;
   std::optional<calib::CameraModel> model;  // known intrinsics; nullopt: found from this camera's views
   calib::CameraTiming timing{};             // what is known of it
+  // How well the model is known, as AdjustedCamera has it; empty: exactly. One of another model is not used.
+  Eigen::MatrixXd lens_covariance{};
 };
 
 enum class RefineLens {

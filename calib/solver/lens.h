@@ -1,5 +1,4 @@
 // The lens models that calibration chooses from, as parameters that an adjustment can move, with their derivatives.
-// CameraModel (calib/model) is the finished lens; a test holds project() here to CameraModel::project().
 #pragma once
 
 #include <Eigen/Core>
@@ -8,6 +7,7 @@
 #include <vector>
 
 #include "calib/model/camera_model.h"
+#include "calib/model/lens_derivatives.h"
 
 namespace huetrack::solver {
 
@@ -16,19 +16,18 @@ enum class LensModel { radtan4, radtan5, radtan8, fisheye };
 inline constexpr std::array<LensModel, 4> all_lens_models{LensModel::radtan4, LensModel::radtan5, LensModel::radtan8,
                                                           LensModel::fisheye};
 
-// fx fy cx cy, then k1 k2 p1 p2 k3 k4 k5 k6 (radtan) or k1 k2 k3 k4 (fisheye; the rest is 0).
-using LensParameters = Eigen::Matrix<double, 12, 1>;
+using calib::LensParameters;
 
 std::string_view name(LensModel lens);                       // "radtan4", ..., "fisheye"
 int parameter_count(LensModel lens);                         // the leading ones of LensParameters that are free
 std::string_view parameter_name(LensModel lens, int index);  // "fx", ..., "k6"
 
 calib::CameraModel camera_model(LensModel lens, const LensParameters& parameters);
-LensParameters parameters_of(const calib::CameraModel& model);
+using calib::parameters_of;
 LensModel lens_model_of(const calib::CameraModel& model);  // the simplest one that holds all its coefficients
 
-using PixelByPoint = Eigen::Matrix<double, 2, 3, Eigen::RowMajor>;
-using PixelByLens = Eigen::Matrix<double, 2, 12, Eigen::RowMajor>;
+using calib::PixelByLens;
+using calib::PixelByPoint;
 
 // Pixel of p_cam, as CameraModel::project() but without its limit(): an adjustment may pass through lenses that fold on
 // its way. false: p_cam lies behind the camera (pinhole), or is not finite. The derivatives may be null.

@@ -54,6 +54,7 @@ MovedCamera movement(const Adjustment& a, const calib::CameraRig& rig, int c) {
   moved.turned_rad = moved.cam_from_world.rotation.angularDistance(before.rotation);
   moved.moved_sigma_m = a.centre_sigma(c).norm();
   moved.turned_sigma_rad = a.rotation_sigma(c).norm();
+  if (const int at = a.pose_offset[index(c)]; at >= 0) moved.covariance = a.covariance.block<6, 6>(at, at);
   return moved;
 }
 

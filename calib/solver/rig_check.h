@@ -18,6 +18,8 @@ struct MovedCamera {
   double moved_m = 0, moved_sigma_m = 0;  // of its centre
   double turned_rad = 0, turned_sigma_rad = 0;
   calib::Rigid3d cam_from_world;  // where it stands now
+  // Of that, as calib::RigUncertainty has a pose's, the other cameras being where the rig says.
+  calib::Covariance6d covariance = calib::Covariance6d::Zero();
 };
 
 struct RigCheck {

@@ -4,6 +4,7 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 #include <optional>
 
 #include "calib/model/cross_matrix.h"
@@ -64,27 +65,48 @@ std::optional<Sensitivity> sensitivity_at(const Adjustment& a, PointAccuracy& po
   return Sensitivity{index_of_point, -inverse_h * g, inverse_h};
 }
 
-}  // namespace
-
-VolumeAccuracy predict_accuracy(const Adjustment& a, const WorldBox& box, const std::array<int, 3>& steps,
-                                double object_noise_px) {
+VolumeAccuracy grid_of(const WorldBox& box, const std::array<int, 3>& steps, double object_noise_px) {
   VolumeAccuracy result;
   result.box = box;
   result.steps = steps;
   result.object_noise_px = object_noise_px;
-  const Eigen::Index parameters = a.covariance.rows();
-  std::vector<Sensitivity> seen;
   for (int iz = 0; iz < steps[2]; ++iz) {
     for (int iy = 0; iy < steps[1]; ++iy) {
       for (int ix = 0; ix < steps[0]; ++ix) {
         const Vector3d share(static_cast<double>(ix) / (steps[0] - 1), static_cast<double>(iy) / (steps[1] - 1),
                              static_cast<double>(iz) / (steps[2] - 1));
-        PointAccuracy point;
-        point.p_world = box.low + (box.high - box.low).cwiseProduct(share);
-        if (auto sensitivity = sensitivity_at(a, point, result.points.size())) seen.push_back(std::move(*sensitivity));
-        result.points.push_back(point);
+        result.points.emplace_back().p_world = box.low + (box.high - box.low).cwiseProduct(share);
       }
     }
+  }
+  return result;
+}
+
+// Sets what is said of all points.
+void summarise(VolumeAccuracy& result) {
+  std::vector<double> by_calibration, total;
+  for (const PointAccuracy& point : result.points) {
+    if (point.views < 2) continue;
+    by_calibration.push_back(point.by_calibration_m);
+    total.push_back(point.total_m);
+  }
+  result.covered =
+      static_cast<double>(total.size()) / static_cast<double>(std::max<std::size_t>(1, result.points.size()));
+  result.median_by_calibration_m = quantile(by_calibration, 0.5);
+  result.p95_by_calibration_m = quantile(by_calibration, 0.95);
+  result.median_total_m = quantile(total, 0.5);
+  result.p95_total_m = quantile(total, 0.95);
+}
+
+}  // namespace
+
+VolumeAccuracy predict_accuracy(const Adjustment& a, const WorldBox& box, const std::array<int, 3>& steps,
+                                double object_noise_px) {
+  VolumeAccuracy result = grid_of(box, steps, object_noise_px);
+  const Eigen::Index parameters = a.covariance.rows();
+  std::vector<Sensitivity> seen;
+  for (std::size_t k = 0; k < result.points.size(); ++k) {
+    if (auto sensitivity = sensitivity_at(a, result.points[k], k)) seen.push_back(std::move(*sensitivity));
   }
   // What a rigid motion of everything would explain is no error of shape.
   Eigen::Matrix<double, 6, 6> normal = Eigen::Matrix<double, 6, 6>::Zero();
@@ -102,23 +124,91 @@ VolumeAccuracy predict_accuracy(const Adjustment& a, const WorldBox& box, const 
   }
   const bool alignable = seen.size() >= 3;
   result.alignment = alignable ? MatrixXd(normal.ldlt().solve(moment)) : MatrixXd::Zero(6, parameters);
-  std::vector<double> by_calibration, total;
   for (const Sensitivity& s : seen) {
     const MatrixXd left = s.by_parameters - rigid(s) * result.alignment;
     const double calibration = std::max(0.0, (left * a.covariance * left.transpose()).trace());
     PointAccuracy& point = result.points[s.point];
     point.by_calibration_m = std::sqrt(calibration);
     point.total_m = std::sqrt(calibration + object_noise_px * object_noise_px * s.by_noise.trace());
-    by_calibration.push_back(point.by_calibration_m);
-    total.push_back(point.total_m);
   }
-  result.covered =
-      static_cast<double>(seen.size()) / static_cast<double>(std::max<std::size_t>(1, result.points.size()));
-  result.median_by_calibration_m = quantile(by_calibration, 0.5);
-  result.p95_by_calibration_m = quantile(by_calibration, 0.95);
-  result.median_total_m = quantile(total, 0.5);
-  result.p95_total_m = quantile(total, 0.95);
+  summarise(result);
   return result;
+}
+
+VolumeAccuracy predict_accuracy(const calib::CameraRig& rig, const WorldBox& box, const std::array<int, 3>& steps,
+                                double object_noise_px) {
+  VolumeAccuracy result = grid_of(box, steps, object_noise_px);
+  const Eigen::Matrix2d information = Eigen::Matrix2d::Identity() / (object_noise_px * object_noise_px);
+  for (PointAccuracy& point : result.points) {
+    std::vector<calib::PlaceView> views;
+    Matrix3d normal = Matrix3d::Zero();
+    for (std::size_t c = 0; c < rig.cameras.size(); ++c) {
+      const calib::Camera& camera = rig.cameras[c];
+      calib::CameraModel::Jacobian by_point;
+      const auto px = camera.model.project(camera.cam_from_world * point.p_world, by_point);
+      if (!px || !camera.contains(*px)) continue;
+      views.push_back({static_cast<int>(c), information});
+      const Eigen::Matrix<double, 2, 3> by_world = by_point * camera.cam_from_world.rotation.toRotationMatrix();
+      normal += by_world.transpose() * information * by_world;
+    }
+    point.views = static_cast<int>(views.size());
+    if (views.size() < 2) continue;
+    const double calibration = calib::left_open_by_rig(rig, point.p_world, views).trace();
+    point.by_calibration_m = std::sqrt(std::max(0.0, calibration));
+    point.total_m = std::sqrt(std::max(0.0, calibration + normal.inverse().trace()));
+  }
+  summarise(result);
+  return result;
+}
+
+std::vector<CameraPlace> next_camera_places(const calib::CameraRig& rig, const VolumeAccuracy& map, std::size_t count) {
+  const Vector3d middle = (map.box.low + map.box.high) / 2;
+  double away = 0, lowest = 1e9, highest = -1e9;
+  for (const calib::Camera& camera : rig.cameras) {
+    const Vector3d centre = camera.centre();
+    away += (centre - middle).head<2>().norm() / static_cast<double>(rig.cameras.size());
+    lowest = std::min(lowest, centre.z());
+    highest = std::max(highest, centre.z());
+  }
+  // Coarse: it is places that are compared. What two cameras do not see counts as far worse than anything they see.
+  constexpr std::array<int, 3> coarse{7, 7, 5};
+  const double unseen_m = 3 * std::max(map.p95_total_m, 0.01);
+  std::vector<std::pair<double, CameraPlace>> tried;
+  constexpr int directions = 24;
+  for (int d = 0; d < directions; ++d) {
+    for (const double z : {lowest, (lowest + highest) / 2, highest}) {
+      const double angle = 2 * std::numbers::pi * d / directions;
+      const Vector3d centre = Vector3d(middle.x() + away * std::cos(angle), middle.y() + away * std::sin(angle), z);
+      calib::Camera camera = rig.cameras.front();
+      Matrix3d turn;
+      turn.row(2) = (middle - centre).normalized();
+      turn.row(0) = Vector3d(turn.row(2)).cross(Vector3d::UnitZ()).normalized();
+      turn.row(1) = Vector3d(turn.row(2)).cross(Vector3d(turn.row(0)));
+      camera.cam_from_world = {Eigen::Quaterniond(turn), -turn * centre};
+      calib::CameraRig more = rig;
+      more.cameras.push_back(camera);
+      if (more.uncertainty) more.uncertainty->cameras.push_back({.at = more.uncertainty->size()});
+      const VolumeAccuracy then = predict_accuracy(more, map.box, coarse, map.object_noise_px);
+      double squares = 0;
+      for (const PointAccuracy& point : then.points)
+        squares += std::pow(point.views < 2 ? unseen_m : std::min(unseen_m, point.total_m), 2);
+      tried.emplace_back(squares,
+                         CameraPlace{camera.cam_from_world, then.covered, then.median_total_m, then.p95_total_m});
+      if (lowest == highest) break;
+    }
+  }
+  std::ranges::stable_sort(tried, {}, &std::pair<double, CameraPlace>::first);
+  std::vector<CameraPlace> best;
+  const double apart = 0.5 * away;  // two places nearer to one another are one piece of advice
+  for (const auto& [squares, place] : tried) {
+    const Vector3d centre = calib::inverse(place.cam_from_world).translation;
+    const bool is_near = std::ranges::any_of(best, [&](const CameraPlace& other) {
+      return (calib::inverse(other.cam_from_world).translation - centre).norm() < apart;
+    });
+    if (!is_near) best.push_back(place);
+    if (best.size() == count) break;
+  }
+  return best;
 }
 
 PoseSigma pose_sigma(const Adjustment& a, const VolumeAccuracy& volume, int camera) {
@@ -140,6 +230,35 @@ PoseSigma pose_sigma(const Adjustment& a, const VolumeAccuracy& volume, int came
   sigma.rotation = variance.head<3>().cwiseMax(0).cwiseSqrt();
   sigma.position = variance.tail<3>().cwiseMax(0).cwiseSqrt();
   return sigma;
+}
+
+std::optional<calib::RigUncertainty> uncertainty_of(const Adjustment& a, const VolumeAccuracy& volume) {
+  if (a.covariance.size() == 0 || a.lens_offset.size() != a.cameras.size()) return std::nullopt;
+  const bool has_poses = std::ranges::any_of(a.pose_offset, [](int at) { return at >= 0; });
+  std::vector<calib::RigUncertainty::OfCamera> cameras;
+  int size = 0;
+  for (std::size_t c = 0; c < a.cameras.size(); ++c) {
+    const int lens_count = a.lens_offset[c] >= 0 ? parameter_count(a.cameras[c].lens) : 0;
+    cameras.push_back({size, lens_count, has_poses});
+    size += cameras.back().size();
+  }
+  if (size == 0) return std::nullopt;
+  MatrixXd by_found = MatrixXd::Zero(size, a.covariance.rows());  // the parameters, by those of the adjustment
+  const Vector3d middle = (volume.box.low + volume.box.high) / 2;
+  for (std::size_t c = 0; c < a.cameras.size(); ++c) {
+    const int lens_count = cameras[c].lens_count, pose_at = cameras[c].pose_at();
+    if (lens_count > 0) by_found.block(cameras[c].at, a.lens_offset[c], lens_count, lens_count).setIdentity();
+    if (!has_poses) continue;
+    if (a.pose_offset[c] >= 0) by_found.block<6, 6>(pose_at, a.pose_offset[c]).setIdentity();
+    // With the world turned and shifted back, the camera turns and shifts in its own axes: see pose_sigma().
+    const calib::Rigid3d& cam_from_world = a.cameras[c].cam_from_world;
+    const Matrix3d turn = cam_from_world.rotation.toRotationMatrix();
+    const Vector3d arm = calib::inverse(cam_from_world).translation - middle;
+    const auto turned = volume.alignment.topRows<3>(), shifted = volume.alignment.bottomRows<3>();
+    by_found.middleRows<3>(pose_at) += turn * turned;
+    by_found.middleRows<3>(pose_at + 3) += turn * (shifted - cross_matrix(arm) * turned);
+  }
+  return calib::RigUncertainty::of(std::move(cameras), by_found * a.covariance * by_found.transpose());
 }
 
 WorldBox board_volume(const Adjustment& a) {

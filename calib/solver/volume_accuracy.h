@@ -4,6 +4,7 @@
 
 #include <Eigen/Core>
 #include <array>
+#include <optional>
 #include <vector>
 
 #include "calib/solver/bundle_adjustment.h"
@@ -46,6 +47,20 @@ struct VolumeAccuracy {
 VolumeAccuracy predict_accuracy(const Adjustment& calibrated, const WorldBox& box, const std::array<int, 3>& steps,
                                 double object_noise_px = 0.5);
 
+// The same for a rig as its file has it, with its uncertainty if it has one; its world is aligned already, so that
+// `alignment` stays empty.
+VolumeAccuracy predict_accuracy(const calib::CameraRig& rig, const WorldBox& box, const std::array<int, 3>& steps,
+                                double object_noise_px = 0.5);
+
+// A place from which one camera more would help, looking at the middle of the volume.
+struct CameraPlace {
+  calib::Rigid3d cam_from_world;
+  double covered = 0, median_total_m = 0, p95_total_m = 0;  // of the volume, then
+};
+// Around the volume, as far off and as high as the cameras of the rig are, with the lens of the first of them; its pose
+// as if it were exactly known. The best first, none close to a better one. map: of this rig.
+std::vector<CameraPlace> next_camera_places(const calib::CameraRig& rig, const VolumeAccuracy& map, std::size_t count);
+
 // Standard deviations of a camera's pose in the world that is aligned with the volume: position (along the world's
 // axes, metres) and rotation (about them, radians).
 struct PoseSigma {
@@ -53,6 +68,11 @@ struct PoseSigma {
   Eigen::Vector3d rotation = Eigen::Vector3d::Zero();
 };
 PoseSigma pose_sigma(const Adjustment& calibrated, const VolumeAccuracy& volume, int camera);
+
+// What was found of the cameras' uncertainty, in the world that is aligned with the volume (see calib::RigUncertainty
+// for why), for the rig file. nullopt: there is no covariance, or nothing is uncertain. Of a single camera it is the
+// lens.
+std::optional<calib::RigUncertainty> uncertainty_of(const Adjustment& calibrated, const VolumeAccuracy& volume);
 
 // Where the board was: the box of its used corners in the world, without the outermost hundredth on every side.
 WorldBox board_volume(const Adjustment& calibrated);

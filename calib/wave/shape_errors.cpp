@@ -28,6 +28,27 @@ Eigen::MatrixXd ShapeErrors::of_camera(Eigen::Index c, const Vector3d& centre) c
   return error;
 }
 
+calib::RigUncertainty ShapeErrors::uncertainty(const WaveState& state, const Eigen::MatrixXd& covariance,
+                                               double scale_sigma) const {
+  const auto n = static_cast<Eigen::Index>(state.cam_from_world.size());
+  // The rig file's errors are in the cameras' own axes, and say where the world is: they turn and shift the other way.
+  Eigen::MatrixXd by_found = Eigen::MatrixXd::Zero(6 * n, 6 * n);
+  Eigen::VectorXd by_scale(6 * n);
+  for (Eigen::Index c = 0; c < n; ++c) {
+    const calib::Rigid3d& pose = state.cam_from_world[static_cast<std::size_t>(c)];
+    const Matrix3d turn = pose.rotation.toRotationMatrix();
+    const Vector3d centre = calib::inverse(pose).translation;
+    const Eigen::MatrixXd aligned = of_camera(c, centre);
+    by_found.middleRows<3>(6 * c) = -turn * aligned.bottomRows<3>();
+    by_found.middleRows<3>(6 * c + 3) = -turn * aligned.topRows<3>();
+    by_scale.segment<3>(6 * c).setZero();
+    by_scale.segment<3>(6 * c + 3) = -turn * (scale_sigma * (centre - middle));
+  }
+  return calib::RigUncertainty::of(
+      std::vector(static_cast<std::size_t>(n), calib::RigUncertainty::OfCamera{.has_pose = true}),
+      by_found * covariance * by_found.transpose() + by_scale * by_scale.transpose());
+}
+
 ShapeErrors shape_errors(const calib::CameraRig& rig, const WaveState& state, const std::vector<Vector3d>& wanted) {
   const auto n = static_cast<Eigen::Index>(rig.cameras.size());
   std::vector<Eigen::MatrixXd> moved;
@@ -68,6 +89,7 @@ ShapeErrors shape_errors(const calib::CameraRig& rig, const WaveState& state, co
     world.block<3, 3>(row, 3) = -cross_matrix(places[k]);
     shape.reach_m += (places[k] - mean / shape.places).squaredNorm() / shape.places;
   }
+  if (!places.empty()) shape.middle = mean / shape.places;
   shape.reach_m = std::sqrt(shape.reach_m);
   shape.alignment = (world.transpose() * world).ldlt().solve(world.transpose() * all);
   shape.by_poses = all - world * shape.alignment;

@@ -16,9 +16,14 @@ struct ShapeErrors {
   Eigen::MatrixXd by_poses;   // three rows per place
   Eigen::MatrixXd alignment;  // the motion that is taken away (translation, rotation about the origin): six rows
   double places = 0;          // that two or more cameras see
-  double reach_m = 0;         // rms distance of the places from their mean
+  Eigen::Vector3d middle = Eigen::Vector3d::Zero();  // the mean of these places
+  double reach_m = 0;                                // their rms distance from it
 
   double rms(const Eigen::MatrixXd& covariance) const;  // metres; covariance: as WaveFit::covariance
+  // For the rig file, where the scale is so well known (relative): the cameras' poses in the world that is aligned with
+  // the places. The lenses were given, and count as exact.
+  calib::RigUncertainty uncertainty(const WaveState& state, const Eigen::MatrixXd& covariance,
+                                    double scale_sigma) const;
   // Of a camera's pose, in the world that is aligned with the places: six rows, by all poses.
   Eigen::MatrixXd of_camera(Eigen::Index camera, const Eigen::Vector3d& centre) const;
 };

@@ -423,9 +423,9 @@ void take_times(WaveResult& result, const WaveSolution& wave, double widen) {
   }
 }
 
-// Sets how well positions and poses are known, but for the scale.
-void take_uncertainties(WaveResult& result, const WaveSolution& wave, const calib::CameraRig& start,
-                        const PlacesErrors& errors, const solver::Progress& progress) {
+// Sets how well positions and poses are known, but for the scale. Returns the poses' covariance (see WaveFit).
+Eigen::MatrixXd take_uncertainties(WaveResult& result, const WaveSolution& wave, const calib::CameraRig& start,
+                                   const PlacesErrors& errors, const solver::Progress& progress) {
   const std::size_t n = result.cameras.size();
   const Halves halves = compare_halves(wave, n, progress);
   result.halves_m = errors.along_path.rms(halves.apart * halves.apart.transpose());
@@ -448,6 +448,7 @@ void take_uncertainties(WaveResult& result, const WaveSolution& wave, const cali
   }
   result.expected_m = errors.along_path.rms(covariance);
   if (errors.has_volume()) result.expected_in_volume_m = errors.in_volume->rms(covariance);
+  return covariance;
 }
 
 // As far as the cameras moved and turned against the rig, so far its scale may be off.
@@ -566,8 +567,12 @@ WaveResult calibrate_wave(const calib::CameraRig& rig, std::vector<BallFrame> fr
       shape_errors(result.rig, wave.state(), places_along(wave.state().path, wave.from_s(), wave.to_s())),
       std::nullopt};
   if (options.volume) errors.in_volume = shape_errors(result.rig, wave.state(), places_in(*options.volume));
-  take_uncertainties(result, wave, rig, errors, options.progress);
-  if (!options.hold_poses) result.scale.sigma = scale_sigma(result, wave, options);
+  const Eigen::MatrixXd covariance = take_uncertainties(result, wave, rig, errors, options.progress);
+  if (!options.hold_poses) {
+    result.scale.sigma = scale_sigma(result, wave, options);
+    result.rig.uncertainty = (errors.has_volume() ? *errors.in_volume : errors.along_path)
+                                 .uncertainty(wave.state(), covariance, result.scale.sigma);
+  }
   result.by_scale_m = result.scale.sigma * errors.along_path.reach_m;
   if (errors.in_volume) result.by_scale_in_volume_m = result.scale.sigma * errors.in_volume->reach_m;
   require_agreement(result);

@@ -82,7 +82,7 @@ struct WaveResult {
   // free to turn around it, or hardly tells how they stand across it.
   static constexpr double least_length = 0.1, least_extent = 0.02;
 
-  calib::CameraRig rig;             // with the poses and the times found
+  calib::CameraRig rig;             // with the poses and the times found; with hold_poses its uncertainty stays
   std::vector<WaveCamera> cameras;  // beside the rig's
   std::vector<WavePair> pairs;      // all
   double radius_m = 0;              // of the ball, as it was given

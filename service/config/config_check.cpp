@@ -4,6 +4,7 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <iterator>
 
@@ -149,6 +150,26 @@ void check(const ServiceConfig& config, const yaml::YamlReader& root) {
     root.map_or_empty("dds").fail("", problems.front());
 }
 
+namespace {
+
+// What speaks against a rig by what its file says of it; empty: nothing.
+std::string rig_warning(const calib::CameraRig& rig) {
+  using namespace std::chrono;
+  // Mounts sag and lenses are touched within months; before, somebody has looked.
+  constexpr auto old = days(180);
+  const sys_seconds now = floor<seconds>(system_clock::now());
+  const calib::RigHistory& made = rig.made;
+  if (!made.checks.empty() && made.checks.back().verdict != "usable")
+    return "the rig was found " + made.checks.back().verdict + " when it was last checked: " + made.text(now);
+  const auto seen = made.checks.empty() ? made.at : std::optional(made.checks.back().at);
+  if (seen && now - *seen > old)
+    return "nobody has checked the rig for long: " + made.text(now) +
+           "; huetrack-calibrate check tells whether it fits";
+  return {};
+}
+
+}  // namespace
+
 std::vector<std::string> warnings_of(const ServiceConfig& config) {
   std::vector<std::string> warnings;
   for (const auto& camera : config.rig.cameras) {
@@ -156,6 +177,7 @@ std::vector<std::string> warnings_of(const ServiceConfig& config) {
         std::ranges::find(config.cameras, camera.name, &LiveCameraConfig::name) == config.cameras.end())
       warnings.push_back("camera " + camera.name + " of the rig is not among the live cameras, and not used by run");
   }
+  if (std::string warning = rig_warning(config.rig); !warning.empty()) warnings.push_back(std::move(warning));
   const RecordConfig& record = config.record;
   if (!record.folder.empty() && !record.always && !(record.pre_roll_s > 0))
     warnings.push_back("record.folder is given, but nothing will be recorded: set record.always or record.pre_roll_s");

@@ -1,5 +1,6 @@
 #include "drawing/canvas.h"
 
+#include <cairo/cairo-pdf.h>
 #include <cairo/cairo-svg.h>
 #include <cairo/cairo.h>
 
@@ -54,8 +55,13 @@ void Canvas::End::operator()(_cairo_surface* surface) const {
 
 Canvas::Canvas(int width, int height, Color background, Kind kind) : width_(width), height_(height) {
   if (kind == Kind::svg) {
-    svg_ = std::make_unique<std::string>();
-    surface_.reset(cairo_svg_surface_create_for_stream(&append, svg_.get(), width, height));
+    file_ = std::make_unique<std::string>();
+    surface_.reset(cairo_svg_surface_create_for_stream(&append, file_.get(), width, height));
+  } else if (kind == Kind::pdf) {
+    file_ = std::make_unique<std::string>();
+    surface_.reset(cairo_pdf_surface_create_for_stream(&append, file_.get(), width, height));
+    // Otherwise the file says when it was written, and is another one every time.
+    cairo_pdf_surface_set_metadata(surface_.get(), CAIRO_PDF_METADATA_CREATE_DATE, "2000-01-01T00:00:00Z");
   } else {
     surface_.reset(cairo_image_surface_create(CAIRO_FORMAT_RGB24, width, height));
   }
@@ -201,11 +207,33 @@ std::string Canvas::png() const {
   return file;
 }
 
-std::string Canvas::svg() {
+std::string Canvas::finished() {
   check(cairo_status(cairo_.get()));
   cairo_surface_finish(surface_.get());
   check(cairo_surface_status(surface_.get()));
-  return *svg_;
+  return *file_;
+}
+
+std::string Canvas::svg() {
+  return finished();
+}
+
+std::string Canvas::pdf() {
+  return finished();
+}
+
+void Canvas::next_page() {
+  cairo_show_page(cairo_.get());
+}
+
+Canvas::Placed::Placed(Canvas& canvas, const Point& origin, double scale) : canvas_(canvas) {
+  cairo_save(canvas.cairo_.get());
+  cairo_translate(canvas.cairo_.get(), origin.x(), origin.y());
+  cairo_scale(canvas.cairo_.get(), scale, scale);
+}
+
+Canvas::Placed::~Placed() {
+  cairo_restore(canvas_.cairo_.get());
 }
 
 const std::uint8_t* Canvas::bgrx() const {

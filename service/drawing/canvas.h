@@ -1,6 +1,7 @@
-// The one drawing surface of pictures and charts, as pixels or as SVG. Coordinates and sizes are in pixels of the
-// finished picture (units of the SVG), (0,0) is its top left corner, x runs to the right and y down; lines and areas
-// are smoothed, and what is outside is not drawn. thread-compatible; canvases know nothing of each other.
+// The one drawing surface of pictures and charts, as pixels, SVG or PDF. Coordinates and sizes are in pixels of the
+// finished picture (units of the SVG, points of the PDF), (0,0) is its top left corner, x runs to the right and y down;
+// lines and areas are smoothed, and what is outside is not drawn. thread-compatible; canvases know nothing of each
+// other.
 #pragma once
 
 #include <Eigen/Core>
@@ -43,7 +44,7 @@ struct BgrPixels {
 
 class Canvas {
  public:
-  enum class Kind { pixels, svg };
+  enum class Kind { pixels, svg, pdf };
   // throws std::runtime_error: no picture of that size can be made
   Canvas(int width, int height, Color background, Kind kind = Kind::pixels);
 
@@ -83,14 +84,30 @@ class Canvas {
     Canvas& canvas_;
   };
 
+  // While it lives, (0,0) is at `origin`, and all is drawn so many times as large.
+  class Placed {
+   public:
+    Placed(Canvas& canvas, const Point& origin, double scale = 1);
+    ~Placed();
+    Placed(const Placed&) = delete;
+    Placed& operator=(const Placed&) = delete;
+
+   private:
+    Canvas& canvas_;
+  };
+
+  void next_page();  // of a PDF: what is drawn from now on is on another page, white
+
   // What is drawn so far. throw std::runtime_error: memory is out
   std::string png() const;  // of a canvas of pixels: a PNG file
   std::string svg();        // of one of SVG: a file; nothing can be drawn afterwards
+  std::string pdf();        // of one of PDF: likewise; the same bytes for the same drawing
   // Of a canvas of pixels: height() rows of width() times blue, green, red and a byte without meaning.
   const std::uint8_t* bgrx() const;
   std::size_t bgrx_stride() const;  // bytes from row to row
 
  private:
+  std::string finished();
   void outline(std::span<const Point> points, bool closed);
   void stroke(Color color, double width);
   void fill(Color color);
@@ -101,7 +118,7 @@ class Canvas {
     void operator()(_cairo_surface* surface) const;
   };
   int width_, height_;
-  std::unique_ptr<std::string> svg_;  // where the surface of an SVG writes; it outlives the surface
+  std::unique_ptr<std::string> file_;  // where the surface of an SVG or a PDF writes; it outlives the surface
   std::unique_ptr<_cairo_surface, End> surface_;
   std::unique_ptr<_cairo, End> cairo_;
 };

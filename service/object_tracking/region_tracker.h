@@ -17,6 +17,8 @@
 //     covariance, and what it leaves too open is not `tracking`.
 //   - search: rays crossed between views through matching pixels of a coarse grid, confirmed by a second frame set.
 //     Several hypotheses are needed only here, and here they are kept.
+//   - calibration: what the rig's own covariance leaves open of a position, where it has one, is in the covariance that
+//     is told (rig_error.h).
 // A position is that of the moment of the newest sighting in its set; of the set's own time, where that is within 2 ms
 // of it or nobody sees the object.
 // What else was tried, with figures: README.md beside this file.
@@ -32,6 +34,7 @@
 #include "object_tracking/object_estimate.h"
 #include "object_tracking/object_tracker.h"
 #include "object_tracking/paper_tracker.h"
+#include "object_tracking/rig_error.h"
 #include "object_tracking/search_findings.h"
 #include "object_tracking/sighting.h"
 #include "object_tracking/target_views.h"
@@ -50,6 +53,8 @@ class RegionTracker {
   void trust(std::span<const CameraTrust> cameras);
   TargetViews& views() { return views_; }
   const PositionParticles& particles() const { return particles_; }
+  std::span<const SeenRegion> regions() const { return seen_regions_; }
+  const std::vector<ColorShare>& color_shares() const { return color_shares_; }
   SearchFindings search_findings() const { return search_log_.findings(); }
 
  private:
@@ -68,8 +73,17 @@ class RegionTracker {
   bool is_repeated(const TargetView& view, std::span<const ColorRegion> regions, const Appearance& at);
   void sight(const std::vector<TargetView>& views, std::vector<Sighting>& out);
   std::optional<SeenBeside> beside(const Sighting& sighting) const;
-  std::optional<SeenBeside> far_off(const TargetView& view);
-  void compare(const std::vector<TargetView>& views);
+  const ColorRegion* only_moving(int camera, std::span<const ColorRegion> regions, double disc_px2, double still_px,
+                                 capture::Timestamp at);
+  std::optional<SeenBeside> far_off(const TargetView& view, capture::Timestamp set_at);
+  std::optional<Disagreement> disagreement_of(const Sighting& i, const Sighting& j) const;
+  void compare_searched(const std::vector<TargetView>& views, capture::Timestamp set_at);
+  bool is_contested(const PositionCandidate& candidate, const std::vector<TargetView>& views) const;
+  void note_regions(const TargetView& view, std::span<const ColorRegion> regions);
+  void measure_color(const std::vector<TargetView>& views, capture::Timestamp set_at);
+  void compare(const std::vector<TargetView>& views, capture::Timestamp set_at);
+  void compare_sighted();
+  void compare_besides();
   void doubt(std::vector<Sighting>& sightings) const;
   double doubted_sigma() const;
   bool add_support(const TargetView& view, ObjectEstimate& estimate) const;
@@ -117,14 +131,23 @@ class RegionTracker {
   std::vector<Sighting> watched_;    // of the latter
   std::vector<SeenBeside> besides_;  // of seen_ and what is far off, while views are compared
   ViewDoubts doubts_;
+  unsigned compared_sets_ = 0;                                // since the object was found
   std::vector<Eigen::Matrix<double, 6, 6>> pose_covariance_;  // per camera, CameraTrust
   bool has_pose_covariance_ = false;
+  // A view that should show the object and does not, or that is searched.
   struct Unseen {
-    unsigned sets = 0;                    // one after the other, in which a view should have shown the object
-    std::vector<ColorRegion> found = {};  // in the whole image, when it was last looked at
-    Eigen::Vector2d expected = Eigen::Vector2d::Zero();  // then, raw pixels
+    unsigned sets = 0;                                // one after the other
+    std::vector<ColorRegion> older = {}, newer = {};  // in the whole image, when it was looked at before
+    capture::Timestamp older_at{}, newer_at{};
+    bool is_suspicious = false;  // something moved in it when it was last looked at
   };
-  std::vector<Unseen> unseen_;  // per camera
+  std::vector<Unseen> unseen_;            // per camera
+  std::vector<SeenRegion> seen_regions_;  // of this set
+  std::vector<ColorShare> color_shares_;  // per camera
+  std::size_t shared_next_ = 0;           // the camera whose share is measured next
+  capture::Timestamp shared_at_ = capture::Timestamp::min();
+  std::vector<PixelAt> hits_;
+  RigError rig_error_;
   struct LinearView {
     const Sighting* sighting;
     LinearSighting linear;

@@ -88,6 +88,33 @@ TEST_F(TaughtFile, TheUsersOwnTextIsNotTouched) {
   EXPECT_EQ(load_service_config(file).targets[0].color, target.color);
 }
 
+TEST_F(TaughtFile, ASaveCanBeUndoneAndThatAgain) {
+  const ServiceConfig config = with(by_hand);
+  EXPECT_THROW(undo_taught(file), std::runtime_error);
+  TargetOptions target = config.targets[0];
+  target.color = {.hue_min_deg = 350, .hue_max_deg = 10, .saturation_min = 0.25};
+  save_taught(file, target, {});
+  const std::string first = text(taught);
+  target.color.hue_max_deg = 20;
+  save_taught(file, target, {});
+  const std::string second = text(taught);
+  ASSERT_NE(first, second);
+  EXPECT_EQ(undo_taught(file), taught);
+  EXPECT_EQ(text(taught), first);
+  undo_taught(file);
+  EXPECT_EQ(text(taught), second);
+}
+
+TEST_F(TaughtFile, TheFirstSaveIsUndoneToNothing) {
+  const ServiceConfig config = with(by_hand);
+  save_taught(file, config.targets[0], {});
+  undo_taught(file);
+  EXPECT_FALSE(fs::exists(taught));
+  EXPECT_EQ(load_service_config(file).targets[0].color, config.targets[0].color);
+  undo_taught(file);
+  EXPECT_TRUE(fs::exists(taught));
+}
+
 TEST_F(TaughtFile, HoldsColoursAndRectanglesAndIsReadOverTheConfiguration) {
   const ServiceConfig config = with(by_hand);
   ::chmod(file.c_str(), 0640);

@@ -96,6 +96,18 @@ TEST(Canvas, BecomesAFile) {
   Canvas pixels(30, 20, white);
   pixels.line({0, 0}, {30, 20}, red, 2);
   EXPECT_THAT(pixels.png(), StartsWith("\x89PNG"));
+  const auto page = [&] {
+    Canvas pdf(60, 40, white, Canvas::Kind::pdf);
+    {
+      const Canvas::Placed placed(pdf, {10, 10}, 0.5);
+      pdf.text({2, 10}, "a", 10, red);
+    }
+    pdf.next_page();
+    pdf.line({0, 0}, {10, 10}, red, 1);
+    return pdf.pdf();
+  };
+  EXPECT_THAT(page(), AllOf(testing::StartsWith("%PDF-"), HasSubstr("/Count 2")));
+  EXPECT_EQ(page(), page());
   Canvas svg(30, 20, white, Canvas::Kind::svg);
   svg.text({2, 10}, "a", 10, red);
   EXPECT_THAT(svg.svg(), AllOf(HasSubstr("<svg"), HasSubstr("</svg>")));

@@ -321,6 +321,76 @@ TEST_F(RigYaml, TheWrittenFormIsThisOne) {
             "  tool: \"huetrack-calibrate 0.1\"\n");
 }
 
+const std::string with_uncertainty =
+    valid +
+    "made:\n"
+    "  at: 2026-11-22T16:04:08Z\n"
+    "  temperature_c: 21.5\n"
+    "  checks:\n"
+    "    - {at: 2026-11-23T10:00:00Z, verdict: \"usable\", text: \"it fits: 0.3 px\"}\n"
+    "uncertainty:   # the cameras' joint covariance; see calib/formats.md\n"
+    "  sigma:\n"
+    "    left: {lens: [0.4, 0.41, 0.5, 0.52, 0.001, 0.002, 3e-05, 4e-05]}\n"
+    "    right: {pose: [1e-04, 2e-04, 3e-04, 0.001, 0.002, 0]}\n"
+    "  root: [\n"
+    "    1,\n"
+    "    0.6, 0.8,\n"
+    "    0, 0, 1,\n"
+    "    0, 0, 0, 1,\n"
+    "    0, 0, 0, 0, 1,\n"
+    "    0, 0, 0, 0, 0, 1,\n"
+    "    0, 0, 0, 0, 0, 0, 1,\n"
+    "    0, 0, 0, 0, 0, 0, 0, 1,\n"
+    "    0, 0, 0, 0, 0, 0, 0, 0, 1,\n"
+    "    0, 0, 0, 0, 0, 0, 0, 0, 0, 1,\n"
+    "    0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1,\n"
+    "    0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1,\n"
+    "    -0.6, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0.8,\n"
+    "    0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0]\n";
+
+TEST_F(RigYaml, UncertaintyAndHistoryReadBackAsTheyAreWritten) {
+  const CameraRig rig = read(with_uncertainty);
+  ASSERT_TRUE(rig.uncertainty);
+  EXPECT_EQ(rig.uncertainty->cameras[0], (RigUncertainty::OfCamera{0, 8, false}));
+  EXPECT_EQ(rig.uncertainty->cameras[1], (RigUncertainty::OfCamera{8, 0, true}));
+  const Eigen::MatrixXd covariance = rig.uncertainty->covariance();
+  EXPECT_NEAR(covariance(1, 0), 0.6 * 0.4 * 0.41, 1e-12);
+  EXPECT_NEAR(covariance(12, 0), -0.6 * 0.4 * 0.002, 1e-12);
+  EXPECT_EQ(covariance(13, 13), 0);
+  ASSERT_EQ(rig.made.checks.size(), 1u);
+  EXPECT_EQ(rig.made.temperature_c, 21.5);
+  const std::string text = to_yaml(rig);
+  EXPECT_EQ(text.substr(text.find("made:")), with_uncertainty.substr(with_uncertainty.find("made:")));
+  EXPECT_EQ(to_yaml(read(text)), text);
+  CameraRig later = rig;
+  later.made = {};
+  EXPECT_EQ(rig_identity(later), rig_identity(rig));  // a check changes no position
+  later.uncertainty.reset();
+  EXPECT_NE(rig_identity(later), rig_identity(rig));
+}
+
+TEST_F(RigYaml, UncertaintyIsReadStrictly) {
+  const auto with = [&](const std::string& from, const std::string& to) {
+    std::string text = with_uncertainty;
+    return text.replace(text.find(from), from.size(), to);
+  };
+  const auto complains = [&](const std::string& text, const std::string& what) {
+    try {
+      read(text);
+      ADD_FAILURE() << what;
+    } catch (const yaml::ConfigError& e) {
+      EXPECT_NE(std::string(e.what()).find(what), std::string::npos) << e.what();
+    }
+  };
+  complains(with("0.6, 0.8,", "0.6, 0.5,"), "row 2 of root has the length 0.781 and not 1");
+  complains(with("    1,\n", ""), "uncertainty.root");
+  complains(with("    right: {pose", "    wrong: {pose"), "is no camera of this rig");
+  complains(with("0.4, 0.41", "-0.4, 0.41"), "uncertainty.sigma.left.lens");
+  complains(with("3e-05, 4e-05]", "3e-05, 4e-05, 1, 1]"), "uncertainty");
+  complains(with("2026-11-23T10", "2026-11-23 10"), "must be a time like");
+  complains(with("  temperature_c", "  temperatur_c"), "did you mean temperature_c?");
+}
+
 // The pose of the left camera ends in this line.
 const std::string end_of_left = "      translation: [0.1, 0.2, 3]\n";
 

@@ -75,16 +75,34 @@ TEST_F(Calibrate, PicturesOfAGoodCaptureGiveTheRig) {
   EXPECT_THAT(end_to_end::contents(path("rig.yaml")),
               AllOf(HasSubstr("made_by"), HasSubstr("huetrack-calibrate"), HasSubstr("verdict: \"usable\"")));
 
-  // The same once more: the same bytes.
-  const std::string bytes = end_to_end::contents(path("rig.yaml"));
+  // The same once more: the same bytes, but for the time of day.
+  const auto timeless = [&] {
+    const std::string text = end_to_end::contents(path("rig.yaml"));
+    const std::size_t at = text.find("  at: ");
+    return text.substr(0, at) + text.substr(text.find('\n', at));
+  };
+  const std::string bytes = timeless();
+  EXPECT_EQ(extrinsics("pictures", "rig.yaml", {"--temperature", "21.5"}).status, 0);
+  EXPECT_THAT(timeless(), HasSubstr("temperature_c: 21.5"));
   EXPECT_EQ(extrinsics("pictures").status, 0);
-  EXPECT_EQ(end_to_end::contents(path("rig.yaml")), bytes);
+  EXPECT_EQ(timeless(), bytes);
   EXPECT_TRUE(end_to_end::contents(path("rig.report.html")) == report);
 
   // It fits its own pictures; a camera that was bumped is named.
-  Ended check = run({"check", path("rig.yaml"), path("pictures"), "--board", path("board.yaml")});
+  ASSERT_TRUE(found.uncertainty);
+  Ended check = run({"check", path("rig.yaml"), path("pictures"), "--board", path("board.yaml"), "--note"});
   EXPECT_EQ(check.status, 0) << check.out << check.err;
-  EXPECT_THAT(check.out, HasSubstr("FITS"));
+  EXPECT_THAT(check.out, AllOf(HasSubstr("FITS"), HasSubstr("calibrated less than 2 minutes ago")));
+  const calib::CameraRig noted = calib::read_rig(path("rig.yaml"));
+  ASSERT_EQ(noted.made.checks.size(), 1u);
+  EXPECT_EQ(noted.made.checks.front().verdict, "usable");
+  EXPECT_EQ(calib::rig_identity(noted), calib::rig_identity(found));
+
+  const Ended map = run({"map", path("rig.yaml"), "--report", path("map.html")});
+  EXPECT_EQ(map.status, 0) << map.out << map.err;
+  EXPECT_THAT(map.out, AllOf(HasSubstr("The calibration's own part"), HasSubstr("Where to put the next camera")));
+  EXPECT_THAT(end_to_end::contents(path("map.html")), HasSubstr("<svg"));
+  EXPECT_THAT(end_to_end::contents(path("map.pdf")), testing::StartsWith("%PDF-"));
   calib::CameraRig bumped = found;
   const calib::Rigid3d bump = calib::exp((calib::Tangent6d() << 0.01, 0.02, -0.01, 0.03, 0, 0.01).finished());
   bumped.cameras[1].cam_from_world = bump * bumped.cameras[1].cam_from_world;

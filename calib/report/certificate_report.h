@@ -1,0 +1,46 @@
+// How right the lengths of a measuring volume are, for people: PASS or FAIL against a limit.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "calib/certify/certificate.h"
+#include "calib/report/document.h"
+
+namespace huetrack::report {
+
+// How a target fared in the recording.
+struct TargetTally {
+  std::string name;
+  std::size_t sets = 0, tracking = 0;  // frame sets; in which it was tracked
+  std::size_t gaps = 0;                // runs of sets in which it was not, after it was first found
+  double longest_gap_s = 0;
+  std::size_t rests = 0;
+  double rest_scatter_m = 0;  // rms over the rests: repeatability of a position at rest
+};
+
+struct CertificateInput {
+  std::string rig_name, what;  // "a bar of 500.00 mm between lime and pink", "5 marked places"
+  std::optional<double> limit_m{};
+  std::vector<TargetTally> targets{};
+  std::vector<std::pair<std::string, std::string>> cameras{};  // name; what is known of its time
+  std::optional<double> set_ms{};                              // that tracking a frame set took; nullopt: not known
+  bool has_incomplete_sets = false;
+  double incomplete_share = 0;  // of the frame sets: a camera's frame was missing
+  std::vector<std::pair<std::string, std::string>> made_of{};
+};
+
+struct CertificateReport {
+  Verdict verdict =
+      Verdict::usable;              // usable: PASS; failed: FAIL; doubtful: too little was measured, or no limit given
+  std::vector<std::string> doubts;  // one sentence each, with what to do
+  Document document;
+};
+
+CertificateReport report_on(const certify::Certificate& certificate,
+                            const std::vector<certify::MeasuredLength>& lengths, const calib::CameraRig& rig,
+                            const CertificateInput& input);
+
+}  // namespace huetrack::report

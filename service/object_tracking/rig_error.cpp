@@ -1,0 +1,49 @@
+#include "object_tracking/rig_error.h"
+
+#include <Eigen/LU>
+#include <cmath>
+
+namespace huetrack::object_tracking {
+namespace {
+
+// As long as a position hangs on a view that has ended: the filter follows what is new within some tenths of a second.
+constexpr double memory_s = 0.2;
+constexpr double least_share = 1e-3;  // of a view's weight; below, it says nothing any more
+
+}  // namespace
+
+RigError::RigError(const calib::CameraRig& rig, double position_sigma_m)
+    : rig_(rig),
+      as_found_(rig.uncertainty),
+      elsewhere_(Eigen::Matrix3d::Identity() / (position_sigma_m * position_sigma_m)),
+      seen_(rig.cameras.size()) {}
+
+void RigError::add(std::span<const Sighting> sightings) {
+  if (!rig_.uncertainty) return;
+  for (const Sighting& s : sightings) {
+    Eigen::Matrix2d covariance = s.covariance + s.doubt();
+    covariance.diagonal().array() += s.lasting_px * s.lasting_px;
+    seen_[static_cast<std::size_t>(s.row.camera)] = {true, s.row.at, covariance.inverse()};
+  }
+}
+
+void RigError::leave_out_poses(const std::vector<bool>& of_cameras) {
+  rig_.uncertainty = as_found_;
+  for (std::size_t c = 0; rig_.uncertainty && c < of_cameras.size(); ++c) {
+    if (of_cameras[c])
+      rig_.uncertainty = calib::with_pose_covariance(rig_, static_cast<int>(c), calib::Covariance6d::Zero());
+  }
+}
+
+Eigen::Matrix3d RigError::left_open(const Eigen::Vector3d& position, capture::Timestamp at) const {
+  if (!rig_.uncertainty) return Eigen::Matrix3d::Zero();
+  std::vector<calib::PlaceView> views;
+  for (std::size_t c = 0; c < seen_.size(); ++c) {
+    if (!seen_[c].any) continue;
+    const double share = std::exp(-std::abs(capture::seconds(at - seen_[c].at)) / memory_s);
+    if (share > least_share) views.push_back({static_cast<int>(c), share * seen_[c].information});
+  }
+  return calib::left_open_by_rig(rig_, position, views, elsewhere_);
+}
+
+}  // namespace huetrack::object_tracking

@@ -1,0 +1,45 @@
+// What the calibration's own uncertainty leaves open of a target's position, by the views that fixed it.
+#pragma once
+
+#include <Eigen/Core>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "calib/model/camera_rig.h"
+#include "calib/model/rig_uncertainty.h"
+#include "object_tracking/sighting.h"
+
+namespace huetrack::object_tracking {
+
+// An error that lasts: no frame tells it, and none averages it away, so it is no part of what the filter believes, and
+// is added to what it reports (calib/model/rig_uncertainty.h). A position hangs for a while on what views said that
+// have lost the object since: they count, less and less. thread-compatible.
+class RigError {
+ public:
+  // Copies the rig. position_sigma_m: > 0, how well a position is known at least while it is told; without it a single
+  // view would leave its depth wholly open.
+  RigError(const calib::CameraRig& rig, double position_sigma_m);
+
+  // After every set.
+  void add(std::span<const Sighting> sightings);
+  // Per camera of the rig, those at the end may be missing: its pose is another one than the rig's now, and what is
+  // open of that is counted elsewhere. Replaces what was said before.
+  void leave_out_poses(const std::vector<bool>& of_cameras);
+
+  // Of the covariance of a position that is told for this moment, m^2; zero for a rig of which nothing is known.
+  Eigen::Matrix3d left_open(const Eigen::Vector3d& position, capture::Timestamp at) const;
+
+ private:
+  struct Seen {
+    bool any = false;
+    capture::Timestamp at{};
+    Eigen::Matrix2d information = Eigen::Matrix2d::Zero();  // 1/px^2
+  };
+  calib::CameraRig rig_;                           // with the uncertainty that counts
+  std::optional<calib::RigUncertainty> as_found_;  // that of the rig's file
+  Eigen::Matrix3d elsewhere_;
+  std::vector<Seen> seen_;  // per camera, when it last saw the object
+};
+
+}  // namespace huetrack::object_tracking

@@ -1,0 +1,103 @@
+#include "color_teaching/suggestion.h"
+
+#include <gtest/gtest.h>
+
+#include "color_teaching/color_teacher.h"
+#include "scene/scene.h"
+
+namespace huetrack::color_teaching {
+namespace {
+
+using Eigen::Vector3d;
+
+const object_tracking::Box volume{.min = {-1, -1, 0}, .max = {1, 1, 2}};
+
+Vector3d circling(double t) {
+  return {0.5 * std::cos(3 * t), 0.5 * std::sin(3 * t), 1.2};
+}
+
+scene::Scene room(std::vector<Vector3d> resting_of_its_color) {
+  scene::SceneBuilder builder;
+  builder.cameras_on_ring({.count = 3}).ball({.path = circling});
+  for (const Vector3d& at : resting_of_its_color) builder.ball({.name = "other", .path = [at](double) { return at; }});
+  return builder.build();
+}
+
+// What is suggested in the other views for one click at the moving ball in camera 0.
+struct Told {
+  std::vector<bool> any;
+  double furthest_px = 0;  // of those that are suggested
+};
+
+Told click(const scene::Scene& world, const std::vector<capture::FrameSet>& sets, std::size_t of,
+           bool knows_what_moves) {
+  std::vector<std::vector<capture::Image>> elsewhen(world.rig.cameras.size());
+  for (std::size_t i = 0; knows_what_moves && i < sets.size(); i += 4)
+    for (std::size_t c = 0; c < elsewhen.size(); ++c) elsewhen[c].push_back(sets[i].frames[c]->pixels);
+  const ColorTeacher teacher(world.rig, sets[of], elsewhen);
+  const Vector3d at = world.ball_at(0, sets[of].at);
+  const Taught taught = teacher.teach({.points = {{0, world.rig.cameras[0].project_world(at)->px}}}, volume);
+  EXPECT_TRUE(taught.views[0].pointed) << taught.views[0].problem;
+  Told told;
+  for (std::size_t c = 1; c < world.rig.cameras.size(); ++c) {
+    told.any.push_back(taught.views[c].region.has_value());
+    if (!taught.views[c].region) continue;
+    const Eigen::Vector2d truth = world.rig.cameras[c].project_world(at)->px;
+    told.furthest_px = std::max(told.furthest_px, (taught.views[c].region->centre - truth).norm());
+  }
+  return told;
+}
+
+TEST(Suggestion, IsWhereTheBallIs) {
+  const scene::Scene world = room({});
+  const auto sets = scene::render(world, {.set_count = 40});
+  for (std::size_t of = 0; of < sets.size(); of += 8) {
+    const Told told = click(world, sets, of, false);
+    EXPECT_EQ(told.any, (std::vector{true, true})) << of;
+    EXPECT_LT(told.furthest_px, 3) << of;
+  }
+}
+
+// The same colour and size, on shelves: by the pictures of one moment some of them could be it.
+TEST(Suggestion, OfBallsThatRestNoneIsTakenForTheOneThatMoves) {
+  const scene::Scene world = room({{-0.6, 0.3, 1.2}, {0.2, -0.7, 1.2}, {0.1, 0.1, 1.2}, {0.7, 0.6, 1.25}});
+  const auto sets = scene::render(world, {.set_count = 60});
+  int suggested = 0, asked = 0;
+  for (std::size_t of = 0; of < sets.size(); of += 6) {
+    const Told told = click(world, sets, of, true);
+    EXPECT_LT(told.furthest_px, 4) << of;
+    for (const bool any : told.any) suggested += any ? 1 : 0, ++asked;
+  }
+  EXPECT_GE(suggested, asked * 8 / 10);
+}
+
+// Two that could be it, and nobody knows what moves: a wrong suggestion costs more than none.
+TEST(Suggestion, WhatCannotBeToldIsNotSuggested) {
+  const scene::Scene alone = room({});
+  const Vector3d at = circling(0), from = alone.rig.cameras[0].centre();
+  // Farther along the ray of the click, and so hidden behind the ball in camera 0, but beside it in the others.
+  const scene::Scene world = room({at + 0.25 * (at - from).normalized()});
+  const auto sets = scene::render(world, {.set_count = 1});
+  EXPECT_LT(click(world, sets, 0, false).furthest_px, 4);
+}
+
+TEST(MovingPixels, AreThoseOfTheBallHereAndNow) {
+  const scene::Scene world = room({{-0.6, 0.3, 1.2}});
+  const auto sets = scene::render(world, {.set_count = 40});
+  std::vector<capture::Image> others;
+  for (std::size_t i = 0; i < 40; i += 8) others.push_back(sets[i].frames[0]->pixels);
+  const auto mask = moving_pixels(sets[20].frames[0]->pixels, others);
+  ASSERT_TRUE(mask);
+  const auto is_moving = [&](const Vector3d& at) {
+    const Eigen::Vector2d px = world.rig.cameras[0].project_world(at)->px;
+    return mask->at(int(std::lround(px.x())), int(std::lround(px.y()))) != 0;
+  };
+  EXPECT_TRUE(is_moving(world.ball_at(0, sets[20].at)));
+  EXPECT_FALSE(is_moving(Vector3d(-0.6, 0.3, 1.2)));
+  EXPECT_LT(mask->count(), mask->pixels.size() / 50);
+  others.resize(3);
+  EXPECT_FALSE(moving_pixels(sets[20].frames[0]->pixels, others));
+}
+
+}  // namespace
+}  // namespace huetrack::color_teaching
