@@ -47,7 +47,7 @@ double quantile_95(const std::vector<double>& values) {
 }  // namespace
 
 VolumeValues values_of(const solver::VolumeAccuracy& map) {
-  VolumeValues out{map.box, map.steps, {}};
+  VolumeValues out{.box = map.box, .steps = map.steps, .values = {}};
   for (const solver::PointAccuracy& point : map.points)
     out.values.push_back(point.views < 2 ? VolumeValues::none : 1e3 * point.total_m);
   return out;
@@ -68,9 +68,10 @@ Figure slices_figure(const VolumeValues& values, const std::string& none_means, 
   figure.draw = [=](Canvas& canvas) {
     double left = 0;
     for (const int z : layers) {
-      // Of a cell's middle; a grid of places has one at either end, a grid of cells has none there.
-      const double height_m = values.steps[2] == 1 ? (values.box.low.z() + values.box.high.z()) / 2
-                                                   : values.box.low.z() + extent.z() * z / (values.steps[2] - 1);
+      const double share = values.are_cells       ? (z + 0.5) / values.steps[2]
+                           : values.steps[2] == 1 ? 0.5
+                                                  : static_cast<double>(z) / (values.steps[2] - 1);
+      const double height_m = values.box.low.z() + share * extent.z();
       canvas.text({left, top - 7}, fmt::format("z = {:.2f} m", height_m), label, drawing::muted);
       for (int y = 0; y < values.steps[1]; ++y) {
         for (int x = 0; x < values.steps[0]; ++x) {

@@ -19,6 +19,7 @@ struct VolumeValues {
   solver::WorldBox box;
   std::array<int, 3> steps{};  // along x, y, z; > 0
   std::vector<double> values;  // millimetres; x fastest, then y, then z
+  bool are_cells = false;      // that fill the box; otherwise places, the outermost ones on its sides
   double at(int x, int y, int z) const { return values[static_cast<std::size_t>((z * steps[1] + y) * steps[0] + x)]; }
 };
 VolumeValues values_of(const solver::VolumeAccuracy& map);  // the total

@@ -115,6 +115,8 @@ LiveSummary run_live(const config::ServiceConfig& config, std::vector<pipeline::
   session.add(meter);
   pipeline::LightReport light(session.config());
   session.add(light);
+  pipeline::MistakeReport mistakes(session.config());
+  session.add(mistakes);
   pipeline::CalibrationReport calibration(session.config());
   session.add(calibration);
   pipeline::CameraTimes times(session.config(), options.write_rig, true, &calibration);
@@ -154,6 +156,7 @@ LiveSummary run_live(const config::ServiceConfig& config, std::vector<pipeline::
                          .requests = requests,
                          .meter = meter,
                          .light = light,
+                         .mistakes = mistakes,
                          .times = times,
                          .calibration = calibration,
                          .recording = recording,

@@ -53,6 +53,7 @@ struct ReplaySummary {
   double recorded_s = 0;                 // the part that was played
   double wall_s = 0;                     // until the last estimate was out; pictures may take longer
   std::vector<TargetSummary> targets;
+  std::vector<std::string> mistakes;     // in rig and configuration that the tracks show, one sentence each
   std::vector<std::string> times;        // when the cameras' rows are exposed, one sentence each
   std::vector<std::string> calibration;  // cameras that no longer stand where the rig says, one sentence each
   std::vector<std::string> light;        // what light did to cameras and colours, one sentence each

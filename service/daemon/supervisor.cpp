@@ -89,7 +89,8 @@ void Supervisor::tell_status(const pipeline::PipelineFigures& figures, const Hea
   status_ = reporter_.report(figures, now, std::chrono::system_clock::now(), cameras.by_rig);
   add_warnings(status_);
   log_new(status_.warnings, figures.tracked_camera);
-  std::ranges::copy(the_.light.warnings(), std::back_inserter(status_.warnings));  // it has logged them itself
+  std::ranges::copy(the_.mistakes.warnings(), std::back_inserter(status_.warnings));  // likewise
+  std::ranges::copy(the_.light.warnings(), std::back_inserter(status_.warnings));     // it has logged them itself
   std::ranges::copy(the_.times.warnings(), std::back_inserter(status_.warnings));
   std::ranges::copy(the_.calibration.warnings(), std::back_inserter(status_.warnings));  // logged as well
   if (the_.bus != nullptr) {

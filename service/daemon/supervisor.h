@@ -18,6 +18,7 @@
 #include "pipeline/file_outputs.h"
 #include "pipeline/light_report.h"
 #include "pipeline/live_cameras.h"
+#include "pipeline/mistake_report.h"
 #include "pipeline/recording_keeper.h"
 #include "pipeline/session.h"
 
@@ -36,6 +37,7 @@ struct Supervised {
   LiveRequests& requests;
   const metrics::RoadMeter& meter;
   const pipeline::LightReport& light;
+  const pipeline::MistakeReport& mistakes;
   const pipeline::CameraTimes& times;
   const pipeline::CalibrationReport& calibration;
   pipeline::RecordingKeeper& recording;

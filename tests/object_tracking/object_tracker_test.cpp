@@ -264,6 +264,37 @@ TEST(ObjectTracker, camerasWhoseTimesNobodyKnows) {
 }
 
 // It falls at 5 m/s and comes back as fast: between two frames at 60 fps its velocity changes by 10 m/s.
+TEST(ObjectTracker, whatTheCalibrationLeftOpenIsInTheCovarianceAndMovesNothing) {
+  scene::Scene scene = ring(3).ball({}).build();
+  const auto sets = scene::render(scene, {.set_count = 30});
+  ObjectTracker exact(scene.rig, lime(), options_with());
+  // Poses to 3 mrad and 5 mm, each for itself.
+  Eigen::VectorXd variance(18);
+  for (int c = 0; c < 3; ++c) variance.segment<6>(6 * c) << 9e-6, 9e-6, 9e-6, 25e-6, 25e-6, 25e-6;
+  calib::CameraRig rig = scene.rig;
+  rig.uncertainty = calib::RigUncertainty::of(std::vector(3, calib::RigUncertainty::OfCamera{.has_pose = true}),
+                                              variance.asDiagonal().toDenseMatrix());
+  ObjectTracker unsure(rig, lime(), options_with()), mended(rig, lime(), options_with());
+  std::vector<CameraTrust> posed_anew(3);  // poses that are exactly known now
+  for (std::size_t c = 0; c < 3; ++c) posed_anew[c].cam_from_world = rig.cameras[c].cam_from_world;
+  mended.trust(posed_anew);
+  const std::vector<calib::PlaceView> views{
+      {0, Eigen::Matrix2d::Identity()}, {1, Eigen::Matrix2d::Identity()}, {2, Eigen::Matrix2d::Identity()}};
+  int compared = 0;
+  for (const capture::FrameSet& set : sets) {
+    const ObjectEstimate a = exact.update(set), b = unsure.update(set), c = mended.update(set);
+    ASSERT_EQ(a.state, b.state);
+    if (a.state != TrackState::tracking || b.views < 3) continue;
+    EXPECT_TRUE(a.position == b.position);
+    const Eigen::Matrix3d added = b.covariance - a.covariance;
+    const Eigen::Matrix3d expected = calib::left_open_by_rig(rig, b.position, views);
+    EXPECT_NEAR(added.trace() / expected.trace(), 1, 0.3);  // as far as the views are alike
+    EXPECT_LT((c.covariance - a.covariance).trace(), 0.01 * added.trace());
+    ++compared;
+  }
+  EXPECT_GT(compared, 20);
+}
+
 TEST(ObjectTracker, aBounceLosesNothing) {
   const scene::Scene scene =
       ring(4)
