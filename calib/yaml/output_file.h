@@ -1,6 +1,8 @@
 // Files that we write. None takes the place of a file of another kind, so that a slip in a command line does not cost
 // the recording, the truth or the rig that it names. A file is there whole or not at all; where rows are added to one,
 // each is whole, whatever ends the program, and no empty file is left behind by a full disk.
+// What is killed inside the kernel's own write, some microseconds, may yet end at a page's end: readers of such files
+// leave out a last row without its end.
 #pragma once
 
 #include <filesystem>

@@ -29,6 +29,7 @@ std::map<std::string, std::vector<TrackRow>> read_tracks(const std::filesystem::
   static constexpr std::string_view states[] = {"tracking", "coasting", "searching", "lost"};
   yaml::CsvTable table(file, columns);
   table.refuse_ragged_rows();
+  table.leave_out_cut_off_row();
   std::map<std::string, std::vector<TrackRow>> tracks;
   while (table.next()) {
     TrackRow row;

@@ -138,8 +138,8 @@ std::string to_taught_yaml(const ServiceConfig& config);
 // The same for another machine: `rig` is rig.yaml beside it, and what else is referred to are files_beside(). What a
 // recording holds. A replay of it writes no map and no room.
 std::string to_portable_yaml(const ServiceConfig& config);
-// Name and content of the other files that to_portable_yaml() refers to: the board and the map of camera_tracking, the room.
-// throws std::runtime_error: one cannot be read.
+// Name and content of the other files that to_portable_yaml() refers to: the board and the map of camera_tracking, the
+// room. throws std::runtime_error: one cannot be read.
 std::vector<std::pair<std::string, std::string>> files_beside(const ServiceConfig& config);
 
 // Of what to_yaml() says but the rig's path: FNV-1a 64 as 16 hex digits. Published in the status sample.

@@ -70,6 +70,7 @@ std::map<std::string, std::vector<object_tracking::ObjectEstimate>> read_track_c
                                                  "vy",     "vz",  "cxx",   "cxy",   "cxz",       "cyy",
                                                  "cyz",    "czz", "state", "views", "confidence"};
   yaml::CsvTable table(file, columns);
+  table.leave_out_cut_off_row();
   std::map<std::string, std::vector<object_tracking::ObjectEstimate>> tracks;
   while (table.next()) {
     auto& track = tracks[std::string(table.text(0))];

