@@ -29,6 +29,8 @@ class Storage {
       const auto colon = what.find("): ");
       throw yaml::ConfigError(path_, line,
                               "OpenCV cannot read it: " + (colon == std::string::npos ? what : what.substr(colon + 3)));
+    } catch (const std::exception& error) {  // what its parser runs into: std::length_error, for one
+      throw yaml::ConfigError(path_, 0, std::string("OpenCV cannot read it: ") + error.what());
     }
     if (!storage_.isOpened() || !storage_.root().isMap()) throw yaml::ConfigError(path_, 0, "is no OpenCV FileStorage");
   }
@@ -56,6 +58,10 @@ class Storage {
     if (node.isMap()) {
       cv::Mat m;
       try {
+        // OpenCV makes room for as many numbers as rows and cols promise before it looks for them.
+        constexpr int most = 100;
+        const int rows = node["rows"], columns = node["cols"];
+        if (rows < 1 || rows > most || columns < 1 || columns > most) fail(key, "is not a matrix of a usual size");
         node >> m;
       } catch (const cv::Exception&) {
         fail(key, "is not a matrix");

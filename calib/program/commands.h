@@ -33,6 +33,7 @@ void add_time_command(CLI::App& app, Command& chosen);
 void add_certify_command(CLI::App& app, Command& chosen);
 void add_map_command(CLI::App& app, Command& chosen);
 void add_exchange_commands(CLI::App& app, Command& chosen);  // import and export
+void add_accept_command(CLI::App& app, Command& chosen);
 void add_board_command(CLI::App& app, Command& chosen);
 
 }  // namespace huetrack::program

@@ -60,6 +60,7 @@ int main(int argc, char** argv) {
   program::add_certify_command(app, chosen);
   program::add_map_command(app, chosen);
   program::add_exchange_commands(app, chosen);
+  program::add_accept_command(app, chosen);
   program::add_board_command(app, chosen);
 
   try {

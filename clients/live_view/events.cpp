@@ -12,6 +12,11 @@ double unix_s(std::int64_t ns) {
   return static_cast<double>(ns) * 1e-9;
 }
 
+// Exact where a service says so; whatever else is sent, it is a number.
+double seconds_between(std::int64_t from, std::int64_t to) {
+  return unix_s(static_cast<std::int64_t>(static_cast<std::uint64_t>(to) - static_cast<std::uint64_t>(from)));
+}
+
 std::string base64(const std::vector<std::uint8_t>& bytes) {
   static constexpr char digits[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
   std::string out;
@@ -73,8 +78,8 @@ std::string to_json(const msg::ObjectPosition& s) {
                {"confidence", s.confidence()},
                {"particles", s.particle_count()},
                {"ess", s.effective_sample_size()},
-               {"latency", unix_s(s.published_at() - s.captured_at())},
-               {"tracking_latency", unix_s(s.published_at() - s.received_at())},
+               {"latency", seconds_between(s.captured_at(), s.published_at())},
+               {"tracking_latency", seconds_between(s.received_at(), s.published_at())},
                {"per_view", std::move(views)}});
 }
 
@@ -89,7 +94,7 @@ std::string to_json(const msg::CameraPose& s) {
                {"features_matched", s.features_matched()},
                {"map_points", s.map_points()},
                {"confidence", s.confidence()},
-               {"latency", unix_s(s.published_at() - s.captured_at())}});
+               {"latency", seconds_between(s.captured_at(), s.published_at())}});
 }
 
 // Of a thousand points: flat, and no finer than can be seen.

@@ -34,6 +34,8 @@ constexpr std::pair<std::string_view, object_tracking::TimingMode> timing_words[
 };
 constexpr std::pair<std::string_view, object_tracking::Observation> observation_words[] = {
     {"huetrack", object_tracking::Observation::huetrack}, {"paper", object_tracking::Observation::paper}};
+constexpr std::pair<std::string_view, CalibrationMode> calibration_words[] = {
+    {"tell", CalibrationMode::tell}, {"leave out", CalibrationMode::leave_out}, {"mend", CalibrationMode::mend}};
 constexpr std::pair<std::string_view, LogLevel> log_level_words[] = {
     {"debug", LogLevel::debug}, {"info", LogLevel::info}, {"warning", LogLevel::warning}, {"error", LogLevel::error}};
 constexpr std::pair<std::string_view, capture::CaptureFormat> format_words[] = {
@@ -192,6 +194,12 @@ void describe(Io& io, Config& config) {
   io.integer_or("quorum", "all", config.quorum, yaml::Range{.min = 0, .max = 1000},
                 "how many cameras must deliver before the service says that it is ready");
   io.group("object_tracking", "", [&](auto& in) { describe_object_tracking(in, config.object_tracking); });
+  io.group("calibration", "whether the cameras still stand where the rig says", [&](auto& in) {
+    in.choice("watch", config.calibration.watch, Words<CalibrationMode>(calibration_words),
+              "tell; leave out: do not use a camera that was moved; mend: let its pose follow");
+    in.folder_or("room", "none", config.calibration.room_file,
+                 "file in which `run` keeps the still room over restarts; none: it is as it is at the start");
+  });
   io.group("frame_sets", "which frames belong together", [&](auto& in) {
     in.number_or("tolerance_s", "auto", config.set_tolerance_s, tolerance,
                  "first to last capture time in a set, seconds; auto: about half a frame period");
@@ -663,6 +671,8 @@ ServiceConfig read_config(const fs::path& file, const yaml::YamlReader& written,
   if (!fs::is_regular_file(config.rig_file)) root.fail("rig", "there is no file " + config.rig_file.string());
   config.rig = calib::read_rig(config.rig_file);
   take_latencies(config, root);
+  if (!config.calibration.room_file.empty())
+    config.calibration.room = read_room(config.calibration.room_file, calib::rig_identity(config.rig));
   for (const auto& target : config.targets) config.dds.publisher.targets.push_back(target.name);
   for (const auto& camera : config.rig.cameras) config.dds.publisher.cameras.push_back(camera.name);
   config.dds.publisher.tracked_camera = config.camera_tracking.camera;
@@ -682,7 +692,7 @@ std::string printed(const ServiceConfig& config, Printer::Show show) {
 
 // Names of what a recording holds beside its configuration.
 constexpr std::size_t largest_beside = 1U << 30;  // bytes: a map has pictures in it
-constexpr const char *board_beside = "camera_board.yaml", *map_beside = "camera.map";
+constexpr const char *board_beside = "camera_board.yaml", *map_beside = "camera.map", *room_beside = "room.yaml";
 
 }  // namespace
 
@@ -730,6 +740,8 @@ std::string to_portable_yaml(const ServiceConfig& config) {
   if (!tracking.board.empty()) tracking.board = board_beside;
   if (!tracking.load_map.empty()) tracking.load_map = map_beside;
   tracking.save_map.clear();
+  // What was known at the start: a replay begins with the same.
+  portable.calibration.room_file = portable.calibration.room.empty() ? "" : room_beside;
   return to_yaml(portable);
 }
 
@@ -741,6 +753,8 @@ std::vector<std::pair<std::string, std::string>> files_beside(const ServiceConfi
   };
   add(board_beside, config.camera_tracking.board);
   add(map_beside, config.camera_tracking.load_map);
+  if (!config.calibration.room.empty())
+    files.emplace_back(room_beside, room_to_yaml(config.calibration.room, calib::rig_identity(config.rig)));
   return files;
 }
 

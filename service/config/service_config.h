@@ -14,6 +14,7 @@
 #include "capture/recording_writer.h"
 #include "capture/v4l2_source.h"
 #include "config/camera_tracking_config.h"
+#include "config/room_file.h"
 #include "object_tracking/object_tracker.h"
 #include "publish/estimate_publisher.h"
 
@@ -70,6 +71,19 @@ struct ControlConfig {
   bool allow_teach = false;  // teach colours and ignore regions: changes what the taught file says
 };
 
+enum class CalibrationMode : std::uint8_t {
+  tell,       // when a camera no longer stands where the rig says
+  leave_out,  // and do not use it until it does again
+  mend,       // and let its pose follow what it sees of the room and of the others' objects
+};
+
+// What is done about a calibration that is no longer right.
+struct CalibrationConfig {
+  CalibrationMode watch = CalibrationMode::tell;
+  std::filesystem::path room_file;  // absolute; where the still room is kept over restarts; empty: nowhere
+  std::vector<KeptRoom> room;       // what room_file says; empty: it is as at the start
+};
+
 // Of which values the taught file says what they are, and which of the configuration's it takes away.
 struct TaughtKeys {
   std::set<yaml::KeyPath> given, removed;
@@ -84,6 +98,7 @@ struct ServiceConfig {
   std::vector<LiveCameraConfig> cameras;                // for `run`, in the order of the file; empty: replay only
   std::optional<int> quorum;  // 0..cameras: how many must deliver before the service is ready; nullopt: all
   object_tracking::ObjectTrackerOptions object_tracking;  // the same for every target
+  CalibrationConfig calibration;
   std::optional<double> set_tolerance_s;  // > 0; FrameSynchronizerOptions::tolerance; nullopt: from the frame rates
   int threads = 1;                        // >= 1; targets are tracked in parallel; no influence on the result
   DdsConfig dds;
@@ -121,9 +136,9 @@ std::string to_yaml_with_origins(const ServiceConfig& config);
 std::string to_taught_yaml(const ServiceConfig& config);
 
 // The same for another machine: `rig` is rig.yaml beside it, and what else is referred to are files_beside(). What a
-// recording holds. A replay of it writes no map.
+// recording holds. A replay of it writes no map and no room.
 std::string to_portable_yaml(const ServiceConfig& config);
-// Name and content of the other files that to_portable_yaml() refers to: the board and the map of camera_tracking.
+// Name and content of the other files that to_portable_yaml() refers to: the board and the map of camera_tracking, the room.
 // throws std::runtime_error: one cannot be read.
 std::vector<std::pair<std::string, std::string>> files_beside(const ServiceConfig& config);
 

@@ -3,7 +3,9 @@
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
+#include <array>
 #include <chrono>
+#include <cmath>
 #include <cstdio>
 #include <exception>
 #include <iterator>
@@ -17,8 +19,24 @@
 #include "tracks/truth.h"
 
 namespace huetrack::daemon {
-
 namespace {
+
+// Of the twelve that every thirty degrees have a name.
+const char* hue_name(double hue_deg) {
+  constexpr std::array names{"red",  "orange", "yellow", "lime",   "green",   "mint",
+                             "cyan", "azure",  "blue",   "violet", "magenta", "rose"};
+  return names[std::size_t(std::lround(hue_deg / 30)) % names.size()];
+}
+
+// Numbers of hue are in degrees here and in half degrees in OpenCV, and either may be meant: words tell which.
+void print_hues(const object_tracking::TargetOptions& target) {
+  const double low = target.color.hue_min_deg, high = target.color.hue_max_deg;
+  std::printf("# %s: hue_deg %.0f to %.0f is %s to %s", target.name.c_str(), low, high, hue_name(low), hue_name(high));
+  if (low <= high && high <= 180)
+    std::printf(" (if these are OpenCV's 0 to 180, write %.0f to %.0f: %s to %s)", 2 * low, 2 * high, hue_name(2 * low),
+                hue_name(2 * high));
+  std::printf("\n");
+}
 
 // What replay and run would say of it when they begin: the trackers, the map that is loaded. throws, naming the file
 void require_session(const config::ServiceConfig& config) {
@@ -50,6 +68,7 @@ void check(const std::filesystem::path& file) {
               config.rig.uncertainty ? "with its uncertainty, which is in every position's covariance"
                                      : "without uncertainty: its cameras count as exactly known");
   if (config.targets.empty()) return;
+  for (const auto& target : config.targets) print_hues(target);
   const auto coverage = config::volume_coverage(config.rig, config.object_tracking.volume);
   std::printf("# of the volume are seen: by two or more cameras %.0f %%, by one or more %.0f %%", 100 * coverage.by_two,
               100 * coverage.by_one);

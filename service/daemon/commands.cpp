@@ -17,9 +17,11 @@
 namespace huetrack::daemon {
 namespace {
 
+constexpr int mistakes_status = 3;  // of replay --strict
 constexpr auto config_help = "huetrackd.yaml";
 constexpr auto write_rig_help =
-    "write the rig here at the end, with the cameras' times (latency, readout) as learnt; not over an existing file";
+    "write the rig here at the end, with the cameras' times (latency, readout) as learnt and those that were moved "
+    "where they stand now; not over an existing file";
 constexpr auto poses_help = "write the tracked camera's poses to this file, as TUM text: those of state tracking only";
 
 // One of these words, as its value. (CLI11's own transformer names the choices by their numbers when a word is wrong.)
@@ -65,6 +67,7 @@ void add_replay_command(CLI::App& app, Command& chosen) {
   struct Options {
     ReplayCommand replay;
     bool quiet = false;
+    bool is_strict = false;
     std::atomic<bool> reload = false;
   };
   const auto options = std::make_shared<Options>();
@@ -102,6 +105,9 @@ void add_replay_command(CLI::App& app, Command& chosen) {
                     "hold after the first frame set, until Go on is pressed on the page: colours may be taught");
   command->add_flag("--no-dds", replay_options.no_dds, "do not publish");
   command->add_flag("--quiet", options->quiet, "no progress bar and no summary");
+  command->add_flag(
+      "--strict", options->is_strict,
+      "exit status 3 when the tracks show a mistake in rig or configuration (lines `mistake` of the summary)");
   command->callback([options, &chosen] {
     options->replay.progress = !options->quiet;
     options->replay.reload = &options->reload;
@@ -113,7 +119,7 @@ void add_replay_command(CLI::App& app, Command& chosen) {
     chosen.run = [options](const std::stop_token& stop) {
       const ReplaySummary summary = replay(options->replay, stop);
       if (!options->quiet) std::fputs(to_text(summary, options->replay).c_str(), stdout);
-      return 0;
+      return options->is_strict && !summary.mistakes.empty() ? mistakes_status : 0;
     };
   });
 }

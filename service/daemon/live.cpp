@@ -11,6 +11,7 @@
 #include <thread>
 #include <utility>
 
+#include "calib/model/rig_yaml.h"
 #include "daemon/service_manager.h"
 #include "page/view_server.h"
 
@@ -61,6 +62,33 @@ std::exception_ptr run_supervised(pipeline::Session& session, Supervisor& superv
   return error;
 }
 
+// Beside the rig, which stays as it is: where the cameras stand now, for huetrack-calibrate accept; and the room, for
+// the next start. A disk that is full or read-only is told; it ends nothing.
+void keep_what_was_learnt(const config::ServiceConfig& config, const pipeline::Session& session,
+                          const pipeline::CalibrationReport& calibration, const std::filesystem::path& recording) {
+  const auto attempt = [](auto&& step) {
+    try {
+      step();
+    } catch (const std::exception& error) {
+      spdlog::warn("what was learnt of the calibration is not kept: {}", error.what());
+    }
+  };
+  calib::CameraRig mended = config.rig;
+  if (config.calibration.watch == config::CalibrationMode::mend && calibration.mend(mended) > 0) {
+    const std::filesystem::path file = config.rig_file.parent_path() / (config.rig_file.stem().string() + ".mended" +
+                                                                        config.rig_file.extension().string());
+    attempt([&] {
+      calib::write_rig(mended, file);
+      spdlog::info("{}: the rig with the cameras where they stand now; huetrack-calibrate accept {} takes it over",
+                   file.string(), config.rig_file.string());
+    });
+    if (!recording.empty()) attempt([&] { calib::write_rig(mended, recording / "rig.mended.yaml"); });
+  }
+  if (const auto& file = config.calibration.room_file; !file.empty() && session.calibration() != nullptr)
+    if (const auto room = session.calibration()->room(); !room.empty())
+      attempt([&] { config::write_room(file, room, calib::rig_identity(config.rig)); });
+}
+
 LiveSummary run_cameras(const config::ServiceConfig& config, const LiveCommand& options, LiveRequests& requests,
                         const std::stop_token& stop) {
   set_log_level(config.log_level);
@@ -87,7 +115,11 @@ LiveSummary run_live(const config::ServiceConfig& config, std::vector<pipeline::
   session.add(meter);
   pipeline::LightReport light(session.config());
   session.add(light);
-  pipeline::CameraTimes times(session.config(), options.write_rig, true);
+  pipeline::MistakeReport mistakes(session.config());
+  session.add(mistakes);
+  pipeline::CalibrationReport calibration(session.config());
+  session.add(calibration);
+  pipeline::CameraTimes times(session.config(), options.write_rig, true, &calibration);
   session.add(times);
   std::vector<const pipeline::FileOutput*> files;
   std::optional<pipeline::TrackFile> tracks;
@@ -124,7 +156,9 @@ LiveSummary run_live(const config::ServiceConfig& config, std::vector<pipeline::
                          .requests = requests,
                          .meter = meter,
                          .light = light,
+                         .mistakes = mistakes,
                          .times = times,
+                         .calibration = calibration,
                          .recording = recording,
                          .files = files,
                          .bus = bus ? &*bus : nullptr,
@@ -134,6 +168,7 @@ LiveSummary run_live(const config::ServiceConfig& config, std::vector<pipeline::
   const std::exception_ptr error = run_supervised(session, supervisor, options.seconds, stop);
   recording.finish(stop.stop_requested() ? recorder_patience : longest_recorder_patience);
   supervisor.look_a_last_time();
+  keep_what_was_learnt(config, session, calibration, recording.folder());
   session.close_sources();  // before bus and page, which may take their time: the cameras get their controls back
   if (error) std::rethrow_exception(error);
   session.save_camera_map();

@@ -18,7 +18,7 @@ struct LiveCommand {
   std::filesystem::path record_to;       // record everything into this folder; empty: what the configuration says
   bool no_dds = false;                   // whatever the configuration says
   std::filesystem::path tracks;          // CSV of the estimates; empty: none
-  std::filesystem::path write_rig = {};  // the rig with the cameras' times as learnt; empty: none
+  std::filesystem::path write_rig = {};  // the rig as learnt: the cameras' times, and where they stand; empty: none
   std::filesystem::path poses = {};      // TUM file of the tracked camera's poses, see PoseFileWriter; empty: none
   std::optional<double> seconds;         // > 0; end so long after the first frame
 };

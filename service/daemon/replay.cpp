@@ -23,9 +23,11 @@
 #include "daemon/status_reporter.h"
 #include "page/view_server.h"
 #include "pipeline/bus.h"
+#include "pipeline/calibration_report.h"
 #include "pipeline/camera_times.h"
 #include "pipeline/file_outputs.h"
 #include "pipeline/light_report.h"
+#include "pipeline/mistake_report.h"
 #include "pipeline/picture_folder.h"
 #include "pipeline/session.h"
 
@@ -113,8 +115,16 @@ std::optional<tracks::Truth> truth_of(const config::ServiceConfig& config, const
 class ReplayStatus final : public pipeline::Output {
  public:
   ReplayStatus(const config::ServiceConfig& config, pipeline::Bus& bus, const pipeline::PublishedTime& time,
-               const HeldSource* held, const pipeline::LightReport& light, const pipeline::CameraTimes& times)
-      : bus_(bus), time_(time), held_(held), light_(light), times_(times), reporter_(config, "replay", {}) {}
+               const HeldSource* held, const pipeline::LightReport& light, const pipeline::MistakeReport& mistakes,
+               const pipeline::CameraTimes& times, const pipeline::CalibrationReport& calibration)
+      : bus_(bus),
+        time_(time),
+        held_(held),
+        light_(light),
+        mistakes_(mistakes),
+        times_(times),
+        calibration_(calibration),
+        reporter_(config, "replay", {}) {}
 
   void on_status(const pipeline::PipelineFigures& figures) override {
     publish::ServiceStatus status;
@@ -124,8 +134,10 @@ class ReplayStatus final : public pipeline::Output {
     }
     status.clock_offset_s = capture::seconds(time_.offset());
     std::ranges::copy(bus_.publisher().warnings(), std::back_inserter(status.warnings));
+    std::ranges::copy(mistakes_.warnings(), std::back_inserter(status.warnings));
     std::ranges::copy(light_.warnings(), std::back_inserter(status.warnings));
     std::ranges::copy(times_.warnings(), std::back_inserter(status.warnings));
+    std::ranges::copy(calibration_.warnings(), std::back_inserter(status.warnings));
     if (held_ != nullptr && !held_->is_released()) status.mode = "held";
     bus_.publisher().publish_status(status);
     bus_.publisher().publish_times(status.at, times_.told());
@@ -140,7 +152,9 @@ class ReplayStatus final : public pipeline::Output {
   const pipeline::PublishedTime& time_;
   const HeldSource* const held_;
   const pipeline::LightReport& light_;
+  const pipeline::MistakeReport& mistakes_;
   const pipeline::CameraTimes& times_;
+  const pipeline::CalibrationReport& calibration_;
   std::mutex mutex_;
   StatusReporter reporter_;  // guarded by mutex_: the page's thread reloads
 };
@@ -297,10 +311,16 @@ ReplaySummary replay(const ReplayCommand& command, const std::stop_token& stop) 
   if (config.dds.enabled && !command.no_dds) session.add(bus.emplace(config.dds.publisher, session.time()));
   pipeline::LightReport light(session.config());
   session.add(light);
-  pipeline::CameraTimes times(session.config(), command.write_rig, false);
+  pipeline::MistakeReport mistakes(session.config());
+  session.add(mistakes);
+  pipeline::CalibrationReport calibration(session.config());
+  session.add(calibration);
+  pipeline::CameraTimes times(session.config(), command.write_rig, false, &calibration);
   session.add(times);
   std::optional<ReplayStatus> status;
-  if (bus) session.add(status.emplace(session.config(), *bus, session.time(), playback.held, light, times));
+  if (bus)
+    session.add(
+        status.emplace(session.config(), *bus, session.time(), playback.held, light, mistakes, times, calibration));
   std::optional<pipeline::PoseFile> poses;
   if (!command.poses.empty()) session.add(poses.emplace(command.poses, config, pipeline::WhenFileFails::stop));
   std::optional<pipeline::TrackFile> tracks;
@@ -329,8 +349,10 @@ ReplaySummary replay(const ReplayCommand& command, const std::stop_token& stop) 
 
   for (const auto& warning : playback.source->take_warnings()) spdlog::warn("{}", warning);
   ReplaySummary summary = summary_of(config, session.figures(), *playback.source, tally, began, stop.stop_requested());
+  summary.mistakes = mistakes.summary();
   summary.light = light.summary();
   summary.times = times.summary();
+  summary.calibration = calibration.summary();
   summary.clock_offset = session.time().offset();
   if (bus) {
     summary.published = bus->publisher().counters().published;

@@ -38,7 +38,7 @@ struct ReplayCommand {
   std::filesystem::path pictures;       // folder; empty: none
   int pictures_every = 1;               // >= 1
   std::filesystem::path truth;          // CSV, see Truth; empty: none
-  std::filesystem::path write_rig;      // the rig with the cameras' times as learnt; empty: none
+  std::filesystem::path write_rig;      // the rig as learnt: the cameras' times, and where they stand; empty: none
   bool hold = false;                    // after the first frame of every camera, until the page says go on; needs DDS
   std::atomic<bool>* reload = nullptr;  // set by somebody: the configuration is to be read again; needs DDS
   bool progress = true;                 // a bar on stderr, if that is a terminal
@@ -53,10 +53,12 @@ struct ReplaySummary {
   double recorded_s = 0;                 // the part that was played
   double wall_s = 0;                     // until the last estimate was out; pictures may take longer
   std::vector<TargetSummary> targets;
-  std::vector<std::string> times;       // when the cameras' rows are exposed, one sentence each
-  std::vector<std::string> light;       // what light did to cameras and colours, one sentence each
-  std::optional<CameraSummary> camera;  // the tracked one
-  std::uint64_t published = 0;          // DDS samples written
+  std::vector<std::string> mistakes;     // in rig and configuration that the tracks show, one sentence each
+  std::vector<std::string> times;        // when the cameras' rows are exposed, one sentence each
+  std::vector<std::string> calibration;  // cameras that no longer stand where the rig says, one sentence each
+  std::vector<std::string> light;        // what light did to cameras and colours, one sentence each
+  std::optional<CameraSummary> camera;   // the tracked one
+  std::uint64_t published = 0;           // DDS samples written
   std::uint64_t publish_failures = 0;
   std::string bus;                    // where to; empty: no DDS
   capture::Duration clock_offset{0};  // published capture time minus the recording's clock

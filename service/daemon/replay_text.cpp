@@ -35,10 +35,12 @@ std::string times_text(const ReplaySummary& s) {
   std::string text = fmt::format("  time    decode {:.3f} s (CPU {:.3f}), {}, {}, {}", capture::seconds(f.decode.wall),
                                  capture::seconds(f.decode.cpu), stage_text("synchronise", f.synchronise),
                                  stage_text("track", f.track), stage_text("publish and write", f.publish));
+  if (f.watch.wall.count() > 0) text += ", " + stage_text("watch the calibration", f.watch);
   if (s.camera) text += ", " + stage_text("camera", f.camera_track);
   if (s.pictures > 0) text += ", " + stage_text("draw", f.draw);
   // The camera's thread runs beside the tracking thread: together this is what one core would need.
-  const double own_s = capture::seconds(f.synchronise.wall + f.track.wall + f.camera_track.wall + f.publish.wall);
+  const double own_s =
+      capture::seconds(f.synchronise.wall + f.watch.wall + f.track.wall + f.camera_track.wall + f.publish.wall);
   text += fmt::format("\n          with decoding{} left out: {} real time", s.pictures > 0 ? " and drawing" : "",
                       times_real_time(s.recorded_s, own_s));
   if (!s.targets.empty()) {
@@ -107,6 +109,8 @@ std::string to_text(const ReplaySummary& s, const ReplayCommand& command) {
   std::string text = frames_text(s) + times_text(s);
   for (const auto& target : s.targets) text += target_text(target);
   if (s.camera) text += camera_text(*s.camera, s.figures);
+  for (const auto& sentence : s.calibration) text += "  cameras " + sentence + "\n";
+  for (const auto& sentence : s.mistakes) text += "  mistake " + sentence + "\n";
   for (const auto& sentence : s.times) text += "  times   " + sentence + "\n";
   for (const auto& sentence : s.light) text += "  light   " + sentence + "\n";
   if (!command.poses.empty()) text += "  poses   " + command.poses.string() + "\n";

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <iterator>
+#include <numbers>
 #include <utility>
 
 #include "capture/capture_clock.h"
@@ -88,8 +89,10 @@ void Supervisor::tell_status(const pipeline::PipelineFigures& figures, const Hea
   status_ = reporter_.report(figures, now, std::chrono::system_clock::now(), cameras.by_rig);
   add_warnings(status_);
   log_new(status_.warnings, figures.tracked_camera);
-  std::ranges::copy(the_.light.warnings(), std::back_inserter(status_.warnings));  // it has logged them itself
+  std::ranges::copy(the_.mistakes.warnings(), std::back_inserter(status_.warnings));  // likewise
+  std::ranges::copy(the_.light.warnings(), std::back_inserter(status_.warnings));     // it has logged them itself
   std::ranges::copy(the_.times.warnings(), std::back_inserter(status_.warnings));
+  std::ranges::copy(the_.calibration.warnings(), std::back_inserter(status_.warnings));  // logged as well
   if (the_.bus != nullptr) {
     the_.bus->publisher().publish_status(status_);
     the_.bus->publisher().publish_times(status_.at, the_.times.told());
@@ -128,9 +131,19 @@ void Supervisor::log_new(const std::vector<std::string>& all, const pipeline::Tr
 void Supervisor::show_metrics() const {
   const metrics::RecordingCounts recording{.is_recording = the_.recording.is_recording(),
                                            .dropped = the_.recording.figures().dropped};
-  the_.metrics_server->show(
-      metrics::to_prometheus(status_, the_.meter.targets(), the_.meter.latencies(), recording,
-                             the_.bus != nullptr ? the_.bus->publisher().counters().published : 0));
+  std::vector<metrics::CalibrationFigures> calibration;
+  for (const pipeline::CameraCalibration& camera : the_.calibration.cameras()) {
+    metrics::CalibrationFigures& figures = calibration.emplace_back();
+    figures.is_in_place = !pipeline::is_trouble(camera.room.state);
+    if (camera.moved) {
+      figures.turned_deg = camera.moved->rotation.norm() * 180 / std::numbers::pi;
+      figures.moved_m = camera.moved->shift.norm();
+      figures.effect_m = camera.effect_m;
+    }
+  }
+  the_.metrics_server->show(metrics::to_prometheus(status_, the_.meter.targets(), the_.meter.latencies(), recording,
+                                                   the_.bus != nullptr ? the_.bus->publisher().counters().published : 0,
+                                                   calibration));
 }
 
 void Supervisor::tell_service_manager(const pipeline::PipelineFigures& figures, const Healths& cameras,

@@ -13,10 +13,12 @@
 #include "metrics/metrics.h"
 #include "metrics/road_meter.h"
 #include "pipeline/bus.h"
+#include "pipeline/calibration_report.h"
 #include "pipeline/camera_times.h"
 #include "pipeline/file_outputs.h"
 #include "pipeline/light_report.h"
 #include "pipeline/live_cameras.h"
+#include "pipeline/mistake_report.h"
 #include "pipeline/recording_keeper.h"
 #include "pipeline/session.h"
 
@@ -35,7 +37,9 @@ struct Supervised {
   LiveRequests& requests;
   const metrics::RoadMeter& meter;
   const pipeline::LightReport& light;
+  const pipeline::MistakeReport& mistakes;
   const pipeline::CameraTimes& times;
+  const pipeline::CalibrationReport& calibration;
   pipeline::RecordingKeeper& recording;
   std::vector<const pipeline::FileOutput*> files;
   pipeline::Bus* bus = nullptr;                      // null: nothing is published

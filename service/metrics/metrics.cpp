@@ -75,7 +75,8 @@ std::uint64_t LatencyHistogram::Snapshot::count() const {
 }
 
 std::string to_prometheus(const publish::ServiceStatus& status, std::span<const TargetFigures> targets,
-                          const LatencyFigures& latencies, const RecordingCounts& recording, std::uint64_t published) {
+                          const LatencyFigures& latencies, const RecordingCounts& recording, std::uint64_t published,
+                          std::span<const CalibrationFigures> calibration) {
   Text text;
   const auto cameras = [&](std::string_view family, std::string_view type, std::string_view help, auto value) {
     text.family(family, type, help);
@@ -93,6 +94,20 @@ std::string to_prometheus(const publish::ServiceStatus& status, std::span<const 
           [](const auto& c) { return c.rate_hz; });
   cameras("huetrack_camera_age_seconds", "gauge", "since the last frame was received",
           [](const auto& c) { return c.frames > 0 ? c.age_s : std::numeric_limits<double>::quiet_NaN(); });
+
+  const auto calibrations = [&](std::string_view family, std::string_view help, auto value) {
+    if (!calibration.empty()) text.family(family, "gauge", help);
+    for (std::size_t c = 0; c < calibration.size(); ++c)
+      text.sample("camera=" + label(status.cameras[c].name), double(value(calibration[c])));
+  };
+  calibrations("huetrack_camera_in_place", "1 when the camera stands where the rig says, as far as the room tells",
+               [](const auto& c) { return c.is_in_place ? 1 : 0; });
+  calibrations("huetrack_camera_turned_degrees", "by which the camera was turned since the rig was made",
+               [](const auto& c) { return c.turned_deg; });
+  calibrations("huetrack_camera_moved_meters", "by which the camera was moved since the rig was made",
+               [](const auto& c) { return c.moved_m; });
+  calibrations("huetrack_camera_effect_meters", "by which positions are off by that, if nothing is done about it",
+               [](const auto& c) { return c.effect_m; });
 
   const auto one = [&](std::string_view family, std::string_view type, std::string_view help, double value) {
     text.family(family, type, help);

@@ -56,9 +56,16 @@ struct RecordingCounts {
   std::vector<std::uint64_t> dropped;  // frames, per camera of the status; empty: nothing is ever recorded
 };
 
-// targets: as status.targets, or empty.
+// Whether a camera stands where the rig says.
+struct CalibrationFigures {
+  bool is_in_place = true;
+  double turned_deg = 0, moved_m = 0, effect_m = 0;  // of positions, if nothing is done
+};
+
+// targets: as status.targets, or empty. calibration: per camera of the status; empty: it is not watched.
 std::string to_prometheus(const publish::ServiceStatus& status, std::span<const TargetFigures> targets,
-                          const LatencyFigures& latencies, const RecordingCounts& recording, std::uint64_t published);
+                          const LatencyFigures& latencies, const RecordingCounts& recording, std::uint64_t published,
+                          std::span<const CalibrationFigures> calibration = {});
 
 // Answers GET /metrics with the text that was given last. thread-safe.
 class MetricsServer {

@@ -47,6 +47,22 @@ struct ViewWitness {
   int others = 0;            // >= 1; views that position stands on
 };
 
+// A region of the target's colour that was looked at in a view: the target, or something like it.
+struct SeenRegion {
+  int camera = 0;
+  capture::Timestamp at{};  // when its row was exposed, by the rig's times and not by what motion has told of them
+  Eigen::Vector2d px;       // its centre, raw pixels
+  double radius_px = 0;     // of the disc of its area
+  double below_middle = 0;  // its row: r / (H - 1) - 1/2
+  bool is_target = false;   // what the tracker takes for the target; otherwise it is found elsewhere, or in a search
+};
+
+// How much of a camera's picture has the target's colour.
+struct ColorShare {
+  double of_picture = 0;  // 0..1, on a grid, as of some tenths of a second ago
+  double of_target = 0;   // 0..1, as much as the target could cover anywhere in the volume
+};
+
 struct ViewSupport {
   bool delivered = false;  // this camera gave a frame in this set
   bool in_view = false;    // the estimate projects into its image

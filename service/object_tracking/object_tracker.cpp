@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <memory>
+#include <optional>
 #include <stdexcept>
 #include <variant>
 
@@ -60,6 +62,73 @@ std::vector<std::string> ObjectTrackerOptions::problems() const {
   return out;
 }
 
+namespace {
+
+// The same target, if its hues were written in OpenCV's units, of two degrees each; nullopt: they cannot be, for there
+// are only 180 of them.
+std::optional<TargetOptions> at_twice_the_hue(TargetOptions target) {
+  std::vector<HsiRange*> ranges{&target.color};
+  for (auto& [_, range] : target.camera_colors) ranges.push_back(&range);
+  for (HsiRange* range : ranges) {
+    if (range->hue_max_deg > 180 || range->hue_min_deg > range->hue_max_deg) return std::nullopt;
+    range->hue_min_deg *= 2;
+    range->hue_max_deg = std::min(2 * range->hue_max_deg, 359.9);
+  }
+  return target;
+}
+
+// Looks for the target at twice its hue, while it is not found at its own: for some seconds, and once, as it takes as
+// long as the search itself.
+class TwiceTheHue {
+ public:
+  TwiceTheHue(const calib::CameraRig& rig, const TargetOptions& target, const ObjectTrackerOptions& options)
+      : target_(options.observation == Observation::huetrack ? at_twice_the_hue(target) : std::nullopt) {
+    if (target_) rig_ = rig, options_ = options;
+  }
+
+  void look(const capture::FrameSet& set, TrackState state) {
+    if (!target_) return;
+    if (!began_at_) began_at_ = set.at;
+    if (state != TrackState::tracking || !tracking_since_) tracking_since_ = set.at;
+    const double in_use_s = capture::seconds(set.at - *began_at_);
+    if (capture::seconds(set.at - *tracking_since_) > found_after_s || in_use_s > longest_s) return end();
+    if (!tracker_) {
+      if (in_use_s < patience_s || state == TrackState::tracking) return;
+      tracker_ = std::make_unique<RegionTracker>(rig_, *target_, options_, particle_filter::Rng(options_.seed, 0x48));
+    }
+    const ObjectEstimate estimate = tracker_->update(set);
+    if (estimate.state != TrackState::tracking) {
+      sets_ = 0;
+      return;
+    }
+    if (sets_++ == 0) from_ = estimate.position;
+    is_found_ = sets_ >= least_sets && (estimate.position - from_).norm() > least_way_m;
+    if (is_found_) end();
+  }
+  bool is_found() const { return is_found_; }
+
+ private:
+  static constexpr double patience_s = 0.4, found_after_s = 1, longest_s = 8;
+  static constexpr int least_sets = 10;
+  static constexpr double least_way_m = 0.1;  // furniture does not move
+
+  void end() {
+    tracker_.reset();
+    target_.reset();
+  }
+
+  std::optional<TargetOptions> target_;  // nullopt: nothing is looked for (any more)
+  calib::CameraRig rig_;
+  ObjectTrackerOptions options_;
+  std::unique_ptr<RegionTracker> tracker_;
+  std::optional<capture::Timestamp> began_at_, tracking_since_;
+  int sets_ = 0;  // of tracking, one after the other
+  Eigen::Vector3d from_ = Eigen::Vector3d::Zero();
+  bool is_found_ = false;
+};
+
+}  // namespace
+
 struct ObjectTracker::Impl {
   Impl(const calib::CameraRig& rig, const TargetOptions& target, const ObjectTrackerOptions& options,
        particle_filter::Rng rng)
@@ -68,12 +137,14 @@ struct ObjectTracker::Impl {
                     : Tracker(std::in_place_type<RegionTracker>, rig, target, options, rng)),
         adapts(target.adapts_color && options.observation == Observation::huetrack),
         watch(rig, target),
-        follower(rig, target) {}
+        follower(rig, target),
+        twice_the_hue(rig, target, options) {}
   using Tracker = std::variant<PaperTracker, RegionTracker>;
   Tracker tracker;
   bool adapts;
   ColorWatch watch;
   ColorFollower follower;
+  TwiceTheHue twice_the_hue;
 };
 
 ObjectTracker::ObjectTracker(const calib::CameraRig& rig, const TargetOptions& target,
@@ -119,6 +190,7 @@ void ObjectTracker::trust(std::span<const CameraTrust> cameras) {
 ObjectEstimate ObjectTracker::update(const capture::FrameSet& set) {
   ObjectEstimate estimate = std::visit([&](auto& tracker) { return tracker.update(set); }, impl_->tracker);
   impl_->watch.look(set, estimate, impl_->follower.in_force());
+  impl_->twice_the_hue.look(set, estimate.state);
   if (impl_->adapts)
     std::visit([&](auto& tracker) { impl_->follower.follow(set, estimate, impl_->watch, tracker.views()); },
                impl_->tracker);
@@ -153,7 +225,19 @@ std::uint64_t ObjectTracker::color_news() const {
 
 SearchFindings ObjectTracker::search_findings() const {
   const auto* tracker = std::get_if<RegionTracker>(&impl_->tracker);
-  return tracker != nullptr ? tracker->search_findings() : SearchFindings{};
+  SearchFindings findings = tracker != nullptr ? tracker->search_findings() : SearchFindings{};
+  findings.is_found_at_twice_the_hue = impl_->twice_the_hue.is_found();
+  return findings;
+}
+
+std::span<const SeenRegion> ObjectTracker::regions() const {
+  const auto* tracker = std::get_if<RegionTracker>(&impl_->tracker);
+  return tracker != nullptr ? tracker->regions() : std::span<const SeenRegion>{};
+}
+
+std::vector<ColorShare> ObjectTracker::color_shares() const {
+  const auto* tracker = std::get_if<RegionTracker>(&impl_->tracker);
+  return tracker != nullptr ? tracker->color_shares() : std::vector<ColorShare>{};
 }
 
 }  // namespace huetrack::object_tracking

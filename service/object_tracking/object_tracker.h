@@ -88,6 +88,9 @@ struct SearchFindings {
   std::size_t sets = 0;
   std::vector<std::size_t> sets_with_color;  // per camera of the rig: sets in which it showed a region of the colour
   std::optional<double> radius_m;            // that the regions of two views agree on, if they do; > 0
+  // Something moves through the volume as the target would, of twice the hue: hue_deg was given in OpenCV's units, of
+  // which there are 180.
+  bool is_found_at_twice_the_hue = false;
   // What a user should try, one sentence; empty when nothing was searched. `cameras`: their names, in the order of the
   // rig.
   std::string advice(const TargetOptions& target, const std::vector<std::string>& cameras) const;
@@ -122,6 +125,11 @@ class ObjectTracker {
   std::vector<Eigen::Vector3f> particles(std::size_t about = 0) const;
 
   SearchFindings search_findings() const;
+
+  // What the last update() looked at: nothing of views in which the target is neither expected nor searched. Valid
+  // until the next update(). observation: huetrack.
+  std::span<const SeenRegion> regions() const;
+  std::vector<ColorShare> color_shares() const;  // per camera of the rig; observation: huetrack
 
   // Per camera of the rig: how the object's colour lies in the range that is looked for (color_watch.h). color_news()
   // counts what there is to tell of it.

@@ -47,7 +47,13 @@ constexpr double surely_moved_px = 1;  // by as much a region of some hundred pi
 // A view that should show the object is looked through as a whole in every so many-th set in which it does not: that
 // takes longer than all else. What it finds may be the object if it covers so much of the disc that would be there.
 constexpr unsigned far_looks_every = 4;
-constexpr double least_far_share = 0.3, largest_far_share = 3;
+constexpr double least_far_share = 0.3, largest_far_share = 4;
+constexpr double excused_share_of_speed = 0.25;
+constexpr unsigned sets_until_known = 8;  // since it was found
+constexpr double nowhere_px = 50;         // how far apart views are whose rays do not meet
+// A candidate that two views agree on while another one shows something of its size elsewhere must be seen in so many
+// sets: by chance rays meet once and again, but not for as long.
+constexpr int contested_sets = 8;
 
 constexpr auto as_good_as_the_sets_time = std::chrono::milliseconds(2);  // a line is exact enough for as long
 
@@ -79,12 +85,14 @@ ObjectEstimate RegionTracker::update(const capture::FrameSet& set) {
   sightings_.clear();
   seen_.clear();
   watched_.clear();
+  seen_regions_.clear();
+  measure_color(views, set.at);
   sets_apart_ += is_apart(views) ? 1 : 0;
   if (set.at < last_at_) forget();  // the clock was put back: what was known is of another time
   if (state_ == TrackState::tracking || state_ == TrackState::coasting) {
     sight(views, sightings_);  // colour regions near the prediction, one per view at most
     sight(views_.unused(), watched_);
-    compare(views);
+    compare(views, set.at);
     const double q = learn_acceleration(set, views);
     const MotionBelief proposal = propose(set, q);  // motion and regions together, linearised
     const MotionBelief at_views =
@@ -113,12 +121,18 @@ RegionTracker::RegionTracker(const calib::CameraRig& rig, const TargetOptions& t
       doubts_(rig.cameras.size()),
       pose_covariance_(rig.cameras.size(), Eigen::Matrix<double, 6, 6>::Zero()),
       unseen_(rig.cameras.size()),
+      color_shares_(rig.cameras.size()),
       rig_error_(rig, options.max_coast_sigma_m),
       last_regions_(rig.cameras.size()),
       finders_(rig.cameras.size()),
       regions_(rig.cameras.size()),
       search_log_(rig.cameras.size()) {
   for (const calib::Camera& camera : rig.cameras) size_in_view_.push_back(size_in(camera));
+  for (std::size_t c = 0; c < rig.cameras.size(); ++c) {
+    const double largest_px = size_in_view_[c].largest_px;
+    const calib::ImageSize size = rig.cameras[c].image_size;
+    color_shares_[c].of_target = std::min(1.0, std::numbers::pi * largest_px * largest_px / (size.width * size.height));
+  }
   scatter();
 }
 
@@ -276,58 +290,178 @@ std::optional<SeenBeside> RegionTracker::beside(const Sighting& sighting) const 
   return out;
 }
 
+// Of what a whole image shows, the only region that may be the object and is not where one was a tenth of a second ago.
+// What stands still is furniture. Several that move are several objects, and tell nothing.
+const ColorRegion* RegionTracker::only_moving(int camera, std::span<const ColorRegion> regions, double disc_px2,
+                                              double still_px, capture::Timestamp at) {
+  constexpr double least_age_s = 0.08, largest_age_s = 0.5;
+  Unseen& unseen = unseen_[static_cast<std::size_t>(camera)];
+  if (capture::seconds(at - unseen.newer_at) >= least_age_s) {
+    std::swap(unseen.older, unseen.newer);
+    unseen.older_at = unseen.newer_at;
+    unseen.newer.assign(regions.begin(), regions.end());
+    unseen.newer_at = at;
+  }
+  const double age_s = capture::seconds(at - unseen.older_at);
+  if (age_s < least_age_s || age_s > largest_age_s) return nullptr;
+  const ColorRegion* moved = nullptr;
+  for (const ColorRegion& region : regions) {
+    if (region.area < least_far_share * disc_px2) continue;
+    if (region.area > largest_far_share * disc_px2) return nullptr;
+    const bool was_there = std::ranges::any_of(
+        unseen.older, [&](const ColorRegion& before) { return (before.centre - region.centre).norm() < still_px; });
+    if (was_there) continue;
+    if (moved != nullptr) return nullptr;
+    moved = &region;
+  }
+  return moved;
+}
+
 // A view that should show the object, and does not where the others have it: shows it something like it elsewhere? Seen
-// through another calibration it may be anywhere in the image. What stands still is furniture; an object that moves is
-// not where it was when the view was looked at before.
-std::optional<SeenBeside> RegionTracker::far_off(const TargetView& view) {
+// through another calibration it may be anywhere in the image.
+std::optional<SeenBeside> RegionTracker::far_off(const TargetView& view, capture::Timestamp set_at) {
   Unseen& unseen = unseen_[static_cast<std::size_t>(view.index)];
   const auto expected = expect(view);
   if (!expected || !view.camera->contains({expected->at.px})) return std::nullopt;
-  if (++unseen.sets % far_looks_every != 0) return std::nullopt;
+  if (unseen.sets++ % far_looks_every != 0 && !unseen.is_suspicious) return std::nullopt;
   const Appearance& at = expected->at;
   const double disc = std::numbers::pi * at.radius_px * at.radius_px;
   const auto& regions = finders_[static_cast<std::size_t>(view.index)].search(
       *view.matches, std::max(1, static_cast<int>(at.radius_px)), static_cast<int>(std::ceil(3 * at.radius_px)) + 2,
       std::max(2, static_cast<int>(least_far_share * disc)), at.radius_px);
-  const double still_px = std::max(2.0, 0.2 * at.radius_px);
-  const bool is_moving = (at.px - unseen.expected).norm() > 2 * still_px;
-  const ColorRegion* nearest = nullptr;
-  for (const ColorRegion& region : regions) {
-    const bool was_there = std::ranges::any_of(
-        unseen.found, [&](const ColorRegion& before) { return (before.centre - region.centre).norm() < still_px; });
-    if (was_there || region.area > largest_far_share * disc) continue;
-    if (nearest == nullptr || (region.centre - at.px).norm() < (nearest->centre - at.px).norm()) nearest = &region;
+  note_regions(view, regions);
+  const ColorRegion* moved = only_moving(view.index, regions, disc, std::max(2.0, 0.2 * at.radius_px), set_at);
+  unseen.is_suspicious = moved != nullptr;
+  if (moved == nullptr) return std::nullopt;
+  Sighting sighting = sighting_of(view, *moved, at.radius_px, options_.pixel_noise_px, image_motion(view, at));
+  sighting.row = row_of(view, sighting.px.y(), belief_);
+  return beside(sighting);
+}
+
+// What the views show of an object that is not found: where each has one thing that moves, they must agree about it. So
+// the views of a rig that is another one are doubted before something is found that is not there.
+void RegionTracker::compare_searched(const std::vector<TargetView>& views, capture::Timestamp set_at) {
+  std::vector<Sighting> moving;
+  for (std::size_t i = 0; i < views.size(); ++i) {
+    const SizeInView& size = size_in_view_[static_cast<std::size_t>(views[i].index)];
+    const double radius_px = std::sqrt(size.smallest_px * size.largest_px);
+    const ColorRegion* moved = only_moving(views[i].index, regions_[i], std::numbers::pi * radius_px * radius_px,
+                                           std::max(2.0, 0.2 * radius_px), set_at);
+    if (moved == nullptr) continue;
+    moving.push_back(
+        sighting_of(views[i], *moved, std::sqrt(moved->area / std::numbers::pi), options_.pixel_noise_px, {}));
+    moving.back().row = row_of(views[i], moving.back().px.y(), belief_);
   }
-  std::optional<SeenBeside> out;
-  if (nearest != nullptr && is_moving && unseen.sets > far_looks_every) {
-    Sighting sighting = sighting_of(view, *nearest, at.radius_px, options_.pixel_noise_px, image_motion(view, at));
-    sighting.row = row_of(view, sighting.px.y(), belief_);
-    out = beside(sighting);
+  for (std::size_t a = 0; a < moving.size(); ++a) {
+    for (std::size_t b = a + 1; b < moving.size(); ++b) {
+      if (const auto seen = disagreement_of(moving[a], moving[b]))
+        doubts_.add(static_cast<std::size_t>(moving[a].row.camera), static_cast<std::size_t>(moving[b].row.camera),
+                    *seen);
+    }
   }
-  unseen.found = regions;
-  unseen.expected = at.px;
-  return out;
+}
+
+// Of two views of something of which nothing else is known; nullopt: they tell nothing.
+std::optional<Disagreement> RegionTracker::disagreement_of(const Sighting& i, const Sighting& j) const {
+  // Rays that do not meet before both cameras are as far apart as can be.
+  Disagreement seen{.off_px = nowhere_px, .expected_px2 = 1, .share_i = 0.5, .share_j = 0.5};
+  const auto p = crossing(*i.camera, {i.px}, *j.camera, {j.px});
+  if (!p) return seen;
+  const auto beside_p = [&](const Sighting& s) -> std::optional<SeenBeside> {
+    const auto at = appearance_of(*s.camera, *p, target_.radius_m);
+    if (!at) return std::nullopt;
+    SeenBeside out;
+    out.camera = s.row.camera;
+    out.off_px = s.px - at->px;
+    out.covariance = s.covariance;
+    out.covariance.diagonal().array() += s.lasting_px * s.lasting_px;
+    out.jacobian = at->jacobian;
+    return out;
+  };
+  const double apart_s = std::hypot(capture::seconds(i.row.at - j.row.at),
+                                    std::hypot(belief_.row_sigma_s(i.row.camera, i.row.below_middle),
+                                               belief_.row_sigma_s(j.row.camera, j.row.below_middle)));
+  const double way_m = options_.start_speed_m_s * apart_s;
+  const auto of_i = beside_p(i), of_j = beside_p(j);
+  if (!of_i || !of_j || !disagreement(*of_i, *of_j, way_m * way_m, seen)) return std::nullopt;
+  return seen;
+}
+
+void RegionTracker::note_regions(const TargetView& view, std::span<const ColorRegion> regions) {
+  constexpr std::size_t most = 4;  // of a view, the largest
+  for (const ColorRegion& region : regions.first(std::min(most, regions.size()))) {
+    SeenRegion out;
+    out.camera = view.index;
+    out.at = view.frame->row_time(region.centre.y());
+    out.px = region.centre;
+    out.radius_px = std::sqrt(region.area / std::numbers::pi);
+    out.below_middle = view.below_middle(region.centre.y());
+    seen_regions_.push_back(out);
+  }
+}
+
+// One view after the other, each about once in half a second.
+void RegionTracker::measure_color(const std::vector<TargetView>& views, capture::Timestamp set_at) {
+  constexpr double every_s = 0.5;
+  constexpr int step_px = 8;
+  if (views.empty() || std::abs(capture::seconds(set_at - shared_at_)) < every_s / static_cast<double>(views.size()))
+    return;
+  shared_at_ = set_at;
+  const TargetView& view = views[shared_next_++ % views.size()];
+  hits_.clear();
+  view.matches->grid(step_px, hits_);
+  const double probed = std::max(1.0, std::floor((view.image->width + step_px / 2.0) / step_px) *
+                                          std::floor((view.image->height + step_px / 2.0) / step_px));
+  color_shares_[static_cast<std::size_t>(view.index)].of_picture =
+      std::min(1.0, static_cast<double>(hits_.size()) / probed);
 }
 
 // Every view with every other one, before one of them is left out; then each is doubted by what came of it.
-void RegionTracker::compare(const std::vector<TargetView>& views) {
+void RegionTracker::compare(const std::vector<TargetView>& views, capture::Timestamp set_at) {
   besides_.clear();
   doubt(sightings_);
   for (const Sighting& s : sightings_) {
     unseen_[static_cast<std::size_t>(s.row.camera)].sets = 0;
+    unseen_[static_cast<std::size_t>(s.row.camera)].is_suspicious = false;
     if (const auto seen = beside(s)) besides_.push_back(*seen);
   }
   for (const TargetView& view : views) {
-    const bool is_seen = std::ranges::any_of(sightings_, [&](const Sighting& s) { return s.row.camera == view.index; });
-    if (is_seen || sightings_.empty()) continue;
-    if (const auto far = far_off(view)) besides_.push_back(*far);
+    const auto seen = std::ranges::find(sightings_, view.index, [](const Sighting& s) { return s.row.camera; });
+    if (seen != sightings_.end()) {
+      SeenRegion region;
+      region.camera = view.index;
+      region.at = view.frame->row_time(seen->px.y());
+      region.px = seen->px;
+      region.radius_px = seen->radius_px;
+      region.below_middle = seen->row.below_middle;
+      region.is_target = true;
+      seen_regions_.push_back(region);
+    } else if (!sightings_.empty()) {
+      if (const auto far = far_off(view, set_at)) besides_.push_back(*far);
+    }
   }
-  const double velocity_variance = largest_variance(belief_.velocity_covariance());
-  doubts_.compare(besides_, std::sqrt(velocity_variance), options_.acceleration_m_s2);
+  compare_besides();
   doubt(sightings_);
   doubt(watched_);
   seen_ = sightings_;
   seen_.insert(seen_.end(), watched_.begin(), watched_.end());
+}
+
+void RegionTracker::compare_sighted() {
+  besides_.clear();
+  for (const Sighting& s : sightings_)
+    if (const auto seen = beside(s)) besides_.push_back(*seen);
+  compare_besides();
+  doubt(sightings_);
+}
+
+void RegionTracker::compare_besides() {
+  // A velocity that is not known any more, as the views contradict one another, is no excuse for them; one that is not
+  // known yet is.
+  const double excused = ++compared_sets_ > sets_until_known ? excused_share_of_speed : 1.0;
+  const double velocity_sigma =
+      std::min(largest_sigma(belief_.velocity_covariance()), excused * options_.start_speed_m_s);
+  doubts_.compare(besides_, velocity_sigma, options_.acceleration_m_s2);
 }
 
 // How far each of them may be off in every frame alike.
@@ -734,6 +868,12 @@ void RegionTracker::search(const capture::FrameSet& set, const std::vector<Targe
     regions_[i] = finders_[static_cast<std::size_t>(view.index)].search(*view.matches, step, extent, min_area,
                                                                         2 * size.smallest_px);
   }
+  for (std::size_t i = 0; i < views.size(); ++i) {
+    const bool is_noted =
+        std::ranges::any_of(seen_regions_, [&](const SeenRegion& region) { return region.camera == views[i].index; });
+    if (!is_noted) note_regions(views[i], regions_[i]);
+  }
+  if (sightings_.empty()) compare_searched(views, set.at);
   std::vector<PositionCandidate> now =
       cross_rays(views, std::span(regions_).first(views.size()), target_, options_, belief_, max_candidates);
   if (now.empty()) {  // nor does one in which too few of these views see it
@@ -745,25 +885,51 @@ void RegionTracker::search(const capture::FrameSet& set, const std::vector<Targe
   const PositionCandidate* earlier = nullptr;
   double best = -1e30;
   if (dt > 0 && dt < longest_confirmation_s) {
-    for (const PositionCandidate& c : now) {
+    for (PositionCandidate& c : now) {
       for (const PositionCandidate& e : candidates_) {
         const double spread = 3 * (largest_sigma(c.covariance) + largest_sigma(e.covariance));
         if ((c.position - e.position).norm() > options_.start_speed_m_s * dt + spread) continue;
+        c.sets = std::max(c.sets, e.sets + 1);
+        if (c.sets < contested_sets && is_contested(c, views)) continue;
         if (c.score + e.score > best) best = c.score + e.score, found = &c, earlier = &e;
       }
     }
   }
   if (found != nullptr) {
     start_at(*earlier, *found, set.at, dt);
-    const double sigma_m = std::max(judged_sigma(), doubted_sigma());
-    state_ = sigma_m <= options_.max_tracking_sigma_m ? TrackState::tracking : TrackState::coasting;
-    last_tracking_ = set.at;
-    candidates_.clear();
-    search_log_.clear();
-    return;
+    compared_sets_ = 0;
+    compare_sighted();  // now that it is known when they saw it
+    const double doubted_m = doubted_sigma();
+    if (doubted_m <= options_.max_coast_sigma_m) {
+      state_ = std::max(judged_sigma(), doubted_m) <= options_.max_tracking_sigma_m ? TrackState::tracking
+                                                                                    : TrackState::coasting;
+      last_tracking_ = set.at;
+      candidates_.clear();
+      search_log_.clear();
+      return;
+    }
+    sightings_.clear();  // views that contradict one another so much have found nothing
+    seen_.clear();
+    if (state_ == TrackState::coasting) forget();
   }
   candidates_ = std::move(now);
   candidates_at_ = set.at;
+}
+
+// Does a view that should show it show something of its size elsewhere?
+bool RegionTracker::is_contested(const PositionCandidate& candidate, const std::vector<TargetView>& views) const {
+  for (std::size_t i = 0; i < views.size(); ++i) {
+    const bool agrees =
+        std::ranges::any_of(candidate.sightings, [&](const Sighting& s) { return s.row.camera == views[i].index; });
+    const auto at = appearance_of(*views[i].camera, candidate.position, target_.radius_m);
+    if (agrees || !at || !views[i].camera->contains({at->px})) continue;
+    const double disc = std::numbers::pi * at->radius_px * at->radius_px;
+    if (std::ranges::any_of(regions_[i], [&](const ColorRegion& region) {
+          return region.area > least_far_share * disc && region.area < largest_far_share * disc;
+        }))
+      return true;
+  }
+  return false;
 }
 
 // The belief that the sightings of two sets give, from nothing but what is usual.

@@ -53,6 +53,8 @@ class RegionTracker {
   void trust(std::span<const CameraTrust> cameras);
   TargetViews& views() { return views_; }
   const PositionParticles& particles() const { return particles_; }
+  std::span<const SeenRegion> regions() const { return seen_regions_; }
+  const std::vector<ColorShare>& color_shares() const { return color_shares_; }
   SearchFindings search_findings() const { return search_log_.findings(); }
 
  private:
@@ -71,8 +73,17 @@ class RegionTracker {
   bool is_repeated(const TargetView& view, std::span<const ColorRegion> regions, const Appearance& at);
   void sight(const std::vector<TargetView>& views, std::vector<Sighting>& out);
   std::optional<SeenBeside> beside(const Sighting& sighting) const;
-  std::optional<SeenBeside> far_off(const TargetView& view);
-  void compare(const std::vector<TargetView>& views);
+  const ColorRegion* only_moving(int camera, std::span<const ColorRegion> regions, double disc_px2, double still_px,
+                                 capture::Timestamp at);
+  std::optional<SeenBeside> far_off(const TargetView& view, capture::Timestamp set_at);
+  std::optional<Disagreement> disagreement_of(const Sighting& i, const Sighting& j) const;
+  void compare_searched(const std::vector<TargetView>& views, capture::Timestamp set_at);
+  bool is_contested(const PositionCandidate& candidate, const std::vector<TargetView>& views) const;
+  void note_regions(const TargetView& view, std::span<const ColorRegion> regions);
+  void measure_color(const std::vector<TargetView>& views, capture::Timestamp set_at);
+  void compare(const std::vector<TargetView>& views, capture::Timestamp set_at);
+  void compare_sighted();
+  void compare_besides();
   void doubt(std::vector<Sighting>& sightings) const;
   double doubted_sigma() const;
   bool add_support(const TargetView& view, ObjectEstimate& estimate) const;
@@ -120,14 +131,22 @@ class RegionTracker {
   std::vector<Sighting> watched_;    // of the latter
   std::vector<SeenBeside> besides_;  // of seen_ and what is far off, while views are compared
   ViewDoubts doubts_;
+  unsigned compared_sets_ = 0;                                // since the object was found
   std::vector<Eigen::Matrix<double, 6, 6>> pose_covariance_;  // per camera, CameraTrust
   bool has_pose_covariance_ = false;
+  // A view that should show the object and does not, or that is searched.
   struct Unseen {
-    unsigned sets = 0;                    // one after the other, in which a view should have shown the object
-    std::vector<ColorRegion> found = {};  // in the whole image, when it was last looked at
-    Eigen::Vector2d expected = Eigen::Vector2d::Zero();  // then, raw pixels
+    unsigned sets = 0;                                // one after the other
+    std::vector<ColorRegion> older = {}, newer = {};  // in the whole image, when it was looked at before
+    capture::Timestamp older_at{}, newer_at{};
+    bool is_suspicious = false;  // something moved in it when it was last looked at
   };
-  std::vector<Unseen> unseen_;  // per camera
+  std::vector<Unseen> unseen_;            // per camera
+  std::vector<SeenRegion> seen_regions_;  // of this set
+  std::vector<ColorShare> color_shares_;  // per camera
+  std::size_t shared_next_ = 0;           // the camera whose share is measured next
+  capture::Timestamp shared_at_ = capture::Timestamp::min();
+  std::vector<PixelAt> hits_;
   RigError rig_error_;
   struct LinearView {
     const Sighting* sighting;

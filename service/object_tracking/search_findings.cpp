@@ -63,6 +63,12 @@ SearchFindings SearchLog::findings() const {
 }
 
 std::string SearchFindings::advice(const TargetOptions& target, const std::vector<std::string>& cameras) const {
+  if (is_found_at_twice_the_hue)
+    return fmt::format(
+        "something of twice its hue moves as it would: are hue_deg [{:.0f}, {:.0f}] OpenCV's units (0 to 180)? Here "
+        "they "
+        "are degrees (0 to 360): write [{:.0f}, {:.0f}]",
+        target.color.hue_min_deg, target.color.hue_max_deg, 2 * target.color.hue_min_deg, 2 * target.color.hue_max_deg);
   if (sets == 0) return {};
   std::vector<std::string> seeing, blind;
   for (std::size_t c = 0; c < sets_with_color.size() && c < cameras.size(); ++c)

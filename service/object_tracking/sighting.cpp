@@ -193,6 +193,7 @@ Sighting sighting_of(const TargetView& view, const ColorRegion& region, double r
   s.camera = view.camera;
   s.projector = view.projector;
   s.px = region.centre;
+  s.radius_px = std::sqrt(region.area / std::numbers::pi);
   const double error2 = pixel_noise_px * pixel_noise_px + 0.0016 * radius_px * radius_px;
   s.lasting_px = std::sqrt(lasting_share * error2);
   // A row that is dv below the centre's shows the ball where it is dv row_s later: the outline is the disc's image

@@ -37,6 +37,7 @@ struct Sighting {
   Eigen::Matrix2d covariance;  // px^2, of what is new in every frame
   double lasting_px = 0;       // standard deviation of what lasts while the object rests
   double support = 0;          // 0..1, share of the expected disc that has the target's colour
+  double radius_px = 0;        // of the disc of the region's area
   // px^2, of what lasts besides: by the pose that the camera is held to have, and by how far views contradict it.
   Eigen::Matrix2d of_pose = Eigen::Matrix2d::Zero();
   double doubt_px2 = 0;
@@ -88,6 +89,7 @@ struct PositionCandidate {
   Eigen::Matrix3d covariance;
   std::vector<Sighting> sightings;  // two or more
   double score = 0;                 // sum of supports, less 0.25 for each view that should see it and does not
+  int sets = 1;                     // one after the other, in which such a candidate was found
 };
 
 // Rays crossed between views: each pair of regions in two views whose rays meet inside the volume, at a distance at

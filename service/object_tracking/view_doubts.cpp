@@ -13,11 +13,17 @@ namespace {
 // Of the ring, this quantile is compared with that of chi-square with one degree of freedom. A contradiction that
 // begins is noticed when it has a quarter of the ring, some 0.3 s later; what is wrong more rarely moves nothing.
 constexpr double quantile = 0.75, chi_square_there = 1.3233;
-constexpr std::size_t least_count = 6;  // comparisons, before a pair says anything
+constexpr std::size_t enough = 8;  // comparisons, for a quantile
 // What a good calibration's own error, light from one side and a colour's seams make of it on good recordings
 // (README.md): a pair below this agrees.
 constexpr double usual_scale2 = 4;
+constexpr double usual_of_two = 12;      // (3.5 standard deviations)^2, twice
 constexpr double forgetting = 1.0 / 16;  // of the means, per comparison
+// A disagreement that has lasted for a second is believed to be there for some 20 s more, fading: where the object is
+// now, the cameras' error may lie along the epipolar lines.
+constexpr double believed_per_comparison = 1.0 / 30, kept_of_excess = 1 - 1.0 / 600;
+constexpr double negligible_of_expected = 0.25;
+constexpr double most_raised = 3;
 
 }  // namespace
 
@@ -27,7 +33,7 @@ bool disagreement(const SeenBeside& i, const SeenBeside& j, double way_variance_
     return jacobian.row(0).cross(jacobian.row(1)).normalized();
   };
   const Eigen::Vector3d across = ray_of(i.jacobian).cross(ray_of(j.jacobian));
-  constexpr double least_sine = 0.03;
+  constexpr double least_sine = 0.1;  // cameras that face each other see hardly anything across both rays
   if (!(across.squaredNorm() > least_sine * least_sine)) return false;
   Eigen::Vector2d u = (i.jacobian * i.jacobian.transpose()).inverse() * (i.jacobian * across);
   Eigen::Vector2d w = -((j.jacobian * j.jacobian.transpose()).inverse() * (j.jacobian * across));
@@ -53,7 +59,6 @@ const ViewDoubts::Pair& ViewDoubts::pair(std::size_t i, std::size_t j) const {
 }
 
 void ViewDoubts::compare(std::span<const SeenBeside> views, double velocity_sigma_m_s, double acceleration_m_s2) {
-  bool is_new = false;
   for (std::size_t a = 0; a < views.size(); ++a) {
     for (std::size_t b = a + 1; b < views.size(); ++b) {
       const SeenBeside& i = views[a].camera < views[b].camera ? views[a] : views[b];
@@ -61,54 +66,96 @@ void ViewDoubts::compare(std::span<const SeenBeside> views, double velocity_sigm
       const double apart_s = i.at_s - j.at_s;
       const double way_m = std::hypot(apart_s * velocity_sigma_m_s, 0.5 * apart_s * apart_s * acceleration_m_s2);
       Disagreement seen;
-      if (!disagreement(i, j, way_m * way_m, seen)) continue;
-      Pair& p = pair(std::size_t(i.camera), std::size_t(j.camera));
-      p.squares[p.count % kept] = float(seen.off_px * seen.off_px / seen.expected_px2);
-      const double share = p.count == 0 ? 1 : std::max(forgetting, 1 / double(p.count + 1));
-      ++p.count;
-      p.expected_px2 += share * (seen.expected_px2 - p.expected_px2);
-      p.share_i += share * (seen.share_i - p.share_i);
-      p.share_j += share * (seen.share_j - p.share_j);
-      const std::size_t n = std::min(p.count, kept);
-      if (n < least_count) continue;
-      std::array<float, kept> sorted;
-      std::copy_n(p.squares, n, sorted.begin());
-      const auto at = sorted.begin() + std::ptrdiff_t(quantile * double(n));
-      std::nth_element(sorted.begin(), at, sorted.begin() + std::ptrdiff_t(n));
-      p.scale2 = double(*at) / chi_square_there;
-      is_new = true;
+      if (disagreement(i, j, way_m * way_m, seen)) note(pair(std::size_t(i.camera), std::size_t(j.camera)), seen);
     }
   }
-  if (is_new) share_out();
+  share_out();
 }
 
-// Maximum likelihood of the S where each pair's scale^2 is what a Gaussian of that variance has shown, by
-// multiplicative steps (Fevotte, Bertin, Durrieu 2009, algorithm 1, with what is expected held): they keep S >= 0,
-// treat cameras alike that the pairs treat alike, and believe a pair that agrees more than one that does not.
+void ViewDoubts::add(std::size_t i, std::size_t j, const Disagreement& seen) {
+  note(pair(i, j), seen);
+  share_out();
+}
+
+void ViewDoubts::note(Pair& p, const Disagreement& seen) {
+  p.squares[p.count % kept] = float(seen.off_px * seen.off_px / seen.expected_px2);
+  const double share = p.count == 0 ? 1 : std::max(forgetting, 1 / double(p.count + 1));
+  ++p.count;
+  p.expected_px2 += share * (seen.expected_px2 - p.expected_px2);
+  p.share_i += share * (seen.share_i - p.share_i);
+  p.share_j += share * (seen.share_j - p.share_j);
+  p.scale2 = scale2_of(p);
+  double excess_px2 = p.scale2 > usual_scale2 ? (p.scale2 - 1) * p.expected_px2 : 0;
+  // Before it is usual: what two comparisons say, one after the other, is no frame that was shown once more.
+  if (p.count > 1) {
+    const double of_both = double(std::min(p.squares[(p.count - 1) % kept], p.squares[(p.count - 2) % kept]));
+    if (of_both > usual_of_two) excess_px2 = std::max(excess_px2, of_both * p.expected_px2);
+  }
+  const double rise =
+      p.count >= enough && excess_px2 > p.lasting_px2 ? believed_per_comparison * (excess_px2 - p.lasting_px2) : 0;
+  p.lasting_px2 = kept_of_excess * p.lasting_px2 + rise;
+  p.excess_px2 = std::max(excess_px2, p.lasting_px2);
+  if (p.excess_px2 < negligible_of_expected * p.expected_px2) p.excess_px2 = 0;
+}
+
+// Of so few that a quantile says nothing: their mean, with two more that are as expected.
+double ViewDoubts::scale2_of(const Pair& p) {
+  const std::size_t n = std::min(p.count, kept);
+  if (n < enough) {
+    double sum = 2;
+    for (std::size_t k = 0; k < n; ++k) sum += double(p.squares[k]);
+    return sum / double(n + 2);
+  }
+  std::array<float, kept> sorted;
+  std::copy_n(p.squares, n, sorted.begin());
+  const auto at = sorted.begin() + std::ptrdiff_t(quantile * double(n));
+  std::nth_element(sorted.begin(), at, sorted.begin() + std::ptrdiff_t(n));
+  return double(*at) / chi_square_there;
+}
+
+// Least squares with S >= 0, by multiplicative steps (Lee and Seung 2001) from equal shares: cameras that the pairs
+// treat alike stay alike. Least squares, and not the likelihood of the pairs' scales: a pair that agrees says nothing
+// of an error along its epipolar lines, and must not lay all of another pair's on the third camera. Then all S are
+// raised until each pair's disagreement is covered.
 void ViewDoubts::share_out() {
-  std::ranges::fill(variance_px2_, 0.0);
   double largest_px2 = 0;
-  for (const Pair& p : pairs_)
-    if (p.scale2 > usual_scale2) largest_px2 = std::max(largest_px2, (p.scale2 - 1) * p.expected_px2);
+  for (const Pair& p : pairs_) largest_px2 = std::max(largest_px2, p.excess_px2);
   any_ = largest_px2 > 0;
-  if (!any_) return;
   std::ranges::fill(variance_px2_, largest_px2);
-  constexpr int steps = 60;
+  if (!any_) return;
+  constexpr int steps = 40;
   for (int step = 0; step < steps; ++step) {
     std::ranges::fill(up_, 0.0);
     std::ranges::fill(down_, 0.0);
-    for (std::size_t j = 1; j < cameras_; ++j) {
-      for (std::size_t i = 0; i < j; ++i) {
-        const Pair& p = pair(i, j);
-        if (p.scale2 == 0) continue;
-        const double seen_px2 = (p.scale2 > usual_scale2 ? p.scale2 : 1) * p.expected_px2;
-        const double model_px2 = p.expected_px2 + p.share_i * variance_px2_[i] + p.share_j * variance_px2_[j];
-        up_[i] += p.share_i * seen_px2 / (model_px2 * model_px2), down_[i] += p.share_i / model_px2;
-        up_[j] += p.share_j * seen_px2 / (model_px2 * model_px2), down_[j] += p.share_j / model_px2;
-      }
-    }
+    for_each_pair([&](const Pair& p, std::size_t i, std::size_t j) {
+      const double modelled_px2 = p.share_i * variance_px2_[i] + p.share_j * variance_px2_[j];
+      up_[i] += p.share_i * p.excess_px2, down_[i] += p.share_i * modelled_px2;
+      up_[j] += p.share_j * p.excess_px2, down_[j] += p.share_j * modelled_px2;
+    });
     for (std::size_t c = 0; c < cameras_; ++c)
       variance_px2_[c] = down_[c] > 0 ? variance_px2_[c] * up_[c] / down_[c] : 0;
+  }
+  double raise = 1;
+  for_each_pair([&](const Pair& p, std::size_t i, std::size_t j) {
+    const double modelled_px2 = p.share_i * variance_px2_[i] + p.share_j * variance_px2_[j];
+    if (p.excess_px2 > raise * modelled_px2 && modelled_px2 > 0) raise = p.excess_px2 / modelled_px2;
+  });
+  for (double& variance : variance_px2_) variance *= std::min(raise, most_raised);
+  // And whoever agrees with nobody is doubted by as much as with whom it agrees best, whatever explains it otherwise.
+  std::ranges::fill(up_, largest_px2);
+  std::ranges::fill(down_, 0.0);
+  for_each_pair([&](const Pair& p, std::size_t i, std::size_t j) {
+    for (const std::size_t c : {i, j}) up_[c] = std::min(up_[c], p.excess_px2), down_[c] = 1;
+  });
+  for (std::size_t c = 0; c < cameras_; ++c)
+    if (down_[c] > 0) variance_px2_[c] = std::max(variance_px2_[c], up_[c]);
+}
+
+template <typename F>
+void ViewDoubts::for_each_pair(F&& each) const {
+  for (std::size_t j = 1; j < cameras_; ++j) {
+    for (std::size_t i = 0; i < j; ++i)
+      if (pair(i, j).scale2 > 0) each(pair(i, j), i, j);
   }
 }
 

@@ -7,12 +7,14 @@
 // something else of the colour moves nothing) is shared out between the two:
 //   scale^2 of a pair = expected + a_i S_i + a_j S_j,   S >= 0: variance that a camera's error has in excess, px^2
 // over all pairs. One camera of three that is wrong has two pairs that disagree and leaves one that agrees, and gets
-// all of it; two cameras share alike, and so do three where it cannot be told.
+// nearly all of it; two cameras share alike, and so do three where it cannot be told. What has been seen fades slowly:
+// an error of a camera may show in one place, and in another lie along the epipolar lines.
 #pragma once
 
 #include <Eigen/Core>
 #include <cstddef>
 #include <span>
+#include <utility>
 #include <vector>
 
 namespace huetrack::object_tracking {
@@ -46,6 +48,8 @@ class ViewDoubts {
   // What the views of one set say, one entry per camera at most. velocity_sigma_m_s, acceleration_m_s2: how far the
   // object may leave the path between two moments.
   void compare(std::span<const SeenBeside> views, double velocity_sigma_m_s, double acceleration_m_s2);
+  // What was found out otherwise about two cameras.
+  void add(std::size_t i, std::size_t j, const Disagreement& seen);
   // The camera stands elsewhere: what was seen of it before says nothing any more.
   void forget(std::size_t camera);
 
@@ -62,9 +66,15 @@ class ViewDoubts {
     std::size_t count = 0;
     double expected_px2 = 0, share_i = 0, share_j = 0;  // means over the recent past
     double scale2 = 0;
+    double excess_px2 = 0;   // of off_px, beyond what was expected: now, or as far as it has lasted
+    double lasting_px2 = 0;  // the latter
   };
   const Pair& pair(std::size_t i, std::size_t j) const;
   Pair& pair(std::size_t i, std::size_t j) { return const_cast<Pair&>(std::as_const(*this).pair(i, j)); }
+  template <typename F>
+  void for_each_pair(F&& each) const;  // that has been seen together: (pair, i, j)
+  static void note(Pair& pair, const Disagreement& seen);
+  static double scale2_of(const Pair& pair);
   void share_out();
 
   std::size_t cameras_;

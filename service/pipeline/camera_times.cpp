@@ -36,8 +36,9 @@ std::string words(const std::string& camera, const CameraTimingEstimate& t, bool
 
 }  // namespace
 
-CameraTimes::CameraTimes(const config::ServiceConfig& config, std::filesystem::path rig_file, bool is_logging)
-    : rig_file_(std::move(rig_file)), is_logging_(is_logging), rig_(config.rig) {
+CameraTimes::CameraTimes(const config::ServiceConfig& config, std::filesystem::path rig_file, bool is_logging,
+                         const CalibrationReport* calibration)
+    : rig_file_(std::move(rig_file)), is_logging_(is_logging), calibration_(calibration), rig_(config.rig) {
   if (std::filesystem::exists(rig_file_))
     throw std::runtime_error(rig_file_.string() + " exists: --write-rig writes no file anew; name another one");
   on_config(config);
@@ -129,11 +130,12 @@ calib::CameraRig CameraTimes::rig() const {
 
 void CameraTimes::flush() {
   if (rig_file_.empty()) return;
-  const calib::CameraRig learnt = rig();
+  calib::CameraRig learnt = rig();
+  const int moved = calibration_ != nullptr ? calibration_->mend(learnt) : 0;
   const auto known = std::ranges::count_if(times_, is_known);
   calib::write_rig(learnt, rig_file_);
-  spdlog::info("{}: the rig, with the times of {} of {} cameras as learnt", rig_file_.string(), known,
-               rig_.cameras.size());
+  spdlog::info("{}: the rig, with the times of {} of {} cameras as learnt, and {} where they stand now", rig_file_.string(),
+               known, rig_.cameras.size(), moved);
 }
 
 }  // namespace huetrack::pipeline

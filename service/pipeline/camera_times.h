@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "pipeline/calibration_report.h"
 #include "pipeline/output.h"
 
 namespace huetrack::pipeline {
@@ -15,8 +16,10 @@ class CameraTimes final : public Output {
  public:
   // is_logging: what has become known, and what has changed since it was said, goes into the log. rig_file: written
   // when the road is empty, as the configuration's rig with the times of the cameras that became known; empty: no file.
+  // calibration: the rig is written with the cameras standing where it has found them; it outlives this. null: as they stood.
   // throws std::runtime_error when the file is there.
-  CameraTimes(const config::ServiceConfig& config, std::filesystem::path rig_file, bool is_logging);
+  CameraTimes(const config::ServiceConfig& config, std::filesystem::path rig_file, bool is_logging,
+              const CalibrationReport* calibration = nullptr);
 
   void on_set(const TrackedSet& set) override;
   void on_config(const config::ServiceConfig& config) noexcept override;
@@ -37,6 +40,7 @@ class CameraTimes final : public Output {
 
   const std::filesystem::path rig_file_;
   const bool is_logging_;
+  const CalibrationReport* const calibration_;
   calib::CameraRig rig_;
   Estimates times_;   // the tracking thread's, and guarded by mutex_ for who reads it on another
   Estimates logged_;  // likewise; with the sigma of what was not logged yet at infinity

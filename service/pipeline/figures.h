@@ -35,7 +35,7 @@ struct PipelineFigures {
   capture::FrameSynchronizerCounters frame_sets;
   std::uint64_t sets_tracked = 0;
   std::uint64_t sets_dropped = 0;  // by the queue, because tracking was too slow
-  StageTime decode, synchronise, track, publish, draw;
+  StageTime decode, synchronise, watch, track, publish, draw;  // watch: the calibration
   std::vector<object_tracking::SearchFindings> searches;  // per target, about once a second and at the end
   std::uint64_t camera_frames_tracked = 0;
   std::uint64_t camera_frames_dropped = 0;  // by the queue, because camera tracking was too slow

@@ -324,27 +324,50 @@ void Pipeline::track() {
 }
 
 void Pipeline::update(ReadySet ready, TrackingTeam& team, std::vector<object_tracking::ObjectEstimate>& estimates) {
-  take_replacements(ready.set.at);
+  const bool has_new_trackers = take_replacements(ready.set.at);
   // Object tracking is for still cameras: a camera that moves is absent from its sets.
   std::optional<capture::FrameSet> of_still_cameras;
   if (tracked_camera_ >= 0) {
     of_still_cameras = ready.set;  // images are shared
     of_still_cameras->frames.at(std::size_t(tracked_camera_)).reset();
   }
-  const StageTime tracked = team.update(of_still_cameras ? *of_still_cameras : ready.set, estimates);
-  const TrackedSet result{ready.set, estimates, ready.received_at, trackers_, reloaded_};
+  const capture::FrameSet& still = of_still_cameras ? *of_still_cameras : ready.set;
+  StageTime watched = watch(still, has_new_trackers);
+  const StageTime tracked = team.update(still, estimates);
+  if (calibration_) {
+    const Stopwatch learning;
+    calibration_->learn(estimates);
+    watched += learning.lap();
+  }
+  const TrackedSet result{
+      .frames = ready.set,
+      .estimates = estimates,
+      .received_at = ready.received_at,
+      .trackers = trackers_,
+      .calibration = calibration_ ? std::span<const CameraCalibration>(calibration_->cameras())
+                                  : std::span<const CameraCalibration>(),
+      .reloaded = reloaded_};
   const Stopwatch watch;
   for (Output* output : outputs_) output->on_set(result);
   const StageTime published = watch.lap();
   std::uint64_t index = 0;
   {
     const std::scoped_lock lock(figures_mutex_);
+    figures_.watch += watched;
     figures_.track += tracked;
     if (figures_.sets_tracked == 0) figures_.track_first = tracked;
     figures_.publish += published;
     index = figures_.sets_tracked++;
   }
   if (is_picture(index) && !trackers_.empty()) pictures_.push(result.picture(0));
+}
+
+StageTime Pipeline::watch(const capture::FrameSet& set, bool has_new_trackers) {
+  if (!calibration_) return {};
+  const Stopwatch watch;
+  if (calibration_->look(set) || has_new_trackers)
+    for (auto& tracker : trackers_) tracker.trust(calibration_->trust());
+  return watch.lap();
 }
 
 bool Pipeline::is_picture(std::uint64_t index) const {
@@ -368,13 +391,16 @@ void Pipeline::replace_trackers(Replacement replacement) {
   replacements_.push_back(std::move(replacement));
 }
 
-void Pipeline::take_replacements(capture::Timestamp at) {
+bool Pipeline::take_replacements(capture::Timestamp at) {
   reloaded_.clear();
+  bool is_any = false;
   const std::scoped_lock lock(replacements_mutex_);
   for (; !replacements_.empty() && replacements_.front().from.value_or(at) <= at; replacements_.pop_front()) {
     for (auto& [target, tracker] : replacements_.front().trackers) trackers_.at(target) = std::move(tracker);
     if (!replacements_.front().config.empty()) reloaded_.push_back(std::move(replacements_.front().config));
+    is_any = true;
   }
+  return is_any;
 }
 
 void Pipeline::track_camera(int camera, std::unique_ptr<camera_tracking::CameraTracker> tracker) {

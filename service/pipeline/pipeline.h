@@ -27,6 +27,7 @@
 #include "object_tracking/object_tracker.h"
 #include "pictures/picture_job.h"
 #include "pipeline/bounded_queue.h"
+#include "pipeline/calibration_watch.h"
 #include "pipeline/output.h"
 
 namespace huetrack::pipeline {
@@ -71,6 +72,11 @@ class Pipeline {
   // throws what an output or a source threw, or std::runtime_error when a camera's frames have not the rig's size.
   void run(std::stop_token stop);
 
+  // Before run(): the calibration is watched on the tracking thread, before each set's trackers, which hold of the cameras
+  // what it says.
+  void watch_calibration(CalibrationWatch watch) { calibration_.emplace(std::move(watch)); }
+  const CalibrationWatch* calibration() const { return calibration_ ? &*calibration_ : nullptr; }  // when run() is over
+
   // Call it before run(): frames of this camera of the rig go to the tracker, too, whatever frame sets they are in.
   void track_camera(int camera, std::unique_ptr<camera_tracking::CameraTracker> tracker);
   const camera_tracking::CameraTracker* camera_tracker() const { return camera_tracker_.get(); }  // when run() is over
@@ -109,7 +115,8 @@ class Pipeline {
   void tell_status();
   void note_searches();
   void note_end(std::size_t camera);  // figures_mutex_ is held
-  void take_replacements(capture::Timestamp at);
+  bool take_replacements(capture::Timestamp at);  // whether there were any
+  StageTime watch(const capture::FrameSet& set, bool has_new_trackers);
   void draw();
   void track_camera_frames();
   void draw_camera();
@@ -121,6 +128,7 @@ class Pipeline {
   std::vector<object_tracking::ObjectTracker> trackers_;  // the tracking thread's and its workers'
   const PipelineOptions options_;
   std::optional<Pace> pace_;
+  std::optional<CalibrationWatch> calibration_;  // the tracking thread's while it runs
   std::vector<Output*> outputs_;
   std::stop_source stop_;
   BoundedQueue<ReadySet> frame_sets_;

@@ -43,9 +43,10 @@ class RecordingKeeper final : public Output {
   // is recorded from then on, whatever is asked.
   void finish(capture::Duration patience);
 
-  std::vector<std::string> warnings() const;  // one sentence each
-  bool is_recording() const;                  // and the disk takes it
-  RecorderFigures figures() const;            // empty: nothing is ever recorded
+  std::vector<std::string> warnings() const;                       // one sentence each
+  const std::filesystem::path& folder() const { return folder_; }  // of the current or last recording; empty: none
+  bool is_recording() const;                                       // and the disk takes it
+  RecorderFigures figures() const;                                 // empty: nothing is ever recorded
 
  private:
   void make_recorder(const config::ServiceConfig& config, const RecordingKeeperOptions& options, bool has_pre_roll);

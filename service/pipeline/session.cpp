@@ -51,10 +51,20 @@ Session::Session(config::ServiceConfig config, SessionSources sources, SessionOp
       rig_(config_.rig),
       pipeline_(rig_, std::move(sources.sources), trackers(), pipeline_options(options, sources.is_ascending)) {
   repeat(options.repeats.reloads);
+  watch_calibration();
   if (!is_tracking_ || config_.camera_tracking.camera.empty()) return;
   const int camera = rig_.index_of(config_.camera_tracking.camera).value();
   pipeline_.track_camera(camera, camera_methods::make_camera_tracker(rig_.cameras[std::size_t(camera)],
                                                                      config::tracker_options(config_.camera_tracking)));
+}
+
+// Of the still cameras, which is what objects are tracked with.
+void Session::watch_calibration() {
+  if (!is_tracking_ || config_.targets.empty()) return;
+  std::vector<bool> still;
+  for (const auto& camera : rig_.cameras) still.push_back(camera.name != config_.camera_tracking.camera);
+  pipeline_.watch_calibration(
+      CalibrationWatch(rig_, config_.object_tracking.volume, config_.calibration, std::move(still)));
 }
 
 object_tracking::ObjectTracker Session::tracker_of(const config::ServiceConfig& config, std::size_t target) const {

@@ -83,6 +83,7 @@ class Session {
   const config::ServiceConfig& config() const { return config_; }  // in force, with the tolerance that was decided on
   const calib::CameraRig& rig() const { return rig_; }             // any thread
   PipelineFigures figures() const { return pipeline_.figures(); }  // any thread
+  const CalibrationWatch* calibration() const { return pipeline_.calibration(); }  // not while it runs
   const camera_tracking::CameraTracker* camera_tracker() const {
     return pipeline_.camera_tracker();
   }  // not while it runs
@@ -94,6 +95,7 @@ class Session {
   Pipeline::Replacement replacement(const std::vector<std::size_t>& targets, const config::ServiceConfig& after) const;
   // throws ConfigError: one has other targets
   void repeat(const std::vector<RecordedReload>& reloads);
+  void watch_calibration();
 
   const std::function<std::vector<SessionCamera>()> cameras_;
   const bool is_tracking_, tolerance_is_given_;

@@ -85,7 +85,9 @@ std::map<std::string, std::vector<object_tracking::ObjectEstimate>> read_track_c
     const auto state = track_state_of(table.text(14));
     if (!state) table.fail("state must be searching, tracking, coasting or lost, got " + table.quoted(14));
     e.state = *state;
-    e.views = static_cast<int>(table.number(15));
+    const double views = table.number(15);
+    if (!(views >= 0 && views <= 1000)) table.fail("views must be a number of cameras, got " + table.quoted(15));
+    e.views = static_cast<int>(views);
     e.confidence = table.number(16);
   }
   return tracks;

@@ -5,6 +5,8 @@
 #include <gtest/gtest.h>
 
 #include <fastdds/dds/publisher/DataWriterListener.hpp>
+#include <fastdds/dds/topic/TopicDataType.hpp>
+#include <functional>
 #include <memory>
 
 #include "end_to_end/http.h"
@@ -56,6 +58,32 @@ class Stranger {
   idl::DdsParticipant participant_;
 };
 
+// Any bytes, under the name of a type of ours: the first four say how the rest is encoded, and nobody knows that code.
+class Garbage : public dds::TopicDataType {
+ public:
+  explicit Garbage(const char* type) {
+    setName(type);
+    m_typeSize = 1000;
+    auto_fill_type_object(false);
+    auto_fill_type_information(false);
+  }
+  bool serialize(void*, eprosima::fastrtps::rtps::SerializedPayload_t* payload) override {
+    for (payload->length = 0; payload->length < 400; ++payload->length)
+      payload->data[payload->length] = static_cast<unsigned char>(++last_ * 151 + 96);
+    return true;
+  }
+  bool deserialize(eprosima::fastrtps::rtps::SerializedPayload_t*, void*) override { return false; }
+  std::function<std::uint32_t()> getSerializedSizeProvider(void*) override {
+    return [] { return 400U; };
+  }
+  void* createData() override { return &last_; }
+  void deleteData(void*) override {}
+  bool getKey(void*, eprosima::fastrtps::rtps::InstanceHandle_t*, bool) override { return false; }
+
+ private:
+  unsigned last_ = 0;
+};
+
 class Attack : public Test {
  protected:
   Attack() { soak::make_films(folder_, 2, 160, 120); }
@@ -78,7 +106,15 @@ TEST_F(Attack, TheServiceKeepsItsMemoryItsSetsAndItsAnswers) {
   Stranger stranger(domain_);
   auto& teach = stranger.writer<msg::TeachRequestPubSubType>(idl::teach_request_topic, idl::teach_writer_qos());
   auto& status = stranger.writer<msg::ServiceStatusPubSubType>(idl::status_topic, idl::status_writer_qos());
+  idl::DdsParticipant another({.name = "stranger", .domain = domain_, .interfaces = {"lo"}});
+  auto& garbage =
+      another.create_writer(idl::teach_request_topic, dds::TypeSupport(new Garbage("huetrack::msg::TeachRequest")),
+                            idl::teach_writer_qos(), "");
   std::this_thread::sleep_for(1s);  // they meet
+  for (int i = 0; i < 300; ++i) {
+    int anything = 0;
+    garbage.write(&anything);
+  }
   auto slowest = 0ms;
   std::vector<std::unique_ptr<Connection>> silent;
   for (int i = 0; i < 25; ++i) {

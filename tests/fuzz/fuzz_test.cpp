@@ -74,16 +74,11 @@ std::vector<std::string> samples() {
   request.ignored().resize(1);
   msg::CameraTimes times;
   times.cameras().resize(1);
-  return {serialized<msg::ObjectPositionPubSubType>(0, position),
-          serialized<msg::CameraPosePubSubType>(1, pose),
-          serialized<msg::ServiceStatusPubSubType>(2, status),
-          serialized<msg::ScenePubSubType>(3, scene),
-          serialized<msg::PreviewPubSubType>(4, preview),
-          serialized<msg::CameraMapPubSubType>(5, map),
-          serialized<msg::TeachReplyPubSubType>(6, reply),
-          serialized<msg::TeachRequestPubSubType>(7, request),
-          serialized<msg::CameraTimesPubSubType>(8, times),
-          "\x09host=lab;pid=12;targets=red,green;"};
+  return {serialized<msg::ObjectPositionPubSubType>(0, position), serialized<msg::CameraPosePubSubType>(1, pose),
+          serialized<msg::ServiceStatusPubSubType>(2, status),    serialized<msg::ScenePubSubType>(3, scene),
+          serialized<msg::PreviewPubSubType>(4, preview),         serialized<msg::CameraMapPubSubType>(5, map),
+          serialized<msg::TeachReplyPubSubType>(6, reply),        serialized<msg::TeachRequestPubSubType>(7, request),
+          serialized<msg::CameraTimesPubSubType>(8, times),       "\x09host=lab;pid=12;targets=red,green;"};
 }
 
 std::string picture(int width, int height) {

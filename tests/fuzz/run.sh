@@ -31,7 +31,7 @@ for name in "${names[@]}"; do
   more=()
   [ -d tests/fuzz/corpus/"$name" ] && more=(tests/fuzz/corpus/"$name")
   log=$out/logs/$name result=nothing\ found
-  nice $out/clang/fuzz_"$name" -max_total_time=$((60 * minutes)) -timeout=20 -rss_limit_mb=3000 -max_len=200000 \
+  nice $out/clang/fuzz_"$name" -max_total_time="$(awk "BEGIN { print int(60 * $minutes) }")" -timeout=20 -rss_limit_mb=3000 -max_len=200000 \
     -print_final_stats=1 -artifact_prefix=$out/findings/"$name"- \
     $out/corpus/"$name" $out/seeds/"$name" "${more[@]}" >"$log" 2>&1 || { result="FOUND, see $log"; status=1; }
   runs=$(sed -n 's/^stat::number_of_executed_units: *//p' "$log")

@@ -1,0 +1,91 @@
+// huetrack-calibrate accept: a rig that huetrackd mended takes the place of the one it was made of, which is kept.
+#include <fmt/chrono.h>
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <chrono>
+#include <cstdio>
+#include <filesystem>
+#include <memory>
+#include <numbers>
+
+#include "calib/gather/find_boards.h"
+#include "calib/model/rig_yaml.h"
+#include "calib/program/commands.h"
+
+namespace huetrack::program {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct AcceptOptions {
+  fs::path rig, from;  // from: empty: NAME.mended.yaml beside it
+};
+
+constexpr double told_rad = 1e-5, told_m = 1e-5;  // what differs by less is rounding
+
+fs::path beside(const fs::path& rig, const std::string& what) {
+  return rig.parent_path() / (rig.stem().string() + what + rig.extension().string());
+}
+
+fs::path backup_of(const fs::path& rig) {
+  const std::string name = fmt::format(".before-{:%Y%m%dT%H%M%SZ}", fmt::gmtime(std::chrono::system_clock::now()));
+  fs::path backup = beside(rig, name);
+  for (int i = 2; fs::exists(backup); ++i) backup = beside(rig, fmt::format("{}-{}", name, i));
+  return backup;
+}
+
+// What differs, one line per camera. throws InputError: it is not the same cameras and lenses.
+std::string differences(const calib::CameraRig& before, const calib::CameraRig& after, const fs::path& file) {
+  if (before.cameras.size() != after.cameras.size())
+    throw gather::InputError(file.string() + ": is of another rig: it has not the same cameras");
+  std::string text;
+  for (std::size_t c = 0; c < before.cameras.size(); ++c) {
+    const calib::Camera &a = before.cameras[c], &b = after.cameras[c];
+    if (a.name != b.name || a.image_size != b.image_size)
+      throw gather::InputError(file.string() + ": is of another rig: it has not the same cameras");
+    const calib::Rigid3d change = b.cam_from_world * calib::inverse(a.cam_from_world);
+    const double turned = calib::log({change.rotation, Eigen::Vector3d::Zero()}).norm();
+    const double moved = (b.centre() - a.centre()).norm();
+    if (turned > told_rad || moved > told_m)
+      text += fmt::format("{}: turned by {:.2f} degrees, moved by {:.1f} mm\n", a.name, turned * 180 / std::numbers::pi,
+                          1e3 * moved);
+    if (!(a.timing == b.timing)) text += fmt::format("{}: another timing\n", a.name);
+  }
+  return text;
+}
+
+ExitStatus accept(const AcceptOptions& o) {
+  const fs::path from = o.from.empty() ? beside(o.rig, ".mended") : o.from;
+  if (!fs::exists(from))
+    throw gather::InputError(from.string() +
+                             ": there is no such file: huetrackd run writes it with calibration: {watch: "
+                             "mend} when a camera was moved, and replay with --write-rig");
+  const calib::CameraRig before = calib::read_rig(o.rig), after = calib::read_rig(from);
+  const std::string differs = differences(before, after, from);
+  if (differs.empty()) {
+    std::printf("nothing differs: %s stays as it is\n", o.rig.c_str());
+    return ExitStatus::usable;
+  }
+  const fs::path backup = backup_of(o.rig);
+  fs::copy_file(o.rig, backup);
+  calib::write_rig(after, o.rig);
+  if (o.from.empty()) fs::remove(from);
+  std::fputs(differs.c_str(), stdout);
+  std::printf("%s (as it was: %s)\n", o.rig.c_str(), backup.c_str());
+  return ExitStatus::usable;
+}
+
+}  // namespace
+
+void add_accept_command(CLI::App& app, Command& chosen) {
+  const auto o = std::make_shared<AcceptOptions>();
+  CLI::App* command = app.add_subcommand(
+      "accept", "let the rig that huetrackd mended take the place of the old one, of which a copy is kept");
+  command->add_option("rig", o->rig, "the rig that is in use")->required()->check(CLI::ExistingFile);
+  command->add_option("--from", o->from,
+                      "the mended one; without it NAME.mended.yaml beside the rig, which is then removed");
+  command->callback([o, &chosen] { chosen = [o](const std::stop_token&) { return accept(*o); }; });
+}
+
+}  // namespace huetrack::program

@@ -1,0 +1,47 @@
+// The output that names the mistakes that tracks show: swapped videos, a late camera, a camera that was turned, another
+// room's rig, a wrong radius or colour. Each is logged once, and a warning as long as it lasts.
+#pragma once
+
+#include <map>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "pipeline/output.h"
+#include "view_watch/view_watch.h"
+
+namespace huetrack::pipeline {
+
+class MistakeReport final : public Output {
+ public:
+  explicit MistakeReport(const config::ServiceConfig& config);
+
+  void on_set(const TrackedSet& set) override;
+  void on_config(const config::ServiceConfig& config) noexcept override;
+
+  // In force now, one sentence each. thread-safe
+  std::vector<std::string> warnings() const;
+  // All that were named since the start, one sentence each, with the time since the first set. When the road is empty.
+  std::vector<std::string> summary() const;
+
+ private:
+  void make_watches();  // mutex_ is held
+
+  const calib::CameraRig rig_;
+  std::vector<std::string> cameras_;
+  std::vector<view_watch::ViewWatch> watches_;  // the tracking thread's; per target
+  std::optional<capture::Timestamp> first_at_;  // likewise
+  struct Named {
+    double at_s;
+    std::string sentence;  // the latest
+  };
+  std::map<std::string, Named> ever_;  // likewise; by target, kind and cameras
+  std::vector<std::string> order_;     // likewise; of ever_
+  mutable std::mutex mutex_;
+  std::vector<object_tracking::TargetOptions> targets_;  // guarded by mutex_
+  bool are_targets_new_ = true;                          // guarded by mutex_
+  std::vector<std::string> warnings_;                    // guarded by mutex_
+};
+
+}  // namespace huetrack::pipeline

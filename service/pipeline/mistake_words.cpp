@@ -1,0 +1,62 @@
+#include "pipeline/mistake_words.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <cmath>
+#include <numbers>
+
+namespace huetrack::pipeline {
+
+std::string mistake_text(const view_watch::Mistake& mistake, const object_tracking::TargetOptions& target,
+                         const std::vector<std::string>& cameras) {
+  using view_watch::MistakeKind;
+  std::vector<std::string> names;
+  for (const int c : mistake.cameras) names.push_back(cameras.at(std::size_t(c)));
+  const std::string who = fmt::format("{}", fmt::join(names, " and "));
+  // One of two cameras, and nobody can tell which.
+  const bool is_either = names.size() == 2;
+  const std::string disagrees = is_either
+                                    ? fmt::format("{} disagree by {:.0f} px", who, mistake.off_px)
+                                    : fmt::format("{} disagrees with the others by {:.0f} px", who, mistake.off_px);
+  const std::string it = is_either ? "one of them" : "it";
+  switch (mistake.kind) {
+    case MistakeKind::swapped:
+      return fmt::format(
+          "{} look swapped: as they are, the views are {:.0f} px apart, and with their frames exchanged they agree: "
+          "exchange their videos or devices, or calibrate anew",
+          who, mistake.off_px);
+    case MistakeKind::late:
+      return fmt::format(
+          "{} and by more the faster {} moves: {} is some {:.2f} s {}: correct its time stamps or its "
+          "timing.latency_ms",
+          disagrees, target.name, it, std::abs(mistake.size), mistake.size > 0 ? "late" : "early");
+    case MistakeKind::turned:
+      return fmt::format(
+          "{} wherever {} is: {} looks turned by {:.1f} degrees since it was calibrated: fix it, and calibrate anew",
+          disagrees, target.name, it, mistake.size * 180 / std::numbers::pi);
+    case MistakeKind::other_rig:
+      return fmt::format(
+          "no two cameras agree about where {} is, they are {:.0f} px apart: the rig looks like that of another room "
+          "or "
+          "of other cameras",
+          target.name, mistake.off_px);
+    case MistakeKind::radius:
+      return fmt::format("the views of {} agree that it has a radius of {:.3g} m, not of {:.3g}: correct radius_m",
+                         target.name, mistake.size, target.radius_m);
+    case MistakeKind::shared_color:
+      return fmt::format(
+          "the colour of {} covers {:.0f} % of {}'s picture, far more than it could itself: narrow its colour, or "
+          "ignore "
+          "what shares it",
+          target.name, 100 * mistake.size, who);
+    case MistakeKind::opencv_hue: {
+      object_tracking::SearchFindings findings;
+      findings.is_found_at_twice_the_hue = true;
+      return fmt::format("{}: {}", target.name, findings.advice(target, cameras));
+    }
+  }
+  return {};
+}
+
+}  // namespace huetrack::pipeline

@@ -1,0 +1,547 @@
+#include "room_watch/camera_watch.h"
+
+#include <algorithm>
+#include <cmath>
+#include <iterator>
+
+namespace huetrack::room_watch {
+namespace {
+
+using namespace std::chrono_literals;
+using capture::Duration;
+using capture::Timestamp;
+
+// Learning: the mean of so many frames, so far apart: noise and flicker are averaged, and it is over within a second.
+constexpr int lesson_frames = 8;
+constexpr Duration lesson_pause = 80ms;
+constexpr float least_texture = 1.5f;  // of the mean; with noise of 3 grey levels a patch is then found to 0.2 blocks
+constexpr int image_margin = 6;        // blocks
+
+constexpr int least_patches = 10;      // fewer do not outvote a person
+constexpr double least_share = 0.5;    // of the patches that could say something: more than that have to agree
+constexpr double object_margin = 1.3;  // of an object's radius, and a patch's diagonal
+
+// What makes a survey of all patches: of the last six, four that are gone or farther off than a block, or all of them
+// off by so much on the average, which noise does once in weeks.
+constexpr double far_blocks = 1.0, near_blocks = 0.4, mean_off_blocks = 0.15;
+constexpr int many_of_six = 4;
+constexpr Duration shortest_pause = 250ms, longest_pause = 2s;
+constexpr Duration longest_relocation_pause = 8s;  // it costs as much as a hundred patches
+constexpr Duration settling = 150ms;               // between two surveys that are to agree
+constexpr Duration longest_moving = 1500ms;
+constexpr Duration fit_pause = 1s, alert_fit_pause = 500ms;
+constexpr Duration alert_for = 5s, hurry_for = 200ms, hurry_pause = 2s;
+
+constexpr double sure_sigmas = 5;
+constexpr double alike_blocks = 0.12;  // in a picture: what two surveys of a still camera differ by at most
+constexpr double find_gate_blocks = 1.0, guess_gate_blocks = 2.0;
+// What is searched for when nothing is where it was: as far as a knock turns a camera that is then still worth mending.
+constexpr double search_reach_rad = 0.06;
+constexpr int least_search_reach = 8, most_search_reach = 40;  // blocks
+constexpr std::size_t searched_patches = 16;
+
+constexpr Duration knock_takes = 800ms;  // at most, with its shaking
+constexpr double shaking = 4;            // times what two looks of a still camera differ by
+constexpr double knock_share = 0.6;      // of a turn that happened within that
+// A small turn may be the beginning of sagging: it is looked at for so long whether it goes on, by more than this
+// share.
+constexpr double small_turns = 4;  // in least_turn_rad
+constexpr Duration small_turn_is_watched = 900ms;
+constexpr double goes_on_share = 0.25;
+constexpr Duration one_sagging = 6s;  // steps that follow each other so soon, and are small, are one sagging
+constexpr Duration history_kept = 30s;
+
+constexpr Duration until_nothing_is_told = 1s;
+constexpr float no_contrast = 0.3f;
+constexpr Duration changed_after = 10s, replaced_after = 40s;
+constexpr Duration kept_patience = 2s;  // a kept room that is not found so long after the start is another one
+
+double median_of(std::vector<double>& values) {
+  const auto middle = values.begin() + std::ptrdiff_t(values.size() / 2);
+  std::ranges::nth_element(values, middle);
+  return *middle;
+}
+
+}  // namespace
+
+std::string_view name(RoomState state) {
+  switch (state) {
+    case RoomState::learning:
+      return "learning";
+    case RoomState::plain:
+      return "plain";
+    case RoomState::still:
+      return "still";
+    case RoomState::moving:
+      return "moving";
+    case RoomState::knocked:
+      return "knocked";
+    case RoomState::sagging:
+      return "sagging";
+    case RoomState::zoomed:
+      return "zoomed";
+    case RoomState::blinded:
+      return "blinded";
+    case RoomState::hidden:
+      return "hidden";
+  }
+  return {};
+}
+
+CameraWatch::CameraWatch(const calib::Camera& camera, const CameraWatchOptions& options,
+                         std::span<const KeptPatch> known)
+    : camera_(camera), options_(options), scale_(scale_for(camera.image_size.width)) {
+  for (const KeptPatch& kept : known) {
+    const auto patch = make_patch(block_of(kept.px), kept.seen);
+    const auto ray = camera_.model.ray({kept.px});
+    if (patch && ray)
+      watched_.push_back({.patch = *patch, .cell = kept.cell, .ray = *ray, .seen_at = {}, .differs_since = {}});
+  }
+  is_kept_ = int(watched_.size()) >= least_patches;
+  if (!is_kept_) watched_.clear();
+}
+
+Eigen::Vector2d CameraWatch::block_of(const Eigen::Vector2d& px) const {
+  return (px.array() - double(scale_ - 1) / 2) / double(scale_);
+}
+
+Eigen::Vector2d CameraWatch::pixel_of(const Eigen::Vector2d& block) const {
+  return block.array() * double(scale_) + double(scale_ - 1) / 2;
+}
+
+double CameraWatch::alike_rad() const {
+  return alike_blocks * double(scale_) / camera_.model.fx();
+}
+
+std::vector<KeptPatch> CameraWatch::room() const {
+  std::vector<KeptPatch> kept;
+  for (const Watched& w : watched_) {
+    // Where it was before the camera was turned; what was learnt later is seen from there at a fraction of a block.
+    const auto px = camera_.model.project(w.ray);
+    if (px && !w.differs_since) kept.push_back({px->px, w.cell, w.patch.seen});
+  }
+  return kept;
+}
+
+void CameraWatch::set_state(RoomState state, Timestamp at) {
+  if (condition_.state == state) return;
+  condition_.state = state;
+  condition_.since = at;
+}
+
+void CameraWatch::look(const capture::Frame& frame, std::span<const Disc> objects) {
+  if (frame.status != capture::FrameStatus::ok || frame.pixels.width != camera_.image_size.width ||
+      frame.pixels.height != camera_.image_size.height)
+    return;
+  const Luma luma(frame.pixels, scale_);
+  const Timestamp at = frame.captured_at;
+  if (!has_begun_) {
+    has_begun_ = true;
+    condition_.since = at;
+    if (is_kept_) {
+      next_survey_ = at;
+      pending_since_ = at;
+      alert_until_ = at + alert_for;
+    } else {
+      choose(luma);
+    }
+  }
+  if (!lessons_.empty()) learn(luma, at, objects);
+  if (!watched_.empty()) watch(luma, at, objects);
+  last_at_ = at;
+}
+
+// ---- Learning
+
+void CameraWatch::choose(const Luma& luma) {
+  for (const ChosenPatch& chosen : choose_patches(luma, image_margin))
+    lessons_.push_back({.where = chosen, .sum = {}, .frames = 0, .is_spoilt = false});
+}
+
+namespace {
+
+bool is_before(const Eigen::Vector2d& px, double half_px, std::span<const Disc> objects) {
+  return std::ranges::any_of(
+      objects, [&](const Disc& disc) { return (disc.px - px).norm() < object_margin * disc.radius_px + half_px; });
+}
+
+}  // namespace
+
+void CameraWatch::learn(const Luma& luma, Timestamp at, std::span<const Disc> objects) {
+  if (last_lesson_at_ && at - *last_lesson_at_ < lesson_pause) return;
+  last_lesson_at_ = at;
+  const double half_px = double(seen_side * scale_) / std::sqrt(2.0);
+  bool is_over = false;
+  for (Lesson& lesson : lessons_) {
+    std::array<float, std::size_t(seen_side) * seen_side> now;
+    if (!luma.read(lesson.where.corner.x(), lesson.where.corner.y(), seen_side, seen_side, now.data())) {
+      lesson.is_spoilt = true;
+    } else {
+      for (std::size_t k = 0; k < now.size(); ++k) lesson.sum[k] += now[k];
+    }
+    const Eigen::Vector2d centre = lesson.where.corner.cast<double>().array() + double(seen_side - 1) / 2;
+    lesson.is_spoilt = lesson.is_spoilt || is_before(pixel_of(centre), half_px, objects);
+    is_over = ++lesson.frames >= lesson_frames || is_over;
+  }
+  if (is_over) end_lessons(at);
+}
+
+void CameraWatch::end_lessons(Timestamp at) {
+  for (const Lesson& lesson : lessons_) {
+    if (lesson.is_spoilt) continue;
+    SeenPatch seen;
+    for (std::size_t k = 0; k < seen.size(); ++k)
+      seen[k] = static_cast<std::uint8_t>(std::lround(lesson.sum[k] / float(lesson.frames)));
+    const Eigen::Vector2d centre = lesson.where.corner.cast<double>().array() + double(seen_side - 1) / 2;
+    const auto patch = make_patch(centre, seen);
+    const auto ray = camera_.model.ray({pixel_of(centre)});
+    if (!patch || !ray || patch->least_texture < least_texture) continue;
+    watched_.push_back({.patch = *patch,
+                        .cell = lesson.where.cell,
+                        .ray = turned_back(condition_.rotation, *ray),
+                        .seen_at = {},
+                        .differs_since = {}});
+  }
+  lessons_.clear();
+  condition_.patches = int(watched_.size());
+  if (int(watched_.size()) < least_patches) {
+    watched_.clear();
+    set_state(RoomState::plain, at);
+  } else if (condition_.state == RoomState::learning) {
+    set_state(RoomState::still, at);
+    next_survey_ = at + settling;
+    next_fit_ = at + fit_pause;
+  }
+}
+
+// ---- Watching
+
+void CameraWatch::watch(const Luma& luma, Timestamp at, std::span<const Disc> objects) {
+  condition_.patches = int(watched_.size());
+  if (is_kept_ && condition_.state == RoomState::learning) {
+    if (at >= next_survey_) survey(luma, at, objects);
+    return;
+  }
+  const double since_s = last_at_ ? std::clamp(capture::seconds(at - *last_at_), 0.0, 1.0) : 0;
+  due_ = std::min(
+      due_ + since_s * (at < alert_until_ || at < hurry_until_ ? options_.alert_rate_hz : options_.calm_rate_hz),
+      double(watched_.size()));
+  for (; due_ >= 1; due_ -= 1) {
+    Watched& watched = watched_[next_];
+    // Coprime steps: patches that follow one another are apart in the image, as one person is not everywhere.
+    next_ = (next_ + 7) % watched_.size();
+    if (watched_.size() % 7 == 0 && next_ < 7) next_ = (next_ + 1) % 7;
+    if (measure(watched, luma, at, condition_.rotation, objects)) note(watched, at);
+  }
+  const bool is_waiting = history_.empty() || pending_.has_value() || nothing_since_.has_value();
+  if (at >= next_survey_ && (is_waiting || is_suspicious())) {
+    survey(luma, at, objects);
+  } else if (at >= next_fit_) {
+    next_fit_ = at + (at < alert_until_ ? alert_fit_pause : fit_pause);
+    fit_recent(at);
+    replace_changed(luma, at);
+  }
+}
+
+// Where a patch is now, looked for where that rotation has it. False: it cannot say anything.
+bool CameraWatch::measure(Watched& watched, const Luma& luma, Timestamp at, const Eigen::Vector3d& rotation,
+                          std::span<const Disc> objects) {
+  const auto expected = camera_.model.project(turned(rotation, watched.ray));
+  const double half_px = double(patch_side * scale_) / std::sqrt(2.0);
+  watched.is_hidden = !expected || is_before(expected->px, half_px, objects);
+  if (watched.is_hidden) return false;
+  watched.expected_px = expected->px;
+  const Found found = find(watched.patch, luma, block_of(expected->px));
+  if (found.outcome == Found::Outcome::outside) {
+    watched.is_hidden = true;
+    return false;
+  }
+  watched.contrast = found.contrast / watched.patch.contrast();
+  if (found.outcome == Found::Outcome::differs) {
+    if (!watched.differs_since) watched.differs_since = at;
+    watched.seen_at.reset();
+    return true;
+  }
+  watched.seen_at = at;
+  watched.px = pixel_of(found.centre);
+  watched.sigma_px = std::max(0.02, double(found.sigma)) * double(scale_);
+  return true;
+}
+
+// Two in a row that are off: more of them are looked at at once, but not again and again for somebody who stands there.
+void CameraWatch::hurry(Timestamp at) {
+  if (++off_in_a_row_ < 2 || at < next_hurry_) return;
+  next_hurry_ = at + hurry_pause;
+  hurry_until_ = at + hurry_for;
+}
+
+void CameraWatch::note(const Watched& watched, Timestamp at) {
+  Verdict& verdict = verdicts_[verdict_count_++ % verdicts_.size()];
+  verdict = {};
+  if (!watched.seen_at) {
+    hurry(at);
+    return;
+  }
+  verdict = {true, watched.px - watched.expected_px};
+  const double off_blocks = verdict.innovation_px.norm() / scale_;
+  if (off_blocks < near_blocks) last_agreed_at_ = at;
+  if (off_blocks >= far_blocks) {
+    hurry(at);
+  } else {
+    off_in_a_row_ = 0;
+  }
+}
+
+bool CameraWatch::is_suspicious() const {
+  if (verdict_count_ < verdicts_.size()) return false;
+  int off = 0, found = 0;
+  Eigen::Vector2d sum = Eigen::Vector2d::Zero();
+  for (const Verdict& v : verdicts_) {
+    const bool is_near = v.is_found && v.innovation_px.norm() < far_blocks * scale_;
+    off += is_near ? 0 : 1;
+    if (!is_near) continue;
+    ++found;
+    sum += v.innovation_px;
+  }
+  if (off >= many_of_six) return true;
+  return found >= many_of_six && (sum / found).norm() > mean_off_blocks * scale_;
+}
+
+std::optional<RotationFit> CameraWatch::fit_all(const Luma& luma, Timestamp at, const Eigen::Vector3d& from,
+                                                std::span<const Disc> objects, int& could_say) {
+  could_say = 0;
+  std::vector<SeenRay> seen;
+  for (Watched& watched : watched_) {
+    if (!measure(watched, luma, at, from, objects)) continue;
+    ++could_say;
+    if (watched.seen_at) seen.push_back({watched.ray, watched.px, watched.sigma_px});
+  }
+  auto fit = fit_rotation(camera_.model, seen, from, 2 * find_gate_blocks * scale_);
+  if (!fit || fit->held < std::max(least_patches * 2 / 3, int(std::ceil(least_share * could_say)))) return std::nullopt;
+  return fit;
+}
+
+// All patches at once.
+void CameraWatch::survey(const Luma& luma, Timestamp at, std::span<const Disc> objects) {
+  verdict_count_ = 0;
+  int could_say = 0;
+  auto fit = fit_all(luma, at, condition_.rotation, objects, could_say);
+  if (!fit && at >= next_relocation_) {
+    relocation_pause_ = nothing_since_
+                            ? std::clamp<Duration>(2 * relocation_pause_, shortest_pause, longest_relocation_pause)
+                            : shortest_pause;
+    next_relocation_ = at + relocation_pause_;
+    if (const auto guess = relocate(luma, objects)) fit = fit_all(luma, at, *guess, objects, could_say);
+  }
+  const bool is_news = !fit || rotation_between(condition_.rotation, fit->rotation).norm() > alike_rad();
+  survey_pause_ =
+      is_news && fit ? shortest_pause : std::clamp<Duration>(2 * survey_pause_, shortest_pause, longest_pause);
+  next_survey_ = at + survey_pause_;
+  if (is_news) alert_until_ = at + alert_for;
+  // It still was as before when the last patch was found in its place.
+  if (is_news && fit && last_agreed_at_ && !history_.empty() && *last_agreed_at_ > history_.back().at &&
+      rotation_between(condition_.rotation, fit->rotation).norm() > small_turns * options_.least_turn_rad)
+    history_.push_back({*last_agreed_at_, condition_.rotation});
+  next_fit_ = at + fit_pause;
+  if (!fit) {
+    judge_nothing(at);
+    return;
+  }
+  nothing_since_.reset();
+  take(*fit, at, true);
+  if (pending_) next_survey_ = at + settling;
+}
+
+std::optional<Eigen::Vector3d> CameraWatch::relocate(const Luma& luma, std::span<const Disc> objects) const {
+  // The best of them that are apart: every so many-th cell's.
+  std::vector<const Watched*> order;
+  for (const Watched& w : watched_) order.push_back(&w);
+  std::ranges::stable_sort(order, std::ranges::greater{}, [](const Watched* w) { return w->patch.least_texture; });
+  const int reach =
+      std::clamp(int(std::ceil(search_reach_rad * camera_.model.fx() / scale_)), least_search_reach, most_search_reach);
+  std::vector<SeenRay> seen;
+  std::size_t searched = 0;
+  for (const Watched* w : order) {
+    const auto expected = camera_.model.project(turned(condition_.rotation, w->ray));
+    if (!expected || is_before(expected->px, double(patch_side * scale_), objects)) continue;
+    if (searched++ == searched_patches) break;
+    if (const auto place = search(w->patch, luma, block_of(expected->px), reach))
+      seen.push_back({w->ray, pixel_of(*place), 0.5 * scale_});
+  }
+  return guess_rotation(camera_.model, seen, guess_gate_blocks * scale_);
+}
+
+// Of what was found since every patch was looked for.
+void CameraWatch::fit_recent(Timestamp at) {
+  const double rate = at < alert_until_ ? options_.alert_rate_hz : options_.calm_rate_hz;
+  const Duration recent = capture::duration_of(1.2 * double(watched_.size()) / rate);
+  std::vector<SeenRay> seen;
+  int could_say = 0;
+  condition_.changed = 0;
+  for (const Watched& w : watched_) {
+    if (w.differs_since && at - *w.differs_since > changed_after) ++condition_.changed;
+    const bool is_seen = w.seen_at && at - *w.seen_at <= recent;
+    if (w.is_hidden || (!is_seen && !w.differs_since)) continue;
+    ++could_say;
+    if (is_seen) seen.push_back({w.ray, w.px, w.sigma_px});
+  }
+  const auto fit = fit_rotation(camera_.model, seen, condition_.rotation, find_gate_blocks * scale_);
+  if (!fit || fit->held < std::max(least_patches * 2 / 3, int(least_share * could_say))) return;
+  take(*fit, at, false);
+}
+
+void CameraWatch::take(const RotationFit& fit, Timestamp at, bool is_fresh) {
+  // What was found, but elsewhere than the rotation has it, is no part of the room any more.
+  for (Watched& w : watched_) {
+    if (!w.seen_at || w.is_hidden) continue;
+    const auto expected = camera_.model.project(turned(fit.rotation, w.ray));
+    const bool agrees = expected && (expected->px - w.px).norm() < find_gate_blocks * scale_;
+    if (agrees) w.differs_since.reset();
+    if (!agrees && !w.differs_since) w.differs_since = at;
+  }
+  const auto before = std::ranges::find_if(history_, [&](const Snapshot& s) { return at - s.at <= 3s; });
+  if (before != history_.end() && rotation_between(before->rotation, fit.rotation).norm() > alike_rad())
+    alert_until_ = std::max(alert_until_, at + alert_for);
+  condition_.rotation = fit.rotation;
+  condition_.covariance = fit.covariance;
+  condition_.shift_to_rotation = fit.shift_to_rotation;
+  condition_.zoom = fit.zoom;
+  condition_.zoom_sigma = fit.zoom_sigma;
+  condition_.held = fit.held;
+  history_.push_back({at, fit.rotation});
+  while (at - history_.front().at > history_kept) history_.pop_front();
+  judge_turn(fit, at, is_fresh);
+}
+
+void CameraWatch::judge_turn(const RotationFit& fit, Timestamp at, bool is_fresh) {
+  const auto sigma = [&] { return std::sqrt(fit.covariance.diagonal().maxCoeff()); };
+  const Eigen::Vector3d change = rotation_between(told_, fit.rotation);
+  const bool is_turned = change.norm() > std::max(options_.least_turn_rad, sure_sigmas * sigma());
+  const bool is_zoomed = std::abs(fit.zoom) > std::max(options_.least_zoom, sure_sigmas * fit.zoom_sigma);
+  if (is_zoomed && !zoomed_since_) zoomed_since_ = at;
+  if (!is_zoomed) zoomed_since_.reset();
+  const bool has_zoomed = zoomed_since_ && at - *zoomed_since_ >= settling;
+
+  if (!is_turned) {
+    pending_.reset();
+    const bool is_back = fit.rotation.norm() < 0.6 * options_.least_turn_rad;
+    if (has_zoomed) {
+      set_state(RoomState::zoomed, at);
+    } else if (is_back || condition_.state == RoomState::learning) {
+      if (is_back) told_.setZero(), condition_.turn.reset();
+      set_state(RoomState::still, at);
+    } else if (condition_.state != RoomState::knocked && condition_.state != RoomState::sagging) {
+      set_state(
+          condition_.turn ? (condition_.turn->is_slow ? RoomState::sagging : RoomState::knocked) : RoomState::still,
+          at);
+    }
+    return;
+  }
+  // A turn is told when two looks agree on it. A sagging camera goes on by little between them.
+  const double agreed = std::max(alike_rad(), sure_sigmas * sigma());
+  const double apart = pending_ ? rotation_between(pending_->rotation, fit.rotation).norm() : 0;
+  const bool is_settled = pending_ && apart<agreed, is_shaking = apart> shaking * agreed;
+  if (!pending_) pending_since_ = at, settled_.reset();
+  pending_ = Snapshot{at, fit.rotation};
+  if (!is_settled) {
+    if (is_shaking) set_state(RoomState::moving, at);
+    if (at - pending_since_ < longest_moving) return;
+  }
+  if (!is_fresh) return;
+  if (!settled_) settled_ = pending_;
+  const bool is_small = change.norm() < small_turns * options_.least_turn_rad;
+  if (is_small && at - settled_->at < small_turn_is_watched) return;
+  const double went_on = rotation_between(settled_->rotation, fit.rotation).norm();
+  const bool goes_on = is_small && went_on > std::max(goes_on_share * change.norm(), 2 * sigma());
+  pending_.reset();
+  if (has_zoomed) {
+    told_ = fit.rotation;
+    set_state(RoomState::zoomed, at);
+    return;
+  }
+  tell(turn_since(at, told_, fit.rotation), goes_on, is_small, at);
+}
+
+// A camera that goes on sagging is told once.
+void CameraWatch::tell(Turn turn, bool goes_on, bool is_small, Timestamp at) {
+  const bool was_small = condition_.turn && rotation_between(condition_.turn->before, condition_.turn->after).norm() <
+                                                small_turns * options_.least_turn_rad;
+  const bool was_slow = condition_.turn && condition_.turn->is_slow;
+  const bool is_soon = condition_.turn && at - condition_.turn->until < one_sagging;
+  turn.is_slow = turn.is_slow || goes_on || (is_small && (was_slow || (was_small && is_soon)));
+  if (turn.is_slow && (was_slow || (was_small && is_soon))) {
+    condition_.turn->is_slow = true;
+    condition_.turn->until = turn.until;
+    condition_.turn->after = turn.after;
+  } else {
+    condition_.turn = turn;
+    ++condition_.turns;
+  }
+  told_ = turn.after;
+  set_state(turn.is_slow ? RoomState::sagging : RoomState::knocked, at);
+}
+
+// Whether most of it happened at once, and when.
+Turn CameraWatch::turn_since(Timestamp at, const Eigen::Vector3d& before, const Eigen::Vector3d& after) const {
+  const double all = rotation_between(before, after).norm();
+  Turn turn{.is_slow = true, .from = at, .until = at, .before = before, .after = after};
+  if (history_.size() < 2) {  // nobody looked: of a kept room
+    turn.is_slow = false;
+    return turn;
+  }
+  double most = 0;
+  for (std::size_t i = 0; i < history_.size(); ++i) {
+    for (std::size_t j = i + 1; j < history_.size(); ++j) {
+      const double part = rotation_between(history_[i].rotation, history_[j].rotation).norm();
+      // From one look to the next no camera sags as far as that.
+      const bool is_jump = j == i + 1 && part > small_turns * options_.least_turn_rad;
+      if (history_[j].at - history_[i].at > knock_takes && !is_jump) break;
+      if (part <= 1.02 * most) continue;  // the shortest time in which it happened
+      most = part;
+      turn.from = history_[i].at, turn.until = history_[j].at;
+    }
+  }
+  turn.is_slow = most < knock_share * all;
+  if (!turn.is_slow) return turn;
+  turn.until = at;
+  for (const Snapshot& s : history_)
+    if (rotation_between(before, s.rotation).norm() < 0.2 * all) turn.from = s.at;
+  return turn;
+}
+
+void CameraWatch::judge_nothing(Timestamp at) {
+  if (is_kept_ && condition_.state == RoomState::learning) {
+    if (at - pending_since_ < kept_patience) return;
+    // Another light, another room: it is learnt as it is now.
+    is_kept_ = false;
+    has_forgotten_ = true;
+    has_begun_ = false;
+    watched_.clear();
+    last_lesson_at_.reset();
+    return;
+  }
+  if (!nothing_since_) nothing_since_ = at;
+  if (at - *nothing_since_ < until_nothing_is_told) return;
+  std::vector<double> contrasts;
+  for (const Watched& w : watched_)
+    if (!w.is_hidden) contrasts.push_back(double(w.contrast));
+  const bool is_blind = !contrasts.empty() && median_of(contrasts) < double(no_contrast);
+  set_state(is_blind ? RoomState::blinded : RoomState::hidden, at);
+}
+
+// What has long shown something else is learnt anew, as it is now.
+void CameraWatch::replace_changed(const Luma& luma, Timestamp at) {
+  if (!lessons_.empty() || at < alert_until_ || nothing_since_) return;
+  const auto is_old = [&](const Watched& w) { return w.differs_since && at - *w.differs_since > replaced_after; };
+  if (std::ranges::none_of(watched_, is_old)) return;
+  const auto chosen = choose_patches(luma, image_margin);
+  for (const Watched& w : watched_) {
+    if (!is_old(w)) continue;
+    const auto there = std::ranges::find(chosen, w.cell, &ChosenPatch::cell);
+    if (there != chosen.end()) lessons_.push_back({.where = *there, .sum = {}, .frames = 0, .is_spoilt = false});
+  }
+  std::erase_if(watched_, is_old);
+  next_ = 0;
+}
+
+}  // namespace huetrack::room_watch

@@ -1,0 +1,167 @@
+// Whether one camera still stands as it did: pieces of the still room around it are learnt at the beginning, and a few
+// of them are looked for in every frame, in turn. Those that are no longer where they were say how the camera was
+// turned; those that are gone, that something stands before it. Facts only; who tells people is above.
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <cstdint>
+#include <deque>
+#include <optional>
+#include <span>
+#include <string_view>
+#include <vector>
+
+#include "calib/model/camera_rig.h"
+#include "capture/frame.h"
+#include "room_watch/kept_patch.h"
+#include "room_watch/patch.h"
+#include "room_watch/patch_choice.h"
+#include "room_watch/rotation_fit.h"
+
+namespace huetrack::room_watch {
+
+enum class RoomState : std::uint8_t {
+  learning,  // the room is being looked at for the first time
+  plain,     // too little of it has texture: nothing can be said
+  still,     // it stands where it stood
+  moving,    // it is being turned just now
+  knocked,   // it was turned at once, and stands still since
+  sagging,   // it has turned slowly
+  zoomed,    // the picture grew or shrank: zoom or focus
+  blinded,   // there is no contrast any more: covered, dark, fogged
+  hidden,    // there is contrast, but nothing of the room: turned far away, or something large stands before it
+};
+std::string_view name(RoomState state);  // "learning", ...
+
+// Where something was seen that is no part of the room.
+struct Disc {
+  Eigen::Vector2d px = Eigen::Vector2d::Zero();
+  double radius_px = 0;
+};
+
+// That a camera was turned. Rotation vectors, radians, camera frame, now_from_learnt.
+struct Turn {
+  bool is_slow = false;  // sagging
+  capture::Timestamp from, until;
+  Eigen::Vector3d before = Eigen::Vector3d::Zero(), after = Eigen::Vector3d::Zero();
+};
+
+struct RoomCondition {
+  RoomState state = RoomState::learning;
+  capture::Timestamp since;  // of the state
+  // What it was turned by since the room was learnt, as seen last; radians, camera frame. A shift is a part of it, as
+  // far as it moves a room of that distance alike: RotationFit::shift_to_rotation.
+  Eigen::Vector3d rotation = Eigen::Vector3d::Zero();
+  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
+  Eigen::Matrix3d shift_to_rotation = Eigen::Matrix3d::Zero();
+  double zoom = 0, zoom_sigma = 0;  // share by which the picture grew
+  std::optional<Turn> turn;         // the last one that is to be told
+  int turns = 0;                    // how many there were
+  int patches = 0, held = 0;        // that are known; that agree with the rotation
+  int changed = 0;                  // that have long shown something else, while the others held
+};
+
+struct CameraWatchOptions {
+  // Patches that are looked for per second: while all is well, and while something may be going on. Each costs about a
+  // microsecond.
+  double calm_rate_hz = 6, alert_rate_hz = 40;
+  double least_turn_rad = 0.9e-3;  // what is told: 0.05 degrees, 3 mm at 3 m
+  double least_zoom = 0.006;       // a step of 15 mm towards a room at 2.5 m looks like it; a focus ring does more
+};
+
+// thread-compatible. Deterministic: the same frames, the same answers. Never throws after construction.
+class CameraWatch {
+ public:
+  // known: the room as it was kept; empty: it is learnt from the first frames.
+  explicit CameraWatch(const calib::Camera& camera, const CameraWatchOptions& options = {},
+                       std::span<const KeptPatch> known = {});
+
+  // The camera's frames in time order; those of another size are ignored. objects: what is before the room and moves.
+  void look(const capture::Frame& frame, std::span<const Disc> objects);
+
+  const RoomCondition& condition() const { return condition_; }
+  // What is known of the room, where the camera stood when it was learnt; empty while it is being learnt.
+  std::vector<KeptPatch> room() const;
+  // The kept room was not found at the start, and was learnt anew.
+  bool has_forgotten() const { return has_forgotten_; }
+
+ private:
+  // A patch that is being learnt: the mean of several frames.
+  struct Lesson {
+    ChosenPatch where;
+    std::array<float, std::size_t(seen_side) * seen_side> sum{};
+    int frames = 0;
+    bool is_spoilt = false;  // an object was before it
+  };
+  struct Watched {
+    Patch patch;
+    int cell = 0;
+    Eigen::Vector3d ray = Eigen::Vector3d::UnitZ();  // of the camera as it was when the room was learnt
+    std::optional<capture::Timestamp> seen_at;       // when it was found last
+    Eigen::Vector2d px = Eigen::Vector2d::Zero();    // where; raw pixel
+    double sigma_px = 0;
+    Eigen::Vector2d expected_px = Eigen::Vector2d::Zero();  // where it was looked for last
+    std::optional<capture::Timestamp> differs_since;        // it shows something else than it should
+    float contrast = 0;                                     // when it was looked at last, as a share of its own
+    bool is_hidden = false;                                 // by an object, or outside the image: it says nothing
+  };
+  struct Verdict {
+    bool is_found = false;
+    Eigen::Vector2d innovation_px = Eigen::Vector2d::Zero();
+  };
+  struct Snapshot {
+    capture::Timestamp at;
+    Eigen::Vector3d rotation;
+  };
+
+  void choose(const Luma& luma);
+  void learn(const Luma& luma, capture::Timestamp at, std::span<const Disc> objects);
+  void end_lessons(capture::Timestamp at);
+  void watch(const Luma& luma, capture::Timestamp at, std::span<const Disc> objects);
+  bool measure(Watched& watched, const Luma& luma, capture::Timestamp at, const Eigen::Vector3d& rotation,
+               std::span<const Disc> objects);
+  void note(const Watched& watched, capture::Timestamp at);
+  void hurry(capture::Timestamp at);
+  bool is_suspicious() const;
+  void survey(const Luma& luma, capture::Timestamp at, std::span<const Disc> objects);
+  std::optional<RotationFit> fit_all(const Luma& luma, capture::Timestamp at, const Eigen::Vector3d& from,
+                                     std::span<const Disc> objects, int& could_say);
+  std::optional<Eigen::Vector3d> relocate(const Luma& luma, std::span<const Disc> objects) const;
+  void fit_recent(capture::Timestamp at);
+  void take(const RotationFit& fit, capture::Timestamp at, bool is_fresh);
+  void judge_turn(const RotationFit& fit, capture::Timestamp at, bool is_fresh);
+  void tell(Turn turn, bool goes_on, bool is_small, capture::Timestamp at);
+  Turn turn_since(capture::Timestamp at, const Eigen::Vector3d& before, const Eigen::Vector3d& after) const;
+  void judge_nothing(capture::Timestamp at);
+  void replace_changed(const Luma& luma, capture::Timestamp at);
+  void set_state(RoomState state, capture::Timestamp at);
+  Eigen::Vector2d block_of(const Eigen::Vector2d& px) const;
+  Eigen::Vector2d pixel_of(const Eigen::Vector2d& block) const;
+  double alike_rad() const;  // rotations nearer to each other than this are one
+
+  const calib::Camera camera_;
+  const CameraWatchOptions options_;
+  const int scale_;
+  RoomCondition condition_;
+  std::vector<Lesson> lessons_;
+  std::vector<Watched> watched_;
+  std::optional<capture::Timestamp> last_at_, last_lesson_at_, last_agreed_at_;
+  bool has_begun_ = false, is_kept_ = false, has_forgotten_ = false;
+  std::size_t next_ = 0;  // of watched_
+  double due_ = 0;        // patches to look for
+  std::array<Verdict, 6> verdicts_{};
+  std::size_t verdict_count_ = 0;
+  int off_in_a_row_ = 0;
+  capture::Timestamp next_survey_{}, next_fit_{}, alert_until_{}, next_hurry_{}, hurry_until_{};
+  capture::Duration survey_pause_{0};
+  std::optional<capture::Timestamp> nothing_since_, zoomed_since_;
+  std::deque<Snapshot> history_;
+  Eigen::Vector3d told_ = Eigen::Vector3d::Zero();  // the rotation that was told last
+  std::optional<Snapshot> pending_;                 // a turn that the next look is to confirm
+  std::optional<Snapshot> settled_;                 // the same, since it no longer shakes
+  capture::Timestamp pending_since_{}, next_relocation_{};
+  capture::Duration relocation_pause_{0};
+};
+
+}  // namespace huetrack::room_watch

@@ -1,0 +1,105 @@
+#include "room_watch/moved_pose.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+
+#include "calib/model/cross_matrix.h"
+#include "room_watch/rotation_fit.h"
+
+namespace huetrack::room_watch {
+namespace {
+
+// An object's sightings have errors that last for as long as it takes to come elsewhere: so many seconds of them count
+// as one.
+constexpr double errors_last_s = 0.25;
+constexpr capture::Duration shortest_pause =
+    std::chrono::milliseconds(90);        // what is nearer tells little, and costs as much
+constexpr double forgotten_after_s = 20;  // a camera that was knocked may go on moving by a little
+constexpr double others_off_m = 0.002;    // positions that two cameras fix, all alike, by how these were calibrated
+constexpr double distance_share = 0.4;    // how well the room's distance is known, of itself
+constexpr double agreeing = 2.5;          // sigmas; what is farther off counts by its distance (Huber)
+constexpr double contradicting = 8;       // sigmas; not the same object
+
+Eigen::Matrix3d rotation_matrix(const Eigen::Vector3d& rotation) {
+  Eigen::Matrix3d out;
+  for (int i = 0; i < 3; ++i) out.col(i) = turned(rotation, Eigen::Vector3d::Unit(i));
+  return out;
+}
+
+}  // namespace
+
+MovedPose::MovedPose(const calib::Camera& camera, double room_distance_m, double shift_sigma_m)
+    : camera_(camera), room_distance_m_(room_distance_m), shift_sigma_m_(shift_sigma_m) {
+  solve();
+}
+
+void MovedPose::set_room(const RoomRotation& room) {
+  room_ = room;
+  solve();
+}
+
+void MovedPose::add(const Witness& witness) {
+  if (last_at_ && witness.at - *last_at_ < shortest_pause) return;
+  const Eigen::Vector3d turned_then =
+      turned(room_.rotation, camera_.cam_from_world * (witness.position + state_.tail<3>()));
+  const Eigen::Matrix3d b = rotation_matrix(state_.head<3>());
+  const Eigen::Vector3d q = b * turned_then;
+  calib::CameraModel::Jacobian jacobian;
+  const auto px = camera_.model.project(q + state_.segment<3>(3), jacobian);
+  if (!px) return;
+  const Eigen::Matrix<double, 2, 3> by_position =
+      jacobian * b * rotation_matrix(room_.rotation) * camera_.cam_from_world.rotation.toRotationMatrix();
+  Eigen::Matrix<double, 2, 9> by_state;
+  by_state << -jacobian * calib::cross_matrix(q), jacobian, by_position;
+  const Eigen::Matrix2d noise =
+      witness.covariance + by_position * witness.position_covariance * by_position.transpose();
+  const Eigen::Matrix2d expected = noise + by_state * covariance_ * by_state.transpose();
+  const Eigen::Vector2d difference = witness.px - px->px;
+  const double sigmas = std::sqrt(difference.dot(expected.inverse() * difference));
+  if (!(sigmas < contradicting)) return;
+  const double since_s = last_at_ ? capture::seconds(witness.at - *last_at_) : errors_last_s;
+  if (since_s < 0) return;
+  last_at_ = witness.at;
+  const double weight = std::min(1.0, since_s / errors_last_s) * std::min(1.0, agreeing / std::max(sigmas, 1e-9));
+  const double kept = std::exp(-since_s / forgotten_after_s);
+  const Eigen::Matrix<double, 9, 2> gain = weight * by_state.transpose() * noise.inverse();
+  information_ = kept * information_ + gain * by_state;
+  weighted_ = kept * weighted_ + gain * (difference + by_state * state_);
+  solve();
+}
+
+void MovedPose::solve() {
+  Matrix9 information = information_;
+  information.block<3, 3>(3, 3) += Eigen::Matrix3d::Identity() / (shift_sigma_m_ * shift_sigma_m_);
+  information.bottomRightCorner<3, 3>() += Eigen::Matrix3d::Identity() / (others_off_m * others_off_m);
+  // What the room leaves open of the rotation: its own noise, and how far away it is times what the shift may be.
+  const Eigen::Matrix3d by_shift = room_.shift_to_rotation / room_distance_m_;
+  const Eigen::Vector3d shift = state_.segment<3>(3);
+  const Eigen::Matrix3d shift_known = covariance_.block<3, 3>(3, 3);
+  const bool is_first = information_.isZero();
+  const Eigen::Matrix3d shift_square =
+      is_first ? Eigen::Matrix3d(shift_sigma_m_ * shift_sigma_m_ * Eigen::Matrix3d::Identity())
+               : Eigen::Matrix3d(shift_known + shift * shift.transpose());
+  const Eigen::Matrix3d open = room_.covariance + 1e-12 * Eigen::Matrix3d::Identity() +
+                               distance_share * distance_share * by_shift * shift_square * by_shift.transpose();
+  Eigen::Matrix<double, 3, 6> says;
+  says << Eigen::Matrix3d::Identity(), by_shift;
+  information.topLeftCorner<6, 6>() += says.transpose() * open.inverse() * says;
+  covariance_ = information.llt().solve(Matrix9::Identity());
+  covariance_ = (covariance_ + covariance_.transpose()).eval() / 2;
+  state_ = covariance_ * weighted_;
+  estimate_.covariance = covariance_.topLeftCorner<6, 6>();
+
+  const Eigen::Quaterniond now(rotation_matrix(state_.head<3>()) * rotation_matrix(room_.rotation));
+  const calib::Rigid3d now_from_then{now.normalized(), state_.segment<3>(3)};
+  estimate_.cam_from_world = now_from_then * camera_.cam_from_world;
+  estimate_.rotation = calib::log({now_from_then.rotation, Eigen::Vector3d::Zero()}).head<3>();
+  // The centre c goes to where p_now is 0: its shift in the new axes is -v.
+  estimate_.shift = -state_.segment<3>(3);
+  estimate_.rotation_sigma = std::sqrt(estimate_.covariance.topLeftCorner<3, 3>().diagonal().maxCoeff());
+  estimate_.shift_sigma = std::sqrt(estimate_.covariance.bottomRightCorner<3, 3>().diagonal().maxCoeff());
+}
+
+}  // namespace huetrack::room_watch

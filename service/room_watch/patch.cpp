@@ -1,0 +1,200 @@
+#include "room_watch/patch.h"
+
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+namespace huetrack::room_watch {
+namespace {
+
+constexpr int lanes = 8;  // sums that are added side by side, so that the order of additions is written down
+static_assert(patch_pixels % lanes == 0);
+
+constexpr int margin = 3;  // blocks around the patch in which it may be found without reading again
+constexpr int window_side = patch_side + 1 + 2 * margin;
+constexpr int most_steps = 8, most_readings = 3;
+constexpr float settled = 0.02f;            // blocks: a fifth of what noise does
+constexpr float least_correlation = 0.75f;  // of a patch that is there: noise as strong as 0.9 of its contrast
+constexpr float least_contrast = 0.25f;     // share of the patch's own: fog, a hand on the lens
+constexpr float farthest = 4.f;             // blocks from the start: else it is another one
+
+// In a search several places of one edge are alike; places this near to each other are one.
+constexpr int same_place = 2;  // steps
+constexpr float searched_correlation = 0.65f, less_alike = 0.08f;
+
+float sum_of(const std::array<float, lanes>& partial) {
+  float sum = 0;
+  for (const float p : partial) sum += p;
+  return sum;
+}
+
+struct Sums {
+  float value = 0, square = 0, with_patch = 0, with_x = 0, with_y = 0;
+};
+
+// Of the window that begins `from` blocks after the buffer's corner.
+Sums sums_at(const Patch& patch, const float* buffer, const Eigen::Vector2f& from) {
+  const int u = int(from.x()), v = int(from.y());
+  const float du = from.x() - float(u), dv = from.y() - float(v);
+  const float w00 = (1 - du) * (1 - dv), w10 = du * (1 - dv), w01 = (1 - du) * dv, w11 = du * dv;
+  alignas(64) std::array<float, patch_pixels> now;
+  for (int j = 0; j < patch_side; ++j) {
+    const float* const a = buffer + std::ptrdiff_t(v + j) * window_side + u;
+    const float* const b = a + window_side;
+    float* const out = now.data() + std::ptrdiff_t(j) * patch_side;
+    for (int i = 0; i < patch_side; ++i) out[i] = w00 * a[i] + w10 * a[i + 1] + w01 * b[i] + w11 * b[i + 1];
+  }
+  std::array<float, lanes> value{}, square{}, with_patch{}, with_x{}, with_y{};
+  for (int p = 0; p < patch_pixels; p += lanes) {
+    for (int l = 0; l < lanes; ++l) {
+      const auto k = std::size_t(p + l);
+      const auto s = std::size_t(l);
+      value[s] += now[k];
+      square[s] += now[k] * now[k];
+      with_patch[s] += now[k] * patch.values[k];
+      with_x[s] += now[k] * patch.gradient_x[k];
+      with_y[s] += now[k] * patch.gradient_y[k];
+    }
+  }
+  return {sum_of(value), sum_of(square), sum_of(with_patch), sum_of(with_x), sum_of(with_y)};
+}
+
+}  // namespace
+
+float Patch::contrast() const {
+  return std::sqrt(energy / float(patch_pixels));
+}
+
+std::optional<Patch> make_patch(const Eigen::Vector2d& centre, const SeenPatch& seen) {
+  Patch patch;
+  patch.centre = centre;
+  patch.seen = seen;
+  const auto at = [&](int i, int j) { return float(seen[std::size_t(j + 1) * seen_side + std::size_t(i + 1)]); };
+  double mean = 0, mean_x = 0, mean_y = 0;
+  for (int j = 0; j < patch_side; ++j) {
+    for (int i = 0; i < patch_side; ++i) {
+      const auto k = std::size_t(j) * patch_side + std::size_t(i);
+      patch.values[k] = at(i, j);
+      patch.gradient_x[k] = (at(i + 1, j) - at(i - 1, j)) / 2;
+      patch.gradient_y[k] = (at(i, j + 1) - at(i, j - 1)) / 2;
+      mean += double(patch.values[k]), mean_x += double(patch.gradient_x[k]), mean_y += double(patch.gradient_y[k]);
+    }
+  }
+  double energy = 0, x_along = 0, y_along = 0;
+  for (std::size_t k = 0; k < patch_pixels; ++k) {
+    patch.values[k] -= float(mean / patch_pixels);
+    patch.gradient_x[k] -= float(mean_x / patch_pixels);
+    patch.gradient_y[k] -= float(mean_y / patch_pixels);
+    const double value = double(patch.values[k]);
+    energy += value * value;
+    x_along += value * double(patch.gradient_x[k]), y_along += value * double(patch.gradient_y[k]);
+  }
+  if (energy <= 0) return std::nullopt;
+  patch.energy = float(energy);
+  double xx = 0, xy = 0, yy = 0;
+  for (std::size_t k = 0; k < patch_pixels; ++k) {
+    patch.gradient_x[k] -= float(x_along / energy) * patch.values[k];
+    patch.gradient_y[k] -= float(y_along / energy) * patch.values[k];
+    const double x = double(patch.gradient_x[k]), y = double(patch.gradient_y[k]);
+    xx += x * x, xy += x * y, yy += y * y;
+  }
+  const double least = (xx + yy) / 2 - std::hypot((xx - yy) / 2, xy);
+  patch.least_texture = float(least / patch_pixels);
+  if (least <= 1e-6 * (xx + yy) || xx + yy <= 0) return std::nullopt;
+  const double determinant = xx * yy - xy * xy;
+  patch.from_gradient << float(yy / determinant), float(-xy / determinant), float(-xy / determinant),
+      float(xx / determinant);
+  return patch;
+}
+
+Found find(const Patch& patch, const Luma& luma, const Eigen::Vector2d& start) {
+  constexpr float half = float(patch_side - 1) / 2;
+  std::array<float, std::size_t(window_side) * window_side> buffer;
+  Found found;
+  Eigen::Vector2d centre = start;
+  int readings = 0;
+  Eigen::Vector2i corner = Eigen::Vector2i::Zero();
+  bool is_read = false, is_settled = false;
+  Sums sums;
+  for (int step = 0; step < most_steps; ++step) {
+    Eigen::Vector2f from = (centre - corner.cast<double>()).cast<float>() - Eigen::Vector2f::Constant(half);
+    if (!is_read || from.minCoeff() < 0 || from.maxCoeff() >= float(2 * margin + 1)) {
+      if (readings++ == most_readings) return found;
+      corner = (centre.array() - double(half)).floor().cast<int>().matrix() - Eigen::Vector2i::Constant(margin);
+      if (!luma.read(corner.x(), corner.y(), window_side, window_side, buffer.data())) return found;
+      is_read = true;
+      from = (centre - corner.cast<double>()).cast<float>() - Eigen::Vector2f::Constant(half);
+    }
+    sums = sums_at(patch, buffer.data(), from);
+    if (sums.with_patch <= 0) break;  // it is dark where the patch is bright
+    const float gain = sums.with_patch / patch.energy;
+    const Eigen::Vector2f change = patch.from_gradient * Eigen::Vector2f(sums.with_x, sums.with_y) / gain;
+    const float length = change.norm();
+    centre -= (length > 2 ? Eigen::Vector2f(change * (2 / length)) : change).cast<double>();
+    if (!((centre - start).norm() <= double(farthest))) break;
+    is_settled = length < settled;
+    if (is_settled) break;
+  }
+  const float energy = std::max(sums.square - sums.value * sums.value / float(patch_pixels), 1e-3f);
+  found.contrast = std::sqrt(energy / float(patch_pixels));
+  found.correlation = sums.with_patch / std::sqrt(energy * patch.energy);
+  if (!is_settled || found.correlation < least_correlation || found.contrast < least_contrast * patch.contrast()) {
+    found.outcome = Found::Outcome::differs;
+    return found;
+  }
+  found.outcome = Found::Outcome::found;
+  found.centre = centre;
+  const float unexplained = std::max(0.f, 1 - found.correlation * found.correlation);  // share of the energy
+  const float noise = patch.energy * unexplained / float(patch_pixels);
+  found.sigma = std::sqrt(noise * patch.from_gradient.trace() / 2);
+  return found;
+}
+
+std::optional<Eigen::Vector2d> search(const Patch& patch, const Luma& luma, const Eigen::Vector2d& start, int reach) {
+  const Eigen::Vector2i corner = (start.array() - double(patch_side - 1) / 2).round().cast<int>().matrix();
+  const int left = std::max(0, corner.x() - reach), top = std::max(0, corner.y() - reach);
+  const int right = std::min(luma.columns() - patch_side, corner.x() + reach);
+  const int bottom = std::min(luma.rows() - patch_side, corner.y() + reach);
+  if (right < left || bottom < top) return std::nullopt;
+  const int columns = right - left + patch_side, rows = bottom - top + patch_side;
+  std::vector<float> area(std::size_t(columns) * std::size_t(rows));
+  if (!luma.read(left, top, columns, rows, area.data())) return std::nullopt;
+  // Every second place in both directions: find() does the rest.
+  constexpr int stride = 2;
+  const int places = (right - left) / stride + 1, lines = (bottom - top) / stride + 1;
+  std::vector<float> alike(std::size_t(places) * std::size_t(lines));
+  std::vector<float> with_patch(static_cast<std::size_t>(places)), value(with_patch), square(with_patch);
+  for (int v = 0; v < lines; ++v) {
+    std::ranges::fill(with_patch, 0.f), std::ranges::fill(value, 0.f), std::ranges::fill(square, 0.f);
+    for (int j = 0; j < patch_side; ++j) {
+      const float* const line = area.data() + std::ptrdiff_t(stride * v + j) * columns;
+      for (int i = 0; i < patch_side; ++i) {
+        const float p = patch.values[std::size_t(j) * patch_side + std::size_t(i)];
+        for (int u = 0; u < places; ++u) {
+          const float now = line[stride * u + i];
+          with_patch[std::size_t(u)] += now * p;
+          value[std::size_t(u)] += now;
+          square[std::size_t(u)] += now * now;
+        }
+      }
+    }
+    for (int u = 0; u < places; ++u) {
+      const auto k = std::size_t(u);
+      const float energy = square[k] - value[k] * value[k] / float(patch_pixels);
+      const bool has_contrast = energy > least_contrast * least_contrast * patch.energy;
+      alike[std::size_t(v) * std::size_t(places) + k] =
+          has_contrast ? with_patch[k] / std::sqrt(energy * patch.energy) : 0.f;
+    }
+  }
+  const auto best = std::ranges::max_element(alike);
+  if (*best < searched_correlation) return std::nullopt;
+  const int at = int(best - alike.begin()), u = at % places, v = at / places;
+  for (int k = 0; k < int(alike.size()); ++k) {
+    const bool is_apart = std::abs(k % places - u) > same_place || std::abs(k / places - v) > same_place;
+    if (is_apart && alike[std::size_t(k)] > *best - less_alike) return std::nullopt;
+  }
+  return Eigen::Vector2d(left + stride * u, top + stride * v) + Eigen::Vector2d::Constant(double(patch_side - 1) / 2);
+}
+
+}  // namespace huetrack::room_watch

@@ -1,0 +1,175 @@
+#include "room_watch/rotation_fit.h"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+
+#include "calib/model/cross_matrix.h"
+#include "calib/model/rigid3.h"
+
+namespace huetrack::room_watch {
+namespace {
+
+constexpr int most_rounds = 6;
+constexpr double same_gate = 0.9;     // a gate that is narrowed by less is what it will be
+constexpr double tukey_sigmas = 4.5;  // beyond, a ray has no say; usual for 95 % efficiency: 4.685
+// Patches have errors that stay: JPEG blocks, interpolation, a lens that is not quite its model. As a share of a pixel.
+constexpr double lasting_px = 0.05;
+constexpr double least_gate_px = 0.3;
+constexpr std::size_t least_rays = 4;
+
+using Row = Eigen::Matrix<double, 2, 4>;
+using Matrix4 = Eigen::Matrix4d;
+
+Eigen::Quaterniond quaternion(const Eigen::Vector3d& rotation) {
+  const double angle = rotation.norm();
+  if (angle < 1e-12) return Eigen::Quaterniond(1, rotation.x() / 2, rotation.y() / 2, rotation.z() / 2).normalized();
+  return Eigen::Quaterniond(Eigen::AngleAxisd(angle, rotation / angle));
+}
+
+Eigen::Vector3d vector_of(const Eigen::Quaterniond& rotation) {
+  return calib::log({rotation, Eigen::Vector3d::Zero()}).head<3>();
+}
+
+struct Linear {
+  Row derivative;                        // of the pixel by rotation and zoom
+  Eigen::Matrix<double, 2, 3> by_shift;  // by p_now - R p_then in units of the room's distance
+  Eigen::Vector2d difference;            // seen less expected
+  double variance;
+  double weight = 0;
+};
+
+double tukey(double r_over_gate) {
+  const double inside = 1 - r_over_gate * r_over_gate;
+  return inside > 0 ? inside * inside : 0;
+}
+
+std::vector<Linear> linearised(const calib::CameraModel& lens, std::span<const SeenRay> seen,
+                               const Eigen::Quaterniond& start) {
+  std::vector<Linear> all;
+  all.reserve(seen.size());
+  const Eigen::Vector2d centre(lens.cx(), lens.cy());
+  for (const SeenRay& s : seen) {
+    const Eigen::Vector3d p = start * s.ray;
+    calib::CameraModel::Jacobian jacobian;
+    const auto px = lens.project(p, jacobian);
+    if (!px) continue;
+    Linear& added = all.emplace_back();
+    added.derivative.leftCols<3>() = -jacobian * calib::cross_matrix(p);
+    added.derivative.col(3) = px->px - centre;
+    added.by_shift = jacobian;
+    added.difference = s.px - px->px;
+    added.variance = s.sigma_px * s.sigma_px + lasting_px * lasting_px;
+  }
+  return all;
+}
+
+}  // namespace
+
+Eigen::Vector3d turned(const Eigen::Vector3d& rotation, const Eigen::Vector3d& p) {
+  return quaternion(rotation) * p;
+}
+
+Eigen::Vector3d turned_back(const Eigen::Vector3d& rotation, const Eigen::Vector3d& p) {
+  return quaternion(rotation).conjugate() * p;
+}
+
+Eigen::Vector3d rotation_between(const Eigen::Vector3d& before, const Eigen::Vector3d& after) {
+  return vector_of(quaternion(after) * quaternion(before).conjugate());
+}
+
+std::optional<RotationFit> fit_rotation(const calib::CameraModel& lens, std::span<const SeenRay> seen,
+                                        const Eigen::Vector3d& start, double gate_px) {
+  const Eigen::Quaterniond from = quaternion(start);
+  std::vector<Linear> all = linearised(lens, seen, from);
+  if (all.size() < least_rays) return std::nullopt;
+  Eigen::Vector4d x = Eigen::Vector4d::Zero();
+  Matrix4 normal = Matrix4::Zero();
+  double gate = gate_px;
+  std::vector<double> distances;
+  for (int round = 0; round < most_rounds; ++round) {
+    distances.clear();
+    for (Linear& l : all) {
+      const double r = (l.difference - l.derivative * x).norm();
+      l.weight = tukey(r / gate) / l.variance;
+      if (r < gate) distances.push_back(r);
+    }
+    if (distances.size() < least_rays) return std::nullopt;
+    normal.setZero();
+    Eigen::Vector4d right = Eigen::Vector4d::Zero();
+    for (const Linear& l : all) {
+      if (l.weight <= 0) continue;
+      normal += l.weight * l.derivative.transpose() * l.derivative;
+      right += l.weight * l.derivative.transpose() * l.difference;
+    }
+    const Eigen::LLT<Matrix4> solver(normal);
+    if (solver.info() != Eigen::Success) return std::nullopt;
+    x = solver.solve(right);
+    // Rayleigh: the median distance is 1.177 sigma of each axis.
+    const auto middle = distances.begin() + std::ptrdiff_t(distances.size() / 2);
+    std::ranges::nth_element(distances, middle);
+    const double narrower = std::clamp(tukey_sigmas * *middle / 1.177, least_gate_px, gate);
+    const bool is_settled = round > 0 && narrower > same_gate * gate;
+    gate = narrower;
+    if (is_settled) break;
+  }
+  RotationFit fit;
+  double sum = 0, chi2 = 0;
+  Eigen::Matrix<double, 4, 3> by_shift = Eigen::Matrix<double, 4, 3>::Zero();
+  for (const Linear& l : all) {
+    const double r2 = (l.difference - l.derivative * x).squaredNorm();
+    if (r2 >= gate * gate) continue;
+    ++fit.held;
+    sum += r2;
+    chi2 += r2 / l.variance;
+    by_shift += l.weight * l.derivative.transpose() * l.by_shift;
+  }
+  if (fit.held < int(least_rays)) return std::nullopt;
+  fit.rms_px = std::sqrt(sum / fit.held);
+  const Matrix4 inverse = normal.llt().solve(Matrix4::Identity());
+  const double scale = std::max(1.0, chi2 / (2.0 * fit.held - 4));
+  fit.covariance = scale * inverse.topLeftCorner<3, 3>();
+  fit.zoom = x(3);
+  fit.zoom_sigma = std::sqrt(scale * inverse(3, 3));
+  fit.shift_to_rotation = (inverse * by_shift).topRows<3>();
+  fit.rotation = vector_of(quaternion(x.head<3>()) * from);
+  return fit;
+}
+
+std::optional<Eigen::Vector3d> guess_rotation(const calib::CameraModel& lens, std::span<const SeenRay> seen,
+                                              double gate_px) {
+  std::vector<Eigen::Vector3d> now(seen.size());
+  std::vector<bool> is_ray(seen.size(), false);
+  for (std::size_t i = 0; i < seen.size(); ++i) {
+    const auto ray = lens.ray({seen[i].px});
+    if (ray) now[i] = *ray, is_ray[i] = true;
+  }
+  const auto frame = [](const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
+    Eigen::Matrix3d axes;
+    axes.col(0) = (a + b).normalized();
+    axes.col(1) = a.cross(b).normalized();
+    axes.col(2) = axes.col(0).cross(axes.col(1));
+    return axes;
+  };
+  const double gate_rad = gate_px / std::max(lens.fx(), lens.fy());
+  int most = 2;
+  std::optional<Eigen::Vector3d> best;
+  for (std::size_t i = 0; i < seen.size(); ++i) {
+    for (std::size_t j = i + 1; j < seen.size(); ++j) {
+      if (!is_ray[i] || !is_ray[j]) continue;
+      // A turned camera keeps the angle between two rays; and two that are near each other fix no rotation.
+      const double apart = (seen[i].ray - seen[j].ray).norm();
+      if (apart < 20 * gate_rad || std::abs(apart - (now[i] - now[j]).norm()) > 2 * gate_rad) continue;
+      const Eigen::Matrix3d rotation = frame(now[i], now[j]) * frame(seen[i].ray, seen[j].ray).transpose();
+      int agree = 0;
+      for (std::size_t k = 0; k < seen.size(); ++k)
+        if (is_ray[k] && (rotation * seen[k].ray - now[k]).norm() < gate_rad) ++agree;
+      if (agree <= most) continue;
+      most = agree;
+      best = vector_of(Eigen::Quaterniond(rotation));
+    }
+  }
+  return best;
+}
+
+}  // namespace huetrack::room_watch

@@ -1,0 +1,237 @@
+#include "view_watch/pair_residuals.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <numbers>
+#include <utility>
+
+#include "calib/model/median.h"
+
+namespace huetrack::view_watch {
+namespace {
+
+// A region's centre, and what a good rig and a lens leave: a fraction of a pixel, and light from one side.
+constexpr double least_sigma_px = 0.35, sigma_of_radius = 0.06;
+constexpr double longest_gap_s = 0.15;  // between two samples, to tell what was between them
+constexpr double largest_off = 5;       // in standard deviations: further off is as bad
+constexpr double nowhere_px = 60;       // rays that meet behind a camera
+
+double focal_px(const calib::Camera& camera) {
+  const calib::CameraModel& model = camera.model;
+  calib::CameraModel::Jacobian j;
+  return model.project({0, 0, 1}, j) ? std::sqrt(std::abs(j(0, 0) * j(1, 1))) : 1.0;
+}
+
+}  // namespace
+
+double PairResiduals::usual() const {
+  if (off_px.size() < PairComparison::least_samples) return std::numeric_limits<double>::infinity();
+  std::vector<double> in_sigmas(off_px.size());
+  std::ranges::transform(off_px, expected, in_sigmas.begin(),
+                         [](double off, double sigma) { return std::abs(off) / sigma; });
+  return calib::median(std::move(in_sigmas));
+}
+
+double PairResiduals::usual_px() const {
+  std::vector<double> sizes(off_px.size());
+  std::ranges::transform(off_px, sizes.begin(), [](double off) { return std::abs(off); });
+  return calib::median(std::move(sizes));
+}
+
+// The sample k of the frames that are taken for camera `slot`'s, as the camera sees it that really took them.
+PairComparison::Placed PairComparison::placed(const std::vector<Track>& tracks, std::size_t slot, std::size_t k,
+                                              const Supposition& with) const {
+  const Track& track = tracks[slot];
+  const Sample& s = track[k];
+  const std::size_t real = with.really.empty() ? slot : with.really[slot];
+  const calib::Camera& camera = rig_.cameras[real];
+  Placed out{.direction = s.ray, .t_s = s.t_s, .radius_px = s.radius_px, .px_per_s = 0};
+  if (real != slot) {
+    const auto ray = camera.model.ray({s.px});
+    out.direction = ray ? ray->normalized() : Eigen::Vector3d(0, 0, 1);
+    const calib::CameraTiming &of_slot = rig_.cameras[slot].timing, &of_real = camera.timing;
+    out.t_s += of_slot.latency_s.value_or(0) - of_real.latency_s.value_or(0) +
+               s.below_middle * (of_real.readout_s.value_or(0) - of_slot.readout_s.value_or(0));
+  }
+  if (real == with.camera) {
+    out.t_s -= with.late_s;
+    if (!with.turn_rad.isZero(0)) {
+      const double angle = with.turn_rad.norm();
+      out.direction = Eigen::AngleAxisd(-angle, with.turn_rad / angle) * out.direction;
+    }
+  }
+  out.direction = camera.cam_from_world.rotation.conjugate() * out.direction;
+  const std::size_t before = k > 0 ? k - 1 : k, after = k + 1 < track.size() ? k + 1 : k;
+  const double span_s = track[after].t_s - track[before].t_s;
+  if (span_s > 0 && span_s < 2 * longest_gap_s) out.px_per_s = (track[after].px - track[before].px).norm() / span_s;
+  return out;
+}
+
+PairResiduals PairComparison::residuals(const std::vector<Track>& tracks, std::size_t i, std::size_t j,
+                                        const Supposition& with, const TimeSigmas& times) const {
+  // The one that is seen less often says when, the other one is told between its samples.
+  if (tracks[i].size() > tracks[j].size()) std::swap(i, j);
+  PairResiduals out;
+  if (tracks[i].size() < least_samples) return out;
+  const auto real = [&](std::size_t slot) -> const calib::Camera& {
+    return rig_.cameras[with.really.empty() ? slot : with.really[slot]];
+  };
+  const Eigen::Vector3d ci = real(i).centre(), cj = real(j).centre();
+  const Eigen::Vector3d base = cj - ci;
+  const double fi = focal_px(real(i)), fj = focal_px(real(j));
+  const double time_sigma_s = std::hypot(times[i], times[j]);
+  std::size_t next = 1;
+  Placed before = placed(tracks, j, 0, with);
+  Placed after = tracks[j].size() > 1 ? placed(tracks, j, 1, with) : before;
+  for (std::size_t k = 0; k < tracks[i].size(); ++k) {
+    const Placed a = placed(tracks, i, k, with);
+    while (next + 1 < tracks[j].size() && after.t_s < a.t_s) {
+      before = after;
+      after = placed(tracks, j, ++next, with);
+    }
+    const double gap_s = after.t_s - before.t_s;
+    // In-step cameras have the same moments: nothing is to be told between samples, however far apart they are.
+    constexpr double same_s = 0.002;
+    Eigen::Vector3d direction;
+    double radius_px = 0, interpolated_px = 0, px_per_s = 0;
+    if (std::abs(a.t_s - before.t_s) < same_s) {
+      direction = before.direction, radius_px = before.radius_px, px_per_s = before.px_per_s;
+    } else if (std::abs(a.t_s - after.t_s) < same_s) {
+      direction = after.direction, radius_px = after.radius_px, px_per_s = after.px_per_s;
+    } else {
+      if (!(gap_s > 0 && gap_s < longest_gap_s) || a.t_s < before.t_s || a.t_s > after.t_s) continue;
+      const double share = (a.t_s - before.t_s) / gap_s;
+      direction = (before.direction + share * (after.direction - before.direction)).normalized();
+      radius_px = before.radius_px + share * (after.radius_px - before.radius_px);
+      px_per_s = before.px_per_s + share * (after.px_per_s - before.px_per_s);
+      // A curve between two samples: of some 5 m/s^2 at some 3 m.
+      constexpr double acceleration_m_s2 = 5, distance_m = 3;
+      interpolated_px = fj * acceleration_m_s2 / distance_m * gap_s * gap_s / 8;
+    }
+    const Eigen::Vector3d &di = a.direction, &dj = direction;
+    const double cosine = di.dot(dj), denominator = 1 - cosine * cosine;
+    if (denominator < 1e-3) continue;
+    const double along_i = (base.dot(di) - cosine * base.dot(dj)) / denominator;
+    const double along_j = (cosine * base.dot(di) - base.dot(dj)) / denominator;
+    const double mean_radius_px = 0.5 * (a.radius_px + radius_px);
+    const double still_px = std::hypot(std::hypot(least_sigma_px, sigma_of_radius * mean_radius_px), interpolated_px);
+    const double moving_px = time_sigma_s * std::max(a.px_per_s, px_per_s) * std::numbers::sqrt2 / 2;
+    out.expected.push_back(std::hypot(still_px, moving_px));
+    if (along_i <= 0.05 || along_j <= 0.05) {
+      out.off_px.push_back(nowhere_px);
+      continue;
+    }
+    const double gap_m = base.dot(di.cross(dj)) / std::sqrt(denominator);
+    out.off_px.push_back(gap_m / std::hypot(along_i / fi, along_j / fj));
+    const double ri = a.radius_px * along_i / fi, rj = radius_px * along_j / fj;
+    out.radius_m.push_back(std::sqrt(ri * rj));
+  }
+  return out;
+}
+
+void PairComparison::add(Verdict& verdict, const PairResiduals& pair) {
+  if (pair.off_px.size() < least_samples) return;
+  const double usual = pair.usual();
+  if (usual > verdict.worst) verdict.worst_px = pair.usual_px();
+  verdict.worst = std::max(verdict.worst, usual);
+  double sum = 0;
+  for (std::size_t k = 0; k < pair.off_px.size(); ++k) {
+    const double in_sigmas = std::min(largest_off, std::abs(pair.off_px[k]) / pair.expected[k]);
+    sum += in_sigmas * in_sigmas;
+  }
+  const double mean = sum / double(pair.off_px.size());
+  verdict.score += (mean - verdict.score) / double(++verdict.pairs);
+}
+
+PairComparison::Verdict PairComparison::verdict(const std::vector<Track>& tracks, const Supposition& with,
+                                                const TimeSigmas& times) const {
+  Verdict out;
+  for (std::size_t j = 1; j < tracks.size(); ++j)
+    for (std::size_t i = 0; i < j; ++i) add(out, residuals(tracks, i, j, with, times));
+  return out;
+}
+
+PairComparison::Verdict PairComparison::verdict_of(const std::vector<Track>& tracks, std::size_t camera, bool with_it,
+                                                   const Supposition& with, const TimeSigmas& times) const {
+  Verdict out;
+  for (std::size_t j = 1; j < tracks.size(); ++j)
+    for (std::size_t i = 0; i < j; ++i)
+      if ((i == camera || j == camera) == with_it) add(out, residuals(tracks, i, j, with, times));
+  return out;
+}
+
+// Gauss and Newton's method with Levenberg's damping and Huber's weights, by differences: three numbers.
+std::optional<Eigen::Vector3d> best_turn(const PairComparison& comparison, const std::vector<Track>& tracks,
+                                         std::size_t camera, const TimeSigmas& times) {
+  constexpr double furthest_rad = 0.26, step_rad = 1e-4, settled_rad = 2e-5, huber = 2;
+  constexpr int iterations = 12;
+  const auto off_at = [&](const Eigen::Vector3d& turn) {
+    const Supposition with{.camera = camera, .turn_rad = turn};
+    std::vector<double> in_sigmas;
+    for (std::size_t other = 0; other < tracks.size(); ++other) {
+      if (other == camera) continue;
+      const PairResiduals pair = comparison.residuals(tracks, camera, other, with, times);
+      if (pair.off_px.size() < PairComparison::least_samples) continue;
+      for (std::size_t k = 0; k < pair.off_px.size(); ++k) in_sigmas.push_back(pair.off_px[k] / pair.expected[k]);
+    }
+    return in_sigmas;
+  };
+  const auto cost_of = [&](const std::vector<double>& off) {
+    double sum = 0;
+    for (const double r : off) sum += std::abs(r) < huber ? r * r : huber * (2 * std::abs(r) - huber);
+    return sum;
+  };
+  Eigen::Vector3d turn = Eigen::Vector3d::Zero();
+  std::vector<double> off = off_at(turn);
+  if (off.empty()) return std::nullopt;
+  double cost = cost_of(off), damping = 1e-4;
+  for (int iteration = 0; iteration < iterations; ++iteration) {
+    std::array<std::vector<double>, 3> moved;
+    for (int k = 0; k < 3; ++k) moved[std::size_t(k)] = off_at(turn + step_rad * Eigen::Vector3d::Unit(k));
+    Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
+    Eigen::Vector3d right = Eigen::Vector3d::Zero();
+    for (std::size_t n = 0; n < off.size(); ++n) {
+      const Eigen::Vector3d slope =
+          Eigen::Vector3d(moved[0][n] - off[n], moved[1][n] - off[n], moved[2][n] - off[n]) / step_rad;
+      const double weight = std::abs(off[n]) < huber ? 1 : huber / std::abs(off[n]);
+      normal += weight * slope * slope.transpose();
+      right -= weight * off[n] * slope;
+    }
+    bool is_better = false;
+    Eigen::Vector3d step = Eigen::Vector3d::Zero();
+    for (int attempt = 0; attempt < 4 && !is_better; ++attempt) {
+      Eigen::Matrix3d damped = normal;
+      damped.diagonal().array() += damping * normal.trace() / 3;
+      step = damped.ldlt().solve(right);
+      if (!step.allFinite() || (turn + step).norm() > furthest_rad) return std::nullopt;
+      std::vector<double> there = off_at(turn + step);
+      is_better = there.size() == off.size() && cost_of(there) < cost;
+      damping = is_better ? damping / 10 : damping * 30;
+      if (is_better) turn += step, cost = cost_of(there), off = std::move(there);
+    }
+    if (!is_better || step.norm() < settled_rad) break;
+  }
+  return turn;
+}
+
+double best_lateness(const PairComparison& comparison, const std::vector<Track>& tracks, std::size_t camera,
+                     const TimeSigmas& times) {
+  constexpr double furthest_s = 0.6, coarse_s = 0.02, fine_s = 0.004;
+  Supposition with{.camera = camera};
+  double best_s = 0, best = std::numeric_limits<double>::infinity();
+  const auto consider = [&](double late_s) {
+    with.late_s = late_s;
+    const auto verdict = comparison.verdict_of(tracks, camera, true, with, times);
+    if (verdict.pairs > 0 && verdict.score < best) best = verdict.score, best_s = late_s;
+  };
+  for (int k = 0; k <= int(furthest_s / coarse_s); ++k) consider(k * coarse_s), consider(-k * coarse_s);
+  const double about_s = best_s;
+  for (int k = -4; k <= 4; ++k) consider(about_s + k * fine_s);
+  return best_s;
+}
+
+}  // namespace huetrack::view_watch

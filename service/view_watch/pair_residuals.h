@@ -1,0 +1,90 @@
+// Where cameras saw a target over the recent past, and how far two cameras' rays pass each other: with the rig as it
+// is, and with one thing in it supposed to be otherwise.
+#pragma once
+
+#include <Eigen/Core>
+#include <cstddef>
+#include <deque>
+#include <optional>
+#include <vector>
+
+#include "calib/model/camera_rig.h"
+
+namespace huetrack::view_watch {
+
+// What one camera saw at one time.
+struct Sample {
+  double t_s = 0;           // of its row, by the times that are believed; on one clock for all cameras
+  Eigen::Vector2d px;       // raw pixels
+  double radius_px = 0;     // of the disc of the region's area
+  double below_middle = 0;  // the row: r / (H - 1) - 1/2
+  Eigen::Vector3d ray;      // through px, camera frame, unit
+};
+using Track = std::deque<Sample>;  // of one camera, by time
+
+// One thing that is otherwise than the rig says.
+struct Supposition {
+  // Which camera of the rig really took the frames that are taken for camera c's; empty: each its own.
+  std::vector<std::size_t> really = {};
+  std::size_t camera = 0;                              // that the rest is of
+  double late_s = 0;                                   // its times are to be made earlier by so much
+  Eigen::Vector3d turn_rad = Eigen::Vector3d::Zero();  // cam_from_world = exp(turn) * the rig's
+};
+
+// How the rays of two cameras pass each other.
+struct PairResiduals {
+  std::vector<double> off_px;    // across the epipolar lines; its sign says on which side
+  std::vector<double> expected;  // standard deviation of it, px
+  std::vector<double> radius_m;  // of the ball that both saw, where they agree about it
+  double usual() const;          // median of |off_px| / expected; 0.67 is perfect. Infinity: too few samples
+  double usual_px() const;       // median of |off_px|
+};
+
+// How well times are known: standard deviations, per camera, seconds.
+using TimeSigmas = std::vector<double>;
+
+// Pure; lent the rig.
+class PairComparison {
+ public:
+  explicit PairComparison(const calib::CameraRig& rig) : rig_(rig) {}
+
+  static constexpr std::size_t least_samples = 12;
+
+  PairResiduals residuals(const std::vector<Track>& tracks, std::size_t i, std::size_t j, const Supposition& with,
+                          const TimeSigmas& times) const;
+  // Over all pairs that have enough samples.
+  struct Verdict {
+    std::size_t pairs = 0;
+    double worst = 0;  // the largest usual()
+    double score = 0;  // mean of (off / expected)^2, with at most 25 for each: a robust cost
+    double worst_px = 0;
+  };
+  Verdict verdict(const std::vector<Track>& tracks, const Supposition& with, const TimeSigmas& times) const;
+  // Of the pairs with this camera, or without it.
+  Verdict verdict_of(const std::vector<Track>& tracks, std::size_t camera, bool with_it, const Supposition& with,
+                     const TimeSigmas& times) const;
+
+  const calib::CameraRig& rig() const { return rig_; }
+
+ private:
+  struct Placed {  // one sample in the world
+    Eigen::Vector3d direction;
+    double t_s;
+    double radius_px;
+    double px_per_s;
+  };
+  Placed placed(const std::vector<Track>& tracks, std::size_t slot, std::size_t k, const Supposition& with) const;
+  static void add(Verdict& verdict, const PairResiduals& pair);
+
+  const calib::CameraRig& rig_;
+};
+
+// The turn of this camera that makes it agree best with the others; nullopt: none does within 15 degrees.
+std::optional<Eigen::Vector3d> best_turn(const PairComparison& comparison, const std::vector<Track>& tracks,
+                                         std::size_t camera, const TimeSigmas& times);
+
+// By how much this camera's frames are later than the rig says, so that it agrees best; -0.6..0.6 s.
+double best_lateness(const PairComparison& comparison, const std::vector<Track>& tracks, std::size_t camera,
+                     const TimeSigmas& times);
+
+}  // namespace huetrack::view_watch

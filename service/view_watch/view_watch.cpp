@@ -1,0 +1,309 @@
+#include "view_watch/view_watch.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numeric>
+
+#include "calib/model/median.h"
+
+namespace huetrack::view_watch {
+namespace {
+
+using object_tracking::SeenRegion;
+
+constexpr double window_s = 3, longest_rate_hz = 16, judged_every_s = 0.5;
+constexpr double forgotten_after_s = 6;  // what was found once and not again
+
+// Good recordings have a robust cost of 0.05 to 1 and a worst pair of 0.2 to 1.2, in which cameras' own errors and
+// light are (README.md). A supposition is the answer when all pairs then agree as well, and cost much less than before.
+constexpr double agrees = 1.4, much_better = 0.45, least_gain = 0.5;
+// Below the first nothing is supposed; from the second on all that there is, and in between a small turn, but not
+// often: it takes a millisecond.
+constexpr double suspicious_score = 0.9, disagrees = 2;
+constexpr double turns_tried_every_s = 3;
+// What was supposed so often is supposed ever more rarely: it explains, or it does not.
+constexpr int tries_at_once = 4;
+constexpr double longest_pause_s = 16;
+// Of two suppositions one is named only where it explains more than the other one: a turn has three numbers to fit.
+constexpr double clearly_better = 0.8;
+constexpr double nothing_explains = 6;
+// What time learning can do by itself is no mistake (motion_belief.cpp: standard deviation 20 ms).
+constexpr double least_late_s = 0.07;
+constexpr double least_turn_rad = 0.0052;
+// Of a picture.
+constexpr double least_shared = 0.03, times_the_target = 4;
+constexpr int least_shared_looks = 3;
+// A region is smaller than the disc by a dark side, larger by what else has the colour.
+constexpr double smallest_ratio = 0.78, largest_ratio = 1.3;
+constexpr double least_motion_px = 12;  // in an image
+
+std::size_t most_samples() {
+  return std::size_t(window_s * longest_rate_hz);
+}
+
+// One thing that moves, and not now this and now that: it swerves by less than it goes.
+bool is_smooth(const Sample& before, const Sample& at, const Sample& after) {
+  constexpr double longest_gap_s = 0.15, noise_px = 3, swerve = 0.35;
+  if (after.t_s - before.t_s > 2 * longest_gap_s) return false;
+  const Eigen::Vector2d in = (at.px - before.px) / (at.t_s - before.t_s);
+  const Eigen::Vector2d out = (after.px - at.px) / (after.t_s - at.t_s);
+  const double step_s = 0.5 * (after.t_s - before.t_s);
+  return (out - in).norm() * step_s < noise_px + swerve * (out.norm() + in.norm()) * step_s;
+}
+
+bool is_of_rig(MistakeKind kind) {
+  return kind == MistakeKind::swapped || kind == MistakeKind::late || kind == MistakeKind::turned ||
+         kind == MistakeKind::other_rig;
+}
+
+}  // namespace
+
+ViewWatch::ViewWatch(const calib::CameraRig& rig, const object_tracking::TargetOptions& target)
+    : rig_(rig),
+      target_(target),
+      cameras_(rig.cameras.size()),
+      tracks_(rig.cameras.size()),
+      time_sigmas_(rig.cameras.size(), 0.001),
+      time_shifts_(rig.cameras.size(), 0) {}
+
+void ViewWatch::look(const object_tracking::ObjectEstimate& estimate, const object_tracking::ObjectTracker& tracker,
+                     capture::Timestamp set_at) {
+  if (!first_at_ || set_at < *first_at_) {
+    first_at_ = set_at;
+    next_s_ = judged_every_s;
+    for (PerCamera& camera : cameras_) camera = {};
+  }
+  const double now_s = capture::seconds(set_at - *first_at_);
+  keep(estimate, tracker.regions(), now_s);
+  if (now_s < next_s_) return;
+  next_s_ = now_s + judged_every_s;
+  std::vector<Mistake> now;
+  if (auto mistake = of_rig(now_s)) {
+    now.push_back(std::move(*mistake));
+  } else if (!is_wrong_) {
+    if (auto wrong_radius = of_radius()) now.push_back(std::move(*wrong_radius));
+  }
+  const auto shares = tracker.color_shares();
+  for (std::size_t c = 0; c < shares.size(); ++c) {
+    const bool is_shared = shares[c].of_picture > std::max(least_shared, times_the_target * shares[c].of_target);
+    cameras_[c].shared_looks = is_shared ? cameras_[c].shared_looks + 1 : 0;
+    if (cameras_[c].shared_looks >= least_shared_looks)
+      now.push_back({.kind = MistakeKind::shared_color, .cameras = {int(c)}, .size = shares[c].of_picture});
+  }
+  if (tracker.search_findings().is_found_at_twice_the_hue)
+    now = {{.kind = MistakeKind::opencv_hue}};  // all else was seen of something else
+  confirm(now, now_s);
+}
+
+// Of every camera what is taken for the target; where that is not seen, the largest region that does not stand still.
+void ViewWatch::keep(const object_tracking::ObjectEstimate& estimate, std::span<const SeenRegion> regions,
+                     double now_s) {
+  for (std::size_t c = 0; c < cameras_.size() && c < estimate.times.size(); ++c) {
+    const calib::CameraTiming& timing = rig_.cameras[c].timing;
+    time_sigmas_[c] = std::hypot(estimate.times[c].latency_sigma_s, 0.3 * estimate.times[c].readout_sigma_s);
+    time_shifts_[c] = timing.latency_s.value_or(0) - estimate.times[c].latency_s;
+  }
+  for (std::size_t c = 0; c < cameras_.size(); ++c) {
+    PerCamera& camera = cameras_[c];
+    while (!camera.track.empty() && camera.track.front().t_s < now_s - window_s - 1) camera.track.pop_front();
+    const SeenRegion* chosen = nullptr;
+    for (const SeenRegion& region : regions) {
+      if (std::size_t(region.camera) != c) continue;
+      const bool stands_still = is_still(camera, region.px, now_s);
+      if (stands_still && !region.is_target) continue;
+      if (chosen == nullptr || region.is_target || (!chosen->is_target && region.radius_px > chosen->radius_px))
+        chosen = &region;
+    }
+    if (chosen == nullptr) continue;
+    const double t_s = capture::seconds(chosen->at - *first_at_);
+    if (!camera.track.empty() && t_s < camera.track.back().t_s + 0.9 / longest_rate_hz) continue;
+    const auto ray = rig_.cameras[c].model.ray({chosen->px});
+    if (!ray) continue;
+    if (camera.track.size() >= most_samples()) camera.track.pop_front();
+    camera.track.push_back({.t_s = t_s,
+                            .px = chosen->px,
+                            .radius_px = chosen->radius_px,
+                            .below_middle = chosen->below_middle,
+                            .ray = ray->normalized()});
+  }
+}
+
+bool ViewWatch::is_still(PerCamera& camera, const Eigen::Vector2d& px, double now_s) const {
+  constexpr double same_px = 2, still_after_s = 1, forgotten_s = 5;
+  constexpr int least_count = 5;
+  constexpr std::size_t most = 16;
+  std::erase_if(camera.spots, [&](const PerCamera::Spot& spot) { return spot.last_s < now_s - forgotten_s; });
+  for (PerCamera::Spot& spot : camera.spots) {
+    if ((spot.px - px).norm() > same_px) continue;
+    spot.last_s = now_s;
+    return ++spot.count >= least_count && now_s - spot.first_s > still_after_s;
+  }
+  if (camera.spots.size() >= most) camera.spots.erase(camera.spots.begin());
+  camera.spots.push_back({px, now_s, now_s, 1});
+  return false;
+}
+
+bool ViewWatch::has_moved() const {
+  int moving = 0;
+  for (const Track& track : tracks_) {
+    if (track.size() < PairComparison::least_samples) continue;
+    Eigen::Vector2d low = track.front().px, high = low;
+    for (const Sample& sample : track) low = low.cwiseMin(sample.px), high = high.cwiseMax(sample.px);
+    moving += (high - low).norm() > least_motion_px ? 1 : 0;
+  }
+  return moving >= 2;
+}
+
+std::optional<Mistake> ViewWatch::of_rig(double now_s) {
+  for (std::size_t c = 0; c < cameras_.size(); ++c) {
+    tracks_[c].clear();
+    const Track& all = cameras_[c].track;
+    for (std::size_t k = 1; k + 1 < all.size(); ++k) {
+      if (all[k].t_s < now_s - window_s || !is_smooth(all[k - 1], all[k], all[k + 1])) continue;
+      tracks_[c].push_back(all[k]);
+      tracks_[c].back().t_s += time_shifts_[c];
+    }
+  }
+  is_wrong_ = false;
+  if (!has_moved()) return std::nullopt;
+  const PairComparison comparison(rig_);
+  const PairComparison::Verdict as_is = comparison.verdict(tracks_, {}, time_sigmas_);
+  is_wrong_ = as_is.pairs > 0 && (as_is.worst >= disagrees || as_is.score >= suspicious_score);
+  const bool is_clear = as_is.worst >= disagrees;
+  if (!is_clear) tries_ = 0;
+  if (!is_wrong_ || now_s < (is_clear ? next_try_s_ : next_turn_s_)) return std::nullopt;
+  next_turn_s_ = now_s + turns_tried_every_s;
+  if (is_clear) {
+    const int paused = std::max(0, ++tries_ - tries_at_once);
+    next_try_s_ = now_s + std::min(longest_pause_s, 0.9 * judged_every_s * std::pow(2, paused));
+  }
+  return explained(as_is, is_clear);
+}
+
+std::optional<Mistake> ViewWatch::explained(const PairComparison::Verdict& as_is, bool is_clear) const {
+  const PairComparison comparison(rig_);
+  const std::size_t n = rig_.cameras.size();
+  struct Answer {
+    Mistake mistake;
+    double score, worst;
+  };
+  std::vector<Answer> answers;
+  const auto answer = [&](Mistake mistake, const PairComparison::Verdict& verdict) {
+    if (verdict.pairs < as_is.pairs || verdict.worst > agrees || verdict.score > much_better * as_is.score ||
+        as_is.score - verdict.score < least_gain)
+      return;
+    mistake.off_px = as_is.worst_px;
+    answers.push_back({std::move(mistake), verdict.score, verdict.worst});
+  };
+  // Whose frames are whose: every exchange of two, and of three or four all orders.
+  std::vector<std::size_t> really(n);
+  std::iota(really.begin(), really.end(), 0u);
+  const auto suppose_order = [&] {
+    Mistake mistake{.kind = MistakeKind::swapped};
+    for (std::size_t c = 0; c < n; ++c) {
+      if (really[c] == c) continue;
+      if (rig_.cameras[c].image_size != rig_.cameras[really[c]].image_size) return;
+      mistake.cameras.push_back(int(c));
+    }
+    answer(std::move(mistake), comparison.verdict(tracks_, {.really = really}, time_sigmas_));
+  };
+  if (!is_clear) {
+    // Exchanged or late cameras are not that near.
+  } else if (n <= 4) {
+    while (std::next_permutation(really.begin(), really.end())) suppose_order();
+  } else {
+    for (std::size_t j = 1; j < n; ++j)
+      for (std::size_t i = 0; i < j; ++i)
+        std::swap(really[i], really[j]), suppose_order(), std::swap(really[i], really[j]);
+  }
+  for (std::size_t c = 0; c < n; ++c) {
+    if (n > 2) {  // it disagrees with two that agree with each other: fewer could be explained by anything
+      const auto with_it = comparison.verdict_of(tracks_, c, true, {}, time_sigmas_);
+      const auto without = comparison.verdict_of(tracks_, c, false, {}, time_sigmas_);
+      if (with_it.pairs < 2 || without.pairs == 0 || without.worst > disagrees) continue;
+    }
+    if (is_clear) {
+      const double late_s = best_lateness(comparison, tracks_, c, time_sigmas_);
+      // How late it is beside what the rig says; that of its learnt times is part of it.
+      const double in_all_s = late_s - time_shifts_[c];
+      if (std::abs(in_all_s) >= least_late_s)
+        answer({.kind = MistakeKind::late, .cameras = {int(c)}, .size = in_all_s},
+               comparison.verdict(tracks_, {.camera = c, .late_s = late_s}, time_sigmas_));
+    }
+    if (const auto turn = best_turn(comparison, tracks_, c, time_sigmas_); turn && turn->norm() >= least_turn_rad)
+      answer({.kind = MistakeKind::turned, .cameras = {int(c)}, .size = turn->norm()},
+             comparison.verdict(tracks_, {.camera = c, .turn_rad = *turn}, time_sigmas_));
+  }
+  if (answers.empty()) {
+    if (as_is.pairs < n * (n - 1) / 2) return std::nullopt;
+    double best = std::numeric_limits<double>::infinity();
+    for (std::size_t j = 1; j < n; ++j)
+      for (std::size_t i = 0; i < j; ++i)
+        best = std::min(best, comparison.residuals(tracks_, i, j, {}, time_sigmas_).usual());
+    if (best < nothing_explains || best == std::numeric_limits<double>::infinity()) return std::nullopt;
+    return Mistake{.kind = MistakeKind::other_rig, .off_px = as_is.worst_px};
+  }
+  // A supposition without numbers to fit is the better one where both explain.
+  const auto cost = [](const Answer& a) {
+    const double fitted = a.mistake.kind == MistakeKind::turned ? 1.3 : a.mistake.kind == MistakeKind::late ? 1.1 : 1.0;
+    return fitted * (a.score + 0.2);
+  };
+  std::ranges::stable_sort(answers, {}, cost);
+  Answer& best = answers.front();
+  if (answers.size() > 1 && cost(best) > clearly_better * cost(answers[1])) {
+    // Two cameras of one rig, alike in all else: that one of them is so is known.
+    const Mistake& other = answers[1].mistake;
+    if (n > 2 || other.kind != best.mistake.kind || best.mistake.kind == MistakeKind::swapped) return std::nullopt;
+    best.mistake.cameras = {0, 1};
+    best.mistake.size = std::min(std::abs(best.mistake.size), std::abs(other.size));
+  }
+  return best.mistake;
+}
+
+// Of cameras that agree about where it is.
+std::optional<Mistake> ViewWatch::of_radius() const {
+  const PairComparison comparison(rig_);
+  std::vector<double> radii_m;
+  for (std::size_t j = 1; j < tracks_.size(); ++j) {
+    for (std::size_t i = 0; i < j; ++i) {
+      const PairResiduals pair = comparison.residuals(tracks_, i, j, {}, time_sigmas_);
+      if (!(pair.usual() < disagrees)) continue;
+      radii_m.insert(radii_m.end(), pair.radius_m.begin(), pair.radius_m.end());
+    }
+  }
+  constexpr std::size_t least = 24;
+  if (radii_m.size() < least || !has_moved()) return std::nullopt;
+  std::ranges::sort(radii_m);
+  // What hides a part of it makes it smaller, what is beside it of its colour larger: most of what was seen must say
+  // so.
+  const double low_m = radii_m[radii_m.size() / 4], high_m = radii_m[3 * radii_m.size() / 4];
+  const double radius_m = target_.radius_m;
+  if (high_m > smallest_ratio * radius_m && low_m < largest_ratio * radius_m) return std::nullopt;
+  return Mistake{.kind = MistakeKind::radius, .size = radii_m[radii_m.size() / 2]};
+}
+
+// Named when it was found twice, and as long as it is found now and again.
+void ViewWatch::confirm(const std::vector<Mistake>& found, double now_s) {
+  constexpr int least_times = 2;
+  if (is_wrong_)  // and has not been looked into again: it is as it was
+    for (Suspected& s : suspected_)
+      if (is_of_rig(s.mistake.kind)) s.last_s = now_s;
+  for (const Mistake& mistake : found) {
+    const auto known =
+        std::ranges::find_if(suspected_, [&](const Suspected& s) { return s.mistake.is_same_as(mistake); });
+    if (known == suspected_.end()) {
+      suspected_.push_back({mistake, 1, now_s});
+    } else {
+      known->mistake = mistake;
+      ++known->times;
+      known->last_s = now_s;
+    }
+  }
+  std::erase_if(suspected_, [&](const Suspected& s) { return s.last_s < now_s - forgotten_after_s; });
+  mistakes_.clear();
+  for (const Suspected& s : suspected_)
+    if (s.times >= least_times) mistakes_.push_back(s.mistake);
+}
+
+}  // namespace huetrack::view_watch

@@ -1,0 +1,92 @@
+// What one target's views show of mistakes that people make: videos that are swapped, a camera that is late or was
+// turned, another room's rig, a radius or a colour that is not the object's. Facts, with their sizes; no sentences.
+//
+// The last seconds of what every camera saw of the target are kept, wherever in the picture it was. As long as the rays
+// of all pairs of cameras meet as closely as they should, nothing else is done. Where they do not, one thing after the
+// other is supposed to be otherwise than the rig says (two cameras' frames exchanged; one camera's times moved; one
+// camera turned), and what makes all pairs agree is named. What nothing explains, and nobody agrees about, is another
+// room's rig.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "calib/model/camera_rig.h"
+#include "object_tracking/object_tracker.h"
+#include "view_watch/pair_residuals.h"
+
+namespace huetrack::view_watch {
+
+enum class MistakeKind : std::uint8_t {
+  swapped,       // cameras: [c] really is cameras[(k + 1) % n]; size: none
+  late,          // one camera; size: seconds, < 0: the others are late
+  turned,        // one camera, or two of which nobody can tell which; size: radians
+  other_rig,     // no camera agrees with another one
+  radius,        // size: the radius that the views agree about, metres
+  shared_color,  // one camera; size: share of its picture that has the colour, 0..1
+  opencv_hue,    // hue_deg was written in OpenCV's units
+};
+
+struct Mistake {
+  MistakeKind kind = MistakeKind::other_rig;
+  std::vector<int> cameras = {};  // of the rig
+  double size = 0;
+  double off_px = 0;  // how far the views are apart because of it, usually
+
+  bool is_same_as(const Mistake& other) const { return kind == other.kind && cameras == other.cameras; }
+};
+
+// thread-compatible; one per target. It costs some microseconds per set, and some milliseconds twice a second while
+// views contradict one another.
+class ViewWatch {
+ public:
+  ViewWatch(const calib::CameraRig& rig, const object_tracking::TargetOptions& target);
+
+  // After the target was looked for in a set. Sets in time order.
+  void look(const object_tracking::ObjectEstimate& estimate, const object_tracking::ObjectTracker& tracker,
+            capture::Timestamp set_at);
+
+  // In force now.
+  const std::vector<Mistake>& mistakes() const { return mistakes_; }
+
+ private:
+  struct PerCamera {
+    Track track;
+    struct Spot {  // where something stands still
+      Eigen::Vector2d px;
+      double first_s, last_s;
+      int count;
+    };
+    std::vector<Spot> spots;
+    int shared_looks = 0;  // one after the other, with too much of the colour
+  };
+  void keep(const object_tracking::ObjectEstimate& estimate, std::span<const object_tracking::SeenRegion> regions,
+            double now_s);
+  bool is_still(PerCamera& camera, const Eigen::Vector2d& px, double now_s) const;
+  std::optional<Mistake> of_rig(double now_s);
+  std::optional<Mistake> explained(const PairComparison::Verdict& as_is, bool is_clear) const;
+  std::optional<Mistake> of_radius() const;
+  bool has_moved() const;
+  void confirm(const std::vector<Mistake>& found, double now_s);
+
+  calib::CameraRig rig_;
+  object_tracking::TargetOptions target_;
+  std::vector<PerCamera> cameras_;
+  std::vector<Track> tracks_;  // of cameras_, less what contradicts itself: work space
+  TimeSigmas time_sigmas_, time_shifts_;
+  std::optional<capture::Timestamp> first_at_;
+  double next_s_ = 0, next_turn_s_ = 0, next_try_s_ = 0;
+  int tries_ = 0;
+  bool is_wrong_ = false;  // the views contradict one another now
+  struct Suspected {
+    Mistake mistake;
+    int times = 0;
+    double last_s = 0;
+  };
+  std::vector<Suspected> suspected_;
+  std::vector<Mistake> mistakes_;
+};
+
+}  // namespace huetrack::view_watch

@@ -1,0 +1,40 @@
+#include "pipeline/mistake_words.h"
+
+#include <gmock/gmock.h>
+
+namespace huetrack::pipeline {
+namespace {
+
+using testing::AllOf;
+using testing::HasSubstr;
+using view_watch::Mistake;
+using view_watch::MistakeKind;
+
+std::string text(const Mistake& mistake) {
+  object_tracking::TargetOptions target;
+  target.name = "orange";
+  target.radius_m = 0.04;
+  target.color.hue_min_deg = 10, target.color.hue_max_deg = 22;
+  return mistake_text(mistake, target, {"left", "right", "top"});
+}
+
+TEST(MistakeWords, sayWhoAndHowMuchAndWhatToDo) {
+  EXPECT_THAT(text({MistakeKind::swapped, {0, 2}, 0, 24}),
+              AllOf(HasSubstr("left and top look swapped"), HasSubstr("24 px")));
+  EXPECT_THAT(
+      text({MistakeKind::late, {1}, 0.2, 8}),
+      HasSubstr("right disagrees with the others by 8 px and by more the faster orange moves: it is some 0.20 s late"));
+  EXPECT_THAT(text({MistakeKind::late, {1}, -0.2, 8}), HasSubstr("0.20 s early"));
+  EXPECT_THAT(text({MistakeKind::turned, {1}, 0.0209, 8}), HasSubstr("it looks turned by 1.2 degrees"));
+  EXPECT_THAT(text({MistakeKind::turned, {0, 1}, 0.0209, 8}),
+              AllOf(HasSubstr("left and right disagree by 8 px"), HasSubstr("one of them looks turned")));
+  EXPECT_THAT(text({MistakeKind::other_rig, {}, 0, 80}), HasSubstr("another room"));
+  EXPECT_THAT(text({MistakeKind::radius, {}, 0.028, 0}),
+              HasSubstr("a radius of 0.028 m, not of 0.04: correct radius_m"));
+  EXPECT_THAT(text({MistakeKind::shared_color, {2}, 0.12, 0}),
+              HasSubstr("the colour of orange covers 12 % of top's picture"));
+  EXPECT_THAT(text({MistakeKind::opencv_hue, {}, 0, 0}), AllOf(HasSubstr("OpenCV"), HasSubstr("write [20, 44]")));
+}
+
+}  // namespace
+}  // namespace huetrack::pipeline

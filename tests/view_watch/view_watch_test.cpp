@@ -1,0 +1,176 @@
+// Mistakes made with a rendered scene: each is named, and nothing else.
+#include "view_watch/view_watch.h"
+
+#include <gmock/gmock.h>
+
+#include <cmath>
+#include <functional>
+#include <numbers>
+
+#include "scene/scene.h"
+
+namespace huetrack::view_watch {
+namespace {
+
+using Eigen::Vector3d;
+using testing::ElementsAre;
+using testing::IsEmpty;
+
+constexpr double rad = std::numbers::pi / 180;
+
+object_tracking::TargetOptions lime() {
+  object_tracking::TargetOptions t;
+  t.name = "lime";
+  t.color.hue_min_deg = 65, t.color.hue_max_deg = 115;
+  return t;
+}
+
+class ViewWatchOfScene : public testing::Test {
+ protected:
+  void SetUp() override {
+    scene = scene::SceneBuilder{}
+                .cameras_on_ring({.count = 3})
+                .ball({.path =
+                           [](double t) {
+                             return Vector3d(0.6 * std::sin(2.1 * t), 0.6 * std::cos(1.7 * t),
+                                             1 + 0.5 * std::sin(2.9 * t + 1));
+                           }})
+                .build();
+    rig = scene.rig;
+  }
+  // What is named at the end, and that it is by then.
+  std::vector<Mistake> watch(double seconds = 4, double pixel_noise_stddev = 3) {
+    auto sets =
+        scene::render(scene, {.set_count = int(30 * seconds), .pixel_noise_stddev = pixel_noise_stddev, .seed = seed});
+    if (spoil) spoil(sets);
+    object_tracking::ObjectTracker tracker(rig, target, {});
+    ViewWatch out(rig, target);
+    for (const auto& set : sets) {
+      const auto estimate = tracker.update(set);
+      out.look(estimate, tracker, set.at);
+      if (!out.mistakes().empty() && !named_at_s) named_at_s = capture::seconds(set.at - sets.front().at);
+    }
+    return out.mistakes();
+  }
+  void turn(std::size_t camera, double degrees, const Vector3d& axis) {
+    calib::Tangent6d tangent = calib::Tangent6d::Zero();
+    tangent.head<3>() = degrees * rad * axis.normalized();
+    rig.cameras[camera].cam_from_world = calib::exp(tangent) * rig.cameras[camera].cam_from_world;
+  }
+  scene::Scene scene;
+  calib::CameraRig rig;
+  object_tracking::TargetOptions target = lime();
+  std::function<void(std::vector<capture::FrameSet>&)> spoil;
+  std::uint64_t seed = 1;
+  std::optional<double> named_at_s;
+};
+
+TEST_F(ViewWatchOfScene, nothingIsWrong) {
+  for (seed = 1; seed <= 3; ++seed) EXPECT_THAT(watch(), IsEmpty()) << seed;
+  EXPECT_FALSE(named_at_s);
+}
+
+TEST_F(ViewWatchOfScene, nothingIsSaidOfAnObjectAtRest) {
+  scene.balls[0].path = [](double) { return Vector3d(0.2, 0.1, 1); };
+  turn(1, 2, {1, 1, 0});
+  EXPECT_THAT(watch(), IsEmpty());
+}
+
+TEST_F(ViewWatchOfScene, swappedVideos) {
+  spoil = [](std::vector<capture::FrameSet>& sets) {
+    for (auto& set : sets) std::swap(set.frames[0]->pixels, set.frames[2]->pixels);
+  };
+  const auto mistakes = watch();
+  ASSERT_EQ(mistakes.size(), 1u);
+  EXPECT_EQ(mistakes[0].kind, MistakeKind::swapped);
+  EXPECT_THAT(mistakes[0].cameras, ElementsAre(0, 2));
+  EXPECT_GT(mistakes[0].off_px, 5);
+  EXPECT_LT(named_at_s.value_or(99), 3);
+}
+
+TEST_F(ViewWatchOfScene, aTurnedCamera) {
+  for (const double degrees : {0.6, 2.0, 5.0}) {
+    SetUp();
+    turn(1, degrees, {1, -0.6, 0.3});
+    const auto mistakes = watch();
+    ASSERT_EQ(mistakes.size(), 1u) << degrees;
+    EXPECT_EQ(mistakes[0].kind, MistakeKind::turned);
+    EXPECT_THAT(mistakes[0].cameras, ElementsAre(1));
+    EXPECT_NEAR(mistakes[0].size / rad, degrees, 0.15 + 0.1 * degrees);
+    EXPECT_LT(named_at_s.value_or(99), 3.1);
+  }
+}
+
+TEST_F(ViewWatchOfScene, aLateCamera) {
+  // What it shows was 0.2 s ago.
+  spoil = [](std::vector<capture::FrameSet>& sets) {
+    for (std::size_t i = sets.size(); i-- > 0;) sets[i].frames[2]->pixels = sets[i < 6 ? 0 : i - 6].frames[2]->pixels;
+  };
+  for (auto& camera : rig.cameras)
+    camera.timing = {.latency_s = 0, .latency_sigma_s = 0.0005, .readout_s = 0, .readout_sigma_s = 0.0005};
+  const auto mistakes = watch();
+  ASSERT_EQ(mistakes.size(), 1u);
+  EXPECT_EQ(mistakes[0].kind, MistakeKind::late);
+  EXPECT_THAT(mistakes[0].cameras, ElementsAre(2));
+  EXPECT_NEAR(mistakes[0].size, 0.2, 0.02);
+}
+
+TEST_F(ViewWatchOfScene, anotherRoom) {
+  turn(0, 25, {0.2, 1, 0});
+  turn(1, 20, {1, 0.3, 0.5});
+  turn(2, 28, {-0.5, 0.4, 1});
+  const auto mistakes = watch();
+  ASSERT_EQ(mistakes.size(), 1u);
+  EXPECT_EQ(mistakes[0].kind, MistakeKind::other_rig);
+}
+
+TEST_F(ViewWatchOfScene, aWrongRadius) {
+  for (const double factor : {0.7, 1.45}) {
+    named_at_s.reset();
+    target.radius_m = 0.04 * factor;
+    const auto mistakes = watch();
+    ASSERT_EQ(mistakes.size(), 1u) << factor;
+    EXPECT_EQ(mistakes[0].kind, MistakeKind::radius);
+    EXPECT_NEAR(mistakes[0].size, 0.04, 0.004);
+  }
+}
+
+TEST_F(ViewWatchOfScene, huesOfOpenCv) {
+  target.color.hue_min_deg /= 2, target.color.hue_max_deg /= 2;
+  const auto mistakes = watch();
+  ASSERT_EQ(mistakes.size(), 1u);
+  EXPECT_EQ(mistakes[0].kind, MistakeKind::opencv_hue);
+  EXPECT_LT(named_at_s.value_or(99), 3);
+}
+
+// A moment that nobody shows: the comparison is pure, and knows the turn that was made to the last digit.
+TEST(PairComparison, aTurnIsFoundExactly) {
+  scene::Scene scene = scene::SceneBuilder{}.cameras_on_ring({.count = 3}).build();
+  std::vector<Track> tracks(3);
+  for (int k = 0; k < 60; ++k) {
+    const double t = k / 30.0;
+    const Vector3d p(0.6 * std::sin(3 * t), 0.5 * std::cos(2.3 * t), 1 + 0.4 * std::sin(4 * t));
+    for (std::size_t c = 0; c < 3; ++c) {
+      const auto px = scene.rig.cameras[c].project_world(p)->px;
+      tracks[c].push_back({t, px, 4.0, 0.0, scene.rig.cameras[c].model.ray({px})->normalized()});
+    }
+  }
+  const PairComparison right(scene.rig);
+  const TimeSigmas times(3, 0.0);
+  EXPECT_LT(right.verdict(tracks, {}, times).worst, 1e-3);
+  calib::CameraRig rig = scene.rig;
+  const Vector3d turn(0.02, -0.01, 0.03);
+  calib::Tangent6d tangent = calib::Tangent6d::Zero();
+  tangent.head<3>() = -turn;
+  rig.cameras[2].cam_from_world = calib::exp(tangent) * rig.cameras[2].cam_from_world;
+  const PairComparison wrong(rig);
+  EXPECT_GT(wrong.verdict(tracks, {}, times).worst, 3);
+  const auto found = best_turn(wrong, tracks, 2, times);
+  ASSERT_TRUE(found);
+  EXPECT_LT((*found - turn).norm(), 1e-4);
+  EXPECT_EQ(wrong.verdict_of(tracks, 2, false, {}, times).pairs, 1u);
+  EXPECT_LT(wrong.verdict_of(tracks, 2, false, {}, times).worst, 1e-3);
+}
+
+}  // namespace
+}  // namespace huetrack::view_watch
