@@ -4,9 +4,30 @@
 #include <fmt/ranges.h>
 #include <spdlog/spdlog.h>
 
+#include <algorithm>
+
 #include "pipeline/mistake_words.h"
 
 namespace huetrack::pipeline {
+namespace {
+
+// That a camera was moved while it ran is told by the calibration's report, with its size; here it would look like a
+// rig that was wrong from the start.
+bool is_told_by_the_room(const view_watch::Mistake& mistake, std::span<const CameraCalibration> calibration) {
+  using view_watch::MistakeKind;
+  if (mistake.kind != MistakeKind::turned && mistake.kind != MistakeKind::late &&
+      mistake.kind != MistakeKind::other_rig)
+    return false;
+  const auto has_moved = [&](std::size_t c) { return c < calibration.size() && calibration[c].moved.has_value(); };
+  if (mistake.cameras.empty()) {
+    for (std::size_t c = 0; c < calibration.size(); ++c)
+      if (has_moved(c)) return true;
+    return false;
+  }
+  return std::ranges::any_of(mistake.cameras, [&](int c) { return has_moved(std::size_t(c)); });
+}
+
+}  // namespace
 
 MistakeReport::MistakeReport(const config::ServiceConfig& config) : rig_(config.rig), targets_(config.targets) {
   for (const auto& camera : rig_.cameras) cameras_.push_back(camera.name);
@@ -27,6 +48,7 @@ void MistakeReport::on_set(const TrackedSet& set) {
   for (std::size_t t = 0; t < watches_.size() && t < set.trackers.size(); ++t) {
     watches_[t].look(set.estimates[t], set.trackers[t], set.frames.at);
     for (const auto& mistake : watches_[t].mistakes()) {
+      if (is_told_by_the_room(mistake, set.calibration)) continue;
       now.push_back(mistake_text(mistake, targets_[t], cameras_));
       kinds.push_back(fmt::format("{} {} {}", t, int(mistake.kind), fmt::join(mistake.cameras, " ")));
     }
