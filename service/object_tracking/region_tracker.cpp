@@ -916,7 +916,8 @@ void RegionTracker::search(const capture::FrameSet& set, const std::vector<Targe
   candidates_at_ = set.at;
 }
 
-// Does a view that should show it show something of its size elsewhere?
+// Does a view that should show it show something of its size elsewhere? Near where it would be is not elsewhere: the
+// frame is of another moment, up to a usual speed's way from the candidate's.
 bool RegionTracker::is_contested(const PositionCandidate& candidate, const std::vector<TargetView>& views) const {
   for (std::size_t i = 0; i < views.size(); ++i) {
     const bool agrees =
@@ -924,8 +925,13 @@ bool RegionTracker::is_contested(const PositionCandidate& candidate, const std::
     const auto at = appearance_of(*views[i].camera, candidate.position, target_.radius_m);
     if (agrees || !at || !views[i].camera->contains({at->px})) continue;
     const double disc = std::numbers::pi * at->radius_px * at->radius_px;
+    const SeenRow row = row_of(views[i], at->px.y(), belief_);
+    const double apart_s = std::hypot(capture::seconds(candidate.sightings.front().row.at - row.at),
+                                      belief_.row_sigma_s(row.camera, row.below_middle));
+    const double slack_px = at->radius_px * (2 + options_.start_speed_m_s * apart_s / target_.radius_m);
     if (std::ranges::any_of(regions_[i], [&](const ColorRegion& region) {
-          return region.area > least_far_share * disc && region.area < largest_far_share * disc;
+          return region.area > least_far_share * disc && region.area < largest_far_share * disc &&
+                 (region.centre - at->px).norm() > slack_px;
         }))
       return true;
   }

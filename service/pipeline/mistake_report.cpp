@@ -11,20 +11,17 @@
 namespace huetrack::pipeline {
 namespace {
 
+bool any_has_moved(std::span<const CameraCalibration> calibration) {
+  return std::ranges::any_of(calibration, [](const CameraCalibration& camera) { return camera.moved.has_value(); });
+}
+
 // That a camera was moved while it ran is told by the calibration's report, with its size; here it would look like a
 // rig that was wrong from the start.
 bool is_told_by_the_room(const view_watch::Mistake& mistake, std::span<const CameraCalibration> calibration) {
   using view_watch::MistakeKind;
-  if (mistake.kind != MistakeKind::turned && mistake.kind != MistakeKind::late &&
-      mistake.kind != MistakeKind::other_rig)
-    return false;
-  const auto has_moved = [&](std::size_t c) { return c < calibration.size() && calibration[c].moved.has_value(); };
-  if (mistake.cameras.empty()) {
-    for (std::size_t c = 0; c < calibration.size(); ++c)
-      if (has_moved(c)) return true;
-    return false;
-  }
-  return std::ranges::any_of(mistake.cameras, [&](int c) { return has_moved(std::size_t(c)); });
+  const bool is_of_the_rig = mistake.kind == MistakeKind::turned || mistake.kind == MistakeKind::late ||
+                             mistake.kind == MistakeKind::other_rig;
+  return is_of_the_rig && any_has_moved(calibration);
 }
 
 }  // namespace
@@ -46,7 +43,8 @@ void MistakeReport::on_set(const TrackedSet& set) {
   if (are_targets_new_) make_watches();
   std::vector<std::string> now, kinds;
   for (std::size_t t = 0; t < watches_.size() && t < set.trackers.size(); ++t) {
-    watches_[t].look(set.estimates[t], set.trackers[t], set.frames.at);
+    // While views contradict one another for a reason that is known, looking for another one only takes time.
+    if (!any_has_moved(set.calibration)) watches_[t].look(set.estimates[t], set.trackers[t], set.frames.at);
     for (const auto& mistake : watches_[t].mistakes()) {
       if (is_told_by_the_room(mistake, set.calibration)) continue;
       now.push_back(mistake_text(mistake, targets_[t], cameras_));
