@@ -44,7 +44,7 @@ struct World {
 
 World make_world(std::size_t points, std::size_t frames) {
   World w;
-  w.camera = {"synthetic", {320, 240}, calib::CameraModel(calib::PinholeRadtan{246, 246, 159.5, 119.5, {}}), {}};
+  w.camera = {"synthetic", {320, 240}, calib::CameraModel(calib::PinholeRadtan{246, 246, 159.5, 119.5, {}}), {}, {}};
   if (std::filesystem::exists(figures::shared_camera_data() / "rendered/desk")) {
     for (const auto& pose :
          figures::load_camera_sequence(figures::shared_camera_data() / "rendered/desk", "groundtruth.txt", frames)
@@ -86,8 +86,8 @@ void add(Score& s, const calib::Rigid3d& estimate, const calib::Rigid3d& truth, 
 }
 
 // The paper's system: particles for the camera, one UKF per feature.
-Score particle_filter(const World& w, std::size_t particles, std::uint64_t seed, bool mapping = true,
-                      double cloud_share = papers::LeeTracking::Options{}.cloud_share, bool polish = false) {
+Score with_particles(const World& w, std::size_t particles, std::uint64_t seed, bool mapping = true,
+                     double cloud_share = papers::LeeTracking::Options{}.cloud_share, bool polish = false) {
   papers::LeeTracking::Options o;
   o.particle_count = particles, o.rotation_rad = rotation_rad, o.position_m = position_m;
   o.cloud_share = cloud_share;
@@ -185,7 +185,7 @@ Score mean_over_seeds(const World& w, std::size_t particles, bool mapping,
   mean.feature_error.assign(w.points.size(), 0.0);
   constexpr int seeds = 5;
   for (std::uint64_t seed = 1; seed <= seeds; ++seed) {
-    const Score s = particle_filter(w, particles, seed, mapping, cloud_share, polish);
+    const Score s = with_particles(w, particles, seed, mapping, cloud_share, polish);
     mean.t_mse += s.t_mse / seeds, mean.q_mse += s.q_mse / seeds, mean.ms += s.ms / seeds;
     for (std::size_t i = 0; i < w.points.size(); ++i) mean.feature_error[i] += s.feature_error[i] / seeds;
   }
@@ -272,7 +272,7 @@ int main(int argc, char** argv) {
   Curve ours{"particles, a UKF each", "#2ca02c", {}, {}}, theirs{"monolithic UKF", "#ff7f0e", {}, {}};
   for (const std::size_t n : {10u, 20u, 30u, 45u, 60u, 90u}) {
     const World w = make_world(n, n > 40 ? 5 : 12);
-    const double a = particle_filter(w, 350, 1).ms, b = monolithic(w).ms;
+    const double a = with_particles(w, 350, 1).ms, b = monolithic(w).ms;
     std::printf("  %8zu %27.2f %16.2f\n", n, a, b);
     ours.x.push_back(static_cast<double>(n)), ours.y.push_back(a);
     theirs.x.push_back(static_cast<double>(n)), theirs.y.push_back(b);

@@ -195,7 +195,7 @@ Errors simulate(const Setting& setting, std::uint64_t seed) {
 // somebody who knows the noise of the pixels and how lively this way is (acceleration: rms and correlation time of the
 // way itself, as LedMotionNoise), but not the way.
 
-LedMotionState motion_at(const Way& way, double t) {
+leds::LedMotionState motion_at(const Way& way, double t) {
   constexpr double h = 1e-3;
   const auto rates = [&](double at) {
     return calib::Tangent6d(calib::log(calib::inverse(way(at - h)) * way(at + h)) / (2 * h));

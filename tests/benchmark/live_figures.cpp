@@ -95,8 +95,9 @@ Figures measure(const Case& c, const fs::path& folder, const std::string& phases
   const auto take = [&](std::chrono::duration<double> length, bool counts) {
     const auto end = std::chrono::steady_clock::now() + length;
     while (std::chrono::steady_clock::now() < end) {
-      const auto sample = subscription.next(100ms);
-      if (!sample || !counts) continue;
+      const auto heard = subscription.next(100ms);
+      if (!heard || !counts) continue;
+      const msg::ObjectPosition* const sample = &heard->sample;
       ages_ms.push_back(1e-6 * double(now_ns() - sample->received_at()));
       writes_ms.push_back(1e-6 * double(sample->published_at() - sample->received_at()));
       figures.tracking += sample->state() == msg::TRACK_STATE_TRACKING ? 1 : 0;

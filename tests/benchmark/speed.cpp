@@ -27,7 +27,7 @@ using namespace huetrack;
 namespace {
 
 // A lime ball before cameras on a ring, in YUYV. focal_px 0: it grows with the image, so that the view stays the same.
-Sequence scene_at(int camera_count, int width, int height, int set_count, double focal_px = 0) {
+figures::Sequence scene_at(int camera_count, int width, int height, int set_count, double focal_px = 0) {
   const scene::Scene scene = scene::SceneBuilder{}
                                  .cameras_on_ring({.count = camera_count,
                                                    .image_size = {width, height},

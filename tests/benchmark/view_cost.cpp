@@ -178,14 +178,14 @@ class Service {
  private:
   // The next set, and the thread's time when it sleeps again: so that whole sets are counted, hand-over included.
   std::pair<std::uint64_t, double> after_a_set(std::vector<double>& latency_us) {
-    auto sample = subscription_.next(1s);
-    if (!sample) throw std::runtime_error("the service has stopped: " + service_->err());
+    auto heard = subscription_.next(1s);
+    if (!heard) throw std::runtime_error("the service has stopped: " + service_->err());
     std::this_thread::sleep_for(4ms);
-    for (auto newer = sample; newer; newer = subscription_.next(0ms)) {
-      sample = newer;
-      latency_us.push_back(1e-3 * double(sample->published_at() - sample->received_at()));
+    for (auto newer = heard; newer; newer = subscription_.next(0ms)) {
+      heard = newer;
+      latency_us.push_back(1e-3 * double(heard->sample.published_at() - heard->sample.received_at()));
     }
-    return {sample->set_number(), tracking_->us()};
+    return {heard->sample.set_number(), tracking_->us()};
   }
 
   const fs::path folder_;
