@@ -134,8 +134,8 @@ void CameraTimes::flush() {
   const int moved = calibration_ != nullptr ? calibration_->mend(learnt) : 0;
   const auto known = std::ranges::count_if(times_, is_known);
   calib::write_rig(learnt, rig_file_);
-  spdlog::info("{}: the rig, with the times of {} of {} cameras as learnt, and {} where they stand now", rig_file_.string(),
-               known, rig_.cameras.size(), moved);
+  spdlog::info("{}: the rig, with the times of {} of {} cameras as learnt, and {} where they stand now",
+               rig_file_.string(), known, rig_.cameras.size(), moved);
 }
 
 }  // namespace huetrack::pipeline

@@ -34,9 +34,9 @@ struct PipelineFigures {
   std::vector<CameraFigures> cameras;  // in the order of the rig
   capture::FrameSynchronizerCounters frame_sets;
   std::uint64_t sets_tracked = 0;
-  std::uint64_t sets_dropped = 0;  // by the queue, because tracking was too slow
+  std::uint64_t sets_dropped = 0;                              // by the queue, because tracking was too slow
   StageTime decode, synchronise, watch, track, publish, draw;  // watch: the calibration
-  std::vector<object_tracking::SearchFindings> searches;  // per target, about once a second and at the end
+  std::vector<object_tracking::SearchFindings> searches;       // per target, about once a second and at the end
   std::uint64_t camera_frames_tracked = 0;
   std::uint64_t camera_frames_dropped = 0;  // by the queue, because camera tracking was too slow
   StageTime camera_track;

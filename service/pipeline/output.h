@@ -22,8 +22,9 @@ struct TrackedSet {
   std::span<const object_tracking::ObjectEstimate> estimates;  // in target order
   capture::Timestamp received_at;                              // UNIX time, when the set's last frame came
   std::span<const object_tracking::ObjectTracker> trackers;    // in target order
-  std::span<const CameraCalibration> calibration = {};  // per camera of the rig; empty: it is not watched
-  std::span<const std::string> reloaded = {};  // configurations (YAML) that took effect with this set, nearly always none
+  std::span<const CameraCalibration> calibration = {};         // per camera of the rig; empty: it is not watched
+  std::span<const std::string> reloaded =
+      {};  // configurations (YAML) that took effect with this set, nearly always none
 
   // What a picture of the set needs, with about `particles` of each target's particles, 0: all. Images are shared: who
   // keeps them longest frees them, or gives them back to a driver.

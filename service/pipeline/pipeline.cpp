@@ -339,14 +339,13 @@ void Pipeline::update(ReadySet ready, TrackingTeam& team, std::vector<object_tra
     calibration_->learn(estimates);
     watched += learning.lap();
   }
-  const TrackedSet result{
-      .frames = ready.set,
-      .estimates = estimates,
-      .received_at = ready.received_at,
-      .trackers = trackers_,
-      .calibration = calibration_ ? std::span<const CameraCalibration>(calibration_->cameras())
-                                  : std::span<const CameraCalibration>(),
-      .reloaded = reloaded_};
+  const TrackedSet result{.frames = ready.set,
+                          .estimates = estimates,
+                          .received_at = ready.received_at,
+                          .trackers = trackers_,
+                          .calibration = calibration_ ? std::span<const CameraCalibration>(calibration_->cameras())
+                                                      : std::span<const CameraCalibration>(),
+                          .reloaded = reloaded_};
   const Stopwatch watch;
   for (Output* output : outputs_) output->on_set(result);
   const StageTime published = watch.lap();

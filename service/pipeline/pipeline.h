@@ -72,8 +72,8 @@ class Pipeline {
   // throws what an output or a source threw, or std::runtime_error when a camera's frames have not the rig's size.
   void run(std::stop_token stop);
 
-  // Before run(): the calibration is watched on the tracking thread, before each set's trackers, which hold of the cameras
-  // what it says.
+  // Before run(): the calibration is watched on the tracking thread, before each set's trackers, which hold of the
+  // cameras what it says.
   void watch_calibration(CalibrationWatch watch) { calibration_.emplace(std::move(watch)); }
   const CalibrationWatch* calibration() const { return calibration_ ? &*calibration_ : nullptr; }  // when run() is over
 
@@ -114,7 +114,7 @@ class Pipeline {
   bool is_picture(std::uint64_t index) const;
   void tell_status();
   void note_searches();
-  void note_end(std::size_t camera);  // figures_mutex_ is held
+  void note_end(std::size_t camera);              // figures_mutex_ is held
   bool take_replacements(capture::Timestamp at);  // whether there were any
   StageTime watch(const capture::FrameSet& set, bool has_new_trackers);
   void draw();

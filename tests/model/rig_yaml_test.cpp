@@ -451,7 +451,11 @@ TEST_F(RigYaml, TheIdentityChangesWithAnyNumber) {
 
 TEST_F(RigYaml, WritingReplacesTheFileAsAWhole) {
   const CameraRig rig = read(valid);
-  std::ofstream(file()) << "something that was there before";
+  write_rig(rig, file());
+  CameraRig other = rig;
+  other.cameras[0].name = "another";
+  write_rig(other, file());
+  expect_same_bits(other, read_rig(file()));
   write_rig(rig, file());
   expect_same_bits(rig, read_rig(file()));
   EXPECT_EQ(std::distance(fs::directory_iterator(folder_), {}), 1);  // no temporary file is left
@@ -463,6 +467,10 @@ TEST_F(RigYaml, WritingReplacesTheFileAsAWhole) {
     EXPECT_THAT(error.what(), HasSubstr("no such folder/rig.yaml"));
     EXPECT_THAT(error.what(), HasSubstr("No such file or directory"));
   }
+  std::ofstream(folder_ / "notes.yaml") << "something else that is there";
+  EXPECT_THROW(write_rig(rig, folder_ / "notes.yaml"), std::exception);  // it is no rig: nobody meant to lose it
+  EXPECT_EQ(fs::file_size(folder_ / "notes.yaml"), 28u);
+  fs::remove(folder_ / "notes.yaml");
   fs::create_directory(folder_ / "taken");
   EXPECT_THROW(write_rig(rig, folder_ / "taken"), std::system_error);
   EXPECT_EQ(std::distance(fs::directory_iterator(folder_), {}), 2);
