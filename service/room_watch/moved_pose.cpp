@@ -14,7 +14,7 @@ namespace {
 // An object's sightings have errors that last for as long as it takes to come elsewhere: so many seconds of them count
 // as one.
 constexpr double errors_last_s = 0.25;
-constexpr capture::Duration shortest_pause =
+constexpr capture::Duration shortest_between_sightings =
     std::chrono::milliseconds(90);        // what is nearer tells little, and costs as much
 constexpr double forgotten_after_s = 20;  // a camera that was knocked may go on moving by a little
 constexpr double others_off_m = 0.002;    // positions that two cameras fix, all alike, by how these were calibrated
@@ -41,7 +41,7 @@ void MovedPose::set_room(const RoomRotation& room) {
 }
 
 void MovedPose::add(const Witness& witness) {
-  if (last_at_ && witness.at - *last_at_ < shortest_pause) return;
+  if (last_at_ && witness.at - *last_at_ < shortest_between_sightings) return;
   const Eigen::Vector3d turned_then =
       turned(room_.rotation, camera_.cam_from_world * (witness.position + state_.tail<3>()));
   const Eigen::Matrix3d b = rotation_matrix(state_.head<3>());
