@@ -9,7 +9,7 @@
 namespace huetrack::report {
 namespace {
 
-std::string in_mm(double metres) {
+std::string in_tenths_of_mm(double metres) {
   return fmt::format("{:.1f} mm", 1e3 * metres);
 }
 
@@ -27,8 +27,9 @@ Table by_views(const solver::VolumeAccuracy& map, std::size_t cameras) {
     if (count == 0) continue;
     std::ranges::sort(total);
     const auto at = [&](double share) {
-      return total.empty() ? std::string("-")
-                           : in_mm(total[static_cast<std::size_t>(share * static_cast<double>(total.size() - 1))]);
+      return total.empty()
+                 ? std::string("-")
+                 : in_tenths_of_mm(total[static_cast<std::size_t>(share * static_cast<double>(total.size() - 1))]);
     };
     table.rows.push_back(
         {fmt::format("{} camera{}", views, views == 1 ? "" : "s"),
@@ -54,17 +55,18 @@ MapReport map_report(const calib::CameraRig& rig, const solver::VolumeAccuracy& 
   std::string seen = fmt::format("Two or more cameras see {:.0f} % of the volume.", 100 * map.covered);
   if (map.covered > 0)
     seen += fmt::format(" Positions from one moment's pictures are expected to be off by {} there (95 %: {}).",
-                        in_mm(map.median_total_m), in_mm(map.p95_total_m));
+                        in_tenths_of_mm(map.median_total_m), in_tenths_of_mm(map.p95_total_m));
   document.banner(report.verdict, report.verdict == Verdict::usable ? "Covered" : "Hardly covered", seen);
   document.paragraph(
       fmt::format("An object whose centre every camera sees to {:g} px; standard deviation of the position, length of "
                   "its three axes'. A filter that follows it over time does better.",
                   map.object_noise_px));
   document.paragraph(
-      rig.uncertainty ? fmt::format("The calibration's own part of it is {} (95 %: {}).",
-                                    in_mm(map.median_by_calibration_m), in_mm(map.p95_by_calibration_m))
-                      : std::string("The rig file has no uncertainty: its cameras count as exactly known, and what the "
-                                    "calibration adds is missing here."));
+      rig.uncertainty
+          ? fmt::format("The calibration's own part of it is {} (95 %: {}).",
+                        in_tenths_of_mm(map.median_by_calibration_m), in_tenths_of_mm(map.p95_by_calibration_m))
+          : std::string("The rig file has no uncertainty: its cameras count as exactly known, and what the "
+                        "calibration adds is missing here."));
   if (map.covered > 0) {
     document.heading("Where in the volume");
     document.figure(slices_figure(values_of(map), "unseen", 0,
@@ -80,8 +82,8 @@ MapReport map_report(const calib::CameraRig& rig, const solver::VolumeAccuracy& 
       const Eigen::Vector3d c = calib::inverse(place.cam_from_world).translation;
       marked.push_back({std::string(1, static_cast<char>('A' + marked.size())), c});
       table.rows.push_back({marked.back().name, fmt::format("{:.2f}, {:.2f}, {:.2f}", c.x(), c.y(), c.z()),
-                            fmt::format("{:.0f} %", 100 * place.covered), in_mm(place.median_total_m),
-                            in_mm(place.p95_total_m)});
+                            fmt::format("{:.0f} %", 100 * place.covered), in_tenths_of_mm(place.median_total_m),
+                            in_tenths_of_mm(place.p95_total_m)});
     }
     document.paragraph("One more with the lens of " + rig.cameras.front().name +
                        ", looking at the middle of the volume, and as if it were exactly known:");

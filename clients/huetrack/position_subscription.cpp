@@ -45,8 +45,9 @@ bool is_same_process(const std::optional<idl::PublisherIdentity>& a, const std::
   return a && b && a->host == b->host && a->pid == b->pid;
 }
 
-constexpr auto silent_after = std::chrono::seconds(1);         // the lease of the publishers' liveliness
-constexpr std::size_t most_names = 1000, most_writers = 1000;  // that are kept in mind: anybody may announce any number
+constexpr auto silent_after = std::chrono::seconds(1);  // the lease of the publishers' liveliness
+constexpr std::size_t most_announced = 1000,
+                      most_writers = 1000;  // that are kept in mind: anybody may announce any number
 
 }  // namespace
 
@@ -98,7 +99,7 @@ std::string SampleSubscription<Sample>::stranger(const std::string& name, const 
   const auto identity = announcements_.find(writer);
   const auto it = believed_.find(name);
   if (it == believed_.end()) {
-    if (believed_.size() >= most_names) return who(identity, "");
+    if (believed_.size() >= most_announced) return who(identity, "");
     believed_[name] = {writer, identity, now};
     return "";
   }
