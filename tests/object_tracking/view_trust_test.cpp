@@ -22,14 +22,14 @@ using Eigen::Vector3d;
 
 constexpr double rad = std::numbers::pi / 180;
 
-TargetOptions lime() {
+TargetOptions lime_ball() {
   TargetOptions t;
   t.name = "lime";
   t.color.hue_min_deg = 65, t.color.hue_max_deg = 115;
   return t;
 }
 
-scene::Scene ring(int count) {
+scene::Scene ring_scene(int count) {
   return scene::SceneBuilder{}.cameras_on_ring({.count = count}).ball({}).build();
 }
 
@@ -41,14 +41,14 @@ calib::CameraRig turned(calib::CameraRig rig, std::size_t camera, double degrees
   return rig;
 }
 
-using Each = std::function<void(const ObjectEstimate&)>;
+using PerEstimate = std::function<void(const ObjectEstimate&)>;
 struct Honesty {
   double nees = 0, rms_m = 0, sigma_m = 0;  // of all positions
   int positions = 0, tracking = 0, wrong_tracking = 0;
 };
 
 Honesty run(ObjectTracker& tracker, const scene::Scene& scene, const std::vector<capture::FrameSet>& sets,
-            const Each& each = {}) {
+            const PerEstimate& each = {}) {
   Honesty out;
   for (const capture::FrameSet& set : sets) {
     const ObjectEstimate e = tracker.update(set);
@@ -84,8 +84,8 @@ class Witness : public testing::TestWithParam<int> {};
 INSTANTIATE_TEST_SUITE_P(Cameras, Witness, testing::Values(2, 3, 4));
 
 TEST_P(Witness, ofGoodViewsIsChiSquare) {
-  const scene::Scene scene = ring(GetParam());
-  ObjectTracker tracker(scene.rig, lime(), {});
+  const scene::Scene scene = ring_scene(GetParam());
+  ObjectTracker tracker(scene.rig, lime_ball(), {});
   double sum = 0;
   int n = 0;
   run(tracker, scene, scene::render(scene, {.set_count = 90}), [&](const ObjectEstimate& e) {
@@ -104,8 +104,8 @@ TEST_P(Witness, ofGoodViewsIsChiSquare) {
 }
 
 TEST(WitnessOfThree, showsWhichCameraIsTurned) {
-  const scene::Scene scene = ring(3);
-  ObjectTracker tracker(turned(scene.rig, 2, 0.5, {1, 0.2, 0}), lime(), {});
+  const scene::Scene scene = ring_scene(3);
+  ObjectTracker tracker(turned(scene.rig, 2, 0.5, {1, 0.2, 0}), lime_ball(), {});
   const calib::CameraRig rig = turned(scene.rig, 2, 0.5, {1, 0.2, 0});
   std::vector<double> sum(3, 0), n(3, 0);
   ObjectEstimate last;
@@ -142,9 +142,9 @@ TEST_P(TurnedCamera, isSaidInTheCovariance) {
   double nees = 0;
   int runs = 0;
   for (const Vector3d& axis : {Vector3d(1, 0.2, 0), Vector3d(1, -0.5, 0.5)}) {
-    const scene::Scene scene = ring(GetParam().cameras);
+    const scene::Scene scene = ring_scene(GetParam().cameras);
     const auto sets = scene::render(scene, {.set_count = 120, .seed = std::uint64_t(runs + 1)});
-    ObjectTracker tracker(turned(scene.rig, 1, GetParam().degrees, axis), lime(), {});
+    ObjectTracker tracker(turned(scene.rig, 1, GetParam().degrees, axis), lime_ball(), {});
     const Honesty o = run(tracker, scene, sets);
     EXPECT_LE(o.wrong_tracking, 15);
     nees += o.nees, ++runs;
@@ -153,9 +153,9 @@ TEST_P(TurnedCamera, isSaidInTheCovariance) {
 }
 
 TEST(Trust, aPoseTakesTheRigsPlace) {
-  const scene::Scene scene = ring(3);
+  const scene::Scene scene = ring_scene(3);
   const auto sets = scene::render(scene, {.set_count = 90});
-  ObjectTracker tracker(turned(scene.rig, 1, 2, {1, 1, 0}), lime(), {});
+  ObjectTracker tracker(turned(scene.rig, 1, 2, {1, 1, 0}), lime_ball(), {});
   std::vector<CameraTrust> trust(2);
   trust[1].cam_from_world = scene.rig.cameras[1].cam_from_world;
   tracker.trust(trust);
@@ -168,9 +168,9 @@ TEST(Trust, aPoseTakesTheRigsPlace) {
 }
 
 TEST(Trust, doubtOfThePastGoesWithAPose) {
-  const scene::Scene scene = ring(3);
+  const scene::Scene scene = ring_scene(3);
   const auto sets = scene::render(scene, {.set_count = 120});
-  ObjectTracker tracker(turned(scene.rig, 1, 2, {1, 1, 0}), lime(), {});
+  ObjectTracker tracker(turned(scene.rig, 1, 2, {1, 1, 0}), lime_ball(), {});
   const std::span<const capture::FrameSet> all(sets);
   for (const auto& set : all.first(60)) tracker.update(set);
   std::vector<CameraTrust> trust(3);
@@ -192,7 +192,7 @@ TEST(Trust, whatAPoseLeavesOpenLasts) {
                                  .ball({.path = [](double) { return Vector3d(0.1, 0.2, 1); }})
                                  .build();
   const auto sets = scene::render(scene, {.set_count = 150});
-  ObjectTracker tracker(scene.rig, lime(), {});
+  ObjectTracker tracker(scene.rig, lime_ball(), {});
   std::vector<CameraTrust> trust(3);
   constexpr double sigma = 0.2 * rad;
   for (CameraTrust& camera : trust) camera.pose_covariance.topLeftCorner<3, 3>().diagonal().setConstant(sigma * sigma);
@@ -211,11 +211,11 @@ TEST(Trust, whatAPoseLeavesOpenLasts) {
 }
 
 TEST(Trust, anUnusedCameraMovesNothingAndIsStillAWitness) {
-  const scene::Scene scene = ring(3);
+  const scene::Scene scene = ring_scene(3);
   const auto sets = scene::render(scene, {.set_count = 60});
   std::vector<capture::FrameSet> without = sets;
   for (capture::FrameSet& set : without) set.frames[1].reset();
-  ObjectTracker all(scene.rig, lime(), {}), two(scene.rig, lime(), {});
+  ObjectTracker all(scene.rig, lime_ball(), {}), two(scene.rig, lime_ball(), {});
   std::vector<CameraTrust> trust(3);
   trust[1].is_used = false;
   all.trust(trust);
@@ -240,8 +240,8 @@ TEST(Trust, anUnusedCameraMovesNothingAndIsStillAWitness) {
 }
 
 TEST(Trust, refusesWhatIsNotFinite) {
-  const scene::Scene scene = ring(2);
-  ObjectTracker tracker(scene.rig, lime(), {});
+  const scene::Scene scene = ring_scene(2);
+  ObjectTracker tracker(scene.rig, lime_ball(), {});
   std::vector<CameraTrust> trust(1);
   trust[0].pose_covariance(3, 3) = std::numeric_limits<double>::quiet_NaN();
   EXPECT_THROW(tracker.trust(trust), std::invalid_argument);

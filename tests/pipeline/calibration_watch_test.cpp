@@ -20,7 +20,7 @@ const Eigen::Vector3d axis = Eigen::Vector3d(-0.5, 0.75, -0.4).normalized();
 const object_tracking::Box volume{.min = {-1, -1, 0.1}, .max = {1, 1, 2.1}};
 
 // The camera that films, and others in other corners of the room, which deliver nothing.
-calib::CameraRig rig_of(int cameras) {
+calib::CameraRig watched_rig(int cameras) {
   calib::CameraRig rig;
   for (int c = 0; c < cameras; ++c) {
     calib::Camera camera = room_watch::camera_in_room();
@@ -39,7 +39,7 @@ CalibrationWatch after_turn(double deg, CalibrationMode mode, int cameras = 3, i
     return room_watch::moved(room_watch::camera_in_room().cam_from_world, (t < 3 ? 0 : deg * degree) * axis);
   };
   FilmedRoom room(film);
-  CalibrationWatch watch(rig_of(cameras), volume, {.watch = mode, .room_file = {}, .room = {}},
+  CalibrationWatch watch(watched_rig(cameras), volume, {.watch = mode, .room_file = {}, .room = {}},
                          std::vector<bool>(std::size_t(cameras), true));
   for (int k = 0; k < 90; ++k) {
     capture::FrameSet set;
@@ -102,7 +102,7 @@ TEST(CalibrationWatch, MendsThePoseWithWhatItLeavesOpen) {
   const object_tracking::CameraTrust& trust = watch.trust()[0];
   ASSERT_TRUE(trust.cam_from_world);
   EXPECT_TRUE(trust.is_used);
-  const calib::Rigid3d truth = room_watch::moved(rig_of(1).cameras[0].cam_from_world, 0.8 * degree * axis);
+  const calib::Rigid3d truth = room_watch::moved(watched_rig(1).cameras[0].cam_from_world, 0.8 * degree * axis);
   const calib::Tangent6d off = calib::log(truth * calib::inverse(*trust.cam_from_world));
   EXPECT_LT(off.head<3>().norm(), 0.05 * degree);
   // Without an object the shift is open, by a few millimetres, and the rotation with it.
