@@ -29,13 +29,6 @@ using Clock = std::chrono::steady_clock;
 
 constexpr double most_growth_mb = 20;
 
-template <typename Condition>
-bool comes_true(Condition condition, std::chrono::milliseconds patience = 20s) {
-  for (const auto end = Clock::now() + patience; Clock::now() < end; std::this_thread::sleep_for(20ms))
-    if (condition()) return true;
-  return false;
-}
-
 double resident_mb(pid_t pid) {
   std::istringstream text(contents("/proc/" + std::to_string(pid) + "/status"));
   for (std::string line; std::getline(text, line);)

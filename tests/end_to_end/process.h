@@ -5,6 +5,7 @@
 #include <spawn.h>
 #include <sys/wait.h>
 #include <unistd.h>
+#include <functional>
 
 #include <chrono>
 #include <csignal>
@@ -85,5 +86,14 @@ class Process {
   pid_t pid_ = -1;
   std::filesystem::path out_, err_;
 };
+
+// Asks again and again, until it is so or nobody has patience any more.
+inline bool comes_true(const std::function<bool()>& condition,
+                       std::chrono::milliseconds patience = std::chrono::seconds(20)) {
+  const auto end = std::chrono::steady_clock::now() + patience;
+  for (; std::chrono::steady_clock::now() < end; std::this_thread::sleep_for(std::chrono::milliseconds(10)))
+    if (condition()) return true;
+  return false;
+}
 
 }  // namespace huetrack::end_to_end

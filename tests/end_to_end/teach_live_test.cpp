@@ -30,12 +30,6 @@ using eprosima::fastrtps::types::ReturnCode_t;
 
 const int domain = publish::test_domain();
 
-bool comes_true(const std::function<bool()>& condition, std::chrono::milliseconds patience = 20s) {
-  for (const auto end = Clock::now() + patience; Clock::now() < end; std::this_thread::sleep_for(10ms))
-    if (condition()) return true;
-  return false;
-}
-
 // What the bridge does for a page.
 class Page {
  public:

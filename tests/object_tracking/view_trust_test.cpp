@@ -22,7 +22,7 @@ using Eigen::Vector3d;
 
 constexpr double rad = std::numbers::pi / 180;
 
-TargetOptions lime_ball() {
+TargetOptions lime_target() {
   TargetOptions t;
   t.name = "lime";
   t.color.hue_min_deg = 65, t.color.hue_max_deg = 115;
@@ -85,7 +85,7 @@ INSTANTIATE_TEST_SUITE_P(Cameras, Witness, testing::Values(2, 3, 4));
 
 TEST_P(Witness, ofGoodViewsIsChiSquare) {
   const scene::Scene scene = ring_scene(GetParam());
-  ObjectTracker tracker(scene.rig, lime_ball(), {});
+  ObjectTracker tracker(scene.rig, lime_target(), {});
   double sum = 0;
   int n = 0;
   run(tracker, scene, scene::render(scene, {.set_count = 90}), [&](const ObjectEstimate& e) {
@@ -105,7 +105,7 @@ TEST_P(Witness, ofGoodViewsIsChiSquare) {
 
 TEST(WitnessOfThree, showsWhichCameraIsTurned) {
   const scene::Scene scene = ring_scene(3);
-  ObjectTracker tracker(turned(scene.rig, 2, 0.5, {1, 0.2, 0}), lime_ball(), {});
+  ObjectTracker tracker(turned(scene.rig, 2, 0.5, {1, 0.2, 0}), lime_target(), {});
   const calib::CameraRig rig = turned(scene.rig, 2, 0.5, {1, 0.2, 0});
   std::vector<double> sum(3, 0), n(3, 0);
   ObjectEstimate last;
@@ -144,7 +144,7 @@ TEST_P(TurnedCamera, isSaidInTheCovariance) {
   for (const Vector3d& axis : {Vector3d(1, 0.2, 0), Vector3d(1, -0.5, 0.5)}) {
     const scene::Scene scene = ring_scene(GetParam().cameras);
     const auto sets = scene::render(scene, {.set_count = 120, .seed = std::uint64_t(runs + 1)});
-    ObjectTracker tracker(turned(scene.rig, 1, GetParam().degrees, axis), lime_ball(), {});
+    ObjectTracker tracker(turned(scene.rig, 1, GetParam().degrees, axis), lime_target(), {});
     const Honesty o = run(tracker, scene, sets);
     EXPECT_LE(o.wrong_tracking, 15);
     nees += o.nees, ++runs;
@@ -155,7 +155,7 @@ TEST_P(TurnedCamera, isSaidInTheCovariance) {
 TEST(Trust, aPoseTakesTheRigsPlace) {
   const scene::Scene scene = ring_scene(3);
   const auto sets = scene::render(scene, {.set_count = 90});
-  ObjectTracker tracker(turned(scene.rig, 1, 2, {1, 1, 0}), lime_ball(), {});
+  ObjectTracker tracker(turned(scene.rig, 1, 2, {1, 1, 0}), lime_target(), {});
   std::vector<CameraTrust> trust(2);
   trust[1].cam_from_world = scene.rig.cameras[1].cam_from_world;
   tracker.trust(trust);
@@ -170,7 +170,7 @@ TEST(Trust, aPoseTakesTheRigsPlace) {
 TEST(Trust, doubtOfThePastGoesWithAPose) {
   const scene::Scene scene = ring_scene(3);
   const auto sets = scene::render(scene, {.set_count = 120});
-  ObjectTracker tracker(turned(scene.rig, 1, 2, {1, 1, 0}), lime_ball(), {});
+  ObjectTracker tracker(turned(scene.rig, 1, 2, {1, 1, 0}), lime_target(), {});
   const std::span<const capture::FrameSet> all(sets);
   for (const auto& set : all.first(60)) tracker.update(set);
   std::vector<CameraTrust> trust(3);
@@ -192,7 +192,7 @@ TEST(Trust, whatAPoseLeavesOpenLasts) {
                                  .ball({.path = [](double) { return Vector3d(0.1, 0.2, 1); }})
                                  .build();
   const auto sets = scene::render(scene, {.set_count = 150});
-  ObjectTracker tracker(scene.rig, lime_ball(), {});
+  ObjectTracker tracker(scene.rig, lime_target(), {});
   std::vector<CameraTrust> trust(3);
   constexpr double sigma = 0.2 * rad;
   for (CameraTrust& camera : trust) camera.pose_covariance.topLeftCorner<3, 3>().diagonal().setConstant(sigma * sigma);
@@ -215,7 +215,7 @@ TEST(Trust, anUnusedCameraMovesNothingAndIsStillAWitness) {
   const auto sets = scene::render(scene, {.set_count = 60});
   std::vector<capture::FrameSet> without = sets;
   for (capture::FrameSet& set : without) set.frames[1].reset();
-  ObjectTracker all(scene.rig, lime_ball(), {}), two(scene.rig, lime_ball(), {});
+  ObjectTracker all(scene.rig, lime_target(), {}), two(scene.rig, lime_target(), {});
   std::vector<CameraTrust> trust(3);
   trust[1].is_used = false;
   all.trust(trust);
@@ -241,7 +241,7 @@ TEST(Trust, anUnusedCameraMovesNothingAndIsStillAWitness) {
 
 TEST(Trust, refusesWhatIsNotFinite) {
   const scene::Scene scene = ring_scene(2);
-  ObjectTracker tracker(scene.rig, lime_ball(), {});
+  ObjectTracker tracker(scene.rig, lime_target(), {});
   std::vector<CameraTrust> trust(1);
   trust[0].pose_covariance(3, 3) = std::numeric_limits<double>::quiet_NaN();
   EXPECT_THROW(tracker.trust(trust), std::invalid_argument);
