@@ -21,16 +21,6 @@ namespace fs = std::filesystem;
 using namespace std::chrono_literals;
 using Clock = std::chrono::steady_clock;
 
-template <typename Condition>
-bool comes_true(Condition condition, std::chrono::milliseconds patience) {
-  const auto end = Clock::now() + patience;
-  while (!condition()) {
-    if (Clock::now() > end) return false;
-    std::this_thread::sleep_for(10ms);
-  }
-  return true;
-}
-
 TEST(Kill, TheRestartWorksTheRecordingOpensAndSubscribersNotice) {
   const char* wanted = std::getenv("HUETRACK_KILLS");
   const int kills = wanted ? std::stoi(wanted) : 3;
