@@ -4,6 +4,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "object_tracking/image_color.h"
+
 namespace huetrack::color_teaching {
 
 std::size_t PixelMask::count() const {
@@ -17,14 +19,9 @@ double MaskRegion::radius_px() const {
 HsiImage hsi_image(const capture::Image& image) {
   HsiImage out{image.width, image.height, {}};
   out.pixels.reserve(static_cast<std::size_t>(image.width) * static_cast<std::size_t>(image.height));
-  for (int v = 0; v < image.height; ++v) {
-    for (int u = 0; u < image.width; ++u) {
-      out.pixels.push_back(
-          object_tracking::hsi_of(image.format == capture::PixelFormat::bgr
-                                      ? object_tracking::rgb_of(capture::bgr_at(image, u, v))
-                                      : object_tracking::rgb_of(capture::yuv_at(image, u, v), image.range)));
-    }
-  }
+  for (int v = 0; v < image.height; ++v)
+    for (int u = 0; u < image.width; ++u)
+      out.pixels.push_back(object_tracking::hsi_of(object_tracking::rgb_at(image, u, v)));
   return out;
 }
 

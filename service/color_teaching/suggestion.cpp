@@ -3,11 +3,11 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdlib>
+#include <limits>
 #include <numbers>
 
 #include "calib/model/median.h"
-#include "color_teaching/color_fit.h"
+#include "object_tracking/image_color.h"
 
 namespace huetrack::color_teaching {
 namespace {
@@ -59,12 +59,16 @@ struct LikePixels {
   Sums sums;
 };
 
-Eigen::Vector2d mean_chroma(const HsiImage& image, const PixelMask& pixels) {
+// Of the pixels in the box that are set and within the disc.
+Eigen::Vector2d median_chroma(const HsiImage& image, const PixelMask& pixels, const object_tracking::PixelBox& box,
+                              const Eigen::Vector2d& centre, double radius) {
   std::vector<double> x, y;
-  for (std::size_t i = 0; i < pixels.pixels.size(); ++i) {
-    if (pixels.pixels[i] == 0) continue;
-    const Eigen::Vector2d c = chroma(image.pixels[i]);
-    x.push_back(c.x()), y.push_back(c.y());
+  for (int v = box.v_min; v <= box.v_max; ++v) {
+    for (int u = box.u_min; u <= box.u_max; ++u) {
+      if (pixels.at(u, v) == 0 || (Eigen::Vector2d(u, v) - centre).norm() > radius) continue;
+      const Eigen::Vector2d c = chroma(image.at(u, v));
+      x.push_back(c.x()), y.push_back(c.y());
+    }
   }
   return x.empty() ? Eigen::Vector2d::Zero()
                    : Eigen::Vector2d(calib::median(std::move(x)), calib::median(std::move(y)));
@@ -206,11 +210,7 @@ std::optional<Candidate> judged(const Picture& picture, const LikePixels& pixels
     const double moved = share_inside(*picture.moving, region.centre, radius);
     if (*is_moving ? moved < still_share : moved > moving_share) return std::nullopt;
   }
-  PixelMask inside(pixels.mask.width, pixels.mask.height);
-  for (int v = region.box.v_min; v <= region.box.v_max; ++v)
-    for (int u = region.box.u_min; u <= region.box.u_max; ++u)
-      if (pixels.mask.at(u, v) != 0 && (Eigen::Vector2d(u, v) - region.centre).norm() <= radius) inside.at(u, v) = 1;
-  const ColorStep off = step_of(color, mean_chroma(*picture.image, inside));
+  const ColorStep off = step_of(color, median_chroma(*picture.image, pixels.mask, region.box, region.centre, radius));
   const double size = std::log(region.radius_px() / radius);
   const auto squared = [](double x) { return x * x; };
   Candidate out{.position = expected.position, .region = region};
@@ -265,7 +265,8 @@ std::vector<std::optional<MaskRegion>> suggested_regions(const std::vector<Point
   std::vector<std::optional<MaskRegion>> out(others.size());
   if (pointed.empty()) return out;
   const PointedObject& first = pointed.front();
-  const Eigen::Vector2d color = mean_chroma(*first.picture.image, first.pixels);
+  const Eigen::Vector2d color = median_chroma(*first.picture.image, first.pixels, first.region.box, first.region.centre,
+                                              std::numeric_limits<double>::infinity());
   if (color.norm() == 0) return out;
   std::optional<bool> is_moving;
   if (first.picture.moving != nullptr) {
@@ -273,13 +274,10 @@ std::vector<std::optional<MaskRegion>> suggested_regions(const std::vector<Point
     if (moved > moving_share) is_moving = true;
     if (moved < still_share) is_moving = false;
   }
-  std::vector<LikePixels> pixels;
   std::vector<std::vector<Candidate>> candidates;
-  for (const Picture& other : others) {
-    pixels.push_back(like(*other.image, color));
-    candidates.push_back(
-        candidates_in(other, pixels.back(), along_ray(pointed, *other.camera, volume, moved_m), color, is_moving));
-  }
+  for (const Picture& other : others)
+    candidates.push_back(candidates_in(other, like(*other.image, color),
+                                       along_ray(pointed, *other.camera, volume, moved_m), color, is_moving));
   // What the other pictures show where a candidate would be in them.
   for (std::size_t i = 0; i < others.size(); ++i) {
     std::vector<double> costs;
@@ -308,9 +306,7 @@ std::optional<PixelMask> moving_pixels(const capture::Image& picture, const std:
   constexpr std::size_t least_others = 4;
   if (others.size() < least_others) return std::nullopt;
   const auto channels = [](const capture::Image& image, int u, int v) {
-    const auto rgb = image.format == capture::PixelFormat::bgr
-                         ? object_tracking::rgb_of(capture::bgr_at(image, u, v))
-                         : object_tracking::rgb_of(capture::yuv_at(image, u, v), image.range);
+    const object_tracking::Rgb rgb = object_tracking::rgb_at(image, u, v);
     return std::array<double, 3>{rgb.r, rgb.g, rgb.b};
   };
   const std::size_t count = std::size_t(picture.width) * std::size_t(picture.height);

@@ -5,6 +5,7 @@
 #include <limits>
 #include <utility>
 
+#include "object_tracking/image_color.h"
 #include "object_tracking/object_tracker.h"
 
 namespace huetrack::object_tracking {
@@ -50,11 +51,6 @@ Distribution robust(std::span<double> values, double noise) {
              last = std::ranges::upper_bound(values, median + reach);
   const auto own = std::span(first, last);
   return {median, median - own[own.size() / 6], own[own.size() - 1 - own.size() / 6] - median};
-}
-
-Rgb rgb_at(const capture::Image& image, int u, int v) {
-  return image.format == capture::PixelFormat::bgr ? rgb_of(capture::bgr_at(image, u, v))
-                                                   : rgb_of(capture::yuv_at(image, u, v), image.range);
 }
 
 bool sees_it_well(const ViewSupport& view) {

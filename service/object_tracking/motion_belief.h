@@ -56,6 +56,10 @@ class MotionBelief {
   capture::Timestamp at{};
   Eigen::Vector3d position() const { return mean_.head<3>(); }
   Eigen::Vector3d velocity() const { return mean_.segment<3>(3); }
+  // If it goes on, or came, as it moves now.
+  Eigen::Vector3d position_at(capture::Timestamp when) const {
+    return position() + capture::seconds(when - at) * velocity();
+  }
   Eigen::Matrix3d position_covariance() const { return covariance_.topLeftCorner<3, 3>(); }
   Eigen::Matrix3d velocity_covariance() const { return covariance_.block<3, 3>(3, 3); }
   // The whole belief, if what is believed of the views, their times and what lasts, were known to be so.

@@ -74,6 +74,15 @@ bool is_apart(const std::vector<TargetView>& views) {
   });
 }
 
+SeenRegion seen_region(const TargetView& view, const Eigen::Vector2d& px, double radius_px, bool is_target) {
+  return {.camera = view.index,
+          .at = view.frame->row_time(px.y()),
+          .px = px,
+          .radius_px = radius_px,
+          .below_middle = view.below_middle(px.y()),
+          .is_target = is_target};
+}
+
 void sort_by_time(std::vector<Sighting>& sightings) {
   std::ranges::stable_sort(sightings, {}, [](const Sighting& s) { return s.row.at; });
 }
@@ -184,8 +193,7 @@ std::optional<RegionTracker::ExpectedView> RegionTracker::expect(const TargetVie
   double row = (view.image->height - 1) / 2.0;
   for (int step = 0; step < 3; ++step) {
     out.row = row_of(view, row, belief_);
-    const double ahead_s = capture::seconds(out.row.at - belief_.at);
-    const auto at = appearance_of(*view.camera, belief_.position() + ahead_s * belief_.velocity(), target_.radius_m);
+    const auto at = appearance_of(*view.camera, belief_.position_at(out.row.at), target_.radius_m);
     if (!at) return std::nullopt;
     out.at = *at;
     row = std::clamp(at->px.y(), -0.5 * view.image->height, 1.5 * view.image->height);
@@ -248,7 +256,7 @@ void RegionTracker::sight(const std::vector<TargetView>& views, std::vector<Sigh
     Eigen::Matrix2d s = at.jacobian * spread * at.jacobian.transpose();
     s.diagonal().array() += doubts_.variance_px2(c);
     if (has_pose_covariance_)
-      s += px_covariance_of_pose(*view.camera, belief_.position() + dt * belief_.velocity(), at, pose_covariance_[c]);
+      s += px_covariance_of_pose(*view.camera, belief_.position_at(expected->row.at), at, pose_covariance_[c]);
     double best = -std::numeric_limits<double>::infinity();
     std::optional<Sighting> chosen;
     ColorRegion chosen_region;
@@ -275,13 +283,12 @@ void RegionTracker::sight(const std::vector<TargetView>& views, std::vector<Sigh
 
 // Beside where the object would be if it had gone on as it did.
 std::optional<SeenBeside> RegionTracker::beside(const Sighting& sighting) const {
-  const double ahead_s = capture::seconds(sighting.row.at - belief_.at);
-  const auto at = appearance_of(*sighting.camera, belief_.position() + ahead_s * belief_.velocity(), target_.radius_m);
+  const auto at = appearance_of(*sighting.camera, belief_.position_at(sighting.row.at), target_.radius_m);
   if (!at) return std::nullopt;
   const Eigen::Vector2d px_per_s = at->jacobian * belief_.velocity();
   const double time_sigma_s = belief_.row_sigma_s(sighting.row.camera, sighting.row.below_middle);
   SeenBeside out{.camera = sighting.row.camera,
-                 .at_s = ahead_s,
+                 .at_s = capture::seconds(sighting.row.at - belief_.at),
                  .off_px = sighting.px - at->px,
                  .covariance = sighting.covariance + sighting.of_pose +
                                time_sigma_s * time_sigma_s * px_per_s * px_per_s.transpose(),
@@ -390,13 +397,7 @@ std::optional<Disagreement> RegionTracker::disagreement_of(const Sighting& i, co
 void RegionTracker::note_regions(const TargetView& view, std::span<const ColorRegion> regions) {
   constexpr std::size_t most = 4;  // of a view, the largest
   for (const ColorRegion& region : regions.first(std::min(most, regions.size()))) {
-    SeenRegion out;
-    out.camera = view.index;
-    out.at = view.frame->row_time(region.centre.y());
-    out.px = region.centre;
-    out.radius_px = std::sqrt(region.area / std::numbers::pi);
-    out.below_middle = view.below_middle(region.centre.y());
-    seen_regions_.push_back(out);
+    seen_regions_.push_back(seen_region(view, region.centre, std::sqrt(region.area / std::numbers::pi), false));
   }
 }
 
@@ -428,14 +429,7 @@ void RegionTracker::compare(const std::vector<TargetView>& views, capture::Times
   for (const TargetView& view : views) {
     const auto seen = std::ranges::find(sightings_, view.index, [](const Sighting& s) { return s.row.camera; });
     if (seen != sightings_.end()) {
-      SeenRegion region;
-      region.camera = view.index;
-      region.at = view.frame->row_time(seen->px.y());
-      region.px = seen->px;
-      region.radius_px = seen->radius_px;
-      region.below_middle = seen->row.below_middle;
-      region.is_target = true;
-      seen_regions_.push_back(region);
+      seen_regions_.push_back(seen_region(view, seen->px, seen->radius_px, true));
     } else if (!sightings_.empty()) {
       if (const auto far = far_off(view, set_at)) besides_.push_back(*far);
     }
@@ -470,7 +464,7 @@ void RegionTracker::doubt(std::vector<Sighting>& sightings) const {
     const auto c = static_cast<std::size_t>(s.row.camera);
     s.doubt_px2 = doubts_.variance_px2(c);
     if (!has_pose_covariance_) continue;
-    const Eigen::Vector3d then = belief_.position() + capture::seconds(s.row.at - belief_.at) * belief_.velocity();
+    const Eigen::Vector3d then = belief_.position_at(s.row.at);
     const auto at = appearance_of(*s.camera, then, target_.radius_m);
     if (at) s.of_pose = px_covariance_of_pose(*s.camera, then, *at, pose_covariance_[c]);
   }
@@ -532,7 +526,7 @@ MotionBelief RegionTracker::observed(const MotionBelief& from, const MotionBelie
   for (const Sighting& sighting : sightings_) {
     out.predict_to(sighting.row.at, power_density);
     const MotionBelief& near = linearised_about != nullptr ? *linearised_about : out;
-    const Eigen::Vector3d then = near.position() + capture::seconds(sighting.row.at - near.at) * near.velocity();
+    const Eigen::Vector3d then = near.position_at(sighting.row.at);
     const auto at = appearance_of(*sighting.camera, then, target_.radius_m);
     if (!at) continue;
     linear_views_.push_back({&sighting,
@@ -1011,7 +1005,7 @@ ObjectEstimate RegionTracker::report(const capture::FrameSet& set, const std::ve
       std::chrono::abs(set.at - belief_.at) <= as_good_as_the_sets_time && set.at > last_reported_;
   e.at = is_of_the_set ? set.at : std::max(belief_.at, last_reported_ + capture::Duration(1));
   last_reported_ = e.at;
-  e.position = belief_.position() + capture::seconds(e.at - belief_.at) * belief_.velocity();
+  e.position = belief_.position_at(e.at);
   e.velocity = belief_.velocity();
   rig_error_.add(sightings_);
   e.covariance = belief_.position_covariance() + rig_error_.left_open(e.position, e.at);

@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 
 #include "object_tracking/color_model.h"
+#include "object_tracking/image_color.h"
 
 namespace huetrack::scene {
 namespace {
@@ -20,9 +21,7 @@ TEST(Scene, ballIsWhereTheCamerasProjectIt) {
         double n = 0, sum_u = 0, sum_v = 0;
         for (int v = 0; v < image.height; ++v) {
           for (int u = 0; u < image.width; ++u) {
-            const object_tracking::Rgb rgb = format == capture::PixelFormat::bgr
-                                                 ? object_tracking::rgb_of(capture::bgr_at(image, u, v))
-                                                 : object_tracking::rgb_of(capture::yuv_at(image, u, v), image.range);
+            const object_tracking::Rgb rgb = object_tracking::rgb_at(image, u, v);
             if (!object_tracking::contains(lime, object_tracking::hsi_of(rgb))) continue;
             n += 1, sum_u += u, sum_v += v;
           }

@@ -1,0 +1,16 @@
+// The colour of one pixel of an image in any format: for looks at a few pixels, and for people's questions, not for the
+// road of a frame (color_window.h).
+#pragma once
+
+#include "capture/frame.h"
+#include "object_tracking/color_model.h"
+
+namespace huetrack::object_tracking {
+
+// u, v: inside the image.
+inline Rgb rgb_at(const capture::Image& image, int u, int v) {
+  return image.format == capture::PixelFormat::bgr ? rgb_of(capture::bgr_at(image, u, v))
+                                                   : rgb_of(capture::yuv_at(image, u, v), image.range);
+}
+
+}  // namespace huetrack::object_tracking
