@@ -1,0 +1,68 @@
+#include "object_tracking/ball_outline.h"
+
+#include <Eigen/Geometry>
+#include <array>
+#include <cmath>
+
+namespace huetrack::object_tracking {
+
+outline::Picture picture_of(const capture::Image& image) {
+  using capture::PixelFormat;
+  outline::Picture out;
+  out.width = image.width, out.height = image.height;
+  out.is_limited = image.range == capture::ColorRange::limited && image.format != PixelFormat::bgr;
+  const auto plane = [&](std::size_t i, std::ptrdiff_t offset, std::ptrdiff_t step) {
+    return outline::Samples{image.planes[i].data + offset, image.planes[i].stride, step};
+  };
+  switch (image.format) {
+    case PixelFormat::yuyv:
+      out.light = plane(0, 0, 2), out.blue = plane(0, 1, 4), out.red = plane(0, 3, 4);
+      out.columns = 2;
+      break;
+    case PixelFormat::nv12:
+      out.light = plane(0, 0, 1), out.blue = plane(1, 0, 2), out.red = plane(1, 1, 2);
+      out.columns = out.rows = 2;
+      break;
+    case PixelFormat::i420:
+    case PixelFormat::i422:
+    case PixelFormat::i444:
+      out.light = plane(0, 0, 1), out.blue = plane(1, 0, 1), out.red = plane(2, 0, 1);
+      out.columns = image.format == PixelFormat::i444 ? 1 : 2;
+      out.rows = image.format == PixelFormat::i420 ? 2 : 1;
+      break;
+    case PixelFormat::bgr:
+      out.light = plane(0, 0, 3);
+      out.is_bgr = true;
+      break;
+    case PixelFormat::grey:
+      out.light = plane(0, 0, 1);
+      out.is_grey = true;
+      break;
+  }
+  return out;
+}
+
+std::optional<BallOutline> outline_of(const calib::Camera& camera, const Eigen::Vector3d& p_world, double radius_m) {
+  const Eigen::Vector3d p = camera.cam_from_world * p_world;
+  const double distance = p.norm(), sine = radius_m / distance;
+  if (!(sine < 0.9)) return std::nullopt;
+  const auto centre = camera.model.project(p);
+  if (!centre) return std::nullopt;
+  const double cosine = std::sqrt(1 - sine * sine);
+  const Eigen::Vector3d ahead = p / distance;
+  const Eigen::Vector3d aside = ahead.cross(Eigen::Vector3d::UnitY()).normalized(), below = ahead.cross(aside);
+  std::array<Eigen::Vector2d, 4> edge;
+  for (std::size_t i = 0; i < 4; ++i) {
+    const Eigen::Vector3d across = (i < 2 ? 1.0 : -1.0) * (i % 2 == 0 ? aside : below);
+    const auto px = camera.model.project(cosine * ahead + sine * across);
+    if (!px) return std::nullopt;
+    edge[i] = px->px;
+  }
+  BallOutline out;
+  out.centre_px = centre->px;
+  out.ellipse.centre = (edge[0] + edge[1] + edge[2] + edge[3]) / 4;
+  out.ellipse.axes << (edge[0] - edge[2]) / 2, (edge[1] - edge[3]) / 2;
+  return out;
+}
+
+}  // namespace huetrack::object_tracking

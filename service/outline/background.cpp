@@ -1,0 +1,244 @@
+#include "outline/background.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "particle_filter/vector_clones.h"
+
+namespace huetrack::outline {
+namespace {
+
+constexpr float unit = 64;  // of the values that are kept
+constexpr float most_looks =
+    16;  // then the mean forgets: half a second of light that changes, or as much as noise asks
+// What is seen is what was seen before, if it is no further off than noise may be; what is off again and again uses up
+// the looks of what was there.
+constexpr float usual_sigmas = 5, least_usual = 8;
+constexpr float forgotten_per_look = 2;
+constexpr float least_light_noise = 0.7f, least_chroma_noise = 0.5f;
+constexpr double noise_kept = 0.98;  // of what was seen of the noise, from look to look
+constexpr int settled_looks = 8;
+constexpr int margin_px = 8;                        // around the object, of what is learnt first
+constexpr int least_tiles = 4, largest_tiles = 24;  // per picture
+
+constexpr int size = Background::tile_px;
+constexpr int most_samples = size * size;
+
+// One step of the mean of each sample. hidden: not looked at. Returns how far settled samples were off, and how many
+// there were.
+struct Off {
+  float sum, count;
+};
+HUETRACK_CLONES Off step(const float* __restrict seen, const float* __restrict hidden, float usual, int n,
+                         std::int16_t* __restrict mean, std::uint8_t* __restrict looks) {
+  constexpr int lanes = 16;
+  float sum[lanes] = {}, count[lanes] = {};
+  for (int i = 0; i < n; i += lanes) {
+    for (int j = 0; j < lanes; ++j) {
+      const float before = static_cast<float>(mean[i + j]) * (1 / unit);
+      const float of = static_cast<float>(looks[i + j]);
+      const float off = seen[i + j] - before;
+      const float far = off < 0 ? -off : off;
+      const bool is_same = far < usual && of > 0;
+      const float fewer = of - forgotten_per_look;
+      const bool is_new = !is_same && fewer <= 0;
+      const float more = of + 1 < most_looks ? of + 1 : most_looks;
+      const float now = is_same ? more : is_new ? 1.f : fewer;
+      const float value = is_same ? before + off / more : is_new ? seen[i + j] : before;
+      const bool is_seen = hidden[i + j] == 0;
+      const float kept = (is_seen ? value : before) * unit;
+      mean[i + j] = static_cast<std::int16_t>(kept + (kept < 0 ? -0.5f : 0.5f));
+      looks[i + j] = static_cast<std::uint8_t>(is_seen ? now : of);
+      const bool counts = is_seen && is_same && of >= settled_looks;
+      sum[j] += counts ? far : 0.f;
+      count[j] += counts ? 1.f : 0.f;
+    }
+  }
+  Off out{0, 0};
+  for (int j = 0; j < lanes; ++j) out.sum += sum[j], out.count += count[j];
+  return out;
+}
+
+// Samples whose centres lie within the discs; one sample is columns x rows pixels.
+void hide(const Disc* discs, std::size_t count, int u0, int v0, int columns, int rows, int across, int down,
+          float* hidden) {
+  std::fill(hidden, hidden + across * down, 0.f);
+  for (std::size_t k = 0; k < count; ++k) {
+    const double slack = 0.5 * std::hypot(columns - 1, rows - 1);
+    const auto reach = static_cast<float>(discs[k].radius_px + slack);
+    const auto cu = static_cast<float>(discs[k].px.x()), cv = static_cast<float>(discs[k].px.y());
+    for (int j = 0; j < down; ++j) {
+      const float dv = static_cast<float>(v0 + j * rows) + 0.5f * static_cast<float>(rows - 1) - cv;
+      if (std::abs(dv) > reach) continue;
+      for (int i = 0; i < across; ++i) {
+        const float du = static_cast<float>(u0 + i * columns) + 0.5f * static_cast<float>(columns - 1) - cu;
+        hidden[j * across + i] = du * du + dv * dv < reach * reach ? 1.f : hidden[j * across + i];
+      }
+    }
+  }
+}
+
+}  // namespace
+
+Background::Background(int width, int height)
+    : width_(width),
+      height_(height),
+      across_((width + tile_px - 1) / tile_px),
+      down_((height + tile_px - 1) / tile_px),
+      slots_(static_cast<std::size_t>(across_ * down_), std::int16_t{-1}) {
+  tiles_.reserve(std::min(most_tiles, slots_.size()));
+  chosen_.reserve(slots_.size());
+}
+
+void Background::forget() {
+  std::ranges::fill(slots_, std::int16_t{-1});
+  tiles_.clear();
+}
+
+void Background::Noise::add(double sum_of_off, double of, float least) {
+  sum = noise_kept * sum + sum_of_off;
+  count = noise_kept * count + of;
+  // Half of the normal distribution is nearer than 0.67, its mean 0.80 standard deviations.
+  if (count > 500) noise = std::max(least, static_cast<float>(sum / count / 0.798));
+}
+
+Background::Tile& Background::tile_for(int index) {
+  std::int16_t& slot = slots_[static_cast<std::size_t>(index)];
+  if (slot >= 0) return tiles_[static_cast<std::size_t>(slot)];
+  if (tiles_.size() < std::min(most_tiles, slots_.size())) {
+    slot = static_cast<std::int16_t>(tiles_.size());
+    tiles_.emplace_back();
+  } else {
+    const auto oldest = std::ranges::min_element(tiles_, {}, &Tile::looked_at);
+    slots_[static_cast<std::size_t>(oldest->index)] = -1;
+    slot = static_cast<std::int16_t>(oldest - tiles_.begin());
+  }
+  Tile& tile = tiles_[static_cast<std::size_t>(slot)];
+  tile.index = index;
+  tile.looks = 0;
+  tile.light_looks.fill(0);
+  tile.chroma_looks.fill(0);
+  tile.light.fill(0), tile.blue.fill(0), tile.red.fill(0);
+  return tile;
+}
+
+void Background::learn(const Picture& picture, const Disc& object, const Eigen::Vector2d& ahead_px, const Disc* hidden,
+                       std::size_t hidden_count) {
+  if (picture.width != width_ || picture.height != height_) return;
+  if (picture.columns != columns_ || picture.rows != rows_) {
+    forget();
+    columns_ = picture.columns, rows_ = picture.rows;
+  }
+  ++pictures_;
+  const double reach = object.radius_px + margin_px;
+  const auto tile_of = [](double px, int count) {
+    return std::clamp(static_cast<int>(std::floor(std::clamp(px, -1e6, 1e6) / tile_px)), 0, count - 1);
+  };
+  const int u_min = tile_of(object.px.x() + std::min(0.0, ahead_px.x()) - reach, across_);
+  const int u_max = tile_of(object.px.x() + std::max(0.0, ahead_px.x()) + reach, across_);
+  const int v_min = tile_of(object.px.y() + std::min(0.0, ahead_px.y()) - reach, down_);
+  const int v_max = tile_of(object.px.y() + std::max(0.0, ahead_px.y()) + reach, down_);
+  // Of those that the way crosses.
+  const double way = ahead_px.norm();
+  chosen_.clear();
+  for (int v = v_min; v <= v_max; ++v) {
+    for (int u = u_min; u <= u_max; ++u) {
+      const Eigen::Vector2d off = tile_px * Eigen::Vector2d(u + 0.5, v + 0.5) - object.px;
+      const double along = way > 0 ? std::clamp(off.dot(ahead_px) / (way * way), 0.0, 1.0) : 0.0;
+      if ((off - along * ahead_px).norm() > reach + 0.7 * tile_px) continue;
+      const int index = v * across_ + u;
+      const Tile* tile = tile_at(index);
+      const std::uint64_t looks = tile == nullptr ? 0 : std::min<std::uint64_t>(tile->looks, most_samples);
+      // The ones with the fewest looks, and of these the ones that are reached first.
+      const auto when = static_cast<std::uint64_t>(255 * along);
+      const std::uint64_t since = tile == nullptr ? 0 : tile->looked_at;
+      const bool is_known = looks >= static_cast<std::uint64_t>(most_looks);
+      chosen_.push_back({index, is_known ? (std::uint64_t{1} << 60) + since : (looks / 2 << 8) + when});
+    }
+  }
+  const auto count = std::min(
+      chosen_.size(), static_cast<std::size_t>(std::clamp(static_cast<int>(object.radius_px * object.radius_px / 4),
+                                                          least_tiles, largest_tiles)));
+  std::ranges::partial_sort(chosen_, chosen_.begin() + static_cast<std::ptrdiff_t>(count), {},
+                            [](const Chosen& c) { return std::pair(c.rank, c.index); });
+  for (std::size_t i = 0; i < count; ++i) look(picture, chosen_[i].index, hidden, hidden_count);
+  if (slots_.size() <= most_tiles) {
+    next_ = (next_ + 1) % static_cast<int>(slots_.size());
+    look(picture, next_, hidden, hidden_count);
+  }
+}
+
+void Background::look(const Picture& picture, int index, const Disc* hidden, std::size_t hidden_count) {
+  Tile& tile = tile_for(index);
+  if (tile.looked_at == pictures_) return;
+  tile.looked_at = pictures_;
+  ++tile.looks;
+  const int u0 = index % across_ * tile_px, v0 = index / across_ * tile_px;
+  alignas(64) float seen[most_samples], red[most_samples], mask[most_samples];
+  // Beyond the picture nothing is seen.
+  const auto for_rows = [&](int columns, int rows, int width, int height, auto&& read) {
+    const int across = tile_px / columns, down = tile_px / rows;
+    hide(hidden, hidden_count, u0, v0, columns, rows, across, down, mask);
+    const int n = std::min(across, width - u0 / columns), m = std::min(down, height - v0 / rows);
+    for (int j = 0; j < down; ++j) {
+      if (j < m) read(u0 / columns, v0 / rows + j, n, j * across);
+      for (int i = j < m ? n : 0; i < across; ++i)
+        mask[j * across + i] = 1, seen[j * across + i] = 0, red[j * across + i] = 0;
+    }
+    return across * down;
+  };
+  int n = for_rows(1, 1, width_, height_,
+                   [&](int u, int v, int count, int at) { read_light(picture, u, v, count, seen + at); });
+  Off off = step(seen, mask, std::max(least_usual, usual_sigmas * light_.noise), n, tile.light.data(),
+                 tile.light_looks.data());
+  light_.add(static_cast<double>(off.sum), static_cast<double>(off.count), least_light_noise);
+  if (picture.is_grey) return;
+  n = for_rows(columns_, rows_, picture.chroma_width(), picture.chroma_height(),
+               [&](int u, int v, int count, int at) { read_chroma(picture, u, v, count, seen + at, red + at); });
+  const float usual = std::max(least_usual, usual_sigmas * chroma_.noise);
+  std::array<std::uint8_t, samples> looks_of_red = tile.chroma_looks;
+  off = step(seen, mask, usual, n, tile.blue.data(), tile.chroma_looks.data());
+  chroma_.add(static_cast<double>(off.sum), static_cast<double>(off.count), least_chroma_noise);
+  off = step(red, mask, usual, n, tile.red.data(), looks_of_red.data());
+  chroma_.add(static_cast<double>(off.sum), static_cast<double>(off.count), least_chroma_noise);
+  for (std::size_t i = 0; i < samples; ++i) tile.chroma_looks[i] = std::min(tile.chroma_looks[i], looks_of_red[i]);
+}
+
+void Background::light(int u, int v, int n, float* light, float* looks) const {
+  for (int i = 0; i < n;) {
+    const int tile_u = (u + i) / tile_px, first = (u + i) % tile_px, count = std::min(n - i, tile_px - first);
+    if (const Tile* tile = tile_at(v / tile_px * across_ + tile_u)) {
+      const auto at = static_cast<std::size_t>(v % tile_px * tile_px + first);
+      for (int k = 0; k < count; ++k) {
+        light[i + k] = static_cast<float>(tile->light[at + static_cast<std::size_t>(k)]) * (1 / unit);
+        looks[i + k] = tile->light_looks[at + static_cast<std::size_t>(k)];
+      }
+    } else {
+      std::fill(light + i, light + i + count, 0.f);
+      std::fill(looks + i, looks + i + count, 0.f);
+    }
+    i += count;
+  }
+}
+
+void Background::chroma(int u, int v, int n, float* blue, float* red, float* looks) const {
+  const int across = columns_ > 0 ? tile_px / columns_ : tile_px, down = rows_ > 0 ? tile_px / rows_ : tile_px;
+  for (int i = 0; i < n;) {
+    const int tile_u = (u + i) / across, first = (u + i) % across, count = std::min(n - i, across - first);
+    if (const Tile* tile = tile_at(v / down * across_ + tile_u)) {
+      const auto at = static_cast<std::size_t>(v % down * across + first);
+      for (int k = 0; k < count; ++k) {
+        blue[i + k] = static_cast<float>(tile->blue[at + static_cast<std::size_t>(k)]) * (1 / unit);
+        red[i + k] = static_cast<float>(tile->red[at + static_cast<std::size_t>(k)]) * (1 / unit);
+        looks[i + k] = tile->chroma_looks[at + static_cast<std::size_t>(k)];
+      }
+    } else {
+      std::fill(blue + i, blue + i + count, 0.f);
+      std::fill(red + i, red + i + count, 0.f);
+      std::fill(looks + i, looks + i + count, 0.f);
+    }
+    i += count;
+  }
+}
+
+}  // namespace huetrack::outline

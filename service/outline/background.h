@@ -1,0 +1,92 @@
+// What stands behind the object in one view, learnt while it is tracked: in tiles around the object and where it goes,
+// from pixels that it does not cover. A mean per sample, of so many looks; what is seen otherwise again and again
+// replaces it, so that it follows the light and the scene.
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "outline/picture.h"
+
+namespace huetrack::outline {
+
+// A row of what is behind, as read_light() and read_chroma() give what is seen. looks: how many pictures it is the mean
+// of; 0: not known.
+class Behind {
+ public:
+  virtual ~Behind() = default;
+  virtual void light(int u, int v, int n, float* light, float* looks) const = 0;
+  virtual void chroma(int u, int v, int n, float* blue, float* red, float* looks) const = 0;
+  // Of a single picture, standard deviation in grey values.
+  virtual float light_noise() const = 0;
+  virtual float chroma_noise() const = 0;
+};
+
+// Where pixels are the object's, or may be.
+struct Disc {
+  Eigen::Vector2d px;
+  double radius_px = 0;
+};
+
+// thread-compatible; one per view. Its memory is bounded: 2 KB for a tile of 16x16 pixels, and no more than most_tiles
+// of them, of which the one that was not looked at for longest gives way.
+class Background final : public Behind {
+ public:
+  static constexpr int tile_px = 16;
+  static constexpr std::size_t most_tiles = 768;
+
+  Background(int width, int height);
+
+  // A few tiles of this picture: of those between `object` and where it will be after `ahead_px`, the ones that are
+  // known least, and one of all others in turn. hidden: what is not background.
+  void learn(const Picture& picture, const Disc& object, const Eigen::Vector2d& ahead_px, const Disc* hidden,
+             std::size_t hidden_count);
+  void forget();
+
+  void light(int u, int v, int n, float* light, float* looks) const override;
+  void chroma(int u, int v, int n, float* blue, float* red, float* looks) const override;
+  float light_noise() const override { return light_.noise; }
+  float chroma_noise() const override { return chroma_.noise; }
+
+  std::uint64_t tiles_learnt() const { return pictures_; }
+
+ private:
+  static constexpr int samples = tile_px * tile_px;
+  using Values = std::array<std::int16_t, samples>;  // grey values in 1/64
+  struct Tile {
+    int index = -1;  // in the picture
+    std::uint32_t looks = 0;
+    std::uint64_t looked_at = 0;
+    Values light, blue, red;
+    std::array<std::uint8_t, samples> light_looks, chroma_looks;
+  };
+  struct Noise {
+    float noise;
+    double sum = 0, count = 0;
+    void add(double sum_of_off, double of, float least);
+  };
+  struct Chosen {
+    int index;
+    std::uint64_t rank;
+  };
+  const Tile* tile_at(int index) const {
+    const std::int16_t slot = slots_[static_cast<std::size_t>(index)];
+    return slot < 0 ? nullptr : &tiles_[static_cast<std::size_t>(slot)];
+  }
+  Tile& tile_for(int index);
+  void look(const Picture& picture, int index, const Disc* hidden, std::size_t hidden_count);
+
+  int width_, height_, across_, down_;
+  int columns_ = 0, rows_ = 0;       // that share chroma
+  std::vector<std::int16_t> slots_;  // per tile of the picture, -1: none
+  std::vector<Tile> tiles_;
+  std::vector<Chosen> chosen_;
+  std::uint64_t pictures_ = 0;
+  int next_ = 0;
+  Noise light_{2.f}, chroma_{2.f};
+};
+
+}  // namespace huetrack::outline

@@ -1,0 +1,639 @@
+#include "outline/outline_fit.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "particle_filter/vector_clones.h"
+
+namespace huetrack::outline {
+namespace {
+
+// BT.601, and what an R G B of 0..1 is in grey values.
+constexpr float y_red = 0.299f, y_green = 0.587f, y_blue = 0.114f, by_blue = 0.564f, by_red = 0.713f, white = 255;
+// Linear light is as sharp as the lens; what colors add to it is softer: a sensor has one color per pixel.
+constexpr float grey_red = 0.25f, grey_green = 0.5f, grey_blue = 0.25f;
+constexpr float darkest = 1e-4f;  // linear
+
+constexpr double reach_px = 4;           // beyond the edge, and within it: as far as an edge's softness carries
+constexpr double least_radius_px = 1.5;  // smaller discs are all edge
+constexpr int least_pixels = 24;
+constexpr float model_light = 1.5f, model_chroma = 1.f;  // grey values by which the model itself is off
+constexpr float unknown_behind = 400;  // the variance of a background that is not known, in those of a pixel
+constexpr float loss2 = 4;             // Cauchy's, beyond two standard deviations
+constexpr double usual_loss = 0.66;    // what it makes of a normal residual's square
+constexpr double worst_misfit = 9;
+constexpr double least_visible = 0.25;  // of the edge
+constexpr double furthest_radii = 0.8, largest_growth = 0.35;
+
+// The camera's curve, sRGB, from grey values 0..1 to light and back: a cubic, and its inverse by one step of Newton's.
+constexpr float curve1 = 0.012522878f, curve2 = 0.682171111f, curve3 = 0.305306011f;
+inline float light_of(float grey) {
+  return grey * (curve1 + grey * (curve2 + grey * curve3));
+}
+
+struct LightChroma {
+  float light, blue, red;
+};
+inline LightChroma ycc(float r, float g, float b) {
+  const float y = y_red * r + y_green * g + y_blue * b;
+  return {y, by_blue * (b - y), by_red * (r - y)};
+}
+
+inline float grey_of(float light) {
+  const float root = std::sqrt(light);
+  const float grey = root * (1.17f - 0.17f * root);
+  return grey - (light_of(grey) - light) / (curve1 + grey * (2 * curve2 + grey * 3 * curve3));
+}
+
+HUETRACK_CLONES void lights_behind(int n, const float* __restrict light, const float* __restrict blue,
+                                   const float* __restrict red, float* __restrict r, float* __restrict g,
+                                   float* __restrict b) {
+  for (int i = 0; i < n; ++i) {
+    const float gr = (light[i] + red[i] / by_red) / white, gb = (light[i] + blue[i] / by_blue) / white;
+    const float gg = (light[i] / white - y_red * gr - y_blue * gb) / y_green;
+    const auto lit = [](float grey) {
+      const float c = grey < 0 ? 0 : grey > 1.2f ? 1.2f : grey;
+      const float l = light_of(c);
+      return l < darkest ? darkest : l;
+    };
+    r[i] = lit(gr), g[i] = lit(gg), b[i] = lit(gb);
+  }
+}
+
+// Sums of the products of four columns with four others, n of each, in eight lanes.
+using Lanes = float __attribute__((vector_size(32), may_alias));
+template <int stride, int out_stride>
+inline __attribute__((always_inline)) void add_products(const float* a, const float* b, int n, float* sums) {
+  const auto *b0 = reinterpret_cast<const Lanes*>(b), *b1 = reinterpret_cast<const Lanes*>(b + stride),
+             *b2 = reinterpret_cast<const Lanes*>(b + 2 * stride), *b3 = reinterpret_cast<const Lanes*>(b + 3 * stride);
+  // Two of the first by four: as many sums as registers hold.
+  for (int p = 0; p < 4; p += 2) {
+    Lanes s00{}, s01{}, s02{}, s03{}, s10{}, s11{}, s12{}, s13{};
+    const auto *a0 = reinterpret_cast<const Lanes*>(a + p * stride),
+               *a1 = reinterpret_cast<const Lanes*>(a + (p + 1) * stride);
+    for (int i = 0; i < n / 8; ++i) {
+      s00 += a0[i] * b0[i], s01 += a0[i] * b1[i], s02 += a0[i] * b2[i], s03 += a0[i] * b3[i];
+      s10 += a1[i] * b0[i], s11 += a1[i] * b1[i], s12 += a1[i] * b2[i], s13 += a1[i] * b3[i];
+    }
+    auto* out = reinterpret_cast<Lanes*>(sums + p * out_stride);
+    out[0] += s00, out[1] += s01, out[2] += s02, out[3] += s03;
+    out = reinterpret_cast<Lanes*>(sums + (p + 1) * out_stride);
+    out[0] += s10, out[1] += s11, out[2] += s12, out[3] += s13;
+  }
+}
+
+}  // namespace
+
+// What is the same for all rows of one kind.
+struct OutlineFit::Kind {
+  float by_red, by_green, by_blue;  // of a pixel's R', G', B', what is seen
+  float sigma;
+  float blur2, more2, extra_u, extra_v, smear2;  // px^2: of light; more of it of color; of the sample; per (px/s)^2
+  float cu, cv, m00, m01, m10, m11;
+  float vx, vy, exposure;
+  int moments;
+  std::array<float, 8> moment;    // in exposures
+  float red, green, blue, level;  // the object: what its color adds to its grey
+  float grey;
+  std::array<float, 6> shading;
+  std::array<float, 3> paleness;
+  float lit, lit_v;
+};
+
+struct OutlineFit::Assembly {
+  alignas(64) float sums[columns][columns][8] = {};  // the upper half, by blocks of 4x4
+  double residual2 = 0, trusted = 0, edge = 0, seen_edge = 0;
+};
+
+OutlineFit::OutlineFit() {
+  constexpr std::size_t box = largest_box * largest_box;
+  for (auto* grid : {&seen_light_, &light_behind_, &light_looks_, &seen_blue_, &seen_red_, &blue_behind_, &red_behind_,
+                     &chroma_looks_})
+    grid->resize(box);
+  strange_.resize(box);
+}
+
+bool OutlineFit::gather(const Picture& picture, const Behind& behind) {
+  columns_ = picture.columns, rows_ = picture.rows;
+  has_chroma_ = !picture.is_grey;
+  const Eigen::Matrix2d px_from_disc = disc_from_px_.inverse();
+  const auto bounds = [&](int axis, int limit, int shared, int& low, int& count) {
+    const double reach = px_from_disc.row(axis).norm() + reach_px_;
+    const double first = std::floor(start_.centre[axis] - reach), last = std::ceil(start_.centre[axis] + reach);
+    if (!(first > -1e6 && last < 1e6)) return false;
+    low = std::max(0, static_cast<int>(first)) / shared * shared;
+    const int high = std::min(limit, (static_cast<int>(last) + shared) / shared * shared);
+    count = (high - low) / shared * shared;
+    return count > 0 && count <= largest_box;
+  };
+  if (!bounds(0, picture.width, columns_, u0_, width_) || !bounds(1, picture.height, rows_, v0_, height_)) return false;
+  across_ = width_ / columns_, down_ = height_ / rows_;
+  for (int v = 0; v < height_; ++v) {
+    const auto at = static_cast<std::size_t>(v * width_);
+    read_light(picture, u0_, v0_ + v, width_, &seen_light_[at]);
+    behind.light(u0_, v0_ + v, width_, &light_behind_[at], &light_looks_[at]);
+  }
+  for (int v = 0; v < down_; ++v) {
+    const auto at = static_cast<std::size_t>(v * across_);
+    read_chroma(picture, u0_ / columns_, v0_ / rows_ + v, across_, &seen_blue_[at], &seen_red_[at]);
+    behind.chroma(u0_ / columns_, v0_ / rows_ + v, across_, &blue_behind_[at], &red_behind_[at], &chroma_looks_[at]);
+  }
+  // Where it is not known what is behind, it is taken for what is seen around the object, and hardly counts.
+  float around = 0, blue = 0, red = 0;
+  int n = 0;
+  for (int i = 0; i < width_; ++i) {
+    for (const int row : {0, height_ - 1}) {
+      const int c = row / rows_ * across_ + i / columns_;
+      around += seen_light_[static_cast<std::size_t>(row * width_ + i)];
+      blue += seen_blue_[static_cast<std::size_t>(c)], red += seen_red_[static_cast<std::size_t>(c)];
+      ++n;
+    }
+  }
+  const auto share = 1 / static_cast<float>(n);
+  for (int i = 0; i < width_ * height_; ++i) {
+    const auto k = static_cast<std::size_t>(i);
+    light_behind_[k] = light_looks_[k] > 0 ? light_behind_[k] : around * share;
+  }
+  for (int i = 0; i < across_ * down_; ++i) {
+    const auto k = static_cast<std::size_t>(i);
+    blue_behind_[k] = chroma_looks_[k] > 0 ? blue_behind_[k] : blue * share;
+    red_behind_[k] = chroma_looks_[k] > 0 ? red_behind_[k] : red * share;
+  }
+  return true;
+}
+
+// The samples whose centres lie within reach of the edge, and some of those further inside.
+void OutlineFit::select(Rows& rows, int shared, int lines) {
+  rows.n = 0;
+  const auto radius = static_cast<float>(radius_px_), reach = static_cast<float>(reach_px_);
+  const float outer = (1 + reach / radius) * (1 + reach / radius);
+  const float inner_at = std::max(0.f, 1 - reach / radius), inner = inner_at * inner_at;
+  const int every = radius_px_ > 16 ? 11 : radius_px_ > 8 ? 5 : 1;
+  const auto m00 = static_cast<float>(disc_from_px_(0, 0)), m01 = static_cast<float>(disc_from_px_(0, 1)),
+             m10 = static_cast<float>(disc_from_px_(1, 0)), m11 = static_cast<float>(disc_from_px_(1, 1));
+  const int across = width_ / shared, down = height_ / lines;
+  for (int j = 0; j < down; ++j) {
+    const auto v = static_cast<float>(v0_ + j * lines + 0.5 * (lines - 1) - start_.centre.y());
+    for (int i = 0; i < across; ++i) {
+      const auto u = static_cast<float>(u0_ + i * shared + 0.5 * (shared - 1) - start_.centre.x());
+      const float x = m00 * u + m01 * v, y = m10 * u + m11 * v, rho2 = x * x + y * y;
+      if (rho2 > outer || (rho2 < inner && every > 1 && (i + 3 * j) % every != 0) || rows.n == most_rows) continue;
+      const int k = rows.n++;
+      rows.u[k] = u, rows.v[k] = v, rows.x[k] = x, rows.y[k] = y;
+      rows.cell[k] = j * across + i;
+      rows.trust[k] = 1;
+    }
+  }
+}
+
+// Its colour: as it was, or the median inside.
+bool OutlineFit::know_object(const Look& look) {
+  std::array<std::vector<float>, 3> values;
+  const auto shrunk = static_cast<float>(std::max(0.3, 1 - 1.2 / radius_px_));
+  if (look.object.maxCoeff() > 0) {
+    object_ = look.object;
+  } else {
+    for (int k = 0; k < light_.n; ++k) {
+      if (light_.x[k] * light_.x[k] + light_.y[k] * light_.y[k] > shrunk * shrunk) continue;
+      const int cell = light_.cell[k];
+      const auto c = static_cast<std::size_t>(cell / width_ / rows_ * across_ + cell % width_ / columns_);
+      values[0].push_back(seen_light_[static_cast<std::size_t>(cell)]);
+      values[1].push_back(seen_blue_[c]), values[2].push_back(seen_red_[c]);
+    }
+    if (values[0].size() < 3) return false;
+    std::array<float, 3> middle{};
+    for (std::size_t i = 0; i < 3; ++i) {
+      const auto at = values[i].begin() + static_cast<std::ptrdiff_t>(values[i].size() / 2);
+      std::ranges::nth_element(values[i], at);
+      middle[i] = *at;
+    }
+    lights_behind(1, &middle[0], &middle[1], &middle[2], &object_.x(), &object_.y(), &object_.z());
+  }
+  const LightChroma seen =
+      ycc(white * grey_of(object_.x()), white * grey_of(object_.y()), white * grey_of(object_.z()));
+  object_seen_ = {seen.light, seen.blue, seen.red};
+  return true;
+}
+
+void OutlineFit::make_rows() {
+  alignas(64) static thread_local std::array<float, most_rows> light, blue, red;
+  const auto fill = [&](Rows& rows, auto&& read, auto&& kind) {
+    for (int k = 0; k < rows.n; ++k) read(k, rows.cell[k]);
+    lights_behind(rows.n, light.data(), blue.data(), red.data(), rows.red, rows.green, rows.blue);
+    for (int k = 0; k < rows.n; ++k) {
+      const float r = white * grey_of(rows.red[k]), g = white * grey_of(rows.green[k]),
+                  b = white * grey_of(rows.blue[k]);
+      const auto i = static_cast<std::size_t>(k);
+      rows.offset[k] = kind(light[i], blue[i], red[i]) - kind(ycc(r, g, b).light, ycc(r, g, b).blue, ycc(r, g, b).red);
+    }
+  };
+  const auto unsure = [](float looks) { return looks > 0 ? 1 / looks : unknown_behind; };
+  // Of chroma the direction in which the object differs most from what is around it.
+  float sum_blue = 0, sum_red = 0;
+  fill(
+      light_,
+      [&](int k, int cell) {
+        const auto i = static_cast<std::size_t>(cell), at = static_cast<std::size_t>(k);
+        const auto c = static_cast<std::size_t>(cell / width_ / rows_ * across_ + cell % width_ / columns_);
+        light[at] = light_behind_[i], blue[at] = blue_behind_[c], red[at] = red_behind_[c];
+        sum_blue += blue[at], sum_red += red[at];
+        light_.seen[k] = seen_light_[i];
+        light_.unsure[k] = unsure(light_looks_[i]);
+      },
+      [](float y, float, float) { return y; });
+  const auto n = static_cast<float>(std::max(1, light_.n));
+  const float off_blue = object_seen_[1] - sum_blue / n, off_red = object_seen_[2] - sum_red / n;
+  const float length = std::hypot(off_blue, off_red);
+  chroma_blue_ = length > 1 ? off_blue / length : 0.f, chroma_red_ = length > 1 ? off_red / length : 1.f;
+  if (!has_chroma_) return;
+  fill(
+      chroma_,
+      [&](int k, int cell) {
+        const auto i = static_cast<std::size_t>(cell), at = static_cast<std::size_t>(k);
+        const int u = cell % across_ * columns_, v = cell / across_ * rows_;
+        float sum = 0;
+        for (int b = 0; b < rows_; ++b)
+          for (int a = 0; a < columns_; ++a) sum += light_behind_[static_cast<std::size_t>((v + b) * width_ + u + a)];
+        light[at] = sum / static_cast<float>(columns_ * rows_);
+        blue[at] = blue_behind_[i], red[at] = red_behind_[i];
+        chroma_.seen[k] = chroma_blue_ * seen_blue_[i] + chroma_red_ * seen_red_[i];
+        chroma_.unsure[k] = unsure(chroma_looks_[i]);
+      },
+      [&](float, float b, float r) { return chroma_blue_ * b + chroma_red_ * r; });
+}
+
+void OutlineFit::begin(const Look& look, const FitOptions& options) {
+  x_.setZero();
+  information_.setZero();
+  const auto know = [&](int i, double value, double sigma) {
+    x_[i] = value;
+    information_[i] = 1 / (sigma * sigma);
+  };
+  know(size_, options.log_size.value, options.log_size.sigma);
+  know(blur_light_, look.log_blur_light.value, look.log_blur_light.sigma);
+  know(blur_chroma_, look.log_blur_chroma.value, look.log_blur_chroma.sigma);
+  know(exposure_, look.exposure_s.value, look.exposure_s.sigma);
+  know(lit_, 0, 0.1), know(lit_ + 1, 0, 0.05);
+  know(shading_, 1, 0.5);
+  for (int i = 1; i < 3; ++i) know(shading_ + i, 0, 0.7);
+  for (int i = 3; i < 6; ++i) know(shading_ + i, 0, 0.3);
+  for (int i = 0; i < 3; ++i) know(paleness_ + i, 0, 0.1);
+  expected_ = x_;
+  for (int i = 0; i < 6; ++i) x_[shading_ + i] = look.shading[i];
+  for (int i = 0; i < 3; ++i) x_[paleness_ + i] = look.paleness[i];
+}
+
+OutlineFit::Kind OutlineFit::kind_of_light() const {
+  Kind k{};
+  k.by_red = y_red * white, k.by_green = y_green * white, k.by_blue = y_blue * white;
+  k.sigma = sigma_light_;
+  const auto blur = static_cast<float>(std::exp(x_[blur_light_]));
+  k.blur2 = blur * blur;
+  k.more2 = static_cast<float>(std::exp(2 * x_[blur_chroma_]));
+  const Eigen::Matrix2f m = (disc_from_px_ * std::exp(-x_[size_])).cast<float>();
+  k.cu = static_cast<float>(x_[cu_]), k.cv = static_cast<float>(x_[cv_]);
+  k.m00 = m(0, 0), k.m01 = m(0, 1), k.m10 = m(1, 0), k.m11 = m(1, 1);
+  k.vx = static_cast<float>(movement_.velocity.x()), k.vy = static_cast<float>(movement_.velocity.y());
+  const double exposure = std::clamp(x_[exposure_], 0.0, 0.04);
+  k.exposure = static_cast<float>(exposure);
+  // A moment for each blur's width of the way.
+  const double way = movement_.velocity.norm() * exposure;
+  k.moments = std::clamp(static_cast<int>(std::ceil(way / (2 * static_cast<double>(blur)))), 1, 8);
+  for (int i = 0; i < k.moments; ++i)
+    k.moment[static_cast<std::size_t>(i)] = (static_cast<float>(i) + 0.5f) / static_cast<float>(k.moments) - 0.5f;
+  k.smear2 = 1 / (12 * static_cast<float>(k.moments * k.moments));
+  k.grey = grey_red * object_.x() + grey_green * object_.y() + grey_blue * object_.z();
+  k.red = object_.x() - k.grey, k.green = object_.y() - k.grey, k.blue = object_.z() - k.grey;
+  k.level = object_.maxCoeff();
+  for (int i = 0; i < 6; ++i) k.shading[static_cast<std::size_t>(i)] = static_cast<float>(x_[shading_ + i]);
+  for (int i = 0; i < 3; ++i) k.paleness[static_cast<std::size_t>(i)] = static_cast<float>(x_[paleness_ + i]);
+  k.lit = static_cast<float>(1 + x_[lit_]), k.lit_v = static_cast<float>(x_[lit_ + 1] / radius_px_);
+  return k;
+}
+
+OutlineFit::Kind OutlineFit::kind_of_chroma() const {
+  Kind k = kind_of_light();
+  const float b = chroma_blue_ * by_blue * white, r = chroma_red_ * by_red * white;
+  k.by_red = r - (b + r) * y_red, k.by_green = -(b + r) * y_green, k.by_blue = b - (b + r) * y_blue;
+  k.sigma = sigma_chroma_;
+  // The mean over so many pixels; one pixel's own width is in the blur.
+  k.extra_u = static_cast<float>(columns_ * columns_ - 1) / 12, k.extra_v = static_cast<float>(rows_ * rows_ - 1) / 12;
+  return k;
+}
+
+// Residuals and slopes of some rows, weighted, and the sums of all their products.
+HUETRACK_CLONES void OutlineFit::assemble_rows(const Kind& k, Rows& rows, Assembly& out) {
+  alignas(64) float j[columns][chunk];
+  // How much of each is covered, of light and of color, and by what that changes.
+  struct Covered {
+    alignas(64) float a[chunk], by_u[chunk], by_v[chunk], by_size[chunk], by_blur[chunk], by_exposure[chunk];
+  };
+  Covered light, color;
+  alignas(64) float by_more[chunk];
+  const float share = 1 / static_cast<float>(k.moments), e2 = k.exposure * k.exposure * k.smear2;
+  for (int from = 0; from < rows.n; from += chunk) {
+    const int n = std::min(chunk, rows.n - from);
+    const float* __restrict u = rows.u + from;
+    const float* __restrict v = rows.v + from;
+    light = {}, color = {};
+    for (float& value : by_more) value = 0;
+    alignas(64) float offs[chunk], nus[chunk], nvs[chunk], grows[chunk], widths[chunk];
+    const auto cover = [&](Covered & out_of, float more2, float when) __attribute__((always_inline)) {
+      for (int i = 0; i < n; ++i) {
+        const float nu = nus[i], nv = nvs[i], off = offs[i];
+        const float across = k.vx * nu + k.vy * nv;
+        const float inv2 = 1 / (widths[i] + more2);
+        const float inv = std::sqrt(inv2), t = off * inv;
+        float s = t * (1.f / 3);
+        s = s < -1 ? -1 : s > 1 ? 1 : s;
+        const float s2 = s * s, left = 1 - s2;
+        // (1 - s^2)^3 has the normal distribution's shape and ends at three standard deviations.
+        const float share_of_it = 0.5f - 1.09375f * s * (1 - s2 * (1 - s2 * (0.6f - s2 * (1.f / 7))));
+        const float density = share * (1.09375f / 3) * left * left * left, edge = density * inv;
+        const float wider = density * t * inv2;
+        out_of.a[i] += share * share_of_it;
+        out_of.by_u[i] += edge * nu, out_of.by_v[i] += edge * nv, out_of.by_size[i] += edge * grows[i];
+        out_of.by_blur[i] += wider;
+        out_of.by_exposure[i] += edge * across * when + wider * k.exposure * k.smear2 * across * across;
+      }
+    };
+    for (int m = 0; m < k.moments; ++m) {
+      const float when = k.moment[static_cast<std::size_t>(m)];
+      const float cu = k.cu + k.vx * k.exposure * when, cv = k.cv + k.vy * k.exposure * when;
+      for (int i = 0; i < n; ++i) {
+        const float du = u[i] - cu, dv = v[i] - cv;
+        const float x = k.m00 * du + k.m01 * dv, y = k.m10 * du + k.m11 * dv;
+        const float rho = std::sqrt(x * x + y * y + 1e-6f), in = 1 / rho;
+        const float gu = (k.m00 * x + k.m10 * y) * in, gv = (k.m01 * x + k.m11 * y) * in;
+        const float per = 1 / std::sqrt(gu * gu + gv * gv);
+        const float nu = gu * per, nv = gv * per;
+        const float across = k.vx * nu + k.vy * nv;
+        nus[i] = nu, nvs[i] = nv, offs[i] = (rho - 1) * per, grows[i] = rho * per;
+        widths[i] = k.blur2 + k.extra_u * nu * nu + k.extra_v * nv * nv + e2 * across * across;
+      }
+      cover(light, 0, when);
+      cover(color, k.more2, when);
+    }
+    for (int i = 0; i < n; ++i)
+      by_more[i] = color.by_blur[i] * k.more2, light.by_blur[i] *= k.blur2, color.by_blur[i] *= k.blur2;
+    float residual2 = 0, trusted = 0, edge = 0, seen_edge = 0;
+    for (auto& column : j)
+      for (float& value : column) value = 0;
+    alignas(64) float r2s[chunk], ws[chunk], es[chunk], ss[chunk], off[chunk];
+    alignas(64) float object[chunk], pale[chunk], lit[chunk], shown[chunk], of_light[chunk], of_color[chunk],
+        by_shade[chunk], by_pale[chunk], by_lit[chunk];
+    alignas(64) float grey_behind[chunk];
+    const float* __restrict x = rows.x + from;
+    const float* __restrict y = rows.y + from;
+    const float* __restrict red = rows.red + from;
+    const float* __restrict green = rows.green + from;
+    const float* __restrict blue = rows.blue + from;
+    for (int i = 0; i < n; ++i) {
+      object[i] = k.shading[0] + k.shading[1] * x[i] + k.shading[2] * y[i] + k.shading[3] * x[i] * x[i] +
+                  k.shading[4] * x[i] * y[i] + k.shading[5] * y[i] * y[i];
+      pale[i] = k.level * (k.paleness[0] + k.paleness[1] * x[i] + k.paleness[2] * y[i]);
+      lit[i] = k.lit + k.lit_v * v[i];
+      grey_behind[i] = grey_red * red[i] + grey_green * green[i] + grey_blue * blue[i];
+      shown[i] = of_light[i] = of_color[i] = by_shade[i] = by_pale[i] = by_lit[i] = 0;
+    }
+    const auto mix = [&](float own, const float* __restrict behind, float part) __attribute__((always_inline)) {
+      for (int i = 0; i < n; ++i) {
+        const float front = k.grey * object[i] + pale[i], back = lit[i] * grey_behind[i];
+        const float colored = behind[i] - grey_behind[i];
+        const float front_color = own * object[i], back_color = lit[i] * colored;
+        const float al = light.a[i], ac = color.a[i];
+        const float mixed = back + back_color + al * (front - back) + ac * (front_color - back_color);
+        const float lights = mixed < darkest ? darkest : mixed;
+        const float root = std::sqrt(lights);
+        const float first = root * (1.17f - 0.17f * root);
+        const float slope = 1 / (curve1 + first * (2 * curve2 + first * 3 * curve3));
+        shown[i] += part * (first - (light_of(first) - lights) * slope);
+        const float by = mixed < darkest ? 0 : part * slope;
+        of_light[i] += by * (front - back);
+        of_color[i] += by * (front_color - back_color);
+        by_shade[i] += by * (al * k.grey + ac * own);
+        by_pale[i] += by * al;
+        by_lit[i] += by * ((1 - al) * grey_behind[i] + (1 - ac) * colored);
+      }
+    };
+    mix(k.red, red, k.by_red);
+    mix(k.green, green, k.by_green);
+    mix(k.blue, blue, k.by_blue);
+    const float* __restrict seen = rows.seen + from;
+    const float* __restrict offset = rows.offset + from;
+    const float* __restrict unsure = rows.unsure + from;
+    const float* __restrict trust = rows.trust + from;
+    alignas(64) float w[chunk], wo[chunk], wc[chunk], wa[chunk], wp[chunk], wl[chunk];
+    for (int i = 0; i < n; ++i) {
+      const float open = 1 - light.a[i];
+      const float residual = seen[i] - shown[i] - open * offset[i];
+      const float variance = k.sigma * k.sigma * (1 + open * open * unsure[i]);
+      const float r2 = residual * residual / variance;
+      const float robust = 1 / (1 + r2 / loss2);
+      w[i] = std::sqrt(trust[i] * robust / variance);
+      wo[i] = w[i] * (of_light[i] - offset[i]);
+      wc[i] = w[i] * of_color[i];
+      wa[i] = w[i] * by_shade[i];
+      wp[i] = w[i] * by_pale[i] * k.level;
+      wl[i] = w[i] * by_lit[i];
+      w[i] *= residual;
+      off[i] = r2;
+      r2s[i] = trust[i] * r2 * robust, ws[i] = trust[i];
+      es[i] = light.by_size[i], ss[i] = light.by_size[i] * trust[i] / (1 + 0.1f * unsure[i]);
+    }
+    const auto column = [&](int c, const float* __restrict weight, const float* __restrict by)
+        __attribute__((always_inline)) {
+      float* __restrict to = j[c];
+      for (int i = 0; i < n; ++i) to[i] = weight[i] * by[i];
+    };
+    const auto copy = [&](int c, const float* __restrict from_there) __attribute__((always_inline)) {
+      float* __restrict to = j[c];
+      for (int i = 0; i < n; ++i) to[i] = from_there[i];
+    };
+    const auto both = [&](int c, const float* __restrict of, const float* __restrict with)
+        __attribute__((always_inline)) {
+      float* __restrict to = j[c];
+      for (int i = 0; i < n; ++i) to[i] = wo[i] * of[i] + wc[i] * with[i];
+    };
+    both(cu_, light.by_u, color.by_u), both(cv_, light.by_v, color.by_v), both(size_, light.by_size, color.by_size);
+    both(blur_light_, light.by_blur, color.by_blur), both(exposure_, light.by_exposure, color.by_exposure);
+    column(blur_chroma_, wc, by_more);
+    copy(shading_, wa), column(shading_ + 1, wa, x), column(shading_ + 2, wa, y);
+    column(shading_ + 3, j[shading_ + 1], x), column(shading_ + 4, j[shading_ + 1], y);
+    column(shading_ + 5, j[shading_ + 2], y);
+    copy(paleness_, wp), column(paleness_ + 1, wp, x), column(paleness_ + 2, wp, y);
+    copy(lit_, wl), column(lit_ + 1, wl, v);
+    copy(right_, w);
+    for (int i = 0; i < n; ++i) rows.covered[from + i] = color.a[i], rows.off[from + i] = off[i];
+    for (int i = 0; i < n; ++i) residual2 += r2s[i], trusted += ws[i], edge += es[i], seen_edge += ss[i];
+    out.residual2 += static_cast<double>(residual2), out.trusted += static_cast<double>(trusted);
+    out.edge += static_cast<double>(edge), out.seen_edge += static_cast<double>(seen_edge);
+    const int padded = (n + 7) / 8 * 8;
+    for (int r = 0; r < columns; r += 4) {
+      for (int c = r; c < columns; c += 4) {
+        add_products<chunk, columns * 8>(&j[r][0], &j[c][0], padded, &out.sums[r][c][0]);
+      }
+    }
+  }
+}
+
+void OutlineFit::assemble() {
+  static thread_local Assembly sums;
+  sums = {};
+  assemble_rows(kind_of_light(), light_, sums);
+  const double edge = sums.edge, seen_edge = sums.seen_edge;
+  if (has_chroma_) assemble_rows(kind_of_chroma(), chroma_, sums);
+  const auto total = [&](int r, int c) {
+    double sum = 0;
+    for (int l = 0; l < 8; ++l) sum += static_cast<double>(sums.sums[std::min(r, c)][std::max(r, c)][l]);
+    return sum;
+  };
+  for (int r = 0; r < unknowns; ++r) {
+    for (int c = r; c < unknowns; ++c) normal_(r, c) = normal_(c, r) = total(r, c);
+    gradient_[r] = total(r, right_);
+  }
+  // lit_v is per radius.
+  normal_.row(lit_ + 1) /= radius_px_, normal_.col(lit_ + 1) /= radius_px_, gradient_[lit_ + 1] /= radius_px_;
+  misfit_ = sums.trusted > 0 ? sums.residual2 / sums.trusted / usual_loss : 0;
+  visible_ = edge > 0 ? seen_edge / edge : 0;
+}
+
+// What hides the object, and what else is there, does not count, nor do pixels that its edge may have softened.
+void OutlineFit::judge_pixels() {
+  constexpr float inside = 0.9f, outside = 0.1f, same_sigmas = 4, telling_sigmas = 9, strange_sigmas2 = 49;
+  constexpr float lit_otherwise = 0.06f;
+  constexpr int soft_px = 2;
+  std::fill_n(strange_.begin(), width_ * height_, std::uint8_t{0});
+  bool any = false;
+  for (int k = 0; k < light_.n; ++k) {
+    const int cell = light_.cell[k];
+    const auto i = static_cast<std::size_t>(cell);
+    if (light_looks_[i] < 2 || (light_.covered[k] > outside && light_.covered[k] < inside)) continue;
+    if (light_.covered[k] <= outside) {
+      if (light_.off[k] < strange_sigmas2) continue;
+    } else {
+      const auto c = static_cast<std::size_t>(cell / width_ / rows_ * across_ + cell % width_ / columns_);
+      const float behind = light_behind_[i];
+      const auto apart = [&](float light, float blue, float red, float slack) {
+        const float l = std::max(0.f, std::abs(light - behind) - slack) / sigma_light_;
+        return std::max(l, std::hypot(blue - blue_behind_[c], red - red_behind_[c]) / sigma_chroma_);
+      };
+      if (apart(seen_light_[i], seen_blue_[c], seen_red_[c], lit_otherwise * behind) > same_sigmas ||
+          apart(object_seen_[0], object_seen_[1], object_seen_[2], 0) < telling_sigmas)
+        continue;
+    }
+    strange_[i] = 1;
+    any = true;
+  }
+  for (int k = 0; k < chroma_.n; ++k) {
+    const auto c = static_cast<std::size_t>(chroma_.cell[k]);
+    if (chroma_looks_[c] < 2 || chroma_.covered[k] > outside || chroma_.off[k] < strange_sigmas2) continue;
+    const int u = chroma_.cell[k] % across_ * columns_, v = chroma_.cell[k] / across_ * rows_;
+    for (int b = 0; b < rows_; ++b)
+      for (int a = 0; a < columns_; ++a) strange_[static_cast<std::size_t>((v + b) * width_ + u + a)] = 1;
+    any = true;
+  }
+  if (!any) return;
+  const auto near = [&](int u, int v) {
+    for (int b = std::max(0, v - soft_px); b <= std::min(height_ - 1, v + soft_px); ++b)
+      for (int a = std::max(0, u - soft_px); a <= std::min(width_ - 1, u + soft_px); ++a)
+        if (strange_[static_cast<std::size_t>(b * width_ + a)] != 0) return true;
+    return false;
+  };
+  for (int k = 0; k < light_.n; ++k)
+    light_.trust[k] = near(light_.cell[k] % width_, light_.cell[k] / width_) ? 0.f : 1.f;
+  for (int k = 0; k < chroma_.n; ++k)
+    chroma_.trust[k] = near(chroma_.cell[k] % across_ * columns_, chroma_.cell[k] / across_ * rows_) ? 0.f : 1.f;
+}
+
+Fit OutlineFit::fit(const Picture& picture, const Behind& behind, const Ellipse& start, const Movement& movement,
+                    const Look& look, const FitOptions& options) {
+  Fit out;
+  out.centre = start.centre;
+  start_ = start;
+  movement_ = movement;
+  // A row that is dv below the centre's shows the object where it is dv row_s later.
+  Eigen::Matrix2d still_from_seen = Eigen::Matrix2d::Identity();
+  still_from_seen.col(1) -= movement.row_s * movement.velocity;
+  disc_from_px_ = start.axes.inverse() * still_from_seen;
+  radius_px_ = std::sqrt(1 / std::abs(disc_from_px_.determinant()));
+  reach_px_ = reach_px + 0.5 * movement.velocity.norm() * std::max(0.0, look.exposure_s.value + look.exposure_s.sigma);
+  out.outcome = FitOutcome::too_small;
+  if (!(radius_px_ >= least_radius_px) || !start.centre.allFinite() || !disc_from_px_.allFinite()) return out;
+  if (!gather(picture, behind)) return out;
+  sigma_light_ = std::hypot(behind.light_noise(), model_light);
+  sigma_chroma_ = std::hypot(behind.chroma_noise(), model_chroma);
+  select(light_, 1, 1);
+  chroma_.n = 0;
+  if (has_chroma_) select(chroma_, columns_, rows_);
+  out.pixels = light_.n;
+  if (light_.n < least_pixels || !know_object(look)) return out;
+  make_rows();
+  begin(look, options);
+  Eigen::LDLT<Normal> solver;
+  double moved = 0;
+  for (out.steps = 1; out.steps <= options.most_steps; ++out.steps) {
+    assemble();
+    if (out.steps == 2) {
+      judge_pixels();
+      assemble();
+    }
+    covariance_ = normal_;
+    covariance_.diagonal() += information_;
+    solver.compute(covariance_);
+    Unknowns step = solver.solve(gradient_ + information_.cwiseProduct(expected_ - x_));
+    if (!step.allFinite()) return out;
+    const auto limit = [&](double length, double most) {
+      if (length > most) step *= most / length;
+    };
+    limit(step.head<2>().norm(), 0.4 * radius_px_);
+    limit(std::abs(step[size_]), 0.2);
+    limit(step.segment<2>(blur_light_).cwiseAbs().maxCoeff(), 0.4);
+    x_ += step;
+    x_[exposure_] = std::clamp(x_[exposure_], 0.0, 0.04);
+    moved = step.head<2>().norm() + radius_px_ * std::abs(step[size_]);
+    if (x_.head<2>().norm() > furthest_radii * radius_px_ || std::abs(x_[size_] - expected_[size_]) > largest_growth) {
+      out.outcome = FitOutcome::lost;
+      return out;
+    }
+    if (out.steps >= 2 && moved < 0.02) break;
+  }
+  covariance_ = solver.solve(Normal::Identity());
+  const double worse = std::max(1.0, misfit_);
+  out.centre = start.centre + x_.head<2>();
+  out.covariance = worse * covariance_.topLeftCorner<2, 2>();
+  out.bound = normal_.topLeftCorner<2, 2>().inverse();
+  const double of_size = 1 / covariance_(size_, size_) - information_[size_];
+  if (of_size > 0) {
+    out.log_size.sigma = std::sqrt(worse / of_size);
+    out.log_size.value = (x_[size_] / covariance_(size_, size_) - information_[size_] * expected_[size_]) / of_size;
+  } else {
+    out.log_size = {x_[size_], 1};
+  }
+  out.misfit = misfit_;
+  out.visible = visible_;
+  out.outcome = visible_ < least_visible      ? FitOutcome::unknown
+                : misfit_ > worst_misfit      ? FitOutcome::misfit
+                : !out.covariance.allFinite() ? FitOutcome::no_contrast
+                                              : FitOutcome::fits;
+  return out;
+}
+
+void OutlineFit::learn(Look& look) const {
+  // What a fit says of them is not independent of what the last one said.
+  const auto keep = [&](Known& known, int i, double least_sigma) {
+    known.value = x_[i];
+    known.sigma = std::max(least_sigma, std::sqrt(std::max(0.0, covariance_(i, i))));
+  };
+  keep(look.log_blur_light, blur_light_, 0.05);
+  keep(look.log_blur_chroma, blur_chroma_, 0.08);
+  keep(look.exposure_s, exposure_, 0.0005);
+  look.object = object_;
+  for (int i = 0; i < 6; ++i) look.shading[i] = x_[shading_ + i];
+  for (int i = 0; i < 3; ++i) look.paleness[i] = x_[paleness_ + i];
+}
+
+}  // namespace huetrack::outline

@@ -1,0 +1,36 @@
+// How the bytes of a picture lie, whatever its format: light per pixel, and chroma that some columns and rows share.
+// Values that come out of it: light 0..255 (0 is black), chroma about 0 (grey), in grey values of the full range.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+namespace huetrack::outline {
+
+// Bytes that lie in a grid.
+struct Samples {
+  const std::uint8_t* data = nullptr;
+  std::ptrdiff_t row_bytes = 0, step = 1;  // from a row to the next, from a sample to the next
+
+  const std::uint8_t* at(int u, int v) const { return data + v * row_bytes + u * step; }
+};
+
+// Read-only; the bytes live as long as whoever gives them says.
+struct Picture {
+  int width = 0, height = 0;  // pixels
+  Samples light, blue, red;   // of chroma there is one sample for so many columns and rows:
+  int columns = 1, rows = 1;  // 1 or 2
+  bool is_bgr = false;        // then `light` is the blue byte of packed B G R, and the others are not used
+  bool is_grey = false;       // without chroma
+  bool is_limited = false;    // light 16..235, chroma 16..240; otherwise 0..255
+
+  int chroma_width() const { return (width + columns - 1) / columns; }
+  int chroma_height() const { return (height + rows - 1) / rows; }
+};
+
+// n pixels of row v from column u on, inside the picture.
+void read_light(const Picture& picture, int u, int v, int n, float* light);
+// n samples of chroma row v from the u-th on.
+void read_chroma(const Picture& picture, int u, int v, int n, float* blue, float* red);
+
+}  // namespace huetrack::outline
