@@ -42,6 +42,14 @@ double variance_of(const std::optional<double>& value, const std::optional<doubl
 
 }  // namespace
 
+double largest_variance(const Eigen::Matrix3d& covariance) {
+  return std::max(0.0, covariance.selfadjointView<Eigen::Lower>().eigenvalues().maxCoeff());
+}
+
+double largest_sigma(const Eigen::Matrix3d& covariance) {
+  return std::sqrt(largest_variance(covariance));
+}
+
 MotionBelief::MotionBelief(const calib::CameraRig& rig, bool times_are_learnt) : times_are_learnt_(times_are_learnt) {
   if (rig.cameras.size() > most_cameras)
     throw std::invalid_argument(

@@ -35,6 +35,10 @@ struct LinearSighting {
   Eigen::Matrix<double, 2, 3> jacobian;  // d px / d p_world there, px/m
 };
 
+// Variance, and standard deviation, along the axis on which least is known; 0 and above.
+double largest_variance(const Eigen::Matrix3d& covariance);
+double largest_sigma(const Eigen::Matrix3d& covariance);
+
 // State: position (m) and velocity (m/s) in the world at `at`, then for each camera what its latency and its readout
 // differ from those that its frames' times were made with (s). Motion: constant velocity with white acceleration of a
 // power density q (m^2/s^3; Bar-Shalom, Li, Kirubarajan 2001, section 6.2.2). Times: as good as constant.
