@@ -230,6 +230,11 @@ SearchFindings ObjectTracker::search_findings() const {
   return findings;
 }
 
+OutlineFindings ObjectTracker::outline_findings() const {
+  const auto* tracker = std::get_if<RegionTracker>(&impl_->tracker);
+  return tracker != nullptr ? tracker->outline_findings() : OutlineFindings{};
+}
+
 std::span<const SeenRegion> ObjectTracker::regions() const {
   const auto* tracker = std::get_if<RegionTracker>(&impl_->tracker);
   return tracker != nullptr ? tracker->regions() : std::span<const SeenRegion>{};

@@ -28,10 +28,17 @@ struct Box {  // axis-aligned, world frame, metres
 // Rectangles of a camera's image in which nothing matches: (camera name, rectangles).
 using IgnoredRegions = std::vector<std::pair<std::string, std::vector<PixelBox>>>;
 
+enum class TargetShape : std::uint8_t {
+  ball,       // its outline is fitted wherever what is behind it is known
+  blob,       // not round: the centre of its colour's region counts
+  automatic,  // a ball, until its outlines say that it is none
+};
+
 // One target to track.
 struct TargetOptions {
   std::string name;        // unique, not empty; where it is published, it is part of a topic's name (idl/topics.h)
   double radius_m = 0.04;  // > 0; of the ball, or of a ball of about the object's size
+  TargetShape shape = TargetShape::automatic;  // observation: huetrack only
   HsiRange color;
   std::vector<std::pair<std::string, HsiRange>> camera_colors;  // per-camera overrides: (camera name, range)
   bool adapts_color = false;  // the ranges follow the object's colour (color_follower.h; observation: huetrack only)
@@ -96,6 +103,14 @@ struct SearchFindings {
   std::string advice(const TargetOptions& target, const std::vector<std::string>& cameras) const;
 };
 
+// What the outlines of a target have told (observation: huetrack).
+struct OutlineFindings {
+  std::size_t fitted = 0, not_fitted = 0;  // in views where what is behind the edge was known
+  bool is_blob = false;                    // so that they are not looked at any more: shape: automatic
+  // How large it really is, as far as the rig's distances are right; nullopt: too few have been seen.
+  std::optional<double> radius_m = {}, radius_sigma_m = {};
+};
+
 // thread-compatible; one per target; the pipeline's tracking threads own them. Never throws after
 // construction, but for trust().
 class ObjectTracker {
@@ -125,6 +140,7 @@ class ObjectTracker {
   std::vector<Eigen::Vector3f> particles(std::size_t about = 0) const;
 
   SearchFindings search_findings() const;
+  OutlineFindings outline_findings() const;
 
   // What the last update() looked at: nothing of views in which the target is neither expected nor searched. Valid
   // until the next update(). observation: huetrack.

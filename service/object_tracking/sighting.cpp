@@ -220,6 +220,10 @@ Sighting sighting_of(const TargetView& view, const ColorRegion& region, double r
   return s;
 }
 
+void sort_by_time(std::vector<Sighting>& sightings) {
+  std::ranges::stable_sort(sightings, {}, [](const Sighting& s) { return s.row.at; });
+}
+
 SeenRow row_of(const TargetView& view, double row, const MotionBelief& times) {
   SeenRow out{.camera = view.index, .below_middle = view.below_middle(row)};
   out.shift_s = times.row_shift_s(view.index, out.below_middle);

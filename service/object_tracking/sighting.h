@@ -45,6 +45,8 @@ struct Sighting {
   Eigen::Matrix2d doubt() const { return of_pose + doubt_px2 * Eigen::Matrix2d::Identity(); }
 };
 
+void sort_by_time(std::vector<Sighting>& sightings);  // of their rows; stable
+
 // How a ball's outline moves over the rows and during the exposure.
 struct ImageMotion {
   Eigen::Vector2d velocity = Eigen::Vector2d::Zero();  // of its centre, px/s

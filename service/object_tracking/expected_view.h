@@ -1,0 +1,22 @@
+// Where a view shows an object that goes on as it does, and how it moves there.
+#pragma once
+
+#include <optional>
+
+#include "object_tracking/motion_belief.h"
+#include "object_tracking/sighting.h"
+#include "object_tracking/target_views.h"
+
+namespace huetrack::object_tracking {
+
+struct ExpectedView {
+  SeenRow row;
+  Appearance at;
+};
+// Where a view shows the object, if it goes on as it does: at the time of the row on which it is seen, which depends on
+// where it is seen. nullopt: behind the camera.
+std::optional<ExpectedView> expected_in(const TargetView& view, const MotionBelief& belief, double radius_m);
+
+ImageMotion image_motion(const TargetView& view, const Appearance& at, const MotionBelief& belief);
+
+}  // namespace huetrack::object_tracking

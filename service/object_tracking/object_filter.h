@@ -1,0 +1,91 @@
+// What is believed of one object, given the sightings of each set: a Gaussian particle filter (Kotecha and Djuric 2003)
+// over the position, with the velocity, the cameras' times and what lasts of their errors marginalised. Which sighting
+// is of which object, and whether it is tracked, is decided by those who call it.
+#pragma once
+
+#include <Eigen/Core>
+#include <span>
+#include <vector>
+
+#include "object_tracking/motion_belief.h"
+#include "object_tracking/motion_observer.h"
+#include "object_tracking/object_tracker.h"
+#include "object_tracking/paper_tracker.h"
+#include "object_tracking/sighting.h"
+#include "object_tracking/times_learner.h"
+#include "particle_filter/random.h"
+
+namespace huetrack::object_tracking {
+
+// thread-compatible. Sightings come by the times of their rows.
+class ObjectFilter {
+ public:
+  ObjectFilter(const calib::CameraRig& rig, double radius_m, const ObjectTrackerOptions& options,
+               particle_filter::Rng rng);
+
+  const MotionBelief& belief() const { return belief_; }
+  MotionBelief& belief() { return belief_; }
+  const PositionParticles& particles() const { return particles_; }
+  double effective_sample_size() const { return effective_sample_size_; }
+  const Eigen::Vector3d& map_position() const { return map_; }
+
+  // Nothing is known of the position: particles anywhere in the volume.
+  void scatter();
+
+  // A new object, from what two sets saw of it: begin(), then start_with() the sightings of the first and of the second
+  // set, then end_start(). is_in_step: the cameras are triggered together, as far as is known.
+  void begin(const PositionCandidate& earlier, const PositionCandidate& found, capture::Timestamp set_at, double dt,
+             bool is_in_step);
+  void start_with(std::span<const Sighting> sightings, capture::Timestamp set_at, capture::Timestamp told);
+  void end_start();
+
+  // Covariance matching, before update(): raises the acceleration until the innovations of all sightings together are
+  // ones that it explains. Of three views, one that contradicts the others is left out.
+  void raise_acceleration(std::vector<Sighting>& sightings);
+  // And lowers it slowly while they are smaller than they need be.
+  void settle_acceleration(std::span<const Sighting> sightings);
+  double acceleration() const { return acceleration_; }  // m/s^2
+  void set_acceleration(double m_s2) { acceleration_ = m_s2; }
+  double power_density() const;                             // of it, m^2/s^3
+  double surprise() const { return observer_.surprise(); }  // of the sightings that were looked at last
+
+  // One set. Positions are told in the order of time: what is believed after it is later than `told`.
+  void update(std::span<const Sighting> sightings, capture::Timestamp set_at, capture::Timestamp told,
+              double power_density);
+
+  void forget_camera(int camera);  // it stands elsewhere
+
+ private:
+  void predict_to_be_told(MotionBelief& belief, capture::Timestamp set_at, capture::Timestamp told,
+                          double power_density) const;
+  void leave_out_what_contradicts(std::vector<Sighting>& sightings);
+  MotionBelief propose(std::span<const Sighting> sightings, capture::Timestamp set_at, capture::Timestamp told,
+                       double power_density);
+  void draw_particles(const MotionBelief& proposal);
+  void weigh(const MotionBelief& proposal, double power_density);
+  void estimate(const MotionBelief& proposal);
+
+  double radius_m_;
+  ObjectTrackerOptions options_;
+  particle_filter::Rng rng_;
+
+  MotionBelief belief_;      // after the last set
+  MotionBelief about_;       // while an object starts: a motion near its own
+  double acceleration_ = 0;  // m/s^2, learnt
+  MotionObserver observer_;
+  TimesLearner times_;
+  bool has_begun_ = false;  // an object was found: times are being learnt
+
+  PositionParticles particles_;
+  std::vector<float> weight_, log_weight_, unit_, u_, v_;
+  PositionParticles seen_at_;  // the particles at a view's own capture time
+  double effective_sample_size_ = 0;
+  Eigen::Vector3d map_ = Eigen::Vector3d::Zero();
+};
+
+// Of what fixes the position: the belief for the views as they are believed to be, or the views of this set alone where
+// they are surer (a belief that allows for anything between two sets of slow cameras is not). Standard deviation along
+// the largest axis, metres.
+double judged_sigma(const MotionBelief& belief, std::span<const Sighting> sightings);
+
+}  // namespace huetrack::object_tracking

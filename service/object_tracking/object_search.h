@@ -1,0 +1,63 @@
+// Where an object is of which nothing is known: rays crossed between views through the regions that a coarse grid of
+// pixels finds. Two candidates in two frame sets that one object can explain are a find.
+#pragma once
+
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "object_tracking/color_region.h"
+#include "object_tracking/motion_belief.h"
+#include "object_tracking/object_tracker.h"
+#include "object_tracking/search_findings.h"
+#include "object_tracking/sighting.h"
+#include "object_tracking/target_views.h"
+
+namespace huetrack::object_tracking {
+
+// How small and how large a target appears in a view anywhere in the volume; 0: it is never in view.
+struct SizeInView {
+  double smallest_px = 0, largest_px = 0;  // radius
+};
+SizeInView size_in(const calib::Camera& camera, const Box& volume, double radius_m);
+
+// thread-compatible.
+class ObjectSearch {
+ public:
+  ObjectSearch(const calib::CameraRig& rig, const TargetOptions& target, const ObjectTrackerOptions& options);
+
+  // Looks through the views' whole images.
+  void look(const std::vector<TargetView>& views);
+  // Of the last look(), one for each of its views.
+  std::span<const std::vector<ColorRegion>> regions() const { return std::span(regions_).first(view_count_); }
+  // Radius of the target somewhere in the volume, the geometric mean; one for each of these views.
+  std::vector<double> usual_radii_px(const std::vector<TargetView>& views) const;
+  const SizeInView& size_in_view(std::size_t camera) const { return size_in_view_[camera]; }
+
+  struct Find {
+    PositionCandidate earlier, now;
+    double dt;  // from one to the other, seconds
+  };
+  // After look(). nullopt: nothing, or not yet. Of the belief only the cameras' times are used.
+  std::optional<Find> find(const std::vector<TargetView>& views, capture::Timestamp set_at, const MotionBelief& times);
+  void found();   // the find was believed
+  void forget();  // what was seen before is of another time
+
+  SearchFindings findings() const { return log_.findings(); }
+
+ private:
+  bool is_contested(const PositionCandidate& candidate, const std::vector<TargetView>& views,
+                    const MotionBelief& times) const;
+
+  TargetOptions target_;
+  ObjectTrackerOptions options_;
+  std::vector<SizeInView> size_in_view_;           // per camera
+  std::vector<RegionFinder> finders_;              // per camera
+  std::vector<std::vector<ColorRegion>> regions_;  // of the views of this set
+  std::size_t view_count_ = 0;
+  SearchLog log_;
+  std::vector<PositionCandidate> candidates_;  // of the last set in which there were any
+  capture::Timestamp candidates_at_{};
+};
+
+}  // namespace huetrack::object_tracking

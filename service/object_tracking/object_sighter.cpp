@@ -1,0 +1,118 @@
+#include "object_tracking/object_sighter.h"
+
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+namespace huetrack::object_tracking {
+namespace {
+
+constexpr double least_support = 0.15;  // of a region that counts as the object
+constexpr std::size_t max_candidates = 4;
+constexpr double surely_moved_px = 1;  // by as much a region of some hundred pixels moves and changes visibly
+
+}  // namespace
+
+// The regions large enough to be the object within three standard deviations of where it is expected, and its disc.
+// None where that is nowhere near the image. Valid until the view's next call.
+std::span<const ColorRegion> ObjectSighter::regions_near(const TargetView& view, const Appearance& at,
+                                                         const Eigen::Matrix2d& spread) {
+  // Not beyond the image's own size around it: a box is clipped to the image anyway, and an int must hold it.
+  const double limit = view.matches->width() + view.matches->height();
+  if (!(std::abs(at.px.x()) < 2 * limit && std::abs(at.px.y()) < 2 * limit)) return {};
+  const double reach_u = std::min(limit, 3 * std::sqrt(spread(0, 0)) + 2 * at.radius_px + 2);
+  const double reach_v = std::min(limit, 3 * std::sqrt(spread(1, 1)) + 2 * at.radius_px + 2);
+  const PixelBox box{
+      static_cast<int>(std::floor(at.px.x() - reach_u)), static_cast<int>(std::floor(at.px.y() - reach_v)),
+      static_cast<int>(std::ceil(at.px.x() + reach_u)), static_cast<int>(std::ceil(at.px.y() + reach_v))};
+  const double disc = std::numbers::pi * at.radius_px * at.radius_px;
+  const int min_area = std::max(2, static_cast<int>(least_support * disc));
+  return finders_[static_cast<std::size_t>(view.index)].find(*view.matches, box, min_area, 1.3 * at.radius_px);
+}
+
+// Cameras, drivers and cables show a frame once more now and then, with a new stamp. No two frames have the same noise:
+// one in which the region of a moving object is the same to its last pixel is the frame before, and says nothing of
+// now. Twice in a row the object stands still, in pictures without noise.
+bool ObjectSighter::is_repeated(const TargetView& view, std::span<const ColorRegion> regions, const Appearance& at,
+                                const MotionBelief& belief) {
+  LastRegion& last = last_[static_cast<std::size_t>(view.index)];
+  const double moved_px =
+      (at.jacobian * belief.velocity()).norm() * capture::seconds(view.frame->captured_at - last.captured_at);
+  last.is_repeated =
+      !last.is_repeated && moved_px > surely_moved_px && std::ranges::any_of(regions, [&](const ColorRegion& region) {
+        return region.area == last.region.area && region.centre == last.region.centre;
+      });
+  return last.is_repeated;
+}
+
+void ObjectSighter::sight(const std::vector<TargetView>& views, const ObjectFilter& filter,
+                          const ViewAgreement& agreement, std::vector<Sighting>& out) {
+  const MotionBelief& belief = filter.belief();
+  for (const TargetView& view : views) {
+    const auto expected = expected_in(view, belief, radius_m_);
+    if (!expected) continue;
+    const Appearance& at = expected->at;
+    // The gate allows for twice the hardest usual acceleration, whatever the filter has learnt: a throw must not lose
+    // the object.
+    const double dt = capture::seconds(expected->row.at - belief.at);
+    const double reach_m = options_.acceleration_m_s2 * dt * dt;
+    const Eigen::Matrix3d spread =
+        belief.seen_covariance(expected->row, filter.power_density()) + reach_m * reach_m * Eigen::Matrix3d::Identity();
+    const auto c = static_cast<std::size_t>(view.index);
+    Eigen::Matrix2d s = at.jacobian * spread * at.jacobian.transpose();
+    agreement.open(c, *view.camera, belief.position_at(expected->row.at), at, s);
+    double best = -std::numeric_limits<double>::infinity();
+    std::optional<Sighting> chosen;
+    ColorRegion chosen_region;
+    const std::span<const ColorRegion> regions = regions_near(view, at, s);
+    if (is_repeated(view, regions, at, belief)) continue;
+    for (const ColorRegion& region : regions) {
+      const Sighting sighting =
+          sighting_of(view, region, at.radius_px, options_.pixel_noise_px, image_motion(view, at, belief));
+      const Eigen::Matrix2d total =
+          s + sighting.covariance + sighting.lasting_px * sighting.lasting_px * Eigen::Matrix2d::Identity();
+      const Eigen::Vector2d d = sighting.px - at.px;
+      const double d2 = d.dot(total.inverse() * d);
+      if (d2 > region_gate) continue;
+      const double score = std::log(sighting.support) - 0.5 * d2 - 0.5 * std::log(sighting.covariance.determinant());
+      if (score > best) best = score, chosen = sighting, chosen_region = region;
+    }
+    if (!chosen) continue;
+    last_[static_cast<std::size_t>(view.index)] = {chosen_region, view.frame->captured_at};
+    outlines_.sharpen(view, belief, *expected, s, *chosen);
+    chosen->row = row_of(view, chosen->px.y(), belief);
+    out.push_back(*chosen);
+  }
+  sort_by_time(out);
+}
+
+bool ObjectSighter::sight_after_bounce(const std::vector<TargetView>& views, const TargetOptions& target,
+                                       const MotionBelief& belief, double power_density, std::size_t least,
+                                       std::vector<Sighting>& out) {
+  double dt = 0;
+  for (std::size_t i = 0; i < views.size(); ++i) {
+    regions_[i].clear();
+    const auto expected = expected_in(views[i], belief, radius_m_);
+    if (!expected || last_[static_cast<std::size_t>(views[i].index)].is_repeated) continue;
+    dt = std::max(dt, capture::seconds(expected->row.at - belief.at));
+    const Appearance& at = expected->at;
+    const Eigen::Matrix3d spread = belief.seen_covariance(expected->row, power_density);
+    const auto near = regions_near(views[i], at, at.jacobian * spread * at.jacobian.transpose());
+    regions_[i].assign(near.begin(), near.end());
+  }
+  const Eigen::Vector3d expected = belief.position() + dt * belief.velocity();
+  const double reach_m =
+      3 * std::sqrt(power_density * dt * dt * dt / 3 + largest_variance(belief.position_covariance()));
+  for (const PositionCandidate& c :
+       cross_rays(views, std::span(regions_).first(views.size()), target, options_, belief, max_candidates)) {
+    if ((c.position - expected).norm() > reach_m || c.sightings.size() <= least) continue;
+    out = c.sightings;
+    sort_by_time(out);
+    return true;
+  }
+  return false;
+}
+
+}  // namespace huetrack::object_tracking

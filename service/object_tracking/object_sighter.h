@@ -1,0 +1,69 @@
+// What the views show of one object, near where it is expected.
+#pragma once
+
+#include <Eigen/Core>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "object_tracking/color_region.h"
+#include "object_tracking/expected_view.h"
+#include "object_tracking/object_filter.h"
+#include "object_tracking/object_tracker.h"
+#include "object_tracking/outline_sighter.h"
+#include "object_tracking/sighting.h"
+#include "object_tracking/target_views.h"
+#include "object_tracking/view_agreement.h"
+
+namespace huetrack::object_tracking {
+
+// A region counts as the object's within this: chi-square, 2 degrees of freedom, 99.97 %.
+inline constexpr double region_gate = 16;
+
+// thread-compatible.
+class ObjectSighter {
+ public:
+  ObjectSighter(const calib::CameraRig& rig, const TargetOptions& target, const ObjectTrackerOptions& options)
+      : radius_m_(target.radius_m),
+        options_(options),
+        outlines_(rig, target, options),
+        last_(rig.cameras.size()),
+        finders_(rig.cameras.size()),
+        regions_(rig.cameras.size()) {}
+
+  // In each view the region near the prediction that explains it best, if there is one, or the outline there; by the
+  // times of their rows.
+  void sight(const std::vector<TargetView>& views, const ObjectFilter& filter, const ViewAgreement& agreement,
+             std::vector<Sighting>& out);
+  // The object bounced, or was hit or thrown, since the last set: it may be wherever an acceleration of this power
+  // density takes it. More views than `least` that see it in one such place are believed at once; fewer are not.
+  // Returns whether there are; after sight() in the same set.
+  bool sight_after_bounce(const std::vector<TargetView>& views, const TargetOptions& target, const MotionBelief& belief,
+                          double power_density, std::size_t least, std::vector<Sighting>& out);
+
+  // After a set in which the object is tracked: what is behind it, for outlines to come.
+  void learn_behind(const std::vector<TargetView>& views, const MotionBelief& belief) {
+    outlines_.learn(views, belief);
+  }
+  const OutlineSighter& outlines() const { return outlines_; }
+
+ private:
+  struct LastRegion {
+    ColorRegion region = {};
+    capture::Timestamp captured_at{};
+    bool is_repeated = false;
+  };
+  std::span<const ColorRegion> regions_near(const TargetView& view, const Appearance& at,
+                                            const Eigen::Matrix2d& spread);
+  bool is_repeated(const TargetView& view, std::span<const ColorRegion> regions, const Appearance& at,
+                   const MotionBelief& belief);
+
+  double radius_m_;
+  ObjectTrackerOptions options_;
+  OutlineSighter outlines_;
+  std::vector<LastRegion> last_;                   // per camera: what was sighted last
+  std::vector<RegionFinder> finders_;              // per camera
+  std::vector<std::vector<ColorRegion>> regions_;  // of the views of this set, after a bounce
+};
+
+}  // namespace huetrack::object_tracking

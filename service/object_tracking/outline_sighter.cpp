@@ -1,0 +1,148 @@
+#include "object_tracking/outline_sighter.h"
+
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+
+#include "object_tracking/ball_outline.h"
+
+namespace huetrack::object_tracking {
+namespace {
+
+constexpr double gate = 16;  // chi-square, 2 degrees of freedom, 99.97 %
+
+// What the model leaves out of an outline's error, beside the pixels' noise, which the fit tells. Seen in single views
+// of rendered balls of 4 to 12 px (benchmark outline_figures): what lasts is light, what does not last lies in how the
+// edge meets the pixels and what is behind it.
+constexpr double usual_noise = 1.5;  // of the fit's covariance: neighbouring pixels' noise is not independent
+constexpr double new_px = 0.05, new_share = 0.004, lasting_px = 0.03, lasting_share = 0.005;
+constexpr double same_place_px = 1;  // an outline that has moved less meets the same pixels again
+
+// What a region is worth is in pixel_noise_px; what that has over its default is the rig's.
+constexpr double usual_pixel_noise_px = 0.2;
+
+constexpr double unknown_log_size = 0.1, known_log_size = 0.02;
+constexpr double most_sizes = 300;  // of the mean: ten seconds
+constexpr double enough_sizes = 30;
+// A view that says nothing of a size that is not the mean's is off by as much: a part is hidden, or something adds to
+// it.
+constexpr double off_by_size = 0.7;
+
+constexpr double ahead_s = 0.3;  // what is behind the object then is learnt now
+constexpr double hidden_radii = 1.1, hidden_px = 4;
+
+// An object of which so many outlines were sought and so few fitted is no ball.
+constexpr std::size_t least_tries = 60;
+constexpr double least_fitted = 0.3;
+
+}  // namespace
+
+OutlineSighter::OutlineSighter(const calib::CameraRig& rig, const TargetOptions& target,
+                               const ObjectTrackerOptions& options)
+    : radius_m_(target.radius_m),
+      shape_(target.shape),
+      pixel_noise_px_(options.pixel_noise_px),
+      views_(rig.cameras.size()) {}
+
+bool OutlineSighter::sharpen(const TargetView& view, const MotionBelief& belief, const ExpectedView& expected,
+                             const Eigen::Matrix2d& spread, Sighting& sighting) {
+  PerView& of = views_[static_cast<std::size_t>(view.index)];
+  of.is_sharp = false;
+  if (shape_ == TargetShape::blob || is_blob_ || !of.behind) return false;
+  const Eigen::Vector3d there = belief.position_at(expected.row.at);
+  const auto ball = outline_of(*view.camera, there, radius_m_);
+  if (!ball) return false;
+  const ImageMotion motion = image_motion(view, expected.at, belief);
+
+  // Where motion and region together say it is.
+  Eigen::Matrix2d of_region = sighting.covariance;
+  of_region.diagonal().array() += sighting.lasting_px * sighting.lasting_px;
+  const Eigen::Vector2d start =
+      expected.at.px + spread * (spread + of_region).inverse() * (sighting.px - expected.at.px);
+  outline::Ellipse ellipse = ball->ellipse;
+  ellipse.centre += start - expected.at.px;
+  const Eigen::Vector3d ray = there - view.camera->centre();
+  const double distance = ray.norm();
+  const double depth_sigma = std::sqrt(std::max(0.0, ray.dot(belief.position_covariance() * ray))) / distance;
+  const bool is_size_known = of.log_size_weight >= enough_sizes;
+  outline::FitOptions options;
+  options.log_size = {of.log_size,
+                      std::hypot(is_size_known ? known_log_size : unknown_log_size, depth_sigma / distance)};
+  const outline::Fit fit = fit_.fit(outline::Picture(picture_of(*view.image)), *of.behind, ellipse,
+                                    {motion.velocity, motion.row_s}, of.look, options);
+  if (fit.outcome == outline::FitOutcome::misfit || fit.outcome == outline::FitOutcome::lost) ++not_fitted_;
+  if (fit.outcome != outline::FitOutcome::fits) {
+    if (shape_ == TargetShape::automatic && not_fitted_ + fitted_ >= least_tries &&
+        static_cast<double>(fitted_) < least_fitted * static_cast<double>(fitted_ + not_fitted_))
+      is_blob_ = true;
+    return false;
+  }
+  ++fitted_;
+
+  const double radius_px = expected.at.radius_px;
+  Sighting sharp = sighting;
+  sharp.px = fit.centre - (ball->ellipse.centre - ball->centre_px);
+  const double moved_px = (sharp.px - of.px).norm();
+  of.still = std::exp(-moved_px / same_place_px);
+  const double off_size = fit.log_size.value - of.log_size;
+  const double by_size = is_size_known ? off_by_size * radius_px * off_size : 0.0;
+  const double rig_px2 = std::max(0.0, pixel_noise_px_ * pixel_noise_px_ - usual_pixel_noise_px * usual_pixel_noise_px);
+  const double new_px2 = new_px * new_px + new_share * new_share * radius_px * radius_px;
+  sharp.covariance = usual_noise * fit.covariance;
+  sharp.covariance.diagonal().array() += (1 - of.still) * new_px2 + by_size * by_size + rig_px2;
+  sharp.lasting_px =
+      std::sqrt(lasting_px * lasting_px + lasting_share * lasting_share * radius_px * radius_px + of.still * new_px2);
+
+  // What neither the motion nor the region would explain is something else's edge.
+  Eigen::Matrix2d total = spread + sharp.covariance;
+  total.diagonal().array() += sharp.lasting_px * sharp.lasting_px;
+  const Eigen::Vector2d off = sharp.px - expected.at.px, beside = sharp.px - sighting.px;
+  if (off.dot(total.inverse() * off) > gate || beside.dot((of_region + sharp.covariance).inverse() * beside) > gate ||
+      sharp.covariance.trace() >= sighting.covariance.trace())
+    return false;
+
+  fit_.learn(of.look);
+  of.px = sharp.px;
+  of.is_sharp = true;
+  if (fit.visible > 0.8 && fit.log_size.sigma < 0.05) {
+    of.log_size_weight = std::min(most_sizes, of.log_size_weight + 1);
+    of.log_size += off_size / of.log_size_weight;
+    of.squares += (off_size * off_size - of.squares) / of.log_size_weight;
+  }
+  sighting = sharp;
+  return true;
+}
+
+void OutlineSighter::learn(const std::vector<TargetView>& views, const MotionBelief& belief) {
+  if (shape_ == TargetShape::blob || is_blob_) return;
+  for (const TargetView& view : views) {
+    const auto expected = expected_in(view, belief, radius_m_);
+    if (!expected) continue;
+    const Appearance& at = expected->at;
+    PerView& of = views_[static_cast<std::size_t>(view.index)];
+    if (!of.behind) of.behind.emplace(view.image->width, view.image->height);
+    const ImageMotion motion = image_motion(view, at, belief);
+    const double sigma_px = std::sqrt((at.jacobian * belief.position_covariance() * at.jacobian.transpose()).trace());
+    const double smear_px = 0.5 * motion.velocity.norm() * motion.longest_exposure_s;
+    const outline::Disc hidden{at.px, hidden_radii * at.radius_px + hidden_px + 3 * sigma_px + smear_px};
+    of.behind->learn(picture_of(*view.image), {at.px, at.radius_px}, ahead_s * motion.velocity, &hidden, 1);
+  }
+}
+
+OutlineFindings OutlineSighter::findings() const {
+  OutlineFindings out{.fitted = fitted_, .not_fitted = not_fitted_, .is_blob = is_blob_};
+  double sum = 0, weight = 0, squares = 0;
+  for (const PerView& of : views_) {
+    if (of.log_size_weight < enough_sizes) continue;
+    sum += of.log_size, ++weight;
+    squares += of.log_size * of.log_size;
+  }
+  if (weight == 0) return out;
+  const double mean = sum / weight;
+  out.radius_m = radius_m_ * std::exp(mean);
+  // Views are off by their own: light, what is behind.
+  out.radius_sigma_m = radius_m_ * std::sqrt(std::max(1e-6, squares / weight - mean * mean) / weight);
+  return out;
+}
+
+}  // namespace huetrack::object_tracking

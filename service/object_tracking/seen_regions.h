@@ -1,0 +1,47 @@
+// The regions of the target's colour that were looked at in one set, for whoever asks what views show.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <span>
+#include <vector>
+
+#include "object_tracking/color_region.h"
+#include "object_tracking/object_estimate.h"
+#include "object_tracking/target_views.h"
+
+namespace huetrack::object_tracking {
+
+// thread-compatible.
+class SeenRegions {
+ public:
+  void clear() { all_.clear(); }
+  std::span<const SeenRegion> all() const { return all_; }
+  bool has(int camera) const {
+    return std::ranges::any_of(all_, [&](const SeenRegion& region) { return region.camera == camera; });
+  }
+
+  void add_target(const TargetView& view, const Eigen::Vector2d& px, double radius_px) {
+    all_.push_back(seen(view, px, radius_px, true));
+  }
+  void add_others(const TargetView& view, std::span<const ColorRegion> regions) {
+    constexpr std::size_t most = 4;  // of a view, the largest
+    for (const ColorRegion& region : regions.first(std::min(most, regions.size())))
+      all_.push_back(seen(view, region.centre, std::sqrt(region.area / std::numbers::pi), false));
+  }
+
+ private:
+  static SeenRegion seen(const TargetView& view, const Eigen::Vector2d& px, double radius_px, bool is_target) {
+    return {.camera = view.index,
+            .at = view.frame->row_time(px.y()),
+            .px = px,
+            .radius_px = radius_px,
+            .below_middle = view.below_middle(px.y()),
+            .is_target = is_target};
+  }
+
+  std::vector<SeenRegion> all_;
+};
+
+}  // namespace huetrack::object_tracking
