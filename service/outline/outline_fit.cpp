@@ -503,11 +503,19 @@ void OutlineFit::assemble() {
 
 // What hides the object, and what else is there, does not count, nor do pixels that its edge may have softened.
 void OutlineFit::judge_pixels() {
-  constexpr float inside = 0.9f, outside = 0.1f, same_sigmas = 4, telling_sigmas = 9, strange_sigmas2 = 49;
+  constexpr float inside = 0.9f, outside = 0.02f, same_sigmas = 4, telling_sigmas = 9, strange_sigmas2 = 49;
   constexpr float lit_otherwise = 0.06f;
   constexpr int soft_px = 2;
-  std::fill_n(strange_.begin(), width_ * height_, std::uint8_t{0});
+  // Where the object was expected, what hides it is found before the fit has given way to it.
+  constexpr std::uint8_t is_else = 1, hides = 2;
+  const bool is_first = !is_judged_;
+  is_judged_ = true;
   bool any = false;
+  for (int i = 0; i < width_ * height_; ++i) {
+    std::uint8_t& cell = strange_[static_cast<std::size_t>(i)];
+    cell = is_first ? 0 : cell & hides;
+    any = any || cell != 0;
+  }
   for (int k = 0; k < light_.n; ++k) {
     const int cell = light_.cell[k];
     const auto i = static_cast<std::size_t>(cell);
@@ -525,7 +533,7 @@ void OutlineFit::judge_pixels() {
           apart(object_seen_[0], object_seen_[1], object_seen_[2], 0) < telling_sigmas)
         continue;
     }
-    strange_[i] = 1;
+    strange_[i] |= light_.covered[k] <= outside ? is_else : hides;
     any = true;
   }
   for (int k = 0; k < chroma_.n; ++k) {
@@ -533,10 +541,11 @@ void OutlineFit::judge_pixels() {
     if (chroma_looks_[c] < 2 || chroma_.covered[k] > outside || chroma_.off[k] < strange_sigmas2) continue;
     const int u = chroma_.cell[k] % across_ * columns_, v = chroma_.cell[k] / across_ * rows_;
     for (int b = 0; b < rows_; ++b)
-      for (int a = 0; a < columns_; ++a) strange_[static_cast<std::size_t>((v + b) * width_ + u + a)] = 1;
+      for (int a = 0; a < columns_; ++a) strange_[static_cast<std::size_t>((v + b) * width_ + u + a)] |= is_else;
     any = true;
   }
-  if (!any) return;
+  if (!any && !had_strange_) return;
+  had_strange_ = any;
   const auto near = [&](int u, int v) {
     for (int b = std::max(0, v - soft_px); b <= std::min(height_ - 1, v + soft_px); ++b)
       for (int a = std::max(0, u - soft_px); a <= std::min(width_ - 1, u + soft_px); ++a)
@@ -568,6 +577,7 @@ Fit OutlineFit::fit(const Picture& picture, const Behind& behind, const Ellipse&
   sigma_chroma_ = std::hypot(behind.chroma_noise(), model_chroma);
   select(light_, 1, 1);
   chroma_.n = 0;
+  had_strange_ = is_judged_ = false;
   if (has_chroma_) select(chroma_, columns_, rows_);
   out.pixels = light_.n;
   if (light_.n < least_pixels || !know_object(look)) return out;
@@ -577,10 +587,7 @@ Fit OutlineFit::fit(const Picture& picture, const Behind& behind, const Ellipse&
   double moved = 0;
   for (out.steps = 1; out.steps <= options.most_steps; ++out.steps) {
     assemble();
-    if (out.steps == 2) {
-      judge_pixels();
-      assemble();
-    }
+    if (out.steps <= 2) judge_pixels();  // counts from the next step on
     covariance_ = normal_;
     covariance_.diagonal() += information_;
     solver.compute(covariance_);
@@ -599,7 +606,9 @@ Fit OutlineFit::fit(const Picture& picture, const Behind& behind, const Ellipse&
       out.outcome = FitOutcome::lost;
       return out;
     }
-    if (out.steps >= 2 && moved < 0.02) break;
+    // Further steps would move it by less than its noise.
+    const double noise = std::sqrt(1 / std::max(1e-9, std::min(covariance_(cu_, cu_), covariance_(cv_, cv_))));
+    if (out.steps >= 2 && moved < std::max(0.01, 0.3 * noise)) break;
   }
   covariance_ = solver.solve(Normal::Identity());
   const double worse = std::max(1.0, misfit_);

@@ -134,7 +134,7 @@ class OutlineFit {
   double radius_px_ = 0, reach_px_ = 0;
   int u0_ = 0, v0_ = 0, width_ = 0, height_ = 0;        // the box, in pixels
   int columns_ = 1, rows_ = 1, across_ = 0, down_ = 0;  // chroma in it
-  bool has_chroma_ = true;
+  bool has_chroma_ = true, had_strange_ = false, is_judged_ = false;
   float sigma_light_ = 2, sigma_chroma_ = 2;
   Eigen::Vector3f object_ = Eigen::Vector3f::Zero();       // linear R G B
   Eigen::Vector3f object_seen_ = Eigen::Vector3f::Zero();  // light, blue, red
