@@ -503,8 +503,8 @@ void OutlineFit::assemble() {
 
 // What hides the object, and what else is there, does not count, nor do pixels that its edge may have softened.
 void OutlineFit::judge_pixels() {
-  constexpr float inside = 0.9f, outside = 0.02f, same_sigmas = 4, telling_sigmas = 9, strange_sigmas2 = 49;
-  constexpr float lit_otherwise = 0.06f;
+  constexpr float inside = 0.8f, outside = 0.02f, telling_sigmas2 = 64, nearer2 = 0.5f, strange_sigmas2 = 49,
+                  darker = 0.25f, brighter = 1.6f;
   constexpr int soft_px = 2;
   // Where the object was expected, what hides it is found before the fit has given way to it.
   constexpr std::uint8_t is_else = 1, hides = 2;
@@ -523,14 +523,17 @@ void OutlineFit::judge_pixels() {
     if (light_.covered[k] <= outside) {
       if (light_.off[k] < strange_sigmas2) continue;
     } else {
+      // Is what is seen rather what is behind, or the object as bright as it may be?
       const auto c = static_cast<std::size_t>(cell / width_ / rows_ * across_ + cell % width_ / columns_);
-      const float behind = light_behind_[i];
-      const auto apart = [&](float light, float blue, float red, float slack) {
-        const float l = std::max(0.f, std::abs(light - behind) - slack) / sigma_light_;
-        return std::max(l, std::hypot(blue - blue_behind_[c], red - red_behind_[c]) / sigma_chroma_);
+      const Eigen::Vector3f per_sigma(1 / sigma_light_, 1 / sigma_chroma_, 1 / sigma_chroma_);
+      const Eigen::Vector3f object = object_seen_.cwiseProduct(per_sigma);
+      const Eigen::Vector3f behind =
+          Eigen::Vector3f(light_behind_[i], blue_behind_[c], red_behind_[c]).cwiseProduct(per_sigma);
+      const Eigen::Vector3f seen = Eigen::Vector3f(seen_light_[i], seen_blue_[c], seen_red_[c]).cwiseProduct(per_sigma);
+      const auto from_object2 = [&](const Eigen::Vector3f& of) {
+        return (of - std::clamp(of.dot(object) / object.squaredNorm(), darker, brighter) * object).squaredNorm();
       };
-      if (apart(seen_light_[i], seen_blue_[c], seen_red_[c], lit_otherwise * behind) > same_sigmas ||
-          apart(object_seen_[0], object_seen_[1], object_seen_[2], 0) < telling_sigmas)
+      if (from_object2(behind) < telling_sigmas2 || (seen - behind).squaredNorm() > nearer2 * from_object2(seen))
         continue;
     }
     strange_[i] |= light_.covered[k] <= outside ? is_else : hides;
