@@ -22,6 +22,7 @@ constexpr double least_radius_px = 1.5;  // smaller discs are all edge
 constexpr int least_pixels = 24;
 constexpr float model_light = 1.5f, model_chroma = 1.f;  // grey values by which the model itself is off
 constexpr float unknown_behind = 400;  // the variance of a background that is not known, in those of a pixel
+constexpr double least_guessed = 4;    // one that is guessed from what is around
 constexpr float loss2 = 4;             // Cauchy's, beyond two standard deviations
 constexpr double usual_loss = 0.66;    // what it makes of a normal residual's square
 constexpr double worst_misfit = 9;
@@ -141,28 +142,61 @@ bool OutlineFit::gather(const Picture& picture, const Behind& behind) {
     read_chroma(picture, u0_ / columns_, v0_ / rows_ + v, across_, &seen_blue_[at], &seen_red_[at]);
     behind.chroma(u0_ / columns_, v0_ / rows_ + v, across_, &blue_behind_[at], &red_behind_[at], &chroma_looks_[at]);
   }
-  // Where it is not known what is behind, it is taken for what is seen around the object, and hardly counts.
-  float around = 0, blue = 0, red = 0;
-  int n = 0;
-  for (int i = 0; i < width_; ++i) {
-    for (const int row : {0, height_ - 1}) {
-      const int c = row / rows_ * across_ + i / columns_;
-      around += seen_light_[static_cast<std::size_t>(row * width_ + i)];
-      blue += seen_blue_[static_cast<std::size_t>(c)], red += seen_red_[static_cast<std::size_t>(c)];
-      ++n;
-    }
-  }
-  const auto share = 1 / static_cast<float>(n);
-  for (int i = 0; i < width_ * height_; ++i) {
-    const auto k = static_cast<std::size_t>(i);
-    light_behind_[k] = light_looks_[k] > 0 ? light_behind_[k] : around * share;
-  }
-  for (int i = 0; i < across_ * down_; ++i) {
-    const auto k = static_cast<std::size_t>(i);
-    blue_behind_[k] = chroma_looks_[k] > 0 ? blue_behind_[k] : blue * share;
-    red_behind_[k] = chroma_looks_[k] > 0 ? red_behind_[k] : red * share;
-  }
+  fill_unknown();
   return true;
+}
+
+// Where it is not known what is behind, it is taken for what is seen beyond it at the rim of the box, as unsure as that
+// differs all around.
+void OutlineFit::fill_unknown() {
+  const auto is_unknown = [](const std::vector<float>& looks, int n) {
+    return std::any_of(looks.begin(), looks.begin() + n, [](float of) { return of == 0; });
+  };
+  guessed_light_ = guessed_chroma_ = unknown_behind;
+  const double cu = start_.centre.x() - u0_, cv = start_.centre.y() - v0_;
+  const auto fill = [&](int across, int down, double u_centre, double v_centre, const std::vector<float>& looks,
+                        auto&& guess) {
+    const double right = across - 1, bottom = down - 1;
+    for (int v = 0; v < down; ++v) {
+      for (int u = 0; u < across; ++u) {
+        const int at = v * across + u;
+        if (looks[static_cast<std::size_t>(at)] > 0) continue;
+        const double du = u - u_centre, dv = v - v_centre;
+        const double to_side = du > 0 ? (right - u_centre) / du : du < 0 ? -u_centre / du : 1e9;
+        const double to_end = dv > 0 ? (bottom - v_centre) / dv : dv < 0 ? -v_centre / dv : 1e9;
+        const double far = std::max(1.0, std::min(to_side, to_end));
+        const auto on = [](double x, double most) { return static_cast<int>(std::lround(std::clamp(x, 0.0, most))); };
+        guess(at, on(v_centre + far * dv, bottom) * across + on(u_centre + far * du, right));
+      }
+    }
+  };
+  // Variance along the rim, in those of a single picture; half of it is what a neighbour does not tell.
+  const auto variance = [](int across, int down, float sigma, auto&& value) {
+    double sum = 0, squares = 0, n = 0;
+    for (int v = 0; v < down; ++v) {
+      for (int u = 0; u < across; u += v == 0 || v == down - 1 ? 1 : std::max(1, across - 1)) {
+        const double x = static_cast<double>(value(v * across + u));
+        sum += x, squares += x * x, ++n;
+      }
+    }
+    const double all = squares / n - sum * sum / (n * n);
+    return static_cast<float>(
+        std::clamp(0.5 * all / static_cast<double>(sigma * sigma), least_guessed, static_cast<double>(unknown_behind)));
+  };
+  const auto at = [](const std::vector<float>& of, int i) { return of[static_cast<std::size_t>(i)]; };
+  if (is_unknown(light_looks_, width_ * height_)) {
+    guessed_light_ = variance(width_, height_, sigma_light_, [&](int i) { return at(seen_light_, i); });
+    fill(width_, height_, cu, cv, light_looks_,
+         [&](int i, int rim) { light_behind_[static_cast<std::size_t>(i)] = at(seen_light_, rim); });
+  }
+  if (is_unknown(chroma_looks_, across_ * down_)) {
+    guessed_chroma_ = std::max(variance(across_, down_, sigma_chroma_, [&](int i) { return at(seen_blue_, i); }),
+                               variance(across_, down_, sigma_chroma_, [&](int i) { return at(seen_red_, i); }));
+    fill(across_, down_, cu / columns_, cv / rows_, chroma_looks_, [&](int i, int rim) {
+      blue_behind_[static_cast<std::size_t>(i)] = at(seen_blue_, rim);
+      red_behind_[static_cast<std::size_t>(i)] = at(seen_red_, rim);
+    });
+  }
 }
 
 // The samples whose centres lie within reach of the edge, and some of those further inside.
@@ -230,7 +264,7 @@ void OutlineFit::make_rows() {
       rows.offset[k] = kind(light[i], blue[i], red[i]) - kind(ycc(r, g, b).light, ycc(r, g, b).blue, ycc(r, g, b).red);
     }
   };
-  const auto unsure = [](float looks) { return looks > 0 ? 1 / looks : unknown_behind; };
+  const auto unsure = [](float looks, float guessed) { return looks > 0 ? 1 / looks : guessed; };
   // Of chroma the direction in which the object differs most from what is around it.
   float sum_blue = 0, sum_red = 0;
   fill(
@@ -241,7 +275,7 @@ void OutlineFit::make_rows() {
         light[at] = light_behind_[i], blue[at] = blue_behind_[c], red[at] = red_behind_[c];
         sum_blue += blue[at], sum_red += red[at];
         light_.seen[k] = seen_light_[i];
-        light_.unsure[k] = unsure(light_looks_[i]);
+        light_.unsure[k] = unsure(light_looks_[i], guessed_light_);
       },
       [](float y, float, float) { return y; });
   const auto n = static_cast<float>(std::max(1, light_.n));
@@ -260,7 +294,7 @@ void OutlineFit::make_rows() {
         light[at] = sum / static_cast<float>(columns_ * rows_);
         blue[at] = blue_behind_[i], red[at] = red_behind_[i];
         chroma_.seen[k] = chroma_blue_ * seen_blue_[i] + chroma_red_ * seen_red_[i];
-        chroma_.unsure[k] = unsure(chroma_looks_[i]);
+        chroma_.unsure[k] = unsure(chroma_looks_[i], guessed_chroma_);
       },
       [&](float, float b, float r) { return chroma_blue_ * b + chroma_red_ * r; });
 }
@@ -575,9 +609,9 @@ Fit OutlineFit::fit(const Picture& picture, const Behind& behind, const Ellipse&
   reach_px_ = reach_px + 0.5 * movement.velocity.norm() * std::max(0.0, look.exposure_s.value + look.exposure_s.sigma);
   out.outcome = FitOutcome::too_small;
   if (!(radius_px_ >= least_radius_px) || !start.centre.allFinite() || !disc_from_px_.allFinite()) return out;
-  if (!gather(picture, behind)) return out;
   sigma_light_ = std::hypot(behind.light_noise(), model_light);
   sigma_chroma_ = std::hypot(behind.chroma_noise(), model_chroma);
+  if (!gather(picture, behind)) return out;
   select(light_, 1, 1);
   chroma_.n = 0;
   had_strange_ = is_judged_ = false;

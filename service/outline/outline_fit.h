@@ -118,6 +118,7 @@ class OutlineFit {
   using Normal = Eigen::Matrix<double, unknowns, unknowns>;
 
   bool gather(const Picture& picture, const Behind& behind);
+  void fill_unknown();
   void select(Rows& rows, int shared, int lines);
   bool know_object(const Look& look);
   void make_rows();
@@ -136,6 +137,7 @@ class OutlineFit {
   int columns_ = 1, rows_ = 1, across_ = 0, down_ = 0;  // chroma in it
   bool has_chroma_ = true, had_strange_ = false, is_judged_ = false;
   float sigma_light_ = 2, sigma_chroma_ = 2;
+  float guessed_light_ = 0, guessed_chroma_ = 0;           // the variance of what is behind where it is guessed
   Eigen::Vector3f object_ = Eigen::Vector3f::Zero();       // linear R G B
   Eigen::Vector3f object_seen_ = Eigen::Vector3f::Zero();  // light, blue, red
   float chroma_blue_ = 1, chroma_red_ = 0;                 // the direction in which chroma tells most
