@@ -88,6 +88,19 @@ void ObjectSighter::sight(const std::vector<TargetView>& views, const ObjectFilt
   sort_by_time(out);
 }
 
+void ObjectSighter::sharpen(const std::vector<TargetView>& views, const MotionBelief& about,
+                            std::vector<Sighting>& sightings) {
+  for (Sighting& sighting : sightings) {
+    const auto view = std::ranges::find(views, sighting.row.camera, &TargetView::index);
+    if (view == views.end()) continue;
+    const auto expected = expected_in(*view, about, radius_m_);
+    if (!expected) continue;
+    const Eigen::Matrix<double, 2, 3>& by = expected->at.jacobian;
+    if (outlines_.sharpen(*view, about, *expected, by * about.position_covariance() * by.transpose(), sighting))
+      sighting.row = row_of(*view, sighting.px.y(), about);
+  }
+}
+
 bool ObjectSighter::sight_after_bounce(const std::vector<TargetView>& views, const TargetOptions& target,
                                        const MotionBelief& belief, double power_density, std::size_t least,
                                        std::vector<Sighting>& out) {

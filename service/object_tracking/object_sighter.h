@@ -41,6 +41,9 @@ class ObjectSighter {
   bool sight_after_bounce(const std::vector<TargetView>& views, const TargetOptions& target, const MotionBelief& belief,
                           double power_density, std::size_t least, std::vector<Sighting>& out);
 
+  // Sightings that were made from regions where nothing was expected, once it is known what they are of. about: as far
+  // as that is known by them.
+  void sharpen(const std::vector<TargetView>& views, const MotionBelief& about, std::vector<Sighting>& sightings);
   // After a set in which the object is tracked: what is behind it, for outlines to come.
   void learn_behind(const std::vector<TargetView>& views, const MotionBelief& belief) {
     outlines_.learn(views, belief);

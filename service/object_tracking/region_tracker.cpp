@@ -92,6 +92,16 @@ double RegionTracker::learn_acceleration(const capture::FrameSet& set, const std
     const double q = kick * kick / dt;
     const bool is_seen = sighter_.sight_after_bounce(views, target_, belief, q, sightings_.size(), sightings_);
     if (is_seen) {
+      // Where it is now, nobody knows but they.
+      const PositionInformation seen = information_of(sightings_, belief.position());
+      const Eigen::Matrix3d covariance = seen.information.inverse();
+      const Eigen::Vector3d position = covariance * seen.vector;
+      if (position.allFinite()) {
+        MotionBelief about = belief;
+        about.begin(set.at, position, largest_variance(covariance), (position - belief.position()) / dt, kick * kick);
+        sighter_.sharpen(views, about, sightings_);
+        sort_by_time(sightings_);
+      }
       agreement_.doubt(belief, sightings_);
       seen_ = sightings_;
     }
@@ -137,8 +147,13 @@ void RegionTracker::search(const capture::FrameSet& set, const std::vector<Targe
   if (sightings_.empty()) {
     agreement_.compare_searched(views, search_.regions(), search_.usual_radii_px(views), set.at, filter_.belief());
   }
-  const auto find = search_.find(views, set.at, filter_.belief());
+  auto find = search_.find(views, set.at, filter_.belief());
   if (!find) return;
+  MotionBelief about = filter_.belief();
+  const double variance_m2 = std::pow(largest_sigma(find->now.covariance), 2);
+  about.begin(set.at, find->now.position, variance_m2, (find->now.position - find->earlier.position) / find->dt,
+              2 * variance_m2 / (find->dt * find->dt));
+  sighter_.sharpen(views, about, find->now.sightings);
   start_at(*find, set.at);
   agreement_.compare_found(filter_.belief(), sightings_);  // now that it is known when they saw it
   const double doubted_m = agreement_.doubted_sigma(filter_.belief(), sightings_);
