@@ -58,7 +58,7 @@ ObjectEstimate RegionTracker::update(const capture::FrameSet& set) {
     const double power_density = learn_acceleration(set, views);
     filter_.update(sightings_, set.at, last_reported_, power_density);
     judge(set);
-    if (state_ == TrackState::tracking) {
+    if (state_ == TrackState::tracking || state_ == TrackState::coasting) {
       sighter_.learn_behind(views, filter_.belief());
       sighter_.learn_behind(views_.unused(), filter_.belief());
     }

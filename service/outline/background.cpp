@@ -19,6 +19,9 @@ constexpr float least_light_noise = 0.7f, least_chroma_noise = 0.5f;
 constexpr double noise_kept = 0.98;  // of what was seen of the noise, from look to look
 constexpr int settled_looks = 8;
 constexpr int margin_px = 8;                        // around the object, of what is learnt first
+// Beside these, of the whole picture: until every tile was looked at so often.
+constexpr int tiles_at_start = 6;
+constexpr std::uint32_t looks_at_start = 4;
 constexpr int least_tiles = 4, largest_tiles = 24;  // per picture
 
 constexpr int size = Background::tile_px;
@@ -88,11 +91,13 @@ Background::Background(int width, int height)
       slots_(static_cast<std::size_t>(across_ * down_), std::int16_t{-1}) {
   tiles_.reserve(std::min(most_tiles, slots_.size()));
   chosen_.reserve(slots_.size());
+  unknown_tiles_ = static_cast<int>(slots_.size());
 }
 
 void Background::forget() {
   std::ranges::fill(slots_, std::int16_t{-1});
   tiles_.clear();
+  unknown_tiles_ = static_cast<int>(slots_.size());
 }
 
 void Background::Noise::add(double sum_of_off, double of, float least) {
@@ -111,6 +116,7 @@ Background::Tile& Background::tile_for(int index) {
   } else {
     const auto oldest = std::ranges::min_element(tiles_, {}, &Tile::looked_at);
     slots_[static_cast<std::size_t>(oldest->index)] = -1;
+    unknown_tiles_ += oldest->looks >= looks_at_start ? 1 : 0;
     slot = static_cast<std::int16_t>(oldest - tiles_.begin());
   }
   Tile& tile = tiles_[static_cast<std::size_t>(slot)];
@@ -162,8 +168,18 @@ void Background::learn(const Picture& picture, const Disc& object, const Eigen::
   std::ranges::partial_sort(chosen_, chosen_.begin() + static_cast<std::ptrdiff_t>(count), {},
                             [](const Chosen& c) { return std::pair(c.rank, c.index); });
   for (std::size_t i = 0; i < count; ++i) look(picture, chosen_[i].index, hidden, hidden_count);
-  if (slots_.size() <= most_tiles) {
+  if (slots_.size() > most_tiles) return;
+  // The others in turn: while there are some that are hardly known, several of these.
+  int left = tiles_at_start;
+  for (std::size_t i = 0; i < slots_.size() && left > 0; ++i) {
     next_ = (next_ + 1) % static_cast<int>(slots_.size());
+    if (unknown_tiles_ > 0) {
+      const Tile* tile = tile_at(next_);
+      if (tile != nullptr && tile->looks >= looks_at_start) continue;
+    } else {
+      left = 1;
+    }
+    --left;
     look(picture, next_, hidden, hidden_count);
   }
 }
@@ -172,7 +188,7 @@ void Background::look(const Picture& picture, int index, const Disc* hidden, std
   Tile& tile = tile_for(index);
   if (tile.looked_at == pictures_) return;
   tile.looked_at = pictures_;
-  ++tile.looks;
+  if (++tile.looks == looks_at_start) --unknown_tiles_;
   const int u0 = index % across_ * tile_px, v0 = index / across_ * tile_px;
   alignas(64) float seen[most_samples], red[most_samples], mask[most_samples];
   // Beyond the picture nothing is seen.

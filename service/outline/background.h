@@ -36,12 +36,12 @@ struct Disc {
 class Background final : public Behind {
  public:
   static constexpr int tile_px = 16;
-  static constexpr std::size_t most_tiles = 768;
+  static constexpr std::size_t most_tiles = 1200;
 
   Background(int width, int height);
 
   // A few tiles of this picture: of those between `object` and where it will be after `ahead_px`, the ones that are
-  // known least, and one of all others in turn. hidden: what is not background.
+  // known least, and some of all others in turn. hidden: what is not background.
   void learn(const Picture& picture, const Disc& object, const Eigen::Vector2d& ahead_px, const Disc* hidden,
              std::size_t hidden_count);
   void forget();
@@ -85,7 +85,7 @@ class Background final : public Behind {
   std::vector<Tile> tiles_;
   std::vector<Chosen> chosen_;
   std::uint64_t pictures_ = 0;
-  int next_ = 0;
+  int next_ = 0, unknown_tiles_ = 0;
   Noise light_{2.f}, chroma_{2.f};
 };
 
