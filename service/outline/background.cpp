@@ -18,7 +18,7 @@ constexpr float forgotten_per_look = 2;
 constexpr float least_light_noise = 0.7f, least_chroma_noise = 0.5f;
 constexpr double noise_kept = 0.98;  // of what was seen of the noise, from look to look
 constexpr int settled_looks = 8;
-constexpr int margin_px = 8;                        // around the object, of what is learnt first
+constexpr int margin_px = 8;  // around the object, of what is learnt first
 // Beside these, of the whole picture: until every tile was looked at so often.
 constexpr int tiles_at_start = 6;
 constexpr std::uint32_t looks_at_start = 4;

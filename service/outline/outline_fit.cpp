@@ -99,7 +99,7 @@ struct OutlineFit::Kind {
   std::array<float, 8> moment;    // in exposures
   float red, green, blue, level;  // the object: what its color adds to its grey
   float grey;
-  std::array<float, 6> shading;
+  std::array<float, 9> shading;
   std::array<float, 3> paleness;
   float lit, lit_v;
 };
@@ -313,10 +313,13 @@ void OutlineFit::begin(const Look& look, const FitOptions& options) {
   know(lit_, 0, 0.1), know(lit_ + 1, 0, 0.05);
   know(shading_, 1, 0.5);
   for (int i = 1; i < 3; ++i) know(shading_ + i, 0, 0.7);
-  for (int i = 3; i < 6; ++i) know(shading_ + i, 0, 0.3);
+  // Light from anywhere on a dull ball is a quadratic polynomial of its surface's direction (Ramamoorthi and Hanrahan
+  // 2001). What darkens towards the whole edge, and more on one side, is hard to tell from an edge that is elsewhere.
+  for (int i = 3; i < 7; ++i) know(shading_ + i, 0, 0.2);
+  for (int i = 7; i < 9; ++i) know(shading_ + i, 0, 0.05);
   for (int i = 0; i < 3; ++i) know(paleness_ + i, 0, 0.1);
   expected_ = x_;
-  for (int i = 0; i < 6; ++i) x_[shading_ + i] = look.shading[i];
+  for (int i = 0; i < 9; ++i) x_[shading_ + i] = look.shading[i];
   for (int i = 0; i < 3; ++i) x_[paleness_ + i] = look.paleness[i];
 }
 
@@ -342,7 +345,7 @@ OutlineFit::Kind OutlineFit::kind_of_light() const {
   k.grey = grey_red * object_.x() + grey_green * object_.y() + grey_blue * object_.z();
   k.red = object_.x() - k.grey, k.green = object_.y() - k.grey, k.blue = object_.z() - k.grey;
   k.level = object_.maxCoeff();
-  for (int i = 0; i < 6; ++i) k.shading[static_cast<std::size_t>(i)] = static_cast<float>(x_[shading_ + i]);
+  for (int i = 0; i < 9; ++i) k.shading[static_cast<std::size_t>(i)] = static_cast<float>(x_[shading_ + i]);
   for (int i = 0; i < 3; ++i) k.paleness[static_cast<std::size_t>(i)] = static_cast<float>(x_[paleness_ + i]);
   k.lit = static_cast<float>(1 + x_[lit_]), k.lit_v = static_cast<float>(x_[lit_ + 1] / radius_px_);
   return k;
@@ -420,14 +423,21 @@ HUETRACK_CLONES void OutlineFit::assemble_rows(const Kind& k, Rows& rows, Assemb
     alignas(64) float object[chunk], pale[chunk], lit[chunk], shown[chunk], of_light[chunk], of_color[chunk],
         by_shade[chunk], by_pale[chunk], by_lit[chunk];
     alignas(64) float grey_behind[chunk];
-    const float* __restrict x = rows.x + from;
-    const float* __restrict y = rows.y + from;
+    // Of the ball's surface, where its light is looked up: across, down, towards the camera.
+    alignas(64) float x[chunk], y[chunk], z[chunk];
+    for (int i = 0; i < n; ++i) {
+      const float du = u[i] - k.cu, dv = v[i] - k.cv;
+      x[i] = k.m00 * du + k.m01 * dv, y[i] = k.m10 * du + k.m11 * dv;
+      const float left = 1 - x[i] * x[i] - y[i] * y[i];
+      z[i] = std::sqrt(left < 0 ? 0 : left);
+    }
     const float* __restrict red = rows.red + from;
     const float* __restrict green = rows.green + from;
     const float* __restrict blue = rows.blue + from;
     for (int i = 0; i < n; ++i) {
       object[i] = k.shading[0] + k.shading[1] * x[i] + k.shading[2] * y[i] + k.shading[3] * x[i] * x[i] +
-                  k.shading[4] * x[i] * y[i] + k.shading[5] * y[i] * y[i];
+                  k.shading[4] * x[i] * y[i] + k.shading[5] * y[i] * y[i] +
+                  z[i] * (k.shading[6] + k.shading[7] * x[i] + k.shading[8] * y[i]);
       pale[i] = k.level * (k.paleness[0] + k.paleness[1] * x[i] + k.paleness[2] * y[i]);
       lit[i] = k.lit + k.lit_v * v[i];
       grey_behind[i] = grey_red * red[i] + grey_green * green[i] + grey_blue * blue[i];
@@ -498,6 +508,7 @@ HUETRACK_CLONES void OutlineFit::assemble_rows(const Kind& k, Rows& rows, Assemb
     copy(shading_, wa), column(shading_ + 1, wa, x), column(shading_ + 2, wa, y);
     column(shading_ + 3, j[shading_ + 1], x), column(shading_ + 4, j[shading_ + 1], y);
     column(shading_ + 5, j[shading_ + 2], y);
+    column(shading_ + 6, wa, z), column(shading_ + 7, j[shading_ + 1], z), column(shading_ + 8, j[shading_ + 2], z);
     copy(paleness_, wp), column(paleness_ + 1, wp, x), column(paleness_ + 2, wp, y);
     copy(lit_, wl), column(lit_ + 1, wl, v);
     copy(right_, w);
@@ -678,7 +689,7 @@ void OutlineFit::learn(Look& look) const {
   keep(look.log_blur_chroma, blur_chroma_, 0.08);
   keep(look.exposure_s, exposure_, 0.0005);
   look.object = object_;
-  for (int i = 0; i < 6; ++i) look.shading[i] = x_[shading_ + i];
+  for (int i = 0; i < 9; ++i) look.shading[i] = x_[shading_ + i];
   for (int i = 0; i < 3; ++i) look.paleness[i] = x_[paleness_ + i];
 }
 

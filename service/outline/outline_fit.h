@@ -42,7 +42,7 @@ struct Look {
   Known log_blur_chroma{-0.3, 0.6};                  // of what color has on top of it: demosaicing
   Known exposure_s{0.006, 0.004};                    // only told by what moves
   Eigen::Vector3f object = Eigen::Vector3f::Zero();  // its light, linear R G B; 0: not known yet
-  double paleness[3] = {}, shading[6] = {1, 0, 0, 0, 0, 0};
+  double paleness[3] = {}, shading[9] = {1};
 };
 
 struct FitOptions {
@@ -89,7 +89,7 @@ class OutlineFit {
     blur_light_,
     blur_chroma_,
     shading_,
-    paleness_ = shading_ + 6,
+    paleness_ = shading_ + 9,
     lit_ = paleness_ + 3,
     exposure_ = lit_ + 2,
     unknowns,
