@@ -315,9 +315,10 @@ void OutlineFit::begin(const Look& look, const FitOptions& options) {
   for (int i = 1; i < 3; ++i) know(shading_ + i, 0, 0.7);
   // Light from anywhere on a dull ball is a quadratic polynomial of its surface's direction (Ramamoorthi and Hanrahan
   // 2001). What darkens towards the whole edge, and more on one side, is hard to tell from an edge that is elsewhere.
-  for (int i = 3; i < 7; ++i) know(shading_ + i, 0, 0.2);
-  for (int i = 7; i < 9; ++i) know(shading_ + i, 0, 0.05);
-  for (int i = 0; i < 3; ++i) know(paleness_ + i, 0, 0.1);
+  for (int i = 3; i < 6; ++i) know(shading_ + i, 0, 0.1);
+  know(shading_ + 6, 0, 0.2);
+  for (int i = 7; i < 9; ++i) know(shading_ + i, 0, 0.03);
+  for (int i = 0; i < 3; ++i) know(paleness_ + i, 0, 0.2);
   expected_ = x_;
   for (int i = 0; i < 9; ++i) x_[shading_ + i] = look.shading[i];
   for (int i = 0; i < 3; ++i) x_[paleness_ + i] = look.paleness[i];
