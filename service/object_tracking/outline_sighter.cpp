@@ -16,6 +16,8 @@ constexpr double gate = 16;  // chi-square, 2 degrees of freedom, 99.97 %
 // edge meets the pixels and what is behind it.
 constexpr double usual_noise = 1.5;  // of the fit's covariance: neighbouring pixels' noise is not independent
 constexpr double new_px = 0.05, new_share = 0.004, lasting_px = 0.03, lasting_share = 0.005;
+// The less the pixels say, the more of an outline is what is usual of a ball's light.
+constexpr double lasting_of_noise = 1.5;
 constexpr double same_place_px = 1;  // an outline that has moved less meets the same pixels again
 
 // What a region is worth is in pixel_noise_px; what that has over its default is the rig's.
@@ -28,6 +30,7 @@ constexpr double enough_sizes = 30;
 // it.
 constexpr double off_by_size = 0.7;
 
+constexpr int most_steps = 4;    // begun from what motion and region say, the second is mostly the last
 constexpr double ahead_s = 0.3;  // what is behind the object then is learnt now
 constexpr double hidden_radii = 1.1, hidden_px = 4;
 
@@ -66,6 +69,7 @@ bool OutlineSighter::sharpen(const TargetView& view, const MotionBelief& belief,
   const double depth_sigma = std::sqrt(std::max(0.0, ray.dot(belief.position_covariance() * ray))) / distance;
   const bool is_size_known = of.log_size_weight >= enough_sizes;
   outline::FitOptions options;
+  options.most_steps = most_steps;
   options.log_size = {of.log_size,
                       std::hypot(is_size_known ? known_log_size : unknown_log_size, depth_sigma / distance)};
   const outline::Fit fit = fit_.fit(outline::Picture(picture_of(*view.image)), *of.behind, ellipse,
@@ -90,8 +94,8 @@ bool OutlineSighter::sharpen(const TargetView& view, const MotionBelief& belief,
   const double new_px2 = new_px * new_px + new_share * new_share * radius_px * radius_px;
   sharp.covariance = usual_noise * fit.covariance;
   sharp.covariance.diagonal().array() += (1 - of.still) * new_px2 + by_size * by_size + rig_px2;
-  sharp.lasting_px =
-      std::sqrt(lasting_px * lasting_px + lasting_share * lasting_share * radius_px * radius_px + of.still * new_px2);
+  sharp.lasting_px = std::sqrt(lasting_px * lasting_px + lasting_share * lasting_share * radius_px * radius_px +
+                               of.still * new_px2 + lasting_of_noise * lasting_of_noise * fit.covariance.trace() / 2);
 
   // What neither the motion nor the region would explain is something else's edge.
   Eigen::Matrix2d total = spread + sharp.covariance;

@@ -20,9 +20,9 @@ constexpr double noise_kept = 0.98;  // of what was seen of the noise, from look
 constexpr int settled_looks = 8;
 constexpr int margin_px = 8;  // around the object, of what is learnt first
 // Beside these, of the whole picture: until every tile was looked at so often.
-constexpr int tiles_at_start = 6;
+constexpr int tiles_at_start = 4;
 constexpr std::uint32_t looks_at_start = 4;
-constexpr int least_tiles = 4, largest_tiles = 24;  // per picture
+constexpr int least_tiles = 2, largest_tiles = 8;  // per picture
 
 constexpr int size = Background::tile_px;
 constexpr int most_samples = size * size;
@@ -163,7 +163,7 @@ void Background::learn(const Picture& picture, const Disc& object, const Eigen::
     }
   }
   const auto count = std::min(
-      chosen_.size(), static_cast<std::size_t>(std::clamp(static_cast<int>(object.radius_px * object.radius_px / 4),
+      chosen_.size(), static_cast<std::size_t>(std::clamp(static_cast<int>(object.radius_px * object.radius_px / 32),
                                                           least_tiles, largest_tiles)));
   std::ranges::partial_sort(chosen_, chosen_.begin() + static_cast<std::ptrdiff_t>(count), {},
                             [](const Chosen& c) { return std::pair(c.rank, c.index); });

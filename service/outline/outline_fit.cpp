@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <numbers>
 
 #include "particle_filter/vector_clones.h"
 
@@ -20,6 +21,7 @@ constexpr float darkest = 1e-4f;  // linear
 constexpr double reach_px = 4;           // beyond the edge, and within it: as far as an edge's softness carries
 constexpr double least_radius_px = 1.5;  // smaller discs are all edge
 constexpr int least_pixels = 24;
+constexpr int most_of_edge = 320;  // samples: of a large ball's, evenly chosen, they tell as much as its model is right
 constexpr float model_light = 1.5f, model_chroma = 1.f;  // grey values by which the model itself is off
 constexpr float unknown_behind = 400;  // the variance of a background that is not known, in those of a pixel
 constexpr double least_guessed = 4;    // one that is guessed from what is around
@@ -208,13 +210,18 @@ void OutlineFit::select(Rows& rows, int shared, int lines) {
   const int every = radius_px_ > 16 ? 11 : radius_px_ > 8 ? 5 : 1;
   const auto m00 = static_cast<float>(disc_from_px_(0, 0)), m01 = static_cast<float>(disc_from_px_(0, 1)),
              m10 = static_cast<float>(disc_from_px_(1, 0)), m11 = static_cast<float>(disc_from_px_(1, 1));
+  const float all = std::numbers::pi_v<float> * radius * radius * (outer - inner) / static_cast<float>(shared * lines);
+  const int some = std::max(1, static_cast<int>(std::ceil(all / static_cast<float>(most_of_edge))));
+  int met = 0;
   const int across = width_ / shared, down = height_ / lines;
   for (int j = 0; j < down; ++j) {
     const auto v = static_cast<float>(v0_ + j * lines + 0.5 * (lines - 1) - start_.centre.y());
     for (int i = 0; i < across; ++i) {
       const auto u = static_cast<float>(u0_ + i * shared + 0.5 * (shared - 1) - start_.centre.x());
       const float x = m00 * u + m01 * v, y = m10 * u + m11 * v, rho2 = x * x + y * y;
-      if (rho2 > outer || (rho2 < inner && every > 1 && (i + 3 * j) % every != 0) || rows.n == most_rows) continue;
+      if (rho2 > outer || (rho2 < inner && every > 1 && (i + 3 * j) % every != 0) || rows.n == most_rows ||
+          met++ % some != 0)
+        continue;
       const int k = rows.n++;
       rows.u[k] = u, rows.v[k] = v, rows.x[k] = x, rows.y[k] = y;
       rows.cell[k] = j * across + i;
@@ -636,7 +643,7 @@ Fit OutlineFit::fit(const Picture& picture, const Behind& behind, const Ellipse&
   double moved = 0;
   for (out.steps = 1; out.steps <= options.most_steps; ++out.steps) {
     assemble();
-    if (out.steps <= 2) judge_pixels();  // counts from the next step on
+    if (out.steps == 1 || (out.steps == 2 && had_strange_)) judge_pixels();  // counts from the next step on
     covariance_ = normal_;
     covariance_.diagonal() += information_;
     solver.compute(covariance_);
