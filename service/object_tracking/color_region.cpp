@@ -136,11 +136,15 @@ const std::vector<ColorRegion>& RegionFinder::find(MatchBits& view, PixelBox box
   return regions_;
 }
 
-const std::vector<ColorRegion>& RegionFinder::components(MatchBits& view, int step_px, int extent_px, int largest_px,
-                                                         int min_area) {
+const std::vector<ColorRegion>& RegionFinder::components(MatchBits& view, int step_px, std::span<const PixelAt> also,
+                                                         int extent_px, int largest_px, int min_area) {
   constexpr std::size_t max_regions = 200;
   found_.clear();
   view.grid(step_px, hits_);
+  for (const PixelAt p : also) {
+    if (p.u >= 0 && p.v >= 0 && p.u < view.width() && p.v < view.height() && view.at(p.u, p.v)) hits_.push_back(p);
+  }
+  if (!also.empty()) std::ranges::sort(hits_, {}, [](const PixelAt& p) { return std::pair(p.v, p.u); });
   is_taken_.assign(hits_.size(), 0);
   for (std::size_t i = 0; i < hits_.size() && found_.size() < max_regions; ++i) {
     if (is_taken_[i] != 0) continue;

@@ -33,10 +33,12 @@ class RegionFinder {
   const std::vector<ColorRegion>& search(MatchBits& view, int step_px, int max_extent_px, int min_area,
                                          double reach_px);
 
-  // All 8-connected regions of at least min_area pixels that a grid of step_px hits, each whole and by itself, largest
-  // first: for who tells apart several objects of one colour. extent_px: about as far as a region reaches from any of
-  // its pixels; larger ones take longer. Those wider than largest_px on either side are background and left out.
-  const std::vector<ColorRegion>& components(MatchBits& view, int step_px, int extent_px, int largest_px, int min_area);
+  // All 8-connected regions of at least min_area pixels that a grid of step_px or one of `also` hits, each whole and by
+  // itself, largest first: for who tells apart several objects of one colour. extent_px: about as far as a region
+  // reaches from any of its pixels; larger ones take longer. Those wider than largest_px on either side are background
+  // and left out.
+  const std::vector<ColorRegion>& components(MatchBits& view, int step_px, std::span<const PixelAt> also, int extent_px,
+                                             int largest_px, int min_area);
 
  private:
   struct Run {

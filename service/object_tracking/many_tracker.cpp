@@ -24,6 +24,9 @@ constexpr double one_object_share = 0.6;
 // Sets in which an object is seen by fewer than two views while two or more that should see it do not: it is not there.
 constexpr int most_contradicted_sets = 3;
 
+// Who has left the volume is told so long at most, as a share of the time that coasting may take: he may turn back.
+constexpr double longest_outside = 0.5;
+
 Box around(const Box& volume) {
   const double margin = share_around * (volume.max - volume.min).maxCoeff();
   return {volume.min.array() - margin, volume.max.array() + margin};
@@ -45,6 +48,7 @@ ManyTracker::ManyTracker(const calib::CameraRig& rig, const TargetOptions& targe
       search_log_(rig.cameras.size()),
       times_(rig, target.radius_m, options, particle_filter::Rng(options.seed, stream)),
       finders_(rig.cameras.size()),
+      expected_(rig.cameras.size()),
       regions_(rig.cameras.size()),
       unexplained_(rig.cameras.size()) {
   for (const calib::Camera& camera : rig.cameras)
@@ -59,6 +63,7 @@ void ManyTracker::update(const capture::FrameSet& set, std::vector<ObjectEstimat
   color_meter_.look(views, set.at);
   sets_apart_ += is_apart(views) ? 1 : 0;
   if (set.at < last_at_) forget_all();  // the clock was put back: what was known is of another time
+  expect(views);
   find_regions(views);
   sight(views);
   for (const auto& object : objects_) follow(*object, set);
@@ -68,20 +73,57 @@ void ManyTracker::update(const capture::FrameSet& set, std::vector<ObjectEstimat
   report(set, out);
 }
 
+// Where each view may show each object.
+void ManyTracker::expect(const std::vector<TargetView>& views) {
+  for (std::size_t i = 0; i < views.size(); ++i) {
+    const TargetView& view = views[i];
+    expected_[i].clear();
+    for (std::size_t o = 0; o < objects_.size(); ++o) {
+      const ObjectFilter& filter = objects_[o]->filter;
+      const MotionBelief& belief = filter.belief();
+      const auto in_view = expected_in(view, belief, target_.radius_m);
+      if (!in_view) continue;
+      const Appearance& at = in_view->at;
+      const double margin = 2 * at.radius_px;
+      if (!(at.px.x() > -margin && at.px.y() > -margin && at.px.x() < view.image->width + margin &&
+            at.px.y() < view.image->height + margin))
+        continue;
+      // Twice the hardest usual acceleration, whatever the filter has learnt: a throw must not lose the object.
+      const double dt = capture::seconds(in_view->row.at - belief.at);
+      const double reach_m = options_.acceleration_m_s2 * dt * dt;
+      const Eigen::Matrix3d spread = belief.seen_covariance(in_view->row, filter.power_density()) +
+                                     reach_m * reach_m * Eigen::Matrix3d::Identity();
+      Eigen::Matrix2d s = at.jacobian * spread * at.jacobian.transpose();
+      agreement_.open(static_cast<std::size_t>(view.index), *view.camera, belief.position_at(in_view->row.at), at, s);
+      expected_[i].push_back({o, at, s, image_motion(view, at, belief)});
+    }
+  }
+}
+
 void ManyTracker::find_regions(const std::vector<TargetView>& views) {
+  std::vector<PixelAt> also;
   for (std::size_t i = 0; i < views.size(); ++i) {
     const auto camera = static_cast<std::size_t>(views[i].index);
     const SizeInView& size = size_in_view_[camera];
     regions_[i].clear();
     if (size.largest_px == 0) continue;  // no part of the volume is in view
     const double usual = std::sqrt(size.smallest_px * size.largest_px);
-    const int step = std::max(1, static_cast<int>(size.smallest_px));
+    const int step =
+        std::max(1, static_cast<int>(std::numbers::sqrt2 * size.smallest_px));  // no disc is between points
     const int min_area =
         std::max(2, static_cast<int>(least_region_share * std::numbers::pi * size.smallest_px * size.smallest_px));
     // As many as there may be in a row.
     const int largest = static_cast<int>(std::ceil(2 * size.largest_px * std::min(target_.count, 4))) + 2;
+    // What is left to be seen of a known object may be.
+    also.clear();
+    for (const ExpectedObject& e : expected_[i]) {
+      const double half = 0.6 * e.at.radius_px;
+      for (const auto& [du, dv] : {std::pair(0.0, 0.0), {half, 0.0}, {-half, 0.0}, {0.0, half}, {0.0, -half}})
+        also.push_back(
+            {static_cast<int>(std::lround(e.at.px.x() + du)), static_cast<int>(std::lround(e.at.px.y() + dv))});
+    }
     regions_[i] =
-        finders_[camera].components(*views[i].matches, step, static_cast<int>(2 * usual) + 2, largest, min_area);
+        finders_[camera].components(*views[i].matches, step, also, static_cast<int>(2 * usual) + 2, largest, min_area);
   }
 }
 
@@ -91,29 +133,9 @@ void ManyTracker::sight(const std::vector<TargetView>& views) {
     object->sightings.clear();
     object->hidden_views = object->missing_views = 0;
   }
-  std::vector<ExpectedObject> expected;
   for (std::size_t i = 0; i < views.size(); ++i) {
     const TargetView& view = views[i];
-    expected.clear();
-    for (std::size_t o = 0; o < objects_.size(); ++o) {
-      const ObjectFilter& filter = objects_[o]->filter;
-      const MotionBelief& belief = filter.belief();
-      const auto in_view = expected_in(view, belief, target_.radius_m);
-      if (!in_view) continue;
-      const Appearance& at = in_view->at;
-      const double margin = 2 * at.radius_px;
-      if (at.px.x() < -margin || at.px.y() < -margin || at.px.x() > view.image->width + margin ||
-          at.px.y() > view.image->height + margin)
-        continue;
-      // Twice the hardest usual acceleration, whatever the filter has learnt: a throw must not lose the object.
-      const double dt = capture::seconds(in_view->row.at - belief.at);
-      const double reach_m = options_.acceleration_m_s2 * dt * dt;
-      const Eigen::Matrix3d spread = belief.seen_covariance(in_view->row, filter.power_density()) +
-                                     reach_m * reach_m * Eigen::Matrix3d::Identity();
-      Eigen::Matrix2d s = at.jacobian * spread * at.jacobian.transpose();
-      agreement_.open(static_cast<std::size_t>(view.index), *view.camera, belief.position_at(in_view->row.at), at, s);
-      expected.push_back({o, at, s, image_motion(view, at, belief)});
-    }
+    const std::vector<ExpectedObject>& expected = expected_[i];
     SharedSightings shared = sharing_.share(view, regions_[i], expected);
     for (std::size_t e = 0; e < expected.size(); ++e) {
       Object& object = *objects_[expected[e].object];
@@ -313,8 +335,8 @@ void ManyTracker::report(const capture::FrameSet& set, std::vector<ObjectEstimat
       object->is_told = true;
       object->number = ++last_number_;
     }
-    const bool is_end =
-        object->state == TrackState::lost || capture::seconds(set.at - object->last_inside) > options_.coast_s;
+    const bool is_end = object->state == TrackState::lost ||
+                        capture::seconds(set.at - object->last_inside) > longest_outside * options_.coast_s;
     const TrackState state = is_end ? TrackState::lost : is_inside ? object->state : TrackState::coasting;
     out.push_back(object_tracking::report({.set = set,
                                            .views = views_,

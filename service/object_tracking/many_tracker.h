@@ -64,6 +64,7 @@ class ManyTracker {
     int hidden_views = 0, missing_views = 0;  // of this set: others hide it there; it should be seen there, and is not
   };
 
+  void expect(const std::vector<TargetView>& views);
   void find_regions(const std::vector<TargetView>& views);
   void sight(const std::vector<TargetView>& views);
   double learn_acceleration(Object& object, const capture::FrameSet& set);
@@ -92,6 +93,7 @@ class ManyTracker {
 
   std::vector<SizeInView> size_in_view_;                         // per camera
   std::vector<RegionFinder> finders_;                            // per camera
+  std::vector<std::vector<ExpectedObject>> expected_;            // in the views of this set
   std::vector<std::vector<ColorRegion>> regions_, unexplained_;  // of the views of this set
   std::vector<std::unique_ptr<Object>> objects_;                 // by age
   SeenRegions seen_regions_;

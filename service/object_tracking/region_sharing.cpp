@@ -125,30 +125,44 @@ void RegionSharing::assign(const TargetView& view, std::span<const ColorRegion> 
   }
 }
 
-std::optional<Sighting> RegionSharing::by_outline(const TargetView& view, std::span<const ExpectedObject> expected,
-                                                  const std::vector<std::size_t>& group, std::size_t which) const {
-  std::vector<Disc> discs;
-  std::size_t own = 0;
-  for (const std::size_t i : group) {
-    if (i == which) own = discs.size();
-    discs.push_back({expected[i].at.px, expected[i].at.radius_px,
-                     std::min(sigma_px(expected[i].covariance), 0.5 * expected[i].at.radius_px)});
-  }
-  const auto fitted = fit_discs(*view.matches, discs);
-  if (!fitted[own] || fitted[own]->seen < least_outline) return std::nullopt;
-  const double radius_px = expected[which].at.radius_px;
+std::optional<Sighting> RegionSharing::by_outline(const TargetView& view, const ExpectedObject& expected,
+                                                  const std::optional<FittedDisc>& fitted) const {
+  if (!fitted || fitted->seen < least_outline) return std::nullopt;
+  const double radius_px = expected.at.radius_px;
   const double error2 = pixel_noise_px_ * pixel_noise_px_ + 0.0016 * radius_px * radius_px;
   Sighting s;
   s.row.camera = view.index;
   s.camera = view.camera;
   s.projector = view.projector;
-  s.px = fitted[own]->px;
-  s.covariance = fitted[own]->covariance + (1 - lasting_share) * error2 * Eigen::Matrix2d::Identity();
+  s.px = fitted->px;
+  s.covariance = fitted->covariance + (1 - lasting_share) * error2 * Eigen::Matrix2d::Identity();
   s.lasting_px = std::sqrt(lasting_share * error2);
-  s.support = std::min(1.0, fitted[own]->seen * 1.5);
+  s.support = std::min(1.0, fitted->seen * 1.5);
   s.radius_px = radius_px;
-  if (d2_of(s, expected[which]) > region_gate) return std::nullopt;
+  if (d2_of(s, expected) > region_gate) return std::nullopt;
   return s;
+}
+
+// The region with what else lies so near to it: a thin pole in front of a ball cuts it in two.
+Sighting RegionSharing::by_region(const TargetView& view, std::span<const ColorRegion> regions, std::size_t which,
+                                  const ExpectedObject& expected, SharedSightings& out) const {
+  ColorRegion region = regions[which];
+  for (std::size_t r = 0; r < regions.size(); ++r) {
+    if (out.is_explained[r] != 0 || (regions[r].centre - region.centre).norm() > part_reach * expected.at.radius_px ||
+        region.area + regions[r].area > largest_share * disc_area(expected.at))
+      continue;
+    region = joined(region, regions[r]);
+    out.is_explained[r] = 1;
+  }
+  return sighting_of(view, region, expected.at.radius_px, pixel_noise_px_, expected.motion);
+}
+
+// A region of the size and the shape of the object's disc.
+bool RegionSharing::is_whole(const Sighting& by_region, const ExpectedObject& expected) const {
+  const double radius_px = expected.at.radius_px;
+  const double usual = (1 - lasting_share) * (pixel_noise_px_ * pixel_noise_px_ + 0.0016 * radius_px * radius_px);
+  return by_region.covariance.trace() < 3 * usual &&
+         by_region.radius_px * by_region.radius_px < largest_share * radius_px * radius_px;
 }
 
 SharedSightings RegionSharing::share(const TargetView& view, std::span<const ColorRegion> regions,
@@ -160,30 +174,36 @@ SharedSightings RegionSharing::share(const TargetView& view, std::span<const Col
   if (expected.empty()) return out;
   std::vector<int> region_of;
   assign(view, regions, expected, out, region_of);
+  std::vector<std::size_t> in_part;
+  std::vector<Disc> discs;
   for (const std::vector<std::size_t>& group : groups_of(expected)) {
+    in_part.clear();
     for (const std::size_t i : group) {
-      const ExpectedObject& e = expected[i];
-      std::optional<Sighting>& sighting = out.of_objects[i];
-      bool is_clean = false;
+      bool is_by_region = false;
       if (region_of[i] >= 0) {
-        ColorRegion region = regions[static_cast<std::size_t>(region_of[i])];
-        for (std::size_t r = 0; r < regions.size(); ++r) {  // a thin pole in front of a ball cuts it in two
-          if (out.is_explained[r] != 0 || (regions[r].centre - region.centre).norm() > part_reach * e.at.radius_px ||
-              region.area + regions[r].area > largest_share * disc_area(e.at))
-            continue;
-          region = joined(region, regions[r]);
-          out.is_explained[r] = 1;
-        }
-        sighting = sighting_of(view, region, e.at.radius_px, pixel_noise_px_, e.motion);
-        const double usual =
-            (1 - lasting_share) * (pixel_noise_px_ * pixel_noise_px_ + 0.0016 * e.at.radius_px * e.at.radius_px);
-        is_clean = sighting->covariance.trace() < 3 * usual && region.area < largest_share * disc_area(e.at);
+        out.of_objects[i] = by_region(view, regions, static_cast<std::size_t>(region_of[i]), expected[i], out);
+        // Another one may be in front of it, and the region that one's.
+        const bool is_alone = std::ranges::none_of(group, [&](std::size_t o) {
+          return o != i && (expected[o].at.px - expected[i].at.px).norm() <
+                               std::max(expected[o].at.radius_px, expected[i].at.radius_px);
+        });
+        is_by_region = is_alone && is_whole(*out.of_objects[i], expected[i]);
       }
-      if (is_clean && group.size() == 1) continue;
-      // What is seen of a disc that others touch, or that something hides in part.
-      if (auto fitted = by_outline(view, expected, group, i)) {
-        sighting = std::move(fitted);
-      } else if (group.size() > 1 && !is_clean) {
+      if (!is_by_region) in_part.push_back(i);
+    }
+    if (in_part.empty()) continue;
+    // What is seen of discs that touch, or that something hides in part: all outlines of the group together.
+    discs.clear();
+    for (const std::size_t i : group)
+      discs.push_back({expected[i].at.px, expected[i].at.radius_px,
+                       std::min(sigma_px(expected[i].covariance), 0.5 * expected[i].at.radius_px)});
+    const auto fitted = fit_discs(*view.matches, discs);
+    for (const std::size_t i : in_part) {
+      const auto place = static_cast<std::size_t>(std::ranges::find(group, i) - group.begin());
+      std::optional<Sighting>& sighting = out.of_objects[i];
+      if (auto outline = by_outline(view, expected[i], fitted[place])) {
+        sighting = std::move(outline);
+      } else if (group.size() > 1 && !(sighting && is_whole(*sighting, expected[i]))) {
         sighting.reset();  // the region is not, or not only, of this object
       }
       if (group.size() > 1 && !sighting) out.is_hidden[i] = hidden_of(expected, group, i) > hidden_share ? 1 : 0;

@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "object_tracking/color_region.h"
+#include "object_tracking/disc_fit.h"
 #include "object_tracking/expected_view.h"
 #include "object_tracking/sighting.h"
 #include "object_tracking/target_views.h"
@@ -44,11 +45,13 @@ class RegionSharing {
                         std::span<const ExpectedObject> expected) const;
 
  private:
-  struct Cost;
   void assign(const TargetView& view, std::span<const ColorRegion> regions, std::span<const ExpectedObject> expected,
               SharedSightings& out, std::vector<int>& region_of) const;
-  std::optional<Sighting> by_outline(const TargetView& view, std::span<const ExpectedObject> expected,
-                                     const std::vector<std::size_t>& group, std::size_t which) const;
+  std::optional<Sighting> by_outline(const TargetView& view, const ExpectedObject& expected,
+                                     const std::optional<FittedDisc>& fitted) const;
+  Sighting by_region(const TargetView& view, std::span<const ColorRegion> regions, std::size_t which,
+                     const ExpectedObject& expected, SharedSightings& out) const;
+  bool is_whole(const Sighting& by_region, const ExpectedObject& expected) const;
 
   double pixel_noise_px_;
 };
