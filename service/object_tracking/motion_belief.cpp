@@ -1,10 +1,12 @@
 #include "object_tracking/motion_belief.h"
 
+#include <fmt/format.h>
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <stdexcept>
 
 namespace huetrack::object_tracking {
 namespace {
@@ -41,7 +43,9 @@ double variance_of(const std::optional<double>& value, const std::optional<doubl
 }  // namespace
 
 double largest_variance(const Eigen::Matrix3d& covariance) {
-  return std::max(0.0, covariance.selfadjointView<Eigen::Lower>().eigenvalues().maxCoeff());
+  // In closed form: it is asked several times a set, and only ever held to a bound.
+  const auto axes = Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>().computeDirect(covariance, Eigen::EigenvaluesOnly);
+  return std::max(0.0, axes.eigenvalues()(2));
 }
 
 double largest_sigma(const Eigen::Matrix3d& covariance) {
@@ -49,6 +53,9 @@ double largest_sigma(const Eigen::Matrix3d& covariance) {
 }
 
 MotionBelief::MotionBelief(const calib::CameraRig& rig, bool times_are_learnt) : times_are_learnt_(times_are_learnt) {
+  if (rig.cameras.size() > most_cameras)
+    throw std::invalid_argument(
+        fmt::format("a tracker takes at most {} cameras, this rig has {}", most_cameras, rig.cameras.size()));
   const auto cameras = static_cast<Eigen::Index>(rig.cameras.size());
   const Eigen::Index n = 6 + (times_are_learnt ? 4 : 2) * cameras;
   mean_ = Eigen::VectorXd::Zero(n);
@@ -69,6 +76,7 @@ MotionBelief::MotionBelief(const calib::CameraRig& rig, bool times_are_learnt) :
     }
     given_.push_back(given);
   }
+  lasting_.resize(given_.size());
 }
 
 void MotionBelief::expect_in_step() {
@@ -133,21 +141,15 @@ void MotionBelief::begin(capture::Timestamp when, const Eigen::Vector3d& positio
   mean_.tail(lasting).setZero();
   covariance_.bottomRows(lasting).setZero();
   covariance_.rightCols(lasting).setZero();
-  lasting_px_.assign(given_.size(), 0);
-  way_m_.assign(given_.size(), 0);
-  doubt_.assign(given_.size(), Eigen::Matrix2d::Zero());
+  lasting_.assign(given_.size(), {});
 }
 
 void MotionBelief::forget_lasting(int camera) {
   const Eigen::Index lasting = lasting_of(camera);
-  const auto c = static_cast<std::size_t>(camera);
   mean_.segment<2>(lasting).setZero();
   covariance_.middleRows<2>(lasting).setZero();
   covariance_.middleCols<2>(lasting).setZero();
-  if (lasting_px_.empty()) return;  // nothing was begun yet
-  lasting_px_[c] = 0;
-  way_m_[c] = 0;
-  doubt_[c].setZero();
+  lasting_[static_cast<std::size_t>(camera)] = {};
 }
 
 void MotionBelief::predict_to(capture::Timestamp when, double power_density) {
@@ -157,7 +159,8 @@ void MotionBelief::predict_to(capture::Timestamp when, double power_density) {
   mean_.head<3>() += dt * mean_.segment<3>(3);
   covariance_.topRows<3>() += dt * covariance_.middleRows<3>(3);
   covariance_.leftCols<3>() += dt * covariance_.middleCols<3>(3);
-  for (double& way : way_m_) way += dt * velocity().norm();
+  const double way_m = dt * velocity().norm();
+  for (Lasting& lasting : lasting_) lasting.way_m += way_m;
   const double q = power_density;
   covariance_.diagonal().head<3>().array() += q * dt * dt * dt / 3;
   covariance_.diagonal().segment<3>(3).array() += q * dt;
@@ -169,19 +172,23 @@ void MotionBelief::predict_to(capture::Timestamp when, double power_density) {
   }
 }
 
-template <typename Rows>
-Eigen::Matrix<double, Rows::RowsAtCompileTime, 3> MotionBelief::onto(const SeenBy& by, const Rows& rows) const {
-  Eigen::Matrix<double, Rows::RowsAtCompileTime, 3> out =
-      rows.template leftCols<3>() + by.dt * rows.template middleCols<3>(3);
+MotionBelief::WithState<3> MotionBelief::covariance_with_state(const SeenBy& by) const {
+  WithState<3> out = covariance_.topRows<3>() + by.dt * covariance_.middleRows<3>(3);
   if (times_are_learnt_) {
     const Eigen::Index latency = latency_of(by.row.camera);
-    out += (by.row.below_middle * rows.col(latency + 1) - rows.col(latency)) * by.v.transpose();
+    out += by.v.lazyProduct(by.row.below_middle * covariance_.row(latency + 1) - covariance_.row(latency));
   }
   return out;
 }
 
-Eigen::Matrix<double, 3, Eigen::Dynamic> MotionBelief::covariance_with_state(const SeenBy& by) const {
-  return onto(by, covariance_).transpose();
+template <int rows>
+Eigen::Matrix<double, rows, 3> MotionBelief::onto(const SeenBy& by, const WithState<rows>& with_state) const {
+  Eigen::Matrix<double, rows, 3> out = with_state.template leftCols<3>() + by.dt * with_state.template middleCols<3>(3);
+  if (times_are_learnt_) {
+    const Eigen::Index latency = latency_of(by.row.camera);
+    out += (by.row.below_middle * with_state.col(latency + 1) - with_state.col(latency)) * by.v.transpose();
+  }
+  return out;
 }
 
 Eigen::Matrix3d MotionBelief::unmodelled(const SeenBy& by, double power_density) const {
@@ -204,24 +211,23 @@ Eigen::Matrix3d MotionBelief::seen_covariance(const SeenRow& row, double power_d
 // standard deviation that it has now (a near object is larger, and so is what shifts its centre).
 void MotionBelief::renew_lasting(int camera, double lasting_px, const Eigen::Matrix2d& doubt) {
   const Eigen::Index lasting = lasting_of(camera);
-  double& way_m = way_m_[static_cast<std::size_t>(camera)];
-  double& before_px = lasting_px_[static_cast<std::size_t>(camera)];
-  Eigen::Matrix2d& doubt_before = doubt_[static_cast<std::size_t>(camera)];
-  const double faded = std::exp(-way_m / lasting_way_m);
+  Lasting& last = lasting_[static_cast<std::size_t>(camera)];
+  const double before_px = last.px;
+  const double faded = std::exp(-last.way_m / lasting_way_m);
   double kept = 0;
   Eigen::Matrix2d added;
-  if (before_px > 0 && (doubt.diagonal().any() || doubt_before.diagonal().any())) {
+  if (before_px > 0 && (doubt.diagonal().any() || last.doubt.diagonal().any())) {
     // Doubt that comes leaves what is believed as it is and opens it; doubt that goes takes its share along.
     const Eigen::Matrix2d one = Eigen::Matrix2d::Identity();
     const Eigen::Matrix2d now = doubt + lasting_px * lasting_px * one;
-    const Eigen::Matrix2d before = doubt_before + before_px * before_px * one;
+    const Eigen::Matrix2d before = last.doubt + before_px * before_px * one;
     kept = faded * std::sqrt(std::min(1.0, now.trace() / before.trace()));
     const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> axes =
         Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>().computeDirect(now - kept * kept * before);
     added = axes.eigenvectors() * axes.eigenvalues().cwiseMax(0).asDiagonal() * axes.eigenvectors().transpose();
   } else {
     kept = faded * (before_px > 0 ? lasting_px / before_px : 0.0);
-    const double renewed = -std::expm1(-2 * way_m / lasting_way_m);
+    const double renewed = -std::expm1(-2 * last.way_m / lasting_way_m);
     added = (before_px > 0 ? renewed : 1.0) * lasting_px * lasting_px * Eigen::Matrix2d::Identity();
     if (before_px == 0) added += doubt;
   }
@@ -229,9 +235,7 @@ void MotionBelief::renew_lasting(int camera, double lasting_px, const Eigen::Mat
   covariance_.middleRows<2>(lasting) *= kept;
   covariance_.middleCols<2>(lasting) *= kept;
   covariance_.block<2, 2>(lasting, lasting) += added;
-  way_m = 0;
-  before_px = lasting_px;
-  doubt_before = doubt;
+  last = {.px = lasting_px, .doubt = doubt};
 }
 
 double MotionBelief::observe(const LinearSighting& sighting, const Eigen::Vector3d& velocity, double power_density) {
@@ -244,16 +248,19 @@ double MotionBelief::observe(const LinearSighting& sighting, const Eigen::Vector
   const Eigen::Vector2d innovation = sighting.px - sighting.px_expected - lasting_error(row.camera) -
                                      sighting.jacobian * (position_then - sighting.linearised_at);
   const Eigen::Matrix<double, 2, 3>& j = sighting.jacobian;
-  const Eigen::Matrix<double, 2, Eigen::Dynamic> px_with_state =
-      j * covariance_with_state(by) + covariance_.middleRows<2>(lasting);
+  const WithState<2> px_with_state = j.lazyProduct(covariance_with_state(by)) + covariance_.middleRows<2>(lasting);
   const Eigen::Matrix2d s = onto(by, px_with_state) * j.transpose() + px_with_state.middleCols<2>(lasting) +
                             j * unmodelled(by, power_density) * j.transpose() + sighting.covariance;
   const Eigen::Matrix2d information = s.inverse();
-  const Eigen::Matrix<double, Eigen::Dynamic, 2> gain = px_with_state.transpose() * information;
-  const Eigen::VectorXd variance_before = covariance_.diagonal();
-  mean_ += gain * innovation;
-  covariance_.noalias() -= gain * px_with_state;
-  covariance_ = (0.5 * (covariance_ + covariance_.transpose())).eval();
+  const WithState<2> gain = information.lazyProduct(px_with_state);  // transposed
+  const Eigen::Matrix<double, Eigen::Dynamic, 1, Eigen::ColMajor, most_states, 1> variance_before =
+      covariance_.diagonal();
+  mean_.noalias() += gain.transpose().lazyProduct(innovation);
+  for (Eigen::Index i = 0; i < size(); ++i) {  // below the diagonal and on it, then above
+    const Eigen::Index n = size() - i;
+    covariance_.col(i).tail(n) -= gain.rightCols(n).transpose().lazyProduct(px_with_state.col(i));
+    covariance_.row(i).tail(n - 1) = covariance_.col(i).tail(n - 1).transpose();
+  }
   if (times_are_learnt_) {
     const auto keep = [&](Eigen::Index i, double least_sigma) {
       covariance_(i, i) = std::max(covariance_(i, i), std::min(variance_before(i), least_sigma * least_sigma));
@@ -266,42 +273,52 @@ double MotionBelief::observe(const LinearSighting& sighting, const Eigen::Vector
   return innovation.dot(information * innovation);
 }
 
-Eigen::MatrixXd MotionBelief::by_views() const {
+Eigen::Matrix<double, 6, 6> MotionBelief::by_views() const {
   const Eigen::Index n = size() - 6;
   Eigen::MatrixXd views = covariance_.bottomRightCorner(n, n);
   views.diagonal().array() += 1e-16;  // s^2, px^2: of what is held
-  const Eigen::MatrixXd with_views = covariance_.bottomRows(n);
-  return with_views.transpose() * views.llt().solve(with_views);
+  const Eigen::LLT<Eigen::Ref<Eigen::MatrixXd>> root(views);
+  Eigen::Matrix<double, Eigen::Dynamic, 6, Eigen::ColMajor, most_states, 6> with_motion =
+      covariance_.bottomLeftCorner(n, 6);
+  for (int i = 0; i < 6; ++i) {
+    auto column = with_motion.col(i);
+    root.matrixL().solveInPlace(column);
+  }
+  return with_motion.transpose().lazyProduct(with_motion);
 }
 
 MotionBelief MotionBelief::given_views() const {
   MotionBelief out = *this;
   const Eigen::Index n = size() - 6;
-  out.covariance_ -= by_views();
+  out.covariance_.topLeftCorner<6, 6>() -= by_views();
   out.covariance_.bottomRows(n).setZero();
   out.covariance_.rightCols(n).setZero();
   return out;
 }
 
 void MotionBelief::open_views_as(const MotionBelief& other) {
-  covariance_ += other.by_views();
+  const Eigen::Index n = size() - 6;
+  covariance_.topLeftCorner<6, 6>() += other.by_views();
+  covariance_.bottomRows(n) = other.covariance_.bottomRows(n);
+  covariance_.rightCols(n) = other.covariance_.rightCols(n);
 }
 
 void MotionBelief::set_position(const Eigen::Vector3d& mean, const Eigen::Matrix3d& covariance) {
   const Eigen::Matrix3d before = position_covariance();
   const Eigen::Index rest = size() - 3;
-  const Eigen::Matrix<double, Eigen::Dynamic, 3> regression = covariance_.bottomLeftCorner(rest, 3) * before.inverse();
-  mean_.tail(rest) += regression * (mean - position());
+  const WithState<3> regression = before.inverse().lazyProduct(covariance_.topRightCorner(3, rest));  // transposed
+  const WithState<3> changed = (covariance - before).lazyProduct(regression);
+  mean_.tail(rest) += regression.transpose().lazyProduct(mean - position());
   mean_.head<3>() = mean;
-  covariance_.bottomRightCorner(rest, rest) += regression * (covariance - before) * regression.transpose();
+  covariance_.bottomRightCorner(rest, rest) += regression.transpose().lazyProduct(changed);
   covariance_.topLeftCorner<3, 3>() = covariance;
-  covariance_.bottomLeftCorner(rest, 3) = regression * covariance;
-  covariance_.topRightCorner(3, rest) = covariance_.bottomLeftCorner(rest, 3).transpose();
+  covariance_.topRightCorner(3, rest) = covariance.lazyProduct(regression);
+  covariance_.bottomLeftCorner(rest, 3) = covariance_.topRightCorner(3, rest).transpose();
 }
 
 MotionBelief::SeenPosition MotionBelief::seen_given_position(const SeenRow& row, double power_density) const {
   const SeenBy by{row, capture::seconds(row.at - at), velocity()};
-  const Eigen::Matrix<double, 3, Eigen::Dynamic> with_state = covariance_with_state(by);
+  const WithState<3> with_state = covariance_with_state(by);
   const double later_s = row_shift_s(row.camera, row.below_middle) - row.shift_s;
   SeenPosition out;
   out.slope = with_state.leftCols<3>() * position_covariance().inverse();

@@ -53,7 +53,10 @@ class MotionBelief {
   // One of the rig's cameras gives the time on which all hangs: its latency is held, as one shift of all latencies
   // moves the object along its path and changes no picture. It is the first one.
   static constexpr int reference_camera = 0;
+  // So that what a sighting says fits on the stack: nothing is allocated while a set is worked on.
+  static constexpr int most_cameras = 64;
 
+  // Throws std::invalid_argument for more cameras than that.
   // times_are_learnt: otherwise the rig's hold, and what it states of their uncertainty counts as noise of a sighting.
   MotionBelief(const calib::CameraRig& rig, bool times_are_learnt);
 
@@ -125,10 +128,14 @@ class MotionBelief {
     double dt;
     Eigen::Vector3d v;
   };
-  template <typename Rows>  // rows x size() -> rows x 3: the product with the transpose of y's coefficients
-  Eigen::Matrix<double, Rows::RowsAtCompileTime, 3> onto(const SeenBy& by, const Rows& rows) const;
-  Eigen::Matrix<double, 3, Eigen::Dynamic> covariance_with_state(const SeenBy& by) const;
-  Eigen::MatrixXd by_views() const;  // the part of the covariance that follows from that of times and what lasts
+  static constexpr int most_states = 6 + 4 * most_cameras;
+  template <int rows>
+  using WithState = Eigen::Matrix<double, rows, Eigen::Dynamic, Eigen::ColMajor, rows, most_states>;
+  WithState<3> covariance_with_state(const SeenBy& by) const;
+  template <int rows>  // the product with the transpose of y's coefficients
+  Eigen::Matrix<double, rows, 3> onto(const SeenBy& by, const WithState<rows>& with_state) const;
+  // The part of the motion's covariance that follows from that of the times and of what lasts.
+  Eigen::Matrix<double, 6, 6> by_views() const;
   // What is not in the state: swerves between the row and `at`, and times that are given with an uncertainty.
   Eigen::Matrix3d unmodelled(const SeenBy& by, double power_density) const;
 
@@ -142,10 +149,13 @@ class MotionBelief {
     double latency_s = 0, readout_s = 0;
     double latency_variance_s2 = 0, readout_variance_s2 = 0;  // where times are not learnt
   };
-  std::vector<Given> given_;            // per camera
-  std::vector<double> lasting_px_;      // per camera: the standard deviation that what lasts had at the last sighting,
-  std::vector<double> way_m_;           // the way since then,
-  std::vector<Eigen::Matrix2d> doubt_;  // and the variance of the doubt that was a part of it
+  std::vector<Given> given_;  // per camera
+  struct Lasting {
+    double px = 0;     // the standard deviation that what lasts had at the last sighting; 0: there was none,
+    double way_m = 0;  // the way since then,
+    Eigen::Matrix2d doubt = Eigen::Matrix2d::Zero();  // and the variance of the doubt that was a part of it
+  };
+  std::vector<Lasting> lasting_;  // per camera
 };
 
 }  // namespace huetrack::object_tracking

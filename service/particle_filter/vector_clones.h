@@ -5,8 +5,9 @@
 
 #if defined(__x86_64__) && !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
 #define HUETRACK_CLONES __attribute__((target_clones("avx512f", "avx2", "default")))
-// Before two functions of the same name: what is written by hand for AVX-512, and what is for every other machine.
+// Before functions of the same name: what is written by hand for AVX-512 or AVX2, and what is for every other machine.
 #define HUETRACK_AVX512_VERSION __attribute__((target("avx512f")))
+#define HUETRACK_AVX2_VERSION __attribute__((target("avx2")))
 #define HUETRACK_DEFAULT_VERSION __attribute__((target("default")))
 #else
 #define HUETRACK_CLONES
