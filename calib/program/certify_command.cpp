@@ -48,7 +48,8 @@ class Collector final : public pipeline::Output {
     const bool is_complete =
         std::ranges::all_of(set.frames.frames, [](const auto& frame) { return frame.has_value(); });
     out_.incomplete += is_complete ? 0 : 1;
-    for (std::size_t t = 0; t < set.estimates.size(); ++t) out_.estimates[targets_[t].name].push_back(set.estimates[t]);
+    for (const auto& e : set.estimates)
+      out_.estimates[object_tracking::object_name(targets_[e.target].name, e.object)].push_back(e);
   }
 
  private:

@@ -32,6 +32,11 @@ constexpr std::pair<std::string_view, object_tracking::TimingMode> timing_words[
     {"learn", object_tracking::TimingMode::learn},
     {"fixed", object_tracking::TimingMode::fixed},
 };
+constexpr std::pair<std::string_view, object_tracking::TargetShape> shape_words[] = {
+    {"ball", object_tracking::TargetShape::ball},
+    {"blob", object_tracking::TargetShape::blob},
+    {"auto", object_tracking::TargetShape::automatic},
+};
 constexpr std::pair<std::string_view, object_tracking::Observation> observation_words[] = {
     {"huetrack", object_tracking::Observation::huetrack}, {"paper", object_tracking::Observation::paper}};
 constexpr std::pair<std::string_view, CalibrationMode> calibration_words[] = {
@@ -175,6 +180,9 @@ void describe(Io& io, Config& config) {
   io.named("targets", config.targets, "what to track: name, size and colour of each", [&](auto& in, auto& target) {
     in.number("radius_m", target.radius_m, yaml::positive,
               "of the ball, or of a ball of about the object's size, metres");
+    in.choice("shape", target.shape, Words<object_tracking::TargetShape>(shape_words),
+              "huetrack only: ball: its outline is fitted; blob: its colour's centre; auto: a ball until it shows otherwise");
+    in.object_count("count", target, "3, or up to 8: how many of them there may be at once");
     in.group("color", "HSI as in the paper", [&](auto& color) {
       describe_color(color, target.color, Need::required);
       color.boolean("adapt", target.adapts_color, "huetrack only: the ranges follow the object's colour slowly");
@@ -343,6 +351,22 @@ class Reader {
                   std::string_view) {
     if (!is_word(key, word)) value = static_cast<int>(yaml_.integer(key, range));
   }
+  // A number, or "up to" one.
+  void object_count(std::string_view key, object_tracking::TargetOptions& target, std::string_view) {
+    if (!yaml_.has(key)) return;
+    std::string given = yaml_.string(key);
+    constexpr std::string_view up_to = "up to ";
+    target.is_up_to = given.starts_with(up_to);
+    if (target.is_up_to) given.erase(0, up_to.size());
+    const char* const end = given.data() + given.size();
+    const auto [parsed, error] = std::from_chars(given.data(), end, target.count);
+    constexpr int most = object_tracking::TargetOptions::most_count;
+    if (error != std::errc{} || parsed != end || target.count < 1 || target.count > most)
+      yaml_.fail(key, fmt::format("must be a number from 1 to {}, or \"up to\" such a number, got \"{}\": regions are "
+                                  "shared out among all objects of a target in every view, and more than {} have not "
+                                  "been measured",
+                                  most, yaml_.string(key), most));
+  }
   void point(std::string_view key, Eigen::Vector3d& value, std::string_view) {
     if (yaml_.has(key)) value = Eigen::Vector3d(yaml_.numbers(key, 3, 3, yaml::any_number).data());
   }
@@ -488,6 +512,9 @@ class Printer {
   void integer_or(std::string_view key, std::string_view word, std::optional<int> value, yaml::Range,
                   std::string_view doc) {
     line(key, value ? std::to_string(*value) : std::string(word), doc);
+  }
+  void object_count(std::string_view key, const object_tracking::TargetOptions& target, std::string_view doc) {
+    line(key, (target.is_up_to ? "up to " : "") + std::to_string(target.count), doc);
   }
   void point(std::string_view key, const Eigen::Vector3d& p, std::string_view doc) {
     line(key, list_of({shortest(p.x()), shortest(p.y()), shortest(p.z())}), doc);
@@ -796,9 +823,9 @@ std::vector<std::size_t> targets_that_differ(const ServiceConfig& before, const 
   std::vector<std::size_t> targets;
   for (std::size_t t = 0; t < after.targets.size(); ++t) {
     const object_tracking::TargetOptions &a = before.targets.at(t), &b = after.targets[t];
-    const bool is_same = a.name == b.name && a.radius_m == b.radius_m && a.color == b.color &&
-                         a.camera_colors == b.camera_colors && a.adapts_color == b.adapts_color &&
-                         a.ignored == b.ignored;
+    const bool is_same = a.name == b.name && a.radius_m == b.radius_m && a.shape == b.shape && a.color == b.color &&
+                         a.camera_colors == b.camera_colors && a.adapts_color == b.adapts_color && a.count == b.count &&
+                         a.is_up_to == b.is_up_to && a.ignored == b.ignored;
     if (all || !is_same) targets.push_back(t);
   }
   return targets;

@@ -173,8 +173,9 @@ class ReplayProgress final : public pipeline::Output {
     std::uint64_t frames = 0;
     for (const auto& camera : session_.figures().cameras) frames += camera.frames + camera.corrupted;
     std::vector<std::string> states;
-    for (std::size_t t = 0; t < set.estimates.size(); ++t)
-      states.push_back(fmt::format("{} {}", targets_[t], object_tracking::name(set.estimates[t].state)));
+    for (const auto& estimate : set.estimates)
+      states.push_back(fmt::format("{} {}", object_tracking::object_name(targets_[estimate.target], estimate.object),
+                                   object_tracking::name(estimate.state)));
     const double played_s = capture::seconds(set.frames.at - first_at_.value_or(capture::Timestamp{}));
     bar_.draw(frames, expected_, played_s / capture::seconds(Clock::now() - began_),
               fmt::format("{}", fmt::join(states, ", ")));

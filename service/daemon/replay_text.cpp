@@ -89,6 +89,8 @@ std::string camera_text(const CameraSummary& camera, const pipeline::PipelineFig
   text += shares_text(camera.frames);
   text += fmt::format("; {:.2f} ms per frame (CPU {:.2f})\n", ms_per_frame(f.camera_track.wall),
                       ms_per_frame(f.camera_track.cpu));
+  if (const std::string readout = pipeline::readout_text(f.tracked_camera); !readout.empty())
+    text += "          " + readout + "\n";
   if (camera.first_pose_frame && f.tracked_camera.without_since)
     text += fmt::format("          lost at the end{}{}\n", why.empty() ? "" : ": ", why);
   return text;

@@ -28,7 +28,7 @@ void Tally::Target::add(const object_tracking::ObjectEstimate& estimate, std::ui
 void Tally::on_set(const pipeline::TrackedSet& set) {
   ++sets_;
   last_at_ = set.frames.at;
-  for (std::size_t t = 0; t < set.estimates.size(); ++t) targets_[t].add(set.estimates[t], sets_);
+  for (const auto& estimate : set.estimates) targets_[estimate.target].add(estimate, sets_);
   sets_until_ = Clock::now();
 }
 

@@ -13,10 +13,10 @@ void RoadMeter::on_frame(const capture::Frame& frame, capture::Timestamp receive
 
 void RoadMeter::on_set(const pipeline::TrackedSet& set) {
   if (set.estimates.empty()) return;
-  for (std::size_t t = 0; t < set.estimates.size(); ++t) {
-    targets_[t].state = set.estimates[t].state;
-    targets_[t].effective_sample_size = set.estimates[t].effective_sample_size;
-    targets_[t].particles = set.estimates[t].particle_count;
+  for (const auto& estimate : set.estimates) {
+    targets_[estimate.target].state = estimate.state;
+    targets_[estimate.target].effective_sample_size = estimate.effective_sample_size;
+    targets_[estimate.target].particles = estimate.particle_count;
   }
   const capture::Timestamp now = capture::unix_now();
   const auto [begun, sent] = bus_ != nullptr ? bus_->last_writing() : publish::EstimatePublisher::Writing{now, now};

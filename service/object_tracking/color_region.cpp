@@ -22,9 +22,10 @@ int RegionFinder::root(int label) {
 
 // Connected components in one pass over runs of matching pixels (He, Chao and Suzuki 2008): a run takes the label of
 // the runs that it touches in the row above, and joins them when they are several.
-int RegionFinder::label_runs(MatchBits& view, const PixelBox& box, PixelAt probe) {
+void RegionFinder::label_runs(MatchBits& view, const PixelBox& box, std::span<const PixelAt> probes) {
   constexpr int word = 56;  // row() gives at least 57 pixels
-  int probed = -1;
+  probed_.assign(probes.size(), -1);
+  std::size_t next = 0;  // of the probes
   parent_.clear();
   moments_.clear();
   above_.clear();
@@ -61,7 +62,10 @@ int RegionFinder::label_runs(MatchBits& view, const PixelBox& box, PixelAt probe
         parent_.push_back(run.label);
         moments_.emplace_back();
       }
-      if (v == probe.v && run.u_min <= probe.u && probe.u <= run.u_max) probed = run.label;
+      while (next < probes.size() && (probes[next].v < v || (probes[next].v == v && probes[next].u < run.u_min)))
+        ++next;
+      for (; next < probes.size() && probes[next].v == v && probes[next].u <= run.u_max; ++next)
+        probed_[next] = run.label;
       const double n = run.u_max - run.u_min + 1;
       const double sum_u = n * (run.u_min + run.u_max) / 2;
       const double middle = (run.u_min + run.u_max) / 2.0;
@@ -77,7 +81,9 @@ int RegionFinder::label_runs(MatchBits& view, const PixelBox& box, PixelAt probe
     moments_[r].add(moments_[i]);
     moments_[i].n = 0;
   }
-  return probed < 0 ? -1 : root(probed);
+  for (int& label : probed_) {
+    if (label >= 0) label = root(label);
+  }
 }
 
 void RegionFinder::collect(int min_area, double reach_px) {
@@ -109,6 +115,7 @@ void RegionFinder::collect(int min_area, double reach_px) {
     const double uv = m.uv / m.n - region.centre.x() * region.centre.y();
     region.spread << m.uu / m.n - region.centre.x() * region.centre.x() + 1.0 / 12, uv, uv,
         m.vv / m.n - region.centre.y() * region.centre.y() + 1.0 / 12;
+    region.box = m.box;
     regions_.push_back(region);
   }
   std::ranges::stable_sort(regions_, [](const ColorRegion& a, const ColorRegion& b) { return a.area > b.area; });
@@ -120,12 +127,63 @@ const std::vector<ColorRegion>& RegionFinder::find(MatchBits& view, PixelBox box
   found_.clear();
   if (!box.empty()) {
     view.look(box);
-    label_runs(view, box);
+    label_runs(view, box, {});
     for (const Moments& m : moments_) {
       if (m.n > 0) found_.push_back(m);
     }
   }
   collect(min_area, reach_px);
+  return regions_;
+}
+
+const std::vector<ColorRegion>& RegionFinder::components(MatchBits& view, int step_px, std::span<const PixelAt> also,
+                                                         int extent_px, int largest_px, int min_area) {
+  constexpr std::size_t max_regions = 200;
+  found_.clear();
+  view.grid(step_px, hits_);
+  for (const PixelAt p : also) {
+    if (p.u >= 0 && p.v >= 0 && p.u < view.width() && p.v < view.height() && view.at(p.u, p.v)) hits_.push_back(p);
+  }
+  if (!also.empty()) std::ranges::sort(hits_, {}, [](const PixelAt& p) { return std::pair(p.v, p.u); });
+  is_taken_.assign(hits_.size(), 0);
+  for (std::size_t i = 0; i < hits_.size() && found_.size() < max_regions; ++i) {
+    if (is_taken_[i] != 0) continue;
+    const auto [u, v] = hits_[i];
+    PixelBox box{u - extent_px, v - extent_px, u + extent_px, v + extent_px};
+    for (;;) {
+      box = {std::max(box.u_min, 0), std::max(box.v_min, 0), std::min(box.u_max, view.width() - 1),
+             std::min(box.v_max, view.height() - 1)};
+      view.look(box);
+      probes_.clear();
+      probes_of_.clear();
+      for (std::size_t j = i; j < hits_.size() && hits_[j].v <= box.v_max; ++j) {
+        if (is_taken_[j] != 0 || hits_[j].u < box.u_min || hits_[j].u > box.u_max) continue;
+        probes_.push_back(hits_[j]);
+        probes_of_.push_back(j);
+      }
+      label_runs(view, box, probes_);
+      const int label = probed_.front();
+      if (label < 0) break;
+      const Moments& m = moments_[static_cast<std::size_t>(label)];
+      const bool is_large = m.box.u_max - m.box.u_min >= largest_px || m.box.v_max - m.box.v_min >= largest_px;
+      PixelBox wider = box;
+      if (m.box.u_min == box.u_min) wider.u_min = std::max(0, wider.u_min - extent_px);
+      if (m.box.v_min == box.v_min) wider.v_min = std::max(0, wider.v_min - extent_px);
+      if (m.box.u_max == box.u_max) wider.u_max = std::min(view.width() - 1, wider.u_max + extent_px);
+      if (m.box.v_max == box.v_max) wider.v_max = std::min(view.height() - 1, wider.v_max + extent_px);
+      if (!is_large && wider != box) {  // it may go on beyond the box
+        box = wider;
+        continue;
+      }
+      for (std::size_t j = 0; j < probes_.size(); ++j) {
+        if (probed_[j] == label) is_taken_[probes_of_[j]] = 1;
+      }
+      if (!is_large) found_.push_back(m);
+      break;
+    }
+    is_taken_[i] = 1;
+  }
+  collect(min_area, 0);
   return regions_;
 }
 
@@ -145,8 +203,9 @@ const std::vector<ColorRegion>& RegionFinder::search(MatchBits& view, int step_p
     const PixelBox box{std::max(u - max_extent_px, 0), std::max(v - max_extent_px, 0),
                        std::min(u + max_extent_px, view.width() - 1), std::min(v + max_extent_px, view.height() - 1)};
     view.look(box);
-    if (const int under = label_runs(view, box, {u, v}); under >= 0)
-      found_.push_back(moments_[static_cast<std::size_t>(under)]);
+    const PixelAt probe{u, v};
+    label_runs(view, box, {&probe, 1});
+    if (probed_.front() >= 0) found_.push_back(moments_[static_cast<std::size_t>(probed_.front())]);
   }
   std::erase_if(found_, [&](const Moments& m) {
     return m.box.u_max - m.box.u_min >= max_extent_px || m.box.v_max - m.box.v_min >= max_extent_px;

@@ -4,6 +4,8 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cstddef>
+#include <span>
 #include <vector>
 
 #include "object_tracking/color_window.h"
@@ -11,9 +13,10 @@
 namespace huetrack::object_tracking {
 
 struct ColorRegion {
-  int area = 0;            // pixels
-  Eigen::Vector2d centre;  // raw pixels, mean of the pixel centres
-  Eigen::Matrix2d spread;  // second central moment of the pixels, px^2, with 1/12 for the extent of a pixel itself
+  int area = 0;                // pixels
+  Eigen::Vector2d centre;      // raw pixels, mean of the pixel centres
+  Eigen::Matrix2d spread;      // second central moment of the pixels, px^2, with 1/12 for the extent of a pixel itself
+  PixelBox box{0, 0, -1, -1};  // of its pixels; of a region of several parts: of all of them
 };
 
 // thread-compatible: keeps its work space, so that a frame costs no allocation once it has grown.
@@ -30,6 +33,13 @@ class RegionFinder {
   const std::vector<ColorRegion>& search(MatchBits& view, int step_px, int max_extent_px, int min_area,
                                          double reach_px);
 
+  // All 8-connected regions of at least min_area pixels that a grid of step_px or one of `also` hits, each whole and by
+  // itself, largest first: for who tells apart several objects of one colour. extent_px: about as far as a region
+  // reaches from any of its pixels; larger ones take longer. Those wider than largest_px on either side are background
+  // and left out.
+  const std::vector<ColorRegion>& components(MatchBits& view, int step_px, std::span<const PixelAt> also, int extent_px,
+                                             int largest_px, int min_area);
+
  private:
   struct Run {
     int u_min, u_max, label;
@@ -40,11 +50,15 @@ class RegionFinder {
     void add(const Moments& other);
   };
   int root(int label);
-  // Fills moments_, per label. Returns the label of the component that has `probe`; -1 when none has.
-  int label_runs(MatchBits& view, const PixelBox& box, PixelAt probe = {-1, -1});
+  // Fills moments_, per label, and probed_: the label of the component that has each of the probes (row by row, from
+  // the left); -1 when none has.
+  void label_runs(MatchBits& view, const PixelBox& box, std::span<const PixelAt> probes);
   void collect(int min_area, double reach_px);
 
-  std::vector<PixelAt> hits_;
+  std::vector<PixelAt> hits_, probes_;
+  std::vector<std::size_t> probes_of_;  // which of hits_ they are
+  std::vector<char> is_taken_;          // per hit
+  std::vector<int> probed_;
   std::vector<Run> above_, current_;
   std::vector<int> parent_;
   std::vector<Moments> moments_;  // per label

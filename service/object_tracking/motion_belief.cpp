@@ -43,7 +43,9 @@ double variance_of(const std::optional<double>& value, const std::optional<doubl
 }  // namespace
 
 double largest_variance(const Eigen::Matrix3d& covariance) {
-  return std::max(0.0, covariance.selfadjointView<Eigen::Lower>().eigenvalues().maxCoeff());
+  // In closed form: it is asked several times a set, and only ever held to a bound.
+  const auto axes = Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>().computeDirect(covariance, Eigen::EigenvaluesOnly);
+  return std::max(0.0, axes.eigenvalues()(2));
 }
 
 double largest_sigma(const Eigen::Matrix3d& covariance) {

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <limits>
 #include <optional>
+#include <string>
 #include <string_view>
 #include <vector>
 
@@ -61,6 +62,9 @@ struct SeenRegion {
 struct ColorShare {
   double of_picture = 0;  // 0..1, on a grid, as of some tenths of a second ago
   double of_target = 0;   // 0..1, as much as the target could cover anywhere in the volume
+  // Of of_picture: what never moves and is no object. It matches nothing as long as it stays.
+  double still = 0;
+  Eigen::Vector2d still_px = Eigen::Vector2d::Zero();  // the middle of its largest part, raw pixels
 };
 
 struct ViewSupport {
@@ -82,6 +86,10 @@ struct ViewSupport {
 };
 
 struct ObjectEstimate {
+  std::size_t target = 0;  // which of the configuration's, where several are tracked; set by whoever tracks them
+  // Which of a target's objects, where it has several (TargetOptions::count): from 1 on, each number once. 0: the
+  // target itself, which is one object, or of several of which none is known at the moment.
+  std::uint32_t object = 0;
   capture::Timestamp at;         // the capture time that position refers to
   std::uint64_t set_number = 0;  // FrameSet::number
   TrackState state = TrackState::searching;
@@ -100,7 +108,13 @@ struct ObjectEstimate {
   // observation: paper.
   std::vector<CameraTimingEstimate> times;
 
+  // Of a target of several objects, the first one of this object, and the last: it is `lost`, and never heard of again.
+  bool is_birth = false, is_end = false;
+
   bool has_position() const { return state == TrackState::tracking || state == TrackState::coasting; }
 };
+
+// What an object is called wherever it is told: "ball", or "ball_3" of a target of several.
+std::string object_name(std::string_view target, std::uint32_t object);
 
 }  // namespace huetrack::object_tracking

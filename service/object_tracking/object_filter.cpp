@@ -67,6 +67,11 @@ double ObjectFilter::power_density() const {
   return acceleration_ * acceleration_ * acceleration_time_s;
 }
 
+void ObjectFilter::adopt_times(const ObjectFilter& other) {
+  belief_ = other.belief_;
+  has_begun_ = other.has_begun_;
+}
+
 void ObjectFilter::begin(const PositionCandidate& earlier, const PositionCandidate& found, capture::Timestamp set_at,
                          double dt, bool is_in_step) {
   acceleration_ = options_.acceleration_m_s2;

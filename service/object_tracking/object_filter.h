@@ -29,6 +29,9 @@ class ObjectFilter {
   double effective_sample_size() const { return effective_sample_size_; }
   const Eigen::Vector3d& map_position() const { return map_; }
 
+  // What `other` has learnt of the cameras' times, for an object that is new.
+  void adopt_times(const ObjectFilter& other);
+
   // Nothing is known of the position: particles anywhere in the volume.
   void scatter();
 

@@ -8,6 +8,7 @@
 #include <variant>
 
 #include "object_tracking/color_follower.h"
+#include "object_tracking/many_tracker.h"
 #include "object_tracking/paper_tracker.h"
 #include "object_tracking/region_tracker.h"
 
@@ -35,12 +36,18 @@ const HsiRange& TargetOptions::color_in(std::string_view camera) const {
 std::vector<std::string> TargetOptions::problems() const {
   std::vector<std::string> out;
   if (name.empty()) out.emplace_back("a target must have a name");
+  if (count < 1 || count > most_count)
+    out.push_back("count must be 1 to " + std::to_string(most_count) + ", got " + std::to_string(count));
   if (!(radius_m > 0) || !std::isfinite(radius_m)) out.emplace_back("radius_m must be > 0");
   for (const std::string& p : color.problems()) out.push_back("color: " + p);
   for (const auto& [camera, own] : camera_colors) {
     for (const std::string& p : own.problems()) out.push_back("camera_colors." + camera + ": " + p);
   }
   return out;
+}
+
+std::string object_name(std::string_view target, std::uint32_t object) {
+  return object == 0 ? std::string(target) : std::string(target) + "_" + std::to_string(object);
 }
 
 std::vector<std::string> ObjectTrackerOptions::problems() const {
@@ -131,15 +138,31 @@ class TwiceTheHue {
 
 struct ObjectTracker::Impl {
   Impl(const calib::CameraRig& rig, const TargetOptions& target, const ObjectTrackerOptions& options,
-       particle_filter::Rng rng)
-      : tracker(options.observation == Observation::paper
-                    ? Tracker(std::in_place_type<PaperTracker>, rig, target, options, rng)
-                    : Tracker(std::in_place_type<RegionTracker>, rig, target, options, rng)),
+       std::uint64_t stream)
+      : tracker(made(rig, target, options, stream)),
         adapts(target.adapts_color && options.observation == Observation::huetrack),
         watch(rig, target),
         follower(rig, target),
         twice_the_hue(rig, target, options) {}
-  using Tracker = std::variant<PaperTracker, RegionTracker>;
+  using Tracker = std::variant<PaperTracker, RegionTracker, ManyTracker>;
+  static Tracker made(const calib::CameraRig& rig, const TargetOptions& target, const ObjectTrackerOptions& options,
+                      std::uint64_t stream) {
+    const particle_filter::Rng rng(options.seed, stream);
+    if (options.observation == Observation::paper)
+      return Tracker(std::in_place_type<PaperTracker>, rig, target, options, rng);
+    if (target.count == 1) return Tracker(std::in_place_type<RegionTracker>, rig, target, options, rng);
+    return Tracker(std::in_place_type<ManyTracker>, rig, target, options, stream);
+  }
+
+  // One of several objects stands for the colour of all: the first one that is tracked.
+  void learn_colour(const capture::FrameSet& set, std::span<const ObjectEstimate> estimates) {
+    const auto tracked = std::ranges::find(estimates, TrackState::tracking, &ObjectEstimate::state);
+    const ObjectEstimate& estimate = tracked != estimates.end() ? *tracked : estimates.front();
+    watch.look(set, estimate, follower.in_force());
+    twice_the_hue.look(set, estimate.state);
+    if (adapts) std::visit([&](auto& t) { follower.follow(set, estimate, watch, t.views()); }, tracker);
+  }
+
   Tracker tracker;
   bool adapts;
   ColorWatch watch;
@@ -161,11 +184,14 @@ ObjectTracker::ObjectTracker(const calib::CameraRig& rig, const TargetOptions& t
     if (!rig.index_of(camera))
       all += (all.empty() ? "" : "; ") + ("ignored: there is no camera '" + camera + "' in the rig");
   }
+  if (target.count > 1 && options.observation == Observation::paper)
+    all += (all.empty() ? "" : "; ") +
+           std::string("count: the paper's filter is of one object; observation: paper needs a count of 1");
   if (!all.empty()) throw std::invalid_argument("target " + target.name + ": " + all);
   // The target's name, not its place in the list, picks the stream: adding a target does not change another's track.
   std::uint64_t stream = 0xcbf29ce484222325u;  // FNV-1a
   for (const char c : target.name) stream = (stream ^ static_cast<unsigned char>(c)) * 0x100000001b3u;
-  impl_ = std::make_unique<Impl>(rig, target, options, particle_filter::Rng(options.seed, stream));
+  impl_ = std::make_unique<Impl>(rig, target, options, stream);
 }
 
 ObjectTracker::~ObjectTracker() = default;
@@ -187,14 +213,23 @@ void ObjectTracker::trust(std::span<const CameraTrust> cameras) {
   std::visit([&](auto& tracker) { tracker.trust(cameras); }, impl_->tracker);
 }
 
+void ObjectTracker::update(const capture::FrameSet& set, std::vector<ObjectEstimate>& out) {
+  if (auto* many = std::get_if<ManyTracker>(&impl_->tracker)) {
+    many->update(set, out);
+  } else {
+    out.resize(1);
+    if (auto* one = std::get_if<RegionTracker>(&impl_->tracker))
+      out.front() = one->update(set);
+    else
+      out.front() = std::get<PaperTracker>(impl_->tracker).update(set);
+  }
+  impl_->learn_colour(set, out);
+}
+
 ObjectEstimate ObjectTracker::update(const capture::FrameSet& set) {
-  ObjectEstimate estimate = std::visit([&](auto& tracker) { return tracker.update(set); }, impl_->tracker);
-  impl_->watch.look(set, estimate, impl_->follower.in_force());
-  impl_->twice_the_hue.look(set, estimate.state);
-  if (impl_->adapts)
-    std::visit([&](auto& tracker) { impl_->follower.follow(set, estimate, impl_->watch, tracker.views()); },
-               impl_->tracker);
-  return estimate;
+  std::vector<ObjectEstimate> out;
+  update(set, out);
+  return std::move(out.front());
 }
 
 std::vector<Eigen::Vector3f> ObjectTracker::particles(std::size_t about) const {
@@ -224,8 +259,9 @@ std::uint64_t ObjectTracker::color_news() const {
 }
 
 SearchFindings ObjectTracker::search_findings() const {
-  const auto* tracker = std::get_if<RegionTracker>(&impl_->tracker);
-  SearchFindings findings = tracker != nullptr ? tracker->search_findings() : SearchFindings{};
+  SearchFindings findings;
+  if (const auto* one = std::get_if<RegionTracker>(&impl_->tracker)) findings = one->search_findings();
+  if (const auto* many = std::get_if<ManyTracker>(&impl_->tracker)) findings = many->search_findings();
   findings.is_found_at_twice_the_hue = impl_->twice_the_hue.is_found();
   return findings;
 }
@@ -236,13 +272,15 @@ OutlineFindings ObjectTracker::outline_findings() const {
 }
 
 std::span<const SeenRegion> ObjectTracker::regions() const {
-  const auto* tracker = std::get_if<RegionTracker>(&impl_->tracker);
-  return tracker != nullptr ? tracker->regions() : std::span<const SeenRegion>{};
+  if (const auto* one = std::get_if<RegionTracker>(&impl_->tracker)) return one->regions();
+  if (const auto* many = std::get_if<ManyTracker>(&impl_->tracker)) return many->regions();
+  return {};
 }
 
 std::vector<ColorShare> ObjectTracker::color_shares() const {
-  const auto* tracker = std::get_if<RegionTracker>(&impl_->tracker);
-  return tracker != nullptr ? tracker->color_shares() : std::vector<ColorShare>{};
+  if (const auto* one = std::get_if<RegionTracker>(&impl_->tracker)) return one->color_shares();
+  if (const auto* many = std::get_if<ManyTracker>(&impl_->tracker)) return many->color_shares();
+  return {};
 }
 
 }  // namespace huetrack::object_tracking

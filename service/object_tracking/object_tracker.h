@@ -39,6 +39,10 @@ struct TargetOptions {
   std::string name;        // unique, not empty; where it is published, it is part of a topic's name (idl/topics.h)
   double radius_m = 0.04;  // > 0; of the ball, or of a ball of about the object's size
   TargetShape shape = TargetShape::automatic;  // observation: huetrack only
+  // 1..most_count; how many objects of this colour there may be at once. More than 1: observation: huetrack only.
+  int count = 1;
+  static constexpr int most_count = 16;  // pairs of regions in pairs of views are gone through: as measured up to here
+  bool is_up_to = false;                 // of a count: there may be fewer of them for long, and that is as it should be
   HsiRange color;
   std::vector<std::pair<std::string, HsiRange>> camera_colors;  // per-camera overrides: (camera name, range)
   bool adapts_color = false;  // the ranges follow the object's colour (color_follower.h; observation: huetrack only)
@@ -133,7 +137,11 @@ class ObjectTracker {
 
   // set.frames has one slot per camera of the rig; a frame whose size is not the rig's is not used (the caller checks
   // sizes at start). Sets come in time order.
+  // Of a target with a count of 1.
   ObjectEstimate update(const capture::FrameSet& set);
+  // Of any target, one estimate or more: of a count of 1 that of the object; of a larger one those of all objects that
+  // are known, by ascending numbers, and of those that have just ended; where there are none, one of the target itself.
+  void update(const capture::FrameSet& set, std::vector<ObjectEstimate>& out);
 
   // The particles after the last update, world frame, metres: for pictures and previews. about: every how many-th, so
   // that there are at least so many of them, but fewer than twice that; 0: all.

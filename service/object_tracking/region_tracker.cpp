@@ -4,24 +4,13 @@
 #include <cmath>
 #include <optional>
 
-#include "object_tracking/expected_view.h"
+#include "object_tracking/estimate_report.h"
 
 namespace huetrack::object_tracking {
 namespace {
 
 // The hardest acceleration does not explain innovations of so many of their standard deviations, squared: a bounce.
 constexpr double bounce_surprise = 6;
-
-constexpr auto as_good_as_the_sets_time = std::chrono::milliseconds(2);  // a line is exact enough for as long
-
-// Frames that a trigger did not start at one moment. Stamps that agree by chance, camera by camera and set by set, do
-// not happen.
-bool is_apart(const std::vector<TargetView>& views) {
-  constexpr auto trigger_jitter = capture::Duration(50'000);
-  return std::ranges::any_of(views, [&](const TargetView& view) {
-    return std::chrono::abs(view.frame->captured_at - views.front().frame->captured_at) > trigger_jitter;
-  });
-}
 
 }  // namespace
 
@@ -65,7 +54,7 @@ ObjectEstimate RegionTracker::update(const capture::FrameSet& set) {
   }
   if (state_ != TrackState::tracking) search(set, views);
   last_at_ = set.at;
-  return report(set, views);
+  return report(set);
 }
 
 void RegionTracker::trust(std::span<const CameraTrust> cameras) {
@@ -186,63 +175,17 @@ void RegionTracker::start_at(const ObjectSearch::Find& find, capture::Timestamp 
   filter_.end_start();
 }
 
-// What one view says to the estimate. Is it seen there?
-bool RegionTracker::add_support(const TargetView& view, ObjectEstimate& estimate) const {
-  ViewSupport& support = estimate.per_view[static_cast<std::size_t>(view.index)];
-  const auto expected = expected_in(view, filter_.belief(), target_.radius_m);
-  if (!expected || !view.camera->contains({expected->at.px})) return false;
-  const Appearance& at = expected->at;
-  support.in_view = true;
-  support.px = at.px.cast<float>();
-  support.radius_px = static_cast<float>(at.radius_px);
-  for (const Sighting& s : sightings_) {
-    if (s.row.camera != view.index) continue;
-    support.seen = true;
-    support.support = static_cast<float>(s.support);
-    support.residual_px = static_cast<float>((s.px - at.px).norm());
-  }
-  return support.seen;
-}
-
-ObjectEstimate RegionTracker::report(const capture::FrameSet& set, const std::vector<TargetView>& views) {
-  ObjectEstimate e;
-  e.at = set.at;
-  e.set_number = set.number;
-  e.state = state_;
-  e.particle_count = static_cast<int>(filter_.particles().size());
-  e.effective_sample_size = filter_.effective_sample_size();
-  e.per_view.resize(views_.camera_count());
-  for (int c = 0; c < static_cast<int>(views_.camera_count()); ++c) e.times.push_back(filter_.belief().timing(c));
-  for (const auto* some : {&views, &views_.unused()})
-    for (const TargetView& view : *some) e.per_view[static_cast<std::size_t>(view.index)].delivered = true;
-  for (std::size_t c = 0; c < e.per_view.size(); ++c)
-    e.per_view[c].doubt_px = static_cast<float>(std::sqrt(agreement_.doubt_px2(c)));
-  if (!e.has_position()) return e;
-  // Frames of one moment are told at that moment, whatever a few rows' uncertain times make of it.
-  const bool is_of_the_set =
-      std::chrono::abs(set.at - filter_.belief().at) <= as_good_as_the_sets_time && set.at > last_reported_;
-  e.at = is_of_the_set ? set.at : std::max(filter_.belief().at, last_reported_ + capture::Duration(1));
-  last_reported_ = e.at;
-  e.position = filter_.belief().position_at(e.at);
-  e.velocity = filter_.belief().velocity();
-  rig_error_.add(sightings_);
-  e.covariance = filter_.belief().position_covariance() + rig_error_.left_open(e.position, e.at);
-  e.map_position = filter_.map_position();
-  for (const auto* some : {&views, &views_.unused()}) {
-    for (const TargetView& view : *some) e.views += add_support(view, e) ? 1 : 0;
-  }
-  add_witnesses(filter_.belief(), target_.radius_m, options_.acceleration_m_s2,
-                (options_.volume.max - options_.volume.min).norm(), seen_, sightings_, e);
-  // How sure we are that this is the object, not where it is (the covariance says that): that not all supports are
-  // chance.
-  double doubt = 1;
-  for (const Sighting& s : sightings_) {
-    // A view that contradicts the others by as much as its gate allows is worth half.
-    const double usual_px2 = s.covariance.trace() / 2 + s.lasting_px * s.lasting_px;
-    doubt *= 1 - 0.9 * s.support / (1 + s.doubt_px2 / (region_gate * usual_px2));
-  }
-  e.confidence = 1 - doubt;
-  return e;
+ObjectEstimate RegionTracker::report(const capture::FrameSet& set) {
+  return object_tracking::report({.set = set,
+                                  .views = views_,
+                                  .radius_m = target_.radius_m,
+                                  .options = options_,
+                                  .state = state_,
+                                  .filter = filter_,
+                                  .agreement = agreement_,
+                                  .sightings = sightings_,
+                                  .seen = seen_},
+                                 rig_error_, last_reported_);
 }
 
 }  // namespace huetrack::object_tracking

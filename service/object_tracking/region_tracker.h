@@ -63,8 +63,7 @@ class RegionTracker {
   void forget();
   void search(const capture::FrameSet& set, const std::vector<TargetView>& views);
   void start_at(const ObjectSearch::Find& find, capture::Timestamp set_at);
-  bool add_support(const TargetView& view, ObjectEstimate& estimate) const;
-  ObjectEstimate report(const capture::FrameSet& set, const std::vector<TargetView>& views);
+  ObjectEstimate report(const capture::FrameSet& set);
 
   TargetOptions target_;
   ObjectTrackerOptions options_;

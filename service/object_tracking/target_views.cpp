@@ -40,6 +40,13 @@ const ColorTable& TargetViews::table_for(PerCamera& camera, capture::PixelFormat
   return *camera.table;
 }
 
+bool is_apart(const std::vector<TargetView>& views) {
+  constexpr auto trigger_jitter = capture::Duration(50'000);
+  return std::ranges::any_of(views, [&](const TargetView& view) {
+    return std::chrono::abs(view.frame->captured_at - views.front().frame->captured_at) > trigger_jitter;
+  });
+}
+
 const std::vector<TargetView>& TargetViews::look_at(const capture::FrameSet& set) {
   views_.clear();
   unused_.clear();

@@ -43,6 +43,7 @@ class TargetViews {
   const std::vector<TargetView>& look_at(const capture::FrameSet& set);
   // Those of this set that are not used.
   const std::vector<TargetView>& unused() const { return unused_; }
+  const std::vector<TargetView>& used() const { return views_; }
 
   // Makes the camera's colour table for this format before the first frame needs it.
   void expect(std::size_t camera, capture::PixelFormat format, capture::ColorRange range) {
@@ -87,5 +88,9 @@ class TargetViews {
   std::vector<std::unique_ptr<PerCamera>> cameras_;
   std::vector<TargetView> views_, unused_;
 };
+
+// Frames that a trigger did not start at one moment. Stamps that agree by chance, camera by camera and set by set, do
+// not happen.
+bool is_apart(const std::vector<TargetView>& views);
 
 }  // namespace huetrack::object_tracking

@@ -21,6 +21,7 @@ constexpr float darkest = 1e-4f;  // linear
 constexpr double reach_px = 4;           // beyond the edge, and within it: as far as an edge's softness carries
 constexpr double least_radius_px = 1.5;  // smaller discs are all edge
 constexpr int least_pixels = 24;
+constexpr float least_contrast = 4;  // of the object's colour to what is behind it, in standard deviations of a pixel
 constexpr int most_of_edge = 320;  // samples: of a large ball's, evenly chosen, they tell as much as its model is right
 constexpr float model_light = 1.5f, model_chroma = 1.f;  // grey values by which the model itself is off
 constexpr float unknown_behind = 400;  // the variance of a background that is not known, in those of a pixel
@@ -63,6 +64,17 @@ HUETRACK_CLONES void lights_behind(int n, const float* __restrict light, const f
       return l < darkest ? darkest : l;
     };
     r[i] = lit(gr), g[i] = lit(gg), b[i] = lit(gb);
+  }
+}
+
+// What the camera's curve makes of those lights.
+HUETRACK_CLONES void shown_behind(int n, const float* __restrict r, const float* __restrict g,
+                                  const float* __restrict b, float* __restrict light, float* __restrict blue,
+                                  float* __restrict red) {
+  for (int i = 0; i < n; ++i) {
+    const float gr = white * grey_of(r[i]), gg = white * grey_of(g[i]), gb = white * grey_of(b[i]);
+    const float y = y_red * gr + y_green * gg + y_blue * gb;
+    light[i] = y, blue[i] = by_blue * (gb - y), red[i] = by_red * (gr - y);
   }
 }
 
@@ -260,27 +272,26 @@ bool OutlineFit::know_object(const Look& look) {
 }
 
 void OutlineFit::make_rows() {
-  alignas(64) static thread_local std::array<float, most_rows> light, blue, red;
+  alignas(64) static thread_local std::array<float, most_rows> light, blue, red, shown_light, shown_blue, shown_red;
   const auto fill = [&](Rows& rows, auto&& read, auto&& kind) {
     for (int k = 0; k < rows.n; ++k) read(k, rows.cell[k]);
     lights_behind(rows.n, light.data(), blue.data(), red.data(), rows.red, rows.green, rows.blue);
+    shown_behind(rows.n, rows.red, rows.green, rows.blue, shown_light.data(), shown_blue.data(), shown_red.data());
     for (int k = 0; k < rows.n; ++k) {
-      const float r = white * grey_of(rows.red[k]), g = white * grey_of(rows.green[k]),
-                  b = white * grey_of(rows.blue[k]);
       const auto i = static_cast<std::size_t>(k);
-      rows.offset[k] = kind(light[i], blue[i], red[i]) - kind(ycc(r, g, b).light, ycc(r, g, b).blue, ycc(r, g, b).red);
+      rows.offset[k] = kind(light[i] - shown_light[i], blue[i] - shown_blue[i], red[i] - shown_red[i]);
     }
   };
   const auto unsure = [](float looks, float guessed) { return looks > 0 ? 1 / looks : guessed; };
   // Of chroma the direction in which the object differs most from what is around it.
-  float sum_blue = 0, sum_red = 0;
+  float sum_light = 0, sum_blue = 0, sum_red = 0;
   fill(
       light_,
       [&](int k, int cell) {
         const auto i = static_cast<std::size_t>(cell), at = static_cast<std::size_t>(k);
         const auto c = static_cast<std::size_t>(cell / width_ / rows_ * across_ + cell % width_ / columns_);
         light[at] = light_behind_[i], blue[at] = blue_behind_[c], red[at] = red_behind_[c];
-        sum_blue += blue[at], sum_red += red[at];
+        sum_light += light[at], sum_blue += blue[at], sum_red += red[at];
         light_.seen[k] = seen_light_[i];
         light_.unsure[k] = unsure(light_looks_[i], guessed_light_);
       },
@@ -289,6 +300,7 @@ void OutlineFit::make_rows() {
   const float off_blue = object_seen_[1] - sum_blue / n, off_red = object_seen_[2] - sum_red / n;
   const float length = std::hypot(off_blue, off_red);
   chroma_blue_ = length > 1 ? off_blue / length : 0.f, chroma_red_ = length > 1 ? off_red / length : 1.f;
+  contrast_ = std::hypot(length / sigma_chroma_, (object_seen_[0] - sum_light / n) / sigma_light_);
   if (!has_chroma_) return;
   fill(
       chroma_,
@@ -413,7 +425,7 @@ HUETRACK_CLONES void OutlineFit::assemble_rows(const Kind& k, Rows& rows, Assemb
         const float x = k.m00 * du + k.m01 * dv, y = k.m10 * du + k.m11 * dv;
         const float rho = std::sqrt(x * x + y * y + 1e-6f), in = 1 / rho;
         const float gu = (k.m00 * x + k.m10 * y) * in, gv = (k.m01 * x + k.m11 * y) * in;
-        const float per = 1 / std::sqrt(gu * gu + gv * gv);
+        const float per = 1 / std::sqrt(gu * gu + gv * gv + 1e-12f);
         const float nu = gu * per, nv = gv * per;
         const float across = k.vx * nu + k.vy * nv;
         nus[i] = nu, nvs[i] = nv, offs[i] = (rho - 1) * per, grows[i] = rho * per;
@@ -638,6 +650,8 @@ Fit OutlineFit::fit(const Picture& picture, const Behind& behind, const Ellipse&
   out.pixels = light_.n;
   if (light_.n < least_pixels || !know_object(look)) return out;
   make_rows();
+  out.outcome = FitOutcome::no_contrast;
+  if (contrast_ < least_contrast) return out;
   begin(look, options);
   Eigen::LDLT<Normal> solver;
   double moved = 0;
@@ -666,7 +680,13 @@ Fit OutlineFit::fit(const Picture& picture, const Behind& behind, const Ellipse&
     const double noise = std::sqrt(1 / std::max(1e-9, std::min(covariance_(cu_, cu_), covariance_(cv_, cv_))));
     if (out.steps >= 2 && moved < std::max(0.01, 0.3 * noise)) break;
   }
-  covariance_ = solver.solve(Normal::Identity());
+  // Of those that are told or learnt.
+  constexpr std::array<int, 6> told{cu_, cv_, size_, blur_light_, blur_chroma_, exposure_};
+  Eigen::Matrix<double, unknowns, 6> of_told = Eigen::Matrix<double, unknowns, 6>::Zero();
+  for (std::size_t i = 0; i < told.size(); ++i) of_told(told[i], static_cast<Eigen::Index>(i)) = 1;
+  const Eigen::Matrix<double, unknowns, 6> columns_told = solver.solve(of_told);
+  for (std::size_t i = 0; i < told.size(); ++i)
+    covariance_.col(told[i]) = columns_told.col(static_cast<Eigen::Index>(i));
   const double worse = std::max(1.0, misfit_);
   out.centre = start.centre + x_.head<2>();
   out.covariance = worse * covariance_.topLeftCorner<2, 2>();

@@ -143,6 +143,7 @@ class OutlineFit {
   float chroma_blue_ = 1, chroma_red_ = 0;                 // the direction in which chroma tells most
   Unknowns x_, expected_, information_, gradient_;
   Normal normal_, covariance_;
+  float contrast_ = 0;
   double misfit_ = 0, visible_ = 0;
   Rows light_, chroma_;
   // Of the box, row by row.

@@ -14,7 +14,7 @@ namespace huetrack::pictures {
 // What a picture of one set needs. A plain value; images are shared, not copied.
 struct PictureJob {
   capture::FrameSet set;
-  std::vector<object_tracking::ObjectEstimate> estimates;  // per target
+  std::vector<object_tracking::ObjectEstimate> estimates;  // in target order, one or more of each
   std::vector<std::vector<Eigen::Vector3f>> particles;     // per target
 };
 

@@ -84,12 +84,16 @@ void draw_findings(Canvas& canvas, const config::ServiceConfig& config, const Pi
       const auto pixel = camera.project_world(particle.cast<double>());
       if (pixel && camera.contains(*pixel)) dots.push_back(placement(pixel->px));
     }
-    const object_tracking::ObjectEstimate& estimate = job.estimates[t];
-    if (estimate.has_position())
+    const auto each_of_target = [&](auto&& draw) {
+      for (const auto& estimate : job.estimates)
+        if (estimate.target == t && estimate.has_position()) draw(estimate);
+    };
+    each_of_target([&](const auto& estimate) {
       draw_outline(canvas, camera, placement, estimate.position, config.targets[t].radius_m, color);
+    });
     canvas.discs(dots, dot_radius + 0.7, black);
     canvas.discs(dots, dot_radius, color);
-    if (estimate.has_position()) draw_ellipse(canvas, camera, placement, estimate);
+    each_of_target([&](const auto& estimate) { draw_ellipse(canvas, camera, placement, estimate); });
   }
 }
 
@@ -97,9 +101,9 @@ void draw_findings(Canvas& canvas, const config::ServiceConfig& config, const Pi
 void draw_magnifiers(Canvas& canvas, const config::ServiceConfig& config, const PictureJob& job,
                      const calib::Camera& camera, const cv::Mat& image) {
   constexpr double side = 168, gap = 10;
-  std::vector<std::pair<std::size_t, Eigen::Vector2d>> seen;  // target, where
+  std::vector<std::pair<std::size_t, Eigen::Vector2d>> seen;  // which of job.estimates, where
   double mean_v = 0;
-  for (std::size_t t = 0; t < config.targets.size(); ++t) {
+  for (std::size_t t = 0; t < job.estimates.size(); ++t) {
     if (!job.estimates[t].has_position()) continue;
     const auto pixel = camera.project_world(job.estimates[t].position);
     if (!pixel || !camera.contains(*pixel)) continue;
@@ -109,8 +113,10 @@ void draw_magnifiers(Canvas& canvas, const config::ServiceConfig& config, const 
   if (image.empty() || seen.empty()) return;
   const bool at_bottom = mean_v / double(seen.size()) < camera.image_size.height / 2.0;
   Point at(gap, at_bottom ? canvas.height() - side - gap : gap);
-  for (const auto& [t, px] : seen) {
-    const double radius_px = outline_radius_px(camera, job.estimates[t].position, config.targets[t].radius_m);
+  for (const auto& [e, px] : seen) {
+    if (at.x() + side + gap > canvas.width()) break;  // of many objects only as many as there is room for
+    const auto& target = config.targets[job.estimates[e].target];
+    const double radius_px = outline_radius_px(camera, job.estimates[e].position, target.radius_m);
     const double zoom = side / (2 * std::max(6.0, 1.8 * radius_px));
     const Placement placement{Point(side / 2, side / 2) - zoom * (px + Point(0.5, 0.5)), zoom};
     // Only the part of the image that shows: magnified whole it would be huge.
@@ -122,7 +128,8 @@ void draw_magnifiers(Canvas& canvas, const config::ServiceConfig& config, const 
     draw_findings(glass, config, job, camera, placement, 1.0);
     canvas.rectangle({at.x() - 2, at.y() - 2, side + 4, side + 4}, white);
     canvas.paste(at, glass);
-    canvas.rimmed_text(at + Point(8, side - 9), config.targets[t].name, small_text_size, white, black);
+    canvas.rimmed_text(at + Point(8, side - 9), object_tracking::object_name(target.name, job.estimates[e].object),
+                       small_text_size, white, black);
     at.x() += side + gap;
   }
 }
@@ -160,7 +167,10 @@ cv::Mat draw_views(const config::ServiceConfig& config, const PictureJob& job) {
   constexpr int margin = 14, title_height = 44, name_height = 30, row_height = 30;
   constexpr double view_width = 760, view_height = 620;
   const auto& cameras = config.rig.cameras;
-  const auto targets = config.targets.size();
+  const auto rows_below = job.estimates.size();
+  const auto name_of = [&](const object_tracking::ObjectEstimate& e) {
+    return object_tracking::object_name(config.targets[e.target].name, e.object);
+  };
 
   // As many columns as make the picture about as wide as a screen.
   const int columns =
@@ -177,7 +187,7 @@ cv::Mat draw_views(const config::ServiceConfig& config, const PictureJob& job) {
   const double cell_width = largest_width * zoom, cell_height = largest_height * zoom + name_height;
   const int width = int(std::ceil(columns * (cell_width + margin) + margin));
   const int height =
-      int(std::ceil(title_height + rows * (cell_height + margin) + double(targets) * row_height + margin));
+      int(std::ceil(title_height + rows * (cell_height + margin) + double(rows_below) * row_height + margin));
   Canvas canvas(width, height, background);
   canvas.text({margin, 29}, fmt::format("frame set {}", job.set.number), headline_size, bright, Align::left,
               Weight::bold);
@@ -200,22 +210,19 @@ cv::Mat draw_views(const config::ServiceConfig& config, const PictureJob& job) {
                        Align::centre);
     canvas.paste({area.x, area.y}, view);
 
-    std::vector<std::string_view> seen;
-    for (std::size_t t = 0; t < targets; ++t) {
-      const auto& views = job.estimates[t].per_view;
-      if (c < views.size() && views[c].seen) seen.push_back(config.targets[t].name);
-    }
+    std::vector<std::string> seen;
+    for (const auto& e : job.estimates)
+      if (c < e.per_view.size() && e.per_view[c].seen) seen.push_back(name_of(e));
     canvas.text({area.x, area.y - 9}, camera.name, text_size, bright, Align::left, Weight::bold);
     canvas.text({area.x + area.width, area.y - 9},
                 seen.empty() ? "sees no target" : fmt::format("sees {}", fmt::join(seen, ", ")), small_text_size, faint,
                 Align::right);
   }
 
-  double y = height - margin - double(targets) * row_height + 20;
-  for (std::size_t t = 0; t < targets; ++t, y += row_height) {
-    const object_tracking::ObjectEstimate& e = job.estimates[t];
-    canvas.disc({margin + 8.0, y - 5}, 7, target_color(config.targets[t]));
-    canvas.text({margin + 24.0, y}, config.targets[t].name, text_size, bright, Align::left, Weight::bold);
+  double y = height - margin - double(rows_below) * row_height + 20;
+  for (const object_tracking::ObjectEstimate& e : job.estimates) {
+    canvas.disc({margin + 8.0, y - 5}, 7, target_color(config.targets[e.target]));
+    canvas.text({margin + 24.0, y}, name_of(e), text_size, bright, Align::left, Weight::bold);
     canvas.text({margin + 130.0, y}, std::string(object_tracking::name(e.state)), text_size, state_color(e.state),
                 Align::left, Weight::bold);
     std::string details;
@@ -225,6 +232,7 @@ cv::Mat draw_views(const config::ServiceConfig& config, const PictureJob& job) {
                             e.velocity.norm());
     details += fmt::format("{} particles, {} of {} views", e.particle_count, e.views, cameras.size());
     canvas.text({margin + 250.0, y}, details, small_text_size, bright);
+    y += row_height;
   }
   return image_of(canvas);
 }

@@ -28,7 +28,7 @@ cv::Mat draw_views(const config::ServiceConfig& config, const PictureJob& job);
 // The tracks over everything else: a 3-D view with the cameras and the volume, a plan, the coordinates over time, and
 // the error against the truth where there is one.
 //   title    the headline
-//   tracks   per target (in the order of config.targets), the estimates in time order
+//   tracks   per target (in the order of config.targets), the estimates object by object, each in time order
 cv::Mat draw_track_3d(const config::ServiceConfig& config, const std::string& title,
                       const std::vector<std::vector<object_tracking::ObjectEstimate>>& tracks,
                       const tracks::Truth* truth);

@@ -81,9 +81,15 @@ std::vector<msg::Preview> make_previews(const config::ServiceConfig& config, con
     preview.width(std::uint32_t(size.width));
     preview.height(std::uint32_t(size.height));
     preview.jpeg(capture::encode_picture(frame->pixels, size, config.preview.quality));
-    for (std::size_t t = 0; t < job.estimates.size(); ++t)
-      preview.targets().push_back(drawn(camera, config.targets[t].name, config.targets[t].radius_m, job.estimates[t],
-                                        job.particles[t], config.preview.particles));
+    for (std::size_t e = 0; e < job.estimates.size(); ++e) {
+      const auto& estimate = job.estimates[e];
+      const auto& target = config.targets[estimate.target];
+      // Particles are of all objects of a target: the first of these brings them along.
+      const bool is_first = e == 0 || job.estimates[e - 1].target != estimate.target;
+      preview.targets().push_back(drawn(
+          camera, object_tracking::object_name(target.name, estimate.object), target.radius_m, estimate,
+          is_first ? job.particles[estimate.target] : decltype(job.particles)::value_type{}, config.preview.particles));
+    }
   }
   return previews;
 }

@@ -80,6 +80,7 @@ void draw_track(Canvas& canvas, const Target& target, double width, At&& at) {
   const ObjectEstimate* before = nullptr;
   for (const ObjectEstimate& e : target.track) {
     const Color next = e.state == object_tracking::TrackState::tracking ? target.color : coasting_color;
+    if (before != nullptr && before->object != e.object) finish(), before = nullptr;  // the track of another object
     if (!e.has_position() || before == nullptr || next != color) finish();
     if (e.has_position() && before != nullptr && run.empty()) run.push_back(at(*before));
     if (e.has_position()) run.push_back(at(e));

@@ -14,8 +14,8 @@ Bus::Bus(const publish::EstimatePublisherOptions& options, const PublishedTime& 
 void Bus::on_set(const TrackedSet& set) {
   const capture::Timestamp now = capture::unix_now();
   writing_ = {now, now};  // it stays so where nothing can be written
-  for (std::size_t t = 0; t < set.estimates.size(); ++t)
-    publisher_.publish(t, set.estimates[t], time_.of(set.estimates[t].at), set.received_at, &writing_);
+  for (const auto& estimate : set.estimates)
+    publisher_.publish(estimate.target, estimate, time_.of(estimate.at), set.received_at, &writing_);
 }
 
 void Bus::on_camera_pose(const TrackedFrame& frame) {

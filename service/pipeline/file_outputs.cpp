@@ -50,7 +50,8 @@ TrackFile::TrackFile(const std::filesystem::path& file, const config::ServiceCon
 
 void TrackFile::on_set(const TrackedSet& set) {
   attempt([&] {
-    for (std::size_t t = 0; t < set.estimates.size(); ++t) writer_.write(targets_[t], set.estimates[t]);
+    for (const auto& estimate : set.estimates)
+      writer_.write(object_tracking::object_name(targets_[estimate.target], estimate.object), estimate);
   });
 }
 

@@ -19,7 +19,7 @@ namespace huetrack::pipeline {
 // A frame set and what was found in it. Lent for the call.
 struct TrackedSet {
   const capture::FrameSet& frames;
-  std::span<const object_tracking::ObjectEstimate> estimates;  // in target order
+  std::span<const object_tracking::ObjectEstimate> estimates;  // in target order; one or more of each
   capture::Timestamp received_at;                              // UNIX time, when the set's last frame came
   std::span<const object_tracking::ObjectTracker> trackers;    // in target order
   std::span<const CameraCalibration> calibration = {};         // per camera of the rig; empty: it is not watched

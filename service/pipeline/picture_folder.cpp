@@ -1,5 +1,7 @@
 #include "pipeline/picture_folder.h"
 
+#include <algorithm>
+
 namespace huetrack::pipeline {
 
 PictureFolder::PictureFolder(const config::ServiceConfig& config, const std::filesystem::path& folder)
@@ -9,9 +11,9 @@ PictureFolder::PictureFolder(const config::ServiceConfig& config, const std::fil
 }
 
 void PictureFolder::on_set(const TrackedSet& set) {
-  for (std::size_t t = 0; t < set.estimates.size(); ++t) {
-    tracks_[t].push_back(set.estimates[t]);
-    tracks_[t].back().per_view.clear();
+  for (const auto& estimate : set.estimates) {
+    tracks_[estimate.target].push_back(estimate);
+    tracks_[estimate.target].back().per_view.clear();
   }
 }
 
@@ -30,6 +32,7 @@ void PictureFolder::on_camera_picture(const pictures::CameraPictureJob& job) {
 void PictureFolder::finish(const std::string& name, const tracks::Truth* truth,
                            const camera_tracking::CameraTracker* tracker) {
   if (sets_) {
+    for (auto& track : tracks_) std::ranges::stable_sort(track, {}, &object_tracking::ObjectEstimate::object);
     sets_->write("track_3d.png", pictures::draw_track_3d(config_, "Track in 3-D: " + name, tracks_, truth));
     written_ += sets_->written() + 1;
   }

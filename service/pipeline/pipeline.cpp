@@ -58,6 +58,7 @@ class Pipeline::TrackingTeam {
  public:
   TrackingTeam(std::vector<object_tracking::ObjectTracker>& trackers, int threads)
       : trackers_(trackers),
+        per_target_(trackers.size()),
         helpers_(std::max(0, std::min<int>(threads, int(trackers.size())) - 1)),
         start_(helpers_ + 1),
         done_(helpers_ + 1) {
@@ -81,15 +82,22 @@ class Pipeline::TrackingTeam {
   TrackingTeam(const TrackingTeam&) = delete;
   TrackingTeam& operator=(const TrackingTeam&) = delete;
 
+  // estimates: of all targets, one after the other.
   StageTime update(const capture::FrameSet& set, std::vector<object_tracking::ObjectEstimate>& estimates) {
     const Stopwatch watch;
     set_ = &set;
-    estimates_ = &estimates;
     next_ = 0;
     helpers_cpu_ns_ = 0;
     if (helpers_ > 0) start_.arrive_and_wait();
     work();
     if (helpers_ > 0) done_.arrive_and_wait();
+    estimates.clear();
+    for (std::size_t t = 0; t < per_target_.size(); ++t) {
+      for (object_tracking::ObjectEstimate& estimate : per_target_[t]) {
+        estimate.target = t;
+        estimates.push_back(std::move(estimate));
+      }
+    }
     StageTime lap = watch.lap();
     lap.cpu += capture::Duration(helpers_cpu_ns_);
     return lap;
@@ -97,14 +105,14 @@ class Pipeline::TrackingTeam {
 
  private:
   void work() {
-    for (std::size_t i = next_++; i < trackers_.size(); i = next_++) (*estimates_)[i] = trackers_[i].update(*set_);
+    for (std::size_t i = next_++; i < trackers_.size(); i = next_++) trackers_[i].update(*set_, per_target_[i]);
   }
 
   std::vector<object_tracking::ObjectTracker>& trackers_;
+  std::vector<std::vector<object_tracking::ObjectEstimate>> per_target_;  // of this set
   const int helpers_;
   std::barrier<> start_, done_;             // what follows is handed over through them
   const capture::FrameSet* set_ = nullptr;  // nullptr at start_: the end
-  std::vector<object_tracking::ObjectEstimate>* estimates_ = nullptr;
   std::atomic<std::size_t> next_ = 0;
   std::atomic<std::int64_t> helpers_cpu_ns_ = 0;
   std::vector<std::jthread> threads_;  // last: joined before the rest goes
@@ -292,7 +300,7 @@ void Pipeline::put_in_camera_queue(ReadyFrame ready) {
 void Pipeline::track() {
   ::prctl(PR_SET_NAME, "tracking");  // for top -H, and for who measures
   TrackingTeam team(trackers_, options_.threads);
-  std::vector<object_tracking::ObjectEstimate> estimates(trackers_.size());
+  std::vector<object_tracking::ObjectEstimate> estimates;
   auto next_status = Clock::now() + status_period;
   int told_camera_news = -1;
 

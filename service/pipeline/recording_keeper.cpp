@@ -86,9 +86,13 @@ void RecordingKeeper::on_left_out(const LeftOut& left_out) {
 }
 
 void RecordingKeeper::on_set(const TrackedSet& set) {
-  for (std::size_t t = 0; t < set.estimates.size(); ++t) {
-    const auto before = std::exchange(states_[t], set.estimates[t].state);
-    if (states_[t] == object_tracking::TrackState::lost && before != states_[t]) has_lost_ = true;
+  for (const auto& estimate : set.estimates) {
+    if (estimate.object != 0) {
+      if (estimate.is_end) has_lost_ = true;
+      continue;
+    }
+    const auto before = std::exchange(states_[estimate.target], estimate.state);
+    if (estimate.state == object_tracking::TrackState::lost && before != estimate.state) has_lost_ = true;
   }
   if (!changes_ || set.reloaded.empty()) return;
   const std::scoped_lock lock(mutex_);

@@ -11,12 +11,14 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr capture::Duration worth_a_word = 3s;  // a start or a return takes less
+constexpr double known_readout_s = 0.002;       // a tenth of a usual rolling shutter's
 
 }  // namespace
 
 void TrackedCameraFigures::add(const camera_tracking::CameraEstimate& estimate, const std::string& why_no_pose) {
   state = estimate.state;
   at = estimate.at;
+  readout_s = estimate.readout_s, readout_sigma_s = estimate.readout_sigma_s;
   if (estimate.has_pose()) {
     had_pose = true;
     without_since.reset();
@@ -32,6 +34,11 @@ std::string no_pose_warning(const std::string& camera, const TrackedCameraFigure
   return fmt::format("camera {}: no pose for {:.0f} s ({}){}{}", camera,
                      capture::seconds(figures.at - *figures.without_since), camera_tracking::name(figures.state),
                      figures.why.empty() ? "" : ": ", figures.why);
+}
+
+std::string readout_text(const TrackedCameraFigures& figures) {
+  if (!(figures.readout_sigma_s < known_readout_s)) return {};
+  return fmt::format("rows over {:.1f} ms +- {:.1f}", 1e3 * figures.readout_s, 1e3 * figures.readout_sigma_s);
 }
 
 void NoPoseLog::tell(const std::string& camera, const TrackedCameraFigures& figures) {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <filesystem>
+#include <limits>
 #include <optional>
 #include <set>
 #include <string>
@@ -18,6 +19,9 @@ struct TrackedCameraFigures {
       without_since;      // capture time of the first frame without a pose; nullopt: there is one
   std::string why;        // what the tracker said last why there is none; empty: nothing
   bool had_pose = false;  // in some frame
+  // Of its rolling shutter, CameraEstimate; NaN: the method does not ask, or nothing is known yet.
+  double readout_s = std::numeric_limits<double>::quiet_NaN();
+  double readout_sigma_s = std::numeric_limits<double>::quiet_NaN();
 
   void add(const camera_tracking::CameraEstimate& estimate, const std::string& why_no_pose);
 };
@@ -25,6 +29,9 @@ struct TrackedCameraFigures {
 // "camera cam0: no pose for 12 s (lost): ..."; empty as long as that is nothing to speak of: for less than 3 s of
 // capture time, or where there is a pose.
 std::string no_pose_warning(const std::string& camera, const TrackedCameraFigures& figures);
+
+// "rows over 29.5 ms +- 0.5"; empty as long as its motion has not told it to 2 ms.
+std::string readout_text(const TrackedCameraFigures& figures);
 
 // Into the log, and each sentence (without its numbers) once until there is a pose again, for two of them may
 // alternate. thread-compatible.

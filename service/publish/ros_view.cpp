@@ -102,15 +102,15 @@ visualization_msgs::msg::dds_::MarkerArray_ to_markers(const msg::Scene& scene,
                                                        std::span<const object_tracking::ObjectEstimate> estimates,
                                                        capture::Timestamp captured, const std::string& frame_id,
                                                        const std::string& tracked_camera) {
-  assert(scene.targets().size() == estimates.size());
   const std::int64_t at = captured.time_since_epoch().count();
   visualization_msgs::msg::dds_::MarkerArray_ array;
-  for (std::size_t t = 0; t < estimates.size(); ++t) {
-    const msg::SceneTarget& target = scene.targets()[t];
-    const object_tracking::ObjectEstimate& estimate = estimates[t];
-    Marker ball = marker(at, frame_id, target.name(), 0, sphere);
-    Marker ellipsoid = marker(at, frame_id, target.name(), 1, sphere);
-    Marker name = marker(at, frame_id, target.name(), 2, text_view_facing);
+  for (const object_tracking::ObjectEstimate& estimate : estimates) {
+    assert(estimate.target < scene.targets().size());
+    const msg::SceneTarget& target = scene.targets()[estimate.target];
+    const std::string object = object_tracking::object_name(target.name(), estimate.object);
+    Marker ball = marker(at, frame_id, object, 0, sphere);
+    Marker ellipsoid = marker(at, frame_id, object, 1, sphere);
+    Marker name = marker(at, frame_id, object, 2, text_view_facing);
     if (estimate.has_position()) {
       set_position(ball, estimate.position);
       set_scale(ball, 2 * target.radius_m(), 2 * target.radius_m(), 2 * target.radius_m());
@@ -122,7 +122,7 @@ visualization_msgs::msg::dds_::MarkerArray_ to_markers(const msg::Scene& scene,
       set_position(name, estimate.position + Eigen::Vector3d(0, 0, 2 * target.radius_m()));
       set_scale(name, 0, 0, 1.5 * target.radius_m());
       set_color(name, {1, 1, 1}, 1);
-      name.text(target.name());
+      name.text(object);
     } else {
       for (Marker* m : {&ball, &ellipsoid, &name}) m->action(remove);
     }

@@ -14,7 +14,7 @@ namespace huetrack::publish {
 
 // Per target a ball of its radius, its 95 % ellipsoid and its name; per camera what it sees as lines, and its name; the
 // volume. Where a target has no position its markers are deleted: RViz shows no stale one.
-//   scene       its targets are those of the estimates, in the same order
+//   scene       its targets are those that the estimates name (ObjectEstimate::target)
 //   captured    capture time, UNIX
 //   tracked_camera  the name of the one that moves, if any: its lines are in its own frame, which /tf moves
 visualization_msgs::msg::dds_::MarkerArray_ to_markers(const msg::Scene& scene,

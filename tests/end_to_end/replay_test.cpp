@@ -230,6 +230,8 @@ TEST_F(EndToEnd, MistakesAreOneReadableLineAndExitStatusOne) {
       {{"replay", config, recording, "--no-dds", "--tracks", "/no/such/t.csv"}, "cannot write /no/such/t.csv"},
       {{"replay", config, recording, "--no-dds", "--truth", "/no/truth.csv"}, "/no/truth.csv: cannot be read"},
       {{"replay", config, recording, "--no-dds", "--pictures", "/proc/pictures"}, "/proc/pictures"},
+      {{"replay", config, recording, "--hold"}, "--hold needs control: {allow_teach: true}"},
+      {{"replay", config, recording, "--hold", "--no-dds"}, "--hold needs DDS"},
       {{"compare", "/no/t.csv", recording + "/groundtruth.csv"}, "/no/t.csv: cannot be read"},
   };
   for (const auto& mistake : mistakes) {

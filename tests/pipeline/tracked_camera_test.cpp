@@ -51,6 +51,18 @@ TEST(NoPoseWarning, ComesAfterThreeSecondsOfCaptureTimeWithTheLastReasonAndGoesW
   EXPECT_EQ(no_pose_warning("cam0", figures), "camera cam0: no pose for 5 s (lost)");  // the old reason is none of it
 }
 
+TEST(ReadoutText, IsSaidOnceTheMotionHasToldIt) {
+  TrackedCameraFigures figures;
+  EXPECT_EQ(readout_text(figures), "");  // a method that does not ask
+  auto known = estimate(camera_tracking::PoseState::tracking, 1s);
+  known.readout_s = 0.0188, known.readout_sigma_s = 0.0126;
+  figures.add(known, "");
+  EXPECT_EQ(readout_text(figures), "");
+  known.readout_s = 0.02952, known.readout_sigma_s = 0.00047;
+  figures.add(known, "");
+  EXPECT_EQ(readout_text(figures), "rows over 29.5 ms +- 0.5");
+}
+
 TEST(NoPoseLog, SaysEachThingOnceUntilThereIsAPoseAgain) {
   std::ostringstream log;
   const auto before = spdlog::default_logger();

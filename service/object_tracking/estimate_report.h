@@ -1,0 +1,31 @@
+// What is told of one object after a set, from what is believed of it.
+#pragma once
+
+#include <span>
+
+#include "capture/frame.h"
+#include "object_tracking/object_estimate.h"
+#include "object_tracking/object_filter.h"
+#include "object_tracking/rig_error.h"
+#include "object_tracking/sighting.h"
+#include "object_tracking/target_views.h"
+#include "object_tracking/view_agreement.h"
+
+namespace huetrack::object_tracking {
+
+struct ToReport {
+  const capture::FrameSet& set;
+  const TargetViews& views;
+  double radius_m;
+  const ObjectTrackerOptions& options;
+  TrackState state;
+  const ObjectFilter& filter;
+  const ViewAgreement& agreement;
+  std::span<const Sighting> sightings;  // of this set, by the times of their rows
+  std::span<const Sighting> seen;       // also those that contradict, and those of cameras that are not used
+};
+
+// last_reported: of the object, updated. Positions are told in the order of time.
+ObjectEstimate report(const ToReport& what, RigError& rig_error, capture::Timestamp& last_reported);
+
+}  // namespace huetrack::object_tracking

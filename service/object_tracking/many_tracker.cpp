@@ -1,0 +1,380 @@
+#include "object_tracking/many_tracker.h"
+
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <utility>
+
+#include "object_tracking/estimate_report.h"
+
+namespace huetrack::object_tracking {
+namespace {
+
+// The hardest acceleration does not explain innovations of so many of their standard deviations, squared: a bounce.
+constexpr double bounce_surprise = 6;
+// Around the volume, as a share of its largest extent: who comes in is known by then, and so is what he shows.
+constexpr double share_around = 0.5;
+constexpr double least_region_share = 0.15;  // of the smallest disc
+// An object that is not seen and turns up where it may be by now is taken up again: chi-square, 3 degrees of freedom,
+// 99.7 %.
+constexpr double take_up_gate = 14.2;
+// Two centres nearer than this share of a diameter are of one object; a touch measured with an error is not.
+constexpr double one_object_share = 0.6;
+// Sets in which an object is seen by fewer than two views while two or more that should see it do not: it is not there.
+constexpr int most_contradicted_sets = 3;
+
+// Who has left the volume is told so long at most, as a share of the time that coasting may take: he may turn back.
+constexpr double longest_outside = 0.5;
+
+Box around(const Box& volume) {
+  const double margin = share_around * (volume.max - volume.min).maxCoeff();
+  return {volume.min.array() - margin, volume.max.array() + margin};
+}
+
+}  // namespace
+
+ManyTracker::ManyTracker(const calib::CameraRig& rig, const TargetOptions& target, const ObjectTrackerOptions& options,
+                         std::uint64_t stream)
+    : rig_(rig),
+      target_(target),
+      options_(options),
+      stream_(stream),
+      views_(rig, target),
+      sharing_(options.pixel_noise_px),
+      agreement_(rig.cameras.size(), target.radius_m, options),
+      births_(target, options, around(options.volume)),
+      color_meter_(rig.cameras.size()),
+      search_log_(rig.cameras.size()),
+      times_(rig, target.radius_m, options, particle_filter::Rng(options.seed, stream)),
+      finders_(rig.cameras.size()),
+      expected_(rig.cameras.size()),
+      regions_(rig.cameras.size()),
+      unexplained_(rig.cameras.size()) {
+  for (const calib::Camera& camera : rig.cameras)
+    size_in_view_.push_back(size_in(camera, options.volume, target.radius_m));
+  for (std::size_t c = 0; c < rig.cameras.size(); ++c)
+    color_meter_.set_largest(c, std::sqrt(target.count) * size_in_view_[c].largest_px, rig.cameras[c].image_size);
+}
+
+void ManyTracker::update(const capture::FrameSet& set, std::vector<ObjectEstimate>& out) {
+  const std::vector<TargetView>& views = views_.look_at(set);
+  seen_regions_.clear();
+  color_meter_.look(views, set.at);
+  sets_apart_ += is_apart(views) ? 1 : 0;
+  if (set.at < last_at_) forget_all();  // the clock was put back: what was known is of another time
+  expect(views);
+  find_regions(views);
+  sight(views);
+  for (const auto& object : objects_) follow(*object, set);
+  end_what_is_one();
+  if (views.size() >= 2) note_births(set, views);
+  last_at_ = set.at;
+  report(set, out);
+}
+
+// Where each view may show each object.
+void ManyTracker::expect(const std::vector<TargetView>& views) {
+  for (std::size_t i = 0; i < views.size(); ++i) {
+    const TargetView& view = views[i];
+    expected_[i].clear();
+    for (std::size_t o = 0; o < objects_.size(); ++o) {
+      const ObjectFilter& filter = objects_[o]->filter;
+      const MotionBelief& belief = filter.belief();
+      const auto in_view = expected_in(view, belief, target_.radius_m);
+      if (!in_view) continue;
+      const Appearance& at = in_view->at;
+      const double margin = 2 * at.radius_px;
+      if (!(at.px.x() > -margin && at.px.y() > -margin && at.px.x() < view.image->width + margin &&
+            at.px.y() < view.image->height + margin))
+        continue;
+      // Twice the hardest usual acceleration, whatever the filter has learnt: a throw must not lose the object.
+      const double dt = capture::seconds(in_view->row.at - belief.at);
+      const double reach_m = options_.acceleration_m_s2 * dt * dt;
+      const Eigen::Matrix3d spread = belief.seen_covariance(in_view->row, filter.power_density()) +
+                                     reach_m * reach_m * Eigen::Matrix3d::Identity();
+      Eigen::Matrix2d s = at.jacobian * spread * at.jacobian.transpose();
+      agreement_.open(static_cast<std::size_t>(view.index), *view.camera, belief.position_at(in_view->row.at), at, s);
+      expected_[i].push_back({o, at, s, image_motion(view, at, belief)});
+    }
+  }
+}
+
+void ManyTracker::find_regions(const std::vector<TargetView>& views) {
+  std::vector<PixelAt> also;
+  for (std::size_t i = 0; i < views.size(); ++i) {
+    const auto camera = static_cast<std::size_t>(views[i].index);
+    const SizeInView& size = size_in_view_[camera];
+    regions_[i].clear();
+    if (size.largest_px == 0) continue;  // no part of the volume is in view
+    const double usual = std::sqrt(size.smallest_px * size.largest_px);
+    const int step =
+        std::max(1, static_cast<int>(std::numbers::sqrt2 * size.smallest_px));  // no disc is between points
+    const int min_area =
+        std::max(2, static_cast<int>(least_region_share * std::numbers::pi * size.smallest_px * size.smallest_px));
+    // As many as there may be in a row.
+    const int largest = static_cast<int>(std::ceil(2 * size.largest_px * std::min(target_.count, 4))) + 2;
+    // What is left to be seen of a known object may be.
+    also.clear();
+    for (const ExpectedObject& e : expected_[i]) {
+      const double half = 0.6 * e.at.radius_px;
+      for (const auto& [du, dv] : {std::pair(0.0, 0.0), {half, 0.0}, {-half, 0.0}, {0.0, half}, {0.0, -half}})
+        also.push_back(
+            {static_cast<int>(std::lround(e.at.px.x() + du)), static_cast<int>(std::lround(e.at.px.y() + dv))});
+    }
+    regions_[i] =
+        finders_[camera].components(*views[i].matches, step, also, static_cast<int>(2 * usual) + 2, largest, min_area);
+  }
+}
+
+// Which region of which view is of which object.
+void ManyTracker::sight(const std::vector<TargetView>& views) {
+  for (const auto& object : objects_) {
+    object->sightings.clear();
+    object->hidden_views = object->missing_views = 0;
+  }
+  for (std::size_t i = 0; i < views.size(); ++i) {
+    const TargetView& view = views[i];
+    const std::vector<ExpectedObject>& expected = expected_[i];
+    SharedSightings shared = sharing_.share(view, regions_[i], expected);
+    for (std::size_t e = 0; e < expected.size(); ++e) {
+      Object& object = *objects_[expected[e].object];
+      if (auto& s = shared.of_objects[e]) {
+        s->row = row_of(view, s->px.y(), object.filter.belief());
+        seen_regions_.add_target(view, s->px, s->radius_px);
+        object.sightings.push_back(std::move(*s));
+      } else if (shared.is_hidden[e] != 0) {
+        ++object.hidden_views;
+      } else if (view.camera->contains({expected[e].at.px})) {
+        ++object.missing_views;
+      }
+    }
+    unexplained_[i].clear();
+    for (std::size_t r = 0; r < regions_[i].size(); ++r) {
+      if (shared.is_explained[r] == 0) unexplained_[i].push_back(regions_[i][r]);
+    }
+    seen_regions_.add_others(view, unexplained_[i]);
+  }
+  for (const auto& object : objects_) sort_by_time(object->sightings);
+}
+
+// Returns the power density to use for this set: a bounce needs one that is not learnt, as what comes after it is as
+// calm as what went before.
+double ManyTracker::learn_acceleration(Object& object, const capture::FrameSet& set) {
+  ObjectFilter& filter = object.filter;
+  const double before = filter.acceleration();
+  filter.raise_acceleration(object.sightings);
+  const double dt = capture::seconds(set.at - filter.belief().at);
+  if (dt > 0 && object.sightings.size() >= 2 && filter.surprise() > bounce_surprise) {
+    const double kick = std::max(filter.belief().velocity().norm(), options_.start_speed_m_s);
+    filter.set_acceleration(before);
+    return std::max(kick * kick / dt, filter.power_density());
+  }
+  filter.settle_acceleration(object.sightings);
+  return filter.power_density();
+}
+
+void ManyTracker::follow(Object& object, const capture::FrameSet& set) {
+  agreement_.doubt(object.filter.belief(), object.sightings);
+  const double power_density = learn_acceleration(object, set);
+  object.filter.update(object.sightings, set.at, object.last_reported, power_density);
+  judge(object, set);
+}
+
+// As of a single object (RegionTracker::judge()); and what several views should show, and do not, is not there.
+void ManyTracker::judge(Object& object, const capture::FrameSet& set) {
+  const MotionBelief& belief = object.filter.belief();
+  const double sigma_m = judged_sigma(belief, object.sightings);
+  const double doubted_m = agreement_.doubted_sigma(belief, object.sightings);
+  const bool is_contradicted = object.sightings.size() < 2 && object.missing_views >= 2;
+  object.contradicted_sets = is_contradicted ? object.contradicted_sets + 1 : 0;
+  if (!object.sightings.empty() && sigma_m <= options_.max_tracking_sigma_m &&
+      doubted_m <= options_.max_coast_sigma_m) {
+    object.state = doubted_m <= options_.max_tracking_sigma_m ? TrackState::tracking : TrackState::coasting;
+    object.last_tracking = set.at;
+  } else if (std::max(sigma_m, doubted_m) > options_.max_coast_sigma_m ||
+             capture::seconds(set.at - object.last_tracking) > options_.coast_s ||
+             (object.sightings.empty() && !inside(options_.volume, belief.position(), 0))) {
+    object.state = TrackState::lost;
+  } else {
+    object.state = TrackState::coasting;
+  }
+}
+
+// One object that is told twice: the older one stays.
+void ManyTracker::end_what_is_one() {
+  const double least_m = one_object_share * 2 * target_.radius_m;
+  for (std::size_t i = 0; i < objects_.size(); ++i) {
+    for (std::size_t j = i + 1; j < objects_.size(); ++j) {
+      Object &a = *objects_[i], &b = *objects_[j];
+      if (a.state == TrackState::lost || b.state == TrackState::lost) continue;
+      if ((a.filter.belief().position() - b.filter.belief().position()).norm() > least_m) continue;
+      // What is not seen may have been predicted to where it cannot be.
+      if (a.state == TrackState::tracking && b.state == TrackState::coasting) continue;
+      if (b.state == TrackState::tracking && a.state == TrackState::coasting) continue;
+      const bool is_a_better = a.sightings.size() >= b.sightings.size();
+      (is_a_better ? b : a).state = TrackState::lost;
+    }
+  }
+}
+
+void ManyTracker::note_births(const capture::FrameSet& set, const std::vector<TargetView>& views) {
+  std::vector<CoveredDisc> covered;
+  for (const auto& object : objects_) {
+    for (const Sighting& s : object->sightings) {
+      for (std::size_t v = 0; v < views.size(); ++v)
+        if (views[v].index == s.row.camera)
+          covered.push_back({v, s.px,
+                             appearance_of(*s.camera, object->filter.belief().position(), target_.radius_m)
+                                 .value_or(Appearance{})
+                                 .radius_px});
+    }
+  }
+  const std::vector<Birth> births =
+      births_.look(views, std::span(unexplained_).first(views.size()), covered, set.at, times());
+  for (const Birth& birth : births) {
+    if (take_up(birth, set.at)) continue;
+    const bool is_taken = std::ranges::any_of(objects_, [&](const auto& o) {
+      return o->state != TrackState::lost &&
+             (o->filter.belief().position_at(set.at) - birth.now.position).norm() < 1.5 * target_.radius_m;
+    });
+    if (is_taken || std::ssize(objects_) >= 2 * TargetOptions::most_count) continue;
+    auto fresh = std::make_unique<Object>(rig_, target_.radius_m, options_,
+                                          particle_filter::Rng(options_.seed, stream_ + ++started_));
+    fresh->filter.adopt_times(objects_.empty() ? times_ : objects_.front()->filter);
+    start(*fresh, birth, set.at);
+    if (fresh->state != TrackState::lost) objects_.push_back(std::move(fresh));
+  }
+  if (objects_.empty()) search_log_.add(views, std::span(regions_).first(views.size()), options_.volume);
+}
+
+// An object that was not seen for a while is where it may be by now.
+bool ManyTracker::take_up(const Birth& birth, capture::Timestamp set_at) {
+  Object* best = nullptr;
+  double best_d2 = take_up_gate;
+  for (const auto& object : objects_) {
+    if (object->state != TrackState::coasting || object->sightings.size() >= 2) continue;
+    const MotionBelief& belief = object->filter.belief();
+    const Eigen::Vector3d d = birth.now.position - belief.position_at(set_at);
+    const Eigen::Matrix3d s = belief.position_covariance() + birth.now.covariance +
+                              target_.radius_m * target_.radius_m * Eigen::Matrix3d::Identity();
+    const double d2 = d.dot(s.inverse() * d);
+    if (d2 < best_d2) best_d2 = d2, best = object.get();
+  }
+  if (best == nullptr) return false;
+  start(*best, birth, set_at);
+  return true;
+}
+
+// The belief that the sightings of two sets give, from nothing but what is usual.
+void ManyTracker::start(Object& object, const Birth& birth, capture::Timestamp set_at) {
+  const capture::Timestamp told = object.last_reported;
+  object.filter.begin(birth.earlier, birth.now, set_at, birth.dt, sets_apart_ == 0);
+  for (const std::vector<Sighting>* sightings : {&birth.earlier.sightings, &birth.now.sightings}) {
+    object.sightings = *sightings;
+    sort_by_time(object.sightings);
+    agreement_.doubt(object.filter.belief(), object.sightings);
+    object.filter.start_with(object.sightings, set_at, told);
+  }
+  object.filter.end_start();
+  const double doubted_m = agreement_.doubted_sigma(object.filter.belief(), object.sightings);
+  const double sigma_m = std::max(judged_sigma(object.filter.belief(), object.sightings), doubted_m);
+  object.state = doubted_m > options_.max_coast_sigma_m     ? TrackState::lost
+                 : sigma_m <= options_.max_tracking_sigma_m ? TrackState::tracking
+                                                            : TrackState::coasting;
+  object.last_tracking = set_at;
+}
+
+void ManyTracker::forget_all() {
+  for (const auto& object : objects_) object->state = TrackState::lost;
+  births_.forget();
+}
+
+void ManyTracker::trust(std::span<const CameraTrust> cameras) {
+  const std::vector<std::size_t> moved = views_.trust(cameras);
+  std::vector<bool> posed_anew;
+  for (const CameraTrust& camera : cameras) posed_anew.push_back(camera.cam_from_world.has_value());
+  for (const auto& object : objects_) {
+    for (const std::size_t c : moved) object->filter.forget_camera(static_cast<int>(c));
+    object->rig_error.leave_out_poses(posed_anew);
+  }
+  agreement_.trust(moved, cameras);
+  if (!moved.empty()) births_.forget();
+}
+
+PositionParticles ManyTracker::particles() const {
+  PositionParticles all;
+  for (const auto& object : objects_) {
+    if (object->number == 0) continue;
+    const PositionParticles& p = object->filter.particles();
+    all.x.insert(all.x.end(), p.x.begin(), p.x.end());
+    all.y.insert(all.y.end(), p.y.begin(), p.y.end());
+    all.z.insert(all.z.end(), p.z.begin(), p.z.end());
+  }
+  return all;
+}
+
+// What is known of the cameras' times. Before anything is, frames of the same times are of cameras that are triggered
+// together: otherwise nearly any two rays would meet.
+MotionBelief ManyTracker::times() const {
+  MotionBelief out = objects_.empty() ? times_.belief() : objects_.front()->filter.belief();
+  if (started_ == 0 && sets_apart_ == 0) out.expect_in_step();
+  return out;
+}
+
+void ManyTracker::report(const capture::FrameSet& set, std::vector<ObjectEstimate>& out) {
+  out.clear();
+  auto told = std::ranges::count_if(objects_, [](const auto& o) { return o->is_told; });
+  for (const auto& object : objects_) {
+    const bool is_inside = inside(options_.volume, object->filter.belief().position(), target_.radius_m);
+    if (is_inside) object->last_inside = set.at;
+    const bool is_birth = !object->is_told;
+    if (is_birth) {  // is it to be told now?
+      if (object->state != TrackState::tracking || !is_inside || told >= target_.count) continue;
+      ++told;
+      object->is_told = true;
+      object->number = ++last_number_;
+    }
+    const bool is_end = object->state == TrackState::lost ||
+                        capture::seconds(set.at - object->last_inside) > longest_outside * options_.coast_s;
+    const TrackState state = is_end ? TrackState::lost : is_inside ? object->state : TrackState::coasting;
+    out.push_back(object_tracking::report({.set = set,
+                                           .views = views_,
+                                           .radius_m = target_.radius_m,
+                                           .options = options_,
+                                           .state = state,
+                                           .filter = object->filter,
+                                           .agreement = agreement_,
+                                           .sightings = object->sightings,
+                                           .seen = object->sightings},
+                                          object->rig_error, object->last_reported));
+    out.back().object = object->number;
+    out.back().is_birth = is_birth;
+    out.back().is_end = is_end;
+    if (is_end) object->is_told = false;  // if it goes on, outside: who comes in again is new
+  }
+  std::ranges::sort(out, {}, &ObjectEstimate::object);
+  std::erase_if(objects_, [&](const auto& object) {
+    if (object->state == TrackState::lost) times_.adopt_times(object->filter);
+    return object->state == TrackState::lost;
+  });
+  if (out.empty())
+    out.push_back(none_known(set));
+  else
+    search_log_.clear();
+}
+
+// What is told then is that of the target.
+ObjectEstimate ManyTracker::none_known(const capture::FrameSet& set) const {
+  ObjectEstimate none;
+  none.at = set.at;
+  none.set_number = set.number;
+  none.state = last_number_ == 0 ? TrackState::searching : TrackState::lost;
+  none.per_view.resize(views_.camera_count());
+  for (const auto* some : {&views_.used(), &views_.unused()})
+    for (const TargetView& view : *some) none.per_view[static_cast<std::size_t>(view.index)].delivered = true;
+  for (int c = 0; c < static_cast<int>(views_.camera_count()); ++c) none.times.push_back(times_.belief().timing(c));
+  return none;
+}
+
+}  // namespace huetrack::object_tracking

@@ -1,0 +1,106 @@
+// A target that is several objects of one colour: how many there are, where each of them is, and which is which. The
+// road of one set through the same rooms that one object goes through (region_tracker.h), with two of its own:
+//   - every view's regions are found once, over the whole image, and shared out among the objects that are expected
+//     (region_sharing.h): global nearest neighbour, view by view. Objects keep who they are by their motion.
+//   - what no object explains may be new ones (object_births.h).
+// In the field's terms: global nearest neighbour association over views; births by exclusion and confirmation (track
+// initiation 2 of 2, and 8 of 8 where a view contradicts), as multi-hypothesis trackers do it within a window;
+// particles score each object's position (object_filter.h). Objects are solid: two that come to lie within one another
+// are one, told twice. What leaves the volume is followed as long as it is seen, so that what it shows is not taken for
+// something else, and not told.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "object_tracking/color_meter.h"
+#include "object_tracking/color_region.h"
+#include "object_tracking/expected_view.h"
+#include "object_tracking/object_births.h"
+#include "object_tracking/object_estimate.h"
+#include "object_tracking/object_filter.h"
+#include "object_tracking/object_search.h"
+#include "object_tracking/object_tracker.h"
+#include "object_tracking/region_sharing.h"
+#include "object_tracking/rig_error.h"
+#include "object_tracking/search_findings.h"
+#include "object_tracking/seen_regions.h"
+#include "object_tracking/target_views.h"
+#include "object_tracking/view_agreement.h"
+
+namespace huetrack::object_tracking {
+
+// thread-compatible.
+class ManyTracker {
+ public:
+  ManyTracker(const calib::CameraRig& rig, const TargetOptions& target, const ObjectTrackerOptions& options,
+              std::uint64_t stream);
+
+  // ObjectTracker::update().
+  void update(const capture::FrameSet& set, std::vector<ObjectEstimate>& out);
+  void trust(std::span<const CameraTrust> cameras);
+  TargetViews& views() { return views_; }
+  PositionParticles particles() const;  // of all objects
+  std::span<const SeenRegion> regions() const { return seen_regions_.all(); }
+  const std::vector<ColorShare>& color_shares() const { return color_meter_.shares(); }
+  SearchFindings search_findings() const { return search_log_.findings(); }
+
+ private:
+  struct Object {
+    Object(const calib::CameraRig& rig, double radius_m, const ObjectTrackerOptions& options, particle_filter::Rng rng)
+        : filter(rig, radius_m, options, rng), rig_error(rig, options.max_coast_sigma_m) {}
+    std::uint32_t number = 0;  // 0: not told yet
+    ObjectFilter filter;
+    RigError rig_error;
+    TrackState state = TrackState::tracking;
+    capture::Timestamp last_tracking{}, last_reported = capture::Timestamp::min();
+    std::vector<Sighting> sightings;  // of this set
+    bool is_told = false;             // in the last set
+    capture::Timestamp last_inside{};
+    int contradicted_sets = 0;                // one after the other
+    int hidden_views = 0, missing_views = 0;  // of this set: others hide it there; it should be seen there, and is not
+  };
+
+  void expect(const std::vector<TargetView>& views);
+  void find_regions(const std::vector<TargetView>& views);
+  void sight(const std::vector<TargetView>& views);
+  double learn_acceleration(Object& object, const capture::FrameSet& set);
+  void follow(Object& object, const capture::FrameSet& set);
+  void judge(Object& object, const capture::FrameSet& set);
+  void note_births(const capture::FrameSet& set, const std::vector<TargetView>& views);
+  bool take_up(const Birth& birth, capture::Timestamp set_at);
+  void start(Object& object, const Birth& birth, capture::Timestamp set_at);
+  void end_what_is_one();
+  void forget_all();
+  MotionBelief times() const;
+  void report(const capture::FrameSet& set, std::vector<ObjectEstimate>& out);
+  ObjectEstimate none_known(const capture::FrameSet& set) const;
+
+  const calib::CameraRig rig_;
+  TargetOptions target_;
+  ObjectTrackerOptions options_;
+  std::uint64_t stream_;  // of randomness; each object has one of its own
+  TargetViews views_;
+  RegionSharing sharing_;
+  ViewAgreement agreement_;
+  ObjectBirths births_;
+  ColorMeter color_meter_;
+  SearchLog search_log_;
+  ObjectFilter times_;  // of no object: what is known of the cameras' times when there is none
+
+  std::vector<SizeInView> size_in_view_;                         // per camera
+  std::vector<RegionFinder> finders_;                            // per camera
+  std::vector<std::vector<ExpectedObject>> expected_;            // in the views of this set
+  std::vector<std::vector<ColorRegion>> regions_, unexplained_;  // of the views of this set
+  std::vector<std::unique_ptr<Object>> objects_;                 // by age
+  SeenRegions seen_regions_;
+  std::uint32_t last_number_ = 0;
+  std::uint64_t started_ = 0;
+  std::size_t sets_apart_ = 0;
+  capture::Timestamp last_at_{};
+};
+
+}  // namespace huetrack::object_tracking

@@ -1,0 +1,136 @@
+#include "object_tracking/object_births.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+namespace huetrack::object_tracking {
+namespace {
+
+constexpr std::size_t max_candidates = 4 * TargetOptions::most_count;
+constexpr double longest_confirmation_s = 0.5;  // a candidate that is older confirms nothing
+constexpr int usual_sets = 2, contested_sets = 8;
+
+// Evidence, as logarithms of how much likelier what is seen is with an object there than by chance.
+// A view sees what should be seen in nine of ten cases; else something hides it that nobody knows of.
+constexpr double detection = 0.9;
+// By chance a region lies within a radius of where it should be: some regions in a picture of a thousand discs.
+const double by_chance_at_place = std::log(detection / 0.004);
+// Two rays meet by chance: one of some regions lies within a few pixels of an epipolar line.
+const double by_chance_on_line = std::log(detection / 0.03);
+const double not_seen = std::log(1 - detection);
+constexpr double size_sigma = 0.2;  // of the radius of a region's disc, as a share
+constexpr double worst_size = 3;    // something hides a part: that says no more against it
+constexpr double as_good = 2;       // evidence that differs by less does not decide between two
+
+double disc_area(double radius_px) {
+  return std::numbers::pi * radius_px * radius_px;
+}
+
+bool share_a_region(const PositionCandidate& a, const PositionCandidate& b) {
+  return std::ranges::any_of(a.sightings, [&](const Sighting& s) {
+    return std::ranges::any_of(b.sightings,
+                               [&](const Sighting& t) { return t.row.camera == s.row.camera && t.px == s.px; });
+  });
+}
+
+ObjectTrackerOptions looking_within(ObjectTrackerOptions options, const Box& within) {
+  options.volume = within;
+  return options;
+}
+
+}  // namespace
+
+ObjectBirths::ObjectBirths(const TargetOptions& target, const ObjectTrackerOptions& options, const Box& within)
+    : target_(target), options_(looking_within(options, within)) {}
+
+ObjectBirths::Candidate ObjectBirths::weighed(PositionCandidate at, const std::vector<TargetView>& views,
+                                              std::span<const std::vector<ColorRegion>> regions,
+                                              std::span<const CoveredDisc> covered) const {
+  Candidate out{.at = std::move(at)};
+  out.evidence = by_chance_on_line - by_chance_at_place;  // the first two views make the place
+  out.evidence -= by_chance_at_place;
+  for (std::size_t v = 0; v < views.size(); ++v) {
+    const auto in_view = appearance_of(*views[v].camera, out.at.position, target_.radius_m);
+    if (!in_view || !views[v].camera->contains({in_view->px})) continue;
+    const auto seen =
+        std::ranges::find(out.at.sightings, views[v].index, [](const Sighting& s) { return s.row.camera; });
+    if (seen != out.at.sightings.end()) {
+      const double size = std::log(seen->radius_px / in_view->radius_px) / size_sigma;
+      out.evidence += by_chance_at_place - std::min(worst_size, 0.5 * size * size);
+      continue;
+    }
+    const bool is_covered = std::ranges::any_of(covered, [&](const CoveredDisc& disc) {
+      return disc.view == v && (disc.px - in_view->px).norm() < disc.radius_px + 0.5 * in_view->radius_px;
+    });
+    // A part of something larger, of several objects that nobody has told apart yet.
+    const bool is_in_region = std::ranges::any_of(regions[v], [&](const ColorRegion& r) {
+      return r.area > disc_area(in_view->radius_px) && in_view->px.x() > r.box.u_min && in_view->px.x() < r.box.u_max &&
+             in_view->px.y() > r.box.v_min && in_view->px.y() < r.box.v_max;
+    });
+    if (is_covered || is_in_region) continue;
+    out.evidence += not_seen;
+    ++out.missing;
+  }
+  return out;
+}
+
+// Best first; those whose regions are of better ones are left out.
+std::vector<ObjectBirths::Candidate> ObjectBirths::candidates(const std::vector<TargetView>& views,
+                                                              std::span<const std::vector<ColorRegion>> regions,
+                                                              std::span<const CoveredDisc> covered,
+                                                              const MotionBelief& times) const {
+  std::vector<Candidate> all;
+  for (PositionCandidate& c : cross_rays(views, regions, target_, options_, times, max_candidates))
+    all.push_back(weighed(std::move(c), views, regions, covered));
+  std::ranges::stable_sort(all, [](const Candidate& a, const Candidate& b) { return a.evidence > b.evidence; });
+  std::vector<Candidate> out;
+  for (Candidate& c : all) {
+    bool is_left_out = false;
+    for (Candidate& better : out) {
+      if (!share_a_region(better.at, c.at) && (better.at.position - c.at.position).norm() >= 1.5 * target_.radius_m)
+        continue;
+      if (better.evidence - c.evidence < as_good && (better.at.position - c.at.position).norm() > target_.radius_m)
+        better.is_ambiguous = c.is_ambiguous = true;
+      else
+        is_left_out = true;
+    }
+    if (!is_left_out) out.push_back(std::move(c));
+  }
+  return out;
+}
+
+std::vector<Birth> ObjectBirths::look(const std::vector<TargetView>& views,
+                                      std::span<const std::vector<ColorRegion>> regions,
+                                      std::span<const CoveredDisc> covered, capture::Timestamp set_at,
+                                      const MotionBelief& times) {
+  std::vector<Birth> out;
+  const auto with_regions = std::ranges::count_if(regions, [](const auto& some) { return !some.empty(); });
+  if (with_regions < 2) return out;  // nor does a set in which too few of these views see it refute anything
+  std::vector<Candidate> now = candidates(views, regions, covered, times);
+  const double dt = capture::seconds(set_at - before_at_);
+  std::vector<Candidate> kept;
+  for (Candidate& c : now) {
+    const Candidate* earlier = nullptr;
+    if (dt > 0 && dt < longest_confirmation_s) {
+      for (const Candidate& e : before_) {
+        const double spread = 3 * (largest_sigma(c.at.covariance) + largest_sigma(e.at.covariance));
+        const double apart_m = (c.at.position - e.at.position).norm();
+        if (apart_m > options_.start_speed_m_s * dt + spread) continue;
+        if (earlier == nullptr || apart_m < (c.at.position - earlier->at.position).norm()) earlier = &e;
+      }
+    }
+    if (earlier != nullptr) c.at.sets = earlier->at.sets + 1;
+    const int needed = c.missing > 0 && c.at.sightings.size() < 3 ? contested_sets : usual_sets;
+    if (earlier != nullptr && c.at.sets >= needed && !c.is_ambiguous && !earlier->is_ambiguous) {
+      out.push_back({earlier->at, c.at, dt});
+    } else {
+      kept.push_back(std::move(c));
+    }
+  }
+  before_ = std::move(kept);
+  before_at_ = set_at;
+  return out;
+}
+
+}  // namespace huetrack::object_tracking

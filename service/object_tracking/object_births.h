@@ -1,0 +1,59 @@
+// New objects among several of one colour: rays crossed between views through the regions that no known object
+// explains. The trap are ghosts, crossings of rays of different objects. What tells them apart: a third view sees them
+// or does not, regions have the size that an object has there, and one region is not of two objects that are apart.
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "object_tracking/color_region.h"
+#include "object_tracking/motion_belief.h"
+#include "object_tracking/object_tracker.h"
+#include "object_tracking/sighting.h"
+#include "object_tracking/target_views.h"
+
+namespace huetrack::object_tracking {
+
+struct Birth {
+  PositionCandidate earlier, now;
+  double dt;  // from one to the other, seconds
+};
+
+// Where a known object covers a view: what is not seen there may be behind it.
+struct CoveredDisc {
+  std::size_t view;  // which of the views
+  Eigen::Vector2d px;
+  double radius_px;
+};
+
+// thread-compatible.
+class ObjectBirths {
+ public:
+  // within: where objects are looked for.
+  ObjectBirths(const TargetOptions& target, const ObjectTrackerOptions& options, const Box& within);
+
+  // regions[i], unexplained, belong to views[i]. Of the belief only the cameras' times are used.
+  std::vector<Birth> look(const std::vector<TargetView>& views, std::span<const std::vector<ColorRegion>> regions,
+                          std::span<const CoveredDisc> covered, capture::Timestamp set_at, const MotionBelief& times);
+  void forget() { before_.clear(); }
+
+ private:
+  struct Candidate {
+    PositionCandidate at;
+    double evidence = 0;
+    int missing = 0;            // views that should see it, and do not
+    bool is_ambiguous = false;  // its regions may as well be of others
+  };
+  std::vector<Candidate> candidates(const std::vector<TargetView>& views,
+                                    std::span<const std::vector<ColorRegion>> regions,
+                                    std::span<const CoveredDisc> covered, const MotionBelief& times) const;
+  Candidate weighed(PositionCandidate at, const std::vector<TargetView>& views,
+                    std::span<const std::vector<ColorRegion>> regions, std::span<const CoveredDisc> covered) const;
+
+  TargetOptions target_;
+  ObjectTrackerOptions options_;  // with the volume in which objects are looked for
+  std::vector<Candidate> before_;
+  capture::Timestamp before_at_{};
+};
+
+}  // namespace huetrack::object_tracking

@@ -1,0 +1,79 @@
+// Pictures of a ball's disc before a room, with exact truth: light is mixed as a sensor counts it.
+#pragma once
+
+#include <Eigen/Core>
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <optional>
+#include <random>
+#include <vector>
+
+#include "outline/picture.h"
+
+namespace huetrack::outline {
+
+struct DiscScene {
+  Eigen::Vector2d centre{60.3, 44.8};
+  double radius_px = 7, blur_px = 0.7;
+  double smear_px = 0;  // its way along u during the exposure
+  bool has_disc = true;
+  int pillar_from = -1;  // columns from here on hide the disc
+  double noise = 1;      // grey values
+  double light = 1;      // of the room
+};
+
+class DiscPicture {
+ public:
+  static constexpr int width = 128, height = 96;
+
+  Picture draw(const DiscScene& scene, unsigned seed) {
+    std::mt19937 rng(seed);
+    std::normal_distribution<double> normal(0, scene.noise);
+    for (auto* plane : {&light_, &blue_, &red_}) plane->resize(width * height);
+    const auto grey = [](double x) { return x <= 0.0031308 ? 12.92 * x : 1.055 * std::pow(x, 1 / 2.4) - 0.055; };
+    for (int v = 0; v < height; ++v) {
+      for (int u = 0; u < width; ++u) {
+        const double cover = u >= scene.pillar_from && scene.pillar_from >= 0 ? 0.0 : covered(scene, u, v);
+        const double room = scene.light * (0.18 + 0.05 * std::sin(0.13 * u) + 0.04 * std::cos(0.21 * v));
+        const double x = (u - scene.centre.x()) / scene.radius_px, y = (v - scene.centre.y()) / scene.radius_px;
+        const double lit = 1 + 0.3 * x - 0.2 * y;  // from one side
+        double rgb[3];
+        const double object[3] = {0.10, 0.45, 0.03}, behind[3] = {1.04 * room, room, 0.92 * room};
+        for (int c = 0; c < 3; ++c)
+          rgb[c] = 255 * grey(std::clamp(cover * lit * object[c] + (1 - cover) * behind[c], 0.0, 1.0));
+        const double luma = 0.299 * rgb[0] + 0.587 * rgb[1] + 0.114 * rgb[2];
+        const auto at = static_cast<std::size_t>(v * width + u);
+        const auto byte = [](double value) {
+          return static_cast<std::uint8_t>(std::clamp(std::lround(value), 0L, 255L));
+        };
+        light_[at] = byte(luma + normal(rng));
+        blue_[at] = byte(128 + 0.564 * (rgb[2] - luma) + normal(rng));
+        red_[at] = byte(128 + 0.713 * (rgb[0] - luma) + normal(rng));
+      }
+    }
+    Picture out;
+    out.width = width, out.height = height;
+    out.light = {light_.data(), width, 1};
+    out.blue = {blue_.data(), width, 1};
+    out.red = {red_.data(), width, 1};
+    return out;
+  }
+
+ private:
+  static double covered(const DiscScene& scene, int u, int v) {
+    if (!scene.has_disc) return 0;
+    constexpr int moments = 9;
+    double sum = 0;
+    for (int m = 0; m < moments; ++m) {
+      const double along = ((m + 0.5) / moments - 0.5) * scene.smear_px;
+      const double off = std::hypot(u - scene.centre.x() - along, v - scene.centre.y()) - scene.radius_px;
+      sum += 0.5 * std::erfc(off / (scene.blur_px * std::sqrt(2.0)));
+    }
+    return sum / moments;
+  }
+
+  std::vector<std::uint8_t> light_, blue_, red_;
+};
+
+}  // namespace huetrack::outline

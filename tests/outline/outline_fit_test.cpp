@@ -1,0 +1,96 @@
+#include "outline/outline_fit.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/LU>
+
+#include <cmath>
+#include <memory>
+
+#include "outline/disc_picture.h"
+
+namespace huetrack::outline {
+namespace {
+
+class OutlineFitTest : public testing::Test {
+ protected:
+  void learn(const DiscScene& scene) {
+    DiscScene empty = scene;
+    empty.has_disc = false;
+    DiscPicture picture;
+    for (unsigned i = 0; i < 60; ++i) background_.learn(picture.draw(empty, i), {{60, 45}, 10}, {0, 0}, nullptr, 0);
+  }
+  // Begun beside the truth.
+  Fit fit(const DiscScene& scene, unsigned seed, const Eigen::Vector2d& beside = {0.5, -0.4},
+          const Eigen::Vector2d& px_per_s = {0, 0}) {
+    DiscPicture picture;
+    const Ellipse start{scene.centre + beside, scene.radius_px * Eigen::Matrix2d::Identity()};
+    return fit_->fit(picture.draw(scene, 1000 + seed), background_, start, {px_per_s, 0}, {}, {.log_size = {0, 0.05}});
+  }
+
+  Background background_{DiscPicture::width, DiscPicture::height};
+  std::unique_ptr<OutlineFit> fit_ = std::make_unique<OutlineFit>();
+};
+
+TEST_F(OutlineFitTest, FindsADiscToHundredthsOfAPixel) {
+  learn({});
+  double sum2 = 0;
+  for (unsigned i = 0; i < 20; ++i) {
+    DiscScene scene;
+    scene.centre += Eigen::Vector2d(0.13 * i, 0.07 * i);
+    const Fit f = fit(scene, i);
+    ASSERT_EQ(f.outcome, FitOutcome::fits);
+    sum2 += (f.centre - scene.centre).squaredNorm() / 2;
+    EXPECT_NEAR(f.log_size.value, 0, 0.02);
+    EXPECT_GT(f.visible, 0.9);
+  }
+  EXPECT_LT(std::sqrt(sum2 / 20), 0.05);
+}
+
+TEST_F(OutlineFitTest, SaysHowSureItIs) {
+  learn({.noise = 4});
+  double nees = 0;
+  for (unsigned i = 0; i < 40; ++i) {
+    DiscScene scene{.noise = 4};
+    scene.centre += Eigen::Vector2d(0.06 * i, 0.03 * i);
+    const Fit f = fit(scene, i);
+    ASSERT_EQ(f.outcome, FitOutcome::fits);
+    const Eigen::Vector2d off = f.centre - scene.centre;
+    nees += off.dot((f.covariance.inverse() * off)) / 40;
+  }
+  EXPECT_GT(nees, 0.7);
+  EXPECT_LT(nees, 5);
+}
+
+TEST_F(OutlineFitTest, OnlyWhatIsVisibleOfTheEdgeCounts) {
+  const DiscScene scene{.pillar_from = 63};
+  learn(scene);
+  for (unsigned i = 0; i < 5; ++i) {
+    const Fit f = fit(scene, i, {0.2, 0.1});
+    ASSERT_EQ(f.outcome, FitOutcome::fits);
+    EXPECT_LT((f.centre - scene.centre).norm(), 0.25);
+    EXPECT_LT(f.visible, 0.85);
+  }
+}
+
+TEST_F(OutlineFitTest, ASmearedOutlineLiesInTheMiddleOfItsWay) {
+  learn({});
+  const DiscScene scene{.smear_px = 5};
+  const Fit f = fit(scene, 1, {0.3, 0.2}, {800, 0});
+  ASSERT_EQ(f.outcome, FitOutcome::fits);
+  EXPECT_LT((f.centre - scene.centre).norm(), 0.12);
+}
+
+TEST_F(OutlineFitTest, WhereNothingIsThereNothingFits) {
+  learn({});
+  EXPECT_NE(fit({.has_disc = false}, 1).outcome, FitOutcome::fits);
+}
+
+TEST_F(OutlineFitTest, RefusesWhatIsTooSmallOrOutside) {
+  learn({});
+  EXPECT_EQ(fit({.radius_px = 0.5}, 1).outcome, FitOutcome::too_small);
+  EXPECT_EQ(fit({.centre = {-500, 40}}, 1).outcome, FitOutcome::too_small);
+}
+
+}  // namespace
+}  // namespace huetrack::outline
