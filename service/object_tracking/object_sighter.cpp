@@ -11,7 +11,8 @@ namespace {
 
 constexpr double least_support = 0.15;  // of a region that counts as the object
 constexpr std::size_t max_candidates = 4;
-constexpr double surely_moved_px = 1;  // by as much a region of some hundred pixels moves and changes visibly
+constexpr double contradicting_px2 = 1;  // doubt of a view, far above what light and a good calibration leave open
+constexpr double surely_moved_px = 1;    // by as much a region of some hundred pixels moves and changes visibly
 
 }  // namespace
 
@@ -50,6 +51,8 @@ bool ObjectSighter::is_repeated(const TargetView& view, std::span<const ColorReg
 void ObjectSighter::sight(const std::vector<TargetView>& views, const ObjectFilter& filter,
                           const ViewAgreement& agreement, std::vector<Sighting>& out) {
   const MotionBelief& belief = filter.belief();
+  bool is_doubted = false;
+  for (std::size_t c = 0; c < last_.size(); ++c) is_doubted = is_doubted || agreement.doubt_px2(c) > contradicting_px2;
   for (const TargetView& view : views) {
     const auto expected = expected_in(view, belief, radius_m_);
     if (!expected) continue;
@@ -81,7 +84,8 @@ void ObjectSighter::sight(const std::vector<TargetView>& views, const ObjectFilt
     }
     if (!chosen) continue;
     last_[static_cast<std::size_t>(view.index)] = {chosen_region, view.frame->captured_at};
-    outlines_.sharpen(view, belief, *expected, s, *chosen);
+    // Views that contradict one another are not made sharper: which of them is wrong, their outlines do not say.
+    if (!is_doubted) outlines_.sharpen(view, belief, *expected, s, *chosen);
     chosen->row = row_of(view, chosen->px.y(), belief);
     out.push_back(*chosen);
   }

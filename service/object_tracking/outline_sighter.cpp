@@ -17,7 +17,7 @@ constexpr double gate = 16;  // chi-square, 2 degrees of freedom, 99.97 %
 constexpr double usual_noise = 1.5;  // of the fit's covariance: neighbouring pixels' noise is not independent
 constexpr double new_px = 0.05, new_share = 0.004, lasting_px = 0.03, lasting_share = 0.005;
 // The less the pixels say, the more of an outline is what is usual of a ball's light.
-constexpr double lasting_of_noise = 1.5;
+constexpr double lasting_of_noise = 1;
 constexpr double same_place_px = 1;  // an outline that has moved less meets the same pixels again
 
 // What a region is worth is in pixel_noise_px; what that has over its default is the rig's.
