@@ -270,6 +270,9 @@ TEST_F(EndToEnd, MistakesAreOneReadableLineAndExitStatusOne) {
       {{"replay", config, recording, "--no-dds", "--tracks", "/no/such/t.csv"}, "cannot write /no/such/t.csv"},
       {{"replay", config, recording, "--no-dds", "--truth", "/no/truth.csv"}, "/no/truth.csv: cannot be read"},
       {{"replay", config, recording, "--no-dds", "--pictures", "/proc/pictures"}, "/proc/pictures"},
+      {{"check", recording + "/rig.yaml"}, "this is a rig, not a configuration"},
+      {{"replay", config, recording + "/rig.yaml", "--no-dds"}, "this is a rig, not a recording"},
+      {{"replay", config, recording + "/cam0.mkv", "--no-dds"}, "cam0.mkv: is a video or a picture, not a recording"},
       {{"replay", config, recording, "--hold"}, "--hold needs control: {allow_teach: true}"},
       {{"replay", config, recording, "--hold", "--no-dds"}, "--hold needs DDS"},
       {{"compare", "/no/t.csv", recording + "/groundtruth.csv"}, "/no/t.csv: cannot be read"},
@@ -288,6 +291,15 @@ TEST_F(EndToEnd, MistakesAreOneReadableLineAndExitStatusOne) {
     EXPECT_EQ(full.status, 1);
     EXPECT_THAT(full.err, HasSubstr("cannot write /dev/full: No space left on device"));
   }
+}
+
+TEST_F(EndToEnd, AWordThatIsNoCommandIsNamed) {
+  const Result daemon = run({HUETRACKD, "rplay", config});
+  EXPECT_NE(daemon.status, 0);
+  EXPECT_EQ(daemon.err, "huetrackd: there is no command rplay (did you mean replay?); huetrackd --help lists them\n");
+  const Result client = run({HUETRACK, "wathc"});
+  EXPECT_NE(client.status, 0);
+  EXPECT_EQ(client.err, "huetrack: there is no command wathc (did you mean watch?); huetrack --help lists them\n");
 }
 
 TEST_F(EndToEnd, WrongUsageIsSaidAndVersionsAreTold) {
