@@ -55,6 +55,7 @@ run_tests "$build" -j2
 if [ "$long" != 0 ]; then
   cmake --preset debug >/dev/null || fail "the debug build could not be configured"
   build_huetrack build/debug "" all || fail "the debug build failed"
+  export LSAN_OPTIONS=suppressions=$PWD/tests/lsan.supp
   # Not those that measure time, or need a browser or a VM: they run whole programs, which are the same as above.
   run_tests build/debug -j2 -E '^(end_to_end\.|browser/|v4l2/|floors/|fences/|format$)'
 fi

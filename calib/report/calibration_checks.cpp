@@ -216,6 +216,13 @@ class Judge {
           "that is more than a camera's own latency: a frame was probably lost or counted twice at the start, or a "
           "picture waited in a buffer; mend the recording (offset_s in recording.yaml), or record it anew");
     }
+    if (evidence_.stamps_s > solver::worst_stamps_of_camera_s) {
+      add(Verdict::usable, "time stamps",
+          fmt::format("the time stamps scatter by {:.0f} ms, as those of a program that fetched pictures do: neither "
+                      "latency nor readout is taken from them",
+                      1000 * evidence_.stamps_s),
+          "");
+    }
     if (evidence_.slow_px > 0) {
       add(fast_share.judge(evidence_.fast_px / evidence_.slow_px), "views of the board in motion",
           fmt::format("corners fit to {:.2f} px where the board moves fast, to {:.2f} px where it moves slowly",

@@ -12,6 +12,7 @@ struct Evidence {
   double slow_px = 0, fast_px = 0;
   std::vector<double> behind;         // per camera: share of its used views that show the board from behind
   std::vector<double> late_s;         // per camera: against the one whose clock is the rig's, as was found; s
+  double stamps_s = 0;                // by how much the time stamps of a board that moves scatter; 0: it does not move
   std::vector<bool> covers_image;     // per camera: its lens model reaches the image's corners
   std::vector<std::string> warnings;  // damaged files
 };

@@ -228,12 +228,13 @@ CalibrationReport report_on(const solver::Extrinsics& result, const ReportInput&
     report.title += (&camera == &report.cameras.front() ? " " : ", ") + camera.name;
   }
   report.lens_reason = refinement_text(result);
+  if (!a.motions.empty()) evidence.stamps_s = a.stamp_sigma_s;
   for (std::size_t c = 0; c < a.cameras.size(); ++c) {
     CameraReport& camera = report.cameras[c];
     if (c < result.lenses.size() && result.lenses[c]) take_lens(camera, *result.lenses[c]);
     camera.cam_from_world = a.cameras[c].cam_from_world;
     camera.centre = calib::inverse(a.cameras[c].cam_from_world).translation;
-    camera.timing = timing_text(a.cameras[c]);
+    camera.timing = timing_text(a, a.cameras[c]);
     evidence.late_s.push_back(a.motions.empty() ? 0 : a.cameras[c].latency.value_s);
   }
   for (int i = 0; i < static_cast<int>(a.cameras.size()); ++i) {

@@ -67,10 +67,10 @@ std::string contradiction_text(const solver::LensContradiction& c, const std::st
                      camera, c.given_px, c.refined_px);
 }
 
-std::string timing_text(const solver::AdjustedCamera& camera) {
+std::string timing_text(const solver::Adjustment& adjustment, const solver::AdjustedCamera& camera) {
   std::vector<std::string> clauses;
   for (const auto& [what, time] : {std::pair("latency", &camera.latency), std::pair("readout", &camera.readout)}) {
-    if (!solver::is_determined(*time)) continue;
+    if (!solver::is_determined(adjustment, *time)) continue;
     clauses.push_back(fmt::format("{} {:.1f} +- {:.1f} ms", what, 1000 * time->value_s, 1000 * time->sigma_s));
   }
   return fmt::to_string(fmt::join(clauses, ", "));

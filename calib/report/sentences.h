@@ -18,6 +18,6 @@ std::string contradiction_text(const solver::LensContradiction& contradiction, c
 std::string dropped_text(const solver::ViewMisfit& misfit);
 
 // "latency 21.3 +- 0.4 ms, readout 28.1 +- 0.8 ms": what views of a board that moved determine; may be empty.
-std::string timing_text(const solver::AdjustedCamera& camera);
+std::string timing_text(const solver::Adjustment& adjustment, const solver::AdjustedCamera& camera);
 
 }  // namespace huetrack::report

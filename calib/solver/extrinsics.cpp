@@ -499,19 +499,20 @@ Adjustment place_boards(const board::Board& board, const calib::CameraRig& rig, 
   return Start(board, cameras, views).placed(cameras);
 }
 
-bool is_determined(const AdjustedTime& time) {
+bool is_determined(const Adjustment& adjustment, const AdjustedTime& time) {
   constexpr double share = 0.1;
+  if (adjustment.stamp_sigma_s > worst_stamps_of_camera_s) return false;
   return time.prior_sigma_s > 0 && time.sigma_s > 0 && time.sigma_s < share * time.prior_sigma_s;
 }
 
 calib::CameraRig rig_of(const Adjustment& adjustment) {
   calib::CameraRig rig;
-  const bool is_timed = std::ranges::any_of(adjustment.cameras,
-                                            [](const AdjustedCamera& camera) { return is_determined(camera.latency); });
+  const bool is_timed = std::ranges::any_of(
+      adjustment.cameras, [&](const AdjustedCamera& camera) { return is_determined(adjustment, camera.latency); });
   for (const AdjustedCamera& camera : adjustment.cameras) {
     calib::CameraTiming timing = camera.timing;
-    const auto take = [](const AdjustedTime& time, std::optional<double>& value, std::optional<double>& sigma) {
-      if (!is_determined(time)) return;
+    const auto take = [&](const AdjustedTime& time, std::optional<double>& value, std::optional<double>& sigma) {
+      if (!is_determined(adjustment, time)) return;
       value = time.value_s;
       sigma = time.sigma_s;
     };

@@ -77,7 +77,11 @@ Adjustment place_boards(const board::Board& board, const calib::CameraRig& camer
 // made_by is empty. Timing is as it was given, but for what views of a board that moved determine better.
 calib::CameraRig rig_of(const Adjustment& adjustment);
 
-// Whether the views told a time: it is known ten times better, at least, than beforehand.
-bool is_determined(const AdjustedTime& time);
+// Stamps that scatter by more than this (Adjustment::stamp_sigma_s) say when a program fetched a picture. Drivers' own
+// are within a millisecond.
+inline constexpr double worst_stamps_of_camera_s = 0.005;
+// Whether the views told a time of a camera's: it is known ten times better, at least, than beforehand, and by stamps
+// that are the camera's.
+bool is_determined(const Adjustment& adjustment, const AdjustedTime& time);
 
 }  // namespace huetrack::solver

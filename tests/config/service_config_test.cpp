@@ -1,5 +1,6 @@
 #include "config/service_config.h"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -325,6 +326,8 @@ INSTANTIATE_TEST_SUITE_P(
                 "c.yaml:6: quorum: is more than there are in cameras (1)"},
         Mistake{"RecordWithoutFolder", ball + "record: {always: true}\n",
                 "c.yaml:4: record: a folder is needed to record to, or to save the pre-roll to"},
+        Mistake{"ToleranceOfCenturies", ball + "frame_sets: {tolerance_s: 1e10}\n",
+                "c.yaml:4: frame_sets.tolerance_s must be from 1e-06 to 10 (is 10000000000)"},
         Mistake{"NoSuchProfile", ball + "dds: {profile: none.xml}\n",
                 "c.yaml:4: dds.profile: there is no file none.xml"}),
     [](const auto& instance) { return std::string(instance.param.name); });
@@ -357,6 +360,17 @@ TEST_F(ServiceConfigFile, AMistakeInTheRigIsNamedInTheRig) {
               HasSubstr("bad_rig.yaml"));
 }
 
+std::string targets_of_one_color(int count) {
+  std::string text = "targets:\n";
+  for (int i = 0; i < count; ++i) text += fmt::format("  t{}: {{color: {{hue_deg: [65, 115]}}}}\n", i);
+  return text;
+}
+
+TEST_F(ServiceConfigFile, MoreTargetsThanCanBeTrackedAreRefused) {
+  EXPECT_EQ(load(head + targets_of_one_color(100)).targets.size(), 100u);
+  EXPECT_THAT(error(head + targets_of_one_color(101)), HasSubstr("targets: are 101, and 100 at most can be tracked"));
+}
+
 TEST_F(ServiceConfigFile, WarnsOfWhatIsProbablyNotMeant) {
   EXPECT_THAT(warnings_of(load(ball)), IsEmpty());
   EXPECT_THAT(warnings_of(load(ball + "record: {folder: recordings}\n")),
@@ -365,6 +379,9 @@ TEST_F(ServiceConfigFile, WarnsOfWhatIsProbablyNotMeant) {
   EXPECT_THAT(
       warnings_of(load(head + "targets: {a: {color: {hue_deg: [350, 20]}}, b: {color: {hue_deg: [10, 40]}}}\n")),
       ElementsAre("targets a and b have overlapping colours in camera cam0 and may be taken for each other"));
+  // Many targets of one colour are one line, not one for each pair.
+  EXPECT_THAT(warnings_of(load(head + targets_of_one_color(40))),
+              ElementsAre(testing::StartsWith("780 pairs of targets have overlapping colours")));
   // Far to the side: cam1 alone sees a part of it.
   const auto far = load(ball + "object_tracking: {volume: {min: [-4, -4, 0], max: [4, 4, 2]}}\n");
   const auto coverage = volume_coverage(far.rig, far.object_tracking.volume);

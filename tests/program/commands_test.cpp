@@ -259,6 +259,22 @@ TEST_F(Calibrate, ATruncatedVideo) {
   EXPECT_THAT(result.out, AllOf(HasSubstr("cam1.mjpeg"), HasSubstr("use an undamaged copy, or record it again")));
 }
 
+// libjpeg makes a picture of it all the same, with grey where data are missing: it is named, not used as if it were
+// whole.
+TEST_F(Calibrate, ADamagedPictureIsNamed) {
+  const auto poses = gather::pictured_poses(16);
+  gather::write_pictures(folder_ / "stills", gather::pictured_rig(), poses);
+  const fs::path whole = folder_ / "stills/cam1" / gather::picture_name(3);
+  std::vector<std::uint8_t> jpeg;
+  cv::imencode(".jpg", cv::imread(whole.string(), cv::IMREAD_GRAYSCALE), jpeg);
+  const std::string name = whole.stem().string() + ".jpg";
+  std::ofstream(whole.parent_path() / name, std::ios::binary)
+      .write(reinterpret_cast<const char*>(jpeg.data()), static_cast<std::streamsize>(jpeg.size() / 2));
+  fs::remove(whole);
+  const Ended result = extrinsics("stills");
+  EXPECT_THAT(result.out + result.err, HasSubstr("cam1/" + name));
+}
+
 TEST_F(Calibrate, ABoardFileWithAnUnknownKey) {
   std::ofstream(path("board.yaml")) << "inner_corners: [7, 5]\nsqare: 0.08\n";
   const Ended result = extrinsics("pictures");

@@ -190,6 +190,8 @@ TEST(MovingBoard, StampsThatTellWhenAPictureWasFetchedAreLearntToBeWrong) {
   EXPECT_NEAR(a.noise_px, 0.1, 0.03);
   EXPECT_LT(volume_error_m(capture, a), 0.0015);
   EXPECT_NEAR(a.stamp_sigma_s, 0.033 / std::sqrt(12.0), 0.004);
+  // Their mean is the program's as much as the cameras'.
+  for (const calib::Camera& camera : rig_of(a).cameras) EXPECT_EQ(camera.timing, calib::CameraTiming{});
 }
 
 TEST(MovingBoard, CamerasInStepStayInStep) {
