@@ -110,6 +110,8 @@ void check_targets(const ServiceConfig& config, const yaml::YamlReader& root) {
       if (const auto problems = range.problems(); !problems.empty()) colors.fail(camera, problems.front());
     }
     if (const auto problems = target.color.problems(); !problems.empty()) yaml.fail("color", problems.front());
+    if (target.count > 1 && config.object_tracking.observation == object_tracking::Observation::paper)
+      yaml.fail("count", "is not for object_tracking.observation: paper, whose filter is of one object");
     if (target.adapts_color && config.object_tracking.observation == object_tracking::Observation::paper)
       yaml.map("color").fail("adapt",
                              "is not for object_tracking.observation: paper, which is the paper's filter alone");

@@ -693,7 +693,10 @@ ServiceConfig read_config(const fs::path& file, const yaml::YamlReader& written,
   take_latencies(config, root);
   if (!config.calibration.room_file.empty())
     config.calibration.room = read_room(config.calibration.room_file, calib::rig_identity(config.rig));
-  for (const auto& target : config.targets) config.dds.publisher.targets.push_back(target.name);
+  for (const auto& target : config.targets) {
+    config.dds.publisher.targets.push_back(target.name);
+    config.dds.publisher.counts.push_back(target.count);
+  }
   for (const auto& camera : config.rig.cameras) config.dds.publisher.cameras.push_back(camera.name);
   config.dds.publisher.tracked_camera = config.camera_tracking.camera;
   check(config, root);

@@ -57,6 +57,29 @@ class ServiceConfigFile : public testing::Test {
 const std::string head = "version: 1\nrig: rig.yaml\n";
 const std::string ball = head + "targets: {ball: {color: {hue_deg: [65, 115]}}}\n";
 
+TEST_F(ServiceConfigFile, ATargetMayBeSeveralObjects) {
+  const auto with = [](const std::string& count) {
+    return head + "targets: {ball: {count: " + count + ", color: {hue_deg: [65, 115]}}}\n";
+  };
+  EXPECT_EQ(load(ball).targets[0].count, 1);
+  EXPECT_EQ(load(with("3")).targets[0].count, 3);
+  EXPECT_FALSE(load(with("3")).targets[0].is_up_to);
+  const ServiceConfig config = load(with("up to 8"));
+  EXPECT_EQ(config.targets[0].count, 8);
+  EXPECT_TRUE(config.targets[0].is_up_to);
+  EXPECT_EQ(load(to_yaml(config)).targets[0].count, 8);
+  EXPECT_TRUE(load(to_yaml(config)).targets[0].is_up_to);
+  EXPECT_THAT(config.dds.publisher.counts, ElementsAre(8));
+  EXPECT_THAT(targets_that_differ(load(ball), config), ElementsAre(0u));
+  for (const std::string wrong : {"0", "-1", "17", "up to 1000", "up to", "many", "2.5", "3 balls"}) {
+    const std::string message = error(with(wrong));
+    EXPECT_THAT(message, HasSubstr("c.yaml:3: targets.ball.count: must be a number from 1 to 16, or \"up to\""));
+    EXPECT_THAT(message, HasSubstr("\"" + wrong + "\""));
+  }
+  EXPECT_THAT(error(with("2") + "object_tracking: {observation: paper}\n"),
+              HasSubstr("c.yaml:3: targets.ball.count: is not for object_tracking.observation: paper"));
+}
+
 TEST_F(ServiceConfigFile, AColourMayAdapt) {
   EXPECT_FALSE(load(ball).targets[0].adapts_color);
   const std::string adapting = head + "targets: {ball: {color: {hue_deg: [65, 115], adapt: true}}}\n";
