@@ -281,6 +281,12 @@ dds::DataWriter& DdsParticipant::create_writer(const std::string& name, dds::Typ
   return *writer;
 }
 
+void DdsParticipant::delete_writer(eprosima::fastdds::dds::DataWriter& writer) {
+  eprosima::fastdds::dds::Topic* const topic = writer.get_topic();
+  publisher_->delete_datawriter(&writer);
+  participant_->delete_topic(topic);  // refused, and rightly, where others still use it
+}
+
 dds::DataReader& DdsParticipant::create_reader(const std::string& name, dds::TypeSupport type, dds::DataReaderQos qos) {
   dds::DataReader* reader = nullptr;
   dds::DataReaderQos profile;

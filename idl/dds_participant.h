@@ -60,6 +60,8 @@ class DdsParticipant {
   eprosima::fastdds::dds::DataWriter& create_writer(const std::string& topic, eprosima::fastdds::dds::TypeSupport type,
                                                     eprosima::fastdds::dds::DataWriterQos qos,
                                                     const std::string& user_data);
+  // Before this goes. Samples that are not acknowledged yet are not waited for.
+  void delete_writer(eprosima::fastdds::dds::DataWriter& writer);
   eprosima::fastdds::dds::DataReader& create_reader(const std::string& topic, eprosima::fastdds::dds::TypeSupport type,
                                                     eprosima::fastdds::dds::DataReaderQos qos);
 

@@ -24,9 +24,10 @@ constexpr auto growing = eprosima::fastrtps::rtps::DYNAMIC_REUSABLE_MEMORY_MODE;
 
 constexpr std::uint32_t KiB = 1024;
 constexpr std::pair<std::string_view, std::uint32_t> largest_samples[] = {
-    {object_position_topic, 16 * KiB}, {camera_pose_topic, 4 * KiB},    {status_topic, 256 * KiB},
-    {camera_times_topic, 64 * KiB},    {scene_topic, 1024 * KiB},       {preview_topic, 2048 * KiB},
-    {camera_map_topic, 128 * KiB},     {teach_request_topic, 64 * KiB}, {teach_reply_topic, 4096 * KiB},
+    {object_position_topic, 16 * KiB}, {camera_pose_topic, 4 * KiB},  {status_topic, 256 * KiB},
+    {camera_times_topic, 64 * KiB},    {object_set_topic, 64 * KiB},  {scene_topic, 1024 * KiB},
+    {preview_topic, 2048 * KiB},       {camera_map_topic, 128 * KiB}, {teach_request_topic, 64 * KiB},
+    {teach_reply_topic, 4096 * KiB},
 };
 constexpr std::size_t longest_user_data = 16 * KiB;  // who a publisher is: some hundred targets
 constexpr int most_instances = 4000;                 // of a reader; one costs some hundred bytes
@@ -77,6 +78,10 @@ constexpr std::uint32_t liveliness_lease_s = 1;
 
 std::string ros2_pose_topic(std::string_view target) {
   return "rt/huetrack/" + std::string(target) + "/pose";
+}
+
+std::string ros2_poses_topic(std::string_view target) {
+  return "rt/huetrack/" + std::string(target) + "/poses";
 }
 
 std::string ros2_image_topic(std::string_view camera) {

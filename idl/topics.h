@@ -21,6 +21,9 @@ inline constexpr const char* status_topic = "huetrack/status";            // hue
 // Native, the type of camera_times.idl.
 inline constexpr const char* camera_times_topic = "huetrack/camera_times";  // huetrack::msg::CameraTimes, keyed
 
+// Native, the type of object_set.idl: of targets that are several objects.
+inline constexpr const char* object_set_topic = "huetrack/object_set";  // huetrack::msg::ObjectSet, keyed
+
 // Native, types of huetrack_view.idl: what a page shows and asks for.
 inline constexpr const char* scene_topic = "huetrack/scene";                  // huetrack::msg::Scene, keyed
 inline constexpr const char* preview_topic = "huetrack/preview";              // huetrack::msg::Preview, keyed
@@ -32,6 +35,7 @@ inline constexpr const char* teach_reply_topic = "huetrack/teach_reply";      //
 inline constexpr const char* ros2_tf_topic = "rt/tf";  // tf2_msgs/msg/TFMessage
 std::string ros2_pose_topic(
     std::string_view target);  // rt/huetrack/<target>/pose: geometry_msgs/msg/PoseWithCovarianceStamped
+std::string ros2_poses_topic(std::string_view target);        // rt/huetrack/<target>/poses: geometry_msgs/msg/PoseArray
 std::string ros2_camera_pose_topic(std::string_view camera);  // rt/huetrack/camera/<camera>/pose: the same type
 
 inline constexpr const char* ros2_tf_static_topic = "rt/tf_static";       // tf2_msgs/msg/TFMessage, transient local
@@ -43,6 +47,8 @@ std::string ros2_camera_info_topic(
 // REP-2011 type hashes, which ROS 2 Iron and later look for in an endpoint's USER_DATA.
 inline constexpr const char* ros2_pose_type_hash =
     "RIHS01_26432f9803e43727d3c8f668d1fdb3c630f548af631e2f4e31382371bfea3b6e";
+inline constexpr const char* ros2_poses_type_hash =
+    "RIHS01_af0cc36d190e104d546d168d6b39df04fa4b4ccecf59cb4c9ed328d3d5004aa0";
 inline constexpr const char* ros2_tf_type_hash =
     "RIHS01_e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087";
 inline constexpr const char* ros2_image_type_hash =
@@ -78,6 +84,7 @@ std::optional<std::uint32_t> largest_sample(std::string_view topic);
 //   object_position  reliable, volatile, keep-last 10; liveliness automatic, lease 1 s, so that the kill -9 of a
 //   service
 //                    is seen within 1.5 s. A reader keeps more, so that a slow terminal loses nothing.
+//   object_set       as object_position
 //   camera_pose      as object_position
 //   status           reliable, transient-local, keep-last 1; heartbeat 200 ms: who comes late has it within that time.
 //   camera_times     as status.

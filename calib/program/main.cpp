@@ -2,6 +2,8 @@
 #include <pthread.h>
 #include <signal.h>
 
+#include <fmt/format.h>
+
 #include <CLI/CLI.hpp>
 #include <cstdio>
 #include <cstdlib>
@@ -11,6 +13,7 @@
 
 #include "calib/program/commands.h"
 #include "calib/yaml/text_file.h"
+#include "calib/yaml/yaml_reader.h"
 
 namespace {
 
@@ -48,6 +51,17 @@ int main(int argc, char** argv) {
   CLI::App app("huetrack-calibrate: calibrates cameras, and says whether to trust the result");
   app.set_version_flag("--version", "huetrack-calibrate " HUETRACK_VERSION);
   app.require_subcommand(1);
+  app.failure_message([](const CLI::App* failed, const CLI::Error& error) {
+    const std::vector<std::string> words = failed->remaining();
+    if (failed->get_parent() == nullptr && !words.empty() && failed->get_subcommands().empty()) {
+      std::vector<std::string> commands;
+      for (const CLI::App* command : failed->get_subcommands({})) commands.push_back(command->get_name());
+      const auto near = yaml::nearest_word(words.front(), commands);
+      return fmt::format("huetrack-calibrate: there is no command {}{}; huetrack-calibrate --help lists them\n",
+                         yaml::printable(words.front()), near ? " (did you mean " + *near + "?)" : "");
+    }
+    return CLI::FailureMessage::simple(failed, error);
+  });
   app.footer("Ends with 0 when the result is usable, 2 when it is doubtful (the report says why), 1 when it failed.");
 
   program::Command chosen;

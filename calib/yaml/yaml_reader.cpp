@@ -104,6 +104,13 @@ std::string described(const Range& range) {
   return text;
 }
 
+std::string in_small_letters(std::string_view word) {
+  std::string out(word);
+  for (char& c : out)
+    if (c >= 'A' && c <= 'Z') c = static_cast<char>(c - 'A' + 'a');
+  return out;
+}
+
 // Optimal string alignment: insertions, deletions, replacements and swaps of neighbours, each at cost 1.
 std::size_t edit_distance(std::string_view a, std::string_view b) {
   std::vector<std::size_t> before(b.size() + 1), previous(b.size() + 1), current(b.size() + 1);
@@ -169,17 +176,25 @@ YAML::Node parse(const std::string& yaml, const std::string& name) {
 ConfigError::ConfigError(const std::filesystem::path& file, int line, const std::string& message)
     : std::runtime_error(error_text(file, line, message)), file_(file), line_(line) {}
 
-std::optional<std::string> nearest_word(std::string_view word, std::span<const std::string> words) {
+std::optional<std::string> nearest_word(std::string_view given, std::span<const std::string> words) {
+  const std::string word = in_small_letters(given);
   std::optional<std::string> nearest;
   std::size_t smallest = word.size() / 3 + 1;  // one slip in three letters is a misspelling, more is another word
   for (const std::string& candidate : words) {
     if (candidate.size() > 2 * word.size() + 2 || word.size() > 2 * candidate.size() + 2) continue;
-    if (const std::size_t distance = edit_distance(word, candidate); distance < smallest) {
+    if (const std::size_t distance = edit_distance(word, in_small_letters(candidate)); distance < smallest) {
       smallest = distance;
       nearest = candidate;
     }
   }
-  return nearest;
+  if (nearest) return nearest;
+  // Half of a name that has parts ("hue" of hue_deg) is a slip, too.
+  const auto begins = [](std::string_view whole, std::string_view part) {
+    return part.size() >= 3 && whole.size() > part.size() && whole.starts_with(part) && whole[part.size()] == '_';
+  };
+  const auto half = std::ranges::find_if(
+      words, [&](const std::string& candidate) { return begins(candidate, word) || begins(word, candidate); });
+  return half == words.end() ? std::nullopt : std::optional(*half);
 }
 
 struct YamlReader::Node {
@@ -208,6 +223,9 @@ struct YamlReader::Node {
   int line;
   std::vector<Entry> entries;
   std::vector<std::string> asked;
+  // Of a mapping that is not there, and was read as an empty one: where it would be, and its key.
+  std::shared_ptr<Node> absent_from = nullptr;
+  std::string absent_key = {};
 
   // Takes a YAML mapping apart. Only one level: aliases may make the tree below exponentially large, or a circle.
   Node(std::filesystem::path file_name, std::string key_path, int line_number, const YAML::Node& yaml)
@@ -265,16 +283,23 @@ struct YamlReader::Node {
 
   const Entry& required(std::string_view key) {
     if (const Entry* entry = find(key)) return *entry;
-    std::string hint;
+    if (absent_from != nullptr) {
+      if (const std::string hint = absent_from->misspelt(absent_key); !hint.empty())
+        throw ConfigError(file, line, path + " is missing" + hint);
+    }
+    throw ConfigError(file, line, child(key) + " is missing" + misspelt(key));
+  }
+
+  // " (is colour in line 3 a misspelling of it?)"; empty: nothing that nobody has asked for looks like the key.
+  std::string misspelt(std::string_view key) const {
     std::vector<std::string> not_asked;
     for (const Entry& entry : entries) {
       if (std::ranges::find(asked, entry.key) == asked.end()) not_asked.push_back(entry.key);
     }
-    if (const auto near = nearest_word(key, not_asked)) {
-      const auto entry = std::ranges::find(entries, *near, &Entry::key);
-      hint = " (is " + *near + " in line " + std::to_string(entry->line) + " a misspelling of it?)";
-    }
-    throw ConfigError(file, line, child(key) + " is missing" + hint);
+    const auto near = nearest_word(key, not_asked);
+    if (!near) return {};
+    const auto entry = std::ranges::find(entries, *near, &Entry::key);
+    return " (is " + *near + " in line " + std::to_string(entry->line) + " a misspelling of it?)";
   }
 
   [[noreturn]] void fail(const Entry& entry, const std::string& message, const std::string& index = "") const {
@@ -488,7 +513,10 @@ std::optional<YamlReader> YamlReader::optional_map(std::string_view key) const {
 YamlReader YamlReader::map_or_empty(std::string_view key) const {
   if (has(key)) return map(key);
   const YAML::Node nothing(YAML::NodeType::Map);
-  return YamlReader(std::make_shared<Node>(node_->file, node_->child(key), node_->line, nothing));
+  auto absent = std::make_shared<Node>(node_->file, node_->child(key), node_->line, nothing);
+  absent->absent_from = node_;
+  absent->absent_key = key;
+  return YamlReader(std::move(absent));
 }
 
 std::vector<YamlReader> YamlReader::maps(std::string_view key) const {

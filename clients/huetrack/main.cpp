@@ -1,4 +1,6 @@
 // huetrack: the command-line client. It sees only what any DDS program can see.
+#include <fmt/format.h>
+
 #include <CLI/CLI.hpp>
 #include <cstdio>
 #include <exception>
@@ -6,6 +8,7 @@
 #include <string>
 
 #include "calib/yaml/text_file.h"
+#include "calib/yaml/yaml_reader.h"
 #include "clients/live_view/view.h"
 #include "clients/plot/plot.h"
 #include "commands.h"
@@ -14,7 +17,19 @@ int main(int argc, char** argv) {
   using namespace huetrack::client;
   end_on_signals();  // first of all: whoever ends it early is answered, too
   CLI::App app("huetrack: what a running huetrackd says over DDS, as text, files and a live page");
+  app.set_version_flag("--version", "huetrack " HUETRACK_VERSION);
   app.require_subcommand(1);
+  app.failure_message([](const CLI::App* failed, const CLI::Error& error) {
+    const std::vector<std::string> words = failed->remaining();
+    if (failed->get_parent() == nullptr && !words.empty() && failed->get_subcommands().empty()) {
+      std::vector<std::string> commands;
+      for (const CLI::App* command : failed->get_subcommands({})) commands.push_back(command->get_name());
+      const auto near = huetrack::yaml::nearest_word(words.front(), commands);
+      return fmt::format("huetrack: there is no command {}{}; huetrack --help lists them\n",
+                         huetrack::yaml::printable(words.front()), near ? " (did you mean " + *near + "?)" : "");
+    }
+    return CLI::FailureMessage::simple(failed, error);
+  });
   WatchOptions options;
   options.participant.name = "huetrack";
 
@@ -70,7 +85,7 @@ int main(int argc, char** argv) {
   huetrack::plot::PlotOptions plot;
   CLI::App* plot_command = app.add_subcommand("plot", "draw a track CSV: the track, its states, its uncertainty");
   plot_command->add_option("tracks", plot.tracks, "CSV of `huetrackd replay --tracks` or `huetrack log`")->required();
-  plot_command->add_option("--truth", plot.truth, "CSV with columns ball, t, x, y, z");
+  plot_command->add_option("--truth", plot.truth, "CSV with columns ball or target, t, x, y, z");
   plot_command->add_option("--clock-offset", plot.clock_offset_s,
                            "seconds that the tracks' clock is ahead of the truth's");
   plot_command->add_option("--out", plot.out, "FILE.png, FILE.svg or FILE.html (one file that needs no other)")

@@ -65,13 +65,21 @@ void EventHub::put(std::string event, const std::string* key, const std::string&
   if (listener_) listener_();
 }
 
-Text EventHub::next(std::uint64_t& cursor, const std::string& page) const {
+Text EventHub::next(std::uint64_t& cursor, const EventReader& reader) const {
+  const std::string wanted = reader.only.empty() ? "" : "event: " + reader.only + "\n";
   const std::scoped_lock lock(mutex_);
   for (auto it = entries_.upper_bound(cursor); it != entries_.end(); ++it) {
     cursor = it->first;
-    if (it->second.audience.empty() || it->second.audience == page) return it->second.text;
+    const Entry& entry = it->second;
+    const bool is_wanted = entry.text->starts_with(wanted) || entry.text->starts_with("event: pulse\n");
+    if (is_wanted && (entry.audience.empty() || entry.audience == reader.page)) return entry.text;
   }
   return nullptr;
+}
+
+std::uint64_t EventHub::last() const {
+  const std::scoped_lock lock(mutex_);
+  return last_;
 }
 
 void EventHub::on_news(std::function<void()> listener) {

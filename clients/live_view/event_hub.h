@@ -18,6 +18,13 @@ using Text = std::shared_ptr<const std::string>;
 // As a server-sent event.
 std::string to_event(const std::string& name, const std::string& json);
 
+// Who reads: a page, or a program that asked for one kind of events.
+struct EventReader {
+  std::string page = {};  // what is for one page is for this one; empty: for none
+  // The name of the events that it wants, beside the pulse, by which both sides know of each other; empty: all.
+  std::string only = {};
+};
+
 // thread-safe.
 class EventHub {
  public:
@@ -37,8 +44,9 @@ class EventHub {
   void append(std::string event);  // every one counts, as long as it is kept
   void forget_appended();
 
-  // What comes after `cursor` (0: the beginning) for a page of this name, and moves it there; nullptr: nothing yet.
-  Text next(std::uint64_t& cursor, const std::string& page = "") const;
+  // What comes after `cursor` (0: the beginning) for this reader, and moves it there; nullptr: nothing yet.
+  Text next(std::uint64_t& cursor, const EventReader& reader = {}) const;
+  std::uint64_t last() const;  // a cursor after which nothing is yet
 
   // Called after every change, under the hub's lock: must be quick, and must not call the hub. One listener.
   void on_news(std::function<void()> listener);

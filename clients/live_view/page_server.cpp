@@ -159,7 +159,7 @@ struct PageServer::Impl {
   struct Stream {
     Impl* server;
     MHD_Connection* connection;
-    std::string page;  // the name that it gave itself, as its requests do; may be empty
+    EventReader reader;  // page: the name that it gave itself, as its requests do
     std::uint64_t cursor = 0;
     Text text = nullptr;      // being sent
     std::size_t sent = 0;     // of it
@@ -235,7 +235,7 @@ struct PageServer::Impl {
     std::size_t filled = 0;
     while (filled < size) {
       if (!stream->text || stream->sent == stream->text->size()) {
-        stream->text = self.hub.next(stream->cursor, stream->page);
+        stream->text = self.hub.next(stream->cursor, stream->reader);
         stream->sent = 0;
         if (!stream->text) break;
       }
@@ -258,7 +258,7 @@ struct PageServer::Impl {
     auto* stream = static_cast<Stream*>(closure);
     Impl& self = *stream->server;
     self.hub.if_nothing_after(~std::uint64_t{0}, [&] { self.waiting.erase(stream); });
-    --self.pages;
+    --(stream->reader.only.empty() ? self.pages : self.listeners);
     delete stream;  // made in answer(), owned by MHD's response since
   }
 
@@ -315,18 +315,22 @@ struct PageServer::Impl {
            (in_cookie != nullptr && equal_in_constant_time(in_cookie, options.token));
   }
 
-  MHD_Result stream(MHD_Connection* connection) {
-    if (pages >= options.most_pages)
+  // only: the events of this name, and those alone that come from now on; empty: all that a page is told.
+  MHD_Result stream(MHD_Connection* connection, const std::string& only = "") {
+    if (pages + listeners >= options.most_pages)
       return refuse(connection, MHD_HTTP_SERVICE_UNAVAILABLE, "Too many pages are open.");
     const char* const page = MHD_lookup_connection_value(connection, MHD_GET_ARGUMENT_KIND, "client");
-    auto* const stream = new Stream{.server = this, .connection = connection, .page = page != nullptr ? page : ""};
+    auto* const stream = new Stream{.server = this,
+                                    .connection = connection,
+                                    .reader = {.page = page != nullptr ? page : "", .only = only},
+                                    .cursor = only.empty() ? 0 : hub.last()};
     MHD_Response* response = MHD_create_response_from_callback(MHD_SIZE_UNKNOWN, stream_block, &Impl::read_stream,
                                                                stream, &Impl::end_stream);
     if (response == nullptr) {
       delete stream;
       return MHD_NO;
     }
-    ++pages;
+    ++(only.empty() ? pages : listeners);
     MHD_add_response_header(response, "Content-Type", "text/event-stream");
     add_safety(response);
     const MHD_Result result = MHD_queue_response(connection, MHD_HTTP_OK, response);
@@ -339,6 +343,8 @@ struct PageServer::Impl {
       return refuse(connection, MHD_HTTP_FORBIDDEN,
                     "A token is needed: open the address that `huetrack view` printed.");
     if (path == "/api/events") return stream(connection);
+    if (path == "/api/v1/positions") return stream(connection, "position");
+    if (path == "/api/v1/camera_poses") return stream(connection, "camera_pose");
     // The token moves from the address into a cookie, so that it stays out of histories and links.
     if (path == "/" && !options.token.empty() &&
         MHD_lookup_connection_value(connection, MHD_GET_ARGUMENT_KIND, "token") != nullptr)
@@ -420,7 +426,8 @@ struct PageServer::Impl {
   std::jthread doorman;
   std::atomic<bool> ends = false;
   std::atomic<int> pages = 0;
-  std::set<Stream*> waiting;  // guarded by the hub's lock
+  std::atomic<int> listeners = 0;  // programs that read positions or poses
+  std::set<Stream*> waiting;       // guarded by the hub's lock
   MHD_Daemon* daemon = nullptr;
   int port = 0;
   std::string cookie_name;
@@ -436,6 +443,10 @@ int PageServer::port() const {
 
 int PageServer::pages() const {
   return impl_->pages;
+}
+
+int PageServer::listeners() const {
+  return impl_->listeners;
 }
 
 }  // namespace huetrack::live_view

@@ -25,7 +25,7 @@ struct PageServerOptions {
   // So many connections may be without a request at once. Then the one that has waited longest is closed: whoever opens
   // many takes the room from himself, and a request that is on its way takes milliseconds.
   int most_silent = 512;
-  int most_pages = 400;  // streams; the next is refused
+  int most_pages = 400;  // streams, those of programs too; the next is refused
 };
 
 // thread-safe.
@@ -42,7 +42,8 @@ class PageServer {
   PageServer& operator=(const PageServer&) = delete;
 
   int port() const;
-  int pages() const;  // streams that are open
+  int pages() const;      // streams of pages that are open
+  int listeners() const;  // and of programs that read positions or poses (/api/v1)
 
   struct Impl;
 

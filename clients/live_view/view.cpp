@@ -40,7 +40,7 @@ int view(ViewOptions options, const std::function<bool()>& ended) {
   while (!ended()) {
     const int pages = server.pages();
     bus.poll(pages);
-    std::this_thread::sleep_for(pages > 0 ? 10ms : 50ms);
+    std::this_thread::sleep_for(server.listeners() > 0 ? 2ms : pages > 0 ? 10ms : 50ms);
   }
   return 0;
 }

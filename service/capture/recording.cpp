@@ -1,8 +1,10 @@
 #include "capture/recording.h"
 
 #include <algorithm>
+#include <array>
 #include <charconv>
 #include <cmath>
+#include <fstream>
 #include <string_view>
 
 #include "calib/yaml/csv_table.h"
@@ -98,6 +100,24 @@ class TimestampFile {
 
 }  // namespace
 
+namespace {
+
+// By what such files begin with: Matroska and WebM, AVI, MP4 and MOV, JPEG, PNG.
+void refuse_videos(const std::filesystem::path& file) {
+  std::ifstream stream(file, std::ios::binary);
+  std::array<char, 12> bytes{};
+  if (!stream.read(bytes.data(), bytes.size())) return;  // the reader of the file says what is wrong with it
+  const std::string_view head(bytes.data(), bytes.size());
+  if (!head.starts_with("\x1a\x45\xdf\xa3") && !head.starts_with("RIFF") && head.substr(4, 4) != "ftyp" &&
+      !head.starts_with("\xff\xd8\xff") && !head.starts_with("\x89PNG"))
+    return;
+  throw yaml::ConfigError(file, 0,
+                          "is a video or a picture, not a recording: that is a recording.yaml, which names the frames "
+                          "of every camera: version: 1, cameras: {left: {frames: a.mp4, fps: 30}, right: ...}");
+}
+
+}  // namespace
+
 Recording read_recording(const std::filesystem::path& path) {
   const auto absolute = std::filesystem::absolute(path);
   std::error_code unreadable;  // which the reader says then, with the file's name
@@ -108,6 +128,7 @@ Recording read_recording(const std::filesystem::path& path) {
       .started_at = {}};
   recording.file = recording.file.lexically_normal();
   const auto folder = recording.file.parent_path();
+  refuse_videos(recording.file);
   const auto yaml = yaml::YamlReader::file(recording.file);
   if (const auto version = yaml.integer("version", yaml::any_number); version != 1)
     yaml.fail("version", "is " + std::to_string(version) + ", but this program reads version 1");
@@ -116,6 +137,10 @@ Recording read_recording(const std::filesystem::path& path) {
   for (const auto& [name, entry] : yaml.named_maps("cameras")) {
     RecordedCamera camera;
     camera.name = name;
+    if (entry.has("intrinsics"))
+      yaml.fail("",
+                "this is a rig, not a recording: a recording is a folder with a recording.yaml, which names each "
+                "camera's frames");
     camera.frames = (folder / entry.string("frames")).lexically_normal();
     if (entry.has("fps")) camera.fps = entry.number("fps", {.min = 1e-3, .max = 1e6});
     camera.offset = exact_duration_of(entry.number("offset_s", {.min = -longest_s, .max = longest_s}, 0));

@@ -110,6 +110,8 @@ void check_targets(const ServiceConfig& config, const yaml::YamlReader& root) {
       if (const auto problems = range.problems(); !problems.empty()) colors.fail(camera, problems.front());
     }
     if (const auto problems = target.color.problems(); !problems.empty()) yaml.fail("color", problems.front());
+    if (target.count > 1 && config.object_tracking.observation == object_tracking::Observation::paper)
+      yaml.fail("count", "is not for object_tracking.observation: paper, whose filter is of one object");
     if (target.adapts_color && config.object_tracking.observation == object_tracking::Observation::paper)
       yaml.map("color").fail("adapt",
                              "is not for object_tracking.observation: paper, which is the paper's filter alone");
@@ -188,9 +190,24 @@ std::vector<std::string> warnings_of(const ServiceConfig& config) {
       warnings.push_back("camera " + config.rig.cameras[c].name + " sees nothing of the volume");
   }
   if (coverage.by_two < 0.5) {
-    warnings.push_back(
-        fmt::format("only {} % of the volume is seen by two or more cameras: a target's depth is not fixed in the rest",
-                    std::lround(100 * coverage.by_two)));
+    constexpr double hall_m = 200;  // longer than any that cameras are put up in
+    const object_tracking::Box& volume = config.object_tracking.volume;
+    const double longest_m = (volume.max - volume.min).maxCoeff();
+    warnings.push_back(fmt::format(
+        "only {} % of the volume is seen by two or more cameras: a target's depth is not fixed in the rest{}",
+        std::lround(100 * coverage.by_two),
+        longest_m > hall_m ? fmt::format("; it is {:g} m long, and metres are the unit", longest_m) : ""));
+  }
+  for (const auto& target : config.targets) {
+    const object_tracking::HsiRange& c = target.color;
+    const double width_deg = c.hue_max_deg - c.hue_min_deg;
+    // No paint is so many colours; a range that was written the wrong way round is.
+    constexpr double widest_paint_deg = 180;
+    if (width_deg < 0 && width_deg + 360 > widest_paint_deg)
+      warnings.push_back(
+          fmt::format("target {}: its hue runs from {:g} through red to {:g}, {:g} degrees in all; were "
+                      "[{:g}, {:g}] meant?",
+                      target.name, c.hue_min_deg, c.hue_max_deg, width_deg + 360, c.hue_max_deg, c.hue_min_deg));
   }
   std::vector<std::string> pairs;
   for (std::size_t a = 0; a < config.targets.size(); ++a) {

@@ -322,8 +322,8 @@ class Reader {
   void size_or(std::string_view key, std::string_view word, std::optional<calib::ImageSize>& value, std::string_view) {
     if (!yaml_.has(key)) return;
     if (!yaml_.is_list(key)) {
-      const std::string_view only[] = {word};
-      yaml_.choice(key, only);
+      if (const std::string text = yaml_.string(key); text != word)
+        yaml_.fail(key, fmt::format("must be two numbers, as [640, 480], or the word {}, got \"{}\"", word, text));
       return;
     }
     const auto sides = yaml_.numbers(key, 2, 2, yaml::Range{.min = 1, .max = 65535});
@@ -700,7 +700,10 @@ ServiceConfig read_config(const fs::path& file, const yaml::YamlReader& written,
   take_latencies(config, root);
   if (!config.calibration.room_file.empty())
     config.calibration.room = read_room(config.calibration.room_file, calib::rig_identity(config.rig));
-  for (const auto& target : config.targets) config.dds.publisher.targets.push_back(target.name);
+  for (const auto& target : config.targets) {
+    config.dds.publisher.targets.push_back(target.name);
+    config.dds.publisher.counts.push_back(target.count);
+  }
   for (const auto& camera : config.rig.cameras) config.dds.publisher.cameras.push_back(camera.name);
   config.dds.publisher.tracked_camera = config.camera_tracking.camera;
   check(config, root);
@@ -736,8 +739,26 @@ std::vector<capture::FrameTiming> frame_timing(const calib::CameraRig& rig) {
   return out;
 }
 
+namespace {
+
+// A rig or a recording has `cameras`, too, and is easily given for the configuration that names them.
+void refuse_other_files(const yaml::YamlReader& written) {
+  if (written.has("rig") || !written.has("cameras")) return;
+  for (const auto& [name, camera] : written.named_maps("cameras")) {
+    if (camera.has("intrinsics"))
+      written.fail("", "this is a rig, not a configuration: the configuration names it (rig: " +
+                           written.path().filename().string() +
+                           ") and the targets; configs/huetrackd.yaml has every key");
+    if (camera.has("frames"))
+      written.fail("", "this is a recording, not a configuration: huetrackd replay CONFIGURATION RECORDING");
+  }
+}
+
+}  // namespace
+
 ServiceConfig load_service_config(const fs::path& file) {
   const yaml::YamlReader written = yaml::YamlReader::file(file);
+  refuse_other_files(written);
   const fs::path beside = taught_file(file);
   if (!fs::exists(beside)) return read_config(file, written, std::nullopt);
   return read_config(file, written, yaml::YamlReader::file(beside));

@@ -87,7 +87,7 @@ void add_replay_command(CLI::App& app, Command& chosen) {
                       "draw every view of every frame set, and the track, into this folder");
   command->add_option("--pictures-every", replay_options.pictures_every, "only every so many-th frame set")
       ->check(CLI::Range(1, 1'000'000));
-  command->add_option("--truth", replay_options.truth, "compare with this CSV file (columns ball, t, x, y, z)");
+  command->add_option("--truth", replay_options.truth, "compare with this CSV file (columns ball or target, t, x, y, z)");
   command->add_option("--write-rig", replay_options.write_rig, write_rig_help);
   const std::map<std::string, ReplayStamps> stamps{{"now", ReplayStamps::now}, {"recording", ReplayStamps::recording}};
   command
@@ -191,7 +191,7 @@ void add_compare_command(CLI::App& app, Command& chosen) {
   const auto options = std::make_shared<Options>();
   CLI::App* command = app.add_subcommand("compare", "hold a track CSV (of replay or of huetrack watch) to the truth");
   command->add_option("tracks", options->tracks, "CSV of tracks")->required();
-  command->add_option("truth", options->truth, "CSV with columns ball, t, x, y, z")->required();
+  command->add_option("truth", options->truth, "CSV with columns ball or target, t, x, y, z")->required();
   command->add_option("--clock-offset", options->clock_offset_s,
                       "seconds that the tracks' clock is ahead of the truth's");
   command->callback([options, &chosen] {

@@ -13,7 +13,12 @@ void RoadMeter::on_frame(const capture::Frame& frame, capture::Timestamp receive
 
 void RoadMeter::on_set(const pipeline::TrackedSet& set) {
   if (set.estimates.empty()) return;
+  // Of several objects of a target, one that is tracked.
+  const object_tracking::ObjectEstimate* before = nullptr;
   for (const auto& estimate : set.estimates) {
+    const bool is_first = before == nullptr || before->target != estimate.target;
+    before = &estimate;
+    if (!is_first && estimate.state != object_tracking::TrackState::tracking) continue;
     targets_[estimate.target].state = estimate.state;
     targets_[estimate.target].effective_sample_size = estimate.effective_sample_size;
     targets_[estimate.target].particles = estimate.particle_count;

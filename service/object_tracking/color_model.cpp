@@ -1,5 +1,7 @@
 #include "object_tracking/color_model.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <numbers>
@@ -165,7 +167,10 @@ std::vector<std::string> HsiRange::problems() const {
   if (!inside(hue_min_deg, 0, 360) || !inside(hue_max_deg, 0, 360))
     out.emplace_back("hue must lie in 0..360 degrees");
   else if (!whole_circle(*this) && hue_width_deg(*this) > 300)
-    out.emplace_back("hue must be a range of at most 300 degrees, or 0..360 for any hue");
+    out.push_back(
+        fmt::format("hue must be a range of at most 300 degrees, or 0..360 for any hue; from {:g} on to {:g} "
+                    "are {:g} (were [{:g}, {:g}] meant?)",
+                    hue_min_deg, hue_max_deg, hue_width_deg(*this), hue_max_deg, hue_min_deg));
   if (!inside(saturation_min, 0, 1) || !inside(saturation_max, 0, 1) || saturation_min > saturation_max)
     out.emplace_back("saturation must be a range min <= max within 0..1");
   if (!inside(intensity_min, 0, 1) || !inside(intensity_max, 0, 1) || intensity_min > intensity_max)

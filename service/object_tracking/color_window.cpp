@@ -58,6 +58,35 @@ void MatchBits::ignore(const std::vector<PixelBox>& boxes) {
       }
     }
   }
+  in_boxes_ = ignored_;
+}
+
+void MatchBits::leave_out(std::size_t tile, std::uint64_t pixels) {
+  if (ignored_.empty()) ignored_.assign(tile_frame_.size(), 0);
+  ignored_[tile] |= pixels;
+}
+
+void MatchBits::leave_out_nothing() {
+  ignored_ = in_boxes_;
+}
+
+std::uint64_t MatchBits::tile_with_left_out(TileAt tile) const {
+  const int u = tile.pixel_u(), v = tile.pixel_v();
+  if (u < 0 || v < 0 || u >= width_ || v >= height_) return 0;
+  std::uint64_t bits = 0;
+  if (is_inside(tile))
+    kernels_.classify(image_, *table_, &tile, 1, &bits);
+  else
+    bits = classify_edge(u, v);
+  return in_boxes_.empty() ? bits : bits & ~in_boxes_[static_cast<std::size_t>(tile.v * tile_stride_ + tile.u)];
+}
+
+void MatchBits::grid(int step, std::vector<PixelAt>& hits) const {
+  scan_grid(step, ignored_, hits);
+}
+
+void MatchBits::grid_with_left_out(int step, std::vector<PixelAt>& hits) const {
+  scan_grid(step, in_boxes_, hits);
 }
 
 void MatchBits::look_at(const capture::Image& image, const ColorTable& table) {
@@ -252,7 +281,7 @@ void MatchBits::look(const PixelBox& box) {
   fill({unknown_.data(), n});
 }
 
-void MatchBits::grid(int step, std::vector<PixelAt>& hits) const {
+void MatchBits::scan_grid(int step, const std::vector<std::uint64_t>& ignored, std::vector<PixelAt>& hits) const {
   hits.clear();
   const capture::Image& image = image_;
   const auto scan = [&](auto matches_at) {
@@ -261,10 +290,10 @@ void MatchBits::grid(int step, std::vector<PixelAt>& hits) const {
         if (matches_at(u, v)) hits.push_back({u, v});
       }
     }
-    if (ignored_.empty()) return;
+    if (ignored.empty()) return;
     std::erase_if(hits, [&](const PixelAt& p) {
       const int tile = (p.v / tile_size + 1) * tile_stride_ + p.u / tile_size + 1;
-      return (ignored_[static_cast<std::size_t>(tile)] >> (tile_size * (p.v % tile_size) + p.u % tile_size) & 1) != 0;
+      return (ignored[static_cast<std::size_t>(tile)] >> (tile_size * (p.v % tile_size) + p.u % tile_size) & 1) != 0;
     });
   };
   const auto byte = [&image](int plane, int r, int offset) {

@@ -38,6 +38,14 @@ class MatchBits {
   // Pixels in these boxes (which may reach beyond the image) match nothing from the next frame on.
   void ignore(const std::vector<PixelBox>& boxes);
 
+  // Beside those boxes, until it is said anew: pixels of a tile (counted row by row, tile_stride() a row, margin
+  // included; bit 8 r + c) that match nothing in what is classified from now on.
+  void leave_out(std::size_t tile, std::uint64_t pixels);
+  void leave_out_nothing();
+  // What would match but for that, with the boxes left out: of one tile, and of a grid of pixels as grid() has it.
+  std::uint64_t tile_with_left_out(TileAt tile) const;
+  void grid_with_left_out(int step, std::vector<PixelAt>& hits) const;
+
   // The next frame. The image must have the size that the constructor was given, and `table` must be for its format;
   // both must live until the next call. Forgets everything that was known of the frame before.
   void look_at(const capture::Image& image, const ColorTable& table);
@@ -60,6 +68,8 @@ class MatchBits {
 
   int width() const { return width_; }
   int height() const { return height_; }
+  int tile_stride() const { return tile_stride_; }
+  int tile_rows() const { return tile_rows_; }
   std::uint64_t tiles_looked_at() const { return tiles_looked_at_; }  // since the start: the honest cost of it all
 
  private:
@@ -102,7 +112,10 @@ class MatchBits {
   const ColorTable* table_ = nullptr;
   std::vector<std::uint32_t> tile_frame_;  // that the tile was classified for
   std::vector<std::uint8_t> bands_;
-  std::vector<std::uint64_t> ignored_;  // per tile, bits that never match; empty: none
+  void scan_grid(int step, const std::vector<std::uint64_t>& ignored, std::vector<PixelAt>& hits) const;
+
+  std::vector<std::uint64_t> ignored_;   // per tile, bits that never match; empty: none
+  std::vector<std::uint64_t> in_boxes_;  // of them, those that are in boxes
   // Per cell of 4x4 pixels: whether a window begins in it; all 0 between calls, but for cell 0.
   std::vector<std::uint8_t> mark_;
   std::vector<std::int32_t> where_;  // work space of count_5x5

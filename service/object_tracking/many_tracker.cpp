@@ -44,7 +44,7 @@ ManyTracker::ManyTracker(const calib::CameraRig& rig, const TargetOptions& targe
       sharing_(options.pixel_noise_px),
       agreement_(rig.cameras.size(), target.radius_m, options),
       births_(target, options, around(options.volume)),
-      color_meter_(rig.cameras.size()),
+      still_color_(rig.cameras.size(), target.count),
       search_log_(rig.cameras.size()),
       times_(rig, target.radius_m, options, particle_filter::Rng(options.seed, stream)),
       finders_(rig.cameras.size()),
@@ -54,13 +54,15 @@ ManyTracker::ManyTracker(const calib::CameraRig& rig, const TargetOptions& targe
   for (const calib::Camera& camera : rig.cameras)
     size_in_view_.push_back(size_in(camera, options.volume, target.radius_m));
   for (std::size_t c = 0; c < rig.cameras.size(); ++c)
-    color_meter_.set_largest(c, std::sqrt(target.count) * size_in_view_[c].largest_px, rig.cameras[c].image_size);
+    still_color_.set_sizes(c, size_in_view_[c].smallest_px, size_in_view_[c].largest_px, rig.cameras[c].image_size);
 }
 
 void ManyTracker::update(const capture::FrameSet& set, std::vector<ObjectEstimate>& out) {
   const std::vector<TargetView>& views = views_.look_at(set);
   seen_regions_.clear();
-  color_meter_.look(views, set.at);
+  std::vector<Sighting> tracked;  // in the last set
+  for (const auto& object : objects_) tracked.insert(tracked.end(), object->sightings.begin(), object->sightings.end());
+  still_color_.look(views, tracked, set.at);
   sets_apart_ += is_apart(views) ? 1 : 0;
   if (set.at < last_at_) forget_all();  // the clock was put back: what was known is of another time
   expect(views);
@@ -299,6 +301,7 @@ void ManyTracker::trust(std::span<const CameraTrust> cameras) {
     object->rig_error.leave_out_poses(posed_anew);
   }
   agreement_.trust(moved, cameras);
+  for (const std::size_t c : moved) still_color_.forget(c);
   if (!moved.empty()) births_.forget();
 }
 

@@ -16,7 +16,6 @@
 #include <span>
 #include <vector>
 
-#include "object_tracking/color_meter.h"
 #include "object_tracking/color_region.h"
 #include "object_tracking/expected_view.h"
 #include "object_tracking/object_births.h"
@@ -28,6 +27,7 @@
 #include "object_tracking/rig_error.h"
 #include "object_tracking/search_findings.h"
 #include "object_tracking/seen_regions.h"
+#include "object_tracking/still_color.h"
 #include "object_tracking/target_views.h"
 #include "object_tracking/view_agreement.h"
 
@@ -45,7 +45,7 @@ class ManyTracker {
   TargetViews& views() { return views_; }
   PositionParticles particles() const;  // of all objects
   std::span<const SeenRegion> regions() const { return seen_regions_.all(); }
-  const std::vector<ColorShare>& color_shares() const { return color_meter_.shares(); }
+  const std::vector<ColorShare>& color_shares() const { return still_color_.shares(); }
   SearchFindings search_findings() const { return search_log_.findings(); }
 
  private:
@@ -87,7 +87,7 @@ class ManyTracker {
   RegionSharing sharing_;
   ViewAgreement agreement_;
   ObjectBirths births_;
-  ColorMeter color_meter_;
+  StillColor still_color_;
   SearchLog search_log_;
   ObjectFilter times_;  // of no object: what is known of the cameras' times when there is none
 

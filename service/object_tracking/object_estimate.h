@@ -64,7 +64,7 @@ struct ColorShare {
   double of_target = 0;   // 0..1, as much as the target could cover anywhere in the volume
   // Of of_picture: what never moves and is no object. It matches nothing as long as it stays.
   double still = 0;
-  Eigen::Vector2d still_px = Eigen::Vector2d::Zero();  // the middle of its largest part, raw pixels
+  Eigen::Vector2d still_px = Eigen::Vector2d::Zero();  // the middle of that, raw pixels
 };
 
 struct ViewSupport {

@@ -24,18 +24,20 @@ RegionTracker::RegionTracker(const calib::CameraRig& rig, const TargetOptions& t
       filter_(rig, target.radius_m, options, rng),
       search_(rig, target, options),
       rig_error_(rig, options.max_coast_sigma_m),
-      color_meter_(rig.cameras.size()) {
+      still_color_(rig.cameras.size(), 1) {
   for (std::size_t c = 0; c < rig.cameras.size(); ++c)
-    color_meter_.set_largest(c, search_.size_in_view(c).largest_px, rig.cameras[c].image_size);
+    still_color_.set_sizes(c, search_.size_in_view(c).smallest_px, search_.size_in_view(c).largest_px,
+                           rig.cameras[c].image_size);
 }
 
 ObjectEstimate RegionTracker::update(const capture::FrameSet& set) {
   const std::vector<TargetView>& views = views_.look_at(set);
+  still_color_.look(views, sightings_, set.at);  // of the last set
+  for (std::size_t c = 0; c < views_.camera_count(); ++c) agreement_.set_shared(c, still_color_.is_shared(c));
   sightings_.clear();
   seen_.clear();
   watched_.clear();
   seen_regions_.clear();
-  color_meter_.look(views, set.at);
   sets_apart_ += is_apart(views) ? 1 : 0;
   if (set.at < last_at_) forget();  // the clock was put back: what was known is of another time
   if (state_ == TrackState::tracking || state_ == TrackState::coasting) {
@@ -59,7 +61,7 @@ ObjectEstimate RegionTracker::update(const capture::FrameSet& set) {
 
 void RegionTracker::trust(std::span<const CameraTrust> cameras) {
   const std::vector<std::size_t> moved = views_.trust(cameras);
-  for (const std::size_t c : moved) filter_.forget_camera(static_cast<int>(c));
+  for (const std::size_t c : moved) filter_.forget_camera(static_cast<int>(c)), still_color_.forget(c);
   agreement_.trust(moved, cameras);
   std::vector<bool> posed_anew;  // what is open of those poses is said in their own covariance
   for (const CameraTrust& camera : cameras) posed_anew.push_back(camera.cam_from_world.has_value());
@@ -115,7 +117,10 @@ void RegionTracker::forget() {
 void RegionTracker::judge(const capture::FrameSet& set) {
   const double sigma_m = judged_sigma(filter_.belief(), sightings_);
   const double doubted_m = agreement_.doubted_sigma(filter_.belief(), sightings_);
-  if (!sightings_.empty() && sigma_m <= options_.max_tracking_sigma_m && doubted_m <= options_.max_coast_sigma_m) {
+  // What has left the volume is followed for a while, as it may turn back, and is not told to be there.
+  const bool is_inside = inside(options_.volume, filter_.belief().position(), target_.radius_m);
+  if (is_inside && !sightings_.empty() && sigma_m <= options_.max_tracking_sigma_m &&
+      doubted_m <= options_.max_coast_sigma_m) {
     state_ = doubted_m <= options_.max_tracking_sigma_m ? TrackState::tracking : TrackState::coasting;
     last_tracking_ = set.at;
   } else if (std::max(sigma_m, doubted_m) > options_.max_coast_sigma_m ||
@@ -148,7 +153,9 @@ void RegionTracker::search(const capture::FrameSet& set, const std::vector<Targe
   const double doubted_m = agreement_.doubted_sigma(filter_.belief(), sightings_);
   if (doubted_m <= options_.max_coast_sigma_m) {
     const double sigma_m = std::max(judged_sigma(filter_.belief(), sightings_), doubted_m);
-    state_ = sigma_m <= options_.max_tracking_sigma_m ? TrackState::tracking : TrackState::coasting;
+    const bool is_told = sigma_m <= options_.max_tracking_sigma_m &&
+                         inside(options_.volume, filter_.belief().position(), target_.radius_m);
+    state_ = is_told ? TrackState::tracking : TrackState::coasting;
     last_tracking_ = set.at;
     search_.found();
     return;

@@ -27,7 +27,6 @@
 #include <span>
 #include <vector>
 
-#include "object_tracking/color_meter.h"
 #include "object_tracking/object_estimate.h"
 #include "object_tracking/object_filter.h"
 #include "object_tracking/object_search.h"
@@ -36,6 +35,7 @@
 #include "object_tracking/rig_error.h"
 #include "object_tracking/seen_regions.h"
 #include "object_tracking/sighting.h"
+#include "object_tracking/still_color.h"
 #include "object_tracking/target_views.h"
 #include "object_tracking/view_agreement.h"
 #include "particle_filter/random.h"
@@ -53,7 +53,7 @@ class RegionTracker {
   TargetViews& views() { return views_; }
   const PositionParticles& particles() const { return filter_.particles(); }
   std::span<const SeenRegion> regions() const { return seen_regions_.all(); }
-  const std::vector<ColorShare>& color_shares() const { return color_meter_.shares(); }
+  const std::vector<ColorShare>& color_shares() const { return still_color_.shares(); }
   SearchFindings search_findings() const { return search_.findings(); }
   OutlineFindings outline_findings() const { return sighter_.outlines().findings(); }
 
@@ -73,7 +73,7 @@ class RegionTracker {
   ObjectFilter filter_;
   ObjectSearch search_;
   RigError rig_error_;
-  ColorMeter color_meter_;
+  StillColor still_color_;
 
   std::vector<Sighting> sightings_;  // of this set, by the times of their rows
   // All that views show of the object in this set: also what contradicts, and what cameras see that are not used.

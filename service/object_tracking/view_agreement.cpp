@@ -26,6 +26,7 @@ ViewAgreement::ViewAgreement(std::size_t cameras, double radius_m, const ObjectT
       doubts_(cameras),
       pose_covariance_(cameras, Eigen::Matrix<double, 6, 6>::Zero()),
       unseen_(cameras),
+      is_shared_(cameras, false),
       finders_(cameras) {}
 
 void ViewAgreement::trust(std::span<const std::size_t> moved, std::span<const CameraTrust> cameras) {
@@ -86,7 +87,8 @@ std::optional<SeenBeside> ViewAgreement::far_off(const TargetView& view, capture
                                                  const MotionBelief& belief, SeenRegions& seen) {
   Unseen& unseen = unseen_[static_cast<std::size_t>(view.index)];
   const auto expected = expected_in(view, belief, radius_m_);
-  if (!expected || !view.camera->contains({expected->at.px})) return std::nullopt;
+  if (is_shared_[static_cast<std::size_t>(view.index)] || !expected || !view.camera->contains({expected->at.px}))
+    return std::nullopt;
   if (unseen.sets++ % far_looks_every != 0 && !unseen.is_suspicious) return std::nullopt;
   const Appearance& at = expected->at;
   const double disc = std::numbers::pi * at.radius_px * at.radius_px;
@@ -108,6 +110,7 @@ void ViewAgreement::compare_searched(const std::vector<TargetView>& views,
                                      const MotionBelief& belief) {
   std::vector<Sighting> moving;
   for (std::size_t i = 0; i < views.size(); ++i) {
+    if (is_shared_[static_cast<std::size_t>(views[i].index)]) continue;
     const double radius_px = expected_px[i];
     const ColorRegion* moved = only_moving(views[i].index, regions[i], std::numbers::pi * radius_px * radius_px,
                                            std::max(2.0, 0.2 * radius_px), set_at);

@@ -41,6 +41,9 @@ class ViewAgreement {
   void compare_searched(const std::vector<TargetView>& views, std::span<const std::vector<ColorRegion>> regions,
                         std::span<const double> expected_px, capture::Timestamp set_at, const MotionBelief& belief);
 
+  // In this camera the room shares the colour: what moves in it as a whole says nothing of whether views agree.
+  void set_shared(std::size_t camera, bool is_shared) { is_shared_[camera] = is_shared; }
+
   // How far each of them may be off in every frame alike.
   void doubt(const MotionBelief& belief, std::vector<Sighting>& sightings) const;
   // The same, added to what is open of an object there.
@@ -74,6 +77,7 @@ class ViewAgreement {
   std::vector<Eigen::Matrix<double, 6, 6>> pose_covariance_;  // per camera, CameraTrust
   bool has_pose_covariance_ = false;
   std::vector<Unseen> unseen_;         // per camera
+  std::vector<bool> is_shared_;        // per camera
   std::vector<RegionFinder> finders_;  // per camera
 };
 

@@ -1,6 +1,8 @@
 // The output to DDS: positions and poses, as they come.
 #pragma once
 
+#include <vector>
+
 #include "pipeline/output.h"
 #include "pipeline/published_time.h"
 #include "publish/estimate_publisher.h"
@@ -22,6 +24,7 @@ class Bus final : public Output {
 
  private:
   const PublishedTime& time_;
+  const std::vector<int> counts_;  // by target, EstimatePublisherOptions::counts
   publish::EstimatePublisher publisher_;
   publish::EstimatePublisher::Writing writing_{};
 };

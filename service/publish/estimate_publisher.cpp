@@ -17,6 +17,7 @@
 #include "idl/camera_timesPubSubTypes.h"
 #include "idl/dds_participant.h"
 #include "idl/huetrackPubSubTypes.h"
+#include "idl/object_setPubSubTypes.h"
 #include "idl/ros2_messagesPubSubTypes.h"
 #include "idl/topics.h"
 #include "publish/ros_messages.h"
@@ -83,6 +84,22 @@ void fill(msg::ObjectPosition& sample, const object_tracking::ObjectEstimate& es
     out.support(view.support);
     out.residual_px(view.residual_px);
   }
+}
+
+void fill(msg::ObjectInSet& sample, const object_tracking::ObjectEstimate& estimate, const std::string& name) {
+  sample.name(name);
+  sample.number(estimate.object);
+  sample.state(static_cast<std::uint32_t>(estimate.state));
+  sample.is_birth(estimate.is_birth);
+  sample.is_end(estimate.is_end);
+  const Eigen::Vector3d none = Eigen::Vector3d::Constant(std::numeric_limits<double>::quiet_NaN());
+  const bool valid = estimate.has_position();
+  sample.position(array_of(valid ? estimate.position : none));
+  sample.velocity(array_of(valid ? estimate.velocity : none));
+  for (Eigen::Index i = 0; i < 9; ++i)
+    sample.covariance()[static_cast<std::size_t>(i)] = valid ? estimate.covariance(i / 3, i % 3) : none.x();
+  sample.views(static_cast<std::uint32_t>(estimate.views));
+  sample.confidence(estimate.confidence);
 }
 
 void fill(msg::CameraPose& sample, const camera_tracking::CameraEstimate& estimate, capture::Timestamp captured,
@@ -184,6 +201,14 @@ idl::ParticipantOptions participant_options(const EstimatePublisherOptions& opti
       .name = "huetrackd", .domain = options.domain, .interfaces = options.interfaces, .profiles = options.profiles};
 }
 
+int count_of(const EstimatePublisherOptions& options, std::size_t target) {
+  return target < options.counts.size() ? options.counts[target] : 1;
+}
+
+bool has_several(const EstimatePublisherOptions& options) {
+  return std::ranges::any_of(options.counts, [](int count) { return count > 1; });
+}
+
 // Our place on the bus: one participant and its writers. Made anew when the network changes.
 struct Connection {
   Connection(const EstimatePublisherOptions& options, Rivals& rivals)
@@ -199,13 +224,21 @@ struct Connection {
       camera = &participant.create_writer(
           idl::camera_pose_topic, dds::TypeSupport(new msg::CameraPosePubSubType), idl::object_position_writer_qos(),
           idl::PublisherIdentity::of_this_process({options.tracked_camera}).user_data());
+    if (has_several(options))
+      sets = &participant.create_writer(idl::object_set_topic, dds::TypeSupport(new msg::ObjectSetPubSubType),
+                                        idl::object_position_writer_qos(), rivals.self().user_data());
     if (!options.ros2) return;
     using PoseType = geometry_msgs::msg::dds_::PoseWithCovarianceStamped_PubSubType;
     using TfType = tf2_msgs::msg::dds_::TFMessage_PubSubType;
-    for (const std::string& name : options.targets)
-      poses.push_back(&participant.create_writer(idl::ros2_pose_topic(name), dds::TypeSupport(new PoseType),
-                                                 idl::ros2_writer_qos(),
-                                                 idl::ros2_user_data(idl::ros2_pose_type_hash)));
+    for (std::size_t t = 0; t < options.targets.size(); ++t) {
+      const bool is_several = count_of(options, t) > 1;
+      poses.push_back(is_several ? nullptr : &create_pose_writer(options.targets[t]));
+      pose_arrays.push_back(is_several ? &participant.create_writer(
+                                             idl::ros2_poses_topic(options.targets[t]),
+                                             dds::TypeSupport(new geometry_msgs::msg::dds_::PoseArray_PubSubType),
+                                             idl::ros2_writer_qos(), idl::ros2_user_data(idl::ros2_poses_type_hash))
+                                       : nullptr);
+    }
     if (!options.tracked_camera.empty())
       ros_camera = &participant.create_writer(idl::ros2_camera_pose_topic(options.tracked_camera),
                                               dds::TypeSupport(new PoseType), idl::ros2_writer_qos(),
@@ -222,13 +255,37 @@ struct Connection {
   Connection(const Connection&) = delete;
   Connection& operator=(const Connection&) = delete;
 
+  dds::DataWriter& create_pose_writer(const std::string& name) {
+    using PoseType = geometry_msgs::msg::dds_::PoseWithCovarianceStamped_PubSubType;
+    return participant.create_writer(idl::ros2_pose_topic(name), dds::TypeSupport(new PoseType), idl::ros2_writer_qos(),
+                                     idl::ros2_user_data(idl::ros2_pose_type_hash));
+  }
+  // Of an object of several, which has one from its first pose on.
+  dds::DataWriter& pose_writer_of(const std::string& object) {
+    const std::lock_guard lock(objects_mutex);
+    const auto [at, is_new] = object_poses.try_emplace(object, nullptr);
+    if (is_new) at->second = &create_pose_writer(object);
+    return *at->second;
+  }
+  void end(const std::string& object) {
+    const std::lock_guard lock(objects_mutex);
+    const auto at = object_poses.find(object);
+    if (at == object_poses.end()) return;
+    participant.delete_writer(*at->second);
+    object_poses.erase(at);
+  }
+
   idl::DdsParticipant participant;
   dds::DataWriter& position;
   dds::DataWriter& status;
   dds::DataWriter& times;
-  std::vector<dds::DataWriter*> poses;  // by target; empty without ROS 2
-  dds::DataWriter* tf = nullptr;        // null without ROS 2
-  dds::DataWriter* camera = nullptr;    // null without a tracked camera
+  // By target, empty without ROS 2; null for a target of several objects, and those of arrays for one that is one.
+  std::vector<dds::DataWriter*> poses, pose_arrays;
+  std::mutex objects_mutex;
+  std::map<std::string, dds::DataWriter*> object_poses;  // guarded by objects_mutex; by the object's name
+  dds::DataWriter* sets = nullptr;                       // null where every target is one object
+  dds::DataWriter* tf = nullptr;                         // null without ROS 2
+  dds::DataWriter* camera = nullptr;                     // null without a tracked camera
   dds::DataWriter* ros_camera = nullptr;
 };
 
@@ -261,6 +318,8 @@ struct EstimatePublisher::Impl {
     msg::ObjectPosition position;  // the names in it are set once
     geometry_msgs::msg::dds_::PoseWithCovarianceStamped_ pose;
     tf2_msgs::msg::dds_::TFMessage_ tf;
+    msg::ObjectSet set;  // the name in it is set once
+    geometry_msgs::msg::dds_::PoseArray_ poses;
   };
 
   explicit Impl(EstimatePublisherOptions o)
@@ -270,6 +329,7 @@ struct EstimatePublisher::Impl {
     for (const std::string& name : options.targets) {
       Target& target = targets.emplace_back();
       target.position.target(name);
+      target.set.target(name);
       for (const std::string& camera : options.cameras) target.position.per_view().emplace_back().camera(camera);
     }
     camera_sample.camera(options.tracked_camera);
@@ -349,19 +409,58 @@ bool EstimatePublisher::publish(std::size_t target, const object_tracking::Objec
   assert(target < impl_->targets.size());
   assert(estimate.per_view.empty() || estimate.per_view.size() == impl_->options.cameras.size());
   Impl::Target& to = impl_->targets[target];
-  fill(to.position, estimate, captured, received);
+  const std::string& name = impl_->options.targets[target];
+  const bool is_several = count_of(impl_->options, target) > 1;
+  try {
+    if (is_several) to.position.target(object_tracking::object_name(name, estimate.object));
+    fill(to.position, estimate, captured, received);
+    const std::shared_lock lock(impl_->connection_mutex);
+    Connection& bus = *impl_->connection;
+    to.position.published_at(unix_ns(std::chrono::system_clock::now()));
+    const capture::Timestamp begun = capture::unix_now();
+    bool ok = bus.position.write(&to.position);
+    if (writing != nullptr) *writing = {begun, capture::unix_now()};
+    if (ok) ++impl_->published;
+    if (impl_->options.ros2 && estimate.has_position()) {
+      to_ros(estimate, captured, impl_->options.frame_id, to.pose);
+      to_ros(estimate, captured, impl_->options.frame_id, to.position.target(), to.tf);
+      dds::DataWriter& pose = is_several ? bus.pose_writer_of(to.position.target()) : *bus.poses[target];
+      ok = pose.write(&to.pose) && ok;
+      ok = bus.tf->write(&to.tf) && ok;
+    }
+    if (estimate.is_end) {
+      // Also disposed of: readers hear of the end, and nobody keeps room for what does not come again.
+      using eprosima::fastrtps::types::ReturnCode_t;
+      ok = bus.position.unregister_instance(&to.position, dds::HANDLE_NIL) == ReturnCode_t::RETCODE_OK && ok;
+      if (impl_->options.ros2) bus.end(to.position.target());
+    }
+    return impl_->count(ok);
+  } catch (const std::runtime_error&) {  // Fast DDS refuses an object's topic
+    return impl_->count(false);
+  }
+}
+
+bool EstimatePublisher::publish_set(std::size_t target, std::span<const object_tracking::ObjectEstimate> estimates,
+                                    capture::Timestamp captured, capture::Timestamp received) noexcept {
+  assert(count_of(impl_->options, target) > 1);
+  Impl::Target& to = impl_->targets[target];
+  to.set.captured_at(unix_ns(captured));
+  to.set.received_at(unix_ns(received));
+  to.set.set_number(estimates.empty() ? 0 : estimates.front().set_number);
+  to.set.most(static_cast<std::uint32_t>(count_of(impl_->options, target)));
+  to.set.objects().clear();
+  for (const auto& estimate : estimates) {
+    if (estimate.object == 0) continue;  // none is known
+    fill(to.set.objects().emplace_back(), estimate,
+         object_tracking::object_name(impl_->options.targets[target], estimate.object));
+  }
   const std::shared_lock lock(impl_->connection_mutex);
   Connection& bus = *impl_->connection;
-  to.position.published_at(unix_ns(std::chrono::system_clock::now()));
-  const capture::Timestamp begun = capture::unix_now();
-  bool ok = bus.position.write(&to.position);
-  if (writing != nullptr) *writing = {begun, capture::unix_now()};
-  if (ok) ++impl_->published;
-  if (impl_->options.ros2 && estimate.has_position()) {
-    to_ros(estimate, captured, impl_->options.frame_id, to.pose);
-    to_ros(estimate, captured, impl_->options.frame_id, impl_->options.targets[target], to.tf);
-    ok = bus.poses[target]->write(&to.pose) && ok;
-    ok = bus.tf->write(&to.tf) && ok;
+  to.set.published_at(unix_ns(std::chrono::system_clock::now()));
+  bool ok = bus.sets->write(&to.set);
+  if (impl_->options.ros2) {
+    to_ros(estimates, captured, impl_->options.frame_id, to.poses);
+    ok = bus.pose_arrays[target]->write(&to.poses) && ok;
   }
   return impl_->count(ok);
 }

@@ -21,6 +21,7 @@ struct EstimatePublisherOptions {
   std::optional<int> domain;                  // 0..232; nullopt: ROS_DOMAIN_ID, and 0 without it
   std::string frame_id = "world";             // not empty, no leading '/'; the world frame's name on the ROS 2 topics
   std::vector<std::string> targets;           // unique; idl::is_target_name(); none only with a tracked camera
+  std::vector<int> counts;                    // by target: how many objects it may be; those that are missing: 1
   std::string tracked_camera;                 // whose pose is published, named like a target; empty: none
   std::vector<std::string> cameras;           // names in rig order: per_view[i] is what cameras[i] says
   std::vector<std::string> interfaces;        // use only these, and loopback: names or IPv4 addresses; empty: all
@@ -54,7 +55,9 @@ class EstimatePublisher {
 
   // Writes one native sample, in every state, and the ROS 2 messages while there is a position: never a stale or a zero
   // one. Synchronous: when it returns, the sample has been sent.
-  //   target     index into options.targets
+  //   target     index into options.targets. An object of several (estimate.object) has an instance and a ROS 2 topic
+  //   of
+  //              its own, which are made with its first sample, and go with its last one
   //   estimate   per_view is empty or has one entry per camera
   //   captured   capture time, UNIX (a replay adds its clock offset to estimate.at)
   //   received   when the last frame of the set had arrived, UNIX
@@ -62,6 +65,11 @@ class EstimatePublisher {
   // false, and counters().failures is one more, when something could not be written.
   bool publish(std::size_t target, const object_tracking::ObjectEstimate& estimate, capture::Timestamp captured,
                capture::Timestamp received, Writing* writing = nullptr) noexcept;
+
+  // Of a target of several objects (options.counts), after those of each in this set: one sample with all of them. The
+  // estimates are the target's, as ObjectTracker::update() gives them.
+  bool publish_set(std::size_t target, std::span<const object_tracking::ObjectEstimate> estimates,
+                   capture::Timestamp captured, capture::Timestamp received) noexcept;
 
   // The same for the pose of options.tracked_camera: in every state natively, for ROS 2 while there is a pose.
   bool publish(const camera_tracking::CameraEstimate& estimate, capture::Timestamp captured,

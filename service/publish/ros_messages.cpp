@@ -86,4 +86,16 @@ void to_ros(const camera_tracking::CameraEstimate& estimate, capture::Timestamp 
   fill(transform.transform().rotation(), estimate.world_from_camera.rotation);
 }
 
+void to_ros(std::span<const object_tracking::ObjectEstimate> estimates, capture::Timestamp captured,
+            const std::string& frame_id, geometry_msgs::msg::dds_::PoseArray_& message) {
+  fill(message.header(), captured, frame_id);
+  message.poses().clear();
+  for (const auto& estimate : estimates) {
+    if (!estimate.has_position()) continue;
+    geometry_msgs::msg::dds_::Pose_& pose = message.poses().emplace_back();
+    fill(pose.position(), estimate.position);
+    fill_identity(pose.orientation());
+  }
+}
+
 }  // namespace huetrack::publish

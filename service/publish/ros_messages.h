@@ -2,6 +2,7 @@
 // functions.
 #pragma once
 
+#include <span>
 #include <string>
 
 #include "camera_tracking/camera_estimate.h"
@@ -28,5 +29,9 @@ void to_ros(const camera_tracking::CameraEstimate& estimate, capture::Timestamp 
             geometry_msgs::msg::dds_::PoseWithCovarianceStamped_& message);
 void to_ros(const camera_tracking::CameraEstimate& estimate, capture::Timestamp captured, const std::string& frame_id,
             const std::string& camera, tf2_msgs::msg::dds_::TFMessage_& message);
+
+// Of those that have a position, in their order; captured: of the frame set, UNIX.
+void to_ros(std::span<const object_tracking::ObjectEstimate> estimates, capture::Timestamp captured,
+            const std::string& frame_id, geometry_msgs::msg::dds_::PoseArray_& message);
 
 }  // namespace huetrack::publish

@@ -17,7 +17,7 @@ using Timestamp = std::chrono::sys_time<std::chrono::nanoseconds>;  // on the re
 // Where targets really were, on the recording's clock. Immutable.
 class Truth {
  public:
-  // CSV with the columns ball (the target's name), t (seconds), x, y, z (metres); others are ignored. throws
+  // CSV with the columns ball or target (the target's name), t (seconds), x, y, z (metres); others are ignored. throws
   // ConfigError
   static Truth read(const std::filesystem::path& file);
 

@@ -57,6 +57,29 @@ class ServiceConfigFile : public testing::Test {
 const std::string head = "version: 1\nrig: rig.yaml\n";
 const std::string ball = head + "targets: {ball: {color: {hue_deg: [65, 115]}}}\n";
 
+TEST_F(ServiceConfigFile, ATargetMayBeSeveralObjects) {
+  const auto with = [](const std::string& count) {
+    return head + "targets: {ball: {count: " + count + ", color: {hue_deg: [65, 115]}}}\n";
+  };
+  EXPECT_EQ(load(ball).targets[0].count, 1);
+  EXPECT_EQ(load(with("3")).targets[0].count, 3);
+  EXPECT_FALSE(load(with("3")).targets[0].is_up_to);
+  const ServiceConfig config = load(with("up to 8"));
+  EXPECT_EQ(config.targets[0].count, 8);
+  EXPECT_TRUE(config.targets[0].is_up_to);
+  EXPECT_EQ(load(to_yaml(config)).targets[0].count, 8);
+  EXPECT_TRUE(load(to_yaml(config)).targets[0].is_up_to);
+  EXPECT_THAT(config.dds.publisher.counts, ElementsAre(8));
+  EXPECT_THAT(targets_that_differ(load(ball), config), ElementsAre(0u));
+  for (const std::string wrong : {"0", "-1", "17", "up to 1000", "up to", "many", "2.5", "3 balls"}) {
+    const std::string message = error(with(wrong));
+    EXPECT_THAT(message, HasSubstr("c.yaml:3: targets.ball.count: must be a number from 1 to 16, or \"up to\""));
+    EXPECT_THAT(message, HasSubstr("\"" + wrong + "\""));
+  }
+  EXPECT_THAT(error(with("2") + "object_tracking: {observation: paper}\n"),
+              HasSubstr("c.yaml:3: targets.ball.count: is not for object_tracking.observation: paper"));
+}
+
 TEST_F(ServiceConfigFile, AColourMayAdapt) {
   EXPECT_FALSE(load(ball).targets[0].adapts_color);
   const std::string adapting = head + "targets: {ball: {color: {hue_deg: [65, 115], adapt: true}}}\n";
@@ -326,6 +349,21 @@ INSTANTIATE_TEST_SUITE_P(
                 "c.yaml:6: quorum: is more than there are in cameras (1)"},
         Mistake{"RecordWithoutFolder", ball + "record: {always: true}\n",
                 "c.yaml:4: record: a folder is needed to record to, or to save the pre-roll to"},
+        Mistake{"ColorInBritish", head + "targets:\n  ball: {colour: {hue_deg: [65, 115]}}\n",
+                "c.yaml:4: targets.ball.color is missing (is colour in line 4 a misspelling of it?)"},
+        Mistake{"HalfAKey", head + "targets:\n  ball: {color: {hue: [65, 115]}}\n",
+                "c.yaml:4: targets.ball.color.hue_deg is missing (is hue in line 4 a misspelling of it?)"},
+        Mistake{"HueTheWrongWayRound", head + "targets:\n  ball: {color: {hue_deg: [115, 65]}}\n",
+                "c.yaml:4: targets.ball.color: hue must be a range of at most 300 degrees, or 0..360 for any hue; from "
+                "115 on to 65 are 310 (were [65, 115] meant?)"},
+        Mistake{"SizeAsTheDriverPrintsIt", ball + "cameras:\n  cam0: {device: 0, size: 320x240}\n",
+                "c.yaml:5: cameras.cam0.size: must be two numbers, as [640, 480], or the word rig, got \"320x240\""},
+        Mistake{
+            "FormatInCapitals", ball + "cameras:\n  cam0: {device: 0, format: MJPG}\n",
+            "c.yaml:5: cameras.cam0.format must be one of auto, yuyv, nv12, mjpeg, grey, got \"MJPG\" (did you mean "
+            "mjpeg?)"},
+        Mistake{"ARecording", "version: 1\ncameras:\n  cam0: {frames: a.mkv, fps: 30}\n",
+                "c.yaml:1: this is a recording, not a configuration: huetrackd replay CONFIGURATION RECORDING"},
         Mistake{"ToleranceOfCenturies", ball + "frame_sets: {tolerance_s: 1e10}\n",
                 "c.yaml:4: frame_sets.tolerance_s must be from 1e-06 to 10 (is 10000000000)"},
         Mistake{"NoSuchProfile", ball + "dds: {profile: none.xml}\n",
@@ -379,6 +417,8 @@ TEST_F(ServiceConfigFile, WarnsOfWhatIsProbablyNotMeant) {
   EXPECT_THAT(
       warnings_of(load(head + "targets: {a: {color: {hue_deg: [350, 20]}}, b: {color: {hue_deg: [10, 40]}}}\n")),
       ElementsAre("targets a and b have overlapping colours in camera cam0 and may be taken for each other"));
+  EXPECT_THAT(warnings_of(load(head + "targets: {a: {color: {hue_deg: [160, 80]}}}\n")),
+              ElementsAre(HasSubstr("were [80, 160] meant?")));
   // Many targets of one colour are one line, not one for each pair.
   EXPECT_THAT(warnings_of(load(head + targets_of_one_color(40))),
               ElementsAre(testing::StartsWith("780 pairs of targets have overlapping colours")));
@@ -387,6 +427,9 @@ TEST_F(ServiceConfigFile, WarnsOfWhatIsProbablyNotMeant) {
   const auto coverage = volume_coverage(far.rig, far.object_tracking.volume);
   ASSERT_LT(coverage.by_two, 0.5);
   EXPECT_THAT(warnings_of(far), ElementsAre(HasSubstr("of the volume is seen by two or more cameras")));
+  EXPECT_THAT(
+      warnings_of(load(ball + "object_tracking: {volume: {min: [-1000, -1000, 0], max: [1000, 1000, 2000]}}\n")),
+      ElementsAre(HasSubstr("it is 2000 m long, and metres are the unit")));
 }
 
 TEST(VolumeCoverage, IsWholeWhereTheWholeVolumeIsSeen) {

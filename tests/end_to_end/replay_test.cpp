@@ -207,6 +207,46 @@ TEST_F(EndToEnd, ASubscriberReceivesAtRealSpeedWhatTheCsvSays) {
   EXPECT_EQ(figures(of_received.out), figures(of_sent.out));
 }
 
+// The one file of clients/python, as somebody would use it, against the bridge.
+TEST_F(EndToEnd, PythonClientReceivesWhatTheCsvSays) {
+  if (!fs::exists("/usr/bin/python3")) GTEST_SKIP() << "python3 is not installed";
+  const fs::path csv = folder_ / "sent.csv";
+  const auto view = start({HUETRACK, "view", "--port", "0"});
+  const auto until = std::chrono::steady_clock::now() + 10s;
+  while (view->out().find('\n') == std::string::npos && std::chrono::steady_clock::now() < until)
+    std::this_thread::sleep_for(10ms);
+  const std::string address = view->out().substr(0, view->out().find('\n'));
+  ASSERT_THAT(address, StartsWith("http://127.0.0.1:"));
+  const auto program = start({"/usr/bin/python3", "-u", "-c",
+                              "import sys; sys.path.insert(0, sys.argv[1]); import huetrack\n"
+                              "for p in huetrack.positions(sys.argv[2], target='lime'):\n"
+                              "  print(p.state, *(p.position or ()), *(p.sigma or ()))\n",
+                              HUETRACK_SOURCE_DIR "/clients/python", address});
+  std::this_thread::sleep_for(1s);  // until it listens: what came before is not for it
+  const Result daemon =
+      run({HUETRACKD, "replay", config, recording, "--speed", "real", "--wait-for-subscriber", "20", "--tracks", csv});
+  ASSERT_EQ(daemon.status, 0) << daemon.err;
+  std::this_thread::sleep_for(500ms);
+  program->kill(SIGKILL);
+  program->wait();
+  const auto sent = tracks::read_track_csv(csv).at("lime");
+  const std::vector<std::string> received = lines_of(program->out());
+  ASSERT_EQ(received.size(), sent.size()) << program->err() << view->err();
+  for (std::size_t i = 0; i < sent.size(); ++i) {
+    std::istringstream line(received[i]);
+    std::string state;
+    Eigen::Vector3d position, sigma;
+    line >> state;
+    EXPECT_EQ(state, object_tracking::name(sent[i].state));
+    if (!sent[i].has_position()) continue;
+    for (double& x : position) line >> x;
+    for (double& x : sigma) line >> x;
+    ASSERT_TRUE(line) << received[i];
+    EXPECT_EQ(position, sent[i].position);
+    EXPECT_NEAR(sigma.y(), std::sqrt(sent[i].covariance(1, 1)), 1e-12);
+  }
+}
+
 TEST_F(EndToEnd, MistakesAreOneReadableLineAndExitStatusOne) {
   const std::string no_rig_camera =
       write("version: 1\ncameras:\n  cam0: {frames: " + recording + "/cam0.mkv, fps: 30}\n", "one.yaml");
@@ -230,6 +270,9 @@ TEST_F(EndToEnd, MistakesAreOneReadableLineAndExitStatusOne) {
       {{"replay", config, recording, "--no-dds", "--tracks", "/no/such/t.csv"}, "cannot write /no/such/t.csv"},
       {{"replay", config, recording, "--no-dds", "--truth", "/no/truth.csv"}, "/no/truth.csv: cannot be read"},
       {{"replay", config, recording, "--no-dds", "--pictures", "/proc/pictures"}, "/proc/pictures"},
+      {{"check", recording + "/rig.yaml"}, "this is a rig, not a configuration"},
+      {{"replay", config, recording + "/rig.yaml", "--no-dds"}, "this is a rig, not a recording"},
+      {{"replay", config, recording + "/cam0.mkv", "--no-dds"}, "cam0.mkv: is a video or a picture, not a recording"},
       {{"replay", config, recording, "--hold"}, "--hold needs control: {allow_teach: true}"},
       {{"replay", config, recording, "--hold", "--no-dds"}, "--hold needs DDS"},
       {{"compare", "/no/t.csv", recording + "/groundtruth.csv"}, "/no/t.csv: cannot be read"},
@@ -248,6 +291,15 @@ TEST_F(EndToEnd, MistakesAreOneReadableLineAndExitStatusOne) {
     EXPECT_EQ(full.status, 1);
     EXPECT_THAT(full.err, HasSubstr("cannot write /dev/full: No space left on device"));
   }
+}
+
+TEST_F(EndToEnd, AWordThatIsNoCommandIsNamed) {
+  const Result daemon = run({HUETRACKD, "rplay", config});
+  EXPECT_NE(daemon.status, 0);
+  EXPECT_EQ(daemon.err, "huetrackd: there is no command rplay (did you mean replay?); huetrackd --help lists them\n");
+  const Result client = run({HUETRACK, "wathc"});
+  EXPECT_NE(client.status, 0);
+  EXPECT_EQ(client.err, "huetrack: there is no command wathc (did you mean watch?); huetrack --help lists them\n");
 }
 
 TEST_F(EndToEnd, WrongUsageIsSaidAndVersionsAreTold) {

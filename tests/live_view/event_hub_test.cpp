@@ -47,7 +47,7 @@ TEST(EventHub, WhatIsForOnePageOthersDoNotGet) {
   const auto seen_by = [&](const std::string& page) {
     std::vector<std::string> texts;
     std::uint64_t cursor = 0;
-    while (const Text text = hub.next(cursor, page)) texts.push_back(*text);
+    while (const Text text = hub.next(cursor, {.page = page})) texts.push_back(*text);
     EXPECT_TRUE(hub.if_nothing_after(cursor, [] {}));  // what is not for it does not keep it awake
     return texts;
   };

@@ -121,6 +121,22 @@ TEST_F(Server, StreamsWhatIsThereAndWhatComes) {
   EXPECT_EQ(server->pages(), 1);
 }
 
+TEST_F(Server, AProgramGetsThePositionsFromNowOnAndNothingElse) {
+  start();
+  hub.append(to_event("position", "{\"before\":1}"));
+  Socket program(server->port());
+  program.send("GET /api/v1/positions HTTP/1.1\r\nHost: localhost\r\n\r\n");
+  EXPECT_THAT(program.receive("\r\n\r\n"), HasSubstr("text/event-stream"));
+  const auto until = Clock::now() + 5s;
+  while (server->listeners() == 0 && Clock::now() < until) std::this_thread::sleep_for(1ms);
+  EXPECT_EQ(server->listeners(), 1);
+  EXPECT_EQ(server->pages(), 0);  // for which pictures would be made
+  hub.set("status", to_event("status", "{\"other\":1}"));
+  hub.append(to_event("position", "{\"new\":2}"));
+  EXPECT_THAT(program.receive("new"), AllOf(HasSubstr("event: position\ndata: {\"new\":2}"), Not(HasSubstr("before")),
+                                            Not(HasSubstr("other"))));
+}
+
 TEST_F(Server, TakesRequestsThatAPageOfOursSends) {
   start();
   EXPECT_THAT(post("{\"a\":1}"), StartsWith("HTTP/1.1 202"));

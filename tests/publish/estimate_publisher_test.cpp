@@ -14,6 +14,7 @@
 
 #include "idl/dds_participant.h"
 #include "idl/huetrackPubSubTypes.h"
+#include "idl/object_setPubSubTypes.h"
 #include "idl/ros2_messagesPubSubTypes.h"
 #include "idl/topics.h"
 #include "publish/child_process.h"
@@ -90,6 +91,61 @@ std::optional<Sample> first_after(dds::DataReader& reader, Write write) {
       },
       5s);
   return got.empty() ? std::nullopt : std::optional(got.back());
+}
+
+TEST_F(Bus, ObjectsOfATargetHaveInstancesAndOneSampleTogether) {
+  dds::DataReader& positions = position_reader();
+  dds::DataReader& sets = reader<msg::ObjectSetPubSubType>(idl::object_set_topic, idl::object_position_reader_qos());
+  dds::DataReader& poses = reader<geometry_msgs::msg::dds_::PoseArray_PubSubType>(idl::ros2_poses_topic("ball"), {});
+  EstimatePublisherOptions options = known_options(test_domain());
+  options.counts = {3};
+  EstimatePublisher publisher(options);
+  constexpr auto state = object_tracking::TrackState::tracking;
+  std::vector<object_tracking::ObjectEstimate> estimates(2, known_estimate(state));
+  estimates[0].object = 1, estimates[1].object = 4;
+  estimates[1].is_birth = true;
+  estimates[1].position.x() += 0.5;
+  const auto write = [&] {
+    for (const auto& e : estimates) EXPECT_TRUE(publisher.publish(0, e, captured_at(state), received_at(state)));
+    EXPECT_TRUE(publisher.publish_set(0, estimates, captured_at(state), received_at(state)));
+  };
+  const auto set = first_after<msg::ObjectSet>(sets, write);
+  ASSERT_TRUE(set);
+  EXPECT_EQ(set->target(), "ball");
+  EXPECT_EQ(set->most(), 3U);
+  EXPECT_EQ(set->set_number(), estimates[0].set_number);
+  ASSERT_EQ(set->objects().size(), 2U);
+  EXPECT_EQ(set->objects()[0].name(), "ball_1");
+  EXPECT_EQ(set->objects()[1].name(), "ball_4");
+  EXPECT_EQ(set->objects()[1].number(), 4U);
+  EXPECT_TRUE(set->objects()[1].is_birth());
+  EXPECT_EQ(set->objects()[1].position()[0], estimates[1].position.x());
+  const auto array = first_after<geometry_msgs::msg::dds_::PoseArray_>(poses, write);
+  ASSERT_TRUE(array);
+  ASSERT_EQ(array->poses().size(), 2U);
+  EXPECT_EQ(array->poses()[1].position().x(), estimates[1].position.x());
+
+  take_all<msg::ObjectPosition>(positions);
+  estimates[1].state = object_tracking::TrackState::lost;
+  estimates[1].is_end = true;
+  write();
+  std::map<std::string, msg::TrackState> states;
+  int ended = 0;
+  ChildProcess::wait(
+      [&] {
+        msg::ObjectPosition sample;
+        dds::SampleInfo info;
+        while (positions.take_next_sample(&sample, &info) == ReturnCode_t::RETCODE_OK) {
+          if (info.valid_data) states[sample.target()] = sample.state();
+          if (info.instance_state != dds::ALIVE_INSTANCE_STATE) ++ended;
+        }
+        return ended > 0 && states.size() == 2;
+      },
+      5s);
+  EXPECT_EQ(states["ball_1"], msg::TRACK_STATE_TRACKING);
+  EXPECT_EQ(states["ball_4"], msg::TRACK_STATE_LOST);
+  EXPECT_GT(ended, 0);
+  EXPECT_EQ(publisher.counters().failures, 0U);
 }
 
 TEST_F(Bus, PositionRoundTripOfEveryField) {

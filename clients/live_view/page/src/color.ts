@@ -1,5 +1,5 @@
 // Colours that can be seen: a target's own colour may be as pale as the page.
-import { store } from "./store";
+import { store, targetOf } from "./store";
 
 export type Rgb = [number, number, number]; // 0..255
 
@@ -13,7 +13,9 @@ export function contrast(a: Rgb, b: Rgb): number {
 }
 
 export function rgbOf(name: string): Rgb {
-  const rgb = store.scene?.targets.find((t) => t.name === name)?.rgb ?? [0.5, 0.6, 0.9];
+  const targets = store.scene?.targets ?? [];
+  const target = targetOf(name, targets.map((t) => t.name));
+  const rgb = targets.find((t) => t.name === target)?.rgb ?? [0.5, 0.6, 0.9];
   return rgb.map((x) => Math.round(x * 255)) as Rgb;
 }
 
@@ -32,6 +34,9 @@ function panel(): Rgb {
 export function likeBefore(name: string): number {
   const own = rgbOf(name);
   const names = store.scene?.targets.map((t) => t.name) ?? [];
+  const target = targetOf(name, names);
+  // Objects of one target have one colour: three shades of it tell neighbours apart.
+  if (target !== name) return Number(name.slice(target.length + 1)) % 3;
   const before = names.slice(0, Math.max(0, names.indexOf(name)));
   return before.filter((other) => Math.hypot(...rgbOf(other).map((c, i) => c - own[i])) < 60).length;
 }

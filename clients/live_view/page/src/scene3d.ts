@@ -7,7 +7,7 @@ import { LineSegments2 } from "three/addons/lines/LineSegments2.js";
 import { LineSegmentsGeometry } from "three/addons/lines/LineSegmentsGeometry.js";
 import { colorOf, lineColorOf, variable } from "./color";
 import type { CameraMap, N, Scene, SceneCamera } from "./messages";
-import { store, type Target, type TrackedCamera } from "./store";
+import { store, targetOf, type Target, type TrackedCamera } from "./store";
 
 const chi95 = Math.sqrt(7.815); // of three dimensions
 const trailLength = 300;
@@ -415,7 +415,7 @@ export class Scene3d {
     for (const target of store.targets.values()) {
       let model = this.models.get(target.name);
       if (!model && this.shown) {
-        const radius = this.shown.targets.find((t) => t.name === target.name)?.radius ?? 0.04;
+        const radius = this.shown.targets.find((t) => t.name === targetOf(target.name, this.shown!.targets.map((t) => t.name)))?.radius ?? 0.04;
         model = new TargetModel(target.name, radius, this.shown.volume[0][2]);
         this.models.set(target.name, model);
         this.scene.add(model.group);

@@ -152,12 +152,27 @@ export function takeStatus(status: Status): boolean {
   store.statusHeard = performance.now();
   store.rates.push({ t: status.heard, rate: status.set_rate_hz });
   while (store.rates.length && store.rates[0].t < status.heard - historySeconds) store.rates.shift();
-  for (const name of store.targets.keys()) if (!status.targets.includes(name)) store.targets.delete(name);
-  // In the configuration's order, whoever spoke first.
-  const order = status.targets.filter((name) => store.targets.has(name));
+  for (const [name, target] of store.targets) {
+    const isEnded = !status.targets.includes(name) && target.latest.state === "lost";
+    if (isEnded || !status.targets.includes(targetOf(name, status.targets))) store.targets.delete(name);
+  }
+  // In the configuration's order, whoever spoke first. Of a target of several objects those that are known, by their numbers; the
+  // target itself speaks while there are none.
+  const order = status.targets.flatMap((target) => {
+    const objects = [...store.targets.keys()].filter((name) => name !== target && targetOf(name, status.targets) === target);
+    const number = (name: string) => Number(name.slice(target.length + 1));
+    return objects.length > 0 ? objects.sort((a, b) => number(a) - number(b)) : store.targets.has(target) ? [target] : [];
+  });
   if (order.join("\n") !== [...store.targets.keys()].join("\n"))
     store.targets = new Map(order.map((name) => [name, store.targets.get(name)!]));
   return isOther;
+}
+
+// The target that a name is of: its own, or that of the object "ball_3".
+export function targetOf(name: string, targets: string[]): string {
+  if (targets.includes(name)) return name;
+  const target = name.replace(/_\d+$/, "");
+  return targets.includes(target) ? target : name;
 }
 
 export function isServing(): boolean {

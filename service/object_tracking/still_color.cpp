@@ -1,0 +1,182 @@
+#include "object_tracking/still_color.h"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <numbers>
+
+namespace huetrack::object_tracking {
+namespace {
+
+constexpr double every_s = 0.5;  // each view
+constexpr int step_px = TileAt::size;
+// Of the share that objects could cover: more is the room's, as a radius may be wrong by half. Below the lower one it
+// is not any more.
+constexpr double shared_above = 2.5, shared_below = 1.5;
+constexpr double least_shared = 0.003;  // of a picture; fewer grid points than some ten are chance
+// Of the last four samples: what is there for a second and a half, but for a flicker, is there.
+constexpr int least_matched = 3;
+// An object that is tracked covers so much more than its disc: blur, and it moves on before the next set.
+constexpr double covered_radii = 1.4, covered_more_px = 3;
+
+constexpr std::uint64_t left_column = 0x0101010101010101u, right_column = left_column << 7;
+constexpr std::uint64_t top_row = 0xff, bottom_row = top_row << 56;
+
+// Pixels that are set in at least least_matched of four words.
+std::uint64_t mostly(const std::array<std::uint64_t, 4>& words) {
+  static_assert(least_matched == 3);
+  const auto& [a, b, c, d] = words;
+  return (a & b & (c | d)) | (c & d & (a | b));
+}
+
+// One pixel more on each side, within a tile.
+std::uint64_t grown(std::uint64_t w) {
+  w |= (w & ~right_column) << 1 | (w & ~left_column) >> 1;
+  return w | w << 8 | w >> 8;
+}
+
+}  // namespace
+
+void StillColor::set_sizes(std::size_t camera, double smallest_px, double largest_px, calib::ImageSize size) {
+  const double area = std::numbers::pi * (largest_px * largest_px + (count_ - 1) * smallest_px * largest_px);
+  shares_[camera].of_target = std::min(1.0, area / (size.width * size.height));
+}
+
+void StillColor::forget(std::size_t camera) {
+  cameras_[camera] = {};
+}
+
+void StillColor::look(const std::vector<TargetView>& views, std::span<const Sighting> tracked,
+                      capture::Timestamp set_at) {
+  if (views.empty()) return;
+  if (!has_begun_) {
+    has_begun_ = true;
+    for (const TargetView& view : views) measure(view);  // one view tells it of the room, and so of all
+    for (const TargetView& view : views) sample(view, tracked);
+    last_at_ = set_at;
+    return;
+  }
+  for (const TargetView& view : views) {  // the first ones at once: noise is another one in each
+    const PerCamera& camera = cameras_[static_cast<std::size_t>(view.index)];
+    if (camera.is_learning && camera.sampled < samples) sample(view, tracked);
+  }
+  if (std::abs(capture::seconds(set_at - last_at_)) < every_s / static_cast<double>(views.size())) return;
+  last_at_ = set_at;
+  sample(views[next_++ % views.size()], tracked);
+}
+
+void StillColor::measure(const TargetView& view) {
+  PerCamera& camera = cameras_[static_cast<std::size_t>(view.index)];
+  ColorShare& share = shares_[static_cast<std::size_t>(view.index)];
+  view.matches->grid_with_left_out(step_px, hits_);
+  const double probed = std::max(1.0, std::floor((view.image->width + step_px / 2.0) / step_px) *
+                                          std::floor((view.image->height + step_px / 2.0) / step_px));
+  share.of_picture = std::min(1.0, static_cast<double>(hits_.size()) / probed);
+  const double bound = (camera.is_above ? shared_below : shared_above) * share.of_target;
+  camera.is_above = share.of_picture > std::max(least_shared, bound);
+}
+
+void StillColor::sample(const TargetView& view, std::span<const Sighting> tracked) {
+  measure(view);
+  PerCamera& camera = cameras_[static_cast<std::size_t>(view.index)];
+  // Of several objects, what stands still and is none of those that are tracked is none; one alone may be lost, and
+  // rest.
+  const bool is_learning = std::ranges::any_of(cameras_, &PerCamera::is_above) || (count_ > 1 && camera.sampled > 0);
+  if (!is_learning && camera.is_learning) {
+    view.matches->leave_out_nothing();
+    camera = {.tiles = {}, .listed = {}, .sampled = 1};  // there is a past, and it had nothing
+    shares_[static_cast<std::size_t>(view.index)].still = 0;
+    return;
+  }
+  camera.is_learning = is_learning;
+  if (!is_learning) {
+    camera.sampled = 1;
+    return;
+  }
+  learn(view, camera, tracked);
+  leave_out(view, camera);
+}
+
+void StillColor::learn(const TargetView& view, PerCamera& camera, std::span<const Sighting> tracked) {
+  const int stride = view.matches->tile_stride();
+  if (camera.tiles.empty()) {
+    camera.tiles.resize(static_cast<std::size_t>(stride * view.matches->tile_rows()));
+    // A room that came to share the colour later has not been still for so long: its past had none of it.
+    if (camera.sampled > 0) camera.sampled = samples;
+  }
+  const auto list = [&](int u, int v) {
+    if (u < 1 || v < 1 || u >= stride - 1 || v >= view.matches->tile_rows() - 1) return;
+    const auto at = static_cast<std::uint32_t>(v * stride + u);
+    if (camera.tiles[at].is_listed) return;
+    camera.tiles[at].is_listed = true;
+    camera.listed.push_back(at);
+  };
+  for (const PixelAt& hit : hits_) {
+    for (int dv = -1; dv <= 1; ++dv)
+      for (int du = -1; du <= 1; ++du) list(hit.u / TileAt::size + 1 + du, hit.v / TileAt::size + 1 + dv);
+  }
+  const auto place = static_cast<std::size_t>(camera.sampled % samples);
+  for (const std::uint32_t at : camera.listed) {
+    Tile& tile = camera.tiles[at];
+    const TileAt where{static_cast<std::uint16_t>(static_cast<int>(at) % stride),
+                       static_cast<std::uint16_t>(static_cast<int>(at) / stride)};
+    std::uint64_t covered = 0;
+    for (const Sighting& s : tracked) {
+      if (s.row.camera != view.index) continue;
+      const double reach = covered_radii * s.radius_px + covered_more_px;
+      const double du = where.pixel_u() + 3.5 - s.px.x(), dv = where.pixel_v() + 3.5 - s.px.y();
+      if (std::hypot(du, dv) > reach + 6) continue;
+      for (int bit = 0; bit < 64; ++bit) {
+        const double u = where.pixel_u() + bit % 8 - s.px.x(), v = where.pixel_v() + bit / 8 - s.px.y();
+        if (u * u + v * v < reach * reach) covered |= std::uint64_t{1} << bit;
+      }
+    }
+    const std::uint64_t matched = view.matches->tile_with_left_out(where);
+    tile.matched[place] = (matched & ~covered) | (tile.still & covered);
+  }
+  ++camera.sampled;
+  std::erase_if(camera.listed, [&](std::uint32_t at) {
+    Tile& tile = camera.tiles[at];
+    const std::uint64_t ever = tile.matched[0] | tile.matched[1] | tile.matched[2] | tile.matched[3];
+    // What was still stays so as long as it is seen at all: noise decides at edges, and would be what moves.
+    tile.still = camera.sampled < samples ? ever : (tile.still & ever) | mostly(tile.matched);
+    tile.is_listed = ever != 0;
+    return !tile.is_listed;
+  });
+}
+
+// With a pixel more on each side: at an edge noise decides.
+void StillColor::leave_out(const TargetView& view, PerCamera& camera) {
+  const int stride = view.matches->tile_stride();
+  view.matches->leave_out_nothing();
+  const auto add = [&](std::uint32_t at, int du, int dv, std::uint64_t bits) {
+    if (bits != 0) view.matches->leave_out(static_cast<std::size_t>(static_cast<int>(at) + dv * stride + du), bits);
+  };
+  double still = 0;
+  for (const std::uint32_t at : camera.listed) {
+    const std::uint64_t w = camera.tiles[at].still;
+    if (w == 0) continue;
+    still += std::popcount(w);
+    const std::uint64_t wide = w | (w & ~right_column) << 1 | (w & ~left_column) >> 1;
+    add(at, 0, 0, grown(w));
+    add(at, 0, -1, (wide & top_row) << 56);
+    add(at, 0, 1, (wide & bottom_row) >> 56);
+    const std::uint64_t tall = w | w << 8 | w >> 8;
+    add(at, -1, 0, (tall & left_column) << 7);
+    add(at, 1, 0, (tall & right_column) >> 7);
+  }
+  ColorShare& share = shares_[static_cast<std::size_t>(view.index)];
+  share.still = still / (view.image->width * view.image->height);
+  // Where it is, on the whole.
+  Eigen::Vector2d sum = Eigen::Vector2d::Zero();
+  double n = 0;
+  for (const std::uint32_t at : camera.listed) {
+    const double weight = std::popcount(camera.tiles[at].still);
+    sum += weight * Eigen::Vector2d(8 * (static_cast<int>(at) % stride - 1) + 3.5,
+                                    8 * (static_cast<int>(at) / stride - 1) + 3.5);
+    n += weight;
+  }
+  if (n > 0) share.still_px = sum / n;
+}
+
+}  // namespace huetrack::object_tracking

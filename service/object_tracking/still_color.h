@@ -1,0 +1,70 @@
+// What has the target's colour and never moves: furniture. In a room that shares the colour, views are sampled now and
+// then, and pixels that have matched in nearly all of the last samples match nothing until they change: the scene's,
+// not an object's. What lies under an object that is tracked is left as it was, so that an object that rests where it
+// was tracked stays tracked. A room that does not share the colour costs nothing and changes nothing.
+//
+// A room shares the colour where one view shows more of it than all objects could cover; then all views learn. When
+// that is so at the first set there is no past to ask: all that is there then counts as furniture until it moves. Where
+// a target is several objects, what stands still for two seconds and is none of those that are tracked is furniture in
+// any room.
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "object_tracking/color_window.h"
+#include "object_tracking/object_estimate.h"
+#include "object_tracking/sighting.h"
+#include "object_tracking/target_views.h"
+
+namespace huetrack::object_tracking {
+
+// thread-compatible; one per target.
+class StillColor {
+ public:
+  // count: of objects, TargetOptions::count
+  StillColor(std::size_t cameras, int count) : count_(count), cameras_(cameras) {}
+
+  // Radius of an object anywhere in the volume, in this camera.
+  void set_sizes(std::size_t camera, double smallest_px, double largest_px, calib::ImageSize size);
+  // Before the views of a set are looked at otherwise. tracked: where objects were seen in the last set. Takes one view
+  // after the other, each about once in half a second; all of them at first.
+  void look(const std::vector<TargetView>& views, std::span<const Sighting> tracked, capture::Timestamp set_at);
+  void forget(std::size_t camera);  // it stands elsewhere
+
+  // The room may show the colour in this camera: what moves in it may be noise at the edges of what is left out.
+  bool is_shared(std::size_t camera) const { return cameras_[camera].is_learning; }
+  const std::vector<ColorShare>& shares() const { return shares_; }  // per camera of the rig
+
+ private:
+  static constexpr int samples = 4;
+  struct Tile {
+    std::array<std::uint64_t, samples> matched{};  // the last ones, a ring
+    std::uint64_t still = 0;
+    bool is_listed = false;
+  };
+  struct PerCamera {
+    std::vector<Tile> tiles;            // once the room was found to share the colour
+    std::vector<std::uint32_t> listed;  // tiles of which anything is known
+    int sampled = 0;
+    bool is_above = false;  // more of the colour than all objects could cover
+    bool is_learning = false;
+  };
+  void measure(const TargetView& view);
+  void sample(const TargetView& view, std::span<const Sighting> tracked);
+  void learn(const TargetView& view, PerCamera& camera, std::span<const Sighting> tracked);
+  void leave_out(const TargetView& view, PerCamera& camera);
+
+  int count_;
+  std::vector<PerCamera> cameras_;
+  std::vector<ColorShare> shares_{cameras_.size()};
+  std::vector<PixelAt> hits_;
+  std::size_t next_ = 0;
+  bool has_begun_ = false;
+  capture::Timestamp last_at_ = capture::Timestamp::min();
+};
+
+}  // namespace huetrack::object_tracking

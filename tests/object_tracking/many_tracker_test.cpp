@@ -1,0 +1,185 @@
+#include <gmock/gmock.h>
+
+#include <cmath>
+#include <map>
+#include <numbers>
+#include <set>
+
+#include "object_tracking/object_tracker.h"
+#include "scene/scene.h"
+
+namespace huetrack::object_tracking {
+namespace {
+
+using Eigen::Vector3d;
+using Path = std::function<Vector3d(double)>;
+
+TargetOptions limes(int count) {
+  TargetOptions t;
+  t.name = "lime";
+  t.count = count;
+  t.color.hue_min_deg = 65, t.color.hue_max_deg = 115;
+  return t;
+}
+
+scene::Scene scene_of(const std::vector<Path>& paths, int cameras = 3) {
+  scene::SceneBuilder builder;
+  builder.cameras_on_ring({.count = cameras, .image_size = {320, 240}, .focal_px = 240});
+  for (const Path& path : paths) builder.ball({.path = path});
+  return builder.build();
+}
+
+// What is told, held to the truth: of each object the ball that it is, once and for all.
+struct Told {
+  std::map<std::uint32_t, std::size_t> ball_of;  // by the object's number
+  std::vector<std::size_t> tracked;              // per set
+  std::vector<std::vector<ObjectEstimate>> all;
+  std::size_t swaps = 0, wrong = 0;
+  double worst_m = 0;
+};
+
+Told told_of(const scene::Scene& scene, const std::vector<capture::FrameSet>& sets, int count,
+             std::size_t balls_that_count) {
+  ObjectTracker tracker(scene.rig, limes(count), ObjectTrackerOptions{});
+  Told out;
+  std::vector<ObjectEstimate> estimates;
+  std::set<std::uint32_t> ended;
+  for (const capture::FrameSet& set : sets) {
+    tracker.update(set, estimates);
+    EXPECT_FALSE(estimates.empty());
+    std::size_t tracked = 0;
+    for (const ObjectEstimate& e : estimates) {
+      EXPECT_EQ(e.has_position(), e.position.allFinite());
+      EXPECT_FALSE(ended.contains(e.object));
+      if (e.is_end) ended.insert(e.object);
+      if (e.state != TrackState::tracking) continue;
+      ++tracked;
+      EXPECT_EQ(e.object == 0, count == 1);
+      std::size_t nearest = 0;
+      for (std::size_t b = 0; b < balls_that_count; ++b)
+        if ((scene.ball_at(b, e.at) - e.position).norm() < (scene.ball_at(nearest, e.at) - e.position).norm())
+          nearest = b;
+      const double error_m = (scene.ball_at(nearest, e.at) - e.position).norm();
+      out.worst_m = std::max(out.worst_m, error_m);
+      out.wrong += error_m > 0.1 ? 1 : 0;
+      const auto [at, is_new] = out.ball_of.try_emplace(e.object, nearest);
+      if (count > 1) {
+        EXPECT_EQ(is_new, e.is_birth);
+      }
+      if (!is_new && at->second != nearest) ++out.swaps, at->second = nearest;
+    }
+    out.tracked.push_back(tracked);
+    out.all.push_back(estimates);
+  }
+  return out;
+}
+
+TEST(ManyTracker, findsAllInTwoSetsAndKeepsWhoIsWho) {
+  // Two that cross in the middle, a diameter and a half apart, and one that stands.
+  const scene::Scene scene = scene_of({[](double t) { return Vector3d(-0.6 + 0.8 * t, 0.06, 1.0); },
+                                       [](double t) { return Vector3d(0.6 - 0.8 * t, -0.06, 1.0); },
+                                       [](double) { return Vector3d(0, 0.5, 1.3); }});
+  const Told told = told_of(scene, render(scene, {.set_count = 45}), 3, 3);
+  for (std::size_t i = 1; i < told.tracked.size(); ++i) EXPECT_EQ(told.tracked[i], 3u) << i;
+  EXPECT_EQ(told.ball_of.size(), 3u);
+  EXPECT_EQ(told.swaps, 0u);
+  EXPECT_LT(told.worst_m, 0.02);
+}
+
+// Both cameras and both balls are at one height: every ray of one meets every ray of the other camera.
+TEST(ManyTracker, claimsNothingWhereTwoViewsCannotTellGhosts) {
+  scene::SceneBuilder builder;
+  builder.cameras_on_ring({.count = 4, .height_m = 1.0, .image_size = {320, 240}, .focal_px = 240});
+  scene::Scene scene = builder.build();
+  scene.rig.cameras.resize(2);  // at right angles
+  scene.balls.push_back({.path = [](double) { return Vector3d(0.2, 0.15, 1.0); }});
+  scene.balls.push_back({.path = [](double) { return Vector3d(-0.2, -0.1, 1.0); }});
+  const Told told = told_of(scene, render(scene, {.set_count = 30}), 4, 2);
+  EXPECT_EQ(told.wrong, 0u);
+}
+
+TEST(ManyTracker, tellsBirthsAndEndsAndUsesNoNumberTwice) {
+  // One leaves through the side of the volume; another one comes in there later.
+  const scene::Scene scene = scene_of(
+      {[](double) { return Vector3d(-0.3, 0, 1.0); }, [](double t) { return Vector3d(0.5 + 0.8 * t, 0.2, 1.0); },
+       [](double t) { return Vector3d(3.3 - 0.8 * t, -0.2, 1.0); }},
+      4);
+  const Told told = told_of(scene, render(scene, {.set_count = 105}), 3, 3);
+  EXPECT_EQ(told.wrong, 0u);
+  ASSERT_EQ(told.ball_of.size(), 3u);
+  EXPECT_EQ(told.ball_of.at(3), 2u);
+  std::map<std::uint32_t, int> births, ends;
+  for (const auto& estimates : told.all) {
+    for (const ObjectEstimate& e : estimates) {
+      births[e.object] += e.is_birth ? 1 : 0;
+      ends[e.object] += e.is_end ? 1 : 0;
+      if (e.state == TrackState::tracking) {
+        EXPECT_LT(e.position.x(), 1 + 0.04 + 0.01);
+      }
+      if (e.is_end) {
+        EXPECT_EQ(e.state, TrackState::lost);
+      }
+    }
+  }
+  EXPECT_EQ(births[1] * births[2] * births[3], 1);
+  EXPECT_EQ(ends[1] + ends[2] + ends[3], 1);
+  EXPECT_EQ(ends[told.ball_of.at(1) == 1 ? 1 : 2], 1);
+}
+
+TEST(ManyTracker, isNeverMoreThanWereSaid) {
+  const scene::Scene scene =
+      scene_of({[](double) { return Vector3d(-0.3, 0, 1.0); }, [](double) { return Vector3d(0.3, 0, 1.0); },
+                [](double) { return Vector3d(0, 0.3, 1.2); }});
+  const Told told = told_of(scene, render(scene, {.set_count = 12}), 2, 3);
+  for (std::size_t i = 1; i < told.tracked.size(); ++i) EXPECT_EQ(told.tracked[i], 2u) << i;
+}
+
+TEST(ManyTracker, saysThatNoneIsThere) {
+  const scene::Scene scene = scene_of({});
+  ObjectTracker tracker(scene.rig, limes(3), ObjectTrackerOptions{});
+  std::vector<ObjectEstimate> estimates;
+  for (const capture::FrameSet& set : render(scene, {.set_count = 3})) {
+    tracker.update(set, estimates);
+    ASSERT_EQ(estimates.size(), 1u);
+    EXPECT_EQ(estimates.front().object, 0u);
+    EXPECT_EQ(estimates.front().state, TrackState::searching);
+  }
+}
+
+TEST(ManyTracker, refusesCountsThatItCannotTrack) {
+  const scene::Scene scene = scene_of({});
+  for (const int count : {0, -1, 17, 1000})
+    EXPECT_THAT([&] { ObjectTracker(scene.rig, limes(count), ObjectTrackerOptions{}); },
+                testing::ThrowsMessage<std::invalid_argument>(testing::HasSubstr("count must be 1 to 16")));
+  ObjectTrackerOptions paper;
+  paper.observation = Observation::paper;
+  EXPECT_THAT([&] { ObjectTracker(scene.rig, limes(2), paper); },
+              testing::ThrowsMessage<std::invalid_argument>(testing::HasSubstr("paper")));
+}
+
+// A cupboard of the ball's colour stands there from the start; the ball comes after a second, passes it and rests.
+TEST(StillColor, isNoObjectAndARestingOneStays) {
+  scene::SceneBuilder builder;
+  builder.cameras_on_ring({.count = 3});
+  builder.ball({.path = [](double t) {
+    if (t < 0.5) return Vector3d(0, 0, 20);  // nowhere
+    return Vector3d(-0.8 + 0.9 * std::min(t - 0.5, 1.0), 0.1, 1.2);
+  }});
+  for (const double angle : {0.4, 1.5, 3.0, 4.4})
+    builder.ball({.radius_m = 0.25,
+                  .path = [=](double) { return Vector3d(1.7 * std::cos(angle), 1.7 * std::sin(angle), 0.6); }});
+  const scene::Scene scene = builder.build();
+  const std::vector<capture::FrameSet> sets = render(scene, {.set_count = 115});  // it rests for two seconds
+  for (const int count : {1, 3}) {
+    const Told told = told_of(scene, sets, count, 1);
+    EXPECT_EQ(told.wrong, 0u) << count;
+    std::size_t found = 0;
+    while (found < told.tracked.size() && told.tracked[found] == 0) ++found;
+    EXPECT_GE(found, 15u);
+    EXPECT_LE(found, 18u) << count;
+    for (std::size_t i = 50; i < told.tracked.size(); ++i) EXPECT_EQ(told.tracked[i], 1u) << i << " of " << count;
+  }
+}
+
+}  // namespace
+}  // namespace huetrack::object_tracking
