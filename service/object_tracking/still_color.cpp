@@ -49,8 +49,7 @@ void StillColor::forget(std::size_t camera) {
 void StillColor::look(const std::vector<TargetView>& views, std::span<const Sighting> tracked,
                       capture::Timestamp set_at) {
   if (views.empty()) return;
-  if (!has_begun_) {
-    has_begun_ = true;
+  if (!last_at_) {
     for (const TargetView& view : views) measure(view);  // one view tells it of the room, and so of all
     for (const TargetView& view : views) sample(view, tracked);
     last_at_ = set_at;
@@ -60,7 +59,7 @@ void StillColor::look(const std::vector<TargetView>& views, std::span<const Sigh
     const PerCamera& camera = cameras_[static_cast<std::size_t>(view.index)];
     if (camera.is_learning && camera.sampled < samples) sample(view, tracked);
   }
-  if (std::abs(capture::seconds(set_at - last_at_)) < every_s / static_cast<double>(views.size())) return;
+  if (std::abs(capture::seconds(set_at - *last_at_)) < every_s / static_cast<double>(views.size())) return;
   last_at_ = set_at;
   sample(views[next_++ % views.size()], tracked);
 }

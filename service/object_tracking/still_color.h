@@ -12,6 +12,7 @@
 #include <Eigen/Core>
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -63,8 +64,7 @@ class StillColor {
   std::vector<ColorShare> shares_{cameras_.size()};
   std::vector<PixelAt> hits_;
   std::size_t next_ = 0;
-  bool has_begun_ = false;
-  capture::Timestamp last_at_ = capture::Timestamp::min();
+  std::optional<capture::Timestamp> last_at_ = {};
 };
 
 }  // namespace huetrack::object_tracking

@@ -27,7 +27,9 @@ class Accuracy : public testing::Test {
     EXPECT_LE(f.mean_nees, 6);
     EXPECT_GE(f.share_inside_95, 0.85);
   }
-  static void expect_not_too_modest(const figures::TrackingFigures& f) { EXPECT_LE(f.share_inside_95, 0.99); }
+  // The NEES has a lower bound, which is what tells modesty; the share of some 150 sets, whose errors last from set to
+  // set, goes in steps of nearly a percent: one set outside is enough.
+  static void expect_not_too_modest(const figures::TrackingFigures& f) { EXPECT_LE(f.share_inside_95, 0.995); }
   figures::Sequence sequence;
 };
 
