@@ -180,8 +180,9 @@ void describe(Io& io, Config& config) {
   io.named("targets", config.targets, "what to track: name, size and colour of each", [&](auto& in, auto& target) {
     in.number("radius_m", target.radius_m, yaml::positive,
               "of the ball, or of a ball of about the object's size, metres");
-    in.choice("shape", target.shape, Words<object_tracking::TargetShape>(shape_words),
-              "huetrack only: ball: its outline is fitted; blob: its colour's centre; auto: a ball until it shows otherwise");
+    in.choice(
+        "shape", target.shape, Words<object_tracking::TargetShape>(shape_words),
+        "huetrack only: ball: its outline is fitted; blob: its colour's centre; auto: a ball until it shows otherwise");
     in.object_count("count", target, "3, or up to 8: how many of them there may be at once");
     in.group("color", "HSI as in the paper", [&](auto& color) {
       describe_color(color, target.color, Need::required);

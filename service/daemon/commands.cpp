@@ -87,7 +87,8 @@ void add_replay_command(CLI::App& app, Command& chosen) {
                       "draw every view of every frame set, and the track, into this folder");
   command->add_option("--pictures-every", replay_options.pictures_every, "only every so many-th frame set")
       ->check(CLI::Range(1, 1'000'000));
-  command->add_option("--truth", replay_options.truth, "compare with this CSV file (columns ball or target, t, x, y, z)");
+  command->add_option("--truth", replay_options.truth,
+                      "compare with this CSV file (columns ball or target, t, x, y, z)");
   command->add_option("--write-rig", replay_options.write_rig, write_rig_help);
   const std::map<std::string, ReplayStamps> stamps{{"now", ReplayStamps::now}, {"recording", ReplayStamps::recording}};
   command

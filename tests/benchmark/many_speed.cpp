@@ -151,8 +151,8 @@ int main() {
         ++updates;
       }
       const double us = median(us_many), cv = median(us_opencv);
-      std::printf("%7d %7d %9.0f %10.0f %9.0f %7.1f  %.2f of %d\n", cameras, balls, us_one.empty() ? 0 : median(us_one), us,
-                  cv, cv / us, static_cast<double>(told) / static_cast<double>(updates), balls);
+      std::printf("%7d %7d %9.0f %10.0f %9.0f %7.1f  %.2f of %d\n", cameras, balls, us_one.empty() ? 0 : median(us_one),
+                  us, cv, cv / us, static_cast<double>(told) / static_cast<double>(updates), balls);
       std::fflush(stdout);
     }
   }

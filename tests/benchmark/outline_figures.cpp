@@ -74,7 +74,8 @@ int main(int argc, char** argv) {
       Sum& s = sums[c];
       if (capture::seconds(t - begin) > 1 && (row->visible.empty() || row->visible[c] > 0.3)) {
         outline::Ellipse start = ball->ellipse;
-        start.centre += (getenv("OFF") ? atof(getenv("OFF")) : 0.3) * r * Eigen::Vector2d(std::cos(count), std::sin(count));
+        start.centre +=
+            (getenv("OFF") ? atof(getenv("OFF")) : 0.3) * r * Eigen::Vector2d(std::cos(count), std::sin(count));
         outline::Fit f;
         for (int repeat = 0; repeat < 3; ++repeat) {
           const auto t0 = std::chrono::steady_clock::now();
