@@ -68,6 +68,9 @@ std::string target_text(const TargetSummary& target) {
               ? fmt::format("tracking from set {} on ({:.3f} s);", *target.first_tracking_set, target.first_tracking_s)
               : "never tracking;";
   text += shares_text(target.sets) + "\n";
+  if (target.objects > 0)
+    text +=
+        fmt::format("          {} objects found, {} of them at once at most\n", target.objects, target.most_objects);
   if (!target.advice.empty()) text += "          " + target.advice + "\n";
   if (target.truth) text += "          " + tracks::to_text(*target.truth) + "\n";
   return text;

@@ -23,6 +23,8 @@ void Tally::Target::add(const object_tracking::ObjectEstimate& estimate, std::ui
     summary.first_tracking_s = capture::seconds(estimate.at - *first_at);
   }
   if (comparison) comparison->add(estimate);
+  if (estimate.is_birth) ++summary.objects, summary.most_objects = std::max(summary.most_objects, ++objects_now);
+  if (estimate.is_end) --objects_now;
 }
 
 void Tally::on_set(const pipeline::TrackedSet& set) {

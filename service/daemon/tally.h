@@ -16,8 +16,10 @@ namespace huetrack::daemon {
 struct TargetSummary {
   std::string name;
   std::map<object_tracking::TrackState, std::uint64_t> sets;  // per state
-  std::optional<std::uint64_t> first_tracking_set;            // 1 = the first
-  double first_tracking_s = 0;                                // capture time from the first set to that one
+  // Of a target of several objects: sets counts each of them, these are how many were found, and at once.
+  std::uint64_t objects = 0, most_objects = 0;
+  std::optional<std::uint64_t> first_tracking_set;  // 1 = the first
+  double first_tracking_s = 0;                      // capture time from the first set to that one
   std::optional<tracks::TruthFigures> truth;
   std::string advice;  // when it was never tracked: what to try
 };
@@ -48,6 +50,7 @@ class Tally final : public pipeline::Output {
     TargetSummary summary;
     std::optional<tracks::TruthComparison> comparison;
     std::optional<capture::Timestamp> first_at = {};
+    std::uint64_t objects_now = 0;
     void add(const object_tracking::ObjectEstimate& estimate, std::uint64_t set);
   };
   std::vector<Target> targets_;  // this and what follows to sets_until_: the tracking thread's

@@ -207,6 +207,26 @@ TEST_F(EndToEnd, ASubscriberReceivesAtRealSpeedWhatTheCsvSays) {
   EXPECT_EQ(figures(of_received.out), figures(of_sent.out));
 }
 
+// Three balls of one colour, thrown: three names that stay, and the same bytes with any number of threads.
+TEST_F(EndToEnd, SeveralObjectsOfOneColorHaveNamesOfTheirOwn) {
+  const fs::path juggling = fs::path(HUETRACK_SHARED_DATA) / "rendered/juggling";
+  if (!fs::exists(juggling)) GTEST_SKIP() << "no recording in " << juggling;
+  const std::string three = write("version: 1\nrig: " + (juggling / "rig.yaml").string() +
+                                      "\ntargets: {ball: {count: 3, radius_m: 0.036, color: {hue_deg: [276, 298], "
+                                      "saturation: [0.43, 1], intensity: [0.23, 0.53]}}}\n"
+                                      "object_tracking: {volume: {min: [-1, -1, 0.1], max: [1, 1, 2.1]}}\n",
+                                  "three.yaml");
+  const std::string with_one = tracks({"--threads", "1"}, three, juggling);
+  EXPECT_EQ(with_one, tracks({"--threads", "3"}, three, juggling));
+  std::map<std::string, int> tracked;
+  for (const std::string& line : lines_of(with_one))
+    if (line.find(",tracking,") != std::string::npos) ++tracked[line.substr(0, line.find(','))];
+  ASSERT_EQ(tracked.size(), 3u) << "no fourth one, and nobody's name changes";
+  for (const char* name : {"ball_1", "ball_2", "ball_3"}) EXPECT_GT(tracked[name], 200) << name;
+  EXPECT_THAT(run({HUETRACKD, "replay", three, juggling, "--no-dds"}).out,
+              HasSubstr("3 objects found, 3 of them at once at most"));
+}
+
 // The one file of clients/python, as somebody would use it, against the bridge.
 TEST_F(EndToEnd, PythonClientReceivesWhatTheCsvSays) {
   if (!fs::exists("/usr/bin/python3")) GTEST_SKIP() << "python3 is not installed";
