@@ -23,7 +23,7 @@ double seconds(std::chrono::nanoseconds d) {
 }  // namespace
 
 Truth Truth::read(const std::filesystem::path& file) {
-  static constexpr std::string_view columns[] = {"target|ball", "t", "x", "y", "z"};
+  static constexpr std::string_view columns[] = {"ball|target", "t", "x", "y", "z"};
   yaml::CsvTable table(file, columns);
   Truth truth;
   while (table.next()) {

@@ -60,10 +60,15 @@ TEST_F(TruthFile, MistakesAreNamedWithTheLine) {
     }
     return "no error";
   };
-  EXPECT_EQ(error("t,x,y,z\n"), file_.string() + ":1: the header has no column ball");
+  EXPECT_EQ(error("t,x,y,z\n"), file_.string() + ":1: the header has no column ball or target");
   EXPECT_EQ(error("ball,t,x,y,z\nb,0,0,0,0\nb,0,1,1,1\n"),
             file_.string() + ":3: t must grow from row to row of one target");
   EXPECT_EQ(error("ball,t,x,y,z\nb,0,nan,0,0\n"), file_.string() + ":2: x, y and z must be finite");
+}
+
+TEST_F(TruthFile, MayNameItsTargetsAsOurTracksDo) {
+  const Truth t = truth("target,t,x,y,z\nlime,0,1,2,3\nlime,0.1,1,2,3\n");
+  EXPECT_TRUE(t.targets().contains("lime"));
 }
 
 TEST_F(TruthFile, CanBeMovedToAnotherClock) {
