@@ -12,8 +12,8 @@
 #include <thread>
 
 #include "calib/program/commands.h"
+#include "calib/yaml/nearest_word.h"
 #include "calib/yaml/text_file.h"
-#include "calib/yaml/yaml_reader.h"
 
 namespace {
 

@@ -11,6 +11,7 @@
 #include <sstream>
 #include <unordered_set>
 
+#include "calib/yaml/nearest_word.h"
 #include "calib/yaml/text_file.h"
 
 namespace huetrack::yaml {
@@ -104,32 +105,6 @@ std::string described(const Range& range) {
   return text;
 }
 
-std::string in_small_letters(std::string_view word) {
-  std::string out(word);
-  for (char& c : out)
-    if (c >= 'A' && c <= 'Z') c = static_cast<char>(c - 'A' + 'a');
-  return out;
-}
-
-// Optimal string alignment: insertions, deletions, replacements and swaps of neighbours, each at cost 1.
-std::size_t edit_distance(std::string_view a, std::string_view b) {
-  std::vector<std::size_t> before(b.size() + 1), previous(b.size() + 1), current(b.size() + 1);
-  for (std::size_t j = 0; j <= b.size(); ++j) previous[j] = j;
-  for (std::size_t i = 1; i <= a.size(); ++i) {
-    current[0] = i;
-    for (std::size_t j = 1; j <= b.size(); ++j) {
-      current[j] = std::min(
-          {previous[j] + 1, current[j - 1] + 1, previous[j - 1] + static_cast<std::size_t>(a[i - 1] != b[j - 1])});
-      if (i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1]) {
-        current[j] = std::min(current[j], before[j - 2] + 1);
-      }
-    }
-    std::swap(before, previous);
-    std::swap(previous, current);
-  }
-  return previous[b.size()];
-}
-
 std::string error_text(const std::filesystem::path& file, int line, const std::string& message) {
   return printable(file.string(), longest_path) + (line > 0 ? ":" + std::to_string(line) : "") + ": " +
          printable(message, longest_message);
@@ -175,27 +150,6 @@ YAML::Node parse(const std::string& yaml, const std::string& name) {
 
 ConfigError::ConfigError(const std::filesystem::path& file, int line, const std::string& message)
     : std::runtime_error(error_text(file, line, message)), file_(file), line_(line) {}
-
-std::optional<std::string> nearest_word(std::string_view given, std::span<const std::string> words) {
-  const std::string word = in_small_letters(given);
-  std::optional<std::string> nearest;
-  std::size_t smallest = word.size() / 3 + 1;  // one slip in three letters is a misspelling, more is another word
-  for (const std::string& candidate : words) {
-    if (candidate.size() > 2 * word.size() + 2 || word.size() > 2 * candidate.size() + 2) continue;
-    if (const std::size_t distance = edit_distance(word, in_small_letters(candidate)); distance < smallest) {
-      smallest = distance;
-      nearest = candidate;
-    }
-  }
-  if (nearest) return nearest;
-  // Half of a name that has parts ("hue" of hue_deg) is a slip, too.
-  const auto begins = [](std::string_view whole, std::string_view part) {
-    return part.size() >= 3 && whole.size() > part.size() && whole.starts_with(part) && whole[part.size()] == '_';
-  };
-  const auto half = std::ranges::find_if(
-      words, [&](const std::string& candidate) { return begins(candidate, word) || begins(word, candidate); });
-  return half == words.end() ? std::nullopt : std::optional(*half);
-}
 
 struct YamlReader::Node {
   // A key, and what stands behind it in which file.

@@ -108,8 +108,4 @@ class YamlReader {
   std::shared_ptr<Node> node_;
 };
 
-// The one of `words` that is nearest to `word` by edit distance, if it is near enough to be a misspelling.
-// Small and capital letters are the same here, and half of a name with parts is near to it ("hue" to hue_deg).
-std::optional<std::string> nearest_word(std::string_view word, std::span<const std::string> words);
-
 }  // namespace huetrack::yaml

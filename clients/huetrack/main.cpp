@@ -7,8 +7,8 @@
 #include <map>
 #include <string>
 
+#include "calib/yaml/nearest_word.h"
 #include "calib/yaml/text_file.h"
-#include "calib/yaml/yaml_reader.h"
 #include "clients/live_view/view.h"
 #include "clients/plot/plot.h"
 #include "commands.h"

@@ -9,6 +9,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "calib/yaml/nearest_word.h"
 #include "calib/yaml/yaml_reader.h"
 #include "capture/camera_clock.h"
 #include "capture/video_reader.h"

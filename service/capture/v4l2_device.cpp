@@ -23,6 +23,7 @@
 #include <numeric>
 #include <utility>
 
+#include "calib/yaml/nearest_word.h"
 #include "calib/yaml/yaml_reader.h"
 #include "capture/file_descriptor.h"
 

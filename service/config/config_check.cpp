@@ -1,4 +1,5 @@
 #include "config/config_check.h"
+#include "calib/yaml/nearest_word.h"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>

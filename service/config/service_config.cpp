@@ -16,6 +16,7 @@
 #include <utility>
 
 #include "calib/model/rig_yaml.h"
+#include "calib/yaml/nearest_word.h"
 #include "calib/yaml/text_file.h"
 #include "calib/yaml/yaml_reader.h"
 #include "config/config_check.h"

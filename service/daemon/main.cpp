@@ -9,8 +9,8 @@
 #include <cstdlib>
 #include <exception>
 
+#include "calib/yaml/nearest_word.h"
 #include "calib/yaml/text_file.h"
-#include "calib/yaml/yaml_reader.h"
 #include "capture/v4l2_source.h"
 #include "daemon/commands.h"
 #include "daemon/service_manager.h"

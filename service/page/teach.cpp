@@ -15,6 +15,7 @@
 #include <optional>
 #include <thread>
 
+#include "calib/yaml/nearest_word.h"
 #include "calib/yaml/yaml_reader.h"
 #include "capture/recording.h"
 #include "capture/replay_source.h"

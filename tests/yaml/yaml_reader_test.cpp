@@ -1,4 +1,5 @@
 #include "calib/yaml/yaml_reader.h"
+#include "calib/yaml/nearest_word.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

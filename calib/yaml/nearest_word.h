@@ -1,0 +1,15 @@
+// "did you mean ...?"
+#pragma once
+
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+
+namespace huetrack::yaml {
+
+// The one of `words` that is nearest to `word` by edit distance, if it is near enough to be a misspelling.
+// Small and capital letters are the same here, and half of a name with parts is near to it ("hue" to hue_deg).
+std::optional<std::string> nearest_word(std::string_view word, std::span<const std::string> words);
+
+}  // namespace huetrack::yaml
