@@ -20,6 +20,7 @@ hash_of() {
 replay() {
   local name=$1 kind=$2 recording=$3
   shift 3
+  rm -f "$work/out"  # of another kind: no output replaces it
   "$huetrackd" replay "${config:-$work/c.yaml}" "$recording" --no-dds --quiet "--$kind" "$work/out" "$@" >"$work/log" 2>&1 ||
     { cat "$work/log" >&2; exit 1; }
   hash_of "$name" "$work/out"
