@@ -2,8 +2,6 @@
 #include <pthread.h>
 #include <signal.h>
 
-#include <fmt/format.h>
-
 #include <CLI/CLI.hpp>
 #include <cstdio>
 #include <cstdlib>
@@ -12,8 +10,8 @@
 #include <thread>
 
 #include "calib/program/commands.h"
-#include "calib/yaml/nearest_word.h"
 #include "calib/yaml/text_file.h"
+#include "calib/yaml/unknown_command.h"
 
 namespace {
 
@@ -51,17 +49,7 @@ int main(int argc, char** argv) {
   CLI::App app("huetrack-calibrate: calibrates cameras, and says whether to trust the result");
   app.set_version_flag("--version", "huetrack-calibrate " HUETRACK_VERSION);
   app.require_subcommand(1);
-  app.failure_message([](const CLI::App* failed, const CLI::Error& error) {
-    const std::vector<std::string> words = failed->remaining();
-    if (failed->get_parent() == nullptr && !words.empty() && failed->get_subcommands().empty()) {
-      std::vector<std::string> commands;
-      for (const CLI::App* command : failed->get_subcommands({})) commands.push_back(command->get_name());
-      const auto near = yaml::nearest_word(words.front(), commands);
-      return fmt::format("huetrack-calibrate: there is no command {}{}; huetrack-calibrate --help lists them\n",
-                         yaml::printable(words.front()), near ? " (did you mean " + *near + "?)" : "");
-    }
-    return CLI::FailureMessage::simple(failed, error);
-  });
+  yaml::name_unknown_commands(app, "huetrack-calibrate", CLI::FailureMessage::simple);
   app.footer("Ends with 0 when the result is usable, 2 when it is doubtful (the report says why), 1 when it failed.");
 
   program::Command chosen;

@@ -1,14 +1,12 @@
 // huetrack: the command-line client. It sees only what any DDS program can see.
-#include <fmt/format.h>
-
 #include <CLI/CLI.hpp>
 #include <cstdio>
 #include <exception>
 #include <map>
 #include <string>
 
-#include "calib/yaml/nearest_word.h"
 #include "calib/yaml/text_file.h"
+#include "calib/yaml/unknown_command.h"
 #include "clients/live_view/view.h"
 #include "clients/plot/plot.h"
 #include "commands.h"
@@ -19,17 +17,7 @@ int main(int argc, char** argv) {
   CLI::App app("huetrack: what a running huetrackd says over DDS, as text, files and a live page");
   app.set_version_flag("--version", "huetrack " HUETRACK_VERSION);
   app.require_subcommand(1);
-  app.failure_message([](const CLI::App* failed, const CLI::Error& error) {
-    const std::vector<std::string> words = failed->remaining();
-    if (failed->get_parent() == nullptr && !words.empty() && failed->get_subcommands().empty()) {
-      std::vector<std::string> commands;
-      for (const CLI::App* command : failed->get_subcommands({})) commands.push_back(command->get_name());
-      const auto near = huetrack::yaml::nearest_word(words.front(), commands);
-      return fmt::format("huetrack: there is no command {}{}; huetrack --help lists them\n",
-                         huetrack::yaml::printable(words.front()), near ? " (did you mean " + *near + "?)" : "");
-    }
-    return CLI::FailureMessage::simple(failed, error);
-  });
+  huetrack::yaml::name_unknown_commands(app, "huetrack", CLI::FailureMessage::simple);
   WatchOptions options;
   options.participant.name = "huetrack";
 

@@ -2,15 +2,13 @@
 #include <signal.h>
 #include <spdlog/spdlog.h>
 
-#include <fmt/format.h>
-
 #include <CLI/CLI.hpp>
 #include <cstdio>
 #include <cstdlib>
 #include <exception>
 
-#include "calib/yaml/nearest_word.h"
 #include "calib/yaml/text_file.h"
+#include "calib/yaml/unknown_command.h"
 #include "capture/v4l2_source.h"
 #include "daemon/commands.h"
 #include "daemon/service_manager.h"
@@ -40,17 +38,7 @@ int main(int argc, char** argv) {
   CLI::App app("huetrackd: tracks coloured objects in 3-D with calibrated cameras, and publishes them over DDS");
   app.set_version_flag("--version", "huetrackd " HUETRACK_VERSION);
   app.require_subcommand(1);
-  app.failure_message([](const CLI::App* failed, const CLI::Error& error) {
-    const std::vector<std::string> words = failed->remaining();
-    if (failed->get_parent() == nullptr && !words.empty() && failed->get_subcommands().empty()) {
-      std::vector<std::string> commands;
-      for (const CLI::App* command : failed->get_subcommands({})) commands.push_back(command->get_name());
-      const auto near = yaml::nearest_word(words.front(), commands);
-      return fmt::format("huetrackd: there is no command {}{}; huetrackd --help lists them\n",
-                         yaml::printable(words.front()), near ? " (did you mean " + *near + "?)" : "");
-    }
-    return CLI::FailureMessage::simple(failed, error);
-  });
+  yaml::name_unknown_commands(app, "huetrackd", CLI::FailureMessage::simple);
   daemon::Command chosen;
   daemon::add_check_command(app, chosen);
   daemon::add_replay_command(app, chosen);

@@ -1,0 +1,29 @@
+// What a program says of a word that is none of its commands.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "calib/yaml/nearest_word.h"
+#include "calib/yaml/text_file.h"
+
+namespace huetrack::yaml {
+
+// For a CLI::App, whose header this does without: it is heavy, and fenced in. otherwise: what is said of all other
+// mistakes, CLI::FailureMessage::simple.
+template <typename App, typename FailureMessage>
+void name_unknown_commands(App& app, const std::string& program, FailureMessage otherwise) {
+  app.failure_message([program, otherwise](const App* failed, const auto& error) {
+    const std::vector<std::string> words = failed->remaining();
+    if (failed->get_parent() != nullptr || words.empty() || words.front().starts_with("-") ||
+        !failed->get_subcommands().empty())
+      return otherwise(failed, error);
+    std::vector<std::string> commands;
+    for (const App* command : failed->get_subcommands({})) commands.push_back(command->get_name());
+    const auto near = nearest_word(words.front(), commands);
+    return program + ": there is no command " + printable(words.front()) +
+           (near ? " (did you mean " + *near + "?)" : "") + "; " + program + " --help lists them\n";
+  });
+}
+
+}  // namespace huetrack::yaml
