@@ -4,7 +4,6 @@
 #include <cmath>
 
 #include "object_tracking/expected_view.h"
-#include "object_tracking/object_sighter.h"
 
 namespace huetrack::object_tracking {
 namespace {
@@ -31,19 +30,25 @@ bool add_support(const TargetView& view, const ToReport& what, ObjectEstimate& e
 
 }  // namespace
 
-ObjectEstimate report(const ToReport& what, RigError& rig_error, capture::Timestamp& last_reported) {
-  const MotionBelief& belief = what.filter.belief();
-  const capture::FrameSet& set = what.set;
+ObjectEstimate without_position(const capture::FrameSet& set, const TargetViews& views, const MotionBelief& belief,
+                                TrackState state) {
   ObjectEstimate e;
   e.at = set.at;
   e.set_number = set.number;
-  e.state = what.state;
+  e.state = state;
+  e.per_view.resize(views.camera_count());
+  for (int c = 0; c < static_cast<int>(views.camera_count()); ++c) e.times.push_back(belief.timing(c));
+  for (const auto* some : {&views.used(), &views.unused()})
+    for (const TargetView& view : *some) e.per_view[static_cast<std::size_t>(view.index)].delivered = true;
+  return e;
+}
+
+ObjectEstimate report(const ToReport& what, RigError& rig_error, capture::Timestamp& last_reported) {
+  const MotionBelief& belief = what.filter.belief();
+  const capture::FrameSet& set = what.set;
+  ObjectEstimate e = without_position(set, what.views, belief, what.state);
   e.particle_count = static_cast<int>(what.filter.particles().size());
   e.effective_sample_size = what.filter.effective_sample_size();
-  e.per_view.resize(what.views.camera_count());
-  for (int c = 0; c < static_cast<int>(what.views.camera_count()); ++c) e.times.push_back(belief.timing(c));
-  for (const auto* some : {&what.views.used(), &what.views.unused()})
-    for (const TargetView& view : *some) e.per_view[static_cast<std::size_t>(view.index)].delivered = true;
   for (std::size_t c = 0; c < e.per_view.size(); ++c)
     e.per_view[c].doubt_px = static_cast<float>(std::sqrt(what.agreement.doubt_px2(c)));
   if (!e.has_position()) return e;

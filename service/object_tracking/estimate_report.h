@@ -25,6 +25,10 @@ struct ToReport {
   std::span<const Sighting> seen;       // also those that contradict, and those of cameras that are not used
 };
 
+// Of a set after which nothing is told but which cameras delivered, and their times.
+ObjectEstimate without_position(const capture::FrameSet& set, const TargetViews& views, const MotionBelief& belief,
+                                TrackState state);
+
 // last_reported: of the object, updated. Positions are told in the order of time.
 ObjectEstimate report(const ToReport& what, RigError& rig_error, capture::Timestamp& last_reported);
 

@@ -7,22 +7,18 @@
 #include <utility>
 
 #include "object_tracking/estimate_report.h"
+#include "object_tracking/object_sighter.h"
 
 namespace huetrack::object_tracking {
 namespace {
 
-// The hardest acceleration does not explain innovations of so many of their standard deviations, squared: a bounce.
-constexpr double bounce_surprise = 6;
 // Around the volume, as a share of its largest extent: who comes in is known by then, and so is what he shows.
 constexpr double share_around = 0.5;
-constexpr double least_region_share = 0.15;  // of the smallest disc
 // An object that is not seen and turns up where it may be by now is taken up again: chi-square, 3 degrees of freedom,
 // 99.7 %.
 constexpr double take_up_gate = 14.2;
 // Two centres nearer than this share of a diameter are of one object; a touch measured with an error is not.
 constexpr double one_object_share = 0.6;
-// Sets in which an object is seen by fewer than two views while two or more that should see it do not: it is not there.
-constexpr int most_contradicted_sets = 3;
 
 // Who has left the volume is told so long at most, as a share of the time that coasting may take: he may turn back.
 constexpr double longest_outside = 0.5;
@@ -90,14 +86,8 @@ void ManyTracker::expect(const std::vector<TargetView>& views) {
       if (!(at.px.x() > -margin && at.px.y() > -margin && at.px.x() < view.image->width + margin &&
             at.px.y() < view.image->height + margin))
         continue;
-      // Twice the hardest usual acceleration, whatever the filter has learnt: a throw must not lose the object.
-      const double dt = capture::seconds(in_view->row.at - belief.at);
-      const double reach_m = options_.acceleration_m_s2 * dt * dt;
-      const Eigen::Matrix3d spread = belief.seen_covariance(in_view->row, filter.power_density()) +
-                                     reach_m * reach_m * Eigen::Matrix3d::Identity();
-      Eigen::Matrix2d s = at.jacobian * spread * at.jacobian.transpose();
-      agreement_.open(static_cast<std::size_t>(view.index), *view.camera, belief.position_at(in_view->row.at), at, s);
-      expected_[i].push_back({o, at, s, image_motion(view, at, belief)});
+      expected_[i].push_back({o, at, spread_in(view, *in_view, filter, agreement_, options_.acceleration_m_s2),
+                              image_motion(view, at, belief)});
     }
   }
 }
@@ -113,7 +103,7 @@ void ManyTracker::find_regions(const std::vector<TargetView>& views) {
     const int step =
         std::max(1, static_cast<int>(std::numbers::sqrt2 * size.smallest_px));  // no disc is between points
     const int min_area =
-        std::max(2, static_cast<int>(least_region_share * std::numbers::pi * size.smallest_px * size.smallest_px));
+        std::max(2, static_cast<int>(least_support * std::numbers::pi * size.smallest_px * size.smallest_px));
     // As many as there may be in a row.
     const int largest = static_cast<int>(std::ceil(2 * size.largest_px * std::min(target_.count, 4))) + 2;
     // What is left to be seen of a known object may be.
@@ -131,10 +121,7 @@ void ManyTracker::find_regions(const std::vector<TargetView>& views) {
 
 // Which region of which view is of which object.
 void ManyTracker::sight(const std::vector<TargetView>& views) {
-  for (const auto& object : objects_) {
-    object->sightings.clear();
-    object->hidden_views = object->missing_views = 0;
-  }
+  for (const auto& object : objects_) object->sightings.clear();
   for (std::size_t i = 0; i < views.size(); ++i) {
     const TargetView& view = views[i];
     const std::vector<ExpectedObject>& expected = expected_[i];
@@ -145,10 +132,6 @@ void ManyTracker::sight(const std::vector<TargetView>& views) {
         s->row = row_of(view, s->px.y(), object.filter.belief());
         seen_regions_.add_target(view, s->px, s->radius_px);
         object.sightings.push_back(std::move(*s));
-      } else if (shared.is_hidden[e] != 0) {
-        ++object.hidden_views;
-      } else if (view.camera->contains({expected[e].at.px})) {
-        ++object.missing_views;
       }
     }
     unexplained_[i].clear();
@@ -167,8 +150,8 @@ double ManyTracker::learn_acceleration(Object& object, const capture::FrameSet& 
   const double before = filter.acceleration();
   filter.raise_acceleration(object.sightings);
   const double dt = capture::seconds(set.at - filter.belief().at);
-  if (dt > 0 && object.sightings.size() >= 2 && filter.surprise() > bounce_surprise) {
-    const double kick = std::max(filter.belief().velocity().norm(), options_.start_speed_m_s);
+  if (dt > 0 && filter.is_unexplained(object.sightings)) {
+    const double kick = filter.kick_m_s();
     filter.set_acceleration(before);
     return std::max(kick * kick / dt, filter.power_density());
   }
@@ -183,24 +166,13 @@ void ManyTracker::follow(Object& object, const capture::FrameSet& set) {
   judge(object, set);
 }
 
-// As of a single object (RegionTracker::judge()); and what several views should show, and do not, is not there.
+// Outside the volume, too: report() says who is told.
 void ManyTracker::judge(Object& object, const capture::FrameSet& set) {
   const MotionBelief& belief = object.filter.belief();
-  const double sigma_m = judged_sigma(belief, object.sightings);
-  const double doubted_m = agreement_.doubted_sigma(belief, object.sightings);
-  const bool is_contradicted = object.sightings.size() < 2 && object.missing_views >= 2;
-  object.contradicted_sets = is_contradicted ? object.contradicted_sets + 1 : 0;
-  if (!object.sightings.empty() && sigma_m <= options_.max_tracking_sigma_m &&
-      doubted_m <= options_.max_coast_sigma_m) {
-    object.state = doubted_m <= options_.max_tracking_sigma_m ? TrackState::tracking : TrackState::coasting;
-    object.last_tracking = set.at;
-  } else if (std::max(sigma_m, doubted_m) > options_.max_coast_sigma_m ||
-             capture::seconds(set.at - object.last_tracking) > options_.coast_s ||
-             (object.sightings.empty() && !inside(options_.volume, belief.position(), 0))) {
-    object.state = TrackState::lost;
-  } else {
-    object.state = TrackState::coasting;
-  }
+  const Judged now = judged(options_, belief, object.sightings, agreement_.doubted_sigma(belief, object.sightings),
+                            capture::seconds(set.at - object.last_tracking), true);
+  object.state = now.state;
+  if (now.is_seen) object.last_tracking = set.at;
 }
 
 // One object that is told twice: the older one stays.
@@ -270,15 +242,8 @@ bool ManyTracker::take_up(const Birth& birth, capture::Timestamp set_at) {
 
 // The belief that the sightings of two sets give, from nothing but what is usual.
 void ManyTracker::start(Object& object, const Birth& birth, capture::Timestamp set_at) {
-  const capture::Timestamp told = object.last_reported;
-  object.filter.begin(birth.earlier, birth.now, set_at, birth.dt, sets_apart_ == 0);
-  for (const std::vector<Sighting>* sightings : {&birth.earlier.sightings, &birth.now.sightings}) {
-    object.sightings = *sightings;
-    sort_by_time(object.sightings);
-    agreement_.doubt(object.filter.belief(), object.sightings);
-    object.filter.start_with(object.sightings, set_at, told);
-  }
-  object.filter.end_start();
+  object.sightings = object.filter.start(birth.earlier, birth.now, agreement_, set_at, birth.dt, sets_apart_ == 0,
+                                         object.last_reported);
   const double doubted_m = agreement_.doubted_sigma(object.filter.belief(), object.sightings);
   const double sigma_m = std::max(judged_sigma(object.filter.belief(), object.sightings), doubted_m);
   object.state = doubted_m > options_.max_coast_sigma_m     ? TrackState::lost
@@ -294,11 +259,9 @@ void ManyTracker::forget_all() {
 
 void ManyTracker::trust(std::span<const CameraTrust> cameras) {
   const std::vector<std::size_t> moved = views_.trust(cameras);
-  std::vector<bool> posed_anew;
-  for (const CameraTrust& camera : cameras) posed_anew.push_back(camera.cam_from_world.has_value());
   for (const auto& object : objects_) {
     for (const std::size_t c : moved) object->filter.forget_camera(static_cast<int>(c));
-    object->rig_error.leave_out_poses(posed_anew);
+    object->rig_error.leave_out_poses(cameras);
   }
   agreement_.trust(moved, cameras);
   for (const std::size_t c : moved) still_color_.forget(c);
@@ -369,15 +332,7 @@ void ManyTracker::report(const capture::FrameSet& set, std::vector<ObjectEstimat
 
 // What is told then is that of the target.
 ObjectEstimate ManyTracker::none_known(const capture::FrameSet& set) const {
-  ObjectEstimate none;
-  none.at = set.at;
-  none.set_number = set.number;
-  none.state = last_number_ == 0 ? TrackState::searching : TrackState::lost;
-  none.per_view.resize(views_.camera_count());
-  for (const auto* some : {&views_.used(), &views_.unused()})
-    for (const TargetView& view : *some) none.per_view[static_cast<std::size_t>(view.index)].delivered = true;
-  for (int c = 0; c < static_cast<int>(views_.camera_count()); ++c) none.times.push_back(times_.belief().timing(c));
-  return none;
+  return without_position(set, views_, times_.belief(), last_number_ == 0 ? TrackState::searching : TrackState::lost);
 }
 
 }  // namespace huetrack::object_tracking

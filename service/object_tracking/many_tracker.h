@@ -60,8 +60,6 @@ class ManyTracker {
     std::vector<Sighting> sightings;  // of this set
     bool is_told = false;             // in the last set
     capture::Timestamp last_inside{};
-    int contradicted_sets = 0;                // one after the other
-    int hidden_views = 0, missing_views = 0;  // of this set: others hide it there; it should be seen there, and is not
   };
 
   void expect(const std::vector<TargetView>& views);

@@ -8,8 +8,7 @@ namespace huetrack::object_tracking {
 namespace {
 
 constexpr std::size_t max_candidates = 4 * TargetOptions::most_count;
-constexpr double longest_confirmation_s = 0.5;  // a candidate that is older confirms nothing
-constexpr int usual_sets = 2, contested_sets = 8;
+constexpr int usual_sets = 2;
 
 // Evidence, as logarithms of how much likelier what is seen is with an object there than by chance.
 // A view sees what should be seen in nine of ten cases; else something hides it that nobody knows of.

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "object_tracking/view_agreement.h"
 #include "particle_filter/moments.h"
 #include "particle_filter/resample.h"
 
@@ -15,8 +16,8 @@ namespace {
 constexpr double acceleration_time_s = 0.1;
 constexpr double least_acceleration_m_s2 = 3;  // nothing moves more evenly than this for long
 constexpr double floor_likelihood = 1.0 / 25;  // the paper's, eqs. (5), (6): tolerates occlusion and locks nothing out
-// Mean squared innovation in its standard deviations; 1 is usual. The hardest acceleration does not explain it.
-constexpr double usual_surprise = 3;
+// Mean squared innovation in its standard deviations; 1 is usual.
+constexpr double usual_surprise = 3, bounce_surprise = 6;
 
 }  // namespace
 
@@ -88,18 +89,25 @@ void ObjectFilter::begin(const PositionCandidate& earlier, const PositionCandida
   belief_.begin(first_at, earlier.position, anywhere_m * anywhere_m, Eigen::Vector3d::Zero(), speed * speed);
 }
 
-void ObjectFilter::start_with(std::span<const Sighting> sightings, capture::Timestamp set_at, capture::Timestamp told) {
-  belief_ = observer_.observed(belief_, &about_, sightings, power_density());
-  predict_to_be_told(belief_, set_at, told, power_density());
-  times_.remember(belief_, sightings, power_density());
-}
-
-void ObjectFilter::end_start() {
+std::vector<Sighting> ObjectFilter::start(const PositionCandidate& earlier, const PositionCandidate& found,
+                                          const ViewAgreement& agreement, capture::Timestamp set_at, double dt,
+                                          bool is_in_step, capture::Timestamp told) {
+  begin(earlier, found, set_at, dt, is_in_step);
+  std::vector<Sighting> sightings;
+  for (const std::vector<Sighting>* of_set : {&earlier.sightings, &found.sightings}) {
+    sightings = *of_set;
+    sort_by_time(sightings);
+    agreement.doubt(belief_, sightings);
+    belief_ = observer_.observed(belief_, &about_, sightings, power_density());
+    predict_to_be_told(belief_, set_at, told, power_density());
+    times_.remember(belief_, sightings, power_density());
+  }
   times_.settle(belief_);
   draw_particles(belief_.given_views());
   weight_.assign(particles_.size(), 1.0f / static_cast<float>(particles_.size()));
   effective_sample_size_ = static_cast<double>(particles_.size());
   map_ = belief_.position();
+  return sightings;
 }
 
 void ObjectFilter::forget_camera(int camera) {
@@ -133,6 +141,14 @@ void ObjectFilter::raise_acceleration(std::vector<Sighting>& sightings) {
     acceleration_ = std::min(ceiling, 1.5 * acceleration_);
     observer_.observed(belief_, nullptr, sightings, power_density());
   }
+}
+
+bool ObjectFilter::is_unexplained(std::span<const Sighting> sightings) const {
+  return sightings.size() >= 2 && surprise() > bounce_surprise;
+}
+
+double ObjectFilter::kick_m_s() const {
+  return std::max(belief_.velocity().norm(), options_.start_speed_m_s);
 }
 
 void ObjectFilter::settle_acceleration(std::span<const Sighting> sightings) {
@@ -265,6 +281,19 @@ double judged_sigma(const MotionBelief& belief, std::span<const Sighting> sighti
   if (sightings.size() < 2) return believed_m;
   const PositionInformation seen = information_of(sightings, belief.position());
   return std::min(believed_m, largest_sigma(seen.information.inverse()));
+}
+
+Judged judged(const ObjectTrackerOptions& options, const MotionBelief& belief, std::span<const Sighting> sightings,
+              double doubted_m, double unseen_s, bool may_be_tracked) {
+  const double sigma_m = judged_sigma(belief, sightings);
+  if (may_be_tracked && !sightings.empty() && sigma_m <= options.max_tracking_sigma_m &&
+      doubted_m <= options.max_coast_sigma_m)
+    return {doubted_m <= options.max_tracking_sigma_m ? TrackState::tracking : TrackState::coasting, true};
+  // Nobody sees it, and it is not expected to be where it may be.
+  const bool is_gone = sightings.empty() && !inside(options.volume, belief.position(), 0);
+  const bool is_lost =
+      is_gone || std::max(sigma_m, doubted_m) > options.max_coast_sigma_m || unseen_s > options.coast_s;
+  return {is_lost ? TrackState::lost : TrackState::coasting, false};
 }
 
 }  // namespace huetrack::object_tracking

@@ -17,6 +17,8 @@
 
 namespace huetrack::object_tracking {
 
+class ViewAgreement;
+
 // thread-compatible. Sightings come by the times of their rows.
 class ObjectFilter {
  public:
@@ -35,12 +37,11 @@ class ObjectFilter {
   // Nothing is known of the position: particles anywhere in the volume.
   void scatter();
 
-  // A new object, from what two sets saw of it: begin(), then start_with() the sightings of the first and of the second
-  // set, then end_start(). is_in_step: the cameras are triggered together, as far as is known.
-  void begin(const PositionCandidate& earlier, const PositionCandidate& found, capture::Timestamp set_at, double dt,
-             bool is_in_step);
-  void start_with(std::span<const Sighting> sightings, capture::Timestamp set_at, capture::Timestamp told);
-  void end_start();
+  // A new object, from what two sets saw of it, dt apart, and nothing but what is usual. is_in_step: the cameras are
+  // triggered together, as far as is known. Returns the second set's sightings, doubted as the views are.
+  std::vector<Sighting> start(const PositionCandidate& earlier, const PositionCandidate& found,
+                              const ViewAgreement& agreement, capture::Timestamp set_at, double dt, bool is_in_step,
+                              capture::Timestamp told);
 
   // Covariance matching, before update(): raises the acceleration until the innovations of all sightings together are
   // ones that it explains. Of three views, one that contradicts the others is left out.
@@ -51,6 +52,11 @@ class ObjectFilter {
   void set_acceleration(double m_s2) { acceleration_ = m_s2; }
   double power_density() const;                             // of it, m^2/s^3
   double surprise() const { return observer_.surprise(); }  // of the sightings that were looked at last
+  // The hardest acceleration does not explain these, which were looked at last: a bounce, a hit or a throw.
+  bool is_unexplained(std::span<const Sighting> sightings) const;
+  // By as much its velocity may change then, on each axis. At any moment within dt that is as good as white
+  // acceleration of a power density of its square over dt.
+  double kick_m_s() const;
 
   // One set. Positions are told in the order of time: what is believed after it is later than `told`.
   void update(std::span<const Sighting> sightings, capture::Timestamp set_at, capture::Timestamp told,
@@ -59,6 +65,8 @@ class ObjectFilter {
   void forget_camera(int camera);  // it stands elsewhere
 
  private:
+  void begin(const PositionCandidate& earlier, const PositionCandidate& found, capture::Timestamp set_at, double dt,
+             bool is_in_step);
   void predict_to_be_told(MotionBelief& belief, capture::Timestamp set_at, capture::Timestamp told,
                           double power_density) const;
   void leave_out_what_contradicts(std::vector<Sighting>& sightings);
@@ -90,5 +98,18 @@ class ObjectFilter {
 // they are surer (a belief that allows for anything between two sets of slow cameras is not). Standard deviation along
 // the largest axis, metres.
 double judged_sigma(const MotionBelief& belief, std::span<const Sighting> sightings);
+
+// An object that was known before this set. A view or more must see it, and together they must say where. What is open
+// because nobody knows the cameras' times does not count here: the covariance tells it, and motion will. What is open
+// because views contradict one another does: such an object is seen, and where it is nobody knows well enough. lost: it
+// is to be forgotten, and looked for.
+struct Judged {
+  TrackState state;
+  bool is_seen;  // as well as an object must be to be tracked, were it not for what is doubted
+};
+// doubted_m: ViewAgreement::doubted_sigma(). unseen_s: since it was seen so last. may_be_tracked: false, and it is
+// followed for a while, but not tracked.
+Judged judged(const ObjectTrackerOptions& options, const MotionBelief& belief, std::span<const Sighting> sightings,
+              double doubted_m, double unseen_s, bool may_be_tracked);
 
 }  // namespace huetrack::object_tracking

@@ -11,10 +11,6 @@ namespace huetrack::object_tracking {
 namespace {
 
 constexpr std::size_t max_candidates = 4;
-constexpr double longest_confirmation_s = 0.5;  // a candidate that is older confirms nothing
-// A candidate that two views agree on while another one shows something of its size elsewhere must be seen in so many
-// sets: by chance rays meet once and again, but not for as long.
-constexpr int contested_sets = 8;
 
 }  // namespace
 

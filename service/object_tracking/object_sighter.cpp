@@ -9,12 +9,24 @@
 namespace huetrack::object_tracking {
 namespace {
 
-constexpr double least_support = 0.15;  // of a region that counts as the object
 constexpr std::size_t max_candidates = 4;
 constexpr double contradicting_px2 = 1;  // doubt of a view, far above what light and a good calibration leave open
 constexpr double surely_moved_px = 1;    // by as much a region of some hundred pixels moves and changes visibly
 
 }  // namespace
+
+Eigen::Matrix2d spread_in(const TargetView& view, const ExpectedView& expected, const ObjectFilter& filter,
+                          const ViewAgreement& agreement, double acceleration_m_s2) {
+  const MotionBelief& belief = filter.belief();
+  const Appearance& at = expected.at;
+  const double dt = capture::seconds(expected.row.at - belief.at);
+  const double reach_m = acceleration_m_s2 * dt * dt;
+  const Eigen::Matrix3d spread =
+      belief.seen_covariance(expected.row, filter.power_density()) + reach_m * reach_m * Eigen::Matrix3d::Identity();
+  Eigen::Matrix2d out = at.jacobian * spread * at.jacobian.transpose();
+  agreement.open(static_cast<std::size_t>(view.index), *view.camera, belief.position_at(expected.row.at), at, out);
+  return out;
+}
 
 // The regions large enough to be the object within three standard deviations of where it is expected, and its disc.
 // None where that is nowhere near the image. Valid until the view's next call.
@@ -57,15 +69,7 @@ void ObjectSighter::sight(const std::vector<TargetView>& views, const ObjectFilt
     const auto expected = expected_in(view, belief, radius_m_);
     if (!expected) continue;
     const Appearance& at = expected->at;
-    // The gate allows for twice the hardest usual acceleration, whatever the filter has learnt: a throw must not lose
-    // the object.
-    const double dt = capture::seconds(expected->row.at - belief.at);
-    const double reach_m = options_.acceleration_m_s2 * dt * dt;
-    const Eigen::Matrix3d spread =
-        belief.seen_covariance(expected->row, filter.power_density()) + reach_m * reach_m * Eigen::Matrix3d::Identity();
-    const auto c = static_cast<std::size_t>(view.index);
-    Eigen::Matrix2d s = at.jacobian * spread * at.jacobian.transpose();
-    agreement.open(c, *view.camera, belief.position_at(expected->row.at), at, s);
+    const Eigen::Matrix2d s = spread_in(view, *expected, filter, agreement, options_.acceleration_m_s2);
     double best = -std::numeric_limits<double>::infinity();
     std::optional<Sighting> chosen;
     ColorRegion chosen_region;

@@ -17,8 +17,10 @@
 
 namespace huetrack::object_tracking {
 
-// A region counts as the object's within this: chi-square, 2 degrees of freedom, 99.97 %.
-inline constexpr double region_gate = 16;
+// How far from there the view may show the object, px^2: by what is believed of it, and by twice the hardest usual
+// acceleration, whatever the filter has learnt, so that a throw does not lose it.
+Eigen::Matrix2d spread_in(const TargetView& view, const ExpectedView& expected, const ObjectFilter& filter,
+                          const ViewAgreement& agreement, double acceleration_m_s2);
 
 // thread-compatible.
 class ObjectSighter {

@@ -9,8 +9,6 @@
 namespace huetrack::object_tracking {
 namespace {
 
-constexpr double gate = 16;  // chi-square, 2 degrees of freedom, 99.97 %
-
 // What the model leaves out of an outline's error, beside the pixels' noise, which the fit tells. Seen in single views
 // of rendered balls of 4 to 12 px (benchmark outline_figures): what lasts is light, what does not last lies in how the
 // edge meets the pixels and what is behind it.
@@ -101,7 +99,8 @@ bool OutlineSighter::sharpen(const TargetView& view, const MotionBelief& belief,
   Eigen::Matrix2d total = spread + sharp.covariance;
   total.diagonal().array() += sharp.lasting_px * sharp.lasting_px;
   const Eigen::Vector2d off = sharp.px - expected.at.px, beside = sharp.px - sighting.px;
-  if (off.dot(total.inverse() * off) > gate || beside.dot((of_region + sharp.covariance).inverse() * beside) > gate ||
+  if (off.dot(total.inverse() * off) > region_gate ||
+      beside.dot((of_region + sharp.covariance).inverse() * beside) > region_gate ||
       sharp.covariance.trace() >= sighting.covariance.trace())
     return false;
 

@@ -8,18 +8,14 @@
 
 #include "object_tracking/assignment.h"
 #include "object_tracking/disc_fit.h"
-#include "object_tracking/object_sighter.h"
 
 namespace huetrack::object_tracking {
 namespace {
 
-constexpr double least_support = 0.15;  // of a region that counts as an object
 constexpr double largest_share = 1.4;   // of the disc, that is still one object's region alone
 constexpr double part_reach = 1.3;      // radii: so near to a region's centre, another one is a part of the object
 constexpr double not_assigned = 60;     // dearer than any region within the gate
 constexpr double least_outline = 0.15;  // share of the outline that is believed
-constexpr double hidden_share = 0.75;   // of the outline within other discs: it cannot be seen
-constexpr double lasting_share = 0.2;   // sighting.h
 
 double sigma_px(const Eigen::Matrix2d& covariance) {
   return std::sqrt(std::max(0.0, 0.5 * covariance.trace()));
@@ -72,21 +68,6 @@ double d2_of(const Sighting& s, const ExpectedObject& expected) {
   return d.dot(total.inverse() * d);
 }
 
-// Share of a disc's outline that lies within others.
-double hidden_of(std::span<const ExpectedObject> expected, const std::vector<std::size_t>& group, std::size_t which) {
-  constexpr int points = 16;
-  int hidden = 0;
-  for (int k = 0; k < points; ++k) {
-    const double angle = 2 * std::numbers::pi * k / points;
-    const Eigen::Vector2d p =
-        expected[which].at.px + expected[which].at.radius_px * Eigen::Vector2d(std::cos(angle), std::sin(angle));
-    hidden += std::ranges::any_of(group, [&](std::size_t other) {
-      return other != which && (expected[other].at.px - p).norm() < expected[other].at.radius_px + 1.5;
-    });
-  }
-  return static_cast<double>(hidden) / points;
-}
-
 }  // namespace
 
 // Each object the region that explains it best, no region twice.
@@ -129,14 +110,14 @@ std::optional<Sighting> RegionSharing::by_outline(const TargetView& view, const 
                                                   const std::optional<FittedDisc>& fitted) const {
   if (!fitted || fitted->seen < least_outline) return std::nullopt;
   const double radius_px = expected.at.radius_px;
-  const double error2 = pixel_noise_px_ * pixel_noise_px_ + 0.0016 * radius_px * radius_px;
+  const UsualError usual = usual_error(radius_px, pixel_noise_px_);
   Sighting s;
   s.row.camera = view.index;
   s.camera = view.camera;
   s.projector = view.projector;
   s.px = fitted->px;
-  s.covariance = fitted->covariance + (1 - lasting_share) * error2 * Eigen::Matrix2d::Identity();
-  s.lasting_px = std::sqrt(lasting_share * error2);
+  s.covariance = fitted->covariance + usual.fresh_px2 * Eigen::Matrix2d::Identity();
+  s.lasting_px = std::sqrt(usual.lasting_px2);
   s.support = std::min(1.0, fitted->seen * 1.5);
   s.radius_px = radius_px;
   if (d2_of(s, expected) > region_gate) return std::nullopt;
@@ -160,8 +141,7 @@ Sighting RegionSharing::by_region(const TargetView& view, std::span<const ColorR
 // A region of the size and the shape of the object's disc.
 bool RegionSharing::is_whole(const Sighting& by_region, const ExpectedObject& expected) const {
   const double radius_px = expected.at.radius_px;
-  const double usual = (1 - lasting_share) * (pixel_noise_px_ * pixel_noise_px_ + 0.0016 * radius_px * radius_px);
-  return by_region.covariance.trace() < 3 * usual &&
+  return by_region.covariance.trace() < 3 * usual_error(radius_px, pixel_noise_px_).fresh_px2 &&
          by_region.radius_px * by_region.radius_px < largest_share * radius_px * radius_px;
 }
 
@@ -169,7 +149,6 @@ SharedSightings RegionSharing::share(const TargetView& view, std::span<const Col
                                      std::span<const ExpectedObject> expected) const {
   SharedSightings out;
   out.of_objects.resize(expected.size());
-  out.is_hidden.assign(expected.size(), 0);
   out.is_explained.assign(regions.size(), 0);
   if (expected.empty()) return out;
   std::vector<int> region_of;
@@ -206,7 +185,6 @@ SharedSightings RegionSharing::share(const TargetView& view, std::span<const Col
       } else if (group.size() > 1 && !(sighting && is_whole(*sighting, expected[i]))) {
         sighting.reset();  // the region is not, or not only, of this object
       }
-      if (group.size() > 1 && !sighting) out.is_hidden[i] = hidden_of(expected, group, i) > hidden_share ? 1 : 0;
     }
   }
   // What lies within an object that is seen is of it, or is shared by it.

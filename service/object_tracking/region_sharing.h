@@ -32,7 +32,6 @@ struct ExpectedObject {
 
 struct SharedSightings {
   std::vector<std::optional<Sighting>> of_objects;  // one for each of those expected
-  std::vector<char> is_hidden;                      // likewise: others hide it, so that it cannot be seen here
   std::vector<char> is_explained;                   // one for each region: by an object that was expected
 };
 

@@ -7,13 +7,6 @@
 #include "object_tracking/estimate_report.h"
 
 namespace huetrack::object_tracking {
-namespace {
-
-// The hardest acceleration does not explain innovations of so many of their standard deviations, squared: a bounce.
-constexpr double bounce_surprise = 6;
-
-}  // namespace
-
 RegionTracker::RegionTracker(const calib::CameraRig& rig, const TargetOptions& target,
                              const ObjectTrackerOptions& options, particle_filter::Rng rng)
     : target_(target),
@@ -63,9 +56,7 @@ void RegionTracker::trust(std::span<const CameraTrust> cameras) {
   const std::vector<std::size_t> moved = views_.trust(cameras);
   for (const std::size_t c : moved) filter_.forget_camera(static_cast<int>(c)), still_color_.forget(c);
   agreement_.trust(moved, cameras);
-  std::vector<bool> posed_anew;  // what is open of those poses is said in their own covariance
-  for (const CameraTrust& camera : cameras) posed_anew.push_back(camera.cam_from_world.has_value());
-  rig_error_.leave_out_poses(posed_anew);
+  rig_error_.leave_out_poses(cameras);
 }
 
 // Returns the power density to use for this set: a bounce needs one that is not learnt, as what comes after it is as
@@ -75,11 +66,9 @@ double RegionTracker::learn_acceleration(const capture::FrameSet& set, const std
   filter_.raise_acceleration(sightings_);
   const MotionBelief& belief = filter_.belief();
   const double dt = capture::seconds(set.at - belief.at);
-  const bool is_unexplained = sightings_.size() >= 2 && filter_.surprise() > bounce_surprise;
+  const bool is_unexplained = filter_.is_unexplained(sightings_);
   if (dt > 0 && views.size() >= 2 && (sightings_.size() < 2 || is_unexplained)) {
-    // A velocity that changes by `kick` on each axis at any moment since the last set is as good as white acceleration
-    // of this power density.
-    const double kick = std::max(belief.velocity().norm(), options_.start_speed_m_s);
+    const double kick = filter_.kick_m_s();
     const double q = kick * kick / dt;
     const bool is_seen = sighter_.sight_after_bounce(views, target_, belief, q, sightings_.size(), sightings_);
     if (is_seen) {
@@ -111,26 +100,15 @@ void RegionTracker::forget() {
   filter_.scatter();
 }
 
-// A view or more must see it, and together they must say where. What is open because nobody knows the cameras' times
-// does not count here: the covariance tells it, and motion will. What is open because views contradict one another
-// does: such an object is seen, and where it is nobody knows well enough.
 void RegionTracker::judge(const capture::FrameSet& set) {
-  const double sigma_m = judged_sigma(filter_.belief(), sightings_);
-  const double doubted_m = agreement_.doubted_sigma(filter_.belief(), sightings_);
-  // What has left the volume is followed for a while, as it may turn back, and is not told to be there.
-  const bool is_inside = inside(options_.volume, filter_.belief().position(), target_.radius_m);
-  if (is_inside && !sightings_.empty() && sigma_m <= options_.max_tracking_sigma_m &&
-      doubted_m <= options_.max_coast_sigma_m) {
-    state_ = doubted_m <= options_.max_tracking_sigma_m ? TrackState::tracking : TrackState::coasting;
-    last_tracking_ = set.at;
-  } else if (std::max(sigma_m, doubted_m) > options_.max_coast_sigma_m ||
-             capture::seconds(set.at - last_tracking_) > options_.coast_s) {
-    forget();
-  } else if (sightings_.empty() && !inside(options_.volume, filter_.belief().position(), 0)) {
-    forget();  // nobody sees it, and it is not expected to be where it may be
-  } else {
-    state_ = TrackState::coasting;
-  }
+  const MotionBelief& belief = filter_.belief();
+  const Judged now = judged(options_, belief, sightings_, agreement_.doubted_sigma(belief, sightings_),
+                            capture::seconds(set.at - last_tracking_),
+                            // What has left the volume may turn back, and is not told to be there.
+                            inside(options_.volume, belief.position(), target_.radius_m));
+  if (now.state == TrackState::lost) return forget();
+  state_ = now.state;
+  if (now.is_seen) last_tracking_ = set.at;
 }
 
 void RegionTracker::search(const capture::FrameSet& set, const std::vector<TargetView>& views) {
@@ -171,15 +149,8 @@ void RegionTracker::search(const capture::FrameSet& set, const std::vector<Targe
 // The belief that the sightings of two sets give, from nothing but what is usual.
 void RegionTracker::start_at(const ObjectSearch::Find& find, capture::Timestamp set_at) {
   last_reported_ = capture::Timestamp::min();
-  filter_.begin(find.earlier, find.now, set_at, find.dt, sets_apart_ == 0);
-  for (const std::vector<Sighting>* sightings : {&find.earlier.sightings, &find.now.sightings}) {
-    sightings_ = *sightings;
-    sort_by_time(sightings_);
-    agreement_.doubt(filter_.belief(), sightings_);
-    filter_.start_with(sightings_, set_at, last_reported_);
-  }
+  sightings_ = filter_.start(find.earlier, find.now, agreement_, set_at, find.dt, sets_apart_ == 0, last_reported_);
   seen_ = sightings_;
-  filter_.end_start();
 }
 
 ObjectEstimate RegionTracker::report(const capture::FrameSet& set) {

@@ -27,10 +27,10 @@ void RigError::add(std::span<const Sighting> sightings) {
   }
 }
 
-void RigError::leave_out_poses(const std::vector<bool>& of_cameras) {
+void RigError::leave_out_poses(std::span<const CameraTrust> cameras) {
   rig_.uncertainty = as_found_;
-  for (std::size_t c = 0; rig_.uncertainty && c < of_cameras.size(); ++c) {
-    if (of_cameras[c])
+  for (std::size_t c = 0; rig_.uncertainty && c < cameras.size(); ++c) {
+    if (cameras[c].cam_from_world)
       rig_.uncertainty = calib::with_pose_covariance(rig_, static_cast<int>(c), calib::Covariance6d::Zero());
   }
 }

@@ -8,6 +8,7 @@
 
 #include "calib/model/camera_rig.h"
 #include "calib/model/rig_uncertainty.h"
+#include "object_tracking/object_tracker.h"
 #include "object_tracking/sighting.h"
 
 namespace huetrack::object_tracking {
@@ -23,9 +24,9 @@ class RigError {
 
   // After every set.
   void add(std::span<const Sighting> sightings);
-  // Per camera of the rig, those at the end may be missing: its pose is another one than the rig's now, and what is
-  // open of that is counted elsewhere. Replaces what was said before.
-  void leave_out_poses(const std::vector<bool>& of_cameras);
+  // ObjectTracker::trust(): what is open of poses that are others than the rig's now is said in their own covariance.
+  // Replaces what was said before.
+  void leave_out_poses(std::span<const CameraTrust> cameras);
 
   // Of the covariance of a position that is told for this moment, m^2; zero for a rig of which nothing is known.
   Eigen::Matrix3d left_open(const Eigen::Vector3d& position, capture::Timestamp at) const;

@@ -186,6 +186,11 @@ Eigen::Matrix2d px_covariance_of_pose(const calib::Camera& camera, const Eigen::
   return by_pose * pose_covariance * by_pose.transpose();
 }
 
+UsualError usual_error(double radius_px, double pixel_noise_px) {
+  const double error2 = pixel_noise_px * pixel_noise_px + 0.0016 * radius_px * radius_px;
+  return {.fresh_px2 = (1 - lasting_share) * error2, .lasting_px2 = lasting_share * error2};
+}
+
 Sighting sighting_of(const TargetView& view, const ColorRegion& region, double radius_px, double pixel_noise_px,
                      const ImageMotion& motion) {
   Sighting s;
@@ -194,8 +199,8 @@ Sighting sighting_of(const TargetView& view, const ColorRegion& region, double r
   s.projector = view.projector;
   s.px = region.centre;
   s.radius_px = std::sqrt(region.area / std::numbers::pi);
-  const double error2 = pixel_noise_px * pixel_noise_px + 0.0016 * radius_px * radius_px;
-  s.lasting_px = std::sqrt(lasting_share * error2);
+  const UsualError usual = usual_error(radius_px, pixel_noise_px);
+  s.lasting_px = std::sqrt(usual.lasting_px2);
   // A row that is dv below the centre's shows the ball where it is dv row_s later: the outline is the disc's image
   // under the inverse of d -> d - velocity row_s d.v. Never faster than the rows themselves, as far as the shape goes.
   const Eigen::Vector2d shear = (motion.row_s * motion.velocity).cwiseMax(-0.5).cwiseMin(0.5);
@@ -204,7 +209,7 @@ Sighting sighting_of(const TargetView& view, const ColorRegion& region, double r
   // Along each axis of the region: 2 sqrt(eigenvalue) is the half width of the disc that is as wide.
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> axes =
       Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>().computeDirect(region.spread);
-  Eigen::Vector2d variance = Eigen::Vector2d::Constant((1 - lasting_share) * error2);
+  Eigen::Vector2d variance = Eigen::Vector2d::Constant(usual.fresh_px2);
   for (int i = 0; i < 2; ++i) {
     const Eigen::Vector2d axis = axes.eigenvectors().col(i);
     const double expected_px = radius_px * (outline_from_disc.transpose() * axis).norm();

@@ -47,6 +47,22 @@ struct Sighting {
 
 void sort_by_time(std::vector<Sighting>& sightings);  // of their rows; stable
 
+// A region counts as an object's within this: chi-square, 2 degrees of freedom, 99.97 %; and from so much of its disc
+// on.
+inline constexpr double region_gate = 16, least_support = 0.15;
+// A candidate for an object that is looked for and is older than this confirms nothing.
+inline constexpr double longest_confirmation_s = 0.5;
+// In so many sets a candidate must be seen that a view contradicts, which should show it: by chance rays meet once and
+// again, but not for as long.
+inline constexpr int contested_sets = 8;
+
+// How far a place in a view is off by what is not seen in a region's shape, px^2, as sighting_of() has it: new in every
+// frame, and what lasts.
+struct UsualError {
+  double fresh_px2, lasting_px2;
+};
+UsualError usual_error(double radius_px, double pixel_noise_px);
+
 // How a ball's outline moves over the rows and during the exposure.
 struct ImageMotion {
   Eigen::Vector2d velocity = Eigen::Vector2d::Zero();  // of its centre, px/s

@@ -29,9 +29,11 @@ std::uint64_t mostly(const std::array<std::uint64_t, 4>& words) {
   return (a & b & (c | d)) | (c & d & (a | b));
 }
 
-// One pixel more on each side, within a tile.
-std::uint64_t grown(std::uint64_t w) {
-  w |= (w & ~right_column) << 1 | (w & ~left_column) >> 1;
+// One pixel more at the sides, and above and below, within a tile.
+std::uint64_t widened(std::uint64_t w) {
+  return w | (w & ~right_column) << 1 | (w & ~left_column) >> 1;
+}
+std::uint64_t heightened(std::uint64_t w) {
   return w | w << 8 | w >> 8;
 }
 
@@ -152,30 +154,23 @@ void StillColor::leave_out(const TargetView& view, PerCamera& camera) {
     if (bits != 0) view.matches->leave_out(static_cast<std::size_t>(static_cast<int>(at) + dv * stride + du), bits);
   };
   double still = 0;
+  Eigen::Vector2d sum = Eigen::Vector2d::Zero();  // of where it is
   for (const std::uint32_t at : camera.listed) {
     const std::uint64_t w = camera.tiles[at].still;
     if (w == 0) continue;
     still += std::popcount(w);
-    const std::uint64_t wide = w | (w & ~right_column) << 1 | (w & ~left_column) >> 1;
-    add(at, 0, 0, grown(w));
+    sum += std::popcount(w) * Eigen::Vector2d(8 * (static_cast<int>(at) % stride - 1) + 3.5,
+                                              8 * (static_cast<int>(at) / stride - 1) + 3.5);
+    const std::uint64_t wide = widened(w), tall = heightened(w);
+    add(at, 0, 0, heightened(wide));
     add(at, 0, -1, (wide & top_row) << 56);
     add(at, 0, 1, (wide & bottom_row) >> 56);
-    const std::uint64_t tall = w | w << 8 | w >> 8;
     add(at, -1, 0, (tall & left_column) << 7);
     add(at, 1, 0, (tall & right_column) >> 7);
   }
   ColorShare& share = shares_[static_cast<std::size_t>(view.index)];
   share.still = still / (view.image->width * view.image->height);
-  // Where it is, on the whole.
-  Eigen::Vector2d sum = Eigen::Vector2d::Zero();
-  double n = 0;
-  for (const std::uint32_t at : camera.listed) {
-    const double weight = std::popcount(camera.tiles[at].still);
-    sum += weight * Eigen::Vector2d(8 * (static_cast<int>(at) % stride - 1) + 3.5,
-                                    8 * (static_cast<int>(at) / stride - 1) + 3.5);
-    n += weight;
-  }
-  if (n > 0) share.still_px = sum / n;
+  if (still > 0) share.still_px = sum / still;
 }
 
 }  // namespace huetrack::object_tracking

@@ -14,7 +14,7 @@ trap 'rm -rf "$work"' EXIT
 
 # hash_of NAME FILE: one line of the list. The lines of a rig that say when and by what it was made do not count.
 hash_of() {
-  echo "$1 $(grep -vE 'date|tool|made_by' "$2" | sha256sum | cut -c1-16)"
+  echo "$1 $(grep -vE 'date|tool|made_by|^ +at:' "$2" | sha256sum | cut -c1-16)"
 }
 # replay NAME KIND(tracks|poses) RECORDING ARGUMENTS...: with the configuration $work/c.yaml or the one given by config=
 replay() {
