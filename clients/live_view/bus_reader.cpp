@@ -178,8 +178,8 @@ void BusReader::show(const std::string& who) {
   if (!now.scene.empty()) hub_.set("scene", now.scene);
   if (!now.times.empty()) hub_.set("camera_times", now.times);
   for (const auto& [camera, event] : now.camera_maps) hub_.set("camera_map/" + camera, event);
-  for (const auto& [process, event] : early_)
-    if (process == now.process) hub_.append(event);
+  for (const Early& early : early_)
+    if (early.process == now.process) hub_.append(early.event, early.is_told);
   early_.clear();
 }
 
@@ -195,11 +195,12 @@ bool BusReader::is_of_another(const Process& process) {
 
 void BusReader::append(const Process& process, std::string event) {
   // Of one that has not said yet who it is. Of a replay that is held there are no others: they must outlive the change.
+  const bool is_told = !is_of_another(process);
   if (std::ranges::none_of(services_, [&](const auto& entry) { return entry.second.process == process; })) {
-    early_.emplace_back(process, event);
+    early_.push_back({process, event, is_told});
     if (early_.size() > most_early) early_.pop_front();
   }
-  if (!is_of_another(process)) hub_.append(std::move(event));
+  if (is_told) hub_.append(std::move(event));
 }
 
 void BusReader::take_positions() {

@@ -69,9 +69,15 @@ class BusReader {
   void append(const Process& process, std::string event);
   bool is_shown(const std::string& who) const { return who == shown_; }
 
-  std::map<std::string, Service> services_;            // by host/pid
-  std::string shown_;                                  // empty: none
-  std::deque<std::pair<Process, std::string>> early_;  // what came before its service had said who it is
+  std::map<std::string, Service> services_;  // by host/pid
+  std::string shown_;                        // empty: none
+  // What came before its service had said who it is.
+  struct Early {
+    Process process;
+    std::string event;
+    bool is_told;  // when it came, as nothing else was shown
+  };
+  std::deque<Early> early_;
   std::map<std::string, std::chrono::steady_clock::time_point> replies_;  // hub keys, when they came
   std::string trouble_;
   std::map<Process, std::uint64_t>

@@ -28,19 +28,17 @@ void EventHub::forget(const std::string& key) {
   entries_.erase(entry);  // last: key may be its own
 }
 
-void EventHub::append(std::string event) {
+void EventHub::append(std::string event, bool is_again) {
   const std::scoped_lock lock(mutex_);
-  put(std::move(event), nullptr, "");
+  put(std::move(event), nullptr, "", is_again);
 }
 
 void EventHub::forget_appended() {
   const std::scoped_lock lock(mutex_);
-  for (const auto& [number, size] : stream_) entries_.erase(number);
-  stream_.clear();
-  bytes_ = 0;
+  for (const auto& [number, size] : stream_) entries_.at(number).is_forgotten = true;
 }
 
-void EventHub::put(std::string event, const std::string* key, const std::string& audience) {
+void EventHub::put(std::string event, const std::string* key, const std::string& audience, bool is_again) {
   const std::uint64_t number = ++last_;
   const std::size_t size = event.size();
   if (key != nullptr) {
@@ -52,7 +50,7 @@ void EventHub::put(std::string event, const std::string* key, const std::string&
     while (set_.size() > 1 && (set_.size() > limits_.keys || set_bytes_ > limits_.key_bytes))
       forget(std::string(entries_.at(*set_.begin()).key));
   } else {
-    entries_[number] = {std::make_shared<const std::string>(std::move(event)), audience, ""};
+    entries_[number] = {std::make_shared<const std::string>(std::move(event)), audience, "", is_again};
     stream_[number] = size;
     bytes_ += size;
     while (stream_.size() > 1 && (stream_.size() > limits_.stream_events || bytes_ > limits_.stream_bytes)) {
@@ -71,6 +69,7 @@ Text EventHub::next(std::uint64_t& cursor, const EventReader& reader) const {
   for (auto it = entries_.upper_bound(cursor); it != entries_.end(); ++it) {
     cursor = it->first;
     const Entry& entry = it->second;
+    if (reader.only.empty() ? entry.is_forgotten : entry.is_again) continue;
     const bool is_wanted = entry.text->starts_with(wanted) || entry.text->starts_with("event: pulse\n");
     if (is_wanted && (entry.audience.empty() || entry.audience == reader.page)) return entry.text;
   }

@@ -41,7 +41,10 @@ class EventHub {
   // empty: all do.
   void set(const std::string& key, std::string event, const std::string& audience = "");
   void erase(const std::string& key);
-  void append(std::string event);  // every one counts, as long as it is kept
+  // Every one counts, as long as it is kept. is_again: it was appended before, and is for pages that begin anew; who
+  // wants one kind of events alone has had it.
+  void append(std::string event, bool is_again = false);
+  // Pages begin anew; who wants one kind of events alone still gets what he has not had.
   void forget_appended();
 
   // What comes after `cursor` (0: the beginning) for this reader, and moves it there; nullptr: nothing yet.
@@ -58,9 +61,11 @@ class EventHub {
   struct Entry {
     Text text;
     std::string audience;
-    std::string key;  // empty: appended
+    std::string key;            // empty: appended
+    bool is_again = false;      // for pages alone
+    bool is_forgotten = false;  // not for pages any more
   };
-  void put(std::string event, const std::string* key, const std::string& audience);
+  void put(std::string event, const std::string* key, const std::string& audience, bool is_again = false);
   void forget(const std::string& key);  // both: under mutex_
 
   const Limits limits_;

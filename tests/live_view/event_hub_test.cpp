@@ -59,6 +59,24 @@ TEST(EventHub, WhatIsForOnePageOthersDoNotGet) {
   EXPECT_THAT(seen_by("a"), ElementsAre("more for a"));
 }
 
+TEST(EventHub, WhatIsToldAgainToPagesIsNotForWhoWantsPositionsAlone) {
+  EventHub hub;
+  const std::string position = to_event("position", "1");
+  const EventReader program{.only = "position"};
+  std::uint64_t page = 0, cursor = 0;
+  std::uint64_t slow = 0, fresh_page = 0;
+  hub.append(position);
+  EXPECT_EQ(*hub.next(page), position);
+  EXPECT_EQ(*hub.next(cursor, program), position);
+  hub.forget_appended();
+  EXPECT_EQ(hub.next(fresh_page), nullptr);
+  hub.append(position, true);
+  EXPECT_EQ(*hub.next(page), position);
+  EXPECT_EQ(hub.next(cursor, program), nullptr);
+  EXPECT_EQ(*hub.next(slow, program), position);  // who had not read it yet has not lost it
+  EXPECT_EQ(hub.next(slow, program), nullptr);
+}
+
 TEST(EventHub, KeepsOnlySoMuchOfTheStream) {
   EventHub hub({.stream_events = 3, .stream_bytes = 1000});
   for (const char* text : {"1", "2", "3", "4", "5"}) hub.append(text);
