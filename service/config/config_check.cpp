@@ -201,14 +201,13 @@ std::vector<std::string> warnings_of(const ServiceConfig& config) {
   }
   for (const auto& target : config.targets) {
     const object_tracking::HsiRange& c = target.color;
-    const double width_deg = c.hue_max_deg - c.hue_min_deg;
     // No paint is so many colours; a range that was written the wrong way round is.
     constexpr double widest_paint_deg = 180;
-    if (width_deg < 0 && width_deg + 360 > widest_paint_deg)
+    if (c.hue_min_deg > c.hue_max_deg && hue_width_deg(c) > widest_paint_deg)
       warnings.push_back(
           fmt::format("target {}: its hue runs from {:g} through red to {:g}, {:g} degrees in all; were "
                       "[{:g}, {:g}] meant?",
-                      target.name, c.hue_min_deg, c.hue_max_deg, width_deg + 360, c.hue_max_deg, c.hue_min_deg));
+                      target.name, c.hue_min_deg, c.hue_max_deg, hue_width_deg(c), c.hue_max_deg, c.hue_min_deg));
   }
   std::vector<std::string> pairs;
   for (std::size_t a = 0; a < config.targets.size(); ++a) {

@@ -11,11 +11,12 @@
 #include <utility>
 
 namespace huetrack::object_tracking {
-namespace {
 
 double hue_width_deg(const HsiRange& r) {
   return r.hue_max_deg >= r.hue_min_deg ? r.hue_max_deg - r.hue_min_deg : 360 - r.hue_min_deg + r.hue_max_deg;
 }
+
+namespace {
 
 bool whole_circle(const HsiRange& r) {
   return r.hue_min_deg == 0 && r.hue_max_deg == 360;

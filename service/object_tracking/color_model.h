@@ -23,6 +23,9 @@ struct HsiRange {
   bool operator==(const HsiRange&) const = default;
 };
 
+// From hue_min_deg on to hue_max_deg, through 360 where that is less.
+double hue_width_deg(const HsiRange& range);
+
 struct Rgb {
   double r, g, b;
 };  // [0, 1]

@@ -220,41 +220,48 @@ void Background::look(const Picture& picture, int index, const Disc* hidden, std
   for (std::size_t i = 0; i < samples; ++i) tile.chroma_looks[i] = std::min(tile.chroma_looks[i], looks_of_red[i]);
 }
 
-void Background::light(int u, int v, int n, float* light, float* looks) const {
+// n samples of a row, tile by tile; of each has across x down. take: the tile or nullptr, the first sample in it, how
+// many, and from which of the n on.
+template <typename Take>
+void Background::in_tiles(int u, int v, int n, int across, int down, Take&& take) const {
   for (int i = 0; i < n;) {
-    const int tile_u = (u + i) / tile_px, first = (u + i) % tile_px, count = std::min(n - i, tile_px - first);
-    if (const Tile* tile = tile_at(v / tile_px * across_ + tile_u)) {
-      const auto at = static_cast<std::size_t>(v % tile_px * tile_px + first);
-      for (int k = 0; k < count; ++k) {
-        light[i + k] = static_cast<float>(tile->light[at + static_cast<std::size_t>(k)]) * (1 / unit);
-        looks[i + k] = tile->light_looks[at + static_cast<std::size_t>(k)];
-      }
-    } else {
-      std::fill(light + i, light + i + count, 0.f);
-      std::fill(looks + i, looks + i + count, 0.f);
-    }
+    const int first = (u + i) % across, count = std::min(n - i, across - first);
+    take(tile_at(v / down * across_ + (u + i) / across), static_cast<std::size_t>(v % down * across + first), count, i);
     i += count;
   }
 }
 
+namespace {
+
+template <typename Kept>
+void copy(const Kept& kept, std::size_t first, int count, float scale, float* out) {
+  for (int k = 0; k < count; ++k) out[k] = static_cast<float>(kept[first + static_cast<std::size_t>(k)]) * scale;
+}
+
+}  // namespace
+
+void Background::light(int u, int v, int n, float* light, float* looks) const {
+  in_tiles(u, v, n, tile_px, tile_px, [&](const Tile* tile, std::size_t first, int count, int i) {
+    if (tile == nullptr) {
+      for (float* out : {light, looks}) std::fill_n(out + i, count, 0.f);
+      return;
+    }
+    copy(tile->light, first, count, 1 / unit, light + i);
+    copy(tile->light_looks, first, count, 1, looks + i);
+  });
+}
+
 void Background::chroma(int u, int v, int n, float* blue, float* red, float* looks) const {
   const int across = columns_ > 0 ? tile_px / columns_ : tile_px, down = rows_ > 0 ? tile_px / rows_ : tile_px;
-  for (int i = 0; i < n;) {
-    const int tile_u = (u + i) / across, first = (u + i) % across, count = std::min(n - i, across - first);
-    if (const Tile* tile = tile_at(v / down * across_ + tile_u)) {
-      const auto at = static_cast<std::size_t>(v % down * across + first);
-      for (int k = 0; k < count; ++k) {
-        blue[i + k] = static_cast<float>(tile->blue[at + static_cast<std::size_t>(k)]) * (1 / unit);
-        red[i + k] = static_cast<float>(tile->red[at + static_cast<std::size_t>(k)]) * (1 / unit);
-        looks[i + k] = tile->chroma_looks[at + static_cast<std::size_t>(k)];
-      }
-    } else {
-      std::fill(blue + i, blue + i + count, 0.f);
-      std::fill(red + i, red + i + count, 0.f);
-      std::fill(looks + i, looks + i + count, 0.f);
+  in_tiles(u, v, n, across, down, [&](const Tile* tile, std::size_t first, int count, int i) {
+    if (tile == nullptr) {
+      for (float* out : {blue, red, looks}) std::fill_n(out + i, count, 0.f);
+      return;
     }
-    i += count;
-  }
+    copy(tile->blue, first, count, 1 / unit, blue + i);
+    copy(tile->red, first, count, 1 / unit, red + i);
+    copy(tile->chroma_looks, first, count, 1, looks + i);
+  });
 }
 
 }  // namespace huetrack::outline

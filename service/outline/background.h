@@ -78,6 +78,8 @@ class Background final : public Behind {
   }
   Tile& tile_for(int index);
   void look(const Picture& picture, int index, const Disc* hidden, std::size_t hidden_count);
+  template <typename Take>
+  void in_tiles(int u, int v, int n, int across, int down, Take&& take) const;
 
   int width_, height_, across_, down_;
   int columns_ = 0, rows_ = 0;       // that share chroma

@@ -12,8 +12,7 @@
 namespace huetrack::outline {
 namespace {
 
-// BT.601, and what an R G B of 0..1 is in grey values.
-constexpr float y_red = 0.299f, y_green = 0.587f, y_blue = 0.114f, by_blue = 0.564f, by_red = 0.713f, white = 255;
+constexpr float white = 255;  // grey values of an R G B of 1
 // Linear light is as sharp as the lens; what colors add to it is softer: a sensor has one color per pixel.
 constexpr float grey_red = 0.25f, grey_green = 0.5f, grey_blue = 0.25f;
 constexpr float darkest = 1e-4f;  // linear

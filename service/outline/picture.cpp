@@ -4,7 +4,6 @@ namespace huetrack::outline {
 namespace {
 
 constexpr float limited_light = 255.f / 219, limited_chroma = 255.f / 224;
-constexpr float y_red = 0.299f, y_green = 0.587f, y_blue = 0.114f, by_blue = 0.564f, by_red = 0.713f;  // BT.601
 
 void read(const Samples& samples, int u, int v, int n, float zero, float scale, float* out) {
   const std::uint8_t* from = samples.at(u, v);

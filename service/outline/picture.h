@@ -7,6 +7,9 @@
 
 namespace huetrack::outline {
 
+// ITU-R BT.601: luma of R' G' B', and what B' - Y and R' - Y are of chroma.
+inline constexpr float y_red = 0.299f, y_green = 0.587f, y_blue = 0.114f, by_blue = 0.564f, by_red = 0.713f;
+
 // Bytes that lie in a grid.
 struct Samples {
   const std::uint8_t* data = nullptr;

@@ -23,8 +23,8 @@ struct TrackedSet {
   capture::Timestamp received_at;                              // UNIX time, when the set's last frame came
   std::span<const object_tracking::ObjectTracker> trackers;    // in target order
   std::span<const CameraCalibration> calibration = {};         // per camera of the rig; empty: it is not watched
-  std::span<const std::string> reloaded =
-      {};  // configurations (YAML) that took effect with this set, nearly always none
+  // Configurations (YAML) that took effect with this set, nearly always none.
+  std::span<const std::string> reloaded = {};
 
   // What a picture of the set needs, with about `particles` of each target's particles, 0: all. Images are shared: who
   // keeps them longest frees them, or gives them back to a driver.

@@ -54,22 +54,28 @@ std::array<double, 3> array_of(const Eigen::Vector3d& v) {
 }
 
 // Everything but the names, which do not change, and published_at, which is set last.
+// Whatever the estimate holds: where the state says that there is no position, none goes out.
+template <typename Sample>
+void fill_motion(Sample& sample, const object_tracking::ObjectEstimate& estimate) {
+  const Eigen::Vector3d none = Eigen::Vector3d::Constant(std::numeric_limits<double>::quiet_NaN());
+  const bool valid = estimate.has_position();
+  sample.position(array_of(valid ? estimate.position : none));
+  sample.velocity(array_of(valid ? estimate.velocity : none));
+  for (Eigen::Index i = 0; i < 9; ++i)
+    sample.covariance()[static_cast<std::size_t>(i)] = valid ? estimate.covariance(i / 3, i % 3) : none.x();
+  sample.views(static_cast<std::uint32_t>(estimate.views));
+  sample.confidence(estimate.confidence);
+}
+
 void fill(msg::ObjectPosition& sample, const object_tracking::ObjectEstimate& estimate, capture::Timestamp captured,
           capture::Timestamp received) {
   sample.captured_at(unix_ns(captured));
   sample.received_at(unix_ns(received));
   sample.set_number(estimate.set_number);
   sample.state(static_cast<msg::TrackState>(estimate.state));
-  // Whatever the estimate holds: where the state says that there is no position, none goes out.
+  fill_motion(sample, estimate);
   const Eigen::Vector3d none = Eigen::Vector3d::Constant(std::numeric_limits<double>::quiet_NaN());
-  const bool valid = estimate.has_position();
-  sample.position(array_of(valid ? estimate.position : none));
-  sample.velocity(array_of(valid ? estimate.velocity : none));
-  sample.map_position(array_of(valid ? estimate.map_position : none));
-  for (Eigen::Index i = 0; i < 9; ++i)
-    sample.covariance()[static_cast<std::size_t>(i)] = valid ? estimate.covariance(i / 3, i % 3) : none.x();
-  sample.views(static_cast<std::uint32_t>(estimate.views));
-  sample.confidence(estimate.confidence);
+  sample.map_position(array_of(estimate.has_position() ? estimate.map_position : none));
   sample.particle_count(static_cast<std::uint32_t>(estimate.particle_count));
   sample.effective_sample_size(estimate.effective_sample_size);
   for (std::size_t i = 0; i < sample.per_view().size(); ++i) {
@@ -92,14 +98,7 @@ void fill(msg::ObjectInSet& sample, const object_tracking::ObjectEstimate& estim
   sample.state(static_cast<std::uint32_t>(estimate.state));
   sample.is_birth(estimate.is_birth);
   sample.is_end(estimate.is_end);
-  const Eigen::Vector3d none = Eigen::Vector3d::Constant(std::numeric_limits<double>::quiet_NaN());
-  const bool valid = estimate.has_position();
-  sample.position(array_of(valid ? estimate.position : none));
-  sample.velocity(array_of(valid ? estimate.velocity : none));
-  for (Eigen::Index i = 0; i < 9; ++i)
-    sample.covariance()[static_cast<std::size_t>(i)] = valid ? estimate.covariance(i / 3, i % 3) : none.x();
-  sample.views(static_cast<std::uint32_t>(estimate.views));
-  sample.confidence(estimate.confidence);
+  fill_motion(sample, estimate);
 }
 
 void fill(msg::CameraPose& sample, const camera_tracking::CameraEstimate& estimate, capture::Timestamp captured,

@@ -55,9 +55,8 @@ class EstimatePublisher {
 
   // Writes one native sample, in every state, and the ROS 2 messages while there is a position: never a stale or a zero
   // one. Synchronous: when it returns, the sample has been sent.
-  //   target     index into options.targets. An object of several (estimate.object) has an instance and a ROS 2 topic
-  //   of
-  //              its own, which are made with its first sample, and go with its last one
+  //   target     index into options.targets. An object of several (estimate.object) has an instance and a ROS 2
+  //              topic of its own, made with its first sample and gone with its last one
   //   estimate   per_view is empty or has one entry per camera
   //   captured   capture time, UNIX (a replay adds its clock offset to estimate.at)
   //   received   when the last frame of the set had arrived, UNIX

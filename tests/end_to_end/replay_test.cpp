@@ -232,9 +232,7 @@ TEST_F(EndToEnd, PythonClientReceivesWhatTheCsvSays) {
   if (!fs::exists("/usr/bin/python3")) GTEST_SKIP() << "python3 is not installed";
   const fs::path csv = folder_ / "sent.csv";
   const auto view = start({HUETRACK, "view", "--port", "0"});
-  const auto until = std::chrono::steady_clock::now() + 10s;
-  while (view->out().find('\n') == std::string::npos && std::chrono::steady_clock::now() < until)
-    std::this_thread::sleep_for(10ms);
+  ASSERT_TRUE(comes_true([&] { return view->out().find('\n') != std::string::npos; }));
   const std::string address = view->out().substr(0, view->out().find('\n'));
   ASSERT_THAT(address, StartsWith("http://127.0.0.1:"));
   const auto program = start({"/usr/bin/python3", "-u", "-c",
