@@ -33,6 +33,12 @@ BlobTracker::BlobTracker(const calib::CameraRig& rig, std::vector<HsvRange> colo
   }
 }
 
+std::vector<cv::Point2d> BlobTracker::undistorted(const std::vector<cv::Point2d>& raw, std::size_t camera) const {
+  std::vector<cv::Point2d> out;
+  if (!raw.empty()) cv::undistortPoints(raw, out, cameras_[camera].k, cameras_[camera].distortion);
+  return out;
+}
+
 const cv::Mat& BlobTracker::mask_of(const capture::Image& image, std::size_t camera) {
   PerCamera& c = cameras_[camera];
   if (image.format == capture::PixelFormat::yuyv) {
@@ -59,9 +65,8 @@ std::optional<Eigen::Vector3d> BlobTracker::locate(const capture::FrameSet& set)
         largest = label;
     }
     if (largest == 0 || stats.at<int>(largest, cv::CC_STAT_AREA) < min_area_) continue;
-    std::vector<cv::Point2d> px{{centroids.at<double>(largest, 0), centroids.at<double>(largest, 1)}}, ideal;
-    cv::undistortPoints(px, ideal, cameras_[i].k, cameras_[i].distortion);
-    seen.emplace_back(i, ideal.front());
+    const cv::Point2d px(centroids.at<double>(largest, 0), centroids.at<double>(largest, 1));
+    seen.emplace_back(i, undistorted({px}, i).front());
   }
   if (seen.size() < 2) return std::nullopt;
   // Direct linear transform over all views, as cv::triangulatePoints does it for two.

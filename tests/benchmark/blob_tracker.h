@@ -28,6 +28,10 @@ class BlobTracker {
 
   // One camera: the mask of the colour, whole frame. YUYV images are converted as OpenCV does it in one call.
   const cv::Mat& mask_of(const capture::Image& image, std::size_t camera);
+  // Raw pixels of one camera as normalised image coordinates; none: none.
+  std::vector<cv::Point2d> undistorted(const std::vector<cv::Point2d>& raw, std::size_t camera) const;
+  // These from the world.
+  const cv::Matx34d& projection(std::size_t camera) const { return cameras_[camera].projection; }
 
  private:
   struct PerCamera {

@@ -10,6 +10,7 @@ Compared are, per frame set, the balls in the volume that two or more views see 
 gate of 10 cm. A ball that fewer see, or on the border of the volume, counts neither way. MOTA, identity switches: Bernardin and
 Stiefelhagen 2008; IDF1: Ristani et al. 2016. ghost: the longest run of sets in which something is `tracking` that is near no ball
 at all; births: sets from being visible in two views to `tracking`, 0 in the same set; ends: seconds from leaving to the end.
+Needs Debian's python3-numpy, python3-scipy, python3-yaml and python3-opencv.
 """
 import argparse
 import csv
@@ -21,41 +22,9 @@ from collections import defaultdict
 
 import numpy as np
 import yaml
+from scipy.optimize import linear_sum_assignment
 
 GATE_M = 0.10
-
-
-def assignment(cost):
-    """Columns of the rows of least sum; rows <= columns (Kuhn and Munkres by shortest augmenting paths)."""
-    n, m = cost.shape
-    u, v, p, way = np.zeros(n + 1), np.zeros(m + 1), np.zeros(m + 1, int), np.zeros(m + 1, int)
-    for i in range(1, n + 1):
-        p[0], j0 = i, 0
-        least, used = np.full(m + 1, np.inf), np.zeros(m + 1, bool)
-        while True:
-            used[j0] = True
-            i0 = p[j0]
-            free = ~used[1:]
-            reduced = cost[i0 - 1] - u[i0] - v[1:]
-            better = free & (reduced < least[1:])
-            least[1:][better] = reduced[better]
-            way[1:][better] = j0
-            j1 = 1 + int(np.argmin(np.where(free, least[1:], np.inf)))
-            delta = least[j1]
-            u[p[used]] += delta
-            v[used] -= delta
-            least[1:][free] -= delta
-            j0 = j1
-            if p[j0] == 0:
-                break
-        while j0:
-            p[j0] = p[way[j0]]
-            j0 = way[j0]
-    out = np.full(n, -1)
-    for j in range(1, m + 1):
-        if p[j]:
-            out[p[j] - 1] = j - 1
-    return out
 
 
 def matched(distance, gate):
@@ -65,7 +34,7 @@ def matched(distance, gate):
         return []
     cost = np.where(distance <= gate, distance, 1e3)
     cost = np.hstack([cost, np.full((n, n), 1e2)])
-    return [(i, j) for i, j in enumerate(assignment(cost)) if j < m and distance[i, j] <= gate]
+    return [(i, j) for i, j in zip(*linear_sum_assignment(cost)) if j < m and distance[i, j] <= gate]
 
 
 class Truth:
@@ -185,7 +154,7 @@ def figures(truth, tracks, first=0, verbose=False):
     if bs and ns:
         gain = np.array([[overlap[b, n] for n in ns] for b in bs], float)
         cost = np.hstack([gain.max() - gain, np.full((len(bs), len(bs)), gain.max())])
-        idtp = sum(gain[i, j] for i, j in enumerate(assignment(cost)) if j < len(ns))
+        idtp = sum(gain[i, j] for i, j in zip(*linear_sum_assignment(cost)) if j < len(ns))
     f['idf1'] = 2 * idtp / max(1, f['gt'] + sum(length.values()))
     f['mota'] = 1 - (f['fn'] + f['fp'] + f['switches']) / max(1, f['gt'])
     f['cover'] = f['tp'] / max(1, f['gt'])

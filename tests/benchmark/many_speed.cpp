@@ -4,10 +4,8 @@
 // Balls at distances of their own around the middle of the volume, on circles and swings; 640x480. Medians of rounds
 // that alternate with OpenCV's.
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <cstdio>
-#include <functional>
 #include <numbers>
 #include <opencv2/calib3d.hpp>
 #include <opencv2/imgproc.hpp>
@@ -15,6 +13,8 @@
 
 #include "benchmark/blob_tracker.h"
 #include "benchmark/sequence.h"
+#include "benchmark/speed_run.h"
+#include "calib/model/median.h"
 #include "object_tracking/object_tracker.h"
 #include "scene/scene.h"
 
@@ -39,26 +39,6 @@ scene::Scene balls_before(int cameras, int balls) {
   return builder.build();
 }
 
-// Plays the sets there and back, with times that go on.
-class Player {
- public:
-  explicit Player(const std::vector<capture::FrameSet>& sets) : sets_(sets) {}
-  const capture::FrameSet& next() {
-    const std::size_t n = sets_.size();
-    const std::size_t k = count_ % (2 * n - 2);
-    set_ = sets_[k < n ? k : 2 * n - 2 - k];
-    set_.number = count_;
-    set_.at = capture::Timestamp(capture::duration_of(static_cast<double>(count_++) / 30));
-    for (auto& frame : set_.frames) frame->captured_at = set_.at;
-    return set_;
-  }
-
- private:
-  const std::vector<capture::FrameSet>& sets_;
-  std::uint64_t count_ = 0;
-  capture::FrameSet set_;
-};
-
 class OpenCvPass {
  public:
   OpenCvPass(const calib::CameraRig& rig, const object_tracking::TargetOptions& target)
@@ -69,16 +49,12 @@ class OpenCvPass {
     for (std::size_t c = 0; c < rig_.cameras.size(); ++c) {
       cv::Mat labels, stats, centres;
       const int n = cv::connectedComponentsWithStats(blob_.mask_of(set.frames[c]->pixels, c), labels, stats, centres);
-      std::vector<cv::Point2d> raw, ideal;
+      std::vector<cv::Point2d> raw;
       for (int b = 1; b < n; ++b) {
         if (stats.at<int>(b, cv::CC_STAT_AREA) >= 20)
           raw.emplace_back(centres.at<double>(b, 0), centres.at<double>(b, 1));
       }
-      const auto& lens = std::get<calib::PinholeRadtan>(rig_.cameras[c].model.lens());
-      const cv::Matx33d k(lens.fx, 0, lens.cx, 0, lens.fy, lens.cy, 0, 0, 1);
-      if (!raw.empty())
-        cv::undistortPoints(raw, ideal, k, std::vector<double>(lens.distortion.begin(), lens.distortion.end()));
-      blobs.push_back(ideal);
+      blobs.push_back(blob_.undistorted(raw, c));
     }
     std::size_t points = 0;
     for (std::size_t a = 0; a < blobs.size(); ++a) {
@@ -88,7 +64,7 @@ class OpenCvPass {
           for (const auto& q : blobs[b]) of_a.push_back(p), of_b.push_back(q);
         if (of_a.empty()) continue;
         cv::Mat x;
-        cv::triangulatePoints(projection(a), projection(b), of_a, of_b, x);
+        cv::triangulatePoints(blob_.projection(a), blob_.projection(b), of_a, of_b, x);
         points += static_cast<std::size_t>(x.cols);
       }
     }
@@ -96,29 +72,9 @@ class OpenCvPass {
   }
 
  private:
-  cv::Mat projection(std::size_t c) const {
-    cv::Mat p(3, 4, CV_64F);
-    const calib::Rigid3d& t = rig_.cameras[c].cam_from_world;
-    for (int i = 0; i < 3; ++i) {
-      for (int j = 0; j < 3; ++j) p.at<double>(i, j) = t.rotation.toRotationMatrix()(i, j);
-      p.at<double>(i, 3) = t.translation(i);
-    }
-    return p;
-  }
   const calib::CameraRig& rig_;
   figures::BlobTracker blob_;
 };
-
-double microseconds_of(const std::function<void()>& work) {
-  const auto start = std::chrono::steady_clock::now();
-  work();
-  return std::chrono::duration<double, std::micro>(std::chrono::steady_clock::now() - start).count();
-}
-
-double median(std::vector<double> v) {
-  std::ranges::nth_element(v, v.begin() + static_cast<std::ptrdiff_t>(v.size() / 2));
-  return v[v.size() / 2];
-}
 
 }  // namespace
 
@@ -138,21 +94,22 @@ int main() {
       object_tracking::ObjectTracker many(scene.rig, target, options);
       OpenCvPass opencv(scene.rig, target);
       std::vector<object_tracking::ObjectEstimate> estimates;
-      Player player(sets);
+      figures::Player player(sets);
       std::vector<double> us_one, us_many, us_opencv;
       std::size_t told = 0, updates = 0;
       for (int i = 0; i < 60; ++i) one.update(player.next()), many.update(player.next(), estimates);
       for (int i = 0; i < 60; ++i) {
         const capture::FrameSet& set = player.next();
-        if (balls == 1) us_one.push_back(microseconds_of([&] { one.update(set); }));
-        us_many.push_back(microseconds_of([&] { many.update(set, estimates); }));
-        if (i % 4 == 0) us_opencv.push_back(microseconds_of([&] { opencv.run(set); }));
+        if (balls == 1) us_one.push_back(figures::microseconds_of([&] { one.update(set); }));
+        us_many.push_back(figures::microseconds_of([&] { many.update(set, estimates); }));
+        if (i % 4 == 0) us_opencv.push_back(figures::microseconds_of([&] { opencv.run(set); }));
         for (const auto& e : estimates) told += e.state == object_tracking::TrackState::tracking ? 1 : 0;
         ++updates;
       }
-      const double us = median(us_many), cv = median(us_opencv);
-      std::printf("%7d %7d %9.0f %10.0f %9.0f %7.1f  %.2f of %d\n", cameras, balls, us_one.empty() ? 0 : median(us_one),
-                  us, cv, cv / us, static_cast<double>(told) / static_cast<double>(updates), balls);
+      const double us = calib::median(us_many), cv = calib::median(us_opencv);
+      std::printf("%7d %7d %9.0f %10.0f %9.0f %7.1f  %.2f of %d\n", cameras, balls,
+                  us_one.empty() ? 0 : calib::median(us_one), us, cv, cv / us,
+                  static_cast<double>(told) / static_cast<double>(updates), balls);
       std::fflush(stdout);
     }
   }

@@ -6,7 +6,6 @@
 #include <benchmark/benchmark.h>
 
 #include <algorithm>
-#include <chrono>
 #include <cstdio>
 #include <cstring>
 #include <functional>
@@ -17,7 +16,9 @@
 
 #include "benchmark/blob_tracker.h"
 #include "benchmark/sequence.h"
+#include "benchmark/speed_run.h"
 #include "calib/model/batch_projector.h"
+#include "calib/model/median.h"
 #include "object_tracking/color_window.h"
 #include "particle_filter/random.h"
 #include "scene/scene.h"
@@ -37,26 +38,6 @@ figures::Sequence scene_at(int camera_count, int width, int height, int set_coun
   return {"scene", scene.rig, scene::render(scene, {.set_count = set_count}), {}};
 }
 
-// Plays the sets there and back, with times that go on.
-class Player {
- public:
-  explicit Player(const figures::Sequence& s) : sequence_(&s) {}
-  const capture::FrameSet& next() {
-    const std::size_t n = sequence_->sets.size();
-    const std::size_t k = count_ % (2 * n - 2);
-    set_ = sequence_->sets[k < n ? k : 2 * n - 2 - k];
-    set_.number = count_;
-    set_.at = capture::Timestamp(capture::duration_of(static_cast<double>(count_++) / 30));
-    for (auto& frame : set_.frames) frame->captured_at = set_.at;
-    return set_;
-  }
-
- private:
-  const figures::Sequence* sequence_;
-  std::uint64_t count_ = 0;
-  capture::FrameSet set_;
-};
-
 class OpenCvPass {
  public:
   OpenCvPass(const calib::CameraRig& rig, const object_tracking::TargetOptions& target)
@@ -65,24 +46,10 @@ class OpenCvPass {
     std::vector<cv::Point2d> centres;
     for (std::size_t c = 0; c < rig_.cameras.size(); ++c) {
       const cv::Moments m = cv::moments(blob_.mask_of(set.frames[c]->pixels, c), true);
-      const auto& lens = std::get<calib::PinholeRadtan>(rig_.cameras[c].model.lens());
-      const cv::Matx33d k(lens.fx, 0, lens.cx, 0, lens.fy, lens.cy, 0, 0, 1);
-      std::vector<cv::Point2d> ideal;
-      cv::undistortPoints(std::vector<cv::Point2d>{{m.m10 / m.m00, m.m01 / m.m00}}, ideal, k,
-                          std::vector<double>(lens.distortion.begin(), lens.distortion.end()));
-      centres.push_back(ideal.front());
+      centres.push_back(blob_.undistorted({{m.m10 / m.m00, m.m01 / m.m00}}, c).front());
     }
-    const auto projection = [&](std::size_t c) {
-      cv::Mat p(3, 4, CV_64F);
-      const calib::Rigid3d& t = rig_.cameras[c].cam_from_world;
-      for (int i = 0; i < 3; ++i) {
-        for (int j = 0; j < 3; ++j) p.at<double>(i, j) = t.rotation.toRotationMatrix()(i, j);
-        p.at<double>(i, 3) = t.translation(i);
-      }
-      return p;
-    };
     cv::Mat x;
-    cv::triangulatePoints(projection(0), projection(1), cv::Mat(cv::Matx21d(centres[0].x, centres[0].y)),
+    cv::triangulatePoints(blob_.projection(0), blob_.projection(1), cv::Mat(cv::Matx21d(centres[0].x, centres[0].y)),
                           cv::Mat(cv::Matx21d(centres[1].x, centres[1].y)), x);
     benchmark::DoNotOptimize(x.data);
   }
@@ -91,17 +58,6 @@ class OpenCvPass {
   const calib::CameraRig& rig_;
   figures::BlobTracker blob_;
 };
-
-double microseconds_of(const std::function<void()>& work) {
-  const auto start = std::chrono::steady_clock::now();
-  work();
-  return std::chrono::duration<double, std::micro>(std::chrono::steady_clock::now() - start).count();
-}
-
-double median(std::vector<double> v) {
-  std::ranges::nth_element(v, v.begin() + static_cast<std::ptrdiff_t>(v.size() / 2));
-  return v[v.size() / 2];
-}
 
 object_tracking::ObjectTrackerOptions options_for(object_tracking::Observation observation, int particle_count) {
   object_tracking::ObjectTrackerOptions o = figures::rendered_options(observation, 1);
@@ -118,7 +74,7 @@ struct Timing {
 Timing time_update(const figures::Sequence& s, object_tracking::Observation observation, int particle_count, int rounds,
                    int updates_per_round, const std::function<void(const capture::FrameSet&)>& between = {}) {
   object_tracking::ObjectTracker tracker(s.rig, figures::lime_ball(), options_for(observation, particle_count));
-  Player player(s);
+  figures::Player player(s.sets);
   for (int i = 0; i < 120; ++i) tracker.update(player.next());
   std::vector<double> us;
   int tracking = 0, all = 0;
@@ -126,14 +82,14 @@ Timing time_update(const figures::Sequence& s, object_tracking::Observation obse
     double sum = 0;
     for (int i = 0; i < updates_per_round; ++i) {
       const capture::FrameSet& set = player.next();
-      sum += microseconds_of(
+      sum += figures::microseconds_of(
           [&] { tracking += tracker.update(set).state == object_tracking::TrackState::tracking ? 1 : 0; });
       ++all;
     }
     us.push_back(sum / updates_per_round);
     if (between) between(player.next());
   }
-  return {median(us), static_cast<double>(tracking) / all};
+  return {calib::median(us), static_cast<double>(tracking) / all};
 }
 
 bool all_reached = true;
@@ -147,15 +103,15 @@ void ratios(const char* title, const figures::Sequence& s, int particle_count, i
     OpenCvPass pass(s.rig, figures::lime_ball());
     std::vector<double> opencv_us;
     const Timing t = time_update(s, observation, particle_count, rounds, 20, [&](const capture::FrameSet& set) {
-      opencv_us.push_back(microseconds_of([&] { pass.run(set); }));
+      opencv_us.push_back(figures::microseconds_of([&] { pass.run(set); }));
     });
-    const double ratio = median(opencv_us) / t.us;
+    const double ratio = calib::median(opencv_us) / t.us;
     const bool reached = ratio >= least;
     all_reached = all_reached && reached;
     std::printf(
         "  %-20s %8.2f us/update, OpenCV %9.1f us: %6.0f times faster (at least %.0f: %s)  %5.2f ns per particle and "
         "view, tracking %3.0f %%\n",
-        name, t.us, median(opencv_us), ratio, least, reached ? "reached" : "MISSED",
+        name, t.us, calib::median(opencv_us), ratio, least, reached ? "reached" : "MISSED",
         1e3 * t.us / particle_count / static_cast<double>(s.rig.cameras.size()), 100 * t.tracking);
   }
 }
@@ -211,8 +167,8 @@ int main(int argc, char** argv) {
   particle_filter::Rng rng(1);
   const auto kernel = [&](const char* name, std::size_t items, const std::function<void()>& work) {
     std::vector<double> us;
-    for (int i = 0; i < 400; ++i) us.push_back(microseconds_of(work));
-    std::printf("  %-44s %6.2f\n", name, 1e3 * median(us) / static_cast<double>(items));
+    for (int i = 0; i < 400; ++i) us.push_back(figures::microseconds_of(work));
+    std::printf("  %-44s %6.2f\n", name, 1e3 * calib::median(us) / static_cast<double>(items));
   };
   kernel("fill_normal, per number", 3 * n, [&] { rng.fill_normal(noise); });
   for (std::size_t i = 0; i < n; ++i) {
