@@ -13,7 +13,7 @@
 
 #include "calib/model/rig_yaml.h"
 #include "daemon/service_manager.h"
-#include "page/page_server.h"
+#include "page/page_service.h"
 
 namespace huetrack::daemon {
 namespace {
@@ -136,11 +136,11 @@ LiveSummary run_live(const config::ServiceConfig& config, std::vector<pipeline::
     requests.reload = true;
     return std::string();
   };
-  std::optional<page::PageServer> view;
+  std::optional<page::PageService> view;
   if (bus)
     session.add(view.emplace(
         session.config(),
-        page::PageServerOptions{.time = nullptr, .actions = {.reload = ask_to_reload, .resume = nullptr}}));
+        page::PageServiceOptions{.time = nullptr, .actions = {.reload = ask_to_reload, .resume = nullptr}}));
   std::optional<metrics::MetricsServer> metrics;
   if (config.metrics.port) {
     metrics.emplace(config.metrics.address, *config.metrics.port);

@@ -21,7 +21,7 @@
 #include "daemon/reloader.h"
 #include "daemon/service_manager.h"
 #include "daemon/status_reporter.h"
-#include "page/page_server.h"
+#include "page/page_service.h"
 #include "pipeline/bus.h"
 #include "pipeline/calibration_report.h"
 #include "pipeline/camera_times.h"
@@ -203,9 +203,9 @@ class ReloadRefusal final : public pipeline::Output {
   std::atomic<bool>& asked_;
 };
 
-page::PageServerOptions viewing(pipeline::Session& session, const ReplayCommand& command, HeldSource* held,
-                                const std::atomic<bool>& has_begun) {
-  page::PageServerOptions options{.keeps_frames = true, .time = &session.time(), .reload_asked = command.reload};
+page::PageServiceOptions viewing(pipeline::Session& session, const ReplayCommand& command, HeldSource* held,
+                                 const std::atomic<bool>& has_begun) {
+  page::PageServiceOptions options{.keeps_frames = true, .time = &session.time(), .reload_asked = command.reload};
   options.actions.reload = [&session, &has_begun]() -> std::string {
     if (!has_begun) return "the replay has not begun yet";
     return reload(session);
@@ -335,7 +335,7 @@ ReplaySummary replay(const ReplayCommand& command, const std::stop_token& stop) 
   std::optional<ReloadRefusal> refusal;
   if (!bus && command.reload != nullptr) session.add(refusal.emplace(*command.reload));
   std::atomic<bool> has_begun = false;  // the page's thread runs before, and may not reload yet
-  std::optional<page::PageServer> view;
+  std::optional<page::PageService> view;
   if (bus) session.add(view.emplace(session.config(), viewing(session, command, playback.held, has_begun)));
 
   if (bus && command.wait_for_subscriber_s > 0)

@@ -1,5 +1,5 @@
 // Previews leave the road of the frames only while somebody subscribes, and never hold it up.
-#include "page/page_server.h"
+#include "page/page_service.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -118,9 +118,9 @@ TEST(PreviewMaker, TheSceneNeedsNoLensModel) {
   EXPECT_EQ(scene.targets()[0].colors()[0].hue_deg()[0], c.targets[0].color.hue_min_deg);
 }
 
-TEST(PageServer, MakesNothingWhileNobodySubscribes) {
+TEST(PageService, MakesNothingWhileNobodySubscribes) {
   const config::ServiceConfig c = config();
-  PageServer server(c, {});
+  PageService server(c, {});
   for (int i = 0; i < 100; ++i) {
     EXPECT_FALSE(server.wants());
     std::this_thread::sleep_for(5ms);
@@ -155,9 +155,9 @@ TEST(PageServer, MakesNothingWhileNobodySubscribes) {
   EXPECT_EQ(server.counters().previews, made);
 }
 
-TEST(PageServer, TheSceneIsThereForWhoComesLateAndFollowsTheConfiguration) {
+TEST(PageService, TheSceneIsThereForWhoComesLateAndFollowsTheConfiguration) {
   config::ServiceConfig c = config();
-  PageServer server(c, {});
+  PageService server(c, {});
   idl::DdsParticipant participant({.name = "test", .domain = publish::test_domain(), .interfaces = {"lo"}});
   auto& reader = participant.create_reader(
       idl::scene_topic, eprosima::fastdds::dds::TypeSupport(new msg::ScenePubSubType), idl::status_reader_qos());
@@ -174,12 +174,12 @@ TEST(PageServer, TheSceneIsThereForWhoComesLateAndFollowsTheConfiguration) {
   }));
 }
 
-TEST(PageServer, AMapOfATrackedCameraIsThereForWhoComesLate) {
+TEST(PageService, AMapOfATrackedCameraIsThereForWhoComesLate) {
   config::ServiceConfig c = config();
   c.dds.publisher.tracked_camera = "hand";
   pipeline::PublishedTime time;
   time.begin(2s);
-  PageServer server(c, {.time = &time});
+  PageService server(c, {.time = &time});
   ASSERT_TRUE(server.wants_map());
   camera_tracking::CameraMap map{capture::Timestamp(1s), std::vector<camera_tracking::CameraMapPoint>(2500)};
   for (std::size_t i = 0; i < map.points.size(); ++i) map.points[i].id = std::uint32_t(2 * i);

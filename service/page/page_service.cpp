@@ -1,4 +1,4 @@
-#include "page/page_server.h"
+#include "page/page_service.h"
 
 #include <sys/prctl.h>
 #include <sys/resource.h>
@@ -25,7 +25,7 @@ constexpr auto repeat_after = 1s;             // a set that is kept is shown aga
 
 }  // namespace
 
-PageServer::PageServer(const config::ServiceConfig& config, PageServerOptions options)
+PageService::PageService(const config::ServiceConfig& config, PageServiceOptions options)
     : options_(std::move(options)),
       particles_(std::size_t(std::max(1, config.preview.particles))),
       publisher_(config.dds.publisher),
@@ -34,34 +34,34 @@ PageServer::PageServer(const config::ServiceConfig& config, PageServerOptions op
       config_(config),
       thread_([this](const std::stop_token& stop) { serve(stop); }) {}
 
-PageServer::~PageServer() = default;
+PageService::~PageService() = default;
 
-void PageServer::offer(pictures::PictureJob job) {
+void PageService::offer(pictures::PictureJob job) {
   wanted_.store(false, std::memory_order_relaxed);
   const std::scoped_lock lock(mutex_);
   offered_ = std::move(job);
   // Nobody is woken: that costs the tracking thread more than all the rest of this, and the other one looks by itself.
 }
 
-void PageServer::on_set(const pipeline::TrackedSet& set) {
+void PageService::on_set(const pipeline::TrackedSet& set) {
   if (wants()) offer(set.picture(particles_));
 }
 
-void PageServer::on_camera_pose(const pipeline::TrackedFrame& frame) {
+void PageService::on_camera_pose(const pipeline::TrackedFrame& frame) {
   if (wants_map()) offer({frame.estimate.at, frame.tracker.map()});
 }
 
-capture::Duration PageServer::clock_offset() const {
+capture::Duration PageService::clock_offset() const {
   return options_.time != nullptr ? options_.time->offset() : capture::Duration{0};
 }
 
-void PageServer::offer(camera_tracking::CameraMap map) {
+void PageService::offer(camera_tracking::CameraMap map) {
   map_wanted_.store(false, std::memory_order_relaxed);
   const std::scoped_lock lock(mutex_);  // the thread comes round in time: no reason to wake it
   map_ = std::move(map);
 }
 
-void PageServer::take_over(const config::ServiceConfig& config) {
+void PageService::take_over(const config::ServiceConfig& config) {
   {
     const std::scoped_lock lock(mutex_);
     fresh_ = config;
@@ -69,11 +69,11 @@ void PageServer::take_over(const config::ServiceConfig& config) {
   news_.notify_one();
 }
 
-PageServer::Counters PageServer::counters() const {
+PageService::Counters PageService::counters() const {
   return {previews_, capture::Duration(busy_ns_)};
 }
 
-void PageServer::serve(const std::stop_token& stop) {
+void PageService::serve(const std::stop_token& stop) {
   ::prctl(PR_SET_NAME, "view");
   // Whoever tracks or captures comes first. In Linux this is the thread's own; where it is refused, nothing is lost.
   ::setpriority(PRIO_PROCESS, static_cast<id_t>(::gettid()), niceness);
@@ -135,12 +135,12 @@ void PageServer::serve(const std::stop_token& stop) {
   }
 }
 
-void PageServer::publish_scene() {
+void PageService::publish_scene() {
   const std::string why_not = !options_.actions.reload ? "This service cannot be taught." : TeachDesk::why_not(config_);
   publisher_.publish(pictures::make_scene(config_, why_not.empty(), why_not));
 }
 
-void PageServer::take_requests() {
+void PageService::take_requests() {
   const auto is_same = [](const auto& a, const auto& b) {
     return a.client() == b.client() && a.number() == b.number();
   };
@@ -164,17 +164,17 @@ void PageServer::take_requests() {
   }
 }
 
-void PageServer::freeze(const capture::FrameSet& set) {
+void PageService::freeze(const capture::FrameSet& set) {
   reply(desk_.freeze(*to_freeze_, config_, set));
   to_freeze_.reset();
 }
 
-void PageServer::reply(msg::TeachReply reply) {
+void PageService::reply(msg::TeachReply reply) {
   publisher_.publish(reply);
   last_reply_ = std::move(reply);
 }
 
-void PageServer::publish_previews(const pictures::PictureJob& job) {
+void PageService::publish_previews(const pictures::PictureJob& job) {
   const auto started = Clock::now();
   if (publisher_.picture_subscribers() > 0) {
     for (const auto& preview : pictures::make_previews(config_, job, clock_offset()))

@@ -18,7 +18,7 @@
 
 namespace huetrack::page {
 
-struct PageServerOptions {
+struct PageServiceOptions {
   // Of a replay: a set that is held may be kept, no driver waits for its buffers. The first set is always taken, and
   // the newest one shown again while none comes.
   bool keeps_frames = false;
@@ -31,13 +31,13 @@ struct PageServerOptions {
 };
 
 // thread-safe as said per function. Has a thread of its own, ended by the destructor.
-class PageServer final : public pipeline::Output {
+class PageService final : public pipeline::Output {
  public:
   // throws as ViewPublisher's constructor does.
-  PageServer(const config::ServiceConfig& config, PageServerOptions options);
-  ~PageServer() override;
-  PageServer(const PageServer&) = delete;
-  PageServer& operator=(const PageServer&) = delete;
+  PageService(const config::ServiceConfig& config, PageServiceOptions options);
+  ~PageService() override;
+  PageService(const PageService&) = delete;
+  PageService& operator=(const PageService&) = delete;
 
   // The tracking thread, for every set: does somebody wait for one?
   bool wants() const noexcept { return wanted_.load(std::memory_order_relaxed); }
@@ -70,7 +70,7 @@ class PageServer final : public pipeline::Output {
 
   capture::Duration clock_offset() const;
 
-  const PageServerOptions options_;
+  const PageServiceOptions options_;
   const std::size_t particles_;       // of each target in a picture, about
   publish::ViewPublisher publisher_;  // this and all that follows to wanted_: the server's thread's
   TeachDesk desk_;
