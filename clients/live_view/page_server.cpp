@@ -333,6 +333,11 @@ struct PageServer::Impl {
     ++(only.empty() ? pages : listeners);
     MHD_add_response_header(response, "Content-Type", "text/event-stream");
     add_safety(response);
+    if (const std::string origin(header(connection, "Origin"));
+        !only.empty() && std::ranges::find(options.allowed_origins, origin) != options.allowed_origins.end()) {
+      MHD_add_response_header(response, "Access-Control-Allow-Origin", origin.c_str());
+      MHD_add_response_header(response, "Vary", "Origin");
+    }
     const MHD_Result result = MHD_queue_response(connection, MHD_HTTP_OK, response);
     MHD_destroy_response(response);
     return result;

@@ -75,7 +75,7 @@ class Stream {
       if (has_no_stamps_)
         throw yaml::ConfigError(
             recording_file, 0,
-            "cameras." + camera_.name + ": " + camera_.frames.string() + " has no time stamps: give fps or timestamps");
+            "cameras." + camera_.name + ": " + camera_.frames.string() + " has no time stamps: give fps or timestamps in a recording.yaml");
       if (is_cut_off) {
         forget();
         return;

@@ -110,6 +110,24 @@ TEST_F(Server, ServesThePageAndNothingElse) {
   EXPECT_THAT(ask("DELETE / HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n"), StartsWith("HTTP/1.1 405"));
 }
 
+TEST_F(Server, APageOfAnAllowedOriginReadsPositionsAndNothingElse) {
+  PageServerOptions o = options();
+  o.allowed_origins = {"http://localhost:8000"};
+  start(o);
+  const auto head_of = [&](const std::string& path, const std::string& origin) {
+    Socket page(server->port());
+    page.send("GET " + path + " HTTP/1.1\r\nHost: localhost:1\r\nOrigin: " + origin + "\r\n\r\n");
+    return page.receive("\r\n\r\n");
+  };
+  EXPECT_THAT(head_of("/api/v1/positions", "http://localhost:8000"),
+              HasSubstr("Access-Control-Allow-Origin: http://localhost:8000\r\n"));
+  EXPECT_THAT(head_of("/api/v1/positions", "http://localhost:8001"), Not(HasSubstr("Access-Control")));
+  EXPECT_THAT(head_of("/api/v1/positions", "*"), Not(HasSubstr("Access-Control")));
+  EXPECT_THAT(head_of("/api/events", "http://localhost:8000"), Not(HasSubstr("Access-Control")));
+  EXPECT_THAT(head_of("/", "http://localhost:8000"), Not(HasSubstr("Access-Control")));
+  EXPECT_THAT(post("{}", "application/json", "Origin: http://localhost:8000\r\n"), StartsWith("HTTP/1.1 403"));
+}
+
 TEST_F(Server, StreamsWhatIsThereAndWhatComes) {
   start();
   hub.set("status", to_event("status", "{\"old\":1}"));
