@@ -7,6 +7,7 @@
 
 #include "calib/yaml/text_file.h"
 #include "calib/yaml/unknown_command.h"
+#include "clients/bag/export.h"
 #include "clients/live_view/view.h"
 #include "clients/plot/plot.h"
 #include "commands.h"
@@ -91,6 +92,15 @@ int main(int argc, char** argv) {
   plot_command->add_option("--out", plot.out, "FILE.png, FILE.svg or FILE.html (one file that needs no other)")
       ->required();
 
+  huetrack::bag::ExportOptions bag;
+  CLI::App* export_command =
+      app.add_subcommand("export", "turn a track CSV into a rosbag2 or an MCAP file, for ROS 2 and its tools");
+  export_command->add_option("tracks", bag.tracks, "CSV of `huetrackd replay --tracks` or `huetrack log`")->required();
+  export_command->add_option("--out", bag.out, "FILE.mcap, or a new folder for a rosbag2 (sqlite3)")->required();
+  export_command->add_option("--frame", bag.frame_id, "the world's name in the messages")->capture_default_str();
+  export_command->add_option("--clock-offset", bag.clock_offset_s,
+                             "seconds to add to every time: a replay's are its recording's own");
+
   CLI11_PARSE(app, argc, argv);
 
   if (timeout_s > 0) options.timeout = std::chrono::duration<double>(timeout_s);
@@ -99,6 +109,10 @@ int main(int argc, char** argv) {
       return status(options.participant, status_format == "json" ? StatusFormat::json : StatusFormat::text);
     if (plot_command->parsed()) {
       huetrack::plot::plot(plot);
+      return 0;
+    }
+    if (export_command->parsed()) {
+      huetrack::bag::export_track(bag);
       return 0;
     }
     if (view_command->parsed()) {
