@@ -328,5 +328,23 @@ TEST(Status, SaysWithinTwoSecondsThatNobodyPublishes) {
   EXPECT_THAT(client.err(), HasSubstr("no huetrackd publishes its status on domain " + domain));
 }
 
+// configs/service/completion.bash, as bash calls it.
+TEST(Completion, OffersWhatTheHelpSays) {
+  const auto offered = [](const std::string& words) {
+    ChildProcess bash({"/bin/bash", "-c",
+                       "source '" HUETRACK_SOURCE_DIR "/configs/service/completion.bash'; COMP_WORDS=('" HUETRACK_CLIENT
+                       "' " +
+                           words + "); COMP_CWORD=$((${#COMP_WORDS[@]}-1)); _huetrack_complete; echo ${COMPREPLY[*]}"});
+    EXPECT_EQ(bash.exit_status(10s), 0) << bash.err();
+    return bash.out();
+  };
+  EXPECT_EQ(offered("w"), "watch\n");
+  EXPECT_THAT(offered("''"), AllOf(HasSubstr("watch"), HasSubstr("status"), HasSubstr("export")));
+  EXPECT_EQ(offered("watch --ud"), "--udp\n");
+  EXPECT_EQ(offered("watch --format ''"), "text csv json tum osc\n");
+  EXPECT_EQ(offered("watch --format js"), "json\n");
+  EXPECT_EQ(offered("plot tr"), "\n") << "files are bash's";
+}
+
 }  // namespace
 }  // namespace huetrack::client
