@@ -9,7 +9,7 @@
 #include "huetrack.h" /* made by idlc */
 
 int main(void) {
-  const char *domain = getenv("ROS_DOMAIN_ID");
+  const char* domain = getenv("ROS_DOMAIN_ID");
   dds_entity_t participant = dds_create_participant(domain && *domain ? (dds_domainid_t)atoi(domain) : 0, NULL, NULL);
   if (participant < 0) {
     fprintf(stderr, "cannot join the domain: %s\n", dds_strretcode(-participant));
@@ -19,10 +19,10 @@ int main(void) {
       dds_create_topic(participant, &huetrack_msg_ObjectPosition_desc, "huetrack/object_position", NULL, NULL);
   dds_entity_t reader = dds_create_reader(participant, topic, NULL, NULL);
   for (;;) {
-    void *sample[1] = {NULL};
+    void* sample[1] = {NULL};
     dds_sample_info_t info;
     while (dds_take(reader, sample, &info, 1, 1) == 1) {
-      const huetrack_msg_ObjectPosition *p = sample[0];
+      const huetrack_msg_ObjectPosition* p = sample[0];
       /* The state is what makes a position valid; a sample that is not valid_data says that a target ended. */
       if (info.valid_data &&
           (p->state == huetrack_msg_TRACK_STATE_TRACKING || p->state == huetrack_msg_TRACK_STATE_COASTING)) {

@@ -73,9 +73,9 @@ class Stream {
     }
     if (info_.width == 0) {
       if (has_no_stamps_)
-        throw yaml::ConfigError(
-            recording_file, 0,
-            "cameras." + camera_.name + ": " + camera_.frames.string() + " has no time stamps: give fps or timestamps in a recording.yaml");
+        throw yaml::ConfigError(recording_file, 0,
+                                "cameras." + camera_.name + ": " + camera_.frames.string() +
+                                    " has no time stamps: give fps or timestamps in a recording.yaml");
       if (is_cut_off) {
         forget();
         return;
