@@ -49,6 +49,9 @@ config::ServiceConfig configuration_of(const ReplayCommand& command) {
     throw std::runtime_error(config.file.string() +
                              ": --hold needs control: {allow_teach: true}: a page says when to go on, and may not");
   pipeline::refuse_one_file_for_two({command.tracks, command.poses, command.write_rig});
+  for (const auto& file : {command.tracks, command.poses})
+    if (std::error_code none; std::filesystem::is_regular_file(file, none))
+      spdlog::info("{}: the one of before is replaced", file.string());
   return config;
 }
 
