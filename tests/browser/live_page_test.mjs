@@ -183,6 +183,17 @@ async function test() {
         return high - low > 60;
       });
     }));
+  const overWebSocket = await page.evaluate(() => new Promise((resolve, reject) => {
+    const socket = new WebSocket(`ws://${location.host}/api/v1/positions`);
+    socket.onerror = () => reject(new Error("no WebSocket"));
+    socket.onmessage = (message) => {
+      const { event, data } = JSON.parse(message.data);
+      if (event !== "position") return;
+      socket.close();
+      resolve(data.target);
+    };
+  }));
+  assert.ok(["pink", "lime"].includes(overWebSocket), `over a WebSocket: ${overWebSocket}`);
   await until("why it may not be taught", async () => /allow_teach: true/.test(await page.textContent("#teach-why")));
   assert.equal(await page.isDisabled("#teach-open"), true);
   await sleep(1500);
