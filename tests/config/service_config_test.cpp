@@ -359,7 +359,7 @@ INSTANTIATE_TEST_SUITE_P(
         Mistake{"SizeAsTheDriverPrintsIt", ball + "cameras:\n  cam0: {device: 0, size: 320x240}\n",
                 "c.yaml:5: cameras.cam0.size: must be two numbers, as [640, 480], or the word rig, got \"320x240\""},
         Mistake{"ExposureBesideTheControls", ball + "cameras:\n  cam0: {device: 0, exposure: 100}\n",
-                "c.yaml:5: cameras.cam0.exposure is a control of the camera's: write controls: "
+                "c.yaml:5: cameras.cam0.exposure: is a control of the camera's: write controls: "
                 "{exposure_time_absolute: ...} (`huetrackd doctor` lists those that it has)"},
         Mistake{
             "FormatInCapitals", ball + "cameras:\n  cam0: {device: 0, format: MJPG}\n",
