@@ -12,8 +12,6 @@
 namespace huetrack::object_tracking {
 namespace {
 
-// Around the volume, as a share of its largest extent: who comes in is known by then, and so is what he shows.
-constexpr double share_around = 0.5;
 // An object that is not seen and turns up where it may be by now is taken up again: chi-square, 3 degrees of freedom,
 // 99.7 %.
 constexpr double take_up_gate = 14.2;
@@ -22,11 +20,6 @@ constexpr double one_object_share = 0.6;
 
 // Who has left the volume is told so long at most, as a share of the time that coasting may take: he may turn back.
 constexpr double longest_outside = 0.5;
-
-Box around(const Box& volume) {
-  const double margin = share_around * (volume.max - volume.min).maxCoeff();
-  return {volume.min.array() - margin, volume.max.array() + margin};
-}
 
 }  // namespace
 
@@ -39,8 +32,9 @@ ManyTracker::ManyTracker(const calib::CameraRig& rig, const TargetOptions& targe
       views_(rig, target),
       sharing_(options.pixel_noise_px),
       agreement_(rig.cameras.size(), target.radius_m, options),
-      births_(target, options, around(options.volume)),
+      births_(target, options, looked_through(options.volume)),
       still_color_(rig.cameras.size(), target.count),
+      clutter_(rig),
       search_log_(rig.cameras.size()),
       times_(rig, target.radius_m, options, particle_filter::Rng(options.seed, stream)),
       finders_(rig.cameras.size()),
@@ -64,7 +58,7 @@ void ManyTracker::update(const capture::FrameSet& set, std::vector<ObjectEstimat
   expect(views);
   find_regions(views);
   sight(views);
-  for (const auto& object : objects_) follow(*object, set);
+  for (const auto& object : objects_) follow(*object, set, views);
   end_what_is_one();
   if (views.size() >= 2) note_births(set, views);
   last_at_ = set.at;
@@ -140,7 +134,10 @@ void ManyTracker::sight(const std::vector<TargetView>& views) {
     }
     seen_regions_.add_others(view, unexplained_[i]);
   }
-  for (const auto& object : objects_) sort_by_time(object->sightings);
+  for (const auto& object : objects_) {
+    still_color_.mark_cut(object->sightings);
+    sort_by_time(object->sightings);
+  }
 }
 
 // Returns the power density to use for this set: a bounce needs one that is not learnt, as what comes after it is as
@@ -159,9 +156,14 @@ double ManyTracker::learn_acceleration(Object& object, const capture::FrameSet& 
   return filter.power_density();
 }
 
-void ManyTracker::follow(Object& object, const capture::FrameSet& set) {
+void ManyTracker::follow(Object& object, const capture::FrameSet& set, const std::vector<TargetView>& views) {
   agreement_.doubt(object.filter.belief(), object.sightings);
   const double power_density = learn_acceleration(object, set);
+  if (still_color_.is_room_shared())
+    object.existence.update(object.filter.belief(), power_density, object.sightings, views, target_.radius_m, clutter_,
+                            still_color_);
+  else
+    object.existence.assume();
   object.filter.update(object.sightings, set.at, object.last_reported, power_density);
   judge(object, set);
 }
@@ -171,7 +173,9 @@ void ManyTracker::judge(Object& object, const capture::FrameSet& set) {
   const MotionBelief& belief = object.filter.belief();
   const Judged now = judged(options_, belief, object.sightings, agreement_.doubted_sigma(belief, object.sightings),
                             capture::seconds(set.at - object.last_tracking), true);
-  object.state = now.state;
+  object.state = object.existence.is_refuted()                                      ? TrackState::lost
+                 : now.state == TrackState::tracking && !object.existence.is_sure() ? TrackState::coasting
+                                                                                    : now.state;
   if (now.is_seen) object.last_tracking = set.at;
 }
 
@@ -204,10 +208,11 @@ void ManyTracker::note_births(const capture::FrameSet& set, const std::vector<Ta
                                  .radius_px});
     }
   }
+  if (still_color_.is_room_shared()) clutter_.add(views, std::span(unexplained_).first(views.size()));
   const std::vector<Birth> births =
       births_.look(views, std::span(unexplained_).first(views.size()), covered, set.at, times());
   for (const Birth& birth : births) {
-    if (take_up(birth, set.at)) continue;
+    if (take_up(birth, views, set.at)) continue;
     const bool is_taken = std::ranges::any_of(objects_, [&](const auto& o) {
       return o->state != TrackState::lost &&
              (o->filter.belief().position_at(set.at) - birth.now.position).norm() < 1.5 * target_.radius_m;
@@ -216,14 +221,14 @@ void ManyTracker::note_births(const capture::FrameSet& set, const std::vector<Ta
     auto fresh = std::make_unique<Object>(rig_, target_.radius_m, options_,
                                           particle_filter::Rng(options_.seed, stream_ + ++started_));
     fresh->filter.adopt_times(objects_.empty() ? times_ : objects_.front()->filter);
-    start(*fresh, birth, set.at);
+    start(*fresh, birth, views, set.at);
     if (fresh->state != TrackState::lost) objects_.push_back(std::move(fresh));
   }
   if (objects_.empty()) search_log_.add(views, std::span(regions_).first(views.size()), options_.volume);
 }
 
 // An object that was not seen for a while is where it may be by now.
-bool ManyTracker::take_up(const Birth& birth, capture::Timestamp set_at) {
+bool ManyTracker::take_up(const Birth& birth, const std::vector<TargetView>& views, capture::Timestamp set_at) {
   Object* best = nullptr;
   double best_d2 = take_up_gate;
   for (const auto& object : objects_) {
@@ -236,19 +241,25 @@ bool ManyTracker::take_up(const Birth& birth, capture::Timestamp set_at) {
     if (d2 < best_d2) best_d2 = d2, best = object.get();
   }
   if (best == nullptr) return false;
-  start(*best, birth, set_at);
+  start(*best, birth, views, set_at);
   return true;
 }
 
 // The belief that the sightings of two sets give, from nothing but what is usual.
-void ManyTracker::start(Object& object, const Birth& birth, capture::Timestamp set_at) {
+void ManyTracker::start(Object& object, const Birth& birth, const std::vector<TargetView>& views,
+                        capture::Timestamp set_at) {
+  if (still_color_.is_room_shared())
+    object.existence.begin(birth, views, target_.radius_m, (options_.volume.max - options_.volume.min).maxCoeff(),
+                           options_.start_speed_m_s, clutter_, still_color_);
+  else
+    object.existence.assume();
   object.sightings = object.filter.start(birth.earlier, birth.now, agreement_, set_at, birth.dt, sets_apart_ == 0,
                                          object.last_reported);
   const double doubted_m = agreement_.doubted_sigma(object.filter.belief(), object.sightings);
   const double sigma_m = std::max(judged_sigma(object.filter.belief(), object.sightings), doubted_m);
-  object.state = doubted_m > options_.max_coast_sigma_m     ? TrackState::lost
-                 : sigma_m <= options_.max_tracking_sigma_m ? TrackState::tracking
-                                                            : TrackState::coasting;
+  object.state = doubted_m > options_.max_coast_sigma_m                                   ? TrackState::lost
+                 : sigma_m <= options_.max_tracking_sigma_m && object.existence.is_sure() ? TrackState::tracking
+                                                                                          : TrackState::coasting;
   object.last_tracking = set_at;
 }
 

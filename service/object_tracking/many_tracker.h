@@ -20,6 +20,7 @@
 #include "object_tracking/expected_view.h"
 #include "object_tracking/object_births.h"
 #include "object_tracking/object_estimate.h"
+#include "object_tracking/object_existence.h"
 #include "object_tracking/object_filter.h"
 #include "object_tracking/object_search.h"
 #include "object_tracking/object_tracker.h"
@@ -55,6 +56,7 @@ class ManyTracker {
     std::uint32_t number = 0;  // 0: not told yet
     ObjectFilter filter;
     RigError rig_error;
+    ObjectExistence existence;
     TrackState state = TrackState::tracking;
     capture::Timestamp last_tracking{}, last_reported = capture::Timestamp::min();
     std::vector<Sighting> sightings;  // of this set
@@ -66,11 +68,11 @@ class ManyTracker {
   void find_regions(const std::vector<TargetView>& views);
   void sight(const std::vector<TargetView>& views);
   double learn_acceleration(Object& object, const capture::FrameSet& set);
-  void follow(Object& object, const capture::FrameSet& set);
+  void follow(Object& object, const capture::FrameSet& set, const std::vector<TargetView>& views);
   void judge(Object& object, const capture::FrameSet& set);
   void note_births(const capture::FrameSet& set, const std::vector<TargetView>& views);
-  bool take_up(const Birth& birth, capture::Timestamp set_at);
-  void start(Object& object, const Birth& birth, capture::Timestamp set_at);
+  bool take_up(const Birth& birth, const std::vector<TargetView>& views, capture::Timestamp set_at);
+  void start(Object& object, const Birth& birth, const std::vector<TargetView>& views, capture::Timestamp set_at);
   void end_what_is_one();
   void forget_all();
   MotionBelief times() const;
@@ -86,6 +88,7 @@ class ManyTracker {
   ViewAgreement agreement_;
   ObjectBirths births_;
   StillColor still_color_;
+  ClutterMap clutter_;  // while the room shares the colour
   SearchLog search_log_;
   ObjectFilter times_;  // of no object: what is known of the cameras' times when there is none
 

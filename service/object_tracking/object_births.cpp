@@ -18,9 +18,10 @@ const double by_chance_at_place = std::log(detection / 0.004);
 // Two rays meet by chance: one of some regions lies within a few pixels of an epipolar line.
 const double by_chance_on_line = std::log(detection / 0.03);
 const double not_seen = std::log(1 - detection);
-constexpr double size_sigma = 0.2;  // of the radius of a region's disc, as a share
-constexpr double worst_size = 3;    // something hides a part: that says no more against it
-constexpr double as_good = 2;       // evidence that differs by less does not decide between two
+constexpr double size_sigma = 0.2;    // of the radius of a region's disc, as a share
+constexpr double worst_size = 3;      // something hides a part: that says no more against it
+constexpr double share_around = 0.5;  // of the volume's largest extent, looked_through()
+constexpr double as_good = 2;         // evidence that differs by less does not decide between two
 
 double disc_area(double radius_px) {
   return std::numbers::pi * radius_px * radius_px;
@@ -39,6 +40,11 @@ ObjectTrackerOptions looking_within(ObjectTrackerOptions options, const Box& wit
 }
 
 }  // namespace
+
+Box looked_through(const Box& volume) {
+  const double margin = share_around * (volume.max - volume.min).maxCoeff();
+  return {volume.min.array() - margin, volume.max.array() + margin};
+}
 
 ObjectBirths::ObjectBirths(const TargetOptions& target, const ObjectTrackerOptions& options, const Box& within)
     : target_(target), options_(looking_within(options, within)) {}

@@ -19,6 +19,9 @@ struct Birth {
   double dt;  // from one to the other, seconds
 };
 
+// Around a volume, half its largest extent: who comes in is known by then, and so is what he shows.
+Box looked_through(const Box& volume);
+
 // Where a known object covers a view: what is not seen there may be behind it.
 struct CoveredDisc {
   std::size_t view;  // which of the views

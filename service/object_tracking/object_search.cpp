@@ -40,7 +40,8 @@ ObjectSearch::ObjectSearch(const calib::CameraRig& rig, const TargetOptions& tar
       options_(options),
       finders_(rig.cameras.size()),
       regions_(rig.cameras.size()),
-      log_(rig.cameras.size()) {
+      log_(rig.cameras.size()),
+      births_(target, options, looked_through(options.volume)) {
   for (const calib::Camera& camera : rig.cameras)
     size_in_view_.push_back(size_in(camera, options.volume, target.radius_m));
 }
@@ -74,6 +75,7 @@ std::vector<double> ObjectSearch::usual_radii_px(const std::vector<TargetView>& 
 // One candidate alone never is a find: a chance match of background pixels does not move like an object.
 std::optional<ObjectSearch::Find> ObjectSearch::find(const std::vector<TargetView>& views, capture::Timestamp set_at,
                                                      const MotionBelief& times) {
+  if (is_shared_) return find_among_others(views, set_at, times);
   std::vector<PositionCandidate> now = cross_rays(views, regions(), target_, options_, times, max_candidates);
   if (now.empty()) {  // nor does one in which too few of these views see it
     log_.add(views, regions(), options_.volume);
@@ -101,12 +103,25 @@ std::optional<ObjectSearch::Find> ObjectSearch::find(const std::vector<TargetVie
   return find;
 }
 
+std::optional<ObjectSearch::Find> ObjectSearch::find_among_others(const std::vector<TargetView>& views,
+                                                                  capture::Timestamp set_at,
+                                                                  const MotionBelief& times) {
+  const std::vector<Birth> births = births_.look(views, regions(), {}, set_at, times);
+  const auto find = std::ranges::find_if(
+      births, [&](const Birth& birth) { return inside(options_.volume, birth.now.position, target_.radius_m); });
+  if (find != births.end()) return *find;
+  log_.add(views, regions(), options_.volume);
+  return std::nullopt;
+}
+
 void ObjectSearch::found() {
+  births_.forget();
   candidates_.clear();
   log_.clear();
 }
 
 void ObjectSearch::forget() {
+  births_.forget();
   candidates_.clear();
 }
 

@@ -1,5 +1,7 @@
 // Where an object is of which nothing is known: rays crossed between views through the regions that a coarse grid of
-// pixels finds. Two candidates in two frame sets that one object can explain are a find.
+// pixels finds. Two candidates in two frame sets that one object can explain are a find. In a room that shares the
+// colour many regions are nobody's, and any two of their rays may meet: there a find is what a birth among several
+// objects is (object_births.h), and what lies outside the volume explains what it shows.
 #pragma once
 
 #include <optional>
@@ -8,6 +10,7 @@
 
 #include "object_tracking/color_region.h"
 #include "object_tracking/motion_belief.h"
+#include "object_tracking/object_births.h"
 #include "object_tracking/object_tracker.h"
 #include "object_tracking/search_findings.h"
 #include "object_tracking/sighting.h"
@@ -34,10 +37,9 @@ class ObjectSearch {
   std::vector<double> usual_radii_px(const std::vector<TargetView>& views) const;
   const SizeInView& size_in_view(std::size_t camera) const { return size_in_view_[camera]; }
 
-  struct Find {
-    PositionCandidate earlier, now;
-    double dt;  // from one to the other, seconds
-  };
+  using Find = Birth;
+  // The room shares the colour (still_color.h).
+  void set_shared(bool is_shared) { is_shared_ = is_shared; }
   // After look(). nullopt: nothing, or not yet. Of the belief only the cameras' times are used.
   std::optional<Find> find(const std::vector<TargetView>& views, capture::Timestamp set_at, const MotionBelief& times);
   void found();   // the find was believed
@@ -46,6 +48,8 @@ class ObjectSearch {
   SearchFindings findings() const { return log_.findings(); }
 
  private:
+  std::optional<Find> find_among_others(const std::vector<TargetView>& views, capture::Timestamp set_at,
+                                        const MotionBelief& times);
   bool is_contested(const PositionCandidate& candidate, const std::vector<TargetView>& views,
                     const MotionBelief& times) const;
 
@@ -58,6 +62,8 @@ class ObjectSearch {
   SearchLog log_;
   std::vector<PositionCandidate> candidates_;  // of the last set in which there were any
   capture::Timestamp candidates_at_{};
+  bool is_shared_ = false;
+  ObjectBirths births_;  // while the room shares the colour
 };
 
 }  // namespace huetrack::object_tracking

@@ -19,6 +19,12 @@ constexpr int least_matched = 3;
 // An object that is tracked covers so much more than its disc: blur, and it moves on before the next set.
 constexpr double covered_radii = 1.4, covered_more_px = 3;
 
+// What is left out so near to a region's middle may have cut it.
+constexpr double cut_reach = 1.5;  // radii
+// The middle of what a straight edge leaves of a disc, by the share that is left: 0.42 radii of a half, 0.65 of a
+// quarter.
+constexpr double off_by_cut = 0.85;  // radii, times the share that is missing
+
 constexpr std::uint64_t left_column = 0x0101010101010101u, right_column = left_column << 7;
 constexpr std::uint64_t top_row = 0xff, bottom_row = top_row << 56;
 
@@ -46,6 +52,38 @@ void StillColor::set_sizes(std::size_t camera, double smallest_px, double larges
 
 void StillColor::forget(std::size_t camera) {
   cameras_[camera] = {};
+}
+
+bool StillColor::touches(std::size_t camera, const Eigen::Vector2d& px, double reach_px) const {
+  const PerCamera& in = cameras_[camera];
+  if (in.listed.empty() || !px.allFinite()) return false;
+  const int rows = static_cast<int>(in.tiles.size()) / in.stride;
+  const auto tile_of = [](double at, int count) {
+    return static_cast<int>(std::clamp(std::floor(at / TileAt::size) + 1, 0.0, count - 1.0));
+  };
+  for (int v = tile_of(px.y() - reach_px, rows); v <= tile_of(px.y() + reach_px, rows); ++v) {
+    for (int u = tile_of(px.x() - reach_px, in.stride); u <= tile_of(px.x() + reach_px, in.stride); ++u) {
+      std::uint64_t still = in.tiles[static_cast<std::size_t>(v * in.stride + u)].still;
+      for (; still != 0; still &= still - 1) {
+        const int bit = std::countr_zero(still);
+        const Eigen::Vector2d at(TileAt::size * (u - 1) + bit % 8, TileAt::size * (v - 1) + bit / 8);
+        if ((at - px).norm() <= reach_px) return true;
+      }
+    }
+  }
+  return false;
+}
+
+void StillColor::mark_cut(std::vector<Sighting>& sightings) const {
+  if (!is_room_shared_) return;
+  for (Sighting& s : sightings) {
+    const double radius_px = s.support > 0 ? s.radius_px / std::sqrt(s.support) : s.radius_px;  // of its whole disc
+    if (!touches(static_cast<std::size_t>(s.row.camera), s.px, cut_reach * radius_px)) continue;
+    s.is_cut = true;
+    if (s.is_outline) continue;
+    const double off_px = off_by_cut * (1 - s.support) * radius_px;
+    s.covariance.diagonal().array() += off_px * off_px;
+  }
 }
 
 void StillColor::look(const std::vector<TargetView>& views, std::span<const Sighting> tracked,
@@ -82,7 +120,8 @@ void StillColor::sample(const TargetView& view, std::span<const Sighting> tracke
   PerCamera& camera = cameras_[static_cast<std::size_t>(view.index)];
   // Of several objects, what stands still and is none of those that are tracked is none; one alone may be lost, and
   // rest.
-  const bool is_learning = std::ranges::any_of(cameras_, &PerCamera::is_above) || (count_ > 1 && camera.sampled > 0);
+  is_room_shared_ = std::ranges::any_of(cameras_, &PerCamera::is_above);
+  const bool is_learning = is_room_shared_ || (count_ > 1 && camera.sampled > 0);
   if (!is_learning && camera.is_learning) {
     view.matches->leave_out_nothing();
     camera = {.tiles = {}, .listed = {}, .sampled = 1};  // there is a past, and it had nothing
@@ -102,8 +141,9 @@ void StillColor::learn(const TargetView& view, PerCamera& camera, std::span<cons
   const int stride = view.matches->tile_stride();
   if (camera.tiles.empty()) {
     camera.tiles.resize(static_cast<std::size_t>(stride * view.matches->tile_rows()));
+    camera.stride = stride;
     // A room that came to share the colour later has not been still for so long: its past had none of it.
-    if (camera.sampled > 0) camera.sampled = samples;
+    if (camera.sampled > 0) camera.sampled = kept_samples;
   }
   const auto list = [&](int u, int v) {
     if (u < 1 || v < 1 || u >= stride - 1 || v >= view.matches->tile_rows() - 1) return;
@@ -116,7 +156,10 @@ void StillColor::learn(const TargetView& view, PerCamera& camera, std::span<cons
     for (int dv = -1; dv <= 1; ++dv)
       for (int du = -1; du <= 1; ++du) list(hit.u / TileAt::size + 1 + du, hit.v / TileAt::size + 1 + dv);
   }
-  const auto place = static_cast<std::size_t>(camera.sampled % samples);
+  const auto place = static_cast<std::size_t>(camera.sampled % kept_samples);
+  const auto before = [&](int sets) {  // in the ring; 0: now
+    return static_cast<std::size_t>((camera.sampled + kept_samples - sets) % kept_samples);
+  };
   for (const std::uint32_t at : camera.listed) {
     Tile& tile = camera.tiles[at];
     const TileAt where{static_cast<std::uint16_t>(static_cast<int>(at) % stride),
@@ -135,15 +178,31 @@ void StillColor::learn(const TargetView& view, PerCamera& camera, std::span<cons
     const std::uint64_t matched = view.matches->tile_with_left_out(where);
     tile.matched[place] = (matched & ~covered) | (tile.still & covered);
   }
-  ++camera.sampled;
   std::erase_if(camera.listed, [&](std::uint32_t at) {
     Tile& tile = camera.tiles[at];
-    const std::uint64_t ever = tile.matched[0] | tile.matched[1] | tile.matched[2] | tile.matched[3];
-    // What was still stays so as long as it is seen at all: noise decides at edges, and would be what moves.
-    tile.still = camera.sampled < samples ? ever : (tile.still & ever) | mostly(tile.matched);
-    tile.is_listed = ever != 0;
+    std::array<std::uint64_t, samples> last;
+    for (int i = 0; i < samples; ++i) last[static_cast<std::size_t>(i)] = tile.matched[before(i)];
+    std::uint64_t matched = 0, gone = 0, again = 0, known = 0;
+    for (int i = kept_samples - 1; i >= 0; --i) {  // from the oldest one on
+      const std::uint64_t now = tile.matched[before(i)];
+      again |= gone & now;
+      matched |= now;
+      gone |= matched & ~now;
+      if (i > 0) known |= now;
+    }
+    const std::uint64_t ever = last[0] | last[1] | last[2] | last[3];
+    // What was still stays so as long as it is seen at all: noise decides at edges, and would be what moves. Of the
+    // first samples what is there for the first time is new: it moves, or will come again.
+    if (camera.sampled == 0)
+      tile.still = last[0];
+    else if (camera.sampled < samples)
+      tile.still = known;
+    else
+      tile.still = (tile.still & ever) | mostly(last) | (is_room_shared_ ? again : 0);
+    tile.is_listed = matched != 0;
     return !tile.is_listed;
   });
+  ++camera.sampled;
 }
 
 // With a pixel more on each side: at an edge noise decides.

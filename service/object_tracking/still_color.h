@@ -4,9 +4,10 @@
 // was tracked stays tracked. A room that does not share the colour costs nothing and changes nothing.
 //
 // A room shares the colour where one view shows more of it than all objects could cover; then all views learn. When
-// that is so at the first set there is no past to ask: all that is there then counts as furniture until it moves. Where
-// a target is several objects, what stands still for two seconds and is none of those that are tracked is furniture in
-// any room.
+// that is so at the first set there is no past to ask: all that is there then counts as furniture until it moves. What
+// hardly has the colour matches now and then, as noise has it: pixels that have matched, have not, and match again are
+// furniture, too. Where a target is several objects, what stands still for two seconds and is none of those that are
+// tracked is furniture in any room.
 #pragma once
 
 #include <Eigen/Core>
@@ -38,12 +39,18 @@ class StillColor {
 
   // The room may show the colour in this camera: what moves in it may be noise at the edges of what is left out.
   bool is_shared(std::size_t camera) const { return cameras_[camera].is_learning; }
+  bool is_room_shared() const { return is_room_shared_; }  // some view shows more of it than objects could cover
+  // Something that is left out lies within so far of this pixel: a region there may be cut by it.
+  bool touches(std::size_t camera, const Eigen::Vector2d& px, double reach_px) const;
+  // Which of them may be cut so, and by how much their middles may be off because of it.
+  void mark_cut(std::vector<Sighting>& sightings) const;
   const std::vector<ColorShare>& shares() const { return shares_; }  // per camera of the rig
 
  private:
-  static constexpr int samples = 4;
+  static constexpr int samples = 4;        // of which most must match: two seconds
+  static constexpr int kept_samples = 12;  // in which what comes again is noticed: six seconds
   struct Tile {
-    std::array<std::uint64_t, samples> matched{};  // the last ones, a ring
+    std::array<std::uint64_t, kept_samples> matched{};  // the last ones, a ring
     std::uint64_t still = 0;
     bool is_listed = false;
   };
@@ -51,6 +58,7 @@ class StillColor {
     std::vector<Tile> tiles;            // once the room was found to share the colour
     std::vector<std::uint32_t> listed;  // tiles of which anything is known
     int sampled = 0;
+    int stride = 0;         // tiles in a row
     bool is_above = false;  // more of the colour than all objects could cover
     bool is_learning = false;
   };
@@ -63,6 +71,7 @@ class StillColor {
   std::vector<PerCamera> cameras_;
   std::vector<ColorShare> shares_{cameras_.size()};
   std::vector<PixelAt> hits_;
+  bool is_room_shared_ = false;
   std::size_t next_ = 0;
   std::optional<capture::Timestamp> last_at_ = {};
 };

@@ -162,6 +162,7 @@ void ViewAgreement::compare(const std::vector<TargetView>& views, capture::Times
   for (const Sighting& s : sightings) {
     unseen_[static_cast<std::size_t>(s.row.camera)].sets = 0;
     unseen_[static_cast<std::size_t>(s.row.camera)].is_suspicious = false;
+    if (s.is_cut) continue;
     if (const auto seen_beside = beside(s, belief)) besides_.push_back(*seen_beside);
   }
   for (const TargetView& view : views) {
@@ -180,8 +181,10 @@ void ViewAgreement::compare(const std::vector<TargetView>& views, capture::Times
 void ViewAgreement::compare_found(const MotionBelief& belief, std::vector<Sighting>& sightings) {
   compared_sets_ = 0;
   besides_.clear();
-  for (const Sighting& s : sightings)
+  for (const Sighting& s : sightings) {
+    if (s.is_cut) continue;
     if (const auto seen = beside(s, belief)) besides_.push_back(*seen);
+  }
   compare_besides(belief);
   doubt(belief, sightings);
 }
