@@ -18,6 +18,9 @@ constexpr double take_up_gate = 14.2;
 // Two centres nearer than this share of a diameter are of one object; a touch measured with an error is not.
 constexpr double one_object_share = 0.6;
 
+constexpr double surely_moved_px = 1;  // by as much a region of some hundred pixels moves and changes visibly
+constexpr double apart_radii = 2;      // of both discs: from so far apart on, no region is of two
+
 // Who has left the volume is told so long at most, as a share of the time that coasting may take: he may turn back.
 constexpr double longest_outside = 0.5;
 
@@ -40,7 +43,8 @@ ManyTracker::ManyTracker(const calib::CameraRig& rig, const TargetOptions& targe
       finders_(rig.cameras.size()),
       expected_(rig.cameras.size()),
       regions_(rig.cameras.size()),
-      unexplained_(rig.cameras.size()) {
+      unexplained_(rig.cameras.size()),
+      last_regions_(rig.cameras.size()) {
   for (const calib::Camera& camera : rig.cameras)
     size_in_view_.push_back(size_in(camera, options.volume, target.radius_m));
   for (std::size_t c = 0; c < rig.cameras.size(); ++c)
@@ -55,9 +59,15 @@ void ManyTracker::update(const capture::FrameSet& set, std::vector<ObjectEstimat
   still_color_.look(views, tracked, set.at);
   sets_apart_ += is_apart(views) ? 1 : 0;
   if (set.at < last_at_) forget_all();  // the clock was put back: what was known is of another time
+  if (!views_.unused().empty()) {
+    expect(views_.unused());
+    find_regions(views_.unused());
+    sight(views_.unused(), &Object::watched);
+  }
   expect(views);
   find_regions(views);
-  sight(views);
+  sight(views, &Object::sightings);
+  compare_views(views);
   for (const auto& object : objects_) follow(*object, set, views);
   end_what_is_one();
   if (views.size() >= 2) note_births(set, views);
@@ -113,31 +123,75 @@ void ManyTracker::find_regions(const std::vector<TargetView>& views) {
   }
 }
 
+// As of one object (object_sighter.cpp): no two frames have the same noise, and where all regions of a view are those
+// of its frame before to the last pixel, though an object must have moved, it is that frame. Twice in a row they stand
+// still, in pictures without noise.
+bool ManyTracker::is_repeated(const TargetView& view, std::span<const ColorRegion> regions,
+                              std::span<const ExpectedObject> expected) {
+  LastRegions& last = last_regions_[static_cast<std::size_t>(view.index)];
+  const double since_s = capture::seconds(view.frame->captured_at - last.captured_at);
+  const bool has_moved = std::ranges::any_of(
+      expected, [&](const ExpectedObject& e) { return e.motion.velocity.norm() * since_s > surely_moved_px; });
+  last.is_repeated = !last.is_repeated && has_moved && !regions.empty() &&
+                     std::ranges::equal(regions, last.regions, [](const ColorRegion& a, const ColorRegion& b) {
+                       return a.area == b.area && a.centre == b.centre;
+                     });
+  last.regions.assign(regions.begin(), regions.end());
+  last.captured_at = view.frame->captured_at;
+  return last.is_repeated;
+}
+
 // Which region of which view is of which object.
-void ManyTracker::sight(const std::vector<TargetView>& views) {
-  for (const auto& object : objects_) object->sightings.clear();
+void ManyTracker::sight(const std::vector<TargetView>& views, std::vector<Sighting> Object::*sightings) {
+  for (const auto& object : objects_) (*object.*sightings).clear();
   for (std::size_t i = 0; i < views.size(); ++i) {
     const TargetView& view = views[i];
     const std::vector<ExpectedObject>& expected = expected_[i];
+    unexplained_[i].clear();
+    if (is_repeated(view, regions_[i], expected)) continue;
     SharedSightings shared = sharing_.share(view, regions_[i], expected);
     for (std::size_t e = 0; e < expected.size(); ++e) {
       Object& object = *objects_[expected[e].object];
       if (auto& s = shared.of_objects[e]) {
         s->row = row_of(view, s->px.y(), object.filter.belief());
-        seen_regions_.add_target(view, s->px, s->radius_px);
-        object.sightings.push_back(std::move(*s));
+        (object.*sightings).push_back(std::move(*s));
       }
     }
-    unexplained_[i].clear();
     for (std::size_t r = 0; r < regions_[i].size(); ++r) {
       if (shared.is_explained[r] == 0) unexplained_[i].push_back(regions_[i][r]);
     }
-    seen_regions_.add_others(view, unexplained_[i]);
   }
   for (const auto& object : objects_) {
-    still_color_.mark_cut(object->sightings);
-    sort_by_time(object->sightings);
+    still_color_.mark_cut(*object.*sightings);
+    sort_by_time(*object.*sightings);
   }
+}
+
+// By one object, the same for as long as it is tracked, and only where it is apart from all others: what two views say
+// of different objects is no contradiction.
+void ManyTracker::compare_views(const std::vector<TargetView>& views) {
+  const auto is_lead = [&](const auto& object) { return object.get() == lead_; };
+  auto lead = std::ranges::find_if(objects_, is_lead);
+  if (lead == objects_.end() || (*lead)->state != TrackState::tracking) {
+    lead = std::ranges::find_if(objects_, [](const auto& o) { return o->is_told && o->state == TrackState::tracking; });
+    lead_ = lead == objects_.end() ? nullptr : lead->get();
+  }
+  if (lead_ == nullptr) return;
+  Object& object = **lead;
+  const auto which = static_cast<std::size_t>(lead - objects_.begin());
+  for (std::size_t i = 0; i < views.size(); ++i) {
+    const auto own = std::ranges::find(expected_[i], which, &ExpectedObject::object);
+    if (own == expected_[i].end()) continue;
+    for (const ExpectedObject& other : expected_[i]) {
+      const double apart_px = apart_radii * (own->at.radius_px + other.at.radius_px);
+      if (other.object != which && (other.at.px - own->at.px).norm() < apart_px) return;
+    }
+  }
+  for (const Sighting& s : object.sightings) {
+    const auto view = std::ranges::find(views, s.row.camera, &TargetView::index);
+    if (!s.is_cut && view != views.end()) seen_regions_.add_target(*view, s.px, s.radius_px);
+  }
+  agreement_.compare_sightings(object.filter.belief(), object.sightings);
 }
 
 // Returns the power density to use for this set: a bounce needs one that is not learnt, as what comes after it is as
@@ -158,6 +212,7 @@ double ManyTracker::learn_acceleration(Object& object, const capture::FrameSet& 
 
 void ManyTracker::follow(Object& object, const capture::FrameSet& set, const std::vector<TargetView>& views) {
   agreement_.doubt(object.filter.belief(), object.sightings);
+  agreement_.doubt(object.filter.belief(), object.watched);
   const double power_density = learn_acceleration(object, set);
   if (still_color_.is_room_shared())
     object.existence.update(object.filter.belief(), power_density, object.sightings, views, target_.radius_m, clutter_,
@@ -301,6 +356,7 @@ MotionBelief ManyTracker::times() const {
 
 void ManyTracker::report(const capture::FrameSet& set, std::vector<ObjectEstimate>& out) {
   out.clear();
+  std::vector<Sighting> seen;  // also by cameras that are not used
   auto told = std::ranges::count_if(objects_, [](const auto& o) { return o->is_told; });
   for (const auto& object : objects_) {
     const bool is_inside = inside(options_.volume, object->filter.belief().position(), target_.radius_m);
@@ -314,6 +370,8 @@ void ManyTracker::report(const capture::FrameSet& set, std::vector<ObjectEstimat
     }
     const bool is_end = object->state == TrackState::lost ||
                         capture::seconds(set.at - object->last_inside) > longest_outside * options_.coast_s;
+    seen = object->sightings;
+    seen.insert(seen.end(), object->watched.begin(), object->watched.end());
     const TrackState state = is_end ? TrackState::lost : is_inside ? object->state : TrackState::coasting;
     out.push_back(object_tracking::report({.set = set,
                                            .views = views_,
@@ -323,7 +381,7 @@ void ManyTracker::report(const capture::FrameSet& set, std::vector<ObjectEstimat
                                            .filter = object->filter,
                                            .agreement = agreement_,
                                            .sightings = object->sightings,
-                                           .seen = object->sightings},
+                                           .seen = seen},
                                           object->rig_error, object->last_reported));
     out.back().object = object->number;
     out.back().is_birth = is_birth;

@@ -60,13 +60,18 @@ class ManyTracker {
     TrackState state = TrackState::tracking;
     capture::Timestamp last_tracking{}, last_reported = capture::Timestamp::min();
     std::vector<Sighting> sightings;  // of this set
+    std::vector<Sighting> watched;    // by cameras that are not used
     bool is_told = false;             // in the last set
     capture::Timestamp last_inside{};
   };
 
   void expect(const std::vector<TargetView>& views);
   void find_regions(const std::vector<TargetView>& views);
-  void sight(const std::vector<TargetView>& views);
+  // Of each object, by these views.
+  void sight(const std::vector<TargetView>& views, std::vector<Sighting> Object::*sightings);
+  bool is_repeated(const TargetView& view, std::span<const ColorRegion> regions,
+                   std::span<const ExpectedObject> expected);
+  void compare_views(const std::vector<TargetView>& views);
   double learn_acceleration(Object& object, const capture::FrameSet& set);
   void follow(Object& object, const capture::FrameSet& set, const std::vector<TargetView>& views);
   void judge(Object& object, const capture::FrameSet& set);
@@ -97,6 +102,14 @@ class ManyTracker {
   std::vector<std::vector<ExpectedObject>> expected_;            // in the views of this set
   std::vector<std::vector<ColorRegion>> regions_, unexplained_;  // of the views of this set
   std::vector<std::unique_ptr<Object>> objects_;                 // by age
+  // Of each camera's frame before, and whether that one was shown once more.
+  struct LastRegions {
+    std::vector<ColorRegion> regions = {};
+    capture::Timestamp captured_at{};
+    bool is_repeated = false;
+  };
+  std::vector<LastRegions> last_regions_;  // per camera
+  const Object* lead_ = nullptr;           // by which views are compared; only an address
   SeenRegions seen_regions_;
   std::uint32_t last_number_ = 0;
   std::uint64_t started_ = 0;

@@ -180,13 +180,17 @@ void ViewAgreement::compare(const std::vector<TargetView>& views, capture::Times
 
 void ViewAgreement::compare_found(const MotionBelief& belief, std::vector<Sighting>& sightings) {
   compared_sets_ = 0;
+  compare_sightings(belief, sightings);
+  doubt(belief, sightings);
+}
+
+void ViewAgreement::compare_sightings(const MotionBelief& belief, std::span<const Sighting> sightings) {
   besides_.clear();
   for (const Sighting& s : sightings) {
     if (s.is_cut) continue;
     if (const auto seen = beside(s, belief)) besides_.push_back(*seen);
   }
   compare_besides(belief);
-  doubt(belief, sightings);
 }
 
 void ViewAgreement::compare_besides(const MotionBelief& belief) {
