@@ -19,6 +19,7 @@
 #include "calib/yaml/text_file.h"
 #include "idl/camera_timesPubSubTypes.h"
 #include "idl/huetrackPubSubTypes.h"
+#include "idl/object_setPubSubTypes.h"
 #include "idl/topics.h"
 #include "position_subscription.h"
 #include "printable_sample.h"
@@ -111,6 +112,12 @@ std::string mark_of(std::string text, const std::string& stranger) {
   return text + "   NOT THE SAME PUBLISHER: " + stranger + "\n";
 }
 
+// "ball_3" is one of several objects of the target "ball".
+bool is_object_of(std::string_view name, std::string_view target) {
+  if (!name.starts_with(target) || name.size() < target.size() + 2 || name[target.size()] != '_') return false;
+  return std::ranges::all_of(name.substr(target.size() + 1), [](char c) { return c >= '0' && c <= '9'; });
+}
+
 // wanted: the name of the target or camera; empty: every one.
 template <typename Sample>
 int watch_topic(const WatchOptions& options, const std::string& wanted, const std::string& header_line,
@@ -167,7 +174,7 @@ int watch_topic(const WatchOptions& options, const std::string& wanted, const st
     if (heard) {
       const std::string& name = name_of(heard->sample);
       if (seen_targets.size() < most_names) seen_targets.insert(name);
-      if (wanted.empty() || name == wanted) {
+      if (wanted.empty() || name == wanted || is_object_of(name, wanted)) {
         target_width = std::max(target_width, name.size());
         std::string text = line(options.format, heard->sample, unix_now(), target_width);
         if (!heard->stranger.empty()) {
@@ -234,6 +241,8 @@ int status(const idl::ParticipantOptions& options) {
       idl::camera_times_topic, dds::TypeSupport(new msg::CameraTimesPubSubType), idl::status_reader_qos());
   dds::DataReader& pose_reader = participant.create_reader(
       idl::camera_pose_topic, dds::TypeSupport(new msg::CameraPosePubSubType), idl::object_position_reader_qos());
+  dds::DataReader& set_reader = participant.create_reader(
+      idl::object_set_topic, dds::TypeSupport(new msg::ObjectSetPubSubType), idl::object_position_reader_qos());
   LineWriter out({}, false);
   // After the first one a moment more: a second service may be there, and the poses of a camera that is tracked.
   Clock::time_point until = Clock::now() + nobody_after;
@@ -242,6 +251,7 @@ int status(const idl::ParticipantOptions& options) {
   std::vector<msg::ServiceStatus> statuses;
   std::map<std::pair<std::string, std::uint32_t>, msg::CameraTimes> times;  // by the service's host and process
   std::map<std::string, msg::CameraPose> poses;
+  std::map<std::string, msg::ObjectSet> sets;  // by the target; the last of each
   while (!ended && Clock::now() < until) {
     msg::ServiceStatus sample;
     dds::SampleInfo info;
@@ -263,6 +273,12 @@ int status(const idl::ParticipantOptions& options) {
         make_printable(pose);
         poses[pose.camera()] = pose;
       }
+    msg::ObjectSet set;
+    while (set_reader.take_next_sample(&set, &info) == ReturnCode_t::RETCODE_OK)
+      if (info.valid_data && sets.size() < most_names) {
+        make_printable(set);
+        sets[set.target()] = set;
+      }
     dds::SubscriptionMatchedStatus matched;  // a slow camera's frame takes a while
     if (!statuses.empty() && poses.empty() && !waited_for_pose &&
         pose_reader.get_subscription_matched_status(matched) == ReturnCode_t::RETCODE_OK && matched.current_count > 0) {
@@ -274,9 +290,12 @@ int status(const idl::ParticipantOptions& options) {
   }
   std::vector<msg::CameraPose> last_poses;
   for (const auto& [_, pose] : poses) last_poses.push_back(pose);
+  std::vector<msg::ObjectSet> last_sets;
+  for (const auto& [_, set] : sets) last_sets.push_back(set);
   for (const auto& sample : statuses) {
     const auto of_service = times.find({sample.host(), sample.pid()});
-    if (!out.write(text(sample, unix_now(), of_service == times.end() ? nullptr : &of_service->second, last_poses)))
+    if (!out.write(
+            text(sample, unix_now(), of_service == times.end() ? nullptr : &of_service->second, last_poses, last_sets)))
       return 0;
   }
   if (statuses.empty() && !ended) say("no huetrackd publishes its status " + what_to_check(participant));

@@ -19,6 +19,7 @@ constexpr double take_up_gate = 14.2;
 constexpr double one_object_share = 0.6;
 
 constexpr double surely_moved_px = 1;  // by as much a region of some hundred pixels moves and changes visibly
+constexpr double elsewhere_radii = 6;  // so far off a view of a camera that was turned is looked for
 constexpr double apart_radii = 2;      // of both discs: from so far apart on, no region is of two
 
 // Who has left the volume is told so long at most, as a share of the time that coasting may take: he may turn back.
@@ -103,13 +104,6 @@ void ManyTracker::find_regions(const std::vector<TargetView>& views) {
     const SizeInView& size = size_in_view_[camera];
     regions_[i].clear();
     if (size.largest_px == 0) continue;  // no part of the volume is in view
-    const double usual = std::sqrt(size.smallest_px * size.largest_px);
-    const int step =
-        std::max(1, static_cast<int>(std::numbers::sqrt2 * size.smallest_px));  // no disc is between points
-    const int min_area =
-        std::max(2, static_cast<int>(least_support * std::numbers::pi * size.smallest_px * size.smallest_px));
-    // As many as there may be in a row.
-    const int largest = static_cast<int>(std::ceil(2 * size.largest_px * std::min(target_.count, 4))) + 2;
     // What is left to be seen of a known object may be.
     also.clear();
     for (const ExpectedObject& e : expected_[i]) {
@@ -118,8 +112,7 @@ void ManyTracker::find_regions(const std::vector<TargetView>& views) {
         also.push_back(
             {static_cast<int>(std::lround(e.at.px.x() + du)), static_cast<int>(std::lround(e.at.px.y() + dv))});
     }
-    regions_[i] =
-        finders_[camera].components(*views[i].matches, step, also, static_cast<int>(2 * usual) + 2, largest, min_area);
+    regions_[i] = whole_regions(finders_[camera], *views[i].matches, size, target_.count, also);
   }
 }
 
@@ -167,6 +160,32 @@ void ManyTracker::sight(const std::vector<TargetView>& views, std::vector<Sighti
   }
 }
 
+// A view that should show the object, and does not where the others have it: the nearest region of its size that no
+// object explains, if it is not nearer to where another one should be. Of a camera that was turned it is the object's.
+std::optional<Sighting> ManyTracker::seen_elsewhere(const TargetView& view, std::size_t i, std::size_t which) const {
+  const auto own = std::ranges::find(expected_[i], which, &ExpectedObject::object);
+  const bool is_seen =
+      std::ranges::any_of(objects_[which]->sightings, [&](const Sighting& s) { return s.row.camera == view.index; });
+  if (is_seen || own == expected_[i].end() || last_regions_[static_cast<std::size_t>(view.index)].is_repeated)
+    return std::nullopt;
+  const double disc = std::numbers::pi * own->at.radius_px * own->at.radius_px;
+  const ColorRegion* nearest = nullptr;
+  double distance_px = elsewhere_radii * own->at.radius_px;
+  for (const ColorRegion& region : unexplained_[i]) {
+    const double off_px = (region.centre - own->at.px).norm();
+    if (region.area < least_far_share * disc || region.area > largest_far_share * disc || off_px > distance_px)
+      continue;
+    const bool is_anothers = std::ranges::any_of(expected_[i], [&](const ExpectedObject& other) {
+      return other.object != which && (region.centre - other.at.px).norm() < off_px;
+    });
+    if (!is_anothers) nearest = &region, distance_px = off_px;
+  }
+  if (nearest == nullptr) return std::nullopt;
+  Sighting s = sighting_of(view, *nearest, own->at.radius_px, options_.pixel_noise_px, own->motion);
+  s.row = row_of(view, s.px.y(), objects_[which]->filter.belief());
+  return s;
+}
+
 // By one object, the same for as long as it is tracked, and only where it is apart from all others: what two views say
 // of different objects is no contradiction.
 void ManyTracker::compare_views(const std::vector<TargetView>& views) {
@@ -187,11 +206,15 @@ void ManyTracker::compare_views(const std::vector<TargetView>& views) {
       if (other.object != which && (other.at.px - own->at.px).norm() < apart_px) return;
     }
   }
-  for (const Sighting& s : object.sightings) {
+  std::vector<Sighting> seen = object.sightings;
+  for (std::size_t i = 0; i < views.size(); ++i) {
+    if (auto elsewhere = seen_elsewhere(views[i], i, which)) seen.push_back(std::move(*elsewhere));
+  }
+  for (const Sighting& s : seen) {
     const auto view = std::ranges::find(views, s.row.camera, &TargetView::index);
     if (!s.is_cut && view != views.end()) seen_regions_.add_target(*view, s.px, s.radius_px);
   }
-  agreement_.compare_sightings(object.filter.belief(), object.sightings);
+  agreement_.compare_sightings(object.filter.belief(), seen);
 }
 
 // Returns the power density to use for this set: a bounce needs one that is not learnt, as what comes after it is as
@@ -215,8 +238,8 @@ void ManyTracker::follow(Object& object, const capture::FrameSet& set, const std
   agreement_.doubt(object.filter.belief(), object.watched);
   const double power_density = learn_acceleration(object, set);
   if (still_color_.is_room_shared())
-    object.existence.update(object.filter.belief(), power_density, object.sightings, views, target_.radius_m, clutter_,
-                            still_color_);
+    object.existence.update(set.at, object.filter.belief(), power_density, object.sightings, views, target_.radius_m,
+                            clutter_, still_color_);
   else
     object.existence.assume();
   object.filter.update(object.sightings, set.at, object.last_reported, power_density);
@@ -264,8 +287,9 @@ void ManyTracker::note_births(const capture::FrameSet& set, const std::vector<Ta
     }
   }
   if (still_color_.is_room_shared()) clutter_.add(views, std::span(unexplained_).first(views.size()));
+  births_.set_needs_motion(still_color_.is_starting(set.at));
   const std::vector<Birth> births =
-      births_.look(views, std::span(unexplained_).first(views.size()), covered, set.at, times());
+      births_.look(views, std::span(unexplained_).first(views.size()), covered, still_color_, set.at, times());
   for (const Birth& birth : births) {
     if (take_up(birth, views, set.at)) continue;
     const bool is_taken = std::ranges::any_of(objects_, [&](const auto& o) {
@@ -304,8 +328,8 @@ bool ManyTracker::take_up(const Birth& birth, const std::vector<TargetView>& vie
 void ManyTracker::start(Object& object, const Birth& birth, const std::vector<TargetView>& views,
                         capture::Timestamp set_at) {
   if (still_color_.is_room_shared())
-    object.existence.begin(birth, views, target_.radius_m, (options_.volume.max - options_.volume.min).maxCoeff(),
-                           options_.start_speed_m_s, clutter_, still_color_);
+    object.existence.begin(set_at, birth, views, target_.radius_m,
+                           (options_.volume.max - options_.volume.min).maxCoeff(), options_, clutter_, still_color_);
   else
     object.existence.assume();
   object.sightings = object.filter.start(birth.earlier, birth.now, agreement_, set_at, birth.dt, sets_apart_ == 0,

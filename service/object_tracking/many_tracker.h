@@ -71,6 +71,7 @@ class ManyTracker {
   void sight(const std::vector<TargetView>& views, std::vector<Sighting> Object::*sightings);
   bool is_repeated(const TargetView& view, std::span<const ColorRegion> regions,
                    std::span<const ExpectedObject> expected);
+  std::optional<Sighting> seen_elsewhere(const TargetView& view, std::size_t i, std::size_t which) const;
   void compare_views(const std::vector<TargetView>& views);
   double learn_acceleration(Object& object, const capture::FrameSet& set);
   void follow(Object& object, const capture::FrameSet& set, const std::vector<TargetView>& views);

@@ -1,5 +1,6 @@
 #include "object_tracking/object_births.h"
 
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <numbers>
@@ -9,6 +10,7 @@ namespace {
 
 constexpr std::size_t max_candidates = 4 * TargetOptions::most_count;
 constexpr int usual_sets = 2;
+constexpr double cut_reach = 1.5;  // radii: what is left out so near may hide it
 
 // Evidence, as logarithms of how much likelier what is seen is with an object there than by chance.
 // A view sees what should be seen in nine of ten cases; else something hides it that nobody knows of.
@@ -21,7 +23,9 @@ const double not_seen = std::log(1 - detection);
 constexpr double size_sigma = 0.2;    // of the radius of a region's disc, as a share
 constexpr double worst_size = 3;      // something hides a part: that says no more against it
 constexpr double share_around = 0.5;  // of the volume's largest extent, looked_through()
-constexpr double as_good = 2;         // evidence that differs by less does not decide between two
+// Chi-square, 3 degrees of freedom: by chance in one of 10^5; both ends have the covariance of the newest.
+constexpr double surely_moved = 25;
+constexpr double as_good = 2;  // evidence that differs by less does not decide between two
 
 double disc_area(double radius_px) {
   return std::numbers::pi * radius_px * radius_px;
@@ -51,7 +55,7 @@ ObjectBirths::ObjectBirths(const TargetOptions& target, const ObjectTrackerOptio
 
 ObjectBirths::Candidate ObjectBirths::weighed(PositionCandidate at, const std::vector<TargetView>& views,
                                               std::span<const std::vector<ColorRegion>> regions,
-                                              std::span<const CoveredDisc> covered) const {
+                                              std::span<const CoveredDisc> covered, const StillColor& still) const {
   Candidate out{.at = std::move(at)};
   out.evidence = by_chance_on_line - by_chance_at_place;  // the first two views make the place
   out.evidence -= by_chance_at_place;
@@ -73,7 +77,9 @@ ObjectBirths::Candidate ObjectBirths::weighed(PositionCandidate at, const std::v
       return r.area > disc_area(in_view->radius_px) && in_view->px.x() > r.box.u_min && in_view->px.x() < r.box.u_max &&
              in_view->px.y() > r.box.v_min && in_view->px.y() < r.box.v_max;
     });
-    if (is_covered || is_in_region) continue;
+    if (is_covered || is_in_region ||
+        still.touches(static_cast<std::size_t>(views[v].index), in_view->px, cut_reach * in_view->radius_px))
+      continue;
     out.evidence += not_seen;
     ++out.missing;
   }
@@ -84,10 +90,11 @@ ObjectBirths::Candidate ObjectBirths::weighed(PositionCandidate at, const std::v
 std::vector<ObjectBirths::Candidate> ObjectBirths::candidates(const std::vector<TargetView>& views,
                                                               std::span<const std::vector<ColorRegion>> regions,
                                                               std::span<const CoveredDisc> covered,
+                                                              const StillColor& still,
                                                               const MotionBelief& times) const {
   std::vector<Candidate> all;
   for (PositionCandidate& c : cross_rays(views, regions, target_, options_, times, max_candidates))
-    all.push_back(weighed(std::move(c), views, regions, covered));
+    all.push_back(weighed(std::move(c), views, regions, covered, still));
   std::ranges::stable_sort(all, [](const Candidate& a, const Candidate& b) { return a.evidence > b.evidence; });
   std::vector<Candidate> out;
   for (Candidate& c : all) {
@@ -107,12 +114,12 @@ std::vector<ObjectBirths::Candidate> ObjectBirths::candidates(const std::vector<
 
 std::vector<Birth> ObjectBirths::look(const std::vector<TargetView>& views,
                                       std::span<const std::vector<ColorRegion>> regions,
-                                      std::span<const CoveredDisc> covered, capture::Timestamp set_at,
-                                      const MotionBelief& times) {
+                                      std::span<const CoveredDisc> covered, const StillColor& still,
+                                      capture::Timestamp set_at, const MotionBelief& times) {
   std::vector<Birth> out;
   const auto with_regions = std::ranges::count_if(regions, [](const auto& some) { return !some.empty(); });
   if (with_regions < 2) return out;  // nor does a set in which too few of these views see it refute anything
-  std::vector<Candidate> now = candidates(views, regions, covered, times);
+  std::vector<Candidate> now = candidates(views, regions, covered, still, times);
   const double dt = capture::seconds(set_at - before_at_);
   std::vector<Candidate> kept;
   for (Candidate& c : now) {
@@ -125,9 +132,11 @@ std::vector<Birth> ObjectBirths::look(const std::vector<TargetView>& views,
         if (earlier == nullptr || apart_m < (c.at.position - earlier->at.position).norm()) earlier = &e;
       }
     }
-    if (earlier != nullptr) c.at.sets = earlier->at.sets + 1;
+    if (earlier != nullptr) c.at.sets = earlier->at.sets + 1, c.first = earlier->first;
+    const Eigen::Vector3d way = c.at.position - c.first;
+    const bool stands = needs_motion_ && way.dot((2 * c.at.covariance).inverse() * way) < surely_moved;
     const int needed = c.missing > 0 && c.at.sightings.size() < 3 ? contested_sets : usual_sets;
-    if (earlier != nullptr && c.at.sets >= needed && !c.is_ambiguous && !earlier->is_ambiguous) {
+    if (earlier != nullptr && c.at.sets >= needed && !stands && !c.is_ambiguous && !earlier->is_ambiguous) {
       out.push_back({earlier->at, c.at, dt});
     } else {
       kept.push_back(std::move(c));

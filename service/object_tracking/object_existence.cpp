@@ -53,6 +53,14 @@ double evidence_of(ExpectedPlace at, std::span<const Sighting> sightings, const 
   return evidence;
 }
 
+// Sightings of which nothing that is left out may have cut a part, and outlines, which do not ask for the colour.
+std::ptrdiff_t whole_of(std::span<const Sighting> sightings, const StillColor& still) {
+  return std::ranges::count_if(sightings, [&](const Sighting& s) {
+    const double radius_px = s.support > 0 ? s.radius_px / std::sqrt(s.support) : s.radius_px;
+    return s.is_outline || !still.touches(static_cast<std::size_t>(s.row.camera), s.px, cut_reach * radius_px);
+  });
+}
+
 }  // namespace
 
 ClutterMap::ClutterMap(const calib::CameraRig& rig) {
@@ -93,25 +101,30 @@ double ClutterMap::density(std::size_t camera, const Eigen::Vector2d& px) const 
   return near / (cells * cell_px * cell_px) + std::max(least_regions, of.regions) / of.pixels;
 }
 
-void ObjectExistence::begin(const Birth& birth, const std::vector<TargetView>& views, double radius_m, double largest_m,
-                            double start_speed_m_s, const ClutterMap& clutter, const StillColor& still) {
+void ObjectExistence::begin(capture::Timestamp set_at, const Birth& birth, const std::vector<TargetView>& views,
+                            double radius_m, double largest_m, const ObjectTrackerOptions& options,
+                            const ClutterMap& clutter, const StillColor& still) {
   const ExpectedPlace anywhere{birth.earlier.position, largest_m * largest_m / 12 * Eigen::Matrix3d::Identity()};
-  const double way_m = start_speed_m_s * birth.dt;
+  const double way_m = options.start_speed_m_s * birth.dt;
+  longest_on_cut_s_ = std::sqrt(2 * 2 * radius_m / options.acceleration_m_s2);
   const ExpectedPlace near{birth.earlier.position,
                            birth.earlier.covariance + way_m * way_m * Eigen::Matrix3d::Identity()};
   has_been_sure_ = false;
+  whole_at_ = set_at, on_cut_s_ = whole_of(birth.now.sightings, still) >= 2 ? 0 : 2 * longest_on_cut_s_;
   of_set_ = evidence_of(near, birth.now.sightings, views, radius_m, clutter, still);
   evidence_ = std::min(most, of_set_ + evidence_of(anywhere, birth.earlier.sightings, {}, radius_m, clutter, still));
 }
 
-void ObjectExistence::update(const MotionBelief& belief, double power_density, std::span<const Sighting> sightings,
-                             const std::vector<TargetView>& views, double radius_m, const ClutterMap& clutter,
-                             const StillColor& still) {
+void ObjectExistence::update(capture::Timestamp set_at, const MotionBelief& belief, double power_density,
+                             std::span<const Sighting> sightings, const std::vector<TargetView>& views, double radius_m,
+                             const ClutterMap& clutter, const StillColor& still) {
   ExpectedPlace at{belief.position(), belief.position_covariance()};
   if (!sightings.empty()) {
     at.position = belief.position_at(sightings.front().row.at);
     at.covariance = belief.seen_covariance(sightings.front().row, power_density);
   }
+  if (whole_of(sightings, still) >= 2) whole_at_ = set_at, on_cut_s_ = 0;
+  if (set_at > whole_at_) on_cut_s_ = std::max(on_cut_s_, capture::seconds(set_at - whole_at_));
   of_set_ = evidence_of(at, sightings, views, radius_m, clutter, still);
   evidence_ = std::min(most, evidence_ + of_set_);
   has_been_sure_ = has_been_sure_ || is_sure();
@@ -119,11 +132,11 @@ void ObjectExistence::update(const MotionBelief& belief, double power_density, s
 }
 
 void ObjectExistence::assume() {
-  evidence_ = most, of_set_ = 0, has_been_sure_ = true;
+  evidence_ = most, of_set_ = 0, on_cut_s_ = 0, has_been_sure_ = true;
 }
 
 bool ObjectExistence::is_sure() const {
-  return evidence_ >= sure && of_set_ >= 0;
+  return evidence_ >= sure && of_set_ >= 0 && on_cut_s_ <= longest_on_cut_s_;
 }
 
 bool ObjectExistence::is_refuted() const {

@@ -48,15 +48,16 @@ struct ExpectedPlace {
 class ObjectExistence {
  public:
   // What its first two sets say. largest_m: anywhere is so far away.
-  void begin(const Birth& birth, const std::vector<TargetView>& views, double radius_m, double largest_m,
-             double start_speed_m_s, const ClutterMap& clutter, const StillColor& still);
+  void begin(capture::Timestamp set_at, const Birth& birth, const std::vector<TargetView>& views, double radius_m,
+             double largest_m, const ObjectTrackerOptions& options, const ClutterMap& clutter, const StillColor& still);
   // What a set says: before the filter's update, with the power density of that.
-  void update(const MotionBelief& belief, double power_density, std::span<const Sighting> sightings,
-              const std::vector<TargetView>& views, double radius_m, const ClutterMap& clutter,
-              const StillColor& still);
+  void update(capture::Timestamp set_at, const MotionBelief& belief, double power_density,
+              std::span<const Sighting> sightings, const std::vector<TargetView>& views, double radius_m,
+              const ClutterMap& clutter, const StillColor& still);
   // In a room of its own colour alone it is there: nobody asks.
   void assume();
-  // It is there, and this set's views show it rather than anything else.
+  // It is there, this set's views show it rather than anything else, and where it is does not stand on what may be cut
+  // by furniture for longer than a usual motion leaves it within a diameter of where it was.
   bool is_sure() const;
   // It never was sure, and chance explains it better. What was sure coasts, like all that is not seen any more.
   bool is_refuted() const;
@@ -64,6 +65,9 @@ class ObjectExistence {
  private:
   double evidence_ = 0;  // logarithm of the odds
   double of_set_ = 0;
+  double on_cut_s_ = 0;  // since two views showed it whole, or its outline
+  double longest_on_cut_s_ = 0;
+  capture::Timestamp whole_at_{};
   bool has_been_sure_ = false;
 };
 

@@ -24,6 +24,11 @@ struct SizeInView {
 };
 SizeInView size_in(const calib::Camera& camera, const Box& volume, double radius_m);
 
+// All regions of a view that may be of objects, each whole and by itself, through a grid, and where `also` says.
+// `count`: of objects, which may be a row.
+const std::vector<ColorRegion>& whole_regions(RegionFinder& finder, MatchBits& matches, const SizeInView& size,
+                                              int count, std::span<const PixelAt> also);
+
 // thread-compatible.
 class ObjectSearch {
  public:
@@ -39,9 +44,13 @@ class ObjectSearch {
 
   using Find = Birth;
   // The room shares the colour (still_color.h).
-  void set_shared(bool is_shared) { is_shared_ = is_shared; }
+  void set_shared(bool is_shared, bool needs_motion) {
+    is_shared_ = is_shared;
+    births_.set_needs_motion(needs_motion);
+  }
   // After look(). nullopt: nothing, or not yet. Of the belief only the cameras' times are used.
-  std::optional<Find> find(const std::vector<TargetView>& views, capture::Timestamp set_at, const MotionBelief& times);
+  std::optional<Find> find(const std::vector<TargetView>& views, capture::Timestamp set_at, const MotionBelief& times,
+                           const StillColor& still);
   void found();   // the find was believed
   void forget();  // what was seen before is of another time
 
@@ -49,7 +58,7 @@ class ObjectSearch {
 
  private:
   std::optional<Find> find_among_others(const std::vector<TargetView>& views, capture::Timestamp set_at,
-                                        const MotionBelief& times);
+                                        const MotionBelief& times, const StillColor& still);
   bool is_contested(const PositionCandidate& candidate, const std::vector<TargetView>& views,
                     const MotionBelief& times) const;
 

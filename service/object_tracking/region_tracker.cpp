@@ -28,7 +28,7 @@ ObjectEstimate RegionTracker::update(const capture::FrameSet& set) {
   const std::vector<TargetView>& views = views_.look_at(set);
   still_color_.look(views, sightings_, set.at);  // of the last set
   for (std::size_t c = 0; c < views_.camera_count(); ++c) agreement_.set_shared(c, still_color_.is_shared(c));
-  search_.set_shared(still_color_.is_room_shared());
+  search_.set_shared(still_color_.is_room_shared(), still_color_.is_starting(set.at));
   sightings_.clear();
   seen_.clear();
   watched_.clear();
@@ -43,7 +43,7 @@ ObjectEstimate RegionTracker::update(const capture::FrameSet& set) {
     seen_ = sightings_;
     seen_.insert(seen_.end(), watched_.begin(), watched_.end());
     const double power_density = learn_acceleration(set, views);
-    weigh_existence(power_density, views);
+    weigh_existence(set.at, power_density, views);
     filter_.update(sightings_, set.at, last_reported_, power_density);
     judge(set);
     if (state_ == TrackState::tracking || state_ == TrackState::coasting) {
@@ -104,9 +104,11 @@ void RegionTracker::forget() {
   filter_.scatter();
 }
 
-void RegionTracker::weigh_existence(double power_density, const std::vector<TargetView>& views) {
+void RegionTracker::weigh_existence(capture::Timestamp set_at, double power_density,
+                                    const std::vector<TargetView>& views) {
   if (!still_color_.is_room_shared()) return existence_.assume();
-  existence_.update(filter_.belief(), power_density, sightings_, views, target_.radius_m, clutter_, still_color_);
+  existence_.update(set_at, filter_.belief(), power_density, sightings_, views, target_.radius_m, clutter_,
+                    still_color_);
 }
 
 void RegionTracker::judge(const capture::FrameSet& set) {
@@ -130,7 +132,11 @@ void RegionTracker::search(const capture::FrameSet& set, const std::vector<Targe
   }
   const bool is_shared = still_color_.is_room_shared();
   if (is_shared) clutter_.add(views, search_.regions());
-  auto find = search_.find(views, set.at, filter_.belief());
+  // Before anything is known of the cameras' times, frames of the same times are of cameras that are triggered
+  // together: among the regions of a room nearly any two rays would meet otherwise.
+  MotionBelief times = filter_.belief();
+  if (is_shared && sets_apart_ == 0 && last_tracking_ == capture::Timestamp{}) times.expect_in_step();
+  auto find = search_.find(views, set.at, times, still_color_);
   if (!find) return;
   // It is what is followed already, and not sure yet.
   if (is_shared && state_ == TrackState::coasting && sightings_.size() >= 2 &&
@@ -142,8 +148,8 @@ void RegionTracker::search(const capture::FrameSet& set, const std::vector<Targe
               2 * variance_m2 / (find->dt * find->dt));
   sighter_.sharpen(views, about, find->now.sightings);
   if (is_shared)
-    existence_.begin(*find, views, target_.radius_m, (options_.volume.max - options_.volume.min).maxCoeff(),
-                     options_.start_speed_m_s, clutter_, still_color_);
+    existence_.begin(set.at, *find, views, target_.radius_m, (options_.volume.max - options_.volume.min).maxCoeff(),
+                     options_, clutter_, still_color_);
   else
     existence_.assume();
   start_at(*find, set.at);

@@ -60,7 +60,7 @@ class RegionTracker {
 
  private:
   double learn_acceleration(const capture::FrameSet& set, const std::vector<TargetView>& views);
-  void weigh_existence(double power_density, const std::vector<TargetView>& views);
+  void weigh_existence(capture::Timestamp set_at, double power_density, const std::vector<TargetView>& views);
   void judge(const capture::FrameSet& set);
   void forget();
   void search(const capture::FrameSet& set, const std::vector<TargetView>& views);
