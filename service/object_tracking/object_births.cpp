@@ -25,7 +25,9 @@ constexpr double worst_size = 3;      // something hides a part: that says no mo
 constexpr double share_around = 0.5;  // of the volume's largest extent, looked_through()
 // Chi-square, 3 degrees of freedom: by chance in one of 10^5; both ends have the covariance of the newest.
 constexpr double surely_moved = 25;
-constexpr double as_good = 2;  // evidence that differs by less does not decide between two
+constexpr double least_step = 0.3;  // of the mean one: slow ones are half noise
+constexpr int kept_way = 6;         // sets
+constexpr double as_good = 2;       // evidence that differs by less does not decide between two
 
 double disc_area(double radius_px) {
   return std::numbers::pi * radius_px * radius_px;
@@ -36,6 +38,14 @@ bool share_a_region(const PositionCandidate& a, const PositionCandidate& b) {
     return std::ranges::any_of(b.sightings,
                                [&](const Sighting& t) { return t.row.camera == s.row.camera && t.px == s.px; });
   });
+}
+
+// From `from` to `now` in so many sets, the last of which was `step`: it has surely moved, and goes on as it went. What
+// stands and was mistaken for something beside it, once, does not.
+bool moves(const Eigen::Vector3d& from, const PositionCandidate& now, const Eigen::Vector3d& step, int sets) {
+  const Eigen::Vector3d way = now.position - from;
+  return sets >= 2 && way.dot((2 * now.covariance).inverse() * way) > surely_moved &&
+         step.dot(way) > least_step * way.squaredNorm() / sets;
 }
 
 ObjectTrackerOptions looking_within(ObjectTrackerOptions options, const Box& within) {
@@ -132,9 +142,14 @@ std::vector<Birth> ObjectBirths::look(const std::vector<TargetView>& views,
         if (earlier == nullptr || apart_m < (c.at.position - earlier->at.position).norm()) earlier = &e;
       }
     }
-    if (earlier != nullptr) c.at.sets = earlier->at.sets + 1, c.first = earlier->first;
-    const Eigen::Vector3d way = c.at.position - c.first;
-    const bool stands = needs_motion_ && way.dot((2 * c.at.covariance).inverse() * way) < surely_moved;
+    bool stands = needs_motion_;
+    if (earlier != nullptr) {
+      c.at.sets = earlier->at.sets + 1;
+      const bool is_long_ago = earlier->sets_from >= kept_way;
+      c.from = is_long_ago ? earlier->at.position : earlier->from;
+      c.sets_from = is_long_ago ? 1 : earlier->sets_from + 1;
+      stands = stands && !moves(c.from, c.at, c.at.position - earlier->at.position, c.sets_from);
+    }
     const int needed = c.missing > 0 && c.at.sightings.size() < 3 ? contested_sets : usual_sets;
     if (earlier != nullptr && c.at.sets >= needed && !stands && !c.is_ambiguous && !earlier->is_ambiguous) {
       out.push_back({earlier->at, c.at, dt});

@@ -48,7 +48,8 @@ class ObjectBirths {
  private:
   struct Candidate {
     PositionCandidate at;
-    Eigen::Vector3d first = at.position;  // of those one after the other
+    Eigen::Vector3d from = at.position;  // of the one so many sets ago, or of the first
+    int sets_from = 0;
     double evidence = 0;
     int missing = 0;            // views that should see it, and do not
     bool is_ambiguous = false;  // its regions may as well be of others
