@@ -202,7 +202,10 @@ int watch_topic(const WatchOptions& options, const std::string& wanted, const st
       said_nobody = true;  // its farewell will be said, and that is enough
       std::set<std::string> targets = subscription->targets();
       targets.insert(seen_targets.begin(), seen_targets.end());
-      if (!wanted.empty() && !targets.empty() && !targets.contains(wanted) && targets != said_targets) {
+      const bool may_come = std::ranges::any_of(targets, [&](const auto& target) {
+        return target == wanted || is_object_of(wanted, target);  // an object of a target that is published
+      });
+      if (!wanted.empty() && !targets.empty() && !may_come && targets != said_targets) {
         say("nobody publishes " + std::string(words.one) + " " + wanted + " on domain " +
             std::to_string(subscription->participant().domain()) + "; there are: " + joined(targets));
         said_targets = std::move(targets);
@@ -259,7 +262,13 @@ int status(const idl::ParticipantOptions& options) {
       if (!info.valid_data) continue;
       if (statuses.empty()) until = Clock::now() + a_moment;
       make_printable(sample);
-      if (statuses.size() < most_statuses) statuses.push_back(sample);
+      const auto same = std::ranges::find_if(statuses, [&](const msg::ServiceStatus& other) {
+        return other.host() == sample.host() && other.pid() == sample.pid();
+      });
+      if (same != statuses.end())
+        *same = sample;  // the newest of each service
+      else if (statuses.size() < most_statuses)
+        statuses.push_back(sample);
     }
     msg::CameraTimes of_service;
     while (times_reader.take_next_sample(&of_service, &info) == ReturnCode_t::RETCODE_OK)

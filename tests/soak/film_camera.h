@@ -152,6 +152,7 @@ class FilmCamera {
       frame.sequence = std::uint32_t(k);
       frame.captured_at =
           capture::unix_time_of((options.start + options.phase + k * period_).time_since_epoch()) + clock_jump_;
+      frame.stamped_at = frame.captured_at;
       if (is_damaged_) {
         frame.status = capture::FrameStatus::corrupted;
       } else {
