@@ -57,6 +57,9 @@ void ManyTracker::update(const capture::FrameSet& set, std::vector<ObjectEstimat
   seen_regions_.clear();
   std::vector<Sighting> tracked;  // in the last set
   for (const auto& object : objects_) tracked.insert(tracked.end(), object->sightings.begin(), object->sightings.end());
+  for (const auto& object : objects_) {
+    if (still_color_.is_room_shared()) add_expected(views, object->filter.belief(), target_.radius_m, tracked);
+  }
   still_color_.look(views, tracked, set.at);
   sets_apart_ += is_apart(views) ? 1 : 0;
   if (set.at < last_at_) forget_all();  // the clock was put back: what was known is of another time

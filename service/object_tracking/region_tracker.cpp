@@ -26,7 +26,10 @@ RegionTracker::RegionTracker(const calib::CameraRig& rig, const TargetOptions& t
 
 ObjectEstimate RegionTracker::update(const capture::FrameSet& set) {
   const std::vector<TargetView>& views = views_.look_at(set);
-  still_color_.look(views, sightings_, set.at);  // of the last set
+  seen_ = sightings_;  // of the last set
+  if (still_color_.is_room_shared() && (state_ == TrackState::tracking || state_ == TrackState::coasting))
+    add_expected(views, filter_.belief(), target_.radius_m, seen_);
+  still_color_.look(views, seen_, set.at);
   for (std::size_t c = 0; c < views_.camera_count(); ++c) agreement_.set_shared(c, still_color_.is_shared(c));
   search_.set_shared(still_color_.is_room_shared(), still_color_.is_starting(set.at));
   sightings_.clear();

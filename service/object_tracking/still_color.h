@@ -34,7 +34,8 @@ class StillColor {
 
   // Radius of an object anywhere in the volume, in this camera.
   void set_sizes(std::size_t camera, double smallest_px, double largest_px, calib::ImageSize size);
-  // Before the views of a set are looked at otherwise. tracked: where objects were seen in the last set. Takes one view
+  // Before the views of a set are looked at otherwise. tracked: where objects were seen in the last set, and in a room
+  // that shares the colour where they are expected now (add_expected()): a fast one is not where it was. Takes one view
   // after the other, each about once in half a second; all of them at first.
   void look(const std::vector<TargetView>& views, std::span<const Sighting> tracked, capture::Timestamp set_at);
   void forget(std::size_t camera);  // it stands elsewhere
@@ -63,8 +64,8 @@ class StillColor {
     std::vector<Tile> tiles;            // once the room was found to share the colour
     std::vector<std::uint32_t> listed;  // tiles of which anything is known
     int sampled = 0;
-    int stride = 0;                          // tiles in a row
-    double smallest_px = 0, largest_px = 0;  // radius of an object
+    int stride = 0;                             // tiles in a row
+    double smallest_px = 0, largest_px = 0;     // radius of an object
     std::vector<Sighting> may_be_objects = {};  // at the first set
     RegionFinder finder = {};
     bool is_above = false;  // more of the colour than all objects could cover
