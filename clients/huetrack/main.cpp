@@ -30,7 +30,8 @@ int main(int argc, char** argv) {
   };
   double timeout_s = 0;
   const auto add_samples = [&](CLI::App* command) {
-    command->add_option("--target", options.target, "only this target");
+    command->add_option("--target", options.target,
+                        "only this target, with all its objects; or one of these, as in ball_3");
     command->add_option("--camera", options.camera,
                         "the pose of this tracked camera instead of positions; all: of every one");
     command->add_option("--count", options.count, "end after so many lines")->check(CLI::Range(1, 1'000'000'000));

@@ -10,6 +10,7 @@
 
 #include "idl/camera_times.h"
 #include "idl/huetrack.h"
+#include "idl/object_set.h"
 
 namespace huetrack::client {
 
@@ -38,8 +39,9 @@ std::string line(Format format, const msg::CameraPose& sample, std::int64_t rece
 //   now     UNIX ns
 //   times   the last of this service, if there are any
 //   poses   the last of each tracked camera; those of the status' cameras are shown
+//   sets    the last of each target that is several objects; those of the status' targets are shown
 std::string text(const msg::ServiceStatus& status, std::int64_t now, const msg::CameraTimes* times = nullptr,
-                 std::span<const msg::CameraPose> poses = {});
+                 std::span<const msg::CameraPose> poses = {}, std::span<const msg::ObjectSet> sets = {});
 
 std::string json_string(std::string_view text);  // in quotation marks, with what JSON wants escaped
 

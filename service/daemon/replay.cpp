@@ -28,6 +28,7 @@
 #include "pipeline/file_outputs.h"
 #include "pipeline/light_report.h"
 #include "pipeline/mistake_report.h"
+#include "pipeline/object_report.h"
 #include "pipeline/picture_folder.h"
 #include "pipeline/session.h"
 
@@ -120,12 +121,14 @@ class ReplayStatus final : public pipeline::Output {
  public:
   ReplayStatus(const config::ServiceConfig& config, pipeline::Bus& bus, const pipeline::PublishedTime& time,
                const HeldSource* held, const pipeline::LightReport& light, const pipeline::MistakeReport& mistakes,
-               const pipeline::CameraTimes& times, const pipeline::CalibrationReport& calibration)
+               const pipeline::ObjectReport& objects, const pipeline::CameraTimes& times,
+               const pipeline::CalibrationReport& calibration)
       : bus_(bus),
         time_(time),
         held_(held),
         light_(light),
         mistakes_(mistakes),
+        objects_(objects),
         times_(times),
         calibration_(calibration),
         reporter_(config, "replay", {}) {}
@@ -139,6 +142,7 @@ class ReplayStatus final : public pipeline::Output {
     status.clock_offset_s = capture::seconds(time_.offset());
     std::ranges::copy(bus_.publisher().warnings(), std::back_inserter(status.warnings));
     std::ranges::copy(mistakes_.warnings(), std::back_inserter(status.warnings));
+    std::ranges::copy(objects_.warnings(), std::back_inserter(status.warnings));
     std::ranges::copy(light_.warnings(), std::back_inserter(status.warnings));
     std::ranges::copy(times_.warnings(), std::back_inserter(status.warnings));
     std::ranges::copy(calibration_.warnings(), std::back_inserter(status.warnings));
@@ -157,6 +161,7 @@ class ReplayStatus final : public pipeline::Output {
   const HeldSource* const held_;
   const pipeline::LightReport& light_;
   const pipeline::MistakeReport& mistakes_;
+  const pipeline::ObjectReport& objects_;
   const pipeline::CameraTimes& times_;
   const pipeline::CalibrationReport& calibration_;
   std::mutex mutex_;
@@ -319,14 +324,16 @@ ReplaySummary replay(const ReplayCommand& command, const std::stop_token& stop) 
   session.add(light);
   pipeline::MistakeReport mistakes(session.config());
   session.add(mistakes);
+  pipeline::ObjectReport objects(session.config());
+  session.add(objects);
   pipeline::CalibrationReport calibration(session.config());
   session.add(calibration);
   pipeline::CameraTimes times(session.config(), command.write_rig, false, &calibration);
   session.add(times);
   std::optional<ReplayStatus> status;
   if (bus)
-    session.add(
-        status.emplace(session.config(), *bus, session.time(), playback.held, light, mistakes, times, calibration));
+    session.add(status.emplace(session.config(), *bus, session.time(), playback.held, light, mistakes, objects, times,
+                               calibration));
   std::optional<pipeline::PoseFile> poses;
   if (!command.poses.empty()) session.add(poses.emplace(command.poses, config, pipeline::WhenFileFails::stop));
   std::optional<pipeline::TrackFile> tracks;
@@ -356,6 +363,7 @@ ReplaySummary replay(const ReplayCommand& command, const std::stop_token& stop) 
   for (const auto& warning : playback.source->take_warnings()) spdlog::warn("{}", warning);
   ReplaySummary summary = summary_of(config, session.figures(), *playback.source, tally, began, stop.stop_requested());
   summary.mistakes = mistakes.summary();
+  summary.left_out = objects.summary();
   summary.light = light.summary();
   summary.times = times.summary();
   summary.calibration = calibration.summary();

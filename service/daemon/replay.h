@@ -54,6 +54,7 @@ struct ReplaySummary {
   double wall_s = 0;                     // until the last estimate was out; pictures may take longer
   std::vector<TargetSummary> targets;
   std::vector<std::string> mistakes;     // in rig and configuration that the tracks show, one sentence each
+  std::vector<std::string> left_out;     // what has a target's colour and never moves, one sentence each
   std::vector<std::string> times;        // when the cameras' rows are exposed, one sentence each
   std::vector<std::string> calibration;  // cameras that no longer stand where the rig says, one sentence each
   std::vector<std::string> light;        // what light did to cameras and colours, one sentence each

@@ -322,11 +322,14 @@ TEST(StatusLine, SaysRatesAndStates) {
       {.name = "back", .health = publish::CameraStatus::Health::absent, .message = "unplugged"}};
   status.set_rate_hz = 29.9;
   status.targets = {"ball"};
-  const object_tracking::TrackState states[] = {object_tracking::TrackState::coasting};
-  EXPECT_EQ(status_line(status, states),
+  metrics::TargetFigures targets[] = {{.state = object_tracking::TrackState::coasting}};
+  EXPECT_EQ(status_line(status, targets),
             "1 of 2 cameras deliver: left 30.0 Hz, back absent; 29.9 sets/s; ball coasting");
-  EXPECT_EQ(status_line(status, states, "left", camera_tracking::PoseState::lost),
+  EXPECT_EQ(status_line(status, targets, "left", camera_tracking::PoseState::lost),
             "1 of 2 cameras deliver: left 30.0 Hz, back absent; 29.9 sets/s; ball coasting, left's pose lost");
+  targets[0].most = 8, targets[0].tracked = 3;
+  EXPECT_EQ(status_line(status, targets),
+            "1 of 2 cameras deliver: left 30.0 Hz, back absent; 29.9 sets/s; ball: 3 of at most 8 tracking");
 }
 
 }  // namespace

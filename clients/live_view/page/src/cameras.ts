@@ -304,6 +304,20 @@ function draw(view: View): void {
   const named: Labelled[] = [];
   for (const target of preview.targets) {
     const color = colorOf(target.target);
+    if (target.state === "left_out") {
+      const [u0, v0, u1, v1] = target.particles as number[];
+      const [x0, y0] = at(u0 - 0.5, v0 - 0.5), [x1, y1] = at(u1 + 0.5, v1 + 0.5);
+      for (const [width, style] of [[line * 2.4, "rgb(0 0 0 / 0.55)"], [line, color]] as const) {
+        g.lineWidth = width;
+        g.strokeStyle = style;
+        g.setLineDash([2 * line, 4 * line]);
+        g.strokeRect(x0, y0, x1 - x0, y1 - y0);
+      }
+      g.setLineDash([]);
+      label(g, `${target.target}: never moves, left out`, (x0 + x1) / 2, y0 - 2 * line, color, labels);
+      seen.push(`of ${target.target}'s colour and left out, as it never moves: from ${u0}, ${v0} to ${u1}, ${v1}`);
+      continue;
+    }
     // With a dark rim: of the object's own colour they would not be seen on it.
     const dot = 2.6 * devicePixelRatio;
     for (const [size, style] of [[dot + 1.6 * devicePixelRatio, "rgb(0 0 0 / 0.55)"], [dot, color]] as const) {
