@@ -149,8 +149,7 @@ void Session::repeat(const std::vector<RecordedReload>& reloads) {
 Session::TakenOver Session::take_over(const config::ServiceConfig& fresh) {
   if (!has_same_targets(fresh, config_))
     throw std::runtime_error("targets were added, removed, renamed or reordered: that needs a restart");
-  if (!has_same_counts(fresh, config_))
-    throw std::runtime_error("a target's count was changed: that needs a restart");
+  if (!has_same_counts(fresh, config_)) throw std::runtime_error("a target's count was changed: that needs a restart");
   TakenOver result;
   config::ServiceConfig compared = fresh;
   if (!compared.set_tolerance_s && !tolerance_is_given_) compared.set_tolerance_s = config_.set_tolerance_s;
