@@ -7,10 +7,11 @@
 #include <fastdds/dds/publisher/DataWriter.hpp>
 #include <fastdds/dds/subscriber/DataReader.hpp>
 #include <fastdds/dds/topic/TypeSupport.hpp>
-#include <filesystem>
 #include <optional>
 #include <string>
 #include <vector>
+
+#include "idl/participant_options.h"
 
 namespace huetrack::idl {
 
@@ -25,13 +26,6 @@ std::string describe(const std::vector<NetworkInterface>& list);  // "lo 127.0.0
 
 // The configured domain, else ROS_DOMAIN_ID, else 0. throws std::invalid_argument when it is not 0..232.
 int resolve_domain(std::optional<int> configured);
-
-struct ParticipantOptions {
-  std::string name{};                     // what DDS tools show
-  std::optional<int> domain{};            // 0..232; nullopt: ROS_DOMAIN_ID, and 0 without it
-  std::vector<std::string> interfaces{};  // use only these, and loopback: names or IPv4 addresses; empty: all
-  std::filesystem::path profiles{};       // Fast DDS XML; empty: none. FASTRTPS_DEFAULT_PROFILES_FILE is honoured too.
-};
 
 // What making a participant with these options would say, without making one: throws std::invalid_argument as
 // DdsParticipant does; but an interface that this host lacks, which another host may have, is only a warning, one

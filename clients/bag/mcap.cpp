@@ -1,7 +1,8 @@
 // MCAP, version 0 (https://mcap.dev/spec): records of an opcode, a length and content, little-endian. Messages are in
 // chunks, each followed by an index of its messages; the summary at the end has everything that a reader needs to seek.
+#include <zlib.h>
+
 #include <algorithm>
-#include <array>
 #include <bit>
 #include <limits>
 #include <map>
@@ -47,20 +48,8 @@ void add_record(std::string& out, Opcode opcode, const std::string& content) {
   out += content;
 }
 
-// CRC-32 as zlib has it.
-std::uint32_t crc32(const std::string& bytes, std::size_t from = 0) {
-  static const auto table = [] {
-    std::array<std::uint32_t, 256> made{};
-    for (std::uint32_t i = 0; i < made.size(); ++i) {
-      made[i] = i;
-      for (int bit = 0; bit < 8; ++bit) made[i] = made[i] >> 1U ^ (made[i] & 1U ? 0xedb88320U : 0U);
-    }
-    return made;
-  }();
-  std::uint32_t crc = 0xffffffffU;
-  for (std::size_t i = from; i < bytes.size(); ++i)
-    crc = table[(crc ^ static_cast<unsigned char>(bytes[i])) & 0xffU] ^ crc >> 8U;
-  return ~crc;
+std::uint32_t checksum(const std::string& bytes) {
+  return static_cast<std::uint32_t>(::crc32_z(0, reinterpret_cast<const Bytef*>(bytes.data()), bytes.size()));
 }
 
 using Index = std::map<std::uint16_t, std::vector<std::pair<std::uint64_t, std::uint64_t>>>;  // channel: time, offset
@@ -85,7 +74,7 @@ class Writer {
     add_definitions(out_);
     for (std::size_t i = 0; i < bag.messages.size();) i = add_chunk(i);
     std::string end;
-    add(end, crc32(out_));
+    add(end, checksum(out_));
     add_record(out_, data_end, end);
     add_summary();
     out_ += magic;
@@ -146,7 +135,7 @@ class Writer {
     add(content, from);
     add(content, to);
     add(content, static_cast<std::uint64_t>(records.size()));
-    add(content, crc32(records));
+    add(content, checksum(records));
     add_sized(content, "");  // not compressed
     add(content, static_cast<std::uint64_t>(records.size()));
     content += records;
@@ -224,7 +213,7 @@ class Writer {
     checked += static_cast<char>(footer);
     add(checked, footer_length);
     checked += content;
-    add(content, crc32(checked));
+    add(content, checksum(checked));
     add_record(out_, footer, content);
   }
 

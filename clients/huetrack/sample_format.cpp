@@ -16,7 +16,6 @@ namespace huetrack::client {
 
 namespace {
 
-constexpr std::int64_t ns_per_s = 1'000'000'000;
 constexpr double ns_per_ms = 1e6;
 
 // Seconds with nine decimals, exactly: a double has not enough digits for UNIX nanoseconds.

@@ -14,6 +14,8 @@
 
 namespace huetrack::client {
 
+inline constexpr std::int64_t ns_per_s = 1'000'000'000;
+
 enum class Format : std::uint8_t {
   text,  // for people
   csv,   // what `huetrackd replay --tracks` writes too; t is the UNIX capture time, s

@@ -85,15 +85,12 @@ void check_live_cameras(const ServiceConfig& config, const yaml::YamlReader& roo
           .fail("size",
                 fmt::format("the rig was calibrated at {}x{}: use that size (or the word rig), or calibrate anew",
                             calibrated.width, calibrated.height));
-    const auto name_there = [](const LiveCameraConfig& of) {
-      return of.camera_there.empty() ? of.name : of.camera_there;
-    };
     for (const auto& other : config.cameras) {
       if (&other == &camera) break;
       if (other.host != camera.host) continue;
       if (camera.host.empty() && other.device == camera.device)
         live.map(camera.name).fail("device", "is the device of " + other.name + " already");
-      if (!camera.host.empty() && name_there(other) == name_there(camera))
+      if (!camera.host.empty() && other.name_on_host() == camera.name_on_host())
         live.map(camera.name).fail("camera", "is the camera of " + other.name + " already");
     }
     if (camera.host.empty()) {

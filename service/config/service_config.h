@@ -31,7 +31,8 @@ struct DdsConfig {
 struct LiveCameraConfig {
   std::string name;  // in the rig
   std::string host;  // the camera host that has it (`huetrackd capture`), as it calls itself; empty: this machine
-  std::string camera_there;      // its name there; empty: the same
+  std::string camera_there;  // its name there; empty: the same
+  const std::string& name_on_host() const { return camera_there.empty() ? name : camera_there; }
   std::filesystem::path device;  // as written, but an index: /dev/videoN; empty: there is a host
   std::optional<capture::CaptureFormat>
       format;                            // nullopt: the first of yuyv, nv12, mjpeg, grey that reaches size and rate

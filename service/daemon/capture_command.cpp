@@ -2,10 +2,8 @@
 
 #include <fmt/format.h>
 #include <spdlog/spdlog.h>
-#include <unistd.h>
 
 #include <algorithm>
-#include <array>
 #include <chrono>
 #include <thread>
 #include <utility>
@@ -31,15 +29,6 @@ std::string said_of(const std::string& name, const capture::CameraHealth& health
 
 }  // namespace
 
-std::string host_name(const config::CaptureConfig& config) {
-  if (!config.host.empty()) return config.host;
-  std::array<char, 256> machine{};
-  if (::gethostname(machine.data(), machine.size() - 1) != 0) return "";
-  std::string name = machine.data();
-  std::erase_if(name, [](char c) { return !hosts::is_host_name(std::string_view(&c, 1)); });
-  return name;
-}
-
 void capture_cameras(const std::filesystem::path& file, const std::stop_token& stop) {
   const config::CaptureConfig config = config::load_capture_config(file);
   set_log_level(config.log_level);
@@ -48,13 +37,10 @@ void capture_cameras(const std::filesystem::path& file, const std::stop_token& s
 
 void capture_cameras(const config::CaptureConfig& config, std::vector<capture::LiveCamera> cameras,
                      const std::stop_token& stop) {
-  hosts::CameraHostOptions options{.host = host_name(config),
+  hosts::CameraHostOptions options{.host = config.host.empty() ? hosts::name_of_this_machine() : config.host,
                                    .cameras = {},
                                    .program_version = HUETRACK_VERSION,
-                                   .transport = {.name = "huetrackd capture",
-                                                 .domain = config.dds.publisher.domain,
-                                                 .interfaces = config.dds.publisher.interfaces,
-                                                 .profiles = config.dds.publisher.profiles}};
+                                   .transport = config.dds.publisher.transport("huetrackd capture")};
   for (const auto& camera : config.cameras) options.cameras.push_back(camera.name);
   const std::vector<std::string> names = options.cameras;
   const std::string host = options.host;

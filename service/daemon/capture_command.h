@@ -3,7 +3,6 @@
 
 #include <filesystem>
 #include <stop_token>
-#include <string>
 #include <vector>
 
 #include "capture/live_camera.h"
@@ -18,8 +17,5 @@ void capture_cameras(const std::filesystem::path& config, const std::stop_token&
 // The same with these.
 void capture_cameras(const config::CaptureConfig& config, std::vector<capture::LiveCamera> cameras,
                      const std::stop_token& stop);
-
-// The configuration's, else the machine's, as far as it is letters, digits, '_', '-' and '.'.
-std::string host_name(const config::CaptureConfig& config);
 
 }  // namespace huetrack::daemon

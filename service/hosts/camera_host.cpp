@@ -12,6 +12,7 @@
 #include "capture/capture_clock.h"
 #include "hosts/frame_message.h"
 #include "idl/camera_hostPubSubTypes.h"
+#include "idl/dds_participant.h"
 #include "idl/topics.h"
 
 namespace huetrack::hosts {
@@ -51,6 +52,12 @@ bool is_host_name(std::string_view name) {
     return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_' || c == '-' ||
            c == '.';
   });
+}
+
+std::string name_of_this_machine() {
+  std::string name = idl::PublisherIdentity::of_this_process({}).host;
+  std::erase_if(name, [](char c) { return !is_host_name(std::string_view(&c, 1)); });
+  return name;
 }
 
 struct CameraHost::Impl {

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "capture/live_camera.h"
-#include "idl/dds_participant.h"
+#include "idl/participant_options.h"
 
 namespace huetrack::hosts {
 
@@ -21,6 +21,8 @@ struct CameraHostOptions {
 
 // The name of a host or of a hosted camera is a part of a topic's name: letters, digits, '_', '-' and '.', one or more.
 bool is_host_name(std::string_view name);
+// As the machine calls itself, as far as it may be such a name; it may be empty.
+std::string name_of_this_machine();
 
 // What one camera has sent so far.
 struct SentFigures {

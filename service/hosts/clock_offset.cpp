@@ -70,7 +70,6 @@ void ClockOffset::fit() {
   }
   offset_s_ = mean_s;
   drift_ = to / tt;
-  fastest_s_ = fastest_s;
   const double ahead_s = now_s - middle_s_, one_way_s = of_one_way * fastest_s;
   sigma_s_ = std::sqrt(1 / w + ahead_s * ahead_s / tt + one_way_s * one_way_s);
   const double all_s = base_s_ + offset_s_ + drift_ * ahead_s;

@@ -36,7 +36,6 @@ class ClockOffset {
   double sigma_s() const { return sigma_s_; }
   double drift() const { return drift_; }  // seconds per second
   bool is_corrected() const { return is_corrected_; }
-  double fastest_s() const { return fastest_s_; }  // of the exchanges that it rests on
 
  private:
   static constexpr std::size_t kept = 128, enough = 4;
@@ -51,7 +50,7 @@ class ClockOffset {
   std::size_t count_ = 0, next_ = 0;
   std::size_t off_in_a_row_ = 0;
   bool is_corrected_ = false;
-  double middle_s_ = 0, offset_s_ = 0, drift_ = 0, sigma_s_ = 1, fastest_s_ = 0;
+  double middle_s_ = 0, offset_s_ = 0, drift_ = 0, sigma_s_ = 1;
 };
 
 }  // namespace huetrack::hosts

@@ -20,6 +20,7 @@
 #include "hosts/clock_offset.h"
 #include "hosts/frame_message.h"
 #include "idl/camera_hostPubSubTypes.h"
+#include "idl/dds_participant.h"
 #include "idl/topics.h"
 
 namespace huetrack::hosts {
@@ -378,18 +379,6 @@ std::vector<capture::LiveCamera> HostedCameras::live() const {
                          return std::exchange(of->events, {});
                        }});
   }
-  return out;
-}
-
-std::vector<HostClock> HostedCameras::clocks() const {
-  const std::scoped_lock lock(impl_->mutex);
-  std::vector<HostClock> out;
-  for (const auto& [name, host] : impl_->hosts)
-    out.push_back({.host = name,
-                   .is_known = host.clock.is_known(),
-                   .offset_s = capture::seconds(host.clock.at(capture::unix_now())),
-                   .sigma_s = host.clock.sigma_s(),
-                   .drift = host.clock.drift()});
   return out;
 }
 

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "capture/live_camera.h"
-#include "idl/dds_participant.h"
+#include "idl/participant_options.h"
 
 namespace huetrack::hosts {
 
@@ -18,14 +18,6 @@ struct HostedCameraOptions {
   std::string camera_there;     // as the camera host calls it
   int width = 0, height = 0;    // > 0, pixels; the rig's: frames of another size are corrupted
   capture::FrameTiming timing;  // the rig's
-};
-
-// What is known of a camera host's clock.
-struct HostClock {
-  std::string host;
-  bool is_known = false;
-  double offset_s = 0, sigma_s = 0;  // of its clock over ours
-  double drift = 0;                  // s/s
 };
 
 // One place on the bus for all cameras of other hosts. Frames of a host whose clock is not known yet are not handed
@@ -40,7 +32,6 @@ class HostedCameras {
   HostedCameras(const idl::ParticipantOptions& transport, std::vector<HostedCameraOptions> cameras);
 
   std::vector<capture::LiveCamera> live() const;  // in the order of the options; once
-  std::vector<HostClock> clocks() const;
 
  private:
   struct Impl;

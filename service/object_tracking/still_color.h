@@ -5,10 +5,9 @@
 //
 // A room shares the colour where one view shows more of it than all objects could cover; then all views learn. When
 // that is so at the first set there is no past to ask: all that is there then counts as furniture until it moves, but
-// for what is a disc of an object's size. What
-// hardly has the colour matches now and then, as noise has it: pixels that have matched, have not, and match again are
-// furniture, too. Where a target is several objects, what stands still for two seconds and is none of those that are
-// tracked is furniture in any room.
+// for what is a disc of an object's size. What hardly has the colour matches now and then, as noise has it: pixels that
+// have matched, have not, and match again are furniture, too. Where a target is several objects, what stands still for
+// two seconds and is none of those that are tracked is furniture in any room.
 #pragma once
 
 #include <Eigen/Core>

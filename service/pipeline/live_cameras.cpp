@@ -133,7 +133,7 @@ std::vector<LiveCamera> open_cameras(const config::ServiceConfig& config, const 
       elsewhere.push_back({.camera = index,
                            .name = camera.name,
                            .host = camera.host,
-                           .camera_there = camera.camera_there.empty() ? camera.name : camera.camera_there,
+                           .camera_there = camera.name_on_host(),
                            .width = size.width,
                            .height = size.height,
                            .timing = timing[std::size_t(index)]});
@@ -141,12 +141,8 @@ std::vector<LiveCamera> open_cameras(const config::ServiceConfig& config, const 
   }
   std::vector<LiveCamera> cameras = open_here(std::move(here), stop);
   if (!elsewhere.empty())
-    for (auto& camera : hosts::HostedCameras({.name = "huetrackd cameras",
-                        .domain = config.dds.publisher.domain,
-                        .interfaces = config.dds.publisher.interfaces,
-                        .profiles = config.dds.publisher.profiles},
-                                             std::move(elsewhere))
-                            .live())
+    for (auto& camera :
+         hosts::HostedCameras(config.dds.publisher.transport("huetrackd cameras"), std::move(elsewhere)).live())
       cameras.push_back(std::move(camera));
   return cameras;
 }

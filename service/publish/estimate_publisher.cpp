@@ -195,11 +195,6 @@ class Rivals : public dds::DomainParticipantListener {
   std::map<rtps::GUID_t, idl::PublisherIdentity> others_;  // guarded by mutex_
 };
 
-idl::ParticipantOptions participant_options(const EstimatePublisherOptions& options) {
-  return {
-      .name = "huetrackd", .domain = options.domain, .interfaces = options.interfaces, .profiles = options.profiles};
-}
-
 int count_of(const EstimatePublisherOptions& options, std::size_t target) {
   return target < options.counts.size() ? options.counts[target] : 1;
 }
@@ -211,7 +206,7 @@ bool has_several(const EstimatePublisherOptions& options) {
 // Our place on the bus: one participant and its writers. Made anew when the network changes.
 struct Connection {
   Connection(const EstimatePublisherOptions& options, Rivals& rivals)
-      : participant(participant_options(options), &rivals),
+      : participant(options.transport("huetrackd"), &rivals),
         position(participant.create_writer(idl::object_position_topic,
                                            dds::TypeSupport(new msg::ObjectPositionPubSubType),
                                            idl::object_position_writer_qos(), rivals.self().user_data())),
@@ -385,7 +380,7 @@ EstimatePublisher::EstimatePublisher(EstimatePublisherOptions options) {
 }
 
 std::vector<std::string> EstimatePublisher::check(const EstimatePublisherOptions& options) {
-  return huetrack::idl::check(participant_options(options));
+  return huetrack::idl::check(options.transport("huetrackd"));
 }
 
 EstimatePublisher::Bus EstimatePublisher::bus(const EstimatePublisherOptions& options) {

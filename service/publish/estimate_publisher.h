@@ -8,10 +8,12 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "camera_tracking/camera_estimate.h"
 #include "capture/frame.h"
+#include "idl/participant_options.h"
 #include "object_tracking/object_estimate.h"
 #include "publish/service_status.h"
 
@@ -28,6 +30,8 @@ struct EstimatePublisherOptions {
   std::filesystem::path profiles;             // Fast DDS XML profiles; empty: none
   bool ros2 = true;                           // publish the ROS 2 topics too
   std::vector<std::string> problems() const;  // empty when valid; one sentence per violated constraint
+  // As whom and how to join the bus: name, domain, interfaces, profiles.
+  idl::ParticipantOptions transport(std::string name) const { return {std::move(name), domain, interfaces, profiles}; }
 };
 
 // thread-safe as far as it is needed: one thread at a time per target, one for the camera, and another for the status.

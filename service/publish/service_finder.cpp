@@ -16,8 +16,7 @@ using eprosima::fastrtps::types::ReturnCode_t;
 
 std::vector<RunningService> running_services(const EstimatePublisherOptions& options,
                                              std::chrono::milliseconds patience) {
-  idl::DdsParticipant participant(
-      {.name = "huetrackd", .domain = options.domain, .interfaces = options.interfaces, .profiles = options.profiles});
+  idl::DdsParticipant participant(options.transport("huetrackd"));
   dds::DataReader& reader = participant.create_reader(
       idl::status_topic, dds::TypeSupport(new msg::ServiceStatusPubSubType), idl::status_reader_qos());
   const std::string host = idl::PublisherIdentity::of_this_process({}).host;

@@ -59,10 +59,7 @@ msg::CameraMap to_message(const camera_tracking::CameraMap& map, capture::Timest
 
 struct ViewConnection {
   ViewConnection(const EstimatePublisherOptions& options, const std::string& who)
-      : participant({.name = "huetrackd view",
-                     .domain = options.domain,
-                     .interfaces = options.interfaces,
-                     .profiles = options.profiles}),
+      : participant(options.transport("huetrackd view")),
         scene(participant.create_writer(idl::scene_topic, dds::TypeSupport(new msg::ScenePubSubType),
                                         idl::status_writer_qos(), who)),
         preview(participant.create_writer(idl::preview_topic, dds::TypeSupport(new msg::PreviewPubSubType),

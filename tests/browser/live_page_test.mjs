@@ -3,31 +3,21 @@
 import assert from "node:assert/strict";
 import { spawn } from "node:child_process";
 import { existsSync, mkdirSync, mkdtempSync, readFileSync, rmSync, writeFileSync } from "node:fs";
-import { createRequire } from "node:module";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
 
-const options = {};
-for (let i = 2; i + 1 < process.argv.length; i += 2) options[process.argv[i].slice(2)] = process.argv[i + 1];
-const skip = (why) => {
-  console.log(`skipped: ${why}`);
-  process.exit(77);
-};
-const chromiumPath = ["/usr/bin/chromium", "/usr/bin/chromium-browser"].find(existsSync);
-if (!chromiumPath) skip("there is no /usr/bin/chromium");
-if (!existsSync(join(options.modules, "node_modules/playwright-core"))) skip("playwright-core is not installed");
+import { chromium, chromiumPath, options, skip, sleep, waiting } from "./harness.mjs";
+
 const occlusion = join(options.data, "rendered/occlusion");
 if (!existsSync(join(occlusion, "recording.yaml"))) skip(`no recording in ${occlusion}`);
 const twoCams = join(options.data, "rendered/two_cams");
 if (!existsSync(join(twoCams, "recording.yaml"))) skip(`no recording in ${twoCams}`);
-const { chromium } = createRequire(join(options.modules, "package.json"))("playwright-core");
 
 const domain = "74";
 const folder = mkdtempSync(join(tmpdir(), "huetrack-browser-"));
 rmSync(options.out, { recursive: true, force: true });
 mkdirSync(options.out, { recursive: true });
 const children = [];
-const sleep = (ms) => new Promise((resolve) => setTimeout(resolve, ms));
 const say = (text) => console.log(`${((Date.now() - begun) / 1000).toFixed(1)} s: ${text}`);
 const begun = Date.now();
 
@@ -40,15 +30,7 @@ function start(program, ...args) {
   children.push(process);
   return process;
 }
-async function until(what, condition, atMost = 15000) {
-  const end = Date.now() + atMost;
-  for (;;) {
-    const value = await condition();
-    if (value) return value;
-    assert.ok(Date.now() < end, `not within ${atMost} ms: ${what}`);
-    await sleep(50);
-  }
-}
+const until = waiting(15000);
 function configuration(name, text) {
   const file = join(folder, name);
   writeFileSync(file, text);

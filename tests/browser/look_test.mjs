@@ -3,31 +3,15 @@
 //   exit 0: passed, 77: skipped (no Chromium), anything else: failed
 import assert from "node:assert/strict";
 import { spawn } from "node:child_process";
-import { existsSync, mkdirSync } from "node:fs";
+import { mkdirSync } from "node:fs";
 import { createServer } from "node:http";
-import { createRequire } from "node:module";
 import { join } from "node:path";
 
-const options = {};
-for (let i = 2; i + 1 < process.argv.length; i += 2) options[process.argv[i].slice(2)] = process.argv[i + 1];
-const chromiumPath = ["/usr/bin/chromium", "/usr/bin/chromium-browser"].find(existsSync);
-if (!chromiumPath || !existsSync(join(options.modules, "node_modules/playwright-core"))) {
-  console.log("skipped: there is no Chromium, or no playwright-core");
-  process.exit(77);
-}
-const { chromium } = createRequire(join(options.modules, "package.json"))("playwright-core");
+import { chromium, chromiumPath, options, sleep, waiting } from "./harness.mjs";
+
 mkdirSync(options.out, { recursive: true });
-const sleep = (ms) => new Promise((resolve) => setTimeout(resolve, ms));
 const say = (text) => console.log(text);
-async function until(what, condition, atMost = 10000) {
-  const end = Date.now() + atMost;
-  for (;;) {
-    const value = await condition();
-    if (value) return value;
-    assert.ok(Date.now() < end, `not within ${atMost} ms: ${what}`);
-    await sleep(50);
-  }
-}
+const until = waiting(10000);
 
 // ---- A bridge: the page's files from the real one, the events from here.
 const view = spawn(options.huetrack, ["view", "--port", "0", "--domain", "75", "--interface", "lo"], { stdio: ["ignore", "pipe", "ignore"] });

@@ -3,25 +3,13 @@
 //   film_host --make N FILMS    makes such a folder, of N cameras of 640x480 that see one moment, with its rig.yaml
 // All film hosts of one machine play the same moments: a film's frame 0 is when the machine's clock was 0.
 #include <CLI/CLI.hpp>
-#include <csignal>
 #include <cstdio>
-#include <thread>
 
 #include "daemon/capture_command.h"
 #include "daemon/service_manager.h"
 #include "soak/film_camera.h"
 #include "soak/films.h"
-
-namespace {
-
-std::atomic<bool> is_ended = false;
-static_assert(std::atomic<bool>::is_always_lock_free);
-
-void on_signal(int) {
-  is_ended = true;
-}
-
-}  // namespace
+#include "soak/until_ended.h"
 
 int main(int argc, char** argv) {
   using namespace huetrack;
@@ -33,7 +21,6 @@ int main(int argc, char** argv) {
   app.add_option("films", films)->required();
   app.add_option("config", config_file);
   CLI11_PARSE(app, argc, argv);
-  for (const int signal : {SIGTERM, SIGINT}) std::signal(signal, on_signal);
   try {
     if (made > 0) {
       soak::make_films(films, made, 640, 480, false);
@@ -51,12 +38,7 @@ int main(int argc, char** argv) {
       film.is_mjpeg = camera.format == capture::CaptureFormat::mjpeg;
       cameras.push_back(soak::FilmCamera(std::move(film)).live());
     }
-    std::stop_source stop;
-    const std::jthread ending([&](const std::stop_token& done) {
-      while (!is_ended && !done.stop_requested()) std::this_thread::sleep_for(std::chrono::milliseconds(20));
-      stop.request_stop();
-    });
-    daemon::capture_cameras(config, std::move(cameras), stop.get_token());
+    soak::until_ended([&](const std::stop_token& stop) { daemon::capture_cameras(config, std::move(cameras), stop); });
   } catch (const std::exception& error) {
     std::fprintf(stderr, "film_host: %s\n", error.what());
     return 1;

@@ -5,22 +5,19 @@
 #include <CLI/CLI.hpp>
 #include <csignal>
 #include <cstdio>
-#include <thread>
 
 #include "daemon/live.h"
 #include "daemon/service_manager.h"
 #include "soak/film_camera.h"
+#include "soak/until_ended.h"
 
 namespace {
 
 huetrack::daemon::LiveRequests requests;
-std::atomic<bool> is_ended = false;
-static_assert(std::atomic<bool>::is_always_lock_free);
 
 void on_signal(int signal) {
   if (signal == SIGHUP) requests.reload = true;
   if (signal == SIGUSR1) requests.save = true;
-  if (signal == SIGTERM || signal == SIGINT) is_ended = true;
 }
 
 }  // namespace
@@ -39,7 +36,7 @@ int main(int argc, char** argv) {
   app.add_option("--phases", phases)->check(CLI::IsMember({"spread", "together"}));
   app.add_option("--tracks", options.tracks);
   CLI11_PARSE(app, argc, argv);
-  for (const int signal : {SIGHUP, SIGUSR1, SIGTERM, SIGINT}) std::signal(signal, on_signal);
+  for (const int signal : {SIGHUP, SIGUSR1}) std::signal(signal, on_signal);
   try {
     const config::ServiceConfig config = config::load_service_config(config_file);
     daemon::set_log_level(config.log_level);
@@ -58,13 +55,9 @@ int main(int argc, char** argv) {
       film.faults = faults;
       cameras.push_back(soak::FilmCamera(std::move(film)).live());
     }
-    std::stop_source stop;
-    const std::jthread ending([&](const std::stop_token& done) {
-      while (!is_ended && !done.stop_requested()) std::this_thread::sleep_for(std::chrono::milliseconds(20));
-      stop.request_stop();
+    const daemon::LiveSummary summary = soak::until_ended([&](const std::stop_token& stop) {
+      return daemon::run_live(config, std::move(cameras), options, requests, stop);
     });
-    const daemon::LiveSummary summary =
-        daemon::run_live(config, std::move(cameras), options, requests, stop.get_token());
     std::printf("%llu sets tracked, %llu dropped\n", static_cast<unsigned long long>(summary.figures.sets_tracked),
                 static_cast<unsigned long long>(summary.figures.sets_dropped));
   } catch (const std::exception& error) {
