@@ -257,10 +257,10 @@ msg::TeachRequest teach_request_of(const std::string& json) {
     request.host(j.at("host").get<std::string>());
     request.pid(j.at("pid").get<std::uint32_t>());
     const auto action = j.at("action").get<std::string>();
-    constexpr const char* actions[] = {"freeze", "look", "apply", "ignore", "resume"};
+    constexpr const char* actions[] = {"freeze", "look", "apply", "ignore", "resume", "undo"};
     std::size_t a = 0;
     while (a < std::size(actions) && action != actions[a]) ++a;
-    if (a == std::size(actions)) throw std::invalid_argument("action must be freeze, look, apply, ignore or resume");
+    if (a == std::size(actions)) throw std::invalid_argument("action must be freeze, look, apply, ignore, resume or undo");
     request.action(static_cast<msg::TeachAction>(a));
     request.target(j.value("target", ""));
     request.wider(j.value("wider", 0));

@@ -65,7 +65,7 @@ void check_object_tracking(const ServiceConfig& config, const yaml::YamlReader& 
   }
   if (const auto problems = config.object_tracking.problems(); !problems.empty())
     root.fail("object_tracking", problems.front());
-  if (!config.targets.empty() && volume_coverage(config.rig, volume).by_one == 0)
+  if (!config.targets.empty() && config.is_calibrated() && volume_coverage(config.rig, volume).by_one == 0)
     tracking.fail("volume", "no camera of the rig sees any of it: is the volume in the rig's world frame, in metres?");
 }
 
@@ -159,6 +159,10 @@ void check(const ServiceConfig& config, const yaml::YamlReader& root) {
   check_object_tracking(config, root);
   check_ignored(config, root);
   check_live_cameras(config, root);
+  if (!config.is_calibrated() && !config.camera_tracking.camera.empty())
+    root.map("camera_tracking").fail("camera", "cannot be tracked yet: rig is none");
+  if (!config.is_calibrated() && !config.record.folder.empty())
+    root.map("record").fail("folder", "is for later: rig is none, and a recording holds the rig");
   if (config.record.folder.empty() && (config.record.always || config.record.pre_roll_s > 0))
     root.map("record").fail("", "a folder is needed to record to, or to save the pre-roll to");
   check_targets(config, root);
@@ -210,6 +214,12 @@ std::string size_warning(const ServiceConfig& config) {
 
 std::vector<std::string> warnings_of(const ServiceConfig& config) {
   std::vector<std::string> warnings;
+  if (!config.is_calibrated())
+    return {"the cameras are not calibrated (rig: none), so nothing is tracked: huetrack-calibrate writes the rig"};
+  for (const auto& target : config.targets)
+    if (!is_taught(target))
+      warnings.push_back(fmt::format(
+          "target {} has no colour yet: click on it on the page of huetrack view, or use huetrackd teach", target.name));
   for (const auto& camera : config.rig.cameras) {
     if (!config.cameras.empty() &&
         std::ranges::find(config.cameras, camera.name, &LiveCameraConfig::name) == config.cameras.end())
@@ -249,6 +259,7 @@ std::vector<std::string> warnings_of(const ServiceConfig& config) {
   std::vector<std::string> pairs;
   for (std::size_t a = 0; a < config.targets.size(); ++a) {
     for (std::size_t b = a + 1; b < config.targets.size(); ++b) {
+      if (!is_taught(config.targets[a]) || !is_taught(config.targets[b])) continue;
       for (const auto& camera : config.rig.cameras) {
         if (!hues_overlap(config.targets[a].color_in(camera.name), config.targets[b].color_in(camera.name))) continue;
         pairs.push_back("targets " + config.targets[a].name + " and " + config.targets[b].name +

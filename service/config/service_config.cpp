@@ -180,7 +180,7 @@ void describe_record(Io& io, Record& record) {
 template <typename Io, typename Config>
 void describe(Io& io, Config& config) {
   io.version(1);
-  io.path("rig", config.rig_file, "the calibrated cameras");
+  io.rig("rig", config.rig_file, "the calibrated cameras; none: they are not calibrated yet, and `run` shows them");
   io.named("targets", config.targets, "what to track: name, size and colour of each", [&](auto& in, auto& target) {
     in.number("radius_m", target.radius_m, yaml::positive,
               "of the ball, or of a ball of about the object's size, metres");
@@ -188,13 +188,13 @@ void describe(Io& io, Config& config) {
         "shape", target.shape, Words<object_tracking::TargetShape>(shape_words),
         "huetrack only: ball: its outline is fitted; blob: its colour's centre; auto: a ball until it shows otherwise");
     in.object_count("count", target, "3, or up to 8: how many of them there may be at once");
-    in.group("color", "HSI as in the paper", [&](auto& color) {
+    in.color("color", target.color, "HSI as in the paper; without it the target is to be taught", [&](auto& color) {
       describe_color(color, target.color, Need::required);
       color.boolean("adapt", target.adapts_color, "huetrack only: the ranges follow the object's colour slowly");
     });
     in.named("camera_colors", target.camera_colors, "per-camera overrides of color", [&](auto& color, auto& range) {
       if constexpr (!std::is_const_v<std::remove_reference_t<decltype(range)>>)
-        range = target.color;  // what is not given is the target's
+        range = target.color == untaught_color ? object_tracking::HsiRange{} : target.color;  // for what is not given
       describe_color(color, range, Need::optional);
     });
   });
@@ -314,7 +314,10 @@ class Reader {
     const std::string given = yaml_.choice(key, allowed);
     if (given != none) value = std::ranges::find(words, given, [](const auto& w) { return w.first; })->second;
   }
-  void path(std::string_view key, fs::path& value, std::string_view) { value = resolved(yaml_.string(key)); }
+  void rig(std::string_view key, fs::path& value, std::string_view) {
+    const std::string given = yaml_.string(key);
+    value = given == "none" ? fs::path() : resolved(given);
+  }
   // 0 is /dev/video0.
   // host: that has it, empty: this one.
   void device(std::string_view key, fs::path& value, const std::string& host, std::string_view) {
@@ -421,6 +424,15 @@ class Reader {
     describe_group(inner);
     inner.finish();
   }
+  // Of a target: absent, it is the one that matches nothing.
+  template <typename F>
+  void color(std::string_view key, object_tracking::HsiRange& range, std::string_view doc, F&& describe_range) {
+    if (yaml_.has(key)) {
+      group(key, doc, describe_range);
+    } else {
+      range = untaught_color;
+    }
+  }
   template <typename T, typename F>
   void named(std::string_view key, std::vector<T>& entries, std::string_view, F&& describe_entry) {
     if (!yaml_.has(key)) return;
@@ -506,9 +518,7 @@ class Printer {
     if (value) return choice(key, *value, words, doc);
     line(key, std::string(none), doc);
   }
-  void path(std::string_view key, const fs::path& value, std::string_view doc) {
-    line(key, quoted(value.string()), doc);
-  }
+  void rig(std::string_view key, const fs::path& value, std::string_view doc) { path_or(key, "none", value, doc); }
   void device(std::string_view key, const fs::path& value, const std::string&, std::string_view doc) {
     path_or(key, "none", value, doc);
   }
@@ -562,6 +572,10 @@ class Printer {
   template <typename F>
   void group(std::string_view key, std::string_view doc, F&& describe_group) {
     mapping(key, doc, describe_group);
+  }
+  template <typename F>
+  void color(std::string_view key, const object_tracking::HsiRange&, std::string_view doc, F&& describe_range) {
+    mapping(key, doc, describe_range);
   }
   template <typename T, typename F>
   void named(std::string_view key, const std::vector<T>& entries, std::string_view doc, F&& describe_entry) {
@@ -707,6 +721,20 @@ void take_latencies(ServiceConfig& config, const yaml::YamlReader& root) {
   }
 }
 
+// The cameras of the configuration with lenses that are nobody's: of it names and sizes are used, and nothing else.
+calib::CameraRig rig_before_calibration(const std::vector<LiveCameraConfig>& cameras) {
+  constexpr calib::ImageSize usual{640, 480};
+  calib::CameraRig rig;
+  for (const LiveCameraConfig& live : cameras) {
+    calib::Camera& camera = rig.cameras.emplace_back();
+    camera.name = live.name;
+    camera.image_size = live.size.value_or(usual);
+    const double width = camera.image_size.width, height = camera.image_size.height;
+    camera.model = calib::CameraModel(calib::PinholeRadtan{width, width, (width - 1) / 2, (height - 1) / 2});
+  }
+  return rig;
+}
+
 // The configuration must be right by itself: so a mistake in it is not hidden by what is read over it, and whoever
 // deletes the taught file has it back.
 ServiceConfig read_config(const fs::path& file, const yaml::YamlReader& written,
@@ -721,10 +749,17 @@ ServiceConfig read_config(const fs::path& file, const yaml::YamlReader& written,
     for (const auto& [path, is_null] : taught->leaves())
       if (path != yaml::KeyPath{"version"}) (is_null ? config.taught.removed : config.taught.given).insert(path);
   }
-  if (!fs::is_regular_file(config.rig_file)) root.fail("rig", "there is no file " + config.rig_file.string());
-  config.rig = calib::read_rig(config.rig_file);
-  take_latencies(config, root);
-  if (!config.calibration.room_file.empty())
+  if (config.is_calibrated()) {
+    if (!fs::is_regular_file(config.rig_file))
+      root.fail("rig", "there is no file " + config.rig_file.string() +
+                           "; rig: none shows cameras that are not calibrated yet");
+    config.rig = calib::read_rig(config.rig_file);
+    take_latencies(config, root);
+  } else {
+    if (config.cameras.empty()) root.fail("rig", "is none: then the configuration names the cameras, under cameras");
+    config.rig = rig_before_calibration(config.cameras);
+  }
+  if (config.is_calibrated() && !config.calibration.room_file.empty())
     config.calibration.room = read_room(config.calibration.room_file, calib::rig_identity(config.rig));
   for (const auto& target : config.targets) {
     config.dds.publisher.targets.push_back(target.name);
@@ -755,6 +790,17 @@ constexpr const char *board_beside = "camera_board.yaml", *map_beside = "camera.
 fs::path taught_file(const fs::path& config) {
   const fs::path real = fs::weakly_canonical(config);
   return real.parent_path() / (real.stem().string() + ".taught" + real.extension().string());
+}
+
+bool is_taught(const object_tracking::TargetOptions& target) {
+  return target.color != untaught_color || !target.camera_colors.empty();
+}
+
+void require_rig(const ServiceConfig& config) {
+  if (config.is_calibrated()) return;
+  throw yaml::ConfigError(config.file, 0,
+                          "rig is none: calibrate the cameras first (huetrack-calibrate, calib/tutorial.md), and name "
+                          "the rig that it writes; until then huetrackd run shows them");
 }
 
 std::vector<capture::FrameTiming> frame_timing(const calib::CameraRig& rig) {
@@ -835,7 +881,7 @@ std::string to_taught_yaml(const ServiceConfig& config) {
 
 std::string to_portable_yaml(const ServiceConfig& config) {
   ServiceConfig portable = config;
-  portable.rig_file = "rig.yaml";
+  if (config.is_calibrated()) portable.rig_file = "rig.yaml";
   portable.dds.publisher.profiles.clear();
   CameraTrackingConfig& tracking = portable.camera_tracking;
   if (!tracking.board.empty()) tracking.board = board_beside;

@@ -103,8 +103,8 @@ struct TaughtKeys {
 
 struct ServiceConfig {
   std::filesystem::path file;                           // absolute
-  std::filesystem::path rig_file;                       // absolute
-  calib::CameraRig rig;                                 // what rig_file says
+  std::filesystem::path rig_file;                       // absolute; empty: the cameras are not calibrated yet
+  calib::CameraRig rig;                                 // what rig_file says; before, names and sizes alone are true
   std::vector<object_tracking::TargetOptions> targets;  // in the order of the file; none only where a camera is tracked
   CameraTrackingConfig camera_tracking;                 // of one moving camera of the rig
   std::vector<LiveCameraConfig> cameras;                // for `run`, in the order of the file; empty: replay only
@@ -121,7 +121,18 @@ struct ServiceConfig {
   object_tracking::IgnoredRegions ignored;  // also in every target
   LogLevel log_level = LogLevel::info;
   TaughtKeys taught;  // where values come from; no value, and nothing that compares configurations looks at it
+
+  // Nothing can be tracked before: `run` shows the cameras, so that they can be set up, and the rest refuses.
+  bool is_calibrated() const { return !rig_file.empty(); }
 };
+
+// The colour of a target to which nobody has given one: it matches nothing, as no pixel is at once as bright and as
+// colourful as can be.
+inline constexpr object_tracking::HsiRange untaught_color{.saturation_min = 1, .intensity_min = 1, .intensity_max = 1};
+bool is_taught(const object_tracking::TargetOptions& target);
+
+// throws ConfigError for a configuration whose cameras are not calibrated yet.
+void require_rig(const ServiceConfig& config);
 
 // The file of what was taught to this configuration, whether there is one or not: my.taught.yaml beside my.yaml, where
 // that lies itself when `config` is a link. It has the same keys, of which it needs none but version, and is read over

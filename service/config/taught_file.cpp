@@ -130,7 +130,11 @@ fs::path before(const fs::path& file) {
 
 void keep(const fs::path& file) {
   std::error_code error;
-  if (!fs::exists(file)) return;
+  // What was there before is nothing, then, and no older file: the save is undone to nothing.
+  if (!fs::exists(file)) {
+    fs::remove(before(file), error);
+    return;
+  }
   fs::copy_file(file, before(file), fs::copy_options::overwrite_existing, error);
   if (error) throw std::runtime_error(fmt::format("cannot write {}: {}", before(file).string(), error.message()));
 }

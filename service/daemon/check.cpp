@@ -57,18 +57,19 @@ void check(const std::filesystem::path& file) {
   auto warnings = config::warnings_of(config);
   if (config.dds.enabled)
     std::ranges::copy(publish::EstimatePublisher::check(config.dds.publisher), std::back_inserter(warnings));
-  require_session(config);
+  if (config.is_calibrated()) require_session(config);
   for (const auto& warning : warnings) spdlog::warn("{}: {}", config.file.string(), warning);
   std::printf("# %s, resolved; identity %s\n%s", config.file.c_str(), config::config_identity(config).c_str(),
               config::to_yaml_with_origins(config).c_str());
-  if (config.rig.cameras.empty()) return;
+  if (config.rig.cameras.empty() || !config.is_calibrated()) return;
   const std::string age =
       config.rig.made.text(std::chrono::floor<std::chrono::seconds>(std::chrono::system_clock::now()));
   std::printf("# the rig: %s; %s\n", age.empty() ? "its file does not say when it was made" : age.c_str(),
               config.rig.uncertainty ? "with its uncertainty, which is in every position's covariance"
                                      : "without uncertainty: its cameras count as exactly known");
   if (config.targets.empty()) return;
-  for (const auto& target : config.targets) print_hues(target);
+  for (const auto& target : config.targets)
+    if (config::is_taught(target)) print_hues(target);
   const auto coverage = config::volume_coverage(config.rig, config.object_tracking.volume);
   std::printf("# of the volume are seen: by two or more cameras %.0f %%, by one or more %.0f %%", 100 * coverage.by_two,
               100 * coverage.by_one);

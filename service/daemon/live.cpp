@@ -104,14 +104,15 @@ LiveSummary run_live(const config::ServiceConfig& config, std::vector<pipeline::
                              ": cameras: none is given: name the live cameras; "
                              "ls -l /dev/v4l/by-path/ lists those that there are");
   pipeline::refuse_one_file_for_two({options.tracks, options.poses, options.write_rig});
+  const bool is_tracking = options.track && config.is_calibrated();
   pipeline::Session session(config, pipeline::sources_of(config, cameras),
-                            {.when_full = pipeline::WhenFull::drop_oldest, .is_tracking = options.track});
+                            {.when_full = pipeline::WhenFull::drop_oldest, .is_tracking = is_tracking});
 
   // Where the results go, in this order.
   std::optional<pipeline::Bus> bus;
   if (config.dds.enabled && !options.no_dds && options.track)
     session.add(bus.emplace(config.dds.publisher, session.time()));
-  metrics::RoadMeter meter(config.rig.cameras.size(), options.track ? config.targets.size() : 0, bus ? &*bus : nullptr);
+  metrics::RoadMeter meter(config.rig.cameras.size(), is_tracking ? config.targets.size() : 0, bus ? &*bus : nullptr);
   session.add(meter);
   pipeline::LightReport light(session.config());
   session.add(light);
@@ -151,7 +152,7 @@ LiveSummary run_live(const config::ServiceConfig& config, std::vector<pipeline::
   // After all that may yet end the program: no empty recording stays behind.
   pipeline::RecordingKeeper recording(
       session.config(),
-      {.record_to = options.record_to, .cameras_in_use = cameras.size(), .is_tracking = options.track});
+      {.record_to = options.record_to, .cameras_in_use = cameras.size(), .is_tracking = is_tracking});
   session.add(recording);
   Supervisor supervisor({.session = session,
                          .cameras = cameras,
@@ -192,6 +193,7 @@ void run(const std::filesystem::path& file, const LiveCommand& options, LiveRequ
 void record(const std::filesystem::path& file, LiveCommand options, LiveRequests& requests,
             const std::stop_token& stop) {
   const config::ServiceConfig config = config::load_service_config(file);
+  config::require_rig(config);
   options.track = false;
   const LiveSummary summary = run_cameras(config, options, requests, stop);
   std::printf("%s\n", options.record_to.c_str());

@@ -42,6 +42,7 @@ using namespace std::chrono_literals;
 
 config::ServiceConfig configuration_of(const ReplayCommand& command) {
   config::ServiceConfig config = config::load_service_config(command.config);
+  config::require_rig(config);
   set_log_level(config.log_level);
   for (const auto& warning : config::warnings_of(config)) spdlog::warn("{}: {}", config.file.string(), warning);
   if (command.hold && (command.no_dds || !config.dds.enabled))

@@ -109,7 +109,7 @@ publish::ServiceStatus StatusReporter::report(const pipeline::PipelineFigures& f
   }
   constexpr std::size_t long_search = 60;  // sets
   for (std::size_t t = 0; t < std::min(targets_.size(), figures.searches.size()); ++t) {
-    if (figures.searches[t].sets < long_search) continue;
+    if (figures.searches[t].sets < long_search || !config::is_taught(targets_[t])) continue;
     status.warnings.push_back("target " + targets_[t].name +
                               " is not found: " + figures.searches[t].advice(targets_[t], camera_names(status)));
   }

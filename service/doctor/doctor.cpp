@@ -263,8 +263,9 @@ class Doctor {
       return;
     }
     say({Grade::ok,
-         "it is valid; rig " + config_->rig_file.string() +
-             fmt::format(" of {} cameras, {} targets", config_->rig.cameras.size(), config_->targets.size()),
+         fmt::format("it is valid; {} of {} cameras, {} targets",
+                     config_->is_calibrated() ? "rig " + config_->rig_file.string() : "no rig yet",
+                     config_->rig.cameras.size(), config_->targets.size()),
          ""});
     for (const auto& warning : config::warnings_of(*config_)) say({Grade::warning, warning, ""});
     if (const auto both = pipeline::one_under_two_names(config_->cameras))

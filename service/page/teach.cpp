@@ -333,6 +333,7 @@ int teach(const TeachCommand& command, std::stop_token stop) {
     tell_services(config);
     return 0;
   }
+  config::require_rig(config);
   if (command.recording.empty()) throw std::runtime_error("teach from what? Give a recording, or the word live");
   const object_tracking::TargetOptions& target = target_of(config, command.target);
   const Pointing pointing = pointing_of(command, config);

@@ -149,6 +149,7 @@ std::string warnings(const color_teaching::Lesson& lesson) {
 }  // namespace
 
 std::string TeachDesk::why_not(const config::ServiceConfig& config) {
+  if (!config.is_calibrated()) return "The cameras are not calibrated yet: what is seen in one tells nothing of the others.";
   if (config.control.allow_teach) return "";
   return fmt::format(
       "The configuration does not allow it. Set control: {{allow_teach: true}} in {}, then reload it: kill -HUP {} (or "
@@ -235,6 +236,16 @@ msg::TeachReply TeachDesk::ignore(const msg::TeachRequest& request, const config
   return reply;
 }
 
+msg::TeachReply TeachDesk::undo(const msg::TeachRequest& request, const config::ServiceConfig& config) {
+  std::filesystem::path file;
+  const std::string why_not = why_not_saved([&] { file = config::undo_taught(config.file); });
+  if (!why_not.empty()) return refusal(request, why_not);
+  msg::TeachReply reply = reply_to(request);
+  reply.reason(fmt::format("Undone: {} is as it was before the last save. Undo again takes this back.",
+                           file.filename().string()));
+  return reply;
+}
+
 std::string TeachDesk::why_not_saved(const std::function<void()>& save) const {
   try {
     save();
@@ -261,6 +272,8 @@ msg::TeachReply TeachDesk::answer(const msg::TeachRequest& request, const config
       return look(request, config, true);
     case msg::TEACH_ACTION_IGNORE:
       return ignore(request, config);
+    case msg::TEACH_ACTION_UNDO:
+      return undo(request, config);
     default:
       return refusal(request, "This service does not know that request.");
   }

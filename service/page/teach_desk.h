@@ -36,6 +36,7 @@ class TeachDesk {
  private:
   msg::TeachReply look(const msg::TeachRequest& request, const config::ServiceConfig& config, bool applies);
   msg::TeachReply ignore(const msg::TeachRequest& request, const config::ServiceConfig& config);
+  msg::TeachReply undo(const msg::TeachRequest& request, const config::ServiceConfig& config);
   std::string why_not_saved(const std::function<void()>& save) const;  // empty: it is, and taken over
 
   const Actions actions_;

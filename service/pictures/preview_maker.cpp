@@ -120,6 +120,7 @@ msg::Scene make_scene(const config::ServiceConfig& config, bool may_teach, const
     out.name(camera.name);
     out.width(std::uint32_t(camera.image_size.width));
     out.height(std::uint32_t(camera.image_size.height));
+    if (!config.is_calibrated()) continue;  // of it, nothing else is known
     out.model(std::string(camera.model.name()));
     out.intrinsics({camera.model.fx(), camera.model.fy(), camera.model.cx(), camera.model.cy()});
     std::visit([&](const auto& lens) { out.distortion().assign(lens.distortion.begin(), lens.distortion.end()); },
@@ -143,7 +144,9 @@ msg::Scene make_scene(const config::ServiceConfig& config, bool may_teach, const
     msg::SceneTarget& out = scene.targets().emplace_back();
     out.name(target.name);
     out.radius_m(target.radius_m);
-    out.rgb(drawing_rgb(target.color));
+    constexpr std::array<float, 3> grey{0.6F, 0.6F, 0.6F};
+    out.rgb(config::is_taught(target) ? drawing_rgb(target.color) : grey);
+    if (!config::is_taught(target)) continue;
     for (const calib::Camera& camera : config.rig.cameras) {
       const object_tracking::HsiRange& range = target.color_in(camera.name);
       msg::SceneColor& color = out.colors().emplace_back();

@@ -136,6 +136,7 @@ visualization_msgs::msg::dds_::MarkerArray_ to_markers(const msg::Scene& scene,
   const double depth = 0.12 * (high - low).norm();
   for (std::size_t c = 0; c < scene.cameras().size(); ++c) {
     const msg::SceneCamera& camera = scene.cameras()[c];
+    if (camera.model().empty()) continue;  // nobody knows where it stands
     const bool moves = camera.name() == tracked_camera;
     const Eigen::Vector3d eye = moves ? Eigen::Vector3d::Zero() : Eigen::Vector3d(camera.position().data());
     const Eigen::Quaterniond to_frame =  // of the border's rays, which are in the world by the rig file
@@ -193,6 +194,7 @@ sensor_msgs::msg::dds_::CameraInfo_ to_camera_info(const msg::Preview& preview, 
   fill(info.header(), preview.captured_at(), preview.camera());
   info.width(preview.width());
   info.height(preview.height());
+  if (camera.model().empty()) return info;  // zeros, as ROS says it of a camera that is not calibrated
   const double sx = static_cast<double>(preview.width()) / preview.image_width();
   const double sy = static_cast<double>(preview.height()) / preview.image_height();
   const double fx = camera.intrinsics()[0] * sx, fy = camera.intrinsics()[1] * sy;
@@ -217,7 +219,7 @@ tf2_msgs::msg::dds_::TFMessage_ to_static_tf(const msg::Scene& scene, const std:
                                              const std::string& tracked_camera) {
   tf2_msgs::msg::dds_::TFMessage_ message;
   for (const msg::SceneCamera& camera : scene.cameras()) {
-    if (camera.name() == tracked_camera) continue;
+    if (camera.name() == tracked_camera || camera.model().empty()) continue;
     auto& transform = message.transforms().emplace_back();
     fill(transform.header(), scene.at(), frame_id);
     transform.child_frame_id(camera.name());

@@ -300,15 +300,22 @@ INSTANTIATE_TEST_SUITE_P(
                 "c.yaml:4: ignore.cam0: rectangle 2 ends before it begins"},
         Mistake{"NoVersion", "rig: rig.yaml\n", "c.yaml:1: version is missing"},
         Mistake{"NoRig", "version: 1\n", "c.yaml:1: rig is missing"},
-        Mistake{"RigFileMissing", "version: 1\nrig: no.yaml\n", "c.yaml:2: rig: there is no file no.yaml"},
+        Mistake{"RigFileMissing", "version: 1\nrig: no.yaml\n",
+                "c.yaml:2: rig: there is no file no.yaml; rig: none shows cameras that are not calibrated yet"},
+        Mistake{"NoRigAndNoCameras", "version: 1\nrig: none\ntargets: {ball: {}}\n",
+                "c.yaml:2: rig: is none: then the configuration names the cameras, under cameras"},
+        Mistake{"RecordsWithoutARig",
+                "version: 1\nrig: none\ncameras: {cam0: {device: 0}}\ntargets: {ball: {}}\nrecord: {folder: r}\n",
+                "c.yaml:5: record.folder: is for later: rig is none, and a recording holds the rig"},
+        Mistake{"TracksACameraWithoutARig",
+                "version: 1\nrig: none\ncameras: {cam0: {device: 0}}\ncamera_tracking: {camera: cam0}\n",
+                "c.yaml:4: camera_tracking.camera: cannot be tracked yet: rig is none"},
         Mistake{"NoTargets", head,
                 "c.yaml:1: targets: at least one target is needed: targets: {ball: {color: {hue_deg: [65, 115]}}}; or "
                 "a camera to "
                 "track, under camera_tracking"},
         Mistake{"NoHue", head + "targets:\n  ball:\n    color: {saturation: [0.3, 1]}\n",
                 "c.yaml:5: targets.ball.color.hue_deg is missing"},
-        Mistake{"NoColor", head + "targets:\n  lime: {radius_m: 0.04}\n",
-                "c.yaml:4: targets.lime.color.hue_deg is missing"},
         Mistake{"TargetNameThatIsNoTopic", head + "targets:\n  ball__x: {color: {hue_deg: [65, 115]}}\n",
                 "c.yaml:4: targets.ball__x: target \"ball__x\" must be a letter, then letters, digits and single '_': "
                 "it is part of a ROS 2 topic's name"},
@@ -350,7 +357,7 @@ INSTANTIATE_TEST_SUITE_P(
         Mistake{"RecordWithoutFolder", ball + "record: {always: true}\n",
                 "c.yaml:4: record: a folder is needed to record to, or to save the pre-roll to"},
         Mistake{"ColorInBritish", head + "targets:\n  ball: {colour: {hue_deg: [65, 115]}}\n",
-                "c.yaml:4: targets.ball.color is missing (is colour in line 4 a misspelling of it?)"},
+                "c.yaml:4: targets.ball.colour is not a known key (did you mean color?)"},
         Mistake{"HalfAKey", head + "targets:\n  ball: {color: {hue: [65, 115]}}\n",
                 "c.yaml:4: targets.ball.color.hue_deg is missing (is hue in line 4 a misspelling of it?)"},
         Mistake{"HueTheWrongWayRound", head + "targets:\n  ball: {color: {hue_deg: [115, 65]}}\n",
@@ -621,6 +628,46 @@ TEST(ReferenceConfig, HasEveryKeyWithItsDefaultInTheOrderOfCheck) {
   EXPECT_EQ(in_file[1], "rig: demo/recording/rig.yaml");  // relative in the file, absolute in the print
   in_file[1] = in_print.at(1);
   EXPECT_EQ(in_file, in_print);
+}
+
+// Where somebody begins: the cameras alone.
+TEST_F(ServiceConfigFile, CamerasMayNotBeCalibratedYet) {
+  const std::string begun =
+      "version: 1\nrig: none\ncameras: {left: {device: 0}, right: {device: 1, size: [320, 240]}}\ntargets: {ball: {}}\n";
+  const ServiceConfig config = load(begun);
+  EXPECT_FALSE(config.is_calibrated());
+  ASSERT_EQ(config.rig.cameras.size(), 2u);
+  EXPECT_EQ(config.rig.cameras[0].name, "left");
+  EXPECT_EQ(config.rig.cameras[0].image_size, (calib::ImageSize{640, 480}));
+  EXPECT_EQ(config.rig.cameras[1].image_size, (calib::ImageSize{320, 240}));
+  EXPECT_THAT(warnings_of(config), testing::ElementsAre(HasSubstr("not calibrated")));
+  EXPECT_THROW(require_rig(config), yaml::ConfigError);
+  EXPECT_NO_THROW(require_rig(load(ball)));
+  EXPECT_EQ(to_yaml(load(to_yaml(config))), to_yaml(config));
+}
+
+TEST_F(ServiceConfigFile, ATargetMayHaveNoColorYet) {
+  const std::string begun = head + "targets: {ball: {radius_m: 0.04}}\n";
+  const ServiceConfig config = load(begun);
+  EXPECT_FALSE(is_taught(config.targets[0]));
+  EXPECT_TRUE(is_taught(load(ball).targets[0]));
+  EXPECT_THAT(warnings_of(config), testing::Contains(HasSubstr("target ball has no colour yet")));
+  EXPECT_THAT(warnings_of(load(ball)), testing::Not(testing::Contains(HasSubstr("no colour yet"))));
+  EXPECT_EQ(to_yaml(load(to_yaml(config))), to_yaml(config));
+  // What one camera says is taught, and does not begin with what matches nothing.
+  const ServiceConfig one = load(head + "targets: {ball: {camera_colors: {cam0: {hue_deg: [65, 115]}}}}\n");
+  EXPECT_TRUE(is_taught(one.targets[0]));
+  EXPECT_EQ(one.targets[0].color_in("cam0").saturation_max, 1);
+  EXPECT_LT(one.targets[0].color_in("cam0").saturation_min, 0.5);
+}
+
+TEST(UntaughtColor, MatchesNoPixel) {
+  EXPECT_TRUE(untaught_color.problems().empty());
+  for (int r = 0; r < 256; r += 3)
+    for (int g = 0; g < 256; g += 3)
+      for (int b = 0; b < 256; b += 3)
+        ASSERT_FALSE(object_tracking::contains(untaught_color, object_tracking::hsi_of({r / 255.0, g / 255.0, b / 255.0})))
+            << r << " " << g << " " << b;
 }
 
 std::vector<fs::path> yaml_files_in(const fs::path& folder, const std::string& part_of_name) {

@@ -115,6 +115,21 @@ TEST_F(TaughtFile, TheFirstSaveIsUndoneToNothing) {
   EXPECT_TRUE(fs::exists(taught));
 }
 
+// What was undone, or deleted by hand, is not what was there before the save that follows.
+TEST_F(TaughtFile, ASaveAfterNothingIsUndoneToNothing) {
+  const ServiceConfig config = with(by_hand);
+  TargetOptions target = config.targets[0];
+  target.color = {.hue_min_deg = 350, .hue_max_deg = 10};
+  save_taught(file, target, {});
+  undo_taught(file);
+  target.color.hue_max_deg = 20;
+  save_taught(file, target, {});
+  undo_taught(file);
+  EXPECT_FALSE(fs::exists(taught));
+  undo_taught(file);
+  EXPECT_EQ(load_service_config(file).targets[0].color.hue_max_deg, 20);
+}
+
 TEST_F(TaughtFile, HoldsColoursAndRectanglesAndIsReadOverTheConfiguration) {
   const ServiceConfig config = with(by_hand);
   ::chmod(file.c_str(), 0640);

@@ -2,6 +2,7 @@
 import { colorOf, ringColorOf } from "./color";
 import { Labels, type Labelled } from "./labels";
 import type { CameraStatus, Color, Preview } from "./messages";
+import { save } from "./save";
 import { isHidden, watchVisibility } from "./visibility";
 import { store } from "./store";
 
@@ -31,7 +32,9 @@ let large = ""; // the camera that is shown large; empty: none
 const mostZoom = 16;
 
 export async function bitmapOf(base64: string): Promise<ImageBitmap> {
-  const bytes = Uint8Array.from(atob(base64), (c) => c.charCodeAt(0));
+  const text = atob(base64);
+  const bytes = new Uint8Array(text.length); // Uint8Array.from() would call a function for each
+  for (let i = 0; i < bytes.length; i++) bytes[i] = text.charCodeAt(i);
   return createImageBitmap(new Blob([bytes], { type: "image/jpeg" }));
 }
 
@@ -41,7 +44,7 @@ function viewOf(camera: string): View {
   const card = document.createElement("figure");
   card.className = "camera";
   card.innerHTML =
-    `<figcaption><b></b><span class="chip"></span><button type="button" class="enlarge" aria-pressed="false"></button></figcaption>` +
+    `<figcaption><b></b><span class="chip"></span><button type="button" class="keep">⤓</button><button type="button" class="enlarge" aria-pressed="false"></button></figcaption>` +
     `<canvas role="img"></canvas><p class="awaited"></p><p class="note" hidden></p><p class="note how">The wheel or two fingers zoom, dragging moves; keys + − 0 and arrows do, too. Esc makes it small.</p>`;
   card.querySelector("b")!.textContent = camera;
   const view: View = {
@@ -51,7 +54,7 @@ function viewOf(camera: string): View {
     health: card.querySelector(".chip")!,
     note: card.querySelector(".note")!,
     awaited: card.querySelector(".awaited")!,
-    button: card.querySelector("button")!,
+    button: card.querySelector(".enlarge")!,
     image: null,
     preview: null,
     decoding: false,
@@ -65,15 +68,25 @@ function viewOf(camera: string): View {
   view.button.id = `enlarge-${camera}`;
   view.button.textContent = "⤢";
   view.button.setAttribute("aria-label", `Show ${camera} large`);
+  const keep = card.querySelector(".keep")!;
+  keep.setAttribute("aria-label", `Save the picture of ${camera}`);
+  keep.setAttribute("title", "Save this picture");
+  keep.addEventListener("click", () => view.canvas.toBlob((blob) => blob && save(blob, `${camera}-${view.preview?.set ?? 0}.png`)));
   view.canvas.setAttribute("aria-label", `Camera ${camera}: no picture yet`);
   shape(view, store.scene?.cameras.find((c) => c.name === camera)?.size ?? [4, 3]);
   attach(view);
+  resizes.observe(view.canvas);
   watchVisibility(view.canvas, () => (view.next && !view.decoding ? void decode(view) : draw(view)));
   views.set(camera, view);
   grid.append(card);
   document.getElementById("no-cameras")!.hidden = true;
   return view;
 }
+
+// A picture that was drawn for another size is drawn again: cameras that come and go change it, not the window alone.
+const resizes = new ResizeObserver((entries) => {
+  for (const { target } of entries) for (const view of views.values()) if (view.canvas === target && !isHidden(target)) draw(view);
+});
 
 // As wide as it is tall, in truth.
 function shape(view: View, [w, h]: [number, number]): void {
@@ -314,7 +327,7 @@ function draw(view: View): void {
         g.strokeRect(x0, y0, x1 - x0, y1 - y0);
       }
       g.setLineDash([]);
-      label(g, `${target.target}: never moves, left out`, (x0 + x1) / 2, y0 - 2 * line, color, labels);
+      named.push({ text: `${target.target}: never moves, left out`, color, x: (x0 + x1) / 2, y: (y0 + y1) / 2, radius: (y1 - y0) / 2 + 2 * line });
       seen.push(`of ${target.target}'s colour and left out, as it never moves: from ${u0}, ${v0} to ${u1}, ${v1}`);
       continue;
     }
@@ -362,6 +375,8 @@ function draw(view: View): void {
   const labels = new Labels(g);
   for (const one of named) labels.keepFree(one);
   for (const one of named) labels.add(one);
+  const wanted = preview.targets.find((t) => t.target === magnified && t.state !== "left_out" && t.px[0] !== null && t.px[1] !== null);
+  if (wanted) drawMagnifier(g, image, preview, wanted, named);
   canvas.setAttribute("aria-label", `Camera ${preview.camera}: ${seen.join("; ") || "no target in view"}`);
 }
 
@@ -384,9 +399,90 @@ export function slowness(camera: CameraStatus): string {
   return camera.rate_hz < 0.4 * best.rate_hz ? `only ${camera.rate_hz.toFixed(1)} frames a second, where ${best.name} gives ${best.rate_hz.toFixed(1)}` : "";
 }
 
+// ---- How bright a picture is: of intensities, shares of the picture.
+export interface Light {
+  dark: number; // below `least`, the least that a target's pixels have by default
+  bright: number; // above `most`
+  least: number;
+  most: number;
+  histogram: number[];
+}
+const [leastIntensity, mostIntensity] = [0.1, 0.95];
+const sample = Object.assign(document.createElement("canvas"), { width: 96, height: 72 });
+export function lightOf(camera: string): Light | null {
+  const image = views.get(camera)?.image;
+  if (!image) return null;
+  const g = sample.getContext("2d", { willReadFrequently: true })!;
+  g.drawImage(image, 0, 0, sample.width, sample.height);
+  const { data } = g.getImageData(0, 0, sample.width, sample.height);
+  const histogram = Array<number>(32).fill(0);
+  let [dark, bright] = [0, 0];
+  for (let i = 0; i < data.length; i += 4) {
+    const intensity = (data[i] + data[i + 1] + data[i + 2]) / (3 * 255);
+    histogram[Math.min(31, Math.floor(32 * intensity))]++;
+    if (intensity < leastIntensity) dark++;
+    else if (intensity > mostIntensity) bright++;
+  }
+  const count = data.length / 4;
+  return { dark: dark / count, bright: bright / count, least: leastIntensity, most: mostIntensity, histogram };
+}
+
+// ---- The magnifier: what is around the object, in the corner that is farthest from it.
+const magnifierShare = 0.38; // of the picture's shorter side
+const magnifierRadii = 2.2; // of the object, from its middle to the magnifier's edge
+let magnified = ""; // the target; empty: none
+const magnify = document.getElementById("magnify") as HTMLSelectElement;
+magnify.addEventListener("change", () => {
+  magnified = magnify.value;
+  redrawCameras();
+});
+function updateMagnifier(): void {
+  const names = [...store.targets.keys()];
+  if (magnified && !names.includes(magnified) && store.status?.targets.includes(magnified)) names.push(magnified);
+  if ([...magnify.options].slice(1).map((o) => o.value).join("\n") === names.join("\n")) return;
+  magnify.replaceChildren(new Option("nothing", ""), ...names.map((name) => new Option(name, name)));
+  magnify.value = names.includes(magnified) ? magnified : "";
+  magnified = magnify.value;
+}
+
+// taken: what is drawn at which canvas pixels, the object's own among it.
+function drawMagnifier(g: CanvasRenderingContext2D, image: ImageBitmap, preview: Preview, target: Preview["targets"][0], taken: Labelled[]): void {
+  const { width, height } = g.canvas;
+  const scale = image.width / preview.image[0];
+  const reach = Math.max(6, magnifierRadii * (target.radius ?? 0)); // pixels of the camera's image
+  const side = magnifierShare * Math.min(width, height);
+  const margin = 4 * devicePixelRatio;
+  // Of the four corners the one whose nearest object is farthest.
+  const corners = [margin, width - side - margin].flatMap((left) => [margin, height - side - margin].map((top) => [left, top]));
+  const room = ([left, top]: number[]) => Math.min(Infinity, ...taken.map((one) => Math.hypot(left + side / 2 - one.x, top + side / 2 - one.y) - one.radius));
+  const [left, top] = corners.reduce((best, corner) => (room(corner) > room(best) ? corner : best));
+  const [u, v] = target.px as [number, number];
+  g.fillStyle = "black";
+  g.fillRect(left, top, side, side);
+  g.imageSmoothingEnabled = false; // whose pixels they are is to be seen
+  g.drawImage(image, (u + 0.5 - reach) * scale, (v + 0.5 - reach) * scale, 2 * reach * scale, 2 * reach * scale, left, top, side, side);
+  g.imageSmoothingEnabled = true;
+  const color = ringColorOf(target.target);
+  const [cx, cy] = [left + side / 2, top + side / 2];
+  const arm = side / 24;
+  for (const [width, style] of [[3, "rgb(0 0 0 / 0.7)"], [1.3, color]] as const) {
+    g.lineWidth = width * devicePixelRatio;
+    g.strokeStyle = style;
+    g.beginPath();
+    g.arc(cx, cy, Math.max(2, ((target.radius ?? 0) * side) / (2 * reach)), 0, 2 * Math.PI);
+    g.moveTo(cx - arm, cy);
+    g.lineTo(cx + arm, cy);
+    g.moveTo(cx, cy - arm);
+    g.lineTo(cx, cy + arm);
+    g.stroke();
+    g.strokeRect(left, top, side, side);
+  }
+}
+
 // Once a second: health, and cameras that are gone.
 export function updateCameras(serving: boolean): void {
   const status = store.status;
+  updateMagnifier();
   for (const camera of status?.cameras ?? []) {
     const view = viewOf(camera.name);
     const isHeld = serving && status!.mode === "held";

@@ -2,12 +2,11 @@
 import { drawNewPictures, forgetPictures, onNewPicture, redrawCameras, showPreview, slowness, updateCameras } from "./cameras";
 import { colorOf } from "./color";
 import type { CameraMap, CameraMapPoint, CameraPose, CameraTimes, Position, Pulse, Scene, State, Status, TeachReply } from "./messages";
-import { drawPlots, updatePlotTexts } from "./plots";
+import { drawPlots, isPaused, onPlotsChanged, plotPeriod, plotSpan, updatePlotTexts } from "./plots";
 import { Scene3d } from "./scene3d";
 import {
   client,
   forget,
-  historySeconds,
   isServing,
   largestSigma,
   secondsOfSilence,
@@ -18,7 +17,8 @@ import {
   takeStatus,
   targetOf,
 } from "./store";
-import { takeTeachReply, updateTeach } from "./teach";
+import { updateSteps } from "./steps";
+import { takeSceneForTeaching, takeTeachReply, updateTeach } from "./teach";
 import { isHidden, watchVisibility } from "./visibility";
 
 const $ = (id: string) => document.getElementById(id)!;
@@ -109,13 +109,14 @@ function listen(): void {
   });
   on<Scene>("scene", (scene) => {
     store.scene = scene;
+    takeSceneForTeaching(scene);
     tick();
     renew(...parts);
   });
   on<CameraTimes>("camera_times", (times) => (store.times = times));
   const onTracks = <T>(take: (message: T) => void) => (message: T) => {
     take(message);
-    renew(...parts);
+    renew(cards, scenePart, isPaused() ? null : plotsPart);
   };
   on<Position>("position", onTracks(takePosition));
   on<CameraPose>("camera_pose", onTracks(takeCameraPose));
@@ -357,6 +358,7 @@ function tick(): void {
   updateHealth(serving);
   updatePlotTexts();
   updateTeach(serving);
+  updateSteps();
 }
 
 // What is missing until a position comes.
@@ -499,8 +501,19 @@ try {
   console.warn("no 3-D view:", error);
 }
 
-// Half a minute lies on some 400 pixels: a pixel is nearly a tenth of a second.
-addPart($("plots").parentElement!, () => (isSlow() ? 2 * slowBeat : 100), drawPlots);
+let plotsAsked = false; // by a hand, which does not want to wait
+const plotsPart = addPart(
+  $("plots").parentElement!,
+  () => (plotsAsked ? 30 : Math.max(plotPeriod(), isSlow() ? 2 * slowBeat : 100)),
+  () => {
+    plotsAsked = false;
+    drawPlots();
+  },
+);
+onPlotsChanged(() => {
+  plotsAsked = true;
+  renew(plotsPart);
+});
 
 addEventListener("resize", () => {
   redrawCameras();
@@ -509,7 +522,7 @@ addEventListener("resize", () => {
 // While there is silence, states grow old and the plots' time goes on, until there is nothing more to see.
 setInterval(() => {
   tick();
-  if (secondsOfSilence() < historySeconds + 3) renew(...parts);
+  if (secondsOfSilence() < plotSpan() + 3) renew(...parts.filter((part) => part !== plotsPart || !isPaused()));
 }, 1000);
 listen();
 tick();

@@ -105,7 +105,7 @@ export interface Ignore {
 export interface SceneCamera {
   name: string;
   size: [number, number];
-  model: string;
+  model: string; // empty: not calibrated yet, and what follows is nothing
   intrinsics: number[];
   position: [number, number, number];
   orientation: [number, number, number, number];
@@ -120,7 +120,7 @@ export interface Scene {
   frame_id: string;
   volume: [[number, number, number], [number, number, number]];
   cameras: SceneCamera[];
-  targets: { name: string; radius: number; rgb: [number, number, number]; colors: Color[] }[];
+  targets: { name: string; radius: number; rgb: [number, number, number]; colors: Color[] }[]; // no colors: not taught yet
   ignored: Ignore[];
   may_teach: boolean;
   why_not: string;

@@ -1,70 +1,61 @@
-// Plots over the last half minute: one canvas each, all with the same time axis.
+// Plots over the last 10 seconds to 10 minutes: one canvas each, all with the same time axis, and one cursor.
 import { likeBefore, lineColorOf, variable } from "./color";
-import { historySeconds, isServing, secondsOfSilence, store, tracks, type Sample } from "./store";
+import { save } from "./save";
+import { historySeconds, indexAt, isServing, secondsOfSilence, store, tracks, type Sample } from "./store";
 
-interface Series {
+type Timed = { t: number };
+interface Series<S extends Timed = Timed> {
   name: string;
   color: string;
   dash?: number[];
-  points: [number, number][]; // t, y; NaN breaks the line
+  samples: S[]; // ascending times
+  value: (sample: S) => number; // NaN breaks the line
 }
 
 interface Plot {
   title: string;
   unit: string;
-  height: number;
   series: () => Series[];
   zero?: boolean; // the axis starts at 0
   least?: number; // the axis covers at least so much
   of?: "target" | "camera"; // only where there is one
 }
 
+const height = 150; // CSS pixels
 const stateColors = { tracking: "--good", coasting: "--warn", searching: "--info", lost: "--bad" } as const;
 
 const colorOfTrack = (track: { name: string; isCamera: boolean }) => (track.isCamera ? "var(--accent)" : lineColorOf(track.name));
 
 // Targets of one colour are told apart by these.
 const sameHueDashes = [[], [7, 4], [2, 3], [9, 3, 2, 3]];
+const dashes = [[], [7, 4], [2, 3]]; // x, y, z
+
+const series = (name: string, color: string, dash: number[], samples: Sample[], value: (s: Sample) => number) => ({ name, color, dash, samples, value }) as unknown as Series;
 
 function perTrack(value: (s: Sample) => number): () => Series[] {
   return () =>
-    tracks().map((t) => ({
-      name: t.name,
-      color: colorOfTrack(t),
-      dash: t.isCamera ? [] : sameHueDashes[Math.min(likeBefore(t.name), sameHueDashes.length - 1)],
-      points: t.history.map((s) => [s.t, value(s)] as [number, number]),
-    }));
+    tracks().map((t) => series(t.name, colorOfTrack(t), t.isCamera ? [] : sameHueDashes[Math.min(likeBefore(t.name), sameHueDashes.length - 1)], t.history, value));
 }
 
-const dashes = [[], [7, 4], [2, 3]];
 const plots: Plot[] = [
   {
     title: "Position",
     unit: "m",
-    height: 150,
     least: 0.2,
     series: () =>
-      tracks().flatMap((t) =>
-        ["x", "y", "z"].map((axis, i) => ({
-          name: `${t.name} ${axis}`,
-          color: colorOfTrack(t),
-          dash: dashes[i],
-          points: t.history.map((s) => [s.t, s.p ? s.p[i] : NaN] as [number, number]),
-        })),
-      ),
+      tracks().flatMap((t) => ["x", "y", "z"].map((axis, i) => series(`${t.name} ${axis}`, colorOfTrack(t), dashes[i], t.history, (s) => (s.p ? s.p[i] : NaN)))),
   },
-  { title: "Uncertainty (1σ, largest axis)", unit: "mm", height: 150, zero: true, least: 5, series: perTrack((s) => s.sigma * 1000) },
-  { title: "Speed", unit: "m/s", height: 150, zero: true, least: 0.5, series: perTrack((s) => s.speed) },
-  { title: "Latency, capture to bus", unit: "ms", height: 150, zero: true, least: 5, series: perTrack((s) => s.latency * 1000) },
-  { title: "Effective particles", unit: "", height: 150, zero: true, least: 50, of: "target", series: perTrack((s) => s.ess) },
-  { title: "Features matched", unit: "", height: 150, zero: true, least: 10, of: "camera", series: perTrack((s) => s.features) },
+  { title: "Uncertainty (1σ, largest axis)", unit: "mm", zero: true, least: 5, series: perTrack((s) => s.sigma * 1000) },
+  { title: "Speed", unit: "m/s", zero: true, least: 0.5, series: perTrack((s) => s.speed) },
+  { title: "Latency, capture to bus", unit: "ms", zero: true, least: 5, series: perTrack((s) => s.latency * 1000) },
+  { title: "Residual (largest of a view)", unit: "px", zero: true, least: 1, of: "target", series: perTrack((s) => s.residual) },
+  { title: "Features matched", unit: "", zero: true, least: 10, of: "camera", series: perTrack((s) => s.features) },
   {
     title: "Frame sets tracked",
     unit: "/s",
-    height: 150,
     zero: true,
     least: 10,
-    series: () => [{ name: "sets", color: "var(--accent)", points: store.rates.map((r) => [r.t, r.rate] as [number, number]) }],
+    series: () => [{ name: "sets", color: "var(--accent)", samples: store.rates, value: (r) => (r as { t: number; rate: number }).rate }],
   },
 ];
 
@@ -75,8 +66,9 @@ interface Drawn {
   now: HTMLElement;
 }
 const drawn: Drawn[] = [];
-const parent = document.getElementById("plots")!;
-const states = document.getElementById("states") as HTMLCanvasElement;
+const $ = <T extends HTMLElement>(id: string) => document.getElementById(id) as T;
+const parent = $("plots");
+const states = $<HTMLCanvasElement>("states");
 
 const line = (dash: number[]) =>
   `<svg width="26" height="8" aria-hidden="true"><line x1="0" y1="4" x2="26" y2="4" stroke="currentcolor" stroke-width="1.8" stroke-dasharray="${dash.join(" ")}"/></svg>`;
@@ -93,7 +85,7 @@ for (const plot of plots) {
     );
   parent.append(figure);
   const canvas = figure.querySelector("canvas")!;
-  canvas.style.height = `${plot.height}px`;
+  canvas.style.height = `${height}px`;
   drawn.push({ plot, figure, canvas, now: figure.querySelector(".now")! });
 }
 
@@ -119,32 +111,63 @@ function step(range: number, count: number): number {
   return ([1, 2, 5].find((m) => m * power >= raw) ?? 10) * power;
 }
 
+// ---- Which time is shown: up to now, or what was when Pause was pressed.
+let paused: { end: number; rates: number } | null = null;
+let cursor: number | null = null; // seconds before the end
+// Asked to draw again, by a hand.
+let changed = () => {};
+export function onPlotsChanged(tell: () => void): void {
+  changed = tell;
+}
+
 // Where the time axis ends, on the samples' clock: while nothing comes it goes on, and what was is left behind.
 const pause = 1; // s that may lie between two samples
 function endTime(): number {
+  if (paused) return paused.end;
   let t = -Infinity;
   for (const track of tracks()) t = Math.max(t, track.history.at(-1)?.t ?? -Infinity);
   return t + silence();
 }
+// Rates have the bridge's clock.
+function endOfRates(): number {
+  if (paused) return paused.rates;
+  const sinceStatus = (performance.now() - store.statusHeard) / 1000;
+  return (store.rates.at(-1)?.t ?? 0) + (sinceStatus > 2 ? sinceStatus : 0);
+}
+const endOf = (plot: Plot, end: number) => (plot.title.startsWith("Frame sets") ? endOfRates() : end);
 // Seconds since the last sample of all; 0 while they come.
 function silence(): number {
   const since = secondsOfSilence();
   return Number.isFinite(since) && since > pause ? since : 0;
 }
 
-// As long as there is something to show, in whole steps of the axis: a service that has just begun does not draw into a corner.
+// Spans and steps of the axis. Until somebody chooses, as long as there is something to show: a service that has just begun does
+// not draw into a corner.
 const ticks = [
   [10, 2],
   [20, 5],
-  [historySeconds, 10],
+  [30, 10],
+  [60, 10],
+  [120, 20],
+  [300, 60],
+  [historySeconds, 120],
 ];
-let span = ticks[0][0];
-let tick = ticks[0][1];
+const longestUnasked = 30;
+let chosen = 0; // s; 0: nobody chose
+let [span, tick] = ticks[0];
 function fitSpan(end: number): void {
-  let oldest = end;
-  for (const track of tracks()) oldest = Math.min(oldest, track.history[0]?.t ?? end);
-  [span, tick] = ticks.find(([seconds]) => end - oldest <= seconds) ?? ticks[ticks.length - 1];
+  let wanted = chosen;
+  if (!wanted) {
+    let oldest = end;
+    for (const track of tracks()) oldest = Math.min(oldest, track.history[0]?.t ?? end);
+    wanted = Math.min(end - oldest, longestUnasked);
+  }
+  [span, tick] = ticks.find(([seconds]) => wanted <= seconds) ?? ticks[ticks.length - 1];
 }
+// Of a time that lies on a pixel nobody sees a part.
+export const plotPeriod = () => Math.min(1000, (1000 * span) / 400);
+export const plotSpan = () => span;
+export const isPaused = () => paused !== null;
 
 const left = 46;
 const right = 10;
@@ -152,19 +175,19 @@ const right = 10;
 function drawPlot({ plot, canvas }: Drawn, end: number): void {
   const [g, w, h] = prepare(canvas);
   const bottom = 18;
-  const series = plot.series();
-  const isRate = plot.title.startsWith("Frame sets");
-  const sinceStatus = (performance.now() - store.statusHeard) / 1000;
-  const own = isRate ? (store.rates.at(-1)?.t ?? 0) + (sinceStatus > 2 ? sinceStatus : 0) : end;
+  const all = plot.series();
+  const own = endOf(plot, end);
   const begin = own - span;
+  const parts = all.map((s) => [indexAt(s.samples, begin), indexAt(s.samples, own + 1e-6)]);
   let low = Infinity;
   let high = -Infinity;
-  for (const s of series)
-    for (const [t, y] of s.points)
-      if (t >= begin && Number.isFinite(y)) {
-        low = Math.min(low, y);
-        high = Math.max(high, y);
-      }
+  all.forEach((s, k) => {
+    for (let i = parts[k][0]; i < parts[k][1]; i++) {
+      const v = s.value(s.samples[i]);
+      if (v < low) low = v;
+      if (v > high) high = v;
+    }
+  });
   if (low > high) [low, high] = [0, plot.least ?? 1];
   if (plot.zero) low = 0;
   const short = (plot.least ?? 0) - (high - low);
@@ -194,38 +217,81 @@ function drawPlot({ plot, canvas }: Drawn, end: number): void {
   g.beginPath();
   g.rect(left, 0, w - left - right, h - bottom + 1);
   g.clip();
-  for (const s of series) {
+  all.forEach((s, k) => {
     g.strokeStyle = resolve(s.color);
     g.lineWidth = 1.8;
     g.setLineDash(s.dash ?? []);
     g.beginPath();
-    let open = false;
-    let last = -Infinity;
-    for (const [t, v] of s.points) {
-      if (t < begin - 1) continue;
-      if (!Number.isFinite(v)) {
-        open = false;
-        continue;
-      }
-      if (open && t - last < 2.5) g.lineTo(x(t), y(v));
-      else g.moveTo(x(t), y(v));
-      open = true;
-      last = t;
-    }
+    trace(g, s, Math.max(0, parts[k][0] - 1), parts[k][1], x, y);
     g.stroke();
-  }
+  });
+  g.setLineDash([]);
+  if (cursor !== null) drawCursor(g, x(own - cursor), 0, h - bottom);
   g.restore();
 }
+
+// Many samples may lie on one pixel: of those the first, the least, the greatest and the last are all that can be seen.
+function trace(g: CanvasRenderingContext2D, s: Series, from: number, to: number, x: (t: number) => number, y: (v: number) => number): void {
+  const gap = 2.5; // s without a sample: the line breaks
+  let open = false;
+  let last = -Infinity;
+  let column = NaN;
+  let [least, most, latest] = [0, 0, 0];
+  const close = () => {
+    if (least !== most) {
+      g.lineTo(column, y(least));
+      g.lineTo(column, y(most));
+    }
+    g.lineTo(column, y(latest));
+  };
+  for (let i = from; i < to; i++) {
+    const { t } = s.samples[i];
+    const v = s.value(s.samples[i]);
+    const isThere = Number.isFinite(v);
+    if (open && (!isThere || t - last >= gap)) {
+      close();
+      open = false;
+    }
+    if (!isThere) continue;
+    const at = Math.round(2 * x(t)) / 2;
+    if (open && at === column) {
+      least = Math.min(least, v);
+      most = Math.max(most, v);
+    } else {
+      if (open) close();
+      if (open) g.lineTo(at, y(v));
+      else g.moveTo(at, y(v));
+      column = at;
+      least = most = v;
+    }
+    latest = v;
+    last = t;
+    open = true;
+  }
+  if (open) close();
+}
+
+function drawCursor(g: CanvasRenderingContext2D, x: number, top: number, bottom: number): void {
+  g.strokeStyle = variable("--ink");
+  g.lineWidth = 1;
+  g.beginPath();
+  g.moveTo(x, top);
+  g.lineTo(x, bottom);
+  g.stroke();
+}
+
+const ago = (s: number) => (s >= 120 ? `−${+(s / 60).toFixed(1)} min` : `−${s} s`);
 
 function timeAxis(g: CanvasRenderingContext2D, w: number, h: number, from = left): void {
   g.textBaseline = "alphabetic";
   for (let s = 0; s <= span; s += tick) {
     const at = from + (1 - s / span) * (w - from - right);
     g.textAlign = s === 0 ? "right" : s === span ? "left" : "center";
-    g.fillText(s === 0 ? "now" : `−${s} s`, at, h - 4);
+    g.fillText(s === 0 ? (paused ? "paused" : "now") : ago(s), at, h - 4);
   }
 }
 
+let statesFrom = left; // where the strip begins
 function drawStates(end: number): void {
   const targets = tracks();
   states.style.height = `${Math.max(1, targets.length) * 22 + 20}px`;
@@ -233,7 +299,7 @@ function drawStates(end: number): void {
   const begin = end - span;
   g.font = "12px system-ui, sans-serif";
   const widest = Math.max(0, ...targets.map((t) => g.measureText(t.name).width));
-  const from = Math.min(Math.max(left, widest + 8), w / 3); // of the strip; a name that is still wider is cut
+  const from = (statesFrom = Math.min(Math.max(left, widest + 8), w / 3)); // of the strip; a name that is still wider is cut
   const x = (t: number) => from + ((t - begin) / span) * (w - from - right);
   const cut = (name: string) => {
     let text = name;
@@ -246,16 +312,17 @@ function drawStates(end: number): void {
     g.textAlign = "right";
     g.textBaseline = "middle";
     g.fillText(cut(target.name), from - 6, y + 8);
-    const samples = target.history.filter((s) => s.t >= begin);
-    for (let i = 0; i < samples.length; ) {
+    const samples = target.history;
+    const to = indexAt(samples, end + 1e-6);
+    for (let i = indexAt(samples, begin); i < to; ) {
       let k = i;
-      while (k + 1 < samples.length && samples[k + 1].state === samples[i].state && samples[k + 1].t - samples[k].t < 1) k++;
+      while (k + 1 < to && samples[k + 1].state === samples[i].state && samples[k + 1].t - samples[k].t < 1) k++;
       const start = x(samples[i].t);
-      const to = k + 1 < samples.length && samples[k + 1].t - samples[k].t < 1 ? x(samples[k + 1].t) : x(samples[k].t) + 1;
+      const until = k + 1 < to && samples[k + 1].t - samples[k].t < 1 ? x(samples[k + 1].t) : x(samples[k].t) + 1;
       g.fillStyle = variable(stateColors[samples[i].state]);
-      g.fillRect(start, y, Math.max(1, to - start), 16);
+      g.fillRect(start, y, Math.max(1, until - start), 16);
       const text = samples[i].state;
-      if (to - start > g.measureText(text).width + 8) {
+      if (until - start > g.measureText(text).width + 8) {
         g.fillStyle = variable("--on-state");
         g.textAlign = "left";
         g.fillText(text, start + 4, y + 8.5);
@@ -265,6 +332,7 @@ function drawStates(end: number): void {
   });
   g.fillStyle = variable("--muted");
   timeAxis(g, w, h, from);
+  if (cursor !== null) drawCursor(g, x(end - cursor), 0, h - 18);
   states.setAttribute("aria-label", `States over time. Now: ${targets.map((t) => `${t.name} ${t.history.at(-1)?.state ?? "unknown"}`).join(", ") || "no target"}`);
 }
 
@@ -277,30 +345,113 @@ export function drawPlots(): void {
   for (const d of drawn) drawPlot(d, Number.isFinite(end) ? end : 0);
 }
 
-// Once a second, for who does not see the lines.
+// The value nearest to the cursor, or the newest; NaN: there is none.
+function valueAt(s: Series, end: number): number {
+  if (cursor === null && !paused) return s.samples.length ? s.value(s.samples[s.samples.length - 1]) : NaN;
+  const t = end - (cursor ?? 0);
+  const i = indexAt(s.samples, t);
+  const near = [s.samples[i - 1], s.samples[i]].filter((one) => one && Math.abs(one.t - t) < 1).sort((a, b) => Math.abs(a.t - t) - Math.abs(b.t - t));
+  return near.length ? s.value(near[0]) : NaN;
+}
+
+// Once a second, for who does not see the lines; and where the cursor is.
 export function updatePlotTexts(): void {
   const quiet = silence();
+  const end = endTime();
   for (const { plot, canvas, now } of drawn) {
-    const isSilent = plot.title.startsWith("Frame sets") ? !isServing() : quiet > 2;
+    const isPast = cursor !== null || paused !== null;
+    const isSilent = !isPast && (plot.title.startsWith("Frame sets") ? !isServing() : quiet > 2);
     const isPosition = plot.title === "Position";
-    const series = plot.series();
+    const all = plot.series();
     const valueOf = (s: Series) => {
-      const v = s.points.at(-1)?.[1];
-      return isSilent || v === undefined || !Number.isFinite(v) ? "–" : v.toFixed(Math.abs(v) < 10 ? 2 : 1);
+      const v = isSilent ? NaN : valueAt(s, endOf(plot, end));
+      return Number.isFinite(v) ? v.toFixed(Math.abs(v) < 10 ? (isPosition && isPast ? 3 : 2) : 1) : "–";
     };
     // Of a target's three coordinates one line stands for its colour; which is which is said beside.
-    const shown = isPosition ? series.filter((_, i) => i % 3 === 0) : series;
+    const shown = isPosition ? all.filter((_, i) => i % 3 === 0) : all;
     now.replaceChildren(
-      ...shown.map((s) => {
+      ...shown.map((s, i) => {
         const entry = document.createElement("span");
         entry.innerHTML = line(isPosition ? [] : (s.dash ?? []));
         (entry.firstElementChild as SVGElement).style.color = resolve(s.color);
-        entry.append(isPosition ? ` ${s.name.slice(0, -2)}` : ` ${s.name} ${valueOf(s)}`);
+        const values = isPosition ? (isPast ? ` ${all.slice(3 * i, 3 * i + 3).map(valueOf).join(" ")}` : "") : ` ${valueOf(s)}`;
+        entry.append(` ${isPosition ? s.name.slice(0, -2) : s.name}${values}`);
         return entry;
       }),
-      ...(isSilent && series.length ? [quiet > 2 ? `nothing for ${Math.floor(quiet)} s` : "nothing comes"] : []),
+      ...(isSilent && all.length ? [quiet > 2 ? `nothing for ${Math.floor(quiet)} s` : "nothing comes"] : []),
     );
-    const texts = series.map((s) => `${s.name} ${valueOf(s)}`);
-    canvas.setAttribute("aria-label", `${plot.title} over the last ${historySeconds} seconds, now: ${isSilent ? "nothing comes" : texts.join(", ") || "nothing"}`);
+    const texts = all.map((s) => `${s.name} ${valueOf(s)}`);
+    canvas.setAttribute("aria-label", `${plot.title} over the last ${span} seconds, ${cursor !== null ? `${cursor.toFixed(1)} s before the end` : "now"}: ${isSilent ? "nothing comes" : texts.join(", ") || "nothing"}`);
   }
+  $("plot-cursor").textContent = cursor === null ? "" : `at −${cursor.toFixed(2)} s`;
 }
+
+// ---- The cursor: under the pointer, or moved with the arrow keys.
+function pointAt(seconds: number | null): void {
+  cursor = seconds === null ? null : Math.min(span, Math.max(0, seconds));
+  updatePlotTexts();
+  changed();
+}
+function follow(canvas: HTMLCanvasElement, from: () => number): void {
+  canvas.addEventListener("pointermove", (event) => {
+    const r = canvas.getBoundingClientRect();
+    pointAt(span * (1 - (event.clientX - r.left - from()) / (r.width - from() - right)));
+  });
+  canvas.addEventListener("pointerleave", () => pointAt(null));
+}
+for (const { canvas } of drawn) follow(canvas, () => left);
+follow(states, () => statesFrom);
+parent.addEventListener("keydown", (event) => {
+  const moves: Record<string, number> = { ArrowLeft: span / 100, ArrowRight: -span / 100 };
+  if (event.key === "Escape" && cursor !== null) pointAt(null);
+  else if (moves[event.key]) pointAt((cursor ?? 0) + moves[event.key] * (event.shiftKey ? 10 : 1));
+  else return;
+  event.preventDefault();
+});
+parent.addEventListener("blur", () => pointAt(null));
+
+const spans = $<HTMLSelectElement>("plot-span");
+spans.addEventListener("change", () => {
+  chosen = Number(spans.value);
+  changed();
+});
+$("plot-pause").addEventListener("click", () => {
+  const end = endTime();
+  paused = paused || !Number.isFinite(end) ? null : { end, rates: endOfRates() };
+  $("plot-pause").textContent = paused ? "Go on" : "Pause";
+  $("plot-pause").setAttribute("aria-pressed", String(paused !== null));
+  updatePlotTexts();
+  changed();
+});
+
+// ---- What is shown, to take away
+$("plot-csv").addEventListener("click", () => {
+  const end = endTime();
+  const rows = ["name,t,state,x,y,z,sigma_m,speed_m_s,latency_s,residual_px"];
+  const number = (v: number, digits: number) => (Number.isFinite(v) ? v.toFixed(digits) : "");
+  const name = (text: string) => (/[",\n]/.test(text) ? `"${text.replaceAll('"', '""')}"` : text);
+  for (const track of tracks())
+    for (const s of track.history.slice(indexAt(track.history, end - span), indexAt(track.history, end + 1e-6)))
+      rows.push([name(track.name), s.t.toFixed(6), s.state, ...[0, 1, 2].map((i) => number(s.p?.[i] ?? NaN, 6)), number(s.sigma, 6), number(s.speed, 4), number(s.latency, 6), number(s.residual, 3)].join());
+  save(new Blob([rows.join("\n") + "\n"], { type: "text/csv" }), "huetrack.csv");
+});
+$("plot-png").addEventListener("click", () => {
+  drawPlots();
+  const shown = [{ title: "State", canvas: states }, ...drawn.filter((d) => !d.figure.hidden).map((d) => ({ title: d.figure.querySelector("b")!.textContent!, canvas: d.canvas }))];
+  const scale = Math.min(devicePixelRatio, 2);
+  const title = 22 * scale;
+  const width = Math.max(...shown.map((s) => s.canvas.width));
+  const sheet = Object.assign(document.createElement("canvas"), { width, height: shown.reduce((sum, s) => sum + s.canvas.height + title, 0) });
+  const g = sheet.getContext("2d")!;
+  g.fillStyle = variable("--panel");
+  g.fillRect(0, 0, sheet.width, sheet.height);
+  g.fillStyle = variable("--ink");
+  g.font = `600 ${13 * scale}px system-ui, sans-serif`;
+  let top = 0;
+  for (const { title: text, canvas } of shown) {
+    g.fillText(text, 6 * scale, top + 16 * scale);
+    g.drawImage(canvas, 0, top + title);
+    top += title + canvas.height;
+  }
+  sheet.toBlob((blob) => blob && save(blob, "huetrack-plots.png"));
+});

@@ -7,10 +7,11 @@ import { LineSegments2 } from "three/addons/lines/LineSegments2.js";
 import { LineSegmentsGeometry } from "three/addons/lines/LineSegmentsGeometry.js";
 import { colorOf, lineColorOf, variable } from "./color";
 import type { CameraMap, N, Scene, SceneCamera } from "./messages";
-import { store, targetOf, type Target, type TrackedCamera } from "./store";
+import { lately, store, targetOf, type Target, type TrackedCamera } from "./store";
 
 const chi95 = Math.sqrt(7.815); // of three dimensions
-const trailLength = 300;
+const trailSeconds = 10;
+const roamSeconds = 30; // where a camera was so lately has to fit in
 const labelHeight = 13; // CSS pixels, however far away
 
 // The matrix that makes the unit sphere the 95 % ellipsoid: the Cholesky factor of the covariance (xx xy xz yy yz zz).
@@ -29,38 +30,91 @@ function ellipsoidMatrix(c: number[], at: THREE.Vector3, matrix: THREE.Matrix4):
     0, 0, 0, 1);
 }
 
-// A line of some pixels' width that fades with age. Kept as segments: it may have gaps.
+interface Place {
+  t: number;
+  p: [number, number, number] | null;
+}
+const longestGap = 0.5; // s; the way there is not known
+const leastStep = 0.004; // m; less may be noise, and has no direction
+const leastTurn = Math.cos(0.15); // rad; an arc of a metre's radius is then drawn within 3 mm
+
+// The places where a way bends, its ends, and those beside a gap: a processor that draws has four times less to do.
+function bends(points: Place[]): (Place & { isAfterGap: boolean })[] {
+  const way: (Place & { isAfterGap: boolean })[] = [];
+  let last: Place | null = null; // that was looked at
+  let from: Place | null = null; // where the last step began
+  let direction: number[] | null = null; // since the last bend
+  for (const place of points) {
+    if (!place.p) continue;
+    const isAfterGap = !last || place.t - last.t > longestGap;
+    if (isAfterGap) {
+      if (last && way.at(-1)?.t !== last.t) way.push({ ...last, isAfterGap: false });
+      way.push({ ...place, isAfterGap: true });
+      [from, direction] = [place, null];
+    } else {
+      const step = place.p.map((v, i) => v - from!.p![i]);
+      const length = Math.hypot(...step);
+      if (length >= leastStep) {
+        const now = step.map((v) => v / length);
+        direction ??= now;
+        if (now.reduce((sum, v, i) => sum + v * direction![i], 0) < leastTurn) {
+          way.push({ ...from!, isAfterGap: false });
+          direction = now;
+        }
+        from = place;
+      }
+    }
+    last = place;
+  }
+  if (last && way.at(-1)?.t !== last.t) way.push({ ...last, isAfterGap: false });
+  return way;
+}
+
+// A line that fades with age. Kept as segments: it may have gaps. Of some pixels' width, which a processor that draws needs twice
+// as long for: there it is of one.
 class Trail {
-  readonly line: LineSegments2;
-  private readonly material = new LineMaterial({ linewidth: 2.5, vertexColors: true, transparent: true });
-  constructor() {
-    this.line = new LineSegments2(new LineSegmentsGeometry(), this.material);
+  readonly line: THREE.Object3D;
+  private readonly thin: THREE.LineSegments<THREE.BufferGeometry, THREE.LineBasicMaterial> | null = null;
+  private readonly wide: LineSegments2 | null = null;
+  constructor(isSlow: boolean) {
+    if (isSlow) this.line = this.thin = new THREE.LineSegments(new THREE.BufferGeometry(), new THREE.LineBasicMaterial({ vertexColors: true }));
+    else this.line = this.wide = new LineSegments2(new LineSegmentsGeometry(), new LineMaterial({ linewidth: 2.5, vertexColors: true, transparent: true }));
     this.line.frustumCulled = false;
   }
-  update(points: { t: number; p: [number, number, number] | null }[], color: THREE.Color, background: THREE.Color): void {
+  update(points: Place[], color: THREE.Color, background: THREE.Color): void {
     const positions: number[] = [];
     const colors: number[] = [];
     const shade = new THREE.Color();
-    for (let i = 1; i < points.length; i++) {
-      const a = points[i - 1].p;
-      const b = points[i].p;
-      if (!a || !b || points[i].t - points[i - 1].t > 0.5) continue;
-      positions.push(...a, ...b);
-      for (const k of [i - 1, i]) {
-        shade.copy(background).lerp(color, 0.2 + (0.8 * k) / points.length);
+    const way = bends(points);
+    const [begin, end] = [way[0]?.t ?? 0, way.at(-1)?.t ?? 1];
+    for (let i = 1; i < way.length; i++) {
+      const [a, b] = [way[i - 1], way[i]];
+      if (!a.p || !b.p || b.isAfterGap) continue;
+      positions.push(...a.p, ...b.p);
+      for (const { t } of [a, b]) {
+        shade.copy(background).lerp(color, 0.35 + (0.65 * (t - begin)) / Math.max(1e-9, end - begin));
         colors.push(shade.r, shade.g, shade.b);
       }
     }
     this.line.visible = positions.length > 0;
     if (!positions.length) return;
-    this.line.geometry.dispose();
-    this.line.geometry = new LineSegmentsGeometry();
-    this.line.geometry.setPositions(positions);
-    this.line.geometry.setColors(colors);
+    if (this.thin) {
+      this.thin.geometry.dispose();
+      this.thin.geometry = new THREE.BufferGeometry();
+      this.thin.geometry.setAttribute("position", new THREE.Float32BufferAttribute(positions, 3));
+      this.thin.geometry.setAttribute("color", new THREE.Float32BufferAttribute(colors, 3));
+    } else {
+      this.wide!.geometry.dispose();
+      this.wide!.geometry = new LineSegmentsGeometry();
+      this.wide!.geometry.setPositions(positions);
+      this.wide!.geometry.setColors(colors);
+    }
   }
   dispose(): void {
-    this.line.geometry.dispose();
-    this.material.dispose();
+    for (const line of [this.thin, this.wide]) {
+      line?.geometry.dispose();
+      line?.material.dispose();
+    }
   }
 }
 
@@ -70,16 +124,19 @@ class TargetModel {
   private readonly ball: THREE.Mesh<THREE.SphereGeometry, THREE.MeshLambertMaterial>;
   private readonly ellipsoid: THREE.Mesh<THREE.SphereGeometry, THREE.MeshBasicMaterial>;
   private readonly drop: THREE.Line<THREE.BufferGeometry, THREE.LineDashedMaterial>;
-  private readonly trail = new Trail();
+  private readonly trail: Trail;
 
   constructor(
     name: string,
     private readonly radius: number,
     private readonly floor: number,
+    isSlow: boolean,
   ) {
-    this.ball = new THREE.Mesh(new THREE.SphereGeometry(radius, 24, 16), new THREE.MeshLambertMaterial({ transparent: true }));
+    this.trail = new Trail(isSlow);
+    const [around, down] = isSlow ? [14, 9] : [24, 16];
+    this.ball = new THREE.Mesh(new THREE.SphereGeometry(radius, around, down), new THREE.MeshLambertMaterial({ transparent: true }));
     this.ellipsoid = new THREE.Mesh(
-      new THREE.SphereGeometry(1, 24, 16),
+      new THREE.SphereGeometry(1, around, down),
       new THREE.MeshBasicMaterial({ transparent: true, opacity: 0.75, depthWrite: false }),
     );
     // The ball is clear glass around its ellipsoid, which mostly is the smaller one.
@@ -116,7 +173,7 @@ class TargetModel {
       this.ellipsoid.visible = c.every((v) => v !== null);
       if (this.ellipsoid.visible) ellipsoidMatrix([0, 1, 2, 4, 5, 8].map((i) => c[i]!), at, this.ellipsoid.matrix);
     }
-    this.trail.update(target.history.slice(-trailLength), lines, background);
+    this.trail.update(lately(target.history, trailSeconds), lines, background);
   }
 
   dispose(): void {
@@ -135,7 +192,7 @@ class TrackedCameraModel {
   readonly label: Label;
   private readonly frustum: LineSegments2;
   private readonly frustumMaterial = new LineMaterial({ linewidth: 2.5 });
-  private readonly trail = new Trail();
+  private readonly trail: Trail;
   private readonly points: THREE.Points<THREE.BufferGeometry, THREE.PointsMaterial>;
   private ellipsoids: THREE.InstancedMesh<THREE.IcosahedronGeometry, THREE.MeshBasicMaterial> | null = null;
   private shown: CameraMap | null = null;
@@ -144,7 +201,9 @@ class TrackedCameraModel {
   constructor(
     name: string,
     camera: SceneCamera | undefined,
+    isSlow: boolean,
   ) {
+    this.trail = new Trail(isSlow);
     const depth = 1; // scaled in update()
     const [fx, fy, cx, cy] = camera?.intrinsics ?? [500, 500, 319.5, 239.5];
     const [w, h] = camera?.size ?? [640, 480];
@@ -178,7 +237,7 @@ class TrackedCameraModel {
       this.label.sprite.position.copy(at).setZ(at.z + size * 0.03);
     }
     this.frustumMaterial.color.copy(color);
-    this.trail.update(camera.history.slice(-2 * trailLength), color, background);
+    this.trail.update(lately(camera.history, 2 * trailSeconds), color, background);
     const theme = document.documentElement.dataset.theme ?? "";
     if (camera.map && (camera.map !== this.shown || theme !== this.shownWith)) this.showMap(camera.map, size);
     this.shownWith = theme;
@@ -429,7 +488,7 @@ export class Scene3d {
       let model = this.models.get(target.name);
       if (!model && this.shown) {
         const radius = this.shown.targets.find((t) => t.name === targetOf(target.name, this.shown!.targets.map((t) => t.name)))?.radius ?? 0.04;
-        model = new TargetModel(target.name, radius, this.shown.volume[0][2]);
+        model = new TargetModel(target.name, radius, this.shown.volume[0][2], this.isSlow);
         this.models.set(target.name, model);
         this.scene.add(model.group);
       }
@@ -439,7 +498,7 @@ export class Scene3d {
     for (const [name, camera] of store.trackedCameras) {
       let model = this.tracked.get(name);
       if (!model && this.shown) {
-        model = new TrackedCameraModel(name, this.shown.cameras.find((c) => c.name === name));
+        model = new TrackedCameraModel(name, this.shown.cameras.find((c) => c.name === name), this.isSlow);
         this.tracked.set(name, model);
         this.scene.add(model.group);
       }
@@ -495,8 +554,9 @@ export class Scene3d {
       cloud = known.filter((p) => p.every((v, i) => v >= range[i][0] && v <= range[i][1])).map(([x, y, z]) => new THREE.Vector3(x, y, z));
     }
     const way: THREE.Vector3[] = [];
-    for (let i = 0; i < camera.history.length; i += 15) {
-      const p = camera.history[i].p;
+    const recent = lately(camera.history, roamSeconds);
+    for (let i = 0; i < recent.length; i += 15) {
+      const p = recent[i].p;
       if (p) way.push(new THREE.Vector3(...p));
     }
     const now = camera.latest?.position;
@@ -534,7 +594,7 @@ export class Scene3d {
     this.clear();
     // A camera that is tracked is where it is tracked, not where the rig file has it. Without targets the volume, too,
     // stands for nothing.
-    const cameras = scene.cameras.filter((c) => !store.trackedCameras.has(c.name));
+    const cameras = scene.cameras.filter((c) => c.model && !store.trackedCameras.has(c.name)); // of others nobody knows where
     const hasVolume = scene.targets.length > 0;
     const low = new THREE.Vector3(...scene.volume[0]);
     const high = new THREE.Vector3(...scene.volume[1]);

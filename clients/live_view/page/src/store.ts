@@ -1,7 +1,7 @@
 // What the page knows. The views read it; nothing here touches the document.
 import type { CameraMap, CameraPose, CameraTimes, Position, Pulse, Scene, State, Status } from "./messages";
 
-export const historySeconds = 30;
+export const historySeconds = 600;
 
 export interface Sample {
   t: number;
@@ -10,7 +10,7 @@ export interface Sample {
   sigma: number; // largest axis, m; NaN without a position
   speed: number;
   latency: number;
-  ess: number; // NaN of a camera
+  residual: number; // px, of the view that fits worst; NaN where none does, and of a camera
   features: number; // matched; NaN of a target
 }
 
@@ -80,16 +80,36 @@ export function takePosition(sample: Position): void {
     sigma: largestSigma(sample.covariance),
     speed: length(sample.velocity),
     latency: sample.latency,
-    ess: sample.ess,
+    residual: largestResidual(sample),
     features: NaN,
   });
   forgetOld(target.history);
 }
 
-function forgetOld(history: Sample[]): void {
-  const from = history[history.length - 1].t - historySeconds;
-  let old = 0;
-  while (old < history.length && history[old].t < from) old++;
+function largestResidual(sample: Position): number {
+  let most = NaN;
+  for (const view of sample.per_view) if (view.seen && Number.isFinite(view.residual_px) && !(most >= view.residual_px)) most = view.residual_px;
+  return most;
+}
+
+// The first that is not before t, of ascending times.
+export function indexAt(samples: { t: number }[], t: number): number {
+  let [low, high] = [0, samples.length];
+  while (low < high) {
+    const middle = (low + high) >> 1;
+    if (samples[middle].t < t) low = middle + 1;
+    else high = middle;
+  }
+  return low;
+}
+
+// Of the last seconds that there are.
+export function lately<S extends { t: number }>(samples: S[], seconds: number): S[] {
+  return samples.length ? samples.slice(indexAt(samples, samples[samples.length - 1].t - seconds)) : [];
+}
+
+function forgetOld(history: { t: number }[]): void {
+  const old = indexAt(history, history[history.length - 1].t - historySeconds);
   if (old > 60) history.splice(0, old);
 }
 
@@ -124,7 +144,7 @@ export function takeCameraPose(sample: CameraPose): void {
     sigma: p ? Math.max(...sample.sigma.map((s) => s ?? NaN)) : NaN,
     speed: before && sample.t > before.t ? moved / (sample.t - before.t) : NaN,
     latency: sample.latency,
-    ess: NaN,
+    residual: NaN,
     features: sample.features_matched,
   });
   forgetOld(camera.history);
@@ -151,7 +171,7 @@ export function takeStatus(status: Status): boolean {
   store.status = status;
   store.statusHeard = performance.now();
   store.rates.push({ t: status.heard, rate: status.set_rate_hz });
-  while (store.rates.length && store.rates[0].t < status.heard - historySeconds) store.rates.shift();
+  forgetOld(store.rates);
   for (const [name, target] of store.targets) {
     const isEnded = !status.targets.includes(name) && target.latest.state === "lost";
     if (isEnded || !status.targets.includes(targetOf(name, status.targets))) store.targets.delete(name);

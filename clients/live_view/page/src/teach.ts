@@ -22,6 +22,8 @@ interface Picture {
   taught: TaughtCamera | null;
 }
 
+const [undo, redo] = ["Undo last save", "Redo it"];
+
 let number = 0;
 let pending = 0; // the request that is waited for
 let pictures: Picture[] = [];
@@ -36,6 +38,7 @@ let least = -Infinity; // of `wider`: beyond, nothing changes any more
 let most = Infinity;
 let before = ""; // the ranges before the last step
 let service = ""; // whose pictures these are
+let isUndoing = false; // the rectangles that come then are those of before
 
 const panel = $("teach-panel");
 const say = (text: string, isBad = false) => {
@@ -85,11 +88,14 @@ export async function takeTeachReply(reply: TeachReply): Promise<void> {
   const stepped = lastStep;
   lastStep = 0;
   if (!reply.granted) {
+    isUndoing = false;
     wider -= stepped;
     update();
     return say(reply.reason, true);
   }
   say(reply.reason);
+  if (isUndoing) $("teach-undo").textContent = $("teach-undo").textContent === undo ? redo : undo;
+  else if (/^Saved/.test(reply.reason)) $("teach-undo").textContent = undo;
   if (reply.cameras.some((c) => c.jpeg)) await showPictures(reply.cameras);
   const ranges = JSON.stringify(reply.cameras.map((c) => c.color));
   if (stepped && ranges === before) {
@@ -410,7 +416,7 @@ function update(): void {
   updateLiveMasks();
   if (!unconfirmed.length) saysAlone = false;
   panel.setAttribute("aria-busy", String(busy));
-  for (const id of ["teach-freeze", "teach-again"]) $<HTMLButtonElement>(id).disabled = busy;
+  for (const id of ["teach-freeze", "teach-again", "teach-undo"]) $<HTMLButtonElement>(id).disabled = busy;
   $<HTMLButtonElement>("teach-save").disabled = busy || !hasLearnt;
   $("teach-save").textContent = saysAlone ? "Save without them" : "Save colour";
   $<HTMLButtonElement>("teach-wider").disabled = busy || !hasLearnt || wider >= most;
@@ -428,6 +434,23 @@ function updateTargets(): void {
   if (!names.length || [...select.options].map((o) => o.value).join("\n") === names.join("\n")) return;
   select.replaceChildren(...names.map((name) => new Option(name, name)));
   if (names.includes(chosenTarget)) select.value = chosenTarget;
+}
+
+// What is in force now. The rectangles that were drawn since are not.
+export function takeSceneForTeaching(scene: Scene): void {
+  if (!isUndoing) return;
+  isUndoing = false;
+  ignored = scene.ignored.map((i) => ({ camera: i.camera, box: [...i.box] as Ignore["box"] }));
+  pictures.forEach(draw);
+  update();
+}
+
+// From the first steps: the target that has no colour yet.
+export function openTeaching(target: string): void {
+  chosenTarget = target;
+  $<HTMLSelectElement>("teach-target").value = target;
+  if (panel.hidden) open();
+  else startAgain();
 }
 
 export function updateTeach(serving: boolean): void {
@@ -459,6 +482,10 @@ $("teach-wider").addEventListener("click", () => widen(1));
 $("teach-narrower").addEventListener("click", () => widen(-1));
 $("teach-save").addEventListener("click", save);
 $("teach-save-ignored").addEventListener("click", () => void ask("ignore"));
+$("teach-undo").addEventListener("click", () => {
+  isUndoing = true;
+  void ask("undo");
+});
 $("teach-clear").addEventListener("click", () => {
   ignored = [];
   pictures.forEach(draw);
