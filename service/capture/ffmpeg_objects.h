@@ -1,5 +1,5 @@
-// FFmpeg's objects, owned. Private to this module: for video_reader.cpp and recording_writer.cpp, which alone see
-// FFmpeg.
+// FFmpeg's objects, owned. Private to this module: for video_reader, ffmpeg_picture, network_source and
+// recording_writer, which alone see FFmpeg.
 #pragma once
 
 extern "C" {

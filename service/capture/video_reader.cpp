@@ -1,10 +1,5 @@
 #include "capture/video_reader.h"
 
-extern "C" {
-#include <libavutil/pixdesc.h>
-#include <libswscale/swscale.h>
-}
-
 #include <glob.h>
 
 #include <algorithm>
@@ -23,6 +18,7 @@ extern "C" {
 
 #include "calib/yaml/yaml_reader.h"
 #include "capture/ffmpeg_objects.h"
+#include "capture/ffmpeg_picture.h"
 #include "capture/jpeg_decoder.h"
 
 namespace huetrack::capture {
@@ -49,11 +45,6 @@ namespace {
 constexpr std::int64_t most_pixels = 1 << 26;      // of one image; a damaged header must not make us allocate gigabytes
 constexpr std::int64_t longest_gap_frames = 1000;  // a damaged time stamp must not make us invent frames
 constexpr int most_warnings = 5;                   // of one kind, one by one; the others are summed up
-
-struct FreeScaler {
-  void operator()(SwsContext* p) const { sws_freeContext(p); }
-};
-using ScalerPtr = std::unique_ptr<SwsContext, FreeScaler>;
 
 // ---- FFmpeg's log: nothing is printed; errors are kept for the warning or exception that they explain
 
@@ -119,134 +110,6 @@ void take_over_log() {
 }
 
 namespace {
-
-// ---- FFmpeg's pictures to ours
-
-std::optional<PixelFormat> pixel_format_of(AVPixelFormat format, int width, int height) {
-  std::optional<PixelFormat> ours;
-  switch (format) {
-    case AV_PIX_FMT_YUV420P:
-    case AV_PIX_FMT_YUVJ420P:
-      ours = PixelFormat::i420;
-      break;
-    case AV_PIX_FMT_YUV422P:
-    case AV_PIX_FMT_YUVJ422P:
-      ours = PixelFormat::i422;
-      break;
-    case AV_PIX_FMT_YUV444P:
-    case AV_PIX_FMT_YUVJ444P:
-      ours = PixelFormat::i444;
-      break;
-    case AV_PIX_FMT_YUYV422:
-      ours = PixelFormat::yuyv;
-      break;
-    case AV_PIX_FMT_NV12:
-      ours = PixelFormat::nv12;
-      break;
-    case AV_PIX_FMT_GRAY8:
-      ours = PixelFormat::grey;
-      break;
-    case AV_PIX_FMT_BGR24:
-      ours = PixelFormat::bgr;
-      break;
-    default:
-      return std::nullopt;
-  }
-  const bool is_odd = (needs_even_width(*ours) && width % 2 != 0) || (needs_even_height(*ours) && height % 2 != 0);
-  return is_odd ? std::nullopt : ours;
-}
-
-// The nearest of our formats to one that we do not have, or whose odd size does not fit ours.
-AVPixelFormat nearest_format(const AVPixFmtDescriptor& source, int width, int height) {
-  if ((source.flags & (AV_PIX_FMT_FLAG_RGB | AV_PIX_FMT_FLAG_PAL | AV_PIX_FMT_FLAG_BAYER)) != 0)
-    return AV_PIX_FMT_BGR24;
-  if (source.nb_components <= 2) return AV_PIX_FMT_GRAY8;
-  if (width % 2 != 0 || source.log2_chroma_w == 0) return AV_PIX_FMT_YUV444P;
-  if (height % 2 != 0 || source.log2_chroma_h == 0) return AV_PIX_FMT_YUV422P;
-  return AV_PIX_FMT_YUV420P;
-}
-
-ColorRange range_of(const AVFrame& frame, AVCodecID codec) {
-  if (frame.color_range == AVCOL_RANGE_JPEG) return ColorRange::full;
-  if (frame.color_range == AVCOL_RANGE_MPEG) return ColorRange::limited;
-  switch (frame.format) {
-    case AV_PIX_FMT_YUVJ420P:
-    case AV_PIX_FMT_YUVJ422P:
-    case AV_PIX_FMT_YUVJ444P:
-    case AV_PIX_FMT_YUVJ440P:
-    case AV_PIX_FMT_YUVJ411P:
-      return ColorRange::full;
-    default:
-      break;
-  }
-  // FFmpeg, too, takes grey images that do not say for full range.
-  const AVPixFmtDescriptor* format = av_pix_fmt_desc_get(static_cast<AVPixelFormat>(frame.format));
-  const bool is_grey = format && format->nb_components <= 2;
-  return is_grey || codec == AV_CODEC_ID_MJPEG || codec == AV_CODEC_ID_JPEGLS ? ColorRange::full : ColorRange::limited;
-}
-
-// Our formats speak BT.601; HD video that says that it is coded otherwise is not passed on as if it were.
-bool has_other_matrix(const AVFrame& frame) {
-  switch (frame.colorspace) {
-    case AVCOL_SPC_UNSPECIFIED:
-    case AVCOL_SPC_RGB:
-    case AVCOL_SPC_BT470BG:
-    case AVCOL_SPC_SMPTE170M:
-    case AVCOL_SPC_FCC:
-      return false;
-    default:
-      return true;
-  }
-}
-
-class Converter {
- public:
-  // nullptr when FFmpeg cannot convert it.
-  FramePtr convert(const AVFrame& source, ColorRange range) {
-    const auto format = static_cast<AVPixelFormat>(source.format);
-    const AVPixFmtDescriptor* described = av_pix_fmt_desc_get(format);
-    if (!described || sws_isSupportedInput(format) == 0) return nullptr;
-    FramePtr target(not_null(av_frame_alloc()));
-    target->format = nearest_format(*described, source.width, source.height);
-    if (target->format != AV_PIX_FMT_GRAY8 && has_other_matrix(source)) target->format = AV_PIX_FMT_BGR24;
-    target->width = source.width;
-    target->height = source.height;
-    if (av_frame_get_buffer(target.get(), 0) < 0) return nullptr;
-
-    scaler_.reset(
-        sws_getCachedContext(scaler_.release(), source.width, source.height, format, source.width, source.height,
-                             static_cast<AVPixelFormat>(target->format),
-                             SWS_BILINEAR | SWS_ACCURATE_RND | SWS_BITEXACT | SWS_FULL_CHR_H_INT | SWS_FULL_CHR_H_INP,
-                             nullptr, nullptr, nullptr));
-    if (!scaler_) return nullptr;
-    // The matrix matters only from YUV to BGR; the range is kept.
-    const int is_full = range == ColorRange::full ? 1 : 0;
-    const int matrix = has_other_matrix(source) ? static_cast<int>(source.colorspace) : SWS_CS_ITU601;
-    sws_setColorspaceDetails(scaler_.get(), sws_getCoefficients(matrix), is_full, sws_getCoefficients(SWS_CS_ITU601),
-                             is_full, 0, 1 << 16, 1 << 16);
-    if (sws_scale(scaler_.get(), source.data, source.linesize, 0, source.height, target->data, target->linesize) !=
-        source.height)
-      return nullptr;
-    return target;
-  }
-
- private:
-  ScalerPtr scaler_;
-};
-
-Image image_of(FramePtr frame, PixelFormat format, ColorRange range) {
-  Image image{.format = format,
-              .range = format == PixelFormat::bgr ? ColorRange::full : range,
-              .width = frame->width,
-              .height = frame->height,
-              .planes = {},
-              .owner = {}};
-  for (std::size_t i = 0; i < image.planes.size(); ++i)
-    if (plane_rows(format, static_cast<int>(i), frame->height) > 0)
-      image.planes[i] = {frame->data[i], frame->linesize[i]};  // a negative stride: the rows lie bottom up
-  image.owner = std::shared_ptr<const AVFrame>(std::move(frame));
-  return image;
-}
 
 // ---- Image files
 
@@ -614,19 +477,7 @@ struct VideoReader::Impl {
     return broken_from ? std::nullopt : std::move(image);
   }
 
-  std::optional<Image> image_from(FramePtr frame) {
-    if ((frame->flags & AV_FRAME_FLAG_CORRUPT) != 0 || frame->decode_error_flags != 0) return std::nullopt;
-    if (frame->width < 1 || frame->height < 1) return std::nullopt;
-    const ColorRange range = range_of(*frame, codec->codec_id);
-    auto ours = pixel_format_of(static_cast<AVPixelFormat>(frame->format), frame->width, frame->height);
-    const bool is_yuv = ours && *ours != PixelFormat::bgr && *ours != PixelFormat::grey;
-    if (!ours || (is_yuv && has_other_matrix(*frame))) {
-      frame = converter.convert(*frame, range);
-      if (!frame) return std::nullopt;
-      ours = pixel_format_of(static_cast<AVPixelFormat>(frame->format), frame->width, frame->height);
-    }
-    return image_of(std::move(frame), *ours, range);
-  }
+  std::optional<Image> image_from(FramePtr frame) { return pictures.image_of(std::move(frame), codec->codec_id); }
 
   // ---- Numbering
 
@@ -728,7 +579,7 @@ struct VideoReader::Impl {
   CodecPtr codec;
   JpegDecoder jpeg;
   PacketPtr packet{not_null(av_packet_alloc())};
-  Converter converter;
+  PictureMaker pictures;
   int next_avi_entry = 0;
   bool is_intra_only = false;
   bool is_delayed = false;

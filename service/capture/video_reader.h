@@ -1,5 +1,5 @@
 // One camera's pictures out of a video file or a series of image files, numbered as they lie in the stream. Private to
-// this module. Only video_reader.cpp and recording_writer.cpp see FFmpeg.
+// this module.
 #pragma once
 
 #include <cstdint>

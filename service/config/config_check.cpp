@@ -1,5 +1,6 @@
 #include "config/config_check.h"
 #include "calib/yaml/nearest_word.h"
+#include "capture/network_source.h"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -93,6 +94,16 @@ void check_live_cameras(const ServiceConfig& config, const yaml::YamlReader& roo
       if (!camera.host.empty() && other.name_on_host() == camera.name_on_host())
         live.map(camera.name).fail("camera", "is the camera of " + other.name + " already");
     }
+    if (capture::is_network_address(camera.device.native())) {
+      capture::NetworkSourceOptions network{
+          .address = camera.device, .width = calibrated.width, .height = calibrated.height};
+      if (const auto problems = network.problems(); !problems.empty())
+        live.map(camera.name).fail("device", problems.front());
+      if (camera.format || !camera.controls.empty() || camera.restore_controls)
+        live.map(camera.name)
+            .fail("device",
+                  "is a camera of the network, which has its own settings: format and controls are not for it");
+    }
     if (camera.host.empty()) {
       if (!camera.camera_there.empty())
         live.map(camera.name).fail("camera", "is for a camera of another host: give host, too");
@@ -151,6 +162,10 @@ void check(const ServiceConfig& config, const yaml::YamlReader& root) {
     root.fail("targets", fmt::format("are {}, and {} at most can be tracked: each has particles, colour tables and "
                                      "topics of its own",
                                      config.targets.size(), most_targets));
+  if (!config.is_calibrated() && !config.camera_tracking.camera.empty())
+    root.map("camera_tracking").fail("camera", "cannot be tracked yet: rig is none");
+  if (!config.is_calibrated() && !config.record.folder.empty())
+    root.map("record").fail("folder", "is for later: rig is none, and a recording holds the rig");
   check_camera_tracking(config, root.map_or_empty("camera_tracking"));
   if (config.targets.empty() && config.camera_tracking.camera.empty())
     root.fail("targets",
@@ -159,10 +174,6 @@ void check(const ServiceConfig& config, const yaml::YamlReader& root) {
   check_object_tracking(config, root);
   check_ignored(config, root);
   check_live_cameras(config, root);
-  if (!config.is_calibrated() && !config.camera_tracking.camera.empty())
-    root.map("camera_tracking").fail("camera", "cannot be tracked yet: rig is none");
-  if (!config.is_calibrated() && !config.record.folder.empty())
-    root.map("record").fail("folder", "is for later: rig is none, and a recording holds the rig");
   if (config.record.folder.empty() && (config.record.always || config.record.pre_roll_s > 0))
     root.map("record").fail("", "a folder is needed to record to, or to save the pre-roll to");
   check_targets(config, root);
@@ -218,8 +229,9 @@ std::vector<std::string> warnings_of(const ServiceConfig& config) {
     return {"the cameras are not calibrated (rig: none), so nothing is tracked: huetrack-calibrate writes the rig"};
   for (const auto& target : config.targets)
     if (!is_taught(target))
-      warnings.push_back(fmt::format(
-          "target {} has no colour yet: click on it on the page of huetrack view, or use huetrackd teach", target.name));
+      warnings.push_back(
+          fmt::format("target {} has no colour yet: click on it on the page of huetrack view, or use huetrackd teach",
+                      target.name));
   for (const auto& camera : config.rig.cameras) {
     if (!config.cameras.empty() &&
         std::ranges::find(config.cameras, camera.name, &LiveCameraConfig::name) == config.cameras.end())

@@ -19,6 +19,7 @@
 #include "calib/yaml/nearest_word.h"
 #include "calib/yaml/text_file.h"
 #include "calib/yaml/yaml_reader.h"
+#include "capture/network_source.h"
 #include "config/config_check.h"
 
 namespace huetrack::config {
@@ -329,8 +330,8 @@ class Reader {
     const std::string given = yaml_.string(key);
     const bool is_index = given.size() < 4 && std::ranges::all_of(given, [](char c) { return c >= '0' && c <= '9'; });
     value = is_index ? fs::path("/dev/video" + given) : fs::path(given);
-    if (!value.is_absolute())
-      yaml_.fail(key, "must be a path below /dev or an index, got \"" + given +
+    if (!value.is_absolute() && !capture::is_network_address(given))
+      yaml_.fail(key, "must be a path below /dev, an index, or an address like rtsp://..., got \"" + given +
                           "\": ls -l /dev/v4l/by-path/ lists the cameras");
   }
   void size_or(std::string_view key, std::string_view word, std::optional<calib::ImageSize>& value, std::string_view) {

@@ -12,6 +12,7 @@
 #include <set>
 
 #include "calib/yaml/yaml_reader.h"
+#include "capture/network_source.h"
 #include "config/service_config.h"
 #include "doctor/light_exam.h"
 #include "metrics/metrics.h"
@@ -282,6 +283,11 @@ class Doctor {
       if (!camera.host.empty()) {
         title("camera " + camera.name);
         say({Grade::ok, "it is a camera of the host " + camera.host, "run huetrackd doctor there"});
+        continue;
+      }
+      if (capture::is_network_address(camera.device.native())) {
+        title("camera " + camera.name);
+        say({Grade::ok, "it is a camera of the network", "it is not examined: huetrackd run says whether it answers"});
         continue;
       }
       std::error_code error;

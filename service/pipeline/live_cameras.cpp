@@ -2,10 +2,12 @@
 
 #include <algorithm>
 #include <future>
+#include <iterator>
 #include <map>
 #include <system_error>
 #include <utility>
 
+#include "capture/network_source.h"
 #include "hosts/hosted_camera.h"
 
 namespace huetrack::pipeline {
@@ -111,6 +113,21 @@ std::vector<LiveCamera> open_here(std::vector<capture::V4l2SourceOptions> asked,
   return cameras;
 }
 
+LiveCamera open_network_camera(const config::LiveCameraConfig& camera, int index, calib::ImageSize size,
+                               const capture::FrameTiming& timing) {
+  auto source = std::make_unique<capture::NetworkSource>(capture::NetworkSourceOptions{.camera = index,
+                                                                                       .name = camera.name,
+                                                                                       .address = camera.device,
+                                                                                       .width = size.width,
+                                                                                       .height = size.height,
+                                                                                       .timing = timing});
+  auto* const asked = source.get();
+  return {.camera = index,
+          .source = std::move(source),
+          .health = [asked] { return asked->health(); },
+          .take_events = [asked] { return asked->take_events(); }};
+}
+
 void refuse_two_names(const std::filesystem::path& file, std::span<const config::LiveCameraConfig> cameras) {
   if (const auto both = one_under_two_names(cameras))
     throw capture::CaptureError(std::make_error_code(std::errc::invalid_argument),
@@ -124,10 +141,13 @@ std::vector<LiveCamera> open_cameras(const config::ServiceConfig& config, const 
   const std::vector<capture::FrameTiming> timing = config::frame_timing(config.rig);
   std::vector<capture::V4l2SourceOptions> here;
   std::vector<hosts::HostedCameraOptions> elsewhere;
+  std::vector<LiveCamera> on_the_network;
   for (const auto& camera : config.cameras) {
     const int index = config.rig.index_of(camera.name).value();
     const calib::ImageSize size = config.rig.cameras[std::size_t(index)].image_size;
-    if (camera.host.empty()) {
+    if (capture::is_network_address(camera.device.native())) {
+      on_the_network.push_back(open_network_camera(camera, index, size, timing[std::size_t(index)]));
+    } else if (camera.host.empty()) {
       here.push_back(options_of(camera, index, size, timing[std::size_t(index)]));
     } else {
       elsewhere.push_back({.camera = index,
@@ -140,6 +160,7 @@ std::vector<LiveCamera> open_cameras(const config::ServiceConfig& config, const 
     }
   }
   std::vector<LiveCamera> cameras = open_here(std::move(here), stop);
+  std::ranges::move(on_the_network, std::back_inserter(cameras));
   if (!elsewhere.empty())
     for (auto& camera :
          hosts::HostedCameras(config.dds.publisher.transport("huetrackd cameras"), std::move(elsewhere)).live())
@@ -150,8 +171,18 @@ std::vector<LiveCamera> open_cameras(const config::ServiceConfig& config, const 
 std::vector<LiveCamera> open_cameras(const config::CaptureConfig& config, const std::stop_token& stop) {
   refuse_two_names(config.file, config.cameras);
   std::vector<capture::V4l2SourceOptions> here;
-  for (const auto& camera : config.cameras) here.push_back(options_of(camera, int(here.size()), *camera.size, {}));
-  return open_here(std::move(here), stop);
+  std::vector<LiveCamera> on_the_network;
+  for (std::size_t c = 0; c < config.cameras.size(); ++c) {
+    const config::LiveCameraConfig& camera = config.cameras[c];
+    if (capture::is_network_address(camera.device.native()))
+      on_the_network.push_back(open_network_camera(camera, int(c), *camera.size, {}));
+    else
+      here.push_back(options_of(camera, int(c), *camera.size, {}));
+  }
+  std::vector<LiveCamera> cameras = open_here(std::move(here), stop);
+  std::ranges::move(on_the_network, std::back_inserter(cameras));
+  std::ranges::sort(cameras, {}, &LiveCamera::camera);
+  return cameras;
 }
 
 SessionSources sources_of(const config::ServiceConfig& config, std::vector<LiveCamera>& cameras) {

@@ -307,6 +307,13 @@ INSTANTIATE_TEST_SUITE_P(
         Mistake{"RecordsWithoutARig",
                 "version: 1\nrig: none\ncameras: {cam0: {device: 0}}\ntargets: {ball: {}}\nrecord: {folder: r}\n",
                 "c.yaml:5: record.folder: is for later: rig is none, and a recording holds the rig"},
+        Mistake{
+            "NetworkCameraOfNoScheme", ball + "cameras: {cam0: {device: \"file:///a.mp4\"}}\n",
+            "c.yaml:4: cameras.cam0.device: the address must begin with rtsp://, rtsps://, http://, https://, tcp://, "
+            "udp:// or rtp://"},
+        Mistake{"NetworkCameraWithControls", ball + "cameras: {cam0: {device: \"rtsp://c/1\", controls: {gain: 1}}}\n",
+                "c.yaml:4: cameras.cam0.device: is a camera of the network, which has its own settings: format and "
+                "controls are not for it"},
         Mistake{"TracksACameraWithoutARig",
                 "version: 1\nrig: none\ncameras: {cam0: {device: 0}}\ncamera_tracking: {camera: cam0}\n",
                 "c.yaml:4: camera_tracking.camera: cannot be tracked yet: rig is none"},
@@ -345,7 +352,8 @@ INSTANTIATE_TEST_SUITE_P(
         Mistake{"CameraWithoutDevice", ball + "cameras:\n  cam1: {fps: 30}\n",
                 "c.yaml:5: cameras.cam1.device is missing"},
         Mistake{"DeviceNotBelowDev", ball + "cameras:\n  cam1: {device: webcam}\n",
-                "c.yaml:5: cameras.cam1.device: must be a path below /dev or an index, got \"webcam\": "
+                "c.yaml:5: cameras.cam1.device: must be a path below /dev, an index, or an address like rtsp://..., "
+                "got \"webcam\": "
                 "ls -l /dev/v4l/by-path/ lists the cameras"},
         Mistake{"DeviceTwice", ball + "cameras:\n  cam0: {device: 0}\n  cam1: {device: /dev/video0}\n",
                 "c.yaml:6: cameras.cam1.device: is the device of cam0 already"},
@@ -633,7 +641,8 @@ TEST(ReferenceConfig, HasEveryKeyWithItsDefaultInTheOrderOfCheck) {
 // Where somebody begins: the cameras alone.
 TEST_F(ServiceConfigFile, CamerasMayNotBeCalibratedYet) {
   const std::string begun =
-      "version: 1\nrig: none\ncameras: {left: {device: 0}, right: {device: 1, size: [320, 240]}}\ntargets: {ball: {}}\n";
+      "version: 1\nrig: none\ncameras: {left: {device: 0}, right: {device: 1, size: [320, 240]}}\ntargets: {ball: "
+      "{}}\n";
   const ServiceConfig config = load(begun);
   EXPECT_FALSE(config.is_calibrated());
   ASSERT_EQ(config.rig.cameras.size(), 2u);
@@ -666,7 +675,8 @@ TEST(UntaughtColor, MatchesNoPixel) {
   for (int r = 0; r < 256; r += 3)
     for (int g = 0; g < 256; g += 3)
       for (int b = 0; b < 256; b += 3)
-        ASSERT_FALSE(object_tracking::contains(untaught_color, object_tracking::hsi_of({r / 255.0, g / 255.0, b / 255.0})))
+        ASSERT_FALSE(
+            object_tracking::contains(untaught_color, object_tracking::hsi_of({r / 255.0, g / 255.0, b / 255.0})))
             << r << " " << g << " " << b;
 }
 

@@ -1,7 +1,8 @@
 // What `huetrackd run` does, on films instead of V4L2 cameras: for figures, for the soak, and for tests that kill it.
-//   film_service CONFIG FILMS [--faults SEED] [--phases spread|together] [--tracks FILE]
+//   film_service CONFIG FILMS [--faults SEED] [--phases spread|together] [--tracks FILE] [--make CAMERAS]
 // FILMS: a folder with CAMERA.yuyv for every camera of the configuration, in the rig's size; each plays at the camera's
-// fps (default 30). Signals as huetrackd.
+// fps (default 30). --make: they are made first, of so many cameras, with their rig.yaml (films.h). Signals as
+// huetrackd.
 #include <CLI/CLI.hpp>
 #include <csignal>
 #include <cstdio>
@@ -9,6 +10,7 @@
 #include "daemon/live.h"
 #include "daemon/service_manager.h"
 #include "soak/film_camera.h"
+#include "soak/films.h"
 #include "soak/until_ended.h"
 
 namespace {
@@ -35,9 +37,12 @@ int main(int argc, char** argv) {
   app.add_option("--faults", faults);
   app.add_option("--phases", phases)->check(CLI::IsMember({"spread", "together"}));
   app.add_option("--tracks", options.tracks);
+  int cameras_to_make = 0;
+  app.add_option("--make", cameras_to_make);
   CLI11_PARSE(app, argc, argv);
   for (const int signal : {SIGHUP, SIGUSR1}) std::signal(signal, on_signal);
   try {
+    if (cameras_to_make > 0) soak::make_films(films, cameras_to_make, 320, 240, phases == "spread");
     const config::ServiceConfig config = config::load_service_config(config_file);
     daemon::set_log_level(config.log_level);
     const auto start = std::chrono::steady_clock::now();

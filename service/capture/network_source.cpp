@@ -1,0 +1,283 @@
+#include "capture/network_source.h"
+
+#include <algorithm>
+#include <array>
+#include <map>
+#include <mutex>
+#include <span>
+#include <stdexcept>
+#include <thread>
+#include <utility>
+
+#include "capture/camera_clock.h"
+#include "capture/capture_clock.h"
+#include "capture/ffmpeg_objects.h"
+#include "capture/ffmpeg_picture.h"
+#include "capture/jpeg_decoder.h"
+
+namespace huetrack::capture {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+using namespace std::chrono_literals;
+
+constexpr std::array<std::string_view, 7> schemes{"rtsp", "rtsps", "http", "https", "tcp", "udp", "rtp"};
+// What a stream may lead to: a play list must not reach into this host's files.
+constexpr const char* protocols = "rtsp,rtsps,rtp,rtcp,udp,tcp,tls,http,https,httpproxy";
+constexpr std::int64_t most_network_pixels = 1 << 26;  // of one picture: a damaged header must not cost gigabytes
+constexpr int damaged_in_a_row = 60;                   // pictures, of a stream that is opened anew then
+constexpr std::size_t most_waiting = 64;               // packets whose picture has not come
+
+std::string_view scheme_of(std::string_view address) {
+  const auto end = address.find("://");
+  return end == std::string_view::npos ? std::string_view() : address.substr(0, end);
+}
+
+// Passwords stay out of logs and off the bus.
+std::string without_password(const std::string& address) {
+  const auto begin = address.find("://") + 3;
+  const auto at = address.find('@', begin);
+  if (at == std::string::npos || at > address.find('/', begin)) return address;
+  return address.substr(0, begin) + "***" + address.substr(at);
+}
+
+}  // namespace
+
+bool is_network_address(std::string_view device) {
+  return !scheme_of(device).empty();
+}
+
+std::vector<std::string> NetworkSourceOptions::problems() const {
+  std::vector<std::string> found;
+  const auto check = [&](bool is_fine, const std::string& sentence) {
+    if (!is_fine) found.push_back(sentence);
+  };
+  check(camera >= 0, "camera is " + std::to_string(camera) + ", but must be >= 0");
+  check(std::ranges::find(schemes, scheme_of(address)) != schemes.end(),
+        "the address must begin with rtsp://, rtsps://, http://, https://, tcp://, udp:// or rtp://");
+  check(width > 0 && height > 0,
+        "the size is " + std::to_string(width) + "x" + std::to_string(height) + ", but must be positive");
+  check(retry > 0ms && patience > 0ms, "retry and patience must be positive");
+  return found;
+}
+
+struct NetworkSource::Impl {
+  explicit Impl(NetworkSourceOptions o) : options(std::move(o)), shown(without_password(options.address)) {
+    if (const auto problems = options.problems(); !problems.empty()) throw std::invalid_argument(problems.front());
+    take_over_log();
+    state.last_progress = Clock::now();
+  }
+
+  // ---- What FFmpeg asks while it waits: is that to end? It asks some ten times a second.
+  static int is_over(void* closure) {
+    auto& self = *static_cast<Impl*>(closure);
+    const auto now = Clock::now();
+    {
+      const std::scoped_lock lock(self.mutex);
+      self.state.last_progress = now;
+    }
+    return self.stop.stop_requested() || now > self.deadline ? 1 : 0;
+  }
+  void wait_from_now() { deadline = Clock::now() + options.patience; }
+
+  void say(CaptureState now, bool is_problem, const std::string& message) {
+    const std::scoped_lock lock(mutex);
+    const bool is_said = state.state == now && state.message == message;
+    state.state = now;
+    state.message = message;
+    if (!is_said) events.push_back({unix_now(), now, is_problem, message});
+  }
+
+  // Returns why it cannot be opened; empty: it is.
+  std::string open() {
+    wait_from_now();
+    AVDictionary* wishes = nullptr;
+    av_dict_set(&wishes, "protocol_whitelist", protocols, 0);
+    av_dict_set(&wishes, "rtsp_transport", "tcp", 0);  // late rather than torn
+    av_dict_set(&wishes, "fflags", "nobuffer", 0);
+    av_dict_set_int(&wishes, "analyzeduration", 1'000'000, 0);  // microseconds
+    AVFormatContext* opened = avformat_alloc_context();
+    if (opened == nullptr) return "there is no memory";
+    opened->interrupt_callback = {&Impl::is_over, this};
+    const int error = avformat_open_input(&opened, options.address.c_str(), nullptr, &wishes);
+    av_dict_free(&wishes);
+    if (error < 0) return error == AVERROR_EXIT ? "it does not answer" : error_text(error);
+    format.reset(opened);
+    const int found = avformat_find_stream_info(format.get(), nullptr);
+    const AVCodec* decoder = nullptr;
+    const int best = found < 0 ? found : av_find_best_stream(format.get(), AVMEDIA_TYPE_VIDEO, -1, -1, &decoder, 0);
+    if (best < 0 || decoder == nullptr) return found == AVERROR_EXIT ? "no picture comes" : "it has no video stream";
+    stream = format->streams[best];
+    codec.reset(not_null(avcodec_alloc_context3(decoder)));
+    if (const int e = avcodec_parameters_to_context(codec.get(), stream->codecpar); e < 0) return error_text(e);
+    codec->pkt_timebase = stream->time_base;
+    codec->max_pixels = most_network_pixels;
+    codec->flags |= AV_CODEC_FLAG_LOW_DELAY;
+    codec->err_recognition = AV_EF_CRCCHECK | AV_EF_EXPLODE;  // patched up, it would show what is not there
+    codec->thread_type = FF_THREAD_SLICE;                     // frame threads hold pictures back
+    if (const int e = avcodec_open2(codec.get(), decoder, nullptr); e < 0) return error_text(e);
+    arrivals.clear();
+    damaged = 0;
+    return {};
+  }
+
+  void close() {
+    codec.reset();
+    format.reset();
+    stream = nullptr;
+  }
+
+  void lose(const std::string& why) {
+    close();
+    say(CaptureState::absent, true, shown + ": " + why + "; trying again");
+  }
+
+  void pause() {
+    for (const auto end = Clock::now() + options.retry; Clock::now() < end && !stop.stop_requested();) {
+      std::this_thread::sleep_for(10ms);
+      const std::scoped_lock lock(mutex);
+      state.last_progress = Clock::now();
+    }
+  }
+
+  // ---- One picture after the other
+
+  struct Arrived {
+    std::optional<Image> image;  // nullopt: damaged
+    Timestamp at;
+    std::shared_ptr<const std::vector<std::uint8_t>> encoded;
+  };
+
+  // nullopt: none yet, or the stream is lost (then it is closed).
+  std::optional<Arrived> read() {
+    wait_from_now();
+    if (const int error = av_read_frame(format.get(), packet.get()); error < 0) {
+      if (stop.stop_requested() || error == AVERROR(EAGAIN)) return std::nullopt;
+      lose(error == AVERROR_EOF    ? "the stream has ended"
+           : error == AVERROR_EXIT ? "no picture comes"
+                                   : error_text(error));
+      return std::nullopt;
+    }
+    const Timestamp at = unix_now();
+    std::optional<Arrived> arrived;
+    if (packet->stream_index == stream->index && packet->size > 0) arrived = decode(at);
+    av_packet_unref(packet.get());
+    return arrived;
+  }
+
+  std::optional<Arrived> decode(Timestamp at) {
+    if (codec->codec_id == AV_CODEC_ID_MJPEG) {
+      const std::span<const std::uint8_t> bytes(packet->data, std::size_t(packet->size));
+      JpegResult decoded = jpeg.decode(bytes);
+      if (!decoded.is_unsupported)
+        return Arrived{std::move(decoded.image), at,
+                       std::make_shared<const std::vector<std::uint8_t>>(bytes.begin(), bytes.end())};
+    }
+    // A decoder may answer a later packet with this one's picture.
+    if (packet->pts != AV_NOPTS_VALUE) arrivals[packet->pts] = at;
+    while (arrivals.size() > most_waiting) arrivals.erase(arrivals.begin());
+    FramePtr frame(not_null(av_frame_alloc()));
+    if (avcodec_send_packet(codec.get(), packet.get()) < 0) return Arrived{std::nullopt, at, nullptr};
+    if (avcodec_receive_frame(codec.get(), frame.get()) < 0) return std::nullopt;
+    if (const auto known = arrivals.find(frame->pts); known != arrivals.end()) {
+      at = known->second;
+      arrivals.erase(arrivals.begin(), std::next(known));
+    }
+    return Arrived{pictures.image_of(std::move(frame), codec->codec_id), at, nullptr};
+  }
+
+  std::optional<Frame> next() {
+    while (!stop.stop_requested()) {
+      if (!format) {
+        if (const std::string problem = open(); !problem.empty()) {
+          if (stop.stop_requested()) break;
+          lose(problem);
+          pause();
+          continue;
+        }
+      }
+      std::optional<Arrived> arrived = read();
+      if (arrived && arrived->image &&
+          (arrived->image->width != options.width || arrived->image->height != options.height)) {
+        lose("its pictures are " + std::to_string(arrived->image->width) + "x" +
+             std::to_string(arrived->image->height) + ", where the rig was calibrated at " +
+             std::to_string(options.width) + "x" + std::to_string(options.height));
+        arrived.reset();
+      }
+      if (arrived) return frame_of(std::move(*arrived));
+      if (!format) pause();
+    }
+    close();
+    return std::nullopt;
+  }
+
+  Frame frame_of(Arrived arrived) {
+    Frame frame;
+    frame.camera = options.camera;
+    frame.sequence = sequence++;
+    frame.stamped_at = arrived.at;
+    frame.latency = options.timing.latency;
+    frame.readout = options.timing.readout;
+    if (arrived.image) {
+      frame.captured_at = clock.smoothed(arrived.at) - options.timing.latency;
+      frame.pixels = std::move(*arrived.image);
+      frame.encoded = std::move(arrived.encoded);
+      damaged = 0;
+      say(CaptureState::delivering, false,
+          "delivers " + std::string(avcodec_get_name(codec->codec_id)) + "; its time stamps are when pictures arrived");
+    } else {
+      frame.captured_at = arrived.at - options.timing.latency;
+      frame.status = FrameStatus::corrupted;
+      if (++damaged >= damaged_in_a_row) lose("no picture decodes");
+    }
+    const std::scoped_lock lock(mutex);
+    ++(frame.status == FrameStatus::ok ? state.frames : state.corrupted);
+    state.last_frame = frame.captured_at;
+    state.last_progress = Clock::now();
+    state.stamp = StampKind::dequeued;
+    state.warning = options.timing.latency == Duration{0}
+                        ? "its time stamps are when pictures arrived, and by how much that is late is not known: "
+                          "huetrack-calibrate time finds it, or say latency_offset_s"
+                        : "";
+    return frame;
+  }
+
+  const NetworkSourceOptions options;
+  const std::string shown;
+  std::stop_token stop;  // this and all that follows to state: the thread's that calls next()
+  Clock::time_point deadline{};
+  InputPtr format;
+  CodecPtr codec;
+  AVStream* stream = nullptr;  // of format
+  const PacketPtr packet{not_null(av_packet_alloc())};
+  std::map<std::int64_t, Timestamp> arrivals;  // by the packets' presentation times
+  int damaged = 0;                             // in a row
+  std::uint32_t sequence = 0;
+  CameraClock clock;
+  JpegDecoder jpeg;
+  PictureMaker pictures;
+
+  mutable std::mutex mutex;
+  CameraHealth state;               // guarded by mutex
+  std::vector<CameraEvent> events;  // guarded by mutex
+};
+
+NetworkSource::NetworkSource(NetworkSourceOptions options) : impl_(std::make_unique<Impl>(std::move(options))) {}
+NetworkSource::~NetworkSource() = default;
+
+std::optional<Frame> NetworkSource::next(std::stop_token stop) {
+  impl_->stop = std::move(stop);
+  return impl_->next();
+}
+
+CameraHealth NetworkSource::health() const {
+  const std::scoped_lock lock(impl_->mutex);
+  return impl_->state;
+}
+
+std::vector<CameraEvent> NetworkSource::take_events() {
+  const std::scoped_lock lock(impl_->mutex);
+  return std::exchange(impl_->events, {});
+}
+
+}  // namespace huetrack::capture

@@ -1,0 +1,211 @@
+// A camera of the network, served by the test itself: motion JPEG over HTTP, as thousands of cameras send it.
+#include "capture/network_source.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <netinet/in.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <cstring>
+#include <string>
+#include <thread>
+
+#include "capture/capture_clock.h"
+#include "capture/file_descriptor.h"
+#include "capture/jpeg_encoder.h"
+
+namespace huetrack::capture {
+namespace {
+
+using namespace testing;
+using namespace std::chrono_literals;
+
+std::vector<std::uint8_t> picture(int width, int height, int grey) {
+  WritableImage image = make_image(PixelFormat::i422, ColorRange::full, width, height);
+  std::memset(image.data[0], grey, std::size_t(width) * std::size_t(height));
+  for (const int chroma : {1, 2})
+    std::memset(image.data[std::size_t(chroma)], 128, std::size_t(width) * std::size_t(height) / 2);
+  return encode_picture(image.image, {.width = width, .height = height}, 90);
+}
+
+// Sends pictures 20 ms apart to whoever connects, and closes; again and again.
+class Camera {
+ public:
+  struct Film {
+    int width = 64, height = 48, pictures = 10;
+    bool is_silent_then = false;  // the connection stays open, and nothing comes
+  };
+  explicit Camera(Film film) : film_(film), listening_(::socket(AF_INET, SOCK_STREAM, 0)) {
+    sockaddr_in here{};
+    here.sin_family = AF_INET;
+    here.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    socklen_t size = sizeof here;
+    if (::bind(listening_.get(), reinterpret_cast<sockaddr*>(&here), size) != 0 || ::listen(listening_.get(), 4) != 0 ||
+        ::getsockname(listening_.get(), reinterpret_cast<sockaddr*>(&here), &size) != 0)
+      throw std::runtime_error("no port");
+    port_ = ntohs(here.sin_port);
+    thread_ = std::jthread([this](const std::stop_token& stop) { serve(stop); });
+  }
+  ~Camera() {
+    thread_.request_stop();
+    ::shutdown(listening_.get(), SHUT_RDWR);
+  }
+  std::string address() const { return "http://user:secret@127.0.0.1:" + std::to_string(port_) + "/video.mjpg"; }
+
+ private:
+  void serve(const std::stop_token& stop) {
+    while (!stop.stop_requested()) {
+      const FileDescriptor client(::accept(listening_.get(), nullptr, nullptr));
+      if (client.get() < 0) return;
+      char request[2048];
+      if (::recv(client.get(), request, sizeof request, 0) <= 0) continue;
+      send(client, "HTTP/1.0 200 OK\r\nContent-Type: multipart/x-mixed-replace; boundary=frame\r\n\r\n");
+      for (int k = 0; k < film_.pictures && !stop.stop_requested(); ++k) {
+        const auto jpeg = picture(film_.width, film_.height, 40 + 10 * (k % 16));
+        send(client,
+             "--frame\r\nContent-Type: image/jpeg\r\nContent-Length: " + std::to_string(jpeg.size()) + "\r\n\r\n");
+        send(client, std::string(jpeg.begin(), jpeg.end()) + "\r\n");
+        std::this_thread::sleep_for(20ms);
+      }
+      while (film_.is_silent_then && !stop.stop_requested()) std::this_thread::sleep_for(5ms);
+    }
+  }
+  static void send(const FileDescriptor& to, const std::string& bytes) {
+    ::send(to.get(), bytes.data(), bytes.size(), MSG_NOSIGNAL);
+  }
+
+  const Film film_;
+  FileDescriptor listening_;
+  int port_ = 0;
+  std::jthread thread_;
+};
+
+NetworkSourceOptions options_for(const Camera& camera) {
+  return {.camera = 1,
+          .name = "left",
+          .address = camera.address(),
+          .width = 64,
+          .height = 48,
+          .retry = 20ms,
+          .patience = 2s};
+}
+
+TEST(NetworkAddress, IsToldFromADevice) {
+  EXPECT_TRUE(is_network_address("rtsp://camera/stream"));
+  EXPECT_FALSE(is_network_address("/dev/video0"));
+  EXPECT_FALSE(is_network_address(""));
+  EXPECT_THAT(NetworkSourceOptions({.address = "rtsp://camera", .width = 4, .height = 4}).problems(), IsEmpty());
+  EXPECT_THAT(NetworkSourceOptions({.address = "file:///etc/passwd", .width = 4, .height = 4}).problems(),
+              ElementsAre(HasSubstr("must begin with rtsp://")));
+  EXPECT_THROW(NetworkSource({.address = "/dev/video0", .width = 4, .height = 4}), std::invalid_argument);
+}
+
+TEST(NetworkSource, DeliversPicturesStampedAsTheyArrive) {
+  Camera camera({.pictures = 1000});
+  NetworkSourceOptions options = options_for(camera);
+  options.timing.latency = 100ms;
+  NetworkSource source(options);
+  std::vector<Frame> frames;
+  std::vector<Timestamp> taken;
+  while (frames.size() < 30) {
+    auto frame = source.next({});
+    ASSERT_TRUE(frame);
+    taken.push_back(unix_now());
+    frames.push_back(std::move(*frame));
+  }
+  for (std::size_t k = 0; k < frames.size(); ++k) {
+    EXPECT_EQ(frames[k].camera, 1);
+    EXPECT_EQ(frames[k].sequence, k);
+    EXPECT_EQ(frames[k].status, FrameStatus::ok);
+    EXPECT_EQ(frames[k].pixels.width, 64);
+    EXPECT_LE(frames[k].stamped_at, taken[k]);
+    EXPECT_EQ(frames[k].latency, 100ms);
+    ASSERT_TRUE(frames[k].encoded);
+    EXPECT_EQ(frames[k].encoded->front(), 0xFF);  // a JPEG's first byte: the camera's own bytes
+    if (k > 0) {
+      EXPECT_GT(frames[k].captured_at, frames[k - 1].captured_at);
+    }
+  }
+  // Smoothed, and a tenth of a second before it came.
+  EXPECT_NEAR(seconds(frames.back().stamped_at - frames.back().captured_at), 0.1, 0.05);
+  EXPECT_GE(seconds(frames.back().captured_at - frames[10].captured_at), 0.3);
+  const CameraHealth health = source.health();
+  EXPECT_EQ(health.state, CaptureState::delivering);
+  EXPECT_EQ(health.frames, 30u);
+  EXPECT_THAT(health.message, HasSubstr("when pictures arrived"));
+  EXPECT_EQ(health.warning, "");  // its latency is known
+}
+
+TEST(NetworkSource, WarnsWhileNobodyKnowsHowLateItIs) {
+  Camera camera({});
+  NetworkSource source(options_for(camera));
+  ASSERT_TRUE(source.next({}));
+  EXPECT_THAT(source.health().warning, HasSubstr("latency_offset_s"));
+}
+
+TEST(NetworkSource, ComesBackWhenTheStreamEnds) {
+  Camera camera({.pictures = 5});
+  NetworkSource source(options_for(camera));
+  for (std::uint32_t k = 0; k < 12; ++k) {
+    const auto frame = source.next({});
+    ASSERT_TRUE(frame);
+    EXPECT_EQ(frame->sequence, k);
+  }
+  const auto events = source.take_events();
+  EXPECT_THAT(events,
+              Contains(AllOf(Field(&CameraEvent::state, CaptureState::absent), Field(&CameraEvent::is_problem, true))));
+  for (const auto& event : events) EXPECT_THAT(event.message, Not(HasSubstr("secret")));  // a password
+}
+
+TEST(NetworkSource, AnotherSizeThanTheRigsIsRefused) {
+  Camera camera({.width = 32, .height = 48});
+  NetworkSource source(options_for(camera));
+  std::stop_source stop;
+  std::jthread reading([&] { EXPECT_FALSE(source.next(stop.get_token())); });
+  for (int k = 0; k < 400 && source.health().state != CaptureState::absent; ++k) std::this_thread::sleep_for(10ms);
+  EXPECT_THAT(source.health().message, HasSubstr("its pictures are 32x48, where the rig was calibrated at 64x48"));
+  stop.request_stop();
+}
+
+// A camera that holds the connection and sends nothing, and one that is not there.
+TEST(NetworkSource, IsStoppedWhileNothingComes) {
+  Camera camera({.pictures = 3, .is_silent_then = true});
+  NetworkSourceOptions options = options_for(camera);
+  options.patience = 60s;
+  NetworkSourceOptions nobody = options;
+  nobody.address = "http://127.0.0.1:1/";
+  for (const auto& o : {options, nobody}) {
+    NetworkSource source(o);
+    std::stop_source stop;
+    std::jthread reading([&] {
+      while (source.next(stop.get_token())) {
+      }
+    });
+    std::this_thread::sleep_for(500ms);
+    EXPECT_LT(std::chrono::steady_clock::now() - source.health().last_progress, 500ms) << "for the watchdog";
+    const auto asked = std::chrono::steady_clock::now();
+    stop.request_stop();
+    reading.join();
+    EXPECT_LT(std::chrono::steady_clock::now() - asked, 1s);
+  }
+}
+
+TEST(NetworkSource, SilenceIsALostCamera) {
+  Camera camera({.pictures = 3, .is_silent_then = true});
+  NetworkSourceOptions options = options_for(camera);
+  options.patience = 300ms;
+  NetworkSource source(options);
+  std::stop_source stop;
+  std::jthread reading([&] {
+    while (source.next(stop.get_token())) {
+    }
+  });
+  for (int k = 0; k < 400 && source.health().state != CaptureState::absent; ++k) std::this_thread::sleep_for(10ms);
+  EXPECT_EQ(source.health().state, CaptureState::absent);
+  EXPECT_THAT(source.health().message, HasSubstr("trying again"));
+  stop.request_stop();
+}
+
+}  // namespace
+}  // namespace huetrack::capture
