@@ -191,7 +191,7 @@ async function doubts(browser, address) {
   await until("what is awaited", async () => /No huetrackd is heard on DDS domain 75\. Start one: huetrackd run/.test(await page.textContent("#no-targets")));
   await page.screenshot({ path: join(options.out, "look_empty.png") });
   room(sizes);
-  const dead = (s) => Object.assign(s.cameras[1], { rate_hz: 0, health: "delivering" });
+  const dead = (s) => Object.assign(s.cameras[1], { rate_hz: 0, health: "delivering", age_s: 5 });
   status(sizes, dead);
   await until("a camera's picture is awaited", async () => /first picture is awaited/.test(await page.textContent("#cameras")));
   const t = now();

@@ -392,7 +392,8 @@ const healthWords = {
 // Why the rate of a camera that delivers is not what it should be; empty: it is.
 export function slowness(camera: CameraStatus): string {
   if (camera.health !== "delivering") return "";
-  if (camera.rate_hz < 0.05) return "no frame came in the last seconds";
+  // Of a service that has just begun no rate is known yet.
+  if (camera.rate_hz < 0.05) return camera.age_s > 1 ? "no frame came in the last seconds" : "";
   const cameras = store.status?.cameras ?? [];
   const best = cameras.reduce((a, b) => (b.rate_hz > a.rate_hz ? b : a), camera);
   // Cameras of one rig may be twice as fast as others, not three times.

@@ -330,7 +330,8 @@ function tick(): void {
   const serving = isServing();
   const { status, pulse } = store;
   const link = $("link");
-  const isStuck = serving && status!.mode === "run" && status!.set_rate_hz < 0.05;
+  const justBegun = store.rates.length < 3; // statuses: no rate is known yet
+  const isStuck = serving && !justBegun && status!.mode === "run" && status!.set_rate_hz < 0.05;
   link.dataset.link = !store.connected ? "bad" : serving && !isStuck ? "good" : "warn";
   link.textContent = !store.connected ? "No bridge" : serving ? "Live" : "No service";
   $("service").textContent = !store.connected
@@ -371,6 +372,7 @@ function awaited(serving: boolean): string {
   const there = status.cameras.filter((c) => c.health === "delivering").length;
   if (status.cameras.length && there < status.cameras.length)
     return `No position yet: ${there} of ${status.cameras.length} cameras deliver. Health, below, says what is wrong with the others.`;
+  if (store.scene?.cameras.some((c) => !c.model)) return "Nothing is tracked before the cameras are calibrated.";
   return status.targets.length ? `No position of ${status.targets.join(", ")} has come yet.` : "The configuration names no target.";
 }
 
