@@ -10,7 +10,7 @@ namespace huetrack::object_tracking {
 namespace {
 
 constexpr double every_s = 0.5;  // each view
-constexpr int step_px = TileAt::size;
+constexpr int grid_px = TileAt::size;
 // Of the share that objects could cover: more is the room's, as a radius may be wrong by half. Below the lower one it
 // is not any more.
 constexpr double shared_above = 2.5, shared_below = 1.5;
@@ -20,10 +20,10 @@ constexpr int least_matched = 3;
 // An object that is tracked covers so much more than its disc: blur, and it moves on before the next set.
 constexpr double covered_radii = 1.4, covered_more_px = 3;
 
-// What is left out so near to a region's middle may have cut it.
 // A disc, by its area against the smallest and the largest that an object may have, by its half widths, and by how much
 // of the ellipse of these it fills.
 constexpr double least_disc = 0.6, roundest = 0.75, least_filled = 0.85;
+// What is left out so near to a region's middle may have cut it.
 constexpr double cut_reach = 1.5;  // radii
 // The middle of what a straight edge leaves of a disc, by the share that is left: 0.42 radii of a half, 0.65 of a
 // quarter.
@@ -60,7 +60,8 @@ void StillColor::forget(std::size_t camera) {
   shares_[camera].still = 0, shares_[camera].still_box = {};
 }
 
-bool StillColor::touches(std::size_t camera, const Eigen::Vector2d& px, double reach_px) const {
+bool StillColor::may_cut(std::size_t camera, const Eigen::Vector2d& px, double radius_px) const {
+  const double reach_px = cut_reach * radius_px;
   const PerCamera& in = cameras_[camera];
   if (in.listed.empty() || !px.allFinite()) return false;
   const int rows = static_cast<int>(in.tiles.size()) / in.stride;
@@ -84,7 +85,7 @@ void StillColor::mark_cut(std::vector<Sighting>& sightings) const {
   if (!is_room_shared_) return;
   for (Sighting& s : sightings) {
     const double radius_px = s.support > 0 ? s.radius_px / std::sqrt(s.support) : s.radius_px;  // of its whole disc
-    if (!touches(static_cast<std::size_t>(s.row.camera), s.px, cut_reach * radius_px)) continue;
+    if (!may_cut(static_cast<std::size_t>(s.row.camera), s.px, radius_px)) continue;
     s.is_cut = true;
     if (s.is_outline) continue;
     const double off_px = off_by_cut * (1 - s.support) * radius_px;
@@ -149,9 +150,9 @@ void StillColor::find_what_may_be_objects(const TargetView& view, PerCamera& cam
 void StillColor::measure(const TargetView& view) {
   PerCamera& camera = cameras_[static_cast<std::size_t>(view.index)];
   ColorShare& share = shares_[static_cast<std::size_t>(view.index)];
-  view.matches->grid_with_left_out(step_px, hits_);
-  const double probed = std::max(1.0, std::floor((view.image->width + step_px / 2.0) / step_px) *
-                                          std::floor((view.image->height + step_px / 2.0) / step_px));
+  view.matches->grid_with_left_out(grid_px, hits_);
+  const double probed = std::max(1.0, std::floor((view.image->width + grid_px / 2.0) / grid_px) *
+                                          std::floor((view.image->height + grid_px / 2.0) / grid_px));
   share.of_picture = std::min(1.0, static_cast<double>(hits_.size()) / probed);
   const double bound = (camera.is_above ? shared_below : shared_above) * share.of_target;
   camera.is_above = share.of_picture > std::max(least_shared, bound);

@@ -45,8 +45,8 @@ class StillColor {
   // what looks like an object counts as one that may be. It must move to be told.
   bool is_starting(capture::Timestamp set_at) const;
   bool is_room_shared() const { return is_room_shared_; }  // some view shows more of it than objects could cover
-  // Something that is left out lies within so far of this pixel: a region there may be cut by it.
-  bool touches(std::size_t camera, const Eigen::Vector2d& px, double reach_px) const;
+  // Something that is left out lies so near to this pixel that a region of this radius there may be cut by it.
+  bool may_cut(std::size_t camera, const Eigen::Vector2d& px, double radius_px) const;
   // Which of them may be cut so, and by how much their middles may be off because of it.
   void mark_cut(std::vector<Sighting>& sightings) const;
   const std::vector<ColorShare>& shares() const { return shares_; }  // per camera of the rig
