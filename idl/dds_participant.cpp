@@ -188,6 +188,7 @@ std::vector<NetworkInterface> network_interfaces() {
 std::string describe(const std::vector<NetworkInterface>& list) {
   if (list.empty()) return "no network interface";
   std::vector<std::string> texts;
+  texts.reserve(list.size());
   for (const NetworkInterface& i : list) texts.push_back(i.name + " " + i.address);
   return fmt::format("{}", fmt::join(texts, ", "));
 }
