@@ -103,15 +103,8 @@ class TimestampFile {
 
 namespace {
 
-// By what such files begin with: Matroska and WebM, AVI, MP4 and MOV, JPEG, PNG.
 void refuse_videos(const std::filesystem::path& file) {
-  std::ifstream stream(file, std::ios::binary);
-  std::array<char, 12> bytes{};
-  if (!stream.read(bytes.data(), bytes.size())) return;  // the reader of the file says what is wrong with it
-  const std::string_view head(bytes.data(), bytes.size());
-  if (!head.starts_with("\x1a\x45\xdf\xa3") && !head.starts_with("RIFF") && head.substr(4, 4) != "ftyp" &&
-      !head.starts_with("\xff\xd8\xff") && !head.starts_with("\x89PNG"))
-    return;
+  if (!is_video_or_picture(file)) return;  // the reader of the file says what else is wrong with it
   throw yaml::ConfigError(file, 0,
                           "is a video or a picture, not a recording: that is a recording.yaml, which names the frames "
                           "of every camera: version: 1, cameras: {left: {frames: a.mp4, fps: 30}, right: ...}; in a "
@@ -119,6 +112,15 @@ void refuse_videos(const std::filesystem::path& file) {
 }
 
 }  // namespace
+
+bool is_video_or_picture(const std::filesystem::path& file) {
+  std::ifstream stream(file, std::ios::binary);
+  std::array<char, 12> bytes{};
+  if (!stream.read(bytes.data(), bytes.size())) return false;
+  const std::string_view head(bytes.data(), bytes.size());
+  return head.starts_with("\x1a\x45\xdf\xa3") || head.starts_with("RIFF") || head.substr(4, 4) == "ftyp" ||
+         head.starts_with("\xff\xd8\xff") || head.starts_with("\x89PNG");
+}
 
 Recording read_recording(const std::filesystem::path& path) {
   const auto absolute = std::filesystem::absolute(path);

@@ -52,6 +52,9 @@ struct Recording {
   std::optional<Timestamp> started_at;  // UNIX time of the recording clock's zero, when known (key started_at, seconds)
 };
 
+// By what the file begins with: Matroska and WebM, AVI, MP4 and MOV, JPEG, PNG. No for what cannot be read.
+bool is_video_or_picture(const std::filesystem::path& file);
+
 // path: the yaml file, or the folder that holds recording.yaml. throws ConfigError
 Recording read_recording(const std::filesystem::path& path);
 

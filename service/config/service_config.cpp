@@ -20,6 +20,7 @@
 #include "calib/yaml/text_file.h"
 #include "calib/yaml/yaml_reader.h"
 #include "capture/network_source.h"
+#include "capture/recording.h"
 #include "config/config_check.h"
 
 namespace huetrack::config {
@@ -857,6 +858,10 @@ CaptureConfig load_capture_config(const fs::path& file) {
 }
 
 ServiceConfig load_service_config(const fs::path& file) {
+  if (capture::is_video_or_picture(file))
+    throw yaml::ConfigError(file, 0,
+                            "is a video or a picture, not a configuration, which names rig and targets "
+                            "(configs/huetrackd.yaml has every key): huetrackd replay my.yaml left=a.mp4 right=b.mp4");
   const yaml::YamlReader written = yaml::YamlReader::file(file);
   refuse_other_files(written);
   const fs::path beside = taught_file(file);

@@ -105,6 +105,8 @@ LiveSummary run_live(const config::ServiceConfig& config, std::vector<pipeline::
                              "ls -l /dev/v4l/by-path/ lists those that there are");
   pipeline::refuse_one_file_for_two({options.tracks, options.poses, options.write_rig});
   const bool is_tracking = options.track && config.is_calibrated();
+  // Whose lenses are nobody's, nothing of them is to be kept.
+  if (!options.record_to.empty() || !options.write_rig.empty()) config::require_rig(config);
   pipeline::Session session(config, pipeline::sources_of(config, cameras),
                             {.when_full = pipeline::WhenFull::drop_oldest, .is_tracking = is_tracking});
 
@@ -151,8 +153,7 @@ LiveSummary run_live(const config::ServiceConfig& config, std::vector<pipeline::
   }
   // After all that may yet end the program: no empty recording stays behind.
   pipeline::RecordingKeeper recording(
-      session.config(),
-      {.record_to = options.record_to, .cameras_in_use = cameras.size(), .is_tracking = is_tracking});
+      session.config(), {.record_to = options.record_to, .cameras_in_use = cameras.size(), .is_tracking = is_tracking});
   session.add(recording);
   Supervisor supervisor({.session = session,
                          .cameras = cameras,

@@ -42,8 +42,9 @@ std::string mistake_text(const view_watch::Mistake& mistake, const object_tracki
           "of other cameras",
           target.name, mistake.off_px);
     case MistakeKind::radius:
-      return fmt::format("the views of {} agree that it has a radius of {:.3g} m, not of {:.3g}: correct radius_m",
-                         target.name, mistake.size, target.radius_m);
+      return fmt::format(
+          "the views of {} agree that it has a radius of about {:.2g} m, not of {:.3g}: correct radius_m", target.name,
+          mistake.size, target.radius_m);
     case MistakeKind::shared_color:
       return fmt::format(
           "the colour of {} covers {:.0f} % of {}'s picture, far more than it could itself: narrow its colour, or "

@@ -638,6 +638,15 @@ TEST(ReferenceConfig, HasEveryKeyWithItsDefaultInTheOrderOfCheck) {
   EXPECT_EQ(in_file, in_print);
 }
 
+TEST_F(ServiceConfigFile, AVideoIsNoConfiguration) {
+  try {
+    load_service_config(configs / "demo/recording/cam0.mkv");
+    FAIL();
+  } catch (const yaml::ConfigError& error) {
+    EXPECT_THAT(error.what(), HasSubstr("cam0.mkv: is a video or a picture, not a configuration"));
+  }
+}
+
 // Where somebody begins: the cameras alone.
 TEST_F(ServiceConfigFile, CamerasMayNotBeCalibratedYet) {
   const std::string begun =

@@ -301,6 +301,23 @@ TEST_F(Live, WithoutCamerasItSaysWhatToDo) {
               testing::ThrowsMessage<std::runtime_error>(HasSubstr("cameras: none is given")));
 }
 
+TEST_F(Live, CamerasWithoutARigAreShownAndNothingIsTracked) {
+  std::ofstream(folder_ / "c.yaml") << "version: 1\nrig: none\ntargets: {lime: {radius_m: 0.04}}\ncameras:\n"
+                                       "  cam0: {device: 0, fps: 30, size: [320, 240]}\n"
+                                       "  cam1: {device: 1, fps: 30, size: [320, 240]}\n";
+  config_ = config::load_service_config(folder_ / "c.yaml");
+  options_.tracks.clear();
+  const LiveSummary summary = run_live(config_, cameras(20), options_, requests_, {});
+  EXPECT_EQ(summary.figures.cameras.at(1).frames, 20u);
+  EXPECT_GT(summary.figures.sets_tracked, 10u);
+  EXPECT_THAT(summary.status.warnings, testing::Contains(HasSubstr("not calibrated")));
+  EXPECT_TRUE(summary.figures.searches.empty());
+  // Nothing that holds such a rig is written.
+  options_.write_rig = folder_ / "learnt.yaml";
+  EXPECT_THROW(run_live(config_, cameras(20), options_, requests_, {}), yaml::ConfigError);
+  EXPECT_FALSE(fs::exists(options_.write_rig));
+}
+
 TEST(IsProgressing, NeedsEveryCameraAndTheTrackingThread) {
   const auto now = std::chrono::steady_clock::now();
   std::vector<capture::CameraHealth> cameras(2);

@@ -30,7 +30,7 @@ TEST(MistakeWords, sayWhoAndHowMuchAndWhatToDo) {
               AllOf(HasSubstr("left and right disagree by 8 px"), HasSubstr("one of them looks turned")));
   EXPECT_THAT(text({MistakeKind::other_rig, {}, 0, 80}), HasSubstr("another room"));
   EXPECT_THAT(text({MistakeKind::radius, {}, 0.028, 0}),
-              HasSubstr("a radius of 0.028 m, not of 0.04: correct radius_m"));
+              HasSubstr("a radius of about 0.028 m, not of 0.04: correct radius_m"));
   EXPECT_THAT(text({MistakeKind::shared_color, {2}, 0.12, 0}),
               HasSubstr("the colour of orange covers 12 % of top's picture"));
   EXPECT_THAT(text({MistakeKind::opencv_hue, {}, 0, 0}), AllOf(HasSubstr("OpenCV"), HasSubstr("write [20, 44]")));
