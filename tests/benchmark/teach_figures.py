@@ -11,6 +11,7 @@ to the truth: how many clicks track the object within 10 mm rms while the state 
 cm off then). What is predicted while the object is hidden (`coasting`) hangs on how long it is hidden and not on its colour: its
 error is in the rms of all samples, which is printed beside it.
 """
+import bisect
 import csv
 import pathlib
 import re
@@ -67,20 +68,26 @@ def clicks(cameras, every):
                 yield clicked, frame, u, v
 
 
-def rms_while_tracking(tracks, truth):
-    """Millimetres, of a track as `replay --tracks` writes it, from the first sample in that state on; None: there is none."""
+def rms_while_tracking(tracks, truth, has_late_stamps):
+    """Millimetres, of a track as `replay --tracks` writes it, over the samples in that state; None: there is none. Of cameras whose
+    stamps are late, after the one constant shift of time that suits best, as no picture can tell it (webcam_figures.py)."""
     rows = [[float(row[key]) for key in "txyz"] for row in csv.DictReader(open(truth))]
-    squares, at = [], 0
-    for row in csv.DictReader(open(tracks)):
-        if row["state"] != "tracking":
-            continue
-        t, p = float(row["t"]), [float(row[key]) for key in "xyz"]
-        while at + 2 < len(rows) and rows[at + 1][0] < t:
-            at += 1
-        before, after = rows[at], rows[at + 1]
-        share = (t - before[0]) / (after[0] - before[0])
-        squares.append(sum((a + (b - a) * share - x) ** 2 for a, b, x in zip(before[1:], after[1:], p)))
-    return 1000 * (sum(squares) / len(squares)) ** 0.5 if squares else None
+    times = [row[0] for row in rows]
+    samples = [[float(row[key]) for key in "txyz"] for row in csv.DictReader(open(tracks)) if row["state"] == "tracking"]
+
+    def rms(shift):
+        total = 0
+        for t, *p in samples:
+            at = min(max(bisect.bisect(times, t - shift), 1), len(rows) - 1)
+            before, after = rows[at - 1], rows[at]
+            share = (t - shift - before[0]) / (after[0] - before[0])
+            total += sum((a + (b - a) * share - x) ** 2 for a, b, x in zip(before[1:], after[1:], p))
+        return 1000 * (total / len(samples)) ** 0.5
+
+    if not samples or not has_late_stamps:
+        return rms(0) if samples else None
+    best = min((k / 1000 for k in range(-80, 81, 2)), key=rms)
+    return min(rms(best + k / 10000) for k in range(-20, 21))
 
 
 def accepted(huetrackd, folders, every):
@@ -106,7 +113,7 @@ def accepted(huetrackd, folders, every):
                                             capture_output=True, text=True).stdout
                     all_of_it = re.search(r"rms error ([\d.]+) mm", replay)
                     far = re.search(r"over 10 cm off while tracking: (\d+) of", replay)
-                    rms = rms_while_tracking(tracks, truth) if all_of_it else None
+                    rms = rms_while_tracking(tracks, truth, (folder / "frames.csv").exists()) if all_of_it else None
                     kind = "none" if rms is None else "wrong" if far and int(far[1]) > 0 else "good" if rms <= good_mm else "worse"
                     count[kind] += 1
                     if kind != "good" or float(all_of_it[1]) > good_mm:
