@@ -260,7 +260,8 @@ msg::TeachRequest teach_request_of(const std::string& json) {
     constexpr const char* actions[] = {"freeze", "look", "apply", "ignore", "resume", "undo"};
     std::size_t a = 0;
     while (a < std::size(actions) && action != actions[a]) ++a;
-    if (a == std::size(actions)) throw std::invalid_argument("action must be freeze, look, apply, ignore, resume or undo");
+    if (a == std::size(actions))
+      throw std::invalid_argument("action must be freeze, look, apply, ignore, resume or undo");
     request.action(static_cast<msg::TeachAction>(a));
     request.target(j.value("target", ""));
     request.wider(j.value("wider", 0));

@@ -149,7 +149,8 @@ std::string warnings(const color_teaching::Lesson& lesson) {
 }  // namespace
 
 std::string TeachDesk::why_not(const config::ServiceConfig& config) {
-  if (!config.is_calibrated()) return "The cameras are not calibrated yet: what is seen in one tells nothing of the others.";
+  if (!config.is_calibrated())
+    return "The cameras are not calibrated yet: what is seen in one tells nothing of the others.";
   if (config.control.allow_teach) return "";
   return fmt::format(
       "The configuration does not allow it. Set control: {{allow_teach: true}} in {}, then reload it: kill -HUP {} (or "

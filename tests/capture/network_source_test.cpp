@@ -30,13 +30,13 @@ std::vector<std::uint8_t> picture(int width, int height, int grey) {
 }
 
 // Sends pictures 20 ms apart to whoever connects, and closes; again and again.
-class Camera {
+class MjpegServer {
  public:
   struct Film {
     int width = 64, height = 48, pictures = 10;
     bool is_silent_then = false;  // the connection stays open, and nothing comes
   };
-  explicit Camera(Film film) : film_(film), listening_(::socket(AF_INET, SOCK_STREAM, 0)) {
+  explicit MjpegServer(Film film) : film_(film), listening_(::socket(AF_INET, SOCK_STREAM, 0)) {
     sockaddr_in here{};
     here.sin_family = AF_INET;
     here.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
@@ -47,7 +47,7 @@ class Camera {
     port_ = ntohs(here.sin_port);
     thread_ = std::jthread([this](const std::stop_token& stop) { serve(stop); });
   }
-  ~Camera() {
+  ~MjpegServer() {
     thread_.request_stop();
     ::shutdown(listening_.get(), SHUT_RDWR);
   }
@@ -81,7 +81,7 @@ class Camera {
   std::jthread thread_;
 };
 
-NetworkSourceOptions options_for(const Camera& camera) {
+NetworkSourceOptions network_options(const MjpegServer& camera) {
   return {.camera = 1,
           .name = "left",
           .address = camera.address(),
@@ -102,8 +102,8 @@ TEST(NetworkAddress, IsToldFromADevice) {
 }
 
 TEST(NetworkSource, DeliversPicturesStampedAsTheyArrive) {
-  Camera camera({.pictures = 1000});
-  NetworkSourceOptions options = options_for(camera);
+  MjpegServer camera({.pictures = 1000});
+  NetworkSourceOptions options = network_options(camera);
   options.timing.latency = 100ms;
   NetworkSource source(options);
   std::vector<Frame> frames;
@@ -138,15 +138,15 @@ TEST(NetworkSource, DeliversPicturesStampedAsTheyArrive) {
 }
 
 TEST(NetworkSource, WarnsWhileNobodyKnowsHowLateItIs) {
-  Camera camera({});
-  NetworkSource source(options_for(camera));
+  MjpegServer camera({});
+  NetworkSource source(network_options(camera));
   ASSERT_TRUE(source.next({}));
   EXPECT_THAT(source.health().warning, HasSubstr("latency_offset_s"));
 }
 
 TEST(NetworkSource, ComesBackWhenTheStreamEnds) {
-  Camera camera({.pictures = 5});
-  NetworkSource source(options_for(camera));
+  MjpegServer camera({.pictures = 5});
+  NetworkSource source(network_options(camera));
   for (std::uint32_t k = 0; k < 12; ++k) {
     const auto frame = source.next({});
     ASSERT_TRUE(frame);
@@ -159,8 +159,8 @@ TEST(NetworkSource, ComesBackWhenTheStreamEnds) {
 }
 
 TEST(NetworkSource, AnotherSizeThanTheRigsIsRefused) {
-  Camera camera({.width = 32, .height = 48});
-  NetworkSource source(options_for(camera));
+  MjpegServer camera({.width = 32, .height = 48});
+  NetworkSource source(network_options(camera));
   std::stop_source stop;
   std::jthread reading([&] { EXPECT_FALSE(source.next(stop.get_token())); });
   for (int k = 0; k < 400 && source.health().state != CaptureState::absent; ++k) std::this_thread::sleep_for(10ms);
@@ -170,8 +170,8 @@ TEST(NetworkSource, AnotherSizeThanTheRigsIsRefused) {
 
 // A camera that holds the connection and sends nothing, and one that is not there.
 TEST(NetworkSource, IsStoppedWhileNothingComes) {
-  Camera camera({.pictures = 3, .is_silent_then = true});
-  NetworkSourceOptions options = options_for(camera);
+  MjpegServer camera({.pictures = 3, .is_silent_then = true});
+  NetworkSourceOptions options = network_options(camera);
   options.patience = 60s;
   NetworkSourceOptions nobody = options;
   nobody.address = "http://127.0.0.1:1/";
@@ -192,8 +192,8 @@ TEST(NetworkSource, IsStoppedWhileNothingComes) {
 }
 
 TEST(NetworkSource, SilenceIsALostCamera) {
-  Camera camera({.pictures = 3, .is_silent_then = true});
-  NetworkSourceOptions options = options_for(camera);
+  MjpegServer camera({.pictures = 3, .is_silent_then = true});
+  NetworkSourceOptions options = network_options(camera);
   options.patience = 300ms;
   NetworkSource source(options);
   std::stop_source stop;

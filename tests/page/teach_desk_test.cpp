@@ -39,9 +39,8 @@ config::ServiceConfig config_that_allows(bool teaching) {
 }
 
 TEST(TeachDesk, NothingIsDoneForWhoMayNotTeach) {
-  for (const auto action :
-       {msg::TEACH_ACTION_RESUME, msg::TEACH_ACTION_LOOK, msg::TEACH_ACTION_APPLY, msg::TEACH_ACTION_IGNORE,
-        msg::TEACH_ACTION_UNDO}) {
+  for (const auto action : {msg::TEACH_ACTION_RESUME, msg::TEACH_ACTION_LOOK, msg::TEACH_ACTION_APPLY,
+                            msg::TEACH_ACTION_IGNORE, msg::TEACH_ACTION_UNDO}) {
     Desk of;
     const msg::TeachReply reply = of.desk.answer(request_of(action), config_that_allows(false));
     EXPECT_FALSE(reply.granted()) << int(action);

@@ -69,6 +69,7 @@ function viewOf(camera: string): View {
   view.button.textContent = "⤢";
   view.button.setAttribute("aria-label", `Show ${camera} large`);
   const keep = card.querySelector(".keep")!;
+  keep.id = `keep-${camera}`;
   keep.setAttribute("aria-label", `Save the picture of ${camera}`);
   keep.setAttribute("title", "Save this picture");
   keep.addEventListener("click", () => view.canvas.toBlob((blob) => blob && save(blob, `${camera}-${view.preview?.set ?? 0}.png`)));
