@@ -216,7 +216,8 @@ void StillColor::learn(const TargetView& view, PerCamera& camera, std::span<cons
       const double du = where.pixel_u() + 3.5 - s.px.x(), dv = where.pixel_v() + 3.5 - s.px.y();
       if (std::hypot(du, dv) > reach + 6) continue;
       for (int bit = 0; bit < 64; ++bit) {
-        const double u = where.pixel_u() + bit % 8 - s.px.x(), v = where.pixel_v() + bit / 8 - s.px.y();
+        const int column = bit % 8, row = bit / 8;
+        const double u = where.pixel_u() + column - s.px.x(), v = where.pixel_v() + row - s.px.y();
         if (u * u + v * v < reach * reach) covered |= std::uint64_t{1} << bit;
       }
     }

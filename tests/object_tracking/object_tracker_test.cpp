@@ -619,5 +619,29 @@ TEST(SearchFindings, areForgottenWhenTheTargetIsFound) {
   EXPECT_EQ(found.advice(lime(), {"a", "b"}), "");
 }
 
+// In OpenCV's units of two degrees; and a range in degrees whose double the ball's own hues are in, in a room that
+// shares it, where what stands is found late.
+TEST(ObjectTracker, HuesInOpenCvsUnitsAreFoundOutAndOthersAreNot) {
+  const auto found_at_twice = [](double min_deg, double max_deg, bool has_furniture) {
+    scene::SceneBuilder builder;
+    builder.cameras_on_ring({.count = 3, .image_size = {320, 240}, .focal_px = 240});
+    builder.ball({.path = [](double t) { return Vector3d(-0.3 + 0.6 * std::max(0.0, t - 0.6), 0.1, 1.0); }});
+    if (has_furniture)
+      for (const double x : {-0.5, 0.5})
+        builder.ball({.name = "yellow", .radius_m = 0.14, .rgb = {0.8, 0.75, 0.1}, .path = [x](double) {
+                        return Vector3d(x, 0.9, 0.4);
+                      }});
+    const scene::Scene scene = builder.build();
+    TargetOptions target = lime();
+    target.color.hue_min_deg = min_deg, target.color.hue_max_deg = max_deg;
+    ObjectTracker tracker(scene.rig, target, options_with());
+    for (const capture::FrameSet& set : render(scene, {.set_count = 60})) tracker.update(set);
+    return tracker.search_findings().is_found_at_twice_the_hue;
+  };
+  EXPECT_TRUE(found_at_twice(33, 57, false));
+  EXPECT_FALSE(found_at_twice(65, 115, false));
+  EXPECT_FALSE(found_at_twice(45, 105, true));
+}
+
 }  // namespace
 }  // namespace huetrack::object_tracking
