@@ -161,7 +161,10 @@ struct ObjectTracker::Impl {
     const auto tracked = std::ranges::find(estimates, TrackState::tracking, &ObjectEstimate::state);
     const ObjectEstimate& estimate = tracked != estimates.end() ? *tracked : estimates.front();
     watch.look(set, estimate, follower.in_force());
+    const bool was_found = twice_the_hue.is_found();
     twice_the_hue.look(set, estimate.state);
+    if (auto* one = std::get_if<RegionTracker>(&tracker); one != nullptr && twice_the_hue.is_found() && !was_found)
+      one->distrust_color(set.at);
     if (adapts) std::visit([&](auto& t) { follower.follow(set, estimate, watch, t.views()); }, tracker);
   }
 
