@@ -116,6 +116,17 @@ void StillColor::look(const std::vector<TargetView>& views, std::span<const Sigh
   sample(views[next_++ % views.size()], tracked);
 }
 
+void StillColor::doubt(capture::Timestamp set_at) {
+  is_doubted_ = is_room_shared_ = true;
+  first_at_ = set_at;
+  for (PerCamera& camera : cameras_) {
+    camera.tiles.clear();
+    camera.listed.clear();
+    camera.sampled = 0;
+    camera.is_learning = true;
+  }
+}
+
 bool StillColor::is_starting(capture::Timestamp set_at) const {
   return is_room_shared_ && first_at_ && capture::seconds(set_at - *first_at_) < samples * every_s;
 }
@@ -163,7 +174,7 @@ void StillColor::sample(const TargetView& view, std::span<const Sighting> tracke
   PerCamera& camera = cameras_[static_cast<std::size_t>(view.index)];
   // Of several objects, what stands still and is none of those that are tracked is none; one alone may be lost, and
   // rest.
-  is_room_shared_ = std::ranges::any_of(cameras_, &PerCamera::is_above);
+  is_room_shared_ = is_doubted_ || std::ranges::any_of(cameras_, &PerCamera::is_above);
   const bool is_learning = is_room_shared_ || (count_ > 1 && camera.sampled > 0);
   if (!is_learning && camera.is_learning) {
     view.matches->leave_out_nothing();
@@ -216,7 +227,8 @@ void StillColor::learn(const TargetView& view, PerCamera& camera, std::span<cons
       const double du = where.pixel_u() + 3.5 - s.px.x(), dv = where.pixel_v() + 3.5 - s.px.y();
       if (std::hypot(du, dv) > reach + 6) continue;
       for (int bit = 0; bit < 64; ++bit) {
-        const double u = where.pixel_u() + bit % 8 - s.px.x(), v = where.pixel_v() + bit / 8 - s.px.y();
+        const int column = bit % 8, row = bit / 8;
+        const double u = where.pixel_u() + column - s.px.x(), v = where.pixel_v() + row - s.px.y();
         if (u * u + v * v < reach * reach) covered |= std::uint64_t{1} << bit;
       }
     }

@@ -38,6 +38,9 @@ class StillColor {
   // after the other, each about once in half a second; all of them at first.
   void look(const std::vector<TargetView>& views, std::span<const Sighting> tracked, capture::Timestamp set_at);
   void forget(std::size_t camera);  // it stands elsewhere
+  // What was found was of the room, though it shows little of the colour: from now on as in a room that shares it, as
+  // at its first set.
+  void doubt(capture::Timestamp set_at);
 
   // The room may show the colour in this camera: what moves in it may be noise at the edges of what is left out.
   bool is_shared(std::size_t camera) const { return cameras_[camera].is_learning; }
@@ -83,7 +86,7 @@ class StillColor {
   std::vector<PixelAt> hits_;
   std::vector<std::uint32_t> open_;  // work space: tiles of a patch
   std::vector<char> is_told_;        // likewise: per tile
-  bool is_room_shared_ = false;
+  bool is_room_shared_ = false, is_doubted_ = false;
   std::size_t next_ = 0;
   std::optional<capture::Timestamp> last_at_ = {}, first_at_ = {};
 };
