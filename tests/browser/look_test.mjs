@@ -267,8 +267,13 @@ async function tools(browser, address) {
   await page.selectOption("#plot-span", "600");
   await until("ten minutes are shown", async () => /over the last 600 seconds/.test(await label()));
   await page.click("#plot-pause");
-  await sleep(500);
-  const before = await drawnPlot();
+  // What was asked for before is drawn soon, on a busy machine later.
+  let before = "";
+  await until("the paused plot stands", async () => {
+    const was = before;
+    await sleep(700);
+    return (before = await drawnPlot()) === was;
+  });
   for (let k = 1; k < 30; k++) position("lime", now() + k / 1000, { position: [5, 5, 5] });
   await sleep(1500);
   assert.ok((await drawnPlot()) === before, "a paused plot changes");
