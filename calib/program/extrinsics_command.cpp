@@ -26,9 +26,14 @@ struct ExtrinsicsOptions : CalibrationOptions {
 // The world of the rig that is replaced, for those of its cameras that stand as they did; otherwise a guess.
 void choose_world(solver::Extrinsics& result, const ExtrinsicsOptions& options, report::ReportInput& input) {
   std::error_code error;
+  const calib::Rigid3d guess = solver::upright_guess(result.adjustment);
   if (!options.new_world && std::filesystem::exists(options.rig, error)) {
     const calib::CameraRig before = calib::read_rig(options.rig);
-    if (const auto kept = solver::world_of(before, result.adjustment)) {
+    const auto kept = solver::world_of(before, result.adjustment);
+    // The same pictures once more give the same file: the guess again, to the last bit.
+    constexpr double same = 1e-7;
+    const bool is_guess = kept && calib::log(kept->new_from_old * calib::inverse(guess)).norm() < same;
+    if (kept && !is_guess) {
       result.adjustment = solver::in_world(std::move(result.adjustment), kept->new_from_old);
       const auto was = std::ranges::find(before.made_by, "world", &std::pair<std::string, std::string>::first);
       input.made_of.emplace_back("world",
@@ -39,13 +44,14 @@ void choose_world(solver::Extrinsics& result, const ExtrinsicsOptions& options, 
       if (!options.quiet) std::printf("The world: %s (--new-world begins another one).\n", by.c_str());
       return;
     }
-    std::fprintf(
-        stderr,
-        "huetrack-calibrate: no two cameras stand to one another as in %s, so its world cannot be kept: set it "
-        "anew (huetrack-calibrate world)\n",
-        options.rig.c_str());
+    if (!kept) {
+      std::fprintf(stderr,
+                   "huetrack-calibrate: no two cameras stand to one another as in %s, so its world is not kept: set it "
+                   "anew (huetrack-calibrate world)\n",
+                   options.rig.c_str());
+    }
   }
-  result.adjustment = solver::in_world(std::move(result.adjustment), solver::upright_guess(result.adjustment));
+  result.adjustment = solver::in_world(std::move(result.adjustment), guess);
   input.made_of.emplace_back("world", "a guess: z up as the cameras are held, origin amid the board's places");
 }
 

@@ -358,10 +358,22 @@ std::optional<Adjustment> with_warp(Adjustment a, const AdjustmentOptions& optio
   const double before_px = a.noise_px;
   const int used = a.corners_used;
   a.warp_is_free = true;
+  const auto explains = [&](const Adjustment& warped) {
+    return warped.noise_px < least_gain * before_px || warped.corners_used > used / least_gain;
+  };
   try {
+    // At a glance, on the corners that are used; and where many were not, they may fit now.
+    constexpr double many = 0.95;
+    int corners = 0;
+    for (const BoardView& view : a.views) corners += static_cast<int>(view.ids.size());
+    Adjustment glance = a;
+    glance.views = inliers(a);
+    glance.stamp_error_s.clear();
+    glance = adjust(std::move(glance), {.find_outliers = false, .max_iterations = 20});
+    if (used > many * corners && !(explains(glance) && is_warped(glance))) return std::nullopt;
+    a.warp = glance.warp;
     Adjustment warped = adjust(std::move(a), options);
-    const bool explains = warped.noise_px < least_gain * before_px || warped.corners_used > used / least_gain;
-    if (explains && is_warped(warped)) return warped;
+    if (explains(warped) && is_warped(warped)) return warped;
   } catch (const CalibrationError&) {  // the views do not tell
   }
   return std::nullopt;

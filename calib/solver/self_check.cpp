@@ -191,6 +191,8 @@ std::vector<HalvesCheck> compare_halves(const Adjustment& a) {
   const WorldBox box = board_volume(a);
   using Split = HalvesCheck::Split;
   for (const Split by : {Split::in_time, Split::in_place, Split::alternating}) {
+    // Of a board that is carried, pieces of the recording have much of their courses in common, and take long.
+    if (by == Split::alternating && !a.motions.empty()) continue;
     const auto is_first = split(a, sets, by);
     const auto one = half_of(a, good, is_first, true);
     if (!one) continue;
@@ -225,6 +227,8 @@ std::optional<MovedWithin> find_moved_within(const Adjustment& a) {
   for (int c = 0; c < static_cast<int>(a.cameras.size()); ++c) {
     std::vector<PoseEquations> sets;
     for (const auto& [set, views] : views_of_set) {
+      // A board that moves is elsewhere for every camera: its course would have to be weighed against the camera's.
+      if (a.moves(set)) continue;
       const bool seen = std::ranges::any_of(views, [&](std::size_t v) { return a.views[v].camera == c; });
       const bool by_others = std::ranges::any_of(views, [&](std::size_t v) { return a.views[v].camera != c; });
       if (!seen || !by_others) continue;

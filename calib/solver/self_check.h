@@ -42,7 +42,7 @@ struct MovedWithin {
   double likelihood_ratio = 0;         // by how much two poses explain its views better than one: in units of chance
   bool or_another = false;             // two cameras only: it cannot be told which of them moved
 };
-// nullopt: none clearly did. All views count, those too that were dropped as outliers.
+// nullopt: none clearly did. All views of boards at rest count, those too that were dropped as outliers.
 std::optional<MovedWithin> find_moved_within(const Adjustment& adjusted);
 
 }  // namespace huetrack::solver
