@@ -396,15 +396,20 @@ void choose_lens(Intrinsics& result, const board::Board& board, const std::strin
   // The simplest model that predicts as well, and fits as well: few views reach the image's edge, and what they say is
   // soon within the chance of a prediction, while in the fit of all corners it shows (by Schwarz's criterion, BIC). The
   // richest model is held by what is believed of it, and does no harm.
-  const auto fits_as_well = [&](std::size_t i) {
-    const double excess = (all_corners(fits[i], sigma) - all_corners(fits[best], sigma)) / (sigma * sigma);
-    const int more = parameter_count(trials[best].lens) - parameter_count(trials[i].lens);
-    return excess < more * std::log(2.0 * fits[best].corners_used);
+  const auto fits_as_well = [&](std::size_t i, std::size_t as) {
+    const double excess = (all_corners(fits[i], sigma) - all_corners(fits[as], sigma)) / (sigma * sigma);
+    const int more = parameter_count(trials[as].lens) - parameter_count(trials[i].lens);
+    return excess < std::max(1, more) * std::log(2.0 * fits[as].corners_used);
   };
   result.chosen = result.best = best;
+  if (!errors[closest].empty() && !is_clearly_worse(errors[closest], errors[best]) && !fits_as_well(best, closest)) {
+    result.chosen = closest;
+    result.choice = LensChoice::closer;
+    return;
+  }
   for (std::size_t i = 0; i < best; ++i) {
     if (!trials[i].possible || errors[i].empty()) continue;
-    if (!is_clearly_worse(errors[i], errors[best]) && fits_as_well(i)) {
+    if (!is_clearly_worse(errors[i], errors[best]) && fits_as_well(i, closest) && fits_as_well(i, best)) {
       result.chosen = i;
       break;
     }

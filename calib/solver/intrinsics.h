@@ -51,6 +51,7 @@ enum class LensChoice {
   too_few_views,  // to tell models apart: the simplest one that is possible
   best,           // it predicts views that it was not fitted to best
   simpler,        // it predicts them as well as the best one, and is simpler
+  closer,         // it predicts them as well as the best one, and fits all corners better
 };
 
 struct Intrinsics {
