@@ -48,12 +48,14 @@ install_missing() {
 }
 
 # build_huetrack FOLDER "CMAKE OPTIONS" TARGETS...: configures and builds with Ninja; says how long it took. In a new
-# folder a module's files are compiled together, which halves the time; who develops configures by himself first
-# (cmake --preset release), for then only the file that changed is compiled again.
+# folder a module's files are compiled together, which halves the time, and GCC may have half a gigabyte before it looks for
+# what it can free, which is a sixteenth; who develops configures by himself first (cmake --preset release), for then only
+# the file that changed is compiled again.
 build_huetrack() {
   local folder="$1" options="$2" root start=$SECONDS
   shift 2
-  [ -e "$folder/CMakeCache.txt" ] || options="$options -DCMAKE_UNITY_BUILD=ON"
+  [ -e "$folder/CMakeCache.txt" ] ||
+    options="$options -DCMAKE_UNITY_BUILD=ON -DCMAKE_CXX_FLAGS=--param=ggc-min-heapsize=524288"
   root="$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)"
   echo "== building in $folder"
   # shellcheck disable=SC2086

@@ -253,11 +253,13 @@ void DdsParticipant::leave() {
   dds::DomainParticipantFactory::get_instance()->delete_participant(participant_);
 }
 
-dds::Topic* DdsParticipant::topic(const std::string& name, dds::TypeSupport type) {
+dds::Topic* DdsParticipant::topic(const std::string& name, dds::TypeSupport type,
+                                  std::optional<std::uint32_t> largest) {
   // With them, Cyclone DDS rejects our writers as having invalid type information.
   type->auto_fill_type_information(false);
   type->auto_fill_type_object(false);
-  if (const auto most = largest_sample(name)) type->m_typeSize = *most;  // what a reader has room for
+  if (const auto known = largest_sample(name)) largest = known;
+  if (largest) type->m_typeSize = *largest;  // what a reader has room for
   type.register_type(participant_);
   return participant_->create_topic(name, type.get_type_name(), dds::TOPIC_QOS_DEFAULT);
 }
@@ -287,7 +289,8 @@ void DdsParticipant::delete_writer(eprosima::fastdds::dds::DataWriter& writer) {
   participant_->delete_topic(topic);  // refused, and rightly, where others still use it
 }
 
-dds::DataReader& DdsParticipant::create_reader(const std::string& name, dds::TypeSupport type, dds::DataReaderQos qos) {
+dds::DataReader& DdsParticipant::create_reader(const std::string& name, dds::TypeSupport type, dds::DataReaderQos qos,
+                                               std::optional<std::uint32_t> largest) {
   dds::DataReader* reader = nullptr;
   dds::DataReaderQos profile;
   auto& messages = FastDdsMessages::instance();
@@ -297,7 +300,7 @@ dds::DataReader& DdsParticipant::create_reader(const std::string& name, dds::Typ
     profiled_topics_.push_back(name);
   });
   const std::string said = messages.during([&] {
-    if (dds::Topic* t = topic(name, type)) reader = subscriber_->create_datareader(t, qos);
+    if (dds::Topic* t = topic(name, type, largest)) reader = subscriber_->create_datareader(t, qos);
   });
   if (reader == nullptr) throw std::runtime_error("cannot subscribe to DDS topic " + name + ": " + said);
   return *reader;

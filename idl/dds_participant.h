@@ -62,8 +62,10 @@ class DdsParticipant {
                                                     const std::string& user_data);
   // Before this goes. Samples that are not acknowledged yet are not waited for.
   void delete_writer(eprosima::fastdds::dds::DataWriter& writer);
+  // largest: of a sample, in bytes, where largest_sample() does not know the topic; the same for all topics of a type.
   eprosima::fastdds::dds::DataReader& create_reader(const std::string& topic, eprosima::fastdds::dds::TypeSupport type,
-                                                    eprosima::fastdds::dds::DataReaderQos qos);
+                                                    eprosima::fastdds::dds::DataReaderQos qos,
+                                                    std::optional<std::uint32_t> largest = {});
 
   // Fast DDS uses and announces the addresses that the host had when the participant was made. (Setting its QoS again
   // makes it listen on new ones, but its readers and writers go on announcing the old ones.) True when the addresses
@@ -76,7 +78,8 @@ class DdsParticipant {
 
  private:
   void leave();
-  eprosima::fastdds::dds::Topic* topic(const std::string& name, eprosima::fastdds::dds::TypeSupport type);
+  eprosima::fastdds::dds::Topic* topic(const std::string& name, eprosima::fastdds::dds::TypeSupport type,
+                                       std::optional<std::uint32_t> largest = {});
 
   int domain_;
   std::vector<NetworkInterface> interfaces_;  // when it joined

@@ -27,7 +27,8 @@ constexpr std::pair<std::string_view, std::uint32_t> largest_samples[] = {
     {object_position_topic, 16 * KiB}, {camera_pose_topic, 4 * KiB},  {status_topic, 256 * KiB},
     {camera_times_topic, 64 * KiB},    {object_set_topic, 64 * KiB},  {scene_topic, 1024 * KiB},
     {preview_topic, 2048 * KiB},       {camera_map_topic, 128 * KiB}, {teach_request_topic, 64 * KiB},
-    {teach_reply_topic, 4096 * KiB},
+    {teach_reply_topic, 4096 * KiB},   {camera_host_topic, 64 * KiB}, {clock_probe_topic, 1 * KiB},
+    {clock_echo_topic, 1 * KiB},
 };
 constexpr std::size_t longest_user_data = 16 * KiB;  // who a publisher is: some hundred targets
 constexpr int most_instances = 4000;                 // of a reader; one costs some hundred bytes
@@ -94,6 +95,10 @@ std::string ros2_camera_info_topic(std::string_view camera) {
 
 std::string ros2_camera_pose_topic(std::string_view camera) {
   return "rt/huetrack/camera/" + std::string(camera) + "/pose";
+}
+
+std::string camera_frames_topic(std::string_view host, std::string_view camera) {
+  return "huetrack/frames/" + std::string(host) + "/" + std::string(camera);
 }
 
 std::string ros2_user_data(std::string_view type_hash) {
@@ -193,6 +198,34 @@ dds::DataWriterQos teach_writer_qos() {
 
 dds::DataReaderQos teach_reader_qos() {
   return reliable_reader(4);
+}
+
+dds::DataWriterQos camera_frames_writer_qos() {
+  dds::DataWriterQos qos = reliable_writer(4);
+  qos.publish_mode().kind = dds::ASYNCHRONOUS_PUBLISH_MODE;
+  qos.reliable_writer_qos().times.heartbeatPeriod = Duration_t(0, 5 * ms);
+  qos.reliable_writer_qos().times.nackResponseDelay = Duration_t(0, 1 * ms);
+  return qos;
+}
+
+dds::DataReaderQos camera_frames_reader_qos() {
+  dds::DataReaderQos qos = reliable_reader(4);
+  qos.reliable_reader_qos().times.heartbeatResponseDelay = Duration_t(0, 1 * ms);
+  qos.resource_limits().max_instances = 1;
+  qos.resource_limits().max_samples = 4;
+  return qos;
+}
+
+dds::DataWriterQos clock_writer_qos() {
+  dds::DataWriterQos qos = reliable_writer(4);
+  qos.reliability().kind = dds::BEST_EFFORT_RELIABILITY_QOS;
+  return qos;
+}
+
+dds::DataReaderQos clock_reader_qos() {
+  dds::DataReaderQos qos = reliable_reader(4);
+  qos.reliability().kind = dds::BEST_EFFORT_RELIABILITY_QOS;
+  return qos;
 }
 
 dds::DataWriterQos ros2_writer_qos() {

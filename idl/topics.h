@@ -31,6 +31,12 @@ inline constexpr const char* camera_map_topic = "huetrack/camera_map";        //
 inline constexpr const char* teach_request_topic = "huetrack/teach_request";  // huetrack::msg::TeachRequest
 inline constexpr const char* teach_reply_topic = "huetrack/teach_reply";      // huetrack::msg::TeachReply
 
+// Native, types of camera_host.idl: between a camera host and the trackers that use its cameras.
+inline constexpr const char* camera_host_topic = "huetrack/camera_host";          // huetrack::msg::CameraHost, keyed
+inline constexpr const char* clock_probe_topic = "huetrack/clock_probe";          // huetrack::msg::ClockProbe
+inline constexpr const char* clock_echo_topic = "huetrack/clock_echo";            // huetrack::msg::ClockEcho
+std::string camera_frames_topic(std::string_view host, std::string_view camera);  // huetrack::msg::CameraFrame
+
 // ROS 2, types of ros2_messages.idl. A ROS 2 topic /x is the DDS topic rt/x.
 inline constexpr const char* ros2_tf_topic = "rt/tf";  // tf2_msgs/msg/TFMessage
 std::string ros2_pose_topic(
@@ -93,6 +99,11 @@ std::optional<std::uint32_t> largest_sample(std::string_view topic);
 //   preview          best effort, volatile, keep-last 1: a lost picture is not sent again. Large socket buffers are the
 //                    host's affair; our pictures fit into a few datagrams.
 //   teach_*          reliable, volatile, keep-last 10.
+//   camera_host      as status.
+//   frames/...       reliable, volatile, keep-last 4, sent by a thread of Fast DDS' own (a frame is many datagrams);
+//   what
+//                    is lost is asked for again within 5 ms, and a network that is too slow loses whole frames.
+//   clock_*          best effort, volatile, keep-last 4: a question that was lost is asked again.
 //   ROS 2            reliable, volatile, keep-last 10: matches echo, RViz and best-effort readers.
 // A reader has room for samples of largest_sample() from its start and never takes more: what is not taken in time is
 // replaced by what comes, and of a keyed topic there are at most 4000 instances.
@@ -106,6 +117,10 @@ eprosima::fastdds::dds::DataWriterQos preview_writer_qos();
 eprosima::fastdds::dds::DataReaderQos preview_reader_qos();
 eprosima::fastdds::dds::DataWriterQos teach_writer_qos();
 eprosima::fastdds::dds::DataReaderQos teach_reader_qos();
+eprosima::fastdds::dds::DataWriterQos camera_frames_writer_qos();
+eprosima::fastdds::dds::DataReaderQos camera_frames_reader_qos();
+eprosima::fastdds::dds::DataWriterQos clock_writer_qos();
+eprosima::fastdds::dds::DataReaderQos clock_reader_qos();
 eprosima::fastdds::dds::DataWriterQos ros2_writer_qos();
 
 }  // namespace huetrack::idl

@@ -84,10 +84,25 @@ void check_live_cameras(const ServiceConfig& config, const yaml::YamlReader& roo
           .fail("size",
                 fmt::format("the rig was calibrated at {}x{}: use that size (or the word rig), or calibrate anew",
                             calibrated.width, calibrated.height));
+    const auto name_there = [](const LiveCameraConfig& of) {
+      return of.camera_there.empty() ? of.name : of.camera_there;
+    };
     for (const auto& other : config.cameras) {
       if (&other == &camera) break;
-      if (other.device == camera.device)
+      if (other.host != camera.host) continue;
+      if (camera.host.empty() && other.device == camera.device)
         live.map(camera.name).fail("device", "is the device of " + other.name + " already");
+      if (!camera.host.empty() && name_there(other) == name_there(camera))
+        live.map(camera.name).fail("camera", "is the camera of " + other.name + " already");
+    }
+    if (camera.host.empty()) {
+      if (!camera.camera_there.empty())
+        live.map(camera.name).fail("camera", "is for a camera of another host: give host, too");
+    } else if (camera.format || camera.fps || !camera.controls.empty() || camera.restore_controls) {
+      live.map(camera.name)
+          .fail("host",
+                "has the camera, and its settings (format, fps, controls): give them in the configuration of "
+                "`huetrackd capture` there");
     }
   }
   if (config.quorum && *config.quorum > int(config.cameras.size()))

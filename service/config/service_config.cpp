@@ -135,7 +135,10 @@ void describe_camera_tracking(Io& io, Tracking& t) {
 
 template <typename Io, typename Camera>
 void describe_camera(Io& io, Camera& camera) {
-  io.device("device", camera.device, "/dev/v4l/by-path/... (a port), by-id/... (a camera), or an index (not stable)");
+  io.text_or("host", "this one", camera.host, "the camera host that has it, where `huetrackd capture` runs");
+  io.text_or("camera", "same", camera.camera_there, "its name on that host; same: as here");
+  io.device("device", camera.device, camera.host,
+            "/dev/v4l/by-path/... (a port), by-id/... (a camera), or an index (not stable); none: its host knows");
   io.choice_or("format", "auto", camera.format, Words<capture::CaptureFormat>(format_words),
                "auto, yuyv, nv12, mjpeg or grey; auto: the first of these that reaches size and fps, else the fastest");
   io.size_or("size", "rig", camera.size, "[width, height]; rig: as the rig was calibrated");
@@ -313,7 +316,13 @@ class Reader {
   }
   void path(std::string_view key, fs::path& value, std::string_view) { value = resolved(yaml_.string(key)); }
   // 0 is /dev/video0.
-  void device(std::string_view key, fs::path& value, std::string_view) {
+  // host: that has it, empty: this one.
+  void device(std::string_view key, fs::path& value, const std::string& host, std::string_view) {
+    if (!host.empty()) {
+      if (yaml_.string(key, "none") != "none")
+        yaml_.fail(key, "is a matter of the camera's host: give it in the configuration of `huetrackd capture` there");
+      return;
+    }
     const std::string given = yaml_.string(key);
     const bool is_index = given.size() < 4 && std::ranges::all_of(given, [](char c) { return c >= '0' && c <= '9'; });
     value = is_index ? fs::path("/dev/video" + given) : fs::path(given);
@@ -487,7 +496,9 @@ class Printer {
   void path(std::string_view key, const fs::path& value, std::string_view doc) {
     line(key, quoted(value.string()), doc);
   }
-  void device(std::string_view key, const fs::path& value, std::string_view doc) { path(key, value, doc); }
+  void device(std::string_view key, const fs::path& value, const std::string&, std::string_view doc) {
+    path_or(key, "none", value, doc);
+  }
   void size_or(std::string_view key, std::string_view word, const std::optional<calib::ImageSize>& size,
                std::string_view doc) {
     line(key, size ? list_of({std::to_string(size->width), std::to_string(size->height)}) : std::string(word), doc);
@@ -751,12 +762,39 @@ void refuse_other_files(const yaml::YamlReader& written) {
       written.fail("", "this is a rig, not a configuration: the configuration names it (rig: " +
                            written.path().filename().string() +
                            ") and the targets; configs/huetrackd.yaml has every key");
+    if (camera.has("device"))
+      written.fail(
+          "", "this is a camera host's configuration, for huetrackd capture; a tracker's has rig and targets, too");
     if (camera.has("frames"))
       written.fail("", "this is a recording, not a configuration: huetrackd replay CONFIGURATION RECORDING");
   }
 }
 
 }  // namespace
+
+CaptureConfig load_capture_config(const fs::path& file) {
+  const yaml::YamlReader root = yaml::YamlReader::file(file);
+  if (root.has("rig") || root.has("targets"))
+    root.fail("",
+              "this is the configuration of a tracker: a camera host has version, host, cameras, dds and log_level");
+  CaptureConfig config;
+  config.file = fs::absolute(file).lexically_normal();
+  Reader reader(root, root.path().parent_path());
+  reader.version(1);
+  reader.text_or("host", "auto", config.host, "");
+  reader.named("cameras", config.cameras, "", [&](auto& in, auto& camera) { describe_camera(in, camera); });
+  reader.group("dds", "", [&](auto& in) { describe_dds(in, config.dds); });
+  reader.choice("log_level", config.log_level, Words<LogLevel>(log_level_words), "");
+  reader.finish();
+  if (config.cameras.empty()) root.fail("cameras", "is missing: name the cameras of this host");
+  for (const LiveCameraConfig& camera : config.cameras) {
+    const yaml::YamlReader yaml = root.map("cameras").map(camera.name);
+    if (!camera.host.empty()) yaml.fail("host", "is not for a camera host, whose cameras are its own");
+    if (!camera.size) yaml.fail("size", "is missing: a camera host knows no rig; give [width, height] as calibrated");
+    if (camera.latency_offset_s) yaml.fail("latency_offset_s", "is the tracker's: give it there, or in the rig");
+  }
+  return config;
+}
 
 ServiceConfig load_service_config(const fs::path& file) {
   const yaml::YamlReader written = yaml::YamlReader::file(file);

@@ -29,8 +29,10 @@ struct DdsConfig {
 
 // How `run` reaches one camera of the rig.
 struct LiveCameraConfig {
-  std::string name;              // in the rig
-  std::filesystem::path device;  // as written, but an index: /dev/videoN
+  std::string name;  // in the rig
+  std::string host;  // the camera host that has it (`huetrackd capture`), as it calls itself; empty: this machine
+  std::string camera_there;      // its name there; empty: the same
+  std::filesystem::path device;  // as written, but an index: /dev/videoN; empty: there is a host
   std::optional<capture::CaptureFormat>
       format;                            // nullopt: the first of yuyv, nv12, mjpeg, grey that reaches size and rate
   std::optional<calib::ImageSize> size;  // nullopt: the rig's; another one is refused
@@ -84,6 +86,15 @@ struct CalibrationConfig {
   std::vector<KeptRoom> room;       // what room_file says; empty: it is as at the start
 };
 
+// What `huetrackd capture` reads: a camera host's own settings. It knows no rig and no targets.
+struct CaptureConfig {
+  std::filesystem::path file;             // absolute
+  std::string host;                       // how trackers call it; empty: as the machine is called
+  std::vector<LiveCameraConfig> cameras;  // at least one; each with a size, none with a host
+  DdsConfig dds;                          // of the publisher: domain, interfaces, profiles
+  LogLevel log_level = LogLevel::info;
+};
+
 // Of which values the taught file says what they are, and which of the configuration's it takes away.
 struct TaughtKeys {
   std::set<yaml::KeyPath> given, removed;
@@ -124,6 +135,9 @@ std::filesystem::path taught_file(const std::filesystem::path& config);
 ServiceConfig load_service_config(const std::filesystem::path& file);
 // The same, as if the taught file held this text.
 ServiceConfig load_service_config(const std::filesystem::path& file, const std::string& taught);
+
+// throws ConfigError as load_service_config() does.
+CaptureConfig load_capture_config(const std::filesystem::path& file);
 
 // Beside the rig's cameras: when their rows are exposed, as the sources need it.
 std::vector<capture::FrameTiming> frame_timing(const calib::CameraRig& rig);

@@ -8,6 +8,7 @@
 #include <map>
 #include <memory>
 
+#include "daemon/capture_command.h"
 #include "daemon/check.h"
 #include "daemon/live.h"
 #include "daemon/replay.h"
@@ -149,6 +150,19 @@ void add_run_command(CLI::App& app, Command& chosen) {
     chosen.on_signal[SIGUSR1] = ask(service->requests.save);
     chosen.run = [service](const std::stop_token& stop) {
       run(service->config, service->live, service->requests, stop);
+      return 0;
+    };
+  });
+}
+
+void add_capture_command(CLI::App& app, Command& chosen) {
+  const auto config = std::make_shared<std::filesystem::path>();
+  CLI::App* command =
+      app.add_subcommand("capture", "give this host's cameras to trackers on other hosts, which name them by host:");
+  command->add_option("config", *config, "a camera host's configuration: cameras, host, dds, log_level")->required();
+  command->callback([config, &chosen] {
+    chosen.run = [config](const std::stop_token& stop) {
+      capture_cameras(*config, stop);
       return 0;
     };
   });

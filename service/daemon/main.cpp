@@ -43,6 +43,7 @@ int main(int argc, char** argv) {
   daemon::add_check_command(app, chosen);
   daemon::add_replay_command(app, chosen);
   daemon::add_run_command(app, chosen);
+  daemon::add_capture_command(app, chosen);
   daemon::add_record_command(app, chosen);
   daemon::add_doctor_command(app, chosen);
   daemon::add_compare_command(app, chosen);

@@ -278,6 +278,11 @@ class Doctor {
     std::vector<ExamRequest> requests;
     std::set<fs::path> taken;
     for (const auto& camera : config_ ? config_->cameras : std::vector<config::LiveCameraConfig>{}) {
+      if (!camera.host.empty()) {
+        title("camera " + camera.name);
+        say({Grade::ok, "it is a camera of the host " + camera.host, "run huetrackd doctor there"});
+        continue;
+      }
       std::error_code error;
       const fs::path node = fs::canonical(camera.device, error);
       const auto found = std::ranges::find(nodes, node, [](const capture::V4l2Node& n) { return n.identity.node; });

@@ -6,6 +6,8 @@
 #include <system_error>
 #include <utility>
 
+#include "hosts/hosted_camera.h"
+
 namespace huetrack::pipeline {
 namespace {
 
@@ -40,6 +42,7 @@ SessionCamera known_of(int camera, double asked_fps, const capture::CameraHealth
 std::optional<std::string> one_under_two_names(std::span<const config::LiveCameraConfig> cameras) {
   std::map<std::filesystem::path, const config::LiveCameraConfig*> nodes;
   for (const auto& camera : cameras) {
+    if (!camera.host.empty()) continue;
     std::error_code error;
     const auto node = std::filesystem::canonical(camera.device, error);
     if (error) continue;
@@ -52,33 +55,30 @@ std::optional<std::string> one_under_two_names(std::span<const config::LiveCamer
   return std::nullopt;
 }
 
-std::vector<LiveCamera> open_cameras(const config::ServiceConfig& config, const std::stop_token& stop) {
-  if (const auto both = one_under_two_names(config.cameras))
-    throw capture::CaptureError(std::make_error_code(std::errc::invalid_argument),
-                                config.file.string() + ": cameras: " + *both + ": give each its own device");
-  const std::vector<capture::FrameTiming> timing = config::frame_timing(config.rig);
-  std::vector<capture::V4l2SourceOptions> asked;
+namespace {
+
+capture::V4l2SourceOptions options_of(const config::LiveCameraConfig& camera, int index, calib::ImageSize size,
+                                      const capture::FrameTiming& timing) {
+  capture::V4l2SourceOptions options;
+  options.camera = index;
+  options.name = camera.name;
+  options.device = camera.device;
+  options.format = camera.format;
+  options.width = size.width;
+  options.height = size.height;
+  options.fps = camera.fps.value_or(0);
+  options.controls = camera.controls;
+  options.restore_controls = camera.restore_controls;
+  options.timing = timing;
+  options.first_patience = opening_patience;
+  return options;
+}
+
+std::vector<LiveCamera> open_here(std::vector<capture::V4l2SourceOptions> asked, const std::stop_token& stop) {
   std::vector<std::future<std::unique_ptr<capture::V4l2Source>>> opening;
-  for (const auto& camera : config.cameras) {
-    const int index = config.rig.index_of(camera.name).value();
-    const calib::ImageSize size = config.rig.cameras[std::size_t(index)].image_size;
-    capture::V4l2SourceOptions options;
-    options.camera = index;
-    options.name = camera.name;
-    options.device = camera.device;
-    options.format = camera.format;
-    options.width = size.width;
-    options.height = size.height;
-    options.fps = camera.fps.value_or(0);
-    options.controls = camera.controls;
-    options.restore_controls = camera.restore_controls;
-    options.timing = timing[std::size_t(index)];
-    options.first_patience = opening_patience;
-    asked.push_back(options);
-    opening.push_back(std::async(std::launch::async, [options = std::move(options), stop] {
-      return std::make_unique<capture::V4l2Source>(options, stop);
-    }));
-  }
+  for (const auto& options : asked)
+    opening.push_back(std::async(std::launch::async,
+                                 [options, stop] { return std::make_unique<capture::V4l2Source>(options, stop); }));
   // One that cannot do what is asked, or another model in its port, does not keep the others from running: it is
   // absent. When there is no other, it is the configuration that is wrong.
   std::vector<std::pair<int, std::unique_ptr<capture::V4l2Source>>> sources;
@@ -109,6 +109,53 @@ std::vector<LiveCamera> open_cameras(const config::ServiceConfig& config, const 
                        .take_events = [told_by] { return told_by->take_events(); }});
   }
   return cameras;
+}
+
+void refuse_two_names(const std::filesystem::path& file, std::span<const config::LiveCameraConfig> cameras) {
+  if (const auto both = one_under_two_names(cameras))
+    throw capture::CaptureError(std::make_error_code(std::errc::invalid_argument),
+                                file.string() + ": cameras: " + *both + ": give each its own device");
+}
+
+}  // namespace
+
+std::vector<LiveCamera> open_cameras(const config::ServiceConfig& config, const std::stop_token& stop) {
+  refuse_two_names(config.file, config.cameras);
+  const std::vector<capture::FrameTiming> timing = config::frame_timing(config.rig);
+  std::vector<capture::V4l2SourceOptions> here;
+  std::vector<hosts::HostedCameraOptions> elsewhere;
+  for (const auto& camera : config.cameras) {
+    const int index = config.rig.index_of(camera.name).value();
+    const calib::ImageSize size = config.rig.cameras[std::size_t(index)].image_size;
+    if (camera.host.empty()) {
+      here.push_back(options_of(camera, index, size, timing[std::size_t(index)]));
+    } else {
+      elsewhere.push_back({.camera = index,
+                           .name = camera.name,
+                           .host = camera.host,
+                           .camera_there = camera.camera_there.empty() ? camera.name : camera.camera_there,
+                           .width = size.width,
+                           .height = size.height,
+                           .timing = timing[std::size_t(index)]});
+    }
+  }
+  std::vector<LiveCamera> cameras = open_here(std::move(here), stop);
+  if (!elsewhere.empty())
+    for (auto& camera : hosts::HostedCameras({.name = "huetrackd cameras",
+                        .domain = config.dds.publisher.domain,
+                        .interfaces = config.dds.publisher.interfaces,
+                        .profiles = config.dds.publisher.profiles},
+                                             std::move(elsewhere))
+                            .live())
+      cameras.push_back(std::move(camera));
+  return cameras;
+}
+
+std::vector<LiveCamera> open_cameras(const config::CaptureConfig& config, const std::stop_token& stop) {
+  refuse_two_names(config.file, config.cameras);
+  std::vector<capture::V4l2SourceOptions> here;
+  for (const auto& camera : config.cameras) here.push_back(options_of(camera, int(here.size()), *camera.size, {}));
+  return open_here(std::move(here), stop);
 }
 
 SessionSources sources_of(const config::ServiceConfig& config, std::vector<LiveCamera>& cameras) {

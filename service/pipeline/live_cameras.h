@@ -9,24 +9,20 @@
 #include <string>
 #include <vector>
 
-#include "capture/frame_source.h"
-#include "capture/v4l2_source.h"
+#include "capture/live_camera.h"
 #include "config/service_config.h"
 #include "pipeline/session.h"
 
 namespace huetrack::pipeline {
 
-// What the service needs of a live camera: a V4l2Source, or what a test puts in its place.
-struct LiveCamera {
-  int camera = 0;  // in the rig
-  std::unique_ptr<capture::FrameSource> source;
-  std::function<capture::CameraHealth()> health;                   // thread-safe while source lives
-  std::function<std::vector<capture::CameraEvent>()> take_events;  // likewise
-};
+using capture::LiveCamera;
 
-// The cameras of the configuration, opened as far as they are there and answer, all at once; until a stop.
-// throws CaptureError: one is there, but cannot do what is asked of it, or is there under two names.
+// The cameras of the configuration, opened as far as they are there and answer, all at once; until a stop. Those of
+// other hosts are waited for later. throws CaptureError: one is there, but cannot do what is asked of it, or is there
+// under two names.
 std::vector<LiveCamera> open_cameras(const config::ServiceConfig& config, const std::stop_token& stop = {});
+// The cameras of a camera host, by their order in the configuration.
+std::vector<LiveCamera> open_cameras(const config::CaptureConfig& config, const std::stop_token& stop = {});
 
 // "left and right are one camera: /dev/v4l/by-path/... and /dev/video0 are both /dev/video0"; nullopt: no two are.
 std::optional<std::string> one_under_two_names(std::span<const config::LiveCameraConfig> cameras);

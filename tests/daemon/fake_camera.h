@@ -69,6 +69,7 @@ class FakeCamera {
       if (at_end && !state_->goes_silent) return std::nullopt;
       capture::Frame frame = at_end ? capture::Frame{} : state_->frames[next_];
       frame.captured_at = state_->start + frame.captured_at.time_since_epoch();
+      frame.stamped_at = frame.captured_at;
       while (!stop.stop_requested() && (at_end || capture::unix_now() < frame.captured_at)) {
         {
           const std::scoped_lock lock(state_->mutex);

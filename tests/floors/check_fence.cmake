@@ -20,7 +20,7 @@ elseif(FENCE STREQUAL "yaml_reader")   # modules are given option structs; YAML 
   set(inside "^(calib|service/(capture|truth|tracks|config|pipeline|page|doctor|daemon)|clients/plot|tests)/")
 elseif(FENCE STREQUAL "fast_dds")
   set(pattern "${include}(fastdds|fastrtps|fastcdr)/")
-  set(inside "^(service/publish|idl|clients|tests)/")
+  set(inside "^(service/publish|service/hosts|idl|clients|tests)/")
 elseif(FENCE STREQUAL "cairo")   # one drawing surface
   set(pattern "${include}cairo/")
   set(inside "^service/drawing/")

@@ -1,0 +1,21 @@
+// A camera that delivers now, wherever it is: at this host (V4l2Source), at another one (hosts/hosted_camera.h), or
+// what a test puts in its place.
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <vector>
+
+#include "capture/frame_source.h"
+#include "capture/v4l2_source.h"
+
+namespace huetrack::capture {
+
+struct LiveCamera {
+  int camera = 0;  // in the rig
+  std::unique_ptr<FrameSource> source;
+  std::function<CameraHealth()> health;                   // thread-safe while source lives
+  std::function<std::vector<CameraEvent>()> take_events;  // likewise
+};
+
+}  // namespace huetrack::capture

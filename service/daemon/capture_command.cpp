@@ -1,0 +1,101 @@
+#include "daemon/capture_command.h"
+
+#include <fmt/format.h>
+#include <spdlog/spdlog.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <chrono>
+#include <thread>
+#include <utility>
+
+#include "daemon/service_manager.h"
+#include "hosts/camera_host.h"
+#include "pipeline/live_cameras.h"
+
+namespace huetrack::daemon {
+namespace {
+
+using namespace std::chrono_literals;
+using Clock = std::chrono::steady_clock;
+
+constexpr auto supervision_period = 100ms;
+constexpr auto told_every = 1s;
+constexpr capture::Duration least_patience = 3s;  // several heartbeats of a camera
+
+std::string word_of(const std::string& name, const capture::CameraHealth& health, const hosts::SentFigures& sent) {
+  return health.state == capture::CaptureState::delivering ? fmt::format("{} {} frames sent", name, sent.frames)
+                                                           : fmt::format("{} {}", name, capture::name(health.state));
+}
+
+}  // namespace
+
+std::string host_name(const config::CaptureConfig& config) {
+  if (!config.host.empty()) return config.host;
+  std::array<char, 256> machine{};
+  if (::gethostname(machine.data(), machine.size() - 1) != 0) return "";
+  std::string name = machine.data();
+  std::erase_if(name, [](char c) { return !hosts::is_host_name(std::string_view(&c, 1)); });
+  return name;
+}
+
+void capture_cameras(const std::filesystem::path& file, const std::stop_token& stop) {
+  const config::CaptureConfig config = config::load_capture_config(file);
+  set_log_level(config.log_level);
+  capture_cameras(config, pipeline::open_cameras(config, stop), stop);
+}
+
+void capture_cameras(const config::CaptureConfig& config, std::vector<capture::LiveCamera> cameras,
+                     const std::stop_token& stop) {
+  hosts::CameraHostOptions options{.host = host_name(config),
+                                   .cameras = {},
+                                   .program_version = HUETRACK_VERSION,
+                                   .transport = {.name = "huetrackd capture",
+                                                 .domain = config.dds.publisher.domain,
+                                                 .interfaces = config.dds.publisher.interfaces,
+                                                 .profiles = config.dds.publisher.profiles}};
+  for (const auto& camera : config.cameras) options.cameras.push_back(camera.name);
+  const std::vector<std::string> names = options.cameras;
+  const std::string host = options.host;
+  hosts::CameraHost cameras_here(std::move(options), std::move(cameras));
+  spdlog::info("camera host {} on {}: trackers name its cameras by host: {}", host, cameras_here.description(), host);
+
+  std::jthread running([&] { cameras_here.run(stop); });
+  const auto watchdog = watchdog_period();
+  std::vector<hosts::SentFigures> before(names.size());
+  Clock::time_point next_status{};
+  bool is_ready = false;
+  while (!stop.stop_requested()) {
+    for (const auto& [camera, event] : cameras_here.look_after())
+      spdlog::log(event.is_problem ? spdlog::level::warn : spdlog::level::info, "camera {}: {}", camera, event.message);
+    const auto now = Clock::now();
+    if (now >= next_status) {
+      next_status = now + told_every;
+      const auto healths = cameras_here.healths();
+      const auto sent = cameras_here.sent();
+      std::vector<std::string> words;
+      for (std::size_t c = 0; c < names.size(); ++c) {
+        words.push_back(word_of(names[c], healths[c], sent[c]));
+        if (sent[c].refused > before[c].refused)
+          spdlog::warn("camera {}: the network took {} frames fewer than the camera gave", names[c],
+                       sent[c].refused - before[c].refused);
+      }
+      before = sent;
+      if (!std::exchange(is_ready, true)) notify_service_manager("READY=1");
+      notify_service_manager(fmt::format("STATUS={}", fmt::join(words, ", ")));
+      const capture::Duration patience =
+          watchdog ? std::max<capture::Duration>(least_patience, *watchdog / 2) : capture::Duration(least_patience);
+      if (watchdog && std::ranges::all_of(healths, [&](const auto& h) { return now - h.last_progress <= patience; }))
+        notify_service_manager("WATCHDOG=1");
+    }
+    std::this_thread::sleep_for(supervision_period);
+  }
+  notify_service_manager("STOPPING=1\nSTATUS=Stopping");
+  running.join();
+  const auto sent = cameras_here.sent();
+  for (std::size_t c = 0; c < names.size(); ++c)
+    spdlog::info("camera {}: {} frames sent, {:.1f} MB", names[c], sent[c].frames, double(sent[c].bytes) / 1e6);
+}
+
+}  // namespace huetrack::daemon

@@ -1,0 +1,204 @@
+#include "hosts/camera_host.h"
+
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <fastdds/dds/subscriber/SampleInfo.hpp>
+#include <mutex>
+#include <stdexcept>
+#include <thread>
+#include <utility>
+
+#include "capture/capture_clock.h"
+#include "hosts/frame_message.h"
+#include "idl/camera_hostPubSubTypes.h"
+#include "idl/topics.h"
+
+namespace huetrack::hosts {
+
+namespace dds = eprosima::fastdds::dds;
+using eprosima::fastrtps::types::ReturnCode_t;
+using namespace std::chrono_literals;
+
+namespace {
+
+constexpr auto told_every = 1s;
+
+msg::HostedCameraState state_of(capture::CaptureState state) {
+  switch (state) {
+    case capture::CaptureState::waiting:
+      return msg::HOSTED_CAMERA_WAITING;
+    case capture::CaptureState::delivering:
+      return msg::HOSTED_CAMERA_DELIVERING;
+    case capture::CaptureState::stalled:
+      return msg::HOSTED_CAMERA_STALLED;
+    case capture::CaptureState::absent:
+      break;
+  }
+  return msg::HOSTED_CAMERA_ABSENT;
+}
+
+bool is_listened_to(dds::DataWriter& writer) {
+  dds::PublicationMatchedStatus matched;
+  writer.get_publication_matched_status(matched);
+  return matched.current_count > 0;
+}
+
+}  // namespace
+
+bool is_host_name(std::string_view name) {
+  return !name.empty() && name.size() <= 100 && std::ranges::all_of(name, [](char c) {
+    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_' || c == '-' ||
+           c == '.';
+  });
+}
+
+struct CameraHost::Impl {
+  struct Camera {
+    std::string name;
+    capture::LiveCamera live;
+    dds::DataWriter* writer;
+    std::atomic<std::uint64_t> frames = 0, refused = 0, bytes = 0;
+  };
+
+  Impl(CameraHostOptions given, std::vector<capture::LiveCamera> live)
+      : options(std::move(given)),
+        run(capture::unix_now().time_since_epoch().count()),
+        participant(options.transport),
+        host(participant.create_writer(idl::camera_host_topic, dds::TypeSupport(new msg::CameraHostPubSubType),
+                                       idl::status_writer_qos(), "")),
+        echo(participant.create_writer(idl::clock_echo_topic, dds::TypeSupport(new msg::ClockEchoPubSubType),
+                                       idl::clock_writer_qos(), "")),
+        probe(participant.create_reader(idl::clock_probe_topic, dds::TypeSupport(new msg::ClockProbePubSubType),
+                                        idl::clock_reader_qos())) {
+    for (std::size_t c = 0; c < live.size(); ++c) {
+      auto& camera = cameras.emplace_back(std::make_unique<Camera>());
+      camera->name = options.cameras.at(c);
+      camera->live = std::move(live[c]);
+      camera->writer = &participant.create_writer(idl::camera_frames_topic(options.host, camera->name),
+                                                  dds::TypeSupport(new msg::CameraFramePubSubType),
+                                                  idl::camera_frames_writer_qos(), "");
+    }
+    clock = std::jthread([this](const std::stop_token& stop) { tell_the_time(stop); });
+  }
+
+  // A question's answer is worth what it takes: this thread does nothing else.
+  void tell_the_time(const std::stop_token& stop) {
+    msg::ClockProbe question;
+    dds::SampleInfo info;
+    while (!stop.stop_requested()) {
+      if (!probe.wait_for_unread_message(eprosima::fastrtps::Duration_t(0, 100'000'000))) continue;
+      const capture::Timestamp came = capture::unix_now();
+      while (probe.take_next_sample(&question, &info) == ReturnCode_t::RETCODE_OK) {
+        if (!info.valid_data) continue;
+        msg::ClockEcho answer;
+        answer.host(options.host);
+        answer.run(run);
+        answer.tracker(question.tracker());
+        answer.number(question.number());
+        answer.sent_at(question.sent_at());
+        answer.received_at(came.time_since_epoch().count());
+        answer.answered_at(capture::unix_now().time_since_epoch().count());
+        echo.write(&answer);
+      }
+    }
+  }
+
+  void send_frames(Camera& camera, const std::stop_token& stop) const {
+    msg::CameraFrame message;
+    message.run(run);
+    while (const auto frame = camera.live.source->next(stop)) {
+      if (!is_listened_to(*camera.writer)) continue;
+      to_message(*frame, message);
+      if (camera.writer->write(&message)) {
+        ++camera.frames;
+        camera.bytes += message.bytes().size();
+      } else {
+        ++camera.refused;
+      }
+    }
+  }
+
+  void tell_states() {
+    msg::CameraHost out;
+    out.host(options.host);
+    out.run(run);
+    out.program_version(options.program_version);
+    for (const auto& camera : cameras) {
+      const capture::CameraHealth health = camera->live.health();
+      msg::HostedCamera& to = out.cameras().emplace_back();
+      to.name(camera->name);
+      to.state(state_of(health.state));
+      to.message(health.state == capture::CaptureState::delivering ? health.warning : health.message);
+      if (health.stream) {
+        to.width(static_cast<std::uint16_t>(health.stream->width));
+        to.height(static_cast<std::uint16_t>(health.stream->height));
+        to.fps(health.stream->fps);
+      }
+      to.frames(health.frames);
+      to.dropped(health.dropped);
+      to.corrupted(health.corrupted);
+    }
+    out.at(capture::unix_now().time_since_epoch().count());
+    host.write(&out);
+  }
+
+  const CameraHostOptions options;
+  const std::int64_t run;
+  idl::DdsParticipant participant;
+  dds::DataWriter &host, &echo;
+  dds::DataReader& probe;
+  std::vector<std::unique_ptr<Camera>> cameras;
+  std::chrono::steady_clock::time_point told_at{};
+  std::jthread clock;  // last: it ends first
+};
+
+CameraHost::CameraHost(CameraHostOptions options, std::vector<capture::LiveCamera> cameras) {
+  if (!is_host_name(options.host))
+    throw std::invalid_argument("host: \"" + options.host +
+                                "\": the name of a camera host has letters, digits, '_', '-' and '.' only");
+  for (const std::string& name : options.cameras)
+    if (!is_host_name(name))
+      throw std::invalid_argument("cameras: \"" + name +
+                                  "\": the name of a camera has letters, digits, '_', '-' and '.' only");
+  impl_ = std::make_unique<Impl>(std::move(options), std::move(cameras));
+}
+
+CameraHost::~CameraHost() = default;
+
+void CameraHost::run(const std::stop_token& stop) {
+  std::vector<std::jthread> threads;
+  for (auto& camera : impl_->cameras)
+    threads.emplace_back([this, &camera, stop] { impl_->send_frames(*camera, stop); });
+}
+
+std::vector<CameraHost::Said> CameraHost::look_after() {
+  std::vector<Said> said;
+  for (const auto& camera : impl_->cameras)
+    for (auto& event : camera->live.take_events()) said.push_back({camera->name, std::move(event)});
+  const auto now = std::chrono::steady_clock::now();
+  if (!said.empty() || now - impl_->told_at >= told_every) {
+    impl_->told_at = now;
+    impl_->tell_states();
+  }
+  return said;
+}
+
+std::vector<capture::CameraHealth> CameraHost::healths() const {
+  std::vector<capture::CameraHealth> out;
+  for (const auto& camera : impl_->cameras) out.push_back(camera->live.health());
+  return out;
+}
+
+std::vector<SentFigures> CameraHost::sent() const {
+  std::vector<SentFigures> out;
+  for (const auto& camera : impl_->cameras)
+    out.push_back({.frames = camera->frames, .refused = camera->refused, .bytes = camera->bytes});
+  return out;
+}
+
+std::string CameraHost::description() const {
+  return impl_->participant.description();
+}
+
+}  // namespace huetrack::hosts

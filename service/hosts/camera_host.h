@@ -1,0 +1,56 @@
+// A host's cameras, given to trackers on other hosts over DDS (`huetrackd capture`): their frames in their own bytes,
+// their state, and the time.
+#pragma once
+
+#include <memory>
+#include <stop_token>
+#include <string>
+#include <vector>
+
+#include "capture/live_camera.h"
+#include "idl/dds_participant.h"
+
+namespace huetrack::hosts {
+
+struct CameraHostOptions {
+  std::string host;                   // how trackers call it
+  std::vector<std::string> cameras;   // their names, in the order of the LiveCameras
+  std::string program_version;        // told
+  idl::ParticipantOptions transport;  // domain, interfaces, profiles
+};
+
+// The name of a host or of a hosted camera is a part of a topic's name: letters, digits, '_', '-' and '.', one or more.
+bool is_host_name(std::string_view name);
+
+// What one camera has sent so far.
+struct SentFigures {
+  std::uint64_t frames = 0;   // written
+  std::uint64_t refused = 0;  // by the bus: it was full, or the frame too large
+  std::uint64_t bytes = 0;
+};
+
+// One thread per camera reads and writes; a bus that is full loses whole frames of that camera, and holds up no other.
+// Only what somebody subscribes to is written. thread-compatible; sent() and states() are thread-safe.
+class CameraHost {
+ public:
+  // throws std::invalid_argument, std::runtime_error as DdsParticipant does; or a name is no is_host_name().
+  CameraHost(CameraHostOptions options, std::vector<capture::LiveCamera> cameras);
+  ~CameraHost();
+
+  void run(const std::stop_token& stop);  // until the stop, or until every source has ended
+  // About 10 times a second, by another thread: tells who listens how the cameras are, and gives back what they said.
+  struct Said {
+    std::string camera;
+    capture::CameraEvent event;
+  };
+  std::vector<Said> look_after();
+  std::vector<capture::CameraHealth> healths() const;
+  std::vector<SentFigures> sent() const;
+  std::string description() const;  // of the transport
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace huetrack::hosts

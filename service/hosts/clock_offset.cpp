@@ -1,0 +1,91 @@
+#include "hosts/clock_offset.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace huetrack::hosts {
+namespace {
+
+constexpr double window_s = 40;
+constexpr double usual_drift = 50e-6;  // of a quartz, standard deviation
+constexpr double stamp_s = 20e-6;      // what waking up and reading clocks costs an exchange at least
+constexpr double of_one_way = 0.25;    // of the fastest exchange: how uneven its two ways may be
+constexpr double step_sigmas = 6, least_step_s = 1e-3;
+constexpr std::size_t steps_in_a_row = 4;
+constexpr double told_from_none_sigmas = 4;
+
+}  // namespace
+
+void ClockOffset::add(const Exchange& exchange) {
+  const auto there = exchange.question_came - exchange.asked, back = exchange.answered - exchange.answer_came;
+  const double took_s =
+      capture::seconds((exchange.answer_came - exchange.asked) - (exchange.answered - exchange.question_came));
+  if (exchange.answer_came < exchange.asked || exchange.answered < exchange.question_came || took_s < 0) return;
+  if (!origin_) {
+    origin_ = exchange.asked;
+    base_s_ = capture::seconds(there);
+  }
+  const double half = 0.5 * (capture::seconds(there) - base_s_) + 0.5 * (capture::seconds(back) - base_s_);
+  const Seen seen{.at_s = capture::seconds(exchange.answer_came - *origin_), .offset_s = half, .took_s = took_s};
+
+  // A clock that was set: several in a row that say something else than their own duration explains.
+  if (is_known()) {
+    const double off = std::abs(seen.offset_s - (offset_s_ + drift_ * (seen.at_s - middle_s_)));
+    const bool is_off = off > 0.5 * took_s + std::max(least_step_s, step_sigmas * sigma_s_);
+    off_in_a_row_ = is_off ? off_in_a_row_ + 1 : 0;
+    if (is_off && off_in_a_row_ < steps_in_a_row) return;
+    if (is_off) {
+      forget();
+      add(exchange);
+      return;
+    }
+  }
+  seen_[next_] = seen;
+  next_ = (next_ + 1) % kept;
+  count_ = std::min(kept, count_ + 1);
+  fit();
+}
+
+void ClockOffset::fit() {
+  const double now_s = seen_[(next_ + kept - 1) % kept].at_s;
+  double fastest_s = 1e9;
+  for (std::size_t i = 0; i < count_; ++i)
+    if (now_s - seen_[i].at_s <= window_s) fastest_s = std::min(fastest_s, seen_[i].took_s);
+  // What an exchange took longer than the fastest lies on one of its two ways: half of it is its error, at most.
+  const auto weight = [&](const Seen& seen) {
+    const double sigma_s = stamp_s + 0.5 * (seen.took_s - fastest_s);
+    return now_s - seen.at_s <= window_s ? 1 / (sigma_s * sigma_s) : 0.0;
+  };
+  double w = 0, wt = 0, wo = 0;
+  for (std::size_t i = 0; i < count_; ++i) {
+    const double of = weight(seen_[i]);
+    w += of, wt += of * seen_[i].at_s, wo += of * seen_[i].offset_s;
+  }
+  middle_s_ = wt / w;
+  const double mean_s = wo / w;
+  double tt = 1 / (usual_drift * usual_drift), to = 0;
+  for (std::size_t i = 0; i < count_; ++i) {
+    const double of = weight(seen_[i]), t = seen_[i].at_s - middle_s_;
+    tt += of * t * t, to += of * t * (seen_[i].offset_s - mean_s);
+  }
+  offset_s_ = mean_s;
+  drift_ = to / tt;
+  fastest_s_ = fastest_s;
+  const double ahead_s = now_s - middle_s_, one_way_s = of_one_way * fastest_s;
+  sigma_s_ = std::sqrt(1 / w + ahead_s * ahead_s / tt + one_way_s * one_way_s);
+  const double all_s = base_s_ + offset_s_ + drift_ * ahead_s;
+  is_corrected_ = is_corrected_ || std::abs(all_s) > told_from_none_sigmas * sigma_s_;
+}
+
+capture::Duration ClockOffset::at(capture::Timestamp ours) const {
+  if (!origin_ || !is_corrected_) return capture::Duration{0};
+  const double at_s = capture::seconds(ours - *origin_);
+  return capture::duration_of(base_s_) + capture::duration_of(offset_s_ + drift_ * (at_s - middle_s_));
+}
+
+capture::Timestamp ClockOffset::ours(capture::Timestamp theirs) const {
+  // The offset changes by some 50 us in a second: once is enough.
+  return theirs - at(theirs - at(theirs));
+}
+
+}  // namespace huetrack::hosts

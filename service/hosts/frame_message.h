@@ -1,0 +1,19 @@
+// A frame as it goes over the bus and back: the camera's own bytes. Pure functions; any thread.
+#pragma once
+
+#include <string>
+
+#include "capture/frame.h"
+#include "capture/jpeg_decoder.h"
+#include "idl/camera_host.h"
+
+namespace huetrack::hosts {
+
+// All but `run`.
+void to_message(const capture::Frame& frame, msg::CameraFrame& out);
+
+// Of the frame: status, pixels, encoded; times, number and camera are the caller's. What does not fit its own sizes, or
+// does not decode, is corrupted. The message's bytes are moved into the frame.
+capture::Frame from_message(msg::CameraFrame&& message, capture::JpegDecoder& decoder);
+
+}  // namespace huetrack::hosts

@@ -1,0 +1,396 @@
+#include "hosts/hosted_camera.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <atomic>
+#include <fastdds/dds/subscriber/SampleInfo.hpp>
+#include <map>
+#include <mutex>
+#include <optional>
+#include <random>
+#include <stdexcept>
+#include <thread>
+#include <utility>
+
+#include "capture/camera_clock.h"
+#include "capture/capture_clock.h"
+#include "hosts/camera_host.h"
+#include "hosts/clock_offset.h"
+#include "hosts/frame_message.h"
+#include "idl/camera_hostPubSubTypes.h"
+#include "idl/topics.h"
+
+namespace huetrack::hosts {
+
+namespace dds = eprosima::fastdds::dds;
+using eprosima::fastrtps::types::ReturnCode_t;
+using namespace std::chrono_literals;
+using Clock = std::chrono::steady_clock;
+
+namespace {
+
+constexpr auto asked_every = 250ms, asked_at_start_every = 30ms;
+constexpr std::uint32_t asked_at_start = 20;
+constexpr auto silent_after = 2500ms;  // of a host that tells its state every second
+constexpr auto stalled_after = 1s;
+constexpr double told_clock_sigma_s = 1e-3;
+constexpr std::uint32_t longest_loss = 30;  // frames; what is longer is an outage, and told as such
+constexpr std::uint32_t most_of_header = 64 * 1024;
+
+// Of what a camera sends: what StreamFormat has a word for.
+std::optional<capture::CaptureFormat> format_of(std::uint8_t word) {
+  switch (word) {
+    case 0:
+      return capture::CaptureFormat::mjpeg;
+    case 1:
+      return capture::CaptureFormat::yuyv;
+    case 2:
+      return capture::CaptureFormat::nv12;
+    case 7:
+      return capture::CaptureFormat::grey;
+    default:
+      return std::nullopt;
+  }
+}
+
+capture::Timestamp timestamp(std::int64_t unix_ns) {
+  return capture::Timestamp(capture::Duration(unix_ns));
+}
+
+}  // namespace
+
+struct HostedCameras::Impl {
+  // All of a host and of a camera is guarded by `mutex`, but for what says otherwise.
+  struct Host {
+    std::int64_t run = 0;
+    ClockOffset clock;
+    std::optional<Clock::time_point> heard_at;
+    std::vector<msg::HostedCamera> cameras;
+    bool is_clock_told = false;
+  };
+  struct Camera {
+    HostedCameraOptions options;
+    dds::DataReader* reader = nullptr;  // thread-safe by itself
+    capture::CameraHealth health;
+    std::vector<capture::CameraEvent> events;
+    std::optional<Clock::time_point> frame_at;
+    bool was_absent = false;  // since it delivered
+    // The source's own.
+    capture::JpegDecoder decoder;
+    capture::CameraClock clock;
+    std::int64_t run = 0;
+    std::uint32_t base = 0;               // of the run's numbers
+    std::optional<std::uint32_t> handed;  // the last one of ours
+    capture::DamageWatch losses;          // on the way
+  };
+
+  Impl(const idl::ParticipantOptions& transport, std::vector<HostedCameraOptions> given)
+      : participant(transport),
+        probe(participant.create_writer(idl::clock_probe_topic, dds::TypeSupport(new msg::ClockProbePubSubType),
+                                        idl::clock_writer_qos(), "")),
+        echo(participant.create_reader(idl::clock_echo_topic, dds::TypeSupport(new msg::ClockEchoPubSubType),
+                                       idl::clock_reader_qos())),
+        states(participant.create_reader(idl::camera_host_topic, dds::TypeSupport(new msg::CameraHostPubSubType),
+                                         idl::status_reader_qos())),
+        // Not of the seeded randomness: it must differ between programs, and nothing is computed from it.
+        tracker(static_cast<std::int64_t>(std::random_device{}()) << 32 | std::random_device{}()) {
+    std::uint32_t largest = 0;
+    for (const auto& options : given)
+      largest = std::max(largest, static_cast<std::uint32_t>(3 * options.width * options.height) + most_of_header);
+    for (auto& options : given) {
+      auto& camera = *cameras.emplace_back(std::make_unique<Camera>());
+      camera.options = std::move(options);
+      camera.reader = &participant.create_reader(
+          idl::camera_frames_topic(camera.options.host, camera.options.camera_there),
+          dds::TypeSupport(new msg::CameraFramePubSubType), idl::camera_frames_reader_qos(), largest);
+      camera.health.last_progress = Clock::now();
+      hosts[camera.options.host];
+    }
+    started = Clock::now();
+    keeper = std::jthread([this](const std::stop_token& stop) { keep(stop); });
+  }
+
+  // Asks for the time, hears answers and states.
+  void keep(const std::stop_token& stop) {
+    auto next_question = Clock::now();
+    while (!stop.stop_requested()) {
+      const auto now = Clock::now();
+      if (now >= next_question) {
+        ask();
+        next_question = now + (asked < asked_at_start ? asked_at_start_every : asked_every);
+        hear_states();
+        judge();
+      }
+      const auto patience = std::max(next_question - Clock::now(), Clock::duration(1ms));
+      const auto ns = std::chrono::duration_cast<std::chrono::nanoseconds>(patience).count();
+      if (echo.wait_for_unread_message(eprosima::fastrtps::Duration_t(0, static_cast<std::uint32_t>(ns)))) hear_time();
+    }
+  }
+
+  void ask() {
+    msg::ClockProbe question;
+    question.tracker(tracker);
+    question.number(++asked);
+    const capture::Timestamp now = capture::unix_now();
+    questions[asked % questions.size()] = {asked, now};
+    question.sent_at(now.time_since_epoch().count());
+    probe.write(&question);
+  }
+
+  void hear_time() {
+    const capture::Timestamp came = capture::unix_now();
+    msg::ClockEcho answer;
+    dds::SampleInfo info;
+    while (echo.take_next_sample(&answer, &info) == ReturnCode_t::RETCODE_OK) {
+      if (!info.valid_data || answer.tracker() != tracker) continue;
+      const auto& [number, sent] = questions[answer.number() % questions.size()];
+      const std::scoped_lock lock(mutex);
+      const auto known = hosts.find(answer.host());
+      if (known == hosts.end() || number != answer.number()) continue;
+      Host& host = known->second;
+      if (host.run != answer.run()) {  // another program, whose clock counts from another start
+        host.run = answer.run();
+        host.clock.forget();
+      }
+      host.clock.add({.asked = sent,
+                      .question_came = timestamp(answer.received_at()),
+                      .answered = timestamp(answer.answered_at()),
+                      .answer_came = came});
+    }
+  }
+
+  void hear_states() {
+    msg::CameraHost said;
+    dds::SampleInfo info;
+    while (states.take_next_sample(&said, &info) == ReturnCode_t::RETCODE_OK) {
+      if (!info.valid_data) continue;
+      const std::scoped_lock lock(mutex);
+      const auto known = hosts.find(said.host());
+      if (known == hosts.end()) continue;
+      known->second.heard_at = Clock::now();
+      known->second.cameras = std::move(said.cameras());
+    }
+  }
+
+  // What the state of a camera is by what was heard of its host, and the sentence that goes with it.
+  std::pair<capture::CaptureState, std::string> state_of(const Camera& camera, Clock::time_point now) const {
+    const Host& host = hosts.at(camera.options.host);
+    const std::string& name = camera.options.host;
+    const bool has_frames = camera.frame_at && now - *camera.frame_at < stalled_after;
+    if (has_frames) return {capture::CaptureState::delivering, "delivering, from " + name};
+    if (!host.heard_at)
+      return {capture::CaptureState::absent, "its host " + name +
+                                                 " is not heard of: is `huetrackd capture` running "
+                                                 "there, with host: " +
+                                                 name + ", in the same DDS domain and network?"};
+    if (now - *host.heard_at > silent_after)
+      return {capture::CaptureState::absent, "its host " + name + " is silent: waiting for its return"};
+    const auto there =
+        std::ranges::find(host.cameras, camera.options.camera_there, [](const auto& c) { return c.name(); });
+    if (there == host.cameras.end()) {
+      std::string list;
+      for (const auto& c : host.cameras) list += (list.empty() ? "" : ", ") + c.name();
+      return {capture::CaptureState::absent, "its host " + name + " has no camera " + camera.options.camera_there +
+                                                 "; it has " + (list.empty() ? "none" : list)};
+    }
+    if (there->state() == msg::HOSTED_CAMERA_ABSENT)
+      return {capture::CaptureState::absent, name + ": " + there->message()};
+    if (there->state() == msg::HOSTED_CAMERA_STALLED)
+      return {capture::CaptureState::stalled, name + ": " + there->message()};
+    if (there->width() != 0 && (there->width() != camera.options.width || there->height() != camera.options.height))
+      return {capture::CaptureState::absent, name + " sends " + std::to_string(there->width()) + "x" +
+                                                 std::to_string(there->height()) + ", the rig was calibrated at " +
+                                                 std::to_string(camera.options.width) + "x" +
+                                                 std::to_string(camera.options.height) + ": set size there"};
+    if (!host.clock.is_known())
+      return {capture::CaptureState::waiting, "the clock of " + name + " is being compared with ours"};
+    if (camera.frame_at || there->state() == msg::HOSTED_CAMERA_DELIVERING)
+      return {camera.frame_at ? capture::CaptureState::stalled : capture::CaptureState::waiting,
+              "no frames come from " + name};
+    return {capture::CaptureState::waiting,
+            name + ": " + (there->message().empty() ? "no frame yet" : there->message())};
+  }
+
+  void judge() {
+    const auto now = Clock::now();
+    const std::scoped_lock lock(mutex);
+    for (auto& camera : cameras) {
+      auto [state, message] = state_of(*camera, now);
+      // Hosts take some time to be found: that is no event.
+      if (state != capture::CaptureState::delivering && !camera->frame_at && now - started < silent_after) continue;
+      tell(*camera, state, std::move(message));
+      Host& host = hosts.at(camera->options.host);
+      if (host.clock.is_known() && !host.is_clock_told && now - started > 5s &&
+          host.clock.sigma_s() > told_clock_sigma_s) {
+        host.is_clock_told = true;
+        camera->events.push_back(
+            {.at = capture::unix_now(),
+             .state = state,
+             .is_problem = true,
+             .message = fmt::format(
+                 "the clock of {} is known to {:.1f} ms only: use a cable, or install chrony (better: PTP) on both",
+                 camera->options.host, 1e3 * host.clock.sigma_s())});
+      }
+    }
+  }
+
+  static void tell(Camera& camera, capture::CaptureState state, std::string message) {
+    if (camera.health.state == state && camera.health.message == message) return;
+    if (state == capture::CaptureState::absent) camera.was_absent = camera.frame_at.has_value();
+    if (state == capture::CaptureState::delivering && std::exchange(camera.was_absent, false))
+      ++camera.health.reconnects;
+    camera.health.state = state;
+    camera.health.message = message;
+    camera.events.push_back(
+        {.at = capture::unix_now(),
+         .state = state,
+         .is_problem = state == capture::CaptureState::absent || state == capture::CaptureState::stalled,
+         .message = std::move(message)});
+  }
+
+  // nullopt: not for us yet.
+  std::optional<capture::Frame> frame_of(Camera& camera, msg::CameraFrame&& message) {
+    capture::Timestamp stamped_at;
+    {
+      const std::scoped_lock lock(mutex);
+      const Host& host = hosts.at(camera.options.host);
+      if (!host.clock.is_known() || host.run != message.run()) return std::nullopt;
+      stamped_at = host.clock.ours(timestamp(message.stamped_at()));
+    }
+    const std::uint8_t format = message.format();
+    const std::uint32_t there = message.number();
+    if (camera.run != message.run()) {
+      camera.run = message.run();
+      camera.base = there - (camera.handed ? *camera.handed + 1 : 0);
+    }
+    capture::Frame frame = from_message(std::move(message), camera.decoder);
+    if (frame.pixels.width != camera.options.width || frame.pixels.height != camera.options.height) {
+      frame.status = capture::FrameStatus::corrupted;
+      frame.pixels = {};
+    }
+    const bool is_sound = frame.status == capture::FrameStatus::ok;
+    frame.camera = camera.options.camera;
+    frame.sequence = there - camera.base;
+    frame.stamped_at = stamped_at;
+    frame.latency = camera.options.timing.latency;
+    frame.readout = camera.options.timing.readout;
+    frame.captured_at = (is_sound ? camera.clock.smoothed(stamped_at) : stamped_at) - frame.latency;
+
+    const std::scoped_lock lock(mutex);
+    capture::CameraHealth& health = camera.health;
+    const std::uint32_t lost =
+        camera.handed && frame.sequence > *camera.handed + 1 ? frame.sequence - *camera.handed - 1 : 0;
+    health.dropped += lost;
+    for (std::uint32_t i = 0; lost <= longest_loss && i < lost; ++i) camera.losses.add(true);
+    camera.losses.add(false);
+    health.warning =
+        camera.losses.is_high()
+            ? fmt::format(
+                  "{:.0f} % of its frames are lost between {} and here: format: mjpeg there, a wired network, or "
+                  "larger socket buffers (service/hosts/README.md)",
+                  100 * camera.losses.share(), camera.options.host)
+            : "";
+    camera.handed = frame.sequence;
+    if (!is_sound) {
+      ++health.corrupted;
+      return frame;
+    }
+    ++health.frames;
+    health.last_frame = frame.captured_at;
+    health.stamp = capture::StampKind::end_of_frame;
+    camera.frame_at = Clock::now();
+    if (const auto known = format_of(format)) {
+      double fps = 0;
+      for (const auto& c : hosts.at(camera.options.host).cameras)
+        if (c.name() == camera.options.camera_there) fps = c.fps();
+      health.stream = capture::StreamFormat{.format = *known,
+                                            .width = frame.pixels.width,
+                                            .height = frame.pixels.height,
+                                            .fps = fps,
+                                            .range = frame.pixels.range};
+    }
+    tell(camera, capture::CaptureState::delivering, "delivering, from " + camera.options.host);
+    return frame;
+  }
+
+  std::optional<capture::Frame> next(Camera& camera, const std::stop_token& stop) {
+    msg::CameraFrame message;
+    dds::SampleInfo info;
+    while (!stop.stop_requested()) {
+      {
+        const std::scoped_lock lock(mutex);
+        camera.health.last_progress = Clock::now();
+      }
+      if (!camera.reader->wait_for_unread_message(eprosima::fastrtps::Duration_t(0, 50'000'000))) continue;
+      if (camera.reader->take_next_sample(&message, &info) != ReturnCode_t::RETCODE_OK || !info.valid_data) continue;
+      if (auto frame = frame_of(camera, std::move(message))) return frame;
+    }
+    return std::nullopt;
+  }
+
+  mutable std::mutex mutex;
+  std::map<std::string, Host> hosts;
+  std::vector<std::unique_ptr<Camera>> cameras;
+  idl::DdsParticipant participant;
+  dds::DataWriter& probe;
+  dds::DataReader &echo, &states;
+  const std::int64_t tracker;
+  std::uint32_t asked = 0;  // the keeper's
+  std::array<std::pair<std::uint32_t, capture::Timestamp>, 32> questions{};
+  Clock::time_point started;
+  std::jthread keeper;  // last: it ends first
+};
+
+HostedCameras::HostedCameras(const idl::ParticipantOptions& transport, std::vector<HostedCameraOptions> cameras) {
+  for (const auto& camera : cameras)
+    for (const auto& name : {camera.host, camera.camera_there})
+      if (!is_host_name(name))
+        throw std::invalid_argument("camera " + camera.name + ": \"" + name +
+                                    "\" is no name of a camera host or of its camera: letters, digits, '_', '-', '.'");
+  impl_ = std::make_shared<Impl>(transport, std::move(cameras));
+}
+
+std::vector<capture::LiveCamera> HostedCameras::live() const {
+  class Source final : public capture::FrameSource {
+   public:
+    Source(std::shared_ptr<Impl> all, Impl::Camera& camera) : all_(std::move(all)), camera_(camera) {}
+    std::optional<capture::Frame> next(std::stop_token stop) override { return all_->next(camera_, stop); }
+
+   private:
+    std::shared_ptr<Impl> all_;
+    Impl::Camera& camera_;
+  };
+  std::vector<capture::LiveCamera> out;
+  for (const auto& camera : impl_->cameras) {
+    Impl::Camera* of = camera.get();
+    out.push_back({.camera = of->options.camera,
+                   .source = std::make_unique<Source>(impl_, *of),
+                   .health =
+                       [all = impl_, of] {
+                         const std::scoped_lock lock(all->mutex);
+                         return of->health;
+                       },
+                   .take_events =
+                       [all = impl_, of] {
+                         const std::scoped_lock lock(all->mutex);
+                         return std::exchange(of->events, {});
+                       }});
+  }
+  return out;
+}
+
+std::vector<HostClock> HostedCameras::clocks() const {
+  const std::scoped_lock lock(impl_->mutex);
+  std::vector<HostClock> out;
+  for (const auto& [name, host] : impl_->hosts)
+    out.push_back({.host = name,
+                   .is_known = host.clock.is_known(),
+                   .offset_s = capture::seconds(host.clock.at(capture::unix_now())),
+                   .sigma_s = host.clock.sigma_s(),
+                   .drift = host.clock.drift()});
+  return out;
+}
+
+}  // namespace huetrack::hosts

@@ -1,0 +1,50 @@
+// Cameras of other hosts as sources of frames, like those of this one.
+#pragma once
+
+#include <chrono>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "capture/live_camera.h"
+#include "idl/dds_participant.h"
+
+namespace huetrack::hosts {
+
+struct HostedCameraOptions {
+  int camera = 0;               // in the rig: Frame::camera
+  std::string name;             // in the rig, for messages
+  std::string host;             // as the camera host calls itself
+  std::string camera_there;     // as the camera host calls it
+  int width = 0, height = 0;    // > 0, pixels; the rig's: frames of another size are corrupted
+  capture::FrameTiming timing;  // the rig's
+};
+
+// What is known of a camera host's clock.
+struct HostClock {
+  std::string host;
+  bool is_known = false;
+  double offset_s = 0, sigma_s = 0;  // of its clock over ours
+  double drift = 0;                  // s/s
+};
+
+// One place on the bus for all cameras of other hosts. Frames of a host whose clock is not known yet are not handed
+// out. A host that is silent for a second is a set of cameras that are absent, and come back by themselves; frames that
+// come faster than they are taken push out older ones, counted as dropped. Stamps are turned to this host's clock,
+// smoothed (camera_clock.h) and taken the latency out, as those of a camera of this host.
+//
+// The sources and their functions share what is behind it, and may outlive this object. thread-safe.
+class HostedCameras {
+ public:
+  // throws as DdsParticipant does; std::invalid_argument: a name is no is_host_name().
+  HostedCameras(const idl::ParticipantOptions& transport, std::vector<HostedCameraOptions> cameras);
+
+  std::vector<capture::LiveCamera> live() const;  // in the order of the options; once
+  std::vector<HostClock> clocks() const;
+
+ private:
+  struct Impl;
+  std::shared_ptr<Impl> impl_;
+};
+
+}  // namespace huetrack::hosts

@@ -1,0 +1,129 @@
+#include "hosts/clock_offset.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <random>
+
+namespace huetrack::hosts {
+namespace {
+
+using namespace std::chrono_literals;
+using capture::Timestamp;
+
+// A network whose ways take 0.1 ms and now and then much longer, each by itself; and a clock there that drifts.
+class Network {
+ public:
+  explicit Network(std::uint64_t seed) : random_(seed) {}
+  double offset_s = 0, drift = 0, least_s = 1e-4, usual_s = 1e-4, busy_s = 0.02, busy = 0.2;
+
+  Timestamp theirs(double ours_s) const { return at(ours_s + offset_s + drift * ours_s); }
+  static Timestamp at(double s) { return Timestamp(capture::duration_of(1'700'000'000.0) + capture::duration_of(s)); }
+  Exchange exchange(double at_s) {
+    const double there_s = way(), there_for_s = 5e-5, back_s = way();
+    return {.asked = at(at_s),
+            .question_came = theirs(at_s + there_s),
+            .answered = theirs(at_s + there_s + there_for_s),
+            .answer_came = at(at_s + there_s + there_for_s + back_s)};
+  }
+  double error_s(const ClockOffset& clock, double at_s) const {
+    return std::abs(capture::seconds(clock.ours(theirs(at_s)) - at(at_s)));
+  }
+
+ private:
+  double way() {
+    std::exponential_distribution<double> tail(1.0);
+    const bool is_busy = std::uniform_real_distribution<double>(0, 1)(random_) < busy;
+    return least_s + usual_s * tail(random_) + (is_busy ? busy_s * tail(random_) : 0);
+  }
+  std::mt19937_64 random_;
+};
+
+// Asked as HostedCameras asks.
+double ask(ClockOffset& clock, Network& network, double from_s, double seconds) {
+  double t = from_s;
+  for (int i = 0; t < from_s + seconds; ++i) {
+    clock.add(network.exchange(t));
+    t += i < 20 ? 0.03 : 0.25;
+  }
+  return t;
+}
+
+TEST(ClockOffset, IsNotKnownAtFirst) {
+  ClockOffset clock;
+  EXPECT_FALSE(clock.is_known());
+  EXPECT_EQ(clock.at(Network::at(1)), 0ns);
+}
+
+TEST(ClockOffset, IsFoundInTenSecondsThroughABusyNetwork) {
+  for (std::uint64_t seed = 1; seed <= 50; ++seed) {
+    Network network(seed);
+    network.offset_s = 0.04, network.drift = 50e-6;
+    ClockOffset clock;
+    const double end_s = ask(clock, network, 0, 10);
+    ASSERT_TRUE(clock.is_known());
+    EXPECT_TRUE(clock.is_corrected());
+    EXPECT_LT(network.error_s(clock, end_s), 0.5e-3) << "seed " << seed;
+    EXPECT_LT(network.error_s(clock, end_s), 5 * clock.sigma_s()) << "seed " << seed;
+    EXPECT_LT(clock.sigma_s(), 0.5e-3) << "seed " << seed;
+  }
+}
+
+TEST(ClockOffset, HoldsForHoursOfDrift) {
+  Network network(7);
+  network.offset_s = -3, network.drift = -80e-6;
+  ClockOffset clock;
+  double worst_s = 0;
+  for (int i = 0; i < 4 * 7200; ++i) {
+    const double t = 0.25 * i;
+    clock.add(network.exchange(t));
+    if (i > 40) worst_s = std::max(worst_s, network.error_s(clock, t));
+  }
+  EXPECT_LT(worst_s, 0.5e-3);
+  EXPECT_NEAR(clock.drift(), -80e-6, 20e-6);
+}
+
+TEST(ClockOffset, OfYearsLosesNoNanoseconds) {
+  Network network(3);
+  network.offset_s = -1.6e9;  // a camera host without a battery for its clock, and without NTP
+  ClockOffset clock;
+  const double end_s = ask(clock, network, 0, 10);
+  EXPECT_LT(network.error_s(clock, end_s), 0.5e-3);
+}
+
+TEST(ClockOffset, IsNoneWhereItCannotBeToldFromThat) {
+  Network network(5);
+  ClockOffset clock;
+  ask(clock, network, 0, 20);
+  ASSERT_TRUE(clock.is_known());
+  EXPECT_FALSE(clock.is_corrected());
+  EXPECT_EQ(clock.at(Network::at(20)), 0ns);
+  EXPECT_EQ(clock.ours(Network::at(20)), Network::at(20));
+}
+
+TEST(ClockOffset, FollowsAClockThatWasSet) {
+  Network network(9);
+  network.offset_s = 0.01;
+  ClockOffset clock;
+  double t = ask(clock, network, 0, 20);
+  network.offset_s = 2.5;
+  t = ask(clock, network, t, 5);
+  EXPECT_LT(network.error_s(clock, t), 0.5e-3);
+}
+
+TEST(ClockOffset, LeavesOutWhatCannotBe) {
+  Network network(11);
+  ClockOffset clock;
+  for (int i = 0; i < 10; ++i) {
+    Exchange exchange = network.exchange(i);
+    exchange.answer_came = exchange.asked - 1ms;
+    clock.add(exchange);
+    exchange = network.exchange(i);
+    exchange.answered = exchange.question_came + 1h;
+    clock.add(exchange);
+  }
+  EXPECT_FALSE(clock.is_known());
+}
+
+}  // namespace
+}  // namespace huetrack::hosts

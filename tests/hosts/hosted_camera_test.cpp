@@ -1,0 +1,190 @@
+#include "hosts/hosted_camera.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <fstream>
+#include <sstream>
+
+#include "daemon/capture_command.h"
+#include "daemon/fake_camera.h"
+#include "daemon/live.h"
+#include "hosts/camera_host.h"
+
+namespace huetrack::hosts {
+namespace {
+
+namespace fs = std::filesystem;
+using namespace std::chrono_literals;
+using testing::HasSubstr;
+
+const fs::path demo = fs::path(HUETRACK_SOURCE_DIR) / "configs/demo";
+
+// A domain of its own, so that tests that run at the same time do not hear one another.
+int domain() {
+  return 100 + int(::getpid() % 100);
+}
+
+// A camera host in a thread, with one camera of the demo's recording, from `start` on.
+class Host {
+ public:
+  Host(const std::string& name, int camera, std::vector<capture::Frame> frames, capture::Timestamp start)
+      : host_({.host = name,
+               .cameras = {"there"},
+               .program_version = "test",
+               .transport = {.name = "host", .domain = domain(), .interfaces = {"lo"}}},
+              cameras(camera, std::move(frames), start)),
+        running_([this](const std::stop_token& stop) { host_.run(stop); }),
+        telling_([this](const std::stop_token& stop) {
+          while (!stop.stop_requested()) {
+            host_.look_after();
+            std::this_thread::sleep_for(50ms);
+          }
+        }) {}
+  SentFigures sent() const { return host_.sent().front(); }
+
+ private:
+  static std::vector<capture::LiveCamera> cameras(int camera, std::vector<capture::Frame> frames,
+                                                  capture::Timestamp start) {
+    std::vector<capture::LiveCamera> out;
+    out.push_back(daemon::FakeCamera(camera, std::move(frames), start, true).live());
+    return out;
+  }
+  CameraHost host_;
+  std::jthread running_, telling_;
+};
+
+config::ServiceConfig tracker_config(const fs::path& folder) {
+  std::ofstream(folder / "c.yaml")
+      << "version: 1\nrig: " << (demo / "recording/rig.yaml").string()
+      << "\ntargets: {lime: {color: {hue_deg: [65, 115]}}}\n"
+      << "cameras: {cam0: {host: left-pi, camera: there}, cam1: {host: right-pi, camera: there}}\n"
+      << "dds: {domain: " << domain() << ", interfaces: [lo]}\n";
+  return config::load_service_config(folder / "c.yaml");
+}
+
+std::vector<std::vector<std::string>> rows_of(const fs::path& csv) {
+  std::vector<std::vector<std::string>> rows;
+  std::ifstream file(csv);
+  for (std::string line; std::getline(file, line);) {
+    auto& row = rows.emplace_back();
+    std::istringstream cells(line);
+    for (std::string cell; std::getline(cells, cell, ',');) row.push_back(cell);
+  }
+  return rows;
+}
+
+class HostedCamera : public testing::Test {
+ protected:
+  HostedCamera()
+      : folder_(fs::path(testing::TempDir()) / ("hosted_" + std::to_string(::getpid()) + "_" +
+                                                testing::UnitTest::GetInstance()->current_test_info()->name())) {
+    fs::create_directories(folder_);
+  }
+  ~HostedCamera() override { fs::remove_all(folder_); }
+  fs::path folder_;
+};
+
+// The same films through two camera hosts and a bus, and from this machine: the same tracks, byte for byte.
+TEST_F(HostedCamera, TracksAreThoseOfCamerasOfThisMachine) {
+  const config::ServiceConfig config = tracker_config(folder_);
+  const auto pictures = daemon::first_frames(demo / "recording", {"cam0", "cam1"}, 60);
+  const capture::Timestamp start = capture::unix_now() + 1500ms;
+  std::stop_source stop;
+  const auto run = [&](std::vector<capture::LiveCamera> cameras, const fs::path& tracks) {
+    daemon::LiveCommand options;
+    options.no_dds = true;
+    options.tracks = tracks;
+    daemon::LiveRequests requests;
+    daemon::run_live(config, std::move(cameras), options, requests, stop.get_token());
+  };
+  std::vector<capture::LiveCamera> here;
+  for (int c = 0; c < 2; ++c) here.push_back(daemon::FakeCamera(c, pictures[std::size_t(c)], start, true).live());
+  {
+    const Host left("left-pi", 0, pictures[0], start), right("right-pi", 1, pictures[1], start);
+    const std::jthread there([&] { run(pipeline::open_cameras(config), folder_ / "there.csv"); });
+    const std::jthread at_the_same_time([&] { run(std::move(here), folder_ / "here.csv"); });
+    while (capture::unix_now() < start + 2800ms) std::this_thread::sleep_for(20ms);
+    stop.request_stop();
+  }
+  const auto a = rows_of(folder_ / "there.csv"), b = rows_of(folder_ / "here.csv");
+  ASSERT_GT(a.size(), 50U);
+  EXPECT_EQ(a.size(), b.size());
+  EXPECT_EQ(a, b);
+}
+
+TEST_F(HostedCamera, AHostThatIsNotThereIsSaidAndAwaited) {
+  const config::ServiceConfig config = tracker_config(folder_);
+  auto cameras = pipeline::open_cameras(config);
+  ASSERT_EQ(cameras.size(), 2U);
+  std::string said;
+  std::stop_source stop;
+  const std::jthread reading([&] {
+    while (cameras[0].source->next(stop.get_token())) {
+    }
+  });
+  const auto wait_for = [&](const std::string& words) {
+    for (int i = 0; i < 200 && said.find(words) == std::string::npos; ++i) {
+      for (const auto& event : cameras[0].take_events()) said += event.message + "\n";
+      std::this_thread::sleep_for(50ms);
+    }
+    return said.find(words) != std::string::npos;
+  };
+  EXPECT_TRUE(wait_for("left-pi is not heard of")) << said;
+  EXPECT_EQ(cameras[0].health().state, capture::CaptureState::absent);
+  const auto pictures = daemon::first_frames(demo / "recording", {"cam0", "cam1"}, 30);
+  for (int times = 0; times < 2; ++times) {
+    said.clear();
+    {
+      const Host left("left-pi", 0, pictures[0], capture::unix_now() + 800ms);
+      EXPECT_TRUE(wait_for("delivering, from left-pi")) << said;
+      EXPECT_EQ(cameras[0].health().state, capture::CaptureState::delivering);
+    }
+    said.clear();
+    EXPECT_TRUE(wait_for("left-pi is silent")) << said;
+  }
+  EXPECT_GE(cameras[0].health().reconnects, 1U);
+  stop.request_stop();
+}
+
+TEST(CameraHostNames, ArePartsOfTopics) {
+  EXPECT_TRUE(is_host_name("pi-3.hall_2"));
+  for (const char* bad : {"", "a/b", "a b", "\xc3\xa4", "a\n"}) EXPECT_FALSE(is_host_name(bad)) << bad;
+}
+
+TEST_F(HostedCamera, ConfigurationsSayWhatIsWrong) {
+  const auto refusal = [&](const std::string& cameras) -> std::string {
+    std::ofstream(folder_ / "bad.yaml") << "version: 1\nrig: " << (demo / "recording/rig.yaml").string()
+                                        << "\ntargets: {lime: {color: {hue_deg: [65, 115]}}}\ncameras: " << cameras
+                                        << "\n";
+    try {
+      config::load_service_config(folder_ / "bad.yaml");
+    } catch (const yaml::ConfigError& error) {
+      return error.what();
+    }
+    return "";
+  };
+  EXPECT_EQ(refusal("{cam0: {host: a}, cam1: {device: 1}}"), "");
+  EXPECT_THAT(refusal("{cam0: {host: a, device: 0}}"), HasSubstr("is a matter of the camera's host"));
+  EXPECT_THAT(refusal("{cam0: {host: a, fps: 30}}"), HasSubstr("has the camera, and its settings"));
+  EXPECT_THAT(refusal("{cam0: {device: 0, camera: x}}"), HasSubstr("give host, too"));
+  EXPECT_THAT(refusal("{cam0: {host: a, camera: x}, cam1: {host: a, camera: x}}"),
+              HasSubstr("is the camera of cam0 already"));
+  const auto refusal_of_host = [&](const std::string& text) -> std::string {
+    std::ofstream(folder_ / "host.yaml") << text;
+    try {
+      config::load_capture_config(folder_ / "host.yaml");
+    } catch (const yaml::ConfigError& error) {
+      return error.what();
+    }
+    return "";
+  };
+  EXPECT_EQ(refusal_of_host("version: 1\nhost: pi-3\ncameras: {left: {device: 0, size: [640, 480], fps: 30}}\n"), "");
+  EXPECT_THAT(refusal_of_host("version: 1\ncameras: {left: {device: 0}}\n"), HasSubstr("size"));
+  EXPECT_THAT(refusal_of_host("version: 1\nrig: r.yaml\ncameras: {left: {device: 0}}\n"), HasSubstr("of a tracker"));
+  EXPECT_THAT(refusal_of_host("version: 1\n"), HasSubstr("name the cameras of this host"));
+}
+
+}  // namespace
+}  // namespace huetrack::hosts
