@@ -408,7 +408,8 @@ void choose_lens(Intrinsics& result, const board::Board& board, const std::strin
     return;
   }
   for (std::size_t i = 0; i < best; ++i) {
-    if (!trials[i].possible || errors[i].empty()) continue;
+    const bool is_simpler = parameter_count(trials[i].lens) < parameter_count(trials[best].lens);
+    if (!trials[i].possible || errors[i].empty() || !is_simpler) continue;
     if (!is_clearly_worse(errors[i], errors[best]) && fits_as_well(i, closest) && fits_as_well(i, best)) {
       result.chosen = i;
       break;
