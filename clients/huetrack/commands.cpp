@@ -19,9 +19,12 @@
 #include "calib/yaml/text_file.h"
 #include "idl/camera_timesPubSubTypes.h"
 #include "idl/huetrackPubSubTypes.h"
+#include "idl/object_setPubSubTypes.h"
 #include "idl/topics.h"
 #include "position_subscription.h"
 #include "printable_sample.h"
+#include "service_health.h"
+#include "udp_sender.h"
 
 namespace huetrack::client {
 
@@ -62,11 +65,12 @@ constexpr yaml::FileKind log_kind{"log of huetrack's", [](std::string_view text)
                                     return text.starts_with("target,t,") || text.starts_with("camera,t,");
                                   }};
 
-// Text to stdout or lines to a file, each one flushed, so that whoever reads has it at once.
+// Text to stdout, lines to a file, each one flushed, so that whoever reads has it at once, or datagrams.
 class LineWriter {
  public:
-  // throws std::runtime_error: the file exists, and may not be replaced, or cannot be written
-  LineWriter(const std::filesystem::path& file, bool overwrite) {
+  // throws std::runtime_error: the file exists, and may not be replaced, or cannot be written; udp is no address
+  LineWriter(const std::filesystem::path& file, bool overwrite, const std::string& udp = "") {
+    if (!udp.empty()) udp_.emplace(udp);
     if (file.empty()) return;
     std::error_code none;
     if (!overwrite && std::filesystem::exists(file, none))
@@ -78,6 +82,11 @@ class LineWriter {
   // when the disk is full.
   bool write(std::string_view text) {
     if (text.empty()) return true;
+    if (udp_) {
+      if (text.ends_with('\n')) text.remove_suffix(1);
+      if (const std::string trouble = udp_->send(text); !trouble.empty()) say(trouble);
+      return true;
+    }
     if (file_) {
       file_->write(text.substr(0, text.size() - 1));
       file_->flush();
@@ -90,6 +99,7 @@ class LineWriter {
 
  private:
   std::optional<yaml::LineFile> file_;
+  std::optional<UdpSender> udp_;
 };
 
 std::string joined(const std::set<std::string>& names) {
@@ -109,6 +119,12 @@ constexpr std::size_t most_names = 1000, most_strangers = 100;  // that are kept
 std::string mark_of(std::string text, const std::string& stranger) {
   text.pop_back();
   return text + "   NOT THE SAME PUBLISHER: " + stranger + "\n";
+}
+
+// "ball_3" is one of several objects of the target "ball".
+bool is_object_of(std::string_view name, std::string_view target) {
+  if (!name.starts_with(target) || name.size() < target.size() + 2 || name[target.size()] != '_') return false;
+  return std::ranges::all_of(name.substr(target.size() + 1), [](char c) { return c >= '0' && c <= '9'; });
 }
 
 // wanted: the name of the target or camera; empty: every one.
@@ -144,9 +160,9 @@ namespace {
 template <typename Sample>
 int watch_topic(const WatchOptions& options, const std::string& wanted, const std::string& header_line,
                 const Wording& words) {
-  LineWriter out(options.file, options.overwrite);
+  LineWriter out(options.file, options.overwrite, options.udp);
   std::optional<SampleSubscription<Sample>> subscription(options.participant);  // made anew when the network changes
-  if (!out.write(header_line)) return 0;
+  if (options.udp.empty() && !out.write(header_line)) return 0;
 
   std::uint64_t lines = 0;
   std::size_t target_width = 0;
@@ -158,6 +174,7 @@ int watch_topic(const WatchOptions& options, const std::string& wanted, const st
   Clock::time_point last_look_at_network = start;
   const auto finish = [&](int exit_status) {
     if (!options.file.empty()) say(std::to_string(lines) + " samples in " + options.file.string());
+    if (!options.udp.empty()) say(std::to_string(lines) + " samples sent to " + options.udp);
     return exit_status;
   };
 
@@ -167,7 +184,7 @@ int watch_topic(const WatchOptions& options, const std::string& wanted, const st
     if (heard) {
       const std::string& name = name_of(heard->sample);
       if (seen_targets.size() < most_names) seen_targets.insert(name);
-      if (wanted.empty() || name == wanted) {
+      if (wanted.empty() || name == wanted || is_object_of(name, wanted)) {
         target_width = std::max(target_width, name.size());
         std::string text = line(options.format, heard->sample, unix_now(), target_width);
         if (!heard->stranger.empty()) {
@@ -195,7 +212,10 @@ int watch_topic(const WatchOptions& options, const std::string& wanted, const st
       said_nobody = true;  // its farewell will be said, and that is enough
       std::set<std::string> targets = subscription->targets();
       targets.insert(seen_targets.begin(), seen_targets.end());
-      if (!wanted.empty() && !targets.empty() && !targets.contains(wanted) && targets != said_targets) {
+      const bool may_come = std::ranges::any_of(targets, [&](const auto& target) {
+        return target == wanted || is_object_of(wanted, target);  // an object of a target that is published
+      });
+      if (!wanted.empty() && !targets.empty() && !may_come && targets != said_targets) {
         say("nobody publishes " + std::string(words.one) + " " + wanted + " on domain " +
             std::to_string(subscription->participant().domain()) + "; there are: " + joined(targets));
         said_targets = std::move(targets);
@@ -226,7 +246,7 @@ int watch_topic(const WatchOptions& options, const std::string& wanted, const st
 
 }  // namespace
 
-int status(const idl::ParticipantOptions& options) {
+int status(const idl::ParticipantOptions& options, StatusFormat format) {
   idl::DdsParticipant participant(options);
   dds::DataReader& reader = participant.create_reader(
       idl::status_topic, dds::TypeSupport(new msg::ServiceStatusPubSubType), idl::status_reader_qos());
@@ -234,6 +254,8 @@ int status(const idl::ParticipantOptions& options) {
       idl::camera_times_topic, dds::TypeSupport(new msg::CameraTimesPubSubType), idl::status_reader_qos());
   dds::DataReader& pose_reader = participant.create_reader(
       idl::camera_pose_topic, dds::TypeSupport(new msg::CameraPosePubSubType), idl::object_position_reader_qos());
+  dds::DataReader& set_reader = participant.create_reader(
+      idl::object_set_topic, dds::TypeSupport(new msg::ObjectSetPubSubType), idl::object_position_reader_qos());
   LineWriter out({}, false);
   // After the first one a moment more: a second service may be there, and the poses of a camera that is tracked.
   Clock::time_point until = Clock::now() + nobody_after;
@@ -242,6 +264,7 @@ int status(const idl::ParticipantOptions& options) {
   std::vector<msg::ServiceStatus> statuses;
   std::map<std::pair<std::string, std::uint32_t>, msg::CameraTimes> times;  // by the service's host and process
   std::map<std::string, msg::CameraPose> poses;
+  std::map<std::string, msg::ObjectSet> sets;  // by the target; the last of each
   while (!ended && Clock::now() < until) {
     msg::ServiceStatus sample;
     dds::SampleInfo info;
@@ -249,7 +272,13 @@ int status(const idl::ParticipantOptions& options) {
       if (!info.valid_data) continue;
       if (statuses.empty()) until = Clock::now() + a_moment;
       make_printable(sample);
-      if (statuses.size() < most_statuses) statuses.push_back(sample);
+      const auto same = std::ranges::find_if(statuses, [&](const msg::ServiceStatus& other) {
+        return other.host() == sample.host() && other.pid() == sample.pid();
+      });
+      if (same != statuses.end())
+        *same = sample;  // the newest of each service
+      else if (statuses.size() < most_statuses)
+        statuses.push_back(sample);
     }
     msg::CameraTimes of_service;
     while (times_reader.take_next_sample(&of_service, &info) == ReturnCode_t::RETCODE_OK)
@@ -263,6 +292,12 @@ int status(const idl::ParticipantOptions& options) {
         make_printable(pose);
         poses[pose.camera()] = pose;
       }
+    msg::ObjectSet set;
+    while (set_reader.take_next_sample(&set, &info) == ReturnCode_t::RETCODE_OK)
+      if (info.valid_data && sets.size() < most_names) {
+        make_printable(set);
+        sets[set.target()] = set;
+      }
     dds::SubscriptionMatchedStatus matched;  // a slow camera's frame takes a while
     if (!statuses.empty() && poses.empty() && !waited_for_pose &&
         pose_reader.get_subscription_matched_status(matched) == ReturnCode_t::RETCODE_OK && matched.current_count > 0) {
@@ -274,13 +309,25 @@ int status(const idl::ParticipantOptions& options) {
   }
   std::vector<msg::CameraPose> last_poses;
   for (const auto& [_, pose] : poses) last_poses.push_back(pose);
+  std::vector<msg::ObjectSet> last_sets;
+  for (const auto& [_, set] : sets) last_sets.push_back(set);
+  bool is_healthy = true;
   for (const auto& sample : statuses) {
-    const auto of_service = times.find({sample.host(), sample.pid()});
-    if (!out.write(text(sample, unix_now(), of_service == times.end() ? nullptr : &of_service->second, last_poses)))
-      return 0;
+    const auto found = times.find({sample.host(), sample.pid()});
+    const msg::CameraTimes* const of_service = found == times.end() ? nullptr : &found->second;
+    const std::int64_t now = unix_now();
+    is_healthy &= problems_of(sample, now).empty();
+    if (!out.write(format == StatusFormat::json ? status_json(sample, now, of_service, last_poses)
+                                                : text(sample, now, of_service, last_poses, last_sets)))
+      break;
   }
-  if (statuses.empty() && !ended) say("no huetrackd publishes its status " + what_to_check(participant));
-  return statuses.empty() ? 1 : 0;
+  if (statuses.empty()) {
+    const std::string why = "no huetrackd publishes its status " + what_to_check(participant);
+    if (!ended) say(why);
+    if (format == StatusFormat::json) out.write(no_status_json(why));
+    return 1;
+  }
+  return is_healthy ? 0 : unhealthy_status;
 }
 
 }  // namespace huetrack::client

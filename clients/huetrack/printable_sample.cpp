@@ -52,6 +52,11 @@ void make_printable(msg::CameraTimes& sample) {
   for (msg::CameraTime& camera : sample.cameras()) camera.camera(word(camera.camera()));
 }
 
+void make_printable(msg::ObjectSet& sample) {
+  sample.target(word(sample.target()));
+  for (msg::ObjectInSet& object : sample.objects()) object.name(word(object.name()));
+}
+
 const std::string& name_of(const msg::ObjectPosition& sample) {
   return sample.target();
 }

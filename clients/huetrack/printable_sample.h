@@ -6,6 +6,7 @@
 
 #include "idl/camera_times.h"
 #include "idl/huetrack.h"
+#include "idl/object_set.h"
 
 namespace huetrack::client {
 
@@ -14,6 +15,7 @@ void make_printable(msg::ObjectPosition& sample);
 void make_printable(msg::CameraPose& sample);
 void make_printable(msg::ServiceStatus& sample);
 void make_printable(msg::CameraTimes& sample);
+void make_printable(msg::ObjectSet& sample);
 
 const std::string& name_of(const msg::ObjectPosition& sample);  // the target's
 const std::string& name_of(const msg::CameraPose& sample);      // the camera's

@@ -10,6 +10,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "osc.h"
+
 namespace huetrack::client {
 
 namespace {
@@ -43,22 +45,6 @@ std::string csv_line(const msg::ObjectPosition& s) {
 std::string tum_line(const msg::ObjectPosition& s) {
   if (!has_position(s)) return "";
   return fmt::format("{} {} 0 0 0 1\n", unix_seconds(s.captured_at()), fmt::join(s.position(), " "));
-}
-
-std::string json_string(std::string_view text) {
-  std::string out = "\"";
-  for (const char c : text) {
-    if (c == '"' || c == '\\') {
-      out += '\\';
-      out += c;
-    } else if (static_cast<unsigned char>(c) < 0x20) {
-      fmt::format_to(std::back_inserter(out), "\\u{:04x}", static_cast<unsigned>(c));
-    } else {
-      out += c;
-    }
-  }
-  out += '"';
-  return out;
 }
 
 template <typename Float>
@@ -170,6 +156,8 @@ std::string any_line(Format format, const Sample& sample, std::int64_t received_
       return json_line(sample);
     case Format::tum:
       return tum_line(sample);
+    case Format::osc:
+      return osc_bundle(sample);
     case Format::text:
       break;
   }
@@ -177,6 +165,22 @@ std::string any_line(Format format, const Sample& sample, std::int64_t received_
 }
 
 }  // namespace
+
+std::string json_string(std::string_view text) {
+  std::string out = "\"";
+  for (const char c : text) {
+    if (c == '"' || c == '\\') {
+      out += '\\';
+      out += c;
+    } else if (static_cast<unsigned char>(c) < 0x20) {
+      fmt::format_to(std::back_inserter(out), "\\u{:04x}", static_cast<unsigned>(c));
+    } else {
+      out += c;
+    }
+  }
+  out += '"';
+  return out;
+}
 
 std::string camera_header(Format format) {
   if (format != Format::csv) return "";
@@ -199,7 +203,7 @@ std::string line(Format format, const msg::ObjectPosition& sample, std::int64_t 
 }
 
 std::string text(const msg::ServiceStatus& s, std::int64_t now, const msg::CameraTimes* times,
-                 std::span<const msg::CameraPose> poses) {
+                 std::span<const msg::CameraPose> poses, std::span<const msg::ObjectSet> sets) {
   std::string out = fmt::format("huetrackd {} on {}, process {}, mode {}, {} s ago\n", s.program_version(), s.host(),
                                 s.pid(), s.mode(), number(static_cast<double>(now - s.at()) / ns_per_s, 1));
   const auto add = [&](std::string_view label, const std::string& what) {
@@ -233,6 +237,17 @@ std::string text(const msg::ServiceStatus& s, std::int64_t now, const msg::Camer
     if (std::ranges::any_of(s.cameras(), [&](const auto& camera) { return camera.name() == pose.camera(); }))
       add("pose", fmt::format("{:<{}}  {:<10}  {} of {} features, {} map points", pose.camera(), width,
                               name(pose.state()), pose.features_matched(), pose.features_in_view(), pose.map_points()));
+  for (const msg::ObjectSet& set : sets) {
+    if (std::ranges::find(s.targets(), set.target()) == s.targets().end()) continue;
+    add("objects", fmt::format("{}: {} of at most {}", set.target(), set.objects().size(), set.most()));
+    std::size_t name_width = 0;
+    for (const msg::ObjectInSet& object : set.objects()) name_width = std::max(name_width, object.name().size());
+    for (const msg::ObjectInSet& object : set.objects())
+      add("object",
+          fmt::format("{:<{}}  {:<9}  x {}  y {}  z {} m   {} views", object.name(), name_width,
+                      name(static_cast<msg::TrackState>(object.state())), number(object.position()[0], 3, 7),
+                      number(object.position()[1], 3, 7), number(object.position()[2], 3, 7), object.views()));
+  }
   for (const std::string& warning : s.warnings()) add("warning", warning);
   if (s.warnings().empty()) add("warnings", "none");
   return out;

@@ -199,11 +199,12 @@ std::string to_json(const msg::Scene& s) {
 
 std::string to_json(const msg::Preview& p) {
   Json targets = Json::array();
+  constexpr std::uint32_t left_out = 100;  // huetrack_view.idl
   for (const auto& t : p.targets()) {
     Json particles = Json::array();
     for (const float value : t.particles()) particles.push_back(tenth(value));
     targets.push_back({{"target", t.target()},
-                       {"state", state_name(t.state())},
+                       {"state", t.state() == left_out ? "left_out" : state_name(t.state())},
                        {"px", {tenth(t.pixel()[0]), tenth(t.pixel()[1])}},
                        {"radius", tenth(t.radius_px())},
                        {"ellipse", {t.ellipse()[0], t.ellipse()[1], t.ellipse()[2]}},

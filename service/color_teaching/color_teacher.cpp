@@ -20,7 +20,10 @@ constexpr double notable_share = 0.005;  // of the background
 // stroll's or a hand's two metres a second that is a decimetre.
 constexpr auto in_step = std::chrono::milliseconds(2);
 constexpr double moved_between_frames_m = 0.1;
-constexpr double notable_patch = 0.25;  // of the object's own area: a patch that could be taken for it
+constexpr int most_narrowing = 5;            // steps; further ones leave nothing of a shaded ball
+constexpr double worth_narrowing = 0.5;      // of the background that matched
+constexpr double negligible_share = 0.0005;  // of the background
+constexpr double notable_patch = 0.25;       // of the object's own area: a patch that could be taken for it
 
 std::string part_of_picture(const Eigen::Vector2d& at, int width, int height) {
   const int column = std::clamp(static_cast<int>(3 * at.x() / width), 0, 2);
@@ -58,6 +61,18 @@ double share_of(const HsiImage& image, const PixelMask& region, const object_tra
   std::size_t both = 0;
   for (std::size_t i = 0; i < mask.pixels.size(); ++i) both += region.pixels[i] != 0 && mask.pixels[i] != 0 ? 1 : 0;
   return static_cast<double>(both) / static_cast<double>(std::max<std::size_t>(1, region.count()));
+}
+
+// Around the region everything counts as the object: its soft edge, its shadow, its glint.
+PixelMask background_of(const PixelMask& region, const MaskRegion& shape,
+                        const std::vector<object_tracking::PixelBox>& ignored) {
+  PixelMask background = grown(region, soft_edge_px + static_cast<int>(shape.radius_px() / 3));
+  for (auto& pixel : background.pixels) pixel = pixel == 0 ? 1 : 0;
+  for (const object_tracking::PixelBox& box : ignored) {
+    for (int v = std::max(0, box.v_min); v <= std::min(box.v_max, background.height - 1); ++v)
+      for (int u = std::max(0, box.u_min); u <= std::min(box.u_max, background.width - 1); ++u) background.at(u, v) = 0;
+  }
+  return background;
 }
 
 std::string percent(double share) {
@@ -116,15 +131,7 @@ Taught ColorTeacher::teach(const TeachRequestOptions& request, const object_trac
     }
     view.pointed = true;
     view.region = regions_of(*region, 1).front();
-    // Around the region everything counts as the object: its soft edge, its shadow, its glint.
-    const PixelMask object = grown(*region, soft_edge_px + static_cast<int>(view.region->radius_px() / 3));
-    PixelMask background = object;
-    for (auto& pixel : background.pixels) pixel = pixel == 0 ? 1 : 0;
-    for (const object_tracking::PixelBox& box : ignored_in(request, c)) {
-      for (int v = std::max(0, box.v_min); v <= std::min(box.v_max, image.height - 1); ++v)
-        for (int u = std::max(0, box.u_min); u <= std::min(box.u_max, image.width - 1); ++u) background.at(u, v) = 0;
-    }
-    view.color = fit_range(image, *region, background, request.wider);
+    view.color = fit_range(image, *region, background_of(*region, *view.region, ignored_in(request, c)), request.wider);
     view.object_share = share_of(image, *region, view.color);
     view.object = *region;
   }
@@ -140,7 +147,8 @@ Taught ColorTeacher::teach(const TeachRequestOptions& request, const object_trac
   suggest(taught.views, volume);
   for (std::size_t c = 0; c < images_.size(); ++c)
     if (images_[c])
-      judge(taught.views[c], c, rig_.cameras[std::size_t(first - taught.views.begin())].name, ignored_in(request, c));
+      judge(taught.views[c], c, rig_.cameras[std::size_t(first - taught.views.begin())].name, request.wider,
+            ignored_in(request, c));
 
   std::vector<std::pair<const calib::Camera*, Eigen::Vector2d>> seen;
   for (std::size_t c = 0; c < images_.size(); ++c)
@@ -175,7 +183,26 @@ void ColorTeacher::suggest(std::vector<TaughtView>& views, const object_tracking
   for (std::size_t i = 0; i < cameras.size(); ++i) views[cameras[i]].region = regions[i];
 }
 
-void ColorTeacher::judge(TaughtView& view, std::size_t camera, const std::string& color_of,
+std::optional<TaughtView::Narrower> ColorTeacher::narrower(
+    const TaughtView& view, std::size_t camera, int wider,
+    const std::vector<object_tracking::PixelBox>& ignored) const {
+  const HsiImage& image = *images_[camera];
+  const PixelMask background = background_of(view.object, *view.region, ignored);
+  std::optional<TaughtView::Narrower> best;
+  const int first = std::min(0, wider - 1);
+  for (int steps = first; steps > first - most_narrowing; --steps) {
+    TaughtView::Narrower next{.wider = steps, .color = fit_range(image, view.object, background, steps)};
+    next.object_share = share_of(image, view.object, next.color);
+    if (next.object_share < least_object_share) break;  // it would be lost in the next shadow
+    next.background_share = share_of(image, background, next.color);
+    const bool is_better = next.background_share < worth_narrowing * view.background_share;
+    if (is_better && (!best || next.background_share < worth_narrowing * best->background_share)) best = next;
+    if (next.background_share < negligible_share) break;
+  }
+  return best;
+}
+
+void ColorTeacher::judge(TaughtView& view, std::size_t camera, const std::string& color_of, int wider,
                          const std::vector<object_tracking::PixelBox>& ignored) const {
   const HsiImage& image = *images_[camera];
   view.mask = matching(image, view.color, ignored);
@@ -226,7 +253,18 @@ void ColorTeacher::judge(TaughtView& view, std::size_t camera, const std::string
     text += percent(view.object_share) + " of the object matches; ";
   text += percent(view.background_share) + " of the background matches";
   if (is_rival) {
-    text += patch_text() + ": choose another colour, narrow it, or ignore this region";
+    text += patch_text();
+    view.narrower = narrower(view, camera, wider, ignored);
+    if (const auto& n = view.narrower) {
+      text += fmt::format(
+          ": narrow it: with --wider {} (hue_deg: [{:g}, {:g}], saturation: [{:g}, {:g}], intensity: [{:g}, {:g}]) {} "
+          "of "
+          "the background matches, and {} of the object; or choose another colour, or ignore this region",
+          n->wider, n->color.hue_min_deg, n->color.hue_max_deg, n->color.saturation_min, n->color.saturation_max,
+          n->color.intensity_min, n->color.intensity_max, percent(n->background_share), percent(n->object_share));
+    } else {
+      text += ": no narrower range tells the two apart: choose another colour, or ignore this region";
+    }
   } else if (view.background_share > notable_share) {
     text += ", scattered in small patches: narrow it, or choose another colour";
   } else {

@@ -37,8 +37,15 @@ struct TaughtView {
   double background_share = 0;      // 0..1, of the pixels away from the object: how many have the colour
   std::optional<MaskRegion> patch;  // the largest connected part of them, when it could be taken for the object
   std::string verdict;              // one sentence for people
-  PixelMask object;                 // the region's pixels; empty where nobody pointed
-  PixelMask mask;                   // which pixels have the colour; empty where there is no picture
+  // Where a patch could be taken for the object: ranges that are narrower by these steps would leave so much of both.
+  struct Narrower {
+    int wider = 0;  // TeachRequestOptions::wider
+    object_tracking::HsiRange color;
+    double object_share = 0, background_share = 0;
+  };
+  std::optional<Narrower> narrower;
+  PixelMask object;  // the region's pixels; empty where nobody pointed
+  PixelMask mask;    // which pixels have the colour; empty where there is no picture
 };
 
 // Below this share of the object that has the colour, people are warned.
@@ -70,8 +77,11 @@ class ColorTeacher {
  private:
   const std::vector<object_tracking::PixelBox>& ignored_in(const TeachRequestOptions& request,
                                                            std::size_t camera) const;
-  void judge(TaughtView& view, std::size_t camera, const std::string& color_of,
+  void judge(TaughtView& view, std::size_t camera, const std::string& color_of, int wider,
              const std::vector<object_tracking::PixelBox>& ignored) const;
+  // Of the ranges of a view whose background has a patch of the colour; the least narrow that leaves none of it.
+  std::optional<TaughtView::Narrower> narrower(const TaughtView& view, std::size_t camera, int wider,
+                                               const std::vector<object_tracking::PixelBox>& ignored) const;
   void suggest(std::vector<TaughtView>& views, const object_tracking::Box& volume) const;
 
   calib::CameraRig rig_;

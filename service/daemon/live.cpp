@@ -117,6 +117,8 @@ LiveSummary run_live(const config::ServiceConfig& config, std::vector<pipeline::
   session.add(light);
   pipeline::MistakeReport mistakes(session.config());
   session.add(mistakes);
+  pipeline::ObjectReport objects(session.config());
+  session.add(objects);
   pipeline::CalibrationReport calibration(session.config());
   session.add(calibration);
   pipeline::CameraTimes times(session.config(), options.write_rig, true, &calibration);
@@ -157,6 +159,7 @@ LiveSummary run_live(const config::ServiceConfig& config, std::vector<pipeline::
                          .meter = meter,
                          .light = light,
                          .mistakes = mistakes,
+                         .objects = objects,
                          .times = times,
                          .calibration = calibration,
                          .recording = recording,

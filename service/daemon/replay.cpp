@@ -28,6 +28,7 @@
 #include "pipeline/file_outputs.h"
 #include "pipeline/light_report.h"
 #include "pipeline/mistake_report.h"
+#include "pipeline/object_report.h"
 #include "pipeline/picture_folder.h"
 #include "pipeline/session.h"
 
@@ -49,6 +50,9 @@ config::ServiceConfig configuration_of(const ReplayCommand& command) {
     throw std::runtime_error(config.file.string() +
                              ": --hold needs control: {allow_teach: true}: a page says when to go on, and may not");
   pipeline::refuse_one_file_for_two({command.tracks, command.poses, command.write_rig});
+  for (const auto& file : {command.tracks, command.poses})
+    if (std::error_code none; std::filesystem::is_regular_file(file, none))
+      spdlog::info("{}: the one of before is replaced", file.string());
   return config;
 }
 
@@ -92,6 +96,7 @@ Playback open_playback(const config::ServiceConfig& config, const ReplayCommand&
 
 // With the configuration that lies in the recording, what happened while it was made happens again.
 pipeline::RecordedChanges changes_to_repeat(const config::ServiceConfig& config, const capture::Recording& recording) {
+  if (std::error_code none; !std::filesystem::exists(recording.file, none)) return {};  // videos
   const auto folder = recording.file.parent_path();
   if (std::error_code none; !std::filesystem::equivalent(config.file, folder / "huetrackd.yaml", none)) return {};
   pipeline::RecordedChanges changes = pipeline::read_changes(folder);
@@ -116,12 +121,14 @@ class ReplayStatus final : public pipeline::Output {
  public:
   ReplayStatus(const config::ServiceConfig& config, pipeline::Bus& bus, const pipeline::PublishedTime& time,
                const HeldSource* held, const pipeline::LightReport& light, const pipeline::MistakeReport& mistakes,
-               const pipeline::CameraTimes& times, const pipeline::CalibrationReport& calibration)
+               const pipeline::ObjectReport& objects, const pipeline::CameraTimes& times,
+               const pipeline::CalibrationReport& calibration)
       : bus_(bus),
         time_(time),
         held_(held),
         light_(light),
         mistakes_(mistakes),
+        objects_(objects),
         times_(times),
         calibration_(calibration),
         reporter_(config, "replay", {}) {}
@@ -135,6 +142,7 @@ class ReplayStatus final : public pipeline::Output {
     status.clock_offset_s = capture::seconds(time_.offset());
     std::ranges::copy(bus_.publisher().warnings(), std::back_inserter(status.warnings));
     std::ranges::copy(mistakes_.warnings(), std::back_inserter(status.warnings));
+    std::ranges::copy(objects_.warnings(), std::back_inserter(status.warnings));
     std::ranges::copy(light_.warnings(), std::back_inserter(status.warnings));
     std::ranges::copy(times_.warnings(), std::back_inserter(status.warnings));
     std::ranges::copy(calibration_.warnings(), std::back_inserter(status.warnings));
@@ -153,6 +161,7 @@ class ReplayStatus final : public pipeline::Output {
   const HeldSource* const held_;
   const pipeline::LightReport& light_;
   const pipeline::MistakeReport& mistakes_;
+  const pipeline::ObjectReport& objects_;
   const pipeline::CameraTimes& times_;
   const pipeline::CalibrationReport& calibration_;
   std::mutex mutex_;
@@ -262,6 +271,7 @@ std::vector<std::string> early_ends(const std::vector<capture::ReplayCamera>& ca
 
 // Its folder's name, with the folder around it: many are named just "recording".
 std::string shown_name(const capture::Recording& recording) {
+  if (std::error_code none; !std::filesystem::exists(recording.file, none)) return recording.file.string();  // videos
   const auto folder = std::filesystem::absolute(recording.file).lexically_normal().parent_path();
   return (folder.parent_path().filename() / folder.filename()).string();
 }
@@ -314,14 +324,16 @@ ReplaySummary replay(const ReplayCommand& command, const std::stop_token& stop) 
   session.add(light);
   pipeline::MistakeReport mistakes(session.config());
   session.add(mistakes);
+  pipeline::ObjectReport objects(session.config());
+  session.add(objects);
   pipeline::CalibrationReport calibration(session.config());
   session.add(calibration);
   pipeline::CameraTimes times(session.config(), command.write_rig, false, &calibration);
   session.add(times);
   std::optional<ReplayStatus> status;
   if (bus)
-    session.add(
-        status.emplace(session.config(), *bus, session.time(), playback.held, light, mistakes, times, calibration));
+    session.add(status.emplace(session.config(), *bus, session.time(), playback.held, light, mistakes, objects, times,
+                               calibration));
   std::optional<pipeline::PoseFile> poses;
   if (!command.poses.empty()) session.add(poses.emplace(command.poses, config, pipeline::WhenFileFails::stop));
   std::optional<pipeline::TrackFile> tracks;
@@ -351,6 +363,7 @@ ReplaySummary replay(const ReplayCommand& command, const std::stop_token& stop) 
   for (const auto& warning : playback.source->take_warnings()) spdlog::warn("{}", warning);
   ReplaySummary summary = summary_of(config, session.figures(), *playback.source, tally, began, stop.stop_requested());
   summary.mistakes = mistakes.summary();
+  summary.left_out = objects.summary();
   summary.light = light.summary();
   summary.times = times.summary();
   summary.calibration = calibration.summary();

@@ -27,7 +27,7 @@ enum class ReplayStamps : std::uint8_t {
 
 struct ReplayCommand {
   std::filesystem::path config;
-  std::filesystem::path recording;  // recording.yaml or its folder
+  std::vector<std::string> recording;  // recording.yaml, or its folder, or a CAMERA=FILE for each camera
   ReplaySpeed speed = ReplaySpeed::max;
   std::optional<ReplayStamps> stamps;   // nullopt: now at speed real, recording at speed max
   bool no_dds = false;                  // whatever the configuration says
@@ -54,6 +54,7 @@ struct ReplaySummary {
   double wall_s = 0;                     // until the last estimate was out; pictures may take longer
   std::vector<TargetSummary> targets;
   std::vector<std::string> mistakes;     // in rig and configuration that the tracks show, one sentence each
+  std::vector<std::string> left_out;     // what has a target's colour and never moves, one sentence each
   std::vector<std::string> times;        // when the cameras' rows are exposed, one sentence each
   std::vector<std::string> calibration;  // cameras that no longer stand where the rig says, one sentence each
   std::vector<std::string> light;        // what light did to cameras and colours, one sentence each

@@ -116,6 +116,7 @@ std::string to_text(const ReplaySummary& s, const ReplayCommand& command) {
   if (s.camera) text += camera_text(*s.camera, s.figures);
   for (const auto& sentence : s.calibration) text += "  cameras " + sentence + "\n";
   for (const auto& sentence : s.mistakes) text += "  mistake " + sentence + "\n";
+  for (const auto& sentence : s.left_out) text += "  room    " + sentence + "\n";
   for (const auto& sentence : s.times) text += "  times   " + sentence + "\n";
   for (const auto& sentence : s.light) text += "  light   " + sentence + "\n";
   if (!command.poses.empty()) text += "  poses   " + command.poses.string() + "\n";

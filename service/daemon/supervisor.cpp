@@ -44,11 +44,15 @@ void Supervisor::look(bool is_last) {
   const auto now = Clock::now();
   const pipeline::PipelineFigures figures = the_.session.figures();
   std::vector<object_tracking::TrackState> states;
-  for (const auto& target : the_.meter.targets()) states.push_back(target.state);
+  std::vector<metrics::TargetFigures> targets = the_.meter.targets();
+  for (std::size_t t = 0; t < targets.size(); ++t) {
+    targets[t].most = the_.session.config().targets[t].count;
+    states.push_back(targets[t].state);
+  }
   if (is_last || has_events || states != told_states_ || now >= next_status_) {
     next_status_ = now + status_period;
     told_states_ = states;
-    tell_status(figures, cameras, states, now, is_last);
+    tell_status(figures, cameras, targets, now, is_last);
   }
   if (!is_last) tell_service_manager(figures, cameras, now);
 }
@@ -85,11 +89,12 @@ Supervisor::Healths Supervisor::healths() const {
 }
 
 void Supervisor::tell_status(const pipeline::PipelineFigures& figures, const Healths& cameras,
-                             std::span<const object_tracking::TrackState> states, Clock::time_point now, bool is_last) {
+                             std::span<const metrics::TargetFigures> targets, Clock::time_point now, bool is_last) {
   status_ = reporter_.report(figures, now, std::chrono::system_clock::now(), cameras.by_rig);
   add_warnings(status_);
   log_new(status_.warnings, figures.tracked_camera);
   std::ranges::copy(the_.mistakes.warnings(), std::back_inserter(status_.warnings));  // likewise
+  std::ranges::copy(the_.objects.warnings(), std::back_inserter(status_.warnings));   // likewise
   std::ranges::copy(the_.light.warnings(), std::back_inserter(status_.warnings));     // it has logged them itself
   std::ranges::copy(the_.times.warnings(), std::back_inserter(status_.warnings));
   std::ranges::copy(the_.calibration.warnings(), std::back_inserter(status_.warnings));  // logged as well
@@ -99,7 +104,7 @@ void Supervisor::tell_status(const pipeline::PipelineFigures& figures, const Hea
   }
   if (the_.metrics_server != nullptr) show_metrics();
   if (!is_last)
-    notify_service_manager("STATUS=" + status_line(status_, states, tracked_camera_, figures.tracked_camera.state));
+    notify_service_manager("STATUS=" + status_line(status_, targets, tracked_camera_, figures.tracked_camera.state));
 }
 
 void Supervisor::add_warnings(publish::ServiceStatus& status) const {
@@ -189,7 +194,7 @@ std::string word_of(const publish::CameraStatus& camera) {
 
 }  // namespace
 
-std::string status_line(const publish::ServiceStatus& status, std::span<const object_tracking::TrackState> states,
+std::string status_line(const publish::ServiceStatus& status, std::span<const metrics::TargetFigures> targets,
                         const std::string& tracked_camera, camera_tracking::PoseState camera_state) {
   std::size_t delivering = 0;
   std::vector<std::string> cameras, tracked;
@@ -198,8 +203,11 @@ std::string status_line(const publish::ServiceStatus& status, std::span<const ob
     cameras.push_back(camera.name + " " + word_of(camera));
     if (camera.health == publish::CameraStatus::Health::delivering) ++delivering;
   }
-  for (std::size_t t = 0; t < states.size(); ++t)
-    tracked.push_back(fmt::format("{} {}", status.targets[t], object_tracking::name(states[t])));
+  for (std::size_t t = 0; t < targets.size(); ++t)
+    tracked.push_back(
+        targets[t].most > 1
+            ? fmt::format("{}: {} of at most {} tracking", status.targets[t], targets[t].tracked, targets[t].most)
+            : fmt::format("{} {}", status.targets[t], object_tracking::name(targets[t].state)));
   if (!tracked_camera.empty())
     tracked.push_back(fmt::format("{}'s pose {}", tracked_camera, camera_tracking::name(camera_state)));
   return fmt::format("{} of {} cameras deliver: {}; {:.1f} sets/s{}{}", delivering, cameras.size(),

@@ -19,6 +19,7 @@
 #include "pipeline/light_report.h"
 #include "pipeline/live_cameras.h"
 #include "pipeline/mistake_report.h"
+#include "pipeline/object_report.h"
 #include "pipeline/recording_keeper.h"
 #include "pipeline/session.h"
 
@@ -38,6 +39,7 @@ struct Supervised {
   const metrics::RoadMeter& meter;
   const pipeline::LightReport& light;
   const pipeline::MistakeReport& mistakes;
+  const pipeline::ObjectReport& objects;
   const pipeline::CameraTimes& times;
   const pipeline::CalibrationReport& calibration;
   pipeline::RecordingKeeper& recording;
@@ -72,7 +74,7 @@ class Supervisor final : public pipeline::Output {
   bool log_events();  // whether there were any
   Healths healths() const;
   void tell_status(const pipeline::PipelineFigures& figures, const Healths& cameras,
-                   std::span<const object_tracking::TrackState> states, Clock::time_point now, bool is_last);
+                   std::span<const metrics::TargetFigures> targets, Clock::time_point now, bool is_last);
   void add_warnings(publish::ServiceStatus& status) const;
   void log_new(const std::vector<std::string>& warnings, const pipeline::TrackedCameraFigures& camera);
   void show_metrics() const;
@@ -98,8 +100,8 @@ bool is_progressing(std::span<const capture::CameraHealth> cameras, const pipeli
                     std::chrono::steady_clock::time_point now, capture::Duration patience);
 
 // For `systemctl status`: "2 of 3 cameras deliver: left 30.0, right 29.9 Hz, back absent; 29.9 sets/s; ball tracking".
-// states: per target. tracked_camera: its name, empty for none; then "cam0's pose lost" comes last.
-std::string status_line(const publish::ServiceStatus& status, std::span<const object_tracking::TrackState> states,
+// targets: one for each of the status'. tracked_camera: its name, empty for none; then "cam0's pose lost" comes last.
+std::string status_line(const publish::ServiceStatus& status, std::span<const metrics::TargetFigures> targets,
                         const std::string& tracked_camera = {},
                         camera_tracking::PoseState camera_state = camera_tracking::PoseState::searching);
 

@@ -141,6 +141,14 @@ std::string to_prometheus(const publish::ServiceStatus& status, std::span<const 
   text.family("huetrack_target_particles", "gauge", "how many the target has");
   for (std::size_t t = 0; t < targets.size(); ++t)
     text.sample("target=" + label(status.targets[t]), targets[t].particles);
+  text.family("huetrack_target_objects", "gauge", "of the target that are there, by state");
+  for (std::size_t t = 0; t < targets.size(); ++t) {
+    text.sample("target=" + label(status.targets[t]) + ",state=\"tracking\"", targets[t].tracked);
+    text.sample("target=" + label(status.targets[t]) + ",state=\"coasting\"", targets[t].coasting);
+  }
+  text.family("huetrack_target_objects_found_total", "counter", "times that an object of the target was found");
+  for (std::size_t t = 0; t < targets.size(); ++t)
+    text.sample("target=" + label(status.targets[t]), double(targets[t].found));
 
   text.family("huetrack_capture_to_dequeue_seconds", "histogram", "from a frame's capture to its dequeue");
   for (std::size_t c = 0; c < latencies.capture_to_dequeue.size(); ++c)

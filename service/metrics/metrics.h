@@ -42,6 +42,11 @@ struct TargetFigures {
   object_tracking::TrackState state = object_tracking::TrackState::searching;
   double effective_sample_size = 0;
   int particles = 0;
+  // Objects of the target: those that are tracked now, those that are coasting, and all that were ever found. Of a
+  // target that is one object, 0 or 1 of it, and how often it was found.
+  int most = 1;  // that there may be
+  int tracked = 0, coasting = 0;
+  std::uint64_t found = 0;
 };
 
 struct LatencyFigures {

@@ -15,6 +15,7 @@ void RoadMeter::on_set(const pipeline::TrackedSet& set) {
   if (set.estimates.empty()) return;
   // Of several objects of a target, one that is tracked.
   const object_tracking::ObjectEstimate* before = nullptr;
+  count_objects(set.estimates);
   for (const auto& estimate : set.estimates) {
     const bool is_first = before == nullptr || before->target != estimate.target;
     before = &estimate;
@@ -30,9 +31,32 @@ void RoadMeter::on_set(const pipeline::TrackedSet& set) {
   capture_to_publish_.add(sent - set.frames.at);
 }
 
+void RoadMeter::count_objects(std::span<const object_tracking::ObjectEstimate> estimates) {
+  using object_tracking::TrackState;
+  for (std::size_t begin = 0, end = 0; begin < estimates.size(); begin = end) {
+    int tracked = 0, coasting = 0;
+    Target& target = targets_[estimates[begin].target];
+    for (end = begin; end < estimates.size() && estimates[end].target == estimates[begin].target; ++end) {
+      const auto& estimate = estimates[end];
+      tracked += estimate.state == TrackState::tracking ? 1 : 0;
+      coasting += estimate.state == TrackState::coasting ? 1 : 0;
+      const bool is_found_again =  // one object has no births: it is found when it has a position after having had none
+          estimate.object == 0 && estimate.has_position() && target.tracked + target.coasting == 0;
+      if (estimate.is_birth || is_found_again) ++target.found;
+    }
+    target.tracked = tracked, target.coasting = coasting;
+  }
+}
+
 std::vector<TargetFigures> RoadMeter::targets() const {
   std::vector<TargetFigures> figures;
-  for (const auto& target : targets_) figures.push_back({target.state, target.effective_sample_size, target.particles});
+  for (const auto& target : targets_)
+    figures.push_back({.state = target.state,
+                       .effective_sample_size = target.effective_sample_size,
+                       .particles = target.particles,
+                       .tracked = target.tracked,
+                       .coasting = target.coasting,
+                       .found = target.found});
   return figures;
 }
 

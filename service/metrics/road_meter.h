@@ -2,6 +2,7 @@
 #pragma once
 
 #include <atomic>
+#include <span>
 #include <vector>
 
 #include "metrics/metrics.h"
@@ -23,10 +24,14 @@ class RoadMeter final : public pipeline::Output {
   LatencyFigures latencies() const;
 
  private:
+  void count_objects(std::span<const object_tracking::ObjectEstimate> estimates);
+
   struct Target {
     std::atomic<object_tracking::TrackState> state = object_tracking::TrackState::searching;
     std::atomic<double> effective_sample_size = 0;
     std::atomic<int> particles = 0;
+    std::atomic<int> tracked = 0, coasting = 0;
+    std::atomic<std::uint64_t> found = 0;
   };
   const pipeline::Bus* const bus_;
   std::vector<Target> targets_;

@@ -24,6 +24,18 @@ std::optional<ExpectedView> expected_in(const TargetView& view, const MotionBeli
   return out;
 }
 
+void add_expected(const std::vector<TargetView>& views, const MotionBelief& belief, double radius_m,
+                  std::vector<Sighting>& out) {
+  for (const TargetView& view : views) {
+    const auto expected = expected_in(view, belief, radius_m);
+    if (!expected) continue;
+    Sighting& s = out.emplace_back();
+    s.row.camera = view.index;
+    s.px = expected->at.px;
+    s.radius_px = expected->at.radius_px;
+  }
+}
+
 ImageMotion image_motion(const TargetView& view, const Appearance& at, const MotionBelief& belief) {
   const double readout_s = capture::seconds(view.frame->readout) + belief.row_shift_s(view.index, 0.5) -
                            belief.row_shift_s(view.index, -0.5);

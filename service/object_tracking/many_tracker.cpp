@@ -12,21 +12,18 @@
 namespace huetrack::object_tracking {
 namespace {
 
-// Around the volume, as a share of its largest extent: who comes in is known by then, and so is what he shows.
-constexpr double share_around = 0.5;
 // An object that is not seen and turns up where it may be by now is taken up again: chi-square, 3 degrees of freedom,
 // 99.7 %.
 constexpr double take_up_gate = 14.2;
 // Two centres nearer than this share of a diameter are of one object; a touch measured with an error is not.
 constexpr double one_object_share = 0.6;
 
+constexpr double surely_moved_px = 1;  // by as much a region of some hundred pixels moves and changes visibly
+constexpr double elsewhere_radii = 6;  // so far off a view of a camera that was turned is looked for
+constexpr double apart_radii = 2;      // of both discs: from so far apart on, no region is of two
+
 // Who has left the volume is told so long at most, as a share of the time that coasting may take: he may turn back.
 constexpr double longest_outside = 0.5;
-
-Box around(const Box& volume) {
-  const double margin = share_around * (volume.max - volume.min).maxCoeff();
-  return {volume.min.array() - margin, volume.max.array() + margin};
-}
 
 }  // namespace
 
@@ -39,14 +36,16 @@ ManyTracker::ManyTracker(const calib::CameraRig& rig, const TargetOptions& targe
       views_(rig, target),
       sharing_(options.pixel_noise_px),
       agreement_(rig.cameras.size(), target.radius_m, options),
-      births_(target, options, around(options.volume)),
+      births_(target, options, looked_through(options.volume)),
       still_color_(rig.cameras.size(), target.count),
+      clutter_(rig),
       search_log_(rig.cameras.size()),
       times_(rig, target.radius_m, options, particle_filter::Rng(options.seed, stream)),
       finders_(rig.cameras.size()),
       expected_(rig.cameras.size()),
       regions_(rig.cameras.size()),
-      unexplained_(rig.cameras.size()) {
+      unexplained_(rig.cameras.size()),
+      last_regions_(rig.cameras.size()) {
   for (const calib::Camera& camera : rig.cameras)
     size_in_view_.push_back(size_in(camera, options.volume, target.radius_m));
   for (std::size_t c = 0; c < rig.cameras.size(); ++c)
@@ -58,13 +57,22 @@ void ManyTracker::update(const capture::FrameSet& set, std::vector<ObjectEstimat
   seen_regions_.clear();
   std::vector<Sighting> tracked;  // in the last set
   for (const auto& object : objects_) tracked.insert(tracked.end(), object->sightings.begin(), object->sightings.end());
+  for (const auto& object : objects_) {
+    if (still_color_.is_room_shared()) add_expected(views, object->filter.belief(), target_.radius_m, tracked);
+  }
   still_color_.look(views, tracked, set.at);
   sets_apart_ += is_apart(views) ? 1 : 0;
   if (set.at < last_at_) forget_all();  // the clock was put back: what was known is of another time
+  if (!views_.unused().empty()) {
+    expect(views_.unused());
+    find_regions(views_.unused());
+    sight(views_.unused(), &Object::watched);
+  }
   expect(views);
   find_regions(views);
-  sight(views);
-  for (const auto& object : objects_) follow(*object, set);
+  sight(views, &Object::sightings);
+  compare_views(views);
+  for (const auto& object : objects_) follow(*object, set, views);
   end_what_is_one();
   if (views.size() >= 2) note_births(set, views);
   last_at_ = set.at;
@@ -99,13 +107,6 @@ void ManyTracker::find_regions(const std::vector<TargetView>& views) {
     const SizeInView& size = size_in_view_[camera];
     regions_[i].clear();
     if (size.largest_px == 0) continue;  // no part of the volume is in view
-    const double usual = std::sqrt(size.smallest_px * size.largest_px);
-    const int step =
-        std::max(1, static_cast<int>(std::numbers::sqrt2 * size.smallest_px));  // no disc is between points
-    const int min_area =
-        std::max(2, static_cast<int>(least_support * std::numbers::pi * size.smallest_px * size.smallest_px));
-    // As many as there may be in a row.
-    const int largest = static_cast<int>(std::ceil(2 * size.largest_px * std::min(target_.count, 4))) + 2;
     // What is left to be seen of a known object may be.
     also.clear();
     for (const ExpectedObject& e : expected_[i]) {
@@ -114,33 +115,109 @@ void ManyTracker::find_regions(const std::vector<TargetView>& views) {
         also.push_back(
             {static_cast<int>(std::lround(e.at.px.x() + du)), static_cast<int>(std::lround(e.at.px.y() + dv))});
     }
-    regions_[i] =
-        finders_[camera].components(*views[i].matches, step, also, static_cast<int>(2 * usual) + 2, largest, min_area);
+    regions_[i] = whole_regions(finders_[camera], *views[i].matches, size, target_.count, also);
   }
 }
 
+// As of one object (object_sighter.cpp): no two frames have the same noise, and where all regions of a view are those
+// of its frame before to the last pixel, though an object must have moved, it is that frame. Twice in a row they stand
+// still, in pictures without noise.
+bool ManyTracker::is_repeated(const TargetView& view, std::span<const ColorRegion> regions,
+                              std::span<const ExpectedObject> expected) {
+  LastRegions& last = last_regions_[static_cast<std::size_t>(view.index)];
+  const double since_s = capture::seconds(view.frame->captured_at - last.captured_at);
+  const bool has_moved = std::ranges::any_of(
+      expected, [&](const ExpectedObject& e) { return e.motion.velocity.norm() * since_s > surely_moved_px; });
+  last.is_repeated = !last.is_repeated && has_moved && !regions.empty() &&
+                     std::ranges::equal(regions, last.regions, [](const ColorRegion& a, const ColorRegion& b) {
+                       return a.area == b.area && a.centre == b.centre;
+                     });
+  last.regions.assign(regions.begin(), regions.end());
+  last.captured_at = view.frame->captured_at;
+  return last.is_repeated;
+}
+
 // Which region of which view is of which object.
-void ManyTracker::sight(const std::vector<TargetView>& views) {
-  for (const auto& object : objects_) object->sightings.clear();
+void ManyTracker::sight(const std::vector<TargetView>& views, std::vector<Sighting> Object::*sightings) {
+  for (const auto& object : objects_) (*object.*sightings).clear();
   for (std::size_t i = 0; i < views.size(); ++i) {
     const TargetView& view = views[i];
     const std::vector<ExpectedObject>& expected = expected_[i];
+    unexplained_[i].clear();
+    if (is_repeated(view, regions_[i], expected)) continue;
     SharedSightings shared = sharing_.share(view, regions_[i], expected);
     for (std::size_t e = 0; e < expected.size(); ++e) {
       Object& object = *objects_[expected[e].object];
       if (auto& s = shared.of_objects[e]) {
         s->row = row_of(view, s->px.y(), object.filter.belief());
-        seen_regions_.add_target(view, s->px, s->radius_px);
-        object.sightings.push_back(std::move(*s));
+        (object.*sightings).push_back(std::move(*s));
       }
     }
-    unexplained_[i].clear();
     for (std::size_t r = 0; r < regions_[i].size(); ++r) {
       if (shared.is_explained[r] == 0) unexplained_[i].push_back(regions_[i][r]);
     }
-    seen_regions_.add_others(view, unexplained_[i]);
   }
-  for (const auto& object : objects_) sort_by_time(object->sightings);
+  for (const auto& object : objects_) {
+    still_color_.mark_cut(*object.*sightings);
+    sort_by_time(*object.*sightings);
+  }
+}
+
+// A view that should show the object, and does not where the others have it: the nearest region of its size that no
+// object explains, if it is not nearer to where another one should be. Of a camera that was turned it is the object's.
+std::optional<Sighting> ManyTracker::seen_elsewhere(const TargetView& view, std::size_t i, std::size_t which) const {
+  const auto own = std::ranges::find(expected_[i], which, &ExpectedObject::object);
+  const bool is_seen =
+      std::ranges::any_of(objects_[which]->sightings, [&](const Sighting& s) { return s.row.camera == view.index; });
+  if (is_seen || own == expected_[i].end() || last_regions_[static_cast<std::size_t>(view.index)].is_repeated)
+    return std::nullopt;
+  const double disc = std::numbers::pi * own->at.radius_px * own->at.radius_px;
+  const ColorRegion* nearest = nullptr;
+  double distance_px = elsewhere_radii * own->at.radius_px;
+  for (const ColorRegion& region : unexplained_[i]) {
+    const double off_px = (region.centre - own->at.px).norm();
+    if (region.area < least_far_share * disc || region.area > largest_far_share * disc || off_px > distance_px)
+      continue;
+    const bool is_anothers = std::ranges::any_of(expected_[i], [&](const ExpectedObject& other) {
+      return other.object != which && (region.centre - other.at.px).norm() < off_px;
+    });
+    if (!is_anothers) nearest = &region, distance_px = off_px;
+  }
+  if (nearest == nullptr) return std::nullopt;
+  Sighting s = sighting_of(view, *nearest, own->at.radius_px, options_.pixel_noise_px, own->motion);
+  s.row = row_of(view, s.px.y(), objects_[which]->filter.belief());
+  return s;
+}
+
+// By one object, the same for as long as it is tracked, and only where it is apart from all others: what two views say
+// of different objects is no contradiction.
+void ManyTracker::compare_views(const std::vector<TargetView>& views) {
+  const auto is_lead = [&](const auto& object) { return object.get() == lead_; };
+  auto lead = std::ranges::find_if(objects_, is_lead);
+  if (lead == objects_.end() || (*lead)->state != TrackState::tracking) {
+    lead = std::ranges::find_if(objects_, [](const auto& o) { return o->is_told && o->state == TrackState::tracking; });
+    lead_ = lead == objects_.end() ? nullptr : lead->get();
+  }
+  if (lead_ == nullptr) return;
+  Object& object = **lead;
+  const auto which = static_cast<std::size_t>(lead - objects_.begin());
+  for (std::size_t i = 0; i < views.size(); ++i) {
+    const auto own = std::ranges::find(expected_[i], which, &ExpectedObject::object);
+    if (own == expected_[i].end()) continue;
+    for (const ExpectedObject& other : expected_[i]) {
+      const double apart_px = apart_radii * (own->at.radius_px + other.at.radius_px);
+      if (other.object != which && (other.at.px - own->at.px).norm() < apart_px) return;
+    }
+  }
+  std::vector<Sighting> seen = object.sightings;
+  for (std::size_t i = 0; i < views.size(); ++i) {
+    if (auto elsewhere = seen_elsewhere(views[i], i, which)) seen.push_back(std::move(*elsewhere));
+  }
+  for (const Sighting& s : seen) {
+    const auto view = std::ranges::find(views, s.row.camera, &TargetView::index);
+    if (!s.is_cut && view != views.end()) seen_regions_.add_target(*view, s.px, s.radius_px);
+  }
+  agreement_.compare_sightings(object.filter.belief(), seen);
 }
 
 // Returns the power density to use for this set: a bounce needs one that is not learnt, as what comes after it is as
@@ -159,9 +236,15 @@ double ManyTracker::learn_acceleration(Object& object, const capture::FrameSet& 
   return filter.power_density();
 }
 
-void ManyTracker::follow(Object& object, const capture::FrameSet& set) {
+void ManyTracker::follow(Object& object, const capture::FrameSet& set, const std::vector<TargetView>& views) {
   agreement_.doubt(object.filter.belief(), object.sightings);
+  agreement_.doubt(object.filter.belief(), object.watched);
   const double power_density = learn_acceleration(object, set);
+  if (still_color_.is_room_shared())
+    object.existence.update(set.at, object.filter.belief(), power_density, object.sightings, views, target_.radius_m,
+                            clutter_, still_color_);
+  else
+    object.existence.assume();
   object.filter.update(object.sightings, set.at, object.last_reported, power_density);
   judge(object, set);
 }
@@ -171,7 +254,9 @@ void ManyTracker::judge(Object& object, const capture::FrameSet& set) {
   const MotionBelief& belief = object.filter.belief();
   const Judged now = judged(options_, belief, object.sightings, agreement_.doubted_sigma(belief, object.sightings),
                             capture::seconds(set.at - object.last_tracking), true);
-  object.state = now.state;
+  object.state = object.existence.is_refuted()                                      ? TrackState::lost
+                 : now.state == TrackState::tracking && !object.existence.is_sure() ? TrackState::coasting
+                                                                                    : now.state;
   if (now.is_seen) object.last_tracking = set.at;
 }
 
@@ -204,10 +289,12 @@ void ManyTracker::note_births(const capture::FrameSet& set, const std::vector<Ta
                                  .radius_px});
     }
   }
+  if (still_color_.is_room_shared()) clutter_.add(views, std::span(unexplained_).first(views.size()));
+  births_.set_needs_motion(still_color_.is_starting(set.at));
   const std::vector<Birth> births =
-      births_.look(views, std::span(unexplained_).first(views.size()), covered, set.at, times());
+      births_.look(views, std::span(unexplained_).first(views.size()), covered, still_color_, set.at, times());
   for (const Birth& birth : births) {
-    if (take_up(birth, set.at)) continue;
+    if (take_up(birth, views, set.at)) continue;
     const bool is_taken = std::ranges::any_of(objects_, [&](const auto& o) {
       return o->state != TrackState::lost &&
              (o->filter.belief().position_at(set.at) - birth.now.position).norm() < 1.5 * target_.radius_m;
@@ -216,14 +303,14 @@ void ManyTracker::note_births(const capture::FrameSet& set, const std::vector<Ta
     auto fresh = std::make_unique<Object>(rig_, target_.radius_m, options_,
                                           particle_filter::Rng(options_.seed, stream_ + ++started_));
     fresh->filter.adopt_times(objects_.empty() ? times_ : objects_.front()->filter);
-    start(*fresh, birth, set.at);
+    start(*fresh, birth, views, set.at);
     if (fresh->state != TrackState::lost) objects_.push_back(std::move(fresh));
   }
   if (objects_.empty()) search_log_.add(views, std::span(regions_).first(views.size()), options_.volume);
 }
 
 // An object that was not seen for a while is where it may be by now.
-bool ManyTracker::take_up(const Birth& birth, capture::Timestamp set_at) {
+bool ManyTracker::take_up(const Birth& birth, const std::vector<TargetView>& views, capture::Timestamp set_at) {
   Object* best = nullptr;
   double best_d2 = take_up_gate;
   for (const auto& object : objects_) {
@@ -236,19 +323,25 @@ bool ManyTracker::take_up(const Birth& birth, capture::Timestamp set_at) {
     if (d2 < best_d2) best_d2 = d2, best = object.get();
   }
   if (best == nullptr) return false;
-  start(*best, birth, set_at);
+  start(*best, birth, views, set_at);
   return true;
 }
 
 // The belief that the sightings of two sets give, from nothing but what is usual.
-void ManyTracker::start(Object& object, const Birth& birth, capture::Timestamp set_at) {
+void ManyTracker::start(Object& object, const Birth& birth, const std::vector<TargetView>& views,
+                        capture::Timestamp set_at) {
+  if (still_color_.is_room_shared())
+    object.existence.begin(set_at, birth, views, target_.radius_m,
+                           (options_.volume.max - options_.volume.min).maxCoeff(), options_, clutter_, still_color_);
+  else
+    object.existence.assume();
   object.sightings = object.filter.start(birth.earlier, birth.now, agreement_, set_at, birth.dt, sets_apart_ == 0,
                                          object.last_reported);
   const double doubted_m = agreement_.doubted_sigma(object.filter.belief(), object.sightings);
   const double sigma_m = std::max(judged_sigma(object.filter.belief(), object.sightings), doubted_m);
-  object.state = doubted_m > options_.max_coast_sigma_m     ? TrackState::lost
-                 : sigma_m <= options_.max_tracking_sigma_m ? TrackState::tracking
-                                                            : TrackState::coasting;
+  object.state = doubted_m > options_.max_coast_sigma_m                                   ? TrackState::lost
+                 : sigma_m <= options_.max_tracking_sigma_m && object.existence.is_sure() ? TrackState::tracking
+                                                                                          : TrackState::coasting;
   object.last_tracking = set_at;
 }
 
@@ -290,6 +383,7 @@ MotionBelief ManyTracker::times() const {
 
 void ManyTracker::report(const capture::FrameSet& set, std::vector<ObjectEstimate>& out) {
   out.clear();
+  std::vector<Sighting> seen;  // also by cameras that are not used
   auto told = std::ranges::count_if(objects_, [](const auto& o) { return o->is_told; });
   for (const auto& object : objects_) {
     const bool is_inside = inside(options_.volume, object->filter.belief().position(), target_.radius_m);
@@ -303,6 +397,8 @@ void ManyTracker::report(const capture::FrameSet& set, std::vector<ObjectEstimat
     }
     const bool is_end = object->state == TrackState::lost ||
                         capture::seconds(set.at - object->last_inside) > longest_outside * options_.coast_s;
+    seen = object->sightings;
+    seen.insert(seen.end(), object->watched.begin(), object->watched.end());
     const TrackState state = is_end ? TrackState::lost : is_inside ? object->state : TrackState::coasting;
     out.push_back(object_tracking::report({.set = set,
                                            .views = views_,
@@ -312,7 +408,7 @@ void ManyTracker::report(const capture::FrameSet& set, std::vector<ObjectEstimat
                                            .filter = object->filter,
                                            .agreement = agreement_,
                                            .sightings = object->sightings,
-                                           .seen = object->sightings},
+                                           .seen = seen},
                                           object->rig_error, object->last_reported));
     out.back().object = object->number;
     out.back().is_birth = is_birth;

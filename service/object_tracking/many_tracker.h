@@ -20,6 +20,7 @@
 #include "object_tracking/expected_view.h"
 #include "object_tracking/object_births.h"
 #include "object_tracking/object_estimate.h"
+#include "object_tracking/object_existence.h"
 #include "object_tracking/object_filter.h"
 #include "object_tracking/object_search.h"
 #include "object_tracking/object_tracker.h"
@@ -55,22 +56,29 @@ class ManyTracker {
     std::uint32_t number = 0;  // 0: not told yet
     ObjectFilter filter;
     RigError rig_error;
+    ObjectExistence existence;
     TrackState state = TrackState::tracking;
     capture::Timestamp last_tracking{}, last_reported = capture::Timestamp::min();
     std::vector<Sighting> sightings;  // of this set
+    std::vector<Sighting> watched;    // by cameras that are not used
     bool is_told = false;             // in the last set
     capture::Timestamp last_inside{};
   };
 
   void expect(const std::vector<TargetView>& views);
   void find_regions(const std::vector<TargetView>& views);
-  void sight(const std::vector<TargetView>& views);
+  // Of each object, by these views.
+  void sight(const std::vector<TargetView>& views, std::vector<Sighting> Object::*sightings);
+  bool is_repeated(const TargetView& view, std::span<const ColorRegion> regions,
+                   std::span<const ExpectedObject> expected);
+  std::optional<Sighting> seen_elsewhere(const TargetView& view, std::size_t i, std::size_t which) const;
+  void compare_views(const std::vector<TargetView>& views);
   double learn_acceleration(Object& object, const capture::FrameSet& set);
-  void follow(Object& object, const capture::FrameSet& set);
+  void follow(Object& object, const capture::FrameSet& set, const std::vector<TargetView>& views);
   void judge(Object& object, const capture::FrameSet& set);
   void note_births(const capture::FrameSet& set, const std::vector<TargetView>& views);
-  bool take_up(const Birth& birth, capture::Timestamp set_at);
-  void start(Object& object, const Birth& birth, capture::Timestamp set_at);
+  bool take_up(const Birth& birth, const std::vector<TargetView>& views, capture::Timestamp set_at);
+  void start(Object& object, const Birth& birth, const std::vector<TargetView>& views, capture::Timestamp set_at);
   void end_what_is_one();
   void forget_all();
   MotionBelief times() const;
@@ -86,6 +94,7 @@ class ManyTracker {
   ViewAgreement agreement_;
   ObjectBirths births_;
   StillColor still_color_;
+  ClutterMap clutter_;  // while the room shares the colour
   SearchLog search_log_;
   ObjectFilter times_;  // of no object: what is known of the cameras' times when there is none
 
@@ -94,6 +103,14 @@ class ManyTracker {
   std::vector<std::vector<ExpectedObject>> expected_;            // in the views of this set
   std::vector<std::vector<ColorRegion>> regions_, unexplained_;  // of the views of this set
   std::vector<std::unique_ptr<Object>> objects_;                 // by age
+  // Of each camera's frame before, and whether that one was shown once more.
+  struct LastRegions {
+    std::vector<ColorRegion> regions = {};
+    capture::Timestamp captured_at{};
+    bool is_repeated = false;
+  };
+  std::vector<LastRegions> last_regions_;  // per camera
+  const Object* lead_ = nullptr;           // by which views are compared; only an address
   SeenRegions seen_regions_;
   std::uint32_t last_number_ = 0;
   std::uint64_t started_ = 0;

@@ -1,5 +1,6 @@
 #include "object_tracking/object_births.h"
 
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <numbers>
@@ -9,6 +10,7 @@ namespace {
 
 constexpr std::size_t max_candidates = 4 * TargetOptions::most_count;
 constexpr int usual_sets = 2;
+constexpr double cut_reach = 1.5;  // radii: what is left out so near may hide it
 
 // Evidence, as logarithms of how much likelier what is seen is with an object there than by chance.
 // A view sees what should be seen in nine of ten cases; else something hides it that nobody knows of.
@@ -18,8 +20,13 @@ const double by_chance_at_place = std::log(detection / 0.004);
 // Two rays meet by chance: one of some regions lies within a few pixels of an epipolar line.
 const double by_chance_on_line = std::log(detection / 0.03);
 const double not_seen = std::log(1 - detection);
-constexpr double size_sigma = 0.2;  // of the radius of a region's disc, as a share
-constexpr double worst_size = 3;    // something hides a part: that says no more against it
+constexpr double size_sigma = 0.2;    // of the radius of a region's disc, as a share
+constexpr double worst_size = 3;      // something hides a part: that says no more against it
+constexpr double share_around = 0.5;  // of the volume's largest extent, looked_through()
+// Chi-square, 3 degrees of freedom: by chance in one of 10^5; both ends have the covariance of the newest.
+constexpr double surely_moved = 25;
+constexpr double least_step = 0.3;  // of the mean one: slow ones are half noise
+constexpr int kept_way = 6;         // sets
 constexpr double as_good = 2;       // evidence that differs by less does not decide between two
 
 double disc_area(double radius_px) {
@@ -33,6 +40,14 @@ bool share_a_region(const PositionCandidate& a, const PositionCandidate& b) {
   });
 }
 
+// From `from` to `now` in so many sets, the last of which was `step`: it has surely moved, and goes on as it went. What
+// stands and was mistaken for something beside it, once, does not.
+bool moves(const Eigen::Vector3d& from, const PositionCandidate& now, const Eigen::Vector3d& step, int sets) {
+  const Eigen::Vector3d way = now.position - from;
+  return sets >= 2 && way.dot((2 * now.covariance).inverse() * way) > surely_moved &&
+         step.dot(way) > least_step * way.squaredNorm() / sets;
+}
+
 ObjectTrackerOptions looking_within(ObjectTrackerOptions options, const Box& within) {
   options.volume = within;
   return options;
@@ -40,12 +55,17 @@ ObjectTrackerOptions looking_within(ObjectTrackerOptions options, const Box& wit
 
 }  // namespace
 
+Box looked_through(const Box& volume) {
+  const double margin = share_around * (volume.max - volume.min).maxCoeff();
+  return {volume.min.array() - margin, volume.max.array() + margin};
+}
+
 ObjectBirths::ObjectBirths(const TargetOptions& target, const ObjectTrackerOptions& options, const Box& within)
     : target_(target), options_(looking_within(options, within)) {}
 
 ObjectBirths::Candidate ObjectBirths::weighed(PositionCandidate at, const std::vector<TargetView>& views,
                                               std::span<const std::vector<ColorRegion>> regions,
-                                              std::span<const CoveredDisc> covered) const {
+                                              std::span<const CoveredDisc> covered, const StillColor& still) const {
   Candidate out{.at = std::move(at)};
   out.evidence = by_chance_on_line - by_chance_at_place;  // the first two views make the place
   out.evidence -= by_chance_at_place;
@@ -67,7 +87,9 @@ ObjectBirths::Candidate ObjectBirths::weighed(PositionCandidate at, const std::v
       return r.area > disc_area(in_view->radius_px) && in_view->px.x() > r.box.u_min && in_view->px.x() < r.box.u_max &&
              in_view->px.y() > r.box.v_min && in_view->px.y() < r.box.v_max;
     });
-    if (is_covered || is_in_region) continue;
+    if (is_covered || is_in_region ||
+        still.touches(static_cast<std::size_t>(views[v].index), in_view->px, cut_reach * in_view->radius_px))
+      continue;
     out.evidence += not_seen;
     ++out.missing;
   }
@@ -78,10 +100,11 @@ ObjectBirths::Candidate ObjectBirths::weighed(PositionCandidate at, const std::v
 std::vector<ObjectBirths::Candidate> ObjectBirths::candidates(const std::vector<TargetView>& views,
                                                               std::span<const std::vector<ColorRegion>> regions,
                                                               std::span<const CoveredDisc> covered,
+                                                              const StillColor& still,
                                                               const MotionBelief& times) const {
   std::vector<Candidate> all;
   for (PositionCandidate& c : cross_rays(views, regions, target_, options_, times, max_candidates))
-    all.push_back(weighed(std::move(c), views, regions, covered));
+    all.push_back(weighed(std::move(c), views, regions, covered, still));
   std::ranges::stable_sort(all, [](const Candidate& a, const Candidate& b) { return a.evidence > b.evidence; });
   std::vector<Candidate> out;
   for (Candidate& c : all) {
@@ -101,12 +124,12 @@ std::vector<ObjectBirths::Candidate> ObjectBirths::candidates(const std::vector<
 
 std::vector<Birth> ObjectBirths::look(const std::vector<TargetView>& views,
                                       std::span<const std::vector<ColorRegion>> regions,
-                                      std::span<const CoveredDisc> covered, capture::Timestamp set_at,
-                                      const MotionBelief& times) {
+                                      std::span<const CoveredDisc> covered, const StillColor& still,
+                                      capture::Timestamp set_at, const MotionBelief& times) {
   std::vector<Birth> out;
   const auto with_regions = std::ranges::count_if(regions, [](const auto& some) { return !some.empty(); });
   if (with_regions < 2) return out;  // nor does a set in which too few of these views see it refute anything
-  std::vector<Candidate> now = candidates(views, regions, covered, times);
+  std::vector<Candidate> now = candidates(views, regions, covered, still, times);
   const double dt = capture::seconds(set_at - before_at_);
   std::vector<Candidate> kept;
   for (Candidate& c : now) {
@@ -119,9 +142,16 @@ std::vector<Birth> ObjectBirths::look(const std::vector<TargetView>& views,
         if (earlier == nullptr || apart_m < (c.at.position - earlier->at.position).norm()) earlier = &e;
       }
     }
-    if (earlier != nullptr) c.at.sets = earlier->at.sets + 1;
+    bool stands = needs_motion_;
+    if (earlier != nullptr) {
+      c.at.sets = earlier->at.sets + 1;
+      const bool is_long_ago = earlier->sets_from >= kept_way;
+      c.from = is_long_ago ? earlier->at.position : earlier->from;
+      c.sets_from = is_long_ago ? 1 : earlier->sets_from + 1;
+      stands = stands && !moves(c.from, c.at, c.at.position - earlier->at.position, c.sets_from);
+    }
     const int needed = c.missing > 0 && c.at.sightings.size() < 3 ? contested_sets : usual_sets;
-    if (earlier != nullptr && c.at.sets >= needed && !c.is_ambiguous && !earlier->is_ambiguous) {
+    if (earlier != nullptr && c.at.sets >= needed && !stands && !c.is_ambiguous && !earlier->is_ambiguous) {
       out.push_back({earlier->at, c.at, dt});
     } else {
       kept.push_back(std::move(c));

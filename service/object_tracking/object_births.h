@@ -10,6 +10,7 @@
 #include "object_tracking/motion_belief.h"
 #include "object_tracking/object_tracker.h"
 #include "object_tracking/sighting.h"
+#include "object_tracking/still_color.h"
 #include "object_tracking/target_views.h"
 
 namespace huetrack::object_tracking {
@@ -18,6 +19,9 @@ struct Birth {
   PositionCandidate earlier, now;
   double dt;  // from one to the other, seconds
 };
+
+// Around a volume, half its largest extent: who comes in is known by then, and so is what he shows.
+Box looked_through(const Box& volume);
 
 // Where a known object covers a view: what is not seen there may be behind it.
 struct CoveredDisc {
@@ -32,27 +36,36 @@ class ObjectBirths {
   // within: where objects are looked for.
   ObjectBirths(const TargetOptions& target, const ObjectTrackerOptions& options, const Box& within);
 
-  // regions[i], unexplained, belong to views[i]. Of the belief only the cameras' times are used.
+  // regions[i], unexplained, belong to views[i]. Of the belief only the cameras' times are used. still: where something
+  // is left out, a view need not show an object.
   std::vector<Birth> look(const std::vector<TargetView>& views, std::span<const std::vector<ColorRegion>> regions,
-                          std::span<const CoveredDisc> covered, capture::Timestamp set_at, const MotionBelief& times);
+                          std::span<const CoveredDisc> covered, const StillColor& still, capture::Timestamp set_at,
+                          const MotionBelief& times);
   void forget() { before_.clear(); }
+  // From now on: one that stands where it was first seen is none (StillColor::is_starting()).
+  void set_needs_motion(bool needs) { needs_motion_ = needs; }
 
  private:
   struct Candidate {
     PositionCandidate at;
+    Eigen::Vector3d from = at.position;  // of the one so many sets ago, or of the first
+    int sets_from = 0;
     double evidence = 0;
     int missing = 0;            // views that should see it, and do not
     bool is_ambiguous = false;  // its regions may as well be of others
   };
   std::vector<Candidate> candidates(const std::vector<TargetView>& views,
                                     std::span<const std::vector<ColorRegion>> regions,
-                                    std::span<const CoveredDisc> covered, const MotionBelief& times) const;
+                                    std::span<const CoveredDisc> covered, const StillColor& still,
+                                    const MotionBelief& times) const;
   Candidate weighed(PositionCandidate at, const std::vector<TargetView>& views,
-                    std::span<const std::vector<ColorRegion>> regions, std::span<const CoveredDisc> covered) const;
+                    std::span<const std::vector<ColorRegion>> regions, std::span<const CoveredDisc> covered,
+                    const StillColor& still) const;
 
   TargetOptions target_;
   ObjectTrackerOptions options_;  // with the volume in which objects are looked for
   std::vector<Candidate> before_;
+  bool needs_motion_ = false;
   capture::Timestamp before_at_{};
 };
 

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <cstdint>
 #include <limits>
 #include <optional>
@@ -64,7 +65,9 @@ struct ColorShare {
   double of_target = 0;   // 0..1, as much as the target could cover anywhere in the volume
   // Of of_picture: what never moves and is no object. It matches nothing as long as it stays.
   double still = 0;
-  Eigen::Vector2d still_px = Eigen::Vector2d::Zero();  // the middle of that, raw pixels
+  // The largest connected patch of that, raw pixels: its middle, and its bounds (u_min v_min u_max v_max).
+  Eigen::Vector2d still_px = Eigen::Vector2d::Zero();
+  std::array<int, 4> still_box{};
 };
 
 struct ViewSupport {

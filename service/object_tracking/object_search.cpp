@@ -34,13 +34,24 @@ SizeInView size_in(const calib::Camera& camera, const Box& volume, double radius
   return out;
 }
 
+const std::vector<ColorRegion>& whole_regions(RegionFinder& finder, MatchBits& matches, const SizeInView& size,
+                                              int count, std::span<const PixelAt> also) {
+  const double usual = std::sqrt(size.smallest_px * size.largest_px);
+  const int step = std::max(1, static_cast<int>(std::numbers::sqrt2 * size.smallest_px));  // no disc is between points
+  const int min_area =
+      std::max(2, static_cast<int>(least_support * std::numbers::pi * size.smallest_px * size.smallest_px));
+  const int largest = static_cast<int>(std::ceil(2 * size.largest_px * std::min(count, 4))) + 2;
+  return finder.components(matches, step, also, static_cast<int>(2 * usual) + 2, largest, min_area);
+}
+
 ObjectSearch::ObjectSearch(const calib::CameraRig& rig, const TargetOptions& target,
                            const ObjectTrackerOptions& options)
     : target_(target),
       options_(options),
       finders_(rig.cameras.size()),
       regions_(rig.cameras.size()),
-      log_(rig.cameras.size()) {
+      log_(rig.cameras.size()),
+      births_(target, options, looked_through(options.volume)) {
   for (const calib::Camera& camera : rig.cameras)
     size_in_view_.push_back(size_in(camera, options.volume, target.radius_m));
 }
@@ -52,6 +63,12 @@ void ObjectSearch::look(const std::vector<TargetView>& views) {
     const SizeInView& size = size_in_view_[static_cast<std::size_t>(view.index)];
     if (size.largest_px == 0) {  // no part of the volume is in view
       regions_[i].clear();
+      continue;
+    }
+    if (is_shared_) {
+      constexpr int with_background = 2;  // one object, and what else of the colour touches it
+      regions_[i] =
+          whole_regions(finders_[static_cast<std::size_t>(view.index)], *view.matches, size, with_background, {});
       continue;
     }
     const int step = std::max(1, static_cast<int>(size.smallest_px));
@@ -73,7 +90,8 @@ std::vector<double> ObjectSearch::usual_radii_px(const std::vector<TargetView>& 
 
 // One candidate alone never is a find: a chance match of background pixels does not move like an object.
 std::optional<ObjectSearch::Find> ObjectSearch::find(const std::vector<TargetView>& views, capture::Timestamp set_at,
-                                                     const MotionBelief& times) {
+                                                     const MotionBelief& times, const StillColor& still) {
+  if (is_shared_) return find_among_others(views, set_at, times, still);
   std::vector<PositionCandidate> now = cross_rays(views, regions(), target_, options_, times, max_candidates);
   if (now.empty()) {  // nor does one in which too few of these views see it
     log_.add(views, regions(), options_.volume);
@@ -101,12 +119,25 @@ std::optional<ObjectSearch::Find> ObjectSearch::find(const std::vector<TargetVie
   return find;
 }
 
+std::optional<ObjectSearch::Find> ObjectSearch::find_among_others(const std::vector<TargetView>& views,
+                                                                  capture::Timestamp set_at, const MotionBelief& times,
+                                                                  const StillColor& still) {
+  const std::vector<Birth> births = births_.look(views, regions(), {}, still, set_at, times);
+  const auto find = std::ranges::find_if(
+      births, [&](const Birth& birth) { return inside(options_.volume, birth.now.position, target_.radius_m); });
+  if (find != births.end()) return *find;
+  log_.add(views, regions(), options_.volume);
+  return std::nullopt;
+}
+
 void ObjectSearch::found() {
+  births_.forget();
   candidates_.clear();
   log_.clear();
 }
 
 void ObjectSearch::forget() {
+  births_.forget();
   candidates_.clear();
 }
 

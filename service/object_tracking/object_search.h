@@ -1,5 +1,7 @@
 // Where an object is of which nothing is known: rays crossed between views through the regions that a coarse grid of
-// pixels finds. Two candidates in two frame sets that one object can explain are a find.
+// pixels finds. Two candidates in two frame sets that one object can explain are a find. In a room that shares the
+// colour many regions are nobody's, and any two of their rays may meet: there a find is what a birth among several
+// objects is (object_births.h), and what lies outside the volume explains what it shows.
 #pragma once
 
 #include <optional>
@@ -8,6 +10,7 @@
 
 #include "object_tracking/color_region.h"
 #include "object_tracking/motion_belief.h"
+#include "object_tracking/object_births.h"
 #include "object_tracking/object_tracker.h"
 #include "object_tracking/search_findings.h"
 #include "object_tracking/sighting.h"
@@ -20,6 +23,11 @@ struct SizeInView {
   double smallest_px = 0, largest_px = 0;  // radius
 };
 SizeInView size_in(const calib::Camera& camera, const Box& volume, double radius_m);
+
+// All regions of a view that may be of objects, each whole and by itself, through a grid, and where `also` says.
+// `count`: of objects, which may be a row.
+const std::vector<ColorRegion>& whole_regions(RegionFinder& finder, MatchBits& matches, const SizeInView& size,
+                                              int count, std::span<const PixelAt> also);
 
 // thread-compatible.
 class ObjectSearch {
@@ -34,18 +42,23 @@ class ObjectSearch {
   std::vector<double> usual_radii_px(const std::vector<TargetView>& views) const;
   const SizeInView& size_in_view(std::size_t camera) const { return size_in_view_[camera]; }
 
-  struct Find {
-    PositionCandidate earlier, now;
-    double dt;  // from one to the other, seconds
-  };
+  using Find = Birth;
+  // The room shares the colour (still_color.h).
+  void set_shared(bool is_shared, bool needs_motion) {
+    is_shared_ = is_shared;
+    births_.set_needs_motion(needs_motion);
+  }
   // After look(). nullopt: nothing, or not yet. Of the belief only the cameras' times are used.
-  std::optional<Find> find(const std::vector<TargetView>& views, capture::Timestamp set_at, const MotionBelief& times);
+  std::optional<Find> find(const std::vector<TargetView>& views, capture::Timestamp set_at, const MotionBelief& times,
+                           const StillColor& still);
   void found();   // the find was believed
   void forget();  // what was seen before is of another time
 
   SearchFindings findings() const { return log_.findings(); }
 
  private:
+  std::optional<Find> find_among_others(const std::vector<TargetView>& views, capture::Timestamp set_at,
+                                        const MotionBelief& times, const StillColor& still);
   bool is_contested(const PositionCandidate& candidate, const std::vector<TargetView>& views,
                     const MotionBelief& times) const;
 
@@ -58,6 +71,8 @@ class ObjectSearch {
   SearchLog log_;
   std::vector<PositionCandidate> candidates_;  // of the last set in which there were any
   capture::Timestamp candidates_at_{};
+  bool is_shared_ = false;
+  ObjectBirths births_;  // while the room shares the colour
 };
 
 }  // namespace huetrack::object_tracking

@@ -150,8 +150,9 @@ class ObjectTracker {
   SearchFindings search_findings() const;
   OutlineFindings outline_findings() const;
 
-  // What the last update() looked at: nothing of views in which the target is neither expected nor searched. Valid
-  // until the next update(). observation: huetrack.
+  // What the last update() looked at: nothing of views in which the target is neither expected nor searched. Of several
+  // objects one stands for all, where it is apart from the others. Valid until the next update(). observation:
+  // huetrack.
   std::span<const SeenRegion> regions() const;
   std::vector<ColorShare> color_shares() const;  // per camera of the rig; observation: huetrack
 

@@ -113,6 +113,7 @@ bool OutlineSighter::sharpen(const TargetView& view, const MotionBelief& belief,
     of.squares += (off_size * off_size - of.squares) / of.log_size_weight;
   }
   sighting = sharp;
+  sighting.is_outline = true;
   return true;
 }
 

@@ -17,7 +17,8 @@ RegionTracker::RegionTracker(const calib::CameraRig& rig, const TargetOptions& t
       filter_(rig, target.radius_m, options, rng),
       search_(rig, target, options),
       rig_error_(rig, options.max_coast_sigma_m),
-      still_color_(rig.cameras.size(), 1) {
+      still_color_(rig.cameras.size(), 1),
+      clutter_(rig) {
   for (std::size_t c = 0; c < rig.cameras.size(); ++c)
     still_color_.set_sizes(c, search_.size_in_view(c).smallest_px, search_.size_in_view(c).largest_px,
                            rig.cameras[c].image_size);
@@ -25,8 +26,12 @@ RegionTracker::RegionTracker(const calib::CameraRig& rig, const TargetOptions& t
 
 ObjectEstimate RegionTracker::update(const capture::FrameSet& set) {
   const std::vector<TargetView>& views = views_.look_at(set);
-  still_color_.look(views, sightings_, set.at);  // of the last set
+  seen_ = sightings_;  // of the last set
+  if (still_color_.is_room_shared() && (state_ == TrackState::tracking || state_ == TrackState::coasting))
+    add_expected(views, filter_.belief(), target_.radius_m, seen_);
+  still_color_.look(views, seen_, set.at);
   for (std::size_t c = 0; c < views_.camera_count(); ++c) agreement_.set_shared(c, still_color_.is_shared(c));
+  search_.set_shared(still_color_.is_room_shared(), still_color_.is_starting(set.at));
   sightings_.clear();
   seen_.clear();
   watched_.clear();
@@ -36,10 +41,12 @@ ObjectEstimate RegionTracker::update(const capture::FrameSet& set) {
   if (state_ == TrackState::tracking || state_ == TrackState::coasting) {
     sighter_.sight(views, filter_, agreement_, sightings_);  // colour regions near the prediction, one per view at most
     sighter_.sight(views_.unused(), filter_, agreement_, watched_);
+    still_color_.mark_cut(sightings_);
     agreement_.compare(views, set.at, filter_.belief(), sightings_, watched_, seen_regions_);
     seen_ = sightings_;
     seen_.insert(seen_.end(), watched_.begin(), watched_.end());
     const double power_density = learn_acceleration(set, views);
+    weigh_existence(set.at, power_density, views);
     filter_.update(sightings_, set.at, last_reported_, power_density);
     judge(set);
     if (state_ == TrackState::tracking || state_ == TrackState::coasting) {
@@ -100,14 +107,21 @@ void RegionTracker::forget() {
   filter_.scatter();
 }
 
+void RegionTracker::weigh_existence(capture::Timestamp set_at, double power_density,
+                                    const std::vector<TargetView>& views) {
+  if (!still_color_.is_room_shared()) return existence_.assume();
+  existence_.update(set_at, filter_.belief(), power_density, sightings_, views, target_.radius_m, clutter_,
+                    still_color_);
+}
+
 void RegionTracker::judge(const capture::FrameSet& set) {
   const MotionBelief& belief = filter_.belief();
   const Judged now = judged(options_, belief, sightings_, agreement_.doubted_sigma(belief, sightings_),
                             capture::seconds(set.at - last_tracking_),
                             // What has left the volume may turn back, and is not told to be there.
                             inside(options_.volume, belief.position(), target_.radius_m));
-  if (now.state == TrackState::lost) return forget();
-  state_ = now.state;
+  if (now.state == TrackState::lost || existence_.is_refuted()) return forget();
+  state_ = existence_.is_sure() ? now.state : TrackState::coasting;
   if (now.is_seen) last_tracking_ = set.at;
 }
 
@@ -119,19 +133,35 @@ void RegionTracker::search(const capture::FrameSet& set, const std::vector<Targe
   if (sightings_.empty()) {
     agreement_.compare_searched(views, search_.regions(), search_.usual_radii_px(views), set.at, filter_.belief());
   }
-  auto find = search_.find(views, set.at, filter_.belief());
+  const bool is_shared = still_color_.is_room_shared();
+  if (is_shared) clutter_.add(views, search_.regions());
+  // Before anything is known of the cameras' times, frames of the same times are of cameras that are triggered
+  // together: among the regions of a room nearly any two rays would meet otherwise.
+  MotionBelief times = filter_.belief();
+  if (is_shared && sets_apart_ == 0 && last_tracking_ == capture::Timestamp{}) times.expect_in_step();
+  auto find = search_.find(views, set.at, times, still_color_);
   if (!find) return;
+  // It is what is followed already, and not sure yet.
+  if (is_shared && state_ == TrackState::coasting && sightings_.size() >= 2 &&
+      (find->now.position - filter_.belief().position()).norm() < 1.5 * target_.radius_m)
+    return;
   MotionBelief about = filter_.belief();
   const double variance_m2 = std::pow(largest_sigma(find->now.covariance), 2);
   about.begin(set.at, find->now.position, variance_m2, (find->now.position - find->earlier.position) / find->dt,
               2 * variance_m2 / (find->dt * find->dt));
   sighter_.sharpen(views, about, find->now.sightings);
+  if (is_shared)
+    existence_.begin(set.at, *find, views, target_.radius_m, (options_.volume.max - options_.volume.min).maxCoeff(),
+                     options_, clutter_, still_color_);
+  else
+    existence_.assume();
   start_at(*find, set.at);
+  still_color_.mark_cut(sightings_);
   agreement_.compare_found(filter_.belief(), sightings_);  // now that it is known when they saw it
   const double doubted_m = agreement_.doubted_sigma(filter_.belief(), sightings_);
   if (doubted_m <= options_.max_coast_sigma_m) {
     const double sigma_m = std::max(judged_sigma(filter_.belief(), sightings_), doubted_m);
-    const bool is_told = sigma_m <= options_.max_tracking_sigma_m &&
+    const bool is_told = existence_.is_sure() && sigma_m <= options_.max_tracking_sigma_m &&
                          inside(options_.volume, filter_.belief().position(), target_.radius_m);
     state_ = is_told ? TrackState::tracking : TrackState::coasting;
     last_tracking_ = set.at;

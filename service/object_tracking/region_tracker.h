@@ -28,6 +28,7 @@
 #include <vector>
 
 #include "object_tracking/object_estimate.h"
+#include "object_tracking/object_existence.h"
 #include "object_tracking/object_filter.h"
 #include "object_tracking/object_search.h"
 #include "object_tracking/object_sighter.h"
@@ -59,6 +60,7 @@ class RegionTracker {
 
  private:
   double learn_acceleration(const capture::FrameSet& set, const std::vector<TargetView>& views);
+  void weigh_existence(capture::Timestamp set_at, double power_density, const std::vector<TargetView>& views);
   void judge(const capture::FrameSet& set);
   void forget();
   void search(const capture::FrameSet& set, const std::vector<TargetView>& views);
@@ -74,6 +76,8 @@ class RegionTracker {
   ObjectSearch search_;
   RigError rig_error_;
   StillColor still_color_;
+  ClutterMap clutter_;  // this and the next: while the room shares the colour
+  ObjectExistence existence_;
 
   std::vector<Sighting> sightings_;  // of this set, by the times of their rows
   // All that views show of the object in this set: also what contradicts, and what cameras see that are not used.

@@ -41,6 +41,10 @@ struct Sighting {
   // px^2, of what lasts besides: by the pose that the camera is held to have, and by how far views contradict it.
   Eigen::Matrix2d of_pose = Eigen::Matrix2d::Zero();
   double doubt_px2 = 0;
+  // Furniture of the target's colour is at its edge, or behind it, and left out: how far it is off by that says nothing
+  // of whether views agree.
+  bool is_cut = false;
+  bool is_outline = false;  // it is not the middle of a region, but what its outline says
 
   Eigen::Matrix2d doubt() const { return of_pose + doubt_px2 * Eigen::Matrix2d::Identity(); }
 };

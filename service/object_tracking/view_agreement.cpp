@@ -162,6 +162,7 @@ void ViewAgreement::compare(const std::vector<TargetView>& views, capture::Times
   for (const Sighting& s : sightings) {
     unseen_[static_cast<std::size_t>(s.row.camera)].sets = 0;
     unseen_[static_cast<std::size_t>(s.row.camera)].is_suspicious = false;
+    if (s.is_cut) continue;
     if (const auto seen_beside = beside(s, belief)) besides_.push_back(*seen_beside);
   }
   for (const TargetView& view : views) {
@@ -179,11 +180,17 @@ void ViewAgreement::compare(const std::vector<TargetView>& views, capture::Times
 
 void ViewAgreement::compare_found(const MotionBelief& belief, std::vector<Sighting>& sightings) {
   compared_sets_ = 0;
-  besides_.clear();
-  for (const Sighting& s : sightings)
-    if (const auto seen = beside(s, belief)) besides_.push_back(*seen);
-  compare_besides(belief);
+  compare_sightings(belief, sightings);
   doubt(belief, sightings);
+}
+
+void ViewAgreement::compare_sightings(const MotionBelief& belief, std::span<const Sighting> sightings) {
+  besides_.clear();
+  for (const Sighting& s : sightings) {
+    if (s.is_cut) continue;
+    if (const auto seen = beside(s, belief)) besides_.push_back(*seen);
+  }
+  compare_besides(belief);
 }
 
 void ViewAgreement::compare_besides(const MotionBelief& belief) {

@@ -33,6 +33,8 @@ class ViewAgreement {
   // cameras that are not used), is doubted by what came of it. Notes in `seen` what was looked at.
   void compare(const std::vector<TargetView>& views, capture::Timestamp set_at, const MotionBelief& belief,
                std::vector<Sighting>& sightings, std::vector<Sighting>& watched, SeenRegions& seen);
+  // The same, of one of several objects that is tracked: of what else views show nobody knows whether it is this one.
+  void compare_sightings(const MotionBelief& belief, std::span<const Sighting> sightings);
   // The object was found just now by these.
   void compare_found(const MotionBelief& belief, std::vector<Sighting>& sightings);
   // What the views show of an object that is not found: where each has one thing that moves, they must agree about it.

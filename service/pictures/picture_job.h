@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <vector>
 
 #include "camera_tracking/camera_tracker.h"
@@ -11,11 +12,19 @@
 
 namespace huetrack::pictures {
 
+// A patch of a target's colour that never moves, and is left out (ObjectTracker::color_shares()).
+struct StillPatch {
+  std::size_t target = 0;
+  int camera = 0;            // in the rig
+  std::array<int, 4> box{};  // u_min v_min u_max v_max, raw pixels
+};
+
 // What a picture of one set needs. A plain value; images are shared, not copied.
 struct PictureJob {
   capture::FrameSet set;
   std::vector<object_tracking::ObjectEstimate> estimates;  // in target order, one or more of each
   std::vector<std::vector<Eigen::Vector3f>> particles;     // per target
+  std::vector<StillPatch> still = {};
 };
 
 // The same of one frame of a tracked camera.

@@ -11,6 +11,7 @@
 namespace huetrack::pictures {
 namespace {
 
+constexpr std::uint32_t left_out_state = 100;  // PreviewTarget::state
 constexpr float none = std::numeric_limits<float>::quiet_NaN();
 
 // A colour to draw a target with: the middle of its hues, bright and strong enough to be seen on any picture.
@@ -81,6 +82,16 @@ std::vector<msg::Preview> make_previews(const config::ServiceConfig& config, con
     preview.width(std::uint32_t(size.width));
     preview.height(std::uint32_t(size.height));
     preview.jpeg(capture::encode_picture(frame->pixels, size, config.preview.quality));
+    for (const StillPatch& patch : job.still) {
+      if (patch.camera != static_cast<int>(c)) continue;
+      msg::PreviewTarget& out = preview.targets().emplace_back();
+      out.target(config.targets[patch.target].name);
+      out.state(left_out_state);
+      out.pixel({none, none});
+      out.ellipse({none, none, none});
+      out.radius_px(0);
+      for (const int corner : patch.box) out.particles().push_back(static_cast<float>(corner));
+    }
     for (std::size_t e = 0; e < job.estimates.size(); ++e) {
       const auto& estimate = job.estimates[e];
       const auto& target = config.targets[estimate.target];

@@ -44,9 +44,9 @@ void MistakeReport::on_set(const TrackedSet& set) {
   std::vector<std::string> now, kinds;
   for (std::size_t t = 0; t < watches_.size() && t < set.trackers.size(); ++t) {
     // While views contradict one another for a reason that is known, looking for another one only takes time.
-    // And what views show of several objects of one colour is not of one.
+    // Of several objects the tracker shows the views of one (ObjectTracker::regions()); times are those of any.
     const auto estimate = std::ranges::find(set.estimates, t, &object_tracking::ObjectEstimate::target);
-    if (!any_has_moved(set.calibration) && targets_[t].count == 1 && estimate != set.estimates.end())
+    if (!any_has_moved(set.calibration) && estimate != set.estimates.end())
       watches_[t].look(*estimate, set.trackers[t], set.frames.at);
     for (const auto& mistake : watches_[t].mistakes()) {
       if (is_told_by_the_room(mistake, set.calibration)) continue;

@@ -22,6 +22,12 @@ bool has_same_targets(const config::ServiceConfig& a, const config::ServiceConfi
                             &object_tracking::TargetOptions::name);
 }
 
+// What is published of a target depends on how many objects it may be.
+bool has_same_counts(const config::ServiceConfig& a, const config::ServiceConfig& b) {
+  return std::ranges::equal(a.targets, b.targets, {}, &object_tracking::TargetOptions::count,
+                            &object_tracking::TargetOptions::count);
+}
+
 // What a reload may change, from `fresh`; the rest stays.
 config::ServiceConfig merged(config::ServiceConfig config, const config::ServiceConfig& fresh) {
   config.targets = fresh.targets;
@@ -143,6 +149,8 @@ void Session::repeat(const std::vector<RecordedReload>& reloads) {
 Session::TakenOver Session::take_over(const config::ServiceConfig& fresh) {
   if (!has_same_targets(fresh, config_))
     throw std::runtime_error("targets were added, removed, renamed or reordered: that needs a restart");
+  if (!has_same_counts(fresh, config_))
+    throw std::runtime_error("a target's count was changed: that needs a restart");
   TakenOver result;
   config::ServiceConfig compared = fresh;
   if (!compared.set_tolerance_s && !tolerance_is_given_) compared.set_tolerance_s = config_.set_tolerance_s;

@@ -54,7 +54,7 @@ class Live : public testing::Test {
   std::string replayed(const fs::path& recording) const {
     ReplayCommand command;
     command.config = recording / "huetrackd.yaml";
-    command.recording = recording;
+    command.recording = {recording};
     command.no_dds = true;
     command.progress = false;
     command.tracks = folder_ / "replayed.csv";
@@ -234,7 +234,7 @@ TEST_F(Live, ARecordingWithASilentCameraIsAsLongAsItsFrames) {
   run_live(config_, std::move(one), options_, requests_, {});
   ReplayCommand command;
   command.config = folder_ / "out/huetrackd.yaml";
-  command.recording = folder_ / "out";
+  command.recording = {folder_ / "out"};
   command.no_dds = true;
   command.progress = false;
   const ReplaySummary summary = replay(command, {});
@@ -322,11 +322,14 @@ TEST(StatusLine, SaysRatesAndStates) {
       {.name = "back", .health = publish::CameraStatus::Health::absent, .message = "unplugged"}};
   status.set_rate_hz = 29.9;
   status.targets = {"ball"};
-  const object_tracking::TrackState states[] = {object_tracking::TrackState::coasting};
-  EXPECT_EQ(status_line(status, states),
+  metrics::TargetFigures targets[] = {{.state = object_tracking::TrackState::coasting}};
+  EXPECT_EQ(status_line(status, targets),
             "1 of 2 cameras deliver: left 30.0 Hz, back absent; 29.9 sets/s; ball coasting");
-  EXPECT_EQ(status_line(status, states, "left", camera_tracking::PoseState::lost),
+  EXPECT_EQ(status_line(status, targets, "left", camera_tracking::PoseState::lost),
             "1 of 2 cameras deliver: left 30.0 Hz, back absent; 29.9 sets/s; ball coasting, left's pose lost");
+  targets[0].most = 8, targets[0].tracked = 3;
+  EXPECT_EQ(status_line(status, targets),
+            "1 of 2 cameras deliver: left 30.0 Hz, back absent; 29.9 sets/s; ball: 3 of at most 8 tracking");
 }
 
 }  // namespace

@@ -118,6 +118,14 @@ TEST_F(SessionOfTheDemo, OtherTargetsAreRefused) {
   EXPECT_EQ(session.config().targets[0].radius_m, config_.targets[0].radius_m);
 }
 
+TEST_F(SessionOfTheDemo, AnotherCountIsRefused) {
+  Session session = this->session();
+  config::ServiceConfig fresh = config_;
+  fresh.targets[0].count = 3;
+  EXPECT_THROW(session.take_over(fresh), std::runtime_error);
+  EXPECT_EQ(session.config().targets[0].count, 1);
+}
+
 TEST_F(SessionOfTheDemo, WhateverEndsItEveryOutputIsFlushedAndTheFirstErrorComesOut) {
   Session session = this->session();
   NotingOutput failing, other;

@@ -10,6 +10,7 @@
 
 #include "camera_times.h"
 #include "huetrack.h"
+#include "object_set.h"
 #include "ros2_messages.h"
 
 static void number(const char* prefix, const char* field, double value) {
@@ -153,6 +154,32 @@ static void print_times(const huetrack_msg_CameraTimes* s) {
   }
 }
 
+static void print_set(const huetrack_msg_ObjectSet* s) {
+  const char* p = "set/";
+  text(p, "target", s->target);
+  integer(p, "captured_at", s->captured_at);
+  integer(p, "received_at", s->received_at);
+  integer(p, "published_at", s->published_at);
+  integer(p, "set_number", (int64_t)s->set_number);
+  integer(p, "most", s->most);
+  integer(p, "objects", s->objects._length);
+  for (uint32_t i = 0; i < s->objects._length; ++i) {
+    const huetrack_msg_ObjectInSet* o = &s->objects._buffer[i];
+    char q[64];
+    snprintf(q, sizeof q, "set/objects[%u].", (unsigned)i);
+    text(q, "name", o->name);
+    integer(q, "number", o->number);
+    integer(q, "state", o->state);
+    integer(q, "is_birth", o->is_birth);
+    integer(q, "is_end", o->is_end);
+    numbers(q, "position", o->position, 3);
+    numbers(q, "velocity", o->velocity, 3);
+    numbers(q, "covariance", o->covariance, 9);
+    integer(q, "views", o->views);
+    number(q, "confidence", o->confidence);
+  }
+}
+
 static void print_header(const char* p, const std_msgs_msg_dds__Header_* header) {
   text(p, "frame_id", header->frame_id);
 }
@@ -167,6 +194,22 @@ static void print_pose(const geometry_msgs_msg_dds__PoseWithCovarianceStamped_* 
   numbers(p, "position", at, 3);
   numbers(p, "orientation", turned, 4);
   numbers(p, "covariance", s->pose.covariance, 36);
+}
+
+static void print_poses(const geometry_msgs_msg_dds__PoseArray_* s) {
+  char p[64];
+  snprintf(p, sizeof p, "poses/%d.%09u/", (int)s->header.stamp.sec, (unsigned)s->header.stamp.nanosec);
+  print_header(p, &s->header);
+  integer(p, "poses", s->poses._length);
+  for (uint32_t i = 0; i < s->poses._length; ++i) {
+    const geometry_msgs_msg_dds__Pose_* pose = &s->poses._buffer[i];
+    const double at[] = {pose->position.x, pose->position.y, pose->position.z};
+    const double turned[] = {pose->orientation.x, pose->orientation.y, pose->orientation.z, pose->orientation.w};
+    char q[96];
+    snprintf(q, sizeof q, "%sposes[%u].", p, (unsigned)i);
+    numbers(q, "position", at, 3);
+    numbers(q, "orientation", turned, 4);
+  }
 }
 
 static void print_tf(const tf2_msgs_msg_dds__TFMessage_* s) {
@@ -245,6 +288,12 @@ static void any_status(const void* s) {
 static void any_times(const void* s) {
   print_times(s);
 }
+static void any_set(const void* s) {
+  print_set(s);
+}
+static void any_poses(const void* s) {
+  print_poses(s);
+}
 static void any_camera(const void* s) {
   print_camera(s);
 }
@@ -275,6 +324,12 @@ int main(int argc, char** argv) {
       {"times",
        subscribe(participant, &huetrack_msg_CameraTimes_desc, "huetrack/camera_times", DDS_DURABILITY_TRANSIENT_LOCAL),
        any_times, 1, 0, 0},
+      {"set", subscribe(participant, &huetrack_msg_ObjectSet_desc, "huetrack/object_set", DDS_DURABILITY_VOLATILE),
+       any_set, 6, 0, 0},
+      {"poses",
+       subscribe(participant, &geometry_msgs_msg_dds__PoseArray__desc, "rt/huetrack/wand/poses",
+                 DDS_DURABILITY_VOLATILE),
+       any_poses, 6, 0, 0},
       {"pose",
        subscribe(participant, &geometry_msgs_msg_dds__PoseWithCovarianceStamped__desc, pose_topic,
                  DDS_DURABILITY_VOLATILE),

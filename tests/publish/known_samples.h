@@ -57,7 +57,18 @@ inline object_tracking::ObjectEstimate known_estimate(object_tracking::TrackStat
   return e;
 }
 
-// As above; states go by number as a target's do.
+// Of the target "wand", which is up to three objects: one that has ended, and one that is new.
+inline constexpr int known_count = 3;
+inline std::vector<object_tracking::ObjectEstimate> known_objects() {
+  std::vector<object_tracking::ObjectEstimate> all{known_estimate(object_tracking::TrackState::lost),
+                                                   known_estimate(object_tracking::TrackState::tracking)};
+  all[0].object = 2, all[0].is_end = true, all[0].views = 0, all[0].confidence = 0;
+  all[1].object = 5, all[1].is_birth = true;
+  for (auto& e : all) e.set_number = 3000;
+  return all;
+}
+
+// States go by number as a target's do.
 inline constexpr std::array camera_states{camera_tracking::PoseState::searching, camera_tracking::PoseState::tracking,
                                           camera_tracking::PoseState::coasting, camera_tracking::PoseState::lost};
 

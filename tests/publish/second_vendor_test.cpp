@@ -124,6 +124,45 @@ Fields expected_times(pid_t publisher) {
   return f;
 }
 
+// Of a target of several objects: the native sample with all of them, and what RViz and rosbag read.
+Fields expected_set() {
+  constexpr auto state = object_tracking::TrackState::tracking;
+  const auto objects = known_objects();
+  const auto ns = captured_at(state).time_since_epoch().count();
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  Fields f;
+  f["set/target"] = "wand";
+  f["set/captured_at"] = std::to_string(ns);
+  f["set/received_at"] = std::to_string(received_at(state).time_since_epoch().count());
+  f["set/set_number"] = "3000";
+  f["set/most"] = std::to_string(known_count);
+  f["set/objects"] = std::to_string(objects.size());
+  for (std::size_t i = 0; i < objects.size(); ++i) {
+    const object_tracking::ObjectEstimate& e = objects[i];
+    const std::string p = fmt::format("set/objects[{}].", i);
+    const auto value = [&](double v) { return e.has_position() ? v : nan; };
+    f[p + "name"] = fmt::format("wand_{}", e.object);
+    f[p + "number"] = std::to_string(e.object);
+    f[p + "state"] = std::to_string(static_cast<int>(e.state));
+    f[p + "is_birth"] = std::to_string(e.is_birth);
+    f[p + "is_end"] = std::to_string(e.is_end);
+    for (const auto& [name, v] : {std::pair("position", e.position), {"velocity", e.velocity}})
+      add(f, p + name, std::array{value(v.x()), value(v.y()), value(v.z())});
+    std::vector<double> covariance;
+    for (int k = 0; k < 9; ++k) covariance.push_back(value(e.covariance(k / 3, k % 3)));
+    add(f, p + "covariance", covariance);
+    f[p + "views"] = std::to_string(e.views);
+    f[p + "confidence"] = text(e.confidence);
+  }
+  const std::string poses = fmt::format("poses/{}.{:09}/", ns / 1'000'000'000, ns % 1'000'000'000);
+  const Eigen::Vector3d& at = objects[1].position;
+  f[poses + "frame_id"] = "world";
+  f[poses + "poses"] = "1";
+  add(f, poses + "poses[0].position", std::array{at.x(), at.y(), at.z()});
+  add(f, poses + "poses[0].orientation", std::array<double, 4>{0, 0, 0, 1});
+  return f;
+}
+
 Fields expected_camera(camera_tracking::PoseState state) {
   const camera_tracking::CameraEstimate e = known_pose(state);
   const std::string path = fmt::format("camera/{}/", static_cast<int>(state));
@@ -188,6 +227,25 @@ Fields expected_ros(object_tracking::TrackState state) {
   return f;
 }
 
+// clients/c/positions.c, as its first lines say that it is used.
+TEST(SecondVendor, TheExampleForCyclonePrintsPositions) {
+#ifndef HUETRACK_CYCLONE_EXAMPLE
+  GTEST_SKIP() << "Cyclone DDS is not installed (Debian: cyclonedds-dev cyclonedds-tools)";
+#else
+  const std::string domain = std::to_string(test_domain());
+  ChildProcess publisher({HUETRACK_TEST_PUBLISHER, domain});
+  ::setenv("ROS_DOMAIN_ID", domain.c_str(), 1);
+  const ChildProcess example({HUETRACK_CYCLONE_EXAMPLE});
+  ::unsetenv("ROS_DOMAIN_ID");
+  EXPECT_TRUE(ChildProcess::wait(
+      [&] {
+        return example.out().find("ball 1.1250 -1.5000 2.1000 m\nball 2.1250 -1.5000 2.1000 m\n") != std::string::npos;
+      },
+      20s))
+      << example.out() << example.err();
+#endif
+}
+
 TEST(SecondVendor, CycloneSeesEveryFieldOfEveryTopic) {
 #ifndef HUETRACK_CYCLONE_SUBSCRIBER
   GTEST_SKIP() << "Cyclone DDS is not installed (Debian: cyclonedds-dev cyclonedds-tools)";
@@ -207,6 +265,8 @@ TEST(SecondVendor, CycloneSeesEveryFieldOfEveryTopic) {
 
   Fields expected = expected_status(publisher.pid());
   expected.merge(expected_times(publisher.pid()));
+  expected.merge(expected_set());
+  ASSERT_FALSE(got.extract("set/published_at").empty());
   for (const object_tracking::TrackState state : states) {
     expected.merge(expected_position(state));
     if (known_estimate(state).has_position()) expected.merge(expected_ros(state));
@@ -229,18 +289,22 @@ TEST(SecondVendor, CycloneSeesEveryFieldOfEveryTopic) {
   expected["position/type"] = "huetrack::msg::ObjectPosition";
   expected["status/type"] = "huetrack::msg::ServiceStatus";
   expected["times/type"] = "huetrack::msg::CameraTimes";
+  expected["set/type"] = "huetrack::msg::ObjectSet";
+  expected["poses/type"] = "geometry_msgs::msg::dds_::PoseArray_";
   expected["pose/type"] = "geometry_msgs::msg::dds_::PoseWithCovarianceStamped_";
   expected["camera/type"] = "huetrack::msg::CameraPose";
   expected["camera_ros/type"] = expected["pose/type"];
   expected["tf/type"] = "tf2_msgs::msg::dds_::TFMessage_";
   idl::PublisherIdentity identity = idl::PublisherIdentity::of_this_process({"ball", "wand"});
   identity.pid = static_cast<std::uint32_t>(publisher.pid());
-  expected["position/user_data"] = expected["status/user_data"] = expected["times/user_data"] = identity.user_data();
+  expected["position/user_data"] = expected["status/user_data"] = expected["times/user_data"] =
+      expected["set/user_data"] = identity.user_data();
   identity.targets = {"hand"};
   expected["camera/user_data"] = identity.user_data();
   // REP-2011 hashes as published; topics.h is not asked.
   expected["pose/user_data"] = "typehash=RIHS01_26432f9803e43727d3c8f668d1fdb3c630f548af631e2f4e31382371bfea3b6e;";
   expected["camera_ros/user_data"] = expected["pose/user_data"];
+  expected["poses/user_data"] = "typehash=RIHS01_af0cc36d190e104d546d168d6b39df04fa4b4ccecf59cb4c9ed328d3d5004aa0;";
   expected["tf/user_data"] = "typehash=RIHS01_e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087;";
 
   // Both ways: nothing missing or different, and nothing more, so no ROS pose of searching or lost.

@@ -14,7 +14,9 @@ int main(int argc, char** argv) {
   using namespace huetrack;
   if (argc != 2) return 2;
   std::signal(SIGTERM, [](int) { ended = 1; });
-  publish::EstimatePublisher publisher(publish::known_options(std::atoi(argv[1])));
+  publish::EstimatePublisherOptions options = publish::known_options(std::atoi(argv[1]));
+  options.counts = {1, publish::known_count};
+  publish::EstimatePublisher publisher(options);
   for (unsigned n = 0; !ended; ++n) {
     if (n % 50 == 0) {
       publisher.publish_status(publish::known_status());
@@ -22,6 +24,8 @@ int main(int argc, char** argv) {
     }
     const object_tracking::TrackState state = publish::states[n % publish::states.size()];
     publisher.publish(0, publish::known_estimate(state), publish::captured_at(state), publish::received_at(state));
+    constexpr auto tracking = object_tracking::TrackState::tracking;
+    publisher.publish_set(1, publish::known_objects(), publish::captured_at(tracking), publish::received_at(tracking));
     const camera_tracking::CameraEstimate pose =
         publish::known_pose(publish::camera_states[n % publish::camera_states.size()]);
     publisher.publish(pose, pose.at, pose.at + std::chrono::milliseconds(3));

@@ -133,7 +133,8 @@ export interface Preview {
   image: [number, number];
   size: [number, number];
   jpeg: string;
-  targets: { target: string; state: State; px: [N, N]; radius: N; ellipse: [N, N, N]; particles: N[] }[];
+  // left_out: a patch that never moves; particles are u_min v_min u_max v_max
+  targets: { target: string; state: State | "left_out"; px: [N, N]; radius: N; ellipse: [N, N, N]; particles: N[] }[];
 }
 
 export interface Pulse {

@@ -1,0 +1,126 @@
+#include "pipeline/object_report.h"
+
+#include <fmt/format.h>
+#include <spdlog/spdlog.h>
+
+#include <algorithm>
+#include <iterator>
+#include <utility>
+
+namespace huetrack::pipeline {
+namespace {
+
+constexpr std::uint64_t looked_at_every = 15;  // sets; views are sampled twice a second
+// Of a picture: a ball of ten pixels covers as much of 640x480. Less is told no more, but not at once.
+constexpr double worth_a_word = 0.001, not_worth_it_any_more = 0.0005;
+// Where objects come and go all the time, the log does not.
+constexpr int most_in_a_row = 40;
+constexpr double in_a_row_s = 10;
+
+std::vector<std::string> camera_names(const calib::CameraRig& rig) {
+  std::vector<std::string> names;
+  for (const auto& camera : rig.cameras) names.push_back(camera.name);
+  return names;
+}
+
+std::string text_of(const Eigen::Vector3d& p) {
+  return fmt::format("{:.2f}, {:.2f}, {:.2f} m", p.x(), p.y(), p.z());
+}
+
+}  // namespace
+
+std::string left_out_text(const std::string& camera, const std::string& target,
+                          const object_tracking::ColorShare& share) {
+  if (share.still < worth_a_word) return {};
+  const auto& box = share.still_box;
+  return fmt::format(
+      "{}: {:.1f} % of the picture has the colour of {} and never moves, most of it around {:.0f}, {:.0f} "
+      "(from {}, {} to {}, {}): it is left out, and so is an object before it; a narrower colour sees both",
+      camera, 100 * share.still, target, share.still_px.x(), share.still_px.y(), box[0], box[1], box[2], box[3]);
+}
+
+ObjectReport::ObjectReport(const config::ServiceConfig& config)
+    : cameras_(camera_names(config.rig)), targets_(config.targets.size()), options_(config.targets) {
+  for (Target& target : targets_) target.left_out.resize(cameras_.size()), target.ever.resize(cameras_.size());
+}
+
+void ObjectReport::on_set(const TrackedSet& set) {
+  tell_objects(set);
+  if (sets_++ % looked_at_every == 0) tell_left_out(set);
+}
+
+bool ObjectReport::may_tell(capture::Timestamp at) {
+  if (capture::seconds(at - told_since_) > in_a_row_s || at < told_since_) {
+    if (not_told_ > 0) spdlog::info("{} more objects came or went meanwhile", not_told_);
+    told_since_ = at, told_ = 0, not_told_ = 0;
+  }
+  if (told_ < most_in_a_row) return ++told_ > 0;
+  ++not_told_;
+  return false;
+}
+
+void ObjectReport::tell_objects(const TrackedSet& set) {
+  for (const auto& estimate : set.estimates) {
+    if (estimate.object == 0) continue;
+    Target& target = targets_[estimate.target];
+    const auto name = [&] {
+      const std::scoped_lock lock(mutex_);
+      return object_tracking::object_name(options_[estimate.target].name, estimate.object);
+    };
+    if (estimate.is_end) {
+      const auto known = target.objects.extract(estimate.object);
+      if (known && may_tell(estimate.at))
+        spdlog::info("{} is gone after {:.1f} s, last at {}; {} are there", name(),
+                     capture::seconds(estimate.at - known.mapped().since), text_of(known.mapped().last),
+                     target.objects.size());
+      continue;
+    }
+    const auto [it, is_new] = target.objects.try_emplace(estimate.object);
+    if (is_new) it->second.since = estimate.at;
+    if (estimate.has_position()) it->second.last = estimate.position;
+    if (is_new && may_tell(estimate.at))
+      spdlog::info("{} is found at {}, seen by {} cameras; {} are there", name(), text_of(estimate.position),
+                   estimate.views, target.objects.size());
+  }
+}
+
+void ObjectReport::tell_left_out(const TrackedSet& set) {
+  for (std::size_t t = 0; t < set.trackers.size() && t < targets_.size(); ++t) {
+    const auto shares = set.trackers[t].color_shares();
+    Target& target = targets_[t];
+    const std::scoped_lock lock(mutex_);
+    for (std::size_t c = 0; c < shares.size() && c < cameras_.size(); ++c) {
+      std::string& told = target.left_out[c];
+      std::string now = left_out_text(cameras_[c], options_[t].name, shares[c]);
+      if (now.empty() && !told.empty() && shares[c].still > not_worth_it_any_more) continue;
+      if (told.empty() && !now.empty()) spdlog::warn("{}", now);
+      if (!told.empty() && now.empty())
+        spdlog::info("{}: what had the colour of {} and never moved is gone, or has moved", cameras_[c],
+                     options_[t].name);
+      if (!now.empty()) target.ever[c] = now;
+      told = std::move(now);
+    }
+  }
+}
+
+void ObjectReport::on_config(const config::ServiceConfig& config) noexcept {
+  const std::scoped_lock lock(mutex_);
+  options_ = config.targets;
+}
+
+std::vector<std::string> ObjectReport::warnings() const {
+  const std::scoped_lock lock(mutex_);
+  std::vector<std::string> all;
+  for (const Target& target : targets_)
+    std::ranges::copy_if(target.left_out, std::back_inserter(all), [](const auto& text) { return !text.empty(); });
+  return all;
+}
+
+std::vector<std::string> ObjectReport::summary() const {
+  std::vector<std::string> all;
+  for (const Target& target : targets_)
+    std::ranges::copy_if(target.ever, std::back_inserter(all), [](const auto& text) { return !text.empty(); });
+  return all;
+}
+
+}  // namespace huetrack::pipeline

@@ -1,0 +1,57 @@
+// The output that says what comes and goes: the objects of targets that are several, each when it is found and when it
+// ends; and what of a room has a target's colour, never moves, and is therefore left out.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "pipeline/output.h"
+
+namespace huetrack::pipeline {
+
+class ObjectReport final : public Output {
+ public:
+  // What is new goes into the log, too.
+  explicit ObjectReport(const config::ServiceConfig& config);
+
+  void on_set(const TrackedSet& set) override;
+  void on_config(const config::ServiceConfig& config) noexcept override;
+
+  // What is left out now, one sentence each. thread-safe
+  std::vector<std::string> warnings() const;
+  // What was left out at any time, one sentence each. When the road is empty.
+  std::vector<std::string> summary() const;
+
+ private:
+  struct Object {
+    capture::Timestamp since{};
+    Eigen::Vector3d last = Eigen::Vector3d::Zero();
+  };
+  struct Target {
+    std::map<std::uint32_t, Object> objects = {};  // that are there, by number
+    std::vector<std::string> left_out = {};        // per camera of the rig; empty: nothing
+    std::vector<std::string> ever = {};            // likewise, the last one that there was
+  };
+  void tell_objects(const TrackedSet& set);
+  void tell_left_out(const TrackedSet& set);
+  bool may_tell(capture::Timestamp at);
+
+  const std::vector<std::string> cameras_;
+  std::vector<Target> targets_;  // the tracking thread's; left_out is guarded by mutex_
+  std::uint64_t sets_ = 0;       // the tracking thread's, and so are the next three
+  capture::Timestamp told_since_{};
+  int told_ = 0, not_told_ = 0;
+  mutable std::mutex mutex_;
+  std::vector<object_tracking::TargetOptions> options_;  // guarded by mutex_
+};
+
+// "left: 1.9 % of the picture has the colour of orange and never moves: around 210, 40, and is left out"; empty where
+// that is not worth a word.
+std::string left_out_text(const std::string& camera, const std::string& target,
+                          const object_tracking::ColorShare& share);
+
+}  // namespace huetrack::pipeline

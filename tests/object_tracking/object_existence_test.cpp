@@ -1,0 +1,89 @@
+#include "object_tracking/object_existence.h"
+
+#include <gtest/gtest.h>
+
+#include "scene/scene.h"
+
+namespace huetrack::object_tracking {
+namespace {
+
+constexpr double radius_m = 0.04;
+
+struct Room {
+  scene::Scene scene = [] {
+    scene::SceneBuilder builder;
+    builder.cameras_on_ring({.count = 3});
+    return builder.build();
+  }();
+  ClutterMap clutter{scene.rig};
+  StillColor still{scene.rig.cameras.size(), 1};
+
+  std::vector<Sighting> sightings(const Eigen::Vector3d& p, double off_px = 0) const {
+    std::vector<Sighting> all;
+    for (std::size_t c = 0; c < scene.rig.cameras.size(); ++c) {
+      Sighting& s = all.emplace_back();
+      s.row.camera = static_cast<int>(c);
+      s.camera = &scene.rig.cameras[c];
+      s.px = appearance_of(*s.camera, p, radius_m)->px + Eigen::Vector2d(off_px, -off_px);
+      s.covariance = 0.25 * Eigen::Matrix2d::Identity();
+    }
+    return all;
+  }
+  Birth birth(const Eigen::Vector3d& earlier, const Eigen::Vector3d& now) const {
+    const Eigen::Matrix3d covariance = 1e-5 * Eigen::Matrix3d::Identity();
+    return {{.position = earlier, .covariance = covariance, .sightings = sightings(earlier)},
+            {.position = now, .covariance = covariance, .sightings = sightings(now)},
+            0.033};
+  }
+  ObjectExistence begun(const Birth& birth) const {
+    ObjectExistence existence;
+    existence.begin({}, birth, {}, radius_m, 2, ObjectTrackerOptions{}, clutter, still);
+    return existence;
+  }
+};
+
+TEST(ClutterMap, KnowsWhereRegionsAreNobodys) {
+  Room room;
+  std::vector<TargetView> views(1);
+  views[0].index = 1;
+  std::vector<std::vector<ColorRegion>> regions(1);
+  const double before = room.clutter.density(1, {100, 60});
+  ColorRegion flickering;
+  flickering.centre = {100, 60};
+  for (int set = 0; set < 60; ++set) {
+    regions[0].clear();
+    if (set % 3 == 0) regions[0].push_back(flickering);
+    room.clutter.add(views, regions);
+  }
+  EXPECT_GT(room.clutter.density(1, {100, 60}), 4 * room.clutter.density(1, {200, 200}));
+  EXPECT_LT(room.clutter.density(1, {200, 200}), before);  // there is less than a room usually shows
+  EXPECT_EQ(room.clutter.density(0, {100, 60}), before);   // another camera was not looked at
+}
+
+TEST(ObjectExistence, ThreeViewsThatAgreeTwiceAreAnObject) {
+  const Room room;
+  EXPECT_TRUE(room.begun(room.birth({0, 0, 1}, {0.02, 0, 1})).is_sure());
+}
+
+TEST(ObjectExistence, TwoViewsAreNotEnoughAtOnce) {
+  const Room room;
+  Birth birth = room.birth({0, 0, 1}, {0.02, 0, 1});
+  birth.earlier.sightings.pop_back();
+  birth.now.sightings.pop_back();
+  EXPECT_FALSE(room.begun(birth).is_sure());
+}
+
+TEST(ObjectExistence, WhatLiesBesideWhereItIsExpectedIsChance) {
+  const Room room;
+  ObjectExistence existence = room.begun(room.birth({0, 0, 1}, {0.02, 0, 1}));
+  MotionBelief belief(room.scene.rig, false);
+  belief.begin({}, {0.02, 0, 1}, 1e-5, {0.6, 0, 0}, 0.1);
+  existence.update({}, belief, 1.0, room.sightings({0.02, 0, 1}), {}, radius_m, room.clutter, room.still);
+  EXPECT_TRUE(existence.is_sure());
+  existence.update({}, belief, 1.0, room.sightings({0.02, 0, 1}, 40), {}, radius_m, room.clutter, room.still);
+  EXPECT_FALSE(existence.is_sure());
+  EXPECT_FALSE(existence.is_refuted());  // it was there
+}
+
+}  // namespace
+}  // namespace huetrack::object_tracking
