@@ -23,6 +23,8 @@
 #include "idl/topics.h"
 #include "position_subscription.h"
 #include "printable_sample.h"
+#include "service_health.h"
+#include "udp_sender.h"
 
 namespace huetrack::client {
 
@@ -63,11 +65,12 @@ constexpr yaml::FileKind log_kind{"log of huetrack's", [](std::string_view text)
                                     return text.starts_with("target,t,") || text.starts_with("camera,t,");
                                   }};
 
-// Text to stdout or lines to a file, each one flushed, so that whoever reads has it at once.
+// Text to stdout, lines to a file, each one flushed, so that whoever reads has it at once, or datagrams.
 class LineWriter {
  public:
-  // throws std::runtime_error: the file exists, and may not be replaced, or cannot be written
-  LineWriter(const std::filesystem::path& file, bool overwrite) {
+  // throws std::runtime_error: the file exists, and may not be replaced, or cannot be written; udp is no address
+  LineWriter(const std::filesystem::path& file, bool overwrite, const std::string& udp = "") {
+    if (!udp.empty()) udp_.emplace(udp);
     if (file.empty()) return;
     std::error_code none;
     if (!overwrite && std::filesystem::exists(file, none))
@@ -79,6 +82,11 @@ class LineWriter {
   // when the disk is full.
   bool write(std::string_view text) {
     if (text.empty()) return true;
+    if (udp_) {
+      if (text.ends_with('\n')) text.remove_suffix(1);
+      if (const std::string trouble = udp_->send(text); !trouble.empty()) say(trouble);
+      return true;
+    }
     if (file_) {
       file_->write(text.substr(0, text.size() - 1));
       file_->flush();
@@ -91,6 +99,7 @@ class LineWriter {
 
  private:
   std::optional<yaml::LineFile> file_;
+  std::optional<UdpSender> udp_;
 };
 
 std::string joined(const std::set<std::string>& names) {
@@ -151,9 +160,9 @@ namespace {
 template <typename Sample>
 int watch_topic(const WatchOptions& options, const std::string& wanted, const std::string& header_line,
                 const Wording& words) {
-  LineWriter out(options.file, options.overwrite);
+  LineWriter out(options.file, options.overwrite, options.udp);
   std::optional<SampleSubscription<Sample>> subscription(options.participant);  // made anew when the network changes
-  if (!out.write(header_line)) return 0;
+  if (options.udp.empty() && !out.write(header_line)) return 0;
 
   std::uint64_t lines = 0;
   std::size_t target_width = 0;
@@ -165,6 +174,7 @@ int watch_topic(const WatchOptions& options, const std::string& wanted, const st
   Clock::time_point last_look_at_network = start;
   const auto finish = [&](int exit_status) {
     if (!options.file.empty()) say(std::to_string(lines) + " samples in " + options.file.string());
+    if (!options.udp.empty()) say(std::to_string(lines) + " samples sent to " + options.udp);
     return exit_status;
   };
 
@@ -236,7 +246,7 @@ int watch_topic(const WatchOptions& options, const std::string& wanted, const st
 
 }  // namespace
 
-int status(const idl::ParticipantOptions& options) {
+int status(const idl::ParticipantOptions& options, StatusFormat format) {
   idl::DdsParticipant participant(options);
   dds::DataReader& reader = participant.create_reader(
       idl::status_topic, dds::TypeSupport(new msg::ServiceStatusPubSubType), idl::status_reader_qos());
@@ -301,14 +311,23 @@ int status(const idl::ParticipantOptions& options) {
   for (const auto& [_, pose] : poses) last_poses.push_back(pose);
   std::vector<msg::ObjectSet> last_sets;
   for (const auto& [_, set] : sets) last_sets.push_back(set);
+  bool is_healthy = true;
   for (const auto& sample : statuses) {
-    const auto of_service = times.find({sample.host(), sample.pid()});
-    if (!out.write(
-            text(sample, unix_now(), of_service == times.end() ? nullptr : &of_service->second, last_poses, last_sets)))
-      return 0;
+    const auto found = times.find({sample.host(), sample.pid()});
+    const msg::CameraTimes* const of_service = found == times.end() ? nullptr : &found->second;
+    const std::int64_t now = unix_now();
+    is_healthy &= problems_of(sample, now).empty();
+    if (!out.write(format == StatusFormat::json ? status_json(sample, now, of_service, last_poses)
+                                                : text(sample, now, of_service, last_poses, last_sets)))
+      break;
   }
-  if (statuses.empty() && !ended) say("no huetrackd publishes its status " + what_to_check(participant));
-  return statuses.empty() ? 1 : 0;
+  if (statuses.empty()) {
+    const std::string why = "no huetrackd publishes its status " + what_to_check(participant);
+    if (!ended) say(why);
+    if (format == StatusFormat::json) out.write(no_status_json(why));
+    return 1;
+  }
+  return is_healthy ? 0 : unhealthy_status;
 }
 
 }  // namespace huetrack::client

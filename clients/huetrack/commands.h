@@ -1,4 +1,5 @@
-// The subcommands. Each returns the exit status: 0, or 1 after it has said why on stderr. SIGINT and SIGTERM end them.
+// The subcommands. Each returns the exit status: 0, or 1 after it has said why on stderr; status besides
+// unhealthy_status. SIGINT and SIGTERM end them.
 #pragma once
 
 #include <chrono>
@@ -21,12 +22,16 @@ struct WatchOptions {
   std::optional<std::chrono::duration<double>> timeout;  // end with 1 when no line came for so long
   std::filesystem::path file;                            // empty: stdout
   bool overwrite = false;                                // an existing file
+  std::string udp = {};                                  // HOST:PORT: each sample is a datagram, instead of stdout
 };
 
 void end_on_signals();  // call once, before the others
 bool has_ended();       // a signal came
 
 int watch(const WatchOptions& options);  // `watch`, and `log` with a file
-int status(const idl::ParticipantOptions& options);
+
+enum class StatusFormat : std::uint8_t { text, json };  // json: a line per service, service_health.h
+inline constexpr int unhealthy_status = 3;              // of a service that is there; 1: none is
+int status(const idl::ParticipantOptions& options, StatusFormat format);
 
 }  // namespace huetrack::client

@@ -7,6 +7,7 @@
 
 #include "calib/yaml/text_file.h"
 #include "calib/yaml/unknown_command.h"
+#include "clients/bag/export.h"
 #include "clients/live_view/view.h"
 #include "clients/plot/plot.h"
 #include "commands.h"
@@ -41,14 +42,17 @@ int main(int argc, char** argv) {
 
   CLI::App* watch_command = app.add_subcommand("watch", "print every position (or camera pose), one line each");
   const std::map<std::string, Format> formats{
-      {"text", Format::text}, {"csv", Format::csv}, {"json", Format::json}, {"tum", Format::tum}};
-  std::string format = "text";
+      {"text", Format::text}, {"csv", Format::csv}, {"json", Format::json}, {"tum", Format::tum}, {"osc", Format::osc}};
+  std::string format;
   watch_command
       ->add_option(
           "--format", format,
-          "text, csv, json or tum (timestamp tx ty tz qx qy qz qw; of a camera only while its state is tracking)")
-      ->check(CLI::IsMember({"text", "csv", "json", "tum"}))
-      ->capture_default_str();
+          "text (default), csv, json, tum (timestamp tx ty tz qx qy qz qw; of a camera only while its state is "
+          "tracking) or, with --udp, osc (Open Sound Control)")
+      ->check(CLI::IsMember({"text", "csv", "json", "tum", "osc"}));
+  watch_command->add_option(
+      "--udp", options.udp,
+      "HOST:PORT: send each sample there as a datagram, as json (default) or osc, instead of printing it");
   add_samples(watch_command);
 
   CLI::App* log_command = app.add_subcommand("log", "write every position (or camera pose) to a CSV file");
@@ -56,7 +60,12 @@ int main(int argc, char** argv) {
   log_command->add_flag("--overwrite", options.overwrite, "replace the file if it exists");
   add_samples(log_command);
 
-  CLI::App* status_command = app.add_subcommand("status", "print what the service says about itself");
+  CLI::App* status_command = app.add_subcommand(
+      "status", "print what the service says about itself; exit status 0: well, 3: not well, 1: there is none");
+  std::string status_format = "text";
+  status_command->add_option("--format", status_format, "text or json: one object per service")
+      ->check(CLI::IsMember({"text", "json"}))
+      ->capture_default_str();
   add_bus(status_command);
 
   huetrack::live_view::ViewOptions view;
@@ -69,6 +78,10 @@ int main(int argc, char** argv) {
                    "IPv4 address to listen on, 0.0.0.0: every one of this host. Any but 127.0.0.1 is open to the "
                    "network: then a token is part of the page's address")
       ->capture_default_str();
+  view_command
+      ->add_option("--allow-origin", view.server.allowed_origins,
+                   "http://HOST:PORT of a web page of yours that may read positions here; may be repeated")
+      ->allow_extra_args(false);
   add_bus(view_command);
 
   huetrack::plot::PlotOptions plot;
@@ -80,20 +93,37 @@ int main(int argc, char** argv) {
   plot_command->add_option("--out", plot.out, "FILE.png, FILE.svg or FILE.html (one file that needs no other)")
       ->required();
 
+  huetrack::bag::ExportOptions bag;
+  CLI::App* export_command =
+      app.add_subcommand("export", "turn a track CSV into a rosbag2 or an MCAP file, for ROS 2 and its tools");
+  export_command->add_option("tracks", bag.tracks, "CSV of `huetrackd replay --tracks` or `huetrack log`")->required();
+  export_command->add_option("--out", bag.out, "FILE.mcap, or a new folder for a rosbag2 (sqlite3)")->required();
+  export_command->add_option("--frame", bag.frame_id, "the world's name in the messages")->capture_default_str();
+  export_command->add_option("--clock-offset", bag.clock_offset_s,
+                             "seconds to add to every time: a replay's are its recording's own");
+
   CLI11_PARSE(app, argc, argv);
 
   if (timeout_s > 0) options.timeout = std::chrono::duration<double>(timeout_s);
   try {
-    if (status_command->parsed()) return status(options.participant);
+    if (status_command->parsed())
+      return status(options.participant, status_format == "json" ? StatusFormat::json : StatusFormat::text);
     if (plot_command->parsed()) {
       huetrack::plot::plot(plot);
+      return 0;
+    }
+    if (export_command->parsed()) {
+      huetrack::bag::export_track(bag);
       return 0;
     }
     if (view_command->parsed()) {
       view.participant = options.participant;
       return huetrack::live_view::view(view, has_ended);
     }
-    options.format = log_command->parsed() ? Format::csv : formats.at(format);
+    if (format.empty()) format = log_command->parsed() ? "csv" : options.udp.empty() ? "text" : "json";
+    options.format = formats.at(format);
+    if (options.format == Format::osc && options.udp.empty())
+      throw std::runtime_error("--format osc is for programs, by UDP: say where to with --udp HOST:PORT");
     return watch(options);
   } catch (const std::exception& error) {  // a wrong option or file, a full disk: said once, here
     std::fprintf(stderr, "huetrack: %s\n",

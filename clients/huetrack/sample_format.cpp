@@ -10,6 +10,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "osc.h"
+
 namespace huetrack::client {
 
 namespace {
@@ -43,22 +45,6 @@ std::string csv_line(const msg::ObjectPosition& s) {
 std::string tum_line(const msg::ObjectPosition& s) {
   if (!has_position(s)) return "";
   return fmt::format("{} {} 0 0 0 1\n", unix_seconds(s.captured_at()), fmt::join(s.position(), " "));
-}
-
-std::string json_string(std::string_view text) {
-  std::string out = "\"";
-  for (const char c : text) {
-    if (c == '"' || c == '\\') {
-      out += '\\';
-      out += c;
-    } else if (static_cast<unsigned char>(c) < 0x20) {
-      fmt::format_to(std::back_inserter(out), "\\u{:04x}", static_cast<unsigned>(c));
-    } else {
-      out += c;
-    }
-  }
-  out += '"';
-  return out;
 }
 
 template <typename Float>
@@ -170,6 +156,8 @@ std::string any_line(Format format, const Sample& sample, std::int64_t received_
       return json_line(sample);
     case Format::tum:
       return tum_line(sample);
+    case Format::osc:
+      return osc_bundle(sample);
     case Format::text:
       break;
   }
@@ -177,6 +165,22 @@ std::string any_line(Format format, const Sample& sample, std::int64_t received_
 }
 
 }  // namespace
+
+std::string json_string(std::string_view text) {
+  std::string out = "\"";
+  for (const char c : text) {
+    if (c == '"' || c == '\\') {
+      out += '\\';
+      out += c;
+    } else if (static_cast<unsigned char>(c) < 0x20) {
+      fmt::format_to(std::back_inserter(out), "\\u{:04x}", static_cast<unsigned>(c));
+    } else {
+      out += c;
+    }
+  }
+  out += '"';
+  return out;
+}
 
 std::string camera_header(Format format) {
   if (format != Format::csv) return "";

@@ -20,6 +20,7 @@ enum class Format : std::uint8_t {
   json,  // one object per sample, every field; a number that does not exist is null
   tum,  // timestamp tx ty tz qx qy qz qw, for evo and the like: positions where there is one, poses where the camera is
         // tracking (a coasting one is predicted, and tum cannot say so)
+  osc,  // a bundle of Open Sound Control, see osc.h: bytes, not a line
 };
 
 // What comes before the first sample: the CSV's header line, or nothing.
@@ -41,6 +42,8 @@ std::string line(Format format, const msg::CameraPose& sample, std::int64_t rece
 //   sets    the last of each target that is several objects; those of the status' targets are shown
 std::string text(const msg::ServiceStatus& status, std::int64_t now, const msg::CameraTimes* times = nullptr,
                  std::span<const msg::CameraPose> poses = {}, std::span<const msg::ObjectSet> sets = {});
+
+std::string json_string(std::string_view text);  // in quotation marks, with what JSON wants escaped
 
 std::string_view name(msg::TrackState state);  // "searching", "tracking", "coasting", "lost"; "unknown" if none of them
 std::string_view name(msg::CameraState state);

@@ -1,6 +1,7 @@
 #include "clients/live_view/page_server.h"
 
 #include <arpa/inet.h>
+#include <fcntl.h>
 #include <ifaddrs.h>
 #include <microhttpd.h>
 #include <net/if.h>
@@ -18,6 +19,7 @@
 #include <condition_variable>
 #include <cstring>
 #include <map>
+#include <memory>
 #include <mutex>
 #include <optional>
 #include <set>
@@ -27,6 +29,7 @@
 #include <vector>
 
 #include "clients/live_view/page_files.h"
+#include "clients/live_view/web_sockets.h"
 
 namespace huetrack::live_view {
 namespace {
@@ -170,7 +173,8 @@ struct PageServer::Impl {
       : options(o),
         hub(h),
         on_teach(std::move(t)),
-        silent(std::chrono::seconds(o.request_s), std::size_t(std::max(1, o.most_silent))) {
+        silent(std::chrono::seconds(o.request_s), std::size_t(std::max(1, o.most_silent))),
+        sockets(h, o.timeout_s) {
     if (options.address == "localhost") options.address = "127.0.0.1";
     sockaddr_in address{};
     address.sin_family = AF_INET;
@@ -187,12 +191,12 @@ struct PageServer::Impl {
                                                              files.rlim_cur > 200 ? files.rlim_cur - 100 : 50));
     cookie_name = cookie_name_of(options.port);
     errno = 0;
-    daemon = MHD_start_daemon(MHD_USE_EPOLL_INTERNAL_THREAD | MHD_ALLOW_SUSPEND_RESUME | MHD_USE_TURBO, 0, nullptr,
-                              nullptr, &Impl::answer, this, MHD_OPTION_SOCK_ADDR, &address, MHD_OPTION_CONNECTION_LIMIT,
-                              most, MHD_OPTION_CONNECTION_TIMEOUT, static_cast<unsigned>(options.timeout_s),
-                              MHD_OPTION_CONNECTION_MEMORY_LIMIT, connection_memory, MHD_OPTION_NOTIFY_COMPLETED,
-                              &Impl::completed, this, MHD_OPTION_NOTIFY_CONNECTION, &Impl::note, this,
-                              MHD_OPTION_LISTEN_BACKLOG_SIZE, 1024U, MHD_OPTION_END);
+    daemon = MHD_start_daemon(
+        MHD_USE_EPOLL_INTERNAL_THREAD | MHD_ALLOW_SUSPEND_RESUME | MHD_ALLOW_UPGRADE | MHD_USE_TURBO, 0, nullptr,
+        nullptr, &Impl::answer, this, MHD_OPTION_SOCK_ADDR, &address, MHD_OPTION_CONNECTION_LIMIT, most,
+        MHD_OPTION_CONNECTION_TIMEOUT, static_cast<unsigned>(options.timeout_s), MHD_OPTION_CONNECTION_MEMORY_LIMIT,
+        connection_memory, MHD_OPTION_NOTIFY_COMPLETED, &Impl::completed, this, MHD_OPTION_NOTIFY_CONNECTION,
+        &Impl::note, this, MHD_OPTION_LISTEN_BACKLOG_SIZE, 1024U, MHD_OPTION_END);
     if (daemon == nullptr)
       throw std::runtime_error("cannot listen on " + options.address + ":" + std::to_string(options.port) + ": " +
                                (errno != 0 ? std::strerror(errno) : "the HTTP server does not start") +
@@ -213,6 +217,7 @@ struct PageServer::Impl {
     hub.on_news(nullptr);
     ends = true;
     hub.if_nothing_after(~std::uint64_t{0}, [this] { wake(); });
+    sockets.end();  // the daemon stops when all that it has handed over is closed
     MHD_stop_daemon(daemon);
   }
   Impl(const Impl&) = delete;
@@ -225,6 +230,7 @@ struct PageServer::Impl {
       MHD_resume_connection(stream->connection);
     }
     waiting.clear();
+    sockets.wake();
   }
 
   // ---- All below: the server's thread.
@@ -333,9 +339,66 @@ struct PageServer::Impl {
     ++(only.empty() ? pages : listeners);
     MHD_add_response_header(response, "Content-Type", "text/event-stream");
     add_safety(response);
+    if (const std::string origin(header(connection, "Origin")); !only.empty() && is_allowed_origin(origin)) {
+      MHD_add_response_header(response, "Access-Control-Allow-Origin", origin.c_str());
+      MHD_add_response_header(response, "Vary", "Origin");
+    }
     const MHD_Result result = MHD_queue_response(connection, MHD_HTTP_OK, response);
     MHD_destroy_response(response);
     return result;
+  }
+
+  bool is_allowed_origin(std::string_view origin) const {
+    return std::ranges::find(options.allowed_origins, origin) != options.allowed_origins.end();
+  }
+
+  // What a connection that becomes a WebSocket needs to know. Made in web_socket(), deleted in upgraded().
+  struct Upgrade {
+    Impl* server;
+    EventReader reader;
+    std::uint64_t cursor;
+  };
+  static void upgraded(void* closure, MHD_Connection*, void*, const char* first, std::size_t first_size, MHD_socket fd,
+                       MHD_UpgradeResponseHandle* handle) {
+    const std::unique_ptr<Upgrade> upgrade(static_cast<Upgrade*>(closure));
+    Impl& self = *upgrade->server;
+    ::fcntl(fd, F_SETFL, ::fcntl(fd, F_GETFL) | O_NONBLOCK);
+    self.sockets.add(fd, upgrade->reader, upgrade->cursor, {first, first_size}, [&self, handle] {
+      --self.listeners;
+      MHD_upgrade_action(handle, MHD_UPGRADE_ACTION_CLOSE);
+    });
+  }
+
+  // The same stream as a WebSocket. Browsers ask nobody before they open one (no CORS), so that the origin is looked
+  // at.
+  MHD_Result web_socket(MHD_Connection* connection, const std::string& only) {
+    const std::string key(header(connection, "Sec-WebSocket-Key"));
+    if (!is_of_our_page(connection) && !is_allowed_origin(header(connection, "Origin")))
+      return refuse(connection, MHD_HTTP_FORBIDDEN, "This page may not read here: huetrack view --allow-origin.");
+    if (key.empty() || header(connection, "Sec-WebSocket-Version") != "13")
+      return refuse(connection, MHD_HTTP_BAD_REQUEST, "A WebSocket of version 13 is wanted.");
+    if (pages + listeners >= options.most_pages)
+      return refuse(connection, MHD_HTTP_SERVICE_UNAVAILABLE, "Too many pages are open.");
+    auto upgrade = std::make_unique<Upgrade>(Upgrade{this, {.page = "", .only = only}, hub.last()});
+    MHD_Response* response = MHD_create_response_for_upgrade(&Impl::upgraded, upgrade.get());
+    if (response == nullptr) return MHD_NO;
+    MHD_add_response_header(response, "Upgrade", "websocket");
+    MHD_add_response_header(response, "Sec-WebSocket-Accept", web_socket_accept(key).c_str());
+    const MHD_Result result = MHD_queue_response(connection, MHD_HTTP_SWITCHING_PROTOCOLS, response);
+    if (result == MHD_YES) {
+      upgrade.release();
+      ++listeners;
+    }
+    MHD_destroy_response(response);
+    return result;
+  }
+
+  MHD_Result stream_or_socket(MHD_Connection* connection, const std::string& only) {
+    const std::string_view upgrade = header(connection, "Upgrade");
+    constexpr std::string_view wanted = "websocket";
+    const bool is_socket =
+        upgrade.size() == wanted.size() && ::strncasecmp(upgrade.data(), wanted.data(), wanted.size()) == 0;
+    return is_socket ? web_socket(connection, only) : stream(connection, only);
   }
 
   MHD_Result get(MHD_Connection* connection, std::string_view path) {
@@ -343,8 +406,8 @@ struct PageServer::Impl {
       return refuse(connection, MHD_HTTP_FORBIDDEN,
                     "A token is needed: open the address that `huetrack view` printed.");
     if (path == "/api/events") return stream(connection);
-    if (path == "/api/v1/positions") return stream(connection, "position");
-    if (path == "/api/v1/camera_poses") return stream(connection, "camera_pose");
+    if (path == "/api/v1/positions") return stream_or_socket(connection, "position");
+    if (path == "/api/v1/camera_poses") return stream_or_socket(connection, "camera_pose");
     // The token moves from the address into a cookie, so that it stays out of histories and links.
     if (path == "/" && !options.token.empty() &&
         MHD_lookup_connection_value(connection, MHD_GET_ARGUMENT_KIND, "token") != nullptr)
@@ -428,6 +491,7 @@ struct PageServer::Impl {
   std::atomic<int> pages = 0;
   std::atomic<int> listeners = 0;  // programs that read positions or poses
   std::set<Stream*> waiting;       // guarded by the hub's lock
+  WebSockets sockets;
   MHD_Daemon* daemon = nullptr;
   int port = 0;
   std::string cookie_name;

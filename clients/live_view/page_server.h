@@ -17,8 +17,10 @@ struct PageServerOptions {
   std::string address = "127.0.0.1";  // IPv4 of this host, or localhost; 0.0.0.0: every one
   int port = 8765;                    // 0..65535; 0: any free one
   std::string token;                  // must be given by every request; empty: none is needed. Only sane on loopback
-  int most_connections = 4000;        // as far as the limit of open files allows
-  int timeout_s = 10;                 // a connection on which nothing moves for so long is closed
+  // Origins ("http://localhost:8000") whose pages may read the streams of /api/v1; and nothing else, but our own page.
+  std::vector<std::string> allowed_origins;
+  int most_connections = 4000;  // as far as the limit of open files allows
+  int timeout_s = 10;           // a connection on which nothing moves for so long is closed
   // From its begin, or its last answer, to its next: a connection that has not asked by then is closed, however it
   // trickles. A page's stream has asked.
   int request_s = 15;

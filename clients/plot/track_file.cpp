@@ -25,7 +25,11 @@ double bounded(const yaml::CsvTable& table, std::size_t column, double most) {
 std::map<std::string, std::vector<TrackRow>> read_tracks(const std::filesystem::path& file) {
   // The second names are those of a camera's log, whose covariance has rows for the orientation, too.
   static constexpr std::string_view columns[] = {
-      "target|camera", "t", "state", "x", "y", "z", "cxx|c11", "cxy|c12", "cxz|c13", "cyy|c22", "cyz|c23", "czz|c33"};
+      "target|camera", "t",       "state", "x",    "y",    "z",    "cxx|c11", "cxy|c12", "cxz|c13", "cyy|c22",
+      "cyz|c23",       "czz|c33", "qx?",   "qy?",  "qz?",  "qw?",  "c11?",    "c12?",    "c13?",    "c14?",
+      "c15?",          "c16?",    "c22?",  "c23?", "c24?", "c25?", "c26?",    "c33?",    "c34?",    "c35?",
+      "c36?",          "c44?",    "c45?",  "c46?", "c55?", "c56?", "c66?"};
+  constexpr std::size_t orientation = 12, pose_covariance = 16;  // where those of a camera begin
   static constexpr std::string_view states[] = {"tracking", "coasting", "searching", "lost"};
   yaml::CsvTable table(file, columns);
   table.refuse_ragged_rows();
@@ -43,6 +47,11 @@ std::map<std::string, std::vector<TrackRow>> read_tracks(const std::filesystem::
     for (int i = 0; i < 3; ++i)
       for (int j = i; j < 3; ++j)
         row.covariance(i, j) = row.covariance(j, i) = bounded(table, column++, largest_variance_m2);
+    row.is_camera = table.name(0) == "camera";
+    for (std::size_t i = 0; i < 4 && row.is_camera && table.has(orientation + i); ++i)
+      row.orientation[Eigen::Index(i)] = bounded(table, orientation + i, 2);
+    for (std::size_t i = 0; i < row.pose_covariance.size() && row.is_camera && table.has(pose_covariance + i); ++i)
+      row.pose_covariance[i] = bounded(table, pose_covariance + i, largest_variance_m2);
     tracks[std::string(table.text(0))].push_back(std::move(row));
   }
   if (tracks.empty()) throw yaml::ConfigError(file, 0, "holds no row");

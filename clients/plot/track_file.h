@@ -3,7 +3,9 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <filesystem>
+#include <limits>
 #include <map>
 #include <string>
 #include <vector>
@@ -17,6 +19,11 @@ struct TrackRow {
   Eigen::Vector3d position;    // metres; NaN: there is none
   Eigen::Matrix3d covariance;  // of the position, m^2; NaN: there is none
   std::string state;           // searching, tracking, coasting, lost
+  // Of a camera's log, else NaN: its orientation, x y z w, and the upper triangle of the covariance of position (m) and
+  // rotation (rad), row by row.
+  Eigen::Vector4d orientation = Eigen::Vector4d::Constant(std::numeric_limits<double>::quiet_NaN());
+  std::array<double, 21> pose_covariance{};
+  bool is_camera = false;
   bool has_position() const { return position[0] == position[0]; }
 };
 

@@ -63,3 +63,5 @@ echo "== pictures"
 echo "  every view with the particles and the estimate: $(find "$out/pictures" -name 'set_*.png' | wc -l) files $out/pictures/set_*.png"
 echo "  the track in 3-D against the truth:             $out/pictures/track_3d.png"
 [ "$printed" -gt 0 ] || { echo "No sample arrived: see $out/replay.log" >&2; exit 1; }
+echo
+echo "== next: bash configs/install.sh builds all three programs (huetrack-calibrate and the live page, too) and installs them"

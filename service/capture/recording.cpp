@@ -8,6 +8,7 @@
 #include <string_view>
 
 #include "calib/yaml/csv_table.h"
+#include "calib/yaml/text_file.h"
 #include "calib/yaml/yaml_reader.h"
 
 namespace huetrack::capture {
@@ -113,7 +114,8 @@ void refuse_videos(const std::filesystem::path& file) {
     return;
   throw yaml::ConfigError(file, 0,
                           "is a video or a picture, not a recording: that is a recording.yaml, which names the frames "
-                          "of every camera: version: 1, cameras: {left: {frames: a.mp4, fps: 30}, right: ...}");
+                          "of every camera: version: 1, cameras: {left: {frames: a.mp4, fps: 30}, right: ...}; in a "
+                          "command, left=a.mp4 right=b.mp4 says the same");
 }
 
 }  // namespace
@@ -162,6 +164,30 @@ Recording read_recording(const std::filesystem::path& path) {
                           [](const RecordedCamera& c) { return c.is_listed && c.timestamps.empty(); }))
     yaml.fail("cameras", "have no frames: the time-stamp file of none of them lists any");
   yaml.finish();
+  return recording;
+}
+
+Recording read_recording(std::span<const std::string> words) {
+  std::error_code none;
+  if (words.size() == 1 && (words[0].find('=') == std::string::npos || std::filesystem::exists(words[0], none)))
+    return read_recording(std::filesystem::path(words[0]));
+  std::string all;
+  for (const std::string& word : words) all += (all.empty() ? "" : " ") + word;
+  Recording recording{.file = all, .cameras = {}, .warnings = {}, .started_at = {}};
+  for (const std::string& word : words) {
+    const auto equals = word.find('=');
+    if (equals == std::string::npos || equals == 0 || equals + 1 == word.size())
+      throw yaml::ConfigError(recording.file, 0,
+                              "\"" + yaml::printable(word) +
+                                  "\" is no CAMERA=FILE: a recording is a recording.yaml, or the folder that holds it, "
+                                  "or one CAMERA=FILE per camera: left=a.mp4 right=b.mp4");
+    RecordedCamera camera;
+    camera.name = word.substr(0, equals);
+    camera.frames = std::filesystem::absolute(word.substr(equals + 1)).lexically_normal();
+    if (std::ranges::find(recording.cameras, camera.name, &RecordedCamera::name) != recording.cameras.end())
+      throw yaml::ConfigError(recording.file, 0, "names camera " + camera.name + " twice");
+    recording.cameras.push_back(std::move(camera));
+  }
   return recording;
 }
 

@@ -12,6 +12,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <optional>
+#include <span>
 #include <string>
 #include <utility>
 #include <vector>
@@ -45,7 +46,7 @@ struct RecordedCamera {
 };
 
 struct Recording {
-  std::filesystem::path file;           // recording.yaml
+  std::filesystem::path file;           // recording.yaml; of videos the words that name them, which are no file
   std::vector<RecordedCamera> cameras;  // in the order of the file
   std::vector<std::string> warnings;    // one line each: what was cut off
   std::optional<Timestamp> started_at;  // UNIX time of the recording clock's zero, when known (key started_at, seconds)
@@ -53,5 +54,9 @@ struct Recording {
 
 // path: the yaml file, or the folder that holds recording.yaml. throws ConfigError
 Recording read_recording(const std::filesystem::path& path);
+
+// As people say it in a command: one word that is such a path; or, where nobody has written a recording.yaml, one
+// CAMERA=FILE per camera, whose times are those of the videos. throws ConfigError
+Recording read_recording(std::span<const std::string> words);
 
 }  // namespace huetrack::capture

@@ -73,9 +73,9 @@ class Stream {
     }
     if (info_.width == 0) {
       if (has_no_stamps_)
-        throw yaml::ConfigError(
-            recording_file, 0,
-            "cameras." + camera_.name + ": " + camera_.frames.string() + " has no time stamps: give fps or timestamps");
+        throw yaml::ConfigError(recording_file, 0,
+                                "cameras." + camera_.name + ": " + camera_.frames.string() +
+                                    " has no time stamps: give fps or timestamps in a recording.yaml");
       if (is_cut_off) {
         forget();
         return;
@@ -298,9 +298,10 @@ class Stream {
   bool ended_ = false;
 };
 
-// A mistake in a time stamp's unit, or in offset_s, and no set ever has two views.
+// A mistake in a time stamp's unit, or in offset_s, and few sets, or none, ever have two views.
 void warn_of_times_apart(const Recording& recording, const std::vector<std::unique_ptr<Stream>>& streams,
                          std::vector<std::string>& warnings) {
+  constexpr double least_in_common = 0.5;  // of a camera's own length: cameras are started and stopped by one hand
   struct Span {
     std::string name;
     Timestamp from, to;
@@ -309,13 +310,19 @@ void warn_of_times_apart(const Recording& recording, const std::vector<std::uniq
   for (const auto& stream : streams)
     if (const auto from = stream->info().first_at, to = stream->expected_end(); from && to)
       spans.push_back({stream->info().name, *from, *to});
+  if (spans.size() < 2) return;
   for (const Span& a : spans) {
-    const auto meets = [&](const Span& b) { return &a != &b && a.from <= b.to && b.from <= a.to; };
-    if (spans.size() > 1 && std::ranges::none_of(spans, meets))
-      warnings.push_back(fmt::format(
-          "{}: camera {} has frames from {:.3f} to {:.3f} s, and no other camera has any then: are its times right "
-          "(fps, offset_s, timestamps)?",
-          recording.file.string(), a.name, seconds(a.from.time_since_epoch()), seconds(a.to.time_since_epoch())));
+    Duration most = Duration::min();  // that one other camera has with it
+    for (const Span& b : spans)
+      if (&a != &b) most = std::max(most, std::min(a.to, b.to) - std::max(a.from, b.from));
+    const Duration length = a.to - a.from;
+    if (most >= Duration::zero() && most >= duration_of(least_in_common * seconds(length))) continue;
+    warnings.push_back(fmt::format(
+        "{}: camera {} has frames from {:.3f} to {:.3f} s, and {}: are its times right (fps, offset_s, timestamps)?",
+        recording.file.string(), a.name, seconds(a.from.time_since_epoch()), seconds(a.to.time_since_epoch()),
+        most < Duration::zero() ? "no other camera has any then"
+                                : fmt::format("no other camera has any in more than {:.0f} % of that time",
+                                              100 * seconds(most) / seconds(length))));
   }
 }
 

@@ -50,12 +50,18 @@ Lesson learn(const ColorTeacher& teacher, const TeachRequestOptions& request,
     std::vector<std::size_t> accepted;
     const auto first = static_cast<std::size_t>(std::ranges::find_if(lesson.taught.views, &TaughtView::pointed) -
                                                 lesson.taught.views.begin());
-    for (std::size_t c = 0; c < lesson.taught.views.size(); ++c) {
-      const TaughtView& view = lesson.taught.views[c];
-      if (!view.pointed && view.region && view.problem.empty())
-        confirmed.points.push_back({int(c), view.region->centre}), accepted.push_back(c);
+    // What is taken helps to find the object in further views: those are suggested then, and taken, too.
+    for (std::size_t before = 0;;) {
+      for (std::size_t c = 0; c < lesson.taught.views.size(); ++c) {
+        const TaughtView& view = lesson.taught.views[c];
+        const bool is_taken = std::ranges::find(accepted, c) != accepted.end();
+        if (!view.pointed && !is_taken && view.region && view.problem.empty())
+          confirmed.points.push_back({int(c), view.region->centre}), accepted.push_back(c);
+      }
+      if (accepted.size() == before) break;
+      before = accepted.size();
+      lesson.taught = teacher.teach(confirmed, volume);
     }
-    lesson.taught = teacher.teach(confirmed, volume);
     lesson.why_useless = why_not_accepted(lesson.taught, teacher.rig(), first, accepted);
   }
   const Taught& taught = lesson.taught;

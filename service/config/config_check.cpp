@@ -8,6 +8,7 @@
 #include <chrono>
 #include <cmath>
 #include <iterator>
+#include <limits>
 
 namespace huetrack::config {
 namespace {
@@ -186,6 +187,28 @@ std::string rig_warning(const calib::CameraRig& rig) {
   return {};
 }
 
+// What no camera could see for its smallness: of a rig in millimetres, whose cameras stand kilometres away. Empty:
+// nothing.
+std::string size_warning(const ServiceConfig& config) {
+  constexpr double least_seen_px = 0.25;  // radius: a smaller ball colours no pixel
+  const Eigen::Vector3d middle = (config.object_tracking.volume.min + config.object_tracking.volume.max) / 2;
+  double nearest_m = std::numeric_limits<double>::infinity(), px_per_rad = 0;
+  for (const auto& camera : config.rig.cameras) {
+    nearest_m = std::min(nearest_m, (camera.cam_from_world * middle).norm());
+    px_per_rad = std::max(px_per_rad, double(camera.image_size.width));  // the view is about one radian wide
+  }
+  for (const auto& target : config.targets) {
+    const double px = px_per_rad * target.radius_m / nearest_m;
+    if (px < least_seen_px)
+      return fmt::format(
+          "target {}: a ball of radius {:g} m would be {:.2g} pixels large in the middle of the volume, {:.0f} m from "
+          "the "
+          "nearest camera: is the rig, or the volume, in millimetres? Metres are the unit",
+          target.name, target.radius_m, 2 * px, nearest_m);
+  }
+  return {};
+}
+
 }  // namespace
 
 std::vector<std::string> warnings_of(const ServiceConfig& config) {
@@ -205,15 +228,17 @@ std::vector<std::string> warnings_of(const ServiceConfig& config) {
     if (coverage.per_camera[c] == 0)
       warnings.push_back("camera " + config.rig.cameras[c].name + " sees nothing of the volume");
   }
+  constexpr double hall_m = 200;  // longer than any that cameras are put up in
+  const object_tracking::Box& volume = config.object_tracking.volume;
+  const double longest_m = (volume.max - volume.min).maxCoeff();
   if (coverage.by_two < 0.5) {
-    constexpr double hall_m = 200;  // longer than any that cameras are put up in
-    const object_tracking::Box& volume = config.object_tracking.volume;
-    const double longest_m = (volume.max - volume.min).maxCoeff();
     warnings.push_back(fmt::format(
         "only {} % of the volume is seen by two or more cameras: a target's depth is not fixed in the rest{}",
         std::lround(100 * coverage.by_two),
         longest_m > hall_m ? fmt::format("; it is {:g} m long, and metres are the unit", longest_m) : ""));
   }
+  if (std::string warning = size_warning(config); longest_m <= hall_m && !warning.empty())
+    warnings.push_back(std::move(warning));
   for (const auto& target : config.targets) {
     const object_tracking::HsiRange& c = target.color;
     // No paint is so many colours; a range that was written the wrong way round is.

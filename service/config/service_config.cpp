@@ -341,6 +341,19 @@ class Reader {
     value = calib::ImageSize{static_cast<int>(sides[0]), static_cast<int>(sides[1])};
   }
   void controls(std::string_view key, std::vector<capture::ControlSetting>& settings, std::string_view) {
+    // As people say it; what a camera calls it stands in `huetrackd doctor`.
+    static constexpr std::pair<std::string_view, std::string_view> misplaced[] = {
+        {"exposure", "exposure_time_absolute"},
+        {"exposure_time_absolute", "exposure_time_absolute"},
+        {"gain", "gain"},
+        {"white_balance", "white_balance_temperature"},
+        {"brightness", "brightness"},
+        {"focus", "focus_absolute"}};
+    for (const auto& [said, control] : misplaced)
+      if (yaml_.has(said))
+        yaml_.fail(said, fmt::format("is a control of the camera's: write controls: {{{}: ...}} (`huetrackd doctor` "
+                                     "lists those that it has)",
+                                     control));
     const auto map = yaml_.optional_map(key);
     if (!map) return;
     for (const auto& name : map->keys()) settings.push_back(capture::control_setting(name, map->string(name)));

@@ -20,11 +20,11 @@ namespace {
 using namespace std::chrono_literals;
 using Clock = std::chrono::steady_clock;
 
-constexpr auto supervision_period = 100ms;
-constexpr auto told_every = 1s;
-constexpr capture::Duration least_patience = 3s;  // several heartbeats of a camera
+constexpr auto look_period = 100ms;
+constexpr auto status_every = 1s;
+constexpr capture::Duration camera_patience = 3s;  // several heartbeats of a camera
 
-std::string word_of(const std::string& name, const capture::CameraHealth& health, const hosts::SentFigures& sent) {
+std::string said_of(const std::string& name, const capture::CameraHealth& health, const hosts::SentFigures& sent) {
   return health.state == capture::CaptureState::delivering ? fmt::format("{} {} frames sent", name, sent.frames)
                                                            : fmt::format("{} {}", name, capture::name(health.state));
 }
@@ -71,12 +71,12 @@ void capture_cameras(const config::CaptureConfig& config, std::vector<capture::L
       spdlog::log(event.is_problem ? spdlog::level::warn : spdlog::level::info, "camera {}: {}", camera, event.message);
     const auto now = Clock::now();
     if (now >= next_status) {
-      next_status = now + told_every;
+      next_status = now + status_every;
       const auto healths = cameras_here.healths();
       const auto sent = cameras_here.sent();
       std::vector<std::string> words;
       for (std::size_t c = 0; c < names.size(); ++c) {
-        words.push_back(word_of(names[c], healths[c], sent[c]));
+        words.push_back(said_of(names[c], healths[c], sent[c]));
         if (sent[c].refused > before[c].refused)
           spdlog::warn("camera {}: the network took {} frames fewer than the camera gave", names[c],
                        sent[c].refused - before[c].refused);
@@ -85,11 +85,11 @@ void capture_cameras(const config::CaptureConfig& config, std::vector<capture::L
       if (!std::exchange(is_ready, true)) notify_service_manager("READY=1");
       notify_service_manager(fmt::format("STATUS={}", fmt::join(words, ", ")));
       const capture::Duration patience =
-          watchdog ? std::max<capture::Duration>(least_patience, *watchdog / 2) : capture::Duration(least_patience);
+          watchdog ? std::max<capture::Duration>(camera_patience, *watchdog / 2) : capture::Duration(camera_patience);
       if (watchdog && std::ranges::all_of(healths, [&](const auto& h) { return now - h.last_progress <= patience; }))
         notify_service_manager("WATCHDOG=1");
     }
-    std::this_thread::sleep_for(supervision_period);
+    std::this_thread::sleep_for(look_period);
   }
   notify_service_manager("STOPPING=1\nSTATUS=Stopping");
   running.join();

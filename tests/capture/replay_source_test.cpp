@@ -16,6 +16,7 @@ namespace {
 
 using namespace std::chrono_literals;
 using testing::AllOf;
+using testing::Contains;
 using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::IsEmpty;
@@ -91,6 +92,23 @@ TEST_F(Replay, EverySecondFrameKeepsItsOwnTime) {
     EXPECT_EQ(source.cameras()[0].missing, 0);
     EXPECT_EQ(source.cameras()[0].frame_period, 300ms);
   }
+}
+
+TEST_F(Replay, CamerasThatHardlyMeetAreWarnedOf) {
+  write_clip(folder / "a.mkv", {.frames = 10});
+  write_clip(folder / "b.mkv", {.frames = 10});
+  const auto warnings = [&](const std::string& offset_s) {
+    write_text(folder / "recording.yaml",
+               "version: 1\ncameras:\n  a: {frames: a.mkv, fps: 10}\n  b: {frames: b.mkv, fps: 10, offset_s: " +
+                   offset_s + "}\n");
+    const std::vector<std::string> names{"a", "b"};
+    return ReplaySource(read_recording(folder.path()), names).take_warnings();
+  };
+  EXPECT_THAT(warnings("0.3"), IsEmpty());
+  EXPECT_THAT(warnings("0.72"),
+              ElementsAre(AllOf(HasSubstr("camera a has frames from 0.000 to 0.900 s"), HasSubstr("more than 20 %")),
+                          HasSubstr("camera b")));
+  EXPECT_THAT(warnings("7"), Contains(HasSubstr("no other camera has any then")));
 }
 
 TEST_F(Replay, TimeStampsAreTakenAsListedAndSkippedFramesAreMissing) {

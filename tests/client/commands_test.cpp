@@ -1,10 +1,15 @@
 // The program itself, as a user runs it, against a publisher in another process.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <netinet/in.h>
+#include <sys/socket.h>
 
 #include <algorithm>
+#include <nlohmann/json.hpp>
+#include <set>
 #include <sstream>
 
+#include "client/osc_reader.h"
 #include "publish/child_process.h"
 #include "publish/known_samples.h"
 
@@ -86,6 +91,95 @@ TEST(Watch, JsonAndText) {
   EXPECT_THAT(text.out(),
               AllOf(HasSubstr("tracking   x   1.1250  y  -1.5000  z   2.1000 m   sigma    1.0    2.0    3.0 mm"),
                     HasSubstr("searching  x        -")));
+}
+
+// A program that listens for datagrams on a port of its own.
+class Listener {
+ public:
+  Listener() : fd_(::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0)) {
+    sockaddr_in address{};
+    address.sin_family = AF_INET;
+    address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    ::bind(fd_, reinterpret_cast<sockaddr*>(&address), sizeof address);
+    socklen_t size = sizeof address;
+    ::getsockname(fd_, reinterpret_cast<sockaddr*>(&address), &size);
+    port_ = ntohs(address.sin_port);
+    const timeval patience{10, 0};
+    ::setsockopt(fd_, SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof patience);
+  }
+  ~Listener() { ::close(fd_); }
+  Listener(const Listener&) = delete;
+  std::string address() const { return "127.0.0.1:" + std::to_string(port_); }
+  std::string receive() const {
+    std::string text(65536, '\0');
+    const auto size = ::recv(fd_, text.data(), text.size(), 0);
+    text.resize(size > 0 ? std::size_t(size) : 0);
+    return text;
+  }
+
+ private:
+  int fd_;
+  int port_ = 0;
+};
+
+TEST(Watch, JsonByUdp) {
+  const Listener listener;
+  ChildProcess publisher(test_publisher());
+  ChildProcess client(huetrack({"watch", "--udp", listener.address(), "--count", "8"}));
+  std::set<std::string> states;
+  for (int i = 0; i < 8; ++i) {
+    const auto json = nlohmann::json::parse(listener.receive());
+    EXPECT_EQ(json.at("target"), "ball");
+    states.insert(json.at("state").get<std::string>());
+  }
+  EXPECT_EQ(states.size(), 4U);
+  EXPECT_EQ(client.exit_status(10s), 0) << client.err();
+  EXPECT_EQ(client.out(), "");
+  EXPECT_THAT(client.err(), HasSubstr("8 samples sent to " + listener.address()));
+}
+
+TEST(Watch, OscByUdp) {
+  const Listener listener;
+  ChildProcess publisher(test_publisher());
+  ChildProcess client(huetrack({"watch", "--udp", listener.address(), "--format", "osc", "--count", "8"}));
+  int with_position = 0;
+  for (int i = 0; i < 8; ++i) {
+    const OscBundle bundle = read_osc(listener.receive());
+    ASSERT_FALSE(bundle.messages.empty());
+    EXPECT_EQ(bundle.messages[0].address, "/huetrack/ball/state");
+    if (bundle.messages.size() < 2) continue;
+    ++with_position;
+    EXPECT_EQ(bundle.messages[1].values.at(1), -1.5F);
+  }
+  EXPECT_EQ(with_position, 4);  // tracking and coasting, of four states
+}
+
+TEST(Watch, NobodyListensByUdpIsSaidOnceAndSendingGoesOn) {
+  std::string address;
+  {
+    const Listener listener;
+    address = listener.address();
+  }
+  ChildProcess publisher(test_publisher());
+  ChildProcess client(huetrack({"watch", "--udp", address, "--format", "osc", "--count", "20"}));
+  EXPECT_EQ(client.exit_status(10s), 0) << client.err();
+  const std::string told = client.err();
+  const auto first = told.find("nobody listens at " + address);
+  ASSERT_NE(first, std::string::npos) << told;
+  EXPECT_EQ(told.find("nobody listens", first + 1), std::string::npos) << told;
+}
+
+TEST(Watch, WrongUdpAddressesAreOneSentence) {
+  for (const auto& [arguments, message] : std::vector<std::pair<std::vector<std::string>, std::string>>{
+           {{"watch", "--udp", "9000"}, "--udp wants HOST:PORT, for example 127.0.0.1:9000, not \"9000\""},
+           {{"watch", "--udp", "localhost:99999"}, "--udp wants HOST:PORT"},
+           {{"watch", "--udp", "no.such.host.invalid:9000"}, "--udp no.such.host.invalid:9000: "},
+           {{"watch", "--format", "osc"}, "--format osc is for programs, by UDP: say where to with --udp HOST:PORT"}}) {
+    ChildProcess client(huetrack(arguments));
+    EXPECT_EQ(client.exit_status(10s), 1);
+    EXPECT_THAT(client.err(), HasSubstr(message));
+    EXPECT_EQ(lines_of(client.err()).size(), 1U) << client.err();
+  }
 }
 
 TEST(Watch, SaysWithinTwoSecondsThatNobodyPublishesAndWhenSomebodyComes) {
@@ -203,10 +297,27 @@ TEST(Log, WritesTheCsvAndDoesNotOverwriteUnasked) {
 TEST(Status, PrintsTheLatest) {
   ChildProcess publisher(test_publisher());
   ChildProcess client(huetrack({"status"}));
-  ASSERT_EQ(client.exit_status(5s), 0) << client.err();
+  ASSERT_EQ(client.exit_status(5s), 3) << "a camera is unplugged: " << client.err();
   EXPECT_THAT(client.out(), AllOf(HasSubstr("process " + std::to_string(publisher.pid())), HasSubstr("c0ffee"),
                                   ContainsRegex("left +delivering"), HasSubstr("unplugged: plug it in"),
                                   HasSubstr("the light is low")));
+}
+
+TEST(Status, AsJson) {
+  ChildProcess publisher(test_publisher());
+  ChildProcess client(huetrack({"status", "--format", "json"}));
+  ASSERT_EQ(client.exit_status(5s), 3) << client.err();
+  const auto json = nlohmann::json::parse(client.out());
+  EXPECT_EQ(json.at("healthy"), false);
+  EXPECT_EQ(json.at("status").at("pid"), publisher.pid());
+  EXPECT_THAT(json.at("problems").dump(), AllOf(HasSubstr("unplugged: plug it in"), HasSubstr("the light is low")));
+  EXPECT_TRUE(json.at("times").is_object());
+}
+
+TEST(Status, AsJsonOfNobody) {
+  ChildProcess client(huetrack({"status", "--format", "json"}));
+  EXPECT_EQ(client.exit_status(5s), 1);
+  EXPECT_EQ(nlohmann::json::parse(client.out()).at("healthy"), false);
 }
 
 TEST(Status, SaysWithinTwoSecondsThatNobodyPublishes) {
@@ -215,6 +326,24 @@ TEST(Status, SaysWithinTwoSecondsThatNobodyPublishes) {
   EXPECT_EQ(client.exit_status(5s), 1);
   EXPECT_LT(Clock::now() - start, 2s);
   EXPECT_THAT(client.err(), HasSubstr("no huetrackd publishes its status on domain " + domain));
+}
+
+// configs/service/completion.bash, as bash calls it.
+TEST(Completion, OffersWhatTheHelpSays) {
+  const auto offered = [](const std::string& words) {
+    ChildProcess bash({"/bin/bash", "-c",
+                       "source '" HUETRACK_SOURCE_DIR "/configs/service/completion.bash'; COMP_WORDS=('" HUETRACK_CLIENT
+                       "' " +
+                           words + "); COMP_CWORD=$((${#COMP_WORDS[@]}-1)); _huetrack_complete; echo ${COMPREPLY[*]}"});
+    EXPECT_EQ(bash.exit_status(10s), 0) << bash.err();
+    return bash.out();
+  };
+  EXPECT_EQ(offered("w"), "watch\n");
+  EXPECT_THAT(offered("''"), AllOf(HasSubstr("watch"), HasSubstr("status"), HasSubstr("export")));
+  EXPECT_EQ(offered("watch --ud"), "--udp\n");
+  EXPECT_EQ(offered("watch --format ''"), "text csv json tum osc\n");
+  EXPECT_EQ(offered("watch --format js"), "json\n");
+  EXPECT_EQ(offered("plot tr"), "\n") << "files are bash's";
 }
 
 }  // namespace

@@ -358,6 +358,9 @@ INSTANTIATE_TEST_SUITE_P(
                 "115 on to 65 are 310 (were [65, 115] meant?)"},
         Mistake{"SizeAsTheDriverPrintsIt", ball + "cameras:\n  cam0: {device: 0, size: 320x240}\n",
                 "c.yaml:5: cameras.cam0.size: must be two numbers, as [640, 480], or the word rig, got \"320x240\""},
+        Mistake{"ExposureBesideTheControls", ball + "cameras:\n  cam0: {device: 0, exposure: 100}\n",
+                "c.yaml:5: cameras.cam0.exposure: is a control of the camera's: write controls: "
+                "{exposure_time_absolute: ...} (`huetrackd doctor` lists those that it has)"},
         Mistake{
             "FormatInCapitals", ball + "cameras:\n  cam0: {device: 0, format: MJPG}\n",
             "c.yaml:5: cameras.cam0.format must be one of auto, yuyv, nv12, mjpeg, grey, got \"MJPG\" (did you mean "
@@ -430,6 +433,10 @@ TEST_F(ServiceConfigFile, WarnsOfWhatIsProbablyNotMeant) {
   EXPECT_THAT(
       warnings_of(load(ball + "object_tracking: {volume: {min: [-1000, -1000, 0], max: [1000, 1000, 2000]}}\n")),
       ElementsAre(HasSubstr("it is 2000 m long, and metres are the unit")));
+  ServiceConfig in_millimetres = load(ball);
+  ASSERT_THAT(warnings_of(in_millimetres), IsEmpty());
+  for (auto& camera : in_millimetres.rig.cameras) camera.cam_from_world.translation *= 1000;
+  EXPECT_THAT(warnings_of(in_millimetres), testing::Contains(HasSubstr("in millimetres? Metres are the unit")));
 }
 
 TEST(VolumeCoverage, IsWholeWhereTheWholeVolumeIsSeen) {

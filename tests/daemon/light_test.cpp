@@ -165,7 +165,7 @@ class WanderingReplay : public testing::Test {
                                       << adapt << "}}}\n";
     ReplayCommand command;
     command.config = folder_ / "c.yaml";
-    command.recording = folder_;
+    command.recording = {folder_};
     command.no_dds = true;
     command.progress = false;
     return replay(command, {});

@@ -73,7 +73,7 @@ class LiveCameraTracking : public Test {
   }
   ReplaySummary replay_of(const fs::path& config, const fs::path& recording, const fs::path& poses) const {
     ReplayCommand command;
-    command.config = config, command.recording = recording, command.poses = poses;
+    command.config = config, command.recording = {recording}, command.poses = poses;
     command.no_dds = true, command.progress = false;
     return replay(command, {});
   }

@@ -54,7 +54,7 @@ class Live : public testing::Test {
   std::string replayed(const fs::path& recording) const {
     ReplayCommand command;
     command.config = recording / "huetrackd.yaml";
-    command.recording = recording;
+    command.recording = {recording};
     command.no_dds = true;
     command.progress = false;
     command.tracks = folder_ / "replayed.csv";
@@ -234,7 +234,7 @@ TEST_F(Live, ARecordingWithASilentCameraIsAsLongAsItsFrames) {
   run_live(config_, std::move(one), options_, requests_, {});
   ReplayCommand command;
   command.config = folder_ / "out/huetrackd.yaml";
-  command.recording = folder_ / "out";
+  command.recording = {folder_ / "out"};
   command.no_dds = true;
   command.progress = false;
   const ReplaySummary summary = replay(command, {});

@@ -92,6 +92,25 @@ TEST_F(EndToEnd, TheSameRecordingGivesTheSameBytes) {
   EXPECT_TRUE(fs::exists(folder_ / "pictures/track_3d.png"));
 }
 
+TEST_F(EndToEnd, VideosWithoutARecordingFileGiveTheSameTrack) {
+  const fs::path csv = folder_ / "videos.csv";
+  const Result result = run({HUETRACKD, "replay", config, "cam1=" + recording + "/cam1.mkv",
+                             "cam0=" + recording + "/cam0.mkv", "--no-dds", "--tracks", csv});
+  ASSERT_EQ(result.status, 0) << result.err;
+  const auto of_videos = tracks::read_track_csv(csv).at("lime");
+  const auto of_recording = tracks::read_track_csv(write(tracks({}), "recording.csv")).at("lime");
+  ASSERT_EQ(of_videos.size(), of_recording.size());
+  for (std::size_t i = 0; i < of_videos.size(); ++i) {
+    EXPECT_EQ(of_videos[i].state, of_recording[i].state) << i;
+    if (!of_recording[i].has_position() || !of_videos[i].has_position()) continue;
+    // Matroska's times are rounded to a millisecond.
+    EXPECT_LT((of_videos[i].position - of_recording[i].position).norm(), 5e-3) << i;
+  }
+  const Result one = run({HUETRACKD, "replay", config, "cam0=" + recording + "/cam0.mkv", "--no-dds"});
+  EXPECT_EQ(one.status, 1);
+  EXPECT_THAT(one.err, HasSubstr("cam0.mkv: has no camera cam1 (did you mean cam0?): it has cam0, and the rig has"));
+}
+
 TEST_F(EndToEnd, TheNumberOfThreadsChangesNothing) {
   const std::string three_targets = write("version: 1\nrig: " + recording +
                                               "/rig.yaml\ntargets:\n"

@@ -119,5 +119,18 @@ TEST_F(Teach, MistakesAreOneReadableLine) {
   EXPECT_EQ(config::load_service_config(config).targets[0].color.hue_min_deg, 200);
 }
 
+// What is taken in one view suggests the object in a third, which is taken, too.
+TEST_F(Teach, AcceptTakesWhatIsOnlySuggestedThen) {
+  const fs::path webcams = fs::path(HUETRACK_SHARED_DATA) / "rendered/webcams";
+  if (!fs::exists(webcams)) GTEST_SKIP() << webcams << " is not there";
+  std::ofstream(config) << "version: 1\nrig: " << (webcams / "rig.yaml").string()
+                        << "\ntargets: {ball: {radius_m: 0.04, color: {hue_deg: [0, 40]}}}\n"
+                           "object_tracking: {volume: {min: [-1, -1, 0], max: [1, 1, 2.1]}}\ndds: {enabled: false}\n";
+  const Result result = run({"teach", config, webcams, "--at", "cam1,90,196.2,262.3", "--accept"});
+  EXPECT_EQ(result.status, 0) << result.out << result.err;
+  EXPECT_THAT(result.out, Not(HasSubstr("with --accept")));
+  EXPECT_TRUE(fs::exists(taught));
+}
+
 }  // namespace
 }  // namespace huetrack::end_to_end

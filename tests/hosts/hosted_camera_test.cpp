@@ -92,26 +92,62 @@ TEST_F(HostedCamera, TracksAreThoseOfCamerasOfThisMachine) {
   const auto pictures = daemon::first_frames(demo / "recording", {"cam0", "cam1"}, 60);
   const capture::Timestamp start = capture::unix_now() + 1500ms;
   std::stop_source stop;
-  const auto run = [&](std::vector<capture::LiveCamera> cameras, const fs::path& tracks) {
+  const auto run = [&](std::vector<capture::LiveCamera> cameras, const fs::path& tracks, std::uint64_t& lost) {
     daemon::LiveCommand options;
     options.no_dds = true;
     options.tracks = tracks;
     daemon::LiveRequests requests;
-    daemon::run_live(config, std::move(cameras), options, requests, stop.get_token());
+    const auto summary = daemon::run_live(config, std::move(cameras), options, requests, stop.get_token());
+    lost = summary.figures.sets_dropped + summary.figures.frame_sets.incomplete_sets;
+    for (const auto& camera : summary.figures.cameras) lost += camera.dropped;
   };
+  std::uint64_t lost_there = 0, lost_here = 0;
   std::vector<capture::LiveCamera> here;
   for (int c = 0; c < 2; ++c) here.push_back(daemon::FakeCamera(c, pictures[std::size_t(c)], start, true).live());
   {
     const Host left("left-pi", 0, pictures[0], start), right("right-pi", 1, pictures[1], start);
-    const std::jthread there([&] { run(pipeline::open_cameras(config), folder_ / "there.csv"); });
-    const std::jthread at_the_same_time([&] { run(std::move(here), folder_ / "here.csv"); });
+    const std::jthread there([&] { run(pipeline::open_cameras(config), folder_ / "there.csv", lost_there); });
+    const std::jthread at_the_same_time([&] { run(std::move(here), folder_ / "here.csv", lost_here); });
     while (capture::unix_now() < start + 2800ms) std::this_thread::sleep_for(20ms);
     stop.request_stop();
   }
+  if (lost_there + lost_here > 0)
+    GTEST_SKIP() << "this machine is too slow now for two trackers: " << lost_there << " and " << lost_here
+                 << " sets or frames were lost";
   const auto a = rows_of(folder_ / "there.csv"), b = rows_of(folder_ / "here.csv");
   ASSERT_GT(a.size(), 50U);
   EXPECT_EQ(a.size(), b.size());
   EXPECT_EQ(a, b);
+}
+
+// However slow the machine is: what comes is what was sent, and most comes.
+TEST_F(HostedCamera, FramesComeAsTheyWereSent) {
+  const config::ServiceConfig config = tracker_config(folder_);
+  const auto pictures = daemon::first_frames(demo / "recording", {"cam0", "cam1"}, 40);
+  auto cameras = pipeline::open_cameras(config);
+  const capture::Timestamp start = capture::unix_now() + 1500ms;
+  const Host left("left-pi", 0, pictures[0], start);
+  std::size_t come = 0;
+  std::stop_source stop;
+  const std::jthread ending([&] {
+    while (capture::unix_now() < start + 4s) std::this_thread::sleep_for(20ms);
+    stop.request_stop();
+  });
+  while (const auto frame = cameras[0].source->next(stop.get_token())) {
+    const auto at = frame->stamped_at - start;
+    const auto sent = std::ranges::find(pictures[0], capture::Timestamp(at), &capture::Frame::captured_at);
+    ASSERT_NE(sent, pictures[0].end()) << "no frame was sent with the stamp " << at.count() << " ns";
+    EXPECT_EQ(frame->camera, 0);
+    EXPECT_EQ(frame->captured_at, frame->stamped_at) << "the film's period is even, and one machine's clock is one";
+    ASSERT_EQ(frame->pixels.format, sent->pixels.format);
+    for (int row = 0; row < frame->pixels.height; ++row)
+      ASSERT_TRUE(std::equal(sent->pixels.planes[0].data + row * sent->pixels.planes[0].stride,
+                             sent->pixels.planes[0].data + row * sent->pixels.planes[0].stride +
+                                 capture::plane_row_bytes(frame->pixels.format, 0, frame->pixels.width),
+                             frame->pixels.planes[0].data + row * frame->pixels.planes[0].stride));
+    ++come;
+  }
+  EXPECT_GE(come, 20U);
 }
 
 TEST_F(HostedCamera, AHostThatIsNotThereIsSaidAndAwaited) {

@@ -1,16 +1,17 @@
 #!/bin/bash
 # Camera hosts in network namespaces, each with its own address on a bridge, and a tracker in another: how many frames come
 # through, and what happens when a host is killed, and when its cable is pulled. As root.
-#   tests/hosts/namespaces.sh [--hosts N] [--cameras PER_HOST] [--seconds S]      8, 2, 20
+#   tests/hosts/namespaces.sh [--hosts N] [--cameras PER_HOST] [--seconds S] [--format mjpeg|yuyv]      8, 2, 20, mjpeg
 # Needs a build in build/release (targets film_host, huetrackd, huetrack). Exit status 77: not allowed here.
 set -eu
 cd "$(dirname "$0")/../.."
-hosts=8 cameras=2 seconds=20
+hosts=8 cameras=2 seconds=20 format=mjpeg
 while [ $# -gt 0 ]; do
   case $1 in
     --hosts) hosts=$2; shift 2 ;;
     --cameras) cameras=$2; shift 2 ;;
     --seconds) seconds=$2; shift 2 ;;
+    --format) format=$2; shift 2 ;;
     *) sed -n 2,5p "$0"; exit 2 ;;
   esac
 done
@@ -43,7 +44,7 @@ for n in $(seq 0 "$hosts"); do   # 0 is the tracker's
   ip -n "ht-$n" route add default dev eth0   # for multicast
 done
 
-echo "== $hosts hosts x $cameras cameras of 640x480 at 30 fps"
+echo "== $hosts hosts x $cameras cameras of 640x480 at 30 fps, $format"
 "$build/tests/soak/film_host" --make "$all" "$out/films"
 {
   echo "version: 1"
@@ -60,7 +61,7 @@ host() {   # N
     echo "dds: {domain: 77}"
     echo "cameras:"
     for c in $(seq $((($1 - 1) * cameras)) $(($1 * cameras - 1))); do
-      echo "  cam$c: {device: /dev/film/cam$c, size: [640, 480], fps: 30}"
+      echo "  cam$c: {device: /dev/film/cam$c, size: [640, 480], format: $format, fps: 30}"
     done
   } >"$out/host-$1.yaml"
   ip netns exec "ht-$1" "$build/tests/soak/film_host" "$out/films" "$out/host-$1.yaml" >"$out/host-$1.log" 2>&1 &

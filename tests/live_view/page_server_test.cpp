@@ -110,6 +110,58 @@ TEST_F(Server, ServesThePageAndNothingElse) {
   EXPECT_THAT(ask("DELETE / HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n"), StartsWith("HTTP/1.1 405"));
 }
 
+TEST_F(Server, APageOfAnAllowedOriginReadsPositionsAndNothingElse) {
+  PageServerOptions o = options();
+  o.allowed_origins = {"http://localhost:8000"};
+  start(o);
+  const auto head_of = [&](const std::string& path, const std::string& origin) {
+    Socket page(server->port());
+    page.send("GET " + path + " HTTP/1.1\r\nHost: localhost:1\r\nOrigin: " + origin + "\r\n\r\n");
+    return page.receive("\r\n\r\n");
+  };
+  EXPECT_THAT(head_of("/api/v1/positions", "http://localhost:8000"),
+              HasSubstr("Access-Control-Allow-Origin: http://localhost:8000\r\n"));
+  EXPECT_THAT(head_of("/api/v1/positions", "http://localhost:8001"), Not(HasSubstr("Access-Control")));
+  EXPECT_THAT(head_of("/api/v1/positions", "*"), Not(HasSubstr("Access-Control")));
+  EXPECT_THAT(head_of("/api/events", "http://localhost:8000"), Not(HasSubstr("Access-Control")));
+  EXPECT_THAT(head_of("/", "http://localhost:8000"), Not(HasSubstr("Access-Control")));
+  EXPECT_THAT(post("{}", "application/json", "Origin: http://localhost:8000\r\n"), StartsWith("HTTP/1.1 403"));
+}
+
+TEST_F(Server, PositionsGoOverAWebSocketToo) {
+  PageServerOptions o = options();
+  o.allowed_origins = {"http://localhost:8000"};
+  start(o);
+  const auto request = [](const std::string& origin) {
+    return "GET /api/v1/positions HTTP/1.1\r\nHost: localhost\r\nConnection: Upgrade\r\nUpgrade: websocket\r\n" +
+           (origin.empty() ? "" : "Origin: " + origin + "\r\n") +
+           "Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n";
+  };
+  for (const std::string origin : {"http://elsewhere", "null"}) {
+    Socket stranger(server->port());
+    stranger.send(request(origin));
+    EXPECT_THAT(stranger.receive("\r\n\r\n"), StartsWith("HTTP/1.1 403"));
+  }
+  for (const std::string origin : {"", "http://localhost:8000", "http://localhost"}) {
+    Socket client(server->port());
+    client.send(request(origin));
+    EXPECT_THAT(client.receive("\r\n\r\n"),
+                AllOf(StartsWith("HTTP/1.1 101"), HasSubstr("Sec-WebSocket-Accept: s3pPLMBiTxaQ9kYGzzhZRbK+xOo=")));
+    EXPECT_EQ(server->listeners(), 1);
+    hub.append(to_event("position", "{\"n\":1}"));
+    EXPECT_THAT(client.receive("}}"), HasSubstr("{\"event\":\"position\",\"data\":{\"n\":1}}"));
+    client.send(std::string("\x88\x80") + "abcd");
+    EXPECT_EQ(client.receive(""), std::string("\x88\0", 2));
+    for (int i = 0; i < 100 && server->listeners() > 0; ++i) std::this_thread::sleep_for(20ms);
+    EXPECT_EQ(server->listeners(), 0);
+  }
+  Socket stays(server->port());
+  stays.send(request(""));
+  EXPECT_THAT(stays.receive("\r\n\r\n"), StartsWith("HTTP/1.1 101"));
+  server.reset();  // ends with somebody there
+  EXPECT_EQ(stays.receive("x"), "");
+}
+
 TEST_F(Server, StreamsWhatIsThereAndWhatComes) {
   start();
   hub.set("status", to_event("status", "{\"old\":1}"));

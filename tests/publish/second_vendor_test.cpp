@@ -227,6 +227,25 @@ Fields expected_ros(object_tracking::TrackState state) {
   return f;
 }
 
+// clients/c/positions.c, as its first lines say that it is used.
+TEST(SecondVendor, TheExampleForCyclonePrintsPositions) {
+#ifndef HUETRACK_CYCLONE_EXAMPLE
+  GTEST_SKIP() << "Cyclone DDS is not installed (Debian: cyclonedds-dev cyclonedds-tools)";
+#else
+  const std::string domain = std::to_string(test_domain());
+  ChildProcess publisher({HUETRACK_TEST_PUBLISHER, domain});
+  ::setenv("ROS_DOMAIN_ID", domain.c_str(), 1);
+  const ChildProcess example({HUETRACK_CYCLONE_EXAMPLE});
+  ::unsetenv("ROS_DOMAIN_ID");
+  EXPECT_TRUE(ChildProcess::wait(
+      [&] {
+        return example.out().find("ball 1.1250 -1.5000 2.1000 m\nball 2.1250 -1.5000 2.1000 m\n") != std::string::npos;
+      },
+      20s))
+      << example.out() << example.err();
+#endif
+}
+
 TEST(SecondVendor, CycloneSeesEveryFieldOfEveryTopic) {
 #ifndef HUETRACK_CYCLONE_SUBSCRIBER
   GTEST_SKIP() << "Cyclone DDS is not installed (Debian: cyclonedds-dev cyclonedds-tools)";

@@ -22,6 +22,7 @@
 #include <vector>
 
 #include "capture/capture_clock.h"
+#include "capture/jpeg_encoder.h"
 #include "pipeline/live_cameras.h"
 
 namespace huetrack::soak {
@@ -35,6 +36,7 @@ struct FilmCameraOptions {
   capture::Duration phase{0};                                 // later than that
   capture::Duration transfer = std::chrono::milliseconds(5);  // from a frame's capture until it can be dequeued
   std::optional<std::uint64_t> faults;                        // seed; nullopt: none
+  bool is_mjpeg = false;                                      // frames carry JPEG bytes, too, as from an MJPEG camera
 };
 
 class FilmCamera {
@@ -72,6 +74,7 @@ class FilmCamera {
       frames = std::int64_t(std::size_t(status.st_size) / frame_bytes);
       if (frames == 0) throw std::runtime_error(options.film.string() + ": has no frame of that size");
       for (auto& buffer : buffers) buffer.bytes = std::make_unique<std::uint8_t[]>(frame_bytes);
+      if (options.is_mjpeg) encode();
       health.stream = capture::StreamFormat{.width = options.width,
                                             .height = options.height,
                                             .stride = 2 * std::size_t(options.width),
@@ -82,6 +85,19 @@ class FilmCamera {
     State(const State&) = delete;
     State& operator=(const State&) = delete;
 
+    void encode() {
+      const capture::PictureSize size{.width = options.width, .height = options.height};
+      for (std::int64_t k = 0; k < frames; ++k) {
+        auto* const bytes = buffers[0].bytes.get();
+        if (::pread(file, bytes, frame_bytes, off_t(std::size_t(k) * frame_bytes)) != ssize_t(frame_bytes))
+          throw std::runtime_error(options.film.string() + ": cannot be read");
+        capture::Image image;
+        image.format = capture::PixelFormat::yuyv;
+        image.width = options.width, image.height = options.height;
+        image.planes[0] = {bytes, 2 * options.width};
+        jpegs.push_back(std::make_shared<const std::vector<std::uint8_t>>(capture::encode_picture(image, size, 90)));
+      }
+    }
     void tell(capture::CaptureState state, bool is_problem, const std::string& message) {
       const std::scoped_lock lock(mutex);
       health.state = state;
@@ -93,6 +109,7 @@ class FilmCamera {
     const int file;
     std::size_t frame_bytes = 0;
     std::int64_t frames = 0;
+    std::vector<std::shared_ptr<const std::vector<std::uint8_t>>> jpegs;  // of every frame, or none
     std::array<Buffer, 8> buffers;
     std::mutex mutex;
     capture::CameraHealth health;              // guarded by mutex
@@ -166,6 +183,7 @@ class FilmCamera {
                                   }}};
         frame.pixels.planes[0] = {buffer->bytes.get(), 2 * options.width};
         buffer->is_out.store(true, std::memory_order_relaxed);
+        if (options.is_mjpeg) frame.encoded = state_->jpegs[std::size_t(k % state_->frames)];
       }
       const std::scoped_lock lock(state_->mutex);
       if (state_->health.state != capture::CaptureState::delivering)

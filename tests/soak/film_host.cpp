@@ -48,6 +48,7 @@ int main(int argc, char** argv) {
       film.width = camera.size->width;
       film.height = camera.size->height;
       film.fps = camera.fps.value_or(30);
+      film.is_mjpeg = camera.format == capture::CaptureFormat::mjpeg;
       cameras.push_back(soak::FilmCamera(std::move(film)).live());
     }
     std::stop_source stop;

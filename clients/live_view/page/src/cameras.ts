@@ -1,21 +1,34 @@
 // The cameras' pictures, with what the tracker thinks drawn over them.
-import { colorOf } from "./color";
-import type { Color, Preview } from "./messages";
+import { colorOf, ringColorOf } from "./color";
+import { Labels, type Labelled } from "./labels";
+import type { CameraStatus, Color, Preview } from "./messages";
+import { isHidden, watchVisibility } from "./visibility";
 import { store } from "./store";
 
 interface View {
+  camera: string;
   card: HTMLElement;
   canvas: HTMLCanvasElement;
   health: HTMLElement;
   note: HTMLElement;
+  awaited: HTMLElement;
+  button: HTMLButtonElement;
   image: ImageBitmap | null;
   preview: Preview | null;
   decoding: boolean;
   next: Preview | null;
+  isNew: boolean; // the picture is not drawn yet
+  zoom: number; // >= 1
+  middle: [number, number]; // of what is shown, pixels of the camera's image
+  pointers: Map<number, [number, number]>; // that are down on it, CSS pixels
+  isDragged: boolean; // since the first of them went down
 }
 
 const views = new Map<string, View>();
 const grid = document.getElementById("cameras")!;
+const main = document.getElementById("main")!;
+let large = ""; // the camera that is shown large; empty: none
+const mostZoom = 16;
 
 export async function bitmapOf(base64: string): Promise<ImageBitmap> {
   const bytes = Uint8Array.from(atob(base64), (c) => c.charCodeAt(0));
@@ -27,30 +40,173 @@ function viewOf(camera: string): View {
   if (old) return old;
   const card = document.createElement("figure");
   card.className = "camera";
-  card.innerHTML = `<figcaption><b></b><span class="chip"></span></figcaption><canvas role="img"></canvas><p class="note" hidden></p>`;
+  card.innerHTML =
+    `<figcaption><b></b><span class="chip"></span><button type="button" class="enlarge" aria-pressed="false"></button></figcaption>` +
+    `<canvas role="img"></canvas><p class="awaited"></p><p class="note" hidden></p><p class="note how">The wheel or two fingers zoom, dragging moves; keys + − 0 and arrows do, too. Esc makes it small.</p>`;
   card.querySelector("b")!.textContent = camera;
   const view: View = {
+    camera,
     card,
     canvas: card.querySelector("canvas")!,
     health: card.querySelector(".chip")!,
     note: card.querySelector(".note")!,
+    awaited: card.querySelector(".awaited")!,
+    button: card.querySelector("button")!,
     image: null,
     preview: null,
     decoding: false,
     next: null,
+    isNew: false,
+    zoom: 1,
+    middle: [0, 0],
+    pointers: new Map(),
+    isDragged: false,
   };
+  view.button.id = `enlarge-${camera}`;
+  view.button.textContent = "⤢";
+  view.button.setAttribute("aria-label", `Show ${camera} large`);
   view.canvas.setAttribute("aria-label", `Camera ${camera}: no picture yet`);
+  shape(view, store.scene?.cameras.find((c) => c.name === camera)?.size ?? [4, 3]);
+  attach(view);
+  watchVisibility(view.canvas, () => (view.next && !view.decoding ? void decode(view) : draw(view)));
   views.set(camera, view);
   grid.append(card);
   document.getElementById("no-cameras")!.hidden = true;
   return view;
 }
 
-// Pictures that come while one is being decoded replace each other: a slow page shows fewer, not later ones.
+// As wide as it is tall, in truth.
+function shape(view: View, [w, h]: [number, number]): void {
+  const ratio = String(w / Math.max(1, h));
+  if (view.card.style.getPropertyValue("--ratio") !== ratio) view.card.style.setProperty("--ratio", ratio);
+}
+
+// ---- One camera large, and a part of it larger
+function enlarge(camera: string): void {
+  large = camera;
+  for (const view of views.values()) {
+    const isLarge = view.camera === large;
+    view.card.classList.toggle("large", isLarge);
+    view.button.setAttribute("aria-pressed", String(isLarge));
+    view.button.setAttribute("aria-label", `Show ${view.camera} ${isLarge ? "small again" : "large"}`);
+    if (!isLarge) view.zoom = 1;
+  }
+  arrange();
+  redrawCameras();
+  views.get(large)?.card.scrollIntoView({ block: "nearest" });
+}
+
+const sizeOf = (view: View): [number, number] => view.preview?.image ?? [view.canvas.width, view.canvas.height];
+
+// The left and upper edge of what is shown, pixels of the camera's image.
+function cornerOf(view: View): [number, number] {
+  return sizeOf(view).map((size, i) => Math.min(Math.max(view.middle[i] - size / (2 * view.zoom), 0), size - size / view.zoom)) as [number, number];
+}
+
+// The place under (x, y), CSS pixels of the window, stays where it is.
+function zoomAt(view: View, x: number, y: number, factor: number): void {
+  const r = view.canvas.getBoundingClientRect();
+  const size = sizeOf(view);
+  const share = [(x - r.left) / r.width, (y - r.top) / r.height];
+  const corner = cornerOf(view);
+  const zoom = Math.min(mostZoom, Math.max(1, view.zoom * factor));
+  view.middle = [0, 1].map((i) => corner[i] + (share[i] * size[i]) / view.zoom + ((0.5 - share[i]) * size[i]) / zoom) as [number, number];
+  view.zoom = zoom;
+  settle(view);
+}
+
+function move(view: View, dx: number, dy: number): void {
+  const r = view.canvas.getBoundingClientRect();
+  const size = sizeOf(view);
+  const corner = cornerOf(view);
+  view.middle = [0, 1].map((i) => corner[i] + size[i] / (2 * view.zoom) - ([dx, dy][i] / [r.width, r.height][i]) * (size[i] / view.zoom)) as [number, number];
+  settle(view);
+}
+
+function settle(view: View): void {
+  const corner = cornerOf(view);
+  view.middle = sizeOf(view).map((size, i) => corner[i] + size / (2 * view.zoom)) as [number, number];
+  view.canvas.classList.toggle("zoomed", view.zoom > 1);
+  draw(view);
+}
+
+function attach(view: View): void {
+  const { canvas, pointers } = view;
+  const toggle = () => enlarge(large === view.camera ? "" : view.camera);
+  view.button.addEventListener("click", toggle);
+  // The wheel is the page's, but over the large picture, or with Ctrl.
+  canvas.addEventListener(
+    "wheel",
+    (event) => {
+      if (large !== view.camera && !event.ctrlKey) return;
+      event.preventDefault();
+      zoomAt(view, event.clientX, event.clientY, Math.exp(-event.deltaY * (event.deltaMode === 1 ? 0.05 : 0.0015)));
+    },
+    { passive: false },
+  );
+  canvas.addEventListener("pointerdown", (event) => {
+    if (!pointers.size) view.isDragged = false;
+    pointers.set(event.pointerId, [event.clientX, event.clientY]);
+  });
+  canvas.addEventListener("pointermove", (event) => {
+    const before = pointers.get(event.pointerId);
+    if (!before) return;
+    const now: [number, number] = [event.clientX, event.clientY];
+    const other = [...pointers].find(([id]) => id !== event.pointerId)?.[1];
+    if (other) {
+      const distance = (p: [number, number]) => Math.max(1, Math.hypot(p[0] - other[0], p[1] - other[1]));
+      zoomAt(view, (now[0] + other[0]) / 2, (now[1] + other[1]) / 2, distance(now) / distance(before));
+      view.isDragged = true;
+    } else if (view.zoom > 1) {
+      if (!view.isDragged && Math.hypot(now[0] - before[0], now[1] - before[1]) < 4) return; // a hand that trembles
+      if (!canvas.hasPointerCapture(event.pointerId)) canvas.setPointerCapture(event.pointerId);
+      view.isDragged = true;
+      move(view, now[0] - before[0], now[1] - before[1]);
+    }
+    pointers.set(event.pointerId, now);
+  });
+  for (const name of ["pointerup", "pointercancel", "pointerleave"] as const)
+    canvas.addEventListener(name, (event) => {
+      if (name !== "pointerleave" || !canvas.hasPointerCapture(event.pointerId)) pointers.delete(event.pointerId);
+    });
+  canvas.addEventListener("click", () => {
+    if (!view.isDragged) toggle();
+    view.isDragged = false;
+  });
+  view.button.addEventListener("keydown", (event) => {
+    if (large !== view.camera) return;
+    const r = canvas.getBoundingClientRect();
+    const step = Math.min(r.width, r.height) / 10;
+    const moves: Record<string, [number, number]> = { ArrowLeft: [step, 0], ArrowRight: [-step, 0], ArrowUp: [0, step], ArrowDown: [0, -step] };
+    if (event.key === "+" || event.key === "=") zoomAt(view, r.left + r.width / 2, r.top + r.height / 2, 1.3);
+    else if (event.key === "-") zoomAt(view, r.left + r.width / 2, r.top + r.height / 2, 1 / 1.3);
+    else if (event.key === "0") zoomAt(view, 0, 0, 1 / mostZoom);
+    else if (moves[event.key]) move(view, ...moves[event.key]);
+    else return;
+    event.preventDefault();
+  });
+}
+addEventListener("keydown", (event) => {
+  if (event.key === "Escape" && large) enlarge("");
+});
+
+// Pictures that come while one is being decoded replace each other: a slow page shows fewer, not later ones. One that nobody
+// sees is decoded when it is looked at.
 export async function showPreview(preview: Preview): Promise<void> {
   const view = viewOf(preview.camera);
   view.next = preview;
-  if (view.decoding) return;
+  if (!view.decoding && !isHidden(view.canvas)) await decode(view);
+}
+
+let tellNew = () => {};
+export function onNewPicture(tell: () => void): void {
+  tellNew = tell;
+}
+export function drawNewPictures(): void {
+  for (const view of views.values()) if (view.isNew && !isHidden(view.canvas)) draw(view);
+}
+
+async function decode(view: View): Promise<void> {
   view.decoding = true;
   try {
     while (view.next) {
@@ -60,7 +216,10 @@ export async function showPreview(preview: Preview): Promise<void> {
       view.image?.close();
       view.image = image;
       view.preview = current;
-      draw(view);
+      view.awaited.hidden = true;
+      shape(view, current.image);
+      view.isNew = true;
+      tellNew();
     }
   } finally {
     view.decoding = false;
@@ -116,27 +275,33 @@ function maskOf(image: ImageBitmap, { color, ignored }: LiveMask, imageWidth: nu
 function draw(view: View): void {
   const { preview, image, canvas } = view;
   if (!preview || !image) return;
-  const width = Math.max(320, Math.round(canvas.clientWidth * devicePixelRatio)) || preview.size[0];
+  view.isNew = false;
+  const width = Math.max(160, Math.round(canvas.clientWidth * devicePixelRatio)) || preview.size[0];
   const height = Math.round((width * preview.image[1]) / preview.image[0]);
   if (canvas.width !== width || canvas.height !== height) {
     canvas.width = width;
     canvas.height = height;
   }
   const g = canvas.getContext("2d")!;
-  g.drawImage(image, 0, 0, width, height);
-  const s = width / preview.image[0];
+  const corner = cornerOf(view);
+  const s = (width / preview.image[0]) * view.zoom;
+  const shown = (source: ImageBitmap | HTMLCanvasElement) => {
+    const part = source.width / preview.image[0];
+    g.drawImage(source, corner[0] * part, corner[1] * part, source.width / view.zoom, source.height / view.zoom, 0, 0, width, height);
+  };
+  shown(image);
   const looked = liveMask?.get(preview.camera);
   if (looked) {
     g.globalAlpha = 0.75;
     g.imageSmoothingEnabled = false;
-    g.drawImage(maskOf(image, looked, preview.image[0]), 0, 0, width, height);
+    shown(maskOf(image, looked, preview.image[0]));
     g.imageSmoothingEnabled = true;
     g.globalAlpha = 1;
   }
   const line = Math.max(1.2, 1.4 * devicePixelRatio);
-  const at = (u: number, v: number): [number, number] => [(u + 0.5) * s, (v + 0.5) * s];
+  const at = (u: number, v: number): [number, number] => [(u + 0.5 - corner[0]) * s, (v + 0.5 - corner[1]) * s];
   const seen: string[] = [];
-  const labels: Box[] = [];
+  const named: Labelled[] = [];
   for (const target of preview.targets) {
     const color = colorOf(target.target);
     if (target.state === "left_out") {
@@ -164,12 +329,13 @@ function draw(view: View): void {
     }
     if (target.px[0] === null || target.px[1] === null) continue;
     const [x, y] = at(target.px[0], target.px[1]);
+    const radius = Math.max(3, (target.radius ?? 0) * s);
     const ring = (width: number, style: string, dashed: boolean) => {
       g.lineWidth = width;
       g.strokeStyle = style;
       g.setLineDash(dashed ? [4 * line, 3 * line] : []);
       g.beginPath();
-      g.arc(x, y, Math.max(3, (target.radius ?? 0) * s), 0, 2 * Math.PI);
+      g.arc(x, y, radius, 0, 2 * Math.PI);
       g.stroke();
       const [a, b, angle] = target.ellipse;
       if (a !== null && b !== null && angle !== null) {
@@ -187,41 +353,16 @@ function draw(view: View): void {
       g.stroke();
     };
     const coasts = target.state === "coasting";
-    ring(line * 2.6, "rgb(0 0 0 / 0.65)", coasts);
-    ring(line, "white", coasts);
-    label(g, `${target.target}${coasts ? " (predicted)" : ""}`, x, y - Math.max(3, (target.radius ?? 0) * s) - 6 * line, color, labels);
+    ring(line * 2.8, "rgb(0 0 0 / 0.8)", coasts);
+    ring(line * 1.3, ringColorOf(target.target), coasts);
     seen.push(`${target.target} ${target.state} at ${Math.round(target.px[0])}, ${Math.round(target.px[1])}`);
+    if (x >= 0 && y >= 0 && x < width && y < height)
+      named.push({ text: `${target.target}${coasts ? " (predicted)" : ""}`, color: ringColorOf(target.target), x, y, radius: radius + 2 * line });
   }
+  const labels = new Labels(g);
+  for (const one of named) labels.keepFree(one);
+  for (const one of named) labels.add(one);
   canvas.setAttribute("aria-label", `Camera ${preview.camera}: ${seen.join("; ") || "no target in view"}`);
-}
-
-type Box = [number, number, number, number];
-
-// taken: where there are labels already; it is put above those that it would cover.
-export function label(g: CanvasRenderingContext2D, text: string, x: number, y: number, color: string, taken: Box[] = []): void {
-  const size = 12 * devicePixelRatio;
-  g.font = `600 ${size}px system-ui, sans-serif`;
-  g.textAlign = "center";
-  g.textBaseline = "bottom";
-  const width = g.measureText(text).width;
-  const left = Math.min(Math.max(x, width / 2 + 6), g.canvas.width - width / 2 - 6);
-  let bottom = Math.max(y, size + 6);
-  const box = (): Box => [left - width / 2 - 6, bottom - size - 4, left + width / 2 + 6, bottom + 6];
-  const covers = ([x0, y0, x1, y1]: Box) => taken.some((t) => x0 < t[2] && t[0] < x1 && y0 < t[3] && t[1] < y1);
-  for (let tries = 0; tries < 4 && covers(box()); tries++) bottom -= size + 10;
-  if (bottom < size + 6) {
-    bottom = Math.max(y, size + 6);
-    for (let tries = 0; tries < 4 && covers(box()); tries++) bottom += size + 10;
-  }
-  taken.push(box());
-  g.fillStyle = "rgb(0 0 0 / 0.6)";
-  g.beginPath();
-  g.roundRect(left - width / 2 - 5, bottom - size - 3, width + 10, size + 6, 4);
-  g.fill();
-  g.fillStyle = color;
-  g.fillRect(left - width / 2 - 5, bottom + 3, width + 10, 2);
-  g.fillStyle = "white";
-  g.fillText(text, left, bottom);
 }
 
 const healthWords = {
@@ -233,6 +374,16 @@ const healthWords = {
   unknown: "unknown",
 };
 
+// Why the rate of a camera that delivers is not what it should be; empty: it is.
+export function slowness(camera: CameraStatus): string {
+  if (camera.health !== "delivering") return "";
+  if (camera.rate_hz < 0.05) return "no frame came in the last seconds";
+  const cameras = store.status?.cameras ?? [];
+  const best = cameras.reduce((a, b) => (b.rate_hz > a.rate_hz ? b : a), camera);
+  // Cameras of one rig may be twice as fast as others, not three times.
+  return camera.rate_hz < 0.4 * best.rate_hz ? `only ${camera.rate_hz.toFixed(1)} frames a second, where ${best.name} gives ${best.rate_hz.toFixed(1)}` : "";
+}
+
 // Once a second: health, and cameras that are gone.
 export function updateCameras(serving: boolean): void {
   const status = store.status;
@@ -240,43 +391,64 @@ export function updateCameras(serving: boolean): void {
     const view = viewOf(camera.name);
     const isHeld = serving && status!.mode === "held";
     const health = serving ? camera.health : "unknown";
+    const slow = serving && !isHeld ? slowness(camera) : "";
     view.health.textContent = isHeld
       ? "held at its first frame"
       : health === "delivering"
         ? `${camera.rate_hz.toFixed(1)} Hz`
         : healthWords[health] ?? health;
-    view.health.dataset.health = isHeld ? "held" : health;
-    const troubles = isHeld ? [] : [camera.message];
+    view.health.dataset.health = isHeld ? "held" : slow ? "stalled" : health;
+    const troubles = isHeld ? [] : [camera.message, slow];
     if (camera.dropped) troubles.push(`${camera.dropped} of ${camera.frames + camera.dropped} frames dropped`);
     if (camera.corrupted) troubles.push(`${camera.corrupted} damaged`);
     const text = troubles.filter(Boolean).join("; ");
     view.note.textContent = text;
     view.note.hidden = !text;
     view.card.classList.toggle("stale", !serving || (health !== "delivering" && !isHeld));
+    if (!view.preview) {
+      const size = store.scene?.cameras.find((c) => c.name === camera.name)?.size;
+      if (size) shape(view, size);
+      view.awaited.textContent = !serving
+        ? "No service sends pictures."
+        : health === "delivering" || isHeld
+          ? "Its first picture is awaited."
+          : `No picture: the camera is ${healthWords[health] ?? health}.`;
+    }
   }
   for (const [name, view] of views)
     if (!status?.cameras.some((c) => c.name === name)) view.card.classList.toggle("stale", !serving);
-  // Three across leave no hole; so do five and more. Fewer stand beside the scene.
-  const count = views.size;
-  document.getElementById("main")!.dataset.cameras = count === 3 || count > 4 ? "row" : "beside";
-  grid.style.setProperty("--columns", String(count === 3 || count === 5 || count === 6 ? 3 : count > 4 ? 4 : Math.min(2, count)));
   const order = status?.cameras.map((c) => views.get(c.name)!.card) ?? [];
   if (order.some((card, i) => grid.children[i] !== card)) grid.append(...order);
   for (const [name, view] of views) {
     if (status && !status.cameras.some((c) => c.name === name)) {
       view.card.remove();
       views.delete(name);
+      if (large === name) large = "";
     }
   }
+  arrange();
+}
+
+// How many stand in a row: no hole, and beside the scene where there is room.
+function arrange(): void {
+  const count = views.size;
+  const isTall = [...views.values()].every((view) => Number(view.card.style.getPropertyValue("--ratio")) < 1);
+  const isRow = large !== "" || (isTall ? count > 4 : count === 3 || count > 4);
+  const columns = isTall ? (count <= 4 ? count : Math.ceil(count / Math.ceil(count / 6))) : count === 3 || count === 5 || count === 6 ? 3 : count > 4 ? 4 : Math.min(2, count);
+  if (main.dataset.cameras !== (isRow ? "row" : "beside")) main.dataset.cameras = isRow ? "row" : "beside";
+  grid.style.setProperty("--columns", String(large !== "" ? Math.max(4, Math.min(count - 1, 6)) : columns));
+  grid.classList.toggle("has-large", large !== "");
 }
 
 // Another service's pictures say nothing of this one's.
 export function forgetPictures(): void {
   for (const view of views.values()) view.card.remove();
   views.clear();
+  large = "";
+  arrange();
   document.getElementById("no-cameras")!.hidden = false;
 }
 
 export function redrawCameras(): void {
-  for (const view of views.values()) draw(view);
+  for (const view of views.values()) if (!isHidden(view.canvas)) draw(view);
 }

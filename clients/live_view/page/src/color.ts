@@ -23,7 +23,30 @@ export function colorOf(name: string): string {
   return `rgb(${rgbOf(name).join(", ")})`;
 }
 
-export const variable = (name: string) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+// A variable of the style sheet. Asking the browser makes it lay out the page: once for each theme is enough.
+const variables = new Map<string, string>();
+let variablesOf = "";
+export function variable(name: string): string {
+  const theme = document.documentElement.dataset.theme ?? "";
+  if (theme !== variablesOf) variables.clear();
+  variablesOf = theme;
+  let value = variables.get(name);
+  if (value === undefined) {
+    value = getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+    variables.set(name, value);
+  }
+  return value;
+}
+
+// The target's colour, made lighter until a line of it stands out from the dark rim that is drawn around it.
+export function ringColorOf(name: string): string {
+  const own = rgbOf(name);
+  for (let share = 0; share < 1; share += 0.05) {
+    const mixed = own.map((c) => Math.round(c + (255 - c) * share)) as Rgb;
+    if (contrast(mixed, [0, 0, 0]) >= 7) return `rgb(${mixed.join(", ")})`;
+  }
+  return "white";
+}
 
 function panel(): Rgb {
   const hex = variable("--panel").replace("#", "");

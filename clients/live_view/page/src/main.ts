@@ -1,14 +1,81 @@
 // The page: listens to the bridge and shows what it says. Everything that is shown is in the store.
-import { forgetPictures, redrawCameras, showPreview, updateCameras } from "./cameras";
+import { drawNewPictures, forgetPictures, onNewPicture, redrawCameras, showPreview, slowness, updateCameras } from "./cameras";
 import { colorOf } from "./color";
 import type { CameraMap, CameraMapPoint, CameraPose, CameraTimes, Position, Pulse, Scene, State, Status, TeachReply } from "./messages";
 import { drawPlots, updatePlotTexts } from "./plots";
 import { Scene3d } from "./scene3d";
-import { client, forget, isServing, largestSigma, store, takeCameraMap, takeCameraPose, takePosition, takeStatus } from "./store";
+import {
+  client,
+  forget,
+  historySeconds,
+  isServing,
+  largestSigma,
+  secondsOfSilence,
+  store,
+  takeCameraMap,
+  takeCameraPose,
+  takePosition,
+  takeStatus,
+  targetOf,
+} from "./store";
 import { takeTeachReply, updateTeach } from "./teach";
+import { isHidden, watchVisibility } from "./visibility";
 
 const $ = (id: string) => document.getElementById(id)!;
-let dirty = true;
+
+// ---- Drawing: what is new and can be seen, no more often than an eye or this machine wants it.
+interface Part {
+  draw: () => void;
+  period: () => number; // ms: it is drawn at multiples of it, so that parts that are due together make one picture of the page
+  element: Element;
+  isStale: boolean;
+  drawnAt: number;
+}
+const parts: Part[] = [];
+let asked = 0; // for a frame of the display
+let timer = 0;
+
+function addPart(element: Element, period: () => number, draw: () => void): Part {
+  const part = { draw, period, element, isStale: true, drawnAt: -Infinity };
+  parts.push(part);
+  watchVisibility(element, schedule);
+  return part;
+}
+
+const dueAt = (part: Part) => {
+  const period = part.period();
+  return period > 0 ? (Math.floor(part.drawnAt / period) + 1) * period : part.drawnAt;
+};
+
+function renew(...which: (Part | null)[]): void {
+  for (const part of which) if (part) part.isStale = true;
+  schedule();
+}
+
+function schedule(): void {
+  if (asked || timer || document.hidden) return;
+  const now = performance.now();
+  const due = Math.min(...parts.filter((p) => p.isStale && !isHidden(p.element)).map(dueAt));
+  if (due === Infinity) return;
+  if (due <= now + 4) asked = requestAnimationFrame(frame);
+  else
+    timer = setTimeout(() => {
+      timer = 0;
+      asked ||= requestAnimationFrame(frame);
+    }, due - now);
+}
+
+function frame(): void {
+  asked = 0;
+  const now = performance.now();
+  for (const part of parts) {
+    if (!part.isStale || isHidden(part.element) || dueAt(part) > now + 4) continue;
+    part.isStale = false;
+    part.drawnAt = now;
+    part.draw();
+  }
+  schedule();
+}
 
 // ---- The stream. Hidden pages let go of it: browsers allow only a few connections to one host.
 let events: EventSource | null = null;
@@ -19,18 +86,17 @@ function listen(): void {
   const on = <T>(name: string, take: (message: T) => void) =>
     events!.addEventListener(name, (event) => {
       take(JSON.parse((event as MessageEvent<string>).data) as T);
-      dirty = true;
     });
   events.onopen = () => {
     forget(); // the bridge tells again what it still has
     store.connected = true;
-    dirty = true;
     tick();
+    renew(...parts);
   };
   events.onerror = () => {
     store.connected = false; // EventSource tries again by itself, but for some answers of a server
-    dirty = true;
     tick();
+    renew(...parts);
     if (events?.readyState === EventSource.CLOSED) {
       hush();
       setTimeout(listen, 2000);
@@ -39,15 +105,21 @@ function listen(): void {
   on<Pulse>("pulse", (pulse) => (store.pulse = pulse));
   on<Status>("status", (status) => {
     if (takeStatus(status)) forgetPictures();
+    renew(cards);
   });
   on<Scene>("scene", (scene) => {
     store.scene = scene;
     tick();
+    renew(...parts);
   });
   on<CameraTimes>("camera_times", (times) => (store.times = times));
-  on<Position>("position", takePosition);
-  on<CameraPose>("camera_pose", takeCameraPose);
-  on<CameraMap>("camera_map", takeCameraMap);
+  const onTracks = <T>(take: (message: T) => void) => (message: T) => {
+    take(message);
+    renew(...parts);
+  };
+  on<Position>("position", onTracks(takePosition));
+  on<CameraPose>("camera_pose", onTracks(takeCameraPose));
+  on<CameraMap>("camera_map", onTracks(takeCameraMap));
   on<Parameters<typeof showPreview>[0]>("preview", (preview) => void showPreview(preview));
   on<TeachReply>("teach", (reply) => void takeTeachReply(reply));
 }
@@ -57,7 +129,11 @@ function hush(): void {
   events = null;
 }
 
-document.addEventListener("visibilitychange", () => (document.hidden ? hush() : listen()));
+document.addEventListener("visibilitychange", () => {
+  if (document.hidden) hush();
+  else listen();
+  schedule();
+});
 
 // ---- Targets
 const stateText: Record<State, string> = {
@@ -77,10 +153,46 @@ function cardOf(name: string): HTMLElement {
     <p class="position"><span data-axis="x"></span><span data-axis="y"></span><span data-axis="z"></span><span class="unit">m</span></p>
     <dl><div><dt>1σ</dt><dd class="sigma"></dd></div><div><dt>Speed</dt><dd class="speed"></dd></div>
     <div><dt>Views</dt><dd class="views"></dd></div><div><dt>Confidence</dt><dd class="confidence"></dd></div>
-    <div><dt>Latency</dt><dd class="latency"></dd></div></dl>`;
+    <div><dt>Latency</dt><dd class="latency"></dd></div></dl><p class="why"></p>`;
   card.querySelector(".name")!.textContent = name;
   list.append(card);
   return card;
+}
+
+// ---- What is not well about a position: which figure, how much, and a sentence.
+interface Doubt {
+  figure: "sigma" | "views" | "confidence" | "latency" | "state";
+  level: "warn" | "bad";
+  why: string;
+}
+// A hand sees a picture that follows it a tenth of a second late; half a second later it is somewhere else.
+const lateLatency = 0.1; // s
+const uselessLatency = 0.5;
+const otherClock = 3600; // beyond it is none: a replay may publish its recording's own times
+const lowConfidence = 0.5;
+
+const radiusOf = (name: string) => {
+  const targets = store.scene?.targets ?? [];
+  return targets.find((t) => t.name === targetOf(name, targets.map((t) => t.name)))?.radius ?? Infinity;
+};
+
+function doubtsOf(latest: Position, sigma: number): Doubt[] {
+  const doubts: Doubt[] = [];
+  if (latest.state !== "tracking") doubts.push({ figure: "state", level: latest.state === "lost" ? "bad" : "warn", why: `${latest.state}: ${stateText[latest.state]}` });
+  if (Math.abs(latest.latency) < otherClock && latest.latency > lateLatency)
+    doubts.push({
+      figure: "latency",
+      level: latest.latency > uselessLatency ? "bad" : "warn",
+      why: `its positions come ${latest.latency.toFixed(2)} s late: the machine is too slow, or a camera's time stamps are wrong`,
+    });
+  if (sigma > radiusOf(latest.target)) doubts.push({ figure: "sigma", level: "warn", why: "it may be farther off than its own radius" });
+  const silent = latest.per_view.filter((v) => !v.delivered).map((v) => v.camera);
+  if (latest.state === "tracking" && latest.views === 1)
+    doubts.push({ figure: "views", level: "warn", why: `${latest.per_view.find((v) => v.seen)?.camera ?? "one camera"} alone sees it` });
+  else if (silent.length) doubts.push({ figure: "views", level: "warn", why: `no frame from ${silent.join(", ")}` });
+  if (latest.state === "tracking" && latest.confidence < lowConfidence)
+    doubts.push({ figure: "confidence", level: "warn", why: "the views hardly show it" });
+  return doubts;
 }
 
 function updateTargets(): void {
@@ -96,10 +208,13 @@ function updateTargets(): void {
       const element = card.querySelector(selector)!;
       if (element.textContent !== value) element.textContent = value;
     };
-    (card.querySelector(".swatch") as HTMLElement).style.background = colorOf(target.name);
+    const swatch = card.querySelector(".swatch") as HTMLElement;
+    if (swatch.dataset.color !== colorOf(target.name)) swatch.style.background = swatch.dataset.color = colorOf(target.name);
     const isHeld = isServing() && store.status?.mode === "held";
     text(".state", fresh ? latest.state : isHeld ? "held" : "no news");
-    (card.querySelector(".state") as HTMLElement).title = fresh ? stateText[latest.state] : isHeld ? "a replay that waits for Go on" : "no sample for two seconds";
+    const title = fresh ? stateText[latest.state] : isHeld ? "a replay that waits for Go on" : "no sample for two seconds";
+    const state = card.querySelector(".state") as HTMLElement;
+    if (state.title !== title) state.title = title;
     latest.position.forEach((value, i) => {
       text(`[data-axis=${"xyz"[i]}]`, `${"xyz"[i]} ${value === null || !fresh ? "–" : value.toFixed(3)}`);
     });
@@ -109,12 +224,21 @@ function updateTargets(): void {
     text(".speed", has ? `${sample.speed.toFixed(2)} m/s` : "–");
     text(".views", fresh ? `${latest.views} of ${latest.per_view.length}` : "–");
     text(".confidence", fresh ? `${Math.round(latest.confidence * 100)} %` : "–");
-    text(".latency", fresh ? `${(latest.latency * 1000).toFixed(1)} ms` : "–");
+    text(".latency", fresh && Math.abs(latest.latency) < otherClock ? `${(latest.latency * 1000).toFixed(1)} ms` : "–");
+    const doubts = fresh ? doubtsOf(latest, has ? sample.sigma : NaN) : [];
+    for (const figure of ["sigma", "views", "confidence", "latency"] as const) {
+      const level = doubts.find((d) => d.figure === figure)?.level ?? "";
+      const element = card.querySelector(`.${figure}`) as HTMLElement;
+      if ((element.dataset.level ?? "") !== level) element.dataset.level = level;
+    }
+    const sentence = doubts.map((d) => d.why).join("; ");
+    text(".why", sentence ? sentence[0].toUpperCase() + sentence.slice(1) + "." : fresh ? "" : isHeld ? "" : "Nothing has been heard of it for two seconds.");
     if (fresh) tellState(target.name, latest.state);
   }
   const list = $("targets");
-  const cards = [...store.targets.keys()].map(cardOf);
-  if (cards.some((card, i) => list.children[i] !== card)) list.prepend(...cards);
+  const inOrder = [...store.targets.keys()].map(cardOf);
+  if (inOrder.some((card, i) => list.children[i] !== card)) list.prepend(...inOrder);
+  if (inOrder.length) $("no-targets").hidden = true;
 }
 
 // Screen readers say it.
@@ -149,7 +273,7 @@ function updateTrackedCameras(): void {
         <tbody></tbody></table></div></details>`;
       card.querySelector(".name")!.textContent = `camera ${name}`;
       card.querySelector(".scroll")!.setAttribute("aria-label", `Map points of camera ${name}`);
-      card.querySelector("details")!.addEventListener("toggle", () => (dirty = true));
+      card.querySelector("details")!.addEventListener("toggle", () => renew(cards));
       $("targets").append(card);
     }
     const { latest, map } = camera;
@@ -205,14 +329,15 @@ function tick(): void {
   const serving = isServing();
   const { status, pulse } = store;
   const link = $("link");
-  link.dataset.link = !store.connected ? "bad" : serving ? "good" : "warn";
+  const isStuck = serving && status!.mode === "run" && status!.set_rate_hz < 0.05;
+  link.dataset.link = !store.connected ? "bad" : serving && !isStuck ? "good" : "warn";
   link.textContent = !store.connected ? "No bridge" : serving ? "Live" : "No service";
   $("service").textContent = !store.connected
     ? "The bridge does not answer: is `huetrack view` still running? Trying again."
     : serving
       ? status!.mode === "held"
         ? `replay on ${status!.host}, held at its first frames: teach colours, then press Go on`
-        : `${status!.mode === "run" ? "live cameras" : "replay"} on ${status!.host}, ${status!.set_rate_hz.toFixed(1)} sets/s`
+        : `${status!.mode === "run" ? "live cameras" : "replay"} on ${status!.host}, ${isStuck ? "no frame sets: do all cameras deliver?" : `${status!.set_rate_hz.toFixed(1)} sets/s`}`
       : `Waiting for huetrackd on ${pulse ? pulse.bus : "DDS"}. The page goes on by itself.`;
   const warnings = [...(serving ? status!.warnings : []), ...(pulse?.trouble ? [pulse.trouble] : [])];
   const list = $("warnings");
@@ -225,10 +350,26 @@ function tick(): void {
   }
   $("targets-title").textContent = store.trackedCameras.size === 0 ? "Targets" : store.targets.size === 0 ? "Tracked camera" : "Targets and tracked camera";
   $("no-targets").hidden = store.targets.size + store.trackedCameras.size > 0;
+  $("no-targets").textContent = awaited(serving);
+  $("no-scene").hidden = store.scene !== null || canvas.hidden;
+  $("no-cameras").textContent = serving ? "Pictures are awaited; they come while this page is looked at." : "No service sends pictures.";
   updateCameras(serving);
   updateHealth(serving);
   updatePlotTexts();
   updateTeach(serving);
+}
+
+// What is missing until a position comes.
+function awaited(serving: boolean): string {
+  const { status, pulse } = store;
+  if (!store.connected) return "Positions come again when the bridge does.";
+  if (!serving || !status)
+    return `No huetrackd is heard on DDS domain ${pulse?.domain ?? 0}. Start one: huetrackd run my.yaml, or huetrackd replay my.yaml RECORDING --speed real.`;
+  if (status.mode === "held") return "The replay is held at its first frames. Go on, under Teach a colour, lets it run.";
+  const there = status.cameras.filter((c) => c.health === "delivering").length;
+  if (status.cameras.length && there < status.cameras.length)
+    return `No position yet: ${there} of ${status.cameras.length} cameras deliver. Health, below, says what is wrong with the others.`;
+  return status.targets.length ? `No position of ${status.targets.join(", ")} has come yet.` : "The configuration names no target.";
 }
 
 // When the camera exposes its rows, as the targets' motion has told so far.
@@ -266,12 +407,13 @@ function updateHealth(serving: boolean): void {
       chip.textContent = "held";
       chip.dataset.health = "held";
     }
-    cell(camera.rate_hz.toFixed(1));
+    const slow = serving && !isHeld ? slowness(camera) : "";
+    cell(camera.rate_hz.toFixed(1)).dataset.level = slow ? "warn" : "";
     cell(String(camera.frames));
     cell(String(camera.dropped));
     cell(String(camera.corrupted));
     cell(timesOf(camera.name));
-    cell(isHeld ? "" : camera.message);
+    cell(isHeld ? "" : [camera.message, slow].filter(Boolean).join("; "));
     return row;
   });
   body.replaceChildren(...rows);
@@ -309,7 +451,7 @@ function applyTheme(): void {
   document.documentElement.dataset.theme = dark ? "dark" : "light";
   theme.textContent = dark ? "Light" : "Dark";
   theme.setAttribute("aria-label", `Switch to ${dark ? "light" : "dark"} colours`);
-  dirty = true;
+  renew(...parts);
 }
 theme.addEventListener("click", () => {
   localStorage.setItem("huetrack-theme", document.documentElement.dataset.theme === "dark" ? "light" : "dark");
@@ -318,15 +460,37 @@ theme.addEventListener("click", () => {
 systemDark.addEventListener("change", applyTheme);
 applyTheme();
 
-// ---- Drawing, when there is news, at most with every frame of the display
+// ---- The parts
+// Nobody reads figures that change more often. Without a graphics card every change of the page costs a good part of a core: then
+// all of it changes at once, no more often than shows the motion.
+const slowBeat = 160; // ms
+const isSlow = () => scene3d?.isSlow ?? false;
 let scene3d: Scene3d | null = null;
+// Not only where they are seen: they are read aloud, too.
+const cards = addPart(document.body, () => (isSlow() ? slowBeat : 100), () => {
+  updateTargets();
+  updateTrackedCameras();
+});
+
+const pictures = addPart($("cameras"), () => (isSlow() ? slowBeat : 0), drawNewPictures);
+onNewPicture(() => renew(pictures));
+
+let scenePart: Part | null = null;
 const canvas = $("scene") as HTMLCanvasElement;
+let turnedAt = -Infinity;
 try {
-  scene3d = new Scene3d(canvas);
-  for (const name of ["pointermove", "wheel", "keydown"]) canvas.addEventListener(name, () => (dirty = true), { passive: true });
+  const view = new Scene3d(canvas);
+  scene3d = view;
+  // A hand that turns it sees more of it.
+  const period = () => (!view.isSlow ? 0 : performance.now() - turnedAt < 400 ? 40 : slowBeat);
+  scenePart = addPart(canvas, period, () => view.render());
+  view.onTurned = () => {
+    turnedAt = performance.now();
+    renew(scenePart);
+  };
   $("home").addEventListener("click", () => {
-    scene3d?.home();
-    dirty = true;
+    view.home();
+    renew(scenePart);
   });
 } catch (error) {
   // A browser without WebGL shows everything else.
@@ -335,29 +499,18 @@ try {
   console.warn("no 3-D view:", error);
 }
 
-let lastPlots = 0;
-function frame(now: number): void {
-  if (dirty) {
-    dirty = false;
-    updateTargets();
-    updateTrackedCameras();
-    scene3d?.render();
-    if (now - lastPlots > 100) {
-      lastPlots = now;
-      drawPlots();
-    }
-  }
-  requestAnimationFrame(frame);
-}
+// Half a minute lies on some 400 pixels: a pixel is nearly a tenth of a second.
+addPart($("plots").parentElement!, () => (isSlow() ? 2 * slowBeat : 100), drawPlots);
+
 addEventListener("resize", () => {
-  dirty = true;
   redrawCameras();
-  drawPlots();
+  renew(...parts);
 });
+// While there is silence, states grow old and the plots' time goes on, until there is nothing more to see.
 setInterval(() => {
-  dirty = true;
   tick();
+  if (secondsOfSilence() < historySeconds + 3) renew(...parts);
 }, 1000);
 listen();
 tick();
-requestAnimationFrame(frame);
+renew(...parts);

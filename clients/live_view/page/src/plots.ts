@@ -1,6 +1,6 @@
 // Plots over the last half minute: one canvas each, all with the same time axis.
 import { likeBefore, lineColorOf, variable } from "./color";
-import { historySeconds, isServing, store, tracks, type Sample } from "./store";
+import { historySeconds, isServing, secondsOfSilence, store, tracks, type Sample } from "./store";
 
 interface Series {
   name: string;
@@ -128,8 +128,7 @@ function endTime(): number {
 }
 // Seconds since the last sample of all; 0 while they come.
 function silence(): number {
-  const heard = Math.max(...[...store.targets.values(), ...store.trackedCameras.values()].map((track) => track.heard));
-  const since = (performance.now() - heard) / 1000;
+  const since = secondsOfSilence();
   return Number.isFinite(since) && since > pause ? since : 0;
 }
 

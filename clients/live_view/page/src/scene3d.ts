@@ -286,6 +286,16 @@ class Label {
   }
 }
 
+// Whether the processor draws, as in virtual machines and on hosts without a graphics card.
+function hasSoftwareGraphics(): boolean {
+  const gl = document.createElement("canvas").getContext("webgl2");
+  if (!gl) return false; // then there is no view at all
+  const info = gl.getExtension("WEBGL_debug_renderer_info");
+  const name = String(gl.getParameter(info ? info.UNMASKED_RENDERER_WEBGL : gl.RENDERER));
+  gl.getExtension("WEBGL_lose_context")?.loseContext();
+  return /swiftshader|llvmpipe|softpipe|software|basic render/i.test(name);
+}
+
 export class Scene3d {
   private readonly renderer: THREE.WebGLRenderer;
   private readonly scene = new THREE.Scene();
@@ -302,10 +312,12 @@ export class Scene3d {
   private readonly roamed = new Map<string, { map: CameraMap | null; cloud: THREE.Vector3[]; way: THREE.Vector3[] }>();
   private reach = 3;
   private isTouched = false; // somebody turned it: it stays as they want it
+  readonly isSlow = hasSoftwareGraphics();
+  onTurned: () => void = () => {}; // the view has changed, by a hand or a key
 
   // throws when the browser has no WebGL
   constructor(private readonly canvas: HTMLCanvasElement) {
-    this.renderer = new THREE.WebGLRenderer({ canvas, antialias: true, alpha: true });
+    this.renderer = new THREE.WebGLRenderer({ canvas, antialias: !this.isSlow, alpha: true });
     this.camera.up.set(0, 0, 1);
     this.scene.add(new THREE.HemisphereLight(0xffffff, 0x667788, 2.4), this.still);
     // The wheel and swipes up and down are the page's: who wants the scene clicks it first, or holds Ctrl. Must come before the
@@ -322,6 +334,7 @@ export class Scene3d {
     canvas.addEventListener("pointerdown", () => canvas.focus({ preventScroll: true }));
     this.controls.enableDamping = false;
     this.controls.addEventListener("start", () => (this.isTouched = true));
+    this.controls.addEventListener("change", () => this.onTurned());
     canvas.addEventListener("keydown", (event) => this.key(event));
     this.home();
   }
@@ -436,7 +449,7 @@ export class Scene3d {
     const { clientWidth: w, clientHeight: h } = this.canvas;
     const size = this.renderer.getSize(new THREE.Vector2());
     if (size.x !== w || size.y !== h) {
-      this.renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
+      this.renderer.setPixelRatio(this.isSlow ? 1 : Math.min(devicePixelRatio, 2));
       this.renderer.setSize(w, h, false);
       this.camera.aspect = w / Math.max(1, h);
       this.camera.updateProjectionMatrix();

@@ -179,6 +179,12 @@ export function isServing(): boolean {
   return store.connected && store.status !== null && performance.now() - store.statusHeard < 4000;
 }
 
+// Since the last position or pose of all; Infinity: there was none.
+export function secondsOfSilence(): number {
+  const heard = Math.max(-Infinity, ...[...store.targets.values(), ...store.trackedCameras.values()].map((track) => track.heard));
+  return (performance.now() - heard) / 1000;
+}
+
 export function forget(): void {
   store.targets.clear();
   store.trackedCameras.clear();

@@ -1,6 +1,7 @@
 // Teaching a colour: freeze the pictures, point at the object, look at what matches, save. The page keeps what the user did
 // and sends all of it with every request; replies come back over the stream.
-import { bitmapOf, label, showLiveMasks } from "./cameras";
+import { bitmapOf, showLiveMasks } from "./cameras";
+import { Labels } from "./labels";
 import type { Color, Ignore, Scene, TaughtCamera, TeachReply } from "./messages";
 import { client, store } from "./store";
 
@@ -307,7 +308,7 @@ function draw(picture: Picture): void {
     rectangle(box, "rgb(0 0 0 / 0.7)", false);
     g.lineWidth = 2 * devicePixelRatio;
     rectangle(box, "#ff9f1c", false);
-    label(g, "matches, too", ((box[0] + box[2]) / 2) * s, box[1] * s - 8 * devicePixelRatio, "#ff9f1c");
+    new Labels(g).add({ text: "matches, too", color: "#ff9f1c", x: ((box[0] + box[2]) / 2) * s, y: ((box[1] + box[3]) / 2) * s, radius: ((box[3] - box[1]) / 2) * s });
   }
   const circle = (u: number, v: number, r: number, color: string, dashed: boolean) => {
     g.setLineDash(dashed ? [6, 5] : []);
@@ -419,10 +420,21 @@ function update(): void {
   $("teach-width").textContent = wider === 0 ? "as fitted" : wider > 0 ? `${wider} wider` : `${-wider} narrower`;
 }
 
+// The target that somebody chose: a service that starts again has the same one to teach, not its first.
+let chosenTarget = "";
+function updateTargets(): void {
+  const select = $<HTMLSelectElement>("teach-target");
+  const names = store.scene?.targets.map((t) => t.name) ?? [];
+  if (!names.length || [...select.options].map((o) => o.value).join("\n") === names.join("\n")) return;
+  select.replaceChildren(...names.map((name) => new Option(name, name)));
+  if (names.includes(chosenTarget)) select.value = chosenTarget;
+}
+
 export function updateTeach(serving: boolean): void {
   const scene = store.scene;
   const button = $<HTMLButtonElement>("teach-open");
   const allowed = serving && !!scene?.may_teach && scene.targets.length > 0;
+  updateTargets();
   // Another service knows nothing of these pictures.
   if (!panel.hidden && serving && scene && service !== serviceOf(scene)) {
     pictures = [];
@@ -433,13 +445,6 @@ export function updateTeach(serving: boolean): void {
   button.disabled = !allowed && panel.hidden;
   $("teach-why").textContent = !serving ? "" : scene && !scene.may_teach ? scene.why_not : scene && !scene.targets.length ? "The configuration has no target to teach." : "";
   $("teach-resume").hidden = !serving || store.status?.mode !== "held";
-  const select = $<HTMLSelectElement>("teach-target");
-  const names = scene?.targets.map((t) => t.name) ?? [];
-  if ([...select.options].map((o) => o.value).join() !== names.join()) {
-    const chosen = select.value;
-    select.replaceChildren(...names.map((name) => new Option(name, name)));
-    if (names.includes(chosen)) select.value = chosen;
-  }
 }
 
 $("teach-open").addEventListener("click", () => (panel.hidden ? open() : close()));
@@ -469,5 +474,8 @@ $<HTMLInputElement>("teach-ignore").addEventListener("change", (event) => {
   $("teach-pictures").classList.toggle("drawing", isIgnoring);
   say(isIgnoring ? "Drag a rectangle over what should never match (with keys: Enter, arrows, Enter)." : "Click on the object in one picture.");
 });
-$("teach-target").addEventListener("change", startAgain);
+$("teach-target").addEventListener("change", () => {
+  chosenTarget = $<HTMLSelectElement>("teach-target").value;
+  startAgain();
+});
 addEventListener("resize", () => pictures.forEach(draw));

@@ -1,0 +1,36 @@
+// What a bag holds: messages of ROS 2 as they go over the wire (CDR), by topic and time.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+namespace huetrack::bag {
+
+struct Topic {
+  std::string name;        // "/huetrack/ball/pose"
+  std::string type;        // "geometry_msgs/msg/PoseWithCovarianceStamped"
+  std::string definition;  // of the type and all that it is made of, as .msg files say it ("ros2msg" of MCAP)
+};
+
+struct Message {
+  std::size_t topic = 0;   // index into Bag::topics
+  std::int64_t at_ns = 0;  // >= 0
+  std::string data;        // CDR with its encapsulation
+};
+
+struct Bag {
+  std::vector<Topic> topics;
+  std::vector<Message> messages;  // ascending in time
+};
+
+// A rosbag2 of storage sqlite3: a new folder with metadata.yaml and a .db3, which `ros2 bag` reads from Foxy on.
+// throws std::runtime_error, one readable line: the folder is there and not empty, or cannot be written.
+void write_rosbag2(const Bag& bag, const std::filesystem::path& folder);
+
+// One file, indexed, as https://mcap.dev/spec says; not compressed. By hand: Debian has no package of a writer. throws
+// std::runtime_error: what is there is no MCAP, or it cannot be written.
+void write_mcap(const Bag& bag, const std::filesystem::path& file);
+
+}  // namespace huetrack::bag

@@ -1,0 +1,20 @@
+// `huetrack export`: a track as a rosbag2 or as MCAP.
+#pragma once
+
+#include <filesystem>
+#include <string>
+
+namespace huetrack::bag {
+
+struct ExportOptions {
+  std::filesystem::path tracks;    // CSV, of targets or of a tracked camera
+  std::filesystem::path out;       // FILE.mcap, or the folder of a rosbag2
+  std::string frame_id = "world";  // the world's name
+  double clock_offset_s = 0;       // added to every time
+};
+
+// Says on stdout what it wrote. throws std::runtime_error, one readable line: a file that is wrong (naming file and
+// line), or cannot be written.
+void export_track(const ExportOptions& options);
+
+}  // namespace huetrack::bag

@@ -1,0 +1,151 @@
+#include "clients/bag/track_bag.h"
+
+#include <fastcdr/Cdr.h>
+#include <fastcdr/FastBuffer.h>
+
+#include <algorithm>
+#include <cctype>
+#include <limits>
+#include <stdexcept>
+
+#include "idl/ros2_messages.h"
+#include "idl/topics.h"
+
+namespace huetrack::bag {
+namespace {
+
+namespace geometry = geometry_msgs::msg::dds_;
+constexpr double unknown_orientation_variance = 1e6;  // rad^2; as service/publish has it
+constexpr std::int64_t ns_per_s = 1'000'000'000;
+constexpr std::size_t rtps_prefix = 2;  // a ROS 2 topic /x is the DDS topic rt/x
+
+const std::string separator = std::string(80, '=') + "\n";
+const std::string header_definition = separator +
+                                      "MSG: std_msgs/Header\nbuiltin_interfaces/Time stamp\nstring frame_id\n" +
+                                      separator + "MSG: builtin_interfaces/Time\nint32 sec\nuint32 nanosec\n";
+const std::string quaternion_definition =
+    separator + "MSG: geometry_msgs/Quaternion\nfloat64 x\nfloat64 y\nfloat64 z\nfloat64 w\n";
+const std::string pose_definition =
+    "std_msgs/Header header\ngeometry_msgs/PoseWithCovariance pose\n" + separator +
+    "MSG: geometry_msgs/PoseWithCovariance\ngeometry_msgs/Pose pose\nfloat64[36] covariance\n" + separator +
+    "MSG: geometry_msgs/Pose\ngeometry_msgs/Point position\ngeometry_msgs/Quaternion orientation\n" + separator +
+    "MSG: geometry_msgs/Point\nfloat64 x\nfloat64 y\nfloat64 z\n" + quaternion_definition + header_definition;
+const std::string tf_definition =
+    "geometry_msgs/TransformStamped[] transforms\n" + separator +
+    "MSG: geometry_msgs/TransformStamped\nstd_msgs/Header header\nstring child_frame_id\n"
+    "geometry_msgs/Transform transform\n" +
+    separator + "MSG: geometry_msgs/Transform\ngeometry_msgs/Vector3 translation\ngeometry_msgs/Quaternion rotation\n" +
+    separator + "MSG: geometry_msgs/Vector3\nfloat64 x\nfloat64 y\nfloat64 z\n" + quaternion_definition +
+    header_definition;
+
+// What a row says, in the messages' own terms.
+struct Pose {
+  std_msgs::msg::dds_::Header_ header;
+  geometry::Quaternion_ orientation;
+  Eigen::Vector3d position;
+  std::array<double, 36> covariance{};
+};
+
+Pose pose_of(const plot::TrackRow& row, std::int64_t at_ns, const std::string& frame_id) {
+  Pose pose;
+  pose.header.stamp().sec(static_cast<std::int32_t>(at_ns / ns_per_s));
+  pose.header.stamp().nanosec(static_cast<std::uint32_t>(at_ns % ns_per_s));
+  pose.header.frame_id(frame_id);
+  pose.position = row.position;
+  const bool has_orientation = !row.orientation.hasNaN();
+  pose.orientation.x(has_orientation ? row.orientation[0] : 0);
+  pose.orientation.y(has_orientation ? row.orientation[1] : 0);
+  pose.orientation.z(has_orientation ? row.orientation[2] : 0);
+  pose.orientation.w(has_orientation ? row.orientation[3] : 1);
+  const auto at = [&](int i, int j) -> double& { return pose.covariance[std::size_t(6 * i + j)]; };
+  if (has_orientation) {
+    std::size_t k = 0;
+    for (int i = 0; i < 6; ++i)
+      for (int j = i; j < 6; ++j) at(i, j) = at(j, i) = row.pose_covariance[k++];
+    return pose;
+  }
+  for (int i = 0; i < 3; ++i) {
+    for (int j = 0; j < 3; ++j) at(i, j) = row.covariance(i, j);
+    at(i + 3, i + 3) = unknown_orientation_variance;
+  }
+  return pose;
+}
+
+template <typename Ros>
+std::string cdr_of(const Ros& message) {
+  constexpr std::size_t encapsulation = 4;
+  std::string bytes(encapsulation + Ros::getCdrSerializedSize(message), '\0');
+  eprosima::fastcdr::FastBuffer buffer(bytes.data(), bytes.size());
+  eprosima::fastcdr::Cdr cdr(buffer, eprosima::fastcdr::Cdr::LITTLE_ENDIANNESS, eprosima::fastcdr::Cdr::DDS_CDR);
+  cdr.serialize_encapsulation();
+  message.serialize(cdr);
+  bytes.resize(cdr.getSerializedDataLength());
+  return bytes;
+}
+
+std::string pose_message(const Pose& pose) {
+  geometry::PoseWithCovarianceStamped_ message;
+  message.header(pose.header);
+  auto& position = message.pose().pose().position();
+  position.x(pose.position.x());
+  position.y(pose.position.y());
+  position.z(pose.position.z());
+  message.pose().pose().orientation(pose.orientation);
+  message.pose().covariance(pose.covariance);
+  return cdr_of(message);
+}
+
+std::string tf_message(const Pose& pose, const std::string& child) {
+  tf2_msgs::msg::dds_::TFMessage_ message;
+  auto& transform = message.transforms().emplace_back();
+  transform.header(pose.header);
+  transform.child_frame_id(child);
+  transform.transform().translation().x(pose.position.x());
+  transform.transform().translation().y(pose.position.y());
+  transform.transform().translation().z(pose.position.z());
+  transform.transform().rotation(pose.orientation);
+  return cdr_of(message);
+}
+
+// As a part of a topic's name, whoever wrote the file.
+std::string word_of(std::string name) {
+  std::ranges::replace_if(
+      name, [](unsigned char c) { return std::isalnum(c) == 0 && c != '_'; }, '_');
+  return name;
+}
+
+std::int64_t ros_time(const plot::TrackRow& row, std::chrono::nanoseconds offset) {
+  const std::int64_t ns = (row.at.time_since_epoch() + offset).count();
+  if (ns < 0 || ns / ns_per_s > std::numeric_limits<std::int32_t>::max())
+    throw std::runtime_error("the time " + std::to_string(ns / ns_per_s) +
+                             " s is none that ROS 2 can say (1970 to 2038); --clock-offset is added to all");
+  return ns;
+}
+
+}  // namespace
+
+Bag bag_of(const std::map<std::string, std::vector<plot::TrackRow>>& tracks, const std::string& frame_id,
+           std::chrono::nanoseconds offset) {
+  Bag bag;
+  bag.topics.push_back({std::string(idl::ros2_tf_topic).substr(rtps_prefix), "tf2_msgs/msg/TFMessage", tf_definition});
+  for (const auto& [name, rows] : tracks) {
+    const std::size_t topic = bag.topics.size();
+    const std::string word = word_of(name);
+    const bool is_camera = !rows.empty() && rows.front().is_camera;
+    bag.topics.push_back(
+        {(is_camera ? idl::ros2_camera_pose_topic(word) : idl::ros2_pose_topic(word)).substr(rtps_prefix),
+         "geometry_msgs/msg/PoseWithCovarianceStamped", pose_definition});
+    for (const plot::TrackRow& row : rows) {
+      if (!row.has_position()) continue;
+      const std::int64_t at_ns = ros_time(row, offset);
+      const Pose pose = pose_of(row, at_ns, frame_id);
+      bag.messages.push_back({topic, at_ns, pose_message(pose)});
+      bag.messages.push_back({0, at_ns, tf_message(pose, word)});
+    }
+  }
+  if (bag.messages.empty()) throw std::runtime_error("no row has a position: there is nothing to export");
+  std::ranges::stable_sort(bag.messages, {}, &Message::at_ns);
+  return bag;
+}
+
+}  // namespace huetrack::bag

@@ -1,0 +1,69 @@
+#include "service_health.h"
+
+#include <algorithm>
+#include <iterator>
+
+#include "clients/live_view/events.h"
+#include "sample_format.h"
+
+namespace huetrack::client {
+namespace {
+
+// A service says its status every second, and clocks of two hosts may differ by some.
+constexpr std::int64_t old_ns = 10'000'000'000;
+
+std::string list_of(const std::vector<std::string>& sentences) {
+  std::string out = "[";
+  for (const std::string& sentence : sentences) out += (out.size() > 1 ? "," : "") + json_string(sentence);
+  return out + "]";
+}
+
+std::string head(bool is_healthy, const std::vector<std::string>& problems) {
+  return std::string(R"({"version":1,"healthy":)") + (is_healthy ? "true" : "false") + R"(,"problems":)" +
+         list_of(problems);
+}
+
+// A recording's camera ends, and one that is held has not begun: neither is a fault.
+bool is_well(const msg::CameraStatus& camera, const std::string& mode) {
+  if (camera.health() == msg::CAMERA_HEALTH_DELIVERING) return true;
+  if (mode == "held") return camera.health() == msg::CAMERA_HEALTH_WAITING;
+  return mode == "replay" && camera.health() == msg::CAMERA_HEALTH_ENDED;
+}
+
+}  // namespace
+
+std::vector<std::string> problems_of(const msg::ServiceStatus& status, std::int64_t now) {
+  std::vector<std::string> problems;
+  for (const msg::CameraStatus& camera : status.cameras())
+    if (!is_well(camera, status.mode()))
+      problems.push_back("camera " + camera.name() + ": " + std::string(name(camera.health())) +
+                         (camera.message().empty() ? "" : ": " + camera.message()));
+  std::ranges::copy(status.warnings(), std::back_inserter(problems));
+  if (const std::int64_t age = now - status.at(); age > old_ns)
+    problems.push_back("its last status is " + std::to_string(age / 1'000'000'000) +
+                       " s old: it hangs, or the hosts' clocks differ");
+  return problems;
+}
+
+std::string status_json(const msg::ServiceStatus& status, std::int64_t now, const msg::CameraTimes* times,
+                        std::span<const msg::CameraPose> poses) {
+  const std::vector<std::string> problems = problems_of(status, now);
+  std::string out = head(problems.empty(), problems);
+  out += R"(,"status":)" + live_view::to_json(status, static_cast<double>(now) * 1e-9);
+  out += R"(,"times":)" + (times == nullptr ? "null" : live_view::to_json(*times));
+  out += R"(,"poses":[)";
+  bool is_first = true;
+  for (const msg::CameraPose& pose : poses) {
+    if (std::ranges::none_of(status.cameras(), [&](const auto& camera) { return camera.name() == pose.camera(); }))
+      continue;
+    out += (is_first ? "" : ",") + live_view::to_json(pose);
+    is_first = false;
+  }
+  return out + "]}\n";
+}
+
+std::string no_status_json(const std::string& why) {
+  return head(false, {why}) + R"(,"status":null,"times":null,"poses":[]})" + "\n";
+}
+
+}  // namespace huetrack::client

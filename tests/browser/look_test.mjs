@@ -1,0 +1,298 @@
+// What the page looks like, and what it costs, with cameras of any shape: real files of the real bridge, told by a bridge of
+// the test's own what there is to see. Screenshots are left in --out.
+//   exit 0: passed, 77: skipped (no Chromium), anything else: failed
+import assert from "node:assert/strict";
+import { spawn } from "node:child_process";
+import { existsSync, mkdirSync } from "node:fs";
+import { createServer } from "node:http";
+import { createRequire } from "node:module";
+import { join } from "node:path";
+
+const options = {};
+for (let i = 2; i + 1 < process.argv.length; i += 2) options[process.argv[i].slice(2)] = process.argv[i + 1];
+const chromiumPath = ["/usr/bin/chromium", "/usr/bin/chromium-browser"].find(existsSync);
+if (!chromiumPath || !existsSync(join(options.modules, "node_modules/playwright-core"))) {
+  console.log("skipped: there is no Chromium, or no playwright-core");
+  process.exit(77);
+}
+const { chromium } = createRequire(join(options.modules, "package.json"))("playwright-core");
+mkdirSync(options.out, { recursive: true });
+const sleep = (ms) => new Promise((resolve) => setTimeout(resolve, ms));
+const say = (text) => console.log(text);
+async function until(what, condition, atMost = 10000) {
+  const end = Date.now() + atMost;
+  for (;;) {
+    const value = await condition();
+    if (value) return value;
+    assert.ok(Date.now() < end, `not within ${atMost} ms: ${what}`);
+    await sleep(50);
+  }
+}
+
+// ---- A bridge: the page's files from the real one, the events from here.
+const view = spawn(options.huetrack, ["view", "--port", "0", "--domain", "75", "--interface", "lo"], { stdio: ["ignore", "pipe", "ignore"] });
+let printed = "";
+view.stdout.on("data", (data) => (printed += data));
+const pages = new Set();
+const bridge = createServer(async (request, response) => {
+  if (request.url.startsWith("/api/events")) {
+    response.writeHead(200, { "Content-Type": "text/event-stream" });
+    response.flushHeaders();
+    pages.add(response);
+    response.on("close", () => pages.delete(response));
+    for (const text of standing.values()) response.write(text);
+    return;
+  }
+  const file = await fetch(new URL(request.url, printed.match(/http:\S+/)[0]));
+  response.writeHead(file.status, { "Content-Type": file.headers.get("content-type") });
+  response.end(Buffer.from(await file.arrayBuffer()));
+});
+const standing = new Map(); // what a page is told first: the newest of each kind
+function tell(name, message, key = "") {
+  const text = `event: ${name}\ndata: ${JSON.stringify(message)}\n\n`;
+  if (key) standing.set(key, text);
+  for (const page of pages) page.write(text);
+}
+
+// ---- What there is to see: cameras of a size, with targets at pixels, in a room.
+const who = { host: "test", pid: 7 };
+const now = () => Date.now() / 1000;
+const rgb = { lime: [0.6, 0.85, 0.1], pink: [0.95, 0.2, 0.6], navy: [0.1, 0.1, 0.45] };
+function room(sizes, targets = ["lime", "pink", "navy"]) {
+  standing.clear();
+  const cameras = sizes.map((size, i) => ({
+    name: `cam${i}`, size, model: "pinhole", intrinsics: [size[0], size[0], size[0] / 2, size[1] / 2],
+    position: [2 * Math.cos(i * 1.6), 2 * Math.sin(i * 1.6), 1.8], orientation: [0.7, 0.2, -0.2, 0.6],
+    border: [[-0.5, -0.5, 1], [0.5, -0.5, 1], [0.5, 0.5, 1], [-0.5, 0.5, 1]].flat(),
+  }));
+  tell("pulse", { now: now(), domain: 75, bus: "lo", publishers: 1, trouble: "" }, "pulse");
+  tell("scene", { ...who, at: now(), rig_identity: "r", frame_id: "world", volume: [[-1, -1, 0], [1, 1, 2]], cameras,
+    targets: targets.map((name) => ({ name, radius: 0.04, rgb: rgb[name] ?? [0.5, 0.5, 0.5], colors: [] })), ignored: [], may_teach: true, why_not: "" }, "scene");
+}
+function status(sizes, change = () => {}) {
+  const cameras = sizes.map((_, i) => ({ name: `cam${i}`, health: "delivering", message: "", frames: 900, dropped: 0, corrupted: 0, rate_hz: 29.9, age_s: 0.01 }));
+  const message = { ...who, heard: now(), version: "0.1.0", mode: "run", config_file: "my.yaml", config_identity: "c", rig_identity: "r", set_rate_hz: 29.9, sets: 900,
+    incomplete_sets: 0, late_frames: 0, dropped_sets: 0, published: 900, publish_failures: 0, cameras, targets: ["lime", "pink", "navy"], warnings: [] };
+  change(message);
+  tell("status", message, "status");
+}
+function position(target, t, change = {}) {
+  const phase = { lime: 0, pink: 2, navy: 4 }[target] ?? 1;
+  const p = [0.6 * Math.cos(t + phase), 0.6 * Math.sin(t + phase), 1 + 0.3 * Math.sin(2 * t)];
+  tell("position", { target, t, set: Math.round(30 * t), state: "tracking", position: p, velocity: [0, 0, 0], covariance: [4e-6, 0, 0, 0, 4e-6, 0, 0, 0, 9e-6], views: 2,
+    confidence: 0.9, particles: 500, ess: 300, latency: 0.004, tracking_latency: 0.001,
+    per_view: [0, 1].map((i) => ({ camera: `cam${i}`, delivered: true, seen: true, support: 1, residual_px: 0.2 })), ...change });
+}
+function preview(camera, size, jpeg, places) {
+  tell("preview", { camera, t: now(), set: 1, image: size, size, jpeg, targets: places.map(([target, px, radius]) => ({ target, state: "tracking", px, radius,
+    ellipse: [radius / 3, radius / 4, 0], particles: [px[0] + 1, px[1] + 1, px[0] - 2, px[1]] })) }, `preview ${camera}`);
+}
+// A picture with a circle in the middle and a ball at each place, as JPEG.
+const drawn = (page, size, places) =>
+  page.evaluate(([[w, h], balls, colors]) => {
+    const canvas = Object.assign(document.createElement("canvas"), { width: w, height: h });
+    const g = canvas.getContext("2d");
+    const fade = g.createLinearGradient(0, 0, w, h);
+    fade.addColorStop(0, "#556"), fade.addColorStop(1, "#998877");
+    g.fillStyle = fade, g.fillRect(0, 0, w, h);
+    g.fillStyle = "#dde";
+    g.beginPath(), g.arc(w / 2, h / 2, Math.min(w, h) / 4, 0, 7), g.fill();
+    for (const [name, [x, y], r] of balls) {
+      g.fillStyle = `rgb(${colors[name].map((c) => 255 * c).join()})`;
+      g.beginPath(), g.arc(x, y, r, 0, 7), g.fill();
+    }
+    return canvas.toDataURL("image/jpeg", 0.8).split(",")[1];
+  }, [size, places, rgb]);
+
+// How wide and how tall the white circle is on the screen.
+const circle = (page, camera) =>
+  page.evaluate((name) => {
+    const figure = [...document.querySelectorAll("#cameras figure")].find((f) => f.querySelector("b").textContent === name);
+    const canvas = figure.querySelector("canvas");
+    const { width: w, height: h } = canvas;
+    const g = canvas.getContext("2d");
+    const white = ([r, gr, b]) => r > 195 && gr > 195 && b > 195;
+    let [wide, tall] = [0, 0];
+    const row = g.getImageData(0, h >> 1, w, 1).data, column = g.getImageData(w >> 1, 0, 1, h).data;
+    for (let i = 0; i < w; i++) wide += white(row.subarray(4 * i, 4 * i + 3)) ? 1 : 0;
+    for (let i = 0; i < h; i++) tall += white(column.subarray(4 * i, 4 * i + 3)) ? 1 : 0;
+    const box = canvas.getBoundingClientRect();
+    return { wide: (wide * box.width) / w, tall: (tall * box.height) / h, width: box.width, height: box.height };
+  }, camera);
+
+async function shapes(browser, address) {
+  for (const [name, size, count] of [["4x3", [640, 480], 2], ["16x9", [640, 360], 2], ["portrait", [360, 640], 2], ["mixed", null, 3]]) {
+    const sizes = size ? Array(count).fill(size) : [[640, 480], [640, 360], [360, 640]];
+    room(sizes);
+    status(sizes);
+    const page = await browser.newPage({ viewport: { width: 1440, height: 1000 } });
+    await page.goto(address);
+    await until("the page listens", () => pages.size > 0);
+    for (const [i, [w, h]] of sizes.entries()) {
+      // Three balls that nearly touch, away from the middle row and column, which circle() reads.
+      const places = [["lime", [w * 0.13, h * 0.3], 14], ["pink", [w * 0.13 + 30, h * 0.3 + 4], 14], ["navy", [w * 0.13 + 12, h * 0.3 + 30], 14]];
+      preview(`cam${i}`, [w, h], await drawn(page, [w, h], places), places);
+    }
+    const t = now();
+    for (let k = 0; k < 60; k++) for (const target of ["lime", "pink", "navy"]) position(target, t + k / 30 - 2);
+    await until("the pictures are there", async () => (await page.locator("#cameras .awaited:visible").count()) === 0);
+    await sleep(600);
+    for (const [i, [w, h]] of sizes.entries()) {
+      const seen = await circle(page, `cam${i}`);
+      assert.ok(Math.abs(seen.width / seen.height - w / h) < 0.01 * (w / h), `${name} cam${i}: shown ${seen.width} x ${seen.height}`);
+      assert.ok(Math.abs(seen.wide - seen.tall) < 4 && seen.wide > 30, `${name} cam${i}: a circle is ${seen.wide} x ${seen.tall}`);
+      assert.ok(seen.height <= 0.57 * 1000, `${name} cam${i} is ${seen.height} px tall in a window of 1000`);
+    }
+    await page.screenshot({ path: join(options.out, `look_${name}.png`), fullPage: true });
+
+    // Large: a click, the wheel and a drag, and Esc.
+    const before = await circle(page, "cam0");
+    const canvas = page.locator("#cameras canvas").first();
+    await page.mouse.move(10, 10);
+    await page.evaluate(() => scrollTo(0, 0));
+    await canvas.click({ position: { x: 20, y: 20 } });
+    await until("it is large", async () => (await page.locator("#cameras figure.large").count()) === 1);
+    await sleep(100);
+    const large = await circle(page, "cam0");
+    assert.ok(large.wide > 1.2 * before.wide, `${name}: enlarged from ${before.wide} to ${large.wide}`);
+    assert.ok(Math.abs(large.wide - large.tall) < 6, `${name}: a large circle is ${large.wide} x ${large.tall}`);
+    const box = await canvas.boundingBox();
+    await page.mouse.move(box.x + box.width / 2, box.y + box.height / 2);
+    await page.mouse.wheel(0, -300);
+    await sleep(150);
+    const zoomed = await circle(page, "cam0");
+    assert.ok(zoomed.wide > 1.3 * large.wide, `${name}: the wheel zoomed from ${large.wide} to ${zoomed.wide}`);
+    if (name === "16x9") await page.screenshot({ path: join(options.out, "look_zoomed.png") });
+    await page.mouse.down();
+    await page.mouse.move(box.x + box.width / 2 + 2000, box.y + box.height / 2, { steps: 5 });
+    await page.mouse.up();
+    await sleep(100);
+    assert.equal(await page.locator("#cameras figure.large").count(), 1, "a drag is no click");
+    await page.keyboard.press("Escape");
+    await until("it is small again", async () => (await page.locator("#cameras figure.large").count()) === 0);
+    const after = await circle(page, "cam0");
+    assert.ok(Math.abs(after.wide - before.wide) < 3, `${name}: ${before.wide} before, ${after.wide} after`);
+    // With the keyboard alone.
+    await page.focus("#enlarge-cam0");
+    await page.keyboard.press("Enter");
+    await page.keyboard.press("+");
+    await sleep(150);
+    assert.ok((await circle(page, "cam0")).wide > 1.4 * before.wide, "keys enlarge and zoom");
+    await page.keyboard.press("Escape");
+    await page.close();
+    say(`${name}: ${before.width.toFixed(0)} x ${before.height.toFixed(0)} px, large ${large.width.toFixed(0)} x ${large.height.toFixed(0)}`);
+  }
+}
+
+// What is not well has a colour and a sentence; what is missing is said.
+async function doubts(browser, address) {
+  const sizes = [[640, 480], [640, 480]];
+  standing.clear();
+  tell("pulse", { now: now(), domain: 75, bus: "lo", publishers: 0, trouble: "" }, "pulse");
+  const page = await browser.newPage({ viewport: { width: 1440, height: 1000 } });
+  await page.goto(address);
+  await until("what is awaited", async () => /No huetrackd is heard on DDS domain 75\. Start one: huetrackd run/.test(await page.textContent("#no-targets")));
+  await page.screenshot({ path: join(options.out, "look_empty.png") });
+  room(sizes);
+  const dead = (s) => Object.assign(s.cameras[1], { rate_hz: 0, health: "delivering" });
+  status(sizes, dead);
+  await until("a camera's picture is awaited", async () => /first picture is awaited/.test(await page.textContent("#cameras")));
+  const t = now();
+  position("lime", t, { latency: 9.8 });
+  position("pink", t, { covariance: [1e-2, 0, 0, 0, 1e-2, 0, 0, 0, 1e-2], views: 1, confidence: 0.2 });
+  position("navy", t, { state: "lost", position: [null, null, null], velocity: [null, null, null], covariance: Array(9).fill(null) });
+  const card = (name) => page.locator(`#targets li[data-target=${name}]`);
+  await until("late is said", async () => /come 9\.80 s late/.test(await card("lime").textContent()));
+  assert.equal(await card("lime").locator(".latency").getAttribute("data-level"), "bad");
+  assert.match(await card("pink").textContent(), /farther off than its own radius; cam0 alone sees it; the views hardly show it\./);
+  assert.equal(await card("pink").locator(".sigma").getAttribute("data-level"), "warn");
+  assert.match(await card("navy").textContent(), /Lost: hidden for too long/);
+  await until("the dead camera is said", async () => /no frame came in the last seconds/.test(await page.textContent("#cameras")));
+  assert.equal(await page.locator("#cameras figure .chip").nth(1).getAttribute("data-health"), "stalled");
+  await page.screenshot({ path: join(options.out, "look_doubts.png") });
+  position("lime", now() + 0.01, { latency: -5e8 });
+  await until("another clock's latency is none", async () => (await card("lime").locator(".latency").textContent()) === "–");
+
+  // The target to teach stays chosen when the service starts again.
+  await until("it may be taught", () => page.isEnabled("#teach-open"));
+  await page.click("#teach-open");
+  await page.selectOption("#teach-target", "pink");
+  who.pid = 8;
+  room(sizes);
+  status(sizes);
+  await until("another service is there", async () => /8 on test/.test(await page.textContent("#facts")));
+  await sleep(300);
+  assert.equal(await page.inputValue("#teach-target"), "pink");
+  await page.close();
+  say("doubts and empty states are said");
+}
+
+// CPU seconds of all of Chromium's processes.
+async function cpu(browser) {
+  const session = await browser.newBrowserCDPSession();
+  const { processInfo } = await session.send("SystemInfo.getProcessInfo");
+  await session.detach();
+  return processInfo.reduce((sum, p) => sum + p.cpuTime, 0);
+}
+async function costs(browser, address) {
+  const sizes = [[480, 360], [480, 360], [480, 360]]; // previews as wide, and as many, as the service makes by default
+  room(sizes);
+  status(sizes);
+  const page = await browser.newPage({ viewport: { width: 1440, height: 1000 } });
+  await page.goto(address);
+  await until("the page listens", () => pages.size > 0);
+  const over = async (seconds, each) => {
+    const [from, at] = [await cpu(browser), Date.now()];
+    for (let k = 0; Date.now() < at + 1000 * seconds; k++) {
+      each?.(k);
+      await sleep(33 - ((Date.now() - at) % 33));
+    }
+    return (100 * ((await cpu(browser)) - from)) / ((Date.now() - at) / 1000);
+  };
+  const beat = (k) => k % 30 === 0 && (tell("pulse", { now: now(), domain: 75, bus: "lo", publishers: 1, trouble: "" }, "pulse"), status(sizes));
+  await over(2, beat);
+  const idle = await over(10, beat);
+  const places = [["lime", [200, 200], 14], ["pink", [400, 240], 14]];
+  const jpegs = [await drawn(page, sizes[0], places), await drawn(page, sizes[0], [["lime", [220, 210], 14], ["pink", [390, 250], 14]])];
+  const run = (k) => {
+    beat(k);
+    for (const target of ["lime", "pink"]) position(target, now());
+    if (k % 4 === 0) sizes.forEach((size, i) => preview(`cam${i}`, size, jpegs[(k / 4) % 2], places));
+  };
+  await over(3, run);
+  const running = await over(10, run);
+  await page.screenshot({ path: join(options.out, "look_running.png") });
+  await page.close();
+  say(`CPU of all of Chromium's processes, without a graphics card: idle ${idle.toFixed(1)} %, running ${running.toFixed(1)} % of a core`);
+  return { idle, running };
+}
+
+let code = 1;
+let browser;
+try {
+  await until("the bridge says its address", () => /http:\S+/.test(printed));
+  await new Promise((resolve) => bridge.listen(0, "127.0.0.1", resolve));
+  const address = `http://127.0.0.1:${bridge.address().port}/`;
+  browser = await chromium.launch({
+    executablePath: chromiumPath,
+    args: ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
+      "--disable-component-update", "--disable-sync", "--enable-unsafe-swiftshader"],
+  });
+  const what = (options.only ?? "shapes,doubts,costs").split(",");
+  if (what.includes("shapes")) await shapes(browser, address);
+  if (what.includes("doubts")) await doubts(browser, address);
+  if (what.includes("costs")) {
+    const { idle, running } = await costs(browser, address);
+    // Wanted are 5 and 30; a busy machine makes caches cold and times longer.
+    assert.ok(idle < 10, `an idle page takes ${idle.toFixed(1)} % of a core`);
+    assert.ok(running < 60, `a running page takes ${running.toFixed(1)} % of a core`);
+  }
+  code = 0;
+  say("passed");
+} catch (error) {
+  console.error(error);
+} finally {
+  await browser?.close();
+  view.kill("SIGKILL");
+}
+process.exit(code);
