@@ -24,7 +24,7 @@ constexpr std::size_t most_waiting = 64 * 1024;  // bytes of a socket's, not sen
 constexpr std::size_t longest_control = 125;     // RFC 6455, 5.5
 constexpr std::size_t longest_input = 4096;      // of a frame: nobody has anything to say here
 
-enum Opcode : unsigned { continuation = 0, text = 1, binary = 2, farewell = 8, ping = 9, pong = 10 };
+enum Opcode : unsigned { continuation = 0, words = 1, binary = 2, farewell = 8, ping = 9, pong = 10 };
 constexpr unsigned last_frame = 0x80, masked = 0x80;
 enum Reason : unsigned { wrong_protocol = 1002, too_long = 1009 };
 
@@ -64,8 +64,8 @@ std::string web_socket_accept(std::string_view key) {
 std::string web_socket_frame(const std::string& event) {
   constexpr std::string_view name_begins = "event: ", data_begins = "\ndata: ";
   const auto data = event.find(data_begins);
-  return frame(text, "{\"event\":\"" + event.substr(name_begins.size(), data - name_begins.size()) + "\",\"data\":" +
-                         event.substr(data + data_begins.size(), event.size() - data - data_begins.size() - 2) + "}");
+  return frame(words, "{\"event\":\"" + event.substr(name_begins.size(), data - name_begins.size()) + "\",\"data\":" +
+                          event.substr(data + data_begins.size(), event.size() - data - data_begins.size() - 2) + "}");
 }
 
 bool WebSocketInput::take(std::string_view bytes, std::string& answer) {
