@@ -12,7 +12,7 @@
 namespace huetrack::client {
 namespace {
 
-constexpr std::int64_t ns_per_s = 1'000'000'000;
+constexpr std::int64_t osc_ns_per_s = 1'000'000'000;
 constexpr std::int64_t unix_since_1900_s = 2'208'988'800;  // NTP counts from 1900
 
 template <typename Unsigned>
@@ -46,10 +46,10 @@ class Bundle {
  public:
   explicit Bundle(std::int64_t unix_ns) {
     append_text(bytes_, "#bundle");
-    const std::int64_t seconds = unix_ns / ns_per_s - (unix_ns % ns_per_s < 0 ? 1 : 0);
-    const auto rest_ns = static_cast<std::uint64_t>(unix_ns - seconds * ns_per_s);
+    const std::int64_t seconds = unix_ns / osc_ns_per_s - (unix_ns % osc_ns_per_s < 0 ? 1 : 0);
+    const auto rest_ns = static_cast<std::uint64_t>(unix_ns - seconds * osc_ns_per_s);
     append_big_endian(bytes_, static_cast<std::uint32_t>(seconds + unix_since_1900_s));
-    append_big_endian(bytes_, static_cast<std::uint32_t>((rest_ns << 32U) / ns_per_s));
+    append_big_endian(bytes_, static_cast<std::uint32_t>((rest_ns << 32U) / osc_ns_per_s));
   }
   void add(const std::string& message) {
     append_big_endian(bytes_, static_cast<std::uint32_t>(message.size()));
