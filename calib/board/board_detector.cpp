@@ -333,6 +333,9 @@ BoardDetection without_odd_ones(const FoundCorners& found, int columns) {
     detection.ids.push_back(id);
     detection.px.push_back(p);
   }
+  std::vector<double> blurs;
+  for (const RefinedCorner& c : found.corners) blurs.push_back(c.blur_px);
+  detection.blur_px = calib::median(std::move(blurs));
   return detection;
 }
 

@@ -24,6 +24,7 @@ struct BoardDetection {
   std::vector<int> ids;             // ascending; of Board::point()
   std::vector<Eigen::Vector2d> px;  // beside ids; raw pixels, (0,0) is the centre of the top left one
   std::string why_not;              // when ids is empty: what stood in the way, one clause; empty otherwise
+  double blur_px = 0;               // standard deviation of its edges' blur, median over the corners; 0: not known
 
   bool found() const { return !ids.empty(); }
 };

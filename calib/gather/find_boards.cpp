@@ -94,7 +94,8 @@ std::string reasons(const PictureTally& camera) {
   const auto most = std::ranges::max_element(camera.why_not, {}, [](const auto& entry) { return entry.second; });
   if (most == camera.why_not.end()) return {};
   std::string text = most->first;
-  if (camera.why_not.size() > 1) text += " (" + std::to_string(most->second) + " times)";
+  if (camera.why_not.size() > 1)
+    text += most->second == 1 ? std::string(" (once)") : " (" + std::to_string(most->second) + " times)";
   return text;
 }
 
@@ -117,12 +118,16 @@ class Misses {
   std::map<std::size_t, std::vector<cv::Mat>> by_camera_;
 };
 
-void require_boards(const FoundBoards& found, const board::Board& board, const Misses& misses) {
+// One line per camera that gave nothing to calibrate with.
+std::vector<std::pair<std::string, std::string>> without_boards(const FoundBoards& found, const board::Board& board,
+                                                                const Misses& misses) {
+  std::vector<std::pair<std::string, std::string>> without;
   for (std::size_t c = 0; c < found.cameras.size(); ++c) {
     const PictureTally& camera = found.cameras[c];
     if (camera.pictures == 0) {
-      throw InputError("camera " + camera.name + " has no picture that can be used" +
-                       (found.warnings.empty() ? "" : ": " + found.warnings.front()));
+      without.emplace_back(camera.name, "camera " + camera.name + " has no picture that can be used" +
+                                            (found.warnings.empty() ? "" : ": " + found.warnings.front()));
+      continue;
     }
     if (camera.boards > 0) continue;
     std::string text = "camera " + camera.name + ": the board (" + board.description() + ") is in none of its " +
@@ -130,8 +135,9 @@ void require_boards(const FoundBoards& found, const board::Board& board, const M
     if (const std::string why = reasons(camera); !why.empty()) text += ": " + why;
     if (const std::string guess = board::explain_missing_board(board, misses.of(c)); !guess.empty())
       text += "; " + guess;
-    throw InputError(text);
+    without.emplace_back(camera.name, text);
   }
+  return without;
 }
 
 // One picture that is looked at.
@@ -182,8 +188,8 @@ std::vector<BoardSet> views_of(const std::vector<PictureSet>& batch, const std::
       continue;
     }
     ++camera.boards;
-    seen[task.set].views.push_back(
-        {static_cast<int>(task.camera), 0, picture.label, task.detection.ids, task.detection.px, picture.stamp_s});
+    seen[task.set].views.push_back({static_cast<int>(task.camera), 0, picture.label, task.detection.ids,
+                                    task.detection.px, picture.stamp_s, task.detection.blur_px});
     seen[task.set].thumbnails.push_back(task.thumbnail);
   }
   found.sets_looked_at += static_cast<int>(batch.size());
@@ -298,7 +304,9 @@ FoundBoards find_boards(PictureSource& source, const board::BoardDetector& detec
   line.clear();
   page.close("looked at all " + std::to_string(found.sets_looked_at) + " moments");
   found.warnings = source.take_warnings();
-  require_boards(found, detector.board(), misses);
+  found.without_boards = without_boards(found, detector.board(), misses);
+  if (!found.without_boards.empty() && found.without_boards.size() + options.least_cameras > found.cameras.size())
+    throw InputError(found.without_boards.front().second);
   const std::size_t before = sets.size();
   sets = thinned(std::move(sets), static_cast<std::size_t>(options.max_sets), source.has_stamps());
   found.thinned = static_cast<int>(before - sets.size());

@@ -34,7 +34,7 @@ void widen_where_pixels_are_not_square(const Adjustment& a, const std::vector<in
 struct ParameterLayout {
   int size = 0;         // of all
   int camera_size = 0;  // of the cameras', which come first
-  int bend_offset = -1;
+  int warp_offset = -1;
   std::vector<int> free, held;  // parameters that were adjusted; and those that were not, though they are not exact
 };
 
@@ -68,9 +68,9 @@ ParameterLayout lay_out(Adjustment& a) {
     }
   }
   layout.camera_size = layout.size;
-  if (a.bend_is_free) {
-    layout.bend_offset = layout.size;
-    for (int i = 0; i < 2; ++i) layout.free.push_back(layout.size++);
+  if (a.warp_is_free) {
+    layout.warp_offset = layout.size;
+    for (int i = 0; i < 3; ++i) layout.free.push_back(layout.size++);
   }
   return layout;
 }
@@ -85,13 +85,13 @@ void add_view(const Adjustment& a, std::size_t v, int view_in_set, const BoardSh
   const int lens_size = is_laid_out && a.lens_offset[c] >= 0 ? parameter_count(camera.lens) : 0;  // held ones too
   const int pose_size = is_laid_out && a.pose_offset[c] >= 0 ? 6 : 0;
   const int time_size = is_laid_out && moves && a.time_offset[c] >= 0 ? 2 : 0;
-  const int bend_size = layout.bend_offset >= 0 ? 2 : 0;
-  const int local = lens_size + pose_size + time_size + bend_size, own = static_cast<int>(set.by_own.rows());
+  const int warp_size = layout.warp_offset >= 0 ? 3 : 0;
+  const int local = lens_size + pose_size + time_size + warp_size, own = static_cast<int>(set.by_own.rows());
   std::vector<int> at;  // where the local parameters are in the global ones
   for (int i = 0; i < lens_size; ++i) at.push_back(a.lens_offset[c] + i);
   for (int i = 0; i < pose_size; ++i) at.push_back(a.pose_offset[c] + i);
   for (int i = 0; i < time_size; ++i) at.push_back(a.time_offset[c] + i);
-  for (int i = 0; i < bend_size; ++i) at.push_back(layout.bend_offset + i);
+  for (int i = 0; i < warp_size; ++i) at.push_back(layout.warp_offset + i);
   MatrixXd jtj = MatrixXd::Zero(local, local), jtb = MatrixXd::Zero(local, own), j(2, local),
            j_own = MatrixXd::Zero(2, own);
   VectorXd jtr = VectorXd::Zero(local);
@@ -101,18 +101,22 @@ void add_view(const Adjustment& a, std::size_t v, int view_in_set, const BoardSh
     CornerDerivatives d;
     if (!corner_residual(a, shape, v, k, r, &d)) continue;
     set.residuals += 2;
+    const double weight = 1 / camera.relative_noise;  // of a residual: all noises are one then
     if (lens_size > 0) j.leftCols(lens_size) = d.by_lens.leftCols(lens_size);
     if (pose_size > 0) j.middleCols(lens_size, 6) = d.by_camera;
     if (time_size > 0) {
       j.col(lens_size + pose_size) = -d.by_time;
       j.col(lens_size + pose_size + 1) = corner_of(a, shape, v, k).below_middle * d.by_time;
     }
-    if (bend_size > 0) j.rightCols(2) = d.by_bend;
+    if (warp_size > 0) j.rightCols(3) = d.by_warp;
     j_own.leftCols<6>() = d.by_board;
     if (moves) {
       j_own.middleCols<12>(own_course_at) = d.by_course;
       j_own.col(own_stamps_at + view_in_set) = d.by_time;
     }
+    j *= weight;
+    j_own *= weight;
+    r *= weight;
     jtj.noalias() += j.transpose() * j;
     jtb.noalias() += j.transpose() * j_own;
     jtr.noalias() += j.transpose() * r;
@@ -183,6 +187,16 @@ NormalEquations normal_equations(const Adjustment& a, const BoardShape& shape, c
     equations.of_sets.push_back({set.by_parameters - set.mixed * solver.solve(set.mixed.transpose()),
                                  set.gradient - set.mixed * solver.solve(set.own_gradient)});
     equations.information += equations.of_sets.back().information;
+  }
+  for (std::size_t c = 0; c < a.cameras.size(); ++c) {
+    if (a.lens_offset[c] < 0 || !a.cameras[c].lens_is_free) continue;
+    for (const LensBelief& belief : lens_beliefs(a.cameras[c])) {
+      const int at = a.lens_offset[c] + belief.parameter;
+      const double weight = belief_px / belief.sigma, off = weight * a.cameras[c].parameters(belief.parameter);
+      equations.information(at, at) += weight * weight;
+      equations.cost += off * off;
+      ++equations.residuals;
+    }
   }
   for (std::size_t c = 0; c < a.cameras.size(); ++c) {
     if (a.time_offset[c] < 0) continue;
@@ -275,6 +289,8 @@ void find_covariance(Adjustment& a, const BoardShape& shape) {
     covariance(free, free) = of_free;
     if (!layout.held.empty()) add_held(a, layout, equations.information, inverse, covariance);
   }
+  a.warp_sigma.setZero();
+  if (layout.warp_offset >= 0) a.warp_sigma = covariance.diagonal().segment<3>(layout.warp_offset).cwiseSqrt();
   a.covariance = covariance.topLeftCorner(layout.camera_size, layout.camera_size);
   for (std::size_t c = 0; c < a.cameras.size(); ++c) {
     if (a.time_offset[c] < 0) continue;

@@ -8,6 +8,23 @@
 
 namespace huetrack::solver {
 
+// How far a lens has to reach for its image's corners; a bit further than it does, when it folds before. Pinhole:
+// radius on the plane z = 1; fisheye: angle; stereographic: radius on that projection.
+double reach_of(const AdjustedCamera& camera);
+
+// What every lens is believed to be, before any view: coefficients that views do not determine would otherwise cancel
+// one another, here or where no board was. Small enough to be outweighed by a few dozen corners.
+struct LensBelief {
+  int parameter = 0;
+  double sigma = 1;  // about 0
+};
+std::vector<LensBelief> lens_beliefs(const AdjustedCamera& camera);
+// A standard deviation of a belief weighs as much as that error of one corner, per axis.
+inline constexpr double belief_px = 0.1;
+
+// Where a rational lens's denominator is smaller it hides a pole behind a zero of the numerator.
+inline constexpr double least_denominator = 0.2;
+
 // One least-squares solution for the used corners, from where `a` is. robust_px: of Cauchy's loss; 0: plain squares.
 // What is known beforehand of a board's motion and of times counts by a.noise_px. throws CalibrationError
 void solve(Adjustment& a, const BoardShape& shape, double robust_px, int max_iterations);

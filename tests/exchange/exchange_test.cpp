@@ -9,6 +9,7 @@
 #include <opencv2/calib3d.hpp>
 #include <opencv2/core.hpp>
 
+#include "calib/model/nearest_lens.h"
 #include "calib/yaml/yaml_reader.h"
 
 namespace huetrack::exchange {
@@ -341,6 +342,28 @@ TEST_F(Exchange, KalibrErrors) {
   } catch (const ExchangeError& error) {
     EXPECT_THAT(error.what(), AllOf(HasSubstr("cam1"), HasSubstr("k3 = 0.05")));
   }
+}
+
+TEST_F(Exchange, AStereographicLensIsWrittenAsTheNearestThatTheyHave) {
+  calib::CameraRig rig = some_rig();
+  const calib::CameraModel lens(
+      calib::Stereographic{500, 500, 320, 240, {0.1, -0.05, 1e-3, -5e-4, 0.01, 0, 1e-3, 5e-4}});
+  rig.cameras[1].model = lens;
+  for (const ExchangeFormat format : {ExchangeFormat::ros, ExchangeFormat::opencv, ExchangeFormat::kalibr,
+                                      ExchangeFormat::aniposelib, ExchangeFormat::caliscope}) {
+    EXPECT_THAT(
+        export_rig(rig, {.format = format}).notes,
+        Contains(AllOf(HasSubstr("cam1"), HasSubstr("no stereographic lens"), HasSubstr("px (95 % of the image)"))))
+        << name(format);
+  }
+  const calib::NearestLens nearest =
+      calib::nearest_lens(lens, {640, 480}, calib::CameraModel(calib::PinholeRadtan{}), 12);
+  EXPECT_TRUE(nearest.covers_image);
+  EXPECT_LT(nearest.p95_px, 0.3);
+  // As far off as it says.
+  const auto ray = lens.ray({{5, 5}});
+  ASSERT_TRUE(ray);
+  EXPECT_LE((nearest.model.project(*ray).value().px - Eigen::Vector2d(5, 5)).norm(), nearest.worst_px);
 }
 
 // What aniposelib's CameraGroup.dump() writes.

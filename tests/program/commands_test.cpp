@@ -117,6 +117,55 @@ TEST_F(Calibrate, PicturesOfAGoodCaptureGiveTheRig) {
             0.003);
 }
 
+TEST_F(Calibrate, AWorldThatWasSetIsKept) {
+  const calib::CameraRig truth = gather::pictured_rig();
+  gather::write_pictures(folder_ / "pictures", truth, gather::pictured_poses(16));
+  // The true rig is the one that is there, its world the one that was set; one camera was moved since.
+  calib::CameraRig before = truth;
+  before.made_by = {{"world", "the board on the floor"}};
+  before.cameras[2].cam_from_world.translation += Eigen::Vector3d(0.3, 0, 0);
+  calib::write_rig(before, path("rig.yaml"));
+  const Ended again = extrinsics("pictures");
+  EXPECT_EQ(again.status, 0) << again.out << again.err;
+  EXPECT_THAT(again.out, AllOf(HasSubstr("by cam0, cam1"), HasSubstr("moved since: cam2")));
+  const calib::CameraRig found = calib::read_rig(path("rig.yaml"));
+  for (std::size_t c = 0; c < 3; ++c)
+    EXPECT_LT((found.cameras[c].centre() - truth.cameras[c].centre()).norm(), 0.01) << c;
+  EXPECT_THAT(end_to_end::contents(path("rig.yaml")), HasSubstr("the board on the floor"));
+  const Ended other = extrinsics("pictures", "rig.yaml", {"--new-world"});
+  EXPECT_EQ(other.status, 0) << other.out << other.err;
+  EXPECT_THAT(end_to_end::contents(path("rig.yaml")), HasSubstr("a guess"));
+}
+
+TEST_F(Calibrate, ACameraThatCannotBeCalibratedIsLeftOutAndNamed) {
+  const calib::CameraRig truth = gather::pictured_rig();
+  gather::write_pictures(folder_ / "pictures", truth, gather::pictured_poses(16),
+                         [](int camera, int, cv::Mat& picture) {
+                           if (camera == 1) picture.setTo(90);
+                         });
+  calib::write_rig(truth, path("rig.yaml"));
+  const std::string good = end_to_end::contents(path("rig.yaml"));
+  std::ofstream(path("rig.report.txt")) << "of the good rig";
+  const Ended result = extrinsics("pictures");
+  EXPECT_EQ(result.status, 2) << result.out << result.err;
+  EXPECT_THAT(result.out, AllOf(HasSubstr("cam1 is left out"), HasSubstr("is in none of its")));
+  // Doubtful: neither the rig that is there is replaced, nor its report.
+  EXPECT_EQ(end_to_end::contents(path("rig.yaml")), good);
+  EXPECT_EQ(end_to_end::contents(path("rig.report.txt")), "of the good rig");
+  EXPECT_THAT(end_to_end::contents(path("rig.doubtful.report.txt")), HasSubstr("cam1 is left out"));
+  const calib::CameraRig rest = calib::read_rig(path("rig.doubtful.yaml"));
+  ASSERT_EQ(rest.cameras.size(), 2u);
+  EXPECT_EQ(rest.cameras[1].name, "cam2");
+}
+
+TEST_F(Calibrate, AFolderThatIsNotThereIsSaidBeforeTheWork) {
+  const Ended result = extrinsics("pictures", "nowhere/rig.yaml");  // there are no pictures either
+  EXPECT_EQ(result.status, 1);
+  EXPECT_THAT(result.err, HasSubstr("there is no such folder to write rig.yaml into"));
+  fs::create_directories(folder_ / "empty");
+  EXPECT_THAT(extrinsics("empty").err, HasSubstr("the folder is empty"));
+}
+
 TEST_F(Calibrate, TheOrderOfImagesDoesNotMatter) {
   const calib::CameraRig truth = gather::pictured_rig();
   gather::write_pictures(folder_ / "pictures", truth, gather::pictured_poses(12));
