@@ -23,21 +23,32 @@ struct ExtrinsicsOptions : CalibrationOptions {
   bool new_world = false;
 };
 
-// The world of the rig that is replaced, for those of its cameras that stand as they did; otherwise a guess.
-void choose_world(solver::Extrinsics& result, const ExtrinsicsOptions& options, report::ReportInput& input) {
+// The rig that is to be replaced, whose world is kept. nullopt: there is none, or a new world was asked for.
+std::optional<calib::CameraRig> rig_before(const ExtrinsicsOptions& options) {
   std::error_code error;
+  if (options.new_world || !std::filesystem::exists(options.rig, error)) return std::nullopt;
+  try {
+    return calib::read_rig(options.rig);
+  } catch (const std::runtime_error& wrong) {
+    throw gather::InputError(std::string(wrong.what()) + "; it is there already, and its world would be kept: give " +
+                             "another --rig, or --new-world to replace it");
+  }
+}
+
+// The world of the rig that is replaced, for those of its cameras that stand as they did; otherwise a guess.
+void choose_world(solver::Extrinsics& result, const ExtrinsicsOptions& options,
+                  const std::optional<calib::CameraRig>& before, report::ReportInput& input) {
   const calib::Rigid3d guess = solver::upright_guess(result.adjustment);
-  if (!options.new_world && std::filesystem::exists(options.rig, error)) {
-    const calib::CameraRig before = calib::read_rig(options.rig);
-    const auto kept = solver::world_of(before, result.adjustment);
+  if (before) {
+    const auto kept = solver::world_of(*before, result.adjustment);
     // The same pictures once more give the same file: the guess again, to the last bit.
     constexpr double same = 1e-7;
     const bool is_guess = kept && calib::log(kept->new_from_old * calib::inverse(guess)).norm() < same;
     if (kept && !is_guess) {
       result.adjustment = solver::in_world(std::move(result.adjustment), kept->new_from_old);
-      const auto was = std::ranges::find(before.made_by, "world", &std::pair<std::string, std::string>::first);
+      const auto was = std::ranges::find(before->made_by, "world", &std::pair<std::string, std::string>::first);
       input.made_of.emplace_back("world",
-                                 was == before.made_by.end() ? "that of the rig that was there before" : was->second);
+                                 was == before->made_by.end() ? "that of the rig that was there before" : was->second);
       std::string by = "that of the rig that was there, by " + fmt::to_string(fmt::join(kept->by, ", "));
       if (!kept->moved.empty()) by += "; moved since: " + fmt::to_string(fmt::join(kept->moved, ", "));
       input.made_of.emplace_back("world_kept", by);
@@ -118,6 +129,7 @@ std::vector<solver::CameraToCalibrate> cameras_of(const gather::FoundBoards& fou
 
 ExitStatus calibrate(const ExtrinsicsOptions& options, const std::stop_token& stop) {
   require_folders(output_files(options));
+  const std::optional<calib::CameraRig> before = rig_before(options);
   const board::Board board = board::read_board(options.board);
   gather::GatherOptions gather;
   gather.pictures = {.only = options.cameras, .tolerance_s = options.tolerance_s};
@@ -144,7 +156,7 @@ ExitStatus calibrate(const ExtrinsicsOptions& options, const std::stop_token& st
   report::ReportInput input = report_input(found, options.inputs);
   input.left_out = left_out;
   line.clear();
-  choose_world(result, options, input);
+  choose_world(result, options, before, input);
   if (!options.volume.empty()) {
     const auto& v = options.volume;
     input.volume = solver::WorldBox{{v[0], v[2], v[4]}, {v[1], v[3], v[5]}};

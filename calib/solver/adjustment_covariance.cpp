@@ -163,6 +163,7 @@ SetEquations set_equations(const Adjustment& a, const BoardShape& shape, const P
 // The normal equations of all views, with what is the sets' own eliminated.
 struct NormalEquations {
   struct OfSet {
+    int set = 0;
     MatrixXd information;
     VectorXd gradient;
   };
@@ -184,7 +185,8 @@ NormalEquations normal_equations(const Adjustment& a, const BoardShape& shape, c
     equations.residuals += set.residuals;
     equations.own += static_cast<int>(set.by_own.rows());
     const Eigen::LDLT<MatrixXd> solver(set.by_own);
-    equations.of_sets.push_back({set.by_parameters - set.mixed * solver.solve(set.mixed.transpose()),
+    equations.of_sets.push_back({a.views[first].set,
+                                 set.by_parameters - set.mixed * solver.solve(set.mixed.transpose()),
                                  set.gradient - set.mixed * solver.solve(set.own_gradient)});
     equations.information += equations.of_sets.back().information;
   }
@@ -222,23 +224,59 @@ MatrixXd inverse_of(const MatrixXd& information, const VectorXd& scale) {
          scale.asDiagonal();
 }
 
-// The parameters' variances by leaving out one set after another and looking how far that moves them (jackknife):
-// larger than by the noise where the corners of one moment err together, as with blur, a bent board or cameras out of
-// step.
-VectorXd jackknife_variances(const NormalEquations& equations, const MatrixXd& information, const VectorXd& scale,
-                             const std::vector<int>& free) {
-  const int sets = static_cast<int>(equations.of_sets.size());
-  VectorXd spread = VectorXd::Zero(information.rows());
-  for (const NormalEquations::OfSet& set : equations.of_sets) {
-    const MatrixXd others =
-        scale.asDiagonal() * (information - MatrixXd(set.information(free, free))) * scale.asDiagonal();
-    const VectorXd gradient = scale.asDiagonal() * VectorXd(set.gradient(free));
-    const VectorXd move =
-        scale.asDiagonal() *
-        (others + 1e-12 * MatrixXd::Identity(information.rows(), information.cols())).ldlt().solve(gradient);
-    spread += move.cwiseAbs2() * (sets - 1) / sets;
+// Of a board that moves sets close upon one another say how each other's boards move, so that they err together: such
+// pieces count as one.
+std::vector<NormalEquations::OfSet> pieces_of(const Adjustment& a, const NormalEquations& equations) {
+  constexpr int most_sets = 4;  // so that a long course without a gap is still many pieces
+  std::vector<NormalEquations::OfSet> pieces;
+  const BoardMotion* before = nullptr;
+  int sets = 0;  // of the last piece
+  for (const NormalEquations::OfSet& of_set : equations.of_sets) {
+    const BoardMotion* motion = a.moves(of_set.set) ? &a.motions[index(of_set.set)] : nullptr;
+    const bool goes_on = before && motion && std::abs(motion->at_s - before->at_s) < longest_gap_s;
+    before = motion;
+    if (!goes_on || sets == most_sets) {
+      pieces.push_back(of_set);
+      sets = 1;
+      continue;
+    }
+    pieces.back().information += of_set.information;
+    pieces.back().gradient += of_set.gradient;
+    ++sets;
   }
-  return spread;
+  return pieces;
+}
+
+// How leaving out one piece after another moves the parameters (jackknife), a column each, so that the sum of a row's
+// squares is the parameter's variance.
+MatrixXd jackknife_moves(const std::vector<NormalEquations::OfSet>& pieces, const MatrixXd& information,
+                         const VectorXd& scale, const std::vector<int>& free) {
+  const auto count = static_cast<double>(pieces.size());
+  MatrixXd moves(information.rows(), static_cast<Eigen::Index>(pieces.size()));
+  for (std::size_t k = 0; k < pieces.size(); ++k) {
+    const MatrixXd others =
+        scale.asDiagonal() * (information - MatrixXd(pieces[k].information(free, free))) * scale.asDiagonal();
+    const VectorXd gradient = scale.asDiagonal() * VectorXd(pieces[k].gradient(free));
+    moves.col(static_cast<Eigen::Index>(k)) =
+        std::sqrt((count - 1) / count) * scale.asDiagonal() *
+        (others + 1e-12 * MatrixXd::Identity(information.rows(), information.cols())).ldlt().solve(gradient);
+  }
+  return moves;
+}
+
+// The scatter between pieces is larger than by the noise where the corners of one moment err together, as with blur, a
+// bent board, stamps, or cameras out of step. It widens the bounds but never narrows them, because few sets tell
+// little: first of each direction for itself, because a camera's turn and its step aside are each known badly and
+// together, which is where its image is, very well; then of each parameter.
+MatrixXd widened(const MatrixXd& covariance, const MatrixXd& moves) {
+  const VectorXd sigma = covariance.diagonal().cwiseMax(1e-300).cwiseSqrt(), inverse = sigma.cwiseInverse();
+  const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(inverse.asDiagonal() * covariance * inverse.asDiagonal());
+  const VectorXd variances = eigen.eigenvalues().cwiseMax(1e-13);
+  const VectorXd seen = (eigen.eigenvectors().transpose() * inverse.asDiagonal() * moves).rowwise().squaredNorm();
+  const MatrixXd directions = sigma.asDiagonal() * eigen.eigenvectors();
+  const MatrixXd by_direction = directions * variances.cwiseMax(seen).asDiagonal() * directions.transpose();
+  const VectorXd widen = (moves.rowwise().squaredNorm().array() / by_direction.diagonal().array()).cwiseMax(1).sqrt();
+  return widen.asDiagonal() * by_direction * widen.asDiagonal();
 }
 
 // An error of what was held moves what was adjusted. covariance: of the free ones, to which that is added.
@@ -269,7 +307,6 @@ void find_covariance(Adjustment& a, const BoardShape& shape) {
   const ParameterLayout layout = lay_out(a);
   const auto& free = layout.free;
   const NormalEquations equations = normal_equations(a, shape, layout);
-  const int sets = static_cast<int>(equations.of_sets.size());
   const int freedom = equations.residuals - static_cast<int>(free.size()) - equations.own;
   a.noise_px = std::sqrt(equations.cost / std::max(1, freedom));
   MatrixXd covariance = MatrixXd::Zero(layout.size, layout.size);
@@ -279,12 +316,8 @@ void find_covariance(Adjustment& a, const BoardShape& shape) {
     const VectorXd scale = information.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
     const MatrixXd inverse = inverse_of(information, scale);
     MatrixXd of_free = a.noise_px * a.noise_px * inverse;
-    // The jackknife widens the bounds but never narrows them: few sets tell little.
-    if (sets > 2) {
-      const VectorXd spread = jackknife_variances(equations, information, scale, free);
-      const VectorXd widen = (spread.array() / of_free.diagonal().array()).cwiseMax(1).sqrt();
-      of_free = widen.asDiagonal() * of_free * widen.asDiagonal();
-    }
+    if (const auto pieces = pieces_of(a, equations); pieces.size() > 2)
+      of_free = widened(of_free, jackknife_moves(pieces, information, scale, free));
     widen_where_pixels_are_not_square(a, free, of_free);
     covariance(free, free) = of_free;
     if (!layout.held.empty()) add_held(a, layout, equations.information, inverse, covariance);

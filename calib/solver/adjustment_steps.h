@@ -53,6 +53,9 @@ inline constexpr int own_course_at = 6, own_stamps_at = 18;
 // first, last: views of one set, as [first, last) of a.views. What is known beforehand is in it.
 SetEquations own_equations(const Adjustment& a, const BoardShape& shape, std::size_t first, std::size_t last);
 
+// Sets further apart than this tell nothing of how the board moves in between: a hand turns back within half a second.
+inline constexpr double longest_gap_s = 0.25;
+
 // Whether views tell how the board moves: all have stamps, and some sets follow closely upon one another.
 bool tell_motion(const std::vector<BoardView>& views);
 

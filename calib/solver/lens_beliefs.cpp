@@ -45,7 +45,7 @@ std::vector<LensBelief> lens_beliefs(const AdjustedCamera& camera) {
   }
   int power = 0;
   for (const int at : {4, 5, 8, 9}) beliefs.push_back({at, radial_share / std::pow(s, ++power)});
-  for (const int at : {6, 7, 10, 11}) beliefs.push_back({at, sideways_share / reach});
+  for (const int at : {6, 7}) beliefs.push_back({at, sideways_share / reach});
   return beliefs;
 }
 

@@ -346,8 +346,7 @@ TEST_F(Exchange, KalibrErrors) {
 
 TEST_F(Exchange, AStereographicLensIsWrittenAsTheNearestThatTheyHave) {
   calib::CameraRig rig = some_rig();
-  const calib::CameraModel lens(
-      calib::Stereographic{500, 500, 320, 240, {0.1, -0.05, 1e-3, -5e-4, 0.01, 0, 1e-3, 5e-4}});
+  const calib::CameraModel lens(calib::Stereographic{500, 500, 320, 240, {0.1, -0.05, 1e-3, -5e-4, 0.01, 0}});
   rig.cameras[1].model = lens;
   for (const ExchangeFormat format : {ExchangeFormat::ros, ExchangeFormat::opencv, ExchangeFormat::kalibr,
                                       ExchangeFormat::aniposelib, ExchangeFormat::caliscope}) {

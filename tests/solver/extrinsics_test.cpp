@@ -109,7 +109,7 @@ TEST(Extrinsics, KnownLensesStayUnlessTheViewsContradictThem) {
 
 // From a fifth of the image a lens is known worse, all over it, than a given one can be wrong.
 TEST(Extrinsics, AGivenLensStaysWhereTheViewsCoverTooLittle) {
-  SyntheticCapture capture = synthetic_capture({.cameras = 2, .sets = 40});
+  SyntheticCapture capture = synthetic_capture({.cameras = 2, .sets = 40, .distance_m = 1.4});
   auto given = known(capture.rig);
   calib::PinholeRadtan zoomed = std::get<calib::PinholeRadtan>(given[1].model->lens());
   zoomed.fx *= 1.015;
@@ -132,6 +132,8 @@ TEST(Extrinsics, AGivenLensStaysWhereTheViewsCoverTooLittle) {
   }
   const Extrinsics little = calibrate_extrinsics(capture.board, given, middle);
   EXPECT_FALSE(little.contradictions[1]);
+  ASSERT_TRUE(little.kept_against[1]);
+  EXPECT_LT(little.kept_against[1]->covered, 0.3);
   EXPECT_EQ(little.adjustment.cameras[1].parameters, parameters_of(*given[1].model));
 }
 
