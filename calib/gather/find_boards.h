@@ -49,6 +49,7 @@ struct FoundBoards {
   int duplicates = 0;                 // sets left out because the board had not moved
   int thinned = 0;                    // sets left out because there were more than max_sets
   std::vector<std::string> warnings;  // about the pictures: files that were damaged
+  std::string board_doubt;            // what the pictures say against the board file; empty: nothing
   std::vector<std::pair<std::string, std::string>> without_boards;  // cameras, and why the board is in none of theirs
   // A small JPEG of every picture in `views`, beside it.
   std::vector<report::EmbeddedPicture> thumbnails;

@@ -63,8 +63,8 @@ template <Lens lens>
       const float over = ahead ? 2.0f : 2 * (length - pz), under = ahead ? length + pz : rho2, q = over / under;
       const float a = q * px, b = q * py, s = a * a + b * b;
       const float f = 1 + s * (c.k1 + s * (c.k2 + s * (c.k3 + s * c.k4))), p1_p2 = 2 * (c.p1 * b + c.p2 * a);
-      dx = a * (f + p1_p2) + c.p2 * s;
-      dy = b * (f + p1_p2) + c.p1 * s;
+      dx = a * (f + p1_p2) + (c.p2 + c.k5) * s;
+      dy = b * (f + p1_p2) + (c.p1 + c.k6) * s;
       seen = s <= c.limit;
     } else {
       const float inverse_z = 1 / pz;
@@ -124,17 +124,15 @@ BatchProjector::BatchProjector(const Camera& camera) : coefficients_{}, kernel_(
     c.limit = single(camera.model.limit());
     return;
   }
-  if (const auto* stereographic = std::get_if<Stereographic>(&camera.model.lens())) {
-    const auto& k = stereographic->distortion;
-    c.k1 = single(k[0]), c.k2 = single(k[1]), c.p1 = single(k[2]), c.p2 = single(k[3]);
-    c.k3 = single(k[4]), c.k4 = single(k[5]);
+  const auto* stereographic = std::get_if<Stereographic>(&camera.model.lens());
+  const auto& k = stereographic ? stereographic->distortion : std::get<PinholeRadtan>(camera.model.lens()).distortion;
+  c.k1 = single(k[0]), c.k2 = single(k[1]), c.p1 = single(k[2]), c.p2 = single(k[3]);
+  c.k3 = single(k[4]), c.k4 = single(k[5]), c.k5 = single(k[6]), c.k6 = single(k[7]);
+  if (stereographic) {
     c.limit = single(camera.model.limit());
     kernel_ = project_stereographic;
     return;
   }
-  const auto& k = std::get<PinholeRadtan>(camera.model.lens()).distortion;
-  c.k1 = single(k[0]), c.k2 = single(k[1]), c.p1 = single(k[2]), c.p2 = single(k[3]);
-  c.k3 = single(k[4]), c.k4 = single(k[5]), c.k5 = single(k[6]), c.k6 = single(k[7]);
   c.limit = single(std::min(camera.model.limit(), 1e6));  // 89.9 degrees: beyond, single precision overflows
   kernel_ = k[5] != 0 || k[6] != 0 || k[7] != 0 ? project_rational : k[4] != 0 ? project_k3 : project_k1_k2;
 }

@@ -142,11 +142,12 @@ Eigen::Vector2d distorted(const PinholeRadtan& lens, const Eigen::Vector2d& p, E
 // The same on the stereographic projection.
 Eigen::Vector2d distorted(const Stereographic& lens, const Eigen::Vector2d& p, Eigen::Matrix2d& jacobian) {
   const double x = p.x(), y = p.y(), xy = x * y, s = p.squaredNorm();
-  const double p1 = lens.distortion[2], p2 = lens.distortion[3];
+  const double p1 = lens.distortion[2], p2 = lens.distortion[3], s1 = lens.distortion[6], s2 = lens.distortion[7];
   const auto [f, df] = radial(lens, s);
   const double cross = 2 * xy * df + 2 * p1 * x + 2 * p2 * y;
-  jacobian << f + 2 * x * x * df + 2 * p1 * y + 6 * p2 * x, cross, cross, f + 2 * y * y * df + 6 * p1 * y + 2 * p2 * x;
-  return {x * f + 2 * p1 * xy + p2 * (s + 2 * x * x), y * f + p1 * (s + 2 * y * y) + 2 * p2 * xy};
+  jacobian << f + 2 * x * x * df + 2 * p1 * y + (6 * p2 + 2 * s1) * x, cross + 2 * s1 * y, cross + 2 * s2 * x,
+      f + 2 * y * y * df + (6 * p1 + 2 * s2) * y + 2 * p2 * x;
+  return {x * f + 2 * p1 * xy + p2 * (s + 2 * x * x) + s1 * s, y * f + p1 * (s + 2 * y * y) + 2 * p2 * xy + s2 * s};
 }
 
 struct ThetaD {

@@ -35,14 +35,12 @@ struct FisheyeKannalaBrandt {
 // "stereographic": a polynomial on the stereographic projection (x, y) = 2 (X, Y) / (|P| + Z), whose radius is
 // 2 tan(theta / 2), half way between a pinhole's tan(theta) and a fisheye's theta: both are short polynomials in it, so
 // that four coefficients follow lenses from tele to 160 degrees. With s = x2 + y2,
-//   x'' = x (1 + k1 s + k2 s2 + k3 s3 + k4 s4) + 2 p1 x y + p2 (s + 2 x2), y'' likewise with p1 (s + 2 y2), p2:
-// decentring as Brown (1966) has it. A tilted sensor is in it: a turn of this projection is a shift and (x2 - y2, 2 x
-// y), so that all that is left of a tilt is a multiple of s. For the same reason a thin prism (s1 s, s2 s) beside p1
-// and p2 would leave the axis open: it could be turned by degrees, and nothing would see it. mrcal's splined
+//   x'' = x (1 + k1 s + k2 s2 + k3 s3 + k4 s4) + 2 p1 x y + p2 (s + 2 x2) + s1 s, y'' likewise with p1, p2 and s2:
+// decentring as Brown (1966) has it, and a thin prism, which together are what a tilted sensor does. mrcal's splined
 // stereographic model has the same base, and a surface where this has the polynomial.
 struct Stereographic {
   double fx = 1, fy = 1, cx = 0, cy = 0;
-  std::array<double, 6> distortion{};  // k1 k2 p1 p2 k3 k4
+  std::array<double, 8> distortion{};  // k1 k2 p1 p2 k3 k4 s1 s2
 };
 
 class CameraModel {

@@ -10,7 +10,7 @@
 namespace huetrack::calib {
 
 // fx fy cx cy, then k1 k2 p1 p2 k3 k4 k5 k6 (pinhole_radtan), k1 k2 k3 k4 (fisheye_kb; the rest is 0) or
-// k1 k2 p1 p2 k3 k4 (stereographic; the rest is 0).
+// k1 k2 p1 p2 k3 k4 s1 s2 (stereographic).
 using LensParameters = Eigen::Matrix<double, 12, 1>;
 LensParameters parameters_of(const CameraModel& model);
 CameraModel model_like(const CameraModel& model, const LensParameters& parameters);  // of the same kind

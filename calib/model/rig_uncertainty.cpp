@@ -71,14 +71,14 @@ std::optional<ViewTerm> view_term(const Camera& camera, const RigUncertainty::Of
 
 // For a message.
 std::string lens_counts(const CameraModel& model) {
-  constexpr std::array counts{"8, 9 or 12", "8", "10"};  // beside CameraModel::Lens
+  constexpr std::array counts{"8, 9 or 12", "8", "12"};  // beside CameraModel::Lens
   return counts[model.lens().index()];
 }
 
 }  // namespace
 
 bool is_lens_count(const CameraModel& model, int count) {
-  if (std::holds_alternative<Stereographic>(model.lens())) return count == 10;
+  if (std::holds_alternative<Stereographic>(model.lens())) return count == 12;
   return count == 8 || (std::holds_alternative<PinholeRadtan>(model.lens()) && (count == 9 || count == 12));
 }
 

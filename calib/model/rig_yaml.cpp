@@ -38,16 +38,16 @@ CameraModel read_model(const yaml::YamlReader& camera) {
   const bool fisheye = model == "fisheye_kb", stereographic = model == "stereographic";
   const yaml::YamlReader intrinsics = camera.map("intrinsics");
   if (!camera.has("distortion")) {
-    camera.fail("distortion",
-                std::string("is missing; a lens without distortion has ") + (fisheye         ? "[0, 0, 0, 0]"
-                                                                             : stereographic ? "[0, 0, 0, 0, 0, 0]"
-                                                                                             : "[0, 0, 0, 0, 0]"));
+    camera.fail("distortion", std::string("is missing; a lens without distortion has ") +
+                                  (fisheye         ? "[0, 0, 0, 0]"
+                                   : stereographic ? "[0, 0, 0, 0, 0, 0, 0, 0]"
+                                                   : "[0, 0, 0, 0, 0]"));
   }
   if (fisheye) {
     return CameraModel(lens_of<FisheyeKannalaBrandt>(intrinsics, camera.numbers("distortion", 4, 4, yaml::any_number)));
   }
   if (stereographic)
-    return CameraModel(lens_of<Stereographic>(intrinsics, camera.numbers("distortion", 6, 6, yaml::any_number)));
+    return CameraModel(lens_of<Stereographic>(intrinsics, camera.numbers("distortion", 8, 8, yaml::any_number)));
   const auto distortion = camera.numbers("distortion", 4, 8, yaml::any_number);
   if (distortion.size() == 6 || distortion.size() == 7) {
     camera.fail("distortion", "pinhole_radtan has 4 (k1 k2 p1 p2), 5 (k3) or 8 (k4 k5 k6) coefficients, got " +
@@ -226,7 +226,7 @@ std::string distortion_text(const FisheyeKannalaBrandt& lens) {
 }
 
 std::string distortion_text(const Stereographic& lens) {
-  return list(lens.distortion) + "   # k1 k2 p1 p2 k3 k4";
+  return list(lens.distortion) + "   # k1 k2 p1 p2 k3 k4 s1 s2";
 }
 
 std::string timing_text(const CameraTiming& timing) {

@@ -58,6 +58,7 @@ report::ReportInput report_input(const gather::FoundBoards& found, const std::ve
   report::ReportInput input;
   for (const gather::PictureTally& camera : found.cameras) input.cameras.push_back({camera.pictures, camera.boards});
   input.warnings = found.warnings;
+  input.board_doubt = found.board_doubt;
   input.made_of.emplace_back("tool", "huetrack-calibrate " HUETRACK_VERSION);
   if (!inputs.empty()) input.made_of.emplace_back("inputs", fmt::to_string(fmt::join(inputs, " ")));
   std::string sets = std::to_string(found.set_at_s.size()) + " moments used, " + std::to_string(found.sets_looked_at) +

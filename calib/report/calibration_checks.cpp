@@ -78,6 +78,8 @@ class Judge {
       add(Verdict::doubtful, "camera " + camera.name, camera.name + " is left out: " + camera.why,
           "mend that, and calibrate again; the rig holds for the other cameras");
     }
+    if (!evidence_.board_doubt.empty())
+      add(Verdict::doubtful, "board file", evidence_.board_doubt, "measure both on the board, and correct its file");
     for (const std::string& warning : evidence_.warnings) {
       add(Verdict::doubtful, "input", warning, "use an undamaged copy, or record it again");
     }

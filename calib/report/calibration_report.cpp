@@ -212,6 +212,7 @@ CalibrationReport base_report(const solver::Adjustment& a, const ReportInput& in
   for (const solver::BoardView& view : a.views) sets.insert(view.set);
   report.sets = static_cast<int>(sets.size());
   evidence.warnings = input.warnings;
+  evidence.board_doubt = input.board_doubt;
   report.left_out = input.left_out;
   add_views(report, a);
   return report;

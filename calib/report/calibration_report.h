@@ -115,6 +115,7 @@ struct ReportInput {
   };
   std::vector<OfCamera> cameras;           // beside the result's; may be empty
   std::vector<std::string> warnings;       // damaged files: each a doubt
+  std::string board_doubt{};               // what the pictures say against the board file; empty: nothing
   std::vector<CameraLeftOut> left_out{};   // cameras that should have been in it
   std::optional<solver::WorldBox> volume;  // nullopt: where the board was
   std::vector<std::pair<std::string, std::string>> made_of;

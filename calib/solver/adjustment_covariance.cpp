@@ -265,18 +265,10 @@ MatrixXd jackknife_moves(const std::vector<NormalEquations::OfSet>& pieces, cons
 }
 
 // The scatter between pieces is larger than by the noise where the corners of one moment err together, as with blur, a
-// bent board, stamps, or cameras out of step. It widens the bounds but never narrows them, because few sets tell
-// little: first of each direction for itself, because a camera's turn and its step aside are each known badly and
-// together, which is where its image is, very well; then of each parameter.
+// bent board, stamps, or cameras out of step. It widens the bounds but never narrows them: few sets tell little.
 MatrixXd widened(const MatrixXd& covariance, const MatrixXd& moves) {
-  const VectorXd sigma = covariance.diagonal().cwiseMax(1e-300).cwiseSqrt(), inverse = sigma.cwiseInverse();
-  const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(inverse.asDiagonal() * covariance * inverse.asDiagonal());
-  const VectorXd variances = eigen.eigenvalues().cwiseMax(1e-13);
-  const VectorXd seen = (eigen.eigenvectors().transpose() * inverse.asDiagonal() * moves).rowwise().squaredNorm();
-  const MatrixXd directions = sigma.asDiagonal() * eigen.eigenvectors();
-  const MatrixXd by_direction = directions * variances.cwiseMax(seen).asDiagonal() * directions.transpose();
-  const VectorXd widen = (moves.rowwise().squaredNorm().array() / by_direction.diagonal().array()).cwiseMax(1).sqrt();
-  return widen.asDiagonal() * by_direction * widen.asDiagonal();
+  const VectorXd widen = (moves.rowwise().squaredNorm().array() / covariance.diagonal().array()).cwiseMax(1).sqrt();
+  return widen.asDiagonal() * covariance * widen.asDiagonal();
 }
 
 // An error of what was held moves what was adjusted. covariance: of the free ones, to which that is added.

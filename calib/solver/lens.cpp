@@ -9,8 +9,8 @@ namespace {
 constexpr std::array<std::string_view, 12> radtan_names{"fx", "fy", "cx", "cy", "k1", "k2",
                                                         "p1", "p2", "k3", "k4", "k5", "k6"};
 constexpr std::array<std::string_view, 8> fisheye_names{"fx", "fy", "cx", "cy", "k1", "k2", "k3", "k4"};
-constexpr std::array<std::string_view, 10> stereographic_names{"fx", "fy", "cx", "cy", "k1",
-                                                               "k2", "p1", "p2", "k3", "k4"};
+constexpr std::array<std::string_view, 12> stereographic_names{"fx", "fy", "cx", "cy", "k1", "k2",
+                                                               "p1", "p2", "k3", "k4", "s1", "s2"};
 
 }  // namespace
 
@@ -20,7 +20,7 @@ std::string_view name(LensModel lens) {
 }
 
 int parameter_count(LensModel lens) {
-  constexpr std::array<int, 5> counts{8, 9, 12, 8, 10};
+  constexpr std::array<int, 5> counts{8, 9, 12, 8, 12};
   return counts[static_cast<std::size_t>(lens)];
 }
 
@@ -36,7 +36,7 @@ calib::CameraModel camera_model(LensModel lens, const LensParameters& l) {
     return calib::CameraModel(calib::FisheyeKannalaBrandt{l(0), l(1), l(2), l(3), {l(4), l(5), l(6), l(7)}});
   if (lens == LensModel::stereographic) {
     calib::Stereographic stereographic{l(0), l(1), l(2), l(3), {}};
-    std::copy_n(l.data() + 4, 6, stereographic.distortion.begin());
+    std::copy_n(l.data() + 4, 8, stereographic.distortion.begin());
     return calib::CameraModel(stereographic);
   }
   calib::PinholeRadtan pinhole{l(0), l(1), l(2), l(3), {}};

@@ -31,6 +31,10 @@ std::vector<LensBelief> lens_beliefs(const AdjustedCamera& camera) {
   // By what share of the radius one coefficient moves the image's corner. A rational lens has numerators and
   // denominators of ten and more in truth; the terms of the stereographic one are a few tenths.
   constexpr double rational_share = 10, radial_share = 1, sideways_share = 0.005;
+  // A turn of the camera is, on the stereographic projection, a shift of the image and p1, p2 and -2 (s1, s2): where
+  // the radial terms are small, nothing but this tells the axis, and views alone would turn it by degrees. Of the two
+  // that make it up the prism is held, so that the axis is where other models with p1 and p2 have it.
+  constexpr double prism_share = sideways_share / 10;
   std::vector<LensBelief> beliefs;
   if (camera.lens != LensModel::radtan8 && camera.lens != LensModel::stereographic) return beliefs;
   const double reach = std::clamp(reach_of(camera), 0.05, 20.0), s = reach * reach;
@@ -46,6 +50,7 @@ std::vector<LensBelief> lens_beliefs(const AdjustedCamera& camera) {
   int power = 0;
   for (const int at : {4, 5, 8, 9}) beliefs.push_back({at, radial_share / std::pow(s, ++power)});
   for (const int at : {6, 7}) beliefs.push_back({at, sideways_share / reach});
+  for (const int at : {10, 11}) beliefs.push_back({at, prism_share / reach});
   return beliefs;
 }
 

@@ -346,7 +346,8 @@ TEST_F(Exchange, KalibrErrors) {
 
 TEST_F(Exchange, AStereographicLensIsWrittenAsTheNearestThatTheyHave) {
   calib::CameraRig rig = some_rig();
-  const calib::CameraModel lens(calib::Stereographic{500, 500, 320, 240, {0.1, -0.05, 1e-3, -5e-4, 0.01, 0}});
+  const calib::CameraModel lens(
+      calib::Stereographic{500, 500, 320, 240, {0.1, -0.05, 1e-3, -5e-4, 0.01, 0, 1e-3, 5e-4}});
   rig.cameras[1].model = lens;
   for (const ExchangeFormat format : {ExchangeFormat::ros, ExchangeFormat::opencv, ExchangeFormat::kalibr,
                                       ExchangeFormat::aniposelib, ExchangeFormat::caliscope}) {
@@ -460,7 +461,7 @@ TEST_F(Exchange, CaliscopeKnowsWhatIsMissing) {
                                                 "[cameras.10]\ncam_id = 10\n" + camera + other);
   ASSERT_EQ(in.rig.cameras.size(), 2u);
   EXPECT_EQ(in.rig.cameras[1].name, "cam_10");
-  EXPECT_THAT(in.notes, Contains(AllOf(HasSubstr("cam_1"), HasSubstr("turned by 90"))));
+  EXPECT_THAT(in.notes, Contains(AllOf(HasSubstr("cam_1"), HasSubstr("turned by 90"), HasSubstr("do not turn them"))));
   EXPECT_THAT(in.notes, Contains(AllOf(HasSubstr("cam_2"), HasSubstr("ignore"))));
 }
 

@@ -40,7 +40,8 @@ std::vector<BatchLens> batch_lenses() {
           {"k3", pinhole({-0.35, 0.15, 1e-3, -2e-3, 0.05})},
           {"rational", pinhole({0.5, -0.3, 5e-4, 3e-4, 0.02, 0.85, -0.2, 0.03})},
           {"fisheye", CameraModel(FisheyeKannalaBrandt{290, 291, 322, 241, {-0.0034, 0.0011, -0.0005, 0.00002}})},
-          {"stereographic", CameraModel(Stereographic{290, 291, 322, 241, {-0.03, 0.02, 1e-3, -2e-3, -0.002, 1e-4}})},
+          {"stereographic",
+           CameraModel(Stereographic{290, 291, 322, 241, {-0.03, 0.02, 1e-3, -2e-3, -0.002, 1e-4, 2e-3, 1e-3}})},
           {"stereographic_folding", CameraModel(Stereographic{290, 291, 322, 241, {-0.12, 0.02, 0, 0, -0.005}})},
           {"fisheye_plain", CameraModel(FisheyeKannalaBrandt{290, 291, 322, 241, {}})}};
 }

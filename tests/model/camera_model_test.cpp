@@ -36,12 +36,13 @@ std::vector<TestLens> lenses() {
   const auto fisheye = [](double f, double cx, double cy, std::array<double, 4> k) {
     return CameraModel(FisheyeKannalaBrandt{f, 0.99 * f, cx, cy, k});
   };
-  const auto stereographic = [](double f, double cx, double cy, std::array<double, 6> k) {
+  const auto stereographic = [](double f, double cx, double cy, std::array<double, 8> k) {
     return CameraModel(Stereographic{f, 1.01 * f, cx, cy, k});
   };
   return {
       {"stereographic_plain", stereographic(300, 320, 240, {}), 640, 480},
-      {"stereographic_tilted", stereographic(600, 645, 352, {-0.3, 0.79, 2e-3, -3e-3, -0.57, 0.18}), 1280, 720},
+      {"stereographic_tilted", stereographic(600, 645, 352, {-0.3, 0.79, 2e-3, -3e-3, -0.57, 0.18, 3e-3, -2e-3}), 1280,
+       720},
       {"stereographic_folding", stereographic(300, 500, 480, {-0.03, -0.005, 1e-4, 0}), 1000, 960, true},
       {"pinhole_without_distortion", pinhole(525, 320, 240, {}), 640, 480},
       {"pinhole_like_the_rendered_rigs", pinhole(241.7, 157.3, 122.4, {-0.145, 0.033, -4e-4, 5e-4}), 320, 240},

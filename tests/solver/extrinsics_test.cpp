@@ -133,7 +133,7 @@ TEST(Extrinsics, AGivenLensStaysWhereTheViewsCoverTooLittle) {
   const Extrinsics little = calibrate_extrinsics(capture.board, given, middle);
   EXPECT_FALSE(little.contradictions[1]);
   ASSERT_TRUE(little.kept_against[1]);
-  EXPECT_LT(little.kept_against[1]->covered, 0.3);
+  EXPECT_LT(little.kept_against[1]->covered, 0.4);
   EXPECT_EQ(little.adjustment.cameras[1].parameters, parameters_of(*given[1].model));
 }
 
