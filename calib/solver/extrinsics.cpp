@@ -352,6 +352,22 @@ bool is_warped(const Adjustment& a) {
   return false;
 }
 
+// A lens that did not fold for its own camera's views may do so for those of all, beyond where boards were.
+Adjustment adjust_unfolded(Adjustment a, const AdjustmentOptions& options) {
+  Adjustment fit = adjust(std::move(a), options);
+  for (const double weight : {1.0, 10.0, 100.0}) {
+    bool folds = false;
+    for (AdjustedCamera& camera : fit.cameras) {
+      if (!camera.lens_is_free || covers_image(camera.model(), camera.image_size)) continue;
+      camera.unfold = std::max(camera.unfold, weight);
+      folds = true;
+    }
+    if (!folds) break;
+    fit = adjust(std::move(fit), options);
+  }
+  return fit;
+}
+
 // The same with a board that need not be what its file says; nullopt: it is.
 std::optional<Adjustment> with_warp(Adjustment a, const AdjustmentOptions& options) {
   constexpr double least_gain = 0.98;  // of the noise: what explains nothing is no warp
@@ -372,7 +388,7 @@ std::optional<Adjustment> with_warp(Adjustment a, const AdjustmentOptions& optio
     glance = adjust(std::move(glance), {.find_outliers = false, .max_iterations = 20});
     if (used > many * corners && !(explains(glance) && is_warped(glance))) return std::nullopt;
     a.warp = glance.warp;
-    Adjustment warped = adjust(std::move(a), options);
+    Adjustment warped = adjust_unfolded(std::move(a), options);
     if (explains(warped) && is_warped(warped)) return warped;
   } catch (const CalibrationError&) {  // the views do not tell
   }
@@ -397,12 +413,12 @@ void refine(Extrinsics& result, const Adjustment& placed, const ExtrinsicsOption
   };
   const bool any_found = std::ranges::count(found, true) > 0;
   if (options.refine_lens == RefineLens::yes)
-    return take(adjust(freed(placed), options.adjustment), LensRefinement::asked_for);
+    return take(adjust_unfolded(freed(placed), options.adjustment), LensRefinement::asked_for);
   Adjustment held = adjust(placed, options.adjustment);
   if (options.refine_lens == RefineLens::no || !any_found)
     return take(std::move(held), any_found ? LensRefinement::kept_as_found : LensRefinement::kept_as_given);
   if (options.progress) options.progress("the joint adjustment, with the lenses", 1, 3);
-  take(adjust(freed(held), options.adjustment), LensRefinement::refined);
+  take(adjust_unfolded(freed(held), options.adjustment), LensRefinement::refined);
   // Cameras that agree with themselves far better than with one another did not see the board at the same moment.
   // Lenses that are refined jointly would be bent to make up for that.
   constexpr double out_of_step = 1.6, least_left = 0.8;
