@@ -127,8 +127,9 @@ std::optional<int> mirrored_pictures(const board::Board& board, const calib::Cam
     }
     try {
       const Adjustment fit = adjust(with_free(place_boards(board, rig, turned), {}), {.with_covariance = false});
-      constexpr double most_corners = 0.7;
-      const bool fits_most = fit.corners_used > most_corners * corner_count(views);
+      // Where nothing fits no corner is an outlier: it has to fit, too.
+      constexpr double most_corners = 0.7, well_px = 2;
+      const bool fits_most = fit.corners_used > most_corners * corner_count(views) && fit.rms_px < well_px;
       if (fits_most && fit.corners_used > best.corners_used) return c;
     } catch (const CalibrationError&) {  // then they are not mirrored
     }

@@ -102,8 +102,9 @@ TEST(FindBoards, AMarkerOfAnotherSizeIsDoubted) {
     return find_boards(source, board::BoardDetector(in_file), {.progress = false, .page = {}}, {}).board_doubt;
   };
   EXPECT_EQ(doubt(real), "");
-  EXPECT_THAT(doubt(wrong), testing::AllOf(testing::HasSubstr("one of the two lengths is wrong"),
-                                           testing::HasSubstr("0.75"), testing::HasSubstr("rather than 0.667")));
+  EXPECT_THAT(doubt(wrong),
+              testing::AllOf(testing::HasSubstr("one of the two lengths is wrong"),
+                             testing::HasSubstr("markers are 0.74"), testing::HasSubstr("rather than 0.667")));
 }
 
 }  // namespace
